@@ -1,0 +1,33 @@
+# One static library and one test program per folder of src/colmap_lazyloc.
+set(LAZYLOC_WARNINGS -Wall -Wextra -Wshadow -Wpedantic -Werror)
+
+function(lazyloc_set_properties target)
+  target_compile_options(${target} PRIVATE ${LAZYLOC_WARNINGS})
+  target_include_directories(${target} PUBLIC "${PROJECT_SOURCE_DIR}/src")
+  if(LAZYLOC_SANITIZERS)
+    target_compile_options(${target} PRIVATE -fsanitize=${LAZYLOC_SANITIZERS} -fno-sanitize-recover=all -g)
+    target_link_options(${target} PUBLIC -fsanitize=${LAZYLOC_SANITIZERS})
+  endif()
+endfunction()
+
+# lazyloc_library(rotation SOURCES a.cc b.cc LINK lazyloc_math ...)
+function(lazyloc_library folder)
+  cmake_parse_arguments(ARG "" "" "SOURCES;LINK" ${ARGN})
+  list(TRANSFORM ARG_SOURCES PREPEND "${folder}/")
+  add_library(lazyloc_${folder} STATIC ${ARG_SOURCES})
+  target_link_libraries(lazyloc_${folder} PUBLIC ${ARG_LINK} Eigen3::Eigen)
+  lazyloc_set_properties(lazyloc_${folder})
+endfunction()
+
+# lazyloc_tests(rotation SOURCES a_test.cc LINK lazyloc_rotation): ctest knows each test as rotation/Suite.Name.
+function(lazyloc_tests folder)
+  if(NOT LAZYLOC_TESTS)
+    return()
+  endif()
+  cmake_parse_arguments(ARG "" "" "SOURCES;LINK" ${ARGN})
+  list(TRANSFORM ARG_SOURCES PREPEND "${folder}/")
+  add_executable(lazyloc_${folder}_test ${ARG_SOURCES})
+  target_link_libraries(lazyloc_${folder}_test PRIVATE lazyloc_${folder} ${ARG_LINK} GTest::gmock_main)
+  lazyloc_set_properties(lazyloc_${folder}_test)
+  gtest_discover_tests(lazyloc_${folder}_test TEST_PREFIX "${folder}/" DISCOVERY_TIMEOUT 60)
+endfunction()

@@ -1,0 +1,8 @@
+# Where the scripts find things; sourced from the project's root.
+CACHE_DIR=${XDG_CACHE_HOME:-$HOME/.cache}/colmap_lazyloc
+DEBIAN_COLMAP_SOURCE_DIR=$CACHE_DIR/colmap-debian-13
+COLMAP_SOURCE_DIR=${COLMAP_SOURCE_DIR:-$DEBIAN_COLMAP_SOURCE_DIR}
+BUILD_DIR=${BUILD_DIR:-$PWD/build}
+VENV_DIR=$CACHE_DIR/venv
+PYTHON=$VENV_DIR/bin/python
+COLMAP=$BUILD_DIR/bin/colmap

@@ -1,0 +1,90 @@
+#!/usr/bin/env bash
+# Installs what the build needs, fetches COLMAP's source, builds, and makes the Python environment.
+# Idempotent: each step looks first whether its work is done, and says nothing where it is.
+#
+#   COLMAP_SOURCE_DIR   COLMAP source tree to build against (3.10 or 4.x); default: Debian's source package
+#   BUILD_DIR           build folder; default: build below the checkout
+#   CMAKE_ARGS          further arguments of the CMake configuration
+#   BUILD_TARGETS       what to build; default: everything
+set -euo pipefail
+cd "$(dirname "$0")/.."
+source scripts/environment.sh
+
+say() { echo "setup: $*" >&2; }
+
+as_root() {
+  if [ "$(id -u)" = 0 ]; then "$@"; else sudo "$@"; fi
+}
+
+install_packages() {
+  local packages missing=()
+  packages=$(sed 's/#.*//' scripts/packages.txt)
+  for package in $packages; do
+    dpkg-query -W -f '${Status}' "$package" 2>/dev/null | grep -q 'ok installed' || missing+=("$package")
+  done
+  [ ${#missing[@]} -gt 0 ] || return 0
+  say "installing ${#missing[@]} Debian packages"
+  as_root apt-get update -qq
+  as_root env DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends "${missing[@]}" \
+    > "$CACHE_DIR/apt.log" 2>&1 || { tail -20 "$CACHE_DIR/apt.log" >&2; return 1; }
+}
+
+# Debian 13's source package of COLMAP, through a private apt configuration beside the machine's own:
+# the same archive and keyring, so that signatures and checksums are verified by apt.
+fetch_colmap_source() {
+  [ ! -f "$COLMAP_SOURCE_DIR/CMakeLists.txt" ] || return 0
+  [ "$COLMAP_SOURCE_DIR" = "$DEBIAN_COLMAP_SOURCE_DIR" ] ||
+    { say "COLMAP_SOURCE_DIR=$COLMAP_SOURCE_DIR holds no CMakeLists.txt"; return 1; }
+  say "fetching COLMAP's source package"
+  local archive work
+  debian_archive() {
+    apt-get indextargets --format '$(REPO_URI) $(CODENAME) $(ORIGIN)' 'Created-By: Packages' |
+      awk '$3 == "Debian" && $2 !~ /-/ { print $1; exit }'
+  }
+  archive=$(debian_archive)
+  if [ -z "$archive" ]; then
+    as_root apt-get update -qq
+    archive=$(debian_archive)
+  fi
+  [ -n "$archive" ] || { say "apt's sources name no Debian archive"; return 1; }
+  work=$(mktemp -d "$CACHE_DIR/fetch.XXXXXX")
+  mkdir -p "$work/lists/partial" "$work/sources.d" "$work/download"
+  echo "deb-src [signed-by=/usr/share/keyrings/debian-archive-keyring.gpg] $archive trixie main" > "$work/sources.list"
+  local private=(-q -o "Dir::Etc::sourcelist=$work/sources.list" -o "Dir::Etc::sourceparts=$work/sources.d"
+                 -o "Dir::State::Lists=$work/lists" -o "Dir::Cache=$work" -o "APT::Sandbox::User=$(id -un)")
+  apt-get "${private[@]}" update > "$work/log" 2>&1 &&
+    (cd "$work/download" && apt-get "${private[@]}" source --download-only --tar-only colmap >> "$work/log" 2>&1) ||
+    { cat "$work/log" >&2; return 1; }
+  mkdir "$work/source"
+  tar -xf "$work"/download/colmap_*.orig.tar.* -C "$work/source" --strip-components=1
+  mv "$work/source" "$DEBIAN_COLMAP_SOURCE_DIR"
+  rm -rf "$work"
+}
+
+make_python_environment() {
+  local stamp="$VENV_DIR/requirements.txt"
+  cmp -s scripts/requirements.txt "$stamp" && return 0
+  say "making the Python environment"
+  rm -rf "$VENV_DIR"
+  python3 -m venv "$VENV_DIR"
+  "$VENV_DIR/bin/pip" install -q --disable-pip-version-check -r scripts/requirements.txt
+  cp scripts/requirements.txt "$stamp"
+}
+
+build() {
+  local log="$BUILD_DIR/build.log"
+  mkdir -p "$BUILD_DIR"
+  cmake -S . -B "$BUILD_DIR" -G Ninja -DCMAKE_BUILD_TYPE="${CMAKE_BUILD_TYPE:-Release}" \
+    -DCOLMAP_SOURCE_DIR="$COLMAP_SOURCE_DIR" -DCMAKE_CXX_COMPILER_LAUNCHER=ccache -DCMAKE_C_COMPILER_LAUNCHER=ccache \
+    ${CMAKE_ARGS:-} > "$log" 2>&1 || { tail -30 "$log" >&2; return 1; }
+  if ninja -C "$BUILD_DIR" -n ${BUILD_TARGETS:-} | grep -q 'no work to do'; then return 0; fi
+  say "building (COLMAP too, where no cached build is found: about ten minutes on two cores); log in $log"
+  ninja -C "$BUILD_DIR" ${BUILD_TARGETS:-} >> "$log" 2>&1 ||
+    { grep -E 'FAILED|error|Error' "$log" | head -40 >&2; say "the build failed; see $log"; return 1; }
+}
+
+mkdir -p "$CACHE_DIR"
+install_packages
+fetch_colmap_source
+make_python_environment
+build

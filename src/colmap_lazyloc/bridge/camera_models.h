@@ -1,0 +1,27 @@
+#pragma once
+
+#include <optional>
+#include <string>
+
+#include <Eigen/Core>
+
+#include "colmap_lazyloc/scene/camera.h"
+
+namespace lazyloc {
+
+// COLMAP's camera models, as far as the linked COLMAP knows them.
+std::optional<int> CameraModelId(const std::string& model_name);
+// Empty where the linked COLMAP does not know the model.
+std::string CameraModelName(int model_id);
+// Why the camera cannot be used (unknown model, wrong number of parameters, non-finite or non-positive
+// focal length, zero size); empty when it can.
+std::string CameraProblem(const Camera& camera);
+
+// Viewing direction of an image point (pixels), unit length, in the camera's frame; none where the model
+// has no inverse there.
+std::optional<Eigen::Vector3d> RayInCam(const Camera& camera, const Eigen::Vector2d& xy);
+
+// Image point (pixels) of a point in the camera's frame; none behind the camera.
+std::optional<Eigen::Vector2d> ImageFromCam(const Camera& camera, const Eigen::Vector3d& point_in_cam);
+
+}  // namespace lazyloc

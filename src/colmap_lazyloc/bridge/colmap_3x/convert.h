@@ -1,0 +1,25 @@
+#pragma once
+
+#include <colmap/geometry/rigid3.h>
+#include <colmap/scene/camera.h>
+
+#include "colmap_lazyloc/math/rigid3.h"
+#include "colmap_lazyloc/scene/camera.h"
+
+namespace lazyloc {
+
+inline colmap::Camera ToColmap(const Camera& camera) {
+  colmap::Camera converted;
+  converted.camera_id = camera.camera_id;
+  converted.model_id = static_cast<colmap::CameraModelId>(camera.model_id);
+  converted.width = camera.width;
+  converted.height = camera.height;
+  converted.params = camera.params;
+  // Our intrinsics are known: COLMAP takes a camera without prior for uncalibrated.
+  converted.has_prior_focal_length = true;
+  return converted;
+}
+
+inline Rigid3d FromColmap(const colmap::Rigid3d& rigid) { return {rigid.rotation.normalized(), rigid.translation}; }
+
+}  // namespace lazyloc

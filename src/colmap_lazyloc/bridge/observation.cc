@@ -1,0 +1,31 @@
+#include "colmap_lazyloc/bridge/observation.h"
+
+#include <cmath>
+
+#include <Eigen/Geometry>
+#include <Eigen/LU>
+
+#include "colmap_lazyloc/bridge/camera_models.h"
+#include "colmap_lazyloc/math/so3.h"
+
+namespace lazyloc {
+
+std::optional<Observation> Observe(const Camera& camera, const Eigen::Vector2d& xy) {
+  // Half a pixel to each side: far above the model inverse's own tolerance, and second-order terms cancel.
+  constexpr double kStepPx = 0.5;
+  const std::optional<Eigen::Vector3d> ray = RayInCam(camera, xy);
+  if (!ray) return std::nullopt;
+  const Eigen::Matrix<double, 3, 2> basis = TangentBasis(*ray);
+  Eigen::Matrix2d tangent_from_px;
+  for (int axis = 0; axis < 2; ++axis) {
+    const Eigen::Vector2d step = kStepPx * Eigen::Vector2d::Unit(axis);
+    const std::optional<Eigen::Vector3d> before = RayInCam(camera, xy - step), after = RayInCam(camera, xy + step);
+    if (!before || !after) return std::nullopt;
+    tangent_from_px.col(axis) = basis.transpose() * (*after - *before) / (2 * kStepPx);
+  }
+  const Eigen::Matrix2d px_from_tangent = tangent_from_px.inverse();
+  if (!px_from_tangent.allFinite()) return std::nullopt;
+  return Observation{*ray, px_from_tangent * basis.transpose()};
+}
+
+}  // namespace lazyloc

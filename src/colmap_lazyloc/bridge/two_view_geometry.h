@@ -1,0 +1,34 @@
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "colmap_lazyloc/scene/camera.h"
+#include "colmap_lazyloc/scene/match.h"
+#include "colmap_lazyloc/scene/two_view_geometry.h"
+
+namespace lazyloc {
+
+struct TwoViewGeometryOptions {
+  int min_num_inliers = 15;
+  double max_error_px = 4;
+};
+
+// COLMAP's robust two-view geometry of a pair whose intrinsics are known: essential matrix by five points, or homography
+// where that explains as much, with the relative pose. The same result for the same seed, whatever thread it runs on.
+TwoViewGeometry EstimateTwoViewGeometry(const Camera& database_camera,
+                                        const std::vector<Eigen::Vector2d>& database_keypoints,
+                                        const Camera& query_camera,
+                                        const std::vector<Eigen::Vector2d>& query_keypoints, const Matches& matches,
+                                        const TwoViewGeometryOptions& options, uint32_t seed);
+
+// COLMAP's relative pose of a geometry that has E (CALIBRATED) or H (PLANAR, PANORAMIC) but no pose yet. Sets
+// query_from_database where it can, and resolves PLANAR_OR_PANORAMIC.
+void EstimateRelativePose(const Camera& database_camera, const std::vector<Eigen::Vector2d>& database_keypoints,
+                          const Camera& query_camera, const std::vector<Eigen::Vector2d>& query_keypoints,
+                          TwoViewGeometry* geometry);
+
+}  // namespace lazyloc

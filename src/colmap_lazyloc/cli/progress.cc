@@ -1,0 +1,75 @@
+#include "colmap_lazyloc/cli/progress.h"
+
+#include <unistd.h>
+
+#include <algorithm>
+#include <iomanip>
+#include <iostream>
+#include <map>
+#include <string>
+
+#include <nlohmann/json.hpp>
+
+namespace lazyloc {
+namespace {
+
+double TotalSeconds(const LocalizationResult& result) { return result.seconds.empty() ? 0 : result.seconds.back().second; }
+
+double Median(std::vector<double> values) {
+  if (values.empty()) return 0;
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::nth_element(values.begin(), middle, values.end());
+  return *middle;
+}
+
+void PrintRow(const std::string& label, double value, const std::string& unit) {
+  std::cout << "  " << std::left << std::setw(34) << label << std::right << std::setw(10) << std::fixed
+            << std::setprecision(3) << value << ' ' << unit << '\n';
+}
+
+}  // namespace
+
+Progress::Progress(size_t num_queries) : num_queries_(num_queries), is_terminal_(isatty(STDOUT_FILENO) == 1) {}
+
+void Progress::Report(const LocalizationResult& result) {
+  ++num_done_;
+  num_localized_ += result.status == QueryStatus::LOCALIZED;
+  if (is_terminal_) {
+    constexpr size_t kWidth = 40;
+    const size_t filled = kWidth * num_done_ / num_queries_;
+    std::cout << "\r[" << std::string(filled, '#') << std::string(kWidth - filled, ' ') << "] " << num_done_ << '/'
+              << num_queries_ << ", " << num_localized_ << " localized" << std::flush;
+    return;
+  }
+  const nlohmann::ordered_json line = {{"query", result.query_name},
+                                       {"status", QueryStatusName(result.status)},
+                                       {"seconds", TotalSeconds(result)},
+                                       {"done", num_done_},
+                                       {"of", num_queries_}};
+  std::cout << line.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace) << std::endl;
+}
+
+void Progress::PrintSummary(const std::vector<LocalizationResult>& results) const {
+  std::map<std::string, size_t> count_of_status;
+  std::vector<double> seconds, errors, tracks;
+  for (const LocalizationResult& result : results) {
+    ++count_of_status[QueryStatusName(result.status)];
+    seconds.push_back(TotalSeconds(result));
+    if (result.status != QueryStatus::LOCALIZED) continue;
+    errors.push_back(result.mean_reprojection_error_px);
+    tracks.push_back(result.num_tracks);
+  }
+  if (is_terminal_) std::cout << '\n';
+  std::cout << "\n" << results.size() << " of " << num_queries_ << " queries done\n";
+  for (const auto& [status, count] : count_of_status) {
+    std::cout << "  " << std::left << std::setw(34) << status << std::right << std::setw(6) << count << '\n';
+  }
+  PrintRow("median time per query", Median(seconds), "s");
+  if (!errors.empty()) {
+    PrintRow("median of mean reprojection error", Median(errors), "px");
+    PrintRow("median number of tracks", Median(tracks), "");
+  }
+  std::cout << std::flush;
+}
+
+}  // namespace lazyloc

@@ -1,0 +1,196 @@
+#include "colmap_lazyloc/pipeline/lazy_localizer.h"
+
+#include <algorithm>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "colmap_lazyloc/testing/synthetic_scene.h"
+
+namespace lazyloc {
+namespace {
+
+LocalizationResult Localize(const SyntheticScene& scene) { return LocalizeQuery(scene.problem, LocalizerOptions()); }
+
+class Layouts : public testing::TestWithParam<SceneLayout> {};
+
+TEST_P(Layouts, NoiseFreeIsExact) {
+  SyntheticSceneOptions options;
+  options.layout = GetParam();
+  for (options.seed = 0; options.seed < 5; ++options.seed) {
+    const SyntheticScene scene = MakeSyntheticScene(options);
+    const LocalizationResult result = Localize(scene);
+    ASSERT_EQ(result.status, QueryStatus::LOCALIZED) << result.reason << ", seed " << options.seed;
+    EXPECT_LE(PositionError(result.cam_from_world, scene.query_cam_from_world), 1e-8 * scene.median_depth);
+    EXPECT_LE(RotationErrorDeg(result.cam_from_world, scene.query_cam_from_world), 1e-6);
+    EXPECT_LE(result.mean_reprojection_error_px, 1e-6);
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(LazyLocalizer, Layouts,
+                         testing::Values(SceneLayout::RING, SceneLayout::LINE, SceneLayout::LINE_ON_LINE,
+                                         SceneLayout::FORWARD, SceneLayout::SAME_PLACE));
+
+// With 40 % gross outlier pairs, 10 % wrong matches, 1 deg and 1 px of noise: 200 points of 1 px seen by 12 good images
+// let one expect about 0.1 % of the depth; the bound is five times that.
+TEST(LazyLocalizer, WithNoiseAndOutliers) {
+  SyntheticSceneOptions options;
+  options.num_database_images = 20;
+  options.outlier_pair_ratio = 0.4;
+  options.outlier_match_ratio = 0.1;
+  options.pixel_noise_px = 1;
+  options.rotation_noise_deg = 1;
+  options.direction_noise_deg = 1;
+  for (options.seed = 0; options.seed < 10; ++options.seed) {
+    const SyntheticScene scene = MakeSyntheticScene(options);
+    const LocalizationResult result = Localize(scene);
+    ASSERT_EQ(result.status, QueryStatus::LOCALIZED) << result.reason;
+    EXPECT_LE(PositionError(result.cam_from_world, scene.query_cam_from_world), 5e-3 * scene.median_depth);
+    EXPECT_LE(RotationErrorDeg(result.cam_from_world, scene.query_cam_from_world), 0.2);
+  }
+}
+
+TEST(LazyLocalizer, EstimatesGeometryFromRawMatches) {
+  SyntheticSceneOptions options;
+  options.has_geometry = false;
+  options.pixel_noise_px = 0.5;
+  options.outlier_match_ratio = 0.3;
+  const SyntheticScene scene = MakeSyntheticScene(options);
+  const LocalizationResult result = Localize(scene);
+  ASSERT_EQ(result.status, QueryStatus::LOCALIZED) << result.reason;
+  EXPECT_LE(PositionError(result.cam_from_world, scene.query_cam_from_world), 5e-3 * scene.median_depth);
+}
+
+TEST(LazyLocalizer, LargeCoordinatesCostNothing) {
+  SyntheticSceneOptions options;
+  options.pixel_noise_px = 1;
+  const SyntheticScene near_zero = MakeSyntheticScene(options);
+  options.origin = {500000, 5400000, 300};
+  const SyntheticScene far_away = MakeSyntheticScene(options);
+  const LocalizationResult near_result = Localize(near_zero), far_result = Localize(far_away);
+  ASSERT_EQ(far_result.status, QueryStatus::LOCALIZED);
+  const Eigen::Vector3d near_error =
+      CamInWorld(near_result.cam_from_world) - CamInWorld(near_zero.query_cam_from_world);
+  const Eigen::Vector3d far_error = CamInWorld(far_result.cam_from_world) - CamInWorld(far_away.query_cam_from_world);
+  EXPECT_LE((near_error - far_error).norm(), 1e-6);
+}
+
+TEST(LazyLocalizer, ResultFollowsTheDatabasesUnit) {
+  SyntheticSceneOptions options;
+  options.pixel_noise_px = 1;
+  for (const double unit : {1e-3, 1e3}) {
+    options.unit = unit;
+    const SyntheticScene scene = MakeSyntheticScene(options);
+    const LocalizationResult result = Localize(scene);
+    ASSERT_EQ(result.status, QueryStatus::LOCALIZED) << result.reason;
+    EXPECT_LE(PositionError(result.cam_from_world, scene.query_cam_from_world), 5e-3 * scene.median_depth);
+  }
+}
+
+TEST(LazyLocalizer, SameProblemSameBytes) {
+  SyntheticSceneOptions options;
+  options.has_geometry = false;
+  options.pixel_noise_px = 1;
+  options.outlier_match_ratio = 0.3;
+  const SyntheticScene scene = MakeSyntheticScene(options);
+  const Rigid3d first = Localize(scene).cam_from_world, second = Localize(scene).cam_from_world;
+  EXPECT_EQ(first.rotation.coeffs(), second.rotation.coeffs());
+  EXPECT_EQ(first.translation, second.translation);
+}
+
+TEST(LazyLocalizer, ReportsPairsAndPoints) {
+  SyntheticSceneOptions options;
+  options.outlier_pair_ratio = 0.2;
+  const SyntheticScene scene = MakeSyntheticScene(options);
+  const LocalizationResult result = Localize(scene);
+  ASSERT_EQ(result.pairs.size(), scene.problem.pairs.size());
+  EXPECT_TRUE(std::isnan(result.pairs.front().rotation_error_deg)) << "an outlier pair counts as used";
+  EXPECT_EQ(result.pairs.back().num_inliers, options.num_points);
+  EXPECT_LE(result.pairs.back().rotation_error_deg, 1e-6);
+  EXPECT_EQ(result.num_tracks, options.num_points);
+  EXPECT_EQ(result.num_observations, options.num_points * (1 + options.num_database_images - scene.num_outlier_pairs));
+  EXPECT_EQ(result.seconds.size(), 6u);
+}
+
+TEST(LazyLocalizer, NoKeypointsIsReported) {
+  SyntheticScene scene = MakeSyntheticScene({});
+  scene.problem.query_keypoints.clear();
+  EXPECT_EQ(Localize(scene).status, QueryStatus::NO_FEATURES);
+}
+
+TEST(LazyLocalizer, NoPairsIsReported) {
+  SyntheticScene scene = MakeSyntheticScene({});
+  scene.problem.pairs.clear();
+  const LocalizationResult result = Localize(scene);
+  EXPECT_EQ(result.status, QueryStatus::NO_PAIRS);
+  EXPECT_THAT(result.reason, testing::HasSubstr("no posed database image"));
+}
+
+TEST(LazyLocalizer, TooFewInliersIsReported) {
+  SyntheticSceneOptions options;
+  options.num_points = 12;
+  EXPECT_EQ(Localize(MakeSyntheticScene(options)).status, QueryStatus::TOO_FEW_INLIERS);
+}
+
+TEST(LazyLocalizer, ContradictingPairsAreReported) {
+  SyntheticSceneOptions options;
+  options.outlier_pair_ratio = 1;
+  EXPECT_EQ(Localize(MakeSyntheticScene(options)).status, QueryStatus::INCONSISTENT_ROTATIONS);
+}
+
+TEST(LazyLocalizer, OnePairLeavesScaleOpen) {
+  SyntheticSceneOptions options;
+  options.num_database_images = 1;
+  for (options.pixel_noise_px = 0; options.pixel_noise_px < 3; ++options.pixel_noise_px) {
+    EXPECT_EQ(Localize(MakeSyntheticScene(options)).status, QueryStatus::SCALE_UNOBSERVABLE);
+  }
+}
+
+TEST(LazyLocalizer, PureRotationIsReported) {
+  SyntheticSceneOptions options;
+  options.layout = SceneLayout::PURE_ROTATION;
+  for (options.pixel_noise_px = 0; options.pixel_noise_px < 3; ++options.pixel_noise_px) {
+    const LocalizationResult result = Localize(MakeSyntheticScene(options));
+    EXPECT_TRUE(result.status == QueryStatus::DEGENERATE_BASELINE || result.status == QueryStatus::TOO_FEW_TRACKS ||
+                result.status == QueryStatus::SCALE_UNOBSERVABLE)
+        << QueryStatusName(result.status);
+    EXPECT_FALSE(result.reason.empty());
+  }
+}
+
+TEST(LazyLocalizer, CovarianceMatchesTheErrorsSpread) {
+  // The squared error normalised by its covariance averages 6, its degrees of freedom; 40 trials of standard deviation
+  // sqrt(12 / 40) = 0.55 on the mean, and robust weights cost a little.
+  SyntheticSceneOptions options;
+  options.pixel_noise_px = 1;
+  double sum = 0;
+  const int num_trials = 40;
+  for (options.seed = 0; options.seed < num_trials; ++options.seed) {
+    const SyntheticScene scene = MakeSyntheticScene(options);
+    const LocalizationResult result = Localize(scene);
+    ASSERT_EQ(result.status, QueryStatus::LOCALIZED);
+    const Rigid3d& truth = scene.query_cam_from_world;
+    Eigen::Matrix<double, 6, 1> error;
+    const Eigen::AngleAxisd rotation_error(truth.rotation * result.cam_from_world.rotation.conjugate());
+    error << rotation_error.angle() * rotation_error.axis(), truth.translation - result.cam_from_world.translation;
+    sum += error.dot(result.covariance.ldlt().solve(error));
+  }
+  EXPECT_GT(sum / num_trials, 4);
+  EXPECT_LT(sum / num_trials, 9);
+}
+
+TEST(LocalizerOptions, DefaultsPassAndBadOnesAreNamed) {
+  std::string error;
+  EXPECT_TRUE(LocalizerOptions().Check(&error));
+  LocalizerOptions options;
+  options.num_refinement_rounds = 0;
+  EXPECT_FALSE(options.Check(&error));
+  EXPECT_THAT(error, testing::HasSubstr("num_refinement_rounds"));
+  options = {};
+  options.bundle_adjustment.loss_scale_px = 0;
+  EXPECT_FALSE(options.Check(&error));
+  EXPECT_THAT(error, testing::HasSubstr("loss_scale_px"));
+}
+
+}  // namespace
+}  // namespace lazyloc

@@ -1,0 +1,17 @@
+#include "colmap_lazyloc/pipeline/options.h"
+
+#include "colmap_lazyloc/scene/options_check.h"
+
+namespace lazyloc {
+
+bool LocalizerOptions::Check(std::string* error) const {
+  OPTION_GT(max_rotation_error_deg, 0);
+  OPTION_GE(num_refinement_rounds, 1);
+  OPTION_GT(max_start_error_px, 0);
+  OPTION_GE(min_num_tracks, 4);
+  OPTION_GT(max_position_stddev_ratio, 0);
+  return relative_pose.Check(error) && rotation_averaging.Check(error) && translation_averaging.Check(error) &&
+         triangulation.Check(error) && bundle_adjustment.Check(error);
+}
+
+}  // namespace lazyloc

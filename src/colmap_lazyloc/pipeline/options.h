@@ -1,0 +1,36 @@
+#pragma once
+
+#include <string>
+
+#include "colmap_lazyloc/refinement/bundle_adjustment.h"
+#include "colmap_lazyloc/rotation/rotation_averaging.h"
+#include "colmap_lazyloc/structure/track_triangulation.h"
+#include "colmap_lazyloc/translation/translation_averaging.h"
+#include "colmap_lazyloc/two_view/relative_pose.h"
+
+namespace lazyloc {
+
+// Everything that can be set of the method. The one place of every default: the command's help is made from it.
+struct LocalizerOptions {
+  int seed = 0;
+  // Of more pairs than these, the ones with most verified inliers are used; 0 for all.
+  int max_num_pairs = 0;
+  RelativePoseOptions relative_pose;
+  RotationAveragingOptions rotation_averaging;
+  TranslationAveragingOptions translation_averaging;
+  TrackTriangulationOptions triangulation;
+  BundleAdjustmentOptions bundle_adjustment;
+
+  // A pair whose measured rotation differs from the averaged one by more is dropped.
+  double max_rotation_error_deg = 5;
+  // Rounds of triangulation and adjustment. The first one starts from motion averaging, which is off by many pixels.
+  int num_refinement_rounds = 3;
+  double max_start_error_px = 32;
+  int min_num_tracks = 6;
+  // A position whose standard deviation exceeds this part of the distance to the scene is not reported as found.
+  double max_position_stddev_ratio = 0.1;
+
+  bool Check(std::string* error) const;
+};
+
+}  // namespace lazyloc

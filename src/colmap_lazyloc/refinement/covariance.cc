@@ -1,0 +1,65 @@
+#include "colmap_lazyloc/refinement/covariance.h"
+
+#include <algorithm>
+
+#include <Eigen/Cholesky>
+
+#include "colmap_lazyloc/math/robust_weights.h"
+#include "colmap_lazyloc/math/so3.h"
+#include "colmap_lazyloc/refinement/linear_projection.h"
+
+namespace lazyloc {
+namespace {
+
+Eigen::Vector2d ErrorInView(const View& view, const TrackObservation& element, const Eigen::Vector3d& point_in_world) {
+  return ReprojectionError(element.observation, view.cam_from_world * point_in_world);
+}
+
+}  // namespace
+
+Eigen::Matrix<double, 6, 6> PoseInformation(const std::vector<View>& views, const std::vector<Track>& tracks, int view,
+                                            double weight_scale_px) {
+  Eigen::Matrix<double, 6, 6> information = Eigen::Matrix<double, 6, 6>::Zero();
+  for (const Track& track : tracks) {
+    Eigen::Matrix3d point_information = Eigen::Matrix3d::Zero();
+    Eigen::Matrix<double, 6, 6> pose_information = Eigen::Matrix<double, 6, 6>::Zero();
+    Eigen::Matrix<double, 6, 3> cross = Eigen::Matrix<double, 6, 3>::Zero();
+    for (const TrackObservation& element : track.observations) {
+      const Rigid3d& cam_from_world = views[element.view].cam_from_world;
+      const Eigen::Matrix3d rotation = cam_from_world.rotation.toRotationMatrix();
+      const Eigen::Vector3d rotated = rotation * track.point_in_world;
+      Eigen::Matrix<double, 2, 3> jacobian;
+      const Eigen::Vector2d error =
+          ProjectionInCam(element.observation).Error(rotated + cam_from_world.translation, &jacobian);
+      const double weight = CauchyWeight(error.squaredNorm(), weight_scale_px);
+      const Eigen::Matrix<double, 2, 3> point_jacobian = jacobian * rotation;
+      point_information += weight * point_jacobian.transpose() * point_jacobian;
+      if (element.view != view) continue;
+      Eigen::Matrix<double, 2, 6> pose_jacobian;
+      pose_jacobian << -jacobian * Hat(rotated), jacobian;
+      pose_information += weight * pose_jacobian.transpose() * pose_jacobian;
+      cross += weight * pose_jacobian.transpose() * point_jacobian;
+    }
+    const Eigen::LDLT<Eigen::Matrix3d> factor(point_information);
+    if (!factor.isPositive() || factor.vectorD().minCoeff() <= 0) continue;
+    information += pose_information - cross * factor.solve(cross.transpose());
+  }
+  return information;
+}
+
+double ImageNoiseVariance(const std::vector<View>& views, const std::vector<Track>& tracks, double weight_scale_px) {
+  double squared_sum = 0, freedom = -6;
+  for (const Track& track : tracks) {
+    freedom -= 3;
+    for (const TrackObservation& element : track.observations) {
+      const double squared_error =
+          ErrorInView(views[element.view], element, track.point_in_world).squaredNorm();
+      const double weight = CauchyWeight(squared_error, weight_scale_px);
+      squared_sum += weight * squared_error;
+      freedom += 2 * weight;
+    }
+  }
+  return squared_sum / std::max(freedom, 1.0);
+}
+
+}  // namespace lazyloc

@@ -1,0 +1,35 @@
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "colmap_lazyloc/math/rigid3.h"
+#include "colmap_lazyloc/scene/camera.h"
+#include "colmap_lazyloc/scene/match.h"
+#include "colmap_lazyloc/scene/two_view_geometry.h"
+
+namespace lazyloc {
+
+// A database image with what the query shares with it. Its pose is known and stays as it is.
+struct ImagePair {
+  std::string database_name;
+  Camera database_camera;
+  Rigid3d database_cam_from_world;
+  std::vector<Eigen::Vector2d> database_keypoints;  // xy in pixels, all of the image
+  // Stored and valid for the cameras above; else the relative pose is estimated from `matches`.
+  std::optional<TwoViewGeometry> geometry;
+  Matches matches;  // raw; left empty where `geometry` is enough
+};
+
+// Everything that localizing one query needs.
+struct LocalizationProblem {
+  std::string query_name;
+  Camera query_camera;
+  std::vector<Eigen::Vector2d> query_keypoints;  // xy in pixels
+  std::vector<ImagePair> pairs;                  // sorted by database_name
+};
+
+}  // namespace lazyloc

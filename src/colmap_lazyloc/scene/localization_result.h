@@ -1,0 +1,62 @@
+#pragma once
+
+#include <string>
+#include <utility>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "colmap_lazyloc/math/rigid3.h"
+#include "colmap_lazyloc/scene/camera.h"
+
+namespace lazyloc {
+
+enum class QueryStatus {
+  LOCALIZED,
+  NO_FEATURES,             // the query has no keypoints
+  NO_PAIRS,                // no database image shares matches with the query
+  TOO_FEW_INLIERS,         // no pair has enough verified inliers
+  INCONSISTENT_ROTATIONS,  // the pairs contradict each other
+  SCALE_UNOBSERVABLE,      // one usable baseline: orientation and bearing, but no position
+  DEGENERATE_BASELINE,     // no baseline, or database cameras and query on one line
+  TOO_FEW_TRACKS,          // too few points survive triangulation
+  DIVERGED,                // bundle adjustment ended without a usable pose
+};
+const char* QueryStatusName(QueryStatus status);
+
+// What one database image contributed. Residuals are NaN where the stage did not use the pair.
+struct PairResult {
+  std::string database_name;
+  int num_inliers = 0;
+  double rotation_error_deg = 0;   // relative rotation against the final one
+  double direction_error_deg = 0;  // relative translation direction against the final one
+};
+
+// A point triangulated for the query. observations: (index into `pairs`, keypoint of that database image).
+struct PointResult {
+  Eigen::Vector3d point_in_world = Eigen::Vector3d::Zero();
+  int query_point = -1;  // keypoint of the query
+  std::vector<std::pair<int, int>> observations;
+  double mean_reprojection_error_px = 0;  // over the query and the database images
+};
+
+struct LocalizationResult {
+  std::string query_name;
+  QueryStatus status = QueryStatus::NO_PAIRS;
+  std::string reason;  // one sentence; empty when LOCALIZED
+  Camera query_camera;
+
+  // Valid when LOCALIZED.
+  Rigid3d cam_from_world;
+  // Of cam_from_world in its tangent: rotation w (rad, R <- exp(w) R), then translation (database units).
+  Eigen::Matrix<double, 6, 6> covariance = Eigen::Matrix<double, 6, 6>::Zero();
+
+  std::vector<PairResult> pairs;  // every pair that was looked at, sorted by database_name
+  std::vector<PointResult> points;
+  int num_tracks = 0;        // tracks in the final adjustment
+  int num_observations = 0;  // their image points, the query's included
+  double mean_reprojection_error_px = 0;
+  std::vector<std::pair<std::string, double>> seconds;  // stage, wall time; in order of execution
+};
+
+}  // namespace lazyloc

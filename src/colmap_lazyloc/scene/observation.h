@@ -1,0 +1,35 @@
+#pragma once
+
+#include <optional>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "colmap_lazyloc/math/rigid3.h"
+#include "colmap_lazyloc/scene/camera.h"
+
+namespace lazyloc {
+
+// An image point turned into its viewing ray, once: the solvers know no camera model. The reprojection error of a point X
+// in the camera's frame is, in pixels and to first order in the error,
+//   r = px_from_cam X / (ray . X),
+// i.e. X's displacement from the ray in the plane perpendicular to it, scaled to pixels by the model's derivative there.
+// X lies in front of the camera where ray . X > 0.
+struct Observation {
+  Eigen::Vector3d ray_in_cam = Eigen::Vector3d::Zero();                                   // unit length
+  Eigen::Matrix<double, 2, 3> px_from_cam = Eigen::Matrix<double, 2, 3>::Zero();  // annihilates the ray
+};
+
+// Error in pixels; only meaningful in front of the camera.
+inline Eigen::Vector2d ReprojectionError(const Observation& observation, const Eigen::Vector3d& point_in_cam) {
+  return observation.px_from_cam * point_in_cam / observation.ray_in_cam.dot(point_in_cam);
+}
+
+inline bool IsInFront(const Observation& observation, const Eigen::Vector3d& point_in_cam) {
+  return observation.ray_in_cam.dot(point_in_cam) > 0;
+}
+
+// Angular noise of a ray whose image point has an error of one pixel, in rad.
+inline double RadFromPx(const Observation& observation) { return 1.41421356 / observation.px_from_cam.norm(); }
+
+}  // namespace lazyloc

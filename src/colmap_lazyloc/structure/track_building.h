@@ -1,0 +1,22 @@
+#pragma once
+
+#include <vector>
+
+#include "colmap_lazyloc/scene/match.h"
+#include "colmap_lazyloc/scene/track.h"
+
+namespace lazyloc {
+
+// The inlier matches between the query (view 0) and a database view, with the observations of each match.
+struct ViewMatches {
+  int view = -1;
+  Matches matches;
+  std::vector<Observation> query_observations;     // parallel to matches
+  std::vector<Observation> database_observations;  // parallel to matches
+};
+
+// For each query keypoint, the track of all its inlier matches in the database views, in order of the query keypoints.
+// A keypoint that is matched twice within a pair is ambiguous: those matches are dropped. Points are not set.
+std::vector<Track> BuildTracks(const std::vector<ViewMatches>& view_matches);
+
+}  // namespace lazyloc

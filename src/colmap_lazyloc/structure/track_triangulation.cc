@@ -1,0 +1,139 @@
+#include "colmap_lazyloc/structure/track_triangulation.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <optional>
+
+#include "colmap_lazyloc/bridge/triangulation.h"
+#include "colmap_lazyloc/math/so3.h"
+#include "colmap_lazyloc/scene/options_check.h"
+
+namespace lazyloc {
+namespace {
+
+// Error in pixels of a point in one view; infinite behind it.
+double ErrorPx(const View& view, const Observation& observation, const Eigen::Vector3d& point_in_world) {
+  const Eigen::Vector3d point_in_cam = view.cam_from_world * point_in_world;
+  if (!IsInFront(observation, point_in_cam)) return std::numeric_limits<double>::infinity();
+  return ReprojectionError(observation, point_in_cam).norm();
+}
+
+class TrackTriangulator {
+ public:
+  TrackTriangulator(const std::vector<View>& views, const TrackTriangulationOptions& options)
+      : views_(views), options_(options), max_cos_angle_(std::cos(DegToRad(options.min_angle_deg))) {
+    for (const View& view : views) {
+      Eigen::Matrix<double, 3, 4> matrix;
+      matrix << view.cam_from_world.rotation.toRotationMatrix(), view.cam_from_world.translation;
+      cams_from_world_.push_back(matrix);
+      cams_in_world_.push_back(CamInWorld(view.cam_from_world));
+    }
+  }
+
+  std::optional<Track> Triangulate(const Track& track) const {
+    std::vector<TrackObservation> query, database;
+    for (const TrackObservation& observation : track.observations) {
+      (views_[observation.view].is_fixed ? database : query).push_back(observation);
+    }
+    Eigen::Vector3d point;
+    if (!TriangulateRobustly(&database, &point)) {
+      // No two database views agree: one of them with the query, if that can decide which one.
+      database.clear();
+      for (const TrackObservation& observation : track.observations) {
+        if (views_[observation.view].is_fixed) database.push_back(observation);
+      }
+      if (database.size() != 1 || !TriangulateWithQuery(query, database, &point)) return std::nullopt;
+    }
+    Track result;
+    for (const TrackObservation& observation : query) {
+      if (ErrorPx(views_[observation.view], observation.observation, point) > options_.max_query_error_px) {
+        return std::nullopt;
+      }
+      result.observations.push_back(observation);
+    }
+    result.observations.insert(result.observations.end(), database.begin(), database.end());
+    result.point_in_world = point;
+    return result;
+  }
+
+ private:
+  bool Linear(const std::vector<TrackObservation>& observations, Eigen::Vector3d* point) const {
+    std::vector<Eigen::Matrix<double, 3, 4>> cams_from_world;
+    std::vector<Eigen::Vector3d> rays_in_cam;
+    for (const TrackObservation& observation : observations) {
+      cams_from_world.push_back(cams_from_world_[observation.view]);
+      rays_in_cam.push_back(observation.observation.ray_in_cam);
+    }
+    const std::optional<Eigen::Vector3d> triangulated = TriangulatePoint(cams_from_world, rays_in_cam);
+    if (triangulated) *point = *triangulated;
+    return triangulated.has_value();
+  }
+
+  bool SeenUnderAngle(const std::vector<TrackObservation>& observations, const Eigen::Vector3d& point) const {
+    for (size_t a = 0; a < observations.size(); ++a) {
+      const Eigen::Vector3d ray_a = (point - cams_in_world_[observations[a].view]).normalized();
+      for (size_t b = 0; b < a; ++b) {
+        if (ray_a.dot((point - cams_in_world_[observations[b].view]).normalized()) < max_cos_angle_) return true;
+      }
+    }
+    return false;
+  }
+
+  bool TriangulateRobustly(std::vector<TrackObservation>* observations, Eigen::Vector3d* point) const {
+    while (observations->size() >= 2) {
+      if (!Linear(*observations, point)) return false;
+      size_t worst = 0;
+      double worst_error = -1;
+      for (size_t i = 0; i < observations->size(); ++i) {
+        const TrackObservation& observation = (*observations)[i];
+        const double error = ErrorPx(views_[observation.view], observation.observation, *point);
+        if (error > worst_error) {
+          worst = i;
+          worst_error = error;
+        }
+      }
+      if (worst_error <= options_.max_database_error_px) return SeenUnderAngle(*observations, *point);
+      observations->erase(observations->begin() + static_cast<std::ptrdiff_t>(worst));
+    }
+    return false;
+  }
+
+  bool TriangulateWithQuery(const std::vector<TrackObservation>& query, const std::vector<TrackObservation>& database,
+                            Eigen::Vector3d* point) const {
+    std::vector<TrackObservation> all = query;
+    all.insert(all.end(), database.begin(), database.end());
+    if (!Linear(all, point) || !SeenUnderAngle(all, *point)) return false;
+    return std::all_of(database.begin(), database.end(), [&](const TrackObservation& observation) {
+      return ErrorPx(views_[observation.view], observation.observation, *point) <= options_.max_query_error_px;
+    });
+  }
+
+  const std::vector<View>& views_;
+  const TrackTriangulationOptions& options_;
+  const double max_cos_angle_;
+  std::vector<Eigen::Matrix<double, 3, 4>> cams_from_world_;
+  std::vector<Eigen::Vector3d> cams_in_world_;
+};
+
+}  // namespace
+
+bool TrackTriangulationOptions::Check(std::string* error) const {
+  OPTION_GT(max_database_error_px, 0);
+  OPTION_GT(max_query_error_px, 0);
+  OPTION_GE(min_angle_deg, 0);
+  return true;
+}
+
+std::vector<Track> TriangulateTracks(const std::vector<View>& views, const std::vector<Track>& tracks,
+                                     const TrackTriangulationOptions& options) {
+  const TrackTriangulator triangulator(views, options);
+  std::vector<Track> triangulated;
+  for (const Track& track : tracks) {
+    std::optional<Track> result = triangulator.Triangulate(track);
+    if (result) triangulated.push_back(std::move(*result));
+  }
+  return triangulated;
+}
+
+}  // namespace lazyloc

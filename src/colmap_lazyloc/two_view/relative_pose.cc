@@ -1,0 +1,53 @@
+#include "colmap_lazyloc/two_view/relative_pose.h"
+
+#include "colmap_lazyloc/bridge/two_view_geometry.h"
+#include "colmap_lazyloc/scene/options_check.h"
+
+namespace lazyloc {
+namespace {
+
+// What COLMAP may find a calibrated geometry in, given the intrinsics.
+bool IsWorthEstimating(TwoViewConfig config) {
+  return config == TwoViewConfig::UNCALIBRATED || config == TwoViewConfig::MULTIPLE ||
+         config == TwoViewConfig::UNDEFINED;
+}
+
+TwoViewGeometry Estimate(const LocalizationProblem& problem, const ImagePair& pair, const Matches& matches,
+                         const RelativePoseOptions& options, uint32_t seed) {
+  return EstimateTwoViewGeometry(pair.database_camera, pair.database_keypoints, problem.query_camera,
+                                 problem.query_keypoints, matches, {options.min_num_inliers, options.max_error_px},
+                                 seed);
+}
+
+}  // namespace
+
+bool RelativePoseOptions::Check(std::string* error) const {
+  OPTION_GE(min_num_inliers, 5);
+  OPTION_GT(max_error_px, 0);
+  return true;
+}
+
+std::optional<RelativePose> FindRelativePose(const LocalizationProblem& problem, const ImagePair& pair,
+                                             const RelativePoseOptions& options, uint32_t seed) {
+  TwoViewGeometry geometry;
+  if (!pair.geometry) {
+    geometry = Estimate(problem, pair, pair.matches, options, seed);
+  } else if (IsWorthEstimating(pair.geometry->config)) {
+    const Matches& matches = pair.matches.empty() ? pair.geometry->inlier_matches : pair.matches;
+    geometry = Estimate(problem, pair, matches, options, seed);
+  } else {
+    geometry = *pair.geometry;
+    if (HoldsCalibrated(geometry.config) && !geometry.query_from_database) {
+      EstimateRelativePose(pair.database_camera, pair.database_keypoints, problem.query_camera,
+                           problem.query_keypoints, &geometry);
+    }
+  }
+  if (!HoldsCalibrated(geometry.config) || !geometry.query_from_database ||
+      static_cast<int>(geometry.inlier_matches.size()) < options.min_num_inliers) {
+    return std::nullopt;
+  }
+  if (geometry.config == TwoViewConfig::PANORAMIC) geometry.query_from_database->translation.setZero();
+  return RelativePose{*geometry.query_from_database, std::move(geometry.inlier_matches)};
+}
+
+}  // namespace lazyloc
