@@ -44,15 +44,17 @@ void ForEachOption(Options& o, const Add& add) {
       "noise floor in degrees of each pair's direction in translation averaging");
   add("LazyLocalizer.min_triangulation_angle_deg", &o.localizer.triangulation.min_angle_deg,
       "smallest angle in degrees under which a point must be seen");
-  add("LazyLocalizer.max_database_error_px", &o.localizer.triangulation.max_database_error_px,
+  add("LazyLocalizer.max_database_error", &o.localizer.triangulation.max_database_error,
       "largest reprojection error in pixels of a point in a database image");
-  add("LazyLocalizer.max_query_error_px", &o.localizer.triangulation.max_query_error_px,
+  add("LazyLocalizer.max_query_error", &o.localizer.triangulation.max_query_error,
       "largest reprojection error in pixels of a point in the query, after the first round");
-  add("LazyLocalizer.max_start_error_px", &o.localizer.max_start_error_px,
+  add("LazyLocalizer.max_start_error", &o.localizer.max_start_error,
       "the same in the first round, which starts from motion averaging");
+  add("LazyLocalizer.start_noise_px", &o.localizer.start_noise_px, "image noise in pixels that the first round assumes");
+  add("LazyLocalizer.min_noise_px", &o.localizer.min_noise_px, "smallest image noise in pixels that later rounds estimate");
   add("LazyLocalizer.num_refinement_rounds", &o.localizer.num_refinement_rounds,
       "rounds of triangulation and bundle adjustment");
-  add("LazyLocalizer.loss_scale_px", &o.localizer.bundle_adjustment.loss_scale_px,
+  add("LazyLocalizer.loss_scale", &o.localizer.bundle_adjustment.loss_scale,
       "Cauchy scale of bundle adjustment in pixels");
   add("LazyLocalizer.min_num_tracks", &o.localizer.min_num_tracks, "fewest tracks that a pose may rest on");
   add("LazyLocalizer.max_position_stddev_ratio", &o.localizer.max_position_stddev_ratio,

@@ -9,10 +9,12 @@
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 
+#include "colmap_lazyloc/bridge/absolute_pose.h"
 #include "colmap_lazyloc/bridge/observation.h"
 #include "colmap_lazyloc/math/seed.h"
 #include "colmap_lazyloc/math/so3.h"
 #include "colmap_lazyloc/refinement/covariance.h"
+#include "colmap_lazyloc/refinement/view_noise.h"
 #include "colmap_lazyloc/structure/track_building.h"
 #include "colmap_lazyloc/translation/relative_direction.h"
 
@@ -54,7 +56,9 @@ class QueryLocalizer {
       RunStage("rotation", [&] { AverageRotation(); });
       RunStage("directions", [&] { EstimateDirections(); });
       RunStage("translation", [&] { AverageTranslation(); });
-      RunStage("refinement", [&] { RefineWithTracks(); });
+      RunStage("tracks", [&] { CollectTracks(); });
+      RunStage("hypotheses", [&] { ChooseStart(); });
+      RefineWithTracks();
       RunStage("covariance", [&] { EstimateCovariance(); });
       Report();
       result_.status = QueryStatus::LOCALIZED;
@@ -66,11 +70,16 @@ class QueryLocalizer {
   }
 
  private:
+  // Adds a stage's wall time to the result, however the stage ends.
   template <typename Stage>
   void RunStage(const std::string& name, const Stage& stage) {
     const auto start = std::chrono::steady_clock::now();
     const auto record = [&] {
-      result_.seconds.emplace_back(name, std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count());
+      const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+      for (auto& [stage_name, stage_seconds] : result_.seconds) {
+        if (stage_name == name) return void(stage_seconds += seconds);
+      }
+      result_.seconds.emplace_back(name, seconds);
     };
     try {
       stage();
@@ -218,26 +227,73 @@ class QueryLocalizer {
     views_[0].cam_from_world = CamFromWorld(views_[0].cam_from_world.rotation, cam_in_world);
   }
 
-  void RefineWithTracks() {
+  void CollectTracks() {
     std::vector<ViewMatches> view_matches;
     for (const PairState& pair : pairs_) view_matches.push_back(pair.view_matches);
-    const std::vector<Track> candidates = BuildTracks(view_matches);
+    candidates_ = BuildTracks(view_matches);
+    for (View& view : views_) view.noise_px = options_.start_noise_px;
+  }
+
+  // Motion averaging against absolute pose on the points that the database views triangulate by themselves: the one that
+  // brings more of these points near their image points starts the refinement. Absolute pose fixes the position where
+  // the database cameras and the query are on one line; motion averaging stands where few points are seen twice.
+  void ChooseStart() {
+    TrackTriangulationOptions without_query = options_.triangulation;
+    without_query.max_query_error = std::numeric_limits<double>::infinity();
+    std::vector<Eigen::Vector3d> points, rays;
+    std::vector<const Observation*> observations;
+    const std::vector<Track> tracks = TriangulateTracks(views_, candidates_, without_query);
+    for (const Track& track : tracks) {
+      if (track.observations.size() < 3) continue;
+      observations.push_back(&track.observations.front().observation);
+      points.push_back(track.point_in_world);
+      rays.push_back(observations.back()->ray_in_cam);
+    }
+    if (static_cast<int>(points.size()) < options_.min_num_tracks) return;
+    const double max_error_px = options_.max_start_error * options_.start_noise_px;
+    const std::optional<Rigid3d> absolute_pose = EstimateAbsolutePose(
+        rays, points, max_error_px * RadFromPx(*observations.front()) / 2, SeedFromNames(problem_.query_name, "", options_.seed));
+    if (absolute_pose && StartScore(*absolute_pose, points, observations, max_error_px) >
+                             StartScore(views_[0].cam_from_world, points, observations, max_error_px)) {
+      views_[0].cam_from_world = *absolute_pose;
+    }
+  }
+
+  // Sum of 1 - (error / max_error)^2 over the points within max_error.
+  static double StartScore(const Rigid3d& cam_from_world, const std::vector<Eigen::Vector3d>& points,
+                           const std::vector<const Observation*>& observations, double max_error_px) {
+    double score = 0;
+    for (size_t i = 0; i < points.size(); ++i) {
+      const Eigen::Vector3d point_in_cam = cam_from_world * points[i];
+      if (!IsInFront(*observations[i], point_in_cam)) continue;
+      const double error = ReprojectionError(*observations[i], point_in_cam).norm() / max_error_px;
+      score += std::max(0.0, 1 - error * error);
+    }
+    return score;
+  }
+
+  void RefineWithTracks() {
     TrackTriangulationOptions triangulation = options_.triangulation;
-    triangulation.max_query_error_px = options_.max_start_error_px;
+    triangulation.max_query_error = options_.max_start_error;
     for (int round = 0; round < options_.num_refinement_rounds; ++round) {
-      TriangulateAndAdjust(candidates, triangulation);
-      triangulation.max_query_error_px = options_.triangulation.max_query_error_px;
+      RunStage("triangulation", [&] { Triangulate(triangulation); });
+      RunStage("adjustment", [&] { Adjust(); });
+      if (round + 1 < options_.num_refinement_rounds) EstimateViewNoise(tracks_, options_.min_noise_px, &views_);
+      triangulation.max_query_error = options_.triangulation.max_query_error;
     }
     tracks_ = TriangulatedInliers();
   }
 
-  void TriangulateAndAdjust(const std::vector<Track>& candidates, const TrackTriangulationOptions& triangulation) {
-    tracks_ = TriangulateTracks(views_, candidates, triangulation);
+  void Triangulate(const TrackTriangulationOptions& triangulation) {
+    tracks_ = TriangulateTracks(views_, candidates_, triangulation);
     if (static_cast<int>(tracks_.size()) < options_.min_num_tracks) {
       throw QueryFailure{QueryStatus::TOO_FEW_TRACKS,
-                         std::to_string(tracks_.size()) + " of " + std::to_string(candidates.size()) +
+                         std::to_string(tracks_.size()) + " of " + std::to_string(candidates_.size()) +
                              " tracks can be triangulated; " + std::to_string(options_.min_num_tracks) + " are needed"};
     }
+  }
+
+  void Adjust() {
     const StageSummary summary = AdjustBundle(options_.bundle_adjustment, &views_, &tracks_);
     const Rigid3d& pose = views_[0].cam_from_world;
     if (!summary.success || !pose.rotation.coeffs().allFinite() || !pose.translation.allFinite()) {
@@ -255,7 +311,7 @@ class QueryLocalizer {
     for (const Track& track : tracks_) {
       const bool holds = std::all_of(track.observations.begin(), track.observations.end(), [&](const auto& element) {
         return IsInFront(element.observation, views_[element.view].cam_from_world * track.point_in_world) &&
-               ErrorPx(track, element) <= options_.triangulation.max_query_error_px;
+               ErrorPx(track, element) <= options_.triangulation.max_query_error * views_[element.view].noise_px;
       });
       if (holds) inliers.push_back(track);
     }
@@ -268,14 +324,14 @@ class QueryLocalizer {
                                                           " tracks agree with the refined pose; " +
                                                           std::to_string(options_.min_num_tracks) + " are needed"};
     }
-    const double scale_px = options_.bundle_adjustment.loss_scale_px;
-    Eigen::Matrix<double, 6, 6> information = PoseInformation(views_, tracks_, 0, scale_px);
+    const double scale = options_.bundle_adjustment.loss_scale;
+    Eigen::Matrix<double, 6, 6> information = PoseInformation(views_, tracks_, 0, scale);
     CheckObservability(information);
     // Into the tangent of the pose in the database's own frame: t = t_local - R origin.
     Eigen::Matrix<double, 6, 6> world_from_local = Eigen::Matrix<double, 6, 6>::Identity();
     world_from_local.bottomLeftCorner<3, 3>() = Hat(views_[0].cam_from_world.rotation * origin_);
     const Eigen::Matrix<double, 6, 6> covariance =
-        ImageNoiseVariance(views_, tracks_, scale_px) * information.ldlt().solve(Eigen::Matrix<double, 6, 6>::Identity());
+        VarianceFactor(views_, tracks_, scale) * information.ldlt().solve(Eigen::Matrix<double, 6, 6>::Identity());
     const Eigen::Matrix<double, 6, 6> moved = world_from_local * covariance * world_from_local.transpose();
     result_.covariance = (moved + moved.transpose()) / 2;
   }
@@ -357,7 +413,8 @@ class QueryLocalizer {
   Eigen::Vector3d origin_ = Eigen::Vector3d::Zero();
   std::vector<View> views_;
   std::vector<PairState> pairs_;  // those still in use
-  std::vector<Track> tracks_;
+  std::vector<Track> candidates_;  // all tracks, points not set
+  std::vector<Track> tracks_;      // those that hold
   LocalizationResult result_;
 };
 

@@ -25,7 +25,10 @@ struct LocalizerOptions {
   double max_rotation_error_deg = 5;
   // Rounds of triangulation and adjustment. The first one starts from motion averaging, which is off by many pixels.
   int num_refinement_rounds = 3;
-  double max_start_error_px = 32;
+  double max_start_error = 8;
+  // Image noise that the first round assumes; later ones estimate it for each image, but never below the minimum.
+  double start_noise_px = 4;
+  double min_noise_px = 0.5;
   int min_num_tracks = 6;
   // A position whose standard deviation exceeds this part of the distance to the scene is not reported as found.
   double max_position_stddev_ratio = 0.1;

@@ -12,13 +12,13 @@ namespace lazyloc {
 namespace {
 
 Eigen::Vector2d ErrorInView(const View& view, const TrackObservation& element, const Eigen::Vector3d& point_in_world) {
-  return ReprojectionError(element.observation, view.cam_from_world * point_in_world);
+  return ReprojectionError(element.observation, view.cam_from_world * point_in_world) / view.noise_px;
 }
 
 }  // namespace
 
 Eigen::Matrix<double, 6, 6> PoseInformation(const std::vector<View>& views, const std::vector<Track>& tracks, int view,
-                                            double weight_scale_px) {
+                                            double weight_scale) {
   Eigen::Matrix<double, 6, 6> information = Eigen::Matrix<double, 6, 6>::Zero();
   for (const Track& track : tracks) {
     Eigen::Matrix3d point_information = Eigen::Matrix3d::Zero();
@@ -30,8 +30,8 @@ Eigen::Matrix<double, 6, 6> PoseInformation(const std::vector<View>& views, cons
       const Eigen::Vector3d rotated = rotation * track.point_in_world;
       Eigen::Matrix<double, 2, 3> jacobian;
       const Eigen::Vector2d error =
-          ProjectionInCam(element.observation).Error(rotated + cam_from_world.translation, &jacobian);
-      const double weight = CauchyWeight(error.squaredNorm(), weight_scale_px);
+          ProjectionInCam(element.observation).Scaled(1 / views[element.view].noise_px).Error(rotated + cam_from_world.translation, &jacobian);
+      const double weight = CauchyWeight(error.squaredNorm(), weight_scale);
       const Eigen::Matrix<double, 2, 3> point_jacobian = jacobian * rotation;
       point_information += weight * point_jacobian.transpose() * point_jacobian;
       if (element.view != view) continue;
@@ -47,14 +47,14 @@ Eigen::Matrix<double, 6, 6> PoseInformation(const std::vector<View>& views, cons
   return information;
 }
 
-double ImageNoiseVariance(const std::vector<View>& views, const std::vector<Track>& tracks, double weight_scale_px) {
+double VarianceFactor(const std::vector<View>& views, const std::vector<Track>& tracks, double weight_scale) {
   double squared_sum = 0, freedom = -6;
   for (const Track& track : tracks) {
     freedom -= 3;
     for (const TrackObservation& element : track.observations) {
       const double squared_error =
           ErrorInView(views[element.view], element, track.point_in_world).squaredNorm();
-      const double weight = CauchyWeight(squared_error, weight_scale_px);
+      const double weight = CauchyWeight(squared_error, weight_scale);
       squared_sum += weight * squared_error;
       freedom += 2 * weight;
     }

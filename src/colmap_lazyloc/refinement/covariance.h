@@ -10,12 +10,12 @@ namespace lazyloc {
 
 // What the tracks say of one free view's pose, all points being unknown too: the 6x6 information matrix with the points
 // eliminated, of the tangent (w, dt) of cam_from_world (R <- ExpSO3(w) R, t <- t + dt; rad, database units), for an
-// image noise of one pixel. `weight_scale_px`: Cauchy scale by which observations are discounted, as in the adjustment.
+// image noise as the views state it. `weight_scale`: Cauchy scale by which observations are discounted, as in adjustment.
 Eigen::Matrix<double, 6, 6> PoseInformation(const std::vector<View>& views, const std::vector<Track>& tracks, int view,
-                                            double weight_scale_px);
+                                            double weight_scale);
 
-// Variance of the image noise (px^2, per coordinate) that the tracks' errors show: their weighted squared sum over what
-// the points and the pose leave of it.
-double ImageNoiseVariance(const std::vector<View>& views, const std::vector<Track>& tracks, double weight_scale_px);
+// By what factor the variance that the tracks' errors show differs from what the views state: their weighted squared
+// sum, in standard deviations, over the freedom that the points and the pose leave.
+double VarianceFactor(const std::vector<View>& views, const std::vector<Track>& tracks, double weight_scale);
 
 }  // namespace lazyloc

@@ -14,9 +14,14 @@ struct LinearProjection {
   Eigen::Vector3d b;
   double c;
 
+  // With the error in another unit.
+  LinearProjection Scaled(double factor) const { return {factor * A, factor * a, b, c}; }
+
+  double Depth(const Eigen::Vector3d& point) const { return b.dot(point) + c; }
+
   // Error in pixels, and its derivative with respect to the point.
   Eigen::Vector2d Error(const Eigen::Vector3d& point, Eigen::Matrix<double, 2, 3>* jacobian) const {
-    const double inverse_depth = 1 / (b.dot(point) + c);
+    const double inverse_depth = 1 / Depth(point);
     const Eigen::Vector2d error = inverse_depth * (A * point + a);
     *jacobian = inverse_depth * (A - error * b.transpose());
     return error;

@@ -13,6 +13,9 @@ namespace lazyloc {
 struct View {
   Rigid3d cam_from_world;
   bool is_fixed = false;
+  // Standard deviation, per coordinate, of its image points' errors: keypoint noise, and what errors of a database pose
+  // and of the intrinsics look like in the image.
+  double noise_px = 1;
 };
 
 struct TrackObservation {

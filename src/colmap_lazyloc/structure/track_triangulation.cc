@@ -12,11 +12,11 @@
 namespace lazyloc {
 namespace {
 
-// Error in pixels of a point in one view; infinite behind it.
-double ErrorPx(const View& view, const Observation& observation, const Eigen::Vector3d& point_in_world) {
+// Error of a point in one view, in its standard deviations; infinite behind it.
+double NormalizedError(const View& view, const Observation& observation, const Eigen::Vector3d& point_in_world) {
   const Eigen::Vector3d point_in_cam = view.cam_from_world * point_in_world;
   if (!IsInFront(observation, point_in_cam)) return std::numeric_limits<double>::infinity();
-  return ReprojectionError(observation, point_in_cam).norm();
+  return ReprojectionError(observation, point_in_cam).norm() / view.noise_px;
 }
 
 class TrackTriangulator {
@@ -47,7 +47,7 @@ class TrackTriangulator {
     }
     Track result;
     for (const TrackObservation& observation : query) {
-      if (ErrorPx(views_[observation.view], observation.observation, point) > options_.max_query_error_px) {
+      if (NormalizedError(views_[observation.view], observation.observation, point) > options_.max_query_error) {
         return std::nullopt;
       }
       result.observations.push_back(observation);
@@ -80,23 +80,40 @@ class TrackTriangulator {
     return false;
   }
 
+  // All views where they agree, else those that agree with the best of the views' pairs.
   bool TriangulateRobustly(std::vector<TrackObservation>* observations, Eigen::Vector3d* point) const {
-    while (observations->size() >= 2) {
-      if (!Linear(*observations, point)) return false;
-      size_t worst = 0;
-      double worst_error = -1;
-      for (size_t i = 0; i < observations->size(); ++i) {
-        const TrackObservation& observation = (*observations)[i];
-        const double error = ErrorPx(views_[observation.view], observation.observation, *point);
-        if (error > worst_error) {
-          worst = i;
-          worst_error = error;
-        }
-      }
-      if (worst_error <= options_.max_database_error_px) return SeenUnderAngle(*observations, *point);
-      observations->erase(observations->begin() + static_cast<std::ptrdiff_t>(worst));
+    if (observations->size() < 2 || !Linear(*observations, point)) return false;
+    if (!AllAgree(*observations, *point)) {
+      *observations = BestAgreeingViews(*observations);
+      if (observations->size() < 2 || !Linear(*observations, point) || !AllAgree(*observations, *point)) return false;
     }
-    return false;
+    return SeenUnderAngle(*observations, *point);
+  }
+
+  bool AllAgree(const std::vector<TrackObservation>& observations, const Eigen::Vector3d& point) const {
+    return std::all_of(observations.begin(), observations.end(),
+                       [&](const TrackObservation& element) { return Agrees(element, point); });
+  }
+
+  bool Agrees(const TrackObservation& element, const Eigen::Vector3d& point) const {
+    return NormalizedError(views_[element.view], element.observation, point) <= options_.max_database_error;
+  }
+
+  std::vector<TrackObservation> BestAgreeingViews(const std::vector<TrackObservation>& observations) const {
+    std::vector<TrackObservation> best;
+    for (size_t a = 0; a < observations.size(); ++a) {
+      for (size_t b = 0; b < a; ++b) {
+        Eigen::Vector3d point;
+        const std::vector<TrackObservation> pair = {observations[a], observations[b]};
+        if (!Linear(pair, &point) || !SeenUnderAngle(pair, point)) continue;
+        std::vector<TrackObservation> agreeing;
+        for (const TrackObservation& element : observations) {
+          if (Agrees(element, point)) agreeing.push_back(element);
+        }
+        if (agreeing.size() > best.size()) best = std::move(agreeing);
+      }
+    }
+    return best;
   }
 
   bool TriangulateWithQuery(const std::vector<TrackObservation>& query, const std::vector<TrackObservation>& database,
@@ -104,8 +121,8 @@ class TrackTriangulator {
     std::vector<TrackObservation> all = query;
     all.insert(all.end(), database.begin(), database.end());
     if (!Linear(all, point) || !SeenUnderAngle(all, *point)) return false;
-    return std::all_of(database.begin(), database.end(), [&](const TrackObservation& observation) {
-      return ErrorPx(views_[observation.view], observation.observation, *point) <= options_.max_query_error_px;
+    return std::all_of(database.begin(), database.end(), [&](const TrackObservation& element) {
+      return NormalizedError(views_[element.view], element.observation, *point) <= options_.max_query_error;
     });
   }
 
@@ -119,8 +136,8 @@ class TrackTriangulator {
 }  // namespace
 
 bool TrackTriangulationOptions::Check(std::string* error) const {
-  OPTION_GT(max_database_error_px, 0);
-  OPTION_GT(max_query_error_px, 0);
+  OPTION_GT(max_database_error, 0);
+  OPTION_GT(max_query_error, 0);
   OPTION_GE(min_angle_deg, 0);
   return true;
 }

@@ -8,17 +8,18 @@
 namespace lazyloc {
 
 struct TrackTriangulationOptions {
-  // Largest distance of a point from an image point of a database view, and of the query.
-  double max_database_error_px = 4;
-  double max_query_error_px = 4;
+  // Largest distance of a point from an image point of a database view, and of the query, in the view's standard
+  // deviations.
+  double max_database_error = 4;
+  double max_query_error = 4;
   // Smallest angle under which the point is seen: by database views alone, and by one of them with the query.
   double min_angle_deg = 1.5;
 
   bool Check(std::string* error) const;
 };
 
-// Triangulates each track (COLMAP's linear multi-view triangulation, then one robust pass: the worst database view goes
-// until all agree) and returns those that hold. Tracks that two or more database views see under a sufficient angle are
+// Triangulates each track (COLMAP's linear multi-view triangulation, with those database views that agree with the
+// best pair of them) and returns those that hold. Tracks that two or more database views see under a sufficient angle are
 // triangulated from these alone, so that an error of the query's present pose does not reach their points; the others
 // with the query's ray. Points that lie behind a camera, or too far from an image point, are dropped with their track.
 std::vector<Track> TriangulateTracks(const std::vector<View>& views, const std::vector<Track>& tracks,

@@ -1,5 +1,6 @@
 #include "colmap_lazyloc/translation/relative_direction.h"
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 
@@ -32,19 +33,50 @@ int CheiralityVote(const std::vector<RayPair>& rays, const Eigen::Vector3d& dir)
   return vote;
 }
 
+// Whether more ray pairs than chance and a few outliers explain are not parallel: without parallax the rays' noise would
+// feign a direction.
+bool HasParallax(const std::vector<RayPair>& rays, const std::vector<Eigen::Vector3d>& normals) {
+  size_t num_with_parallax = 0;
+  for (size_t i = 0; i < rays.size(); ++i) num_with_parallax += normals[i].norm() > 4 * M_SQRT2 * rays[i].stddev_rad;
+  return num_with_parallax >= 5 && 20 * num_with_parallax >= rays.size();
+}
+
+// The direction, of those that two ray pairs give each, that most ray pairs agree with. The pairs are taken from all over
+// the list in a fixed order: the same input gives the same start.
+Eigen::Vector3d StartDirection(const std::vector<RayPair>& rays, const std::vector<Eigen::Vector3d>& normals) {
+  constexpr size_t kNumHypotheses = 30, kNumVoters = 100;
+  const size_t num_rays = rays.size(), stride = std::max<size_t>(1, num_rays / kNumVoters);
+  Eigen::Vector3d best = Eigen::Vector3d::Zero();
+  double best_score = -1;
+  for (size_t h = 0; h < kNumHypotheses; ++h) {
+    const size_t a = (h * num_rays) / kNumHypotheses, b = (a + num_rays / 2 + 7 * h) % num_rays;
+    const Eigen::Vector3d dir = normals[a].cross(normals[b]).normalized();
+    if (!(dir.squaredNorm() > 0.5)) continue;
+    double score = 0;
+    for (size_t i = h % stride; i < num_rays; i += stride) {
+      double variance;
+      score += GemanMcClureWeight(SquaredError(rays[i], normals[i], dir, &variance), 4.0);
+    }
+    if (score > best_score) {
+      best_score = score;
+      best = dir;
+    }
+  }
+  return best;
+}
+
 }  // namespace
 
 RelativeDirection EstimateRelativeDirection(const std::vector<RayPair>& rays) {
   RelativeDirection result;
   if (rays.size() < 2) return result;
   std::vector<Eigen::Vector3d> normals;
-  Eigen::Matrix3d system = Eigen::Matrix3d::Zero();
-  for (const RayPair& pair : rays) {
-    normals.push_back(pair.ray1_in_world.cross(pair.ray2_in_world));
-    system += normals.back() * normals.back().transpose();
-  }
+  for (const RayPair& pair : rays) normals.push_back(pair.ray1_in_world.cross(pair.ray2_in_world));
+  if (!HasParallax(rays, normals)) return result;
+  Eigen::Vector3d dir = StartDirection(rays, normals);
+  if (dir.isZero()) return result;
+  Eigen::Matrix3d system;
   Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen;
-  Eigen::Vector3d dir = eigen.computeDirect(system).eigenvectors().col(0);
   for (int i = 0; i < kNumIterations; ++i) {
     system.setZero();
     result.num_inliers = 0;

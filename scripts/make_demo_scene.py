@@ -1,0 +1,284 @@
+#!/usr/bin/env python3
+"""Renders the demo scene: photos of a courtyard with exactly known poses and intrinsics.
+
+Writes below --output_path:
+  images/database/*.jpg, images/query/*.jpg   the photos
+  database_model/                             COLMAP text model of the database images, without points
+  queries_with_intrinsics.txt                 `name MODEL width height params...`
+  ground_truth/poses.txt                      `name qw qx qy qz tx ty tz` of the queries, cam_from_world
+  scene.json                                  parameters and size of the scene; written last
+The same parameters give the same files; nothing is done where scene.json says that it has been done.
+"""
+
+import argparse
+import dataclasses
+import hashlib
+import json
+import pathlib
+import sys
+
+import cv2
+import numpy as np
+import pycolmap
+from scipy.spatial.transform import Rotation
+
+import scene_textures as textures
+from scene_renderer import RayGrid, Rectangle, render
+
+# The courtyard in metres: x east, y north, z up, the origin on the ground in the middle.
+SIZE = np.array([16.0, 12.0, 6.0])
+SUN = np.array([0.45, -0.55, 0.70])
+WALK_CENTRE, WALK_RADII = np.array([0.0, -0.6]), np.array([5.6, 3.3])
+CLEARANCE = 0.9  # of a camera from the things that stand in the courtyard
+
+DATABASE_CAMERA = dict(model="OPENCV", width=800, height=600,
+                       params=[641.3, 643.1, 404.6, 296.2, -0.118, 0.041, 0.0011, -0.0007])
+QUERY_CAMERA = dict(model="RADIAL", width=840, height=560, params=[583.7, 415.2, 284.9, -0.083, 0.021])
+
+
+@dataclasses.dataclass(frozen=True)
+class Box:
+    """A thing that stands in the courtyard: `texture` paints its sides and its top."""
+
+    centre: tuple  # of the base
+    size: tuple
+    yaw_deg: float
+    texture: object
+    colour: tuple  # blue, green, red
+
+    def rectangles(self, rng, texels_per_m: float):
+        axes = Rotation.from_euler("z", self.yaw_deg, degrees=True).as_matrix().T
+        half = np.array(self.size) / 2
+        centre = np.array(self.centre) + [0, 0, half[2]]
+        up = np.array([0.0, 0.0, 1.0])
+        for outward, width, depth in ((-axes[1], 0, 1), (axes[0], 1, 0), (axes[1], 0, 1), (-axes[0], 1, 0)):
+            right = np.cross(up, outward) * self.size[width]
+            corner = centre + outward * half[depth] - right / 2 + up * half[2]
+            yield _paint(rng, corner, right, -up * self.size[2], self.texture, texels_per_m, self.colour)
+        right, down = axes[0] * self.size[0], -axes[1] * self.size[1]
+        corner = centre + up * half[2] - right / 2 - down / 2
+        yield _paint(rng, corner, right, down, self.texture, texels_per_m, self.colour)
+
+    def distance(self, position: np.ndarray) -> float:
+        """From the outline of its base, on the ground plan."""
+        offset = Rotation.from_euler("z", -self.yaw_deg, degrees=True).apply([*(position[:2] - self.centre[:2]), 0])
+        return float(np.linalg.norm(np.maximum(np.abs(offset[:2]) - np.array(self.size[:2]) / 2, 0)))
+
+
+BOXES = (
+    Box((2.9, 5.0, 0), (3.4, 2.0, 6.0), 0, textures.facade, (140, 165, 190)),  # a bay of the north wall
+    Box((-5.2, 4.0, 0), (0.7, 0.7, 4.2), 0, textures.stone, (165, 170, 175)),
+    Box((-2.4, 4.1, 0), (0.6, 0.6, 4.2), 8, textures.stone, (150, 165, 170)),
+    Box((0.1, 0.2, 0), (0.9, 0.9, 2.3), 33, textures.stone, (120, 150, 150)),
+    Box((-1.5, -0.9, 0), (1.1, 0.8, 0.8), -20, textures.planks, (70, 115, 160)),
+    Box((1.9, -1.0, 0), (1.2, 1.0, 1.0), 15, textures.planks, (60, 100, 150)),
+    Box((1.8, -0.95, 1.0), (0.7, 0.7, 0.6), 50, textures.planks, (80, 130, 165)),
+    Box((6.9, 3.4, 0), (1.1, 1.4, 1.3), 5, textures.planks, (75, 120, 150)),
+    Box((-7.0, -4.6, 0), (1.0, 1.2, 1.5), -12, textures.planks, (65, 105, 140)),
+)
+
+
+@dataclasses.dataclass(frozen=True)
+class View:
+    name: str
+    camera: pycolmap.Camera
+    rotation: np.ndarray  # cam_from_world
+    translation: np.ndarray
+
+    def pose_text(self) -> str:
+        qvec = np.roll(Rotation.from_matrix(self.rotation).as_quat(canonical=True), 1)
+        return numbers_text([*qvec, *self.translation])
+
+
+def numbers_text(numbers) -> str:
+    return " ".join(f"{number:.17g}" for number in numbers)
+
+
+def _paint(rng, corner, right, down, texture, texels_per_m, colour) -> Rectangle:
+    """A rectangle with its texture, as bright as the sun makes its side."""
+    size = np.linalg.norm(right), np.linalg.norm(down)
+    outward = np.cross(down, right) / (size[0] * size[1])
+    light = 0.62 + 0.45 * max(0.0, float(outward @ SUN) / np.linalg.norm(SUN))
+    picture = texture(rng, size, texels_per_m, colour)
+    return Rectangle(corner, right, down, cv2.convertScaleAbs(picture, alpha=light))
+
+
+def build_scene(seed: int, texels_per_m: float = 220) -> list:
+    rng = np.random.default_rng([seed, 0])
+    x, y, top = SIZE[0] / 2, SIZE[1] / 2, SIZE[2]
+    walls = (  # upper-left corner as seen from inside, direction to the right, height, colour
+        ((-x, y), (SIZE[0], 0), top, (150, 175, 200)),
+        ((x, y), (0, -SIZE[1]), 0.9 * top, (120, 140, 185)),
+        ((x, -y), (-SIZE[0], 0), 0.65 * top, (165, 170, 160)),
+        ((-x, -y), (0, SIZE[1]), 0.8 * top, (135, 165, 165)),
+    )
+    rectangles = [
+        _paint(rng, np.array([*corner, height]), np.array([*right, 0.0]), np.array([0.0, 0.0, -height]),
+               textures.facade, texels_per_m, colour)
+        for corner, right, height, colour in walls
+    ]
+    rectangles.append(_paint(rng, np.array([-x, y, 0.0]), np.array([SIZE[0], 0.0, 0.0]), np.array([0.0, -SIZE[1], 0.0]),
+                             textures.paving, texels_per_m, (145, 150, 155)))
+    for box in BOXES:
+        rectangles.extend(box.rectangles(rng, texels_per_m))
+    return rectangles
+
+
+def sky(directions: np.ndarray) -> np.ndarray:
+    elevation = np.clip(directions[:, 2:] / np.linalg.norm(directions, axis=1, keepdims=True), 0, 1)
+    return (np.array([225, 215, 205]) * (1 - elevation) + np.array([215, 165, 110]) * elevation).astype(np.float32)
+
+
+def look_at(position: np.ndarray, target: np.ndarray, roll_deg: float):
+    """cam_from_world rotation and translation; the camera frame is x right, y down, z forward."""
+    forward = (target - position) / np.linalg.norm(target - position)
+    right = np.cross(forward, [0, 0, 1])
+    right /= np.linalg.norm(right)
+    upright = np.stack([right, np.cross(forward, right), forward])
+    rotation = Rotation.from_euler("z", roll_deg, degrees=True).as_matrix() @ upright
+    return rotation, -rotation @ position
+
+
+def _random_view(rng, angle: float, radius_ratio, heights, turn_deg: float, roll_deg: float):
+    """A pose near the point of the walk at `angle`, facing the courtyard's far side; clear of everything in it."""
+    while True:
+        radius = rng.uniform(*radius_ratio)
+        ground = WALK_CENTRE + radius * WALK_RADII * [np.cos(angle), np.sin(angle)] + rng.normal(0, 0.15, 2)
+        position = np.array([*ground, rng.uniform(*heights)])
+        if min(box.distance(position) for box in BOXES) > CLEARANCE:
+            break
+    heading = angle + np.pi + np.radians(rng.uniform(-turn_deg, turn_deg))
+    target = position + 7 * np.array([np.cos(heading), np.sin(heading), 0])
+    target[2] = rng.uniform(0.9, 2.7)
+    return look_at(position, target, rng.normal(0, roll_deg))
+
+
+def database_views(seed: int, count: int) -> list:
+    """A walk round the courtyard with the camera now at the chest, now at the eye, now held high."""
+    rng = np.random.default_rng([seed, 1])
+    camera = pycolmap.Camera(camera_id=1, **DATABASE_CAMERA)
+    heights = ((1.1, 1.25), (1.6, 1.75), (2.3, 2.5))
+    views = []
+    for index in range(count):
+        angle = 2 * np.pi * index / count
+        pose = _random_view(rng, angle, (0.95, 1.05), heights[index % 3], turn_deg=40, roll_deg=1.5)
+        views.append(View(f"database/{index:03}.jpg", camera, *pose))
+    return views
+
+
+def query_views(seed: int, count: int) -> list:
+    """Photos from beside, above and below the walk, tilted more."""
+    rng = np.random.default_rng([seed, 2])
+    camera = pycolmap.Camera(camera_id=2, **QUERY_CAMERA)
+    views = []
+    for index in range(count):
+        angle = rng.uniform(0, 2 * np.pi)
+        pose = _random_view(rng, angle, (0.65, 1.15), (0.8, 3.3), turn_deg=55, roll_deg=5)
+        views.append(View(f"query/{index:02}.jpg", camera, *pose))
+    return views
+
+
+def photograph(picture: np.ndarray, rng) -> np.ndarray:
+    """The picture as a camera takes it: slight blur, an exposure and white balance of its own, sensor noise."""
+    blurred = cv2.GaussianBlur(picture, (0, 0), rng.uniform(0.4, 0.8))
+    exposure = np.exp(rng.normal(0, 0.13)) * np.exp(rng.normal(0, 0.03, 3))
+    noise = rng.uniform(1.5, 3.5) * rng.standard_normal(picture.shape, np.float32)
+    return np.clip(np.round(blurred * exposure.astype(np.float32) + noise), 0, 255).astype(np.uint8)
+
+
+def write_images(folder: pathlib.Path, rectangles: list, views: list, seed: int, stream: int) -> None:
+    folder.mkdir(parents=True, exist_ok=True)
+    for stale in folder.glob("[0-9]*.jpg"):
+        stale.unlink()
+    rays = RayGrid(views[0].camera)
+    for index, view in enumerate(views):
+        picture = render(rectangles, rays, view.rotation, view.translation, sky)
+        photo = photograph(picture, np.random.default_rng([seed, stream, index]))
+        path = folder / pathlib.Path(view.name).name
+        if not cv2.imwrite(str(path), photo, [cv2.IMWRITE_JPEG_QUALITY, 95]):
+            raise OSError(f"{path}: cannot be written")
+
+
+def write_model(folder: pathlib.Path, views: list) -> None:
+    folder.mkdir(parents=True, exist_ok=True)
+    camera = views[0].camera
+    (folder / "cameras.txt").write_text("# CAMERA_ID MODEL WIDTH HEIGHT PARAMS[]\n"
+                                        f"{camera.camera_id} {camera_text(camera)}\n")
+    lines = ["# IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME, and an empty line of points\n"]
+    lines += [f"{image_id} {view.pose_text()} {camera.camera_id} {view.name}\n\n"
+              for image_id, view in enumerate(views, start=1)]
+    (folder / "images.txt").write_text("".join(lines))
+    (folder / "points3D.txt").write_text("# no points: the method needs none\n")
+
+
+def camera_text(camera: pycolmap.Camera) -> str:
+    return f"{camera.model.name} {camera.width} {camera.height} {numbers_text(camera.params)}"
+
+
+def write_queries(output: pathlib.Path, views: list) -> None:
+    (output / "queries_with_intrinsics.txt").write_text(
+        "".join(f"{view.name} {camera_text(view.camera)}\n" for view in views))
+    (output / "ground_truth").mkdir(exist_ok=True)
+    (output / "ground_truth" / "poses.txt").write_text(
+        "# name qw qx qy qz tx ty tz, cam_from_world\n"
+        + "".join(f"{view.name} {view.pose_text()}\n" for view in views))
+
+
+def code_hash() -> str:
+    code = hashlib.sha256()
+    for name in ("make_demo_scene.py", "scene_renderer.py", "scene_textures.py"):
+        code.update(pathlib.Path(__file__).with_name(name).read_bytes())
+    return code.hexdigest()
+
+
+def make_scene(output: pathlib.Path, seed: int, num_database_images: int, num_query_images: int) -> bool:
+    """False where the scene was there already."""
+    description = dict(size_m=SIZE.tolist(), diagonal_m=float(np.linalg.norm(SIZE)), seed=seed,
+                       num_database_images=num_database_images, num_query_images=num_query_images,
+                       code_sha256=code_hash())
+    scene_path = output / "scene.json"
+    if scene_path.exists() and scene_path.read_text() == _as_json(description):
+        return False
+    print(f"rendering {num_database_images + num_query_images} photos into {output}", file=sys.stderr)
+    output.mkdir(parents=True, exist_ok=True)
+    scene_path.unlink(missing_ok=True)
+    rectangles = build_scene(seed)
+    database, queries = database_views(seed, num_database_images), query_views(seed, num_query_images)
+    write_images(output / "images" / "database", rectangles, database, seed, stream=3)
+    write_images(output / "images" / "query", rectangles, queries, seed, stream=4)
+    write_model(output / "database_model", database)
+    write_queries(output, queries)
+    scene_path.write_text(_as_json(description))
+    return True
+
+
+def _as_json(description: dict) -> str:
+    return json.dumps(description, indent=2) + "\n"
+
+
+def _at_least(minimum: int):
+    def integer(text: str) -> int:
+        if int(text) < minimum:
+            raise argparse.ArgumentTypeError(f"must be at least {minimum}")
+        return int(text)
+
+    return integer
+
+
+def main(arguments=None) -> int:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--output_path", type=pathlib.Path, required=True)
+    parser.add_argument("--seed", type=_at_least(0), default=0)
+    parser.add_argument("--num_database_images", type=_at_least(1), default=40)
+    parser.add_argument("--num_query_images", type=_at_least(1), default=10)
+    options = parser.parse_args(arguments)
+    try:
+        make_scene(options.output_path, options.seed, options.num_database_images, options.num_query_images)
+    except OSError as error:
+        print(f"make_demo_scene.py: {error}", file=sys.stderr)
+        return 1
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,22 @@
+#!/usr/bin/env bash
+# Builds the project with its tests and runs them: unit tests by ctest, whole-program tests by pytest.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+scripts/setup.sh
+source scripts/environment.sh
+
+# A green run that ran next to nothing must not pass: raise these floors as tests are added.
+MIN_UNIT_TESTS=150
+MIN_PROGRAM_TESTS=40
+
+num_unit_tests=$(ctest --test-dir "$BUILD_DIR" -N | sed -n 's/^Total Tests: //p')
+[ "$num_unit_tests" -ge "$MIN_UNIT_TESTS" ] ||
+  { echo "test: only $num_unit_tests unit tests were found, of at least $MIN_UNIT_TESTS" >&2; exit 1; }
+ctest --test-dir "$BUILD_DIR" --output-on-failure --progress -j "$(nproc)" > "$BUILD_DIR/ctest.log" 2>&1 ||
+  { tail -60 "$BUILD_DIR/ctest.log" >&2; exit 1; }
+tail -4 "$BUILD_DIR/ctest.log"
+
+COLMAP=$COLMAP "$PYTHON" -m pytest -q -p no:cacheprovider --junitxml "$BUILD_DIR/pytest.xml" tests
+num_program_tests=$(sed -n 's/.*<testsuite [^>]*tests="\([0-9]*\)".*/\1/p' "$BUILD_DIR/pytest.xml" | head -n 1)
+[ "$num_program_tests" -ge "$MIN_PROGRAM_TESTS" ] ||
+  { echo "test: only $num_program_tests program tests were found, of at least $MIN_PROGRAM_TESTS" >&2; exit 1; }

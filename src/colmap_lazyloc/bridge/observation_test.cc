@@ -1,0 +1,71 @@
+#include "colmap_lazyloc/bridge/observation.h"
+
+#include <gtest/gtest.h>
+
+#include "colmap_lazyloc/bridge/camera_models.h"
+
+namespace lazyloc {
+namespace {
+
+struct ModelCase {
+  const char* name;
+  std::vector<double> params;
+};
+
+class Models : public testing::TestWithParam<ModelCase> {
+ protected:
+  Camera MakeCamera() const {
+    Camera camera;
+    camera.model_id = *CameraModelId(GetParam().name);
+    camera.width = 640;
+    camera.height = 480;
+    camera.params = GetParam().params;
+    return camera;
+  }
+};
+
+// The observation's error must be the difference in pixels, to first order, wherever in the image.
+TEST_P(Models, ErrorIsPixelsToFirstOrder) {
+  const Camera camera = MakeCamera();
+  ASSERT_EQ(CameraProblem(camera), "");
+  for (const Eigen::Vector2d& xy : {Eigen::Vector2d(320, 240), Eigen::Vector2d(40, 60), Eigen::Vector2d(600, 450)}) {
+    const std::optional<Observation> observation = Observe(camera, xy);
+    ASSERT_TRUE(observation.has_value());
+    for (const Eigen::Vector2d& offset : {Eigen::Vector2d(0, 0), Eigen::Vector2d(0.8, -0.6), Eigen::Vector2d(0, 2)}) {
+      const Eigen::Vector3d point = 7.5 * *RayInCam(camera, xy + offset);
+      EXPECT_TRUE(IsInFront(*observation, point));
+      EXPECT_LE((ReprojectionError(*observation, point) - offset).norm(), 1e-6 + 5e-3 * offset.norm());
+      EXPECT_LE((*ImageFromCam(camera, point) - xy - offset).norm(), 1e-6);
+    }
+    EXPECT_FALSE(IsInFront(*observation, -observation->ray_in_cam));
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    Observation, Models,
+    testing::Values(ModelCase{"SIMPLE_PINHOLE", {500, 320, 240}}, ModelCase{"PINHOLE", {500, 520, 310, 250}},
+                    ModelCase{"RADIAL", {500, 320, 240, -0.1, 0.02}},
+                    ModelCase{"OPENCV", {500, 510, 320, 240, -0.1, 0.02, 1e-3, -1e-3}},
+                    ModelCase{"OPENCV_FISHEYE", {300, 300, 320, 240, 0.01, 0.002, 0, 0}},
+                    ModelCase{"FOV", {400, 400, 320, 240, 0.7}}),
+    [](const auto& param_info) { return param_info.param.name; });
+
+TEST(CameraProblem, NamesWhatIsWrong) {
+  Camera camera;
+  camera.model_id = 99;
+  EXPECT_NE(CameraProblem(camera).find("unknown camera model 99"), std::string::npos);
+  camera.model_id = *CameraModelId("PINHOLE");
+  camera.width = camera.height = 10;
+  EXPECT_NE(CameraProblem(camera).find("takes 4 parameters, not 0"), std::string::npos);
+  camera.params = {-1, 1, 5, 5};
+  EXPECT_NE(CameraProblem(camera).find("focal length"), std::string::npos);
+  camera.params = {1, std::nan(""), 5, 5};
+  EXPECT_NE(CameraProblem(camera).find("not a finite number"), std::string::npos);
+  camera.params = {1, 1, 5, 5};
+  EXPECT_EQ(CameraProblem(camera), "");
+  camera.width = 0;
+  EXPECT_NE(CameraProblem(camera).find("size is zero"), std::string::npos);
+}
+
+}  // namespace
+}  // namespace lazyloc

@@ -1,0 +1,323 @@
+#include "colmap_lazyloc/database/database_reader.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstring>
+#include <limits>
+#include <set>
+#include <utility>
+
+#include "colmap_lazyloc/database/sqlite.h"
+#include "colmap_lazyloc/database/two_view_orientation.h"
+#include "colmap_lazyloc/scene/errors.h"
+
+namespace lazyloc {
+namespace {
+
+// COLMAP's limit of image ids, and the base of its pair ids: pair_id = image_id1 * kMaxNumImages + image_id2, where
+// image_id1 < image_id2.
+constexpr int64_t kMaxNumImages = std::numeric_limits<int32_t>::max();
+constexpr int64_t kMaxInt = std::numeric_limits<int>::max();
+constexpr int64_t kMaxInt64 = std::numeric_limits<int64_t>::max();
+constexpr int64_t kMaxCameraId = std::numeric_limits<uint32_t>::max();
+
+int64_t PairId(uint32_t image_id1, uint32_t image_id2) {
+  LAZYLOC_CHECK(image_id1 != image_id2);
+  return std::min(image_id1, image_id2) * kMaxNumImages + std::max(image_id1, image_id2);
+}
+
+// COLMAP stores numbers as the machine holds them, everywhere little endian.
+template <typename T>
+T NumberAt(const ByteSpan& blob, size_t offset) {
+  T value;
+  std::memcpy(&value, blob.data + offset, sizeof(T));
+  return value;
+}
+
+std::vector<double> Doubles(const SqliteRows& row, const ByteSpan& blob) {
+  if (blob.size % sizeof(double) != 0) row.Fail("camera parameters of " + std::to_string(blob.size) + " bytes");
+  std::vector<double> values(blob.size / sizeof(double));
+  for (size_t i = 0; i < values.size(); ++i) values[i] = NumberAt<double>(blob, i * sizeof(double));
+  return values;
+}
+
+// A table of four-byte numbers, in the columns rows, cols, data (0 to 2 of the statement).
+struct NumberTable {
+  size_t num_rows = 0;
+  size_t num_cols = 0;
+  ByteSpan data;
+
+  template <typename T>
+  T At(size_t row, size_t col) const {
+    static_assert(sizeof(T) == 4);
+    return NumberAt<T>(data, 4 * (row * num_cols + col));
+  }
+};
+
+NumberTable ReadNumberTable(const SqliteRows& row, std::initializer_list<size_t> valid_num_cols) {
+  NumberTable table;
+  table.num_rows = static_cast<size_t>(row.Integer(0, 0, kMaxInt));
+  table.num_cols = static_cast<size_t>(row.Integer(1, 0, kMaxInt));
+  table.data = row.Blob(2);
+  const bool is_valid = std::count(valid_num_cols.begin(), valid_num_cols.end(), table.num_cols) > 0;
+  if (table.num_rows > 0 && !is_valid) row.Fail("has " + std::to_string(table.num_cols) + " columns");
+  if (table.data.size != 4 * table.num_rows * (is_valid ? table.num_cols : 0)) {
+    row.Fail("data has " + std::to_string(table.data.size) + " bytes for " + std::to_string(table.num_rows) + " x " +
+             std::to_string(table.num_cols) + " numbers");
+  }
+  return table;
+}
+
+// Matches of (image_id1, image_id2), as if image_id2 were the query.
+Matches ReadStoredMatches(const SqliteRows& row) {
+  const NumberTable table = ReadNumberTable(row, {2});
+  Matches matches(table.num_rows);
+  for (size_t i = 0; i < matches.size(); ++i) matches[i] = {table.At<uint32_t>(i, 1), table.At<uint32_t>(i, 0)};
+  return matches;
+}
+
+// N numbers that may be unset: NULL or an empty blob in 4.x; zeros in 3.x, or not finite, where 3.x inverted an H of
+// zeros to exchange the images.
+template <int N>
+std::optional<std::array<double, N>> ReadNumbers(const SqliteRows& row, int column) {
+  const ByteSpan blob = row.Blob(column);
+  if (blob.size == 0) return std::nullopt;
+  if (blob.size != N * sizeof(double)) {
+    row.Fail(row.ColumnName(column) + " has " + std::to_string(blob.size) + " bytes instead of " +
+             std::to_string(N * sizeof(double)));
+  }
+  std::array<double, N> values;
+  std::memcpy(values.data(), blob.data, blob.size);
+  const bool is_finite = std::all_of(values.begin(), values.end(), [](double value) { return std::isfinite(value); });
+  return is_finite ? std::make_optional(values) : std::nullopt;
+}
+
+// The identity is what COLMAP's database.py, and with it hloc, stores for want of a matrix. (No E or F is one.)
+std::optional<Eigen::Matrix3d> ReadMatrix(const SqliteRows& row, int column) {
+  const auto numbers = ReadNumbers<9>(row, column);
+  if (!numbers) return std::nullopt;
+  const Eigen::Matrix3d matrix = Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(numbers->data());
+  const bool is_set = !matrix.isZero(0) && !matrix.isIdentity(0);
+  return is_set ? std::make_optional(matrix) : std::nullopt;
+}
+
+// For 3.x, no rotation and no translation at once mean unset; a rotation alone is the pose of a panoramic pair.
+std::optional<Rigid3d> ReadPose(const SqliteRows& row, int qvec_column, int tvec_column) {
+  const auto wxyz = ReadNumbers<4>(row, qvec_column);
+  const auto translation = ReadNumbers<3>(row, tvec_column);
+  if (!wxyz || !translation) return std::nullopt;
+  const auto [w, x, y, z] = *wxyz;
+  const Rigid3d pose{Eigen::Quaterniond(w, x, y, z).normalized(), Eigen::Vector3d(translation->data())};
+  const bool has_rotation = !pose.rotation.vec().isZero(0);
+  if (!has_rotation && (w == 0 || pose.translation.isZero(0))) return std::nullopt;
+  return pose;
+}
+
+// 4.x: camera_id u32, model i32, width u64, height u64, prior u8, number of parameters u64, parameters f64, unpadded.
+std::optional<Camera> ReadSerializedCamera(const SqliteRows& row, int column) {
+  constexpr size_t kParamsOffset = 33;
+  const ByteSpan blob = row.Blob(column);
+  if (blob.size == 0) return std::nullopt;
+  if (blob.size < kParamsOffset || NumberAt<uint64_t>(blob, 25) != (blob.size - kParamsOffset) / sizeof(double)) {
+    row.Fail(row.ColumnName(column) + " is damaged");
+  }
+  Camera camera;
+  camera.camera_id = NumberAt<uint32_t>(blob, 0);
+  camera.model_id = NumberAt<int32_t>(blob, 4);
+  camera.width = NumberAt<uint64_t>(blob, 8);
+  camera.height = NumberAt<uint64_t>(blob, 16);
+  camera.has_prior_focal_length = NumberAt<uint8_t>(blob, 24) != 0;
+  camera.params = Doubles(row, {blob.data + kParamsOffset, blob.size - kParamsOffset});
+  return camera;
+}
+
+using TwoViewColumns = std::set<std::string>;
+
+// Checks that all that every version has is there; returns the columns of two_view_geometries.
+TwoViewColumns CheckTables(const SqliteConnection& connection) {
+  const std::pair<std::string, std::vector<std::string>> kRequired[] = {
+      {"cameras", {"camera_id", "model", "width", "height", "params", "prior_focal_length"}},
+      {"images", {"image_id", "name", "camera_id"}},
+      {"keypoints", {"image_id", "rows", "cols", "data"}},
+      {"matches", {"pair_id", "rows", "cols", "data"}},
+      {"two_view_geometries", {"pair_id", "rows", "cols", "data", "config"}},
+  };
+  TwoViewColumns columns;
+  for (const auto& [table, required] : kRequired) {
+    columns = connection.ColumnNames(table);
+    const std::string prefix = connection.File().Path().string() + ": is not a COLMAP database: ";
+    if (columns.empty()) throw InputError(prefix + "it has no table " + table);
+    for (const std::string& column : required) {
+      if (columns.count(column) == 0) throw InputError(prefix + "its table " + table + " has no column " + column);
+    }
+  }
+  return columns;
+}
+
+SqliteStatement PrepareTwoViewGeometry(const SqliteConnection& connection, const TwoViewColumns& columns) {
+  std::string sql = "SELECT rows, cols, data, config";
+  for (const std::string column : {"E", "F", "H", "qvec", "tvec", "camera1", "camera2"}) {
+    sql += ", " + (columns.count(column) > 0 ? column : "NULL");
+  }
+  return connection.Prepare("two_view_geometries", sql + " FROM two_view_geometries WHERE pair_id = ?1");
+}
+
+// The pairs of image ?1 with rows: those with it first are a range of keys, those with it second a key per image.
+// Pairs whose other image was deleted are left out. `rows` lies before the blob, so no blob is touched.
+struct PairSizeStatements {
+  PairSizeStatements(const SqliteConnection& connection, const std::string& table)
+      : with_image_first(connection.Prepare(table, "SELECT i.image_id, t.rows FROM " + table +
+                                                       " t CROSS JOIN images i ON i.image_id = t.pair_id - ?1 * ?2"
+                                                       " WHERE t.pair_id > ?1 * ?2 + ?1 AND t.pair_id < (?1 + 1) * ?2"
+                                                       " AND t.rows > 0")),
+        with_image_second(connection.Prepare(table, "SELECT i.image_id, t.rows FROM images i CROSS JOIN " + table +
+                                                        " t ON t.pair_id = i.image_id * ?2 + ?1"
+                                                        " WHERE i.image_id < ?1 AND t.rows > 0")) {}
+
+  SqliteStatement with_image_first, with_image_second;
+};
+
+}  // namespace
+
+struct DatabaseReader::Impl {
+  explicit Impl(const std::filesystem::path& path)
+      : connection(path),
+        two_view_columns(CheckTables(connection)),
+        images(connection.Prepare("images", "SELECT image_id, camera_id, name FROM images")),
+        image_name(connection.Prepare("images", "SELECT name FROM images WHERE image_id = ?1")),
+        camera(connection.Prepare("cameras", "SELECT model, width, height, prior_focal_length, params FROM cameras"
+                                             " WHERE camera_id = ?1")),
+        keypoints(connection.Prepare("keypoints", "SELECT rows, cols, data FROM keypoints WHERE image_id = ?1")),
+        matches(connection.Prepare("matches", "SELECT rows, cols, data FROM matches WHERE pair_id = ?1")),
+        two_view_geometry(PrepareTwoViewGeometry(connection, two_view_columns)),
+        match_counts(connection, "matches"),
+        inlier_counts(connection, "two_view_geometries") {}
+
+  // For messages.
+  std::string ImageLabel(uint32_t image_id) const {
+    std::string label = "image " + std::to_string(image_id);
+    SqliteRows rows = image_name.Run({image_id});
+    while (rows.Next()) label += " (" + rows.Text(0) + ")";
+    return label;
+  }
+
+  SqliteRows FindPair(const SqliteStatement& statement, uint32_t image_id1, uint32_t image_id2) const {
+    return statement.Run({PairId(image_id1, image_id2)},
+                         [=] { return "pair of " + ImageLabel(image_id1) + " and " + ImageLabel(image_id2); });
+  }
+
+  std::vector<PairSize> ReadPairSizes(const PairSizeStatements& statements, uint32_t image_id) const {
+    std::vector<PairSize> sizes;
+    for (const SqliteStatement* statement : {&statements.with_image_second, &statements.with_image_first}) {
+      SqliteRows rows = statement->Run({image_id, kMaxNumImages}, [=] { return "a pair of " + ImageLabel(image_id); });
+      while (rows.Next()) {
+        sizes.push_back({static_cast<uint32_t>(rows.Integer(0, 0, kMaxNumImages - 1)),
+                         static_cast<int>(rows.Integer(1, 1, kMaxInt))});
+      }
+    }
+    std::sort(sizes.begin(), sizes.end(),
+              [](const PairSize& a, const PairSize& b) { return a.image_id < b.image_id; });
+    return sizes;
+  }
+
+  SqliteConnection connection;
+  TwoViewColumns two_view_columns;
+  SqliteStatement images, image_name, camera, keypoints, matches, two_view_geometry;
+  PairSizeStatements match_counts, inlier_counts;
+};
+
+DatabaseReader::DatabaseReader(const std::filesystem::path& path) : impl_(std::make_unique<Impl>(path)) {}
+DatabaseReader::~DatabaseReader() = default;
+DatabaseReader::DatabaseReader(DatabaseReader&&) noexcept = default;
+DatabaseReader& DatabaseReader::operator=(DatabaseReader&&) noexcept = default;
+
+const std::filesystem::path& DatabaseReader::Path() const { return impl_->connection.File().Path(); }
+
+std::vector<DatabaseImage> DatabaseReader::ReadImages() const {
+  std::vector<DatabaseImage> images;
+  SqliteRows rows = impl_->images.Run({});
+  while (rows.Next()) {
+    images.push_back({static_cast<uint32_t>(rows.Integer(0, 0, kMaxNumImages - 1)),
+                      static_cast<uint32_t>(rows.Integer(1, 0, kMaxCameraId)), rows.Text(2)});
+  }
+  std::sort(images.begin(), images.end(), [](const auto& a, const auto& b) { return a.name < b.name; });
+  const auto duplicate = std::adjacent_find(images.begin(), images.end(),
+                                            [](const auto& a, const auto& b) { return a.name == b.name; });
+  if (duplicate != images.end()) rows.Fail("two images have the name " + duplicate->name);
+  return images;
+}
+
+Camera DatabaseReader::ReadCamera(uint32_t camera_id) const {
+  SqliteRows rows = impl_->camera.Run({camera_id}, [=] { return "camera " + std::to_string(camera_id); });
+  std::optional<Camera> camera;
+  while (rows.Next()) {
+    camera.emplace();
+    camera->camera_id = camera_id;
+    camera->model_id = static_cast<int>(rows.Integer(0, std::numeric_limits<int>::min(), kMaxInt));
+    camera->width = static_cast<uint64_t>(rows.Integer(1, 0, kMaxInt64));
+    camera->height = static_cast<uint64_t>(rows.Integer(2, 0, kMaxInt64));
+    camera->has_prior_focal_length = rows.Integer(3, 0, kMaxInt64) != 0;
+    camera->params = Doubles(rows, rows.Blob(4));
+  }
+  if (!camera) rows.Fail("does not exist");
+  return *camera;
+}
+
+std::vector<Eigen::Vector2d> DatabaseReader::ReadKeypoints(uint32_t image_id) const {
+  SqliteRows rows = impl_->keypoints.Run({image_id}, [=] { return impl_->ImageLabel(image_id); });
+  std::vector<Eigen::Vector2d> keypoints;
+  while (rows.Next()) {
+    const NumberTable table = ReadNumberTable(rows, {2, 4, 6});
+    keypoints.resize(table.num_rows);
+    for (size_t i = 0; i < keypoints.size(); ++i) {
+      keypoints[i] = {table.At<float>(i, 0), table.At<float>(i, 1)};
+      if (!keypoints[i].allFinite()) rows.Fail("keypoint " + std::to_string(i) + " is not finite");
+    }
+  }
+  return keypoints;
+}
+
+std::vector<PairSize> DatabaseReader::ReadInlierCounts(uint32_t image_id) const {
+  return impl_->ReadPairSizes(impl_->inlier_counts, image_id);
+}
+
+std::vector<PairSize> DatabaseReader::ReadMatchCounts(uint32_t image_id) const {
+  return impl_->ReadPairSizes(impl_->match_counts, image_id);
+}
+
+Matches DatabaseReader::ReadMatches(uint32_t query_id, uint32_t database_id) const {
+  SqliteRows rows = impl_->FindPair(impl_->matches, query_id, database_id);
+  Matches matches;
+  while (rows.Next()) matches = ReadStoredMatches(rows);
+  if (query_id < database_id) {
+    for (Match& match : matches) std::swap(match.query_point, match.database_point);
+  }
+  std::sort(matches.begin(), matches.end());
+  return matches;
+}
+
+std::optional<TwoViewGeometry> DatabaseReader::ReadTwoViewGeometry(uint32_t query_id, uint32_t database_id) const {
+  SqliteRows rows = impl_->FindPair(impl_->two_view_geometry, query_id, database_id);
+  std::optional<TwoViewGeometry> geometry;
+  while (rows.Next()) {
+    geometry.emplace();  // as stored, from the smaller id to the larger
+    geometry->inlier_matches = ReadStoredMatches(rows);
+    geometry->config = static_cast<TwoViewConfig>(rows.Integer(3, 0, static_cast<int>(TwoViewConfig::CALIBRATED_RIG)));
+    geometry->E = ReadMatrix(rows, 4);
+    geometry->F = ReadMatrix(rows, 5);
+    geometry->H = ReadMatrix(rows, 6);
+    geometry->query_from_database = ReadPose(rows, 7, 8);
+    geometry->database_camera = ReadSerializedCamera(rows, 9);
+    geometry->query_camera = ReadSerializedCamera(rows, 10);
+  }
+  if (!geometry) return std::nullopt;
+  if (query_id < database_id) geometry = Inverted(*geometry);
+  std::sort(geometry->inlier_matches.begin(), geometry->inlier_matches.end());
+  if (geometry->query_from_database) {
+    geometry->query_from_database = CanonicalRelativePose(*geometry->query_from_database);
+  }
+  return geometry;
+}
+
+}  // namespace lazyloc

@@ -1,0 +1,91 @@
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <functional>
+#include <initializer_list>
+#include <memory>
+#include <set>
+#include <string>
+
+#include "colmap_lazyloc/database/sqlite_file.h"
+
+struct sqlite3;
+struct sqlite3_stmt;
+
+// The few things that we need of SQLite, owned and checked. Every failure is an InputError, one line `path: ...`.
+namespace lazyloc {
+
+class SqliteStatement;
+
+// Bytes of a blob as SQLite holds them: unaligned, valid until the next row.
+struct ByteSpan {
+  const unsigned char* data = nullptr;
+  size_t size = 0;
+};
+
+// A connection that leaves no trace: no byte of the file or its side files is written, nothing is created.
+class SqliteConnection {
+ public:
+  explicit SqliteConnection(const std::filesystem::path& path);
+  SqliteConnection(const SqliteConnection&) = delete;
+  SqliteConnection& operator=(const SqliteConnection&) = delete;
+
+  const SqliteFile& File() const { return file_; }
+  // Empty where there is no such table.
+  std::set<std::string> ColumnNames(const std::string& table) const;
+  // `table` is for messages. The connection must outlive the statement.
+  SqliteStatement Prepare(const std::string& table, const std::string& sql) const;
+  [[noreturn]] void ThrowSqliteError(const std::string& table) const;
+
+ private:
+  struct Close {
+    void operator()(sqlite3* connection) const;
+  };
+  SqliteFile file_;
+  std::unique_ptr<sqlite3, Close> connection_;
+};
+
+// The rows of one execution, to be visited to the end, where it is checked that the file did not change meanwhile.
+class SqliteRows {
+ public:
+  SqliteRows(const SqliteRows&) = delete;
+  SqliteRows& operator=(const SqliteRows&) = delete;
+  ~SqliteRows();
+
+  bool Next();
+  // Columns of the current row, counted from 0, of exactly that type.
+  int64_t Integer(int column, int64_t min, int64_t max) const;
+  std::string Text(int column) const;
+  ByteSpan Blob(int column) const;  // empty for NULL
+  std::string ColumnName(int column) const;
+  // Throws InputError `path: table <table>, <row label>: <problem>`.
+  [[noreturn]] void Fail(const std::string& problem) const;
+
+ private:
+  friend class SqliteStatement;
+  SqliteRows(const SqliteStatement& statement, std::function<std::string()> row_label);
+
+  const SqliteStatement& statement_;
+  std::function<std::string()> row_label_;
+};
+
+class SqliteStatement {
+ public:
+  // Runs with values for ?1, ?2, ...; only one run at a time. `row_label` says in messages which row it is about.
+  SqliteRows Run(std::initializer_list<int64_t> values, std::function<std::string()> row_label = nullptr) const;
+
+ private:
+  friend class SqliteConnection;
+  friend class SqliteRows;
+  struct Finalize {
+    void operator()(sqlite3_stmt* statement) const;
+  };
+  SqliteStatement(const SqliteConnection& connection, std::string table, sqlite3_stmt* statement);
+
+  const SqliteConnection* connection_;
+  std::string table_;
+  std::unique_ptr<sqlite3_stmt, Finalize> statement_;
+};
+
+}  // namespace lazyloc

@@ -1,0 +1,54 @@
+#include "colmap_lazyloc/database/two_view_orientation.h"
+
+#include <cmath>
+#include <utility>
+
+#include <Eigen/LU>
+
+namespace lazyloc {
+namespace {
+
+double RoundedToGrid(double value) {
+  constexpr double kStepsPerUnit = 8589934592.0;  // 2^33
+  return std::nearbyint(value * kStepsPerUnit) / kStepsPerUnit + 0.0;  // + 0.0 turns -0 into 0
+}
+
+bool IsFirstNonZeroNegative(const Eigen::Vector4d& wxyz) {
+  for (const double value : wxyz) {
+    if (value != 0) return value < 0;
+  }
+  return false;
+}
+
+}  // namespace
+
+TwoViewGeometry Inverted(const TwoViewGeometry& geometry) {
+  TwoViewGeometry inverted;
+  inverted.config = geometry.config;
+  inverted.inlier_matches.reserve(geometry.inlier_matches.size());
+  for (const Match& match : geometry.inlier_matches) {
+    inverted.inlier_matches.push_back({match.database_point, match.query_point});
+  }
+  if (geometry.query_from_database) inverted.query_from_database = Inverse(*geometry.query_from_database);
+  if (geometry.E) inverted.E = geometry.E->transpose();
+  if (geometry.F) inverted.F = geometry.F->transpose();
+  if (geometry.H) {
+    const Eigen::Matrix3d database_from_query = geometry.H->inverse();
+    if (database_from_query.allFinite()) inverted.H = database_from_query;
+  }
+  inverted.query_camera = geometry.database_camera;
+  inverted.database_camera = geometry.query_camera;
+  return inverted;
+}
+
+Rigid3d CanonicalRelativePose(const Rigid3d& cam2_from_cam1) {
+  const Eigen::Quaterniond rotation = cam2_from_cam1.rotation.normalized();
+  Eigen::Vector4d wxyz(rotation.w(), rotation.x(), rotation.y(), rotation.z());
+  wxyz = wxyz.unaryExpr(&RoundedToGrid);
+  // After rounding, so that a w of a few 1e-17 does not decide.
+  if (IsFirstNonZeroNegative(wxyz)) wxyz = (-wxyz).unaryExpr(&RoundedToGrid);
+  const Eigen::Vector3d direction = cam2_from_cam1.translation.stableNormalized();
+  return {{wxyz(0), wxyz(1), wxyz(2), wxyz(3)}, direction.unaryExpr(&RoundedToGrid)};
+}
+
+}  // namespace lazyloc

@@ -1,0 +1,34 @@
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <string>
+#include <unordered_set>
+
+#include "colmap_lazyloc/scene/model.h"
+
+namespace lazyloc {
+
+// Collects a model while it is read and refuses what cannot be, whichever format it comes from.
+class ModelBuilder {
+ public:
+  // Why the camera or image cannot be part of the model; empty when it was added. Cameras come first.
+  std::string AddCamera(Camera camera);
+  std::string AddImage(ModelImage image);
+
+  // The model with its images sorted by name; the builder is empty afterwards.
+  Model Take();
+
+ private:
+  Model model_;
+  std::unordered_set<uint32_t> image_ids_;
+  std::unordered_set<std::string> names_;
+};
+
+// One file each of COLMAP's two formats. Throw InputError with the file (text: and line) and what is wrong.
+void ReadCamerasBinary(const std::filesystem::path& path, ModelBuilder* builder);
+void ReadImagesBinary(const std::filesystem::path& path, ModelBuilder* builder);
+void ReadCamerasText(const std::filesystem::path& path, ModelBuilder* builder);
+void ReadImagesText(const std::filesystem::path& path, ModelBuilder* builder);
+
+}  // namespace lazyloc

@@ -1,0 +1,141 @@
+#include "colmap_lazyloc/io/model_merger.h"
+
+#include <algorithm>
+#include <limits>
+#include <string>
+#include <unordered_map>
+#include <unordered_set>
+#include <utility>
+
+#include "colmap_lazyloc/scene/errors.h"
+
+namespace lazyloc {
+namespace {
+
+using IdOfName = std::unordered_map<std::string, uint32_t>;
+using ImageOfName = std::unordered_map<std::string, MergedImage*>;
+
+// Hands out ids above the largest that is in use.
+class IdSource {
+ public:
+  void SkipTo(uint32_t used_id) { largest_ = std::max(largest_, used_id); }
+  uint32_t Next() {
+    // COLMAP's mark for "no id" is the largest number.
+    if (largest_ >= std::numeric_limits<uint32_t>::max() - 1) {
+      throw InputError("no image or camera id is left for the queries: the model's ids reach the largest number");
+    }
+    return ++largest_;
+  }
+
+ private:
+  uint32_t largest_ = 0;
+};
+
+uint32_t AddQueryCamera(const Camera& camera, std::map<uint32_t, Camera>* cameras, IdSource* new_ids) {
+  const auto own = cameras->find(camera.camera_id);
+  if (own != cameras->end() && SameIntrinsics(own->second, camera)) return own->first;
+  const auto same = std::find_if(cameras->begin(), cameras->end(),
+                                 [&](const auto& other) { return SameIntrinsics(other.second, camera); });
+  if (same != cameras->end()) return same->first;
+
+  const bool own_id_is_free = own == cameras->end() && camera.camera_id != 0;  // 0: a camera without id
+  Camera added = camera;
+  added.camera_id = own_id_is_free ? camera.camera_id : new_ids->Next();
+  cameras->emplace(added.camera_id, added);
+  return added.camera_id;
+}
+
+// The id that a query has where nothing stands against it.
+uint32_t PreferredImageId(const std::string& name, const IdOfName& model_ids, const IdOfName& database_ids) {
+  const auto in_model = model_ids.find(name);
+  return in_model != model_ids.end() ? in_model->second : database_ids.at(name);
+}
+
+// Adds the localized queries' images and cameras.
+void AddQueryImages(const std::vector<const LocalizationResult*>& results, const IdOfName& model_ids,
+                    const IdOfName& database_ids, MergedModel* merged) {
+  IdSource new_image_ids, new_camera_ids;
+  for (const auto& [name, image_id] : model_ids) new_image_ids.SkipTo(image_id);
+  for (const auto& [name, image_id] : database_ids) new_image_ids.SkipTo(image_id);
+  for (const auto& [camera_id, camera] : merged->cameras) new_camera_ids.SkipTo(camera_id);
+  for (const LocalizationResult* query : results) new_camera_ids.SkipTo(query->query_camera.camera_id);
+
+  for (const LocalizationResult* query : results) {
+    if (query->status != QueryStatus::LOCALIZED) continue;
+    const uint32_t preferred_id = PreferredImageId(query->query_name, model_ids, database_ids);
+    const bool is_free = merged->images.count(preferred_id) == 0;
+    MergedImage added;
+    added.image.image_id = is_free ? preferred_id : new_image_ids.Next();
+    added.image.camera_id = AddQueryCamera(query->query_camera, &merged->cameras, &new_camera_ids);
+    added.image.name = query->query_name;
+    added.image.cam_from_world = query->cam_from_world;
+    added.database_id = database_ids.at(query->query_name);
+    merged->images.emplace(added.image.image_id, std::move(added));
+  }
+}
+
+// pair_images: of the query's pairs, null for an image that is not in the merged model.
+void AddPoint(const PointResult& point, MergedImage* query_image, const std::vector<MergedImage*>& pair_images,
+              MergedModel* merged) {
+  const uint64_t point_id = merged->points.size() + 1;
+  // The error stays that of the whole track, even where an observation goes to another point.
+  MergedPoint added{point.point_in_world, point.mean_reprojection_error_px, {}};
+  const auto observe = [&](MergedImage* image, int keypoint) {
+    LAZYLOC_CHECK(keypoint >= 0);
+    if (image->point_of_keypoint.emplace(keypoint, point_id).second) {
+      added.track.push_back({image->image.image_id, static_cast<uint32_t>(keypoint)});
+    }
+  };
+  observe(query_image, point.query_point);
+  for (const auto& [pair_idx, keypoint] : point.observations) {
+    MergedImage* image = pair_images.at(pair_idx);
+    if (image != nullptr) observe(image, keypoint);
+  }
+
+  if (added.track.size() >= 2) {
+    merged->points.push_back(std::move(added));
+  } else {
+    for (const TrackElement& element : added.track) {
+      merged->images.at(element.image_id).point_of_keypoint.erase(element.keypoint);
+    }
+  }
+}
+
+void AddPoints(const LocalizationResult& query, const ImageOfName& images, MergedModel* merged) {
+  std::vector<MergedImage*> pair_images;
+  for (const PairResult& pair : query.pairs) {
+    const auto image = images.find(pair.database_name);
+    pair_images.push_back(image == images.end() ? nullptr : image->second);
+  }
+  for (const PointResult& point : query.points) AddPoint(point, images.at(query.query_name), pair_images, merged);
+}
+
+}  // namespace
+
+MergedModel MergeModel(const Model& model, const std::vector<const LocalizationResult*>& results,
+                       const std::vector<DatabaseImage>& database_images) {
+  std::unordered_set<std::string> query_names;
+  for (const LocalizationResult* result : results) query_names.insert(result->query_name);
+  IdOfName model_ids, database_ids;
+  for (const ModelImage& image : model.images) model_ids.emplace(image.name, image.image_id);
+  for (const DatabaseImage& image : database_images) database_ids.emplace(image.name, image.image_id);
+
+  MergedModel merged;
+  merged.cameras = model.cameras;
+  for (const ModelImage& image : model.images) {
+    if (query_names.count(image.name) == 0) merged.images[image.image_id].image = image;
+  }
+  AddQueryImages(results, model_ids, database_ids, &merged);
+
+  ImageOfName images;
+  for (auto& [image_id, image] : merged.images) images.emplace(image.image.name, &image);
+  for (const LocalizationResult* result : results) {
+    if (result->status == QueryStatus::LOCALIZED) AddPoints(*result, images, &merged);
+  }
+  for (auto& [image_id, image] : merged.images) {
+    if (!image.point_of_keypoint.empty()) image.database_id = database_ids.at(image.image.name);
+  }
+  return merged;
+}
+
+}  // namespace lazyloc

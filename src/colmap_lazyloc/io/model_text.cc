@@ -1,0 +1,72 @@
+#include <string_view>
+
+#include "colmap_lazyloc/bridge/camera_models.h"
+#include "colmap_lazyloc/io/model_formats.h"
+#include "colmap_lazyloc/io/text_file.h"
+
+namespace lazyloc {
+namespace {
+
+Camera ParseCamera(const TextFile& file) {
+  std::string_view rest = file.Line();
+  Camera camera;
+  camera.camera_id = file.ParseNumber<uint32_t>(NextWord(&rest));
+  const std::string model_name(NextWord(&rest));
+  const std::optional<int> model_id = CameraModelId(model_name);
+  if (!model_id) throw file.Error("unknown camera model '" + model_name + "'");
+  camera.model_id = *model_id;
+  camera.width = file.ParseNumber<uint64_t>(NextWord(&rest));
+  camera.height = file.ParseNumber<uint64_t>(NextWord(&rest));
+  for (std::string_view word = NextWord(&rest); !word.empty(); word = NextWord(&rest)) {
+    camera.params.push_back(file.ParseNumber<double>(word));
+  }
+  return camera;
+}
+
+ModelImage ParseImage(const TextFile& file) {
+  std::string_view rest = file.Line();
+  ModelImage image;
+  image.image_id = file.ParseNumber<uint32_t>(NextWord(&rest));
+  Rigid3d& pose = image.cam_from_world;
+  for (double* number : {&pose.rotation.w(), &pose.rotation.x(), &pose.rotation.y(), &pose.rotation.z(),
+                         &pose.translation.x(), &pose.translation.y(), &pose.translation.z()}) {
+    *number = file.ParseNumber<double>(NextWord(&rest));
+  }
+  image.camera_id = file.ParseNumber<uint32_t>(NextWord(&rest));
+  image.name = Trimmed(rest);  // all that is left: names may hold blanks
+  return image;
+}
+
+// Whether the line can be an image's points, `X Y POINT3D_ID` each.
+bool IsPointsLine(std::string_view line) {
+  size_t num_words = 0;
+  std::string_view last_word;
+  for (std::string_view word = NextWord(&line); !word.empty(); word = NextWord(&line)) {
+    last_word = word;
+    ++num_words;
+  }
+  return num_words % 3 == 0 && last_word.find_first_not_of("-0123456789") == std::string_view::npos;
+}
+
+}  // namespace
+
+void ReadCamerasText(const std::filesystem::path& path, ModelBuilder* builder) {
+  TextFile file(path);
+  while (file.NextEntry()) {
+    if (const std::string problem = builder->AddCamera(ParseCamera(file)); !problem.empty()) throw file.Error(problem);
+  }
+}
+
+void ReadImagesText(const std::filesystem::path& path, ModelBuilder* builder) {
+  TextFile file(path);
+  while (file.NextEntry()) {
+    if (const std::string problem = builder->AddImage(ParseImage(file)); !problem.empty()) throw file.Error(problem);
+    // Each image's second line holds its points, or nothing. A file that leaves these lines out would lose
+    // every other image unnoticed, hence the check.
+    if (file.NextLine() && !IsPointsLine(file.Line())) {
+      throw file.Error("expected the points of the image above (X Y POINT3D_ID ..., or an empty line)");
+    }
+  }
+}
+
+}  // namespace lazyloc

@@ -1,0 +1,38 @@
+#pragma once
+
+#include <filesystem>
+#include <fstream>
+#include <ostream>
+
+#include <boost/endian/conversion.hpp>
+
+namespace lazyloc {
+
+// A new file, in text with 17 significant digits whatever the locale, or in little-endian binary.
+// Nothing counts as written before Close: a full disk shows there at the latest.
+class OutputFile {
+ public:
+  // Throws InputError naming the file where it cannot be made.
+  explicit OutputFile(const std::filesystem::path& path);
+
+  std::ostream& Text() { return stream_; }
+
+  template <typename T>
+  void WriteBinary(T value);
+
+  // Throws InputError naming the file where not everything could be written.
+  void Close();
+
+ private:
+  std::filesystem::path path_;
+  std::ofstream stream_;
+};
+
+template <typename T>
+void OutputFile::WriteBinary(T value) {
+  unsigned char bytes[sizeof(T)];
+  boost::endian::endian_store<T, sizeof(T), boost::endian::order::little>(bytes, value);
+  stream_.write(reinterpret_cast<const char*>(bytes), sizeof(T));
+}
+
+}  // namespace lazyloc

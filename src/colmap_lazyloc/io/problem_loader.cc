@@ -1,0 +1,195 @@
+#include "colmap_lazyloc/io/problem_loader.h"
+
+#include <algorithm>
+#include <cmath>
+#include <set>
+
+#include "colmap_lazyloc/bridge/camera_models.h"
+#include "colmap_lazyloc/scene/errors.h"
+
+namespace lazyloc {
+namespace {
+
+// Whether a geometry estimated with one camera holds for the other: equal but for the rounding of a text file.
+bool AgreeOnIntrinsics(const Camera& a, const Camera& b) {
+  if (a.model_id != b.model_id || a.params.size() != b.params.size()) return false;
+  for (size_t i = 0; i < a.params.size(); ++i) {
+    if (std::abs(a.params[i] - b.params[i]) > 1e-6 * (1e-3 + std::abs(a.params[i]))) return false;
+  }
+  return true;
+}
+
+Camera ReadUsableCamera(const DatabaseReader& database, const DatabaseImage& image) {
+  Camera camera = database.ReadCamera(image.camera_id);
+  const std::string problem = CameraProblem(camera);
+  if (!problem.empty()) {
+    throw InputError(database.Path().string() + ": camera " + std::to_string(image.camera_id) + " of image " +
+                     image.name + ": " + problem);
+  }
+  return camera;
+}
+
+void CheckMatches(const Matches& matches, const LocalizationProblem& problem, const ImagePair& pair,
+                  const DatabaseReader& database) {
+  for (const Match& match : matches) {
+    if (match.query_point >= problem.query_keypoints.size() ||
+        match.database_point >= pair.database_keypoints.size()) {
+      throw InputError(database.Path().string() + ": a match between " + problem.query_name + " and " +
+                       pair.database_name + " names a keypoint that its image does not have");
+    }
+  }
+}
+
+}  // namespace
+
+ProblemLoader::ProblemLoader(const DatabaseReader& database, Model model, const std::vector<QueryListEntry>& queries,
+                             const std::filesystem::path& pairs_path, const ProblemLoaderOptions& options)
+    : model_(std::move(model)), options_(options) {
+  for (DatabaseImage& image : database.ReadImages()) {
+    std::string name = image.name;
+    database_images_.emplace(std::move(name), std::move(image));
+  }
+  ChooseQueries(queries, database);
+  if (!options_.leave_one_out) {
+    const auto is_query = [&](const ModelImage& image) { return queries_.count(image.name) > 0; };
+    model_.images.erase(std::remove_if(model_.images.begin(), model_.images.end(), is_query), model_.images.end());
+  }
+  for (const ModelImage& image : model_.images) {
+    const auto stored = database_images_.find(image.name);
+    if (stored != database_images_.end()) posed_of_database_id_.emplace(stored->second.image_id, &image);
+  }
+  if (!pairs_path.empty()) {
+    has_pairs_file_ = true;
+    pairs_ = ReadPairs(pairs_path, {query_names_.begin(), query_names_.end()});
+  }
+}
+
+void ProblemLoader::ChooseQueries(const std::vector<QueryListEntry>& queries, const DatabaseReader& database) {
+  std::unordered_map<std::string, const ModelImage*> posed_images;
+  for (const ModelImage& image : model_.images) posed_images.emplace(image.name, &image);
+  std::vector<QueryListEntry> chosen = queries;
+  if (queries.empty()) {
+    for (const auto& [name, image] : database_images_) {
+      if ((posed_images.count(name) > 0) == options_.leave_one_out) chosen.push_back({name, std::nullopt});
+    }
+  }
+  for (const QueryListEntry& entry : chosen) {
+    const auto posed = posed_images.find(entry.name);
+    AddQuery(entry, posed == posed_images.end() ? nullptr : posed->second, database);
+  }
+  std::sort(query_names_.begin(), query_names_.end());
+  if (!query_names_.empty()) return;
+  throw InputError(database.Path().string() + ": " +
+                   (options_.leave_one_out ? "no posed image of --input_path is in the database"
+                                           : "every image has a pose in --input_path: nothing to localize (see "
+                                             "--query_list_path, --LazyLocalizer.leave_one_out)"));
+}
+
+void ProblemLoader::AddQuery(const QueryListEntry& entry, const ModelImage* posed, const DatabaseReader& database) {
+  const auto image = database_images_.find(entry.name);
+  if (image == database_images_.end()) {
+    throw InputError("--query_list_path: query " + entry.name + " is not in the database " + database.Path().string());
+  }
+  if (options_.leave_one_out && posed == nullptr) {
+    throw InputError("--query_list_path: query " + entry.name +
+                     " has no pose in --input_path, which --LazyLocalizer.leave_one_out needs");
+  }
+  Query query;
+  query.image = image->second;
+  query.stored_camera = database.ReadCamera(query.image.camera_id);
+  if (entry.camera) {
+    query.camera = *entry.camera;
+  } else if (posed != nullptr) {
+    query.camera = model_.cameras.at(posed->camera_id);
+  } else {
+    query.camera = ReadUsableCamera(database, query.image);
+  }
+  query_names_.push_back(entry.name);
+  queries_.emplace(entry.name, std::move(query));
+}
+
+std::vector<ProblemLoader::Candidate> ProblemLoader::FindCandidates(const Query& query,
+                                                                    const DatabaseReader& database) const {
+  std::map<uint32_t, Candidate> candidates;  // by the database's id
+  std::set<uint32_t> listed;
+  if (has_pairs_file_) {
+    const auto pairs = pairs_.find(query.image.name);
+    if (pairs == pairs_.end()) return {};
+    for (const std::string& name : pairs->second) {
+      const auto image = database_images_.find(name);
+      if (image != database_images_.end()) listed.insert(image->second.image_id);
+    }
+  }
+  const auto candidate_of = [&](uint32_t image_id) -> Candidate* {
+    const auto posed = posed_of_database_id_.find(image_id);
+    if (posed == posed_of_database_id_.end() || image_id == query.image.image_id) return nullptr;
+    if (has_pairs_file_ && listed.count(image_id) == 0) return nullptr;
+    Candidate& candidate = candidates[image_id];
+    candidate.image = posed->second;
+    candidate.image_id = image_id;
+    return &candidate;
+  };
+  for (const PairSize& pair : database.ReadInlierCounts(query.image.image_id)) {
+    if (Candidate* candidate = candidate_of(pair.image_id)) candidate->num_inliers = pair.num_matches;
+  }
+  for (const PairSize& pair : database.ReadMatchCounts(query.image.image_id)) {
+    if (Candidate* candidate = candidate_of(pair.image_id)) candidate->num_matches = pair.num_matches;
+  }
+  std::vector<Candidate> sorted;
+  for (const auto& [image_id, candidate] : candidates) sorted.push_back(candidate);
+  std::sort(sorted.begin(), sorted.end(), [](const Candidate& a, const Candidate& b) {
+    if (a.num_inliers != b.num_inliers) return a.num_inliers > b.num_inliers;
+    if (a.num_matches != b.num_matches) return a.num_matches > b.num_matches;
+    return a.image->name < b.image->name;
+  });
+  return sorted;
+}
+
+std::optional<ImagePair> ProblemLoader::LoadPair(const Query& query, const Candidate& candidate,
+                                                 const DatabaseReader& database) const {
+  ImagePair pair;
+  pair.geometry = database.ReadTwoViewGeometry(query.image.image_id, candidate.image_id);
+  if (pair.geometry && pair.geometry->inlier_matches.empty()) return std::nullopt;
+  pair.database_name = candidate.image->name;
+  pair.database_camera = model_.cameras.at(candidate.image->camera_id);
+  pair.database_cam_from_world = candidate.image->cam_from_world;
+  pair.database_keypoints = database.ReadKeypoints(candidate.image_id);
+  const Camera stored_camera = database.ReadCamera(database_images_.at(pair.database_name).camera_id);
+  if (pair.geometry &&
+      (!AgreeOnIntrinsics(pair.geometry->query_camera.value_or(query.stored_camera), query.camera) ||
+       !AgreeOnIntrinsics(pair.geometry->database_camera.value_or(stored_camera), pair.database_camera))) {
+    // Estimated with other intrinsics: COLMAP estimates it again.
+    pair.geometry->config = TwoViewConfig::UNCALIBRATED;
+  }
+  const bool is_estimated_again = !pair.geometry || !HoldsCalibrated(pair.geometry->config);
+  if (is_estimated_again) pair.matches = database.ReadMatches(query.image.image_id, candidate.image_id);
+  return pair;
+}
+
+LocalizationProblem ProblemLoader::Load(const std::string& query_name, const DatabaseReader& database) const {
+  const Query& query = queries_.at(query_name);
+  LocalizationProblem problem;
+  problem.query_name = query_name;
+  problem.query_camera = query.camera;
+  problem.query_keypoints = database.ReadKeypoints(query.image.image_id);
+  if (problem.query_keypoints.empty()) return problem;
+  const int num_wanted = options_.num_retrieved;
+  int num_verified = 0, num_unverified = 0;
+  for (const Candidate& candidate : FindCandidates(query, database)) {
+    int& count = candidate.num_inliers > 0 ? num_verified : num_unverified;
+    const bool is_enough = candidate.num_inliers > 0 ? num_verified == num_wanted
+                                                     : num_verified == num_wanted || num_unverified == 2 * num_wanted;
+    if (!has_pairs_file_ && is_enough) break;
+    std::optional<ImagePair> pair = LoadPair(query, candidate, database);
+    if (!pair) continue;
+    CheckMatches(pair->geometry ? pair->geometry->inlier_matches : Matches(), problem, *pair, database);
+    CheckMatches(pair->matches, problem, *pair, database);
+    problem.pairs.push_back(std::move(*pair));
+    ++count;
+  }
+  std::sort(problem.pairs.begin(), problem.pairs.end(),
+            [](const ImagePair& a, const ImagePair& b) { return a.database_name < b.database_name; });
+  return problem;
+}
+
+}  // namespace lazyloc

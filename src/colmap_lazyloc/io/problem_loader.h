@@ -1,0 +1,72 @@
+#pragma once
+
+#include <filesystem>
+#include <map>
+#include <optional>
+#include <string>
+#include <unordered_map>
+#include <vector>
+
+#include "colmap_lazyloc/database/database_reader.h"
+#include "colmap_lazyloc/io/query_files.h"
+#include "colmap_lazyloc/scene/localization_problem.h"
+#include "colmap_lazyloc/scene/model.h"
+
+namespace lazyloc {
+
+struct ProblemLoaderOptions {
+  int num_retrieved = 20;      // database images per query
+  bool leave_one_out = false;  // queries are posed images, each against all others
+};
+
+// Decides what the queries and the database images are, and loads one query's problem at a time: memory does not grow
+// with the database but for its images' names and poses.
+class ProblemLoader {
+ public:
+  // queries: of the query list; empty for all (see the command's help). pairs_path: a pairs file; empty for the pairs
+  // that the database has matches for. Throws InputError for a query that the database does not hold, an unusable
+  // camera, or what ReadPairs refuses.
+  ProblemLoader(const DatabaseReader& database, Model model, const std::vector<QueryListEntry>& queries,
+                const std::filesystem::path& pairs_path, const ProblemLoaderOptions& options);
+
+  // Sorted by name.
+  const std::vector<std::string>& QueryNames() const { return query_names_; }
+  // The posed images without those that are queries (with leave_one_out: all).
+  const Model& DatabaseModel() const { return model_; }
+
+  // The pairs file's pairs, or the best num_retrieved by verified inliers; where the database has fewer than these, also
+  // as many with only raw matches, best by their number, from which the localizer chooses when they are verified.
+  // Throws InputError for damaged data. Thread-safe, with a reader per thread.
+  LocalizationProblem Load(const std::string& query_name, const DatabaseReader& database) const;
+
+ private:
+  struct Query {
+    DatabaseImage image;
+    Camera camera;
+    Camera stored_camera;  // the one that the database's geometries were estimated with
+  };
+  struct Candidate {
+    const ModelImage* image = nullptr;
+    uint32_t image_id = 0;  // in the database
+    int num_inliers = 0;  // verified
+    int num_matches = 0;  // raw
+  };
+
+  void ChooseQueries(const std::vector<QueryListEntry>& queries, const DatabaseReader& database);
+  // posed: the image in the model, or null.
+  void AddQuery(const QueryListEntry& entry, const ModelImage* posed, const DatabaseReader& database);
+  std::vector<Candidate> FindCandidates(const Query& query, const DatabaseReader& database) const;
+  // None where verification left no inliers.
+  std::optional<ImagePair> LoadPair(const Query& query, const Candidate& candidate, const DatabaseReader& database) const;
+
+  Model model_;
+  std::map<std::string, std::vector<std::string>> pairs_;
+  bool has_pairs_file_ = false;
+  ProblemLoaderOptions options_;
+  std::unordered_map<std::string, DatabaseImage> database_images_;      // by name
+  std::unordered_map<uint32_t, const ModelImage*> posed_of_database_id_;
+  std::unordered_map<std::string, Query> queries_;
+  std::vector<std::string> query_names_;
+};
+
+}  // namespace lazyloc

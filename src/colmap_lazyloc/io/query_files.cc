@@ -1,0 +1,78 @@
+#include "colmap_lazyloc/io/query_files.h"
+
+#include <string_view>
+
+#include "colmap_lazyloc/bridge/camera_models.h"
+#include "colmap_lazyloc/io/text_file.h"
+#include "colmap_lazyloc/scene/errors.h"
+
+namespace lazyloc {
+namespace {
+
+// `name MODEL width height params...`; none where the second word is no camera model: a name alone.
+std::optional<QueryListEntry> ParseEntryWithCamera(const TextFile& file) {
+  std::string_view rest = file.Line();
+  const std::string name(NextWord(&rest));
+  const std::optional<int> model_id = CameraModelId(std::string(NextWord(&rest)));
+  if (!model_id) return std::nullopt;
+
+  Camera camera;
+  camera.model_id = *model_id;
+  camera.width = file.ParseNumber<uint64_t>(NextWord(&rest));
+  camera.height = file.ParseNumber<uint64_t>(NextWord(&rest));
+  for (std::string_view word = NextWord(&rest); !word.empty(); word = NextWord(&rest)) {
+    camera.params.push_back(file.ParseNumber<double>(word));
+  }
+  camera.has_prior_focal_length = true;
+  if (const std::string problem = CameraProblem(camera); !problem.empty()) throw file.Error(problem);
+  return QueryListEntry{name, camera};
+}
+
+// The other images of one query: a list for the order, a set against repetition.
+struct Partners {
+  std::vector<std::string> in_file_order;
+  std::set<std::string> known;
+};
+
+void AddPartner(const std::string& name, Partners* partners) {
+  if (partners->known.insert(name).second) partners->in_file_order.push_back(name);
+}
+
+}  // namespace
+
+std::vector<QueryListEntry> ReadQueryList(const std::filesystem::path& path) {
+  TextFile file(path);
+  std::vector<QueryListEntry> entries;
+  std::set<std::string> names;
+  while (file.NextEntry()) {
+    std::optional<QueryListEntry> entry = ParseEntryWithCamera(file);
+    if (!entry) entry = QueryListEntry{std::string(file.Line()), std::nullopt};
+    if (!names.insert(entry->name).second) throw file.Error("query '" + entry->name + "' is listed twice");
+    entries.push_back(*std::move(entry));
+  }
+  if (entries.empty()) throw InputError(path.string() + ": lists no query");
+  return entries;
+}
+
+std::map<std::string, std::vector<std::string>> ReadPairs(const std::filesystem::path& path,
+                                                          const std::set<std::string>& query_names) {
+  TextFile file(path);
+  std::map<std::string, Partners> partners;
+  bool has_pairs = false;
+  while (file.NextEntry()) {
+    std::string_view rest = file.Line();
+    const std::string name1(NextWord(&rest)), name2(NextWord(&rest));
+    if (name2.empty()) throw file.Error("expected two image names, found only '" + name1 + "'");
+    has_pairs = true;
+    if (name1 == name2) continue;  // retrieval tools list an image as its own neighbour
+    if (query_names.count(name1) > 0) AddPartner(name2, &partners[name1]);
+    if (query_names.count(name2) > 0) AddPartner(name1, &partners[name2]);
+  }
+  if (!has_pairs) throw InputError(path.string() + ": holds no pair");
+
+  std::map<std::string, std::vector<std::string>> names;
+  for (auto& [query_name, query_partners] : partners) names[query_name] = std::move(query_partners.in_file_order);
+  return names;
+}
+
+}  // namespace lazyloc

@@ -1,0 +1,31 @@
+#pragma once
+
+#include <filesystem>
+#include <map>
+#include <optional>
+#include <set>
+#include <string>
+#include <vector>
+
+#include "colmap_lazyloc/scene/camera.h"
+
+namespace lazyloc {
+
+struct QueryListEntry {
+  std::string name;
+  std::optional<Camera> camera;  // hloc's form only
+};
+
+// A query list: one name a line, or hloc's `name MODEL width height params...`. Empty lines and lines that
+// start with '#' are skipped. A name alone may hold spaces: a line is of hloc's form if its second word is a camera
+// model that COLMAP knows. Throws InputError, `file:line: ...`, for a missing or empty list, a duplicate name, a wrong
+// number of parameters, or numbers that cannot be.
+std::vector<QueryListEntry> ReadQueryList(const std::filesystem::path& path);
+
+// Pairs of names, hloc's and COLMAP's format: two names a line, further words (a score) ignored, '#' comments.
+// For each query that appears on either side of a line, the other names: symmetric, without repetition, in file order.
+// Throws InputError, `file:line: ...`, for a missing file, one without pairs, or a line with fewer than two names.
+std::map<std::string, std::vector<std::string>> ReadPairs(const std::filesystem::path& path,
+                                                          const std::set<std::string>& query_names);
+
+}  // namespace lazyloc

@@ -1,0 +1,95 @@
+#include "colmap_lazyloc/io/query_files.h"
+
+#include <gmock/gmock.h>
+
+#include "colmap_lazyloc/io/io_test_fixture.h"
+
+namespace lazyloc {
+namespace {
+
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+using ::testing::Pair;
+using ::testing::StartsWith;
+
+class QueryList : public IoTest {
+ protected:
+  std::vector<QueryListEntry> Read(const std::string& content) { return ReadQueryList(WriteFile("list.txt", content)); }
+  std::string ErrorOfReading(const std::string& content) {
+    return ErrorOf([&] { Read(content); });
+  }
+};
+
+class Pairs : public IoTest {
+ protected:
+  std::map<std::string, std::vector<std::string>> Read(const std::string& content) {
+    return ReadPairs(WriteFile("pairs.txt", content), {"q1", "q2"});
+  }
+  std::string ErrorOfReading(const std::string& content) {
+    return ErrorOf([&] { Read(content); });
+  }
+};
+
+TEST_F(QueryList, NamesKeepTheirOrderAndBlanks) {
+  const auto entries = Read("# queries\n\nnight/b.jpg\n  my holiday photo.jpg \na.jpg");
+  ASSERT_EQ(entries.size(), 3);
+  EXPECT_EQ(entries[0].name, "night/b.jpg");
+  EXPECT_EQ(entries[1].name, "my holiday photo.jpg");
+  EXPECT_EQ(entries[2].name, "a.jpg");
+  EXPECT_FALSE(entries[1].camera.has_value());
+}
+
+TEST_F(QueryList, HlocFormGivesTheCamera) {
+  const auto entries = Read("a.jpg SIMPLE_RADIAL 1600 1200 1469.2 800 600 -0.0353019\nb.jpg");
+  ASSERT_EQ(entries.size(), 2);
+  ASSERT_TRUE(entries[0].camera.has_value());
+  EXPECT_EQ(entries[0].name, "a.jpg");
+  EXPECT_EQ(entries[0].camera->model_id, 2);
+  EXPECT_EQ(entries[0].camera->width, 1600);
+  EXPECT_EQ(entries[0].camera->height, 1200);
+  EXPECT_THAT(entries[0].camera->params, ElementsAre(1469.2, 800, 600, -0.0353019));
+  EXPECT_TRUE(entries[0].camera->has_prior_focal_length);
+  EXPECT_FALSE(entries[1].camera.has_value());
+}
+
+TEST_F(QueryList, AcceptsCrlfAndByteOrderMark) {
+  const auto entries = Read("\xEF\xBB\xBF# exported\r\na.jpg\r\n\r\nb.jpg PINHOLE 4 3 1 1 2 1.5\r\n");
+  ASSERT_EQ(entries.size(), 2);
+  EXPECT_EQ(entries[0].name, "a.jpg");
+  EXPECT_EQ(entries[1].camera->params.back(), 1.5);
+}
+
+TEST_F(QueryList, MistakesAreNamedWithTheirLine) {
+  EXPECT_THAT(ErrorOfReading("a\n\nb\na\n"), StartsWith("list.txt:4: query 'a' is listed twice"));
+  EXPECT_THAT(ErrorOfReading("a PINHOLE 640 480 500 500 320\n"), StartsWith("list.txt:1: "));
+  EXPECT_THAT(ErrorOfReading("# c\na PINHOLE 640 480 500 500 320 24O\n"),
+              StartsWith("list.txt:2: '24O' is not a number"));
+  EXPECT_THAT(ErrorOfReading("a PINHOLE 640 -480 500 500 320 240\n"), HasSubstr("'-480'"));
+  EXPECT_THAT(ErrorOfReading("a PINHOLE 640 480 0 500 320 240\n"), HasSubstr("focal length"));
+  EXPECT_THAT(ErrorOfReading("a PINHOLE 640 480 nan 500 320 240\n"), HasSubstr("finite"));
+  EXPECT_THAT(ErrorOfReading("a PINHOLE\n"), StartsWith("list.txt:1: the line ends too early"));
+}
+
+TEST_F(QueryList, EmptyOrMissingFileIsRefused) {
+  EXPECT_THAT(ErrorOfReading("# nothing\n\n"), StartsWith("list.txt: lists no query"));
+  EXPECT_THAT(ErrorOf([&] { ReadQueryList(folder_ / "none.txt"); }), StartsWith("none.txt: cannot be opened"));
+  std::filesystem::create_directory(folder_ / "sub");
+  EXPECT_THAT(ErrorOf([&] { ReadQueryList(folder_ / "sub"); }), StartsWith("sub: is a folder"));
+}
+
+TEST_F(Pairs, AreSymmetricWithoutRepetitionInFileOrder) {
+  EXPECT_THAT(Read("# hloc\nq1 z 0.9\na q1\nq1 z\nz q1\n\nx y\nq2 q1 0.1\r\nq1 q1\n"),
+              ElementsAre(Pair("q1", ElementsAre("z", "a", "q2")), Pair("q2", ElementsAre("q1"))));
+}
+
+TEST_F(Pairs, OfOtherImagesAreNoError) { EXPECT_THAT(Read("x y\n"), IsEmpty()); }
+
+TEST_F(Pairs, MistakesAreNamed) {
+  EXPECT_THAT(ErrorOfReading("q1 a\nq2\n"), StartsWith("pairs.txt:2: expected two image names"));
+  EXPECT_THAT(ErrorOfReading("# nothing\n"), StartsWith("pairs.txt: holds no pair"));
+  EXPECT_THAT(ErrorOf([&] { ReadPairs(folder_ / "none.txt", {}); }), StartsWith("none.txt: cannot be opened"));
+}
+
+}  // namespace
+}  // namespace lazyloc

@@ -1,0 +1,108 @@
+#include "colmap_lazyloc/io/result_text.h"
+
+#include <cmath>
+#include <string>
+
+#include <nlohmann/json.hpp>
+
+#include "colmap_lazyloc/io/output_file.h"
+
+namespace lazyloc {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+constexpr char kPosesHeader[] =
+    "# Poses of the localized queries, one line each:\n"
+    "#   name qw qx qy qz tx ty tz\n"
+    "# cam_from_world: x_cam = R x_world + t, with R from the quaternion, scalar first. The camera frame is COLMAP's:\n"
+    "# x right, y down, z forward. Lengths are in the unit of the database.\n"
+    "# A name may hold blanks: the pose is the last seven words.\n"
+    "# Covariances are in results.jsonl: 6x6, rotation w (rad, R <- exp(w) R) first, then t.\n";
+
+// Scalar first; of the two that mean the same rotation, the one with w >= 0.
+Eigen::Vector4d Qvec(const Eigen::Quaterniond& rotation) {
+  const Eigen::Vector4d qvec(rotation.w(), rotation.x(), rotation.y(), rotation.z());
+  return std::signbit(qvec[0]) ? Eigen::Vector4d(-qvec) : qvec;
+}
+
+template <typename Vector>
+Json ToJson(const Vector& vector) {
+  Json json = Json::array();
+  for (const double number : vector) json.push_back(number);
+  return json;
+}
+
+Json PoseToJson(const Rigid3d& pose) {
+  return {{"qvec", ToJson(Qvec(pose.rotation))}, {"tvec", ToJson(pose.translation)}};
+}
+
+Json CovarianceToJson(const Eigen::Matrix<double, 6, 6>& covariance) {
+  Json rows = Json::array();
+  for (int row = 0; row < 6; ++row) rows.push_back(ToJson(Eigen::Matrix<double, 6, 1>(covariance.row(row))));
+  return rows;
+}
+
+Json PairsToJson(const std::vector<PairResult>& pairs) {
+  Json json = Json::array();
+  for (const PairResult& pair : pairs) {
+    json.push_back({{"name", pair.database_name},
+                    {"num_inliers", pair.num_inliers},
+                    {"rotation_error_deg", pair.rotation_error_deg},
+                    {"direction_error_deg", pair.direction_error_deg}});
+  }
+  return json;
+}
+
+Json SecondsToJson(const std::vector<std::pair<std::string, double>>& stages) {
+  Json json = Json::object();
+  double total = 0;
+  for (const auto& [stage, seconds] : stages) {
+    json[stage] = json.value(stage, 0.0) + seconds;  // a stage that ran again
+    total += seconds;
+  }
+  if (!json.contains("total")) json["total"] = total;
+  return json;
+}
+
+Json ResultToJson(const LocalizationResult& result) {
+  const bool localized = result.status == QueryStatus::LOCALIZED;
+  Json json;
+  json["name"] = result.query_name;
+  json["status"] = QueryStatusName(result.status);
+  json["reason"] = result.reason;
+  json["cam_from_world"] = localized ? PoseToJson(result.cam_from_world) : Json();
+  json["covariance"] = localized ? CovarianceToJson(result.covariance) : Json();
+  json["num_tracks"] = result.num_tracks;
+  json["num_observations"] = result.num_observations;
+  json["mean_reprojection_error_px"] = result.num_observations > 0 ? Json(result.mean_reprojection_error_px) : Json();
+  json["pairs"] = PairsToJson(result.pairs);
+  json["seconds"] = SecondsToJson(result.seconds);
+  return json;
+}
+
+}  // namespace
+
+void WritePoses(const std::filesystem::path& path, const std::vector<const LocalizationResult*>& results) {
+  OutputFile file(path);
+  file.Text() << kPosesHeader;
+  for (const LocalizationResult* result : results) {
+    if (result->status != QueryStatus::LOCALIZED) continue;
+    file.Text() << result->query_name;
+    for (const double number : Qvec(result->cam_from_world.rotation)) file.Text() << ' ' << number;
+    for (const double number : result->cam_from_world.translation) file.Text() << ' ' << number;
+    file.Text() << '\n';
+  }
+  file.Close();
+}
+
+void WriteResultsJson(const std::filesystem::path& path, const std::vector<const LocalizationResult*>& results) {
+  OutputFile file(path);
+  for (const LocalizationResult* result : results) {
+    // Numbers that are not finite become null; bytes of a name that are not UTF-8 are replaced.
+    file.Text() << ResultToJson(*result).dump(-1, ' ', false, Json::error_handler_t::replace) << '\n';
+  }
+  file.Close();
+}
+
+}  // namespace lazyloc

@@ -1,0 +1,143 @@
+#include "colmap_lazyloc/io/result_text.h"
+
+#include <cmath>
+#include <limits>
+#include <sstream>
+
+#include <gmock/gmock.h>
+#include <nlohmann/json.hpp>
+
+#include "colmap_lazyloc/io/io_test_fixture.h"
+
+namespace lazyloc {
+namespace {
+
+using Json = nlohmann::json;
+using ::testing::HasSubstr;
+
+LocalizationResult Localized() {
+  LocalizationResult result;
+  result.query_name = "my query.jpg";
+  result.status = QueryStatus::LOCALIZED;
+  result.cam_from_world = {Eigen::Quaterniond(-0.1, 0.2, 1.0 / 3, 0.9), {4000000.1, -2, 1e-17}};
+  for (int i = 0; i < 36; ++i) result.covariance(i / 6, i % 6) = i;
+  result.pairs = {{"a.jpg", 42, 0.5, std::numeric_limits<double>::quiet_NaN()}};
+  result.num_tracks = 3;
+  result.num_observations = 9;
+  result.mean_reprojection_error_px = 0.75;
+  result.seconds = {{"rotation", 0.5}, {"refinement", 1}, {"rotation", 0.25}};
+  return result;
+}
+
+LocalizationResult Failed() {
+  LocalizationResult result;
+  result.query_name = "night.jpg";
+  result.status = QueryStatus::NO_PAIRS;
+  result.reason = "no pair";
+  return result;
+}
+
+class ResultText : public IoTest {
+ protected:
+  // Lines that are not comments.
+  std::vector<std::string> PoseLines(const std::vector<const LocalizationResult*>& results) const {
+    WritePoses(folder_ / "poses.txt", results);
+    std::istringstream text(ReadFile(folder_ / "poses.txt"));
+    std::vector<std::string> lines;
+    for (std::string line; std::getline(text, line);) {
+      if (line.front() != '#') lines.push_back(line);
+    }
+    return lines;
+  }
+  Json JsonOf(const LocalizationResult& result) const {
+    WriteResultsJson(folder_ / "results.jsonl", {&result});
+    return Json::parse(ReadFile(folder_ / "results.jsonl"));
+  }
+};
+
+TEST_F(ResultText, PosesAreExactAndOfLocalizedQueriesOnly) {
+  const LocalizationResult localized = Localized(), failed = Failed();
+  const std::vector<std::string> lines = PoseLines({&localized, &failed});
+  ASSERT_EQ(lines.size(), 1);
+  EXPECT_EQ(lines[0],
+            "my query.jpg 0.10000000000000001 -0.20000000000000001 -0.33333333333333331 -0.90000000000000002 "
+            "4000000.1000000001 -2 1.0000000000000001e-17");
+}
+
+TEST_F(ResultText, PosesStateTheirConvention) {
+  PoseLines({});
+  const std::string text = ReadFile(folder_ / "poses.txt");
+  for (const char* statement : {"name qw qx qy qz tx ty tz", "cam_from_world", "z forward", "unit of the database"}) {
+    EXPECT_THAT(text, HasSubstr(statement));
+  }
+}
+
+TEST_F(ResultText, NumbersDoNotDependOnTheLocale) {
+  struct CommaDecimal : std::numpunct<char> {
+    char do_decimal_point() const override { return ','; }
+    char do_thousands_sep() const override { return '.'; }
+    std::string do_grouping() const override { return "\3"; }
+  };
+  const LocalizationResult localized = Localized();
+  const std::string expected = PoseLines({&localized}).at(0);
+  const std::locale before = std::locale::global(std::locale(std::locale(), new CommaDecimal));
+  const std::string line = PoseLines({&localized}).at(0);
+  std::locale::global(before);
+  EXPECT_EQ(line, expected);
+}
+
+TEST_F(ResultText, JsonHoldsEverything) {
+  const Json json = JsonOf(Localized());
+  EXPECT_EQ(json["name"], "my query.jpg");
+  EXPECT_EQ(json["status"], "LOCALIZED");
+  EXPECT_EQ(json["reason"], "");
+  EXPECT_EQ(json["cam_from_world"]["qvec"], Json({0.1, -0.2, -1.0 / 3, -0.9}));
+  EXPECT_EQ(json["cam_from_world"]["tvec"], Json({4000000.1, -2.0, 1e-17}));
+  ASSERT_EQ(json["covariance"].size(), 6);
+  EXPECT_EQ(json["covariance"][1], Json({6.0, 7.0, 8.0, 9.0, 10.0, 11.0}));
+  EXPECT_EQ(json["num_tracks"], 3);
+  EXPECT_EQ(json["num_observations"], 9);
+  EXPECT_EQ(json["mean_reprojection_error_px"], 0.75);
+  EXPECT_EQ(json["pairs"], Json::parse(R"([{"name": "a.jpg", "num_inliers": 42, "rotation_error_deg": 0.5,
+                                            "direction_error_deg": null}])"));
+  EXPECT_EQ(json["seconds"], Json({{"rotation", 0.75}, {"refinement", 1.0}, {"total", 1.75}}));
+}
+
+TEST_F(ResultText, JsonKeepsTheOrderOfKeysAndAGivenTotal) {
+  LocalizationResult result = Failed();
+  result.seconds = {{"load", 1}, {"total", 1.5}};
+  JsonOf(result);
+  EXPECT_EQ(ReadFile(folder_ / "results.jsonl"),
+            R"({"name":"night.jpg","status":"NO_PAIRS","reason":"no pair","cam_from_world":null,"covariance":null,)"
+            R"("num_tracks":0,"num_observations":0,"mean_reprojection_error_px":null,"pairs":[],)"
+            R"("seconds":{"load":1.0,"total":1.5}})"
+            "\n");
+}
+
+TEST_F(ResultText, JsonIsValidForAnyBytesInNames) {
+  LocalizationResult result = Failed();
+  result.query_name = "caf\xE9 \"1\".jpg";  // Latin-1
+  EXPECT_EQ(JsonOf(result)["name"], "caf\xEF\xBF\xBD \"1\".jpg");
+}
+
+TEST_F(ResultText, JsonHasALineForEveryQuery) {
+  const LocalizationResult localized = Localized(), failed = Failed();
+  WriteResultsJson(folder_ / "results.jsonl", {&localized, &failed});
+  std::istringstream text(ReadFile(folder_ / "results.jsonl"));
+  std::string first, second, rest;
+  std::getline(text, first);
+  std::getline(text, second);
+  EXPECT_EQ(Json::parse(first)["name"], "my query.jpg");
+  EXPECT_EQ(Json::parse(second)["name"], "night.jpg");
+  EXPECT_FALSE(std::getline(text, rest));
+}
+
+TEST_F(ResultText, FullDiskIsReported) {
+  if (!std::filesystem::exists("/dev/full")) GTEST_SKIP();
+  const LocalizationResult localized = Localized();
+  EXPECT_THAT(ErrorOf([&] { WritePoses("/dev/full", {&localized}); }), HasSubstr("/dev/full: cannot be written"));
+  EXPECT_THAT(ErrorOf([&] { WriteResultsJson(folder_ / "none" / "x", {}); }), HasSubstr("none/x: cannot be written"));
+}
+
+}  // namespace
+}  // namespace lazyloc

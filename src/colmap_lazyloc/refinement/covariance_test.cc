@@ -1,0 +1,67 @@
+#include "colmap_lazyloc/refinement/covariance.h"
+
+#include <Eigen/Eigenvalues>
+#include <Eigen/LU>
+#include <gtest/gtest.h>
+
+#include "colmap_lazyloc/math/so3.h"
+#include "colmap_lazyloc/refinement/bundle_adjustment.h"
+#include "colmap_lazyloc/testing/synthetic_tracks.h"
+
+namespace lazyloc {
+namespace {
+
+using Matrix6d = Eigen::Matrix<double, 6, 6>;
+constexpr double kWideScale = 1e6;  // plain least squares
+
+TEST(PoseInformation, PredictsTheSpreadOfAdjustedPoses) {
+  // Sample covariance of 300 trials: each entry's relative error is about sqrt(2 / 300) = 8 %; four times that.
+  SyntheticTracksOptions options;
+  const SyntheticTracks truth = MakeSyntheticTracks(options);
+  const Matrix6d predicted = PoseInformation(truth.views, truth.tracks, 0, kWideScale).inverse();
+  Matrix6d sampled = Matrix6d::Zero();
+  const int num_trials = 300;
+  Random random(3);
+  for (int trial = 0; trial < num_trials; ++trial) {
+    SyntheticTracks scene = truth;
+    for (Track& track : scene.tracks) {
+      for (TrackObservation& element : track.observations) {
+        element.observation = ObserveAt(scene.views[element.view].cam_from_world * track.point_in_world,
+                                        options.focal_length_px, RandomVector(&random).head<2>());
+      }
+    }
+    BundleAdjustmentOptions least_squares;
+    least_squares.loss_scale = kWideScale;
+    ASSERT_TRUE(AdjustBundle(least_squares, &scene.views, &scene.tracks).success);
+    const Rigid3d& pose = scene.views[0].cam_from_world;
+    const Rigid3d& exact = truth.views[0].cam_from_world;
+    Eigen::Matrix<double, 6, 1> error;
+    error << LogSO3(pose.rotation * exact.rotation.conjugate()), pose.translation - exact.translation;
+    sampled += error * error.transpose() / num_trials;
+  }
+  for (int i = 0; i < 6; ++i) EXPECT_NEAR(sampled(i, i) / predicted(i, i), 1, 0.33) << i;
+}
+
+TEST(PoseInformation, OneFixedViewLeavesScaleOpen) {
+  SyntheticTracksOptions options;
+  options.num_database = 1;
+  const SyntheticTracks scene = MakeSyntheticTracks(options);
+  const Eigen::SelfAdjointEigenSolver<Matrix6d> eigen(PoseInformation(scene.views, scene.tracks, 0, kWideScale));
+  EXPECT_LE(eigen.eigenvalues()(0), 1e-9 * eigen.eigenvalues()(1));
+}
+
+TEST(VarianceFactor, FindsTheNoise) {
+  SyntheticTracksOptions options;
+  options.num_points = 500;
+  options.noise_px = 2;
+  SyntheticTracks scene = MakeSyntheticTracks(options);
+  BundleAdjustmentOptions least_squares;
+  least_squares.loss_scale = kWideScale;
+  ASSERT_TRUE(AdjustBundle(least_squares, &scene.views, &scene.tracks).success);
+  EXPECT_NEAR(VarianceFactor(scene.views, scene.tracks, kWideScale), 4, 0.3);
+  for (View& view : scene.views) view.noise_px = 2;
+  EXPECT_NEAR(VarianceFactor(scene.views, scene.tracks, kWideScale), 1, 0.08);
+}
+
+}  // namespace
+}  // namespace lazyloc

@@ -1,0 +1,50 @@
+#include "colmap_lazyloc/refinement/view_noise.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace lazyloc {
+namespace {
+
+// The median of |r| of a two-dimensional normal distribution, in its standard deviation.
+constexpr double kMedianOfNorm = 1.17741;
+// As many tracks of a view weigh as much as all others together.
+constexpr double kNumPriorTracks = 20;
+
+double Median(std::vector<double>* values) {
+  const auto middle = values->begin() + static_cast<std::ptrdiff_t>(values->size() / 2);
+  std::nth_element(values->begin(), middle, values->end());
+  return *middle;
+}
+
+}  // namespace
+
+void EstimateViewNoise(const std::vector<Track>& tracks, double min_noise_px, std::vector<View>* views) {
+  std::vector<std::vector<double>> errors_px(views->size());
+  std::vector<double> all_px;
+  for (const Track& track : tracks) {
+    const double num_residuals = 2.0 * static_cast<double>(track.observations.size());
+    if (num_residuals <= 4) continue;  // the point takes up nearly everything
+    const double correction = std::sqrt(num_residuals / (num_residuals - 3));
+    for (const TrackObservation& element : track.observations) {
+      const Eigen::Vector3d point_in_cam = (*views)[element.view].cam_from_world * track.point_in_world;
+      const double error_px = correction * ReprojectionError(element.observation, point_in_cam).norm();
+      errors_px[element.view].push_back(error_px);
+      if ((*views)[element.view].is_fixed) all_px.push_back(error_px);
+    }
+  }
+  if (all_px.empty()) return;
+  const double common = Median(&all_px) / kMedianOfNorm;
+  for (size_t view = 0; view < views->size(); ++view) {
+    const double num_tracks = static_cast<double>(errors_px[view].size());
+    double noise_px = common;
+    if (num_tracks > 0) {
+      const double own = Median(&errors_px[view]) / kMedianOfNorm;
+      noise_px = std::exp((num_tracks * std::log(std::max(own, 1e-9)) + kNumPriorTracks * std::log(std::max(common, 1e-9))) /
+                          (num_tracks + kNumPriorTracks));
+    }
+    (*views)[view].noise_px = std::max(noise_px, min_noise_px);
+  }
+}
+
+}  // namespace lazyloc

@@ -1,0 +1,107 @@
+#include "colmap_lazyloc/two_view/relative_pose.h"
+
+#include <gtest/gtest.h>
+
+#include "colmap_lazyloc/math/so3.h"
+#include "colmap_lazyloc/testing/synthetic_scene.h"
+
+namespace lazyloc {
+namespace {
+
+struct Errors {
+  double rotation_deg, direction_deg;
+};
+
+class RelativePoses : public testing::Test {
+ protected:
+  RelativePoses() {
+    options_.pixel_noise_px = 0.2;
+    options_.outlier_match_ratio = 0.2;
+    Make();
+  }
+  void Make() { scene_ = MakeSyntheticScene(options_); }
+  ImagePair& Pair() { return scene_.problem.pairs[3]; }
+  Rigid3d Truth() { return scene_.query_cam_from_world * Inverse(Pair().database_cam_from_world); }
+  std::optional<RelativePose> Find(uint32_t seed = 1) { return FindRelativePose(scene_.problem, Pair(), {}, seed); }
+  Errors ErrorsOf(const RelativePose& pose) {
+    return {RotationErrorDeg(pose.query_from_database, Truth()),
+            RadToDeg(AngleBetweenRad(pose.query_from_database.translation, Truth().translation))};
+  }
+
+  SyntheticSceneOptions options_;
+  SyntheticScene scene_;
+};
+
+TEST_F(RelativePoses, StoredPoseIsTakenAsItIs) {
+  const std::optional<RelativePose> pose = Find();
+  ASSERT_TRUE(pose.has_value());
+  EXPECT_EQ(pose->query_from_database.rotation.coeffs(), Pair().geometry->query_from_database->rotation.coeffs());
+  EXPECT_EQ(pose->query_from_database.translation, Pair().geometry->query_from_database->translation);
+  EXPECT_EQ(pose->inlier_matches, Pair().geometry->inlier_matches);
+}
+
+TEST_F(RelativePoses, StoredEssentialMatrixIsDecomposed) {
+  options_.pixel_noise_px = options_.outlier_match_ratio = 0;
+  Make();
+  const Rigid3d truth = Truth();
+  Pair().geometry->query_from_database.reset();
+  Pair().geometry->E = Hat(truth.translation) * truth.rotation.toRotationMatrix();
+  const std::optional<RelativePose> pose = Find();
+  ASSERT_TRUE(pose.has_value());
+  EXPECT_LE(ErrorsOf(*pose).rotation_deg, 1e-6);
+  EXPECT_LE(ErrorsOf(*pose).direction_deg, 1e-6);
+}
+
+TEST_F(RelativePoses, NeitherPoseNorMatrixIsNoPose) {
+  Pair().geometry->query_from_database.reset();
+  EXPECT_FALSE(Find().has_value());
+}
+
+// 200 matches of 0.2 px over a wide baseline: a tenth of a degree is several standard deviations.
+TEST_F(RelativePoses, RawMatchesAreVerified) {
+  Pair().matches = Pair().geometry->inlier_matches;
+  Pair().geometry.reset();
+  const std::optional<RelativePose> pose = Find();
+  ASSERT_TRUE(pose.has_value());
+  EXPECT_LE(ErrorsOf(*pose).rotation_deg, 0.2);
+  EXPECT_LE(ErrorsOf(*pose).direction_deg, 1);
+  EXPECT_GE(pose->inlier_matches.size(), 155u);
+  EXPECT_LE(pose->inlier_matches.size(), 175u) << "outliers were kept";
+}
+
+TEST_F(RelativePoses, UncalibratedPairIsEstimatedAgain) {
+  Pair().geometry->config = TwoViewConfig::UNCALIBRATED;
+  Pair().geometry->query_from_database = Rigid3d();
+  const std::optional<RelativePose> pose = Find();
+  ASSERT_TRUE(pose.has_value());
+  EXPECT_LE(ErrorsOf(*pose).rotation_deg, 0.2);
+}
+
+TEST_F(RelativePoses, SameSeedSameResult) {
+  Pair().matches = Pair().geometry->inlier_matches;
+  Pair().geometry.reset();
+  const std::optional<RelativePose> first = Find(7), second = Find(7);
+  ASSERT_TRUE(first && second);
+  EXPECT_EQ(first->query_from_database.rotation.coeffs(), second->query_from_database.rotation.coeffs());
+  EXPECT_EQ(first->inlier_matches, second->inlier_matches);
+}
+
+TEST_F(RelativePoses, PanoramicPairHasNoTranslation) {
+  Pair().geometry->config = TwoViewConfig::PANORAMIC;
+  const std::optional<RelativePose> pose = Find();
+  ASSERT_TRUE(pose.has_value());
+  EXPECT_TRUE(pose->query_from_database.translation.isZero());
+}
+
+TEST_F(RelativePoses, DegenerateWatermarkAndSmallPairsAreNotUsed) {
+  for (const TwoViewConfig config : {TwoViewConfig::DEGENERATE, TwoViewConfig::WATERMARK}) {
+    Pair().geometry->config = config;
+    EXPECT_FALSE(Find().has_value());
+  }
+  Pair().geometry->config = TwoViewConfig::CALIBRATED;
+  Pair().geometry->inlier_matches.resize(14);
+  EXPECT_FALSE(Find().has_value());
+}
+
+}  // namespace
+}  // namespace lazyloc
