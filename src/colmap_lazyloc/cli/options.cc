@@ -34,32 +34,34 @@ void ForEachOption(Options& o, const Add& add) {
   add("LazyLocalizer.seed", &o.localizer.seed, "seed of the random choices; results depend on no other chance");
   add("LazyLocalizer.min_num_inliers", &o.localizer.relative_pose.min_num_inliers,
       "a pair with fewer verified inliers is not used");
-  add("LazyLocalizer.max_two_view_error_px", &o.localizer.relative_pose.max_error_px,
+  add("LazyLocalizer.max_two_view_error_px", &o.localizer.relative_pose.max_two_view_error_px,
       "largest epipolar error of an inlier in pixels, where no two-view geometry is stored");
   add("LazyLocalizer.max_rotation_error_deg", &o.localizer.max_rotation_error_deg,
       "a pair whose rotation is off the averaged one by more degrees is dropped");
-  add("LazyLocalizer.rotation_scale_deg", &o.localizer.rotation_averaging.irls_scale_deg,
+  add("LazyLocalizer.irls_scale_deg", &o.localizer.rotation_averaging.irls_scale_deg,
       "scale in degrees of rotation averaging's robust weights");
-  add("LazyLocalizer.min_direction_stddev_deg", &o.localizer.translation_averaging.min_stddev_deg,
+  add("LazyLocalizer.min_direction_stddev_deg", &o.localizer.translation_averaging.min_direction_stddev_deg,
       "noise floor in degrees of each pair's direction in translation averaging");
-  add("LazyLocalizer.min_triangulation_angle_deg", &o.localizer.triangulation.min_angle_deg,
+  add("LazyLocalizer.min_triangulation_angle_deg", &o.localizer.triangulation.min_triangulation_angle_deg,
       "smallest angle in degrees under which a point must be seen");
-  add("LazyLocalizer.max_database_error", &o.localizer.triangulation.max_database_error,
-      "largest reprojection error in pixels of a point in a database image");
-  add("LazyLocalizer.max_query_error", &o.localizer.triangulation.max_query_error,
-      "largest reprojection error in pixels of a point in the query, after the first round");
-  add("LazyLocalizer.max_start_error", &o.localizer.max_start_error,
-      "the same in the first round, which starts from motion averaging");
+  add("LazyLocalizer.max_database_error_sigma", &o.localizer.triangulation.max_database_error_sigma,
+      "largest reprojection error of a point in a database image, in standard deviations of the image's noise");
+  add("LazyLocalizer.max_query_error_sigma", &o.localizer.triangulation.max_query_error_sigma,
+      "largest reprojection error of a point in the query, in standard deviations, after the first round");
+  add("LazyLocalizer.max_start_error_sigma", &o.localizer.max_start_error_sigma,
+      "the same in the first round, whose start may be off by many pixels");
   add("LazyLocalizer.start_noise_px", &o.localizer.start_noise_px, "image noise in pixels that the first round assumes");
   add("LazyLocalizer.min_noise_px", &o.localizer.min_noise_px, "smallest image noise in pixels that later rounds estimate");
   add("LazyLocalizer.num_refinement_rounds", &o.localizer.num_refinement_rounds,
       "rounds of triangulation and bundle adjustment");
-  add("LazyLocalizer.loss_scale", &o.localizer.bundle_adjustment.loss_scale,
-      "Cauchy scale of bundle adjustment in pixels");
+  add("LazyLocalizer.loss_scale_sigma", &o.localizer.bundle_adjustment.loss_scale_sigma,
+      "Cauchy scale of bundle adjustment in standard deviations of the image noise");
+  add("LazyLocalizer.single_view_noise_ratio", &o.localizer.triangulation.single_view_noise_ratio,
+      "factor on the image noise of points that one database image sees");
   add("LazyLocalizer.min_num_tracks", &o.localizer.min_num_tracks, "fewest tracks that a pose may rest on");
   add("LazyLocalizer.max_position_stddev_ratio", &o.localizer.max_position_stddev_ratio,
       "a position less certain than this part of the distance to the scene is not reported as found "
-      "(standard deviation for an image noise of one pixel)");
+      "(by its standard deviation)");
 }
 
 po::options_description Describe(CommandOptions* options, std::string* project_path) {

@@ -239,7 +239,7 @@ class QueryLocalizer {
   // the database cameras and the query are on one line; motion averaging stands where few points are seen twice.
   void ChooseStart() {
     TrackTriangulationOptions without_query = options_.triangulation;
-    without_query.max_query_error = std::numeric_limits<double>::infinity();
+    without_query.max_query_error_sigma = std::numeric_limits<double>::infinity();
     std::vector<Eigen::Vector3d> points, rays;
     std::vector<const Observation*> observations;
     const std::vector<Track> tracks = TriangulateTracks(views_, candidates_, without_query);
@@ -250,7 +250,7 @@ class QueryLocalizer {
       rays.push_back(observations.back()->ray_in_cam);
     }
     if (static_cast<int>(points.size()) < options_.min_num_tracks) return;
-    const double max_error_px = options_.max_start_error * options_.start_noise_px;
+    const double max_error_px = options_.max_start_error_sigma * options_.start_noise_px;
     const std::optional<Rigid3d> absolute_pose = EstimateAbsolutePose(
         rays, points, max_error_px * RadFromPx(*observations.front()) / 2, SeedFromNames(problem_.query_name, "", options_.seed));
     if (absolute_pose && StartScore(*absolute_pose, points, observations, max_error_px) >
@@ -274,12 +274,12 @@ class QueryLocalizer {
 
   void RefineWithTracks() {
     TrackTriangulationOptions triangulation = options_.triangulation;
-    triangulation.max_query_error = options_.max_start_error;
+    triangulation.max_query_error_sigma = options_.max_start_error_sigma;
     for (int round = 0; round < options_.num_refinement_rounds; ++round) {
       RunStage("triangulation", [&] { Triangulate(triangulation); });
       RunStage("adjustment", [&] { Adjust(); });
       if (round + 1 < options_.num_refinement_rounds) EstimateViewNoise(tracks_, options_.min_noise_px, &views_);
-      triangulation.max_query_error = options_.triangulation.max_query_error;
+      triangulation.max_query_error_sigma = options_.triangulation.max_query_error_sigma;
     }
     tracks_ = TriangulatedInliers();
   }
@@ -311,7 +311,7 @@ class QueryLocalizer {
     for (const Track& track : tracks_) {
       const bool holds = std::all_of(track.observations.begin(), track.observations.end(), [&](const auto& element) {
         return IsInFront(element.observation, views_[element.view].cam_from_world * track.point_in_world) &&
-               ErrorPx(track, element) <= options_.triangulation.max_query_error * views_[element.view].noise_px;
+               ErrorPx(track, element) <= options_.triangulation.max_query_error_sigma * views_[element.view].noise_px;
       });
       if (holds) inliers.push_back(track);
     }
@@ -324,7 +324,7 @@ class QueryLocalizer {
                                                           " tracks agree with the refined pose; " +
                                                           std::to_string(options_.min_num_tracks) + " are needed"};
     }
-    const double scale = options_.bundle_adjustment.loss_scale;
+    const double scale = options_.bundle_adjustment.loss_scale_sigma;
     Eigen::Matrix<double, 6, 6> information = PoseInformation(views_, tracks_, 0, scale);
     CheckObservability(information);
     // Into the tangent of the pose in the database's own frame: t = t_local - R origin.
@@ -336,7 +336,7 @@ class QueryLocalizer {
     result_.covariance = (moved + moved.transpose()) / 2;
   }
 
-  // An image noise of one pixel must not leave the position open.
+  // The image noise must not leave the position open.
   void CheckObservability(const Eigen::Matrix<double, 6, 6>& information) const {
     std::vector<double> depths;
     for (const Track& track : tracks_) depths.push_back((views_[0].cam_from_world * track.point_in_world).norm());

@@ -187,9 +187,9 @@ TEST(LocalizerOptions, DefaultsPassAndBadOnesAreNamed) {
   EXPECT_FALSE(options.Check(&error));
   EXPECT_THAT(error, testing::HasSubstr("num_refinement_rounds"));
   options = {};
-  options.bundle_adjustment.loss_scale = 0;
+  options.bundle_adjustment.loss_scale_sigma = 0;
   EXPECT_FALSE(options.Check(&error));
-  EXPECT_THAT(error, testing::HasSubstr("loss_scale"));
+  EXPECT_THAT(error, testing::HasSubstr("loss_scale_sigma"));
 }
 
 }  // namespace

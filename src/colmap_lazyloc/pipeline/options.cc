@@ -7,7 +7,9 @@ namespace lazyloc {
 bool LocalizerOptions::Check(std::string* error) const {
   OPTION_GT(max_rotation_error_deg, 0);
   OPTION_GE(num_refinement_rounds, 1);
-  OPTION_GT(max_start_error, 0);
+  OPTION_GT(max_start_error_sigma, 0);
+  OPTION_GT(start_noise_px, 0);
+  OPTION_GT(min_noise_px, 0);
   OPTION_GE(min_num_tracks, 4);
   OPTION_GT(max_position_stddev_ratio, 0);
   return relative_pose.Check(error) && rotation_averaging.Check(error) && translation_averaging.Check(error) &&

@@ -23,9 +23,9 @@ struct LocalizerOptions {
 
   // A pair whose measured rotation differs from the averaged one by more is dropped.
   double max_rotation_error_deg = 5;
-  // Rounds of triangulation and adjustment. The first one starts from motion averaging, which is off by many pixels.
+  // Rounds of triangulation and adjustment. The first one starts from motion averaging, which may be off by many pixels.
   int num_refinement_rounds = 3;
-  double max_start_error = 8;
+  double max_start_error_sigma = 8;  // largest error of a point in the query then, in standard deviations
   // Image noise that the first round assumes; later ones estimate it for each image, but never below the minimum.
   double start_noise_px = 4;
   double min_noise_px = 0.5;

@@ -48,7 +48,7 @@ struct Linearization {
 class BundleSolver {
  public:
   BundleSolver(const BundleAdjustmentOptions& options, const std::vector<View>& views, const std::vector<Track>& tracks)
-      : options_(options), squared_scale_(options.loss_scale * options.loss_scale) {
+      : options_(options), squared_scale_(options.loss_scale_sigma * options.loss_scale_sigma) {
     std::vector<int> pose_of_view(views.size(), -1);
     for (size_t view = 0; view < views.size(); ++view) {
       if (views[view].is_fixed) continue;
@@ -59,10 +59,11 @@ class BundleSolver {
       const size_t fixed_begin = fixed_.size(), free_begin = free_.size();
       for (const TrackObservation& element : track.observations) {
         const View& view = views[element.view];
+        const double residual_from_px = 1 / (track.noise_ratio * view.noise_px);
         if (view.is_fixed) {
-          fixed_.push_back(ProjectionInWorld(element.observation, view.cam_from_world).Scaled(1 / view.noise_px));
+          fixed_.push_back(ProjectionInWorld(element.observation, view.cam_from_world).Scaled(residual_from_px));
         } else {
-          free_.push_back({pose_of_view[element.view], ProjectionInCam(element.observation).Scaled(1 / view.noise_px)});
+          free_.push_back({pose_of_view[element.view], ProjectionInCam(element.observation).Scaled(residual_from_px)});
         }
       }
       fixed_range_.push_back({fixed_begin, fixed_.size()});
@@ -109,7 +110,7 @@ class BundleSolver {
   bool AddCost(const Eigen::Vector2d& error, double* weight, Linearization* linearization) const {
     const double squared_error = error.squaredNorm();
     linearization->cost += 0.5 * squared_scale_ * std::log1p(squared_error / squared_scale_);
-    *weight = CauchyWeight(squared_error, options_.loss_scale);
+    *weight = CauchyWeight(squared_error, options_.loss_scale_sigma);
     return std::isfinite(squared_error);
   }
 
@@ -235,7 +236,7 @@ class BundleSolver {
 }  // namespace
 
 bool BundleAdjustmentOptions::Check(std::string* error) const {
-  OPTION_GT(loss_scale, 0);
+  OPTION_GT(loss_scale_sigma, 0);
   OPTION_GE(max_num_iterations, 1);
   OPTION_GE(function_tolerance, 0);
   return true;

@@ -11,7 +11,7 @@
 namespace lazyloc {
 
 struct BundleAdjustmentOptions {
-  double loss_scale = 2;  // Cauchy scale, in the views' standard deviations
+  double loss_scale_sigma = 2;  // Cauchy scale, in the views' standard deviations
   int max_num_iterations = 50;
   double function_tolerance = 1e-6;  // end when a step lowers the cost by a smaller part of it
 

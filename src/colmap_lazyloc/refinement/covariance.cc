@@ -11,9 +11,8 @@
 namespace lazyloc {
 namespace {
 
-Eigen::Vector2d ErrorInView(const View& view, const TrackObservation& element, const Eigen::Vector3d& point_in_world) {
-  return ReprojectionError(element.observation, view.cam_from_world * point_in_world) / view.noise_px;
-}
+// Of an observation's error, from pixels to standard deviations.
+double ResidualFromPx(const View& view, const Track& track) { return 1 / (track.noise_ratio * view.noise_px); }
 
 }  // namespace
 
@@ -26,11 +25,12 @@ Eigen::Matrix<double, 6, 6> PoseInformation(const std::vector<View>& views, cons
     Eigen::Matrix<double, 6, 3> cross = Eigen::Matrix<double, 6, 3>::Zero();
     for (const TrackObservation& element : track.observations) {
       const Rigid3d& cam_from_world = views[element.view].cam_from_world;
+      const LinearProjection projection =
+          ProjectionInCam(element.observation).Scaled(ResidualFromPx(views[element.view], track));
       const Eigen::Matrix3d rotation = cam_from_world.rotation.toRotationMatrix();
       const Eigen::Vector3d rotated = rotation * track.point_in_world;
       Eigen::Matrix<double, 2, 3> jacobian;
-      const Eigen::Vector2d error =
-          ProjectionInCam(element.observation).Scaled(1 / views[element.view].noise_px).Error(rotated + cam_from_world.translation, &jacobian);
+      const Eigen::Vector2d error = projection.Error(rotated + cam_from_world.translation, &jacobian);
       const double weight = CauchyWeight(error.squaredNorm(), weight_scale);
       const Eigen::Matrix<double, 2, 3> point_jacobian = jacobian * rotation;
       point_information += weight * point_jacobian.transpose() * point_jacobian;
@@ -52,8 +52,10 @@ double VarianceFactor(const std::vector<View>& views, const std::vector<Track>& 
   for (const Track& track : tracks) {
     freedom -= 3;
     for (const TrackObservation& element : track.observations) {
-      const double squared_error =
-          ErrorInView(views[element.view], element, track.point_in_world).squaredNorm();
+      const View& view = views[element.view];
+      const Eigen::Vector2d error_px =
+          ReprojectionError(element.observation, view.cam_from_world * track.point_in_world);
+      const double squared_error = (ResidualFromPx(view, track) * error_px).squaredNorm();
       const double weight = CauchyWeight(squared_error, weight_scale);
       squared_sum += weight * squared_error;
       freedom += 2 * weight;

@@ -31,7 +31,7 @@ TEST(PoseInformation, PredictsTheSpreadOfAdjustedPoses) {
       }
     }
     BundleAdjustmentOptions least_squares;
-    least_squares.loss_scale = kWideScale;
+    least_squares.loss_scale_sigma = kWideScale;
     ASSERT_TRUE(AdjustBundle(least_squares, &scene.views, &scene.tracks).success);
     const Rigid3d& pose = scene.views[0].cam_from_world;
     const Rigid3d& exact = truth.views[0].cam_from_world;
@@ -56,7 +56,7 @@ TEST(VarianceFactor, FindsTheNoise) {
   options.noise_px = 2;
   SyntheticTracks scene = MakeSyntheticTracks(options);
   BundleAdjustmentOptions least_squares;
-  least_squares.loss_scale = kWideScale;
+  least_squares.loss_scale_sigma = kWideScale;
   ASSERT_TRUE(AdjustBundle(least_squares, &scene.views, &scene.tracks).success);
   EXPECT_NEAR(VarianceFactor(scene.views, scene.tracks, kWideScale), 4, 0.3);
   for (View& view : scene.views) view.noise_px = 2;

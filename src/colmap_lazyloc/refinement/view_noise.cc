@@ -25,7 +25,7 @@ void EstimateViewNoise(const std::vector<Track>& tracks, double min_noise_px, st
   for (const Track& track : tracks) {
     const double num_residuals = 2.0 * static_cast<double>(track.observations.size());
     if (num_residuals <= 4) continue;  // the point takes up nearly everything
-    const double correction = std::sqrt(num_residuals / (num_residuals - 3));
+    const double correction = std::sqrt(num_residuals / (num_residuals - 3)) / track.noise_ratio;
     for (const TrackObservation& element : track.observations) {
       const Eigen::Vector3d point_in_cam = (*views)[element.view].cam_from_world * track.point_in_world;
       const double error_px = correction * ReprojectionError(element.observation, point_in_cam).norm();

@@ -28,6 +28,7 @@ struct TrackObservation {
 struct Track {
   std::vector<TrackObservation> observations;
   Eigen::Vector3d point_in_world = Eigen::Vector3d::Zero();
+  double noise_ratio = 1;  // factor on its views' noise_px
 };
 
 }  // namespace lazyloc

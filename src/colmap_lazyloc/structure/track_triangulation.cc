@@ -22,7 +22,7 @@ double NormalizedError(const View& view, const Observation& observation, const E
 class TrackTriangulator {
  public:
   TrackTriangulator(const std::vector<View>& views, const TrackTriangulationOptions& options)
-      : views_(views), options_(options), max_cos_angle_(std::cos(DegToRad(options.min_angle_deg))) {
+      : views_(views), options_(options), max_cos_angle_(std::cos(DegToRad(options.min_triangulation_angle_deg))) {
     for (const View& view : views) {
       Eigen::Matrix<double, 3, 4> matrix;
       matrix << view.cam_from_world.rotation.toRotationMatrix(), view.cam_from_world.translation;
@@ -47,13 +47,14 @@ class TrackTriangulator {
     }
     Track result;
     for (const TrackObservation& observation : query) {
-      if (NormalizedError(views_[observation.view], observation.observation, point) > options_.max_query_error) {
+      if (NormalizedError(views_[observation.view], observation.observation, point) > options_.max_query_error_sigma) {
         return std::nullopt;
       }
       result.observations.push_back(observation);
     }
     result.observations.insert(result.observations.end(), database.begin(), database.end());
     result.point_in_world = point;
+    if (database.size() == 1) result.noise_ratio = options_.single_view_noise_ratio;
     return result;
   }
 
@@ -96,7 +97,7 @@ class TrackTriangulator {
   }
 
   bool Agrees(const TrackObservation& element, const Eigen::Vector3d& point) const {
-    return NormalizedError(views_[element.view], element.observation, point) <= options_.max_database_error;
+    return NormalizedError(views_[element.view], element.observation, point) <= options_.max_database_error_sigma;
   }
 
   std::vector<TrackObservation> BestAgreeingViews(const std::vector<TrackObservation>& observations) const {
@@ -122,7 +123,7 @@ class TrackTriangulator {
     all.insert(all.end(), database.begin(), database.end());
     if (!Linear(all, point) || !SeenUnderAngle(all, *point)) return false;
     return std::all_of(database.begin(), database.end(), [&](const TrackObservation& element) {
-      return NormalizedError(views_[element.view], element.observation, *point) <= options_.max_query_error;
+      return NormalizedError(views_[element.view], element.observation, *point) <= options_.max_query_error_sigma;
     });
   }
 
@@ -136,9 +137,10 @@ class TrackTriangulator {
 }  // namespace
 
 bool TrackTriangulationOptions::Check(std::string* error) const {
-  OPTION_GT(max_database_error, 0);
-  OPTION_GT(max_query_error, 0);
-  OPTION_GE(min_angle_deg, 0);
+  OPTION_GT(max_database_error_sigma, 0);
+  OPTION_GT(max_query_error_sigma, 0);
+  OPTION_GE(min_triangulation_angle_deg, 0);
+  OPTION_GT(single_view_noise_ratio, 0);
   return true;
 }
 

@@ -10,10 +10,13 @@ namespace lazyloc {
 struct TrackTriangulationOptions {
   // Largest distance of a point from an image point of a database view, and of the query, in the view's standard
   // deviations.
-  double max_database_error = 4;
-  double max_query_error = 4;
+  double max_database_error_sigma = 4;
+  double max_query_error_sigma = 4;
   // Smallest angle under which the point is seen: by database views alone, and by one of them with the query.
-  double min_angle_deg = 1.5;
+  double min_triangulation_angle_deg = 1.5;
+  // Factor on the image noise of a track that one database view sees: that view's pose error moves all such points alike,
+  // where the errors of several views average out, and a false match along the epipolar line goes unnoticed.
+  double single_view_noise_ratio = 2;
 
   bool Check(std::string* error) const;
 };

@@ -46,9 +46,9 @@ TEST(TrackTriangulation, QueryFarFromThePointDropsTheTrack) {
   scene.tracks[0].observations[0].observation = ObserveAt(point_in_cam, 500, {5, 0});
   TrackTriangulationOptions options;
   EXPECT_EQ(TriangulateTracks(scene.views, {scene.tracks[0]}, options).size(), 0u);
-  options.max_query_error = 6;
+  options.max_query_error_sigma = 6;
   EXPECT_EQ(TriangulateTracks(scene.views, {scene.tracks[0]}, options).size(), 1u);
-  options.max_query_error = 4;
+  options.max_query_error_sigma = 4;
   scene.views[0].noise_px = 2;
   EXPECT_EQ(TriangulateTracks(scene.views, {scene.tracks[0]}, options).size(), 1u) << "5 px are 2.5 deviations";
 }
@@ -66,7 +66,7 @@ TEST(TrackTriangulation, OneDatabaseViewNeedsTheQuery) {
 TEST(TrackTriangulation, SmallAngleAndPointsBehindAreDropped) {
   SyntheticTracks scene = MakeSyntheticTracks({});
   TrackTriangulationOptions options;
-  options.min_angle_deg = 90;
+  options.min_triangulation_angle_deg = 90;
   EXPECT_TRUE(TriangulateTracks(scene.views, scene.tracks, options).empty());
   for (Track& track : scene.tracks) {
     for (TrackObservation& element : track.observations) element.observation.ray_in_cam *= -1;

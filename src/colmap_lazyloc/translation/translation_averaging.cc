@@ -21,7 +21,7 @@ struct Ray {
 };
 
 double EdgeStddev(const DirectionEdge& edge, const TranslationAveragingOptions& options) {
-  return std::hypot(edge.stddev_rad, DegToRad(options.min_stddev_deg));
+  return std::hypot(edge.stddev_rad, DegToRad(options.min_direction_stddev_deg));
 }
 
 std::vector<Ray> RaysTo(int node, const TranslationAveragingProblem& problem,
@@ -139,7 +139,7 @@ class ChordCost : public ceres::SizedCostFunction<3, 3, 3> {
 
 void Minimize(const TranslationAveragingProblem& problem, const TranslationAveragingOptions& options,
               TranslationAveragingResult* result) {
-  ceres::CauchyLoss loss(options.loss_scale);
+  ceres::CauchyLoss loss(options.loss_scale_sigma);
   ceres::Problem::Options problem_options;
   problem_options.loss_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
   ceres::Problem ceres_problem(problem_options);
@@ -171,8 +171,8 @@ void Minimize(const TranslationAveragingProblem& problem, const TranslationAvera
 }  // namespace
 
 bool TranslationAveragingOptions::Check(std::string* error) const {
-  OPTION_GT(min_stddev_deg, 0);
-  OPTION_GT(loss_scale, 0);
+  OPTION_GT(min_direction_stddev_deg, 0);
+  OPTION_GT(loss_scale_sigma, 0);
   OPTION_GT(max_vote_error_deg, 0);
   OPTION_GT(min_ray_angle_deg, 0);
   OPTION_GE(max_num_iterations, 0);

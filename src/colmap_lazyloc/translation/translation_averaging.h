@@ -28,8 +28,8 @@ struct TranslationAveragingProblem {
 };
 
 struct TranslationAveragingOptions {
-  double min_stddev_deg = 0.1;      // added to each direction's own noise: what its model does not know
-  double loss_scale = 2;            // Cauchy scale in standard deviations
+  double min_direction_stddev_deg = 0.1;      // added to each direction's own noise: what its model does not know
+  double loss_scale_sigma = 2;      // Cauchy scale in standard deviations of the directions
   double max_vote_error_deg = 10;   // an edge supports a start whose direction it matches within this angle
   double min_ray_angle_deg = 1;     // two directions that meet at less do not determine a start
   int max_num_iterations = 50;

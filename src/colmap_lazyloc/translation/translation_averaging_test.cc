@@ -166,9 +166,9 @@ TEST(TranslationAveragingOptions, NamesTheInvalidField) {
   TranslationAveragingOptions options;
   std::string error;
   EXPECT_TRUE(options.Check(&error));
-  options.loss_scale = 0;
+  options.loss_scale_sigma = 0;
   EXPECT_FALSE(options.Check(&error));
-  EXPECT_THAT(error, testing::HasSubstr("loss_scale"));
+  EXPECT_THAT(error, testing::HasSubstr("loss_scale_sigma"));
 }
 
 }  // namespace

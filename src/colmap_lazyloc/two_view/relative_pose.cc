@@ -15,7 +15,7 @@ bool IsWorthEstimating(TwoViewConfig config) {
 TwoViewGeometry Estimate(const LocalizationProblem& problem, const ImagePair& pair, const Matches& matches,
                          const RelativePoseOptions& options, uint32_t seed) {
   return EstimateTwoViewGeometry(pair.database_camera, pair.database_keypoints, problem.query_camera,
-                                 problem.query_keypoints, matches, {options.min_num_inliers, options.max_error_px},
+                                 problem.query_keypoints, matches, {options.min_num_inliers, options.max_two_view_error_px},
                                  seed);
 }
 
@@ -23,7 +23,7 @@ TwoViewGeometry Estimate(const LocalizationProblem& problem, const ImagePair& pa
 
 bool RelativePoseOptions::Check(std::string* error) const {
   OPTION_GE(min_num_inliers, 5);
-  OPTION_GT(max_error_px, 0);
+  OPTION_GT(max_two_view_error_px, 0);
   return true;
 }
 
