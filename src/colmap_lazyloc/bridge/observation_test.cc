@@ -41,14 +41,14 @@ TEST_P(Models, ErrorIsPixelsToFirstOrder) {
   }
 }
 
-INSTANTIATE_TEST_SUITE_P(
-    Observation, Models,
-    testing::Values(ModelCase{"SIMPLE_PINHOLE", {500, 320, 240}}, ModelCase{"PINHOLE", {500, 520, 310, 250}},
-                    ModelCase{"RADIAL", {500, 320, 240, -0.1, 0.02}},
-                    ModelCase{"OPENCV", {500, 510, 320, 240, -0.1, 0.02, 1e-3, -1e-3}},
-                    ModelCase{"OPENCV_FISHEYE", {300, 300, 320, 240, 0.01, 0.002, 0, 0}},
-                    ModelCase{"FOV", {400, 400, 320, 240, 0.7}}),
-    [](const auto& param_info) { return param_info.param.name; });
+INSTANTIATE_TEST_SUITE_P(Observation, Models,
+                         testing::Values(ModelCase{"SIMPLE_PINHOLE", {500, 320, 240}},
+                                         ModelCase{"PINHOLE", {500, 520, 310, 250}},
+                                         ModelCase{"RADIAL", {500, 320, 240, -0.1, 0.02}},
+                                         ModelCase{"OPENCV", {500, 510, 320, 240, -0.1, 0.02, 1e-3, -1e-3}},
+                                         ModelCase{"OPENCV_FISHEYE", {300, 300, 320, 240, 0.01, 0.002, 0, 0}},
+                                         ModelCase{"FOV", {400, 400, 320, 240, 0.7}}),
+                         [](const auto& param_info) { return param_info.param.name; });
 
 TEST(CameraProblem, NamesWhatIsWrong) {
   Camera camera;

@@ -21,9 +21,8 @@ struct TwoViewGeometryOptions {
 // where that explains as much, with the relative pose. The same result for the same seed, whatever thread it runs on.
 TwoViewGeometry EstimateTwoViewGeometry(const Camera& database_camera,
                                         const std::vector<Eigen::Vector2d>& database_keypoints,
-                                        const Camera& query_camera,
-                                        const std::vector<Eigen::Vector2d>& query_keypoints, const Matches& matches,
-                                        const TwoViewGeometryOptions& options, uint32_t seed);
+                                        const Camera& query_camera, const std::vector<Eigen::Vector2d>& query_keypoints,
+                                        const Matches& matches, const TwoViewGeometryOptions& options, uint32_t seed);
 
 // COLMAP's relative pose of a geometry that has E (CALIBRATED) or H (PLANAR, PANORAMIC) but no pose yet. Sets
 // query_from_database where it can, and resolves PLANAR_OR_PANORAMIC.

@@ -46,9 +46,9 @@ int Run(const CommandOptions& options) {
   interrupted = 0;
   std::signal(SIGINT, HandleInterrupt);
   Progress progress(loader.QueryNames().size());
-  const std::vector<LocalizationResult> results =
-      RunQueries(loader, options.database_path, options.localizer, options.num_threads,
-                 [&](const LocalizationResult& result) { progress.Report(result); }, [] { return interrupted != 0; });
+  const std::vector<LocalizationResult> results = RunQueries(
+      loader, options.database_path, options.localizer, options.num_threads,
+      [&](const LocalizationResult& result) { progress.Report(result); }, [] { return interrupted != 0; });
   std::signal(SIGINT, SIG_DFL);
   writer.Write(loader.DatabaseModel(), results, database, OptionsAsIni(options));
   progress.PrintSummary(results);

@@ -14,6 +14,18 @@ namespace {
 
 namespace po = boost::program_options;
 
+// JSON's form of a number is its shortest exact one.
+template <typename Value>
+std::string AsText(const Value& value) {
+  if constexpr (std::is_same_v<Value, std::string>) {
+    return value;
+  } else if constexpr (std::is_same_v<Value, bool>) {
+    return value ? "1" : "0";
+  } else {
+    return nlohmann::json(value).dump();
+  }
+}
+
 // Hands each option to `add(name, pointer to its value, help)`: the one list of them, for parsing, help and options.ini.
 template <typename Options, typename Add>
 void ForEachOption(Options& o, const Add& add) {
@@ -23,8 +35,7 @@ void ForEachOption(Options& o, const Add& add) {
   add("query_list_path", &o.query_list_path,
       "queries, one name a line or hloc's `name MODEL width height params...`; "
       "default: every image of the database file without a pose in --input_path");
-  add("pairs_path", &o.pairs_path,
-      "pairs to use, two names a line; default: those that the database has matches for");
+  add("pairs_path", &o.pairs_path, "pairs to use, two names a line; default: those that the database has matches for");
   add("strict", &o.strict, "exit with code 2 if a query was not localized");
   add("LazyLocalizer.num_retrieved", &o.loader.num_retrieved,
       "database images per query, best by verified inliers; with --pairs_path all listed ones are used");
@@ -50,8 +61,10 @@ void ForEachOption(Options& o, const Add& add) {
       "largest reprojection error of a point in the query, in standard deviations, after the first round");
   add("LazyLocalizer.max_start_error_sigma", &o.localizer.max_start_error_sigma,
       "the same in the first round, whose start may be off by many pixels");
-  add("LazyLocalizer.start_noise_px", &o.localizer.start_noise_px, "image noise in pixels that the first round assumes");
-  add("LazyLocalizer.min_noise_px", &o.localizer.min_noise_px, "smallest image noise in pixels that later rounds estimate");
+  add("LazyLocalizer.start_noise_px", &o.localizer.start_noise_px,
+      "image noise in pixels that the first round assumes");
+  add("LazyLocalizer.min_noise_px", &o.localizer.min_noise_px,
+      "smallest image noise in pixels that later rounds estimate");
   add("LazyLocalizer.num_refinement_rounds", &o.localizer.num_refinement_rounds,
       "rounds of triangulation and bundle adjustment");
   add("LazyLocalizer.loss_scale_sigma", &o.localizer.bundle_adjustment.loss_scale_sigma,
@@ -72,15 +85,15 @@ po::options_description Describe(CommandOptions* options, std::string* project_p
   add_option("help,h", "print this help");
   add_option("project_path", po::value(project_path), ".ini file with any of these options; the command line wins");
   ForEachOption(*options, [&](const char* name, auto* value, const char* help) {
-    add_option(name, po::value(value)->default_value(*value), help);
+    add_option(name, po::value(value)->default_value(*value, AsText(*value)), help);
   });
   return description;
 }
 
 void CheckOptions(const CommandOptions& options) {
-  for (const auto& [name, value] : {std::pair{"database_path", &options.database_path},
-                                    std::pair{"input_path", &options.input_path},
-                                    std::pair{"output_path", &options.output_path}}) {
+  for (const auto& [name, value] :
+       {std::pair{"database_path", &options.database_path}, std::pair{"input_path", &options.input_path},
+        std::pair{"output_path", &options.output_path}}) {
     if (value->empty()) throw InputError("option --" + std::string(name) + " is required but missing");
   }
   if (options.loader.num_retrieved < 1) throw InputError("option --LazyLocalizer.num_retrieved must be >= 1");
@@ -130,12 +143,7 @@ std::string OptionsAsIni(const CommandOptions& options) {
     const std::string own_section = dot == std::string::npos ? "" : name.substr(0, dot);
     if (own_section != section) ini << '[' << (section = own_section) << "]\n";
     ini << (dot == std::string::npos ? name : name.substr(dot + 1)) << '=';
-    // JSON's form of a number is its shortest exact one.
-    if constexpr (std::is_same_v<std::decay_t<decltype(*value)>, double>) {
-      ini << nlohmann::json(*value).dump() << '\n';
-    } else {
-      ini << *value << '\n';
-    }
+    ini << AsText(*value) << '\n';
   });
   return ini.str();
 }

@@ -13,7 +13,9 @@
 namespace lazyloc {
 namespace {
 
-double TotalSeconds(const LocalizationResult& result) { return result.seconds.empty() ? 0 : result.seconds.back().second; }
+double TotalSeconds(const LocalizationResult& result) {
+  return result.seconds.empty() ? 0 : result.seconds.back().second;
+}
 
 double Median(std::vector<double> values) {
   if (values.empty()) return 0;

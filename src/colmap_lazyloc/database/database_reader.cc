@@ -136,7 +136,7 @@ using TwoViewColumns = std::set<std::string>;
 
 // Checks that all that every version has is there; returns the columns of two_view_geometries.
 TwoViewColumns CheckTables(const SqliteConnection& connection) {
-  const std::pair<std::string, std::vector<std::string>> kRequired[] = {
+  const std::pair<std::string, std::vector<std::string>> required_columns[] = {
       {"cameras", {"camera_id", "model", "width", "height", "params", "prior_focal_length"}},
       {"images", {"image_id", "name", "camera_id"}},
       {"keypoints", {"image_id", "rows", "cols", "data"}},
@@ -144,7 +144,7 @@ TwoViewColumns CheckTables(const SqliteConnection& connection) {
       {"two_view_geometries", {"pair_id", "rows", "cols", "data", "config"}},
   };
   TwoViewColumns columns;
-  for (const auto& [table, required] : kRequired) {
+  for (const auto& [table, required] : required_columns) {
     columns = connection.ColumnNames(table);
     const std::string prefix = connection.File().Path().string() + ": is not a COLMAP database: ";
     if (columns.empty()) throw InputError(prefix + "it has no table " + table);
@@ -186,8 +186,9 @@ struct DatabaseReader::Impl {
         two_view_columns(CheckTables(connection)),
         images(connection.Prepare("images", "SELECT image_id, camera_id, name FROM images")),
         image_name(connection.Prepare("images", "SELECT name FROM images WHERE image_id = ?1")),
-        camera(connection.Prepare("cameras", "SELECT model, width, height, prior_focal_length, params FROM cameras"
-                                             " WHERE camera_id = ?1")),
+        camera(connection.Prepare("cameras",
+                                  "SELECT model, width, height, prior_focal_length, params FROM cameras"
+                                  " WHERE camera_id = ?1")),
         keypoints(connection.Prepare("keypoints", "SELECT rows, cols, data FROM keypoints WHERE image_id = ?1")),
         matches(connection.Prepare("matches", "SELECT rows, cols, data FROM matches WHERE pair_id = ?1")),
         two_view_geometry(PrepareTwoViewGeometry(connection, two_view_columns)),
@@ -216,8 +217,7 @@ struct DatabaseReader::Impl {
                          static_cast<int>(rows.Integer(1, 1, kMaxInt))});
       }
     }
-    std::sort(sizes.begin(), sizes.end(),
-              [](const PairSize& a, const PairSize& b) { return a.image_id < b.image_id; });
+    std::sort(sizes.begin(), sizes.end(), [](const PairSize& a, const PairSize& b) { return a.image_id < b.image_id; });
     return sizes;
   }
 
@@ -242,8 +242,8 @@ std::vector<DatabaseImage> DatabaseReader::ReadImages() const {
                       static_cast<uint32_t>(rows.Integer(1, 0, kMaxCameraId)), rows.Text(2)});
   }
   std::sort(images.begin(), images.end(), [](const auto& a, const auto& b) { return a.name < b.name; });
-  const auto duplicate = std::adjacent_find(images.begin(), images.end(),
-                                            [](const auto& a, const auto& b) { return a.name == b.name; });
+  const auto duplicate =
+      std::adjacent_find(images.begin(), images.end(), [](const auto& a, const auto& b) { return a.name == b.name; });
   if (duplicate != images.end()) rows.Fail("two images have the name " + duplicate->name);
   return images;
 }

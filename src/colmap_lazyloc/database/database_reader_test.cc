@@ -11,9 +11,9 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "colmap_lazyloc/testing/test_folder.h"
 #include "colmap_lazyloc/scene/errors.h"
 #include "colmap_lazyloc/testing/test_database.h"
+#include "colmap_lazyloc/testing/test_folder.h"
 
 namespace lazyloc {
 namespace {

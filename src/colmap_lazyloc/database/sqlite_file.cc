@@ -75,8 +75,9 @@ void SqliteFile::CheckNoHotJournal() const {
   std::ifstream journal(WithSuffix(real_path_, "-journal"), std::ios::binary);
   const int first_byte = journal ? journal.get() : 0;
   if (first_byte != std::ifstream::traits_type::eof() && first_byte != 0) {
-    Fail("has an unfinished transaction in its -journal file: let the other program finish, or open the database "
-         "once with COLMAP to roll it back");
+    Fail(
+        "has an unfinished transaction in its -journal file: let the other program finish, or open the database "
+        "once with COLMAP to roll it back");
   }
 }
 

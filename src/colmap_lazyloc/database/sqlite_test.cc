@@ -8,9 +8,9 @@
 #include <gtest/gtest.h>
 
 #include "colmap_lazyloc/database/database_reader.h"
-#include "colmap_lazyloc/testing/test_folder.h"
 #include "colmap_lazyloc/scene/errors.h"
 #include "colmap_lazyloc/testing/test_database.h"
+#include "colmap_lazyloc/testing/test_folder.h"
 
 namespace lazyloc {
 namespace {

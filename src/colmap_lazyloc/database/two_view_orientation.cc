@@ -9,7 +9,7 @@ namespace lazyloc {
 namespace {
 
 double RoundedToGrid(double value) {
-  constexpr double kStepsPerUnit = 8589934592.0;  // 2^33
+  constexpr double kStepsPerUnit = 8589934592.0;                       // 2^33
   return std::nearbyint(value * kStepsPerUnit) / kStepsPerUnit + 0.0;  // + 0.0 turns -0 into 0
 }
 

@@ -32,8 +32,7 @@ Camera ReadUsableCamera(const DatabaseReader& database, const DatabaseImage& ima
 void CheckMatches(const Matches& matches, const LocalizationProblem& problem, const ImagePair& pair,
                   const DatabaseReader& database) {
   for (const Match& match : matches) {
-    if (match.query_point >= problem.query_keypoints.size() ||
-        match.database_point >= pair.database_keypoints.size()) {
+    if (match.query_point >= problem.query_keypoints.size() || match.database_point >= pair.database_keypoints.size()) {
       throw InputError(database.Path().string() + ": a match between " + problem.query_name + " and " +
                        pair.database_name + " names a keypoint that its image does not have");
     }

@@ -48,8 +48,8 @@ class ProblemLoader {
   struct Candidate {
     const ModelImage* image = nullptr;
     uint32_t image_id = 0;  // in the database
-    int num_inliers = 0;  // verified
-    int num_matches = 0;  // raw
+    int num_inliers = 0;    // verified
+    int num_matches = 0;    // raw
   };
 
   void ChooseQueries(const std::vector<QueryListEntry>& queries, const DatabaseReader& database);
@@ -57,13 +57,14 @@ class ProblemLoader {
   void AddQuery(const QueryListEntry& entry, const ModelImage* posed, const DatabaseReader& database);
   std::vector<Candidate> FindCandidates(const Query& query, const DatabaseReader& database) const;
   // None where verification left no inliers.
-  std::optional<ImagePair> LoadPair(const Query& query, const Candidate& candidate, const DatabaseReader& database) const;
+  std::optional<ImagePair> LoadPair(const Query& query, const Candidate& candidate,
+                                    const DatabaseReader& database) const;
 
   Model model_;
   std::map<std::string, std::vector<std::string>> pairs_;
   bool has_pairs_file_ = false;
   ProblemLoaderOptions options_;
-  std::unordered_map<std::string, DatabaseImage> database_images_;      // by name
+  std::unordered_map<std::string, DatabaseImage> database_images_;  // by name
   std::unordered_map<uint32_t, const ModelImage*> posed_of_database_id_;
   std::unordered_map<std::string, Query> queries_;
   std::vector<std::string> query_names_;

@@ -5,8 +5,8 @@
 
 #include <gmock/gmock.h>
 
-#include "colmap_lazyloc/io/model_reader.h"
 #include "colmap_lazyloc/io/io_test_fixture.h"
+#include "colmap_lazyloc/io/model_reader.h"
 #include "colmap_lazyloc/testing/test_database.h"
 
 namespace lazyloc {
@@ -143,14 +143,10 @@ TEST_F(ResultWriterTest, ModelThatNoRunHasWrittenIsNotReplaced) {
 }
 
 TEST_F(ResultWriterTest, WithoutWriteNothingIsLeft) {
-  {
-    ResultWriter writer(output_ / "deep" / "er");
-  }
+  { ResultWriter writer(output_ / "deep" / "er"); }
   EXPECT_FALSE(fs::exists(output_));
   fs::create_directory(output_);
-  {
-    ResultWriter writer(output_);
-  }
+  { ResultWriter writer(output_); }
   EXPECT_TRUE(fs::exists(output_)) << "it was there before";
   EXPECT_THAT(Names(output_), IsEmpty());
 }

@@ -144,7 +144,8 @@ class QueryLocalizer {
     problem.rotations.emplace_back(Eigen::Quaterniond::Identity());
     problem.is_fixed.push_back(false);
     for (const PairState& pair : pairs_) {
-      problem.edges.push_back({static_cast<int>(problem.rotations.size()), 0, pair.relative_pose.query_from_database.rotation,
+      problem.edges.push_back({static_cast<int>(problem.rotations.size()), 0,
+                               pair.relative_pose.query_from_database.rotation,
                                static_cast<double>(pair.relative_pose.inlier_matches.size())});
       problem.rotations.push_back(DatabaseView(pair).cam_from_world.rotation);
       problem.is_fixed.push_back(true);
@@ -251,8 +252,9 @@ class QueryLocalizer {
     }
     if (static_cast<int>(points.size()) < options_.min_num_tracks) return;
     const double max_error_px = options_.max_start_error_sigma * options_.start_noise_px;
-    const std::optional<Rigid3d> absolute_pose = EstimateAbsolutePose(
-        rays, points, max_error_px * RadFromPx(*observations.front()) / 2, SeedFromNames(problem_.query_name, "", options_.seed));
+    const std::optional<Rigid3d> absolute_pose =
+        EstimateAbsolutePose(rays, points, max_error_px * RadFromPx(*observations.front()) / 2,
+                             SeedFromNames(problem_.query_name, "", options_.seed));
     if (absolute_pose && StartScore(*absolute_pose, points, observations, max_error_px) >
                              StartScore(views_[0].cam_from_world, points, observations, max_error_px)) {
       views_[0].cam_from_world = *absolute_pose;
@@ -346,7 +348,7 @@ class QueryLocalizer {
     Eigen::Matrix<double, 6, 1> scale;
     scale << Eigen::Vector3d::Ones(), Eigen::Vector3d::Constant(distance);
     const Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, 6, 6>> eigen(scale.asDiagonal() * information *
-                                                                             scale.asDiagonal());
+                                                                           scale.asDiagonal());
     const double min_information = 1 / std::pow(options_.max_position_stddev_ratio, 2);
     if (eigen.eigenvalues()(0) >= min_information) return;
     if (NumDistinctCentres() == 1) {
@@ -400,8 +402,8 @@ class QueryLocalizer {
     for (const PairState& pair : pairs_) {
       const Rigid3d& database = DatabaseView(pair).cam_from_world;
       PairResult& report = result_.pairs[pair.index];
-      report.rotation_error_deg = RadToDeg(AngularDistanceRad(
-          query.rotation, pair.relative_pose.query_from_database.rotation * database.rotation));
+      report.rotation_error_deg = RadToDeg(
+          AngularDistanceRad(query.rotation, pair.relative_pose.query_from_database.rotation * database.rotation));
       if (pair.direction.dir_1to2_in_world.isZero()) continue;
       report.direction_error_deg =
           RadToDeg(AngleBetweenRad(pair.direction.dir_1to2_in_world, CamInWorld(query) - CamInWorld(database)));
@@ -412,7 +414,7 @@ class QueryLocalizer {
   const LocalizerOptions& options_;
   Eigen::Vector3d origin_ = Eigen::Vector3d::Zero();
   std::vector<View> views_;
-  std::vector<PairState> pairs_;  // those still in use
+  std::vector<PairState> pairs_;   // those still in use
   std::vector<Track> candidates_;  // all tracks, points not set
   std::vector<Track> tracks_;      // those that hold
   LocalizationResult result_;

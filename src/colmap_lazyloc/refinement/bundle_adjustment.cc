@@ -242,7 +242,8 @@ bool BundleAdjustmentOptions::Check(std::string* error) const {
   return true;
 }
 
-StageSummary AdjustBundle(const BundleAdjustmentOptions& options, std::vector<View>* views, std::vector<Track>* tracks) {
+StageSummary AdjustBundle(const BundleAdjustmentOptions& options, std::vector<View>* views,
+                          std::vector<Track>* tracks) {
   BundleSolver solver(options, *views, *tracks);
   const StageSummary summary = solver.Minimize();
   size_t pose = 0;

@@ -51,10 +51,10 @@ std::vector<Rigid3d> SolveWithCeres(const BundleAdjustmentOptions& options, Synt
   for (Track& track : scene.tracks) {
     for (const TrackObservation& element : track.observations) {
       double* pose = poses[element.view].data();
-      problem.AddResidualBlock(
-          new ceres::AutoDiffCostFunction<ReferenceCost, 2, 3, 3, 3>(
-              new ReferenceCost{element.observation, scene.views[element.view].noise_px}),
-          new ceres::CauchyLoss(options.loss_scale_sigma), pose, pose + 3, track.point_in_world.data());
+      problem.AddResidualBlock(new ceres::AutoDiffCostFunction<ReferenceCost, 2, 3, 3, 3>(
+                                   new ReferenceCost{element.observation, scene.views[element.view].noise_px}),
+                               new ceres::CauchyLoss(options.loss_scale_sigma), pose, pose + 3,
+                               track.point_in_world.data());
       if (!scene.views[element.view].is_fixed) continue;
       problem.SetParameterBlockConstant(pose);
       problem.SetParameterBlockConstant(pose + 3);

@@ -40,8 +40,9 @@ void EstimateViewNoise(const std::vector<Track>& tracks, double min_noise_px, st
     double noise_px = common;
     if (num_tracks > 0) {
       const double own = Median(&errors_px[view]) / kMedianOfNorm;
-      noise_px = std::exp((num_tracks * std::log(std::max(own, 1e-9)) + kNumPriorTracks * std::log(std::max(common, 1e-9))) /
-                          (num_tracks + kNumPriorTracks));
+      noise_px =
+          std::exp((num_tracks * std::log(std::max(own, 1e-9)) + kNumPriorTracks * std::log(std::max(common, 1e-9))) /
+                   (num_tracks + kNumPriorTracks));
     }
     (*views)[view].noise_px = std::max(noise_px, min_noise_px);
   }

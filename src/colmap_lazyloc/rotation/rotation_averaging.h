@@ -26,7 +26,7 @@ struct RotationAveragingProblem {
 };
 
 struct RotationAveragingOptions {
-  double vote_error_deg = 5;       // an edge supports a start whose rotation it matches within this angle
+  double vote_error_deg = 5;  // an edge supports a start whose rotation it matches within this angle
   int num_l1_iterations = 10;
   int num_irls_iterations = 20;
   double irls_scale_deg = 2;       // Geman-McClure scale
@@ -37,8 +37,8 @@ struct RotationAveragingOptions {
 
 struct RotationAveragingResult {
   std::vector<Eigen::Quaterniond> rotations;
-  std::vector<bool> is_known;            // fixed, or linked to a fixed node
-  std::vector<double> edge_errors_rad;   // angle between measured and averaged; NaN where a node is not known
+  std::vector<bool> is_known;           // fixed, or linked to a fixed node
+  std::vector<double> edge_errors_rad;  // angle between measured and averaged; NaN where a node is not known
   StageSummary summary;
 };
 

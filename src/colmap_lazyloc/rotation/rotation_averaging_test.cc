@@ -135,9 +135,10 @@ TEST(RotationAveraging, UnlinkedQueryIsReported) {
   SyntheticPoseGraph graph = MakePoseGraph(options);
   std::vector<RotationEdge>& edges = graph.problem.edges;
   const int unlinked = options.num_database + 1;
-  edges.erase(std::remove_if(edges.begin(), edges.end(),
-                             [&](const RotationEdge& edge) { return edge.node1 == unlinked || edge.node2 == unlinked; }),
-              edges.end());
+  edges.erase(
+      std::remove_if(edges.begin(), edges.end(),
+                     [&](const RotationEdge& edge) { return edge.node1 == unlinked || edge.node2 == unlinked; }),
+      edges.end());
   edges.push_back({unlinked, unlinked - 1, Eigen::Quaterniond::Identity(), 0});
   const RotationAveragingResult result = AverageRotations(graph.problem, {});
   EXPECT_TRUE(result.summary.success);

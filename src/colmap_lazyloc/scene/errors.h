@@ -16,4 +16,4 @@ class InputError : public std::runtime_error {
 
 // A broken precondition is a bug of ours.
 #define LAZYLOC_CHECK(condition) \
-  (static_cast<bool>(condition) ? void(0) : throw std::logic_error(std::string(__func__) + ": check failed: " #condition))
+  (static_cast<bool>(condition) ? void(0) : throw std::logic_error(__FILE__ ": check failed: " #condition))

@@ -18,7 +18,8 @@ std::vector<std::pair<int, int>> Elements(const Track& track) {
 using Elements_ = std::vector<std::pair<int, int>>;
 
 TEST(TrackBuilding, JoinsTheMatchesOfAQueryKeypoint) {
-  const std::vector<Track> tracks = BuildTracks({MakeMatches(1, {{5, 50}, {7, 70}}), MakeMatches(2, {{7, 71}, {5, 51}})});
+  const std::vector<Track> tracks =
+      BuildTracks({MakeMatches(1, {{5, 50}, {7, 70}}), MakeMatches(2, {{7, 71}, {5, 51}})});
   ASSERT_EQ(tracks.size(), 2u);
   EXPECT_EQ(Elements(tracks[0]), (Elements_{{0, 5}, {1, 50}, {2, 51}}));
   EXPECT_EQ(Elements(tracks[1]), (Elements_{{0, 7}, {1, 70}, {2, 71}}));

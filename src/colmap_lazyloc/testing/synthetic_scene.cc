@@ -38,16 +38,11 @@ Rigid3d MakePose(SceneLayout layout, int index, int num_database_images, Random*
       const double radius = index < 0 ? 8 : 10;
       return LookAt(Eigen::Vector3d(radius * std::sin(angle), 0, -radius * std::cos(angle)) + jitter, target);
     }
-    case SceneLayout::LINE:
-      return LookAt(index < 0 ? Eigen::Vector3d(1, -1.5, -9) : line, target);
-    case SceneLayout::LINE_ON_LINE:
-      return LookAt(index < 0 ? Eigen::Vector3d(0.7, 0, -10) : line, target);
-    case SceneLayout::FORWARD:
-      return LookAt(Eigen::Vector3d(0, 0, index < 0 ? -9.1 : -14 + 8 * fraction), {0, 0, 100});
-    case SceneLayout::PURE_ROTATION:
-      return LookAt({0, 0, -10}, target);
-    case SceneLayout::SAME_PLACE:
-      return LookAt(index <= 0 ? Eigen::Vector3d(0, 0, -10) : line, target);
+    case SceneLayout::LINE: return LookAt(index < 0 ? Eigen::Vector3d(1, -1.5, -9) : line, target);
+    case SceneLayout::LINE_ON_LINE: return LookAt(index < 0 ? Eigen::Vector3d(0.7, 0, -10) : line, target);
+    case SceneLayout::FORWARD: return LookAt(Eigen::Vector3d(0, 0, index < 0 ? -9.1 : -14 + 8 * fraction), {0, 0, 100});
+    case SceneLayout::PURE_ROTATION: return LookAt({0, 0, -10}, target);
+    case SceneLayout::SAME_PLACE: return LookAt(index <= 0 ? Eigen::Vector3d(0, 0, -10) : line, target);
   }
   return {};
 }
@@ -122,8 +117,7 @@ SyntheticScene MakeSyntheticScene(const SyntheticSceneOptions& options) {
   scene.query_cam_from_world = Placed(query, options);
   scene.problem.query_name = "query.jpg";
   scene.problem.query_camera = MakeCamera(/*is_query=*/true);
-  scene.problem.query_keypoints =
-      Project(points, scene.problem.query_camera, query, options.pixel_noise_px, &random);
+  scene.problem.query_keypoints = Project(points, scene.problem.query_camera, query, options.pixel_noise_px, &random);
   scene.num_outlier_pairs = static_cast<int>(std::lround(options.outlier_pair_ratio * options.num_database_images));
   for (int i = 0; i < options.num_database_images; ++i) {
     const Rigid3d database = MakePose(options.layout, i, options.num_database_images, &random);
@@ -138,8 +132,7 @@ SyntheticScene MakeSyntheticScene(const SyntheticSceneOptions& options) {
     const double outlier_ratio = is_outlier ? 1 : options.outlier_match_ratio;
     const Matches matches =
         MakeMatches(options.num_points, static_cast<int>(outlier_ratio * options.num_points), &random);
-    const TwoViewGeometry geometry =
-        MakeGeometry(query * Inverse(database), options, is_outlier, matches, &random);
+    const TwoViewGeometry geometry = MakeGeometry(query * Inverse(database), options, is_outlier, matches, &random);
     if (options.has_geometry) {
       pair.geometry = geometry;
     } else {

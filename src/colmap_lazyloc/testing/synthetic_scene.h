@@ -24,11 +24,11 @@ struct SyntheticSceneOptions {
   int num_database_images = 10;
   int num_points = 200;
   double pixel_noise_px = 0;
-  double rotation_noise_deg = 0;   // of each pair's relative rotation
-  double direction_noise_deg = 0;  // of each pair's relative translation
-  double outlier_pair_ratio = 0;   // gross: random relative pose, random matches
-  double outlier_match_ratio = 0;  // within good pairs: random matches among the inliers
-  bool has_geometry = true;        // else only raw matches
+  double rotation_noise_deg = 0;                     // of each pair's relative rotation
+  double direction_noise_deg = 0;                    // of each pair's relative translation
+  double outlier_pair_ratio = 0;                     // gross: random relative pose, random matches
+  double outlier_match_ratio = 0;                    // within good pairs: random matches among the inliers
+  bool has_geometry = true;                          // else only raw matches
   Eigen::Vector3d origin = Eigen::Vector3d::Zero();  // where the scene lies
   double unit = 1;                                   // database units per scene unit (the scene spans about 10)
   uint32_t seed = 0;
@@ -46,8 +46,8 @@ SyntheticScene MakeSyntheticScene(const SyntheticSceneOptions& options);
 
 // Helpers for other synthetic data.
 using Random = std::mt19937;
-Eigen::Vector3d RandomVector(Random* random);          // standard normal
-Eigen::Quaterniond RandomRotation(Random* random);     // uniform
+Eigen::Vector3d RandomVector(Random* random);       // standard normal
+Eigen::Quaterniond RandomRotation(Random* random);  // uniform
 // Turned by exactly angle_deg about a random axis.
 Eigen::Quaterniond Disturbed(const Eigen::Quaterniond& rotation, double angle_deg, Random* random);
 Eigen::Vector3d DisturbedDirection(const Eigen::Vector3d& direction, double angle_deg, Random* random);

@@ -182,10 +182,14 @@ void TestDatabase::AddTwoViewGeometry(uint32_t query_id, uint32_t database_id, c
     qvec = DoublesBlob(Eigen::Vector4d(q.w(), q.x(), q.y(), q.z()).data(), 4);
     tvec = DoublesBlob(pose->translation.data(), 3);
   }
-  std::vector<Value> values = {
-      PairId(query_id, database_id), static_cast<int64_t>(stored.inlier_matches.size()), int64_t{2},
-      MatchesBlob(stored.inlier_matches, database_is_first), static_cast<int64_t>(stored.config),
-      MatrixBlob(stored.F), MatrixBlob(stored.E), MatrixBlob(stored.H)};
+  std::vector<Value> values = {PairId(query_id, database_id),
+                               static_cast<int64_t>(stored.inlier_matches.size()),
+                               int64_t{2},
+                               MatchesBlob(stored.inlier_matches, database_is_first),
+                               static_cast<int64_t>(stored.config),
+                               MatrixBlob(stored.F),
+                               MatrixBlob(stored.E),
+                               MatrixBlob(stored.H)};
   if (schema_ != Schema::V3_6) values.insert(values.end(), {qvec, tvec});
   if (schema_ == Schema::V4_2) {
     values.insert(values.end(), {CameraBlob(stored.database_camera), CameraBlob(stored.query_camera)});

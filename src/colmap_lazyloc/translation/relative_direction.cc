@@ -53,7 +53,7 @@ Eigen::Vector3d StartDirection(const std::vector<RayPair>& rays, const std::vect
     const Eigen::Vector3d dir = normals[a].cross(normals[b]).normalized();
     if (!(dir.squaredNorm() > 0.5)) continue;
     double score = 0;
-    for (size_t i = h % stride; i < num_rays; i += stride) {
+    for (size_t i = 0; i < num_rays; i += stride) {
       double variance;
       score += GemanMcClureWeight(SquaredError(rays[i], normals[i], dir, &variance), 4.0);
     }

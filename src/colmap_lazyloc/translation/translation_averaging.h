@@ -28,10 +28,10 @@ struct TranslationAveragingProblem {
 };
 
 struct TranslationAveragingOptions {
-  double min_direction_stddev_deg = 0.1;      // added to each direction's own noise: what its model does not know
-  double loss_scale_sigma = 2;      // Cauchy scale in standard deviations of the directions
-  double max_vote_error_deg = 10;   // an edge supports a start whose direction it matches within this angle
-  double min_ray_angle_deg = 1;     // two directions that meet at less do not determine a start
+  double min_direction_stddev_deg = 0.1;  // added to each direction's own noise: what its model does not know
+  double loss_scale_sigma = 2;            // Cauchy scale in standard deviations of the directions
+  double max_vote_error_deg = 10;         // an edge supports a start whose direction it matches within this angle
+  double min_ray_angle_deg = 1;           // two directions that meet at less do not determine a start
   int max_num_iterations = 50;
 
   bool Check(std::string* error) const;
@@ -39,9 +39,9 @@ struct TranslationAveragingOptions {
 
 struct TranslationAveragingResult {
   std::vector<Eigen::Vector3d> cams_in_world;
-  std::vector<bool> is_known;            // fixed, or linked to a fixed node
-  std::vector<bool> is_determined;       // fixed, or started where two edges cross
-  std::vector<double> edge_errors_rad;   // angle between measured and averaged; NaN where a node is not known
+  std::vector<bool> is_known;           // fixed, or linked to a fixed node
+  std::vector<bool> is_determined;      // fixed, or started where two edges cross
+  std::vector<double> edge_errors_rad;  // angle between measured and averaged; NaN where a node is not known
   StageSummary summary;
 };
 

@@ -15,8 +15,8 @@ bool IsWorthEstimating(TwoViewConfig config) {
 TwoViewGeometry Estimate(const LocalizationProblem& problem, const ImagePair& pair, const Matches& matches,
                          const RelativePoseOptions& options, uint32_t seed) {
   return EstimateTwoViewGeometry(pair.database_camera, pair.database_keypoints, problem.query_camera,
-                                 problem.query_keypoints, matches, {options.min_num_inliers, options.max_two_view_error_px},
-                                 seed);
+                                 problem.query_keypoints, matches,
+                                 {options.min_num_inliers, options.max_two_view_error_px}, seed);
 }
 
 }  // namespace
@@ -38,8 +38,8 @@ std::optional<RelativePose> FindRelativePose(const LocalizationProblem& problem,
   } else {
     geometry = *pair.geometry;
     if (HoldsCalibrated(geometry.config) && !geometry.query_from_database) {
-      EstimateRelativePose(pair.database_camera, pair.database_keypoints, problem.query_camera,
-                           problem.query_keypoints, &geometry);
+      EstimateRelativePose(pair.database_camera, pair.database_keypoints, problem.query_camera, problem.query_keypoints,
+                           &geometry);
     }
   }
   if (!HoldsCalibrated(geometry.config) || !geometry.query_from_database ||

@@ -10,8 +10,8 @@
 namespace lazyloc {
 
 struct RelativePoseOptions {
-  int min_num_inliers = 15;  // a pair with fewer is not used
-  double max_two_view_error_px = 4;   // of inliers, where COLMAP estimates the geometry
+  int min_num_inliers = 15;          // a pair with fewer is not used
+  double max_two_view_error_px = 4;  // of inliers, where COLMAP estimates the geometry
 
   bool Check(std::string* error) const;
 };

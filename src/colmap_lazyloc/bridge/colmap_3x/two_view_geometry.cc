@@ -34,9 +34,8 @@ bool HasPose(const colmap::TwoViewGeometry& geometry) {
 
 TwoViewGeometry EstimateTwoViewGeometry(const Camera& database_camera,
                                         const std::vector<Eigen::Vector2d>& database_keypoints,
-                                        const Camera& query_camera,
-                                        const std::vector<Eigen::Vector2d>& query_keypoints, const Matches& matches,
-                                        const TwoViewGeometryOptions& options, uint32_t seed) {
+                                        const Camera& query_camera, const std::vector<Eigen::Vector2d>& query_keypoints,
+                                        const Matches& matches, const TwoViewGeometryOptions& options, uint32_t seed) {
   colmap::TwoViewGeometryOptions colmap_options;
   colmap_options.min_num_inliers = options.min_num_inliers;
   colmap_options.ransac_options.max_error = options.max_error_px;
@@ -57,7 +56,8 @@ void EstimateRelativePose(const Camera& database_camera, const std::vector<Eigen
                           TwoViewGeometry* geometry) {
   colmap::TwoViewGeometry converted;
   converted.config = static_cast<colmap::TwoViewGeometry::ConfigurationType>(geometry->config);
-  const bool has_model = geometry->config == TwoViewConfig::CALIBRATED ? geometry->E.has_value() : geometry->H.has_value();
+  const bool has_model =
+      geometry->config == TwoViewConfig::CALIBRATED ? geometry->E.has_value() : geometry->H.has_value();
   if (!has_model) return;
   if (geometry->E) converted.E = *geometry->E;
   if (geometry->H) converted.H = *geometry->H;

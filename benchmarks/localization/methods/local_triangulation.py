@@ -1,0 +1,60 @@
+"""Local triangulation: points are triangulated per query keypoint from the database views that match it, by pycolmap's
+robust triangulation, then pycolmap's absolute pose. The seconds leave out reading alone.
+"""
+
+import math
+import time
+
+import numpy as np
+import pycolmap
+
+from colmap_files import pycolmap_camera, pycolmap_rigid3d
+from matches import MatchDatabase, QueryMatches
+from methods import MethodOptions, Result
+from methods.structure_based import absolute_pose
+from scenes import Scene
+
+MAX_TRIANGULATION_ERROR_PX = 4.0
+MIN_TRIANGULATION_ANGLE_DEG = 1.5
+
+
+def localize(scene: Scene, query_names: list[str], options: MethodOptions) -> dict[str, Result]:
+    pycolmap.logging.minloglevel = pycolmap.logging.Level.WARNING.value
+    results = {}
+    with MatchDatabase(scene.database_path) as database:
+        for name in query_names:
+            matches = database.query_matches(scene, name, options.num_retrieved)
+            start = time.perf_counter()
+            points2d, points3d = triangulate_query_keypoints(scene, matches, options.seed)
+            pose = absolute_pose(points2d, points3d, scene.camera(name), options.seed)
+            seconds = time.perf_counter() - start
+            results[name] = Result(pose, seconds) if pose else Result.lost(seconds)
+    return results
+
+
+def triangulate_query_keypoints(scene: Scene, matches: QueryMatches, seed: int) -> tuple[np.ndarray, np.ndarray]:
+    """2D-3D matches of the query: the keypoints with a point, the points."""
+    tracks = {}  # query keypoint -> {database image: its keypoint}; the first match of an image counts
+    for pair in matches.pairs:
+        for query_idx, database_idx in zip(pair.query_idxs.tolist(), pair.database_idxs.tolist()):
+            tracks.setdefault(query_idx, {}).setdefault(pair.database_name, database_idx)
+    names = [pair.database_name for pair in matches.pairs]
+    cams_from_world = {name: pycolmap_rigid3d(scene.pose(name)) for name in names}
+    cameras = {name: pycolmap_camera(scene.camera(name)) for name in names}
+
+    options = pycolmap.EstimateTriangulationOptions()
+    options.residual_type = pycolmap.TriangulationResidualType.REPROJECTION_ERROR
+    options.min_tri_angle = math.radians(MIN_TRIANGULATION_ANGLE_DEG)
+    options.ransac.max_error = MAX_TRIANGULATION_ERROR_PX
+    options.ransac.random_seed = seed
+    points2d, points3d = [], []
+    for query_idx, track in sorted(tracks.items()):
+        if len(track) < 2:
+            continue
+        observations = np.array([matches.database_points[name][idx] for name, idx in track.items()])
+        answer = pycolmap.estimate_triangulation(observations, [cams_from_world[name] for name in track],
+                                                 [cameras[name] for name in track], options)
+        if answer:
+            points2d.append(matches.query_points[query_idx])
+            points3d.append(answer["xyz"])
+    return np.array(points2d).reshape(-1, 2), np.array(points3d).reshape(-1, 3)

@@ -1,0 +1,106 @@
+"""Against a 3D map: the database images' verified matches are triangulated by COLMAP with their poses fixed, the
+query's matches lead to the map's points, and COLMAP's absolute pose follows. The seconds leave out the map and all
+reading.
+"""
+
+import pathlib
+import time
+
+import numpy as np
+import pycolmap
+
+from colmap_files import build_model, copy_database, pycolmap_camera
+from geometry import Pose
+from matches import MatchDatabase, QueryMatches
+from methods import MethodOptions, Result
+from scenes import Camera, Scene
+
+MAX_ERROR_PX = 8.0
+
+
+def localize(scene: Scene, query_names: list[str], options: MethodOptions) -> dict[str, Result]:
+    pycolmap.logging.minloglevel = pycolmap.logging.Level.WARNING.value
+    results = {}
+    with MatchDatabase(scene.database_path) as database:
+        maps = _MapStore(scene, options)
+        for name in query_names:
+            points3d_of_keypoints = maps.points3d_of_keypoints(name)
+            matches = database.query_matches(scene, name, options.num_retrieved)
+            start = time.perf_counter()
+            points2d, points3d = match_to_map(matches, points3d_of_keypoints)
+            pose = absolute_pose(points2d, points3d, scene.camera(name), options.seed)
+            seconds = time.perf_counter() - start
+            results[name] = Result(pose, seconds) if pose else Result.lost(seconds)
+    return results
+
+
+def match_to_map(matches: QueryMatches, points3d_of_keypoints: dict) -> tuple[np.ndarray, np.ndarray]:
+    """2D-3D matches, each once: query keypoint - database keypoint that sees a point."""
+    links = {}
+    for pair in matches.pairs:
+        point_ids, points = points3d_of_keypoints[pair.database_name]
+        for query_idx, database_idx in zip(pair.query_idxs, pair.database_idxs):
+            if point_ids[database_idx] >= 0:
+                links[query_idx, point_ids[database_idx]] = points[database_idx]
+    query_idxs = np.array([query_idx for query_idx, _ in links], dtype=np.int64)
+    return matches.query_points[query_idxs], np.array(list(links.values())).reshape(-1, 3)
+
+
+def absolute_pose(points2d: np.ndarray, points3d: np.ndarray, camera: Camera, seed: int) -> Pose | None:
+    if len(points2d) < 3:
+        return None
+    options = pycolmap.AbsolutePoseEstimationOptions()
+    options.ransac.max_error = MAX_ERROR_PX
+    options.ransac.random_seed = seed
+    answer = pycolmap.estimate_and_refine_absolute_pose(points2d, points3d, pycolmap_camera(camera), options)
+    return Pose.from_rigid3d(answer["cam_from_world"]) if answer else None
+
+
+class _MapStore:
+    """Triangulated maps, kept in the method's folder; the last one stays in memory."""
+
+    def __init__(self, scene: Scene, options: MethodOptions):
+        self._scene = scene
+        self._options = options
+        self._key = None
+        self._points3d_of_keypoints = None
+
+    def points3d_of_keypoints(self, query_name: str) -> dict:
+        """Per database image: the point id (or -1) and the point of each keypoint."""
+        key = self._scene.database_key(query_name)
+        if key != self._key:
+            path = self._options.work_path / key
+            if not (path / "points3D.bin").exists():
+                self._triangulate(query_name, path)
+            self._points3d_of_keypoints = _points3d_of_keypoints(pycolmap.Reconstruction(path))
+            self._key = key
+        return self._points3d_of_keypoints
+
+    def _triangulate(self, query_name: str, path: pathlib.Path):
+        path.mkdir(parents=True, exist_ok=True)
+        database_path = path / "database.db"
+        # All images stay in the database. By default COLMAP drops points that only two images match; this way those
+        # that the query sees too are kept, as when `colmap point_triangulator` is run on the database at hand. The map
+        # is better for it, and without a pose the query gives no observation.
+        image_ids = copy_database(self._scene, database_path)
+        database_image_ids = {name: image_ids[name] for name in self._scene.database_names(query_name)}
+        options = pycolmap.IncrementalPipelineOptions()
+        options.extract_colors = False
+        options.num_threads = 1
+        options.random_seed = self._options.seed
+        pycolmap.triangulate_points(build_model(self._scene, database_image_ids), database_path,
+                                    self._scene.path / "images", path, options=options)
+        database_path.unlink()
+
+
+def _points3d_of_keypoints(model: pycolmap.Reconstruction) -> dict:
+    points3d_of_keypoints = {}
+    for image in model.images.values():
+        point_ids = np.full(len(image.points2D), -1, dtype=np.int64)
+        points = np.full((len(image.points2D), 3), np.nan)
+        for idx, point2d in enumerate(image.points2D):
+            if point2d.has_point3D():
+                point_ids[idx] = point2d.point3D_id
+                points[idx] = model.points3D[point2d.point3D_id].xyz
+        points3d_of_keypoints[image.name] = (point_ids, points)
+    return points3d_of_keypoints

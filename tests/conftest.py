@@ -1,0 +1,147 @@
+"""What the tests of the program `colmap lazy_localizer` share: the program, a way to run it, and two scenes."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import json
+import os
+import pathlib
+import subprocess
+
+import numpy as np
+import pytest
+
+import synthetic_database as synthetic
+
+PROJECT_PATH = pathlib.Path(__file__).resolve().parent.parent
+MAX_SECONDS = 300  # of a run; more is a hang, not slowness
+
+
+@dataclasses.dataclass
+class Run:
+    """A run of `colmap lazy_localizer` that has ended."""
+
+    output_path: pathlib.Path
+    exit_code: int
+    stdout: str
+    stderr: str
+
+    @property
+    def poses_bytes(self):
+        return (self.output_path / "poses.txt").read_bytes()
+
+    @functools.cached_property
+    def poses(self):
+        """Of poses.txt, by name."""
+        poses = {}
+        for line in self.poses_bytes.decode().splitlines():
+            if not line.startswith("#"):
+                name, *numbers = line.rsplit(" ", 7)
+                assert name not in poses, f"{name} appears twice"
+                numbers = np.array(numbers, float)
+                poses[name] = synthetic.Pose(numbers[:4], numbers[4:])
+        return poses
+
+    @functools.cached_property
+    def results(self):
+        """Of results.jsonl, by name."""
+        lines = (self.output_path / "results.jsonl").read_text(encoding="utf-8").splitlines()
+        results = {result["name"]: result for result in map(json.loads, lines)}
+        assert len(results) == len(lines), "a query appears twice"
+        return results
+
+    @property
+    def statuses(self):
+        return {name: result["status"] for name, result in self.results.items()}
+
+    @functools.cached_property
+    def model_images(self):
+        return synthetic.read_images_binary(self.output_path / "model" / "images.bin")
+
+    def pair_names(self, query_name):
+        """The database images that the query was compared with."""
+        return [pair["name"] for pair in self.results[query_name]["pairs"]]
+
+    def assert_localized(self, scene, names, max_position_error, max_rotation_error_deg):
+        assert self.exit_code == 0, self.stderr
+        assert sorted(self.poses) == sorted(names), {name: self.results[name]["reason"] for name in self.results}
+        for name in names:
+            position_error, rotation_error_deg = self.poses[name].errors(scene.images[name].pose)
+            assert position_error <= max_position_error, name
+            assert rotation_error_deg <= max_rotation_error_deg, name
+
+
+@pytest.fixture(scope="session")
+def colmap():
+    path = pathlib.Path(os.environ.get("COLMAP", PROJECT_PATH / "build" / "bin" / "colmap")).resolve()
+    assert path.is_file(), f"{path} is missing: build the program, or name it in the environment variable COLMAP"
+    return path
+
+
+@pytest.fixture(scope="session")
+def localize(colmap, tmp_path_factory):
+    """Runs `colmap lazy_localizer` into an output folder of its own, or into the one that is named."""
+
+    def run(*arguments, output_path=None, launcher=(), **popen_options):
+        if output_path is None:
+            output_path = tmp_path_factory.mktemp("run") / "output"
+        command = [*launcher, colmap, "lazy_localizer", "--output_path", output_path, *arguments]
+        done = subprocess.run(list(map(str, command)), capture_output=True, text=True, encoding="utf-8",
+                              timeout=MAX_SECONDS, **popen_options)
+        return Run(pathlib.Path(output_path), done.returncode, done.stdout, done.stderr)
+
+    return run
+
+
+@dataclasses.dataclass
+class SceneFiles:
+    """A scene, and its files for the program; the tests leave them as they are."""
+
+    scene: synthetic.Scene
+    database_path: pathlib.Path
+    model_path: pathlib.Path
+
+    @property
+    def arguments(self):
+        return ["--database_path", str(self.database_path), "--input_path", str(self.model_path)]
+
+
+def write_scene(folder, scene, **database_options):
+    return SceneFiles(scene, synthetic.write_database(folder / "database.db", scene, **database_options),
+                      synthetic.write_model(folder / "model", scene))
+
+
+@pytest.fixture(scope="session")
+def write_scene_files():
+    return write_scene
+
+
+@pytest.fixture(scope="session")
+def exact(tmp_path_factory):
+    """Without noise but for the keypoints' rounding to single precision."""
+    scene = synthetic.make_scene(synthetic.arc(9), synthetic.arc(3, radius=5, height=-0.7, phase=4))
+    return write_scene(tmp_path_factory.mktemp("exact"), scene)
+
+
+@pytest.fixture(scope="session")
+def noisy(tmp_path_factory):
+    """With half a pixel of noise, outliers among the raw matches, and matches between all images."""
+    scene = synthetic.make_scene(synthetic.arc(9), synthetic.arc(3, radius=5, height=-0.7, phase=4), noise_px=0.5,
+                                 outlier_ratio=0.3, database_pairs=True)
+    return write_scene(tmp_path_factory.mktemp("noisy"), scene)
+
+
+@pytest.fixture(scope="session")
+def fingerprint():
+    """What a folder holds: names, bytes, permissions and times of change."""
+
+    def look(folder):
+        entries = {}
+        for path in sorted(pathlib.Path(folder).rglob("*")):
+            stat = path.lstat()
+            content = path.read_bytes() if path.is_file() else None
+            entries[str(path.relative_to(folder))] = (content, stat.st_mode, stat.st_mtime_ns, stat.st_ino)
+        return entries, pathlib.Path(folder).stat().st_mtime_ns
+
+    return look

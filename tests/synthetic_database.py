@@ -1,0 +1,395 @@
+"""Small synthetic scenes with known poses, as COLMAP databases of every generation and as COLMAP models.
+
+Poses are cam_from_world; pixels are COLMAP's (the upper-left pixel's centre is 0.5, 0.5)."""
+
+from __future__ import annotations
+
+import copy
+import dataclasses
+import pathlib
+import sqlite3
+import struct
+import subprocess
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL = 0, 1, 2
+MODEL_NAMES = {SIMPLE_PINHOLE: "SIMPLE_PINHOLE", PINHOLE: "PINHOLE", SIMPLE_RADIAL: "SIMPLE_RADIAL"}
+CALIBRATED, PANORAMIC = 2, 5  # configurations of a two-view geometry
+MAX_NUM_IMAGES = 2147483647  # COLMAP's; the base of pair ids
+
+# Scenes
+
+
+@dataclasses.dataclass
+class Camera:
+    camera_id: int
+    model_id: int
+    width: int
+    height: int
+    params: list[float]
+
+    def image_from_cam(self, points_in_cam):
+        """Pixels of points in front of the camera."""
+        xy = points_in_cam[:, :2] / points_in_cam[:, 2:]
+        if self.model_id == SIMPLE_RADIAL:
+            xy = xy * (1 + self.params[3] * np.sum(xy**2, axis=1, keepdims=True))
+        focal = self.params[:2] if self.model_id == PINHOLE else self.params[:1]
+        centre = self.params[2:4] if self.model_id == PINHOLE else self.params[1:3]
+        return xy * focal + centre
+
+    def hloc_words(self):
+        return " ".join([MODEL_NAMES[self.model_id], str(self.width), str(self.height), *map(repr, self.params)])
+
+
+@dataclasses.dataclass
+class Pose:
+    """cam_from_world; qvec is scalar first, and kept as it is, normalised or not."""
+
+    qvec: np.ndarray
+    tvec: np.ndarray
+
+    @staticmethod
+    def looking_at(cam_in_world, target, roll_deg=0.0):
+        z = np.asarray(target, float) - cam_in_world
+        z /= np.linalg.norm(z)
+        x = np.cross([0, 1, 0], z)
+        x /= np.linalg.norm(x)
+        cam_from_world = Rotation.from_matrix([x, np.cross(z, x), z])
+        return Pose.make(Rotation.from_euler("z", roll_deg, degrees=True) * cam_from_world, cam_in_world)
+
+    @staticmethod
+    def make(rotation, cam_in_world):
+        x, y, z, w = rotation.as_quat()
+        return Pose(np.array([w, x, y, z]), -rotation.apply(cam_in_world))
+
+    @property
+    def rotation(self):
+        w, x, y, z = self.qvec
+        return Rotation.from_quat([x, y, z, w])
+
+    @property
+    def cam_in_world(self):
+        return -self.rotation.inv().apply(self.tvec)
+
+    def __call__(self, points):
+        return self.rotation.apply(points) + self.tvec
+
+    def bits(self):
+        return struct.pack("<7d", *self.qvec, *self.tvec)
+
+    def errors(self, other):
+        """Distance of the centres, and angle between the rotations in degrees."""
+        angle = (self.rotation * other.rotation.inv()).magnitude()
+        return np.linalg.norm(self.cam_in_world - other.cam_in_world), np.degrees(angle)
+
+
+@dataclasses.dataclass
+class Image:
+    name: str
+    image_id: int
+    camera_id: int
+    pose: Pose
+    keypoints: np.ndarray  # float32, one row each
+    point_of_keypoint: np.ndarray  # -1 for none
+
+
+@dataclasses.dataclass
+class Pair:
+    """Of two names, in this order; the relative pose is cam2_from_cam1."""
+
+    matches: np.ndarray
+    inlier_matches: np.ndarray
+    rotation: Rotation
+    direction: np.ndarray
+    config: int = CALIBRATED
+
+    def essential_matrix(self):
+        x, y, z = self.direction
+        return np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]]) @ self.rotation.as_matrix()
+
+    def inverted(self):
+        """As COLMAP stores it where the second image has the smaller id."""
+        inverse = self.rotation.inv()
+        return Pair(self.matches[:, ::-1], self.inlier_matches[:, ::-1], inverse, -inverse.apply(self.direction),
+                    self.config)
+
+
+@dataclasses.dataclass
+class Scene:
+    cameras: dict[int, Camera]
+    images: dict[str, Image]
+    pairs: dict[tuple[str, str], Pair]
+    query_names: list[str]
+
+    @property
+    def database_names(self):
+        return sorted(set(self.images) - set(self.query_names))
+
+    def copy(self):
+        return copy.deepcopy(self)
+
+    def with_image_ids(self, ids):
+        """The same images under other ids, name by name in the order of the images."""
+        renumbered = self.copy()
+        for image, image_id in zip(renumbered.images.values(), ids, strict=True):
+            image.image_id = int(image_id)
+        return renumbered
+
+
+def arc(num, radius=6.0, height=1.0, phase=0.0):
+    """Centres of projection on a waving arc of 80 degrees about the origin."""
+    angles = np.radians(np.linspace(-40, 40, num) + phase)
+    return np.stack([radius * np.sin(angles), height * np.sin(5 * angles), -radius * np.cos(angles)], axis=1)
+
+
+def make_scene(database_centres, query_centres, noise_px=0.0, outlier_ratio=0.0, num_points=240, visible_ratio=0.7,
+               seed=0, database_pairs=False):
+    """Cameras that look at points in a cube of 3 units about the origin. Each query is matched with each database
+    image, with database_pairs everything with everything; outliers are among the raw matches only."""
+    rng = np.random.default_rng(seed)
+    points = rng.uniform(-1.5, 1.5, (num_points, 3))
+    cameras = {1: Camera(1, SIMPLE_RADIAL, 640, 480, [520.0, 320.0, 240.0, -0.05]),
+               2: Camera(2, PINHOLE, 600, 500, [480.0, 490.0, 301.5, 248.5])}
+    scene = Scene(cameras, {}, {}, [])
+    for is_query, centres in ((False, database_centres), (True, query_centres)):
+        for i, centre in enumerate(centres):
+            name = f"query/{i:03d}.jpg" if is_query else f"database/{i:03d}.jpg"
+            pose = Pose.looking_at(np.asarray(centre, float), rng.uniform(-0.3, 0.3, 3), rng.uniform(-8, 8))
+            camera_id = 2 if is_query else 1
+            keypoints, owners = _observe(cameras[camera_id], pose, points, noise_px, visible_ratio, rng)
+            scene.images[name] = Image(name, len(scene.images) + 1, camera_id, pose, keypoints, owners)
+            if is_query:
+                scene.query_names.append(name)
+    names = list(scene.images)
+    for i, name1 in enumerate(names):
+        for name2 in names[i + 1:]:
+            if database_pairs or (name1 not in scene.query_names and name2 in scene.query_names):
+                scene.pairs[name1, name2] = _match(scene.images[name1], scene.images[name2], outlier_ratio, rng)
+    return scene
+
+
+def _observe(camera, pose, points, noise_px, visible_ratio, rng):
+    points_in_cam = pose(points)
+    xy = camera.image_from_cam(points_in_cam) + rng.normal(0, noise_px, (len(points), 2))
+    is_inside = np.all((xy >= 0) & (xy <= [camera.width, camera.height]), axis=1) & (points_in_cam[:, 2] > 0.1)
+    visible = rng.permutation(np.flatnonzero(is_inside & (rng.random(len(points)) < visible_ratio)))
+    num_distractors = 20
+    distractors = rng.uniform(0, [camera.width, camera.height], (num_distractors, 2))
+    keypoints = np.concatenate([xy[visible], distractors]).astype(np.float32)
+    owners = np.concatenate([visible, np.full(num_distractors, -1)])
+    order = rng.permutation(len(owners))
+    return keypoints[order], owners[order]
+
+
+def _match(image1, image2, outlier_ratio, rng):
+    keypoint2 = {int(point): j for j, point in enumerate(image2.point_of_keypoint) if point >= 0}
+    inliers = [(i, keypoint2[int(point)]) for i, point in enumerate(image1.point_of_keypoint)
+               if int(point) in keypoint2]
+    inliers = np.array(inliers, dtype=np.uint32).reshape(-1, 2)
+    num_outliers = int(outlier_ratio * len(inliers))
+    outliers = np.stack([rng.choice(len(image.keypoints), num_outliers, replace=False) for image in (image1, image2)],
+                        axis=1).astype(np.uint32)
+    matches = rng.permutation(np.concatenate([inliers, outliers]), axis=0)
+    rotation = image2.pose.rotation * image1.pose.rotation.inv()
+    translation = image2.pose.tvec - rotation.apply(image1.pose.tvec)
+    length = np.linalg.norm(translation)
+    if length < 1e-9:
+        return Pair(matches, inliers, rotation, np.zeros(3), PANORAMIC)
+    return Pair(matches, inliers, rotation, translation / length)
+
+
+# Databases
+
+_COMMON_TABLES = """
+CREATE TABLE cameras (camera_id INTEGER PRIMARY KEY AUTOINCREMENT NOT NULL, model INTEGER NOT NULL,
+    width INTEGER NOT NULL, height INTEGER NOT NULL, params BLOB, prior_focal_length INTEGER NOT NULL);
+CREATE TABLE images (image_id INTEGER PRIMARY KEY AUTOINCREMENT NOT NULL, name TEXT NOT NULL UNIQUE,
+    camera_id INTEGER NOT NULL, {priors}
+    CONSTRAINT image_id_check CHECK(image_id >= 0 and image_id < 2147483647),
+    FOREIGN KEY(camera_id) REFERENCES cameras(camera_id));
+CREATE UNIQUE INDEX index_name ON images(name);
+CREATE TABLE keypoints (image_id INTEGER PRIMARY KEY NOT NULL, rows INTEGER NOT NULL, cols INTEGER NOT NULL,
+    data BLOB, FOREIGN KEY(image_id) REFERENCES images(image_id) ON DELETE CASCADE);
+CREATE TABLE descriptors (image_id INTEGER PRIMARY KEY NOT NULL, rows INTEGER NOT NULL, cols INTEGER NOT NULL,
+    data BLOB, FOREIGN KEY(image_id) REFERENCES images(image_id) ON DELETE CASCADE);
+CREATE TABLE matches (pair_id INTEGER PRIMARY KEY NOT NULL, rows INTEGER NOT NULL, cols INTEGER NOT NULL, data BLOB);
+CREATE TABLE two_view_geometries (pair_id INTEGER PRIMARY KEY NOT NULL, rows INTEGER NOT NULL,
+    cols INTEGER NOT NULL, data BLOB, config INTEGER NOT NULL, F BLOB, E BLOB, H BLOB {poses});
+"""
+_PRIORS = ("prior_qw REAL, prior_qx REAL, prior_qy REAL, prior_qz REAL, "
+           "prior_tx REAL, prior_ty REAL, prior_tz REAL,")
+_POSES = ", qvec BLOB, tvec BLOB"
+_POSE_PRIORS = """
+CREATE TABLE pose_priors (image_id INTEGER PRIMARY KEY NOT NULL, position BLOB, coordinate_system INTEGER NOT NULL,
+    FOREIGN KEY(image_id) REFERENCES images(image_id) ON DELETE CASCADE);
+"""
+SCHEMAS = {
+    "3.6": _COMMON_TABLES.format(priors=_PRIORS, poses="") + "PRAGMA user_version = 3600;",
+    "3.8": _COMMON_TABLES.format(priors=_PRIORS, poses=_POSES) + "PRAGMA user_version = 3800;",
+    "3.10": _COMMON_TABLES.format(priors="", poses=_POSES) + _POSE_PRIORS + "PRAGMA user_version = 3900;",
+}
+
+
+def pair_id(image_id1, image_id2):
+    return min(image_id1, image_id2) * MAX_NUM_IMAGES + max(image_id1, image_id2)
+
+
+def write_database(path, scene, schema="3.10", geometry="pose"):
+    """geometry: what two_view_geometries holds: "pose", "essential" (no pose), or None for raw matches only."""
+    connection = sqlite3.connect(path)
+    connection.executescript(SCHEMAS[schema])
+    insert_scene(connection, scene, geometry)
+    connection.close()
+    return pathlib.Path(path)
+
+
+def write_built_colmap_database(path, scene, colmap, geometry="pose"):
+    """Created by the program under test, with its COLMAP's schema."""
+    subprocess.run([colmap, "database_creator", "--database_path", path], check=True, capture_output=True)
+    connection = sqlite3.connect(path)
+    insert_scene(connection, scene, geometry)
+    connection.close()
+    return pathlib.Path(path)
+
+
+def insert_scene(connection, scene, geometry="pose"):
+    """Into the tables of any 3.x schema; columns that it lacks are left out."""
+    for camera in scene.cameras.values():
+        params = np.array(camera.params, "<f8").tobytes()
+        insert(connection, "cameras", camera_id=camera.camera_id, model=camera.model_id, width=camera.width,
+               height=camera.height, params=params, prior_focal_length=1)
+    for image in scene.images.values():
+        insert(connection, "images", image_id=image.image_id, name=image.name, camera_id=image.camera_id)
+        insert(connection, "keypoints", image_id=image.image_id, rows=len(image.keypoints),
+               cols=image.keypoints.shape[1], data=image.keypoints.astype("<f4").tobytes())
+    for (name1, name2), pair in scene.pairs.items():
+        id1, id2 = scene.images[name1].image_id, scene.images[name2].image_id
+        stored = pair if id1 < id2 else pair.inverted()
+        insert(connection, "matches", pair_id=pair_id(id1, id2), **_matches_columns(stored.matches))
+        if geometry is not None:
+            insert(connection, "two_view_geometries", pair_id=pair_id(id1, id2), config=stored.config,
+                   **_matches_columns(stored.inlier_matches), **_geometry_columns(stored, geometry))
+    connection.commit()
+
+
+def _matches_columns(matches):
+    return {"rows": len(matches), "cols": 2, "data": np.ascontiguousarray(matches, "<u4").tobytes()}
+
+
+def _geometry_columns(pair, geometry):
+    """3.x writes zeros for a matrix that it does not have, and the identity for a pose."""
+    x, y, z, w = pair.rotation.as_quat() if geometry == "pose" else [0, 0, 0, 1]
+    tvec = pair.direction if geometry == "pose" else np.zeros(3)
+    columns = {"F": np.zeros(9), "E": pair.essential_matrix().ravel(), "H": np.zeros(9), "qvec": np.array([w, x, y, z]),
+               "tvec": tvec}
+    return {name: numbers.astype("<f8").tobytes() for name, numbers in columns.items()}
+
+
+def insert(connection, table, **values):
+    known = {row[1] for row in connection.execute(f"PRAGMA table_info({table})")}
+    values = {column: value for column, value in values.items() if column in known}
+    placeholders = ", ".join("?" * len(values))
+    connection.execute(f"INSERT INTO {table} ({', '.join(values)}) VALUES ({placeholders})", list(values.values()))
+
+
+def write_pycolmap_database(path, scene, geometry="pose"):
+    """By pycolmap 4.x's own class: its schema, a rig for each camera and a frame for each image included."""
+    import pycolmap  # it takes a second, which the other tests need not wait for
+
+    with pycolmap.Database.open(str(path)) as database:
+        for camera in scene.cameras.values():
+            written = pycolmap.Camera(camera_id=camera.camera_id, model=MODEL_NAMES[camera.model_id],
+                                      width=camera.width, height=camera.height, params=camera.params)
+            database.write_camera(written, use_camera_id=True)
+            rig = pycolmap.Rig(rig_id=camera.camera_id)
+            rig.add_ref_sensor(written.sensor_id)
+            database.write_rig(rig, use_rig_id=True)
+        for image in scene.images.values():
+            written = pycolmap.Image(name=image.name, camera_id=image.camera_id, image_id=image.image_id)
+            database.write_image(written, use_image_id=True)
+            frame = pycolmap.Frame(frame_id=image.image_id, rig_id=image.camera_id)
+            frame.add_data_id(written.data_id)
+            database.write_frame(frame, use_frame_id=True)
+            database.write_keypoints(image.image_id, image.keypoints)
+        for (name1, name2), pair in scene.pairs.items():
+            id1, id2 = scene.images[name1].image_id, scene.images[name2].image_id
+            database.write_matches(id1, id2, pair.matches)
+            if geometry is not None:
+                database.write_two_view_geometry(id1, id2, _pycolmap_geometry(pair, geometry))
+    return pathlib.Path(path)
+
+
+def _pycolmap_geometry(pair, geometry):
+    import pycolmap
+
+    written = pycolmap.TwoViewGeometry()
+    written.config = pycolmap.TwoViewGeometryConfiguration(pair.config)
+    written.E = pair.essential_matrix()
+    written.inlier_matches = pair.inlier_matches
+    if geometry == "pose":
+        written.cam2_from_cam1 = pycolmap.Rigid3d(pycolmap.Rotation3d(pair.rotation.as_quat()), pair.direction)
+    return written
+
+
+# Models
+
+
+def write_model(path, scene, names=None, binary=True):
+    """A COLMAP model of cameras and poses, without points. names: of the images in it; default: the database's."""
+    path = pathlib.Path(path)
+    path.mkdir(parents=True, exist_ok=True)
+    images = [scene.images[name] for name in (scene.database_names if names is None else names)]
+    cameras = [scene.cameras[camera_id] for camera_id in sorted({image.camera_id for image in images} or scene.cameras)]
+    if binary:
+        (path / "cameras.bin").write_bytes(struct.pack("<Q", len(cameras)) + b"".join(map(_camera_bytes, cameras)))
+        (path / "images.bin").write_bytes(struct.pack("<Q", len(images)) + b"".join(map(_image_bytes, images)))
+        (path / "points3D.bin").write_bytes(struct.pack("<Q", 0))
+        return path
+    (path / "cameras.txt").write_text("# Camera list\n" + "".join(
+        f"{camera.camera_id} {camera.hloc_words()}\n" for camera in cameras))
+    (path / "images.txt").write_text("# Image list\n" + "".join(map(_image_lines, images)), encoding="utf-8")
+    (path / "points3D.txt").write_text("# Points\n")
+    return path
+
+
+def _camera_bytes(camera):
+    return struct.pack(f"<IiQQ{len(camera.params)}d", camera.camera_id, camera.model_id, camera.width, camera.height,
+                       *camera.params)
+
+
+def _image_bytes(image):
+    return (struct.pack("<I", image.image_id) + image.pose.bits() + struct.pack("<I", image.camera_id) +
+            image.name.encode() + b"\0" + struct.pack("<Q", 0))
+
+
+def _image_lines(image):
+    numbers = " ".join(repr(float(number)) for number in [*image.pose.qvec, *image.pose.tvec])
+    return f"{image.image_id} {numbers} {image.camera_id} {image.name}\n\n"
+
+
+@dataclasses.dataclass
+class StoredImage:
+    image_id: int
+    camera_id: int
+    pose: Pose
+    points2d: list[tuple[float, float, int]]
+
+
+def read_images_binary(path):
+    """The images of a model by name, every bit as it is in the file."""
+    data = pathlib.Path(path).read_bytes()
+    (num_images,), offset = struct.unpack_from("<Q", data), 8
+    images = {}
+    for _ in range(num_images):
+        image_id, *numbers, camera_id = struct.unpack_from("<I7dI", data, offset)
+        offset += struct.calcsize("<I7dI")
+        end = data.index(b"\0", offset)
+        name, offset = data[offset:end].decode(), end + 1
+        (num_points,) = struct.unpack_from("<Q", data, offset)
+        points = list(struct.iter_unpack("<ddq", data[offset + 8:offset + 8 + 24 * num_points]))
+        offset += 8 + 24 * num_points
+        images[name] = StoredImage(image_id, camera_id, Pose(np.array(numbers[:4]), np.array(numbers[4:])), points)
+    assert offset == len(data), "images.bin holds more than its images"
+    return images

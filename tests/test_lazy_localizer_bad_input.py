@@ -1,0 +1,491 @@
+"""Bad input ends `colmap lazy_localizer` with one clear line, exit code 1 and nothing written."""
+
+import pathlib
+import shutil
+import sqlite3
+import subprocess
+
+import numpy as np
+import pytest
+
+import synthetic_database as synthetic
+
+CASES = {}
+
+
+def case(*named):
+    """Registers a case: a function that spoils the files, and returns further arguments or other ones. `named`: what
+    the message must name."""
+
+    def register(spoil):
+        CASES[spoil.__name__] = spoil, named
+        return spoil
+
+    return register
+
+
+class Files:
+    """A good scene's files, for a case to spoil."""
+
+    def __init__(self, folder, source):
+        self.folder = folder
+        self.scene = source.scene.copy()
+        self.database = folder / "database.db"
+        self.model = folder / "model"
+        shutil.copy(source.database_path, self.database)
+        shutil.copytree(source.model_path, self.model)
+
+    def sql(self, statement, *values):
+        with sqlite3.connect(self.database) as connection:
+            connection.execute(statement, values)
+        connection.close()
+
+    def text_model(self, old="", new=""):
+        shutil.rmtree(self.model)
+        synthetic.write_model(self.model, self.scene, binary=False)
+        for path in self.model.iterdir():
+            path.write_text(path.read_text().replace(old, new))
+
+    def write(self, name, text):
+        (self.folder / name).write_text(text)
+        return self.folder / name
+
+    def query_list(self, text):
+        return ["--query_list_path", self.write("list.txt", text)]
+
+    def query_id(self):
+        return self.scene.images["query/001.jpg"].image_id
+
+    def arguments(self, changed):
+        """changed: what the case returned: None, further arguments, or the whole command line in a dictionary."""
+        options = {"--database_path": self.database, "--input_path": self.model, "--output_path": self.folder / "out"}
+        if isinstance(changed, dict):
+            options.update(changed)
+            changed = []
+        words = [word for name, value in options.items() if value is not None for word in (name, value)]
+        return [str(word) for word in [*words, *(changed or [])]]
+
+
+# Database files
+
+
+@case("database.db")
+def missing_database(files):
+    files.database.unlink()
+
+
+@case("database.db")
+def empty_database(files):
+    files.database.write_bytes(b"")
+
+
+@case("database.db")
+def truncated_database(files):
+    content = files.database.read_bytes()
+    files.database.write_bytes(content[:len(content) // 2])
+
+
+@case("database.db")
+def database_truncated_in_its_header(files):
+    files.database.write_bytes(files.database.read_bytes()[:50])
+
+
+@case("database.db")
+def non_sqlite_database(files):
+    files.database.write_bytes(b"not a database\n" * 1000)
+
+
+@case("database.db")
+def database_overwritten_in_its_middle(files):
+    content = bytearray(files.database.read_bytes())
+    content[2048:-2048] = b"\xff" * (len(content) - 4096)
+    files.database.write_bytes(content)
+
+
+@case("--database_path")
+def database_path_is_empty(files):
+    return {"--database_path": ""}
+
+
+@case("database.db")
+def database_is_a_folder(files):
+    files.database.unlink()
+    files.database.mkdir()
+
+
+@case("database.db")
+def sqlite_database_of_another_program(files):
+    files.database.unlink()
+    files.sql("CREATE TABLE songs (title TEXT)")
+
+
+@case("database.db", "two_view_geometries")
+def database_without_two_view_geometries(files):
+    files.sql("DROP TABLE two_view_geometries")
+
+
+@case("database.db", "keypoints")
+def database_without_keypoints(files):
+    files.sql("DROP TABLE keypoints")
+
+
+# What the database holds
+
+
+@case("database.db", "camera model")
+def unknown_camera_model_of_a_query_in_the_database(files):
+    files.sql("UPDATE cameras SET model = 99 WHERE camera_id = 2")
+
+
+@case("database.db", "camera 2")
+def camera_of_a_query_missing_in_the_database(files):
+    files.sql("DELETE FROM cameras WHERE camera_id = 2")
+
+
+@case("database.db", "camera 2")
+def nan_in_the_camera_of_a_query(files):
+    files.sql("UPDATE cameras SET params = ? WHERE camera_id = 2", np.array([np.nan, 490, 300, 250]).tobytes())
+
+
+@case("database.db", "camera 2", "parameters")
+def too_few_parameters_in_the_camera_of_a_query(files):
+    files.sql("UPDATE cameras SET params = ? WHERE camera_id = 2", np.array([480.0]).tobytes())
+
+
+def set_keypoint(files, name, value):
+    image = files.scene.images[name]
+    image.keypoints[7, 1] = value
+    files.sql("UPDATE keypoints SET data = ? WHERE image_id = ?", image.keypoints.tobytes(), image.image_id)
+
+
+@case("database.db", "query/001.jpg", "keypoint")
+def nan_in_the_keypoints_of_a_query(files):
+    set_keypoint(files, "query/001.jpg", np.nan)
+
+
+@case("database.db", "database/003.jpg", "keypoint")
+def nan_in_the_keypoints_of_a_database_image(files):
+    set_keypoint(files, "database/003.jpg", np.nan)
+
+
+@case("database.db", "query/001.jpg", "keypoint")
+def infinity_in_the_keypoints(files):
+    set_keypoint(files, "query/001.jpg", np.inf)
+
+
+@case("database.db", "query/001.jpg")
+def keypoints_cut_short(files):
+    files.sql("UPDATE keypoints SET data = substr(data, 1, 100) WHERE image_id = ?", files.query_id())
+
+
+@case("database.db", "query/001.jpg")
+def keypoints_with_an_impossible_count(files):
+    files.sql("UPDATE keypoints SET rows = 2147483647 WHERE image_id = ?", files.query_id())
+
+
+@case("database.db", "query/001.jpg")
+def keypoints_with_a_negative_count(files):
+    files.sql("UPDATE keypoints SET rows = -1 WHERE image_id = ?", files.query_id())
+
+
+def set_match(files, table):
+    pair_id = synthetic.pair_id(files.scene.images["database/004.jpg"].image_id, files.query_id())
+    matches = np.array([[0, 100000]] * 30, np.uint32)
+    files.sql(f"UPDATE {table} SET rows = 30, data = ? WHERE pair_id = ?", matches.tobytes(), pair_id)
+
+
+@case("database.db", "query/001.jpg", "database/004.jpg", "match")
+def match_index_out_of_range_among_the_inliers(files):
+    set_match(files, "two_view_geometries")
+
+
+@case("database.db", "query/001.jpg", "database/004.jpg", "match")
+def match_index_out_of_range_among_the_raw_matches(files):
+    files.sql("DELETE FROM two_view_geometries")
+    set_match(files, "matches")
+
+
+@case("database.db", "database/004.jpg", "match")
+def match_index_of_an_image_without_keypoints(files):
+    files.sql("DELETE FROM keypoints WHERE image_id = ?", files.scene.images["database/004.jpg"].image_id)
+
+
+@case("database.db", "qvec")
+def relative_pose_cut_short(files):
+    files.sql("UPDATE two_view_geometries SET qvec = substr(qvec, 1, 20)")
+
+
+@case("database.db", "config")
+def unknown_configuration_of_a_geometry(files):
+    files.sql("UPDATE two_view_geometries SET config = 77")
+
+
+# Models
+
+
+@case("model")
+def missing_model(files):
+    shutil.rmtree(files.model)
+
+
+@case("model")
+def folder_without_a_model(files):
+    shutil.rmtree(files.model)
+    files.model.mkdir()
+
+
+@case("images.bin")
+def model_without_poses(files):
+    (files.model / "images.bin").write_bytes(bytes(8))
+
+
+@case("images.txt")
+def text_model_without_poses(files):
+    files.text_model()
+    (files.model / "images.txt").write_text("# Image list\n")
+
+
+@case("images.bin")
+def truncated_images_file(files):
+    path = files.model / "images.bin"
+    path.write_bytes(path.read_bytes()[:-40])
+
+
+@case("images.bin")
+def impossible_count_of_images(files):
+    path = files.model / "images.bin"
+    path.write_bytes(b"\xff" * 8 + path.read_bytes()[8:])
+
+
+@case("cameras.bin")
+def truncated_cameras_file(files):
+    path = files.model / "cameras.bin"
+    path.write_bytes(path.read_bytes()[:20])
+
+
+@case("cameras.bin", "camera model", "99")
+def unknown_camera_model_in_the_model(files):
+    files.scene.cameras[1].model_id = 99
+    synthetic.write_model(files.model, files.scene)
+
+
+@case("cameras.txt", "NO_SUCH_MODEL")
+def unknown_camera_model_in_a_text_model(files):
+    files.text_model("SIMPLE_RADIAL", "NO_SUCH_MODEL")
+
+
+@case("cameras.bin", "finite")
+def nan_in_a_camera_of_the_model(files):
+    files.scene.cameras[1].params[0] = np.nan
+    synthetic.write_model(files.model, files.scene)
+
+
+@case("images.bin", "database/002.jpg")
+def nan_in_a_pose(files):
+    files.scene.images["database/002.jpg"].pose.tvec[1] = np.nan
+    synthetic.write_model(files.model, files.scene)
+
+
+@case("images.txt", ":")
+def nan_in_a_pose_of_a_text_model(files):
+    files.scene.images["database/002.jpg"].pose.qvec[1] = np.nan
+    files.text_model()
+
+
+@case("images.bin", "database/002.jpg")
+def zero_quaternion(files):
+    files.scene.images["database/002.jpg"].pose.qvec[:] = 0
+    synthetic.write_model(files.model, files.scene)
+
+
+@case("images.bin", "database/003.jpg")
+def image_twice_in_the_model(files):
+    files.scene.images["database/002.jpg"].name = "database/003.jpg"
+    synthetic.write_model(files.model, files.scene)
+
+
+# Queries and pairs
+
+
+@case("list.txt")
+def missing_query_list(files):
+    return ["--query_list_path", files.folder / "list.txt"]
+
+
+@case("pairs.txt")
+def missing_pairs_file(files):
+    return ["--pairs_path", files.folder / "pairs.txt"]
+
+
+# Of each query list and pairs file: the text, and what the message must name.
+QUERY_LISTS = {
+    "query_not_in_the_database": ("query/001.jpg\nnowhere.jpg\n", "nowhere.jpg", "database.db"),
+    "duplicate_query": ("query/001.jpg\nquery/000.jpg\nquery/001.jpg\n", "list.txt", "query/001.jpg"),
+    "empty_query_list": ("# nothing here\n\n", "list.txt"),
+    "unknown_camera_model_in_the_query_list": ("query/001.jpg NO_SUCH_MODEL 600 500 480 3 2\n", "NO_SUCH_MODEL"),
+    "too_few_parameters_in_the_query_list": ("query/001.jpg PINHOLE 600 500 480 490 300\n", "list.txt", "PINHOLE"),
+    "width_is_no_number_in_the_query_list": ("query/001.jpg PINHOLE wide 500 480 490 3 2\n", "list.txt", "wide"),
+    "nan_in_the_query_list": ("query/001.jpg PINHOLE 600 500 nan 490 300 250\n", "list.txt"),
+}
+PAIRS = {
+    "pairs_file_without_pairs": ("\n", "pairs.txt"),
+    "line_with_one_name_in_the_pairs_file": ("query/001.jpg\n", "pairs.txt", "query/001.jpg"),
+}
+for name, (text, *named) in QUERY_LISTS.items():
+    CASES[name] = (lambda files, text=text: files.query_list(text)), named
+for name, (text, *named) in PAIRS.items():
+    CASES[name] = (lambda files, text=text: ["--pairs_path", files.write("pairs.txt", text)]), named
+
+
+@case("query/001.jpg", "leave_one_out")
+def leave_one_out_of_a_query_without_pose(files):
+    return [*files.query_list("query/001.jpg\n"), "--LazyLocalizer.leave_one_out", 1]
+
+
+@case("database.db", "query_list_path")
+def every_image_has_a_pose(files):
+    synthetic.write_model(files.model, files.scene, names=list(files.scene.images))
+
+
+# Options
+
+
+@case("--LazyLocalizer.num_retreived")
+def unknown_option(files):
+    return ["--LazyLocalizer.num_retreived", 5]
+
+
+@case("stray")
+def word_without_an_option(files):
+    return ["stray"]
+
+
+for name in ("database_path", "input_path", "output_path"):
+    CASES[f"missing_option_{name}"] = (lambda files, name=name: {"--" + name: None}), (name,)
+
+
+@case("LazyLocalizer.seed")
+def option_without_a_value(files):
+    return ["--LazyLocalizer.seed"]
+
+
+BAD_VALUES = [
+    ("strict", "perhaps"), ("LazyLocalizer.leave_one_out", "7"), ("LazyLocalizer.num_retrieved", "many"),
+    ("LazyLocalizer.num_retrieved", "0"), ("LazyLocalizer.num_retrieved", "99999999999"),
+    ("LazyLocalizer.num_retrieved", "1.5"), ("LazyLocalizer.num_threads", "0"), ("LazyLocalizer.num_threads", "-2"),
+    ("LazyLocalizer.seed", "x1"), ("LazyLocalizer.min_num_inliers", "-1"),
+    ("LazyLocalizer.max_two_view_error_px", "0"), ("LazyLocalizer.max_rotation_error_deg", "-5"),
+    ("LazyLocalizer.irls_scale_deg", "0"), ("LazyLocalizer.min_direction_stddev_deg", "0"),
+    ("LazyLocalizer.min_triangulation_angle_deg", "-1"), ("LazyLocalizer.max_query_error_sigma", "nan"),
+    ("LazyLocalizer.loss_scale_sigma", "0"), ("LazyLocalizer.start_noise_px", "-1"),
+    ("LazyLocalizer.min_noise_px", "-1"), ("LazyLocalizer.min_noise_px", "nan"),
+    ("LazyLocalizer.num_refinement_rounds", "0"), ("LazyLocalizer.single_view_noise_ratio", "0"),
+    ("LazyLocalizer.max_position_stddev_ratio", "4px"),
+]
+for name, value in BAD_VALUES:
+    CASES[f"{name.split('.')[-1]}_of_{value}"] = (lambda files, words=("--" + name, value): words), (name,)
+
+
+@case("some.ini")
+def missing_options_file(files):
+    return ["--project_path", files.folder / "some.ini"]
+
+
+@case("no_such_option")
+def unknown_option_in_the_options_file(files):
+    return ["--project_path", files.write("some.ini", "[LazyLocalizer]\nno_such_option=1\n")]
+
+
+# Outputs
+
+
+@case("file.txt")
+def output_path_below_a_regular_file(files):
+    return {"--output_path": files.write("file.txt", "mine") / "out"}
+
+
+@case("file.txt")
+def output_path_is_a_regular_file(files):
+    return {"--output_path": files.write("file.txt", "mine")}
+
+
+@case("/proc")
+def output_path_not_writable(files):
+    return {"--output_path": "/proc/lazy_localizer"}
+
+
+@case("model")
+def output_path_is_the_folder_of_the_input_model(files):
+    return {"--output_path": files.folder}
+
+
+KNOWN_FAILURES = {
+    "word_without_an_option": "the message does not name the word",
+}
+WITHOUT_OUTPUT_FOLDER = [name for name in CASES if "output_path" in name]
+
+
+def cases(names):
+    """As parameters of a test."""
+    return [pytest.param(name, marks=pytest.mark.xfail(strict=True, reason=KNOWN_FAILURES[name]))
+            if name in KNOWN_FAILURES else name for name in names]
+
+
+def run_case(colmap, files, name):
+    spoil, named = CASES[name]
+    arguments = files.arguments(spoil(files))
+    done = subprocess.run([colmap, "lazy_localizer", *arguments], capture_output=True, text=True, timeout=300,
+                          cwd=files.folder)
+    return done, named
+
+
+def assert_is_one_clear_error(done, named):
+    assert done.returncode == 1, done.stderr or done.stdout
+    lines = done.stderr.splitlines()
+    assert len(lines) == 1, done.stderr
+    assert lines[0].startswith("ERROR"), lines[0]
+    assert "bug" not in lines[0], lines[0]
+    for words in named:
+        assert words in lines[0]
+
+
+@pytest.fixture
+def files(tmp_path, exact):
+    folder = tmp_path / "input"
+    folder.mkdir()
+    return Files(folder, exact)
+
+
+@pytest.mark.parametrize("name", cases(CASES))
+def test_bad_input_leaves_nothing(colmap, files, name):
+    done, named = run_case(colmap, files, name)
+    assert_is_one_clear_error(done, named)
+    assert not (files.folder / "out").exists()
+    names = {path.name for path in files.folder.iterdir()}
+    assert names <= {"database.db", "model", "list.txt", "pairs.txt", "some.ini", "file.txt"}
+    text = files.folder / "file.txt"
+    assert not text.exists() or text.read_text() == "mine"
+
+
+@pytest.mark.parametrize("name", cases(name for name in CASES if name not in WITHOUT_OUTPUT_FOLDER))
+def test_bad_input_leaves_an_earlier_run_as_it_was(colmap, localize, files, exact, fingerprint, name):
+    earlier = localize(*exact.arguments, output_path=files.folder / "out")
+    assert earlier.exit_code == 0
+    before = fingerprint(files.folder / "out")[0]
+    done, named = run_case(colmap, files, name)
+    assert_is_one_clear_error(done, named)
+    assert fingerprint(files.folder / "out")[0] == before
+
+
+def test_failed_run_takes_away_the_parent_folders_that_it_made(colmap, files):
+    CASES["nan_in_the_keypoints_of_a_query"][0](files)
+    arguments = files.arguments({"--output_path": files.folder / "a" / "b" / "c"})
+    assert subprocess.run([colmap, "lazy_localizer", *arguments], capture_output=True).returncode == 1
+    assert not (files.folder / "a").exists()
+
+
+def test_good_files_are_good(colmap, files):
+    """What the cases spoil would run otherwise."""
+    done = subprocess.run([colmap, "lazy_localizer", *files.arguments(None)], capture_output=True, text=True)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert pathlib.Path(files.folder / "out" / "poses.txt").exists()

@@ -1,0 +1,75 @@
+"""The program has every command of COLMAP's, and lazy_localizer; each option is explained."""
+
+import os
+import pathlib
+import re
+import sqlite3
+import subprocess
+
+import pytest
+
+CACHE_PATH = pathlib.Path(os.environ.get("XDG_CACHE_HOME", pathlib.Path.home() / ".cache")) / "colmap_lazyloc"
+COLMAP_SOURCE_PATH = pathlib.Path(os.environ.get("COLMAP_SOURCE_DIR", CACHE_PATH / "colmap-debian-13"))
+
+# The main.cc of COLMAP 3.10 has these; where its source is at hand, what it lists counts.
+SOME_COMMANDS = {"automatic_reconstructor", "database_creator", "exhaustive_matcher", "feature_extractor",
+                 "image_registrator", "mapper", "matches_importer", "model_converter", "point_triangulator"}
+
+
+def run(colmap, *arguments):
+    return subprocess.run([colmap, *arguments], capture_output=True, text=True, timeout=60)
+
+
+@pytest.mark.parametrize("arguments", [["help"], ["-h"], ["--help"], []])
+def test_help_lists_every_command(colmap, arguments):
+    done = run(colmap, *arguments)
+    assert done.returncode == 0
+    listed = done.stdout.split("Available commands:")[1].split()
+    assert len(listed) == len(set(listed))
+    assert {"lazy_localizer", *SOME_COMMANDS} <= set(listed)
+    source = COLMAP_SOURCE_PATH / "src" / "colmap" / "exe" / "colmap.cc"
+    if source.exists():
+        upstream = re.findall(r'commands\.emplace_back\(\s*"(\w+)"', source.read_text())
+        assert len(upstream) > 30
+        assert sorted(listed) == sorted(["help", "lazy_localizer", *upstream])
+
+
+def test_an_upstream_command_works(colmap, tmp_path):
+    assert run(colmap, "database_creator", "--database_path", tmp_path / "database.db").returncode == 0
+    with sqlite3.connect(tmp_path / "database.db") as connection:
+        tables = {name for (name,) in connection.execute("SELECT name FROM sqlite_master WHERE type = 'table'")}
+    assert {"cameras", "images", "keypoints", "matches", "two_view_geometries"} <= tables
+
+
+def test_an_upstream_command_has_its_own_help(colmap):
+    done = run(colmap, "mapper", "-h")
+    assert done.returncode == 0
+    assert "--Mapper.ba_refine_focal_length" in done.stdout + done.stderr
+
+
+def test_an_unknown_command_fails(colmap):
+    done = run(colmap, "lazy_localiser")
+    assert done.returncode == 1
+    assert "lazy_localiser" in done.stdout + done.stderr
+
+
+@pytest.mark.parametrize("flag", ["-h", "--help"])
+def test_help_of_the_command_explains_each_option(colmap, flag):
+    done = run(colmap, "lazy_localizer", flag)
+    assert (done.returncode, done.stderr) == (0, "")
+    options = re.findall(r"^  (?:-h \[ --help \]|--([\w.]+) arg(?: \(=[^)]*\))?)\s+(.*?)(?=^  -|\Z)", done.stdout,
+                         re.MULTILINE | re.DOTALL)
+    explained = {name: " ".join(text.split()) for name, text in options}
+    assert {"database_path", "input_path", "output_path", "query_list_path", "pairs_path", "strict",
+            "LazyLocalizer.num_retrieved", "LazyLocalizer.num_threads", "LazyLocalizer.leave_one_out",
+            "LazyLocalizer.seed"} <= set(explained)
+    assert len(explained) == len(re.findall(r"^  -", done.stdout, re.MULTILINE))
+    for name, text in explained.items():
+        assert len(text.split()) >= 3, f"{name}: '{text}'"
+    defaults = dict(re.findall(r"--([\w.]+) arg \(=([^)]*)\)", done.stdout))
+    assert (defaults["LazyLocalizer.num_retrieved"], defaults["LazyLocalizer.num_threads"]) == ("20", "-1")
+
+
+def test_help_writes_nothing(colmap, tmp_path):
+    subprocess.run([colmap, "lazy_localizer", "-h"], cwd=tmp_path, check=True, capture_output=True)
+    assert list(tmp_path.iterdir()) == []

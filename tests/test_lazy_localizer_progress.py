@@ -1,0 +1,97 @@
+"""Progress on a terminal and elsewhere, and Ctrl-C."""
+
+import json
+import os
+import pty
+import signal
+import subprocess
+
+import pytest
+
+import synthetic_database as synthetic
+from conftest import Run
+
+NUM_QUERIES = 400
+
+
+def progress_lines(stdout):
+    return [json.loads(line) for line in stdout.splitlines() if line.startswith("{")]
+
+
+def test_a_json_line_per_query_where_the_output_is_no_terminal(localize, noisy):
+    run = localize(*noisy.arguments)
+    lines = progress_lines(run.stdout)
+    assert [line["done"] for line in lines] == [1, 2, 3] and {line["of"] for line in lines} == {3}
+    assert {line["query"]: line["status"] for line in lines} == run.statuses
+    assert all(line["seconds"] > 0 for line in lines)
+    assert "\r" not in run.stdout and run.stderr == ""
+
+
+def test_a_summary_ends_the_run(localize, noisy):
+    lines = localize(*noisy.arguments).stdout.splitlines()
+    summary = lines[max(i for i, line in enumerate(lines) if line.startswith("{")) + 1:]
+    assert any(line.split() == ["LOCALIZED", "3"] for line in summary), summary
+
+
+def test_a_progress_bar_on_a_terminal(colmap, noisy, tmp_path):
+    parent, terminal = pty.openpty()
+    process = subprocess.Popen([colmap, "lazy_localizer", *noisy.arguments, "--output_path", tmp_path / "output"],
+                               stdout=terminal, stderr=terminal)
+    os.close(terminal)
+    shown = b""
+    try:
+        while chunk := os.read(parent, 4096):
+            shown += chunk
+    except OSError:  # how Linux tells that the program has closed the terminal
+        pass
+    os.close(parent)
+    assert process.wait(timeout=60) == 0
+    text = shown.decode()
+    assert text.count("\r[") == 3 and "3/3" in text and "#" * 20 in text
+    assert '{"query"' not in text
+    assert len(Run(tmp_path / "output", 0, text, "").poses) == 3
+
+
+@pytest.fixture(scope="module")
+def long(tmp_path_factory, write_scene_files):
+    """Hundreds of queries whose raw matches must be verified: seconds at least, on any machine."""
+    scene = synthetic.make_scene(synthetic.arc(6), synthetic.arc(NUM_QUERIES, radius=5, height=0.8), noise_px=0.5,
+                                 outlier_ratio=0.3)
+    return write_scene_files(tmp_path_factory.mktemp("long"), scene, geometry=None)
+
+
+def interrupt(colmap, files, output_path, num_threads):
+    """Sends SIGINT after the third query."""
+    process = subprocess.Popen([colmap, "lazy_localizer", *files.arguments, "--output_path", output_path,
+                                "--LazyLocalizer.num_threads", str(num_threads)],
+                               stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    stdout = "".join(process.stdout.readline() for _ in range(3))
+    process.send_signal(signal.SIGINT)
+    rest, stderr = process.communicate(timeout=120)
+    return Run(output_path, process.returncode, stdout + rest, stderr)
+
+
+@pytest.mark.parametrize("num_threads", [1, 4])
+def test_interrupted_run_writes_the_results_so_far(colmap, long, tmp_path, num_threads):
+    run = interrupt(colmap, long, tmp_path / "output", num_threads)
+    assert run.exit_code == 130
+    lines = progress_lines(run.stdout)
+    assert 3 <= len(lines) < NUM_QUERIES
+    assert {line["query"]: line["status"] for line in lines} == run.statuses
+    assert {name for name, status in run.statuses.items() if status == "LOCALIZED"} == set(run.poses)
+    for name, pose in run.poses.items():
+        assert pose.errors(long.scene.images[name].pose)[0] < 0.02
+    assert set(run.model_images) == {*long.scene.database_names, *run.poses}
+    assert sorted(path.name for path in run.output_path.iterdir()) == ["model", "options.ini", "poses.txt",
+                                                                      "results.jsonl"]
+    import pycolmap
+
+    assert pycolmap.Reconstruction(run.output_path / "model").num_reg_images() == len(run.model_images)
+
+
+def test_poses_of_an_interrupted_run_are_those_of_a_whole_one(colmap, localize, long, tmp_path):
+    run = interrupt(colmap, long, tmp_path / "output", num_threads=2)
+    (tmp_path / "list.txt").write_text("\n".join(run.results) + "\n")
+    whole = localize(*long.arguments, "--query_list_path", tmp_path / "list.txt")
+    assert whole.exit_code == 0
+    assert whole.poses_bytes == run.poses_bytes
