@@ -419,16 +419,7 @@ def output_path_is_the_folder_of_the_input_model(files):
     return {"--output_path": files.folder}
 
 
-KNOWN_FAILURES = {
-    "word_without_an_option": "the message does not name the word",
-}
 WITHOUT_OUTPUT_FOLDER = [name for name in CASES if "output_path" in name]
-
-
-def cases(names):
-    """As parameters of a test."""
-    return [pytest.param(name, marks=pytest.mark.xfail(strict=True, reason=KNOWN_FAILURES[name]))
-            if name in KNOWN_FAILURES else name for name in names]
 
 
 def run_case(colmap, files, name):
@@ -456,7 +447,7 @@ def files(tmp_path, exact):
     return Files(folder, exact)
 
 
-@pytest.mark.parametrize("name", cases(CASES))
+@pytest.mark.parametrize("name", CASES)
 def test_bad_input_leaves_nothing(colmap, files, name):
     done, named = run_case(colmap, files, name)
     assert_is_one_clear_error(done, named)
@@ -467,7 +458,7 @@ def test_bad_input_leaves_nothing(colmap, files, name):
     assert not text.exists() or text.read_text() == "mine"
 
 
-@pytest.mark.parametrize("name", cases(name for name in CASES if name not in WITHOUT_OUTPUT_FOLDER))
+@pytest.mark.parametrize("name", [name for name in CASES if name not in WITHOUT_OUTPUT_FOLDER])
 def test_bad_input_leaves_an_earlier_run_as_it_was(colmap, localize, files, exact, fingerprint, name):
     earlier = localize(*exact.arguments, output_path=files.folder / "out")
     assert earlier.exit_code == 0

@@ -77,6 +77,9 @@ void ForEachOption(Options& o, const Add& add) {
       "(by its standard deviation)");
 }
 
+// Collects what is no option, so that a message can name it.
+constexpr const char* kStrayArguments = "stray-arguments";
+
 po::options_description Describe(CommandOptions* options, std::string* project_path) {
   po::options_description description(
       "colmap lazy_localizer: where were photos taken, given posed database images and no 3D map.\n"
@@ -109,17 +112,23 @@ void CheckOptions(const CommandOptions& options) {
 bool ParseCommandLine(int argc, char** argv, CommandOptions* options) {
   std::string project_path;
   po::options_description description = Describe(options, &project_path);
+  po::options_description with_stray_arguments(description);
+  with_stray_arguments.add_options()(kStrayArguments, po::value<std::vector<std::string>>());
   po::variables_map values;
   try {
     po::store(po::command_line_parser(argc, argv)
-                  .options(description)
-                  .positional(po::positional_options_description())
+                  .options(with_stray_arguments)
+                  .positional(po::positional_options_description().add(kStrayArguments, -1))
                   .style(po::command_line_style::default_style & ~po::command_line_style::allow_guessing)
                   .run(),
               values);
     if (values.count("help") > 0) {
       std::cout << description << std::endl;
       return false;
+    }
+    if (values.count(kStrayArguments) > 0) {
+      throw InputError("colmap lazy_localizer: `" + values[kStrayArguments].as<std::vector<std::string>>().front() +
+                       "` is no option (see colmap lazy_localizer -h)");
     }
     if (values.count("project_path") > 0) {
       std::ifstream file(values["project_path"].as<std::string>());

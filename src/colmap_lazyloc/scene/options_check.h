@@ -1,11 +1,12 @@
 #pragma once
 
+#include <cmath>
 #include <sstream>
 #include <string>
 
 // For `bool XxxOptions::Check(std::string* error) const`: returns false with a line that names the option.
 #define OPTION_COMPARE(name, op, bound)                                          \
-  if (!((name)op(bound))) {                                                      \
+  if (!((name)op(bound)) || !std::isfinite(static_cast<double>(name))) {         \
     std::ostringstream message;                                                  \
     message << #name << " must be " #op " " << (bound) << ", but is " << (name); \
     *error = message.str();                                                      \
