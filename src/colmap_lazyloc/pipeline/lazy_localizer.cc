@@ -1,7 +1,6 @@
 #include "colmap_lazyloc/pipeline/lazy_localizer.h"
 
 #include <algorithm>
-#include <chrono>
 #include <cmath>
 #include <limits>
 #include <optional>
@@ -9,10 +8,12 @@
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
 
-#include "colmap_lazyloc/bridge/absolute_pose.h"
 #include "colmap_lazyloc/bridge/observation.h"
 #include "colmap_lazyloc/math/seed.h"
 #include "colmap_lazyloc/math/so3.h"
+#include "colmap_lazyloc/pipeline/report.h"
+#include "colmap_lazyloc/pipeline/stage_timer.h"
+#include "colmap_lazyloc/pipeline/start_selection.h"
 #include "colmap_lazyloc/refinement/covariance.h"
 #include "colmap_lazyloc/refinement/view_noise.h"
 #include "colmap_lazyloc/structure/track_building.h"
@@ -57,7 +58,7 @@ class QueryLocalizer {
       RunStage("directions", [&] { EstimateDirections(); });
       RunStage("translation", [&] { AverageTranslation(); });
       RunStage("tracks", [&] { CollectTracks(); });
-      RunStage("hypotheses", [&] { ChooseStart(); });
+      RunStage("start", [&] { ChooseStartPose(); });
       RefineWithTracks();
       RunStage("covariance", [&] { EstimateCovariance(); });
       Report();
@@ -70,24 +71,10 @@ class QueryLocalizer {
   }
 
  private:
-  // Adds a stage's wall time to the result, however the stage ends.
   template <typename Stage>
   void RunStage(const std::string& name, const Stage& stage) {
-    const auto start = std::chrono::steady_clock::now();
-    const auto record = [&] {
-      const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-      for (auto& [stage_name, stage_seconds] : result_.seconds) {
-        if (stage_name == name) return void(stage_seconds += seconds);
-      }
-      result_.seconds.emplace_back(name, seconds);
-    };
-    try {
-      stage();
-    } catch (const QueryFailure&) {
-      record();
-      throw;
-    }
-    record();
+    const StageTimer timer(name, &result_.seconds);
+    stage();
   }
 
   void CheckInput() const {
@@ -175,7 +162,7 @@ class QueryLocalizer {
 
   void EstimateDirections() {
     for (PairState& pair : pairs_) {
-      CollectObservations(&pair);
+      pair.view_matches = Observed(pair.index, pair.relative_pose.inlier_matches);
       const Eigen::Quaterniond world_from_query = views_[0].cam_from_world.rotation.conjugate();
       const Eigen::Quaterniond world_from_database = DatabaseView(pair).cam_from_world.rotation.conjugate();
       std::vector<RayPair> rays;
@@ -189,18 +176,17 @@ class QueryLocalizer {
     }
   }
 
-  void CollectObservations(PairState* pair) const {
-    const ImagePair& images = problem_.pairs[pair->index];
-    ViewMatches& view_matches = pair->view_matches;
-    view_matches.view = pair->index + 1;
-    for (const Match& match : pair->relative_pose.inlier_matches) {
+  // The matches of a pair whose image points have rays.
+  ViewMatches Observed(int pair_index, const Matches& matches) const {
+    const ImagePair& images = problem_.pairs[pair_index];
+    ViewMatches observed;
+    observed.view = pair_index + 1;
+    for (const Match& match : matches) {
       const auto query = Observe(problem_.query_camera, problem_.query_keypoints[match.query_point]);
       const auto database = Observe(images.database_camera, images.database_keypoints[match.database_point]);
-      if (!query || !database) continue;
-      view_matches.matches.push_back(match);
-      view_matches.query_observations.push_back(*query);
-      view_matches.database_observations.push_back(*database);
+      if (query && database) observed.Add(match, *query, *database);
     }
+    return observed;
   }
 
   void AverageTranslation() {
@@ -235,43 +221,15 @@ class QueryLocalizer {
     for (View& view : views_) view.noise_px = options_.start_noise_px;
   }
 
-  // Motion averaging against absolute pose on the points that the database views triangulate by themselves: the one that
-  // brings more of these points near their image points starts the refinement. Absolute pose fixes the position where
-  // the database cameras and the query are on one line; motion averaging stands where few points are seen twice.
-  void ChooseStart() {
+  void ChooseStartPose() {
     TrackTriangulationOptions without_query = options_.triangulation;
     without_query.max_query_error_sigma = std::numeric_limits<double>::infinity();
-    std::vector<Eigen::Vector3d> points, rays;
-    std::vector<const Observation*> observations;
-    const std::vector<Track> tracks = TriangulateTracks(views_, candidates_, without_query);
-    for (const Track& track : tracks) {
-      if (track.observations.size() < 3) continue;
-      observations.push_back(&track.observations.front().observation);
-      points.push_back(track.point_in_world);
-      rays.push_back(observations.back()->ray_in_cam);
-    }
-    if (static_cast<int>(points.size()) < options_.min_num_tracks) return;
+    std::vector<Track> tracks = TriangulateTracks(views_, candidates_, without_query);
+    const auto needs_query = [](const Track& track) { return track.observations.size() < 3; };
+    tracks.erase(std::remove_if(tracks.begin(), tracks.end(), needs_query), tracks.end());
     const double max_error_px = options_.max_start_error_sigma * options_.start_noise_px;
-    const std::optional<Rigid3d> absolute_pose =
-        EstimateAbsolutePose(rays, points, max_error_px * RadFromPx(*observations.front()) / 2,
-                             SeedFromNames(problem_.query_name, "", options_.seed));
-    if (absolute_pose && StartScore(*absolute_pose, points, observations, max_error_px) >
-                             StartScore(views_[0].cam_from_world, points, observations, max_error_px)) {
-      views_[0].cam_from_world = *absolute_pose;
-    }
-  }
-
-  // Sum of 1 - (error / max_error)^2 over the points within max_error.
-  static double StartScore(const Rigid3d& cam_from_world, const std::vector<Eigen::Vector3d>& points,
-                           const std::vector<const Observation*>& observations, double max_error_px) {
-    double score = 0;
-    for (size_t i = 0; i < points.size(); ++i) {
-      const Eigen::Vector3d point_in_cam = cam_from_world * points[i];
-      if (!IsInFront(*observations[i], point_in_cam)) continue;
-      const double error = ReprojectionError(*observations[i], point_in_cam).norm() / max_error_px;
-      score += std::max(0.0, 1 - error * error);
-    }
-    return score;
+    const uint32_t seed = SeedFromNames(problem_.query_name, "", options_.seed);
+    views_[0].cam_from_world = ChooseStart(views_, tracks, max_error_px, seed);
   }
 
   void RefineWithTracks() {
@@ -280,10 +238,11 @@ class QueryLocalizer {
     for (int round = 0; round < options_.num_refinement_rounds; ++round) {
       RunStage("triangulation", [&] { Triangulate(triangulation); });
       RunStage("adjustment", [&] { Adjust(); });
-      if (round + 1 < options_.num_refinement_rounds) EstimateViewNoise(tracks_, options_.min_noise_px, &views_);
+      if (round + 1 == options_.num_refinement_rounds) break;
+      EstimateViewNoise(tracks_, options_.min_noise_px, &views_);
       triangulation.max_query_error_sigma = options_.triangulation.max_query_error_sigma;
     }
-    tracks_ = TriangulatedInliers();
+    tracks_ = FittingTracks(views_, tracks_, options_.triangulation.max_query_error_sigma);
   }
 
   void Triangulate(const TrackTriangulationOptions& triangulation) {
@@ -301,23 +260,6 @@ class QueryLocalizer {
     if (!summary.success || !pose.rotation.coeffs().allFinite() || !pose.translation.allFinite()) {
       throw QueryFailure{QueryStatus::DIVERGED, "bundle adjustment failed: " + summary.message};
     }
-  }
-
-  double ErrorPx(const Track& track, const TrackObservation& element) const {
-    return ReprojectionError(element.observation, views_[element.view].cam_from_world * track.point_in_world).norm();
-  }
-
-  // The tracks that still hold after the last adjustment.
-  std::vector<Track> TriangulatedInliers() const {
-    std::vector<Track> inliers;
-    for (const Track& track : tracks_) {
-      const bool holds = std::all_of(track.observations.begin(), track.observations.end(), [&](const auto& element) {
-        return IsInFront(element.observation, views_[element.view].cam_from_world * track.point_in_world) &&
-               ErrorPx(track, element) <= options_.triangulation.max_query_error_sigma * views_[element.view].noise_px;
-      });
-      if (holds) inliers.push_back(track);
-    }
-    return inliers;
   }
 
   void EstimateCovariance() {
@@ -340,17 +282,8 @@ class QueryLocalizer {
 
   // The image noise must not leave the position open.
   void CheckObservability(const Eigen::Matrix<double, 6, 6>& information) const {
-    std::vector<double> depths;
-    for (const Track& track : tracks_) depths.push_back((views_[0].cam_from_world * track.point_in_world).norm());
-    std::nth_element(depths.begin(), depths.begin() + static_cast<std::ptrdiff_t>(depths.size() / 2), depths.end());
-    const double distance = depths[depths.size() / 2];
-    // Scaled to comparable units, so that the conditioning does not depend on the database's unit.
-    Eigen::Matrix<double, 6, 1> scale;
-    scale << Eigen::Vector3d::Ones(), Eigen::Vector3d::Constant(distance);
-    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, 6, 6>> eigen(scale.asDiagonal() * information *
-                                                                           scale.asDiagonal());
-    const double min_information = 1 / std::pow(options_.max_position_stddev_ratio, 2);
-    if (eigen.eigenvalues()(0) >= min_information) return;
+    const double stddev_ratio = RelativePoseStddev(information, MedianDistance(views_[0], tracks_));
+    if (stddev_ratio <= options_.max_position_stddev_ratio) return;
     if (NumDistinctCentres() == 1) {
       throw QueryFailure{QueryStatus::SCALE_UNOBSERVABLE,
                          "only one database position is usable: the distance to it cannot be known"};
@@ -375,26 +308,7 @@ class QueryLocalizer {
     const Rigid3d& pose = views_[0].cam_from_world;
     result_.cam_from_world = {pose.rotation, pose.translation - pose.rotation * origin_};
     ReportPairs();
-    double error_sum = 0;
-    for (const Track& track : tracks_) {
-      PointResult point;
-      point.point_in_world = track.point_in_world + origin_;
-      double track_error_sum = 0;
-      for (const TrackObservation& element : track.observations) {
-        track_error_sum += ErrorPx(track, element);
-        if (element.view == 0) {
-          point.query_point = element.keypoint;
-        } else {
-          point.observations.emplace_back(element.view - 1, element.keypoint);
-        }
-      }
-      point.mean_reprojection_error_px = track_error_sum / static_cast<double>(track.observations.size());
-      error_sum += track_error_sum;
-      result_.num_observations += static_cast<int>(track.observations.size());
-      result_.points.push_back(std::move(point));
-    }
-    result_.num_tracks = static_cast<int>(tracks_.size());
-    result_.mean_reprojection_error_px = error_sum / std::max(result_.num_observations, 1);
+    ReportTracks(views_, tracks_, origin_, &result_);
   }
 
   void ReportPairs() {

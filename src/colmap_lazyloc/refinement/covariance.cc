@@ -1,8 +1,11 @@
 #include "colmap_lazyloc/refinement/covariance.h"
 
 #include <algorithm>
+#include <cmath>
+#include <limits>
 
 #include <Eigen/Cholesky>
+#include <Eigen/Eigenvalues>
 
 #include "colmap_lazyloc/math/robust_weights.h"
 #include "colmap_lazyloc/math/so3.h"
@@ -62,6 +65,23 @@ double VarianceFactor(const std::vector<View>& views, const std::vector<Track>& 
     }
   }
   return squared_sum / std::max(freedom, 1.0);
+}
+
+double RelativePoseStddev(const Eigen::Matrix<double, 6, 6>& information, double distance) {
+  Eigen::Matrix<double, 6, 1> scale;
+  scale << Eigen::Vector3d::Ones(), Eigen::Vector3d::Constant(distance);
+  const Eigen::Matrix<double, 6, 6> relative = scale.asDiagonal() * information * scale.asDiagonal();
+  const double smallest =
+      Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, 6, 6>>(relative, Eigen::EigenvaluesOnly).eigenvalues()(0);
+  return smallest > 0 ? 1 / std::sqrt(smallest) : std::numeric_limits<double>::infinity();
+}
+
+double MedianDistance(const View& view, const std::vector<Track>& tracks) {
+  std::vector<double> distances;
+  for (const Track& track : tracks) distances.push_back((view.cam_from_world * track.point_in_world).norm());
+  const auto middle = distances.begin() + static_cast<std::ptrdiff_t>(distances.size() / 2);
+  std::nth_element(distances.begin(), middle, distances.end());
+  return *middle;
 }
 
 }  // namespace lazyloc

@@ -18,4 +18,11 @@ Eigen::Matrix<double, 6, 6> PoseInformation(const std::vector<View>& views, cons
 // sum, in standard deviations, over the freedom that the points and the pose leave.
 double VarianceFactor(const std::vector<View>& views, const std::vector<Track>& tracks, double weight_scale);
 
+// The largest standard deviation of a pose of given information, translation counted in units of a distance: above about
+// 0.1, some motion of the camera hardly shows in the image. Infinite where a motion does not show at all.
+double RelativePoseStddev(const Eigen::Matrix<double, 6, 6>& information, double distance);
+
+// Median distance of the tracks' points from a view.
+double MedianDistance(const View& view, const std::vector<Track>& tracks);
+
 }  // namespace lazyloc

@@ -1,5 +1,7 @@
 #include "colmap_lazyloc/refinement/covariance.h"
 
+#include <cmath>
+
 #include <Eigen/Eigenvalues>
 #include <Eigen/LU>
 #include <gtest/gtest.h>
@@ -48,6 +50,22 @@ TEST(PoseInformation, OneFixedViewLeavesScaleOpen) {
   const SyntheticTracks scene = MakeSyntheticTracks(options);
   const Eigen::SelfAdjointEigenSolver<Matrix6d> eigen(PoseInformation(scene.views, scene.tracks, 0, kWideScale));
   EXPECT_LE(eigen.eigenvalues()(0), 1e-9 * eigen.eigenvalues()(1));
+  EXPECT_GE(RelativePoseStddev(PoseInformation(scene.views, scene.tracks, 0, kWideScale), 8), 10);
+}
+
+TEST(RelativePoseStddev, CountsTranslationInUnitsOfTheDistance) {
+  Matrix6d information = 1e6 * Matrix6d::Identity();
+  EXPECT_NEAR(RelativePoseStddev(information, 1), 1e-3, 1e-12);
+  EXPECT_NEAR(RelativePoseStddev(information, 0.1), 1e-2, 1e-12);
+  information(5, 5) = 0;
+  EXPECT_TRUE(std::isinf(RelativePoseStddev(information, 1)));
+}
+
+TEST(MedianDistance, IsFromTheView) {
+  SyntheticTracks scene = MakeSyntheticTracks({});
+  for (Track& track : scene.tracks)
+    track.point_in_world = CamInWorld(scene.views[2].cam_from_world) + Eigen::Vector3d(0, 3, 4);
+  EXPECT_NEAR(MedianDistance(scene.views[2], scene.tracks), 5, 1e-12);
 }
 
 TEST(VarianceFactor, FindsTheNoise) {

@@ -13,6 +13,12 @@ struct ViewMatches {
   Matches matches;
   std::vector<Observation> query_observations;     // parallel to matches
   std::vector<Observation> database_observations;  // parallel to matches
+
+  void Add(const Match& match, const Observation& query, const Observation& database) {
+    matches.push_back(match);
+    query_observations.push_back(query);
+    database_observations.push_back(database);
+  }
 };
 
 // For each query keypoint, the track of all its inlier matches in the database views, in order of the query keypoints.

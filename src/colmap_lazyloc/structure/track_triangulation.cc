@@ -155,4 +155,16 @@ std::vector<Track> TriangulateTracks(const std::vector<View>& views, const std::
   return triangulated;
 }
 
+std::vector<Track> FittingTracks(const std::vector<View>& views, const std::vector<Track>& tracks,
+                                 double max_error_sigma) {
+  std::vector<Track> fitting;
+  for (const Track& track : tracks) {
+    const bool fits = std::all_of(track.observations.begin(), track.observations.end(), [&](const auto& element) {
+      return NormalizedError(views[element.view], element.observation, track.point_in_world) <= max_error_sigma;
+    });
+    if (fits) fitting.push_back(track);
+  }
+  return fitting;
+}
+
 }  // namespace lazyloc

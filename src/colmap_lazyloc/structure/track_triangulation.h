@@ -28,4 +28,9 @@ struct TrackTriangulationOptions {
 std::vector<Track> TriangulateTracks(const std::vector<View>& views, const std::vector<Track>& tracks,
                                      const TrackTriangulationOptions& options);
 
+// The tracks whose points lie in front of all their views and within max_error_sigma of all their image points, in the
+// views' standard deviations.
+std::vector<Track> FittingTracks(const std::vector<View>& views, const std::vector<Track>& tracks,
+                                 double max_error_sigma);
+
 }  // namespace lazyloc

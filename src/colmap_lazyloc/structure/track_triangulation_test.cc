@@ -74,6 +74,17 @@ TEST(TrackTriangulation, SmallAngleAndPointsBehindAreDropped) {
   EXPECT_TRUE(TriangulateTracks(scene.views, scene.tracks, {}).empty());
 }
 
+TEST(FittingTracks, LeavesOutWhatIsFarOrBehind) {
+  SyntheticTracks scene = MakeSyntheticTracks({});
+  const Eigen::Vector3d point_in_cam = scene.views[2].cam_from_world * scene.tracks[1].point_in_world;
+  scene.tracks[1].observations[2].observation = ObserveAt(point_in_cam, 500, {0, 5});
+  scene.tracks[3].point_in_world = {0, 0, -1000};
+  const std::vector<Track> fitting = FittingTracks(scene.views, scene.tracks, 4);
+  EXPECT_EQ(fitting.size(), scene.tracks.size() - 2);
+  scene.views[2].noise_px = 2;
+  EXPECT_EQ(FittingTracks(scene.views, scene.tracks, 4).size(), scene.tracks.size() - 1);
+}
+
 TEST(TrackTriangulation, NoTracks) { EXPECT_TRUE(TriangulateTracks({}, {}, {}).empty()); }
 
 }  // namespace

@@ -1,0 +1,41 @@
+#include "colmap_lazyloc/pipeline/start_selection.h"
+
+#include <algorithm>
+#include <optional>
+
+#include "colmap_lazyloc/bridge/absolute_pose.h"
+
+namespace lazyloc {
+namespace {
+
+double Score(const Rigid3d& cam_from_world, const std::vector<Track>& tracks, double max_error_px) {
+  double score = 0;
+  for (const Track& track : tracks) {
+    const Observation& observation = track.observations.front().observation;
+    const Eigen::Vector3d point_in_cam = cam_from_world * track.point_in_world;
+    if (!IsInFront(observation, point_in_cam)) continue;
+    const double error = ReprojectionError(observation, point_in_cam).norm() / max_error_px;
+    score += std::max(0.0, 1 - error * error);
+  }
+  return score;
+}
+
+}  // namespace
+
+Rigid3d ChooseStart(const std::vector<View>& views, const std::vector<Track>& tracks, double max_error_px,
+                    uint32_t seed) {
+  const Rigid3d& averaged = views.front().cam_from_world;
+  if (tracks.size() < 4) return averaged;
+  std::vector<Eigen::Vector3d> rays, points;
+  for (const Track& track : tracks) {
+    rays.push_back(track.observations.front().observation.ray_in_cam);
+    points.push_back(track.point_in_world);
+  }
+  // Half the bound: RANSAC counts all its inliers alike.
+  const double max_error_rad = max_error_px / 2 * RadFromPx(tracks.front().observations.front().observation);
+  const std::optional<Rigid3d> absolute = EstimateAbsolutePose(rays, points, max_error_rad, seed);
+  if (!absolute) return averaged;
+  return Score(*absolute, tracks, max_error_px) > Score(averaged, tracks, max_error_px) ? *absolute : averaged;
+}
+
+}  // namespace lazyloc

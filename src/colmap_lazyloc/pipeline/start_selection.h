@@ -1,0 +1,18 @@
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "colmap_lazyloc/scene/track.h"
+
+namespace lazyloc {
+
+// Motion averaging's pose of the query (view 0) against COLMAP's absolute pose (P3P) on points that the database views
+// triangulate by themselves: returns the one that brings more of the points near their image points, by the score
+//   sum over the points in front of the query of max(0, 1 - (error / max_error_px)^2).
+// Absolute pose fixes the position where database cameras and query stand on one line; motion averaging stands where few
+// points are seen twice. tracks: with points; the first observation is the query's.
+Rigid3d ChooseStart(const std::vector<View>& views, const std::vector<Track>& tracks, double max_error_px,
+                    uint32_t seed);
+
+}  // namespace lazyloc
