@@ -28,7 +28,8 @@ std::string CameraProblem(const Camera& camera) {
     if (!std::isfinite(param)) return "a camera parameter is not a finite number";
   }
   if (camera.width == 0 || camera.height == 0) return "the camera's image size is zero";
-  for (const size_t idx : ToColmap(camera).FocalLengthIdxs()) {
+  const colmap::Camera converted = ToColmap(camera);
+  for (const size_t idx : converted.FocalLengthIdxs()) {
     if (camera.params[idx] <= 0) return "the camera's focal length is not positive";
   }
   return "";
