@@ -9,6 +9,9 @@ source scripts/environment.sh
 MIN_UNIT_TESTS=230
 MIN_PROGRAM_TESTS=380
 
+# Real scenes, where they are at hand; tests on them are skipped elsewhere.
+export LAZYLOC_SHARED_DATA=${LAZYLOC_SHARED_DATA:-$PWD/../shared/data}
+
 num_unit_tests=$(ctest --test-dir "$BUILD_DIR" -N | sed -n 's/^Total Tests: //p')
 [ "$num_unit_tests" -ge "$MIN_UNIT_TESTS" ] ||
   { echo "test: only $num_unit_tests unit tests were found, of at least $MIN_UNIT_TESTS" >&2; exit 1; }
