@@ -415,7 +415,7 @@ TEST(DatabaseReader, RealDatabase) {
       EXPECT_LT(geometry->inlier_matches.back().query_point, num_query_keypoints);
       if (!geometry->query_from_database) continue;
       ++num_poses;
-      EXPECT_NEAR(geometry->query_from_database->translation.norm(), 1, 1e-11);
+      EXPECT_NEAR(geometry->query_from_database->translation.norm(), 1, 3e-10);
     }
   }
   EXPECT_GT(num_poses, 50);
