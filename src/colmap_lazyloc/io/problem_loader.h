@@ -48,15 +48,21 @@ class ProblemLoader {
   struct Candidate {
     const ModelImage* image = nullptr;
     uint32_t image_id = 0;  // in the database
-    int num_inliers = 0;    // verified
-    int num_matches = 0;    // raw
+    int num_matches = 0;    // verified or raw
   };
+  using Candidates = std::vector<Candidate>;
 
   void ChooseQueries(const std::vector<QueryListEntry>& queries, const DatabaseReader& database);
   // posed: the image in the model, or null.
   void AddQuery(const QueryListEntry& entry, const ModelImage* posed, const DatabaseReader& database);
-  std::vector<Candidate> FindCandidates(const Query& query, const DatabaseReader& database) const;
-  // None where verification left no inliers.
+  // The posed images among `sizes`, most matches first.
+  Candidates RankCandidates(const Query& query, const std::vector<PairSize>& sizes) const;
+  Candidates ListedCandidates(const Query& query) const;
+  // Adds pairs with the candidates to the problem until it has max_num_pairs.
+  void LoadPairs(const Query& query, const Candidates& candidates, size_t max_num_pairs, const DatabaseReader& database,
+                 LocalizationProblem* problem) const;
+  void LoadBestPairs(const Query& query, const DatabaseReader& database, LocalizationProblem* problem) const;
+  // None where there are no matches, or verification left none.
   std::optional<ImagePair> LoadPair(const Query& query, const Candidate& candidate,
                                     const DatabaseReader& database) const;
 
