@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 #include <optional>
+#include <unordered_map>
 
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
@@ -39,7 +40,7 @@ struct PairState {
 class QueryLocalizer {
  public:
   QueryLocalizer(const LocalizationProblem& problem, const LocalizerOptions& options)
-      : problem_(problem), options_(options), views_(problem.pairs.size() + 1) {
+      : problem_(problem), options_(options), observe_query_(problem.query_camera), views_(problem.pairs.size() + 1) {
     result_.query_name = problem.query_name;
     result_.query_camera = problem.query_camera;
     for (const ImagePair& pair : problem.pairs) {
@@ -177,14 +178,16 @@ class QueryLocalizer {
   }
 
   // The matches of a pair whose image points have rays.
-  ViewMatches Observed(int pair_index, const Matches& matches) const {
+  ViewMatches Observed(int pair_index, const Matches& matches) {
     const ImagePair& images = problem_.pairs[pair_index];
     ViewMatches observed;
     observed.view = pair_index + 1;
+    const Observer observe_database(images.database_camera);
     for (const Match& match : matches) {
-      const auto query = Observe(problem_.query_camera, problem_.query_keypoints[match.query_point]);
-      const auto database = Observe(images.database_camera, images.database_keypoints[match.database_point]);
-      if (query && database) observed.Add(match, *query, *database);
+      const auto [query, is_new] = query_observations_.try_emplace(match.query_point);
+      if (is_new) query->second = observe_query_(problem_.query_keypoints[match.query_point]);
+      const auto database = observe_database(images.database_keypoints[match.database_point]);
+      if (query->second && database) observed.Add(match, *query->second, *database);
     }
     return observed;
   }
@@ -326,6 +329,8 @@ class QueryLocalizer {
 
   const LocalizationProblem& problem_;
   const LocalizerOptions& options_;
+  const Observer observe_query_;
+  std::unordered_map<uint32_t, std::optional<Observation>> query_observations_;  // by keypoint; as far as needed
   Eigen::Vector3d origin_ = Eigen::Vector3d::Zero();
   std::vector<View> views_;
   std::vector<PairState> pairs_;   // those still in use
