@@ -60,7 +60,14 @@ ProblemLoader::ProblemLoader(const DatabaseReader& database, Model model, const 
   }
   if (!pairs_path.empty()) {
     has_pairs_file_ = true;
-    pairs_ = ReadPairs(pairs_path, {query_names_.begin(), query_names_.end()});
+    QueryPairs pairs = ReadPairs(pairs_path, {query_names_.begin(), query_names_.end()},
+                                 [&](const std::string& name) { return database_images_.count(name) > 0; });
+    pairs_ = std::move(pairs.partners);
+    if (!pairs.unknown_names.empty()) {
+      warning_ = pairs_path.string() +
+                 ": left out what the database lacks: " + std::to_string(pairs.unknown_names.size()) +
+                 " images, such as " + *pairs.unknown_names.begin();
+    }
   }
 }
 
@@ -126,8 +133,7 @@ ProblemLoader::Candidates ProblemLoader::ListedCandidates(const Query& query) co
   if (pairs == pairs_.end()) return {};
   std::vector<PairSize> listed;
   for (const std::string& name : pairs->second) {
-    const auto image = database_images_.find(name);
-    if (image != database_images_.end()) listed.push_back({image->second.image_id, 0});
+    listed.push_back({database_images_.at(name).image_id, 0});
   }
   return RankCandidates(query, listed);
 }

@@ -33,6 +33,8 @@ class ProblemLoader {
   const std::vector<std::string>& QueryNames() const { return query_names_; }
   // The posed images without those that are queries (with leave_one_out: all).
   const Model& DatabaseModel() const { return model_; }
+  // One line on what was left out of the pairs file; empty where nothing was.
+  const std::string& Warning() const { return warning_; }
 
   // The pairs file's pairs, or the best num_retrieved by verified inliers; where the database has fewer than these, also
   // as many with only raw matches, best by their number, from which the localizer chooses when they are verified.
@@ -69,6 +71,7 @@ class ProblemLoader {
   Model model_;
   std::map<std::string, std::vector<std::string>> pairs_;
   bool has_pairs_file_ = false;
+  std::string warning_;
   ProblemLoaderOptions options_;
   std::unordered_map<std::string, DatabaseImage> database_images_;  // by name
   std::unordered_map<uint32_t, const ModelImage*> posed_of_database_id_;
