@@ -43,14 +43,17 @@ void KeepAgreeingPairs(const std::vector<double>& rotation_errors_rad, QueryStat
 }
 
 // The matches of a pair whose image points have rays.
-ViewMatches Observed(const QueryState& state, int pair_index, const Matches& matches) {
-  const ImagePair& images = state.problem.pairs[pair_index];
+ViewMatches Observe(int pair_index, const Matches& matches, QueryState* state) {
+  const ImagePair& images = state->problem.pairs[pair_index];
+  const Observer observe_query(state->query_camera), observe_database(images.database_camera);
+  state->query_observations.resize(state->problem.query_keypoints.size());
   ViewMatches observed;
   observed.view = pair_index + 1;
   for (const Match& match : matches) {
-    const auto query = Observe(state.problem.query_camera, state.problem.query_keypoints[match.query_point]);
-    const auto database = Observe(images.database_camera, images.database_keypoints[match.database_point]);
-    if (query && database) observed.Add(match, *query, *database);
+    std::optional<std::optional<Observation>>& query = state->query_observations[match.query_point];
+    if (!query) query = observe_query(state->problem.query_keypoints[match.query_point]);
+    const auto database = observe_database(images.database_keypoints[match.database_point]);
+    if (*query && database) observed.Add(match, **query, *database);
   }
   return observed;
 }
@@ -93,7 +96,7 @@ void AverageRotation(QueryState* state) {
 
 void EstimateDirections(QueryState* state) {
   for (PairState& pair : state->pairs) {
-    pair.view_matches = Observed(*state, pair.index, pair.relative_pose.inlier_matches);
+    pair.view_matches = Observe(pair.index, pair.relative_pose.inlier_matches, state);
     const Eigen::Quaterniond world_from_query = state->views[0].cam_from_world.rotation.conjugate();
     const Eigen::Quaterniond world_from_database = state->DatabaseView(pair).cam_from_world.rotation.conjugate();
     std::vector<RayPair> rays;

@@ -5,7 +5,10 @@
 namespace lazyloc {
 
 QueryState::QueryState(const LocalizationProblem& query_problem, const LocalizerOptions& query_options)
-    : problem(query_problem), options(query_options), views(query_problem.pairs.size() + 1) {
+    : problem(query_problem),
+      options(query_options),
+      views(query_problem.pairs.size() + 1),
+      query_camera(query_problem.query_camera) {
   result.query_name = problem.query_name;
   result.query_camera = problem.query_camera;
   for (const ImagePair& pair : problem.pairs) {

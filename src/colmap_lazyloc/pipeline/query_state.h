@@ -40,6 +40,9 @@ struct QueryState {
   const LocalizerOptions& options;
   Eigen::Vector3d origin = Eigen::Vector3d::Zero();
   std::vector<View> views;
+  Camera query_camera;
+  // By keypoint, as far as they are needed; none inside where the camera model has no ray there.
+  std::vector<std::optional<std::optional<Observation>>> query_observations;
   std::vector<PairState> pairs;             // those still in use
   std::vector<Track> candidates;            // all tracks, points not set
   std::vector<Track> tracks_from_database;  // those that the database views triangulate by themselves

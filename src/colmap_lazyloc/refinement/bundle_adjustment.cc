@@ -2,9 +2,10 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 #include <Eigen/Cholesky>
+#include <Eigen/Geometry>
+#include <Eigen/LU>
 
 #include "colmap_lazyloc/math/robust_weights.h"
 #include "colmap_lazyloc/math/so3.h"
@@ -50,14 +51,13 @@ class BundleSolver {
   using CameraMatrix = Eigen::Matrix<double, kSize, kSize>;
   using Coupling = Eigen::Matrix<double, kSize, 3>;
 
-  // The normal equations around a state: cameras and points coupled by one block per free observation.
-  struct Linearization {
+  // The damped normal equations around a state, with the points eliminated, and what brings the points back.
+  struct System {
     double cost = 0;
-    std::vector<CameraMatrix> camera_hessians;
-    std::vector<CameraVector> camera_gradients;
-    std::vector<Eigen::Matrix3d> point_hessians;
-    std::vector<Eigen::Vector3d> point_gradients;
-    std::vector<Coupling> couplings;
+    Eigen::MatrixXd reduced;  // lower triangle
+    Eigen::VectorXd rhs;
+    std::vector<Eigen::Vector3d> point_steps;  // with the cameras held
+    std::vector<Coupling> eliminated;          // per free observation: how its camera's step changes the point's
   };
 
  public:
@@ -90,48 +90,47 @@ class BundleSolver {
 
   StageSummary Minimize() {
     StageSummary summary;
-    Linearize(state_, &current_);
-    if (!std::isfinite(current_.cost)) return {false, "a point lies behind a camera at the start", 0, current_.cost};
-    summary.message = "no convergence";
-    Linearization trial;
-    State next;
     double damping = 1e-4;
+    System current, trial;
+    State next = state_;
+    if (!Build(state_, damping, &current)) return {false, "a point lies behind a camera at the start", 0, current.cost};
+    summary.message = "no convergence";
     for (; summary.iterations < options_.max_num_iterations; ++summary.iterations) {
-      const bool has_step = Step(damping, &next);
-      if (has_step) Linearize(next, &trial);
-      if (!has_step || !(trial.cost < current_.cost)) {
+      const double next_damping = std::max(damping / 10, 1e-12);
+      if (!Step(current, &next) || !Build(next, next_damping, &trial) || !(trial.cost < current.cost)) {
         damping *= 10;
         if (damping > 1e8) {
           summary.message = "no step lowers the cost";
           break;
         }
+        Build(state_, damping, &current);
         continue;
       }
-      const double relative_decrease = (current_.cost - trial.cost) / current_.cost;
+      const double relative_decrease = (current.cost - trial.cost) / current.cost;
+      damping = next_damping;
       std::swap(state_, next);
-      std::swap(current_, trial);
-      damping = std::max(damping / 10, 1e-12);
+      std::swap(current, trial);
       if (relative_decrease < options_.function_tolerance) {
         summary.message = "converged";
         break;
       }
     }
     summary.success = true;
-    summary.cost = current_.cost;
+    summary.cost = current.cost;
     return summary;
   }
 
   const State& Solution() const { return state_; }
 
   // Of each camera's pose.
-  std::vector<Eigen::Matrix<double, 6, 6>> Covariances() {
+  std::vector<Eigen::Matrix<double, 6, 6>> Covariances() const {
+    System system;
+    Build(state_, kRegularization, &system);
+    const Eigen::LLT<Eigen::MatrixXd> factor(system.reduced);
+    const Eigen::Index size = system.reduced.rows();
+    Eigen::MatrixXd inverse = Eigen::MatrixXd::Identity(size, size) / kRegularization;
+    if (factor.info() == Eigen::Success) inverse = factor.solve(Eigen::MatrixXd::Identity(size, size));
     std::vector<Eigen::Matrix<double, 6, 6>> covariances;
-    Eigen::MatrixXd inverse;
-    if (Reduce(kRegularization)) {
-      inverse = factor_.solve(Eigen::MatrixXd::Identity(reduced_.rows(), reduced_.cols()));
-    } else {
-      inverse = Eigen::MatrixXd::Identity(reduced_.rows(), reduced_.cols()) / kRegularization;
-    }
     for (size_t camera = 0; camera < state_.cameras.size(); ++camera) {
       covariances.push_back(inverse.template block<6, 6>(kSize * camera, kSize * camera));
     }
@@ -139,140 +138,126 @@ class BundleSolver {
   }
 
  private:
-  void Linearize(const State& state, Linearization* result) const {
-    result->cost = 0;
-    result->camera_hessians.assign(state.cameras.size(), CameraMatrix::Zero());
-    result->camera_gradients.assign(state.cameras.size(), CameraVector::Zero());
-    result->point_hessians.resize(state.points.size());
-    result->point_gradients.resize(state.points.size());
-    result->couplings.resize(free_.size());
+  // False where a point lies behind one of its cameras.
+  bool Build(const State& state, double damping, System* system) const {
+    const Eigen::Index size = kSize * static_cast<Eigen::Index>(state.cameras.size());
+    system->cost = 0;
+    system->reduced.setZero(size, size);
+    system->rhs.setZero(size);
+    system->point_steps.resize(state.points.size());
+    system->eliminated.resize(free_.size());
+    std::vector<CameraMatrix> hessians(state.cameras.size(), CameraMatrix::Zero());
     std::vector<Eigen::Matrix3d> rotations;
     for (size_t camera = 0; camera < state.cameras.size(); ++camera) {
       rotations.push_back(state.cameras[camera].cam_from_world.rotation.toRotationMatrix());
-      LinearizeKnowledge(state.cameras[camera].cam_from_world, camera, result);
+      AddKnowledge(state.cameras[camera].cam_from_world, camera, &hessians[camera], system);
     }
     for (size_t track = 0; track < state.points.size(); ++track) {
-      if (!LinearizeTrack(state, rotations, track, result)) {
-        result->cost = std::numeric_limits<double>::infinity();
-        return;
-      }
+      if (!AddTrack(state, rotations, track, damping, &hessians, system)) return false;
     }
+    for (size_t camera = 0; camera < state.cameras.size(); ++camera) {
+      hessians[camera].diagonal() *= 1 + damping;
+      system->reduced.template block<kSize, kSize>(kSize * camera, kSize * camera) += hessians[camera];
+    }
+    return std::isfinite(system->cost);
   }
 
   // The prior of a pose; and a focal length that is not sought stays.
-  void LinearizeKnowledge(const Rigid3d& cam_from_world, size_t camera, Linearization* result) const {
+  void AddKnowledge(const Rigid3d& cam_from_world, size_t camera, CameraMatrix* hessian, System* system) const {
     if (views_[camera]->prior) {
       const PosePriorResidual residual = EvaluatePosePrior(*views_[camera]->prior, cam_from_world);
-      result->cost += 0.5 * residual.error.squaredNorm();
-      result->camera_hessians[camera].template topLeftCorner<6, 6>() =
-          residual.jacobian.transpose() * residual.jacobian;
-      result->camera_gradients[camera].template head<6>() = residual.jacobian.transpose() * residual.error;
+      system->cost += 0.5 * residual.error.squaredNorm();
+      hessian->template topLeftCorner<6, 6>() += residual.jacobian.transpose() * residual.jacobian;
+      system->rhs.template segment<6>(kSize * camera) -= residual.jacobian.transpose() * residual.error;
     }
-    if (kSize > 6 && !views_[camera]->log_focal_factor) result->camera_hessians[camera](kSize - 1, kSize - 1) = 1;
+    if (kSize > 6 && !views_[camera]->log_focal_factor) (*hessian)(kSize - 1, kSize - 1) = 1;
   }
 
-  // Adds one observation's cost and returns its weight; not finite behind the camera.
-  double AddCost(const Eigen::Vector2d& error, Linearization* result) const {
-    const double squared_error = error.squaredNorm();
-    result->cost += 0.5 * squared_scale_ * std::log1p(squared_error / squared_scale_);
-    return CauchyWeight(squared_error, options_.loss_scale_sigma);
-  }
-
-  bool LinearizeTrack(const State& state, const std::vector<Eigen::Matrix3d>& rotations, size_t track,
-                      Linearization* result) const {
+  // One pass over a track: its errors' derivatives, and its point eliminated from them.
+  bool AddTrack(const State& state, const std::vector<Eigen::Matrix3d>& rotations, size_t track, double damping,
+                std::vector<CameraMatrix>* camera_hessians, System* system) const {
     const Eigen::Vector3d& point = state.points[track];
     Eigen::Matrix3d hessian = Eigen::Matrix3d::Zero();
     Eigen::Vector3d gradient = Eigen::Vector3d::Zero();
     Eigen::Matrix<double, 2, 3> jacobian;
+    double cost_factor = 1;  // the sum of logs as the log of a product
+    const auto weigh = [&](const Eigen::Vector2d& error) {
+      const double squared_error = error.squaredNorm();
+      cost_factor *= 1 + squared_error / squared_scale_;
+      return CauchyWeight(squared_error, options_.loss_scale_sigma);
+    };
     for (size_t i = fixed_range_[track].begin; i < fixed_range_[track].end; ++i) {
       if (!(fixed_[i].Depth(point) > 0)) return false;
       const Eigen::Vector2d error = fixed_[i].Error(point, &jacobian);
-      const double weight = AddCost(error, result);
-      hessian.noalias() += weight * jacobian.transpose() * jacobian;
-      gradient.noalias() += weight * jacobian.transpose() * error;
+      const Eigen::Matrix<double, 3, 2> weighted = weigh(error) * jacobian.transpose();
+      hessian += weighted.lazyProduct(jacobian);
+      gradient += weighted.lazyProduct(error);
     }
     for (size_t i = free_range_[track].begin; i < free_range_[track].end; ++i) {
-      const int camera = free_[i].camera;
-      const Eigen::Vector3d rotated = rotations[camera] * point;
-      const Eigen::Vector3d point_in_cam = rotated + state.cameras[camera].cam_from_world.translation;
+      const Camera& camera = state.cameras[free_[i].camera];
+      const Eigen::Matrix3d& rotation = rotations[free_[i].camera];
+      const Eigen::Vector3d rotated = rotation.lazyProduct(point);
+      const Eigen::Vector3d point_in_cam = rotated + camera.cam_from_world.translation;
       if (!(free_[i].projection.Depth(point_in_cam) > 0)) return false;
       Eigen::Vector2d error = free_[i].projection.Error(point_in_cam, &jacobian);
-      error += state.cameras[camera].log_focal_factor * free_[i].residual_from_log_focal;
-      const double weight = AddCost(error, result);
-      const Eigen::Matrix<double, 2, 3> point_jacobian = jacobian * rotations[camera];
+      error += camera.log_focal_factor * free_[i].residual_from_log_focal;
+      const double weight = weigh(error);
+      const Eigen::Matrix<double, 2, 3> point_jacobian = jacobian.lazyProduct(rotation);
       Eigen::Matrix<double, 2, kSize> camera_jacobian;
-      camera_jacobian.template leftCols<3>().noalias() = -jacobian * Hat(rotated);
+      // d(point_in_cam)/dw = -Hat(rotated): each row of the product is a cross product.
+      camera_jacobian.row(0).template head<3>() = rotated.cross(jacobian.row(0).transpose()).transpose();
+      camera_jacobian.row(1).template head<3>() = rotated.cross(jacobian.row(1).transpose()).transpose();
       camera_jacobian.template middleCols<3>(3) = jacobian;
       if (kSize > 6) camera_jacobian.col(kSize - 1) = free_[i].residual_from_log_focal;
       const Eigen::Matrix<double, kSize, 2> weighted = weight * camera_jacobian.transpose();
-      hessian.noalias() += weight * point_jacobian.transpose() * point_jacobian;
-      gradient.noalias() += weight * point_jacobian.transpose() * error;
-      result->camera_hessians[camera].noalias() += weighted * camera_jacobian;
-      result->camera_gradients[camera].noalias() += weighted * error;
-      result->couplings[i].noalias() = weighted * point_jacobian;
+      hessian += (weight * point_jacobian.transpose()).lazyProduct(point_jacobian);
+      gradient += (weight * point_jacobian.transpose()).lazyProduct(error);
+      (*camera_hessians)[free_[i].camera] += weighted.lazyProduct(camera_jacobian);
+      system->rhs.template segment<kSize>(kSize * free_[i].camera) -= weighted.lazyProduct(error);
+      system->eliminated[i] = weighted.lazyProduct(point_jacobian);
     }
-    result->point_hessians[track] = hessian;
-    result->point_gradients[track] = gradient;
+    system->cost += 0.5 * squared_scale_ * std::log(cost_factor);
+    hessian.diagonal() *= 1 + damping;
+    EliminatePoint(track, hessian, gradient, system);
     return true;
   }
 
-  // Eliminates the points from the damped normal equations (lower triangle) and factorises what is left; false where it is
-  // not positive definite.
-  bool Reduce(double damping) {
-    const Eigen::Index size = kSize * static_cast<Eigen::Index>(state_.cameras.size());
-    reduced_.setZero(size, size);
-    rhs_.setZero(size);
-    for (size_t camera = 0; camera < state_.cameras.size(); ++camera) {
-      CameraMatrix hessian = current_.camera_hessians[camera];
-      hessian.diagonal() *= 1 + damping;
-      reduced_.template block<kSize, kSize>(kSize * camera, kSize * camera) = hessian;
-      rhs_.template segment<kSize>(kSize * camera) = -current_.camera_gradients[camera];
-    }
-    point_factors_.resize(state_.points.size());
-    eliminated_.resize(free_.size());
-    for (size_t track = 0; track < state_.points.size(); ++track) {
-      Eigen::Matrix3d hessian = current_.point_hessians[track];
-      hessian.diagonal() *= 1 + damping;
-      point_factors_[track].compute(hessian);
-      if (point_factors_[track].info() != Eigen::Success) return false;
-      EliminatePoint(track);
-    }
-    factor_.compute(reduced_);
-    return factor_.info() == Eigen::Success;
-  }
-
-  void EliminatePoint(size_t track) {
-    const auto triangle = point_factors_[track].matrixL();
-    const Eigen::Vector3d gradient = triangle.solve(current_.point_gradients[track]);
-    for (size_t a = free_range_[track].begin; a < free_range_[track].end; ++a) {
-      eliminated_[a] = triangle.solve(current_.couplings[a].transpose());
-      rhs_.template segment<kSize>(kSize * free_[a].camera).noalias() += eliminated_[a].transpose() * gradient;
+  // Schur complement of one point. system->eliminated holds the couplings before, and their products with the inverse after.
+  void EliminatePoint(size_t track, const Eigen::Matrix3d& hessian, const Eigen::Vector3d& gradient,
+                      System* system) const {
+    const Eigen::Matrix3d inverse = hessian.inverse();
+    system->point_steps[track] = -inverse.lazyProduct(gradient);
+    for (size_t a = free_range_[track].end; a-- > free_range_[track].begin;) {
+      const Coupling eliminated = system->eliminated[a].lazyProduct(inverse);
+      system->rhs.template segment<kSize>(kSize * free_[a].camera) += eliminated.lazyProduct(gradient);
       // Cameras of a track ascend.
       for (size_t b = free_range_[track].begin; b <= a; ++b) {
-        reduced_.template block<kSize, kSize>(kSize * free_[a].camera, kSize * free_[b].camera).noalias() -=
-            eliminated_[a].transpose() * eliminated_[b];
+        system->reduced.template block<kSize, kSize>(kSize * free_[a].camera, kSize * free_[b].camera) -=
+            eliminated.lazyProduct(system->eliminated[b].transpose());
       }
+      system->eliminated[a] = eliminated;
     }
   }
 
-  bool Step(double damping, State* next) {
-    if (!Reduce(damping)) return false;
-    const Eigen::VectorXd step = factor_.solve(rhs_);
+  // False where the system is not positive definite.
+  bool Step(const System& system, State* next) const {
+    const Eigen::LLT<Eigen::MatrixXd> factor(system.reduced);
+    if (factor.info() != Eigen::Success) return false;
+    const Eigen::VectorXd step = factor.solve(system.rhs);
     if (!step.allFinite()) return false;
-    *next = state_;
     for (size_t camera = 0; camera < state_.cameras.size(); ++camera) {
-      Camera& moved = next->cameras[camera];
       const CameraVector move = step.segment<kSize>(kSize * camera);
-      moved.cam_from_world.rotation = (ExpSO3(move.template head<3>()) * moved.cam_from_world.rotation).normalized();
-      moved.cam_from_world.translation += move.template segment<3>(3);
-      if (kSize > 6) moved.log_focal_factor += move(kSize - 1);
+      const Rigid3d& pose = state_.cameras[camera].cam_from_world;
+      next->cameras[camera].cam_from_world = {(ExpSO3(move.template head<3>()) * pose.rotation).normalized(),
+                                              pose.translation + move.template segment<3>(3)};
+      if (kSize > 6) next->cameras[camera].log_focal_factor = state_.cameras[camera].log_focal_factor + move(kSize - 1);
     }
     for (size_t track = 0; track < state_.points.size(); ++track) {
-      Eigen::Vector3d rhs = -current_.point_gradients[track];
+      Eigen::Vector3d point = state_.points[track] + system.point_steps[track];
       for (size_t i = free_range_[track].begin; i < free_range_[track].end; ++i) {
-        rhs.noalias() -= current_.couplings[i].transpose() * step.segment<kSize>(kSize * free_[i].camera);
+        point -= system.eliminated[i].transpose().lazyProduct(step.segment<kSize>(kSize * free_[i].camera));
       }
-      next->points[track] += point_factors_[track].solve(rhs);
+      next->points[track] = point;
     }
     return true;
   }
@@ -284,12 +269,6 @@ class BundleSolver {
   std::vector<FreeObservation> free_;
   std::vector<Range> fixed_range_, free_range_;  // per track
   State state_;
-  Linearization current_;  // around state_
-  Eigen::MatrixXd reduced_;
-  Eigen::VectorXd rhs_;
-  Eigen::LLT<Eigen::MatrixXd> factor_;
-  std::vector<Eigen::LLT<Eigen::Matrix3d>> point_factors_;
-  std::vector<Eigen::Matrix<double, 3, kSize>> eliminated_;  // per free observation
 };
 
 template <int kSize>
