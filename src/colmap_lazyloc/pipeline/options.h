@@ -32,6 +32,8 @@ struct LocalizerOptions {
   int min_num_tracks = 6;
   // Of more tracks than these, well distributed ones with most image points are used.
   int max_num_tracks = 1000000;
+  // The same for the start and all rounds but the last.
+  int max_num_start_tracks = 300;
   // How far database poses may be off, per axis in degrees and per coordinate of the projection centre in database units:
   // 0 takes them as exact, -1 estimates it for each query from how well the images fit together.
   double database_pose_stddev_deg = -1;

@@ -58,6 +58,8 @@ void CollectTracks(QueryState* state) {
   for (const PairState& pair : state->pairs) view_matches.push_back(pair.view_matches);
   state->candidates =
       SelectTracks(BuildTracks(view_matches), state->problem.query_keypoints, state->options.max_num_tracks);
+  state->start_candidates =
+      SelectTracks(state->candidates, state->problem.query_keypoints, state->options.max_num_start_tracks);
   for (View& view : state->views) view.noise_px = state->options.start_noise_px;
 }
 
@@ -74,8 +76,10 @@ void OptimizeOverTracks(QueryState* state) {
     std::vector<ViewScale> scales;
     stage("triangulation", [&] {
       if (round > 0) {
+        const bool is_last = round + 1 == options.num_refinement_rounds;
         state->tracks_from_database =
-            TriangulateFromDatabase(state->views, state->candidates, options.triangulation, &state->tracks_with_query);
+            TriangulateFromDatabase(state->views, is_last ? state->candidates : state->start_candidates,
+                                    options.triangulation, &state->tracks_with_query);
       }
       Triangulate(max_query_error_sigma, state);
     });

@@ -40,8 +40,8 @@ Rigid3d ChooseStart(const std::vector<View>& views, const std::vector<Track>& tr
 }
 
 void ChooseStartPose(QueryState* state) {
-  state->tracks_from_database =
-      TriangulateFromDatabase(state->views, state->candidates, state->options.triangulation, &state->tracks_with_query);
+  state->tracks_from_database = TriangulateFromDatabase(state->views, state->start_candidates,
+                                                        state->options.triangulation, &state->tracks_with_query);
   const double max_error_px = state->options.max_start_error_sigma * state->options.start_noise_px;
   const uint32_t seed = SeedFromNames(state->problem.query_name, "", state->options.seed);
   state->views[0].cam_from_world = ChooseStart(state->views, state->tracks_from_database, max_error_px, seed);

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include <Eigen/Cholesky>
 #include <Eigen/Geometry>
@@ -97,7 +98,8 @@ class BundleSolver {
     summary.message = "no convergence";
     for (; summary.iterations < options_.max_num_iterations; ++summary.iterations) {
       const double next_damping = std::max(damping / 10, 1e-12);
-      if (!Step(current, &next) || !Build(next, next_damping, &trial) || !(trial.cost < current.cost)) {
+      const double step_sigma = Step(current, &next);
+      if (!std::isfinite(step_sigma) || !Build(next, next_damping, &trial) || !(trial.cost < current.cost)) {
         damping *= 10;
         if (damping > 1e8) {
           summary.message = "no step lowers the cost";
@@ -106,11 +108,10 @@ class BundleSolver {
         Build(state_, damping, &current);
         continue;
       }
-      const double relative_decrease = (current.cost - trial.cost) / current.cost;
       damping = next_damping;
       std::swap(state_, next);
       std::swap(current, trial);
-      if (relative_decrease < options_.function_tolerance) {
+      if (step_sigma < options_.convergence_sigma) {
         summary.message = "converged";
         break;
       }
@@ -239,12 +240,12 @@ class BundleSolver {
     }
   }
 
-  // False where the system is not positive definite.
-  bool Step(const System& system, State* next) const {
+  // Returns the length of the cameras' step in standard deviations (Mahalanobis distance by the reduced system); NaN where
+  // the system is not positive definite.
+  double Step(const System& system, State* next) const {
     const Eigen::LLT<Eigen::MatrixXd> factor(system.reduced);
-    if (factor.info() != Eigen::Success) return false;
+    if (factor.info() != Eigen::Success) return std::numeric_limits<double>::quiet_NaN();
     const Eigen::VectorXd step = factor.solve(system.rhs);
-    if (!step.allFinite()) return false;
     for (size_t camera = 0; camera < state_.cameras.size(); ++camera) {
       const CameraVector move = step.segment<kSize>(kSize * camera);
       const Rigid3d& pose = state_.cameras[camera].cam_from_world;
@@ -259,7 +260,7 @@ class BundleSolver {
       }
       next->points[track] = point;
     }
-    return true;
+    return std::sqrt(std::max(step.dot(system.rhs), 0.0));
   }
 
   const BundleAdjustmentOptions& options_;
@@ -300,7 +301,7 @@ BundleAdjustmentResult Adjust(const BundleAdjustmentOptions& options, std::vecto
 bool BundleAdjustmentOptions::Check(std::string* error) const {
   OPTION_GT(loss_scale_sigma, 0);
   OPTION_GE(max_num_iterations, 1);
-  OPTION_GE(function_tolerance, 0);
+  OPTION_GE(convergence_sigma, 0);
   return true;
 }
 
