@@ -13,7 +13,7 @@ struct WeightedRotation {
 };
 
 // The rotation with the least weighted sum of squared chords |R - R_i|_F^2: the largest eigenvector of sum w q q^T, for
-// which q and -q are the same. Not robust. Markley et al., Averaging Quaternions, JGCD 30(4), 2007, eq. 12.
+// which q and -q are the same. Not robust. Markley et al., Averaging Quaternions, JGCD 30(4), 2007.
 Eigen::Quaterniond MeanRotation(const std::vector<WeightedRotation>& rotations);
 
 }  // namespace lazyloc

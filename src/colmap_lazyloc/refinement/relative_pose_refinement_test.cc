@@ -74,7 +74,8 @@ TEST_P(RelativePoseContract, NoiseFreeIsExact) {
   EXPECT_LE(MaxRotationErrorDeg(scene.start, scene.truth), RadToDeg(1e-8));
 }
 
-// Some 14 good directions of 1 deg over 5 units leave 0.09 / sqrt(14) units, more far outside. Five times that on average.
+// Some 14 good directions of 1 deg over 5 units leave 0.09 / sqrt(14) units, more far outside. Five times that on
+// average.
 TEST_P(RelativePoseContract, WithstandsNoiseAndOutliers) {
   SyntheticPoseGraphOptions options = GraphOptions(1);
   options.outlier_edge_ratio = 0.3;

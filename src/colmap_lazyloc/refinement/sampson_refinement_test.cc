@@ -126,8 +126,8 @@ TEST(SampsonError, WithoutBaselineIsZero) {
   EXPECT_TRUE(jacobian.isZero());
 }
 
-// A tenth of the query's image points is moved by 200 px: Cauchy's loss forgets them, up to three times the error of about
-// 0.015 units that the noise makes.
+// A tenth of the query's image points is moved by 200 px: Cauchy's loss forgets them, up to three times the error of
+// about 0.015 units that the noise makes.
 TEST(SampsonRefinement, WithstandsOutliers) {
   for (uint32_t seed = 0; seed < 10; ++seed) {
     SyntheticTracks scene = MakeScene(1, 0.5, seed);
@@ -144,8 +144,8 @@ TEST(SampsonRefinement, WithstandsOutliers) {
   }
 }
 
-// All cameras on one line: every epipolar line goes through the same epipoles, wherever on the line the query stands. Points
-// that two fixed views triangulate tell.
+// All cameras on one line: every epipolar line goes through the same epipoles, wherever on the line the query stands.
+// Points that two fixed views triangulate tell.
 TEST(SampsonRefinement, IsBlindAlongTheLineOfAllCamerasWhereTracksAreNot) {
   SyntheticTracks scene = MakeScene(1, 0, 8);
   for (size_t view = 0; view < scene.views.size(); ++view) {

@@ -54,9 +54,9 @@ struct RotationAveragingResult {
 
 // Starts each unknown node at the rotation that most weight of its edges agrees with (exact for one unknown node:
 // every edge's proposal is tried), then minimises the edges' errors by the method chosen.
-// L1 and IRLS are reweighted least squares in the Lie algebra, with the unknown nodes' columns only: Chatterjee & Govindu,
-// Efficient and Robust Large-Scale Rotation Averaging, ICCV 2013; LazyLoc section 3.1.
-// summary.success is false where no unknown node is linked to a fixed one, or a measurement is not finite.
+// L1 and IRLS are reweighted least squares in the Lie algebra, with the unknown nodes' columns only: Chatterjee &
+// Govindu, Efficient and Robust Large-Scale Rotation Averaging, ICCV 2013; LazyLoc section 3.1. summary.success is
+// false where no unknown node is linked to a fixed one, or a measurement is not finite.
 RotationAveragingResult AverageRotations(const RotationAveragingProblem& problem,
                                          const RotationAveragingOptions& options);
 

@@ -56,10 +56,11 @@ struct TranslationAveragingResult {
 
 // Starts each unknown node at the crossing of two of its edges that most other edges agree with, then minimises the
 // errors of the method chosen over the unknown centres.
-// Angular: by Ceres, rho Cauchy's loss; the chord between two unit vectors is their angle up to third order, and grows with
-// it up to 180 degrees. Wilson & Snavely, Robust Global Translations with 1DSfM, ECCV 2014, eq. 2; LazyLoc section 3.2.
-// LUD: convex, by reweighted least squares, all edges weighing the same. Ozyesil & Singer, Robust Camera Location Estimation
-// by Convex Programming, CVPR 2015, eq. 5; their lambda >= 1 sets the scale, which the fixed centres do here.
+// Angular: by Ceres, rho Cauchy's loss; the chord between two unit vectors is their angle up to third order, and grows
+// with it up to 180 degrees. Wilson & Snavely, Robust Global Translations with 1DSfM, ECCV 2014, eq. 2; LazyLoc
+// section 3.2.
+// LUD: convex, by reweighted least squares, all edges weighing the same. Ozyesil & Singer, Robust Camera Location
+// Estimation by Convex Programming, CVPR 2015; their lambda >= 1 sets the scale, which the fixed centres do here.
 // summary.success is false where no unknown node is linked to a fixed one, or a measurement is not finite.
 TranslationAveragingResult AverageTranslations(const TranslationAveragingProblem& problem,
                                                const TranslationAveragingOptions& options);

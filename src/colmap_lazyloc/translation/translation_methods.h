@@ -4,8 +4,8 @@
 
 namespace lazyloc {
 
-// The methods of AverageTranslations, each in a file of its own: they move the known nodes that are not fixed from their
-// start and fill the summary.
+// The methods of AverageTranslations, each in a file of its own: they move the known nodes that are not fixed from
+// their start and fill the summary.
 
 void AverageByAngles(const TranslationAveragingProblem& problem, const TranslationAveragingOptions& options,
                      TranslationAveragingResult* result);
