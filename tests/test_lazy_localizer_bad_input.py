@@ -329,6 +329,7 @@ QUERY_LISTS = {
 }
 PAIRS = {
     "pairs_file_without_pairs": ("\n", "pairs.txt"),
+    "pairs_file_of_another_database": ("query/1.jpg a.jpg\nb.jpg c.jpg 0.5\n", "pairs.txt", "a.jpg"),
     "line_with_one_name_in_the_pairs_file": ("query/001.jpg\n", "pairs.txt", "query/001.jpg"),
 }
 for name, (text, *named) in QUERY_LISTS.items():

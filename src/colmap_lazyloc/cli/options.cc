@@ -98,6 +98,15 @@ void ForEachOption(Options& o, const Add& add) {
       "Cauchy scale of bundle adjustment in standard deviations of the image noise");
   add("LazyLocalizer.single_view_noise_ratio", &o.localizer.triangulation.single_view_noise_ratio,
       "factor on the image noise of points that one database image sees");
+  add("LazyLocalizer.max_num_tracks", &o.localizer.max_num_tracks,
+      "of more tracks than these, well distributed ones with most image points are used");
+  add("LazyLocalizer.database_pose_stddev_deg", &o.localizer.database_pose_stddev_deg,
+      "standard deviation of the database images' rotations about each axis in degrees; 0 takes them as exact, -1 "
+      "estimates it for each query");
+  add("LazyLocalizer.database_pose_stddev_length", &o.localizer.database_pose_stddev_length,
+      "standard deviation of each coordinate of the database images' positions in database units; 0 and -1 as above");
+  add("LazyLocalizer.database_pose_noise_px", &o.localizer.database_pose_noise_px,
+      "what the estimate of these two expects, in pixels by which the pose errors displace image points");
   add("LazyLocalizer.min_num_tracks", &o.localizer.min_num_tracks, "fewest tracks that a pose may rest on");
   add("LazyLocalizer.max_position_stddev_ratio", &o.localizer.max_position_stddev_ratio,
       "a position less certain than this part of the distance to the scene is not reported as found "

@@ -120,7 +120,7 @@ StageSummary RefineByRelativePoses(const RelativePoseRefinementOptions& options,
   std::vector<View> refined = *views;
   for (size_t view = 0; view < views->size(); ++view) {
     Rigid3d& cam_from_world = refined[view].cam_from_world;
-    if (refined[view].is_fixed) continue;
+    if (refined[view].is_database) continue;
     const std::vector<Proposal> proposals = ProposalsFor(static_cast<int>(view), edges, *views);
     const Best best = Optimize(options, proposals, CamInWorld(cam_from_world), &random);
     if (!best.pose) return {false, "no two relative poses of a view agree on its position", 0, 0};

@@ -93,7 +93,7 @@ TEST_P(RelativePoseContract, KeepsFixedPosesBitwise) {
   Scene scene = MakeScene(GraphOptions(1));
   ASSERT_TRUE(RefineByRelativePoses({}, scene.edges, 0, &scene.start).success);
   for (size_t view = 0; view < scene.truth.size(); ++view) {
-    if (!scene.truth[view].is_fixed) continue;
+    if (!scene.truth[view].is_database) continue;
     const Rigid3d &before = scene.truth[view].cam_from_world, &after = scene.start[view].cam_from_world;
     EXPECT_EQ(after.rotation.coeffs(), before.rotation.coeffs());
     EXPECT_EQ(after.translation, before.translation);

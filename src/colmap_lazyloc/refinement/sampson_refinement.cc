@@ -23,7 +23,7 @@ std::vector<EpipolarMatch> MatchesOf(int view, const std::vector<Track>& tracks,
                                   [view](const TrackObservation& element) { return element.view == view; });
     if (own == track.observations.end()) continue;
     for (const TrackObservation& other : track.observations) {
-      if (!views[other.view].is_fixed) continue;
+      if (!views[other.view].is_database) continue;
       matches.push_back(
           MakeEpipolarMatch(views[other.view], other.observation, views[view], own->observation, track.noise_ratio));
     }
@@ -105,7 +105,7 @@ StageSummary RefineBySampsonError(const SampsonRefinementOptions& options, const
   std::vector<View> refined = *views;
   for (size_t view = 0; view < views->size(); ++view) {
     Rigid3d& cam_from_world = refined[view].cam_from_world;
-    if (refined[view].is_fixed) continue;
+    if (refined[view].is_database) continue;
     const std::vector<EpipolarMatch> matches = MatchesOf(static_cast<int>(view), tracks, *views);
     if (matches.size() < kMinNumMatches) return {false, "a view has less than six matches", summary.iterations, 0};
     Pose pose = {cam_from_world.rotation, CamInWorld(cam_from_world)};

@@ -20,7 +20,7 @@ std::vector<View> Start(const SyntheticTracks& scene, double rotation_deg, doubl
   Random random(17);
   std::vector<View> views = scene.views;
   for (View& view : views) {
-    if (view.is_fixed) continue;
+    if (view.is_database) continue;
     view.cam_from_world.rotation = Disturbed(view.cam_from_world.rotation, rotation_deg, &random);
     view.cam_from_world.translation += distance * RandomVector(&random).normalized();
   }
@@ -162,7 +162,7 @@ TEST(SampsonRefinement, IsBlindAlongTheLineOfAllCamerasWhereTracksAreNot) {
   by_sampson[0].cam_from_world = CamFromWorld(truth.rotation, CamInWorld(truth) + Eigen::Vector3d(0.3, 0, 0));
   std::vector<View> by_tracks = by_sampson;
   ASSERT_TRUE(RefineBySampsonError(Precise(), scene.tracks, &by_sampson).success);
-  ASSERT_TRUE(AdjustBundle({}, &by_tracks, &scene.tracks).success);
+  ASSERT_TRUE(AdjustBundle({}, &by_tracks, &scene.tracks).summary.success);
   EXPECT_NEAR(PositionError(by_sampson[0].cam_from_world, truth), 0.3, 1e-3);
   EXPECT_LE(PositionError(by_tracks[0].cam_from_world, truth), 1e-3);
 }
