@@ -397,6 +397,16 @@ def unknown_option_in_the_options_file(files):
     return ["--project_path", files.write("some.ini", "[LazyLocalizer]\nno_such_option=1\n")]
 
 
+@case("--LazyLocalizer.rotation_averaging", "l1_irls, l1, quaternion_mean", "'median'")
+def unknown_value_of_an_enum(files):
+    return ["--LazyLocalizer.rotation_averaging", "median"]
+
+
+@case("LazyLocalizer.translation_averaging", "angular, lud", "'LUD'")
+def unknown_value_of_an_enum_in_the_options_file(files):
+    return ["--project_path", files.write("some.ini", "[LazyLocalizer]\ntranslation_averaging=LUD\n")]
+
+
 # Outputs
 
 
