@@ -12,7 +12,7 @@
 namespace lazyloc {
 namespace {
 
-void Triangulate(double max_query_error_sigma, QueryState* state) {
+void AddQuery(double max_query_error_sigma, QueryState* state) {
   TrackTriangulationOptions options = state->options.triangulation;
   options.max_query_error_sigma = max_query_error_sigma;
   state->tracks = TracksFittingQuery(state->views, state->tracks_from_database, max_query_error_sigma);
@@ -26,17 +26,17 @@ void Triangulate(double max_query_error_sigma, QueryState* state) {
                                                       std::to_string(state->options.min_num_tracks) + " are needed"};
 }
 
-// Priors as the user states them, and of `noise` where he does not.
-void SetPriors(const DatabasePoseNoise& noise, const std::vector<ViewScale>& scales, QueryState* state) {
+// Priors as the options state them, and of noise_px where they do not.
+void SetPriors(double noise_px, const std::vector<ViewScale>& scales, QueryState* state) {
   const double stddev_rad = DegToRad(state->options.database_pose_stddev_deg);
   const double stddev_length = state->options.database_pose_stddev_length;
   if (stddev_rad == 0 && stddev_length == 0) return;
   for (size_t view = 1; view < state->views.size(); ++view) {
     state->views[view].prior.reset();
     if (scales[view].distance == 0) continue;  // no track reaches it
-    PosePrior prior = MakePosePrior(state->GivenPose(view), noise, scales[view]);
+    PosePrior prior = MakePosePrior(state->GivenPose(view), noise_px, scales[view]);
     // A zero beside a value that is none: as good as exact.
-    const PosePrior smallest = MakePosePrior(state->GivenPose(view), {1e-3, 1e-3}, scales[view]);
+    const PosePrior smallest = MakePosePrior(state->GivenPose(view), 1e-3, scales[view]);
     if (stddev_rad >= 0) prior.rotation_stddev_rad = std::max(stddev_rad, smallest.rotation_stddev_rad);
     if (stddev_length >= 0) prior.position_stddev = std::max(stddev_length, smallest.position_stddev);
     state->views[view].prior = prior;
@@ -65,38 +65,31 @@ void CollectTracks(QueryState* state) {
 
 void OptimizeOverTracks(QueryState* state) {
   const LocalizerOptions& options = state->options;
-  const auto stage = [&](const char* name, const auto& run) {
-    const StageTimer timer(name, &state->result.seconds);
-    run();
-  };
-  const DatabasePoseNoise initial_noise{options.database_pose_noise_px, options.database_pose_noise_px};
-  DatabasePoseNoise noise = initial_noise;
   double max_query_error_sigma = options.max_start_error_sigma;
-  for (int round = 0; round < options.num_refinement_rounds; ++round) {
-    std::vector<ViewScale> scales;
-    stage("triangulation", [&] {
+  double database_noise_px = options.database_pose_noise_px;
+  for (int round = 0;; ++round) {
+    const bool is_last = round + 1 == options.num_refinement_rounds;
+    {
+      const StageTimer timer("triangulation", &state->result.seconds);
+      // The first round's tracks were triangulated for the start.
       if (round > 0) {
-        const bool is_last = round + 1 == options.num_refinement_rounds;
         state->tracks_from_database =
             TriangulateFromDatabase(state->views, is_last ? state->candidates : state->start_candidates,
                                     options.triangulation, &state->tracks_with_query);
       }
-      Triangulate(max_query_error_sigma, state);
-    });
-    stage("adjustment", [&] {
-      // The first round's start is rough: errors of it would be taken for errors of the database.
-      if (round > 0) {
-        scales = MeasureViewScales(state->views, state->tracks);
-        SetPriors(noise, scales, state);
-      }
-      Adjust(state);
-    });
-    if (round + 1 == options.num_refinement_rounds) break;
+      AddQuery(max_query_error_sigma, state);
+    }
+    const StageTimer timer("adjustment", &state->result.seconds);
+    const std::vector<ViewScale> scales = MeasureViewScales(state->views, state->tracks);
+    // The first round's start is rough: its errors would be taken for errors of the database.
+    if (round > 0) SetPriors(database_noise_px, scales, state);
+    Adjust(state);
+    if (is_last) break;
     if (round > 0) {
       const double variance_factor =
           VarianceFactor(state->views, state->tracks, options.bundle_adjustment.loss_scale_sigma);
-      noise = EstimateDatabasePoseNoise(state->views, scales, state->adjustment.pose_covariances, variance_factor,
-                                        initial_noise);
+      database_noise_px = EstimateDatabasePoseNoise(state->views, scales, state->adjustment.pose_covariances,
+                                                    variance_factor, options.database_pose_noise_px);
     }
     EstimateViewNoise(state->tracks, options.min_noise_px, &state->views);
     max_query_error_sigma = options.triangulation.max_query_error_sigma;

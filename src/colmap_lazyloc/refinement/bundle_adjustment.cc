@@ -52,13 +52,19 @@ class BundleSolver {
   using CameraMatrix = Eigen::Matrix<double, kSize, kSize>;
   using Coupling = Eigen::Matrix<double, kSize, 3>;
 
+  // Of a point's damped Hessian H = L L^T and gradient g.
+  struct PointFactor {
+    Eigen::Matrix3d inverse;   // L^-1
+    Eigen::Vector3d gradient;  // L^-1 g
+  };
+
   // The damped normal equations around a state, with the points eliminated, and what brings the points back.
   struct System {
     double cost = 0;
     Eigen::MatrixXd reduced;  // lower triangle
     Eigen::VectorXd rhs;
-    std::vector<Eigen::Vector3d> point_steps;  // with the cameras held
-    std::vector<Coupling> eliminated;          // per free observation: how its camera's step changes the point's
+    std::vector<PointFactor> point_factors;
+    std::vector<Coupling> eliminated;  // per free observation: its coupling times the inverse factor, transposed
   };
 
  public:
@@ -145,7 +151,7 @@ class BundleSolver {
     system->cost = 0;
     system->reduced.setZero(size, size);
     system->rhs.setZero(size);
-    system->point_steps.resize(state.points.size());
+    system->point_factors.resize(state.points.size());
     system->eliminated.resize(free_.size());
     std::vector<CameraMatrix> hessians(state.cameras.size(), CameraMatrix::Zero());
     std::vector<Eigen::Matrix3d> rotations;
@@ -223,20 +229,21 @@ class BundleSolver {
     return true;
   }
 
-  // Schur complement of one point. system->eliminated holds the couplings before, and their products with the inverse after.
+  // Schur complement of one point, by its Cholesky factor: what is subtracted is a square, so that it stays positive
+  // definite however badly the point is determined. system->eliminated holds the couplings before.
   void EliminatePoint(size_t track, const Eigen::Matrix3d& hessian, const Eigen::Vector3d& gradient,
                       System* system) const {
-    const Eigen::Matrix3d inverse = hessian.inverse();
-    system->point_steps[track] = -inverse.lazyProduct(gradient);
-    for (size_t a = free_range_[track].end; a-- > free_range_[track].begin;) {
-      const Coupling eliminated = system->eliminated[a].lazyProduct(inverse);
-      system->rhs.template segment<kSize>(kSize * free_[a].camera) += eliminated.lazyProduct(gradient);
+    const Eigen::Matrix3d inverse = hessian.llt().matrixL().solve(Eigen::Matrix3d::Identity());
+    system->point_factors[track] = {inverse, inverse.lazyProduct(gradient)};
+    for (size_t a = free_range_[track].begin; a < free_range_[track].end; ++a) {
+      system->eliminated[a] = system->eliminated[a].lazyProduct(inverse.transpose()).eval();
+      system->rhs.template segment<kSize>(kSize * free_[a].camera) +=
+          system->eliminated[a].lazyProduct(system->point_factors[track].gradient);
       // Cameras of a track ascend.
       for (size_t b = free_range_[track].begin; b <= a; ++b) {
         system->reduced.template block<kSize, kSize>(kSize * free_[a].camera, kSize * free_[b].camera) -=
-            eliminated.lazyProduct(system->eliminated[b].transpose());
+            system->eliminated[a].lazyProduct(system->eliminated[b].transpose());
       }
-      system->eliminated[a] = eliminated;
     }
   }
 
@@ -254,11 +261,12 @@ class BundleSolver {
       if (kSize > 6) next->cameras[camera].log_focal_factor = state_.cameras[camera].log_focal_factor + move(kSize - 1);
     }
     for (size_t track = 0; track < state_.points.size(); ++track) {
-      Eigen::Vector3d point = state_.points[track] + system.point_steps[track];
+      Eigen::Vector3d step_in_factor = -system.point_factors[track].gradient;
       for (size_t i = free_range_[track].begin; i < free_range_[track].end; ++i) {
-        point -= system.eliminated[i].transpose().lazyProduct(step.segment<kSize>(kSize * free_[i].camera));
+        step_in_factor -= system.eliminated[i].transpose().lazyProduct(step.segment<kSize>(kSize * free_[i].camera));
       }
-      next->points[track] = point;
+      next->points[track] =
+          state_.points[track] + system.point_factors[track].inverse.transpose().lazyProduct(step_in_factor);
     }
     return std::sqrt(std::max(step.dot(system.rhs), 0.0));
   }

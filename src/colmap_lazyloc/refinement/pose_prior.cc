@@ -8,8 +8,7 @@
 namespace lazyloc {
 namespace {
 
-// As many views of the initial noise weigh as much as the measured ones.
-constexpr double kNumPriorViews = 3;
+constexpr double kNumExpectedViews = 3;
 
 double Median(std::vector<double>* values) {
   const auto middle = values->begin() + static_cast<std::ptrdiff_t>(values->size() / 2);
@@ -49,28 +48,24 @@ std::vector<ViewScale> MeasureViewScales(const std::vector<View>& views, const s
   return scales;
 }
 
-PosePrior MakePosePrior(const Rigid3d& cam_from_world, const DatabasePoseNoise& noise, const ViewScale& scale) {
-  return {cam_from_world, noise.rotation_px / scale.focal_length_px,
-          noise.position_px * scale.distance / scale.focal_length_px};
+PosePrior MakePosePrior(const Rigid3d& cam_from_world, double noise_px, const ViewScale& scale) {
+  return {cam_from_world, noise_px / scale.focal_length_px, noise_px * scale.distance / scale.focal_length_px};
 }
 
-DatabasePoseNoise EstimateDatabasePoseNoise(const std::vector<View>& views, const std::vector<ViewScale>& scales,
-                                            const std::vector<Eigen::Matrix<double, 6, 6>>& pose_covariances,
-                                            double variance_factor, const DatabasePoseNoise& initial) {
-  double freedom = 3 * kNumPriorViews;
-  double rotation_sum = freedom * initial.rotation_px * initial.rotation_px;
-  double position_sum = freedom * initial.position_px * initial.position_px;
+double EstimateDatabasePoseNoise(const std::vector<View>& views, const std::vector<ViewScale>& scales,
+                                 const std::vector<Eigen::Matrix<double, 6, 6>>& pose_covariances,
+                                 double variance_factor, double expected_noise_px) {
+  double freedom = 6 * kNumExpectedViews;
+  double squared_sum = freedom * expected_noise_px * expected_noise_px;
   for (size_t view = 0; view < views.size(); ++view) {
     if (!views[view].prior) continue;
-    const PosePrior in_px = MakePosePrior(views[view].prior->cam_from_world, {1, 1}, scales[view]);
-    const PosePriorResidual residual = EvaluatePosePrior(in_px, views[view].cam_from_world);
-    const Eigen::Matrix<double, 6, 6> spread =
-        variance_factor * residual.jacobian * pose_covariances[view] * residual.jacobian.transpose();
-    rotation_sum += residual.error.head<3>().squaredNorm() + spread.diagonal().head<3>().sum();
-    position_sum += residual.error.tail<3>().squaredNorm() + spread.diagonal().tail<3>().sum();
-    freedom += 3;
+    const PosePrior one_px = MakePosePrior(views[view].prior->cam_from_world, 1, scales[view]);
+    const PosePriorResidual residual = EvaluatePosePrior(one_px, views[view].cam_from_world);
+    const auto spread = residual.jacobian * pose_covariances[view] * residual.jacobian.transpose();
+    squared_sum += residual.error.squaredNorm() + variance_factor * spread.trace();
+    freedom += 6;
   }
-  return {std::sqrt(rotation_sum / freedom), std::sqrt(position_sum / freedom)};
+  return std::sqrt(squared_sum / freedom);
 }
 
 }  // namespace lazyloc

@@ -14,14 +14,6 @@ struct PosePriorResidual {
 };
 PosePriorResidual EvaluatePosePrior(const PosePrior& prior, const Rigid3d& cam_from_world);
 
-// How far database poses are off, as seen in the image: pixels at the image centre by which a rotation error, and by
-// which a position error moves points at the scene's distance (standard deviation per coordinate). Without a unit of
-// length, so that one value holds for a desk and for a city.
-struct DatabasePoseNoise {
-  double rotation_px = 0.1;
-  double position_px = 0.1;
-};
-
 // A view's scales between pixels and pose: its focal length in pixels and the median distance of the tracks' points.
 struct ViewScale {
   double focal_length_px = 0;
@@ -29,13 +21,16 @@ struct ViewScale {
 };
 std::vector<ViewScale> MeasureViewScales(const std::vector<View>& views, const std::vector<Track>& tracks);
 
-PosePrior MakePosePrior(const Rigid3d& cam_from_world, const DatabasePoseNoise& noise, const ViewScale& scale);
+// A prior whose rotation error, and whose position error, each move the image points by noise_px (standard deviation per
+// coordinate, at the image's centre and the points' median distance). Without a unit of length, one value serves a desk
+// and a city.
+PosePrior MakePosePrior(const Rigid3d& cam_from_world, double noise_px, const ViewScale& scale);
 
-// The noise by which adjusted database views deviate from their priors: expectation and maximisation's step on what the
-// adjustment found (Dempster et al. 1977), with `initial` as the knowledge of kNumPriorViews further views. pose_covariances: of
-// the adjustment, in the unit of its standard deviations; variance_factor: that unit's variance.
-DatabasePoseNoise EstimateDatabasePoseNoise(const std::vector<View>& views, const std::vector<ViewScale>& scales,
-                                            const std::vector<Eigen::Matrix<double, 6, 6>>& pose_covariances,
-                                            double variance_factor, const DatabasePoseNoise& initial);
+// The noise_px by which adjusted database views deviate from their priors: expectation and maximisation's step
+// (Dempster et al. 1977) on what the adjustment found, where `expected_noise_px` counts as the deviation of
+// kNumExpectedViews further views. pose_covariances: of the adjustment, to be multiplied by variance_factor.
+double EstimateDatabasePoseNoise(const std::vector<View>& views, const std::vector<ViewScale>& scales,
+                                 const std::vector<Eigen::Matrix<double, 6, 6>>& pose_covariances,
+                                 double variance_factor, double expected_noise_px);
 
 }  // namespace lazyloc
