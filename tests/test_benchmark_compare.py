@@ -21,7 +21,7 @@ import run  # noqa: E402
 
 def write_run(path, errors_cm, scene="a", seed=0, rotation_factor=1.0):
     """A CSV with one query per error; NaN is lost."""
-    rows = [evaluation.Row("t", scene, f"{i}.jpg", "lazyloc", 20, seed, error, rotation_factor * error / 10, 0.1,
+    rows = [evaluation.Row("t", scene, f"{i}.jpg", "lazyloc", 20, seed, "0,0", error, rotation_factor * error / 10, 0.1,
                            "LOST" if math.isnan(error) else "LOCALIZED") for i, error in enumerate(errors_cm)]
     evaluation.write_csv(path, rows)
     return str(path)
@@ -101,6 +101,17 @@ def test_expected_figures(tmp_path, capsys):
     assert "not in the run" in capsys.readouterr().out
 
 
+def test_methods_can_be_chosen(tmp_path, capsys):
+    path = pathlib.Path(write_run(tmp_path / "a.csv", [1.0]))
+    other = dataclasses.replace(evaluation.read_csv(path)[0], method="local_triangulation")
+    evaluation.write_csv(path, [*evaluation.read_csv(path), other])
+    expected = tmp_path / "expected.json"
+    assert compare.main([str(path), "--write_expected", str(expected), "--methods", "lazyloc"]) == 0
+    assert [figure["method"] for figure in json.loads(expected.read_text())["figures"]] == ["lazyloc"]
+    assert compare.main([str(path), str(path), "--methods", "local_triangulation"]) == 0
+    assert "lazyloc" not in capsys.readouterr().out
+
+
 def test_tolerances_are_kept_when_figures_are_written_again(tmp_path):
     expected, path = tmp_path / "expected.json", write_run(tmp_path / "before.csv", [1.0])
     compare.main([path, "--write_expected", str(expected)])
@@ -147,5 +158,5 @@ def test_the_reduced_run_repeats(reduced_run):
 
 
 def test_the_reduced_run_writes_the_poses(reduced_run):
-    lines = (reduced_run / "first_poses" / "demo_lazyloc_K20_seed0.txt").read_text().splitlines()
+    lines = (reduced_run / "work" / "poses" / "first" / "demo_lazyloc_K20_seed0.txt").read_text().splitlines()
     assert [line.split()[0] for line in lines] == [f"query/{i:02}.jpg" for i in range(6)]

@@ -56,7 +56,7 @@ def make_scene(path: pathlib.Path, names, query_names=None) -> pathlib.Path:
 
 
 def make_row(query, error_cm, method="lazyloc", scene="a", seconds=0.1):
-    return evaluation.Row("t", scene, query, method, 20, 0, error_cm, error_cm / 10, seconds,
+    return evaluation.Row("t", scene, query, method, 20, 0, "0,0", error_cm, error_cm / 10, seconds,
                           "LOST" if math.isnan(error_cm) else "LOCALIZED")
 
 
@@ -196,7 +196,7 @@ def test_csv_keeps_rows(tmp_path):
 def test_table_has_scenes_the_pool_and_reasons():
     rows = [make_row("1", 2.0, "structure_based"), make_row("1", 1.0), make_row("1", 4.0, "structure_based", "b"),
             make_row("1", 4.0, "lazyloc", "b"), make_row("1", 3.0, "local_triangulation", "b")]
-    missing = evaluation.Series("local_triangulation", 20, 0)
+    missing = evaluation.Series("local_triangulation")
     text = tables.markdown("t", rows, {("a", missing): "no such package"}, ["some note"])
     medians, rest = text.split("## All 2 scenes")
     pool, scene_a, _ = rest.split("\n## ")
@@ -217,19 +217,24 @@ def test_series_differ_by_what_the_run_varies():
     assert "| lazyloc K=5 | 1 | 3.00" in text and "| lazyloc K=20 | 1 | 2.00" in text
     # Each against the map with as many pairs.
     assert text.count("| 1.000 [1.000, 1.000] |") == 4
-    assert "seed" not in text
+    assert "seed" not in text and "noise" not in text
+    noises = ["0,0", "5,0", "10,0"]
+    text = tables.markdown("t", [dataclasses.replace(rows[0], database_noise=noise) for noise in noises], {})
+    assert [text.index(f"structure_based noise {noise}") for noise in ("0°, 0 cm", "5°, 0 cm", "10°, 0 cm")] == sorted(
+        text.index(f"structure_based noise {noise}") for noise in ("0°, 0 cm", "5°, 0 cm", "10°, 0 cm"))
 
 
 def test_plots_are_made_and_repeat(tmp_path):
     plots = pytest.importorskip("plots", reason="matplotlib is not installed", exc_type=ImportError)
     rows = [dataclasses.replace(make_row(str(i), error, method, scene), num_retrieved=k)
             for k in (5, 20) for i, error in enumerate((1.0, 2.0, math.nan)) for method in ("structure_based", "lazyloc")
-            for scene in "abcd"]
+            for scene in "ab"]
+    rows += [make_row("1", math.nan, scene="all_lost")]
     files = plots.write_plots(tmp_path, "t", rows)
     names = ["t_cumulative_error.svg", "t_time_against_error.svg", "t_error_against_k.svg"]
     assert [path.name for path in files] == names
     first = [path.read_bytes() for path in files]
-    assert all(b"structure_based" in content for content in first)
+    assert all(b"structure_based" in content and b"all_lost" in content for content in first)
     assert [path.read_bytes() for path in plots.write_plots(tmp_path, "t", rows)] == first
 
 

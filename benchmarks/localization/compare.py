@@ -31,17 +31,17 @@ Groups = dict[tuple[str, Series], list[Row]]
 def main(argv: list[str]) -> int:
     arguments = _parse(argv)
     try:
-        if arguments.write_expected:
-            write_expected(arguments.write_expected, _read_groups(arguments.runs[0]))
-            return 0
         first, *others = arguments.runs
+        if arguments.write_expected:
+            write_expected(arguments.write_expected, _read_groups(first, arguments.methods))
+            return 0
         regressions = []
         if first.suffix == ".json":
             expected = json.loads(first.read_text())
             for path in others:
                 regressions += compare_with_expected(expected, _read_groups(path))
         else:
-            runs = [_read_groups(path) for path in arguments.runs]
+            runs = [_read_groups(path, arguments.methods) for path in arguments.runs]
             print(side_by_side([path.stem for path in arguments.runs], runs))
             for path, run in zip(others, runs[1:]):
                 found, lines = compare_paired(runs[0], run, arguments.min_effect)
@@ -103,7 +103,7 @@ def compare_with_expected(expected: dict, run: Groups) -> list[str]:
     tolerance = expected["tolerance"]
     regressions = []
     for figure in expected["figures"]:
-        series = Series(figure["method"], figure["num_retrieved"], 0)
+        series = Series(figure["method"], figure["num_retrieved"])
         name = f"{figure['scene']}, {series.method}"
         rows = run.get((figure["scene"], series))
         if rows is None:
@@ -158,9 +158,9 @@ def side_by_side(names: list[str], runs: list[Groups]) -> str:
     return "Median cm / °\n\n" + text
 
 
-def _read_groups(path: pathlib.Path) -> Groups:
-    """A run's only seed counts as 0: runs with different seeds are compared."""
-    rows = read_csv(path)
+def _read_groups(path: pathlib.Path, methods: list[str] | None = None) -> Groups:
+    """Of these methods if some are named. A run's only seed counts as 0: runs with different seeds are compared."""
+    rows = [row for row in read_csv(path) if methods is None or row.method in methods]
     has_one_seed = len({row.seed for row in rows}) == 1
     groups = {}
     for row in rows:
@@ -174,6 +174,7 @@ def _read_groups(path: pathlib.Path) -> Groups:
 def _parse(argv: list[str]) -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("runs", type=pathlib.Path, nargs="+", metavar="RUN", help="TAG.csv, or expected/NAME.json first")
+    parser.add_argument("--methods", nargs="+", help="compare, or write as expected, these alone")
     parser.add_argument("--min_effect", type=float, default=0.02, help="smaller changes of a ratio are never failures")
     parser.add_argument("--write_expected", type=pathlib.Path, metavar="JSON", help="write the figures of the one run")
     arguments = parser.parse_args(argv)

@@ -28,6 +28,7 @@ class Row:
     method: str
     num_retrieved: int
     seed: int
+    database_noise: str
     position_error_cm: float
     rotation_error_deg: float
     seconds: float
@@ -43,7 +44,7 @@ class Row:
 
     @property
     def series(self) -> "Series":
-        return Series(self.method, self.num_retrieved, self.seed)
+        return Series(self.method, self.num_retrieved, self.seed, self.database_noise)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -51,8 +52,9 @@ class Series:
     """What one run of a method over a scene's queries is made with."""
 
     method: str
-    num_retrieved: int
-    seed: int
+    num_retrieved: int = 20
+    seed: int = 0
+    database_noise: str = "0,0"  # degrees, cm
 
 
 @dataclasses.dataclass(frozen=True)
@@ -86,8 +88,8 @@ def make_row(tag: str, scene: Scene, query_name: str, series: Series, result: Re
     true_pose = scene.true_pose(query_name)
     if result.pose is not None and true_pose is not None:
         position_error, rotation_error_deg = pose_errors(result.pose, true_pose)
-    return Row(tag, scene.name, query_name, series.method, series.num_retrieved, series.seed, 100 * position_error,
-               rotation_error_deg, result.seconds, result.status)
+    return Row(tag, scene.name, query_name, *dataclasses.astuple(series), 100 * position_error, rotation_error_deg,
+               result.seconds, result.status)
 
 
 def summarize(rows: list[Row]) -> Summary:

@@ -2,13 +2,15 @@
 """Localizes the queries of a dataset's scenes with several methods on the same matches and compares the errors.
 
 Writes to --output_path: TAG.csv (a row per scene, query and method), TAG.md (the tables), TAG_*.svg (plots, with
---plots) and TAG_poses/ (the poses, and files to hand in at visuallocalization.net where the true poses are not public).
-A run with a tag that is there already adds to it: what it runs anew replaces the old rows, the others stay.
+--plots) and, where the true poses are not public, TAG_*_visuallocalization_net.txt to hand in there. All poses are in
+poses/TAG below --work_path. A run with a tag that is there already adds to it: what it runs anew replaces the old rows,
+the others stay.
 """
 
 import argparse
 import concurrent.futures
 import hashlib
+import itertools
 import multiprocessing
 import pathlib
 import sys
@@ -31,8 +33,11 @@ def main(argv: list[str]) -> int:
     try:
         if arguments.download:
             datasets.download(arguments.dataset, arguments.data_path, arguments.scenes)
-        names = arguments.scenes or datasets.scene_names(arguments.dataset, arguments.data_path)
-        run(arguments, names)
+        found = datasets.scene_names(arguments.dataset, arguments.data_path)
+        for name in arguments.scenes or ():
+            if name not in found:
+                raise InputError(f"--scenes: {name} is not in {arguments.data_path}, which has {', '.join(found)}")
+        run(arguments, arguments.scenes or found)
     except InputError as error:
         print(f"run.py: {error}", file=sys.stderr)
         return 1
@@ -45,19 +50,21 @@ def run(arguments: argparse.Namespace, scene_names: list[str]):
     csv_path, markdown_path = output_path / f"{arguments.tag}.csv", output_path / f"{arguments.tag}.md"
     rows = read_csv(csv_path) if csv_path.exists() else []
     reasons = {}
-    notes = [*describe_environment(), f"`run.py {' '.join(arguments.argv)}`"]
-    all_series = [Series(method, num_retrieved, seed) for method in arguments.methods
-                  for num_retrieved in arguments.num_retrieved for seed in arguments.seeds]
+    command = " ".join(arguments.argv).replace(f"{pathlib.Path.cwd()}/", "")
+    notes = [*describe_environment(), f"`run.py {command}`"]
+    all_series = [Series(*values) for values in itertools.product(
+        arguments.methods, arguments.num_retrieved, arguments.seeds, arguments.database_noise)]
     for scene_name in scene_names:
-        scene = _prepare(arguments, scene_name)
-        query_names = _choose_queries(scene, arguments.queries)
+        exact_scene = _prepare(arguments, scene_name)
+        query_names = _choose_queries(exact_scene, arguments.queries)
         for series in all_series:
+            scene = _with_noise(exact_scene, series, arguments.work_path)
             rows = [row for row in rows if (row.scene, row.series) != (scene.name, series)]
             results, reason = run_method(series.method, scene, query_names, _options(arguments, scene, series))
             if reason:
                 reasons[scene.name, series] = reason
             rows += [make_row(arguments.tag, scene, name, series, result) for name, result in results.items()]
-            _write_poses(output_path / f"{arguments.tag}_poses", scene, series, results)
+            _write_poses(arguments, scene, series, results)
             # After every step, so that a run that is broken off leaves what it has found.
             write_csv(csv_path, rows)
             markdown_path.write_text(tables.markdown(arguments.tag, rows, reasons, notes))
@@ -95,13 +102,16 @@ def _prepare(arguments: argparse.Namespace, scene_name: str) -> Scene:
     pairs = tuple(pair for path in arguments.pairs_path for pair in read_pairs(path)) or None
     options = Options(arguments.ground_truth, arguments.focal_length_px, arguments.image_step)
     matching = MatchingOptions(arguments.max_num_features, pairs, arguments.num_database_neighbours)
-    scene = datasets.prepare_scene(arguments.dataset, arguments.data_path, scene_name, options, matching,
-                                   arguments.work_path / "scenes" / scene_name)
-    rotation_deg, position_cm = arguments.database_noise
-    if rotation_deg or position_cm:
-        scene = add_database_noise(scene, rotation_deg, position_cm, arguments.seeds[0],
-                                   arguments.work_path / "noise" / f"{scene_name}_{rotation_deg:g}_{position_cm:g}")
-    return scene
+    return datasets.prepare_scene(arguments.dataset, arguments.data_path, scene_name, options, matching,
+                                  arguments.work_path / "scenes" / scene_name)
+
+
+def _with_noise(scene: Scene, series: Series, work_path: pathlib.Path) -> Scene:
+    rotation_deg, position_cm = map(float, series.database_noise.split(","))
+    if not rotation_deg and not position_cm:
+        return scene
+    path = work_path / "noise" / f"{scene.name}_{series.database_noise}_{series.seed}"
+    return add_database_noise(scene, rotation_deg, position_cm, series.seed, path)
 
 
 def _choose_queries(scene: Scene, queries: str | None) -> list[str]:
@@ -136,12 +146,13 @@ def _fingerprint(scene: Scene) -> str:
     return state.hexdigest()[:8]
 
 
-def _write_poses(path: pathlib.Path, scene: Scene, series: Series, results: dict):
+def _write_poses(arguments: argparse.Namespace, scene: Scene, series: Series, results: dict):
     poses = {name: result.pose for name, result in results.items() if result.pose is not None}
-    stem = f"{scene.name}_{series.method.replace(':', '_')}_K{series.num_retrieved}_seed{series.seed}"
-    write_poses(path / f"{stem}.txt", poses)
+    noise = "" if scene.true_images is None else f"_noise{series.database_noise}"
+    stem = f"{scene.name}_{series.method.replace(':', '_')}_K{series.num_retrieved}_seed{series.seed}{noise}"
+    write_poses(arguments.work_path / "poses" / arguments.tag / f"{stem}.txt", poses)
     if any(scene.true_pose(name) is None for name in results):
-        write_submission(path / f"{stem}_visuallocalization_net.txt", poses)
+        write_submission(arguments.output_path / f"{arguments.tag}_{stem}_visuallocalization_net.txt", poses)
 
 
 def _split_preset(method: str) -> tuple[str, str]:
@@ -168,8 +179,6 @@ def _parse(argv: list[str]) -> argparse.Namespace:
     data.add_argument("--max_num_features", type=int, default=8192, help="SIFT features per image")
     data.add_argument("--num_database_neighbours", type=int, default=20,
                       help="nearest database images that each one is matched with, for the map")
-    data.add_argument("--database_noise", type=float, nargs=2, default=(0.0, 0.0), metavar=("DEG", "CM"),
-                      help="turn and move each database pose by so much, in a random direction")
     methods = parser.add_argument_group("methods")
     methods.add_argument("--methods", nargs="+", default=["structure_based", "lazyloc"],
                          help=f"all, or of {', '.join(METHODS)}; lazyloc:NAME takes options from configs/NAME.ini")
@@ -180,6 +189,8 @@ def _parse(argv: list[str]) -> argparse.Namespace:
     methods.add_argument("--num_retrieved", type=int, nargs="+", default=[20],
                          help="pairs per query, best by verified inliers; several: a series each")
     methods.add_argument("--seeds", type=int, nargs="+", default=[0], help="several: a series each")
+    methods.add_argument("--database_noise", type=_noise, nargs="+", default=["0,0"], metavar="DEG,CM",
+                         help="turn and move each database pose by so much, in a random direction; several: a series each")
     output = parser.add_argument_group("output")
     output.add_argument("--output_path", type=pathlib.Path, required=True)
     output.add_argument("--work_path", type=pathlib.Path,
@@ -212,6 +223,11 @@ def _check(parser: argparse.ArgumentParser, arguments: argparse.Namespace):
     for path in [*arguments.pairs_path, *([pathlib.Path(arguments.queries)] if _is_file(arguments.queries) else [])]:
         if not path.exists():
             parser.error(f"{path} does not exist")
+
+
+def _noise(text: str) -> str:
+    rotation_deg, position_cm = (float(value) for value in text.split(","))
+    return f"{rotation_deg:g},{position_cm:g}"
 
 
 def _is_file(queries: str | None) -> bool:

@@ -41,16 +41,19 @@ def markdown(title: str, rows: list[Row], reasons: dict[tuple[str, Series], str]
 def in_order(all_series: set[Series]) -> list[Series]:
     """As the methods are registered, presets after the plain method."""
     names = list(METHODS)
-    return sorted(all_series, key=lambda series: (names.index(series.method.partition(":")[0]),
-                                                  *dataclasses.astuple(series)))
+    return sorted(all_series, key=lambda series: (
+        names.index(series.method.partition(":")[0]), series.method, series.num_retrieved, series.seed,
+        [float(value) for value in series.database_noise.split(",")]))
 
 
 def labels(all_series: list[Series]) -> dict[Series, str]:
     """The method, and what else tells the series apart."""
     several = {field: len({getattr(series, field) for series in all_series}) > 1
-               for field in ("num_retrieved", "seed")}
+               for field in ("num_retrieved", "seed", "database_noise")}
     return {series: series.method + (f" K={series.num_retrieved}" if several["num_retrieved"] else "")
-            + (f" seed={series.seed}" if several["seed"] else "") for series in all_series}
+            + (f" seed={series.seed}" if several["seed"] else "")
+            + (f" noise {series.database_noise.replace(',', '°, ')} cm" if several["database_noise"] else "")
+            for series in all_series}
 
 
 def _medians(rows: list[Row], scenes: list[str], names: dict[Series, str]) -> str:

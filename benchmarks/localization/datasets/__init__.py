@@ -36,8 +36,6 @@ def prepare_scene(dataset: str, data_path: pathlib.Path, name: str, options: Opt
                   path: pathlib.Path) -> Scene:
     """`path` is where what has to be made is made; what is there from the same input is used again."""
     if dataset == "scenes":
-        if not (data_path / name / "database.db").exists():
-            raise InputError(f"--scenes: {data_path / name / 'database.db'} does not exist")
         return load_scene(data_path / name)
     if dataset == "folder":
         from datasets.folder import prepare_folder
