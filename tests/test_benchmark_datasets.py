@@ -1,6 +1,8 @@
 """The benchmark's readers of datasets, on small files in the datasets' own formats and layouts."""
 
+import os
 import pathlib
+import re
 import sys
 import zipfile
 
@@ -13,13 +15,17 @@ PROJECT_PATH = pathlib.Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(PROJECT_PATH / "benchmarks" / "localization"))
 
 import datasets  # noqa: E402
+import evaluation  # noqa: E402
+import run  # noqa: E402
 from datasets import aachen, cambridge, demo, formats, kitti, seven_scenes, strecha  # noqa: E402
 from datasets.builder import MatchingOptions, image_pairs, write_scene_files  # noqa: E402
 from datasets.download import download_archives  # noqa: E402
 from datasets.scene_source import InputError, Options, SceneSource, SourceImage  # noqa: E402
 from geometry import Pose, pose_errors  # noqa: E402
 from scenes import Camera, load_scene  # noqa: E402
+from write_seven_scenes_layout import write_layout  # noqa: E402
 
+SHARED_DATA_PATH = pathlib.Path(os.environ.get("LAZYLOC_SHARED_DATA", PROJECT_PATH.parent / "shared" / "data"))
 OPTIONS = Options()
 PINHOLE = Camera("PINHOLE", 640, 480, (500.0, 501.0, 320.0, 240.0))
 
@@ -123,8 +129,8 @@ def write_seven_scenes(path: pathlib.Path) -> dict[str, Pose]:
             write_image(path / "redkitchen" / name, 640, 480)
             world_from_cam = np.vstack([np.column_stack([pose.rotation.T, pose.cam_in_world()]), [0, 0, 0, 1]])
             # Tabs, and exponents with three digits, as in the dataset.
-            text = "".join("\t ".join(f"{value: .7e}".replace("e-", "e-0").replace("e+", "e+0") for value in row) + "\t \n"
-                           for row in world_from_cam)
+            rows = ([re.sub("(e[+-])", r"\g<1>0", f"{value: .7e}") for value in row] for row in world_from_cam)
+            text = "".join("\t ".join(row) + "\t \n" for row in rows)
             (path / "redkitchen" / name.replace("color.png", "pose.txt")).write_text(text)
     return poses
 
@@ -185,6 +191,24 @@ def test_missing_data_says_where_to_get_it(tmp_path):
     write_seven_scenes(tmp_path)
     with pytest.raises(InputError, match="visloc_pseudo_gt_limitations"):
         seven_scenes.read_scene(tmp_path, "redkitchen", Options(ground_truth="sfm"))
+
+
+def test_red_kitchen_goes_from_the_datasets_files_to_errors(colmap, tmp_path):
+    """A fifth of a real scene: features and matches are made, two queries localized."""
+    if not (SHARED_DATA_PATH / "kitchen" / "images").exists():
+        pytest.skip(f"no scene below {SHARED_DATA_PATH}; LAZYLOC_SHARED_DATA says where it is")
+    scene = load_scene(SHARED_DATA_PATH / "kitchen")
+    write_layout(scene, tmp_path / "data" / "redkitchen")
+    source = seven_scenes.read_scene(tmp_path / "data", "redkitchen", OPTIONS)
+    assert len(source.database_names) == 75 and len(source.query_names) == 25
+    for name, true_name in zip(source.query_names, scene.query_names):
+        assert_same_pose(source.images[name].cam_from_world, scene.pose(true_name))
+    arguments = ["--dataset", "7scenes", "--data_path", str(tmp_path / "data"), "--focal_length_px", "532",
+                 "--image_step", "5", "--queries", "2", "--max_num_features", "4096", "--colmap", str(colmap)]
+    assert run.main([*arguments, "--methods", "structure_based", "lazyloc", "--output_path", str(tmp_path)]) == 0
+    rows = evaluation.read_csv(tmp_path / "run.csv")
+    assert len(rows) == 4
+    assert all(row.position_error_cm < 10 and row.rotation_error_deg < 3 for row in rows)
 
 
 # Cambridge Landmarks
@@ -331,7 +355,7 @@ def test_kitti_layout(tmp_path):
 def test_demo_layout(tmp_path):
     images = {f"database/00{i}.jpg": SourceImage(PINHOLE, make_pose(i)) for i in range(3)}
     write_model(tmp_path / "made", images).rename(tmp_path / "database_model")
-    (tmp_path / "queries_with_intrinsics.txt").write_text("query/00.jpg RADIAL 840 560 583.7 415.2 284.9 -0.083 0.021\n")
+    (tmp_path / "queries_with_intrinsics.txt").write_text("query/00.jpg RADIAL 840 560 583.7 415.2 284.9 -0.1 0.02\n")
     (tmp_path / "ground_truth").mkdir()
     (tmp_path / "ground_truth" / "poses.txt").write_text("# heading\nquery/00.jpg 1 0 0 0 1 2 3\n")
     source = demo.read_scene(tmp_path, "demo", OPTIONS)
@@ -400,7 +424,7 @@ def test_folder_takes_a_model_and_its_database_as_they_are(tmp_path):
     assert datasets.scene_names("folder", data_path) == ["mine"]
 
     def prepare():
-        return datasets.prepare_scene("folder", data_path, "mine", OPTIONS, MatchingOptions(), tmp_path / "work" / "mine")
+        return datasets.prepare_scene("folder", data_path, "mine", OPTIONS, MatchingOptions(), tmp_path / "work")
 
     scene = prepare()
     assert scene.protocol.leave_one_out and len(scene.query_names) == 5

@@ -210,6 +210,11 @@ def test_table_has_scenes_the_pool_and_reasons():
     assert "| local_triangulation [1] | 1 |" in pool and "[1] without a" in text
 
 
+def test_most_lost_is_an_infinite_median():
+    rows = [make_row("1", 2.0), make_row("2", math.nan), make_row("3", math.nan)]
+    assert "| lazyloc | 3 | ∞ / ∞ | 2.00 | 2 | – | 33.3 | 33.3 | 33.3 |" in tables.markdown("t", rows, {})
+
+
 def test_series_differ_by_what_the_run_varies():
     rows = [dataclasses.replace(make_row("1", error, method), num_retrieved=k)
             for k, error in ((5, 3.0), (20, 2.0)) for method in ("structure_based", "lazyloc")]
@@ -227,8 +232,8 @@ def test_series_differ_by_what_the_run_varies():
 def test_plots_are_made_and_repeat(tmp_path):
     plots = pytest.importorskip("plots", reason="matplotlib is not installed", exc_type=ImportError)
     rows = [dataclasses.replace(make_row(str(i), error, method, scene), num_retrieved=k)
-            for k in (5, 20) for i, error in enumerate((1.0, 2.0, math.nan)) for method in ("structure_based", "lazyloc")
-            for scene in "ab"]
+            for k in (5, 20) for i, error in enumerate((1.0, 2.0, math.nan))
+            for method in ("structure_based", "lazyloc") for scene in "ab"]
     rows += [make_row("1", math.nan, scene="all_lost")]
     files = plots.write_plots(tmp_path, "t", rows)
     names = ["t_cumulative_error.svg", "t_time_against_error.svg", "t_error_against_k.svg"]
@@ -254,7 +259,8 @@ def test_database_noise_moves_and_turns_by_what_is_asked(tmp_path):
 
 def test_submission_has_names_without_folders(tmp_path):
     pose = Pose(np.eye(3), np.array([1.0, 2.0, 3.0]))
-    pose_files.write_submission(tmp_path / "s.txt", {"query/day/nexus4/IMG_1.jpg": pose, "query/night/x/IMG_2.jpg": pose})
+    poses = {"query/day/nexus4/IMG_1.jpg": pose, "query/night/x/IMG_2.jpg": pose}
+    pose_files.write_submission(tmp_path / "s.txt", poses)
     assert (tmp_path / "s.txt").read_text() == "IMG_1.jpg 1 0 0 0 1 2 3\nIMG_2.jpg 1 0 0 0 1 2 3\n"
     with pytest.raises(ValueError, match="same name"):
         pose_files.write_submission(tmp_path / "s.txt", {"a/1.jpg": pose, "b/1.jpg": pose})
@@ -291,7 +297,8 @@ def test_a_failing_or_crashing_method_does_not_stop_the_others(tmp_path, monkeyp
 @pytest.mark.parametrize("extra, message", [
     (["--methods", "magic"], "magic"), (["--methods", "lazyloc:nothing"], "nothing.ini"),
     (["--methods", "local_triangulation:x"], "local_triangulation:x"), (["--scenes", "mars"], "mars"),
-    (["--options", "seed"], "KEY=VALUE"), (["--queries", "none.txt"], "none.txt"), (["--image_step", "0"], "--image_step"),
+    (["--options", "seed"], "KEY=VALUE"), (["--queries", "none.txt"], "none.txt"),
+    (["--image_step", "0"], "--image_step"),
     (["--dataset", "7scenes"], "no scene of 7scenes"), (["--dataset", "kitti", "--download"], "by e-mail")])
 def test_wrong_arguments_are_named(tmp_path, capsys, extra, message):
     make_scene(tmp_path / "any", ["a.jpg"])

@@ -149,7 +149,8 @@ def side_by_side(names: list[str], runs: list[Groups]) -> str:
     label = labels(in_order({series for _, series in keys}))
     for scene, series in keys:
         summaries = [summarize(run[scene, series]) if (scene, series) in run else None for run in runs]
-        cells = [f"{s.median_position_error_cm:.3f} / {s.median_rotation_error_deg:.4f}" if s else "–" for s in summaries]
+        cells = [f"{s.median_position_error_cm:.3f} / {s.median_rotation_error_deg:.4f}" if s else "–"
+                 for s in summaries]
         if has_spread:
             medians = [s.median_position_error_cm for s in summaries if s]
             mean = sum(medians) / len(medians)
@@ -173,7 +174,7 @@ def _read_groups(path: pathlib.Path, methods: list[str] | None = None) -> Groups
 
 def _parse(argv: list[str]) -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("runs", type=pathlib.Path, nargs="+", metavar="RUN", help="TAG.csv, or expected/NAME.json first")
+    parser.add_argument("runs", type=pathlib.Path, nargs="+", metavar="RUN", help="TAG.csv; the first: expected/NAME.json too")
     parser.add_argument("--methods", nargs="+", help="compare, or write as expected, these alone")
     parser.add_argument("--min_effect", type=float, default=0.02, help="smaller changes of a ratio are never failures")
     parser.add_argument("--write_expected", type=pathlib.Path, metavar="JSON", help="write the figures of the one run")

@@ -85,7 +85,8 @@ def _error_against_k(panel, rows: list[Row], styles: dict):
     all_series = in_order({row.series for row in rows})
     for i, method in enumerate(dict.fromkeys(series.method for series in all_series)):
         first = next(series for series in all_series if series.method == method)
-        own = [series for series in all_series if dataclasses.replace(series, num_retrieved=first.num_retrieved) == first]
+        own = [series for series in all_series
+               if dataclasses.replace(series, num_retrieved=first.num_retrieved) == first]
         medians = [summarize([row for row in rows if row.series == series]).median_position_error_cm for series in own]
         panel.plot([series.num_retrieved for series in own], medians, "o-", color=f"C{i % 10}", label=method)
     panel.set(xlabel="database images per query, K", ylabel="median position error [cm]")
@@ -93,7 +94,8 @@ def _error_against_k(panel, rows: list[Row], styles: dict):
 
 
 def _rows_of_series(rows: list[Row]) -> list:
-    return [(series, [row for row in rows if row.series == series]) for series in in_order({row.series for row in rows})]
+    all_series = in_order({row.series for row in rows})
+    return [(series, [row for row in rows if row.series == series]) for series in all_series]
 
 
 def _make_logarithmic(panel, which: str):
@@ -101,7 +103,7 @@ def _make_logarithmic(panel, which: str):
     getattr(panel, f"set_{which}scale")("log")
     low, high = getattr(panel, f"get_{which}lim")()
     if low <= 0:  # nothing is drawn
-        return
+        low, high = 0.1, 10
     widening = max(1.0, np.sqrt(MIN_AXIS_RATIO * low / high))
     getattr(panel, f"set_{which}lim")(low / widening, high * widening)
     axis = getattr(panel, f"{which}axis")

@@ -32,7 +32,7 @@ def main(argv: list[str]) -> int:
     arguments = _parse(argv)
     try:
         if arguments.download:
-            datasets.download(arguments.dataset, arguments.data_path, arguments.scenes)
+            datasets.download_scenes(arguments.dataset, arguments.data_path, arguments.scenes)
         found = datasets.scene_names(arguments.dataset, arguments.data_path)
         for name in arguments.scenes or ():
             if name not in found:
@@ -55,7 +55,7 @@ def run(arguments: argparse.Namespace, scene_names: list[str]):
     all_series = [Series(*values) for values in itertools.product(
         arguments.methods, arguments.num_retrieved, arguments.seeds, arguments.database_noise)]
     for scene_name in scene_names:
-        exact_scene = _prepare(arguments, scene_name)
+        exact_scene = _in_own_process(_prepare, arguments, scene_name)
         query_names = _choose_queries(exact_scene, arguments.queries)
         for series in all_series:
             scene = _with_noise(exact_scene, series, arguments.work_path)
@@ -78,17 +78,22 @@ def run(arguments: argparse.Namespace, scene_names: list[str]):
 
 
 def run_method(method: str, scene: Scene, query_names: list[str], options: MethodOptions) -> tuple[dict, str]:
-    """In a process of its own: neither an exception nor a crash of a method stops the others. Results, or a reason."""
+    """Neither an exception nor a crash of a method stops the others. Results, or a reason."""
+    try:
+        return _in_own_process(_localize, method, scene, query_names, options), ""
+    except NotApplicable as reason:
+        return {}, str(reason)
+    except concurrent.futures.process.BrokenProcessPool:
+        return {}, "crashed"
+    except Exception as error:  # of any library
+        return {}, f"failed: {type(error).__name__}: {error}"
+
+
+def _in_own_process(function, *arguments):
+    """Threads of a library in this process could stop those that are forked later."""
     context = multiprocessing.get_context("fork")
     with concurrent.futures.ProcessPoolExecutor(max_workers=1, mp_context=context) as executor:
-        try:
-            return executor.submit(_localize, method, scene, query_names, options).result(), ""
-        except NotApplicable as reason:
-            return {}, str(reason)
-        except concurrent.futures.process.BrokenProcessPool:
-            return {}, "crashed"
-        except Exception as error:  # of any library
-            return {}, f"failed: {type(error).__name__}: {error}"
+        return executor.submit(function, *arguments).result()
 
 
 def _localize(method: str, scene: Scene, query_names: list[str], options: MethodOptions) -> dict:
@@ -167,7 +172,7 @@ def _parse(argv: list[str]) -> argparse.Namespace:
                       help="the layout of --data_path, see datasets/; scenes (default): folders with model/, "
                            "database.db and perhaps queries.txt")
     data.add_argument("--data_path", type=pathlib.Path, required=True, help="folder of the dataset")
-    data.add_argument("--download", action="store_true", help="fetch missing scenes first, where their authors allow it")
+    data.add_argument("--download", action="store_true", help="fetch missing scenes first, where that is allowed")
     data.add_argument("--scenes", nargs="+", help="names; default: all that are there")
     data.add_argument("--queries", help="a number: the first so many of each scene; a file: those that it lists")
     data.add_argument("--ground_truth", choices=("original", "sfm"), default="original",
@@ -190,7 +195,7 @@ def _parse(argv: list[str]) -> argparse.Namespace:
                          help="pairs per query, best by verified inliers; several: a series each")
     methods.add_argument("--seeds", type=int, nargs="+", default=[0], help="several: a series each")
     methods.add_argument("--database_noise", type=_noise, nargs="+", default=["0,0"], metavar="DEG,CM",
-                         help="turn and move each database pose by so much, in a random direction; several: a series each")
+                         help="turn and move each database pose by so much, randomly; several: a series each")
     output = parser.add_argument_group("output")
     output.add_argument("--output_path", type=pathlib.Path, required=True)
     output.add_argument("--work_path", type=pathlib.Path,

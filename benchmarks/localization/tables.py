@@ -113,7 +113,9 @@ def _median(position_error_cm: float, rotation_error_deg: float) -> str:
 
 
 def _number(value: float, num_digits: int) -> str:
-    return f"{value:.{num_digits}f}" if math.isfinite(value) else MISSING
+    if math.isinf(value):
+        return "∞"
+    return f"{value:.{num_digits}f}" if not math.isnan(value) else MISSING
 
 
 def _mark(text: str, footnotes: list[str]) -> str:

@@ -2,7 +2,7 @@
 
 Each module has `scene_names(data_path)`, `read_scene(data_path, name, options) -> SceneSource`, the text BY_HAND, which
 says where to get it, and, where an archive may simply be fetched, `archives(name) -> {URL: folder to unpack it in}`.
-`folder` and `scenes` hold what the others lead to: `folder` one COLMAP model with its database, `scenes` several of them.
+`folder` and `scenes` hold what the others lead to: `folder` one COLMAP model with its database, `scenes` several.
 """
 
 import importlib
@@ -46,7 +46,7 @@ def prepare_scene(dataset: str, data_path: pathlib.Path, name: str, options: Opt
     return build_scene(_module(dataset).read_scene(data_path, name, options), path, matching)
 
 
-def download(dataset: str, data_path: pathlib.Path, names: list[str] | None):
+def download_scenes(dataset: str, data_path: pathlib.Path, names: list[str] | None):
     from datasets.download import download_archives
 
     module = _module(dataset) if dataset in MODULES else None

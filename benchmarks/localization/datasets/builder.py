@@ -34,7 +34,8 @@ def build_scene(source: SceneSource, path: pathlib.Path, options: MatchingOption
     link(source.image_path, path / "images")
     (path / "pairs.txt").write_text("".join(f"{name1} {name2}\n" for name1, name2 in pairs))
 
-    contents = b"".join((path / name).read_bytes() for name in ("model/cameras.txt", "queries.txt", "pairs.txt"))
+    contents = b"".join((path / name).read_bytes() for name in ("queries.txt", "pairs.txt"))
+    contents += repr([(name, image.camera) for name, image in sorted(source.images.items())]).encode()
     stamp = json.dumps({"sha256": hashlib.sha256(contents).hexdigest(), "images": str(source.image_path.resolve()),
                         "max_num_features": options.max_num_features, "pycolmap": pycolmap.__version__})
     stamp_path = path / "database.json"

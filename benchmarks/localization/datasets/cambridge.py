@@ -21,8 +21,8 @@ SCENES = ("GreatCourt", "KingsCollege", "OldHospital", "ShopFacade", "StMarysChu
 IDS = {"KingsCollege": 251342, "OldHospital": 251340, "StMarysChurch": 251294, "ShopFacade": 251336,
        "GreatCourt": 251291}
 URL = "https://www.repository.cam.ac.uk/bitstream/handle/1810/{id}/{scene}.zip"
-BY_HAND = ("Cambridge Landmarks is at http://mi.eng.cam.ac.uk/projects/relocalisation/ (for non-commercial use); unpack "
-           "each scene's zip, or use --download")
+BY_HAND = ("Cambridge Landmarks is at http://mi.eng.cam.ac.uk/projects/relocalisation/ (for non-commercial use); "
+           "unpack each scene's zip, or use --download")
 SFM_BY_HAND = ("get CambridgeLandmarks_Colmap_Retriangulated_1024px.zip as "
                "https://github.com/cvg/Hierarchical-Localization/tree/master/hloc/pipelines/Cambridge says")
 SFM_FOLDER = "CambridgeLandmarks_Colmap_Retriangulated_1024px"
@@ -82,7 +82,8 @@ def read_poses(path: pathlib.Path) -> dict:
 def scaled(camera: Camera, width: int, height: int) -> Camera:
     """For the same image in another size."""
     if camera.model != "SIMPLE_RADIAL" or abs(width / camera.width - height / camera.height) > 0.01:
-        raise InputError(f"cannot scale a {camera.model} camera of {camera.width} x {camera.height} to {width} x {height}")
+        raise InputError(f"{SFM_FOLDER}: cannot scale a {camera.model} camera of {camera.width} x {camera.height} to "
+                         f"{width} x {height}")
     f, cx, cy, k = camera.params
     x, y = width / camera.width, height / camera.height
     return Camera(camera.model, width, height, (f * x, cx * x, cy * y, k))

@@ -53,8 +53,8 @@ def read_scene(data_path: pathlib.Path, name: str, options: Options) -> SceneSou
 
 def read_poses(path: pathlib.Path) -> list[Pose]:
     """cam_from_world of the left camera, frame by frame."""
-    matrices = (np.array(numbers(path, line, 12)).reshape(3, 4) for line in path.read_text().splitlines() if line.strip())
-    return [pose_of_matrix(world_from_cam) for world_from_cam in matrices]
+    lines = (line for line in path.read_text().splitlines() if line.strip())
+    return [pose_of_matrix(np.array(numbers(path, line, 12)).reshape(3, 4)) for line in lines]
 
 
 def read_calibration(path: pathlib.Path) -> dict[str, np.ndarray]:
