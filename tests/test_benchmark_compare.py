@@ -91,9 +91,9 @@ def test_expected_figures(tmp_path, capsys):
     assert compare.main([write_run(tmp_path / "before.csv", [1.0, 2.0, 4.0]), "--write_expected", str(expected)]) == 0
     figures = json.loads(expected.read_text())["figures"]
     assert figures == [{"scene": "a", "method": "lazyloc", "num_retrieved": 20, "num_queries": 3, "num_lost": 0,
-                        "median_position_error_cm": 2.0, "median_rotation_error_deg": 0.2}]
+                        "geometric_mean_position_error_cm": 2.0, "geometric_mean_rotation_error_deg": 0.2}]
     assert compare.main([str(expected), write_run(tmp_path / "same.csv", [1.1, 2.15, 4.0])]) == 0
-    for errors, message in (([1.0, 2.3, 4.0], "ratio 1.15"), ([2.0, 2.0, math.nan], "1 lost instead of 0"),
+    for errors, message in (([1.5, 2.3, 4.0], "ratio 1.199"), ([2.0, 2.0, math.nan], "1 lost instead of 0"),
                             ([2.0, 2.0], "2 queries instead of 3"), ([math.nan] * 3, "ratio inf")):
         assert compare.main([str(expected), write_run(tmp_path / "worse.csv", errors)]) == 1
         assert message in capsys.readouterr().out
@@ -124,7 +124,7 @@ def test_tolerances_are_kept_when_figures_are_written_again(tmp_path):
 @pytest.mark.parametrize("path", sorted((BENCHMARK_PATH / "expected").glob("*.json")), ids=lambda path: path.stem)
 def test_expected_files_can_fail(path):
     expected = json.loads(path.read_text())
-    assert expected["figures"] and all(figure["median_position_error_cm"] > 0 for figure in expected["figures"])
+    assert expected["figures"] and all(figure["geometric_mean_position_error_cm"] > 0 for figure in expected["figures"])
     assert 1 < expected["tolerance"]["position_ratio"] < 2 and 1 < expected["tolerance"]["rotation_ratio"] < 2
     assert expected["tolerance"]["num_lost"] == 0
 

@@ -14,9 +14,10 @@ import dataclasses
 import json
 import math
 import pathlib
+import statistics
 import sys
 
-from evaluation import Row, Series, paired_ratio, read_csv, summarize
+from evaluation import MIN_ERROR, Row, Series, paired_ratio, read_csv, summarize
 from tables import in_order, labels
 
 ALL_SCENES = "all scenes"
@@ -99,7 +100,7 @@ def _compare_rows(before: list[Row], after: list[Row], min_effect: float) -> tup
 
 
 def compare_with_expected(expected: dict, run: Groups) -> list[str]:
-    """Medians and lost queries against the file's figures; what is better than expected is printed too."""
+    """Geometric means, which are steadier than medians of few queries, and lost queries against the file's figures."""
     tolerance = expected["tolerance"]
     regressions = []
     for figure in expected["figures"]:
@@ -115,13 +116,20 @@ def compare_with_expected(expected: dict, run: Groups) -> list[str]:
         if summary.num_lost > figure["num_lost"] + tolerance["num_lost"]:
             regressions.append(f"{name}: {summary.num_lost} lost instead of {figure['num_lost']}")
         for quantity, error in ERRORS.items():
-            ratio = getattr(summary, f"median_{error}") / figure[f"median_{error}"]
-            text = (f"{name}: median {quantity} error {getattr(summary, f'median_{error}'):.4g}, expected "
-                    f"{figure[f'median_{error}']:.4g}, ratio {ratio:.3f}")
+            mean, expected_mean = _geometric_mean(rows, error), figure[f"geometric_mean_{error}"]
+            ratio = mean / expected_mean
+            text = (f"{name}: geometric mean of {quantity} errors {mean:.4g}, expected {expected_mean:.4g}, "
+                    f"ratio {ratio:.3f}")
             print(text)
             if not ratio <= tolerance[f"{quantity}_ratio"]:
                 regressions.append(text)
     return regressions
+
+
+def _geometric_mean(rows: list[Row], error: str) -> float:
+    """Of the localized queries; infinite if there is none."""
+    errors = [max(getattr(row, error), MIN_ERROR) for row in rows if row.is_measured]
+    return statistics.geometric_mean(errors) if errors else math.inf
 
 
 def write_expected(path: pathlib.Path, run: Groups):
@@ -133,7 +141,7 @@ def write_expected(path: pathlib.Path, run: Groups):
         figures.append({
             "scene": scene, "method": series.method, "num_retrieved": series.num_retrieved,
             "num_queries": summary.num_queries, "num_lost": summary.num_lost,
-            **{f"median_{error}": round(getattr(summary, f"median_{error}"), 5) for error in ERRORS.values()}})
+            **{f"geometric_mean_{error}": round(_geometric_mean(rows, error), 5) for error in ERRORS.values()}})
     # A line per figure, so that a change is easy to read.
     lines = ",\n".join(f"    {json.dumps(figure)}" for figure in figures)
     tolerance = json.dumps(old.get("tolerance", DEFAULT_TOLERANCE))
@@ -174,9 +182,9 @@ def _read_groups(path: pathlib.Path, methods: list[str] | None = None) -> Groups
 
 def _parse(argv: list[str]) -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("runs", type=pathlib.Path, nargs="+", metavar="RUN", help="TAG.csv; the first: expected/NAME.json too")
+    parser.add_argument("runs", type=pathlib.Path, nargs="+", metavar="RUN", help="TAG.csv; first also a JSON file")
     parser.add_argument("--methods", nargs="+", help="compare, or write as expected, these alone")
-    parser.add_argument("--min_effect", type=float, default=0.02, help="smaller changes of a ratio are never failures")
+    parser.add_argument("--min_effect", type=float, default=0.02, help="a smaller ratio never fails")
     parser.add_argument("--write_expected", type=pathlib.Path, metavar="JSON", help="write the figures of the one run")
     arguments = parser.parse_args(argv)
     if arguments.write_expected and len(arguments.runs) != 1:
