@@ -14,7 +14,7 @@ namespace {
 void Disturb(SyntheticTracks* scene, double rotation_deg, double translation, double point) {
   Random random(17);
   for (View& view : scene->views) {
-    if (view.is_fixed) continue;
+    if (view.is_database) continue;
     view.cam_from_world.rotation = Disturbed(view.cam_from_world.rotation, rotation_deg, &random);
     view.cam_from_world.translation += translation * RandomVector(&random);
   }
@@ -55,7 +55,7 @@ std::vector<Rigid3d> SolveWithCeres(const BundleAdjustmentOptions& options, Synt
                                    new ReferenceCost{element.observation, scene.views[element.view].noise_px}),
                                new ceres::CauchyLoss(options.loss_scale_sigma), pose, pose + 3,
                                track.point_in_world.data());
-      if (!scene.views[element.view].is_fixed) continue;
+      if (!scene.views[element.view].is_database) continue;
       problem.SetParameterBlockConstant(pose);
       problem.SetParameterBlockConstant(pose + 3);
     }
@@ -127,7 +127,7 @@ TEST_P(QueryCounts, KeepsFixedViewsBitwise) {
   Disturb(&scene, 1, 0.1, 0.1);
   ASSERT_TRUE(AdjustBundle({}, &scene.views, &scene.tracks).success);
   for (size_t view = 0; view < before.size(); ++view) {
-    if (!before[view].is_fixed) continue;
+    if (!before[view].is_database) continue;
     EXPECT_EQ(scene.views[view].cam_from_world.rotation.coeffs(), before[view].cam_from_world.rotation.coeffs());
     EXPECT_EQ(scene.views[view].cam_from_world.translation, before[view].cam_from_world.translation);
   }
