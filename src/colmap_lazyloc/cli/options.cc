@@ -59,6 +59,8 @@ void ForEachOption(Options& o, const Add& add) {
   add("LazyLocalizer.num_retrieved", &o.loader.num_retrieved,
       "database images per query, best by verified inliers; with --pairs_path all listed ones are used");
   add("LazyLocalizer.num_threads", &o.num_threads, "queries at a time; -1 for the number of cores");
+  add("LazyLocalizer.use_database_matches", &o.loader.use_database_matches,
+      "extend the query's tracks by the verified matches among its database images that the database holds");
   add("LazyLocalizer.leave_one_out", &o.loader.leave_one_out,
       "localize every posed image (or those of --query_list_path) against all others");
   add("LazyLocalizer.seed", &o.localizer.seed, "seed of the random choices; results depend on no other chance");
