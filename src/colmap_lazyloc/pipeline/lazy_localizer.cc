@@ -1,11 +1,13 @@
 #include "colmap_lazyloc/pipeline/lazy_localizer.h"
 
+#include "colmap_lazyloc/pipeline/ablations.h"
 #include "colmap_lazyloc/pipeline/motion_averaging.h"
 #include "colmap_lazyloc/pipeline/pose_uncertainty.h"
 #include "colmap_lazyloc/pipeline/post_optimization.h"
 #include "colmap_lazyloc/pipeline/report.h"
 #include "colmap_lazyloc/pipeline/stage_timer.h"
 #include "colmap_lazyloc/pipeline/start_selection.h"
+#include "colmap_lazyloc/pipeline/track_collection.h"
 
 namespace lazyloc {
 namespace {
@@ -28,13 +30,22 @@ LocalizationResult LocalizeQuery(const LocalizationProblem& problem, const Local
   try {
     CheckInput(problem);
     stage("two_view", FindRelativePoses);
-    stage("rotation", AverageRotation);
-    stage("directions", EstimateDirections);
-    stage("translation", AverageTranslation);
-    stage("tracks", CollectTracks);
-    stage("start", ChooseStartPose);
-    OptimizeOverTracks(&state);
-    stage("covariance", EstimateCovariance);
+    stage("observations", ObserveMatches);
+    try {
+      stage("rotation", AverageRotation);
+      stage("directions", EstimateDirections);
+      stage("translation", AverageTranslation);
+    } catch (const QueryFailure& failure) {
+      state.averaging_failure = failure;  // other starts may do
+    }
+    if (options.post_optimization == PostOptimization::TRACKS) {
+      stage("tracks", CollectTracks);
+      stage("start", ChooseStartPose);
+      OptimizeOverTracks(&state);
+      stage("covariance", EstimateCovariance);
+    } else {
+      stage("refinement", RefineWithoutTracks);
+    }
     Report(&state);
     state.result.status = QueryStatus::LOCALIZED;
   } catch (const QueryFailure& failure) {

@@ -4,7 +4,6 @@
 #include <cmath>
 #include <optional>
 
-#include "colmap_lazyloc/bridge/observation.h"
 #include "colmap_lazyloc/math/seed.h"
 #include "colmap_lazyloc/math/so3.h"
 
@@ -40,22 +39,6 @@ void KeepAgreeingPairs(const std::vector<double>& rotation_errors_rad, QueryStat
                                                                 " deg"};
   }
   state->pairs = std::move(agreeing);
-}
-
-// The matches of a pair whose image points have rays.
-ViewMatches Observe(int pair_index, const Matches& matches, QueryState* state) {
-  const ImagePair& images = state->problem.pairs[pair_index];
-  const Observer observe_query(state->query_camera), observe_database(images.database_camera);
-  state->query_observations.resize(state->problem.query_keypoints.size());
-  ViewMatches observed;
-  observed.view = pair_index + 1;
-  for (const Match& match : matches) {
-    std::optional<std::optional<Observation>>& query = state->query_observations[match.query_point];
-    if (!query) query = observe_query(state->problem.query_keypoints[match.query_point]);
-    const auto database = observe_database(images.database_keypoints[match.database_point]);
-    if (*query && database) observed.Add(match, **query, *database);
-  }
-  return observed;
 }
 
 }  // namespace
@@ -96,7 +79,6 @@ void AverageRotation(QueryState* state) {
 
 void EstimateDirections(QueryState* state) {
   for (PairState& pair : state->pairs) {
-    pair.view_matches = Observe(pair.index, pair.relative_pose.inlier_matches, state);
     const Eigen::Quaterniond world_from_query = state->views[0].cam_from_world.rotation.conjugate();
     const Eigen::Quaterniond world_from_database = state->DatabaseView(pair).cam_from_world.rotation.conjugate();
     std::vector<RayPair> rays;

@@ -17,7 +17,8 @@ bool LocalizerOptions::Check(std::string* error) const {
   OPTION_GT(database_pose_noise_px, 0);
   OPTION_GT(max_position_stddev_ratio, 0);
   return relative_pose.Check(error) && rotation_averaging.Check(error) && translation_averaging.Check(error) &&
-         triangulation.Check(error) && bundle_adjustment.Check(error);
+         triangulation.Check(error) && bundle_adjustment.Check(error) && sampson.Check(error) &&
+         relative_pose_lo.Check(error);
 }
 
 }  // namespace lazyloc

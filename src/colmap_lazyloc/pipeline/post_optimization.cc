@@ -1,36 +1,16 @@
 #include "colmap_lazyloc/pipeline/post_optimization.h"
 
 #include <algorithm>
-#include <optional>
 
-#include "colmap_lazyloc/bridge/observation.h"
 #include "colmap_lazyloc/math/so3.h"
 #include "colmap_lazyloc/pipeline/stage_timer.h"
+#include "colmap_lazyloc/pipeline/track_collection.h"
 #include "colmap_lazyloc/refinement/covariance.h"
 #include "colmap_lazyloc/refinement/pose_prior.h"
 #include "colmap_lazyloc/refinement/view_noise.h"
-#include "colmap_lazyloc/structure/track_extension.h"
-#include "colmap_lazyloc/structure/track_selection.h"
 
 namespace lazyloc {
 namespace {
-
-// By matches among the database images of the pairs in use.
-void ExtendByDatabaseMatches(const QueryState& state, std::vector<Track>* tracks) {
-  const std::vector<ImagePair>& images = state.problem.pairs;
-  std::vector<std::optional<Observer>> observers(images.size());
-  for (const PairState& pair : state.pairs) observers[pair.index].emplace(images[pair.index].database_camera);
-  std::vector<DatabaseViewMatches> matches;
-  for (const DatabaseMatches& pair : state.problem.database_matches) {
-    if (!observers[pair.pair1] || !observers[pair.pair2]) continue;
-    matches.push_back({pair.pair1 + 1, pair.pair2 + 1, &pair.keypoints});
-  }
-  if (matches.empty()) return;
-  const auto observe = [&](int view, uint32_t keypoint) {
-    return (*observers[view - 1])(images[view - 1].database_keypoints[keypoint]);
-  };
-  ExtendTracks(matches, observe, tracks);
-}
 
 void AddQuery(double max_query_error_sigma, QueryState* state) {
   TrackTriangulationOptions options = state->options.triangulation;
@@ -73,17 +53,6 @@ void Adjust(QueryState* state) {
 
 }  // namespace
 
-void CollectTracks(QueryState* state) {
-  std::vector<ViewMatches> view_matches;
-  for (const PairState& pair : state->pairs) view_matches.push_back(pair.view_matches);
-  std::vector<Track> tracks = BuildTracks(view_matches);
-  ExtendByDatabaseMatches(*state, &tracks);
-  state->candidates = SelectTracks(tracks, state->problem.query_keypoints, state->options.max_num_tracks);
-  state->start_candidates =
-      SelectTracks(state->candidates, state->problem.query_keypoints, state->options.max_num_start_tracks);
-  for (View& view : state->views) view.noise_px = state->options.start_noise_px;
-}
-
 void OptimizeOverTracks(QueryState* state) {
   const LocalizerOptions& options = state->options;
   double max_query_error_sigma = options.max_start_error_sigma;
@@ -114,6 +83,7 @@ void OptimizeOverTracks(QueryState* state) {
     }
     EstimateViewNoise(state->tracks, options.min_noise_px, &state->views);
     max_query_error_sigma = options.triangulation.max_query_error_sigma;
+    if (options.use_raw_matches) CollectTracksAgain(state);
   }
   state->tracks = FittingTracks(state->views, state->tracks, options.triangulation.max_query_error_sigma);
 }
