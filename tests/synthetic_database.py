@@ -39,6 +39,9 @@ class Camera:
         centre = self.params[2:4] if self.model_id == PINHOLE else self.params[1:3]
         return xy * focal + centre
 
+    def is_in_front(self, points_in_cam):
+        return points_in_cam[:, 2] > 0.1
+
     def hloc_words(self):
         return " ".join([MODEL_NAMES[self.model_id], str(self.width), str(self.height), *map(repr, self.params)])
 
@@ -173,7 +176,7 @@ def make_scene(database_centres, query_centres, noise_px=0.0, outlier_ratio=0.0,
 def observe(camera, pose, points, noise_px, visible_ratio, rng):
     points_in_cam = pose(points)
     xy = camera.image_from_cam(points_in_cam) + rng.normal(0, noise_px, (len(points), 2))
-    is_inside = np.all((xy >= 0) & (xy <= [camera.width, camera.height]), axis=1) & (points_in_cam[:, 2] > 0.1)
+    is_inside = np.all((xy >= 0) & (xy <= [camera.width, camera.height]), axis=1) & camera.is_in_front(points_in_cam)
     visible = rng.permutation(np.flatnonzero(is_inside & (rng.random(len(points)) < visible_ratio)))
     num_distractors = 20
     distractors = rng.uniform(0, [camera.width, camera.height], (num_distractors, 2))

@@ -21,6 +21,13 @@ MODELS = {1: ("PINHOLE", [520, 515, 322, 238]),
           9: ("FULL_OPENCV", [500, 500, 320, 240, -0.05, 0.01, 1e-3, 1e-3, 0.001, 0.01, 0, 0]),
           10: ("FOV", [480, 480, 320, 240, 0.6]),
           11: ("THIN_PRISM_FISHEYE", [470, 470, 320, 240, 0.01, 0, 1e-3, 0, 0, 0, 1e-3, 0])}
+MODELS_OF_COLMAP4 = {"RAD_TAN_THIN_PRISM_FISHEYE": [470, 470, 320, 240, 0.01, 0, 0, 0, 0, 0, 1e-3, 0, 0, 0, 0, 0],
+                     "SIMPLE_DIVISION": [500, 320, 240, -0.05],
+                     "DIVISION": [500, 505, 320, 240, -0.05],
+                     "SIMPLE_FISHEYE": [480, 320, 240],
+                     "FISHEYE": [480, 485, 320, 240],
+                     "EUCM": [480, 485, 320, 240, 0.5, 1.1],
+                     "EQUIRECTANGULAR": [640, 480]}
 RIG_ID = 77
 NUM_FRAMES = 4  # of the rig, database images
 OTHER_FROM_REFERENCE = pycolmap.Rigid3d(pycolmap.Rotation3d(Rotation.from_euler("y", 12, degrees=True).as_quat()),
@@ -32,11 +39,14 @@ class Camera(synthetic.Camera):
 
     @property
     def colmap(self):
-        return pycolmap.Camera(camera_id=self.camera_id, model=MODELS[self.camera_id][0], width=self.width,
+        return pycolmap.Camera(camera_id=self.camera_id, model=pycolmap.CameraModelId(self.model_id), width=self.width,
                                height=self.height, params=self.params, has_prior_focal_length=True)
 
     def image_from_cam(self, points_in_cam):
         return self.colmap.img_from_cam(points_in_cam)
+
+    def is_in_front(self, points_in_cam):
+        return super().is_in_front(points_in_cam) | self.colmap.is_spherical()
 
 
 def rigid(pose):
@@ -63,11 +73,11 @@ def make_frames():
     return frames
 
 
-def make_scene(frames):
+def make_scene(frames, models):
     rng = np.random.default_rng(4)
     points = rng.uniform(-1.2, 1.2, (300, 3))
     cameras = {camera_id: Camera(camera_id, pycolmap.CameraModelId.__members__[name].value, 640, 480, params)
-               for camera_id, (name, params) in MODELS.items()}
+               for camera_id, (name, params) in models.items()}
     scene = synthetic.Scene(cameras, {}, {}, [])
     for _, rig_from_world, names in frames.values():
         for camera_id, name in names.items():
@@ -86,7 +96,7 @@ def make_rigs(scene):
     rig.add_ref_sensor(scene.cameras[1].colmap.sensor_id)
     rig.add_sensor(scene.cameras[2].colmap.sensor_id, OTHER_FROM_REFERENCE)
     rigs = [rig]
-    for camera_id in list(MODELS)[2:]:
+    for camera_id in list(scene.cameras)[2:]:
         rigs.append(pycolmap.Rig(rig_id=camera_id))
         rigs[-1].add_ref_sensor(scene.cameras[camera_id].colmap.sensor_id)
     return rigs
@@ -150,7 +160,7 @@ def frames():
 
 @pytest.fixture(scope="module")
 def scene(frames):
-    return make_scene(frames)
+    return make_scene(frames, MODELS)
 
 
 @pytest.fixture(scope="module")
@@ -218,6 +228,28 @@ def test_leave_one_out_takes_the_query_out_of_its_frame(localize, scene, databas
     written = pycolmap.Reconstruction(str(run.output_path / "model"))
     assert written.num_images() == written.num_frames() == 0
     assert_same_rigs(written, model)
+
+
+@pytest.mark.parametrize("name", MODELS_OF_COLMAP4)
+def test_camera_model_of_colmap4(localize, frames, tmp_path, name):
+    """From amidst the points, which matters to a spherical camera alone. A program that was built against a COLMAP
+    without the model says so and what to do."""
+    models = {1: MODELS[1], 2: MODELS[2], 3: (name, MODELS_OF_COLMAP4[name])}
+    frames = {frame_id: frame for frame_id, frame in frames.items() if frame_id < 200}
+    centre = [0.2, -0.1, 0.3] if name == "EQUIRECTANGULAR" else [0.2, -0.1, -5]
+    frames[200] = (3, rigid(synthetic.Pose.looking_at(centre, [0, 0, 1])), {3: "query/new.jpg"})
+    scene = make_scene(frames, models)
+    database_path = write_database(tmp_path / "database.db", scene, frames)
+    (tmp_path / "model").mkdir()
+    make_model(scene, frames).write_binary(str(tmp_path / "model"))
+    run = localize("--database_path", database_path, "--input_path", tmp_path / "model")
+    if run.exit_code == 0:
+        run.assert_localized(scene, ["query/new.jpg"], 0.02, 0.2)
+        written = pycolmap.Reconstruction(str(run.output_path / "model"))
+        assert written.camera(3).model_name == name and list(written.camera(3).params) == MODELS_OF_COLMAP4[name]
+    else:
+        assert run.stderr.count("\n") == 1
+        assert f"does not know camera model {name}: build against a newer COLMAP 4" in run.stderr
 
 
 def test_stale_rigs_are_named(localize, scene, database_path, frames, tmp_path):
