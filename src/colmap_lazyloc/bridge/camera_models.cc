@@ -36,6 +36,10 @@ std::string CameraModelName(int model_id) {
   return model_id >= kFirstModelOfColmap4 && idx < kModelsOfColmap4.size() ? kModelsOfColmap4[idx] : "";
 }
 
+size_t CameraModelNumParams(int model_id) {
+  return IsKnown(model_id) ? colmap::CameraModelNumParams(static_cast<colmap::CameraModelId>(model_id)) : 0;
+}
+
 std::string CameraProblem(const Camera& camera) {
   const std::string name = CameraModelName(camera.model_id);
   if (name.empty()) return "unknown camera model " + std::to_string(camera.model_id);
@@ -43,7 +47,7 @@ std::string CameraProblem(const Camera& camera) {
     return "the COLMAP that this program was built against does not know camera model " + name +
            ": build against a newer COLMAP 4 (docs/installation.md)";
   }
-  const size_t num_params = colmap::CameraModelNumParams(static_cast<colmap::CameraModelId>(camera.model_id));
+  const size_t num_params = CameraModelNumParams(camera.model_id);
   if (camera.params.size() != num_params) {
     return "camera model " + name + " takes " + std::to_string(num_params) + " parameters, not " +
            std::to_string(camera.params.size());
@@ -57,6 +61,10 @@ std::string CameraProblem(const Camera& camera) {
     if (camera.params[idx] <= 0) return "the camera's focal length is not positive";
   }
   return "";
+}
+
+std::optional<Eigen::Vector3d> RayInCam(const Camera& camera, const Eigen::Vector2d& xy) {
+  return RaysInCam(camera)(xy);
 }
 
 }  // namespace lazyloc

@@ -43,6 +43,7 @@ int Run(const CommandOptions& options) {
   const DatabaseReader database(options.database_path);
   const ProblemLoader loader = MakeLoader(options, database);
   ResultWriter writer(options.output_path);
+  if (!loader.Warning().empty()) std::cerr << "WARNING: " << loader.Warning() << std::endl;
   interrupted = 0;
   std::signal(SIGINT, HandleInterrupt);
   Progress progress(loader.QueryNames().size());

@@ -30,6 +30,15 @@ struct LocalizerOptions {
   double start_noise_px = 4;
   double min_noise_px = 0.5;
   int min_num_tracks = 6;
+  // Of more tracks than these, well distributed ones with most image points are used.
+  int max_num_tracks = 1000000;
+  // The same for the start and all rounds but the last.
+  int max_num_start_tracks = 300;
+  // How far database poses may be off, per axis in degrees and per coordinate of the projection centre in database units:
+  // 0 takes them as exact, -1 estimates it for each query from how well the images fit together.
+  double database_pose_stddev_deg = -1;
+  double database_pose_stddev_length = -1;
+  double database_pose_noise_px = 0.1;  // expected size of what is estimated, seen in the image
   // A position whose standard deviation exceeds this part of the distance to the scene is not reported as found.
   double max_position_stddev_ratio = 0.1;
 

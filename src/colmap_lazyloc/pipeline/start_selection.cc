@@ -4,6 +4,7 @@
 #include <optional>
 
 #include "colmap_lazyloc/bridge/absolute_pose.h"
+#include "colmap_lazyloc/math/seed.h"
 
 namespace lazyloc {
 namespace {
@@ -36,6 +37,14 @@ Rigid3d ChooseStart(const std::vector<View>& views, const std::vector<Track>& tr
   const std::optional<Rigid3d> absolute = EstimateAbsolutePose(rays, points, max_error_rad, seed);
   if (!absolute) return averaged;
   return Score(*absolute, tracks, max_error_px) > Score(averaged, tracks, max_error_px) ? *absolute : averaged;
+}
+
+void ChooseStartPose(QueryState* state) {
+  state->tracks_from_database = TriangulateFromDatabase(state->views, state->start_candidates,
+                                                        state->options.triangulation, &state->tracks_with_query);
+  const double max_error_px = state->options.max_start_error_sigma * state->options.start_noise_px;
+  const uint32_t seed = SeedFromNames(state->problem.query_name, "", state->options.seed);
+  state->views[0].cam_from_world = ChooseStart(state->views, state->tracks_from_database, max_error_px, seed);
 }
 
 }  // namespace lazyloc

@@ -3,7 +3,7 @@
 #include <cstdint>
 #include <vector>
 
-#include "colmap_lazyloc/scene/track.h"
+#include "colmap_lazyloc/pipeline/query_state.h"
 
 namespace lazyloc {
 
@@ -14,5 +14,8 @@ namespace lazyloc {
 // points are seen twice. tracks: with points; the first observation is the query's.
 Rigid3d ChooseStart(const std::vector<View>& views, const std::vector<Track>& tracks, double max_error_px,
                     uint32_t seed);
+
+// Triangulates the candidate tracks from the database views and chooses the query's pose to start from.
+void ChooseStartPose(QueryState* state);
 
 }  // namespace lazyloc

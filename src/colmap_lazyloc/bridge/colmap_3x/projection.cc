@@ -3,10 +3,12 @@
 
 namespace lazyloc {
 
-std::optional<Eigen::Vector3d> RayInCam(const Camera& camera, const Eigen::Vector2d& xy) {
-  const Eigen::Vector2d normalized = ToColmap(camera).CamFromImg(xy);
-  if (!normalized.allFinite()) return std::nullopt;
-  return normalized.homogeneous().normalized();
+RayInCamFunction RaysInCam(const Camera& camera) {
+  return [converted = ToColmap(camera)](const Eigen::Vector2d& xy) -> std::optional<Eigen::Vector3d> {
+    const Eigen::Vector2d normalized = converted.CamFromImg(xy);
+    if (!normalized.allFinite()) return std::nullopt;
+    return normalized.homogeneous().normalized();
+  };
 }
 
 std::optional<Eigen::Vector2d> ImageFromCam(const Camera& camera, const Eigen::Vector3d& point_in_cam) {

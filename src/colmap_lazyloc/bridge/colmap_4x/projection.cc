@@ -20,10 +20,12 @@ std::optional<Eigen::Vector3d> RayOf(const ColmapCamera& camera, const Eigen::Ve
 
 }  // namespace
 
-std::optional<Eigen::Vector3d> RayInCam(const Camera& camera, const Eigen::Vector2d& xy) {
-  const std::optional<Eigen::Vector3d> ray = RayOf(ToColmap(camera), xy, 0);
-  if (!ray || !ray->allFinite()) return std::nullopt;
-  return ray;
+RayInCamFunction RaysInCam(const Camera& camera) {
+  return [converted = ToColmap(camera)](const Eigen::Vector2d& xy) {
+    std::optional<Eigen::Vector3d> ray = RayOf(converted, xy, 0);
+    if (ray && !ray->allFinite()) ray.reset();
+    return ray;
+  };
 }
 
 std::optional<Eigen::Vector2d> ImageFromCam(const Camera& camera, const Eigen::Vector3d& point_in_cam) {
