@@ -1,7 +1,6 @@
 #pragma once
 
 #include <cstddef>
-#include <functional>
 #include <optional>
 #include <string>
 
@@ -24,9 +23,6 @@ std::string CameraProblem(const Camera& camera);
 // Viewing direction of an image point (pixels), unit length, in the camera's frame; none where the model
 // has no inverse there.
 std::optional<Eigen::Vector3d> RayInCam(const Camera& camera, const Eigen::Vector2d& xy);
-// The same for many image points of one camera, which is converted to COLMAP's only once.
-using RayInCamFunction = std::function<std::optional<Eigen::Vector3d>(const Eigen::Vector2d& xy)>;
-RayInCamFunction RaysInCam(const Camera& camera);
 
 // Image point (pixels) of a point in the camera's frame; none behind the camera.
 std::optional<Eigen::Vector2d> ImageFromCam(const Camera& camera, const Eigen::Vector3d& point_in_cam);

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <functional>
 #include <optional>
 
 #include <Eigen/Core>
@@ -9,15 +10,15 @@
 
 namespace lazyloc {
 
-// Turns a camera's image points (pixels) into observations: viewing ray and its derivative, by the camera model's inverse;
-// none where that does not exist.
+// Turns a camera's image points (pixels) into observations: viewing ray, by the camera model's inverse, and the model's
+// derivative there; none where these do not exist. Of a usable camera (see CameraProblem).
 class Observer {
  public:
-  explicit Observer(const Camera& camera) : ray_in_cam_(RaysInCam(camera)) {}
-  std::optional<Observation> operator()(const Eigen::Vector2d& xy) const;
+  explicit Observer(const Camera& camera);
+  std::optional<Observation> operator()(const Eigen::Vector2d& xy) const { return observe_(xy); }
 
  private:
-  RayInCamFunction ray_in_cam_;
+  std::function<std::optional<Observation>(const Eigen::Vector2d& xy)> observe_;
 };
 
 }  // namespace lazyloc

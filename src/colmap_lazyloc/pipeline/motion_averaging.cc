@@ -42,6 +42,9 @@ void KeepAgreeingPairs(const std::vector<double>& rotation_errors_rad, QueryStat
   state->pairs = std::move(agreeing);
 }
 
+// By variance.
+double MeanStddev(double stddev1, double stddev2) { return std::sqrt((stddev1 * stddev1 + stddev2 * stddev2) / 2); }
+
 // The matches of a pair whose image points have rays.
 ViewMatches Observe(int pair_index, const Matches& matches, QueryState* state) {
   const ImagePair& images = state->problem.pairs[pair_index];
@@ -49,6 +52,7 @@ ViewMatches Observe(int pair_index, const Matches& matches, QueryState* state) {
   state->query_observations.resize(state->problem.query_keypoints.size());
   ViewMatches observed;
   observed.view = pair_index + 1;
+  observed.Reserve(matches.size());
   for (const Match& match : matches) {
     std::optional<std::optional<Observation>>& query = state->query_observations[match.query_point];
     if (!query) query = observe_query(state->problem.query_keypoints[match.query_point]);
@@ -97,14 +101,16 @@ void AverageRotation(QueryState* state) {
 void EstimateDirections(QueryState* state) {
   for (PairState& pair : state->pairs) {
     pair.view_matches = Observe(pair.index, pair.relative_pose.inlier_matches, state);
-    const Eigen::Quaterniond world_from_query = state->views[0].cam_from_world.rotation.conjugate();
-    const Eigen::Quaterniond world_from_database = state->DatabaseView(pair).cam_from_world.rotation.conjugate();
+    const Eigen::Matrix3d world_from_query = state->views[0].cam_from_world.rotation.conjugate().toRotationMatrix();
+    const Eigen::Matrix3d world_from_database =
+        state->DatabaseView(pair).cam_from_world.rotation.conjugate().toRotationMatrix();
     std::vector<RayPair> rays;
+    rays.reserve(pair.view_matches.matches.size());
     for (size_t i = 0; i < pair.view_matches.matches.size(); ++i) {
       const Observation& database = pair.view_matches.database_observations[i];
       const Observation& query = pair.view_matches.query_observations[i];
       rays.push_back({world_from_database * database.ray_in_cam, world_from_query * query.ray_in_cam,
-                      std::hypot(RadFromPx(database), RadFromPx(query)) / std::sqrt(2.0)});
+                      MeanStddev(RadFromPx(database), RadFromPx(query))});
     }
     pair.direction = EstimateRelativeDirection(rays);
   }

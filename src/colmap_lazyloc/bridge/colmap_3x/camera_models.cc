@@ -41,15 +41,9 @@ std::string CameraProblem(const Camera& camera) {
 }
 
 std::optional<Eigen::Vector3d> RayInCam(const Camera& camera, const Eigen::Vector2d& xy) {
-  return RaysInCam(camera)(xy);
-}
-
-RayInCamFunction RaysInCam(const Camera& camera) {
-  return [converted = ToColmap(camera)](const Eigen::Vector2d& xy) -> std::optional<Eigen::Vector3d> {
-    const Eigen::Vector2d normalized = converted.CamFromImg(xy);
-    if (!normalized.allFinite()) return std::nullopt;
-    return normalized.homogeneous().normalized();
-  };
+  const Eigen::Vector2d normalized = ToColmap(camera).CamFromImg(xy);
+  if (!normalized.allFinite()) return std::nullopt;
+  return normalized.homogeneous().normalized();
 }
 
 std::optional<Eigen::Vector2d> ImageFromCam(const Camera& camera, const Eigen::Vector3d& point_in_cam) {
