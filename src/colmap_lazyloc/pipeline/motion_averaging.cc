@@ -47,6 +47,9 @@ void KeepAgreeingPairs(const std::vector<double>& rotation_errors_rad, QueryStat
   state->pairs = std::move(agreeing);
 }
 
+// By variance.
+double MeanStddev(double stddev1, double stddev2) { return std::sqrt((stddev1 * stddev1 + stddev2 * stddev2) / 2); }
+
 }  // namespace
 
 void FindRelativePoses(QueryState* state) {
@@ -85,14 +88,16 @@ void AverageRotation(QueryState* state) {
 
 void EstimateDirections(QueryState* state) {
   for (PairState& pair : state->pairs) {
-    const Eigen::Quaterniond world_from_query = state->views[0].cam_from_world.rotation.conjugate();
-    const Eigen::Quaterniond world_from_database = state->DatabaseView(pair).cam_from_world.rotation.conjugate();
+    const Eigen::Matrix3d world_from_query = state->views[0].cam_from_world.rotation.conjugate().toRotationMatrix();
+    const Eigen::Matrix3d world_from_database =
+        state->DatabaseView(pair).cam_from_world.rotation.conjugate().toRotationMatrix();
     std::vector<RayPair> rays;
+    rays.reserve(pair.view_matches.matches.size());
     for (size_t i = 0; i < pair.view_matches.matches.size(); ++i) {
       const Observation& database = pair.view_matches.database_observations[i];
       const Observation& query = pair.view_matches.query_observations[i];
       rays.push_back({world_from_database * database.ray_in_cam, world_from_query * query.ray_in_cam,
-                      std::hypot(RadFromPx(database), RadFromPx(query)) / std::sqrt(2.0)});
+                      MeanStddev(RadFromPx(database), RadFromPx(query))});
     }
     pair.direction = EstimateRelativeDirection(rays);
   }

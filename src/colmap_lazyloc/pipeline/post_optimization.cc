@@ -15,8 +15,8 @@ namespace {
 void AddQuery(double max_query_error_sigma, QueryState* state) {
   TrackTriangulationOptions options = state->options.triangulation;
   options.max_query_error_sigma = max_query_error_sigma;
-  state->tracks = TracksFittingQuery(state->views, state->tracks_from_database, max_query_error_sigma);
-  for (Track& track : TriangulateWithQuery(state->views, state->tracks_with_query, options)) {
+  state->tracks = TracksFittingQuery(state->views, std::move(state->tracks_from_database), max_query_error_sigma);
+  for (Track& track : TriangulateWithQuery(state->views, std::move(state->tracks_with_query), options)) {
     state->tracks.push_back(std::move(track));
   }
   if (static_cast<int>(state->tracks.size()) >= state->options.min_num_tracks) return;
@@ -85,7 +85,7 @@ void OptimizeOverTracks(QueryState* state) {
     max_query_error_sigma = options.triangulation.max_query_error_sigma;
     if (options.use_raw_matches) CollectTracksAgain(state);
   }
-  state->tracks = FittingTracks(state->views, state->tracks, options.triangulation.max_query_error_sigma);
+  state->tracks = FittingTracks(state->views, std::move(state->tracks), options.triangulation.max_query_error_sigma);
 }
 
 }  // namespace lazyloc

@@ -18,6 +18,7 @@ ViewMatches Observe(int pair_index, const Matches& matches, QueryState* state) {
   state->query_observations.resize(state->problem.query_keypoints.size());
   ViewMatches observed;
   observed.view = pair_index + 1;
+  observed.Reserve(matches.size());
   for (const Match& match : matches) {
     std::optional<std::optional<Observation>>& query = state->query_observations[match.query_point];
     if (!query) query = observe_query(state->problem.query_keypoints[match.query_point]);
@@ -71,10 +72,10 @@ void ObserveMatches(QueryState* state) {
 
 void CollectTracks(QueryState* state) {
   std::vector<ViewMatches> view_matches;
-  for (const PairState& pair : state->pairs) view_matches.push_back(pair.view_matches);
+  for (PairState& pair : state->pairs) view_matches.push_back(std::move(pair.view_matches));
   std::vector<Track> tracks = BuildTracks(view_matches);
   ExtendByDatabaseMatches(*state, &tracks);
-  state->candidates = SelectTracks(tracks, state->problem.query_keypoints, state->options.max_num_tracks);
+  state->candidates = SelectTracks(std::move(tracks), state->problem.query_keypoints, state->options.max_num_tracks);
   state->start_candidates =
       SelectTracks(state->candidates, state->problem.query_keypoints, state->options.max_num_start_tracks);
 }
@@ -82,9 +83,9 @@ void CollectTracks(QueryState* state) {
 void CollectTracksAgain(QueryState* state) {
   for (PairState& pair : state->pairs) {
     const Matches& raw = state->problem.pairs[pair.index].matches;
-    if (raw.empty()) continue;
+    const Matches& matches = raw.empty() ? pair.relative_pose.inlier_matches : raw;
     pair.view_matches =
-        Inliers(Observe(pair.index, raw, state), state->options.triangulation.max_query_error_sigma, state->views);
+        Inliers(Observe(pair.index, matches, state), state->options.triangulation.max_query_error_sigma, state->views);
   }
   CollectTracks(state);
 }
