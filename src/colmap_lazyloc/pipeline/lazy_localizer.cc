@@ -1,5 +1,6 @@
 #include "colmap_lazyloc/pipeline/lazy_localizer.h"
 
+#include "colmap_lazyloc/pipeline/focal_length.h"
 #include "colmap_lazyloc/pipeline/motion_averaging.h"
 #include "colmap_lazyloc/pipeline/pose_uncertainty.h"
 #include "colmap_lazyloc/pipeline/post_optimization.h"
@@ -27,12 +28,18 @@ LocalizationResult LocalizeQuery(const LocalizationProblem& problem, const Local
   };
   try {
     CheckInput(problem);
-    stage("two_view", FindRelativePoses);
-    stage("rotation", AverageRotation);
-    stage("directions", EstimateDirections);
-    stage("translation", AverageTranslation);
-    stage("tracks", CollectTracks);
-    stage("start", ChooseStartPose);
+    if (state.SeeksFocalLength()) {
+      stage("two_view", CollectInlierMatches);
+      stage("tracks", CollectTracks);
+      stage("start", ChooseFocalLengthAndPose);
+    } else {
+      stage("two_view", FindRelativePoses);
+      stage("rotation", AverageRotation);
+      stage("directions", EstimateDirections);
+      stage("translation", AverageTranslation);
+      stage("tracks", CollectTracks);
+      stage("start", ChooseStartPose);
+    }
     OptimizeOverTracks(&state);
     stage("covariance", EstimateCovariance);
     Report(&state);

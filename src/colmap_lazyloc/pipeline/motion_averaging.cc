@@ -4,24 +4,11 @@
 #include <cmath>
 #include <optional>
 
-#include "colmap_lazyloc/bridge/observation.h"
 #include "colmap_lazyloc/math/seed.h"
 #include "colmap_lazyloc/math/so3.h"
 
 namespace lazyloc {
 namespace {
-
-void KeepBestPairs(QueryState* state) {
-  const size_t max_num_pairs = static_cast<size_t>(state->options.max_num_pairs);
-  if (max_num_pairs == 0 || state->pairs.size() <= max_num_pairs) return;
-  const auto has_more_inliers = [](const PairState& a, const PairState& b) {
-    return a.relative_pose.inlier_matches.size() > b.relative_pose.inlier_matches.size();
-  };
-  std::stable_sort(state->pairs.begin(), state->pairs.end(), has_more_inliers);
-  state->pairs.resize(max_num_pairs);
-  std::sort(state->pairs.begin(), state->pairs.end(),
-            [](const PairState& a, const PairState& b) { return a.index < b.index; });
-}
 
 void KeepAgreeingPairs(const std::vector<double>& rotation_errors_rad, QueryState* state) {
   std::vector<PairState> agreeing;
@@ -42,23 +29,24 @@ void KeepAgreeingPairs(const std::vector<double>& rotation_errors_rad, QueryStat
   state->pairs = std::move(agreeing);
 }
 
-// The matches of a pair whose image points have rays.
-ViewMatches Observe(int pair_index, const Matches& matches, QueryState* state) {
-  const ImagePair& images = state->problem.pairs[pair_index];
-  const Observer observe_query(state->query_camera), observe_database(images.database_camera);
-  state->query_observations.resize(state->problem.query_keypoints.size());
-  ViewMatches observed;
-  observed.view = pair_index + 1;
-  for (const Match& match : matches) {
-    std::optional<std::optional<Observation>>& query = state->query_observations[match.query_point];
-    if (!query) query = observe_query(state->problem.query_keypoints[match.query_point]);
-    const auto database = observe_database(images.database_keypoints[match.database_point]);
-    if (*query && database) observed.Add(match, **query, *database);
-  }
-  return observed;
-}
-
 }  // namespace
+
+void KeepBestPairs(QueryState* state) {
+  if (state->pairs.empty()) {
+    throw QueryFailure{QueryStatus::TOO_FEW_INLIERS,
+                       "none of " + std::to_string(state->problem.pairs.size()) + " pairs has " +
+                           std::to_string(state->options.relative_pose.min_num_inliers) + " verified inliers"};
+  }
+  const size_t max_num_pairs = static_cast<size_t>(state->options.max_num_pairs);
+  if (max_num_pairs == 0 || state->pairs.size() <= max_num_pairs) return;
+  const auto has_more_inliers = [](const PairState& a, const PairState& b) {
+    return a.relative_pose.inlier_matches.size() > b.relative_pose.inlier_matches.size();
+  };
+  std::stable_sort(state->pairs.begin(), state->pairs.end(), has_more_inliers);
+  state->pairs.resize(max_num_pairs);
+  std::sort(state->pairs.begin(), state->pairs.end(),
+            [](const PairState& a, const PairState& b) { return a.index < b.index; });
+}
 
 void FindRelativePoses(QueryState* state) {
   for (size_t i = 0; i < state->problem.pairs.size(); ++i) {
@@ -69,11 +57,6 @@ void FindRelativePoses(QueryState* state) {
     if (!relative_pose) continue;
     state->result.pairs[i].num_inliers = static_cast<int>(relative_pose->inlier_matches.size());
     state->pairs.push_back({static_cast<int>(i), std::move(*relative_pose), {}, {}});
-  }
-  if (state->pairs.empty()) {
-    throw QueryFailure{QueryStatus::TOO_FEW_INLIERS,
-                       "none of " + std::to_string(state->problem.pairs.size()) + " pairs has " +
-                           std::to_string(state->options.relative_pose.min_num_inliers) + " verified inliers"};
   }
   KeepBestPairs(state);
 }
@@ -96,7 +79,7 @@ void AverageRotation(QueryState* state) {
 
 void EstimateDirections(QueryState* state) {
   for (PairState& pair : state->pairs) {
-    pair.view_matches = Observe(pair.index, pair.relative_pose.inlier_matches, state);
+    pair.view_matches = state->Observe(pair.index, pair.relative_pose.inlier_matches);
     const Eigen::Quaterniond world_from_query = state->views[0].cam_from_world.rotation.conjugate();
     const Eigen::Quaterniond world_from_database = state->DatabaseView(pair).cam_from_world.rotation.conjugate();
     std::vector<RayPair> rays;

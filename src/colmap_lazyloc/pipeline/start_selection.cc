@@ -1,15 +1,13 @@
 #include "colmap_lazyloc/pipeline/start_selection.h"
 
 #include <algorithm>
-#include <optional>
 
 #include "colmap_lazyloc/bridge/absolute_pose.h"
 #include "colmap_lazyloc/math/seed.h"
 
 namespace lazyloc {
-namespace {
 
-double Score(const Rigid3d& cam_from_world, const std::vector<Track>& tracks, double max_error_px) {
+double ScoreStart(const Rigid3d& cam_from_world, const std::vector<Track>& tracks, double max_error_px) {
   double score = 0;
   for (const Track& track : tracks) {
     const Observation& observation = track.observations.front().observation;
@@ -21,12 +19,9 @@ double Score(const Rigid3d& cam_from_world, const std::vector<Track>& tracks, do
   return score;
 }
 
-}  // namespace
-
-Rigid3d ChooseStart(const std::vector<View>& views, const std::vector<Track>& tracks, double max_error_px,
-                    uint32_t seed) {
-  const Rigid3d& averaged = views.front().cam_from_world;
-  if (tracks.size() < 4) return averaged;
+std::optional<Rigid3d> AbsolutePose(const std::vector<Track>& tracks, double max_error_px, uint32_t seed,
+                                    double min_inlier_ratio) {
+  if (tracks.size() < 4) return std::nullopt;
   std::vector<Eigen::Vector3d> rays, points;
   for (const Track& track : tracks) {
     rays.push_back(track.observations.front().observation.ray_in_cam);
@@ -34,9 +29,16 @@ Rigid3d ChooseStart(const std::vector<View>& views, const std::vector<Track>& tr
   }
   // Half the bound: RANSAC counts all its inliers alike.
   const double max_error_rad = max_error_px / 2 * RadFromPx(tracks.front().observations.front().observation);
-  const std::optional<Rigid3d> absolute = EstimateAbsolutePose(rays, points, max_error_rad, seed);
+  return EstimateAbsolutePose(rays, points, max_error_rad, seed, min_inlier_ratio);
+}
+
+Rigid3d ChooseStart(const std::vector<View>& views, const std::vector<Track>& tracks, double max_error_px,
+                    uint32_t seed) {
+  const Rigid3d& averaged = views.front().cam_from_world;
+  const std::optional<Rigid3d> absolute = AbsolutePose(tracks, max_error_px, seed);
   if (!absolute) return averaged;
-  return Score(*absolute, tracks, max_error_px) > Score(averaged, tracks, max_error_px) ? *absolute : averaged;
+  return ScoreStart(*absolute, tracks, max_error_px) > ScoreStart(averaged, tracks, max_error_px) ? *absolute
+                                                                                                  : averaged;
 }
 
 void ChooseStartPose(QueryState* state) {

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <vector>
 
 #include "colmap_lazyloc/pipeline/query_state.h"
@@ -14,6 +15,11 @@ namespace lazyloc {
 // points are seen twice. tracks: with points; the first observation is the query's.
 Rigid3d ChooseStart(const std::vector<View>& views, const std::vector<Track>& tracks, double max_error_px,
                     uint32_t seed);
+
+// The score above, and COLMAP's absolute pose; none where none is found (see EstimateAbsolutePose).
+double ScoreStart(const Rigid3d& cam_from_world, const std::vector<Track>& tracks, double max_error_px);
+std::optional<Rigid3d> AbsolutePose(const std::vector<Track>& tracks, double max_error_px, uint32_t seed,
+                                    double min_inlier_ratio = 0.1);
 
 // Triangulates the candidate tracks from the database views and chooses the query's pose to start from.
 void ChooseStartPose(QueryState* state);
