@@ -7,6 +7,7 @@
 #include <unordered_set>
 #include <utility>
 
+#include "colmap_lazyloc/io/rig_merger.h"
 #include "colmap_lazyloc/scene/errors.h"
 
 namespace lazyloc {
@@ -81,6 +82,7 @@ void AddQueryImages(const std::vector<const LocalizationResult*>& results,
     added.image.name = query->query_name;
     added.image.cam_from_world = query->cam_from_world;
     added.database_id = database_ids.at(query->query_name);
+    if (!merged->rigs.empty()) AddFrameOfOneImage(added.image, merged);
     merged->images.emplace(added.image.image_id, std::move(added));
   }
 }
@@ -136,6 +138,7 @@ MergedModel MergeModel(const Model& model, const std::vector<const LocalizationR
   for (const ModelImage& image : model.images) {
     if (query_names.count(image.name) == 0) merged.images[image.image_id].image = image;
   }
+  KeepRigs(model, &merged);
   AddQueryImages(results, database_images, model_ids, database_ids, &merged);
 
   ImageOfName images;

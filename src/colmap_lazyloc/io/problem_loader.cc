@@ -159,7 +159,7 @@ std::optional<ImagePair> ProblemLoader::LoadPair(const Query& query, const Candi
     // Estimated with other intrinsics: COLMAP estimates it again.
     pair.geometry->config = TwoViewConfig::UNCALIBRATED;
   }
-  if (pair.geometry && !HoldsCalibrated(pair.geometry->config)) {
+  if (pair.geometry && (options_.use_raw_matches || !HoldsCalibrated(pair.geometry->config))) {
     pair.matches = database.ReadMatches(query.image.image_id, candidate.image_id);
   }
   return pair;
@@ -190,6 +190,28 @@ void ProblemLoader::LoadBestPairs(const Query& query, const DatabaseReader& data
   LoadPairs(query, RankCandidates(query, unverified), problem->pairs.size() + 2 * num_wanted, database, problem);
 }
 
+void ProblemLoader::LoadDatabaseMatches(const DatabaseReader& database, LocalizationProblem* problem) const {
+  const std::vector<ImagePair>& pairs = problem->pairs;
+  for (size_t pair1 = 0; pair1 < pairs.size(); ++pair1) {
+    const uint32_t image_id1 = database_images_.at(pairs[pair1].database_name).image_id;
+    for (size_t pair2 = pair1 + 1; pair2 < pairs.size(); ++pair2) {
+      const uint32_t image_id2 = database_images_.at(pairs[pair2].database_name).image_id;
+      const std::optional<TwoViewGeometry> geometry = database.ReadTwoViewGeometry(image_id1, image_id2);
+      if (!geometry || geometry->inlier_matches.empty()) continue;
+      DatabaseMatches matches{static_cast<int>(pair1), static_cast<int>(pair2), {}};
+      for (const Match& match : geometry->inlier_matches) {
+        if (match.query_point >= pairs[pair1].database_keypoints.size() ||
+            match.database_point >= pairs[pair2].database_keypoints.size()) {
+          throw InputError(database.Path().string() + ": a match between " + pairs[pair1].database_name + " and " +
+                           pairs[pair2].database_name + " names a keypoint that its image does not have");
+        }
+        matches.keypoints.emplace_back(match.query_point, match.database_point);
+      }
+      problem->database_matches.push_back(std::move(matches));
+    }
+  }
+}
+
 LocalizationProblem ProblemLoader::Load(const std::string& query_name, const DatabaseReader& database) const {
   const Query& query = queries_.at(query_name);
   LocalizationProblem problem;
@@ -205,6 +227,7 @@ LocalizationProblem ProblemLoader::Load(const std::string& query_name, const Dat
   }
   std::sort(problem.pairs.begin(), problem.pairs.end(),
             [](const ImagePair& a, const ImagePair& b) { return a.database_name < b.database_name; });
+  if (options_.use_database_matches) LoadDatabaseMatches(database, &problem);
   return problem;
 }
 

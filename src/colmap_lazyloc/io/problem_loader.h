@@ -15,8 +15,10 @@
 namespace lazyloc {
 
 struct ProblemLoaderOptions {
-  int num_retrieved = 20;      // database images per query
-  bool leave_one_out = false;  // queries are posed images, each against all others
+  int num_retrieved = 20;             // database images per query
+  bool use_database_matches = false;  // matches among a query's database images are loaded too
+  bool use_raw_matches = false;       // raw matches are loaded even where a pair's verified geometry can be used
+  bool leave_one_out = false;         // queries are posed images, each against all others
 };
 
 // Decides what the queries and the database images are, and loads one query's problem at a time: memory does not grow
@@ -64,6 +66,7 @@ class ProblemLoader {
   void LoadPairs(const Query& query, const Candidates& candidates, size_t max_num_pairs, const DatabaseReader& database,
                  LocalizationProblem* problem) const;
   void LoadBestPairs(const Query& query, const DatabaseReader& database, LocalizationProblem* problem) const;
+  void LoadDatabaseMatches(const DatabaseReader& database, LocalizationProblem* problem) const;
   // None where there are no matches, or verification left none.
   std::optional<ImagePair> LoadPair(const Query& query, const Candidate& candidate,
                                     const DatabaseReader& database) const;

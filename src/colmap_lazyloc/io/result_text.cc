@@ -79,8 +79,9 @@ Json ResultToJson(const LocalizationResult& result) {
   json["name"] = result.query_name;
   json["status"] = QueryStatusName(result.status);
   json["reason"] = result.reason;
+  json["start"] = result.start;
   json["cam_from_world"] = localized ? PoseToJson(result.cam_from_world) : Json();
-  json["covariance"] = localized ? CovarianceToJson(result.covariance) : Json();
+  json["covariance"] = localized && result.covariance.allFinite() ? CovarianceToJson(result.covariance) : Json();
   if (localized && result.is_camera_refined) json["camera"] = CameraToJson(result.query_camera);
   json["num_tracks"] = result.num_tracks;
   json["num_observations"] = result.num_observations;

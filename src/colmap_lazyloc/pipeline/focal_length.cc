@@ -27,9 +27,6 @@ void CollectInlierMatches(QueryState* state) {
     state->pairs.push_back({static_cast<int>(i), {{}, std::move(matches)}, {}, {}});
   }
   KeepBestPairs(state);
-  for (PairState& pair : state->pairs) {
-    pair.view_matches = state->Observe(pair.index, pair.relative_pose.inlier_matches);
-  }
 }
 
 void ChooseFocalLengthAndPose(QueryState* state) {
@@ -38,17 +35,19 @@ void ChooseFocalLengthAndPose(QueryState* state) {
   const double max_error_px = state->options.max_start_error_sigma * state->options.start_noise_px;
   const uint32_t seed = SeedFromNames(state->problem.query_name, "", state->options.seed);
   const double num_tracks = static_cast<double>(std::max<size_t>(state->tracks_from_database.size(), 1));
+  const std::vector<Track> no_other_tracks;  // they have no say: any focal length fits an epipolar line
   double best_score = 0, best_factor = 1;
   for (int i = 0; i <= 2 * kNumSteps; ++i) {
     const int step = i % 2 == 0 ? i / 2 : -(i + 1) / 2;  // from the given focal length outwards
     const double factor = std::pow(kMaxFocalFactor, static_cast<double>(step) / kNumSteps);
     const std::vector<Track> tracks =
         state->ObservedBy(WithFocalFactor(state->query_camera, factor), state->tracks_from_database);
+    const StartEvidence evidence{state->views, tracks, no_other_tracks, max_error_px};
     // One with half the inliers of the best so far does not win: RANSAC need not search for it.
     const double min_inlier_ratio = std::max(0.1, 0.5 * best_score / num_tracks);
-    const std::optional<Rigid3d> pose = AbsolutePose(tracks, max_error_px, seed, min_inlier_ratio);
+    const std::optional<Rigid3d> pose = AbsolutePoseStart(evidence, seed, min_inlier_ratio);
     if (!pose) continue;
-    const double score = ScoreStart(*pose, tracks, max_error_px);
+    const double score = ScoreStart(evidence, *pose);
     if (score <= best_score) continue;
     best_score = score;
     best_factor = factor;
@@ -59,6 +58,7 @@ void ChooseFocalLengthAndPose(QueryState* state) {
                                                         std::to_string(state->tracks_from_database.size()) +
                                                         " points that two or more database images triangulate"};
   }
+  state->result.start = kEnumNames<StartPose>[static_cast<size_t>(StartPose::ABSOLUTE_POSE)];
   state->ScaleFocalLength(best_factor);
 }
 

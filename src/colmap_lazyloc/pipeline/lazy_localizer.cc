@@ -1,5 +1,6 @@
 #include "colmap_lazyloc/pipeline/lazy_localizer.h"
 
+#include "colmap_lazyloc/pipeline/ablations.h"
 #include "colmap_lazyloc/pipeline/focal_length.h"
 #include "colmap_lazyloc/pipeline/motion_averaging.h"
 #include "colmap_lazyloc/pipeline/pose_uncertainty.h"
@@ -7,6 +8,7 @@
 #include "colmap_lazyloc/pipeline/report.h"
 #include "colmap_lazyloc/pipeline/stage_timer.h"
 #include "colmap_lazyloc/pipeline/start_selection.h"
+#include "colmap_lazyloc/pipeline/track_collection.h"
 
 namespace lazyloc {
 namespace {
@@ -28,20 +30,26 @@ LocalizationResult LocalizeQuery(const LocalizationProblem& problem, const Local
   };
   try {
     CheckInput(problem);
-    if (state.SeeksFocalLength()) {
-      stage("two_view", CollectInlierMatches);
-      stage("tracks", CollectTracks);
-      stage("start", ChooseFocalLengthAndPose);
-    } else {
-      stage("two_view", FindRelativePoses);
-      stage("rotation", AverageRotation);
-      stage("directions", EstimateDirections);
-      stage("translation", AverageTranslation);
-      stage("tracks", CollectTracks);
-      stage("start", ChooseStartPose);
+    const bool seeks_focal_length = state.SeeksFocalLength();
+    stage("two_view", seeks_focal_length ? CollectInlierMatches : FindRelativePoses);
+    stage("observations", ObserveMatches);
+    if (!seeks_focal_length) {
+      try {
+        stage("rotation", AverageRotation);
+        stage("directions", EstimateDirections);
+        stage("translation", AverageTranslation);
+      } catch (const QueryFailure& failure) {
+        state.averaging_failure = failure;  // other starts may do
+      }
     }
-    OptimizeOverTracks(&state);
-    stage("covariance", EstimateCovariance);
+    if (options.post_optimization == PostOptimization::TRACKS) {
+      stage("tracks", CollectTracks);
+      stage("start", seeks_focal_length ? ChooseFocalLengthAndPose : ChooseStartPose);
+      OptimizeOverTracks(&state);
+      stage("covariance", EstimateCovariance);
+    } else {
+      stage("refinement", RefineWithoutTracks);
+    }
     Report(&state);
     state.result.status = QueryStatus::LOCALIZED;
   } catch (const QueryFailure& failure) {

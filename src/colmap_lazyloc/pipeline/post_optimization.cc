@@ -5,10 +5,10 @@
 
 #include "colmap_lazyloc/math/so3.h"
 #include "colmap_lazyloc/pipeline/stage_timer.h"
+#include "colmap_lazyloc/pipeline/track_collection.h"
 #include "colmap_lazyloc/refinement/covariance.h"
 #include "colmap_lazyloc/refinement/pose_prior.h"
 #include "colmap_lazyloc/refinement/view_noise.h"
-#include "colmap_lazyloc/structure/track_selection.h"
 
 namespace lazyloc {
 namespace {
@@ -57,16 +57,6 @@ void Adjust(QueryState* state) {
 
 }  // namespace
 
-void CollectTracks(QueryState* state) {
-  std::vector<ViewMatches> view_matches;
-  for (const PairState& pair : state->pairs) view_matches.push_back(pair.view_matches);
-  state->candidates =
-      SelectTracks(BuildTracks(view_matches), state->problem.query_keypoints, state->options.max_num_tracks);
-  state->start_candidates =
-      SelectTracks(state->candidates, state->problem.query_keypoints, state->options.max_num_start_tracks);
-  for (View& view : state->views) view.noise_px = state->options.start_noise_px;
-}
-
 void OptimizeOverTracks(QueryState* state) {
   const LocalizerOptions& options = state->options;
   double max_query_error_sigma = options.max_start_error_sigma;
@@ -97,6 +87,7 @@ void OptimizeOverTracks(QueryState* state) {
     }
     EstimateViewNoise(state->tracks, options.min_noise_px, &state->views);
     max_query_error_sigma = options.triangulation.max_query_error_sigma;
+    if (options.use_raw_matches) CollectTracksAgain(state);
   }
   state->tracks = FittingTracks(state->views, state->tracks, options.triangulation.max_query_error_sigma);
 }

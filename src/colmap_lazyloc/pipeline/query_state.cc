@@ -18,7 +18,10 @@ QueryState::QueryState(const LocalizationProblem& query_problem, const Localizer
     result.pairs.push_back({pair.database_name, 0, kNone, kNone});
     origin += CamInWorld(pair.database_cam_from_world) / static_cast<double>(problem.pairs.size());
   }
-  if (options.refine_focal_length && !query_camera.has_prior_focal_length) views[0].log_focal_factor = 0;
+  const bool has_focal_length = !SameIntrinsics(WithFocalFactor(query_camera, 2), query_camera);
+  if (options.refine_focal_length && has_focal_length && !query_camera.has_prior_focal_length) {
+    views[0].log_focal_factor = 0;
+  }
   for (size_t view = 1; view < views.size(); ++view) views[view] = {GivenPose(view), /*is_database=*/true};
 }
 
@@ -47,6 +50,7 @@ ViewMatches QueryState::Observe(int pair_index, const Matches& matches) {
 void QueryState::ScaleFocalLength(double factor) {
   query_camera = WithFocalFactor(query_camera, factor);
   query_observations.assign(problem.query_keypoints.size(), std::nullopt);
+  for (PairState& pair : pairs) pair.view_matches = Observe(pair.index, pair.view_matches.matches);
   for (std::vector<Track>* group :
        {&candidates, &start_candidates, &tracks_from_database, &tracks_with_query, &tracks}) {
     *group = ObservedBy(query_camera, *group);

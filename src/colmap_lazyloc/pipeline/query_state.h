@@ -50,13 +50,14 @@ struct QueryState {
   Camera query_camera;
   // By keypoint, as far as they are needed; none inside where the camera model has no ray there.
   std::vector<std::optional<std::optional<Observation>>> query_observations;
-  std::vector<PairState> pairs;             // those still in use
-  std::vector<Track> candidates;            // all tracks, points not set
-  std::vector<Track> start_candidates;      // as many of them as a rough pose needs
-  std::vector<Track> tracks_from_database;  // those that the database views triangulate by themselves
-  std::vector<Track> tracks_with_query;     // the others, points not set
-  std::vector<Track> tracks;                // those that hold, in the last adjustment
-  BundleAdjustmentResult adjustment;        // the last one
+  std::vector<PairState> pairs;                   // those still in use
+  std::optional<QueryFailure> averaging_failure;  // why motion averaging gave no pose
+  std::vector<Track> candidates;                  // all tracks, points not set
+  std::vector<Track> start_candidates;            // as many of them as a rough pose needs
+  std::vector<Track> tracks_from_database;        // those that the database views triangulate by themselves
+  std::vector<Track> tracks_with_query;           // the others, points not set
+  std::vector<Track> tracks;                      // those that hold, in the last adjustment
+  BundleAdjustmentResult adjustment;              // the last one
   LocalizationResult result;
 };
 

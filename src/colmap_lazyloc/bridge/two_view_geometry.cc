@@ -3,7 +3,7 @@
 #include <colmap/estimators/two_view_geometry.h>
 #include <colmap/math/random.h>
 
-#include "colmap_lazyloc/bridge/colmap_3x/convert.h"
+#include "colmap_lazyloc/bridge/convert.h"
 
 namespace lazyloc {
 namespace {
@@ -23,11 +23,6 @@ TwoViewGeometry FromColmap(const colmap::TwoViewGeometry& geometry) {
     converted.inlier_matches.push_back({match.point2D_idx2, match.point2D_idx1});
   }
   return converted;
-}
-
-bool HasPose(const colmap::TwoViewGeometry& geometry) {
-  const colmap::Rigid3d& pose = geometry.cam2_from_cam1;
-  return pose.rotation.coeffs().allFinite() && pose.rotation.norm() > 0 && pose.translation.allFinite();
 }
 
 }  // namespace
@@ -50,7 +45,7 @@ TwoViewGeometry EstimateTwoViewGeometry(const Camera& database_camera,
   const bool has_pose =
       colmap::EstimateTwoViewGeometryPose(camera1, database_keypoints, camera2, query_keypoints, &geometry);
   TwoViewGeometry result = FromColmap(geometry);
-  if (has_pose && HasPose(geometry)) result.query_from_database = FromColmap(geometry.cam2_from_cam1);
+  if (has_pose) result.query_from_database = RelativePose(geometry);
   return result;
 }
 
@@ -66,12 +61,13 @@ void EstimateRelativePose(const Camera& database_camera, const std::vector<Eigen
   if (geometry->H) converted.H = *geometry->H;
   converted.inlier_matches = ToColmap(geometry->inlier_matches);
   if (!colmap::EstimateTwoViewGeometryPose(ToColmap(database_camera), database_keypoints, ToColmap(query_camera),
-                                           query_keypoints, &converted) ||
-      !HasPose(converted)) {
+                                           query_keypoints, &converted)) {
     return;
   }
+  const std::optional<Rigid3d> pose = RelativePose(converted);
+  if (!pose) return;
   geometry->config = static_cast<TwoViewConfig>(converted.config);
-  geometry->query_from_database = FromColmap(converted.cam2_from_cam1);
+  geometry->query_from_database = pose;
 }
 
 }  // namespace lazyloc

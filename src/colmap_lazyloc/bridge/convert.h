@@ -1,7 +1,9 @@
 #pragma once
 
-#include <colmap/geometry/rigid3.h>
+#include <optional>
+
 #include <colmap/scene/camera.h>
+#include <colmap/scene/two_view_geometry.h>
 
 #include "colmap_lazyloc/math/rigid3.h"
 #include "colmap_lazyloc/scene/camera.h"
@@ -20,6 +22,7 @@ inline colmap::Camera ToColmap(const Camera& camera) {
   return converted;
 }
 
-inline Rigid3d FromColmap(const colmap::Rigid3d& rigid) { return {rigid.rotation.normalized(), rigid.translation}; }
+// None where COLMAP has set no pose, or one that is not finite.
+std::optional<Rigid3d> RelativePose(const colmap::TwoViewGeometry& geometry);
 
 }  // namespace lazyloc
