@@ -42,10 +42,10 @@ void ChooseFocalLengthAndPose(QueryState* state) {
     const double factor = std::pow(kMaxFocalFactor, static_cast<double>(step) / kNumSteps);
     const std::vector<Track> tracks =
         state->ObservedBy(WithFocalFactor(state->query_camera, factor), state->tracks_from_database);
-    const StartEvidence evidence{state->views, tracks, no_other_tracks, max_error_px};
     // One with half the inliers of the best so far does not win: RANSAC need not search for it.
     const double min_inlier_ratio = std::max(0.1, 0.5 * best_score / num_tracks);
-    const std::optional<Rigid3d> pose = AbsolutePoseStart(evidence, seed, min_inlier_ratio);
+    const StartEvidence evidence{state->views, tracks, no_other_tracks, max_error_px, min_inlier_ratio};
+    const std::optional<Rigid3d> pose = AbsolutePoseStart(evidence, seed);
     if (!pose) continue;
     const double score = ScoreStart(evidence, *pose);
     if (score <= best_score) continue;

@@ -54,7 +54,7 @@ double ScoreStart(const StartEvidence& evidence, const Rigid3d& cam_from_world) 
   return score;
 }
 
-std::optional<Rigid3d> AbsolutePoseStart(const StartEvidence& evidence, uint32_t seed, double min_inlier_ratio) {
+std::optional<Rigid3d> AbsolutePoseStart(const StartEvidence& evidence, uint32_t seed) {
   if (evidence.tracks_from_database.size() < 4) return std::nullopt;
   std::vector<Eigen::Vector3d> rays, points;
   for (const Track& track : evidence.tracks_from_database) {
@@ -62,7 +62,7 @@ std::optional<Rigid3d> AbsolutePoseStart(const StartEvidence& evidence, uint32_t
     points.push_back(track.point_in_world);
   }
   return EstimateAbsolutePose(rays, points, MaxErrorRad(evidence, evidence.tracks_from_database.front()), seed,
-                              min_inlier_ratio);
+                              evidence.min_inlier_ratio);
 }
 
 std::optional<Rigid3d> GeneralizedRelativePoseStart(const StartEvidence& evidence, uint32_t seed) {

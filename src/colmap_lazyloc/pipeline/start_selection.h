@@ -14,6 +14,7 @@ struct StartEvidence {
   const std::vector<Track>& tracks_from_database;  // with points; each track's first observation is the query's
   const std::vector<Track>& tracks_with_query;     // the others, without points
   double max_error_px = 0;
+  double min_inlier_ratio = 0.1;  // an absolute pose with fewer may be missed, which saves trials
 };
 
 // One truncated score for every hypothesis: a sum of max(0, 1 - (error / max_error_px)^2), the error being
@@ -21,8 +22,8 @@ struct StartEvidence {
 // only, the distance from the epipolar line of the one database view that a track has.
 double ScoreStart(const StartEvidence& evidence, const Rigid3d& cam_from_world);
 
-// Hypotheses; none where there is too little to make one of. min_inlier_ratio: see EstimateAbsolutePose.
-std::optional<Rigid3d> AbsolutePoseStart(const StartEvidence& evidence, uint32_t seed, double min_inlier_ratio = 0.1);
+// Hypotheses; none where there is too little to make one of.
+std::optional<Rigid3d> AbsolutePoseStart(const StartEvidence& evidence, uint32_t seed);
 std::optional<Rigid3d> GeneralizedRelativePoseStart(const StartEvidence& evidence, uint32_t seed);
 
 // Triangulates the start's tracks from the database views and chooses the query's pose to start from: motion averaging's,
