@@ -29,6 +29,7 @@ class Camera:
     width: int
     height: int
     params: list[float]
+    has_prior_focal_length: bool = True
 
     def image_from_cam(self, points_in_cam):
         """Pixels of points in front of the camera."""
@@ -262,7 +263,7 @@ def insert_scene(connection, scene, geometry="pose"):
     for camera in scene.cameras.values():
         params = np.array(camera.params, "<f8").tobytes()
         insert(connection, "cameras", camera_id=camera.camera_id, model=camera.model_id, width=camera.width,
-               height=camera.height, params=params, prior_focal_length=1)
+               height=camera.height, params=params, prior_focal_length=int(camera.has_prior_focal_length))
     for image in scene.images.values():
         insert(connection, "images", image_id=image.image_id, name=image.name, camera_id=image.camera_id)
         insert(connection, "keypoints", image_id=image.image_id, rows=len(image.keypoints),

@@ -63,6 +63,12 @@ std::string CameraProblem(const Camera& camera) {
   return "";
 }
 
+Camera WithFocalFactor(const Camera& camera, double factor) {
+  Camera scaled = camera;
+  for (const size_t idx : ToColmap(camera).FocalLengthIdxs()) scaled.params[idx] *= factor;
+  return scaled;
+}
+
 std::optional<Eigen::Vector3d> RayInCam(const Camera& camera, const Eigen::Vector2d& xy) {
   return RaysInCam(camera)(xy);
 }

@@ -21,6 +21,9 @@ size_t CameraModelNumParams(int model_id);
 // non-positive focal length, zero size); empty when it can.
 std::string CameraProblem(const Camera& camera);
 
+// The camera with all its model's focal lengths multiplied.
+Camera WithFocalFactor(const Camera& camera, double factor);
+
 // Viewing direction of an image point (pixels), unit length, in the camera's frame; none where the model
 // has no inverse there.
 std::optional<Eigen::Vector3d> RayInCam(const Camera& camera, const Eigen::Vector2d& xy);

@@ -108,6 +108,7 @@ void ProblemLoader::AddQuery(const QueryListEntry& entry, const ModelImage* pose
     query.camera = *entry.camera;
   } else if (posed != nullptr) {
     query.camera = model_.cameras.at(posed->camera_id);
+    query.camera.has_prior_focal_length = query.stored_camera.has_prior_focal_length;  // models do not say
   } else {
     query.camera = ReadUsableCamera(database, query.image);
   }

@@ -5,6 +5,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "colmap_lazyloc/bridge/camera_models.h"
 #include "colmap_lazyloc/io/output_file.h"
 
 namespace lazyloc {
@@ -43,6 +44,13 @@ Json CovarianceToJson(const Eigen::Matrix<double, 6, 6>& covariance) {
   return rows;
 }
 
+Json CameraToJson(const Camera& camera) {
+  return {{"model", CameraModelName(camera.model_id)},
+          {"width", camera.width},
+          {"height", camera.height},
+          {"params", ToJson(camera.params)}};
+}
+
 Json PairsToJson(const std::vector<PairResult>& pairs) {
   Json json = Json::array();
   for (const PairResult& pair : pairs) {
@@ -74,6 +82,7 @@ Json ResultToJson(const LocalizationResult& result) {
   json["start"] = result.start;
   json["cam_from_world"] = localized ? PoseToJson(result.cam_from_world) : Json();
   json["covariance"] = localized && result.covariance.allFinite() ? CovarianceToJson(result.covariance) : Json();
+  if (localized && result.is_camera_refined) json["camera"] = CameraToJson(result.query_camera);
   json["num_tracks"] = result.num_tracks;
   json["num_observations"] = result.num_observations;
   json["mean_reprojection_error_px"] = result.num_observations > 0 ? Json(result.mean_reprojection_error_px) : Json();

@@ -7,6 +7,7 @@
 #include <gmock/gmock.h>
 #include <nlohmann/json.hpp>
 
+#include "colmap_lazyloc/bridge/camera_models.h"
 #include "colmap_lazyloc/io/io_test_fixture.h"
 
 namespace lazyloc {
@@ -137,6 +138,15 @@ TEST_F(ResultText, FullDiskIsReported) {
   const LocalizationResult localized = Localized();
   EXPECT_THAT(ErrorOf([&] { WritePoses("/dev/full", {&localized}); }), HasSubstr("/dev/full: cannot be written"));
   EXPECT_THAT(ErrorOf([&] { WriteResultsJson(folder_ / "none" / "x", {}); }), HasSubstr("none/x: cannot be written"));
+}
+
+TEST_F(ResultText, CameraIsWrittenWhereItWasRefined) {
+  LocalizationResult result = Localized();
+  result.query_camera = {3, *CameraModelId("PINHOLE"), 640, 480, {500, 1.0 / 3, 320, 240}, false};
+  EXPECT_FALSE(JsonOf(result).contains("camera"));
+  result.is_camera_refined = true;
+  EXPECT_EQ(JsonOf(result)["camera"],
+            Json({{"model", "PINHOLE"}, {"width", 640}, {"height", 480}, {"params", {500, 1.0 / 3, 320, 240}}}));
 }
 
 }  // namespace

@@ -10,18 +10,6 @@
 namespace lazyloc {
 namespace {
 
-void KeepBestPairs(QueryState* state) {
-  const size_t max_num_pairs = static_cast<size_t>(state->options.max_num_pairs);
-  if (max_num_pairs == 0 || state->pairs.size() <= max_num_pairs) return;
-  const auto has_more_inliers = [](const PairState& a, const PairState& b) {
-    return a.relative_pose.inlier_matches.size() > b.relative_pose.inlier_matches.size();
-  };
-  std::stable_sort(state->pairs.begin(), state->pairs.end(), has_more_inliers);
-  state->pairs.resize(max_num_pairs);
-  std::sort(state->pairs.begin(), state->pairs.end(),
-            [](const PairState& a, const PairState& b) { return a.index < b.index; });
-}
-
 void KeepAgreeingPairs(const std::vector<double>& rotation_errors_rad, QueryState* state) {
   const LocalizerOptions& options = state->options;
   const double max_error_deg = options.max_rotation_error_deg + 3 * std::max(0.0, options.database_pose_stddev_deg);
@@ -52,6 +40,23 @@ double MeanStddev(double stddev1, double stddev2) { return std::sqrt((stddev1 * 
 
 }  // namespace
 
+void KeepBestPairs(QueryState* state) {
+  if (state->pairs.empty()) {
+    throw QueryFailure{QueryStatus::TOO_FEW_INLIERS,
+                       "none of " + std::to_string(state->problem.pairs.size()) + " pairs has " +
+                           std::to_string(state->options.relative_pose.min_num_inliers) + " verified inliers"};
+  }
+  const size_t max_num_pairs = static_cast<size_t>(state->options.max_num_pairs);
+  if (max_num_pairs == 0 || state->pairs.size() <= max_num_pairs) return;
+  const auto has_more_inliers = [](const PairState& a, const PairState& b) {
+    return a.relative_pose.inlier_matches.size() > b.relative_pose.inlier_matches.size();
+  };
+  std::stable_sort(state->pairs.begin(), state->pairs.end(), has_more_inliers);
+  state->pairs.resize(max_num_pairs);
+  std::sort(state->pairs.begin(), state->pairs.end(),
+            [](const PairState& a, const PairState& b) { return a.index < b.index; });
+}
+
 void FindRelativePoses(QueryState* state) {
   for (size_t i = 0; i < state->problem.pairs.size(); ++i) {
     const ImagePair& pair = state->problem.pairs[i];
@@ -61,11 +66,6 @@ void FindRelativePoses(QueryState* state) {
     if (!relative_pose) continue;
     state->result.pairs[i].num_inliers = static_cast<int>(relative_pose->inlier_matches.size());
     state->pairs.push_back({static_cast<int>(i), std::move(*relative_pose), {}, {}});
-  }
-  if (state->pairs.empty()) {
-    throw QueryFailure{QueryStatus::TOO_FEW_INLIERS,
-                       "none of " + std::to_string(state->problem.pairs.size()) + " pairs has " +
-                           std::to_string(state->options.relative_pose.min_num_inliers) + " verified inliers"};
   }
   KeepBestPairs(state);
 }

@@ -29,6 +29,10 @@ void CheckObservability(const QueryState& state) {
     throw QueryFailure{QueryStatus::SCALE_UNOBSERVABLE,
                        "only one database position is usable: the distance to it cannot be known"};
   }
+  if (state.SeeksFocalLength()) {
+    throw QueryFailure{QueryStatus::DEGENERATE_BASELINE,
+                       "the position is open along a line: its distance and the focal length cannot be told apart"};
+  }
   throw QueryFailure{QueryStatus::DEGENERATE_BASELINE,
                      "the position is open along a line: no point is seen from two database images apart"};
 }

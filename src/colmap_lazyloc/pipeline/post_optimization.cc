@@ -1,6 +1,7 @@
 #include "colmap_lazyloc/pipeline/post_optimization.h"
 
 #include <algorithm>
+#include <cmath>
 
 #include "colmap_lazyloc/math/so3.h"
 #include "colmap_lazyloc/pipeline/stage_timer.h"
@@ -49,6 +50,9 @@ void Adjust(QueryState* state) {
   if (!state->adjustment.summary.success || !pose.rotation.coeffs().allFinite() || !pose.translation.allFinite()) {
     throw QueryFailure{QueryStatus::DIVERGED, "bundle adjustment failed: " + state->adjustment.summary.message};
   }
+  if (!state->SeeksFocalLength()) return;
+  state->ScaleFocalLength(std::exp(*state->views[0].log_focal_factor));
+  state->views[0].log_focal_factor = 0;
 }
 
 }  // namespace

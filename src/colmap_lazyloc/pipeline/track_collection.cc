@@ -11,6 +11,7 @@
 namespace lazyloc {
 namespace {
 
+<<<<<<< HEAD
 // The matches of a pair whose image points have rays.
 ViewMatches Observe(int pair_index, const Matches& matches, QueryState* state) {
   const ImagePair& images = state->problem.pairs[pair_index];
@@ -28,6 +29,8 @@ ViewMatches Observe(int pair_index, const Matches& matches, QueryState* state) {
   return observed;
 }
 
+=======
+>>>>>>> focal
 // By matches among the database images of the pairs in use.
 void ExtendByDatabaseMatches(const QueryState& state, std::vector<Track>* tracks) {
   const std::vector<ImagePair>& images = state.problem.pairs;
@@ -66,7 +69,7 @@ ViewMatches Inliers(const ViewMatches& matches, double max_error_sigma, const st
 void ObserveMatches(QueryState* state) {
   for (View& view : state->views) view.noise_px = state->options.start_noise_px;
   for (PairState& pair : state->pairs) {
-    pair.view_matches = Observe(pair.index, pair.relative_pose.inlier_matches, state);
+    pair.view_matches = state->Observe(pair.index, pair.relative_pose.inlier_matches);
   }
 }
 
@@ -85,7 +88,11 @@ void CollectTracksAgain(QueryState* state) {
     const Matches& raw = state->problem.pairs[pair.index].matches;
     const Matches& matches = raw.empty() ? pair.relative_pose.inlier_matches : raw;
     pair.view_matches =
+<<<<<<< HEAD
         Inliers(Observe(pair.index, matches, state), state->options.triangulation.max_query_error_sigma, state->views);
+=======
+        Inliers(state->Observe(pair.index, raw), state->options.triangulation.max_query_error_sigma, state->views);
+>>>>>>> focal
   }
   CollectTracks(state);
 }

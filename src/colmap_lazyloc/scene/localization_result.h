@@ -43,8 +43,9 @@ struct PointResult {
 struct LocalizationResult {
   std::string query_name;
   QueryStatus status = QueryStatus::NO_PAIRS;
-  std::string reason;  // one sentence; empty when LOCALIZED
-  Camera query_camera;
+  std::string reason;              // one sentence; empty when LOCALIZED
+  Camera query_camera;             // with the focal length that was found, where it was sought and the query LOCALIZED
+  bool is_camera_refined = false;  // whether that is so
 
   // Valid when LOCALIZED.
   Rigid3d cam_from_world;
