@@ -124,6 +124,7 @@ void AverageTranslation(QueryState* state) {
     problem.is_fixed.push_back(true);
   }
   if (problem.edges.empty()) throw FailWithoutBaseline(state);
+  if (std::optional<QueryFailure> failure = FailAtOnePlace(state)) throw *failure;
   const TranslationAveragingResult averaged = AverageTranslations(problem, state->options.translation_averaging);
   if (!averaged.summary.success) throw QueryFailure{QueryStatus::DIVERGED, "translation averaging failed"};
   state->views[0].cam_from_world = CamFromWorld(state->views[0].cam_from_world.rotation, averaged.cams_in_world[0]);

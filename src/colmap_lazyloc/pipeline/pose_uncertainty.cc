@@ -5,6 +5,7 @@
 #include "colmap_lazyloc/refinement/covariance.h"
 
 namespace lazyloc {
+
 void EstimateCovariance(QueryState* state) {
   if (static_cast<int>(state->tracks.size()) < state->options.min_num_tracks) {
     throw QueryFailure{QueryStatus::TOO_FEW_TRACKS, "only " + std::to_string(state->tracks.size()) +

@@ -13,6 +13,8 @@
 namespace lazyloc {
 namespace {
 
+constexpr char kOnePlaceReason[] =
+    "only one database position is usable: the direction from there is known, the distance is not";
 // Above it a bearing says nothing.
 constexpr double kMaxBearingStddevRad = 0.5;
 
@@ -122,8 +124,7 @@ QueryFailure FailWithOpenPosition(const Eigen::Matrix<double, 6, 6>& covariance,
   state->result.partial_pose = {pose.rotation, spread.rotation_stddev_rad,
                                 BestBearing(PositionCovariance(pose, covariance), *state)};
   if (is_one_place) {
-    return {QueryStatus::SCALE_UNOBSERVABLE,
-            "only one database position is usable: the direction from there is known, the distance is not"};
+    return {QueryStatus::SCALE_UNOBSERVABLE, kOnePlaceReason};
   }
   if (AreOnOneLine(*state, 0.05)) {
     return {QueryStatus::DEGENERATE_BASELINE,
@@ -131,6 +132,21 @@ QueryFailure FailWithOpenPosition(const Eigen::Matrix<double, 6, 6>& covariance,
             "fix the position along it"};
   }
   return {QueryStatus::DEGENERATE_BASELINE, OpenDirectionReason(spread, *state)};
+}
+
+std::optional<QueryFailure> FailAtOnePlace(QueryState* state) {
+  if (state->pairs.size() < 2 || !AreOnePlace(DatabaseCentres(*state))) return std::nullopt;
+  const PairState* best = nullptr;
+  for (const PairState& pair : state->pairs) {
+    if (pair.direction.dir_1to2_in_world.isZero()) continue;
+    if (!best || pair.direction.stddev_rad < best->direction.stddev_rad) best = &pair;
+  }
+  state->result.partial_pose = {state->views[0].cam_from_world.rotation, std::nullopt, std::nullopt};
+  if (best) {
+    state->result.partial_pose->bearing = {state->problem.pairs[best->index].database_name,
+                                           best->direction.dir_1to2_in_world, best->direction.stddev_rad};
+  }
+  return QueryFailure{QueryStatus::SCALE_UNOBSERVABLE, kOnePlaceReason};
 }
 
 QueryFailure FailWithoutBaseline(QueryState* state) {
