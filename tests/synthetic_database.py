@@ -149,11 +149,13 @@ def arc(num, radius=6.0, height=1.0, phase=0.0):
 
 
 def make_scene(database_centres, query_centres, noise_px=0.0, outlier_ratio=0.0, num_points=240, visible_ratio=0.7,
-               seed=0, database_pairs=False):
-    """Cameras that look at points in a cube of 3 units about the origin. Each query is matched with each database
+               seed=0, database_pairs=False, is_planar=False):
+    """Cameras that look at points in a cube of 3 units about the origin, or in an inclined square of it. Each query is matched with each database
     image, with database_pairs everything with everything; outliers are among the raw matches only."""
     rng = np.random.default_rng(seed)
     points = rng.uniform(-1.5, 1.5, (num_points, 3))
+    if is_planar:
+        points[:, 2] = 0.4 * points[:, 0] + 0.2 * points[:, 1]
     cameras = {1: Camera(1, SIMPLE_RADIAL, 640, 480, [520.0, 320.0, 240.0, -0.05]),
                2: Camera(2, PINHOLE, 600, 500, [480.0, 490.0, 301.5, 248.5])}
     scene = Scene(cameras, {}, {}, [])

@@ -39,7 +39,8 @@ LocalizationResult LocalizeQuery(const LocalizationProblem& problem, const Local
         stage("directions", EstimateDirections);
         stage("translation", AverageTranslation);
       } catch (const QueryFailure& failure) {
-        state.averaging_failure = failure;  // other starts may do
+        if (failure.status == QueryStatus::SCALE_UNOBSERVABLE) throw;  // by whatever start
+        state.averaging_failure = failure;
       }
     }
     if (options.post_optimization == PostOptimization::TRACKS) {

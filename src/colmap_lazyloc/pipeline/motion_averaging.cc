@@ -6,6 +6,7 @@
 
 #include "colmap_lazyloc/math/seed.h"
 #include "colmap_lazyloc/math/so3.h"
+#include "colmap_lazyloc/pipeline/position_ambiguity.h"
 
 namespace lazyloc {
 namespace {
@@ -115,10 +116,8 @@ void AverageTranslation(QueryState* state) {
     problem.cams_in_world.push_back(CamInWorld(state->DatabaseView(pair).cam_from_world));
     problem.is_fixed.push_back(true);
   }
-  if (problem.edges.empty()) {
-    throw QueryFailure{QueryStatus::DEGENERATE_BASELINE, "the query has no baseline to any of " +
-                                                             std::to_string(state->pairs.size()) + " database images"};
-  }
+  if (problem.edges.empty()) throw FailWithoutBaseline(state);
+  if (std::optional<QueryFailure> failure = FailAtOnePlace(state)) throw *failure;
   const TranslationAveragingResult averaged = AverageTranslations(problem, state->options.translation_averaging);
   if (!averaged.summary.success) throw QueryFailure{QueryStatus::DIVERGED, "translation averaging failed"};
   state->views[0].cam_from_world = CamFromWorld(state->views[0].cam_from_world.rotation, averaged.cams_in_world[0]);

@@ -38,6 +38,7 @@ ViewMatches QueryState::Observe(int pair_index, const Matches& matches) {
   query_observations.resize(problem.query_keypoints.size());
   ViewMatches observed;
   observed.view = pair_index + 1;
+  observed.Reserve(matches.size());
   for (const Match& match : matches) {
     std::optional<std::optional<Observation>>& query = query_observations[match.query_point];
     if (!query) query = observe_query(problem.query_keypoints[match.query_point]);

@@ -11,26 +11,6 @@
 namespace lazyloc {
 namespace {
 
-<<<<<<< HEAD
-// The matches of a pair whose image points have rays.
-ViewMatches Observe(int pair_index, const Matches& matches, QueryState* state) {
-  const ImagePair& images = state->problem.pairs[pair_index];
-  const Observer observe_query(state->query_camera), observe_database(images.database_camera);
-  state->query_observations.resize(state->problem.query_keypoints.size());
-  ViewMatches observed;
-  observed.view = pair_index + 1;
-  observed.Reserve(matches.size());
-  for (const Match& match : matches) {
-    std::optional<std::optional<Observation>>& query = state->query_observations[match.query_point];
-    if (!query) query = observe_query(state->problem.query_keypoints[match.query_point]);
-    const auto database = observe_database(images.database_keypoints[match.database_point]);
-    if (*query && database) observed.Add(match, **query, *database);
-  }
-  return observed;
-}
-
-=======
->>>>>>> focal
 // By matches among the database images of the pairs in use.
 void ExtendByDatabaseMatches(const QueryState& state, std::vector<Track>* tracks) {
   const std::vector<ImagePair>& images = state.problem.pairs;
@@ -88,11 +68,7 @@ void CollectTracksAgain(QueryState* state) {
     const Matches& raw = state->problem.pairs[pair.index].matches;
     const Matches& matches = raw.empty() ? pair.relative_pose.inlier_matches : raw;
     pair.view_matches =
-<<<<<<< HEAD
-        Inliers(Observe(pair.index, matches, state), state->options.triangulation.max_query_error_sigma, state->views);
-=======
-        Inliers(state->Observe(pair.index, raw), state->options.triangulation.max_query_error_sigma, state->views);
->>>>>>> focal
+        Inliers(state->Observe(pair.index, matches), state->options.triangulation.max_query_error_sigma, state->views);
   }
   CollectTracks(state);
 }
