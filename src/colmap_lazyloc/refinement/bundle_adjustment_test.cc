@@ -130,7 +130,9 @@ TEST_P(QueryCounts, FocalLengthIsFoundExactlyWithoutNoise) {
   DisturbFocalLengths(0.1, GetParam(), &scene);
   const SyntheticTracks truth = scene;
   Disturb(&scene, 2, 0.2, 0.1);
-  ASSERT_TRUE(AdjustBundle({}, &scene.views, &scene.tracks).summary.success);
+  BundleAdjustmentOptions options;
+  options.convergence_sigma = 1e-6;
+  ASSERT_TRUE(AdjustBundle(options, &scene.views, &scene.tracks).summary.success);
   for (int query = 0; query < GetParam(); ++query) {
     EXPECT_LE(PositionError(scene.views[query].cam_from_world, truth.views[query].cam_from_world), 1e-7);
     const bool is_sought = query == 0 || query < GetParam() - 1;
