@@ -7,7 +7,9 @@ function(lazyloc_set_properties target)
   target_include_directories(${target} PUBLIC
     "$<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}/src>" "$<INSTALL_INTERFACE:${CMAKE_INSTALL_INCLUDEDIR}>")
   if(LAZYLOC_SANITIZERS)
-    target_compile_options(${target} PRIVATE -fsanitize=${LAZYLOC_SANITIZERS} -fno-sanitize-recover=all -g)
+    # With sanitizers, GCC 12 takes what an empty std::optional holds for used.
+    target_compile_options(${target} PRIVATE -fsanitize=${LAZYLOC_SANITIZERS} -fno-sanitize-recover=all -g
+      -Wno-maybe-uninitialized)
     target_link_options(${target} PUBLIC -fsanitize=${LAZYLOC_SANITIZERS})
   endif()
 endfunction()

@@ -59,8 +59,9 @@ void Adjust(QueryState* state) {
   state->views[0].log_focal_factor = 0;
 }
 
-// What the database's pose noise is taken for before it is estimated. Where the images fit together so badly that keypoint
-// noise cannot be the reason, the estimate starts from all of that: downwards it converges in a few steps, upwards it hardly moves.
+// What the database's pose noise is taken for before it is estimated. Where the images fit together so badly that
+// keypoint noise cannot be the reason, the estimate starts from all of that: downwards it converges in a few steps,
+// upwards it hardly moves.
 double ExpectedDatabaseNoisePx(const QueryState& state) {
   std::vector<double> noise_px;
   for (size_t view = 1; view < state.views.size(); ++view) noise_px.push_back(state.views[view].noise_px);
@@ -69,7 +70,8 @@ double ExpectedDatabaseNoisePx(const QueryState& state) {
   return *middle > kLoudNoisePx ? *middle : state.options.database_pose_noise_px;
 }
 
-// Adjusts under priors and estimates their size from the outcome, again while it changes, at most max_num_estimates times.
+// Adjusts under priors and estimates their size from the outcome; again while it changes, at most max_num_estimates
+// times.
 double AdjustWithPriors(double noise_px, int max_num_estimates, QueryState* state) {
   const LocalizerOptions& options = state->options;
   const bool is_stated = options.database_pose_stddev_deg >= 0 && options.database_pose_stddev_length >= 0;

@@ -26,9 +26,10 @@ double ScoreStart(const StartEvidence& evidence, const Rigid3d& cam_from_world);
 std::optional<Rigid3d> AbsolutePoseStart(const StartEvidence& evidence, uint32_t seed);
 std::optional<Rigid3d> GeneralizedRelativePoseStart(const StartEvidence& evidence, uint32_t seed);
 
-// Triangulates the start's tracks from the database views and chooses the query's pose to start from: motion averaging's,
-// which stands where few points are seen twice; an absolute pose (P3P), which also stands where database cameras and
-// query are on one line; or, where few points are seen twice and nothing is sure, a generalized relative pose over all pairs. Throws QueryFailure where there is none.
+// Triangulates the start's tracks from the database views and chooses the query's pose to start from: motion
+// averaging's, which stands where few points are seen twice; an absolute pose (P3P), which also stands where database
+// cameras and query are on one line; or, where few points are seen twice and nothing is sure, a generalized relative pose
+// over all pairs. Throws QueryFailure where there is none.
 void ChooseStartPose(QueryState* state);
 
 }  // namespace lazyloc
