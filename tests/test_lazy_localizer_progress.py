@@ -67,8 +67,9 @@ def interrupt(colmap, files, output_path, num_threads):
                                stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     stdout = "".join(process.stdout.readline() for _ in range(3))
     process.send_signal(signal.SIGINT)
-    rest, stderr = process.communicate(timeout=120)
-    return Run(output_path, process.returncode, stdout + rest, stderr)
+    # Not communicate(): it reads past the lines that readline() has buffered, and loses them.
+    stdout += process.stdout.read()
+    return Run(output_path, process.wait(timeout=120), stdout, process.stderr.read())
 
 
 @pytest.mark.parametrize("num_threads", [1, 4])

@@ -22,6 +22,14 @@ inline colmap::Camera ToColmap(const Camera& camera) {
   return converted;
 }
 
+// Of the form [R t]; none where it is not finite.
+inline std::optional<Rigid3d> FiniteRigid(const Eigen::Matrix<double, 3, 4>& matrix) {
+  const Eigen::Quaterniond rotation(Eigen::Matrix3d(matrix.leftCols<3>()));
+  const Eigen::Vector3d translation = matrix.col(3);
+  if (!rotation.coeffs().allFinite() || !translation.allFinite()) return std::nullopt;
+  return Rigid3d{rotation.normalized(), translation};
+}
+
 // None where COLMAP has set no pose, or one that is not finite.
 std::optional<Rigid3d> RelativePose(const colmap::TwoViewGeometry& geometry);
 

@@ -9,6 +9,8 @@
 #include <colmap/math/random.h>
 #include <colmap/optim/ransac.h>
 
+#include "colmap_lazyloc/bridge/convert.h"
+
 namespace lazyloc {
 
 std::optional<Rigid3d> EstimateGeneralizedRelativePose(const std::vector<RayMatch>& matches, double max_error_rad,
@@ -28,9 +30,7 @@ std::optional<Rigid3d> EstimateGeneralizedRelativePose(const std::vector<RayMatc
   colmap::SetPRNGSeed(seed);
   const auto report = colmap::RANSAC<colmap::GR6PEstimator>(options).Estimate(database, query);
   if (!report.success) return std::nullopt;
-  const Eigen::Matrix<double, 3, 4> cam_from_world = report.model.ToMatrix();
-  if (!cam_from_world.allFinite()) return std::nullopt;
-  return Rigid3d{Eigen::Quaterniond(Eigen::Matrix3d(cam_from_world.leftCols<3>())).normalized(), cam_from_world.col(3)};
+  return FiniteRigid(report.model.ToMatrix());
 }
 
 }  // namespace lazyloc

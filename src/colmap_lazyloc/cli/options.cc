@@ -39,7 +39,7 @@ std::string AsText(const Value& value) {
   } else if constexpr (std::is_same_v<Value, bool>) {
     return value ? "1" : "0";
   } else if constexpr (std::is_enum_v<Value>) {
-    return kEnumNames<Value>[static_cast<size_t>(value)];
+    return EnumName(value);
   } else {
     return nlohmann::json(value).dump();
   }

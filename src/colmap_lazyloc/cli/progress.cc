@@ -2,7 +2,6 @@
 
 #include <unistd.h>
 
-#include <algorithm>
 #include <iomanip>
 #include <iostream>
 #include <map>
@@ -10,18 +9,13 @@
 
 #include <nlohmann/json.hpp>
 
+#include "colmap_lazyloc/math/median.h"
+
 namespace lazyloc {
 namespace {
 
 double TotalSeconds(const LocalizationResult& result) {
   return result.seconds.empty() ? 0 : result.seconds.back().second;
-}
-
-double Median(std::vector<double> values) {
-  if (values.empty()) return 0;
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
 }
 
 void PrintRow(const std::string& label, double value, const std::string& unit) {
@@ -66,7 +60,7 @@ void Progress::PrintSummary(const std::vector<LocalizationResult>& results) cons
   for (const auto& [status, count] : count_of_status) {
     std::cout << "  " << std::left << std::setw(34) << status << std::right << std::setw(6) << count << '\n';
   }
-  PrintRow("median time per query", Median(seconds), "s");
+  PrintRow("median time per query", seconds.empty() ? 0 : Median(seconds), "s");
   if (!errors.empty()) {
     PrintRow("median of mean reprojection error", Median(errors), "px");
     PrintRow("median number of tracks", Median(tracks), "");

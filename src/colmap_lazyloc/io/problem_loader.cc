@@ -30,12 +30,13 @@ Camera ReadUsableCamera(const DatabaseReader& database, const DatabaseImage& ima
   return camera;
 }
 
-void CheckMatches(const Matches& matches, const LocalizationProblem& problem, const ImagePair& pair,
+// Matches.query_point names keypoints of the image `name`, database_point those of the pair's image.
+void CheckMatches(const Matches& matches, const std::string& name, size_t num_keypoints, const ImagePair& pair,
                   const DatabaseReader& database) {
   for (const Match& match : matches) {
-    if (match.query_point >= problem.query_keypoints.size() || match.database_point >= pair.database_keypoints.size()) {
-      throw InputError(database.Path().string() + ": a match between " + problem.query_name + " and " +
-                       pair.database_name + " names a keypoint that its image does not have");
+    if (match.query_point >= num_keypoints || match.database_point >= pair.database_keypoints.size()) {
+      throw InputError(database.Path().string() + ": a match between " + name + " and " + pair.database_name +
+                       " names a keypoint that its image does not have");
     }
   }
 }
@@ -153,13 +154,13 @@ std::optional<ImagePair> ProblemLoader::LoadPair(const Query& query, const Candi
   pair.database_cam_from_world = candidate.image->cam_from_world;
   pair.database_keypoints = database.ReadKeypoints(candidate.image_id);
   const Camera stored_camera = database.ReadCamera(database_images_.at(pair.database_name).camera_id);
-  if (pair.geometry &&
+  const bool has_other_intrinsics =
+      pair.geometry &&
       (!AgreeOnIntrinsics(pair.geometry->query_camera.value_or(query.stored_camera), query.camera) ||
-       !AgreeOnIntrinsics(pair.geometry->database_camera.value_or(stored_camera), pair.database_camera))) {
-    // Estimated with other intrinsics, by which its inliers were chosen too: COLMAP estimates it again from all matches.
-    pair.geometry->config = TwoViewConfig::UNCALIBRATED;
-    pair.matches = database.ReadMatches(query.image.image_id, candidate.image_id);
-  } else if (pair.geometry && options_.use_raw_matches) {
+       !AgreeOnIntrinsics(pair.geometry->database_camera.value_or(stored_camera), pair.database_camera));
+  // By which its inliers were chosen too: COLMAP estimates it again from all matches.
+  if (has_other_intrinsics) pair.geometry->config = TwoViewConfig::UNCALIBRATED;
+  if (has_other_intrinsics || (pair.geometry && options_.use_raw_matches)) {
     pair.matches = database.ReadMatches(query.image.image_id, candidate.image_id);
   }
   return pair;
@@ -171,8 +172,11 @@ void ProblemLoader::LoadPairs(const Query& query, const Candidates& candidates, 
     if (problem->pairs.size() == max_num_pairs) return;
     std::optional<ImagePair> pair = LoadPair(query, candidate, database);
     if (!pair) continue;
-    if (pair->geometry) CheckMatches(pair->geometry->inlier_matches, *problem, *pair, database);
-    CheckMatches(pair->matches, *problem, *pair, database);
+    const size_t num_query_keypoints = problem->query_keypoints.size();
+    if (pair->geometry) {
+      CheckMatches(pair->geometry->inlier_matches, problem->query_name, num_query_keypoints, *pair, database);
+    }
+    CheckMatches(pair->matches, problem->query_name, num_query_keypoints, *pair, database);
     problem->pairs.push_back(std::move(*pair));
   }
 }
@@ -198,13 +202,10 @@ void ProblemLoader::LoadDatabaseMatches(const DatabaseReader& database, Localiza
       const uint32_t image_id2 = database_images_.at(pairs[pair2].database_name).image_id;
       const std::optional<TwoViewGeometry> geometry = database.ReadTwoViewGeometry(image_id1, image_id2);
       if (!geometry || geometry->inlier_matches.empty()) continue;
+      CheckMatches(geometry->inlier_matches, pairs[pair1].database_name, pairs[pair1].database_keypoints.size(),
+                   pairs[pair2], database);
       DatabaseMatches matches{static_cast<int>(pair1), static_cast<int>(pair2), {}};
       for (const Match& match : geometry->inlier_matches) {
-        if (match.query_point >= pairs[pair1].database_keypoints.size() ||
-            match.database_point >= pairs[pair2].database_keypoints.size()) {
-          throw InputError(database.Path().string() + ": a match between " + pairs[pair1].database_name + " and " +
-                           pairs[pair2].database_name + " names a keypoint that its image does not have");
-        }
         matches.keypoints.emplace_back(match.query_point, match.database_point);
       }
       problem->database_matches.push_back(std::move(matches));

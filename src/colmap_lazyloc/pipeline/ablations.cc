@@ -26,7 +26,7 @@ StageSummary RefineByRelativePoses(QueryState* state) {
 
 void RefineWithoutTracks(QueryState* state) {
   if (state->averaging_failure) throw *state->averaging_failure;
-  state->result.start = kEnumNames<StartPose>[static_cast<size_t>(StartPose::MOTION_AVERAGING)];
+  state->result.start = EnumName(StartPose::MOTION_AVERAGING);
   state->result.covariance.setConstant(std::numeric_limits<double>::quiet_NaN());
   StageSummary summary{true, "", 0, 0};
   switch (state->options.post_optimization) {

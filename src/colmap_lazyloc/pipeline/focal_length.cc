@@ -58,7 +58,7 @@ void ChooseFocalLengthAndPose(QueryState* state) {
                                                         std::to_string(state->tracks_from_database.size()) +
                                                         " points that two or more database images triangulate"};
   }
-  state->result.start = kEnumNames<StartPose>[static_cast<size_t>(StartPose::ABSOLUTE_POSE)];
+  state->result.start = EnumName(StartPose::ABSOLUTE_POSE);
   state->ScaleFocalLength(best_factor);
 }
 

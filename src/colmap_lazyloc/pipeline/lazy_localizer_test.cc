@@ -160,7 +160,7 @@ TEST_P(Starts, LeadToTheSamePose) {
   ASSERT_EQ(result.status, QueryStatus::LOCALIZED) << result.reason;
   EXPECT_LE(PositionError(result.cam_from_world, scene.query_cam_from_world), 5e-3 * scene.median_depth);
   if (GetParam() != StartPose::BEST) {
-    EXPECT_EQ(result.start, kEnumNames<StartPose>[static_cast<size_t>(GetParam())]);
+    EXPECT_EQ(result.start, EnumName(GetParam()));
   }
 }
 

@@ -3,10 +3,12 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <utility>
 
 #include <Eigen/Cholesky>
 #include <Eigen/SVD>
 
+#include "colmap_lazyloc/math/median.h"
 #include "colmap_lazyloc/math/so3.h"
 #include "colmap_lazyloc/refinement/covariance.h"
 
@@ -60,9 +62,7 @@ bool AreInOnePlane(const QueryState& state, double baseline) {
     const Observation& observation = state.tracks[i].observations.front().observation;
     shifts_sigma.push_back(shifts_rad[i] / (RadFromPx(observation) * query.noise_px));
   }
-  const auto middle = shifts_sigma.begin() + static_cast<std::ptrdiff_t>(shifts_sigma.size() / 2);
-  std::nth_element(shifts_sigma.begin(), middle, shifts_sigma.end());
-  return *middle <= 2;
+  return Median(std::move(shifts_sigma)) <= 2;
 }
 
 // From the database image that leaves least doubt.

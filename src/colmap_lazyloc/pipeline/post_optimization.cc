@@ -2,7 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
+#include "colmap_lazyloc/math/median.h"
 #include "colmap_lazyloc/math/so3.h"
 #include "colmap_lazyloc/pipeline/stage_timer.h"
 #include "colmap_lazyloc/pipeline/track_collection.h"
@@ -65,9 +67,8 @@ void Adjust(QueryState* state) {
 double ExpectedDatabaseNoisePx(const QueryState& state) {
   std::vector<double> noise_px;
   for (size_t view = 1; view < state.views.size(); ++view) noise_px.push_back(state.views[view].noise_px);
-  const auto middle = noise_px.begin() + static_cast<std::ptrdiff_t>(noise_px.size() / 2);
-  std::nth_element(noise_px.begin(), middle, noise_px.end());
-  return *middle > kLoudNoisePx ? *middle : state.options.database_pose_noise_px;
+  const double median_px = Median(std::move(noise_px));
+  return median_px > kLoudNoisePx ? median_px : state.options.database_pose_noise_px;
 }
 
 // Adjusts under priors and estimates their size from the outcome; again while it changes, at most max_num_estimates

@@ -97,7 +97,7 @@ void ChooseStartPose(QueryState* state) {
     if (score <= best_score || score < min_score) return;
     best_score = score;
     state->views[0].cam_from_world = *pose;
-    state->result.start = kEnumNames<StartPose>[static_cast<size_t>(kind)];
+    state->result.start = EnumName(kind);
   };
   const auto is_wanted = [&](StartPose kind) {
     return options.start_pose == StartPose::BEST || options.start_pose == kind;
@@ -115,8 +115,7 @@ void ChooseStartPose(QueryState* state) {
   }
   if (!state->result.start.empty()) return;
   if (state->averaging_failure) throw *state->averaging_failure;
-  throw QueryFailure{QueryStatus::TOO_FEW_TRACKS,
-                     "no start pose by " + std::string(kEnumNames<StartPose>[static_cast<size_t>(options.start_pose)])};
+  throw QueryFailure{QueryStatus::TOO_FEW_TRACKS, "no start pose by " + std::string(EnumName(options.start_pose))};
 }
 
 }  // namespace lazyloc

@@ -2,9 +2,11 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include <Eigen/Eigenvalues>
 
+#include "colmap_lazyloc/math/median.h"
 #include "colmap_lazyloc/math/robust_weights.h"
 #include "colmap_lazyloc/math/so3.h"
 
@@ -59,9 +61,7 @@ PoseSpread ComputePoseSpread(const Rigid3d& cam_from_world, const Eigen::Matrix<
 double MedianDistance(const View& view, const std::vector<Track>& tracks) {
   std::vector<double> distances;
   for (const Track& track : tracks) distances.push_back((view.cam_from_world * track.point_in_world).norm());
-  const auto middle = distances.begin() + static_cast<std::ptrdiff_t>(distances.size() / 2);
-  std::nth_element(distances.begin(), middle, distances.end());
-  return *middle;
+  return Median(std::move(distances));
 }
 
 }  // namespace lazyloc

@@ -1,20 +1,15 @@
 #include "colmap_lazyloc/refinement/pose_prior.h"
 
-#include <algorithm>
 #include <cmath>
+#include <utility>
 
+#include "colmap_lazyloc/math/median.h"
 #include "colmap_lazyloc/math/so3.h"
 
 namespace lazyloc {
 namespace {
 
 constexpr double kNumExpectedViews = 3;
-
-double Median(std::vector<double>* values) {
-  const auto middle = values->begin() + static_cast<std::ptrdiff_t>(values->size() / 2);
-  std::nth_element(values->begin(), middle, values->end());
-  return *middle;
-}
 
 }  // namespace
 
@@ -43,7 +38,8 @@ std::vector<ViewScale> MeasureViewScales(const std::vector<View>& views, const s
   }
   std::vector<ViewScale> scales(views.size());
   for (size_t view = 0; view < views.size(); ++view) {
-    if (!distances[view].empty()) scales[view] = {Median(&focal_lengths_px[view]), Median(&distances[view])};
+    if (!distances[view].empty())
+      scales[view] = {Median(std::move(focal_lengths_px[view])), Median(std::move(distances[view]))};
   }
   return scales;
 }

@@ -2,6 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
+
+#include "colmap_lazyloc/math/median.h"
 
 namespace lazyloc {
 namespace {
@@ -10,12 +13,6 @@ namespace {
 constexpr double kMedianOfNorm = 1.17741;
 // As many tracks of a view weigh as much as all others together.
 constexpr double kNumPriorTracks = 20;
-
-double Median(std::vector<double>* values) {
-  const auto middle = values->begin() + static_cast<std::ptrdiff_t>(values->size() / 2);
-  std::nth_element(values->begin(), middle, values->end());
-  return *middle;
-}
 
 }  // namespace
 
@@ -34,12 +31,12 @@ void EstimateViewNoise(const std::vector<Track>& tracks, double min_noise_px, st
     }
   }
   if (all_px.empty()) return;
-  const double common = Median(&all_px) / kMedianOfNorm;
+  const double common = Median(std::move(all_px)) / kMedianOfNorm;
   for (size_t view = 0; view < views->size(); ++view) {
     const double num_tracks = static_cast<double>(errors_px[view].size());
     double noise_px = common;
     if (num_tracks > 0) {
-      const double own = Median(&errors_px[view]) / kMedianOfNorm;
+      const double own = Median(std::move(errors_px[view])) / kMedianOfNorm;
       noise_px =
           std::exp((num_tracks * std::log(std::max(own, 1e-9)) + kNumPriorTracks * std::log(std::max(common, 1e-9))) /
                    (num_tracks + kNumPriorTracks));

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <array>
+#include <cstddef>
 
 namespace lazyloc {
 
@@ -8,5 +9,10 @@ namespace lazyloc {
 // option specialises it beside its definition.
 template <typename Enum>
 inline constexpr std::array<const char*, 0> kEnumNames = {};
+
+template <typename Enum>
+const char* EnumName(Enum value) {
+  return kEnumNames<Enum>[static_cast<size_t>(value)];
+}
 
 }  // namespace lazyloc

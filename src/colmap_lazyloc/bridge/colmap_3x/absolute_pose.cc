@@ -5,6 +5,8 @@
 #include <colmap/math/random.h>
 #include <colmap/optim/loransac.h>
 
+#include "colmap_lazyloc/bridge/convert.h"
+
 namespace lazyloc {
 
 std::optional<Rigid3d> EstimateAbsolutePose(const std::vector<Eigen::Vector3d>& rays_in_cam,
@@ -23,10 +25,7 @@ std::optional<Rigid3d> EstimateAbsolutePose(const std::vector<Eigen::Vector3d>& 
   colmap::LORANSAC<colmap::P3PEstimator, colmap::EPNPEstimator> ransac(options);
   const auto report = ransac.Estimate(normalized, points_in_world);
   if (!report.success) return std::nullopt;
-  const Eigen::Quaterniond rotation(Eigen::Matrix3d(report.model.leftCols<3>()));
-  const Eigen::Vector3d translation = report.model.col(3);
-  if (!rotation.coeffs().allFinite() || !translation.allFinite()) return std::nullopt;
-  return Rigid3d{rotation.normalized(), translation};
+  return FiniteRigid(report.model);
 }
 
 }  // namespace lazyloc
