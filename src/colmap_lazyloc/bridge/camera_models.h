@@ -17,6 +17,9 @@ std::string CameraModelName(int model_id);
 // focal length, zero size); empty when it can.
 std::string CameraProblem(const Camera& camera);
 
+// The camera of that model with the principal point in the middle and no distortion.
+Camera CameraFromFocalLength(int model_id, double focal_length_px, uint64_t width, uint64_t height);
+
 // Viewing direction of an image point (pixels), unit length, in the camera's frame; none where the model
 // has no inverse there.
 std::optional<Eigen::Vector3d> RayInCam(const Camera& camera, const Eigen::Vector2d& xy);

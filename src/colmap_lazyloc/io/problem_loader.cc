@@ -50,7 +50,9 @@ ProblemLoader::ProblemLoader(const DatabaseReader& database, Model model, const 
   }
   ChooseQueries(queries, database);
   if (!options_.leave_one_out) {
-    const auto is_query = [&](const ModelImage& image) { return queries_.count(image.name) > 0; };
+    const auto is_query = [&](const ModelImage& image) {
+      return queries_.count(image.name) > 0 || photos_.count(image.name) > 0;
+    };
     model_.images.erase(std::remove_if(model_.images.begin(), model_.images.end(), is_query), model_.images.end());
   }
   for (const ModelImage& image : model_.images) {
@@ -60,6 +62,7 @@ ProblemLoader::ProblemLoader(const DatabaseReader& database, Model model, const 
   if (!pairs_path.empty()) {
     has_pairs_file_ = true;
     pairs_ = ReadPairs(pairs_path, {query_names_.begin(), query_names_.end()});
+    for (auto& [name, photo] : photos_) photo.partner_names = pairs_[name];
   }
 }
 
@@ -84,8 +87,22 @@ void ProblemLoader::ChooseQueries(const std::vector<QueryListEntry>& queries, co
                                              "--query_list_path, --LazyLocalizer.leave_one_out)"));
 }
 
+bool ProblemLoader::IsPhoto(const std::string& name, const DatabaseReader& database) const {
+  if (!options_.has_photos || options_.leave_one_out) return false;
+  const auto image = database_images_.find(name);
+  return image == database_images_.end() || database.ReadKeypoints(image->second.image_id).empty();
+}
+
 void ProblemLoader::AddQuery(const QueryListEntry& entry, const ModelImage* posed, const DatabaseReader& database) {
   const auto image = database_images_.find(entry.name);
+  if (IsPhoto(entry.name, database)) {
+    PhotoQuery photo = {entry.name, entry.camera, std::nullopt};
+    if (!photo.camera && posed != nullptr) photo.camera = model_.cameras.at(posed->camera_id);
+    if (!photo.camera && image != database_images_.end()) photo.camera = ReadUsableCamera(database, image->second);
+    query_names_.push_back(entry.name);
+    photos_.emplace(entry.name, std::move(photo));
+    return;
+  }
   if (image == database_images_.end()) {
     throw InputError("--query_list_path: query " + entry.name + " is not in the database " + database.Path().string());
   }

@@ -17,6 +17,14 @@ namespace lazyloc {
 struct ProblemLoaderOptions {
   int num_retrieved = 20;      // database images per query
   bool leave_one_out = false;  // queries are posed images, each against all others
+  bool has_photos = false;     // queries without keypoints in the database are photos
+};
+
+// A query whose features are not in the database.
+struct PhotoQuery {
+  std::string name;
+  std::optional<Camera> camera;                           // where it is known beforehand
+  std::optional<std::vector<std::string>> partner_names;  // of the pairs file, where there is one
 };
 
 // Decides what the queries and the database images are, and loads one query's problem at a time: memory does not grow
@@ -31,6 +39,8 @@ class ProblemLoader {
 
   // Sorted by name.
   const std::vector<std::string>& QueryNames() const { return query_names_; }
+  // Those of the queries that are photos, by name: Load is not for them.
+  const std::map<std::string, PhotoQuery>& Photos() const { return photos_; }
   // The posed images without those that are queries (with leave_one_out: all).
   const Model& DatabaseModel() const { return model_; }
 
@@ -55,6 +65,7 @@ class ProblemLoader {
   void ChooseQueries(const std::vector<QueryListEntry>& queries, const DatabaseReader& database);
   // posed: the image in the model, or null.
   void AddQuery(const QueryListEntry& entry, const ModelImage* posed, const DatabaseReader& database);
+  bool IsPhoto(const std::string& name, const DatabaseReader& database) const;
   std::vector<Candidate> FindCandidates(const Query& query, const DatabaseReader& database) const;
   // None where verification left no inliers.
   std::optional<ImagePair> LoadPair(const Query& query, const Candidate& candidate,
@@ -67,6 +78,7 @@ class ProblemLoader {
   std::unordered_map<std::string, DatabaseImage> database_images_;  // by name
   std::unordered_map<uint32_t, const ModelImage*> posed_of_database_id_;
   std::unordered_map<std::string, Query> queries_;
+  std::map<std::string, PhotoQuery> photos_;
   std::vector<std::string> query_names_;
 };
 

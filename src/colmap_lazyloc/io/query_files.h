@@ -7,6 +7,8 @@
 #include <string>
 #include <vector>
 
+#include <Eigen/Core>
+
 #include "colmap_lazyloc/scene/camera.h"
 
 namespace lazyloc {
@@ -27,5 +29,15 @@ std::vector<QueryListEntry> ReadQueryList(const std::filesystem::path& path);
 // Throws InputError, `file:line: ...`, for a missing file, one without pairs, or a line with fewer than two names.
 std::map<std::string, std::vector<std::string>> ReadPairs(const std::filesystem::path& path,
                                                           const std::set<std::string>& query_names);
+
+// Where a query was roughly taken: its position is within the radius, in the model's coordinates and unit.
+struct QueryPrior {
+  Eigen::Vector3d position = Eigen::Vector3d::Zero();
+  double radius = 0;
+};
+
+// `name x y z radius` a line, where a name may hold blanks; '#' comments. By name. Throws InputError, `file:line: ...`, for
+// a missing file, a name that appears twice, or numbers that cannot be.
+std::map<std::string, QueryPrior> ReadQueryPriors(const std::filesystem::path& path);
 
 }  // namespace lazyloc

@@ -35,6 +35,12 @@ std::string CameraProblem(const Camera& camera) {
   return "";
 }
 
+Camera CameraFromFocalLength(int model_id, double focal_length_px, uint64_t width, uint64_t height) {
+  const colmap::Camera made = colmap::Camera::CreateFromModelId(
+      /*camera_id=*/0, static_cast<colmap::CameraModelId>(model_id), focal_length_px, width, height);
+  return {0, model_id, width, height, made.params, /*has_prior_focal_length=*/true};
+}
+
 std::optional<Eigen::Vector3d> RayInCam(const Camera& camera, const Eigen::Vector2d& xy) {
   const Eigen::Vector2d normalized = ToColmap(camera).CamFromImg(xy);
   if (!normalized.allFinite()) return std::nullopt;

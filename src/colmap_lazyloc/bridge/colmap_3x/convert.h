@@ -1,10 +1,12 @@
 #pragma once
 
+#include <colmap/feature/types.h>
 #include <colmap/geometry/rigid3.h>
 #include <colmap/scene/camera.h>
 
 #include "colmap_lazyloc/math/rigid3.h"
 #include "colmap_lazyloc/scene/camera.h"
+#include "colmap_lazyloc/scene/match.h"
 
 namespace lazyloc {
 
@@ -17,6 +19,14 @@ inline colmap::Camera ToColmap(const Camera& camera) {
   converted.params = camera.params;
   // Our intrinsics are known: COLMAP takes a camera without prior for uncalibrated.
   converted.has_prior_focal_length = true;
+  return converted;
+}
+
+// COLMAP's first image is the database's, its second one the query's.
+inline colmap::FeatureMatches ToColmap(const Matches& matches) {
+  colmap::FeatureMatches converted;
+  converted.reserve(matches.size());
+  for (const Match& match : matches) converted.emplace_back(match.database_point, match.query_point);
   return converted;
 }
 
