@@ -1,5 +1,6 @@
 """The localization benchmark: protocol, figures, tables, and that one failing method does not stop the others."""
 
+import dataclasses
 import math
 import os
 import pathlib
@@ -13,8 +14,10 @@ from scipy.spatial.transform import Rotation
 PROJECT_PATH = pathlib.Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(PROJECT_PATH / "benchmarks" / "localization"))
 
+import database_noise  # noqa: E402
 import evaluation  # noqa: E402
 import methods  # noqa: E402
+import pose_files  # noqa: E402
 import run  # noqa: E402
 import scenes  # noqa: E402
 import tables  # noqa: E402
@@ -53,7 +56,7 @@ def make_scene(path: pathlib.Path, names, query_names=None) -> pathlib.Path:
 
 
 def make_row(query, error_cm, method="lazyloc", scene="a", seconds=0.1):
-    return evaluation.Row("t", scene, query, method, error_cm, error_cm / 10, seconds,
+    return evaluation.Row("t", scene, query, method, 20, 0, "0,0", error_cm, error_cm / 10, seconds,
                           "LOST" if math.isnan(error_cm) else "LOCALIZED")
 
 
@@ -88,6 +91,16 @@ def test_kitti_has_a_fixed_database_and_every_second_left_query(tmp_path):
 def test_query_without_a_pose_is_named(tmp_path):
     with pytest.raises(ValueError, match="z.jpg"):
         scenes.load_scene(make_scene(tmp_path / "any", ["a.jpg"], ["z.jpg"]))
+
+
+def test_query_with_intrinsics_needs_no_pose(tmp_path):
+    path = make_scene(tmp_path / "any", ["a.jpg", "b.jpg"], ["q.jpg OPENCV 640 480 500 501 320 240 0.1 0 0 0", "b.jpg"])
+    (path / "protocol.json").write_text('{"leave_one_out": false}')
+    scene = scenes.load_scene(path)
+    assert scene.query_names == ["q.jpg", "b.jpg"]
+    assert scene.true_pose("q.jpg") is None
+    assert scene.camera("q.jpg") == scenes.Camera("OPENCV", 640, 480, (500, 501, 320, 240, 0.1, 0, 0, 0))
+    assert scene.database_names("q.jpg") == ["a.jpg"]
 
 
 # Matches
@@ -137,6 +150,19 @@ def test_summary_counts_a_lost_query_as_infinite_in_the_median_alone():
     assert summary.mean_position_error_cm == 2
 
 
+def test_recall_counts_all_queries_and_both_errors():
+    rows = [make_row("1", 20.0), make_row("2", 24.0), make_row("3", 60.0), make_row("4", math.nan)]
+    # 20 and 24 cm come with 2 and 2.4 degrees, 60 cm with 6.
+    assert evaluation.summarize(rows).recall == (0.25, 0.5, 0.75)
+
+
+def test_localized_without_a_true_pose_is_neither_lost_nor_measured():
+    row = dataclasses.replace(make_row("1", math.nan), status="LOCALIZED")
+    summary = evaluation.summarize([row, make_row("2", math.nan)])
+    assert summary.num_lost == 1
+    assert math.isnan(summary.median_position_error_cm) and math.isnan(summary.recall[0])
+
+
 def test_ratio_is_the_geometric_mean_of_paired_queries():
     baseline = [make_row(query, 2.0, "structure_based") for query in "123"]
     ratio = evaluation.paired_ratio([make_row("1", 1.0), make_row("2", 4.0), make_row("3", math.nan)], baseline)
@@ -170,14 +196,74 @@ def test_csv_keeps_rows(tmp_path):
 def test_table_has_scenes_the_pool_and_reasons():
     rows = [make_row("1", 2.0, "structure_based"), make_row("1", 1.0), make_row("1", 4.0, "structure_based", "b"),
             make_row("1", 4.0, "lazyloc", "b"), make_row("1", 3.0, "local_triangulation", "b")]
-    text = tables.markdown("t", rows, {("a", "local_triangulation"): "no such package"})
-    scene_a, rest = text.split("## b")
-    pool = rest.split("## All 2 scenes")[1]
-    assert "| lazyloc | 1 | 1.00 / 0.100 | 1.00 | 0 | 0.500 [0.500, 0.500] | 0.1000 |" in scene_a
-    assert "| local_triangulation [1] | – |" in scene_a
-    assert "[1] no such package" in text
-    assert "| lazyloc | 2 | 2.50 / 0.250 | 2.50 | 0 | 0.707 [0.707, 0.707] | 0.1000 |" in pool
-    assert "| local_triangulation [2] | 1 |" in pool and "[2] without a" in text
+    missing = evaluation.Series("local_triangulation")
+    text = tables.markdown("t", rows, {("a", missing): "no such package"}, ["some note"])
+    medians, rest = text.split("## All 2 scenes")
+    pool, scene_a, _ = rest.split("\n## ")
+    assert medians.startswith("# t\n\nsome note\n")
+    assert "| lazyloc | 1.00 / 0.100 | 4.00 / 0.400 | 2.50 / 0.250 |" in medians
+    assert "| local_triangulation | – | 3.00 / 0.300 | – |" in medians
+    shares = "100.0 | 100.0 | 100.0"
+    assert f"| lazyloc | 1 | 1.00 / 0.100 | 1.00 | 0 | 0.500 [0.500, 0.500] | {shares} | 0.1000 |" in scene_a
+    assert "| local_triangulation [2] | – |" in scene_a and "[2] no such package" in text
+    assert f"| lazyloc | 2 | 2.50 / 0.250 | 2.50 | 0 | 0.707 [0.707, 0.707] | {shares} | 0.1000 |" in pool
+    assert "| local_triangulation [1] | 1 |" in pool and "[1] without a" in text
+
+
+def test_most_lost_is_an_infinite_median():
+    rows = [make_row("1", 2.0), make_row("2", math.nan), make_row("3", math.nan)]
+    assert "| lazyloc | 3 | ∞ / ∞ | 2.00 | 2 | – | 33.3 | 33.3 | 33.3 |" in tables.markdown("t", rows, {})
+
+
+def test_series_differ_by_what_the_run_varies():
+    rows = [dataclasses.replace(make_row("1", error, method), num_retrieved=k)
+            for k, error in ((5, 3.0), (20, 2.0)) for method in ("structure_based", "lazyloc")]
+    text = tables.markdown("t", rows, {})
+    assert "| lazyloc K=5 | 1 | 3.00" in text and "| lazyloc K=20 | 1 | 2.00" in text
+    # Each against the map with as many pairs.
+    assert text.count("| 1.000 [1.000, 1.000] |") == 4
+    assert "seed" not in text and "noise" not in text
+    noises = ["0,0", "5,0", "10,0"]
+    text = tables.markdown("t", [dataclasses.replace(rows[0], database_noise=noise) for noise in noises], {})
+    assert [text.index(f"structure_based noise {noise}") for noise in ("0°, 0 cm", "5°, 0 cm", "10°, 0 cm")] == sorted(
+        text.index(f"structure_based noise {noise}") for noise in ("0°, 0 cm", "5°, 0 cm", "10°, 0 cm"))
+
+
+def test_plots_are_made_and_repeat(tmp_path):
+    plots = pytest.importorskip("plots", reason="matplotlib is not installed", exc_type=ImportError)
+    rows = [dataclasses.replace(make_row(str(i), error, method, scene), num_retrieved=k)
+            for k in (5, 20) for i, error in enumerate((1.0, 2.0, math.nan))
+            for method in ("structure_based", "lazyloc") for scene in "ab"]
+    rows += [make_row("1", math.nan, scene="all_lost")]
+    files = plots.write_plots(tmp_path, "t", rows)
+    names = ["t_cumulative_error.svg", "t_time_against_error.svg", "t_error_against_k.svg"]
+    assert [path.name for path in files] == names
+    first = [path.read_bytes() for path in files]
+    assert all(b"structure_based" in content and b"all_lost" in content for content in first)
+    assert [path.read_bytes() for path in plots.write_plots(tmp_path, "t", rows)] == first
+
+
+def test_database_noise_moves_and_turns_by_what_is_asked(tmp_path):
+    scene = scenes.load_scene(make_scene(tmp_path / "any", ["a.jpg", "b.jpg", "c.jpg"]))
+    noisy = database_noise.add_database_noise(scene, 2.0, 5.0, 0, tmp_path / "noise")
+    for name in scene.images:
+        assert pose_errors(noisy.pose(name), scene.pose(name)) == pytest.approx((0.05, 2.0))
+        assert noisy.true_pose(name) is scene.pose(name)
+    directions = [noisy.pose(name).cam_in_world() - scene.pose(name).cam_in_world() for name in scene.images]
+    assert np.linalg.norm(directions[0] - directions[1]) > 1e-3
+    read_again = scenes.read_images_text(noisy.model_path / "images.txt")
+    np.testing.assert_allclose(read_again["b.jpg"].cam_from_world.translation, noisy.pose("b.jpg").translation)
+    again = database_noise.add_database_noise(scene, 2.0, 5.0, 0, tmp_path / "noise")
+    np.testing.assert_array_equal(again.pose("b.jpg").rotation, noisy.pose("b.jpg").rotation)
+
+
+def test_submission_has_names_without_folders(tmp_path):
+    pose = Pose(np.eye(3), np.array([1.0, 2.0, 3.0]))
+    poses = {"query/day/nexus4/IMG_1.jpg": pose, "query/night/x/IMG_2.jpg": pose}
+    pose_files.write_submission(tmp_path / "s.txt", poses)
+    assert (tmp_path / "s.txt").read_text() == "IMG_1.jpg 1 0 0 0 1 2 3\nIMG_2.jpg 1 0 0 0 1 2 3\n"
+    with pytest.raises(ValueError, match="same name"):
+        pose_files.write_submission(tmp_path / "s.txt", {"a/1.jpg": pose, "b/1.jpg": pose})
 
 
 # The driver
@@ -194,7 +280,7 @@ def test_a_failing_or_crashing_method_does_not_stop_the_others(tmp_path, monkeyp
     functions = {"lazyloc": fail, "local_triangulation": lambda *_: os._exit(1), "structure_based": shift_by_one_cm}
     monkeypatch.setattr(run, "load_method", functions.__getitem__)
     make_scene(tmp_path / "any", ["a.jpg", "b.jpg"])
-    arguments = ["--scenes_path", str(tmp_path), "--output_path", str(tmp_path / "out"), "--methods"]
+    arguments = ["--data_path", str(tmp_path), "--output_path", str(tmp_path / "out"), "--methods"]
     assert run.main(arguments + ["lazyloc", "local_triangulation", "structure_based"]) == 0
     text = (tmp_path / "out" / "run.md").read_text()
     assert "failed: RuntimeError: no luck" in text and "crashed" in text
@@ -211,12 +297,24 @@ def test_a_failing_or_crashing_method_does_not_stop_the_others(tmp_path, monkeyp
 @pytest.mark.parametrize("extra, message", [
     (["--methods", "magic"], "magic"), (["--methods", "lazyloc:nothing"], "nothing.ini"),
     (["--methods", "local_triangulation:x"], "local_triangulation:x"), (["--scenes", "mars"], "mars"),
-    (["--options", "seed"], "KEY=VALUE")])
+    (["--options", "seed"], "KEY=VALUE"), (["--queries", "none.txt"], "none.txt"),
+    (["--image_step", "0"], "--image_step"),
+    (["--dataset", "7scenes"], "no scene of 7scenes"), (["--dataset", "kitti", "--download"], "by e-mail")])
 def test_wrong_arguments_are_named(tmp_path, capsys, extra, message):
     make_scene(tmp_path / "any", ["a.jpg"])
-    with pytest.raises(SystemExit):
-        run.main(["--scenes_path", str(tmp_path), "--output_path", str(tmp_path / "out"), *extra])
+    try:
+        assert run.main(["--data_path", str(tmp_path), "--output_path", str(tmp_path / "out"), *extra]) == 1
+    except SystemExit as end:  # of argparse
+        assert end.code == 2
     assert message in capsys.readouterr().err
+
+
+def test_queries_are_the_first_ones_or_those_of_a_list(tmp_path):
+    scene = scenes.load_scene(make_scene(tmp_path / "any", ["a.jpg", "b.jpg", "c.jpg"]))
+    assert run._choose_queries(scene, None) == ["a.jpg", "b.jpg", "c.jpg"]
+    assert run._choose_queries(scene, "2") == ["a.jpg", "b.jpg"]
+    (tmp_path / "list.txt").write_text("c.jpg\nb.jpg PINHOLE 640 480 1 1 1 1\nelsewhere.jpg\n")
+    assert run._choose_queries(scene, str(tmp_path / "list.txt")) == ["b.jpg", "c.jpg"]
 
 
 def test_package_that_is_missing_is_a_reason(monkeypatch):
@@ -259,7 +357,7 @@ def test_methods_on_a_real_scene(tmp_path):
     if not (SHARED_DATA_PATH / "office" / "database.db").exists():
         pytest.skip(f"no scene below {SHARED_DATA_PATH}; LAZYLOC_SHARED_DATA says where it is")
     before = (SHARED_DATA_PATH / "office" / "database.db").read_bytes()
-    assert run.main(["--scenes_path", str(SHARED_DATA_PATH), "--scenes", "office", "--max_num_queries", "3",
+    assert run.main(["--data_path", str(SHARED_DATA_PATH), "--scenes", "office", "--queries", "3",
                      "--methods", "structure_based", "local_triangulation", "--output_path", str(tmp_path)]) == 0
     rows = evaluation.read_csv(tmp_path / "run.csv")
     assert len(rows) == 6

@@ -329,6 +329,7 @@ QUERY_LISTS = {
 }
 PAIRS = {
     "pairs_file_without_pairs": ("\n", "pairs.txt"),
+    "pairs_file_of_another_database": ("query/1.jpg a.jpg\nb.jpg c.jpg 0.5\n", "pairs.txt", "a.jpg"),
     "line_with_one_name_in_the_pairs_file": ("query/001.jpg\n", "pairs.txt", "query/001.jpg"),
 }
 for name, (text, *named) in QUERY_LISTS.items():
@@ -394,6 +395,16 @@ def missing_options_file(files):
 @case("no_such_option")
 def unknown_option_in_the_options_file(files):
     return ["--project_path", files.write("some.ini", "[LazyLocalizer]\nno_such_option=1\n")]
+
+
+@case("--LazyLocalizer.rotation_averaging", "l1_irls, l1, quaternion_mean", "'median'")
+def unknown_value_of_an_enum(files):
+    return ["--LazyLocalizer.rotation_averaging", "median"]
+
+
+@case("LazyLocalizer.translation_averaging", "angular, lud", "'LUD'")
+def unknown_value_of_an_enum_in_the_options_file(files):
+    return ["--project_path", files.write("some.ini", "[LazyLocalizer]\ntranslation_averaging=LUD\n")]
 
 
 # Outputs

@@ -123,7 +123,9 @@ def test_covariance_explains_the_errors(localize, tmp_path, write_scene_files):
 
 def test_options_file_gives_the_same_run_again(localize, noisy):
     first = localize(*noisy.arguments, "--LazyLocalizer.num_retrieved", 6, "--LazyLocalizer.seed", 11,
-                     "--LazyLocalizer.loss_scale_sigma", 0.1 + 0.2, "--LazyLocalizer.num_threads", 1)
+                     "--LazyLocalizer.loss_scale_sigma", 0.1 + 0.2, "--LazyLocalizer.num_threads", 1,
+                     "--LazyLocalizer.rotation_averaging", "quaternion_mean",
+                     "--LazyLocalizer.translation_averaging", "lud")
     again = localize("--project_path", first.output_path / "options.ini")
     assert (first.exit_code, again.exit_code) == (0, 0), again.stderr
     assert again.poses_bytes == first.poses_bytes
@@ -133,7 +135,8 @@ def test_options_file_gives_the_same_run_again(localize, noisy):
         return [line for line in lines if not line.startswith("output_path=")]
 
     assert options(again) == options(first)
-    assert {"num_retrieved=6", "seed=11", "loss_scale_sigma=0.30000000000000004"} <= set(options(first))
+    assert {"num_retrieved=6", "seed=11", "loss_scale_sigma=0.30000000000000004",
+            "rotation_averaging=quaternion_mean", "translation_averaging=lud"} <= set(options(first))
 
 
 def test_options_file_holds_every_option_of_the_help(colmap, noisy_run):

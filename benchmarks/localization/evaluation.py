@@ -13,17 +13,22 @@ from scenes import Scene
 
 NUM_BOOTSTRAP_SAMPLES = 10000
 BOOTSTRAP_SEED = 0
-MIN_ERROR_CM = 1e-6  # keeps the logarithm of a ratio finite
+MIN_ERROR = 1e-6  # in cm or degrees; keeps the logarithm of a ratio finite
+# Metres and degrees, those of visuallocalization.net.
+RECALL_THRESHOLDS = ((0.25, 2.0), (0.5, 5.0), (5.0, 10.0))
 
 
 @dataclasses.dataclass(frozen=True)
 class Row:
-    """One query of one method; the errors of a lost query are NaN."""
+    """One query of one method; the errors are NaN of a lost query, and of one whose true pose is not known."""
 
     tag: str
     scene: str
     query: str
     method: str
+    num_retrieved: int
+    seed: int
+    database_noise: str
     position_error_cm: float
     rotation_error_deg: float
     seconds: float
@@ -31,12 +36,32 @@ class Row:
 
     @property
     def is_lost(self) -> bool:
-        return math.isnan(self.position_error_cm)
+        return self.status != "LOCALIZED"
+
+    @property
+    def is_measured(self) -> bool:
+        return not math.isnan(self.position_error_cm)
+
+    @property
+    def series(self) -> "Series":
+        return Series(self.method, self.num_retrieved, self.seed, self.database_noise)
+
+
+@dataclasses.dataclass(frozen=True)
+class Series:
+    """What one run of a method over a scene's queries is made with."""
+
+    method: str
+    num_retrieved: int = 20
+    seed: int = 0
+    database_noise: str = "0,0"  # degrees, cm
 
 
 @dataclasses.dataclass(frozen=True)
 class Summary:
-    """A lost query counts as an infinite error in the medians and is left out of the mean."""
+    """A lost query counts as an infinite error in the medians and in the recall, and is left out of the mean. Without
+    true poses the errors are NaN.
+    """
 
     num_queries: int
     num_lost: int
@@ -44,11 +69,12 @@ class Summary:
     median_rotation_error_deg: float
     mean_position_error_cm: float
     median_seconds: float
+    recall: tuple[float, ...]  # shares of the queries within RECALL_THRESHOLDS
 
 
 @dataclasses.dataclass(frozen=True)
 class Ratio:
-    """Geometric mean over queries of the ratio of position errors, with its 95 % confidence interval."""
+    """Geometric mean over queries of the ratio of errors, with its confidence interval."""
 
     mean: float
     low: float
@@ -56,36 +82,42 @@ class Ratio:
     num_queries: int
 
 
-def make_row(tag: str, scene: Scene, query_name: str, method: str, result: Result) -> Row:
+def make_row(tag: str, scene: Scene, query_name: str, series: Series, result: Result) -> Row:
     """The scenes' unit is the metre."""
     position_error, rotation_error_deg = math.nan, math.nan
-    if result.pose is not None:
-        position_error, rotation_error_deg = pose_errors(result.pose, scene.pose(query_name))
-    return Row(tag, scene.name, query_name, method, 100 * position_error, rotation_error_deg, result.seconds,
-               result.status)
+    true_pose = scene.true_pose(query_name)
+    if result.pose is not None and true_pose is not None:
+        position_error, rotation_error_deg = pose_errors(result.pose, true_pose)
+    return Row(tag, scene.name, query_name, *dataclasses.astuple(series), 100 * position_error, rotation_error_deg,
+               result.seconds, result.status)
 
 
 def summarize(rows: list[Row]) -> Summary:
-    positions = np.array([row.position_error_cm for row in rows])
-    rotations = np.array([row.rotation_error_deg for row in rows])
-    localized = ~np.isnan(positions)
+    lost = np.array([row.is_lost for row in rows])
+    positions = np.where(lost, np.inf, [row.position_error_cm for row in rows])
+    rotations = np.where(lost, np.inf, [row.rotation_error_deg for row in rows])
+    measured = np.array([row.is_measured for row in rows])
+    recall = [float(np.mean((positions <= 100 * metres) & (rotations <= degrees))) if not np.isnan(positions).any()
+              else math.nan for metres, degrees in RECALL_THRESHOLDS]
     return Summary(
         num_queries=len(rows),
-        num_lost=int(np.sum(~localized)),
-        median_position_error_cm=float(np.median(np.where(localized, positions, np.inf))),
-        median_rotation_error_deg=float(np.median(np.where(localized, rotations, np.inf))),
-        mean_position_error_cm=float(np.mean(positions[localized])) if localized.any() else math.nan,
-        median_seconds=float(np.median([row.seconds for row in rows])))
+        num_lost=int(lost.sum()),
+        median_position_error_cm=float(np.median(positions)),
+        median_rotation_error_deg=float(np.median(rotations)),
+        mean_position_error_cm=float(np.mean(positions[measured])) if measured.any() else math.nan,
+        median_seconds=float(np.median([row.seconds for row in rows])),
+        recall=tuple(recall))
 
 
-def paired_ratio(rows: list[Row], baseline_rows: list[Row]) -> Ratio | None:
+def paired_ratio(rows: list[Row], baseline_rows: list[Row], error: str = "position_error_cm",
+                 confidence: float = 0.95) -> Ratio | None:
     """Over the queries that both localized. The bootstrap draws queries within each scene."""
-    baseline = {(row.scene, row.query): row for row in baseline_rows if not row.is_lost}
+    baseline = {(row.scene, row.query): row for row in baseline_rows if row.is_measured}
     log_ratios_of_scenes = {}
     for row in rows:
         other = baseline.get((row.scene, row.query))
-        if other is not None and not row.is_lost:
-            ratio = max(row.position_error_cm, MIN_ERROR_CM) / max(other.position_error_cm, MIN_ERROR_CM)
+        if other is not None and row.is_measured:
+            ratio = max(getattr(row, error), MIN_ERROR) / max(getattr(other, error), MIN_ERROR)
             log_ratios_of_scenes.setdefault(row.scene, []).append(math.log(ratio))
     if not log_ratios_of_scenes:
         return None
@@ -96,7 +128,7 @@ def paired_ratio(rows: list[Row], baseline_rows: list[Row]) -> Ratio | None:
         sums += np.array(log_ratios)[rng.integers(n, size=(NUM_BOOTSTRAP_SAMPLES, n))].sum(axis=1)
         num_queries += n
     total = sum(sum(log_ratios) for log_ratios in log_ratios_of_scenes.values())
-    low, high = np.exp(np.percentile(sums / num_queries, [2.5, 97.5]))
+    low, high = np.exp(np.percentile(sums / num_queries, [50 - 50 * confidence, 50 + 50 * confidence]))
     return Ratio(math.exp(total / num_queries), float(low), float(high), num_queries)
 
 

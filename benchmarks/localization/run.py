@@ -1,75 +1,163 @@
 #!/usr/bin/env python3
-"""Localizes the queries of scenes with several methods on the same matches and compares the position errors.
+"""Localizes the queries of a dataset's scenes with several methods on the same matches and compares the errors.
 
-Writes TAG.csv (a row per scene, query and method) and TAG.md (the tables) to --output_path. A run with a tag that is
-there already adds to it: what it runs anew replaces the old rows, the others stay.
+Writes to --output_path: TAG.csv (a row per scene, query and method), TAG.md (the tables), TAG_*.svg (plots, with
+--plots) and, where the true poses are not public, TAG_*_visuallocalization_net.txt to hand in there. All poses are in
+poses/TAG below --work_path. A run with a tag that is there already adds to it: what it runs anew replaces the old rows,
+the others stay.
 """
 
 import argparse
 import concurrent.futures
+import hashlib
+import itertools
 import multiprocessing
 import pathlib
 import sys
 
+import datasets
 import tables
-from evaluation import make_row, read_csv, write_csv
+from database_noise import add_database_noise
+from datasets.scene_source import InputError, Options
+from environment import describe_environment
+from evaluation import Series, make_row, read_csv, write_csv
 from methods import METHODS, MethodOptions, NotApplicable, load_method
-from scenes import Scene, find_scenes, load_scene
+from pose_files import write_poses, write_submission
+from scenes import Scene
 
 CONFIGS_PATH = pathlib.Path(__file__).resolve().parent / "configs"
 
 
 def main(argv: list[str]) -> int:
     arguments = _parse(argv)
+    try:
+        if arguments.download:
+            datasets.download_scenes(arguments.dataset, arguments.data_path, arguments.scenes)
+        found = datasets.scene_names(arguments.dataset, arguments.data_path)
+        for name in arguments.scenes or ():
+            if name not in found:
+                raise InputError(f"--scenes: {name} is not in {arguments.data_path}, which has {', '.join(found)}")
+        run(arguments, arguments.scenes or found)
+    except InputError as error:
+        print(f"run.py: {error}", file=sys.stderr)
+        return 1
+    return 0
+
+
+def run(arguments: argparse.Namespace, scene_names: list[str]):
     output_path = arguments.output_path
     output_path.mkdir(parents=True, exist_ok=True)
     csv_path, markdown_path = output_path / f"{arguments.tag}.csv", output_path / f"{arguments.tag}.md"
     rows = read_csv(csv_path) if csv_path.exists() else []
     reasons = {}
-    for scene_name in arguments.scenes:
-        scene = load_scene(arguments.scenes_path / scene_name)
-        for method in arguments.methods:
-            rows = [row for row in rows if (row.scene, row.method) != (scene_name, method)]
-            query_names = scene.query_names[: arguments.max_num_queries]
-            results, reason = run_method(method, scene, query_names, _options(arguments, scene_name, method))
+    command = " ".join(arguments.argv).replace(f"{pathlib.Path.cwd()}/", "")
+    notes = [*describe_environment(), f"`run.py {command}`"]
+    all_series = [Series(*values) for values in itertools.product(
+        arguments.methods, arguments.num_retrieved, arguments.seeds, arguments.database_noise)]
+    for scene_name in scene_names:
+        exact_scene = _in_own_process(_prepare, arguments, scene_name)
+        query_names = _choose_queries(exact_scene, arguments.queries)
+        for series in all_series:
+            scene = _with_noise(exact_scene, series, arguments.work_path)
+            rows = [row for row in rows if (row.scene, row.series) != (scene.name, series)]
+            results, reason = run_method(series.method, scene, query_names, _options(arguments, scene, series))
             if reason:
-                reasons[scene_name, method] = reason
-            rows += [make_row(arguments.tag, scene, name, method, result) for name, result in results.items()]
+                reasons[scene.name, series] = reason
+            rows += [make_row(arguments.tag, scene, name, series, result) for name, result in results.items()]
+            _write_poses(arguments, scene, series, results)
             # After every step, so that a run that is broken off leaves what it has found.
             write_csv(csv_path, rows)
-            markdown_path.write_text(tables.markdown(arguments.tag, rows, reasons))
-            print(f"{scene_name} {method}: {reason or f'{len(results)} queries'}", file=sys.stderr, flush=True)
+            markdown_path.write_text(tables.markdown(arguments.tag, rows, reasons, notes))
+            print(f"{scene.name} {tables.labels(all_series)[series]}: {reason or f'{len(results)} queries'}",
+                  file=sys.stderr, flush=True)
+    if arguments.plots:
+        from plots import write_plots  # here, so that matplotlib is needed for plots alone
+
+        write_plots(output_path, arguments.tag, rows)
     print(markdown_path.read_text())
-    return 0
 
 
 def run_method(method: str, scene: Scene, query_names: list[str], options: MethodOptions) -> tuple[dict, str]:
-    """In a process of its own: neither an exception nor a crash of a method stops the others. Results, or a reason."""
+    """Neither an exception nor a crash of a method stops the others. Results, or a reason."""
+    try:
+        return _in_own_process(_localize, method, scene, query_names, options), ""
+    except NotApplicable as reason:
+        return {}, str(reason)
+    except concurrent.futures.process.BrokenProcessPool:
+        return {}, "crashed"
+    except Exception as error:  # of any library
+        return {}, f"failed: {type(error).__name__}: {error}"
+
+
+def _in_own_process(function, *arguments):
+    """Threads of a library in this process could stop those that are forked later."""
     context = multiprocessing.get_context("fork")
     with concurrent.futures.ProcessPoolExecutor(max_workers=1, mp_context=context) as executor:
-        try:
-            return executor.submit(_localize, method, scene, query_names, options).result(), ""
-        except NotApplicable as reason:
-            return {}, str(reason)
-        except concurrent.futures.process.BrokenProcessPool:
-            return {}, "crashed"
-        except Exception as error:  # of any library
-            return {}, f"failed: {type(error).__name__}: {error}"
+        return executor.submit(function, *arguments).result()
 
 
 def _localize(method: str, scene: Scene, query_names: list[str], options: MethodOptions) -> dict:
     return load_method(_split_preset(method)[0])(scene, query_names, options)
 
 
-def _options(arguments: argparse.Namespace, scene_name: str, method: str) -> MethodOptions:
-    preset = _split_preset(method)[1]
+def _prepare(arguments: argparse.Namespace, scene_name: str) -> Scene:
+    from datasets.builder import MatchingOptions
+    from datasets.formats import read_pairs
+
+    pairs = tuple(pair for path in arguments.pairs_path for pair in read_pairs(path)) or None
+    options = Options(arguments.ground_truth, arguments.focal_length_px, arguments.image_step)
+    matching = MatchingOptions(arguments.max_num_features, pairs, arguments.num_database_neighbours)
+    return datasets.prepare_scene(arguments.dataset, arguments.data_path, scene_name, options, matching,
+                                  arguments.work_path / "scenes" / scene_name)
+
+
+def _with_noise(scene: Scene, series: Series, work_path: pathlib.Path) -> Scene:
+    rotation_deg, position_cm = map(float, series.database_noise.split(","))
+    if not rotation_deg and not position_cm:
+        return scene
+    path = work_path / "noise" / f"{scene.name}_{series.database_noise}_{series.seed}"
+    return add_database_noise(scene, rotation_deg, position_cm, series.seed, path)
+
+
+def _choose_queries(scene: Scene, queries: str | None) -> list[str]:
+    """The first so many, or those that a file lists."""
+    if queries is None or queries.isdigit():
+        return scene.query_names[: int(queries) if queries else None]
+    wanted = {line.split()[0] for line in pathlib.Path(queries).read_text().splitlines() if line.strip()}
+    chosen = [name for name in scene.query_names if name in wanted]
+    if not chosen:
+        raise InputError(f"--queries: {queries} lists no query of {scene.name}")
+    return chosen
+
+
+def _options(arguments: argparse.Namespace, scene: Scene, series: Series) -> MethodOptions:
+    preset = _split_preset(series.method)[1]
+    folder = f"{series.method.replace(':', '_')}_{series.seed}"
     return MethodOptions(
-        work_path=arguments.output_path / "work" / scene_name / method.replace(":", "_"),
+        work_path=arguments.work_path / f"{scene.name}_{_fingerprint(scene)}" / folder,
         colmap_path=arguments.colmap,
-        num_retrieved=arguments.num_retrieved,
-        seed=arguments.seed,
+        num_retrieved=series.num_retrieved,
+        seed=series.seed,
         preset_path=CONFIGS_PATH / f"{preset}.ini" if preset else None,
         program_options=tuple(tuple(option.split("=", 1)) for option in arguments.options))
+
+
+def _fingerprint(scene: Scene) -> str:
+    """Of the model and the database: a map that was triangulated from others is not used again."""
+    stat = scene.database_path.stat()
+    state = hashlib.sha256(f"{scene.database_path.resolve()} {stat.st_size} {stat.st_mtime_ns}".encode())
+    for name in ("cameras.txt", "images.txt"):
+        state.update((scene.model_path / name).read_bytes())
+    return state.hexdigest()[:8]
+
+
+def _write_poses(arguments: argparse.Namespace, scene: Scene, series: Series, results: dict):
+    poses = {name: result.pose for name, result in results.items() if result.pose is not None}
+    noise = "" if scene.true_images is None else f"_noise{series.database_noise}"
+    stem = f"{scene.name}_{series.method.replace(':', '_')}_K{series.num_retrieved}_seed{series.seed}{noise}"
+    write_poses(arguments.work_path / "poses" / arguments.tag / f"{stem}.txt", poses)
+    if any(scene.true_pose(name) is None for name in results):
+        write_submission(arguments.output_path / f"{arguments.tag}_{stem}_visuallocalization_net.txt", poses)
 
 
 def _split_preset(method: str) -> tuple[str, str]:
@@ -79,27 +167,52 @@ def _split_preset(method: str) -> tuple[str, str]:
 
 def _parse(argv: list[str]) -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--scenes_path", type=pathlib.Path, required=True,
-                        help="folder of scenes, each with model/, database.db and perhaps queries.txt")
-    parser.add_argument("--scenes", nargs="+", help="names below --scenes_path; default: all")
-    parser.add_argument("--methods", nargs="+", default=["structure_based", "lazyloc"],
-                        help=f"of {', '.join(METHODS)}; lazyloc:NAME takes options from configs/NAME.ini")
-    parser.add_argument("--colmap", type=pathlib.Path, default=pathlib.Path("build/bin/colmap"),
-                        help="the program with the command lazy_localizer")
-    parser.add_argument("--options", nargs="+", default=[], metavar="KEY=VALUE",
-                        help="further options of lazy_localizer, for example LazyLocalizer.loss_scale_px=0.5")
-    parser.add_argument("--num_retrieved", type=int, default=20, help="pairs per query, best by verified inliers")
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--max_num_queries", type=int, help="of each scene: for a quick look")
-    parser.add_argument("--output_path", type=pathlib.Path, required=True)
-    parser.add_argument("--tag", default="run", help="name of this run and of its files")
+    data = parser.add_argument_group("data")
+    data.add_argument("--dataset", choices=datasets.NAMES, default="scenes",
+                      help="the layout of --data_path, see datasets/; scenes (default): folders with model/, "
+                           "database.db and perhaps queries.txt")
+    data.add_argument("--data_path", type=pathlib.Path, required=True, help="folder of the dataset")
+    data.add_argument("--download", action="store_true", help="fetch missing scenes first, where that is allowed")
+    data.add_argument("--scenes", nargs="+", help="names; default: all that are there")
+    data.add_argument("--queries", help="a number: the first so many of each scene; a file: those that it lists")
+    data.add_argument("--ground_truth", choices=("original", "sfm"), default="original",
+                      help="of 7scenes and cambridge: the dataset's poses, or those of structure from motion")
+    data.add_argument("--focal_length_px", type=float, help="of 7scenes, instead of 525")
+    data.add_argument("--image_step", type=int, default=1, help="every n-th database image and query")
+    data.add_argument("--pairs_path", type=pathlib.Path, nargs="+", default=[],
+                      help="pairs to match, two names a line as hloc has them; default: the dataset's, else all")
+    data.add_argument("--max_num_features", type=int, default=8192, help="SIFT features per image")
+    data.add_argument("--num_database_neighbours", type=int, default=20,
+                      help="nearest database images that each one is matched with, for the map")
+    methods = parser.add_argument_group("methods")
+    methods.add_argument("--methods", nargs="+", default=["structure_based", "lazyloc"],
+                         help=f"all, or of {', '.join(METHODS)}; lazyloc:NAME takes options from configs/NAME.ini")
+    methods.add_argument("--colmap", type=pathlib.Path, default=pathlib.Path("build/bin/colmap"),
+                         help="the program with the command lazy_localizer")
+    methods.add_argument("--options", nargs="+", default=[], metavar="KEY=VALUE",
+                         help="further options of lazy_localizer, for example LazyLocalizer.loss_scale_sigma=1")
+    methods.add_argument("--num_retrieved", type=int, nargs="+", default=[20],
+                         help="pairs per query, best by verified inliers; several: a series each")
+    methods.add_argument("--seeds", type=int, nargs="+", default=[0], help="several: a series each")
+    methods.add_argument("--database_noise", type=_noise, nargs="+", default=["0,0"], metavar="DEG,CM",
+                         help="turn and move each database pose by so much, randomly; several: a series each")
+    output = parser.add_argument_group("output")
+    output.add_argument("--output_path", type=pathlib.Path, required=True)
+    output.add_argument("--work_path", type=pathlib.Path,
+                        help="for databases, maps and logs; default: work below --output_path")
+    output.add_argument("--tag", default="run", help="name of this run and of its files")
+    output.add_argument("--plots", action="store_true", help="needs matplotlib")
     arguments = parser.parse_args(argv)
-    arguments.scenes = arguments.scenes or find_scenes(arguments.scenes_path)
-    if not arguments.scenes:
-        parser.error(f"--scenes_path: no scene with a database.db below {arguments.scenes_path}")
-    for name in arguments.scenes:
-        if not (arguments.scenes_path / name / "database.db").exists():
-            parser.error(f"--scenes: {arguments.scenes_path / name / 'database.db'} does not exist")
+    arguments.argv = argv
+    arguments.work_path = arguments.work_path or arguments.output_path / "work"
+    if arguments.methods == ["all"]:
+        presets = sorted(path.stem for path in CONFIGS_PATH.glob("*.ini"))
+        arguments.methods = [*METHODS, *(f"lazyloc:{preset}" for preset in presets)]
+    _check(parser, arguments)
+    return arguments
+
+
+def _check(parser: argparse.ArgumentParser, arguments: argparse.Namespace):
     for method in arguments.methods:
         name, preset = _split_preset(method)
         if name not in METHODS or (preset and name != "lazyloc"):
@@ -109,7 +222,21 @@ def _parse(argv: list[str]) -> argparse.Namespace:
     for option in arguments.options:
         if "=" not in option:
             parser.error(f"--options: {option} is not KEY=VALUE")
-    return arguments
+    for name in ("image_step", "max_num_features"):
+        if getattr(arguments, name) < 1:
+            parser.error(f"--{name}: must be at least 1")
+    for path in [*arguments.pairs_path, *([pathlib.Path(arguments.queries)] if _is_file(arguments.queries) else [])]:
+        if not path.exists():
+            parser.error(f"{path} does not exist")
+
+
+def _noise(text: str) -> str:
+    rotation_deg, position_cm = (float(value) for value in text.split(","))
+    return f"{rotation_deg:g},{position_cm:g}"
+
+
+def _is_file(queries: str | None) -> bool:
+    return queries is not None and not queries.isdigit()
 
 
 if __name__ == "__main__":

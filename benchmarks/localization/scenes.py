@@ -2,6 +2,7 @@
 
 import dataclasses
 import functools
+import json
 import pathlib
 
 import numpy as np
@@ -13,7 +14,7 @@ from geometry import Pose
 class Protocol:
     """Which images of a scene are localized, and against which.
 
-    Candidates are the lines of queries.txt, or all images without such a file. With `leave_one_out` each is localized
+    Candidates are those of queries.txt, or all images without such a file. With `leave_one_out` each is localized
     against all other images of the scene, else against the images that are not candidates. Of the candidates whose
     name starts with `query_prefix`, every `query_step`th is localized.
     """
@@ -23,7 +24,7 @@ class Protocol:
     query_step: int = 1
 
 
-# Scenes that are not listed here are leave-one-out.
+# Of scenes without a protocol.json; those that are not listed here are leave-one-out.
 PROTOCOLS = {"kitti1": Protocol(leave_one_out=False, query_prefix="left/", query_step=2)}
 
 
@@ -39,7 +40,7 @@ class Camera:
 class PosedImage:
     name: str
     camera_id: int
-    cam_from_world: Pose
+    cam_from_world: Pose | None  # None: a query whose pose is not known
     line: str  # of images.txt, for models that must hold the same numbers
 
 
@@ -51,6 +52,8 @@ class Scene:
     cameras: dict[int, Camera]
     images: dict[str, PosedImage]
     candidates: tuple[str, ...]
+    true_images: dict[str, PosedImage] | None = None  # where `images` are noisy
+    noisy_model_path: pathlib.Path | None = None
 
     @property
     def database_path(self) -> pathlib.Path:
@@ -58,7 +61,7 @@ class Scene:
 
     @property
     def model_path(self) -> pathlib.Path:
-        return self.path / "model"
+        return self.noisy_model_path or self.path / "model"
 
     @property
     def query_names(self) -> list[str]:
@@ -72,7 +75,7 @@ class Scene:
 
     def database_names(self, query_name: str) -> list[str]:
         if self.protocol.leave_one_out:
-            return sorted(name for name in self.images if name != query_name)
+            return sorted(name for name in self.images if name != query_name and self.images[name].cam_from_world)
         return self._fixed_database_names
 
     def database_key(self, query_name: str) -> str:
@@ -83,7 +86,11 @@ class Scene:
         return self.cameras[self.images[name].camera_id]
 
     def pose(self, name: str) -> Pose:
+        """The methods'; of a database image it may be noisy."""
         return self.images[name].cam_from_world
+
+    def true_pose(self, name: str) -> Pose | None:
+        return (self.true_images or self.images)[name].cam_from_world
 
 
 def read_cameras_text(path: pathlib.Path) -> dict[int, Camera]:
@@ -114,11 +121,40 @@ def load_scene(path: pathlib.Path) -> Scene:
     cameras = read_cameras_text(path / "model" / "cameras.txt")
     images = read_images_text(path / "model" / "images.txt")
     queries_path = path / "queries.txt"
-    candidates = [line for line in _lines(queries_path) if line] if queries_path.exists() else sorted(images)
-    unposed = [name for name in candidates if name not in images]
-    if unposed:
-        raise ValueError(f"{queries_path}: {unposed[0]} has no pose in {path / 'model'}")
-    return Scene(path.name, path, PROTOCOLS.get(path.name, Protocol()), cameras, images, tuple(candidates))
+    lines = [line for line in _lines(queries_path) if line] if queries_path.exists() else sorted(images)
+    candidates = []
+    for line in lines:
+        name, camera = line, None
+        if line not in images:
+            name, camera = _query_with_camera(line)
+        if name not in images:
+            if camera is None:
+                raise ValueError(f"{queries_path}: {line} has no pose in {path / 'model'}")
+            camera_id = max(cameras, default=0) + 1
+            cameras[camera_id] = camera
+            images[name] = PosedImage(name, camera_id, None, "")
+        candidates.append(name)
+    return Scene(path.name, path, _load_protocol(path), cameras, images, tuple(candidates))
+
+
+def _query_with_camera(line: str) -> tuple[str, Camera | None]:
+    """Of `name MODEL width height params...`; no camera where the line is a name."""
+    try:
+        name, model, width, height, *params = line.split()
+        return name, Camera(model, int(width), int(height), tuple(map(float, params)))
+    except ValueError:
+        return line, None
+
+
+def _load_protocol(path: pathlib.Path) -> Protocol:
+    if (path / "protocol.json").exists():
+        return Protocol(**json.loads((path / "protocol.json").read_text()))
+    return PROTOCOLS.get(path.name, Protocol())
+
+
+def camera_text(camera: Camera) -> str:
+    """`MODEL width height params...`, exactly."""
+    return " ".join([camera.model, str(camera.width), str(camera.height), *map(repr, camera.params)])
 
 
 def find_scenes(scenes_path: pathlib.Path) -> list[str]:

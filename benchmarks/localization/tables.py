@@ -1,72 +1,124 @@
-"""A run as Markdown: one table per scene and one over all of them."""
+"""A run as Markdown: medians of all scenes, one table per scene, and one over all of them."""
 
+import dataclasses
 import math
+import statistics
 
-from evaluation import Row, paired_ratio, summarize
+from evaluation import RECALL_THRESHOLDS, Row, Series, paired_ratio, summarize
 from methods import METHODS
 
 BASELINE = "structure_based"
 MISSING = "–"
-HEADER = ("| method | queries | median cm / ° | mean cm | lost | ratio to the map [95 %] | median s |\n"
-          "|---|---|---|---|---|---|---|\n")
+HEADER = ("| method | queries | median cm / ° | mean cm | lost | ratio to the map [95 %] | "
+          + " | ".join(f"{metres:g} m, {degrees:g}°" for metres, degrees in RECALL_THRESHOLDS) + " | median s |\n"
+          + "|---" * (7 + len(RECALL_THRESHOLDS)) + "|\n")
+LEGEND = ("Median: a lost query counts as an infinite error. Mean: of the localized ones. Ratio: geometric mean of "
+          f"position error / that of `{BASELINE}` on the queries that both localized, with its bootstrap interval over "
+          "queries. Shares within metres and degrees are of all queries.\n")
 
 
-def markdown(title: str, rows: list[Row], reasons: dict[tuple[str, str], str]) -> str:
-    """`reasons` says of (scene, method) why there are no rows."""
+def markdown(title: str, rows: list[Row], reasons: dict[tuple[str, Series], str], notes: list[str] = ()) -> str:
+    """`reasons` says of (scene, series) why there are no rows; `notes` go below the title."""
     scenes = sorted({row.scene for row in rows} | {scene for scene, _ in reasons})
-    methods = _in_order({row.method for row in rows} | {method for _, method in reasons})
+    all_series = in_order({row.series for row in rows} | {series for _, series in reasons})
+    names = labels(all_series)
     footnotes = []
-    parts = [f"# {title}\n"]
-    for scene in scenes:
-        lines = [_line(method, [row for row in rows if row.scene == scene], reasons.get((scene, method)), footnotes)
-                 for method in methods]
-        parts.append(f"## {scene}\n\n{HEADER}{''.join(lines)}")
+    parts = [f"# {title}\n", *(f"{note}\n" for note in notes)]
     if len(scenes) > 1:
-        lines = [_pooled_line(method, rows, scenes, footnotes) for method in methods]
+        parts.append(_medians(rows, scenes, names))
+        lines = [_pooled_line(names[series], series, rows, scenes, footnotes) for series in all_series]
         parts.append(f"## All {len(scenes)} scenes, queries pooled\n\n{HEADER}{''.join(lines)}")
-    parts.append("Median: a lost query counts as an infinite error. Mean: of the localized ones. Ratio: geometric mean "
-                 f"of position error / that of `{BASELINE}` on the queries that both localized, with its bootstrap "
-                 "interval over queries.\n")
+    for scene in scenes:
+        own = [row for row in rows if row.scene == scene]
+        lines = [_line(names[series], series, own, reasons.get((scene, series)), footnotes) for series in all_series]
+        parts.append(f"## {scene}\n\n{HEADER}{''.join(lines)}")
+    parts.append(LEGEND)
     if footnotes:
         parts.append("".join(f"[{i}] {text}\n\n" for i, text in enumerate(footnotes, 1)))
     return "\n".join(parts)
 
 
-def _line(method: str, rows: list[Row], reason: str | None, footnotes: list[str]) -> str:
-    own = [row for row in rows if row.method == method]
+def in_order(all_series: set[Series]) -> list[Series]:
+    """As the methods are registered, presets after the plain method."""
+    names = list(METHODS)
+    return sorted(all_series, key=lambda series: (
+        names.index(series.method.partition(":")[0]), series.method, series.num_retrieved, series.seed,
+        [float(value) for value in series.database_noise.split(",")]))
+
+
+def labels(all_series: list[Series]) -> dict[Series, str]:
+    """The method, and what else tells the series apart."""
+    several = {field: len({getattr(series, field) for series in all_series}) > 1
+               for field in ("num_retrieved", "seed", "database_noise")}
+    return {series: series.method + (f" K={series.num_retrieved}" if several["num_retrieved"] else "")
+            + (f" seed={series.seed}" if several["seed"] else "")
+            + (f" noise {series.database_noise.replace(',', '°, ')} cm" if several["database_noise"] else "")
+            for series in all_series}
+
+
+def _medians(rows: list[Row], scenes: list[str], names: dict[Series, str]) -> str:
+    """A column per scene, as papers have it; the average is over the scenes."""
+    text = (f"## Medians, cm / °\n\n| method | {' | '.join(scenes)} | average |\n" + "|---" * (len(scenes) + 2) + "|\n")
+    for series, name in names.items():
+        summaries = []
+        for scene in scenes:
+            own = [row for row in rows if row.scene == scene and row.series == series]
+            summaries.append(summarize(own) if own else None)
+        cells = [_median(summary.median_position_error_cm, summary.median_rotation_error_deg) if summary else MISSING
+                 for summary in summaries]
+        average = MISSING
+        if all(summaries):
+            average = _median(statistics.fmean(summary.median_position_error_cm for summary in summaries),
+                              statistics.fmean(summary.median_rotation_error_deg for summary in summaries))
+        text += f"| {name} | {' | '.join(cells)} | {average} |\n"
+    return text
+
+
+def _line(name: str, series: Series, rows: list[Row], reason: str | None, footnotes: list[str]) -> str:
+    own = [row for row in rows if row.series == series]
     if not own:
-        return f"| {method} {_mark(reason or 'not run', footnotes)} | {' | '.join([MISSING] * 6)} |\n"
-    return f"| {method} | {_figures(own, [row for row in rows if row.method == BASELINE])} |\n"
+        return f"| {name} {_mark(reason or 'not run', footnotes)} | {_no_figures()} |\n"
+    return f"| {name} | {_figures(own, _baseline(series, rows))} |\n"
 
 
-def _pooled_line(method: str, rows: list[Row], scenes: list[str], footnotes: list[str]) -> str:
-    own = [row for row in rows if row.method == method]
+def _pooled_line(name: str, series: Series, rows: list[Row], scenes: list[str], footnotes: list[str]) -> str:
+    own = [row for row in rows if row.series == series]
     missing = sorted(set(scenes) - {row.scene for row in own})
     if not own:
-        return f"| {method} | {' | '.join([MISSING] * 6)} |\n"
-    name = f"{method} {_mark('without ' + ', '.join(missing), footnotes)}" if missing else method
-    return f"| {name} | {_figures(own, [row for row in rows if row.method == BASELINE])} |\n"
+        return f"| {name} | {_no_figures()} |\n"
+    name = f"{name} {_mark('without ' + ', '.join(missing), footnotes)}" if missing else name
+    return f"| {name} | {_figures(own, _baseline(series, rows))} |\n"
+
+
+def _baseline(series: Series, rows: list[Row]) -> list[Row]:
+    wanted = dataclasses.replace(series, method=BASELINE)
+    return [row for row in rows if row.series == wanted]
 
 
 def _figures(rows: list[Row], baseline_rows: list[Row]) -> str:
     summary, ratio = summarize(rows), paired_ratio(rows, baseline_rows)
-    median = f"{_number(summary.median_position_error_cm, 2)} / {_number(summary.median_rotation_error_deg, 3)}"
     ratio_text = f"{ratio.mean:.3f} [{ratio.low:.3f}, {ratio.high:.3f}]" if ratio else MISSING
-    return " | ".join([str(summary.num_queries), median, _number(summary.mean_position_error_cm, 2),
-                       str(summary.num_lost), ratio_text, _number(summary.median_seconds, 4)])
+    return " | ".join([
+        str(summary.num_queries), _median(summary.median_position_error_cm, summary.median_rotation_error_deg),
+        _number(summary.mean_position_error_cm, 2), str(summary.num_lost), ratio_text,
+        *(_number(100 * share, 1) for share in summary.recall), _number(summary.median_seconds, 4)])
+
+
+def _no_figures() -> str:
+    return " | ".join([MISSING] * (6 + len(RECALL_THRESHOLDS)))
+
+
+def _median(position_error_cm: float, rotation_error_deg: float) -> str:
+    return f"{_number(position_error_cm, 2)} / {_number(rotation_error_deg, 3)}"
 
 
 def _number(value: float, num_digits: int) -> str:
-    return f"{value:.{num_digits}f}" if math.isfinite(value) else MISSING
+    if math.isinf(value):
+        return "∞"
+    return f"{value:.{num_digits}f}" if not math.isnan(value) else MISSING
 
 
 def _mark(text: str, footnotes: list[str]) -> str:
     if text not in footnotes:
         footnotes.append(text)
     return f"[{footnotes.index(text) + 1}]"
-
-
-def _in_order(methods: set[str]) -> list[str]:
-    """As the methods are registered, presets after the plain method."""
-    names = list(METHODS)
-    return sorted(methods, key=lambda method: (names.index(method.partition(":")[0]), method))

@@ -2,15 +2,14 @@
 world; all verified matches of all pairs, RANSAC alone. The seconds leave out reading.
 """
 
-import time
-
 import numpy as np
 import pycolmap
 
 from colmap_files import pycolmap_camera, pycolmap_rigid3d
 from geometry import Pose
-from matches import MatchDatabase, QueryMatches
+from matches import QueryMatches
 from methods import MethodOptions, Result
+from methods.match_based import localize_by
 from scenes import Camera, Scene
 
 MAX_ERROR_PX = 4.0
@@ -18,15 +17,7 @@ MAX_ERROR_PX = 4.0
 
 def localize(scene: Scene, query_names: list[str], options: MethodOptions) -> dict[str, Result]:
     pycolmap.logging.minloglevel = pycolmap.logging.Level.WARNING.value
-    results = {}
-    with MatchDatabase(scene.database_path) as database:
-        for name in query_names:
-            matches = database.query_matches(scene, name, options.num_retrieved)
-            start = time.perf_counter()
-            pose = _generalized_relative_pose(scene, scene.camera(name), matches, options.seed)
-            seconds = time.perf_counter() - start
-            results[name] = Result(pose, seconds) if pose else Result.lost(seconds)
-    return results
+    return localize_by(_generalized_relative_pose, scene, query_names, options)
 
 
 def _generalized_relative_pose(scene: Scene, camera: Camera, matches: QueryMatches, seed: int) -> Pose | None:

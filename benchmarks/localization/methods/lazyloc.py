@@ -10,7 +10,7 @@ import subprocess
 
 from geometry import Pose
 from methods import MethodOptions, Result
-from scenes import Scene
+from scenes import Scene, camera_text
 
 
 def localize(scene: Scene, query_names: list[str], options: MethodOptions) -> dict[str, Result]:
@@ -31,7 +31,7 @@ def localize(scene: Scene, query_names: list[str], options: MethodOptions) -> di
         query_lines = query_names
     else:
         program_options["input_path"] = _write_database_model(scene, query_names[0], work_path / "model")
-        query_lines = [_line_with_intrinsics(scene, name) for name in query_names]
+        query_lines = [f"{name} {camera_text(scene.camera(name))}" for name in query_names]
     (work_path / "queries.txt").write_text("".join(line + "\n" for line in query_lines))
     if options.preset_path:
         program_options["project_path"] = options.preset_path
@@ -71,8 +71,3 @@ def _write_database_model(scene: Scene, query_name: str, path: pathlib.Path) -> 
     (path / "cameras.txt").write_bytes((scene.model_path / "cameras.txt").read_bytes())
     (path / "points3D.txt").write_text("")
     return path
-
-
-def _line_with_intrinsics(scene: Scene, name: str) -> str:
-    camera = scene.camera(name)
-    return " ".join([name, camera.model, str(camera.width), str(camera.height), *map(repr, camera.params)])

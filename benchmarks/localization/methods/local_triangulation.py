@@ -3,16 +3,17 @@ robust triangulation, then pycolmap's absolute pose. The seconds leave out readi
 """
 
 import math
-import time
 
 import numpy as np
 import pycolmap
 
 from colmap_files import pycolmap_camera, pycolmap_rigid3d
-from matches import MatchDatabase, QueryMatches
+from geometry import Pose
+from matches import QueryMatches
 from methods import MethodOptions, Result
+from methods.match_based import localize_by
 from methods.structure_based import absolute_pose
-from scenes import Scene
+from scenes import Camera, Scene
 
 MAX_TRIANGULATION_ERROR_PX = 4.0
 MIN_TRIANGULATION_ANGLE_DEG = 1.5
@@ -20,16 +21,12 @@ MIN_TRIANGULATION_ANGLE_DEG = 1.5
 
 def localize(scene: Scene, query_names: list[str], options: MethodOptions) -> dict[str, Result]:
     pycolmap.logging.minloglevel = pycolmap.logging.Level.WARNING.value
-    results = {}
-    with MatchDatabase(scene.database_path) as database:
-        for name in query_names:
-            matches = database.query_matches(scene, name, options.num_retrieved)
-            start = time.perf_counter()
-            points2d, points3d = triangulate_query_keypoints(scene, matches, options.seed)
-            pose = absolute_pose(points2d, points3d, scene.camera(name), options.seed)
-            seconds = time.perf_counter() - start
-            results[name] = Result(pose, seconds) if pose else Result.lost(seconds)
-    return results
+    return localize_by(_locally_triangulated_pose, scene, query_names, options)
+
+
+def _locally_triangulated_pose(scene: Scene, camera: Camera, matches: QueryMatches, seed: int) -> Pose | None:
+    points2d, points3d = triangulate_query_keypoints(scene, matches, seed)
+    return absolute_pose(points2d, points3d, camera, seed)
 
 
 def triangulate_query_keypoints(scene: Scene, matches: QueryMatches, seed: int) -> tuple[np.ndarray, np.ndarray]:

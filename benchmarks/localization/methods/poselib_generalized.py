@@ -2,13 +2,12 @@
 world; all verified matches of all pairs, LO-RANSAC and refinement. The seconds leave out reading.
 """
 
-import time
-
 import poselib
 
 from geometry import Pose
-from matches import MatchDatabase, QueryMatches
+from matches import QueryMatches
 from methods import MethodOptions, Result
+from methods.match_based import localize_by
 from scenes import Camera, Scene
 
 MAX_ERROR_PX = 4.0
@@ -16,15 +15,7 @@ MIN_NUM_MATCHES = 6  # of the minimal solver
 
 
 def localize(scene: Scene, query_names: list[str], options: MethodOptions) -> dict[str, Result]:
-    results = {}
-    with MatchDatabase(scene.database_path) as database:
-        for name in query_names:
-            matches = database.query_matches(scene, name, options.num_retrieved)
-            start = time.perf_counter()
-            pose = _generalized_relative_pose(scene, scene.camera(name), matches, options.seed)
-            seconds = time.perf_counter() - start
-            results[name] = Result(pose, seconds) if pose else Result.lost(seconds)
-    return results
+    return localize_by(_generalized_relative_pose, scene, query_names, options)
 
 
 def _generalized_relative_pose(scene: Scene, camera: Camera, matches: QueryMatches, seed: int) -> Pose | None:

@@ -6,15 +6,14 @@ beyond their end and crashes). So no samples are drawn here: the start is the po
 is PoseLib's hybrid refinement.
 """
 
-import time
-
 import poselib
 import pycolmap
 
 from geometry import Pose
-from matches import MatchDatabase, QueryMatches
+from matches import QueryMatches
 from methods import MethodOptions, Result
 from methods.local_triangulation import triangulate_query_keypoints
+from methods.match_based import localize_by
 from methods.poselib_generalized import poselib_camera, poselib_pose
 from methods.structure_based import absolute_pose
 from scenes import Camera, Scene
@@ -25,15 +24,7 @@ MAX_EPIPOLAR_ERROR_PX = 4.0
 
 def localize(scene: Scene, query_names: list[str], options: MethodOptions) -> dict[str, Result]:
     pycolmap.logging.minloglevel = pycolmap.logging.Level.WARNING.value
-    results = {}
-    with MatchDatabase(scene.database_path) as database:
-        for name in query_names:
-            matches = database.query_matches(scene, name, options.num_retrieved)
-            start = time.perf_counter()
-            pose = _hybrid_pose(scene, scene.camera(name), matches, options.seed)
-            seconds = time.perf_counter() - start
-            results[name] = Result(pose, seconds) if pose else Result.lost(seconds)
-    return results
+    return localize_by(_hybrid_pose, scene, query_names, options)
 
 
 def _hybrid_pose(scene: Scene, camera: Camera, matches: QueryMatches, seed: int) -> Pose | None:

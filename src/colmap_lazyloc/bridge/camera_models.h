@@ -1,5 +1,7 @@
 #pragma once
 
+#include <cstddef>
+#include <functional>
 #include <optional>
 #include <string>
 
@@ -13,6 +15,8 @@ namespace lazyloc {
 std::optional<int> CameraModelId(const std::string& model_name);
 // Empty where the linked COLMAP does not know the model.
 std::string CameraModelName(int model_id);
+// Zero where the linked COLMAP does not know the model.
+size_t CameraModelNumParams(int model_id);
 // Why the camera cannot be used (unknown model, wrong number of parameters, non-finite or non-positive
 // focal length, zero size); empty when it can.
 std::string CameraProblem(const Camera& camera);
@@ -23,6 +27,9 @@ Camera CameraFromFocalLength(int model_id, double focal_length_px, uint64_t widt
 // Viewing direction of an image point (pixels), unit length, in the camera's frame; none where the model
 // has no inverse there.
 std::optional<Eigen::Vector3d> RayInCam(const Camera& camera, const Eigen::Vector2d& xy);
+// The same for many image points of one camera, which is converted to COLMAP's only once.
+using RayInCamFunction = std::function<std::optional<Eigen::Vector3d>(const Eigen::Vector2d& xy)>;
+RayInCamFunction RaysInCam(const Camera& camera);
 
 // Image point (pixels) of a point in the camera's frame; none behind the camera.
 std::optional<Eigen::Vector2d> ImageFromCam(const Camera& camera, const Eigen::Vector3d& point_in_cam);

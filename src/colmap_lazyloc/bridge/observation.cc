@@ -5,21 +5,20 @@
 #include <Eigen/Geometry>
 #include <Eigen/LU>
 
-#include "colmap_lazyloc/bridge/camera_models.h"
 #include "colmap_lazyloc/math/so3.h"
 
 namespace lazyloc {
 
-std::optional<Observation> Observe(const Camera& camera, const Eigen::Vector2d& xy) {
+std::optional<Observation> Observer::operator()(const Eigen::Vector2d& xy) const {
   // Half a pixel to each side: far above the model inverse's own tolerance, and second-order terms cancel.
   constexpr double kStepPx = 0.5;
-  const std::optional<Eigen::Vector3d> ray = RayInCam(camera, xy);
+  const std::optional<Eigen::Vector3d> ray = ray_in_cam_(xy);
   if (!ray) return std::nullopt;
   const Eigen::Matrix<double, 3, 2> basis = TangentBasis(*ray);
   Eigen::Matrix2d tangent_from_px;
   for (int axis = 0; axis < 2; ++axis) {
     const Eigen::Vector2d step = kStepPx * Eigen::Vector2d::Unit(axis);
-    const std::optional<Eigen::Vector3d> before = RayInCam(camera, xy - step), after = RayInCam(camera, xy + step);
+    const std::optional<Eigen::Vector3d> before = ray_in_cam_(xy - step), after = ray_in_cam_(xy + step);
     if (!before || !after) return std::nullopt;
     tangent_from_px.col(axis) = basis.transpose() * (*after - *before) / (2 * kStepPx);
   }

@@ -2,8 +2,6 @@
 
 #include <gtest/gtest.h>
 
-#include "colmap_lazyloc/bridge/camera_models.h"
-
 namespace lazyloc {
 namespace {
 
@@ -28,8 +26,9 @@ class Models : public testing::TestWithParam<ModelCase> {
 TEST_P(Models, ErrorIsPixelsToFirstOrder) {
   const Camera camera = MakeCamera();
   ASSERT_EQ(CameraProblem(camera), "");
+  const Observer observe(camera);
   for (const Eigen::Vector2d& xy : {Eigen::Vector2d(320, 240), Eigen::Vector2d(40, 60), Eigen::Vector2d(600, 450)}) {
-    const std::optional<Observation> observation = Observe(camera, xy);
+    const std::optional<Observation> observation = observe(xy);
     ASSERT_TRUE(observation.has_value());
     for (const Eigen::Vector2d& offset : {Eigen::Vector2d(0, 0), Eigen::Vector2d(0.8, -0.6), Eigen::Vector2d(0, 2)}) {
       const Eigen::Vector3d point = 7.5 * *RayInCam(camera, xy + offset);

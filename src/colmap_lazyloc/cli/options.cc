@@ -7,12 +7,29 @@
 #include <boost/program_options.hpp>
 #include <nlohmann/json.hpp>
 
+#include "colmap_lazyloc/scene/enum_names.h"
 #include "colmap_lazyloc/scene/errors.h"
 
 namespace lazyloc {
-namespace {
 
 namespace po = boost::program_options;
+
+// How Boost reads an option that is an enum, by the name of its value. (It finds this by the enum's namespace.)
+template <typename Enum, typename = std::enable_if_t<std::is_enum_v<Enum>>>
+void validate(boost::any& value, const std::vector<std::string>& texts, Enum*, int) {  // NOLINT: the name is Boost's
+  std::string allowed;
+  for (size_t i = 0; i < kEnumNames<Enum>.size(); ++i) {
+    if (texts.back() == kEnumNames<Enum>[i]) {
+      value = static_cast<Enum>(i);
+      return;
+    }
+    allowed += (i == 0 ? "" : ", ") + std::string(kEnumNames<Enum>[i]);
+  }
+  throw po::error_with_option_name("option '%canonical_option%' must be one of " + allowed + ", but is '" +
+                                   texts.back() + "'");
+}
+
+namespace {
 
 // JSON's form of a number is its shortest exact one.
 template <typename Value>
@@ -21,6 +38,8 @@ std::string AsText(const Value& value) {
     return value;
   } else if constexpr (std::is_same_v<Value, bool>) {
     return value ? "1" : "0";
+  } else if constexpr (std::is_enum_v<Value>) {
+    return kEnumNames<Value>[static_cast<size_t>(value)];
   } else {
     return nlohmann::json(value).dump();
   }
@@ -79,6 +98,8 @@ void ForEachOption(Options& o, const Add& add) {
   add("LazyLocalizer.num_retrieved", &o.loader.num_retrieved,
       "database images per query, best by verified inliers; with --pairs_path all listed ones are used");
   add("LazyLocalizer.num_threads", &o.num_threads, "queries at a time; -1 for the number of cores");
+  add("LazyLocalizer.use_database_matches", &o.loader.use_database_matches,
+      "extend the query's tracks by the verified matches among its database images that the database holds");
   add("LazyLocalizer.leave_one_out", &o.loader.leave_one_out,
       "localize every posed image (or those of --query_list_path) against all others");
   add("LazyLocalizer.matches_output_path", &o.matches_output_path,
@@ -94,10 +115,24 @@ void ForEachOption(Options& o, const Add& add) {
       "largest epipolar error of an inlier in pixels, where no two-view geometry is stored");
   add("LazyLocalizer.max_rotation_error_deg", &o.localizer.max_rotation_error_deg,
       "a pair whose rotation is off the averaged one by more degrees is dropped");
+  add("LazyLocalizer.rotation_averaging", &o.localizer.rotation_averaging.method,
+      "how rotations are averaged: l1_irls, l1 or quaternion_mean (the last two for comparison)");
+  add("LazyLocalizer.num_l1_iterations", &o.localizer.rotation_averaging.num_l1_iterations,
+      "most steps of rotation averaging under the L1 norm");
+  add("LazyLocalizer.num_irls_iterations", &o.localizer.rotation_averaging.num_irls_iterations,
+      "most steps of rotation averaging with robust weights, after those");
   add("LazyLocalizer.irls_scale_deg", &o.localizer.rotation_averaging.irls_scale_deg,
       "scale in degrees of rotation averaging's robust weights");
+  add("LazyLocalizer.translation_averaging", &o.localizer.translation_averaging.method,
+      "how positions are averaged: angular, or lud (least unsquared deviations, for comparison)");
   add("LazyLocalizer.min_direction_stddev_deg", &o.localizer.translation_averaging.min_direction_stddev_deg,
       "noise floor in degrees of each pair's direction in translation averaging");
+  add("LazyLocalizer.start_pose", &o.localizer.start_pose,
+      "where bundle adjustment starts from: best, motion_averaging, absolute_pose or generalized_relative_pose");
+  add("LazyLocalizer.post_optimization", &o.localizer.post_optimization,
+      "what follows motion averaging: tracks, or for comparison sampson, relative_pose_lo or none (without covariance)");
+  add("LazyLocalizer.use_raw_matches", &o.localizer.use_raw_matches,
+      "after each round, collect the inliers again from all raw matches");
   add("LazyLocalizer.min_triangulation_angle_deg", &o.localizer.triangulation.min_triangulation_angle_deg,
       "smallest angle in degrees under which a point must be seen");
   add("LazyLocalizer.max_database_error_sigma", &o.localizer.triangulation.max_database_error_sigma,
@@ -116,6 +151,17 @@ void ForEachOption(Options& o, const Add& add) {
       "Cauchy scale of bundle adjustment in standard deviations of the image noise");
   add("LazyLocalizer.single_view_noise_ratio", &o.localizer.triangulation.single_view_noise_ratio,
       "factor on the image noise of points that one database image sees");
+  add("LazyLocalizer.max_num_tracks", &o.localizer.max_num_tracks,
+      "of more tracks than these, well distributed ones with most image points are used");
+  add("LazyLocalizer.max_num_start_tracks", &o.localizer.max_num_start_tracks,
+      "the same for the start and all rounds but the last");
+  add("LazyLocalizer.database_pose_stddev_deg", &o.localizer.database_pose_stddev_deg,
+      "standard deviation of the database images' rotations about each axis in degrees; 0 takes them as exact, -1 "
+      "estimates it for each query");
+  add("LazyLocalizer.database_pose_stddev_length", &o.localizer.database_pose_stddev_length,
+      "standard deviation of each coordinate of the database images' positions in database units; 0 and -1 as above");
+  add("LazyLocalizer.database_pose_noise_px", &o.localizer.database_pose_noise_px,
+      "what the estimate of these two expects, in pixels by which the pose errors displace image points");
   add("LazyLocalizer.min_num_tracks", &o.localizer.min_num_tracks, "fewest tracks that a pose may rest on");
   add("LazyLocalizer.max_position_stddev_ratio", &o.localizer.max_position_stddev_ratio,
       "a position less certain than this part of the distance to the scene is not reported as found "
@@ -220,6 +266,7 @@ bool ParseCommandLine(int argc, char** argv, CommandOptions* options) {
   if (!Parse(argc, argv, "colmap lazy_localizer", description)) return false;
   CheckOptions(*options);
   options->localizer.max_num_pairs = options->pairs_path.empty() ? options->loader.num_retrieved : 0;
+  options->loader.use_raw_matches = options->localizer.use_raw_matches;
   options->loader.has_photos = !options->photos.image_path.empty();
   options->photos.retrieval.seed = options->localizer.seed;
   return true;

@@ -24,12 +24,13 @@ struct Readers {
   std::unique_ptr<FeatureReader> features;
 };
 
-LocalizationResult LocalizePhoto(const Loaders& loaders, const PhotoQuery& photo, const FeatureReader& features,
+LocalizationResult LocalizePhoto(const Loaders& loaders, const PhotoQuery& photo, const Readers& readers,
                                  const LocalizerOptions& options, IdleThreads* idle_threads) {
   StageTimer::Seconds seconds;
   LocalizationResult result;
   try {
-    LoadedPhoto loaded = loaders.photo_loader->Load(photo, features, idle_threads, &seconds);
+    LoadedPhoto loaded = loaders.photo_loader->Load(photo, *readers.features, idle_threads, &seconds);
+    loaders.problem_loader->LoadDatabaseMatches(readers.database, &loaded.problem);
     if (loaders.matches_output != nullptr) {
       const StageTimer timer("matches_output", &seconds);
       loaders.matches_output->Write(loaded.problem, *loaded.features, loaded.database_features);
@@ -55,7 +56,7 @@ LocalizationResult LoadAndLocalize(const Loaders& loaders, const std::string& qu
   LocalizationResult result;
   const auto& photos = loaders.problem_loader->Photos();
   if (const auto photo = photos.find(query_name); photo != photos.end()) {
-    result = LocalizePhoto(loaders, photo->second, *readers.features, options, idle_threads);
+    result = LocalizePhoto(loaders, photo->second, readers, options, idle_threads);
   } else {
     const LocalizationProblem problem = loaders.problem_loader->Load(query_name, readers.database);
     const double load_seconds = seconds_since(start);

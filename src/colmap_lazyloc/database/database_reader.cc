@@ -8,6 +8,7 @@
 #include <set>
 #include <utility>
 
+#include "colmap_lazyloc/database/keypoint_cache.h"
 #include "colmap_lazyloc/database/sqlite.h"
 #include "colmap_lazyloc/database/two_view_orientation.h"
 #include "colmap_lazyloc/scene/errors.h"
@@ -21,6 +22,7 @@ constexpr int64_t kMaxNumImages = std::numeric_limits<int32_t>::max();
 constexpr int64_t kMaxInt = std::numeric_limits<int>::max();
 constexpr int64_t kMaxInt64 = std::numeric_limits<int64_t>::max();
 constexpr int64_t kMaxCameraId = std::numeric_limits<uint32_t>::max();
+constexpr size_t kMaxNumCachedKeypoints = (16 << 20) / sizeof(Eigen::Vector2f);
 
 int64_t PairId(uint32_t image_id1, uint32_t image_id2) {
   LAZYLOC_CHECK(image_id1 != image_id2);
@@ -208,6 +210,20 @@ struct DatabaseReader::Impl {
                          [=] { return "pair of " + ImageLabel(image_id1) + " and " + ImageLabel(image_id2); });
   }
 
+  KeypointCache::Keypoints ReadKeypoints(uint32_t image_id) const {
+    SqliteRows rows = keypoints.Run({image_id}, [=] { return ImageLabel(image_id); });
+    KeypointCache::Keypoints points;
+    while (rows.Next()) {
+      const NumberTable table = ReadNumberTable(rows, {2, 4, 6});
+      points.resize(table.num_rows);
+      for (size_t i = 0; i < points.size(); ++i) {
+        points[i] = {table.At<float>(i, 0), table.At<float>(i, 1)};
+        if (!points[i].allFinite()) rows.Fail("keypoint " + std::to_string(i) + " is not finite");
+      }
+    }
+    return points;
+  }
+
   std::vector<PairSize> ReadPairSizes(const PairSizeStatements& statements, uint32_t image_id) const {
     std::vector<PairSize> sizes;
     for (const SqliteStatement* statement : {&statements.with_image_second, &statements.with_image_first}) {
@@ -225,6 +241,7 @@ struct DatabaseReader::Impl {
   TwoViewColumns two_view_columns;
   SqliteStatement images, image_name, camera, keypoints, matches, two_view_geometry;
   PairSizeStatements match_counts, inlier_counts;
+  KeypointCache keypoint_cache{kMaxNumCachedKeypoints};
 };
 
 DatabaseReader::DatabaseReader(const std::filesystem::path& path) : impl_(std::make_unique<Impl>(path)) {}
@@ -265,17 +282,12 @@ Camera DatabaseReader::ReadCamera(uint32_t camera_id) const {
 }
 
 std::vector<Eigen::Vector2d> DatabaseReader::ReadKeypoints(uint32_t image_id) const {
-  SqliteRows rows = impl_->keypoints.Run({image_id}, [=] { return impl_->ImageLabel(image_id); });
-  std::vector<Eigen::Vector2d> keypoints;
-  while (rows.Next()) {
-    const NumberTable table = ReadNumberTable(rows, {2, 4, 6});
-    keypoints.resize(table.num_rows);
-    for (size_t i = 0; i < keypoints.size(); ++i) {
-      keypoints[i] = {table.At<float>(i, 0), table.At<float>(i, 1)};
-      if (!keypoints[i].allFinite()) rows.Fail("keypoint " + std::to_string(i) + " is not finite");
-    }
-  }
-  return keypoints;
+  const KeypointCache::Keypoints* keypoints = impl_->keypoint_cache.Find(image_id);
+  if (keypoints == nullptr) keypoints = impl_->keypoint_cache.Add(image_id, impl_->ReadKeypoints(image_id));
+  std::vector<Eigen::Vector2d> in_double;
+  in_double.reserve(keypoints->size());
+  for (const Eigen::Vector2f& keypoint : *keypoints) in_double.push_back(keypoint.cast<double>());
+  return in_double;
 }
 
 std::vector<PairSize> DatabaseReader::ReadInlierCounts(uint32_t image_id) const {

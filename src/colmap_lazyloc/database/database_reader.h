@@ -46,7 +46,8 @@ class DatabaseReader {
   std::vector<DatabaseImage> ReadImages() const;
   // Camera parameters are given as stored; the caller judges the model.
   Camera ReadCamera(uint32_t camera_id) const;
-  // xy in pixels of all keypoints of an image, in order; empty where the image has none.
+  // xy in pixels of all keypoints of an image, in order; empty where the image has none. Those of the images last read
+  // are kept, in up to 16 MiB.
   std::vector<Eigen::Vector2d> ReadKeypoints(uint32_t image_id) const;
 
   // The other images of all pairs of an image with at least one verified inlier, or at least one raw match;

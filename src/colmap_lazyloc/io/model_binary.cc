@@ -9,26 +9,13 @@ constexpr uint64_t kMinCameraBytes = 4 + 4 + 8 + 8;
 constexpr uint64_t kMinImageBytes = 4 + 7 * 8 + 4 + 1 + 8;
 constexpr uint64_t kPointBytes = 3 * 8;
 
-// The format does not store it. Zero for an unknown model.
-size_t NumParams(int model_id) {
-  constexpr size_t kMaxNumParams = 64;
-  Camera camera;
-  camera.model_id = model_id;
-  camera.width = camera.height = 1;
-  while (camera.params.size() < kMaxNumParams) {
-    camera.params.push_back(1);
-    if (CameraProblem(camera).empty()) return camera.params.size();
-  }
-  return 0;
-}
-
 Camera ReadCamera(BinaryFile* file) {
   Camera camera;
   camera.camera_id = file->Read<uint32_t>();
   camera.model_id = file->Read<int32_t>();
   camera.width = file->Read<uint64_t>();
   camera.height = file->Read<uint64_t>();
-  camera.params.resize(NumParams(camera.model_id));
+  camera.params.resize(CameraModelNumParams(camera.model_id));  // the format does not store their number
   for (double& param : camera.params) param = file->Read<double>();
   return camera;
 }

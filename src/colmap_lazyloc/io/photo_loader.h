@@ -49,8 +49,8 @@ struct LoadedPhoto {
 // Makes the localization problem of a photo: features, candidates, matches and their verification, all in memory.
 class PhotoLoader {
  public:
-  // database_model: the posed images; it must outlive this. Opens or makes the retrieval index where one is needed for the photos. Throws
-  // InputError for files that cannot be used, and where no posed image has descriptors.
+  // database_model: the posed images; it must outlive this. Opens or makes the retrieval index where one is needed for
+  // the photos. Throws InputError for files that cannot be used, and where no posed image has descriptors.
   PhotoLoader(const DatabaseReader& database, const Model& database_model,
               const std::map<std::string, PhotoQuery>& photos, int num_retrieved,
               const PairMatchingOptions& pair_options, const PhotoLoaderOptions& options);

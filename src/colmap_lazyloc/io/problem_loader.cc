@@ -2,7 +2,8 @@
 
 #include <algorithm>
 #include <cmath>
-#include <set>
+#include <iterator>
+#include <tuple>
 
 #include "colmap_lazyloc/bridge/camera_models.h"
 #include "colmap_lazyloc/scene/errors.h"
@@ -61,8 +62,16 @@ ProblemLoader::ProblemLoader(const DatabaseReader& database, Model model, const 
   }
   if (!pairs_path.empty()) {
     has_pairs_file_ = true;
-    pairs_ = ReadPairs(pairs_path, {query_names_.begin(), query_names_.end()});
+    QueryPairs pairs = ReadPairs(pairs_path, {query_names_.begin(), query_names_.end()}, [&](const std::string& name) {
+      return database_images_.count(name) > 0 || photos_.count(name) > 0;
+    });
+    pairs_ = std::move(pairs.partners);
     for (auto& [name, photo] : photos_) photo.partner_names = pairs_[name];
+    if (!pairs.unknown_names.empty()) {
+      warning_ = pairs_path.string() +
+                 ": left out what the database lacks: " + std::to_string(pairs.unknown_names.size()) +
+                 " images, such as " + *pairs.unknown_names.begin();
+    }
   }
 }
 
@@ -124,41 +133,28 @@ void ProblemLoader::AddQuery(const QueryListEntry& entry, const ModelImage* pose
   queries_.emplace(entry.name, std::move(query));
 }
 
-std::vector<ProblemLoader::Candidate> ProblemLoader::FindCandidates(const Query& query,
-                                                                    const DatabaseReader& database) const {
-  std::map<uint32_t, Candidate> candidates;  // by the database's id
-  std::set<uint32_t> listed;
-  if (has_pairs_file_) {
-    const auto pairs = pairs_.find(query.image.name);
-    if (pairs == pairs_.end()) return {};
-    for (const std::string& name : pairs->second) {
-      const auto image = database_images_.find(name);
-      if (image != database_images_.end()) listed.insert(image->second.image_id);
-    }
+ProblemLoader::Candidates ProblemLoader::RankCandidates(const Query& query, const std::vector<PairSize>& sizes) const {
+  Candidates candidates;
+  for (const PairSize& size : sizes) {
+    const auto posed = posed_of_database_id_.find(size.image_id);
+    if (posed == posed_of_database_id_.end() || size.image_id == query.image.image_id) continue;
+    candidates.push_back({posed->second, size.image_id, size.num_matches});
   }
-  const auto candidate_of = [&](uint32_t image_id) -> Candidate* {
-    const auto posed = posed_of_database_id_.find(image_id);
-    if (posed == posed_of_database_id_.end() || image_id == query.image.image_id) return nullptr;
-    if (has_pairs_file_ && listed.count(image_id) == 0) return nullptr;
-    Candidate& candidate = candidates[image_id];
-    candidate.image = posed->second;
-    candidate.image_id = image_id;
-    return &candidate;
-  };
-  for (const PairSize& pair : database.ReadInlierCounts(query.image.image_id)) {
-    if (Candidate* candidate = candidate_of(pair.image_id)) candidate->num_inliers = pair.num_matches;
-  }
-  for (const PairSize& pair : database.ReadMatchCounts(query.image.image_id)) {
-    if (Candidate* candidate = candidate_of(pair.image_id)) candidate->num_matches = pair.num_matches;
-  }
-  std::vector<Candidate> sorted;
-  for (const auto& [image_id, candidate] : candidates) sorted.push_back(candidate);
-  std::sort(sorted.begin(), sorted.end(), [](const Candidate& a, const Candidate& b) {
-    if (a.num_inliers != b.num_inliers) return a.num_inliers > b.num_inliers;
-    if (a.num_matches != b.num_matches) return a.num_matches > b.num_matches;
-    return a.image->name < b.image->name;
+  std::sort(candidates.begin(), candidates.end(), [](const Candidate& a, const Candidate& b) {
+    return std::tie(b.num_matches, a.image->name) < std::tie(a.num_matches, b.image->name);
   });
-  return sorted;
+  return candidates;
+}
+
+ProblemLoader::Candidates ProblemLoader::ListedCandidates(const Query& query) const {
+  const auto pairs = pairs_.find(query.image.name);
+  if (pairs == pairs_.end()) return {};
+  std::vector<PairSize> listed;
+  for (const std::string& name : pairs->second) {
+    const auto image = database_images_.find(name);
+    if (image != database_images_.end()) listed.push_back({image->second.image_id, 0});
+  }
+  return RankCandidates(query, listed);
 }
 
 std::optional<ImagePair> ProblemLoader::LoadPair(const Query& query, const Candidate& candidate,
@@ -166,6 +162,10 @@ std::optional<ImagePair> ProblemLoader::LoadPair(const Query& query, const Candi
   ImagePair pair;
   pair.geometry = database.ReadTwoViewGeometry(query.image.image_id, candidate.image_id);
   if (pair.geometry && pair.geometry->inlier_matches.empty()) return std::nullopt;
+  if (!pair.geometry) {
+    pair.matches = database.ReadMatches(query.image.image_id, candidate.image_id);
+    if (pair.matches.empty()) return std::nullopt;
+  }
   pair.database_name = candidate.image->name;
   pair.database_camera = model_.cameras.at(candidate.image->camera_id);
   pair.database_cam_from_world = candidate.image->cam_from_world;
@@ -177,9 +177,58 @@ std::optional<ImagePair> ProblemLoader::LoadPair(const Query& query, const Candi
     // Estimated with other intrinsics: COLMAP estimates it again.
     pair.geometry->config = TwoViewConfig::UNCALIBRATED;
   }
-  const bool is_estimated_again = !pair.geometry || !HoldsCalibrated(pair.geometry->config);
-  if (is_estimated_again) pair.matches = database.ReadMatches(query.image.image_id, candidate.image_id);
+  if (pair.geometry && (options_.use_raw_matches || !HoldsCalibrated(pair.geometry->config))) {
+    pair.matches = database.ReadMatches(query.image.image_id, candidate.image_id);
+  }
   return pair;
+}
+
+void ProblemLoader::LoadPairs(const Query& query, const Candidates& candidates, size_t max_num_pairs,
+                              const DatabaseReader& database, LocalizationProblem* problem) const {
+  for (const Candidate& candidate : candidates) {
+    if (problem->pairs.size() == max_num_pairs) return;
+    std::optional<ImagePair> pair = LoadPair(query, candidate, database);
+    if (!pair) continue;
+    if (pair->geometry) CheckMatches(pair->geometry->inlier_matches, *problem, *pair, database);
+    CheckMatches(pair->matches, *problem, *pair, database);
+    problem->pairs.push_back(std::move(*pair));
+  }
+}
+
+void ProblemLoader::LoadBestPairs(const Query& query, const DatabaseReader& database,
+                                  LocalizationProblem* problem) const {
+  const size_t num_wanted = options_.num_retrieved;
+  const std::vector<PairSize> verified = database.ReadInlierCounts(query.image.image_id);
+  LoadPairs(query, RankCandidates(query, verified), num_wanted, database, problem);
+  if (problem->pairs.size() == num_wanted) return;
+  const std::vector<PairSize> raw = database.ReadMatchCounts(query.image.image_id);
+  std::vector<PairSize> unverified;
+  std::set_difference(raw.begin(), raw.end(), verified.begin(), verified.end(), std::back_inserter(unverified),
+                      [](const PairSize& a, const PairSize& b) { return a.image_id < b.image_id; });
+  LoadPairs(query, RankCandidates(query, unverified), problem->pairs.size() + 2 * num_wanted, database, problem);
+}
+
+void ProblemLoader::LoadDatabaseMatches(const DatabaseReader& database, LocalizationProblem* problem) const {
+  if (!options_.use_database_matches) return;
+  const std::vector<ImagePair>& pairs = problem->pairs;
+  for (size_t pair1 = 0; pair1 < pairs.size(); ++pair1) {
+    const uint32_t image_id1 = database_images_.at(pairs[pair1].database_name).image_id;
+    for (size_t pair2 = pair1 + 1; pair2 < pairs.size(); ++pair2) {
+      const uint32_t image_id2 = database_images_.at(pairs[pair2].database_name).image_id;
+      const std::optional<TwoViewGeometry> geometry = database.ReadTwoViewGeometry(image_id1, image_id2);
+      if (!geometry || geometry->inlier_matches.empty()) continue;
+      DatabaseMatches matches{static_cast<int>(pair1), static_cast<int>(pair2), {}};
+      for (const Match& match : geometry->inlier_matches) {
+        if (match.query_point >= pairs[pair1].database_keypoints.size() ||
+            match.database_point >= pairs[pair2].database_keypoints.size()) {
+          throw InputError(database.Path().string() + ": a match between " + pairs[pair1].database_name + " and " +
+                           pairs[pair2].database_name + " names a keypoint that its image does not have");
+        }
+        matches.keypoints.emplace_back(match.query_point, match.database_point);
+      }
+      problem->database_matches.push_back(std::move(matches));
+    }
+  }
 }
 
 LocalizationProblem ProblemLoader::Load(const std::string& query_name, const DatabaseReader& database) const {
@@ -189,22 +238,15 @@ LocalizationProblem ProblemLoader::Load(const std::string& query_name, const Dat
   problem.query_camera = query.camera;
   problem.query_keypoints = database.ReadKeypoints(query.image.image_id);
   if (problem.query_keypoints.empty()) return problem;
-  const int num_wanted = options_.num_retrieved;
-  int num_verified = 0, num_unverified = 0;
-  for (const Candidate& candidate : FindCandidates(query, database)) {
-    int& count = candidate.num_inliers > 0 ? num_verified : num_unverified;
-    const bool is_enough = candidate.num_inliers > 0 ? num_verified == num_wanted
-                                                     : num_verified == num_wanted || num_unverified == 2 * num_wanted;
-    if (!has_pairs_file_ && is_enough) break;
-    std::optional<ImagePair> pair = LoadPair(query, candidate, database);
-    if (!pair) continue;
-    CheckMatches(pair->geometry ? pair->geometry->inlier_matches : Matches(), problem, *pair, database);
-    CheckMatches(pair->matches, problem, *pair, database);
-    problem.pairs.push_back(std::move(*pair));
-    ++count;
+  if (has_pairs_file_) {
+    const Candidates listed = ListedCandidates(query);
+    LoadPairs(query, listed, listed.size(), database, &problem);
+  } else {
+    LoadBestPairs(query, database, &problem);
   }
   std::sort(problem.pairs.begin(), problem.pairs.end(),
             [](const ImagePair& a, const ImagePair& b) { return a.database_name < b.database_name; });
+  LoadDatabaseMatches(database, &problem);
   return problem;
 }
 

@@ -15,9 +15,11 @@
 namespace lazyloc {
 
 struct ProblemLoaderOptions {
-  int num_retrieved = 20;      // database images per query
-  bool leave_one_out = false;  // queries are posed images, each against all others
-  bool has_photos = false;     // queries without keypoints in the database are photos
+  int num_retrieved = 20;             // database images per query
+  bool use_database_matches = false;  // matches among a query's database images are loaded too
+  bool use_raw_matches = false;       // raw matches are loaded even where a pair's verified geometry can be used
+  bool leave_one_out = false;         // queries are posed images, each against all others
+  bool has_photos = false;            // queries without keypoints in the database are photos
 };
 
 // A query whose features are not in the database.
@@ -43,11 +45,15 @@ class ProblemLoader {
   const std::map<std::string, PhotoQuery>& Photos() const { return photos_; }
   // The posed images without those that are queries (with leave_one_out: all).
   const Model& DatabaseModel() const { return model_; }
+  // One line on what was left out of the pairs file; empty where nothing was.
+  const std::string& Warning() const { return warning_; }
 
   // The pairs file's pairs, or the best num_retrieved by verified inliers; where the database has fewer than these, also
   // as many with only raw matches, best by their number, from which the localizer chooses when they are verified.
   // Throws InputError for damaged data. Thread-safe, with a reader per thread.
   LocalizationProblem Load(const std::string& query_name, const DatabaseReader& database) const;
+  // Adds the matches among the pairs' database images where the options want them: a part of Load, for photos too.
+  void LoadDatabaseMatches(const DatabaseReader& database, LocalizationProblem* problem) const;
 
  private:
   struct Query {
@@ -58,22 +64,29 @@ class ProblemLoader {
   struct Candidate {
     const ModelImage* image = nullptr;
     uint32_t image_id = 0;  // in the database
-    int num_inliers = 0;    // verified
-    int num_matches = 0;    // raw
+    int num_matches = 0;    // verified or raw
   };
+  using Candidates = std::vector<Candidate>;
 
   void ChooseQueries(const std::vector<QueryListEntry>& queries, const DatabaseReader& database);
   // posed: the image in the model, or null.
   void AddQuery(const QueryListEntry& entry, const ModelImage* posed, const DatabaseReader& database);
   bool IsPhoto(const std::string& name, const DatabaseReader& database) const;
-  std::vector<Candidate> FindCandidates(const Query& query, const DatabaseReader& database) const;
-  // None where verification left no inliers.
+  // The posed images among `sizes`, most matches first.
+  Candidates RankCandidates(const Query& query, const std::vector<PairSize>& sizes) const;
+  Candidates ListedCandidates(const Query& query) const;
+  // Adds pairs with the candidates to the problem until it has max_num_pairs.
+  void LoadPairs(const Query& query, const Candidates& candidates, size_t max_num_pairs, const DatabaseReader& database,
+                 LocalizationProblem* problem) const;
+  void LoadBestPairs(const Query& query, const DatabaseReader& database, LocalizationProblem* problem) const;
+  // None where there are no matches, or verification left none.
   std::optional<ImagePair> LoadPair(const Query& query, const Candidate& candidate,
                                     const DatabaseReader& database) const;
 
   Model model_;
   std::map<std::string, std::vector<std::string>> pairs_;
   bool has_pairs_file_ = false;
+  std::string warning_;
   ProblemLoaderOptions options_;
   std::unordered_map<std::string, DatabaseImage> database_images_;  // by name
   std::unordered_map<uint32_t, const ModelImage*> posed_of_database_id_;

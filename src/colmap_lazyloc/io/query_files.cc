@@ -56,25 +56,34 @@ std::vector<QueryListEntry> ReadQueryList(const std::filesystem::path& path) {
   return entries;
 }
 
-std::map<std::string, std::vector<std::string>> ReadPairs(const std::filesystem::path& path,
-                                                          const std::set<std::string>& query_names) {
+QueryPairs ReadPairs(const std::filesystem::path& path, const std::set<std::string>& query_names,
+                     const std::function<bool(const std::string&)>& is_known) {
   TextFile file(path);
   std::map<std::string, Partners> partners;
-  bool has_pairs = false;
+  QueryPairs pairs;
+  bool has_pairs = false, has_known_names = false;
   while (file.NextEntry()) {
     std::string_view rest = file.Line();
     const std::string name1(NextWord(&rest)), name2(NextWord(&rest));
     if (name2.empty()) throw file.Error("expected two image names, found only '" + name1 + "'");
     has_pairs = true;
+    const bool is_known1 = is_known(name1), is_known2 = is_known(name2);
+    if (!is_known1) pairs.unknown_names.insert(name1);
+    if (!is_known2) pairs.unknown_names.insert(name2);
+    has_known_names = has_known_names || is_known1 || is_known2;
     if (name1 == name2) continue;  // retrieval tools list an image as its own neighbour
-    if (query_names.count(name1) > 0) AddPartner(name2, &partners[name1]);
-    if (query_names.count(name2) > 0) AddPartner(name1, &partners[name2]);
+    if (is_known2 && query_names.count(name1) > 0) AddPartner(name2, &partners[name1]);
+    if (is_known1 && query_names.count(name2) > 0) AddPartner(name1, &partners[name2]);
   }
   if (!has_pairs) throw InputError(path.string() + ": holds no pair");
-
-  std::map<std::string, std::vector<std::string>> names;
-  for (auto& [query_name, query_partners] : partners) names[query_name] = std::move(query_partners.in_file_order);
-  return names;
+  if (!has_known_names) {
+    throw InputError(path.string() + ": the database has none of the images that it names, such as " +
+                     *pairs.unknown_names.begin());
+  }
+  for (auto& [query_name, query_partners] : partners) {
+    pairs.partners[query_name] = std::move(query_partners.in_file_order);
+  }
+  return pairs;
 }
 
 std::map<std::string, QueryPrior> ReadQueryPriors(const std::filesystem::path& path) {

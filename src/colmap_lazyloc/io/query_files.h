@@ -1,6 +1,7 @@
 #pragma once
 
 #include <filesystem>
+#include <functional>
 #include <map>
 #include <optional>
 #include <set>
@@ -24,11 +25,18 @@ struct QueryListEntry {
 // number of parameters, or numbers that cannot be.
 std::vector<QueryListEntry> ReadQueryList(const std::filesystem::path& path);
 
+struct QueryPairs {
+  // For each query that appears on either side of a line, the other names: without repetition, in file order.
+  std::map<std::string, std::vector<std::string>> partners;
+  std::set<std::string> unknown_names;  // left out above
+};
+
 // Pairs of names, hloc's and COLMAP's format: two names a line, further words (a score) ignored, '#' comments.
-// For each query that appears on either side of a line, the other names: symmetric, without repetition, in file order.
-// Throws InputError, `file:line: ...`, for a missing file, one without pairs, or a line with fewer than two names.
-std::map<std::string, std::vector<std::string>> ReadPairs(const std::filesystem::path& path,
-                                                          const std::set<std::string>& query_names);
+// is_known: whether the database has an image of that name.
+// Throws InputError, `file:line: ...`, for a missing file, one without pairs or without any known name, or a line with
+// fewer than two names.
+QueryPairs ReadPairs(const std::filesystem::path& path, const std::set<std::string>& query_names,
+                     const std::function<bool(const std::string&)>& is_known);
 
 // Where a query was roughly taken: its position is within the radius, in the model's coordinates and unit.
 struct QueryPrior {

@@ -71,6 +71,7 @@ Json ResultToJson(const LocalizationResult& result) {
   json["name"] = result.query_name;
   json["status"] = QueryStatusName(result.status);
   json["reason"] = result.reason;
+  json["start"] = result.start;
   json["cam_from_world"] = localized ? PoseToJson(result.cam_from_world) : Json();
   json["covariance"] = localized ? CovarianceToJson(result.covariance) : Json();
   json["num_tracks"] = result.num_tracks;

@@ -109,7 +109,85 @@ TEST(LazyLocalizer, ReportsPairsAndPoints) {
   EXPECT_LE(result.pairs.back().rotation_error_deg, 1e-6);
   EXPECT_EQ(result.num_tracks, options.num_points);
   EXPECT_EQ(result.num_observations, options.num_points * (1 + options.num_database_images - scene.num_outlier_pairs));
-  EXPECT_EQ(result.seconds.size(), 9u);
+  EXPECT_EQ(result.seconds.size(), 10u);
+  EXPECT_THAT(result.start, testing::AnyOf("motion_averaging", "absolute_pose"));
+}
+
+class PostOptimizations : public testing::TestWithParam<PostOptimization> {};
+
+// Noise-free, each of them is exact; with noise, the points make the difference.
+TEST_P(PostOptimizations, NoiseFreeIsExact) {
+  const SyntheticScene scene = MakeSyntheticScene({});
+  LocalizerOptions options;
+  options.post_optimization = GetParam();
+  const LocalizationResult result = LocalizeQuery(scene.problem, options);
+  ASSERT_EQ(result.status, QueryStatus::LOCALIZED) << result.reason;
+  EXPECT_LE(PositionError(result.cam_from_world, scene.query_cam_from_world), 1e-7 * scene.median_depth);
+  EXPECT_EQ(result.covariance.allFinite(), GetParam() == PostOptimization::TRACKS);
+}
+
+TEST_P(PostOptimizations, NoneIsBetterThanTracks) {
+  SyntheticSceneOptions scene_options;
+  scene_options.num_database_images = 10;
+  scene_options.pixel_noise_px = 1;
+  scene_options.rotation_noise_deg = 1;
+  scene_options.direction_noise_deg = 1;
+  LocalizerOptions options;
+  double sum = 0, tracks_sum = 0;
+  for (scene_options.seed = 0; scene_options.seed < 10; ++scene_options.seed) {
+    const SyntheticScene scene = MakeSyntheticScene(scene_options);
+    options.post_optimization = GetParam();
+    sum += PositionError(LocalizeQuery(scene.problem, options).cam_from_world, scene.query_cam_from_world);
+    options.post_optimization = PostOptimization::TRACKS;
+    tracks_sum += PositionError(LocalizeQuery(scene.problem, options).cam_from_world, scene.query_cam_from_world);
+  }
+  EXPECT_LE(tracks_sum, 1.2 * sum);  // where every view sees every point, Sampson's error says nearly as much
+}
+
+INSTANTIATE_TEST_SUITE_P(LazyLocalizer, PostOptimizations,
+                         testing::Values(PostOptimization::TRACKS, PostOptimization::SAMPSON,
+                                         PostOptimization::RELATIVE_POSE_LO, PostOptimization::NONE));
+
+class Starts : public testing::TestWithParam<StartPose> {};
+
+TEST_P(Starts, LeadToTheSamePose) {
+  SyntheticSceneOptions scene_options;
+  scene_options.pixel_noise_px = 0.5;
+  const SyntheticScene scene = MakeSyntheticScene(scene_options);
+  LocalizerOptions options;
+  options.start_pose = GetParam();
+  const LocalizationResult result = LocalizeQuery(scene.problem, options);
+  ASSERT_EQ(result.status, QueryStatus::LOCALIZED) << result.reason;
+  EXPECT_LE(PositionError(result.cam_from_world, scene.query_cam_from_world), 5e-3 * scene.median_depth);
+  if (GetParam() != StartPose::BEST) EXPECT_EQ(result.start, kEnumNames<StartPose>[static_cast<size_t>(GetParam())]);
+}
+
+INSTANTIATE_TEST_SUITE_P(LazyLocalizer, Starts,
+                         testing::Values(StartPose::BEST, StartPose::MOTION_AVERAGING, StartPose::ABSOLUTE_POSE,
+                                         StartPose::GENERALIZED_RELATIVE_POSE));
+
+TEST(LazyLocalizer, AbsolutePoseStandsWhereRotationsContradictEachOther) {
+  SyntheticScene scene = MakeSyntheticScene({});
+  Random random(7);
+  for (ImagePair& pair : scene.problem.pairs) {  // right matches under wrong relative poses
+    pair.geometry->query_from_database->rotation = RandomRotation(&random);
+  }
+  const LocalizationResult result = Localize(scene);
+  ASSERT_EQ(result.status, QueryStatus::LOCALIZED) << result.reason;
+  EXPECT_EQ(result.start, "absolute_pose");
+  EXPECT_LE(PositionError(result.cam_from_world, scene.query_cam_from_world), 1e-6 * scene.median_depth);
+}
+
+TEST(LazyLocalizer, RawMatchesBringBackInliers) {
+  SyntheticScene scene = MakeSyntheticScene({});
+  LocalizerOptions options;
+  for (ImagePair& pair : scene.problem.pairs) {  // verification has kept a third
+    pair.matches = pair.geometry->inlier_matches;
+    pair.geometry->inlier_matches.resize(pair.matches.size() / 3);
+  }
+  const int num_verified = LocalizeQuery(scene.problem, options).num_tracks;
+  options.use_raw_matches = true;
+  EXPECT_GE(LocalizeQuery(scene.problem, options).num_tracks, 2 * num_verified);
 }
 
 TEST(LazyLocalizer, NoKeypointsIsReported) {

@@ -11,9 +11,14 @@ bool LocalizerOptions::Check(std::string* error) const {
   OPTION_GT(start_noise_px, 0);
   OPTION_GT(min_noise_px, 0);
   OPTION_GE(min_num_tracks, 4);
+  OPTION_GE(max_num_tracks, 4);
+  OPTION_GE(database_pose_stddev_deg, -1);
+  OPTION_GE(database_pose_stddev_length, -1);
+  OPTION_GT(database_pose_noise_px, 0);
   OPTION_GT(max_position_stddev_ratio, 0);
   return relative_pose.Check(error) && rotation_averaging.Check(error) && translation_averaging.Check(error) &&
-         triangulation.Check(error) && bundle_adjustment.Check(error);
+         triangulation.Check(error) && bundle_adjustment.Check(error) && sampson.Check(error) &&
+         relative_pose_lo.Check(error);
 }
 
 }  // namespace lazyloc

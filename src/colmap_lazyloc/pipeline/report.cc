@@ -2,17 +2,36 @@
 
 #include <algorithm>
 
-namespace lazyloc {
+#include "colmap_lazyloc/math/so3.h"
 
-void ReportTracks(const std::vector<View>& views, const std::vector<Track>& tracks, const Eigen::Vector3d& origin,
-                  LocalizationResult* result) {
+namespace lazyloc {
+namespace {
+
+void ReportPairs(QueryState* state) {
+  const Rigid3d& query = state->views[0].cam_from_world;
+  for (const PairState& pair : state->pairs) {
+    const Rigid3d& database = state->DatabaseView(pair).cam_from_world;
+    PairResult& report = state->result.pairs[pair.index];
+    report.rotation_error_deg = RadToDeg(
+        AngularDistanceRad(query.rotation, pair.relative_pose.query_from_database.rotation * database.rotation));
+    if (pair.direction.dir_1to2_in_world.isZero()) continue;
+    report.direction_error_deg =
+        RadToDeg(AngleBetweenRad(pair.direction.dir_1to2_in_world, CamInWorld(query) - CamInWorld(database)));
+  }
+}
+
+// Errors are those that a reader of the result finds: against the database's poses as they were given.
+void ReportTracks(QueryState* state) {
+  LocalizationResult* result = &state->result;
+  std::vector<Rigid3d> cams_from_world = {state->views[0].cam_from_world};
+  for (size_t view = 1; view < state->views.size(); ++view) cams_from_world.push_back(state->GivenPose(view));
   double error_sum = 0;
-  for (const Track& track : tracks) {
+  for (const Track& track : state->tracks) {
     PointResult point;
-    point.point_in_world = track.point_in_world + origin;
+    point.point_in_world = track.point_in_world + state->origin;
     double track_error_sum = 0;
     for (const TrackObservation& element : track.observations) {
-      const Eigen::Vector3d point_in_cam = views[element.view].cam_from_world * track.point_in_world;
+      const Eigen::Vector3d point_in_cam = cams_from_world[element.view] * track.point_in_world;
       track_error_sum += ReprojectionError(element.observation, point_in_cam).norm();
       if (element.view == 0) {
         point.query_point = element.keypoint;
@@ -25,8 +44,17 @@ void ReportTracks(const std::vector<View>& views, const std::vector<Track>& trac
     result->num_observations += static_cast<int>(track.observations.size());
     result->points.push_back(std::move(point));
   }
-  result->num_tracks = static_cast<int>(tracks.size());
+  result->num_tracks = static_cast<int>(state->tracks.size());
   result->mean_reprojection_error_px = error_sum / std::max(result->num_observations, 1);
+}
+
+}  // namespace
+
+void Report(QueryState* state) {
+  const Rigid3d& pose = state->views[0].cam_from_world;
+  state->result.cam_from_world = {pose.rotation, pose.translation - pose.rotation * state->origin};
+  ReportPairs(state);
+  ReportTracks(state);
 }
 
 }  // namespace lazyloc

@@ -1,17 +1,10 @@
 #pragma once
 
-#include <vector>
-
-#include <Eigen/Core>
-
-#include "colmap_lazyloc/scene/localization_result.h"
-#include "colmap_lazyloc/scene/track.h"
+#include "colmap_lazyloc/pipeline/query_state.h"
 
 namespace lazyloc {
 
-// Fills the result's points, their number, that of their observations, and the mean reprojection errors. View 0 is the
-// query, view i + 1 is pair i. origin: what was subtracted from the world's coordinates.
-void ReportTracks(const std::vector<View>& views, const std::vector<Track>& tracks, const Eigen::Vector3d& origin,
-                  LocalizationResult* result);
+// Fills the result's pose, residuals of its pairs, points, their observations and reprojection errors.
+void Report(QueryState* state);
 
 }  // namespace lazyloc

@@ -1,18 +1,33 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <vector>
 
-#include "colmap_lazyloc/scene/track.h"
+#include "colmap_lazyloc/pipeline/query_state.h"
 
 namespace lazyloc {
 
-// Motion averaging's pose of the query (view 0) against COLMAP's absolute pose (P3P) on points that the database views
-// triangulate by themselves: returns the one that brings more of the points near their image points, by the score
-//   sum over the points in front of the query of max(0, 1 - (error / max_error_px)^2).
-// Absolute pose fixes the position where database cameras and query stand on one line; motion averaging stands where few
-// points are seen twice. tracks: with points; the first observation is the query's.
-Rigid3d ChooseStart(const std::vector<View>& views, const std::vector<Track>& tracks, double max_error_px,
-                    uint32_t seed);
+// What a pose of the query (view 0) is judged by.
+struct StartEvidence {
+  const std::vector<View>& views;
+  const std::vector<Track>& tracks_from_database;  // with points; each track's first observation is the query's
+  const std::vector<Track>& tracks_with_query;     // the others, without points
+  double max_error_px = 0;
+};
+
+// One truncated score for every hypothesis: a sum of max(0, 1 - (error / max_error_px)^2), the error being
+// the reprojection error of a point that the database triangulates, or, at half the weight as it binds one coordinate
+// only, the distance from the epipolar line of the one database view that a track has.
+double ScoreStart(const StartEvidence& evidence, const Rigid3d& cam_from_world);
+
+// Hypotheses; none where there is too little to make one of.
+std::optional<Rigid3d> AbsolutePoseStart(const StartEvidence& evidence, uint32_t seed);
+std::optional<Rigid3d> GeneralizedRelativePoseStart(const StartEvidence& evidence, uint32_t seed);
+
+// Triangulates the start's tracks from the database views and chooses the query's pose to start from: motion averaging's,
+// which stands where few points are seen twice; an absolute pose (P3P), which also stands where database cameras and
+// query are on one line; or, where few points are seen twice and nothing is sure, a generalized relative pose over all pairs. Throws QueryFailure where there is none.
+void ChooseStartPose(QueryState* state);
 
 }  // namespace lazyloc

@@ -1,33 +1,43 @@
 #include "colmap_lazyloc/refinement/bundle_adjustment.h"
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 
 #include <Eigen/Cholesky>
+#include <Eigen/Geometry>
 #include <Eigen/LU>
 
 #include "colmap_lazyloc/math/robust_weights.h"
 #include "colmap_lazyloc/math/so3.h"
 #include "colmap_lazyloc/refinement/linear_projection.h"
+#include "colmap_lazyloc/refinement/pose_prior.h"
 #include "colmap_lazyloc/scene/options_check.h"
 
 namespace lazyloc {
 namespace {
 
-using Matrix6x3d = Eigen::Matrix<double, 6, 3>;
-using Matrix6d = Eigen::Matrix<double, 6, 6>;
-using Vector6d = Eigen::Matrix<double, 6, 1>;
+// What is known of a pose is what its observations leave: this part of each diagonal element keeps motions that nothing
+// shows from an infinite variance.
+constexpr double kRegularization = 1e-12;
+
+// A view that the solver moves: six parameters, and a seventh where any focal length is sought.
+struct Camera {
+  Rigid3d cam_from_world;
+  double log_focal_factor = 0;
+};
 
 // What the solver changes.
 struct State {
-  std::vector<Rigid3d> poses;           // of the free views
+  std::vector<Camera> cameras;
   std::vector<Eigen::Vector3d> points;  // of the tracks
 };
 
-// A point's image in a free view.
+// A point's image in a camera that moves.
 struct FreeObservation {
-  int pose;
+  int camera;
   LinearProjection projection;  // of the point in the camera's frame
+  Eigen::Vector2d residual_from_log_focal;
 };
 
 // One track, flat: ranges of the observation arrays.
@@ -35,35 +45,48 @@ struct Range {
   size_t begin = 0, end = 0;
 };
 
-// The normal equations around a state: poses and points coupled by one 6x3 block per free observation.
-struct Linearization {
-  double cost = 0;
-  std::vector<Matrix6d> pose_hessians;
-  std::vector<Vector6d> pose_gradients;
-  std::vector<Eigen::Matrix3d> point_hessians;
-  std::vector<Eigen::Vector3d> point_gradients;
-  std::vector<Matrix6x3d> couplings;
-};
-
+// kSize: parameters of a camera.
+template <int kSize>
 class BundleSolver {
+  using CameraVector = Eigen::Matrix<double, kSize, 1>;
+  using CameraMatrix = Eigen::Matrix<double, kSize, kSize>;
+  using Coupling = Eigen::Matrix<double, kSize, 3>;
+
+  // Of a point's damped Hessian H = L L^T and gradient g.
+  struct PointFactor {
+    Eigen::Matrix3d inverse;   // L^-1
+    Eigen::Vector3d gradient;  // L^-1 g
+  };
+
+  // The damped normal equations around a state, with the points eliminated, and what brings the points back.
+  struct System {
+    double cost = 0;
+    Eigen::MatrixXd reduced;  // lower triangle
+    Eigen::VectorXd rhs;
+    std::vector<PointFactor> point_factors;
+    std::vector<Coupling> eliminated;  // per free observation: its coupling times the inverse factor, transposed
+  };
+
  public:
   BundleSolver(const BundleAdjustmentOptions& options, const std::vector<View>& views, const std::vector<Track>& tracks)
       : options_(options), squared_scale_(options.loss_scale_sigma * options.loss_scale_sigma) {
-    std::vector<int> pose_of_view(views.size(), -1);
+    std::vector<int> camera_of_view(views.size(), -1);
     for (size_t view = 0; view < views.size(); ++view) {
-      if (views[view].is_fixed) continue;
-      pose_of_view[view] = static_cast<int>(state_.poses.size());
-      state_.poses.push_back(views[view].cam_from_world);
+      if (IsConstant(views[view])) continue;
+      camera_of_view[view] = static_cast<int>(views_.size());
+      views_.push_back(&views[view]);
+      state_.cameras.push_back({views[view].cam_from_world, views[view].log_focal_factor.value_or(0)});
     }
     for (const Track& track : tracks) {
       const size_t fixed_begin = fixed_.size(), free_begin = free_.size();
       for (const TrackObservation& element : track.observations) {
         const View& view = views[element.view];
         const double residual_from_px = 1 / (track.noise_ratio * view.noise_px);
-        if (view.is_fixed) {
+        if (IsConstant(view)) {
           fixed_.push_back(ProjectionInWorld(element.observation, view.cam_from_world).Scaled(residual_from_px));
         } else {
-          free_.push_back({pose_of_view[element.view], ProjectionInCam(element.observation).Scaled(residual_from_px)});
+          free_.push_back({camera_of_view[element.view], ProjectionInCam(element.observation).Scaled(residual_from_px),
+                           residual_from_px * element.observation.px_from_log_focal});
         }
       }
       fixed_range_.push_back({fixed_begin, fixed_.size()});
@@ -74,26 +97,27 @@ class BundleSolver {
 
   StageSummary Minimize() {
     StageSummary summary;
-    Linearization current = Linearize(state_), trial;
-    if (!std::isfinite(current.cost)) return {false, "a point lies behind a camera at the start", 0, current.cost};
-    summary.message = "no convergence";
     double damping = 1e-4;
+    System current, trial;
+    State next = state_;
+    if (!Build(state_, damping, &current)) return {false, "a point lies behind a camera at the start", 0, current.cost};
+    summary.message = "no convergence";
     for (; summary.iterations < options_.max_num_iterations; ++summary.iterations) {
-      State next;
-      if (Step(current, damping, &next)) Linearize(next, &trial);
-      if (next.poses.empty() || !(trial.cost < current.cost)) {
+      const double next_damping = std::max(damping / 10, 1e-12);
+      const double step_sigma = Step(current, &next);
+      if (!std::isfinite(step_sigma) || !Build(next, next_damping, &trial) || !(trial.cost < current.cost)) {
         damping *= 10;
         if (damping > 1e8) {
           summary.message = "no step lowers the cost";
           break;
         }
+        Build(state_, damping, &current);
         continue;
       }
-      const double relative_decrease = (current.cost - trial.cost) / current.cost;
+      damping = next_damping;
       std::swap(state_, next);
       std::swap(current, trial);
-      damping = std::max(damping / 10, 1e-12);
-      if (relative_decrease < options_.function_tolerance) {
+      if (step_sigma < options_.convergence_sigma) {
         summary.message = "converged";
         break;
       }
@@ -105,155 +129,195 @@ class BundleSolver {
 
   const State& Solution() const { return state_; }
 
- private:
-  // Adds one observation's weighted terms; returns false behind the camera.
-  bool AddCost(const Eigen::Vector2d& error, double* weight, Linearization* linearization) const {
-    const double squared_error = error.squaredNorm();
-    linearization->cost += 0.5 * squared_scale_ * std::log1p(squared_error / squared_scale_);
-    *weight = CauchyWeight(squared_error, options_.loss_scale_sigma);
-    return std::isfinite(squared_error);
-  }
-
-  Linearization Linearize(const State& state) const {
-    Linearization linearization;
-    Linearize(state, &linearization);
-    return linearization;
-  }
-
-  void Linearize(const State& state, Linearization* result) const {
-    result->cost = 0;
-    result->pose_hessians.assign(state.poses.size(), Matrix6d::Zero());
-    result->pose_gradients.assign(state.poses.size(), Vector6d::Zero());
-    result->point_hessians.resize(state.points.size());
-    result->point_gradients.resize(state.points.size());
-    result->couplings.resize(free_.size());
-    std::vector<Eigen::Matrix3d> rotations;
-    for (const Rigid3d& pose : state.poses) rotations.push_back(pose.rotation.toRotationMatrix());
-    for (size_t track = 0; track < state.points.size(); ++track) {
-      if (!LinearizeTrack(state, rotations, track, result)) {
-        result->cost = std::numeric_limits<double>::infinity();
-        return;
-      }
+  // Of each camera's pose.
+  std::vector<Eigen::Matrix<double, 6, 6>> Covariances() const {
+    System system;
+    Build(state_, kRegularization, &system);
+    const Eigen::LLT<Eigen::MatrixXd> factor(system.reduced);
+    const Eigen::Index size = system.reduced.rows();
+    Eigen::MatrixXd inverse = Eigen::MatrixXd::Identity(size, size) / kRegularization;
+    if (factor.info() == Eigen::Success) inverse = factor.solve(Eigen::MatrixXd::Identity(size, size));
+    std::vector<Eigen::Matrix<double, 6, 6>> covariances;
+    for (size_t camera = 0; camera < state_.cameras.size(); ++camera) {
+      covariances.push_back(inverse.template block<6, 6>(kSize * camera, kSize * camera));
     }
+    return covariances;
   }
 
-  bool LinearizeTrack(const State& state, const std::vector<Eigen::Matrix3d>& rotations, size_t track,
-                      Linearization* result) const {
+ private:
+  // False where a point lies behind one of its cameras.
+  bool Build(const State& state, double damping, System* system) const {
+    const Eigen::Index size = kSize * static_cast<Eigen::Index>(state.cameras.size());
+    system->cost = 0;
+    system->reduced.setZero(size, size);
+    system->rhs.setZero(size);
+    system->point_factors.resize(state.points.size());
+    system->eliminated.resize(free_.size());
+    std::vector<CameraMatrix> hessians(state.cameras.size(), CameraMatrix::Zero());
+    std::vector<Eigen::Matrix3d> rotations;
+    for (size_t camera = 0; camera < state.cameras.size(); ++camera) {
+      rotations.push_back(state.cameras[camera].cam_from_world.rotation.toRotationMatrix());
+      AddKnowledge(state.cameras[camera].cam_from_world, camera, &hessians[camera], system);
+    }
+    for (size_t track = 0; track < state.points.size(); ++track) {
+      if (!AddTrack(state, rotations, track, damping, &hessians, system)) return false;
+    }
+    for (size_t camera = 0; camera < state.cameras.size(); ++camera) {
+      hessians[camera].diagonal() *= 1 + damping;
+      system->reduced.template block<kSize, kSize>(kSize * camera, kSize * camera) += hessians[camera];
+    }
+    return std::isfinite(system->cost);
+  }
+
+  // The prior of a pose; and a focal length that is not sought stays.
+  void AddKnowledge(const Rigid3d& cam_from_world, size_t camera, CameraMatrix* hessian, System* system) const {
+    if (views_[camera]->prior) {
+      const PosePriorResidual residual = EvaluatePosePrior(*views_[camera]->prior, cam_from_world);
+      system->cost += 0.5 * residual.error.squaredNorm();
+      hessian->template topLeftCorner<6, 6>() += residual.jacobian.transpose() * residual.jacobian;
+      system->rhs.template segment<6>(kSize * camera) -= residual.jacobian.transpose() * residual.error;
+    }
+    if (kSize > 6 && !views_[camera]->log_focal_factor) (*hessian)(kSize - 1, kSize - 1) = 1;
+  }
+
+  // One pass over a track: its errors' derivatives, and its point eliminated from them.
+  bool AddTrack(const State& state, const std::vector<Eigen::Matrix3d>& rotations, size_t track, double damping,
+                std::vector<CameraMatrix>* camera_hessians, System* system) const {
     const Eigen::Vector3d& point = state.points[track];
     Eigen::Matrix3d hessian = Eigen::Matrix3d::Zero();
     Eigen::Vector3d gradient = Eigen::Vector3d::Zero();
     Eigen::Matrix<double, 2, 3> jacobian;
-    double weight;
+    double cost_factor = 1;  // the sum of logs as the log of a product
+    const auto weigh = [&](const Eigen::Vector2d& error) {
+      const double squared_error = error.squaredNorm();
+      cost_factor *= 1 + squared_error / squared_scale_;
+      return CauchyWeight(squared_error, options_.loss_scale_sigma);
+    };
     for (size_t i = fixed_range_[track].begin; i < fixed_range_[track].end; ++i) {
-      if (fixed_[i].Depth(point) <= 0) return false;
+      if (!(fixed_[i].Depth(point) > 0)) return false;
       const Eigen::Vector2d error = fixed_[i].Error(point, &jacobian);
-      if (!AddCost(error, &weight, result)) return false;
-      hessian.noalias() += weight * jacobian.transpose() * jacobian;
-      gradient.noalias() += weight * jacobian.transpose() * error;
+      const Eigen::Matrix<double, 3, 2> weighted = weigh(error) * jacobian.transpose();
+      hessian += weighted.lazyProduct(jacobian);
+      gradient += weighted.lazyProduct(error);
     }
     for (size_t i = free_range_[track].begin; i < free_range_[track].end; ++i) {
-      const int pose = free_[i].pose;
-      const Eigen::Vector3d rotated = rotations[pose] * point;
-      const Eigen::Vector3d point_in_cam = rotated + state.poses[pose].translation;
-      if (free_[i].projection.Depth(point_in_cam) <= 0) return false;
-      const Eigen::Vector2d error = free_[i].projection.Error(point_in_cam, &jacobian);
-      if (!AddCost(error, &weight, result)) return false;
-      const Eigen::Matrix<double, 2, 3> point_jacobian = jacobian * rotations[pose];
-      Eigen::Matrix<double, 2, 6> pose_jacobian;
-      pose_jacobian << -jacobian * Hat(rotated), jacobian;
-      hessian.noalias() += weight * point_jacobian.transpose() * point_jacobian;
-      gradient.noalias() += weight * point_jacobian.transpose() * error;
-      result->pose_hessians[pose].noalias() += weight * pose_jacobian.transpose() * pose_jacobian;
-      result->pose_gradients[pose].noalias() += weight * pose_jacobian.transpose() * error;
-      result->couplings[i].noalias() = weight * pose_jacobian.transpose() * point_jacobian;
+      const Camera& camera = state.cameras[free_[i].camera];
+      const Eigen::Matrix3d& rotation = rotations[free_[i].camera];
+      const Eigen::Vector3d rotated = rotation.lazyProduct(point);
+      const Eigen::Vector3d point_in_cam = rotated + camera.cam_from_world.translation;
+      if (!(free_[i].projection.Depth(point_in_cam) > 0)) return false;
+      Eigen::Vector2d error = free_[i].projection.Error(point_in_cam, &jacobian);
+      error += camera.log_focal_factor * free_[i].residual_from_log_focal;
+      const double weight = weigh(error);
+      const Eigen::Matrix<double, 2, 3> point_jacobian = jacobian.lazyProduct(rotation);
+      Eigen::Matrix<double, 2, kSize> camera_jacobian;
+      // d(point_in_cam)/dw = -Hat(rotated): each row of the product is a cross product.
+      camera_jacobian.row(0).template head<3>() = rotated.cross(jacobian.row(0).transpose()).transpose();
+      camera_jacobian.row(1).template head<3>() = rotated.cross(jacobian.row(1).transpose()).transpose();
+      camera_jacobian.template middleCols<3>(3) = jacobian;
+      if (kSize > 6) camera_jacobian.col(kSize - 1) = free_[i].residual_from_log_focal;
+      const Eigen::Matrix<double, kSize, 2> weighted = weight * camera_jacobian.transpose();
+      hessian += (weight * point_jacobian.transpose()).lazyProduct(point_jacobian);
+      gradient += (weight * point_jacobian.transpose()).lazyProduct(error);
+      (*camera_hessians)[free_[i].camera] += weighted.lazyProduct(camera_jacobian);
+      system->rhs.template segment<kSize>(kSize * free_[i].camera) -= weighted.lazyProduct(error);
+      system->eliminated[i] = weighted.lazyProduct(point_jacobian);
     }
-    result->point_hessians[track] = hessian;
-    result->point_gradients[track] = gradient;
+    system->cost += 0.5 * squared_scale_ * std::log(cost_factor);
+    hessian.diagonal() *= 1 + damping;
+    EliminatePoint(track, hessian, gradient, system);
     return true;
   }
 
-  // Solves the damped normal equations; false where they are not positive definite.
-  bool Step(const Linearization& at, double damping, State* next) const {
-    const auto damped = [damping](const auto& hessian) {
-      auto result = hessian.eval();
-      result.diagonal() *= 1 + damping;
-      return result;
-    };
-    const Eigen::Index size = 6 * static_cast<Eigen::Index>(state_.poses.size());
-    Eigen::MatrixXd reduced = Eigen::MatrixXd::Zero(size, size);
-    Eigen::VectorXd rhs = Eigen::VectorXd::Zero(size);
-    for (size_t pose = 0; pose < state_.poses.size(); ++pose) {
-      reduced.block<6, 6>(6 * pose, 6 * pose) = damped(at.pose_hessians[pose]);
-      rhs.segment<6>(6 * pose) = -at.pose_gradients[pose];
-    }
-    std::vector<Eigen::Matrix3d> point_inverses(state_.points.size());
-    for (size_t track = 0; track < state_.points.size(); ++track) {
-      bool is_invertible = false;
-      damped(at.point_hessians[track]).computeInverseWithCheck(point_inverses[track], is_invertible, 0.0);
-      if (!is_invertible) return false;
-      for (size_t a = free_range_[track].begin; a < free_range_[track].end; ++a) {
-        const Matrix6x3d eliminated = at.couplings[a] * point_inverses[track];
-        rhs.segment<6>(6 * free_[a].pose) += eliminated * at.point_gradients[track];
-        for (size_t b = free_range_[track].begin; b < free_range_[track].end; ++b) {
-          reduced.block<6, 6>(6 * free_[a].pose, 6 * free_[b].pose).noalias() -=
-              eliminated * at.couplings[b].transpose();
-        }
+  // Schur complement of one point, by its Cholesky factor: what is subtracted is a square, so that it stays positive
+  // definite however badly the point is determined. system->eliminated holds the couplings before.
+  void EliminatePoint(size_t track, const Eigen::Matrix3d& hessian, const Eigen::Vector3d& gradient,
+                      System* system) const {
+    const Eigen::Matrix3d inverse = hessian.llt().matrixL().solve(Eigen::Matrix3d::Identity());
+    system->point_factors[track] = {inverse, inverse.lazyProduct(gradient)};
+    for (size_t a = free_range_[track].begin; a < free_range_[track].end; ++a) {
+      system->eliminated[a] = system->eliminated[a].lazyProduct(inverse.transpose()).eval();
+      system->rhs.template segment<kSize>(kSize * free_[a].camera) +=
+          system->eliminated[a].lazyProduct(system->point_factors[track].gradient);
+      // Cameras of a track ascend.
+      for (size_t b = free_range_[track].begin; b <= a; ++b) {
+        system->reduced.template block<kSize, kSize>(kSize * free_[a].camera, kSize * free_[b].camera) -=
+            system->eliminated[a].lazyProduct(system->eliminated[b].transpose());
       }
     }
-    const Eigen::LDLT<Eigen::MatrixXd> factor(reduced);
-    if (factor.info() != Eigen::Success || !factor.isPositive()) return false;
-    const Eigen::VectorXd pose_steps = factor.solve(rhs);
-    if (!pose_steps.allFinite()) return false;
-    Move(at, pose_steps, point_inverses, next);
-    return true;
   }
 
-  void Move(const Linearization& at, const Eigen::VectorXd& pose_steps,
-            const std::vector<Eigen::Matrix3d>& point_inverses, State* next) const {
-    *next = state_;
-    for (size_t pose = 0; pose < state_.poses.size(); ++pose) {
-      Rigid3d& moved = next->poses[pose];
-      moved.rotation = (ExpSO3(pose_steps.segment<3>(6 * pose)) * moved.rotation).normalized();
-      moved.translation += pose_steps.segment<3>(6 * pose + 3);
+  // Returns the length of the cameras' step in standard deviations (Mahalanobis distance by the reduced system); NaN where
+  // the system is not positive definite.
+  double Step(const System& system, State* next) const {
+    const Eigen::LLT<Eigen::MatrixXd> factor(system.reduced);
+    if (factor.info() != Eigen::Success) return std::numeric_limits<double>::quiet_NaN();
+    const Eigen::VectorXd step = factor.solve(system.rhs);
+    for (size_t camera = 0; camera < state_.cameras.size(); ++camera) {
+      const CameraVector move = step.segment<kSize>(kSize * camera);
+      const Rigid3d& pose = state_.cameras[camera].cam_from_world;
+      next->cameras[camera].cam_from_world = {(ExpSO3(move.template head<3>()) * pose.rotation).normalized(),
+                                              pose.translation + move.template segment<3>(3)};
+      if (kSize > 6) next->cameras[camera].log_focal_factor = state_.cameras[camera].log_focal_factor + move(kSize - 1);
     }
     for (size_t track = 0; track < state_.points.size(); ++track) {
-      Eigen::Vector3d rhs = -at.point_gradients[track];
+      Eigen::Vector3d step_in_factor = -system.point_factors[track].gradient;
       for (size_t i = free_range_[track].begin; i < free_range_[track].end; ++i) {
-        rhs.noalias() -= at.couplings[i].transpose() * pose_steps.segment<6>(6 * free_[i].pose);
+        step_in_factor -= system.eliminated[i].transpose().lazyProduct(step.segment<kSize>(kSize * free_[i].camera));
       }
-      next->points[track].noalias() += point_inverses[track] * rhs;
+      next->points[track] =
+          state_.points[track] + system.point_factors[track].inverse.transpose().lazyProduct(step_in_factor);
     }
+    return std::sqrt(std::max(step.dot(system.rhs), 0.0));
   }
 
   const BundleAdjustmentOptions& options_;
   const double squared_scale_;
-  State state_;
+  std::vector<const View*> views_;  // of the cameras
   std::vector<LinearProjection> fixed_;
   std::vector<FreeObservation> free_;
   std::vector<Range> fixed_range_, free_range_;  // per track
+  State state_;
 };
+
+template <int kSize>
+BundleAdjustmentResult Adjust(const BundleAdjustmentOptions& options, std::vector<View>* views,
+                              std::vector<Track>* tracks) {
+  BundleSolver<kSize> solver(options, *views, *tracks);
+  BundleAdjustmentResult result;
+  result.summary = solver.Minimize();
+  result.pose_covariances.assign(views->size(), Eigen::Matrix<double, 6, 6>::Zero());
+  if (!result.summary.success) return result;
+  const std::vector<Eigen::Matrix<double, 6, 6>> covariances = solver.Covariances();
+  size_t camera = 0;
+  for (size_t view = 0; view < views->size(); ++view) {
+    if (IsConstant((*views)[view])) continue;
+    (*views)[view].cam_from_world = solver.Solution().cameras[camera].cam_from_world;
+    if ((*views)[view].log_focal_factor) {
+      (*views)[view].log_focal_factor = solver.Solution().cameras[camera].log_focal_factor;
+    }
+    result.pose_covariances[view] = covariances[camera++];
+  }
+  for (size_t track = 0; track < tracks->size(); ++track) {
+    (*tracks)[track].point_in_world = solver.Solution().points[track];
+  }
+  return result;
+}
 
 }  // namespace
 
 bool BundleAdjustmentOptions::Check(std::string* error) const {
   OPTION_GT(loss_scale_sigma, 0);
   OPTION_GE(max_num_iterations, 1);
-  OPTION_GE(function_tolerance, 0);
+  OPTION_GE(convergence_sigma, 0);
   return true;
 }
 
-StageSummary AdjustBundle(const BundleAdjustmentOptions& options, std::vector<View>* views,
-                          std::vector<Track>* tracks) {
-  BundleSolver solver(options, *views, *tracks);
-  const StageSummary summary = solver.Minimize();
-  size_t pose = 0;
-  for (View& view : *views) {
-    if (!view.is_fixed) view.cam_from_world = solver.Solution().poses[pose++];
-  }
-  for (size_t track = 0; track < tracks->size(); ++track) {
-    (*tracks)[track].point_in_world = solver.Solution().points[track];
-  }
-  return summary;
+BundleAdjustmentResult AdjustBundle(const BundleAdjustmentOptions& options, std::vector<View>* views,
+                                    std::vector<Track>* tracks) {
+  const bool seeks_focal_length =
+      std::any_of(views->begin(), views->end(), [](const View& view) { return view.log_focal_factor.has_value(); });
+  return seeks_focal_length ? Adjust<7>(options, views, tracks) : Adjust<6>(options, views, tracks);
 }
 
 }  // namespace lazyloc

@@ -13,19 +13,29 @@ namespace lazyloc {
 struct BundleAdjustmentOptions {
   double loss_scale_sigma = 2;  // Cauchy scale, in the views' standard deviations
   int max_num_iterations = 50;
-  double function_tolerance = 1e-6;  // end when a step lowers the cost by a smaller part of it
+  double convergence_sigma = 0.02;  // end when a step moves the poses by less, in their standard deviations
 
   bool Check(std::string* error) const;
 };
 
-// Minimises 1/2 sum s^2 log(1 + |r|^2 / s^2), r the reprojection error in its view's standard deviations
-// and s the loss scale, over the poses of
-// the views that are not fixed and over the tracks' points, in place. Fixed views enter as constants: no variable is made
-// of them, so that they cannot move. LazyLoc section 3.3.
+struct BundleAdjustmentResult {
+  StageSummary summary;
+  // Per view, of the tangent (w, dt) of cam_from_world (R <- ExpSO3(w) R, t <- t + dt; rad, database units), for image
+  // noise as the views state it, all points, other poses and focal lengths being unknown too. Zero for constant views; of
+  // a motion that nothing shows in the image the variance is finite, but larger than that of any that shows.
+  std::vector<Eigen::Matrix<double, 6, 6>> pose_covariances;
+};
+
+// Minimises, in place, over the poses of all views that are not constant and over the tracks' points
+//   1/2 sum s^2 log(1 + |r|^2 / s^2) + 1/2 sum |p|^2,
+// r the reprojection error in its view's standard deviations, s the loss scale, and p the deviation of a database view
+// from its prior in the prior's standard deviations. Constant views enter as constants: no variable is made of them, so
+// that they cannot move. LazyLoc section 3.3; the priors are ours.
 //
-// Levenberg-Marquardt with the points eliminated (Schur complement), written for this one shape of problem: thousands
-// of points, each seen by many constant cameras and a few free ones. On it, it takes a small part of the time of a
-// general solver, which the tests compare it with.
-StageSummary AdjustBundle(const BundleAdjustmentOptions& options, std::vector<View>* views, std::vector<Track>* tracks);
+// Levenberg-Marquardt with the points eliminated (Schur complement), written for this one shape of problem: many
+// points, few cameras, most of them constant or nearly so. On it, it takes a small part of the time of a general solver,
+// which the tests compare it with.
+BundleAdjustmentResult AdjustBundle(const BundleAdjustmentOptions& options, std::vector<View>* views,
+                                    std::vector<Track>* tracks);
 
 }  // namespace lazyloc

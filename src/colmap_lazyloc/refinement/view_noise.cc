@@ -30,7 +30,7 @@ void EstimateViewNoise(const std::vector<Track>& tracks, double min_noise_px, st
       const Eigen::Vector3d point_in_cam = (*views)[element.view].cam_from_world * track.point_in_world;
       const double error_px = correction * ReprojectionError(element.observation, point_in_cam).norm();
       errors_px[element.view].push_back(error_px);
-      if ((*views)[element.view].is_fixed) all_px.push_back(error_px);
+      if ((*views)[element.view].is_database) all_px.push_back(error_px);
     }
   }
   if (all_px.empty()) return;

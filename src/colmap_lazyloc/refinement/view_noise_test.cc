@@ -13,7 +13,7 @@ TEST(ViewNoise, FindsTheNoiseOfTheImagePoints) {
   options.num_points = 500;
   options.noise_px = 1.5;
   SyntheticTracks scene = MakeSyntheticTracks(options);
-  ASSERT_TRUE(AdjustBundle({}, &scene.views, &scene.tracks).success);
+  ASSERT_TRUE(AdjustBundle({}, &scene.views, &scene.tracks).summary.success);
   EstimateViewNoise(scene.tracks, 0.1, &scene.views);
   // A view nearer to the points draws them to itself: its own errors look smaller, the others' larger.
   double sum = 0;
@@ -30,7 +30,7 @@ TEST(ViewNoise, SeesThatOneDatabasePoseIsOff) {
   options.noise_px = 0.5;
   SyntheticTracks scene = MakeSyntheticTracks(options);
   scene.views[3].cam_from_world.translation += Eigen::Vector3d(0.1, 0, 0);  // some 6 px
-  ASSERT_TRUE(AdjustBundle({}, &scene.views, &scene.tracks).success);
+  ASSERT_TRUE(AdjustBundle({}, &scene.views, &scene.tracks).summary.success);
   EstimateViewNoise(scene.tracks, 0.1, &scene.views);
   for (size_t view = 0; view < scene.views.size(); ++view) {
     if (view == 3) {

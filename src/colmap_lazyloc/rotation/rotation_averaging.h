@@ -5,6 +5,7 @@
 
 #include <Eigen/Geometry>
 
+#include "colmap_lazyloc/scene/enum_names.h"
 #include "colmap_lazyloc/scene/stage_summary.h"
 
 namespace lazyloc {
@@ -25,7 +26,16 @@ struct RotationAveragingProblem {
   std::vector<RotationEdge> edges;
 };
 
+enum class RotationAveragingMethod {
+  L1_IRLS,          // minimises the edges' errors in the L1 norm, then under Geman-McClure's loss
+  L1,               // the first part of it
+  QUATERNION_MEAN,  // squared chords: one wrong edge pulls the result
+};
+template <>
+inline constexpr std::array<const char*, 3> kEnumNames<RotationAveragingMethod> = {"l1_irls", "l1", "quaternion_mean"};
+
 struct RotationAveragingOptions {
+  RotationAveragingMethod method = RotationAveragingMethod::L1_IRLS;
   double vote_error_deg = 5;  // an edge supports a start whose rotation it matches within this angle
   int num_l1_iterations = 10;
   int num_irls_iterations = 20;
@@ -43,10 +53,10 @@ struct RotationAveragingResult {
 };
 
 // Starts each unknown node at the rotation that most weight of its edges agrees with (exact for one unknown node:
-// every edge's proposal is tried), then minimises the L1 norm of the edges' errors, then Geman-McClure's, by reweighted
-// least squares in the Lie algebra, with the unknown nodes' columns only.
-// Chatterjee & Govindu, Efficient and Robust Large-Scale Rotation Averaging, ICCV 2013; LazyLoc section 3.1.
-// summary.success is false where no unknown node is linked to a fixed one.
+// every edge's proposal is tried), then minimises the edges' errors by the method chosen.
+// L1 and IRLS are reweighted least squares in the Lie algebra, with the unknown nodes' columns only: Chatterjee &
+// Govindu, Efficient and Robust Large-Scale Rotation Averaging, ICCV 2013; LazyLoc section 3.1. summary.success is
+// false where no unknown node is linked to a fixed one, or a measurement is not finite.
 RotationAveragingResult AverageRotations(const RotationAveragingProblem& problem,
                                          const RotationAveragingOptions& options);
 

@@ -2,52 +2,32 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
+#include <string>
+#include <tuple>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include "colmap_lazyloc/math/so3.h"
-#include "colmap_lazyloc/testing/synthetic_scene.h"
+#include "colmap_lazyloc/testing/synthetic_pose_graph.h"
 
 namespace lazyloc {
 namespace {
 
-struct SyntheticPoseGraphOptions {
-  int num_database = 20;
-  int num_query = 1;
-  double rotation_noise_deg = 0;
-  double outlier_edge_ratio = 0;
-  uint32_t seed = 0;
-};
+using Method = RotationAveragingMethod;
 
-struct SyntheticPoseGraph {
-  RotationAveragingProblem problem;  // fixed nodes first
-  std::vector<Eigen::Quaterniond> truth;
-  int num_outliers = 0;
-};
-
-// Every query is linked to every database image and to every other query.
-SyntheticPoseGraph MakePoseGraph(const SyntheticPoseGraphOptions& options) {
-  Random random(options.seed);
-  SyntheticPoseGraph graph;
-  for (int node = 0; node < options.num_database + options.num_query; ++node) {
-    const bool is_fixed = node < options.num_database;
-    graph.truth.push_back(RandomRotation(&random));
-    graph.problem.is_fixed.push_back(is_fixed);
-    graph.problem.rotations.push_back(is_fixed ? graph.truth.back() : Eigen::Quaterniond::Identity());
+RotationAveragingProblem ProblemOf(const SyntheticPoseGraph& graph) {
+  RotationAveragingProblem problem;
+  for (int node = 0; node < graph.NumNodes(); ++node) {
+    problem.is_fixed.push_back(graph.IsFixed(node));
+    problem.rotations.push_back(graph.IsFixed(node) ? graph.cam_from_world[node].rotation
+                                                    : Eigen::Quaterniond::Identity());
   }
-  const int num_nodes = static_cast<int>(graph.truth.size());
-  std::vector<RotationEdge>& edges = graph.problem.edges;
-  for (int node2 = options.num_database; node2 < num_nodes; ++node2) {
-    for (int node1 = 0; node1 < node2; ++node1) {
-      const Eigen::Quaterniond exact = graph.truth[node2] * graph.truth[node1].conjugate();
-      edges.push_back({node1, node2, Disturbed(exact, options.rotation_noise_deg, &random), 100});
-    }
+  for (const SyntheticPoseGraphEdge& edge : graph.edges) {
+    problem.edges.push_back({edge.node1, edge.node2, edge.node2_from_node1, 100});
   }
-  graph.num_outliers = static_cast<int>(options.outlier_edge_ratio * static_cast<double>(edges.size()));
-  std::shuffle(edges.begin(), edges.end(), random);
-  for (int i = 0; i < graph.num_outliers; ++i) edges[i].node2_from_node1 = RandomRotation(&random);
-  return graph;
+  return problem;
 }
 
 double MaxErrorDeg(const std::vector<Eigen::Quaterniond>& a, const std::vector<Eigen::Quaterniond>& b) {
@@ -56,108 +36,172 @@ double MaxErrorDeg(const std::vector<Eigen::Quaterniond>& a, const std::vector<E
   return max_error;
 }
 
-class QueryCounts : public testing::TestWithParam<int> {
+double MaxErrorDeg(const RotationAveragingResult& result, const SyntheticPoseGraph& graph) {
+  std::vector<Eigen::Quaterniond> truth;
+  for (const Rigid3d& pose : graph.cam_from_world) truth.push_back(pose.rotation);
+  return MaxErrorDeg(result.rotations, truth);
+}
+
+RotationAveragingOptions OptionsOf(Method method) {
+  RotationAveragingOptions options;
+  options.method = method;
+  return options;
+}
+
+// A method and a number of queries.
+class RotationAveragingContract : public testing::TestWithParam<std::tuple<Method, int>> {
  protected:
-  SyntheticPoseGraphOptions Options() const {
+  RotationAveragingResult Average(const RotationAveragingProblem& problem) const {
+    return AverageRotations(problem, OptionsOf(std::get<0>(GetParam())));
+  }
+
+  SyntheticPoseGraphOptions GraphOptions(double rotation_noise_deg) const {
     SyntheticPoseGraphOptions options;
-    options.num_query = GetParam();
+    options.num_query = std::get<1>(GetParam());
+    options.rotation_noise_deg = rotation_noise_deg;
     return options;
   }
 };
 
-TEST_P(QueryCounts, NoiseFreeIsExact) {
-  const SyntheticPoseGraph graph = MakePoseGraph(Options());
-  const RotationAveragingResult result = AverageRotations(graph.problem, {});
+// What every method must do.
+using EveryMethod = RotationAveragingContract;
+// What the methods do that claim robustness.
+using RobustMethod = RotationAveragingContract;
+
+TEST_P(EveryMethod, NoiseFreeIsExact) {
+  const SyntheticPoseGraph graph = MakeSyntheticPoseGraph(GraphOptions(0));
+  const RotationAveragingResult result = Average(ProblemOf(graph));
   ASSERT_TRUE(result.summary.success) << result.summary.message;
-  EXPECT_LE(MaxErrorDeg(result.rotations, graph.truth), RadToDeg(1e-8));
+  EXPECT_LE(MaxErrorDeg(result, graph), RadToDeg(1e-8));
 }
 
-// 20 edges of 1 deg average to about 1 / sqrt(20) deg each way; with 40 % outliers 12 remain. Five times that.
-TEST_P(QueryCounts, WithNoiseAndOutliers) {
-  SyntheticPoseGraphOptions options = Options();
-  options.rotation_noise_deg = 1;
+// 20 edges of 1 deg average to about 1 / sqrt(20) deg. Five times that.
+TEST_P(EveryMethod, AveragesNoise) {
+  SyntheticPoseGraphOptions options = GraphOptions(1);
+  for (options.seed = 0; options.seed < 20; ++options.seed) {
+    const SyntheticPoseGraph graph = MakeSyntheticPoseGraph(options);
+    const RotationAveragingResult result = Average(ProblemOf(graph));
+    ASSERT_TRUE(result.summary.success);
+    EXPECT_LE(MaxErrorDeg(result, graph), 5 / std::sqrt(20)) << "seed " << options.seed;
+  }
+}
+
+TEST_P(EveryMethod, KeepsFixedRotationsBitwise) {
+  RotationAveragingProblem problem = ProblemOf(MakeSyntheticPoseGraph(GraphOptions(3)));
+  problem.rotations[0].coeffs() *= 1 + 1e-12;
+  const RotationAveragingResult result = Average(problem);
+  for (size_t node = 0; node < problem.rotations.size(); ++node) {
+    if (problem.is_fixed[node]) {
+      EXPECT_EQ(result.rotations[node].coeffs(), problem.rotations[node].coeffs());
+    }
+  }
+}
+
+TEST_P(EveryMethod, EdgeOrderDoesNotMatter) {
+  RotationAveragingProblem problem = ProblemOf(MakeSyntheticPoseGraph(GraphOptions(1)));
+  const RotationAveragingResult straight = Average(problem);
+  std::reverse(problem.edges.begin(), problem.edges.end());
+  EXPECT_LE(MaxErrorDeg(Average(problem).rotations, straight.rotations), RadToDeg(1e-12));
+}
+
+TEST_P(EveryMethod, EdgeOrientationDoesNotMatter) {
+  RotationAveragingProblem problem = ProblemOf(MakeSyntheticPoseGraph(GraphOptions(1)));
+  const RotationAveragingResult straight = Average(problem);
+  for (size_t i = 0; i < problem.edges.size(); i += 2) {
+    RotationEdge& edge = problem.edges[i];
+    std::swap(edge.node1, edge.node2);
+    edge.node2_from_node1 = edge.node2_from_node1.conjugate();
+  }
+  EXPECT_LE(MaxErrorDeg(Average(problem).rotations, straight.rotations), RadToDeg(1e-12));
+}
+
+TEST_P(EveryMethod, TurningTheWorldTurnsTheResult) {
+  RotationAveragingProblem problem = ProblemOf(MakeSyntheticPoseGraph(GraphOptions(1)));
+  const RotationAveragingResult before = Average(problem);
+  Random random(99);
+  const Eigen::Quaterniond old_from_new_world = RandomRotation(&random);
+  for (Eigen::Quaterniond& rotation : problem.rotations) rotation = rotation * old_from_new_world;
+  const RotationAveragingResult after = Average(problem);
+  for (size_t node = 0; node < problem.rotations.size(); ++node) {
+    EXPECT_LE(AngularDistanceRad(after.rotations[node], before.rotations[node] * old_from_new_world), 1e-12);
+  }
+}
+
+TEST_P(EveryMethod, UnlinkedQueryIsReported) {
+  RotationAveragingProblem problem = ProblemOf(MakeSyntheticPoseGraph(GraphOptions(0)));
+  const Eigen::Quaterniond untouched(0, 0, 0, std::numeric_limits<double>::quiet_NaN());
+  const int unlinked = static_cast<int>(problem.rotations.size());
+  problem.rotations.push_back(untouched);
+  problem.is_fixed.push_back(false);
+  problem.edges.push_back({unlinked, 0, Eigen::Quaterniond::Identity(), 0});
+  const RotationAveragingResult result = Average(problem);
+  EXPECT_TRUE(result.summary.success) << result.summary.message;
+  EXPECT_FALSE(result.is_known[unlinked]);
+  EXPECT_TRUE(std::isnan(result.edge_errors_rad.back()));
+  EXPECT_LE(*std::max_element(result.edge_errors_rad.begin(), result.edge_errors_rad.end() - 1), 1e-8);
+}
+
+TEST_P(EveryMethod, DegenerateInputFails) {
+  EXPECT_FALSE(Average({}).summary.success);
+  const RotationAveragingProblem whole = ProblemOf(MakeSyntheticPoseGraph(GraphOptions(1)));
+  RotationAveragingProblem problem = whole;
+  problem.edges.clear();
+  EXPECT_FALSE(Average(problem).summary.success);
+  problem = whole;
+  std::fill(problem.is_fixed.begin(), problem.is_fixed.end(), false);
+  EXPECT_FALSE(Average(problem).summary.success);
+  EXPECT_THAT(Average(problem).summary.message, testing::HasSubstr("fixed"));
+  problem = whole;
+  problem.edges[3].node2_from_node1.x() = std::numeric_limits<double>::quiet_NaN();
+  EXPECT_FALSE(Average(problem).summary.success);
+  EXPECT_EQ(Average(problem).edge_errors_rad.size(), problem.edges.size());
+}
+
+// 40 % outliers leave 12 good edges. Five times their mean's error.
+TEST_P(RobustMethod, WithstandsOutliers) {
+  SyntheticPoseGraphOptions options = GraphOptions(1);
   options.outlier_edge_ratio = 0.4;
   for (options.seed = 0; options.seed < 20; ++options.seed) {
-    const SyntheticPoseGraph graph = MakePoseGraph(options);
-    const RotationAveragingResult result = AverageRotations(graph.problem, {});
+    const SyntheticPoseGraph graph = MakeSyntheticPoseGraph(options);
+    const RotationAveragingResult result = Average(ProblemOf(graph));
     ASSERT_TRUE(result.summary.success);
-    EXPECT_LE(MaxErrorDeg(result.rotations, graph.truth), 5 / std::sqrt(12)) << "seed " << options.seed;
+    EXPECT_LE(MaxErrorDeg(result, graph), 5 / std::sqrt(12)) << "seed " << options.seed;
     const auto num_large = std::count_if(result.edge_errors_rad.begin(), result.edge_errors_rad.end(),
                                          [](double error) { return error > DegToRad(5); });
     EXPECT_NEAR(static_cast<double>(num_large), graph.num_outliers, 2);
   }
 }
 
-TEST_P(QueryCounts, KeepsFixedRotationsBitwise) {
-  SyntheticPoseGraphOptions options = Options();
-  options.rotation_noise_deg = 3;
-  SyntheticPoseGraph graph = MakePoseGraph(options);
-  graph.problem.rotations[0].coeffs() *= 1 + 1e-12;
-  const RotationAveragingResult result = AverageRotations(graph.problem, {});
-  for (int node = 0; node < options.num_database; ++node) {
-    EXPECT_EQ(result.rotations[node].coeffs(), graph.problem.rotations[node].coeffs());
-  }
+std::string NameOf(const testing::TestParamInfo<std::tuple<Method, int>>& info) {
+  const auto [method, num_query] = info.param;
+  return kEnumNames<Method>[static_cast<size_t>(method)] + std::string("_") + std::to_string(num_query);
 }
 
-TEST_P(QueryCounts, EdgeOrientationDoesNotMatter) {
-  SyntheticPoseGraphOptions options = Options();
-  options.rotation_noise_deg = 1;
-  SyntheticPoseGraph graph = MakePoseGraph(options);
-  const RotationAveragingResult straight = AverageRotations(graph.problem, {});
-  for (size_t i = 0; i < graph.problem.edges.size(); i += 2) {
-    RotationEdge& edge = graph.problem.edges[i];
-    std::swap(edge.node1, edge.node2);
-    edge.node2_from_node1 = edge.node2_from_node1.conjugate();
-  }
-  const RotationAveragingResult swapped = AverageRotations(graph.problem, {});
-  EXPECT_LE(MaxErrorDeg(straight.rotations, swapped.rotations), 1e-6);
-}
+INSTANTIATE_TEST_SUITE_P(RotationAveraging, EveryMethod,
+                         testing::Combine(testing::Values(Method::L1_IRLS, Method::L1, Method::QUATERNION_MEAN),
+                                          testing::Values(1, 5)),
+                         NameOf);
+INSTANTIATE_TEST_SUITE_P(RotationAveragingRobust, RobustMethod,
+                         testing::Combine(testing::Values(Method::L1_IRLS, Method::L1), testing::Values(1, 5)), NameOf);
 
-TEST_P(QueryCounts, TurningTheWorldTurnsTheResult) {
-  SyntheticPoseGraphOptions options = Options();
-  options.rotation_noise_deg = 1;
-  SyntheticPoseGraph graph = MakePoseGraph(options);
-  const RotationAveragingResult before = AverageRotations(graph.problem, {});
-  Random random(99);
-  const Eigen::Quaterniond old_from_new_world = RandomRotation(&random);
-  for (Eigen::Quaterniond& rotation : graph.problem.rotations) rotation = rotation * old_from_new_world;
-  const RotationAveragingResult after = AverageRotations(graph.problem, {});
-  for (size_t node = 0; node < graph.truth.size(); ++node) {
-    EXPECT_LE(AngularDistanceRad(after.rotations[node], before.rotations[node] * old_from_new_world), 1e-8);
-  }
-}
-
-INSTANTIATE_TEST_SUITE_P(RotationAveraging, QueryCounts, testing::Values(1, 5));
-
-TEST(RotationAveraging, UnlinkedQueryIsReported) {
+// Exact edges but for a fifth: Geman-McClure forgets the outliers, L1 feels their directions, the mean their sizes.
+TEST(RotationAveraging, MethodsDifferByWhatOutliersDo) {
   SyntheticPoseGraphOptions options;
-  options.num_query = 2;
-  SyntheticPoseGraph graph = MakePoseGraph(options);
-  std::vector<RotationEdge>& edges = graph.problem.edges;
-  const int unlinked = options.num_database + 1;
-  edges.erase(
-      std::remove_if(edges.begin(), edges.end(),
-                     [&](const RotationEdge& edge) { return edge.node1 == unlinked || edge.node2 == unlinked; }),
-      edges.end());
-  edges.push_back({unlinked, unlinked - 1, Eigen::Quaterniond::Identity(), 0});
-  const RotationAveragingResult result = AverageRotations(graph.problem, {});
-  EXPECT_TRUE(result.summary.success);
-  EXPECT_FALSE(result.is_known[unlinked]);
-  EXPECT_TRUE(std::isnan(result.edge_errors_rad.back()));
-  EXPECT_LE(RadToDeg(AngularDistanceRad(result.rotations[unlinked - 1], graph.truth[unlinked - 1])), 1e-6);
+  options.outlier_edge_ratio = 0.2;
+  options.rotation_noise_deg = 0.5;
+  double irls_sum = 0, l1_sum = 0, mean_sum = 0;
+  for (options.seed = 0; options.seed < 20; ++options.seed) {
+    const SyntheticPoseGraph graph = MakeSyntheticPoseGraph(options);
+    const auto error = [&](Method method) {
+      return MaxErrorDeg(AverageRotations(ProblemOf(graph), OptionsOf(method)), graph);
+    };
+    irls_sum += error(Method::L1_IRLS);
+    l1_sum += error(Method::L1);
+    mean_sum += error(Method::QUATERNION_MEAN);
+  }
+  EXPECT_LT(irls_sum, 0.9 * l1_sum);
+  EXPECT_LT(l1_sum, 0.1 * mean_sum);
 }
-
-TEST(RotationAveraging, NoFixedNodeFails) {
-  RotationAveragingProblem problem;
-  problem.rotations.resize(2, Eigen::Quaterniond::Identity());
-  problem.is_fixed = {false, false};
-  problem.edges.push_back({0, 1, Eigen::Quaterniond::Identity(), 1});
-  const RotationAveragingResult result = AverageRotations(problem, {});
-  EXPECT_FALSE(result.summary.success);
-  EXPECT_THAT(result.summary.message, testing::HasSubstr("fixed"));
-}
-
-TEST(RotationAveraging, EmptyProblem) { EXPECT_FALSE(AverageRotations({}, {}).summary.success); }
 
 TEST(RotationAveragingOptions, NamesTheInvalidField) {
   RotationAveragingOptions options;

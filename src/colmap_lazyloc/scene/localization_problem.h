@@ -2,6 +2,7 @@
 
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include <Eigen/Core>
@@ -24,12 +25,19 @@ struct ImagePair {
   Matches matches;  // raw; left empty where `geometry` is enough
 };
 
+// Verified matches between the database images of two pairs.
+struct DatabaseMatches {
+  int pair1 = -1, pair2 = -1;                            // into the problem's pairs
+  std::vector<std::pair<uint32_t, uint32_t>> keypoints;  // of pair1's image, of pair2's image
+};
+
 // Everything that localizing one query needs.
 struct LocalizationProblem {
   std::string query_name;
   Camera query_camera;
-  std::vector<Eigen::Vector2d> query_keypoints;  // xy in pixels
-  std::vector<ImagePair> pairs;                  // sorted by database_name
+  std::vector<Eigen::Vector2d> query_keypoints;   // xy in pixels
+  std::vector<ImagePair> pairs;                   // sorted by database_name
+  std::vector<DatabaseMatches> database_matches;  // where they are to extend the tracks
 };
 
 }  // namespace lazyloc

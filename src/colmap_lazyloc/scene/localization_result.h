@@ -54,6 +54,7 @@ struct LocalizationResult {
   // Of cam_from_world in its tangent: rotation w (rad, R <- exp(w) R), then translation (database units).
   Eigen::Matrix<double, 6, 6> covariance = Eigen::Matrix<double, 6, 6>::Zero();
 
+  std::string start;              // the hypothesis that refinement started from
   std::vector<PairResult> pairs;  // every pair that was looked at, sorted by database_name
   std::vector<PointResult> points;
   int num_tracks = 0;        // tracks in the final adjustment

@@ -18,6 +18,8 @@ namespace lazyloc {
 struct Observation {
   Eigen::Vector3d ray_in_cam = Eigen::Vector3d::Zero();                           // unit length
   Eigen::Matrix<double, 2, 3> px_from_cam = Eigen::Matrix<double, 2, 3>::Zero();  // annihilates the ray
+  // How a fixed ray's image point moves with the log of the focal length; zero where the focal length is known.
+  Eigen::Vector2d px_from_log_focal = Eigen::Vector2d::Zero();
 };
 
 // Error in pixels; only meaningful in front of the camera.

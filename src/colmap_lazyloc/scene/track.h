@@ -1,5 +1,6 @@
 #pragma once
 
+#include <optional>
 #include <vector>
 
 #include <Eigen/Core>
@@ -9,14 +10,28 @@
 
 namespace lazyloc {
 
-// A camera that observes tracks: a query whose pose is sought, or a database image whose pose is fixed.
+// What is known of a pose that may be off.
+struct PosePrior {
+  Rigid3d cam_from_world;
+  double rotation_stddev_rad = 0;  // about each axis
+  double position_stddev = 0;      // of each coordinate of the projection centre, in database units
+};
+
+// A camera that observes tracks: a query whose pose is sought, or a database image whose pose is given.
 struct View {
   Rigid3d cam_from_world;
-  bool is_fixed = false;
+  bool is_database = false;
   // Standard deviation, per coordinate, of its image points' errors: keypoint noise, and what errors of a database pose
   // and of the intrinsics look like in the image.
   double noise_px = 1;
+  // Of a database view whose pose is not taken as exact: adjustment corrects cam_from_world as far as this lets it.
+  std::optional<PosePrior> prior = std::nullopt;
+  // Log of the factor on the focal length that adjustment finds; none where the focal length is known.
+  std::optional<double> log_focal_factor = std::nullopt;
 };
+
+// Whether adjustment takes the pose as exact.
+inline bool IsConstant(const View& view) { return view.is_database && !view.prior; }
 
 struct TrackObservation {
   int view = -1;

@@ -31,31 +31,30 @@ class TrackTriangulator {
     }
   }
 
-  std::optional<Track> Triangulate(const Track& track) const {
+  std::optional<Track> FromDatabase(const Track& track) const {
     std::vector<TrackObservation> query, database;
     for (const TrackObservation& observation : track.observations) {
-      (views_[observation.view].is_fixed ? database : query).push_back(observation);
-    }
-    Eigen::Vector3d point;
-    if (!TriangulateRobustly(&database, &point)) {
-      // No two database views agree: one of them with the query, if that can decide which one.
-      database.clear();
-      for (const TrackObservation& observation : track.observations) {
-        if (views_[observation.view].is_fixed) database.push_back(observation);
-      }
-      if (database.size() != 1 || !TriangulateWithQuery(query, database, &point)) return std::nullopt;
+      (views_[observation.view].is_database ? database : query).push_back(observation);
     }
     Track result;
-    for (const TrackObservation& observation : query) {
-      if (NormalizedError(views_[observation.view], observation.observation, point) > options_.max_query_error_sigma) {
-        return std::nullopt;
-      }
-      result.observations.push_back(observation);
-    }
+    if (!TriangulateRobustly(&database, &result.point_in_world)) return std::nullopt;
+    result.observations = std::move(query);
     result.observations.insert(result.observations.end(), database.begin(), database.end());
-    result.point_in_world = point;
-    if (database.size() == 1) result.noise_ratio = options_.single_view_noise_ratio;
     return result;
+  }
+
+  std::optional<Track> WithQuery(const Track& track) const {
+    const auto is_database = [&](const TrackObservation& element) { return views_[element.view].is_database; };
+    if (std::count_if(track.observations.begin(), track.observations.end(), is_database) != 1) return std::nullopt;
+    Track result = track;
+    result.noise_ratio = options_.single_view_noise_ratio;
+    if (!Linear(track.observations, &result.point_in_world)) return std::nullopt;
+    if (!SeenUnderAngle(track.observations, result.point_in_world)) return std::nullopt;
+    const bool fits = std::all_of(track.observations.begin(), track.observations.end(), [&](const auto& element) {
+      return NormalizedError(views_[element.view], element.observation, result.point_in_world) <=
+             options_.max_query_error_sigma;
+    });
+    return fits ? std::optional<Track>(result) : std::nullopt;
   }
 
  private:
@@ -117,22 +116,26 @@ class TrackTriangulator {
     return best;
   }
 
-  bool TriangulateWithQuery(const std::vector<TrackObservation>& query, const std::vector<TrackObservation>& database,
-                            Eigen::Vector3d* point) const {
-    std::vector<TrackObservation> all = query;
-    all.insert(all.end(), database.begin(), database.end());
-    if (!Linear(all, point) || !SeenUnderAngle(all, *point)) return false;
-    return std::all_of(database.begin(), database.end(), [&](const TrackObservation& element) {
-      return NormalizedError(views_[element.view], element.observation, *point) <= options_.max_query_error_sigma;
-    });
-  }
-
   const std::vector<View>& views_;
   const TrackTriangulationOptions& options_;
   const double max_cos_angle_;
   std::vector<Eigen::Matrix<double, 3, 4>> cams_from_world_;
   std::vector<Eigen::Vector3d> cams_in_world_;
 };
+
+std::vector<Track> TracksThatFit(const std::vector<View>& views, const std::vector<Track>& tracks,
+                                 double max_error_sigma, bool also_in_database) {
+  std::vector<Track> fitting;
+  for (const Track& track : tracks) {
+    const bool fits = std::all_of(track.observations.begin(), track.observations.end(), [&](const auto& element) {
+      const View& view = views[element.view];
+      if (view.is_database && !also_in_database) return true;
+      return NormalizedError(view, element.observation, track.point_in_world) <= max_error_sigma;
+    });
+    if (fits) fitting.push_back(track);
+  }
+  return fitting;
+}
 
 }  // namespace
 
@@ -144,27 +147,41 @@ bool TrackTriangulationOptions::Check(std::string* error) const {
   return true;
 }
 
-std::vector<Track> TriangulateTracks(const std::vector<View>& views, const std::vector<Track>& tracks,
-                                     const TrackTriangulationOptions& options) {
+std::vector<Track> TriangulateFromDatabase(const std::vector<View>& views, const std::vector<Track>& tracks,
+                                           const TrackTriangulationOptions& options, std::vector<Track>* rest) {
+  const TrackTriangulator triangulator(views, options);
+  std::vector<Track> triangulated;
+  rest->clear();
+  for (const Track& track : tracks) {
+    std::optional<Track> result = triangulator.FromDatabase(track);
+    if (result) {
+      triangulated.push_back(std::move(*result));
+    } else {
+      rest->push_back(track);
+    }
+  }
+  return triangulated;
+}
+
+std::vector<Track> TriangulateWithQuery(const std::vector<View>& views, const std::vector<Track>& tracks,
+                                        const TrackTriangulationOptions& options) {
   const TrackTriangulator triangulator(views, options);
   std::vector<Track> triangulated;
   for (const Track& track : tracks) {
-    std::optional<Track> result = triangulator.Triangulate(track);
+    std::optional<Track> result = triangulator.WithQuery(track);
     if (result) triangulated.push_back(std::move(*result));
   }
   return triangulated;
 }
 
+std::vector<Track> TracksFittingQuery(const std::vector<View>& views, const std::vector<Track>& tracks,
+                                      double max_error_sigma) {
+  return TracksThatFit(views, tracks, max_error_sigma, /*also_in_database=*/false);
+}
+
 std::vector<Track> FittingTracks(const std::vector<View>& views, const std::vector<Track>& tracks,
                                  double max_error_sigma) {
-  std::vector<Track> fitting;
-  for (const Track& track : tracks) {
-    const bool fits = std::all_of(track.observations.begin(), track.observations.end(), [&](const auto& element) {
-      return NormalizedError(views[element.view], element.observation, track.point_in_world) <= max_error_sigma;
-    });
-    if (fits) fitting.push_back(track);
-  }
-  return fitting;
+  return TracksThatFit(views, tracks, max_error_sigma, /*also_in_database=*/true);
 }
 
 }  // namespace lazyloc

@@ -21,15 +21,23 @@ struct TrackTriangulationOptions {
   bool Check(std::string* error) const;
 };
 
-// Triangulates each track (COLMAP's linear multi-view triangulation, with those database views that agree with the
-// best pair of them) and returns those that hold. Tracks that two or more database views see under a sufficient angle are
-// triangulated from these alone, so that an error of the query's present pose does not reach their points; the others
-// with the query's ray. Points that lie behind a camera, or too far from an image point, are dropped with their track.
-std::vector<Track> TriangulateTracks(const std::vector<View>& views, const std::vector<Track>& tracks,
-                                     const TrackTriangulationOptions& options);
+// Tracks that two or more database views see under a sufficient angle, triangulated from these alone (COLMAP's linear
+// multi-view triangulation, with those views that agree with the best pair of them): an error of the query's present
+// pose does not reach their points. The other tracks, which only a query pose can triangulate, go to `rest`.
+std::vector<Track> TriangulateFromDatabase(const std::vector<View>& views, const std::vector<Track>& tracks,
+                                           const TrackTriangulationOptions& options, std::vector<Track>* rest);
 
-// The tracks whose points lie in front of all their views and within max_error_sigma of all their image points, in the
-// views' standard deviations.
+// Tracks that one database view sees, triangulated with the query's rays. Tracks whose several database views do not agree
+// are left out, as nothing tells which of them to believe.
+std::vector<Track> TriangulateWithQuery(const std::vector<View>& views, const std::vector<Track>& tracks,
+                                        const TrackTriangulationOptions& options);
+
+// The tracks whose points lie in front of the query views and within max_error_sigma of all their image points there, in
+// the views' standard deviations.
+std::vector<Track> TracksFittingQuery(const std::vector<View>& views, const std::vector<Track>& tracks,
+                                      double max_error_sigma);
+
+// The same in all views.
 std::vector<Track> FittingTracks(const std::vector<View>& views, const std::vector<Track>& tracks,
                                  double max_error_sigma);
 

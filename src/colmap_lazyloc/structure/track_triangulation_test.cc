@@ -8,6 +8,16 @@
 namespace lazyloc {
 namespace {
 
+// Both kinds, as a round of the pipeline takes them.
+std::vector<Track> TriangulateTracks(const std::vector<View>& views, const std::vector<Track>& tracks,
+                                     const TrackTriangulationOptions& options) {
+  std::vector<Track> rest;
+  std::vector<Track> triangulated =
+      TracksFittingQuery(views, TriangulateFromDatabase(views, tracks, options, &rest), options.max_query_error_sigma);
+  for (const Track& track : TriangulateWithQuery(views, rest, options)) triangulated.push_back(track);
+  return triangulated;
+}
+
 TEST(TrackTriangulation, NoiseFreeIsExact) {
   const SyntheticTracks scene = MakeSyntheticTracks({});
   std::vector<Track> tracks = scene.tracks;

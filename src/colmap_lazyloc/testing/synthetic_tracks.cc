@@ -25,7 +25,7 @@ SyntheticTracks MakeSyntheticTracks(const SyntheticTracksOptions& options) {
     Track track;
     track.point_in_world = RandomVector(&random);
     for (int view = 0; view < static_cast<int>(scene.views.size()); ++view) {
-      const bool is_sure = !scene.views[view].is_fixed || view < options.num_query + 2;
+      const bool is_sure = !scene.views[view].is_database || view < options.num_query + 2;
       if (!is_sure && uniform(random) > options.min_views_ratio) continue;
       const Eigen::Vector2d offset_px = options.noise_px * RandomVector(&random).head<2>();
       const Eigen::Vector3d point_in_cam = scene.views[view].cam_from_world * track.point_in_world;

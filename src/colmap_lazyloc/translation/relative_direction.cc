@@ -79,11 +79,9 @@ RelativeDirection EstimateRelativeDirection(const std::vector<RayPair>& rays) {
   Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen;
   for (int i = 0; i < kNumIterations; ++i) {
     system.setZero();
-    result.num_inliers = 0;
     for (size_t k = 0; k < rays.size(); ++k) {
       double variance;
       const double squared_error = SquaredError(rays[k], normals[k], dir, &variance);
-      if (squared_error < 9) ++result.num_inliers;
       system += GemanMcClureWeight(squared_error, 2.0) / variance * normals[k] * normals[k].transpose();
     }
     const Eigen::Vector3d previous = dir;

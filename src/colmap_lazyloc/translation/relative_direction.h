@@ -17,7 +17,6 @@ struct RelativeDirection {
   // Unit (cam2_in_world - cam1_in_world); zero where the rays do not tell.
   Eigen::Vector3d dir_1to2_in_world = Eigen::Vector3d::Zero();
   double stddev_rad = 0;  // of the worse of its two angles, by the rays' noise
-  int num_inliers = 0;    // ray pairs within three standard deviations
 };
 
 // Direction of the baseline between two cameras whose rotations are known: every ray pair (f1, f2) obeys the epipolar

@@ -4,11 +4,10 @@
 #include <cmath>
 #include <limits>
 
-#include <ceres/ceres.h>
-
 #include "colmap_lazyloc/math/so3.h"
 #include "colmap_lazyloc/scene/errors.h"
 #include "colmap_lazyloc/scene/options_check.h"
+#include "colmap_lazyloc/translation/translation_methods.h"
 
 namespace lazyloc {
 namespace {
@@ -20,15 +19,11 @@ struct Ray {
   double weight;
 };
 
-double EdgeStddev(const DirectionEdge& edge, const TranslationAveragingOptions& options) {
-  return std::hypot(edge.stddev_rad, DegToRad(options.min_direction_stddev_deg));
-}
-
 std::vector<Ray> RaysTo(int node, const TranslationAveragingProblem& problem,
                         const TranslationAveragingOptions& options, const TranslationAveragingResult& result) {
   std::vector<Ray> rays;
   for (const DirectionEdge& edge : problem.edges) {
-    const double weight = 1 / EdgeStddev(edge, options);
+    const double weight = 1 / EdgeStddevRad(edge, options);
     if (edge.node2 == node && result.is_known[edge.node1]) {
       rays.push_back({result.cams_in_world[edge.node1], edge.dir_1to2_in_world, weight});
     } else if (edge.node1 == node && result.is_known[edge.node2]) {
@@ -108,67 +103,19 @@ void StartFromVotes(const TranslationAveragingProblem& problem, const Translatio
   }
 }
 
-// Residual (u - dir) / sigma with u = (C2 - C1) / |C2 - C1|; parameters C1, C2.
-class ChordCost : public ceres::SizedCostFunction<3, 3, 3> {
- public:
-  ChordCost(const Eigen::Vector3d& dir, double stddev) : dir_(dir), weight_(1 / stddev) {}
-
-  bool Evaluate(double const* const* parameters, double* residuals, double** jacobians) const override {
-    const Eigen::Vector3d baseline =
-        Eigen::Map<const Eigen::Vector3d>(parameters[1]) - Eigen::Map<const Eigen::Vector3d>(parameters[0]);
-    const double length = baseline.norm();
-    if (length == 0) return false;
-    const Eigen::Vector3d unit = baseline / length;
-    Eigen::Map<Eigen::Vector3d> residual(residuals);
-    residual = weight_ * (unit - dir_);
-    if (jacobians == nullptr) return true;
-    const Eigen::Matrix3d jacobian = weight_ / length * (Eigen::Matrix3d::Identity() - unit * unit.transpose());
-    // Symmetric, so that Ceres' row-major order makes no difference.
-    for (int i = 0; i < 2; ++i) {
-      if (jacobians[i] == nullptr) continue;
-      Eigen::Map<Eigen::Matrix3d> target(jacobians[i]);
-      target = i == 0 ? -jacobian : jacobian;
-    }
-    return true;
+void AverageBy(TranslationAveragingMethod method, const TranslationAveragingProblem& problem,
+               const TranslationAveragingOptions& options, TranslationAveragingResult* result) {
+  switch (method) {
+    case TranslationAveragingMethod::ANGULAR: return AverageByAngles(problem, options, result);
+    case TranslationAveragingMethod::LUD: return AverageByLeastUnsquaredDeviations(problem, options, result);
   }
-
- private:
-  const Eigen::Vector3d dir_;
-  const double weight_;
-};
-
-void Minimize(const TranslationAveragingProblem& problem, const TranslationAveragingOptions& options,
-              TranslationAveragingResult* result) {
-  ceres::CauchyLoss loss(options.loss_scale_sigma);
-  ceres::Problem::Options problem_options;
-  problem_options.loss_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
-  ceres::Problem ceres_problem(problem_options);
-  for (const DirectionEdge& edge : problem.edges) {
-    if (!result->is_known[edge.node1] || !result->is_known[edge.node2]) continue;
-    if (problem.is_fixed[edge.node1] && problem.is_fixed[edge.node2]) continue;
-    ceres_problem.AddResidualBlock(new ChordCost(edge.dir_1to2_in_world, EdgeStddev(edge, options)), &loss,
-                                   result->cams_in_world[edge.node1].data(), result->cams_in_world[edge.node2].data());
-    for (const int node : {edge.node1, edge.node2}) {
-      if (problem.is_fixed[node]) ceres_problem.SetParameterBlockConstant(result->cams_in_world[node].data());
-    }
-  }
-  ceres::Solver::Options solver_options;
-  solver_options.linear_solver_type = ceres::SPARSE_NORMAL_CHOLESKY;
-  if (ceres_problem.NumResidualBlocks() <= 200) solver_options.linear_solver_type = ceres::DENSE_QR;
-  solver_options.max_num_iterations = options.max_num_iterations;
-  solver_options.function_tolerance = 1e-14;
-  solver_options.gradient_tolerance = 1e-14;
-  solver_options.parameter_tolerance = 1e-12;
-  solver_options.logging_type = ceres::SILENT;
-  ceres::Solver::Summary summary;
-  ceres::Solve(solver_options, &ceres_problem, &summary);
-  result->summary.success = summary.IsSolutionUsable();
-  result->summary.message = summary.message;
-  result->summary.iterations = static_cast<int>(summary.iterations.size());
-  result->summary.cost = summary.final_cost;
 }
 
 }  // namespace
+
+double EdgeStddevRad(const DirectionEdge& edge, const TranslationAveragingOptions& options) {
+  return std::hypot(edge.stddev_rad, DegToRad(options.min_direction_stddev_deg));
+}
 
 bool TranslationAveragingOptions::Check(std::string* error) const {
   OPTION_GT(min_direction_stddev_deg, 0);
@@ -185,17 +132,23 @@ TranslationAveragingResult AverageTranslations(const TranslationAveragingProblem
   TranslationAveragingResult result;
   result.cams_in_world = problem.cams_in_world;
   result.is_known = result.is_determined = problem.is_fixed;
+  result.edge_errors_rad.assign(problem.edges.size(), std::numeric_limits<double>::quiet_NaN());
+  const auto is_finite = [](const DirectionEdge& edge) { return edge.dir_1to2_in_world.allFinite(); };
+  if (!std::all_of(problem.edges.begin(), problem.edges.end(), is_finite)) {
+    result.summary.message = "a direction is not finite";
+    return result;
+  }
   StartFromVotes(problem, options, &result);
   if (result.is_known == problem.is_fixed) {
     result.summary.message = "no unknown position is linked to a fixed one";
     return result;
   }
-  Minimize(problem, options, &result);
-  for (const DirectionEdge& edge : problem.edges) {
-    const bool known = result.is_known[edge.node1] && result.is_known[edge.node2];
+  AverageBy(options.method, problem, options, &result);
+  for (size_t i = 0; i < problem.edges.size(); ++i) {
+    const DirectionEdge& edge = problem.edges[i];
+    if (!result.is_known[edge.node1] || !result.is_known[edge.node2]) continue;
     const Eigen::Vector3d baseline = result.cams_in_world[edge.node2] - result.cams_in_world[edge.node1];
-    result.edge_errors_rad.push_back(known ? AngleBetweenRad(baseline, edge.dir_1to2_in_world)
-                                           : std::numeric_limits<double>::quiet_NaN());
+    result.edge_errors_rad[i] = AngleBetweenRad(baseline, edge.dir_1to2_in_world);
   }
   return result;
 }

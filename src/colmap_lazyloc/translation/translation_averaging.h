@@ -5,6 +5,7 @@
 
 #include <Eigen/Core>
 
+#include "colmap_lazyloc/scene/enum_names.h"
 #include "colmap_lazyloc/scene/stage_summary.h"
 
 namespace lazyloc {
@@ -27,7 +28,15 @@ struct TranslationAveragingProblem {
   std::vector<DirectionEdge> edges;
 };
 
+enum class TranslationAveragingMethod {
+  ANGULAR,  // sum rho(|dir - (C2 - C1) / |C2 - C1|| / sigma)^2
+  LUD,      // least unsquared deviations: sum min over lambda >= 0 of |C2 - C1 - lambda dir|
+};
+template <>
+inline constexpr std::array<const char*, 2> kEnumNames<TranslationAveragingMethod> = {"angular", "lud"};
+
 struct TranslationAveragingOptions {
+  TranslationAveragingMethod method = TranslationAveragingMethod::ANGULAR;
   double min_direction_stddev_deg = 0.1;  // added to each direction's own noise: what its model does not know
   double loss_scale_sigma = 2;            // Cauchy scale in standard deviations of the directions
   double max_vote_error_deg = 10;         // an edge supports a start whose direction it matches within this angle
@@ -45,10 +54,14 @@ struct TranslationAveragingResult {
   StageSummary summary;
 };
 
-// Starts each unknown node at the crossing of two of its edges that most other edges agree with, then minimises
-// sum rho(|dir - (C2 - C1) / |C2 - C1|| / sigma)^2 over the unknown centres (Ceres). The chord between two unit vectors is
-// their angle up to third order, and grows with it up to 180 degrees.
-// Wilson & Snavely, Robust Global Translations with 1DSfM, ECCV 2014, eq. 2; LazyLoc section 3.2.
+// Starts each unknown node at the crossing of two of its edges that most other edges agree with, then minimises the
+// errors of the method chosen over the unknown centres.
+// Angular: by Ceres, rho Cauchy's loss; the chord between two unit vectors is their angle up to third order, and grows
+// with it up to 180 degrees. Wilson & Snavely, Robust Global Translations with 1DSfM, ECCV 2014, eq. 2; LazyLoc
+// section 3.2.
+// LUD: convex, by reweighted least squares, all edges weighing the same. Ozyesil & Singer, Robust Camera Location
+// Estimation by Convex Programming, CVPR 2015; their lambda >= 1 sets the scale, which the fixed centres do here.
+// summary.success is false where no unknown node is linked to a fixed one, or a measurement is not finite.
 TranslationAveragingResult AverageTranslations(const TranslationAveragingProblem& problem,
                                                const TranslationAveragingOptions& options);
 

@@ -2,55 +2,32 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
+#include <string>
+#include <tuple>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include "colmap_lazyloc/math/so3.h"
-#include "colmap_lazyloc/testing/synthetic_scene.h"
+#include "colmap_lazyloc/testing/synthetic_pose_graph.h"
 
 namespace lazyloc {
 namespace {
 
-struct SyntheticDirectionsOptions {
-  int num_database = 20;
-  int num_query = 1;
-  double direction_noise_deg = 0;
-  double outlier_edge_ratio = 0;
-  bool database_on_line = false;
-  uint32_t seed = 0;
-};
+using Method = TranslationAveragingMethod;
 
-struct SyntheticDirections {
-  TranslationAveragingProblem problem;  // fixed nodes first
-  std::vector<Eigen::Vector3d> truth;
-};
-
-// Centres within a few units; every query linked to every database image and to every other query.
-SyntheticDirections MakeDirections(const SyntheticDirectionsOptions& options) {
-  Random random(options.seed);
-  SyntheticDirections scene;
-  for (int node = 0; node < options.num_database + options.num_query; ++node) {
-    const bool is_fixed = node < options.num_database;
-    Eigen::Vector3d centre = 3 * RandomVector(&random);
-    if (options.database_on_line && is_fixed) centre = Eigen::Vector3d(0.5 * node - 5, 0, 0);
-    scene.truth.push_back(centre);
-    scene.problem.is_fixed.push_back(is_fixed);
-    scene.problem.cams_in_world.push_back(is_fixed ? centre : Eigen::Vector3d::Zero());
+TranslationAveragingProblem ProblemOf(const SyntheticPoseGraph& graph, double stddev_deg) {
+  TranslationAveragingProblem problem;
+  for (int node = 0; node < graph.NumNodes(); ++node) {
+    problem.is_fixed.push_back(graph.IsFixed(node));
+    problem.cams_in_world.push_back(graph.IsFixed(node) ? CamInWorld(graph.cam_from_world[node])
+                                                        : Eigen::Vector3d::Zero());
   }
-  std::vector<DirectionEdge>& edges = scene.problem.edges;
-  for (int node2 = options.num_database; node2 < static_cast<int>(scene.truth.size()); ++node2) {
-    for (int node1 = 0; node1 < node2; ++node1) {
-      const Eigen::Vector3d exact = (scene.truth[node2] - scene.truth[node1]).normalized();
-      edges.push_back({node1, node2, DisturbedDirection(exact, options.direction_noise_deg, &random),
-                       DegToRad(options.direction_noise_deg)});
-    }
+  for (const SyntheticPoseGraphEdge& edge : graph.edges) {
+    problem.edges.push_back({edge.node1, edge.node2, edge.dir_1to2_in_world, DegToRad(stddev_deg)});
   }
-  std::shuffle(edges.begin(), edges.end(), random);
-  for (size_t i = 0; i < options.outlier_edge_ratio * static_cast<double>(edges.size()); ++i) {
-    edges[i].dir_1to2_in_world = RandomVector(&random).normalized();
-  }
-  return scene;
+  return problem;
 }
 
 double MaxError(const std::vector<Eigen::Vector3d>& a, const std::vector<Eigen::Vector3d>& b) {
@@ -59,107 +36,210 @@ double MaxError(const std::vector<Eigen::Vector3d>& a, const std::vector<Eigen::
   return max_error;
 }
 
-class QueryCounts : public testing::TestWithParam<int> {
+double MaxError(const TranslationAveragingResult& result, const SyntheticPoseGraph& graph) {
+  std::vector<Eigen::Vector3d> truth;
+  for (const Rigid3d& pose : graph.cam_from_world) truth.push_back(CamInWorld(pose));
+  return MaxError(result.cams_in_world, truth);
+}
+
+TranslationAveragingOptions OptionsOf(Method method) {
+  TranslationAveragingOptions options;
+  options.method = method;
+  return options;
+}
+
+// What every method must do, for a number of queries.
+class EveryMethod : public testing::TestWithParam<std::tuple<Method, int>> {
  protected:
-  SyntheticDirectionsOptions Options() const {
-    SyntheticDirectionsOptions options;
-    options.num_query = GetParam();
+  TranslationAveragingResult Average(const TranslationAveragingProblem& problem) const {
+    return AverageTranslations(problem, OptionsOf(std::get<0>(GetParam())));
+  }
+
+  SyntheticPoseGraphOptions GraphOptions(double direction_noise_deg) const {
+    SyntheticPoseGraphOptions options;
+    options.num_query = std::get<1>(GetParam());
+    options.direction_noise_deg = direction_noise_deg;
     return options;
+  }
+
+  TranslationAveragingProblem Make(double direction_noise_deg) const {
+    return ProblemOf(MakeSyntheticPoseGraph(GraphOptions(direction_noise_deg)), direction_noise_deg);
   }
 };
 
-TEST_P(QueryCounts, NoiseFreeIsExact) {
+// Distances are about 5 units.
+TEST_P(EveryMethod, NoiseFreeIsExact) {
   for (const bool on_line : {false, true}) {
-    SyntheticDirectionsOptions options = Options();
+    SyntheticPoseGraphOptions options = GraphOptions(0);
     options.database_on_line = on_line;
-    const SyntheticDirections scene = MakeDirections(options);
-    const TranslationAveragingResult result = AverageTranslations(scene.problem, {});
+    const SyntheticPoseGraph graph = MakeSyntheticPoseGraph(options);
+    const TranslationAveragingResult result = Average(ProblemOf(graph, 0));
     ASSERT_TRUE(result.summary.success) << result.summary.message;
-    EXPECT_LE(MaxError(result.cams_in_world, scene.truth), 1e-8 * 5);
+    EXPECT_LE(MaxError(result, graph), 1e-8 * 5);
     EXPECT_THAT(result.is_determined, testing::Each(true));
   }
 }
 
-// Directions of 1 deg over 5 units are 0.09 units off; 12 good ones leave a third of that, more for
-// a query far outside. Seven times that.
-TEST_P(QueryCounts, WithNoiseAndOutliers) {
-  SyntheticDirectionsOptions options = Options();
-  options.direction_noise_deg = 1;
-  options.outlier_edge_ratio = 0.4;
+// Directions of 1 deg over 5 units are 0.09 units off; 20 leave a quarter of that, more for a query far outside. Seven
+// times that.
+TEST_P(EveryMethod, AveragesNoise) {
+  SyntheticPoseGraphOptions options = GraphOptions(1);
   for (options.seed = 0; options.seed < 20; ++options.seed) {
-    const SyntheticDirections scene = MakeDirections(options);
-    const TranslationAveragingResult result = AverageTranslations(scene.problem, {});
+    const SyntheticPoseGraph graph = MakeSyntheticPoseGraph(options);
+    const TranslationAveragingResult result = Average(ProblemOf(graph, 1));
     ASSERT_TRUE(result.summary.success);
-    EXPECT_LE(MaxError(result.cams_in_world, scene.truth), 7 * 0.03) << "seed " << options.seed;
+    EXPECT_LE(MaxError(result, graph), 7 * 0.02) << "seed " << options.seed;
   }
 }
 
-TEST_P(QueryCounts, KeepsFixedCentresBitwise) {
-  SyntheticDirectionsOptions options = Options();
-  options.direction_noise_deg = 3;
-  const SyntheticDirections scene = MakeDirections(options);
-  const TranslationAveragingResult result = AverageTranslations(scene.problem, {});
-  for (int node = 0; node < options.num_database; ++node) {
-    EXPECT_EQ(result.cams_in_world[node], scene.problem.cams_in_world[node]);
+TEST_P(EveryMethod, KeepsFixedCentresBitwise) {
+  const TranslationAveragingProblem problem = Make(3);
+  const TranslationAveragingResult result = Average(problem);
+  for (size_t node = 0; node < problem.is_fixed.size(); ++node) {
+    if (problem.is_fixed[node]) {
+      EXPECT_EQ(result.cams_in_world[node], problem.cams_in_world[node]);
+    }
   }
 }
 
-TEST_P(QueryCounts, EdgeOrientationDoesNotMatter) {
-  SyntheticDirectionsOptions options = Options();
-  options.direction_noise_deg = 1;
-  SyntheticDirections scene = MakeDirections(options);
-  const TranslationAveragingResult straight = AverageTranslations(scene.problem, {});
-  for (size_t i = 0; i < scene.problem.edges.size(); i += 2) {
-    DirectionEdge& edge = scene.problem.edges[i];
+TEST_P(EveryMethod, EdgeOrderDoesNotMatter) {
+  TranslationAveragingProblem problem = Make(1);
+  const TranslationAveragingResult straight = Average(problem);
+  std::reverse(problem.edges.begin(), problem.edges.end());
+  EXPECT_LE(MaxError(Average(problem).cams_in_world, straight.cams_in_world), 1e-12);
+}
+
+TEST_P(EveryMethod, EdgeOrientationDoesNotMatter) {
+  TranslationAveragingProblem problem = Make(1);
+  const TranslationAveragingResult straight = Average(problem);
+  for (size_t i = 0; i < problem.edges.size(); i += 2) {
+    DirectionEdge& edge = problem.edges[i];
     std::swap(edge.node1, edge.node2);
     edge.dir_1to2_in_world *= -1;
   }
-  EXPECT_LE(MaxError(AverageTranslations(scene.problem, {}).cams_in_world, straight.cams_in_world), 1e-6);
+  EXPECT_LE(MaxError(Average(problem).cams_in_world, straight.cams_in_world), 1e-12);
 }
 
-TEST_P(QueryCounts, FollowsScaleAndRotationOfTheDatabase) {
-  SyntheticDirectionsOptions options = Options();
-  options.direction_noise_deg = 1;
-  SyntheticDirections scene = MakeDirections(options);
-  const TranslationAveragingResult before = AverageTranslations(scene.problem, {});
+TEST_P(EveryMethod, FollowsScaleAndRotationOfTheDatabase) {
+  TranslationAveragingProblem problem = Make(1);
+  const TranslationAveragingResult before = Average(problem);
   Random random(99);
   const Eigen::Quaterniond rotation = RandomRotation(&random);
   const auto moved = [&](const Eigen::Vector3d& centre) -> Eigen::Vector3d { return 100 * (rotation * centre); };
-  for (Eigen::Vector3d& centre : scene.problem.cams_in_world) centre = moved(centre);
-  for (DirectionEdge& edge : scene.problem.edges) edge.dir_1to2_in_world = rotation * edge.dir_1to2_in_world;
-  const TranslationAveragingResult after = AverageTranslations(scene.problem, {});
-  for (size_t node = 0; node < scene.truth.size(); ++node) {
+  for (Eigen::Vector3d& centre : problem.cams_in_world) centre = moved(centre);
+  for (DirectionEdge& edge : problem.edges) edge.dir_1to2_in_world = rotation * edge.dir_1to2_in_world;
+  const TranslationAveragingResult after = Average(problem);
+  for (size_t node = 0; node < problem.is_fixed.size(); ++node) {
     EXPECT_LE((after.cams_in_world[node] - moved(before.cams_in_world[node])).norm(), 1e-4);
   }
 }
 
-INSTANTIATE_TEST_SUITE_P(TranslationAveraging, QueryCounts, testing::Values(1, 5));
-
-TEST(TranslationAveraging, OneNeighbourLeavesTheDistanceOpen) {
-  SyntheticDirectionsOptions options;
+TEST_P(EveryMethod, OneNeighbourLeavesTheDistanceOpen) {
+  SyntheticPoseGraphOptions options;
   options.num_database = 1;
-  const SyntheticDirections scene = MakeDirections(options);
-  const TranslationAveragingResult result = AverageTranslations(scene.problem, {});
+  const TranslationAveragingResult result = Average(ProblemOf(MakeSyntheticPoseGraph(options), 0));
   EXPECT_TRUE(result.summary.success);
   EXPECT_FALSE(result.is_determined[1]);
   EXPECT_LE(result.edge_errors_rad[0], 1e-8) << "the bearing is known all the same";
 }
 
-TEST(TranslationAveraging, QueryOnTheLineOfItsNeighboursIsOpen) {
-  SyntheticDirectionsOptions options;
+TEST_P(EveryMethod, QueryOnTheLineOfItsNeighboursIsOpen) {
+  SyntheticPoseGraphOptions options;
   options.database_on_line = true;
-  SyntheticDirections scene = MakeDirections(options);
-  for (DirectionEdge& edge : scene.problem.edges) {
-    edge.dir_1to2_in_world = Eigen::Vector3d(scene.truth[edge.node1].x() < 0 ? 1 : -1, 0, 0);
+  TranslationAveragingProblem problem = ProblemOf(MakeSyntheticPoseGraph(options), 0);
+  for (DirectionEdge& edge : problem.edges) {
+    edge.dir_1to2_in_world = Eigen::Vector3d(problem.cams_in_world[edge.node1].x() < 0 ? 1 : -1, 0, 0);
   }
-  EXPECT_FALSE(AverageTranslations(scene.problem, {}).is_determined.back());
+  const TranslationAveragingResult result = Average(problem);
+  EXPECT_FALSE(result.is_determined.back());
+  EXPECT_TRUE(result.cams_in_world.back().allFinite());
 }
 
-TEST(TranslationAveraging, UnlinkedQueryFails) {
-  SyntheticDirections scene = MakeDirections({});
-  scene.problem.edges.clear();
-  EXPECT_FALSE(AverageTranslations(scene.problem, {}).summary.success);
-  EXPECT_FALSE(AverageTranslations({}, {}).summary.success);
+TEST_P(EveryMethod, DegenerateInputFails) {
+  EXPECT_FALSE(Average({}).summary.success);
+  const TranslationAveragingProblem whole = Make(1);
+  TranslationAveragingProblem problem = whole;
+  problem.edges.clear();
+  EXPECT_FALSE(Average(problem).summary.success);
+  EXPECT_THAT(Average(problem).summary.message, testing::HasSubstr("fixed"));
+  problem = whole;
+  problem.edges[3].dir_1to2_in_world.x() = std::numeric_limits<double>::quiet_NaN();
+  EXPECT_FALSE(Average(problem).summary.success);
+  EXPECT_EQ(Average(problem).edge_errors_rad.size(), problem.edges.size());
+}
+
+std::string NameOf(const testing::TestParamInfo<std::tuple<Method, int>>& info) {
+  const auto [method, num_query] = info.param;
+  return kEnumNames<Method>[static_cast<size_t>(method)] + std::string("_") + std::to_string(num_query);
+}
+
+INSTANTIATE_TEST_SUITE_P(TranslationAveraging, EveryMethod,
+                         testing::Combine(testing::Values(Method::ANGULAR, Method::LUD), testing::Values(1, 5)),
+                         NameOf);
+
+// With 40 % outliers 12 good directions leave a third of 0.09 units. Seven times that.
+TEST(TranslationAveraging, AnglesWithstandManyOutliers) {
+  SyntheticPoseGraphOptions options;
+  options.direction_noise_deg = 1;
+  options.outlier_edge_ratio = 0.4;
+  for (const int num_query : {1, 5}) {
+    options.num_query = num_query;
+    for (options.seed = 0; options.seed < 20; ++options.seed) {
+      const SyntheticPoseGraph graph = MakeSyntheticPoseGraph(options);
+      const TranslationAveragingResult result = AverageTranslations(ProblemOf(graph, 1), OptionsOf(Method::ANGULAR));
+      ASSERT_TRUE(result.summary.success);
+      EXPECT_LE(MaxError(result, graph), 7 * 0.03) << "seed " << options.seed;
+    }
+  }
+}
+
+// Ozyesil & Singer: where all other directions are exact, few outliers do not move the minimum.
+TEST(TranslationAveraging, LudIsExactDespiteFewOutliers) {
+  SyntheticPoseGraphOptions options;
+  options.outlier_edge_ratio = 0.1;
+  for (options.seed = 0; options.seed < 20; ++options.seed) {
+    const SyntheticPoseGraph graph = MakeSyntheticPoseGraph(options);
+    const TranslationAveragingResult result = AverageTranslations(ProblemOf(graph, 0), OptionsOf(Method::LUD));
+    EXPECT_LE(MaxError(result, graph), 1e-7 * 5) << "seed " << options.seed;
+  }
+}
+
+// The cost of an outlier grows with its length, and edges between queries cost nothing where these collapse.
+TEST(TranslationAveraging, LudYieldsToManyOutliers) {
+  SyntheticPoseGraphOptions options;
+  options.num_query = 5;
+  options.direction_noise_deg = 1;
+  options.outlier_edge_ratio = 0.2;
+  double angular_sum = 0, lud_sum = 0;
+  for (options.seed = 0; options.seed < 20; ++options.seed) {
+    const SyntheticPoseGraph graph = MakeSyntheticPoseGraph(options);
+    angular_sum += MaxError(AverageTranslations(ProblemOf(graph, 1), OptionsOf(Method::ANGULAR)), graph);
+    lud_sum += MaxError(AverageTranslations(ProblemOf(graph, 1), OptionsOf(Method::LUD)), graph);
+  }
+  EXPECT_GT(lud_sum, 3 * angular_sum);
+}
+
+// A query among database images of which some are near and most are far, the far ones' directions as good as the near
+// ones': an angle counts the same at any distance, a deviation in length counts the far ones most.
+TEST(TranslationAveraging, LudLosesToAnglesWhereDistancesDiffer) {
+  double angular_sum = 0, lud_sum = 0;
+  for (uint32_t seed = 0; seed < 50; ++seed) {
+    Random random(seed);
+    TranslationAveragingProblem problem;
+    problem.cams_in_world.emplace_back(Eigen::Vector3d::Zero());
+    problem.is_fixed.push_back(false);
+    for (int node = 1; node <= 20; ++node) {
+      const double distance = node <= 6 ? 1 : 30;
+      problem.cams_in_world.emplace_back(distance * RandomVector(&random).normalized());
+      problem.is_fixed.push_back(true);
+      const Eigen::Vector3d dir = DisturbedDirection(-problem.cams_in_world[node].normalized(), 1, &random);
+      problem.edges.push_back({node, 0, node % 10 == 0 ? RandomVector(&random).normalized() : dir, DegToRad(1)});
+    }
+    angular_sum += AverageTranslations(problem, OptionsOf(Method::ANGULAR)).cams_in_world[0].norm();
+    lud_sum += AverageTranslations(problem, OptionsOf(Method::LUD)).cams_in_world[0].norm();
+  }
+  EXPECT_LE(angular_sum / 50, 2 * DegToRad(1)) << "six good directions from one unit away";
+  EXPECT_GT(lud_sum, 3 * angular_sum);
 }
 
 TEST(TranslationAveragingOptions, NamesTheInvalidField) {

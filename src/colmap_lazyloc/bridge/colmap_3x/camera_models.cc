@@ -16,10 +16,15 @@ std::string CameraModelName(int model_id) {
   return colmap::ExistsCameraModelWithId(id) ? colmap::CameraModelIdToName(id) : "";
 }
 
+size_t CameraModelNumParams(int model_id) {
+  const auto id = static_cast<colmap::CameraModelId>(model_id);
+  return colmap::ExistsCameraModelWithId(id) ? colmap::CameraModelNumParams(id) : 0;
+}
+
 std::string CameraProblem(const Camera& camera) {
   const std::string name = CameraModelName(camera.model_id);
   if (name.empty()) return "unknown camera model " + std::to_string(camera.model_id);
-  const size_t num_params = colmap::CameraModelNumParams(static_cast<colmap::CameraModelId>(camera.model_id));
+  const size_t num_params = CameraModelNumParams(camera.model_id);
   if (camera.params.size() != num_params) {
     return "camera model " + name + " takes " + std::to_string(num_params) + " parameters, not " +
            std::to_string(camera.params.size());
@@ -42,9 +47,15 @@ Camera CameraFromFocalLength(int model_id, double focal_length_px, uint64_t widt
 }
 
 std::optional<Eigen::Vector3d> RayInCam(const Camera& camera, const Eigen::Vector2d& xy) {
-  const Eigen::Vector2d normalized = ToColmap(camera).CamFromImg(xy);
-  if (!normalized.allFinite()) return std::nullopt;
-  return normalized.homogeneous().normalized();
+  return RaysInCam(camera)(xy);
+}
+
+RayInCamFunction RaysInCam(const Camera& camera) {
+  return [converted = ToColmap(camera)](const Eigen::Vector2d& xy) -> std::optional<Eigen::Vector3d> {
+    const Eigen::Vector2d normalized = converted.CamFromImg(xy);
+    if (!normalized.allFinite()) return std::nullopt;
+    return normalized.homogeneous().normalized();
+  };
 }
 
 std::optional<Eigen::Vector2d> ImageFromCam(const Camera& camera, const Eigen::Vector3d& point_in_cam) {

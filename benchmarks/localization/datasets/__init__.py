@@ -1,0 +1,64 @@
+"""Datasets by name, from what their authors distribute to a scene: COLMAP model, COLMAP database, queries.
+
+Each module has `scene_names(data_path)`, `read_scene(data_path, name, options) -> SceneSource`, the text BY_HAND, which
+says where to get it, and, where an archive may simply be fetched, `archives(name) -> {URL: folder to unpack it in}`.
+`folder` and `scenes` hold what the others lead to: `folder` one COLMAP model with its database, `scenes` several.
+"""
+
+import importlib
+import pathlib
+
+from datasets.scene_source import InputError, Options
+from scenes import Scene, find_scenes, load_scene
+
+MODULES = {"7scenes": "seven_scenes", "cambridge": "cambridge", "aachen": "aachen", "strecha": "strecha",
+           "kitti": "kitti", "demo": "demo"}
+NAMES = ("scenes", "folder", *MODULES)
+
+
+def scene_names(dataset: str, data_path: pathlib.Path) -> list[str]:
+    if dataset == "scenes":
+        names = find_scenes(data_path)
+        wanted = "no folder with a database.db"
+    elif dataset == "folder":
+        names = [data_path.resolve().name] if (data_path / "database.db").exists() else []
+        wanted = "no database.db"
+    else:
+        module = _module(dataset)
+        names = module.scene_names(data_path)
+        wanted = f"no scene of {dataset}: {module.BY_HAND}"
+    if not names:
+        raise InputError(f"--data_path: {data_path} holds {wanted}")
+    return names
+
+
+def prepare_scene(dataset: str, data_path: pathlib.Path, name: str, options: Options, matching,
+                  path: pathlib.Path) -> Scene:
+    """`path` is where what has to be made is made; what is there from the same input is used again."""
+    if dataset == "scenes":
+        return load_scene(data_path / name)
+    if dataset == "folder":
+        from datasets.folder import prepare_folder
+
+        return prepare_folder(data_path, path)
+    from datasets.builder import build_scene
+
+    return build_scene(_module(dataset).read_scene(data_path, name, options), path, matching)
+
+
+def download_scenes(dataset: str, data_path: pathlib.Path, names: list[str] | None):
+    from datasets.download import download_archives
+
+    module = _module(dataset) if dataset in MODULES else None
+    if not hasattr(module, "archives"):
+        reason = module.BY_HAND if module else f"{dataset} is a folder of your own"
+        raise InputError(f"--download: {dataset} cannot be fetched by a program: {reason}")
+    for name in names or module.SCENES:
+        if name not in module.SCENES:
+            raise InputError(f"--scenes: {name} is not one of {', '.join(module.SCENES)}")
+        if name not in module.scene_names(data_path):
+            download_archives(module.archives(name), data_path, module.BY_HAND)
+
+
+def _module(dataset: str):
+    return importlib.import_module(f"datasets.{MODULES[dataset]}")

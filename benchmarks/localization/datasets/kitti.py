@@ -1,0 +1,75 @@
+"""KITTI odometry (Geiger et al. 2012), in the layout of its archives (grey images, calibration, ground truth):
+
+    DATA/sequences/04/image_0/000000.png, image_1/000000.png    rectified stereo pairs
+    DATA/sequences/04/calib.txt                                 `P0: ` and 12 numbers: K [I | t] of each camera
+    DATA/poses/04.txt                                           12 numbers a frame: 3x4 world_from_cam0
+
+Database: both images of every third frame; queries: the left images of the frames between. A query is paired with the
+database images of the frames at most 10 away: a drive is a video, its order is known.
+"""
+
+import pathlib
+
+import numpy as np
+
+from datasets.formats import image_size, pose_of_matrix
+from datasets.scene_source import InputError, Options, SceneSource, SourceImage, numbers, require
+from geometry import Pose
+from scenes import Camera
+
+DATABASE_STEP = 3
+MAX_FRAME_DISTANCE = 10
+BY_HAND = ("KITTI odometry is at https://www.cvlibs.net/datasets/kitti/eval_odometry.php (CC BY-NC-SA 3.0, by e-mail): "
+           "unpack grey images, calibration files and ground truth poses")
+
+
+def scene_names(data_path: pathlib.Path) -> list[str]:
+    return sorted(path.parent.name for path in (data_path / "sequences").glob("*/calib.txt")
+                  if (data_path / "poses" / f"{path.parent.name}.txt").exists())
+
+
+def read_scene(data_path: pathlib.Path, name: str, options: Options) -> SceneSource:
+    sequence_path = require(data_path / "sequences" / name, BY_HAND)
+    left_from_world = read_poses(require(data_path / "poses" / f"{name}.txt", BY_HAND))
+    width, height = image_size(sequence_path / "image_0" / "000000.png")
+    cameras = {}
+    for side, projection in read_calibration(require(sequence_path / "calib.txt", BY_HAND)).items():
+        cameras[side] = _camera(projection, width, height), np.linalg.solve(projection[:, :3], projection[:, 3])
+
+    images, queries, database = {}, {}, {}
+    for frame, pose in enumerate(left_from_world):
+        is_database = frame % DATABASE_STEP == 0
+        if not is_database and frame % options.image_step != 0:
+            continue
+        for side in ("image_0", "image_1") if is_database else ("image_0",):
+            image_name = f"{side}/{frame:06d}.png"
+            camera, cam_from_left = cameras[side]
+            images[image_name] = SourceImage(camera, Pose(pose.rotation, pose.translation + cam_from_left))
+            (database if is_database else queries)[image_name] = frame
+    pairs = tuple((query, other) for query, frame in queries.items() for other, other_frame in database.items()
+                  if abs(frame - other_frame) <= MAX_FRAME_DISTANCE)
+    return SceneSource(name, sequence_path, images, tuple(queries), pairs)
+
+
+def read_poses(path: pathlib.Path) -> list[Pose]:
+    """cam_from_world of the left camera, frame by frame."""
+    lines = (line for line in path.read_text().splitlines() if line.strip())
+    return [pose_of_matrix(np.array(numbers(path, line, 12)).reshape(3, 4)) for line in lines]
+
+
+def read_calibration(path: pathlib.Path) -> dict[str, np.ndarray]:
+    """3x4 projection matrices of the two grey cameras, by the folder of their images."""
+    projections = {}
+    for line in path.read_text().splitlines():
+        key, _, values = line.partition(":")
+        if key in ("P0", "P1"):
+            projections[f"image_{key[1]}"] = np.array(numbers(path, values, 12)).reshape(3, 4)
+    if len(projections) != 2:
+        raise InputError(f"{path}: expected the lines P0 and P1")
+    return projections
+
+
+def _camera(projection: np.ndarray, width: int, height: int) -> Camera:
+    # Its first pixel's centre is (0, 0), COLMAP's is (0.5, 0.5).
+    fx, fy, cx, cy = projection[0, 0], projection[1, 1], projection[0, 2] + 0.5, projection[1, 2] + 0.5
+    return Camera("PINHOLE", width, height, (float(fx), float(fy), float(cx), float(cy)))

@@ -1,0 +1,101 @@
+"""7 Scenes (Shotton et al. 2013), as Microsoft Research distributes it:
+
+    DATA/redkitchen/{TrainSplit,TestSplit}.txt           `sequence1` a line
+    DATA/redkitchen/seq-01/frame-000000.color.png        640 x 480
+    DATA/redkitchen/seq-01/frame-000000.pose.txt         4x4, world_from_cam, of KinectFusion
+
+With `--ground_truth sfm` poses, intrinsics and the split are those of the COLMAP models of Brachmann et al. 2021
+(github.com/tsattler/visloc_pseudo_gt_limitations, unpacked below DATA):
+
+    DATA/7scenes_reference_models/redkitchen/sfm_gt/{cameras,images,points3D}.{bin,txt}, list_test.txt
+
+Pairs are the ten images that DenseVLAD retrieves, of hloc, if they are there:
+
+    DATA/7scenes_densevlad_retrieval_top_10/redkitchen_top10.txt
+"""
+
+import pathlib
+import re
+
+import numpy as np
+
+from datasets.formats import lines_of, pose_of_matrix, read_model, read_pairs
+from datasets.scene_source import InputError, Options, SceneSource, SourceImage, numbers, require
+from scenes import Camera
+
+SCENES = ("chess", "fire", "heads", "office", "pumpkin", "redkitchen", "stairs")
+URL = "https://download.microsoft.com/download/2/8/5/28564B23-0828-408F-8631-23B1EFF1DAC8/{scene}.zip"
+BY_HAND = ("7 Scenes is at https://www.microsoft.com/en-us/research/project/rgb-d-dataset-7-scenes/ (for "
+           "non-commercial use); unpack each scene's zip and the zips of its sequences into it, or use --download")
+SFM_BY_HAND = "get the 7 Scenes models from https://github.com/tsattler/visloc_pseudo_gt_limitations"
+
+# Of the colour camera: 525 is the Kinect's nominal value, which the published localization figures were made with.
+DEFAULT_FOCAL_LENGTH_PX = 525.0
+WIDTH, HEIGHT = 640, 480
+
+
+def archives(scene_name: str) -> dict[str, str]:
+    return {URL.format(scene=scene_name): "."}
+
+
+def scene_names(data_path: pathlib.Path) -> list[str]:
+    return [name for name in SCENES if (data_path / name / "TrainSplit.txt").exists()]
+
+
+def read_scene(data_path: pathlib.Path, name: str, options: Options) -> SceneSource:
+    scene_path = require(data_path / name, BY_HAND)
+    if options.ground_truth == "sfm":
+        images, query_names = _read_sfm(data_path / "7scenes_reference_models" / name / "sfm_gt")
+    else:
+        images, query_names = _read_original(scene_path, options.focal_length_px or DEFAULT_FOCAL_LENGTH_PX)
+    # Every n-th image of the database and of the queries.
+    database_names = sorted(set(images) - set(query_names))[:: options.image_step]
+    query_names = sorted(query_names)[:: options.image_step]
+    kept = {image_name: images[image_name] for image_name in [*database_names, *query_names]}
+
+    pairs_path = data_path / "7scenes_densevlad_retrieval_top_10" / f"{name}_top10.txt"
+    pairs = tuple(read_pairs(pairs_path)) if pairs_path.exists() else None
+    return SceneSource(name, scene_path, kept, tuple(query_names), pairs)
+
+
+def _read_original(scene_path: pathlib.Path, focal_length_px: float) -> tuple[dict, list[str]]:
+    camera = Camera("SIMPLE_PINHOLE", WIDTH, HEIGHT, (focal_length_px, WIDTH / 2, HEIGHT / 2))
+    images, query_names = {}, []
+    for split in ("TrainSplit.txt", "TestSplit.txt"):
+        for sequence in read_split(require(scene_path / split, BY_HAND)):
+            names = _frame_names(scene_path, sequence)
+            for name in names:
+                pose_path = scene_path / name.replace(".color.png", ".pose.txt")
+                images[name] = SourceImage(camera, read_pose(pose_path))
+            if split == "TestSplit.txt":
+                query_names += names
+    return images, query_names
+
+
+def _read_sfm(path: pathlib.Path) -> tuple[dict, list[str]]:
+    images = read_model(require(path, SFM_BY_HAND))
+    test_names = lines_of(require(path / "list_test.txt", SFM_BY_HAND))
+    return images, [name for name in test_names if name in images]
+
+
+def read_split(path: pathlib.Path) -> list[str]:
+    """Folders of the sequences: `sequence1` is seq-01."""
+    sequences = []
+    for line in lines_of(path):
+        match = re.fullmatch(r"sequence(\d+)", line)
+        if not match:
+            raise InputError(f"{path}: expected `sequence<number>`, found '{line}'")
+        sequences.append(f"seq-{int(match.group(1)):02d}")
+    return sequences
+
+
+def read_pose(path: pathlib.Path):
+    require(path, BY_HAND)
+    return pose_of_matrix(np.array(numbers(path, path.read_text(), 16)).reshape(4, 4))
+
+
+def _frame_names(scene_path: pathlib.Path, sequence: str) -> list[str]:
+    paths = sorted((scene_path / sequence).glob("frame-*.color.png"))
+    if not paths:
+        raise InputError(f"{scene_path / sequence} holds no frame-*.color.png: unpack {sequence}.zip there")
+    return [f"{sequence}/{path.name}" for path in paths]

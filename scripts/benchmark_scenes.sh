@@ -1,0 +1,39 @@
+#!/usr/bin/env bash
+# Makes the tables and plots of docs/benchmarks/: all methods on the same matches, error against K, noise of the database
+# poses, three seeds. Then writes the expected figures of these scenes. Needs a quiet machine for the seconds to count.
+#
+#   scripts/benchmark_scenes.sh [DATA]   folder of scenes, each with model/, database.db and perhaps queries.txt;
+#                                        default: ../shared/data
+set -euo pipefail
+cd "$(dirname "$0")/.."
+source scripts/environment.sh
+
+DATA=${1:-../shared/data}
+WORK=$BUILD_DIR/benchmark
+BENCHMARK=benchmarks/localization
+BENCHMARK_PYTHON=$WORK/venv/bin/python
+
+BUILD_TARGETS=program scripts/setup.sh
+if ! [ "$WORK/venv/done" -nt "$BENCHMARK/requirements.txt" ]; then
+  python3 -m venv "$WORK/venv"
+  "$BENCHMARK_PYTHON" -m pip install --quiet -r scripts/requirements.txt -r "$BENCHMARK/requirements.txt"
+  touch "$WORK/venv/done"
+fi
+
+run() {
+  local tag=$1
+  shift
+  rm -f "$WORK/$tag".*
+  "$BENCHMARK_PYTHON" "$BENCHMARK/run.py" --dataset scenes --data_path "$DATA" --colmap "$COLMAP" --work_path "$WORK/work" \
+    --output_path "$WORK" --tag "$tag" "$@" > /dev/null
+}
+
+run scenes --methods all --plots
+run scenes_top_k --methods structure_based lazyloc local_triangulation --num_retrieved 2 5 10 20 --plots
+run scenes_noise --methods structure_based lazyloc --database_noise 0,0 1,0 5,0 10,0 0,1 0,5 0,10
+run scenes_seeds --methods lazyloc local_triangulation --seeds 0 1 2
+
+mkdir -p docs/benchmarks
+cp "$WORK"/scenes*.md "$WORK"/scenes*.svg "$WORK/scenes.csv" docs/benchmarks/
+"$BENCHMARK_PYTHON" "$BENCHMARK/compare.py" "$WORK/scenes.csv" --methods lazyloc \
+  --write_expected "$BENCHMARK/expected/scenes.json"

@@ -1,0 +1,33 @@
+#include "colmap_lazyloc/bridge/generalized_relative_pose.h"
+
+#include <colmap/estimators/generalized_relative_pose.h>
+#include <colmap/math/random.h>
+#include <colmap/optim/ransac.h>
+
+#include "colmap_lazyloc/bridge/colmap_3x/convert.h"
+
+namespace lazyloc {
+
+std::optional<Rigid3d> EstimateGeneralizedRelativePose(const std::vector<RayMatch>& matches, double max_error_rad,
+                                                       uint32_t seed) {
+  std::vector<colmap::GR6PEstimator::X_t> database(matches.size()), query(matches.size());
+  for (size_t i = 0; i < matches.size(); ++i) {
+    const Rigid3d& pose = matches[i].database_cam_from_world;
+    database[i] = {colmap::Rigid3d(pose.rotation, pose.translation), matches[i].database_ray_in_cam};
+    query[i] = {colmap::Rigid3d(), matches[i].query_ray_in_cam};
+  }
+  colmap::RANSACOptions options;
+  options.max_error = max_error_rad;
+  options.min_inlier_ratio = 0.3;
+  options.confidence = 0.999;
+  options.max_num_trials = 500;
+  // RANSAC draws from a generator of the thread's.
+  colmap::SetPRNGSeed(seed);
+  const auto report = colmap::RANSAC<colmap::GR6PEstimator>(options).Estimate(database, query);
+  if (!report.success) return std::nullopt;
+  const Rigid3d pose = FromColmap(report.model);
+  if (!pose.rotation.coeffs().allFinite() || !pose.translation.allFinite()) return std::nullopt;
+  return pose;
+}
+
+}  // namespace lazyloc

@@ -1,0 +1,11 @@
+#pragma once
+
+#include "colmap_lazyloc/pipeline/query_state.h"
+
+namespace lazyloc {
+
+// What the paper compares its post optimization with: leaves the query's pose refined without points. Its covariance is
+// not known (NaN).
+void RefineWithoutTracks(QueryState* state);
+
+}  // namespace lazyloc

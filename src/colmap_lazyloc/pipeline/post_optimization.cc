@@ -1,0 +1,91 @@
+#include "colmap_lazyloc/pipeline/post_optimization.h"
+
+#include <algorithm>
+
+#include "colmap_lazyloc/math/so3.h"
+#include "colmap_lazyloc/pipeline/track_collection.h"
+#include "colmap_lazyloc/refinement/covariance.h"
+#include "colmap_lazyloc/refinement/pose_prior.h"
+#include "colmap_lazyloc/refinement/view_noise.h"
+#include "colmap_lazyloc/scene/stage_timer.h"
+
+namespace lazyloc {
+namespace {
+
+void AddQuery(double max_query_error_sigma, QueryState* state) {
+  TrackTriangulationOptions options = state->options.triangulation;
+  options.max_query_error_sigma = max_query_error_sigma;
+  state->tracks = TracksFittingQuery(state->views, state->tracks_from_database, max_query_error_sigma);
+  for (Track& track : TriangulateWithQuery(state->views, state->tracks_with_query, options)) {
+    state->tracks.push_back(std::move(track));
+  }
+  if (static_cast<int>(state->tracks.size()) >= state->options.min_num_tracks) return;
+  throw QueryFailure{QueryStatus::TOO_FEW_TRACKS, std::to_string(state->tracks.size()) + " of " +
+                                                      std::to_string(state->candidates.size()) +
+                                                      " tracks can be triangulated; " +
+                                                      std::to_string(state->options.min_num_tracks) + " are needed"};
+}
+
+// Priors as the options state them, and of noise_px where they do not.
+void SetPriors(double noise_px, const std::vector<ViewScale>& scales, QueryState* state) {
+  const double stddev_rad = DegToRad(state->options.database_pose_stddev_deg);
+  const double stddev_length = state->options.database_pose_stddev_length;
+  if (stddev_rad == 0 && stddev_length == 0) return;
+  for (size_t view = 1; view < state->views.size(); ++view) {
+    state->views[view].prior.reset();
+    if (scales[view].distance == 0) continue;  // no track reaches it
+    PosePrior prior = MakePosePrior(state->GivenPose(view), noise_px, scales[view]);
+    // A zero beside a value that is none: as good as exact.
+    const PosePrior smallest = MakePosePrior(state->GivenPose(view), 1e-3, scales[view]);
+    if (stddev_rad >= 0) prior.rotation_stddev_rad = std::max(stddev_rad, smallest.rotation_stddev_rad);
+    if (stddev_length >= 0) prior.position_stddev = std::max(stddev_length, smallest.position_stddev);
+    state->views[view].prior = prior;
+  }
+}
+
+void Adjust(QueryState* state) {
+  state->adjustment = AdjustBundle(state->options.bundle_adjustment, &state->views, &state->tracks);
+  const Rigid3d& pose = state->views[0].cam_from_world;
+  if (!state->adjustment.summary.success || !pose.rotation.coeffs().allFinite() || !pose.translation.allFinite()) {
+    throw QueryFailure{QueryStatus::DIVERGED, "bundle adjustment failed: " + state->adjustment.summary.message};
+  }
+}
+
+}  // namespace
+
+void OptimizeOverTracks(QueryState* state) {
+  const LocalizerOptions& options = state->options;
+  double max_query_error_sigma = options.max_start_error_sigma;
+  double database_noise_px = options.database_pose_noise_px;
+  for (int round = 0;; ++round) {
+    const bool is_last = round + 1 == options.num_refinement_rounds;
+    {
+      const StageTimer timer("triangulation", &state->result.seconds);
+      // The first round's tracks were triangulated for the start.
+      if (round > 0) {
+        state->tracks_from_database =
+            TriangulateFromDatabase(state->views, is_last ? state->candidates : state->start_candidates,
+                                    options.triangulation, &state->tracks_with_query);
+      }
+      AddQuery(max_query_error_sigma, state);
+    }
+    const StageTimer timer("adjustment", &state->result.seconds);
+    const std::vector<ViewScale> scales = MeasureViewScales(state->views, state->tracks);
+    // The first round's start is rough: its errors would be taken for errors of the database.
+    if (round > 0) SetPriors(database_noise_px, scales, state);
+    Adjust(state);
+    if (is_last) break;
+    if (round > 0) {
+      const double variance_factor =
+          VarianceFactor(state->views, state->tracks, options.bundle_adjustment.loss_scale_sigma);
+      database_noise_px = EstimateDatabasePoseNoise(state->views, scales, state->adjustment.pose_covariances,
+                                                    variance_factor, options.database_pose_noise_px);
+    }
+    EstimateViewNoise(state->tracks, options.min_noise_px, &state->views);
+    max_query_error_sigma = options.triangulation.max_query_error_sigma;
+    if (options.use_raw_matches) CollectTracksAgain(state);
+  }
+  state->tracks = FittingTracks(state->views, state->tracks, options.triangulation.max_query_error_sigma);
+}
+
+}  // namespace lazyloc

@@ -1,3 +1,0 @@
-#pragma once
-
-#include "colmap_lazyloc/scene/stage_timer.h"  // IWYU pragma: export

@@ -1,0 +1,119 @@
+#include "colmap_lazyloc/refinement/sampson_refinement.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include <Eigen/Cholesky>
+
+#include "colmap_lazyloc/math/robust_weights.h"
+#include "colmap_lazyloc/math/so3.h"
+#include "colmap_lazyloc/refinement/sampson_error.h"
+#include "colmap_lazyloc/scene/options_check.h"
+
+namespace lazyloc {
+namespace {
+
+using Matrix6d = Eigen::Matrix<double, 6, 6>;
+using Vector6d = Eigen::Matrix<double, 6, 1>;
+
+std::vector<EpipolarMatch> MatchesOf(int view, const std::vector<Track>& tracks, const std::vector<View>& views) {
+  std::vector<EpipolarMatch> matches;
+  for (const Track& track : tracks) {
+    const auto own = std::find_if(track.observations.begin(), track.observations.end(),
+                                  [view](const TrackObservation& element) { return element.view == view; });
+    if (own == track.observations.end()) continue;
+    for (const TrackObservation& other : track.observations) {
+      if (!views[other.view].is_database) continue;
+      matches.push_back(
+          MakeEpipolarMatch(views[other.view], other.observation, views[view], own->observation, track.noise_ratio));
+    }
+  }
+  return matches;
+}
+
+struct Pose {
+  Eigen::Quaterniond cam_from_world_rotation;
+  Eigen::Vector3d cam_in_world;
+};
+
+struct NormalEquations {
+  double cost = 0;
+  Matrix6d hessian = Matrix6d::Zero();
+  Vector6d gradient = Vector6d::Zero();
+};
+
+NormalEquations Linearize(const std::vector<EpipolarMatch>& matches, const Pose& pose, double loss_scale) {
+  NormalEquations equations;
+  const Eigen::Matrix3d rotation = pose.cam_from_world_rotation.toRotationMatrix();
+  Eigen::Matrix<double, 1, 6> jacobian;
+  for (const EpipolarMatch& match : matches) {
+    const double error = SampsonError(match, rotation, pose.cam_in_world, &jacobian);
+    const double weight = CauchyWeight(error * error, loss_scale);
+    equations.cost += 0.5 * loss_scale * loss_scale * std::log1p(error * error / (loss_scale * loss_scale));
+    equations.hessian.noalias() += weight * jacobian.transpose() * jacobian;
+    equations.gradient.noalias() += weight * error * jacobian.transpose();
+  }
+  return equations;
+}
+
+Pose Moved(const Pose& pose, const NormalEquations& equations, double damping) {
+  Matrix6d damped = equations.hessian;
+  damped.diagonal() *= 1 + damping;
+  // A position that is open along a line stays where it started on it.
+  damped.diagonal().tail<3>().array() += 1e-9 * equations.hessian.diagonal().tail<3>().maxCoeff();
+  const Vector6d step = damped.ldlt().solve(-equations.gradient);
+  return {(ExpSO3(step.head<3>()) * pose.cam_from_world_rotation).normalized(), pose.cam_in_world + step.tail<3>()};
+}
+
+// Levenberg-Marquardt. Returns whether the cost was finite.
+bool Minimize(const SampsonRefinementOptions& options, const std::vector<EpipolarMatch>& matches, Pose* pose,
+              StageSummary* summary) {
+  NormalEquations current = Linearize(matches, *pose, options.loss_scale_sigma);
+  if (!std::isfinite(current.cost)) return false;
+  double damping = 1e-4;
+  for (int i = 0; i < options.max_num_iterations && damping <= 1e8; ++i) {
+    ++summary->iterations;
+    const Pose next_pose = Moved(*pose, current, damping);
+    const NormalEquations next = Linearize(matches, next_pose, options.loss_scale_sigma);
+    if (!(next.cost < current.cost)) {
+      damping *= 10;
+      continue;
+    }
+    const double relative_decrease = (current.cost - next.cost) / current.cost;
+    *pose = next_pose;
+    current = next;
+    damping = std::max(damping / 10, 1e-12);
+    if (relative_decrease < options.function_tolerance) break;
+  }
+  summary->cost += current.cost;
+  return true;
+}
+
+}  // namespace
+
+bool SampsonRefinementOptions::Check(std::string* error) const {
+  OPTION_GT(loss_scale_sigma, 0);
+  OPTION_GE(max_num_iterations, 1);
+  OPTION_GE(function_tolerance, 0);
+  return true;
+}
+
+StageSummary RefineBySampsonError(const SampsonRefinementOptions& options, const std::vector<Track>& tracks,
+                                  std::vector<View>* views) {
+  constexpr size_t kMinNumMatches = 6;
+  StageSummary summary = {true, "refined", 0, 0};
+  std::vector<View> refined = *views;
+  for (size_t view = 0; view < views->size(); ++view) {
+    Rigid3d& cam_from_world = refined[view].cam_from_world;
+    if (refined[view].is_database) continue;
+    const std::vector<EpipolarMatch> matches = MatchesOf(static_cast<int>(view), tracks, *views);
+    if (matches.size() < kMinNumMatches) return {false, "a view has less than six matches", summary.iterations, 0};
+    Pose pose = {cam_from_world.rotation, CamInWorld(cam_from_world)};
+    if (!Minimize(options, matches, &pose, &summary)) return {false, "the cost is not finite", summary.iterations, 0};
+    cam_from_world = CamFromWorld(pose.cam_from_world_rotation, pose.cam_in_world);
+  }
+  *views = std::move(refined);
+  return summary;
+}
+
+}  // namespace lazyloc

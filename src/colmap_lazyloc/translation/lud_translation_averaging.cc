@@ -1,0 +1,127 @@
+#include <algorithm>
+#include <utility>
+
+#include <Eigen/Cholesky>
+
+#include "colmap_lazyloc/math/robust_weights.h"
+#include "colmap_lazyloc/translation/translation_methods.h"
+
+namespace lazyloc {
+namespace {
+
+// A free centre's three rows and columns in the system; -1 for one that does not move.
+std::vector<int> Offsets(const TranslationAveragingProblem& problem, const TranslationAveragingResult& result) {
+  std::vector<int> offsets(problem.is_fixed.size(), -1);
+  int size = 0;
+  for (size_t node = 0; node < offsets.size(); ++node) {
+    if (!result.is_known[node] || problem.is_fixed[node]) continue;
+    offsets[node] = size;
+    size += 3;
+  }
+  return offsets;
+}
+
+class LudSolver {
+ public:
+  LudSolver(const TranslationAveragingProblem& problem, const TranslationAveragingResult& result)
+      : offsets_(Offsets(problem, result)), centres_(result.cams_in_world) {
+    for (const DirectionEdge& edge : problem.edges) {
+      const bool is_known = result.is_known[edge.node1] && result.is_known[edge.node2];
+      if (!is_known || (problem.is_fixed[edge.node1] && problem.is_fixed[edge.node2])) continue;
+      edges_.push_back(edge);
+      length_ += Baseline(edge, centres_).norm() / static_cast<double>(problem.edges.size());
+    }
+    size_ = 3 * std::count_if(offsets_.begin(), offsets_.end(), [](int offset) { return offset >= 0; });
+  }
+
+  StageSummary Minimize(int max_num_iterations) {
+    StageSummary summary = {true, "no convergence", 0, Cost(centres_)};
+    for (; summary.iterations < max_num_iterations; ++summary.iterations) {
+      Eigen::VectorXd step = Step();
+      std::vector<Eigen::Vector3d> next = Moved(step);
+      // Where an edge changes between its half-line and its end, the step may be too long. Near the minimum, rounding
+      // hides what a good step gains.
+      const double max_cost = summary.cost * (1 + 1e-12);
+      for (int halving = 0; halving < 20 && Cost(next) > max_cost; ++halving) next = Moved(step /= 2);
+      if (!(Cost(next) <= max_cost)) {
+        summary.message = "no step lowers the cost";
+        break;
+      }
+      summary.cost = Cost(next);
+      centres_ = next;
+      if (step.norm() > 1e-12 * length_) continue;
+      summary.message = "converged";
+      break;
+    }
+    return summary;
+  }
+
+  const std::vector<Eigen::Vector3d>& Centres() const { return centres_; }
+
+ private:
+  static Eigen::Vector3d Baseline(const DirectionEdge& edge, const std::vector<Eigen::Vector3d>& centres) {
+    return centres[edge.node2] - centres[edge.node1];
+  }
+
+  // The baseline less its closest point lambda dir.
+  static Eigen::Vector3d Deviation(const DirectionEdge& edge, const std::vector<Eigen::Vector3d>& centres) {
+    const Eigen::Vector3d baseline = Baseline(edge, centres);
+    return baseline - std::max(0.0, baseline.dot(edge.dir_1to2_in_world)) * edge.dir_1to2_in_world;
+  }
+
+  double Cost(const std::vector<Eigen::Vector3d>& centres) const {
+    double cost = 0;
+    for (const DirectionEdge& edge : edges_) cost += Deviation(edge, centres).norm();
+    return cost;
+  }
+
+  // Solves the reweighted normal equations, each lambda eliminated.
+  Eigen::VectorXd Step() const {
+    Eigen::MatrixXd normal = Eigen::MatrixXd::Zero(size_, size_);
+    Eigen::VectorXd rhs = Eigen::VectorXd::Zero(size_);
+    for (const DirectionEdge& edge : edges_) {
+      const Eigen::Vector3d& dir = edge.dir_1to2_in_world;
+      const Eigen::Vector3d deviation = Deviation(edge, centres_);
+      const double weight = L1Weight(deviation.norm(), 1e-8 * length_);
+      Eigen::Matrix3d block = weight * Eigen::Matrix3d::Identity();
+      if (Baseline(edge, centres_).dot(dir) > 0) block -= weight * dir * dir.transpose();
+      const int offset1 = offsets_[edge.node1], offset2 = offsets_[edge.node2];
+      for (const auto& [offset, sign] : {std::pair{offset1, 1.0}, std::pair{offset2, -1.0}}) {
+        if (offset < 0) continue;
+        normal.block<3, 3>(offset, offset) += block;
+        rhs.segment<3>(offset) += sign * weight * deviation;
+      }
+      if (offset1 < 0 || offset2 < 0) continue;
+      normal.block<3, 3>(offset1, offset2) -= block;
+      normal.block<3, 3>(offset2, offset1) -= block;
+    }
+    // A position that is open along a line stays where it started on it.
+    normal.diagonal().array() += 1e-9 * normal.diagonal().maxCoeff();
+    return normal.ldlt().solve(rhs);
+  }
+
+  std::vector<Eigen::Vector3d> Moved(const Eigen::VectorXd& step) const {
+    std::vector<Eigen::Vector3d> centres = centres_;
+    for (size_t node = 0; node < centres.size(); ++node) {
+      if (offsets_[node] >= 0) centres[node] += step.segment<3>(offsets_[node]);
+    }
+    return centres;
+  }
+
+  const std::vector<int> offsets_;
+  Eigen::Index size_ = 0;
+  std::vector<DirectionEdge> edges_;  // those that a free centre is part of
+  std::vector<Eigen::Vector3d> centres_;
+  double length_ = 0;  // a typical one: smaller deviations than a small part of it weigh the same
+};
+
+}  // namespace
+
+void AverageByLeastUnsquaredDeviations(const TranslationAveragingProblem& problem,
+                                       const TranslationAveragingOptions& options, TranslationAveragingResult* result) {
+  LudSolver solver(problem, *result);
+  result->summary = solver.Minimize(options.max_num_iterations);
+  result->cams_in_world = solver.Centres();
+}
+
+}  // namespace lazyloc
