@@ -1,17 +1,19 @@
-# Adds COLMAP's source tree as a subproject, unpatched and without what a localizer does not need.
-set(COLMAP_SOURCE_DIR "" CACHE PATH "COLMAP source tree to build against")
-if(NOT EXISTS "${COLMAP_SOURCE_DIR}/src/colmap/exe/colmap.cc")
-  message(FATAL_ERROR "COLMAP_SOURCE_DIR='${COLMAP_SOURCE_DIR}' holds no COLMAP source tree; "
-    "scripts/setup.sh fetches one")
-endif()
-if(EXISTS "${COLMAP_SOURCE_DIR}/src/colmap/sensor/rig.h")
-  message(FATAL_ERROR "COLMAP_SOURCE_DIR='${COLMAP_SOURCE_DIR}' is COLMAP 4.x; this version builds against 3.10 only")
-endif()
-foreach(feature CUDA GUI OPENGL CGAL TESTS UNINSTALL CCACHE)
-  set(${feature}_ENABLED OFF CACHE BOOL "" FORCE)
-endforeach()
-set(LAZYLOC_COLMAP_INTERFACE colmap_3x)
-add_subdirectory("${COLMAP_SOURCE_DIR}" "${PROJECT_BINARY_DIR}/colmap" EXCLUDE_FROM_ALL)
+# COLMAP: its source tree as a subproject (COLMAP_SOURCE_DIR), unpatched and without what a localizer does not need, or else
+# an installed COLMAP, which has its libraries but not all of its program.
+set(COLMAP_SOURCE_DIR "" CACHE PATH "COLMAP source tree to build against; empty: an installed COLMAP")
+
+# Sets LAZYLOC_COLMAP_INTERFACE to the folder of bridge/ that implements it on this version.
+function(lazyloc_select_interface version place)
+  if(version MATCHES "^3\\.10([^0-9]|$)")
+    set(interface colmap_3x)
+  elseif(version MATCHES "^4\\.[0-2]([^0-9]|$)")
+    set(interface colmap_4x)
+  else()
+    message(FATAL_ERROR "${place} is COLMAP ${version}; supported are 3.10 and 4.0 to 4.2")
+  endif()
+  message(STATUS "COLMAP ${version} in ${place} (bridge/${interface})")
+  set(LAZYLOC_COLMAP_INTERFACE ${interface} PARENT_SCOPE)
+endfunction()
 
 # COLMAP 3.10 asks for C++14, where its headers give vectors of Eigen types another allocator than in C++17: all that is
 # linked together must be compiled to one standard.
@@ -25,4 +27,32 @@ function(lazyloc_raise_cxx_standard directory)
     lazyloc_raise_cxx_standard("${subdirectory}")
   endforeach()
 endfunction()
-lazyloc_raise_cxx_standard("${COLMAP_SOURCE_DIR}")
+
+if(COLMAP_SOURCE_DIR)
+  if(NOT EXISTS "${COLMAP_SOURCE_DIR}/src/colmap/exe/colmap.cc")
+    message(FATAL_ERROR "COLMAP_SOURCE_DIR='${COLMAP_SOURCE_DIR}' holds no COLMAP source tree; "
+      "scripts/setup.sh fetches one")
+  endif()
+  file(STRINGS "${COLMAP_SOURCE_DIR}/CMakeLists.txt" version_line REGEX "^set\\(COLMAP_VERSION ")
+  string(REGEX MATCH "[0-9]+\\.[0-9]+[^\"]*" version "${version_line}")
+  lazyloc_select_interface("${version}" "COLMAP_SOURCE_DIR='${COLMAP_SOURCE_DIR}'")
+  # Defaults of COLMAP's own options; -D on the command line wins.
+  foreach(feature CUDA GUI OPENGL CGAL TESTS UNINSTALL CCACHE ONNX DOWNLOAD)
+    set(${feature}_ENABLED OFF CACHE BOOL "Option of COLMAP")
+  endforeach()
+  add_subdirectory("${COLMAP_SOURCE_DIR}" "${PROJECT_BINARY_DIR}/colmap" EXCLUDE_FROM_ALL)
+  lazyloc_raise_cxx_standard("${COLMAP_SOURCE_DIR}")
+else()
+  set(module_path "${CMAKE_MODULE_PATH}")
+  find_package(colmap CONFIG QUIET)
+  set(CMAKE_MODULE_PATH "${module_path}")  # COLMAP 3.10 leaves its own
+  if(NOT colmap_FOUND)
+    message(FATAL_ERROR "No COLMAP: set COLMAP_SOURCE_DIR to a source tree (scripts/setup.sh fetches one), or colmap_DIR "
+      "to the folder of an installed COLMAP's colmap-config.cmake")
+  endif()
+  lazyloc_select_interface("${COLMAP_VERSION}" "colmap_DIR='${colmap_DIR}'")
+  # By the names that they have in the source tree.
+  foreach(library controllers estimators feature geometry image math optim retrieval scene sensor sfm util)
+    add_library(colmap_${library} ALIAS colmap::colmap_${library})
+  endforeach()
+endif()

@@ -2,8 +2,10 @@
 set(LAZYLOC_WARNINGS -Wall -Wextra -Wshadow -Wpedantic -Werror)
 
 function(lazyloc_set_properties target)
+  target_compile_features(${target} PUBLIC cxx_std_17)
   target_compile_options(${target} PRIVATE ${LAZYLOC_WARNINGS})
-  target_include_directories(${target} PUBLIC "${PROJECT_SOURCE_DIR}/src")
+  target_include_directories(${target} PUBLIC
+    "$<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}/src>" "$<INSTALL_INTERFACE:${CMAKE_INSTALL_INCLUDEDIR}>")
   if(LAZYLOC_SANITIZERS)
     target_compile_options(${target} PRIVATE -fsanitize=${LAZYLOC_SANITIZERS} -fno-sanitize-recover=all -g)
     target_link_options(${target} PUBLIC -fsanitize=${LAZYLOC_SANITIZERS})

@@ -2,7 +2,7 @@
 # Installs what the build needs, fetches COLMAP's source, builds, and makes the Python environment.
 # Idempotent: each step looks first whether its work is done, and says nothing where it is.
 #
-#   COLMAP_SOURCE_DIR   COLMAP source tree to build against (3.10); default: Debian's source package
+#   COLMAP_SOURCE_DIR   COLMAP source tree to build against (3.10 or 4.x); default: Debian's source package
 #   BUILD_DIR           build folder; default: build below the checkout
 #   CMAKE_ARGS          further arguments of the CMake configuration
 #   BUILD_TARGETS       what to build; default: everything

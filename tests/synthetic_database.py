@@ -39,6 +39,9 @@ class Camera:
         centre = self.params[2:4] if self.model_id == PINHOLE else self.params[1:3]
         return xy * focal + centre
 
+    def is_in_front(self, points_in_cam):
+        return points_in_cam[:, 2] > 0.1
+
     def hloc_words(self):
         return " ".join([MODEL_NAMES[self.model_id], str(self.width), str(self.height), *map(repr, self.params)])
 
@@ -158,7 +161,7 @@ def make_scene(database_centres, query_centres, noise_px=0.0, outlier_ratio=0.0,
             name = f"query/{i:03d}.jpg" if is_query else f"database/{i:03d}.jpg"
             pose = Pose.looking_at(np.asarray(centre, float), rng.uniform(-0.3, 0.3, 3), rng.uniform(-8, 8))
             camera_id = 2 if is_query else 1
-            keypoints, owners = _observe(cameras[camera_id], pose, points, noise_px, visible_ratio, rng)
+            keypoints, owners = observe(cameras[camera_id], pose, points, noise_px, visible_ratio, rng)
             scene.images[name] = Image(name, len(scene.images) + 1, camera_id, pose, keypoints, owners)
             if is_query:
                 scene.query_names.append(name)
@@ -166,14 +169,14 @@ def make_scene(database_centres, query_centres, noise_px=0.0, outlier_ratio=0.0,
     for i, name1 in enumerate(names):
         for name2 in names[i + 1:]:
             if database_pairs or (name1 not in scene.query_names and name2 in scene.query_names):
-                scene.pairs[name1, name2] = _match(scene.images[name1], scene.images[name2], outlier_ratio, rng)
+                scene.pairs[name1, name2] = match(scene.images[name1], scene.images[name2], outlier_ratio, rng)
     return scene
 
 
-def _observe(camera, pose, points, noise_px, visible_ratio, rng):
+def observe(camera, pose, points, noise_px, visible_ratio, rng):
     points_in_cam = pose(points)
     xy = camera.image_from_cam(points_in_cam) + rng.normal(0, noise_px, (len(points), 2))
-    is_inside = np.all((xy >= 0) & (xy <= [camera.width, camera.height]), axis=1) & (points_in_cam[:, 2] > 0.1)
+    is_inside = np.all((xy >= 0) & (xy <= [camera.width, camera.height]), axis=1) & camera.is_in_front(points_in_cam)
     visible = rng.permutation(np.flatnonzero(is_inside & (rng.random(len(points)) < visible_ratio)))
     num_distractors = 20
     distractors = rng.uniform(0, [camera.width, camera.height], (num_distractors, 2))
@@ -183,7 +186,7 @@ def _observe(camera, pose, points, noise_px, visible_ratio, rng):
     return keypoints[order], owners[order]
 
 
-def _match(image1, image2, outlier_ratio, rng):
+def match(image1, image2, outlier_ratio, rng):
     keypoint2 = {int(point): j for j, point in enumerate(image2.point_of_keypoint) if point >= 0}
     inliers = [(i, keypoint2[int(point)]) for i, point in enumerate(image1.point_of_keypoint)
                if int(point) in keypoint2]

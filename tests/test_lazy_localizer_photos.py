@@ -85,11 +85,23 @@ def test_one_photo_gives_the_same_pose_as_among_others(scene, localize, exhausti
 def test_pairs_file_says_what_is_compared(scene, queries, localize, tmp_path):
     pairs = tmp_path / "pairs.txt"
     pairs.write_text("".join(f"{query} {name} 0.5\n" for query in scene.query_names
-                             for name in scene.database_names[1:5]))
+                             for name in [*scene.database_names[1:5], *scene.query_names]))
     run = localize(*scene.arguments(queries, "--pairs_path", pairs))
     scene.assert_localized(run)
+    assert run.stderr == ""  # photos among the pairs are no names that the database lacks
     for name in scene.query_names:
         assert run.pair_names(name) == scene.database_names[1:5]
+
+
+def test_matches_among_database_images_extend_the_tracks(colmap, scene, queries, localize, exhaustive, tmp_path):
+    matched = tmp_path / "database.db"
+    shutil.copy(scene.database_path, matched)
+    subprocess.run([colmap, "exhaustive_matcher", "--database_path", matched, "--SiftMatching.use_gpu", "0"], check=True,
+                   capture_output=True, timeout=300)
+    run = localize("--database_path", matched, *scene.arguments(queries)[2:], "--LazyLocalizer.use_database_matches", 1)
+    scene.assert_localized(run)
+    for name in scene.query_names:
+        assert run.results[name]["num_observations"] > exhaustive.results[name]["num_observations"]
 
 
 def test_index_is_made_on_first_use_and_chooses_images(colmap, scene, queries, localize, tmp_path):

@@ -11,14 +11,14 @@
 
 namespace lazyloc {
 
-// COLMAP's camera models, as far as the linked COLMAP knows them.
+// The camera models of COLMAP up to 4.2. CameraProblem tells those that the linked COLMAP does not know.
 std::optional<int> CameraModelId(const std::string& model_name);
-// Empty where the linked COLMAP does not know the model.
+// Empty for an unknown model.
 std::string CameraModelName(int model_id);
 // Zero where the linked COLMAP does not know the model.
 size_t CameraModelNumParams(int model_id);
-// Why the camera cannot be used (unknown model, wrong number of parameters, non-finite or non-positive
-// focal length, zero size); empty when it can.
+// Why the camera cannot be used (a model that the linked COLMAP does not know, wrong number of parameters, non-finite or
+// non-positive focal length, zero size); empty when it can.
 std::string CameraProblem(const Camera& camera);
 
 // The camera of that model with the principal point in the middle and no distortion.

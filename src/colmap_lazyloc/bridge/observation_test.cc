@@ -49,6 +49,32 @@ INSTANTIATE_TEST_SUITE_P(Observation, Models,
                                          ModelCase{"FOV", {400, 400, 320, 240, 0.7}}),
                          [](const auto& param_info) { return param_info.param.name; });
 
+// The models that COLMAP 4 added: usable where the linked COLMAP knows them, else the message says what to do.
+TEST(CameraProblem, ModelOfANewerColmapIsNamedWithTheRemedy) {
+  const std::vector<ModelCase> models = {
+      {"RAD_TAN_THIN_PRISM_FISHEYE", {300, 300, 320, 240, 0.01, 0, 0, 0, 0, 0, 1e-3, 0, 0, 0, 0, 0}},
+      {"SIMPLE_DIVISION", {500, 320, 240, 0.01}},
+      {"DIVISION", {500, 500, 320, 240, 0.01}},
+      {"SIMPLE_FISHEYE", {300, 320, 240}},
+      {"FISHEYE", {300, 300, 320, 240}},
+      {"EUCM", {300, 300, 320, 240, 0.5, 1}},
+      {"EQUIRECTANGULAR", {640, 480}}};
+  for (size_t i = 0; i < models.size(); ++i) {
+    Camera camera{1, *CameraModelId(models[i].name), 640, 480, models[i].params, false};
+    EXPECT_EQ(camera.model_id, 11 + i);
+    EXPECT_EQ(CameraModelName(camera.model_id), models[i].name);
+    const std::string problem = CameraProblem(camera);
+    if (problem.empty()) {
+      const Eigen::Vector2d xy(300, 250);
+      EXPECT_LE((*ImageFromCam(camera, *RayInCam(camera, xy)) - xy).norm(), 1e-6) << models[i].name;
+    } else {
+      EXPECT_NE(problem.find(std::string("does not know camera model ") + models[i].name), std::string::npos)
+          << problem;
+      EXPECT_NE(problem.find("build against a newer COLMAP 4"), std::string::npos) << problem;
+    }
+  }
+}
+
 TEST(CameraProblem, NamesWhatIsWrong) {
   Camera camera;
   camera.model_id = 99;

@@ -34,8 +34,8 @@ class VisualIndex {
   std::vector<std::pair<int, float>> Query(const Descriptors& descriptors) const;
 
  private:
-  VisualIndex();
   struct Impl;
+  explicit VisualIndex(std::unique_ptr<Impl> impl);
   std::unique_ptr<Impl> impl_;
 };
 

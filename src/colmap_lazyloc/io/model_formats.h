@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <string>
+#include <unordered_map>
 #include <unordered_set>
 
 #include "colmap_lazyloc/scene/model.h"
@@ -12,8 +13,10 @@ namespace lazyloc {
 // Collects a model while it is read and refuses what cannot be, whichever format it comes from.
 class ModelBuilder {
  public:
-  // Why the camera or image cannot be part of the model; empty when it was added. Cameras come first.
+  // Why it cannot be part of the model; empty when it was added. In this order: cameras, rigs, frames, images.
   std::string AddCamera(Camera camera);
+  std::string AddRig(Rig rig);
+  std::string AddFrame(Frame frame);
   std::string AddImage(ModelImage image);
 
   // The model with its images sorted by name; the builder is empty afterwards.
@@ -21,14 +24,19 @@ class ModelBuilder {
 
  private:
   Model model_;
+  std::unordered_map<uint64_t, uint32_t> camera_of_framed_image_;
   std::unordered_set<uint32_t> image_ids_;
   std::unordered_set<std::string> names_;
 };
 
 // One file each of COLMAP's two formats. Throw InputError with the file (text: and line) and what is wrong.
 void ReadCamerasBinary(const std::filesystem::path& path, ModelBuilder* builder);
+void ReadRigsBinary(const std::filesystem::path& path, ModelBuilder* builder);
+void ReadFramesBinary(const std::filesystem::path& path, ModelBuilder* builder);
 void ReadImagesBinary(const std::filesystem::path& path, ModelBuilder* builder);
 void ReadCamerasText(const std::filesystem::path& path, ModelBuilder* builder);
+void ReadRigsText(const std::filesystem::path& path, ModelBuilder* builder);
+void ReadFramesText(const std::filesystem::path& path, ModelBuilder* builder);
 void ReadImagesText(const std::filesystem::path& path, ModelBuilder* builder);
 
 }  // namespace lazyloc

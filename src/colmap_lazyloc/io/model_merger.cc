@@ -7,6 +7,7 @@
 #include <unordered_set>
 #include <utility>
 
+#include "colmap_lazyloc/io/rig_merger.h"
 #include "colmap_lazyloc/scene/errors.h"
 
 namespace lazyloc {
@@ -75,6 +76,7 @@ void AddQueryImages(const std::vector<const LocalizationResult*>& results, const
     added.image.cam_from_world = query->cam_from_world;
     added.photo_keypoints = query->photo_keypoints;
     if (added.photo_keypoints.empty()) added.database_id = database_ids.at(query->query_name);
+    if (!merged->rigs.empty()) AddFrameOfOneImage(added.image, merged);
     merged->images.emplace(added.image.image_id, std::move(added));
   }
 }
@@ -130,6 +132,7 @@ MergedModel MergeModel(const Model& model, const std::vector<const LocalizationR
   for (const ModelImage& image : model.images) {
     if (query_names.count(image.name) == 0) merged.images[image.image_id].image = image;
   }
+  KeepRigs(model, &merged);
   AddQueryImages(results, model_ids, database_ids, &merged);
 
   ImageOfName images;

@@ -35,6 +35,8 @@ struct MergedImage {
 struct MergedModel {
   std::map<uint32_t, Camera> cameras;
   std::map<uint32_t, MergedImage> images;
+  std::map<uint32_t, Rig> rigs;  // none where the input model has none, as with frames
+  std::map<uint32_t, Frame> frames;
   std::vector<MergedPoint> points;  // the point with id i is points[i - 1]
 };
 
@@ -49,6 +51,8 @@ struct MergedModel {
 //   it is added under its own id where that is free, or a new one above all ids.
 // - An image point can observe one point only. Where the points of two queries meet in a keypoint, the first query has
 //   it and the other's point loses that observation. A point left with fewer than two is dropped.
+// - Rigs and frames of the model stay, without the images that are no longer in it (io/rig_merger.h); each query gets
+//   a frame of its own.
 // - Observations by images that are not in the merged model are left out.
 // results: sorted by name.
 MergedModel MergeModel(const Model& model, const std::vector<const LocalizationResult*>& results,

@@ -23,15 +23,54 @@ Camera ParseCamera(const TextFile& file) {
   return camera;
 }
 
+Rigid3d ParsePose(const TextFile& file, std::string_view* rest) {
+  Rigid3d pose;
+  for (double* number : {&pose.rotation.w(), &pose.rotation.x(), &pose.rotation.y(), &pose.rotation.z(),
+                         &pose.translation.x(), &pose.translation.y(), &pose.translation.z()}) {
+    *number = file.ParseNumber<double>(NextWord(rest));
+  }
+  return pose;
+}
+
+Sensor ParseSensor(const TextFile& file, std::string_view* rest) {
+  const std::string type(NextWord(rest));
+  if (type != "CAMERA" && type != "IMU") throw file.Error("unknown sensor type '" + type + "'");
+  return {type == "CAMERA" ? SensorType::CAMERA : SensorType::IMU, file.ParseNumber<uint32_t>(NextWord(rest))};
+}
+
+Rig ParseRig(const TextFile& file) {
+  std::string_view rest = file.Line();
+  Rig rig;
+  rig.rig_id = file.ParseNumber<uint32_t>(NextWord(&rest));
+  const uint32_t num_sensors = file.ParseNumber<uint32_t>(NextWord(&rest));
+  if (num_sensors > 0) rig.reference = ParseSensor(file, &rest);
+  for (uint32_t i = 1; i < num_sensors; ++i) {
+    RigSensor other{ParseSensor(file, &rest), std::nullopt};
+    if (file.ParseNumber<int>(NextWord(&rest)) != 0) other.sensor_from_rig = ParsePose(file, &rest);
+    rig.others.push_back(other);
+  }
+  return rig;
+}
+
+Frame ParseFrame(const TextFile& file) {
+  std::string_view rest = file.Line();
+  Frame frame;
+  frame.frame_id = file.ParseNumber<uint32_t>(NextWord(&rest));
+  frame.rig_id = file.ParseNumber<uint32_t>(NextWord(&rest));
+  frame.rig_from_world = ParsePose(file, &rest);
+  const uint32_t num_data = file.ParseNumber<uint32_t>(NextWord(&rest));
+  for (uint32_t i = 0; i < num_data; ++i) {
+    const Sensor sensor = ParseSensor(file, &rest);
+    frame.data.push_back({sensor, file.ParseNumber<uint64_t>(NextWord(&rest))});
+  }
+  return frame;
+}
+
 ModelImage ParseImage(const TextFile& file) {
   std::string_view rest = file.Line();
   ModelImage image;
   image.image_id = file.ParseNumber<uint32_t>(NextWord(&rest));
-  Rigid3d& pose = image.cam_from_world;
-  for (double* number : {&pose.rotation.w(), &pose.rotation.x(), &pose.rotation.y(), &pose.rotation.z(),
-                         &pose.translation.x(), &pose.translation.y(), &pose.translation.z()}) {
-    *number = file.ParseNumber<double>(NextWord(&rest));
-  }
+  image.cam_from_world = ParsePose(file, &rest);
   image.camera_id = file.ParseNumber<uint32_t>(NextWord(&rest));
   image.name = Trimmed(rest);  // all that is left: names may hold blanks
   return image;
@@ -54,6 +93,20 @@ void ReadCamerasText(const std::filesystem::path& path, ModelBuilder* builder) {
   TextFile file(path);
   while (file.NextEntry()) {
     if (const std::string problem = builder->AddCamera(ParseCamera(file)); !problem.empty()) throw file.Error(problem);
+  }
+}
+
+void ReadRigsText(const std::filesystem::path& path, ModelBuilder* builder) {
+  TextFile file(path);
+  while (file.NextEntry()) {
+    if (const std::string problem = builder->AddRig(ParseRig(file)); !problem.empty()) throw file.Error(problem);
+  }
+}
+
+void ReadFramesText(const std::filesystem::path& path, ModelBuilder* builder) {
+  TextFile file(path);
+  while (file.NextEntry()) {
+    if (const std::string problem = builder->AddFrame(ParseFrame(file)); !problem.empty()) throw file.Error(problem);
   }
 }
 

@@ -24,6 +24,50 @@ void WriteCameras(const std::filesystem::path& path, const std::map<uint32_t, Ca
   file.Close();
 }
 
+void WritePose(const Rigid3d& pose, OutputFile* file) {
+  for (const double number : {pose.rotation.w(), pose.rotation.x(), pose.rotation.y(), pose.rotation.z(),
+                              pose.translation.x(), pose.translation.y(), pose.translation.z()}) {
+    file->WriteBinary<double>(number);
+  }
+}
+
+void WriteSensor(const Sensor& sensor, OutputFile* file) {
+  file->WriteBinary<int32_t>(static_cast<int32_t>(sensor.type));
+  file->WriteBinary<uint32_t>(sensor.sensor_id);
+}
+
+void WriteRigs(const std::filesystem::path& path, const std::map<uint32_t, Rig>& rigs) {
+  OutputFile file(path);
+  file.WriteBinary<uint64_t>(rigs.size());
+  for (const auto& [rig_id, rig] : rigs) {
+    file.WriteBinary<uint32_t>(rig_id);
+    file.WriteBinary<uint32_t>(static_cast<uint32_t>(rig.reference.has_value() + rig.others.size()));
+    if (rig.reference) WriteSensor(*rig.reference, &file);
+    for (const RigSensor& other : rig.others) {
+      WriteSensor(other.sensor, &file);
+      file.WriteBinary<uint8_t>(other.sensor_from_rig.has_value());
+      if (other.sensor_from_rig) WritePose(*other.sensor_from_rig, &file);
+    }
+  }
+  file.Close();
+}
+
+void WriteFrames(const std::filesystem::path& path, const std::map<uint32_t, Frame>& frames) {
+  OutputFile file(path);
+  file.WriteBinary<uint64_t>(frames.size());
+  for (const auto& [frame_id, frame] : frames) {
+    file.WriteBinary<uint32_t>(frame_id);
+    file.WriteBinary<uint32_t>(frame.rig_id);
+    WritePose(frame.rig_from_world, &file);
+    file.WriteBinary<uint32_t>(static_cast<uint32_t>(frame.data.size()));
+    for (const FrameData& data : frame.data) {
+      WriteSensor(data.sensor, &file);
+      file.WriteBinary<uint64_t>(data.data_id);
+    }
+  }
+  file.Close();
+}
+
 void WriteImagePoints(const MergedImage& image, const DatabaseReader& database, OutputFile* file) {
   std::vector<Eigen::Vector2d> keypoints = image.photo_keypoints;
   if (image.database_id) keypoints = database.ReadKeypoints(*image.database_id);
@@ -46,11 +90,7 @@ void WriteImages(const std::filesystem::path& path, const std::map<uint32_t, Mer
   for (const auto& [image_id, merged_image] : images) {
     const ModelImage& image = merged_image.image;
     file.WriteBinary<uint32_t>(image_id);
-    const Rigid3d& pose = image.cam_from_world;
-    for (const double number : {pose.rotation.w(), pose.rotation.x(), pose.rotation.y(), pose.rotation.z(),
-                                pose.translation.x(), pose.translation.y(), pose.translation.z()}) {
-      file.WriteBinary<double>(number);
-    }
+    WritePose(image.cam_from_world, &file);
     file.WriteBinary<uint32_t>(image.camera_id);
     file.Text() << image.name << '\0';
     WriteImagePoints(merged_image, database, &file);
@@ -80,6 +120,10 @@ void WritePoints(const std::filesystem::path& path, const std::vector<MergedPoin
 
 void WriteModel(const std::filesystem::path& folder, const MergedModel& model, const DatabaseReader& database) {
   WriteCameras(folder / "cameras.bin", model.cameras);
+  if (!model.rigs.empty()) {
+    WriteRigs(folder / "rigs.bin", model.rigs);
+    WriteFrames(folder / "frames.bin", model.frames);
+  }
   WriteImages(folder / "images.bin", model.images, database);
   WritePoints(folder / "points3D.bin", model.points);
 }

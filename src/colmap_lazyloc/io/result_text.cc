@@ -73,7 +73,7 @@ Json ResultToJson(const LocalizationResult& result) {
   json["reason"] = result.reason;
   json["start"] = result.start;
   json["cam_from_world"] = localized ? PoseToJson(result.cam_from_world) : Json();
-  json["covariance"] = localized ? CovarianceToJson(result.covariance) : Json();
+  json["covariance"] = localized && result.covariance.allFinite() ? CovarianceToJson(result.covariance) : Json();
   json["num_tracks"] = result.num_tracks;
   json["num_observations"] = result.num_observations;
   json["mean_reprojection_error_px"] = result.num_observations > 0 ? Json(result.mean_reprojection_error_px) : Json();

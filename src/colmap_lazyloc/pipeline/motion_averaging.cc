@@ -23,20 +23,26 @@ void KeepBestPairs(QueryState* state) {
 }
 
 void KeepAgreeingPairs(const std::vector<double>& rotation_errors_rad, QueryState* state) {
-  std::vector<PairState> agreeing;
-  size_t num_inliers = 0, num_agreeing_inliers = 0;
+  const LocalizerOptions& options = state->options;
+  const double max_error_deg = options.max_rotation_error_deg + 3 * std::max(0.0, options.database_pose_stddev_deg);
+  const auto agrees = [&](size_t i) { return rotation_errors_rad[i] <= DegToRad(max_error_deg); };
+  size_t num_agreeing = 0, num_inliers = 0, num_agreeing_inliers = 0;
   for (size_t i = 0; i < state->pairs.size(); ++i) {
-    num_inliers += state->pairs[i].relative_pose.inlier_matches.size();
-    if (rotation_errors_rad[i] > DegToRad(state->options.max_rotation_error_deg)) continue;
-    num_agreeing_inliers += state->pairs[i].relative_pose.inlier_matches.size();
-    agreeing.push_back(std::move(state->pairs[i]));
+    const size_t num_pair_inliers = state->pairs[i].relative_pose.inlier_matches.size();
+    num_inliers += num_pair_inliers;
+    if (!agrees(i)) continue;
+    num_agreeing_inliers += num_pair_inliers;
+    ++num_agreeing;
   }
   // A lone pair is only believed where the others have little to set against it.
-  if (state->pairs.size() > 1 && agreeing.size() < 2 && 2 * num_agreeing_inliers <= num_inliers) {
+  if (state->pairs.size() > 1 && num_agreeing < 2 && 2 * num_agreeing_inliers <= num_inliers) {
     throw QueryFailure{QueryStatus::INCONSISTENT_ROTATIONS, "no two of " + std::to_string(state->pairs.size()) +
                                                                 " pairs agree on the query's rotation within " +
-                                                                std::to_string(state->options.max_rotation_error_deg) +
-                                                                " deg"};
+                                                                std::to_string(max_error_deg) + " deg"};
+  }
+  std::vector<PairState> agreeing;
+  for (size_t i = 0; i < state->pairs.size(); ++i) {
+    if (agrees(i)) agreeing.push_back(std::move(state->pairs[i]));
   }
   state->pairs = std::move(agreeing);
 }

@@ -7,6 +7,7 @@
 
 #include "colmap_lazyloc/math/rigid3.h"
 #include "colmap_lazyloc/scene/camera.h"
+#include "colmap_lazyloc/scene/rig.h"
 
 namespace lazyloc {
 
@@ -23,6 +24,9 @@ struct ModelImage {
 struct Model {
   std::map<uint32_t, Camera> cameras;
   std::vector<ModelImage> images;  // sorted by name
+  // Both empty for a model without them. Else each image is in one frame; frames may name images that are not here.
+  std::map<uint32_t, Rig> rigs;
+  std::map<uint32_t, Frame> frames;
 };
 
 }  // namespace lazyloc

@@ -2,29 +2,11 @@
 
 #include <algorithm>
 
-#include <colmap/feature/sift.h>
-#include <colmap/sensor/bitmap.h>
-
-#include "colmap_lazyloc/scene/errors.h"
+#include "colmap_lazyloc/bridge/sift.h"
 #include "colmap_lazyloc/scene/options_check.h"
 
 namespace lazyloc {
 namespace {
-
-colmap::SiftExtractionOptions ToColmap(const SiftExtractionOptions& options) {
-  colmap::SiftExtractionOptions converted;
-  converted.use_gpu = false;
-  converted.num_threads = 1;
-  converted.max_image_size = options.max_image_size;
-  converted.max_num_features = options.max_num_features;
-  converted.first_octave = options.first_octave;
-  converted.peak_threshold = options.peak_threshold;
-  converted.edge_threshold = options.edge_threshold;
-  converted.estimate_affine_shape = options.estimate_affine_shape;
-  converted.domain_size_pooling = options.domain_size_pooling;
-  converted.upright = options.upright;
-  return converted;
-}
 
 // As COLMAP's feature extraction does it.
 void ScaleDown(int max_size, colmap::Bitmap* bitmap) {
@@ -52,14 +34,10 @@ std::optional<Photo> ReadPhoto(const std::filesystem::path& path, const SiftExtr
   Photo photo;
   photo.width = static_cast<uint64_t>(bitmap.Width());
   photo.height = static_cast<uint64_t>(bitmap.Height());
-  double focal_length = 0;
-  if (bitmap.ExifFocalLength(&focal_length) && focal_length > 0) photo.exif_focal_length_px = focal_length;
-
+  photo.exif_focal_length_px = ExifFocalLengthPx(bitmap);
   ScaleDown(options.max_image_size, &bitmap);
   colmap::FeatureKeypoints keypoints;
-  const auto extractor = colmap::CreateSiftFeatureExtractor(ToColmap(options));
-  LAZYLOC_CHECK(extractor != nullptr);
-  if (!extractor->Extract(bitmap, &keypoints, &photo.features.descriptors)) return photo;  // too small: no features
+  if (!ExtractSift(bitmap, options, &keypoints, &photo.features.descriptors)) return photo;  // too small: no features
   const float scale_x = static_cast<float>(photo.width) / bitmap.Width();
   const float scale_y = static_cast<float>(photo.height) / bitmap.Height();
   for (colmap::FeatureKeypoint& keypoint : keypoints) {

@@ -1,16 +1,15 @@
 #include "colmap_lazyloc/bridge/match_database.h"
 
-#include <colmap/scene/database.h>
-
-#include "colmap_lazyloc/bridge/colmap_3x/convert.h"
+#include "colmap_lazyloc/bridge/convert.h"
+#include "colmap_lazyloc/bridge/database_writing.h"
 
 namespace lazyloc {
 
 struct MatchDatabase::Impl {
   explicit Impl(const std::filesystem::path& path)
-      : database(path.string()), transaction(std::make_unique<colmap::DatabaseTransaction>(&database)) {}
+      : database(OpenDatabase(path)), transaction(std::make_unique<colmap::DatabaseTransaction>(database.get())) {}
 
-  colmap::Database database;
+  std::shared_ptr<colmap::Database> database;
   std::unique_ptr<colmap::DatabaseTransaction> transaction;
 };
 
@@ -18,7 +17,9 @@ MatchDatabase::MatchDatabase(const std::filesystem::path& path) : impl_(std::mak
 MatchDatabase::~MatchDatabase() = default;
 
 void MatchDatabase::AddCamera(const Camera& camera) {
-  impl_->database.WriteCamera(ToColmap(camera), /*use_camera_id=*/true);
+  const colmap::Camera converted = ToColmap(camera);
+  impl_->database->WriteCamera(converted, /*use_camera_id=*/true);
+  WriteRigOf(converted, impl_->database.get());
 }
 
 void MatchDatabase::AddImage(uint32_t image_id, uint32_t camera_id, const std::string& name, const Features& features) {
@@ -26,34 +27,36 @@ void MatchDatabase::AddImage(uint32_t image_id, uint32_t camera_id, const std::s
   image.SetImageId(image_id);
   image.SetCameraId(camera_id);
   image.SetName(name);
-  impl_->database.WriteImage(image, /*use_image_id=*/true);
+  impl_->database->WriteImage(image, /*use_image_id=*/true);
+  WriteFrameOf(image, impl_->database.get());
   colmap::FeatureKeypoints keypoints;
   keypoints.reserve(features.keypoints.size());
   for (const Keypoint& keypoint : features.keypoints) {
     keypoints.emplace_back(keypoint.x, keypoint.y, keypoint.a11, keypoint.a12, keypoint.a21, keypoint.a22);
   }
-  impl_->database.WriteKeypoints(image_id, keypoints);
-  impl_->database.WriteDescriptors(image_id, features.descriptors);
+  impl_->database->WriteKeypoints(image_id, keypoints);
+  WriteSiftDescriptors(image_id, features.descriptors, impl_->database.get());
 }
 
 void MatchDatabase::AddPair(uint32_t database_id, uint32_t query_id, const Matches& matches,
                             const TwoViewGeometry& geometry) {
-  impl_->database.WriteMatches(database_id, query_id, ToColmap(matches));
+  impl_->database->WriteMatches(database_id, query_id, ToColmap(matches));
   colmap::TwoViewGeometry converted;
   converted.config = static_cast<int>(geometry.config);
   converted.inlier_matches = ToColmap(geometry.inlier_matches);
-  converted.E = geometry.E.value_or(Eigen::Matrix3d::Zero());
-  converted.F = geometry.F.value_or(Eigen::Matrix3d::Zero());
-  converted.H = geometry.H.value_or(Eigen::Matrix3d::Zero());
+  if (geometry.E) converted.E = *geometry.E;
+  if (geometry.F) converted.F = *geometry.F;
+  if (geometry.H) converted.H = *geometry.H;
   if (geometry.query_from_database) {
-    converted.cam2_from_cam1 = {geometry.query_from_database->rotation, geometry.query_from_database->translation};
+    converted.cam2_from_cam1 =
+        colmap::Rigid3d(geometry.query_from_database->rotation, geometry.query_from_database->translation);
   }
-  impl_->database.WriteTwoViewGeometry(database_id, query_id, converted);
+  impl_->database->WriteTwoViewGeometry(database_id, query_id, converted);
 }
 
 void MatchDatabase::Close() {
   impl_->transaction.reset();
-  impl_->database.Close();
+  impl_->database->Close();
 }
 
 }  // namespace lazyloc

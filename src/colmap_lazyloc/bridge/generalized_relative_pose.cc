@@ -1,10 +1,13 @@
 #include "colmap_lazyloc/bridge/generalized_relative_pose.h"
 
+#include <Eigen/Geometry>
+#if __has_include(<colmap/estimators/solvers/generalized_relative_pose.h>)
+#include <colmap/estimators/solvers/generalized_relative_pose.h>  // COLMAP 4
+#else
 #include <colmap/estimators/generalized_relative_pose.h>
+#endif
 #include <colmap/math/random.h>
 #include <colmap/optim/ransac.h>
-
-#include "colmap_lazyloc/bridge/colmap_3x/convert.h"
 
 namespace lazyloc {
 
@@ -25,9 +28,9 @@ std::optional<Rigid3d> EstimateGeneralizedRelativePose(const std::vector<RayMatc
   colmap::SetPRNGSeed(seed);
   const auto report = colmap::RANSAC<colmap::GR6PEstimator>(options).Estimate(database, query);
   if (!report.success) return std::nullopt;
-  const Rigid3d pose = FromColmap(report.model);
-  if (!pose.rotation.coeffs().allFinite() || !pose.translation.allFinite()) return std::nullopt;
-  return pose;
+  const Eigen::Matrix<double, 3, 4> cam_from_world = report.model.ToMatrix();
+  if (!cam_from_world.allFinite()) return std::nullopt;
+  return Rigid3d{Eigen::Quaterniond(Eigen::Matrix3d(cam_from_world.leftCols<3>())).normalized(), cam_from_world.col(3)};
 }
 
 }  // namespace lazyloc

@@ -3,14 +3,15 @@
 #include <colmap/estimators/two_view_geometry.h>
 #include <colmap/math/random.h>
 
-#include "colmap_lazyloc/bridge/colmap_3x/convert.h"
+#include "colmap_lazyloc/bridge/convert.h"
 
 namespace lazyloc {
 namespace {
 
-// Zeros stand for a matrix that is not set.
-std::optional<Eigen::Matrix3d> IfSet(const Eigen::Matrix3d& matrix) {
-  return matrix.isZero(0) ? std::nullopt : std::make_optional(matrix);
+// In COLMAP 3 zeros stand for a matrix that is not set.
+std::optional<Eigen::Matrix3d> IfSet(std::optional<Eigen::Matrix3d> matrix) {
+  if (matrix && matrix->isZero(0)) matrix.reset();
+  return matrix;
 }
 
 TwoViewGeometry FromColmap(const colmap::TwoViewGeometry& geometry) {
@@ -23,11 +24,6 @@ TwoViewGeometry FromColmap(const colmap::TwoViewGeometry& geometry) {
     converted.inlier_matches.push_back({match.point2D_idx2, match.point2D_idx1});
   }
   return converted;
-}
-
-bool HasPose(const colmap::TwoViewGeometry& geometry) {
-  const colmap::Rigid3d& pose = geometry.cam2_from_cam1;
-  return pose.rotation.coeffs().allFinite() && pose.rotation.norm() > 0 && pose.translation.allFinite();
 }
 
 }  // namespace
@@ -47,7 +43,7 @@ TwoViewGeometry EstimateTwoViewGeometry(const Camera& database_camera,
   const bool has_pose =
       colmap::EstimateTwoViewGeometryPose(camera1, database_keypoints, camera2, query_keypoints, &geometry);
   TwoViewGeometry result = FromColmap(geometry);
-  if (has_pose && HasPose(geometry)) result.query_from_database = FromColmap(geometry.cam2_from_cam1);
+  if (has_pose) result.query_from_database = RelativePose(geometry);
   return result;
 }
 
@@ -63,12 +59,13 @@ void EstimateRelativePose(const Camera& database_camera, const std::vector<Eigen
   if (geometry->H) converted.H = *geometry->H;
   converted.inlier_matches = ToColmap(geometry->inlier_matches);
   if (!colmap::EstimateTwoViewGeometryPose(ToColmap(database_camera), database_keypoints, ToColmap(query_camera),
-                                           query_keypoints, &converted) ||
-      !HasPose(converted)) {
+                                           query_keypoints, &converted)) {
     return;
   }
+  const std::optional<Rigid3d> pose = RelativePose(converted);
+  if (!pose) return;
   geometry->config = static_cast<TwoViewConfig>(converted.config);
-  geometry->query_from_database = FromColmap(converted.cam2_from_cam1);
+  geometry->query_from_database = pose;
 }
 
 }  // namespace lazyloc

@@ -1,8 +1,10 @@
 #pragma once
 
+#include <optional>
+
 #include <colmap/feature/types.h>
-#include <colmap/geometry/rigid3.h>
 #include <colmap/scene/camera.h>
+#include <colmap/scene/two_view_geometry.h>
 
 #include "colmap_lazyloc/math/rigid3.h"
 #include "colmap_lazyloc/scene/camera.h"
@@ -30,6 +32,7 @@ inline colmap::FeatureMatches ToColmap(const Matches& matches) {
   return converted;
 }
 
-inline Rigid3d FromColmap(const colmap::Rigid3d& rigid) { return {rigid.rotation.normalized(), rigid.translation}; }
+// None where COLMAP has set no pose, or one that is not finite.
+std::optional<Rigid3d> RelativePose(const colmap::TwoViewGeometry& geometry);
 
 }  // namespace lazyloc

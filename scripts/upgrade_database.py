@@ -1,0 +1,92 @@
+#!/usr/bin/env python3
+"""Makes a COLMAP 3 database one that COLMAP 4 can open, by default a copy of it.
+
+COLMAP 3.10 creates the table pose_priors without the column position_covariance, which COLMAP 4 reads when it
+migrates a database: it fails, and leaves the file half migrated ("No registered database factory succeeded"). This adds
+the column; all else is left to COLMAP 4, which migrates the database when it opens it. A database that COLMAP 4 has left
+half migrated is cured in the same way. lazy_localizer itself reads databases of every version as they are.
+"""
+
+import argparse
+import contextlib
+import pathlib
+import sqlite3
+import sys
+import tempfile
+
+
+class InputError(Exception):
+    """A mistake in the user's input, as one line."""
+
+
+def incomplete_tables(connection) -> list:
+    """The tables that COLMAP 4 fails on; InputError if the database is none of COLMAP's."""
+    tables = {name for (name,) in connection.execute("SELECT name FROM sqlite_master WHERE type = 'table'")}
+    missing = {"cameras", "images", "keypoints", "two_view_geometries"} - tables
+    if missing:
+        raise InputError(f"is no COLMAP database: it has no table {min(missing)}")
+
+    def lacks_column(table):
+        return "position_covariance" not in {row[1] for row in connection.execute(f"PRAGMA table_info({table})")}
+
+    # COLMAP 4 renames the table before it fails.
+    return [table for table in ("pose_priors", "pose_priors_old") if table in tables and lacks_column(table)]
+
+
+def upgrade(connection):
+    for table in incomplete_tables(connection):
+        connection.execute(f"ALTER TABLE {table} ADD COLUMN position_covariance BLOB")
+
+
+def copy_database(source, target):
+    """With what other programs have written to the write-ahead log."""
+    with tempfile.TemporaryDirectory(dir=target.parent) as folder:
+        unfinished = pathlib.Path(folder) / target.name
+        with open_database(source, "ro") as stored, open_database(unfinished, "rwc") as copy:
+            stored.backup(copy)
+        unfinished.rename(target)
+
+
+def open_database(path, mode):
+    return contextlib.closing(sqlite3.connect(f"{path.absolute().as_uri()}?mode={mode}", uri=True))
+
+
+def run(arguments):
+    source = arguments.database_path
+    if not source.is_file():
+        raise InputError(f"{source}: no such file")
+    target = arguments.output_path or source.with_name(source.stem + "_colmap4" + source.suffix)
+    if arguments.in_place:
+        target = source
+    elif target.exists():
+        raise InputError(f"{target}: is there already")
+    try:
+        with open_database(source, "ro") as connection:
+            if not incomplete_tables(connection):
+                print(f"{source}: COLMAP 4 can open it as it is; nothing is written")
+                return
+        if target != source:
+            copy_database(source, target)
+        with open_database(target, "rw") as connection, connection:
+            upgrade(connection)
+    except sqlite3.Error as error:
+        raise InputError(f"{source}: {error}") from error
+    except InputError as error:
+        raise InputError(f"{source}: {error}") from error
+    print(f"{target}: COLMAP 4 can open it now")
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("database_path", type=pathlib.Path)
+    where = parser.add_mutually_exclusive_group()
+    where.add_argument("--output_path", type=pathlib.Path, help="the copy; default: NAME_colmap4.db beside NAME.db")
+    where.add_argument("--in_place", action="store_true", help="change the database itself")
+    try:
+        run(parser.parse_args())
+    except InputError as error:
+        sys.exit(f"upgrade_database: {error}")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,76 @@
+#include "colmap_lazyloc/bridge/camera_models.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+#include "colmap_lazyloc/bridge/convert.h"
+
+namespace lazyloc {
+namespace {
+
+// The models that COLMAP 4 added, to be named where the linked COLMAP does not know them; the first has this id.
+constexpr int kFirstModelOfColmap4 = 11;
+const std::array<std::string, 7> kModelsOfColmap4 = {"RAD_TAN_THIN_PRISM_FISHEYE",
+                                                     "SIMPLE_DIVISION",
+                                                     "DIVISION",
+                                                     "SIMPLE_FISHEYE",
+                                                     "FISHEYE",
+                                                     "EUCM",
+                                                     "EQUIRECTANGULAR"};
+
+bool IsKnown(int model_id) { return colmap::ExistsCameraModelWithId(static_cast<colmap::CameraModelId>(model_id)); }
+
+}  // namespace
+
+std::optional<int> CameraModelId(const std::string& model_name) {
+  if (colmap::ExistsCameraModelWithName(model_name)) return static_cast<int>(colmap::CameraModelNameToId(model_name));
+  const auto name = std::find(kModelsOfColmap4.begin(), kModelsOfColmap4.end(), model_name);
+  if (name == kModelsOfColmap4.end()) return std::nullopt;
+  return kFirstModelOfColmap4 + static_cast<int>(name - kModelsOfColmap4.begin());
+}
+
+std::string CameraModelName(int model_id) {
+  if (IsKnown(model_id)) return colmap::CameraModelIdToName(static_cast<colmap::CameraModelId>(model_id));
+  const size_t idx = model_id - kFirstModelOfColmap4;
+  return model_id >= kFirstModelOfColmap4 && idx < kModelsOfColmap4.size() ? kModelsOfColmap4[idx] : "";
+}
+
+size_t CameraModelNumParams(int model_id) {
+  return IsKnown(model_id) ? colmap::CameraModelNumParams(static_cast<colmap::CameraModelId>(model_id)) : 0;
+}
+
+std::string CameraProblem(const Camera& camera) {
+  const std::string name = CameraModelName(camera.model_id);
+  if (name.empty()) return "unknown camera model " + std::to_string(camera.model_id);
+  if (!IsKnown(camera.model_id)) {
+    return "the COLMAP that this program was built against does not know camera model " + name +
+           ": build against a newer COLMAP 4 (docs/installation.md)";
+  }
+  const size_t num_params = CameraModelNumParams(camera.model_id);
+  if (camera.params.size() != num_params) {
+    return "camera model " + name + " takes " + std::to_string(num_params) + " parameters, not " +
+           std::to_string(camera.params.size());
+  }
+  for (const double param : camera.params) {
+    if (!std::isfinite(param)) return "a camera parameter is not a finite number";
+  }
+  if (camera.width == 0 || camera.height == 0) return "the camera's image size is zero";
+  const colmap::Camera converted = ToColmap(camera);
+  for (const size_t idx : converted.FocalLengthIdxs()) {
+    if (camera.params[idx] <= 0) return "the camera's focal length is not positive";
+  }
+  return "";
+}
+
+Camera CameraFromFocalLength(int model_id, double focal_length_px, uint64_t width, uint64_t height) {
+  const colmap::Camera made = colmap::Camera::CreateFromModelId(
+      /*camera_id=*/0, static_cast<colmap::CameraModelId>(model_id), focal_length_px, width, height);
+  return {0, model_id, width, height, made.params, /*has_prior_focal_length=*/true};
+}
+
+std::optional<Eigen::Vector3d> RayInCam(const Camera& camera, const Eigen::Vector2d& xy) {
+  return RaysInCam(camera)(xy);
+}
+
+}  // namespace lazyloc

@@ -1,0 +1,35 @@
+#include "colmap_lazyloc/bridge/camera_models.h"
+#include "colmap_lazyloc/bridge/convert.h"
+
+namespace lazyloc {
+namespace {
+
+// COLMAP 4.1 and later: spherical models have rays behind the image plane.
+template <typename ColmapCamera>
+auto RayOf(const ColmapCamera& camera, const Eigen::Vector2d& xy, int) -> decltype(camera.CamRayFromImg(xy)) {
+  return camera.CamRayFromImg(xy);
+}
+
+// COLMAP 4.0, which has no such function and no such models.
+template <typename ColmapCamera>
+std::optional<Eigen::Vector3d> RayOf(const ColmapCamera& camera, const Eigen::Vector2d& xy, long) {
+  const std::optional<Eigen::Vector2d> normalized = camera.CamFromImg(xy);
+  if (!normalized) return std::nullopt;
+  return normalized->homogeneous().normalized();
+}
+
+}  // namespace
+
+RayInCamFunction RaysInCam(const Camera& camera) {
+  return [converted = ToColmap(camera)](const Eigen::Vector2d& xy) {
+    std::optional<Eigen::Vector3d> ray = RayOf(converted, xy, 0);
+    if (ray && !ray->allFinite()) ray.reset();
+    return ray;
+  };
+}
+
+std::optional<Eigen::Vector2d> ImageFromCam(const Camera& camera, const Eigen::Vector3d& point_in_cam) {
+  return ToColmap(camera).ImgFromCam(point_in_cam);
+}
+
+}  // namespace lazyloc

@@ -1,0 +1,67 @@
+#include "colmap_lazyloc/io/rig_merger.h"
+
+#include <algorithm>
+#include <limits>
+
+#include "colmap_lazyloc/scene/errors.h"
+
+namespace lazyloc {
+namespace {
+
+template <typename T>
+uint32_t FreeId(uint32_t preferred, const std::map<uint32_t, T>& used) {
+  if (used.count(preferred) == 0) return preferred;
+  const uint32_t largest = used.rbegin()->first;
+  // COLMAP's mark for "no id" is the largest number.
+  if (largest >= std::numeric_limits<uint32_t>::max() - 1) {
+    throw InputError("no rig or frame id is left for the queries: the model's ids reach the largest number");
+  }
+  return largest + 1;
+}
+
+// Where the camera is on the rig, if it is there and the rig says it.
+std::optional<Rigid3d> CamFromRig(const Rig& rig, const Sensor& camera) {
+  if (rig.reference && *rig.reference == camera) return Rigid3d();
+  for (const RigSensor& other : rig.others) {
+    if (other.sensor == camera) return other.sensor_from_rig;
+  }
+  return std::nullopt;
+}
+
+}  // namespace
+
+void KeepRigs(const Model& model, MergedModel* merged) {
+  merged->rigs = model.rigs;
+  for (const auto& [frame_id, frame] : model.frames) {
+    Frame kept = frame;
+    const auto is_gone = [&](const FrameData& data) {
+      return data.sensor.type == SensorType::CAMERA && merged->images.count(static_cast<uint32_t>(data.data_id)) == 0;
+    };
+    kept.data.erase(std::remove_if(kept.data.begin(), kept.data.end(), is_gone), kept.data.end());
+    const auto is_image = [](const FrameData& data) { return data.sensor.type == SensorType::CAMERA; };
+    if (std::any_of(kept.data.begin(), kept.data.end(), is_image)) merged->frames.emplace(frame_id, std::move(kept));
+  }
+}
+
+void AddFrameOfOneImage(const ModelImage& image, MergedModel* merged) {
+  const Sensor camera{SensorType::CAMERA, image.camera_id};
+  Frame frame;
+  frame.frame_id = FreeId(image.image_id, merged->frames);
+  frame.rig_from_world = image.cam_from_world;
+  frame.data = {{camera, image.image_id}};
+  const auto rig = std::find_if(merged->rigs.begin(), merged->rigs.end(),
+                                [&](const auto& entry) { return CamFromRig(entry.second, camera).has_value(); });
+  if (rig == merged->rigs.end()) {
+    frame.rig_id = FreeId(image.camera_id, merged->rigs);
+    merged->rigs.emplace(frame.rig_id, Rig{frame.rig_id, camera, {}});
+  } else {
+    frame.rig_id = rig->first;
+    Rigid3d cam_from_rig = *CamFromRig(rig->second, camera);
+    cam_from_rig.rotation.normalize();
+    // The reference camera's pose is the rig's, bit for bit.
+    if (rig->second.reference != camera) frame.rig_from_world = Inverse(cam_from_rig) * image.cam_from_world;
+  }
+  merged->frames.emplace(frame.frame_id, std::move(frame));
+}
+
+}  // namespace lazyloc
