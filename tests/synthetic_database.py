@@ -29,6 +29,7 @@ class Camera:
     width: int
     height: int
     params: list[float]
+    has_prior_focal_length: bool = True
 
     def image_from_cam(self, points_in_cam):
         """Pixels of points in front of the camera."""
@@ -148,11 +149,13 @@ def arc(num, radius=6.0, height=1.0, phase=0.0):
 
 
 def make_scene(database_centres, query_centres, noise_px=0.0, outlier_ratio=0.0, num_points=240, visible_ratio=0.7,
-               seed=0, database_pairs=False):
-    """Cameras that look at points in a cube of 3 units about the origin. Each query is matched with each database
+               seed=0, database_pairs=False, is_planar=False):
+    """Cameras that look at points in a cube of 3 units about the origin, or in an inclined square of it. Each query is matched with each database
     image, with database_pairs everything with everything; outliers are among the raw matches only."""
     rng = np.random.default_rng(seed)
     points = rng.uniform(-1.5, 1.5, (num_points, 3))
+    if is_planar:
+        points[:, 2] = 0.4 * points[:, 0] + 0.2 * points[:, 1]
     cameras = {1: Camera(1, SIMPLE_RADIAL, 640, 480, [520.0, 320.0, 240.0, -0.05]),
                2: Camera(2, PINHOLE, 600, 500, [480.0, 490.0, 301.5, 248.5])}
     scene = Scene(cameras, {}, {}, [])
@@ -262,7 +265,7 @@ def insert_scene(connection, scene, geometry="pose"):
     for camera in scene.cameras.values():
         params = np.array(camera.params, "<f8").tobytes()
         insert(connection, "cameras", camera_id=camera.camera_id, model=camera.model_id, width=camera.width,
-               height=camera.height, params=params, prior_focal_length=1)
+               height=camera.height, params=params, prior_focal_length=int(camera.has_prior_focal_length))
     for image in scene.images.values():
         insert(connection, "images", image_id=image.image_id, name=image.name, camera_id=image.camera_id)
         insert(connection, "keypoints", image_id=image.image_id, rows=len(image.keypoints),

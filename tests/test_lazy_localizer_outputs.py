@@ -100,6 +100,17 @@ def test_results_of_a_lost_query_have_a_reason_and_no_pose(with_lost_query):
     assert lost["seconds"]["total"] >= 0
 
 
+def assert_stddevs_are_of_the_covariance(result, pose, covariance):
+    x, y, z = pose.tvec
+    rows = -pose.rotation.inv().as_matrix() @ np.hstack([[[0, -z, y], [z, 0, -x], [-y, x, 0]], np.eye(3)])
+    variances, axes = np.linalg.eigh(rows @ covariance @ rows.T)
+    np.testing.assert_allclose(result["position_stddevs"], np.sqrt(variances[::-1]), rtol=1e-6)
+    np.testing.assert_allclose(abs(axes[:, 2] @ result["weakest_direction"]), 1, rtol=1e-6)
+    np.testing.assert_allclose(result["rotation_stddev_deg"],
+                               np.degrees(np.sqrt(np.linalg.eigvalsh(covariance[:3, :3])[-1])), rtol=1e-6)
+    assert result["rotation"] is None and result["bearing"] is None
+
+
 def test_covariance_explains_the_errors(localize, tmp_path, write_scene_files):
     """Over 24 queries the squared errors, measured by the covariance in its order (rotation, then translation) and
     tangent (left), have a mean of 6 for 6 parameters; its own deviation is 0.7, and correlations add to it."""
@@ -115,6 +126,7 @@ def test_covariance_explains_the_errors(localize, tmp_path, write_scene_files):
         truth, pose = scene.images[name].pose, run.poses[name]
         error = np.concatenate([(pose.rotation * truth.rotation.inv()).as_rotvec(), pose.tvec - truth.tvec])
         squared_errors.append(error @ np.linalg.solve(covariance, error))
+        assert_stddevs_are_of_the_covariance(run.results[name], pose, covariance)
     assert 3 < np.mean(squared_errors) < 12
 
 

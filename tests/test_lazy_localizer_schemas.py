@@ -89,13 +89,14 @@ def test_database_that_pycolmap_migrated(localize, noisy, tmp_path, references):
 
 
 def test_uncalibrated_geometries_are_estimated_again(localize, noisy, tmp_path, references):
-    """As COLMAP stores them where it does not trust the focal length: with F alone."""
+    """As COLMAP stores them where it does not trust the focal length: with F alone. The five-point RANSAC sees their
+    inliers, the reference's all raw matches: the poses agree as far as the noise lets them."""
     database_path = synthetic.write_database(tmp_path / "database.db", noisy.scene, geometry="essential")
     with sqlite3.connect(database_path) as connection:
         connection.execute("UPDATE two_view_geometries SET config = 3, E = zeroblob(72)")
     connection.close()
     run = localize("--database_path", database_path, "--input_path", noisy.model_path)
-    assert_same_poses(run, references[None], max_error=1e-9)
+    assert_same_poses(run, references[None], max_error=2e-3)
 
 
 def test_some_pairs_verified_and_others_not(localize, noisy, tmp_path):

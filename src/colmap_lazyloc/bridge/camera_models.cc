@@ -69,6 +69,12 @@ Camera CameraFromFocalLength(int model_id, double focal_length_px, uint64_t widt
   return {0, model_id, width, height, made.params, /*has_prior_focal_length=*/true};
 }
 
+Camera WithFocalFactor(const Camera& camera, double factor) {
+  Camera scaled = camera;
+  for (const size_t idx : ToColmap(camera).FocalLengthIdxs()) scaled.params[idx] *= factor;
+  return scaled;
+}
+
 std::optional<Eigen::Vector3d> RayInCam(const Camera& camera, const Eigen::Vector2d& xy) {
   return RaysInCam(camera)(xy);
 }

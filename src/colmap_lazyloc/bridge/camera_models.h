@@ -23,6 +23,8 @@ std::string CameraProblem(const Camera& camera);
 
 // The camera of that model with the principal point in the middle and no distortion.
 Camera CameraFromFocalLength(int model_id, double focal_length_px, uint64_t width, uint64_t height);
+// The camera with all its model's focal lengths multiplied.
+Camera WithFocalFactor(const Camera& camera, double factor);
 
 // Viewing direction of an image point (pixels), unit length, in the camera's frame; none where the model
 // has no inverse there.

@@ -9,6 +9,19 @@
 
 namespace lazyloc {
 
+namespace {
+
+// Of the log of the focal length: moves image points about as far as kStepPx below.
+constexpr double kFocalStep = 1e-3;
+
+}  // namespace
+
+Observer::Observer(const Camera& camera, bool seeks_focal_length) : ray_in_cam_(RaysInCam(camera)) {
+  if (!seeks_focal_length) return;
+  ray_in_shorter_cam_ = RaysInCam(WithFocalFactor(camera, std::exp(-kFocalStep)));
+  ray_in_longer_cam_ = RaysInCam(WithFocalFactor(camera, std::exp(kFocalStep)));
+}
+
 std::optional<Observation> Observer::operator()(const Eigen::Vector2d& xy) const {
   // Half a pixel to each side: far above the model inverse's own tolerance, and second-order terms cancel.
   constexpr double kStepPx = 0.5;
@@ -24,7 +37,14 @@ std::optional<Observation> Observer::operator()(const Eigen::Vector2d& xy) const
   }
   const Eigen::Matrix2d px_from_tangent = tangent_from_px.inverse();
   if (!px_from_tangent.allFinite()) return std::nullopt;
-  return Observation{*ray, px_from_tangent * basis.transpose()};
+  Observation observation{*ray, px_from_tangent * basis.transpose()};
+  if (ray_in_longer_cam_) {
+    const std::optional<Eigen::Vector3d> before = ray_in_shorter_cam_(xy), after = ray_in_longer_cam_(xy);
+    if (!before || !after) return std::nullopt;
+    // The image point stays while its ray turns; with the ray held instead, it moves as far the other way.
+    observation.px_from_log_focal = -observation.px_from_cam * (*after - *before) / (2 * kFocalStep);
+  }
+  return observation;
 }
 
 }  // namespace lazyloc

@@ -40,6 +40,22 @@ TEST_P(Models, ErrorIsPixelsToFirstOrder) {
   }
 }
 
+TEST_P(Models, FocalLengthMovesTheImagePointAsStated) {
+  const Camera camera = MakeCamera();
+  constexpr double kStep = 1e-4;
+  const Camera shorter = WithFocalFactor(camera, std::exp(-kStep)), longer = WithFocalFactor(camera, std::exp(kStep));
+  for (const Eigen::Vector2d& xy : {Eigen::Vector2d(320, 240), Eigen::Vector2d(40, 60), Eigen::Vector2d(600, 450)}) {
+    const std::optional<Observation> known = Observer(camera)(xy), sought = Observer(camera, true)(xy);
+    ASSERT_TRUE(known && sought);
+    EXPECT_EQ(sought->ray_in_cam, known->ray_in_cam);
+    EXPECT_EQ(sought->px_from_cam, known->px_from_cam);
+    EXPECT_TRUE(known->px_from_log_focal.isZero(0));
+    const Eigen::Vector2d px_from_log_focal =
+        (*ImageFromCam(longer, known->ray_in_cam) - *ImageFromCam(shorter, known->ray_in_cam)) / (2 * kStep);
+    EXPECT_LE((sought->px_from_log_focal - px_from_log_focal).norm(), 0.01 + 1e-3 * px_from_log_focal.norm());
+  }
+}
+
 INSTANTIATE_TEST_SUITE_P(Observation, Models,
                          testing::Values(ModelCase{"SIMPLE_PINHOLE", {500, 320, 240}},
                                          ModelCase{"PINHOLE", {500, 520, 310, 250}},
@@ -48,6 +64,16 @@ INSTANTIATE_TEST_SUITE_P(Observation, Models,
                                          ModelCase{"OPENCV_FISHEYE", {300, 300, 320, 240, 0.01, 0.002, 0, 0}},
                                          ModelCase{"FOV", {400, 400, 320, 240, 0.7}}),
                          [](const auto& param_info) { return param_info.param.name; });
+
+TEST(WithFocalFactor, ScalesTheFocalLengthsAlone) {
+  Camera camera;
+  camera.model_id = *CameraModelId("OPENCV");
+  camera.params = {500, 510, 320, 240, -0.1, 0.02, 1e-3, -1e-3};
+  EXPECT_EQ(WithFocalFactor(camera, 2).params, (std::vector<double>{1000, 1020, 320, 240, -0.1, 0.02, 1e-3, -1e-3}));
+  camera.model_id = *CameraModelId("SIMPLE_RADIAL_FISHEYE");
+  camera.params = {500, 320, 240, -0.1};
+  EXPECT_EQ(WithFocalFactor(camera, 0.5).params, (std::vector<double>{250, 320, 240, -0.1}));
+}
 
 // The models that COLMAP 4 added: usable where the linked COLMAP knows them, else the message says what to do.
 TEST(CameraProblem, ModelOfANewerColmapIsNamedWithTheRemedy) {

@@ -37,9 +37,12 @@ TwoViewGeometry EstimateTwoViewGeometry(const Camera& database_camera,
   colmap_options.ransac_options.max_error = options.max_error_px;
   // RANSAC draws from a generator of the thread's.
   colmap::SetPRNGSeed(seed);
-  const colmap::Camera camera1 = ToColmap(database_camera), camera2 = ToColmap(query_camera);
-  colmap::TwoViewGeometry geometry = colmap::EstimateCalibratedTwoViewGeometry(
+  const colmap::Camera camera1 = ToColmap(database_camera);
+  colmap::Camera camera2 = ToColmap(query_camera);
+  camera2.has_prior_focal_length = options.is_query_calibrated;
+  colmap::TwoViewGeometry geometry = colmap::EstimateTwoViewGeometry(
       camera1, database_keypoints, camera2, query_keypoints, ToColmap(matches), colmap_options);
+  if (!options.is_query_calibrated) return FromColmap(geometry);
   const bool has_pose =
       colmap::EstimateTwoViewGeometryPose(camera1, database_keypoints, camera2, query_keypoints, &geometry);
   TwoViewGeometry result = FromColmap(geometry);

@@ -15,10 +15,12 @@ namespace lazyloc {
 struct TwoViewGeometryOptions {
   int min_num_inliers = 15;
   double max_error_px = 4;
+  bool is_query_calibrated = true;  // else by a fundamental matrix, without relative pose
 };
 
-// COLMAP's robust two-view geometry of a pair whose intrinsics are known: essential matrix by five points, or homography
-// where that explains as much, with the relative pose. The same result for the same seed, whatever thread it runs on.
+// COLMAP's robust two-view geometry of a pair: essential matrix by five points where the intrinsics are known, or
+// homography where that explains as much, with the relative pose. The same result for the same seed, whatever thread it
+// runs on.
 TwoViewGeometry EstimateTwoViewGeometry(const Camera& database_camera,
                                         const std::vector<Eigen::Vector2d>& database_keypoints,
                                         const Camera& query_camera, const std::vector<Eigen::Vector2d>& query_keypoints,

@@ -155,6 +155,8 @@ void ForEachOption(Options& o, const Add& add) {
       "of more tracks than these, well distributed ones with most image points are used");
   add("LazyLocalizer.max_num_start_tracks", &o.localizer.max_num_start_tracks,
       "the same for the start and all rounds but the last");
+  add("LazyLocalizer.refine_focal_length", &o.localizer.refine_focal_length,
+      "find the focal length of queries whose camera has no prior focal length in the database");
   add("LazyLocalizer.database_pose_stddev_deg", &o.localizer.database_pose_stddev_deg,
       "standard deviation of the database images' rotations about each axis in degrees; 0 takes them as exact, -1 "
       "estimates it for each query");

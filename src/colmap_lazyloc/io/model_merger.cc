@@ -56,8 +56,19 @@ std::optional<uint32_t> PreferredImageId(const std::string& name, const IdOfName
   return std::nullopt;
 }
 
+// A camera refined for one query is not that of the other images which share it in the database: it has no id yet.
+Camera CameraOf(const LocalizationResult& query, const std::vector<DatabaseImage>& database_images) {
+  Camera camera = query.query_camera;
+  const auto has_camera = [&](const DatabaseImage& image) { return image.camera_id == camera.camera_id; };
+  if (query.is_camera_refined && std::count_if(database_images.begin(), database_images.end(), has_camera) > 1) {
+    camera.camera_id = 0;
+  }
+  return camera;
+}
+
 // Adds the localized queries' images and cameras.
-void AddQueryImages(const std::vector<const LocalizationResult*>& results, const IdOfName& model_ids,
+void AddQueryImages(const std::vector<const LocalizationResult*>& results,
+                    const std::vector<DatabaseImage>& database_images, const IdOfName& model_ids,
                     const IdOfName& database_ids, MergedModel* merged) {
   IdSource new_image_ids, new_camera_ids;
   for (const auto& [name, image_id] : model_ids) new_image_ids.SkipTo(image_id);
@@ -71,7 +82,7 @@ void AddQueryImages(const std::vector<const LocalizationResult*>& results, const
     const bool is_free = preferred_id && merged->images.count(*preferred_id) == 0;
     MergedImage added;
     added.image.image_id = is_free ? *preferred_id : new_image_ids.Next();
-    added.image.camera_id = AddQueryCamera(query->query_camera, &merged->cameras, &new_camera_ids);
+    added.image.camera_id = AddQueryCamera(CameraOf(*query, database_images), &merged->cameras, &new_camera_ids);
     added.image.name = query->query_name;
     added.image.cam_from_world = query->cam_from_world;
     added.photo_keypoints = query->photo_keypoints;
@@ -133,7 +144,7 @@ MergedModel MergeModel(const Model& model, const std::vector<const LocalizationR
     if (query_names.count(image.name) == 0) merged.images[image.image_id].image = image;
   }
   KeepRigs(model, &merged);
-  AddQueryImages(results, model_ids, database_ids, &merged);
+  AddQueryImages(results, database_images, model_ids, database_ids, &merged);
 
   ImageOfName images;
   for (auto& [image_id, image] : merged.images) images.emplace(image.image.name, &image);

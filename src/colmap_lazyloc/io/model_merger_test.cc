@@ -99,6 +99,18 @@ TEST_F(MergeModelTest, QueryWhoseIdIsTakenGetsOneAboveAll) {
   EXPECT_EQ(merged.images.at(31).database_id, 20);
 }
 
+TEST_F(MergeModelTest, RefinedCameraKeepsItsIdUnlessOthersShareIt) {
+  database_images_ = {{11, 1, "a"}, {12, 1, "b"}, {20, 7, "q"}, {21, 8, "r"}, {22, 8, "s"}};
+  queries_ = {MakeQuery("q", MakeCamera(7, 505)), MakeQuery("r", MakeCamera(8, 510))};
+  for (LocalizationResult& query : queries_) query.is_camera_refined = true;
+  const MergedModel merged = Merge();
+  EXPECT_EQ(merged.images.at(20).image.camera_id, 7);
+  EXPECT_EQ(merged.images.at(21).image.camera_id, 9);
+  EXPECT_EQ(merged.cameras.at(7).params[0], 505);
+  EXPECT_EQ(merged.cameras.at(9).params[0], 510);
+  EXPECT_EQ(merged.cameras.count(8), 0);
+}
+
 TEST_F(MergeModelTest, NoIdLeftIsAnError) {
   model_.images[0].image_id = std::numeric_limits<uint32_t>::max() - 1;
   model_.images[1].image_id = 20;

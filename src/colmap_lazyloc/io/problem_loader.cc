@@ -126,6 +126,7 @@ void ProblemLoader::AddQuery(const QueryListEntry& entry, const ModelImage* pose
     query.camera = *entry.camera;
   } else if (posed != nullptr) {
     query.camera = model_.cameras.at(posed->camera_id);
+    query.camera.has_prior_focal_length = query.stored_camera.has_prior_focal_length;  // models do not say
   } else {
     query.camera = ReadUsableCamera(database, query.image);
   }
@@ -174,10 +175,10 @@ std::optional<ImagePair> ProblemLoader::LoadPair(const Query& query, const Candi
   if (pair.geometry &&
       (!AgreeOnIntrinsics(pair.geometry->query_camera.value_or(query.stored_camera), query.camera) ||
        !AgreeOnIntrinsics(pair.geometry->database_camera.value_or(stored_camera), pair.database_camera))) {
-    // Estimated with other intrinsics: COLMAP estimates it again.
+    // Estimated with other intrinsics, by which its inliers were chosen too: COLMAP estimates it again from all matches.
     pair.geometry->config = TwoViewConfig::UNCALIBRATED;
-  }
-  if (pair.geometry && (options_.use_raw_matches || !HoldsCalibrated(pair.geometry->config))) {
+    pair.matches = database.ReadMatches(query.image.image_id, candidate.image_id);
+  } else if (pair.geometry && options_.use_raw_matches) {
     pair.matches = database.ReadMatches(query.image.image_id, candidate.image_id);
   }
   return pair;

@@ -5,7 +5,9 @@
 
 #include <nlohmann/json.hpp>
 
+#include "colmap_lazyloc/bridge/camera_models.h"
 #include "colmap_lazyloc/io/output_file.h"
+#include "colmap_lazyloc/math/so3.h"
 
 namespace lazyloc {
 namespace {
@@ -43,6 +45,40 @@ Json CovarianceToJson(const Eigen::Matrix<double, 6, 6>& covariance) {
   return rows;
 }
 
+Json CameraToJson(const Camera& camera) {
+  return {{"model", CameraModelName(camera.model_id)},
+          {"width", camera.width},
+          {"height", camera.height},
+          {"params", ToJson(camera.params)}};
+}
+
+Json BearingToJson(const Bearing& bearing) {
+  return {{"from", bearing.database_name},
+          {"direction", ToJson(bearing.dir_database_to_query_in_world)},
+          {"stddev_deg", RadToDeg(bearing.stddev_rad)}};
+}
+
+// What a pose, or the part of one that is known, and its standard deviations are.
+void AddPose(const LocalizationResult& result, Json* json) {
+  for (const char* field : {"cam_from_world", "covariance", "position_stddevs", "weakest_direction",
+                            "rotation_stddev_deg", "rotation", "bearing"}) {
+    (*json)[field] = nullptr;
+  }
+  if (result.status == QueryStatus::LOCALIZED) {
+    (*json)["cam_from_world"] = PoseToJson(result.cam_from_world);
+    if (!result.covariance.allFinite()) return;
+    (*json)["covariance"] = CovarianceToJson(result.covariance);
+    (*json)["position_stddevs"] = ToJson(result.spread.position_stddevs);
+    (*json)["weakest_direction"] = ToJson(result.spread.weakest_direction_in_world);
+    (*json)["rotation_stddev_deg"] = RadToDeg(result.spread.rotation_stddev_rad);
+  } else if (result.partial_pose) {
+    const PartialPose& partial = *result.partial_pose;
+    (*json)["rotation"] = ToJson(Qvec(partial.cam_from_world_rotation));
+    if (partial.rotation_stddev_rad) (*json)["rotation_stddev_deg"] = RadToDeg(*partial.rotation_stddev_rad);
+    if (partial.bearing) (*json)["bearing"] = BearingToJson(*partial.bearing);
+  }
+}
+
 Json PairsToJson(const std::vector<PairResult>& pairs) {
   Json json = Json::array();
   for (const PairResult& pair : pairs) {
@@ -66,14 +102,15 @@ Json SecondsToJson(const std::vector<std::pair<std::string, double>>& stages) {
 }
 
 Json ResultToJson(const LocalizationResult& result) {
-  const bool localized = result.status == QueryStatus::LOCALIZED;
   Json json;
   json["name"] = result.query_name;
   json["status"] = QueryStatusName(result.status);
   json["reason"] = result.reason;
   json["start"] = result.start;
-  json["cam_from_world"] = localized ? PoseToJson(result.cam_from_world) : Json();
-  json["covariance"] = localized && result.covariance.allFinite() ? CovarianceToJson(result.covariance) : Json();
+  AddPose(result, &json);
+  if (result.status == QueryStatus::LOCALIZED && result.is_camera_refined) {
+    json["camera"] = CameraToJson(result.query_camera);
+  }
   json["num_tracks"] = result.num_tracks;
   json["num_observations"] = result.num_observations;
   json["mean_reprojection_error_px"] = result.num_observations > 0 ? Json(result.mean_reprojection_error_px) : Json();

@@ -7,7 +7,9 @@
 #include <gmock/gmock.h>
 #include <nlohmann/json.hpp>
 
+#include "colmap_lazyloc/bridge/camera_models.h"
 #include "colmap_lazyloc/io/io_test_fixture.h"
+#include "colmap_lazyloc/math/so3.h"
 
 namespace lazyloc {
 namespace {
@@ -21,6 +23,7 @@ LocalizationResult Localized() {
   result.status = QueryStatus::LOCALIZED;
   result.cam_from_world = {Eigen::Quaterniond(-0.1, 0.2, 1.0 / 3, 0.9), {4000000.1, -2, 1e-17}};
   for (int i = 0; i < 36; ++i) result.covariance(i / 6, i % 6) = i;
+  result.spread = {DegToRad(0.25), {0.3, 0.2, 0.1}, {0.6, 0, 0.8}};
   result.pairs = {{"a.jpg", 42, 0.5, std::numeric_limits<double>::quiet_NaN()}};
   result.num_tracks = 3;
   result.num_observations = 9;
@@ -95,6 +98,10 @@ TEST_F(ResultText, JsonHoldsEverything) {
   EXPECT_EQ(json["cam_from_world"]["tvec"], Json({4000000.1, -2.0, 1e-17}));
   ASSERT_EQ(json["covariance"].size(), 6);
   EXPECT_EQ(json["covariance"][1], Json({6.0, 7.0, 8.0, 9.0, 10.0, 11.0}));
+  EXPECT_EQ(json["position_stddevs"], Json({0.3, 0.2, 0.1}));
+  EXPECT_EQ(json["weakest_direction"], Json({0.6, 0.0, 0.8}));
+  EXPECT_EQ(json["rotation_stddev_deg"], 0.25);
+  EXPECT_TRUE(json["rotation"].is_null() && json["bearing"].is_null());
   EXPECT_EQ(json["num_tracks"], 3);
   EXPECT_EQ(json["num_observations"], 9);
   EXPECT_EQ(json["mean_reprojection_error_px"], 0.75);
@@ -103,15 +110,33 @@ TEST_F(ResultText, JsonHoldsEverything) {
   EXPECT_EQ(json["seconds"], Json({{"rotation", 0.75}, {"refinement", 1.0}, {"total", 1.75}}));
 }
 
+TEST_F(ResultText, JsonHoldsWhatIsKnownOfAPoseWithoutPosition) {
+  LocalizationResult result = Failed();
+  result.status = QueryStatus::SCALE_UNOBSERVABLE;
+  result.partial_pose = {Eigen::Quaterniond(-0.5, 0.5, 0.5, -0.5), DegToRad(0.25),
+                         Bearing{"a.jpg", {0, 1, 0}, DegToRad(0.5)}};
+  const Json json = JsonOf(result);
+  EXPECT_TRUE(json["cam_from_world"].is_null() && json["covariance"].is_null() && json["position_stddevs"].is_null());
+  EXPECT_EQ(json["rotation"], Json({0.5, -0.5, -0.5, 0.5}));
+  EXPECT_EQ(json["rotation_stddev_deg"], 0.25);
+  EXPECT_EQ(json["bearing"], Json::parse(R"({"from": "a.jpg", "direction": [0.0, 1.0, 0.0], "stddev_deg": 0.5})"));
+  result.partial_pose = {Eigen::Quaterniond::Identity(), std::nullopt, std::nullopt};
+  EXPECT_TRUE(JsonOf(result)["bearing"].is_null() && JsonOf(result)["rotation_stddev_deg"].is_null());
+  EXPECT_EQ(PoseLines({&result}).size(), 0);
+}
+
 TEST_F(ResultText, JsonKeepsTheOrderOfKeysAndAGivenTotal) {
   LocalizationResult result = Failed();
   result.seconds = {{"load", 1}, {"total", 1.5}};
   JsonOf(result);
-  EXPECT_EQ(ReadFile(folder_ / "results.jsonl"),
-            R"({"name":"night.jpg","status":"NO_PAIRS","reason":"no pair","cam_from_world":null,"covariance":null,)"
-            R"("num_tracks":0,"num_observations":0,"mean_reprojection_error_px":null,"pairs":[],)"
-            R"("seconds":{"load":1.0,"total":1.5}})"
-            "\n");
+  EXPECT_EQ(
+      ReadFile(folder_ / "results.jsonl"),
+      R"({"name":"night.jpg","status":"NO_PAIRS","reason":"no pair","start":"","cam_from_world":null,)"
+      R"("covariance":null,)"
+      R"("position_stddevs":null,"weakest_direction":null,"rotation_stddev_deg":null,"rotation":null,"bearing":null,)"
+      R"("num_tracks":0,"num_observations":0,"mean_reprojection_error_px":null,"pairs":[],)"
+      R"("seconds":{"load":1.0,"total":1.5}})"
+      "\n");
 }
 
 TEST_F(ResultText, JsonIsValidForAnyBytesInNames) {
@@ -137,6 +162,15 @@ TEST_F(ResultText, FullDiskIsReported) {
   const LocalizationResult localized = Localized();
   EXPECT_THAT(ErrorOf([&] { WritePoses("/dev/full", {&localized}); }), HasSubstr("/dev/full: cannot be written"));
   EXPECT_THAT(ErrorOf([&] { WriteResultsJson(folder_ / "none" / "x", {}); }), HasSubstr("none/x: cannot be written"));
+}
+
+TEST_F(ResultText, CameraIsWrittenWhereItWasRefined) {
+  LocalizationResult result = Localized();
+  result.query_camera = {3, *CameraModelId("PINHOLE"), 640, 480, {500, 1.0 / 3, 320, 240}, false};
+  EXPECT_FALSE(JsonOf(result).contains("camera"));
+  result.is_camera_refined = true;
+  EXPECT_EQ(JsonOf(result)["camera"],
+            Json({{"model", "PINHOLE"}, {"width", 640}, {"height", 480}, {"params", {500, 1.0 / 3, 320, 240}}}));
 }
 
 }  // namespace

@@ -1,6 +1,7 @@
 #include "colmap_lazyloc/pipeline/lazy_localizer.h"
 
 #include "colmap_lazyloc/pipeline/ablations.h"
+#include "colmap_lazyloc/pipeline/focal_length.h"
 #include "colmap_lazyloc/pipeline/motion_averaging.h"
 #include "colmap_lazyloc/pipeline/pose_uncertainty.h"
 #include "colmap_lazyloc/pipeline/post_optimization.h"
@@ -29,18 +30,22 @@ LocalizationResult LocalizeQuery(const LocalizationProblem& problem, const Local
   };
   try {
     CheckInput(problem);
-    stage("two_view", FindRelativePoses);
+    const bool seeks_focal_length = state.SeeksFocalLength();
+    stage("two_view", seeks_focal_length ? CollectInlierMatches : FindRelativePoses);
     stage("observations", ObserveMatches);
-    try {
-      stage("rotation", AverageRotation);
-      stage("directions", EstimateDirections);
-      stage("translation", AverageTranslation);
-    } catch (const QueryFailure& failure) {
-      state.averaging_failure = failure;  // other starts may do
+    if (!seeks_focal_length) {
+      try {
+        stage("rotation", AverageRotation);
+        stage("directions", EstimateDirections);
+        stage("translation", AverageTranslation);
+      } catch (const QueryFailure& failure) {
+        if (failure.status == QueryStatus::SCALE_UNOBSERVABLE) throw;  // by whatever start
+        state.averaging_failure = failure;
+      }
     }
     if (options.post_optimization == PostOptimization::TRACKS) {
       stage("tracks", CollectTracks);
-      stage("start", ChooseStartPose);
+      stage("start", seeks_focal_length ? ChooseFocalLengthAndPose : ChooseStartPose);
       OptimizeOverTracks(&state);
       stage("covariance", EstimateCovariance);
     } else {

@@ -159,7 +159,9 @@ TEST_P(Starts, LeadToTheSamePose) {
   const LocalizationResult result = LocalizeQuery(scene.problem, options);
   ASSERT_EQ(result.status, QueryStatus::LOCALIZED) << result.reason;
   EXPECT_LE(PositionError(result.cam_from_world, scene.query_cam_from_world), 5e-3 * scene.median_depth);
-  if (GetParam() != StartPose::BEST) EXPECT_EQ(result.start, kEnumNames<StartPose>[static_cast<size_t>(GetParam())]);
+  if (GetParam() != StartPose::BEST) {
+    EXPECT_EQ(result.start, kEnumNames<StartPose>[static_cast<size_t>(GetParam())]);
+  }
 }
 
 INSTANTIATE_TEST_SUITE_P(LazyLocalizer, Starts,
@@ -176,6 +178,30 @@ TEST(LazyLocalizer, AbsolutePoseStandsWhereRotationsContradictEachOther) {
   ASSERT_EQ(result.status, QueryStatus::LOCALIZED) << result.reason;
   EXPECT_EQ(result.start, "absolute_pose");
   EXPECT_LE(PositionError(result.cam_from_world, scene.query_cam_from_world), 1e-6 * scene.median_depth);
+}
+
+TEST(LazyLocalizer, DatabasePosesThatAreOffAreCorrectedForTheQuery) {
+  SyntheticSceneOptions scene_options;
+  scene_options.num_database_images = 12;
+  scene_options.pixel_noise_px = 0.5;
+  LocalizerOptions exact;
+  exact.database_pose_stddev_deg = exact.database_pose_stddev_length = 0;
+  double exact_sum = 0, estimated_sum = 0;
+  for (scene_options.seed = 0; scene_options.seed < 10; ++scene_options.seed) {
+    SyntheticScene scene = MakeSyntheticScene(scene_options);
+    Random random(scene_options.seed);
+    for (ImagePair& pair : scene.problem.pairs) {
+      Rigid3d& pose = pair.database_cam_from_world;
+      pose = CamFromWorld(Disturbed(pose.rotation, 0.4, &random),
+                          CamInWorld(pose) + 0.004 * scene.median_depth * RandomVector(&random));
+    }
+    const LocalizationResult estimated = Localize(scene), taken_as_exact = LocalizeQuery(scene.problem, exact);
+    ASSERT_EQ(estimated.status, QueryStatus::LOCALIZED) << estimated.reason;
+    ASSERT_EQ(taken_as_exact.status, QueryStatus::LOCALIZED) << taken_as_exact.reason;
+    estimated_sum += PositionError(estimated.cam_from_world, scene.query_cam_from_world);
+    exact_sum += PositionError(taken_as_exact.cam_from_world, scene.query_cam_from_world);
+  }
+  EXPECT_LE(estimated_sum, 0.95 * exact_sum);
 }
 
 TEST(LazyLocalizer, RawMatchesBringBackInliers) {

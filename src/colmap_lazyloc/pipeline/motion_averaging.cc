@@ -6,21 +6,10 @@
 
 #include "colmap_lazyloc/math/seed.h"
 #include "colmap_lazyloc/math/so3.h"
+#include "colmap_lazyloc/pipeline/position_ambiguity.h"
 
 namespace lazyloc {
 namespace {
-
-void KeepBestPairs(QueryState* state) {
-  const size_t max_num_pairs = static_cast<size_t>(state->options.max_num_pairs);
-  if (max_num_pairs == 0 || state->pairs.size() <= max_num_pairs) return;
-  const auto has_more_inliers = [](const PairState& a, const PairState& b) {
-    return a.relative_pose.inlier_matches.size() > b.relative_pose.inlier_matches.size();
-  };
-  std::stable_sort(state->pairs.begin(), state->pairs.end(), has_more_inliers);
-  state->pairs.resize(max_num_pairs);
-  std::sort(state->pairs.begin(), state->pairs.end(),
-            [](const PairState& a, const PairState& b) { return a.index < b.index; });
-}
 
 void KeepAgreeingPairs(const std::vector<double>& rotation_errors_rad, QueryState* state) {
   const LocalizerOptions& options = state->options;
@@ -47,7 +36,27 @@ void KeepAgreeingPairs(const std::vector<double>& rotation_errors_rad, QueryStat
   state->pairs = std::move(agreeing);
 }
 
+// By variance.
+double MeanStddev(double stddev1, double stddev2) { return std::sqrt((stddev1 * stddev1 + stddev2 * stddev2) / 2); }
+
 }  // namespace
+
+void KeepBestPairs(QueryState* state) {
+  if (state->pairs.empty()) {
+    throw QueryFailure{QueryStatus::TOO_FEW_INLIERS,
+                       "none of " + std::to_string(state->problem.pairs.size()) + " pairs has " +
+                           std::to_string(state->options.relative_pose.min_num_inliers) + " verified inliers"};
+  }
+  const size_t max_num_pairs = static_cast<size_t>(state->options.max_num_pairs);
+  if (max_num_pairs == 0 || state->pairs.size() <= max_num_pairs) return;
+  const auto has_more_inliers = [](const PairState& a, const PairState& b) {
+    return a.relative_pose.inlier_matches.size() > b.relative_pose.inlier_matches.size();
+  };
+  std::stable_sort(state->pairs.begin(), state->pairs.end(), has_more_inliers);
+  state->pairs.resize(max_num_pairs);
+  std::sort(state->pairs.begin(), state->pairs.end(),
+            [](const PairState& a, const PairState& b) { return a.index < b.index; });
+}
 
 void FindRelativePoses(QueryState* state) {
   for (size_t i = 0; i < state->problem.pairs.size(); ++i) {
@@ -58,11 +67,6 @@ void FindRelativePoses(QueryState* state) {
     if (!relative_pose) continue;
     state->result.pairs[i].num_inliers = static_cast<int>(relative_pose->inlier_matches.size());
     state->pairs.push_back({static_cast<int>(i), std::move(*relative_pose), {}, {}});
-  }
-  if (state->pairs.empty()) {
-    throw QueryFailure{QueryStatus::TOO_FEW_INLIERS,
-                       "none of " + std::to_string(state->problem.pairs.size()) + " pairs has " +
-                           std::to_string(state->options.relative_pose.min_num_inliers) + " verified inliers"};
   }
   KeepBestPairs(state);
 }
@@ -85,14 +89,16 @@ void AverageRotation(QueryState* state) {
 
 void EstimateDirections(QueryState* state) {
   for (PairState& pair : state->pairs) {
-    const Eigen::Quaterniond world_from_query = state->views[0].cam_from_world.rotation.conjugate();
-    const Eigen::Quaterniond world_from_database = state->DatabaseView(pair).cam_from_world.rotation.conjugate();
+    const Eigen::Matrix3d world_from_query = state->views[0].cam_from_world.rotation.conjugate().toRotationMatrix();
+    const Eigen::Matrix3d world_from_database =
+        state->DatabaseView(pair).cam_from_world.rotation.conjugate().toRotationMatrix();
     std::vector<RayPair> rays;
+    rays.reserve(pair.view_matches.matches.size());
     for (size_t i = 0; i < pair.view_matches.matches.size(); ++i) {
       const Observation& database = pair.view_matches.database_observations[i];
       const Observation& query = pair.view_matches.query_observations[i];
       rays.push_back({world_from_database * database.ray_in_cam, world_from_query * query.ray_in_cam,
-                      std::hypot(RadFromPx(database), RadFromPx(query)) / std::sqrt(2.0)});
+                      MeanStddev(RadFromPx(database), RadFromPx(query))});
     }
     pair.direction = EstimateRelativeDirection(rays);
   }
@@ -110,10 +116,8 @@ void AverageTranslation(QueryState* state) {
     problem.cams_in_world.push_back(CamInWorld(state->DatabaseView(pair).cam_from_world));
     problem.is_fixed.push_back(true);
   }
-  if (problem.edges.empty()) {
-    throw QueryFailure{QueryStatus::DEGENERATE_BASELINE, "the query has no baseline to any of " +
-                                                             std::to_string(state->pairs.size()) + " database images"};
-  }
+  if (problem.edges.empty()) throw FailWithoutBaseline(state);
+  if (std::optional<QueryFailure> failure = FailAtOnePlace(state)) throw *failure;
   const TranslationAveragingResult averaged = AverageTranslations(problem, state->options.translation_averaging);
   if (!averaged.summary.success) throw QueryFailure{QueryStatus::DIVERGED, "translation averaging failed"};
   state->views[0].cam_from_world = CamFromWorld(state->views[0].cam_from_world.rotation, averaged.cams_in_world[0]);

@@ -9,6 +9,8 @@ namespace lazyloc {
 
 // The pairs' relative poses and inlier matches: stored, or estimated by COLMAP.
 void FindRelativePoses(QueryState* state);
+// Of more pairs than are wanted, keeps those with most inliers.
+void KeepBestPairs(QueryState* state);
 // The query's rotation; drops the pairs that do not agree with it.
 void AverageRotation(QueryState* state);
 // The pairs' directions of translation again, now that all rotations are known.

@@ -66,6 +66,8 @@ struct LocalizerOptions {
   int max_num_tracks = 1000000;
   // The same for the start and all rounds but the last.
   int max_num_start_tracks = 300;
+  // Whether the focal length is sought of a query whose camera has no prior one.
+  bool refine_focal_length = false;
   // How far database poses may be off, per axis in degrees and per coordinate of the projection centre in database units:
   // 0 takes them as exact, -1 estimates it for each query from how well the images fit together.
   double database_pose_stddev_deg = -1;

@@ -1,39 +1,10 @@
 #include "colmap_lazyloc/pipeline/pose_uncertainty.h"
 
-#include <algorithm>
-
 #include "colmap_lazyloc/math/so3.h"
+#include "colmap_lazyloc/pipeline/position_ambiguity.h"
 #include "colmap_lazyloc/refinement/covariance.h"
 
 namespace lazyloc {
-namespace {
-
-int NumDistinctCentres(const QueryState& state) {
-  std::vector<Eigen::Vector3d> centres;
-  for (const PairState& pair : state.pairs) {
-    const Eigen::Vector3d centre = CamInWorld(state.DatabaseView(pair).cam_from_world);
-    const bool is_new = std::none_of(centres.begin(), centres.end(), [&](const Eigen::Vector3d& other) {
-      return (centre - other).norm() <= 1e-9 * (1 + centre.norm());
-    });
-    if (is_new) centres.push_back(centre);
-  }
-  return static_cast<int>(centres.size());
-}
-
-// The image noise must not leave the position open.
-void CheckObservability(const QueryState& state) {
-  const double stddev_ratio =
-      RelativePoseStddev(state.adjustment.pose_covariances[0], MedianDistance(state.views[0], state.tracks));
-  if (stddev_ratio <= state.options.max_position_stddev_ratio) return;
-  if (NumDistinctCentres(state) == 1) {
-    throw QueryFailure{QueryStatus::SCALE_UNOBSERVABLE,
-                       "only one database position is usable: the distance to it cannot be known"};
-  }
-  throw QueryFailure{QueryStatus::DEGENERATE_BASELINE,
-                     "the position is open along a line: no point is seen from two database images apart"};
-}
-
-}  // namespace
 
 void EstimateCovariance(QueryState* state) {
   if (static_cast<int>(state->tracks.size()) < state->options.min_num_tracks) {
@@ -41,14 +12,21 @@ void EstimateCovariance(QueryState* state) {
                                                         " tracks agree with the refined pose; " +
                                                         std::to_string(state->options.min_num_tracks) + " are needed"};
   }
-  CheckObservability(*state);
-  const double variance_factor =
-      VarianceFactor(state->views, state->tracks, state->options.bundle_adjustment.loss_scale_sigma);
+  const double factor = VarianceFactor(state->views, state->tracks, state->options.bundle_adjustment.loss_scale_sigma);
+  const Eigen::Matrix<double, 6, 6> covariance = factor * state->adjustment.pose_covariances[0];
+  if (IsPositionOpen(*state)) {
+    QueryFailure failure = FailWithOpenPosition(covariance, state);
+    if (state->SeeksFocalLength() && failure.status == QueryStatus::DEGENERATE_BASELINE) {
+      failure.reason = "the position is open along a line: its distance and the focal length cannot be told apart";
+    }
+    throw failure;
+  }
+  const Rigid3d& pose = state->views[0].cam_from_world;
+  state->result.spread = ComputePoseSpread(pose, covariance);
   // Into the tangent of the pose in the database's own frame: t = t_local - R origin.
   Eigen::Matrix<double, 6, 6> world_from_local = Eigen::Matrix<double, 6, 6>::Identity();
-  world_from_local.bottomLeftCorner<3, 3>() = Hat(state->views[0].cam_from_world.rotation * state->origin);
-  const Eigen::Matrix<double, 6, 6> moved =
-      variance_factor * world_from_local * state->adjustment.pose_covariances[0] * world_from_local.transpose();
+  world_from_local.bottomLeftCorner<3, 3>() = Hat(pose.rotation * state->origin);
+  const Eigen::Matrix<double, 6, 6> moved = world_from_local * covariance * world_from_local.transpose();
   state->result.covariance = (moved + moved.transpose()) / 2;
 }
 

@@ -1,6 +1,7 @@
 #include "colmap_lazyloc/pipeline/post_optimization.h"
 
 #include <algorithm>
+#include <cmath>
 
 #include "colmap_lazyloc/math/so3.h"
 #include "colmap_lazyloc/pipeline/track_collection.h"
@@ -12,11 +13,15 @@
 namespace lazyloc {
 namespace {
 
+constexpr int kMaxNumEstimates = 8;
+// No keypoint is found this badly: poses of the database must be off.
+constexpr double kLoudNoisePx = 6;
+
 void AddQuery(double max_query_error_sigma, QueryState* state) {
   TrackTriangulationOptions options = state->options.triangulation;
   options.max_query_error_sigma = max_query_error_sigma;
-  state->tracks = TracksFittingQuery(state->views, state->tracks_from_database, max_query_error_sigma);
-  for (Track& track : TriangulateWithQuery(state->views, state->tracks_with_query, options)) {
+  state->tracks = TracksFittingQuery(state->views, std::move(state->tracks_from_database), max_query_error_sigma);
+  for (Track& track : TriangulateWithQuery(state->views, std::move(state->tracks_with_query), options)) {
     state->tracks.push_back(std::move(track));
   }
   if (static_cast<int>(state->tracks.size()) >= state->options.min_num_tracks) return;
@@ -49,6 +54,39 @@ void Adjust(QueryState* state) {
   if (!state->adjustment.summary.success || !pose.rotation.coeffs().allFinite() || !pose.translation.allFinite()) {
     throw QueryFailure{QueryStatus::DIVERGED, "bundle adjustment failed: " + state->adjustment.summary.message};
   }
+  if (!state->SeeksFocalLength()) return;
+  state->ScaleFocalLength(std::exp(*state->views[0].log_focal_factor));
+  state->views[0].log_focal_factor = 0;
+}
+
+// What the database's pose noise is taken for before it is estimated. Where the images fit together so badly that keypoint
+// noise cannot be the reason, the estimate starts from all of that: downwards it converges in a few steps, upwards it hardly moves.
+double ExpectedDatabaseNoisePx(const QueryState& state) {
+  std::vector<double> noise_px;
+  for (size_t view = 1; view < state.views.size(); ++view) noise_px.push_back(state.views[view].noise_px);
+  const auto middle = noise_px.begin() + static_cast<std::ptrdiff_t>(noise_px.size() / 2);
+  std::nth_element(noise_px.begin(), middle, noise_px.end());
+  return *middle > kLoudNoisePx ? *middle : state.options.database_pose_noise_px;
+}
+
+// Adjusts under priors and estimates their size from the outcome, again while it changes, at most max_num_estimates times.
+double AdjustWithPriors(double noise_px, int max_num_estimates, QueryState* state) {
+  const LocalizerOptions& options = state->options;
+  const bool is_stated = options.database_pose_stddev_deg >= 0 && options.database_pose_stddev_length >= 0;
+  const bool is_loud = !is_stated && noise_px > options.database_pose_noise_px;
+  for (int i = 0;; ++i) {
+    const std::vector<ViewScale> scales = MeasureViewScales(state->views, state->tracks);
+    SetPriors(noise_px, scales, state);
+    Adjust(state);
+    const double variance_factor =
+        VarianceFactor(state->views, state->tracks, options.bundle_adjustment.loss_scale_sigma);
+    const double estimate_px = EstimateDatabasePoseNoise(state->views, scales, state->adjustment.pose_covariances,
+                                                         variance_factor, options.database_pose_noise_px);
+    const bool is_settled = !is_loud || std::abs(std::log(estimate_px / noise_px)) < 0.1;
+    noise_px = estimate_px;
+    if (is_settled || i + 1 >= max_num_estimates) return noise_px;
+    EstimateViewNoise(state->tracks, options.min_noise_px, &state->views);
+  }
 }
 
 }  // namespace
@@ -70,22 +108,19 @@ void OptimizeOverTracks(QueryState* state) {
       AddQuery(max_query_error_sigma, state);
     }
     const StageTimer timer("adjustment", &state->result.seconds);
-    const std::vector<ViewScale> scales = MeasureViewScales(state->views, state->tracks);
-    // The first round's start is rough: its errors would be taken for errors of the database.
-    if (round > 0) SetPriors(database_noise_px, scales, state);
-    Adjust(state);
-    if (is_last) break;
-    if (round > 0) {
-      const double variance_factor =
-          VarianceFactor(state->views, state->tracks, options.bundle_adjustment.loss_scale_sigma);
-      database_noise_px = EstimateDatabasePoseNoise(state->views, scales, state->adjustment.pose_covariances,
-                                                    variance_factor, options.database_pose_noise_px);
+    if (round == 0) {
+      // The start is rough: its errors would be taken for errors of the database.
+      Adjust(state);
+    } else {
+      database_noise_px = AdjustWithPriors(database_noise_px, is_last ? 1 : kMaxNumEstimates, state);
     }
+    if (is_last) break;
     EstimateViewNoise(state->tracks, options.min_noise_px, &state->views);
+    if (round == 0) database_noise_px = ExpectedDatabaseNoisePx(*state);
     max_query_error_sigma = options.triangulation.max_query_error_sigma;
     if (options.use_raw_matches) CollectTracksAgain(state);
   }
-  state->tracks = FittingTracks(state->views, state->tracks, options.triangulation.max_query_error_sigma);
+  state->tracks = FittingTracks(state->views, std::move(state->tracks), options.triangulation.max_query_error_sigma);
 }
 
 }  // namespace lazyloc

@@ -33,6 +33,13 @@ struct QueryState {
   QueryState(const LocalizationProblem& query_problem, const LocalizerOptions& query_options);
 
   const View& DatabaseView(const PairState& pair) const { return views[pair.index + 1]; }
+  bool SeeksFocalLength() const { return views[0].log_focal_factor.has_value(); }
+  // The matches of a pair whose image points have rays.
+  ViewMatches Observe(int pair_index, const Matches& matches);
+  // The tracks with their image points in the query (the first ones) seen by another camera, as far as it has rays there.
+  std::vector<Track> ObservedBy(const Camera& camera, const std::vector<Track>& given_tracks) const;
+  // Changes the query's camera, and all of its observations with it.
+  void ScaleFocalLength(double factor);
   // The database's own pose of a view, whatever adjustment has made of it.
   Rigid3d GivenPose(size_t view) const;
 

@@ -8,6 +8,7 @@ namespace lazyloc {
 namespace {
 
 void ReportPairs(QueryState* state) {
+  if (state->SeeksFocalLength()) return;  // relative poses had no part in it
   const Rigid3d& query = state->views[0].cam_from_world;
   for (const PairState& pair : state->pairs) {
     const Rigid3d& database = state->DatabaseView(pair).cam_from_world;
@@ -53,6 +54,8 @@ void ReportTracks(QueryState* state) {
 void Report(QueryState* state) {
   const Rigid3d& pose = state->views[0].cam_from_world;
   state->result.cam_from_world = {pose.rotation, pose.translation - pose.rotation * state->origin};
+  state->result.query_camera = state->query_camera;
+  state->result.is_camera_refined = state->SeeksFocalLength();
   ReportPairs(state);
   ReportTracks(state);
 }

@@ -61,7 +61,8 @@ std::optional<Rigid3d> AbsolutePoseStart(const StartEvidence& evidence, uint32_t
     rays.push_back(track.observations.front().observation.ray_in_cam);
     points.push_back(track.point_in_world);
   }
-  return EstimateAbsolutePose(rays, points, MaxErrorRad(evidence, evidence.tracks_from_database.front()), seed);
+  return EstimateAbsolutePose(rays, points, MaxErrorRad(evidence, evidence.tracks_from_database.front()), seed,
+                              evidence.min_inlier_ratio);
 }
 
 std::optional<Rigid3d> GeneralizedRelativePoseStart(const StartEvidence& evidence, uint32_t seed) {

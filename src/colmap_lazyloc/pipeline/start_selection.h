@@ -14,6 +14,7 @@ struct StartEvidence {
   const std::vector<Track>& tracks_from_database;  // with points; each track's first observation is the query's
   const std::vector<Track>& tracks_with_query;     // the others, without points
   double max_error_px = 0;
+  double min_inlier_ratio = 0.1;  // an absolute pose with fewer may be missed, which saves trials
 };
 
 // One truncated score for every hypothesis: a sum of max(0, 1 - (error / max_error_px)^2), the error being

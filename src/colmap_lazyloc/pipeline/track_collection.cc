@@ -11,22 +11,6 @@
 namespace lazyloc {
 namespace {
 
-// The matches of a pair whose image points have rays.
-ViewMatches Observe(int pair_index, const Matches& matches, QueryState* state) {
-  const ImagePair& images = state->problem.pairs[pair_index];
-  const Observer observe_query(state->query_camera), observe_database(images.database_camera);
-  state->query_observations.resize(state->problem.query_keypoints.size());
-  ViewMatches observed;
-  observed.view = pair_index + 1;
-  for (const Match& match : matches) {
-    std::optional<std::optional<Observation>>& query = state->query_observations[match.query_point];
-    if (!query) query = observe_query(state->problem.query_keypoints[match.query_point]);
-    const auto database = observe_database(images.database_keypoints[match.database_point]);
-    if (*query && database) observed.Add(match, **query, *database);
-  }
-  return observed;
-}
-
 // By matches among the database images of the pairs in use.
 void ExtendByDatabaseMatches(const QueryState& state, std::vector<Track>* tracks) {
   const std::vector<ImagePair>& images = state.problem.pairs;
@@ -65,16 +49,16 @@ ViewMatches Inliers(const ViewMatches& matches, double max_error_sigma, const st
 void ObserveMatches(QueryState* state) {
   for (View& view : state->views) view.noise_px = state->options.start_noise_px;
   for (PairState& pair : state->pairs) {
-    pair.view_matches = Observe(pair.index, pair.relative_pose.inlier_matches, state);
+    pair.view_matches = state->Observe(pair.index, pair.relative_pose.inlier_matches);
   }
 }
 
 void CollectTracks(QueryState* state) {
   std::vector<ViewMatches> view_matches;
-  for (const PairState& pair : state->pairs) view_matches.push_back(pair.view_matches);
+  for (PairState& pair : state->pairs) view_matches.push_back(std::move(pair.view_matches));
   std::vector<Track> tracks = BuildTracks(view_matches);
   ExtendByDatabaseMatches(*state, &tracks);
-  state->candidates = SelectTracks(tracks, state->problem.query_keypoints, state->options.max_num_tracks);
+  state->candidates = SelectTracks(std::move(tracks), state->problem.query_keypoints, state->options.max_num_tracks);
   state->start_candidates =
       SelectTracks(state->candidates, state->problem.query_keypoints, state->options.max_num_start_tracks);
 }
@@ -82,9 +66,9 @@ void CollectTracks(QueryState* state) {
 void CollectTracksAgain(QueryState* state) {
   for (PairState& pair : state->pairs) {
     const Matches& raw = state->problem.pairs[pair.index].matches;
-    if (raw.empty()) continue;
+    const Matches& matches = raw.empty() ? pair.relative_pose.inlier_matches : raw;
     pair.view_matches =
-        Inliers(Observe(pair.index, raw, state), state->options.triangulation.max_query_error_sigma, state->views);
+        Inliers(state->Observe(pair.index, matches), state->options.triangulation.max_query_error_sigma, state->views);
   }
   CollectTracks(state);
 }

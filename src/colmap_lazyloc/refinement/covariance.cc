@@ -6,6 +6,7 @@
 #include <Eigen/Eigenvalues>
 
 #include "colmap_lazyloc/math/robust_weights.h"
+#include "colmap_lazyloc/math/so3.h"
 
 namespace lazyloc {
 namespace {
@@ -32,13 +33,27 @@ double VarianceFactor(const std::vector<View>& views, const std::vector<Track>& 
   return squared_sum / std::max(freedom, 1.0);
 }
 
-double RelativePoseStddev(const Eigen::Matrix<double, 6, 6>& covariance, double distance) {
-  Eigen::Matrix<double, 6, 1> scale;
-  scale << Eigen::Vector3d::Ones(), Eigen::Vector3d::Constant(1 / distance);
-  const Eigen::Matrix<double, 6, 6> relative = scale.asDiagonal() * covariance * scale.asDiagonal();
-  return std::sqrt(Eigen::SelfAdjointEigenSolver<Eigen::Matrix<double, 6, 6>>(relative, Eigen::EigenvaluesOnly)
-                       .eigenvalues()
-                       .maxCoeff());
+Eigen::Matrix3d PositionCovariance(const Rigid3d& cam_from_world, const Eigen::Matrix<double, 6, 6>& covariance) {
+  // C = -R^T t, R <- exp(w) R: dC = -R^T (Hat(t) w + dt).
+  Eigen::Matrix<double, 3, 6> jacobian;
+  jacobian << Hat(cam_from_world.translation), Eigen::Matrix3d::Identity();
+  jacobian = -cam_from_world.rotation.conjugate().toRotationMatrix() * jacobian.eval();
+  return jacobian * covariance * jacobian.transpose();
+}
+
+PoseSpread ComputePoseSpread(const Rigid3d& cam_from_world, const Eigen::Matrix<double, 6, 6>& covariance) {
+  using Solver = Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>;
+  const Solver rotation(covariance.topLeftCorner<3, 3>(), Eigen::EigenvaluesOnly);
+  const Solver position(PositionCovariance(cam_from_world, covariance));
+  PoseSpread spread;
+  spread.rotation_stddev_rad = std::sqrt(rotation.eigenvalues()[2]);
+  spread.position_stddevs = position.eigenvalues().reverse().cwiseMax(0).cwiseSqrt();
+  spread.weakest_direction_in_world = position.eigenvectors().col(2);
+  // Of the two that mean the same axis, the one whose largest coordinate is positive.
+  Eigen::Index largest;
+  spread.weakest_direction_in_world.cwiseAbs().maxCoeff(&largest);
+  if (spread.weakest_direction_in_world[largest] < 0) spread.weakest_direction_in_world *= -1;
+  return spread;
 }
 
 double MedianDistance(const View& view, const std::vector<Track>& tracks) {

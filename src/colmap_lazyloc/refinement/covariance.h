@@ -4,6 +4,7 @@
 
 #include <Eigen/Core>
 
+#include "colmap_lazyloc/scene/localization_result.h"
 #include "colmap_lazyloc/scene/track.h"
 
 namespace lazyloc {
@@ -12,9 +13,10 @@ namespace lazyloc {
 // sum, in standard deviations, over the freedom that the points and the pose leave.
 double VarianceFactor(const std::vector<View>& views, const std::vector<Track>& tracks, double weight_scale);
 
-// The largest standard deviation of a pose of given covariance, translation counted in units of a distance: above about
-// 0.1, some motion of the camera hardly shows in the image.
-double RelativePoseStddev(const Eigen::Matrix<double, 6, 6>& covariance, double distance);
+// Covariance of the projection centre, in the world. cam_from_world, covariance: in a frame whose origin is not far away.
+Eigen::Matrix3d PositionCovariance(const Rigid3d& cam_from_world, const Eigen::Matrix<double, 6, 6>& covariance);
+
+PoseSpread ComputePoseSpread(const Rigid3d& cam_from_world, const Eigen::Matrix<double, 6, 6>& covariance);
 
 // Median distance of the tracks' points from a view.
 double MedianDistance(const View& view, const std::vector<Track>& tracks);

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
@@ -42,17 +43,43 @@ struct PointResult {
   double mean_reprojection_error_px = 0;  // over the query and the database images
 };
 
+// Standard deviations of a pose in all directions.
+struct PoseSpread {
+  double rotation_stddev_rad = 0;                                        // about the axis that is known least
+  Eigen::Vector3d position_stddevs = Eigen::Vector3d::Zero();            // along three principal axes, largest first
+  Eigen::Vector3d weakest_direction_in_world = Eigen::Vector3d::Zero();  // the first of these axes, unit length
+};
+
+// The line on which a query stands.
+struct Bearing {
+  std::string database_name;
+  Eigen::Vector3d dir_database_to_query_in_world = Eigen::Vector3d::Zero();  // unit length
+  double stddev_rad = 0;                                                     // in the less certain of its two angles
+};
+
+// What is known of a query whose position is open.
+struct PartialPose {
+  Eigen::Quaterniond cam_from_world_rotation = Eigen::Quaterniond::Identity();
+  std::optional<double> rotation_stddev_rad;  // about the axis that is known least
+  std::optional<Bearing> bearing;
+};
+
 struct LocalizationResult {
   std::string query_name;
   QueryStatus status = QueryStatus::NO_PAIRS;
-  std::string reason;  // one sentence; empty when LOCALIZED
-  Camera query_camera;
+  std::string reason;              // one sentence; empty when LOCALIZED
+  Camera query_camera;             // with the focal length that was found, where it was sought and the query LOCALIZED
+  bool is_camera_refined = false;  // whether that is so
   std::vector<Eigen::Vector2d> photo_keypoints;  // xy in pixels, where they are not in the database
 
   // Valid when LOCALIZED.
   Rigid3d cam_from_world;
   // Of cam_from_world in its tangent: rotation w (rad, R <- exp(w) R), then translation (database units).
   Eigen::Matrix<double, 6, 6> covariance = Eigen::Matrix<double, 6, 6>::Zero();
+  PoseSpread spread;  // by the covariance
+
+  // Set where SCALE_UNOBSERVABLE or DEGENERATE_BASELINE leaves one orientation.
+  std::optional<PartialPose> partial_pose;
 
   std::string start;              // the hypothesis that refinement started from
   std::vector<PairResult> pairs;  // every pair that was looked at, sorted by database_name

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstddef>
 #include <vector>
 
 #include "colmap_lazyloc/scene/match.h"
@@ -14,6 +15,11 @@ struct ViewMatches {
   std::vector<Observation> query_observations;     // parallel to matches
   std::vector<Observation> database_observations;  // parallel to matches
 
+  void Reserve(size_t size) {
+    matches.reserve(size);
+    query_observations.reserve(size);
+    database_observations.reserve(size);
+  }
   void Add(const Match& match, const Observation& query, const Observation& database) {
     matches.push_back(match);
     query_observations.push_back(query);

@@ -13,5 +13,8 @@ namespace lazyloc {
 // first observation is the query's.
 std::vector<Track> SelectTracks(const std::vector<Track>& tracks, const std::vector<Eigen::Vector2d>& keypoints,
                                 int max_num_tracks);
+// The same without a copy where none is left out.
+std::vector<Track> SelectTracks(std::vector<Track>&& tracks, const std::vector<Eigen::Vector2d>& keypoints,
+                                int max_num_tracks);
 
 }  // namespace lazyloc

@@ -2,8 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
+#include <numeric>
 #include <optional>
+#include <utility>
 
 #include "colmap_lazyloc/bridge/triangulation.h"
 #include "colmap_lazyloc/math/so3.h"
@@ -12,129 +13,162 @@
 namespace lazyloc {
 namespace {
 
-// Error of a point in one view, in its standard deviations; infinite behind it.
-double NormalizedError(const View& view, const Observation& observation, const Eigen::Vector3d& point_in_world) {
-  const Eigen::Vector3d point_in_cam = view.cam_from_world * point_in_world;
-  if (!IsInFront(observation, point_in_cam)) return std::numeric_limits<double>::infinity();
-  return ReprojectionError(observation, point_in_cam).norm() / view.noise_px;
+using Matrix3x4d = Eigen::Matrix<double, 3, 4>;
+
+Matrix3x4d MatrixOf(const Rigid3d& cam_from_world) {
+  Matrix3x4d matrix;
+  matrix << cam_from_world.rotation.toRotationMatrix(), cam_from_world.translation;
+  return matrix;
 }
 
-class TrackTriangulator {
+// Views as the inner loops need them.
+class TrackEvaluator {
  public:
-  TrackTriangulator(const std::vector<View>& views, const TrackTriangulationOptions& options)
-      : views_(views), options_(options), max_cos_angle_(std::cos(DegToRad(options.min_triangulation_angle_deg))) {
-    for (const View& view : views) {
-      Eigen::Matrix<double, 3, 4> matrix;
-      matrix << view.cam_from_world.rotation.toRotationMatrix(), view.cam_from_world.translation;
-      cams_from_world_.push_back(matrix);
-      cams_in_world_.push_back(CamInWorld(view.cam_from_world));
-    }
+  explicit TrackEvaluator(const std::vector<View>& views) : views_(views) {
+    for (const View& view : views) cams_from_world_.push_back(MatrixOf(view.cam_from_world));
   }
 
-  std::optional<Track> FromDatabase(const Track& track) const {
-    std::vector<TrackObservation> query, database;
-    for (const TrackObservation& observation : track.observations) {
-      (views_[observation.view].is_database ? database : query).push_back(observation);
+  // Whether a point lies in front of a view and within max_error_sigma of its image point, in the view's deviations.
+  bool Fits(const TrackObservation& element, const Eigen::Vector3d& point_in_world, double max_error_sigma) const {
+    const Matrix3x4d& cam_from_world = cams_from_world_[element.view];
+    const Eigen::Vector3d point_in_cam = cam_from_world.leftCols<3>() * point_in_world + cam_from_world.col(3);
+    const double max_error_px = max_error_sigma * views_[element.view].noise_px;
+    return IsInFront(element.observation, point_in_cam) &&
+           ReprojectionError(element.observation, point_in_cam).squaredNorm() <= max_error_px * max_error_px;
+  }
+
+  bool IsDatabase(const TrackObservation& element) const { return views_[element.view].is_database; }
+
+ protected:
+  const std::vector<View>& views_;
+  std::vector<Matrix3x4d> cams_from_world_;
+};
+
+// Works on indices of a track's observations, in buffers that it keeps.
+class TrackTriangulator : public TrackEvaluator {
+ public:
+  TrackTriangulator(const std::vector<View>& views, const TrackTriangulationOptions& options)
+      : TrackEvaluator(views),
+        options_(options),
+        max_cos_angle_(std::cos(DegToRad(options.min_triangulation_angle_deg))) {
+    for (const View& view : views) cams_in_world_.push_back(CamInWorld(view.cam_from_world));
+  }
+
+  // The track with those of its database views that agree on a point: all where they do, else those that agree with the
+  // best of their pairs.
+  std::optional<Track> FromDatabase(const Track& track) {
+    const std::vector<TrackObservation>& observations = track.observations;
+    used_.clear();
+    for (size_t i = 0; i < observations.size(); ++i) {
+      if (IsDatabase(observations[i])) used_.push_back(i);
     }
+    Eigen::Vector3d point;
+    if (used_.size() < 2 || !Linear(observations, used_, &point)) return std::nullopt;
+    if (!AllAgree(observations, point)) {
+      if (used_.size() == 2) return std::nullopt;  // their only pair is what has just failed
+      used_.swap(candidates_);
+      FindBestAgreeing(observations);
+      if (used_.size() < 2 || !Linear(observations, used_, &point) || !AllAgree(observations, point))
+        return std::nullopt;
+    }
+    if (!SeenUnderAngle(observations, used_, point)) return std::nullopt;
     Track result;
-    if (!TriangulateRobustly(&database, &result.point_in_world)) return std::nullopt;
-    result.observations = std::move(query);
-    result.observations.insert(result.observations.end(), database.begin(), database.end());
+    result.point_in_world = point;
+    result.observations.reserve(observations.size());
+    for (const TrackObservation& element : observations) {
+      if (!IsDatabase(element)) result.observations.push_back(element);
+    }
+    for (const size_t i : used_) result.observations.push_back(observations[i]);
     return result;
   }
 
-  std::optional<Track> WithQuery(const Track& track) const {
-    const auto is_database = [&](const TrackObservation& element) { return views_[element.view].is_database; };
-    if (std::count_if(track.observations.begin(), track.observations.end(), is_database) != 1) return std::nullopt;
-    Track result = track;
-    result.noise_ratio = options_.single_view_noise_ratio;
-    if (!Linear(track.observations, &result.point_in_world)) return std::nullopt;
-    if (!SeenUnderAngle(track.observations, result.point_in_world)) return std::nullopt;
-    const bool fits = std::all_of(track.observations.begin(), track.observations.end(), [&](const auto& element) {
-      return NormalizedError(views_[element.view], element.observation, result.point_in_world) <=
-             options_.max_query_error_sigma;
+  // Sets the track's point and noise; false where it is not to be used.
+  bool WithQuery(Track* track) {
+    const std::vector<TrackObservation>& observations = track->observations;
+    const auto is_database = [&](const TrackObservation& element) { return IsDatabase(element); };
+    if (std::count_if(observations.begin(), observations.end(), is_database) != 1) return false;
+    used_.resize(observations.size());
+    std::iota(used_.begin(), used_.end(), 0);
+    track->noise_ratio = options_.single_view_noise_ratio;
+    if (!Linear(observations, used_, &track->point_in_world)) return false;
+    if (!SeenUnderAngle(observations, used_, track->point_in_world)) return false;
+    return std::all_of(observations.begin(), observations.end(), [&](const TrackObservation& element) {
+      return Fits(element, track->point_in_world, options_.max_query_error_sigma);
     });
-    return fits ? std::optional<Track>(result) : std::nullopt;
   }
 
  private:
-  bool Linear(const std::vector<TrackObservation>& observations, Eigen::Vector3d* point) const {
-    std::vector<Eigen::Matrix<double, 3, 4>> cams_from_world;
-    std::vector<Eigen::Vector3d> rays_in_cam;
-    for (const TrackObservation& observation : observations) {
-      cams_from_world.push_back(cams_from_world_[observation.view]);
-      rays_in_cam.push_back(observation.observation.ray_in_cam);
+  using Indices = std::vector<size_t>;
+
+  bool Linear(const std::vector<TrackObservation>& observations, const Indices& indices, Eigen::Vector3d* point) {
+    linear_cams_from_world_.clear();
+    linear_rays_in_cam_.clear();
+    for (const size_t i : indices) {
+      linear_cams_from_world_.push_back(cams_from_world_[observations[i].view]);
+      linear_rays_in_cam_.push_back(observations[i].observation.ray_in_cam);
     }
-    const std::optional<Eigen::Vector3d> triangulated = TriangulatePoint(cams_from_world, rays_in_cam);
+    const std::optional<Eigen::Vector3d> triangulated = TriangulatePoint(linear_cams_from_world_, linear_rays_in_cam_);
     if (triangulated) *point = *triangulated;
     return triangulated.has_value();
   }
 
-  bool SeenUnderAngle(const std::vector<TrackObservation>& observations, const Eigen::Vector3d& point) const {
-    for (size_t a = 0; a < observations.size(); ++a) {
-      const Eigen::Vector3d ray_a = (point - cams_in_world_[observations[a].view]).normalized();
+  bool SeenUnderAngle(const std::vector<TrackObservation>& observations, const Indices& indices,
+                      const Eigen::Vector3d& point) const {
+    for (size_t a = 0; a < indices.size(); ++a) {
+      const Eigen::Vector3d ray_a = (point - cams_in_world_[observations[indices[a]].view]).normalized();
       for (size_t b = 0; b < a; ++b) {
-        if (ray_a.dot((point - cams_in_world_[observations[b].view]).normalized()) < max_cos_angle_) return true;
+        const Eigen::Vector3d ray_b = (point - cams_in_world_[observations[indices[b]].view]).normalized();
+        if (ray_a.dot(ray_b) < max_cos_angle_) return true;
       }
     }
     return false;
   }
 
-  // All views where they agree, else those that agree with the best of the views' pairs.
-  bool TriangulateRobustly(std::vector<TrackObservation>* observations, Eigen::Vector3d* point) const {
-    if (observations->size() < 2 || !Linear(*observations, point)) return false;
-    if (!AllAgree(*observations, *point)) {
-      *observations = BestAgreeingViews(*observations);
-      if (observations->size() < 2 || !Linear(*observations, point) || !AllAgree(*observations, *point)) return false;
-    }
-    return SeenUnderAngle(*observations, *point);
+  bool Agrees(const TrackObservation& element, const Eigen::Vector3d& point) const {
+    return Fits(element, point, options_.max_database_error_sigma);
   }
 
   bool AllAgree(const std::vector<TrackObservation>& observations, const Eigen::Vector3d& point) const {
-    return std::all_of(observations.begin(), observations.end(),
-                       [&](const TrackObservation& element) { return Agrees(element, point); });
+    return std::all_of(used_.begin(), used_.end(), [&](size_t i) { return Agrees(observations[i], point); });
   }
 
-  bool Agrees(const TrackObservation& element, const Eigen::Vector3d& point) const {
-    return NormalizedError(views_[element.view], element.observation, point) <= options_.max_database_error_sigma;
-  }
-
-  std::vector<TrackObservation> BestAgreeingViews(const std::vector<TrackObservation>& observations) const {
-    std::vector<TrackObservation> best;
-    for (size_t a = 0; a < observations.size(); ++a) {
-      for (size_t b = 0; b < a; ++b) {
+  // Into used_: of the candidates, those that agree with the best of their pairs.
+  void FindBestAgreeing(const std::vector<TrackObservation>& observations) {
+    used_.clear();
+    pair_.resize(2);
+    for (size_t a = 0; a < candidates_.size(); ++a) {
+      for (size_t b = 0; b < a && used_.size() < candidates_.size(); ++b) {
         Eigen::Vector3d point;
-        const std::vector<TrackObservation> pair = {observations[a], observations[b]};
-        if (!Linear(pair, &point) || !SeenUnderAngle(pair, point)) continue;
-        std::vector<TrackObservation> agreeing;
-        for (const TrackObservation& element : observations) {
-          if (Agrees(element, point)) agreeing.push_back(element);
+        pair_ = {candidates_[a], candidates_[b]};
+        if (!Linear(observations, pair_, &point) || !SeenUnderAngle(observations, pair_, point)) continue;
+        agreeing_.clear();
+        for (const size_t i : candidates_) {
+          if (Agrees(observations[i], point)) agreeing_.push_back(i);
         }
-        if (agreeing.size() > best.size()) best = std::move(agreeing);
+        if (agreeing_.size() > used_.size()) used_.swap(agreeing_);
       }
     }
-    return best;
   }
 
-  const std::vector<View>& views_;
   const TrackTriangulationOptions& options_;
   const double max_cos_angle_;
-  std::vector<Eigen::Matrix<double, 3, 4>> cams_from_world_;
   std::vector<Eigen::Vector3d> cams_in_world_;
+  Indices used_, candidates_, agreeing_, pair_;
+  std::vector<Matrix3x4d> linear_cams_from_world_;
+  std::vector<Eigen::Vector3d> linear_rays_in_cam_;
 };
 
-std::vector<Track> TracksThatFit(const std::vector<View>& views, const std::vector<Track>& tracks,
-                                 double max_error_sigma, bool also_in_database) {
-  std::vector<Track> fitting;
-  for (const Track& track : tracks) {
-    const bool fits = std::all_of(track.observations.begin(), track.observations.end(), [&](const auto& element) {
-      const View& view = views[element.view];
-      if (view.is_database && !also_in_database) return true;
-      return NormalizedError(view, element.observation, track.point_in_world) <= max_error_sigma;
+std::vector<Track> TracksThatFit(const std::vector<View>& views, std::vector<Track> tracks, double max_error_sigma,
+                                 bool also_in_database) {
+  const TrackEvaluator evaluator(views);
+  const auto does_not_fit = [&](const Track& track) {
+    return std::any_of(track.observations.begin(), track.observations.end(), [&](const TrackObservation& element) {
+      if (evaluator.IsDatabase(element) && !also_in_database) return false;
+      return !evaluator.Fits(element, track.point_in_world, max_error_sigma);
     });
-    if (fits) fitting.push_back(track);
-  }
-  return fitting;
+  };
+  tracks.erase(std::remove_if(tracks.begin(), tracks.end(), does_not_fit), tracks.end());
+  return tracks;
 }
 
 }  // namespace
@@ -149,8 +183,9 @@ bool TrackTriangulationOptions::Check(std::string* error) const {
 
 std::vector<Track> TriangulateFromDatabase(const std::vector<View>& views, const std::vector<Track>& tracks,
                                            const TrackTriangulationOptions& options, std::vector<Track>* rest) {
-  const TrackTriangulator triangulator(views, options);
+  TrackTriangulator triangulator(views, options);
   std::vector<Track> triangulated;
+  triangulated.reserve(tracks.size());
   rest->clear();
   for (const Track& track : tracks) {
     std::optional<Track> result = triangulator.FromDatabase(track);
@@ -163,25 +198,24 @@ std::vector<Track> TriangulateFromDatabase(const std::vector<View>& views, const
   return triangulated;
 }
 
-std::vector<Track> TriangulateWithQuery(const std::vector<View>& views, const std::vector<Track>& tracks,
+std::vector<Track> TriangulateWithQuery(const std::vector<View>& views, std::vector<Track> tracks,
                                         const TrackTriangulationOptions& options) {
-  const TrackTriangulator triangulator(views, options);
-  std::vector<Track> triangulated;
-  for (const Track& track : tracks) {
-    std::optional<Track> result = triangulator.WithQuery(track);
-    if (result) triangulated.push_back(std::move(*result));
+  TrackTriangulator triangulator(views, options);
+  size_t num_kept = 0;
+  for (Track& track : tracks) {
+    if (triangulator.WithQuery(&track)) std::swap(tracks[num_kept++], track);
   }
-  return triangulated;
+  tracks.resize(num_kept);
+  return tracks;
 }
 
-std::vector<Track> TracksFittingQuery(const std::vector<View>& views, const std::vector<Track>& tracks,
+std::vector<Track> TracksFittingQuery(const std::vector<View>& views, std::vector<Track> tracks,
                                       double max_error_sigma) {
-  return TracksThatFit(views, tracks, max_error_sigma, /*also_in_database=*/false);
+  return TracksThatFit(views, std::move(tracks), max_error_sigma, /*also_in_database=*/false);
 }
 
-std::vector<Track> FittingTracks(const std::vector<View>& views, const std::vector<Track>& tracks,
-                                 double max_error_sigma) {
-  return TracksThatFit(views, tracks, max_error_sigma, /*also_in_database=*/true);
+std::vector<Track> FittingTracks(const std::vector<View>& views, std::vector<Track> tracks, double max_error_sigma) {
+  return TracksThatFit(views, std::move(tracks), max_error_sigma, /*also_in_database=*/true);
 }
 
 }  // namespace lazyloc

@@ -29,16 +29,15 @@ std::vector<Track> TriangulateFromDatabase(const std::vector<View>& views, const
 
 // Tracks that one database view sees, triangulated with the query's rays. Tracks whose several database views do not agree
 // are left out, as nothing tells which of them to believe.
-std::vector<Track> TriangulateWithQuery(const std::vector<View>& views, const std::vector<Track>& tracks,
+std::vector<Track> TriangulateWithQuery(const std::vector<View>& views, std::vector<Track> tracks,
                                         const TrackTriangulationOptions& options);
 
 // The tracks whose points lie in front of the query views and within max_error_sigma of all their image points there, in
 // the views' standard deviations.
-std::vector<Track> TracksFittingQuery(const std::vector<View>& views, const std::vector<Track>& tracks,
+std::vector<Track> TracksFittingQuery(const std::vector<View>& views, std::vector<Track> tracks,
                                       double max_error_sigma);
 
 // The same in all views.
-std::vector<Track> FittingTracks(const std::vector<View>& views, const std::vector<Track>& tracks,
-                                 double max_error_sigma);
+std::vector<Track> FittingTracks(const std::vector<View>& views, std::vector<Track> tracks, double max_error_sigma);
 
 }  // namespace lazyloc

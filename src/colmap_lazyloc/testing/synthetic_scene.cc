@@ -47,10 +47,13 @@ Rigid3d MakePose(SceneLayout layout, int index, int num_database_images, Random*
   return {};
 }
 
-std::vector<Eigen::Vector3d> MakePoints(int num_points, Random* random) {
+std::vector<Eigen::Vector3d> MakePoints(int num_points, bool are_planar, Random* random) {
   std::uniform_real_distribution<double> uniform(-2.5, 2.5);
   std::vector<Eigen::Vector3d> points(num_points);
-  for (Eigen::Vector3d& point : points) point = {uniform(*random), uniform(*random), uniform(*random)};
+  for (Eigen::Vector3d& point : points) {
+    point = {uniform(*random), uniform(*random), uniform(*random)};
+    if (are_planar) point.z() = 0.4 * point.x() + 0.2 * point.y();
+  }
   return points;
 }
 
@@ -111,7 +114,7 @@ Rigid3d Placed(const Rigid3d& cam_from_scene, const SyntheticSceneOptions& optio
 
 SyntheticScene MakeSyntheticScene(const SyntheticSceneOptions& options) {
   Random random(options.seed);
-  const std::vector<Eigen::Vector3d> points = MakePoints(options.num_points, &random);
+  const std::vector<Eigen::Vector3d> points = MakePoints(options.num_points, options.has_planar_points, &random);
   const Rigid3d query = MakePose(options.layout, -1, options.num_database_images, &random);
   SyntheticScene scene;
   scene.query_cam_from_world = Placed(query, options);

@@ -23,6 +23,7 @@ struct SyntheticSceneOptions {
   SceneLayout layout = SceneLayout::RING;
   int num_database_images = 10;
   int num_points = 200;
+  bool has_planar_points = false;  // all in an inclined square
   double pixel_noise_px = 0;
   double rotation_noise_deg = 0;                     // of each pair's relative rotation
   double direction_noise_deg = 0;                    // of each pair's relative translation

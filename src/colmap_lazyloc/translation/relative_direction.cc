@@ -12,22 +12,24 @@ namespace lazyloc {
 namespace {
 
 constexpr int kNumIterations = 10;
+constexpr double kConvergenceSigma = 1e-3;  // end when the direction moves by less, in its standard deviations
 
-// Squared error of the epipolar constraint over its variance, to first order in the rays' noise (Sampson's distance).
-double SquaredError(const RayPair& pair, const Eigen::Vector3d& normal, const Eigen::Vector3d& dir, double* variance) {
-  const double slope = dir.cross(pair.ray1_in_world).squaredNorm() + dir.cross(pair.ray2_in_world).squaredNorm();
-  *variance = pair.stddev_rad * pair.stddev_rad * std::max(slope, 1e-12);
-  const double error = normal.dot(dir);
-  return error * error / *variance;
+// Geman-McClure weight of the epipolar constraint, whose squared error over its variance is to first order in the rays'
+// noise Sampson's distance; and the variance. The squared norm of dir x ray is 1 - (dir . ray)^2.
+double Weight(const RayPair& pair, const Eigen::Vector3d& normal, const Eigen::Vector3d& dir, double scale,
+              double* variance) {
+  const double cos1 = dir.dot(pair.ray1_in_world), cos2 = dir.dot(pair.ray2_in_world), error = normal.dot(dir);
+  *variance = pair.stddev_rad * pair.stddev_rad * std::max(2 - cos1 * cos1 - cos2 * cos2, 1e-12);
+  return GemanMcClureWeight(error * error / *variance, scale);
 }
 
 // Twice the number of ray pairs that meet in front of both cameras, less their number, for baseline `dir`.
-int CheiralityVote(const std::vector<RayPair>& rays, const Eigen::Vector3d& dir) {
+int CheiralityVote(const std::vector<RayPair>& rays, const std::vector<Eigen::Vector3d>& normals,
+                   const Eigen::Vector3d& dir) {
   int vote = 0;
-  for (const RayPair& pair : rays) {
-    const Eigen::Vector3d normal = pair.ray1_in_world.cross(pair.ray2_in_world);
-    const double depth1 = dir.cross(pair.ray2_in_world).dot(normal);
-    const double depth2 = dir.cross(pair.ray1_in_world).dot(normal);
+  for (size_t i = 0; i < rays.size(); ++i) {
+    const double depth1 = dir.cross(rays[i].ray2_in_world).dot(normals[i]);
+    const double depth2 = dir.cross(rays[i].ray1_in_world).dot(normals[i]);
     vote += (depth1 > 0 && depth2 > 0) - (depth1 < 0 && depth2 < 0);
   }
   return vote;
@@ -55,7 +57,7 @@ Eigen::Vector3d StartDirection(const std::vector<RayPair>& rays, const std::vect
     double score = 0;
     for (size_t i = 0; i < num_rays; i += stride) {
       double variance;
-      score += GemanMcClureWeight(SquaredError(rays[i], normals[i], dir, &variance), 4.0);
+      score += Weight(rays[i], normals[i], dir, 4.0, &variance);
     }
     if (score > best_score) {
       best_score = score;
@@ -71,6 +73,7 @@ RelativeDirection EstimateRelativeDirection(const std::vector<RayPair>& rays) {
   RelativeDirection result;
   if (rays.size() < 2) return result;
   std::vector<Eigen::Vector3d> normals;
+  normals.reserve(rays.size());
   for (const RayPair& pair : rays) normals.push_back(pair.ray1_in_world.cross(pair.ray2_in_world));
   if (!HasParallax(rays, normals)) return result;
   Eigen::Vector3d dir = StartDirection(rays, normals);
@@ -81,14 +84,15 @@ RelativeDirection EstimateRelativeDirection(const std::vector<RayPair>& rays) {
     system.setZero();
     for (size_t k = 0; k < rays.size(); ++k) {
       double variance;
-      const double squared_error = SquaredError(rays[k], normals[k], dir, &variance);
-      system += GemanMcClureWeight(squared_error, 2.0) / variance * normals[k] * normals[k].transpose();
+      const double weight = Weight(rays[k], normals[k], dir, 2.0, &variance);
+      system += (weight / variance * normals[k]).lazyProduct(normals[k].transpose());
     }
     const Eigen::Vector3d previous = dir;
     dir = eigen.compute(system).eigenvectors().col(0);
-    if (previous.cross(dir).norm() < 1e-12) break;
+    // Far below what the rays' noise leaves open: the squared angle times the tangent plane's information.
+    if (previous.cross(dir).squaredNorm() * eigen.eigenvalues()(1) < kConvergenceSigma * kConvergenceSigma) break;
   }
-  const int vote = CheiralityVote(rays, dir);
+  const int vote = CheiralityVote(rays, normals, dir);
   if (vote == 0) return result;
   result.dir_1to2_in_world = (vote > 0 ? 1.0 : -1.0) * dir.normalized();
   // The tangent plane's information is the system's second eigenvalue.

@@ -13,10 +13,10 @@ bool IsWorthEstimating(TwoViewConfig config) {
 }
 
 TwoViewGeometry Estimate(const LocalizationProblem& problem, const ImagePair& pair, const Matches& matches,
-                         const RelativePoseOptions& options, uint32_t seed) {
+                         const RelativePoseOptions& options, uint32_t seed, bool is_query_calibrated = true) {
   return EstimateTwoViewGeometry(pair.database_camera, pair.database_keypoints, problem.query_camera,
                                  problem.query_keypoints, matches,
-                                 {options.min_num_inliers, options.max_two_view_error_px}, seed);
+                                 {options.min_num_inliers, options.max_two_view_error_px, is_query_calibrated}, seed);
 }
 
 }  // namespace
@@ -48,6 +48,19 @@ std::optional<RelativePose> FindRelativePose(const LocalizationProblem& problem,
   }
   if (geometry.config == TwoViewConfig::PANORAMIC) geometry.query_from_database->translation.setZero();
   return RelativePose{*geometry.query_from_database, std::move(geometry.inlier_matches)};
+}
+
+Matches FindInlierMatches(const LocalizationProblem& problem, const ImagePair& pair, const RelativePoseOptions& options,
+                          uint32_t seed) {
+  TwoViewGeometry geometry;
+  if (pair.geometry) {
+    geometry = *pair.geometry;
+  } else {
+    geometry = Estimate(problem, pair, pair.matches, options, seed, /*is_query_calibrated=*/false);
+  }
+  const bool is_usable = geometry.config != TwoViewConfig::DEGENERATE && geometry.config != TwoViewConfig::WATERMARK &&
+                         static_cast<int>(geometry.inlier_matches.size()) >= options.min_num_inliers;
+  return is_usable ? std::move(geometry.inlier_matches) : Matches();
 }
 
 }  // namespace lazyloc

@@ -28,4 +28,9 @@ struct RelativePose {
 std::optional<RelativePose> FindRelativePose(const LocalizationProblem& problem, const ImagePair& pair,
                                              const RelativePoseOptions& options, uint32_t seed);
 
+// The pair's verified matches where the query's focal length is not known: the stored inliers, whatever geometry they
+// were verified by, or those that COLMAP finds by a fundamental matrix. Empty where they are too few or of a watermark.
+Matches FindInlierMatches(const LocalizationProblem& problem, const ImagePair& pair, const RelativePoseOptions& options,
+                          uint32_t seed);
+
 }  // namespace lazyloc

@@ -1,5 +1,7 @@
 #include "colmap_lazyloc/two_view/relative_pose.h"
 
+#include <algorithm>
+
 #include <gtest/gtest.h>
 
 #include "colmap_lazyloc/math/so3.h"
@@ -101,6 +103,29 @@ TEST_F(RelativePoses, DegenerateWatermarkAndSmallPairsAreNotUsed) {
   Pair().geometry->config = TwoViewConfig::CALIBRATED;
   Pair().geometry->inlier_matches.resize(14);
   EXPECT_FALSE(Find().has_value());
+}
+
+TEST_F(RelativePoses, InlierMatchesNeedNoCalibration) {
+  const auto find = [&] { return FindInlierMatches(scene_.problem, Pair(), {}, /*seed=*/1); };
+  Pair().geometry->config = TwoViewConfig::UNCALIBRATED;
+  EXPECT_EQ(find(), Pair().geometry->inlier_matches);
+  Pair().geometry->config = TwoViewConfig::WATERMARK;
+  EXPECT_TRUE(find().empty());
+  Pair().geometry->config = TwoViewConfig::UNCALIBRATED;
+  Pair().geometry->inlier_matches.resize(14);
+  EXPECT_TRUE(find().empty());
+}
+
+TEST_F(RelativePoses, RawMatchesAreVerifiedWithoutTheFocalLength) {
+  options_.has_geometry = false;
+  Make();
+  scene_.problem.query_camera.params[0] *= 2.5;
+  scene_.problem.query_camera.params[1] *= 2.5;
+  const Matches inliers = FindInlierMatches(scene_.problem, Pair(), {}, /*seed=*/1);
+  const auto is_right = [](const Match& match) { return match.query_point == match.database_point; };
+  const auto num_right = std::count_if(inliers.begin(), inliers.end(), is_right);
+  EXPECT_GE(num_right, 155) << "of 160 right ones";
+  EXPECT_LE(inliers.size() - num_right, 4) << "of 40 wrong ones, by chance on their epipolar line";
 }
 
 }  // namespace

@@ -9,12 +9,12 @@ namespace lazyloc {
 
 std::optional<Rigid3d> EstimateAbsolutePose(const std::vector<Eigen::Vector3d>& rays_in_cam,
                                             const std::vector<Eigen::Vector3d>& points_in_world, double max_error_rad,
-                                            uint32_t seed) {
+                                            uint32_t seed, double min_inlier_ratio) {
   std::vector<Eigen::Vector2d> normalized(rays_in_cam.size());
   for (size_t i = 0; i < normalized.size(); ++i) normalized[i] = rays_in_cam[i].hnormalized();
   colmap::RANSACOptions options;
   options.max_error = max_error_rad;
-  options.min_inlier_ratio = 0.1;
+  options.min_inlier_ratio = min_inlier_ratio;
   options.confidence = 0.9999;
   options.min_num_trials = 50;
   options.max_num_trials = 5000;

@@ -29,12 +29,12 @@ class OnRays : public Estimator {
 
 std::optional<Rigid3d> EstimateAbsolutePose(const std::vector<Eigen::Vector3d>& rays_in_cam,
                                             const std::vector<Eigen::Vector3d>& points_in_world, double max_error_rad,
-                                            uint32_t seed) {
+                                            uint32_t seed, double min_inlier_ratio) {
   std::vector<colmap::Point2DWithRay> rays(rays_in_cam.size());
   for (size_t i = 0; i < rays.size(); ++i) rays[i] = {rays_in_cam[i].hnormalized(), rays_in_cam[i]};
   colmap::RANSACOptions options;
   options.max_error = max_error_rad;
-  options.min_inlier_ratio = 0.1;
+  options.min_inlier_ratio = min_inlier_ratio;
   options.confidence = 0.9999;
   options.min_num_trials = 50;
   options.max_num_trials = 5000;

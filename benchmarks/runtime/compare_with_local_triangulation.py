@@ -1,0 +1,92 @@
+#!/usr/bin/env python3
+"""Seconds per query of the pose stage, ours and pycolmap's, on the same verified matches, in one run on one core.
+
+Ours is `colmap lazy_localizer` with one thread: its pose stage (total less reading the database) is compared with local
+triangulation (pycolmap's robust triangulation of each query keypoint's track, then its absolute pose; reading not
+counted either), and its total with COLMAP 4's structure-less registration, whose call reads the database too, and all
+pairs. The process keeps to one core, and the methods run one after the other, so that none disturbs another.
+
+Prints a table: median over the queries in milliseconds, ratio of the medians, median of each query's own ratio.
+"""
+
+import argparse
+import json
+import os
+import pathlib
+import statistics
+import sys
+import tempfile
+
+LOCALIZATION_PATH = pathlib.Path(__file__).resolve().parents[1] / "localization"
+sys.path.insert(0, str(LOCALIZATION_PATH))
+
+from environment import describe_environment  # noqa: E402
+from methods import MethodOptions, load_method  # noqa: E402
+from scenes import Scene, load_scene  # noqa: E402
+
+# Method -> what of ours it is compared with.
+COUNTERPARTS = {"local_triangulation": "pose stage", "colmap_structureless": "total"}
+
+
+def main(argv: list[str]) -> int:
+    arguments = _parse(argv)
+    os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})  # of the programs that it starts, too
+    scene = load_scene(arguments.scene_path)
+    query_names = scene.query_names[: arguments.num_queries]
+    load_before = os.getloadavg()[0]
+    with tempfile.TemporaryDirectory() as folder:
+        options = MethodOptions(pathlib.Path(folder), arguments.colmap, arguments.num_retrieved)
+        ours = measure_ours(scene, query_names, options)
+        others = {name: measure(name, scene, query_names, options) for name in arguments.methods}
+    for line in describe_environment():
+        print(line)
+    print(f"{scene.name}, {len(query_names)} queries, K = {arguments.num_retrieved}, one core; load average "
+          f"{load_before:.1f} before, {os.getloadavg()[0]:.1f} after\n")
+    print(table(ours, others))
+    return 0
+
+
+def measure_ours(scene: Scene, query_names: list[str], options: MethodOptions) -> dict[str, dict[str, float]]:
+    """Part -> query -> seconds."""
+    load_method("lazyloc")(scene, query_names, options)
+    seconds = {"pose stage": {}, "total": {}}
+    for line in (options.work_path / "output" / "results.jsonl").read_text().splitlines():
+        record = json.loads(line)
+        total, load = record["seconds"]["total"], record["seconds"]["load"]
+        seconds["pose stage"][record["name"]] = total - load
+        seconds["total"][record["name"]] = total
+    return seconds
+
+
+def measure(method: str, scene: Scene, query_names: list[str], options: MethodOptions) -> dict[str, float]:
+    """Query -> seconds."""
+    results = load_method(method)(scene, query_names, options)
+    return {name: result.seconds for name, result in results.items()}
+
+
+def table(ours: dict[str, dict[str, float]], others: dict[str, dict[str, float]]) -> str:
+    lines = ["| | median, ms | compared with | ratio of medians | median ratio |", "|---|---|---|---|---|"]
+    for part, seconds in ours.items():
+        lines.append(f"| ours, {part} | {1e3 * statistics.median(seconds.values()):.1f} | | | |")
+    for method, seconds in others.items():
+        part = COUNTERPARTS[method]
+        median = statistics.median(seconds.values())
+        ratio_of_medians = median / statistics.median(ours[part].values())
+        median_ratio = statistics.median(seconds[name] / ours[part][name] for name in seconds)
+        ratios = f"{ratio_of_medians:.1f} | {median_ratio:.1f}"
+        lines.append(f"| `{method}` | {1e3 * median:.1f} | ours, {part} | {ratios} |")
+    return "\n".join(lines)
+
+
+def _parse(argv: list[str]) -> argparse.Namespace:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("scene_path", type=pathlib.Path, help="folder with database.db and model/ (text)")
+    parser.add_argument("--colmap", type=pathlib.Path, default=pathlib.Path("build/bin/colmap"), help="our program")
+    parser.add_argument("--methods", nargs="+", choices=COUNTERPARTS, default=list(COUNTERPARTS))
+    parser.add_argument("--num_retrieved", type=int, default=20, metavar="K", help="database images per query")
+    parser.add_argument("--num_queries", type=int, help="only the first ones")
+    return parser.parse_args(argv)
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

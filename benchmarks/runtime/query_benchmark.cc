@@ -1,0 +1,76 @@
+// The whole query, with the default options and all matches verified. The counters after the time are milliseconds per
+// query: of the whole, and of each stage as results.jsonl has them.
+
+#include "query_benchmark.h"
+
+#include <map>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include <benchmark/benchmark.h>
+
+#include "colmap_lazyloc/io/model_reader.h"
+#include "colmap_lazyloc/io/problem_loader.h"
+#include "colmap_lazyloc/pipeline/lazy_localizer.h"
+#include "colmap_lazyloc/testing/synthetic_scene.h"
+
+namespace lazyloc {
+namespace {
+
+using Problems = std::vector<LocalizationProblem>;
+
+void LocalizeAll(const Problems& problems, benchmark::State& state) {
+  std::map<std::string, double> seconds;
+  int num_localized = 0;
+  for (auto _ : state) {
+    for (const LocalizationProblem& problem : problems) {
+      const LocalizationResult result = LocalizeQuery(problem, {});
+      for (const auto& [stage, stage_seconds] : result.seconds) seconds[stage] += stage_seconds;
+      num_localized += result.status == QueryStatus::LOCALIZED;
+    }
+  }
+  const double num_queries = static_cast<double>(problems.size()) * static_cast<double>(state.iterations());
+  double total = 0;
+  for (const auto& [stage, stage_seconds] : seconds) {
+    state.counters[stage] = 1e3 * stage_seconds / num_queries;
+    total += stage_seconds;
+  }
+  state.counters["all_stages"] = 1e3 * total / num_queries;
+  state.counters["localized_ratio"] = num_localized / num_queries;
+}
+
+// Database images, points that all of them see.
+void BM_LocalizeSyntheticQuery(benchmark::State& state) {
+  SyntheticSceneOptions options;
+  options.num_database_images = static_cast<int>(state.range(0));
+  options.num_points = static_cast<int>(state.range(1));
+  options.pixel_noise_px = 0.5;
+  options.rotation_noise_deg = options.direction_noise_deg = 0.5;
+  options.outlier_match_ratio = 0.05;
+  LocalizeAll({MakeSyntheticScene(options).problem}, state);
+}
+BENCHMARK(BM_LocalizeSyntheticQuery)
+    ->ArgNames({"images", "points"})
+    ->Args({5, 1000})
+    ->Args({20, 1000})
+    ->Args({20, 4000})
+    ->Unit(benchmark::kMillisecond);
+
+}  // namespace
+
+void RegisterQueryBenchmark(const std::filesystem::path& scene_path) {
+  const DatabaseReader database(scene_path / "database.db");
+  ProblemLoaderOptions options;
+  options.leave_one_out = true;
+  const ProblemLoader loader(database, ReadModel(scene_path / "model"), {}, "", options);
+  const auto problems = std::make_shared<Problems>();
+  for (const std::string& name : loader.QueryNames()) problems->push_back(loader.Load(name, database));
+  const std::string label =
+      "BM_LocalizeQueries/" + scene_path.filename().string() + "/queries:" + std::to_string(problems->size());
+  benchmark::RegisterBenchmark(label.c_str(), [problems](benchmark::State& state) {
+    LocalizeAll(*problems, state);
+  })->Unit(benchmark::kMillisecond);
+}
+
+}  // namespace lazyloc

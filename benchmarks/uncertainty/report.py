@@ -1,0 +1,207 @@
+"""Is a pose as uncertain as lazy_localizer says? Two tables in Markdown, from synthetic scenes with Gaussian noise:
+
+  quantiles  of the squared errors normalised by the reported covariance, beside those of the chi-square distribution
+             with 6 degrees of freedom that they should have
+  cases      scenes that leave something open: statuses, reasons, reported standard deviations, true errors
+
+    report.py [quantiles | cases] [--colmap build/bin/colmap]
+"""
+
+import argparse
+import collections
+import json
+import pathlib
+import subprocess
+import sys
+import tempfile
+
+import numpy as np
+import scipy.stats
+
+PROJECT_PATH = pathlib.Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(PROJECT_PATH / "tests"))
+import synthetic_database as synthetic  # noqa: E402
+
+PERCENTS = 10, 25, 50, 75, 90, 95
+OPEN_GATE = "--LazyLocalizer.max_query_error_sigma", 50
+EXACT = "--LazyLocalizer.database_pose_stddev_deg", 0, "--LazyLocalizer.database_pose_stddev_length", 0
+
+
+def localize(colmap, scene, *arguments, database_scene=None):
+    """Results of the program by name. database_scene: whose database poses it is given, if not the scene's."""
+    with tempfile.TemporaryDirectory() as folder:
+        folder = pathlib.Path(folder)
+        command = [colmap, "lazy_localizer", "--database_path", synthetic.write_database(folder / "database.db", scene),
+                   "--input_path", synthetic.write_model(folder / "model", database_scene or scene),
+                   "--output_path", folder / "output", *arguments]
+        subprocess.run(list(map(str, command)), check=True, capture_output=True)
+        lines = (folder / "output" / "results.jsonl").read_text().splitlines()
+    return {result["name"]: result for result in map(json.loads, lines)}
+
+
+def pose_of(result):
+    return synthetic.Pose(*(np.array(result["cam_from_world"][part]) for part in ("qvec", "tvec")))
+
+
+def squared_error(result, truth):
+    """Of the pose, normalised by its covariance."""
+    pose = pose_of(result)
+    error = np.concatenate([(pose.rotation * truth.rotation.inv()).as_rotvec(), pose.tvec - truth.tvec])
+    return error @ np.linalg.solve(np.array(result["covariance"]), error)
+
+
+def around(centres, num, spread, rng):
+    """Places near the middle of some."""
+    return np.mean(centres, axis=0) + spread * rng.standard_normal((num, 3))
+
+
+def line(num, length=4.0):
+    return np.stack([np.linspace(-length / 2, length / 2, num), np.zeros(num), np.full(num, -6.0)], axis=1)
+
+
+def with_disturbed_database(scene, rotation_stddev_deg, position_stddev, rng):
+    disturbed = scene.copy()
+    for name in scene.database_names:
+        pose = disturbed.images[name].pose
+        turn = synthetic.Rotation.from_rotvec(np.radians(rotation_stddev_deg) * rng.standard_normal(3))
+        disturbed.images[name].pose = synthetic.Pose.make(
+            turn * pose.rotation, pose.cam_in_world + position_stddev * rng.standard_normal(3))
+    return disturbed
+
+
+# Quantiles
+
+
+def print_quantiles(colmap):
+    """320 queries a row, of 8 scenes whose database cameras have the same layout. "no gate": right matches are not dropped
+    by max_query_error_sigma."""
+    expected = scipy.stats.chi2.ppf(np.array(PERCENTS) / 100, 6)
+    print("| database cameras | keypoint noise | database poses |", " | ".join(f"{p} %" for p in PERCENTS), "| mean |")
+    print("|---" * (4 + len(PERCENTS)) + "|")
+    print("| chi-square, 6 degrees | | |", " | ".join(f"{q:.2f}" for q in expected), "| 6.00 |")
+    layouts = {"9 on an arc": synthetic.arc(9), "4 on an arc": synthetic.arc(4), "6 on a line": line(6)}
+    rows = [(layout, noise_px, "exact, so stated, no gate", 0) for layout in layouts for noise_px in (0.3, 1, 2)]
+    rows += [(layout, 1, "exact, so stated", 0) for layout in layouts]
+    rows += [(layout, 1, "exact, estimated", 0) for layout in layouts]
+    rows += [("9 on an arc", 1, f"off by {px} px, estimated", px) for px in (1, 3)]
+    for layout, noise_px, database, database_noise_px in rows:
+        errors = []
+        for seed in range(8):
+            rng = np.random.default_rng(seed)
+            scene = synthetic.make_scene(layouts[layout], around(layouts[layout], 40, 0.7, rng), noise_px, seed=seed)
+            # Pixels at the focal length of 520 and a distance of 6 units, as the errors would look in the image.
+            given = with_disturbed_database(scene, np.degrees(database_noise_px / 520), database_noise_px * 6 / 520, rng)
+            program_options = (EXACT if "stated" in database else ()) + (OPEN_GATE if "no gate" in database else ())
+            results = localize(colmap, scene, *program_options, database_scene=given)
+            errors += [squared_error(results[name], scene.images[name].pose) for name in scene.query_names
+                       if results[name]["status"] == "LOCALIZED"]
+        observed = " | ".join(f"{q:.2f}" for q in np.percentile(errors, PERCENTS))
+        print(f"| {layout} | {noise_px} px | {database} | {observed} | {np.mean(errors):.2f} |", flush=True)
+
+
+# Cases
+
+
+def keep_first_pairs(scene):
+    first = scene.database_names[0]
+    scene.pairs = {names: pair for names, pair in scene.pairs.items() if first in names}
+
+
+def split_tracks(scene):
+    """Each point of a query is left to one database image, in turn: none is seen by two."""
+    places = {name: place for place, name in enumerate(scene.database_names)}
+    for (name1, _), pair in scene.pairs.items():
+        points = scene.images[name1].point_of_keypoint[pair.inlier_matches[:, 0]]
+        pair.inlier_matches = pair.matches = pair.inlier_matches[points % len(places) == places[name1]]
+
+
+def cases():
+    """Name, scene of ten queries and half a pixel of noise."""
+    rng = np.random.default_rng(0)
+    arc, row, place = synthetic.arc(7), line(7), np.array([[0, 0, -6.0]])
+    near_arc = around(arc, 10, 0.5, rng)
+    near_row = around(row, 10, 0.5, rng)
+    on_row = np.stack([rng.uniform(-2, 2, 10), np.zeros(10), np.full(10, -6.0)], axis=1)
+    close = place + 0.1 * rng.standard_normal((7, 3))
+
+    def make(database, queries, change=None, **options):
+        scene = synthetic.make_scene(database, queries, noise_px=0.5, seed=1, **options)
+        if change:
+            change(scene)
+        return scene
+
+    yield "cameras around the scene", make(arc, near_arc)
+    yield "the same, all points in one plane", make(arc, near_arc, is_planar=True)
+    yield "one database image", make(arc, near_arc, keep_first_pairs)
+    yield "one database image, all points in one plane", make(arc, near_arc, keep_first_pairs, is_planar=True)
+    yield "database images of one place", make(np.repeat(place, 5, axis=0), near_row)
+    yield "panorama: the query at that place too", make(np.repeat(place, 5, axis=0), np.repeat(place, 10, axis=0))
+    yield "query beside a line of database images", make(row, near_row)
+    yield "query on the line", make(row, on_row)
+    yield "query on the line, each point in one database image", make(row, on_row, split_tracks, num_points=900)
+    yield "database images 0.1 units apart at 6 units", make(close, near_row)
+    yield "the same, twice as close", make(place + (close - place) / 2, near_row)
+
+
+def root_mean_square(values):
+    return np.sqrt(np.mean(np.square(values))) if len(values) else None
+
+
+def pair_of(stddevs, errors, unit):
+    """Root mean squares of reported standard deviations and of true errors."""
+    if not errors:
+        return "–"
+    stddev = "?" if None in stddevs else f"{root_mean_square(stddevs):.2g}"
+    return f"{stddev} / {root_mean_square(errors):.2g}{unit}"
+
+
+def print_cases(colmap):
+    print("| case, 10 queries | status | position | rotation | bearing |\n|---|---|---|---|---|")
+    reasons = collections.OrderedDict()
+    for case, scene in cases():
+        results = localize(colmap, scene)
+        columns = {key: ([], []) for key in ("position", "rotation", "bearing")}
+        statuses = collections.Counter()
+        for name, result in results.items():
+            truth = scene.images[name].pose
+            statuses[result["status"]] += 1
+            if result["reason"]:
+                reasons.setdefault((case, result["status"]), result["reason"])
+
+            def add(column, stddev, error):
+                columns[column][0].append(stddev)
+                columns[column][1].append(error)
+
+            if result["status"] == "LOCALIZED":
+                offset = pose_of(result).cam_in_world - truth.cam_in_world
+                add("position", result["position_stddevs"][0], offset @ result["weakest_direction"])
+                add("rotation", result["rotation_stddev_deg"], pose_of(result).errors(truth)[1])
+            elif result["rotation"]:
+                w, x, y, z = result["rotation"]
+                turn = synthetic.Rotation.from_quat([x, y, z, w]) * truth.rotation.inv()
+                add("rotation", result["rotation_stddev_deg"], np.degrees(turn.magnitude()))
+            if result["bearing"]:
+                baseline = truth.cam_in_world - scene.images[result["bearing"]["from"]].pose.cam_in_world
+                direction = result["bearing"]["direction"]
+                angle = np.arctan2(np.linalg.norm(np.cross(direction, baseline)), np.dot(direction, baseline))
+                add("bearing", result["bearing"]["stddev_deg"], np.degrees(angle))
+        status = ", ".join(f"`{status}` {count}" for status, count in sorted(statuses.items()))
+        print(f"| {case} | {status} | {pair_of(*columns['position'], '')} | {pair_of(*columns['rotation'], '°')} "
+              f"| {pair_of(*columns['bearing'], '°')} |", flush=True)
+    print("\nReasons (of the first query each):\n")
+    for (case, status), reason in reasons.items():
+        print(f"- {case}, `{status}`: {reason}")
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("tables", nargs="*", choices=["quantiles", "cases", []], help="default: both")
+    parser.add_argument("--colmap", type=pathlib.Path, default=PROJECT_PATH / "build" / "bin" / "colmap")
+    arguments = parser.parse_args()
+    for table in arguments.tables or ["quantiles", "cases"]:
+        {"quantiles": print_quantiles, "cases": print_cases}[table](arguments.colmap)
+        print()
+
+
+if __name__ == "__main__":
+    main()
