@@ -133,6 +133,14 @@ def noisy(tmp_path_factory):
 
 
 @pytest.fixture(scope="session")
+def photos(colmap, tmp_path_factory):
+    """Rendered photos, and a database with features of the posed ones; the tests leave them as they are."""
+    import photo_scene  # its packages take seconds to load
+
+    return photo_scene.make_photo_scene(tmp_path_factory.mktemp("photos"), colmap)
+
+
+@pytest.fixture(scope="session")
 def fingerprint():
     """What a folder holds: names, bytes, permissions and times of change."""
 

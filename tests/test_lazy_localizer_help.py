@@ -26,12 +26,12 @@ def test_help_lists_every_command(colmap, arguments):
     assert done.returncode == 0
     listed = done.stdout.split("Available commands:")[1].split()
     assert len(listed) == len(set(listed))
-    assert {"lazy_localizer", *SOME_COMMANDS} <= set(listed)
+    assert {"lazy_indexer", "lazy_localizer", *SOME_COMMANDS} <= set(listed)
     source = COLMAP_SOURCE_PATH / "src" / "colmap" / "exe" / "colmap.cc"
     if source.exists():
         upstream = re.findall(r'commands\.emplace_back\(\s*"(\w+)"', source.read_text())
         assert len(upstream) > 30
-        assert sorted(listed) == sorted(["help", "lazy_localizer", *upstream])
+        assert sorted(listed) == sorted(["help", "lazy_indexer", "lazy_localizer", *upstream])
 
 
 def test_an_upstream_command_works(colmap, tmp_path):
@@ -51,6 +51,12 @@ def test_an_unknown_command_fails(colmap):
     done = run(colmap, "lazy_localiser")
     assert done.returncode == 1
     assert "lazy_localiser" in done.stdout + done.stderr
+
+
+def test_help_of_the_indexer_explains_its_options(colmap):
+    done = run(colmap, "lazy_indexer", "-h")
+    assert (done.returncode, done.stderr) == (0, "")
+    assert {"--database_path", "--index_path", "--LazyIndexer.num_visual_words"} <= set(re.findall(r"--[\w.]+", done.stdout))
 
 
 @pytest.mark.parametrize("flag", ["-h", "--help"])

@@ -64,12 +64,12 @@ def interrupt(colmap, files, output_path, num_threads):
     """Sends SIGINT after the third query."""
     process = subprocess.Popen([colmap, "lazy_localizer", *files.arguments, "--output_path", output_path,
                                 "--LazyLocalizer.num_threads", str(num_threads)],
-                               stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-    stdout = "".join(process.stdout.readline() for _ in range(3))
+                               stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+                               bufsize=0)  # communicate() would lose what readline() has read ahead
+    stdout = b"".join(process.stdout.readline() for _ in range(3))
     process.send_signal(signal.SIGINT)
-    # Not communicate(): it reads past the lines that readline() has buffered, and loses them.
-    stdout += process.stdout.read()
-    return Run(output_path, process.wait(timeout=120), stdout, process.stderr.read())
+    rest, stderr = process.communicate(timeout=120)
+    return Run(output_path, process.returncode, (stdout + rest).decode(), stderr.decode())
 
 
 @pytest.mark.parametrize("num_threads", [1, 4])

@@ -63,6 +63,12 @@ std::string CameraProblem(const Camera& camera) {
   return "";
 }
 
+Camera CameraFromFocalLength(int model_id, double focal_length_px, uint64_t width, uint64_t height) {
+  const colmap::Camera made = colmap::Camera::CreateFromModelId(
+      /*camera_id=*/0, static_cast<colmap::CameraModelId>(model_id), focal_length_px, width, height);
+  return {0, model_id, width, height, made.params, /*has_prior_focal_length=*/true};
+}
+
 Camera WithFocalFactor(const Camera& camera, double factor) {
   Camera scaled = camera;
   for (const size_t idx : ToColmap(camera).FocalLengthIdxs()) scaled.params[idx] *= factor;

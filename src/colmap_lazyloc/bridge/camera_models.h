@@ -21,6 +21,8 @@ size_t CameraModelNumParams(int model_id);
 // non-positive focal length, zero size); empty when it can.
 std::string CameraProblem(const Camera& camera);
 
+// The camera of that model with the principal point in the middle and no distortion.
+Camera CameraFromFocalLength(int model_id, double focal_length_px, uint64_t width, uint64_t height);
 // The camera with all its model's focal lengths multiplied.
 Camera WithFocalFactor(const Camera& camera, double factor);
 

@@ -2,11 +2,13 @@
 
 #include <optional>
 
+#include <colmap/feature/types.h>
 #include <colmap/scene/camera.h>
 #include <colmap/scene/two_view_geometry.h>
 
 #include "colmap_lazyloc/math/rigid3.h"
 #include "colmap_lazyloc/scene/camera.h"
+#include "colmap_lazyloc/scene/match.h"
 
 namespace lazyloc {
 
@@ -28,6 +30,14 @@ inline std::optional<Rigid3d> FiniteRigid(const Eigen::Matrix<double, 3, 4>& mat
   const Eigen::Vector3d translation = matrix.col(3);
   if (!rotation.coeffs().allFinite() || !translation.allFinite()) return std::nullopt;
   return Rigid3d{rotation.normalized(), translation};
+}
+
+// COLMAP's first image is the database's, its second one the query's.
+inline colmap::FeatureMatches ToColmap(const Matches& matches) {
+  colmap::FeatureMatches converted;
+  converted.reserve(matches.size());
+  for (const Match& match : matches) converted.emplace_back(match.database_point, match.query_point);
+  return converted;
 }
 
 // None where COLMAP has set no pose, or one that is not finite.

@@ -8,17 +8,18 @@
 namespace lazyloc {
 namespace {
 
-// COLMAP's first image is the database's, its second one the query's.
-colmap::FeatureMatches ToColmap(const Matches& matches) {
-  colmap::FeatureMatches converted;
-  converted.reserve(matches.size());
-  for (const Match& match : matches) converted.emplace_back(match.database_point, match.query_point);
-  return converted;
+// In COLMAP 3 zeros stand for a matrix that is not set.
+std::optional<Eigen::Matrix3d> IfSet(std::optional<Eigen::Matrix3d> matrix) {
+  if (matrix && matrix->isZero(0)) matrix.reset();
+  return matrix;
 }
 
 TwoViewGeometry FromColmap(const colmap::TwoViewGeometry& geometry) {
   TwoViewGeometry converted;
   converted.config = static_cast<TwoViewConfig>(geometry.config);
+  converted.E = IfSet(geometry.E);
+  converted.F = IfSet(geometry.F);
+  converted.H = IfSet(geometry.H);
   for (const colmap::FeatureMatch& match : geometry.inlier_matches) {
     converted.inlier_matches.push_back({match.point2D_idx2, match.point2D_idx1});
   }

@@ -3,10 +3,12 @@
 #include <csignal>
 #include <cstdlib>
 #include <iostream>
+#include <memory>
 
 #include "colmap_lazyloc/cli/options.h"
 #include "colmap_lazyloc/cli/progress.h"
 #include "colmap_lazyloc/cli/query_runner.h"
+#include "colmap_lazyloc/cli/run_command.h"
 #include "colmap_lazyloc/io/model_reader.h"
 #include "colmap_lazyloc/io/result_writer.h"
 #include "colmap_lazyloc/scene/errors.h"
@@ -39,19 +41,43 @@ ProblemLoader MakeLoader(const CommandOptions& options, const DatabaseReader& da
   return ProblemLoader(database, std::move(model), queries, options.pairs_path, options.loader);
 }
 
+std::unique_ptr<PhotoLoader> MakePhotoLoader(const CommandOptions& options, const DatabaseReader& database,
+                                             const ProblemLoader& loader) {
+  if (loader.Photos().empty()) return nullptr;
+  PairMatchingOptions pair_options;
+  pair_options.matching = options.photos.matching.matching;
+  pair_options.verification.min_num_inliers = options.localizer.relative_pose.min_num_inliers;
+  pair_options.verification.max_error_px = options.localizer.relative_pose.max_two_view_error_px;
+  pair_options.seed = options.localizer.seed;
+  return std::make_unique<PhotoLoader>(database, loader.DatabaseModel(), loader.Photos(), options.loader.num_retrieved,
+                                       pair_options, options.photos);
+}
+
+std::unique_ptr<MatchesOutput> MakeMatchesOutput(const CommandOptions& options, const DatabaseReader& database,
+                                                 const ProblemLoader& loader) {
+  if (options.matches_output_path.empty()) return nullptr;
+  std::vector<std::string> names;
+  for (const auto& [name, photo] : loader.Photos()) names.push_back(name);
+  return std::make_unique<MatchesOutput>(options.matches_output_path, database, names);
+}
+
 int Run(const CommandOptions& options) {
   const DatabaseReader database(options.database_path);
   const ProblemLoader loader = MakeLoader(options, database);
   ResultWriter writer(options.output_path);
   if (!loader.Warning().empty()) std::cerr << "WARNING: " << loader.Warning() << std::endl;
+  const std::unique_ptr<MatchesOutput> matches_output = MakeMatchesOutput(options, database, loader);
+  const std::unique_ptr<PhotoLoader> photo_loader = MakePhotoLoader(options, database, loader);
   interrupted = 0;
   std::signal(SIGINT, HandleInterrupt);
   Progress progress(loader.QueryNames().size());
   const std::vector<LocalizationResult> results = RunQueries(
-      loader, options.database_path, options.localizer, options.num_threads,
-      [&](const LocalizationResult& result) { progress.Report(result); }, [] { return interrupted != 0; });
+      {&loader, photo_loader.get(), matches_output.get()}, options.database_path, options.localizer,
+      options.num_threads, [&](const LocalizationResult& result) { progress.Report(result); },
+      [] { return interrupted != 0; });
   std::signal(SIGINT, SIG_DFL);
   writer.Write(loader.DatabaseModel(), results, database, OptionsAsIni(options));
+  if (matches_output) matches_output->Publish();
   progress.PrintSummary(results);
   if (interrupted != 0) return kExitInterrupted;
   return options.strict && !AllLocalized(results) ? kExitNotAllLocalized : EXIT_SUCCESS;
@@ -60,16 +86,10 @@ int Run(const CommandOptions& options) {
 }  // namespace
 
 int RunLazyLocalizer(int argc, char** argv) {
-  try {
+  return RunCommand("lazy_localizer", [=] {
     CommandOptions options;
-    if (!ParseCommandLine(argc, argv, &options)) return EXIT_SUCCESS;
-    return Run(options);
-  } catch (const InputError& error) {
-    std::cerr << "ERROR: " << error.what() << std::endl;
-  } catch (const std::exception& error) {
-    std::cerr << "ERROR (a bug in lazy_localizer, please report it): " << error.what() << std::endl;
-  }
-  return EXIT_FAILURE;
+    return ParseCommandLine(argc, argv, &options) ? Run(options) : EXIT_SUCCESS;
+  });
 }
 
 }  // namespace lazyloc

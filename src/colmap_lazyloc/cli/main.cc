@@ -1,11 +1,12 @@
-// The colmap program with one more command: lazy_localizer here, everything else by COLMAP's own main, which the build
-// renames to ColmapUpstreamMain.
+// The colmap program with two more commands: lazy_indexer and lazy_localizer here, everything else by COLMAP's own main,
+// which the build renames to ColmapUpstreamMain.
 #include <cstring>
 #include <iostream>
 #include <sstream>
 #include <string>
 
 #include "colmap_lazyloc/bridge/logging.h"
+#include "colmap_lazyloc/cli/lazy_indexer.h"
 #include "colmap_lazyloc/cli/lazy_localizer.h"
 
 int ColmapUpstreamMain(int argc, char** argv);
@@ -18,7 +19,7 @@ bool IsHelp(int argc, char** argv) {
   return command == "help" || command == "-h" || command == "--help";
 }
 
-// COLMAP's help, with our command in its place in the list.
+// COLMAP's help, with our commands in their place in the list.
 int ShowHelp(int argc, char** argv) {
   std::ostringstream upstream;
   std::streambuf* const standard_output = std::cout.rdbuf(upstream.rdbuf());
@@ -26,7 +27,7 @@ int ShowHelp(int argc, char** argv) {
   std::cout.rdbuf(standard_output);
   std::string help = upstream.str();
   const size_t next_command = help.find("  mapper\n");
-  help.insert(next_command == std::string::npos ? help.size() : next_command, "  lazy_localizer\n");
+  help.insert(next_command == std::string::npos ? help.size() : next_command, "  lazy_indexer\n  lazy_localizer\n");
   std::cout << help << std::flush;
   return exit_code;
 }
@@ -35,7 +36,8 @@ int ShowHelp(int argc, char** argv) {
 
 int main(int argc, char** argv) {
   if (IsHelp(argc, argv)) return ShowHelp(argc, argv);
-  if (std::strcmp(argv[1], "lazy_localizer") != 0) return ColmapUpstreamMain(argc, argv);
+  const bool is_indexer = std::strcmp(argv[1], "lazy_indexer") == 0;
+  if (!is_indexer && std::strcmp(argv[1], "lazy_localizer") != 0) return ColmapUpstreamMain(argc, argv);
   lazyloc::InitializeLogging(argv);
-  return lazyloc::RunLazyLocalizer(argc - 1, argv + 1);
+  return is_indexer ? lazyloc::RunLazyIndexer(argc - 1, argv + 1) : lazyloc::RunLazyLocalizer(argc - 1, argv + 1);
 }

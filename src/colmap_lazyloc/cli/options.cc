@@ -45,6 +45,37 @@ std::string AsText(const Value& value) {
   }
 }
 
+constexpr const char* kNumVisualWordsHelp =
+    "most words of the retrieval index's vocabulary; small databases have fewer";
+
+// Of what is done with photos.
+template <typename Options, typename Add>
+void ForEachPhotoOption(Options& o, const Add& add) {
+  add("LazyIndexer.num_visual_words", &o.retrieval.num_visual_words, kNumVisualWordsHelp);
+  add("ImageReader.camera_model", &o.camera_model, "camera model of photos that --query_list_path gives none for");
+  add("ImageReader.camera_params", &o.camera_params,
+      "their parameters, numbers with commas between; default: focal length from EXIF");
+  add("SiftExtraction.max_image_size", &o.matching.extraction.max_image_size,
+      "photos larger than this number of pixels are scaled down for extraction");
+  add("SiftExtraction.max_num_features", &o.matching.extraction.max_num_features,
+      "most features of a photo, those of the largest scales");
+  add("SiftExtraction.first_octave", &o.matching.extraction.first_octave,
+      "-1 doubles a photo's size before extraction, 0 does not");
+  add("SiftExtraction.peak_threshold", &o.matching.extraction.peak_threshold, "smallest contrast of a feature");
+  add("SiftExtraction.edge_threshold", &o.matching.extraction.edge_threshold,
+      "largest ratio of a feature's curvatures");
+  add("SiftExtraction.estimate_affine_shape", &o.matching.extraction.estimate_affine_shape,
+      "extract ellipses instead of circles");
+  add("SiftExtraction.domain_size_pooling", &o.matching.extraction.domain_size_pooling,
+      "pool descriptors over several scales");
+  add("SiftExtraction.upright", &o.matching.extraction.upright, "take features for upright");
+  add("SiftMatching.max_ratio", &o.matching.matching.max_ratio,
+      "largest ratio of the distances to the best and the second best match");
+  add("SiftMatching.max_distance", &o.matching.matching.max_distance,
+      "largest angle in rad between matched descriptors");
+  add("SiftMatching.cross_check", &o.matching.matching.cross_check, "match only what is best both ways");
+}
+
 // Hands each option to `add(name, pointer to its value, help)`: the one list of them, for parsing, help and options.ini.
 template <typename Options, typename Add>
 void ForEachOption(Options& o, const Add& add) {
@@ -55,6 +86,14 @@ void ForEachOption(Options& o, const Add& add) {
       "queries, one name a line or hloc's `name MODEL width height params...`; "
       "default: every image of the database file without a pose in --input_path");
   add("pairs_path", &o.pairs_path, "pairs to use, two names a line; default: those that the database has matches for");
+  add("image_path", &o.photos.image_path,
+      "folder of the photos of queries that have no keypoints in the database; their features are extracted and matched "
+      "in memory");
+  add("retrieval_index_path", &o.photos.retrieval_index_path,
+      "index of colmap lazy_indexer, by which the database images for a photo are chosen; made or refreshed where needed; "
+      "default: an index in memory where there are more images than max_num_exhaustive");
+  add("query_prior_path", &o.photos.query_prior_path,
+      "`name x y z radius` a line: a photo is compared with database images within the radius only");
   add("strict", &o.strict, "exit with code 2 if a query was not localized");
   add("LazyLocalizer.num_retrieved", &o.loader.num_retrieved,
       "database images per query, best by verified inliers; with --pairs_path all listed ones are used");
@@ -63,6 +102,12 @@ void ForEachOption(Options& o, const Add& add) {
       "extend the query's tracks by the verified matches among its database images that the database holds");
   add("LazyLocalizer.leave_one_out", &o.loader.leave_one_out,
       "localize every posed image (or those of --query_list_path) against all others");
+  add("LazyLocalizer.matches_output_path", &o.matches_output_path,
+      "new COLMAP database for the photos' features and matches; it must not exist yet");
+  add("LazyLocalizer.max_num_exhaustive", &o.photos.matching.max_num_exhaustive,
+      "up to as many database images are all matched with a photo, without retrieval");
+  add("LazyLocalizer.cache_gb", &o.photos.matching.cache_gb,
+      "memory in gigabytes for features of database images that photos are matched with");
   add("LazyLocalizer.seed", &o.localizer.seed, "seed of the random choices; results depend on no other chance");
   add("LazyLocalizer.min_num_inliers", &o.localizer.relative_pose.min_num_inliers,
       "a pair with fewer verified inliers is not used");
@@ -123,15 +168,22 @@ void ForEachOption(Options& o, const Add& add) {
   add("LazyLocalizer.max_position_stddev_ratio", &o.localizer.max_position_stddev_ratio,
       "a position less certain than this part of the distance to the scene is not reported as found "
       "(by its standard deviation)");
+  ForEachPhotoOption(o.photos, add);
+}
+
+template <typename Add>
+void ForEachOption(IndexerOptions& o, const Add& add) {
+  add("database_path", &o.database_path, "COLMAP database with SIFT descriptors; opened read-only");
+  add("index_path", &o.index_path, "file of the index; where it exists, it is brought up to date");
+  add("LazyIndexer.num_visual_words", &o.retrieval.num_visual_words, kNumVisualWordsHelp);
 }
 
 // Collects what is no option, so that a message can name it.
 constexpr const char* kStrayArguments = "stray-arguments";
 
-po::options_description Describe(CommandOptions* options, std::string* project_path) {
-  po::options_description description(
-      "colmap lazy_localizer: where were photos taken, given posed database images and no 3D map.\n"
-      "Options (of a switch: 0 or 1; default in brackets)");
+template <typename Options>
+po::options_description Describe(const char* summary, Options* options, std::string* project_path) {
+  po::options_description description(std::string(summary) + "\nOptions (of a switch: 0 or 1; default in brackets)");
   auto add_option = description.add_options();
   add_option("help,h", "print this help");
   add_option("project_path", po::value(project_path), ".ini file with any of these options; the command line wins");
@@ -141,25 +193,41 @@ po::options_description Describe(CommandOptions* options, std::string* project_p
   return description;
 }
 
-void CheckOptions(const CommandOptions& options) {
-  for (const auto& [name, value] :
-       {std::pair{"database_path", &options.database_path}, std::pair{"input_path", &options.input_path},
-        std::pair{"output_path", &options.output_path}}) {
+void CheckRequired(std::initializer_list<std::pair<const char*, const std::string*>> options) {
+  for (const auto& [name, value] : options) {
     if (value->empty()) throw InputError("option --" + std::string(name) + " is required but missing");
   }
+}
+
+void CheckPhotoOptions(const CommandOptions& options) {
+  if (options.photos.image_path.empty()) {
+    for (const auto& [name, value] : {std::pair{"retrieval_index_path", &options.photos.retrieval_index_path},
+                                      std::pair{"query_prior_path", &options.photos.query_prior_path},
+                                      std::pair{"LazyLocalizer.matches_output_path", &options.matches_output_path}}) {
+      if (!value->empty()) throw InputError("option --" + std::string(name) + " is for photos, and needs --image_path");
+    }
+  } else if (options.loader.leave_one_out) {
+    throw InputError("options --image_path and --LazyLocalizer.leave_one_out exclude each other");
+  }
+  std::string error;
+  if (!options.photos.Check(&error)) throw InputError("option " + error);
+}
+
+void CheckOptions(const CommandOptions& options) {
+  CheckRequired({{"database_path", &options.database_path},
+                 {"input_path", &options.input_path},
+                 {"output_path", &options.output_path}});
   if (options.loader.num_retrieved < 1) throw InputError("option --LazyLocalizer.num_retrieved must be >= 1");
   if (options.num_threads < 1 && options.num_threads != -1) {
     throw InputError("option --LazyLocalizer.num_threads must be >= 1, or -1");
   }
   std::string error;
   if (!options.localizer.Check(&error)) throw InputError("option --LazyLocalizer." + error);
+  CheckPhotoOptions(options);
 }
 
-}  // namespace
-
-bool ParseCommandLine(int argc, char** argv, CommandOptions* options) {
-  std::string project_path;
-  po::options_description description = Describe(options, &project_path);
+// Fills the variables that the description names. Returns false where only the help was asked for and printed.
+bool Parse(int argc, char** argv, const std::string& command, const po::options_description& description) {
   po::options_description with_stray_arguments(description);
   with_stray_arguments.add_options()(kStrayArguments, po::value<std::vector<std::string>>());
   po::variables_map values;
@@ -175,8 +243,8 @@ bool ParseCommandLine(int argc, char** argv, CommandOptions* options) {
       return false;
     }
     if (values.count(kStrayArguments) > 0) {
-      throw InputError("colmap lazy_localizer: `" + values[kStrayArguments].as<std::vector<std::string>>().front() +
-                       "` is no option (see colmap lazy_localizer -h)");
+      throw InputError(command + ": `" + values[kStrayArguments].as<std::vector<std::string>>().front() +
+                       "` is no option (see " + command + " -h)");
     }
     if (values.count("project_path") > 0) {
       std::ifstream file(values["project_path"].as<std::string>());
@@ -185,11 +253,37 @@ bool ParseCommandLine(int argc, char** argv, CommandOptions* options) {
     }
     po::notify(values);
   } catch (const po::error& error) {
-    throw InputError(std::string("colmap lazy_localizer: ") + error.what() + " (see colmap lazy_localizer -h)");
+    throw InputError(command + ": " + error.what() + " (see " + command + " -h)");
   }
+  return true;
+}
+
+}  // namespace
+
+bool ParseCommandLine(int argc, char** argv, CommandOptions* options) {
+  std::string project_path;
+  const auto description =
+      Describe("colmap lazy_localizer: where were photos taken, given posed database images and no 3D map.", options,
+               &project_path);
+  if (!Parse(argc, argv, "colmap lazy_localizer", description)) return false;
   CheckOptions(*options);
   options->localizer.max_num_pairs = options->pairs_path.empty() ? options->loader.num_retrieved : 0;
   options->loader.use_raw_matches = options->localizer.use_raw_matches;
+  options->loader.has_photos = !options->photos.image_path.empty();
+  options->photos.retrieval.seed = options->localizer.seed;
+  return true;
+}
+
+bool ParseCommandLine(int argc, char** argv, IndexerOptions* options) {
+  std::string project_path;
+  const auto description = Describe(
+      "colmap lazy_indexer: makes or refreshes the index by which colmap lazy_localizer finds the database images that "
+      "look like a photo.",
+      options, &project_path);
+  if (!Parse(argc, argv, "colmap lazy_indexer", description)) return false;
+  CheckRequired({{"database_path", &options->database_path}, {"index_path", &options->index_path}});
+  std::string error;
+  if (!options->retrieval.Check(&error)) throw InputError("option --LazyIndexer." + error);
   return true;
 }
 

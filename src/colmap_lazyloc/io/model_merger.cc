@@ -47,9 +47,13 @@ uint32_t AddQueryCamera(const Camera& camera, std::map<uint32_t, Camera>* camera
 }
 
 // The id that a query has where nothing stands against it.
-uint32_t PreferredImageId(const std::string& name, const IdOfName& model_ids, const IdOfName& database_ids) {
-  const auto in_model = model_ids.find(name);
-  return in_model != model_ids.end() ? in_model->second : database_ids.at(name);
+std::optional<uint32_t> PreferredImageId(const std::string& name, const IdOfName& model_ids,
+                                         const IdOfName& database_ids) {
+  for (const IdOfName* ids : {&model_ids, &database_ids}) {
+    const auto id = ids->find(name);
+    if (id != ids->end()) return id->second;
+  }
+  return std::nullopt;
 }
 
 // A camera refined for one query is not that of the other images which share it in the database: it has no id yet.
@@ -74,14 +78,15 @@ void AddQueryImages(const std::vector<const LocalizationResult*>& results,
 
   for (const LocalizationResult* query : results) {
     if (query->status != QueryStatus::LOCALIZED) continue;
-    const uint32_t preferred_id = PreferredImageId(query->query_name, model_ids, database_ids);
-    const bool is_free = merged->images.count(preferred_id) == 0;
+    const auto preferred_id = PreferredImageId(query->query_name, model_ids, database_ids);
+    const bool is_free = preferred_id && merged->images.count(*preferred_id) == 0;
     MergedImage added;
-    added.image.image_id = is_free ? preferred_id : new_image_ids.Next();
+    added.image.image_id = is_free ? *preferred_id : new_image_ids.Next();
     added.image.camera_id = AddQueryCamera(CameraOf(*query, database_images), &merged->cameras, &new_camera_ids);
     added.image.name = query->query_name;
     added.image.cam_from_world = query->cam_from_world;
-    added.database_id = database_ids.at(query->query_name);
+    added.photo_keypoints = query->photo_keypoints;
+    if (added.photo_keypoints.empty()) added.database_id = database_ids.at(query->query_name);
     if (!merged->rigs.empty()) AddFrameOfOneImage(added.image, merged);
     merged->images.emplace(added.image.image_id, std::move(added));
   }
@@ -147,7 +152,8 @@ MergedModel MergeModel(const Model& model, const std::vector<const LocalizationR
     if (result->status == QueryStatus::LOCALIZED) AddPoints(*result, images, &merged);
   }
   for (auto& [image_id, image] : merged.images) {
-    if (!image.point_of_keypoint.empty()) image.database_id = database_ids.at(image.image.name);
+    const bool is_photo = !image.photo_keypoints.empty();
+    if (!image.point_of_keypoint.empty() && !is_photo) image.database_id = database_ids.at(image.image.name);
   }
   return merged;
 }

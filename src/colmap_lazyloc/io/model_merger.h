@@ -27,6 +27,7 @@ struct MergedPoint {
 struct MergedImage {
   ModelImage image;
   std::optional<uint32_t> database_id;             // where the image's keypoints are to be read; none: not needed
+  std::vector<Eigen::Vector2d> photo_keypoints;    // those of a query that the database does not have
   std::map<uint32_t, uint64_t> point_of_keypoint;  // ids of the points, for the keypoints that observe one
 };
 

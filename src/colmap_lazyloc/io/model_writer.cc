@@ -69,7 +69,7 @@ void WriteFrames(const std::filesystem::path& path, const std::map<uint32_t, Fra
 }
 
 void WriteImagePoints(const MergedImage& image, const DatabaseReader& database, OutputFile* file) {
-  std::vector<Eigen::Vector2d> keypoints;
+  std::vector<Eigen::Vector2d> keypoints = image.photo_keypoints;
   if (image.database_id) keypoints = database.ReadKeypoints(*image.database_id);
   const auto& point_of_keypoint = image.point_of_keypoint;
   LAZYLOC_CHECK(point_of_keypoint.empty() || point_of_keypoint.rbegin()->first < keypoints.size());

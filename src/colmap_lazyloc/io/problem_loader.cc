@@ -52,7 +52,9 @@ ProblemLoader::ProblemLoader(const DatabaseReader& database, Model model, const 
   }
   ChooseQueries(queries, database);
   if (!options_.leave_one_out) {
-    const auto is_query = [&](const ModelImage& image) { return queries_.count(image.name) > 0; };
+    const auto is_query = [&](const ModelImage& image) {
+      return queries_.count(image.name) > 0 || photos_.count(image.name) > 0;
+    };
     model_.images.erase(std::remove_if(model_.images.begin(), model_.images.end(), is_query), model_.images.end());
   }
   for (const ModelImage& image : model_.images) {
@@ -61,9 +63,11 @@ ProblemLoader::ProblemLoader(const DatabaseReader& database, Model model, const 
   }
   if (!pairs_path.empty()) {
     has_pairs_file_ = true;
-    QueryPairs pairs = ReadPairs(pairs_path, {query_names_.begin(), query_names_.end()},
-                                 [&](const std::string& name) { return database_images_.count(name) > 0; });
+    QueryPairs pairs = ReadPairs(pairs_path, {query_names_.begin(), query_names_.end()}, [&](const std::string& name) {
+      return database_images_.count(name) > 0 || photos_.count(name) > 0;
+    });
     pairs_ = std::move(pairs.partners);
+    for (auto& [name, photo] : photos_) photo.partner_names = pairs_[name];
     if (!pairs.unknown_names.empty()) {
       warning_ = pairs_path.string() +
                  ": left out what the database lacks: " + std::to_string(pairs.unknown_names.size()) +
@@ -93,8 +97,22 @@ void ProblemLoader::ChooseQueries(const std::vector<QueryListEntry>& queries, co
                                              "--query_list_path, --LazyLocalizer.leave_one_out)"));
 }
 
+bool ProblemLoader::IsPhoto(const std::string& name, const DatabaseReader& database) const {
+  if (!options_.has_photos || options_.leave_one_out) return false;
+  const auto image = database_images_.find(name);
+  return image == database_images_.end() || database.ReadKeypoints(image->second.image_id).empty();
+}
+
 void ProblemLoader::AddQuery(const QueryListEntry& entry, const ModelImage* posed, const DatabaseReader& database) {
   const auto image = database_images_.find(entry.name);
+  if (IsPhoto(entry.name, database)) {
+    PhotoQuery photo = {entry.name, entry.camera, std::nullopt};
+    if (!photo.camera && posed != nullptr) photo.camera = model_.cameras.at(posed->camera_id);
+    if (!photo.camera && image != database_images_.end()) photo.camera = ReadUsableCamera(database, image->second);
+    query_names_.push_back(entry.name);
+    photos_.emplace(entry.name, std::move(photo));
+    return;
+  }
   if (image == database_images_.end()) {
     throw InputError("--query_list_path: query " + entry.name + " is not in the database " + database.Path().string());
   }
@@ -135,7 +153,8 @@ ProblemLoader::Candidates ProblemLoader::ListedCandidates(const Query& query) co
   if (pairs == pairs_.end()) return {};
   std::vector<PairSize> listed;
   for (const std::string& name : pairs->second) {
-    listed.push_back({database_images_.at(name).image_id, 0});
+    const auto image = database_images_.find(name);
+    if (image != database_images_.end()) listed.push_back({image->second.image_id, 0});
   }
   return RankCandidates(query, listed);
 }
@@ -195,6 +214,7 @@ void ProblemLoader::LoadBestPairs(const Query& query, const DatabaseReader& data
 }
 
 void ProblemLoader::LoadDatabaseMatches(const DatabaseReader& database, LocalizationProblem* problem) const {
+  if (!options_.use_database_matches) return;
   const std::vector<ImagePair>& pairs = problem->pairs;
   for (size_t pair1 = 0; pair1 < pairs.size(); ++pair1) {
     const uint32_t image_id1 = database_images_.at(pairs[pair1].database_name).image_id;
@@ -228,7 +248,7 @@ LocalizationProblem ProblemLoader::Load(const std::string& query_name, const Dat
   }
   std::sort(problem.pairs.begin(), problem.pairs.end(),
             [](const ImagePair& a, const ImagePair& b) { return a.database_name < b.database_name; });
-  if (options_.use_database_matches) LoadDatabaseMatches(database, &problem);
+  LoadDatabaseMatches(database, &problem);
   return problem;
 }
 

@@ -19,6 +19,14 @@ struct ProblemLoaderOptions {
   bool use_database_matches = false;  // matches among a query's database images are loaded too
   bool use_raw_matches = false;       // raw matches are loaded even where a pair's verified geometry can be used
   bool leave_one_out = false;         // queries are posed images, each against all others
+  bool has_photos = false;            // queries without keypoints in the database are photos
+};
+
+// A query whose features are not in the database.
+struct PhotoQuery {
+  std::string name;
+  std::optional<Camera> camera;                           // where it is known beforehand
+  std::optional<std::vector<std::string>> partner_names;  // of the pairs file, where there is one
 };
 
 // Decides what the queries and the database images are, and loads one query's problem at a time: memory does not grow
@@ -33,6 +41,8 @@ class ProblemLoader {
 
   // Sorted by name.
   const std::vector<std::string>& QueryNames() const { return query_names_; }
+  // Those of the queries that are photos, by name: Load is not for them.
+  const std::map<std::string, PhotoQuery>& Photos() const { return photos_; }
   // The posed images without those that are queries (with leave_one_out: all).
   const Model& DatabaseModel() const { return model_; }
   // One line on what was left out of the pairs file; empty where nothing was.
@@ -42,6 +52,8 @@ class ProblemLoader {
   // as many with only raw matches, best by their number, from which the localizer chooses when they are verified.
   // Throws InputError for damaged data. Thread-safe, with a reader per thread.
   LocalizationProblem Load(const std::string& query_name, const DatabaseReader& database) const;
+  // Adds the matches among the pairs' database images where the options want them: a part of Load, for photos too.
+  void LoadDatabaseMatches(const DatabaseReader& database, LocalizationProblem* problem) const;
 
  private:
   struct Query {
@@ -59,6 +71,7 @@ class ProblemLoader {
   void ChooseQueries(const std::vector<QueryListEntry>& queries, const DatabaseReader& database);
   // posed: the image in the model, or null.
   void AddQuery(const QueryListEntry& entry, const ModelImage* posed, const DatabaseReader& database);
+  bool IsPhoto(const std::string& name, const DatabaseReader& database) const;
   // The posed images among `sizes`, most matches first.
   Candidates RankCandidates(const Query& query, const std::vector<PairSize>& sizes) const;
   Candidates ListedCandidates(const Query& query) const;
@@ -66,7 +79,6 @@ class ProblemLoader {
   void LoadPairs(const Query& query, const Candidates& candidates, size_t max_num_pairs, const DatabaseReader& database,
                  LocalizationProblem* problem) const;
   void LoadBestPairs(const Query& query, const DatabaseReader& database, LocalizationProblem* problem) const;
-  void LoadDatabaseMatches(const DatabaseReader& database, LocalizationProblem* problem) const;
   // None where there are no matches, or verification left none.
   std::optional<ImagePair> LoadPair(const Query& query, const Candidate& candidate,
                                     const DatabaseReader& database) const;
@@ -79,6 +91,7 @@ class ProblemLoader {
   std::unordered_map<std::string, DatabaseImage> database_images_;  // by name
   std::unordered_map<uint32_t, const ModelImage*> posed_of_database_id_;
   std::unordered_map<std::string, Query> queries_;
+  std::map<std::string, PhotoQuery> photos_;
   std::vector<std::string> query_names_;
 };
 

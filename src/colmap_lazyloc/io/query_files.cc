@@ -1,5 +1,7 @@
 #include "colmap_lazyloc/io/query_files.h"
 
+#include <array>
+#include <cmath>
 #include <string_view>
 
 #include "colmap_lazyloc/bridge/camera_models.h"
@@ -82,6 +84,26 @@ QueryPairs ReadPairs(const std::filesystem::path& path, const std::set<std::stri
     pairs.partners[query_name] = std::move(query_partners.in_file_order);
   }
   return pairs;
+}
+
+std::map<std::string, QueryPrior> ReadQueryPriors(const std::filesystem::path& path) {
+  TextFile file(path);
+  std::map<std::string, QueryPrior> priors;
+  while (file.NextEntry()) {
+    std::string_view rest = file.Line();
+    std::array<double, 4> numbers{};  // the last four words
+    for (size_t i = numbers.size(); i-- > 0;) {
+      const size_t blank = rest.find_last_of(" \t");
+      if (blank == std::string_view::npos) throw file.Error("expected `name x y z radius`");
+      numbers[i] = file.ParseNumber<double>(rest.substr(blank + 1));
+      if (!std::isfinite(numbers[i])) throw file.Error("a number is not finite");
+      rest = Trimmed(rest.substr(0, blank));
+    }
+    if (numbers[3] <= 0) throw file.Error("the radius is not positive");
+    const QueryPrior prior = {{numbers[0], numbers[1], numbers[2]}, numbers[3]};
+    if (!priors.emplace(rest, prior).second) throw file.Error("query '" + std::string(rest) + "' is listed twice");
+  }
+  return priors;
 }
 
 }  // namespace lazyloc

@@ -8,6 +8,8 @@
 #include <string>
 #include <vector>
 
+#include <Eigen/Core>
+
 #include "colmap_lazyloc/scene/camera.h"
 
 namespace lazyloc {
@@ -35,5 +37,15 @@ struct QueryPairs {
 // fewer than two names.
 QueryPairs ReadPairs(const std::filesystem::path& path, const std::set<std::string>& query_names,
                      const std::function<bool(const std::string&)>& is_known);
+
+// Where a query was roughly taken: its position is within the radius, in the model's coordinates and unit.
+struct QueryPrior {
+  Eigen::Vector3d position = Eigen::Vector3d::Zero();
+  double radius = 0;
+};
+
+// `name x y z radius` a line, where a name may hold blanks; '#' comments. By name. Throws InputError, `file:line: ...`, for
+// a missing file, a name that appears twice, or numbers that cannot be.
+std::map<std::string, QueryPrior> ReadQueryPriors(const std::filesystem::path& path);
 
 }  // namespace lazyloc

@@ -6,9 +6,9 @@
 #include "colmap_lazyloc/pipeline/pose_uncertainty.h"
 #include "colmap_lazyloc/pipeline/post_optimization.h"
 #include "colmap_lazyloc/pipeline/report.h"
-#include "colmap_lazyloc/pipeline/stage_timer.h"
 #include "colmap_lazyloc/pipeline/start_selection.h"
 #include "colmap_lazyloc/pipeline/track_collection.h"
+#include "colmap_lazyloc/scene/stage_timer.h"
 
 namespace lazyloc {
 namespace {

@@ -6,11 +6,11 @@
 
 #include "colmap_lazyloc/math/median.h"
 #include "colmap_lazyloc/math/so3.h"
-#include "colmap_lazyloc/pipeline/stage_timer.h"
 #include "colmap_lazyloc/pipeline/track_collection.h"
 #include "colmap_lazyloc/refinement/covariance.h"
 #include "colmap_lazyloc/refinement/pose_prior.h"
 #include "colmap_lazyloc/refinement/view_noise.h"
+#include "colmap_lazyloc/scene/stage_timer.h"
 
 namespace lazyloc {
 namespace {

@@ -5,6 +5,8 @@ namespace lazyloc {
 const char* QueryStatusName(QueryStatus status) {
   switch (status) {
     case QueryStatus::LOCALIZED: return "LOCALIZED";
+    case QueryStatus::UNREADABLE_IMAGE: return "UNREADABLE_IMAGE";
+    case QueryStatus::UNKNOWN_CAMERA: return "UNKNOWN_CAMERA";
     case QueryStatus::NO_FEATURES: return "NO_FEATURES";
     case QueryStatus::NO_PAIRS: return "NO_PAIRS";
     case QueryStatus::TOO_FEW_INLIERS: return "TOO_FEW_INLIERS";

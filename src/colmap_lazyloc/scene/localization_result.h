@@ -14,6 +14,8 @@ namespace lazyloc {
 
 enum class QueryStatus {
   LOCALIZED,
+  UNREADABLE_IMAGE,        // the photo is no image file that can be read
+  UNKNOWN_CAMERA,          // the photo's intrinsics are given nowhere
   NO_FEATURES,             // the query has no keypoints
   NO_PAIRS,                // no database image shares matches with the query
   TOO_FEW_INLIERS,         // no pair has enough verified inliers
@@ -68,6 +70,7 @@ struct LocalizationResult {
   std::string reason;              // one sentence; empty when LOCALIZED
   Camera query_camera;             // with the focal length that was found, where it was sought and the query LOCALIZED
   bool is_camera_refined = false;  // whether that is so
+  std::vector<Eigen::Vector2d> photo_keypoints;  // xy in pixels, where they are not in the database
 
   // Valid when LOCALIZED.
   Rigid3d cam_from_world;

@@ -88,6 +88,10 @@ TestDatabase::TestDatabase(const std::filesystem::path& path, Schema schema) : s
   if (schema != Schema::V3_6) two_view_geometries += ", qvec BLOB, tvec BLOB";
   if (schema == Schema::V4_2) two_view_geometries += ", camera1 BLOB, camera2 BLOB";
   Execute(kTables + std::string(kImages) + (has_prior ? kImagesPrior : "") + kImagesEnd + two_view_geometries + ");");
+  Execute(
+      "CREATE TABLE descriptors (image_id INTEGER PRIMARY KEY NOT NULL, rows INTEGER NOT NULL,"
+      " cols INTEGER NOT NULL, data BLOB" +
+      std::string(schema == Schema::V4_2 ? ", type INTEGER NOT NULL" : "") + ")");
   const char* version[] = {"3600", "3800", "3900", "4020000"};
   Execute(std::string("PRAGMA user_version=") + version[static_cast<int>(schema)]);
 }
@@ -143,6 +147,13 @@ void TestDatabase::AddKeypoints(uint32_t image_id, const std::vector<Eigen::Vect
     for (int col = 2; col < num_cols; ++col) Append(static_cast<float>(col), &blob);
   }
   Insert("keypoints", {int64_t{image_id}, static_cast<int64_t>(keypoints.size()), int64_t{num_cols}, blob});
+}
+
+void TestDatabase::AddDescriptors(uint32_t image_id, const Descriptors& descriptors, int type) {
+  std::vector<Value> values = {int64_t{image_id}, int64_t{descriptors.rows()}, int64_t{descriptors.cols()},
+                               Blob(descriptors.data(), descriptors.data() + descriptors.size())};
+  if (schema_ == Schema::V4_2) values.emplace_back(int64_t{type});
+  Insert("descriptors", values);
 }
 
 void TestDatabase::AddMatches(uint32_t query_id, uint32_t database_id, const Matches& matches) {

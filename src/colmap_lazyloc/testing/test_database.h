@@ -10,6 +10,7 @@
 #include <Eigen/Core>
 
 #include "colmap_lazyloc/scene/camera.h"
+#include "colmap_lazyloc/scene/features.h"
 #include "colmap_lazyloc/scene/match.h"
 #include "colmap_lazyloc/scene/two_view_geometry.h"
 
@@ -34,6 +35,8 @@ class TestDatabase {
   void AddImage(uint32_t image_id, uint32_t camera_id, const std::string& name);
   // num_cols: 2, 4 or 6, by version of COLMAP and kind of feature.
   void AddKeypoints(uint32_t image_id, const std::vector<Eigen::Vector2d>& keypoints, int num_cols = 6);
+  // type: COLMAP 4.x's, where 0 is SIFT.
+  void AddDescriptors(uint32_t image_id, const Descriptors& descriptors, int type = 0);
   // Matches and geometry are oriented as everywhere: from the database image to the query.
   void AddMatches(uint32_t query_id, uint32_t database_id, const Matches& matches);
   void AddTwoViewGeometry(uint32_t query_id, uint32_t database_id, const TwoViewGeometry& geometry);

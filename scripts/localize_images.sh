@@ -1,0 +1,17 @@
+#!/usr/bin/env bash
+# From photos to poses: every image file below IMAGES is a query. The database needs SIFT descriptors of the posed images.
+#
+#   scripts/localize_images.sh DATABASE MODEL IMAGES OUTPUT [options of colmap lazy_localizer]
+#
+# Cameras are those of EXIF, unless given: --ImageReader.camera_model OPENCV --ImageReader.camera_params fx,fy,cx,cy,...
+# The retrieval index is kept in OUTPUT.index; delete it at will.
+set -euo pipefail
+[ $# -ge 4 ] || { sed -n '2,/^set/s/^# \{0,1\}//p' "$0" >&2; exit 1; }
+database=$1 model=$2 images=$3 output=${4%/}
+shift 4
+queries=$(mktemp)
+trap 'rm -f "$queries"' EXIT
+find -L "$images" -type f -printf '%P\n' | grep -iE '\.(jpe?g|png|tiff?|bmp|pgm|ppm)$' | LC_ALL=C sort > "$queries" ||
+  { echo "localize_images.sh: $images: holds no image file" >&2; exit 1; }
+"${COLMAP:-colmap}" lazy_localizer --database_path "$database" --input_path "$model" --image_path "$images" \
+  --query_list_path "$queries" --retrieval_index_path "$output.index" --output_path "$output" "$@"

@@ -1,0 +1,25 @@
+#include "colmap_lazyloc/bridge/sift.h"
+
+#include "colmap_lazyloc/scene/errors.h"
+
+namespace lazyloc {
+
+bool ExtractSift(const colmap::Bitmap& bitmap, const SiftExtractionOptions& options,
+                 colmap::FeatureKeypoints* keypoints, Descriptors* descriptors) {
+  colmap::SiftExtractionOptions converted;
+  converted.use_gpu = false;
+  converted.num_threads = 1;
+  converted.max_image_size = options.max_image_size;
+  CopyOptions(options, &converted);
+  const auto extractor = colmap::CreateSiftFeatureExtractor(converted);
+  LAZYLOC_CHECK(extractor != nullptr);
+  return extractor->Extract(bitmap, keypoints, descriptors);
+}
+
+std::optional<double> ExifFocalLengthPx(const colmap::Bitmap& bitmap) {
+  double focal_length = 0;
+  if (!bitmap.ExifFocalLength(&focal_length) || focal_length <= 0) return std::nullopt;
+  return focal_length;
+}
+
+}  // namespace lazyloc

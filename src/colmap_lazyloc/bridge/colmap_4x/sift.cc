@@ -1,0 +1,29 @@
+#include "colmap_lazyloc/bridge/sift.h"
+
+#include <colmap/feature/extractor.h>
+
+#include "colmap_lazyloc/scene/errors.h"
+
+namespace lazyloc {
+
+bool ExtractSift(const colmap::Bitmap& bitmap, const SiftExtractionOptions& options,
+                 colmap::FeatureKeypoints* keypoints, Descriptors* descriptors) {
+  colmap::FeatureExtractionOptions converted(colmap::FeatureExtractorType::SIFT);
+  converted.use_gpu = false;
+  converted.num_threads = 1;
+  converted.max_image_size = options.max_image_size;
+  CopyOptions(options, converted.sift.get());
+  const auto extractor = colmap::FeatureExtractor::Create(converted);
+  LAZYLOC_CHECK(extractor != nullptr);
+  colmap::FeatureDescriptors extracted;
+  if (!extractor->Extract(bitmap, keypoints, &extracted)) return false;
+  *descriptors = std::move(extracted.data);
+  return true;
+}
+
+std::optional<double> ExifFocalLengthPx(const colmap::Bitmap& bitmap) {
+  const std::optional<double> focal_length = bitmap.ExifFocalLength();
+  return focal_length.value_or(0) > 0 ? focal_length : std::nullopt;
+}
+
+}  // namespace lazyloc

@@ -1,0 +1,30 @@
+#pragma once
+
+#include <optional>
+
+#include <colmap/feature/sift.h>
+#include <colmap/feature/types.h>
+#include <colmap/sensor/bitmap.h>
+
+#include "colmap_lazyloc/bridge/feature_extraction.h"
+
+namespace lazyloc {
+
+// Features in pixels of the bitmap, which is not scaled. Returns false where COLMAP finds it too small.
+bool ExtractSift(const colmap::Bitmap& bitmap, const SiftExtractionOptions& options,
+                 colmap::FeatureKeypoints* keypoints, Descriptors* descriptors);
+
+// None where EXIF has no positive one.
+std::optional<double> ExifFocalLengthPx(const colmap::Bitmap& bitmap);
+
+inline void CopyOptions(const SiftExtractionOptions& options, colmap::SiftExtractionOptions* converted) {
+  converted->max_num_features = options.max_num_features;
+  converted->first_octave = options.first_octave;
+  converted->peak_threshold = options.peak_threshold;
+  converted->edge_threshold = options.edge_threshold;
+  converted->estimate_affine_shape = options.estimate_affine_shape;
+  converted->domain_size_pooling = options.domain_size_pooling;
+  converted->upright = options.upright;
+}
+
+}  // namespace lazyloc

@@ -1,0 +1,37 @@
+#include "colmap_lazyloc/cli/lazy_indexer.h"
+
+#include <chrono>
+#include <cstdlib>
+#include <iostream>
+
+#include "colmap_lazyloc/cli/options.h"
+#include "colmap_lazyloc/cli/run_command.h"
+#include "colmap_lazyloc/matching/retrieval_index.h"
+#include "colmap_lazyloc/scene/errors.h"
+
+namespace lazyloc {
+namespace {
+
+int Run(const IndexerOptions& options) {
+  using Clock = std::chrono::steady_clock;
+  const Clock::time_point start = Clock::now();
+  const DatabaseReader database(options.database_path);
+  const FeatureReader features(options.database_path);
+  const RetrievalIndex index(options.index_path, database.ReadImages(), features, options.retrieval);
+  const RetrievalIndex::Changes& changes = index.LastChanges();
+  std::cout << options.index_path << (changes.is_trained ? ": made" : ": up to date") << ", " << index.NumImages()
+            << " images (" << changes.num_added << " added, " << changes.num_removed << " removed) in "
+            << std::chrono::duration<double>(Clock::now() - start).count() << " s" << std::endl;
+  return EXIT_SUCCESS;
+}
+
+}  // namespace
+
+int RunLazyIndexer(int argc, char** argv) {
+  return RunCommand("lazy_indexer", [=] {
+    IndexerOptions options;
+    return ParseCommandLine(argc, argv, &options) ? Run(options) : EXIT_SUCCESS;
+  });
+}
+
+}  // namespace lazyloc

@@ -1,0 +1,108 @@
+#include "colmap_lazyloc/database/feature_reader.h"
+
+#include <cmath>
+#include <cstring>
+#include <limits>
+#include <string>
+
+#include "colmap_lazyloc/scene/errors.h"
+
+namespace lazyloc {
+namespace {
+
+constexpr int kSiftCols = 128;
+constexpr int64_t kSiftType = 0;  // of COLMAP 4.x, which alone knows other types
+constexpr int64_t kMaxInt = std::numeric_limits<int>::max();
+
+SqliteStatement PrepareDescriptors(const SqliteConnection& connection, const std::string& columns,
+                                   const std::string& condition) {
+  const std::set<std::string> names = connection.ColumnNames("descriptors");
+  if (names.empty()) {
+    throw InputError(connection.File().Path().string() + ": is not a COLMAP database: it has no table descriptors");
+  }
+  const std::string type = names.count("type") > 0 ? "type" : std::to_string(kSiftType);
+  return connection.Prepare("descriptors", "SELECT " + columns + ", cols, " + type + " FROM descriptors " + condition);
+}
+
+void CheckSift(const SqliteRows& row, int cols_column) {
+  const int64_t cols = row.Integer(cols_column, 0, kMaxInt);
+  const int64_t type = row.Integer(cols_column + 1, -1, kMaxInt);
+  if (cols != kSiftCols || type != kSiftType) {
+    row.Fail("descriptors are not SIFT's (type " + std::to_string(type) + ", " + std::to_string(cols) +
+             " columns): photos cannot be matched with them");
+  }
+}
+
+Descriptors ReadMatrix(const SqliteRows& row) {
+  const ByteSpan data = row.Blob(1);
+  Descriptors descriptors(row.Integer(0, 0, kMaxInt), kSiftCols);
+  if (data.size != static_cast<size_t>(descriptors.size())) {
+    row.Fail("descriptors have " + std::to_string(data.size) + " bytes for " + std::to_string(descriptors.rows()) +
+             " x " + std::to_string(kSiftCols) + " numbers");
+  }
+  if (data.size > 0) std::memcpy(descriptors.data(), data.data, data.size);
+  return descriptors;
+}
+
+// x, y in two columns, or with scale and orientation in four, or with an affine shape in six.
+std::vector<Keypoint> ReadKeypoints(const SqliteRows& row) {
+  std::vector<Keypoint> keypoints(static_cast<size_t>(row.Integer(0, 0, kMaxInt)));
+  const size_t num_cols = static_cast<size_t>(row.Integer(1, 0, kMaxInt));
+  const ByteSpan data = row.Blob(2);
+  const bool is_valid = num_cols == 2 || num_cols == 4 || num_cols == 6;
+  if (!keypoints.empty() && (!is_valid || data.size != keypoints.size() * num_cols * sizeof(float))) {
+    row.Fail("keypoints have " + std::to_string(data.size) + " bytes in " + std::to_string(num_cols) + " columns");
+  }
+  for (size_t i = 0; i < keypoints.size(); ++i) {
+    float values[6] = {0, 0, 1, 0, 0, 1};
+    std::memcpy(values, data.data + i * num_cols * sizeof(float), num_cols * sizeof(float));
+    if (num_cols == 4) {
+      const float cosine = values[2] * std::cos(values[3]), sine = values[2] * std::sin(values[3]);
+      keypoints[i] = {values[0], values[1], cosine, -sine, sine, cosine};
+    } else {
+      keypoints[i] = {values[0], values[1], values[2], values[3], values[4], values[5]};
+    }
+  }
+  return keypoints;
+}
+
+}  // namespace
+
+FeatureReader::FeatureReader(const std::filesystem::path& path)
+    : connection_(path),
+      counts_(PrepareDescriptors(connection_, "image_id, rows", "WHERE rows > 0")),
+      keypoints_(connection_.Prepare("keypoints", "SELECT rows, cols, data FROM keypoints WHERE image_id = ?1")),
+      descriptors_(PrepareDescriptors(connection_, "rows, data", "WHERE image_id = ?1")) {}
+
+std::map<uint32_t, size_t> FeatureReader::ReadDescriptorCounts() const {
+  std::map<uint32_t, size_t> counts;
+  SqliteRows rows = counts_.Run({});
+  while (rows.Next()) {
+    const auto image_id = static_cast<uint32_t>(rows.Integer(0, 0, kMaxInt));
+    CheckSift(rows, 2);
+    counts[image_id] = static_cast<size_t>(rows.Integer(1, 1, kMaxInt));
+  }
+  return counts;
+}
+
+Features FeatureReader::Read(uint32_t image_id) const {
+  const auto label = [image_id] { return "image " + std::to_string(image_id); };
+  Features features;
+  features.descriptors.resize(0, kSiftCols);
+  SqliteRows descriptor_rows = descriptors_.Run({image_id}, label);
+  while (descriptor_rows.Next()) {
+    if (descriptor_rows.Integer(0, 0, kMaxInt) == 0) continue;
+    CheckSift(descriptor_rows, 2);
+    features.descriptors = ReadMatrix(descriptor_rows);
+  }
+  if (features.descriptors.rows() == 0) return features;
+  SqliteRows keypoint_rows = keypoints_.Run({image_id}, label);
+  while (keypoint_rows.Next()) features.keypoints = ReadKeypoints(keypoint_rows);
+  if (features.keypoints.size() != static_cast<size_t>(features.descriptors.rows())) {
+    keypoint_rows.Fail("has " + std::to_string(features.keypoints.size()) + " keypoints, but " +
+                       std::to_string(features.descriptors.rows()) + " descriptors");
+  }
+  return features;
+}
+
+}  // namespace lazyloc

@@ -1,0 +1,95 @@
+#include "colmap_lazyloc/database/feature_reader.h"
+
+#include <vector>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "colmap_lazyloc/scene/errors.h"
+#include "colmap_lazyloc/testing/random_descriptors.h"
+#include "colmap_lazyloc/testing/test_database.h"
+#include "colmap_lazyloc/testing/test_folder.h"
+
+namespace lazyloc {
+namespace {
+
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+using ::testing::ThrowsMessage;
+using Schema = TestDatabase::Schema;
+
+class FeatureReaderTest : public ::testing::TestWithParam<Schema> {
+ protected:
+  static std::vector<Eigen::Vector2d> SomeKeypoints(int count) {
+    std::vector<Eigen::Vector2d> keypoints;
+    for (int i = 0; i < count; ++i) keypoints.emplace_back(i + 0.25, 2 * i);
+    return keypoints;
+  }
+
+  TestFolder folder_;
+  std::filesystem::path path_ = folder_ / "database.db";
+  TestDatabase database_{path_, GetParam()};
+};
+
+TEST_P(FeatureReaderTest, ReadsFeaturesAndTheirNumbers) {
+  const Descriptors descriptors = RandomDescriptors(5, 1);
+  for (const int num_cols : {2, 4, 6}) {
+    database_.AddKeypoints(num_cols, SomeKeypoints(5), num_cols);
+    database_.AddDescriptors(num_cols, descriptors);
+  }
+  database_.AddDescriptors(9, Descriptors(0, 0));
+  const FeatureReader reader(path_);
+  EXPECT_THAT(reader.ReadDescriptorCounts(),
+              ::testing::ElementsAre(std::pair(2u, 5u), std::pair(4u, 5u), std::pair(6u, 5u)));
+  for (const uint32_t image_id : {2, 4, 6}) {
+    const Features features = reader.Read(image_id);
+    EXPECT_EQ(features.descriptors, descriptors);
+    EXPECT_EQ(Positions(features.keypoints), SomeKeypoints(5));
+  }
+  for (const uint32_t image_id : {9, 77}) {
+    EXPECT_THAT(reader.Read(image_id).keypoints, IsEmpty());
+    EXPECT_EQ(reader.Read(image_id).descriptors.rows(), 0);
+  }
+}
+
+TEST_P(FeatureReaderTest, LeavesTheFileAsItIs) {
+  database_.AddKeypoints(1, SomeKeypoints(3));
+  database_.AddDescriptors(1, RandomDescriptors(3, 1));
+  database_.Close();
+  const FolderState before = ReadFolderState(folder_.Path());
+  FeatureReader(path_).Read(1);
+  EXPECT_EQ(ReadFolderState(folder_.Path()), before);
+}
+
+TEST_P(FeatureReaderTest, AnotherNumberOfKeypointsIsAnError) {
+  database_.AddKeypoints(1, SomeKeypoints(4));
+  database_.AddDescriptors(1, RandomDescriptors(3, 1));
+  EXPECT_THAT([&] { FeatureReader(path_).Read(1); },
+              ThrowsMessage<InputError>(HasSubstr("has 4 keypoints, but 3 descriptors")));
+}
+
+TEST_P(FeatureReaderTest, OtherDescriptorsThanSiftAreAnError) {
+  database_.AddDescriptors(1, Descriptors::Zero(3, 256));
+  const FeatureReader reader(path_);
+  EXPECT_THAT([&] { reader.ReadDescriptorCounts(); }, ThrowsMessage<InputError>(HasSubstr("not SIFT's")));
+  EXPECT_THAT([&] { reader.Read(1); }, ThrowsMessage<InputError>(HasSubstr("256 columns")));
+}
+
+TEST_P(FeatureReaderTest, DamagedDescriptorsAreAnError) {
+  database_.AddDescriptors(1, RandomDescriptors(3, 1));
+  database_.Execute("UPDATE descriptors SET rows = 4");
+  EXPECT_THAT([&] { FeatureReader(path_).Read(1); }, ThrowsMessage<InputError>(HasSubstr("384 bytes for 4 x 128")));
+}
+
+INSTANTIATE_TEST_SUITE_P(Schemas, FeatureReaderTest, ::testing::Values(Schema::V3_8, Schema::V4_2));
+
+TEST(FeatureReader, LearnedDescriptorsAreNotSift) {
+  const TestFolder folder;
+  TestDatabase database(folder / "database.db", Schema::V4_2);
+  database.AddDescriptors(1, RandomDescriptors(3, 1), /*type=*/1);
+  EXPECT_THAT([&] { FeatureReader(folder / "database.db").ReadDescriptorCounts(); },
+              ThrowsMessage<InputError>(HasSubstr("type 1")));
+}
+
+}  // namespace
+}  // namespace lazyloc

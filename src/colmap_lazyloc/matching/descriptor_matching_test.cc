@@ -1,0 +1,94 @@
+#include "colmap_lazyloc/matching/descriptor_matching.h"
+
+#include <cmath>
+#include <vector>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "colmap_lazyloc/testing/random_descriptors.h"
+
+namespace lazyloc {
+namespace {
+
+using ::testing::IsEmpty;
+
+// For each descriptor of `a` the one of `b` that COLMAP's rules give, or -1: by their definition, in whole numbers.
+std::vector<int> Partners(const Descriptors& a, const Descriptors& b, const SiftMatchingOptions& options) {
+  std::vector<int> partners;
+  for (Eigen::Index i = 0; i < a.rows(); ++i) {
+    int best = 0, second = 0, partner = -1;
+    for (Eigen::Index j = 0; j < b.rows(); ++j) {
+      const int product = a.row(i).cast<int>().dot(b.row(j).cast<int>());
+      if (product > best) {
+        second = best;
+        best = product;
+        partner = static_cast<int>(j);
+      } else {
+        second = std::max(second, product);
+      }
+    }
+    const auto angle = [](int product) { return std::acos(std::min(product / (512.0f * 512.0f), 1.0f)); };
+    const bool is_good = angle(best) <= static_cast<float>(options.max_distance) &&
+                         angle(best) < static_cast<float>(options.max_ratio) * angle(second);
+    partners.push_back(is_good ? partner : -1);
+  }
+  return partners;
+}
+
+TEST(MatchDescriptors, FindsThePartnersOfNoisyDescriptors) {
+  const Descriptors query = RandomDescriptors(300, 1);
+  Descriptors database = WithNoise(query, 2).colwise().reverse();
+  database.bottomRows(100) = RandomDescriptors(100, 3);  // the partners of the first 100 are gone
+  const Matches matches = MatchDescriptors(query, database, {});
+  EXPECT_EQ(matches.size(), 200u);
+  for (const Match& match : matches) EXPECT_EQ(match.database_point, 299 - match.query_point);
+}
+
+TEST(MatchDescriptors, AgreesWithTheDefinition) {
+  const Descriptors query = RandomDescriptors(310, 1);
+  Descriptors database(350, 128);
+  database << WithNoise(query, 2).topRows(200), WithNoise(query, 3).bottomRows(150);
+  for (const double max_ratio : {0.8, 0.95, 1.0}) {
+    for (const bool cross_check : {true, false}) {
+      SiftMatchingOptions options;
+      options.max_ratio = max_ratio;
+      options.cross_check = cross_check;
+      const std::vector<int> of_query = Partners(query, database, options);
+      const std::vector<int> of_database = Partners(database, query, options);
+      Matches expected;
+      for (uint32_t i = 0; i < of_query.size(); ++i) {
+        if (of_query[i] < 0 || (cross_check && of_database[of_query[i]] != static_cast<int>(i))) continue;
+        expected.push_back({i, static_cast<uint32_t>(of_query[i])});
+      }
+      EXPECT_GT(expected.size(), 100u);
+      EXPECT_EQ(MatchDescriptors(query, database, options), expected);
+    }
+  }
+}
+
+TEST(MatchDescriptors, RatioTestRefusesWhatHasTwoPartners) {
+  const Descriptors query = RandomDescriptors(50, 1);
+  Descriptors database(100, 128);
+  database << WithNoise(query, 2), WithNoise(query, 2);
+  EXPECT_THAT(MatchDescriptors(query, database, {}), IsEmpty());
+}
+
+TEST(MatchDescriptors, DistanceLimitRefusesWhatIsFar) {
+  const Descriptors query = RandomDescriptors(50, 1), database = RandomDescriptors(50, 2);
+  SiftMatchingOptions options;
+  options.max_ratio = 1;
+  options.max_distance = 2;
+  EXPECT_GT(MatchDescriptors(query, database, options).size(), 10u);
+  options.max_distance = 0.3;
+  EXPECT_THAT(MatchDescriptors(query, database, options), IsEmpty());
+}
+
+TEST(MatchDescriptors, EmptyImagesHaveNoMatches) {
+  const Descriptors some = RandomDescriptors(10, 1), none(0, 128);
+  EXPECT_THAT(MatchDescriptors(some, none, {}), IsEmpty());
+  EXPECT_THAT(MatchDescriptors(none, some, {}), IsEmpty());
+}
+
+}  // namespace
+}  // namespace lazyloc

@@ -1,0 +1,44 @@
+#include "colmap_lazyloc/matching/pair_matching.h"
+
+#include "colmap_lazyloc/math/seed.h"
+#include "colmap_lazyloc/scene/errors.h"
+
+namespace lazyloc {
+namespace {
+
+TwoViewGeometry Verify(const LocalizationProblem& problem, const ImagePair& pair, const PairMatchingOptions& options) {
+  TwoViewGeometry geometry;
+  if (static_cast<int>(pair.matches.size()) >= options.verification.min_num_inliers) {
+    geometry = EstimateTwoViewGeometry(pair.database_camera, pair.database_keypoints, problem.query_camera,
+                                       problem.query_keypoints, pair.matches, options.verification,
+                                       SeedFromNames(problem.query_name, pair.database_name, options.seed));
+  }
+  // Nothing more can be found in these matches.
+  if (!HoldsCalibrated(geometry.config)) geometry.config = TwoViewConfig::DEGENERATE;
+  return geometry;
+}
+
+}  // namespace
+
+void MatchPairs(const Features& query_features, const std::vector<std::shared_ptr<const Features>>& database_features,
+                const PairMatchingOptions& options, IdleThreads* idle_threads, LocalizationProblem* problem,
+                StageTimer::Seconds* seconds) {
+  std::vector<ImagePair>& pairs = problem->pairs;
+  LAZYLOC_CHECK(database_features.size() == pairs.size());
+  {
+    const StageTimer timer("matching", seconds);
+    ParallelFor(
+        pairs.size(),
+        [&](size_t i) {
+          const Features& features = *database_features[i];
+          pairs[i].matches = MatchDescriptors(query_features.descriptors, features.descriptors, options.matching);
+          pairs[i].database_keypoints = Positions(features.keypoints);
+        },
+        idle_threads);
+  }
+  const StageTimer timer("verification", seconds);
+  ParallelFor(
+      pairs.size(), [&](size_t i) { pairs[i].geometry = Verify(*problem, pairs[i], options); }, idle_threads);
+}
+
+}  // namespace lazyloc

@@ -1,0 +1,194 @@
+#include "colmap_lazyloc/matching/retrieval_index.h"
+
+#include <algorithm>
+#include <fstream>
+#include <random>
+#include <system_error>
+#include <type_traits>
+
+#include "colmap_lazyloc/scene/errors.h"
+
+namespace lazyloc {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr char kMagic[] = "colmap_lazyloc retrieval index 1";
+// What a vocabulary is learnt from: more per word makes it slower, not better.
+constexpr size_t kDescriptorsPerWord = 32;
+constexpr size_t kMinDescriptorsPerWord = 8;
+
+template <typename T>
+void WriteNumber(T number, std::ofstream* file) {
+  static_assert(std::is_arithmetic_v<T>);
+  file->write(reinterpret_cast<const char*>(&number), sizeof(number));
+}
+
+template <typename T>
+T ReadNumber(std::ifstream* file) {
+  T number{};
+  file->read(reinterpret_cast<char*>(&number), sizeof(number));
+  return number;
+}
+
+// The part of the descriptors that the vocabulary is learnt from, evenly from all images.
+Descriptors SampleDescriptors(const std::vector<DatabaseImage>& images, const FeatureReader& features,
+                              size_t num_available, size_t num_wanted, int seed) {
+  const double ratio = std::min(1.0, static_cast<double>(num_wanted) / static_cast<double>(num_available));
+  std::mt19937 random(static_cast<uint32_t>(seed));
+  Descriptors sample(static_cast<Eigen::Index>(std::min(num_available, num_wanted + num_wanted / 8 + 1000)), 128);
+  Eigen::Index num_rows = 0;
+  for (const DatabaseImage& image : images) {
+    const Descriptors descriptors = features.Read(image.image_id).descriptors;
+    for (Eigen::Index i = 0; i < descriptors.rows() && num_rows < sample.rows(); ++i) {
+      // The generator's own numbers: distributions differ between standard libraries.
+      if (static_cast<double>(random()) < ratio * 4294967296.0) sample.row(num_rows++) = descriptors.row(i);
+    }
+  }
+  sample.conservativeResize(num_rows, Eigen::NoChange);
+  return sample;
+}
+
+}  // namespace
+
+RetrievalIndex::RetrievalIndex(const fs::path& path, const std::vector<DatabaseImage>& images,
+                               const FeatureReader& features, const RetrievalOptions& options) {
+  const std::map<uint32_t, size_t> counts = features.ReadDescriptorCounts();
+  std::map<std::string, uint64_t> num_descriptors;
+  std::vector<DatabaseImage> described;
+  for (const DatabaseImage& image : images) {
+    const auto count = counts.find(image.image_id);
+    if (count == counts.end()) continue;
+    num_descriptors[image.name] = count->second;
+    described.push_back(image);
+  }
+  if (described.empty()) throw InputError(features.Path().string() + ": has no descriptors to make an index of");
+
+  std::error_code ignored;
+  if (!path.empty() && fs::exists(path, ignored)) {
+    Read(path);
+    const auto is_known = [&](const auto& entry) { return num_descriptors.count(entry.first) > 0; };
+    if (std::none_of(entries_.begin(), entries_.end(), is_known)) {
+      throw InputError(path.string() +
+                       ": holds no image of the database: it belongs to another one (delete it to have "
+                       "it made anew)");
+    }
+    RemoveStaleEntries(num_descriptors);
+  }
+  if (!visual_index_ || IsOutgrown(described.size())) Train(described, features, options);
+  AddNewEntries(described, num_descriptors, features);
+  for (const DatabaseImage& image : described) image_of_index_id_[entries_.at(image.name).index_id] = image.image_id;
+  const bool has_changed = changes_.is_trained || changes_.num_added > 0 || changes_.num_removed > 0;
+  if (!path.empty() && has_changed) Write(path);
+}
+
+// What was removed stays in the inverted files, unused; and a vocabulary learnt from few images suits no others.
+bool RetrievalIndex::IsOutgrown(size_t num_images) const {
+  const size_t num_unused = static_cast<size_t>(next_index_id_ - 1) - entries_.size();
+  return num_unused > entries_.size() || num_images > 8 * entries_.size();
+}
+
+void RetrievalIndex::RemoveStaleEntries(const std::map<std::string, uint64_t>& num_descriptors) {
+  for (auto entry = entries_.begin(); entry != entries_.end();) {
+    const auto current = num_descriptors.find(entry->first);
+    const bool is_stale = current == num_descriptors.end() || current->second != entry->second.num_descriptors;
+    changes_.num_removed += is_stale;
+    entry = is_stale ? entries_.erase(entry) : std::next(entry);
+  }
+}
+
+void RetrievalIndex::Train(const std::vector<DatabaseImage>& images, const FeatureReader& features,
+                           const RetrievalOptions& options) {
+  entries_.clear();
+  next_index_id_ = 1;
+  changes_.is_trained = true;
+  size_t num_available = 0;
+  for (const auto& [image_id, count] : features.ReadDescriptorCounts()) num_available += count;
+  const size_t num_words =
+      std::max<size_t>(2, std::min<size_t>(options.num_visual_words, num_available / kMinDescriptorsPerWord));
+  const Descriptors sample =
+      SampleDescriptors(images, features, num_available, num_words * kDescriptorsPerWord, options.seed);
+  visual_index_ = std::make_unique<VisualIndex>(
+      VisualIndex::Train(sample, static_cast<int>(num_words), static_cast<uint32_t>(options.seed)));
+}
+
+void RetrievalIndex::AddNewEntries(const std::vector<DatabaseImage>& images,
+                                   const std::map<std::string, uint64_t>& num_descriptors,
+                                   const FeatureReader& features) {
+  for (const DatabaseImage& image : images) {
+    if (entries_.count(image.name) > 0) continue;
+    const Entry entry = {next_index_id_++, num_descriptors.at(image.name)};
+    visual_index_->Add(entry.index_id, features.Read(image.image_id).descriptors);
+    entries_.emplace(image.name, entry);
+    ++changes_.num_added;
+  }
+  visual_index_->Finalize();
+}
+
+std::vector<uint32_t> RetrievalIndex::Query(const Descriptors& query) const {
+  std::vector<uint32_t> image_ids;
+  for (const auto& [index_id, score] : visual_index_->Query(query)) {
+    const auto image = image_of_index_id_.find(index_id);
+    if (image != image_of_index_id_.end()) image_ids.push_back(image->second);
+  }
+  return image_ids;
+}
+
+void RetrievalIndex::Write(const fs::path& path) const {
+  fs::path staged = path;
+  staged += ".new";
+  std::ofstream file(staged, std::ios::binary | std::ios::trunc);
+  file << kMagic << ' ' << kVisualIndexFormat << '\n';
+  const std::streampos size_position = file.tellp();
+  WriteNumber<uint64_t>(0, &file);
+  WriteNumber<int32_t>(next_index_id_, &file);
+  WriteNumber<uint64_t>(entries_.size(), &file);
+  for (const auto& [name, entry] : entries_) {
+    WriteNumber(entry.index_id, &file);
+    WriteNumber(entry.num_descriptors, &file);
+    WriteNumber<uint64_t>(name.size(), &file);
+    file << name;
+  }
+  if (file) visual_index_->Write(&file);
+  const auto size = static_cast<uint64_t>(file.tellp());
+  file.seekp(size_position);
+  WriteNumber(size, &file);
+  file.close();
+  std::error_code error;
+  if (file) fs::rename(staged, path, error);
+  if (file && !error) return;
+  std::error_code ignored;
+  fs::remove(staged, ignored);
+  throw InputError(path.string() + ": the retrieval index cannot be written");
+}
+
+void RetrievalIndex::Read(const fs::path& path) {
+  std::error_code ignored;
+  const auto fail = [&](const std::string& problem) {
+    throw InputError(path.string() + ": " + problem + " (delete it to have it made anew)");
+  };
+  std::ifstream file(path, std::ios::binary);
+  std::string header(sizeof(kMagic) + std::char_traits<char>::length(kVisualIndexFormat), ' ');
+  file.read(header.data(), static_cast<std::streamsize>(header.size()));
+  if (!file || header.rfind(kMagic, 0) != 0) fail("is no retrieval index of colmap lazy_indexer");
+  if (header != std::string(kMagic) + ' ' + kVisualIndexFormat) fail("is of another COLMAP generation");
+  file.get();
+  const auto size = ReadNumber<uint64_t>(&file);
+  if (!file || size != fs::file_size(path, ignored)) fail("is cut short");
+  next_index_id_ = ReadNumber<int32_t>(&file);
+  const auto num_entries = ReadNumber<uint64_t>(&file);
+  for (uint64_t i = 0; i < num_entries && file; ++i) {
+    Entry entry;
+    entry.index_id = ReadNumber<int32_t>(&file);
+    entry.num_descriptors = ReadNumber<uint64_t>(&file);
+    const auto length = ReadNumber<uint64_t>(&file);
+    if (!file || length > size) fail("is damaged");
+    std::string name(length, ' ');
+    file.read(name.data(), static_cast<std::streamsize>(length));
+    entries_.emplace(std::move(name), entry);
+  }
+  visual_index_ = std::make_unique<VisualIndex>(VisualIndex::Read(&file));
+  if (!file) fail("is damaged");
+}
+
+}  // namespace lazyloc

@@ -1,0 +1,122 @@
+#include "colmap_lazyloc/matching/retrieval_index.h"
+
+#include <string>
+#include <vector>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "colmap_lazyloc/scene/errors.h"
+#include "colmap_lazyloc/testing/random_descriptors.h"
+#include "colmap_lazyloc/testing/test_database.h"
+#include "colmap_lazyloc/testing/test_folder.h"
+
+namespace lazyloc {
+namespace {
+
+using ::testing::HasSubstr;
+using ::testing::ThrowsMessage;
+
+constexpr int kNumDescriptors = 200;
+
+// Image i has descriptors of its own, which a query of the same number shares but for noise.
+class RetrievalIndexTest : public ::testing::Test {
+ protected:
+  std::string WriteDatabase(const std::string& name, const std::vector<uint32_t>& image_ids,
+                            int num_descriptors = kNumDescriptors) {
+    const std::filesystem::path path = folder_ / name;
+    std::filesystem::remove(path);
+    TestDatabase database(path, TestDatabase::Schema::V3_10);
+    for (const uint32_t id : image_ids) {
+      database.AddImage(id, 1, std::to_string(id) + ".jpg");
+      database.AddKeypoints(id, std::vector<Eigen::Vector2d>(num_descriptors, {1, 2}));
+      database.AddDescriptors(id, RandomDescriptors(kNumDescriptors, id).topRows(num_descriptors));
+    }
+    database.Close();
+    return path.string();
+  }
+
+  RetrievalIndex Open(const std::string& database_path, const std::string& index_name = "index") {
+    RetrievalOptions options;
+    options.num_visual_words = 64;
+    const std::filesystem::path path = index_name.empty() ? std::filesystem::path() : folder_ / index_name;
+    return {path, DatabaseReader(database_path).ReadImages(), FeatureReader(database_path), options};
+  }
+
+  static void ExpectFinds(const RetrievalIndex& index, const std::vector<uint32_t>& image_ids) {
+    for (const uint32_t id : image_ids) {
+      const std::vector<uint32_t> found = index.Query(WithNoise(RandomDescriptors(kNumDescriptors, id), 99));
+      ASSERT_FALSE(found.empty());
+      EXPECT_EQ(found.front(), id);
+    }
+  }
+
+  void ExpectRefused(const std::string& database_path, const std::string& message) {
+    EXPECT_THAT([&] { Open(database_path); },
+                ThrowsMessage<InputError>(AllOf(HasSubstr((folder_ / "index").string()), HasSubstr(message))));
+  }
+
+  TestFolder folder_;
+};
+
+TEST_F(RetrievalIndexTest, FindsImagesAndIsReadAgainAsItWasWritten) {
+  const std::string database = WriteDatabase("a.db", {1, 2, 3, 4, 5});
+  const RetrievalIndex made = Open(database);
+  EXPECT_TRUE(made.LastChanges().is_trained);
+  ExpectFinds(made, {1, 2, 3, 4, 5});
+  const std::string bytes = ReadBytes(folder_ / "index");
+  const RetrievalIndex read = Open(database);
+  EXPECT_FALSE(read.LastChanges().is_trained);
+  EXPECT_EQ(read.LastChanges().num_added + read.LastChanges().num_removed, 0u);
+  EXPECT_EQ(ReadBytes(folder_ / "index"), bytes);
+  for (uint32_t id = 1; id <= 5; ++id) {
+    const Descriptors query = WithNoise(RandomDescriptors(kNumDescriptors, id), 7);
+    EXPECT_EQ(read.Query(query), made.Query(query));
+    EXPECT_EQ(read.Query(query), Open(database, "").Query(query));
+  }
+}
+
+TEST_F(RetrievalIndexTest, AddedAndRemovedImagesNeedNoTraining) {
+  Open(WriteDatabase("a.db", {1, 2, 3, 4, 5}));
+  const std::string changed = WriteDatabase("a.db", {2, 3, 4, 5, 6, 7});
+  const RetrievalIndex index = Open(changed);
+  EXPECT_FALSE(index.LastChanges().is_trained);
+  EXPECT_EQ(index.LastChanges().num_added, 2u);
+  EXPECT_EQ(index.LastChanges().num_removed, 1u);
+  ExpectFinds(index, {2, 3, 4, 5, 6, 7});
+  for (const uint32_t id : index.Query(RandomDescriptors(kNumDescriptors, 1))) EXPECT_NE(id, 1u);
+  EXPECT_EQ(Open(changed).LastChanges().num_added, 0u);
+}
+
+TEST_F(RetrievalIndexTest, ImagesWithOtherFeaturesAreEnteredAgain) {
+  Open(WriteDatabase("a.db", {1, 2, 3}));
+  const RetrievalIndex index = Open(WriteDatabase("a.db", {1, 2, 3}, kNumDescriptors - 1));
+  EXPECT_EQ(index.NumImages(), 3u);
+  ExpectFinds(index, {1, 2, 3});
+}
+
+TEST_F(RetrievalIndexTest, BadFilesAreRefusedAndLeftAlone) {
+  const std::string database = WriteDatabase("a.db", {1, 2, 3});
+  Open(database);
+  const std::string bytes = ReadBytes(folder_ / "index");
+  ExpectRefused(WriteDatabase("b.db", {11, 12}), "belongs to another");
+  EXPECT_EQ(ReadBytes(folder_ / "index"), bytes);
+  WriteBytes(folder_ / "index", bytes.substr(0, bytes.size() - 1));
+  ExpectRefused(database, "cut short");
+  WriteBytes(folder_ / "index", "SQLite format 3");
+  ExpectRefused(database, "is no retrieval index");
+  std::string other = bytes;
+  other[other.find("COLMAP-") + 7] = '9';
+  WriteBytes(folder_ / "index", other);
+  ExpectRefused(database, "another COLMAP generation");
+  WriteBytes(folder_ / "index", bytes);
+  Open(database);
+}
+
+TEST_F(RetrievalIndexTest, DatabaseWithoutDescriptorsIsRefused) {
+  const std::string database = WriteDatabase("a.db", {});
+  EXPECT_THAT([&] { Open(database); }, ThrowsMessage<InputError>(HasSubstr("a.db: has no descriptors")));
+}
+
+}  // namespace
+}  // namespace lazyloc

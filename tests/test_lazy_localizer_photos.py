@@ -1,0 +1,197 @@
+"""Photos that the database does not know: features, retrieval and matching in memory."""
+
+import shutil
+import sqlite3
+import subprocess
+
+import pytest
+
+import photo_scene
+
+
+@pytest.fixture(scope="module")
+def scene(photos):
+    return photos
+
+
+@pytest.fixture(scope="module")
+def queries(scene, tmp_path_factory):
+    return scene.write_queries(tmp_path_factory.mktemp("queries") / "queries.txt")
+
+
+@pytest.fixture(scope="module")
+def exhaustive(scene, queries, localize, fingerprint):
+    """A run that compares each photo with all database images."""
+    before = fingerprint(scene.folder)
+    run = localize(*scene.arguments(queries))
+    assert fingerprint(scene.folder) == before
+    return run
+
+
+def run_indexer(colmap, *arguments):
+    return subprocess.run(list(map(str, [colmap, "lazy_indexer", *arguments])), capture_output=True, text=True,
+                          timeout=300)
+
+
+def index(colmap, scene, path, database_path=None):
+    done = run_indexer(colmap, "--database_path", database_path or scene.database_path, "--index_path", path)
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def results_without_times(run):
+    return {name: {key: value for key, value in result.items() if key != "seconds"}
+            for name, result in run.results.items()}
+
+
+def database_rows(path, sql):
+    connection = sqlite3.connect(f"file:{path}?mode=ro&immutable=1", uri=True)
+    rows = connection.execute(sql).fetchall()
+    connection.close()
+    return rows
+
+
+def test_photos_are_localized_and_nothing_is_touched(scene, exhaustive):
+    scene.assert_localized(exhaustive)
+    for name in scene.query_names:
+        assert exhaustive.pair_names(name) == scene.database_names
+        assert {"extraction", "retrieval", "matching", "verification", "total"} <= set(exhaustive.results[name]["seconds"])
+
+
+def test_model_has_the_photos_with_their_keypoints(scene, exhaustive):
+    pycolmap = pytest.importorskip("pycolmap")
+    model = pycolmap.Reconstruction(exhaustive.output_path / "model")
+    images = {image.name: image for image in model.images.values()}
+    assert sorted(images) == sorted(scene.poses)
+    for name in scene.query_names:
+        observed = [point for point in images[name].points2D if point.has_point3D()]
+        assert len(observed) >= 0.5 * exhaustive.results[name]["num_tracks"]  # less those that another photo has
+        assert all(0 < point.xy[0] < 480 and 0 < point.xy[1] < 360 for point in observed)
+
+
+@pytest.mark.parametrize("num_threads", [1, 5])
+def test_number_of_threads_does_not_matter(scene, queries, localize, exhaustive, num_threads):
+    run = localize(*scene.arguments(queries, "--LazyLocalizer.num_threads", num_threads))
+    assert run.poses_bytes == exhaustive.poses_bytes
+    assert results_without_times(run) == results_without_times(exhaustive)
+
+
+def test_one_photo_gives_the_same_pose_as_among_others(scene, localize, exhaustive, tmp_path):
+    name = scene.query_names[1]
+    run = localize(*scene.arguments(scene.write_queries(tmp_path / "one.txt", [name]), "--LazyLocalizer.cache_gb", 0))
+    assert run.poses[name].bits() == exhaustive.poses[name].bits()
+
+
+def test_pairs_file_says_what_is_compared(scene, queries, localize, tmp_path):
+    pairs = tmp_path / "pairs.txt"
+    pairs.write_text("".join(f"{query} {name} 0.5\n" for query in scene.query_names
+                             for name in [*scene.database_names[1:5], *scene.query_names]))
+    run = localize(*scene.arguments(queries, "--pairs_path", pairs))
+    scene.assert_localized(run)
+    assert run.stderr == ""  # photos among the pairs are no names that the database lacks
+    for name in scene.query_names:
+        assert run.pair_names(name) == scene.database_names[1:5]
+
+
+def test_matches_among_database_images_extend_the_tracks(colmap, scene, queries, localize, exhaustive, tmp_path):
+    matched = tmp_path / "database.db"
+    shutil.copy(scene.database_path, matched)
+    subprocess.run([colmap, "exhaustive_matcher", "--database_path", matched, "--SiftMatching.use_gpu", "0"], check=True,
+                   capture_output=True, timeout=300)
+    run = localize("--database_path", matched, *scene.arguments(queries)[2:], "--LazyLocalizer.use_database_matches", 1)
+    scene.assert_localized(run)
+    for name in scene.query_names:
+        assert run.results[name]["num_observations"] > exhaustive.results[name]["num_observations"]
+
+
+def test_index_is_made_on_first_use_and_chooses_images(colmap, scene, queries, localize, tmp_path):
+    path = tmp_path / "index"
+    arguments = scene.arguments(queries, "--retrieval_index_path", path, "--LazyLocalizer.num_retrieved", 4)
+    first = localize(*arguments)
+    scene.assert_localized(first)
+    content = path.read_bytes()
+    again = localize(*arguments)
+    assert path.read_bytes() == content and again.poses_bytes == first.poses_bytes
+    for name in scene.query_names:
+        assert len(first.pair_names(name)) == 4
+    assert index(colmap, scene, tmp_path / "other").startswith(f"{tmp_path / 'other'}: made, 6 images (6 added")
+    by_indexer = localize(*scene.arguments(queries, "--retrieval_index_path", tmp_path / "other",
+                                           "--LazyLocalizer.num_retrieved", 4))
+    assert results_without_times(by_indexer) == results_without_times(first)
+
+
+def test_index_in_memory_where_there_are_many_images(scene, queries, localize):
+    run = localize(*scene.arguments(queries, "--LazyLocalizer.max_num_exhaustive", 5,
+                                    "--LazyLocalizer.num_retrieved", 5))
+    scene.assert_localized(run)
+    assert {len(run.pair_names(name)) for name in scene.query_names} == {5}
+
+
+def test_index_follows_the_database(colmap, scene, queries, localize, tmp_path):
+    grown = tmp_path / "database.db"
+    shutil.copy(scene.database_path, grown)
+    path = tmp_path / "index"
+    index(colmap, scene, path, grown)
+    removed = scene.database_names[0]
+    with sqlite3.connect(grown) as connection:
+        for table in ("keypoints", "descriptors"):
+            connection.execute(f"DELETE FROM {table} WHERE image_id = (SELECT image_id FROM images WHERE name = ?)",
+                               (removed,))
+        connection.execute("DELETE FROM images WHERE name = ?", (removed,))
+    photo_scene.extract_features(colmap, grown, scene.image_path, scene.query_names[:1])
+    assert "up to date, 6 images (1 added, 1 removed)" in index(colmap, scene, path, grown)
+    assert "up to date, 6 images (0 added, 0 removed)" in index(colmap, scene, path, grown)
+    run = localize("--database_path", grown, "--input_path", scene.model_path, "--image_path", scene.image_path,
+                   "--query_list_path", scene.write_queries(tmp_path / "q.txt", scene.query_names[1:]),
+                   "--retrieval_index_path", path, *photo_scene.SIFT)
+    scene.assert_localized(run, scene.query_names[1:])
+    assert run.pair_names(scene.query_names[1]) == scene.database_names[1:]
+
+
+def test_prior_restricts_the_images(scene, queries, localize, tmp_path):
+    name = scene.query_names[0]
+    centre = scene.poses[name].cam_in_world
+    distance = {other: float(sum((scene.poses[other].cam_in_world - centre) ** 2) ** 0.5)
+                for other in scene.database_names}
+    radius = sorted(distance.values())[3] + 0.01
+    (tmp_path / "priors.txt").write_text(f"{name} {' '.join(map(str, centre))} {radius}\n")
+    run = localize(*scene.arguments(queries, "--query_prior_path", tmp_path / "priors.txt"))
+    scene.assert_localized(run)
+    assert run.pair_names(name) == [other for other in scene.database_names if distance[other] <= radius]
+    assert run.pair_names(scene.query_names[1]) == scene.database_names
+
+
+def test_kept_matches_are_a_database_that_localizes_alike(scene, queries, localize, exhaustive, tmp_path, colmap):
+    kept = tmp_path / "kept.db"
+    run = localize(*scene.arguments(queries, "--LazyLocalizer.matches_output_path", kept))
+    assert run.poses_bytes == exhaustive.poses_bytes
+    assert [path.name for path in tmp_path.iterdir()] == ["kept.db"]
+    by_id = "SELECT image_id, name FROM images ORDER BY image_id"
+    images = database_rows(kept, by_id)
+    assert images[: len(scene.database_names)] == database_rows(scene.database_path, by_id)
+    assert [name for _, name in images[len(scene.database_names) :]] == scene.query_names
+    ((num_pairs,),) = database_rows(kept, "SELECT COUNT(*) FROM two_view_geometries")
+    assert num_pairs == len(scene.query_names) * len(scene.database_names)
+    again = localize("--database_path", kept, "--input_path", scene.model_path)
+    assert again.exit_code == 0, again.stderr
+    for name in scene.query_names:
+        position_error, rotation_error_deg = again.poses[name].errors(run.poses[name])
+        assert position_error < 1e-5 and rotation_error_deg < 1e-4  # keypoints are stored in single precision
+    subprocess.run([colmap, "database_cleaner", "--type", "matches", "--database_path", kept], check=True,
+                   capture_output=True, timeout=60)
+
+
+def test_camera_of_the_options_and_of_the_database(colmap, scene, localize, exhaustive, tmp_path):
+    queries = scene.write_queries(tmp_path / "names.txt", with_camera=False)
+    model, _, _, *params = scene.camera_words.split()
+    run = localize(*scene.arguments(queries, "--ImageReader.camera_model", model, "--ImageReader.camera_params",
+                                    ",".join(params)))
+    assert run.poses_bytes == exhaustive.poses_bytes
+    known = tmp_path / "database.db"
+    shutil.copy(scene.database_path, known)
+    with sqlite3.connect(known) as connection:
+        for name in scene.query_names:
+            connection.execute("INSERT INTO images (name, camera_id) VALUES (?, 1)", (name,))
+    run = localize("--database_path", known, "--input_path", scene.model_path, "--image_path", scene.image_path,
+                   *photo_scene.SIFT)
+    assert run.poses_bytes == exhaustive.poses_bytes

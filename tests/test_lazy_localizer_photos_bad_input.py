@@ -1,0 +1,156 @@
+"""Photos and files that cannot be used: one clear line or status, and the other queries go on."""
+
+import shutil
+import sqlite3
+
+import cv2
+import numpy as np
+import pytest
+
+import photo_scene
+
+
+@pytest.fixture(scope="module")
+def scene(photos):
+    return photos
+
+
+@pytest.fixture(scope="module")
+def queries(scene, tmp_path_factory):
+    return scene.write_queries(tmp_path_factory.mktemp("queries") / "queries.txt", scene.query_names[:1])
+
+
+@pytest.fixture
+def changed_database(scene, tmp_path):
+    """A copy of the database, changed by SQL."""
+
+    def change(*statements):
+        path = tmp_path / "changed.db"
+        shutil.copy(scene.database_path, path)
+        connection = sqlite3.connect(path)
+        for statement in statements:
+            connection.execute(statement)
+        connection.commit()
+        connection.close()
+        return path
+
+    return change
+
+
+def assert_refused(run, *words):
+    assert run.exit_code == 1
+    assert run.stderr.startswith("ERROR: ") and run.stderr.count("\n") == 1, run.stderr
+    for word in words:
+        assert str(word) in run.stderr
+    assert not run.output_path.exists()
+
+
+def test_bad_photos_have_a_status_and_the_good_one_is_localized(scene, localize, tmp_path):
+    images = tmp_path / "images"
+    (images / "query").mkdir(parents=True)
+    good = scene.query_names[0]
+    shutil.copy(scene.image_path / good, images / good)
+    (images / "empty.jpg").write_bytes(b"")
+    (images / "text.png").write_text("no image")
+    (images / "cut.png").write_bytes((scene.image_path / good).read_bytes()[:40])
+    (images / "folder.png").mkdir()
+    cv2.imwrite(str(images / "grey.png"), np.full((360, 480), 127, np.uint8))
+    cv2.imwrite(str(images / "tiny.png"), np.full((1, 1), 127, np.uint8))
+    cv2.imwrite(str(images / "small.png"), cv2.resize(cv2.imread(str(images / good)), (240, 180)))
+    noise = np.random.default_rng(0).integers(0, 255, (360, 480), np.uint8)
+    cv2.imwrite(str(images / "noise.png"), noise)
+    names = ["empty.jpg", "text.png", "cut.png", "folder.png", "missing.png", "grey.png", "small.png", "noise.png"]
+    queries = scene.write_queries(tmp_path / "queries.txt", [good, *names])
+    queries.write_text(queries.read_text() + "tiny.png PINHOLE 1 1 1 1 0.5 0.5\n")
+    run = localize("--database_path", scene.database_path, "--input_path", scene.model_path, "--image_path", images,
+                   "--query_list_path", queries, *photo_scene.SIFT)
+    scene.assert_localized(run, [good])
+    statuses = {name: run.statuses[name] for name in [*names, "tiny.png"]}
+    assert statuses == {"empty.jpg": "UNREADABLE_IMAGE", "text.png": "UNREADABLE_IMAGE", "cut.png": "UNREADABLE_IMAGE",
+                        "folder.png": "UNREADABLE_IMAGE", "missing.png": "UNREADABLE_IMAGE", "grey.png": "NO_FEATURES",
+                        "tiny.png": "NO_FEATURES", "small.png": "UNKNOWN_CAMERA", "noise.png": "TOO_FEW_INLIERS"}
+    assert str(images / "empty.jpg") in run.results["empty.jpg"]["reason"]
+    assert "480 x 360" in run.results["small.png"]["reason"] and "240 x 180" in run.results["small.png"]["reason"]
+
+
+def test_unknown_camera_is_a_status(scene, localize, tmp_path):
+    queries = scene.write_queries(tmp_path / "names.txt", with_camera=False)
+    run = localize(*scene.arguments(queries))
+    assert set(run.statuses.values()) == {"UNKNOWN_CAMERA"} and run.exit_code == 0
+    assert "EXIF" in run.results[scene.query_names[0]]["reason"]
+
+
+def test_without_image_path_an_unknown_query_is_refused(scene, queries, localize):
+    run = localize("--database_path", scene.database_path, "--input_path", scene.model_path, "--query_list_path",
+                   queries)
+    assert_refused(run, scene.query_names[0], "not in the database")
+
+
+@pytest.mark.parametrize("statement, words", [
+    ("DELETE FROM descriptors", ["no posed image has descriptors", "feature_extractor"]),
+    ("DROP TABLE descriptors", ["no table descriptors"]),
+    ("UPDATE descriptors SET cols = 256", ["not SIFT's", "256"]),
+    ("UPDATE descriptors SET data = x'00'", ["descriptors have 1 bytes"]),
+    ("UPDATE keypoints SET rows = 1, data = substr(data, 1, 24)", ["has 1 keypoints, but"]),
+])
+def test_unusable_descriptors_are_refused(scene, queries, localize, changed_database, statement, words):
+    path = changed_database(statement)
+    run = localize("--database_path", path, *scene.arguments(queries)[2:])
+    assert_refused(run, path, *words)
+
+
+def test_an_image_without_descriptors_is_left_out(scene, queries, localize, changed_database):
+    path = changed_database("DELETE FROM descriptors WHERE image_id = 1")
+    run = localize("--database_path", path, *scene.arguments(queries)[2:])
+    scene.assert_localized(run, scene.query_names[:1])
+    assert run.pair_names(scene.query_names[0]) == scene.database_names[1:]
+
+
+def test_files_that_are_no_index_are_refused(scene, queries, localize, tmp_path):
+    path = tmp_path / "index"
+    path.write_text("no index")
+    run = localize(*scene.arguments(queries, "--retrieval_index_path", path))
+    assert_refused(run, path, "is no retrieval index")
+    assert path.read_text() == "no index"
+
+
+def test_existing_matches_output_is_refused(scene, queries, localize, tmp_path):
+    for taken in (tmp_path / "taken.db", scene.database_path):
+        taken.touch()
+        before = taken.read_bytes()
+        run = localize(*scene.arguments(queries, "--LazyLocalizer.matches_output_path", taken))
+        assert_refused(run, taken, "exists already")
+        assert taken.read_bytes() == before
+
+
+def test_matches_output_that_cannot_be_made_is_refused(scene, queries, localize, tmp_path):
+    path = tmp_path / "missing" / "kept.db"
+    assert_refused(localize(*scene.arguments(queries, "--LazyLocalizer.matches_output_path", path)), path)
+
+
+def test_failed_run_leaves_no_matches_output(scene, queries, localize, tmp_path, changed_database):
+    path = changed_database("UPDATE descriptors SET data = x'00'")
+    run = localize("--database_path", path, *scene.arguments(queries)[2:], "--LazyLocalizer.matches_output_path",
+                   tmp_path / "kept.db")
+    assert_refused(run)
+    assert [entry.name for entry in tmp_path.iterdir()] == ["changed.db"]
+
+
+@pytest.mark.parametrize("options, words", [
+    (["--ImageReader.camera_model", "WIDE"], ["--ImageReader.camera_model", "WIDE"]),
+    (["--ImageReader.camera_params", "400,241"], ["--ImageReader.camera_params", "takes 4"]),
+    (["--ImageReader.camera_params", "400,241,x,0"], ["--ImageReader.camera_params", "'x'"]),
+    (["--SiftExtraction.max_num_features", "0"], ["--SiftExtraction.max_num_features"]),
+    (["--SiftMatching.max_ratio", "1.5"], ["--SiftMatching.max_ratio"]),
+    (["--LazyLocalizer.cache_gb", "-1"], ["--LazyLocalizer.cache_gb"]),
+    (["--LazyIndexer.num_visual_words", "1"], ["--LazyIndexer.num_visual_words"]),
+    (["--LazyLocalizer.leave_one_out", "1"], ["--image_path", "leave_one_out"]),
+    (["--query_prior_path", "/no/such/file"], ["/no/such/file"]),
+])
+def test_bad_options_are_refused(scene, queries, localize, options, words):
+    assert_refused(localize(*scene.arguments(queries, *options)), *words)
+
+
+@pytest.mark.parametrize("name", ["retrieval_index_path", "query_prior_path", "LazyLocalizer.matches_output_path"])
+def test_options_of_photos_need_image_path(exact, localize, name):
+    assert_refused(localize(*exact.arguments, f"--{name}", "file"), name, "--image_path")
