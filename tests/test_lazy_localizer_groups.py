@@ -82,6 +82,17 @@ def test_trajectory_in_a_frame_of_its_own(localize, exact, noisy, tmp_path, form
             or np.allclose(run.results[name]["rig_from_world"]["tvec"], run.results[names[0]]["rig_from_world"]["tvec"])
 
 
+def test_trajectory_without_scale(localize, exact, tmp_path):
+    scene, names = exact.scene, exact.scene.query_names
+    lines = [line.split() for line in trajectory_lines(scene, names).splitlines()]
+    path = write(tmp_path / "trajectory.txt", "".join(
+        " ".join([*words[:5], *(repr(4 * float(word)) for word in words[5:])]) + "\n" for words in lines))
+    run = localize(*exact.arguments, "--query_trajectory_path", path, "--LazyLocalizer.trajectory_has_scale", 0)
+    run.assert_localized(scene, names, *MAX_ERRORS)
+    for name in names:
+        assert run.results[name]["rig_scale"] == pytest.approx(0.25, rel=1e-4)
+
+
 def test_gap_of_a_trajectory_is_localized_with_a_warning(localize, exact, tmp_path):
     names = exact.scene.query_names
     path = write(tmp_path / "trajectory.txt", trajectory_lines(exact.scene, names[:2]))

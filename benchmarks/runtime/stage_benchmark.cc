@@ -172,7 +172,7 @@ void BM_Covariance(benchmark::State& state) {
   const Eigen::Matrix<double, 6, 6> covariance = Eigen::Matrix<double, 6, 6>::Identity();
   for (auto _ : state) {
     benchmark::DoNotOptimize(VarianceFactor(scene.views, scene.tracks, BundleAdjustmentOptions().loss_scale_sigma));
-    benchmark::DoNotOptimize(RelativePoseStddev(covariance, MedianDistance(scene.views[0], scene.tracks)));
+    benchmark::DoNotOptimize(ComputePoseSpread(scene.views[0].cam_from_world, covariance));
   }
 }
 BENCHMARK(BM_Covariance)->Apply(DatabaseImagesAndPoints);

@@ -45,10 +45,10 @@ def localize(scene: Scene, query_names: list[str], options: MethodOptions) -> di
     if process.returncode != 0:
         last_line = (process.stderr.strip() or "no message").splitlines()[-1]
         raise RuntimeError(f"lazy_localizer ended with code {process.returncode}: {last_line}")
-    return _read_results(output_path / "results.jsonl", query_names)
+    return read_results(output_path / "results.jsonl", query_names)
 
 
-def _read_results(path: pathlib.Path, query_names: list[str]) -> dict[str, Result]:
+def read_results(path: pathlib.Path, query_names: list[str]) -> dict[str, Result]:
     results = {}
     for line in path.read_text().splitlines():
         record = json.loads(line)

@@ -87,10 +87,10 @@ void ForEachOption(Options& o, const Add& add) {
       "default: every image of the database file without a pose in --input_path");
   add("pairs_path", &o.pairs_path, "pairs to use, two names a line; default: those that the database has matches for");
   add("rig_config_path", &o.rig_config_path,
-      "camera rigs of the queries in COLMAP's JSON form (as for rig_configurator); default: those in the database");
+      "camera rigs of the queries in COLMAP's JSON form (as for rig_configurator); default: those in the database or model");
   add("group_list_path", &o.group_list_path, "queries to localize together, names of one group a line");
   add("query_trajectory_path", &o.query_trajectory_path,
-      "metric poses of the queries relative to each other: a COLMAP model, or a file in TUM's form or that of "
+      "poses of the queries relative to each other: a COLMAP model, or a file in TUM's form or that of "
       "poses.txt; each group is localized as one rigid body, all queries where no group is set");
   add("image_path", &o.photos.image_path,
       "folder of the photos of queries that have no keypoints in the database; their features are extracted and matched "
@@ -111,6 +111,8 @@ void ForEachOption(Options& o, const Add& add) {
   add("LazyLocalizer.use_rigs", &o.loader.groups.use_rigs, "localize the images of a rig's frame as one");
   add("LazyLocalizer.group_size", &o.loader.groups.group_size,
       "localize so many consecutive queries (frames, with rigs) of the list together");
+  add("LazyLocalizer.trajectory_has_scale", &o.loader.groups.trajectory_has_scale,
+      "lengths of --query_trajectory_path are in the model's unit; 0 finds their scale for each group");
   add("LazyLocalizer.matches_output_path", &o.matches_output_path,
       "new COLMAP database for the photos' features and matches; it must not exist yet");
   add("LazyLocalizer.max_num_exhaustive", &o.photos.matching.max_num_exhaustive,

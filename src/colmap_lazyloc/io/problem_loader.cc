@@ -110,7 +110,7 @@ void ProblemLoader::ChooseQueries(const std::vector<QueryListEntry>& queries, co
 }
 
 void ProblemLoader::ChooseGroups(const DatabaseReader& database) {
-  QueryGroups grouped = GroupQueries(query_names_, database, options_.groups);
+  QueryGroups grouped = GroupQueries(query_names_, database, model_, options_.groups);
   groups_ = std::move(grouped.groups);
   if (!grouped.warning.empty()) warnings_.push_back(std::move(grouped.warning));
   for (size_t group = 0; group < groups_.size(); ++group) {
@@ -280,6 +280,7 @@ LocalizationProblem ProblemLoader::Load(const std::string& query_name, const Dat
 }
 
 void ProblemLoader::LoadQueryPairs(const DatabaseReader& database, QueryGroup* group) const {
+  group->has_rig_scale = options_.groups.trajectory_path.empty() || options_.groups.trajectory_has_scale;
   std::unordered_map<uint32_t, int> member_of_id;
   for (int member = 0; group->members.size() > 1 && member < static_cast<int>(group->members.size()); ++member) {
     const LocalizationProblem& problem = group->members[member].problem;

@@ -56,8 +56,8 @@ class ProblemLoader {
   // as many with only raw matches, best by their number, from which the localizer chooses when they are verified.
   // Throws InputError for damaged data. Thread-safe, with a reader per thread.
   LocalizationProblem Load(const std::string& query_name, const DatabaseReader& database) const;
-  // Adds the pairs among the queries of a group (those that are not photos): all that the database has matches for, or of
-  // these the pairs file's.
+  // Adds what a group has besides its members: the pairs among its queries (those that are not photos), all that the
+  // database has matches for, or of these the pairs file's.
   void LoadQueryPairs(const DatabaseReader& database, QueryGroup* group) const;
   // Adds the matches among the pairs' database images where the options want them: a part of Load, for photos too.
   void LoadDatabaseMatches(const DatabaseReader& database, LocalizationProblem* problem) const;

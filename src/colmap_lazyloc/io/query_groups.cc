@@ -67,6 +67,30 @@ Places PlacesFromDatabase(const std::vector<std::string>& query_names, const Dat
   return places;
 }
 
+// Of frames with several queries.
+Places PlacesFromModel(const std::vector<std::string>& query_names, const Model& model) {
+  const std::unordered_set<std::string> queries(query_names.begin(), query_names.end());
+  std::unordered_map<uint64_t, std::string> query_of_id;
+  for (const ModelImage& image : model.images) {
+    if (queries.count(image.name) > 0) query_of_id.emplace(image.image_id, image.name);
+  }
+  Places places;
+  for (const auto& [frame_id, frame] : model.frames) {
+    const Rig& rig = model.rigs.at(frame.rig_id);
+    Places of_frame;
+    for (const FrameData& data : frame.data) {
+      const auto query = query_of_id.find(data.data_id);
+      if (data.sensor.type != SensorType::CAMERA || query == query_of_id.end()) continue;
+      const std::optional<Rigid3d> cam_from_rig = SensorFromRig(rig, data.sensor);
+      if (!cam_from_rig) continue;
+      of_frame[query->second] = {"model's " + std::to_string(frame_id),
+                                 {cam_from_rig->rotation.normalized(), cam_from_rig->translation}};
+    }
+    if (of_frame.size() > 1) places.merge(of_frame);
+  }
+  return places;
+}
+
 // In order of their first queries.
 QueryFrames MakeFrames(const std::vector<std::string>& query_names, const Places& places) {
   QueryFrames frames;
@@ -172,7 +196,7 @@ QueryGroups GroupByTrajectory(const std::vector<std::string>& query_names, const
 }  // namespace
 
 QueryGroups GroupQueries(const std::vector<std::string>& query_names, const DatabaseReader& database,
-                         const QueryGroupsOptions& options) {
+                         const Model& model, const QueryGroupsOptions& options) {
   if (!options.trajectory_path.empty()) return GroupByTrajectory(query_names, options);
   QueryGroups result;
   Places places;
@@ -180,7 +204,8 @@ QueryGroups GroupQueries(const std::vector<std::string>& query_names, const Data
   if (options.use_rigs && !options.rig_config_path.empty()) {
     places = PlacesFromConfig(query_names, options.rig_config_path);
   } else if (options.use_rigs) {
-    places = PlacesFromDatabase(query_names, database, &images_without_pose);
+    places = PlacesFromModel(query_names, model);
+    places.merge(PlacesFromDatabase(query_names, database, &images_without_pose));
   }
   const QueryFrames frames = MakeFrames(query_names, places);
   result.groups = options.group_list_path.empty() ? GroupBySize(frames, options.group_size)

@@ -23,7 +23,7 @@ class GroupQueriesTest : public IoTest {
     for (const std::string& name : names_) database.AddImage(image_id++, 1, name);
   }
 
-  QueryGroups Group() { return GroupQueries(names_, DatabaseReader(folder_ / "database.db"), options_); }
+  QueryGroups Group() { return GroupQueries(names_, DatabaseReader(folder_ / "database.db"), model_, options_); }
   std::string Error() {
     return ErrorOf([&] { Group(); });
   }
@@ -44,6 +44,7 @@ class GroupQueriesTest : public IoTest {
 
   const std::vector<std::string> names_ = {"left/2.png", "right/2.png", "left/1.png", "right/1.png", "3.png"};
   QueryGroupsOptions options_;
+  Model model_;
 };
 
 TEST_F(GroupQueriesTest, EachForItselfByDefault) {
@@ -150,16 +151,29 @@ TEST_F(GroupQueriesTest, RigsOfTheDatabase) {
       "INSERT INTO rig_sensors VALUES(7, 2, 0, x'000000000000f03f000000000000000000000000000000000000000000000000"
       "000000000000e0bf00000000000000000000000000000000');"
       "INSERT INTO frame_data VALUES(70, 1, 1, 0), (70, 2, 2, 0), (71, 3, 1, 0), (71, 4, 2, 0), (71, 4, 9, 1)");
-  const QueryGroups grouped = GroupQueries(names_, DatabaseReader(folder_ / "rigs.db"), options_);
+  const QueryGroups grouped = GroupQueries(names_, DatabaseReader(folder_ / "rigs.db"), model_, options_);
   ASSERT_EQ(grouped.groups.size(), 3);
   ASSERT_EQ(grouped.groups[0][0].images.size(), 2);
   EXPECT_EQ(grouped.groups[0][0].images[1].name, "right/2.png");
   EXPECT_EQ(grouped.groups[0][0].images[1].cam_from_rig.translation, Eigen::Vector3d(-0.5, 0, 0));
   EXPECT_EQ(grouped.warning, "");
   database.Execute("UPDATE rig_sensors SET sensor_from_rig = NULL");
-  const QueryGroups uncalibrated = GroupQueries(names_, DatabaseReader(folder_ / "rigs.db"), options_);
+  const QueryGroups uncalibrated = GroupQueries(names_, DatabaseReader(folder_ / "rigs.db"), model_, options_);
   EXPECT_EQ(uncalibrated.groups.size(), 5);
   EXPECT_THAT(uncalibrated.warning, HasSubstr("no pose of the camera of 2 queries, such as right/2.png"));
+}
+
+TEST_F(GroupQueriesTest, RigsOfTheModel) {
+  const Sensor left{SensorType::CAMERA, 1}, right{SensorType::CAMERA, 2};
+  const Rigid3d right_from_left{Eigen::Quaterniond::Identity(), {-0.5, 0, 0}};
+  model_.rigs[7] = {7, left, {{right, right_from_left}}};
+  model_.images = {{11, 1, "left/2.png", {}}, {12, 2, "right/2.png", {}}, {13, 1, "left/1.png", {}}};
+  model_.frames[70] = {70, 7, {}, {{left, 11}, {right, 12}}};
+  model_.frames[71] = {71, 7, {}, {{left, 13}, {right, 14}}};  // only one of them is in the model
+  EXPECT_THAT(Described(), ElementsAre("[ left/2.png right/2.png ]", "[ left/1.png ]", "[ right/1.png ]", "[ 3.png ]"));
+  EXPECT_EQ(Group().groups[0][0].images[1].cam_from_rig.translation, right_from_left.translation);
+  options_.use_rigs = false;
+  EXPECT_EQ(Group().groups.size(), 5u);
 }
 
 }  // namespace

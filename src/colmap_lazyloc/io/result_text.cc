@@ -112,6 +112,8 @@ Json ResultToJson(const LocalizationResult& result) {
   json["frame"] = has_rig ? Json(result.frame_name) : Json();
   json["rig_from_world"] =
       has_rig && result.status == QueryStatus::LOCALIZED ? PoseToJson(result.rig_from_world) : Json();
+  if (has_rig && result.rig_scale != 1) json["rig_scale"] = result.rig_scale;
+  json["rig_error_px"] = result.rig_error_px ? Json(*result.rig_error_px) : Json();
   if (result.status == QueryStatus::LOCALIZED && result.is_camera_refined) {
     json["camera"] = CameraToJson(result.query_camera);
   }

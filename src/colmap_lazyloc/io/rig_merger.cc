@@ -19,15 +19,6 @@ uint32_t FreeId(uint32_t preferred, const std::map<uint32_t, T>& used) {
   return largest + 1;
 }
 
-// Where the camera is on the rig, if it is there and the rig says it.
-std::optional<Rigid3d> CamFromRig(const Rig& rig, const Sensor& camera) {
-  if (rig.reference && *rig.reference == camera) return Rigid3d();
-  for (const RigSensor& other : rig.others) {
-    if (other.sensor == camera) return other.sensor_from_rig;
-  }
-  return std::nullopt;
-}
-
 }  // namespace
 
 void KeepRigs(const Model& model, MergedModel* merged) {
@@ -50,13 +41,13 @@ void AddFrameOfOneImage(const ModelImage& image, MergedModel* merged) {
   frame.rig_from_world = image.cam_from_world;
   frame.data = {{camera, image.image_id}};
   const auto rig = std::find_if(merged->rigs.begin(), merged->rigs.end(),
-                                [&](const auto& entry) { return CamFromRig(entry.second, camera).has_value(); });
+                                [&](const auto& entry) { return SensorFromRig(entry.second, camera).has_value(); });
   if (rig == merged->rigs.end()) {
     frame.rig_id = FreeId(image.camera_id, merged->rigs);
     merged->rigs.emplace(frame.rig_id, Rig{frame.rig_id, camera, {}});
   } else {
     frame.rig_id = rig->first;
-    Rigid3d cam_from_rig = *CamFromRig(rig->second, camera);
+    Rigid3d cam_from_rig = *SensorFromRig(rig->second, camera);
     cam_from_rig.rotation.normalize();
     // The reference camera's pose is the rig's, bit for bit.
     if (rig->second.reference != camera) frame.rig_from_world = Inverse(cam_from_rig) * image.cam_from_world;

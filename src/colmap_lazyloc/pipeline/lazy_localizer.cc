@@ -2,8 +2,10 @@
 
 #include <algorithm>
 #include <map>
+#include <numeric>
 #include <set>
 
+#include "colmap_lazyloc/math/median.h"
 #include "colmap_lazyloc/pipeline/ablations.h"
 #include "colmap_lazyloc/pipeline/focal_length.h"
 #include "colmap_lazyloc/pipeline/motion_averaging.h"
@@ -74,6 +76,7 @@ void Localize(QueryState* state) {
 // The members of a group that belong to a part. A single image of a frame is a lone one.
 QueryGroup Part(const QueryGroup& group, const std::vector<int>& part_of_member, int part) {
   QueryGroup chosen;
+  chosen.has_rig_scale = group.has_rig_scale;
   std::vector<int> new_index(group.members.size(), -1);
   std::map<int, int> new_reference, num_images;  // by frame
   for (size_t i = 0; i < group.members.size(); ++i) {
@@ -155,6 +158,51 @@ std::vector<LocalizationResult> LocalizeTogether(const QueryGroup& group, const 
   return std::move(state.results);
 }
 
+// Each member by itself.
+std::vector<LocalizationResult> LocalizeAlone(const QueryGroup& group, const LocalizerOptions& options) {
+  std::vector<int> part_of_member(group.members.size());
+  std::iota(part_of_member.begin(), part_of_member.end(), 0);
+  return LocalizeInParts(group, part_of_member, options);
+}
+
+// The scale of a frame by what its images give when each is localized alone: the median over pairs of images of the ratio
+// of their distances. None where there are no two places.
+std::optional<double> ScaleOf(int frame, const QueryGroup& group, const std::vector<LocalizationResult>& alone) {
+  std::vector<double> ratios;
+  for (size_t i = 0; i < alone.size(); ++i) {
+    for (size_t j = 0; j < i; ++j) {
+      if (group.members[i].reference != frame || group.members[j].reference != frame) continue;
+      if (alone[i].status != QueryStatus::LOCALIZED || alone[j].status != QueryStatus::LOCALIZED) continue;
+      const auto distance = [](const Rigid3d& a, const Rigid3d& b) { return (CamInWorld(a) - CamInWorld(b)).norm(); };
+      const double given = distance(group.members[i].cam_from_rig, group.members[j].cam_from_rig);
+      if (given > 0) ratios.push_back(distance(alone[i].cam_from_world, alone[j].cam_from_world) / given);
+    }
+  }
+  if (ratios.empty()) return std::nullopt;
+  const double scale = Median(std::move(ratios));
+  return scale > 0 ? std::make_optional(scale) : std::nullopt;
+}
+
+// Starts from the scale that the images give one by one; where they give none, their own results stand.
+std::vector<LocalizationResult> LocalizeWithoutScale(QueryGroup group, const LocalizerOptions& options) {
+  std::vector<LocalizationResult> alone = LocalizeAlone(group, options);
+  std::map<int, double> scale_of_frame;
+  for (const GroupMember& member : group.members) {
+    if (scale_of_frame.count(member.reference) == 0) {
+      const std::optional<double> scale = ScaleOf(member.reference, group, alone);
+      if (!scale) return alone;
+      scale_of_frame[member.reference] = *scale;
+    }
+  }
+  for (GroupMember& member : group.members) member.cam_from_rig.translation *= scale_of_frame[member.reference];
+  std::vector<LocalizationResult> results = LocalizeTogether(group, options);
+  for (size_t i = 0; i < results.size(); ++i) {
+    results[i].rig_scale *= scale_of_frame[group.members[i].reference];
+    results[i].seconds.insert(results[i].seconds.end(), alone[i].seconds.begin(), alone[i].seconds.end());
+  }
+  return results;
+}
+
 }  // namespace
 
 std::vector<LocalizationResult> LocalizeGroup(const QueryGroup& group, const LocalizerOptions& options) {
@@ -163,6 +211,7 @@ std::vector<LocalizationResult> LocalizeGroup(const QueryGroup& group, const Loc
     const bool are_together = std::count(part_of_member.begin(), part_of_member.end(), -1) ==
                               static_cast<std::ptrdiff_t>(part_of_member.size());
     if (!are_together) return LocalizeInParts(group, part_of_member, options);
+    if (!group.has_rig_scale) return LocalizeWithoutScale(group, options);
   }
   return LocalizeTogether(group, options);
 }

@@ -114,7 +114,7 @@ void OptimizeOverTracks(QueryState* state) {
             TriangulateFromDatabase(state->views, is_last ? state->candidates : state->start_candidates,
                                     options.triangulation, &state->tracks_with_query);
       }
-      if (is_last) CheckRigs(*state);
+      if (is_last) CheckRigs(state);
       AddQueries(max_query_error_sigma, state);
     }
     const StageTimer timer("adjustment", &state->seconds);

@@ -6,6 +6,7 @@
 
 #include "colmap_lazyloc/pipeline/lazy_localizer.h"
 #include "colmap_lazyloc/testing/synthetic_group.h"
+#include "colmap_lazyloc/testing/synthetic_video.h"
 
 namespace lazyloc {
 namespace {
@@ -162,6 +163,39 @@ TEST(QueryGroup, BadMemberIsDroppedWithAStatus) {
     ASSERT_EQ(results[good].status, QueryStatus::LOCALIZED) << results[good].reason;
     EXPECT_LE(PositionError(results[good].cam_from_world, scene.cam_from_world[good]), 1e-2);
   }
+}
+
+TEST(QueryGroup, ScaleOfATrajectoryIsFound) {
+  SyntheticGroupOptions options;
+  options.num_sensors = 5;
+  for (options.pixel_noise_px = 0; options.pixel_noise_px < 2; ++options.pixel_noise_px) {
+    SyntheticGroup scene = MakeSyntheticGroup(options);
+    const double metric_error = SquaredErrorSum(scene, Localize(scene));
+    for (GroupMember& member : scene.group.members) member.cam_from_rig.translation /= 3;
+    scene.group.has_rig_scale = false;
+    ExpectNearTruth(scene, options.pixel_noise_px == 0 ? 1e-6 : 1e-2, 0.1);
+    const std::vector<LocalizationResult> results = Localize(scene);
+    for (const LocalizationResult& result : results) {
+      EXPECT_NEAR(result.rig_scale, 3, options.pixel_noise_px == 0 ? 1e-5 : 0.05);
+    }
+    EXPECT_LT(metric_error, SquaredErrorSum(scene, results) + 1e-12) << "a known scale helps";
+  }
+}
+
+TEST(QueryGroup, TrajectoryWhoseScaleIsOpenFallsApart) {
+  SyntheticGroupOptions options;
+  options.num_database_images = 1;
+  SyntheticGroup scene = MakeSyntheticGroup(options);
+  scene.group.has_rig_scale = false;
+  for (const LocalizationResult& result : Localize(scene)) EXPECT_EQ(result.status, QueryStatus::SCALE_UNOBSERVABLE);
+}
+
+// Of 60 queries with their own database views, the reduced camera system is sparse.
+TEST(QueryGroup, LongVideoIsExact) {
+  SyntheticVideoOptions options;
+  options.num_queries = 60;
+  options.pixel_noise_px = 0;
+  ExpectNearTruth(MakeSyntheticVideo(options), 1e-6, 1e-5);
 }
 
 class CalibrationErrors : public testing::TestWithParam<double> {};

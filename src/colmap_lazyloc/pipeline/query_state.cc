@@ -24,6 +24,9 @@ QueryState::QueryState(const QueryGroup& query_group, const LocalizerOptions& qu
     }
   }
   if (NumQueries() == 1 && lazyloc::SeeksFocalLength(Problem(0), options)) views[0].log_focal_factor = 0;
+  for (const View& view : views) {
+    if (view.rig_link && !group.has_rig_scale) views[view.rig_link->reference].seeks_rig_scale = true;
+  }
   AddDatabaseViews();
 }
 
@@ -33,8 +36,7 @@ void QueryState::AddQuery(const GroupMember& member) {
   if (member.reference == query) {
     frames.push_back(query);
   } else {
-    const Rigid3d rig_from_reference = Inverse(group.members[member.reference].cam_from_rig);
-    views.back().rig_link = RigLink{member.reference, member.cam_from_rig * rig_from_reference};
+    views.back().rig_link = RigLink{member.reference, GivenCamFromReference(member)};
   }
   query_cameras.push_back(member.problem.query_camera);
   query_observations.emplace_back(member.problem.query_keypoints.size());
@@ -47,6 +49,19 @@ void QueryState::AddQuery(const GroupMember& member) {
     result.pairs.push_back({pair.database_name, 0, kNone, kNone});
   }
   results.push_back(std::move(result));
+}
+
+Rigid3d QueryState::GivenCamFromReference(const GroupMember& member) const {
+  return member.cam_from_rig * Inverse(group.members[member.reference].cam_from_rig);
+}
+
+double QueryState::RigScale(int frame) const {
+  double length = 0, given_length = 0;
+  for (int query = frame + 1; query < NumQueries() && FrameOf(query) == frame; ++query) {
+    length += views[query].rig_link->cam_from_reference.translation.norm();
+    given_length += GivenCamFromReference(group.members[query]).translation.norm();
+  }
+  return given_length > 0 ? length / given_length : 1;
 }
 
 // Each frame has views of its own for its database images: what adjustment corrects in them is as much what the frame

@@ -50,6 +50,8 @@ struct QueryState {
   std::vector<int> NumTracksByFrame(const std::vector<Track>& of) const;
   // The matches of a pair whose image points have rays.
   ViewMatches Observe(const PairState& pair, const Matches& matches);
+  // By which the lengths within a frame have been multiplied.
+  double RigScale(int frame) const;
   // The database's own pose of a view, whatever adjustment has made of it.
   Rigid3d GivenPose(size_t view) const;
 
@@ -84,6 +86,7 @@ struct QueryState {
   template <typename Visit>
   void VisitFrames(const std::vector<Track>& of, const Visit& visit) const;
   void AddQuery(const GroupMember& member);
+  Rigid3d GivenCamFromReference(const GroupMember& member) const;
   void AddDatabaseViews();
 
   std::vector<const ImagePair*> database_images_;  // of the views after the queries

@@ -78,7 +78,10 @@ void Report(QueryState* state) {
     const Rigid3d& pose = state->views[query].cam_from_world;
     LocalizationResult& result = state->results[query];
     result.cam_from_world = {pose.rotation, pose.translation - pose.rotation * state->origin};
-    result.rig_from_world = Inverse(state->group.members[query].cam_from_rig) * result.cam_from_world;
+    result.rig_scale = state->RigScale(state->FrameOf(query));
+    Rigid3d cam_from_rig = state->group.members[query].cam_from_rig;
+    cam_from_rig.translation *= result.rig_scale;
+    result.rig_from_world = Inverse(cam_from_rig) * result.cam_from_world;
     result.query_camera = state->query_cameras[query];
     result.is_camera_refined = state->SeeksFocalLength();
   }

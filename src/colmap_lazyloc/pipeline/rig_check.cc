@@ -1,6 +1,10 @@
 #include "colmap_lazyloc/pipeline/rig_check.h"
 
+#include <limits>
+#include <utility>
+
 #include "colmap_lazyloc/bridge/absolute_pose.h"
+#include "colmap_lazyloc/math/median.h"
 #include "colmap_lazyloc/math/seed.h"
 #include "colmap_lazyloc/math/so3.h"
 
@@ -31,6 +35,18 @@ size_t NumFitting(const Rigid3d& cam_from_world, const std::vector<RayToPoint>& 
   return num_fitting;
 }
 
+// None without points.
+std::optional<double> MedianErrorPx(const Rigid3d& cam_from_world, const std::vector<RayToPoint>& rays) {
+  std::vector<double> errors_px;
+  for (const auto& [observation, point] : rays) {
+    const Eigen::Vector3d point_in_cam = cam_from_world * point;
+    errors_px.push_back(IsInFront(observation, point_in_cam) ? ReprojectionError(observation, point_in_cam).norm()
+                                                             : std::numeric_limits<double>::infinity());
+  }
+  if (errors_px.empty()) return std::nullopt;
+  return Median(std::move(errors_px));
+}
+
 // Whether most of the points fit some pose of the image, and not half as many the pose that its frame gives it.
 bool FitsBetterAlone(const QueryState& state, int query, const std::vector<RayToPoint>& rays) {
   if (static_cast<int>(rays.size()) < 2 * state.options.min_num_tracks) return false;
@@ -56,18 +72,19 @@ bool HasSeveralImages(const QueryState& state, int frame) {
 
 }  // namespace
 
-void CheckRigs(const QueryState& state) {
-  std::vector<std::vector<RayToPoint>> rays(state.NumQueries());
-  for (const Track& track : state.tracks_from_database) {
+void CheckRigs(QueryState* state) {
+  std::vector<std::vector<RayToPoint>> rays(state->NumQueries());
+  for (const Track& track : state->tracks_from_database) {
     for (const TrackObservation& element : track.observations) {
-      if (state.views[element.view].is_database) continue;
+      if (state->views[element.view].is_database) continue;
       rays[element.view].push_back({element.observation, track.point_in_world});
     }
   }
-  CheckFrames(state, QueryStatus::INCONSISTENT_RIG, [&](int frame) {
-    if (!HasSeveralImages(state, frame)) return Reason();
-    for (int query = frame; query < state.NumQueries() && state.FrameOf(query) == frame; ++query) {
-      if (FitsBetterAlone(state, query, rays[query])) return Reason(Describe(state, query));
+  CheckFrames(*state, QueryStatus::INCONSISTENT_RIG, [&](int frame) {
+    if (!HasSeveralImages(*state, frame)) return Reason();
+    for (int query = frame; query < state->NumQueries() && state->FrameOf(query) == frame; ++query) {
+      state->results[query].rig_error_px = MedianErrorPx(state->views[query].cam_from_world, rays[query]);
+      if (FitsBetterAlone(*state, query, rays[query])) return Reason(Describe(*state, query));
     }
     return Reason();
   });

@@ -4,9 +4,10 @@
 
 namespace lazyloc {
 
-// Throws QueryFailure for frames of several images where one of them, taken by itself, fits the points that the database
-// views triangulate far better than at its place in the frame: the calibration of the rig, or its trajectory, is wrong.
-void CheckRigs(const QueryState& state);
+// Sets the results' rig_error_px. Throws QueryFailure for frames of several images where one of them, taken by itself, fits
+// the points that the database views triangulate far better than at its place in the frame: the calibration of the rig, or
+// its trajectory, is wrong.
+void CheckRigs(QueryState* state);
 
 // The same before there are positions, for images none of whose pairs agree with the averaged rotations, but with each
 // other. rotation_errors_rad: of the pairs.

@@ -79,7 +79,9 @@ void ObserveMatches(QueryState* state) {
 void CollectTracks(QueryState* state) {
   std::vector<ViewMatches> view_matches;
   for (PairState& pair : state->pairs) view_matches.push_back(std::move(pair.view_matches));
-  std::vector<Track> tracks = BuildTracks(view_matches, state->NumQueries());
+  std::vector<int> frame_of_query;
+  for (int query = 0; query < state->NumQueries(); ++query) frame_of_query.push_back(state->FrameOf(query));
+  std::vector<Track> tracks = BuildTracks(view_matches, frame_of_query);
   ExtendByDatabaseMatches(*state, &tracks);
   state->candidates = SelectTracksOfEach(*state, std::move(tracks), state->options.max_num_tracks);
   state->start_candidates = SelectTracksOfEach(*state, state->candidates, state->options.max_num_start_tracks);

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <optional>
 
 #include <Eigen/Cholesky>
 #include <Eigen/Geometry>
@@ -10,6 +11,8 @@
 
 #include "colmap_lazyloc/math/robust_weights.h"
 #include "colmap_lazyloc/math/so3.h"
+#include "colmap_lazyloc/refinement/camera_system.h"
+#include "colmap_lazyloc/refinement/covariance.h"
 #include "colmap_lazyloc/refinement/linear_projection.h"
 #include "colmap_lazyloc/refinement/pose_prior.h"
 #include "colmap_lazyloc/scene/options_check.h"
@@ -21,10 +24,11 @@ namespace {
 // shows from an infinite variance.
 constexpr double kRegularization = 1e-12;
 
-// A view that the solver moves, with those that follow it: six parameters, and a seventh where any focal length is sought.
+// A view that the solver moves, with those that follow it: six parameters, and a seventh where any focal length or scale of
+// a rig is sought.
 struct Camera {
   Rigid3d cam_from_world;
-  double log_focal_factor = 0;
+  double log_factor = 0;  // on the focal length, or on the translations within the rig
 };
 
 // What the solver changes.
@@ -36,7 +40,7 @@ struct State {
 // A point's image in a camera that moves.
 struct FreeObservation {
   int camera;
-  LinearProjection projection;  // of the point in the camera's frame
+  LinearProjection projection;  // of the point in the camera's frame (of a rig: the reference camera's)
   Eigen::Vector2d residual_from_log_focal;
 };
 
@@ -61,7 +65,7 @@ class BundleSolver {
   // The damped normal equations around a state, with the points eliminated, and what brings the points back.
   struct System {
     double cost = 0;
-    Eigen::MatrixXd reduced;  // lower triangle
+    Eigen::MatrixXd reduced;  // as CameraSystem has it
     Eigen::VectorXd rhs;
     std::vector<PointFactor> point_factors;
     std::vector<Coupling> eliminated;  // per free observation: its coupling times the inverse factor, transposed
@@ -81,8 +85,10 @@ class BundleSolver {
       views_.push_back(&views[view]);
       state_.cameras.push_back({views[view].cam_from_world, views[view].log_focal_factor.value_or(0)});
     }
+    camera_system_.emplace(state_.cameras.size());
     for (const Track& track : tracks) {
       const size_t fixed_begin = fixed_.size(), free_begin = free_.size();
+      std::vector<int> cameras;  // ascending
       for (const TrackObservation& element : track.observations) {
         const View& view = views[element.view];
         const double residual_from_px = 1 / (track.noise_ratio * view.noise_px);
@@ -92,14 +98,17 @@ class BundleSolver {
           const LinearProjection projection =
               view.rig_link ? ProjectionInWorld(element.observation, view.rig_link->cam_from_reference)
                             : ProjectionInCam(element.observation);
-          free_.push_back({camera_of_view[element.view], projection.Scaled(residual_from_px),
+          cameras.push_back(camera_of_view[element.view]);
+          free_.push_back({cameras.back(), projection.Scaled(residual_from_px),
                            residual_from_px * element.observation.px_from_log_focal});
         }
       }
       fixed_range_.push_back({fixed_begin, fixed_.size()});
       free_range_.push_back({free_begin, free_.size()});
       state_.points.push_back(track.point_in_world);
+      camera_system_->AddPoint(cameras);
     }
+    camera_system_->Finish();
   }
 
   StageSummary Minimize() {
@@ -136,28 +145,20 @@ class BundleSolver {
 
   const State& Solution() const { return state_; }
 
-  // Of each camera's pose.
-  std::vector<Eigen::Matrix<double, 6, 6>> Covariances() const {
+  // Of each camera's parameters.
+  std::vector<CameraMatrix> Covariances() {
     System system;
     Build(state_, kRegularization, &system);
-    const Eigen::LLT<Eigen::MatrixXd> factor(system.reduced);
-    const Eigen::Index size = system.reduced.rows();
-    Eigen::MatrixXd inverse = Eigen::MatrixXd::Identity(size, size) / kRegularization;
-    if (factor.info() == Eigen::Success) inverse = factor.solve(Eigen::MatrixXd::Identity(size, size));
-    std::vector<Eigen::Matrix<double, 6, 6>> covariances;
-    for (size_t camera = 0; camera < state_.cameras.size(); ++camera) {
-      covariances.push_back(inverse.template block<6, 6>(kSize * camera, kSize * camera));
-    }
-    return covariances;
+    if (camera_system_->Factorize(system.reduced)) return camera_system_->DiagonalOfInverse();
+    return std::vector<CameraMatrix>(state_.cameras.size(), CameraMatrix::Identity() / kRegularization);
   }
 
  private:
   // False where a point lies behind one of its cameras.
   bool Build(const State& state, double damping, System* system) const {
-    const Eigen::Index size = kSize * static_cast<Eigen::Index>(state.cameras.size());
     system->cost = 0;
-    system->reduced.setZero(size, size);
-    system->rhs.setZero(size);
+    camera_system_->SetZero(&system->reduced);
+    system->rhs.setZero(kSize * static_cast<Eigen::Index>(state.cameras.size()));
     system->point_factors.resize(state.points.size());
     system->eliminated.resize(free_.size());
     std::vector<CameraMatrix> hessians(state.cameras.size(), CameraMatrix::Zero());
@@ -171,12 +172,12 @@ class BundleSolver {
     }
     for (size_t camera = 0; camera < state.cameras.size(); ++camera) {
       hessians[camera].diagonal() *= 1 + damping;
-      system->reduced.template block<kSize, kSize>(kSize * camera, kSize * camera) += hessians[camera];
+      camera_system_->Block(camera, camera, &system->reduced) += hessians[camera];
     }
     return std::isfinite(system->cost);
   }
 
-  // The prior of a pose; and a focal length that is not sought stays.
+  // The prior of a pose; and a factor that is not sought stays.
   void AddKnowledge(const Rigid3d& cam_from_world, size_t camera, CameraMatrix* hessian, System* system) const {
     if (views_[camera]->prior) {
       const PosePriorResidual residual = EvaluatePosePrior(*views_[camera]->prior, cam_from_world);
@@ -184,7 +185,8 @@ class BundleSolver {
       hessian->template topLeftCorner<6, 6>() += residual.jacobian.transpose() * residual.jacobian;
       system->rhs.template segment<6>(kSize * camera) -= residual.jacobian.transpose() * residual.error;
     }
-    if (kSize > 6 && !views_[camera]->log_focal_factor) (*hessian)(kSize - 1, kSize - 1) = 1;
+    const bool seeks_factor = views_[camera]->log_focal_factor || views_[camera]->seeks_rig_scale;
+    if (kSize > 6 && !seeks_factor) (*hessian)(kSize - 1, kSize - 1) = 1;
   }
 
   // One pass over a track: its errors' derivatives, and its point eliminated from them.
@@ -212,9 +214,17 @@ class BundleSolver {
       const Eigen::Matrix3d& rotation = rotations[free_[i].camera];
       const Eigen::Vector3d rotated = rotation.lazyProduct(point);
       const Eigen::Vector3d point_in_cam = rotated + camera.cam_from_world.translation;
-      if (!(free_[i].projection.Depth(point_in_cam) > 0)) return false;
-      Eigen::Vector2d error = free_[i].projection.Error(point_in_cam, &jacobian);
-      error += camera.log_focal_factor * free_[i].residual_from_log_focal;
+      const bool has_scale = kSize > 6 && views_[free_[i].camera]->seeks_rig_scale;
+      const LinearProjection projection =
+          has_scale ? free_[i].projection.WithOffset(std::exp(camera.log_factor)) : free_[i].projection;
+      if (!(projection.Depth(point_in_cam) > 0)) return false;
+      Eigen::Vector2d error = projection.Error(point_in_cam, &jacobian);
+      Eigen::Vector2d residual_from_log_factor = free_[i].residual_from_log_focal;
+      if (has_scale) {
+        residual_from_log_factor = projection.DerivativeByLogOffset(point_in_cam, error);
+      } else {
+        error += camera.log_factor * residual_from_log_factor;
+      }
       const double weight = weigh(error);
       const Eigen::Matrix<double, 2, 3> point_jacobian = jacobian.lazyProduct(rotation);
       Eigen::Matrix<double, 2, kSize> camera_jacobian;
@@ -222,7 +232,7 @@ class BundleSolver {
       camera_jacobian.row(0).template head<3>() = rotated.cross(jacobian.row(0).transpose()).transpose();
       camera_jacobian.row(1).template head<3>() = rotated.cross(jacobian.row(1).transpose()).transpose();
       camera_jacobian.template middleCols<3>(3) = jacobian;
-      if (kSize > 6) camera_jacobian.col(kSize - 1) = free_[i].residual_from_log_focal;
+      if (kSize > 6) camera_jacobian.col(kSize - 1) = residual_from_log_factor;
       const Eigen::Matrix<double, kSize, 2> weighted = weight * camera_jacobian.transpose();
       hessian += (weight * point_jacobian.transpose()).lazyProduct(point_jacobian);
       gradient += (weight * point_jacobian.transpose()).lazyProduct(error);
@@ -248,11 +258,11 @@ class BundleSolver {
           system->eliminated[a].lazyProduct(system->point_factors[track].gradient);
       // Cameras of a track ascend.
       for (size_t b = free_range_[track].begin; b <= a; ++b) {
-        system->reduced.template block<kSize, kSize>(kSize * free_[a].camera, kSize * free_[b].camera) -=
+        camera_system_->Block(free_[a].camera, free_[b].camera, &system->reduced) -=
             system->eliminated[a].lazyProduct(system->eliminated[b].transpose());
         // Two images of one rig: the other half of the diagonal block.
         if (a == b || free_[a].camera != free_[b].camera) continue;
-        system->reduced.template block<kSize, kSize>(kSize * free_[a].camera, kSize * free_[a].camera) -=
+        camera_system_->Block(free_[a].camera, free_[a].camera, &system->reduced) -=
             system->eliminated[b].lazyProduct(system->eliminated[a].transpose());
       }
     }
@@ -260,16 +270,15 @@ class BundleSolver {
 
   // Returns the length of the cameras' step in standard deviations (Mahalanobis distance by the reduced system); NaN where
   // the system is not positive definite.
-  double Step(const System& system, State* next) const {
-    const Eigen::LLT<Eigen::MatrixXd> factor(system.reduced);
-    if (factor.info() != Eigen::Success) return std::numeric_limits<double>::quiet_NaN();
-    const Eigen::VectorXd step = factor.solve(system.rhs);
+  double Step(const System& system, State* next) {
+    if (!camera_system_->Factorize(system.reduced)) return std::numeric_limits<double>::quiet_NaN();
+    const Eigen::VectorXd step = camera_system_->Solve(system.rhs);
     for (size_t camera = 0; camera < state_.cameras.size(); ++camera) {
       const CameraVector move = step.segment<kSize>(kSize * camera);
       const Rigid3d& pose = state_.cameras[camera].cam_from_world;
       next->cameras[camera].cam_from_world = {(ExpSO3(move.template head<3>()) * pose.rotation).normalized(),
                                               pose.translation + move.template segment<3>(3)};
-      if (kSize > 6) next->cameras[camera].log_focal_factor = state_.cameras[camera].log_focal_factor + move(kSize - 1);
+      if (kSize > 6) next->cameras[camera].log_factor = state_.cameras[camera].log_factor + move(kSize - 1);
     }
     for (size_t track = 0; track < state_.points.size(); ++track) {
       Eigen::Vector3d step_in_factor = -system.point_factors[track].gradient;
@@ -285,6 +294,7 @@ class BundleSolver {
   const BundleAdjustmentOptions& options_;
   const double squared_scale_;
   std::vector<const View*> views_;  // of the cameras
+  std::optional<CameraSystem<kSize>> camera_system_;
   std::vector<LinearProjection> fixed_;
   std::vector<FreeObservation> free_;
   std::vector<Range> fixed_range_, free_range_;  // per track
@@ -299,25 +309,28 @@ BundleAdjustmentResult Adjust(const BundleAdjustmentOptions& options, std::vecto
   result.summary = solver.Minimize();
   result.pose_covariances.assign(views->size(), Eigen::Matrix<double, 6, 6>::Zero());
   if (!result.summary.success) return result;
-  const std::vector<Eigen::Matrix<double, 6, 6>> covariances = solver.Covariances();
-  size_t camera = 0;
-  for (size_t view = 0; view < views->size(); ++view) {
-    if (IsConstant((*views)[view]) || (*views)[view].rig_link) continue;
-    (*views)[view].cam_from_world = solver.Solution().cameras[camera].cam_from_world;
-    if ((*views)[view].log_focal_factor) {
-      (*views)[view].log_focal_factor = solver.Solution().cameras[camera].log_focal_factor;
+  const std::vector<Eigen::Matrix<double, kSize, kSize>> covariances = solver.Covariances();
+  std::vector<size_t> camera_of_view(views->size());
+  size_t next_camera = 0;
+  for (size_t i = 0; i < views->size(); ++i) {
+    View& view = (*views)[i];
+    if (IsConstant(view)) continue;
+    if (view.rig_link) {  // references come before
+      const View& reference = (*views)[view.rig_link->reference];
+      camera_of_view[i] = camera_of_view[view.rig_link->reference];
+      const double scale = std::exp(solver.Solution().cameras[camera_of_view[i]].log_factor);
+      if (reference.seeks_rig_scale) view.rig_link->cam_from_reference.translation *= scale;
+      result.pose_covariances[i] =
+          LinkedCovariance(*view.rig_link, reference.seeks_rig_scale, covariances[camera_of_view[i]]);
+      continue;
     }
-    result.pose_covariances[view] = covariances[camera++];
+    camera_of_view[i] = next_camera++;
+    const Camera& camera = solver.Solution().cameras[camera_of_view[i]];
+    view.cam_from_world = camera.cam_from_world;
+    if (view.log_focal_factor) view.log_focal_factor = camera.log_factor;
+    result.pose_covariances[i] = covariances[camera_of_view[i]].template topLeftCorner<6, 6>();
   }
   FollowReferences(views);
-  for (size_t view = 0; view < views->size(); ++view) {
-    if (!(*views)[view].rig_link) continue;
-    // x_cam = R x_reference + t: a tangent of the reference's pose is turned by R.
-    const auto& [reference, cam_from_reference] = *(*views)[view].rig_link;
-    Eigen::Matrix<double, 6, 6> turn = Eigen::Matrix<double, 6, 6>::Zero();
-    turn.topLeftCorner<3, 3>() = turn.bottomRightCorner<3, 3>() = cam_from_reference.rotation.toRotationMatrix();
-    result.pose_covariances[view] = turn * result.pose_covariances[reference] * turn.transpose();
-  }
   for (size_t track = 0; track < tracks->size(); ++track) {
     (*tracks)[track].point_in_world = solver.Solution().points[track];
   }
@@ -335,9 +348,10 @@ bool BundleAdjustmentOptions::Check(std::string* error) const {
 
 BundleAdjustmentResult AdjustBundle(const BundleAdjustmentOptions& options, std::vector<View>* views,
                                     std::vector<Track>* tracks) {
-  const bool seeks_focal_length =
-      std::any_of(views->begin(), views->end(), [](const View& view) { return view.log_focal_factor.has_value(); });
-  return seeks_focal_length ? Adjust<7>(options, views, tracks) : Adjust<6>(options, views, tracks);
+  const bool seeks_factor = std::any_of(views->begin(), views->end(), [](const View& view) {
+    return view.log_focal_factor.has_value() || view.seeks_rig_scale;
+  });
+  return seeks_factor ? Adjust<7>(options, views, tracks) : Adjust<6>(options, views, tracks);
 }
 
 }  // namespace lazyloc

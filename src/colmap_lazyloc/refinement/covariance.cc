@@ -44,6 +44,16 @@ Eigen::Matrix3d PositionCovariance(const Rigid3d& cam_from_world, const Eigen::M
   return jacobian * covariance * jacobian.transpose();
 }
 
+Eigen::Matrix<double, 6, 6> LinkedCovariance(const RigLink& link, bool seeks_scale,
+                                             const Eigen::MatrixXd& reference_covariance) {
+  // x_cam = R x_reference + t turns the tangent by R.
+  Eigen::MatrixXd jacobian = Eigen::MatrixXd::Zero(6, reference_covariance.cols());
+  const Eigen::Matrix3d rotation = link.cam_from_reference.rotation.toRotationMatrix();
+  jacobian.topLeftCorner<3, 3>() = jacobian.block<3, 3>(3, 3) = rotation;
+  if (seeks_scale) jacobian.col(6).tail<3>() = link.cam_from_reference.translation;
+  return jacobian * reference_covariance * jacobian.transpose();
+}
+
 PoseSpread ComputePoseSpread(const Rigid3d& cam_from_world, const Eigen::Matrix<double, 6, 6>& covariance) {
   using Solver = Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>;
   const Solver rotation(covariance.topLeftCorner<3, 3>(), Eigen::EigenvaluesOnly);

@@ -16,6 +16,11 @@ double VarianceFactor(const std::vector<View>& views, const std::vector<Track>& 
 // Covariance of the projection centre, in the world. cam_from_world, covariance: in a frame whose origin is not far away.
 Eigen::Matrix3d PositionCovariance(const Rigid3d& cam_from_world, const Eigen::Matrix<double, 6, 6>& covariance);
 
+// Of a view whose pose follows that of a reference. reference_covariance: of the reference's tangent, and of the log factor
+// on the translation between them where that is sought.
+Eigen::Matrix<double, 6, 6> LinkedCovariance(const RigLink& link, bool seeks_scale,
+                                             const Eigen::MatrixXd& reference_covariance);
+
 PoseSpread ComputePoseSpread(const Rigid3d& cam_from_world, const Eigen::Matrix<double, 6, 6>& covariance);
 
 // Median distance of the tracks' points from a view.

@@ -17,6 +17,9 @@ struct LinearProjection {
   // With the error in another unit.
   LinearProjection Scaled(double factor) const { return {factor * A, factor * a, b, c}; }
 
+  // With what does not depend on the point multiplied: of a camera that stands farther from the frame's origin.
+  LinearProjection WithOffset(double factor) const { return {A, factor * a, b, factor * c}; }
+
   double Depth(const Eigen::Vector3d& point) const { return b.dot(point) + c; }
 
   // Error in pixels, and its derivative with respect to the point.
@@ -25,6 +28,11 @@ struct LinearProjection {
     const Eigen::Vector2d error = inverse_depth * (A * point + a);
     *jacobian = inverse_depth * (A - error * b.transpose());
     return error;
+  }
+
+  // Of the error by the log of the factor of WithOffset, at 1.
+  Eigen::Vector2d DerivativeByLogOffset(const Eigen::Vector3d& point, const Eigen::Vector2d& error) const {
+    return (a - c * error) / Depth(point);
   }
 };
 

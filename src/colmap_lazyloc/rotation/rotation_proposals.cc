@@ -16,12 +16,22 @@ double Support(const WeightedRotation& proposal, const std::vector<WeightedRotat
   return support;
 }
 
-}  // namespace
+std::vector<std::vector<size_t>> EdgesByNode(const RotationAveragingProblem& problem) {
+  std::vector<std::vector<size_t>> edges_of(problem.is_fixed.size());
+  for (size_t i = 0; i < problem.edges.size(); ++i) {
+    edges_of[problem.edges[i].node1].push_back(i);
+    edges_of[problem.edges[i].node2].push_back(i);
+  }
+  return edges_of;
+}
 
-std::vector<WeightedRotation> ProposalsFor(int node, const RotationAveragingProblem& problem,
-                                           const RotationAveragingResult& result) {
+// By the node's edges.
+std::vector<WeightedRotation> Proposals(int node, const std::vector<size_t>& edges,
+                                        const RotationAveragingProblem& problem,
+                                        const RotationAveragingResult& result) {
   std::vector<WeightedRotation> proposals;
-  for (const RotationEdge& edge : problem.edges) {
+  for (const size_t i : edges) {
+    const RotationEdge& edge = problem.edges[i];
     if (edge.node2 == node && result.is_known[edge.node1]) {
       proposals.push_back({edge.node2_from_node1 * result.rotations[edge.node1], edge.weight});
     } else if (edge.node1 == node && result.is_known[edge.node2]) {
@@ -31,26 +41,36 @@ std::vector<WeightedRotation> ProposalsFor(int node, const RotationAveragingProb
   return proposals;
 }
 
+}  // namespace
+
+std::vector<WeightedRotation> ProposalsFor(int node, const RotationAveragingProblem& problem,
+                                           const RotationAveragingResult& result) {
+  return Proposals(node, EdgesByNode(problem)[node], problem, result);
+}
+
 void StartFromVotes(const RotationAveragingProblem& problem, double max_error_rad, RotationAveragingResult* result) {
-  while (true) {
-    int best_node = -1;
-    double best_support = 0;
-    Eigen::Quaterniond best_rotation;
-    for (int node = 0; node < static_cast<int>(problem.is_fixed.size()); ++node) {
-      if (result->is_known[node]) continue;
-      const std::vector<WeightedRotation> proposals = ProposalsFor(node, problem, *result);
-      for (const WeightedRotation& proposal : proposals) {
-        const double support = Support(proposal, proposals, max_error_rad);
-        if (support > best_support) {
-          best_node = node;
-          best_support = support;
-          best_rotation = proposal.rotation;
-        }
-      }
+  const std::vector<std::vector<size_t>> edges_of = EdgesByNode(problem);
+  std::vector<WeightedRotation> best_of(problem.is_fixed.size());  // weight: its support
+  const auto vote = [&](size_t node) {
+    best_of[node].weight = 0;
+    if (result->is_known[node]) return;
+    const std::vector<WeightedRotation> proposals = Proposals(static_cast<int>(node), edges_of[node], problem, *result);
+    for (const WeightedRotation& proposal : proposals) {
+      const double support = Support(proposal, proposals, max_error_rad);
+      if (support > best_of[node].weight) best_of[node] = {proposal.rotation, support};
     }
-    if (best_node < 0) return;
-    result->rotations[best_node] = best_rotation.normalized();
-    result->is_known[best_node] = true;
+  };
+  for (size_t node = 0; node < best_of.size(); ++node) vote(node);
+  while (true) {
+    const auto best = std::max_element(best_of.begin(), best_of.end(),
+                                       [](const auto& a, const auto& b) { return a.weight < b.weight; });
+    if (best == best_of.end() || best->weight == 0) return;
+    const size_t node = best - best_of.begin();
+    result->rotations[node] = best->rotation.normalized();
+    result->is_known[node] = true;
+    vote(node);
+    // Only its neighbours have a new proposal.
+    for (const size_t edge : edges_of[node]) vote(problem.edges[edge].node1 + problem.edges[edge].node2 - node);
   }
 }
 

@@ -60,6 +60,8 @@ struct QueryPair {
 struct QueryGroup {
   std::vector<GroupMember> members;
   std::vector<QueryPair> query_pairs;
+  // Whether the lengths in cam_from_rig are in database units; else their unit is found for each frame.
+  bool has_rig_scale = true;
 };
 
 }  // namespace lazyloc

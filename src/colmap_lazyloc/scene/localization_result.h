@@ -74,10 +74,14 @@ struct LocalizationResult {
   std::vector<Eigen::Vector2d> photo_keypoints;  // xy in pixels, where they are not in the database
 
   std::string frame_name;  // of a rig's frame; empty for a lone image
+  // Median error in a rig's image of the points that the database triangulates, before any is left out: a large one says that
+  // the calibration is wrong.
+  std::optional<double> rig_error_px;
 
   // Valid when LOCALIZED.
   Rigid3d cam_from_world;
   Rigid3d rig_from_world;  // of the frame
+  double rig_scale = 1;    // database units per unit of the frame's lengths
   // Of cam_from_world in its tangent: rotation w (rad, R <- exp(w) R), then translation (database units).
   Eigen::Matrix<double, 6, 6> covariance = Eigen::Matrix<double, 6, 6>::Zero();
   PoseSpread spread;  // by the covariance

@@ -36,6 +36,8 @@ struct View {
   std::optional<double> log_focal_factor = std::nullopt;
   // None for a view with a pose of its own.
   std::optional<RigLink> rig_link = std::nullopt;
+  // Of a reference: adjustment finds a common factor on the translations of the views that follow it.
+  bool seeks_rig_scale = false;
 };
 
 // Whether adjustment takes the pose as exact.

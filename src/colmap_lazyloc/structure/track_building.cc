@@ -88,7 +88,8 @@ bool StandsBefore(const TrackObservation& a, const TrackObservation& b) {
 // Image points, and the matches that join them.
 class MatchGraph {
  public:
-  explicit MatchGraph(int num_queries) : num_queries_(num_queries) {}
+  explicit MatchGraph(const std::vector<int>& frame_of_query)
+      : frame_of_query_(frame_of_query), num_queries_(static_cast<int>(frame_of_query.size())) {}
 
   void Add(const ViewMatches& pair, const std::vector<size_t>& match_indices) {
     for (const size_t i : match_indices) {
@@ -100,6 +101,9 @@ class MatchGraph {
   }
 
   std::vector<Track> Tracks() {
+    CountStandingAlone();
+    links_.erase(std::remove_if(links_.begin(), links_.end(), [this](const auto& link) { return SaysLittle(link); }),
+                 links_.end());
     for (const auto& [query, other] : links_) {
       if (!StandsAlone(query) && !StandsAlone(other)) parents_[Root(query)] = Root(other);
     }
@@ -143,6 +147,22 @@ class MatchGraph {
 
   bool StandsAlone(int node) const { return num_database_links_[node] >= 2; }
 
+  void CountStandingAlone() {
+    num_standing_alone_.assign(num_queries_, 0);
+    for (size_t node = 0; node < points_.size(); ++node) {
+      if (StandsAlone(static_cast<int>(node))) ++num_standing_alone_[points_[node].view];
+    }
+  }
+
+  bool HasEnough(int node) const { return num_standing_alone_[points_[node].view] >= kNumEnough; }
+
+  // Between queries of different frames, each of which has enough without the other.
+  bool SaysLittle(const std::pair<int, int>& link) const {
+    const int view1 = points_[link.first].view, view2 = points_[link.second].view;
+    return view2 < num_queries_ && frame_of_query_[view1] != frame_of_query_[view2] && HasEnough(link.first) &&
+           HasEnough(link.second);
+  }
+
   int Root(int node) {
     while (parents_[node] != node) node = parents_[node] = parents_[parents_[node]];
     return node;
@@ -159,14 +179,10 @@ class MatchGraph {
       if (track.observations.empty()) track.observations.push_back(points_[query]);
       track.observations.push_back(points_[other]);
     }
-    std::vector<int> num_standing_alone(num_queries_, 0);
-    for (size_t node = 0; node < points_.size(); ++node) {
-      if (StandsAlone(static_cast<int>(node))) ++num_standing_alone[points_[node].view];
-    }
     for (const auto& [query, other] : links_) {
       if (points_[other].view >= num_queries_ || StandsAlone(query) == StandsAlone(other)) continue;
       const int weak = StandsAlone(query) ? other : query, root = Root(weak);
-      if (is_contradictory[root] || num_standing_alone[points_[weak].view] >= kNumEnough) continue;
+      if (is_contradictory[root] || HasEnough(weak)) continue;
       Track& track = track_of_query_point[StandsAlone(query) ? query : other];
       for (const TrackObservation& element : (*joined)[root].observations) {
         const bool is_new = std::none_of(track.observations.begin(), track.observations.end(),
@@ -183,20 +199,22 @@ class MatchGraph {
     return tracks;
   }
 
+  const std::vector<int>& frame_of_query_;
   const int num_queries_;
   std::unordered_map<uint64_t, int> nodes_;  // by view and keypoint
   std::vector<TrackObservation> points_;     // of the nodes
   std::vector<int> parents_;                 // union-find
   std::vector<int> num_database_links_;      // of query keypoints
+  std::vector<int> num_standing_alone_;      // keypoints of each query
   std::vector<std::pair<int, int>> links_;   // query keypoint, other keypoint
 };
 
 }  // namespace
 
-std::vector<Track> BuildTracks(const std::vector<ViewMatches>& view_matches, int num_queries) {
-  if (num_queries == 1) return TracksOfOneQuery(view_matches);  // what the graph gives, faster
+std::vector<Track> BuildTracks(const std::vector<ViewMatches>& view_matches, const std::vector<int>& frame_of_query) {
+  if (frame_of_query.size() == 1) return TracksOfOneQuery(view_matches);  // what the graph gives, faster
   const std::vector<std::vector<size_t>> unambiguous = UnambiguousMatches(view_matches);
-  MatchGraph graph(num_queries);
+  MatchGraph graph(frame_of_query);
   for (size_t pair = 0; pair < view_matches.size(); ++pair) graph.Add(view_matches[pair], unambiguous[pair]);
   return graph.Tracks();
 }

@@ -30,12 +30,14 @@ struct ViewMatches {
 };
 
 // The tracks of keypoints that matches join, each with at least one query's, in order of their first image points. Views
-// 0 to num_queries-1 are the queries. Points are not set.
-// A query keypoint with matches in two or more database views stands on these alone; the others are joined over several
-// queries, and in a query that has few that stand alone, with one of another query that does. Long tracks through many
-// queries would tie them to each other more tightly than database poses that are off let them be tied to the database.
+// 0 to n-1 are the queries; frame_of_query says which of them move as one. Points are not set.
+// A query keypoint with matches in two or more database views stands on these alone; the others are joined over the queries
+// of a frame, and with those of a frame one of whose queries has few that stand alone, where also one that stands alone is
+// joined with such a query's. Long tracks through many queries would tie them to each other more tightly than database poses
+// that are off let them be tied to the database.
 // A keypoint that is matched twice within a pair is ambiguous: those matches are dropped. Where joined matches lead to
 // two keypoints of one view, some of them are false: each query keypoint then has its own matches in the database alone.
-std::vector<Track> BuildTracks(const std::vector<ViewMatches>& view_matches, int num_queries = 1);
+std::vector<Track> BuildTracks(const std::vector<ViewMatches>& view_matches,
+                               const std::vector<int>& frame_of_query = {0});
 
 }  // namespace lazyloc

@@ -1,5 +1,7 @@
 #include "colmap_lazyloc/structure/track_building.h"
 
+#include <numeric>
+
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -51,7 +53,7 @@ using ::testing::Pair;
 TEST(TrackBuilding, OneQueryAmongSeveralIsAsAlone) {
   const std::vector<ViewMatches> matches = {MakeMatches(2, {{5, 50}, {5, 52}, {6, 60}, {8, 80}, {9, 90}}),
                                             MakeMatches(3, {{9, 90}, {5, 51}, {8, 81}})};
-  const std::vector<Track> alone = BuildTracks(matches), among_others = BuildTracks(matches, /*num_queries=*/2);
+  const std::vector<Track> alone = BuildTracks(matches), among_others = BuildTracks(matches, {0, 1});
   ASSERT_EQ(alone.size(), 4u);
   ASSERT_EQ(among_others.size(), alone.size());
   for (size_t i = 0; i < alone.size(); ++i) EXPECT_EQ(Elements(among_others[i]), Elements(alone[i]));
@@ -61,7 +63,7 @@ TEST(TrackBuilding, SeveralQueriesAreJoinedWhereTheDatabaseSaysLittle) {
   // Queries 0 to 2, database views 3 and 4. Keypoint 5 of query 1 has two database views: it stands alone.
   const std::vector<Track> tracks = BuildTracks({Matched(0, 3, {5, 7}), Matched(1, 3, {5}), Matched(1, 4, {5, 7}),
                                                  Matched(2, 0, {7}), Matched(2, 1, {5, 7, 8}), Matched(2, 3, {7})},
-                                                /*num_queries=*/3);
+                                                /*frame_of_query=*/{0, 1, 2});
   ASSERT_EQ(tracks.size(), 4u);
   EXPECT_THAT(Elements(tracks[0]), ElementsAre(Pair(0, 5), Pair(3, 5)));
   EXPECT_THAT(Elements(tracks[1]), ElementsAre(Pair(0, 7), Pair(1, 7), Pair(2, 7), Pair(3, 7), Pair(4, 7)));
@@ -69,12 +71,27 @@ TEST(TrackBuilding, SeveralQueriesAreJoinedWhereTheDatabaseSaysLittle) {
   EXPECT_THAT(Elements(tracks[3]), ElementsAre(Pair(1, 8), Pair(2, 8)));
 }
 
+TEST(TrackBuilding, QueriesThatStandByThemselvesAreNotJoinedAcrossFrames) {
+  std::vector<uint32_t> keypoints(100);
+  std::iota(keypoints.begin(), keypoints.end(), 0);
+  std::vector<ViewMatches> matches;
+  for (int query = 0; query < 2; ++query) {
+    for (int view = 2; view < 4; ++view) matches.push_back(Matched(query, view, keypoints));
+  }
+  matches.push_back(Matched(1, 0, {200}));
+  EXPECT_EQ(BuildTracks(matches, {0, 1}).size(), 200u);
+  EXPECT_EQ(BuildTracks(matches, {0, 0}).size(), 201u) << "of one frame";
+  matches.resize(3);  // the second query has one database view
+  matches.push_back(Matched(1, 0, {200}));
+  EXPECT_EQ(BuildTracks(matches, {0, 1}).size(), 201u);
+}
+
 TEST(TrackBuilding, ContradictoryTrackFallsApartIntoSingleQueries) {
   // By way of query 1, keypoints 1 and 2 of query 0 would be the same point.
   ViewMatches false_match = Matched(2, 0, {});
   false_match.Add({1, 2}, {}, {});
-  const std::vector<Track> tracks =
-      BuildTracks({Matched(0, 3, {1, 2}), Matched(1, 0, {1}), Matched(2, 1, {1}), false_match}, /*num_queries=*/3);
+  const std::vector<Track> tracks = BuildTracks(
+      {Matched(0, 3, {1, 2}), Matched(1, 0, {1}), Matched(2, 1, {1}), false_match}, /*frame_of_query=*/{0, 1, 2});
   ASSERT_EQ(tracks.size(), 2u);
   EXPECT_THAT(Elements(tracks[0]), ElementsAre(Pair(0, 1), Pair(3, 1)));
   EXPECT_THAT(Elements(tracks[1]), ElementsAre(Pair(0, 2), Pair(3, 2)));

@@ -19,10 +19,12 @@ struct Ray {
   double weight;
 };
 
-std::vector<Ray> RaysTo(int node, const TranslationAveragingProblem& problem,
+// By the node's edges.
+std::vector<Ray> RaysTo(int node, const std::vector<size_t>& edges, const TranslationAveragingProblem& problem,
                         const TranslationAveragingOptions& options, const TranslationAveragingResult& result) {
   std::vector<Ray> rays;
-  for (const DirectionEdge& edge : problem.edges) {
+  for (const size_t i : edges) {
+    const DirectionEdge& edge = problem.edges[i];
     const double weight = 1 / EdgeStddevRad(edge, options);
     if (edge.node2 == node && result.is_known[edge.node1]) {
       rays.push_back({result.cams_in_world[edge.node1] - edge.offset_in_world, edge.dir_1to2_in_world, weight});
@@ -85,21 +87,29 @@ Start BestStart(const std::vector<Ray>& rays, const TranslationAveragingOptions&
 
 void StartFromVotes(const TranslationAveragingProblem& problem, const TranslationAveragingOptions& options,
                     TranslationAveragingResult* result) {
+  std::vector<std::vector<size_t>> edges_of(problem.is_fixed.size());
+  for (size_t i = 0; i < problem.edges.size(); ++i) {
+    edges_of[problem.edges[i].node1].push_back(i);
+    edges_of[problem.edges[i].node2].push_back(i);
+  }
+  std::vector<Start> best_of(problem.is_fixed.size());
+  const auto vote = [&](size_t node) {
+    best_of[node] = Start();
+    if (result->is_known[node]) return;
+    best_of[node] = BestStart(RaysTo(static_cast<int>(node), edges_of[node], problem, options, *result), options);
+  };
+  for (size_t node = 0; node < best_of.size(); ++node) vote(node);
   while (true) {
-    int best_node = -1;
-    Start best;
-    for (int node = 0; node < static_cast<int>(problem.is_fixed.size()); ++node) {
-      if (result->is_known[node]) continue;
-      const Start start = BestStart(RaysTo(node, problem, options, *result), options);
-      if (start.support > best.support) {
-        best = start;
-        best_node = node;
-      }
-    }
-    if (best_node < 0) return;
-    result->cams_in_world[best_node] = best.point;
-    result->is_known[best_node] = true;
-    result->is_determined[best_node] = best.is_determined;
+    const auto best = std::max_element(best_of.begin(), best_of.end(),
+                                       [](const Start& a, const Start& b) { return a.support < b.support; });
+    if (best == best_of.end() || !(best->support > 0)) return;
+    const size_t node = best - best_of.begin();
+    result->cams_in_world[node] = best->point;
+    result->is_known[node] = true;
+    result->is_determined[node] = best->is_determined;
+    vote(node);
+    // Only its neighbours have a new ray.
+    for (const size_t edge : edges_of[node]) vote(problem.edges[edge].node1 + problem.edges[edge].node2 - node);
   }
 }
 
