@@ -51,6 +51,8 @@ def variants(scene: Scene, setup: Setup, queries: list[str], folder: pathlib.Pat
     chosen = {"alone": Variant([])} | {f"joint, L = {length}": Variant(size(length)) for length in (3, 5)}
     trajectory = ["--query_trajectory_path", scene.model_path]
     chosen |= {f"trajectory, L = {length}": Variant([*trajectory, *size(length)]) for length in (3, 5)}
+    chosen["trajectory without scale, L = 5"] = Variant(
+        [*trajectory, *size(5), "--LazyLocalizer.trajectory_has_scale", 0])
     if len(setup.prefixes) == 1:
         return chosen
     config_path = scene.path / "rig_config.json"
@@ -150,7 +152,7 @@ def main(argv: list[str]) -> int:
     parser.add_argument("--scenes", nargs="+", choices=SETUPS, default=list(SETUPS))
     parser.add_argument("options", nargs="*", help="further options of the program")
     arguments = parser.parse_args(argv)
-    parts = ["# groups", "\n\n".join(describe_environment()), f"`groups.py {' '.join(argv)}`"]
+    parts = ["# groups", "\n\n".join(describe_environment()), f"`{' '.join(['groups.py --data_path DATA', *arguments.options])}`"]
     for name in arguments.scenes:
         scene = load_scene(arguments.data_path / name)
         parts += [f"## {name}", table(*run_scene(scene, SETUPS[name], arguments))]
