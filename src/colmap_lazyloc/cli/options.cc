@@ -176,6 +176,7 @@ void ForEachOption(IndexerOptions& o, const Add& add) {
   add("database_path", &o.database_path, "COLMAP database with SIFT descriptors; opened read-only");
   add("index_path", &o.index_path, "file of the index; where it exists, it is brought up to date");
   add("LazyIndexer.num_visual_words", &o.retrieval.num_visual_words, kNumVisualWordsHelp);
+  add("LazyIndexer.num_threads", &o.retrieval.num_threads, "-1 for the number of cores");
 }
 
 // Collects what is no option, so that a message can name it.
@@ -271,6 +272,7 @@ bool ParseCommandLine(int argc, char** argv, CommandOptions* options) {
   options->loader.use_raw_matches = options->localizer.use_raw_matches;
   options->loader.has_photos = !options->photos.image_path.empty();
   options->photos.retrieval.seed = options->localizer.seed;
+  options->photos.retrieval.num_threads = options->num_threads;
   return true;
 }
 

@@ -67,10 +67,6 @@ LocalizationResult LoadAndLocalize(const Loaders& loaders, const std::string& qu
   return result;
 }
 
-int EffectiveNumThreads(int num_threads) {
-  return num_threads < 1 ? static_cast<int>(std::max(1u, std::thread::hardware_concurrency())) : num_threads;
-}
-
 }  // namespace
 
 std::vector<LocalizationResult> RunQueries(const Loaders& loaders, const std::string& database_path,
