@@ -19,8 +19,10 @@ constexpr int kMaxNumEstimates = 8;
 // No keypoint is found this badly: poses of the database must be off.
 constexpr double kLoudNoisePx = 6;
 
-void AddQuery(double max_query_error_sigma, QueryState* state) {
+void AddQuery(double max_query_error_sigma, double single_view_spread, QueryState* state) {
   TrackTriangulationOptions options = state->options.triangulation;
+  // By the variances' ratio: wrong matches do not only scatter, they also agree with the relative pose that chose them.
+  options.single_view_noise_ratio *= single_view_spread;
   options.max_query_error_sigma = max_query_error_sigma;
   state->tracks = TracksFittingQuery(state->views, std::move(state->tracks_from_database), max_query_error_sigma);
   for (Track& track : TriangulateWithQuery(state->views, std::move(state->tracks_with_query), options)) {
@@ -103,6 +105,7 @@ void OptimizeOverTracks(QueryState* state) {
   const LocalizerOptions& options = state->options;
   double max_query_error_sigma = options.max_start_error_sigma;
   double database_noise_px = options.database_pose_noise_px;
+  double single_view_spread = 1;
   for (int round = 0;; ++round) {
     const bool is_last = round + 1 == options.num_refinement_rounds;
     {
@@ -113,7 +116,7 @@ void OptimizeOverTracks(QueryState* state) {
             TriangulateFromDatabase(state->views, is_last ? state->candidates : state->start_candidates,
                                     options.triangulation, &state->tracks_with_query);
       }
-      AddQuery(max_query_error_sigma, state);
+      AddQuery(max_query_error_sigma, single_view_spread, state);
     }
     const StageTimer timer("adjustment", &state->result.seconds);
     if (round == 0) {
@@ -126,7 +129,10 @@ void OptimizeOverTracks(QueryState* state) {
     }
     if (is_last) break;
     EstimateViewNoise(state->tracks, options.min_noise_px, &state->views);
-    if (round == 0) database_noise_px = ExpectedDatabaseNoisePx(*state);
+    if (round == 0) {
+      database_noise_px = ExpectedDatabaseNoisePx(*state);
+      single_view_spread = MeasureSingleViewSpread(state->tracks, state->views);
+    }
     max_query_error_sigma = options.triangulation.max_query_error_sigma;
     if (options.use_raw_matches) CollectTracksAgain(state);
   }
