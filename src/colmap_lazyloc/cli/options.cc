@@ -150,7 +150,7 @@ void ForEachOption(Options& o, const Add& add) {
   add("LazyLocalizer.loss_scale_sigma", &o.localizer.bundle_adjustment.loss_scale_sigma,
       "Cauchy scale of bundle adjustment in standard deviations of the image noise");
   add("LazyLocalizer.single_view_noise_ratio", &o.localizer.triangulation.single_view_noise_ratio,
-      "factor on the image noise of points that one database image sees");
+      "factor on the image noise of points that one database image sees; more where these scatter more than others");
   add("LazyLocalizer.max_num_tracks", &o.localizer.max_num_tracks,
       "of more tracks than these, well distributed ones with most image points are used");
   add("LazyLocalizer.max_num_start_tracks", &o.localizer.max_num_start_tracks,

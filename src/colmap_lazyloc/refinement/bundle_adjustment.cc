@@ -17,8 +17,7 @@
 namespace lazyloc {
 namespace {
 
-// What is known of a pose is what its observations leave: this part of each diagonal element keeps motions that nothing
-// shows from an infinite variance.
+// The least damping: this part of each diagonal element keeps motions that nothing shows from an infinite variance.
 constexpr double kRegularization = 1e-12;
 
 // A view that the solver moves: six parameters, and a seventh where any focal length is sought.
@@ -98,48 +97,50 @@ class BundleSolver {
   StageSummary Minimize() {
     StageSummary summary;
     double damping = 1e-4;
-    System current, trial;
+    System trial;
     State next = state_;
-    if (!Build(state_, damping, &current)) return {false, "a point lies behind a camera at the start", 0, current.cost};
+    if (!Build(state_, damping, &system_)) return {false, "a point lies behind a camera at the start", 0, system_.cost};
     summary.message = "no convergence";
     for (; summary.iterations < options_.max_num_iterations; ++summary.iterations) {
-      const double next_damping = std::max(damping / 10, 1e-12);
-      const double step_sigma = Step(current, &next);
-      if (!std::isfinite(step_sigma) || !Build(next, next_damping, &trial) || !(trial.cost < current.cost)) {
+      const double step_sigma = Step(system_, &next);
+      const bool is_last = step_sigma < options_.convergence_sigma;
+      const double next_damping = is_last ? kRegularization : std::max(damping / 10, kRegularization);
+      if (!std::isfinite(step_sigma) || !Build(next, next_damping, &trial) || !(trial.cost < system_.cost)) {
         damping *= 10;
         if (damping > 1e8) {
           summary.message = "no step lowers the cost";
           break;
         }
-        Build(state_, damping, &current);
+        Build(state_, damping, &system_);
         continue;
       }
       damping = next_damping;
       std::swap(state_, next);
-      std::swap(current, trial);
-      if (step_sigma < options_.convergence_sigma) {
+      std::swap(system_, trial);
+      if (is_last) {
         summary.message = "converged";
         break;
       }
     }
+    if (damping != kRegularization) Build(state_, kRegularization, &system_);
     summary.success = true;
-    summary.cost = current.cost;
+    summary.cost = system_.cost;
     return summary;
   }
 
   const State& Solution() const { return state_; }
 
-  // Of each camera's pose.
+  // Of each camera's pose, at the minimum.
   std::vector<Eigen::Matrix<double, 6, 6>> Covariances() const {
-    System system;
-    Build(state_, kRegularization, &system);
-    const Eigen::LLT<Eigen::MatrixXd> factor(system.reduced);
-    const Eigen::Index size = system.reduced.rows();
-    Eigen::MatrixXd inverse = Eigen::MatrixXd::Identity(size, size) / kRegularization;
-    if (factor.info() == Eigen::Success) inverse = factor.solve(Eigen::MatrixXd::Identity(size, size));
+    const Eigen::LLT<Eigen::MatrixXd> factor(system_.reduced);
+    const Eigen::Index size = system_.reduced.rows();
+    // The covariance matrix is R^T R.
+    Eigen::MatrixXd R = Eigen::MatrixXd::Identity(size, size) / std::sqrt(kRegularization);
+    if (factor.info() == Eigen::Success) R = factor.matrixL().solve(Eigen::MatrixXd::Identity(size, size));
     std::vector<Eigen::Matrix<double, 6, 6>> covariances;
     for (size_t camera = 0; camera < state_.cameras.size(); ++camera) {
-      covariances.push_back(inverse.template block<6, 6>(kSize * camera, kSize * camera));
+      const auto columns = R.template middleCols<6>(kSize * camera);
+      covariances.push_back(columns.transpose() * columns);
     }
     return covariances;
   }
@@ -278,6 +279,7 @@ class BundleSolver {
   std::vector<FreeObservation> free_;
   std::vector<Range> fixed_range_, free_range_;  // per track
   State state_;
+  System system_;  // around the state
 };
 
 template <int kSize>
