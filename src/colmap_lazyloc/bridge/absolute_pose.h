@@ -17,4 +17,11 @@ std::optional<Rigid3d> EstimateAbsolutePose(const std::vector<Eigen::Vector3d>& 
                                             const std::vector<Eigen::Vector3d>& points_in_world, double max_error_rad,
                                             uint32_t seed, double min_inlier_ratio);
 
+// The same of a rig: the pose of its reference camera, by the generalized P3P problem in RANSAC. cams_from_reference: of
+// the camera that sees the point, one per point.
+std::optional<Rigid3d> EstimateRigAbsolutePose(const std::vector<Eigen::Vector3d>& rays_in_cam,
+                                               const std::vector<Rigid3d>& cams_from_reference,
+                                               const std::vector<Eigen::Vector3d>& points_in_world,
+                                               double max_error_rad, uint32_t seed, double min_inlier_ratio);
+
 }  // namespace lazyloc

@@ -3,6 +3,7 @@
 #include <optional>
 
 #include <colmap/feature/types.h>
+#include <colmap/geometry/rigid3.h>
 #include <colmap/scene/camera.h>
 #include <colmap/scene/two_view_geometry.h>
 
@@ -23,6 +24,8 @@ inline colmap::Camera ToColmap(const Camera& camera) {
   converted.has_prior_focal_length = true;
   return converted;
 }
+
+inline colmap::Rigid3d ToColmap(const Rigid3d& pose) { return colmap::Rigid3d(pose.rotation, pose.translation); }
 
 // Of the form [R t]; none where it is not finite.
 inline std::optional<Rigid3d> FiniteRigid(const Eigen::Matrix<double, 3, 4>& matrix) {

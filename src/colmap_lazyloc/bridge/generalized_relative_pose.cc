@@ -17,9 +17,8 @@ std::optional<Rigid3d> EstimateGeneralizedRelativePose(const std::vector<RayMatc
                                                        uint32_t seed) {
   std::vector<colmap::GR6PEstimator::X_t> database(matches.size()), query(matches.size());
   for (size_t i = 0; i < matches.size(); ++i) {
-    const Rigid3d& pose = matches[i].database_cam_from_world;
-    database[i] = {colmap::Rigid3d(pose.rotation, pose.translation), matches[i].database_ray_in_cam};
-    query[i] = {colmap::Rigid3d(), matches[i].query_ray_in_cam};
+    database[i] = {ToColmap(matches[i].database_cam_from_world), matches[i].database_ray_in_cam};
+    query[i] = {ToColmap(matches[i].query_cam_from_reference), matches[i].query_ray_in_cam};
   }
   colmap::RANSACOptions options;
   options.max_error = max_error_rad;

@@ -78,7 +78,7 @@ int Run(const CommandOptions& options) {
   const DatabaseReader database(options.database_path);
   const ProblemLoader loader = MakeLoader(options, database);
   ResultWriter writer(options.output_path);
-  if (!loader.Warning().empty()) std::cerr << "WARNING: " << loader.Warning() << std::endl;
+  for (const std::string& warning : loader.Warnings()) std::cerr << "WARNING: " << warning << std::endl;
   const std::unique_ptr<MatchesOutput> matches_output = MakeMatchesOutput(options, database, loader);
   const std::unique_ptr<PhotoLoader> photo_loader = MakePhotoLoader(options, database, loader);
   KeepFreedMemory();

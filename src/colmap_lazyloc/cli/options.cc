@@ -86,6 +86,12 @@ void ForEachOption(Options& o, const Add& add) {
       "queries, one name a line or hloc's `name MODEL width height params...`; "
       "default: every image of the database file without a pose in --input_path");
   add("pairs_path", &o.pairs_path, "pairs to use, two names a line; default: those that the database has matches for");
+  add("rig_config_path", &o.rig_config_path,
+      "camera rigs of the queries in COLMAP's JSON form (as for rig_configurator); default: those in the database");
+  add("group_list_path", &o.group_list_path, "queries to localize together, names of one group a line");
+  add("query_trajectory_path", &o.query_trajectory_path,
+      "metric poses of the queries relative to each other: a COLMAP model, or a file in TUM's form or that of "
+      "poses.txt; each group is localized as one rigid body, all queries where no group is set");
   add("image_path", &o.photos.image_path,
       "folder of the photos of queries that have no keypoints in the database; their features are extracted and matched "
       "in memory");
@@ -102,6 +108,9 @@ void ForEachOption(Options& o, const Add& add) {
       "extend the query's tracks by the verified matches among its database images that the database holds");
   add("LazyLocalizer.leave_one_out", &o.loader.leave_one_out,
       "localize every posed image (or those of --query_list_path) against all others");
+  add("LazyLocalizer.use_rigs", &o.loader.groups.use_rigs, "localize the images of a rig's frame as one");
+  add("LazyLocalizer.group_size", &o.loader.groups.group_size,
+      "localize so many consecutive queries (frames, with rigs) of the list together");
   add("LazyLocalizer.matches_output_path", &o.matches_output_path,
       "new COLMAP database for the photos' features and matches; it must not exist yet");
   add("LazyLocalizer.max_num_exhaustive", &o.photos.matching.max_num_exhaustive,
@@ -222,6 +231,7 @@ void CheckOptions(const CommandOptions& options) {
   if (options.num_threads < 1 && options.num_threads != -1) {
     throw InputError("option --LazyLocalizer.num_threads must be >= 1, or -1");
   }
+  if (options.loader.groups.group_size < 1) throw InputError("option --LazyLocalizer.group_size must be >= 1");
   std::string error;
   if (!options.localizer.Check(&error)) throw InputError("option --LazyLocalizer." + error);
   CheckPhotoOptions(options);
@@ -273,6 +283,9 @@ bool ParseCommandLine(int argc, char** argv, CommandOptions* options) {
   options->loader.has_photos = !options->photos.image_path.empty();
   options->photos.retrieval.seed = options->localizer.seed;
   options->photos.retrieval.num_threads = options->num_threads;
+  options->loader.groups.rig_config_path = options->rig_config_path;
+  options->loader.groups.group_list_path = options->group_list_path;
+  options->loader.groups.trajectory_path = options->query_trajectory_path;
   return true;
 }
 

@@ -12,6 +12,7 @@ namespace lazyloc {
 // Everything that `colmap lazy_localizer` takes.
 struct CommandOptions {
   std::string database_path, input_path, output_path, query_list_path, pairs_path;
+  std::string rig_config_path, group_list_path, query_trajectory_path;
   int num_threads = -1;
   bool strict = false;
   std::string matches_output_path;

@@ -4,6 +4,7 @@
 #include <atomic>
 #include <chrono>
 #include <exception>
+#include <iterator>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -24,47 +25,92 @@ struct Readers {
   std::unique_ptr<FeatureReader> features;
 };
 
-LocalizationResult LocalizePhoto(const Loaders& loaders, const PhotoQuery& photo, const Readers& readers,
-                                 const LocalizerOptions& options, IdleThreads* idle_threads) {
+// A query with what loading it took; `failure` where there is no problem to be solved.
+struct LoadedQuery {
+  LocalizationProblem problem;
   StageTimer::Seconds seconds;
-  LocalizationResult result;
+  std::optional<PhotoFailure> failure;
+};
+
+LoadedQuery LoadPhoto(const Loaders& loaders, const PhotoQuery& photo, const Readers& readers,
+                      IdleThreads* idle_threads) {
+  LoadedQuery query;
   try {
-    LoadedPhoto loaded = loaders.photo_loader->Load(photo, *readers.features, idle_threads, &seconds);
+    LoadedPhoto loaded = loaders.photo_loader->Load(photo, *readers.features, idle_threads, &query.seconds);
     loaders.problem_loader->LoadDatabaseMatches(readers.database, &loaded.problem);
     if (loaders.matches_output != nullptr) {
-      const StageTimer timer("matches_output", &seconds);
+      const StageTimer timer("matches_output", &query.seconds);
       loaders.matches_output->Write(loaded.problem, *loaded.features, loaded.database_features);
     }
-    result = LocalizeQuery(loaded.problem, options);
-    result.photo_keypoints = std::move(loaded.problem.query_keypoints);
+    query.problem = std::move(loaded.problem);
   } catch (const PhotoFailure& failure) {
-    result.query_name = photo.name;
-    result.status = failure.status;
-    result.reason = failure.reason;
+    query.problem.query_name = photo.name;
+    query.failure = failure;
   }
-  result.seconds.insert(result.seconds.begin(), seconds.begin(), seconds.end());
+  return query;
+}
+
+LoadedQuery LoadQuery(const Loaders& loaders, const std::string& name, const Readers& readers,
+                      IdleThreads* idle_threads) {
+  const auto& photos = loaders.problem_loader->Photos();
+  if (const auto photo = photos.find(name); photo != photos.end()) {
+    return LoadPhoto(loaders, photo->second, readers, idle_threads);
+  }
+  LoadedQuery query;
+  {
+    const StageTimer timer("load", &query.seconds);
+    query.problem = loaders.problem_loader->Load(name, readers.database);
+  }
+  return query;
+}
+
+LocalizationResult ResultOf(const LoadedQuery& query) {
+  LocalizationResult result;
+  result.query_name = query.problem.query_name;
+  result.status = query.failure->status;
+  result.reason = query.failure->reason;
+  result.seconds = query.seconds;
   return result;
 }
 
-LocalizationResult LoadAndLocalize(const Loaders& loaders, const std::string& query_name, const Readers& readers,
-                                   const LocalizerOptions& options, IdleThreads* idle_threads) {
-  using Clock = std::chrono::steady_clock;
-  const auto seconds_since = [](Clock::time_point start) {
-    return std::chrono::duration<double>(Clock::now() - start).count();
-  };
-  const Clock::time_point start = Clock::now();
-  LocalizationResult result;
-  const auto& photos = loaders.problem_loader->Photos();
-  if (const auto photo = photos.find(query_name); photo != photos.end()) {
-    result = LocalizePhoto(loaders, photo->second, readers, options, idle_threads);
-  } else {
-    const LocalizationProblem problem = loaders.problem_loader->Load(query_name, readers.database);
-    const double load_seconds = seconds_since(start);
-    result = LocalizeQuery(problem, options);
-    result.seconds.insert(result.seconds.begin(), {"load", load_seconds});
+// Photos that cannot be used are left out of their group.
+std::vector<LocalizationResult> LoadAndLocalize(const Loaders& loaders, const QueryFrames& frames,
+                                                const Readers& readers, const LocalizerOptions& options,
+                                                IdleThreads* idle_threads) {
+  std::vector<LocalizationResult> results;
+  QueryGroup group;
+  std::vector<StageTimer::Seconds> seconds;
+  for (const QueryFrame& frame : frames) {
+    const int reference = static_cast<int>(group.members.size());
+    for (const QueryFrame::Image& image : frame.images) {
+      LoadedQuery query = LoadQuery(loaders, image.name, readers, idle_threads);
+      if (query.failure) {
+        results.push_back(ResultOf(query));
+        continue;
+      }
+      seconds.push_back(std::move(query.seconds));
+      group.members.push_back({std::move(query.problem), reference, image.cam_from_rig, frame.name});
+    }
   }
-  result.seconds.emplace_back("total", seconds_since(start));
-  return result;
+  if (group.members.empty()) return results;
+  loaders.problem_loader->LoadQueryPairs(readers.database, &group);
+  std::vector<LocalizationResult> localized = LocalizeGroup(group, options);
+  for (size_t i = 0; i < localized.size(); ++i) {
+    LocalizationProblem& problem = group.members[i].problem;
+    if (loaders.problem_loader->Photos().count(problem.query_name) > 0) {
+      localized[i].photo_keypoints = std::move(problem.query_keypoints);
+    }
+    localized[i].seconds.insert(localized[i].seconds.begin(), seconds[i].begin(), seconds[i].end());
+    results.push_back(std::move(localized[i]));
+  }
+  return results;
+}
+
+// `total`: each query's share of the group's time.
+void AddTotal(double group_seconds, std::vector<LocalizationResult>* results) {
+  for (LocalizationResult& result : *results) {
+    result.seconds.emplace_back("total", group_seconds / static_cast<double>(results->size()));
+  }
 }
 
 }  // namespace
@@ -73,25 +119,27 @@ std::vector<LocalizationResult> RunQueries(const Loaders& loaders, const std::st
                                            const LocalizerOptions& options, int num_threads,
                                            const std::function<void(const LocalizationResult&)>& report,
                                            const std::function<bool()>& should_stop) {
-  const std::vector<std::string>& names = loaders.problem_loader->QueryNames();
-  std::vector<std::optional<LocalizationResult>> results(names.size());
-  std::vector<std::exception_ptr> errors(names.size() + 1);
-  std::atomic<size_t> next_query = 0;
+  const std::vector<QueryFrames>& groups = loaders.problem_loader->Groups();
+  std::vector<std::vector<LocalizationResult>> results(groups.size());
+  std::vector<std::exception_ptr> errors(groups.size() + 1);
+  std::atomic<size_t> next_group = 0;
   std::atomic<bool> failed = false;
   std::mutex report_mutex;
-  const int num_workers = static_cast<int>(std::min<size_t>(EffectiveNumThreads(num_threads), names.size()));
+  const int num_workers = static_cast<int>(std::min<size_t>(EffectiveNumThreads(num_threads), groups.size()));
   IdleThreads idle_threads(EffectiveNumThreads(num_threads) - num_workers);
   const auto work = [&] {
-    size_t query = names.size();  // opening the database has the last slot
+    size_t group = groups.size();  // opening the database has the last slot
     try {
       const Readers readers(loaders, database_path);
-      while (!failed && !should_stop() && (query = next_query++) < names.size()) {
-        results[query] = LoadAndLocalize(loaders, names[query], readers, options, &idle_threads);
+      while (!failed && !should_stop() && (group = next_group++) < groups.size()) {
+        const auto start = std::chrono::steady_clock::now();
+        results[group] = LoadAndLocalize(loaders, groups[group], readers, options, &idle_threads);
+        AddTotal(std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count(), &results[group]);
         const std::lock_guard<std::mutex> lock(report_mutex);
-        report(*results[query]);
+        for (const LocalizationResult& result : results[group]) report(result);
       }
     } catch (...) {
-      errors[std::min(query, names.size())] = std::current_exception();
+      errors[std::min(group, groups.size())] = std::current_exception();
       failed = true;
     }
     idle_threads.GiveBack(1);
@@ -103,8 +151,8 @@ std::vector<LocalizationResult> RunQueries(const Loaders& loaders, const std::st
     if (error) std::rethrow_exception(error);
   }
   std::vector<LocalizationResult> finished;
-  for (std::optional<LocalizationResult>& result : results) {
-    if (result) finished.push_back(std::move(*result));
+  for (std::vector<LocalizationResult>& of_group : results) {
+    std::move(of_group.begin(), of_group.end(), std::back_inserter(finished));
   }
   return finished;
 }

@@ -265,6 +265,34 @@ std::vector<DatabaseImage> DatabaseReader::ReadImages() const {
   return images;
 }
 
+std::vector<DatabaseRigImage> DatabaseReader::ReadRigImages() const {
+  for (const char* table : {"rigs", "rig_sensors", "frames", "frame_data"}) {
+    if (impl_->connection.ColumnNames(table).empty()) return {};
+  }
+  // Sensors of type 0 are cameras.
+  const SqliteStatement statement = impl_->connection.Prepare(
+      "frame_data",
+      "SELECT d.data_id, d.frame_id, r.ref_sensor_type = 0 AND r.ref_sensor_id = d.sensor_id, s.sensor_from_rig"
+      " FROM frame_data d JOIN frames f ON f.frame_id = d.frame_id JOIN rigs r ON r.rig_id = f.rig_id"
+      " LEFT JOIN rig_sensors s ON s.rig_id = r.rig_id AND s.sensor_id = d.sensor_id AND s.sensor_type = 0"
+      " WHERE d.sensor_type = 0 ORDER BY d.frame_id, d.data_id");
+  std::vector<DatabaseRigImage> images;
+  SqliteRows rows = statement.Run({});
+  while (rows.Next()) {
+    DatabaseRigImage image{static_cast<uint32_t>(rows.Integer(0, 0, kMaxNumImages - 1)),
+                           static_cast<uint32_t>(rows.Integer(1, 0, kMaxCameraId)), std::nullopt};
+    if (rows.Integer(2, 0, 1) == 1) {
+      image.cam_from_rig = Rigid3d();
+    } else if (const auto numbers = ReadNumbers<7>(rows, 3)) {
+      const auto [w, x, y, z, tx, ty, tz] = *numbers;
+      image.cam_from_rig = Rigid3d{Eigen::Quaterniond(w, x, y, z).normalized(), {tx, ty, tz}};
+      if (!image.cam_from_rig->rotation.coeffs().allFinite()) rows.Fail("sensor_from_rig has no rotation");
+    }
+    images.push_back(image);
+  }
+  return images;
+}
+
 Camera DatabaseReader::ReadCamera(uint32_t camera_id) const {
   SqliteRows rows = impl_->camera.Run({camera_id}, [=] { return "camera " + std::to_string(camera_id); });
   std::optional<Camera> camera;

@@ -9,6 +9,7 @@
 
 #include <Eigen/Core>
 
+#include "colmap_lazyloc/math/rigid3.h"
 #include "colmap_lazyloc/scene/camera.h"
 #include "colmap_lazyloc/scene/match.h"
 #include "colmap_lazyloc/scene/two_view_geometry.h"
@@ -19,6 +20,13 @@ struct DatabaseImage {
   uint32_t image_id = 0;
   uint32_t camera_id = 0;
   std::string name;
+};
+
+// An image of a frame of a rig (COLMAP 4.x).
+struct DatabaseRigImage {
+  uint32_t image_id = 0;
+  uint32_t frame_id = 0;
+  std::optional<Rigid3d> cam_from_rig;  // none where the rig is not calibrated
 };
 
 // How many matches a pair has; `image_id` is the other image of the pair.
@@ -44,6 +52,8 @@ class DatabaseReader {
 
   // All images, sorted by name (a few dozen bytes each; all that is ever read whole).
   std::vector<DatabaseImage> ReadImages() const;
+  // The images that frames hold, by frame; none for versions that know no rigs.
+  std::vector<DatabaseRigImage> ReadRigImages() const;
   // Camera parameters are given as stored; the caller judges the model.
   Camera ReadCamera(uint32_t camera_id) const;
   // xy in pixels of all keypoints of an image, in order; empty where the image has none. Those of the images last read

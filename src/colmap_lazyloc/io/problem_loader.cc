@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <iterator>
+#include <set>
 #include <tuple>
 
 #include "colmap_lazyloc/bridge/camera_models.h"
@@ -41,6 +42,14 @@ void CheckMatches(const Matches& matches, const std::string& name, size_t num_ke
   }
 }
 
+void CheckMatches(const LocalizationProblem& problem, const ImagePair& pair, const DatabaseReader& database) {
+  const size_t num_keypoints = problem.query_keypoints.size();
+  if (pair.geometry) {
+    CheckMatches(pair.geometry->inlier_matches, problem.query_name, num_keypoints, pair, database);
+  }
+  CheckMatches(pair.matches, problem.query_name, num_keypoints, pair, database);
+}
+
 }  // namespace
 
 ProblemLoader::ProblemLoader(const DatabaseReader& database, Model model, const std::vector<QueryListEntry>& queries,
@@ -69,9 +78,9 @@ ProblemLoader::ProblemLoader(const DatabaseReader& database, Model model, const 
     pairs_ = std::move(pairs.partners);
     for (auto& [name, photo] : photos_) photo.partner_names = pairs_[name];
     if (!pairs.unknown_names.empty()) {
-      warning_ = pairs_path.string() +
-                 ": left out what the database lacks: " + std::to_string(pairs.unknown_names.size()) +
-                 " images, such as " + *pairs.unknown_names.begin();
+      warnings_.push_back(pairs_path.string() +
+                          ": left out what the database lacks: " + std::to_string(pairs.unknown_names.size()) +
+                          " images, such as " + *pairs.unknown_names.begin());
     }
   }
 }
@@ -85,16 +94,34 @@ void ProblemLoader::ChooseQueries(const std::vector<QueryListEntry>& queries, co
       if ((posed_images.count(name) > 0) == options_.leave_one_out) chosen.push_back({name, std::nullopt});
     }
   }
+  // Groups are runs of the list.
+  if (queries.empty()) {
+    std::sort(chosen.begin(), chosen.end(), [](const auto& a, const auto& b) { return a.name < b.name; });
+  }
   for (const QueryListEntry& entry : chosen) {
     const auto posed = posed_images.find(entry.name);
     AddQuery(entry, posed == posed_images.end() ? nullptr : posed->second, database);
   }
-  std::sort(query_names_.begin(), query_names_.end());
-  if (!query_names_.empty()) return;
+  if (!query_names_.empty()) return ChooseGroups(database);
   throw InputError(database.Path().string() + ": " +
                    (options_.leave_one_out ? "no posed image of --input_path is in the database"
                                            : "every image has a pose in --input_path: nothing to localize (see "
                                              "--query_list_path, --LazyLocalizer.leave_one_out)"));
+}
+
+void ProblemLoader::ChooseGroups(const DatabaseReader& database) {
+  QueryGroups grouped = GroupQueries(query_names_, database, options_.groups);
+  groups_ = std::move(grouped.groups);
+  if (!grouped.warning.empty()) warnings_.push_back(std::move(grouped.warning));
+  for (size_t group = 0; group < groups_.size(); ++group) {
+    for (const QueryFrame& frame : groups_[group]) {
+      for (const QueryFrame::Image& image : frame.images) {
+        const auto query = queries_.find(image.name);
+        if (query != queries_.end()) query->second.group = group;
+      }
+    }
+  }
+  std::sort(query_names_.begin(), query_names_.end());
 }
 
 bool ProblemLoader::IsPhoto(const std::string& name, const DatabaseReader& database) const {
@@ -139,7 +166,10 @@ ProblemLoader::Candidates ProblemLoader::RankCandidates(const Query& query, cons
   Candidates candidates;
   for (const PairSize& size : sizes) {
     const auto posed = posed_of_database_id_.find(size.image_id);
-    if (posed == posed_of_database_id_.end() || size.image_id == query.image.image_id) continue;
+    if (posed == posed_of_database_id_.end()) continue;
+    // Left out with the query, where posed images are queries.
+    const auto other = queries_.find(posed->second->name);
+    if (other != queries_.end() && other->second.group == query.group) continue;
     candidates.push_back({posed->second, size.image_id, size.num_matches});
   }
   std::sort(candidates.begin(), candidates.end(), [](const Candidate& a, const Candidate& b) {
@@ -159,28 +189,26 @@ ProblemLoader::Candidates ProblemLoader::ListedCandidates(const Query& query) co
   return RankCandidates(query, listed);
 }
 
-std::optional<ImagePair> ProblemLoader::LoadPair(const Query& query, const Candidate& candidate,
+std::optional<ImagePair> ProblemLoader::LoadPair(const Query& query, const StoredImage& other,
                                                  const DatabaseReader& database) const {
+  const uint32_t query_id = query.image.image_id, other_id = other.image.image_id;
   ImagePair pair;
-  pair.geometry = database.ReadTwoViewGeometry(query.image.image_id, candidate.image_id);
+  pair.geometry = database.ReadTwoViewGeometry(query_id, other_id);
   if (pair.geometry && pair.geometry->inlier_matches.empty()) return std::nullopt;
   if (!pair.geometry) {
-    pair.matches = database.ReadMatches(query.image.image_id, candidate.image_id);
+    pair.matches = database.ReadMatches(query_id, other_id);
     if (pair.matches.empty()) return std::nullopt;
   }
-  pair.database_name = candidate.image->name;
-  pair.database_camera = model_.cameras.at(candidate.image->camera_id);
-  pair.database_cam_from_world = candidate.image->cam_from_world;
-  pair.database_keypoints = database.ReadKeypoints(candidate.image_id);
-  const Camera stored_camera = database.ReadCamera(database_images_.at(pair.database_name).camera_id);
+  pair.database_name = other.image.name;
+  pair.database_camera = other.camera;
+  pair.database_keypoints = database.ReadKeypoints(other_id);
   const bool has_other_intrinsics =
-      pair.geometry &&
-      (!AgreeOnIntrinsics(pair.geometry->query_camera.value_or(query.stored_camera), query.camera) ||
-       !AgreeOnIntrinsics(pair.geometry->database_camera.value_or(stored_camera), pair.database_camera));
+      pair.geometry && (!AgreeOnIntrinsics(pair.geometry->query_camera.value_or(query.stored_camera), query.camera) ||
+                        !AgreeOnIntrinsics(pair.geometry->database_camera.value_or(other.stored_camera), other.camera));
   // By which its inliers were chosen too: COLMAP estimates it again from all matches.
   if (has_other_intrinsics) pair.geometry->config = TwoViewConfig::UNCALIBRATED;
   if (has_other_intrinsics || (pair.geometry && options_.use_raw_matches)) {
-    pair.matches = database.ReadMatches(query.image.image_id, candidate.image_id);
+    pair.matches = database.ReadMatches(query_id, other_id);
   }
   return pair;
 }
@@ -189,13 +217,12 @@ void ProblemLoader::LoadPairs(const Query& query, const Candidates& candidates, 
                               const DatabaseReader& database, LocalizationProblem* problem) const {
   for (const Candidate& candidate : candidates) {
     if (problem->pairs.size() == max_num_pairs) return;
-    std::optional<ImagePair> pair = LoadPair(query, candidate, database);
+    const DatabaseImage& image = database_images_.at(candidate.image->name);
+    std::optional<ImagePair> pair = LoadPair(
+        query, {image, model_.cameras.at(candidate.image->camera_id), database.ReadCamera(image.camera_id)}, database);
     if (!pair) continue;
-    const size_t num_query_keypoints = problem->query_keypoints.size();
-    if (pair->geometry) {
-      CheckMatches(pair->geometry->inlier_matches, problem->query_name, num_query_keypoints, *pair, database);
-    }
-    CheckMatches(pair->matches, problem->query_name, num_query_keypoints, *pair, database);
+    pair->database_cam_from_world = candidate.image->cam_from_world;
+    CheckMatches(*problem, *pair, database);
     problem->pairs.push_back(std::move(*pair));
   }
 }
@@ -250,6 +277,38 @@ LocalizationProblem ProblemLoader::Load(const std::string& query_name, const Dat
             [](const ImagePair& a, const ImagePair& b) { return a.database_name < b.database_name; });
   LoadDatabaseMatches(database, &problem);
   return problem;
+}
+
+void ProblemLoader::LoadQueryPairs(const DatabaseReader& database, QueryGroup* group) const {
+  std::unordered_map<uint32_t, int> member_of_id;
+  for (int member = 0; group->members.size() > 1 && member < static_cast<int>(group->members.size()); ++member) {
+    const LocalizationProblem& problem = group->members[member].problem;
+    const auto query = queries_.find(problem.query_name);
+    if (query == queries_.end()) continue;  // a photo
+    const uint32_t image_id = query->second.image.image_id;
+    std::set<int> others;  // earlier members
+    const auto add = [&](uint32_t other_id) {
+      const auto other = member_of_id.find(other_id);
+      if (other != member_of_id.end()) others.insert(other->second);
+    };
+    if (!has_pairs_file_) {
+      for (const PairSize& size : database.ReadInlierCounts(image_id)) add(size.image_id);
+      for (const PairSize& size : database.ReadMatchCounts(image_id)) add(size.image_id);
+    } else if (const auto listed = pairs_.find(problem.query_name); listed != pairs_.end()) {
+      for (const std::string& name : listed->second) {
+        if (const auto image = database_images_.find(name); image != database_images_.end())
+          add(image->second.image_id);
+      }
+    }
+    for (const int other : others) {
+      const Query& other_query = queries_.at(group->members[other].problem.query_name);
+      std::optional<ImagePair> pair = LoadPair(query->second, other_query, database);
+      if (!pair) continue;
+      CheckMatches(problem, *pair, database);
+      group->query_pairs.push_back({member, other, std::move(*pair)});
+    }
+    member_of_id.emplace(image_id, member);
+  }
 }
 
 }  // namespace lazyloc

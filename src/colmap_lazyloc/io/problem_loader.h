@@ -9,6 +9,7 @@
 
 #include "colmap_lazyloc/database/database_reader.h"
 #include "colmap_lazyloc/io/query_files.h"
+#include "colmap_lazyloc/io/query_groups.h"
 #include "colmap_lazyloc/scene/localization_problem.h"
 #include "colmap_lazyloc/scene/model.h"
 
@@ -18,8 +19,9 @@ struct ProblemLoaderOptions {
   int num_retrieved = 20;             // database images per query
   bool use_database_matches = false;  // matches among a query's database images are loaded too
   bool use_raw_matches = false;       // raw matches are loaded even where a pair's verified geometry can be used
-  bool leave_one_out = false;         // queries are posed images, each against all others
+  bool leave_one_out = false;         // queries are posed images, each group against all others
   bool has_photos = false;            // queries without keypoints in the database are photos
+  QueryGroupsOptions groups;
 };
 
 // A query whose features are not in the database.
@@ -45,21 +47,29 @@ class ProblemLoader {
   const std::map<std::string, PhotoQuery>& Photos() const { return photos_; }
   // The posed images without those that are queries (with leave_one_out: all).
   const Model& DatabaseModel() const { return model_; }
-  // One line on what was left out of the pairs file; empty where nothing was.
-  const std::string& Warning() const { return warning_; }
+  // The queries, grouped.
+  const std::vector<QueryFrames>& Groups() const { return groups_; }
+  // One line each, on what was left out of the pairs file or has no place in a rig.
+  const std::vector<std::string>& Warnings() const { return warnings_; }
 
   // The pairs file's pairs, or the best num_retrieved by verified inliers; where the database has fewer than these, also
   // as many with only raw matches, best by their number, from which the localizer chooses when they are verified.
   // Throws InputError for damaged data. Thread-safe, with a reader per thread.
   LocalizationProblem Load(const std::string& query_name, const DatabaseReader& database) const;
+  // Adds the pairs among the queries of a group (those that are not photos): all that the database has matches for, or of
+  // these the pairs file's.
+  void LoadQueryPairs(const DatabaseReader& database, QueryGroup* group) const;
   // Adds the matches among the pairs' database images where the options want them: a part of Load, for photos too.
   void LoadDatabaseMatches(const DatabaseReader& database, LocalizationProblem* problem) const;
 
  private:
-  struct Query {
+  struct StoredImage {
     DatabaseImage image;
     Camera camera;
     Camera stored_camera;  // the one that the database's geometries were estimated with
+  };
+  struct Query : StoredImage {
+    size_t group = 0;
   };
   struct Candidate {
     const ModelImage* image = nullptr;
@@ -69,6 +79,7 @@ class ProblemLoader {
   using Candidates = std::vector<Candidate>;
 
   void ChooseQueries(const std::vector<QueryListEntry>& queries, const DatabaseReader& database);
+  void ChooseGroups(const DatabaseReader& database);
   // posed: the image in the model, or null.
   void AddQuery(const QueryListEntry& entry, const ModelImage* posed, const DatabaseReader& database);
   bool IsPhoto(const std::string& name, const DatabaseReader& database) const;
@@ -79,20 +90,20 @@ class ProblemLoader {
   void LoadPairs(const Query& query, const Candidates& candidates, size_t max_num_pairs, const DatabaseReader& database,
                  LocalizationProblem* problem) const;
   void LoadBestPairs(const Query& query, const DatabaseReader& database, LocalizationProblem* problem) const;
-  // None where there are no matches, or verification left none.
-  std::optional<ImagePair> LoadPair(const Query& query, const Candidate& candidate,
-                                    const DatabaseReader& database) const;
+  // Without the other image's pose. None where there are no matches, or verification left none.
+  std::optional<ImagePair> LoadPair(const Query& query, const StoredImage& other, const DatabaseReader& database) const;
 
   Model model_;
   std::map<std::string, std::vector<std::string>> pairs_;
   bool has_pairs_file_ = false;
-  std::string warning_;
+  std::vector<std::string> warnings_;
   ProblemLoaderOptions options_;
   std::unordered_map<std::string, DatabaseImage> database_images_;  // by name
   std::unordered_map<uint32_t, const ModelImage*> posed_of_database_id_;
   std::unordered_map<std::string, Query> queries_;
   std::map<std::string, PhotoQuery> photos_;
   std::vector<std::string> query_names_;
+  std::vector<QueryFrames> groups_;
 };
 
 }  // namespace lazyloc

@@ -108,6 +108,10 @@ Json ResultToJson(const LocalizationResult& result) {
   json["reason"] = result.reason;
   json["start"] = result.start;
   AddPose(result, &json);
+  const bool has_rig = !result.frame_name.empty();
+  json["frame"] = has_rig ? Json(result.frame_name) : Json();
+  json["rig_from_world"] =
+      has_rig && result.status == QueryStatus::LOCALIZED ? PoseToJson(result.rig_from_world) : Json();
   if (result.status == QueryStatus::LOCALIZED && result.is_camera_refined) {
     json["camera"] = CameraToJson(result.query_camera);
   }

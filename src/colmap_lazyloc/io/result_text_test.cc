@@ -134,6 +134,7 @@ TEST_F(ResultText, JsonKeepsTheOrderOfKeysAndAGivenTotal) {
       R"({"name":"night.jpg","status":"NO_PAIRS","reason":"no pair","start":"","cam_from_world":null,)"
       R"("covariance":null,)"
       R"("position_stddevs":null,"weakest_direction":null,"rotation_stddev_deg":null,"rotation":null,"bearing":null,)"
+      R"("frame":null,"rig_from_world":null,)"
       R"("num_tracks":0,"num_observations":0,"mean_reprojection_error_px":null,"pairs":[],)"
       R"("seconds":{"load":1.0,"total":1.5}})"
       "\n");

@@ -16,9 +16,9 @@ StageSummary RefineBySampsonError(QueryState* state) {
 StageSummary RefineByRelativePoses(QueryState* state) {
   std::vector<RelativePoseEdge> edges;
   for (const PairState& pair : state->pairs) {
-    edges.push_back({pair.index + 1, 0, pair.relative_pose.query_from_database});
+    edges.push_back({pair.view, 0, pair.relative_pose.query_from_database});
   }
-  const uint32_t seed = SeedFromNames(state->problem.query_name, "", state->options.seed);
+  const uint32_t seed = SeedFromNames(state->Problem(0).query_name, "", state->options.seed);
   return RefineByRelativePoses(state->options.relative_pose_lo, edges, seed, &state->views);
 }
 
@@ -26,8 +26,8 @@ StageSummary RefineByRelativePoses(QueryState* state) {
 
 void RefineWithoutTracks(QueryState* state) {
   if (state->averaging_failure) throw *state->averaging_failure;
-  state->result.start = EnumName(StartPose::MOTION_AVERAGING);
-  state->result.covariance.setConstant(std::numeric_limits<double>::quiet_NaN());
+  state->results[0].start = EnumName(StartPose::MOTION_AVERAGING);
+  state->results[0].covariance.setConstant(std::numeric_limits<double>::quiet_NaN());
   StageSummary summary{true, "", 0, 0};
   switch (state->options.post_optimization) {
     case PostOptimization::SAMPSON: summary = RefineBySampsonError(state); break;

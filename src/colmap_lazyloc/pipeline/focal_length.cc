@@ -18,22 +18,24 @@ constexpr int kNumSteps = 14;
 }  // namespace
 
 void CollectInlierMatches(QueryState* state) {
-  for (size_t i = 0; i < state->problem.pairs.size(); ++i) {
-    const ImagePair& pair = state->problem.pairs[i];
-    const uint32_t seed = SeedFromNames(state->problem.query_name, pair.database_name, state->options.seed);
-    Matches matches = FindInlierMatches(state->problem, pair, state->options.relative_pose, seed);
+  const LocalizationProblem& problem = state->Problem(0);
+  for (size_t i = 0; i < problem.pairs.size(); ++i) {
+    const ImagePair& pair = problem.pairs[i];
+    const uint32_t seed = SeedFromNames(problem.query_name, pair.database_name, state->options.seed);
+    Matches matches = FindInlierMatches(problem, pair, state->options.relative_pose, seed);
     if (matches.empty()) continue;
-    state->result.pairs[i].num_inliers = static_cast<int>(matches.size());
-    state->pairs.push_back({static_cast<int>(i), {{}, std::move(matches)}, {}, {}});
+    state->results[0].pairs[i].num_inliers = static_cast<int>(matches.size());
+    state->pairs.push_back({0, state->pair_views[0][i], static_cast<int>(i), {{}, std::move(matches)}, {}, {}});
   }
   KeepBestPairs(state);
+  CheckLinks(*state);
 }
 
 void ChooseFocalLengthAndPose(QueryState* state) {
   state->tracks_from_database = TriangulateFromDatabase(state->views, state->start_candidates,
                                                         state->options.triangulation, &state->tracks_with_query);
   const double max_error_px = state->options.max_start_error_sigma * state->options.start_noise_px;
-  const uint32_t seed = SeedFromNames(state->problem.query_name, "", state->options.seed);
+  const uint32_t seed = SeedFromNames(state->Problem(0).query_name, "", state->options.seed);
   const double num_tracks = static_cast<double>(std::max<size_t>(state->tracks_from_database.size(), 1));
   const std::vector<Track> no_other_tracks;  // they have no say: any focal length fits an epipolar line
   double best_score = 0, best_factor = 1;
@@ -41,7 +43,7 @@ void ChooseFocalLengthAndPose(QueryState* state) {
     const int step = i % 2 == 0 ? i / 2 : -(i + 1) / 2;  // from the given focal length outwards
     const double factor = std::pow(kMaxFocalFactor, static_cast<double>(step) / kNumSteps);
     const std::vector<Track> tracks =
-        state->ObservedBy(WithFocalFactor(state->query_camera, factor), state->tracks_from_database);
+        state->ObservedBy(WithFocalFactor(state->query_cameras[0], factor), state->tracks_from_database);
     // One with half the inliers of the best so far does not win: RANSAC need not search for it.
     const double min_inlier_ratio = std::max(0.1, 0.5 * best_score / num_tracks);
     const StartEvidence evidence{state->views, tracks, no_other_tracks, max_error_px, min_inlier_ratio};
@@ -58,7 +60,7 @@ void ChooseFocalLengthAndPose(QueryState* state) {
                                                         std::to_string(state->tracks_from_database.size()) +
                                                         " points that two or more database images triangulate"};
   }
-  state->result.start = EnumName(StartPose::ABSOLUTE_POSE);
+  state->results[0].start = EnumName(StartPose::ABSOLUTE_POSE);
   state->ScaleFocalLength(best_factor);
 }
 

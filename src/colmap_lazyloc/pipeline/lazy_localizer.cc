@@ -1,5 +1,9 @@
 #include "colmap_lazyloc/pipeline/lazy_localizer.h"
 
+#include <algorithm>
+#include <map>
+#include <set>
+
 #include "colmap_lazyloc/pipeline/ablations.h"
 #include "colmap_lazyloc/pipeline/focal_length.h"
 #include "colmap_lazyloc/pipeline/motion_averaging.h"
@@ -8,56 +12,165 @@
 #include "colmap_lazyloc/pipeline/report.h"
 #include "colmap_lazyloc/pipeline/start_selection.h"
 #include "colmap_lazyloc/pipeline/track_collection.h"
-#include "colmap_lazyloc/scene/stage_timer.h"
 
 namespace lazyloc {
 namespace {
 
-void CheckInput(const LocalizationProblem& problem) {
-  if (problem.query_keypoints.empty()) throw QueryFailure{QueryStatus::NO_FEATURES, "the query has no keypoints"};
-  if (problem.pairs.empty()) {
-    throw QueryFailure{QueryStatus::NO_PAIRS, "no posed database image shares matches with the query"};
+void CheckInput(const QueryState& state) {
+  std::vector<bool> has_keypoints(state.NumQueries(), false), has_pairs(state.NumQueries(), false);
+  for (int query = 0; query < state.NumQueries(); ++query) {
+    if (!state.Problem(query).query_keypoints.empty()) has_keypoints[state.FrameOf(query)] = true;
+    if (!state.Problem(query).pairs.empty()) has_pairs[state.FrameOf(query)] = true;
   }
+  for (const QueryPair& pair : state.group.query_pairs) {
+    // Another frame may stand between it and the database.
+    if (state.frames.size() > 1) has_pairs[state.FrameOf(pair.query)] = has_pairs[state.FrameOf(pair.other)] = true;
+  }
+  using Reason = std::optional<std::string>;
+  CheckFrames(state, QueryStatus::NO_FEATURES,
+              [&](int frame) { return has_keypoints[frame] ? Reason() : Reason("the query has no keypoints"); });
+  CheckFrames(state, QueryStatus::NO_PAIRS, [&](int frame) {
+    return has_pairs[frame] ? Reason() : Reason("no posed database image shares matches with the query");
+  });
+}
+
+// A single frame can do without motion averaging, by another start.
+bool CanGoOn(const QueryFailure& failure, const QueryState& state) {
+  return state.frames.size() == 1 && failure.status != QueryStatus::SCALE_UNOBSERVABLE &&
+         failure.status != QueryStatus::INCONSISTENT_RIG;
+}
+
+// Throws QueryFailure where not all frames can be localized.
+void Localize(QueryState* state) {
+  const auto stage = [&](const char* name, void (*run)(QueryState*)) {
+    const StageTimer timer(name, &state->seconds);
+    run(state);
+  };
+  CheckInput(*state);
+  const bool seeks_focal_length = state->SeeksFocalLength();
+  stage("two_view", seeks_focal_length ? CollectInlierMatches : FindRelativePoses);
+  stage("observations", ObserveMatches);
+  if (!seeks_focal_length) {
+    try {
+      stage("rotation", AverageRotation);
+      stage("directions", EstimateDirections);
+      stage("translation", AverageTranslation);
+    } catch (const QueryFailure& failure) {
+      if (!CanGoOn(failure, *state)) throw;
+      state->averaging_failure = failure;
+    }
+  }
+  if (state->options.post_optimization == PostOptimization::TRACKS) {
+    stage("tracks", CollectTracks);
+    stage("start", seeks_focal_length ? ChooseFocalLengthAndPose : ChooseStartPose);
+    OptimizeOverTracks(state);
+    stage("covariance", EstimateCovariance);
+  } else {
+    stage("refinement", RefineWithoutTracks);
+  }
+  Report(state);
+}
+
+// The members of a group that belong to a part. A single image of a frame is a lone one.
+QueryGroup Part(const QueryGroup& group, const std::vector<int>& part_of_member, int part) {
+  QueryGroup chosen;
+  std::vector<int> new_index(group.members.size(), -1);
+  std::map<int, int> new_reference, num_images;  // by frame
+  for (size_t i = 0; i < group.members.size(); ++i) {
+    if (part_of_member[i] != part) continue;
+    const int frame = group.members[i].reference;
+    new_index[i] = static_cast<int>(chosen.members.size());
+    chosen.members.push_back(group.members[i]);
+    chosen.members.back().reference = new_reference.emplace(frame, new_index[i]).first->second;
+    ++num_images[chosen.members.back().reference];
+  }
+  for (GroupMember& member : chosen.members) {
+    if (num_images[member.reference] > 1) continue;
+    member.cam_from_rig = Rigid3d();
+    member.frame_name.clear();
+  }
+  for (const QueryPair& pair : group.query_pairs) {
+    if (part_of_member[pair.query] != part || part_of_member[pair.other] != part) continue;
+    chosen.query_pairs.push_back({new_index[pair.query], new_index[pair.other], pair.images});
+  }
+  return chosen;
+}
+
+std::vector<LocalizationResult> LocalizeInParts(const QueryGroup& group, const std::vector<int>& part_of_member,
+                                                const LocalizerOptions& options) {
+  std::vector<LocalizationResult> results(group.members.size());
+  for (const int part : std::set<int>(part_of_member.begin(), part_of_member.end())) {
+    std::vector<LocalizationResult> part_results = LocalizeGroup(Part(group, part_of_member, part), options);
+    auto next = part_results.begin();
+    for (size_t i = 0; i < results.size(); ++i) {
+      if (part_of_member[i] == part) results[i] = std::move(*next++);
+    }
+  }
+  return results;
+}
+
+// By member: -1 for those that stay together, the number of the failed frame for the others.
+std::vector<int> WithoutFailed(const QueryGroup& group, const std::vector<int>& failed_frames) {
+  std::vector<int> part_of_member;
+  for (const GroupMember& member : group.members) {
+    const bool has_failed = std::count(failed_frames.begin(), failed_frames.end(), member.reference) > 0;
+    part_of_member.push_back(has_failed ? member.reference : -1);
+  }
+  return part_of_member;
+}
+
+// By member: -1 for those that can be localized together, its own number for each of the others.
+std::vector<int> WithoutLone(const QueryGroup& group, const LocalizerOptions& options) {
+  std::vector<int> num_images(group.members.size(), 0);
+  for (const GroupMember& member : group.members) ++num_images[member.reference];
+  std::vector<int> part_of_member;
+  for (int i = 0; i < static_cast<int>(group.members.size()); ++i) {
+    const GroupMember& member = group.members[i];
+    const bool is_alone = options.post_optimization != PostOptimization::TRACKS ||
+                          (num_images[member.reference] == 1 && SeeksFocalLength(member.problem, options));
+    part_of_member.push_back(is_alone ? i : -1);
+  }
+  return part_of_member;
+}
+
+std::vector<LocalizationResult> LocalizeTogether(const QueryGroup& group, const LocalizerOptions& options) {
+  QueryState state(group, options);
+  QueryFailure outcome{QueryStatus::LOCALIZED, ""};
+  try {
+    Localize(&state);
+  } catch (const QueryFailure& failure) {
+    outcome = failure;
+  }
+  if (outcome.status != QueryStatus::LOCALIZED && state.frames.size() > 1) {
+    const std::vector<int>& failed_frames = outcome.frames.empty() ? state.frames : outcome.frames;
+    return LocalizeInParts(group, WithoutFailed(group, failed_frames), options);
+  }
+  for (LocalizationResult& result : state.results) {
+    result.status = outcome.status;
+    result.reason = outcome.reason;
+    for (const auto& [stage, seconds] : state.seconds) {
+      result.seconds.emplace_back(stage, seconds / state.NumQueries());
+    }
+  }
+  return std::move(state.results);
 }
 
 }  // namespace
 
-LocalizationResult LocalizeQuery(const LocalizationProblem& problem, const LocalizerOptions& options) {
-  QueryState state(problem, options);
-  const auto stage = [&](const char* name, void (*run)(QueryState*)) {
-    const StageTimer timer(name, &state.result.seconds);
-    run(&state);
-  };
-  try {
-    CheckInput(problem);
-    const bool seeks_focal_length = state.SeeksFocalLength();
-    stage("two_view", seeks_focal_length ? CollectInlierMatches : FindRelativePoses);
-    stage("observations", ObserveMatches);
-    if (!seeks_focal_length) {
-      try {
-        stage("rotation", AverageRotation);
-        stage("directions", EstimateDirections);
-        stage("translation", AverageTranslation);
-      } catch (const QueryFailure& failure) {
-        if (failure.status == QueryStatus::SCALE_UNOBSERVABLE) throw;  // by whatever start
-        state.averaging_failure = failure;
-      }
-    }
-    if (options.post_optimization == PostOptimization::TRACKS) {
-      stage("tracks", CollectTracks);
-      stage("start", seeks_focal_length ? ChooseFocalLengthAndPose : ChooseStartPose);
-      OptimizeOverTracks(&state);
-      stage("covariance", EstimateCovariance);
-    } else {
-      stage("refinement", RefineWithoutTracks);
-    }
-    Report(&state);
-    state.result.status = QueryStatus::LOCALIZED;
-  } catch (const QueryFailure& failure) {
-    state.result.status = failure.status;
-    state.result.reason = failure.reason;
+std::vector<LocalizationResult> LocalizeGroup(const QueryGroup& group, const LocalizerOptions& options) {
+  if (group.members.size() > 1) {
+    const std::vector<int> part_of_member = WithoutLone(group, options);
+    const bool are_together = std::count(part_of_member.begin(), part_of_member.end(), -1) ==
+                              static_cast<std::ptrdiff_t>(part_of_member.size());
+    if (!are_together) return LocalizeInParts(group, part_of_member, options);
   }
-  return std::move(state.result);
+  return LocalizeTogether(group, options);
+}
+
+LocalizationResult LocalizeQuery(const LocalizationProblem& problem, const LocalizerOptions& options) {
+  QueryGroup group;
+  group.members.push_back({problem, 0, {}, ""});
+  return std::move(LocalizeGroup(group, options).front());
 }
 
 }  // namespace lazyloc

@@ -5,29 +5,50 @@
 #include "colmap_lazyloc/refinement/covariance.h"
 
 namespace lazyloc {
+namespace {
 
-void EstimateCovariance(QueryState* state) {
-  if (static_cast<int>(state->tracks.size()) < state->options.min_num_tracks) {
-    throw QueryFailure{QueryStatus::TOO_FEW_TRACKS, "only " + std::to_string(state->tracks.size()) +
-                                                        " tracks agree with the refined pose; " +
-                                                        std::to_string(state->options.min_num_tracks) + " are needed"};
-  }
-  const double factor = VarianceFactor(state->views, state->tracks, state->options.bundle_adjustment.loss_scale_sigma);
-  const Eigen::Matrix<double, 6, 6> covariance = factor * state->adjustment.pose_covariances[0];
-  if (IsPositionOpen(*state)) {
-    QueryFailure failure = FailWithOpenPosition(covariance, state);
+// Throws for the first kind of failure that there is, with all of the frames that have it.
+void CheckPositions(double variance_factor, QueryState* state) {
+  const std::vector<std::vector<Track>> tracks = state->TracksByFrame(state->tracks);
+  std::vector<QueryFailure> failures;
+  for (const int frame : state->frames) {
+    if (!IsPositionOpen(*state, frame, tracks[frame])) continue;
+    QueryFailure failure = FailWithOpenPosition(frame, tracks[frame], variance_factor, state);
     if (state->SeeksFocalLength() && failure.status == QueryStatus::DEGENERATE_BASELINE) {
       failure.reason = "the position is open along a line: its distance and the focal length cannot be told apart";
     }
-    throw failure;
+    failures.push_back(failure);
+    failures.front().frames.push_back(frame);
   }
-  const Rigid3d& pose = state->views[0].cam_from_world;
-  state->result.spread = ComputePoseSpread(pose, covariance);
-  // Into the tangent of the pose in the database's own frame: t = t_local - R origin.
+  if (!failures.empty()) throw failures.front();
+}
+
+// Into the tangent of the pose in the database's own frame: t = t_local - R origin.
+Eigen::Matrix<double, 6, 6> MoveToWorld(const Eigen::Matrix<double, 6, 6>& covariance, const Eigen::Vector3d& origin,
+                                        const Rigid3d& pose) {
   Eigen::Matrix<double, 6, 6> world_from_local = Eigen::Matrix<double, 6, 6>::Identity();
-  world_from_local.bottomLeftCorner<3, 3>() = Hat(pose.rotation * state->origin);
+  world_from_local.bottomLeftCorner<3, 3>() = Hat(pose.rotation * origin);
   const Eigen::Matrix<double, 6, 6> moved = world_from_local * covariance * world_from_local.transpose();
-  state->result.covariance = (moved + moved.transpose()) / 2;
+  return (moved + moved.transpose()) / 2;
+}
+
+}  // namespace
+
+void EstimateCovariance(QueryState* state) {
+  const std::vector<int> num_tracks = state->NumTracksByFrame(state->tracks);
+  CheckFrames(*state, QueryStatus::TOO_FEW_TRACKS, [&](int frame) -> std::optional<std::string> {
+    if (num_tracks[frame] >= state->options.min_num_tracks) return std::nullopt;
+    return "only " + std::to_string(num_tracks[frame]) + " tracks agree with the refined pose; " +
+           std::to_string(state->options.min_num_tracks) + " are needed";
+  });
+  const double factor = VarianceFactor(state->views, state->tracks, state->options.bundle_adjustment.loss_scale_sigma);
+  CheckPositions(factor, state);
+  for (int query = 0; query < state->NumQueries(); ++query) {
+    const Rigid3d& pose = state->views[query].cam_from_world;
+    const Eigen::Matrix<double, 6, 6> covariance = factor * state->adjustment.pose_covariances[query];
+    state->results[query].spread = ComputePoseSpread(pose, covariance);
+    state->results[query].covariance = MoveToWorld(covariance, state->origin, pose);
+  }
 }
 
 }  // namespace lazyloc

@@ -6,6 +6,7 @@
 
 #include "colmap_lazyloc/math/median.h"
 #include "colmap_lazyloc/math/so3.h"
+#include "colmap_lazyloc/pipeline/rig_check.h"
 #include "colmap_lazyloc/pipeline/track_collection.h"
 #include "colmap_lazyloc/refinement/covariance.h"
 #include "colmap_lazyloc/refinement/pose_prior.h"
@@ -19,7 +20,7 @@ constexpr int kMaxNumEstimates = 8;
 // No keypoint is found this badly: poses of the database must be off.
 constexpr double kLoudNoisePx = 6;
 
-void AddQuery(double max_query_error_sigma, double single_view_spread, QueryState* state) {
+void AddQueries(double max_query_error_sigma, double single_view_spread, QueryState* state) {
   TrackTriangulationOptions options = state->options.triangulation;
   // By the variances' ratio: wrong matches do not only scatter, they also agree with the relative pose that chose them.
   options.single_view_noise_ratio *= single_view_spread;
@@ -28,11 +29,12 @@ void AddQuery(double max_query_error_sigma, double single_view_spread, QueryStat
   for (Track& track : TriangulateWithQuery(state->views, std::move(state->tracks_with_query), options)) {
     state->tracks.push_back(std::move(track));
   }
-  if (static_cast<int>(state->tracks.size()) >= state->options.min_num_tracks) return;
-  throw QueryFailure{QueryStatus::TOO_FEW_TRACKS, std::to_string(state->tracks.size()) + " of " +
-                                                      std::to_string(state->candidates.size()) +
-                                                      " tracks can be triangulated; " +
-                                                      std::to_string(state->options.min_num_tracks) + " are needed"};
+  const std::vector<int> num_tracks = state->NumTracksByFrame(state->tracks);
+  CheckFrames(*state, QueryStatus::TOO_FEW_TRACKS, [&](int frame) -> std::optional<std::string> {
+    if (num_tracks[frame] >= state->options.min_num_tracks) return std::nullopt;
+    return std::to_string(num_tracks[frame]) + " of " + std::to_string(state->candidates.size()) +
+           " tracks can be triangulated; " + std::to_string(state->options.min_num_tracks) + " are needed";
+  });
 }
 
 // Priors as the options state them, and of noise_px where they do not.
@@ -40,7 +42,7 @@ void SetPriors(double noise_px, const std::vector<ViewScale>& scales, QueryState
   const double stddev_rad = DegToRad(state->options.database_pose_stddev_deg);
   const double stddev_length = state->options.database_pose_stddev_length;
   if (stddev_rad == 0 && stddev_length == 0) return;
-  for (size_t view = 1; view < state->views.size(); ++view) {
+  for (size_t view = state->NumQueries(); view < state->views.size(); ++view) {
     state->views[view].prior.reset();
     if (scales[view].distance == 0) continue;  // no track reaches it
     PosePrior prior = MakePosePrior(state->GivenPose(view), noise_px, scales[view]);
@@ -54,8 +56,11 @@ void SetPriors(double noise_px, const std::vector<ViewScale>& scales, QueryState
 
 void Adjust(QueryState* state) {
   state->adjustment = AdjustBundle(state->options.bundle_adjustment, &state->views, &state->tracks);
-  const Rigid3d& pose = state->views[0].cam_from_world;
-  if (!state->adjustment.summary.success || !pose.rotation.coeffs().allFinite() || !pose.translation.allFinite()) {
+  const bool is_finite = std::all_of(state->frames.begin(), state->frames.end(), [&](int frame) {
+    const Rigid3d& pose = state->views[frame].cam_from_world;
+    return pose.rotation.coeffs().allFinite() && pose.translation.allFinite();
+  });
+  if (!state->adjustment.summary.success || !is_finite) {
     throw QueryFailure{QueryStatus::DIVERGED, "bundle adjustment failed: " + state->adjustment.summary.message};
   }
   if (!state->SeeksFocalLength()) return;
@@ -68,7 +73,8 @@ void Adjust(QueryState* state) {
 // upwards it hardly moves.
 double ExpectedDatabaseNoisePx(const QueryState& state) {
   std::vector<double> noise_px;
-  for (size_t view = 1; view < state.views.size(); ++view) noise_px.push_back(state.views[view].noise_px);
+  for (size_t view = state.NumQueries(); view < state.views.size(); ++view)
+    noise_px.push_back(state.views[view].noise_px);
   const double median_px = Median(std::move(noise_px));
   return median_px > kLoudNoisePx ? median_px : state.options.database_pose_noise_px;
 }
@@ -109,16 +115,17 @@ void OptimizeOverTracks(QueryState* state) {
   for (int round = 0;; ++round) {
     const bool is_last = round + 1 == options.num_refinement_rounds;
     {
-      const StageTimer timer("triangulation", &state->result.seconds);
+      const StageTimer timer("triangulation", &state->seconds);
       // The first round's tracks were triangulated for the start.
       if (round > 0) {
         state->tracks_from_database =
             TriangulateFromDatabase(state->views, is_last ? state->candidates : state->start_candidates,
                                     options.triangulation, &state->tracks_with_query);
       }
-      AddQuery(max_query_error_sigma, single_view_spread, state);
+      if (is_last) CheckRigs(*state);
+      AddQueries(max_query_error_sigma, single_view_spread, state);
     }
-    const StageTimer timer("adjustment", &state->result.seconds);
+    const StageTimer timer("adjustment", &state->seconds);
     if (round == 0) {
       // The start is rough: its errors would be taken for errors of the database.
       Adjust(state);

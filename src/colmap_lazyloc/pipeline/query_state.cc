@@ -1,60 +1,136 @@
 #include "colmap_lazyloc/pipeline/query_state.h"
 
 #include <limits>
+#include <map>
 
 #include "colmap_lazyloc/bridge/observation.h"
 
 namespace lazyloc {
 
-QueryState::QueryState(const LocalizationProblem& query_problem, const LocalizerOptions& query_options)
-    : problem(query_problem),
-      options(query_options),
-      views(query_problem.pairs.size() + 1),
-      query_camera(query_problem.query_camera) {
-  result.query_name = problem.query_name;
-  result.query_camera = problem.query_camera;
-  for (const ImagePair& pair : problem.pairs) {
+bool SeeksFocalLength(const LocalizationProblem& problem, const LocalizerOptions& options) {
+  const Camera& camera = problem.query_camera;
+  const bool has_focal_length = !SameIntrinsics(WithFocalFactor(camera, 2), camera);
+  return options.refine_focal_length && has_focal_length && !camera.has_prior_focal_length;
+}
+
+QueryState::QueryState(const QueryGroup& query_group, const LocalizerOptions& query_options)
+    : group(query_group), options(query_options), pair_views(query_group.members.size()) {
+  size_t num_pairs = 0;
+  for (const GroupMember& member : group.members) num_pairs += member.problem.pairs.size();
+  for (const GroupMember& member : group.members) {
+    AddQuery(member);
+    for (const ImagePair& pair : member.problem.pairs) {
+      origin += CamInWorld(pair.database_cam_from_world) / static_cast<double>(num_pairs);
+    }
+  }
+  if (NumQueries() == 1 && lazyloc::SeeksFocalLength(Problem(0), options)) views[0].log_focal_factor = 0;
+  AddDatabaseViews();
+}
+
+void QueryState::AddQuery(const GroupMember& member) {
+  const int query = static_cast<int>(views.size());
+  views.emplace_back();
+  if (member.reference == query) {
+    frames.push_back(query);
+  } else {
+    const Rigid3d rig_from_reference = Inverse(group.members[member.reference].cam_from_rig);
+    views.back().rig_link = RigLink{member.reference, member.cam_from_rig * rig_from_reference};
+  }
+  query_cameras.push_back(member.problem.query_camera);
+  query_observations.emplace_back(member.problem.query_keypoints.size());
+  LocalizationResult result;
+  result.query_name = member.problem.query_name;
+  result.query_camera = member.problem.query_camera;
+  result.frame_name = member.frame_name;
+  for (const ImagePair& pair : member.problem.pairs) {
     constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
     result.pairs.push_back({pair.database_name, 0, kNone, kNone});
-    origin += CamInWorld(pair.database_cam_from_world) / static_cast<double>(problem.pairs.size());
   }
-  const bool has_focal_length = !SameIntrinsics(WithFocalFactor(query_camera, 2), query_camera);
-  if (options.refine_focal_length && has_focal_length && !query_camera.has_prior_focal_length) {
-    views[0].log_focal_factor = 0;
+  results.push_back(std::move(result));
+}
+
+// Each frame has views of its own for its database images: what adjustment corrects in them is as much what the frame
+// makes of its surroundings as an error of the pose.
+void QueryState::AddDatabaseViews() {
+  std::map<std::pair<int, std::string>, int> view_of_image;  // by frame and name
+  for (int query = 0; query < NumQueries(); ++query) {
+    for (const ImagePair& pair : Problem(query).pairs) {
+      const auto [view, is_new] =
+          view_of_image.emplace(std::make_pair(FrameOf(query), pair.database_name), static_cast<int>(views.size()));
+      pair_views[query].push_back(view->second);
+      if (!is_new) continue;
+      database_images_.push_back(&pair);
+      views.push_back({GivenPose(view->second), /*is_database=*/true});
+    }
   }
-  for (size_t view = 1; view < views.size(); ++view) views[view] = {GivenPose(view), /*is_database=*/true};
+}
+
+const ImagePair& QueryState::Images(const PairState& pair) const {
+  return HasDatabaseImage(pair) ? Problem(pair.query).pairs[pair.index] : group.query_pairs[pair.index].images;
 }
 
 Rigid3d QueryState::GivenPose(size_t view) const {
-  Rigid3d cam_from_world = problem.pairs[view - 1].database_cam_from_world;
+  Rigid3d cam_from_world = database_images_[view - group.members.size()]->database_cam_from_world;
   cam_from_world.rotation.normalize();
   cam_from_world.translation += cam_from_world.rotation * origin;
   return cam_from_world;
 }
 
-ViewMatches QueryState::Observe(int pair_index, const Matches& matches) {
-  const ImagePair& images = problem.pairs[pair_index];
-  const Observer observe_query(query_camera, SeeksFocalLength()), observe_database(images.database_camera);
-  query_observations.resize(problem.query_keypoints.size());
+template <typename Visit>
+void QueryState::VisitFrames(const std::vector<Track>& of, const Visit& visit) const {
+  for (const Track& track : of) {
+    int last_frame = -1;
+    for (const TrackObservation& element : track.observations) {
+      if (element.view >= NumQueries() || FrameOf(element.view) == last_frame) continue;
+      last_frame = FrameOf(element.view);
+      visit(last_frame, track);
+    }
+  }
+}
+
+std::vector<std::vector<Track>> QueryState::TracksByFrame(const std::vector<Track>& of) const {
+  std::vector<std::vector<Track>> tracks_of(NumQueries());
+  VisitFrames(of, [&](int frame, const Track& track) { tracks_of[frame].push_back(track); });
+  return tracks_of;
+}
+
+std::vector<int> QueryState::NumTracksByFrame(const std::vector<Track>& of) const {
+  std::vector<int> num_tracks(NumQueries(), 0);
+  VisitFrames(of, [&](int frame, const Track&) { ++num_tracks[frame]; });
+  return num_tracks;
+}
+
+ViewMatches QueryState::Observe(const PairState& pair, const Matches& matches) {
+  const ImagePair& images = Images(pair);
+  const bool is_query_pair = !HasDatabaseImage(pair);
+  const Observer observe_query(query_cameras[pair.query], SeeksFocalLength()),
+      observe_other(is_query_pair ? query_cameras[pair.view] : images.database_camera);
+  const auto observe = [&](int query, uint32_t keypoint, const Observer& observer) {
+    std::optional<std::optional<Observation>>& observation = query_observations[query][keypoint];
+    if (!observation) observation = observer(Problem(query).query_keypoints[keypoint]);
+    return *observation;
+  };
   ViewMatches observed;
-  observed.view = pair_index + 1;
+  observed.query_view = pair.query;
+  observed.view = pair.view;
   observed.Reserve(matches.size());
   for (const Match& match : matches) {
-    std::optional<std::optional<Observation>>& query = query_observations[match.query_point];
-    if (!query) query = observe_query(problem.query_keypoints[match.query_point]);
-    const auto database = observe_database(images.database_keypoints[match.database_point]);
-    if (*query && database) observed.Add(match, **query, *database);
+    const std::optional<Observation> query = observe(pair.query, match.query_point, observe_query);
+    const std::optional<Observation> other = is_query_pair
+                                                 ? observe(pair.view, match.database_point, observe_other)
+                                                 : observe_other(images.database_keypoints[match.database_point]);
+    if (query && other) observed.Add(match, *query, *other);
   }
   return observed;
 }
 
 void QueryState::ScaleFocalLength(double factor) {
-  query_camera = WithFocalFactor(query_camera, factor);
-  query_observations.assign(problem.query_keypoints.size(), std::nullopt);
-  for (PairState& pair : pairs) pair.view_matches = Observe(pair.index, pair.view_matches.matches);
-  for (std::vector<Track>* group :
+  query_cameras[0] = WithFocalFactor(query_cameras[0], factor);
+  query_observations[0].assign(Problem(0).query_keypoints.size(), std::nullopt);
+  for (PairState& pair : pairs) pair.view_matches = Observe(pair, pair.view_matches.matches);
+  for (std::vector<Track>* some :
        {&candidates, &start_candidates, &tracks_from_database, &tracks_with_query, &tracks}) {
-    *group = ObservedBy(query_camera, *group);
+    *some = ObservedBy(query_cameras[0], *some);
   }
 }
 
@@ -62,7 +138,7 @@ std::vector<Track> QueryState::ObservedBy(const Camera& camera, const std::vecto
   const Observer observe(camera, SeeksFocalLength());
   std::vector<Track> observed;
   for (const Track& track : given_tracks) {
-    const std::optional<Observation> query = observe(problem.query_keypoints[track.observations.front().keypoint]);
+    const std::optional<Observation> query = observe(Problem(0).query_keypoints[track.observations.front().keypoint]);
     if (!query) continue;
     observed.push_back(track);
     observed.back().observations.front().observation = *query;

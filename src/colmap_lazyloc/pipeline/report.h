@@ -4,7 +4,7 @@
 
 namespace lazyloc {
 
-// Fills the result's pose, residuals of its pairs, points, their observations and reprojection errors.
+// Fills the results' poses, residuals of their pairs, points, their observations and reprojection errors.
 void Report(QueryState* state);
 
 }  // namespace lazyloc

@@ -7,7 +7,7 @@ namespace lazyloc {
 // The observations of the pairs' inlier matches.
 void ObserveMatches(QueryState* state);
 
-// The tracks of the query's keypoints over the pairs' inlier matches.
+// The tracks of the queries' keypoints over the pairs' inlier matches.
 void CollectTracks(QueryState* state);
 
 // The pairs' inliers again, from all their raw matches by the present poses, and the tracks over them.

@@ -20,7 +20,7 @@ namespace {
 // The least damping: this part of each diagonal element keeps motions that nothing shows from an infinite variance.
 constexpr double kRegularization = 1e-12;
 
-// A view that the solver moves: six parameters, and a seventh where any focal length is sought.
+// A view that the solver moves, with those that follow it: six parameters, and a seventh where any focal length is sought.
 struct Camera {
   Rigid3d cam_from_world;
   double log_focal_factor = 0;
@@ -72,6 +72,10 @@ class BundleSolver {
     std::vector<int> camera_of_view(views.size(), -1);
     for (size_t view = 0; view < views.size(); ++view) {
       if (IsConstant(views[view])) continue;
+      if (views[view].rig_link) {
+        camera_of_view[view] = camera_of_view[views[view].rig_link->reference];
+        continue;
+      }
       camera_of_view[view] = static_cast<int>(views_.size());
       views_.push_back(&views[view]);
       state_.cameras.push_back({views[view].cam_from_world, views[view].log_focal_factor.value_or(0)});
@@ -84,7 +88,10 @@ class BundleSolver {
         if (IsConstant(view)) {
           fixed_.push_back(ProjectionInWorld(element.observation, view.cam_from_world).Scaled(residual_from_px));
         } else {
-          free_.push_back({camera_of_view[element.view], ProjectionInCam(element.observation).Scaled(residual_from_px),
+          const LinearProjection projection =
+              view.rig_link ? ProjectionInWorld(element.observation, view.rig_link->cam_from_reference)
+                            : ProjectionInCam(element.observation);
+          free_.push_back({camera_of_view[element.view], projection.Scaled(residual_from_px),
                            residual_from_px * element.observation.px_from_log_focal});
         }
       }
@@ -244,6 +251,10 @@ class BundleSolver {
       for (size_t b = free_range_[track].begin; b <= a; ++b) {
         system->reduced.template block<kSize, kSize>(kSize * free_[a].camera, kSize * free_[b].camera) -=
             system->eliminated[a].lazyProduct(system->eliminated[b].transpose());
+        // Two images of one rig: the other half of the diagonal block.
+        if (a == b || free_[a].camera != free_[b].camera) continue;
+        system->reduced.template block<kSize, kSize>(kSize * free_[a].camera, kSize * free_[a].camera) -=
+            system->eliminated[b].lazyProduct(system->eliminated[a].transpose());
       }
     }
   }
@@ -293,12 +304,21 @@ BundleAdjustmentResult Adjust(const BundleAdjustmentOptions& options, std::vecto
   const std::vector<Eigen::Matrix<double, 6, 6>> covariances = solver.Covariances();
   size_t camera = 0;
   for (size_t view = 0; view < views->size(); ++view) {
-    if (IsConstant((*views)[view])) continue;
+    if (IsConstant((*views)[view]) || (*views)[view].rig_link) continue;
     (*views)[view].cam_from_world = solver.Solution().cameras[camera].cam_from_world;
     if ((*views)[view].log_focal_factor) {
       (*views)[view].log_focal_factor = solver.Solution().cameras[camera].log_focal_factor;
     }
     result.pose_covariances[view] = covariances[camera++];
+  }
+  FollowReferences(views);
+  for (size_t view = 0; view < views->size(); ++view) {
+    if (!(*views)[view].rig_link) continue;
+    // x_cam = R x_reference + t: a tangent of the reference's pose is turned by R.
+    const auto& [reference, cam_from_reference] = *(*views)[view].rig_link;
+    Eigen::Matrix<double, 6, 6> turn = Eigen::Matrix<double, 6, 6>::Zero();
+    turn.topLeftCorner<3, 3>() = turn.bottomRightCorner<3, 3>() = cam_from_reference.rotation.toRotationMatrix();
+    result.pose_covariances[view] = turn * result.pose_covariances[reference] * turn.transpose();
   }
   for (size_t track = 0; track < tracks->size(); ++track) {
     (*tracks)[track].point_in_world = solver.Solution().points[track];

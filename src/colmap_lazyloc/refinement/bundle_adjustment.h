@@ -29,7 +29,7 @@ struct BundleAdjustmentResult {
 // Minimises, in place, over the poses of all views that are not constant and over the tracks' points
 //   1/2 sum s^2 log(1 + |r|^2 / s^2) + 1/2 sum |p|^2,
 // r the reprojection error in its view's standard deviations, s the loss scale, and p the deviation of a database view
-// from its prior in the prior's standard deviations. Constant views enter as constants: no variable is made of them, so
+// from its prior in the prior's standard deviations. Views of a rig move as one. Constant views enter as constants: no variable is made of them, so
 // that they cannot move. LazyLoc section 3.3; the priors are ours.
 //
 // Levenberg-Marquardt with the points eliminated (Schur complement), written for this one shape of problem: many

@@ -19,7 +19,8 @@ double ResidualFromPx(const View& view, const Track& track) { return 1 / (track.
 }  // namespace
 
 double VarianceFactor(const std::vector<View>& views, const std::vector<Track>& tracks, double weight_scale) {
-  double squared_sum = 0, freedom = -6;
+  const auto is_free = [](const View& view) { return !view.is_database && !view.rig_link; };
+  double squared_sum = 0, freedom = -6.0 * static_cast<double>(std::count_if(views.begin(), views.end(), is_free));
   for (const Track& track : tracks) {
     freedom -= 3;
     for (const TrackObservation& element : track.observations) {

@@ -10,7 +10,7 @@
 namespace lazyloc {
 
 // By what factor the variance that the tracks' errors show differs from what the views state: their weighted squared
-// sum, in standard deviations, over the freedom that the points and the pose leave.
+// sum, in standard deviations, over the freedom that the points and the sought poses leave.
 double VarianceFactor(const std::vector<View>& views, const std::vector<Track>& tracks, double weight_scale);
 
 // Covariance of the projection centre, in the world. cam_from_world, covariance: in a frame whose origin is not far away.

@@ -23,13 +23,15 @@ double MeasureSingleViewSpread(const std::vector<Track>& tracks, const std::vect
   std::vector<double> single, others;
   for (const Track& track : tracks) {
     double squared_error = 0;
+    int num_database_views = 0;
     for (const TrackObservation& element : track.observations) {
       const View& view = views[element.view];
+      num_database_views += view.is_database;
       const Eigen::Vector3d point_in_cam = view.cam_from_world * track.point_in_world;
       squared_error += ReprojectionError(element.observation, point_in_cam).squaredNorm() / std::pow(view.noise_px, 2);
     }
     const double num_freedoms = 2.0 * static_cast<double>(track.observations.size()) - 3;
-    (num_freedoms > 1 ? others : single).push_back(squared_error / (num_freedoms * MedianOfMean(num_freedoms)));
+    (num_database_views > 1 ? others : single).push_back(squared_error / (num_freedoms * MedianOfMean(num_freedoms)));
   }
   if (single.empty() || others.empty()) return 1;
   const double num_tracks = static_cast<double>(single.size());

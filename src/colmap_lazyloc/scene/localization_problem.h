@@ -40,4 +40,26 @@ struct LocalizationProblem {
   std::vector<DatabaseMatches> database_matches;  // where they are to extend the tracks
 };
 
+// A query that is localized together with others, and its place in its frame: the images that move as one rigid body (of
+// a camera rig at one moment, of a piece of a known trajectory, or a lone image).
+struct GroupMember {
+  LocalizationProblem problem;
+  int reference = 0;  // the frame's first member; members of a frame stand together
+  Rigid3d cam_from_rig;
+  std::string frame_name;  // empty for a lone image
+};
+
+// Two members of a group that share matches.
+struct QueryPair {
+  int query = -1;
+  int other = -1;    // before `query`
+  ImagePair images;  // `other` takes the database image's part, without its pose
+};
+
+// Queries that are localized together, in one or several frames.
+struct QueryGroup {
+  std::vector<GroupMember> members;
+  std::vector<QueryPair> query_pairs;
+};
+
 }  // namespace lazyloc

@@ -11,6 +11,7 @@ const char* QueryStatusName(QueryStatus status) {
     case QueryStatus::NO_PAIRS: return "NO_PAIRS";
     case QueryStatus::TOO_FEW_INLIERS: return "TOO_FEW_INLIERS";
     case QueryStatus::INCONSISTENT_ROTATIONS: return "INCONSISTENT_ROTATIONS";
+    case QueryStatus::INCONSISTENT_RIG: return "INCONSISTENT_RIG";
     case QueryStatus::SCALE_UNOBSERVABLE: return "SCALE_UNOBSERVABLE";
     case QueryStatus::DEGENERATE_BASELINE: return "DEGENERATE_BASELINE";
     case QueryStatus::TOO_FEW_TRACKS: return "TOO_FEW_TRACKS";

@@ -20,6 +20,7 @@ enum class QueryStatus {
   NO_PAIRS,                // no database image shares matches with the query
   TOO_FEW_INLIERS,         // no pair has enough verified inliers
   INCONSISTENT_ROTATIONS,  // the pairs contradict each other
+  INCONSISTENT_RIG,        // the images of a rig contradict its calibration
   SCALE_UNOBSERVABLE,      // one usable baseline: orientation and bearing, but no position
   DEGENERATE_BASELINE,     // no baseline, or database cameras and query on one line
   TOO_FEW_TRACKS,          // too few points survive triangulation
@@ -72,8 +73,11 @@ struct LocalizationResult {
   bool is_camera_refined = false;  // whether that is so
   std::vector<Eigen::Vector2d> photo_keypoints;  // xy in pixels, where they are not in the database
 
+  std::string frame_name;  // of a rig's frame; empty for a lone image
+
   // Valid when LOCALIZED.
   Rigid3d cam_from_world;
+  Rigid3d rig_from_world;  // of the frame
   // Of cam_from_world in its tangent: rotation w (rad, R <- exp(w) R), then translation (database units).
   Eigen::Matrix<double, 6, 6> covariance = Eigen::Matrix<double, 6, 6>::Zero();
   PoseSpread spread;  // by the covariance

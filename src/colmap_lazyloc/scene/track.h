@@ -17,6 +17,12 @@ struct PosePrior {
   double position_stddev = 0;      // of each coordinate of the projection centre, in database units
 };
 
+// Of an image of a rig: the view whose pose it follows, cam_from_world = cam_from_reference * that of the reference.
+struct RigLink {
+  int reference = -1;  // a view before it, without a link of its own
+  Rigid3d cam_from_reference;
+};
+
 // A camera that observes tracks: a query whose pose is sought, or a database image whose pose is given.
 struct View {
   Rigid3d cam_from_world;
@@ -28,10 +34,25 @@ struct View {
   std::optional<PosePrior> prior = std::nullopt;
   // Log of the factor on the focal length that adjustment finds; none where the focal length is known.
   std::optional<double> log_focal_factor = std::nullopt;
+  // None for a view with a pose of its own.
+  std::optional<RigLink> rig_link = std::nullopt;
 };
 
 // Whether adjustment takes the pose as exact.
 inline bool IsConstant(const View& view) { return view.is_database && !view.prior; }
+
+// The view whose pose a view follows: itself where it has its own.
+inline int ReferenceOf(const std::vector<View>& views, int view) {
+  return views[view].rig_link ? views[view].rig_link->reference : view;
+}
+
+// Sets the poses of linked views from those that they follow.
+inline void FollowReferences(std::vector<View>* views) {
+  for (View& view : *views) {
+    if (!view.rig_link) continue;
+    view.cam_from_world = view.rig_link->cam_from_reference * (*views)[view.rig_link->reference].cam_from_world;
+  }
+}
 
 struct TrackObservation {
   int view = -1;

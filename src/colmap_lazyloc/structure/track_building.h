@@ -8,12 +8,14 @@
 
 namespace lazyloc {
 
-// The inlier matches between the query (view 0) and a database view, with the observations of each match.
+// The inlier matches between a query and another view, with the observations of each match. The other view is a database
+// view, or an earlier query.
 struct ViewMatches {
   int view = -1;
   Matches matches;
   std::vector<Observation> query_observations;     // parallel to matches
   std::vector<Observation> database_observations;  // parallel to matches
+  int query_view = 0;
 
   void Reserve(size_t size) {
     matches.reserve(size);
@@ -27,8 +29,13 @@ struct ViewMatches {
   }
 };
 
-// For each query keypoint, the track of all its inlier matches in the database views, in order of the query keypoints.
-// A keypoint that is matched twice within a pair is ambiguous: those matches are dropped. Points are not set.
-std::vector<Track> BuildTracks(const std::vector<ViewMatches>& view_matches);
+// The tracks of keypoints that matches join, each with at least one query's, in order of their first image points. Views
+// 0 to num_queries-1 are the queries. Points are not set.
+// A query keypoint with matches in two or more database views stands on these alone; the others are joined over several
+// queries, and in a query that has few that stand alone, with one of another query that does. Long tracks through many
+// queries would tie them to each other more tightly than database poses that are off let them be tied to the database.
+// A keypoint that is matched twice within a pair is ambiguous: those matches are dropped. Where joined matches lead to
+// two keypoints of one view, some of them are false: each query keypoint then has its own matches in the database alone.
+std::vector<Track> BuildTracks(const std::vector<ViewMatches>& view_matches, int num_queries = 1);
 
 }  // namespace lazyloc

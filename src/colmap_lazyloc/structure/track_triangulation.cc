@@ -85,8 +85,7 @@ class TrackTriangulator : public TrackEvaluator {
   // Sets the track's point and noise; false where it is not to be used.
   bool WithQuery(Track* track) {
     const std::vector<TrackObservation>& observations = track->observations;
-    const auto is_database = [&](const TrackObservation& element) { return IsDatabase(element); };
-    if (std::count_if(observations.begin(), observations.end(), is_database) != 1) return false;
+    if (!NeedsQueryPoses(observations)) return false;
     used_.resize(observations.size());
     std::iota(used_.begin(), used_.end(), 0);
     track->noise_ratio = options_.single_view_noise_ratio;
@@ -99,6 +98,20 @@ class TrackTriangulator : public TrackEvaluator {
 
  private:
   using Indices = std::vector<size_t>;
+
+  // Whether the track says something of a query's pose, but not by its database views alone.
+  bool NeedsQueryPoses(const std::vector<TrackObservation>& observations) const {
+    int num_database = 0, num_frames = 0, last_frame = -1;  // images of a frame stand together
+    for (const TrackObservation& element : observations) {
+      if (IsDatabase(element)) {
+        ++num_database;
+      } else if (ReferenceOf(views_, element.view) != last_frame) {
+        ++num_frames;
+        last_frame = ReferenceOf(views_, element.view);
+      }
+    }
+    return num_database <= 1 && num_database + num_frames >= 2;
+  }
 
   bool Linear(const std::vector<TrackObservation>& observations, const Indices& indices, Eigen::Vector3d* point) {
     linear_cams_from_world_.clear();
@@ -161,13 +174,20 @@ class TrackTriangulator : public TrackEvaluator {
 std::vector<Track> TracksThatFit(const std::vector<View>& views, std::vector<Track> tracks, double max_error_sigma,
                                  bool also_in_database) {
   const TrackEvaluator evaluator(views);
-  const auto does_not_fit = [&](const Track& track) {
-    return std::any_of(track.observations.begin(), track.observations.end(), [&](const TrackObservation& element) {
+  const auto is_contradicted = [&](Track& track) {
+    bool is_by_database = false;
+    const auto does_not_fit = [&](const TrackObservation& element) {
       if (evaluator.IsDatabase(element) && !also_in_database) return false;
-      return !evaluator.Fits(element, track.point_in_world, max_error_sigma);
-    });
+      const bool fits = evaluator.Fits(element, track.point_in_world, max_error_sigma);
+      is_by_database = is_by_database || (!fits && evaluator.IsDatabase(element));
+      return !fits;
+    };
+    std::vector<TrackObservation>& observations = track.observations;
+    observations.erase(std::remove_if(observations.begin(), observations.end(), does_not_fit), observations.end());
+    // Queries come first.
+    return is_by_database || observations.size() < 2 || evaluator.IsDatabase(observations.front());
   };
-  tracks.erase(std::remove_if(tracks.begin(), tracks.end(), does_not_fit), tracks.end());
+  tracks.erase(std::remove_if(tracks.begin(), tracks.end(), is_contradicted), tracks.end());
   return tracks;
 }
 

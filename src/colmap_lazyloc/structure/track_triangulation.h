@@ -27,17 +27,17 @@ struct TrackTriangulationOptions {
 std::vector<Track> TriangulateFromDatabase(const std::vector<View>& views, const std::vector<Track>& tracks,
                                            const TrackTriangulationOptions& options, std::vector<Track>* rest);
 
-// Tracks that one database view sees, triangulated with the query's rays. Tracks whose several database views do not agree
-// are left out, as nothing tells which of them to believe.
+// Tracks that one database view sees, or none but queries that move independently, triangulated with the queries' rays.
+// Tracks whose several database views do not agree are left out, as nothing tells which of them to believe.
 std::vector<Track> TriangulateWithQuery(const std::vector<View>& views, std::vector<Track> tracks,
                                         const TrackTriangulationOptions& options);
 
-// The tracks whose points lie in front of the query views and within max_error_sigma of all their image points there, in
-// the views' standard deviations.
+// The tracks without those image points in query views that their points lie behind of, or farther away than
+// max_error_sigma, in the views' standard deviations; tracks of which none remains in a query are left out.
 std::vector<Track> TracksFittingQuery(const std::vector<View>& views, std::vector<Track> tracks,
                                       double max_error_sigma);
 
-// The same in all views.
+// The same, without tracks that database views contradict.
 std::vector<Track> FittingTracks(const std::vector<View>& views, std::vector<Track> tracks, double max_error_sigma);
 
 }  // namespace lazyloc

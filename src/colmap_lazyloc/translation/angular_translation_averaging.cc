@@ -5,14 +5,15 @@
 namespace lazyloc {
 namespace {
 
-// Residual (u - dir) / sigma with u = (C2 - C1) / |C2 - C1|; parameters C1, C2.
+// Residual (u - dir) / sigma with u = b / |b|, b = C2 - C1 + offset; parameters C1, C2.
 class ChordCost : public ceres::SizedCostFunction<3, 3, 3> {
  public:
-  ChordCost(const Eigen::Vector3d& dir, double stddev) : dir_(dir), weight_(1 / stddev) {}
+  ChordCost(const DirectionEdge& edge, double stddev)
+      : dir_(edge.dir_1to2_in_world), offset_(edge.offset_in_world), weight_(1 / stddev) {}
 
   bool Evaluate(double const* const* parameters, double* residuals, double** jacobians) const override {
     const Eigen::Vector3d baseline =
-        Eigen::Map<const Eigen::Vector3d>(parameters[1]) - Eigen::Map<const Eigen::Vector3d>(parameters[0]);
+        Eigen::Map<const Eigen::Vector3d>(parameters[1]) - Eigen::Map<const Eigen::Vector3d>(parameters[0]) + offset_;
     const double length = baseline.norm();
     if (length == 0) return false;
     const Eigen::Vector3d unit = baseline / length;
@@ -30,7 +31,7 @@ class ChordCost : public ceres::SizedCostFunction<3, 3, 3> {
   }
 
  private:
-  const Eigen::Vector3d dir_;
+  const Eigen::Vector3d dir_, offset_;
   const double weight_;
 };
 
@@ -45,7 +46,7 @@ void AverageByAngles(const TranslationAveragingProblem& problem, const Translati
   for (const DirectionEdge& edge : problem.edges) {
     if (!result->is_known[edge.node1] || !result->is_known[edge.node2]) continue;
     if (problem.is_fixed[edge.node1] && problem.is_fixed[edge.node2]) continue;
-    ceres_problem.AddResidualBlock(new ChordCost(edge.dir_1to2_in_world, EdgeStddevRad(edge, options)), &loss,
+    ceres_problem.AddResidualBlock(new ChordCost(edge, EdgeStddevRad(edge, options)), &loss,
                                    result->cams_in_world[edge.node1].data(), result->cams_in_world[edge.node2].data());
     for (const int node : {edge.node1, edge.node2}) {
       if (problem.is_fixed[node]) ceres_problem.SetParameterBlockConstant(result->cams_in_world[node].data());

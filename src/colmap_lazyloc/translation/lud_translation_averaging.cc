@@ -59,10 +59,6 @@ class LudSolver {
   const std::vector<Eigen::Vector3d>& Centres() const { return centres_; }
 
  private:
-  static Eigen::Vector3d Baseline(const DirectionEdge& edge, const std::vector<Eigen::Vector3d>& centres) {
-    return centres[edge.node2] - centres[edge.node1];
-  }
-
   // The baseline less its closest point lambda dir.
   static Eigen::Vector3d Deviation(const DirectionEdge& edge, const std::vector<Eigen::Vector3d>& centres) {
     const Eigen::Vector3d baseline = Baseline(edge, centres);

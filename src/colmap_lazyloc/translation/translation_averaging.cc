@@ -25,9 +25,9 @@ std::vector<Ray> RaysTo(int node, const TranslationAveragingProblem& problem,
   for (const DirectionEdge& edge : problem.edges) {
     const double weight = 1 / EdgeStddevRad(edge, options);
     if (edge.node2 == node && result.is_known[edge.node1]) {
-      rays.push_back({result.cams_in_world[edge.node1], edge.dir_1to2_in_world, weight});
+      rays.push_back({result.cams_in_world[edge.node1] - edge.offset_in_world, edge.dir_1to2_in_world, weight});
     } else if (edge.node1 == node && result.is_known[edge.node2]) {
-      rays.push_back({result.cams_in_world[edge.node2], -edge.dir_1to2_in_world, weight});
+      rays.push_back({result.cams_in_world[edge.node2] + edge.offset_in_world, -edge.dir_1to2_in_world, weight});
     }
   }
   return rays;
@@ -147,8 +147,7 @@ TranslationAveragingResult AverageTranslations(const TranslationAveragingProblem
   for (size_t i = 0; i < problem.edges.size(); ++i) {
     const DirectionEdge& edge = problem.edges[i];
     if (!result.is_known[edge.node1] || !result.is_known[edge.node2]) continue;
-    const Eigen::Vector3d baseline = result.cams_in_world[edge.node2] - result.cams_in_world[edge.node1];
-    result.edge_errors_rad[i] = AngleBetweenRad(baseline, edge.dir_1to2_in_world);
+    result.edge_errors_rad[i] = AngleBetweenRad(Baseline(edge, result.cams_in_world), edge.dir_1to2_in_world);
   }
   return result;
 }

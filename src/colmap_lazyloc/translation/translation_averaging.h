@@ -16,6 +16,8 @@ struct DirectionEdge {
   int node2 = -1;
   Eigen::Vector3d dir_1to2_in_world = Eigen::Vector3d::Zero();
   double stddev_rad = 0;  // noise of the direction
+  // Where the images are not at the nodes but fixed to them: what this adds to C2 - C1 (a camera of a rig).
+  Eigen::Vector3d offset_in_world = Eigen::Vector3d::Zero();
 };
 
 // Translation averaging with fixed nodes: projection centres of nodes 0..n-1, of which the fixed ones are known and
@@ -29,8 +31,8 @@ struct TranslationAveragingProblem {
 };
 
 enum class TranslationAveragingMethod {
-  ANGULAR,  // sum rho(|dir - (C2 - C1) / |C2 - C1|| / sigma)^2
-  LUD,      // least unsquared deviations: sum min over lambda >= 0 of |C2 - C1 - lambda dir|
+  ANGULAR,  // sum rho(|dir - b / |b|| / sigma)^2, b = C2 - C1 + offset
+  LUD,      // least unsquared deviations: sum min over lambda >= 0 of |b - lambda dir|
 };
 template <>
 inline constexpr std::array<const char*, 2> kEnumNames<TranslationAveragingMethod> = {"angular", "lud"};

@@ -12,6 +12,11 @@ void AverageByAngles(const TranslationAveragingProblem& problem, const Translati
 void AverageByLeastUnsquaredDeviations(const TranslationAveragingProblem& problem,
                                        const TranslationAveragingOptions& options, TranslationAveragingResult* result);
 
+// Between the images of an edge.
+inline Eigen::Vector3d Baseline(const DirectionEdge& edge, const std::vector<Eigen::Vector3d>& centres) {
+  return centres[edge.node2] - centres[edge.node1] + edge.offset_in_world;
+}
+
 // An edge's own noise with the floor of the options.
 double EdgeStddevRad(const DirectionEdge& edge, const TranslationAveragingOptions& options);
 

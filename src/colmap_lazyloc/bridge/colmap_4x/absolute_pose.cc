@@ -1,9 +1,13 @@
 #include "colmap_lazyloc/bridge/absolute_pose.h"
 
+#include <cmath>
+
 #include <Eigen/Geometry>
 #include <colmap/estimators/solvers/absolute_pose.h>
+#include <colmap/estimators/solvers/generalized_absolute_pose.h>
 #include <colmap/math/random.h>
 #include <colmap/optim/loransac.h>
+#include <colmap/optim/ransac.h>
 
 #include "colmap_lazyloc/bridge/convert.h"
 
@@ -27,6 +31,16 @@ class OnRays : public Estimator {
   }
 };
 
+colmap::RANSACOptions Options(double max_error, double min_inlier_ratio) {
+  colmap::RANSACOptions options;
+  options.max_error = max_error;
+  options.min_inlier_ratio = min_inlier_ratio;
+  options.confidence = 0.9999;
+  options.min_num_trials = 50;
+  options.max_num_trials = 5000;
+  return options;
+}
+
 }  // namespace
 
 std::optional<Rigid3d> EstimateAbsolutePose(const std::vector<Eigen::Vector3d>& rays_in_cam,
@@ -34,18 +48,27 @@ std::optional<Rigid3d> EstimateAbsolutePose(const std::vector<Eigen::Vector3d>& 
                                             uint32_t seed, double min_inlier_ratio) {
   std::vector<colmap::Point2DWithRay> rays(rays_in_cam.size());
   for (size_t i = 0; i < rays.size(); ++i) rays[i] = {rays_in_cam[i].hnormalized(), rays_in_cam[i]};
-  colmap::RANSACOptions options;
-  options.max_error = max_error_rad;
-  options.min_inlier_ratio = min_inlier_ratio;
-  options.confidence = 0.9999;
-  options.min_num_trials = 50;
-  options.max_num_trials = 5000;
   // RANSAC draws from a generator of the thread's.
   colmap::SetPRNGSeed(seed);
-  colmap::LORANSAC<OnRays<colmap::P3PEstimator>, OnRays<colmap::EPNPEstimator>> ransac(options);
+  colmap::LORANSAC<OnRays<colmap::P3PEstimator>, OnRays<colmap::EPNPEstimator>> ransac(
+      Options(max_error_rad, min_inlier_ratio));
   const auto report = ransac.Estimate(rays, points_in_world);
   if (!report.success) return std::nullopt;
   return FiniteRigid(report.model);
+}
+
+std::optional<Rigid3d> EstimateRigAbsolutePose(const std::vector<Eigen::Vector3d>& rays_in_cam,
+                                               const std::vector<Rigid3d>& cams_from_reference,
+                                               const std::vector<Eigen::Vector3d>& points_in_world,
+                                               double max_error_rad, uint32_t seed, double min_inlier_ratio) {
+  std::vector<colmap::GP3PEstimator::X_t> rays(rays_in_cam.size());
+  for (size_t i = 0; i < rays.size(); ++i) rays[i] = {ToColmap(cams_from_reference[i]).ToMatrix(), rays_in_cam[i]};
+  colmap::SetPRNGSeed(seed);
+  // Its error, 1 - cos(angle), is squared as RANSAC's bound is.
+  colmap::RANSAC<colmap::GP3PEstimator> ransac(Options(1 - std::cos(max_error_rad), min_inlier_ratio));
+  const auto report = ransac.Estimate(rays, points_in_world);
+  if (!report.success) return std::nullopt;
+  return FiniteRigid(report.model.ToMatrix());
 }
 
 }  // namespace lazyloc

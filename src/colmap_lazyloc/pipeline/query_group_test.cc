@@ -1,0 +1,184 @@
+#include <algorithm>
+#include <cmath>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "colmap_lazyloc/pipeline/lazy_localizer.h"
+#include "colmap_lazyloc/testing/synthetic_group.h"
+
+namespace lazyloc {
+namespace {
+
+std::vector<LocalizationResult> Localize(const SyntheticGroup& scene) {
+  return LocalizeGroup(scene.group, LocalizerOptions());
+}
+
+void ExpectNearTruth(const SyntheticGroup& scene, double max_distance, double max_angle_deg) {
+  const std::vector<LocalizationResult> results = Localize(scene);
+  ASSERT_EQ(results.size(), scene.cam_from_world.size());
+  for (size_t i = 0; i < results.size(); ++i) {
+    EXPECT_EQ(results[i].query_name, scene.group.members[i].problem.query_name);
+    ASSERT_EQ(results[i].status, QueryStatus::LOCALIZED) << results[i].query_name << ": " << results[i].reason;
+    EXPECT_LE(PositionError(results[i].cam_from_world, scene.cam_from_world[i]), max_distance);
+    EXPECT_LE(RotationErrorDeg(results[i].cam_from_world, scene.cam_from_world[i]), max_angle_deg);
+  }
+}
+
+double SquaredErrorSum(const SyntheticGroup& scene, const std::vector<LocalizationResult>& results) {
+  double sum = 0;
+  for (size_t i = 0; i < results.size(); ++i) {
+    sum += std::pow(PositionError(results[i].cam_from_world, scene.cam_from_world[i]), 2);
+  }
+  return sum;
+}
+
+std::vector<LocalizationResult> LocalizeEachAlone(const SyntheticGroup& scene) {
+  std::vector<LocalizationResult> results;
+  for (const GroupMember& member : scene.group.members) {
+    results.push_back(LocalizeQuery(member.problem, LocalizerOptions()));
+  }
+  return results;
+}
+
+TEST(QueryGroup, NoiseFreeRigsAreExact) {
+  SyntheticGroupOptions options;
+  for (options.num_sensors = 2; options.num_sensors <= 8; options.num_sensors += 3) {
+    for (options.num_frames = 1; options.num_frames <= 2; ++options.num_frames) {
+      ExpectNearTruth(MakeSyntheticGroup(options), 1e-7, 1e-6);
+    }
+  }
+}
+
+TEST(QueryGroup, NoiseFreeJointQueriesAreExact) {
+  SyntheticGroupOptions options;
+  options.num_sensors = 1;
+  options.num_frames = 5;
+  ExpectNearTruth(MakeSyntheticGroup(options), 1e-7, 1e-6);
+}
+
+// 150 points of 1 px at f = 800, 8 units away, let one expect about 2e-3; the bound is five times that.
+TEST(QueryGroup, RigsWithNoiseAndOutliers) {
+  SyntheticGroupOptions options;
+  options.pixel_noise_px = 1;
+  options.outlier_pair_ratio = 0.25;
+  options.outlier_match_ratio = 0.1;
+  for (options.seed = 0; options.seed < 7; ++options.seed) {
+    options.num_sensors = 2 + static_cast<int>(options.seed);
+    options.num_sensors_without_pairs = options.num_sensors / 3;
+    ExpectNearTruth(MakeSyntheticGroup(options), 1e-2, 0.1);
+  }
+}
+
+TEST(QueryGroup, RigHelpsAndJointDoesNotHarm) {
+  SyntheticGroupOptions options;
+  options.pixel_noise_px = 1;
+  options.num_points = 40;
+  options.num_database_images = 4;
+  double single_sum = 0, rig_sum = 0, joint_single_sum = 0, joint_sum = 0;
+  for (options.seed = 0; options.seed < 10; ++options.seed) {
+    options.num_frames = 1;
+    options.num_sensors = 4;
+    const SyntheticGroup rig = MakeSyntheticGroup(options);
+    single_sum += SquaredErrorSum(rig, LocalizeEachAlone(rig));
+    rig_sum += SquaredErrorSum(rig, Localize(rig));
+    options.num_frames = 4;
+    options.num_sensors = 1;
+    const SyntheticGroup joint = MakeSyntheticGroup(options);
+    joint_single_sum += SquaredErrorSum(joint, LocalizeEachAlone(joint));
+    joint_sum += SquaredErrorSum(joint, Localize(joint));
+  }
+  EXPECT_LT(rig_sum, 0.7 * single_sum);
+  EXPECT_LT(joint_sum, 1.05 * joint_single_sum);
+}
+
+TEST(QueryGroup, RigResolvesTheScaleOfOneDatabaseImage) {
+  SyntheticGroupOptions options;
+  options.num_database_images = 1;
+  const SyntheticGroup scene = MakeSyntheticGroup(options);
+  for (const LocalizationResult& alone : LocalizeEachAlone(scene)) {
+    EXPECT_EQ(alone.status, QueryStatus::SCALE_UNOBSERVABLE);
+  }
+  ExpectNearTruth(scene, 1e-6, 1e-5);
+  options.pixel_noise_px = 0.5;
+  ExpectNearTruth(MakeSyntheticGroup(options), 0.2, 0.5);
+}
+
+TEST(QueryGroup, OthersResolveTheScaleOfAQueryWithOneDatabaseImage) {
+  SyntheticGroupOptions options;
+  options.num_frames = 4;
+  options.num_sensors = 1;
+  for (options.pixel_noise_px = 0; options.pixel_noise_px < 2; ++options.pixel_noise_px) {
+    SyntheticGroup scene = MakeSyntheticGroup(options);
+    scene.group.members[3].problem.pairs.resize(1);
+    EXPECT_EQ(LocalizeEachAlone(scene)[3].status, QueryStatus::SCALE_UNOBSERVABLE);
+    ExpectNearTruth(scene, options.pixel_noise_px == 0 ? 1e-6 : 2e-2, 0.2);
+  }
+}
+
+TEST(QueryGroup, CovarianceOfEachImageMatchesTheErrorsSpread) {
+  // The squared error normalised by its covariance averages 6; see the test of single queries.
+  SyntheticGroupOptions options;
+  options.pixel_noise_px = 1;
+  double sum = 0;
+  const int num_trials = 40;
+  for (options.seed = 0; options.seed < num_trials; ++options.seed) {
+    const SyntheticGroup scene = MakeSyntheticGroup(options);
+    const LocalizationResult result = Localize(scene).back();
+    ASSERT_EQ(result.status, QueryStatus::LOCALIZED);
+    const Rigid3d& truth = scene.cam_from_world.back();
+    Eigen::Matrix<double, 6, 1> error;
+    const Eigen::AngleAxisd rotation_error(truth.rotation * result.cam_from_world.rotation.conjugate());
+    error << rotation_error.angle() * rotation_error.axis(), truth.translation - result.cam_from_world.translation;
+    sum += error.dot(result.covariance.ldlt().solve(error));
+  }
+  EXPECT_GT(sum / num_trials, 4);
+  EXPECT_LT(sum / num_trials, 9);
+}
+
+TEST(QueryGroup, BadMemberIsDroppedWithAStatus) {
+  SyntheticGroupOptions options;
+  options.num_sensors = 1;
+  options.num_frames = 4;
+  options.pixel_noise_px = 1;
+  SyntheticGroup scene = MakeSyntheticGroup(options);
+  scene.group.members[1].problem.query_keypoints.clear();
+  scene.group.members[1].problem.pairs.clear();
+  Random random(3);
+  for (ImagePair& pair : scene.group.members[2].problem.pairs) {
+    pair.geometry->query_from_database = Rigid3d{RandomRotation(&random), RandomVector(&random).normalized()};
+    Matches& matches = pair.geometry->inlier_matches;
+    for (Match& match : matches) match.database_point = static_cast<uint32_t>(random() % matches.size());
+  }
+  auto& query_pairs = scene.group.query_pairs;
+  const auto is_of_bad_member = [](const QueryPair& pair) {
+    return pair.query < 3 || pair.other == 1 || pair.other == 2;
+  };
+  query_pairs.erase(std::remove_if(query_pairs.begin(), query_pairs.end(), is_of_bad_member), query_pairs.end());
+  const std::vector<LocalizationResult> results = Localize(scene);
+  EXPECT_EQ(results[1].status, QueryStatus::NO_FEATURES);
+  EXPECT_EQ(results[2].status, QueryStatus::INCONSISTENT_ROTATIONS) << results[2].reason;
+  for (const int good : {0, 3}) {
+    ASSERT_EQ(results[good].status, QueryStatus::LOCALIZED) << results[good].reason;
+    EXPECT_LE(PositionError(results[good].cam_from_world, scene.cam_from_world[good]), 1e-2);
+  }
+}
+
+class CalibrationErrors : public testing::TestWithParam<double> {};
+
+TEST_P(CalibrationErrors, AreDetected) {
+  SyntheticGroupOptions options;
+  options.pixel_noise_px = 1;
+  options.calibration_error_deg = GetParam();
+  for (options.num_sensors = 2; options.num_sensors <= 3; ++options.num_sensors) {
+    for (const LocalizationResult& result : Localize(MakeSyntheticGroup(options))) {
+      EXPECT_EQ(result.status, QueryStatus::INCONSISTENT_RIG);
+      EXPECT_THAT(result.reason, testing::HasSubstr("calibration"));
+    }
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(QueryGroup, CalibrationErrors, testing::Values(3, 20));
+
+}  // namespace
+}  // namespace lazyloc

@@ -1,0 +1,134 @@
+#include "colmap_lazyloc/testing/synthetic_group.h"
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+
+#include "colmap_lazyloc/bridge/camera_models.h"
+#include "colmap_lazyloc/scene/errors.h"
+
+namespace lazyloc {
+namespace {
+
+constexpr double kPi = 3.14159265358979323846;
+
+// A pose of the ring, at a part of it in [0, 1].
+Rigid3d RingPose(double part, double radius, Random* random) {
+  const double angle = 2 * kPi / 3 * part;
+  const Eigen::Vector3d centre(radius * std::sin(angle), 0, -radius * std::cos(angle));
+  return LookAt(centre + 0.3 * RandomVector(random), 0.3 * RandomVector(random));
+}
+
+class GroupMaker {
+ public:
+  explicit GroupMaker(const SyntheticGroupOptions& options) : options_(options), random_(options.seed) {
+    camera_.model_id = *CameraModelId("SIMPLE_PINHOLE");
+    camera_.width = 1280;
+    camera_.height = 960;
+    camera_.params = {800, 640, 480};
+    std::uniform_real_distribution<double> uniform(-2.5, 2.5);
+    for (int i = 0; i < options.num_points; ++i) {
+      const double x = uniform(random_), y = uniform(random_), z = uniform(random_);
+      points_.emplace_back(x, y, z);
+    }
+  }
+
+  SyntheticGroup Make() {
+    for (int i = 0; i < options_.num_database_images; ++i) {
+      ImagePair image;
+      image.database_name = "database" + std::to_string(100 + i);
+      image.database_camera = camera_;
+      image.database_cam_from_world = RingPose((i + 0.5) / options_.num_database_images, 10, &random_);
+      image.database_keypoints = Project(image.database_cam_from_world);
+      database_.push_back(image);
+    }
+    std::vector<Rigid3d> cams_from_rig = {{}};
+    for (int i = 1; i < options_.num_sensors; ++i) {
+      cams_from_rig.push_back({Disturbed(Eigen::Quaterniond::Identity(), 5, &random_), 0.4 * RandomVector(&random_)});
+    }
+    for (int frame = 0; frame < options_.num_frames; ++frame) AddFrame(frame, cams_from_rig);
+    if (options_.has_query_pairs) AddQueryPairs();
+    return scene_;
+  }
+
+ private:
+  std::vector<Eigen::Vector2d> Project(const Rigid3d& cam_from_world) {
+    std::vector<Eigen::Vector2d> keypoints;
+    for (const Eigen::Vector3d& point : points_) {
+      const std::optional<Eigen::Vector2d> xy = ImageFromCam(camera_, cam_from_world * point);
+      LAZYLOC_CHECK(xy.has_value());
+      keypoints.push_back(*xy + options_.pixel_noise_px * RandomVector(&random_).head<2>());
+    }
+    return keypoints;
+  }
+
+  TwoViewGeometry Geometry(const Rigid3d& query_from_other, bool is_outlier) {
+    TwoViewGeometry geometry;
+    geometry.config = TwoViewConfig::CALIBRATED;
+    geometry.query_from_database =
+        is_outlier ? Rigid3d{RandomRotation(&random_), RandomVector(&random_)} : query_from_other;
+    geometry.query_from_database->translation.normalize();
+    std::vector<uint32_t> partner(points_.size());
+    std::iota(partner.begin(), partner.end(), 0u);
+    const double ratio = is_outlier ? 1 : options_.outlier_match_ratio;
+    std::shuffle(partner.begin(), partner.begin() + static_cast<std::ptrdiff_t>(ratio * partner.size()), random_);
+    for (uint32_t i = 0; i < partner.size(); ++i) geometry.inlier_matches.push_back({i, partner[i]});
+    return geometry;
+  }
+
+  void AddFrame(int frame, const std::vector<Rigid3d>& cams_from_rig) {
+    const Rigid3d rig_from_world = RingPose((frame + 0.4) / options_.num_frames, 8, &random_);
+    const int reference = static_cast<int>(scene_.group.members.size());
+    for (int sensor = 0; sensor < options_.num_sensors; ++sensor) {
+      GroupMember member;
+      member.reference = reference;
+      if (options_.num_sensors > 1) member.frame_name = "frame" + std::to_string(frame);
+      member.cam_from_rig = cams_from_rig[sensor];
+      Rigid3d cam_from_rig = cams_from_rig[sensor];
+      if (sensor + 1 == options_.num_sensors) {
+        cam_from_rig.rotation = Disturbed(cam_from_rig.rotation, options_.calibration_error_deg, &random_);
+      }
+      const Rigid3d cam_from_world = cam_from_rig * rig_from_world;
+      member.problem.query_name = "query" + std::to_string(frame) + "-" + std::to_string(sensor);
+      member.problem.query_camera = camera_;
+      member.problem.query_keypoints = Project(cam_from_world);
+      if (sensor < options_.num_sensors - options_.num_sensors_without_pairs) {
+        for (size_t i = 0; i < database_.size(); ++i) {
+          ImagePair pair = database_[i];
+          pair.geometry = Geometry(cam_from_world * Inverse(pair.database_cam_from_world),
+                                   i < std::floor(options_.outlier_pair_ratio * database_.size()));
+          member.problem.pairs.push_back(pair);
+        }
+      }
+      scene_.group.members.push_back(member);
+      scene_.cam_from_world.push_back(cam_from_world);
+    }
+  }
+
+  void AddQueryPairs() {
+    const std::vector<GroupMember>& members = scene_.group.members;
+    for (int query = 0; query < static_cast<int>(members.size()); ++query) {
+      for (int other = 0; other < query; ++other) {
+        ImagePair images;
+        images.database_name = members[other].problem.query_name;
+        images.database_camera = camera_;
+        images.database_keypoints = members[other].problem.query_keypoints;
+        images.geometry = Geometry(scene_.cam_from_world[query] * Inverse(scene_.cam_from_world[other]), false);
+        scene_.group.query_pairs.push_back({query, other, images});
+      }
+    }
+  }
+
+  const SyntheticGroupOptions& options_;
+  Random random_;
+  Camera camera_;
+  std::vector<Eigen::Vector3d> points_;
+  std::vector<ImagePair> database_;
+  SyntheticGroup scene_;
+};
+
+}  // namespace
+
+SyntheticGroup MakeSyntheticGroup(const SyntheticGroupOptions& options) { return GroupMaker(options).Make(); }
+
+}  // namespace lazyloc

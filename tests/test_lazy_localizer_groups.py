@@ -1,0 +1,139 @@
+"""Several queries at once: joint groups, camera rigs, trajectories."""
+
+import json
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+import synthetic_database as synthetic
+from test_lazy_localizer_real_scenes import DATA_PATH, arguments_of, evaluated_names, read_poses
+
+MAX_ERRORS = 1e-6, 1e-5
+
+
+def write(path, text):
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def in_own_frame(pose):
+    """The pose in a frame that lies elsewhere than the database's."""
+    rotation = pose.rotation * Rotation.from_rotvec([0.3, -0.2, 0.5])
+    return synthetic.Pose.make(rotation, Rotation.from_rotvec([0.3, -0.2, 0.5]).inv().apply(pose.cam_in_world - 7))
+
+
+def trajectory_lines(scene, names):
+    poses = {name: in_own_frame(scene.images[name].pose) for name in names}
+    return "".join(" ".join([name, *map(repr, map(float, [*pose.qvec, *pose.tvec]))]) + "\n"
+                   for name, pose in poses.items())
+
+
+def test_group_of_one_is_the_default(localize, noisy):
+    run = localize(*noisy.arguments)
+    assert localize(*noisy.arguments, "--LazyLocalizer.group_size", 1).poses_bytes == run.poses_bytes
+    assert localize(*noisy.arguments, "--LazyLocalizer.use_rigs", 0).poses_bytes == run.poses_bytes
+
+
+def test_joint_group_is_exact(localize, exact):
+    run = localize(*exact.arguments, "--LazyLocalizer.group_size", 3)
+    run.assert_localized(exact.scene, exact.scene.query_names, *MAX_ERRORS)
+    assert all(result["frame"] is None for result in run.results.values())
+
+
+def test_group_list_is_the_group_size(localize, noisy, tmp_path):
+    group_list = write(tmp_path / "groups.txt", " ".join(noisy.scene.query_names) + "\n")
+    listed = localize(*noisy.arguments, "--group_list_path", group_list)
+    assert listed.poses_bytes == localize(*noisy.arguments, "--LazyLocalizer.group_size", 3).poses_bytes
+
+
+def test_result_of_groups_does_not_depend_on_threads(localize, noisy):
+    runs = [localize(*noisy.arguments, "--LazyLocalizer.group_size", 2, "--LazyLocalizer.num_threads", number)
+            for number in (1, 3)]
+    assert runs[0].poses_bytes == runs[1].poses_bytes
+
+
+@pytest.mark.parametrize("form", ["poses", "tum", "model"])
+def test_trajectory_in_a_frame_of_its_own(localize, exact, noisy, tmp_path, form):
+    scene = noisy.scene
+    names = scene.query_names
+    if form == "poses":
+        path = write(tmp_path / "trajectory.txt", trajectory_lines(scene, names))
+    elif form == "tum":  # 000.jpg, 001.jpg, ...: the timestamp is the name
+        lines = []
+        for number, name in enumerate(names):
+            pose = in_own_frame(scene.images[name].pose)
+            assert name == f"query/{number:03}.jpg"
+            lines.append(" ".join(map(str, [float(number), *pose.cam_in_world, *pose.rotation.inv().as_quat()])))
+        path = write(tmp_path / "trajectory.txt", "\n".join(lines) + "\n")
+    else:
+        moved = scene.copy()
+        for name in names:
+            moved.images[name].pose = in_own_frame(scene.images[name].pose)
+        path = synthetic.write_model(tmp_path / "trajectory", moved, names=names)
+    run = localize(*noisy.arguments, "--query_trajectory_path", path)
+    run.assert_localized(scene, names, 0.02, 0.1)
+    assert run.stderr == ""
+    for name in names:  # the relative poses are those of the trajectory
+        relative = run.poses[name].rotation * run.poses[names[0]].rotation.inv()
+        true_relative = scene.images[name].pose.rotation * scene.images[names[0]].pose.rotation.inv()
+        assert (relative * true_relative.inv()).magnitude() <= 1e-9
+        assert run.results[name]["rig_from_world"] == pytest.approx(run.results[names[0]]["rig_from_world"], abs=1e-9) \
+            or np.allclose(run.results[name]["rig_from_world"]["tvec"], run.results[names[0]]["rig_from_world"]["tvec"])
+
+
+def test_gap_of_a_trajectory_is_localized_with_a_warning(localize, exact, tmp_path):
+    names = exact.scene.query_names
+    path = write(tmp_path / "trajectory.txt", trajectory_lines(exact.scene, names[:2]))
+    run = localize(*exact.arguments, "--query_trajectory_path", path)
+    run.assert_localized(exact.scene, names, *MAX_ERRORS)
+    assert run.stderr.count("\n") == 1 and "1 queries, such as query/002.jpg" in run.stderr
+    assert [run.results[name]["frame"] is None for name in names] == [False, False, True]
+
+
+def test_leave_one_out_leaves_the_whole_group_out(localize, noisy):
+    scene = noisy.scene
+    run = localize(*noisy.arguments, "--LazyLocalizer.leave_one_out", 1, "--LazyLocalizer.group_size", 3)
+    names = scene.database_names
+    assert sorted(run.results) == sorted(names)
+    for i, name in enumerate(names):
+        group = names[i - i % 3:i - i % 3 + 3]
+        assert not set(group) & set(run.pair_names(name))
+
+
+BAD_FILES = {
+    "--rig_config_path": ('[{"cameras": [{"image_prefix": "front/", "ref_sensor": true}]}]', "no query has"),
+    "--group_list_path": ("query/000.jpg query/007.jpg\n", "'query/007.jpg' is no query"),
+    "--query_trajectory_path": ("query/007.jpg 1 0 0 0 0 0 0\n", "has a pose of no query"),
+}
+
+
+@pytest.mark.parametrize("option", BAD_FILES)
+def test_bad_file_is_one_clear_error(localize, exact, tmp_path, option):
+    content, message = BAD_FILES[option]
+    for path in (write(tmp_path / "bad.txt", content), tmp_path / "missing.txt"):
+        run = localize(*exact.arguments, option, path)
+        assert run.exit_code == 1
+        assert run.stderr.startswith("ERROR") and run.stderr.count("\n") == 1
+        assert str(path) in run.stderr and (message in run.stderr or "missing" in str(path))
+        assert not run.output_path.exists()
+
+
+def test_stereo_rig_is_well_below_single_images(localize, tmp_path):
+    """kitti1's rig, of the database and of the configuration, and a wrong one."""
+    if not (DATA_PATH / "kitti1" / "database.db").exists():
+        pytest.skip(f"{DATA_PATH / 'kitti1'} is missing; LAZYLOC_SHARED_DATA names the folder of the real scenes")
+    truth = read_poses(DATA_PATH / "kitti1" / "model" / "images.txt")
+    names = evaluated_names("kitti1", truth)
+    config_path = DATA_PATH / "kitti1" / "rig_config.json"
+    rig = localize(*arguments_of("kitti1"))
+    single = localize(*arguments_of("kitti1"), "--LazyLocalizer.use_rigs", 0)
+    assert localize(*arguments_of("kitti1"), "--rig_config_path", config_path).poses_bytes == rig.poses_bytes
+    rig_error, single_error = (np.median([run.poses[name].errors(truth[name])[0] for name in names])
+                               for run in (rig, single))
+    assert rig_error <= 0.8 * single_error
+
+    config = json.loads(config_path.read_text())
+    config[0]["cameras"][1]["cam_from_rig_rotation"] = [0.9962, 0, 0.0872, 0]  # 10 deg
+    wrong = localize(*arguments_of("kitti1"), "--rig_config_path", write(tmp_path / "wrong.json", json.dumps(config)))
+    assert set(wrong.statuses.values()) == {"INCONSISTENT_RIG"}
