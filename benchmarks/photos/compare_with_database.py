@@ -94,12 +94,13 @@ def accuracy_table(runs: list[SceneRuns]) -> str:
 
 
 def noise_table(runs: list[SceneRuns]) -> str:
-    lines = ["| scene | database, median cm of each seed | photo, median cm of each seed | ratio of their means |",
+    lines = ["| scene | database, medians of each seed | photo, medians of each seed | ratio of their means |",
              "|---|---|---|---|"]
     for run in runs:
-        database, photo = (100 * np.median(seeds, axis=1)[:, 0] for seeds in (run.database_seeds, run.photo_seeds))
-        texts = (" ".join(f"{median:.2f}" for median in medians) for medians in (database, photo))
-        lines.append(f"| {run.name} | {' | '.join(texts)} | {photo.mean() / database.mean():.3f} |")
+        for column, (unit, scale) in enumerate((("cm", 100), ("°", 1))):
+            medians = [scale * np.median(seeds, axis=1)[:, column] for seeds in (run.database_seeds, run.photo_seeds)]
+            texts = [" ".join(f"{median:.3g}" for median in some) for some in medians]
+            lines.append(f"| {run.name}, {unit} | {' | '.join(texts)} | {medians[1].mean() / medians[0].mean():.3f} |")
     return "\n".join(lines)
 
 
