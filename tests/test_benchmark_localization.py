@@ -24,6 +24,7 @@ import tables  # noqa: E402
 from geometry import Pose, pose_errors  # noqa: E402
 from matches import MatchDatabase  # noqa: E402
 from methods import Result  # noqa: E402
+from methods.relative_pose_ransac import best_pose  # noqa: E402
 from methods.structure_based import match_to_map  # noqa: E402
 
 SHARED_DATA_PATH = pathlib.Path(os.environ.get("LAZYLOC_SHARED_DATA", PROJECT_PATH.parent / "shared" / "data"))
@@ -130,6 +131,22 @@ def test_a_point_seen_in_two_images_is_one_match(tmp_path):
     points2d, points3d = match_to_map(matches, {"b.jpg": (point_ids, points), "c.jpg": (point_ids, points)})
     np.testing.assert_allclose(points2d, matches.query_points[[5]])
     np.testing.assert_allclose(points3d, [[1, 2, 3]])
+
+
+def test_relative_poses_outvote_a_third_of_wrong_ones():
+    rng = np.random.default_rng(0)
+    pose = Pose(Rotation.random(random_state=1).as_matrix(), np.array([1.0, 2.0, 3.0]))
+    centres = rng.normal(0, 5, (12, 3))
+    directions = pose.cam_in_world() - centres
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    rotations = np.repeat(pose.rotation[None], 12, axis=0)
+    for i in range(4):
+        turn = Rotation.random(random_state=10 + i).as_matrix()
+        # A wrong relative pose keeps its direction in the query's frame, and so turns both.
+        rotations[i], directions[i] = turn @ rotations[i], rng.permutation(directions[i]) * [1, -1, 1]
+    assert pose_errors(best_pose(rotations, centres, directions), pose) == pytest.approx((0, 0), abs=1e-9)
+    collinear = np.outer(np.arange(3), [1.0, 0, 0])
+    assert best_pose(rotations[4:7], collinear, np.tile([1.0, 0, 0], (3, 1))) is None
 
 
 # Figures

@@ -1,6 +1,7 @@
 """hloc's HDF5 files become a database with the same keypoints and matches, and the same poses."""
 
 import pathlib
+import shutil
 import sqlite3
 import subprocess
 import sys
@@ -8,6 +9,7 @@ import sys
 import numpy as np
 import pytest
 
+import photo_scene
 import synthetic_database as synthetic
 
 h5py = pytest.importorskip("h5py")
@@ -82,20 +84,72 @@ def test_database_holds_what_the_files_hold(hloc_files, noisy):
             assert len(indices) >= 0.9 * len(expected)  # hloc's form holds one partner per keypoint
 
 
-def test_script_localizes_from_hloc_files(hloc_files, noisy, colmap):
-    folder, folder_name, queries = hloc_files
+def assert_script_localizes(folder, colmap, truth):
+    """Poses by name; in a scene of some metres."""
     done = subprocess.run([SCRIPTS_PATH / "localize_hloc.sh", folder / "features.h5", folder / "matches.h5",
                            folder / "pairs.txt", folder / "model", folder / "queries.txt", folder / "localized"],
                           env={"COLMAP": str(colmap), "PYTHON": sys.executable, "PATH": "/usr/bin:/bin"},
                           capture_output=True, text=True, timeout=300)
     assert done.returncode == 0, done.stderr
     lines = [line.split() for line in (folder / "localized" / "poses.txt").read_text().splitlines() if line[0] != "#"]
-    assert sorted(line[0] for line in lines) == sorted(folder_name[name] for name in queries)
-    truth = {folder_name[name]: noisy.scene.images[name].pose for name in queries}
+    assert sorted(line[0] for line in lines) == sorted(truth)
     for name, *numbers in lines:
         numbers = np.array(numbers, float)
         position_error, rotation_error_deg = synthetic.Pose(numbers[:4], numbers[4:]).errors(truth[name])
-        assert position_error < 0.05 and rotation_error_deg < 0.3
+        assert position_error < 0.05 and rotation_error_deg < 0.3, name
+
+
+def test_script_localizes_from_hloc_files(hloc_files, noisy, colmap):
+    folder, folder_name, queries = hloc_files
+    assert_script_localizes(folder, colmap, {folder_name[name]: noisy.scene.images[name].pose for name in queries})
+
+
+def write_hloc_features(path, connection):
+    """As hloc's extract_features does: a group per image, descriptors in columns."""
+    with h5py.File(path, "w") as file:
+        for name, rows, cols, keypoints, descriptors in connection.execute(
+                "SELECT name, k.rows, k.cols, k.data, d.data FROM images JOIN keypoints k USING (image_id) "
+                "JOIN descriptors d USING (image_id)"):
+            group = file.create_group(name)
+            group["keypoints"] = np.frombuffer(keypoints, np.float32).reshape(rows, cols)[:, :2] - np.float32(0.5)
+            group["keypoints"].attrs["uncertainty"] = 1.0
+            group["descriptors"] = np.frombuffer(descriptors, np.uint8).reshape(rows, 128).T.astype(np.float16)
+            group["scores"] = np.ones(rows, np.float16)
+            group["image_size"] = np.array([photo_scene.CAMERA["width"], photo_scene.CAMERA["height"]])
+
+
+def write_hloc_matches(path, connection, pairs):
+    """As hloc's match_features does: for each keypoint of the first image its partner in the second."""
+    ids = dict(connection.execute("SELECT name, image_id FROM images"))
+    num_keypoints = dict(connection.execute("SELECT image_id, rows FROM keypoints"))
+    with h5py.File(path, "w") as file:
+        for name1, name2 in pairs:
+            id1, id2 = ids[name1], ids[name2]
+            rows, data = connection.execute("SELECT rows, data FROM matches WHERE pair_id = ?",
+                                            (synthetic.pair_id(id1, id2),)).fetchone()
+            indices = np.frombuffer(data or b"", np.uint32).reshape(rows, 2)[:, :: 1 if id1 < id2 else -1]
+            partners = np.full(num_keypoints[id1], -1, np.int16)
+            partners[indices[:, 0]] = indices[:, 1]
+            group = file.create_group(f"{name1.replace('/', '-')}/{name2.replace('/', '-')}")
+            group["matches0"] = partners
+            group["matching_scores0"] = (partners >= 0).astype(np.float16)
+
+
+def test_script_localizes_photos_from_colmap_features_in_hloc_files(photos, colmap, tmp_path):
+    """Real photos: COLMAP's features and matches, written into HDF5 files as hloc writes its own."""
+    database_path = tmp_path / "database.db"
+    shutil.copy(photos.database_path, database_path)
+    photo_scene.extract_features(colmap, database_path, photos.image_path, photos.query_names)
+    subprocess.run([colmap, "exhaustive_matcher", "--database_path", database_path, "--SiftMatching.use_gpu", "0"],
+                   check=True, capture_output=True, timeout=300)
+    pairs = [(query, name) for query in photos.query_names for name in photos.database_names]
+    (tmp_path / "pairs.txt").write_text("".join(f"{query} {name}\n" for query, name in pairs))
+    with sqlite3.connect(database_path) as connection:
+        write_hloc_features(tmp_path / "features.h5", connection)
+        write_hloc_matches(tmp_path / "matches.h5", connection, pairs)
+    photos.write_queries(tmp_path / "queries.txt")
+    shutil.copytree(photos.model_path, tmp_path / "model")
+    assert_script_localizes(tmp_path, colmap, {name: photos.poses[name] for name in photos.query_names})
 
 
 def test_mistakes_are_one_line_and_make_no_database(hloc_files, capsys):

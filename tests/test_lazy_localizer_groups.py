@@ -112,6 +112,21 @@ def test_leave_one_out_leaves_the_whole_group_out(localize, noisy):
         assert not set(group) & set(run.pair_names(name))
 
 
+def test_photos_of_a_trajectory_one_of_which_is_missing(localize, photos, tmp_path):
+    names = [*photos.query_names, "query/missing.png"]
+    poses = {name: in_own_frame(photos.poses[name]) for name in photos.query_names}
+    poses[names[-1]] = poses[names[0]]
+    path = write(tmp_path / "trajectory.txt", "".join(
+        " ".join([name, *map(repr, map(float, [*pose.qvec, *pose.tvec]))]) + "\n" for name, pose in poses.items()))
+    run = localize(*photos.arguments(photos.write_queries(tmp_path / "queries.txt", names)),
+                   "--query_trajectory_path", path)
+    photos.assert_localized(run)
+    assert run.statuses[names[-1]] == "UNREADABLE_IMAGE"
+    relative, true_relative = (all_poses[names[1]].cam_in_world - all_poses[names[0]].cam_in_world
+                               for all_poses in (run.poses, photos.poses))
+    assert np.linalg.norm(relative) == pytest.approx(np.linalg.norm(true_relative), rel=1e-9)
+
+
 BAD_FILES = {
     "--rig_config_path": ('[{"cameras": [{"image_prefix": "front/", "ref_sensor": true}]}]', "no query has"),
     "--group_list_path": ("query/000.jpg query/007.jpg\n", "'query/007.jpg' is no query"),

@@ -120,6 +120,14 @@ def test_index_is_made_on_first_use_and_chooses_images(colmap, scene, queries, l
     assert results_without_times(by_indexer) == results_without_times(first)
 
 
+def test_index_does_not_depend_on_the_number_of_threads(colmap, scene, tmp_path):
+    for num_threads in (1, 3):
+        done = run_indexer(colmap, "--database_path", scene.database_path, "--index_path", tmp_path / str(num_threads),
+                           "--LazyIndexer.num_threads", num_threads)
+        assert done.returncode == 0, done.stderr
+    assert (tmp_path / "1").read_bytes() == (tmp_path / "3").read_bytes()
+
+
 def test_index_in_memory_where_there_are_many_images(scene, queries, localize):
     run = localize(*scene.arguments(queries, "--LazyLocalizer.max_num_exhaustive", 5,
                                     "--LazyLocalizer.num_retrieved", 5))

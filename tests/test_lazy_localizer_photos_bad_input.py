@@ -2,6 +2,7 @@
 
 import shutil
 import sqlite3
+import subprocess
 
 import cv2
 import numpy as np
@@ -73,6 +74,27 @@ def test_bad_photos_have_a_status_and_the_good_one_is_localized(scene, localize,
     assert "480 x 360" in run.results["small.png"]["reason"] and "240 x 180" in run.results["small.png"]["reason"]
 
 
+def test_photos_of_other_pixel_formats_are_localized_alike(scene, localize, tmp_path):
+    name = scene.query_names[0]
+    colour = cv2.imread(str(scene.image_path / name))
+    grey = cv2.cvtColor(colour, cv2.COLOR_BGR2GRAY)
+    alpha = np.dstack([colour, np.random.default_rng(0).integers(0, 255, grey.shape, np.uint8)])
+    formats = {"colour.png": colour, "grey.png": grey, "alpha.png": alpha, "grey16.png": grey.astype(np.uint16) * 257,
+               "grey.pgm": grey, "colour.tif": colour}
+    unreadable_by_colmap_3 = {"colour16.png": colour.astype(np.uint16) * 257}
+    for file_name, pixels in {**formats, **unreadable_by_colmap_3}.items():
+        assert cv2.imwrite(str(tmp_path / file_name), pixels)
+    queries = scene.write_queries(tmp_path / "queries.txt", [*formats, *unreadable_by_colmap_3])
+    run = localize("--database_path", scene.database_path, "--input_path", scene.model_path, "--image_path", tmp_path,
+                   "--query_list_path", queries, *photo_scene.SIFT)
+    assert run.exit_code == 0, run.stderr
+    for file_name in formats:
+        assert run.statuses[file_name] == "LOCALIZED", (file_name, run.results[file_name]["reason"])
+        position_error, rotation_error_deg = run.poses[file_name].errors(scene.poses[name])
+        assert position_error < 0.05 and rotation_error_deg < 0.3, file_name
+    assert run.statuses["colour16.png"] in ("UNREADABLE_IMAGE", "LOCALIZED")
+
+
 def test_unknown_camera_is_a_status(scene, localize, tmp_path):
     queries = scene.write_queries(tmp_path / "names.txt", with_camera=False)
     run = localize(*scene.arguments(queries))
@@ -106,12 +128,19 @@ def test_an_image_without_descriptors_is_left_out(scene, queries, localize, chan
     assert run.pair_names(scene.query_names[0]) == scene.database_names[1:]
 
 
-def test_files_that_are_no_index_are_refused(scene, queries, localize, tmp_path):
+def test_unusable_indices_are_refused_and_left_alone(colmap, scene, queries, localize, tmp_path, changed_database):
     path = tmp_path / "index"
-    path.write_text("no index")
-    run = localize(*scene.arguments(queries, "--retrieval_index_path", path))
-    assert_refused(run, path, "is no retrieval index")
-    assert path.read_text() == "no index"
+    renamed = changed_database("UPDATE images SET name = 'other/' || name")
+    subprocess.run([colmap, "lazy_indexer", "--database_path", renamed, "--index_path", path], check=True,
+                   capture_output=True, timeout=300)
+    foreign = path.read_bytes()
+    generation = foreign[foreign.index(b"COLMAP-"):][:8]
+    for content, words in [(b"no index", "is no retrieval index"), (b"", "is no retrieval index"),
+                           (foreign[:-1], "is cut short"), (foreign, "belongs to another"),
+                           (foreign.replace(generation, b"COLMAP-9", 1), "is of another COLMAP generation")]:
+        path.write_bytes(content)
+        assert_refused(localize(*scene.arguments(queries, "--retrieval_index_path", path)), path, words, "delete it")
+        assert path.read_bytes() == content
 
 
 def test_existing_matches_output_is_refused(scene, queries, localize, tmp_path):

@@ -14,6 +14,7 @@ METHODS = (
     "generalized_relative_pose",
     "poselib_generalized",
     "poselib_hybrid",
+    "relative_pose_ransac",
 )
 
 

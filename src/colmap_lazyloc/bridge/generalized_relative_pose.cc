@@ -12,10 +12,21 @@
 #include "colmap_lazyloc/bridge/convert.h"
 
 namespace lazyloc {
+namespace {
+
+// Kneip and Li, Efficient Computation of Relative Pose for Multi-Camera Systems, CVPR 2014. COLMAP 4 gave its name in
+// COLMAP 3 to a minimal solver, which takes a hundred times as long.
+#if __has_include(<colmap/estimators/solvers/generalized_relative_pose.h>)
+using Estimator = colmap::GR8PEstimator;
+#else
+using Estimator = colmap::GR6PEstimator;
+#endif
+
+}  // namespace
 
 std::optional<Rigid3d> EstimateGeneralizedRelativePose(const std::vector<RayMatch>& matches, double max_error_rad,
                                                        uint32_t seed) {
-  std::vector<colmap::GR6PEstimator::X_t> database(matches.size()), query(matches.size());
+  std::vector<Estimator::X_t> database(matches.size()), query(matches.size());
   for (size_t i = 0; i < matches.size(); ++i) {
     database[i] = {ToColmap(matches[i].database_cam_from_world), matches[i].database_ray_in_cam};
     query[i] = {ToColmap(matches[i].query_cam_from_reference), matches[i].query_ray_in_cam};
@@ -27,7 +38,7 @@ std::optional<Rigid3d> EstimateGeneralizedRelativePose(const std::vector<RayMatc
   options.max_num_trials = 500;
   // RANSAC draws from a generator of the thread's.
   colmap::SetPRNGSeed(seed);
-  const auto report = colmap::RANSAC<colmap::GR6PEstimator>(options).Estimate(database, query);
+  const auto report = colmap::RANSAC<Estimator>(options).Estimate(database, query);
   if (!report.success) return std::nullopt;
   return FiniteRigid(report.model.ToMatrix());
 }

@@ -8,6 +8,10 @@
 namespace lazyloc {
 namespace {
 
+// Intrinsics are known, so that a fundamental matrix which more matches agree with has only gathered wrong ones, of like
+// windows for instance. COLMAP asks for 0.95, as that may show it wrong intrinsics.
+constexpr double kMinCalibratedInlierRatio = 0.5;
+
 // In COLMAP 3 zeros stand for a matrix that is not set.
 std::optional<Eigen::Matrix3d> IfSet(std::optional<Eigen::Matrix3d> matrix) {
   if (matrix && matrix->isZero(0)) matrix.reset();
@@ -35,6 +39,7 @@ TwoViewGeometry EstimateTwoViewGeometry(const Camera& database_camera,
   colmap::TwoViewGeometryOptions colmap_options;
   colmap_options.min_num_inliers = options.min_num_inliers;
   colmap_options.ransac_options.max_error = options.max_error_px;
+  colmap_options.min_E_F_inlier_ratio = kMinCalibratedInlierRatio;
   // RANSAC draws from a generator of the thread's.
   colmap::SetPRNGSeed(seed);
   const colmap::Camera camera1 = ToColmap(database_camera);

@@ -11,11 +11,10 @@
 namespace lazyloc {
 namespace {
 
-constexpr int kDim = 128;
 constexpr int kNumWordsOfDatabase = 1;  // nearest words that a database feature is entered under
 constexpr int kNumWordsOfQuery = 5;     // nearest words that a query feature is looked up under
 
-using InvertedIndex = colmap::retrieval::InvertedIndex<uint8_t, kDim, /*kEmbeddingDim=*/64>;
+using InvertedIndex = colmap::retrieval::InvertedIndex<uint8_t, kDescriptorDim, /*kEmbeddingDim=*/64>;
 using WordId = std::remove_const_t<decltype(InvertedIndex::kInvalidWordId)>;  // differs between generations of COLMAP
 
 }  // namespace
@@ -23,8 +22,8 @@ using WordId = std::remove_const_t<decltype(InvertedIndex::kInvalidWordId)>;  //
 struct VisualIndex::Impl {
   explicit Impl(Descriptors descriptors) : words(std::move(descriptors)) {}
 
-  auto FindWords(const Descriptors& descriptors, int num_neighbors) const {
-    return words.Find(descriptors, num_neighbors).cast<WordId>().eval();
+  auto FindWords(const Descriptors& descriptors, int num_neighbors, IdleThreads* idle_threads) const {
+    return words.Find(descriptors, num_neighbors, idle_threads).cast<WordId>().eval();
   }
 
   VisualWords words;
@@ -35,18 +34,18 @@ VisualIndex::VisualIndex(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
 VisualIndex::~VisualIndex() = default;
 VisualIndex::VisualIndex(VisualIndex&&) noexcept = default;
 
-VisualIndex VisualIndex::Train(const Descriptors& training, int num_words, uint32_t seed) {
-  LAZYLOC_CHECK(training.rows() > 0 && training.cols() == kDim);
+VisualIndex VisualIndex::Train(const Descriptors& training, int num_words, uint32_t seed, IdleThreads* idle_threads) {
+  LAZYLOC_CHECK(training.rows() > 0 && training.cols() == kDescriptorDim);
   auto impl = std::make_unique<Impl>(ClusterWords(training, num_words, seed));
   impl->inverted_index.Initialize(static_cast<int>(impl->words.Words().rows()));
   colmap::SetPRNGSeed(seed);
   impl->inverted_index.GenerateHammingEmbeddingProjection();
-  impl->inverted_index.ComputeHammingEmbedding(training, impl->FindWords(training, 1));
+  impl->inverted_index.ComputeHammingEmbedding(training, impl->FindWords(training, 1, idle_threads));
   return VisualIndex(std::move(impl));
 }
 
-void VisualIndex::Add(int image_id, const Descriptors& descriptors) {
-  const auto word_ids = impl_->FindWords(descriptors, kNumWordsOfDatabase);
+void VisualIndex::Add(int image_id, const Descriptors& descriptors, IdleThreads* idle_threads) {
+  const auto word_ids = impl_->FindWords(descriptors, kNumWordsOfDatabase, idle_threads);
   for (Eigen::Index i = 0; i < descriptors.rows(); ++i) {
     for (Eigen::Index k = 0; k < word_ids.cols(); ++k) {
       impl_->inverted_index.AddEntry(image_id, word_ids(i, k), i, descriptors.row(i), {});
@@ -56,9 +55,9 @@ void VisualIndex::Add(int image_id, const Descriptors& descriptors) {
 
 void VisualIndex::Finalize() { impl_->inverted_index.Finalize(); }
 
-std::vector<std::pair<int, float>> VisualIndex::Query(const Descriptors& descriptors) const {
+std::vector<std::pair<int, float>> VisualIndex::Query(const Descriptors& descriptors, IdleThreads* idle_threads) const {
   std::vector<colmap::retrieval::ImageScore> scores;
-  impl_->inverted_index.Query(descriptors, impl_->FindWords(descriptors, kNumWordsOfQuery), &scores);
+  impl_->inverted_index.Query(descriptors, impl_->FindWords(descriptors, kNumWordsOfQuery, idle_threads), &scores);
   std::vector<std::pair<int, float>> ranked;
   for (const colmap::retrieval::ImageScore& score : scores) ranked.emplace_back(score.image_id, score.score);
   std::sort(ranked.begin(), ranked.end(), [](const auto& a, const auto& b) {
@@ -78,7 +77,7 @@ void VisualIndex::Write(std::ofstream* file) const {
 VisualIndex VisualIndex::Read(std::ifstream* file) {
   uint64_t num_words = 0;
   file->read(reinterpret_cast<char*>(&num_words), sizeof(num_words));
-  Descriptors words(static_cast<Eigen::Index>(num_words), kDim);
+  Descriptors words(static_cast<Eigen::Index>(num_words), kDescriptorDim);
   file->read(reinterpret_cast<char*>(words.data()), words.size());
   auto impl = std::make_unique<Impl>(std::move(words));
   impl->inverted_index.Read(file);

@@ -6,6 +6,7 @@
 #include <utility>
 #include <vector>
 
+#include "colmap_lazyloc/math/parallel_for.h"
 #include "colmap_lazyloc/scene/features.h"
 
 namespace lazyloc {
@@ -18,7 +19,7 @@ extern const char* const kVisualIndexFormat;
 class VisualIndex {
  public:
   // training: descriptors of 128 columns, at least one; the vocabulary has at most num_words words.
-  static VisualIndex Train(const Descriptors& training, int num_words, uint32_t seed);
+  static VisualIndex Train(const Descriptors& training, int num_words, uint32_t seed, IdleThreads* idle_threads);
   // Reads what Write has written; the file must be whole.
   static VisualIndex Read(std::ifstream* file);
   ~VisualIndex();
@@ -27,11 +28,11 @@ class VisualIndex {
   void Write(std::ofstream* file) const;
 
   // image_id: not added before.
-  void Add(int image_id, const Descriptors& descriptors);
+  void Add(int image_id, const Descriptors& descriptors, IdleThreads* idle_threads);
   // After the last Add, before the first Query.
   void Finalize();
   // The ids and scores of all images that share a word with the query, best first. Thread-safe.
-  std::vector<std::pair<int, float>> Query(const Descriptors& descriptors) const;
+  std::vector<std::pair<int, float>> Query(const Descriptors& descriptors, IdleThreads* idle_threads) const;
 
  private:
   struct Impl;

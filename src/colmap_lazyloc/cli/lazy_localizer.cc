@@ -13,6 +13,10 @@
 #include "colmap_lazyloc/io/result_writer.h"
 #include "colmap_lazyloc/scene/errors.h"
 
+#ifdef __GLIBC__
+#include <malloc.h>
+#endif
+
 namespace lazyloc {
 namespace {
 
@@ -25,6 +29,15 @@ volatile std::sig_atomic_t interrupted = 0;
 void HandleInterrupt(int) {
   interrupted = 1;
   std::signal(SIGINT, SIG_DFL);
+}
+
+// Each query takes a few megabytes and frees them: kept for the next one, and not given back to the system, they save a
+// tenth of the time.
+void KeepFreedMemory() {
+#ifdef __GLIBC__
+  mallopt(M_TRIM_THRESHOLD, 64 << 20);
+  mallopt(M_MMAP_THRESHOLD, 32 << 20);
+#endif
 }
 
 bool AllLocalized(const std::vector<LocalizationResult>& results) {
@@ -68,6 +81,7 @@ int Run(const CommandOptions& options) {
   for (const std::string& warning : loader.Warnings()) std::cerr << "WARNING: " << warning << std::endl;
   const std::unique_ptr<MatchesOutput> matches_output = MakeMatchesOutput(options, database, loader);
   const std::unique_ptr<PhotoLoader> photo_loader = MakePhotoLoader(options, database, loader);
+  KeepFreedMemory();
   interrupted = 0;
   std::signal(SIGINT, HandleInterrupt);
   Progress progress(loader.QueryNames().size());

@@ -161,7 +161,7 @@ void ForEachOption(Options& o, const Add& add) {
   add("LazyLocalizer.loss_scale_sigma", &o.localizer.bundle_adjustment.loss_scale_sigma,
       "Cauchy scale of bundle adjustment in standard deviations of the image noise");
   add("LazyLocalizer.single_view_noise_ratio", &o.localizer.triangulation.single_view_noise_ratio,
-      "factor on the image noise of points that one database image sees");
+      "factor on the image noise of points that one database image sees; more where these scatter more than others");
   add("LazyLocalizer.max_num_tracks", &o.localizer.max_num_tracks,
       "of more tracks than these, well distributed ones with most image points are used");
   add("LazyLocalizer.max_num_start_tracks", &o.localizer.max_num_start_tracks,
@@ -187,6 +187,7 @@ void ForEachOption(IndexerOptions& o, const Add& add) {
   add("database_path", &o.database_path, "COLMAP database with SIFT descriptors; opened read-only");
   add("index_path", &o.index_path, "file of the index; where it exists, it is brought up to date");
   add("LazyIndexer.num_visual_words", &o.retrieval.num_visual_words, kNumVisualWordsHelp);
+  add("LazyIndexer.num_threads", &o.retrieval.num_threads, "-1 for the number of cores");
 }
 
 // Collects what is no option, so that a message can name it.
@@ -283,6 +284,7 @@ bool ParseCommandLine(int argc, char** argv, CommandOptions* options) {
   options->loader.use_raw_matches = options->localizer.use_raw_matches;
   options->loader.has_photos = !options->photos.image_path.empty();
   options->photos.retrieval.seed = options->localizer.seed;
+  options->photos.retrieval.num_threads = options->num_threads;
   options->loader.groups.rig_config_path = options->rig_config_path;
   options->loader.groups.group_list_path = options->group_list_path;
   options->loader.groups.trajectory_path = options->query_trajectory_path;

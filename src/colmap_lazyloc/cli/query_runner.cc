@@ -113,10 +113,6 @@ void AddTotal(double group_seconds, std::vector<LocalizationResult>* results) {
   }
 }
 
-int EffectiveNumThreads(int num_threads) {
-  return num_threads < 1 ? static_cast<int>(std::max(1u, std::thread::hardware_concurrency())) : num_threads;
-}
-
 }  // namespace
 
 std::vector<LocalizationResult> RunQueries(const Loaders& loaders, const std::string& database_path,

@@ -105,13 +105,14 @@ std::vector<const PhotoLoader::DatabaseView*> PhotoLoader::AllowedViews(const Ph
 }
 
 std::vector<const PhotoLoader::DatabaseView*> PhotoLoader::ChooseViews(const PhotoQuery& photo,
-                                                                       const Descriptors& descriptors) const {
+                                                                       const Descriptors& descriptors,
+                                                                       IdleThreads* idle_threads) const {
   std::vector<const DatabaseView*> allowed = AllowedViews(photo);
   if (!NeedsRetrieval(photo)) return allowed;
   std::map<uint32_t, const DatabaseView*> view_of_id;
   for (const DatabaseView* view : allowed) view_of_id.emplace(view->image_id, view);
   std::vector<const DatabaseView*> chosen;
-  for (const uint32_t image_id : index_->Query(descriptors)) {
+  for (const uint32_t image_id : index_->Query(descriptors, idle_threads)) {
     if (chosen.size() == num_retrieved_) break;
     const auto view = view_of_id.find(image_id);
     if (view != view_of_id.end()) chosen.push_back(view->second);
@@ -157,7 +158,7 @@ LoadedPhoto PhotoLoader::Load(const PhotoQuery& photo, const FeatureReader& feat
   std::vector<const DatabaseView*> views;
   {
     const StageTimer timer("retrieval", seconds);
-    views = ChooseViews(photo, loaded.features->descriptors);
+    views = ChooseViews(photo, loaded.features->descriptors, idle_threads);
   }
   {
     const StageTimer timer("load", seconds);

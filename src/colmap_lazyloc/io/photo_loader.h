@@ -70,7 +70,8 @@ class PhotoLoader {
   Camera CameraOf(const PhotoQuery& photo, const Photo& file) const;
   // Of the posed images with descriptors: those that the pairs file lists, or that the photo's prior allows.
   std::vector<const DatabaseView*> AllowedViews(const PhotoQuery& photo) const;
-  std::vector<const DatabaseView*> ChooseViews(const PhotoQuery& photo, const Descriptors& descriptors) const;
+  std::vector<const DatabaseView*> ChooseViews(const PhotoQuery& photo, const Descriptors& descriptors,
+                                               IdleThreads* idle_threads) const;
   bool NeedsRetrieval(const PhotoQuery& photo) const;
 
   PhotoLoaderOptions options_;

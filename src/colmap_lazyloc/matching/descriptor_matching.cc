@@ -1,49 +1,80 @@
 #include "colmap_lazyloc/matching/descriptor_matching.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <vector>
 
+#include "colmap_lazyloc/math/descriptor_products.h"
 #include "colmap_lazyloc/scene/errors.h"
 #include "colmap_lazyloc/scene/options_check.h"
 
 namespace lazyloc {
 namespace {
 
-constexpr int kDim = 128;
-// Of a descriptor. Scalar products are whole numbers below 2^24: single precision holds them exactly.
-constexpr float kSquaredLength = 512 * 512;
-constexpr Eigen::Index kBlockSize = 128;  // query descriptors at a time
+constexpr float kSquaredLength = 512 * 512;  // of a descriptor
+constexpr int kQueryBlock = 256;             // query descriptors at a time
 
-// The nearest neighbours of each descriptor of one image: largest and second largest scalar product.
-struct Neighbours {
-  explicit Neighbours(Eigen::Index size)
-      : index(Eigen::ArrayXi::Constant(size, -1)), best(Eigen::ArrayXf::Zero(size)), second(best) {}
+// A product and its place in the block, as one number: ordered by product, of equal ones the first is the largest.
+constexpr int32_t ToKey(int32_t product, int place) { return product * 256 + (255 - place); }
+constexpr int32_t ProductOf(int32_t key) { return key / 256; }
+constexpr int PlaceOf(int32_t key) { return 255 - key % 256; }
+static_assert(kMaxDescriptorProduct < (1 << 23) && kQueryBlock <= 256 && kDescriptorBlock <= 256, "keys have 31 bits");
 
-  // The neighbour of a descriptor where it is near enough and clearly the nearest, else -1.
-  int Partner(Eigen::Index descriptor, const SiftMatchingOptions& options) const {
-    if (index[descriptor] < 0) return -1;
-    const float angle = std::acos(std::min(best[descriptor] / kSquaredLength, 1.0f));
-    const float second_angle = std::acos(std::min(second[descriptor] / kSquaredLength, 1.0f));
-    const bool is_good = angle <= static_cast<float>(options.max_distance) &&
-                         angle < static_cast<float>(options.max_ratio) * second_angle;
-    return is_good ? index[descriptor] : -1;
-  }
-
-  Eigen::ArrayXi index;
-  Eigen::ArrayXf best, second;
+// The two largest keys of each row and of each column of a block of products.
+struct BlockNeighbours {
+  std::array<int32_t, kQueryBlock> query_best, query_second;
+  std::array<int32_t, kDescriptorBlock> database_best, database_second;
 };
 
-// Takes in the products of one query descriptor with all database descriptors, which are changed.
-void AddProducts(int query_point, Eigen::Ref<Eigen::ArrayXf> products, Neighbours* of_query, Neighbours* of_database) {
-  of_database->second = of_database->second.max(of_database->best.min(products));
-  of_database->index = (products > of_database->best).select(query_point, of_database->index);
-  of_database->best = of_database->best.max(products);
-  Eigen::Index nearest = 0;
-  of_query->best[query_point] = products.maxCoeff(&nearest);
-  of_query->index[query_point] = static_cast<int>(nearest);
-  products[nearest] = 0;
-  of_query->second[query_point] = products.maxCoeff();
+LAZYLOC_ALWAYS_INLINE inline void FindInBlock(const int16_t* query, const int16_t* database, BlockNeighbours* block) {
+  block->database_best.fill(0);
+  block->database_second.fill(0);
+  for (int i = 0; i < kQueryBlock; ++i) {
+    const BlockProducts products = MultiplyBlock(query + i * kDescriptorDim, database);
+    int32_t best = 0, second = 0;
+    for (int j = 0; j < kDescriptorBlock; ++j) {
+      best = std::max(best, ToKey(products[j], j));
+      const int32_t key = ToKey(products[j], i);
+      block->database_second[j] = std::max(block->database_second[j], std::min(block->database_best[j], key));
+      block->database_best[j] = std::max(block->database_best[j], key);
+    }
+    for (int j = 0; j < kDescriptorBlock; ++j) {
+      const int32_t key = ToKey(products[j], j);
+      second = std::max(second, key == best ? 0 : key);
+    }
+    block->query_best[i] = best;
+    block->query_second[i] = second;
+  }
 }
+
+// The nearest neighbour of a descriptor in the other image: its index, largest and second largest product.
+struct Neighbour {
+  int index = -1;
+  int32_t best = 0, second = 0;
+
+  // Takes in the descriptors of the other image's block that begins at `begin`.
+  void Add(int32_t best_key, int32_t second_key, Eigen::Index begin) {
+    const int32_t product = ProductOf(best_key);
+    if (product > best) {
+      second = std::max(best, ProductOf(second_key));
+      best = product;
+      index = static_cast<int>(begin) + PlaceOf(best_key);
+    } else {
+      second = std::max(second, product);
+    }
+  }
+
+  // The index where the neighbour is near enough and clearly the nearest, else -1.
+  int Partner(const SiftMatchingOptions& options) const {
+    if (index < 0) return -1;
+    const float angle = std::acos(std::min(static_cast<float>(best) / kSquaredLength, 1.0f));
+    const float second_angle = std::acos(std::min(static_cast<float>(second) / kSquaredLength, 1.0f));
+    const bool is_good = angle <= static_cast<float>(options.max_distance) &&
+                         angle < static_cast<float>(options.max_ratio) * second_angle;
+    return is_good ? index : -1;
+  }
+};
 
 }  // namespace
 
@@ -57,20 +88,27 @@ bool SiftMatchingOptions::Check(std::string* error) const {
 Matches MatchDescriptors(const Descriptors& query, const Descriptors& database, const SiftMatchingOptions& options) {
   Matches matches;
   if (query.rows() == 0 || database.rows() == 0) return matches;
-  LAZYLOC_CHECK(query.cols() == kDim && database.cols() == kDim);
-  const Eigen::MatrixXf database_rows = database.cast<float>();
-  Neighbours of_query(query.rows()), of_database(database.rows());
-  Eigen::MatrixXf products;  // a column per query descriptor
-  for (Eigen::Index begin = 0; begin < query.rows(); begin += kBlockSize) {
-    const Eigen::Index size = std::min(kBlockSize, query.rows() - begin);
-    products.noalias() = database_rows * query.middleRows(begin, size).transpose().cast<float>();
-    for (Eigen::Index i = 0; i < size; ++i) {
-      AddProducts(static_cast<int>(begin + i), products.col(i).array(), &of_query, &of_database);
+  LAZYLOC_CHECK(query.cols() == kDescriptorDim && database.cols() == kDescriptorDim);
+  const DescriptorRows query_rows = ToBlocks(query, kQueryBlock);
+  const DescriptorRows database_rows = ToBlocks(database, kDescriptorBlock);
+  std::vector<Neighbour> of_query(query_rows.rows()), of_database(database_rows.rows());
+  BlockNeighbours block;
+  for (Eigen::Index query_begin = 0; query_begin < query_rows.rows(); query_begin += kQueryBlock) {
+    for (Eigen::Index begin = 0; begin < database_rows.rows(); begin += kDescriptorBlock) {
+      RunVectorized([&]() LAZYLOC_ALWAYS_INLINE {
+        FindInBlock(query_rows.row(query_begin).data(), database_rows.row(begin).data(), &block);
+      });
+      for (int i = 0; i < kQueryBlock; ++i) {
+        of_query[query_begin + i].Add(block.query_best[i], block.query_second[i], begin);
+      }
+      for (int j = 0; j < kDescriptorBlock; ++j) {
+        of_database[begin + j].Add(block.database_best[j], block.database_second[j], query_begin);
+      }
     }
   }
   for (Eigen::Index i = 0; i < query.rows(); ++i) {
-    const int partner = of_query.Partner(i, options);
-    if (partner < 0 || (options.cross_check && of_database.Partner(partner, options) != i)) continue;
+    const int partner = of_query[i].Partner(options);
+    if (partner < 0 || (options.cross_check && of_database[partner].Partner(options) != i)) continue;
     matches.push_back({static_cast<uint32_t>(i), static_cast<uint32_t>(partner)});
   }
   return matches;

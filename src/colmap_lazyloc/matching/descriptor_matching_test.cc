@@ -11,6 +11,7 @@
 namespace lazyloc {
 namespace {
 
+using ::testing::ElementsAre;
 using ::testing::IsEmpty;
 
 // For each descriptor of `a` the one of `b` that COLMAP's rules give, or -1: by their definition, in whole numbers.
@@ -82,6 +83,13 @@ TEST(MatchDescriptors, DistanceLimitRefusesWhatIsFar) {
   EXPECT_GT(MatchDescriptors(query, database, options).size(), 10u);
   options.max_distance = 0.3;
   EXPECT_THAT(MatchDescriptors(query, database, options), IsEmpty());
+}
+
+TEST(MatchDescriptors, LargestProductsAreExact) {
+  const Descriptors query = Descriptors::Constant(1, 128, 255);
+  Descriptors database = Descriptors::Constant(70, 128, 1);
+  database.row(67).setConstant(255);
+  EXPECT_THAT(MatchDescriptors(query, database, {}), ElementsAre(Match{0, 67}));
 }
 
 TEST(MatchDescriptors, EmptyImagesHaveNoMatches) {

@@ -19,6 +19,7 @@ struct PhotoMatchingOptions {
 
 struct RetrievalOptions {
   int num_visual_words = 16384;  // at most; small databases have fewer
+  int num_threads = -1;          // of making the index; -1: the number of cores
   int seed = 0;
 
   bool Check(std::string* error) const;

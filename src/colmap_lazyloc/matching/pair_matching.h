@@ -5,7 +5,7 @@
 
 #include "colmap_lazyloc/bridge/two_view_geometry.h"
 #include "colmap_lazyloc/matching/descriptor_matching.h"
-#include "colmap_lazyloc/matching/parallel_for.h"
+#include "colmap_lazyloc/math/parallel_for.h"
 #include "colmap_lazyloc/scene/features.h"
 #include "colmap_lazyloc/scene/localization_problem.h"
 #include "colmap_lazyloc/scene/stage_timer.h"

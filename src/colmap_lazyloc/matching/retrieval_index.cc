@@ -1,11 +1,14 @@
 #include "colmap_lazyloc/matching/retrieval_index.h"
 
+#include <unistd.h>
+
 #include <algorithm>
 #include <fstream>
 #include <random>
 #include <system_error>
 #include <type_traits>
 
+#include "colmap_lazyloc/math/descriptor_products.h"
 #include "colmap_lazyloc/scene/errors.h"
 
 namespace lazyloc {
@@ -36,7 +39,8 @@ Descriptors SampleDescriptors(const std::vector<DatabaseImage>& images, const Fe
                               size_t num_available, size_t num_wanted, int seed) {
   const double ratio = std::min(1.0, static_cast<double>(num_wanted) / static_cast<double>(num_available));
   std::mt19937 random(static_cast<uint32_t>(seed));
-  Descriptors sample(static_cast<Eigen::Index>(std::min(num_available, num_wanted + num_wanted / 8 + 1000)), 128);
+  Descriptors sample(static_cast<Eigen::Index>(std::min(num_available, num_wanted + num_wanted / 8 + 1000)),
+                     kDescriptorDim);
   Eigen::Index num_rows = 0;
   for (const DatabaseImage& image : images) {
     const Descriptors descriptors = features.Read(image.image_id).descriptors;
@@ -75,8 +79,9 @@ RetrievalIndex::RetrievalIndex(const fs::path& path, const std::vector<DatabaseI
     }
     RemoveStaleEntries(num_descriptors);
   }
-  if (!visual_index_ || IsOutgrown(described.size())) Train(described, features, options);
-  AddNewEntries(described, num_descriptors, features);
+  IdleThreads idle_threads(EffectiveNumThreads(options.num_threads) - 1);
+  if (!visual_index_ || IsOutgrown(described.size())) Train(described, features, options, &idle_threads);
+  AddNewEntries(described, num_descriptors, features, &idle_threads);
   for (const DatabaseImage& image : described) image_of_index_id_[entries_.at(image.name).index_id] = image.image_id;
   const bool has_changed = changes_.is_trained || changes_.num_added > 0 || changes_.num_removed > 0;
   if (!path.empty() && has_changed) Write(path);
@@ -98,7 +103,7 @@ void RetrievalIndex::RemoveStaleEntries(const std::map<std::string, uint64_t>& n
 }
 
 void RetrievalIndex::Train(const std::vector<DatabaseImage>& images, const FeatureReader& features,
-                           const RetrievalOptions& options) {
+                           const RetrievalOptions& options, IdleThreads* idle_threads) {
   entries_.clear();
   next_index_id_ = 1;
   changes_.is_trained = true;
@@ -109,25 +114,25 @@ void RetrievalIndex::Train(const std::vector<DatabaseImage>& images, const Featu
   const Descriptors sample =
       SampleDescriptors(images, features, num_available, num_words * kDescriptorsPerWord, options.seed);
   visual_index_ = std::make_unique<VisualIndex>(
-      VisualIndex::Train(sample, static_cast<int>(num_words), static_cast<uint32_t>(options.seed)));
+      VisualIndex::Train(sample, static_cast<int>(num_words), static_cast<uint32_t>(options.seed), idle_threads));
 }
 
 void RetrievalIndex::AddNewEntries(const std::vector<DatabaseImage>& images,
                                    const std::map<std::string, uint64_t>& num_descriptors,
-                                   const FeatureReader& features) {
+                                   const FeatureReader& features, IdleThreads* idle_threads) {
   for (const DatabaseImage& image : images) {
     if (entries_.count(image.name) > 0) continue;
     const Entry entry = {next_index_id_++, num_descriptors.at(image.name)};
-    visual_index_->Add(entry.index_id, features.Read(image.image_id).descriptors);
+    visual_index_->Add(entry.index_id, features.Read(image.image_id).descriptors, idle_threads);
     entries_.emplace(image.name, entry);
     ++changes_.num_added;
   }
   visual_index_->Finalize();
 }
 
-std::vector<uint32_t> RetrievalIndex::Query(const Descriptors& query) const {
+std::vector<uint32_t> RetrievalIndex::Query(const Descriptors& query, IdleThreads* idle_threads) const {
   std::vector<uint32_t> image_ids;
-  for (const auto& [index_id, score] : visual_index_->Query(query)) {
+  for (const auto& [index_id, score] : visual_index_->Query(query, idle_threads)) {
     const auto image = image_of_index_id_.find(index_id);
     if (image != image_of_index_id_.end()) image_ids.push_back(image->second);
   }
@@ -136,7 +141,7 @@ std::vector<uint32_t> RetrievalIndex::Query(const Descriptors& query) const {
 
 void RetrievalIndex::Write(const fs::path& path) const {
   fs::path staged = path;
-  staged += ".new";
+  staged += ".new" + std::to_string(getpid());  // other processes may write the same index
   std::ofstream file(staged, std::ios::binary | std::ios::trunc);
   file << kMagic << ' ' << kVisualIndexFormat << '\n';
   const std::streampos size_position = file.tellp();

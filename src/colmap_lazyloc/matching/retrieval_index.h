@@ -34,7 +34,7 @@ class RetrievalIndex {
   const Changes& LastChanges() const { return changes_; }
   size_t NumImages() const { return entries_.size(); }
   // Ids in the database of the images that look like the query, best first. Thread-safe.
-  std::vector<uint32_t> Query(const Descriptors& query) const;
+  std::vector<uint32_t> Query(const Descriptors& query, IdleThreads* idle_threads) const;
 
  private:
   struct Entry {
@@ -47,8 +47,9 @@ class RetrievalIndex {
   bool IsOutgrown(size_t num_images) const;
   void RemoveStaleEntries(const std::map<std::string, uint64_t>& num_descriptors);
   void AddNewEntries(const std::vector<DatabaseImage>& images, const std::map<std::string, uint64_t>& num_descriptors,
-                     const FeatureReader& features);
-  void Train(const std::vector<DatabaseImage>& images, const FeatureReader& features, const RetrievalOptions& options);
+                     const FeatureReader& features, IdleThreads* idle_threads);
+  void Train(const std::vector<DatabaseImage>& images, const FeatureReader& features, const RetrievalOptions& options,
+             IdleThreads* idle_threads);
 
   std::unique_ptr<VisualIndex> visual_index_;
   std::map<std::string, Entry> entries_;  // by image name

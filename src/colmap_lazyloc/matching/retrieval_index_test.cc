@@ -43,9 +43,10 @@ class RetrievalIndexTest : public ::testing::Test {
     return {path, DatabaseReader(database_path).ReadImages(), FeatureReader(database_path), options};
   }
 
-  static void ExpectFinds(const RetrievalIndex& index, const std::vector<uint32_t>& image_ids) {
+  void ExpectFinds(const RetrievalIndex& index, const std::vector<uint32_t>& image_ids) {
     for (const uint32_t id : image_ids) {
-      const std::vector<uint32_t> found = index.Query(WithNoise(RandomDescriptors(kNumDescriptors, id), 99));
+      const std::vector<uint32_t> found =
+          index.Query(WithNoise(RandomDescriptors(kNumDescriptors, id), 99), &idle_threads_);
       ASSERT_FALSE(found.empty());
       EXPECT_EQ(found.front(), id);
     }
@@ -57,6 +58,7 @@ class RetrievalIndexTest : public ::testing::Test {
   }
 
   TestFolder folder_;
+  IdleThreads idle_threads_{1};
 };
 
 TEST_F(RetrievalIndexTest, FindsImagesAndIsReadAgainAsItWasWritten) {
@@ -71,8 +73,8 @@ TEST_F(RetrievalIndexTest, FindsImagesAndIsReadAgainAsItWasWritten) {
   EXPECT_EQ(ReadBytes(folder_ / "index"), bytes);
   for (uint32_t id = 1; id <= 5; ++id) {
     const Descriptors query = WithNoise(RandomDescriptors(kNumDescriptors, id), 7);
-    EXPECT_EQ(read.Query(query), made.Query(query));
-    EXPECT_EQ(read.Query(query), Open(database, "").Query(query));
+    EXPECT_EQ(read.Query(query, &idle_threads_), made.Query(query, &idle_threads_));
+    EXPECT_EQ(read.Query(query, &idle_threads_), Open(database, "").Query(query, &idle_threads_));
   }
 }
 
@@ -84,7 +86,7 @@ TEST_F(RetrievalIndexTest, AddedAndRemovedImagesNeedNoTraining) {
   EXPECT_EQ(index.LastChanges().num_added, 2u);
   EXPECT_EQ(index.LastChanges().num_removed, 1u);
   ExpectFinds(index, {2, 3, 4, 5, 6, 7});
-  for (const uint32_t id : index.Query(RandomDescriptors(kNumDescriptors, 1))) EXPECT_NE(id, 1u);
+  for (const uint32_t id : index.Query(RandomDescriptors(kNumDescriptors, 1), &idle_threads_)) EXPECT_NE(id, 1u);
   EXPECT_EQ(Open(changed).LastChanges().num_added, 0u);
 }
 

@@ -20,8 +20,10 @@ constexpr int kMaxNumEstimates = 8;
 // No keypoint is found this badly: poses of the database must be off.
 constexpr double kLoudNoisePx = 6;
 
-void AddQueries(double max_query_error_sigma, QueryState* state) {
+void AddQueries(double max_query_error_sigma, double single_view_spread, QueryState* state) {
   TrackTriangulationOptions options = state->options.triangulation;
+  // By the variances' ratio: wrong matches do not only scatter, they also agree with the relative pose that chose them.
+  options.single_view_noise_ratio *= single_view_spread;
   options.max_query_error_sigma = max_query_error_sigma;
   state->tracks = TracksFittingQuery(state->views, std::move(state->tracks_from_database), max_query_error_sigma);
   for (Track& track : TriangulateWithQuery(state->views, std::move(state->tracks_with_query), options)) {
@@ -77,23 +79,28 @@ double ExpectedDatabaseNoisePx(const QueryState& state) {
   return median_px > kLoudNoisePx ? median_px : state.options.database_pose_noise_px;
 }
 
-// Adjusts under priors and estimates their size from the outcome; again while it changes, at most max_num_estimates
-// times.
-double AdjustWithPriors(double noise_px, int max_num_estimates, QueryState* state) {
+// Adjusts under priors of noise_px.
+std::vector<ViewScale> AdjustWithPriors(double noise_px, QueryState* state) {
+  std::vector<ViewScale> scales = MeasureViewScales(state->views, state->tracks);
+  SetPriors(noise_px, scales, state);
+  Adjust(state);
+  return scales;
+}
+
+// Adjusts under priors and estimates their size from the outcome; again while it changes, if it is loud.
+double EstimatePriors(double noise_px, QueryState* state) {
   const LocalizerOptions& options = state->options;
   const bool is_stated = options.database_pose_stddev_deg >= 0 && options.database_pose_stddev_length >= 0;
   const bool is_loud = !is_stated && noise_px > options.database_pose_noise_px;
   for (int i = 0;; ++i) {
-    const std::vector<ViewScale> scales = MeasureViewScales(state->views, state->tracks);
-    SetPriors(noise_px, scales, state);
-    Adjust(state);
+    const std::vector<ViewScale> scales = AdjustWithPriors(noise_px, state);
     const double variance_factor =
         VarianceFactor(state->views, state->tracks, options.bundle_adjustment.loss_scale_sigma);
     const double estimate_px = EstimateDatabasePoseNoise(state->views, scales, state->adjustment.pose_covariances,
                                                          variance_factor, options.database_pose_noise_px);
     const bool is_settled = !is_loud || std::abs(std::log(estimate_px / noise_px)) < 0.1;
     noise_px = estimate_px;
-    if (is_settled || i + 1 >= max_num_estimates) return noise_px;
+    if (is_settled || i + 1 >= kMaxNumEstimates) return noise_px;
     EstimateViewNoise(state->tracks, options.min_noise_px, &state->views);
   }
 }
@@ -104,6 +111,7 @@ void OptimizeOverTracks(QueryState* state) {
   const LocalizerOptions& options = state->options;
   double max_query_error_sigma = options.max_start_error_sigma;
   double database_noise_px = options.database_pose_noise_px;
+  double single_view_spread = 1;
   for (int round = 0;; ++round) {
     const bool is_last = round + 1 == options.num_refinement_rounds;
     {
@@ -115,18 +123,23 @@ void OptimizeOverTracks(QueryState* state) {
                                     options.triangulation, &state->tracks_with_query);
       }
       if (is_last) CheckRigs(state);
-      AddQueries(max_query_error_sigma, state);
+      AddQueries(max_query_error_sigma, single_view_spread, state);
     }
     const StageTimer timer("adjustment", &state->seconds);
     if (round == 0) {
       // The start is rough: its errors would be taken for errors of the database.
       Adjust(state);
+    } else if (is_last) {
+      AdjustWithPriors(database_noise_px, state);
     } else {
-      database_noise_px = AdjustWithPriors(database_noise_px, is_last ? 1 : kMaxNumEstimates, state);
+      database_noise_px = EstimatePriors(database_noise_px, state);
     }
     if (is_last) break;
     EstimateViewNoise(state->tracks, options.min_noise_px, &state->views);
-    if (round == 0) database_noise_px = ExpectedDatabaseNoisePx(*state);
+    if (round == 0) {
+      database_noise_px = ExpectedDatabaseNoisePx(*state);
+      single_view_spread = MeasureSingleViewSpread(state->tracks, state->views);
+    }
     max_query_error_sigma = options.triangulation.max_query_error_sigma;
     if (options.use_raw_matches) CollectTracksAgain(state);
   }

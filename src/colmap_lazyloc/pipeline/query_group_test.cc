@@ -190,6 +190,26 @@ TEST(QueryGroup, TrajectoryWhoseScaleIsOpenFallsApart) {
   for (const LocalizationResult& result : Localize(scene)) EXPECT_EQ(result.status, QueryStatus::SCALE_UNOBSERVABLE);
 }
 
+TEST(QueryGroup, LoneImagesOfUnknownFocalLengthAndAblationsAreEachByThemselves) {
+  SyntheticGroupOptions options;
+  options.pixel_noise_px = 1;
+  options.num_frames = 3;
+  options.num_sensors = 1;
+  const SyntheticGroup scene = MakeSyntheticGroup(options);
+  LocalizerOptions refine, ablation;
+  refine.refine_focal_length = true;  // the cameras have no prior focal length
+  ablation.post_optimization = PostOptimization::SAMPSON;
+  for (const LocalizerOptions& localizer : {refine, ablation}) {
+    const std::vector<LocalizationResult> results = LocalizeGroup(scene.group, localizer);
+    for (size_t i = 0; i < results.size(); ++i) {
+      const LocalizationResult alone = LocalizeQuery(scene.group.members[i].problem, localizer);
+      ASSERT_EQ(results[i].status, QueryStatus::LOCALIZED) << results[i].reason;
+      EXPECT_EQ(results[i].cam_from_world.translation, alone.cam_from_world.translation);
+      EXPECT_EQ(results[i].is_camera_refined, localizer.refine_focal_length);
+    }
+  }
+}
+
 // Of 60 queries with their own database views, the reduced camera system is sparse.
 TEST(QueryGroup, LongVideoIsExact) {
   SyntheticVideoOptions options;

@@ -7,7 +7,6 @@
 
 #include <Eigen/Cholesky>
 #include <Eigen/Geometry>
-#include <Eigen/LU>
 
 #include "colmap_lazyloc/math/robust_weights.h"
 #include "colmap_lazyloc/math/so3.h"
@@ -20,8 +19,7 @@
 namespace lazyloc {
 namespace {
 
-// What is known of a pose is what its observations leave: this part of each diagonal element keeps motions that nothing
-// shows from an infinite variance.
+// The least damping: this part of each diagonal element keeps motions that nothing shows from an infinite variance.
 constexpr double kRegularization = 1e-12;
 
 // A view that the solver moves, with those that follow it: six parameters, and a seventh where any focal length or scale of
@@ -114,42 +112,42 @@ class BundleSolver {
   StageSummary Minimize() {
     StageSummary summary;
     double damping = 1e-4;
-    System current, trial;
+    System trial;
     State next = state_;
-    if (!Build(state_, damping, &current)) return {false, "a point lies behind a camera at the start", 0, current.cost};
+    if (!Build(state_, damping, &system_)) return {false, "a point lies behind a camera at the start", 0, system_.cost};
     summary.message = "no convergence";
     for (; summary.iterations < options_.max_num_iterations; ++summary.iterations) {
-      const double next_damping = std::max(damping / 10, 1e-12);
-      const double step_sigma = Step(current, &next);
-      if (!std::isfinite(step_sigma) || !Build(next, next_damping, &trial) || !(trial.cost < current.cost)) {
+      const double step_sigma = Step(system_, &next);
+      const bool is_last = step_sigma < options_.convergence_sigma;
+      const double next_damping = is_last ? kRegularization : std::max(damping / 10, kRegularization);
+      if (!std::isfinite(step_sigma) || !Build(next, next_damping, &trial) || !(trial.cost < system_.cost)) {
         damping *= 10;
         if (damping > 1e8) {
           summary.message = "no step lowers the cost";
           break;
         }
-        Build(state_, damping, &current);
+        Build(state_, damping, &system_);
         continue;
       }
       damping = next_damping;
       std::swap(state_, next);
-      std::swap(current, trial);
-      if (step_sigma < options_.convergence_sigma) {
+      std::swap(system_, trial);
+      if (is_last) {
         summary.message = "converged";
         break;
       }
     }
+    if (damping != kRegularization) Build(state_, kRegularization, &system_);
     summary.success = true;
-    summary.cost = current.cost;
+    summary.cost = system_.cost;
     return summary;
   }
 
   const State& Solution() const { return state_; }
 
-  // Of each camera's parameters.
+  // Of each camera's parameters, at the minimum.
   std::vector<CameraMatrix> Covariances() {
-    System system;
-    Build(state_, kRegularization, &system);
-    if (camera_system_->Factorize(system.reduced)) return camera_system_->DiagonalOfInverse();
+    if (camera_system_->Factorize(system_.reduced)) return camera_system_->DiagonalOfInverse();
     return std::vector<CameraMatrix>(state_.cameras.size(), CameraMatrix::Identity() / kRegularization);
   }
 
@@ -299,6 +297,7 @@ class BundleSolver {
   std::vector<FreeObservation> free_;
   std::vector<Range> fixed_range_, free_range_;  // per track
   State state_;
+  System system_;  // around the state
 };
 
 template <int kSize>
@@ -315,17 +314,14 @@ BundleAdjustmentResult Adjust(const BundleAdjustmentOptions& options, std::vecto
   for (size_t i = 0; i < views->size(); ++i) {
     View& view = (*views)[i];
     if (IsConstant(view)) continue;
-    if (view.rig_link) {  // references come before
-      const View& reference = (*views)[view.rig_link->reference];
-      camera_of_view[i] = camera_of_view[view.rig_link->reference];
-      const double scale = std::exp(solver.Solution().cameras[camera_of_view[i]].log_factor);
-      if (reference.seeks_rig_scale) view.rig_link->cam_from_reference.translation *= scale;
-      result.pose_covariances[i] =
-          LinkedCovariance(*view.rig_link, reference.seeks_rig_scale, covariances[camera_of_view[i]]);
+    camera_of_view[i] = view.rig_link ? camera_of_view[view.rig_link->reference] : next_camera++;
+    const Camera& camera = solver.Solution().cameras[camera_of_view[i]];
+    if (view.rig_link) {
+      const bool seeks_scale = (*views)[view.rig_link->reference].seeks_rig_scale;
+      if (seeks_scale) view.rig_link->cam_from_reference.translation *= std::exp(camera.log_factor);
+      result.pose_covariances[i] = LinkedCovariance(*view.rig_link, seeks_scale, covariances[camera_of_view[i]]);
       continue;
     }
-    camera_of_view[i] = next_camera++;
-    const Camera& camera = solver.Solution().cameras[camera_of_view[i]];
     view.cam_from_world = camera.cam_from_world;
     if (view.log_focal_factor) view.log_focal_factor = camera.log_factor;
     result.pose_covariances[i] = covariances[camera_of_view[i]].template topLeftCorner<6, 6>();
@@ -348,10 +344,9 @@ bool BundleAdjustmentOptions::Check(std::string* error) const {
 
 BundleAdjustmentResult AdjustBundle(const BundleAdjustmentOptions& options, std::vector<View>* views,
                                     std::vector<Track>* tracks) {
-  const bool seeks_factor = std::any_of(views->begin(), views->end(), [](const View& view) {
-    return view.log_focal_factor.has_value() || view.seeks_rig_scale;
-  });
-  return seeks_factor ? Adjust<7>(options, views, tracks) : Adjust<6>(options, views, tracks);
+  const auto seeks_factor = [](const View& view) { return view.log_focal_factor || view.seeks_rig_scale; };
+  return std::any_of(views->begin(), views->end(), seeks_factor) ? Adjust<7>(options, views, tracks)
+                                                                 : Adjust<6>(options, views, tracks);
 }
 
 }  // namespace lazyloc

@@ -13,7 +13,7 @@ namespace lazyloc {
 struct BundleAdjustmentOptions {
   double loss_scale_sigma = 2;  // Cauchy scale, in the views' standard deviations
   int max_num_iterations = 50;
-  double convergence_sigma = 0.05;  // end when a step moves the poses by less, in their standard deviations
+  double convergence_sigma = 0.2;  // the step that moves the poses by less, in standard deviations, is the last one
 
   bool Check(std::string* error) const;
 };

@@ -78,9 +78,11 @@ class CameraSystem {
     std::vector<Matrix> diagonal(columns_of_row_.size());
     const Eigen::Index size = kSize * NumCameras();
     if (IsDense()) {
-      const Eigen::MatrixXd inverse = dense_.solve(Eigen::MatrixXd::Identity(size, size));
+      // The inverse is R^T R.
+      const Eigen::MatrixXd R = dense_.matrixL().solve(Eigen::MatrixXd::Identity(size, size));
       for (size_t a = 0; a < diagonal.size(); ++a) {
-        diagonal[a] = inverse.template block<kSize, kSize>(kSize * a, kSize * a);
+        const auto columns = R.template middleCols<kSize>(kSize * a);
+        diagonal[a] = columns.transpose() * columns;
       }
       return diagonal;
     }

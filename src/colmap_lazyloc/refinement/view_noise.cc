@@ -14,7 +14,30 @@ constexpr double kMedianOfNorm = 1.17741;
 // As many tracks of a view weigh as much as all others together.
 constexpr double kNumPriorTracks = 20;
 
+// Median of the chi-square distribution, as a part of its mean (Wilson and Hilferty 1931).
+double MedianOfMean(double num_freedoms) { return std::pow(1 - 2 / (9 * num_freedoms), 3); }
+
 }  // namespace
+
+double MeasureSingleViewSpread(const std::vector<Track>& tracks, const std::vector<View>& views) {
+  std::vector<double> single, others;
+  for (const Track& track : tracks) {
+    double squared_error = 0;
+    int num_database_views = 0;
+    for (const TrackObservation& element : track.observations) {
+      const View& view = views[element.view];
+      num_database_views += view.is_database;
+      const Eigen::Vector3d point_in_cam = view.cam_from_world * track.point_in_world;
+      squared_error += ReprojectionError(element.observation, point_in_cam).squaredNorm() / std::pow(view.noise_px, 2);
+    }
+    const double num_freedoms = 2.0 * static_cast<double>(track.observations.size()) - 3;
+    (num_database_views > 1 ? others : single).push_back(squared_error / (num_freedoms * MedianOfMean(num_freedoms)));
+  }
+  if (single.empty() || others.empty()) return 1;
+  const double num_tracks = static_cast<double>(single.size());
+  const double spread = Median(std::move(single)) / std::max(Median(std::move(others)), 1e-18);
+  return std::pow(std::max(spread, 1.0), num_tracks / (num_tracks + kNumPriorTracks));
+}
 
 void EstimateViewNoise(const std::vector<Track>& tracks, double min_noise_px, std::vector<View>* views) {
   std::vector<std::vector<double>> errors_px(views->size());

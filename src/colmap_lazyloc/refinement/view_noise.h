@@ -12,4 +12,9 @@ namespace lazyloc {
 // serves both. Never below min_noise_px.
 void EstimateViewNoise(const std::vector<Track>& tracks, double min_noise_px, std::vector<View>* views);
 
+// How many times the variance of the image points of others those of points that only one database image sees have, for
+// what their views' noise lets expect; at least 1, and nearer to it the fewer they are. Wrong matches along epipolar
+// lines, of like windows say, are found out where several database images see a point; where one does, they show here.
+double MeasureSingleViewSpread(const std::vector<Track>& tracks, const std::vector<View>& views);
+
 }  // namespace lazyloc

@@ -1,5 +1,7 @@
 #include "colmap_lazyloc/refinement/view_noise.h"
 
+#include <utility>
+
 #include <gtest/gtest.h>
 
 #include "colmap_lazyloc/refinement/bundle_adjustment.h"
@@ -52,6 +54,34 @@ TEST(ViewNoise, WithoutTracksNothingChanges) {
   scene.views[0].noise_px = 7;
   EstimateViewNoise({}, 0.25, &scene.views);
   EXPECT_EQ(scene.views[0].noise_px, 7);
+}
+
+// Tracks of noise_px = 1, and as many that only the query and a database image see, of another noise.
+double SpreadOf(double single_view_noise_px) {
+  SyntheticTracksOptions options;
+  options.num_points = 600;
+  options.noise_px = 1;
+  SyntheticTracks scene = MakeSyntheticTracks(options);
+  options.noise_px = single_view_noise_px;
+  for (Track& track : MakeSyntheticTracks(options).tracks) {
+    track.observations.resize(2);
+    scene.tracks.push_back(std::move(track));
+  }
+  for (View& view : scene.views) view.noise_px = 1;
+  EXPECT_TRUE(AdjustBundle({}, &scene.views, &scene.tracks).summary.success);
+  return MeasureSingleViewSpread(scene.tracks, scene.views);
+}
+
+TEST(SingleViewSpread, IsTheRatioOfVariances) {
+  EXPECT_NEAR(SpreadOf(1), 1, 0.25);
+  EXPECT_NEAR(SpreadOf(2), 4, 1);
+  EXPECT_EQ(SpreadOf(0.5), 1) << "better matches are not believed more";
+}
+
+TEST(SingleViewSpread, IsOneWithoutTracksToCompare) {
+  const SyntheticTracks scene = MakeSyntheticTracks({});
+  EXPECT_EQ(MeasureSingleViewSpread({}, scene.views), 1);
+  EXPECT_EQ(MeasureSingleViewSpread(scene.tracks, scene.views), 1);
 }
 
 }  // namespace

@@ -1,4 +1,4 @@
-#include "colmap_lazyloc/matching/parallel_for.h"
+#include "colmap_lazyloc/math/parallel_for.h"
 
 #include <algorithm>
 #include <exception>
@@ -6,6 +6,10 @@
 #include <vector>
 
 namespace lazyloc {
+
+int EffectiveNumThreads(int num_threads) {
+  return num_threads < 1 ? static_cast<int>(std::max(1u, std::thread::hardware_concurrency())) : num_threads;
+}
 
 int IdleThreads::Take(int wanted) {
   int count = count_;

@@ -6,6 +6,9 @@
 
 namespace lazyloc {
 
+// Of an option num_threads, where -1 stands for the number of cores.
+int EffectiveNumThreads(int num_threads);
+
 // Threads that nobody uses at the moment: queries run one per thread, and a query's pairs also on those left over.
 class IdleThreads {
  public:

@@ -1,4 +1,4 @@
-#include "colmap_lazyloc/matching/parallel_for.h"
+#include "colmap_lazyloc/math/parallel_for.h"
 
 #include <atomic>
 #include <stdexcept>

@@ -1,0 +1,162 @@
+#!/usr/bin/env python3
+"""The retrieval index: which images it finds, how large it is and how long it takes to make and to refresh.
+
+Recall: every fourth image of a scene is a query, all others are the database, and COLMAP's matching of all of them
+says which K images share the most verified matches with a query. How many of these does the index name first?
+
+Growth: databases of descriptors drawn at random from the scene's, with noise, as large as --num_images says. One image
+is removed then, and another one added: what refreshing costs.
+
+Prints tables; what is matched is kept in --work_path.
+"""
+
+import argparse
+import pathlib
+import resource
+import shutil
+import sqlite3
+import sys
+import tempfile
+
+import numpy as np
+
+import photo_scenes
+
+from environment import describe_environment  # of benchmarks/localization; photo_scenes sets the path
+from matches import MatchDatabase, MIN_NUM_INLIERS
+
+NOISE = 8  # of each column of a synthetic descriptor, standard deviation; a descriptor's length is 512
+DESCRIPTOR_SIZE = 128
+
+
+def main(arguments: list[str]) -> int:
+    options = parse(arguments)
+    print(*describe_environment(), "", sep="\n")
+    fold = photo_scenes.make_fold(options.scene_path, 0, options.work_path, options.colmap)
+    print(recall_table(fold, options.num_retrieved), "\n")
+    print(growth_table(fold, options.num_images, options.num_features))
+    return 0
+
+
+def recall_table(fold: photo_scenes.Fold, counts: list[int]) -> str:
+    with MatchDatabase(fold.matched_path) as database:
+        num_inliers = {query: {name: database.num_inliers(query, name) for name in fold.database_names}
+                       for query in fold.query_names}
+    lines = [f"{fold.scene.name}, {len(fold.query_names)} queries, {len(fold.database_names)} database images\n",
+             "| K | of the K images with most verified matches | of the best 5 | the best | of their matches |",
+             "|---|---|---|---|---|"]
+    for count in counts:
+        run = fold.localize_photos("retrieval", "--LazyLocalizer.num_retrieved", count)
+        found = {query: {pair["name"] for pair in record["pairs"]} for query, record in run.records.items()}
+        recalls = [[recall(num_inliers[query], found[query], most) for query in found] for most in (count, 5, 1)]
+        shares = [share(num_inliers[query], found[query], count) for query in found]
+        percentages = (f"{100 * np.mean(values):.1f} %" for values in [*recalls, shares])
+        lines.append(f"| {count} | {' | '.join(percentages)} |")
+    return "\n".join(lines)
+
+
+def best_images(num_inliers: dict[str, int], count: int) -> list[str]:
+    """Those that are of use: fewer than `count` where fewer have enough verified matches."""
+    best = sorted(num_inliers, key=lambda name: -num_inliers[name])[:count]
+    return [name for name in best if num_inliers[name] >= MIN_NUM_INLIERS]
+
+
+def recall(num_inliers: dict[str, int], found: set[str], count: int) -> float:
+    best = best_images(num_inliers, count)
+    return len(found.intersection(best)) / len(best)
+
+
+def share(num_inliers: dict[str, int], found: set[str], count: int) -> float:
+    """Verified matches of the images that were found, of those of as many best ones."""
+    best = best_images(num_inliers, count)
+    return sum(num_inliers[name] for name in found) / sum(num_inliers[name] for name in best)
+
+
+def growth_table(fold: photo_scenes.Fold, counts: list[int], num_features: int) -> str:
+    lines = [f"{num_features} synthetic descriptors an image; seconds of one core\n",
+             "| images | index, MB | made | opened | one image removed | one image added |",
+             "|---|---|---|---|---|---|"]
+    for count in counts:
+        with tempfile.TemporaryDirectory(dir=fold.work_path) as folder:
+            lines.append(growth_row(fold, pathlib.Path(folder), count, num_features))
+            print(lines[-1], file=sys.stderr)
+    return "\n".join(lines)
+
+
+def growth_row(fold: photo_scenes.Fold, folder: pathlib.Path, count: int, num_features: int) -> str:
+    database_path, index_path = folder / "synthetic.db", folder / "synthetic.index"
+    synthetic = SyntheticDatabase(fold.photo_path, database_path, num_features)
+    synthetic.add(range(1, count + 1))
+    seconds = [index_core_seconds(fold, database_path, index_path, f"made, {count} images")]
+    size_mb = index_path.stat().st_size / 1e6
+    seconds.append(index_core_seconds(fold, database_path, index_path, "0 added, 0 removed"))
+    synthetic.remove(count // 2)
+    seconds.append(index_core_seconds(fold, database_path, index_path, "0 added, 1 removed"))
+    synthetic.add([count + 1])
+    seconds.append(index_core_seconds(fold, database_path, index_path, "1 added, 0 removed"))
+    synthetic.close()
+    return f"| {count} | {size_mb:.1f} | " + " | ".join(f"{value:.2f}" for value in seconds) + " |"
+
+
+def index_core_seconds(fold: photo_scenes.Fold, database_path, index_path, expected: str) -> float:
+    before = core_seconds()
+    output = photo_scenes.run_colmap(fold.colmap, "lazy_indexer", "--database_path", database_path,
+                                     "--index_path", index_path)
+    if expected not in output:
+        raise RuntimeError(f"lazy_indexer says '{output.strip()}' instead of '{expected}'")
+    return core_seconds() - before
+
+
+def core_seconds() -> float:
+    """Of the programs that were run: on a busy machine, what counts."""
+    usage = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return usage.ru_utime + usage.ru_stime
+
+
+class SyntheticDatabase:
+    """A database in COLMAP's form whose images have descriptors like those of another one."""
+
+    def __init__(self, source_path: pathlib.Path, path: pathlib.Path, num_features: int):
+        shutil.copyfile(source_path, path)
+        self._connection = sqlite3.connect(path)
+        blobs = self._connection.execute("SELECT data FROM descriptors WHERE rows > 0 ORDER BY image_id").fetchall()
+        self._pool = np.concatenate([np.frombuffer(blob, np.uint8).reshape(-1, DESCRIPTOR_SIZE) for (blob,) in blobs])
+        self._num_features = num_features
+        for table in ("keypoints", "descriptors", "images"):
+            self._connection.execute(f"DELETE FROM {table}")
+
+    def add(self, image_ids):
+        for image_id in image_ids:
+            random = np.random.default_rng(image_id)
+            rows = self._pool[random.integers(len(self._pool), size=self._num_features)]
+            noisy = np.clip(rows + np.rint(random.normal(0, NOISE, rows.shape)), 0, 255).astype(np.uint8)
+            keypoints = random.uniform(0, 480, (self._num_features, 2)).astype(np.float32)
+            self._connection.execute("INSERT INTO images (image_id, name, camera_id) VALUES (?, ?, 1)",
+                                     (image_id, f"{image_id:06}.jpg"))
+            for table, values in (("descriptors", noisy), ("keypoints", keypoints)):
+                self._connection.execute(f"INSERT INTO {table} (image_id, rows, cols, data) VALUES (?, ?, ?, ?)",
+                                         (image_id, *values.shape, values.tobytes()))
+        self._connection.commit()
+
+    def close(self):
+        self._connection.close()
+
+    def remove(self, image_id: int):
+        for table in ("keypoints", "descriptors", "images"):
+            self._connection.execute(f"DELETE FROM {table} WHERE image_id = ?", (image_id,))
+        self._connection.commit()
+
+
+def parse(arguments: list[str]) -> argparse.Namespace:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("scene_path", type=pathlib.Path, help="folder with images/ and model/ (text)")
+    parser.add_argument("--colmap", type=pathlib.Path, default=pathlib.Path("build/bin/colmap"), help="our program")
+    parser.add_argument("--work_path", type=pathlib.Path, required=True)
+    parser.add_argument("--num_retrieved", type=int, nargs="*", default=[5, 10, 20], metavar="K")
+    parser.add_argument("--num_images", type=int, nargs="*", default=[100, 1000, 10000], metavar="N")
+    parser.add_argument("--num_features", type=int, default=300, help="of each image of the databases that grow")
+    return parser.parse_args(arguments)
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
