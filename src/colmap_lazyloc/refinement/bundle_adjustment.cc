@@ -89,7 +89,7 @@ class BundleSolver {
       std::vector<int> cameras;  // ascending
       for (const TrackObservation& element : track.observations) {
         const View& view = views[element.view];
-        const double residual_from_px = 1 / (track.noise_ratio * view.noise_px);
+        const double residual_from_px = ResidualFromPx(view, track);
         if (IsConstant(view)) {
           fixed_.push_back(ProjectionInWorld(element.observation, view.cam_from_world).Scaled(residual_from_px));
         } else {

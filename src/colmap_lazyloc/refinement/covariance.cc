@@ -11,12 +11,6 @@
 #include "colmap_lazyloc/math/so3.h"
 
 namespace lazyloc {
-namespace {
-
-// Of an observation's error, from pixels to standard deviations.
-double ResidualFromPx(const View& view, const Track& track) { return 1 / (track.noise_ratio * view.noise_px); }
-
-}  // namespace
 
 double VarianceFactor(const std::vector<View>& views, const std::vector<Track>& tracks, double weight_scale) {
   const auto is_free = [](const View& view) { return !view.is_database && !view.rig_link; };

@@ -9,6 +9,9 @@
 
 namespace lazyloc {
 
+// Of an observation's error, from pixels to standard deviations.
+inline double ResidualFromPx(const View& view, const Track& track) { return 1 / (track.noise_ratio * view.noise_px); }
+
 // By what factor the variance that the tracks' errors show differs from what the views state: their weighted squared
 // sum, in standard deviations, over the freedom that the points and the sought poses leave.
 double VarianceFactor(const std::vector<View>& views, const std::vector<Track>& tracks, double weight_scale);

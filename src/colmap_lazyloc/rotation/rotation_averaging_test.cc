@@ -174,7 +174,7 @@ TEST_P(RobustMethod, WithstandsOutliers) {
 
 std::string NameOf(const testing::TestParamInfo<std::tuple<Method, int>>& info) {
   const auto [method, num_query] = info.param;
-  return kEnumNames<Method>[static_cast<size_t>(method)] + std::string("_") + std::to_string(num_query);
+  return EnumName(method) + std::string("_") + std::to_string(num_query);
 }
 
 INSTANTIATE_TEST_SUITE_P(RotationAveraging, EveryMethod,

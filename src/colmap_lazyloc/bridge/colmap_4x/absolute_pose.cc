@@ -10,6 +10,7 @@
 #include <colmap/optim/ransac.h>
 
 #include "colmap_lazyloc/bridge/convert.h"
+#include "colmap_lazyloc/bridge/ransac_options.h"
 
 namespace lazyloc {
 namespace {
@@ -31,16 +32,6 @@ class OnRays : public Estimator {
   }
 };
 
-colmap::RANSACOptions Options(double max_error, double min_inlier_ratio) {
-  colmap::RANSACOptions options;
-  options.max_error = max_error;
-  options.min_inlier_ratio = min_inlier_ratio;
-  options.confidence = 0.9999;
-  options.min_num_trials = 50;
-  options.max_num_trials = 5000;
-  return options;
-}
-
 }  // namespace
 
 std::optional<Rigid3d> EstimateAbsolutePose(const std::vector<Eigen::Vector3d>& rays_in_cam,
@@ -51,7 +42,7 @@ std::optional<Rigid3d> EstimateAbsolutePose(const std::vector<Eigen::Vector3d>& 
   // RANSAC draws from a generator of the thread's.
   colmap::SetPRNGSeed(seed);
   colmap::LORANSAC<OnRays<colmap::P3PEstimator>, OnRays<colmap::EPNPEstimator>> ransac(
-      Options(max_error_rad, min_inlier_ratio));
+      AbsolutePoseRansacOptions(max_error_rad, min_inlier_ratio));
   const auto report = ransac.Estimate(rays, points_in_world);
   if (!report.success) return std::nullopt;
   return FiniteRigid(report.model);
@@ -65,7 +56,8 @@ std::optional<Rigid3d> EstimateRigAbsolutePose(const std::vector<Eigen::Vector3d
   for (size_t i = 0; i < rays.size(); ++i) rays[i] = {ToColmap(cams_from_reference[i]).ToMatrix(), rays_in_cam[i]};
   colmap::SetPRNGSeed(seed);
   // Its error, 1 - cos(angle), is squared as RANSAC's bound is.
-  colmap::RANSAC<colmap::GP3PEstimator> ransac(Options(1 - std::cos(max_error_rad), min_inlier_ratio));
+  colmap::RANSAC<colmap::GP3PEstimator> ransac(
+      AbsolutePoseRansacOptions(1 - std::cos(max_error_rad), min_inlier_ratio));
   const auto report = ransac.Estimate(rays, points_in_world);
   if (!report.success) return std::nullopt;
   return FiniteRigid(report.model.ToMatrix());
