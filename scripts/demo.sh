@@ -17,19 +17,12 @@ colmap() {
   "$COLMAP" "$@" >> "$LOG" 2>&1 || { tail -20 "$LOG" >&2; say "colmap $1 failed; see $LOG"; return 1; }
 }
 
-# COLMAP 4 names the switches of the GPU otherwise than COLMAP 3.
-gpu_option() {
-  local command=$1 name=$2 options
-  options=$("$COLMAP" "$command" -h 2>&1 || true)
-  if [[ $options == *"Feature$name.use_gpu"* ]]; then echo "--Feature$name.use_gpu"; else echo "--Sift$name.use_gpu"; fi
-}
-
 # Images named in a list, all of one known camera: list, model, parameters with commas between.
 extract_features() {
   colmap feature_extractor --database_path "$DEMO_DIR/database.db" --image_path "$DEMO_DIR/images" \
     --image_list_path "$1" --ImageReader.single_camera 1 --ImageReader.camera_model "$2" \
     --ImageReader.camera_params "$3" --SiftExtraction.max_num_features 2000 --SiftExtraction.first_octave 0 \
-    "$(gpu_option feature_extractor Extraction)" 0
+    "$(COLMAP=$COLMAP scripts/gpu_option.sh feature_extractor)" 0
 }
 
 make_database() {
@@ -51,7 +44,7 @@ make_database() {
   awk 'NR == FNR { names[FNR] = $1; n = FNR; next } { for (i = 1; i <= n; ++i) print $1, names[i] }' \
     "$DEMO_DIR/database_names.txt" "$DEMO_DIR/query_names.txt" > "$DEMO_DIR/pairs.txt"
   colmap matches_importer --database_path "$DEMO_DIR/database.db" --match_list_path "$DEMO_DIR/pairs.txt" \
-    --match_type pairs "$(gpu_option matches_importer Matching)" 0
+    --match_type pairs "$(COLMAP=$COLMAP scripts/gpu_option.sh matches_importer)" 0
   touch "$stamp"
 }
 

@@ -11,5 +11,5 @@ shift 4
 [ ! -e "$output.db" ] || { echo "localize_matches.sh: $output.db exists already" >&2; exit 1; }
 cp "$database" "$output.db"
 "${COLMAP:-colmap}" matches_importer --database_path "$output.db" --match_list_path "$matches" --match_type raw \
-  --SiftMatching.use_gpu 0 > "$output.log" 2>&1 || { tail -5 "$output.log" >&2; exit 1; }
+  "$("$(dirname "$0")/gpu_option.sh" matches_importer)" 0 > "$output.log" 2>&1 || { tail -5 "$output.log" >&2; exit 1; }
 "${COLMAP:-colmap}" lazy_localizer --database_path "$output.db" --input_path "$model" --output_path "$output" "$@"

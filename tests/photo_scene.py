@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import os
 import pathlib
 import subprocess
 import sys
@@ -54,13 +55,24 @@ class PhotoScene:
             assert position_error < max_position_error and rotation_error_deg < 0.3, name
 
 
+def without_gpu(colmap, command):
+    """Options of `feature_extractor` or a matcher."""
+    script = pathlib.Path(demo.__file__).parent / "gpu_option.sh"
+    return [subprocess.check_output([script, command], env={**os.environ, "COLMAP": str(colmap)}, text=True).strip(), "0"]
+
+
+def match_exhaustively(colmap, database_path):
+    subprocess.run([colmap, "exhaustive_matcher", "--database_path", database_path,
+                    *without_gpu(colmap, "exhaustive_matcher")], check=True, capture_output=True, timeout=300)
+
+
 def extract_features(colmap, database_path, image_path, names):
     names_path = database_path.with_suffix(".names")
     names_path.write_text("".join(f"{name}\n" for name in names))
     subprocess.run([colmap, "feature_extractor", "--database_path", database_path, "--image_path", image_path,
                     "--image_list_path", names_path, "--ImageReader.single_camera", "1", "--ImageReader.camera_model",
                     CAMERA["model"], "--ImageReader.camera_params", ",".join(map(str, CAMERA["params"])), *SIFT,
-                    "--SiftExtraction.use_gpu", "0"], check=True, capture_output=True, timeout=300)
+                    *without_gpu(colmap, "feature_extractor")], check=True, capture_output=True, timeout=300)
     names_path.unlink()
 
 

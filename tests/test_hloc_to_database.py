@@ -140,8 +140,7 @@ def test_script_localizes_photos_from_colmap_features_in_hloc_files(photos, colm
     database_path = tmp_path / "database.db"
     shutil.copy(photos.database_path, database_path)
     photo_scene.extract_features(colmap, database_path, photos.image_path, photos.query_names)
-    subprocess.run([colmap, "exhaustive_matcher", "--database_path", database_path, "--SiftMatching.use_gpu", "0"],
-                   check=True, capture_output=True, timeout=300)
+    photo_scene.match_exhaustively(colmap, database_path)
     pairs = [(query, name) for query in photos.query_names for name in photos.database_names]
     (tmp_path / "pairs.txt").write_text("".join(f"{query} {name}\n" for query, name in pairs))
     with sqlite3.connect(database_path) as connection:

@@ -154,7 +154,10 @@ def test_stereo_rig_is_well_below_single_images(localize, tmp_path):
     config_path = DATA_PATH / "kitti1" / "rig_config.json"
     rig = localize(*arguments_of("kitti1"))
     single = localize(*arguments_of("kitti1"), "--LazyLocalizer.use_rigs", 0)
-    assert localize(*arguments_of("kitti1"), "--rig_config_path", config_path).poses_bytes == rig.poses_bytes
+    configured = localize(*arguments_of("kitti1"), "--rig_config_path", config_path)
+    for name, pose in rig.poses.items():  # of the same rig, written with fewer digits
+        position_error, rotation_error_deg = configured.poses[name].errors(pose)
+        assert position_error < 1e-9 and rotation_error_deg < 1e-7
     rig_error, single_error = (np.median([run.poses[name].errors(truth[name])[0] for name in names])
                                for run in (rig, single))
     assert rig_error <= 0.8 * single_error

@@ -96,8 +96,7 @@ def test_pairs_file_says_what_is_compared(scene, queries, localize, tmp_path):
 def test_matches_among_database_images_extend_the_tracks(colmap, scene, queries, localize, exhaustive, tmp_path):
     matched = tmp_path / "database.db"
     shutil.copy(scene.database_path, matched)
-    subprocess.run([colmap, "exhaustive_matcher", "--database_path", matched, "--SiftMatching.use_gpu", "0"], check=True,
-                   capture_output=True, timeout=300)
+    photo_scene.match_exhaustively(colmap, matched)
     run = localize("--database_path", matched, *scene.arguments(queries)[2:], "--LazyLocalizer.use_database_matches", 1)
     scene.assert_localized(run)
     for name in scene.query_names:

@@ -3,6 +3,7 @@
 import dataclasses
 import hashlib
 import json
+import os
 import pathlib
 import shutil
 import sqlite3
@@ -79,6 +80,11 @@ def run_colmap(colmap: pathlib.Path, *arguments):
     return done.stdout
 
 
+def gpu_option(colmap: pathlib.Path, command: str):
+    script = pathlib.Path(__file__).parents[2] / "scripts" / "gpu_option.sh"
+    return subprocess.check_output([script, command], env={**os.environ, "COLMAP": str(colmap)}, text=True).strip()
+
+
 def make_fold(scene_path: pathlib.Path, first: int, work_path: pathlib.Path, colmap: pathlib.Path) -> Fold:
     scene = load_scene(scene_path)
     names = sorted(scene.images)
@@ -97,7 +103,7 @@ def make_fold(scene_path: pathlib.Path, first: int, work_path: pathlib.Path, col
     pairs_path = fold.work_path / "pairs.txt"
     pairs_path.write_text("".join(f"{query} {name}\n" for query in query_names for name in database_names))
     run_colmap(colmap, "matches_importer", "--database_path", fold.matched_path, "--match_list_path", pairs_path,
-               "--SiftMatching.use_gpu", 0)
+               gpu_option(colmap, "matches_importer"), 0)
     (fold.work_path / "done").touch()
     return fold
 
@@ -114,7 +120,7 @@ def extract_features(scene: Scene, work_path: pathlib.Path, colmap: pathlib.Path
         run_colmap(colmap, "feature_extractor", "--database_path", staged_path, "--image_path", scene.path / "images",
                    "--image_list_path", names_path, "--ImageReader.single_camera", 1, "--ImageReader.camera_model",
                    camera.model, "--ImageReader.camera_params", ",".join(map(repr, camera.params)),
-                   "--SiftExtraction.use_gpu", 0)
+                   gpu_option(colmap, "feature_extractor"), 0)
     staged_path.rename(path)
     return path
 
