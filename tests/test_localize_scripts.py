@@ -45,7 +45,7 @@ def test_folder_of_photos(photos, run_script, tmp_path):
     assert sorted(path.name for path in tmp_path.iterdir()) == ["localized", "localized.index", "my photos"]
 
 
-def test_own_matches(noisy, run_script, tmp_path):
+def test_own_matches(colmap, noisy, run_script, tmp_path):
     scene = noisy.scene.copy()
     text = "".join(
         f"{name1} {name2}\n" + "".join(f"{a} {b}\n" for a, b in pair.matches.tolist()) + "\n"
@@ -53,7 +53,7 @@ def test_own_matches(noisy, run_script, tmp_path):
         if (name1 in scene.database_names) != (name2 in scene.database_names))
     (tmp_path / "matches.txt").write_text(text)
     scene.pairs = {}
-    database = synthetic.write_database(tmp_path / "keypoints.db", scene)
+    database = synthetic.write_built_colmap_database(tmp_path / "keypoints.db", scene, colmap)
     before = database.read_bytes()
     done = run_script("localize_matches.sh", database, tmp_path / "matches.txt", noisy.model_path, tmp_path / "localized")
     assert done.returncode == 0, done.stderr

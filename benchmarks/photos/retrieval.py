@@ -122,6 +122,8 @@ class SyntheticDatabase:
         blobs = self._connection.execute("SELECT data FROM descriptors WHERE rows > 0 ORDER BY image_id").fetchall()
         self._pool = np.concatenate([np.frombuffer(blob, np.uint8).reshape(-1, DESCRIPTOR_SIZE) for (blob,) in blobs])
         self._num_features = num_features
+        for table in ("keypoints", "descriptors"):  # a row to fill in: the columns differ between COLMAP's versions
+            self._connection.execute(f"CREATE TEMP TABLE {table}_row AS SELECT * FROM {table} LIMIT 1")
         for table in ("keypoints", "descriptors", "images"):
             self._connection.execute(f"DELETE FROM {table}")
 
@@ -134,8 +136,9 @@ class SyntheticDatabase:
             self._connection.execute("INSERT INTO images (image_id, name, camera_id) VALUES (?, ?, 1)",
                                      (image_id, f"{image_id:06}.jpg"))
             for table, values in (("descriptors", noisy), ("keypoints", keypoints)):
-                self._connection.execute(f"INSERT INTO {table} (image_id, rows, cols, data) VALUES (?, ?, ?, ?)",
+                self._connection.execute(f"UPDATE {table}_row SET image_id = ?, rows = ?, cols = ?, data = ?",
                                          (image_id, *values.shape, values.tobytes()))
+                self._connection.execute(f"INSERT INTO {table} SELECT * FROM {table}_row")
         self._connection.commit()
 
     def close(self):

@@ -5,9 +5,9 @@
 #include <limits>
 #include <optional>
 
-#include <Eigen/Cholesky>
 #include <Eigen/Geometry>
 
+#include "colmap_lazyloc/math/cholesky3.h"
 #include "colmap_lazyloc/math/robust_weights.h"
 #include "colmap_lazyloc/math/so3.h"
 #include "colmap_lazyloc/refinement/camera_system.h"
@@ -112,16 +112,18 @@ class BundleSolver {
   StageSummary Minimize() {
     StageSummary summary;
     double damping = 1e-4;
+    bool is_shortened = false;  // by damping: then a short step does not mean convergence
     System trial;
     State next = state_;
     if (!Build(state_, damping, &system_)) return {false, "a point lies behind a camera at the start", 0, system_.cost};
     summary.message = "no convergence";
     for (; summary.iterations < options_.max_num_iterations; ++summary.iterations) {
       const double step_sigma = Step(system_, &next);
-      const bool is_last = step_sigma < options_.convergence_sigma;
+      const bool is_last = step_sigma < options_.convergence_sigma && !is_shortened;
       const double next_damping = is_last ? kRegularization : std::max(damping / 10, kRegularization);
       if (!std::isfinite(step_sigma) || !Build(next, next_damping, &trial) || !(trial.cost < system_.cost)) {
         damping *= 10;
+        is_shortened = true;
         if (damping > 1e8) {
           summary.message = "no step lowers the cost";
           break;
@@ -130,6 +132,7 @@ class BundleSolver {
         continue;
       }
       damping = next_damping;
+      is_shortened = false;
       std::swap(state_, next);
       std::swap(system_, trial);
       if (is_last) {
@@ -248,7 +251,7 @@ class BundleSolver {
   // definite however badly the point is determined. system->eliminated holds the couplings before.
   void EliminatePoint(size_t track, const Eigen::Matrix3d& hessian, const Eigen::Vector3d& gradient,
                       System* system) const {
-    const Eigen::Matrix3d inverse = hessian.llt().matrixL().solve(Eigen::Matrix3d::Identity());
+    const Eigen::Matrix3d inverse = InverseCholeskyFactor(hessian);
     system->point_factors[track] = {inverse, inverse.lazyProduct(gradient)};
     for (size_t a = free_range_[track].begin; a < free_range_[track].end; ++a) {
       system->eliminated[a] = system->eliminated[a].lazyProduct(inverse.transpose()).eval();
@@ -266,8 +269,8 @@ class BundleSolver {
     }
   }
 
-  // Returns the length of the cameras' step in standard deviations (Mahalanobis distance by the reduced system); NaN where
-  // the system is not positive definite.
+  // Returns the length of the cameras' step in standard deviations (Mahalanobis distance by the reduced system), root mean
+  // square over the cameras; NaN where the system is not positive definite.
   double Step(const System& system, State* next) {
     if (!camera_system_->Factorize(system.reduced)) return std::numeric_limits<double>::quiet_NaN();
     const Eigen::VectorXd step = camera_system_->Solve(system.rhs);
@@ -286,7 +289,7 @@ class BundleSolver {
       next->points[track] =
           state_.points[track] + system.point_factors[track].inverse.transpose().lazyProduct(step_in_factor);
     }
-    return std::sqrt(std::max(step.dot(system.rhs), 0.0));
+    return std::sqrt(std::max(step.dot(system.rhs), 0.0) / static_cast<double>(state_.cameras.size()));
   }
 
   const BundleAdjustmentOptions& options_;

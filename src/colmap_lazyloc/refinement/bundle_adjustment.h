@@ -13,7 +13,8 @@ namespace lazyloc {
 struct BundleAdjustmentOptions {
   double loss_scale_sigma = 2;  // Cauchy scale, in the views' standard deviations
   int max_num_iterations = 50;
-  double convergence_sigma = 0.2;  // the step that moves the poses by less, in standard deviations, is the last one
+  // The step that moves the poses by less, in standard deviations (root mean square over the poses), is the last one.
+  double convergence_sigma = 0.2;
 
   bool Check(std::string* error) const;
 };

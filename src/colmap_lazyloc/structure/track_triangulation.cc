@@ -6,6 +6,8 @@
 #include <optional>
 #include <utility>
 
+#include <Eigen/Geometry>
+
 #include "colmap_lazyloc/bridge/triangulation.h"
 #include "colmap_lazyloc/math/so3.h"
 #include "colmap_lazyloc/scene/options_check.h"
@@ -115,12 +117,12 @@ class TrackTriangulator : public TrackEvaluator {
 
   bool Linear(const std::vector<TrackObservation>& observations, const Indices& indices, Eigen::Vector3d* point) {
     linear_cams_from_world_.clear();
-    linear_rays_in_cam_.clear();
+    linear_points_.clear();
     for (const size_t i : indices) {
       linear_cams_from_world_.push_back(cams_from_world_[observations[i].view]);
-      linear_rays_in_cam_.push_back(observations[i].observation.ray_in_cam);
+      linear_points_.push_back(observations[i].observation.ray_in_cam.hnormalized());
     }
-    const std::optional<Eigen::Vector3d> triangulated = TriangulatePoint(linear_cams_from_world_, linear_rays_in_cam_);
+    const std::optional<Eigen::Vector3d> triangulated = TriangulatePoint(linear_cams_from_world_, linear_points_);
     if (triangulated) *point = *triangulated;
     return triangulated.has_value();
   }
@@ -168,7 +170,7 @@ class TrackTriangulator : public TrackEvaluator {
   std::vector<Eigen::Vector3d> cams_in_world_;
   Indices used_, candidates_, agreeing_, pair_;
   std::vector<Matrix3x4d> linear_cams_from_world_;
-  std::vector<Eigen::Vector3d> linear_rays_in_cam_;
+  std::vector<Eigen::Vector2d> linear_points_;
 };
 
 std::vector<Track> TracksThatFit(const std::vector<View>& views, std::vector<Track> tracks, double max_error_sigma,
