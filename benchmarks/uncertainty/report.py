@@ -83,7 +83,8 @@ def print_quantiles(colmap):
     rows = [(layout, noise_px, "exact, so stated, no gate", 0) for layout in layouts for noise_px in (0.3, 1, 2)]
     rows += [(layout, 1, "exact, so stated", 0) for layout in layouts]
     rows += [(layout, 1, "exact, estimated", 0) for layout in layouts]
-    rows += [("9 on an arc", 1, f"off by {px} px, estimated", px) for px in (1, 3)]
+    rows += [("9 on an arc", 1, f"off by {px} px, estimated", px) for px in (0.3, 1, 3)]
+    rows += [(layout, 1, "off by 1 px, estimated", 1) for layout in ("4 on an arc", "6 on a line")]
     for layout, noise_px, database, database_noise_px in rows:
         errors = []
         for seed in range(8):

@@ -1,15 +1,13 @@
 #include "colmap_lazyloc/database/database_reader.h"
 
 #include <algorithm>
-#include <array>
-#include <cmath>
-#include <cstring>
 #include <limits>
 #include <set>
 #include <utility>
 
 #include "colmap_lazyloc/database/keypoint_cache.h"
 #include "colmap_lazyloc/database/sqlite.h"
+#include "colmap_lazyloc/database/stored_values.h"
 #include "colmap_lazyloc/database/two_view_orientation.h"
 #include "colmap_lazyloc/scene/errors.h"
 
@@ -27,111 +25,6 @@ constexpr size_t kMaxNumCachedKeypoints = (16 << 20) / sizeof(Eigen::Vector2f);
 int64_t PairId(uint32_t image_id1, uint32_t image_id2) {
   LAZYLOC_CHECK(image_id1 != image_id2);
   return std::min(image_id1, image_id2) * kMaxNumImages + std::max(image_id1, image_id2);
-}
-
-// COLMAP stores numbers as the machine holds them, everywhere little endian.
-template <typename T>
-T NumberAt(const ByteSpan& blob, size_t offset) {
-  T value;
-  std::memcpy(&value, blob.data + offset, sizeof(T));
-  return value;
-}
-
-std::vector<double> Doubles(const SqliteRows& row, const ByteSpan& blob) {
-  if (blob.size % sizeof(double) != 0) row.Fail("camera parameters of " + std::to_string(blob.size) + " bytes");
-  std::vector<double> values(blob.size / sizeof(double));
-  for (size_t i = 0; i < values.size(); ++i) values[i] = NumberAt<double>(blob, i * sizeof(double));
-  return values;
-}
-
-// A table of four-byte numbers, in the columns rows, cols, data (0 to 2 of the statement).
-struct NumberTable {
-  size_t num_rows = 0;
-  size_t num_cols = 0;
-  ByteSpan data;
-
-  template <typename T>
-  T At(size_t row, size_t col) const {
-    static_assert(sizeof(T) == 4);
-    return NumberAt<T>(data, 4 * (row * num_cols + col));
-  }
-};
-
-NumberTable ReadNumberTable(const SqliteRows& row, std::initializer_list<size_t> valid_num_cols) {
-  NumberTable table;
-  table.num_rows = static_cast<size_t>(row.Integer(0, 0, kMaxInt));
-  table.num_cols = static_cast<size_t>(row.Integer(1, 0, kMaxInt));
-  table.data = row.Blob(2);
-  const bool is_valid = std::count(valid_num_cols.begin(), valid_num_cols.end(), table.num_cols) > 0;
-  if (table.num_rows > 0 && !is_valid) row.Fail("has " + std::to_string(table.num_cols) + " columns");
-  if (table.data.size != 4 * table.num_rows * (is_valid ? table.num_cols : 0)) {
-    row.Fail("data has " + std::to_string(table.data.size) + " bytes for " + std::to_string(table.num_rows) + " x " +
-             std::to_string(table.num_cols) + " numbers");
-  }
-  return table;
-}
-
-// Matches of (image_id1, image_id2), as if image_id2 were the query.
-Matches ReadStoredMatches(const SqliteRows& row) {
-  const NumberTable table = ReadNumberTable(row, {2});
-  Matches matches(table.num_rows);
-  for (size_t i = 0; i < matches.size(); ++i) matches[i] = {table.At<uint32_t>(i, 1), table.At<uint32_t>(i, 0)};
-  return matches;
-}
-
-// N numbers that may be unset: NULL or an empty blob in 4.x; zeros in 3.x, or not finite, where 3.x inverted an H of
-// zeros to exchange the images.
-template <int N>
-std::optional<std::array<double, N>> ReadNumbers(const SqliteRows& row, int column) {
-  const ByteSpan blob = row.Blob(column);
-  if (blob.size == 0) return std::nullopt;
-  if (blob.size != N * sizeof(double)) {
-    row.Fail(row.ColumnName(column) + " has " + std::to_string(blob.size) + " bytes instead of " +
-             std::to_string(N * sizeof(double)));
-  }
-  std::array<double, N> values;
-  std::memcpy(values.data(), blob.data, blob.size);
-  const bool is_finite = std::all_of(values.begin(), values.end(), [](double value) { return std::isfinite(value); });
-  return is_finite ? std::make_optional(values) : std::nullopt;
-}
-
-// The identity is what COLMAP's database.py, and with it hloc, stores for want of a matrix. (No E or F is one.)
-std::optional<Eigen::Matrix3d> ReadMatrix(const SqliteRows& row, int column) {
-  const auto numbers = ReadNumbers<9>(row, column);
-  if (!numbers) return std::nullopt;
-  const Eigen::Matrix3d matrix = Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(numbers->data());
-  const bool is_set = !matrix.isZero(0) && !matrix.isIdentity(0);
-  return is_set ? std::make_optional(matrix) : std::nullopt;
-}
-
-// For 3.x, no rotation and no translation at once mean unset; a rotation alone is the pose of a panoramic pair.
-std::optional<Rigid3d> ReadPose(const SqliteRows& row, int qvec_column, int tvec_column) {
-  const auto wxyz = ReadNumbers<4>(row, qvec_column);
-  const auto translation = ReadNumbers<3>(row, tvec_column);
-  if (!wxyz || !translation) return std::nullopt;
-  const auto [w, x, y, z] = *wxyz;
-  const Rigid3d pose{Eigen::Quaterniond(w, x, y, z).normalized(), Eigen::Vector3d(translation->data())};
-  const bool has_rotation = !pose.rotation.vec().isZero(0);
-  if (!has_rotation && (w == 0 || pose.translation.isZero(0))) return std::nullopt;
-  return pose;
-}
-
-// 4.x: camera_id u32, model i32, width u64, height u64, prior u8, number of parameters u64, parameters f64, unpadded.
-std::optional<Camera> ReadSerializedCamera(const SqliteRows& row, int column) {
-  constexpr size_t kParamsOffset = 33;
-  const ByteSpan blob = row.Blob(column);
-  if (blob.size == 0) return std::nullopt;
-  if (blob.size < kParamsOffset || NumberAt<uint64_t>(blob, 25) != (blob.size - kParamsOffset) / sizeof(double)) {
-    row.Fail(row.ColumnName(column) + " is damaged");
-  }
-  Camera camera;
-  camera.camera_id = NumberAt<uint32_t>(blob, 0);
-  camera.model_id = NumberAt<int32_t>(blob, 4);
-  camera.width = NumberAt<uint64_t>(blob, 8);
-  camera.height = NumberAt<uint64_t>(blob, 16);
-  camera.has_prior_focal_length = NumberAt<uint8_t>(blob, 24) != 0;
-  camera.params = Doubles(row, {blob.data + kParamsOffset, blob.size - kParamsOffset});
-  return camera;
 }
 
 using TwoViewColumns = std::set<std::string>;
@@ -213,14 +106,7 @@ struct DatabaseReader::Impl {
   KeypointCache::Keypoints ReadKeypoints(uint32_t image_id) const {
     SqliteRows rows = keypoints.Run({image_id}, [=] { return ImageLabel(image_id); });
     KeypointCache::Keypoints points;
-    while (rows.Next()) {
-      const NumberTable table = ReadNumberTable(rows, {2, 4, 6});
-      points.resize(table.num_rows);
-      for (size_t i = 0; i < points.size(); ++i) {
-        points[i] = {table.At<float>(i, 0), table.At<float>(i, 1)};
-        if (!points[i].allFinite()) rows.Fail("keypoint " + std::to_string(i) + " is not finite");
-      }
-    }
+    while (rows.Next()) points = ReadStoredKeypoints(rows);
     return points;
   }
 
@@ -283,10 +169,8 @@ std::vector<DatabaseRigImage> DatabaseReader::ReadRigImages() const {
                            static_cast<uint32_t>(rows.Integer(1, 0, kMaxCameraId)), std::nullopt};
     if (rows.Integer(2, 0, 1) == 1) {
       image.cam_from_rig = Rigid3d();
-    } else if (const auto numbers = ReadNumbers<7>(rows, 3)) {
-      const auto [w, x, y, z, tx, ty, tz] = *numbers;
-      image.cam_from_rig = Rigid3d{Eigen::Quaterniond(w, x, y, z).normalized(), {tx, ty, tz}};
-      if (!image.cam_from_rig->rotation.coeffs().allFinite()) rows.Fail("sensor_from_rig has no rotation");
+    } else {
+      image.cam_from_rig = ReadSensorFromRig(rows, 3);
     }
     images.push_back(image);
   }
@@ -303,7 +187,7 @@ Camera DatabaseReader::ReadCamera(uint32_t camera_id) const {
     camera->width = static_cast<uint64_t>(rows.Integer(1, 0, kMaxInt64));
     camera->height = static_cast<uint64_t>(rows.Integer(2, 0, kMaxInt64));
     camera->has_prior_focal_length = rows.Integer(3, 0, kMaxInt64) != 0;
-    camera->params = Doubles(rows, rows.Blob(4));
+    camera->params = ReadCameraParams(rows, 4);
   }
   if (!camera) rows.Fail("does not exist");
   return *camera;

@@ -1,5 +1,7 @@
 #include "colmap_lazyloc/pipeline/pose_uncertainty.h"
 
+#include <algorithm>
+
 #include "colmap_lazyloc/math/so3.h"
 #include "colmap_lazyloc/pipeline/position_ambiguity.h"
 #include "colmap_lazyloc/refinement/covariance.h"
@@ -43,9 +45,11 @@ void EstimateCovariance(QueryState* state) {
   });
   const double factor = VarianceFactor(state->views, state->tracks, state->options.bundle_adjustment.loss_scale_sigma);
   CheckPositions(factor, state);
+  const double missing_prior_factor = std::max(state->adjustment.prior_fit.VarianceFactor(factor) - factor, 0.0);
   for (int query = 0; query < state->NumQueries(); ++query) {
     const Rigid3d& pose = state->views[query].cam_from_world;
-    const Eigen::Matrix<double, 6, 6> covariance = factor * state->adjustment.pose_covariances[query];
+    const Eigen::Matrix<double, 6, 6> covariance = factor * state->adjustment.pose_covariances[query] +
+                                                   missing_prior_factor * state->adjustment.prior_parts[query];
     state->results[query].spread = ComputePoseSpread(pose, covariance);
     state->results[query].covariance = MoveToWorld(covariance, state->origin, pose);
   }

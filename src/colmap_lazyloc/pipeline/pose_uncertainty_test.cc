@@ -82,6 +82,16 @@ TEST(EstimateCovariance, NormalizedErrorsAreChiSquareDistributed) {
   }
 }
 
+// Without the part of the database's noise, the median of the squared errors would be twelve times what it should be. What
+// remains is noise that three images do not show.
+TEST(EstimateCovariance, NoiseOfTheDatabaseIsPartOfTheCovariance) {
+  std::vector<double> errors;
+  AppendErrors(1, 1, LocalizerOptions(), &errors);
+  ASSERT_EQ(errors.size(), 108);
+  EXPECT_GT(QuantileRatio(errors, kQuantiles[2]), 0.5);
+  EXPECT_LT(QuantileRatio(errors, kQuantiles[2]), 4);
+}
+
 // What the query's own point sees alone: each point is left to one database image, in turn.
 void SplitTracks(SyntheticScene* scene) {
   const size_t num_pairs = scene->problem.pairs.size();

@@ -10,10 +10,11 @@
 #include "colmap_lazyloc/math/cholesky3.h"
 #include "colmap_lazyloc/math/robust_weights.h"
 #include "colmap_lazyloc/math/so3.h"
+#include "colmap_lazyloc/refinement/bundle_problem.h"
 #include "colmap_lazyloc/refinement/camera_system.h"
 #include "colmap_lazyloc/refinement/covariance.h"
-#include "colmap_lazyloc/refinement/linear_projection.h"
 #include "colmap_lazyloc/refinement/pose_prior.h"
+#include "colmap_lazyloc/refinement/prior_fit.h"
 #include "colmap_lazyloc/scene/options_check.h"
 
 namespace lazyloc {
@@ -22,29 +23,10 @@ namespace {
 // The least damping: this part of each diagonal element keeps motions that nothing shows from an infinite variance.
 constexpr double kRegularization = 1e-12;
 
-// A view that the solver moves, with those that follow it: six parameters, and a seventh where any focal length or scale of
-// a rig is sought.
-struct Camera {
-  Rigid3d cam_from_world;
-  double log_factor = 0;  // on the focal length, or on the translations within the rig
-};
-
 // What the solver changes.
 struct State {
-  std::vector<Camera> cameras;
+  std::vector<BundleCamera> cameras;
   std::vector<Eigen::Vector3d> points;  // of the tracks
-};
-
-// A point's image in a camera that moves.
-struct FreeObservation {
-  int camera;
-  LinearProjection projection;  // of the point in the camera's frame (of a rig: the reference camera's)
-  Eigen::Vector2d residual_from_log_focal;
-};
-
-// One track, flat: ranges of the observation arrays.
-struct Range {
-  size_t begin = 0, end = 0;
 };
 
 // kSize: parameters of a camera.
@@ -71,42 +53,18 @@ class BundleSolver {
 
  public:
   BundleSolver(const BundleAdjustmentOptions& options, const std::vector<View>& views, const std::vector<Track>& tracks)
-      : options_(options), squared_scale_(options.loss_scale_sigma * options.loss_scale_sigma) {
-    std::vector<int> camera_of_view(views.size(), -1);
-    for (size_t view = 0; view < views.size(); ++view) {
-      if (IsConstant(views[view])) continue;
-      if (views[view].rig_link) {
-        camera_of_view[view] = camera_of_view[views[view].rig_link->reference];
-        continue;
-      }
-      camera_of_view[view] = static_cast<int>(views_.size());
-      views_.push_back(&views[view]);
-      state_.cameras.push_back({views[view].cam_from_world, views[view].log_focal_factor.value_or(0)});
+      : options_(options),
+        squared_scale_(options.loss_scale_sigma * options.loss_scale_sigma),
+        problem_(views, tracks),
+        camera_system_(problem_.cameras.size()),
+        state_{problem_.cameras, problem_.points} {
+    std::vector<int> cameras;
+    for (const Range& range : problem_.free_range) {
+      cameras.clear();
+      for (size_t i = range.begin; i < range.end; ++i) cameras.push_back(problem_.free[i].camera);
+      camera_system_.AddPoint(cameras);
     }
-    camera_system_.emplace(state_.cameras.size());
-    for (const Track& track : tracks) {
-      const size_t fixed_begin = fixed_.size(), free_begin = free_.size();
-      std::vector<int> cameras;  // ascending
-      for (const TrackObservation& element : track.observations) {
-        const View& view = views[element.view];
-        const double residual_from_px = ResidualFromPx(view, track);
-        if (IsConstant(view)) {
-          fixed_.push_back(ProjectionInWorld(element.observation, view.cam_from_world).Scaled(residual_from_px));
-        } else {
-          const LinearProjection projection =
-              view.rig_link ? ProjectionInWorld(element.observation, view.rig_link->cam_from_reference)
-                            : ProjectionInCam(element.observation);
-          cameras.push_back(camera_of_view[element.view]);
-          free_.push_back({cameras.back(), projection.Scaled(residual_from_px),
-                           residual_from_px * element.observation.px_from_log_focal});
-        }
-      }
-      fixed_range_.push_back({fixed_begin, fixed_.size()});
-      free_range_.push_back({free_begin, free_.size()});
-      state_.points.push_back(track.point_in_world);
-      camera_system_->AddPoint(cameras);
-    }
-    camera_system_->Finish();
+    camera_system_.Finish();
   }
 
   StageSummary Minimize() {
@@ -150,18 +108,31 @@ class BundleSolver {
 
   // Of each camera's parameters, at the minimum.
   std::vector<CameraMatrix> Covariances() {
-    if (camera_system_->Factorize(system_.reduced)) return camera_system_->DiagonalOfInverse();
+    if (camera_system_.Factorize(system_.reduced)) return camera_system_.DiagonalOfInverse();
     return std::vector<CameraMatrix>(state_.cameras.size(), CameraMatrix::Identity() / kRegularization);
+  }
+
+  // After Covariances. prior_parts: per camera, empty without priors or where there are many cameras.
+  PriorFit FitOfPriors(std::vector<Eigen::MatrixXd>* prior_parts) const {
+    std::vector<PriorDeviation> deviations;
+    for (size_t camera = 0; camera < state_.cameras.size(); ++camera) {
+      if (!problem_.views[camera]->prior) continue;
+      deviations.push_back({static_cast<int>(camera), EvaluatePosePrior(*problem_.views[camera]->prior,
+                                                                        state_.cameras[camera].cam_from_world)});
+    }
+    if (deviations.empty()) return {};
+    const std::optional<Eigen::MatrixXd> inverse = camera_system_.Inverse();
+    return inverse ? FitPriors(deviations, *inverse, kSize, prior_parts) : PriorFit();
   }
 
  private:
   // False where a point lies behind one of its cameras.
   bool Build(const State& state, double damping, System* system) const {
     system->cost = 0;
-    camera_system_->SetZero(&system->reduced);
+    camera_system_.SetZero(&system->reduced);
     system->rhs.setZero(kSize * static_cast<Eigen::Index>(state.cameras.size()));
     system->point_factors.resize(state.points.size());
-    system->eliminated.resize(free_.size());
+    system->eliminated.resize(problem_.free.size());
     std::vector<CameraMatrix> hessians(state.cameras.size(), CameraMatrix::Zero());
     std::vector<Eigen::Matrix3d> rotations;
     for (size_t camera = 0; camera < state.cameras.size(); ++camera) {
@@ -173,20 +144,20 @@ class BundleSolver {
     }
     for (size_t camera = 0; camera < state.cameras.size(); ++camera) {
       hessians[camera].diagonal() *= 1 + damping;
-      camera_system_->Block(camera, camera, &system->reduced) += hessians[camera];
+      camera_system_.Block(camera, camera, &system->reduced) += hessians[camera];
     }
     return std::isfinite(system->cost);
   }
 
   // The prior of a pose; and a factor that is not sought stays.
   void AddKnowledge(const Rigid3d& cam_from_world, size_t camera, CameraMatrix* hessian, System* system) const {
-    if (views_[camera]->prior) {
-      const PosePriorResidual residual = EvaluatePosePrior(*views_[camera]->prior, cam_from_world);
+    if (problem_.views[camera]->prior) {
+      const PosePriorResidual residual = EvaluatePosePrior(*problem_.views[camera]->prior, cam_from_world);
       system->cost += 0.5 * residual.error.squaredNorm();
       hessian->template topLeftCorner<6, 6>() += residual.jacobian.transpose() * residual.jacobian;
       system->rhs.template segment<6>(kSize * camera) -= residual.jacobian.transpose() * residual.error;
     }
-    const bool seeks_factor = views_[camera]->log_focal_factor || views_[camera]->seeks_rig_scale;
+    const bool seeks_factor = problem_.views[camera]->log_focal_factor || problem_.views[camera]->seeks_rig_scale;
     if (kSize > 6 && !seeks_factor) (*hessian)(kSize - 1, kSize - 1) = 1;
   }
 
@@ -203,24 +174,24 @@ class BundleSolver {
       cost_factor *= 1 + squared_error / squared_scale_;
       return CauchyWeight(squared_error, options_.loss_scale_sigma);
     };
-    for (size_t i = fixed_range_[track].begin; i < fixed_range_[track].end; ++i) {
-      if (!(fixed_[i].Depth(point) > 0)) return false;
-      const Eigen::Vector2d error = fixed_[i].Error(point, &jacobian);
+    for (size_t i = problem_.fixed_range[track].begin; i < problem_.fixed_range[track].end; ++i) {
+      if (!(problem_.fixed[i].Depth(point) > 0)) return false;
+      const Eigen::Vector2d error = problem_.fixed[i].Error(point, &jacobian);
       const Eigen::Matrix<double, 3, 2> weighted = weigh(error) * jacobian.transpose();
       hessian += weighted.lazyProduct(jacobian);
       gradient += weighted.lazyProduct(error);
     }
-    for (size_t i = free_range_[track].begin; i < free_range_[track].end; ++i) {
-      const Camera& camera = state.cameras[free_[i].camera];
-      const Eigen::Matrix3d& rotation = rotations[free_[i].camera];
+    for (size_t i = problem_.free_range[track].begin; i < problem_.free_range[track].end; ++i) {
+      const BundleCamera& camera = state.cameras[problem_.free[i].camera];
+      const Eigen::Matrix3d& rotation = rotations[problem_.free[i].camera];
       const Eigen::Vector3d rotated = rotation.lazyProduct(point);
       const Eigen::Vector3d point_in_cam = rotated + camera.cam_from_world.translation;
-      const bool has_scale = kSize > 6 && views_[free_[i].camera]->seeks_rig_scale;
+      const bool has_scale = kSize > 6 && problem_.views[problem_.free[i].camera]->seeks_rig_scale;
       const LinearProjection projection =
-          has_scale ? free_[i].projection.WithOffset(std::exp(camera.log_factor)) : free_[i].projection;
+          has_scale ? problem_.free[i].projection.WithOffset(std::exp(camera.log_factor)) : problem_.free[i].projection;
       if (!(projection.Depth(point_in_cam) > 0)) return false;
       Eigen::Vector2d error = projection.Error(point_in_cam, &jacobian);
-      Eigen::Vector2d residual_from_log_factor = free_[i].residual_from_log_focal;
+      Eigen::Vector2d residual_from_log_factor = problem_.free[i].residual_from_log_focal;
       if (has_scale) {
         residual_from_log_factor = projection.DerivativeByLogOffset(point_in_cam, error);
       } else {
@@ -237,8 +208,8 @@ class BundleSolver {
       const Eigen::Matrix<double, kSize, 2> weighted = weight * camera_jacobian.transpose();
       hessian += (weight * point_jacobian.transpose()).lazyProduct(point_jacobian);
       gradient += (weight * point_jacobian.transpose()).lazyProduct(error);
-      (*camera_hessians)[free_[i].camera] += weighted.lazyProduct(camera_jacobian);
-      system->rhs.template segment<kSize>(kSize * free_[i].camera) -= weighted.lazyProduct(error);
+      (*camera_hessians)[problem_.free[i].camera] += weighted.lazyProduct(camera_jacobian);
+      system->rhs.template segment<kSize>(kSize * problem_.free[i].camera) -= weighted.lazyProduct(error);
       system->eliminated[i] = weighted.lazyProduct(point_jacobian);
     }
     system->cost += 0.5 * squared_scale_ * std::log(cost_factor);
@@ -253,17 +224,17 @@ class BundleSolver {
                       System* system) const {
     const Eigen::Matrix3d inverse = InverseCholeskyFactor(hessian);
     system->point_factors[track] = {inverse, inverse.lazyProduct(gradient)};
-    for (size_t a = free_range_[track].begin; a < free_range_[track].end; ++a) {
+    for (size_t a = problem_.free_range[track].begin; a < problem_.free_range[track].end; ++a) {
       system->eliminated[a] = system->eliminated[a].lazyProduct(inverse.transpose()).eval();
-      system->rhs.template segment<kSize>(kSize * free_[a].camera) +=
+      system->rhs.template segment<kSize>(kSize * problem_.free[a].camera) +=
           system->eliminated[a].lazyProduct(system->point_factors[track].gradient);
       // Cameras of a track ascend.
-      for (size_t b = free_range_[track].begin; b <= a; ++b) {
-        camera_system_->Block(free_[a].camera, free_[b].camera, &system->reduced) -=
+      for (size_t b = problem_.free_range[track].begin; b <= a; ++b) {
+        camera_system_.Block(problem_.free[a].camera, problem_.free[b].camera, &system->reduced) -=
             system->eliminated[a].lazyProduct(system->eliminated[b].transpose());
         // Two images of one rig: the other half of the diagonal block.
-        if (a == b || free_[a].camera != free_[b].camera) continue;
-        camera_system_->Block(free_[a].camera, free_[a].camera, &system->reduced) -=
+        if (a == b || problem_.free[a].camera != problem_.free[b].camera) continue;
+        camera_system_.Block(problem_.free[a].camera, problem_.free[a].camera, &system->reduced) -=
             system->eliminated[b].lazyProduct(system->eliminated[a].transpose());
       }
     }
@@ -272,8 +243,8 @@ class BundleSolver {
   // Returns the length of the cameras' step in standard deviations (Mahalanobis distance by the reduced system), root mean
   // square over the cameras; NaN where the system is not positive definite.
   double Step(const System& system, State* next) {
-    if (!camera_system_->Factorize(system.reduced)) return std::numeric_limits<double>::quiet_NaN();
-    const Eigen::VectorXd step = camera_system_->Solve(system.rhs);
+    if (!camera_system_.Factorize(system.reduced)) return std::numeric_limits<double>::quiet_NaN();
+    const Eigen::VectorXd step = camera_system_.Solve(system.rhs);
     for (size_t camera = 0; camera < state_.cameras.size(); ++camera) {
       const CameraVector move = step.segment<kSize>(kSize * camera);
       const Rigid3d& pose = state_.cameras[camera].cam_from_world;
@@ -283,8 +254,8 @@ class BundleSolver {
     }
     for (size_t track = 0; track < state_.points.size(); ++track) {
       Eigen::Vector3d step_in_factor = -system.point_factors[track].gradient;
-      for (size_t i = free_range_[track].begin; i < free_range_[track].end; ++i) {
-        step_in_factor -= system.eliminated[i].transpose().lazyProduct(step.segment<kSize>(kSize * free_[i].camera));
+      for (size_t i = problem_.free_range[track].begin; i < problem_.free_range[track].end; ++i) {
+        step_in_factor -= system.eliminated[i].transpose().lazyProduct(step.segment<kSize>(kSize * problem_.free[i].camera));
       }
       next->points[track] =
           state_.points[track] + system.point_factors[track].inverse.transpose().lazyProduct(step_in_factor);
@@ -294,11 +265,8 @@ class BundleSolver {
 
   const BundleAdjustmentOptions& options_;
   const double squared_scale_;
-  std::vector<const View*> views_;  // of the cameras
-  std::optional<CameraSystem<kSize>> camera_system_;
-  std::vector<LinearProjection> fixed_;
-  std::vector<FreeObservation> free_;
-  std::vector<Range> fixed_range_, free_range_;  // per track
+  const BundleProblem problem_;
+  CameraSystem<kSize> camera_system_;
   State state_;
   System system_;  // around the state
 };
@@ -310,24 +278,28 @@ BundleAdjustmentResult Adjust(const BundleAdjustmentOptions& options, std::vecto
   BundleAdjustmentResult result;
   result.summary = solver.Minimize();
   result.pose_covariances.assign(views->size(), Eigen::Matrix<double, 6, 6>::Zero());
+  result.prior_parts = result.pose_covariances;
   if (!result.summary.success) return result;
   const std::vector<Eigen::Matrix<double, kSize, kSize>> covariances = solver.Covariances();
+  std::vector<Eigen::MatrixXd> prior_parts;
+  result.prior_fit = solver.FitOfPriors(&prior_parts);
   std::vector<size_t> camera_of_view(views->size());
   size_t next_camera = 0;
   for (size_t i = 0; i < views->size(); ++i) {
     View& view = (*views)[i];
     if (IsConstant(view)) continue;
     camera_of_view[i] = view.rig_link ? camera_of_view[view.rig_link->reference] : next_camera++;
-    const Camera& camera = solver.Solution().cameras[camera_of_view[i]];
-    if (view.rig_link) {
-      const bool seeks_scale = (*views)[view.rig_link->reference].seeks_rig_scale;
-      if (seeks_scale) view.rig_link->cam_from_reference.translation *= std::exp(camera.log_factor);
-      result.pose_covariances[i] = LinkedCovariance(*view.rig_link, seeks_scale, covariances[camera_of_view[i]]);
-      continue;
-    }
-    view.cam_from_world = camera.cam_from_world;
+    const BundleCamera& camera = solver.Solution().cameras[camera_of_view[i]];
+    const bool seeks_scale = view.rig_link && (*views)[view.rig_link->reference].seeks_rig_scale;
+    if (seeks_scale) view.rig_link->cam_from_reference.translation *= std::exp(camera.log_factor);
+    if (!view.rig_link) view.cam_from_world = camera.cam_from_world;
     if (view.log_focal_factor) view.log_focal_factor = camera.log_factor;
-    result.pose_covariances[i] = covariances[camera_of_view[i]].template topLeftCorner<6, 6>();
+    const auto of_view = [&](const Eigen::MatrixXd& of_camera) -> Eigen::Matrix<double, 6, 6> {
+      if (view.rig_link) return LinkedCovariance(*view.rig_link, seeks_scale, of_camera);
+      return of_camera.topLeftCorner<6, 6>();
+    };
+    result.pose_covariances[i] = of_view(covariances[camera_of_view[i]]);
+    if (!prior_parts.empty()) result.prior_parts[i] = of_view(prior_parts[camera_of_view[i]]);
   }
   FollowReferences(views);
   for (size_t track = 0; track < tracks->size(); ++track) {

@@ -5,6 +5,7 @@
 
 #include <Eigen/Core>
 
+#include "colmap_lazyloc/refinement/prior_fit.h"
 #include "colmap_lazyloc/scene/stage_summary.h"
 #include "colmap_lazyloc/scene/track.h"
 
@@ -25,6 +26,10 @@ struct BundleAdjustmentResult {
   // noise as the views state it, all points, other poses and focal lengths being unknown too. Zero for constant views; of
   // a motion that nothing shows in the image the variance is finite, but larger than that of any that shows.
   std::vector<Eigen::Matrix<double, 6, 6>> pose_covariances;
+  // Whether the database's poses deviate as their priors state, and what of the covariances hangs on that. Zero where there
+  // are no priors, or more cameras than are solved by a dense matrix.
+  PriorFit prior_fit;
+  std::vector<Eigen::Matrix<double, 6, 6>> prior_parts;
 };
 
 // Minimises, in place, over the poses of all views that are not constant and over the tracks' points

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <algorithm>
+#include <optional>
 #include <vector>
 
 #include <Eigen/Cholesky>
@@ -71,6 +72,13 @@ class CameraSystem {
   // These need a factor.
   Eigen::VectorXd Solve(const Eigen::VectorXd& rhs) const {
     return IsDense() ? Eigen::VectorXd(dense_.solve(rhs)) : Eigen::VectorXd(sparse_.solve(rhs));
+  }
+
+  // None of many cameras, or without a factor.
+  std::optional<Eigen::MatrixXd> Inverse() const {
+    const Eigen::Index size = kSize * NumCameras();
+    if (!IsDense() || dense_.info() != Eigen::Success) return std::nullopt;
+    return Eigen::MatrixXd(dense_.solve(Eigen::MatrixXd::Identity(size, size)));
   }
 
   // The diagonal blocks of the inverse.

@@ -1,13 +1,9 @@
 #include "colmap_lazyloc/bridge/absolute_pose.h"
 
-#include <cmath>
-
 #include <Eigen/Geometry>
 #include <colmap/estimators/solvers/absolute_pose.h>
-#include <colmap/estimators/solvers/generalized_absolute_pose.h>
 #include <colmap/math/random.h>
 #include <colmap/optim/loransac.h>
-#include <colmap/optim/ransac.h>
 
 #include "colmap_lazyloc/bridge/convert.h"
 #include "colmap_lazyloc/bridge/ransac_options.h"
@@ -46,21 +42,6 @@ std::optional<Rigid3d> EstimateAbsolutePose(const std::vector<Eigen::Vector3d>& 
   const auto report = ransac.Estimate(rays, points_in_world);
   if (!report.success) return std::nullopt;
   return FiniteRigid(report.model);
-}
-
-std::optional<Rigid3d> EstimateRigAbsolutePose(const std::vector<Eigen::Vector3d>& rays_in_cam,
-                                               const std::vector<Rigid3d>& cams_from_reference,
-                                               const std::vector<Eigen::Vector3d>& points_in_world,
-                                               double max_error_rad, uint32_t seed, double min_inlier_ratio) {
-  std::vector<colmap::GP3PEstimator::X_t> rays(rays_in_cam.size());
-  for (size_t i = 0; i < rays.size(); ++i) rays[i] = {ToColmap(cams_from_reference[i]).ToMatrix(), rays_in_cam[i]};
-  colmap::SetPRNGSeed(seed);
-  // Its error, 1 - cos(angle), is squared as RANSAC's bound is.
-  colmap::RANSAC<colmap::GP3PEstimator> ransac(
-      AbsolutePoseRansacOptions(1 - std::cos(max_error_rad), min_inlier_ratio));
-  const auto report = ransac.Estimate(rays, points_in_world);
-  if (!report.success) return std::nullopt;
-  return FiniteRigid(report.model.ToMatrix());
 }
 
 }  // namespace lazyloc

@@ -1,0 +1,142 @@
+#include "colmap_lazyloc/database/stored_values.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstring>
+#include <initializer_list>
+#include <limits>
+#include <string>
+
+#include <Eigen/Geometry>
+
+namespace lazyloc {
+namespace {
+
+constexpr int64_t kMaxInt = std::numeric_limits<int>::max();
+
+// COLMAP stores numbers as the machine holds them, everywhere little endian.
+template <typename T>
+T NumberAt(const ByteSpan& blob, size_t offset) {
+  T value;
+  std::memcpy(&value, blob.data + offset, sizeof(T));
+  return value;
+}
+
+std::vector<double> Doubles(const SqliteRows& row, const ByteSpan& blob) {
+  if (blob.size % sizeof(double) != 0) row.Fail("camera parameters of " + std::to_string(blob.size) + " bytes");
+  std::vector<double> values(blob.size / sizeof(double));
+  for (size_t i = 0; i < values.size(); ++i) values[i] = NumberAt<double>(blob, i * sizeof(double));
+  return values;
+}
+
+// A table of four-byte numbers, in the columns rows, cols, data (0 to 2 of the statement).
+struct NumberTable {
+  size_t num_rows = 0;
+  size_t num_cols = 0;
+  ByteSpan data;
+
+  template <typename T>
+  T At(size_t row, size_t col) const {
+    static_assert(sizeof(T) == 4);
+    return NumberAt<T>(data, 4 * (row * num_cols + col));
+  }
+};
+
+NumberTable ReadNumberTable(const SqliteRows& row, std::initializer_list<size_t> valid_num_cols) {
+  NumberTable table;
+  table.num_rows = static_cast<size_t>(row.Integer(0, 0, kMaxInt));
+  table.num_cols = static_cast<size_t>(row.Integer(1, 0, kMaxInt));
+  table.data = row.Blob(2);
+  const bool is_valid = std::count(valid_num_cols.begin(), valid_num_cols.end(), table.num_cols) > 0;
+  if (table.num_rows > 0 && !is_valid) row.Fail("has " + std::to_string(table.num_cols) + " columns");
+  if (table.data.size != 4 * table.num_rows * (is_valid ? table.num_cols : 0)) {
+    row.Fail("data has " + std::to_string(table.data.size) + " bytes for " + std::to_string(table.num_rows) + " x " +
+             std::to_string(table.num_cols) + " numbers");
+  }
+  return table;
+}
+
+// N numbers that may be unset: NULL or an empty blob in 4.x; zeros in 3.x, or not finite, where 3.x inverted an H of
+// zeros to exchange the images.
+template <int N>
+std::optional<std::array<double, N>> ReadNumbers(const SqliteRows& row, int column) {
+  const ByteSpan blob = row.Blob(column);
+  if (blob.size == 0) return std::nullopt;
+  if (blob.size != N * sizeof(double)) {
+    row.Fail(row.ColumnName(column) + " has " + std::to_string(blob.size) + " bytes instead of " +
+             std::to_string(N * sizeof(double)));
+  }
+  std::array<double, N> values;
+  std::memcpy(values.data(), blob.data, blob.size);
+  const bool is_finite = std::all_of(values.begin(), values.end(), [](double value) { return std::isfinite(value); });
+  return is_finite ? std::make_optional(values) : std::nullopt;
+}
+
+}  // namespace
+
+std::vector<double> ReadCameraParams(const SqliteRows& row, int column) { return Doubles(row, row.Blob(column)); }
+
+std::vector<Eigen::Vector2f> ReadStoredKeypoints(const SqliteRows& row) {
+  const NumberTable table = ReadNumberTable(row, {2, 4, 6});
+  std::vector<Eigen::Vector2f> points(table.num_rows);
+  for (size_t i = 0; i < points.size(); ++i) {
+    points[i] = {table.At<float>(i, 0), table.At<float>(i, 1)};
+    if (!points[i].allFinite()) row.Fail("keypoint " + std::to_string(i) + " is not finite");
+  }
+  return points;
+}
+
+Matches ReadStoredMatches(const SqliteRows& row) {
+  const NumberTable table = ReadNumberTable(row, {2});
+  Matches matches(table.num_rows);
+  for (size_t i = 0; i < matches.size(); ++i) matches[i] = {table.At<uint32_t>(i, 1), table.At<uint32_t>(i, 0)};
+  return matches;
+}
+
+std::optional<Eigen::Matrix3d> ReadMatrix(const SqliteRows& row, int column) {
+  const auto numbers = ReadNumbers<9>(row, column);
+  if (!numbers) return std::nullopt;
+  const Eigen::Matrix3d matrix = Eigen::Map<const Eigen::Matrix<double, 3, 3, Eigen::RowMajor>>(numbers->data());
+  const bool is_set = !matrix.isZero(0) && !matrix.isIdentity(0);
+  return is_set ? std::make_optional(matrix) : std::nullopt;
+}
+
+std::optional<Rigid3d> ReadPose(const SqliteRows& row, int qvec_column, int tvec_column) {
+  const auto wxyz = ReadNumbers<4>(row, qvec_column);
+  const auto translation = ReadNumbers<3>(row, tvec_column);
+  if (!wxyz || !translation) return std::nullopt;
+  const auto [w, x, y, z] = *wxyz;
+  const Rigid3d pose{Eigen::Quaterniond(w, x, y, z).normalized(), Eigen::Vector3d(translation->data())};
+  const bool has_rotation = !pose.rotation.vec().isZero(0);
+  if (!has_rotation && (w == 0 || pose.translation.isZero(0))) return std::nullopt;
+  return pose;
+}
+
+std::optional<Rigid3d> ReadSensorFromRig(const SqliteRows& row, int column) {
+  const auto numbers = ReadNumbers<7>(row, column);
+  if (!numbers) return std::nullopt;
+  const auto [w, x, y, z, tx, ty, tz] = *numbers;
+  const Rigid3d sensor_from_rig{Eigen::Quaterniond(w, x, y, z).normalized(), {tx, ty, tz}};
+  if (!sensor_from_rig.rotation.coeffs().allFinite()) row.Fail(row.ColumnName(column) + " has no rotation");
+  return sensor_from_rig;
+}
+
+std::optional<Camera> ReadSerializedCamera(const SqliteRows& row, int column) {
+  constexpr size_t kParamsOffset = 33;
+  const ByteSpan blob = row.Blob(column);
+  if (blob.size == 0) return std::nullopt;
+  if (blob.size < kParamsOffset || NumberAt<uint64_t>(blob, 25) != (blob.size - kParamsOffset) / sizeof(double)) {
+    row.Fail(row.ColumnName(column) + " is damaged");
+  }
+  Camera camera;
+  camera.camera_id = NumberAt<uint32_t>(blob, 0);
+  camera.model_id = NumberAt<int32_t>(blob, 4);
+  camera.width = NumberAt<uint64_t>(blob, 8);
+  camera.height = NumberAt<uint64_t>(blob, 16);
+  camera.has_prior_focal_length = NumberAt<uint8_t>(blob, 24) != 0;
+  camera.params = Doubles(row, {blob.data + kParamsOffset, blob.size - kParamsOffset});
+  return camera;
+}
+
+}  // namespace lazyloc
