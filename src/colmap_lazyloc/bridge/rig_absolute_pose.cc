@@ -1,6 +1,6 @@
-#include "colmap_lazyloc/bridge/absolute_pose.h"
-
 #include <cmath>
+
+#include "colmap_lazyloc/bridge/absolute_pose.h"
 
 #if __has_include(<colmap/estimators/solvers/generalized_absolute_pose.h>)
 #include <colmap/estimators/solvers/generalized_absolute_pose.h>  // COLMAP 4

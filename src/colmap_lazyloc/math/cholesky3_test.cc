@@ -12,7 +12,8 @@ TEST(InverseCholeskyFactor, TurnsTheMatrixIntoTheIdentity) {
     const Eigen::Matrix3d a = root.transpose() * root;
     const Eigen::Matrix3d inverse = InverseCholeskyFactor(a);
     EXPECT_TRUE(inverse.isLowerTriangular());
-    EXPECT_LE((inverse * a * inverse.transpose() - Eigen::Matrix3d::Identity()).norm(), 1e-15 * depth_stddev * depth_stddev * 10);
+    EXPECT_LE((inverse * a * inverse.transpose() - Eigen::Matrix3d::Identity()).norm(),
+              1e-15 * depth_stddev * depth_stddev * 10);
   }
 }
 

@@ -117,8 +117,8 @@ class BundleSolver {
     std::vector<PriorDeviation> deviations;
     for (size_t camera = 0; camera < state_.cameras.size(); ++camera) {
       if (!problem_.views[camera]->prior) continue;
-      deviations.push_back({static_cast<int>(camera), EvaluatePosePrior(*problem_.views[camera]->prior,
-                                                                        state_.cameras[camera].cam_from_world)});
+      deviations.push_back({static_cast<int>(camera),
+                            EvaluatePosePrior(*problem_.views[camera]->prior, state_.cameras[camera].cam_from_world)});
     }
     if (deviations.empty()) return {};
     const std::optional<Eigen::MatrixXd> inverse = camera_system_.Inverse();
@@ -255,7 +255,8 @@ class BundleSolver {
     for (size_t track = 0; track < state_.points.size(); ++track) {
       Eigen::Vector3d step_in_factor = -system.point_factors[track].gradient;
       for (size_t i = problem_.free_range[track].begin; i < problem_.free_range[track].end; ++i) {
-        step_in_factor -= system.eliminated[i].transpose().lazyProduct(step.segment<kSize>(kSize * problem_.free[i].camera));
+        step_in_factor -=
+            system.eliminated[i].transpose().lazyProduct(step.segment<kSize>(kSize * problem_.free[i].camera));
       }
       next->points[track] =
           state_.points[track] + system.point_factors[track].inverse.transpose().lazyProduct(step_in_factor);

@@ -26,9 +26,9 @@ BundleProblem::BundleProblem(const std::vector<View>& all_views, const std::vect
         fixed.push_back(ProjectionInWorld(element.observation, view.cam_from_world).Scaled(residual_from_px));
         continue;
       }
-      const LinearProjection projection = view.rig_link
-                                              ? ProjectionInWorld(element.observation, view.rig_link->cam_from_reference)
-                                              : ProjectionInCam(element.observation);
+      const LinearProjection projection =
+          view.rig_link ? ProjectionInWorld(element.observation, view.rig_link->cam_from_reference)
+                        : ProjectionInCam(element.observation);
       free.push_back({camera_of_view[element.view], projection.Scaled(residual_from_px),
                       residual_from_px * element.observation.px_from_log_focal});
     }
