@@ -30,7 +30,8 @@ run() {
 
 run scenes --methods all --plots
 run scenes_top_k --methods structure_based lazyloc local_triangulation --num_retrieved 2 5 10 20 --plots
-run scenes_noise --methods structure_based lazyloc --database_noise 0,0 1,0 5,0 10,0 0,1 0,5 0,10
+run scenes_noise --methods structure_based lazyloc lazyloc:exact_database lazyloc:stated_noise \
+  --database_noise 0,0 1,0 5,0 10,0 0,1 0,5 0,10 1,5
 run scenes_seeds --methods lazyloc local_triangulation --seeds 0 1 2
 
 mkdir -p docs/benchmarks

@@ -6,7 +6,7 @@ scripts/setup.sh
 source scripts/environment.sh
 
 # A green run that ran next to nothing must not pass: raise these floors as tests are added.
-MIN_UNIT_TESTS=475
+MIN_UNIT_TESTS=485
 MIN_PROGRAM_TESTS=555
 
 # Real scenes, where they are at hand; tests on them are skipped elsewhere.

@@ -1,5 +1,5 @@
-// Localizes a query from data structures alone: no database, no files. Here a made-up scene is projected into five posed
-// images and the query; in a program of yours keypoints and matches come from your own features and matcher.
+// Localizes a query from data structures alone: no database, no files. Here a made-up scene is projected into five
+// posed images and the query; in a program of yours keypoints and matches come from your own features and matcher.
 #include <cstdlib>
 #include <iostream>
 #include <random>

@@ -17,8 +17,8 @@ std::optional<int> CameraModelId(const std::string& model_name);
 std::string CameraModelName(int model_id);
 // Zero where the linked COLMAP does not know the model.
 size_t CameraModelNumParams(int model_id);
-// Why the camera cannot be used (a model that the linked COLMAP does not know, wrong number of parameters, non-finite or
-// non-positive focal length, zero size); empty when it can.
+// Why the camera cannot be used (a model that the linked COLMAP does not know, wrong number of parameters, non-finite
+// or non-positive focal length, zero size); empty when it can.
 std::string CameraProblem(const Camera& camera);
 
 // The camera of that model with the principal point in the middle and no distortion.

@@ -30,8 +30,8 @@ struct Photo {
   Features features;  // in pixels of the file
 };
 
-// Reads an image file and extracts its features as COLMAP's feature_extractor does. None where it is no image that COLMAP
-// can read. Thread-safe; uses one thread.
+// Reads an image file and extracts its features as COLMAP's feature_extractor does. None where it is no image that
+// COLMAP can read. Thread-safe; uses one thread.
 std::optional<Photo> ReadPhoto(const std::filesystem::path& path, const SiftExtractionOptions& options);
 
 }  // namespace lazyloc

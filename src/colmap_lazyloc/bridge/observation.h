@@ -9,8 +9,8 @@
 
 namespace lazyloc {
 
-// Turns a camera's image points (pixels) into observations: viewing ray and its derivative, by the camera model's inverse;
-// none where that does not exist. The derivative by the focal length, too, where this is sought.
+// Turns a camera's image points (pixels) into observations: viewing ray and its derivative, by the camera model's
+// inverse; none where that does not exist. The derivative by the focal length, too, where this is sought.
 class Observer {
  public:
   explicit Observer(const Camera& camera, bool seeks_focal_length = false);

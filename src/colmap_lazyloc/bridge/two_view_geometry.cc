@@ -8,8 +8,8 @@
 namespace lazyloc {
 namespace {
 
-// Intrinsics are known, so that a fundamental matrix which more matches agree with has only gathered wrong ones, of like
-// windows for instance. COLMAP asks for 0.95, as that may show it wrong intrinsics.
+// Intrinsics are known, so that a fundamental matrix which more matches agree with has only gathered wrong ones, of
+// like windows for instance. COLMAP asks for 0.95, as that may show it wrong intrinsics.
 constexpr double kMinCalibratedInlierRatio = 0.5;
 
 // In COLMAP 3 zeros stand for a matrix that is not set.

@@ -1,5 +1,5 @@
-// The colmap program with two more commands: lazy_indexer and lazy_localizer here, everything else by COLMAP's own main,
-// which the build renames to ColmapUpstreamMain.
+// The colmap program with two more commands: lazy_indexer and lazy_localizer here, everything else by COLMAP's own
+// main, which the build renames to ColmapUpstreamMain.
 #include <cstring>
 #include <iostream>
 #include <sstream>

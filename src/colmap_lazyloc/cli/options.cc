@@ -76,7 +76,8 @@ void ForEachPhotoOption(Options& o, const Add& add) {
   add("SiftMatching.cross_check", &o.matching.matching.cross_check, "match only what is best both ways");
 }
 
-// Hands each option to `add(name, pointer to its value, help)`: the one list of them, for parsing, help and options.ini.
+// Hands each option to `add(name, pointer to its value, help)`: the one list of them, for parsing, help and
+// options.ini.
 template <typename Options, typename Add>
 void ForEachOption(Options& o, const Add& add) {
   add("database_path", &o.database_path, "COLMAP database with keypoints and matches; opened read-only");

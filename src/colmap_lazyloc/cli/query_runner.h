@@ -19,10 +19,10 @@ struct Loaders {
   MatchesOutput* matches_output = nullptr;
 };
 
-// Localizes the loader's queries, one group per task, on num_threads threads (-1: the number of cores); each thread has a
-// database connection of its own. Threads without a group help with the pairs of photos. `report` is called for each
-// result, never by two threads at once. When `should_stop` turns true no new group is begun. Results come in order of the
-// groups, less those that were not begun. Damaged input that only a query meets (InputError) ends the run.
+// Localizes the loader's queries, one group per task, on num_threads threads (-1: the number of cores); each thread has
+// a database connection of its own. Threads without a group help with the pairs of photos. `report` is called for each
+// result, never by two threads at once. When `should_stop` turns true no new group is begun. Results come in order of
+// the groups, less those that were not begun. Damaged input that only a query meets (InputError) ends the run.
 std::vector<LocalizationResult> RunQueries(const Loaders& loaders, const std::string& database_path,
                                            const LocalizerOptions& options, int num_threads,
                                            const std::function<void(const LocalizationResult&)>& report,

@@ -9,8 +9,8 @@
 
 namespace lazyloc {
 
-// Reads the features of a COLMAP database, as strictly read-only as DatabaseReader and with its errors. SIFT only: other
-// descriptors are an InputError. One connection: use one reader per thread.
+// Reads the features of a COLMAP database, as strictly read-only as DatabaseReader and with its errors. SIFT only:
+// other descriptors are an InputError. One connection: use one reader per thread.
 class FeatureReader {
  public:
   explicit FeatureReader(const std::filesystem::path& path);

@@ -16,8 +16,8 @@ namespace lazyloc {
 
 std::vector<double> ReadCameraParams(const SqliteRows& row, int column);
 
-// Of tables in the columns rows, cols, data (0 to 2 of the statement): pixels, and matches of (image_id1, image_id2) as if
-// image_id2 were the query.
+// Of tables in the columns rows, cols, data (0 to 2 of the statement): pixels, and matches of (image_id1, image_id2) as
+// if image_id2 were the query.
 std::vector<Eigen::Vector2f> ReadStoredKeypoints(const SqliteRows& row);
 Matches ReadStoredMatches(const SqliteRows& row);
 

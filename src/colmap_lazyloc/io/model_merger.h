@@ -48,8 +48,8 @@ struct MergedModel {
 // one
 //   above all ids.
 // - A query's camera is one of the model with the same intrinsics if there is one, its own id preferred; else
-//   it is added under its own id where that is free, or a new one above all ids. A camera that was refined for the query
-//   gets a new one too where other images of the database share it.
+//   it is added under its own id where that is free, or a new one above all ids. A camera that was refined for the
+//   query gets a new one too where other images of the database share it.
 // - An image point can observe one point only. Where the points of two queries meet in a keypoint, the first query has
 //   it and the other's point loses that observation. A point left with fewer than two is dropped.
 // - Rigs and frames of the model stay, without the images that are no longer in it (io/rig_merger.h); each query gets

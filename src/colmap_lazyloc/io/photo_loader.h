@@ -55,8 +55,8 @@ class PhotoLoader {
               const std::map<std::string, PhotoQuery>& photos, int num_retrieved,
               const PairMatchingOptions& pair_options, const PhotoLoaderOptions& options);
 
-  // Throws PhotoFailure, or InputError for damaged data. Thread-safe with a reader per thread; the result depends on the
-  // input alone. Adds the stages to `seconds`.
+  // Throws PhotoFailure, or InputError for damaged data. Thread-safe with a reader per thread; the result depends on
+  // the input alone. Adds the stages to `seconds`.
   LoadedPhoto Load(const PhotoQuery& photo, const FeatureReader& features, IdleThreads* idle_threads,
                    StageTimer::Seconds* seconds) const;
 

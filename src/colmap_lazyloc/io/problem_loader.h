@@ -52,8 +52,8 @@ class ProblemLoader {
   // One line each, on what was left out of the pairs file or has no place in a rig.
   const std::vector<std::string>& Warnings() const { return warnings_; }
 
-  // The pairs file's pairs, or the best num_retrieved by verified inliers; where the database has fewer than these, also
-  // as many with only raw matches, best by their number, from which the localizer chooses when they are verified.
+  // The pairs file's pairs, or the best num_retrieved by verified inliers; where the database has fewer than these,
+  // also as many with only raw matches, best by their number, from which the localizer chooses when they are verified.
   // Throws InputError for damaged data. Thread-safe, with a reader per thread.
   LocalizationProblem Load(const std::string& query_name, const DatabaseReader& database) const;
   // Adds what a group has besides its members: the pairs among its queries (those that are not photos), all that the

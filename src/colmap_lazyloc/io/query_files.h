@@ -44,8 +44,8 @@ struct QueryPrior {
   double radius = 0;
 };
 
-// `name x y z radius` a line, where a name may hold blanks; '#' comments. By name. Throws InputError, `file:line: ...`, for
-// a missing file, a name that appears twice, or numbers that cannot be.
+// `name x y z radius` a line, where a name may hold blanks; '#' comments. By name. Throws InputError, `file:line: ...`,
+// for a missing file, a name that appears twice, or numbers that cannot be.
 std::map<std::string, QueryPrior> ReadQueryPriors(const std::filesystem::path& path);
 
 }  // namespace lazyloc

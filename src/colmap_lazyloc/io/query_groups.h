@@ -36,7 +36,8 @@ struct QueryGroups {
 };
 
 // Groups the queries, in their given order:
-// - into frames by the rig configuration, else by the rigs of the model, for queries that it has too, or of the database
+// - into frames by the rig configuration, else by the rigs of the model, for queries that it has too, or of the
+// database
 //   (unless use_rigs is false);
 // - of these, one group per line of the group list (names of images; what is not listed stays alone), else runs of
 //   group_size frames;

@@ -16,9 +16,9 @@ struct SiftMatchingOptions {
   bool Check(std::string* error) const;
 };
 
-// COLMAP's matches of two images' SIFT descriptors: nearest neighbours by angle, ratio test, cross check. The neighbours are
-// the exact ones, as those of COLMAP's brute force matcher: its approximate search gives others in every run.
-// Sorted. 128 columns. Uses one thread.
+// COLMAP's matches of two images' SIFT descriptors: nearest neighbours by angle, ratio test, cross check. The
+// neighbours are the exact ones, as those of COLMAP's brute force matcher: its approximate search gives others in every
+// run. Sorted. 128 columns. Uses one thread.
 Matches MatchDescriptors(const Descriptors& query, const Descriptors& database, const SiftMatchingOptions& options);
 
 }  // namespace lazyloc

@@ -25,9 +25,9 @@ class RetrievalIndex {
   };
 
   // Reads the index and brings it up to date with the database: images are compared by name and number of descriptors,
-  // and only new and changed ones are read. The file is written if anything changed, whole or not at all. Without a file
-  // (or with an empty path: in memory only) the index is made. Throws InputError, naming the file, where it is no such
-  // index, is damaged, of another COLMAP generation or of another database, or cannot be written.
+  // and only new and changed ones are read. The file is written if anything changed, whole or not at all. Without a
+  // file (or with an empty path: in memory only) the index is made. Throws InputError, naming the file, where it is no
+  // such index, is damaged, of another COLMAP generation or of another database, or cannot be written.
   RetrievalIndex(const std::filesystem::path& path, const std::vector<DatabaseImage>& images,
                  const FeatureReader& features, const RetrievalOptions& options);
 

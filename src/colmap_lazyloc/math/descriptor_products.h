@@ -5,8 +5,8 @@
 
 #include <Eigen/Core>
 
-// Scalar products of SIFT descriptors: what matching and the search for visual words spend their time on. Sums are taken in
-// whole numbers, so they are exact, and the same on every processor.
+// Scalar products of SIFT descriptors: what matching and the search for visual words spend their time on. Sums are
+// taken in whole numbers, so they are exact, and the same on every processor.
 namespace lazyloc {
 
 constexpr int kDescriptorDim = 128;

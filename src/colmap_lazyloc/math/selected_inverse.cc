@@ -4,8 +4,8 @@
 
 namespace lazyloc {
 
-// With l_i = L_ij / L_jj: Z_ij = -sum over k > j of l_k Z_ik, Z_jj = 1 / L_jj^2 - sum over k > j of l_k Z_kj. All of the
-// elements of Z that this needs stand right of column j, where L has some.
+// With l_i = L_ij / L_jj: Z_ij = -sum over k > j of l_k Z_ik, Z_jj = 1 / L_jj^2 - sum over k > j of l_k Z_kj. All of
+// the elements of Z that this needs stand right of column j, where L has some.
 Eigen::SparseMatrix<double> SelectedInverse(Eigen::SparseMatrix<double> lower) {
   lower.makeCompressed();
   const Eigen::Index size = lower.cols();

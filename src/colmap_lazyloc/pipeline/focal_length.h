@@ -4,8 +4,9 @@
 
 namespace lazyloc {
 
-// Where the query's focal length is sought, these take the place of motion averaging: relative poses that were made with
-// a wrong one must not decide. The query is alone in its group. Both throw QueryFailure where the query cannot go on.
+// Where the query's focal length is sought, these take the place of motion averaging: relative poses that were made
+// with a wrong one must not decide. The query is alone in its group. Both throw QueryFailure where the query cannot go
+// on.
 
 // The pairs' inlier matches, however they were verified.
 void CollectInlierMatches(QueryState* state);

@@ -165,8 +165,8 @@ std::vector<LocalizationResult> LocalizeAlone(const QueryGroup& group, const Loc
   return LocalizeInParts(group, part_of_member, options);
 }
 
-// The scale of a frame by what its images give when each is localized alone: the median over pairs of images of the ratio
-// of their distances. None where there are no two places.
+// The scale of a frame by what its images give when each is localized alone: the median over pairs of images of the
+// ratio of their distances. None where there are no two places.
 std::optional<double> ScaleOf(int frame, const QueryGroup& group, const std::vector<LocalizationResult>& alone) {
   std::vector<double> ratios;
   for (size_t i = 0; i < alone.size(); ++i) {

@@ -55,7 +55,8 @@ struct LocalizerOptions {
 
   // A pair whose measured rotation differs from the averaged one by more is dropped.
   double max_rotation_error_deg = 5;
-  // Rounds of triangulation and adjustment. The first one starts from motion averaging, which may be off by many pixels.
+  // Rounds of triangulation and adjustment. The first one starts from motion averaging, which may be off by many
+  // pixels.
   int num_refinement_rounds = 3;
   double max_start_error_sigma = 8;  // largest error of a point in the query then, in standard deviations
   // Image noise that the first round assumes; later ones estimate it for each image, but never below the minimum.
@@ -68,8 +69,8 @@ struct LocalizerOptions {
   int max_num_start_tracks = 300;
   // Whether the focal length is sought of a query whose camera has no prior one.
   bool refine_focal_length = false;
-  // How far database poses may be off, per axis in degrees and per coordinate of the projection centre in database units:
-  // 0 takes them as exact, -1 estimates it for each query from how well the images fit together.
+  // How far database poses may be off, per axis in degrees and per coordinate of the projection centre in database
+  // units: 0 takes them as exact, -1 estimates it for each query from how well the images fit together.
   double database_pose_stddev_deg = -1;
   double database_pose_stddev_length = -1;
   double database_pose_noise_px = 0.1;  // expected size of what is estimated, seen in the image

@@ -4,8 +4,8 @@
 
 namespace lazyloc {
 
-// Fills the results' covariances from the last adjustment. Throws QueryFailure for frames whose position the image noise
-// leaves open, and says what kind of view leaves it so.
+// Fills the results' covariances from the last adjustment. Throws QueryFailure for frames whose position the image
+// noise leaves open, and says what kind of view leaves it so.
 void EstimateCovariance(QueryState* state);
 
 }  // namespace lazyloc

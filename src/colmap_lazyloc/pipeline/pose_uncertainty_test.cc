@@ -82,8 +82,8 @@ TEST(EstimateCovariance, NormalizedErrorsAreChiSquareDistributed) {
   }
 }
 
-// Without the part of the database's noise, the median of the squared errors would be twelve times what it should be. What
-// remains is noise that three images do not show.
+// Without the part of the database's noise, the median of the squared errors would be twelve times what it should be.
+// What remains is noise that three images do not show.
 TEST(EstimateCovariance, NoiseOfTheDatabaseIsPartOfTheCovariance) {
   std::vector<double> errors;
   AppendErrors(1, 1, LocalizerOptions(), &errors);
@@ -122,7 +122,8 @@ double BearingErrorRad(const Bearing& bearing, const SyntheticScene& scene) {
   return 0;
 }
 
-// Rotation and bearing within four of their standard deviations, which are those of half a pixel at 900 px on 200 points.
+// Rotation and bearing within four of their standard deviations, which are those of half a pixel at 900 px on 200
+// points.
 void ExpectTruePartialPose(const LocalizationResult& result, const SyntheticScene& scene) {
   ASSERT_TRUE(result.partial_pose && result.partial_pose->bearing && result.partial_pose->rotation_stddev_rad);
   const PartialPose& partial = *result.partial_pose;

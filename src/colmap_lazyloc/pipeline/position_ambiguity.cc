@@ -119,8 +119,8 @@ bool IsPositionOpen(const QueryState& state, int frame, const std::vector<Track>
   const double distance = MedianDistance(view, tracks);
   const double stddev_ratio = std::max(spread.position_stddevs[0] / distance, spread.rotation_stddev_rad);
   if (!(stddev_ratio <= state.options.max_position_stddev_ratio)) return true;
-  // On a line, only points that two database images see, or one and two queries, fix the position along it. Without them
-  // it may have slid to a database image, where the covariance no longer shows that it could move.
+  // On a line, only points that two database images see, or one and two queries, fix the position along it. Without
+  // them it may have slid to a database image, where the covariance no longer shows that it could move.
   const auto num_common =
       std::count_if(tracks.begin(), tracks.end(), [](const Track& track) { return track.observations.size() > 2; });
   return num_common < state.options.min_num_tracks && AreOnOneLine(state, frame, 0.01);

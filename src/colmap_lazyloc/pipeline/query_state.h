@@ -57,7 +57,8 @@ struct QueryState {
 
   // A query whose focal length is sought is alone in its group.
   bool SeeksFocalLength() const { return views[0].log_focal_factor.has_value(); }
-  // The tracks with their image points in the query (the first ones) seen by another camera, as far as it has rays there.
+  // The tracks with their image points in the query (the first ones) seen by another camera, as far as it has rays
+  // there.
   std::vector<Track> ObservedBy(const Camera& camera, const std::vector<Track>& given_tracks) const;
   // Changes the query's camera, and all of its observations with it.
   void ScaleFocalLength(double factor);

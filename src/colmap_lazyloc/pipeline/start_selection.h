@@ -19,8 +19,9 @@ struct StartEvidence {
 };
 
 // One truncated score for every hypothesis: a sum of max(0, 1 - (error / max_error_px)^2), the error being
-// the reprojection error of a point that the database triangulates, in each image of the frame, or, at half the weight as
-// it binds one coordinate only, the distance from the epipolar line of the one other view that a track has, a database one.
+// the reprojection error of a point that the database triangulates, in each image of the frame, or, at half the weight
+// as it binds one coordinate only, the distance from the epipolar line of the one other view that a track has, a
+// database one.
 double ScoreStart(const StartEvidence& evidence, const Rigid3d& reference_from_world);
 
 // Hypotheses; none where there is too little to make one of.
@@ -29,8 +30,8 @@ std::optional<Rigid3d> GeneralizedRelativePoseStart(const StartEvidence& evidenc
 
 // Triangulates the start's tracks from the database views and chooses the frames' poses to start from: motion
 // averaging's, which stands where few points are seen twice; an absolute pose (P3P, generalized for a rig), which also
-// stands where database cameras and query are on one line; or, where few points are seen twice and nothing is sure, a generalized relative pose
-// over all pairs. Throws QueryFailure where there is none.
+// stands where database cameras and query are on one line; or, where few points are seen twice and nothing is sure, a
+// generalized relative pose over all pairs. Throws QueryFailure where there is none.
 void ChooseStartPose(QueryState* state);
 
 }  // namespace lazyloc

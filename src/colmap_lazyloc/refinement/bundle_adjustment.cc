@@ -240,8 +240,8 @@ class BundleSolver {
     }
   }
 
-  // Returns the length of the cameras' step in standard deviations (Mahalanobis distance by the reduced system), root mean
-  // square over the cameras; NaN where the system is not positive definite.
+  // Returns the length of the cameras' step in standard deviations (Mahalanobis distance by the reduced system), root
+  // mean square over the cameras; NaN where the system is not positive definite.
   double Step(const System& system, State* next) {
     if (!camera_system_.Factorize(system.reduced)) return std::numeric_limits<double>::quiet_NaN();
     const Eigen::VectorXd step = camera_system_.Solve(system.rhs);

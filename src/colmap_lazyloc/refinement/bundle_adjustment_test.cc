@@ -80,8 +80,8 @@ std::vector<View> SolveWithCeres(const BundleAdjustmentOptions& options, Synthet
   return scene.views;
 }
 
-// Seeks the focal lengths of all queries but the last of several. Their rays are turned towards the optical axis as by a
-// focal length too long, and the derivative by its log is such that log_focal_factor takes back exactly this.
+// Seeks the focal lengths of all queries but the last of several. Their rays are turned towards the optical axis as by
+// a focal length too long, and the derivative by its log is such that log_focal_factor takes back exactly this.
 void DisturbFocalLengths(double log_focal_factor, int num_query, SyntheticTracks* scene) {
   const int num_sought = std::max(1, num_query - 1);
   for (int query = 0; query < num_sought; ++query) scene->views[query].log_focal_factor = 0;

@@ -10,8 +10,8 @@
 
 namespace lazyloc {
 
-// A view that bundle adjustment moves, with those that follow it: six parameters, and a seventh where any focal length or
-// scale of a rig is sought.
+// A view that bundle adjustment moves, with those that follow it: six parameters, and a seventh where any focal length
+// or scale of a rig is sought.
 struct BundleCamera {
   Rigid3d cam_from_world;
   double log_factor = 0;  // on the focal length, or on the translations within the rig
@@ -29,7 +29,8 @@ struct Range {
   size_t begin = 0, end = 0;
 };
 
-// Views and tracks as bundle adjustment goes through them: one after the other in memory, errors in standard deviations.
+// Views and tracks as bundle adjustment goes through them: one after the other in memory, errors in standard
+// deviations.
 struct BundleProblem {
   BundleProblem(const std::vector<View>& all_views, const std::vector<Track>& tracks);
 

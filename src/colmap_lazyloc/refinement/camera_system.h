@@ -11,9 +11,9 @@
 
 namespace lazyloc {
 
-// Solves the reduced camera system of bundle adjustment, whose lower triangle is made of kSize x kSize blocks (a, b), one
-// for each two cameras b <= a that see a common point. Of few cameras it is one dense matrix; of many, as a group of queries
-// along a path has them, the blocks stand side by side and the system is sparse.
+// Solves the reduced camera system of bundle adjustment, whose lower triangle is made of kSize x kSize blocks (a, b),
+// one for each two cameras b <= a that see a common point. Of few cameras it is one dense matrix; of many, as a group
+// of queries along a path has them, the blocks stand side by side and the system is sparse.
 template <int kSize>
 class CameraSystem {
  public:

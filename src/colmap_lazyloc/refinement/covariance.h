@@ -16,11 +16,12 @@ inline double ResidualFromPx(const View& view, const Track& track) { return 1 / 
 // sum, in standard deviations, over the freedom that the points and the sought poses leave.
 double VarianceFactor(const std::vector<View>& views, const std::vector<Track>& tracks, double weight_scale);
 
-// Covariance of the projection centre, in the world. cam_from_world, covariance: in a frame whose origin is not far away.
+// Covariance of the projection centre, in the world. cam_from_world, covariance: in a frame whose origin is not far
+// away.
 Eigen::Matrix3d PositionCovariance(const Rigid3d& cam_from_world, const Eigen::Matrix<double, 6, 6>& covariance);
 
-// Of a view whose pose follows that of a reference. reference_covariance: of the reference's tangent, and of the log factor
-// on the translation between them where that is sought.
+// Of a view whose pose follows that of a reference. reference_covariance: of the reference's tangent, and of the log
+// factor on the translation between them where that is sought.
 Eigen::Matrix<double, 6, 6> LinkedCovariance(const RigLink& link, bool seeks_scale,
                                              const Eigen::MatrixXd& reference_covariance);
 

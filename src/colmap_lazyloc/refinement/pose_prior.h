@@ -6,8 +6,8 @@
 
 namespace lazyloc {
 
-// How far a pose is from its prior, in the prior's standard deviations: rotation vector of R R_prior^T, then displacement
-// of the projection centre. The jacobian is by the tangent (w, dt) of cam_from_world.
+// How far a pose is from its prior, in the prior's standard deviations: rotation vector of R R_prior^T, then
+// displacement of the projection centre. The jacobian is by the tangent (w, dt) of cam_from_world.
 struct PosePriorResidual {
   Eigen::Matrix<double, 6, 1> error;
   Eigen::Matrix<double, 6, 6> jacobian;
@@ -21,9 +21,9 @@ struct ViewScale {
 };
 std::vector<ViewScale> MeasureViewScales(const std::vector<View>& views, const std::vector<Track>& tracks);
 
-// A prior whose rotation error, and whose position error, each move the image points by noise_px (standard deviation per
-// coordinate, at the image's centre and the points' median distance). Without a unit of length, one value serves a desk
-// and a city.
+// A prior whose rotation error, and whose position error, each move the image points by noise_px (standard deviation
+// per coordinate, at the image's centre and the points' median distance). Without a unit of length, one value serves a
+// desk and a city.
 PosePrior MakePosePrior(const Rigid3d& cam_from_world, double noise_px, const ViewScale& scale);
 
 // The noise_px by which adjusted database views deviate from their priors: expectation and maximisation's step

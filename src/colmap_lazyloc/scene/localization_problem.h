@@ -40,8 +40,8 @@ struct LocalizationProblem {
   std::vector<DatabaseMatches> database_matches;  // where they are to extend the tracks
 };
 
-// A query that is localized together with others, and its place in its frame: the images that move as one rigid body (of
-// a camera rig at one moment, of a piece of a known trajectory, or a lone image).
+// A query that is localized together with others, and its place in its frame: the images that move as one rigid body
+// (of a camera rig at one moment, of a piece of a known trajectory, or a lone image).
 struct GroupMember {
   LocalizationProblem problem;
   int reference = 0;  // the frame's first member; members of a frame stand together

@@ -74,8 +74,8 @@ struct LocalizationResult {
   std::vector<Eigen::Vector2d> photo_keypoints;  // xy in pixels, where they are not in the database
 
   std::string frame_name;  // of a rig's frame; empty for a lone image
-  // Median error in a rig's image of the points that the database triangulates, before any is left out: a large one says that
-  // the calibration is wrong.
+  // Median error in a rig's image of the points that the database triangulates, before any is left out: a large one
+  // says that the calibration is wrong.
   std::optional<double> rig_error_px;
 
   // Valid when LOCALIZED.

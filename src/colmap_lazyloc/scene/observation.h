@@ -10,11 +10,11 @@
 
 namespace lazyloc {
 
-// An image point turned into its viewing ray, once: the solvers know no camera model. The reprojection error of a point X
-// in the camera's frame is, in pixels and to first order in the error,
+// An image point turned into its viewing ray, once: the solvers know no camera model. The reprojection error of a point
+// X in the camera's frame is, in pixels and to first order in the error,
 //   r = px_from_cam X / (ray . X),
-// i.e. X's displacement from the ray in the plane perpendicular to it, scaled to pixels by the model's derivative there.
-// X lies in front of the camera where ray . X > 0.
+// i.e. X's displacement from the ray in the plane perpendicular to it, scaled to pixels by the model's derivative
+// there. X lies in front of the camera where ray . X > 0.
 struct Observation {
   Eigen::Vector3d ray_in_cam = Eigen::Vector3d::Zero();                           // unit length
   Eigen::Matrix<double, 2, 3> px_from_cam = Eigen::Matrix<double, 2, 3>::Zero();  // annihilates the ray

@@ -31,8 +31,8 @@ struct Rig {
   std::vector<RigSensor> others;
 };
 
-// Where the sensor is on the rig, if it is there and the rig says it. As in the files: normalise the rotation where it is
-// computed with.
+// Where the sensor is on the rig, if it is there and the rig says it. As in the files: normalise the rotation where it
+// is computed with.
 inline std::optional<Rigid3d> SensorFromRig(const Rig& rig, const Sensor& sensor) {
   if (rig.reference && *rig.reference == sensor) return Rigid3d();
   for (const RigSensor& other : rig.others) {

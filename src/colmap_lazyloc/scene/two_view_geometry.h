@@ -24,8 +24,8 @@ enum class TwoViewConfig {
   CALIBRATED_RIG = 9,
 };
 
-// Whether the geometry was verified with known intrinsics, as a relative pose needs it. UNCALIBRATED ones were verified by
-// a fundamental matrix, MULTIPLE ones hold the inliers of several motions.
+// Whether the geometry was verified with known intrinsics, as a relative pose needs it. UNCALIBRATED ones were verified
+// by a fundamental matrix, MULTIPLE ones hold the inliers of several motions.
 inline bool HoldsCalibrated(TwoViewConfig config) {
   return config == TwoViewConfig::CALIBRATED || config == TwoViewConfig::CALIBRATED_RIG ||
          config == TwoViewConfig::PLANAR || config == TwoViewConfig::PANORAMIC ||

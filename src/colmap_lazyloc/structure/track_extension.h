@@ -19,8 +19,9 @@ struct DatabaseViewMatches {
 // The observation of a view's keypoint; none where its camera model has no ray there.
 using ObserveKeypoint = std::function<std::optional<Observation>(int view, uint32_t keypoint)>;
 
-// Adds to each track the image points in further database views that are matched to one of its own, at most one per view:
-// where matches disagree on it, none. New image points are not followed further. Observations stay in the order of views.
+// Adds to each track the image points in further database views that are matched to one of its own, at most one per
+// view: where matches disagree on it, none. New image points are not followed further. Observations stay in the order
+// of views.
 void ExtendTracks(const std::vector<DatabaseViewMatches>& matches, const ObserveKeypoint& observe,
                   std::vector<Track>* tracks);
 

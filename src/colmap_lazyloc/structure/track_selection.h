@@ -9,8 +9,8 @@
 namespace lazyloc {
 
 // At most max_num_tracks of the tracks, in their order: those with most image points, taken in turn from the cells of a
-// grid over the query's image, so that all parts of the image keep their say. keypoints: of the query, in pixels; each track's
-// first observation is the query's.
+// grid over the query's image, so that all parts of the image keep their say. keypoints: of the query, in pixels; each
+// track's first observation is the query's.
 std::vector<Track> SelectTracks(const std::vector<Track>& tracks, const std::vector<Eigen::Vector2d>& keypoints,
                                 int max_num_tracks);
 // The same without a copy where none is left out.

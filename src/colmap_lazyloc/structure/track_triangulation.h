@@ -14,8 +14,8 @@ struct TrackTriangulationOptions {
   double max_query_error_sigma = 4;
   // Smallest angle under which the point is seen: by database views alone, and by one of them with the query.
   double min_triangulation_angle_deg = 1.5;
-  // Factor on the image noise of a track that one database view sees: that view's pose error moves all such points alike,
-  // where the errors of several views average out, and a false match along the epipolar line goes unnoticed.
+  // Factor on the image noise of a track that one database view sees: that view's pose error moves all such points
+  // alike, where the errors of several views average out, and a false match along the epipolar line goes unnoticed.
   double single_view_noise_ratio = 2;
 
   bool Check(std::string* error) const;

@@ -11,8 +11,8 @@ struct SyntheticVideoOptions {
   uint32_t seed = 0;
 };
 
-// Lone queries along a straight path at distances of 0.5, looking sideways, beside database images at distances of 1: each
-// shares matches with the database images up to 2 away, and with the two queries before it.
+// Lone queries along a straight path at distances of 0.5, looking sideways, beside database images at distances of 1:
+// each shares matches with the database images up to 2 away, and with the two queries before it.
 SyntheticGroup MakeSyntheticVideo(const SyntheticVideoOptions& options);
 
 }  // namespace lazyloc

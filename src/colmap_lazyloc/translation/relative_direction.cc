@@ -35,16 +35,16 @@ int CheiralityVote(const std::vector<RayPair>& rays, const std::vector<Eigen::Ve
   return vote;
 }
 
-// Whether more ray pairs than chance and a few outliers explain are not parallel: without parallax the rays' noise would
-// feign a direction.
+// Whether more ray pairs than chance and a few outliers explain are not parallel: without parallax the rays' noise
+// would feign a direction.
 bool HasParallax(const std::vector<RayPair>& rays, const std::vector<Eigen::Vector3d>& normals) {
   size_t num_with_parallax = 0;
   for (size_t i = 0; i < rays.size(); ++i) num_with_parallax += normals[i].norm() > 4 * M_SQRT2 * rays[i].stddev_rad;
   return num_with_parallax >= 5 && 20 * num_with_parallax >= rays.size();
 }
 
-// The direction, of those that two ray pairs give each, that most ray pairs agree with. The pairs are taken from all over
-// the list in a fixed order: the same input gives the same start.
+// The direction, of those that two ray pairs give each, that most ray pairs agree with. The pairs are taken from all
+// over the list in a fixed order: the same input gives the same start.
 Eigen::Vector3d StartDirection(const std::vector<RayPair>& rays, const std::vector<Eigen::Vector3d>& normals) {
   constexpr size_t kNumHypotheses = 30, kNumVoters = 100;
   const size_t num_rays = rays.size(), stride = std::max<size_t>(1, num_rays / kNumVoters);

@@ -21,10 +21,9 @@ struct RelativeDirection {
 
 // Direction of the baseline between two cameras whose rotations are known: every ray pair (f1, f2) obeys the epipolar
 // constraint (f1 x f2) . dir = 0, so that dir is the smallest eigenvector of sum w n n^T with n = f1 x f2, where w
-// normalises each constraint by its own noise and discounts outliers. It starts from a vote among the directions that two
-// ray pairs give. Its sign is the one that puts more points
-// in front of both cameras. LazyLoc section 3.2; Lee & Civera, Closed-Form Optimal Two-View Triangulation, for the
-// constraint's noise.
+// normalises each constraint by its own noise and discounts outliers. It starts from a vote among the directions that
+// two ray pairs give. Its sign is the one that puts more points in front of both cameras. LazyLoc section 3.2; Lee &
+// Civera, Closed-Form Optimal Two-View Triangulation, for the constraint's noise.
 RelativeDirection EstimateRelativeDirection(const std::vector<RayPair>& rays);
 
 }  // namespace lazyloc

@@ -21,8 +21,8 @@ struct DirectionEdge {
 };
 
 // Translation averaging with fixed nodes: projection centres of nodes 0..n-1, of which the fixed ones are known and
-// are returned as they are. An edge binds two of a node's three coordinates. Gauge freedom: none where each unknown node
-// sees two or more distinct fixed centres in non-parallel directions; with one fixed neighbour, or on the line of
+// are returned as they are. An edge binds two of a node's three coordinates. Gauge freedom: none where each unknown
+// node sees two or more distinct fixed centres in non-parallel directions; with one fixed neighbour, or on the line of
 // its fixed neighbours, its position along the ray stays open (see `is_determined`).
 struct TranslationAveragingProblem {
   std::vector<Eigen::Vector3d> cams_in_world;  // of fixed nodes; the others' are ignored

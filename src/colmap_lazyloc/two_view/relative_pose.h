@@ -23,8 +23,8 @@ struct RelativePose {
 };
 
 // The pair's relative pose: the stored one, one decomposed from the stored E or H by COLMAP, or one that COLMAP
-// estimates from the matches, calibrated, where nothing is stored or what is stored is uncalibrated. None where the pair
-// has too few inliers, or is degenerate or a watermark. The same result for the same seed.
+// estimates from the matches, calibrated, where nothing is stored or what is stored is uncalibrated. None where the
+// pair has too few inliers, or is degenerate or a watermark. The same result for the same seed.
 std::optional<RelativePose> FindRelativePose(const LocalizationProblem& problem, const ImagePair& pair,
                                              const RelativePoseOptions& options, uint32_t seed);
 

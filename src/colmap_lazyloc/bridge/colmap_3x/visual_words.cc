@@ -27,7 +27,8 @@ flann::Matrix<uint8_t> ToFlann(const Descriptors& descriptors) {
 // Hierarchical k-means.
 Descriptors ClusterWords(const Descriptors& descriptors, int num_words, uint32_t seed) {
   num_words = std::max(2, std::min<int>(num_words, descriptors.rows()));
-  // FLANN's clusters come from the program's one rand(): to give the same ones again, nobody else may draw from it meanwhile.
+  // FLANN's clusters come from the program's one rand(): to give the same ones again, nobody else may draw from it
+  // meanwhile.
   static std::mutex mutex;
   const std::lock_guard<std::mutex> lock(mutex);
   std::srand(seed);

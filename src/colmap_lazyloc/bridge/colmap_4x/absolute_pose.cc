@@ -11,8 +11,8 @@
 namespace lazyloc {
 namespace {
 
-// COLMAP's estimator with errors in angles, that is for rays in all directions. Its projection serves EPnP to choose among
-// its solutions.
+// COLMAP's estimator with errors in angles, that is for rays in all directions. Its projection serves EPnP to choose
+// among its solutions.
 template <typename Estimator>
 class OnRays : public Estimator {
  public:
