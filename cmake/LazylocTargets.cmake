@@ -7,9 +7,10 @@ function(lazyloc_set_properties target)
   target_include_directories(${target} PUBLIC
     "$<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}/src>" "$<INSTALL_INTERFACE:${CMAKE_INSTALL_INCLUDEDIR}>")
   if(LAZYLOC_SANITIZERS)
-    # With sanitizers, GCC 12 takes what an empty std::optional holds for used.
-    target_compile_options(${target} PRIVATE -fsanitize=${LAZYLOC_SANITIZERS} -fno-sanitize-recover=all -g
-      -Wno-maybe-uninitialized)
+    # With sanitizers, GCC 12 takes what an empty std::optional holds for used. Eigen would allocate otherwise than in
+    # COLMAP's code, which is built without them; -O1 is enough, and builds in a third of the time.
+    target_compile_options(${target} PRIVATE -fsanitize=${LAZYLOC_SANITIZERS} -fno-sanitize-recover=all -g -O1
+      -DEIGEN_MALLOC_ALREADY_ALIGNED=1 -Wno-maybe-uninitialized)
     target_link_options(${target} PUBLIC -fsanitize=${LAZYLOC_SANITIZERS})
   endif()
 endfunction()
