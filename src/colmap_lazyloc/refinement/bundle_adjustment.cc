@@ -105,6 +105,7 @@ class BundleSolver {
   }
 
   const State& Solution() const { return state_; }
+  int CameraOfView(size_t view) const { return problem_.camera_of_view[view]; }
 
   // Of each camera's parameters, at the minimum.
   std::vector<CameraMatrix> Covariances() {
@@ -284,13 +285,11 @@ BundleAdjustmentResult Adjust(const BundleAdjustmentOptions& options, std::vecto
   const std::vector<Eigen::Matrix<double, kSize, kSize>> covariances = solver.Covariances();
   std::vector<Eigen::MatrixXd> prior_parts;
   result.prior_fit = solver.FitOfPriors(&prior_parts);
-  std::vector<size_t> camera_of_view(views->size());
-  size_t next_camera = 0;
   for (size_t i = 0; i < views->size(); ++i) {
     View& view = (*views)[i];
     if (IsConstant(view)) continue;
-    camera_of_view[i] = view.rig_link ? camera_of_view[view.rig_link->reference] : next_camera++;
-    const BundleCamera& camera = solver.Solution().cameras[camera_of_view[i]];
+    const int camera_index = solver.CameraOfView(i);
+    const BundleCamera& camera = solver.Solution().cameras[camera_index];
     const bool seeks_scale = view.rig_link && (*views)[view.rig_link->reference].seeks_rig_scale;
     if (seeks_scale) view.rig_link->cam_from_reference.translation *= std::exp(camera.log_factor);
     if (!view.rig_link) view.cam_from_world = camera.cam_from_world;
@@ -299,8 +298,8 @@ BundleAdjustmentResult Adjust(const BundleAdjustmentOptions& options, std::vecto
       if (view.rig_link) return LinkedCovariance(*view.rig_link, seeks_scale, of_camera);
       return of_camera.topLeftCorner<6, 6>();
     };
-    result.pose_covariances[i] = of_view(covariances[camera_of_view[i]]);
-    if (!prior_parts.empty()) result.prior_parts[i] = of_view(prior_parts[camera_of_view[i]]);
+    result.pose_covariances[i] = of_view(covariances[camera_index]);
+    if (!prior_parts.empty()) result.prior_parts[i] = of_view(prior_parts[camera_index]);
   }
   FollowReferences(views);
   for (size_t track = 0; track < tracks->size(); ++track) {

@@ -4,8 +4,8 @@
 
 namespace lazyloc {
 
-BundleProblem::BundleProblem(const std::vector<View>& all_views, const std::vector<Track>& tracks) {
-  std::vector<int> camera_of_view(all_views.size(), -1);
+BundleProblem::BundleProblem(const std::vector<View>& all_views, const std::vector<Track>& tracks)
+    : camera_of_view(all_views.size(), -1) {
   for (size_t i = 0; i < all_views.size(); ++i) {
     const View& view = all_views[i];
     if (IsConstant(view)) continue;

@@ -34,7 +34,8 @@ struct Range {
 struct BundleProblem {
   BundleProblem(const std::vector<View>& all_views, const std::vector<Track>& tracks);
 
-  std::vector<const View*> views;  // of the cameras
+  std::vector<int> camera_of_view;  // -1 for constant views
+  std::vector<const View*> views;   // of the cameras
   std::vector<BundleCamera> cameras;
   std::vector<Eigen::Vector3d> points;  // of the tracks
   std::vector<LinearProjection> fixed;  // image points in constant views, of the points in the world
