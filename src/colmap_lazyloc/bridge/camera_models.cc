@@ -71,7 +71,8 @@ Camera CameraFromFocalLength(int model_id, double focal_length_px, uint64_t widt
 
 Camera WithFocalFactor(const Camera& camera, double factor) {
   Camera scaled = camera;
-  for (const size_t idx : ToColmap(camera).FocalLengthIdxs()) scaled.params[idx] *= factor;
+  const colmap::Camera converted = ToColmap(camera);
+  for (const size_t idx : converted.FocalLengthIdxs()) scaled.params[idx] *= factor;
   return scaled;
 }
 

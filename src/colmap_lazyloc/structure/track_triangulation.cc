@@ -8,9 +8,9 @@
 
 #include <Eigen/Geometry>
 
-#include "colmap_lazyloc/bridge/triangulation.h"
 #include "colmap_lazyloc/math/so3.h"
 #include "colmap_lazyloc/scene/options_check.h"
+#include "colmap_lazyloc/structure/ray_intersection.h"
 
 namespace lazyloc {
 namespace {
@@ -65,12 +65,12 @@ class TrackTriangulator : public TrackEvaluator {
       if (IsDatabase(observations[i])) used_.push_back(i);
     }
     Eigen::Vector3d point;
-    if (used_.size() < 2 || !Linear(observations, used_, &point)) return std::nullopt;
+    if (used_.size() < 2 || !Intersect(observations, used_, &point)) return std::nullopt;
     if (!AllAgree(observations, point)) {
       if (used_.size() == 2) return std::nullopt;  // their only pair is what has just failed
       used_.swap(candidates_);
       FindBestAgreeing(observations);
-      if (used_.size() < 2 || !Linear(observations, used_, &point) || !AllAgree(observations, point))
+      if (used_.size() < 2 || !Intersect(observations, used_, &point) || !AllAgree(observations, point))
         return std::nullopt;
     }
     if (!SeenUnderAngle(observations, used_, point)) return std::nullopt;
@@ -91,7 +91,7 @@ class TrackTriangulator : public TrackEvaluator {
     used_.resize(observations.size());
     std::iota(used_.begin(), used_.end(), 0);
     track->noise_ratio = options_.single_view_noise_ratio;
-    if (!Linear(observations, used_, &track->point_in_world)) return false;
+    if (!Intersect(observations, used_, &track->point_in_world)) return false;
     if (!SeenUnderAngle(observations, used_, track->point_in_world)) return false;
     return std::all_of(observations.begin(), observations.end(), [&](const TrackObservation& element) {
       return Fits(element, track->point_in_world, options_.max_query_error_sigma);
@@ -115,16 +115,17 @@ class TrackTriangulator : public TrackEvaluator {
     return num_database <= 1 && num_database + num_frames >= 2;
   }
 
-  bool Linear(const std::vector<TrackObservation>& observations, const Indices& indices, Eigen::Vector3d* point) {
-    linear_cams_from_world_.clear();
-    linear_points_.clear();
+  bool Intersect(const std::vector<TrackObservation>& observations, const Indices& indices,
+                 Eigen::Vector3d* point) const {
+    RayIntersection intersection;
     for (const size_t i : indices) {
-      linear_cams_from_world_.push_back(cams_from_world_[observations[i].view]);
-      linear_points_.push_back(observations[i].observation.ray_in_cam.hnormalized());
+      const int view = observations[i].view;
+      intersection.Add(cams_in_world_[view], cams_from_world_[view].leftCols<3>().transpose().lazyProduct(
+                                                 observations[i].observation.ray_in_cam));
     }
-    const std::optional<Eigen::Vector3d> triangulated = TriangulatePoint(linear_cams_from_world_, linear_points_);
-    if (triangulated) *point = *triangulated;
-    return triangulated.has_value();
+    const std::optional<Eigen::Vector3d> intersected = intersection.Point();
+    if (intersected) *point = *intersected;
+    return intersected.has_value();
   }
 
   bool SeenUnderAngle(const std::vector<TrackObservation>& observations, const Indices& indices,
@@ -155,7 +156,7 @@ class TrackTriangulator : public TrackEvaluator {
       for (size_t b = 0; b < a && used_.size() < candidates_.size(); ++b) {
         Eigen::Vector3d point;
         pair_ = {candidates_[a], candidates_[b]};
-        if (!Linear(observations, pair_, &point) || !SeenUnderAngle(observations, pair_, point)) continue;
+        if (!Intersect(observations, pair_, &point) || !SeenUnderAngle(observations, pair_, point)) continue;
         agreeing_.clear();
         for (const size_t i : candidates_) {
           if (Agrees(observations[i], point)) agreeing_.push_back(i);
@@ -169,8 +170,6 @@ class TrackTriangulator : public TrackEvaluator {
   const double max_cos_angle_;
   std::vector<Eigen::Vector3d> cams_in_world_;
   Indices used_, candidates_, agreeing_, pair_;
-  std::vector<Matrix3x4d> linear_cams_from_world_;
-  std::vector<Eigen::Vector2d> linear_points_;
 };
 
 std::vector<Track> TracksThatFit(const std::vector<View>& views, std::vector<Track> tracks, double max_error_sigma,

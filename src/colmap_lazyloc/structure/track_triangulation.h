@@ -21,8 +21,8 @@ struct TrackTriangulationOptions {
   bool Check(std::string* error) const;
 };
 
-// Tracks that two or more database views see under a sufficient angle, triangulated from these alone (COLMAP's linear
-// multi-view triangulation, with those views that agree with the best pair of them): an error of the query's present
+// Tracks that two or more database views see under a sufficient angle, triangulated from these alone (where their
+// rays meet best, with those views that agree with the best pair of them): an error of the query's present
 // pose does not reach their points. The other tracks, which only a query pose can triangulate, go to `rest`.
 std::vector<Track> TriangulateFromDatabase(const std::vector<View>& views, const std::vector<Track>& tracks,
                                            const TrackTriangulationOptions& options, std::vector<Track>* rest);
