@@ -11,11 +11,14 @@ namespace {
 
 // Throws for the first kind of failure that there is, with all of the frames that have it.
 void CheckPositions(double variance_factor, QueryState* state) {
-  const std::vector<std::vector<Track>> tracks = state->TracksByFrame(state->tracks);
+  const bool is_single = state->frames.size() == 1;  // which sees them all
+  std::vector<std::vector<Track>> tracks_by_frame;
+  if (!is_single) tracks_by_frame = state->TracksByFrame(state->tracks);
   std::vector<QueryFailure> failures;
   for (const int frame : state->frames) {
-    if (!IsPositionOpen(*state, frame, tracks[frame])) continue;
-    QueryFailure failure = FailWithOpenPosition(frame, tracks[frame], variance_factor, state);
+    const std::vector<Track>& tracks = is_single ? state->tracks : tracks_by_frame[frame];
+    if (!IsPositionOpen(*state, frame, tracks)) continue;
+    QueryFailure failure = FailWithOpenPosition(frame, tracks, variance_factor, state);
     if (state->SeeksFocalLength() && failure.status == QueryStatus::DEGENERATE_BASELINE) {
       failure.reason = "the position is open along a line: its distance and the focal length cannot be told apart";
     }

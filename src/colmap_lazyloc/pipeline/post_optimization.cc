@@ -54,8 +54,10 @@ void SetPriors(double noise_px, const std::vector<ViewScale>& scales, QueryState
   }
 }
 
-void Adjust(QueryState* state) {
-  state->adjustment = AdjustBundle(state->options.bundle_adjustment, &state->views, &state->tracks);
+void Adjust(bool is_last, QueryState* state) {
+  BundleAdjustmentOptions options = state->options.bundle_adjustment;
+  options.fits_priors = is_last;  // for the covariance
+  state->adjustment = AdjustBundle(options, &state->views, &state->tracks);
   const bool is_finite = std::all_of(state->frames.begin(), state->frames.end(), [&](int frame) {
     const Rigid3d& pose = state->views[frame].cam_from_world;
     return pose.rotation.coeffs().allFinite() && pose.translation.allFinite();
@@ -80,10 +82,10 @@ double ExpectedDatabaseNoisePx(const QueryState& state) {
 }
 
 // Adjusts under priors of noise_px.
-std::vector<ViewScale> AdjustWithPriors(double noise_px, QueryState* state) {
+std::vector<ViewScale> AdjustWithPriors(double noise_px, bool is_last, QueryState* state) {
   std::vector<ViewScale> scales = MeasureViewScales(state->views, state->tracks);
   SetPriors(noise_px, scales, state);
-  Adjust(state);
+  Adjust(is_last, state);
   return scales;
 }
 
@@ -93,7 +95,7 @@ double EstimatePriors(double noise_px, QueryState* state) {
   const bool is_stated = options.database_pose_stddev_deg >= 0 && options.database_pose_stddev_length >= 0;
   const bool is_loud = !is_stated && noise_px > options.database_pose_noise_px;
   for (int i = 0;; ++i) {
-    const std::vector<ViewScale> scales = AdjustWithPriors(noise_px, state);
+    const std::vector<ViewScale> scales = AdjustWithPriors(noise_px, /*is_last=*/false, state);
     const double variance_factor =
         VarianceFactor(state->views, state->tracks, options.bundle_adjustment.loss_scale_sigma);
     const double estimate_px = EstimateDatabasePoseNoise(state->views, scales, state->adjustment.pose_covariances,
@@ -128,9 +130,9 @@ void OptimizeOverTracks(QueryState* state) {
     const StageTimer timer("adjustment", &state->seconds);
     if (round == 0) {
       // The start is rough: its errors would be taken for errors of the database.
-      Adjust(state);
+      Adjust(is_last, state);
     } else if (is_last) {
-      AdjustWithPriors(database_noise_px, state);
+      AdjustWithPriors(database_noise_px, is_last, state);
     } else {
       database_noise_px = EstimatePriors(database_noise_px, state);
     }

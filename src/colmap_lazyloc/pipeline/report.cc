@@ -27,6 +27,7 @@ void ReportTrack(const Track& track, const TrackObservation& query, const std::v
                  QueryState* state) {
   const std::vector<int>& pair_views = state->pair_views[query.view];
   PointResult point;
+  point.observations.reserve(track.observations.size());
   point.point_in_world = track.point_in_world + state->origin;
   point.query_point = query.keypoint;
   double error_sum = 0;
@@ -56,8 +57,9 @@ void ReportTracks(QueryState* state) {
     cams_from_world.push_back(state->views[view].is_database ? state->GivenPose(view)
                                                              : state->views[view].cam_from_world);
   }
+  std::vector<double> errors_px;
   for (const Track& track : state->tracks) {
-    std::vector<double> errors_px;
+    errors_px.clear();
     for (const TrackObservation& element : track.observations) {
       const Eigen::Vector3d point_in_cam = cams_from_world[element.view] * track.point_in_world;
       errors_px.push_back(ReprojectionError(element.observation, point_in_cam).norm());

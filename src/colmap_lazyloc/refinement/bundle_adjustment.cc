@@ -4,11 +4,11 @@
 #include <cmath>
 #include <limits>
 #include <optional>
+#include <tuple>
 
 #include <Eigen/Geometry>
 
 #include "colmap_lazyloc/math/cholesky3.h"
-#include "colmap_lazyloc/math/robust_weights.h"
 #include "colmap_lazyloc/math/so3.h"
 #include "colmap_lazyloc/refinement/bundle_problem.h"
 #include "colmap_lazyloc/refinement/camera_system.h"
@@ -22,6 +22,10 @@ namespace {
 
 // The least damping: this part of each diagonal element keeps motions that nothing shows from an infinite variance.
 constexpr double kRegularization = 1e-12;
+// What a step begins with that starts far from the minimum: along motions that little shows, it would go too far
+// without. Where the step lowers the cost, the next ones do without.
+constexpr double kFirstDamping = 1e-4;
+constexpr double kMaxDamping = 1e8;
 
 // What the solver changes.
 struct State {
@@ -45,7 +49,7 @@ class BundleSolver {
   // The damped normal equations around a state, with the points eliminated, and what brings the points back.
   struct System {
     double cost = 0;
-    Eigen::MatrixXd reduced;  // as CameraSystem has it
+    typename CameraSystem<kSize>::Blocks reduced;
     Eigen::VectorXd rhs;
     std::vector<PointFactor> point_factors;
     std::vector<Coupling> eliminated;  // per free observation: its coupling times the inverse factor, transposed
@@ -67,39 +71,38 @@ class BundleSolver {
     camera_system_.Finish();
   }
 
+  // A damped step, then Gauss-Newton as long as it lowers the cost; more damping where it does not.
   StageSummary Minimize() {
-    StageSummary summary;
-    double damping = 1e-4;
-    bool is_shortened = false;  // by damping: then a short step does not mean convergence
-    System trial;
+    StageSummary summary{false, "a point lies behind a camera at the start", 0, 0};
+    double damping = kFirstDamping;
+    if (!Build(state_, damping)) return summary;
+    summary = {true, "no convergence", 0, 0};
     State next = state_;
-    if (!Build(state_, damping, &system_)) return {false, "a point lies behind a camera at the start", 0, system_.cost};
-    summary.message = "no convergence";
-    for (; summary.iterations < options_.max_num_iterations; ++summary.iterations) {
-      const double step_sigma = Step(system_, &next);
-      const bool is_last = step_sigma < options_.convergence_sigma && !is_shortened;
-      const double next_damping = is_last ? kRegularization : std::max(damping / 10, kRegularization);
-      if (!std::isfinite(step_sigma) || !Build(next, next_damping, &trial) || !(trial.cost < system_.cost)) {
-        damping *= 10;
-        is_shortened = true;
-        if (damping > 1e8) {
-          summary.message = "no step lowers the cost";
-          break;
-        }
-        Build(state_, damping, &system_);
-        continue;
-      }
-      damping = next_damping;
-      is_shortened = false;
-      std::swap(state_, next);
-      std::swap(system_, trial);
-      if (is_last) {
+    bool is_shortened = false;  // by damping: then a short step does not mean convergence
+    for (; summary.iterations < options_.max_num_iterations && damping <= kMaxDamping; ++summary.iterations) {
+      summary.cost = system_.cost;
+      const double step_sigma = Step(&next);
+      if (step_sigma < options_.convergence_sigma && !is_shortened) {
         summary.message = "converged";
+        const double cost = Cost(next);
+        if (cost < summary.cost) std::swap(state_, next);
+        summary.cost = std::min(summary.cost, cost);
+        if (damping == kRegularization) return summary;  // with the last step's factor
         break;
       }
+      const double next_damping = damping > kFirstDamping ? damping / 10 : kRegularization;
+      is_shortened = !std::isfinite(step_sigma) || !Build(next, next_damping) || !(system_.cost < summary.cost);
+      if (is_shortened) {
+        damping = std::max(10 * damping, kFirstDamping);
+        Build(state_, damping);
+      } else {
+        damping = next_damping;
+        std::swap(state_, next);
+      }
     }
-    if (damping != kRegularization) Build(state_, kRegularization, &system_);
-    summary.success = true;
+    if (damping > kMaxDamping) summary.message = "no step lowers the cost";
+    Build(state_, kRegularization);
+    camera_system_.Factorize(system_.reduced);
     summary.cost = system_.cost;
     return summary;
   }
@@ -107,9 +110,9 @@ class BundleSolver {
   const State& Solution() const { return state_; }
   int CameraOfView(size_t view) const { return problem_.camera_of_view[view]; }
 
-  // Of each camera's parameters, at the minimum.
+  // Of each camera's parameters, at the minimum or a step before it that is as short as convergence means.
   std::vector<CameraMatrix> Covariances() {
-    if (camera_system_.Factorize(system_.reduced)) return camera_system_.DiagonalOfInverse();
+    if (camera_system_.HasFactor()) return camera_system_.DiagonalOfInverse();
     return std::vector<CameraMatrix>(state_.cameras.size(), CameraMatrix::Identity() / kRegularization);
   }
 
@@ -121,148 +124,159 @@ class BundleSolver {
       deviations.push_back({static_cast<int>(camera),
                             EvaluatePosePrior(*problem_.views[camera]->prior, state_.cameras[camera].cam_from_world)});
     }
-    if (deviations.empty()) return {};
+    if (deviations.empty() || !camera_system_.HasFactor()) return {};
     const std::optional<Eigen::MatrixXd> inverse = camera_system_.Inverse();
     return inverse ? FitPriors(deviations, *inverse, kSize, prior_parts) : PriorFit();
   }
 
  private:
-  // False where a point lies behind one of its cameras.
-  bool Build(const State& state, double damping, System* system) const {
-    system->cost = 0;
-    camera_system_.SetZero(&system->reduced);
-    system->rhs.setZero(kSize * static_cast<Eigen::Index>(state.cameras.size()));
-    system->point_factors.resize(state.points.size());
-    system->eliminated.resize(problem_.free.size());
+  // The system around a state. False where a point lies behind one of its cameras.
+  bool Build(const State& state, double damping) {
+    system_.cost = 0;
+    camera_system_.SetZero(&system_.reduced);
+    system_.rhs.setZero(kSize * static_cast<Eigen::Index>(state.cameras.size()));
+    system_.point_factors.resize(state.points.size());
+    system_.eliminated.resize(problem_.free.size());
     std::vector<CameraMatrix> hessians(state.cameras.size(), CameraMatrix::Zero());
-    std::vector<Eigen::Matrix3d> rotations;
     for (size_t camera = 0; camera < state.cameras.size(); ++camera) {
-      rotations.push_back(state.cameras[camera].cam_from_world.rotation.toRotationMatrix());
-      AddKnowledge(state.cameras[camera].cam_from_world, camera, &hessians[camera], system);
+      AddKnowledge(state.cameras[camera].cam_from_world, camera, &hessians[camera]);
     }
     for (size_t track = 0; track < state.points.size(); ++track) {
-      if (!AddTrack(state, rotations, track, damping, &hessians, system)) return false;
+      if (!AddTrack(state, track, damping, &hessians)) return false;
     }
     for (size_t camera = 0; camera < state.cameras.size(); ++camera) {
       hessians[camera].diagonal() *= 1 + damping;
-      camera_system_.Block(camera, camera, &system->reduced) += hessians[camera];
+      camera_system_.Block(camera, camera, &system_.reduced) += hessians[camera];
     }
-    return std::isfinite(system->cost);
+    return std::isfinite(system_.cost);
   }
 
+  // Of a state, without its system; infinite where a point lies behind one of its cameras.
+  double Cost(const State& state) const {
+    constexpr double kInfinity = std::numeric_limits<double>::infinity();
+    double cost = 0;
+    for (size_t camera = 0; camera < state.cameras.size(); ++camera) {
+      const std::optional<PosePrior>& prior = problem_.views[camera]->prior;
+      if (prior) cost += 0.5 * EvaluatePosePrior(*prior, state.cameras[camera].cam_from_world).error.squaredNorm();
+    }
+    BundleError error;
+    for (size_t track = 0; track < state.points.size(); ++track) {
+      const auto [fixed, free] = std::tie(problem_.fixed_range[track], problem_.free_range[track]);
+      double cost_factor = 1;
+      for (size_t i = fixed.begin; i < fixed.end; ++i) {
+        if (!error.Evaluate(problem_.fixed[i], state.points[track])) return kInfinity;
+        cost_factor *= CostFactor(error);
+      }
+      for (size_t i = free.begin; i < free.end; ++i) {
+        const BundleCamera& camera = state.cameras[problem_.free[i].camera];
+        if (!error.Evaluate(problem_.free[i], camera, state.points[track])) return kInfinity;
+        cost_factor *= CostFactor(error);
+      }
+      cost += 0.5 * squared_scale_ * std::log(cost_factor);
+    }
+    return cost;
+  }
+
+  // The sum of logs is the log of a product. Its inverse is the robust weight.
+  double CostFactor(const BundleError& error) const { return 1 + error.error.squaredNorm() / squared_scale_; }
+
   // The prior of a pose; and a factor that is not sought stays.
-  void AddKnowledge(const Rigid3d& cam_from_world, size_t camera, CameraMatrix* hessian, System* system) const {
+  void AddKnowledge(const Rigid3d& cam_from_world, size_t camera, CameraMatrix* hessian) {
     if (problem_.views[camera]->prior) {
       const PosePriorResidual residual = EvaluatePosePrior(*problem_.views[camera]->prior, cam_from_world);
-      system->cost += 0.5 * residual.error.squaredNorm();
+      system_.cost += 0.5 * residual.error.squaredNorm();
       hessian->template topLeftCorner<6, 6>() += residual.jacobian.transpose() * residual.jacobian;
-      system->rhs.template segment<6>(kSize * camera) -= residual.jacobian.transpose() * residual.error;
+      system_.rhs.template segment<6>(kSize * camera) -= residual.jacobian.transpose() * residual.error;
     }
     const bool seeks_factor = problem_.views[camera]->log_focal_factor || problem_.views[camera]->seeks_rig_scale;
     if (kSize > 6 && !seeks_factor) (*hessian)(kSize - 1, kSize - 1) = 1;
   }
 
   // One pass over a track: its errors' derivatives, and its point eliminated from them.
-  bool AddTrack(const State& state, const std::vector<Eigen::Matrix3d>& rotations, size_t track, double damping,
-                std::vector<CameraMatrix>* camera_hessians, System* system) const {
+  bool AddTrack(const State& state, size_t track, double damping, std::vector<CameraMatrix>* camera_hessians) {
     const Eigen::Vector3d& point = state.points[track];
+    const auto [fixed, free] = std::tie(problem_.fixed_range[track], problem_.free_range[track]);
     Eigen::Matrix3d hessian = Eigen::Matrix3d::Zero();
     Eigen::Vector3d gradient = Eigen::Vector3d::Zero();
-    Eigen::Matrix<double, 2, 3> jacobian;
-    double cost_factor = 1;  // the sum of logs as the log of a product
-    const auto weigh = [&](const Eigen::Vector2d& error) {
-      const double squared_error = error.squaredNorm();
-      cost_factor *= 1 + squared_error / squared_scale_;
-      return CauchyWeight(squared_error, options_.loss_scale_sigma);
+    double cost_factor = 1;
+    BundleError error;
+    const auto weigh = [&] {
+      const double factor = CostFactor(error);
+      cost_factor *= factor;
+      error.Scale(std::sqrt(1 / factor));
     };
-    for (size_t i = problem_.fixed_range[track].begin; i < problem_.fixed_range[track].end; ++i) {
-      if (!(problem_.fixed[i].Depth(point) > 0)) return false;
-      const Eigen::Vector2d error = problem_.fixed[i].Error(point, &jacobian);
-      const Eigen::Matrix<double, 3, 2> weighted = weigh(error) * jacobian.transpose();
-      hessian += weighted.lazyProduct(jacobian);
-      gradient += weighted.lazyProduct(error);
+    for (size_t i = fixed.begin; i < fixed.end; ++i) {
+      if (!error.Evaluate(problem_.fixed[i], point)) return false;
+      weigh();
+      hessian += error.by_point.transpose().lazyProduct(error.by_point);
+      gradient += error.by_point.transpose().lazyProduct(error.error);
     }
-    for (size_t i = problem_.free_range[track].begin; i < problem_.free_range[track].end; ++i) {
+    for (size_t i = free.begin; i < free.end; ++i) {
       const BundleCamera& camera = state.cameras[problem_.free[i].camera];
-      const Eigen::Matrix3d& rotation = rotations[problem_.free[i].camera];
-      const Eigen::Vector3d rotated = rotation.lazyProduct(point);
-      const Eigen::Vector3d point_in_cam = rotated + camera.cam_from_world.translation;
-      const bool has_scale = kSize > 6 && problem_.views[problem_.free[i].camera]->seeks_rig_scale;
-      const LinearProjection projection =
-          has_scale ? problem_.free[i].projection.WithOffset(std::exp(camera.log_factor)) : problem_.free[i].projection;
-      if (!(projection.Depth(point_in_cam) > 0)) return false;
-      Eigen::Vector2d error = projection.Error(point_in_cam, &jacobian);
-      Eigen::Vector2d residual_from_log_factor = problem_.free[i].residual_from_log_focal;
-      if (has_scale) {
-        residual_from_log_factor = projection.DerivativeByLogOffset(point_in_cam, error);
-      } else {
-        error += camera.log_factor * residual_from_log_factor;
-      }
-      const double weight = weigh(error);
-      const Eigen::Matrix<double, 2, 3> point_jacobian = jacobian.lazyProduct(rotation);
-      Eigen::Matrix<double, 2, kSize> camera_jacobian;
-      // d(point_in_cam)/dw = -Hat(rotated): each row of the product is a cross product.
-      camera_jacobian.row(0).template head<3>() = rotated.cross(jacobian.row(0).transpose()).transpose();
-      camera_jacobian.row(1).template head<3>() = rotated.cross(jacobian.row(1).transpose()).transpose();
-      camera_jacobian.template middleCols<3>(3) = jacobian;
-      if (kSize > 6) camera_jacobian.col(kSize - 1) = residual_from_log_factor;
-      const Eigen::Matrix<double, kSize, 2> weighted = weight * camera_jacobian.transpose();
-      hessian += (weight * point_jacobian.transpose()).lazyProduct(point_jacobian);
-      gradient += (weight * point_jacobian.transpose()).lazyProduct(error);
-      (*camera_hessians)[problem_.free[i].camera] += weighted.lazyProduct(camera_jacobian);
-      system->rhs.template segment<kSize>(kSize * problem_.free[i].camera) -= weighted.lazyProduct(error);
-      system->eliminated[i] = weighted.lazyProduct(point_jacobian);
+      if (!error.Evaluate(problem_.free[i], camera, point)) return false;
+      weigh();
+      const Eigen::Matrix<double, 2, 3> by_point = error.by_point.lazyProduct(camera.rotation);
+      Eigen::Matrix<double, kSize, 2> by_camera;  // transposed
+      // d(point_in_cam)/dw = -Hat(rotated_point): each row of the product is a cross product.
+      by_camera.col(0).template head<3>() = error.rotated_point.cross(error.by_point.row(0).transpose());
+      by_camera.col(1).template head<3>() = error.rotated_point.cross(error.by_point.row(1).transpose());
+      by_camera.template middleRows<3>(3) = error.by_point.transpose();
+      if (kSize > 6) by_camera.row(kSize - 1) = error.by_log_factor.transpose();
+      hessian += by_point.transpose().lazyProduct(by_point);
+      gradient += by_point.transpose().lazyProduct(error.error);
+      (*camera_hessians)[problem_.free[i].camera] += by_camera.lazyProduct(by_camera.transpose());
+      system_.rhs.template segment<kSize>(kSize * problem_.free[i].camera) -= by_camera.lazyProduct(error.error);
+      system_.eliminated[i] = by_camera.lazyProduct(by_point);
     }
-    system->cost += 0.5 * squared_scale_ * std::log(cost_factor);
+    system_.cost += 0.5 * squared_scale_ * std::log(cost_factor);
     hessian.diagonal() *= 1 + damping;
-    EliminatePoint(track, hessian, gradient, system);
+    EliminatePoint(track, hessian, gradient);
     return true;
   }
 
   // Schur complement of one point, by its Cholesky factor: what is subtracted is a square, so that it stays positive
-  // definite however badly the point is determined. system->eliminated holds the couplings before.
-  void EliminatePoint(size_t track, const Eigen::Matrix3d& hessian, const Eigen::Vector3d& gradient,
-                      System* system) const {
+  // definite however badly the point is determined. system_.eliminated holds the couplings before.
+  void EliminatePoint(size_t track, const Eigen::Matrix3d& hessian, const Eigen::Vector3d& gradient) {
     const Eigen::Matrix3d inverse = InverseCholeskyFactor(hessian);
-    system->point_factors[track] = {inverse, inverse.lazyProduct(gradient)};
+    system_.point_factors[track] = {inverse, inverse.lazyProduct(gradient)};
     for (size_t a = problem_.free_range[track].begin; a < problem_.free_range[track].end; ++a) {
-      system->eliminated[a] = system->eliminated[a].lazyProduct(inverse.transpose()).eval();
-      system->rhs.template segment<kSize>(kSize * problem_.free[a].camera) +=
-          system->eliminated[a].lazyProduct(system->point_factors[track].gradient);
+      system_.eliminated[a] = system_.eliminated[a].lazyProduct(inverse.transpose()).eval();
+      system_.rhs.template segment<kSize>(kSize * problem_.free[a].camera) +=
+          system_.eliminated[a].lazyProduct(system_.point_factors[track].gradient);
       // Cameras of a track ascend.
       for (size_t b = problem_.free_range[track].begin; b <= a; ++b) {
-        camera_system_.Block(problem_.free[a].camera, problem_.free[b].camera, &system->reduced) -=
-            system->eliminated[a].lazyProduct(system->eliminated[b].transpose());
+        camera_system_.Block(problem_.free[a].camera, problem_.free[b].camera, &system_.reduced) -=
+            system_.eliminated[a].lazyProduct(system_.eliminated[b].transpose());
         // Two images of one rig: the other half of the diagonal block.
         if (a == b || problem_.free[a].camera != problem_.free[b].camera) continue;
-        camera_system_.Block(problem_.free[a].camera, problem_.free[a].camera, &system->reduced) -=
-            system->eliminated[b].lazyProduct(system->eliminated[a].transpose());
+        camera_system_.Block(problem_.free[a].camera, problem_.free[a].camera, &system_.reduced) -=
+            system_.eliminated[b].lazyProduct(system_.eliminated[a].transpose());
       }
     }
   }
 
   // Returns the length of the cameras' step in standard deviations (Mahalanobis distance by the reduced system), root
   // mean square over the cameras; NaN where the system is not positive definite.
-  double Step(const System& system, State* next) {
-    if (!camera_system_.Factorize(system.reduced)) return std::numeric_limits<double>::quiet_NaN();
-    const Eigen::VectorXd step = camera_system_.Solve(system.rhs);
+  double Step(State* next) {
+    if (!camera_system_.Factorize(system_.reduced)) return std::numeric_limits<double>::quiet_NaN();
+    const Eigen::VectorXd step = camera_system_.Solve(system_.rhs);
     for (size_t camera = 0; camera < state_.cameras.size(); ++camera) {
       const CameraVector move = step.segment<kSize>(kSize * camera);
       const Rigid3d& pose = state_.cameras[camera].cam_from_world;
-      next->cameras[camera].cam_from_world = {(ExpSO3(move.template head<3>()) * pose.rotation).normalized(),
-                                              pose.translation + move.template segment<3>(3)};
+      next->cameras[camera].MoveTo({(ExpSO3(move.template head<3>()) * pose.rotation).normalized(),
+                                    pose.translation + move.template segment<3>(3)});
       if (kSize > 6) next->cameras[camera].log_factor = state_.cameras[camera].log_factor + move(kSize - 1);
     }
     for (size_t track = 0; track < state_.points.size(); ++track) {
-      Eigen::Vector3d step_in_factor = -system.point_factors[track].gradient;
+      Eigen::Vector3d step_in_factor = -system_.point_factors[track].gradient;
       for (size_t i = problem_.free_range[track].begin; i < problem_.free_range[track].end; ++i) {
         step_in_factor -=
-            system.eliminated[i].transpose().lazyProduct(step.segment<kSize>(kSize * problem_.free[i].camera));
+            system_.eliminated[i].transpose().lazyProduct(step.segment<kSize>(kSize * problem_.free[i].camera));
       }
       next->points[track] =
-          state_.points[track] + system.point_factors[track].inverse.transpose().lazyProduct(step_in_factor);
+          state_.points[track] + system_.point_factors[track].inverse.transpose().lazyProduct(step_in_factor);
     }
-    return std::sqrt(std::max(step.dot(system.rhs), 0.0) / static_cast<double>(state_.cameras.size()));
+    return std::sqrt(std::max(step.dot(system_.rhs), 0.0) / static_cast<double>(state_.cameras.size()));
   }
 
   const BundleAdjustmentOptions& options_;
@@ -270,7 +284,7 @@ class BundleSolver {
   const BundleProblem problem_;
   CameraSystem<kSize> camera_system_;
   State state_;
-  System system_;  // around the state
+  System system_;
 };
 
 template <int kSize>
@@ -284,7 +298,7 @@ BundleAdjustmentResult Adjust(const BundleAdjustmentOptions& options, std::vecto
   if (!result.summary.success) return result;
   const std::vector<Eigen::Matrix<double, kSize, kSize>> covariances = solver.Covariances();
   std::vector<Eigen::MatrixXd> prior_parts;
-  result.prior_fit = solver.FitOfPriors(&prior_parts);
+  if (options.fits_priors) result.prior_fit = solver.FitOfPriors(&prior_parts);
   for (size_t i = 0; i < views->size(); ++i) {
     View& view = (*views)[i];
     if (IsConstant(view)) continue;

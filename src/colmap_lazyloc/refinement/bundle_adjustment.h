@@ -16,6 +16,7 @@ struct BundleAdjustmentOptions {
   int max_num_iterations = 50;
   // The step that moves the poses by less, in standard deviations (root mean square over the poses), is the last one.
   double convergence_sigma = 0.2;
+  bool fits_priors = true;  // whether the result has them
 
   bool Check(std::string* error) const;
 };
@@ -27,7 +28,7 @@ struct BundleAdjustmentResult {
   // of a motion that nothing shows in the image the variance is finite, but larger than that of any that shows.
   std::vector<Eigen::Matrix<double, 6, 6>> pose_covariances;
   // Whether the database's poses deviate as their priors state, and what of the covariances hangs on that. Zero where
-  // there are no priors, or more cameras than are solved by a dense matrix.
+  // there are no priors, nobody asks for them, or more cameras are than a dense matrix solves.
   PriorFit prior_fit;
   std::vector<Eigen::Matrix<double, 6, 6>> prior_parts;
 };

@@ -15,8 +15,11 @@ BundleProblem::BundleProblem(const std::vector<View>& all_views, const std::vect
     }
     camera_of_view[i] = static_cast<int>(views.size());
     views.push_back(&view);
-    cameras.push_back({view.cam_from_world, view.log_focal_factor.value_or(0)});
+    cameras.emplace_back(view);
   }
+  size_t num_observations = 0;
+  for (const Track& track : tracks) num_observations += track.observations.size();
+  free.reserve(num_observations);
   for (const Track& track : tracks) {
     const size_t fixed_begin = fixed.size(), free_begin = free.size();
     for (const TrackObservation& element : track.observations) {

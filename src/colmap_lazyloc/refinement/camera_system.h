@@ -1,6 +1,7 @@
 #pragma once
 
 #include <algorithm>
+#include <numeric>
 #include <optional>
 #include <vector>
 
@@ -12,12 +13,14 @@
 namespace lazyloc {
 
 // Solves the reduced camera system of bundle adjustment, whose lower triangle is made of kSize x kSize blocks (a, b),
-// one for each two cameras b <= a that see a common point. Of few cameras it is one dense matrix; of many, as a group
-// of queries along a path has them, the blocks stand side by side and the system is sparse.
+// one for each two cameras b <= a that see a common point. They stand side by side: as a matrix, each would be spread
+// over many cache lines. Few cameras are taken to see all others, and solved by a dense matrix; of many, as a group of
+// queries along a path has them, the system is sparse.
 template <int kSize>
 class CameraSystem {
  public:
   using Matrix = Eigen::Matrix<double, kSize, kSize>;
+  using Blocks = std::vector<Matrix>;
 
   explicit CameraSystem(size_t num_cameras) : columns_of_row_(num_cameras) {}
 
@@ -36,6 +39,10 @@ class CameraSystem {
 
   // Once, after the last point.
   void Finish() {
+    for (size_t row = 0; row < columns_of_row_.size() && IsDense(); ++row) {
+      columns_of_row_[row].resize(row + 1);
+      std::iota(columns_of_row_[row].begin(), columns_of_row_[row].end(), 0);
+    }
     for (size_t row = 0; row < columns_of_row_.size(); ++row) {
       std::vector<int>& columns = columns_of_row_[row];
       if (columns.empty() || columns.back() != static_cast<int>(row)) columns.push_back(static_cast<int>(row));
@@ -44,22 +51,18 @@ class CameraSystem {
     }
   }
 
-  void SetZero(Eigen::MatrixXd* blocks) const {
-    const Eigen::Index size = kSize * NumCameras();
-    blocks->setZero(IsDense() ? size : kSize, IsDense() ? size : static_cast<Eigen::Index>(kSize * num_blocks_));
-  }
+  void SetZero(Blocks* blocks) const { blocks->assign(num_blocks_, Matrix::Zero()); }
 
-  auto Block(int a, int b, Eigen::MatrixXd* blocks) const {
-    if (IsDense()) return blocks->template block<kSize, kSize>(kSize * a, kSize * b);
+  Matrix& Block(int a, int b, Blocks* blocks) const {
+    if (IsDense()) return (*blocks)[first_block_of_row_[a] + b];
     const std::vector<int>& columns = columns_of_row_[a];
-    const auto at = std::lower_bound(columns.begin(), columns.end(), b) - columns.begin();
-    return blocks->template block<kSize, kSize>(0, kSize * (first_block_of_row_[a] + at));
+    return (*blocks)[first_block_of_row_[a] + (std::lower_bound(columns.begin(), columns.end(), b) - columns.begin())];
   }
 
   // False where the matrix is not positive definite.
-  bool Factorize(const Eigen::MatrixXd& blocks) {
+  bool Factorize(const Blocks& blocks) {
     if (IsDense()) {
-      dense_.compute(blocks);
+      dense_.compute(Dense(blocks));
       return dense_.info() == Eigen::Success;
     }
     const Eigen::SparseMatrix<double> matrix = Sparse(blocks);
@@ -69,27 +72,27 @@ class CameraSystem {
     return sparse_.info() == Eigen::Success;
   }
 
+  bool HasFactor() const { return (IsDense() ? dense_.info() : sparse_.info()) == Eigen::Success; }
+
   // These need a factor.
   Eigen::VectorXd Solve(const Eigen::VectorXd& rhs) const {
     return IsDense() ? Eigen::VectorXd(dense_.solve(rhs)) : Eigen::VectorXd(sparse_.solve(rhs));
   }
 
-  // None of many cameras, or without a factor.
+  // None of many cameras.
   std::optional<Eigen::MatrixXd> Inverse() const {
-    const Eigen::Index size = kSize * NumCameras();
-    if (!IsDense() || dense_.info() != Eigen::Success) return std::nullopt;
-    return Eigen::MatrixXd(dense_.solve(Eigen::MatrixXd::Identity(size, size)));
+    if (!IsDense()) return std::nullopt;
+    const Eigen::MatrixXd root = RootOfInverse();
+    return Eigen::MatrixXd(root.transpose() * root);
   }
 
   // The diagonal blocks of the inverse.
   std::vector<Matrix> DiagonalOfInverse() const {
     std::vector<Matrix> diagonal(columns_of_row_.size());
-    const Eigen::Index size = kSize * NumCameras();
     if (IsDense()) {
-      // The inverse is R^T R.
-      const Eigen::MatrixXd R = dense_.matrixL().solve(Eigen::MatrixXd::Identity(size, size));
+      const Eigen::MatrixXd root = RootOfInverse();
       for (size_t a = 0; a < diagonal.size(); ++a) {
-        const auto columns = R.template middleCols<kSize>(kSize * a);
+        const auto columns = root.template middleCols<kSize>(kSize * a);
         diagonal[a] = columns.transpose() * columns;
       }
       return diagonal;
@@ -113,7 +116,25 @@ class CameraSystem {
   Eigen::Index NumCameras() const { return static_cast<Eigen::Index>(columns_of_row_.size()); }
   bool IsDense() const { return NumCameras() <= kMaxNumDenseCameras; }
 
-  Eigen::SparseMatrix<double> Sparse(const Eigen::MatrixXd& blocks) const {
+  // R, where the inverse is R^T R.
+  Eigen::MatrixXd RootOfInverse() const {
+    const Eigen::Index size = kSize * NumCameras();
+    return dense_.matrixL().solve(Eigen::MatrixXd::Identity(size, size));
+  }
+
+  // Its lower triangle.
+  Eigen::MatrixXd Dense(const Blocks& blocks) const {
+    Eigen::MatrixXd matrix(kSize * NumCameras(), kSize * NumCameras());
+    size_t block = 0;
+    for (size_t a = 0; a < columns_of_row_.size(); ++a) {
+      for (const int b : columns_of_row_[a]) {
+        matrix.template block<kSize, kSize>(kSize * a, kSize * b) = blocks[block++];
+      }
+    }
+    return matrix;
+  }
+
+  Eigen::SparseMatrix<double> Sparse(const Blocks& blocks) const {
     std::vector<Eigen::Triplet<double>> entries;
     entries.reserve(kSize * kSize * num_blocks_);
     size_t block = 0;
@@ -121,7 +142,7 @@ class CameraSystem {
       for (const int b : columns_of_row_[a]) {
         for (int col = 0; col < kSize; ++col) {
           for (int row = static_cast<int>(a) == b ? col : 0; row < kSize; ++row) {
-            entries.emplace_back(kSize * a + row, kSize * b + col, blocks(row, kSize * block + col));
+            entries.emplace_back(kSize * a + row, kSize * b + col, blocks[block](row, col));
           }
         }
         ++block;

@@ -19,7 +19,8 @@ TEST_P(CameraSystems, EqualTheDenseSolution) {
 
   std::mt19937 random(1);
   std::uniform_real_distribution<double> uniform(-1, 1);
-  Eigen::MatrixXd blocks, dense = Eigen::MatrixXd::Zero(6 * num_cameras, 6 * num_cameras);
+  CameraSystem<6>::Blocks blocks;
+  Eigen::MatrixXd dense = Eigen::MatrixXd::Zero(6 * num_cameras, 6 * num_cameras);
   system.SetZero(&blocks);
   const auto add = [&](int a, int b, const CameraSystem<6>::Matrix& block) {
     system.Block(a, b, &blocks) += block;
