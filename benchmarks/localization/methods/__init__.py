@@ -10,6 +10,7 @@ METHODS = (
     "structure_based",
     "lazyloc",
     "local_triangulation",
+    "local_map",
     "colmap_structureless",
     "generalized_relative_pose",
     "poselib_generalized",

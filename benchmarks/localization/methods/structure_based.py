@@ -66,35 +66,40 @@ class _MapStore:
         self._points3d_of_keypoints = None
 
     def points3d_of_keypoints(self, query_name: str) -> dict:
-        """Per database image: the point id (or -1) and the point of each keypoint."""
         key = self._scene.database_key(query_name)
         if key != self._key:
             path = self._options.work_path / key
             if not (path / "points3D.bin").exists():
                 self._triangulate(query_name, path)
-            self._points3d_of_keypoints = _points3d_of_keypoints(pycolmap.Reconstruction(path))
+            self._points3d_of_keypoints = points3d_of_keypoints(pycolmap.Reconstruction(path))
             self._key = key
         return self._points3d_of_keypoints
 
     def _triangulate(self, query_name: str, path: pathlib.Path):
-        path.mkdir(parents=True, exist_ok=True)
         database_path = path / "database.db"
         # All images stay in the database. By default COLMAP drops points that only two images match; this way those
         # that the query sees too are kept, as when `colmap point_triangulator` is run on the database at hand. The map
         # is better for it, and without a pose the query gives no observation.
         image_ids = copy_database(self._scene, database_path)
         database_image_ids = {name: image_ids[name] for name in self._scene.database_names(query_name)}
-        options = pycolmap.IncrementalPipelineOptions()
-        options.extract_colors = False
-        options.num_threads = 1
-        options.random_seed = self._options.seed
-        pycolmap.triangulate_points(build_model(self._scene, database_image_ids), database_path,
-                                    self._scene.path / "images", path, options=options)
+        triangulate_map(self._scene, database_path, database_image_ids, self._options.seed, path)
         database_path.unlink()
 
 
-def _points3d_of_keypoints(model: pycolmap.Reconstruction) -> dict:
-    points3d_of_keypoints = {}
+def triangulate_map(scene: Scene, database_path: pathlib.Path, image_ids: dict[str, int], seed: int,
+                    output_path: pathlib.Path) -> pycolmap.Reconstruction:
+    """The images' verified matches, triangulated with their poses fixed."""
+    options = pycolmap.IncrementalPipelineOptions()
+    options.extract_colors = False
+    options.num_threads = 1
+    options.random_seed = seed
+    return pycolmap.triangulate_points(build_model(scene, image_ids), database_path, scene.path / "images",
+                                       output_path, options=options)
+
+
+def points3d_of_keypoints(model: pycolmap.Reconstruction) -> dict:
+    """Per image: the point id (or -1) and the point of each keypoint."""
+    points3d = {}
     for image in model.images.values():
         point_ids = np.full(len(image.points2D), -1, dtype=np.int64)
         points = np.full((len(image.points2D), 3), np.nan)
@@ -102,5 +107,5 @@ def _points3d_of_keypoints(model: pycolmap.Reconstruction) -> dict:
             if point2d.has_point3D():
                 point_ids[idx] = point2d.point3D_id
                 points[idx] = model.points3D[point2d.point3D_id].xyz
-        points3d_of_keypoints[image.name] = (point_ids, points)
-    return points3d_of_keypoints
+        points3d[image.name] = (point_ids, points)
+    return points3d

@@ -5,6 +5,8 @@
 
 #include <Eigen/Core>
 
+#include "colmap_lazyloc/math/vectorized.h"
+
 // Scalar products of SIFT descriptors: what matching and the search for visual words spend their time on. Sums are
 // taken in whole numbers, so they are exact, and the same on every processor.
 namespace lazyloc {
@@ -25,9 +27,6 @@ DescriptorRows ToBlocks(const Eigen::MatrixBase<Derived>& descriptors, Eigen::In
   return rows;
 }
 
-// Compilers make vector instructions of plain loops, those that the function may use into which the loops are inlined.
-#define LAZYLOC_ALWAYS_INLINE __attribute__((always_inline))
-
 // Of the descriptor at `row` with each of a block.
 LAZYLOC_ALWAYS_INLINE inline BlockProducts MultiplyBlock(const int16_t* __restrict row,
                                                          const int16_t* __restrict block) {
@@ -38,22 +37,6 @@ LAZYLOC_ALWAYS_INLINE inline BlockProducts MultiplyBlock(const int16_t* __restri
     products[j] = product;
   }
   return products;
-}
-
-#if defined(__x86_64__)
-template <typename Function>
-__attribute__((target("avx2"))) void RunWithAvx2(const Function& function) {
-  function();
-}
-#endif
-
-// Runs a lambda that is LAZYLOC_ALWAYS_INLINE, with the processor's larger vectors where it has them.
-template <typename Function>
-void RunVectorized(const Function& function) {
-#if defined(__x86_64__)
-  if (__builtin_cpu_supports("avx2")) return RunWithAvx2(function);
-#endif
-  function();
 }
 
 }  // namespace lazyloc

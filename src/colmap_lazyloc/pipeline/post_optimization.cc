@@ -25,6 +25,7 @@ void AddQueries(double max_query_error_sigma, double single_view_spread, QuerySt
   // By the variances' ratio: wrong matches do not only scatter, they also agree with the relative pose that chose them.
   options.single_view_noise_ratio *= single_view_spread;
   options.max_query_error_sigma = max_query_error_sigma;
+  const size_t num_candidates = state->tracks_from_database.size() + state->tracks_with_query.size();
   state->tracks = TracksFittingQuery(state->views, std::move(state->tracks_from_database), max_query_error_sigma);
   for (Track& track : TriangulateWithQuery(state->views, std::move(state->tracks_with_query), options)) {
     state->tracks.push_back(std::move(track));
@@ -32,7 +33,7 @@ void AddQueries(double max_query_error_sigma, double single_view_spread, QuerySt
   const std::vector<int> num_tracks = state->NumTracksByFrame(state->tracks);
   CheckFrames(*state, QueryStatus::TOO_FEW_TRACKS, [&](int frame) -> std::optional<std::string> {
     if (num_tracks[frame] >= state->options.min_num_tracks) return std::nullopt;
-    return std::to_string(num_tracks[frame]) + " of " + std::to_string(state->candidates.size()) +
+    return std::to_string(num_tracks[frame]) + " of " + std::to_string(num_candidates) +
            " tracks can be triangulated; " + std::to_string(state->options.min_num_tracks) + " are needed";
   });
 }
@@ -121,7 +122,7 @@ void OptimizeOverTracks(QueryState* state) {
       // The first round's tracks were triangulated for the start.
       if (round > 0) {
         state->tracks_from_database =
-            TriangulateFromDatabase(state->views, is_last ? state->candidates : state->start_candidates,
+            TriangulateFromDatabase(state->views, is_last ? std::move(state->candidates) : state->start_candidates,
                                     options.triangulation, &state->tracks_with_query);
       }
       if (is_last) CheckRigs(state);

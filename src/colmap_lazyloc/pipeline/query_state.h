@@ -74,7 +74,7 @@ struct QueryState {
   std::vector<std::vector<std::optional<std::optional<Observation>>>> query_observations;
   std::vector<PairState> pairs;                   // those still in use
   std::optional<QueryFailure> averaging_failure;  // why motion averaging gave no poses
-  std::vector<Track> candidates;                  // all tracks, points not set
+  std::vector<Track> candidates;                  // all tracks, points not set; none after the last round took them
   std::vector<Track> start_candidates;            // as many of them as a rough pose needs
   std::vector<Track> tracks_from_database;        // those that the database views triangulate by themselves
   std::vector<Track> tracks_with_query;           // the others, points not set

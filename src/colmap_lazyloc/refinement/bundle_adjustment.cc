@@ -8,6 +8,7 @@
 
 #include <Eigen/Geometry>
 
+#include "colmap_lazyloc/math/block_product.h"
 #include "colmap_lazyloc/math/cholesky3.h"
 #include "colmap_lazyloc/math/so3.h"
 #include "colmap_lazyloc/refinement/bundle_problem.h"
@@ -239,20 +240,25 @@ class BundleSolver {
   void EliminatePoint(size_t track, const Eigen::Matrix3d& hessian, const Eigen::Vector3d& gradient) {
     const Eigen::Matrix3d inverse = InverseCholeskyFactor(hessian);
     system_.point_factors[track] = {inverse, inverse.lazyProduct(gradient)};
-    for (size_t a = problem_.free_range[track].begin; a < problem_.free_range[track].end; ++a) {
+    const Range& range = problem_.free_range[track];
+    for (size_t a = range.begin; a < range.end; ++a) {
       system_.eliminated[a] = system_.eliminated[a].lazyProduct(inverse.transpose()).eval();
       system_.rhs.template segment<kSize>(kSize * problem_.free[a].camera) +=
           system_.eliminated[a].lazyProduct(system_.point_factors[track].gradient);
-      // Cameras of a track ascend.
-      for (size_t b = problem_.free_range[track].begin; b <= a; ++b) {
-        camera_system_.Block(problem_.free[a].camera, problem_.free[b].camera, &system_.reduced) -=
-            system_.eliminated[a].lazyProduct(system_.eliminated[b].transpose());
-        // Two images of one rig: the other half of the diagonal block.
-        if (a == b || problem_.free[a].camera != problem_.free[b].camera) continue;
-        camera_system_.Block(problem_.free[a].camera, problem_.free[a].camera, &system_.reduced) -=
-            system_.eliminated[b].lazyProduct(system_.eliminated[a].transpose());
-      }
     }
+    RunVectorized([&]() LAZYLOC_ALWAYS_INLINE {
+      for (size_t a = range.begin; a < range.end; ++a) {
+        // Cameras of a track ascend.
+        for (size_t b = range.begin; b <= a; ++b) {
+          CameraMatrix& block =
+              camera_system_.Block(problem_.free[a].camera, problem_.free[b].camera, &system_.reduced);
+          SubtractProduct(system_.eliminated[a], system_.eliminated[b], &block);
+          // Two images of one rig: the other half of the diagonal block.
+          if (a == b || problem_.free[a].camera != problem_.free[b].camera) continue;
+          SubtractProduct(system_.eliminated[b], system_.eliminated[a], &block);
+        }
+      }
+    });
   }
 
   // Returns the length of the cameras' step in standard deviations (Mahalanobis distance by the reduced system), root

@@ -58,30 +58,35 @@ class TrackTriangulator : public TrackEvaluator {
 
   // The track with those of its database views that agree on a point: all where they do, else those that agree with the
   // best of their pairs.
-  std::optional<Track> FromDatabase(const Track& track) {
-    const std::vector<TrackObservation>& observations = track.observations;
+  bool FromDatabase(Track* track) {
+    std::vector<TrackObservation>& observations = track->observations;
     used_.clear();
     for (size_t i = 0; i < observations.size(); ++i) {
       if (IsDatabase(observations[i])) used_.push_back(i);
     }
     Eigen::Vector3d point;
-    if (used_.size() < 2 || !Intersect(observations, used_, &point)) return std::nullopt;
+    if (used_.size() < 2 || !Intersect(observations, used_, &point)) return false;
     if (!AllAgree(observations, point)) {
-      if (used_.size() == 2) return std::nullopt;  // their only pair is what has just failed
+      if (used_.size() == 2) return false;  // their only pair is what has just failed
       used_.swap(candidates_);
       FindBestAgreeing(observations);
-      if (used_.size() < 2 || !Intersect(observations, used_, &point) || !AllAgree(observations, point))
-        return std::nullopt;
+      if (used_.size() < 2 || !Intersect(observations, used_, &point) || !AllAgree(observations, point)) return false;
     }
-    if (!SeenUnderAngle(observations, used_, point)) return std::nullopt;
-    Track result;
-    result.point_in_world = point;
-    result.observations.reserve(observations.size());
-    for (const TrackObservation& element : observations) {
-      if (!IsDatabase(element)) result.observations.push_back(element);
+    if (!SeenUnderAngle(observations, used_, point)) return false;
+    track->point_in_world = point;
+    // The used ones ascend, after those of queries.
+    size_t num_kept = 0;
+    auto next_used = used_.begin();
+    for (size_t i = 0; i < observations.size(); ++i) {
+      if (IsDatabase(observations[i])) {
+        if (next_used == used_.end() || *next_used != i) continue;
+        ++next_used;
+      }
+      if (num_kept != i) observations[num_kept] = observations[i];
+      ++num_kept;
     }
-    for (const size_t i : used_) result.observations.push_back(observations[i]);
-    return result;
+    observations.resize(num_kept);
+    return true;
   }
 
   // Sets the track's point and noise; false where it is not to be used.
@@ -202,21 +207,20 @@ bool TrackTriangulationOptions::Check(std::string* error) const {
   return true;
 }
 
-std::vector<Track> TriangulateFromDatabase(const std::vector<View>& views, const std::vector<Track>& tracks,
+std::vector<Track> TriangulateFromDatabase(const std::vector<View>& views, std::vector<Track> tracks,
                                            const TrackTriangulationOptions& options, std::vector<Track>* rest) {
   TrackTriangulator triangulator(views, options);
-  std::vector<Track> triangulated;
-  triangulated.reserve(tracks.size());
   rest->clear();
-  for (const Track& track : tracks) {
-    std::optional<Track> result = triangulator.FromDatabase(track);
-    if (result) {
-      triangulated.push_back(std::move(*result));
+  size_t num_kept = 0;
+  for (Track& track : tracks) {
+    if (triangulator.FromDatabase(&track)) {
+      std::swap(tracks[num_kept++], track);
     } else {
-      rest->push_back(track);
+      rest->push_back(std::move(track));
     }
   }
-  return triangulated;
+  tracks.resize(num_kept);
+  return tracks;
 }
 
 std::vector<Track> TriangulateWithQuery(const std::vector<View>& views, std::vector<Track> tracks,

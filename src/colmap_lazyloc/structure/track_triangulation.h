@@ -24,7 +24,7 @@ struct TrackTriangulationOptions {
 // Tracks that two or more database views see under a sufficient angle, triangulated from these alone (where their
 // rays meet best, with those views that agree with the best pair of them): an error of the query's present
 // pose does not reach their points. The other tracks, which only a query pose can triangulate, go to `rest`.
-std::vector<Track> TriangulateFromDatabase(const std::vector<View>& views, const std::vector<Track>& tracks,
+std::vector<Track> TriangulateFromDatabase(const std::vector<View>& views, std::vector<Track> tracks,
                                            const TrackTriangulationOptions& options, std::vector<Track>* rest);
 
 // Tracks that one database view sees, or none but queries that move independently, triangulated with the queries' rays.

@@ -1,0 +1,33 @@
+#pragma once
+
+#include <Eigen/Core>
+
+#include "colmap_lazyloc/math/vectorized.h"
+
+namespace lazyloc {
+
+// block -= a b^T, of a few rows: what bundle adjustment spends most of its time on. Columns are taken in vectors of
+// four rows and of two, which compilers do not find by themselves; results are the same with and without such
+// instructions.
+template <int kRows, int kInner>
+LAZYLOC_ALWAYS_INLINE inline void SubtractProduct(const Eigen::Matrix<double, kRows, kInner>& a,
+                                                  const Eigen::Matrix<double, kRows, kInner>& b,
+                                                  Eigen::Matrix<double, kRows, kRows>* block) {
+  static_assert(kRows >= 6 && kInner == 3);
+  typedef double Four __attribute__((vector_size(32), aligned(8), may_alias));
+  typedef double Two __attribute__((vector_size(16), aligned(8), may_alias));
+  const double *a0 = a.data(), *a1 = a0 + kRows, *a2 = a1 + kRows;
+  const Four a0_four = *reinterpret_cast<const Four*>(a0), a1_four = *reinterpret_cast<const Four*>(a1),
+             a2_four = *reinterpret_cast<const Four*>(a2);
+  const Two a0_two = *reinterpret_cast<const Two*>(a0 + 4), a1_two = *reinterpret_cast<const Two*>(a1 + 4),
+            a2_two = *reinterpret_cast<const Two*>(a2 + 4);
+  for (int col = 0; col < kRows; ++col) {
+    const double b0 = b(col, 0), b1 = b(col, 1), b2 = b(col, 2);
+    double* column = block->data() + kRows * col;
+    *reinterpret_cast<Four*>(column) -= a0_four * b0 + a1_four * b1 + a2_four * b2;
+    *reinterpret_cast<Two*>(column + 4) -= a0_two * b0 + a1_two * b1 + a2_two * b2;
+    for (int row = 6; row < kRows; ++row) column[row] -= a0[row] * b0 + a1[row] * b1 + a2[row] * b2;
+  }
+}
+
+}  // namespace lazyloc
