@@ -1,8 +1,17 @@
 #include "colmap_lazyloc/bridge/two_view_geometry.h"
 
+#include <type_traits>
+
+#if __has_include(<colmap/estimators/solvers/essential_matrix.h>)
+#include <colmap/estimators/solvers/essential_matrix.h>  // COLMAP 4
+#else
+#include <colmap/estimators/essential_matrix.h>
+#endif
 #include <colmap/estimators/two_view_geometry.h>
 #include <colmap/math/random.h>
+#include <colmap/optim/loransac.h>
 
+#include "colmap_lazyloc/bridge/camera_models.h"
 #include "colmap_lazyloc/bridge/convert.h"
 
 namespace lazyloc {
@@ -11,6 +20,18 @@ namespace {
 // Intrinsics are known, so that a fundamental matrix which more matches agree with has only gathered wrong ones, of
 // like windows for instance. COLMAP asks for 0.95, as that may show it wrong intrinsics.
 constexpr double kMinCalibratedInlierRatio = 0.5;
+
+// An essential matrix leaves four poses. COLMAP triangulates all matches with each of them to see which has the points
+// in front of the cameras, and takes longer for it than for all else; these many tell as well.
+constexpr size_t kNumMatchesForSigns = 50;
+
+// At most max_num, evenly chosen.
+Matches Some(const Matches& matches, size_t max_num) {
+  if (matches.size() <= max_num) return matches;
+  Matches chosen;
+  for (size_t i = 0; i < max_num; ++i) chosen.push_back(matches[i * matches.size() / max_num]);
+  return chosen;
+}
 
 // In COLMAP 3 zeros stand for a matrix that is not set.
 std::optional<Eigen::Matrix3d> IfSet(std::optional<Eigen::Matrix3d> matrix) {
@@ -28,6 +49,16 @@ TwoViewGeometry FromColmap(const colmap::TwoViewGeometry& geometry) {
     converted.inlier_matches.push_back({match.point2D_idx2, match.point2D_idx1});
   }
   return converted;
+}
+
+// A ray as an estimator takes it: COLMAP 3 has its point in the plane z = 1.
+template <typename Point>
+Point ToEstimator(const Eigen::Vector3d& ray_in_cam) {
+  if constexpr (std::is_same_v<Point, Eigen::Vector2d>) {
+    return ray_in_cam.hnormalized();
+  } else {
+    return ray_in_cam;
+  }
 }
 
 }  // namespace
@@ -55,6 +86,44 @@ TwoViewGeometry EstimateTwoViewGeometry(const Camera& database_camera,
   return result;
 }
 
+TwoViewGeometry EstimateCalibratedGeometry(const Camera& database_camera,
+                                           const std::vector<Eigen::Vector2d>& database_keypoints,
+                                           const Camera& query_camera,
+                                           const std::vector<Eigen::Vector2d>& query_keypoints, const Matches& matches,
+                                           const TwoViewGeometryOptions& options, uint32_t seed) {
+  using Estimator = colmap::EssentialMatrixFivePointEstimator;
+  const RayInCamFunction database_ray = RaysInCam(database_camera), query_ray = RaysInCam(query_camera);
+  std::vector<Estimator::X_t> database_points, query_points;
+  Matches with_rays;
+  for (const Match& match : matches) {
+    const std::optional<Eigen::Vector3d> ray1 = database_ray(database_keypoints[match.database_point]),
+                                         ray2 = query_ray(query_keypoints[match.query_point]);
+    if (!ray1 || !ray2) continue;
+    database_points.push_back(ToEstimator<Estimator::X_t>(*ray1));
+    query_points.push_back(ToEstimator<Estimator::X_t>(*ray2));
+    with_rays.push_back(match);
+  }
+  colmap::RANSACOptions ransac_options;
+  ransac_options.max_error = (ToColmap(database_camera).CamFromImgThreshold(options.max_error_px) +
+                              ToColmap(query_camera).CamFromImgThreshold(options.max_error_px)) /
+                             2;
+  ransac_options.min_inlier_ratio = kMinCalibratedInlierRatio;
+  ransac_options.confidence = 0.999;
+  ransac_options.min_num_trials = 20;
+  // RANSAC draws from a generator of the thread's.
+  colmap::SetPRNGSeed(seed);
+  const auto report = colmap::LORANSAC<Estimator, Estimator>(ransac_options).Estimate(database_points, query_points);
+  TwoViewGeometry geometry;
+  if (!report.success || report.support.num_inliers < kMinCalibratedInlierRatio * matches.size()) return geometry;
+  geometry.config = TwoViewConfig::CALIBRATED;
+  geometry.E = report.model;
+  for (size_t i = 0; i < with_rays.size(); ++i) {
+    if (report.inlier_mask[i]) geometry.inlier_matches.push_back(with_rays[i]);
+  }
+  EstimateRelativePose(database_camera, database_keypoints, query_camera, query_keypoints, &geometry);
+  return geometry;
+}
+
 void EstimateRelativePose(const Camera& database_camera, const std::vector<Eigen::Vector2d>& database_keypoints,
                           const Camera& query_camera, const std::vector<Eigen::Vector2d>& query_keypoints,
                           TwoViewGeometry* geometry) {
@@ -65,7 +134,9 @@ void EstimateRelativePose(const Camera& database_camera, const std::vector<Eigen
   if (!has_model) return;
   if (geometry->E) converted.E = *geometry->E;
   if (geometry->H) converted.H = *geometry->H;
-  converted.inlier_matches = ToColmap(geometry->inlier_matches);
+  converted.inlier_matches =
+      ToColmap(geometry->config == TwoViewConfig::CALIBRATED ? Some(geometry->inlier_matches, kNumMatchesForSigns)
+                                                             : geometry->inlier_matches);
   if (!colmap::EstimateTwoViewGeometryPose(ToColmap(database_camera), database_keypoints, ToColmap(query_camera),
                                            query_keypoints, &converted)) {
     return;

@@ -8,8 +8,7 @@ namespace {
 
 // What COLMAP may find a calibrated geometry in, given the intrinsics.
 bool IsWorthEstimating(TwoViewConfig config) {
-  return config == TwoViewConfig::UNCALIBRATED || config == TwoViewConfig::MULTIPLE ||
-         config == TwoViewConfig::UNDEFINED;
+  return config == TwoViewConfig::MULTIPLE || config == TwoViewConfig::UNDEFINED;
 }
 
 TwoViewGeometry Estimate(const LocalizationProblem& problem, const ImagePair& pair, const Matches& matches,
@@ -32,6 +31,10 @@ std::optional<RelativePose> FindRelativePose(const LocalizationProblem& problem,
   TwoViewGeometry geometry;
   if (!pair.geometry) {
     geometry = Estimate(problem, pair, pair.matches, options, seed);
+  } else if (pair.geometry->config == TwoViewConfig::UNCALIBRATED) {
+    geometry = EstimateCalibratedGeometry(pair.database_camera, pair.database_keypoints, problem.query_camera,
+                                          problem.query_keypoints, pair.geometry->inlier_matches,
+                                          {options.min_num_inliers, options.max_two_view_error_px}, seed);
   } else if (IsWorthEstimating(pair.geometry->config)) {
     const Matches& matches = pair.matches.empty() ? pair.geometry->inlier_matches : pair.matches;
     geometry = Estimate(problem, pair, matches, options, seed);

@@ -79,6 +79,23 @@ TEST_F(RelativePoses, UncalibratedPairIsEstimatedAgain) {
   EXPECT_LE(ErrorsOf(*pose).rotation_deg, 0.2);
 }
 
+TEST_F(RelativePoses, UncalibratedPairLosesWhatTheIntrinsicsContradict) {
+  Pair().geometry->config = TwoViewConfig::UNCALIBRATED;
+  const std::optional<RelativePose> pose = Find();
+  ASSERT_TRUE(pose.has_value());
+  EXPECT_GE(pose->inlier_matches.size(), 155u);
+  EXPECT_LE(pose->inlier_matches.size(), 175u) << "outliers were kept";
+}
+
+TEST_F(RelativePoses, UncalibratedPairThatTheIntrinsicsDoNotExplainIsDropped) {
+  Pair().geometry->config = TwoViewConfig::UNCALIBRATED;
+  Matches& matches = Pair().geometry->inlier_matches;
+  for (size_t i = 0; i + 1 < matches.size(); ++i) {
+    if (i % 3 != 0) std::swap(matches[i].query_point, matches[i + 1].query_point);
+  }
+  EXPECT_FALSE(Find().has_value());
+}
+
 TEST_F(RelativePoses, SameSeedSameResult) {
   Pair().matches = Pair().geometry->inlier_matches;
   Pair().geometry.reset();
