@@ -1,10 +1,10 @@
 #include "colmap_lazyloc/io/rig_config.h"
 
-#include <cmath>
 #include <fstream>
 
 #include <nlohmann/json.hpp>
 
+#include "colmap_lazyloc/math/so3.h"
 #include "colmap_lazyloc/scene/errors.h"
 
 namespace lazyloc {
@@ -19,7 +19,7 @@ Rigid3d ReadSensorPose(const Json& camera, const std::string& label) {
     if (q.size() != 4) throw InputError(label + ": cam_from_rig_rotation must be four numbers (w, x, y, z)");
     if (t.size() != 3) throw InputError(label + ": cam_from_rig_translation must be three numbers");
     const Eigen::Quaterniond rotation(q[0], q[1], q[2], q[3]);
-    if (!(std::abs(rotation.norm() - 1) < 1e-2)) {
+    if (!IsUnitQuaternion(rotation)) {
       throw InputError(label + ": cam_from_rig_rotation is no unit quaternion");
     }
     return {rotation.normalized(), {t[0], t[1], t[2]}};

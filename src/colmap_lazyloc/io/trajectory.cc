@@ -1,11 +1,11 @@
 #include "colmap_lazyloc/io/trajectory.h"
 
 #include <charconv>
-#include <cmath>
 #include <optional>
 
 #include "colmap_lazyloc/io/model_reader.h"
 #include "colmap_lazyloc/io/text_file.h"
+#include "colmap_lazyloc/math/so3.h"
 
 namespace lazyloc {
 namespace {
@@ -23,7 +23,7 @@ std::optional<double> Timestamp(const std::string& image_name) {
 }
 
 Rigid3d PoseOf(const TextFile& file, const Eigen::Quaterniond& rotation, const Eigen::Vector3d& translation) {
-  if (!(std::abs(rotation.norm() - 1) < 1e-2) || !translation.allFinite()) {
+  if (!IsUnitQuaternion(rotation) || !translation.allFinite()) {
     throw file.Error("the pose is no unit quaternion with a translation");
   }
   return {rotation.normalized(), translation};

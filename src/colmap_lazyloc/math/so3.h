@@ -1,5 +1,7 @@
 #pragma once
 
+#include <cmath>
+
 #include <Eigen/Core>
 #include <Eigen/Geometry>
 
@@ -23,6 +25,9 @@ double AngleBetweenRad(const Eigen::Vector3d& a, const Eigen::Vector3d& b);
 
 // Two unit vectors that span the plane perpendicular to a unit vector, as columns; the same for the same input.
 Eigen::Matrix<double, 3, 2> TangentBasis(const Eigen::Vector3d& direction);
+
+// Whether four numbers of a file are meant as a rotation: of unit length, as far as a few digits tell.
+inline bool IsUnitQuaternion(const Eigen::Quaterniond& q) { return std::abs(q.norm() - 1) < 1e-2; }
 
 constexpr double kRadFromDeg = 3.14159265358979323846 / 180.0;
 inline double DegToRad(double deg) { return deg * kRadFromDeg; }

@@ -22,10 +22,8 @@ Rigid3d RingPose(double part, double radius, Random* random) {
 class GroupMaker {
  public:
   explicit GroupMaker(const SyntheticGroupOptions& options) : options_(options), random_(options.seed) {
-    camera_.model_id = *CameraModelId("SIMPLE_PINHOLE");
-    camera_.width = 1280;
-    camera_.height = 960;
-    camera_.params = {800, 640, 480};
+    camera_ = CameraFromFocalLength(*CameraModelId("SIMPLE_PINHOLE"), /*focal_length_px=*/800, 1280, 960);
+    camera_.has_prior_focal_length = false;
     std::uniform_real_distribution<double> uniform(-2.5, 2.5);
     for (int i = 0; i < options.num_points; ++i) {
       const double x = uniform(random_), y = uniform(random_), z = uniform(random_);

@@ -26,10 +26,7 @@ std::string Name(const char* prefix, int i) {
 class VideoMaker {
  public:
   explicit VideoMaker(const SyntheticVideoOptions& options) : options_(options), random_(options.seed) {
-    camera_.model_id = *CameraModelId("SIMPLE_PINHOLE");
-    camera_.width = 1280;
-    camera_.height = 960;
-    camera_.params = {800, 640, 480};
+    camera_ = CameraFromFocalLength(*CameraModelId("SIMPLE_PINHOLE"), /*focal_length_px=*/800, 1280, 960);
     const double length = kQueryDistance * options.num_queries;
     std::uniform_real_distribution<double> x(-6, length + 6), y(-2, 2), z(4, 8);
     const int num_points = static_cast<int>(options.num_points_per_length * (length + 12));
