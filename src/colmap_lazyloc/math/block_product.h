@@ -6,14 +6,13 @@
 
 namespace lazyloc {
 
-// block -= a b^T, of a few rows: what bundle adjustment spends most of its time on. Columns are taken in vectors of
-// four rows and of two, which compilers do not find by themselves; results are the same with and without such
-// instructions.
-template <int kRows, int kInner>
-LAZYLOC_ALWAYS_INLINE inline void SubtractProduct(const Eigen::Matrix<double, kRows, kInner>& a,
-                                                  const Eigen::Matrix<double, kRows, kInner>& b,
+// block -= a b^T: what bundle adjustment spends most of its time on. Columns are taken in vectors of four rows and of
+// two, which compilers do not find by themselves; results are the same with and without such instructions.
+template <int kRows>
+LAZYLOC_ALWAYS_INLINE inline void SubtractProduct(const Eigen::Matrix<double, kRows, 3>& a,
+                                                  const Eigen::Matrix<double, kRows, 3>& b,
                                                   Eigen::Matrix<double, kRows, kRows>* block) {
-  static_assert(kRows >= 6 && kInner == 3);
+  static_assert(kRows >= 6);
   typedef double Four __attribute__((vector_size(32), aligned(8), may_alias));
   typedef double Two __attribute__((vector_size(16), aligned(8), may_alias));
   const double *a0 = a.data(), *a1 = a0 + kRows, *a2 = a1 + kRows;

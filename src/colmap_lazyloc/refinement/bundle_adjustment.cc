@@ -23,8 +23,7 @@ namespace {
 
 // The least damping: this part of each diagonal element keeps motions that nothing shows from an infinite variance.
 constexpr double kRegularization = 1e-12;
-// What a step begins with that starts far from the minimum: along motions that little shows, it would go too far
-// without. Where the step lowers the cost, the next ones do without.
+// Of the first step, which may start far from the minimum: it would go too far along motions that hardly show.
 constexpr double kFirstDamping = 1e-4;
 constexpr double kMaxDamping = 1e8;
 

@@ -40,9 +40,9 @@ struct FreeObservation {
 // A point's error in an image, and its derivatives.
 struct BundleError {
   Eigen::Vector2d error;
-  Eigen::Matrix<double, 2, 3> by_point;  // in the frame of the projection
-  Eigen::Vector2d by_log_factor;         // of the camera
-  Eigen::Vector3d rotated_point;         // into the camera's axes
+  Eigen::Matrix<double, 2, 3> by_point;                     // in the frame of the projection
+  Eigen::Vector2d by_log_factor = Eigen::Vector2d::Zero();  // of the camera
+  Eigen::Vector3d rotated_point;                            // into the camera's axes
 
   // These are false where the point lies behind the camera.
   bool Evaluate(const LinearProjection& projection, const Eigen::Vector3d& point) {
