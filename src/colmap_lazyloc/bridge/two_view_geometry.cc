@@ -90,7 +90,7 @@ TwoViewGeometry EstimateCalibratedGeometry(const Camera& database_camera,
                                            const std::vector<Eigen::Vector2d>& database_keypoints,
                                            const Camera& query_camera,
                                            const std::vector<Eigen::Vector2d>& query_keypoints, const Matches& matches,
-                                           const TwoViewGeometryOptions& options, uint32_t seed) {
+                                           double max_error_px, uint32_t seed) {
   using Estimator = colmap::EssentialMatrixFivePointEstimator;
   const RayInCamFunction database_ray = RaysInCam(database_camera), query_ray = RaysInCam(query_camera);
   std::vector<Estimator::X_t> database_points, query_points;
@@ -104,8 +104,8 @@ TwoViewGeometry EstimateCalibratedGeometry(const Camera& database_camera,
     with_rays.push_back(match);
   }
   colmap::RANSACOptions ransac_options;
-  ransac_options.max_error = (ToColmap(database_camera).CamFromImgThreshold(options.max_error_px) +
-                              ToColmap(query_camera).CamFromImgThreshold(options.max_error_px)) /
+  ransac_options.max_error = (ToColmap(database_camera).CamFromImgThreshold(max_error_px) +
+                              ToColmap(query_camera).CamFromImgThreshold(max_error_px)) /
                              2;
   ransac_options.min_inlier_ratio = kMinCalibratedInlierRatio;
   ransac_options.confidence = 0.999;

@@ -32,7 +32,7 @@ TwoViewGeometry EstimateCalibratedGeometry(const Camera& database_camera,
                                            const std::vector<Eigen::Vector2d>& database_keypoints,
                                            const Camera& query_camera,
                                            const std::vector<Eigen::Vector2d>& query_keypoints, const Matches& matches,
-                                           const TwoViewGeometryOptions& options, uint32_t seed);
+                                           double max_error_px, uint32_t seed);
 
 // COLMAP's relative pose of a geometry that has E (CALIBRATED) or H (PLANAR, PANORAMIC) but no pose yet. Sets
 // query_from_database where it can, and resolves PLANAR_OR_PANORAMIC.

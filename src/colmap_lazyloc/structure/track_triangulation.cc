@@ -56,14 +56,15 @@ class TrackTriangulator : public TrackEvaluator {
     for (const View& view : views) cams_in_world_.push_back(CamInWorld(view.cam_from_world));
   }
 
-  // The track with those of its database views that agree on a point: all where they do, else those that agree with the
-  // best of their pairs.
+  // Sets the track's point, and leaves it those of its database views that agree on it: all where they do, else those
+  // that agree with the best of their pairs. False where it is not to be used.
   bool FromDatabase(Track* track) {
     std::vector<TrackObservation>& observations = track->observations;
     used_.clear();
     for (size_t i = 0; i < observations.size(); ++i) {
       if (IsDatabase(observations[i])) used_.push_back(i);
     }
+    const size_t num_queries = observations.size() - used_.size();  // they come first
     Eigen::Vector3d point;
     if (used_.size() < 2 || !Intersect(observations, used_, &point)) return false;
     if (!AllAgree(observations, point)) {
@@ -74,17 +75,8 @@ class TrackTriangulator : public TrackEvaluator {
     }
     if (!SeenUnderAngle(observations, used_, point)) return false;
     track->point_in_world = point;
-    // The used ones ascend, after those of queries.
-    size_t num_kept = 0;
-    auto next_used = used_.begin();
-    for (size_t i = 0; i < observations.size(); ++i) {
-      if (IsDatabase(observations[i])) {
-        if (next_used == used_.end() || *next_used != i) continue;
-        ++next_used;
-      }
-      if (num_kept != i) observations[num_kept] = observations[i];
-      ++num_kept;
-    }
+    size_t num_kept = num_queries;
+    for (const size_t i : used_) observations[num_kept++] = observations[i];  // they ascend
     observations.resize(num_kept);
     return true;
   }

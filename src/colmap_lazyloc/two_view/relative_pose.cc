@@ -34,7 +34,7 @@ std::optional<RelativePose> FindRelativePose(const LocalizationProblem& problem,
   } else if (pair.geometry->config == TwoViewConfig::UNCALIBRATED) {
     geometry = EstimateCalibratedGeometry(pair.database_camera, pair.database_keypoints, problem.query_camera,
                                           problem.query_keypoints, pair.geometry->inlier_matches,
-                                          {options.min_num_inliers, options.max_two_view_error_px}, seed);
+                                          options.max_two_view_error_px, seed);
   } else if (IsWorthEstimating(pair.geometry->config)) {
     const Matches& matches = pair.matches.empty() ? pair.geometry->inlier_matches : pair.matches;
     geometry = Estimate(problem, pair, matches, options, seed);
