@@ -93,14 +93,6 @@ def test_pairs_file_says_what_is_compared(scene, queries, localize, tmp_path):
         assert run.pair_names(name) == scene.database_names[1:5]
 
 
-def test_matches_among_database_images_extend_the_tracks(colmap, scene, queries, localize, exhaustive, tmp_path):
-    matched = tmp_path / "database.db"
-    shutil.copy(scene.database_path, matched)
-    photo_scene.match_exhaustively(colmap, matched)
-    run = localize("--database_path", matched, *scene.arguments(queries)[2:], "--LazyLocalizer.use_database_matches", 1)
-    scene.assert_localized(run)
-    for name in scene.query_names:
-        assert run.results[name]["num_observations"] > exhaustive.results[name]["num_observations"]
 
 
 def test_index_is_made_on_first_use_and_chooses_images(colmap, scene, queries, localize, tmp_path):

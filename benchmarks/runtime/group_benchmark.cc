@@ -26,7 +26,7 @@ void LocalizeVideo(benchmark::State& state, bool is_joint) {
     if (is_joint) {
       for (const LocalizationResult& result : LocalizeGroup(video.group, {})) add(result);
     } else {
-      for (const GroupMember& member : video.group.members) add(LocalizeQuery(member.problem, {}));
+      for (const QueryImage& image : video.group.images) add(LocalizeQuery(image.problem, {}));
     }
   }
   const double num_queries = static_cast<double>(options.num_queries) * static_cast<double>(state.iterations());

@@ -54,10 +54,10 @@ int main() {
   for (int i = 0; i < 5; ++i) {
     const Eigen::Vector3d cam_in_world(i - 2.0, 0.5 * (i % 2), 0);
     lazyloc::ImagePair pair;
-    pair.database_name = "database_" + std::to_string(i);
-    pair.database_camera = camera;
+    pair.other_name = "database_" + std::to_string(i);
+    pair.other_camera = camera;
     pair.database_cam_from_world = lazyloc::CamFromWorld(Eigen::Quaterniond::Identity(), cam_in_world);
-    pair.database_keypoints = Project(camera, pair.database_cam_from_world, points_in_world);
+    pair.other_keypoints = Project(camera, pair.database_cam_from_world, points_in_world);
     for (uint32_t k = 0; k < points_in_world.size(); ++k) pair.matches.push_back({k, k});
     problem.pairs.push_back(pair);
   }

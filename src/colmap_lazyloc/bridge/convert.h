@@ -39,7 +39,7 @@ inline std::optional<Rigid3d> FiniteRigid(const Eigen::Matrix<double, 3, 4>& mat
 inline colmap::FeatureMatches ToColmap(const Matches& matches) {
   colmap::FeatureMatches converted;
   converted.reserve(matches.size());
-  for (const Match& match : matches) converted.emplace_back(match.database_point, match.query_point);
+  for (const Match& match : matches) converted.emplace_back(match.other_point, match.query_point);
   return converted;
 }
 

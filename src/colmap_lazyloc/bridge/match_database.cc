@@ -47,7 +47,7 @@ void MatchDatabase::AddPair(uint32_t database_id, uint32_t query_id, const Match
   if (geometry.E) converted.E = *geometry.E;
   if (geometry.F) converted.F = *geometry.F;
   if (geometry.H) converted.H = *geometry.H;
-  if (geometry.query_from_database) converted.cam2_from_cam1 = ToColmap(*geometry.query_from_database);
+  if (geometry.query_from_other) converted.cam2_from_cam1 = ToColmap(*geometry.query_from_other);
   impl_->database->WriteTwoViewGeometry(database_id, query_id, converted);
 }
 

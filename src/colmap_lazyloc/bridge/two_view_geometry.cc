@@ -63,8 +63,8 @@ Point ToEstimator(const Eigen::Vector3d& ray_in_cam) {
 
 }  // namespace
 
-TwoViewGeometry EstimateTwoViewGeometry(const Camera& database_camera,
-                                        const std::vector<Eigen::Vector2d>& database_keypoints,
+TwoViewGeometry EstimateTwoViewGeometry(const Camera& other_camera,
+                                        const std::vector<Eigen::Vector2d>& other_keypoints,
                                         const Camera& query_camera, const std::vector<Eigen::Vector2d>& query_keypoints,
                                         const Matches& matches, const TwoViewGeometryOptions& options, uint32_t seed) {
   colmap::TwoViewGeometryOptions colmap_options;
@@ -73,30 +73,30 @@ TwoViewGeometry EstimateTwoViewGeometry(const Camera& database_camera,
   colmap_options.min_E_F_inlier_ratio = kMinCalibratedInlierRatio;
   // RANSAC draws from a generator of the thread's.
   colmap::SetPRNGSeed(seed);
-  const colmap::Camera camera1 = ToColmap(database_camera);
+  const colmap::Camera camera1 = ToColmap(other_camera);
   colmap::Camera camera2 = ToColmap(query_camera);
   camera2.has_prior_focal_length = options.is_query_calibrated;
   colmap::TwoViewGeometry geometry = colmap::EstimateTwoViewGeometry(
-      camera1, database_keypoints, camera2, query_keypoints, ToColmap(matches), colmap_options);
+      camera1, other_keypoints, camera2, query_keypoints, ToColmap(matches), colmap_options);
   if (!options.is_query_calibrated) return FromColmap(geometry);
   const bool has_pose =
-      colmap::EstimateTwoViewGeometryPose(camera1, database_keypoints, camera2, query_keypoints, &geometry);
+      colmap::EstimateTwoViewGeometryPose(camera1, other_keypoints, camera2, query_keypoints, &geometry);
   TwoViewGeometry result = FromColmap(geometry);
-  if (has_pose) result.query_from_database = RelativePose(geometry);
+  if (has_pose) result.query_from_other = RelativePose(geometry);
   return result;
 }
 
-TwoViewGeometry EstimateCalibratedGeometry(const Camera& database_camera,
-                                           const std::vector<Eigen::Vector2d>& database_keypoints,
+TwoViewGeometry EstimateCalibratedGeometry(const Camera& other_camera,
+                                           const std::vector<Eigen::Vector2d>& other_keypoints,
                                            const Camera& query_camera,
                                            const std::vector<Eigen::Vector2d>& query_keypoints, const Matches& matches,
                                            double max_error_px, uint32_t seed) {
   using Estimator = colmap::EssentialMatrixFivePointEstimator;
-  const RayInCamFunction database_ray = RaysInCam(database_camera), query_ray = RaysInCam(query_camera);
+  const RayInCamFunction database_ray = RaysInCam(other_camera), query_ray = RaysInCam(query_camera);
   std::vector<Estimator::X_t> database_points, query_points;
   Matches with_rays;
   for (const Match& match : matches) {
-    const std::optional<Eigen::Vector3d> ray1 = database_ray(database_keypoints[match.database_point]),
+    const std::optional<Eigen::Vector3d> ray1 = database_ray(other_keypoints[match.other_point]),
                                          ray2 = query_ray(query_keypoints[match.query_point]);
     if (!ray1 || !ray2) continue;
     database_points.push_back(ToEstimator<Estimator::X_t>(*ray1));
@@ -104,7 +104,7 @@ TwoViewGeometry EstimateCalibratedGeometry(const Camera& database_camera,
     with_rays.push_back(match);
   }
   colmap::RANSACOptions ransac_options;
-  ransac_options.max_error = (ToColmap(database_camera).CamFromImgThreshold(max_error_px) +
+  ransac_options.max_error = (ToColmap(other_camera).CamFromImgThreshold(max_error_px) +
                               ToColmap(query_camera).CamFromImgThreshold(max_error_px)) /
                              2;
   ransac_options.min_inlier_ratio = kMinCalibratedInlierRatio;
@@ -120,11 +120,11 @@ TwoViewGeometry EstimateCalibratedGeometry(const Camera& database_camera,
   for (size_t i = 0; i < with_rays.size(); ++i) {
     if (report.inlier_mask[i]) geometry.inlier_matches.push_back(with_rays[i]);
   }
-  EstimateRelativePose(database_camera, database_keypoints, query_camera, query_keypoints, &geometry);
+  EstimateRelativePose(other_camera, other_keypoints, query_camera, query_keypoints, &geometry);
   return geometry;
 }
 
-void EstimateRelativePose(const Camera& database_camera, const std::vector<Eigen::Vector2d>& database_keypoints,
+void EstimateRelativePose(const Camera& other_camera, const std::vector<Eigen::Vector2d>& other_keypoints,
                           const Camera& query_camera, const std::vector<Eigen::Vector2d>& query_keypoints,
                           TwoViewGeometry* geometry) {
   colmap::TwoViewGeometry converted;
@@ -137,14 +137,14 @@ void EstimateRelativePose(const Camera& database_camera, const std::vector<Eigen
   converted.inlier_matches =
       ToColmap(geometry->config == TwoViewConfig::CALIBRATED ? Some(geometry->inlier_matches, kNumMatchesForSigns)
                                                              : geometry->inlier_matches);
-  if (!colmap::EstimateTwoViewGeometryPose(ToColmap(database_camera), database_keypoints, ToColmap(query_camera),
+  if (!colmap::EstimateTwoViewGeometryPose(ToColmap(other_camera), other_keypoints, ToColmap(query_camera),
                                            query_keypoints, &converted)) {
     return;
   }
   const std::optional<Rigid3d> pose = RelativePose(converted);
   if (!pose) return;
   geometry->config = static_cast<TwoViewConfig>(converted.config);
-  geometry->query_from_database = pose;
+  geometry->query_from_other = pose;
 }
 
 }  // namespace lazyloc

@@ -21,22 +21,22 @@ struct TwoViewGeometryOptions {
 // COLMAP's robust two-view geometry of a pair: essential matrix by five points where the intrinsics are known, or
 // homography where that explains as much, with the relative pose. The same result for the same seed, whatever thread it
 // runs on.
-TwoViewGeometry EstimateTwoViewGeometry(const Camera& database_camera,
-                                        const std::vector<Eigen::Vector2d>& database_keypoints,
+TwoViewGeometry EstimateTwoViewGeometry(const Camera& other_camera,
+                                        const std::vector<Eigen::Vector2d>& other_keypoints,
                                         const Camera& query_camera, const std::vector<Eigen::Vector2d>& query_keypoints,
                                         const Matches& matches, const TwoViewGeometryOptions& options, uint32_t seed);
 
 // The same for matches that are known to agree with one fundamental matrix and no homography: by their essential matrix
 // alone (five points, LO-RANSAC), in a tenth of the time. UNDEFINED where it explains less than half of them.
-TwoViewGeometry EstimateCalibratedGeometry(const Camera& database_camera,
-                                           const std::vector<Eigen::Vector2d>& database_keypoints,
+TwoViewGeometry EstimateCalibratedGeometry(const Camera& other_camera,
+                                           const std::vector<Eigen::Vector2d>& other_keypoints,
                                            const Camera& query_camera,
                                            const std::vector<Eigen::Vector2d>& query_keypoints, const Matches& matches,
                                            double max_error_px, uint32_t seed);
 
 // COLMAP's relative pose of a geometry that has E (CALIBRATED) or H (PLANAR, PANORAMIC) but no pose yet. Sets
-// query_from_database where it can, and resolves PLANAR_OR_PANORAMIC.
-void EstimateRelativePose(const Camera& database_camera, const std::vector<Eigen::Vector2d>& database_keypoints,
+// query_from_other where it can, and resolves PLANAR_OR_PANORAMIC.
+void EstimateRelativePose(const Camera& other_camera, const std::vector<Eigen::Vector2d>& other_keypoints,
                           const Camera& query_camera, const std::vector<Eigen::Vector2d>& query_keypoints,
                           TwoViewGeometry* geometry);
 

@@ -105,8 +105,6 @@ void ForEachOption(Options& o, const Add& add) {
   add("LazyLocalizer.num_retrieved", &o.loader.num_retrieved,
       "database images per query, best by verified inliers; with --pairs_path all listed ones are used");
   add("LazyLocalizer.num_threads", &o.num_threads, "queries at a time; -1 for the number of cores");
-  add("LazyLocalizer.use_database_matches", &o.loader.use_database_matches,
-      "extend the query's tracks by the verified matches among its database images that the database holds");
   add("LazyLocalizer.leave_one_out", &o.loader.leave_one_out,
       "localize every posed image (or those of --query_list_path) against all others");
   add("LazyLocalizer.use_rigs", &o.loader.groups.use_rigs, "localize the images of a rig's frame as one");
@@ -143,8 +141,6 @@ void ForEachOption(Options& o, const Add& add) {
       "where bundle adjustment starts from: best, motion_averaging, absolute_pose or generalized_relative_pose");
   add("LazyLocalizer.post_optimization", &o.localizer.post_optimization,
       "what follows motion averaging: tracks, or for comparison sampson, relative_pose_lo or none (without covariance)");
-  add("LazyLocalizer.use_raw_matches", &o.localizer.use_raw_matches,
-      "after each round, collect the inliers again from all raw matches");
   add("LazyLocalizer.min_triangulation_angle_deg", &o.localizer.triangulation.min_triangulation_angle_deg,
       "smallest angle in degrees under which a point must be seen");
   add("LazyLocalizer.max_database_error_sigma", &o.localizer.triangulation.max_database_error_sigma,
@@ -285,7 +281,6 @@ bool ParseCommandLine(int argc, char** argv, CommandOptions* options) {
   if (!Parse(argc, argv, "colmap lazy_localizer", description)) return false;
   CheckOptions(*options);
   options->localizer.max_num_pairs = options->pairs_path.empty() ? options->loader.num_retrieved : 0;
-  options->loader.use_raw_matches = options->localizer.use_raw_matches;
   options->loader.has_photos = !options->photos.image_path.empty();
   options->photos.retrieval.seed = options->localizer.seed;
   options->photos.retrieval.num_threads = options->num_threads;

@@ -37,7 +37,6 @@ LoadedQuery LoadPhoto(const Loaders& loaders, const PhotoQuery& photo, const Rea
   LoadedQuery query;
   try {
     LoadedPhoto loaded = loaders.photo_loader->Load(photo, *readers.features, idle_threads, &query.seconds);
-    loaders.problem_loader->LoadDatabaseMatches(readers.database, &loaded.problem);
     if (loaders.matches_output != nullptr) {
       const StageTimer timer("matches_output", &query.seconds);
       loaders.matches_output->Write(loaded.problem, *loaded.features, loaded.database_features);
@@ -81,7 +80,7 @@ std::vector<LocalizationResult> LoadAndLocalize(const Loaders& loaders, const Qu
   QueryGroup group;
   std::vector<StageTimer::Seconds> seconds;
   for (const QueryFrame& frame : frames) {
-    const int reference = static_cast<int>(group.members.size());
+    const int frame_index = static_cast<int>(group.frame_names.size());
     for (const QueryFrame::Image& image : frame.images) {
       LoadedQuery query = LoadQuery(loaders, image.name, readers, idle_threads);
       if (query.failure) {
@@ -89,14 +88,15 @@ std::vector<LocalizationResult> LoadAndLocalize(const Loaders& loaders, const Qu
         continue;
       }
       seconds.push_back(std::move(query.seconds));
-      group.members.push_back({std::move(query.problem), reference, image.cam_from_rig, frame.name});
+      group.images.push_back({std::move(query.problem), frame_index, image.cam_from_rig});
     }
+    if (!group.images.empty() && group.images.back().frame == frame_index) group.frame_names.push_back(frame.name);
   }
-  if (group.members.empty()) return results;
+  if (group.images.empty()) return results;
   loaders.problem_loader->LoadQueryPairs(readers.database, &group);
   std::vector<LocalizationResult> localized = LocalizeGroup(group, options);
   for (size_t i = 0; i < localized.size(); ++i) {
-    LocalizationProblem& problem = group.members[i].problem;
+    LocalizationProblem& problem = group.images[i].problem;
     if (loaders.problem_loader->Photos().count(problem.query_name) > 0) {
       localized[i].photo_keypoints = std::move(problem.query_keypoints);
     }

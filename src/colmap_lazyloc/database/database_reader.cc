@@ -215,7 +215,7 @@ Matches DatabaseReader::ReadMatches(uint32_t query_id, uint32_t database_id) con
   Matches matches;
   while (rows.Next()) matches = ReadStoredMatches(rows);
   if (query_id < database_id) {
-    for (Match& match : matches) std::swap(match.query_point, match.database_point);
+    for (Match& match : matches) std::swap(match.query_point, match.other_point);
   }
   std::sort(matches.begin(), matches.end());
   return matches;
@@ -231,15 +231,15 @@ std::optional<TwoViewGeometry> DatabaseReader::ReadTwoViewGeometry(uint32_t quer
     geometry->E = ReadMatrix(rows, 4);
     geometry->F = ReadMatrix(rows, 5);
     geometry->H = ReadMatrix(rows, 6);
-    geometry->query_from_database = ReadPose(rows, 7, 8);
-    geometry->database_camera = ReadSerializedCamera(rows, 9);
+    geometry->query_from_other = ReadPose(rows, 7, 8);
+    geometry->other_camera = ReadSerializedCamera(rows, 9);
     geometry->query_camera = ReadSerializedCamera(rows, 10);
   }
   if (!geometry) return std::nullopt;
   if (query_id < database_id) geometry = Inverted(*geometry);
   std::sort(geometry->inlier_matches.begin(), geometry->inlier_matches.end());
-  if (geometry->query_from_database) {
-    geometry->query_from_database = CanonicalRelativePose(*geometry->query_from_database);
+  if (geometry->query_from_other) {
+    geometry->query_from_other = CanonicalRelativePose(*geometry->query_from_other);
   }
   return geometry;
 }

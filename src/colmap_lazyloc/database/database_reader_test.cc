@@ -51,7 +51,7 @@ TwoViewGeometry TestGeometry() {
   geometry.inlier_matches = {{0, 9}, {1, 4}, {2, 4}, {7, 0}};
   const Eigen::Quaterniond rotation(Eigen::AngleAxisd(0.7, Eigen::Vector3d(1, -2, 0.3).normalized()));
   const Eigen::Vector3d translation = Eigen::Vector3d(0.3, -0.2, 0.9).normalized();
-  geometry.query_from_database = Rigid3d{rotation, translation};
+  geometry.query_from_other = Rigid3d{rotation, translation};
   const Eigen::Matrix3d K = (Eigen::Matrix3d() << 500, 0, 320, 0, 510, 240, 0, 0, 1).finished();
   geometry.E = CrossMatrix(translation) * rotation.toRotationMatrix();
   geometry.F = K.inverse().transpose() * *geometry.E * K.inverse();
@@ -140,10 +140,10 @@ TEST_P(DatabaseReaderTest, TwoViewGeometryRoundTripInBothOrientations) {
     EXPECT_EQ(read.E, geometry.E);
     EXPECT_EQ(read.F, geometry.F);
     EXPECT_LE((*read.H - *geometry.H).norm(), 1e-12 * geometry.H->norm());
-    ASSERT_EQ(read.query_from_database.has_value(), HasPoses());
+    ASSERT_EQ(read.query_from_other.has_value(), HasPoses());
     if (!HasPoses()) continue;
-    EXPECT_LE(read.query_from_database->rotation.angularDistance(geometry.query_from_database->rotation), 3e-10);
-    EXPECT_LE((read.query_from_database->translation - geometry.query_from_database->translation).norm(), 3e-10);
+    EXPECT_LE(read.query_from_other->rotation.angularDistance(geometry.query_from_other->rotation), 3e-10);
+    EXPECT_LE((read.query_from_other->translation - geometry.query_from_other->translation).norm(), 3e-10);
   }
 }
 
@@ -152,20 +152,20 @@ TEST_P(DatabaseReaderTest, OtherOrientationIsTheInverse) {
   const TwoViewGeometry geometry = TestGeometry();
   database_.AddTwoViewGeometry(/*query_id=*/5, /*database_id=*/3, geometry);
   const TwoViewGeometry read = DatabaseReader(Path()).ReadTwoViewGeometry(/*query_id=*/3, /*database_id=*/5).value();
-  const Eigen::Vector3d x_in_3(0.2, -0.1, 1), x_in_5 = *geometry.query_from_database * (4 * x_in_3);
+  const Eigen::Vector3d x_in_3(0.2, -0.1, 1), x_in_5 = *geometry.query_from_other * (4 * x_in_3);
   EXPECT_NEAR(x_in_3.dot(*read.E * x_in_5), 0, 1e-14);
   EXPECT_EQ(*read.F, geometry.F->transpose());
   EXPECT_TRUE((*read.H * *geometry.H).isIdentity(1e-9));
   EXPECT_EQ(read.inlier_matches, (Matches{{0, 7}, {4, 1}, {4, 2}, {9, 0}}));
   if (HasPoses()) {
-    EXPECT_LE((*read.query_from_database * x_in_5 - 4 * x_in_3).norm(), 2e-9);
+    EXPECT_LE((*read.query_from_other * x_in_5 - 4 * x_in_3).norm(), 2e-9);
   }
 }
 
 TEST_P(DatabaseReaderTest, StorageOrderDoesNotMatter) {
   TwoViewGeometry geometry = TestGeometry();
-  geometry.query_from_database->translation *= 17;
-  geometry.query_from_database->rotation.coeffs() *= -1;
+  geometry.query_from_other->translation *= 17;
+  geometry.query_from_other->rotation.coeffs() *= -1;
   database_.AddTwoViewGeometry(/*query_id=*/1, /*database_id=*/2, geometry);
   database_.AddTwoViewGeometry(/*query_id=*/4, /*database_id=*/3, geometry);
   const DatabaseReader reader(Path());
@@ -177,8 +177,8 @@ TEST_P(DatabaseReaderTest, StorageOrderDoesNotMatter) {
     EXPECT_EQ(a->F, b->F);
     EXPECT_LE((*a->H - *b->H).norm(), 1e-12 * a->H->norm());
     if (!HasPoses()) continue;
-    EXPECT_EQ(a->query_from_database->rotation.coeffs(), b->query_from_database->rotation.coeffs());
-    EXPECT_EQ(a->query_from_database->translation, b->query_from_database->translation);
+    EXPECT_EQ(a->query_from_other->rotation.coeffs(), b->query_from_other->rotation.coeffs());
+    EXPECT_EQ(a->query_from_other->translation, b->query_from_other->translation);
   }
 }
 
@@ -192,7 +192,7 @@ TEST_P(DatabaseReaderTest, UnsetGeometryIsNone) {
   for (const auto& [query_id, database_id] : {std::pair(2, 1), std::pair(1, 2), std::pair(3, 4), std::pair(4, 3)}) {
     const TwoViewGeometry read = reader.ReadTwoViewGeometry(query_id, database_id).value();
     EXPECT_EQ(read.inlier_matches.size(), 1u);
-    EXPECT_FALSE(read.E || read.F || read.H || read.query_from_database || read.query_camera || read.database_camera);
+    EXPECT_FALSE(read.E || read.F || read.H || read.query_from_other || read.query_camera || read.other_camera);
   }
 }
 
@@ -200,22 +200,22 @@ TEST_P(DatabaseReaderTest, UnsetGeometryIsNone) {
 TEST_P(DatabaseReaderTest, IdentitiesAreNone) {
   TwoViewGeometry geometry;
   geometry.E = geometry.F = geometry.H = Eigen::Matrix3d::Identity();
-  geometry.query_from_database = Rigid3d();
+  geometry.query_from_other = Rigid3d();
   database_.AddTwoViewGeometry(2, 1, geometry);
   const TwoViewGeometry read = DatabaseReader(Path()).ReadTwoViewGeometry(2, 1).value();
-  EXPECT_FALSE(read.E || read.F || read.H || read.query_from_database);
+  EXPECT_FALSE(read.E || read.F || read.H || read.query_from_other);
 }
 
 TEST_P(DatabaseReaderTest, PanoramicPairKeepsItsRotation) {
   TwoViewGeometry geometry;
   geometry.config = TwoViewConfig::PANORAMIC;
-  geometry.query_from_database = Rigid3d{Eigen::Quaterniond(0.8, 0, -0.6, 0), Eigen::Vector3d::Zero()};
+  geometry.query_from_other = Rigid3d{Eigen::Quaterniond(0.8, 0, -0.6, 0), Eigen::Vector3d::Zero()};
   database_.AddTwoViewGeometry(2, 1, geometry);
   const TwoViewGeometry read = DatabaseReader(Path()).ReadTwoViewGeometry(1, 2).value();
-  ASSERT_EQ(read.query_from_database.has_value(), HasPoses());
+  ASSERT_EQ(read.query_from_other.has_value(), HasPoses());
   if (!HasPoses()) return;
-  EXPECT_NEAR(read.query_from_database->rotation.y(), 0.6, 2e-10);
-  EXPECT_EQ(read.query_from_database->translation, Eigen::Vector3d::Zero());
+  EXPECT_NEAR(read.query_from_other->rotation.y(), 0.6, 2e-10);
+  EXPECT_EQ(read.query_from_other->translation, Eigen::Vector3d::Zero());
 }
 
 TEST_P(DatabaseReaderTest, PairWithoutMatchesIsReadButNotCounted) {
@@ -253,7 +253,7 @@ TEST(DatabaseReader, ZeroQuaternionIsNoPose) {
   TestDatabase database(folder / "a.db", Schema::V3_8);
   database.AddTwoViewGeometry(2, 1, TestGeometry());
   database.Execute("UPDATE two_view_geometries SET qvec = zeroblob(32)");
-  EXPECT_FALSE(DatabaseReader(folder / "a.db").ReadTwoViewGeometry(2, 1)->query_from_database);
+  EXPECT_FALSE(DatabaseReader(folder / "a.db").ReadTwoViewGeometry(2, 1)->query_from_other);
 }
 
 TEST(DatabaseReader, OwnCamerasOfAPairFollowItsOrientation) {
@@ -266,12 +266,12 @@ TEST(DatabaseReader, OwnCamerasOfAPairFollowItsOrientation) {
   const DatabaseReader reader(folder / "a.db");
   for (const auto& [query_id, database_id] : {std::pair(2, 1), std::pair(3, 4)}) {
     const TwoViewGeometry read = reader.ReadTwoViewGeometry(query_id, database_id).value();
-    EXPECT_FALSE(read.database_camera);
+    EXPECT_FALSE(read.other_camera);
     ASSERT_TRUE(read.query_camera);
     EXPECT_EQ(read.query_camera->camera_id, 7u);
     EXPECT_TRUE(read.query_camera->has_prior_focal_length);
     EXPECT_TRUE(SameIntrinsics(*read.query_camera, TestCamera(7)));
-    EXPECT_EQ(reader.ReadTwoViewGeometry(database_id, query_id)->database_camera->camera_id, 7u);
+    EXPECT_EQ(reader.ReadTwoViewGeometry(database_id, query_id)->other_camera->camera_id, 7u);
   }
 }
 
@@ -363,7 +363,7 @@ TEST(DatabaseReader, BadRowsAreNamed) {
     database.AddKeypoints(1, {{1, 2}, {3, 4}});
     database.AddMatches(1, 2, {{0, 1}});
     TwoViewGeometry two_view = TestGeometry();
-    two_view.query_camera = two_view.database_camera = TestCamera(1);
+    two_view.query_camera = two_view.other_camera = TestCamera(1);
     database.AddTwoViewGeometry(2, 1, two_view);
     database.Execute(bad_row.sql);
     const DatabaseReader reader(folder / "a.db");
@@ -413,9 +413,9 @@ TEST(DatabaseReader, RealDatabase) {
       ASSERT_TRUE(geometry);
       EXPECT_EQ(geometry->inlier_matches.size(), static_cast<size_t>(size.num_matches));
       EXPECT_LT(geometry->inlier_matches.back().query_point, num_query_keypoints);
-      if (!geometry->query_from_database) continue;
+      if (!geometry->query_from_other) continue;
       ++num_poses;
-      EXPECT_NEAR(geometry->query_from_database->translation.norm(), 1, 3e-10);
+      EXPECT_NEAR(geometry->query_from_other->translation.norm(), 1, 3e-10);
     }
   }
   EXPECT_GT(num_poses, 50);

@@ -27,17 +27,17 @@ TwoViewGeometry Inverted(const TwoViewGeometry& geometry) {
   inverted.config = geometry.config;
   inverted.inlier_matches.reserve(geometry.inlier_matches.size());
   for (const Match& match : geometry.inlier_matches) {
-    inverted.inlier_matches.push_back({match.database_point, match.query_point});
+    inverted.inlier_matches.push_back({match.other_point, match.query_point});
   }
-  if (geometry.query_from_database) inverted.query_from_database = Inverse(*geometry.query_from_database);
+  if (geometry.query_from_other) inverted.query_from_other = Inverse(*geometry.query_from_other);
   if (geometry.E) inverted.E = geometry.E->transpose();
   if (geometry.F) inverted.F = geometry.F->transpose();
   if (geometry.H) {
     const Eigen::Matrix3d database_from_query = geometry.H->inverse();
     if (database_from_query.allFinite()) inverted.H = database_from_query;
   }
-  inverted.query_camera = geometry.database_camera;
-  inverted.database_camera = geometry.query_camera;
+  inverted.query_camera = geometry.other_camera;
+  inverted.other_camera = geometry.query_camera;
   return inverted;
 }
 

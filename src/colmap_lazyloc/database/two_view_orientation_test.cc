@@ -77,7 +77,7 @@ TEST(Inverted, SwapsEverything) {
   TwoViewGeometry geometry;
   geometry.config = TwoViewConfig::PLANAR;
   geometry.inlier_matches = {{1, 2}, {3, 4}};
-  geometry.query_from_database = RandomPose(&random);
+  geometry.query_from_other = RandomPose(&random);
   geometry.H = Eigen::Matrix3d(RandomPose(&random).rotation) * 2;
   geometry.query_camera = Camera();
   geometry.query_camera->camera_id = 7;
@@ -86,10 +86,10 @@ TEST(Inverted, SwapsEverything) {
   EXPECT_EQ(inverted.config, TwoViewConfig::PLANAR);
   EXPECT_EQ(inverted.inlier_matches, (Matches{{2, 1}, {4, 3}}));
   const Eigen::Vector3d point(1, 2, 3);
-  EXPECT_LE((*inverted.query_from_database * (*geometry.query_from_database * point) - point).norm(), 1e-14);
+  EXPECT_LE((*inverted.query_from_other * (*geometry.query_from_other * point) - point).norm(), 1e-14);
   EXPECT_TRUE((*inverted.H * *geometry.H).isIdentity(1e-14));
   EXPECT_FALSE(inverted.query_camera);
-  EXPECT_EQ(inverted.database_camera->camera_id, 7u);
+  EXPECT_EQ(inverted.other_camera->camera_id, 7u);
   EXPECT_FALSE(inverted.E || inverted.F);
 }
 

@@ -46,10 +46,10 @@ MatchesOutput::~MatchesOutput() {
 }
 
 void MatchesOutput::AddDatabaseImage(const ImagePair& pair, const Features& features) {
-  const DatabaseImage& image = database_images_.at(pair.database_name);
+  const DatabaseImage& image = database_images_.at(pair.other_name);
   if (!known_images_.insert(image.image_id).second) return;
   if (known_cameras_.insert(image.camera_id).second) {
-    Camera camera = pair.database_camera;
+    Camera camera = pair.other_camera;
     camera.camera_id = image.camera_id;
     output_->AddCamera(camera);
   }
@@ -69,7 +69,7 @@ void MatchesOutput::Write(const LocalizationProblem& problem, const Features& ph
   for (size_t i = 0; i < problem.pairs.size(); ++i) {
     const ImagePair& pair = problem.pairs[i];
     AddDatabaseImage(pair, *database_features[i]);
-    output_->AddPair(database_images_.at(pair.database_name).image_id, query_id, pair.matches, *pair.geometry);
+    output_->AddPair(database_images_.at(pair.other_name).image_id, query_id, pair.matches, *pair.geometry);
   }
 }
 

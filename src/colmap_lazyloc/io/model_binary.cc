@@ -52,8 +52,8 @@ Rig ReadRig(BinaryFile* file) {
   return rig;
 }
 
-Frame ReadFrame(BinaryFile* file) {
-  Frame frame;
+ModelFrame ReadFrame(BinaryFile* file) {
+  ModelFrame frame;
   frame.frame_id = file->Read<uint32_t>();
   frame.rig_id = file->Read<uint32_t>();
   frame.rig_from_world = ReadPose(file);

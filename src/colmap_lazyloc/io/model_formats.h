@@ -16,7 +16,7 @@ class ModelBuilder {
   // Why it cannot be part of the model; empty when it was added. In this order: cameras, rigs, frames, images.
   std::string AddCamera(Camera camera);
   std::string AddRig(Rig rig);
-  std::string AddFrame(Frame frame);
+  std::string AddFrame(ModelFrame frame);
   std::string AddImage(ModelImage image);
 
   // The model with its images sorted by name; the builder is empty afterwards.

@@ -36,7 +36,7 @@ struct MergedModel {
   std::map<uint32_t, Camera> cameras;
   std::map<uint32_t, MergedImage> images;
   std::map<uint32_t, Rig> rigs;  // none where the input model has none, as with frames
-  std::map<uint32_t, Frame> frames;
+  std::map<uint32_t, ModelFrame> frames;
   std::vector<MergedPoint> points;  // the point with id i is points[i - 1]
 };
 

@@ -55,7 +55,7 @@ std::string ModelBuilder::AddRig(Rig rig) {
   return "";
 }
 
-std::string ModelBuilder::AddFrame(Frame frame) {
+std::string ModelBuilder::AddFrame(ModelFrame frame) {
   const std::string label = "frame " + std::to_string(frame.frame_id);
   if (!IsUsablePose(frame.rig_from_world)) return label + ": the pose is not finite, or its quaternion is zero";
   const auto rig = model_.rigs.find(frame.rig_id);

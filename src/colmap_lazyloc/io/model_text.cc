@@ -52,9 +52,9 @@ Rig ParseRig(const TextFile& file) {
   return rig;
 }
 
-Frame ParseFrame(const TextFile& file) {
+ModelFrame ParseFrame(const TextFile& file) {
   std::string_view rest = file.Line();
-  Frame frame;
+  ModelFrame frame;
   frame.frame_id = file.ParseNumber<uint32_t>(NextWord(&rest));
   frame.rig_id = file.ParseNumber<uint32_t>(NextWord(&rest));
   frame.rig_from_world = ParsePose(file, &rest);

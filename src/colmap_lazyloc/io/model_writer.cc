@@ -52,7 +52,7 @@ void WriteRigs(const std::filesystem::path& path, const std::map<uint32_t, Rig>&
   file.Close();
 }
 
-void WriteFrames(const std::filesystem::path& path, const std::map<uint32_t, Frame>& frames) {
+void WriteFrames(const std::filesystem::path& path, const std::map<uint32_t, ModelFrame>& frames) {
   OutputFile file(path);
   file.WriteBinary<uint64_t>(frames.size());
   for (const auto& [frame_id, frame] : frames) {

@@ -164,8 +164,8 @@ LoadedPhoto PhotoLoader::Load(const PhotoQuery& photo, const FeatureReader& feat
     const StageTimer timer("load", seconds);
     for (const DatabaseView* view : views) {
       ImagePair pair;
-      pair.database_name = view->image->name;
-      pair.database_camera = *view->camera;
+      pair.other_name = view->image->name;
+      pair.other_camera = *view->camera;
       pair.database_cam_from_world = view->image->cam_from_world;
       problem.pairs.push_back(std::move(pair));
       loaded.database_features.push_back(cache_.Get(view->image_id, features));

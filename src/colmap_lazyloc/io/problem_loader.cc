@@ -31,12 +31,12 @@ Camera ReadUsableCamera(const DatabaseReader& database, const DatabaseImage& ima
   return camera;
 }
 
-// Matches.query_point names keypoints of the image `name`, database_point those of the pair's image.
+// Matches.query_point names keypoints of the image `name`, other_point those of the pair's image.
 void CheckMatches(const Matches& matches, const std::string& name, size_t num_keypoints, const ImagePair& pair,
                   const DatabaseReader& database) {
   for (const Match& match : matches) {
-    if (match.query_point >= num_keypoints || match.database_point >= pair.database_keypoints.size()) {
-      throw InputError(database.Path().string() + ": a match between " + name + " and " + pair.database_name +
+    if (match.query_point >= num_keypoints || match.other_point >= pair.other_keypoints.size()) {
+      throw InputError(database.Path().string() + ": a match between " + name + " and " + pair.other_name +
                        " names a keypoint that its image does not have");
     }
   }
@@ -199,17 +199,15 @@ std::optional<ImagePair> ProblemLoader::LoadPair(const Query& query, const Store
     pair.matches = database.ReadMatches(query_id, other_id);
     if (pair.matches.empty()) return std::nullopt;
   }
-  pair.database_name = other.image.name;
-  pair.database_camera = other.camera;
-  pair.database_keypoints = database.ReadKeypoints(other_id);
+  pair.other_name = other.image.name;
+  pair.other_camera = other.camera;
+  pair.other_keypoints = database.ReadKeypoints(other_id);
   const bool has_other_intrinsics =
       pair.geometry && (!AgreeOnIntrinsics(pair.geometry->query_camera.value_or(query.stored_camera), query.camera) ||
-                        !AgreeOnIntrinsics(pair.geometry->database_camera.value_or(other.stored_camera), other.camera));
+                        !AgreeOnIntrinsics(pair.geometry->other_camera.value_or(other.stored_camera), other.camera));
   // By which its inliers were chosen too: COLMAP estimates it again from all matches.
   if (has_other_intrinsics) pair.geometry->config = TwoViewConfig::UNCALIBRATED;
-  if (has_other_intrinsics || (pair.geometry && options_.use_raw_matches)) {
-    pair.matches = database.ReadMatches(query_id, other_id);
-  }
+  if (has_other_intrinsics) pair.matches = database.ReadMatches(query_id, other_id);
   return pair;
 }
 
@@ -240,26 +238,6 @@ void ProblemLoader::LoadBestPairs(const Query& query, const DatabaseReader& data
   LoadPairs(query, RankCandidates(query, unverified), problem->pairs.size() + 2 * num_wanted, database, problem);
 }
 
-void ProblemLoader::LoadDatabaseMatches(const DatabaseReader& database, LocalizationProblem* problem) const {
-  if (!options_.use_database_matches) return;
-  const std::vector<ImagePair>& pairs = problem->pairs;
-  for (size_t pair1 = 0; pair1 < pairs.size(); ++pair1) {
-    const uint32_t image_id1 = database_images_.at(pairs[pair1].database_name).image_id;
-    for (size_t pair2 = pair1 + 1; pair2 < pairs.size(); ++pair2) {
-      const uint32_t image_id2 = database_images_.at(pairs[pair2].database_name).image_id;
-      const std::optional<TwoViewGeometry> geometry = database.ReadTwoViewGeometry(image_id1, image_id2);
-      if (!geometry || geometry->inlier_matches.empty()) continue;
-      CheckMatches(geometry->inlier_matches, pairs[pair1].database_name, pairs[pair1].database_keypoints.size(),
-                   pairs[pair2], database);
-      DatabaseMatches matches{static_cast<int>(pair1), static_cast<int>(pair2), {}};
-      for (const Match& match : geometry->inlier_matches) {
-        matches.keypoints.emplace_back(match.query_point, match.database_point);
-      }
-      problem->database_matches.push_back(std::move(matches));
-    }
-  }
-}
-
 LocalizationProblem ProblemLoader::Load(const std::string& query_name, const DatabaseReader& database) const {
   const Query& query = queries_.at(query_name);
   LocalizationProblem problem;
@@ -274,23 +252,22 @@ LocalizationProblem ProblemLoader::Load(const std::string& query_name, const Dat
     LoadBestPairs(query, database, &problem);
   }
   std::sort(problem.pairs.begin(), problem.pairs.end(),
-            [](const ImagePair& a, const ImagePair& b) { return a.database_name < b.database_name; });
-  LoadDatabaseMatches(database, &problem);
+            [](const ImagePair& a, const ImagePair& b) { return a.other_name < b.other_name; });
   return problem;
 }
 
 void ProblemLoader::LoadQueryPairs(const DatabaseReader& database, QueryGroup* group) const {
   group->has_rig_scale = options_.groups.trajectory_path.empty() || options_.groups.trajectory_has_scale;
-  std::unordered_map<uint32_t, int> member_of_id;
-  for (int member = 0; group->members.size() > 1 && member < static_cast<int>(group->members.size()); ++member) {
-    const LocalizationProblem& problem = group->members[member].problem;
-    const auto query = queries_.find(problem.query_name);
-    if (query == queries_.end()) continue;  // a photo
-    const uint32_t image_id = query->second.image.image_id;
-    std::set<int> others;  // earlier members
+  std::unordered_map<uint32_t, int> query_of_id;
+  for (int query = 0; group->images.size() > 1 && query < static_cast<int>(group->images.size()); ++query) {
+    const LocalizationProblem& problem = group->images[query].problem;
+    const auto stored = queries_.find(problem.query_name);
+    if (stored == queries_.end()) continue;  // a photo
+    const uint32_t image_id = stored->second.image.image_id;
+    std::set<int> others;  // earlier queries
     const auto add = [&](uint32_t other_id) {
-      const auto other = member_of_id.find(other_id);
-      if (other != member_of_id.end()) others.insert(other->second);
+      const auto other = query_of_id.find(other_id);
+      if (other != query_of_id.end()) others.insert(other->second);
     };
     if (!has_pairs_file_) {
       for (const PairSize& size : database.ReadInlierCounts(image_id)) add(size.image_id);
@@ -302,13 +279,13 @@ void ProblemLoader::LoadQueryPairs(const DatabaseReader& database, QueryGroup* g
       }
     }
     for (const int other : others) {
-      const Query& other_query = queries_.at(group->members[other].problem.query_name);
-      std::optional<ImagePair> pair = LoadPair(query->second, other_query, database);
+      const Query& other_query = queries_.at(group->images[other].problem.query_name);
+      std::optional<ImagePair> pair = LoadPair(stored->second, other_query, database);
       if (!pair) continue;
       CheckMatches(problem, *pair, database);
-      group->query_pairs.push_back({member, other, std::move(*pair)});
+      group->query_pairs.push_back({query, other, std::move(*pair)});
     }
-    member_of_id.emplace(image_id, member);
+    query_of_id.emplace(image_id, query);
   }
 }
 

@@ -17,8 +17,6 @@ namespace lazyloc {
 
 struct ProblemLoaderOptions {
   int num_retrieved = 20;             // database images per query
-  bool use_database_matches = false;  // matches among a query's database images are loaded too
-  bool use_raw_matches = false;       // raw matches are loaded even where a pair's verified geometry can be used
   bool leave_one_out = false;         // queries are posed images, each group against all others
   bool has_photos = false;            // queries without keypoints in the database are photos
   QueryGroupsOptions groups;
@@ -59,8 +57,6 @@ class ProblemLoader {
   // Adds what a group has besides its members: the pairs among its queries (those that are not photos), all that the
   // database has matches for, or of these the pairs file's.
   void LoadQueryPairs(const DatabaseReader& database, QueryGroup* group) const;
-  // Adds the matches among the pairs' database images where the options want them: a part of Load, for photos too.
-  void LoadDatabaseMatches(const DatabaseReader& database, LocalizationProblem* problem) const;
 
  private:
   struct StoredImage {

@@ -48,7 +48,7 @@ std::vector<double> Numbers(const Rigid3d& pose) {
           pose.translation.x(), pose.translation.y(), pose.translation.z()};
 }
 
-std::vector<uint64_t> DataIds(const Frame& frame) {
+std::vector<uint64_t> DataIds(const ModelFrame& frame) {
   std::vector<uint64_t> ids;
   for (const FrameData& data : frame.data) ids.push_back(data.data_id);
   return ids;
@@ -72,7 +72,7 @@ void ExpectTheRigAndItsFrame(const Model& model) {
   EXPECT_EQ(rig.others[1].sensor, (Sensor{SensorType::IMU, 7}));
   EXPECT_FALSE(rig.others[1].sensor_from_rig.has_value());
   ASSERT_THAT(model.frames, ElementsAre(Pair(3, testing::_)));
-  const Frame& frame = model.frames.at(3);
+  const ModelFrame& frame = model.frames.at(3);
   EXPECT_EQ(frame.rig_id, 5);
   EXPECT_THAT(Numbers(frame.rig_from_world), ElementsAre(0.5, 0.5, 0.5, -0.5, 0.1, 0.2, 0.3));
   EXPECT_THAT(DataIds(frame), ElementsAre(10, 11, 99));
@@ -140,7 +140,7 @@ TEST_F(RigFilesTest, NewImageGetsAFrameOfItsCamerasRig) {
   EXPECT_EQ(merged.frames.at(20).rig_id, 5);
   EXPECT_THAT(DataIds(merged.frames.at(20)), ElementsAre(20));
   EXPECT_EQ(Numbers(merged.frames.at(20).rig_from_world), Numbers(pose));
-  const Frame& frame = merged.frames.at(21);
+  const ModelFrame& frame = merged.frames.at(21);
   EXPECT_EQ(frame.rig_id, 5);
   EXPECT_THAT(DataIds(frame), ElementsAre(3));
   const Rigid3d composed = merged.rigs.at(5).others[0].sensor_from_rig.value() * frame.rig_from_world;

@@ -24,7 +24,7 @@ uint32_t FreeId(uint32_t preferred, const std::map<uint32_t, T>& used) {
 void KeepRigs(const Model& model, MergedModel* merged) {
   merged->rigs = model.rigs;
   for (const auto& [frame_id, frame] : model.frames) {
-    Frame kept = frame;
+    ModelFrame kept = frame;
     const auto is_gone = [&](const FrameData& data) {
       return data.sensor.type == SensorType::CAMERA && merged->images.count(static_cast<uint32_t>(data.data_id)) == 0;
     };
@@ -36,7 +36,7 @@ void KeepRigs(const Model& model, MergedModel* merged) {
 
 void AddFrameOfOneImage(const ModelImage& image, MergedModel* merged) {
   const Sensor camera{SensorType::CAMERA, image.camera_id};
-  Frame frame;
+  ModelFrame frame;
   frame.frame_id = FreeId(image.image_id, merged->frames);
   frame.rig_from_world = image.cam_from_world;
   frame.data = {{camera, image.image_id}};

@@ -43,7 +43,7 @@ TEST(MatchDescriptors, FindsThePartnersOfNoisyDescriptors) {
   database.bottomRows(100) = RandomDescriptors(100, 3);  // the partners of the first 100 are gone
   const Matches matches = MatchDescriptors(query, database, {});
   EXPECT_EQ(matches.size(), 200u);
-  for (const Match& match : matches) EXPECT_EQ(match.database_point, 299 - match.query_point);
+  for (const Match& match : matches) EXPECT_EQ(match.other_point, 299 - match.query_point);
 }
 
 TEST(MatchDescriptors, AgreesWithTheDefinition) {

@@ -9,9 +9,9 @@ namespace {
 TwoViewGeometry Verify(const LocalizationProblem& problem, const ImagePair& pair, const PairMatchingOptions& options) {
   TwoViewGeometry geometry;
   if (static_cast<int>(pair.matches.size()) >= options.verification.min_num_inliers) {
-    geometry = EstimateTwoViewGeometry(pair.database_camera, pair.database_keypoints, problem.query_camera,
+    geometry = EstimateTwoViewGeometry(pair.other_camera, pair.other_keypoints, problem.query_camera,
                                        problem.query_keypoints, pair.matches, options.verification,
-                                       SeedFromNames(problem.query_name, pair.database_name, options.seed));
+                                       SeedFromNames(problem.query_name, pair.other_name, options.seed));
   }
   // Nothing more can be found in these matches.
   if (!HoldsCalibrated(geometry.config)) geometry.config = TwoViewConfig::DEGENERATE;
@@ -32,7 +32,7 @@ void MatchPairs(const Features& query_features, const std::vector<std::shared_pt
         [&](size_t i) {
           const Features& features = *database_features[i];
           pairs[i].matches = MatchDescriptors(query_features.descriptors, features.descriptors, options.matching);
-          pairs[i].database_keypoints = Positions(features.keypoints);
+          pairs[i].other_keypoints = Positions(features.keypoints);
         },
         idle_threads);
   }

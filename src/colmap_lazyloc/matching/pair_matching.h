@@ -19,7 +19,7 @@ struct PairMatchingOptions {
 };
 
 // Matches the query with the database image of each of the problem's pairs, and verifies the matches by COLMAP's
-// two-view geometry. The problem has names, cameras and the query's keypoints; this sets the pairs' database_keypoints,
+// two-view geometry. The problem has names, cameras and the query's keypoints; this sets the pairs' other_keypoints,
 // matches (raw) and geometry, DEGENERATE where verification fails. database_features: one per pair. The result does not
 // depend on the number of threads. Adds the stages "matching" and "verification" to `seconds`.
 void MatchPairs(const Features& query_features, const std::vector<std::shared_ptr<const Features>>& database_features,

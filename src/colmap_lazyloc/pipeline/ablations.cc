@@ -16,7 +16,7 @@ StageSummary RefineBySampsonError(QueryState* state) {
 StageSummary RefineByRelativePoses(QueryState* state) {
   std::vector<RelativePoseEdge> edges;
   for (const PairState& pair : state->pairs) {
-    edges.push_back({pair.view, 0, pair.relative_pose.query_from_database});
+    edges.push_back({pair.view, 0, pair.relative_pose.query_from_other});
   }
   const uint32_t seed = SeedFromNames(state->Problem(0).query_name, "", state->options.seed);
   return RefineByRelativePoses(state->options.relative_pose_lo, edges, seed, &state->views);

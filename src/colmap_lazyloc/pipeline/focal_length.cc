@@ -21,7 +21,7 @@ void CollectInlierMatches(QueryState* state) {
   const LocalizationProblem& problem = state->Problem(0);
   for (size_t i = 0; i < problem.pairs.size(); ++i) {
     const ImagePair& pair = problem.pairs[i];
-    const uint32_t seed = SeedFromNames(problem.query_name, pair.database_name, state->options.seed);
+    const uint32_t seed = SeedFromNames(problem.query_name, pair.other_name, state->options.seed);
     Matches matches = FindInlierMatches(problem, pair, state->options.relative_pose, seed);
     if (matches.empty()) continue;
     state->results[0].pairs[i].num_inliers = static_cast<int>(matches.size());

@@ -130,7 +130,7 @@ TEST(FocalLength, FrontoParallelPlaneLeavesTheDistanceOpen) {
     const Eigen::Vector3d point(std::remainder(0.37 * i, 5), std::remainder(0.61 * i, 4), 0);
     scene.problem.query_keypoints[i] = project(scene.problem.query_camera, scene.query_cam_from_world, point);
     for (ImagePair& pair : scene.problem.pairs) {
-      pair.database_keypoints[i] = project(pair.database_camera, pair.database_cam_from_world, point);
+      pair.other_keypoints[i] = project(pair.other_camera, pair.database_cam_from_world, point);
     }
   }
   EXPECT_EQ(LocalizeQuery(scene.problem, LocalizerOptions()).status, QueryStatus::LOCALIZED);

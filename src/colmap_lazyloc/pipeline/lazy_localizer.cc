@@ -73,27 +73,32 @@ void Localize(QueryState* state) {
   Report(state);
 }
 
-// The members of a group that belong to a part. A single image of a frame is a lone one.
-QueryGroup Part(const QueryGroup& group, const std::vector<int>& part_of_member, int part) {
+// The images of a group that belong to a part. A single image of a frame is a lone one.
+QueryGroup Part(const QueryGroup& group, const std::vector<int>& part_of_image, int part) {
   QueryGroup chosen;
   chosen.has_rig_scale = group.has_rig_scale;
-  std::vector<int> new_index(group.members.size(), -1);
-  std::map<int, int> new_reference, num_images;  // by frame
-  for (size_t i = 0; i < group.members.size(); ++i) {
-    if (part_of_member[i] != part) continue;
-    const int frame = group.members[i].reference;
-    new_index[i] = static_cast<int>(chosen.members.size());
-    chosen.members.push_back(group.members[i]);
-    chosen.members.back().reference = new_reference.emplace(frame, new_index[i]).first->second;
-    ++num_images[chosen.members.back().reference];
+  std::vector<int> new_index(group.images.size(), -1), num_images;
+  int last_frame = -1;
+  for (size_t i = 0; i < group.images.size(); ++i) {
+    if (part_of_image[i] != part) continue;
+    const int frame = group.images[i].frame;
+    if (frame != last_frame) {
+      chosen.frame_names.push_back(group.frame_names[frame]);
+      num_images.push_back(0);
+      last_frame = frame;
+    }
+    new_index[i] = static_cast<int>(chosen.images.size());
+    chosen.images.push_back(group.images[i]);
+    chosen.images.back().frame = static_cast<int>(num_images.size()) - 1;
+    ++num_images.back();
   }
-  for (GroupMember& member : chosen.members) {
-    if (num_images[member.reference] > 1) continue;
-    member.cam_from_rig = Rigid3d();
-    member.frame_name.clear();
+  for (QueryImage& image : chosen.images) {
+    if (num_images[image.frame] > 1) continue;
+    image.cam_from_rig = Rigid3d();
+    chosen.frame_names[image.frame].clear();
   }
   for (const QueryPair& pair : group.query_pairs) {
-    if (part_of_member[pair.query] != part || part_of_member[pair.other] != part) continue;
+    if (part_of_image[pair.query] != part || part_of_image[pair.other] != part) continue;
     chosen.query_pairs.push_back({new_index[pair.query], new_index[pair.other], pair.images});
   }
   return chosen;
@@ -101,7 +106,7 @@ QueryGroup Part(const QueryGroup& group, const std::vector<int>& part_of_member,
 
 std::vector<LocalizationResult> LocalizeInParts(const QueryGroup& group, const std::vector<int>& part_of_member,
                                                 const LocalizerOptions& options) {
-  std::vector<LocalizationResult> results(group.members.size());
+  std::vector<LocalizationResult> results(group.images.size());
   for (const int part : std::set<int>(part_of_member.begin(), part_of_member.end())) {
     std::vector<LocalizationResult> part_results = LocalizeGroup(Part(group, part_of_member, part), options);
     auto next = part_results.begin();
@@ -115,22 +120,22 @@ std::vector<LocalizationResult> LocalizeInParts(const QueryGroup& group, const s
 // By member: -1 for those that stay together, the number of the failed frame for the others.
 std::vector<int> WithoutFailed(const QueryGroup& group, const std::vector<int>& failed_frames) {
   std::vector<int> part_of_member;
-  for (const GroupMember& member : group.members) {
-    const bool has_failed = std::count(failed_frames.begin(), failed_frames.end(), member.reference) > 0;
-    part_of_member.push_back(has_failed ? member.reference : -1);
+  for (const QueryImage& member : group.images) {
+    const bool has_failed = std::count(failed_frames.begin(), failed_frames.end(), member.frame) > 0;
+    part_of_member.push_back(has_failed ? member.frame : -1);
   }
   return part_of_member;
 }
 
 // By member: -1 for those that can be localized together, its own number for each of the others.
 std::vector<int> WithoutLone(const QueryGroup& group, const LocalizerOptions& options) {
-  std::vector<int> num_images(group.members.size(), 0);
-  for (const GroupMember& member : group.members) ++num_images[member.reference];
+  std::vector<int> num_images(group.images.size(), 0);
+  for (const QueryImage& member : group.images) ++num_images[member.frame];
   std::vector<int> part_of_member;
-  for (int i = 0; i < static_cast<int>(group.members.size()); ++i) {
-    const GroupMember& member = group.members[i];
+  for (int i = 0; i < static_cast<int>(group.images.size()); ++i) {
+    const QueryImage& member = group.images[i];
     const bool is_alone = options.post_optimization != PostOptimization::TRACKS ||
-                          (num_images[member.reference] == 1 && SeeksFocalLength(member.problem, options));
+                          (num_images[member.frame] == 1 && SeeksFocalLength(member.problem, options));
     part_of_member.push_back(is_alone ? i : -1);
   }
   return part_of_member;
@@ -145,7 +150,10 @@ std::vector<LocalizationResult> LocalizeTogether(const QueryGroup& group, const 
     outcome = failure;
   }
   if (outcome.status != QueryStatus::LOCALIZED && state.frames.size() > 1) {
-    const std::vector<int>& failed_frames = outcome.frames.empty() ? state.frames : outcome.frames;
+    std::vector<int> failed_frames;
+    for (const int view : outcome.frames.empty() ? state.frames : outcome.frames) {
+      failed_frames.push_back(group.images[view].frame);
+    }
     return LocalizeInParts(group, WithoutFailed(group, failed_frames), options);
   }
   for (LocalizationResult& result : state.results) {
@@ -160,7 +168,7 @@ std::vector<LocalizationResult> LocalizeTogether(const QueryGroup& group, const 
 
 // Each member by itself.
 std::vector<LocalizationResult> LocalizeAlone(const QueryGroup& group, const LocalizerOptions& options) {
-  std::vector<int> part_of_member(group.members.size());
+  std::vector<int> part_of_member(group.images.size());
   std::iota(part_of_member.begin(), part_of_member.end(), 0);
   return LocalizeInParts(group, part_of_member, options);
 }
@@ -171,10 +179,10 @@ std::optional<double> ScaleOf(int frame, const QueryGroup& group, const std::vec
   std::vector<double> ratios;
   for (size_t i = 0; i < alone.size(); ++i) {
     for (size_t j = 0; j < i; ++j) {
-      if (group.members[i].reference != frame || group.members[j].reference != frame) continue;
+      if (group.images[i].frame != frame || group.images[j].frame != frame) continue;
       if (alone[i].status != QueryStatus::LOCALIZED || alone[j].status != QueryStatus::LOCALIZED) continue;
       const auto distance = [](const Rigid3d& a, const Rigid3d& b) { return (CamInWorld(a) - CamInWorld(b)).norm(); };
-      const double given = distance(group.members[i].cam_from_rig, group.members[j].cam_from_rig);
+      const double given = distance(group.images[i].cam_from_rig, group.images[j].cam_from_rig);
       if (given > 0) ratios.push_back(distance(alone[i].cam_from_world, alone[j].cam_from_world) / given);
     }
   }
@@ -187,17 +195,17 @@ std::optional<double> ScaleOf(int frame, const QueryGroup& group, const std::vec
 std::vector<LocalizationResult> LocalizeWithoutScale(QueryGroup group, const LocalizerOptions& options) {
   std::vector<LocalizationResult> alone = LocalizeAlone(group, options);
   std::map<int, double> scale_of_frame;
-  for (const GroupMember& member : group.members) {
-    if (scale_of_frame.count(member.reference) == 0) {
-      const std::optional<double> scale = ScaleOf(member.reference, group, alone);
+  for (const QueryImage& member : group.images) {
+    if (scale_of_frame.count(member.frame) == 0) {
+      const std::optional<double> scale = ScaleOf(member.frame, group, alone);
       if (!scale) return alone;
-      scale_of_frame[member.reference] = *scale;
+      scale_of_frame[member.frame] = *scale;
     }
   }
-  for (GroupMember& member : group.members) member.cam_from_rig.translation *= scale_of_frame[member.reference];
+  for (QueryImage& member : group.images) member.cam_from_rig.translation *= scale_of_frame[member.frame];
   std::vector<LocalizationResult> results = LocalizeTogether(group, options);
   for (size_t i = 0; i < results.size(); ++i) {
-    results[i].rig_scale *= scale_of_frame[group.members[i].reference];
+    results[i].rig_scale *= scale_of_frame[group.images[i].frame];
     results[i].seconds.insert(results[i].seconds.end(), alone[i].seconds.begin(), alone[i].seconds.end());
   }
   return results;
@@ -206,7 +214,7 @@ std::vector<LocalizationResult> LocalizeWithoutScale(QueryGroup group, const Loc
 }  // namespace
 
 std::vector<LocalizationResult> LocalizeGroup(const QueryGroup& group, const LocalizerOptions& options) {
-  if (group.members.size() > 1) {
+  if (group.images.size() > 1) {
     const std::vector<int> part_of_member = WithoutLone(group, options);
     const bool are_together = std::count(part_of_member.begin(), part_of_member.end(), -1) ==
                               static_cast<std::ptrdiff_t>(part_of_member.size());
@@ -218,7 +226,8 @@ std::vector<LocalizationResult> LocalizeGroup(const QueryGroup& group, const Loc
 
 LocalizationResult LocalizeQuery(const LocalizationProblem& problem, const LocalizerOptions& options) {
   QueryGroup group;
-  group.members.push_back({problem, 0, {}, ""});
+  group.frame_names = {""};
+  group.images.push_back({problem, 0, {}});
   return std::move(LocalizeGroup(group, options).front());
 }
 

@@ -18,7 +18,7 @@ using Reason = std::optional<std::string>;
 void AddPair(PairState pair, QueryState* state) {
   const LocalizationProblem& query = state->Problem(pair.query);
   const ImagePair& images = state->Images(pair);
-  const uint32_t seed = SeedFromNames(query.query_name, images.database_name, state->options.seed);
+  const uint32_t seed = SeedFromNames(query.query_name, images.other_name, state->options.seed);
   std::optional<RelativePose> relative_pose = FindRelativePose(query, images, state->options.relative_pose, seed);
   if (!relative_pose) return;
   if (state->HasDatabaseImage(pair)) {
@@ -150,7 +150,7 @@ void AverageRotation(QueryState* state) {
     edge_of_pair[i] = static_cast<int>(problem.edges.size());
     const View& other = state->views[pair.view];
     RotationEdge edge{-1, node_of_query[pair.query],
-                      ToFrame(state->views[pair.query], pair.relative_pose.query_from_database.rotation),
+                      ToFrame(state->views[pair.query], pair.relative_pose.query_from_other.rotation),
                       static_cast<double>(pair.relative_pose.inlier_matches.size())};
     if (state->HasDatabaseImage(pair)) {
       edge.node1 = static_cast<int>(problem.rotations.size());

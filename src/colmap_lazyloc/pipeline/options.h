@@ -50,8 +50,6 @@ struct LocalizerOptions {
   RelativePoseRefinementOptions relative_pose_lo;
   StartPose start_pose = StartPose::BEST;
   PostOptimization post_optimization = PostOptimization::TRACKS;
-  // After each round, inliers are collected again from all raw matches, by the refined poses.
-  bool use_raw_matches = false;
 
   // A pair whose measured rotation differs from the averaged one by more is dropped.
   double max_rotation_error_deg = 5;

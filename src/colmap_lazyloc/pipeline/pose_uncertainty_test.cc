@@ -114,7 +114,7 @@ SyntheticSceneOptions Noisy(SceneLayout layout, int num_database_images) {
 
 double BearingErrorRad(const Bearing& bearing, const SyntheticScene& scene) {
   for (const ImagePair& pair : scene.problem.pairs) {
-    if (pair.database_name != bearing.database_name) continue;
+    if (pair.other_name != bearing.database_name) continue;
     return AngleBetweenRad(bearing.dir_database_to_query_in_world,
                            CamInWorld(scene.query_cam_from_world) - CamInWorld(pair.database_cam_from_world));
   }

@@ -94,7 +94,7 @@ std::optional<Bearing> BestBearing(int query, const Eigen::Matrix3d& position_co
     const double variance = half_trace + std::sqrt(std::max(half_trace * half_trace - across.determinant(), 0.0));
     const double stddev_rad = std::sqrt(variance) / offset.norm();
     if (stddev_rad > kMaxBearingStddevRad || (best && stddev_rad > 0.999 * best->stddev_rad)) continue;
-    best = Bearing{state.Images(pair).database_name, direction, stddev_rad};
+    best = Bearing{state.Images(pair).other_name, direction, stddev_rad};
   }
   return best;
 }
@@ -174,7 +174,7 @@ void CheckPlaces(QueryState* state) {
     }
     PartialPose partial = {state->views[frame].cam_from_world.rotation, std::nullopt, std::nullopt};
     if (best) {
-      partial.bearing = {state->Images(*best).database_name, best->direction.dir_1to2_in_world,
+      partial.bearing = {state->Images(*best).other_name, best->direction.dir_1to2_in_world,
                          best->direction.stddev_rad};
     }
     state->results[frame].partial_pose = partial;

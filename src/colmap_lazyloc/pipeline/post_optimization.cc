@@ -144,7 +144,6 @@ void OptimizeOverTracks(QueryState* state) {
       single_view_spread = MeasureSingleViewSpread(state->tracks, state->views);
     }
     max_query_error_sigma = options.triangulation.max_query_error_sigma;
-    if (options.use_raw_matches) CollectTracksAgain(state);
   }
   state->tracks = FittingTracks(state->views, std::move(state->tracks), options.triangulation.max_query_error_sigma);
 }

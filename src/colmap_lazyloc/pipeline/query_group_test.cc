@@ -19,7 +19,7 @@ void ExpectNearTruth(const SyntheticGroup& scene, double max_distance, double ma
   const std::vector<LocalizationResult> results = Localize(scene);
   ASSERT_EQ(results.size(), scene.cam_from_world.size());
   for (size_t i = 0; i < results.size(); ++i) {
-    EXPECT_EQ(results[i].query_name, scene.group.members[i].problem.query_name);
+    EXPECT_EQ(results[i].query_name, scene.group.images[i].problem.query_name);
     ASSERT_EQ(results[i].status, QueryStatus::LOCALIZED) << results[i].query_name << ": " << results[i].reason;
     EXPECT_LE(PositionError(results[i].cam_from_world, scene.cam_from_world[i]), max_distance);
     EXPECT_LE(RotationErrorDeg(results[i].cam_from_world, scene.cam_from_world[i]), max_angle_deg);
@@ -36,8 +36,8 @@ double SquaredErrorSum(const SyntheticGroup& scene, const std::vector<Localizati
 
 std::vector<LocalizationResult> LocalizeEachAlone(const SyntheticGroup& scene) {
   std::vector<LocalizationResult> results;
-  for (const GroupMember& member : scene.group.members) {
-    results.push_back(LocalizeQuery(member.problem, LocalizerOptions()));
+  for (const QueryImage& image : scene.group.images) {
+    results.push_back(LocalizeQuery(image.problem, LocalizerOptions()));
   }
   return results;
 }
@@ -111,7 +111,7 @@ TEST(QueryGroup, OthersResolveTheScaleOfAQueryWithOneDatabaseImage) {
   options.num_sensors = 1;
   for (options.pixel_noise_px = 0; options.pixel_noise_px < 2; ++options.pixel_noise_px) {
     SyntheticGroup scene = MakeSyntheticGroup(options);
-    scene.group.members[3].problem.pairs.resize(1);
+    scene.group.images[3].problem.pairs.resize(1);
     EXPECT_EQ(LocalizeEachAlone(scene)[3].status, QueryStatus::SCALE_UNOBSERVABLE);
     ExpectNearTruth(scene, options.pixel_noise_px == 0 ? 1e-6 : 2e-2, 0.2);
   }
@@ -143,13 +143,13 @@ TEST(QueryGroup, BadMemberIsDroppedWithAStatus) {
   options.num_frames = 4;
   options.pixel_noise_px = 1;
   SyntheticGroup scene = MakeSyntheticGroup(options);
-  scene.group.members[1].problem.query_keypoints.clear();
-  scene.group.members[1].problem.pairs.clear();
+  scene.group.images[1].problem.query_keypoints.clear();
+  scene.group.images[1].problem.pairs.clear();
   Random random(3);
-  for (ImagePair& pair : scene.group.members[2].problem.pairs) {
-    pair.geometry->query_from_database = Rigid3d{RandomRotation(&random), RandomVector(&random).normalized()};
+  for (ImagePair& pair : scene.group.images[2].problem.pairs) {
+    pair.geometry->query_from_other = Rigid3d{RandomRotation(&random), RandomVector(&random).normalized()};
     Matches& matches = pair.geometry->inlier_matches;
-    for (Match& match : matches) match.database_point = static_cast<uint32_t>(random() % matches.size());
+    for (Match& match : matches) match.other_point = static_cast<uint32_t>(random() % matches.size());
   }
   auto& query_pairs = scene.group.query_pairs;
   const auto is_of_bad_member = [](const QueryPair& pair) {
@@ -171,7 +171,7 @@ TEST(QueryGroup, ScaleOfATrajectoryIsFound) {
   for (options.pixel_noise_px = 0; options.pixel_noise_px < 2; ++options.pixel_noise_px) {
     SyntheticGroup scene = MakeSyntheticGroup(options);
     const double metric_error = SquaredErrorSum(scene, Localize(scene));
-    for (GroupMember& member : scene.group.members) member.cam_from_rig.translation /= 3;
+    for (QueryImage& image : scene.group.images) image.cam_from_rig.translation /= 3;
     scene.group.has_rig_scale = false;
     ExpectNearTruth(scene, options.pixel_noise_px == 0 ? 1e-6 : 1e-2, 0.1);
     const std::vector<LocalizationResult> results = Localize(scene);
@@ -202,7 +202,7 @@ TEST(QueryGroup, LoneImagesOfUnknownFocalLengthAndAblationsAreEachByThemselves) 
   for (const LocalizerOptions& localizer : {refine, ablation}) {
     const std::vector<LocalizationResult> results = LocalizeGroup(scene.group, localizer);
     for (size_t i = 0; i < results.size(); ++i) {
-      const LocalizationResult alone = LocalizeQuery(scene.group.members[i].problem, localizer);
+      const LocalizationResult alone = LocalizeQuery(scene.group.images[i].problem, localizer);
       ASSERT_EQ(results[i].status, QueryStatus::LOCALIZED) << results[i].reason;
       EXPECT_EQ(results[i].cam_from_world.translation, alone.cam_from_world.translation);
       EXPECT_EQ(results[i].is_camera_refined, localizer.refine_focal_length);

@@ -14,12 +14,12 @@ bool SeeksFocalLength(const LocalizationProblem& problem, const LocalizerOptions
 }
 
 QueryState::QueryState(const QueryGroup& query_group, const LocalizerOptions& query_options)
-    : group(query_group), options(query_options), pair_views(query_group.members.size()) {
+    : group(query_group), options(query_options), pair_views(query_group.images.size()) {
   size_t num_pairs = 0;
-  for (const GroupMember& member : group.members) num_pairs += member.problem.pairs.size();
-  for (const GroupMember& member : group.members) {
-    AddQuery(member);
-    for (const ImagePair& pair : member.problem.pairs) {
+  for (const QueryImage& image : group.images) num_pairs += image.problem.pairs.size();
+  for (const QueryImage& image : group.images) {
+    AddQuery(image);
+    for (const ImagePair& pair : image.problem.pairs) {
       origin += CamInWorld(pair.database_cam_from_world) / static_cast<double>(num_pairs);
     }
   }
@@ -30,36 +30,36 @@ QueryState::QueryState(const QueryGroup& query_group, const LocalizerOptions& qu
   AddDatabaseViews();
 }
 
-void QueryState::AddQuery(const GroupMember& member) {
+void QueryState::AddQuery(const QueryImage& image) {
   const int query = static_cast<int>(views.size());
   views.emplace_back();
-  if (member.reference == query) {
+  if (query == 0 || group.images[query - 1].frame != image.frame) {
     frames.push_back(query);
   } else {
-    views.back().rig_link = RigLink{member.reference, GivenCamFromReference(member)};
+    views.back().rig_link = RigLink{frames.back(), GivenCamFromReference(query, frames.back())};
   }
-  query_cameras.push_back(member.problem.query_camera);
-  query_observations.emplace_back(member.problem.query_keypoints.size());
+  query_cameras.push_back(image.problem.query_camera);
+  query_observations.emplace_back(image.problem.query_keypoints.size());
   LocalizationResult result;
-  result.query_name = member.problem.query_name;
-  result.query_camera = member.problem.query_camera;
-  result.frame_name = member.frame_name;
-  for (const ImagePair& pair : member.problem.pairs) {
+  result.query_name = image.problem.query_name;
+  result.query_camera = image.problem.query_camera;
+  result.frame_name = group.frame_names[image.frame];
+  for (const ImagePair& pair : image.problem.pairs) {
     constexpr double kNone = std::numeric_limits<double>::quiet_NaN();
-    result.pairs.push_back({pair.database_name, 0, kNone, kNone});
+    result.pairs.push_back({pair.other_name, 0, kNone, kNone});
   }
   results.push_back(std::move(result));
 }
 
-Rigid3d QueryState::GivenCamFromReference(const GroupMember& member) const {
-  return member.cam_from_rig * Inverse(group.members[member.reference].cam_from_rig);
+Rigid3d QueryState::GivenCamFromReference(int query, int reference) const {
+  return group.images[query].cam_from_rig * Inverse(group.images[reference].cam_from_rig);
 }
 
 double QueryState::RigScale(int frame) const {
   double length = 0, given_length = 0;
   for (int query = frame + 1; query < NumQueries() && FrameOf(query) == frame; ++query) {
     length += views[query].rig_link->cam_from_reference.translation.norm();
-    given_length += GivenCamFromReference(group.members[query]).translation.norm();
+    given_length += GivenCamFromReference(query, frame).translation.norm();
   }
   return given_length > 0 ? length / given_length : 1;
 }
@@ -71,7 +71,7 @@ void QueryState::AddDatabaseViews() {
   for (int query = 0; query < NumQueries(); ++query) {
     for (const ImagePair& pair : Problem(query).pairs) {
       const auto [view, is_new] =
-          view_of_image.emplace(std::make_pair(FrameOf(query), pair.database_name), static_cast<int>(views.size()));
+          view_of_image.emplace(std::make_pair(FrameOf(query), pair.other_name), static_cast<int>(views.size()));
       pair_views[query].push_back(view->second);
       if (!is_new) continue;
       database_images_.push_back(&pair);
@@ -85,7 +85,7 @@ const ImagePair& QueryState::Images(const PairState& pair) const {
 }
 
 Rigid3d QueryState::GivenPose(size_t view) const {
-  Rigid3d cam_from_world = database_images_[view - group.members.size()]->database_cam_from_world;
+  Rigid3d cam_from_world = database_images_[view - group.images.size()]->database_cam_from_world;
   cam_from_world.rotation.normalize();
   cam_from_world.translation += cam_from_world.rotation * origin;
   return cam_from_world;
@@ -119,7 +119,7 @@ ViewMatches QueryState::Observe(const PairState& pair, const Matches& matches) {
   const ImagePair& images = Images(pair);
   const bool is_query_pair = !HasDatabaseImage(pair);
   const Observer observe_query(query_cameras[pair.query], SeeksFocalLength()),
-      observe_other(is_query_pair ? query_cameras[pair.view] : images.database_camera);
+      observe_other(is_query_pair ? query_cameras[pair.view] : images.other_camera);
   const auto observe = [&](int query, uint32_t keypoint, const Observer& observer) {
     std::optional<std::optional<Observation>>& observation = query_observations[query][keypoint];
     if (!observation) observation = observer(Problem(query).query_keypoints[keypoint]);
@@ -132,8 +132,8 @@ ViewMatches QueryState::Observe(const PairState& pair, const Matches& matches) {
   for (const Match& match : matches) {
     const std::optional<Observation> query = observe(pair.query, match.query_point, observe_query);
     const std::optional<Observation> other = is_query_pair
-                                                 ? observe(pair.view, match.database_point, observe_other)
-                                                 : observe_other(images.database_keypoints[match.database_point]);
+                                                 ? observe(pair.view, match.other_point, observe_other)
+                                                 : observe_other(images.other_keypoints[match.other_point]);
     if (query && other) observed.Add(match, *query, *other);
   }
   return observed;

@@ -38,8 +38,8 @@ struct PairState {
 struct QueryState {
   QueryState(const QueryGroup& query_group, const LocalizerOptions& query_options);
 
-  int NumQueries() const { return static_cast<int>(group.members.size()); }
-  const LocalizationProblem& Problem(int query) const { return group.members[query].problem; }
+  int NumQueries() const { return static_cast<int>(group.images.size()); }
+  const LocalizationProblem& Problem(int query) const { return group.images[query].problem; }
   bool HasDatabaseImage(const PairState& pair) const { return pair.view >= NumQueries(); }
   int FrameOf(int view) const { return ReferenceOf(views, view); }
   bool IsWithinFrame(const PairState& pair) const { return FrameOf(pair.view) == FrameOf(pair.query); }
@@ -86,8 +86,8 @@ struct QueryState {
  private:
   template <typename Visit>
   void VisitFrames(const std::vector<Track>& of, const Visit& visit) const;
-  void AddQuery(const GroupMember& member);
-  Rigid3d GivenCamFromReference(const GroupMember& member) const;
+  void AddQuery(const QueryImage& image);
+  Rigid3d GivenCamFromReference(int query, int reference) const;
   void AddDatabaseViews();
 
   std::vector<const ImagePair*> database_images_;  // of the views after the queries

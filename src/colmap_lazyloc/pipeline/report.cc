@@ -15,7 +15,7 @@ void ReportPairs(QueryState* state) {
     const Rigid3d& database = state->views[pair.view].cam_from_world;
     PairResult& report = state->results[pair.query].pairs[pair.index];
     report.rotation_error_deg = RadToDeg(
-        AngularDistanceRad(query.rotation, pair.relative_pose.query_from_database.rotation * database.rotation));
+        AngularDistanceRad(query.rotation, pair.relative_pose.query_from_other.rotation * database.rotation));
     if (pair.direction.dir_1to2_in_world.isZero()) continue;
     report.direction_error_deg =
         RadToDeg(AngleBetweenRad(pair.direction.dir_1to2_in_world, CamInWorld(query) - CamInWorld(database)));
@@ -81,7 +81,7 @@ void Report(QueryState* state) {
     LocalizationResult& result = state->results[query];
     result.cam_from_world = {pose.rotation, pose.translation - pose.rotation * state->origin};
     result.rig_scale = state->RigScale(state->FrameOf(query));
-    Rigid3d cam_from_rig = state->group.members[query].cam_from_rig;
+    Rigid3d cam_from_rig = state->group.images[query].cam_from_rig;
     cam_from_rig.translation *= result.rig_scale;
     result.rig_from_world = Inverse(cam_from_rig) * result.cam_from_world;
     result.query_camera = state->query_cameras[query];

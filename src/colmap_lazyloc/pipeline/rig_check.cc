@@ -104,7 +104,7 @@ void CheckRigRotations(const QueryState& state, const std::vector<double>& rotat
     num_agreeing[pair.query] += rotation_errors_rad[i] <= max_error_rad;
     RotationAveragingProblem& problem = alone[pair.query];
     problem.edges.push_back({static_cast<int>(problem.rotations.size()), 0,
-                             pair.relative_pose.query_from_database.rotation,
+                             pair.relative_pose.query_from_other.rotation,
                              static_cast<double>(pair.relative_pose.inlier_matches.size())});
     problem.rotations.push_back(state.views[pair.view].cam_from_world.rotation);
     problem.is_fixed.push_back(true);

@@ -2,7 +2,6 @@
 
 #include <optional>
 #include <string>
-#include <utility>
 #include <vector>
 
 #include <Eigen/Core>
@@ -14,53 +13,50 @@
 
 namespace lazyloc {
 
-// A database image with what the query shares with it. Its pose is known and stays as it is.
+// What a query shares with another image: a database image, or another query of its group.
 struct ImagePair {
-  std::string database_name;
-  Camera database_camera;
-  Rigid3d database_cam_from_world;
-  std::vector<Eigen::Vector2d> database_keypoints;  // xy in pixels, all of the image
-  // Stored and valid for the cameras above; else the relative pose is estimated from `matches`.
+  std::string other_name;
+  Camera other_camera;
+  std::vector<Eigen::Vector2d> other_keypoints;  // all keypoints of the image, xy in pixels
+  // Stored geometry that is valid for both cameras; without it the relative pose is estimated from `matches`.
   std::optional<TwoViewGeometry> geometry;
-  Matches matches;  // raw; left empty where `geometry` is enough
-};
+  Matches matches;  // raw matches; empty if `geometry` is enough
 
-// Verified matches between the database images of two pairs.
-struct DatabaseMatches {
-  int pair1 = -1, pair2 = -1;                            // into the problem's pairs
-  std::vector<std::pair<uint32_t, uint32_t>> keypoints;  // of pair1's image, of pair2's image
+  // Database images only: the known pose, which no stage changes, and the rig frame that the image belongs to (empty
+  // for a lone image). Images of one frame have the same name.
+  Rigid3d database_cam_from_world;
+  std::string database_frame_name;
 };
 
 // Everything that localizing one query needs.
 struct LocalizationProblem {
   std::string query_name;
   Camera query_camera;
-  std::vector<Eigen::Vector2d> query_keypoints;   // xy in pixels
-  std::vector<ImagePair> pairs;                   // sorted by database_name
-  std::vector<DatabaseMatches> database_matches;  // where they are to extend the tracks
+  std::vector<Eigen::Vector2d> query_keypoints;  // xy in pixels
+  std::vector<ImagePair> pairs;                  // with database images, sorted by other_name
 };
 
-// A query that is localized together with others, and its place in its frame: the images that move as one rigid body
-// (of a camera rig at one moment, of a piece of a known trajectory, or a lone image).
-struct GroupMember {
+// A query of a group and its place in its frame.
+struct QueryImage {
   LocalizationProblem problem;
-  int reference = 0;  // the frame's first member; members of a frame stand together
-  Rigid3d cam_from_rig;
-  std::string frame_name;  // empty for a lone image
+  int frame = 0;         // index into QueryGroup::frame_names
+  Rigid3d cam_from_rig;  // identity for a lone image
 };
 
-// Two members of a group that share matches.
+// Two queries of a group that share matches.
 struct QueryPair {
-  int query = -1;
-  int other = -1;    // before `query`
-  ImagePair images;  // `other` takes the database image's part, without its pose
+  int query = -1;    // index into QueryGroup::images
+  int other = -1;    // smaller than `query`
+  ImagePair images;  // without a pose
 };
 
-// Queries that are localized together, in one or several frames.
+// Queries that are localized together. A frame is a set of images that move as one rigid body: a camera rig at one
+// moment, a piece of a known trajectory, or a lone image.
 struct QueryGroup {
-  std::vector<GroupMember> members;
+  std::vector<std::string> frame_names;  // empty string: a lone image
+  std::vector<QueryImage> images;        // in ascending order of their frames; each frame has at least one
   std::vector<QueryPair> query_pairs;
-  // Whether the lengths in cam_from_rig are in database units; else their unit is found for each frame.
+  // True if the translations in cam_from_rig are in database units; else their scale is estimated for each frame.
   bool has_rig_scale = true;
 };
 

@@ -9,14 +9,14 @@ namespace lazyloc {
 // Indices of a keypoint of the query and of a keypoint of the database image.
 struct Match {
   uint32_t query_point = 0;
-  uint32_t database_point = 0;
+  uint32_t other_point = 0;
 };
 
 inline bool operator<(const Match& a, const Match& b) {
-  return std::tie(a.query_point, a.database_point) < std::tie(b.query_point, b.database_point);
+  return std::tie(a.query_point, a.other_point) < std::tie(b.query_point, b.other_point);
 }
 inline bool operator==(const Match& a, const Match& b) {
-  return a.query_point == b.query_point && a.database_point == b.database_point;
+  return a.query_point == b.query_point && a.other_point == b.other_point;
 }
 
 using Matches = std::vector<Match>;

@@ -26,7 +26,7 @@ struct Model {
   std::vector<ModelImage> images;  // sorted by name
   // Both empty for a model without them. Else each image is in one frame; frames may name images that are not here.
   std::map<uint32_t, Rig> rigs;
-  std::map<uint32_t, Frame> frames;
+  std::map<uint32_t, ModelFrame> frames;
 };
 
 }  // namespace lazyloc

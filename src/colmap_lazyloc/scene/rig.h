@@ -48,7 +48,7 @@ struct FrameData {
 };
 
 // A rig at one moment.
-struct Frame {
+struct ModelFrame {
   uint32_t frame_id = 0;
   uint32_t rig_id = 0;
   Rigid3d rig_from_world;

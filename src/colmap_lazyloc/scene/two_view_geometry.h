@@ -33,15 +33,15 @@ inline bool HoldsCalibrated(TwoViewConfig config) {
 }
 
 // Verified geometry of a pair, oriented from the database image to the query: database_image first.
-//   query_from_database: translation of unit length, or zero for a pair without baseline.
+//   query_from_other: translation of unit length, or zero for a pair without baseline.
 //   E, F, H: x_query^T E x_database = 0, likewise F in pixels; x_query ~ H x_database in pixels.
 struct TwoViewGeometry {
   TwoViewConfig config = TwoViewConfig::UNDEFINED;
   Matches inlier_matches;
-  std::optional<Rigid3d> query_from_database;
+  std::optional<Rigid3d> query_from_other;
   std::optional<Eigen::Matrix3d> E, F, H;
   // COLMAP 4.x: the intrinsics that the geometry was estimated with, where not those of the cameras table.
-  std::optional<Camera> query_camera, database_camera;
+  std::optional<Camera> query_camera, other_camera;
 };
 
 }  // namespace lazyloc

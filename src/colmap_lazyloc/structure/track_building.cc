@@ -33,16 +33,16 @@ std::vector<std::vector<size_t>> UnambiguousMatches(const std::vector<ViewMatche
     const Matches& matches = view_matches[pair].matches;
     for (const Match& match : matches) {
       query.Add(match.query_point);
-      database.Add(match.database_point);
+      database.Add(match.other_point);
     }
     unambiguous[pair].reserve(matches.size());
     for (size_t i = 0; i < matches.size(); ++i) {
-      if (query[matches[i].query_point] == 1 && database[matches[i].database_point] == 1)
+      if (query[matches[i].query_point] == 1 && database[matches[i].other_point] == 1)
         unambiguous[pair].push_back(i);
     }
     for (const Match& match : matches) {
       query.Clear(match.query_point);
-      database.Clear(match.database_point);
+      database.Clear(match.other_point);
     }
   }
   return unambiguous;
@@ -75,7 +75,7 @@ std::vector<Track> TracksOfOneQuery(const std::vector<ViewMatches>& view_matches
       if (observations.empty()) {
         observations.push_back({0, static_cast<int>(match.query_point), matches.query_observations[i]});
       }
-      observations.push_back({matches.view, static_cast<int>(match.database_point), matches.database_observations[i]});
+      observations.push_back({matches.view, static_cast<int>(match.other_point), matches.database_observations[i]});
     }
   }
   return tracks;
@@ -94,7 +94,7 @@ class MatchGraph {
   void Add(const ViewMatches& pair, const std::vector<size_t>& match_indices) {
     for (const size_t i : match_indices) {
       const int query = Node(pair.query_view, pair.matches[i].query_point, pair.query_observations[i]);
-      const int other = Node(pair.view, pair.matches[i].database_point, pair.database_observations[i]);
+      const int other = Node(pair.view, pair.matches[i].other_point, pair.database_observations[i]);
       links_.emplace_back(query, other);
       num_database_links_[query] += pair.view >= num_queries_;
     }

@@ -34,10 +34,10 @@ class GroupMaker {
   SyntheticGroup Make() {
     for (int i = 0; i < options_.num_database_images; ++i) {
       ImagePair image;
-      image.database_name = "database" + std::to_string(100 + i);
-      image.database_camera = camera_;
+      image.other_name = "database" + std::to_string(100 + i);
+      image.other_camera = camera_;
       image.database_cam_from_world = RingPose((i + 0.5) / options_.num_database_images, 10, &random_);
-      image.database_keypoints = Project(image.database_cam_from_world);
+      image.other_keypoints = Project(image.database_cam_from_world);
       database_.push_back(image);
     }
     std::vector<Rigid3d> cams_from_rig = {{}};
@@ -63,9 +63,9 @@ class GroupMaker {
   TwoViewGeometry Geometry(const Rigid3d& query_from_other, bool is_outlier) {
     TwoViewGeometry geometry;
     geometry.config = TwoViewConfig::CALIBRATED;
-    geometry.query_from_database =
+    geometry.query_from_other =
         is_outlier ? Rigid3d{RandomRotation(&random_), RandomVector(&random_)} : query_from_other;
-    geometry.query_from_database->translation.normalize();
+    geometry.query_from_other->translation.normalize();
     std::vector<uint32_t> partner(points_.size());
     std::iota(partner.begin(), partner.end(), 0u);
     const double ratio = is_outlier ? 1 : options_.outlier_match_ratio;
@@ -76,41 +76,40 @@ class GroupMaker {
 
   void AddFrame(int frame, const std::vector<Rigid3d>& cams_from_rig) {
     const Rigid3d rig_from_world = RingPose((frame + 0.4) / options_.num_frames, 8, &random_);
-    const int reference = static_cast<int>(scene_.group.members.size());
+    scene_.group.frame_names.push_back(options_.num_sensors > 1 ? "frame" + std::to_string(frame) : "");
     for (int sensor = 0; sensor < options_.num_sensors; ++sensor) {
-      GroupMember member;
-      member.reference = reference;
-      if (options_.num_sensors > 1) member.frame_name = "frame" + std::to_string(frame);
-      member.cam_from_rig = cams_from_rig[sensor];
+      QueryImage image;
+      image.frame = frame;
+      image.cam_from_rig = cams_from_rig[sensor];
       Rigid3d cam_from_rig = cams_from_rig[sensor];
       if (sensor + 1 == options_.num_sensors) {
         cam_from_rig.rotation = Disturbed(cam_from_rig.rotation, options_.calibration_error_deg, &random_);
       }
       const Rigid3d cam_from_world = cam_from_rig * rig_from_world;
-      member.problem.query_name = "query" + std::to_string(frame) + "-" + std::to_string(sensor);
-      member.problem.query_camera = camera_;
-      member.problem.query_keypoints = Project(cam_from_world);
+      image.problem.query_name = "query" + std::to_string(frame) + "-" + std::to_string(sensor);
+      image.problem.query_camera = camera_;
+      image.problem.query_keypoints = Project(cam_from_world);
       if (sensor < options_.num_sensors - options_.num_sensors_without_pairs) {
         for (size_t i = 0; i < database_.size(); ++i) {
           ImagePair pair = database_[i];
           pair.geometry = Geometry(cam_from_world * Inverse(pair.database_cam_from_world),
                                    i < std::floor(options_.outlier_pair_ratio * database_.size()));
-          member.problem.pairs.push_back(pair);
+          image.problem.pairs.push_back(pair);
         }
       }
-      scene_.group.members.push_back(member);
+      scene_.group.images.push_back(image);
       scene_.cam_from_world.push_back(cam_from_world);
     }
   }
 
   void AddQueryPairs() {
-    const std::vector<GroupMember>& members = scene_.group.members;
-    for (int query = 0; query < static_cast<int>(members.size()); ++query) {
+    const std::vector<QueryImage>& queries = scene_.group.images;
+    for (int query = 0; query < static_cast<int>(queries.size()); ++query) {
       for (int other = 0; other < query; ++other) {
         ImagePair images;
-        images.database_name = members[other].problem.query_name;
-        images.database_camera = camera_;
-        images.database_keypoints = members[other].problem.query_keypoints;
+        images.other_name = queries[other].problem.query_name;
+        images.other_camera = camera_;
+        images.other_keypoints = queries[other].problem.query_keypoints;
         images.geometry = Geometry(scene_.cam_from_world[query] * Inverse(scene_.cam_from_world[other]), false);
         scene_.group.query_pairs.push_back({query, other, images});
       }

@@ -23,7 +23,7 @@ struct SyntheticGroupOptions {
 // Frames of cameras around points, in a ring with the database images; keypoint i of every image is point i.
 struct SyntheticGroup {
   QueryGroup group;
-  std::vector<Rigid3d> cam_from_world;  // truth, of the members
+  std::vector<Rigid3d> cam_from_world;  // truth, of the images
 };
 
 SyntheticGroup MakeSyntheticGroup(const SyntheticGroupOptions& options);

@@ -83,12 +83,12 @@ Matches MakeMatches(int num_points, int num_outliers, Random* random) {
   return matches;
 }
 
-TwoViewGeometry MakeGeometry(const Rigid3d& query_from_database, const SyntheticSceneOptions& options, bool is_outlier,
+TwoViewGeometry MakeGeometry(const Rigid3d& query_from_other, const SyntheticSceneOptions& options, bool is_outlier,
                              const Matches& matches, Random* random) {
   TwoViewGeometry geometry;
   geometry.config = TwoViewConfig::CALIBRATED;
   geometry.inlier_matches = matches;
-  Rigid3d pose = query_from_database;
+  Rigid3d pose = query_from_other;
   if (is_outlier) {
     pose = {RandomRotation(random), RandomVector(random)};
   } else {
@@ -101,7 +101,7 @@ TwoViewGeometry MakeGeometry(const Rigid3d& query_from_database, const Synthetic
   } else {
     pose.translation.normalize();
   }
-  geometry.query_from_database = pose;
+  geometry.query_from_other = pose;
   return geometry;
 }
 
@@ -128,10 +128,10 @@ SyntheticScene MakeSyntheticScene(const SyntheticSceneOptions& options) {
     ImagePair pair;
     char name[32];
     std::snprintf(name, sizeof(name), "database%04d.jpg", i);
-    pair.database_name = name;
-    pair.database_camera = MakeCamera(/*is_query=*/false);
+    pair.other_name = name;
+    pair.other_camera = MakeCamera(/*is_query=*/false);
     pair.database_cam_from_world = Placed(database, options);
-    pair.database_keypoints = Project(points, pair.database_camera, database, options.pixel_noise_px, &random);
+    pair.other_keypoints = Project(points, pair.other_camera, database, options.pixel_noise_px, &random);
     const double outlier_ratio = is_outlier ? 1 : options.outlier_match_ratio;
     const Matches matches =
         MakeMatches(options.num_points, static_cast<int>(outlier_ratio * options.num_points), &random);

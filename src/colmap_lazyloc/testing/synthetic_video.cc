@@ -43,16 +43,17 @@ class VideoMaker {
     for (int i = 0; i < options_.num_queries; ++i) {
       queries.push_back(Take(Name("query", i), kQueryDistance * i, 0));
       const VideoImage& query = queries.back();
-      GroupMember member;
-      member.reference = i;
-      member.problem.query_name = query.name;
-      member.problem.query_camera = camera_;
-      member.problem.query_keypoints = query.keypoints;
-      for (const VideoImage& image : database) {
-        const double distance = std::abs(CamInWorld(image.cam_from_world).x() - CamInWorld(query.cam_from_world).x());
-        if (distance < kMaxPairDistance) member.problem.pairs.push_back(Pair(query, image));
+      QueryImage image;
+      image.frame = i;
+      video.group.frame_names.emplace_back();
+      image.problem.query_name = query.name;
+      image.problem.query_camera = camera_;
+      image.problem.query_keypoints = query.keypoints;
+      for (const VideoImage& other : database) {
+        const double distance = std::abs(CamInWorld(other.cam_from_world).x() - CamInWorld(query.cam_from_world).x());
+        if (distance < kMaxPairDistance) image.problem.pairs.push_back(Pair(query, other));
       }
-      video.group.members.push_back(std::move(member));
+      video.group.images.push_back(std::move(image));
       video.cam_from_world.push_back(query.cam_from_world);
       for (int other = std::max(0, i - 2); other < i; ++other) {
         video.group.query_pairs.push_back({i, other, Pair(query, queries[other])});
@@ -81,14 +82,14 @@ class VideoMaker {
 
   ImagePair Pair(const VideoImage& query, const VideoImage& other) const {
     ImagePair pair;
-    pair.database_name = other.name;
-    pair.database_camera = camera_;
+    pair.other_name = other.name;
+    pair.other_camera = camera_;
     pair.database_cam_from_world = other.cam_from_world;
-    pair.database_keypoints = other.keypoints;
+    pair.other_keypoints = other.keypoints;
     pair.geometry.emplace();
     pair.geometry->config = TwoViewConfig::CALIBRATED;
-    pair.geometry->query_from_database = query.cam_from_world * Inverse(other.cam_from_world);
-    pair.geometry->query_from_database->translation.normalize();
+    pair.geometry->query_from_other = query.cam_from_world * Inverse(other.cam_from_world);
+    pair.geometry->query_from_other->translation.normalize();
     for (uint32_t i = 0; i < query.point_ids.size(); ++i) {
       const auto found = std::lower_bound(other.point_ids.begin(), other.point_ids.end(), query.point_ids[i]);
       if (found == other.point_ids.end() || *found != query.point_ids[i]) continue;

@@ -65,8 +65,8 @@ std::vector<unsigned char> CameraBlob(const std::optional<Camera>& camera) {
 std::vector<unsigned char> MatchesBlob(const Matches& matches, bool database_is_first) {
   std::vector<unsigned char> blob;
   for (const Match& match : matches) {
-    Append(database_is_first ? match.database_point : match.query_point, &blob);
-    Append(database_is_first ? match.query_point : match.database_point, &blob);
+    Append(database_is_first ? match.other_point : match.query_point, &blob);
+    Append(database_is_first ? match.query_point : match.other_point, &blob);
   }
   return blob;
 }
@@ -176,19 +176,19 @@ void TestDatabase::AddTwoViewGeometry(uint32_t query_id, uint32_t database_id, c
     if (stored.E) stored.E->transposeInPlace();
     if (stored.F) stored.F->transposeInPlace();
     if (stored.H) stored.H = stored.H->inverse().eval();  // not a number for the zeros of 3.x
-    if (Rigid3d* pose = stored.query_from_database ? &*stored.query_from_database : nullptr) {
+    if (Rigid3d* pose = stored.query_from_other ? &*stored.query_from_other : nullptr) {
       pose->rotation = pose->rotation.inverse();
       pose->translation = -(pose->rotation * pose->translation);
     }
-    std::swap(stored.query_camera, stored.database_camera);
+    std::swap(stored.query_camera, stored.other_camera);
   }
-  if (is_3x && !stored.query_from_database) {
+  if (is_3x && !stored.query_from_other) {
     // 3.8 leaves an unset pose at zeros, or at the identity if the images are exchanged; 3.10 at the identity.
     const double w = schema_ == Schema::V3_8 && database_is_first ? 0 : 1;
-    stored.query_from_database = Rigid3d{{w, 0, 0, 0}, Eigen::Vector3d::Zero()};
+    stored.query_from_other = Rigid3d{{w, 0, 0, 0}, Eigen::Vector3d::Zero()};
   }
   Blob qvec, tvec;
-  if (const auto& pose = stored.query_from_database) {
+  if (const auto& pose = stored.query_from_other) {
     const Eigen::Quaterniond& q = pose->rotation;
     qvec = DoublesBlob(Eigen::Vector4d(q.w(), q.x(), q.y(), q.z()).data(), 4);
     tvec = DoublesBlob(pose->translation.data(), 3);
@@ -203,7 +203,7 @@ void TestDatabase::AddTwoViewGeometry(uint32_t query_id, uint32_t database_id, c
                                MatrixBlob(stored.H)};
   if (schema_ != Schema::V3_6) values.insert(values.end(), {qvec, tvec});
   if (schema_ == Schema::V4_2) {
-    values.insert(values.end(), {CameraBlob(stored.database_camera), CameraBlob(stored.query_camera)});
+    values.insert(values.end(), {CameraBlob(stored.other_camera), CameraBlob(stored.query_camera)});
   }
   Insert("two_view_geometries", values);
 }

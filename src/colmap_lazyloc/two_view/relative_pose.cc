@@ -13,7 +13,7 @@ bool IsWorthEstimating(TwoViewConfig config) {
 
 TwoViewGeometry Estimate(const LocalizationProblem& problem, const ImagePair& pair, const Matches& matches,
                          const RelativePoseOptions& options, uint32_t seed, bool is_query_calibrated = true) {
-  return EstimateTwoViewGeometry(pair.database_camera, pair.database_keypoints, problem.query_camera,
+  return EstimateTwoViewGeometry(pair.other_camera, pair.other_keypoints, problem.query_camera,
                                  problem.query_keypoints, matches,
                                  {options.min_num_inliers, options.max_two_view_error_px, is_query_calibrated}, seed);
 }
@@ -32,7 +32,7 @@ std::optional<RelativePose> FindRelativePose(const LocalizationProblem& problem,
   if (!pair.geometry) {
     geometry = Estimate(problem, pair, pair.matches, options, seed);
   } else if (pair.geometry->config == TwoViewConfig::UNCALIBRATED) {
-    geometry = EstimateCalibratedGeometry(pair.database_camera, pair.database_keypoints, problem.query_camera,
+    geometry = EstimateCalibratedGeometry(pair.other_camera, pair.other_keypoints, problem.query_camera,
                                           problem.query_keypoints, pair.geometry->inlier_matches,
                                           options.max_two_view_error_px, seed);
   } else if (IsWorthEstimating(pair.geometry->config)) {
@@ -40,17 +40,17 @@ std::optional<RelativePose> FindRelativePose(const LocalizationProblem& problem,
     geometry = Estimate(problem, pair, matches, options, seed);
   } else {
     geometry = *pair.geometry;
-    if (HoldsCalibrated(geometry.config) && !geometry.query_from_database) {
-      EstimateRelativePose(pair.database_camera, pair.database_keypoints, problem.query_camera, problem.query_keypoints,
+    if (HoldsCalibrated(geometry.config) && !geometry.query_from_other) {
+      EstimateRelativePose(pair.other_camera, pair.other_keypoints, problem.query_camera, problem.query_keypoints,
                            &geometry);
     }
   }
-  if (!HoldsCalibrated(geometry.config) || !geometry.query_from_database ||
+  if (!HoldsCalibrated(geometry.config) || !geometry.query_from_other ||
       static_cast<int>(geometry.inlier_matches.size()) < options.min_num_inliers) {
     return std::nullopt;
   }
-  if (geometry.config == TwoViewConfig::PANORAMIC) geometry.query_from_database->translation.setZero();
-  return RelativePose{*geometry.query_from_database, std::move(geometry.inlier_matches)};
+  if (geometry.config == TwoViewConfig::PANORAMIC) geometry.query_from_other->translation.setZero();
+  return RelativePose{*geometry.query_from_other, std::move(geometry.inlier_matches)};
 }
 
 Matches FindInlierMatches(const LocalizationProblem& problem, const ImagePair& pair, const RelativePoseOptions& options,

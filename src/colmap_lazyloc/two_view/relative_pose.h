@@ -18,7 +18,7 @@ struct RelativePoseOptions {
 
 // Pose of the query relative to one database image, and the matches that agree with it.
 struct RelativePose {
-  Rigid3d query_from_database;  // translation of unit length, or zero for a pair without baseline
+  Rigid3d query_from_other;  // translation of unit length, or zero for a pair without baseline
   Matches inlier_matches;
 };
 

@@ -26,8 +26,8 @@ class RelativePoses : public testing::Test {
   Rigid3d Truth() { return scene_.query_cam_from_world * Inverse(Pair().database_cam_from_world); }
   std::optional<RelativePose> Find(uint32_t seed = 1) { return FindRelativePose(scene_.problem, Pair(), {}, seed); }
   Errors ErrorsOf(const RelativePose& pose) {
-    return {RotationErrorDeg(pose.query_from_database, Truth()),
-            RadToDeg(AngleBetweenRad(pose.query_from_database.translation, Truth().translation))};
+    return {RotationErrorDeg(pose.query_from_other, Truth()),
+            RadToDeg(AngleBetweenRad(pose.query_from_other.translation, Truth().translation))};
   }
 
   SyntheticSceneOptions options_;
@@ -37,8 +37,8 @@ class RelativePoses : public testing::Test {
 TEST_F(RelativePoses, StoredPoseIsTakenAsItIs) {
   const std::optional<RelativePose> pose = Find();
   ASSERT_TRUE(pose.has_value());
-  EXPECT_EQ(pose->query_from_database.rotation.coeffs(), Pair().geometry->query_from_database->rotation.coeffs());
-  EXPECT_EQ(pose->query_from_database.translation, Pair().geometry->query_from_database->translation);
+  EXPECT_EQ(pose->query_from_other.rotation.coeffs(), Pair().geometry->query_from_other->rotation.coeffs());
+  EXPECT_EQ(pose->query_from_other.translation, Pair().geometry->query_from_other->translation);
   EXPECT_EQ(pose->inlier_matches, Pair().geometry->inlier_matches);
 }
 
@@ -46,7 +46,7 @@ TEST_F(RelativePoses, StoredEssentialMatrixIsDecomposed) {
   options_.pixel_noise_px = options_.outlier_match_ratio = 0;
   Make();
   const Rigid3d truth = Truth();
-  Pair().geometry->query_from_database.reset();
+  Pair().geometry->query_from_other.reset();
   Pair().geometry->E = Hat(truth.translation) * truth.rotation.toRotationMatrix();
   const std::optional<RelativePose> pose = Find();
   ASSERT_TRUE(pose.has_value());
@@ -55,7 +55,7 @@ TEST_F(RelativePoses, StoredEssentialMatrixIsDecomposed) {
 }
 
 TEST_F(RelativePoses, NeitherPoseNorMatrixIsNoPose) {
-  Pair().geometry->query_from_database.reset();
+  Pair().geometry->query_from_other.reset();
   EXPECT_FALSE(Find().has_value());
 }
 
@@ -73,7 +73,7 @@ TEST_F(RelativePoses, RawMatchesAreVerified) {
 
 TEST_F(RelativePoses, UncalibratedPairIsEstimatedAgain) {
   Pair().geometry->config = TwoViewConfig::UNCALIBRATED;
-  Pair().geometry->query_from_database = Rigid3d();
+  Pair().geometry->query_from_other = Rigid3d();
   const std::optional<RelativePose> pose = Find();
   ASSERT_TRUE(pose.has_value());
   EXPECT_LE(ErrorsOf(*pose).rotation_deg, 0.2);
@@ -101,7 +101,7 @@ TEST_F(RelativePoses, SameSeedSameResult) {
   Pair().geometry.reset();
   const std::optional<RelativePose> first = Find(7), second = Find(7);
   ASSERT_TRUE(first && second);
-  EXPECT_EQ(first->query_from_database.rotation.coeffs(), second->query_from_database.rotation.coeffs());
+  EXPECT_EQ(first->query_from_other.rotation.coeffs(), second->query_from_other.rotation.coeffs());
   EXPECT_EQ(first->inlier_matches, second->inlier_matches);
 }
 
@@ -109,7 +109,7 @@ TEST_F(RelativePoses, PanoramicPairHasNoTranslation) {
   Pair().geometry->config = TwoViewConfig::PANORAMIC;
   const std::optional<RelativePose> pose = Find();
   ASSERT_TRUE(pose.has_value());
-  EXPECT_TRUE(pose->query_from_database.translation.isZero());
+  EXPECT_TRUE(pose->query_from_other.translation.isZero());
 }
 
 TEST_F(RelativePoses, DegenerateWatermarkAndSmallPairsAreNotUsed) {
@@ -139,7 +139,7 @@ TEST_F(RelativePoses, RawMatchesAreVerifiedWithoutTheFocalLength) {
   scene_.problem.query_camera.params[0] *= 2.5;
   scene_.problem.query_camera.params[1] *= 2.5;
   const Matches inliers = FindInlierMatches(scene_.problem, Pair(), {}, /*seed=*/1);
-  const auto is_right = [](const Match& match) { return match.query_point == match.database_point; };
+  const auto is_right = [](const Match& match) { return match.query_point == match.other_point; };
   const auto num_right = std::count_if(inliers.begin(), inliers.end(), is_right);
   EXPECT_GE(num_right, 155) << "of 160 right ones";
   EXPECT_LE(inliers.size() - num_right, 4) << "of 40 wrong ones, by chance on their epipolar line";
