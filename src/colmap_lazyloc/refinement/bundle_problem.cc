@@ -3,36 +3,56 @@
 #include "colmap_lazyloc/refinement/covariance.h"
 
 namespace lazyloc {
+namespace {
 
-BundleProblem::BundleProblem(const std::vector<View>& all_views, const std::vector<Track>& tracks)
-    : camera_of_view(all_views.size(), -1) {
-  for (size_t i = 0; i < all_views.size(); ++i) {
-    const View& view = all_views[i];
-    if (IsConstant(view)) continue;
-    if (view.rig_link) {
-      camera_of_view[i] = camera_of_view[view.rig_link->reference];
-      continue;
-    }
-    camera_of_view[i] = static_cast<int>(views.size());
-    views.push_back(&view);
-    cameras.emplace_back(view);
+BundleFrame MakeBundleFrame(const Frame& frame) {
+  BundleFrame bundle_frame;
+  bundle_frame.MoveTo(frame.frame_from_world);
+  bundle_frame.factor_is_scale = frame.has_free_scale;
+  return bundle_frame;
+}
+
+// Returns the projection of points in the frame's axes. Most images have these axes: they need no rotation.
+LinearProjection ProjectionInFrame(const Observation& observation, const Image& image, bool has_frame_axes) {
+  return has_frame_axes ? ProjectionInCam(observation) : ProjectionInWorld(observation, image.cam_from_frame);
+}
+
+}  // namespace
+
+BundleProblem::BundleProblem(const PosedImages& posed, const std::vector<Track>& tracks)
+    : index_of_frame(posed.frames.size(), -1) {
+  for (size_t i = 0; i < posed.frames.size(); ++i) {
+    const Frame& frame = posed.frames[i];
+    if (IsConstant(frame)) continue;
+    index_of_frame[i] = static_cast<int>(frames.size());
+    given.push_back(&frame);
+    frames.push_back(MakeBundleFrame(frame));
+    has_factor.push_back(frame.has_free_scale);
   }
+  std::vector<bool> has_frame_axes;
+  for (const Image& image : posed.images) {
+    has_frame_axes.push_back(HasFrameAxes(image));
+    if (!image.log_focal_factor) continue;
+    frames[index_of_frame[image.frame]].log_factor = *image.log_focal_factor;
+    has_factor[index_of_frame[image.frame]] = true;
+  }
+  const std::vector<Rigid3d> cams_from_world = CamsFromWorld(posed);
   size_t num_observations = 0;
   for (const Track& track : tracks) num_observations += track.observations.size();
   free.reserve(num_observations);
   for (const Track& track : tracks) {
     const size_t fixed_begin = fixed.size(), free_begin = free.size();
     for (const TrackObservation& element : track.observations) {
-      const View& view = all_views[element.view];
-      const double residual_from_px = ResidualFromPx(view, track);
-      if (IsConstant(view)) {
-        fixed.push_back(ProjectionInWorld(element.observation, view.cam_from_world).Scaled(residual_from_px));
+      const Image& image = posed.images[element.image];
+      const double residual_from_px = ResidualFromPx(image, track);
+      const int frame = index_of_frame[image.frame];
+      if (frame < 0) {
+        fixed.push_back(
+            ProjectionInWorld(element.observation, cams_from_world[element.image]).Scaled(residual_from_px));
         continue;
       }
-      const LinearProjection projection =
-          view.rig_link ? ProjectionInWorld(element.observation, view.rig_link->cam_from_reference)
-                        : ProjectionInCam(element.observation);
-      free.push_back({camera_of_view[element.view], projection.Scaled(residual_from_px),
+      const LinearProjection projection = ProjectionInFrame(element.observation, image, has_frame_axes[element.image]);
+      free.push_back({frame, projection.Scaled(residual_from_px),
                       residual_from_px * element.observation.px_from_log_focal});
     }
     fixed_range.push_back({fixed_begin, fixed.size()});

@@ -12,22 +12,23 @@
 
 namespace lazyloc {
 
-double VarianceFactor(const std::vector<View>& views, const std::vector<Track>& tracks, double weight_scale) {
-  const auto is_free = [](const View& view) { return !view.is_database && !view.rig_link; };
-  double squared_sum = 0, freedom = -6.0 * static_cast<double>(std::count_if(views.begin(), views.end(), is_free));
+double VarianceFactor(const PosedImages& posed, const std::vector<Track>& tracks, double weight_scale) {
+  const std::vector<Rigid3d> cams_from_world = CamsFromWorld(posed);
+  const auto num_query_frames = std::count_if(posed.frames.begin(), posed.frames.end(),
+                                              [](const Frame& frame) { return !frame.is_database; });
+  double squared_sum = 0, degrees_of_freedom = -6.0 * static_cast<double>(num_query_frames);
   for (const Track& track : tracks) {
-    freedom -= 3;
+    degrees_of_freedom -= 3;
     for (const TrackObservation& element : track.observations) {
-      const View& view = views[element.view];
       const Eigen::Vector2d error_px =
-          ReprojectionError(element.observation, view.cam_from_world * track.point_in_world);
-      const double squared_error = (ResidualFromPx(view, track) * error_px).squaredNorm();
+          ReprojectionError(element.observation, cams_from_world[element.image] * track.point_in_world);
+      const double squared_error = (ResidualFromPx(posed.images[element.image], track) * error_px).squaredNorm();
       const double weight = CauchyWeight(squared_error, weight_scale);
       squared_sum += weight * squared_error;
-      freedom += 2 * weight;
+      degrees_of_freedom += 2 * weight;
     }
   }
-  return squared_sum / std::max(freedom, 1.0);
+  return squared_sum / std::max(degrees_of_freedom, 1.0);
 }
 
 Eigen::Matrix3d PositionCovariance(const Rigid3d& cam_from_world, const Eigen::Matrix<double, 6, 6>& covariance) {
@@ -38,14 +39,15 @@ Eigen::Matrix3d PositionCovariance(const Rigid3d& cam_from_world, const Eigen::M
   return jacobian * covariance * jacobian.transpose();
 }
 
-Eigen::Matrix<double, 6, 6> LinkedCovariance(const RigLink& link, bool seeks_scale,
-                                             const Eigen::MatrixXd& reference_covariance) {
-  // x_cam = R x_reference + t turns the tangent by R.
-  Eigen::MatrixXd jacobian = Eigen::MatrixXd::Zero(6, reference_covariance.cols());
-  const Eigen::Matrix3d rotation = link.cam_from_reference.rotation.toRotationMatrix();
+Eigen::Matrix<double, 6, 6> ImageCovariance(const Image& image, bool has_free_scale,
+                                            const Eigen::MatrixXd& frame_covariance) {
+  if (HasFrameAxes(image)) return frame_covariance.topLeftCorner<6, 6>();
+  // x_cam = R x_frame + t rotates the tangent by R.
+  Eigen::MatrixXd jacobian = Eigen::MatrixXd::Zero(6, frame_covariance.cols());
+  const Eigen::Matrix3d rotation = image.cam_from_frame.rotation.toRotationMatrix();
   jacobian.topLeftCorner<3, 3>() = jacobian.block<3, 3>(3, 3) = rotation;
-  if (seeks_scale) jacobian.col(6).tail<3>() = link.cam_from_reference.translation;
-  return jacobian * reference_covariance * jacobian.transpose();
+  if (has_free_scale) jacobian.col(6).tail<3>() = image.cam_from_frame.translation;
+  return jacobian * frame_covariance * jacobian.transpose();
 }
 
 PoseSpread ComputePoseSpread(const Rigid3d& cam_from_world, const Eigen::Matrix<double, 6, 6>& covariance) {
@@ -56,16 +58,16 @@ PoseSpread ComputePoseSpread(const Rigid3d& cam_from_world, const Eigen::Matrix<
   spread.rotation_stddev_rad = std::sqrt(rotation.eigenvalues()[2]);
   spread.position_stddevs = position.eigenvalues().reverse().cwiseMax(0).cwiseSqrt();
   spread.weakest_direction_in_world = position.eigenvectors().col(2);
-  // Of the two that mean the same axis, the one whose largest coordinate is positive.
+  // Chooses the sign that makes the largest coordinate positive, because both signs mean the same axis.
   Eigen::Index largest;
   spread.weakest_direction_in_world.cwiseAbs().maxCoeff(&largest);
   if (spread.weakest_direction_in_world[largest] < 0) spread.weakest_direction_in_world *= -1;
   return spread;
 }
 
-double MedianDistance(const View& view, const std::vector<Track>& tracks) {
+double MedianDistance(const Rigid3d& cam_from_world, const std::vector<Track>& tracks) {
   std::vector<double> distances;
-  for (const Track& track : tracks) distances.push_back((view.cam_from_world * track.point_in_world).norm());
+  for (const Track& track : tracks) distances.push_back((cam_from_world * track.point_in_world).norm());
   return Median(std::move(distances));
 }
 

@@ -4,30 +4,32 @@
 
 #include <Eigen/Core>
 
+#include "colmap_lazyloc/scene/frame.h"
 #include "colmap_lazyloc/scene/localization_result.h"
 #include "colmap_lazyloc/scene/track.h"
 
 namespace lazyloc {
 
-// Of an observation's error, from pixels to standard deviations.
-inline double ResidualFromPx(const View& view, const Track& track) { return 1 / (track.noise_ratio * view.noise_px); }
+// Returns the factor from pixels to standard deviations for the observations of a track in an image.
+inline double ResidualFromPx(const Image& image, const Track& track) { return 1 / (track.noise_ratio * image.noise_px); }
 
-// By what factor the variance that the tracks' errors show differs from what the views state: their weighted squared
-// sum, in standard deviations, over the freedom that the points and the sought poses leave.
-double VarianceFactor(const std::vector<View>& views, const std::vector<Track>& tracks, double weight_scale);
+// A-posteriori variance factor: the weighted sum of squared normalised residuals over the degrees of freedom that the
+// points and the query frames' poses leave. weight_scale: Cauchy scale in standard deviations.
+double VarianceFactor(const PosedImages& posed, const std::vector<Track>& tracks, double weight_scale);
 
-// Covariance of the projection centre, in the world. cam_from_world, covariance: in a frame whose origin is not far
-// away.
+// Returns the covariance of the projection centre in the world. The covariance of cam_from_world is that of its tangent
+// (rotation, then translation); coordinates should be near the origin, because the translation's part grows with it.
 Eigen::Matrix3d PositionCovariance(const Rigid3d& cam_from_world, const Eigen::Matrix<double, 6, 6>& covariance);
 
-// Of a view whose pose follows that of a reference. reference_covariance: of the reference's tangent, and of the log
-// factor on the translation between them where that is sought.
-Eigen::Matrix<double, 6, 6> LinkedCovariance(const RigLink& link, bool seeks_scale,
-                                             const Eigen::MatrixXd& reference_covariance);
+// Returns the covariance of an image's cam_from_world from that of its frame: 6x6 of the frame's tangent, or 7x7 with
+// the log of the frame's scale if has_free_scale.
+Eigen::Matrix<double, 6, 6> ImageCovariance(const Image& image, bool has_free_scale,
+                                            const Eigen::MatrixXd& frame_covariance);
 
+// Returns the standard deviations of a pose in all directions.
 PoseSpread ComputePoseSpread(const Rigid3d& cam_from_world, const Eigen::Matrix<double, 6, 6>& covariance);
 
-// Median distance of the tracks' points from a view.
-double MedianDistance(const View& view, const std::vector<Track>& tracks);
+// Returns the median distance of the tracks' points from a camera.
+double MedianDistance(const Rigid3d& cam_from_world, const std::vector<Track>& tracks);
 
 }  // namespace lazyloc

@@ -23,41 +23,41 @@ Matrix3x4d MatrixOf(const Rigid3d& cam_from_world) {
   return matrix;
 }
 
-// Views as the inner loops need them.
+// Holds the images' poses as matrices, because the inner loops are faster with them.
 class TrackEvaluator {
  public:
-  explicit TrackEvaluator(const std::vector<View>& views) : views_(views) {
-    for (const View& view : views) cams_from_world_.push_back(MatrixOf(view.cam_from_world));
+  explicit TrackEvaluator(const PosedImages& posed) : posed_(posed) {
+    for (const Rigid3d& cam_from_world : CamsFromWorld(posed)) cams_from_world_.push_back(MatrixOf(cam_from_world));
   }
 
-  // Whether a point lies in front of a view and within max_error_sigma of its image point, in the view's deviations.
+  // Returns true if a point lies in front of an image and within max_error_sigma standard deviations of its keypoint.
   bool Fits(const TrackObservation& element, const Eigen::Vector3d& point_in_world, double max_error_sigma) const {
-    const Matrix3x4d& cam_from_world = cams_from_world_[element.view];
+    const Matrix3x4d& cam_from_world = cams_from_world_[element.image];
     const Eigen::Vector3d point_in_cam = cam_from_world.leftCols<3>() * point_in_world + cam_from_world.col(3);
-    const double max_error_px = max_error_sigma * views_[element.view].noise_px;
+    const double max_error_px = max_error_sigma * posed_.images[element.image].noise_px;
     return IsInFront(element.observation, point_in_cam) &&
            ReprojectionError(element.observation, point_in_cam).squaredNorm() <= max_error_px * max_error_px;
   }
 
-  bool IsDatabase(const TrackObservation& element) const { return views_[element.view].is_database; }
+  bool IsDatabase(const TrackObservation& element) const { return posed_.IsDatabase(element.image); }
 
  protected:
-  const std::vector<View>& views_;
+  const PosedImages& posed_;
   std::vector<Matrix3x4d> cams_from_world_;
 };
 
-// Works on indices of a track's observations, in buffers that it keeps.
+// Triangulates one track after the other. Works on indices of a track's observations, in buffers that it keeps.
 class TrackTriangulator : public TrackEvaluator {
  public:
-  TrackTriangulator(const std::vector<View>& views, const TrackTriangulationOptions& options)
-      : TrackEvaluator(views),
+  TrackTriangulator(const PosedImages& posed, const TrackTriangulationOptions& options)
+      : TrackEvaluator(posed),
         options_(options),
         max_cos_angle_(std::cos(DegToRad(options.min_triangulation_angle_deg))) {
-    for (const View& view : views) cams_in_world_.push_back(CamInWorld(view.cam_from_world));
+    for (const Rigid3d& cam_from_world : CamsFromWorld(posed)) cams_in_world_.push_back(CamInWorld(cam_from_world));
   }
 
-  // Sets the track's point, and leaves it those of its database views that agree on it: all where they do, else those
-  // that agree with the best of their pairs. False where it is not to be used.
+  // Sets the track's point from its database observations and removes those that disagree with it: none if all agree,
+  // else all but those that agree with the best pair of them. Returns false if the track has no such point.
   bool FromDatabase(Track* track) {
     std::vector<TrackObservation>& observations = track->observations;
     used_.clear();
@@ -81,13 +81,13 @@ class TrackTriangulator : public TrackEvaluator {
     return true;
   }
 
-  // Sets the track's point and noise; false where it is not to be used.
+  // Sets the track's point and noise from all its observations. Returns false if it has no such point.
   bool WithQuery(Track* track) {
     const std::vector<TrackObservation>& observations = track->observations;
     if (!NeedsQueryPoses(observations)) return false;
     used_.resize(observations.size());
     std::iota(used_.begin(), used_.end(), 0);
-    track->noise_ratio = options_.single_view_noise_ratio;
+    track->noise_ratio = options_.single_image_noise_ratio;
     if (!Intersect(observations, used_, &track->point_in_world)) return false;
     if (!SeenUnderAngle(observations, used_, track->point_in_world)) return false;
     return std::all_of(observations.begin(), observations.end(), [&](const TrackObservation& element) {
@@ -98,15 +98,15 @@ class TrackTriangulator : public TrackEvaluator {
  private:
   using Indices = std::vector<size_t>;
 
-  // Whether the track says something of a query's pose, but not by its database views alone.
+  // Returns true if the track constrains a query's pose, but its database observations alone have no point.
   bool NeedsQueryPoses(const std::vector<TrackObservation>& observations) const {
     int num_database = 0, num_frames = 0, last_frame = -1;  // images of a frame stand together
     for (const TrackObservation& element : observations) {
       if (IsDatabase(element)) {
         ++num_database;
-      } else if (ReferenceOf(views_, element.view) != last_frame) {
+      } else if (posed_.images[element.image].frame != last_frame) {
         ++num_frames;
-        last_frame = ReferenceOf(views_, element.view);
+        last_frame = posed_.images[element.image].frame;
       }
     }
     return num_database <= 1 && num_database + num_frames >= 2;
@@ -116,8 +116,8 @@ class TrackTriangulator : public TrackEvaluator {
                  Eigen::Vector3d* point) const {
     RayIntersection intersection;
     for (const size_t i : indices) {
-      const int view = observations[i].view;
-      intersection.Add(cams_in_world_[view], cams_from_world_[view].leftCols<3>().transpose().lazyProduct(
+      const int image = observations[i].image;
+      intersection.Add(cams_in_world_[image], cams_from_world_[image].leftCols<3>().transpose().lazyProduct(
                                                  observations[i].observation.ray_in_cam));
     }
     const std::optional<Eigen::Vector3d> intersected = intersection.Point();
@@ -128,9 +128,9 @@ class TrackTriangulator : public TrackEvaluator {
   bool SeenUnderAngle(const std::vector<TrackObservation>& observations, const Indices& indices,
                       const Eigen::Vector3d& point) const {
     for (size_t a = 0; a < indices.size(); ++a) {
-      const Eigen::Vector3d ray_a = (point - cams_in_world_[observations[indices[a]].view]).normalized();
+      const Eigen::Vector3d ray_a = (point - cams_in_world_[observations[indices[a]].image]).normalized();
       for (size_t b = 0; b < a; ++b) {
-        const Eigen::Vector3d ray_b = (point - cams_in_world_[observations[indices[b]].view]).normalized();
+        const Eigen::Vector3d ray_b = (point - cams_in_world_[observations[indices[b]].image]).normalized();
         if (ray_a.dot(ray_b) < max_cos_angle_) return true;
       }
     }
@@ -145,7 +145,7 @@ class TrackTriangulator : public TrackEvaluator {
     return std::all_of(used_.begin(), used_.end(), [&](size_t i) { return Agrees(observations[i], point); });
   }
 
-  // Into used_: of the candidates, those that agree with the best of their pairs.
+  // Sets used_ to the candidates that agree with the pair of candidates that most others agree with.
   void FindBestAgreeing(const std::vector<TrackObservation>& observations) {
     used_.clear();
     pair_.resize(2);
@@ -169,23 +169,35 @@ class TrackTriangulator : public TrackEvaluator {
   Indices used_, candidates_, agreeing_, pair_;
 };
 
-std::vector<Track> TracksThatFit(const std::vector<View>& views, std::vector<Track> tracks, double max_error_sigma,
-                                 bool also_in_database) {
-  const TrackEvaluator evaluator(views);
-  const auto is_contradicted = [&](Track& track) {
-    bool is_by_database = false;
-    const auto does_not_fit = [&](const TrackObservation& element) {
-      if (evaluator.IsDatabase(element) && !also_in_database) return false;
-      const bool fits = evaluator.Fits(element, track.point_in_world, max_error_sigma);
-      is_by_database = is_by_database || (!fits && evaluator.IsDatabase(element));
-      return !fits;
-    };
-    std::vector<TrackObservation>& observations = track.observations;
-    observations.erase(std::remove_if(observations.begin(), observations.end(), does_not_fit), observations.end());
-    // Queries come first.
-    return is_by_database || observations.size() < 2 || evaluator.IsDatabase(observations.front());
-  };
-  tracks.erase(std::remove_if(tracks.begin(), tracks.end(), is_contradicted), tracks.end());
+enum class CheckedImages { QUERIES, ALL };
+
+// Removes a track's observations that its point does not fit in the checked images. Returns false if the track is then
+// of no use: a database image contradicts it, or no query observes it.
+bool RemoveMisfits(const TrackEvaluator& evaluator, double max_error_sigma, CheckedImages checked, Track* track) {
+  std::vector<TrackObservation>& observations = track->observations;
+  size_t num_kept = 0;
+  for (size_t i = 0; i < observations.size(); ++i) {
+    const bool is_database = evaluator.IsDatabase(observations[i]);
+    const bool is_checked = checked == CheckedImages::ALL || !is_database;
+    if (!is_checked || evaluator.Fits(observations[i], track->point_in_world, max_error_sigma)) {
+      if (num_kept < i) observations[num_kept] = observations[i];
+      ++num_kept;
+    } else if (is_database) {
+      return false;
+    }
+  }
+  observations.resize(num_kept);
+  return num_kept >= 2 && !evaluator.IsDatabase(observations.front());
+}
+
+std::vector<Track> TracksThatFit(const PosedImages& posed, std::vector<Track> tracks, double max_error_sigma,
+                                 CheckedImages checked) {
+  const TrackEvaluator evaluator(posed);
+  size_t num_kept = 0;
+  for (Track& track : tracks) {
+    if (RemoveMisfits(evaluator, max_error_sigma, checked, &track)) std::swap(tracks[num_kept++], track);
+  }
+  tracks.resize(num_kept);
   return tracks;
 }
 
@@ -195,29 +207,30 @@ bool TrackTriangulationOptions::Check(std::string* error) const {
   OPTION_GT(max_database_error_sigma, 0);
   OPTION_GT(max_query_error_sigma, 0);
   OPTION_GE(min_triangulation_angle_deg, 0);
-  OPTION_GT(single_view_noise_ratio, 0);
+  OPTION_GT(single_image_noise_ratio, 0);
   return true;
 }
 
-std::vector<Track> TriangulateFromDatabase(const std::vector<View>& views, std::vector<Track> tracks,
-                                           const TrackTriangulationOptions& options, std::vector<Track>* rest) {
-  TrackTriangulator triangulator(views, options);
-  rest->clear();
+SplitTracks TriangulateFromDatabase(const PosedImages& posed, std::vector<Track> tracks,
+                                    const TrackTriangulationOptions& options) {
+  TrackTriangulator triangulator(posed, options);
+  SplitTracks split;
   size_t num_kept = 0;
   for (Track& track : tracks) {
     if (triangulator.FromDatabase(&track)) {
       std::swap(tracks[num_kept++], track);
     } else {
-      rest->push_back(std::move(track));
+      split.rest.push_back(std::move(track));
     }
   }
   tracks.resize(num_kept);
-  return tracks;
+  split.from_database = std::move(tracks);
+  return split;
 }
 
-std::vector<Track> TriangulateWithQuery(const std::vector<View>& views, std::vector<Track> tracks,
+std::vector<Track> TriangulateWithQuery(const PosedImages& posed, std::vector<Track> tracks,
                                         const TrackTriangulationOptions& options) {
-  TrackTriangulator triangulator(views, options);
+  TrackTriangulator triangulator(posed, options);
   size_t num_kept = 0;
   for (Track& track : tracks) {
     if (triangulator.WithQuery(&track)) std::swap(tracks[num_kept++], track);
@@ -226,13 +239,12 @@ std::vector<Track> TriangulateWithQuery(const std::vector<View>& views, std::vec
   return tracks;
 }
 
-std::vector<Track> TracksFittingQuery(const std::vector<View>& views, std::vector<Track> tracks,
-                                      double max_error_sigma) {
-  return TracksThatFit(views, std::move(tracks), max_error_sigma, /*also_in_database=*/false);
+std::vector<Track> RemoveQueryOutliers(const PosedImages& posed, std::vector<Track> tracks, double max_error_sigma) {
+  return TracksThatFit(posed, std::move(tracks), max_error_sigma, CheckedImages::QUERIES);
 }
 
-std::vector<Track> FittingTracks(const std::vector<View>& views, std::vector<Track> tracks, double max_error_sigma) {
-  return TracksThatFit(views, std::move(tracks), max_error_sigma, /*also_in_database=*/true);
+std::vector<Track> RemoveOutliers(const PosedImages& posed, std::vector<Track> tracks, double max_error_sigma) {
+  return TracksThatFit(posed, std::move(tracks), max_error_sigma, CheckedImages::ALL);
 }
 
 }  // namespace lazyloc

@@ -1,43 +1,59 @@
 #pragma once
 
+#include <array>
 #include <string>
 #include <vector>
 
+#include "colmap_lazyloc/scene/enum_names.h"
+#include "colmap_lazyloc/scene/frame.h"
 #include "colmap_lazyloc/scene/track.h"
 
 namespace lazyloc {
 
+enum class TriangulationMethod {
+  RAYS,    // the point nearest to all rays (ray_intersection.h); outliers are found by trying pairs of images
+  COLMAP,  // COLMAP's robust multi-view triangulation (bridge/triangulation.h)
+};
+template <>
+inline constexpr std::array<const char*, 2> kEnumNames<TriangulationMethod> = {"rays", "colmap"};
+
 struct TrackTriangulationOptions {
-  // Largest distance of a point from an image point of a database view, and of the query, in the view's standard
-  // deviations.
+  TriangulationMethod method = TriangulationMethod::RAYS;
+  // Maximum distance of a point from a keypoint in a database image, and in a query, in standard deviations of the
+  // image's noise.
   double max_database_error_sigma = 4;
   double max_query_error_sigma = 4;
-  // Smallest angle under which the point is seen: by database views alone, and by one of them with the query.
+  // Minimum angle between two rays of a point.
   double min_triangulation_angle_deg = 1.5;
-  // Factor on the image noise of a track that one database view sees: that view's pose error moves all such points
-  // alike, where the errors of several views average out, and a false match along the epipolar line goes unnoticed.
-  double single_view_noise_ratio = 2;
+  // Factor on the image noise of tracks with one database image: its pose error moves all their points alike, where the
+  // errors of several images average out, and a false match along the epipolar line goes unnoticed.
+  double single_image_noise_ratio = 2;
 
   bool Check(std::string* error) const;
 };
 
-// Tracks that two or more database views see under a sufficient angle, triangulated from these alone (where their
-// rays meet best, with those views that agree with the best pair of them): an error of the query's present
-// pose does not reach their points. The other tracks, which only a query pose can triangulate, go to `rest`.
-std::vector<Track> TriangulateFromDatabase(const std::vector<View>& views, std::vector<Track> tracks,
-                                           const TrackTriangulationOptions& options, std::vector<Track>* rest);
+// Tracks with points, and the others.
+struct SplitTracks {
+  std::vector<Track> from_database;
+  std::vector<Track> rest;
+};
 
-// Tracks that one database view sees, or none but queries that move independently, triangulated with the queries' rays.
-// Tracks whose several database views do not agree are left out, as nothing tells which of them to believe.
-std::vector<Track> TriangulateWithQuery(const std::vector<View>& views, std::vector<Track> tracks,
+// Triangulates tracks that two or more database images see under a sufficient angle, from these images alone, so that
+// an error of the queries' poses does not reach the points. Removes the database observations that disagree with most
+// of the others. All other tracks, which only a query pose can triangulate, go to `rest`.
+SplitTracks TriangulateFromDatabase(const PosedImages& posed, std::vector<Track> tracks,
+                                    const TrackTriangulationOptions& options);
+
+// Triangulates tracks of one database image, or of queries in several frames alone, with the queries' rays. Leaves out
+// tracks whose several database images disagree, because nothing tells which of them is right.
+std::vector<Track> TriangulateWithQuery(const PosedImages& posed, std::vector<Track> tracks,
                                         const TrackTriangulationOptions& options);
 
-// The tracks without those image points in query views that their points lie behind of, or farther away than
-// max_error_sigma, in the views' standard deviations; tracks of which none remains in a query are left out.
-std::vector<Track> TracksFittingQuery(const std::vector<View>& views, std::vector<Track> tracks,
-                                      double max_error_sigma);
+// Removes observations in queries whose points lie behind the camera or farther away than max_error_sigma standard
+// deviations, and tracks without observations in queries.
+std::vector<Track> RemoveQueryOutliers(const PosedImages& posed, std::vector<Track> tracks, double max_error_sigma);
 
-// The same, without tracks that database views contradict.
-std::vector<Track> FittingTracks(const std::vector<View>& views, std::vector<Track> tracks, double max_error_sigma);
+// Does the same, and removes tracks with such an observation in a database image.
+std::vector<Track> RemoveOutliers(const PosedImages& posed, std::vector<Track> tracks, double max_error_sigma);
 
 }  // namespace lazyloc

@@ -16,20 +16,26 @@ Observation ObserveAt(const Eigen::Vector3d& point_in_cam, double focal_length_p
 SyntheticTracks MakeSyntheticTracks(const SyntheticTracksOptions& options) {
   Random random(options.seed);
   SyntheticTracks scene;
-  for (int view = 0; view < options.num_query + options.num_database; ++view) {
+  for (int i = 0; i < options.num_query + options.num_database; ++i) {
     const Eigen::Vector3d centre = Eigen::Vector3d(0, 0, -8) + 2 * RandomVector(&random);
-    scene.views.push_back({LookAt(centre, 0.3 * RandomVector(&random)), view >= options.num_query});
+    Frame frame;
+    frame.frame_from_world = LookAt(centre, 0.3 * RandomVector(&random));
+    frame.is_database = i >= options.num_query;
+    scene.posed.frames.push_back(frame);
+    Image image;
+    image.frame = i;
+    scene.posed.images.push_back(image);
   }
   std::uniform_real_distribution<double> uniform;
   for (int point = 0; point < options.num_points; ++point) {
     Track track;
     track.point_in_world = RandomVector(&random);
-    for (int view = 0; view < static_cast<int>(scene.views.size()); ++view) {
-      const bool is_sure = !scene.views[view].is_database || view < options.num_query + 2;
-      if (!is_sure && uniform(random) > options.min_views_ratio) continue;
+    for (int image = 0; image < static_cast<int>(scene.posed.images.size()); ++image) {
+      const bool is_sure = image < options.num_query + 2;
+      if (!is_sure && uniform(random) > options.min_images_ratio) continue;
       const Eigen::Vector2d offset_px = options.noise_px * RandomVector(&random).head<2>();
-      const Eigen::Vector3d point_in_cam = scene.views[view].cam_from_world * track.point_in_world;
-      track.observations.push_back({view, point, ObserveAt(point_in_cam, options.focal_length_px, offset_px)});
+      const Eigen::Vector3d point_in_cam = CamFromWorld(scene.posed, image) * track.point_in_world;
+      track.observations.push_back({image, point, ObserveAt(point_in_cam, options.focal_length_px, offset_px)});
     }
     scene.tracks.push_back(track);
   }

@@ -2,6 +2,7 @@
 
 #include <vector>
 
+#include "colmap_lazyloc/scene/frame.h"
 #include "colmap_lazyloc/scene/track.h"
 #include "colmap_lazyloc/testing/synthetic_scene.h"
 
@@ -12,20 +13,21 @@ struct SyntheticTracksOptions {
   int num_query = 1;
   int num_points = 60;
   double noise_px = 0;
-  double min_views_ratio = 1;  // of the database views, that a point is at least seen in
+  double min_images_ratio = 1;  // expected part of the database images that see a point
   double focal_length_px = 500;
   uint32_t seed = 0;
 };
 
-// Views around points with exact poses, points and image points (views 0..num_query-1 are free, the others fixed).
+// Lone images around points, with exact poses: queries (images 0..num_query-1), then database images. Frame i carries
+// image i.
 struct SyntheticTracks {
-  std::vector<View> views;
+  PosedImages posed;
   std::vector<Track> tracks;
 };
 
 SyntheticTracks MakeSyntheticTracks(const SyntheticTracksOptions& options);
 
-// The observation of a point by a pinhole camera of the given focal length, displaced by an offset in pixels.
+// Returns the observation of a point by a pinhole camera of the given focal length, displaced by an offset in pixels.
 Observation ObserveAt(const Eigen::Vector3d& point_in_cam, double focal_length_px, const Eigen::Vector2d& offset_px);
 
 }  // namespace lazyloc

@@ -1,4 +1,4 @@
-#include "colmap_lazyloc/refinement/sampson_refinement.h"
+#include "colmap_lazyloc/ablation/sampson_refinement.h"
 
 #include <algorithm>
 #include <cmath>
@@ -9,7 +9,7 @@
 
 #include "colmap_lazyloc/math/so3.h"
 #include "colmap_lazyloc/refinement/bundle_adjustment.h"
-#include "colmap_lazyloc/refinement/sampson_error.h"
+#include "colmap_lazyloc/ablation/sampson_error.h"
 #include "colmap_lazyloc/testing/synthetic_tracks.h"
 
 namespace lazyloc {

@@ -1,4 +1,4 @@
-#include "colmap_lazyloc/refinement/relative_pose_refinement.h"
+#include "colmap_lazyloc/ablation/relative_pose_refinement.h"
 
 #include <algorithm>
 #include <cmath>
@@ -14,11 +14,11 @@
 namespace lazyloc {
 namespace {
 
-// What an edge says of the free view: its rotation, and the line on which it stands.
+// Rotation of a query by an edge, and the line on which the edge puts its centre.
 struct Proposal {
   Eigen::Quaterniond cam_from_world_rotation;
-  Eigen::Vector3d fixed_in_world;
-  Eigen::Vector3d dir_fixed_to_free_in_world;
+  Eigen::Vector3d database_in_world;
+  Eigen::Vector3d dir_database_to_query_in_world;
 };
 
 struct Pose {
@@ -26,20 +26,21 @@ struct Pose {
   Eigen::Vector3d cam_in_world;
 };
 
-std::vector<Proposal> ProposalsFor(int view, std::vector<RelativePoseEdge> edges, const std::vector<View>& views) {
-  std::sort(edges.begin(), edges.end(), [](const auto& a, const auto& b) { return a.fixed_view < b.fixed_view; });
+std::vector<Proposal> ProposalsFor(int query, std::vector<RelativePoseEdge> edges, const PosedImages& posed) {
+  std::sort(edges.begin(), edges.end(), [](const auto& a, const auto& b) { return a.database < b.database; });
   std::vector<Proposal> proposals;
   for (const RelativePoseEdge& edge : edges) {
-    if (edge.free_view != view || edge.free_from_fixed.translation.isZero()) continue;
-    const Rigid3d& fixed = views[edge.fixed_view].cam_from_world;
-    proposals.push_back({edge.free_from_fixed.rotation * fixed.rotation, CamInWorld(fixed),
-                         fixed.rotation.conjugate() * CamInWorld(edge.free_from_fixed).normalized()});
+    if (edge.query != query || edge.query_from_database.translation.isZero()) continue;
+    const Rigid3d database_from_world = CamFromWorld(posed, edge.database);
+    proposals.push_back(
+        {edge.query_from_database.rotation * database_from_world.rotation, CamInWorld(database_from_world),
+         database_from_world.rotation.conjugate() * CamInWorld(edge.query_from_database).normalized()});
   }
   return proposals;
 }
 
 double ErrorRad(const Proposal& proposal, const Eigen::Vector3d& cam_in_world) {
-  return AngleBetweenRad(cam_in_world - proposal.fixed_in_world, proposal.dir_fixed_to_free_in_world);
+  return AngleBetweenRad(cam_in_world - proposal.database_in_world, proposal.dir_database_to_query_in_world);
 }
 
 std::vector<Proposal> Agreeing(const std::vector<Proposal>& proposals, const Eigen::Vector3d& cam_in_world,
@@ -51,16 +52,16 @@ std::vector<Proposal> Agreeing(const std::vector<Proposal>& proposals, const Eig
   return agreeing;
 }
 
-// None where the lines are parallel, to less than a tenth of a degree for two.
+// Returns nullopt if the lines are parallel, to less than a tenth of a degree for two.
 std::optional<Pose> PoseFrom(const std::vector<Proposal>& proposals) {
   std::vector<WeightedRotation> rotations;
   Eigen::Matrix3d normal = Eigen::Matrix3d::Zero();
   Eigen::Vector3d rhs = Eigen::Vector3d::Zero();
   for (const Proposal& proposal : proposals) {
-    const Eigen::Vector3d& dir = proposal.dir_fixed_to_free_in_world;
+    const Eigen::Vector3d& dir = proposal.dir_database_to_query_in_world;
     const Eigen::Matrix3d across = Eigen::Matrix3d::Identity() - dir * dir.transpose();
     normal += across;
-    rhs += across * proposal.fixed_in_world;
+    rhs += across * proposal.database_in_world;
     rotations.push_back({proposal.cam_from_world_rotation});
   }
   const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen(normal);
@@ -69,7 +70,7 @@ std::optional<Pose> PoseFrom(const std::vector<Proposal>& proposals) {
                                            eigen.eigenvectors().transpose() * rhs};
 }
 
-// The best pose so far.
+// Keeps the best pose.
 struct Best {
   std::optional<Pose> pose;
   size_t num_agreeing = 1;  // a pose needs two
@@ -112,24 +113,21 @@ bool RelativePoseRefinementOptions::Check(std::string* error) const {
   return true;
 }
 
-StageSummary RefineByRelativePoses(const RelativePoseRefinementOptions& options,
-                                   const std::vector<RelativePoseEdge>& edges, uint32_t seed,
-                                   std::vector<View>* views) {
-  StageSummary summary = {true, "refined", 0, 0};
+RelativePoseRefinementResult RefineByRelativePoses(const PosedImages& posed, const std::vector<RelativePoseEdge>& edges,
+                                                   const RelativePoseRefinementOptions& options, uint32_t seed) {
+  RelativePoseRefinementResult result = {{true, "refined", 0, 0}, posed};
   std::mt19937 random(seed);
-  std::vector<View> refined = *views;
-  for (size_t view = 0; view < views->size(); ++view) {
-    Rigid3d& cam_from_world = refined[view].cam_from_world;
-    if (refined[view].is_database) continue;
-    const std::vector<Proposal> proposals = ProposalsFor(static_cast<int>(view), edges, *views);
-    const Best best = Optimize(options, proposals, CamInWorld(cam_from_world), &random);
-    if (!best.pose) return {false, "no two relative poses of a view agree on its position", 0, 0};
-    cam_from_world = CamFromWorld(best.pose->cam_from_world_rotation, best.pose->cam_in_world);
-    summary.cost += best.error_rad;
-    summary.iterations += options.num_samples;
+  for (int image = 0; image < static_cast<int>(posed.images.size()); ++image) {
+    if (posed.IsDatabase(image)) continue;
+    Rigid3d& frame_from_world = result.posed.frames[posed.images[image].frame].frame_from_world;
+    const Best best =
+        Optimize(options, ProposalsFor(image, edges, posed), CamInWorld(frame_from_world), &random);
+    if (!best.pose) return {{false, "no two relative poses of a query agree on its position", 0, 0}, posed};
+    frame_from_world = CamFromWorld(best.pose->cam_from_world_rotation, best.pose->cam_in_world);
+    result.summary.cost += best.error_rad;
+    result.summary.iterations += options.num_samples;
   }
-  *views = std::move(refined);
-  return summary;
+  return result;
 }
 
 }  // namespace lazyloc

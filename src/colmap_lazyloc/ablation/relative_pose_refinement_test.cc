@@ -1,4 +1,4 @@
-#include "colmap_lazyloc/refinement/relative_pose_refinement.h"
+#include "colmap_lazyloc/ablation/relative_pose_refinement.h"
 
 #include <algorithm>
 #include <cmath>

@@ -1,4 +1,4 @@
-#include "colmap_lazyloc/refinement/sampson_refinement.h"
+#include "colmap_lazyloc/ablation/sampson_refinement.h"
 
 #include <algorithm>
 #include <cmath>
@@ -7,7 +7,7 @@
 
 #include "colmap_lazyloc/math/robust_weights.h"
 #include "colmap_lazyloc/math/so3.h"
-#include "colmap_lazyloc/refinement/sampson_error.h"
+#include "colmap_lazyloc/ablation/sampson_error.h"
 #include "colmap_lazyloc/scene/options_check.h"
 
 namespace lazyloc {
@@ -16,16 +16,18 @@ namespace {
 using Matrix6d = Eigen::Matrix<double, 6, 6>;
 using Vector6d = Eigen::Matrix<double, 6, 1>;
 
-std::vector<EpipolarMatch> MatchesOf(int view, const std::vector<Track>& tracks, const std::vector<View>& views) {
+std::vector<EpipolarMatch> MatchesOf(int query, const std::vector<Track>& tracks, const PosedImages& posed) {
   std::vector<EpipolarMatch> matches;
   for (const Track& track : tracks) {
     const auto own = std::find_if(track.observations.begin(), track.observations.end(),
-                                  [view](const TrackObservation& element) { return element.view == view; });
+                                  [query](const TrackObservation& element) { return element.image == query; });
     if (own == track.observations.end()) continue;
+    const auto noisy = [&](const TrackObservation& element) {
+      return NoisyObservation{element.observation, track.noise_ratio * posed.images[element.image].noise_px};
+    };
     for (const TrackObservation& other : track.observations) {
-      if (!views[other.view].is_database) continue;
-      matches.push_back(
-          MakeEpipolarMatch(views[other.view], other.observation, views[view], own->observation, track.noise_ratio));
+      if (!posed.IsDatabase(other.image)) continue;
+      matches.push_back(MakeEpipolarMatch(CamFromWorld(posed, other.image), noisy(other), noisy(*own)));
     }
   }
   return matches;
@@ -59,13 +61,13 @@ NormalEquations Linearize(const std::vector<EpipolarMatch>& matches, const Pose&
 Pose Moved(const Pose& pose, const NormalEquations& equations, double damping) {
   Matrix6d damped = equations.hessian;
   damped.diagonal() *= 1 + damping;
-  // A position that is open along a line stays where it started on it.
+  // Keeps a position that is unobservable along a line where it started.
   damped.diagonal().tail<3>().array() += 1e-9 * equations.hessian.diagonal().tail<3>().maxCoeff();
   const Vector6d step = damped.ldlt().solve(-equations.gradient);
   return {(ExpSO3(step.head<3>()) * pose.cam_from_world_rotation).normalized(), pose.cam_in_world + step.tail<3>()};
 }
 
-// Levenberg-Marquardt. Returns whether the cost was finite.
+// Minimises by Levenberg-Marquardt. Returns false if the cost is not finite.
 bool Minimize(const SampsonRefinementOptions& options, const std::vector<EpipolarMatch>& matches, Pose* pose,
               StageSummary* summary) {
   NormalEquations current = Linearize(matches, *pose, options.loss_scale_sigma);
@@ -98,22 +100,23 @@ bool SampsonRefinementOptions::Check(std::string* error) const {
   return true;
 }
 
-StageSummary RefineBySampsonError(const SampsonRefinementOptions& options, const std::vector<Track>& tracks,
-                                  std::vector<View>* views) {
+SampsonRefinementResult RefineBySampsonError(const PosedImages& posed, const std::vector<Track>& tracks,
+                                             const SampsonRefinementOptions& options) {
   constexpr size_t kMinNumMatches = 6;
-  StageSummary summary = {true, "refined", 0, 0};
-  std::vector<View> refined = *views;
-  for (size_t view = 0; view < views->size(); ++view) {
-    Rigid3d& cam_from_world = refined[view].cam_from_world;
-    if (refined[view].is_database) continue;
-    const std::vector<EpipolarMatch> matches = MatchesOf(static_cast<int>(view), tracks, *views);
-    if (matches.size() < kMinNumMatches) return {false, "a view has less than six matches", summary.iterations, 0};
-    Pose pose = {cam_from_world.rotation, CamInWorld(cam_from_world)};
-    if (!Minimize(options, matches, &pose, &summary)) return {false, "the cost is not finite", summary.iterations, 0};
-    cam_from_world = CamFromWorld(pose.cam_from_world_rotation, pose.cam_in_world);
+  SampsonRefinementResult result = {{true, "refined", 0, 0}, posed};
+  const auto fail = [&](const char* message) {
+    return SampsonRefinementResult{{false, message, result.summary.iterations, 0}, posed};
+  };
+  for (int image = 0; image < static_cast<int>(posed.images.size()); ++image) {
+    if (posed.IsDatabase(image)) continue;
+    const std::vector<EpipolarMatch> matches = MatchesOf(image, tracks, posed);
+    if (matches.size() < kMinNumMatches) return fail("a query has less than six matches");
+    Rigid3d& frame_from_world = result.posed.frames[posed.images[image].frame].frame_from_world;
+    Pose pose = {frame_from_world.rotation, CamInWorld(frame_from_world)};
+    if (!Minimize(options, matches, &pose, &result.summary)) return fail("the cost is not finite");
+    frame_from_world = CamFromWorld(pose.cam_from_world_rotation, pose.cam_in_world);
   }
-  *views = std::move(refined);
-  return summary;
+  return result;
 }
 
 }  // namespace lazyloc

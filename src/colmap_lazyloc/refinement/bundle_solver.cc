@@ -1,0 +1,253 @@
+#include "colmap_lazyloc/refinement/bundle_solver.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <optional>
+#include <tuple>
+#include <utility>
+
+#include <Eigen/Geometry>
+
+#include "colmap_lazyloc/math/block_product.h"
+#include "colmap_lazyloc/math/cholesky3.h"
+#include "colmap_lazyloc/math/so3.h"
+#include "colmap_lazyloc/refinement/pose_prior.h"
+
+namespace lazyloc {
+namespace {
+
+// Minimum damping, relative to each diagonal element: unobservable directions get a large but finite variance.
+constexpr double kRegularization = 1e-12;
+// Initial damping: keeps the first step from overshooting along weakly observable directions.
+constexpr double kFirstDamping = 1e-4;
+constexpr double kMaxDamping = 1e8;
+
+}  // namespace
+
+template <int kSize>
+BundleSolver<kSize>::BundleSolver(const PosedImages& posed, const std::vector<Track>& tracks,
+                                  const BundleAdjustmentOptions& options)
+    : options_(options),
+      squared_scale_(options.loss_scale_sigma * options.loss_scale_sigma),
+      problem_(posed, tracks),
+      camera_system_(problem_.frames.size()),
+      state_{problem_.frames, problem_.points} {
+  std::vector<int> frames;
+  for (const Range& range : problem_.free_range) {
+    frames.clear();
+    for (size_t i = range.begin; i < range.end; ++i) frames.push_back(problem_.free[i].frame);
+    camera_system_.AddPoint(frames);
+  }
+  camera_system_.Finish();
+}
+
+template <int kSize>
+StageSummary BundleSolver<kSize>::Minimize() {
+  StageSummary summary{false, "a point lies behind a camera at the start", 0, 0};
+  double damping = kFirstDamping;
+  if (!Build(state_, damping)) return summary;
+  summary = {true, "no convergence", 0, 0};
+  BundleState next = state_;
+  bool is_shortened = false;  // by damping: a short step then does not mean convergence
+  for (; summary.iterations < options_.max_num_iterations && damping <= kMaxDamping; ++summary.iterations) {
+    summary.cost = system_.cost;
+    const double step_sigma = Step(&next);
+    if (step_sigma < options_.convergence_sigma && !is_shortened) {
+      summary.message = "converged";
+      const double cost = Cost(next);
+      if (cost < summary.cost) std::swap(state_, next);
+      summary.cost = std::min(summary.cost, cost);
+      if (damping == kRegularization) return summary;  // with the last step's factor
+      break;
+    }
+    const double next_damping = damping > kFirstDamping ? damping / 10 : kRegularization;
+    is_shortened = !std::isfinite(step_sigma) || !Build(next, next_damping) || !(system_.cost < summary.cost);
+    if (is_shortened) {
+      damping = std::max(10 * damping, kFirstDamping);
+      Build(state_, damping);
+    } else {
+      damping = next_damping;
+      std::swap(state_, next);
+    }
+  }
+  if (damping > kMaxDamping) summary.message = "no step lowers the cost";
+  Build(state_, kRegularization);
+  camera_system_.Factorize(system_.reduced);
+  summary.cost = system_.cost;
+  return summary;
+}
+
+template <int kSize>
+std::vector<typename BundleSolver<kSize>::FrameMatrix> BundleSolver<kSize>::Covariances() const {
+  if (camera_system_.HasFactor()) return camera_system_.DiagonalOfInverse();
+  return std::vector<FrameMatrix>(state_.frames.size(), FrameMatrix::Identity() / kRegularization);
+}
+
+template <int kSize>
+PriorFit BundleSolver<kSize>::FitOfPriors(std::vector<Eigen::MatrixXd>* prior_parts) const {
+  std::vector<PriorDeviation> deviations;
+  for (size_t frame = 0; frame < state_.frames.size(); ++frame) {
+    const std::optional<PosePrior>& prior = problem_.given[frame]->prior;
+    if (!prior) continue;
+    deviations.push_back({static_cast<int>(frame), EvaluatePosePrior(*prior, state_.frames[frame].frame_from_world)});
+  }
+  if (deviations.empty() || !camera_system_.HasFactor()) return {};
+  const std::optional<Eigen::MatrixXd> inverse = camera_system_.Inverse();
+  return inverse ? FitPriors(deviations, *inverse, kSize, prior_parts) : PriorFit();
+}
+
+template <int kSize>
+bool BundleSolver<kSize>::Build(const BundleState& state, double damping) {
+  system_.cost = 0;
+  camera_system_.SetZero(&system_.reduced);
+  system_.rhs.setZero(kSize * static_cast<Eigen::Index>(state.frames.size()));
+  system_.point_factors.resize(state.points.size());
+  system_.eliminated.resize(problem_.free.size());
+  std::vector<FrameMatrix> hessians(state.frames.size(), FrameMatrix::Zero());
+  for (size_t frame = 0; frame < state.frames.size(); ++frame) {
+    AddKnowledge(state.frames[frame].frame_from_world, frame, &hessians[frame]);
+  }
+  for (size_t track = 0; track < state.points.size(); ++track) {
+    if (!AddTrack(state, track, damping, &hessians)) return false;
+  }
+  for (size_t frame = 0; frame < state.frames.size(); ++frame) {
+    hessians[frame].diagonal() *= 1 + damping;
+    camera_system_.Block(frame, frame, &system_.reduced) += hessians[frame];
+  }
+  return std::isfinite(system_.cost);
+}
+
+template <int kSize>
+double BundleSolver<kSize>::Cost(const BundleState& state) const {
+  constexpr double kInfinity = std::numeric_limits<double>::infinity();
+  double cost = 0;
+  for (size_t frame = 0; frame < state.frames.size(); ++frame) {
+    const std::optional<PosePrior>& prior = problem_.given[frame]->prior;
+    if (prior) cost += 0.5 * EvaluatePosePrior(*prior, state.frames[frame].frame_from_world).error.squaredNorm();
+  }
+  BundleError error;
+  for (size_t track = 0; track < state.points.size(); ++track) {
+    const auto [fixed, free] = std::tie(problem_.fixed_range[track], problem_.free_range[track]);
+    double cost_factor = 1;
+    for (size_t i = fixed.begin; i < fixed.end; ++i) {
+      if (!error.Evaluate(problem_.fixed[i], state.points[track])) return kInfinity;
+      cost_factor *= CostFactor(error);
+    }
+    for (size_t i = free.begin; i < free.end; ++i) {
+      const BundleFrame& frame = state.frames[problem_.free[i].frame];
+      if (!error.Evaluate(problem_.free[i], frame, state.points[track])) return kInfinity;
+      cost_factor *= CostFactor(error);
+    }
+    cost += 0.5 * squared_scale_ * std::log(cost_factor);
+  }
+  return cost;
+}
+
+template <int kSize>
+void BundleSolver<kSize>::AddKnowledge(const Rigid3d& frame_from_world, size_t frame, FrameMatrix* hessian) {
+  if (const std::optional<PosePrior>& prior = problem_.given[frame]->prior) {
+    const PosePriorResidual residual = EvaluatePosePrior(*prior, frame_from_world);
+    system_.cost += 0.5 * residual.error.squaredNorm();
+    hessian->template topLeftCorner<6, 6>() += residual.jacobian.transpose() * residual.jacobian;
+    system_.rhs.template segment<6>(kSize * frame) -= residual.jacobian.transpose() * residual.error;
+  }
+  if (kSize > 6 && !problem_.has_factor[frame]) (*hessian)(kSize - 1, kSize - 1) = 1;
+}
+
+template <int kSize>
+bool BundleSolver<kSize>::AddTrack(const BundleState& state, size_t track, double damping,
+                                   std::vector<FrameMatrix>* frame_hessians) {
+  const Eigen::Vector3d& point = state.points[track];
+  const auto [fixed, free] = std::tie(problem_.fixed_range[track], problem_.free_range[track]);
+  Eigen::Matrix3d hessian = Eigen::Matrix3d::Zero();
+  Eigen::Vector3d gradient = Eigen::Vector3d::Zero();
+  double cost_factor = 1;
+  BundleError error;
+  const auto weigh = [&] {
+    const double factor = CostFactor(error);
+    cost_factor *= factor;
+    error.Scale(std::sqrt(1 / factor));
+  };
+  for (size_t i = fixed.begin; i < fixed.end; ++i) {
+    if (!error.Evaluate(problem_.fixed[i], point)) return false;
+    weigh();
+    hessian += error.by_point.transpose().lazyProduct(error.by_point);
+    gradient += error.by_point.transpose().lazyProduct(error.error);
+  }
+  for (size_t i = free.begin; i < free.end; ++i) {
+    const BundleFrame& frame = state.frames[problem_.free[i].frame];
+    if (!error.Evaluate(problem_.free[i], frame, point)) return false;
+    weigh();
+    const Eigen::Matrix<double, 2, 3> by_point = error.by_point.lazyProduct(frame.rotation);
+    Eigen::Matrix<double, kSize, 2> by_frame;  // transposed
+    // d(point_in_frame)/dw = -Hat(rotated_point): each row of the product is a cross product.
+    by_frame.col(0).template head<3>() = error.rotated_point.cross(error.by_point.row(0).transpose());
+    by_frame.col(1).template head<3>() = error.rotated_point.cross(error.by_point.row(1).transpose());
+    by_frame.template middleRows<3>(3) = error.by_point.transpose();
+    if (kSize > 6) by_frame.row(kSize - 1) = error.by_log_factor.transpose();
+    hessian += by_point.transpose().lazyProduct(by_point);
+    gradient += by_point.transpose().lazyProduct(error.error);
+    (*frame_hessians)[problem_.free[i].frame] += by_frame.lazyProduct(by_frame.transpose());
+    system_.rhs.template segment<kSize>(kSize * problem_.free[i].frame) -= by_frame.lazyProduct(error.error);
+    system_.eliminated[i] = by_frame.lazyProduct(by_point);
+  }
+  system_.cost += 0.5 * squared_scale_ * std::log(cost_factor);
+  hessian.diagonal() *= 1 + damping;
+  EliminatePoint(track, hessian, gradient);
+  return true;
+}
+
+template <int kSize>
+void BundleSolver<kSize>::EliminatePoint(size_t track, const Eigen::Matrix3d& hessian,
+                                         const Eigen::Vector3d& gradient) {
+  const Eigen::Matrix3d inverse = InverseCholeskyFactor(hessian);
+  system_.point_factors[track] = {inverse, inverse.lazyProduct(gradient)};
+  const Range& range = problem_.free_range[track];
+  for (size_t a = range.begin; a < range.end; ++a) {
+    system_.eliminated[a] = system_.eliminated[a].lazyProduct(inverse.transpose()).eval();
+    system_.rhs.template segment<kSize>(kSize * problem_.free[a].frame) +=
+        system_.eliminated[a].lazyProduct(system_.point_factors[track].gradient);
+  }
+  RunVectorized([&]() LAZYLOC_ALWAYS_INLINE {
+    for (size_t a = range.begin; a < range.end; ++a) {
+      // The frames of a track ascend.
+      for (size_t b = range.begin; b <= a; ++b) {
+        FrameMatrix& block =
+            camera_system_.Block(problem_.free[a].frame, problem_.free[b].frame, &system_.reduced);
+        SubtractProduct(system_.eliminated[a], system_.eliminated[b], &block);
+        // Two images of one frame: adds the other half of the diagonal block.
+        if (a == b || problem_.free[a].frame != problem_.free[b].frame) continue;
+        SubtractProduct(system_.eliminated[b], system_.eliminated[a], &block);
+      }
+    }
+  });
+}
+
+template <int kSize>
+double BundleSolver<kSize>::Step(BundleState* next) {
+  if (!camera_system_.Factorize(system_.reduced)) return std::numeric_limits<double>::quiet_NaN();
+  const Eigen::VectorXd step = camera_system_.Solve(system_.rhs);
+  for (size_t frame = 0; frame < state_.frames.size(); ++frame) {
+    const FrameVector move = step.segment<kSize>(kSize * frame);
+    const Rigid3d& pose = state_.frames[frame].frame_from_world;
+    next->frames[frame].MoveTo({(ExpSO3(move.template head<3>()) * pose.rotation).normalized(),
+                                  pose.translation + move.template segment<3>(3)});
+    if (kSize > 6) next->frames[frame].log_factor = state_.frames[frame].log_factor + move(kSize - 1);
+  }
+  for (size_t track = 0; track < state_.points.size(); ++track) {
+    Eigen::Vector3d step_in_factor = -system_.point_factors[track].gradient;
+    for (size_t i = problem_.free_range[track].begin; i < problem_.free_range[track].end; ++i) {
+      step_in_factor -=
+          system_.eliminated[i].transpose().lazyProduct(step.segment<kSize>(kSize * problem_.free[i].frame));
+    }
+    next->points[track] =
+        state_.points[track] + system_.point_factors[track].inverse.transpose().lazyProduct(step_in_factor);
+  }
+  return std::sqrt(std::max(step.dot(system_.rhs), 0.0) / static_cast<double>(state_.frames.size()));
+}
+
+template class BundleSolver<6>;
+template class BundleSolver<7>;
+
+}  // namespace lazyloc

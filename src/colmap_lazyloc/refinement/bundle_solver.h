@@ -1,0 +1,87 @@
+#pragma once
+
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "colmap_lazyloc/refinement/bundle_adjustment.h"
+#include "colmap_lazyloc/refinement/bundle_problem.h"
+#include "colmap_lazyloc/refinement/camera_system.h"
+
+namespace lazyloc {
+
+// Unknowns of bundle adjustment.
+struct BundleState {
+  std::vector<BundleFrame> frames;
+  std::vector<Eigen::Vector3d> points;  // by track
+};
+
+// Levenberg-Marquardt with the points eliminated. kSize: number of parameters of a frame (6, or 7 with a factor).
+template <int kSize>
+class BundleSolver {
+  using FrameVector = Eigen::Matrix<double, kSize, 1>;
+  using FrameMatrix = Eigen::Matrix<double, kSize, kSize>;
+  using Coupling = Eigen::Matrix<double, kSize, 3>;
+
+  // Factor of a point's damped Hessian H = L L^T, and its gradient g.
+  struct PointFactor {
+    Eigen::Matrix3d inverse;   // L^-1
+    Eigen::Vector3d gradient;  // L^-1 g
+  };
+
+  // The damped normal equations around a state with the points eliminated, and what back substitution needs.
+  struct System {
+    double cost = 0;
+    typename CameraSystem<kSize>::Blocks reduced;
+    Eigen::VectorXd rhs;
+    std::vector<PointFactor> point_factors;
+    std::vector<Coupling> eliminated;  // by free observation: its coupling times the inverse factor, transposed
+  };
+
+ public:
+  BundleSolver(const PosedImages& posed, const std::vector<Track>& tracks, const BundleAdjustmentOptions& options);
+
+  // Takes a damped step, then Gauss-Newton steps while they lower the cost; increases the damping when they do not.
+  StageSummary Minimize();
+  const BundleState& Solution() const { return state_; }
+  // Returns the index of a frame of PosedImages; -1 for a constant one.
+  int IndexOf(int frame) const { return problem_.index_of_frame[frame]; }
+
+  // Returns the covariances of the frames' parameters, at the minimum or a step before it that is as short as
+  // convergence means.
+  std::vector<FrameMatrix> Covariances() const;
+  // Fits the priors' variance after Covariances. prior_parts: by frame, empty without priors or for many frames.
+  PriorFit FitOfPriors(std::vector<Eigen::MatrixXd>* prior_parts) const;
+
+ private:
+  // Builds the system around a state. Returns false if a point lies behind one of its cameras.
+  bool Build(const BundleState& state, double damping);
+  // Returns the cost of a state without building its system; infinite if a point lies behind one of its cameras.
+  double Cost(const BundleState& state) const;
+  // Returns the factor whose log is the robust cost: a sum of logs is the log of a product, which takes less time. Its
+  // inverse is the robust weight.
+  double CostFactor(const BundleError& error) const { return 1 + error.error.squaredNorm() / squared_scale_; }
+
+  // Adds the prior of a frame's pose, and a unit weight that keeps a factor constant if it is not estimated.
+  void AddKnowledge(const Rigid3d& frame_from_world, size_t frame, FrameMatrix* hessian);
+  // Adds a track's derivatives and eliminates its point, in one pass. Returns false if the point lies behind a camera.
+  bool AddTrack(const BundleState& state, size_t track, double damping, std::vector<FrameMatrix>* frame_hessians);
+  // Subtracts the Schur complement of one point by its Cholesky factor: a square, so that the system stays positive
+  // definite however badly the point is determined. system_.eliminated holds the couplings before the call.
+  void EliminatePoint(size_t track, const Eigen::Matrix3d& hessian, const Eigen::Vector3d& gradient);
+  // Returns the length of the frames' step in standard deviations (Mahalanobis distance by the reduced system), root
+  // mean square over the frames; NaN if the system is not positive definite.
+  double Step(BundleState* next);
+
+  const BundleAdjustmentOptions& options_;
+  const double squared_scale_;
+  const BundleProblem problem_;
+  CameraSystem<kSize> camera_system_;
+  BundleState state_;
+  System system_;
+};
+
+extern template class BundleSolver<6>;
+extern template class BundleSolver<7>;
+
+}  // namespace lazyloc

@@ -1,0 +1,86 @@
+#pragma once
+
+#include <optional>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "colmap_lazyloc/math/rigid3.h"
+
+namespace lazyloc {
+
+// What is known of a frame's pose beforehand.
+struct PosePrior {
+  Rigid3d frame_from_world;
+  double rotation_stddev_rad = 0;  // about each axis
+  double position_stddev = 0;      // of each coordinate of the frame's origin, in database units
+};
+
+// A rig at one moment, or a lone image. Only frames have poses (COLMAP 4's words).
+struct Frame {
+  Rigid3d frame_from_world;
+  bool is_database = false;
+  // Database frames whose pose may be off: adjustment corrects frame_from_world as far as the prior lets it. Without a
+  // prior a database frame is constant.
+  std::optional<PosePrior> prior;
+  // True if adjustment estimates a factor on the translations of the frame's cam_from_frame (a trajectory without scale).
+  bool has_free_scale = false;
+  double scale = 1;  // the factor that has been estimated so far
+};
+
+// An image of a frame:
+//
+//      image 0         image 1          cam_from_world = cam_from_frame * frame_from_world
+//   (frame's axes)     /
+//        +------------+  cam_from_frame: the rig offset, constant but for the frame's scale
+//         \          /
+//          \ frame_from_world: one pose for all images of the frame
+//
+struct Image {
+  int frame = -1;          // index into PosedImages::frames
+  Rigid3d cam_from_frame;  // identity for the first image of a frame, whose axes are the frame's
+  // Standard deviation of a keypoint's error, per coordinate: keypoint noise, and what errors of a database pose and of
+  // the intrinsics look like in the image.
+  double noise_px = 1;
+  // Log of the factor on the focal length that adjustment estimates; nullopt if the focal length is known.
+  std::optional<double> log_focal_factor;
+};
+
+// Images and the frames that carry them.
+struct PosedImages {
+  std::vector<Image> images;
+  std::vector<Frame> frames;
+
+  const Frame& FrameOf(int image) const { return frames[images[image].frame]; }
+  bool IsDatabase(int image) const { return FrameOf(image).is_database; }
+};
+
+// Returns true if adjustment takes the pose as exact.
+inline bool IsConstant(const Frame& frame) { return frame.is_database && !frame.prior; }
+
+// Returns true if the frame's axes are those of the image.
+inline bool HasFrameAxes(const Image& image) {
+  return image.cam_from_frame.rotation.coeffs() == Eigen::Vector4d::UnitW() && image.cam_from_frame.translation.isZero(0);
+}
+
+// Returns the frame's own pose for an image with its axes, because composing with the identity would normalise the
+// rotation and change its last bits.
+inline Rigid3d CamFromWorld(const Image& image, const Rigid3d& frame_from_world) {
+  return HasFrameAxes(image) ? frame_from_world : image.cam_from_frame * frame_from_world;
+}
+
+inline Rigid3d CamFromWorld(const PosedImages& posed, int image) {
+  return CamFromWorld(posed.images[image], posed.FrameOf(image).frame_from_world);
+}
+
+// Returns the poses of all images.
+inline std::vector<Rigid3d> CamsFromWorld(const PosedImages& posed) {
+  std::vector<Rigid3d> cams_from_world;
+  cams_from_world.reserve(posed.images.size());
+  for (const Image& image : posed.images) {
+    cams_from_world.push_back(CamFromWorld(image, posed.frames[image.frame].frame_from_world));
+  }
+  return cams_from_world;
+}
+
+}  // namespace lazyloc
