@@ -160,7 +160,7 @@ void ForEachOption(Options& o, const Add& add) {
   add("LazyLocalizer.convergence_sigma", &o.localizer.bundle_adjustment.convergence_sigma,
       "bundle adjustment ends with the step that moves the poses by less, in standard deviations (root mean "
       "square over the poses)");
-  add("LazyLocalizer.single_view_noise_ratio", &o.localizer.triangulation.single_view_noise_ratio,
+  add("LazyLocalizer.single_view_noise_ratio", &o.localizer.triangulation.single_image_noise_ratio,
       "factor on the image noise of points that one database image sees; more where these scatter more than others");
   add("LazyLocalizer.max_num_tracks", &o.localizer.max_num_tracks,
       "of more tracks than these, well distributed ones with most image points are used");

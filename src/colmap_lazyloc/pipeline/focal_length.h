@@ -1,19 +1,42 @@
 #pragma once
 
-#include "colmap_lazyloc/pipeline/query_state.h"
+#include <vector>
+
+#include "colmap_lazyloc/pipeline/layout.h"
+#include "colmap_lazyloc/scene/localization_problem.h"
 
 namespace lazyloc {
 
-// Where the query's focal length is sought, these take the place of motion averaging: relative poses that were made
-// with a wrong one must not decide. The query is alone in its group. Both throw QueryFailure where the query cannot go
-// on.
+// True if the focal length of the query is to be estimated.
+bool IsFocalLengthUnknown(const LocalizationProblem& problem, const LocalizerOptions& options);
 
-// The pairs' inlier matches, however they were verified.
-void CollectInlierMatches(QueryState* state);
+// The camera of a single query whose focal length is being estimated, and the tracks as it observes them.
+class QueryCamera {
+ public:
+  explicit QueryCamera(const LocalizationProblem& problem) : problem_(problem), camera_(problem.query_camera) {}
 
-// Of focal lengths between a third of and three times the given one, that under which COLMAP's absolute pose (P3P) on
-// the points that the database views triangulate by themselves brings most of them near their image points, by the
-// score of ChooseStart; and this pose. The given focal length's error does not reach these points.
-void ChooseFocalLengthAndPose(QueryState* state);
+  const Camera& Intrinsics() const { return camera_; }
+  void ScaleFocalLength(double factor);
+  // Returns the tracks with their query observations (the first ones) computed again by the present camera, without
+  // those whose keypoint it cannot unproject.
+  std::vector<Track> Observe(const std::vector<Track>& tracks) const;
+
+ private:
+  const LocalizationProblem& problem_;
+  Camera camera_;
+};
+
+// A focal length, as a factor on that of the camera, and a pose that fits it.
+struct FocalLengthAndPose {
+  double factor = 1;
+  Rigid3d frame_from_world;
+};
+
+// Searches a grid of 29 focal lengths in [f/3, 3f]: an absolute pose (P3P in RANSAC) with each on tracks triangulated
+// from the database, whose points do not depend on the query's focal length; keeps the highest score (ScoreStart).
+// Throws Failure without any pose.
+FocalLengthAndPose ChooseFocalLengthAndPose(const Layout& layout, const QueryCamera& camera,
+                                            const std::vector<Track>& tracks_from_database,
+                                            const LocalizerOptions& options);
 
 }  // namespace lazyloc

@@ -1,23 +1,28 @@
 #pragma once
 
-#include "colmap_lazyloc/pipeline/query_state.h"
+#include <optional>
+#include <vector>
+
+#include "colmap_lazyloc/pipeline/failure.h"
+#include "colmap_lazyloc/pipeline/layout.h"
+#include "colmap_lazyloc/scene/pair_geometry.h"
+#include "colmap_lazyloc/scene/stage_timer.h"
+#include "colmap_lazyloc/translation/relative_direction.h"
 
 namespace lazyloc {
 
-// LazyLoc, sections 3.1 and 3.2, with the database's poses fixed. Each stage needs those before it, and throws
-// QueryFailure where a frame cannot go on.
+// Result of motion averaging: poses, or the reason why there are none.
+struct Averaged {
+  PosedImages posed;                          // query frames at their averaged poses
+  PairRefs pairs;                             // those that agree with the averaged rotations
+  std::vector<RelativeDirection> directions;  // by pair; zero if unknown
+  std::optional<Failure> failure;
+};
 
-// The pairs' relative poses and inlier matches: stored, or estimated by COLMAP.
-void FindRelativePoses(QueryState* state);
-// Of more pairs of a query with database images than are wanted, keeps those with most inliers.
-void KeepBestPairs(QueryState* state);
-// Throws for frames that no pair links to the database or to another frame.
-void CheckLinks(const QueryState& state);
-// The frames' rotations; drops the pairs that do not agree with them.
-void AverageRotation(QueryState* state);
-// The pairs' directions of translation again, now that all rotations are known.
-void EstimateDirections(QueryState* state);
-// The frames' positions.
-void AverageTranslation(QueryState* state);
+// Averages the rotations, then the translations of the query frames with the database poses fixed (LazyLoc, sections 3.1
+// and 3.2). Throws Failure unless a single frame may be localized without averaging, from another start; then the result
+// has the failure and all pairs that are left.
+Averaged AverageMotion(const Layout& layout, const std::vector<PairGeometry>& pairs, const LocalizerOptions& options,
+                       StageTimer::Seconds* seconds);
 
 }  // namespace lazyloc

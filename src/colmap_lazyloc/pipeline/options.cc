@@ -12,6 +12,7 @@ bool LocalizerOptions::Check(std::string* error) const {
   OPTION_GT(min_noise_px, 0);
   OPTION_GE(min_num_tracks, 4);
   OPTION_GE(max_num_tracks, 4);
+  OPTION_GE(max_num_start_tracks, 4);
   OPTION_GE(database_pose_stddev_deg, -1);
   OPTION_GE(database_pose_stddev_length, -1);
   OPTION_GT(database_pose_noise_px, 0);

@@ -3,9 +3,9 @@
 #include <array>
 #include <string>
 
+#include "colmap_lazyloc/ablation/relative_pose_refinement.h"
+#include "colmap_lazyloc/ablation/sampson_refinement.h"
 #include "colmap_lazyloc/refinement/bundle_adjustment.h"
-#include "colmap_lazyloc/refinement/relative_pose_refinement.h"
-#include "colmap_lazyloc/refinement/sampson_refinement.h"
 #include "colmap_lazyloc/rotation/rotation_averaging.h"
 #include "colmap_lazyloc/scene/enum_names.h"
 #include "colmap_lazyloc/structure/track_triangulation.h"
@@ -36,10 +36,10 @@ template <>
 inline constexpr std::array<const char*, 4> kEnumNames<PostOptimization> = {"tracks", "sampson", "relative_pose_lo",
                                                                             "none"};
 
-// Everything that can be set of the method. The one place of every default: the command's help is made from it.
+// Options of the method. The command's help and options.ini are generated from these defaults.
 struct LocalizerOptions {
-  int seed = 0;
-  // Of more pairs than these, the ones with most verified inliers are used; 0 for all.
+  int seed = 0;  // of all random choices: the same seed gives the same result
+  // Maximum number of database images per query; those with most verified inliers are used. 0: no limit.
   int max_num_pairs = 0;
   RelativePoseOptions relative_pose;
   RotationAveragingOptions rotation_averaging;
@@ -51,28 +51,30 @@ struct LocalizerOptions {
   StartPose start_pose = StartPose::BEST;
   PostOptimization post_optimization = PostOptimization::TRACKS;
 
-  // A pair whose measured rotation differs from the averaged one by more is dropped.
+  // Maximum difference between the measured rotation of a pair and the averaged one; other pairs are dropped.
   double max_rotation_error_deg = 5;
-  // Rounds of triangulation and adjustment. The first one starts from motion averaging, which may be off by many
-  // pixels.
+  // Number of rounds of triangulation and adjustment. The first one starts from motion averaging, which may be off by
+  // many pixels.
   int num_refinement_rounds = 3;
-  double max_start_error_sigma = 8;  // largest error of a point in the query then, in standard deviations
-  // Image noise that the first round assumes; later ones estimate it for each image, but never below the minimum.
+  double max_start_error_sigma = 8;  // maximum error of a point in the query in the first round, standard deviations
+  // Image noise that the first round assumes. Later rounds estimate it for each image, but never below the minimum.
   double start_noise_px = 4;
   double min_noise_px = 0.5;
-  int min_num_tracks = 6;
-  // Of more tracks than these, well distributed ones with most image points are used.
+  int min_num_tracks = 6;  // minimum number of tracks for a pose
+  // Maximum number of tracks in the last round, and in the start and all earlier rounds. Well distributed tracks with
+  // most observations are used.
   int max_num_tracks = 1000000;
-  // The same for the start and all rounds but the last.
   int max_num_start_tracks = 300;
-  // Whether the focal length is sought of a query whose camera has no prior one.
+  // True to estimate the focal length of queries whose camera has no prior one.
   bool refine_focal_length = false;
-  // How far database poses may be off, per axis in degrees and per coordinate of the projection centre in database
-  // units: 0 takes them as exact, -1 estimates it for each query from how well the images fit together.
+  // True if database images of one rig frame share one pose and one prior in adjustment.
+  bool share_database_frames = false;
+  // Standard deviation of database poses, per axis in degrees and per coordinate of the projection centre in database
+  // units. 0: exact; -1: estimated for each query from how well the images fit together.
   double database_pose_stddev_deg = -1;
   double database_pose_stddev_length = -1;
-  double database_pose_noise_px = 0.1;  // expected size of what is estimated, seen in the image
-  // A position whose standard deviation exceeds this part of the distance to the scene is not reported as found.
+  double database_pose_noise_px = 0.1;  // expected value of that estimate, as displacement of keypoints
+  // Maximum standard deviation of a position over the distance to the scene; a query above it is not LOCALIZED.
   double max_position_stddev_ratio = 0.1;
 
   bool Check(std::string* error) const;

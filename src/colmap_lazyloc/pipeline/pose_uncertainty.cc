@@ -1,6 +1,7 @@
 #include "colmap_lazyloc/pipeline/pose_uncertainty.h"
 
 #include <algorithm>
+#include <string>
 
 #include "colmap_lazyloc/math/so3.h"
 #include "colmap_lazyloc/pipeline/position_ambiguity.h"
@@ -9,26 +10,32 @@
 namespace lazyloc {
 namespace {
 
-// Throws for the first kind of failure that there is, with all of the frames that have it.
-void CheckPositions(double variance_factor, QueryState* state) {
-  const bool is_single = state->frames.size() == 1;  // which sees them all
-  std::vector<std::vector<Track>> tracks_by_frame;
-  if (!is_single) tracks_by_frame = state->TracksByFrame(state->tracks);
-  std::vector<QueryFailure> failures;
-  for (const int frame : state->frames) {
-    const std::vector<Track>& tracks = is_single ? state->tracks : tracks_by_frame[frame];
-    if (!IsPositionOpen(*state, frame, tracks)) continue;
-    QueryFailure failure = FailWithOpenPosition(frame, tracks, variance_factor, state);
-    if (state->SeeksFocalLength() && failure.status == QueryStatus::DEGENERATE_BASELINE) {
-      failure.reason = "the position is open along a line: its distance and the focal length cannot be told apart";
-    }
-    failures.push_back(failure);
-    failures.front().frames.push_back(frame);
-  }
-  if (!failures.empty()) throw failures.front();
+void CheckNumTracks(const std::vector<TrackRefs>& tracks_of, int min_num_tracks) {
+  CheckFrames(static_cast<int>(tracks_of.size()), QueryStatus::TOO_FEW_TRACKS, [&](int frame) {
+    if (static_cast<int>(tracks_of[frame].size()) >= min_num_tracks) return Reason();
+    return Reason("only " + std::to_string(tracks_of[frame].size()) + " tracks agree with the refined pose; " +
+                  std::to_string(min_num_tracks) + " are needed");
+  });
 }
 
-// Into the tangent of the pose in the database's own frame: t = t_local - R origin.
+// Throws the failure of the first frame with an unobservable position, in the name of all such frames.
+void CheckPositions(const Layout& layout, const PairRefs& pairs, const BundleAdjustmentResult& adjustment,
+                    const std::vector<TrackRefs>& tracks_of, double variance_factor, const LocalizerOptions& options) {
+  std::optional<Failure> first;
+  for (int i = 0; i < layout.num_query_frames; ++i) {
+    const AdjustedFrame frame{layout, pairs, adjustment, i, tracks_of[i]};
+    if (!IsPositionOpen(frame, options)) continue;
+    if (!first) first = OpenPositionFailure(frame, variance_factor);
+    first->frames.push_back(i);
+  }
+  if (!first) return;
+  if (adjustment.posed.images[0].log_focal_factor && first->status == QueryStatus::DEGENERATE_BASELINE) {
+    first->reason = "the position is open along a line: its distance and the focal length cannot be told apart";
+  }
+  throw Failure(*first);
+}
+
+// Moves a covariance into the tangent of the pose in the database's coordinates: t = t_local - R origin.
 Eigen::Matrix<double, 6, 6> MoveToWorld(const Eigen::Matrix<double, 6, 6>& covariance, const Eigen::Vector3d& origin,
                                         const Rigid3d& pose) {
   Eigen::Matrix<double, 6, 6> world_from_local = Eigen::Matrix<double, 6, 6>::Identity();
@@ -39,23 +46,23 @@ Eigen::Matrix<double, 6, 6> MoveToWorld(const Eigen::Matrix<double, 6, 6>& covar
 
 }  // namespace
 
-void EstimateCovariance(QueryState* state) {
-  const std::vector<int> num_tracks = state->NumTracksByFrame(state->tracks);
-  CheckFrames(*state, QueryStatus::TOO_FEW_TRACKS, [&](int frame) -> std::optional<std::string> {
-    if (num_tracks[frame] >= state->options.min_num_tracks) return std::nullopt;
-    return "only " + std::to_string(num_tracks[frame]) + " tracks agree with the refined pose; " +
-           std::to_string(state->options.min_num_tracks) + " are needed";
-  });
-  const double factor = VarianceFactor(state->views, state->tracks, state->options.bundle_adjustment.loss_scale_sigma);
-  CheckPositions(factor, state);
-  const double missing_prior_factor = std::max(state->adjustment.prior_fit.VarianceFactor(factor) - factor, 0.0);
-  for (int query = 0; query < state->NumQueries(); ++query) {
-    const Rigid3d& pose = state->views[query].cam_from_world;
-    const Eigen::Matrix<double, 6, 6> covariance = factor * state->adjustment.pose_covariances[query] +
-                                                   missing_prior_factor * state->adjustment.prior_parts[query];
-    state->results[query].spread = ComputePoseSpread(pose, covariance);
-    state->results[query].covariance = MoveToWorld(covariance, state->origin, pose);
+std::vector<PoseUncertainty> EstimateUncertainties(const Layout& layout, const PairRefs& pairs, const Refined& refined,
+                                                   const LocalizerOptions& options) {
+  const BundleAdjustmentResult& adjustment = refined.adjustment;
+  const std::vector<TrackRefs> tracks_of = TracksByFrame(layout, adjustment.tracks);
+  CheckNumTracks(tracks_of, options.min_num_tracks);
+  const double factor =
+      VarianceFactor(adjustment.posed, adjustment.tracks, options.bundle_adjustment.loss_scale_sigma);
+  CheckPositions(layout, pairs, adjustment, tracks_of, factor, options);
+  const double missing_prior_factor = std::max(adjustment.prior_fit.VarianceFactor(factor) - factor, 0.0);
+  std::vector<PoseUncertainty> uncertainties;
+  for (int query = 0; query < layout.num_queries; ++query) {
+    const Rigid3d pose = CamFromWorld(adjustment.posed, query);
+    const Eigen::Matrix<double, 6, 6> covariance = factor * adjustment.image_covariances[query] +
+                                                   missing_prior_factor * adjustment.image_prior_parts[query];
+    uncertainties.push_back({MoveToWorld(covariance, layout.origin, pose), ComputePoseSpread(pose, covariance)});
   }
+  return uncertainties;
 }
 
 }  // namespace lazyloc

@@ -1,11 +1,25 @@
 #pragma once
 
-#include "colmap_lazyloc/pipeline/query_state.h"
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "colmap_lazyloc/pipeline/motion_averaging.h"
+#include "colmap_lazyloc/pipeline/refinement_rounds.h"
 
 namespace lazyloc {
 
-// Fills the results' covariances from the last adjustment. Throws QueryFailure for frames whose position the image
-// noise leaves open, and says what kind of view leaves it so.
-void EstimateCovariance(QueryState* state);
+// Uncertainty of a query's pose.
+struct PoseUncertainty {
+  // Covariance of cam_from_world in the database's coordinates: rotation (rad), then translation (database units).
+  Eigen::Matrix<double, 6, 6> covariance;
+  PoseSpread spread;
+};
+
+// Returns the uncertainties of the queries from the last adjustment: image noise and the noise of database poses, both
+// scaled by how well the tracks and the priors fit. Throws Failure for frames with too few tracks or an unobservable
+// position, and says why it is unobservable.
+std::vector<PoseUncertainty> EstimateUncertainties(const Layout& layout, const PairRefs& pairs, const Refined& refined,
+                                                   const LocalizerOptions& options);
 
 }  // namespace lazyloc

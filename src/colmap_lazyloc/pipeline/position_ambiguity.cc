@@ -18,27 +18,17 @@ namespace {
 
 constexpr char kOnePlaceReason[] =
     "only one database position is usable: the direction from there is known, the distance is not";
-// Above it a bearing says nothing.
+// Maximum standard deviation of a bearing that is worth reporting.
 constexpr double kMaxBearingStddevRad = 0.5;
 
-bool IsDatabasePairOf(int frame, const PairState& pair, const QueryState& state) {
-  return state.HasDatabaseImage(pair) && state.FrameOf(pair.query) == frame;
-}
-
-std::vector<Eigen::Vector3d> DatabaseCentres(const QueryState& state, int frame) {
+// Returns the centres of the database images that a query frame has pairs with, one per pair.
+std::vector<Eigen::Vector3d> DatabaseCentres(const Layout& layout, const PairRefs& pairs, int frame) {
   std::vector<Eigen::Vector3d> centres;
-  for (const PairState& pair : state.pairs) {
-    if (IsDatabasePairOf(frame, pair, state)) centres.push_back(CamInWorld(state.GivenPose(pair.view)));
+  for (const PairGeometry* pair : pairs) {
+    if (!layout.IsDatabase(pair->other) || layout.FrameOf(pair->query) != frame) continue;
+    centres.push_back(CamInWorld(CamFromWorld(layout.given, pair->other)));
   }
   return centres;
-}
-
-std::vector<int> QueriesOf(const QueryState& state, int frame) {
-  std::vector<int> queries;
-  for (int query = frame; query < state.NumQueries() && state.FrameOf(query) == frame; ++query) {
-    queries.push_back(query);
-  }
-  return queries;
 }
 
 bool AreOnePlace(const std::vector<Eigen::Vector3d>& centres) {
@@ -47,10 +37,13 @@ bool AreOnePlace(const std::vector<Eigen::Vector3d>& centres) {
   });
 }
 
-// Whether the deviation of the database images and the frame's from their best line is a small part of their length.
-bool AreOnOneLine(const QueryState& state, int frame, double max_ratio) {
-  std::vector<Eigen::Vector3d> places = DatabaseCentres(state, frame);
-  for (const int query : QueriesOf(state, frame)) places.push_back(CamInWorld(state.views[query].cam_from_world));
+// Returns true if the deviation of the frame's centres and its database images' from their best line is less than
+// max_ratio of their extent.
+bool AreOnOneLine(const AdjustedFrame& frame, double max_ratio) {
+  std::vector<Eigen::Vector3d> places = DatabaseCentres(frame.layout, frame.pairs, frame.frame);
+  for (const int query : frame.layout.QueriesOf(frame.frame)) {
+    places.push_back(CamInWorld(CamFromWorld(frame.adjustment.posed, query)));
+  }
   Eigen::Matrix3Xd offsets(3, places.size());
   for (size_t i = 0; i < places.size(); ++i) offsets.col(static_cast<Eigen::Index>(i)) = places[i];
   offsets.colwise() -= offsets.rowwise().mean().eval();
@@ -58,34 +51,43 @@ bool AreOnOneLine(const QueryState& state, int frame, double max_ratio) {
   return extents[1] <= max_ratio * extents[0];
 }
 
-// Whether the image noise does not tell the points from points of one plane, n . X = 1 in the query's frame, i.e.
-// n . ray = 1 / distance. What a point's inverse distance deviates from that shifts it along the epipolar line of an
-// image at distance `baseline`, in rad.
-bool AreInOnePlane(const View& query, const std::vector<Track>& tracks, double baseline) {
-  Eigen::MatrixX3d rays(tracks.size(), 3);
-  Eigen::VectorXd inverse_distances(tracks.size());
+double MedianDistance(const Rigid3d& cam_from_world, const TrackRefs& tracks) {
+  std::vector<double> distances;
+  for (const Track* track : tracks) distances.push_back((cam_from_world * track->point_in_world).norm());
+  return Median(std::move(distances));
+}
+
+// Returns true if the image noise does not distinguish the points from points of one plane, n . X = 1 in the frame's
+// axes, i.e. n . ray = 1 / distance. A deviation of a point's inverse distance from that moves its keypoint along the
+// epipolar line of an image at distance `baseline`, in rad.
+bool AreInOnePlane(const AdjustedFrame& frame, double baseline) {
+  const Rigid3d& frame_from_world = frame.adjustment.posed.frames[frame.frame].frame_from_world;
+  const double noise_px = frame.adjustment.posed.images[frame.layout.QueriesOf(frame.frame).front()].noise_px;
+  Eigen::MatrixX3d rays(frame.tracks.size(), 3);
+  Eigen::VectorXd inverse_distances(frame.tracks.size());
   for (Eigen::Index i = 0; i < rays.rows(); ++i) {
-    const Eigen::Vector3d point_in_cam = query.cam_from_world * tracks[i].point_in_world;
-    rays.row(i) = point_in_cam.normalized();
-    inverse_distances[i] = 1 / point_in_cam.norm();
+    const Eigen::Vector3d point = frame_from_world * frame.tracks[i]->point_in_world;
+    rays.row(i) = point.normalized();
+    inverse_distances[i] = 1 / point.norm();
   }
   const Eigen::Vector3d normal = (rays.transpose() * rays).ldlt().solve(rays.transpose() * inverse_distances);
   const Eigen::ArrayXd shifts_rad = baseline * (rays * normal - inverse_distances).array().abs();
   std::vector<double> shifts_sigma;
   for (Eigen::Index i = 0; i < rays.rows(); ++i) {
-    const Observation& observation = tracks[i].observations.front().observation;
-    shifts_sigma.push_back(shifts_rad[i] / (RadFromPx(observation) * query.noise_px));
+    const Observation& observation = frame.tracks[i]->observations.front().observation;
+    shifts_sigma.push_back(shifts_rad[i] / (RadFromPx(observation) * noise_px));
   }
   return Median(std::move(shifts_sigma)) <= 2;
 }
 
-// From the database image that leaves least doubt.
-std::optional<Bearing> BestBearing(int query, const Eigen::Matrix3d& position_covariance, const QueryState& state) {
+// Returns the bearing of a query from the database image that leaves the least uncertainty.
+std::optional<Bearing> BestBearing(const AdjustedFrame& frame, int query, const Rigid3d& query_from_world,
+                                   const Eigen::Matrix3d& position_covariance) {
   std::optional<Bearing> best;
-  for (const PairState& pair : state.pairs) {
-    if (pair.query != query || !state.HasDatabaseImage(pair)) continue;
+  for (const PairGeometry* pair : frame.pairs) {
+    if (pair->query != query || !frame.layout.IsDatabase(pair->other)) continue;
     const Eigen::Vector3d offset =
-        CamInWorld(state.views[query].cam_from_world) - CamInWorld(state.GivenPose(pair.view));
+        CamInWorld(query_from_world) - CamInWorld(CamFromWorld(frame.layout.given, pair->other));
     if (offset.isZero()) continue;
     const Eigen::Vector3d direction = offset.normalized();
     const Eigen::Matrix<double, 3, 2> basis = TangentBasis(direction);
@@ -94,7 +96,7 @@ std::optional<Bearing> BestBearing(int query, const Eigen::Matrix3d& position_co
     const double variance = half_trace + std::sqrt(std::max(half_trace * half_trace - across.determinant(), 0.0));
     const double stddev_rad = std::sqrt(variance) / offset.norm();
     if (stddev_rad > kMaxBearingStddevRad || (best && stddev_rad > 0.999 * best->stddev_rad)) continue;
-    best = Bearing{state.Images(pair).other_name, direction, stddev_rad};
+    best = Bearing{frame.layout.names[pair->other], direction, stddev_rad};
   }
   return best;
 }
@@ -113,84 +115,93 @@ std::string OpenDirectionReason(const PoseSpread& spread, double distance) {
 
 }  // namespace
 
-bool IsPositionOpen(const QueryState& state, int frame, const std::vector<Track>& tracks) {
-  const View& view = state.views[frame];
-  const PoseSpread spread = ComputePoseSpread(view.cam_from_world, state.adjustment.pose_covariances[frame]);
-  const double distance = MedianDistance(view, tracks);
+bool IsPositionOpen(const AdjustedFrame& frame, const LocalizerOptions& options) {
+  const Rigid3d& frame_from_world = frame.adjustment.posed.frames[frame.frame].frame_from_world;
+  const PoseSpread spread = ComputePoseSpread(frame_from_world, frame.adjustment.frame_covariances[frame.frame]);
+  const double distance = MedianDistance(frame_from_world, frame.tracks);
   const double stddev_ratio = std::max(spread.position_stddevs[0] / distance, spread.rotation_stddev_rad);
-  if (!(stddev_ratio <= state.options.max_position_stddev_ratio)) return true;
-  // On a line, only points that two database images see, or one and two queries, fix the position along it. Without
-  // them it may have slid to a database image, where the covariance no longer shows that it could move.
-  const auto num_common =
-      std::count_if(tracks.begin(), tracks.end(), [](const Track& track) { return track.observations.size() > 2; });
-  return num_common < state.options.min_num_tracks && AreOnOneLine(state, frame, 0.01);
+  if (!(stddev_ratio <= options.max_position_stddev_ratio)) return true;
+  // On a line, only points of two database images, or of one and two queries, fix the position along it. Without them
+  // the position may have moved onto a database image, where the covariance no longer shows that it can move.
+  const auto num_common = std::count_if(frame.tracks.begin(), frame.tracks.end(),
+                                        [](const Track* track) { return track->observations.size() > 2; });
+  return num_common < options.min_num_tracks && AreOnOneLine(frame, 0.01);
 }
 
-QueryFailure FailWithOpenPosition(int frame, const std::vector<Track>& tracks, double variance_factor,
-                                  QueryState* state) {
-  const View& view = state->views[frame];
-  const Rigid3d& pose = view.cam_from_world;
-  const PoseSpread spread = ComputePoseSpread(pose, variance_factor * state->adjustment.pose_covariances[frame]);
-  const std::vector<Eigen::Vector3d> centres = DatabaseCentres(*state, frame);
+Failure OpenPositionFailure(const AdjustedFrame& frame, double variance_factor) {
+  const BundleAdjustmentResult& adjustment = frame.adjustment;
+  const Rigid3d& pose = adjustment.posed.frames[frame.frame].frame_from_world;
+  const PoseSpread spread = ComputePoseSpread(pose, variance_factor * adjustment.frame_covariances[frame.frame]);
+  const std::vector<Eigen::Vector3d> centres = DatabaseCentres(frame.layout, frame.pairs, frame.frame);
   const bool is_one_place = !centres.empty() && AreOnePlace(centres);
-  if (is_one_place && AreInOnePlane(view, tracks, (CamInWorld(pose) - centres.front()).norm())) {
+  if (is_one_place && AreInOnePlane(frame, (CamInWorld(pose) - centres.front()).norm())) {
     return {QueryStatus::SCALE_UNOBSERVABLE,
             "only one database position is usable and all points lie in one plane: the distance is open, and two "
             "orientations explain the matches alike"};
   }
-  for (const int query : QueriesOf(*state, frame)) {
-    const Rigid3d& query_pose = state->views[query].cam_from_world;
-    const Eigen::Matrix<double, 6, 6> covariance = variance_factor * state->adjustment.pose_covariances[query];
-    state->results[query].partial_pose = {query_pose.rotation, spread.rotation_stddev_rad,
-                                          BestBearing(query, PositionCovariance(query_pose, covariance), *state)};
+  Failure failure{QueryStatus::DEGENERATE_BASELINE, ""};
+  for (const int query : frame.layout.QueriesOf(frame.frame)) {
+    const Rigid3d query_from_world = CamFromWorld(adjustment.posed, query);
+    const Eigen::Matrix<double, 6, 6> covariance = variance_factor * adjustment.image_covariances[query];
+    const Eigen::Matrix3d position_covariance = PositionCovariance(query_from_world, covariance);
+    failure.partial_poses[query] = {query_from_world.rotation, spread.rotation_stddev_rad,
+                                    BestBearing(frame, query, query_from_world, position_covariance)};
   }
   if (is_one_place) {
-    return {QueryStatus::SCALE_UNOBSERVABLE, kOnePlaceReason};
+    failure.status = QueryStatus::SCALE_UNOBSERVABLE;
+    failure.reason = kOnePlaceReason;
+  } else if (AreOnOneLine(frame, 0.05)) {
+    failure.reason =
+        "the database images and the query stand on one line, and too few points that two of the images see apart "
+        "fix the position along it";
+  } else {
+    failure.reason = OpenDirectionReason(spread, MedianDistance(pose, frame.tracks));
   }
-  if (AreOnOneLine(*state, frame, 0.05)) {
-    return {QueryStatus::DEGENERATE_BASELINE,
-            "the database images and the query stand on one line, and too few points that two of the images see apart "
-            "fix the position along it"};
-  }
-  return {QueryStatus::DEGENERATE_BASELINE, OpenDirectionReason(spread, MedianDistance(view, tracks))};
+  return failure;
 }
 
-void CheckPlaces(QueryState* state) {
-  std::vector<int> num_database_pairs(state->NumQueries(), 0);  // of frames without other queries
-  for (const PairState& pair : state->pairs) {
-    if (state->HasDatabaseImage(pair)) {
-      ++num_database_pairs[pair.query];
+void CheckPlaces(const Layout& layout, const Averaged& averaged) {
+  std::vector<int> num_database_pairs(layout.num_query_frames, 0);
+  std::vector<bool> has_other_queries(layout.num_query_frames, false);
+  for (const PairGeometry* pair : averaged.pairs) {
+    const int frame = layout.FrameOf(pair->query);
+    if (layout.IsDatabase(pair->other)) {
+      ++num_database_pairs[frame];
     } else {
-      num_database_pairs[pair.query] = num_database_pairs[pair.view] = std::numeric_limits<int>::min();
+      has_other_queries[frame] = has_other_queries[layout.FrameOf(pair->other)] = true;
     }
   }
-  CheckFrames(*state, QueryStatus::SCALE_UNOBSERVABLE, [&](int frame) -> std::optional<std::string> {
-    if (num_database_pairs[frame] < 2 || QueriesOf(*state, frame).size() > 1) return std::nullopt;
-    if (!AreOnePlace(DatabaseCentres(*state, frame))) return std::nullopt;
-    const PairState* best = nullptr;
-    for (const PairState& pair : state->pairs) {
-      if (pair.query != frame || pair.direction.dir_1to2_in_world.isZero()) continue;
-      if (!best || pair.direction.stddev_rad < best->direction.stddev_rad) best = &pair;
+  Failure failure{QueryStatus::SCALE_UNOBSERVABLE, kOnePlaceReason};
+  for (int frame = 0; frame < layout.num_query_frames; ++frame) {
+    const std::vector<int> queries = layout.QueriesOf(frame);
+    if (num_database_pairs[frame] < 2 || has_other_queries[frame] || queries.size() > 1) continue;
+    if (!AreOnePlace(DatabaseCentres(layout, averaged.pairs, frame))) continue;
+    PartialPose partial = {averaged.posed.frames[frame].frame_from_world.rotation, std::nullopt, std::nullopt};
+    for (size_t k = 0; k < averaged.pairs.size(); ++k) {
+      const RelativeDirection& direction = averaged.directions[k];
+      if (averaged.pairs[k]->query != queries.front() || direction.dir_1to2_in_world.isZero()) continue;
+      if (partial.bearing && direction.stddev_rad >= partial.bearing->stddev_rad) continue;
+      partial.bearing = {layout.names[averaged.pairs[k]->other], direction.dir_1to2_in_world, direction.stddev_rad};
     }
-    PartialPose partial = {state->views[frame].cam_from_world.rotation, std::nullopt, std::nullopt};
-    if (best) {
-      partial.bearing = {state->Images(*best).other_name, best->direction.dir_1to2_in_world,
-                         best->direction.stddev_rad};
-    }
-    state->results[frame].partial_pose = partial;
-    return kOnePlaceReason;
-  });
+    failure.partial_poses[queries.front()] = partial;
+    failure.frames.push_back(frame);
+  }
+  if (!failure.frames.empty()) throw failure;
 }
 
-void CheckBaselines(const std::function<bool(int frame)>& has_baseline, QueryState* state) {
-  CheckFrames(*state, QueryStatus::DEGENERATE_BASELINE, [&](int frame) -> std::optional<std::string> {
-    if (has_baseline(frame)) return std::nullopt;
-    for (const int query : QueriesOf(*state, frame)) {
-      state->results[query].partial_pose = {state->views[query].cam_from_world.rotation, std::nullopt, std::nullopt};
+void CheckBaselines(const Layout& layout, const Averaged& averaged, const std::vector<bool>& has_baseline) {
+  Failure failure{QueryStatus::DEGENERATE_BASELINE, ""};
+  for (int frame = 0; frame < layout.num_query_frames; ++frame) {
+    if (has_baseline[frame]) continue;
+    for (const int query : layout.QueriesOf(frame)) {
+      failure.partial_poses[query] = {CamFromWorld(averaged.posed, query).rotation, std::nullopt, std::nullopt};
     }
-    return "the query has no baseline to any of " + std::to_string(DatabaseCentres(*state, frame).size()) +
-           " database images: its rotation is known, its position is not";
-  });
+    failure.reason = "the query has no baseline to any of " +
+                     std::to_string(DatabaseCentres(layout, averaged.pairs, frame).size()) +
+                     " database images: its rotation is known, its position is not";
+    failure.frames.push_back(frame);
+  }
+  if (!failure.frames.empty()) throw failure;
 }
 
 }  // namespace lazyloc

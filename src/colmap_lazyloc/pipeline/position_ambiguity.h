@@ -1,31 +1,41 @@
 #pragma once
 
-#include <functional>
-#include <optional>
-#include <string>
 #include <vector>
 
-#include <Eigen/Core>
-
-#include "colmap_lazyloc/pipeline/query_state.h"
+#include "colmap_lazyloc/pipeline/failure.h"
+#include "colmap_lazyloc/pipeline/layout.h"
+#include "colmap_lazyloc/pipeline/motion_averaging.h"
+#include "colmap_lazyloc/refinement/bundle_adjustment.h"
 
 namespace lazyloc {
 
-// Whether the image noise that adjustment assumes leaves a frame's pose open, or nothing but noise holds it. tracks:
-// those that the frame sees.
-bool IsPositionOpen(const QueryState& state, int frame, const std::vector<Track>& tracks);
+// An adjusted frame and what its position rests on.
+struct AdjustedFrame {
+  const Layout& layout;
+  const PairRefs& pairs;
+  const BundleAdjustmentResult& adjustment;
+  int frame = 0;
+  const TrackRefs& tracks;  // those that the frame observes
+};
 
-// Names what leaves the position of an adjusted frame open, after keeping what is known of the pose in the results'
-// partial_pose. variance_factor: on the adjustment's covariances.
-QueryFailure FailWithOpenPosition(int frame, const std::vector<Track>& tracks, double variance_factor,
-                                  QueryState* state);
+// Returns true if the pose is unobservable: its standard deviation exceeds max_position_stddev_ratio of the scene
+// distance, or all centres are collinear and too few tracks have three images.
+//
+//      o-----o-----o-----q     database centres o and query q on one line: each pair tells the direction of the line
+//       \   /                  only; a point that two database images see apart fixes the place on it
+//         x
+bool IsPositionOpen(const AdjustedFrame& frame, const LocalizerOptions& options);
 
-// The same, thrown, for frames of one image of which several database images, all of one place, and no other queries
-// are left, with the rotation and bearing of motion averaging: no two of them triangulate a point.
-void CheckPlaces(QueryState* state);
+// Returns the failure of an adjusted frame whose position is unobservable: it names the reason, and has what is known of
+// the pose. variance_factor multiplies the adjustment's covariances.
+Failure OpenPositionFailure(const AdjustedFrame& frame, double variance_factor);
 
-// The same for frames that have no baseline: all photos were taken from one place, as far as matches show, and the
-// rotation is all that is known.
-void CheckBaselines(const std::function<bool(int frame)>& has_baseline, QueryState* state);
+// Throws Failure for frames of one image with several database images, all of one place, and no other queries, because
+// no two of these images triangulate a point. Its partial pose has the rotation and bearing of motion averaging.
+void CheckPlaces(const Layout& layout, const Averaged& averaged);
+
+// Throws Failure for query frames without a baseline: as far as matches show, all photos were taken from one place, and
+// the rotation is all that is known. has_baseline: by frame, at least for the query frames.
+void CheckBaselines(const Layout& layout, const Averaged& averaged, const std::vector<bool>& has_baseline);
 
 }  // namespace lazyloc

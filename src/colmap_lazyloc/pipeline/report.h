@@ -1,10 +1,42 @@
 #pragma once
 
-#include "colmap_lazyloc/pipeline/query_state.h"
+#include <vector>
+
+#include "colmap_lazyloc/pipeline/failure.h"
+#include "colmap_lazyloc/pipeline/motion_averaging.h"
+#include "colmap_lazyloc/pipeline/pair_estimation.h"
+#include "colmap_lazyloc/pipeline/pose_uncertainty.h"
+#include "colmap_lazyloc/pipeline/start_selection.h"
 
 namespace lazyloc {
 
-// Fills the results' poses, residuals of their pairs, points, their observations and reprojection errors.
-void Report(QueryState* state);
+// Collects the results of a group while its stages run, so that queries that cannot be localized have what was known
+// until then.
+class Report {
+ public:
+  explicit Report(const QueryGroup& group);
+
+  StageTimer::Seconds* Seconds() { return &seconds_; }
+
+  void AddPairs(const PairEstimates& estimates);
+  void AddStart(const Layout& layout, const Start& start);
+  // Adds the queries' poses.
+  void AddPoses(const Layout& layout, const PosedImages& posed);
+  // Adds the deviations of the pairs' rotations and directions from the final poses.
+  void AddPairErrors(const Layout& layout, const Averaged& averaged, const PosedImages& posed);
+  void AddRefined(const Layout& layout, const Refined& refined);
+  void AddUncertainties(const std::vector<PoseUncertainty>& uncertainties);
+  // Sets the camera of a single query whose focal length was estimated.
+  void AddCamera(const Camera& camera);
+  void AddFailure(const Failure& failure);
+
+  // Returns the results; LOCALIZED unless a failure was added.
+  std::vector<LocalizationResult> Finish() &&;
+
+ private:
+  const QueryGroup& group_;
+  std::vector<LocalizationResult> results_;
+  StageTimer::Seconds seconds_;
+};
 
 }  // namespace lazyloc

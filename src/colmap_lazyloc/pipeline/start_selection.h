@@ -4,34 +4,41 @@
 #include <optional>
 #include <vector>
 
-#include "colmap_lazyloc/pipeline/query_state.h"
+#include "colmap_lazyloc/pipeline/motion_averaging.h"
+#include "colmap_lazyloc/structure/track_triangulation.h"
 
 namespace lazyloc {
 
-// What a pose of a frame is judged by, i.e. of its reference view.
+// What the pose of a frame is judged by.
 struct StartEvidence {
-  const std::vector<View>& views;
-  const std::vector<Track>& tracks_from_database;  // with points
-  const std::vector<Track>& tracks_with_query;     // the others, without points
+  const PosedImages& posed;        // database poses; the frame's own pose is not used
+  const TrackRefs& from_database;  // tracks of the frame with points
+  const TrackRefs& rest;           // the other tracks of the frame, without points
   double max_error_px = 0;
-  double min_inlier_ratio = 0.1;  // an absolute pose with fewer may be missed, which saves trials
+  double min_inlier_ratio = 0.1;  // absolute poses with fewer inliers may be missed, which saves trials
   int frame = 0;
 };
 
-// One truncated score for every hypothesis: a sum of max(0, 1 - (error / max_error_px)^2), the error being
-// the reprojection error of a point that the database triangulates, in each image of the frame, or, at half the weight
-// as it binds one coordinate only, the distance from the epipolar line of the one other view that a track has, a
-// database one.
-double ScoreStart(const StartEvidence& evidence, const Rigid3d& reference_from_world);
+// Returns the score of a pose, a sum of max(0, 1 - (error / max_error_px)^2) over the observations of the frame. The
+// error is the reprojection error of a point triangulated from the database or, at half the weight because it constrains
+// one coordinate only, the distance from the epipolar line of the single database image of a track.
+double ScoreStart(const StartEvidence& evidence, const Rigid3d& frame_from_world);
 
-// Hypotheses; none where there is too little to make one of.
+// Return hypotheses, or nullopt with too little evidence: P3P in RANSAC on the tracks from the database (generalized P3P
+// for a rig), and the generalized relative pose over all pairs.
 std::optional<Rigid3d> AbsolutePoseStart(const StartEvidence& evidence, uint32_t seed);
 std::optional<Rigid3d> GeneralizedRelativePoseStart(const StartEvidence& evidence, uint32_t seed);
 
-// Triangulates the start's tracks from the database views and chooses the frames' poses to start from: motion
-// averaging's, which stands where few points are seen twice; an absolute pose (P3P, generalized for a rig), which also
-// stands where database cameras and query are on one line; or, where few points are seen twice and nothing is sure, a
-// generalized relative pose over all pairs. Throws QueryFailure where there is none.
-void ChooseStartPose(QueryState* state);
+// Poses that adjustment starts from.
+struct Start {
+  PosedImages posed;
+  std::vector<StartPose> kinds;  // by query frame: the hypothesis that was chosen
+};
+
+// Chooses the start of each query frame by the score. Motion averaging gives a pose even if few points are seen twice;
+// an absolute pose even if database centres and query are collinear; a generalized relative pose is tried if few points
+// are seen twice and nothing else is certain. Throws Failure for frames without any.
+Start ChooseStart(const Layout& layout, const Averaged& averaged, const SplitTracks& tracks,
+                  const LocalizerOptions& options);
 
 }  // namespace lazyloc

@@ -1,45 +1,44 @@
 #include "colmap_lazyloc/pipeline/track_collection.h"
 
-#include <cmath>
 #include <iterator>
-#include <optional>
 #include <utility>
 
+#include "colmap_lazyloc/structure/track_building.h"
 #include "colmap_lazyloc/structure/track_selection.h"
 
 namespace lazyloc {
 namespace {
 
-// At most max_num_tracks for each query's image, of the tracks that have their first image point there.
-std::vector<Track> SelectTracksOfEach(const QueryState& state, std::vector<Track> tracks, int max_num_tracks) {
-  std::vector<std::vector<Track>> tracks_of_query(state.NumQueries());
-  for (Track& track : tracks) tracks_of_query[track.observations.front().view].push_back(std::move(track));
-  tracks.clear();
-  for (int query = 0; query < state.NumQueries(); ++query) {
-    std::vector<Track> selected =
-        SelectTracks(std::move(tracks_of_query[query]), state.Problem(query).query_keypoints, max_num_tracks);
-    std::move(selected.begin(), selected.end(), std::back_inserter(tracks));
+// Selects at most max_num_tracks for each query, among the tracks with their first observation there.
+std::vector<Track> SelectTracksOfEach(const QueryGroup& group, const std::vector<Track>& tracks, int max_num_tracks) {
+  if (static_cast<int>(tracks.size()) <= max_num_tracks) return tracks;
+  if (group.images.size() == 1) {
+    return SelectTracks(tracks, group.images.front().problem.query_keypoints, max_num_tracks);
   }
-  return tracks;
+  std::vector<std::vector<Track>> tracks_of_query(group.images.size());
+  for (const Track& track : tracks) tracks_of_query[track.observations.front().image].push_back(track);
+  std::vector<Track> selected;
+  for (size_t query = 0; query < group.images.size(); ++query) {
+    std::vector<Track> of_query = SelectTracks(std::move(tracks_of_query[query]),
+                                               group.images[query].problem.query_keypoints, max_num_tracks);
+    std::move(of_query.begin(), of_query.end(), std::back_inserter(selected));
+  }
+  return selected;
 }
 
 }  // namespace
 
-void ObserveMatches(QueryState* state) {
-  for (View& view : state->views) view.noise_px = state->options.start_noise_px;
-  for (PairState& pair : state->pairs) {
-    pair.view_matches = state->Observe(pair, pair.relative_pose.inlier_matches);
-  }
-}
-
-void CollectTracks(QueryState* state) {
-  std::vector<ViewMatches> view_matches;
-  for (PairState& pair : state->pairs) view_matches.push_back(std::move(pair.view_matches));
+CandidateTracks CollectTracks(const QueryGroup& group, const Layout& layout, const PairRefs& pairs,
+                              const LocalizerOptions& options) {
   std::vector<int> frame_of_query;
-  for (int query = 0; query < state->NumQueries(); ++query) frame_of_query.push_back(state->FrameOf(query));
-  std::vector<Track> tracks = BuildTracks(view_matches, frame_of_query);
-  state->candidates = SelectTracksOfEach(*state, std::move(tracks), state->options.max_num_tracks);
-  state->start_candidates = SelectTracksOfEach(*state, state->candidates, state->options.max_num_start_tracks);
+  for (int query = 0; query < layout.num_queries; ++query) frame_of_query.push_back(layout.FrameOf(query));
+  CandidateTracks candidates;
+  candidates.all = BuildTracks(pairs, frame_of_query);
+  if (static_cast<int>(candidates.all.size()) > options.max_num_tracks) {
+    candidates.all = SelectTracksOfEach(group, candidates.all, options.max_num_tracks);
+  }
+  candidates.for_start = SelectTracksOfEach(group, candidates.all, options.max_num_start_tracks);
+  return candidates;
 }
 
 }  // namespace lazyloc

@@ -22,4 +22,7 @@ struct Track {
   double noise_ratio = 1;  // factor on the noise_px of its images
 };
 
+// Tracks that another vector owns.
+using TrackRefs = std::vector<const Track*>;
+
 }  // namespace lazyloc

@@ -1,0 +1,36 @@
+#pragma once
+
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "colmap_lazyloc/scene/localization_result.h"
+
+namespace lazyloc {
+
+// Thrown when frames cannot be localized.
+struct Failure {
+  QueryStatus status;
+  std::string reason;
+  std::vector<int> frames = {};                         // indices of the frames; empty means the whole group
+  std::map<int, PartialPose> partial_poses = {};        // by query, if the rotation is known
+  std::vector<std::optional<double>> rig_errors_px = {};  // by query, if they were measured
+};
+
+using Reason = std::optional<std::string>;
+
+// Throws a failure of those of the frames 0 to num_frames - 1 that `reason_of(frame)` has a reason for, if any.
+template <typename ReasonOf>
+void CheckFrames(int num_frames, QueryStatus status, const ReasonOf& reason_of) {
+  Failure failure{status, ""};
+  for (int frame = 0; frame < num_frames; ++frame) {
+    const Reason reason = reason_of(frame);
+    if (!reason) continue;
+    failure.reason = *reason;
+    failure.frames.push_back(frame);
+  }
+  if (!failure.frames.empty()) throw failure;
+}
+
+}  // namespace lazyloc

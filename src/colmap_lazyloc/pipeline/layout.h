@@ -1,0 +1,39 @@
+#pragma once
+
+#include <string>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "colmap_lazyloc/pipeline/options.h"
+#include "colmap_lazyloc/scene/frame.h"
+#include "colmap_lazyloc/scene/localization_problem.h"
+#include "colmap_lazyloc/scene/track.h"
+
+namespace lazyloc {
+
+// The images and frames of a group with the poses as given. Images 0 to num_queries - 1 are the group's queries in
+// their order, the others database images; frames 0 to num_query_frames - 1 are the group's. Immutable after MakeLayout.
+struct Layout {
+  PosedImages given;  // poses of query frames are unknown (identity)
+  std::vector<std::string> names;  // by image
+  int num_queries = 0;
+  int num_query_frames = 0;
+  Eigen::Vector3d origin = Eigen::Vector3d::Zero();  // subtracted from all coordinates: solvers work near zero (UTM, ECEF)
+  std::vector<std::vector<int>> image_of_pair;       // [query][index into its pairs]
+
+  bool IsDatabase(int image) const { return image >= num_queries; }
+  int FrameOf(int image) const { return given.images[image].frame; }
+  // Returns the queries of a query frame, in ascending order.
+  std::vector<int> QueriesOf(int frame) const;
+};
+
+// Gives each query frame database images and frames of its own, even if frames share database images: what adjustment
+// corrects in them is as much what the frame makes of its surroundings as an error of the pose. With
+// share_database_frames, the database images of one rig frame share a pose, else each is a frame by itself.
+Layout MakeLayout(const QueryGroup& group, const LocalizerOptions& options);
+
+// Returns for each query frame the tracks that it observes.
+std::vector<TrackRefs> TracksByFrame(const Layout& layout, const std::vector<Track>& tracks);
+
+}  // namespace lazyloc

@@ -1,0 +1,137 @@
+#include "colmap_lazyloc/pipeline/localize_together.h"
+
+#include <cmath>
+#include <limits>
+#include <numeric>
+#include <utility>
+
+#include "colmap_lazyloc/pipeline/focal_length.h"
+#include "colmap_lazyloc/pipeline/refinement_without_tracks.h"
+#include "colmap_lazyloc/pipeline/report.h"
+
+namespace lazyloc {
+namespace {
+
+// Throws Failure for frames without keypoints or without matches.
+void CheckInput(const QueryGroup& group) {
+  const int num_frames = static_cast<int>(group.frame_names.size());
+  std::vector<bool> has_keypoints(num_frames, false), has_pairs(num_frames, false);
+  for (const QueryImage& query : group.images) {
+    if (!query.problem.query_keypoints.empty()) has_keypoints[query.frame] = true;
+    if (!query.problem.pairs.empty()) has_pairs[query.frame] = true;
+  }
+  for (const QueryPair& pair : group.query_pairs) {
+    // A frame may be linked to the database by another frame.
+    const int frame = group.images[pair.query].frame, other_frame = group.images[pair.other].frame;
+    if (num_frames > 1) has_pairs[frame] = has_pairs[other_frame] = true;
+  }
+  CheckFrames(num_frames, QueryStatus::NO_FEATURES,
+              [&](int frame) { return has_keypoints[frame] ? Reason() : Reason("the query has no keypoints"); });
+  CheckFrames(num_frames, QueryStatus::NO_PAIRS, [&](int frame) {
+    return has_pairs[frame] ? Reason() : Reason("no posed database image shares matches with the query");
+  });
+}
+
+// Runs a pipeline that adds what it finds to a report, and adds its failure.
+template <typename Pipeline>
+Outcome Run(const QueryGroup& group, const Pipeline& pipeline) {
+  Report report(group);
+  Outcome outcome;
+  try {
+    CheckInput(group);
+    pipeline(&report);
+  } catch (const Failure& failure) {
+    report.AddFailure(failure);
+    outcome.failed_frames = failure.frames;
+    if (failure.frames.empty()) {
+      outcome.failed_frames.resize(group.frame_names.size());
+      std::iota(outcome.failed_frames.begin(), outcome.failed_frames.end(), 0);
+    }
+  }
+  outcome.results = std::move(report).Finish();
+  return outcome;
+}
+
+// Runs a stage and adds its wall time to the report.
+template <typename Stage>
+auto Timed(const char* name, Report* report, const Stage& stage) {
+  const StageTimer timer(name, report->Seconds());
+  return stage();
+}
+
+}  // namespace
+
+Outcome LocalizeTogether(const QueryGroup& group, const LocalizerOptions& options) {
+  return Run(group, [&](Report* report) {
+    const Layout layout = MakeLayout(group, options);
+    const PairEstimates estimates = EstimatePairs(group, layout, options, report->Seconds());
+    report->AddPairs(estimates);
+    const Averaged averaged = AverageMotion(layout, estimates.pairs, options, report->Seconds());
+    CandidateTracks candidates =
+        Timed("tracks", report, [&] { return CollectTracks(group, layout, averaged.pairs, options); });
+    const SplitTracks start_tracks = Timed("start", report, [&] {
+      return TriangulateFromDatabase(layout.given, candidates.for_start, options.triangulation);
+    });
+    const Start start = Timed("start", report, [&] { return ChooseStart(layout, averaged, start_tracks, options); });
+    report->AddStart(layout, start);
+    const Refined refined =
+        Refine(layout, start.posed, start_tracks, std::move(candidates), options, report->Seconds());
+    report->AddUncertainties(Timed(
+        "covariance", report, [&] { return EstimateUncertainties(layout, averaged.pairs, refined, options); }));
+    report->AddPoses(layout, refined.adjustment.posed);
+    report->AddPairErrors(layout, averaged, refined.adjustment.posed);
+    report->AddRefined(layout, refined);
+  });
+}
+
+Outcome LocalizeWithUnknownFocalLength(const QueryGroup& query, const LocalizerOptions& options) {
+  return Run(query, [&](Report* report) {
+    const Layout layout = MakeLayout(query, options);
+    const PairEstimates estimates = FindInliers(query, layout, options, report->Seconds());
+    report->AddPairs(estimates);
+    PairRefs pairs;
+    for (const PairGeometry& pair : estimates.pairs) pairs.push_back(&pair);
+    QueryCamera camera(query.images.front().problem);
+    CandidateTracks candidates = Timed("tracks", report, [&] { return CollectTracks(query, layout, pairs, options); });
+    SplitTracks start_tracks;
+    Start start{layout.given, {StartPose::ABSOLUTE_POSE}};
+    Timed("start", report, [&] {
+      start_tracks = TriangulateFromDatabase(layout.given, candidates.for_start, options.triangulation);
+      const FocalLengthAndPose found =
+          ChooseFocalLengthAndPose(layout, camera, start_tracks.from_database, options);
+      camera.ScaleFocalLength(found.factor);
+      start.posed.frames[0].frame_from_world = found.frame_from_world;
+      start.posed.images[0].log_focal_factor = 0;
+      start_tracks = {camera.Observe(start_tracks.from_database), camera.Observe(start_tracks.rest)};
+      candidates = {camera.Observe(candidates.all), camera.Observe(candidates.for_start)};
+    });
+    report->AddStart(layout, start);
+    const Refined refined =
+        Refine(layout, start.posed, start_tracks, std::move(candidates), options, report->Seconds(), &camera);
+    report->AddUncertainties(
+        Timed("covariance", report, [&] { return EstimateUncertainties(layout, pairs, refined, options); }));
+    report->AddPoses(layout, refined.adjustment.posed);
+    report->AddRefined(layout, refined);
+    report->AddCamera(camera.Intrinsics());
+  });
+}
+
+Outcome LocalizeWithoutTracks(const QueryGroup& query, const LocalizerOptions& options) {
+  return Run(query, [&](Report* report) {
+    const Layout layout = MakeLayout(query, options);
+    const PairEstimates estimates = EstimatePairs(query, layout, options, report->Seconds());
+    report->AddPairs(estimates);
+    const Averaged averaged = AverageMotion(layout, estimates.pairs, options, report->Seconds());
+    if (averaged.failure) throw Failure(*averaged.failure);
+    report->AddStart(layout, {averaged.posed, {StartPose::MOTION_AVERAGING}});
+    const PosedImages refined =
+        Timed("refinement", report, [&] { return RefineWithoutTracks(query, layout, averaged, options); });
+    PoseUncertainty unknown;
+    unknown.covariance.setConstant(std::numeric_limits<double>::quiet_NaN());
+    report->AddUncertainties({unknown});
+    report->AddPoses(layout, refined);
+    report->AddPairErrors(layout, averaged, refined);
+  });
+}
+
+}  // namespace lazyloc

@@ -1,0 +1,199 @@
+#include "colmap_lazyloc/pipeline/refinement_rounds.h"
+
+#include <algorithm>
+#include <cmath>
+#include <string>
+#include <utility>
+
+#include "colmap_lazyloc/math/median.h"
+#include "colmap_lazyloc/math/so3.h"
+#include "colmap_lazyloc/pipeline/failure.h"
+#include "colmap_lazyloc/pipeline/rig_check.h"
+#include "colmap_lazyloc/refinement/covariance.h"
+#include "colmap_lazyloc/refinement/image_noise.h"
+#include "colmap_lazyloc/refinement/pose_prior.h"
+
+namespace lazyloc {
+namespace {
+
+constexpr int kMaxNumEstimates = 8;
+// Image noise in pixels above which database poses must be off, because no keypoint is found this badly.
+constexpr double kMaxKeypointNoisePx = 6;
+
+// The state of the rounds, of which each step replaces a part.
+class Rounds {
+ public:
+  Rounds(const Layout& layout, const PosedImages& start, const LocalizerOptions& options, QueryCamera* camera)
+      : layout_(layout), options_(options), camera_(camera), database_noise_px_(options.database_pose_noise_px) {
+    adjustment_.posed = start;
+  }
+
+  const PosedImages& Posed() const { return adjustment_.posed; }
+
+  // Keeps the tracks from the database that fit the query, and triangulates the others with it.
+  void SetTracks(SplitTracks split, double max_query_error_sigma);
+  void AdjustRoughly(bool is_last);
+  void AdjustWithEstimatedPriors();
+  void AdjustFinally() { AdjustWithPriors(/*is_last=*/true); }
+  // Estimates the image noise, after the first round also what the priors and tracks of one image are expected to be.
+  void EstimateNoise(bool is_first);
+  CandidateTracks Observe(CandidateTracks candidates) const;
+  BundleAdjustmentResult Finish() &&;
+
+ private:
+  void Adjust(bool is_last);
+  std::vector<FrameScale> AdjustWithPriors(bool is_last);
+  void SetPriors(const std::vector<FrameScale>& scales);
+
+  const Layout& layout_;
+  const LocalizerOptions& options_;
+  QueryCamera* const camera_;
+  BundleAdjustmentResult adjustment_;
+  double database_noise_px_;        // expected deviation of database poses, as displacement of keypoints
+  double single_image_spread_ = 1;  // MeasureSingleImageSpread
+};
+
+void Rounds::SetTracks(SplitTracks split, double max_query_error_sigma) {
+  TrackTriangulationOptions options = options_.triangulation;
+  // Multiplied by the ratio of variances, not of deviations, because false matches do not only scatter: they also agree
+  // with the relative pose that chose them.
+  options.single_image_noise_ratio *= single_image_spread_;
+  options.max_query_error_sigma = max_query_error_sigma;
+  const size_t num_candidates = split.from_database.size() + split.rest.size();
+  adjustment_.tracks = RemoveQueryOutliers(Posed(), std::move(split.from_database), max_query_error_sigma);
+  for (Track& track : TriangulateWithQuery(Posed(), std::move(split.rest), options)) {
+    adjustment_.tracks.push_back(std::move(track));
+  }
+  const std::vector<TrackRefs> tracks_of = TracksByFrame(layout_, adjustment_.tracks);
+  CheckFrames(layout_.num_query_frames, QueryStatus::TOO_FEW_TRACKS, [&](int frame) {
+    if (static_cast<int>(tracks_of[frame].size()) >= options_.min_num_tracks) return Reason();
+    return Reason(std::to_string(tracks_of[frame].size()) + " of " + std::to_string(num_candidates) +
+                  " tracks can be triangulated; " + std::to_string(options_.min_num_tracks) + " are needed");
+  });
+}
+
+void Rounds::Adjust(bool is_last) {
+  BundleAdjustmentOptions options = options_.bundle_adjustment;
+  options.fits_priors = is_last;  // only the covariance needs it
+  adjustment_ = AdjustBundle(Posed(), std::move(adjustment_.tracks), options);
+  const bool is_finite = std::all_of(Posed().frames.begin(), Posed().frames.end(), [](const Frame& frame) {
+    const Rigid3d& pose = frame.frame_from_world;
+    return frame.is_database || (pose.rotation.coeffs().allFinite() && pose.translation.allFinite());
+  });
+  if (!adjustment_.summary.success || !is_finite) {
+    throw Failure{QueryStatus::DIVERGED, "bundle adjustment failed: " + adjustment_.summary.message};
+  }
+  if (camera_ == nullptr) return;
+  std::optional<double>& log_focal_factor = adjustment_.posed.images[0].log_focal_factor;
+  camera_->ScaleFocalLength(std::exp(*log_focal_factor));
+  log_focal_factor = 0;
+  adjustment_.tracks = camera_->Observe(adjustment_.tracks);
+}
+
+CandidateTracks Rounds::Observe(CandidateTracks candidates) const {
+  if (camera_ == nullptr) return candidates;
+  return {camera_->Observe(candidates.all), camera_->Observe(candidates.for_start)};
+}
+
+// Adjusts without priors, because errors of a rough start would be taken for errors of the database.
+void Rounds::AdjustRoughly(bool is_last) { Adjust(is_last); }
+
+// Sets priors as the options state them, else of the expected noise.
+void Rounds::SetPriors(const std::vector<FrameScale>& scales) {
+  const double stddev_rad = DegToRad(options_.database_pose_stddev_deg);
+  const double stddev_length = options_.database_pose_stddev_length;
+  if (stddev_rad == 0 && stddev_length == 0) return;
+  for (size_t i = 0; i < Posed().frames.size(); ++i) {
+    Frame& frame = adjustment_.posed.frames[i];
+    if (!frame.is_database) continue;
+    frame.prior.reset();
+    if (scales[i].distance == 0) continue;  // no observations
+    const Rigid3d& given = layout_.given.frames[i].frame_from_world;
+    PosePrior prior = MakePosePrior(given, database_noise_px_, scales[i]);
+    // A stated zero beside a nonzero value means as good as exact.
+    const PosePrior smallest = MakePosePrior(given, 1e-3, scales[i]);
+    if (stddev_rad >= 0) prior.rotation_stddev_rad = std::max(stddev_rad, smallest.rotation_stddev_rad);
+    if (stddev_length >= 0) prior.position_stddev = std::max(stddev_length, smallest.position_stddev);
+    frame.prior = prior;
+  }
+}
+
+std::vector<FrameScale> Rounds::AdjustWithPriors(bool is_last) {
+  std::vector<FrameScale> scales = MeasureFrameScales(Posed(), adjustment_.tracks);
+  SetPriors(scales);
+  Adjust(is_last);
+  return scales;
+}
+
+// Adjusts under priors and estimates their size from the result; again while the estimate changes, if it is large.
+void Rounds::AdjustWithEstimatedPriors() {
+  const bool is_stated = options_.database_pose_stddev_deg >= 0 && options_.database_pose_stddev_length >= 0;
+  const bool is_large = !is_stated && database_noise_px_ > options_.database_pose_noise_px;
+  for (int i = 0;; ++i) {
+    const std::vector<FrameScale> scales = AdjustWithPriors(/*is_last=*/false);
+    const double variance_factor =
+        VarianceFactor(Posed(), adjustment_.tracks, options_.bundle_adjustment.loss_scale_sigma);
+    const double estimate_px =
+        EstimateDatabasePoseNoise(Posed().frames, scales, adjustment_.frame_covariances, variance_factor,
+                                  options_.database_pose_noise_px);
+    const bool is_settled = !is_large || std::abs(std::log(estimate_px / database_noise_px_)) < 0.1;
+    database_noise_px_ = estimate_px;
+    if (is_settled || i + 1 >= kMaxNumEstimates) return;
+    EstimateNoise(/*is_first=*/false);
+  }
+}
+
+void Rounds::EstimateNoise(bool is_first) {
+  const std::vector<double> noise_px = EstimateImageNoise(Posed(), adjustment_.tracks, options_.min_noise_px);
+  for (size_t image = 0; image < noise_px.size(); ++image) adjustment_.posed.images[image].noise_px = noise_px[image];
+  if (!is_first) return;
+  // If the images fit together so badly that keypoint noise cannot be the reason, the estimate of the database's noise
+  // starts from all of it, because it converges in a few steps downwards and hardly moves upwards.
+  const double median_px = Median({noise_px.begin() + layout_.num_queries, noise_px.end()});
+  database_noise_px_ = median_px > kMaxKeypointNoisePx ? median_px : options_.database_pose_noise_px;
+  single_image_spread_ = MeasureSingleImageSpread(Posed(), adjustment_.tracks);
+}
+
+BundleAdjustmentResult Rounds::Finish() && {
+  adjustment_.tracks =
+      RemoveOutliers(Posed(), std::move(adjustment_.tracks), options_.triangulation.max_query_error_sigma);
+  return std::move(adjustment_);
+}
+
+}  // namespace
+
+Refined Refine(const Layout& layout, const PosedImages& start, const SplitTracks& start_tracks,
+               CandidateTracks candidates, const LocalizerOptions& options, StageTimer::Seconds* seconds,
+               QueryCamera* camera) {
+  Refined refined;
+  Rounds rounds(layout, start, options, camera);
+  for (int round = 0; round < options.num_refinement_rounds; ++round) {
+    const bool is_first = round == 0, is_last = round + 1 == options.num_refinement_rounds;
+    {
+      const StageTimer timer("triangulation", seconds);
+      const auto triangulate = [&] {
+        return TriangulateFromDatabase(rounds.Posed(), is_last ? std::move(candidates.all) : candidates.for_start,
+                                       options.triangulation);
+      };
+      SplitTracks split = is_first ? start_tracks : triangulate();
+      if (is_last) refined.rig_errors_px = CheckRigs(layout, rounds.Posed(), split.from_database, options);
+      rounds.SetTracks(std::move(split),
+                       is_first ? options.max_start_error_sigma : options.triangulation.max_query_error_sigma);
+    }
+    const StageTimer timer("adjustment", seconds);
+    if (is_first) {
+      rounds.AdjustRoughly(is_last);
+    } else if (is_last) {
+      rounds.AdjustFinally();
+    } else {
+      rounds.AdjustWithEstimatedPriors();
+    }
+    if (is_last) break;
+    candidates = rounds.Observe(std::move(candidates));
+    rounds.EstimateNoise(is_first);
+  }
+  refined.adjustment = std::move(rounds).Finish();
+  return refined;
+}
+
+}  // namespace lazyloc

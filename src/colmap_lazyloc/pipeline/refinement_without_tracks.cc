@@ -1,0 +1,38 @@
+#include "colmap_lazyloc/pipeline/refinement_without_tracks.h"
+
+#include "colmap_lazyloc/math/seed.h"
+#include "colmap_lazyloc/pipeline/track_collection.h"
+
+namespace lazyloc {
+namespace {
+
+RelativePoseRefinementResult RefineByRelativePoses(const Layout& layout, const Averaged& averaged,
+                                                   const LocalizerOptions& options) {
+  std::vector<RelativePoseEdge> edges;
+  for (const PairGeometry* pair : averaged.pairs) edges.push_back({pair->other, pair->query, pair->query_from_other});
+  const uint32_t seed = SeedFromNames(layout.names[0], "", options.seed);
+  return RefineByRelativePoses(averaged.posed, edges, options.relative_pose_lo, seed);
+}
+
+template <typename Result>
+PosedImages PosedOrFailure(const Result& result) {
+  if (!result.summary.success) throw Failure{QueryStatus::DIVERGED, result.summary.message};
+  return result.posed;
+}
+
+}  // namespace
+
+PosedImages RefineWithoutTracks(const QueryGroup& query, const Layout& layout, const Averaged& averaged,
+                                const LocalizerOptions& options) {
+  switch (options.post_optimization) {
+    case PostOptimization::SAMPSON: {
+      const CandidateTracks tracks = CollectTracks(query, layout, averaged.pairs, options);
+      return PosedOrFailure(RefineBySampsonError(averaged.posed, tracks.all, options.sampson));
+    }
+    case PostOptimization::RELATIVE_POSE_LO:
+      return PosedOrFailure(RefineByRelativePoses(layout, averaged, options));
+    default: return averaged.posed;
+  }
+}
+
+}  // namespace lazyloc

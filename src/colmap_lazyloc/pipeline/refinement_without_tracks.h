@@ -1,0 +1,13 @@
+#pragma once
+
+#include "colmap_lazyloc/pipeline/motion_averaging.h"
+#include "colmap_lazyloc/pipeline/pair_estimation.h"
+
+namespace lazyloc {
+
+// Refines the averaged pose of a lone query by what the paper compares its post optimization with (folder ablation/).
+// Throws Failure if that fails. `averaged` must have a pose.
+PosedImages RefineWithoutTracks(const QueryGroup& query, const Layout& layout, const Averaged& averaged,
+                                const LocalizerOptions& options);
+
+}  // namespace lazyloc
