@@ -20,7 +20,7 @@ struct Triangulation {
 // the pairs in a fixed order.
 //   cams_from_world, rays_in_cam: one entry per observation; the lengths of the rays do not matter.
 //   max_angular_error_rad: maximum angle between the ray of an inlier and the point; greater than 0.
-//   min_triangulation_angle_rad: minimum angle at the point between some two inliers.
+//   min_triangulation_angle_rad: angle at the point that at least one pair of inliers must exceed.
 // Returns nullopt
 //   - if there are fewer than two observations,
 //   - if no pair of them intersects in front of both cameras at the minimum angle,
