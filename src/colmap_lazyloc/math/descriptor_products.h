@@ -13,7 +13,7 @@ namespace lazyloc {
 
 constexpr int kDescriptorDim = 128;
 constexpr int kMaxDescriptorProduct = kDescriptorDim * 255 * 255;
-constexpr int kDescriptorBlock = 64;  // rows; a block of 16 bits fits into a processor's first cache
+constexpr int kDescriptorBlock = 64;  // rows; a block is 16 KiB, which fits into a first-level cache
 
 using DescriptorRows = Eigen::Matrix<int16_t, Eigen::Dynamic, kDescriptorDim, Eigen::RowMajor>;
 using BlockProducts = std::array<int32_t, kDescriptorBlock>;

@@ -24,8 +24,8 @@ struct ModelImage {
 struct Model {
   std::map<uint32_t, Camera> cameras;
   std::vector<ModelImage> images;  // sorted by name
-  // Both are empty if the model has no rigs.bin and frames.bin. Otherwise each image belongs to exactly one frame; a
-  // frame may also name images that are not in `images`.
+  // Both are empty if the model has no rigs and frames. Otherwise each image belongs to exactly one frame; a frame may
+  // also name images that are not in `images`.
   std::map<uint32_t, Rig> rigs;
   std::map<uint32_t, ModelFrame> frames;
 };

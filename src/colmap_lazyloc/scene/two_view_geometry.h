@@ -34,7 +34,7 @@ inline bool HoldsCalibrated(TwoViewConfig config) {
 
 // Verified geometry of a pair, oriented from the other image to the query: COLMAP's first image is the other one.
 //   query_from_other: its translation has unit length, or is zero for a pair without baseline.
-//   E: x_query^T E x_other = 0 for points in the plane z = 1. F: the same equation in pixels.
+//   E: x_query^T E x_other = 0 for rays in camera coordinates. F: the same equation for pixels.
 //   H: x_query ~ H x_other in pixels.
 struct TwoViewGeometry {
   TwoViewConfig config = TwoViewConfig::UNDEFINED;
