@@ -1,8 +1,8 @@
-# COLMAP: its source tree as a subproject (COLMAP_SOURCE_DIR), unpatched and without what a localizer does not need, or else
-# an installed COLMAP, which has its libraries but not all of its program.
+# Adds COLMAP: its unpatched source tree as a subproject if COLMAP_SOURCE_DIR is set, or else an installed COLMAP. An
+# installed COLMAP has the libraries, but not all sources of the program.
 set(COLMAP_SOURCE_DIR "" CACHE PATH "COLMAP source tree to build against; empty: an installed COLMAP")
 
-# Sets LAZYLOC_COLMAP_INTERFACE to the folder of bridge/ that implements it on this version.
+# Sets LAZYLOC_COLMAP_INTERFACE to the folder of bridge/ that supports this version of COLMAP.
 function(lazyloc_select_interface version place)
   if(version MATCHES "^3\\.10([^0-9]|$)")
     set(interface colmap_3x)
@@ -15,8 +15,8 @@ function(lazyloc_select_interface version place)
   set(LAZYLOC_COLMAP_INTERFACE ${interface} PARENT_SCOPE)
 endfunction()
 
-# COLMAP 3.10 asks for C++14, where its headers give vectors of Eigen types another allocator than in C++17: all that is
-# linked together must be compiled to one standard.
+# Compiles COLMAP as C++17 like our code. COLMAP 3.10 asks for C++14, with which its headers give vectors of Eigen types
+# another allocator, so that the two could not be linked.
 function(lazyloc_raise_cxx_standard directory)
   get_property(targets DIRECTORY "${directory}" PROPERTY BUILDSYSTEM_TARGETS)
   foreach(target IN LISTS targets)
@@ -30,13 +30,14 @@ endfunction()
 
 if(COLMAP_SOURCE_DIR)
   if(NOT EXISTS "${COLMAP_SOURCE_DIR}/src/colmap/exe/colmap.cc")
-    message(FATAL_ERROR "COLMAP_SOURCE_DIR='${COLMAP_SOURCE_DIR}' holds no COLMAP source tree; "
+    message(FATAL_ERROR "COLMAP_SOURCE_DIR='${COLMAP_SOURCE_DIR}' contains no COLMAP source tree; "
       "scripts/setup.sh fetches one")
   endif()
   file(STRINGS "${COLMAP_SOURCE_DIR}/CMakeLists.txt" version_line REGEX "^set\\(COLMAP_VERSION ")
   string(REGEX MATCH "[0-9]+\\.[0-9]+[^\"]*" version "${version_line}")
   lazyloc_select_interface("${version}" "COLMAP_SOURCE_DIR='${COLMAP_SOURCE_DIR}'")
-  # Defaults of COLMAP's own options; -D on the command line wins.
+  # Changes the defaults of COLMAP's options, because a localizer does not need these features. -D on the command line
+  # wins.
   foreach(feature CUDA GUI OPENGL CGAL TESTS UNINSTALL CCACHE ONNX DOWNLOAD)
     set(${feature}_ENABLED OFF CACHE BOOL "Option of COLMAP")
   endforeach()
@@ -45,13 +46,13 @@ if(COLMAP_SOURCE_DIR)
 else()
   set(module_path "${CMAKE_MODULE_PATH}")
   find_package(colmap CONFIG QUIET)
-  set(CMAKE_MODULE_PATH "${module_path}")  # COLMAP 3.10 leaves its own
+  set(CMAKE_MODULE_PATH "${module_path}")  # restored, because COLMAP 3.10 changes it
   if(NOT colmap_FOUND)
     message(FATAL_ERROR "No COLMAP: set COLMAP_SOURCE_DIR to a source tree (scripts/setup.sh fetches one), or colmap_DIR "
       "to the folder of an installed COLMAP's colmap-config.cmake")
   endif()
   lazyloc_select_interface("${COLMAP_VERSION}" "colmap_DIR='${colmap_DIR}'")
-  # By the names that they have in the source tree.
+  # Gives the libraries the names that they have in the source tree.
   foreach(library controllers estimators feature geometry image math optim retrieval scene sensor sfm util)
     add_library(colmap_${library} ALIAS colmap::colmap_${library})
   endforeach()

@@ -1,5 +1,5 @@
-# The library colmap_lazyloc::colmap_lazyloc: everything that localizes a query from data structures. It is installed with
-# headers and a CMake package where COLMAP is an installed one, on which that package depends.
+# Defines the library colmap_lazyloc::colmap_lazyloc, which localizes queries from data structures. Installs it with
+# headers and a CMake package only if COLMAP is an installed one, because that package depends on COLMAP's package.
 set(LAZYLOC_LIBRARY_FOLDERS math scene bridge two_view rotation translation structure refinement pipeline)
 list(TRANSFORM LAZYLOC_LIBRARY_FOLDERS PREPEND lazyloc_ OUTPUT_VARIABLE library_targets)
 

@@ -1,5 +1,7 @@
-# One static library and one test program per folder of src/colmap_lazyloc.
-# GCC takes parts of Eigen's small matrices for uninitialized, other ones in each version; sanitizers know better.
+# Functions that make one static library and one test program per folder of src/colmap_lazyloc.
+
+# Disables -Wmaybe-uninitialized, because GCC warns about small Eigen matrices that are initialized; sanitizers check
+# this reliably.
 set(LAZYLOC_WARNINGS -Wall -Wextra -Wshadow -Wpedantic -Werror -Wno-maybe-uninitialized)
 
 function(lazyloc_set_properties target)
@@ -8,15 +10,15 @@ function(lazyloc_set_properties target)
   target_include_directories(${target} PUBLIC
     "$<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}/src>" "$<INSTALL_INTERFACE:${CMAKE_INSTALL_INCLUDEDIR}>")
   if(LAZYLOC_SANITIZERS)
-    # Eigen would allocate otherwise than in COLMAP's code, which is built without them; -O1 is enough, and builds in a
-    # third of the time.
+    # Makes Eigen allocate in the same way as in COLMAP's code, which is built without sanitizers. Uses -O1, because it
+    # builds in a third of the time.
     target_compile_options(${target} PRIVATE -fsanitize=${LAZYLOC_SANITIZERS} -fno-sanitize-recover=all -g -O1
       -DEIGEN_MALLOC_ALREADY_ALIGNED=1)
     target_link_options(${target} PUBLIC -fsanitize=${LAZYLOC_SANITIZERS})
   endif()
 endfunction()
 
-# lazyloc_library(rotation SOURCES a.cc b.cc LINK lazyloc_math ...)
+# Makes the library of a folder, for example: lazyloc_library(rotation SOURCES a.cc b.cc LINK lazyloc_math)
 function(lazyloc_library folder)
   cmake_parse_arguments(ARG "" "" "SOURCES;LINK" ${ARGN})
   list(TRANSFORM ARG_SOURCES PREPEND "${folder}/")
@@ -25,7 +27,8 @@ function(lazyloc_library folder)
   lazyloc_set_properties(lazyloc_${folder})
 endfunction()
 
-# lazyloc_tests(rotation SOURCES a_test.cc LINK lazyloc_rotation): ctest knows each test as rotation/Suite.Name.
+# Makes the test program of a folder, for example: lazyloc_tests(rotation SOURCES a_test.cc LINK lazyloc_testing). The
+# name of a test in ctest is rotation/Suite.Name.
 function(lazyloc_tests folder)
   if(NOT LAZYLOC_TESTS)
     return()

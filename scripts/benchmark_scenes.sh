@@ -1,8 +1,9 @@
 #!/usr/bin/env bash
-# Makes the tables and plots of docs/benchmarks/: all methods on the same matches, error against K, noise of the database
-# poses, three seeds. Then writes the expected figures of these scenes. Needs a quiet machine for the seconds to count.
+# Makes the tables and plots of docs/benchmarks/: all methods on the same matches, error against K, noise of the
+# database poses, three seeds. Then writes the expected results of these scenes. Run it on an idle machine, because it
+# measures times.
 #
-#   scripts/benchmark_scenes.sh [DATA]   folder of scenes, each with model/, database.db and perhaps queries.txt;
+#   scripts/benchmark_scenes.sh [DATA]   folder of scenes, each with model/, database.db and optionally queries.txt;
 #                                        default: ../shared/data
 set -euo pipefail
 cd "$(dirname "$0")/.."

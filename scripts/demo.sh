@@ -1,9 +1,9 @@
 #!/usr/bin/env bash
-# The whole way on a rendered courtyard: builds, makes the scene, extracts and matches features, localizes the queries
-# without a map, and compares with the true poses. Fails unless every query is localized accurately.
-# Idempotent; everything is in build/demo.
+# Runs all steps on a rendered courtyard: builds the program, makes the scene, extracts and matches features, localizes
+# the queries without a map, and compares their poses with the true ones. Fails unless every query is localized
+# accurately. May be run again; skips steps that are done.
 #
-#   DEMO_DIR   where to work; default: demo below the build folder
+#   DEMO_DIR   folder for all files; default: demo below the build folder
 set -euo pipefail
 cd "$(dirname "$0")/.."
 source scripts/environment.sh
@@ -17,7 +17,8 @@ colmap() {
   "$COLMAP" "$@" >> "$LOG" 2>&1 || { tail -20 "$LOG" >&2; say "colmap $1 failed; see $LOG"; return 1; }
 }
 
-# Images named in a list, all of one known camera: list, model, parameters with commas between.
+# Extracts the features of images with one known camera. Arguments: list of image names, camera model, parameters
+# separated by commas.
 extract_features() {
   colmap feature_extractor --database_path "$DEMO_DIR/database.db" --image_path "$DEMO_DIR/images" \
     --image_list_path "$1" --ImageReader.single_camera 1 --ImageReader.camera_model "$2" \

@@ -1,4 +1,4 @@
-# Where the scripts find things; sourced from the project's root.
+# Sets the paths that the scripts use. Source it from the project's root.
 CACHE_DIR=${XDG_CACHE_HOME:-$HOME/.cache}/colmap_lazyloc
 DEBIAN_COLMAP_SOURCE_DIR=$CACHE_DIR/colmap-debian-13
 COLMAP_SOURCE_DIR=${COLMAP_SOURCE_DIR:-$DEBIAN_COLMAP_SOURCE_DIR}

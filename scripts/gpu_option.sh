@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Prints the switch of the GPU of COLMAP's feature_extractor and matchers, which COLMAP 4 names otherwise than COLMAP 3.
+# Prints the name of the use_gpu option of COLMAP's feature_extractor or matchers, which differs between COLMAP 3 and 4.
 #
 #   scripts/gpu_option.sh COMMAND
 set -euo pipefail

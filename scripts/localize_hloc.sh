@@ -1,9 +1,11 @@
 #!/usr/bin/env bash
-# From hloc's HDF5 files to poses. QUERIES has `name MODEL width height params...` a line. The database is OUTPUT.db.
+# Localizes queries from hloc's HDF5 files. Each line of QUERIES is `name MODEL width height params...`. Writes the
+# poses to OUTPUT and the database to OUTPUT.db.
 #
 #   scripts/localize_hloc.sh FEATURES.h5 MATCHES.h5 PAIRS.txt MODEL QUERIES.txt OUTPUT [options of colmap lazy_localizer]
 #
-# PYTHON needs the packages of scripts/requirements.txt (default: the environment that scripts/setup.sh makes).
+# PYTHON: interpreter with the packages of scripts/requirements.txt; default: the environment that scripts/setup.sh
+# makes.
 set -euo pipefail
 [ $# -ge 6 ] || { sed -n '2,/^set/s/^# \{0,1\}//p' "$0" >&2; exit 1; }
 features=$1 matches=$2 pairs=$3 model=$4 queries=$5 output=${6%/}

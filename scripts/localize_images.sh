@@ -1,10 +1,11 @@
 #!/usr/bin/env bash
-# From photos to poses: every image file below IMAGES is a query. The database needs SIFT descriptors of the posed images.
+# Localizes photos: every image file below IMAGES is a query. The database needs SIFT descriptors of the posed images.
 #
 #   scripts/localize_images.sh DATABASE MODEL IMAGES OUTPUT [options of colmap lazy_localizer]
 #
-# Cameras are those of EXIF, unless given: --ImageReader.camera_model OPENCV --ImageReader.camera_params fx,fy,cx,cy,...
-# The retrieval index is kept in OUTPUT.index; delete it at will.
+# Cameras come from EXIF, unless you give one, for example:
+#   --ImageReader.camera_model OPENCV --ImageReader.camera_params fx,fy,cx,cy,k1,k2,p1,p2
+# Later runs use the retrieval index in OUTPUT.index again. You may delete it.
 set -euo pipefail
 [ $# -ge 4 ] || { sed -n '2,/^set/s/^# \{0,1\}//p' "$0" >&2; exit 1; }
 database=$1 model=$2 images=$3 output=${4%/}

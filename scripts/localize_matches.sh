@@ -1,7 +1,8 @@
 #!/usr/bin/env bash
-# From matches of your own to poses. DATABASE has the keypoints of all images (COLMAP's feature_importer writes those of
-# other programs); MATCHES is the text file of COLMAP's matches_importer: for each pair a line `name1 name2`, then a line
-# `index1 index2` per match, then an empty line. Both are only read: the matches go into a copy, OUTPUT.db.
+# Localizes queries from your own matches. DATABASE has the keypoints of all images; COLMAP's feature_importer can write
+# them. MATCHES is a text file for COLMAP's matches_importer: for each pair a line `name1 name2`, then a line
+# `index1 index2` per match, then an empty line. The script does not change DATABASE: it writes the matches to a copy,
+# OUTPUT.db.
 #
 #   scripts/localize_matches.sh DATABASE MATCHES MODEL OUTPUT [options of colmap lazy_localizer]
 set -euo pipefail

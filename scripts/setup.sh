@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# Installs what the build needs, fetches COLMAP's source, builds, and makes the Python environment.
-# Idempotent: each step looks first whether its work is done, and says nothing where it is.
+# Installs the required packages, fetches COLMAP's source, makes the Python environment and builds the project.
+# May be run again: each step does nothing and prints nothing if its work is done.
 #
 #   COLMAP_SOURCE_DIR   COLMAP source tree to build against (3.10 or 4.x); default: Debian's source package
 #   BUILD_DIR           build folder; default: build below the checkout
@@ -29,8 +29,8 @@ install_packages() {
     > "$CACHE_DIR/apt.log" 2>&1 || { tail -20 "$CACHE_DIR/apt.log" >&2; return 1; }
 }
 
-# Debian 13's source package of COLMAP, through a private apt configuration beside the machine's own:
-# the same archive and keyring, so that signatures and checksums are verified by apt.
+# Fetches Debian 13's source package of COLMAP with a private apt configuration, because the machine's configuration
+# must not change. Uses the machine's archive and keyring, so that apt verifies signatures and checksums.
 fetch_colmap_source() {
   [ ! -f "$COLMAP_SOURCE_DIR/CMakeLists.txt" ] || return 0
   [ "$COLMAP_SOURCE_DIR" = "$DEBIAN_COLMAP_SOURCE_DIR" ] ||

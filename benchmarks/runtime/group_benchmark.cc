@@ -1,5 +1,5 @@
-// Groups of queries along a path, as of a video, localized together and one by one. The counters after the time are
-// milliseconds per query: of each stage.
+// Localizes groups of queries along a path, like the images of a video, together and one by one. Each counter after the
+// time is the time of a stage in milliseconds per query.
 
 #include <map>
 #include <string>

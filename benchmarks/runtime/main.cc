@@ -1,5 +1,7 @@
-// lazyloc_runtime_benchmark [google-benchmark's options] [SCENE...]: each stage and the whole query on synthetic
-// scenes, and the whole query on real ones, which are folders with database.db and model/. See docs/benchmarks.md.
+// lazyloc_runtime_benchmark [google-benchmark's options] [SCENE...]
+//
+// Measures each stage and the whole query on synthetic scenes, and the whole query on the real scenes SCENE, which are
+// folders with database.db and model/. See docs/benchmarks.md.
 
 #include <cstdlib>
 #include <iostream>

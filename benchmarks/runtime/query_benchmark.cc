@@ -1,5 +1,5 @@
-// The whole query, with the default options and all matches verified. The counters after the time are milliseconds per
-// query: of the whole, and of each stage as results.jsonl has them.
+// Measures the whole query with the default options; all matches are verified. The counters after the time are the
+// times of all stages and of each stage in milliseconds per query. The stages are those of results.jsonl.
 
 #include "query_benchmark.h"
 
@@ -40,7 +40,7 @@ void LocalizeAll(const Problems& problems, benchmark::State& state) {
   state.counters["localized_ratio"] = num_localized / num_queries;
 }
 
-// Database images, points that all of them see.
+// Arguments: number of database images, number of points, which all images observe.
 void BM_LocalizeSyntheticQuery(benchmark::State& state) {
   SyntheticSceneOptions options;
   options.num_database_images = static_cast<int>(state.range(0));

@@ -4,8 +4,8 @@
 
 namespace lazyloc {
 
-// Registers the whole query on a real scene: a folder with database.db and model/, every posed image against all the
-// others. Throws InputError where it cannot be read.
+// Registers a benchmark of the whole query on a real scene, which is a folder with database.db and model/. Every posed
+// image is a query, and all other images are its database. Throws InputError if the scene cannot be read.
 void RegisterQueryBenchmark(const std::filesystem::path& scene_path);
 
 }  // namespace lazyloc

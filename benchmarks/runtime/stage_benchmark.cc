@@ -1,4 +1,5 @@
-// Each stage by itself on synthetic input of the size that its arguments state. One thread, default options.
+// Measures each stage alone on synthetic input. The arguments are the size of the input. Uses one thread and the
+// default options.
 
 #include <vector>
 
@@ -22,7 +23,7 @@ namespace {
 
 constexpr double kNoisePx = 0.5;
 
-// The query is view 0.
+// Makes tracks; the query is view 0.
 SyntheticTracks MakeTracks(const benchmark::State& state) {
   SyntheticTracksOptions options;
   options.num_database = static_cast<int>(state.range(0));
@@ -147,7 +148,7 @@ void AdjustBundles(const SyntheticTracks& scene, benchmark::State& state) {
   }
 }
 
-// From a query that is off by a hundredth of its distance.
+// Starts with a query position whose error is a hundredth of its distance from the points.
 void BM_AdjustWithConstantDatabase(benchmark::State& state) {
   SyntheticTracks scene = MakeTracks(state);
   scene.views[0].cam_from_world.translation += Eigen::Vector3d(0.05, 0.05, -0.05);
@@ -166,7 +167,7 @@ void BM_AdjustWithPosePriors(benchmark::State& state) {
 }
 BENCHMARK(BM_AdjustWithPosePriors)->Apply(DatabaseImagesAndPoints);
 
-// What is left to do after adjustment, whose result holds the covariance for errors of the stated size.
+// Measures the steps after adjustment. The covariance for errors of the given size is part of the result of adjustment.
 void BM_Covariance(benchmark::State& state) {
   const SyntheticTracks scene = MakeTracks(state);
   const Eigen::Matrix<double, 6, 6> covariance = Eigen::Matrix<double, 6, 6>::Identity();

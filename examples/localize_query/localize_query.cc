@@ -1,5 +1,5 @@
-// Localizes a query from data structures alone: no database, no files. Here a made-up scene is projected into five
-// posed images and the query; in a program of yours keypoints and matches come from your own features and matcher.
+// Localizes a query from data structures, without a database or files. The example projects a synthetic scene into five
+// posed images and the query. In your program, keypoints and matches come from your features and matcher.
 #include <cstdlib>
 #include <iostream>
 #include <random>
@@ -29,7 +29,7 @@ std::vector<Eigen::Vector3d> MakePoints() {
   return points_in_world;
 }
 
-// The keypoints of all points, in their order, so that equal indices match.
+// Returns the keypoints of all points, in the order of the points, so that keypoints with equal indices match.
 std::vector<Eigen::Vector2d> Project(const lazyloc::Camera& camera, const lazyloc::Rigid3d& cam_from_world,
                                      const std::vector<Eigen::Vector3d>& points_in_world) {
   std::vector<Eigen::Vector2d> keypoints;

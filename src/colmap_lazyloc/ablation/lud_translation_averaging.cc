@@ -9,7 +9,7 @@
 namespace lazyloc {
 namespace {
 
-// A free centre's three rows and columns in the system; -1 for one that does not move.
+// Returns the first of the three rows of each centre in the linear system, -1 for a centre that is fixed or not known.
 std::vector<int> Offsets(const TranslationAveragingProblem& problem, const TranslationAveragingResult& result) {
   std::vector<int> offsets(problem.is_fixed.size(), -1);
   int size = 0;
@@ -21,6 +21,7 @@ std::vector<int> Offsets(const TranslationAveragingProblem& problem, const Trans
   return offsets;
 }
 
+// Iteratively reweighted least squares for least unsquared deviations (LUD).
 class LudSolver {
  public:
   LudSolver(const TranslationAveragingProblem& problem, const TranslationAveragingResult& result)
@@ -39,8 +40,8 @@ class LudSolver {
     for (; summary.iterations < max_num_iterations; ++summary.iterations) {
       Eigen::VectorXd step = Step();
       std::vector<Eigen::Vector3d> next = Moved(step);
-      // Where an edge changes between its half-line and its end, the step may be too long. Near the minimum, rounding
-      // hides what a good step gains.
+      // Halves the step while the cost increases, because an edge may have changed between lambda > 0 and lambda = 0.
+      // Tolerates 1e-12, because rounding is larger than the decrease near the minimum.
       const double max_cost = summary.cost * (1 + 1e-12);
       for (int halving = 0; halving < 20 && Cost(next) > max_cost; ++halving) next = Moved(step /= 2);
       if (!(Cost(next) <= max_cost)) {
@@ -59,7 +60,7 @@ class LudSolver {
   const std::vector<Eigen::Vector3d>& Centres() const { return centres_; }
 
  private:
-  // The baseline less its closest point lambda dir.
+  // Returns the baseline minus the closest point lambda dir, lambda >= 0.
   static Eigen::Vector3d Deviation(const DirectionEdge& edge, const std::vector<Eigen::Vector3d>& centres) {
     const Eigen::Vector3d baseline = Baseline(edge, centres);
     return baseline - std::max(0.0, baseline.dot(edge.dir_1to2_in_world)) * edge.dir_1to2_in_world;
@@ -71,7 +72,7 @@ class LudSolver {
     return cost;
   }
 
-  // Solves the reweighted normal equations, each lambda eliminated.
+  // Solves the reweighted normal equations, from which each lambda is eliminated.
   Eigen::VectorXd Step() const {
     Eigen::MatrixXd normal = Eigen::MatrixXd::Zero(size_, size_);
     Eigen::VectorXd rhs = Eigen::VectorXd::Zero(size_);
@@ -91,7 +92,7 @@ class LudSolver {
       normal.block<3, 3>(offset1, offset2) -= block;
       normal.block<3, 3>(offset2, offset1) -= block;
     }
-    // A position that is open along a line stays where it started on it.
+    // Regularises the diagonal, so that a position that is unobservable along a line keeps its start on the line.
     normal.diagonal().array() += 1e-9 * normal.diagonal().maxCoeff();
     return normal.ldlt().solve(rhs);
   }
@@ -106,9 +107,9 @@ class LudSolver {
 
   const std::vector<int> offsets_;
   Eigen::Index size_ = 0;
-  std::vector<DirectionEdge> edges_;  // those that a free centre is part of
+  std::vector<DirectionEdge> edges_;  // edges with at least one centre that is not fixed
   std::vector<Eigen::Vector3d> centres_;
-  double length_ = 0;  // a typical one: smaller deviations than a small part of it weigh the same
+  double length_ = 0;  // typical baseline; unit of the convergence threshold and of the floor of deviations
 };
 
 }  // namespace

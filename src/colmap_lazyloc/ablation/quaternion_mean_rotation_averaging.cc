@@ -6,8 +6,8 @@
 
 namespace lazyloc {
 
-// Each node becomes the mean of what its neighbours propose. One unknown node is done at once; several take turns, each
-// turn lowering the weighted sum of all edges' squared chords, until none moves.
+// Sets each unknown node in turn to the mean of its neighbours' proposals, until no node moves. Each step decreases the
+// weighted sum of all edges' squared chords. A single unknown node needs only one step.
 void AverageByQuaternionMean(const RotationAveragingProblem& problem, const RotationAveragingOptions& options,
                              RotationAveragingResult* result) {
   constexpr int kMaxNumSweeps = 100;

@@ -9,7 +9,8 @@
 namespace lazyloc {
 namespace {
 
-// The models that COLMAP 4 added, to be named where the linked COLMAP does not know them; the first has this id.
+// Models that COLMAP 4 added, in the order of their ids from kFirstModelOfColmap4. Listed here because error messages
+// name them even if the linked COLMAP does not know them.
 constexpr int kFirstModelOfColmap4 = 11;
 const std::array<std::string, 7> kModelsOfColmap4 = {"RAD_TAN_THIN_PRISM_FISHEYE",
                                                      "SIMPLE_DIVISION",

@@ -11,29 +11,32 @@
 
 namespace lazyloc {
 
-// The camera models of COLMAP up to 4.2. CameraProblem tells those that the linked COLMAP does not know.
+// Returns the id of a camera model of COLMAP up to 4.2, nullopt for any other name. The linked COLMAP may not know the
+// model: see CameraProblem.
 std::optional<int> CameraModelId(const std::string& model_name);
-// Empty for an unknown model.
+// Returns the name of a camera model of COLMAP up to 4.2, an empty string for any other id.
 std::string CameraModelName(int model_id);
-// Zero where the linked COLMAP does not know the model.
+// Returns the number of parameters, 0 if the linked COLMAP does not know the model.
 size_t CameraModelNumParams(int model_id);
-// Why the camera cannot be used (a model that the linked COLMAP does not know, wrong number of parameters, non-finite
-// or non-positive focal length, zero size); empty when it can.
+// Returns why the camera cannot be used: a model that the linked COLMAP does not know, a wrong number of parameters, a
+// parameter that is not finite, a focal length that is not positive, or an image of size zero. Empty if it can be used.
 std::string CameraProblem(const Camera& camera);
 
-// The camera of that model with the principal point in the middle and no distortion.
+// Returns a camera of the model with the principal point in the image centre and no distortion.
 Camera CameraFromFocalLength(int model_id, double focal_length_px, uint64_t width, uint64_t height);
-// The camera with all its model's focal lengths multiplied.
+// Returns the camera with every focal length of its model multiplied by the factor.
 Camera WithFocalFactor(const Camera& camera, double factor);
 
-// Viewing direction of an image point (pixels), unit length, in the camera's frame; none where the model
-// has no inverse there.
+// Returns the viewing ray (unit length, camera coordinates) of an image point in pixels. nullopt if the camera model
+// cannot be inverted at this point.
 std::optional<Eigen::Vector3d> RayInCam(const Camera& camera, const Eigen::Vector2d& xy);
-// The same for many image points of one camera, which is converted to COLMAP's only once.
 using RayInCamFunction = std::function<std::optional<Eigen::Vector3d>(const Eigen::Vector2d& xy)>;
+// Returns RayInCam as a function of the image point. Faster for many points, because it converts the camera to COLMAP's
+// type only once.
 RayInCamFunction RaysInCam(const Camera& camera);
 
-// Image point (pixels) of a point in the camera's frame; none behind the camera.
+// Returns the image point (pixels) of a point in camera coordinates. nullopt if the camera model cannot project it, for
+// example from behind a pinhole camera.
 std::optional<Eigen::Vector2d> ImageFromCam(const Camera& camera, const Eigen::Vector3d& point_in_cam);
 
 }  // namespace lazyloc

@@ -20,14 +20,14 @@ inline colmap::Camera ToColmap(const Camera& camera) {
   converted.width = camera.width;
   converted.height = camera.height;
   converted.params = camera.params;
-  // Our intrinsics are known: COLMAP takes a camera without prior for uncalibrated.
+  // Marks the intrinsics as known, because COLMAP treats a camera without this flag as uncalibrated.
   converted.has_prior_focal_length = true;
   return converted;
 }
 
 inline colmap::Rigid3d ToColmap(const Rigid3d& pose) { return colmap::Rigid3d(pose.rotation, pose.translation); }
 
-// Of the form [R t]; none where it is not finite.
+// Converts a matrix [R t]. Returns nullopt if an element is not finite.
 inline std::optional<Rigid3d> FiniteRigid(const Eigen::Matrix<double, 3, 4>& matrix) {
   const Eigen::Quaterniond rotation(Eigen::Matrix3d(matrix.leftCols<3>()));
   const Eigen::Vector3d translation = matrix.col(3);
@@ -35,7 +35,7 @@ inline std::optional<Rigid3d> FiniteRigid(const Eigen::Matrix<double, 3, 4>& mat
   return Rigid3d{rotation.normalized(), translation};
 }
 
-// COLMAP's first image is the database's, its second one the query's.
+// Converts matches; COLMAP's first image is the other one, its second image is the query.
 inline colmap::FeatureMatches ToColmap(const Matches& matches) {
   colmap::FeatureMatches converted;
   converted.reserve(matches.size());
@@ -43,7 +43,7 @@ inline colmap::FeatureMatches ToColmap(const Matches& matches) {
   return converted;
 }
 
-// None where COLMAP has set no pose, or one that is not finite.
+// Returns cam2_from_cam1 of a geometry, nullopt if COLMAP has not set it or if it is not finite.
 std::optional<Rigid3d> RelativePose(const colmap::TwoViewGeometry& geometry);
 
 }  // namespace lazyloc

@@ -9,12 +9,13 @@
 
 namespace lazyloc {
 
-// Opens a database, or makes a new one.
+// Opens a COLMAP database for writing; creates the file if it does not exist.
 std::shared_ptr<colmap::Database> OpenDatabase(const std::filesystem::path& path);
 
 void WriteSiftDescriptors(uint32_t image_id, const Descriptors& descriptors, colmap::Database* database);
 
-// COLMAP 4 wants a rig of each camera, and a frame of each image, with the same ids; COLMAP 3 knows neither.
+// Write a rig of one camera, and a frame of one image, with the same id as the camera or image. They do nothing with
+// COLMAP 3, which has neither rigs nor frames.
 void WriteRigOf(const colmap::Camera& camera, colmap::Database* database);
 void WriteFrameOf(const colmap::Image& image, colmap::Database* database);
 

@@ -8,7 +8,7 @@
 namespace lazyloc {
 namespace {
 
-// As COLMAP's feature extraction does it.
+// Rounds the new size down like COLMAP's feature extraction, so that keypoints are the same.
 void ScaleDown(int max_size, colmap::Bitmap* bitmap) {
   const int size = std::max(bitmap->Width(), bitmap->Height());
   if (size <= max_size) return;
@@ -37,7 +37,7 @@ std::optional<Photo> ReadPhoto(const std::filesystem::path& path, const SiftExtr
   photo.exif_focal_length_px = ExifFocalLengthPx(bitmap);
   ScaleDown(options.max_image_size, &bitmap);
   colmap::FeatureKeypoints keypoints;
-  if (!ExtractSift(bitmap, options, &keypoints, &photo.features.descriptors)) return photo;  // too small: no features
+  if (!ExtractSift(bitmap, options, &keypoints, &photo.features.descriptors)) return photo;  // image too small
   const float scale_x = static_cast<float>(photo.width) / bitmap.Width();
   const float scale_y = static_cast<float>(photo.height) / bitmap.Height();
   for (colmap::FeatureKeypoint& keypoint : keypoints) {

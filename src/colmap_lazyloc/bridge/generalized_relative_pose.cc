@@ -14,8 +14,8 @@
 namespace lazyloc {
 namespace {
 
-// Kneip and Li, Efficient Computation of Relative Pose for Multi-Camera Systems, CVPR 2014. COLMAP 4 gave its name in
-// COLMAP 3 to a minimal solver, which takes a hundred times as long.
+// Solver of Kneip and Li. COLMAP 4 calls it GR8PEstimator, because its GR6PEstimator is a minimal solver, which takes a
+// hundred times as long.
 #if __has_include(<colmap/estimators/solvers/generalized_relative_pose.h>)
 using Estimator = colmap::GR8PEstimator;
 #else
@@ -36,7 +36,7 @@ std::optional<Rigid3d> EstimateGeneralizedRelativePose(const std::vector<RayMatc
   options.min_inlier_ratio = 0.3;
   options.confidence = 0.999;
   options.max_num_trials = 500;
-  // RANSAC draws from a generator of the thread's.
+  // Seeds the generator of this thread, because RANSAC draws from it.
   colmap::SetPRNGSeed(seed);
   const auto report = colmap::RANSAC<Estimator>(options).Estimate(database, query);
   if (!report.success) return std::nullopt;

@@ -10,18 +10,21 @@
 
 namespace lazyloc {
 
-// A query's ray and the ray of its match in a database image, each of unit length in its camera's frame.
+// Ray of a query keypoint and ray of its match in a database image. Rays have unit length, in coordinates of their
+// camera.
 struct RayMatch {
   Eigen::Vector3d query_ray_in_cam;
   Eigen::Vector3d database_ray_in_cam;
   Rigid3d database_cam_from_world;
-  Rigid3d query_cam_from_reference;  // of a rig's camera; identity for a lone query
+  Rigid3d query_cam_from_reference;  // pose of the camera on its rig; identity for a lone query
 };
 
-// COLMAP's generalized relative pose (Kneip & Li, CVPR 2014) in RANSAC: the pose of the query, or of its rig's
-// reference camera, from matches with several posed images, no point of which need be seen twice. max_error_rad:
-// Sampson error of an inlier. None where no pose is found, as with all images at one place. The same result for the
-// same seed.
+// Estimates reference_from_world of the query, or of its rig's reference camera, from matches with several posed
+// images. No point needs to be observed by more than one of these images. Runs COLMAP's generalized relative pose in
+// RANSAC: Kneip & Li, Efficient Computation of Relative Pose for Multi-Camera Systems, CVPR 2014.
+//   max_error_rad: maximum Sampson error of an inlier.
+// Returns nullopt if no pose is found, for example if all images were taken from one place. The same seed gives the
+// same result.
 std::optional<Rigid3d> EstimateGeneralizedRelativePose(const std::vector<RayMatch>& matches, double max_error_rad,
                                                        uint32_t seed);
 

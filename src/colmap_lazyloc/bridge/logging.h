@@ -2,7 +2,7 @@
 
 namespace lazyloc {
 
-// COLMAP's logging set-up for a program.
+// Sets up COLMAP's logging. Call it once, at the start of main().
 void InitializeLogging(char** argv);
 
 }  // namespace lazyloc

@@ -12,11 +12,11 @@
 
 namespace lazyloc {
 
-// A new database, written by COLMAP itself. Ids are taken as given, each may come once. Throws std::exception where
+// New COLMAP database, written by COLMAP. Keeps the ids of the caller, which must be unique. Throws std::exception if
 // COLMAP cannot write.
 class MatchDatabase {
  public:
-  // path: must not exist yet.
+  // path: a file that does not exist yet.
   explicit MatchDatabase(const std::filesystem::path& path);
   ~MatchDatabase();
   MatchDatabase(const MatchDatabase&) = delete;
@@ -24,9 +24,9 @@ class MatchDatabase {
 
   void AddCamera(const Camera& camera);
   void AddImage(uint32_t image_id, uint32_t camera_id, const std::string& name, const Features& features);
-  // geometry: from the database image to the query, as everywhere.
+  // geometry: oriented from the database image to the query.
   void AddPair(uint32_t database_id, uint32_t query_id, const Matches& matches, const TwoViewGeometry& geometry);
-  // Nothing is added after this; the file is complete.
+  // Completes the file. Add nothing afterwards.
   void Close();
 
  private:

@@ -8,10 +8,9 @@
 #include "colmap_lazyloc/math/so3.h"
 
 namespace lazyloc {
-
 namespace {
 
-// Of the log of the focal length: moves image points about as far as kStepPx below.
+// Step of the log focal length in numeric differentiation: moves image points about as far as kStepPx below.
 constexpr double kFocalStep = 1e-3;
 
 }  // namespace
@@ -23,7 +22,8 @@ Observer::Observer(const Camera& camera, bool seeks_focal_length) : ray_in_cam_(
 }
 
 std::optional<Observation> Observer::operator()(const Eigen::Vector2d& xy) const {
-  // Half a pixel to each side: far above the model inverse's own tolerance, and second-order terms cancel.
+  // Takes central differences, whose second-order terms cancel, of half a pixel, which is far above the tolerance of
+  // the iterative inverse.
   constexpr double kStepPx = 0.5;
   const std::optional<Eigen::Vector3d> ray = ray_in_cam_(xy);
   if (!ray) return std::nullopt;
@@ -41,7 +41,8 @@ std::optional<Observation> Observer::operator()(const Eigen::Vector2d& xy) const
   if (ray_in_longer_cam_) {
     const std::optional<Eigen::Vector3d> before = ray_in_shorter_cam_(xy), after = ray_in_longer_cam_(xy);
     if (!before || !after) return std::nullopt;
-    // The image point stays while its ray turns; with the ray held instead, it moves as far the other way.
+    // Negates the derivative: the differences fix the image point and turn its ray, whereas a fixed ray's image point
+    // moves by as much in the opposite direction.
     observation.px_from_log_focal = -observation.px_from_cam * (*after - *before) / (2 * kFocalStep);
   }
   return observation;

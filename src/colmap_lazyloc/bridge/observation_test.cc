@@ -22,7 +22,7 @@ class Models : public testing::TestWithParam<ModelCase> {
   }
 };
 
-// The observation's error must be the difference in pixels, to first order, wherever in the image.
+// The observation's error must be the difference in pixels, to first order, everywhere in the image.
 TEST_P(Models, ErrorIsPixelsToFirstOrder) {
   const Camera camera = MakeCamera();
   ASSERT_EQ(CameraProblem(camera), "");
@@ -75,7 +75,7 @@ TEST(WithFocalFactor, ScalesTheFocalLengthsAlone) {
   EXPECT_EQ(WithFocalFactor(camera, 0.5).params, (std::vector<double>{250, 320, 240, -0.1}));
 }
 
-// The models that COLMAP 4 added: usable where the linked COLMAP knows them, else the message says what to do.
+// Models that COLMAP 4 added must work if the linked COLMAP knows them; otherwise the message must say what to do.
 TEST(CameraProblem, ModelOfANewerColmapIsNamedWithTheRemedy) {
   const std::vector<ModelCase> models = {
       {"RAD_TAN_THIN_PRISM_FISHEYE", {300, 300, 320, 240, 0.01, 0, 0, 0, 0, 0, 1e-3, 0, 0, 0, 0, 0}},

@@ -35,7 +35,7 @@ std::optional<Rigid3d> EstimateRigAbsolutePose(const std::vector<Eigen::Vector3d
   std::vector<GP3PEstimator::X_t> rays(rays_in_cam.size());
   for (size_t i = 0; i < rays.size(); ++i) rays[i] = RigRay(cams_from_reference[i], rays_in_cam[i]);
   colmap::SetPRNGSeed(seed);
-  // Its error, 1 - cos(angle), is squared as RANSAC's bound is.
+  // Converts the bound, because the estimator's residual is (1 - cos(angle))^2.
   colmap::RANSAC<GP3PEstimator> ransac(AbsolutePoseRansacOptions(1 - std::cos(max_error_rad), min_inlier_ratio));
   const auto report = ransac.Estimate(rays, points_in_world);
   if (!report.success) return std::nullopt;

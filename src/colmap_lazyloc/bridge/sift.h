@@ -10,11 +10,11 @@
 
 namespace lazyloc {
 
-// Features in pixels of the bitmap, which is not scaled. Returns false where COLMAP finds it too small.
+// Extracts features in pixels of the bitmap, without scaling it. Returns false if the bitmap is too small for COLMAP.
 bool ExtractSift(const colmap::Bitmap& bitmap, const SiftExtractionOptions& options,
                  colmap::FeatureKeypoints* keypoints, Descriptors* descriptors);
 
-// None where EXIF has no positive one.
+// Returns the focal length of EXIF in pixels, nullopt if EXIF has no positive one.
 std::optional<double> ExifFocalLengthPx(const colmap::Bitmap& bitmap);
 
 inline void CopyOptions(const SiftExtractionOptions& options, colmap::SiftExtractionOptions* converted) {

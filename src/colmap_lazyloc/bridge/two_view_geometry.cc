@@ -17,15 +17,17 @@
 namespace lazyloc {
 namespace {
 
-// Intrinsics are known, so that a fundamental matrix which more matches agree with has only gathered wrong ones, of
-// like windows for instance. COLMAP asks for 0.95, as that may show it wrong intrinsics.
+// Minimum ratio between the inliers of the essential and of the fundamental matrix for a calibrated geometry. COLMAP's
+// default is 0.95, because more inliers of the fundamental matrix may be a sign of wrong intrinsics. Here the
+// intrinsics are known, so that these inliers are wrong matches, for example between similar windows.
 constexpr double kMinCalibratedInlierRatio = 0.5;
 
-// An essential matrix leaves four poses. COLMAP triangulates all matches with each of them to see which has the points
-// in front of the cameras, and takes longer for it than for all else; these many tell as well.
+// Maximum number of matches for the choice among the four poses of an essential matrix. COLMAP triangulates all matches
+// with each pose to find the one with points in front of both cameras; this takes longer than everything else, and so
+// many matches give the same answer.
 constexpr size_t kNumMatchesForSigns = 50;
 
-// At most max_num, evenly chosen.
+// Returns at most max_num of the matches, evenly spaced in their order.
 Matches Some(const Matches& matches, size_t max_num) {
   if (matches.size() <= max_num) return matches;
   Matches chosen;
@@ -33,7 +35,7 @@ Matches Some(const Matches& matches, size_t max_num) {
   return chosen;
 }
 
-// In COLMAP 3 zeros stand for a matrix that is not set.
+// Returns nullopt for a zero matrix, because COLMAP 3 stores zeros for a matrix that is not set.
 std::optional<Eigen::Matrix3d> IfSet(std::optional<Eigen::Matrix3d> matrix) {
   if (matrix && matrix->isZero(0)) matrix.reset();
   return matrix;
@@ -51,7 +53,7 @@ TwoViewGeometry FromColmap(const colmap::TwoViewGeometry& geometry) {
   return converted;
 }
 
-// A ray as an estimator takes it: COLMAP 3 has its point in the plane z = 1.
+// Converts a ray to the estimator's type: its point in the plane z = 1 in COLMAP 3, the ray itself in COLMAP 4.
 template <typename Point>
 Point ToEstimator(const Eigen::Vector3d& ray_in_cam) {
   if constexpr (std::is_same_v<Point, Eigen::Vector2d>) {
@@ -63,21 +65,20 @@ Point ToEstimator(const Eigen::Vector3d& ray_in_cam) {
 
 }  // namespace
 
-TwoViewGeometry EstimateTwoViewGeometry(const Camera& other_camera,
-                                        const std::vector<Eigen::Vector2d>& other_keypoints,
+TwoViewGeometry EstimateTwoViewGeometry(const Camera& other_camera, const std::vector<Eigen::Vector2d>& other_keypoints,
                                         const Camera& query_camera, const std::vector<Eigen::Vector2d>& query_keypoints,
                                         const Matches& matches, const TwoViewGeometryOptions& options, uint32_t seed) {
   colmap::TwoViewGeometryOptions colmap_options;
   colmap_options.min_num_inliers = options.min_num_inliers;
   colmap_options.ransac_options.max_error = options.max_error_px;
   colmap_options.min_E_F_inlier_ratio = kMinCalibratedInlierRatio;
-  // RANSAC draws from a generator of the thread's.
+  // Seeds the generator of this thread, because RANSAC draws from it.
   colmap::SetPRNGSeed(seed);
   const colmap::Camera camera1 = ToColmap(other_camera);
   colmap::Camera camera2 = ToColmap(query_camera);
   camera2.has_prior_focal_length = options.is_query_calibrated;
-  colmap::TwoViewGeometry geometry = colmap::EstimateTwoViewGeometry(
-      camera1, other_keypoints, camera2, query_keypoints, ToColmap(matches), colmap_options);
+  colmap::TwoViewGeometry geometry = colmap::EstimateTwoViewGeometry(camera1, other_keypoints, camera2, query_keypoints,
+                                                                     ToColmap(matches), colmap_options);
   if (!options.is_query_calibrated) return FromColmap(geometry);
   const bool has_pose =
       colmap::EstimateTwoViewGeometryPose(camera1, other_keypoints, camera2, query_keypoints, &geometry);
@@ -92,14 +93,14 @@ TwoViewGeometry EstimateCalibratedGeometry(const Camera& other_camera,
                                            const std::vector<Eigen::Vector2d>& query_keypoints, const Matches& matches,
                                            double max_error_px, uint32_t seed) {
   using Estimator = colmap::EssentialMatrixFivePointEstimator;
-  const RayInCamFunction database_ray = RaysInCam(other_camera), query_ray = RaysInCam(query_camera);
-  std::vector<Estimator::X_t> database_points, query_points;
+  const RayInCamFunction other_ray = RaysInCam(other_camera), query_ray = RaysInCam(query_camera);
+  std::vector<Estimator::X_t> other_points, query_points;
   Matches with_rays;
   for (const Match& match : matches) {
-    const std::optional<Eigen::Vector3d> ray1 = database_ray(other_keypoints[match.other_point]),
+    const std::optional<Eigen::Vector3d> ray1 = other_ray(other_keypoints[match.other_point]),
                                          ray2 = query_ray(query_keypoints[match.query_point]);
     if (!ray1 || !ray2) continue;
-    database_points.push_back(ToEstimator<Estimator::X_t>(*ray1));
+    other_points.push_back(ToEstimator<Estimator::X_t>(*ray1));
     query_points.push_back(ToEstimator<Estimator::X_t>(*ray2));
     with_rays.push_back(match);
   }
@@ -110,9 +111,9 @@ TwoViewGeometry EstimateCalibratedGeometry(const Camera& other_camera,
   ransac_options.min_inlier_ratio = kMinCalibratedInlierRatio;
   ransac_options.confidence = 0.999;
   ransac_options.min_num_trials = 20;
-  // RANSAC draws from a generator of the thread's.
+  // Seeds the generator of this thread, because RANSAC draws from it.
   colmap::SetPRNGSeed(seed);
-  const auto report = colmap::LORANSAC<Estimator, Estimator>(ransac_options).Estimate(database_points, query_points);
+  const auto report = colmap::LORANSAC<Estimator, Estimator>(ransac_options).Estimate(other_points, query_points);
   TwoViewGeometry geometry;
   if (!report.success || report.support.num_inliers < kMinCalibratedInlierRatio * matches.size()) return geometry;
   geometry.config = TwoViewConfig::CALIBRATED;

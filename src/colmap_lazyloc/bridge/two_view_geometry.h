@@ -15,27 +15,29 @@ namespace lazyloc {
 struct TwoViewGeometryOptions {
   int min_num_inliers = 15;
   double max_error_px = 4;
-  bool is_query_calibrated = true;  // else by a fundamental matrix, without relative pose
+  bool is_query_calibrated = true;  // false: estimates a fundamental matrix and no relative pose
 };
 
-// COLMAP's robust two-view geometry of a pair: essential matrix by five points where the intrinsics are known, or
-// homography where that explains as much, with the relative pose. The same result for the same seed, whatever thread it
-// runs on.
-TwoViewGeometry EstimateTwoViewGeometry(const Camera& other_camera,
-                                        const std::vector<Eigen::Vector2d>& other_keypoints,
+// Estimates the two-view geometry of a pair with COLMAP. If the query is calibrated, this is an essential matrix (five
+// points, LO-RANSAC), or a homography if that has nearly as many inliers, with the relative pose. Keypoints are in
+// pixels. Returns config DEGENERATE if there are fewer than min_num_inliers inliers. The same seed gives the same
+// result on every thread.
+TwoViewGeometry EstimateTwoViewGeometry(const Camera& other_camera, const std::vector<Eigen::Vector2d>& other_keypoints,
                                         const Camera& query_camera, const std::vector<Eigen::Vector2d>& query_keypoints,
                                         const Matches& matches, const TwoViewGeometryOptions& options, uint32_t seed);
 
-// The same for matches that are known to agree with one fundamental matrix and no homography: by their essential matrix
-// alone (five points, LO-RANSAC), in a tenth of the time. UNDEFINED where it explains less than half of them.
+// Estimates the two-view geometry of matches that are the inliers of one fundamental matrix and of no homography. Takes
+// a tenth of the time of EstimateTwoViewGeometry, because it estimates only the essential matrix (five points,
+// LO-RANSAC). Returns config UNDEFINED if less than half of the matches are its inliers.
 TwoViewGeometry EstimateCalibratedGeometry(const Camera& other_camera,
                                            const std::vector<Eigen::Vector2d>& other_keypoints,
                                            const Camera& query_camera,
                                            const std::vector<Eigen::Vector2d>& query_keypoints, const Matches& matches,
                                            double max_error_px, uint32_t seed);
 
-// COLMAP's relative pose of a geometry that has E (CALIBRATED) or H (PLANAR, PANORAMIC) but no pose yet. Sets
-// query_from_other where it can, and resolves PLANAR_OR_PANORAMIC.
+// Sets query_from_other of a geometry that has E (CALIBRATED) or H (PLANAR, PANORAMIC) but no pose yet, by COLMAP's
+// decomposition, and replaces PLANAR_OR_PANORAMIC by one of the two. Leaves the geometry unchanged if the decomposition
+// fails.
 void EstimateRelativePose(const Camera& other_camera, const std::vector<Eigen::Vector2d>& other_keypoints,
                           const Camera& query_camera, const std::vector<Eigen::Vector2d>& query_keypoints,
                           TwoViewGeometry* geometry);

@@ -15,7 +15,7 @@ constexpr int kNumWordsOfDatabase = 1;  // nearest words that a database feature
 constexpr int kNumWordsOfQuery = 5;     // nearest words that a query feature is looked up under
 
 using InvertedIndex = colmap::retrieval::InvertedIndex<uint8_t, kDescriptorDim, /*kEmbeddingDim=*/64>;
-using WordId = std::remove_const_t<decltype(InvertedIndex::kInvalidWordId)>;  // differs between generations of COLMAP
+using WordId = std::remove_const_t<decltype(InvertedIndex::kInvalidWordId)>;  // 32 bits in COLMAP 3, 64 in COLMAP 4
 
 }  // namespace
 

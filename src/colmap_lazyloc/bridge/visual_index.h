@@ -11,27 +11,28 @@
 
 namespace lazyloc {
 
-// Names the form of what Write writes: it differs between generations of COLMAP.
+// Name of the format of VisualIndex::Write, which differs between COLMAP 3 and COLMAP 4.
 extern const char* const kVisualIndexFormat;
 
-// COLMAP's inverted index of visual words with Hamming embedding (Schoenberger et al., ACCV 2016), over a vocabulary of
-// its own descriptors. The same input gives the same index and the same answers.
+// Index for image retrieval: COLMAP's inverted index of visual words with Hamming embedding. The vocabulary is trained
+// on descriptors of the indexed images. The same input gives the same index and the same answers. Schoenberger et al.,
+// A Vote-and-Verify Strategy for Fast Spatial Verification in Image Retrieval, ACCV 2016.
 class VisualIndex {
  public:
-  // training: descriptors of 128 columns, at least one; the vocabulary has at most num_words words.
+  // Clusters the descriptors `training` (at least one row, 128 columns) into a vocabulary of at most num_words words.
   static VisualIndex Train(const Descriptors& training, int num_words, uint32_t seed, IdleThreads* idle_threads);
-  // Reads what Write has written; the file must be whole.
+  // Reads what Write has written. The caller must make sure that the file is complete.
   static VisualIndex Read(std::ifstream* file);
   ~VisualIndex();
   VisualIndex(VisualIndex&&) noexcept;
 
   void Write(std::ofstream* file) const;
 
-  // image_id: not added before.
+  // Adds an image. image_id: one that was not added before.
   void Add(int image_id, const Descriptors& descriptors, IdleThreads* idle_threads);
-  // After the last Add, before the first Query.
+  // Call it after the last Add and before the first Query.
   void Finalize();
-  // The ids and scores of all images that share a word with the query, best first. Thread-safe.
+  // Returns the ids and scores of all images that share a word with the query, the highest score first. Thread-safe.
   std::vector<std::pair<int, float>> Query(const Descriptors& descriptors, IdleThreads* idle_threads) const;
 
  private:

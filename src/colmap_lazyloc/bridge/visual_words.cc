@@ -11,11 +11,11 @@ namespace {
 constexpr Eigen::Index kDescriptorsPerTask = 256;
 constexpr int32_t kFar = std::numeric_limits<int32_t>::max();
 
-// The words that are nearest to one descriptor, of those seen so far.
+// Nearest words of one descriptor among the words added so far.
 struct NearestWords {
   explicit NearestWords(size_t count) : words(count, {kFar, -1}) {}
 
-  // Words come in order of their index: of equally near ones the first is kept.
+  // Add words in order of their index: among words at the same distance, the first is kept.
   void Add(int32_t distance, int index) {
     if (distance >= words.back().first) return;
     words.back() = {distance, index};
@@ -25,7 +25,8 @@ struct NearestWords {
   std::vector<std::pair<int32_t, int>> words;  // distance, index
 };
 
-// Squared distances to the words of a block, less the squared norm of the descriptor; returns the smallest.
+// Sets the squared distances to the words of a block, minus the squared norm of the descriptor, which does not change
+// the order. Returns the smallest.
 LAZYLOC_ALWAYS_INLINE inline int32_t FindDistances(const int16_t* descriptor, const int16_t* block,
                                                    const int32_t* squared_norms, BlockProducts* distances) {
   const BlockProducts products = MultiplyBlock(descriptor, block);
@@ -43,7 +44,7 @@ VisualWords::VisualWords(Descriptors words)
     : words_(std::move(words)),
       blocks_(ToBlocks(words_, kDescriptorBlock)),
       squared_norms_(blocks_.cast<int>().rowwise().squaredNorm()) {
-  squared_norms_.tail(blocks_.rows() - words_.rows()) = kFar;  // what fills up the last block is no word
+  squared_norms_.tail(blocks_.rows() - words_.rows()) = kFar;  // padding of the last block is never nearest
 }
 
 Eigen::MatrixXi VisualWords::Find(const Descriptors& descriptors, int num_neighbors, IdleThreads* idle_threads) const {

@@ -10,14 +10,14 @@
 
 namespace lazyloc {
 
-// A vocabulary of visual words: centres of clusters of descriptors with 128 columns.
+// Vocabulary of visual words, which are centres of clusters of descriptors with 128 columns.
 class VisualWords {
  public:
   explicit VisualWords(Descriptors words);
 
   const Descriptors& Words() const { return words_; }
-  // Indices of the words that are nearest to each descriptor, the nearest first, a row per descriptor; fewer columns
-  // than num_neighbors where there are fewer words. Exact, on idle threads too. Thread-safe.
+  // Returns the indices of the nearest words of each descriptor: one row per descriptor, the nearest word in column 0,
+  // min(num_neighbors, number of words) columns. The search is exact. Uses idle threads, too. Thread-safe.
   Eigen::MatrixXi Find(const Descriptors& descriptors, int num_neighbors, IdleThreads* idle_threads) const;
 
  private:
@@ -25,11 +25,11 @@ class VisualWords {
 
   Descriptors words_;
   DescriptorRows blocks_;
-  Eigen::ArrayXi squared_norms_;  // of the rows of blocks_
+  Eigen::ArrayXi squared_norms_;  // one entry per row of blocks_
 };
 
-// Clusters by the library that COLMAP uses itself: at least two words (with one descriptor: one), at most num_words.
-// The same input gives the same words.
+// Clusters descriptors with the library that COLMAP uses (FLANN or faiss). Returns at most max(num_words, 2) words. The
+// same input gives the same words.
 Descriptors ClusterWords(const Descriptors& descriptors, int num_words, uint32_t seed);
 
 }  // namespace lazyloc

@@ -25,7 +25,7 @@ TEST(VisualWords, FindsTheNearestOnes) {
   IdleThreads idle_threads(2);
   for (const int num_words : {3, 64, 600}) {
     Descriptors words = RandomDescriptors(num_words, 1);
-    words.row(num_words - 1) = words.row(0);  // of equal words the first comes first
+    words.row(num_words - 1) = words.row(0);  // among equal words the first comes first
     const Descriptors descriptors = WithNoise(words, 2);
     const int num_neighbors = std::min(num_words, 5);
     const Eigen::MatrixXi found = VisualWords(words).Find(descriptors, 5, &idle_threads);

@@ -6,8 +6,8 @@
 
 namespace lazyloc {
 
-// block -= a b^T: what bundle adjustment spends most of its time on. Columns are taken in vectors of four rows and of
-// two, which compilers do not find by themselves; results are the same with and without such instructions.
+// Computes block -= a b^T. Written with vectors of four and of two rows, because bundle adjustment spends most of its
+// time here and compilers do not find this split. The result is the same with and without vector instructions.
 template <int kRows>
 LAZYLOC_ALWAYS_INLINE inline void SubtractProduct(const Eigen::Matrix<double, kRows, 3>& a,
                                                   const Eigen::Matrix<double, kRows, 3>& b,

@@ -6,8 +6,8 @@
 
 namespace lazyloc {
 
-// L^-1 of a = L L^T, by its closed form: bundle adjustment takes one per point and evaluation. Only the lower triangle
-// of a is read; NaN where a is not positive definite.
+// Returns L^-1 of a = L L^T, in closed form because bundle adjustment needs one per point and evaluation. Reads only
+// the lower triangle of `a`. Some elements of the result are not finite if `a` is not positive definite.
 inline Eigen::Matrix3d InverseCholeskyFactor(const Eigen::Matrix3d& a) {
   const double l00 = std::sqrt(a(0, 0)), l10 = a(1, 0) / l00, l20 = a(2, 0) / l00;
   const double l11 = std::sqrt(a(1, 1) - l10 * l10), l21 = (a(2, 1) - l20 * l10) / l11;

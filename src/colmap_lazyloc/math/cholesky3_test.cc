@@ -6,7 +6,7 @@ namespace lazyloc {
 namespace {
 
 TEST(InverseCholeskyFactor, TurnsTheMatrixIntoTheIdentity) {
-  for (const double depth_stddev : {1.0, 1e3, 1e6}) {  // a point's uncertain direction
+  for (const double depth_stddev : {1.0, 1e3, 1e6}) {
     Eigen::Matrix3d root;
     root << 2, 0.3, -0.5, 0.1, 1.5, 0.7, 0.4 / depth_stddev, -0.2 / depth_stddev, 1 / depth_stddev;
     const Eigen::Matrix3d a = root.transpose() * root;

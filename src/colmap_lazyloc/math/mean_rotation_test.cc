@@ -15,7 +15,7 @@ TEST(MeanRotation, LiesHalfwayAndIgnoresQuaternionSign) {
   EXPECT_LE(AngularDistanceRad(MeanRotation({{ExpSO3(w) * kBase, 1}, {negated, 1}}), kBase), 1e-14);
 }
 
-// About one axis the mean angle a obeys sum w sin(a - a_i) = 0.
+// Rotations about one axis have a mean angle a with sum w sin(a - a_i) = 0.
 TEST(MeanRotation, WeighsAnglesAboutOneAxis) {
   const Eigen::Vector3d axis = Eigen::Vector3d(1, 2, -1).normalized();
   const Eigen::Quaterniond mean = MeanRotation({{ExpSO3(0.0 * axis), 1}, {ExpSO3(1.0 * axis), 3}});

@@ -6,7 +6,7 @@
 
 namespace lazyloc {
 
-// The upper median of one or more values.
+// Returns the upper median. values: at least one.
 inline double Median(std::vector<double> values) {
   const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
   std::nth_element(values.begin(), middle, values.end());

@@ -5,8 +5,8 @@
 
 namespace lazyloc {
 
-// Rigid transform target_from_source: x_target = rotation * x_source + translation.
-// Compose so that inner names meet: c_from_a = c_from_b * b_from_a.
+// Rigid transform target_from_source: x_target = rotation * x_source + translation. Compose transforms so that inner
+// names meet: c_from_a = c_from_b * b_from_a.
 struct Rigid3d {
   Eigen::Quaterniond rotation = Eigen::Quaterniond::Identity();
   Eigen::Vector3d translation = Eigen::Vector3d::Zero();
@@ -25,11 +25,12 @@ inline Rigid3d Inverse(const Rigid3d& b_from_a) {
   return {rotation, rotation * -b_from_a.translation};
 }
 
-// Projection centre of a camera, in the world.
+// Returns the projection centre of a camera in the world frame.
 inline Eigen::Vector3d CamInWorld(const Rigid3d& cam_from_world) {
   return cam_from_world.rotation.conjugate() * -cam_from_world.translation;
 }
 
+// Returns the pose of a camera from its rotation and its projection centre.
 inline Rigid3d CamFromWorld(const Eigen::Quaterniond& cam_from_world_rotation, const Eigen::Vector3d& cam_in_world) {
   return {cam_from_world_rotation, cam_from_world_rotation * -cam_in_world};
 }

@@ -4,15 +4,16 @@
 
 namespace lazyloc {
 
-// With l_i = L_ij / L_jj: Z_ij = -sum over k > j of l_k Z_ik, Z_jj = 1 / L_jj^2 - sum over k > j of l_k Z_kj. All of
-// the elements of Z that this needs stand right of column j, where L has some.
+// Computes Z = A^-1 from the last column to the first. With l_i = L_ij / L_jj and sums over k > j:
+//   Z_ij = -sum l_k Z_ik,   Z_jj = 1 / L_jj^2 - sum l_k Z_kj.
+// Column j needs elements of Z only from columns to its right, and only those that are non-zero in L.
 Eigen::SparseMatrix<double> SelectedInverse(Eigen::SparseMatrix<double> lower) {
   lower.makeCompressed();
   const Eigen::Index size = lower.cols();
   const int *begin_of = lower.outerIndexPtr(), *row_of = lower.innerIndexPtr();
-  double* value_of = lower.valuePtr();  // column by column, L is replaced by Z
+  double* value_of = lower.valuePtr();  // overwritten column by column: L becomes Z
   std::vector<double> l(size, 0), sum(size, 0);
-  std::vector<Eigen::Index> column_of_row(size, -1);  // the last one that has the row
+  std::vector<Eigen::Index> column_of_row(size, -1);  // processed last with an element in the row
   for (Eigen::Index j = size - 1; j >= 0; --j) {
     const int begin = begin_of[j], end = begin_of[j + 1];
     const double pivot = value_of[begin];

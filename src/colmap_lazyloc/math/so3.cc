@@ -12,7 +12,7 @@ Eigen::Matrix3d Hat(const Eigen::Vector3d& w) {
 
 Eigen::Quaterniond ExpSO3(const Eigen::Vector3d& w) {
   const double angle = w.norm();
-  // sin(angle / 2) / angle, by its series where the quotient loses digits.
+  // Uses the series of sin(angle / 2) / angle for small angles, because the quotient loses digits.
   const double factor = angle < 1e-6 ? 0.5 - angle * angle / 48 : std::sin(angle / 2) / angle;
   const Eigen::Vector3d xyz = factor * w;
   return Eigen::Quaterniond(std::cos(angle / 2), xyz.x(), xyz.y(), xyz.z()).normalized();

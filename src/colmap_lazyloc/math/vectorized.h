@@ -2,7 +2,8 @@
 
 namespace lazyloc {
 
-// Compilers make vector instructions of plain loops, those that the function may use into which the loops are inlined.
+// Marks functions whose loops the compiler shall vectorise for AVX2. They must be inlined into RunWithAvx2, because a
+// compiler uses only the instructions that the surrounding function allows.
 #define LAZYLOC_ALWAYS_INLINE __attribute__((always_inline))
 
 #if defined(__x86_64__)
@@ -12,7 +13,7 @@ __attribute__((target("avx2"))) void RunWithAvx2(const Function& function) {
 }
 #endif
 
-// Runs a lambda that is LAZYLOC_ALWAYS_INLINE, with the processor's larger vectors where it has them.
+// Runs a lambda that is LAZYLOC_ALWAYS_INLINE, with AVX2 if the processor has it.
 template <typename Function>
 void RunVectorized(const Function& function) {
 #if defined(__x86_64__)

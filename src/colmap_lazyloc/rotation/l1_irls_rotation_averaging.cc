@@ -5,7 +5,8 @@
 
 namespace lazyloc {
 
-// Chatterjee & Govindu, algorithm 1: L1 steps bring the start into the basin of the redescending cost.
+// Runs L1 steps before IRLS, because the redescending loss needs a start in the basin of its global minimum. Chatterjee
+// & Govindu, algorithm 1.
 void AverageByL1Irls(const RotationAveragingProblem& problem, const RotationAveragingOptions& options,
                      RotationAveragingResult* result) {
   AverageByL1(problem, options, result);

@@ -5,7 +5,7 @@
 
 namespace lazyloc {
 
-// The L1 norm of the edges' errors, whose minimum outliers shift but little.
+// Minimises the L1 norm of the edges' errors, because outliers change its minimum only slightly.
 void AverageByL1(const RotationAveragingProblem& problem, const RotationAveragingOptions& options,
                  RotationAveragingResult* result) {
   const double floor_rad = DegToRad(0.1);

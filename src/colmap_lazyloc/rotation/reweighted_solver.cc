@@ -7,6 +7,7 @@
 namespace lazyloc {
 namespace {
 
+// Adds an edge to the normal equations. A column of -1 belongs to a node that is fixed.
 void AddEdge(int column1, int column2, double weight, const Eigen::Vector3d& error,
              std::vector<Eigen::Triplet<double>>* entries, Eigen::MatrixX3d* rhs) {
   if (column1 >= 0) {

@@ -7,26 +7,28 @@
 
 namespace lazyloc {
 
-// Error of an edge in the world: its unknowns enter as error + w1 - w2, where each world_from_cam rotation S moves as
-// S <- exp(w) S. With this choice the Jacobian is the graph's incidence matrix, whatever the rotations are.
+// Returns the error of an edge in the world frame, as a rotation vector in rad. If the world_from_cam rotations S of
+// both nodes change by S <- exp(w) S, the error becomes error + w1 - w2 to first order. The error is expressed in the
+// world frame because its Jacobian is then the incidence matrix of the graph, for all rotations.
 Eigen::Vector3d EdgeErrorInWorld(const RotationEdge& edge, const std::vector<Eigen::Quaterniond>& rotations);
 
-// Iteratively reweighted least squares over the known nodes that are not fixed: the normal matrix of the weighted
-// incidence matrix, one right-hand side per axis. Chatterjee & Govindu, ICCV 2013.
+// Iteratively reweighted least squares (IRLS) over the known nodes that are not fixed. The three axes share the normal
+// matrix of the weighted incidence matrix; each has a right-hand side. Chatterjee & Govindu, ICCV 2013.
 class ReweightedSolver {
  public:
   ReweightedSolver(const RotationAveragingProblem& problem, RotationAveragingResult* result);
 
-  // Steps until no rotation moves by more than convergence_rad. weight_of(error in rad): an edge's robust weight.
+  // Iterates until no rotation changes by more than convergence_rad. weight_of: maps an edge's error in rad to its
+  // robust weight.
   void Iterate(int max_iterations, double convergence_rad, const std::function<double(double)>& weight_of);
 
  private:
-  // Returns the largest move of a node, in rad.
+  // Solves the normal equations once and returns the largest change of a rotation, in rad.
   double Step(const std::function<double(double)>& weight_of);
 
   const RotationAveragingProblem& problem_;
   RotationAveragingResult& result_;
-  std::vector<int> column_;  // of each node; -1 where it does not move
+  std::vector<int> column_;  // column of each node in the normal matrix; -1 for a node that does not change
   int num_columns_ = 0;
 };
 

@@ -48,7 +48,7 @@ RotationAveragingOptions OptionsOf(Method method) {
   return options;
 }
 
-// A method and a number of queries.
+// Contract of the methods. Parameters: the method and the number of queries.
 class RotationAveragingContract : public testing::TestWithParam<std::tuple<Method, int>> {
  protected:
   RotationAveragingResult Average(const RotationAveragingProblem& problem) const {
@@ -63,9 +63,9 @@ class RotationAveragingContract : public testing::TestWithParam<std::tuple<Metho
   }
 };
 
-// What every method must do.
+// Contract that every method must fulfil.
 using EveryMethod = RotationAveragingContract;
-// What the methods do that claim robustness.
+// Contract of the robust methods.
 using RobustMethod = RotationAveragingContract;
 
 TEST_P(EveryMethod, NoiseFreeIsExact) {
@@ -75,7 +75,7 @@ TEST_P(EveryMethod, NoiseFreeIsExact) {
   EXPECT_LE(MaxErrorDeg(result, graph), RadToDeg(1e-8));
 }
 
-// 20 edges of 1 deg average to about 1 / sqrt(20) deg. Five times that.
+// Averaging 20 edges with errors of 1 deg leaves about 1 / sqrt(20) deg. Allows five times as much.
 TEST_P(EveryMethod, AveragesNoise) {
   SyntheticPoseGraphOptions options = GraphOptions(1);
   for (options.seed = 0; options.seed < 20; ++options.seed) {
@@ -157,7 +157,7 @@ TEST_P(EveryMethod, DegenerateInputFails) {
   EXPECT_EQ(Average(problem).edge_errors_rad.size(), problem.edges.size());
 }
 
-// 40 % outliers leave 12 good edges. Five times their mean's error.
+// Leaves 12 good edges, because 40 % are outliers. Allows five times the error of their mean.
 TEST_P(RobustMethod, WithstandsOutliers) {
   SyntheticPoseGraphOptions options = GraphOptions(1);
   options.outlier_edge_ratio = 0.4;
@@ -184,7 +184,8 @@ INSTANTIATE_TEST_SUITE_P(RotationAveraging, EveryMethod,
 INSTANTIATE_TEST_SUITE_P(RotationAveragingRobust, RobustMethod,
                          testing::Combine(testing::Values(Method::L1_IRLS, Method::L1), testing::Values(1, 5)), NameOf);
 
-// Exact edges but for a fifth: Geman-McClure forgets the outliers, L1 feels their directions, the mean their sizes.
+// Compares the methods on 20 % outliers: they do not affect the Geman-McClure loss; in L1 only their directions count;
+// in the mean also their sizes.
 TEST(RotationAveraging, MethodsDifferByWhatOutliersDo) {
   SyntheticPoseGraphOptions options;
   options.outlier_edge_ratio = 0.2;

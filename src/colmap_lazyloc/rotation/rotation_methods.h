@@ -4,8 +4,8 @@
 
 namespace lazyloc {
 
-// The methods of AverageRotations, each in a file of its own: they move the known nodes that are not fixed from their
-// start and count the iterations.
+// Methods of AverageRotations, each in its own file. They change the rotations of known nodes that are not fixed,
+// starting from result->rotations, and set result->summary.iterations.
 
 void AverageByL1Irls(const RotationAveragingProblem& problem, const RotationAveragingOptions& options,
                      RotationAveragingResult* result);

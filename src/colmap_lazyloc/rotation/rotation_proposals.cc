@@ -7,6 +7,7 @@
 namespace lazyloc {
 namespace {
 
+// Returns the weight of all proposals near one of them, falling linearly to zero at max_error_rad.
 double Support(const WeightedRotation& proposal, const std::vector<WeightedRotation>& all, double max_error_rad) {
   double support = 0;
   for (const WeightedRotation& other : all) {
@@ -25,7 +26,7 @@ std::vector<std::vector<size_t>> EdgesByNode(const RotationAveragingProblem& pro
   return edges_of;
 }
 
-// By the node's edges.
+// Returns one proposal per edge (indices `edges`) whose other node is known.
 std::vector<WeightedRotation> Proposals(int node, const std::vector<size_t>& edges,
                                         const RotationAveragingProblem& problem,
                                         const RotationAveragingResult& result) {
@@ -50,7 +51,7 @@ std::vector<WeightedRotation> ProposalsFor(int node, const RotationAveragingProb
 
 void StartFromVotes(const RotationAveragingProblem& problem, double max_error_rad, RotationAveragingResult* result) {
   const std::vector<std::vector<size_t>> edges_of = EdgesByNode(problem);
-  std::vector<WeightedRotation> best_of(problem.is_fixed.size());  // weight: its support
+  std::vector<WeightedRotation> best_of(problem.is_fixed.size());  // best proposal of each node; weight: its support
   const auto vote = [&](size_t node) {
     best_of[node].weight = 0;
     if (result->is_known[node]) return;
@@ -69,7 +70,7 @@ void StartFromVotes(const RotationAveragingProblem& problem, double max_error_ra
     result->rotations[node] = best->rotation.normalized();
     result->is_known[node] = true;
     vote(node);
-    // Only its neighbours have a new proposal.
+    // Votes again for its neighbours only, because no other node has a new proposal.
     for (const size_t edge : edges_of[node]) vote(problem.edges[edge].node1 + problem.edges[edge].node2 - node);
   }
 }

@@ -7,12 +7,13 @@
 
 namespace lazyloc {
 
-// The rotations that a node's edges propose for it, each from its other end, where that is known.
+// Returns the rotations that a node's edges propose for it: each is computed from the other node, which must be known.
 std::vector<WeightedRotation> ProposalsFor(int node, const RotationAveragingProblem& problem,
                                            const RotationAveragingResult& result);
 
-// Grows from the known nodes outwards, always by the node whose best proposal has most support: the weight of all its
-// proposals near that one, falling linearly to zero at max_error_rad.
+// Sets start rotations of all nodes that are connected to a known one. Adds one node after another, always the one
+// whose best proposal has the largest support. The support is the weight of all proposals of the node near that
+// proposal; the weight falls linearly to zero at max_error_rad.
 void StartFromVotes(const RotationAveragingProblem& problem, double max_error_rad, RotationAveragingResult* result);
 
 }  // namespace lazyloc

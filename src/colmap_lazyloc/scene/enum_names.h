@@ -5,8 +5,8 @@
 
 namespace lazyloc {
 
-// The names of an enum's values, in their order, as the command line and options.ini have them. An enum that is an
-// option specialises it beside its definition.
+// Names of an enum's values, in the order of the values, for the command line and options.ini. Each enum that is an
+// option specialises this array beside its definition.
 template <typename Enum>
 inline constexpr std::array<const char*, 0> kEnumNames = {};
 

@@ -6,7 +6,7 @@
 
 namespace lazyloc {
 
-// Indices of a keypoint of the query and of a keypoint of the database image.
+// Match between two images: the index of a keypoint of the query and of a keypoint of the other image.
 struct Match {
   uint32_t query_point = 0;
   uint32_t other_point = 0;

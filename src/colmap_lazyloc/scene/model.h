@@ -11,8 +11,8 @@
 
 namespace lazyloc {
 
-// A posed image of a COLMAP model. The pose holds the file's own numbers, bit for bit: normalise the
-// rotation where it is computed with, never here.
+// Posed image of a COLMAP model. The pose has the bytes of the file, because output poses of database images must be
+// bit-identical to the input: normalise a copy of the rotation before computing with it.
 struct ModelImage {
   uint32_t image_id = 0;
   uint32_t camera_id = 0;
@@ -20,11 +20,12 @@ struct ModelImage {
   Rigid3d cam_from_world;
 };
 
-// What a COLMAP model says of its cameras and posed images (points are not of interest here).
+// Cameras and posed images of a COLMAP model, without its points.
 struct Model {
   std::map<uint32_t, Camera> cameras;
   std::vector<ModelImage> images;  // sorted by name
-  // Both empty for a model without them. Else each image is in one frame; frames may name images that are not here.
+  // Both are empty if the model has no rigs and frames. Otherwise each image belongs to exactly one frame; a frame may
+  // also name images that are not in `images`.
   std::map<uint32_t, Rig> rigs;
   std::map<uint32_t, ModelFrame> frames;
 };

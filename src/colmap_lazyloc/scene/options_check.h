@@ -4,7 +4,8 @@
 #include <sstream>
 #include <string>
 
-// For `bool XxxOptions::Check(std::string* error) const`: returns false with a line that names the option.
+// Macros for `bool XxxOptions::Check(std::string* error) const`. They return false from it and set `error` to one line
+// that names the option and its value, for example "min_num_inliers must be >= 5, but is 3".
 #define OPTION_COMPARE(name, op, bound)                                          \
   if (!((name)op(bound)) || !std::isfinite(static_cast<double>(name))) {         \
     std::ostringstream message;                                                  \

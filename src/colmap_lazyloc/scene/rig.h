@@ -8,10 +8,10 @@
 
 namespace lazyloc {
 
-// Rigs and frames as COLMAP 4 stores them with its models (rigs.bin, frames.bin). The numbers are the files'.
+// Type of a sensor in COLMAP 4's rigs.bin and frames.bin, by the same number as in the files.
 enum class SensorType : int32_t { CAMERA = 0, IMU = 1 };
 
-// A camera's id as a sensor is its camera_id.
+// Sensor of a rig. The sensor_id of a camera is its camera_id.
 struct Sensor {
   SensorType type = SensorType::CAMERA;
   uint32_t sensor_id = 0;
@@ -22,17 +22,18 @@ struct Sensor {
 
 struct RigSensor {
   Sensor sensor;
-  std::optional<Rigid3d> sensor_from_rig;  // none: not calibrated
+  std::optional<Rigid3d> sensor_from_rig;  // nullopt: not calibrated
 };
 
+// Rig as COLMAP 4 stores it with its models (rigs.bin).
 struct Rig {
   uint32_t rig_id = 0;
-  std::optional<Sensor> reference;  // its frame is the rig's
+  std::optional<Sensor> reference;  // sensor whose coordinate system is that of the rig
   std::vector<RigSensor> others;
 };
 
-// Where the sensor is on the rig, if it is there and the rig says it. As in the files: normalise the rotation where it
-// is computed with.
+// Returns the pose of a sensor on its rig, with the bytes of the file: normalise the rotation before computing with it.
+// Returns nullopt if the sensor is not on the rig or not calibrated.
 inline std::optional<Rigid3d> SensorFromRig(const Rig& rig, const Sensor& sensor) {
   if (rig.reference && *rig.reference == sensor) return Rigid3d();
   for (const RigSensor& other : rig.others) {
@@ -41,13 +42,13 @@ inline std::optional<Rigid3d> SensorFromRig(const Rig& rig, const Sensor& sensor
   return std::nullopt;
 }
 
-// What one sensor of a rig recorded. A camera's data_id is the image_id.
+// Recording of one sensor of a rig. The data_id of a camera's recording is the image_id.
 struct FrameData {
   Sensor sensor;
   uint64_t data_id = 0;
 };
 
-// A rig at one moment.
+// Rig at one moment (COLMAP 4's frames.bin).
 struct ModelFrame {
   uint32_t frame_id = 0;
   uint32_t rig_id = 0;

@@ -8,7 +8,8 @@
 
 namespace lazyloc {
 
-// Adds the wall time of its life to a stage's, however the stage ends.
+// Adds the wall time between its construction and its destruction to the seconds of a stage. Counts stages that end
+// with an exception, too, because it adds the time in the destructor.
 class StageTimer {
  public:
   using Seconds = std::vector<std::pair<std::string, double>>;

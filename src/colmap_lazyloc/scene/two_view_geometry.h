@@ -10,7 +10,7 @@
 
 namespace lazyloc {
 
-// COLMAP's TwoViewGeometry::ConfigurationType, by value the same in 3.6 to 4.2.
+// COLMAP's TwoViewGeometry::ConfigurationType. The values are those of COLMAP 3.6 to 4.2.
 enum class TwoViewConfig {
   UNDEFINED = 0,
   DEGENERATE = 1,
@@ -24,23 +24,24 @@ enum class TwoViewConfig {
   CALIBRATED_RIG = 9,
 };
 
-// Whether the geometry was verified with known intrinsics, as a relative pose needs it. UNCALIBRATED ones were verified
-// by a fundamental matrix, MULTIPLE ones hold the inliers of several motions.
+// True if the geometry was verified with known intrinsics, because only such a geometry gives a relative pose.
+// UNCALIBRATED geometries were verified with a fundamental matrix; MULTIPLE ones have the inliers of several motions.
 inline bool HoldsCalibrated(TwoViewConfig config) {
   return config == TwoViewConfig::CALIBRATED || config == TwoViewConfig::CALIBRATED_RIG ||
          config == TwoViewConfig::PLANAR || config == TwoViewConfig::PANORAMIC ||
          config == TwoViewConfig::PLANAR_OR_PANORAMIC;
 }
 
-// Verified geometry of a pair, oriented from the database image to the query: database_image first.
-//   query_from_other: translation of unit length, or zero for a pair without baseline.
-//   E, F, H: x_query^T E x_database = 0, likewise F in pixels; x_query ~ H x_database in pixels.
+// Verified geometry of a pair, oriented from the other image to the query: COLMAP's first image is the other one.
+//   query_from_other: its translation has unit length, or is zero for a pair without baseline.
+//   E: x_query^T E x_other = 0 for rays in camera coordinates. F: the same equation for pixels.
+//   H: x_query ~ H x_other in pixels.
 struct TwoViewGeometry {
   TwoViewConfig config = TwoViewConfig::UNDEFINED;
   Matches inlier_matches;
   std::optional<Rigid3d> query_from_other;
   std::optional<Eigen::Matrix3d> E, F, H;
-  // COLMAP 4.x: the intrinsics that the geometry was estimated with, where not those of the cameras table.
+  // Intrinsics that COLMAP 4 estimated the geometry with; nullopt if they are those of the cameras table.
   std::optional<Camera> query_camera, other_camera;
 };
 

@@ -8,7 +8,7 @@
 
 namespace lazyloc {
 
-// Descriptors like SIFT's: 128 columns, length 512, most of it in few columns.
+// Returns random descriptors like those of SIFT: 128 columns, norm 512, a few large elements.
 inline Descriptors RandomDescriptors(int num_rows, uint32_t seed) {
   std::mt19937 random(seed);
   Descriptors descriptors(num_rows, 128);
@@ -21,7 +21,7 @@ inline Descriptors RandomDescriptors(int num_rows, uint32_t seed) {
   return descriptors;
 }
 
-// The same with noise of +-2 in every column.
+// Returns the descriptors with uniform noise in [-2, 2] in every element.
 inline Descriptors WithNoise(Descriptors descriptors, uint32_t seed) {
   std::mt19937 random(seed);
   for (Eigen::Index i = 0; i < descriptors.size(); ++i) {

@@ -12,7 +12,7 @@ namespace {
 
 constexpr double kPi = 3.14159265358979323846;
 
-// A pose of the ring, at a part of it in [0, 1].
+// Returns a pose on the ring that looks at the points. part: position along the ring, in [0, 1].
 Rigid3d RingPose(double part, double radius, Random* random) {
   const double angle = 2 * kPi / 3 * part;
   const Eigen::Vector3d centre(radius * std::sin(angle), 0, -radius * std::cos(angle));
@@ -66,11 +66,12 @@ class GroupMaker {
     geometry.query_from_other =
         is_outlier ? Rigid3d{RandomRotation(&random_), RandomVector(&random_)} : query_from_other;
     geometry.query_from_other->translation.normalize();
-    std::vector<uint32_t> partner(points_.size());
-    std::iota(partner.begin(), partner.end(), 0u);
+    std::vector<uint32_t> other_points(points_.size());
+    std::iota(other_points.begin(), other_points.end(), 0u);
     const double ratio = is_outlier ? 1 : options_.outlier_match_ratio;
-    std::shuffle(partner.begin(), partner.begin() + static_cast<std::ptrdiff_t>(ratio * partner.size()), random_);
-    for (uint32_t i = 0; i < partner.size(); ++i) geometry.inlier_matches.push_back({i, partner[i]});
+    std::shuffle(other_points.begin(), other_points.begin() + static_cast<std::ptrdiff_t>(ratio * other_points.size()),
+                 random_);
+    for (uint32_t i = 0; i < other_points.size(); ++i) geometry.inlier_matches.push_back({i, other_points[i]});
     return geometry;
   }
 

@@ -9,14 +9,14 @@ namespace lazyloc {
 struct SyntheticPoseGraphOptions {
   int num_database = 20;
   int num_query = 1;
-  double rotation_noise_deg = 0;   // of each edge's rotation
-  double direction_noise_deg = 0;  // of each edge's direction
-  double outlier_edge_ratio = 0;   // random rotation and direction
+  double rotation_noise_deg = 0;   // angle between measured and true rotation of each edge
+  double direction_noise_deg = 0;  // angle between measured and true direction of each edge
+  double outlier_edge_ratio = 0;   // ratio of edges with random rotation and direction
   bool database_on_line = false;
   uint32_t seed = 0;
 };
 
-// What a pair of images measures of each other.
+// Measured relative rotation and direction of a pair of images.
 struct SyntheticPoseGraphEdge {
   int node1 = -1;
   int node2 = -1;
@@ -24,13 +24,13 @@ struct SyntheticPoseGraphEdge {
   Eigen::Vector3d dir_1to2_in_world;
 };
 
-// Cameras within a few units of each other, without points. Every query is linked to every database image and to every
-// other query, in random order.
+// Pose graph of cameras within a few units of each other, without points. Every query has an edge to every database
+// image and to every other query; the edges are in random order.
 struct SyntheticPoseGraph {
-  std::vector<Rigid3d> cam_from_world;  // truth; database images first
+  std::vector<Rigid3d> cam_from_world;  // true poses; database images first
   int num_database = 0;
   std::vector<SyntheticPoseGraphEdge> edges;
-  int num_outliers = 0;  // the first ones of the edges
+  int num_outliers = 0;  // the first edges are the outliers
 
   bool IsFixed(int node) const { return node < num_database; }
   int NumNodes() const { return static_cast<int>(cam_from_world.size()); }

@@ -26,7 +26,7 @@ Camera MakeCamera(bool is_query) {
   return camera;
 }
 
-// A place of a layout, in scene units: index -1 is the query's.
+// Returns the pose of a database image in a layout, or of the query if index is -1, in scene units.
 Rigid3d MakePose(SceneLayout layout, int index, int num_database_images, Random* random) {
   const double fraction = (index + 0.5) / num_database_images;
   const Eigen::Vector3d jitter = 0.3 * RandomVector(random);
@@ -69,17 +69,18 @@ std::vector<Eigen::Vector2d> Project(const std::vector<Eigen::Vector3d>& points,
   return keypoints;
 }
 
-// Point i is keypoint i of every image; the last `num_outliers` points of a random order are matched to one another's.
+// Matches keypoint i of both images, which is point i, except for num_outliers random points, which are matched to one
+// another's keypoints.
 Matches MakeMatches(int num_points, int num_outliers, Random* random) {
-  std::vector<uint32_t> order(num_points), partner(num_points);
+  std::vector<uint32_t> order(num_points), other_points(num_points);
   std::iota(order.begin(), order.end(), 0u);
   std::shuffle(order.begin(), order.end(), *random);
-  std::iota(partner.begin(), partner.end(), 0u);
+  std::iota(other_points.begin(), other_points.end(), 0u);
   for (int i = 0; i < num_outliers; ++i) {
-    partner[order[num_points - 1 - i]] = order[num_points - 1 - (i + 1) % num_outliers];
+    other_points[order[num_points - 1 - i]] = order[num_points - 1 - (i + 1) % num_outliers];
   }
   Matches matches;
-  for (uint32_t point = 0; point < partner.size(); ++point) matches.push_back({point, partner[point]});
+  for (uint32_t point = 0; point < other_points.size(); ++point) matches.push_back({point, other_points[point]});
   return matches;
 }
 
@@ -105,7 +106,7 @@ TwoViewGeometry MakeGeometry(const Rigid3d& query_from_other, const SyntheticSce
   return geometry;
 }
 
-// From scene units around zero to the database's units and place.
+// Converts a pose from scene units around zero to database units around options.origin.
 Rigid3d Placed(const Rigid3d& cam_from_scene, const SyntheticSceneOptions& options) {
   return CamFromWorld(cam_from_scene.rotation, options.unit * CamInWorld(cam_from_scene) + options.origin);
 }

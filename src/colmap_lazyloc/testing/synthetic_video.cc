@@ -15,7 +15,7 @@ struct VideoImage {
   std::string name;
   Rigid3d cam_from_world;
   std::vector<Eigen::Vector2d> keypoints;
-  std::vector<uint32_t> point_ids;  // of the keypoints, ascending
+  std::vector<uint32_t> point_ids;  // point of each keypoint, ascending
 };
 
 std::string Name(const char* prefix, int i) {
@@ -31,7 +31,7 @@ class VideoMaker {
     std::uniform_real_distribution<double> x(-6, length + 6), y(-2, 2), z(4, 8);
     const int num_points = static_cast<int>(options.num_points_per_length * (length + 12));
     for (int i = 0; i < num_points; ++i) points_.emplace_back(x(random_), y(random_), z(random_));
-    // So that an image sees a few neighbouring ones.
+    // Sorts along the path, so that the points that an image observes are neighbours in the list.
     std::sort(points_.begin(), points_.end(), [](const auto& a, const auto& b) { return a.x() < b.x(); });
   }
 

@@ -61,7 +61,7 @@ std::vector<unsigned char> CameraBlob(const std::optional<Camera>& camera) {
   return blob;
 }
 
-// From the smaller id to the larger.
+// Serialises matches; the image with the smaller id comes first.
 std::vector<unsigned char> MatchesBlob(const Matches& matches, bool database_is_first) {
   std::vector<unsigned char> blob;
   for (const Match& match : matches) {
@@ -175,7 +175,7 @@ void TestDatabase::AddTwoViewGeometry(uint32_t query_id, uint32_t database_id, c
   if (!database_is_first) {
     if (stored.E) stored.E->transposeInPlace();
     if (stored.F) stored.F->transposeInPlace();
-    if (stored.H) stored.H = stored.H->inverse().eval();  // not a number for the zeros of 3.x
+    if (stored.H) stored.H = stored.H->inverse().eval();  // NaN for the zero matrix of COLMAP 3
     if (Rigid3d* pose = stored.query_from_other ? &*stored.query_from_other : nullptr) {
       pose->rotation = pose->rotation.inverse();
       pose->translation = -(pose->rotation * pose->translation);
@@ -183,7 +183,7 @@ void TestDatabase::AddTwoViewGeometry(uint32_t query_id, uint32_t database_id, c
     std::swap(stored.query_camera, stored.other_camera);
   }
   if (is_3x && !stored.query_from_other) {
-    // 3.8 leaves an unset pose at zeros, or at the identity if the images are exchanged; 3.10 at the identity.
+    // Stores an unset pose like COLMAP 3.8 (zeros, or the identity if the images are swapped) or 3.10 (the identity).
     const double w = schema_ == Schema::V3_8 && database_is_first ? 0 : 1;
     stored.query_from_other = Rigid3d{{w, 0, 0, 0}, Eigen::Vector3d::Zero()};
   }

@@ -18,14 +18,14 @@ struct sqlite3;
 
 namespace lazyloc {
 
-// Creates a COLMAP database for tests, as the given version of COLMAP would (but for tables that are of no interest to
-// us): WAL mode, a pair stored from its smaller image id to the larger, placeholders for what is not set.
-// Throws std::runtime_error.
+// COLMAP database for tests, as the given version of COLMAP writes it, without the tables that no test reads: in WAL
+// mode, with pairs stored from the smaller to the larger image id and with placeholders for values that are not set.
+// Throws std::runtime_error if SQLite fails.
 class TestDatabase {
  public:
   enum class Schema { V3_6, V3_8, V3_10, V4_2 };
 
-  // The file must not exist yet.
+  // path: a file that does not exist yet.
   TestDatabase(const std::filesystem::path& path, Schema schema);
   ~TestDatabase();
   TestDatabase(const TestDatabase&) = delete;
@@ -33,19 +33,19 @@ class TestDatabase {
 
   void AddCamera(const Camera& camera);
   void AddImage(uint32_t image_id, uint32_t camera_id, const std::string& name);
-  // num_cols: 2, 4 or 6, by version of COLMAP and kind of feature.
+  // num_cols: 2, 4 or 6, depending on the version of COLMAP and the type of feature.
   void AddKeypoints(uint32_t image_id, const std::vector<Eigen::Vector2d>& keypoints, int num_cols = 6);
-  // type: COLMAP 4.x's, where 0 is SIFT.
+  // type: COLMAP 4's FeatureExtractorType as a number; 0 is SIFT. Not stored in other schemas.
   void AddDescriptors(uint32_t image_id, const Descriptors& descriptors, int type = 0);
-  // Matches and geometry are oriented as everywhere: from the database image to the query.
+  // Add matches and geometry that are oriented from the database image to the query.
   void AddMatches(uint32_t query_id, uint32_t database_id, const Matches& matches);
   void AddTwoViewGeometry(uint32_t query_id, uint32_t database_id, const TwoViewGeometry& geometry);
   void Execute(const std::string& sql);
-  // Merges the WAL into the file. What is not closed can be read already.
+  // Merges the WAL into the file. A database can be read before it is closed, too.
   void Close();
 
  private:
-  using Blob = std::vector<unsigned char>;  // empty is NULL
+  using Blob = std::vector<unsigned char>;  // empty: NULL
   using Value = std::variant<int64_t, std::string, Blob>;
   void Insert(const std::string& table, const std::vector<Value>& values);
   Blob MatrixBlob(const std::optional<Eigen::Matrix3d>& matrix) const;

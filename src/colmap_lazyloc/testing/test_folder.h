@@ -22,8 +22,8 @@ inline void WriteBytes(const std::filesystem::path& path, const std::string& byt
   std::ofstream(path, std::ios::binary) << bytes;
 }
 
-// Everything that a reader must leave as it was: names, bytes and times of change of a folder's files, and the
-// folder's own.
+// State of a folder that a reader must not change: names, bytes and modification times of its files, and the
+// modification time of the folder itself.
 using FolderState = std::map<std::string, std::pair<std::string, std::filesystem::file_time_type>>;
 inline FolderState ReadFolderState(const std::filesystem::path& folder) {
   FolderState state = {{".", {"", std::filesystem::last_write_time(folder)}}};
@@ -34,7 +34,7 @@ inline FolderState ReadFolderState(const std::filesystem::path& folder) {
   return state;
 }
 
-// An empty folder for the running test, removed with this object.
+// Empty folder for the running test. The destructor removes it.
 class TestFolder {
  public:
   TestFolder() {

@@ -5,7 +5,7 @@
 namespace lazyloc {
 namespace {
 
-// Residual (u - dir) / sigma with u = b / |b|, b = C2 - C1 + offset; parameters C1, C2.
+// Residual (u - dir) / sigma, with u = b / |b| and b = C2 - C1 + offset. Parameters: the centres C1 and C2.
 class ChordCost : public ceres::SizedCostFunction<3, 3, 3> {
  public:
   ChordCost(const DirectionEdge& edge, double stddev)
@@ -21,7 +21,7 @@ class ChordCost : public ceres::SizedCostFunction<3, 3, 3> {
     residual = weight_ * (unit - dir_);
     if (jacobians == nullptr) return true;
     const Eigen::Matrix3d jacobian = weight_ / length * (Eigen::Matrix3d::Identity() - unit * unit.transpose());
-    // Symmetric, so that Ceres' row-major order makes no difference.
+    // Needs no conversion to Ceres' row-major order, because the Jacobian is symmetric.
     for (int i = 0; i < 2; ++i) {
       if (jacobians[i] == nullptr) continue;
       Eigen::Map<Eigen::Matrix3d> target(jacobians[i]);

@@ -12,10 +12,11 @@ namespace lazyloc {
 namespace {
 
 constexpr int kNumIterations = 10;
-constexpr double kConvergenceSigma = 1e-3;  // end when the direction moves by less, in its standard deviations
+constexpr double kConvergenceSigma = 1e-3;  // iterations end when the direction changes by fewer standard deviations
 
-// Geman-McClure weight of the epipolar constraint, whose squared error over its variance is to first order in the rays'
-// noise Sampson's distance; and the variance. The squared norm of dir x ray is 1 - (dir . ray)^2.
+// Returns the Geman-McClure weight of a pair's epipolar constraint and sets the variance of the constraint. The squared
+// error divided by the variance is the Sampson distance, to first order in the noise of the rays. The variance uses
+// |dir x ray|^2 = 1 - (dir . ray)^2.
 double Weight(const RayPair& pair, const Eigen::Vector3d& normal, const Eigen::Vector3d& dir, double scale,
               double* variance) {
   const double cos1 = dir.dot(pair.ray1_in_world), cos2 = dir.dot(pair.ray2_in_world), error = normal.dot(dir);
@@ -23,7 +24,8 @@ double Weight(const RayPair& pair, const Eigen::Vector3d& normal, const Eigen::V
   return GemanMcClureWeight(error * error / *variance, scale);
 }
 
-// Twice the number of ray pairs that meet in front of both cameras, less their number, for baseline `dir`.
+// Returns the number of ray pairs that meet in front of both cameras minus the number that meet behind both, for
+// baseline `dir`.
 int CheiralityVote(const std::vector<RayPair>& rays, const std::vector<Eigen::Vector3d>& normals,
                    const Eigen::Vector3d& dir) {
   int vote = 0;
@@ -35,16 +37,17 @@ int CheiralityVote(const std::vector<RayPair>& rays, const std::vector<Eigen::Ve
   return vote;
 }
 
-// Whether more ray pairs than chance and a few outliers explain are not parallel: without parallax the rays' noise
-// would feign a direction.
+// True if more ray pairs have parallax than noise and a few outliers explain: at least 5 pairs and 5 %. Without
+// parallax, the noise of the rays would determine the direction.
 bool HasParallax(const std::vector<RayPair>& rays, const std::vector<Eigen::Vector3d>& normals) {
   size_t num_with_parallax = 0;
   for (size_t i = 0; i < rays.size(); ++i) num_with_parallax += normals[i].norm() > 4 * M_SQRT2 * rays[i].stddev_rad;
   return num_with_parallax >= 5 && 20 * num_with_parallax >= rays.size();
 }
 
-// The direction, of those that two ray pairs give each, that most ray pairs agree with. The pairs are taken from all
-// over the list in a fixed order: the same input gives the same start.
+// Returns the direction that the largest number of ray pairs agrees with, among the directions that two ray pairs give
+// each. The hypotheses are spread over the whole list in a fixed order, so that the same input gives the same start.
+// Returns zero if no hypothesis is valid.
 Eigen::Vector3d StartDirection(const std::vector<RayPair>& rays, const std::vector<Eigen::Vector3d>& normals) {
   constexpr size_t kNumHypotheses = 30, kNumVoters = 100;
   const size_t num_rays = rays.size(), stride = std::max<size_t>(1, num_rays / kNumVoters);
@@ -89,13 +92,15 @@ RelativeDirection EstimateRelativeDirection(const std::vector<RayPair>& rays) {
     }
     const Eigen::Vector3d previous = dir;
     dir = eigen.compute(system).eigenvectors().col(0);
-    // Far below what the rays' noise leaves open: the squared angle times the tangent plane's information.
+    // Compares the squared angle times the information of the tangent plane, which is the squared change in standard
+    // deviations.
     if (previous.cross(dir).squaredNorm() * eigen.eigenvalues()(1) < kConvergenceSigma * kConvergenceSigma) break;
   }
   const int vote = CheiralityVote(rays, normals, dir);
   if (vote == 0) return result;
   result.dir_1to2_in_world = (vote > 0 ? 1.0 : -1.0) * dir.normalized();
-  // The tangent plane's information is the system's second eigenvalue.
+  // Takes the second eigenvalue of the system, because it is the information in the worse direction of the tangent
+  // plane.
   const double information = eigen.eigenvalues()(1);
   result.stddev_rad = information > 0 ? 1 / std::sqrt(information) : std::numeric_limits<double>::infinity();
   return result;

@@ -6,24 +6,25 @@
 
 namespace lazyloc {
 
-// A matched pair of viewing rays, unit length, both turned into the world, with their noise.
+// Pair of matched viewing rays, unit length, both rotated into the world frame.
 struct RayPair {
   Eigen::Vector3d ray1_in_world;
   Eigen::Vector3d ray2_in_world;
-  double stddev_rad = 1e-3;  // of each ray
+  double stddev_rad = 1e-3;  // noise of each ray, per axis
 };
 
 struct RelativeDirection {
-  // Unit (cam2_in_world - cam1_in_world); zero where the rays do not tell.
+  // Unit vector along cam2_in_world - cam1_in_world; zero if the rays do not determine it.
   Eigen::Vector3d dir_1to2_in_world = Eigen::Vector3d::Zero();
-  double stddev_rad = 0;  // of the worse of its two angles, by the rays' noise
+  double stddev_rad = 0;  // of the worse of its two angles, from the noise of the rays
 };
 
-// Direction of the baseline between two cameras whose rotations are known: every ray pair (f1, f2) obeys the epipolar
-// constraint (f1 x f2) . dir = 0, so that dir is the smallest eigenvector of sum w n n^T with n = f1 x f2, where w
-// normalises each constraint by its own noise and discounts outliers. It starts from a vote among the directions that
-// two ray pairs give. Its sign is the one that puts more points in front of both cameras. LazyLoc section 3.2; Lee &
-// Civera, Closed-Form Optimal Two-View Triangulation, for the constraint's noise.
+// Estimates the direction of the baseline between two cameras whose rotations are known. Every ray pair (f1, f2)
+// fulfils the epipolar constraint (f1 x f2) . dir = 0. Therefore dir is the eigenvector of sum w n n^T, n = f1 x f2,
+// with the smallest eigenvalue. The weight w normalises each constraint by its noise and down-weights outliers. The
+// iteration starts from the best of the directions that two ray pairs give each. The sign puts more points in front of
+// both cameras. LazyLoc (arXiv 2307.09981), section 3.2. For the noise of the constraint: Lee & Civera, Closed-Form
+// Optimal Two-View Triangulation Based on Angular Errors, ICCV 2019.
 RelativeDirection EstimateRelativeDirection(const std::vector<RayPair>& rays);
 
 }  // namespace lazyloc

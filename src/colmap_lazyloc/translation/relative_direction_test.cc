@@ -36,7 +36,7 @@ TEST(RelativeDirection, NoiseFreeIsExact) {
   }
 }
 
-// The error must keep to the standard deviation that the estimate claims: 4 of it in 20 trials, outliers or not.
+// Allows four standard deviations of the estimate in 20 trials, with and without outliers.
 TEST(RelativeDirection, ErrorKeepsToItsStandardDeviation) {
   for (const double outlier_ratio : {0.0, 0.2}) {
     for (uint32_t seed = 0; seed < 20; ++seed) {

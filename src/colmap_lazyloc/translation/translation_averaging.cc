@@ -12,14 +12,14 @@
 namespace lazyloc {
 namespace {
 
-// The line on which an edge puts an unknown node: from a known centre along a direction.
+// Ray on which an edge places an unknown node: from a known centre along a direction.
 struct Ray {
   Eigen::Vector3d origin;
   Eigen::Vector3d dir;
   double weight;
 };
 
-// By the node's edges.
+// Returns one ray per edge (indices `edges`) whose other node is known.
 std::vector<Ray> RaysTo(int node, const std::vector<size_t>& edges, const TranslationAveragingProblem& problem,
                         const TranslationAveragingOptions& options, const TranslationAveragingResult& result) {
   std::vector<Ray> rays;
@@ -35,7 +35,8 @@ std::vector<Ray> RaysTo(int node, const std::vector<size_t>& edges, const Transl
   return rays;
 }
 
-// Midpoint of two rays' closest approach; false where they run parallel or meet behind an origin.
+// Computes the midpoint between the closest points of two rays. Returns false if the rays are parallel within
+// min_angle_rad or if a closest point is behind the ray's origin.
 bool Crossing(const Ray& a, const Ray& b, double min_angle_rad, Eigen::Vector3d* point) {
   const Eigen::Vector3d normal = a.dir.cross(b.dir);
   const double squared_sine = normal.squaredNorm();
@@ -48,6 +49,7 @@ bool Crossing(const Ray& a, const Ray& b, double min_angle_rad, Eigen::Vector3d*
   return true;
 }
 
+// Returns the weight of the rays near the point, falling linearly to zero at max_error_rad.
 double Support(const Eigen::Vector3d& point, const std::vector<Ray>& rays, double max_error_rad) {
   double support = 0;
   for (const Ray& ray : rays) {
@@ -63,7 +65,8 @@ struct Start {
   bool is_determined = false;
 };
 
-// The best supported crossing of two rays; where none cross, a point on the best ray, as far as the centres are apart.
+// Returns the crossing of two rays with the largest support. If no two rays cross, returns a point on the ray with the
+// largest weight, at a distance of the largest distance between its origin and another.
 Start BestStart(const std::vector<Ray>& rays, const TranslationAveragingOptions& options) {
   const double max_error_rad = DegToRad(options.max_vote_error_deg);
   Start best;
@@ -85,6 +88,8 @@ Start BestStart(const std::vector<Ray>& rays, const TranslationAveragingOptions&
   return best;
 }
 
+// Sets start positions of all nodes that are connected to a known one. Adds one node after another, always the one with
+// the largest support.
 void StartFromVotes(const TranslationAveragingProblem& problem, const TranslationAveragingOptions& options,
                     TranslationAveragingResult* result) {
   std::vector<std::vector<size_t>> edges_of(problem.is_fixed.size());
@@ -108,7 +113,7 @@ void StartFromVotes(const TranslationAveragingProblem& problem, const Translatio
     result->is_known[node] = true;
     result->is_determined[node] = best->is_determined;
     vote(node);
-    // Only its neighbours have a new ray.
+    // Votes again for its neighbours only, because no other node has a new ray.
     for (const size_t edge : edges_of[node]) vote(problem.edges[edge].node1 + problem.edges[edge].node2 - node);
   }
 }

@@ -10,60 +10,64 @@
 
 namespace lazyloc {
 
-// Measured baseline direction between two images: unit (cam2_in_world - cam1_in_world).
+// Measured direction of the baseline between two nodes: unit vector along cam2_in_world - cam1_in_world.
 struct DirectionEdge {
   int node1 = -1;
   int node2 = -1;
   Eigen::Vector3d dir_1to2_in_world = Eigen::Vector3d::Zero();
   double stddev_rad = 0;  // noise of the direction
-  // Where the images are not at the nodes but fixed to them: what this adds to C2 - C1 (a camera of a rig).
+  // Added to C2 - C1 to give the baseline. Non-zero if the images are cameras of rigs and the nodes are the rigs'
+  // centres.
   Eigen::Vector3d offset_in_world = Eigen::Vector3d::Zero();
 };
 
-// Translation averaging with fixed nodes: projection centres of nodes 0..n-1, of which the fixed ones are known and
-// are returned as they are. An edge binds two of a node's three coordinates. Gauge freedom: none where each unknown
-// node sees two or more distinct fixed centres in non-parallel directions; with one fixed neighbour, or on the line of
-// its fixed neighbours, its position along the ray stays open (see `is_determined`).
+// Translation averaging with fixed nodes 0..n-1, each with a projection centre. The centres of fixed nodes are known
+// and are returned unchanged. An edge constrains two of the three coordinates of an unknown node. There is no gauge
+// freedom if each unknown node has two fixed neighbours in directions that are not parallel. A node with a single fixed
+// neighbour, or on the line through its fixed neighbours, is unobservable along this line (see `is_determined`).
 struct TranslationAveragingProblem {
-  std::vector<Eigen::Vector3d> cams_in_world;  // of fixed nodes; the others' are ignored
+  std::vector<Eigen::Vector3d> cams_in_world;  // of n nodes; ignored for nodes that are not fixed
   std::vector<bool> is_fixed;
   std::vector<DirectionEdge> edges;
 };
 
 enum class TranslationAveragingMethod {
-  ANGULAR,  // sum rho(|dir - b / |b|| / sigma)^2, b = C2 - C1 + offset
-  LUD,      // least unsquared deviations: sum min over lambda >= 0 of |b - lambda dir|
+  ANGULAR,  // minimises sum rho(|dir - b / |b||^2 / sigma^2), b = C2 - C1 + offset
+  LUD,      // least unsquared deviations: minimises sum |b - lambda dir| over the centres and lambda >= 0
 };
 template <>
 inline constexpr std::array<const char*, 2> kEnumNames<TranslationAveragingMethod> = {"angular", "lud"};
 
 struct TranslationAveragingOptions {
   TranslationAveragingMethod method = TranslationAveragingMethod::ANGULAR;
-  double min_direction_stddev_deg = 0.1;  // added to each direction's own noise: what its model does not know
-  double loss_scale_sigma = 2;            // Cauchy scale in standard deviations of the directions
-  double max_vote_error_deg = 10;         // an edge supports a start whose direction it matches within this angle
-  double min_ray_angle_deg = 1;           // two directions that meet at less do not determine a start
+  double min_direction_stddev_deg = 0.1;  // added in quadrature to each direction's noise, for errors not modelled
+  double loss_scale_sigma = 2;            // scale of the Cauchy loss, in standard deviations of a direction
+  double max_vote_error_deg = 10;         // maximum angle between a start position and an edge that supports it
+  double min_ray_angle_deg = 1;           // minimum angle at which two edges may cross to determine a start
   int max_num_iterations = 50;
 
+  // Returns false and names the first invalid option in `error`.
   bool Check(std::string* error) const;
 };
 
 struct TranslationAveragingResult {
   std::vector<Eigen::Vector3d> cams_in_world;
-  std::vector<bool> is_known;           // fixed, or linked to a fixed node
-  std::vector<bool> is_determined;      // fixed, or started where two edges cross
-  std::vector<double> edge_errors_rad;  // angle between measured and averaged; NaN where a node is not known
+  std::vector<bool> is_known;           // true: fixed, or connected to a fixed node
+  std::vector<bool> is_determined;      // true: fixed, or started at a crossing of two edges
+  std::vector<double> edge_errors_rad;  // angle between measured and averaged; NaN if a node is not known
   StageSummary summary;
 };
 
-// Starts each unknown node at the crossing of two of its edges that most other edges agree with, then minimises the
-// errors of the method chosen over the unknown centres.
-// Angular: by Ceres, rho Cauchy's loss; the chord between two unit vectors is their angle up to third order, and grows
-// with it up to 180 degrees. Wilson & Snavely, Robust Global Translations with 1DSfM, ECCV 2014, eq. 2; LazyLoc
-// section 3.2.
-// LUD: convex, by reweighted least squares, all edges weighing the same. Ozyesil & Singer, Robust Camera Location
-// Estimation by Convex Programming, CVPR 2015; their lambda >= 1 sets the scale, which the fixed centres do here.
-// summary.success is false where no unknown node is linked to a fixed one, or a measurement is not finite.
+// Averages translations. Starts each unknown node at the crossing of two of its edges with the largest weight of other
+// edges that agree, and then minimises the cost of options.method over the unknown centres.
+//   ANGULAR: solved by Ceres with the Cauchy loss rho. The chord between two unit vectors equals their angle up to
+//     third order and increases with it up to 180 degrees. Wilson & Snavely, Robust Global Translations with 1DSfM,
+//     ECCV 2014, eq. 2; LazyLoc (arXiv 2307.09981), section 3.2.
+//   LUD: convex; solved by reweighted least squares; all edges have the same weight. Ozyesil & Singer, Robust Camera
+//     Location Estimation by Convex Programming, CVPR 2015. Their lambda >= 1 fixes the scale; here lambda >= 0 is
+//     enough, because the fixed centres determine the scale.
+// summary.success is false if no unknown node is connected to a fixed one, if a measurement is not finite, or if the
+// solver fails.
 TranslationAveragingResult AverageTranslations(const TranslationAveragingProblem& problem,
                                                const TranslationAveragingOptions& options);
 

@@ -48,7 +48,7 @@ TranslationAveragingOptions OptionsOf(Method method) {
   return options;
 }
 
-// What every method must do, for a number of queries.
+// Contract that every method must fulfil. Parameters: the method and the number of queries.
 class EveryMethod : public testing::TestWithParam<std::tuple<Method, int>> {
  protected:
   TranslationAveragingResult Average(const TranslationAveragingProblem& problem) const {
@@ -67,7 +67,7 @@ class EveryMethod : public testing::TestWithParam<std::tuple<Method, int>> {
   }
 };
 
-// Distances are about 5 units.
+// Allows 1e-8 of the distances, which are about 5 units.
 TEST_P(EveryMethod, NoiseFreeIsExact) {
   for (const bool on_line : {false, true}) {
     SyntheticPoseGraphOptions options = GraphOptions(0);
@@ -80,8 +80,8 @@ TEST_P(EveryMethod, NoiseFreeIsExact) {
   }
 }
 
-// Directions of 1 deg over 5 units are 0.09 units off; 20 leave a quarter of that, more for a query far outside. Seven
-// times that.
+// Averages 20 directions with errors of 1 deg, or 0.09 units over 5 units. A quarter of that remains, more for a query
+// far outside. Allows seven times as much.
 TEST_P(EveryMethod, AveragesNoise) {
   SyntheticPoseGraphOptions options = GraphOptions(1);
   for (options.seed = 0; options.seed < 20; ++options.seed) {
@@ -134,7 +134,7 @@ TEST_P(EveryMethod, FollowsScaleAndRotationOfTheDatabase) {
   }
 }
 
-TEST_P(EveryMethod, OneNeighbourLeavesTheDistanceOpen) {
+TEST_P(EveryMethod, OneNeighbourLeavesTheDistanceUndetermined) {
   SyntheticPoseGraphOptions options;
   options.num_database = 1;
   const TranslationAveragingResult result = Average(ProblemOf(MakeSyntheticPoseGraph(options), 0));
@@ -143,7 +143,7 @@ TEST_P(EveryMethod, OneNeighbourLeavesTheDistanceOpen) {
   EXPECT_LE(result.edge_errors_rad[0], 1e-8) << "the bearing is known all the same";
 }
 
-TEST_P(EveryMethod, QueryOnTheLineOfItsNeighboursIsOpen) {
+TEST_P(EveryMethod, QueryOnTheLineOfItsNeighboursIsUndetermined) {
   SyntheticPoseGraphOptions options;
   options.database_on_line = true;
   TranslationAveragingProblem problem = ProblemOf(MakeSyntheticPoseGraph(options), 0);
@@ -177,7 +177,7 @@ INSTANTIATE_TEST_SUITE_P(TranslationAveraging, EveryMethod,
                          testing::Combine(testing::Values(Method::ANGULAR, Method::LUD), testing::Values(1, 5)),
                          NameOf);
 
-// With 40 % outliers 12 good directions leave a third of 0.09 units. Seven times that.
+// Leaves 12 good directions, because 40 % are outliers, and so an error of 0.03 units. Allows seven times as much.
 TEST(TranslationAveraging, AnglesWithstandManyOutliers) {
   SyntheticPoseGraphOptions options;
   options.direction_noise_deg = 1;
@@ -193,7 +193,7 @@ TEST(TranslationAveraging, AnglesWithstandManyOutliers) {
   }
 }
 
-// Ozyesil & Singer: where all other directions are exact, few outliers do not move the minimum.
+// Checks exact recovery (Ozyesil & Singer): a few outliers do not change the minimum if all other directions are exact.
 TEST(TranslationAveraging, LudIsExactDespiteFewOutliers) {
   SyntheticPoseGraphOptions options;
   options.outlier_edge_ratio = 0.1;
@@ -204,7 +204,8 @@ TEST(TranslationAveraging, LudIsExactDespiteFewOutliers) {
   }
 }
 
-// The cost of an outlier grows with its length, and edges between queries cost nothing where these collapse.
+// Tests a weakness of LUD: the cost of an outlier grows with its length, and edges between queries have no cost if the
+// queries collapse into one point.
 TEST(TranslationAveraging, LudYieldsToManyOutliers) {
   SyntheticPoseGraphOptions options;
   options.num_query = 5;
@@ -219,8 +220,8 @@ TEST(TranslationAveraging, LudYieldsToManyOutliers) {
   EXPECT_GT(lud_sum, 3 * angular_sum);
 }
 
-// A query among database images of which some are near and most are far, the far ones' directions as good as the near
-// ones': an angle counts the same at any distance, a deviation in length counts the far ones most.
+// Places a query among 6 near and 14 distant database images with equally accurate directions, but for two outliers.
+// Angular errors do not depend on the distance, whereas the deviations of LUD are largest for distant images.
 TEST(TranslationAveraging, LudLosesToAnglesWhereDistancesDiffer) {
   double angular_sum = 0, lud_sum = 0;
   for (uint32_t seed = 0; seed < 50; ++seed) {

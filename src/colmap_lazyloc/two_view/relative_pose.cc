@@ -6,16 +6,17 @@
 namespace lazyloc {
 namespace {
 
-// What COLMAP may find a calibrated geometry in, given the intrinsics.
+// True if COLMAP may find a calibrated geometry in the matches, although the stored configuration gives no relative
+// pose.
 bool IsWorthEstimating(TwoViewConfig config) {
   return config == TwoViewConfig::MULTIPLE || config == TwoViewConfig::UNDEFINED;
 }
 
 TwoViewGeometry Estimate(const LocalizationProblem& problem, const ImagePair& pair, const Matches& matches,
                          const RelativePoseOptions& options, uint32_t seed, bool is_query_calibrated = true) {
-  return EstimateTwoViewGeometry(pair.other_camera, pair.other_keypoints, problem.query_camera,
-                                 problem.query_keypoints, matches,
-                                 {options.min_num_inliers, options.max_two_view_error_px, is_query_calibrated}, seed);
+  return EstimateTwoViewGeometry(pair.other_camera, pair.other_keypoints, problem.query_camera, problem.query_keypoints,
+                                 matches, {options.min_num_inliers, options.max_two_view_error_px, is_query_calibrated},
+                                 seed);
 }
 
 }  // namespace

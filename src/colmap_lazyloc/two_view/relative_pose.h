@@ -10,26 +10,31 @@
 namespace lazyloc {
 
 struct RelativePoseOptions {
-  int min_num_inliers = 15;          // a pair with fewer is not used
-  double max_two_view_error_px = 4;  // of inliers, where COLMAP estimates the geometry
+  int min_num_inliers = 15;          // minimum number of inliers of a pair
+  double max_two_view_error_px = 4;  // maximum error of an inlier, used if COLMAP estimates the geometry
 
+  // Returns false and names the first invalid option in `error`.
   bool Check(std::string* error) const;
 };
 
-// Pose of the query relative to one database image, and the matches that agree with it.
+// Pose of the query relative to another image, with the matches that are its inliers.
 struct RelativePose {
-  Rigid3d query_from_other;  // translation of unit length, or zero for a pair without baseline
+  Rigid3d query_from_other;  // its translation has unit length, or is zero for a pair without baseline
   Matches inlier_matches;
 };
 
-// The pair's relative pose: the stored one, one decomposed from the stored E or H by COLMAP, or one that COLMAP
-// estimates from the matches, calibrated, where nothing is stored or what is stored is uncalibrated. None where the
-// pair has too few inliers, or is degenerate or a watermark. The same result for the same seed.
+// Returns the relative pose of a pair, from the first of these sources that is available:
+//   1. the stored relative pose,
+//   2. COLMAP's decomposition of the stored E or H,
+//   3. COLMAP's estimate with known intrinsics, from the stored matches, if no calibrated geometry is stored.
+// Returns nullopt if the pair has too few inliers, is degenerate or is a watermark. The same seed gives the same
+// result.
 std::optional<RelativePose> FindRelativePose(const LocalizationProblem& problem, const ImagePair& pair,
                                              const RelativePoseOptions& options, uint32_t seed);
 
-// The pair's verified matches where the query's focal length is not known: the stored inliers, whatever geometry they
-// were verified by, or those that COLMAP finds by a fundamental matrix. Empty where they are too few or of a watermark.
+// Returns the verified matches of a pair whose query has an unknown focal length: the stored inliers of any geometry,
+// or else the inliers of a fundamental matrix that COLMAP estimates. Empty if there are too few inliers, or if the pair
+// is degenerate or a watermark.
 Matches FindInlierMatches(const LocalizationProblem& problem, const ImagePair& pair, const RelativePoseOptions& options,
                           uint32_t seed);
 

@@ -59,7 +59,8 @@ TEST_F(RelativePoses, NeitherPoseNorMatrixIsNoPose) {
   EXPECT_FALSE(Find().has_value());
 }
 
-// 200 matches of 0.2 px over a wide baseline: a tenth of a degree is several standard deviations.
+// Allows several standard deviations, which are below a tenth of a degree for 200 matches of 0.2 px and a wide
+// baseline.
 TEST_F(RelativePoses, RawMatchesAreVerified) {
   Pair().matches = Pair().geometry->inlier_matches;
   Pair().geometry.reset();

@@ -15,7 +15,7 @@ std::optional<Rigid3d> EstimateAbsolutePose(const std::vector<Eigen::Vector3d>& 
                                             uint32_t seed, double min_inlier_ratio) {
   std::vector<Eigen::Vector2d> normalized(rays_in_cam.size());
   for (size_t i = 0; i < normalized.size(); ++i) normalized[i] = rays_in_cam[i].hnormalized();
-  // RANSAC draws from a generator of the thread's.
+  // Seeds the generator of this thread, because RANSAC draws from it.
   colmap::SetPRNGSeed(seed);
   colmap::LORANSAC<colmap::P3PEstimator, colmap::EPNPEstimator> ransac(
       AbsolutePoseRansacOptions(max_error_rad, min_inlier_ratio));

@@ -14,21 +14,20 @@ const char* const kVisualIndexFormat = "COLMAP-3";
 
 namespace {
 
-constexpr int kBranching = 32;  // of the tree of clusters
+constexpr int kBranching = 32;  // children of a node in the tree of clusters
 constexpr int kNumIterations = 11;
 
-// FLANN only reads it, but has no type that says so.
+// Casts const away because FLANN, which only reads the descriptors, takes no const data.
 flann::Matrix<uint8_t> ToFlann(const Descriptors& descriptors) {
   return {const_cast<uint8_t*>(descriptors.data()), static_cast<size_t>(descriptors.rows()), kDescriptorDim};
 }
 
 }  // namespace
 
-// Hierarchical k-means.
+// Clusters with FLANN's hierarchical k-means.
 Descriptors ClusterWords(const Descriptors& descriptors, int num_words, uint32_t seed) {
   num_words = std::max(2, std::min<int>(num_words, descriptors.rows()));
-  // FLANN's clusters come from the program's one rand(): to give the same ones again, nobody else may draw from it
-  // meanwhile.
+  // Excludes other threads, because FLANN draws from rand(), whose state is shared by the whole program.
   static std::mutex mutex;
   const std::lock_guard<std::mutex> lock(mutex);
   std::srand(seed);

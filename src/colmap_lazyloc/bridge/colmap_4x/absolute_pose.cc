@@ -11,8 +11,8 @@
 namespace lazyloc {
 namespace {
 
-// COLMAP's estimator with errors in angles, that is for rays in all directions. Its projection serves EPnP to choose
-// among its solutions.
+// COLMAP's estimator with angular errors instead of errors in the plane z = 1, because rays may have any direction.
+// EPnP uses the projection to choose among its solutions.
 template <typename Estimator>
 class OnRays : public Estimator {
  public:
@@ -35,7 +35,7 @@ std::optional<Rigid3d> EstimateAbsolutePose(const std::vector<Eigen::Vector3d>& 
                                             uint32_t seed, double min_inlier_ratio) {
   std::vector<colmap::Point2DWithRay> rays(rays_in_cam.size());
   for (size_t i = 0; i < rays.size(); ++i) rays[i] = {rays_in_cam[i].hnormalized(), rays_in_cam[i]};
-  // RANSAC draws from a generator of the thread's.
+  // Seeds the generator of this thread, because RANSAC draws from it.
   colmap::SetPRNGSeed(seed);
   colmap::LORANSAC<OnRays<colmap::P3PEstimator>, OnRays<colmap::EPNPEstimator>> ransac(
       AbsolutePoseRansacOptions(max_error_rad, min_inlier_ratio));

@@ -23,7 +23,7 @@ Descriptors ClusterWords(const Descriptors& descriptors, int num_words, uint32_t
   faiss::ClusteringParameters params;
   params.niter = kNumIterations;
   params.seed = static_cast<int>(seed);
-  params.min_points_per_centroid = 1;  // no warning
+  params.min_points_per_centroid = 1;  // keeps faiss from printing a warning
   faiss::Clustering clustering(kDescriptorDim, std::min<int>(num_words, descriptors.rows()), params);
   faiss::IndexFlatL2 index(kDescriptorDim);
   const FloatDescriptors points = descriptors.cast<float>();
