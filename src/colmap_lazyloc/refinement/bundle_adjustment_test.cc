@@ -368,6 +368,41 @@ TEST_P(SharedDatabaseFrames, WithoutPriorAreConstantBitwise) {
   }
 }
 
+// Moves the second image next to the first.
+SyntheticTracks WithImagesTogether(SyntheticTracks scene, const SharedFrame& shared) {
+  std::vector<Image>& images = scene.posed.images;
+  const auto together = images.begin() + shared.first + 1, apart = images.begin() + shared.second;
+  std::rotate(together, apart, apart + 1);
+  for (Track& track : scene.tracks) {
+    for (TrackObservation& element : track.observations) {
+      if (element.image == shared.second) {
+        element.image = shared.first + 1;
+      } else if (shared.first < element.image && element.image < shared.second) {
+        ++element.image;
+      }
+    }
+    std::sort(track.observations.begin(), track.observations.end(),
+              [](const TrackObservation& a, const TrackObservation& b) { return a.image < b.image; });
+  }
+  return scene;
+}
+
+TEST_P(SharedDatabaseFrames, NeedNotHaveTheirImagesTogether) {
+  SyntheticTracks scene = MakeTruth(1.5);
+  for (int frame = 1; frame < 6; ++frame) DisturbWithPrior(frame, &scene.posed);
+  Disturb(&scene, 1, 0.1, 0.05);
+  const SyntheticTracks sorted = WithImagesTogether(scene, GetParam());
+  const BundleAdjustmentResult result = AdjustBundle(scene.posed, scene.tracks, {});
+  const BundleAdjustmentResult expected = AdjustBundle(sorted.posed, sorted.tracks, {});
+  ASSERT_TRUE(result.summary.success && expected.summary.success);
+  EXPECT_EQ(result.summary.iterations, expected.summary.iterations);
+  for (int frame = 0; frame < 6; ++frame) {
+    EXPECT_TRUE(result.frame_covariances[frame].isApprox(expected.frame_covariances[frame], 1e-6)) << frame;
+    EXPECT_LE(PositionError(result.posed.frames[frame].frame_from_world, expected.posed.frames[frame].frame_from_world),
+              1e-9);
+  }
+}
+
 // The images of a frame need not stand together.
 INSTANTIATE_TEST_SUITE_P(BundleAdjustment, SharedDatabaseFrames,
                          testing::Values(SharedFrame{1, 2}, SharedFrame{1, 4}, SharedFrame{3, 6}));
