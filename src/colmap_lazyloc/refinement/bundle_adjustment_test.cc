@@ -68,8 +68,7 @@ struct ReferenceCost {
     }
     const T log_focal_factor = has_free_scale ? T(0) : *log_factor;
     for (int row = 0; row < 2; ++row) {
-      residual[row] =
-          (residual[row] / depth + log_focal_factor * observation.px_from_log_focal[row]) / image.noise_px;
+      residual[row] = (residual[row] / depth + log_focal_factor * observation.px_from_log_focal[row]) / image.noise_px;
     }
     return true;
   }
@@ -168,7 +167,8 @@ BundleAdjustmentOptions Precise() {
 }
 
 // Estimates the focal lengths of all queries but the last of several. Rotates their rays towards the optical axis, as a
-// focal length that is too long does, and sets the derivative by its log such that log_focal_factor undoes exactly this.
+// focal length that is too long does, and sets the derivative by its log such that log_focal_factor undoes exactly
+// this.
 void DisturbFocalLengths(double log_focal_factor, int num_query, SyntheticTracks* scene) {
   const int num_estimated = std::max(1, num_query - 1);
   for (int query = 0; query < num_estimated; ++query) scene->posed.images[query].log_focal_factor = 0;
@@ -407,7 +407,8 @@ TEST_P(SharedDatabaseFrames, NeedNotHaveTheirImagesTogether) {
 INSTANTIATE_TEST_SUITE_P(BundleAdjustment, SharedDatabaseFrames,
                          testing::Values(SharedFrame{1, 2}, SharedFrame{1, 4}, SharedFrame{3, 6}));
 
-// Makes two query frames of two images each. Estimates the scales of both, whose given offsets are too short by a factor.
+// Makes two query frames of two images each. Estimates the scales of both, whose given offsets are too short by a
+// factor.
 SyntheticTracks MakeRigs(double noise_px, double factor) {
   SyntheticTracksOptions options;
   options.num_query = 4;

@@ -62,8 +62,8 @@ BundleProblem::BundleProblem(const PosedImages& posed, const std::vector<Track>&
         continue;
       }
       const LinearProjection projection = ProjectionInFrame(element.observation, image, has_frame_axes[element.image]);
-      free.push_back({frame, projection.Scaled(residual_from_px),
-                      residual_from_px * element.observation.px_from_log_focal});
+      free.push_back(
+          {frame, projection.Scaled(residual_from_px), residual_from_px * element.observation.px_from_log_focal});
     }
     SortByFrame(free_begin, &free);
     fixed_range.push_back({fixed_begin, fixed.size()});

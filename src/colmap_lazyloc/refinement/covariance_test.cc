@@ -91,8 +91,8 @@ TEST(ImageCovariance, IsThatOfSampledFrames) {
   Image image;
   image.cam_from_frame = {RandomRotation(&random), RandomVector(&random)};
   for (const int num_parameters : {6, 7}) {
-    const Eigen::MatrixXd root = Eigen::MatrixXd::NullaryExpr(
-        num_parameters, num_parameters, [&] { return 1e-3 * RandomVector(&random).x(); });
+    const Eigen::MatrixXd root =
+        Eigen::MatrixXd::NullaryExpr(num_parameters, num_parameters, [&] { return 1e-3 * RandomVector(&random).x(); });
     const Matrix6d predicted = ImageCovariance(image, num_parameters == 7, root * root.transpose());
     const Rigid3d exact = CamFromWorld(image, frame_from_world);
     Matrix6d sampled = Matrix6d::Zero();
@@ -102,8 +102,8 @@ TEST(ImageCovariance, IsThatOfSampledFrames) {
           root * Eigen::VectorXd::NullaryExpr(num_parameters, [&] { return RandomVector(&random).x(); });
       Image scaled = image;
       if (num_parameters == 7) scaled.cam_from_frame.translation *= std::exp(move[6]);
-      const Rigid3d moved = CamFromWorld(
-          scaled, {ExpSO3(move.head<3>()) * frame_from_world.rotation, frame_from_world.translation + move.segment<3>(3)});
+      const Rigid3d moved = CamFromWorld(scaled, {ExpSO3(move.head<3>()) * frame_from_world.rotation,
+                                                  frame_from_world.translation + move.segment<3>(3)});
       Eigen::Matrix<double, 6, 1> error;
       error << LogSO3(moved.rotation * exact.rotation.conjugate()), moved.translation - exact.translation;
       sampled += error * error.transpose() / num_trials;

@@ -14,8 +14,8 @@ constexpr int kNumDatabase = 12;
 constexpr int kNumParameters = 6 * (1 + kNumDatabase);  // the query comes first
 constexpr int kNumTrials = 3000;
 
-// Solves a linear adjustment: minimises |B x - n|^2 + sum |J_d (x_d - e_d)|^2, where n is the image noise and e holds the
-// errors of the priors.
+// Solves a linear adjustment: minimises |B x - n|^2 + sum |J_d (x_d - e_d)|^2, where n is the image noise and e holds
+// the errors of the priors.
 class LinearAdjustment {
  public:
   LinearAdjustment() {

@@ -42,8 +42,7 @@ std::vector<std::pair<int, int>> Elements(const Track& track) {
 }
 
 TEST(TrackBuilding, JoinsTheMatchesOfAQueryKeypoint) {
-  const std::vector<Track> tracks =
-      Build({MakePair(0, 1, {{5, 50}, {7, 70}}), MakePair(0, 2, {{7, 71}, {5, 51}})});
+  const std::vector<Track> tracks = Build({MakePair(0, 1, {{5, 50}, {7, 70}}), MakePair(0, 2, {{7, 71}, {5, 51}})});
   ASSERT_EQ(tracks.size(), 2u);
   EXPECT_THAT(Elements(tracks[0]), ElementsAre(Pair(0, 5), Pair(1, 50), Pair(2, 51)));
   EXPECT_THAT(Elements(tracks[1]), ElementsAre(Pair(0, 7), Pair(1, 70), Pair(2, 71)));
@@ -64,8 +63,8 @@ TEST(TrackBuilding, KeepsTheObservationsOfTheMatches) {
 }
 
 TEST(TrackBuilding, DropsAmbiguousKeypointsOfAPair) {
-  const std::vector<Track> tracks = Build({MakePair(0, 1, {{5, 50}, {5, 52}, {6, 60}, {7, 60}, {8, 80}}),
-                                           MakePair(0, 2, {{5, 51}})});
+  const std::vector<Track> tracks =
+      Build({MakePair(0, 1, {{5, 50}, {5, 52}, {6, 60}, {7, 60}, {8, 80}}), MakePair(0, 2, {{5, 51}})});
   ASSERT_EQ(tracks.size(), 2u);
   EXPECT_THAT(Elements(tracks[0]), ElementsAre(Pair(0, 5), Pair(2, 51))) << "the other pair's match stays";
   EXPECT_THAT(Elements(tracks[1]), ElementsAre(Pair(0, 8), Pair(1, 80)));
@@ -112,9 +111,9 @@ TEST(TrackBuilding, QueriesWithEnoughOwnTracksAreNotMergedAcrossFrames) {
 
 TEST(TrackBuilding, ContradictoryTrackIsSplitIntoSingleQueries) {
   // Merges keypoints 1 and 2 of query 0 by way of query 1.
-  const std::vector<Track> tracks = Build({MatchEqual(0, 3, {1, 2}), MatchEqual(1, 0, {1}), MatchEqual(2, 1, {1}),
-                                           MakePair(2, 0, {{1, 2}})},
-                                          /*frame_of_query=*/{0, 1, 2});
+  const std::vector<Track> tracks =
+      Build({MatchEqual(0, 3, {1, 2}), MatchEqual(1, 0, {1}), MatchEqual(2, 1, {1}), MakePair(2, 0, {{1, 2}})},
+            /*frame_of_query=*/{0, 1, 2});
   ASSERT_EQ(tracks.size(), 2u);
   EXPECT_THAT(Elements(tracks[0]), ElementsAre(Pair(0, 1), Pair(3, 1)));
   EXPECT_THAT(Elements(tracks[1]), ElementsAre(Pair(0, 2), Pair(3, 2)));
