@@ -1,6 +1,7 @@
 // Measures each stage alone on synthetic input. The arguments are the size of the input. Uses one thread and the
 // default options.
 
+#include <utility>
 #include <vector>
 
 #include <benchmark/benchmark.h>
@@ -23,16 +24,16 @@ namespace {
 
 constexpr double kNoisePx = 0.5;
 
-// Makes tracks; the query is view 0.
+// Makes tracks of a query, image 0, and database images.
 SyntheticTracks MakeTracks(const benchmark::State& state) {
   SyntheticTracksOptions options;
   options.num_database = static_cast<int>(state.range(0));
   options.num_points = static_cast<int>(state.range(1));
   options.noise_px = kNoisePx;
-  options.min_views_ratio = 0.3;
+  options.min_images_ratio = 0.3;
   options.focal_length_px = 1000;
   SyntheticTracks scene = MakeSyntheticTracks(options);
-  for (View& view : scene.views) view.noise_px = kNoisePx;
+  for (Image& image : scene.posed.images) image.noise_px = kNoisePx;
   return scene;
 }
 
@@ -71,8 +72,8 @@ void BM_EstimateRelativeDirection(benchmark::State& state) {
   const SyntheticTracks scene = MakeSyntheticTracks(options);
   std::vector<RayPair> rays;
   for (const Track& track : scene.tracks) {
-    const auto ray_in_world = [&](int view) -> Eigen::Vector3d {
-      return scene.views[view].cam_from_world.rotation.conjugate() * track.observations[view].observation.ray_in_cam;
+    const auto ray_in_world = [&](int image) -> Eigen::Vector3d {
+      return CamFromWorld(scene.posed, image).rotation.conjugate() * track.observations[image].observation.ray_in_cam;
     };
     rays.push_back({ray_in_world(1), ray_in_world(0), kNoisePx / options.focal_length_px});
   }
@@ -111,57 +112,61 @@ BENCHMARK_CAPTURE(BM_Observe, OPENCV, "OPENCV", {1000, 1000, 640, 480, -0.1, 0.0
 
 void BM_BuildTracks(benchmark::State& state) {
   const SyntheticTracks scene = MakeTracks(state);
-  std::vector<ViewMatches> view_matches(scene.views.size() - 1);
-  for (size_t i = 0; i < view_matches.size(); ++i) view_matches[i].view = static_cast<int>(i) + 1;
+  std::vector<PairGeometry> pairs(scene.posed.images.size() - 1);
+  PairRefs refs;
+  for (size_t i = 0; i < pairs.size(); ++i) {
+    pairs[i].query = 0;
+    pairs[i].other = static_cast<int>(i) + 1;
+    refs.push_back(&pairs[i]);
+  }
   for (const Track& track : scene.tracks) {
     for (size_t i = 1; i < track.observations.size(); ++i) {
       const TrackObservation &query = track.observations[0], &database = track.observations[i];
       const Match match = {static_cast<uint32_t>(query.keypoint), static_cast<uint32_t>(database.keypoint)};
-      view_matches[database.view - 1].Add(match, query.observation, database.observation);
+      pairs[database.image - 1].inliers.push_back({match, query.observation, database.observation});
     }
   }
-  for (auto _ : state) benchmark::DoNotOptimize(BuildTracks(view_matches));
+  for (auto _ : state) benchmark::DoNotOptimize(BuildTracks(refs));
 }
 BENCHMARK(BM_BuildTracks)->Apply(DatabaseImagesAndPoints);
 
 void BM_TriangulateFromDatabase(benchmark::State& state) {
   const SyntheticTracks scene = MakeTracks(state);
-  std::vector<Track> rest;
-  for (auto _ : state) benchmark::DoNotOptimize(TriangulateFromDatabase(scene.views, scene.tracks, {}, &rest));
+  for (auto _ : state) benchmark::DoNotOptimize(TriangulateFromDatabase(scene.posed, scene.tracks, {}));
 }
 BENCHMARK(BM_TriangulateFromDatabase)->Apply(DatabaseImagesAndPoints);
 
 void BM_TriangulateWithQuery(benchmark::State& state) {
   SyntheticTracks scene = MakeTracks(state);
   for (Track& track : scene.tracks) track.observations.resize(2);
-  for (auto _ : state) benchmark::DoNotOptimize(TriangulateWithQuery(scene.views, scene.tracks, {}));
+  for (auto _ : state) benchmark::DoNotOptimize(TriangulateWithQuery(scene.posed, scene.tracks, {}));
 }
 BENCHMARK(BM_TriangulateWithQuery)->Apply(DatabaseImagesAndPoints);
 
 void AdjustBundles(const SyntheticTracks& scene, benchmark::State& state) {
   for (auto _ : state) {
     state.PauseTiming();
-    std::vector<View> views = scene.views;
     std::vector<Track> tracks = scene.tracks;
     state.ResumeTiming();
-    benchmark::DoNotOptimize(AdjustBundle({}, &views, &tracks));
+    benchmark::DoNotOptimize(AdjustBundle(scene.posed, std::move(tracks), {}));
   }
 }
 
 // Starts with a query position whose error is a hundredth of its distance from the points.
 void BM_AdjustWithConstantDatabase(benchmark::State& state) {
   SyntheticTracks scene = MakeTracks(state);
-  scene.views[0].cam_from_world.translation += Eigen::Vector3d(0.05, 0.05, -0.05);
+  scene.posed.frames[0].frame_from_world.translation += Eigen::Vector3d(0.05, 0.05, -0.05);
   AdjustBundles(scene, state);
 }
 BENCHMARK(BM_AdjustWithConstantDatabase)->Apply(DatabaseImagesAndPoints);
 
 void BM_AdjustWithPosePriors(benchmark::State& state) {
   SyntheticTracks scene = MakeTracks(state);
-  scene.views[0].cam_from_world.translation += Eigen::Vector3d(0.05, 0.05, -0.05);
-  const std::vector<ViewScale> scales = MeasureViewScales(scene.views, scene.tracks);
-  for (size_t view = 1; view < scene.views.size(); ++view) {
-    scene.views[view].prior = MakePosePrior(scene.views[view].cam_from_world, kNoisePx, scales[view]);
+  scene.posed.frames[0].frame_from_world.translation += Eigen::Vector3d(0.05, 0.05, -0.05);
+  const std::vector<FrameScale> scales = MeasureFrameScales(scene.posed, scene.tracks);
+  for (size_t i = 1; i < scene.posed.frames.size(); ++i) {
+    Frame& frame = scene.posed.frames[i];
+    frame.prior = MakePosePrior(frame.frame_from_world, kNoisePx, scales[i]);
   }
   AdjustBundles(scene, state);
 }
@@ -172,8 +177,8 @@ void BM_Covariance(benchmark::State& state) {
   const SyntheticTracks scene = MakeTracks(state);
   const Eigen::Matrix<double, 6, 6> covariance = Eigen::Matrix<double, 6, 6>::Identity();
   for (auto _ : state) {
-    benchmark::DoNotOptimize(VarianceFactor(scene.views, scene.tracks, BundleAdjustmentOptions().loss_scale_sigma));
-    benchmark::DoNotOptimize(ComputePoseSpread(scene.views[0].cam_from_world, covariance));
+    benchmark::DoNotOptimize(VarianceFactor(scene.posed, scene.tracks, BundleAdjustmentOptions().loss_scale_sigma));
+    benchmark::DoNotOptimize(ComputePoseSpread(CamFromWorld(scene.posed, 0), covariance));
   }
 }
 BENCHMARK(BM_Covariance)->Apply(DatabaseImagesAndPoints);

@@ -14,46 +14,59 @@ namespace lazyloc {
 namespace {
 
 struct Scene {
-  std::vector<View> truth;
-  std::vector<View> start;  // free views off the truth by 1 deg and 0.1 units
+  PosedImages truth;
+  PosedImages start;  // queries off the truth by 1 deg and 0.1 units
   std::vector<RelativePoseEdge> edges;
 };
 
-// From the fixed views to the free ones, as relative poses. Distances are about 5 units.
+// Makes lone images with relative poses from the database images to the queries. Distances are about 5 units.
 Scene MakeScene(const SyntheticPoseGraphOptions& options) {
   const SyntheticPoseGraph graph = MakeSyntheticPoseGraph(options);
   Random random(options.seed + 1000);
   Scene scene;
   for (int node = 0; node < graph.NumNodes(); ++node) {
-    const Rigid3d& pose = graph.cam_from_world[node];
-    scene.truth.push_back({pose, graph.IsFixed(node)});
-    scene.start.push_back(scene.truth.back());
-    if (graph.IsFixed(node)) continue;
-    scene.start.back().cam_from_world =
-        CamFromWorld(Disturbed(pose.rotation, 1, &random), CamInWorld(pose) + 0.1 * RandomVector(&random).normalized());
+    Image image;
+    image.frame = node;
+    scene.truth.images.push_back(image);
+    Frame frame;
+    frame.frame_from_world = graph.cam_from_world[node];
+    frame.is_database = graph.IsFixed(node);
+    scene.truth.frames.push_back(frame);
+  }
+  scene.start = scene.truth;
+  for (Frame& frame : scene.start.frames) {
+    Rigid3d& pose = frame.frame_from_world;
+    if (frame.is_database) continue;
+    const Eigen::Quaterniond rotation = Disturbed(pose.rotation, 1, &random);
+    pose = CamFromWorld(rotation, CamInWorld(pose) + 0.1 * RandomVector(&random).normalized());
   }
   for (const SyntheticPoseGraphEdge& edge : graph.edges) {
     if (!graph.IsFixed(edge.node1)) continue;
-    const Eigen::Vector3d free_in_fixed = graph.cam_from_world[edge.node1].rotation * edge.dir_1to2_in_world;
-    scene.edges.push_back({edge.node1, edge.node2, CamFromWorld(edge.node2_from_node1, free_in_fixed)});
+    const Eigen::Vector3d query_in_database = graph.cam_from_world[edge.node1].rotation * edge.dir_1to2_in_world;
+    scene.edges.push_back({edge.node1, edge.node2, CamFromWorld(edge.node2_from_node1, query_in_database)});
   }
   return scene;
 }
 
-double MaxPositionError(const std::vector<View>& a, const std::vector<View>& b) {
+double MaxPositionError(const PosedImages& a, const PosedImages& b) {
   double max_error = 0;
-  for (size_t i = 0; i < a.size(); ++i) {
-    max_error = std::max(max_error, PositionError(a[i].cam_from_world, b[i].cam_from_world));
+  for (int i = 0; i < static_cast<int>(a.images.size()); ++i) {
+    max_error = std::max(max_error, PositionError(CamFromWorld(a, i), CamFromWorld(b, i)));
   }
   return max_error;
 }
 
-double MaxRotationErrorDeg(const std::vector<View>& a, const std::vector<View>& b) {
+double MaxRotationErrorDeg(const PosedImages& a, const PosedImages& b) {
   double max_error = 0;
-  for (size_t i = 0; i < a.size(); ++i) {
-    max_error = std::max(max_error, RotationErrorDeg(a[i].cam_from_world, b[i].cam_from_world));
+  for (int i = 0; i < static_cast<int>(a.images.size()); ++i) {
+    max_error = std::max(max_error, RotationErrorDeg(CamFromWorld(a, i), CamFromWorld(b, i)));
   }
   return max_error;
+}
+
+void ExpectSameBits(const Rigid3d& a, const Rigid3d& b) {
+  EXPECT_EQ(a.rotation.coeffs(), b.rotation.coeffs());
+  EXPECT_EQ(a.translation, b.translation);
 }
 
 class RelativePoseContract : public testing::TestWithParam<int> {
@@ -67,62 +80,63 @@ class RelativePoseContract : public testing::TestWithParam<int> {
 };
 
 TEST_P(RelativePoseContract, NoiseFreeIsExact) {
-  Scene scene = MakeScene(GraphOptions(0));
-  const StageSummary summary = RefineByRelativePoses({}, scene.edges, 0, &scene.start);
-  ASSERT_TRUE(summary.success) << summary.message;
-  EXPECT_LE(MaxPositionError(scene.start, scene.truth), 5 * 1e-8);
-  EXPECT_LE(MaxRotationErrorDeg(scene.start, scene.truth), RadToDeg(1e-8));
+  const Scene scene = MakeScene(GraphOptions(0));
+  const RelativePoseRefinementResult result = RefineByRelativePoses(scene.start, scene.edges, {}, 0);
+  ASSERT_TRUE(result.summary.success) << result.summary.message;
+  EXPECT_LE(MaxPositionError(result.posed, scene.truth), 5 * 1e-8);
+  EXPECT_LE(MaxRotationErrorDeg(result.posed, scene.truth), RadToDeg(1e-8));
 }
 
-// Some 14 good directions of 1 deg over 5 units leave 0.09 / sqrt(14) units, more far outside. Five times that on
-// average.
+// Allows five times the average error: about 14 good directions of 1 deg over 5 units leave 0.09 / sqrt(14) units, and
+// more far outside.
 TEST_P(RelativePoseContract, WithstandsNoiseAndOutliers) {
   SyntheticPoseGraphOptions options = GraphOptions(1);
   options.outlier_edge_ratio = 0.3;
   double error_sum = 0;
   for (options.seed = 0; options.seed < 20; ++options.seed) {
-    Scene scene = MakeScene(options);
-    ASSERT_TRUE(RefineByRelativePoses({}, scene.edges, 0, &scene.start).success);
-    error_sum += MaxPositionError(scene.start, scene.truth);
-    EXPECT_LE(MaxRotationErrorDeg(scene.start, scene.truth), 5 / std::sqrt(14)) << "seed " << options.seed;
+    const Scene scene = MakeScene(options);
+    const RelativePoseRefinementResult result = RefineByRelativePoses(scene.start, scene.edges, {}, 0);
+    ASSERT_TRUE(result.summary.success);
+    error_sum += MaxPositionError(result.posed, scene.truth);
+    EXPECT_LE(MaxRotationErrorDeg(result.posed, scene.truth), 5 / std::sqrt(14)) << "seed " << options.seed;
   }
   EXPECT_LE(error_sum / 20, 5 * 0.024);
 }
 
-TEST_P(RelativePoseContract, KeepsFixedPosesBitwise) {
-  Scene scene = MakeScene(GraphOptions(1));
-  ASSERT_TRUE(RefineByRelativePoses({}, scene.edges, 0, &scene.start).success);
-  for (size_t view = 0; view < scene.truth.size(); ++view) {
-    if (!scene.truth[view].is_database) continue;
-    const Rigid3d &before = scene.truth[view].cam_from_world, &after = scene.start[view].cam_from_world;
-    EXPECT_EQ(after.rotation.coeffs(), before.rotation.coeffs());
-    EXPECT_EQ(after.translation, before.translation);
+TEST_P(RelativePoseContract, KeepsDatabasePosesBitwise) {
+  const Scene scene = MakeScene(GraphOptions(1));
+  const RelativePoseRefinementResult result = RefineByRelativePoses(scene.start, scene.edges, {}, 0);
+  ASSERT_TRUE(result.summary.success);
+  for (size_t i = 0; i < scene.truth.frames.size(); ++i) {
+    if (!scene.truth.frames[i].is_database) continue;
+    ExpectSameBits(result.posed.frames[i].frame_from_world, scene.truth.frames[i].frame_from_world);
   }
 }
 
 TEST_P(RelativePoseContract, EdgeOrderDoesNotMatterButTheSeedMay) {
   Scene scene = MakeScene(GraphOptions(2));
-  std::vector<View> straight = scene.start, reversed = scene.start, reseeded = scene.start;
-  ASSERT_TRUE(RefineByRelativePoses({}, scene.edges, 0, &straight).success);
-  ASSERT_TRUE(RefineByRelativePoses({}, scene.edges, 1, &reseeded).success);
+  const RelativePoseRefinementResult straight = RefineByRelativePoses(scene.start, scene.edges, {}, 0);
+  const RelativePoseRefinementResult reseeded = RefineByRelativePoses(scene.start, scene.edges, {}, 1);
   std::reverse(scene.edges.begin(), scene.edges.end());
-  ASSERT_TRUE(RefineByRelativePoses({}, scene.edges, 0, &reversed).success);
-  EXPECT_EQ(MaxPositionError(straight, reversed), 0);
-  EXPECT_EQ(MaxRotationErrorDeg(straight, reversed), 0);
-  EXPECT_LE(MaxPositionError(straight, reseeded), 0.3);
+  const RelativePoseRefinementResult reversed = RefineByRelativePoses(scene.start, scene.edges, {}, 0);
+  ASSERT_TRUE(straight.summary.success && reseeded.summary.success && reversed.summary.success);
+  EXPECT_EQ(MaxPositionError(straight.posed, reversed.posed), 0);
+  EXPECT_EQ(MaxRotationErrorDeg(straight.posed, reversed.posed), 0);
+  EXPECT_LE(MaxPositionError(straight.posed, reseeded.posed), 0.3);
 }
 
 INSTANTIATE_TEST_SUITE_P(RelativePoseRefinement, RelativePoseContract, testing::Values(1, 3));
 
-// An outlier of the translation alone does not vote on the rotation either.
+// Makes an outlier of the translation alone, and expects that its rotation is not used either.
 TEST(RelativePoseRefinement, WrongDirectionsAreLeftOutWithTheirRotations) {
   SyntheticPoseGraphOptions options;
   options.num_database = 6;
   Scene scene = MakeScene(options);
-  Rigid3d& wrong = scene.edges[2].free_from_fixed;
+  Rigid3d& wrong = scene.edges[2].query_from_database;
   wrong = CamFromWorld(ExpSO3({0.3, 0, 0}) * wrong.rotation, -CamInWorld(wrong));
-  ASSERT_TRUE(RefineByRelativePoses({}, scene.edges, 0, &scene.start).success);
-  EXPECT_LE(MaxRotationErrorDeg(scene.start, scene.truth), RadToDeg(1e-8));
+  const RelativePoseRefinementResult result = RefineByRelativePoses(scene.start, scene.edges, {}, 0);
+  ASSERT_TRUE(result.summary.success);
+  EXPECT_LE(MaxRotationErrorDeg(result.posed, scene.truth), RadToDeg(1e-8));
 }
 
 TEST(RelativePoseRefinement, DegenerateInputFailsAndChangesNothing) {
@@ -130,28 +144,36 @@ TEST(RelativePoseRefinement, DegenerateInputFailsAndChangesNothing) {
   options.num_database = 3;
   const Scene scene = MakeScene(options);
   const auto fails = [&](const std::vector<RelativePoseEdge>& edges) {
-    std::vector<View> views = scene.start;
-    const bool success = RefineByRelativePoses({}, edges, 0, &views).success;
-    return !success && views.back().cam_from_world.translation == scene.start.back().cam_from_world.translation;
+    const RelativePoseRefinementResult result = RefineByRelativePoses(scene.start, edges, {}, 0);
+    if (result.summary.success) return false;
+    ExpectSameBits(result.posed.frames.back().frame_from_world, scene.start.frames.back().frame_from_world);
+    return true;
   };
   EXPECT_FALSE(fails(scene.edges));
   EXPECT_TRUE(fails({}));
   EXPECT_TRUE(fails({scene.edges[0]})) << "one line";
   std::vector<RelativePoseEdge> edges = scene.edges;
-  for (RelativePoseEdge& edge : edges) edge.free_from_fixed.translation.setZero();
+  for (RelativePoseEdge& edge : edges) edge.query_from_database.translation.setZero();
   EXPECT_TRUE(fails(edges)) << "panoramic";
   for (RelativePoseEdge& edge : edges) {
-    edge.free_from_fixed.translation.setConstant(std::numeric_limits<double>::quiet_NaN());
+    edge.query_from_database.translation.setConstant(std::numeric_limits<double>::quiet_NaN());
   }
   EXPECT_TRUE(fails(edges)) << "not a number";
 }
 
 TEST(RelativePoseRefinement, ParallelLinesFail) {
-  std::vector<View> views = {{CamFromWorld(Eigen::Quaterniond::Identity(), {0, 0, 0}), true},
-                             {CamFromWorld(Eigen::Quaterniond::Identity(), {1, 0, 0}), true},
-                             {CamFromWorld(Eigen::Quaterniond::Identity(), {3, 0, 0}), false}};
+  PosedImages posed;
+  for (const double x : {0, 1, 3}) {
+    Frame frame;
+    frame.frame_from_world = CamFromWorld(Eigen::Quaterniond::Identity(), {x, 0, 0});
+    frame.is_database = x < 3;
+    Image image;
+    image.frame = static_cast<int>(posed.frames.size());
+    posed.frames.push_back(frame);
+    posed.images.push_back(image);
+  }
   const Rigid3d ahead = CamFromWorld(Eigen::Quaterniond::Identity(), {1, 0, 0});
-  const StageSummary summary = RefineByRelativePoses({}, {{0, 2, ahead}, {1, 2, ahead}}, 0, &views);
+  const StageSummary summary = RefineByRelativePoses(posed, {{0, 2, ahead}, {1, 2, ahead}}, {}, 0).summary;
   EXPECT_FALSE(summary.success);
   EXPECT_THAT(summary.message, testing::HasSubstr("agree"));
 }

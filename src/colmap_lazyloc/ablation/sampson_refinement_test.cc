@@ -7,24 +7,29 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "colmap_lazyloc/ablation/sampson_error.h"
 #include "colmap_lazyloc/math/so3.h"
 #include "colmap_lazyloc/refinement/bundle_adjustment.h"
-#include "colmap_lazyloc/ablation/sampson_error.h"
 #include "colmap_lazyloc/testing/synthetic_tracks.h"
 
 namespace lazyloc {
 namespace {
 
-// Exact poses of the free views, disturbed.
-std::vector<View> Start(const SyntheticTracks& scene, double rotation_deg, double distance) {
+// Returns the scene's images with disturbed poses of the queries.
+PosedImages Start(const SyntheticTracks& scene, double rotation_deg, double distance) {
   Random random(17);
-  std::vector<View> views = scene.views;
-  for (View& view : views) {
-    if (view.is_database) continue;
-    view.cam_from_world.rotation = Disturbed(view.cam_from_world.rotation, rotation_deg, &random);
-    view.cam_from_world.translation += distance * RandomVector(&random).normalized();
+  PosedImages posed = scene.posed;
+  for (Frame& frame : posed.frames) {
+    if (frame.is_database) continue;
+    frame.frame_from_world.rotation = Disturbed(frame.frame_from_world.rotation, rotation_deg, &random);
+    frame.frame_from_world.translation += distance * RandomVector(&random).normalized();
   }
-  return views;
+  return posed;
+}
+
+void ExpectSameBits(const Rigid3d& a, const Rigid3d& b) {
+  EXPECT_EQ(a.rotation.coeffs(), b.rotation.coeffs());
+  EXPECT_EQ(a.translation, b.translation);
 }
 
 SyntheticTracks MakeScene(int num_query, double noise_px, uint32_t seed) {
@@ -45,51 +50,54 @@ class SampsonContract : public testing::TestWithParam<int> {};
 
 TEST_P(SampsonContract, NoiseFreeIsExact) {
   const SyntheticTracks scene = MakeScene(GetParam(), 0, 1);
-  std::vector<View> views = Start(scene, 1, 0.2);
-  const StageSummary summary = RefineBySampsonError(Precise(), scene.tracks, &views);
-  ASSERT_TRUE(summary.success) << summary.message;
+  const SampsonRefinementResult result = RefineBySampsonError(Start(scene, 1, 0.2), scene.tracks, Precise());
+  ASSERT_TRUE(result.summary.success) << result.summary.message;
   for (int query = 0; query < GetParam(); ++query) {
-    EXPECT_LE(PositionError(views[query].cam_from_world, scene.views[query].cam_from_world), 8 * 1e-8);
-    EXPECT_LE(RotationErrorDeg(views[query].cam_from_world, scene.views[query].cam_from_world), RadToDeg(1e-8));
+    const Rigid3d refined = CamFromWorld(result.posed, query), truth = CamFromWorld(scene.posed, query);
+    EXPECT_LE(PositionError(refined, truth), 8 * 1e-8);
+    EXPECT_LE(RotationErrorDeg(refined, truth), RadToDeg(1e-8));
   }
 }
 
-TEST_P(SampsonContract, KeepsFixedPosesBitwise) {
+TEST_P(SampsonContract, KeepsDatabasePosesBitwise) {
   const SyntheticTracks scene = MakeScene(GetParam(), 1, 2);
-  std::vector<View> views = Start(scene, 1, 0.2);
-  ASSERT_TRUE(RefineBySampsonError({}, scene.tracks, &views).success);
-  for (size_t view = GetParam(); view < views.size(); ++view) {
-    EXPECT_EQ(views[view].cam_from_world.rotation.coeffs(), scene.views[view].cam_from_world.rotation.coeffs());
-    EXPECT_EQ(views[view].cam_from_world.translation, scene.views[view].cam_from_world.translation);
+  const SampsonRefinementResult result = RefineBySampsonError(Start(scene, 1, 0.2), scene.tracks, {});
+  ASSERT_TRUE(result.summary.success);
+  for (size_t i = GetParam(); i < result.posed.frames.size(); ++i) {
+    ExpectSameBits(result.posed.frames[i].frame_from_world, scene.posed.frames[i].frame_from_world);
   }
 }
 
 TEST_P(SampsonContract, TrackOrderDoesNotMatter) {
   SyntheticTracks scene = MakeScene(GetParam(), 1, 3);
-  std::vector<View> straight = Start(scene, 1, 0.2), reversed = straight;
-  RefineBySampsonError(Precise(), scene.tracks, &straight);
+  const PosedImages start = Start(scene, 1, 0.2);
+  const PosedImages straight = RefineBySampsonError(start, scene.tracks, Precise()).posed;
   std::reverse(scene.tracks.begin(), scene.tracks.end());
-  RefineBySampsonError(Precise(), scene.tracks, &reversed);
+  const PosedImages reversed = RefineBySampsonError(start, scene.tracks, Precise()).posed;
   for (int query = 0; query < GetParam(); ++query) {
-    EXPECT_LE(PositionError(straight[query].cam_from_world, reversed[query].cam_from_world), 8 * 1e-8);
+    EXPECT_LE(PositionError(CamFromWorld(straight, query), CamFromWorld(reversed, query)), 8 * 1e-8);
   }
 }
 
 INSTANTIATE_TEST_SUITE_P(SampsonRefinement, SampsonContract, testing::Values(1, 3));
 
+// Returns the match of a track between the query and a database image.
+EpipolarMatch MatchOf(const SyntheticTracks& scene, const Track& track, int database) {
+  return MakeEpipolarMatch(CamFromWorld(scene.posed, database),
+                           {track.observations[database].observation, scene.posed.images[database].noise_px},
+                           {track.observations[0].observation, scene.posed.images[0].noise_px});
+}
+
 TEST(SampsonError, JacobianIsThatOfFiniteDifferences) {
   const SyntheticTracks scene = MakeScene(1, 2, 4);
-  const View query = Start(scene, 1, 0.3)[0];
-  const Eigen::Quaterniond rotation = query.cam_from_world.rotation;
-  const Eigen::Vector3d centre = CamInWorld(query.cam_from_world);
+  const Rigid3d query = CamFromWorld(Start(scene, 1, 0.3), 0);
+  const Eigen::Vector3d centre = CamInWorld(query);
   for (int i = 0; i < 10; ++i) {
-    const std::vector<TrackObservation>& observations = scene.tracks[i].observations;
-    const EpipolarMatch match = MakeEpipolarMatch(scene.views[observations[2].view], observations[2].observation, query,
-                                                  observations[0].observation, /*noise_ratio=*/1);
+    const EpipolarMatch match = MatchOf(scene, scene.tracks[i], 2);
     Eigen::Matrix<double, 1, 6> jacobian, ignored;
-    SampsonError(match, rotation.toRotationMatrix(), centre, &jacobian);
+    SampsonError(match, query.rotation.toRotationMatrix(), centre, &jacobian);
     const auto error_at = [&](const Eigen::Matrix<double, 6, 1>& step) {
-      return SampsonError(match, (ExpSO3(step.head<3>()) * rotation).toRotationMatrix(), centre + step.tail<3>(),
+      return SampsonError(match, (ExpSO3(step.head<3>()) * query.rotation).toRotationMatrix(), centre + step.tail<3>(),
                           &ignored);
     };
     for (int column = 0; column < 6; ++column) {
@@ -100,16 +108,15 @@ TEST(SampsonError, JacobianIsThatOfFiniteDifferences) {
   }
 }
 
-// Of image points with the stated noise, at the true pose, the error is standard normal.
+// Expects a standard normal error at the true pose, for keypoints with the stated noise.
 TEST(SampsonError, CountsStandardDeviations) {
   SyntheticTracks scene = MakeScene(1, 0.5, 5);
-  for (View& view : scene.views) view.noise_px = 0.5;
-  const Rigid3d& pose = scene.views[0].cam_from_world;
+  for (Image& image : scene.posed.images) image.noise_px = 0.5;
+  const Rigid3d pose = CamFromWorld(scene.posed, 0);
   double sum = 0;
   Eigen::Matrix<double, 1, 6> jacobian;
   for (const Track& track : scene.tracks) {
-    const EpipolarMatch match = MakeEpipolarMatch(scene.views[1], track.observations[1].observation, scene.views[0],
-                                                  track.observations[0].observation, /*noise_ratio=*/1);
+    const EpipolarMatch match = MatchOf(scene, track, 1);
     sum += std::pow(SampsonError(match, pose.rotation.toRotationMatrix(), CamInWorld(pose), &jacobian), 2);
   }
   const double num_matches = static_cast<double>(scene.tracks.size());
@@ -118,77 +125,78 @@ TEST(SampsonError, CountsStandardDeviations) {
 
 TEST(SampsonError, WithoutBaselineIsZero) {
   const SyntheticTracks scene = MakeScene(1, 0, 6);
-  const auto& observations = scene.tracks[0].observations;
-  const EpipolarMatch match = MakeEpipolarMatch(scene.views[1], observations[1].observation, scene.views[0],
-                                                observations[0].observation, /*noise_ratio=*/1);
+  const EpipolarMatch match = MatchOf(scene, scene.tracks[0], 1);
   Eigen::Matrix<double, 1, 6> jacobian;
-  EXPECT_EQ(SampsonError(match, Eigen::Matrix3d::Identity(), match.fixed_in_world, &jacobian), 0);
+  EXPECT_EQ(SampsonError(match, Eigen::Matrix3d::Identity(), match.database_in_world, &jacobian), 0);
   EXPECT_TRUE(jacobian.isZero());
 }
 
-// A tenth of the query's image points is moved by 200 px: Cauchy's loss forgets them, up to three times the error of
-// about 0.015 units that the noise makes.
+// Moves a tenth of the query's keypoints by 200 px. Cauchy's loss ignores them, up to three times the error of about
+// 0.015 units that the noise makes.
 TEST(SampsonRefinement, WithstandsOutliers) {
   for (uint32_t seed = 0; seed < 10; ++seed) {
     SyntheticTracks scene = MakeScene(1, 0.5, seed);
     const std::vector<Track> good(scene.tracks.begin() + 6, scene.tracks.end());
     for (int i = 0; i < 6; ++i) {
-      const Eigen::Vector3d point_in_cam = scene.views[0].cam_from_world * scene.tracks[i].point_in_world;
+      const Eigen::Vector3d point_in_cam = CamFromWorld(scene.posed, 0) * scene.tracks[i].point_in_world;
       scene.tracks[i].observations[0].observation = ObserveAt(point_in_cam, 500, {200, -100});
     }
-    for (View& view : scene.views) view.noise_px = 0.5;
-    std::vector<View> with = Start(scene, 0.5, 0.1), without = with;
-    ASSERT_TRUE(RefineBySampsonError({}, scene.tracks, &with).success);
-    ASSERT_TRUE(RefineBySampsonError({}, good, &without).success);
-    EXPECT_LE(PositionError(with[0].cam_from_world, without[0].cam_from_world), 0.045) << "seed " << seed;
+    for (Image& image : scene.posed.images) image.noise_px = 0.5;
+    const PosedImages start = Start(scene, 0.5, 0.1);
+    const SampsonRefinementResult with = RefineBySampsonError(start, scene.tracks, {});
+    const SampsonRefinementResult without = RefineBySampsonError(start, good, {});
+    ASSERT_TRUE(with.summary.success && without.summary.success);
+    EXPECT_LE(PositionError(CamFromWorld(with.posed, 0), CamFromWorld(without.posed, 0)), 0.045) << "seed " << seed;
   }
 }
 
-// All cameras on one line: every epipolar line goes through the same epipoles, wherever on the line the query stands.
-// Points that two fixed views triangulate tell.
-TEST(SampsonRefinement, IsBlindAlongTheLineOfAllCamerasWhereTracksAreNot) {
+// Puts all cameras on one line: every epipolar line goes through the same epipoles, wherever on the line the query is.
+// Points that two database images triangulate fix its position.
+TEST(SampsonRefinement, IsBlindAlongTheLineOfAllCamerasButTracksAreNot) {
   SyntheticTracks scene = MakeScene(1, 0, 8);
-  for (size_t view = 0; view < scene.views.size(); ++view) {
-    const double x = view == 0 ? 0.7 : static_cast<double>(view) - 3;
-    scene.views[view].cam_from_world = LookAt({x, 0, -8}, {0.1 * x, 0, 0});
+  for (size_t i = 0; i < scene.posed.frames.size(); ++i) {
+    const double x = i == 0 ? 0.7 : static_cast<double>(i) - 3;
+    scene.posed.frames[i].frame_from_world = LookAt({x, 0, -8}, {0.1 * x, 0, 0});
   }
   for (Track& track : scene.tracks) {
     for (TrackObservation& element : track.observations) {
-      element.observation = ObserveAt(scene.views[element.view].cam_from_world * track.point_in_world, 500, {0, 0});
+      element.observation = ObserveAt(CamFromWorld(scene.posed, element.image) * track.point_in_world, 500, {0, 0});
     }
   }
-  const Rigid3d truth = scene.views[0].cam_from_world;
-  std::vector<View> by_sampson = scene.views;
-  by_sampson[0].cam_from_world = CamFromWorld(truth.rotation, CamInWorld(truth) + Eigen::Vector3d(0.3, 0, 0));
-  std::vector<View> by_tracks = by_sampson;
-  ASSERT_TRUE(RefineBySampsonError(Precise(), scene.tracks, &by_sampson).success);
-  ASSERT_TRUE(AdjustBundle({}, &by_tracks, &scene.tracks).summary.success);
-  EXPECT_NEAR(PositionError(by_sampson[0].cam_from_world, truth), 0.3, 1e-3);
-  EXPECT_LE(PositionError(by_tracks[0].cam_from_world, truth), 1e-3);
+  const Rigid3d truth = CamFromWorld(scene.posed, 0);
+  PosedImages start = scene.posed;
+  start.frames[0].frame_from_world = CamFromWorld(truth.rotation, CamInWorld(truth) + Eigen::Vector3d(0.3, 0, 0));
+  const SampsonRefinementResult by_sampson = RefineBySampsonError(start, scene.tracks, Precise());
+  const BundleAdjustmentResult by_tracks = AdjustBundle(start, scene.tracks, {});
+  ASSERT_TRUE(by_sampson.summary.success && by_tracks.summary.success);
+  EXPECT_NEAR(PositionError(CamFromWorld(by_sampson.posed, 0), truth), 0.3, 1e-3);
+  EXPECT_LE(PositionError(CamFromWorld(by_tracks.posed, 0), truth), 1e-3);
 }
 
 TEST(SampsonRefinement, DegenerateInputFailsAndChangesNothing) {
   SyntheticTracks scene = MakeScene(1, 0, 7);
-  const std::vector<View> start = Start(scene, 1, 0.2);
-  std::vector<View> views = start;
-  EXPECT_FALSE(RefineBySampsonError({}, {}, &views).success);
+  const PosedImages start = Start(scene, 1, 0.2);
+  const auto expect_failure = [&](const std::vector<Track>& tracks) {
+    const SampsonRefinementResult result = RefineBySampsonError(start, tracks, {});
+    EXPECT_FALSE(result.summary.success);
+    ExpectSameBits(CamFromWorld(result.posed, 0), CamFromWorld(start, 0));
+  };
+  expect_failure({});
   scene.tracks[0].observations[0].observation.ray_in_cam.x() = std::numeric_limits<double>::quiet_NaN();
-  EXPECT_FALSE(RefineBySampsonError({}, scene.tracks, &views).success);
-  EXPECT_EQ(views[0].cam_from_world.translation, start[0].cam_from_world.translation);
-  EXPECT_EQ(views[0].cam_from_world.rotation.coeffs(), start[0].cam_from_world.rotation.coeffs());
+  expect_failure(scene.tracks);
 }
 
-// One fixed view: the distance to it is open and stays near the start's.
-TEST(SampsonRefinement, OneFixedViewGivesABearing) {
+// Leaves one database image: the distance to it is unobservable and stays near the start's.
+TEST(SampsonRefinement, OneDatabaseImageGivesABearing) {
   SyntheticTracksOptions options;
   options.num_database = 1;
   const SyntheticTracks scene = MakeSyntheticTracks(options);
-  std::vector<View> views = Start(scene, 1, 0.2);
-  ASSERT_TRUE(RefineBySampsonError(Precise(), scene.tracks, &views).success);
-  const Eigen::Vector3d fixed = CamInWorld(scene.views[1].cam_from_world);
-  EXPECT_LE(
-      AngleBetweenRad(CamInWorld(views[0].cam_from_world) - fixed, CamInWorld(scene.views[0].cam_from_world) - fixed),
-      1e-6);
+  const SampsonRefinementResult result = RefineBySampsonError(Start(scene, 1, 0.2), scene.tracks, Precise());
+  ASSERT_TRUE(result.summary.success);
+  const Eigen::Vector3d database = CamInWorld(CamFromWorld(scene.posed, 1));
+  EXPECT_LE(AngleBetweenRad(CamInWorld(CamFromWorld(result.posed, 0)) - database,
+                            CamInWorld(CamFromWorld(scene.posed, 0)) - database),
+            1e-6);
 }
 
 TEST(SampsonRefinementOptions, NamesTheInvalidField) {

@@ -1,5 +1,7 @@
 #include "colmap_lazyloc/refinement/bundle_problem.h"
 
+#include <algorithm>
+
 #include "colmap_lazyloc/refinement/covariance.h"
 
 namespace lazyloc {
@@ -15,6 +17,14 @@ BundleFrame MakeBundleFrame(const Frame& frame) {
 // Returns the projection of points in the frame's axes. Most images have these axes: they need no rotation.
 LinearProjection ProjectionInFrame(const Observation& observation, const Image& image, bool has_frame_axes) {
   return has_frame_axes ? ProjectionInCam(observation) : ProjectionInWorld(observation, image.cam_from_frame);
+}
+
+// Sorts a track's observations by their frames, because a block of the camera system is stored by the larger index. The
+// images of a frame need not stand together.
+void SortByFrame(size_t begin, std::vector<FreeObservation>* free) {
+  const auto first = free->begin() + static_cast<std::ptrdiff_t>(begin);
+  const auto by_frame = [](const FreeObservation& a, const FreeObservation& b) { return a.frame < b.frame; };
+  if (!std::is_sorted(first, free->end(), by_frame)) std::stable_sort(first, free->end(), by_frame);
 }
 
 }  // namespace
@@ -52,9 +62,10 @@ BundleProblem::BundleProblem(const PosedImages& posed, const std::vector<Track>&
         continue;
       }
       const LinearProjection projection = ProjectionInFrame(element.observation, image, has_frame_axes[element.image]);
-      free.push_back({frame, projection.Scaled(residual_from_px),
-                      residual_from_px * element.observation.px_from_log_focal});
+      free.push_back(
+          {frame, projection.Scaled(residual_from_px), residual_from_px * element.observation.px_from_log_focal});
     }
+    SortByFrame(free_begin, &free);
     fixed_range.push_back({fixed_begin, fixed.size()});
     free_range.push_back({free_begin, free.size()});
     points.push_back(track.point_in_world);

@@ -7,7 +7,8 @@
 namespace lazyloc {
 namespace {
 
-// Cameras in a chain, each of which shares points with the two before it; of few cameras (dense) and of many (sparse).
+// Makes systems of cameras in a chain, each of which shares points with the two before it: few (dense) and many
+// (sparse).
 class CameraSystems : public testing::TestWithParam<int> {};
 
 TEST_P(CameraSystems, EqualTheDenseSolution) {

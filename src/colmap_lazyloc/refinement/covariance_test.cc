@@ -12,7 +12,7 @@ namespace lazyloc {
 namespace {
 
 using Matrix6d = Eigen::Matrix<double, 6, 6>;
-constexpr double kWideScale = 1e6;  // plain least squares
+constexpr double kWideScale = 1e6;  // makes the loss that of plain least squares
 
 BundleAdjustmentOptions LeastSquares() {
   BundleAdjustmentOptions options;
@@ -21,11 +21,10 @@ BundleAdjustmentOptions LeastSquares() {
 }
 
 TEST(PoseCovariance, PredictsTheSpreadOfAdjustedPoses) {
-  // Sample covariance of 300 trials: each entry's relative error is about sqrt(2 / 300) = 8 %; four times that.
+  // Allows four times the relative error of a sample variance of 300 trials, sqrt(2 / 300) = 8 %.
   SyntheticTracksOptions options;
   const SyntheticTracks truth = MakeSyntheticTracks(options);
-  SyntheticTracks adjusted = truth;
-  const Matrix6d predicted = AdjustBundle(LeastSquares(), &adjusted.views, &adjusted.tracks).pose_covariances[0];
+  const Matrix6d predicted = AdjustBundle(truth.posed, truth.tracks, LeastSquares()).image_covariances[0];
   Matrix6d sampled = Matrix6d::Zero();
   const int num_trials = 300;
   Random random(3);
@@ -33,13 +32,13 @@ TEST(PoseCovariance, PredictsTheSpreadOfAdjustedPoses) {
     SyntheticTracks scene = truth;
     for (Track& track : scene.tracks) {
       for (TrackObservation& element : track.observations) {
-        element.observation = ObserveAt(scene.views[element.view].cam_from_world * track.point_in_world,
+        element.observation = ObserveAt(CamFromWorld(scene.posed, element.image) * track.point_in_world,
                                         options.focal_length_px, RandomVector(&random).head<2>());
       }
     }
-    ASSERT_TRUE(AdjustBundle(LeastSquares(), &scene.views, &scene.tracks).summary.success);
-    const Rigid3d& pose = scene.views[0].cam_from_world;
-    const Rigid3d& exact = truth.views[0].cam_from_world;
+    const BundleAdjustmentResult result = AdjustBundle(scene.posed, scene.tracks, LeastSquares());
+    ASSERT_TRUE(result.summary.success);
+    const Rigid3d pose = CamFromWorld(result.posed, 0), exact = CamFromWorld(truth.posed, 0);
     Eigen::Matrix<double, 6, 1> error;
     error << LogSO3(pose.rotation * exact.rotation.conjugate()), pose.translation - exact.translation;
     sampled += error * error.transpose() / num_trials;
@@ -47,21 +46,21 @@ TEST(PoseCovariance, PredictsTheSpreadOfAdjustedPoses) {
   for (int i = 0; i < 6; ++i) EXPECT_NEAR(sampled(i, i) / predicted(i, i), 1, 0.33) << i;
 }
 
-TEST(PoseCovariance, OneFixedViewLeavesScaleOpen) {
+TEST(PoseCovariance, OneDatabaseImageLeavesTheDistanceUnobservable) {
   SyntheticTracksOptions options;
   options.num_database = 1;
-  SyntheticTracks scene = MakeSyntheticTracks(options);
-  const BundleAdjustmentResult result = AdjustBundle(LeastSquares(), &scene.views, &scene.tracks);
-  const Rigid3d& pose = scene.views[0].cam_from_world;
-  const PoseSpread spread = ComputePoseSpread(pose, result.pose_covariances[0]);
+  const SyntheticTracks scene = MakeSyntheticTracks(options);
+  const BundleAdjustmentResult result = AdjustBundle(scene.posed, scene.tracks, LeastSquares());
+  const Rigid3d pose = CamFromWorld(result.posed, 0);
+  const PoseSpread spread = ComputePoseSpread(pose, result.image_covariances[0]);
   EXPECT_GE(spread.position_stddevs[0], 100);
   EXPECT_LE(spread.position_stddevs[1], 0.1);
-  const Eigen::Vector3d baseline = CamInWorld(pose) - CamInWorld(scene.views[1].cam_from_world);
+  const Eigen::Vector3d baseline = CamInWorld(pose) - CamInWorld(CamFromWorld(scene.posed, 1));
   EXPECT_LE(baseline.normalized().cross(spread.weakest_direction_in_world).norm(), 1e-3);
 }
 
 TEST(PoseSpread, IsThatOfSampledPoses) {
-  // Sampled from the covariance itself: each variance is known to sqrt(2 / 20000) = 1 %.
+  // Samples from the covariance itself, which gives each variance to sqrt(2 / 20000) = 1 %.
   Random random(1);
   const Rigid3d pose = LookAt({1, 2, -8}, {0, 0, 0});
   Matrix6d root;
@@ -85,22 +84,51 @@ TEST(PoseSpread, IsThatOfSampledPoses) {
   EXPECT_GE(spread.position_stddevs[1], spread.position_stddevs[2]);
 }
 
-TEST(MedianDistance, IsFromTheView) {
+TEST(ImageCovariance, IsThatOfSampledFrames) {
+  // Samples the frame's pose and scale from their covariance, which gives each variance to sqrt(2 / 20000) = 1 %.
+  Random random(2);
+  const Rigid3d frame_from_world = LookAt({1, 2, -8}, {0, 0, 0});
+  Image image;
+  image.cam_from_frame = {RandomRotation(&random), RandomVector(&random)};
+  for (const int num_parameters : {6, 7}) {
+    const Eigen::MatrixXd root =
+        Eigen::MatrixXd::NullaryExpr(num_parameters, num_parameters, [&] { return 1e-3 * RandomVector(&random).x(); });
+    const Matrix6d predicted = ImageCovariance(image, num_parameters == 7, root * root.transpose());
+    const Rigid3d exact = CamFromWorld(image, frame_from_world);
+    Matrix6d sampled = Matrix6d::Zero();
+    const int num_trials = 20000;
+    for (int trial = 0; trial < num_trials; ++trial) {
+      const Eigen::VectorXd move =
+          root * Eigen::VectorXd::NullaryExpr(num_parameters, [&] { return RandomVector(&random).x(); });
+      Image scaled = image;
+      if (num_parameters == 7) scaled.cam_from_frame.translation *= std::exp(move[6]);
+      const Rigid3d moved = CamFromWorld(scaled, {ExpSO3(move.head<3>()) * frame_from_world.rotation,
+                                                  frame_from_world.translation + move.segment<3>(3)});
+      Eigen::Matrix<double, 6, 1> error;
+      error << LogSO3(moved.rotation * exact.rotation.conjugate()), moved.translation - exact.translation;
+      sampled += error * error.transpose() / num_trials;
+    }
+    EXPECT_LE((sampled - predicted).norm(), 0.05 * predicted.norm()) << num_parameters << " parameters";
+  }
+}
+
+TEST(MedianDistance, IsFromTheProjectionCentre) {
   SyntheticTracks scene = MakeSyntheticTracks({});
-  for (Track& track : scene.tracks)
-    track.point_in_world = CamInWorld(scene.views[2].cam_from_world) + Eigen::Vector3d(0, 3, 4);
-  EXPECT_NEAR(MedianDistance(scene.views[2], scene.tracks), 5, 1e-12);
+  const Rigid3d pose = CamFromWorld(scene.posed, 2);
+  for (Track& track : scene.tracks) track.point_in_world = CamInWorld(pose) + Eigen::Vector3d(0, 3, 4);
+  EXPECT_NEAR(MedianDistance(pose, scene.tracks), 5, 1e-12);
 }
 
 TEST(VarianceFactor, FindsTheNoise) {
   SyntheticTracksOptions options;
   options.num_points = 500;
   options.noise_px = 2;
-  SyntheticTracks scene = MakeSyntheticTracks(options);
-  ASSERT_TRUE(AdjustBundle(LeastSquares(), &scene.views, &scene.tracks).summary.success);
-  EXPECT_NEAR(VarianceFactor(scene.views, scene.tracks, kWideScale), 4, 0.3);
-  for (View& view : scene.views) view.noise_px = 2;
-  EXPECT_NEAR(VarianceFactor(scene.views, scene.tracks, kWideScale), 1, 0.08);
+  const SyntheticTracks scene = MakeSyntheticTracks(options);
+  BundleAdjustmentResult adjusted = AdjustBundle(scene.posed, scene.tracks, LeastSquares());
+  ASSERT_TRUE(adjusted.summary.success);
+  EXPECT_NEAR(VarianceFactor(adjusted.posed, adjusted.tracks, kWideScale), 4, 0.3);
+  for (Image& image : adjusted.posed.images) image.noise_px = 2;
+  EXPECT_NEAR(VarianceFactor(adjusted.posed, adjusted.tracks, kWideScale), 1, 0.08);
 }
 
 }  // namespace

@@ -1,4 +1,4 @@
-#include "colmap_lazyloc/refinement/view_noise.h"
+#include "colmap_lazyloc/refinement/image_noise.h"
 
 #include <utility>
 
@@ -10,78 +10,85 @@
 namespace lazyloc {
 namespace {
 
-TEST(ViewNoise, FindsTheNoiseOfTheImagePoints) {
+TEST(ImageNoise, FindsTheNoiseOfTheKeypoints) {
   SyntheticTracksOptions options;
   options.num_points = 500;
   options.noise_px = 1.5;
-  SyntheticTracks scene = MakeSyntheticTracks(options);
-  ASSERT_TRUE(AdjustBundle({}, &scene.views, &scene.tracks).summary.success);
-  EstimateViewNoise(scene.tracks, 0.1, &scene.views);
-  // A view nearer to the points draws them to itself: its own errors look smaller, the others' larger.
+  const SyntheticTracks scene = MakeSyntheticTracks(options);
+  const BundleAdjustmentResult adjusted = AdjustBundle(scene.posed, scene.tracks, {});
+  ASSERT_TRUE(adjusted.summary.success);
+  const std::vector<double> noise_px = EstimateImageNoise(adjusted.posed, adjusted.tracks, 0.1);
+  ASSERT_EQ(noise_px.size(), scene.posed.images.size());
+  // Allows for an image near the points, which attracts them: its own errors look smaller, the others' larger.
   double sum = 0;
-  for (const View& view : scene.views) {
-    EXPECT_NEAR(view.noise_px, 1.5, 0.75);
-    sum += view.noise_px;
+  for (const double image_noise_px : noise_px) {
+    EXPECT_NEAR(image_noise_px, 1.5, 0.75);
+    sum += image_noise_px;
   }
-  EXPECT_NEAR(sum / static_cast<double>(scene.views.size()), 1.5, 0.25);
+  EXPECT_NEAR(sum / static_cast<double>(noise_px.size()), 1.5, 0.25);
 }
 
-TEST(ViewNoise, SeesThatOneDatabasePoseIsOff) {
+TEST(ImageNoise, DetectsThatOneDatabasePoseIsOff) {
   SyntheticTracksOptions options;
   options.num_points = 500;
   options.noise_px = 0.5;
   SyntheticTracks scene = MakeSyntheticTracks(options);
-  scene.views[3].cam_from_world.translation += Eigen::Vector3d(0.1, 0, 0);  // some 6 px
-  ASSERT_TRUE(AdjustBundle({}, &scene.views, &scene.tracks).summary.success);
-  EstimateViewNoise(scene.tracks, 0.1, &scene.views);
-  for (size_t view = 0; view < scene.views.size(); ++view) {
-    if (view == 3) {
-      EXPECT_GE(scene.views[view].noise_px, 3);
+  scene.posed.frames[3].frame_from_world.translation += Eigen::Vector3d(0.1, 0, 0);  // about 6 px
+  const BundleAdjustmentResult adjusted = AdjustBundle(scene.posed, scene.tracks, {});
+  ASSERT_TRUE(adjusted.summary.success);
+  const std::vector<double> noise_px = EstimateImageNoise(adjusted.posed, adjusted.tracks, 0.1);
+  ASSERT_EQ(noise_px.size(), scene.posed.images.size());
+  for (size_t image = 0; image < noise_px.size(); ++image) {
+    if (image == 3) {
+      EXPECT_GE(noise_px[image], 3);
     } else {
-      EXPECT_LE(scene.views[view].noise_px, 1.5);
+      EXPECT_LE(noise_px[image], 1.5);
     }
   }
 }
 
-TEST(ViewNoise, KeepsToTheMinimum) {
-  SyntheticTracks scene = MakeSyntheticTracks({});
-  EstimateViewNoise(scene.tracks, 0.25, &scene.views);
-  for (const View& view : scene.views) EXPECT_EQ(view.noise_px, 0.25);
+TEST(ImageNoise, IsAtLeastTheMinimum) {
+  const SyntheticTracks scene = MakeSyntheticTracks({});
+  for (const double noise_px : EstimateImageNoise(scene.posed, scene.tracks, 0.25)) EXPECT_EQ(noise_px, 0.25);
 }
 
-TEST(ViewNoise, WithoutTracksNothingChanges) {
+TEST(ImageNoise, WithoutTracksIsThePresentNoise) {
   SyntheticTracks scene = MakeSyntheticTracks({});
-  scene.views[0].noise_px = 7;
-  EstimateViewNoise({}, 0.25, &scene.views);
-  EXPECT_EQ(scene.views[0].noise_px, 7);
+  scene.posed.images[0].noise_px = 7;
+  const std::vector<double> noise_px = EstimateImageNoise(scene.posed, {}, 0.25);
+  ASSERT_EQ(noise_px.size(), scene.posed.images.size());
+  EXPECT_EQ(noise_px[0], 7);
+  EXPECT_EQ(noise_px[1], 1);
 }
 
-// Tracks of noise_px = 1, and as many that only the query and a database image see, of another noise.
-double SpreadOf(double single_view_noise_px) {
+// Returns the spread of tracks with noise_px = 1 and as many that only the query and a database image see, which have
+// another noise.
+double SpreadOf(double single_image_noise_px) {
   SyntheticTracksOptions options;
   options.num_points = 600;
   options.noise_px = 1;
   SyntheticTracks scene = MakeSyntheticTracks(options);
-  options.noise_px = single_view_noise_px;
+  options.noise_px = single_image_noise_px;
   for (Track& track : MakeSyntheticTracks(options).tracks) {
     track.observations.resize(2);
     scene.tracks.push_back(std::move(track));
   }
-  for (View& view : scene.views) view.noise_px = 1;
-  EXPECT_TRUE(AdjustBundle({}, &scene.views, &scene.tracks).summary.success);
-  return MeasureSingleViewSpread(scene.tracks, scene.views);
+  for (Image& image : scene.posed.images) image.noise_px = 1;
+  const BundleAdjustmentResult adjusted = AdjustBundle(scene.posed, scene.tracks, {});
+  EXPECT_TRUE(adjusted.summary.success);
+  return MeasureSingleImageSpread(adjusted.posed, adjusted.tracks);
 }
 
-TEST(SingleViewSpread, IsTheRatioOfVariances) {
+TEST(SingleImageSpread, IsTheRatioOfVariances) {
   EXPECT_NEAR(SpreadOf(1), 1, 0.25);
   EXPECT_NEAR(SpreadOf(2), 4, 1);
-  EXPECT_EQ(SpreadOf(0.5), 1) << "better matches are not believed more";
+  EXPECT_EQ(SpreadOf(0.5), 1) << "better matches do not get a larger weight";
 }
 
-TEST(SingleViewSpread, IsOneWithoutTracksToCompare) {
+TEST(SingleImageSpread, IsOneWithoutTracksToCompare) {
   const SyntheticTracks scene = MakeSyntheticTracks({});
-  EXPECT_EQ(MeasureSingleViewSpread({}, scene.views), 1);
-  EXPECT_EQ(MeasureSingleViewSpread(scene.tracks, scene.views), 1);
+  EXPECT_EQ(MeasureSingleImageSpread(scene.posed, {}), 1);
+  EXPECT_EQ(MeasureSingleImageSpread(scene.posed, scene.tracks), 1);
 }
 
 }  // namespace

@@ -2,6 +2,7 @@
 
 #include <gtest/gtest.h>
 
+#include "colmap_lazyloc/math/median.h"
 #include "colmap_lazyloc/math/so3.h"
 #include "colmap_lazyloc/refinement/bundle_adjustment.h"
 #include "colmap_lazyloc/refinement/covariance.h"
@@ -26,27 +27,45 @@ TEST(PosePrior, JacobianIsTheDerivative) {
           .error;
     };
     const Eigen::Matrix<double, 6, 1> numeric = (moved(kStep) - moved(-kStep)) / (2 * kStep);
-    // The analytic one is to first order in the rotation's deviation, here about 1e-3 rad.
+    // Allows for terms of second order in the rotation's deviation, which is about 1e-3 rad.
     EXPECT_LE((numeric - residual.jacobian.col(i)).norm(), 2e-3 * numeric.norm()) << i;
   }
 }
 
 TEST(PosePrior, ScalesAreFocalLengthAndDistance) {
   const SyntheticTracks scene = MakeSyntheticTracks({});
-  const std::vector<ViewScale> scales = MeasureViewScales(scene.views, scene.tracks);
-  ASSERT_EQ(scales.size(), scene.views.size());
-  for (size_t view = 0; view < scales.size(); ++view) {
-    EXPECT_NEAR(scales[view].focal_length_px, kFocalLengthPx, 1);
-    EXPECT_NEAR(scales[view].distance, MedianDistance(scene.views[view], scene.tracks), 1e-12);
+  const std::vector<FrameScale> scales = MeasureFrameScales(scene.posed, scene.tracks);
+  ASSERT_EQ(scales.size(), scene.posed.frames.size());
+  for (size_t frame = 0; frame < scales.size(); ++frame) {
+    EXPECT_NEAR(scales[frame].focal_length_px, kFocalLengthPx, 1);
+    EXPECT_NEAR(scales[frame].distance, MedianDistance(scene.posed.frames[frame].frame_from_world, scene.tracks),
+                1e-12);
   }
-  const PosePrior prior = MakePosePrior(scene.views[1].cam_from_world, 2, scales[1]);
+  const PosePrior prior = MakePosePrior(scene.posed.frames[1].frame_from_world, 2, scales[1]);
   EXPECT_NEAR(prior.rotation_stddev_rad, 2 / kFocalLengthPx, 1e-5);
   EXPECT_NEAR(prior.position_stddev, 2 * scales[1].distance / kFocalLengthPx, 1e-4);
 }
 
-// Database poses off by noise_px, and what is left of the query's error and of the unknown noise after four rounds.
+TEST(PosePrior, ScalesOfAFrameAreOverAllItsImages) {
+  SyntheticTracks scene = MakeSyntheticTracks({});
+  scene.posed.images[2].frame = 1;
+  scene.posed.images[2].cam_from_frame.translation.z() = 4;
+  std::vector<double> distances;
+  for (const int image : {1, 2}) {
+    for (const Track& track : scene.tracks) {
+      distances.push_back((CamFromWorld(scene.posed, image) * track.point_in_world).norm());
+    }
+  }
+  const std::vector<FrameScale> scales = MeasureFrameScales(scene.posed, scene.tracks);
+  EXPECT_EQ(scales[1].distance, Median(distances));
+  EXPECT_NEAR(scales[1].focal_length_px, kFocalLengthPx, 1);
+  EXPECT_EQ(scales[2].distance, 0) << "a frame without images";
+}
+
+// Result of an adjustment of database poses that are off.
 struct Trial {
-  double exact_error, soft_error, estimated_px;
+  double exact_error, soft_error;  // of the query's position, if the database poses are constant or have priors
+  double estimated_px;             // noise of the database poses after four rounds
 };
 Trial RunTrial(double noise_px, uint32_t seed) {
   SyntheticTracksOptions options;
@@ -55,29 +74,29 @@ Trial RunTrial(double noise_px, uint32_t seed) {
   options.noise_px = 0.5;
   options.seed = seed;
   SyntheticTracks scene = MakeSyntheticTracks(options);
-  const Rigid3d truth = scene.views[0].cam_from_world;
-  const std::vector<ViewScale> scales = MeasureViewScales(scene.views, scene.tracks);
+  const Rigid3d truth = CamFromWorld(scene.posed, 0);
+  const std::vector<FrameScale> scales = MeasureFrameScales(scene.posed, scene.tracks);
   Random random(seed + 100);
-  for (size_t view = 1; view < scene.views.size(); ++view) {
-    scene.views[view].noise_px = 0.5;
-    const PosePrior noise = MakePosePrior(scene.views[view].cam_from_world, noise_px, scales[view]);
-    Rigid3d& pose = scene.views[view].cam_from_world;
+  for (size_t i = 1; i < scene.posed.frames.size(); ++i) {
+    scene.posed.images[i].noise_px = 0.5;
+    Rigid3d& pose = scene.posed.frames[i].frame_from_world;
+    const PosePrior noise = MakePosePrior(pose, noise_px, scales[i]);
     pose = CamFromWorld(ExpSO3(noise.rotation_stddev_rad * RandomVector(&random)) * pose.rotation,
                         CamInWorld(pose) + noise.position_stddev * RandomVector(&random));
   }
-  SyntheticTracks exact = scene;
-  AdjustBundle({}, &exact.views, &exact.tracks);
+  const PosedImages given = scene.posed;
+  const BundleAdjustmentResult exact = AdjustBundle(given, scene.tracks, {});
   double estimated_px = 0.1;
   for (int round = 0; round < 4; ++round) {
-    for (size_t view = 1; view < scene.views.size(); ++view) {
-      const Rigid3d given = round == 0 ? scene.views[view].cam_from_world : scene.views[view].prior->cam_from_world;
-      scene.views[view].prior = MakePosePrior(given, estimated_px, scales[view]);
+    for (size_t i = 1; i < scene.posed.frames.size(); ++i) {
+      scene.posed.frames[i].prior = MakePosePrior(given.frames[i].frame_from_world, estimated_px, scales[i]);
     }
-    const BundleAdjustmentResult result = AdjustBundle({}, &scene.views, &scene.tracks);
-    estimated_px = EstimateDatabasePoseNoise(scene.views, scales, result.pose_covariances,
-                                             VarianceFactor(scene.views, scene.tracks, 2), 0.1);
+    const BundleAdjustmentResult result = AdjustBundle(scene.posed, scene.tracks, {});
+    scene = {result.posed, result.tracks};
+    estimated_px = EstimateDatabasePoseNoise(scene.posed.frames, scales, result.frame_covariances,
+                                             VarianceFactor(scene.posed, scene.tracks, 2), 0.1);
   }
-  return {PositionError(exact.views[0].cam_from_world, truth), PositionError(scene.views[0].cam_from_world, truth),
+  return {PositionError(CamFromWorld(exact.posed, 0), truth), PositionError(CamFromWorld(scene.posed, 0), truth),
           estimated_px};
 }
 

@@ -14,8 +14,8 @@ constexpr int kNumDatabase = 12;
 constexpr int kNumParameters = 6 * (1 + kNumDatabase);  // the query comes first
 constexpr int kNumTrials = 3000;
 
-// A linear adjustment: minimises |B x - n|^2 + sum |J_d (x_d - e_d)|^2, n the image noise and e the errors of the
-// priors.
+// Solves a linear adjustment: minimises |B x - n|^2 + sum |J_d (x_d - e_d)|^2, where n is the image noise and e holds
+// the errors of the priors.
 class LinearAdjustment {
  public:
   LinearAdjustment() {
@@ -28,7 +28,7 @@ class LinearAdjustment {
     inverse_ = hessian.llt().solve(Eigen::MatrixXd::Identity(kNumParameters, kNumParameters));
   }
 
-  // Of one draw of all errors; the query's error, its truth being zero.
+  // Draws all errors and fits the priors. query_error: the solution for the query, because its truth is zero.
   PriorFit Draw(double prior_variance, double image_variance, Eigen::VectorXd* query_error, Matrix6d* prior_part) {
     Eigen::VectorXd rhs = B_.transpose() * std::sqrt(image_variance) * Random(B_.rows(), 1);
     std::vector<Eigen::VectorXd> prior_errors;

@@ -9,7 +9,7 @@ namespace {
 
 Track MakeTrack(int keypoint, int num_observations) {
   Track track;
-  for (int view = 0; view < num_observations; ++view) track.observations.push_back({view, keypoint, {}});
+  for (int image = 0; image < num_observations; ++image) track.observations.push_back({image, keypoint, {}});
   return track;
 }
 
@@ -19,7 +19,7 @@ TEST(TrackSelection, FewTracksStayAsTheyAre) {
   EXPECT_TRUE(SelectTracks({}, keypoints, 2).empty());
 }
 
-TEST(TrackSelection, TakesThoseWithMostImagePointsOfOnePlace) {
+TEST(TrackSelection, TakesTheLongestTracksOfOnePlace) {
   const std::vector<Eigen::Vector2d> keypoints(4, {5, 5});
   const std::vector<Track> selected =
       SelectTracks({MakeTrack(0, 2), MakeTrack(1, 4), MakeTrack(2, 3), MakeTrack(3, 4)}, keypoints, 2);
@@ -28,8 +28,8 @@ TEST(TrackSelection, TakesThoseWithMostImagePointsOfOnePlace) {
   EXPECT_EQ(selected[1].observations[0].keypoint, 3);
 }
 
-TEST(TrackSelection, EveryPartOfTheImageKeepsItsSay) {
-  // A crowded corner of long tracks, and one short track in each other corner.
+TEST(TrackSelection, EveryPartOfTheImageKeepsTracks) {
+  // Puts many long tracks into one corner, and one short track into each other corner.
   std::vector<Eigen::Vector2d> keypoints;
   std::vector<Track> tracks;
   for (int i = 0; i < 100; ++i) {
