@@ -1,13 +1,15 @@
 #!/usr/bin/env bash
-# Builds the project with its tests and runs them: unit tests by ctest, whole-program tests by pytest.
+# Checks the code's form, then builds the project with its tests and runs them: unit tests by ctest, whole-program tests
+# by pytest.
 set -euo pipefail
 cd "$(dirname "$0")/.."
+scripts/check.sh
 scripts/setup.sh
 source scripts/environment.sh
 
 # A green run that ran next to nothing must not pass: raise these floors as tests are added.
 MIN_UNIT_TESTS=495
-MIN_PROGRAM_TESTS=558
+MIN_PROGRAM_TESTS=617
 
 # Real scenes, where they are at hand; tests on them are skipped elsewhere.
 export LAZYLOC_SHARED_DATA=${LAZYLOC_SHARED_DATA:-$PWD/../shared/data}
