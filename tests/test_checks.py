@@ -129,6 +129,16 @@ def test_links_that_lead_nowhere_fail(write, check, link):
     assert code == 1 and "README.md:3: no such" in text and link in text
 
 
+def test_links_include_the_source_files_that_texts_name(write, check):
+    write(f"{SOURCE}/rotation/a.cc", "")
+    write("scripts/b.py", "")
+    write("docs/a.md", "See `rotation/a.cc`, `scripts/b.py`, `configs/NAME.py` and `c.cc`.\n\n```\nmy/own.py\n```\n")
+    assert check("links")[0] == 0
+    write("docs/a.md", "See\n`rotation/moved.cc`.\n")
+    code, text = check("links")
+    assert code == 1 and "a.md:2: no such source file: rotation/moved.cc" in text
+
+
 FUNCTION = "int Sum(int x);"
 DATA = "double noise_px = 0.5;"
 STRUCT = "struct Sum {};"

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Checks that the relative links of Markdown files lead to files and headings that are there."""
+"""Checks that links of Markdown files lead to files and headings that exist, and that the source files named exist."""
 
 import re
 import urllib.parse
@@ -12,6 +12,8 @@ LINK = re.compile(r"\[(?:[^\[\]]|\[[^\]]*\])*\]\(\s*<?([^()\s>]+(?:\([^()\s]*\)[
 REFERENCE = re.compile(r"^ {0,3}\[[^\]]+\]:\s*<?(\S+?)>?\s*$", re.MULTILINE)
 HTML = re.compile(r"<(?:a|img)\s[^>]*?(?:href|src)=\"([^\"]+)\"")
 HEADING = re.compile(r"^ {0,3}#{1,6}\s+(.*?)\s*#*\s*$", re.MULTILINE)
+# `folder/file.cc` in code, but no placeholders such as `configs/NAME.py`.
+SOURCE_PATH = re.compile(r"`([\w.-]+(?:/[\w.-]+)*/(?![A-Z]+\.(?!md))[\w.-]+\.(?:cc|h|py|sh|md))`")
 HTML_ANCHOR = re.compile(r"<a\s[^>]*?(?:id|name)=\"([^\"]+)\"")
 
 
@@ -33,28 +35,41 @@ def anchors(text):
     return found
 
 
-def file_problems(path):
-    """Returns the links of one file that lead nowhere."""
-    text = FENCE.sub(keep_lines, path.read_text(encoding="utf-8"))
+def link_problems(path, text):
+    """Returns (position, message) of the links that lead nowhere."""
     text = CODE.sub(keep_lines, text)
-    matches = [match for pattern in (LINK, REFERENCE, HTML) for match in pattern.finditer(text)]
-    for match in sorted(matches, key=lambda match: match.start()):
+    for match in (match for pattern in (LINK, REFERENCE, HTML) for match in pattern.finditer(text)):
         link = match.group(1)
         if re.match(r"[a-z][a-z0-9+.-]*:|//", link):
             continue
         target, _, anchor = urllib.parse.unquote(link).partition("#")
         file = (path.parent / target).resolve() if target else path
-        line = text.count("\n", 0, match.start()) + 1
         if not file.exists():
-            yield f"{path}:{line}: no such file: {link}"
+            yield match.start(), f"no such file: {link}"
         elif anchor and file.suffix == ".md" and anchor not in anchors(file.read_text(encoding="utf-8")):
-            yield f"{path}:{line}: no such heading: {link}"
+            yield match.start(), f"no such heading: {link}"
+
+
+def source_problems(root, path, text):
+    """Returns (position, message) of source files that are named but do not exist."""
+    for match in SOURCE_PATH.finditer(text):
+        folders = (root, path.parent, root / "src" / "colmap_lazyloc")
+        if not any((folder / match.group(1)).exists() for folder in folders):
+            yield match.start(), f"no such source file: {match.group(1)}"
+
+
+def file_problems(root, path):
+    """Returns what is wrong in one file, in its order."""
+    text = FENCE.sub(keep_lines, path.read_text(encoding="utf-8"))
+    found = sorted([*link_problems(path, text), *source_problems(root, path, text)])
+    return [f"{path}:{text.count(chr(10), 0, position) + 1}: {message}" for position, message in found]
 
 
 def main():
     """Checks all Markdown files."""
-    files = tree.list_files(tree.parse_root(__doc__), "*.md")
-    tree.finish("links", [problem for path in files for problem in file_problems(path)], f"{len(files)} files")
+    root = tree.parse_root(__doc__)
+    files = tree.list_files(root, "*.md")
+    tree.finish("links", [problem for path in files for problem in file_problems(root, path)], f"{len(files)} files")
 
 
 if __name__ == "__main__":
