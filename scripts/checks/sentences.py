@@ -1,14 +1,13 @@
-"""Judges whether a comment opens with a sentence, without a grammar: by lists of words.
+"""Judges whether a comment opens with a sentence, without a grammar: by lists of words (words.txt).
 
 A comment opens with a sentence if its first sentence
 
-- starts with a verb ("Returns the pose", "Computes", "Make sure that"), or with what a result means ("True if"), or
-- has a main clause: a finite verb before the first word that begins a subordinate clause ("The identity is what COLMAP
-  stores"), or more such verbs than such words ("What was removed stays"; not "None where COLMAP has set no pose"), or
+- starts with a verb ("Returns the pose", "Make sure that"), or with what a result means ("True if"), or
+- has a main clause, that is a verb that no subordinate clause uses up: "The identity is what COLMAP stores" and "What
+  was removed stays" have one, "None where COLMAP has set no pose" has none, or
 - states a formula ("rho = log(1 + r^2)"), or describes a parameter by its name ("path: must not exist yet").
 
-The lists hold the verbs of our comments. A word that is a noun as often as a verb (matches, points, sets) counts as a
-verb only at the beginning, if an article or the like follows it.
+A word that is a noun as often as a verb (matches, points, sets) counts as a verb only if its neighbours allow it.
 """
 
 import pathlib
@@ -32,35 +31,18 @@ def third_person(verb):
 
 
 WORDS = read_words()
-CLEAR_FORMS = {*WORDS["verbs"], *map(third_person, WORDS["verbs"])}
-AMBIGUOUS_FORMS = {*WORDS["ambiguous"], *map(third_person, WORDS["ambiguous"])}
+VERBS = {*WORDS["verbs"], *map(third_person, WORDS["verbs"]), *WORDS["third_persons"]}
+AMBIGUOUS = {*WORDS["ambiguous"], *map(third_person, WORDS["ambiguous"])}
 AUXILIARIES = {*WORDS["auxiliaries"]}
 SUBORDINATORS = {*WORDS["subordinators"]}
-ARTICLES = {"the", "a", "an", "its", "their", "it", "them"}
-# A word after one of these is a noun.
-BEFORE_NOUNS = {
-    "to",
-    "a",
-    "an",
-    "the",
-    "of",
-    "its",
-    "their",
-    "and",
-    "or",
-    "last",
-    "first",
-    "next",
-    "own",
-    "same",
-    "other",
-}
+ARTICLES = {"the", "a", "an", "its", "their", "it", "them", "each", "every"}
 RESULTS = re.compile(
     r"`?(true|false|nullopt|null|nullptr|nan|empty|zero|infinite|negative|valid|thrown|called|used|not used|unused|set|"
     r"unset|deprecated|\d+|-1)`?,? (if|unless|when|while|until|by|before|after|for|means)\b",
     re.IGNORECASE,
 )
-ALWAYS_HALF = ("of", "by")
+LABEL = re.compile(r"(`?[a-z_][\w.]*`?(, `?[\w.]+`?)*|Arguments|Example|Examples|Input|Note|Output|Rules|See):\s")
+FORMULA = re.compile(r"\s(=|<-|->|<=|>=|-=|\+=|==)\s")
 
 
 def first_sentence(text):
@@ -70,60 +52,65 @@ def first_sentence(text):
 
 
 def words_of(sentence):
-    """Returns the words in lower case; code and quotations are one word each."""
+    """Returns the words in lower case, and commas; code and quotations are one word each."""
     sentence = re.sub(r"`[^`]*`|\"[^\"]*\"|\b[\w.]+\(\)|\b\w+::\w+|\b\w+_\w+", " X ", sentence)
     sentence = re.sub(r"\([^()]*\)", " ", sentence)
-    return re.findall(r"[a-z][a-z'-]*|\d+", sentence.lower())
+    return re.findall(r"[a-z][a-z'-]*|\d+|,", sentence.lower())
 
 
-def starts_with_verb(words):
+def starts_with_verb(sentence):
     """True if the first word is a verb (an adverb may stand before it)."""
-    if words and words[0].endswith("ly") and len(words) > 1:
+    words = words_of(sentence)
+    if len(words) > 1 and words[0].endswith("ly"):
         words = words[1:]
     if not words:
         return False
-    if words[0] in AMBIGUOUS_FORMS:
-        return len(words) > 1 and words[1] in WORDS["determiners"]
-    return words[0] in CLEAR_FORMS or (words[0] in ("does", "is", "has", "must", "may", "can", "cannot", "do", "don't"))
+    first, following = words[0], words[1] if len(words) > 1 else ""
+    if first in VERBS or first in ("do", "don't"):
+        return True
+    if first in AMBIGUOUS and not first.endswith("s"):
+        return following in ARTICLES  # an order: "Set the flag"
+    # Any other word on -s is a verb unless what follows makes it a plural: "Renders the scene", "Cameras in a chain".
+    is_alone = following in ("", ",") or following.isdigit()
+    is_verb_like = first in AMBIGUOUS or re.fullmatch(r"[a-z-]+[^aisu']s", first)
+    return bool(is_verb_like and not is_alone and first != "its" and following not in WORDS["after_nouns"])
 
 
 def is_finite_verb(words, i):
     """True if the word of index i is a verb with a subject, as far as its neighbours tell."""
     word, previous, following = words[i], words[i - 1] if i > 0 else "", words[i + 1] if i + 1 < len(words) else ""
-    if previous in AUXILIARIES or previous in BEFORE_NOUNS:
+    if previous in AUXILIARIES or previous in WORDS["before_nouns"]:
         return False
-    if word.endswith("ed") and word not in CLEAR_FORMS:
-        return previous in ("it", "they", "we", "which", "that", "who", "nobody")
-    return word in AUXILIARIES or word in CLEAR_FORMS or (word in AMBIGUOUS_FORMS and following in ARTICLES)
+    is_verb_here = word in AMBIGUOUS and (following in ARTICLES or (previous == "x" and word.endswith("s")))
+    return word in AUXILIARIES or word in VERBS or bool(is_verb_here)
 
 
-def has_main_clause(words):
-    """True if a finite verb comes before all words that begin a subordinate clause, or there are more of them."""
-    num_verbs = num_subordinate = 0
-    for i, word in enumerate(words):
-        if word in SUBORDINATORS or (i > 0 and word == "before"):
-            num_subordinate += 1
+def has_main_clause(sentence):
+    """True if there is a verb that belongs to no subordinate clause; each of these takes the next verb."""
+    open_clauses = []
+    for i, word in enumerate(words := words_of(sentence)):
+        if word == "," and words[0] in SUBORDINATORS:
+            open_clauses.clear()  # "If the images fit so badly, the estimate starts higher"
+        elif word in SUBORDINATORS or (i > 0 and word == "before"):
+            open_clauses.append(word)
         elif is_finite_verb(words, i):
-            num_verbs += 1
-            if num_subordinate == 0:
+            if not open_clauses:
                 return True
-    return num_verbs > num_subordinate
+            open_clauses.pop()
+        elif open_clauses[-1:] in (["that"], ["which"]) and word.endswith("ed") and words[i - 1] not in AUXILIARIES:
+            open_clauses.pop()  # a past tense: "models that COLMAP 4 added"
+    return False
 
 
 def is_sentence(text):
     """True if the comment opens with a sentence."""
-    if re.match(r"`?[\w.]+`?(, `?[\w.]+`?)*:\s", text) and not re.match(r"[A-Z][a-z]+:", text):
-        return True  # describes a parameter
     sentence = first_sentence(text)
-    words = words_of(sentence)
-    if RESULTS.match(text) or starts_with_verb(words):
+    if LABEL.match(text) or RESULTS.match(text) or starts_with_verb(sentence):
         return True
-    if words and words[0] in ALWAYS_HALF:
+    if re.match(r"(of|by)\b", sentence, re.IGNORECASE):
         return False
-    is_formula = re.search(r"\s(=|<-|->|<=|>=|-=|\+=|==)\s", sentence) and (
-        not words or words[0] not in WORDS["openers"]
-    )
-    return bool(is_formula) or has_main_clause(words)
+    is_formula = FORMULA.search(sentence) and words_of(sentence)[:1] not in [[word] for word in WORDS["openers"]]
+    return bool(is_formula) or has_main_clause(sentence)
 
 
 def opens_in_the_middle(text):
