@@ -51,6 +51,8 @@ def function(num_lines, head="int Sum()"):
         ("pipeline/a.cc", "refinement/b.h", True),
         ("pipeline/a.cc", "ablation/b.h", True),
         ("pipeline/a.cc", "io/b.h", False),
+        ("pipeline/a.cc", "files/b.h", False),
+        ("matching/a.cc", "files/b.h", True),
         ("pipeline/a.cc", "cli/b.h", False),
         ("io/a.cc", "cli/b.h", False),
         ("structure/a.cc", "testing/b.h", False),
@@ -132,6 +134,7 @@ def test_links_that_lead_nowhere_fail(write, check, link):
 def test_links_include_the_source_files_that_texts_name(write, check):
     write(f"{SOURCE}/rotation/a.cc", "")
     write("scripts/b.py", "")
+    write("CHANGELOG.md", "New: `scripts/former.py`.\n")
     write("docs/a.md", "See `rotation/a.cc`, `scripts/b.py`, `configs/NAME.py` and `c.cc`.\n\n```\nmy/own.py\n```\n")
     assert check("links")[0] == 0
     write("docs/a.md", "See\n`rotation/moved.cc`.\n")

@@ -14,9 +14,10 @@ STAGES = {"two_view", "rotation", "translation", "structure", "refinement"}
 MAY_INCLUDE = {
     "math": set(),
     "scene": {"math"},
+    "files": TYPES,  # reading and writing files of any kind, for io/ and what has files of its own
     "database": TYPES,
     "bridge": TYPES,
-    "matching": TYPES | {"bridge", "database"},
+    "matching": TYPES | {"files", "bridge", "database"},
     "two_view": TYPES | {"bridge"},  # COLMAP's two-view geometry
     "rotation": TYPES,
     "translation": TYPES,
@@ -24,8 +25,8 @@ MAY_INCLUDE = {
     "refinement": TYPES,
     "ablation": TYPES | STAGES | {"bridge"},  # the paper's alternatives, used by pipeline/ alone
     "pipeline": TYPES | STAGES | {"bridge", "ablation"},
-    "io": TYPES | {"bridge", "database", "matching"},
-    "cli": TYPES | {"bridge", "database", "matching", "pipeline", "io"},
+    "io": TYPES | {"files", "bridge", "database", "matching"},
+    "cli": TYPES | {"files", "bridge", "database", "matching", "pipeline", "io"},
     "testing": TYPES | {"bridge", "database"},
 }
 # Only bridge/ knows COLMAP, because what differs between its versions must stay in one place.
