@@ -6,6 +6,8 @@
 #   BUILD_DIR           build folder; default: build below the checkout
 #   CMAKE_ARGS          further arguments of the CMake configuration
 #   BUILD_TARGETS       what to build; default: everything
+#
+# `setup.sh environment` stops before COLMAP is fetched and anything is built.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 source scripts/environment.sh
@@ -85,6 +87,7 @@ build() {
 
 mkdir -p "$CACHE_DIR"
 install_packages
-fetch_colmap_source
 make_python_environment
+[ "${1:-}" != environment ] || exit 0
+fetch_colmap_source
 build

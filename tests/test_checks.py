@@ -1,0 +1,232 @@
+"""scripts/checks: each check fails on a tree that breaks its rule, names the place, and passes without the fault."""
+
+import pathlib
+import subprocess
+import sys
+
+import pytest
+
+CHECKS_PATH = pathlib.Path(__file__).resolve().parents[1] / "scripts" / "checks"
+SOURCE = "src/colmap_lazyloc"
+
+
+@pytest.fixture
+def write(tmp_path):
+    def write_file(name, text):
+        path = tmp_path / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text, encoding="utf-8")
+
+    return write_file
+
+
+@pytest.fixture
+def check(tmp_path):
+    """Runs a check on the test's tree; returns the exit code and what it printed."""
+
+    def run(name):
+        command = [sys.executable, CHECKS_PATH / f"{name}.py", "--root", tmp_path]
+        done = subprocess.run(command, capture_output=True, text=True)
+        assert "Traceback" not in done.stderr, done.stderr
+        return done.returncode, done.stdout + done.stderr
+
+    return run
+
+
+def function(num_lines, head="int Sum()"):
+    return head + " {\n" + "  ++x;\n" * num_lines + "}\n"
+
+
+@pytest.mark.parametrize(
+    ("file", "included", "is_allowed"),
+    [
+        ("rotation/a.cc", "math/so3.h", True),
+        ("rotation/a.cc", "rotation/b.h", True),
+        ("rotation/a.cc", "translation/b.h", False),
+        ("refinement/a.h", "structure/b.h", False),
+        ("refinement/a.h", "ablation/b.h", False),
+        ("structure/a.cc", "bridge/triangulation.h", True),
+        ("scene/a.h", "scene/b.h", True),
+        ("math/a.h", "scene/b.h", False),
+        ("pipeline/a.cc", "refinement/b.h", True),
+        ("pipeline/a.cc", "ablation/b.h", True),
+        ("pipeline/a.cc", "io/b.h", False),
+        ("pipeline/a.cc", "files/b.h", False),
+        ("matching/a.cc", "files/b.h", True),
+        ("pipeline/a.cc", "cli/b.h", False),
+        ("io/a.cc", "cli/b.h", False),
+        ("structure/a.cc", "testing/b.h", False),
+        ("structure/a_test.cc", "testing/b.h", True),
+        ("structure/a_test.cc", "pipeline/b.h", False),
+        ("unheard_of/a.cc", "math/so3.h", False),
+    ],
+)
+def test_layers_are_those_of_the_table(write, check, file, included, is_allowed):
+    write(f"{SOURCE}/{file}", f'#pragma once\n#include "colmap_lazyloc/{included}"\n')
+    code, text = check("layers")
+    assert code == (0 if is_allowed else 1), text
+    assert is_allowed or f"{file}:2: " in text
+
+
+@pytest.mark.parametrize("file", [f"{SOURCE}/structure/a.cc", f"{SOURCE}/cli/a.cc", "benchmarks/runtime/a.cc"])
+def test_layers_keep_colmap_in_the_bridge(write, check, file):
+    write(f"{SOURCE}/bridge/a.cc", "#include <colmap/scene/camera.h>\n")
+    assert check("layers")[0] == 0
+    write(file, "#include <colmap/scene/camera.h>\n")
+    code, text = check("layers")
+    assert code == 1 and "COLMAP's headers" in text and f"{file}:1" in text
+
+
+@pytest.mark.parametrize(("file", "limit"), [("a.h", 150), ("a.cc", 350), ("a_test.cc", 500), ("tests/test_a.py", 500)])
+def test_sizes_of_files_have_a_limit(write, check, file, limit):
+    write(file, "\n" * limit)
+    assert check("sizes")[0] == 0
+    write(file, "\n" * (limit + 1))
+    code, text = check("sizes")
+    assert code == 1 and f"{file}:1: {limit + 1} lines, of at most {limit}" in text
+
+
+@pytest.mark.parametrize(
+    "head",
+    [
+        "int Sum()",
+        "TEST(Sum, IsRight)",
+        "Sum::Sum(const Options& options = {})\n    : options_(options), x_{1}",
+        "std::vector<std::function<void(int)>> Sum(int x) const noexcept",
+        "template <typename T>\nbool operator==(const T& a, const T& b)",
+    ],
+)
+def test_sizes_of_functions_have_a_limit(write, check, head):
+    write("a.cc", f'namespace lazyloc {{\nconst char* brace = "{{";  // {{\n{function(50, head)}}}\n')
+    assert check("sizes")[0] == 0
+    write("a.cc", f'namespace lazyloc {{\nconst char* brace = "{{";  // {{\n{function(51, head)}}}\n')
+    code, text = check("sizes")
+    assert code == 1 and "has 51 lines, of at most 50" in text
+
+
+def test_sizes_of_python_functions_have_a_limit(write, check):
+    write("a.py", "def f():\n" + "    x = 1\n" * 51)
+    code, text = check("sizes")
+    assert code == 1 and "a.py:1: f has 51 lines" in text
+
+
+def test_links_to_files_and_headings_that_are_there_pass(write, check):
+    write(
+        "docs/a.md",
+        "# The `a_b` option, twice\n\n## Same\n\n## Same\n\n```\n# no heading\n[no link](nowhere.md)\n```\n",
+    )
+    write(
+        "README.md",
+        "[a](docs/a.md), [b](docs/a.md#the-a_b-option-twice), [c](docs/a.md#same-1), [d](#here), [e](https://x.y/z)\n"
+        "`[code](nowhere.md)` ![image](docs/)\n\n# Here\n",
+    )
+    assert check("links") == (0, "links: 0 problem(s), 2 files\n")
+
+
+@pytest.mark.parametrize("link", ["docs/b.md", "docs/a.md#none", "#none", "docs/a.md#no-heading"])
+def test_links_that_lead_nowhere_fail(write, check, link):
+    write("docs/a.md", "# A\n\n```\n# no heading\n```\n")
+    write("README.md", f"# Here\n\nSee [this]({link}).\n")
+    code, text = check("links")
+    assert code == 1 and "README.md:3: no such" in text and link in text
+
+
+def test_links_include_the_source_files_that_texts_name(write, check):
+    write(f"{SOURCE}/rotation/a.cc", "")
+    write("scripts/b.py", "")
+    write("CHANGELOG.md", "New: `scripts/former.py`.\n")
+    write("docs/a.md", "See `rotation/a.cc`, `scripts/b.py`, `configs/NAME.py` and `c.cc`.\n\n```\nmy/own.py\n```\n")
+    assert check("links")[0] == 0
+    write("docs/a.md", "See\n`rotation/moved.cc`.\n")
+    code, text = check("links")
+    assert code == 1 and "a.md:2: no such source file: rotation/moved.cc" in text
+
+
+FUNCTION = "int Sum(int x);"
+DATA = "double noise_px = 0.5;"
+STRUCT = "struct Sum {};"
+STATEMENT = "void F() {\n  // Zero.\n  int x = 0;\n}"
+
+
+@pytest.mark.parametrize(
+    ("comment", "code"),
+    [
+        ("Returns the sum.", FUNCTION),
+        ("True if the pose is unobservable.", FUNCTION),
+        ("COLMAP stores numbers as the machine holds them.", FUNCTION),
+        ("What was removed stays in the inverted files.", FUNCTION),
+        ("In COLMAP 3 zeros stand for a matrix that is not set.", FUNCTION),
+        ("path: must not exist yet.", FUNCTION),
+        ("rho = log(1 + r^2).", FUNCTION),
+        ("Matches the query with each of the images.", FUNCTION),
+        ("Sets priors as the options state them.", FUNCTION),
+        ("Renders rough stone of a pillar.", FUNCTION),
+        ("Models that COLMAP 4 added must work if COLMAP knows them.", FUNCTION),
+        ("The identity counts as unset, because hloc stores it.", FUNCTION),
+        ("If the images fit so badly that noise is not the reason, the estimate starts higher.", FUNCTION),
+        ("What the solver changes.", STRUCT),
+        ("Standard deviation of its image points, per coordinate.", DATA),
+        ("A rig at one moment.", STRUCT),
+    ],
+)
+def test_comments_that_open_with_a_sentence_pass(write, check, comment, code):
+    write("a.h", f"// {comment}\n{code}\n")
+    assert check("comments")[0] == 0
+
+
+@pytest.mark.parametrize(
+    ("comment", "code"),
+    [
+        ("Of the query, in pixels.", FUNCTION),
+        ("None where COLMAP has set no pose.", FUNCTION),
+        ("The same without noise.", FUNCTION),
+        ("Median distance of the points.", FUNCTION),
+        ("Matches of the query that fit.", FUNCTION),
+        ("As the options state them.", FUNCTION),
+        ("Whether the pose is known.", FUNCTION),
+        ("Of the first step, which may be far off: it would go too far.", DATA),
+        ("By which the lengths have been multiplied.", DATA),
+        ("Those that the solver changes.", STRUCT),
+        ("Query keypoint 0 seen at keypoint 10 of image 1.", FUNCTION),
+        ("Cameras in a chain, each of which shares points.", FUNCTION),
+        ("COLMAP's logging set-up for a program.", FUNCTION),
+    ],
+)
+def test_comments_that_open_with_a_fragment_fail(write, check, comment, code):
+    write("a.h", f"// {comment}\n{code}\n")
+    exit_code, text = check("comments")
+    assert exit_code == 1 and "a.h:1: " in text and "1 of 1 blocks" in text
+
+
+def test_comments_may_be_fragments_in_less_than_three_percent(write, check):
+    fragment, sentence = f"// Of it.\n{FUNCTION}\n", f"// Returns it.\n{FUNCTION}\n"
+    write("a.h", fragment + 33 * sentence)
+    assert check("comments")[0] == 0
+    write("a.h", fragment + 32 * sentence)
+    assert check("comments")[0] == 1
+
+
+def test_comments_of_statements_count_but_not_those_at_the_end_of_a_line(write, check):
+    write("a.cc", STATEMENT + "\nint y = 0;  // of the query\n")
+    code, text = check("comments")
+    assert code == 1 and "a.cc:2: (statement) Zero." in text and "1 of 1 blocks" in text
+
+
+def test_comments_of_python_are_reported_only(write, check):
+    write("a.py", 'def f():\n    """Of the query."""\n')
+    code, text = check("comments")
+    assert code == 0 and "a.py:2: (function) Of the query." in text
+
+
+def test_metrics_count(write, check):
+    write(
+        f"{SOURCE}/pipeline/a.h",
+        "struct A {\n  int x = 0;\n  std::vector<int> y;\n  int F() const;\n private:\n  int z;\n};\n",
+    )
+    write(f"{SOURCE}/cli/options.cc", 'void F() {\n  add("a", 1);\n  add("b", 2);\n}\n')
+    write(f"{SOURCE}/cli/options_test.cc", function(20))
+    code, text = check("metrics")
+    assert code == 0
+    assert "lines of src/ without tests: 11\n" in text and "files of src/ without tests: 2\n" in text
+    assert f"longest function: 2 lines, {SOURCE}/cli/options.cc: F\n" in text
+    assert "options registered: 2\n" in text and "pipeline/*.h: 2 (A 2)" in text
