@@ -2,79 +2,46 @@
 
 #include <algorithm>
 #include <cmath>
+#include <memory>
 #include <numeric>
 #include <optional>
 #include <utility>
 
-#include <Eigen/Geometry>
-
 #include "colmap_lazyloc/math/so3.h"
 #include "colmap_lazyloc/scene/options_check.h"
-#include "colmap_lazyloc/structure/ray_intersection.h"
+#include "colmap_lazyloc/structure/point_finder.h"
 
 namespace lazyloc {
 namespace {
 
-using Matrix3x4d = Eigen::Matrix<double, 3, 4>;
-
-Matrix3x4d MatrixOf(const Rigid3d& cam_from_world) {
-  Matrix3x4d matrix;
-  matrix << cam_from_world.rotation.toRotationMatrix(), cam_from_world.translation;
-  return matrix;
+std::unique_ptr<PointFinder> MakePointFinder(const TrackEvaluator& evaluator,
+                                             const TrackTriangulationOptions& options) {
+  return options.method == TriangulationMethod::COLMAP ? MakeColmapPointFinder(evaluator, options)
+                                                       : MakeRayPointFinder(evaluator, options);
 }
 
-// Holds the images' poses as matrices, because the inner loops are faster with them.
-class TrackEvaluator {
- public:
-  explicit TrackEvaluator(const PosedImages& posed) : posed_(posed) {
-    for (const Rigid3d& cam_from_world : CamsFromWorld(posed)) cams_from_world_.push_back(MatrixOf(cam_from_world));
-  }
-
-  // Returns true if a point lies in front of an image and within max_error_sigma standard deviations of its keypoint.
-  bool Fits(const TrackObservation& element, const Eigen::Vector3d& point_in_world, double max_error_sigma) const {
-    const Matrix3x4d& cam_from_world = cams_from_world_[element.image];
-    const Eigen::Vector3d point_in_cam = cam_from_world.leftCols<3>() * point_in_world + cam_from_world.col(3);
-    const double max_error_px = max_error_sigma * posed_.images[element.image].noise_px;
-    return IsInFront(element.observation, point_in_cam) &&
-           ReprojectionError(element.observation, point_in_cam).squaredNorm() <= max_error_px * max_error_px;
-  }
-
-  bool IsDatabase(const TrackObservation& element) const { return posed_.IsDatabase(element.image); }
-
- protected:
-  const PosedImages& posed_;
-  std::vector<Matrix3x4d> cams_from_world_;
-};
-
-// Triangulates one track after the other. Works on indices of a track's observations, in buffers that it keeps.
-class TrackTriangulator : public TrackEvaluator {
+// Triangulates one track after the other.
+class TrackTriangulator {
  public:
   TrackTriangulator(const PosedImages& posed, const TrackTriangulationOptions& options)
-      : TrackEvaluator(posed),
+      : evaluator_(posed),
         options_(options),
-        max_cos_angle_(std::cos(DegToRad(options.min_triangulation_angle_deg))) {
-    for (const Rigid3d& cam_from_world : CamsFromWorld(posed)) cams_in_world_.push_back(CamInWorld(cam_from_world));
-  }
+        max_cos_angle_(std::cos(DegToRad(options.min_triangulation_angle_deg))),
+        finder_(MakePointFinder(evaluator_, options)) {}
 
-  // Sets the track's point from its database observations and removes those that disagree with it: none if all agree,
-  // else all but those that agree with the best pair of them. Returns false if the track has no such point.
+  // Sets the track's point from its database observations and removes those that disagree with it. Returns false if the
+  // track has no such point.
   bool FromDatabase(Track* track) {
     std::vector<TrackObservation>& observations = track->observations;
     used_.clear();
     for (size_t i = 0; i < observations.size(); ++i) {
-      if (IsDatabase(observations[i])) used_.push_back(i);
+      if (evaluator_.IsDatabase(observations[i])) used_.push_back(i);
     }
     const size_t num_queries = observations.size() - used_.size();  // they come first
-    Eigen::Vector3d point;
-    if (used_.size() < 2 || !Intersect(observations, used_, &point)) return false;
-    if (!AllAgree(observations, point)) {
-      if (used_.size() == 2) return false;  // their only pair is what has just failed
-      used_.swap(candidates_);
-      FindBestAgreeing(observations);
-      if (used_.size() < 2 || !Intersect(observations, used_, &point) || !AllAgree(observations, point)) return false;
-    }
-    if (!SeenUnderAngle(observations, used_, point)) return false;
-    track->point_in_world = point;
+    if (used_.size() < 2) return false;
+    const std::optional<Eigen::Vector3d> point = finder_->FindConsensus(observations, &used_);
+    if (!point || !evaluator_.IsSeenUnderAngle(observations, used_, *point, max_cos_angle_)) return false;
+    track->point_in_world = *point;
     size_t num_kept = num_queries;
     for (const size_t i : used_) observations[num_kept++] = observations[i];  // they ascend
     observations.resize(num_kept);
@@ -88,85 +55,34 @@ class TrackTriangulator : public TrackEvaluator {
     used_.resize(observations.size());
     std::iota(used_.begin(), used_.end(), 0);
     track->noise_ratio = options_.single_image_noise_ratio;
-    if (!Intersect(observations, used_, &track->point_in_world)) return false;
-    if (!SeenUnderAngle(observations, used_, track->point_in_world)) return false;
+    const std::optional<Eigen::Vector3d> point = finder_->FindPoint(observations, used_);
+    if (!point || !evaluator_.IsSeenUnderAngle(observations, used_, *point, max_cos_angle_)) return false;
+    track->point_in_world = *point;
     return std::all_of(observations.begin(), observations.end(), [&](const TrackObservation& element) {
-      return Fits(element, track->point_in_world, options_.max_query_error_sigma);
+      return evaluator_.Fits(element, *point, options_.max_query_error_sigma);
     });
   }
 
  private:
-  using Indices = std::vector<size_t>;
-
   // Returns true if the track constrains a query's pose, but its database observations alone have no point.
   bool NeedsQueryPoses(const std::vector<TrackObservation>& observations) const {
-    int num_database = 0, num_frames = 0, last_frame = -1;  // images of a frame stand together
+    int num_database = 0, num_frames = 0, last_frame = -1;  // the queries of a frame come one after the other
     for (const TrackObservation& element : observations) {
-      if (IsDatabase(element)) {
+      if (evaluator_.IsDatabase(element)) {
         ++num_database;
-      } else if (posed_.images[element.image].frame != last_frame) {
+      } else if (evaluator_.ImageOf(element).frame != last_frame) {
         ++num_frames;
-        last_frame = posed_.images[element.image].frame;
+        last_frame = evaluator_.ImageOf(element).frame;
       }
     }
     return num_database <= 1 && num_database + num_frames >= 2;
   }
 
-  bool Intersect(const std::vector<TrackObservation>& observations, const Indices& indices,
-                 Eigen::Vector3d* point) const {
-    RayIntersection intersection;
-    for (const size_t i : indices) {
-      const int image = observations[i].image;
-      intersection.Add(cams_in_world_[image], cams_from_world_[image].leftCols<3>().transpose().lazyProduct(
-                                                 observations[i].observation.ray_in_cam));
-    }
-    const std::optional<Eigen::Vector3d> intersected = intersection.Point();
-    if (intersected) *point = *intersected;
-    return intersected.has_value();
-  }
-
-  bool SeenUnderAngle(const std::vector<TrackObservation>& observations, const Indices& indices,
-                      const Eigen::Vector3d& point) const {
-    for (size_t a = 0; a < indices.size(); ++a) {
-      const Eigen::Vector3d ray_a = (point - cams_in_world_[observations[indices[a]].image]).normalized();
-      for (size_t b = 0; b < a; ++b) {
-        const Eigen::Vector3d ray_b = (point - cams_in_world_[observations[indices[b]].image]).normalized();
-        if (ray_a.dot(ray_b) < max_cos_angle_) return true;
-      }
-    }
-    return false;
-  }
-
-  bool Agrees(const TrackObservation& element, const Eigen::Vector3d& point) const {
-    return Fits(element, point, options_.max_database_error_sigma);
-  }
-
-  bool AllAgree(const std::vector<TrackObservation>& observations, const Eigen::Vector3d& point) const {
-    return std::all_of(used_.begin(), used_.end(), [&](size_t i) { return Agrees(observations[i], point); });
-  }
-
-  // Sets used_ to the candidates that agree with the pair of candidates that most others agree with.
-  void FindBestAgreeing(const std::vector<TrackObservation>& observations) {
-    used_.clear();
-    pair_.resize(2);
-    for (size_t a = 0; a < candidates_.size(); ++a) {
-      for (size_t b = 0; b < a && used_.size() < candidates_.size(); ++b) {
-        Eigen::Vector3d point;
-        pair_ = {candidates_[a], candidates_[b]};
-        if (!Intersect(observations, pair_, &point) || !SeenUnderAngle(observations, pair_, point)) continue;
-        agreeing_.clear();
-        for (const size_t i : candidates_) {
-          if (Agrees(observations[i], point)) agreeing_.push_back(i);
-        }
-        if (agreeing_.size() > used_.size()) used_.swap(agreeing_);
-      }
-    }
-  }
-
+  const TrackEvaluator evaluator_;
   const TrackTriangulationOptions& options_;
   const double max_cos_angle_;
-  std::vector<Eigen::Vector3d> cams_in_world_;
-  Indices used_, candidates_, agreeing_, pair_;
+  const std::unique_ptr<PointFinder> finder_;
+  ObservationIndices used_;
 };
 
 enum class CheckedImages { QUERIES, ALL };
