@@ -7,7 +7,7 @@ source scripts/environment.sh
 
 # A green run that ran next to nothing must not pass: raise these floors as tests are added.
 MIN_UNIT_TESTS=495
-MIN_PROGRAM_TESTS=558
+MIN_PROGRAM_TESTS=590
 
 # Real scenes, where they are at hand; tests on them are skipped elsewhere.
 export LAZYLOC_SHARED_DATA=${LAZYLOC_SHARED_DATA:-$PWD/../shared/data}

@@ -1,27 +1,25 @@
 """hloc's HDF5 files become a database with the same keypoints and matches, and the same poses."""
 
-import pathlib
 import shutil
 import sqlite3
 import subprocess
 import sys
 
+import h5py
 import numpy as np
 import pytest
 
 import photo_scene
-import synthetic_database as synthetic
-
-h5py = pytest.importorskip("h5py")
-
-SCRIPTS_PATH = pathlib.Path(__file__).resolve().parents[1] / "scripts"
-sys.path.insert(0, str(SCRIPTS_PATH))
-import hloc_to_database  # noqa: E402
+from colmap_lazyloc import hloc_to_database
+from colmap_lazyloc.database import DatabaseReader, pair_id
+from colmap_lazyloc.poses import read_poses
+from colmap_lazyloc.testing import synthetic
+from conftest import SCRIPTS_PATH
 
 
 @pytest.fixture
 def hloc_files(tmp_path, noisy):
-    """The scene in hloc's form: keypoints half a pixel less, names in folders, pairs under either order and both
+    """Writes the scene in hloc's form: keypoints half a pixel less, names in folders, pairs under either order and both
     generations' names."""
     scene = noisy.scene
     folder_name = {name: f"{'db' if image.pose is not None and name in scene.database_names else 'q'}/{name}"
@@ -41,8 +39,9 @@ def hloc_files(tmp_path, noisy):
             matches[f"{key}/matches0"] = partners
     (tmp_path / "pairs.txt").write_text("".join(f"{folder_name[a]} {folder_name[b]}\n" for a, b in pairs))
     queries = [name for name in scene.images if name not in scene.database_names]
-    (tmp_path / "queries.txt").write_text(
-        "".join(f"{folder_name[name]} {scene.cameras[scene.images[name].camera_id].hloc_words()}\n" for name in queries))
+    intrinsics = {name: scene.cameras[scene.images[name].camera_id].intrinsics() for name in queries}
+    lines = [f"{folder_name[name]} {intrinsics[name].text()}\n" for name in queries]
+    (tmp_path / "queries.txt").write_text("".join(lines))
     (tmp_path / "model").mkdir()
     synthetic.write_model(tmp_path / "model", scene, binary=False)
     images = tmp_path / "model" / "images.txt"
@@ -63,18 +62,15 @@ def test_database_holds_what_the_files_hold(hloc_files, noisy):
     folder, folder_name, _ = hloc_files
     assert convert(folder) == 0
     scene = noisy.scene
-    with sqlite3.connect(folder / "out.db") as connection:
-        ids = dict(connection.execute("SELECT name, image_id FROM images"))
+    with DatabaseReader(folder / "out.db") as reader, sqlite3.connect(folder / "out.db") as connection:
+        ids = reader.image_ids
         assert sorted(ids) == sorted(folder_name.values())
         for name, image in scene.images.items():
-            rows, cols, data = connection.execute("SELECT rows, cols, data FROM keypoints WHERE image_id = ?",
-                                                  (ids[folder_name[name]],)).fetchone()
-            keypoints = np.frombuffer(data, np.float32).reshape(rows, cols)
-            np.testing.assert_allclose(keypoints[:, :2], image.keypoints[:, :2], atol=1e-4)
+            np.testing.assert_allclose(reader.keypoints(folder_name[name]), image.keypoints[:, :2], atol=1e-4)
         for (name1, name2), pair in scene.pairs.items():
             id1, id2 = ids[folder_name[name1]], ids[folder_name[name2]]
             stored = connection.execute("SELECT data FROM matches WHERE pair_id = ?",
-                                        (synthetic.pair_id(id1, id2),)).fetchone()
+                                        (pair_id(id1, id2),)).fetchone()
             if stored is None:
                 assert (name1 in scene.database_names) == (name2 in scene.database_names)
                 continue
@@ -91,11 +87,10 @@ def assert_script_localizes(folder, colmap, truth):
                           env={"COLMAP": str(colmap), "PYTHON": sys.executable, "PATH": "/usr/bin:/bin"},
                           capture_output=True, text=True, timeout=300)
     assert done.returncode == 0, done.stderr
-    lines = [line.split() for line in (folder / "localized" / "poses.txt").read_text().splitlines() if line[0] != "#"]
-    assert sorted(line[0] for line in lines) == sorted(truth)
-    for name, *numbers in lines:
-        numbers = np.array(numbers, float)
-        position_error, rotation_error_deg = synthetic.Pose(numbers[:4], numbers[4:]).errors(truth[name])
+    poses = read_poses(folder / "localized" / "poses.txt")
+    assert sorted(poses) == sorted(truth)
+    for name, pose in poses.items():
+        position_error, rotation_error_deg = pose.errors(truth[name])
         assert position_error < 0.05 and rotation_error_deg < 0.3, name
 
 
@@ -115,7 +110,7 @@ def write_hloc_features(path, connection):
             group["keypoints"].attrs["uncertainty"] = 1.0
             group["descriptors"] = np.frombuffer(descriptors, np.uint8).reshape(rows, 128).T.astype(np.float16)
             group["scores"] = np.ones(rows, np.float16)
-            group["image_size"] = np.array([photo_scene.CAMERA["width"], photo_scene.CAMERA["height"]])
+            group["image_size"] = np.array([photo_scene.CAMERA.width, photo_scene.CAMERA.height])
 
 
 def write_hloc_matches(path, connection, pairs):
@@ -126,7 +121,7 @@ def write_hloc_matches(path, connection, pairs):
         for name1, name2 in pairs:
             id1, id2 = ids[name1], ids[name2]
             rows, data = connection.execute("SELECT rows, data FROM matches WHERE pair_id = ?",
-                                            (synthetic.pair_id(id1, id2),)).fetchone()
+                                            (pair_id(id1, id2),)).fetchone()
             indices = np.frombuffer(data or b"", np.uint32).reshape(rows, 2)[:, :: 1 if id1 < id2 else -1]
             partners = np.full(num_keypoints[id1], -1, np.int16)
             partners[indices[:, 0]] = indices[:, 1]
@@ -159,7 +154,7 @@ def test_mistakes_are_one_line_and_make_no_database(hloc_files, capsys):
         (folder / "pairs.txt").write_text(text)
         assert convert(folder) == 1
         error = capsys.readouterr().err
-        assert error.startswith("hloc_to_database.py: ") and word in error and error.count("\n") == 1
+        assert error.startswith("colmap_lazyloc.hloc_to_database: ") and word in error and error.count("\n") == 1
         assert not (folder / "out.db").exists()
     (folder / "pairs.txt").write_text(good)
     (folder / "out.db").write_text("mine")

@@ -3,12 +3,14 @@
 import pathlib
 import shutil
 import sqlite3
+import struct
 import subprocess
 
 import numpy as np
 import pytest
 
-import synthetic_database as synthetic
+from colmap_lazyloc.database import pair_id
+from colmap_lazyloc.testing import synthetic
 
 CASES = {}
 
@@ -57,7 +59,7 @@ class Files:
         return self.scene.images["query/001.jpg"].image_id
 
     def arguments(self, changed):
-        """changed: what the case returned: None, further arguments, or the whole command line in a dictionary."""
+        """Returns the command line. changed: what the case returned: None, further arguments, or a dictionary."""
         options = {"--database_path": self.database, "--input_path": self.model, "--output_path": self.folder / "out"}
         if isinstance(changed, dict):
             options.update(changed)
@@ -189,9 +191,9 @@ def keypoints_with_a_negative_count(files):
 
 
 def set_match(files, table):
-    pair_id = synthetic.pair_id(files.scene.images["database/004.jpg"].image_id, files.query_id())
+    id_of_pair = pair_id(files.scene.images["database/004.jpg"].image_id, files.query_id())
     matches = np.array([[0, 100000]] * 30, np.uint32)
-    files.sql(f"UPDATE {table} SET rows = 30, data = ? WHERE pair_id = ?", matches.tobytes(), pair_id)
+    files.sql(f"UPDATE {table} SET rows = 30, data = ? WHERE pair_id = ?", matches.tobytes(), id_of_pair)
 
 
 @case("database.db", "query/001.jpg", "database/004.jpg", "match")
@@ -265,8 +267,9 @@ def truncated_cameras_file(files):
 
 @case("cameras.bin", "camera model", "99")
 def unknown_camera_model_in_the_model(files):
-    files.scene.cameras[1].model_id = 99
-    synthetic.write_model(files.model, files.scene)
+    path = files.model / "cameras.bin"
+    content = path.read_bytes()
+    path.write_bytes(content[:12] + struct.pack("<i", 99) + content[16:])
 
 
 @case("cameras.txt", "NO_SUCH_MODEL")

@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-import synthetic_database as synthetic
+from colmap_lazyloc.pycolmap_types import to_pose, to_pycolmap_camera, to_rigid3d
+from colmap_lazyloc.testing import synthetic
 
 pycolmap = pytest.importorskip("pycolmap", minversion="4")
 
@@ -39,8 +40,9 @@ class Camera(synthetic.Camera):
 
     @property
     def colmap(self):
-        return pycolmap.Camera(camera_id=self.camera_id, model=pycolmap.CameraModelId(self.model_id), width=self.width,
-                               height=self.height, params=self.params, has_prior_focal_length=True)
+        camera = to_pycolmap_camera(self.intrinsics(), self.camera_id)
+        camera.has_prior_focal_length = True
+        return camera
 
     def image_from_cam(self, points_in_cam):
         return self.colmap.img_from_cam(points_in_cam)
@@ -49,26 +51,20 @@ class Camera(synthetic.Camera):
         return super().is_in_front(points_in_cam) | self.colmap.is_spherical()
 
 
-def rigid(pose):
-    return pycolmap.Rigid3d(pycolmap.Rotation3d(pose.rotation.as_quat()), pose.tvec)
-
-
-def pose_of(rigid3d):
-    x, y, z, w = rigid3d.rotation.quat
-    return synthetic.Pose(np.array([w, x, y, z]), np.array(rigid3d.translation))
-
-
 def make_frames():
-    """frame id -> (rig id, rig_from_world, {camera_id: image name}): rig frames of the database, one of queries, then a
-    query for each other camera. Ids of frames are far from those of images."""
+    """Returns frame id -> (rig id, rig_from_world, {camera_id: image name}).
+
+    These are rig frames of the database, one of queries, then a query for each other camera. Ids of frames are far from
+    those of images.
+    """
     frames = {}
     for i, centre in enumerate(synthetic.arc(NUM_FRAMES)):
-        pose = rigid(synthetic.Pose.looking_at(centre, [0.1, 0, 0]))
+        pose = to_rigid3d(synthetic.looking_at(centre, [0.1, 0, 0]))
         frames[100 + i] = (RIG_ID, pose, {1: f"database/left_{i}.jpg", 2: f"database/right_{i}.jpg"})
-    pose = rigid(synthetic.Pose.looking_at([0.5, -0.8, -5.2], [0, 0.1, 0]))
+    pose = to_rigid3d(synthetic.looking_at([0.5, -0.8, -5.2], [0, 0.1, 0]))
     frames[200] = (RIG_ID, pose, {1: "query/left.jpg", 2: "query/right.jpg"})
     for camera_id in list(MODELS)[2:]:
-        pose = rigid(synthetic.Pose.looking_at([0.3 * camera_id - 2, 0.4, -5], [0, 0, 0.1], roll_deg=camera_id))
+        pose = to_rigid3d(synthetic.looking_at([0.3 * camera_id - 2, 0.4, -5], [0, 0, 0.1], roll_deg=camera_id))
         frames[200 + camera_id] = (camera_id, pose, {camera_id: f"query/{MODELS[camera_id][0]}.jpg"})
     return frames
 
@@ -76,12 +72,12 @@ def make_frames():
 def make_scene(frames, models):
     rng = np.random.default_rng(4)
     points = rng.uniform(-1.2, 1.2, (300, 3))
-    cameras = {camera_id: Camera(camera_id, pycolmap.CameraModelId.__members__[name].value, 640, 480, params)
+    cameras = {camera_id: Camera(camera_id, name, 640, 480, params)
                for camera_id, (name, params) in models.items()}
     scene = synthetic.Scene(cameras, {}, {}, [])
     for _, rig_from_world, names in frames.values():
         for camera_id, name in names.items():
-            pose = pose_of(OTHER_FROM_REFERENCE * rig_from_world if camera_id == 2 else rig_from_world)
+            pose = to_pose(OTHER_FROM_REFERENCE * rig_from_world if camera_id == 2 else rig_from_world)
             keypoints, owners = synthetic.observe(cameras[camera_id], pose, points, 0.1, 0.8, rng)
             scene.images[name] = synthetic.Image(name, len(scene.images) + 1, camera_id, pose, keypoints, owners)
     scene.query_names = [name for name in scene.images if name.startswith("query")]
@@ -134,7 +130,7 @@ def write_database(path, scene, frames):
 
 
 def make_model(scene, frames):
-    """Of the database images; with all cameras and rigs, as COLMAP's mapper leaves them."""
+    """Makes a model of the database images, with all cameras and rigs, as COLMAP's mapper leaves them."""
     reconstruction = pycolmap.Reconstruction()
     for camera in scene.cameras.values():
         reconstruction.add_camera(camera.colmap)
@@ -184,7 +180,8 @@ def assert_same_frames(written, expected):
     for frame_id, frame in expected.frames.items():
         assert written.frame(frame_id).rig_id == frame.rig_id
         assert bits(written.frame(frame_id).rig_from_world) == bits(frame.rig_from_world)
-        assert sorted(data.id for data in written.frame(frame_id).data_ids) == sorted(data.id for data in frame.data_ids)
+        written_ids, ids = (sorted(data.id for data in some.data_ids) for some in (written.frame(frame_id), frame))
+        assert written_ids == ids
 
 
 def assert_same_cameras(written, expected):
@@ -209,7 +206,7 @@ def test_model_with_rigs_there_and_back(localize, scene, database_path, frames, 
     poses = {image.name: image.cam_from_world() for image in written.images.values()}
     assert sorted(poses) == sorted(scene.images)
     for name, pose in run.poses.items():
-        position_error, rotation_error_deg = pose_of(poses[name]).errors(pose)
+        position_error, rotation_error_deg = to_pose(poses[name]).errors(pose)
         assert position_error < 1e-12 and rotation_error_deg < 1e-5, name
     frame_of = {image.name: written.frame(image.frame_id) for image in written.images.values()}
     assert frame_of["query/left.jpg"].rig_id == frame_of["query/right.jpg"].rig_id == RIG_ID
@@ -237,7 +234,7 @@ def test_camera_model_of_colmap4(localize, frames, tmp_path, name):
     models = {1: MODELS[1], 2: MODELS[2], 3: (name, MODELS_OF_COLMAP4[name])}
     frames = {frame_id: frame for frame_id, frame in frames.items() if frame_id < 200}
     centre = [0.2, -0.1, 0.3] if name == "EQUIRECTANGULAR" else [0.2, -0.1, -5]
-    frames[200] = (3, rigid(synthetic.Pose.looking_at(centre, [0, 0, 1])), {3: "query/new.jpg"})
+    frames[200] = (3, to_rigid3d(synthetic.looking_at(centre, [0, 0, 1])), {3: "query/new.jpg"})
     scene = make_scene(frames, models)
     database_path = write_database(tmp_path / "database.db", scene, frames)
     (tmp_path / "model").mkdir()

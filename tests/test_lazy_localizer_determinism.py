@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-import synthetic_database as synthetic
+from colmap_lazyloc.testing import synthetic
 
 GEOMETRIES = {"stored geometries": "pose", "raw matches": None}
 
@@ -17,7 +17,7 @@ def geometry(request):
 
 @pytest.fixture(scope="module")
 def many(tmp_path_factory, write_scene_files, geometry):
-    """Eight queries, so that threads have something to share."""
+    """Makes eight queries, so that threads have something to share."""
     scene = synthetic.make_scene(synthetic.arc(9), synthetic.arc(8, radius=5, height=-0.7), noise_px=0.5,
                                  outlier_ratio=0.3)
     return write_scene_files(tmp_path_factory.mktemp("many"), scene, geometry=geometry)

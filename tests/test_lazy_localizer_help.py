@@ -56,7 +56,8 @@ def test_an_unknown_command_fails(colmap):
 def test_help_of_the_indexer_explains_its_options(colmap):
     done = run(colmap, "lazy_indexer", "-h")
     assert (done.returncode, done.stderr) == (0, "")
-    assert {"--database_path", "--index_path", "--LazyIndexer.num_visual_words"} <= set(re.findall(r"--[\w.]+", done.stdout))
+    options = set(re.findall(r"--[\w.]+", done.stdout))
+    assert {"--database_path", "--index_path", "--LazyIndexer.num_visual_words"} <= options
 
 
 @pytest.mark.parametrize("flag", ["-h", "--help"])

@@ -23,7 +23,7 @@ def queries(scene, tmp_path_factory):
 
 @pytest.fixture
 def changed_database(scene, tmp_path):
-    """A copy of the database, changed by SQL."""
+    """Makes a copy of the database, changed by SQL."""
 
     def change(*statements):
         path = tmp_path / "changed.db"

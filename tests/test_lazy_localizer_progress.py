@@ -8,7 +8,7 @@ import subprocess
 
 import pytest
 
-import synthetic_database as synthetic
+from colmap_lazyloc.testing import synthetic
 from conftest import Run
 
 NUM_QUERIES = 400

@@ -9,14 +9,14 @@ import tempfile
 
 import pytest
 
-import synthetic_database as synthetic
+from colmap_lazyloc.testing import synthetic
 
 NOBODY = 65534
 
 
 @pytest.fixture
 def open_folder():
-    """A folder that every user of the machine may enter; pytest's own are private."""
+    """Makes a folder that every user of the machine may enter; pytest's own are private."""
     folder = pathlib.Path(tempfile.mkdtemp(prefix="lazyloc_"))
     folder.chmod(0o755)
     yield folder
@@ -48,12 +48,12 @@ def pending_wal(exact):
 
 
 def as_other_user():
-    """Root may write everywhere: the program then runs as nobody."""
+    """Runs the program as nobody, because root may write everywhere."""
     return {"user": NOBODY, "group": NOBODY, "extra_groups": []} if os.geteuid() == 0 else {}
 
 
 def read_only_mount(folder):
-    """A launcher that sees the folder mounted read-only; skips where the machine does not allow it."""
+    """Returns a launcher that sees the folder mounted read-only; skips where the machine does not allow it."""
     launcher = ["unshare", "--mount", "sh", "-c",
                 f"mount --bind '{folder}' '{folder}' && mount -o remount,ro,bind '{folder}' && exec \"$@\"", "sh"]
     probe = ["sh", "-c", f"! touch '{folder}/probe' 2>/dev/null"]

@@ -5,7 +5,7 @@ import sqlite3
 import numpy as np
 import pytest
 
-import synthetic_database as synthetic
+from colmap_lazyloc.testing import synthetic
 
 WRITERS = ["pycolmap", "built", "3.10", "3.8", "3.6"]
 
@@ -24,7 +24,7 @@ def write(colmap):
 
 @pytest.fixture(scope="module")
 def references(localize, write, noisy, tmp_path_factory):
-    """The runs on pycolmap's databases, by what these hold."""
+    """Returns the runs on pycolmap's databases, by the geometry that these hold."""
     folder = tmp_path_factory.mktemp("references")
 
     def run(geometry):

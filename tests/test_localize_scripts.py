@@ -1,16 +1,14 @@
 """The shell scripts over COLMAP databases: from photos, and from matches of one's own, to poses."""
 
-import pathlib
 import shutil
 import subprocess
 
-import numpy as np
 import pytest
 
 import photo_scene
-import synthetic_database as synthetic
-
-SCRIPTS_PATH = pathlib.Path(__file__).resolve().parents[1] / "scripts"
+from colmap_lazyloc.poses import read_poses
+from colmap_lazyloc.testing import synthetic
+from conftest import SCRIPTS_PATH
 
 
 @pytest.fixture
@@ -20,11 +18,6 @@ def run_script(colmap):
                               env={"COLMAP": str(colmap), "PATH": "/usr/bin:/bin"})
 
     return run
-
-
-def read_poses(path):
-    lines = [line.rsplit(" ", 7) for line in path.read_text().splitlines() if not line.startswith("#")]
-    return {name: synthetic.Pose(np.array(numbers[:4], float), np.array(numbers[4:], float)) for name, *numbers in lines}
 
 
 def test_folder_of_photos(photos, run_script, tmp_path):
@@ -55,7 +48,8 @@ def test_own_matches(colmap, noisy, run_script, tmp_path):
     scene.pairs = {}
     database = synthetic.write_built_colmap_database(tmp_path / "keypoints.db", scene, colmap)
     before = database.read_bytes()
-    done = run_script("localize_matches.sh", database, tmp_path / "matches.txt", noisy.model_path, tmp_path / "localized")
+    done = run_script("localize_matches.sh", database, tmp_path / "matches.txt", noisy.model_path,
+                      tmp_path / "localized")
     assert done.returncode == 0, done.stderr
     assert database.read_bytes() == before
     poses = read_poses(tmp_path / "localized" / "poses.txt")

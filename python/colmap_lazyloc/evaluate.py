@@ -1,5 +1,6 @@
-#!/usr/bin/env python3
 """Compares estimated query poses with the ground truth: position and rotation errors, recall at thresholds.
+
+    python -m colmap_lazyloc.evaluate ESTIMATED --ground_truth TRUTH
 
 Poses are files with lines `name qw qx qy qz tx ty tz` (cam_from_world, as in lazy_localizer's poses.txt) or folders of
 COLMAP models, text or binary. A query without an estimated pose counts as a failure in every recall; mean and median
@@ -7,68 +8,35 @@ are over the localized queries. Lengths are in the unit of the database, printed
 """
 
 import argparse
-import dataclasses
 import json
-import math
 import pathlib
-import re
 import sys
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
+from colmap_lazyloc.errors import InputError, command
+from colmap_lazyloc.model import read_model
+from colmap_lazyloc.poses import Pose, read_poses
+from colmap_lazyloc.queries import read_queries
+
+# Metres and degrees, those of visuallocalization.net.
 DEFAULT_THRESHOLDS = ((0.25, 2.0), (0.5, 5.0), (5.0, 10.0))
-# hloc's `name MODEL width height params...`; any other line of a query list is a name.
-QUERY_WITH_CAMERA = re.compile(r"(\S+)\s+[A-Z][A-Z0-9_]+(\s+[-+.0-9eE]+){3,}")
 
 
-class InputError(Exception):
-    """A mistake in the user's input, as one line."""
-
-
-@dataclasses.dataclass(frozen=True)
-class Pose:
-    """cam_from_world."""
-
-    rotation: Rotation
-    translation: np.ndarray
-
-    def cam_in_world(self) -> np.ndarray:
-        return -self.rotation.inv().apply(self.translation)
-
-
-def read_poses(path) -> dict:
-    """Poses by name, of a poses file or a folder with a COLMAP model."""
-    path = pathlib.Path(path)
-    return _read_model(path) if path.is_dir() else _read_poses_file(path)
-
-
-def read_query_names(path) -> list:
-    names = {}
-    for line_number, line in _entries(path):
-        match = QUERY_WITH_CAMERA.fullmatch(line)
-        name = match.group(1) if match else line
-        if name in names:
-            raise InputError(f"{path}:{line_number}: query '{name}' is listed twice")
-        names[name] = None
-    if not names:
-        raise InputError(f"{path}: lists no query")
-    return list(names)
-
-
-def pose_errors(estimated: Pose, truth: Pose) -> tuple:
-    """Distance of the projection centres, and the angle between the orientations in degrees."""
-    position = np.linalg.norm(estimated.cam_in_world() - truth.cam_in_world())
-    rotation = (estimated.rotation * truth.rotation.inv()).magnitude()
-    return float(position), math.degrees(rotation)
+def read_any_poses(path: pathlib.Path) -> dict[str, Pose]:
+    """Reads the poses by name of a poses file or of a folder with a COLMAP model."""
+    if not path.is_dir():
+        return read_poses(path)
+    return {name: image.cam_from_world for name, image in read_model(path).images.items()}
 
 
 def evaluate(estimated: dict, truth: dict, names) -> dict:
-    """Errors of each query by name; None where it has no estimated pose."""
-    return {name: pose_errors(estimated[name], truth[name]) if name in estimated else None for name in names}
+    """Returns each query's position error and rotation error in degrees by name; None without an estimated pose."""
+    return {name: estimated[name].errors(truth[name]) if name in estimated else None for name in names}
 
 
 def summarize(errors: dict, thresholds=DEFAULT_THRESHOLDS) -> dict:
+    """Returns median, mean and largest errors of the localized queries, and the share of all within each threshold."""
     localized = np.array([error for error in errors.values() if error is not None]).reshape(-1, 2)
 
     def statistic(function, column):
@@ -86,59 +54,10 @@ def summarize(errors: dict, thresholds=DEFAULT_THRESHOLDS) -> dict:
     return summary
 
 
-def _entries(path):
-    """Number and text of the lines that are neither empty nor comments."""
-    try:
-        lines = pathlib.Path(path).read_text(encoding="utf-8", errors="backslashreplace").split("\n")
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read: {error.strerror}") from None
-    for line_number, line in enumerate(lines, start=1):
-        line = line.strip()
-        if line and not line.startswith("#"):
-            yield line_number, line
-
-
-def _read_poses_file(path: pathlib.Path) -> dict:
-    poses = {}
-    for line_number, line in _entries(path):
-        words = line.rsplit(maxsplit=7)  # a name may hold blanks
-        try:
-            name, numbers = words[0], np.array([float(word) for word in words[1:]])
-            if numbers.size != 7 or not np.all(np.isfinite(numbers)):
-                raise ValueError
-        except ValueError:
-            raise InputError(f"{path}:{line_number}: expected `name qw qx qy qz tx ty tz`, found '{line}'") from None
-        norm = np.linalg.norm(numbers[:4])
-        if abs(norm - 1) > 0.01:
-            raise InputError(f"{path}:{line_number}: the quaternion's norm is {norm:.6g}, not 1")
-        if name in poses:
-            raise InputError(f"{path}:{line_number}: image '{name}' has a pose already")
-        poses[name] = Pose(Rotation.from_quat(np.roll(numbers[:4], -1)), numbers[4:])
-    return poses
-
-
-def _read_model(path: pathlib.Path) -> dict:
-    if not any((path / f"images.{suffix}").exists() for suffix in ("bin", "txt")):
-        raise InputError(f"{path}: holds no COLMAP model (no images.bin or images.txt)")
-    import pycolmap  # here, so that poses files are read without it
-
-    try:
-        model = pycolmap.Reconstruction(path)
-    except Exception as error:
-        raise InputError(f"{path}: no readable COLMAP model: {str(error).strip().splitlines()[-1]}") from None
-    poses = {}
-    for image in model.images.values():
-        if image.name in poses:
-            raise InputError(f"{path}: two images are named '{image.name}'")
-        cam_from_world = image.cam_from_world()
-        poses[image.name] = Pose(Rotation.from_quat(cam_from_world.rotation.quat), cam_from_world.translation)
-    return poses
-
-
 def choose_queries(estimated: dict, truth: dict, options) -> list:
-    """The names that count."""
+    """Returns the names that count."""
     if options.query_list_path is not None:
-        names = read_query_names(options.query_list_path)
+        names = list(read_queries(options.query_list_path))
         unknown = [name for name in names if name not in truth]
         if unknown:
             raise InputError(f"{options.ground_truth}: has no pose of {len(unknown)} of {len(names)} queries of "
@@ -218,21 +137,17 @@ def parse_arguments(arguments):
     return parser.parse_args(arguments)
 
 
-def main(arguments=None) -> int:
-    try:
-        options = parse_arguments(arguments)
-        estimated, truth = read_poses(options.estimated_poses), read_poses(options.ground_truth)
-        errors = evaluate(estimated, truth, choose_queries(estimated, truth, options))
-        summary = summarize(errors, options.thresholds)
-        if options.json is not None:
-            write_json(options.json, summary, errors)
-        if options.per_query:
-            print(format_queries(errors))
-        print(format_table(summary))
-    except InputError as error:
-        print(f"evaluate.py: {error}", file=sys.stderr)
-        return 1
-    return 0
+@command
+def main(arguments=None):
+    options = parse_arguments(arguments)
+    estimated, truth = read_any_poses(options.estimated_poses), read_any_poses(options.ground_truth)
+    errors = evaluate(estimated, truth, choose_queries(estimated, truth, options))
+    summary = summarize(errors, options.thresholds)
+    if options.json is not None:
+        write_json(options.json, summary, errors)
+    if options.per_query:
+        print(format_queries(errors))
+    print(format_table(summary))
 
 
 if __name__ == "__main__":

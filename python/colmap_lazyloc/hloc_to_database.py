@@ -1,5 +1,6 @@
-#!/usr/bin/env python3
 """Writes features and matches of hloc's HDF5 files into a new COLMAP database, which colmap lazy_localizer reads.
+
+    python -m colmap_lazyloc.hloc_to_database --help
 
   features: a group per image name with `keypoints` (N x 2; the centre of the upper-left pixel is at 0, 0)
   matches:  a group per pair, <name1>/<name2> with every "/" in a name replaced by "-" (or joined by "_", as older
@@ -14,51 +15,32 @@ import h5py
 import numpy as np
 import pycolmap
 
-
-class InputError(Exception):
-    """A file that cannot be used; the message is one line."""
-
-
-def read_lines(path):
-    lines = (line.strip() for line in pathlib.Path(path).read_text(encoding="utf-8").splitlines())
-    return [line for line in lines if line and not line.startswith("#")]
+from colmap_lazyloc.errors import InputError, command
+from colmap_lazyloc.model import Camera, Image, read_model
+from colmap_lazyloc.pairs import read_pairs
+from colmap_lazyloc.pycolmap_types import write_images
+from colmap_lazyloc.queries import read_query_cameras
 
 
-def read_pairs(path):
-    pairs = [line.split()[:2] for line in read_lines(path)]
-    if not pairs or any(len(pair) < 2 for pair in pairs):
-        raise InputError(f"{path}: expected two image names a line")
-    return [tuple(pair) for pair in pairs if pair[0] != pair[1]]
-
-
-def read_cameras(model_path, query_list_path):
-    """Camera of each image: of the model's images, then of the queries, `name MODEL width height params...`."""
-    cameras = {}
-    model = pycolmap.Reconstruction(str(model_path))
-    for image in model.images.values():
-        cameras[image.name] = model.cameras[image.camera_id]
-    camera_id = max(model.cameras, default=0)
-    for line in read_lines(query_list_path):
-        words = line.split()
-        try:
-            name, camera_model, (width, height), params = words[0], words[1], map(int, words[2:4]), words[4:]
-            cameras[name] = pycolmap.Camera(camera_id=camera_id + 1, model=camera_model, width=width, height=height,
-                                            params=[float(param) for param in params])
-        except (IndexError, ValueError) as error:
-            raise InputError(f"{query_list_path}: expected `name MODEL width height params...`, not '{line}'") from error
-        camera_id += 1
-    return cameras
+def read_cameras(model_path, query_list_path) -> tuple[dict[int, Camera], dict[str, int]]:
+    """Reads the cameras by id, and the camera ids of the model's images and of the queries by name."""
+    model = read_model(model_path)
+    cameras, camera_ids = dict(model.cameras), {name: image.camera_id for name, image in model.images.items()}
+    for name, camera in read_query_cameras(query_list_path).items():
+        camera_ids[name] = max(cameras, default=0) + 1
+        cameras[camera_ids[name]] = camera
+    return cameras, camera_ids
 
 
 def read_keypoints(features, name):
-    """In COLMAP's pixels, where the centre of the upper-left pixel is at 0.5, 0.5."""
+    """Returns the keypoints, n x 2, in COLMAP's pixels: the centre of the upper-left pixel is at 0.5, 0.5."""
     if name not in features:
         raise InputError(f"{features.filename}: has no image {name}")
     return np.asarray(features[name]["keypoints"], np.float32)[:, :2] + np.float32(0.5)
 
 
 def find_matches(matches, name1, name2):
-    """Index pairs (M x 2), from whichever of hloc's names the pair has; None where it has none."""
+    """Returns the matches as keypoint indices, m x 2, under whichever of hloc's names the pair has; else None."""
     for first, second, columns in ((name1, name2, (0, 1)), (name2, name1, (1, 0))):
         for separator in ("/", "_"):
             key = separator.join(name.replace("/", "-") for name in (first, second))
@@ -69,25 +51,15 @@ def find_matches(matches, name1, name2):
     return None
 
 
-def write_image(database, image_id, name, camera, keypoints):
-    written = pycolmap.Image(name=name, camera_id=camera.camera_id, image_id=image_id)
-    database.write_image(written, use_image_id=True)
-    frame = pycolmap.Frame(frame_id=image_id, rig_id=camera.camera_id)
-    frame.add_data_id(written.data_id)
-    database.write_frame(frame, use_frame_id=True)
-    database.write_keypoints(image_id, keypoints)
-
-
-def write_database(path, cameras, keypoints, matches_of_pair):
+def write_database(path, cameras, camera_ids, keypoints, matches_of_pair):
+    """Writes the images that have keypoints, their cameras, and the matches by pairs of names."""
+    images = [Image(name, camera_ids[name], None, image_id) for image_id, name in enumerate(sorted(keypoints), start=1)]
+    ids = {image.name: image.image_id for image in images}
+    used_ids = sorted({image.camera_id for image in images})
     with pycolmap.Database.open(str(path)) as database:
-        for camera in {cameras[name].camera_id: cameras[name] for name in keypoints}.values():
-            database.write_camera(camera, use_camera_id=True)
-            rig = pycolmap.Rig(rig_id=camera.camera_id)
-            rig.add_ref_sensor(camera.sensor_id)
-            database.write_rig(rig, use_rig_id=True)
-        ids = {name: image_id for image_id, name in enumerate(sorted(keypoints), start=1)}
+        write_images(database, {camera_id: cameras[camera_id] for camera_id in used_ids}, images)
         for name, image_id in ids.items():
-            write_image(database, image_id, name, cameras[name], keypoints[name])
+            database.write_keypoints(image_id, keypoints[name])
         for (name1, name2), matches in matches_of_pair.items():
             database.write_matches(ids[name1], ids[name2], matches)
 
@@ -95,12 +67,12 @@ def write_database(path, cameras, keypoints, matches_of_pair):
 def convert(options):
     if options.database_path.exists():
         raise InputError(f"{options.database_path}: exists already")
-    cameras = read_cameras(options.model_path, options.query_list_path)
+    cameras, camera_ids = read_cameras(options.model_path, options.query_list_path)
     pairs = read_pairs(options.pairs_path)
     keypoints, matches_of_pair = {}, {}
     with h5py.File(options.features_path, "r") as features, h5py.File(options.matches_path, "r") as matches:
         for name in sorted({name for pair in pairs for name in pair}):
-            if name not in cameras:
+            if name not in camera_ids:
                 raise InputError(f"{options.pairs_path}: {name} is neither in the model nor in the query list")
             keypoints[name] = read_keypoints(features, name)
         for name1, name2 in pairs:
@@ -110,12 +82,13 @@ def convert(options):
             if (name2, name1) in matches_of_pair or len(found) == 0:
                 continue
             if np.any(found >= [len(keypoints[name1]), len(keypoints[name2])]):
-                raise InputError(f"{options.matches_path}: {name1}, {name2}: a match names a keypoint that is not there")
+                raise InputError(f"{options.matches_path}: {name1}, {name2}: a match of a keypoint that is missing")
             matches_of_pair[name1, name2] = found
-    write_database(options.database_path, cameras, keypoints, matches_of_pair)
+    write_database(options.database_path, cameras, camera_ids, keypoints, matches_of_pair)
     print(f"{options.database_path}: {len(keypoints)} images, {len(matches_of_pair)} pairs")
 
 
+@command
 def main(arguments=None):
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--features_path", type=pathlib.Path, required=True, help="hloc's features of all images, .h5")
@@ -125,12 +98,7 @@ def main(arguments=None):
     parser.add_argument("--query_list_path", type=pathlib.Path, required=True,
                         help="`name MODEL width height params...` a line")
     parser.add_argument("--database_path", type=pathlib.Path, required=True, help="the database to make")
-    try:
-        convert(parser.parse_args(arguments))
-    except (InputError, OSError) as error:
-        print(f"hloc_to_database.py: {error}", file=sys.stderr)
-        return 1
-    return 0
+    convert(parser.parse_args(arguments))
 
 
 if __name__ == "__main__":
