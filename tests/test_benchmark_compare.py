@@ -1,26 +1,22 @@
-"""compare.py: what is noise, what is a regression, and the reduced run against its expected figures."""
+"""`benchmarks compare`: what is noise, what is a regression, and the reduced run against its expected figures."""
 
 import dataclasses
 import json
 import math
 import pathlib
-import subprocess
-import sys
 
 import numpy as np
 import pytest
 
-PROJECT_PATH = pathlib.Path(__file__).resolve().parent.parent
-BENCHMARK_PATH = PROJECT_PATH / "benchmarks" / "localization"
-sys.path.insert(0, str(BENCHMARK_PATH))
+from benchmarks.localization import compare, evaluation, run
+from colmap_lazyloc.demo import scene as demo
+from conftest import PROJECT_PATH
 
-import compare  # noqa: E402
-import evaluation  # noqa: E402
-import run  # noqa: E402
+EXPECTED_PATH = PROJECT_PATH / "benchmarks" / "localization" / "expected"
 
 
 def write_run(path, errors_cm, scene="a", seed=0, rotation_factor=1.0):
-    """A CSV with one query per error; NaN is lost."""
+    """Writes a CSV with one query per error; NaN is lost."""
     rows = [evaluation.Row("t", scene, f"{i}.jpg", "lazyloc", 20, seed, "0,0", error, rotation_factor * error / 10, 0.1,
                            "LOST" if math.isnan(error) else "LOCALIZED") for i, error in enumerate(errors_cm)]
     evaluation.write_csv(path, rows)
@@ -121,7 +117,7 @@ def test_tolerances_are_kept_when_figures_are_written_again(tmp_path):
     assert json.loads(expected.read_text())["tolerance"] == tolerance
 
 
-@pytest.mark.parametrize("path", sorted((BENCHMARK_PATH / "expected").glob("*.json")), ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", sorted(EXPECTED_PATH.glob("*.json")), ids=lambda path: path.stem)
 def test_expected_files_can_fail(path):
     expected = json.loads(path.read_text())
     assert expected["figures"] and all(figure["geometric_mean_position_error_cm"] > 0 for figure in expected["figures"])
@@ -135,9 +131,8 @@ def test_expected_files_can_fail(path):
 @pytest.fixture(scope="module")
 def reduced_run(colmap, tmp_path_factory):
     path = tmp_path_factory.mktemp("reduced")
-    script = PROJECT_PATH / "scripts" / "make_demo_scene.py"
-    subprocess.run([sys.executable, script, "--output_path", path / "data", "--num_database_images", "16",
-                    "--num_query_images", "6"], check=True)
+    assert demo.main(["--output_path", str(path / "data"), "--num_database_images", "16",
+                      "--num_query_images", "6"]) == 0
     arguments = ["--dataset", "demo", "--data_path", str(path / "data"), "--max_num_features", "2000",
                  "--methods", "structure_based", "lazyloc", "local_triangulation", "--colmap", str(colmap),
                  "--work_path", str(path / "work"), "--output_path", str(path)]
@@ -147,7 +142,7 @@ def reduced_run(colmap, tmp_path_factory):
 
 
 def test_the_reduced_run_has_the_expected_figures(reduced_run):
-    assert compare.main([str(BENCHMARK_PATH / "expected" / "demo_reduced.json"), str(reduced_run / "first.csv")]) == 0
+    assert compare.main([str(EXPECTED_PATH / "demo_reduced.json"), str(reduced_run / "first.csv")]) == 0
 
 
 def test_the_reduced_run_repeats(reduced_run):

@@ -4,17 +4,16 @@ import dataclasses
 import pathlib
 
 import matplotlib
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+from benchmarks.localization.evaluation import Row, summarize
+from benchmarks.localization.tables import in_order, labels
 
 matplotlib.use("svg")
 matplotlib.rcParams.update({"svg.hashsalt": "localization", "svg.fonttype": "none", "font.size": 9,
                             "axes.grid": True, "grid.alpha": 0.3, "savefig.bbox": "tight"})
-
-import matplotlib.pyplot as plt  # noqa: E402
-import numpy as np  # noqa: E402
-from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter  # noqa: E402
-
-from evaluation import Row, summarize  # noqa: E402
-from tables import in_order, labels  # noqa: E402
 
 MAX_NUM_COLUMNS = 3
 PANEL_SIZE = (4.2, 3.2)  # inches
@@ -23,7 +22,7 @@ MIN_AXIS_RATIO = 5.0  # between the ends of a logarithmic axis
 
 
 def write_plots(path: pathlib.Path, tag: str, rows: list[Row]) -> list[pathlib.Path]:
-    """What the rows have figures for; returns the files."""
+    """Draws the plots for which the rows have figures; returns the files."""
     rows = [row for row in rows if row.is_measured or row.is_lost]
     if not any(row.is_measured for row in rows):
         return []
@@ -43,7 +42,7 @@ def write_plots(path: pathlib.Path, tag: str, rows: list[Row]) -> list[pathlib.P
 
 
 def _figure(rows: list[Row], styles: dict, draw):
-    """A panel per scene and one legend."""
+    """Draws a panel per scene and one legend."""
     scenes = sorted({row.scene for row in rows})
     columns = min(len(scenes), MAX_NUM_COLUMNS)
     lines = -(-len(scenes) // columns)
@@ -62,7 +61,7 @@ def _figure(rows: list[Row], styles: dict, draw):
 
 
 def _cumulative_error(panel, rows: list[Row], styles: dict):
-    """Share of all queries within an error: a lost one is never within."""
+    """Draws the share of all queries within an error; a lost query is never within."""
     for series, own in _rows_of_series(rows):
         errors = np.sort([row.position_error_cm for row in own if row.is_measured])
         style = {**styles[series], "marker": ""}
@@ -81,7 +80,7 @@ def _time_against_error(panel, rows: list[Row], styles: dict):
 
 
 def _error_against_k(panel, rows: list[Row], styles: dict):
-    """A line per method, the first seed's without noise."""
+    """Draws a line per method, from the first seed without noise."""
     all_series = in_order({row.series for row in rows})
     for i, method in enumerate(dict.fromkeys(series.method for series in all_series)):
         first = next(series for series in all_series if series.method == method)
@@ -99,7 +98,7 @@ def _rows_of_series(rows: list[Row]) -> list:
 
 
 def _make_logarithmic(panel, which: str):
-    """With plain numbers at 1, 2, 5, ..., and not so short that small differences look large."""
+    """Labels the axis at 1, 2, 5, ..., and makes it long enough that small differences do not look large."""
     getattr(panel, f"set_{which}scale")("log")
     low, high = getattr(panel, f"get_{which}lim")()
     if low <= 0:  # nothing is drawn

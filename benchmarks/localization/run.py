@@ -1,5 +1,6 @@
-#!/usr/bin/env python3
 """Localizes the queries of a dataset's scenes with several methods on the same matches and compares the errors.
+
+    python -m benchmarks run --data_path DATA --output_path OUT
 
 Writes to --output_path: TAG.csv (a row per scene, query and method), TAG.md (the tables), TAG_*.svg (plots, with
 --plots) and, where the true poses are not public, TAG_*_visuallocalization_net.txt to hand in there. All poses are in
@@ -15,33 +16,32 @@ import multiprocessing
 import pathlib
 import sys
 
-import datasets
-import tables
-from database_noise import add_database_noise
-from datasets.scene_source import InputError, Options
-from environment import describe_environment
-from evaluation import Series, make_row, read_csv, write_csv
-from methods import METHODS, MethodOptions, NotApplicable, load_method
-from pose_files import write_poses, write_submission
-from scenes import Scene
+from benchmarks.localization import datasets, tables
+from benchmarks.localization.database_noise import add_database_noise
+from benchmarks.localization.datasets.scene_source import Options
+from benchmarks.localization.environment import describe_environment
+from benchmarks.localization.evaluation import Series, make_row, read_csv, write_csv
+from benchmarks.localization.methods import METHODS, MethodOptions, NotApplicable, load_method
+from benchmarks.localization.scenes import Scene
+from colmap_lazyloc.errors import InputError, command
+from colmap_lazyloc.pairs import read_pairs
+from colmap_lazyloc.poses import Pose, write_poses
+from colmap_lazyloc.program import find_colmap
+from colmap_lazyloc.queries import read_queries
 
 CONFIGS_PATH = pathlib.Path(__file__).resolve().parent / "configs"
 
 
-def main(argv: list[str]) -> int:
-    arguments = _parse(argv)
-    try:
-        if arguments.download:
-            datasets.download_scenes(arguments.dataset, arguments.data_path, arguments.scenes)
-        found = datasets.scene_names(arguments.dataset, arguments.data_path)
-        for name in arguments.scenes or ():
-            if name not in found:
-                raise InputError(f"--scenes: {name} is not in {arguments.data_path}, which has {', '.join(found)}")
-        run(arguments, arguments.scenes or found)
-    except InputError as error:
-        print(f"run.py: {error}", file=sys.stderr)
-        return 1
-    return 0
+@command
+def main(arguments=None):
+    arguments = _parse(arguments)
+    if arguments.download:
+        datasets.download_scenes(arguments.dataset, arguments.data_path, arguments.scenes)
+    found = datasets.scene_names(arguments.dataset, arguments.data_path)
+    for name in arguments.scenes or ():
+        if name not in found:
+            raise InputError(f"--scenes: {name} is not in {arguments.data_path}, which has {', '.join(found)}")
+    run(arguments, arguments.scenes or found)
 
 
 def run(arguments: argparse.Namespace, scene_names: list[str]):
@@ -50,8 +50,8 @@ def run(arguments: argparse.Namespace, scene_names: list[str]):
     csv_path, markdown_path = output_path / f"{arguments.tag}.csv", output_path / f"{arguments.tag}.md"
     rows = read_csv(csv_path) if csv_path.exists() else []
     reasons = {}
-    command = " ".join(arguments.argv).replace(f"{pathlib.Path.cwd()}/", "")
-    notes = [*describe_environment(), f"`run.py {command}`"]
+    command_line = " ".join(arguments.argv).replace(f"{pathlib.Path.cwd()}/", "")
+    notes = [*describe_environment(), f"`python -m benchmarks run {command_line}`"]
     all_series = [Series(*values) for values in itertools.product(
         arguments.methods, arguments.num_retrieved, arguments.seeds, arguments.database_noise)]
     for scene_name in scene_names:
@@ -71,14 +71,14 @@ def run(arguments: argparse.Namespace, scene_names: list[str]):
             print(f"{scene.name} {tables.labels(all_series)[series]}: {reason or f'{len(results)} queries'}",
                   file=sys.stderr, flush=True)
     if arguments.plots:
-        from plots import write_plots  # here, so that matplotlib is needed for plots alone
+        from benchmarks.localization.plots import write_plots  # here, so that matplotlib is needed for plots alone
 
         write_plots(output_path, arguments.tag, rows)
     print(markdown_path.read_text())
 
 
 def run_method(method: str, scene: Scene, query_names: list[str], options: MethodOptions) -> tuple[dict, str]:
-    """Neither an exception nor a crash of a method stops the others. Results, or a reason."""
+    """Returns results, or a reason, because neither an exception nor a crash of a method may stop the others."""
     try:
         return _in_own_process(_localize, method, scene, query_names, options), ""
     except NotApplicable as reason:
@@ -101,8 +101,7 @@ def _localize(method: str, scene: Scene, query_names: list[str], options: Method
 
 
 def _prepare(arguments: argparse.Namespace, scene_name: str) -> Scene:
-    from datasets.builder import MatchingOptions
-    from datasets.formats import read_pairs
+    from benchmarks.localization.datasets.builder import MatchingOptions
 
     pairs = tuple(pair for path in arguments.pairs_path for pair in read_pairs(path)) or None
     options = Options(arguments.ground_truth, arguments.focal_length_px, arguments.image_step)
@@ -120,10 +119,10 @@ def _with_noise(scene: Scene, series: Series, work_path: pathlib.Path) -> Scene:
 
 
 def _choose_queries(scene: Scene, queries: str | None) -> list[str]:
-    """The first so many, or those that a file lists."""
+    """Returns the first queries, if their number is given, or those that a file lists."""
     if queries is None or queries.isdigit():
         return scene.query_names[: int(queries) if queries else None]
-    wanted = {line.split()[0] for line in pathlib.Path(queries).read_text().splitlines() if line.strip()}
+    wanted = read_queries(queries)
     chosen = [name for name in scene.query_names if name in wanted]
     if not chosen:
         raise InputError(f"--queries: {queries} lists no query of {scene.name}")
@@ -143,11 +142,11 @@ def _options(arguments: argparse.Namespace, scene: Scene, series: Series) -> Met
 
 
 def _fingerprint(scene: Scene) -> str:
-    """Of the model and the database: a map that was triangulated from others is not used again."""
+    """Hashes the model and the database, so that a map of another model is not used again."""
     stat = scene.database_path.stat()
     state = hashlib.sha256(f"{scene.database_path.resolve()} {stat.st_size} {stat.st_mtime_ns}".encode())
-    for name in ("cameras.txt", "images.txt"):
-        state.update((scene.model_path / name).read_bytes())
+    for path in sorted(scene.model_path.glob("[ci]*")):  # cameras and images
+        state.update(path.read_bytes())
     return state.hexdigest()[:8]
 
 
@@ -158,6 +157,14 @@ def _write_poses(arguments: argparse.Namespace, scene: Scene, series: Series, re
     write_poses(arguments.work_path / "poses" / arguments.tag / f"{stem}.txt", poses)
     if any(scene.true_pose(name) is None for name in results):
         write_submission(arguments.output_path / f"{arguments.tag}_{stem}_visuallocalization_net.txt", poses)
+
+
+def write_submission(path: pathlib.Path, poses: dict[str, Pose]):
+    """Writes poses as visuallocalization.net takes them for Aachen Day-Night: names without their folders."""
+    names = {name: pathlib.PurePosixPath(name).name for name in poses}
+    if len(set(names.values())) < len(names):
+        raise ValueError(f"{path}: two queries have the same name in different folders")
+    write_poses(path, {names[name]: pose for name, pose in poses.items()})
 
 
 def _split_preset(method: str) -> tuple[str, str]:
@@ -187,7 +194,7 @@ def _parse(argv: list[str]) -> argparse.Namespace:
     methods = parser.add_argument_group("methods")
     methods.add_argument("--methods", nargs="+", default=["structure_based", "lazyloc"],
                          help=f"all, or of {', '.join(METHODS)}; lazyloc:NAME takes options from configs/NAME.ini")
-    methods.add_argument("--colmap", type=pathlib.Path, default=pathlib.Path("build/bin/colmap"),
+    methods.add_argument("--colmap", type=pathlib.Path, default=find_colmap(),
                          help="the program with the command lazy_localizer")
     methods.add_argument("--options", nargs="+", default=[], metavar="KEY=VALUE",
                          help="further options of lazy_localizer, for example LazyLocalizer.loss_scale_sigma=1")
@@ -237,7 +244,3 @@ def _noise(text: str) -> str:
 
 def _is_file(queries: str | None) -> bool:
     return queries is not None and not queries.isdigit()
-
-
-if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))

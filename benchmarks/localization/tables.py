@@ -4,21 +4,22 @@ import dataclasses
 import math
 import statistics
 
-from evaluation import RECALL_THRESHOLDS, Row, Series, paired_ratio, summarize
-from methods import METHODS
+from benchmarks.localization.evaluation import Row, Series, paired_ratio, summarize
+from benchmarks.localization.methods import METHODS
+from colmap_lazyloc.evaluate import DEFAULT_THRESHOLDS
 
 BASELINE = "structure_based"
 MISSING = "–"
 HEADER = ("| method | queries | median cm / ° | mean cm | lost | ratio to the map [95 %] | "
-          + " | ".join(f"{metres:g} m, {degrees:g}°" for metres, degrees in RECALL_THRESHOLDS) + " | median s |\n"
-          + "|---" * (7 + len(RECALL_THRESHOLDS)) + "|\n")
+          + " | ".join(f"{metres:g} m, {degrees:g}°" for metres, degrees in DEFAULT_THRESHOLDS) + " | median s |\n"
+          + "|---" * (7 + len(DEFAULT_THRESHOLDS)) + "|\n")
 LEGEND = ("Median: a lost query counts as an infinite error. Mean: of the localized ones. Ratio: geometric mean of "
           f"position error / that of `{BASELINE}` on the queries that both localized, with its bootstrap interval over "
           "queries. Shares within metres and degrees are of all queries.\n")
 
 
 def markdown(title: str, rows: list[Row], reasons: dict[tuple[str, Series], str], notes: list[str] = ()) -> str:
-    """`reasons` says of (scene, series) why there are no rows; `notes` go below the title."""
+    """Returns the tables. `reasons`: why (scene, series) has no rows; `notes`: lines below the title."""
     scenes = sorted({row.scene for row in rows} | {scene for scene, _ in reasons})
     all_series = in_order({row.series for row in rows} | {series for _, series in reasons})
     names = labels(all_series)
@@ -47,7 +48,7 @@ def in_order(all_series: set[Series]) -> list[Series]:
 
 
 def labels(all_series: list[Series]) -> dict[Series, str]:
-    """The method, and what else tells the series apart."""
+    """Returns the series' names: the method, and what else tells them apart."""
     several = {field: len({getattr(series, field) for series in all_series}) > 1
                for field in ("num_retrieved", "seed", "database_noise")}
     return {series: series.method + (f" K={series.num_retrieved}" if several["num_retrieved"] else "")
@@ -57,7 +58,7 @@ def labels(all_series: list[Series]) -> dict[Series, str]:
 
 
 def _medians(rows: list[Row], scenes: list[str], names: dict[Series, str]) -> str:
-    """A column per scene, as papers have it; the average is over the scenes."""
+    """Returns a table with a column per scene, as papers have it; the average is over the scenes."""
     text = (f"## Medians, cm / °\n\n| method | {' | '.join(scenes)} | average |\n" + "|---" * (len(scenes) + 2) + "|\n")
     for series, name in names.items():
         summaries = []
@@ -105,7 +106,7 @@ def _figures(rows: list[Row], baseline_rows: list[Row]) -> str:
 
 
 def _no_figures() -> str:
-    return " | ".join([MISSING] * (6 + len(RECALL_THRESHOLDS)))
+    return " | ".join([MISSING] * (6 + len(DEFAULT_THRESHOLDS)))
 
 
 def _median(position_error_cm: float, rotation_error_deg: float) -> str:

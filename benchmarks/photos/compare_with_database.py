@@ -1,5 +1,6 @@
-#!/usr/bin/env python3
 """Is a query that is only a photo localized as well as one whose features and matches are in the database?
+
+    python -m benchmarks photos --help
 
 Every fourth image of a scene is a query. COLMAP extracts the features of all images and matches and verifies all
 queries with all others: "database" localizes from that. "photo" localizes the same queries from the same database
@@ -12,18 +13,19 @@ read. What is extracted and matched is kept in --work_path.
 
 import argparse
 import pathlib
-import sys
 
 import numpy as np
 
-import photo_scenes
-
-from environment import describe_environment  # of benchmarks/localization; photo_scenes sets the path
+from benchmarks.localization.environment import describe_environment
+from benchmarks.photos import photo_scenes
+from colmap_lazyloc.errors import command
+from colmap_lazyloc.program import find_colmap
 
 STAGES = ["extraction", "retrieval", "load", "matching", "verification"]
 
 
-def main(arguments: list[str]) -> int:
+@command
+def main(arguments=None):
     options = parse(arguments)
     folds = [[photo_scenes.make_fold(path, first, options.work_path, options.colmap) for first in options.first]
              for path in options.scene_path]
@@ -32,7 +34,6 @@ def main(arguments: list[str]) -> int:
     print(accuracy_table(runs), "\n")
     print(noise_table(runs), "\n")
     print(time_table(runs))
-    return 0
 
 
 class SceneRuns:
@@ -44,7 +45,7 @@ class SceneRuns:
         self.database = errors([fold.localize(fold.matched_path, "database") for fold in folds], folds)
         photo_runs = [localize_photos(fold) for fold in folds]
         self.photo = errors(photo_runs, folds)
-        self.seconds = [record["seconds"] for run in photo_runs for record in run.records.values()]
+        self.seconds = [record["seconds"] for run in photo_runs for record in run.values()]
         self.database_seeds = self._other_seeds(folds, "matched.db", num_seeds)
         self.photo_seeds = self._other_seeds(folds, "kept.db", num_seeds)
 
@@ -55,8 +56,8 @@ class SceneRuns:
                                  for fold, path in zip(folds, paths)], folds) for seed in range(num_seeds)])
 
 
-def localize_photos(fold: photo_scenes.Fold) -> photo_scenes.Run:
-    """By one thread, so that the seconds of the stages are those of one core."""
+def localize_photos(fold: photo_scenes.Fold) -> dict[str, dict]:
+    """Localizes with one thread, so that the seconds of the stages are those of one core."""
     kept_path = fold.work_path / "kept.db"
     kept_path.unlink(missing_ok=True)
     before = photo_scenes.sha256(fold.photo_path)
@@ -69,8 +70,8 @@ def localize_photos(fold: photo_scenes.Fold) -> photo_scenes.Run:
     return run
 
 
-def errors(runs: list[photo_scenes.Run], folds: list[photo_scenes.Fold]) -> np.ndarray:
-    return np.array([error for run, fold in zip(runs, folds) for error in run.errors(fold.scene).values()])
+def errors(runs: list[dict[str, dict]], folds: list[photo_scenes.Fold]) -> np.ndarray:
+    return np.array([error for run, fold in zip(runs, folds) for error in fold.errors(run)])
 
 
 def median_text(scene_errors: np.ndarray) -> str:
@@ -115,16 +116,12 @@ def time_table(runs: list[SceneRuns]) -> str:
     return "\n".join(lines)
 
 
-def parse(arguments: list[str]) -> argparse.Namespace:
+def parse(arguments) -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("scene_path", type=pathlib.Path, nargs="+", help="folder with images/ and model/ (text)")
-    parser.add_argument("--colmap", type=pathlib.Path, default=pathlib.Path("build/bin/colmap"), help="our program")
+    parser.add_argument("--colmap", type=pathlib.Path, default=find_colmap(), help="our program")
     parser.add_argument("--work_path", type=pathlib.Path, required=True)
     parser.add_argument("--first", type=int, nargs="+", default=[0], choices=range(photo_scenes.QUERY_STEP),
                         help="first query; with 0 1 2 3 every image is a query once")
     parser.add_argument("--num_seeds", type=int, default=5)
     return parser.parse_args(arguments)
-
-
-if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))

@@ -8,8 +8,9 @@ says where to get it, and, where an archive may simply be fetched, `archives(nam
 import importlib
 import pathlib
 
-from datasets.scene_source import InputError, Options
-from scenes import Scene, find_scenes, load_scene
+from benchmarks.localization.datasets.scene_source import Options
+from benchmarks.localization.scenes import Scene, find_scenes, load_scene
+from colmap_lazyloc.errors import InputError
 
 MODULES = {"7scenes": "seven_scenes", "cambridge": "cambridge", "aachen": "aachen", "strecha": "strecha",
            "kitti": "kitti", "demo": "demo"}
@@ -34,20 +35,20 @@ def scene_names(dataset: str, data_path: pathlib.Path) -> list[str]:
 
 def prepare_scene(dataset: str, data_path: pathlib.Path, name: str, options: Options, matching,
                   path: pathlib.Path) -> Scene:
-    """`path` is where what has to be made is made; what is there from the same input is used again."""
+    """Makes the scene's files in `path`, unless they are there from the same input."""
     if dataset == "scenes":
         return load_scene(data_path / name)
     if dataset == "folder":
-        from datasets.folder import prepare_folder
+        from benchmarks.localization.datasets.folder import prepare_folder
 
         return prepare_folder(data_path, path)
-    from datasets.builder import build_scene
+    from benchmarks.localization.datasets.builder import build_scene
 
     return build_scene(_module(dataset).read_scene(data_path, name, options), path, matching)
 
 
 def download_scenes(dataset: str, data_path: pathlib.Path, names: list[str] | None):
-    from datasets.download import download_archives
+    from benchmarks.localization.datasets.download import download_archives
 
     module = _module(dataset) if dataset in MODULES else None
     if not hasattr(module, "archives"):
@@ -61,4 +62,4 @@ def download_scenes(dataset: str, data_path: pathlib.Path, names: list[str] | No
 
 
 def _module(dataset: str):
-    return importlib.import_module(f"datasets.{MODULES[dataset]}")
+    return importlib.import_module(f"benchmarks.localization.datasets.{MODULES[dataset]}")

@@ -14,8 +14,10 @@ and, for the map, of the database images are hloc's, if its folder `pairs` has b
 
 import pathlib
 
-from datasets.formats import read_model, read_nvm, read_pairs, read_query_list
-from datasets.scene_source import InputError, Options, SceneSource, SourceImage, require
+from benchmarks.localization.datasets.formats import read_nvm, read_query_list, read_source_images
+from benchmarks.localization.datasets.scene_source import Options, SceneSource, SourceImage, require
+from colmap_lazyloc.errors import InputError
+from colmap_lazyloc.pairs import read_pairs
 
 V1_0, V1_1 = "aachen", "aachen_v1.1"
 BY_HAND = ("Aachen Day-Night is at https://data.ciirc.cvut.cz/public/projects/2020VisualLocalization/Aachen-Day-Night/ "
@@ -53,4 +55,4 @@ def _read_v1_0(models_path: pathlib.Path) -> dict[str, SourceImage]:
 
 
 def _read_v1_1(models_path: pathlib.Path) -> dict[str, SourceImage]:
-    return read_model(require(models_path / "aachen_v_1_1", BY_HAND))
+    return read_source_images(require(models_path / "aachen_v_1_1", BY_HAND))

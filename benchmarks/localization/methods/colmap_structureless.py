@@ -9,10 +9,10 @@ import time
 
 import pycolmap
 
-from colmap_files import build_model, copy_database
-from geometry import Pose
-from methods import MethodOptions, Result
-from scenes import Scene
+from benchmarks.localization.colmap_files import build_model, copy_database
+from benchmarks.localization.methods import MethodOptions, Result
+from benchmarks.localization.scenes import Scene
+from colmap_lazyloc.pycolmap_types import to_pose
 
 
 def localize(scene: Scene, query_names: list[str], options: MethodOptions) -> dict[str, Result]:
@@ -38,7 +38,7 @@ def _localize_one(scene: Scene, query_name: str, seed: int, work_path: pathlib.P
     for model in models.values():
         image = model.find_image_with_name(query_name)
         if image is not None and image.has_pose:
-            return Result(Pose.from_rigid3d(image.cam_from_world()), seconds)
+            return Result(to_pose(image.cam_from_world()), seconds)
     return Result.lost(seconds, "NOT_REGISTERED")
 
 
