@@ -153,15 +153,15 @@ def write_expected(path: pathlib.Path, run: Groups):
 def side_by_side(names: list[str], runs: list[Groups]) -> str:
     """Returns a table of medians; with more than two runs also of their scatter, (largest - smallest) / mean."""
     keys = sorted({key for run in runs for key in run}, key=str)
-    has_spread = len(runs) > 2
-    text = f"| scene | method | {' | '.join(names)} |{' spread |' if has_spread else ''}\n"
-    text += "|---" * (2 + len(names) + has_spread) + "|\n"
+    has_scatter = len(runs) > 2
+    text = f"| scene | method | {' | '.join(names)} |{' scatter |' if has_scatter else ''}\n"
+    text += "|---" * (2 + len(names) + has_scatter) + "|\n"
     label = labels(in_order({series for _, series in keys}))
     for scene, series in keys:
         summaries = [summarize(run[scene, series]) if (scene, series) in run else None for run in runs]
         cells = [f"{s.median_position_error_cm:.3f} / {s.median_rotation_error_deg:.4f}" if s else "–"
                  for s in summaries]
-        if has_spread:
+        if has_scatter:
             medians = [s.median_position_error_cm for s in summaries if s]
             mean = sum(medians) / len(medians)
             cells.append(f"{100 * (max(medians) - min(medians)) / mean:.1f} %" if mean > 0 else "–")

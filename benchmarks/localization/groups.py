@@ -29,7 +29,7 @@ from colmap_lazyloc.results import read_results
 
 @dataclasses.dataclass(frozen=True)
 class Setup:
-    """The errors are those of the images with the first prefix."""
+    """Which images of a scene are in the database; errors are measured for the images with the first prefix."""
 
     database_step: int
     prefixes: tuple[str, ...] = ("",)  # of the rig's cameras

@@ -90,7 +90,7 @@ def run_method(method: str, scene: Scene, query_names: list[str], options: Metho
 
 
 def _in_own_process(function, *arguments):
-    """Threads of a library in this process could stop those that are forked later."""
+    """Calls a function in a process of its own, because threads of a library here could stop processes forked later."""
     context = multiprocessing.get_context("fork")
     with concurrent.futures.ProcessPoolExecutor(max_workers=1, mp_context=context) as executor:
         return executor.submit(function, *arguments).result()
@@ -179,9 +179,9 @@ def _parse(argv: list[str]) -> argparse.Namespace:
                       help="the layout of --data_path, see datasets/; scenes (default): folders with model/, "
                            "database.db and perhaps queries.txt")
     data.add_argument("--data_path", type=pathlib.Path, required=True, help="folder of the dataset")
-    data.add_argument("--download", action="store_true", help="fetch missing scenes first, where that is allowed")
+    data.add_argument("--download", action="store_true", help="fetch missing scenes first, if their authors allow it")
     data.add_argument("--scenes", nargs="+", help="names; default: all that are there")
-    data.add_argument("--queries", help="a number: the first so many of each scene; a file: those that it lists")
+    data.add_argument("--queries", help="number of queries per scene, or a file that lists them; default: all")
     data.add_argument("--ground_truth", choices=("original", "sfm"), default="original",
                       help="of 7scenes and cambridge: the dataset's poses, or those of structure from motion")
     data.add_argument("--focal_length_px", type=float, help="of 7scenes, instead of 525")
@@ -202,7 +202,7 @@ def _parse(argv: list[str]) -> argparse.Namespace:
                          help="pairs per query, best by verified inliers; several: a series each")
     methods.add_argument("--seeds", type=int, nargs="+", default=[0], help="several: a series each")
     methods.add_argument("--database_noise", type=_noise, nargs="+", default=["0,0"], metavar="DEG,CM",
-                         help="turn and move each database pose by so much, randomly; several: a series each")
+                         help="turn and move each database pose by this in random directions; several: a series each")
     output = parser.add_argument_group("output")
     output.add_argument("--output_path", type=pathlib.Path, required=True)
     output.add_argument("--work_path", type=pathlib.Path,

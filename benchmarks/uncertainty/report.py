@@ -1,8 +1,8 @@
 """Is a pose as uncertain as lazy_localizer says? Two tables in Markdown, from synthetic scenes with Gaussian noise:
 
-  quantiles  of the squared errors normalised by the reported covariance, beside those of the chi-square distribution
-             with 6 degrees of freedom that they should have
-  cases      scenes that leave something open: statuses, reasons, reported standard deviations, true errors
+  quantiles  quantiles of the squared errors, normalized by the reported covariance; they should be those of the
+             chi-square distribution with 6 degrees of freedom
+  cases      scenes with unobservable motions: statuses, reasons, reported standard deviations, true errors
 
     python -m benchmarks uncertainty [quantiles | cases] [--colmap COLMAP]
 """

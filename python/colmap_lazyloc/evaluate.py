@@ -65,8 +65,7 @@ def choose_queries(estimated: dict, truth: dict, options) -> list:
         return names
     if options.ground_truth.is_dir():  # a model holds the database images too
         names = sorted(set(estimated) & set(truth))
-        print("queries: the images of the estimated poses; those that are missing there count only with "
-              "--query_list_path", file=sys.stderr)
+        print("counts only queries with an estimated pose; --query_list_path counts failures too", file=sys.stderr)
         if not names:
             raise InputError(f"{options.estimated_poses}: no image of {options.ground_truth} has a pose here")
         return names

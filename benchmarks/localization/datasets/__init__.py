@@ -1,7 +1,7 @@
 """Datasets by name, from what their authors distribute to a scene: COLMAP model, COLMAP database, queries.
 
 Each module has `scene_names(data_path)`, `read_scene(data_path, name, options) -> SceneSource`, the text BY_HAND, which
-says where to get it, and, where an archive may simply be fetched, `archives(name) -> {URL: folder to unpack it in}`.
+says where to get it, and, if a program may fetch it, `archives(name) -> {URL: folder to unpack it in}`.
 `folder` and `scenes` hold what the others lead to: `folder` one COLMAP model with its database, `scenes` several.
 """
 

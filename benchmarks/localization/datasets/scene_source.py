@@ -1,4 +1,4 @@
-"""What a dataset's module gives: images with intrinsics and, where they are known, poses; who is a query."""
+"""What a dataset's module gives: images with intrinsics and known poses, and which of them are queries."""
 
 import dataclasses
 import pathlib
@@ -12,7 +12,7 @@ from colmap_lazyloc.poses import Pose
 class Options:
     """What the command line says about a dataset; a module uses what applies to it."""
 
-    ground_truth: str = "original"  # or sfm, where a dataset has two
+    ground_truth: str = "original"  # or sfm, if a dataset has two
     focal_length_px: float | None = None  # instead of the dataset's
     image_step: int = 1  # every n-th image of each list or sequence
 

@@ -1,7 +1,7 @@
 """Writes a posed COLMAP scene in the layout of 7 Scenes: the database images are seq-01, the queries seq-02.
 
-For scenes of which only a part is at hand, such as one sequence of RedKitchen, so that they take the whole way from the
-dataset's files: `--dataset 7scenes`.
+With it a scene of which only a part is at hand, for example one sequence of RedKitchen, takes the whole way from the
+dataset's files (`--dataset 7scenes`).
 """
 
 import argparse

@@ -1,5 +1,5 @@
 """COLMAP 4's structure-less registration: pycolmap's incremental mapping with the database images' frames fixed, one
-query at a time. The seconds are those of the whole call, reading the database included; all pairs, not K of them.
+query at a time. It takes all pairs, not K. The seconds are those of the whole call, reading included.
 """
 
 import pathlib

@@ -8,7 +8,7 @@ Writes below --output_path:
   queries_with_intrinsics.txt                 `name MODEL width height params...`
   ground_truth/poses.txt                      `name qw qx qy qz tx ty tz` of the queries, cam_from_world
   scene.json                                  parameters and size of the scene; written last
-The same parameters give the same files; nothing is done where scene.json says that it has been done.
+The same parameters give the same files; a scene that scene.json calls complete is left alone.
 """
 
 import argparse
