@@ -373,20 +373,17 @@ def option_without_a_value(files):
     return ["--LazyLocalizer.seed"]
 
 
-BAD_VALUES = [
-    ("strict", "perhaps"), ("LazyLocalizer.leave_one_out", "7"), ("LazyLocalizer.num_retrieved", "many"),
-    ("LazyLocalizer.num_retrieved", "0"), ("LazyLocalizer.num_retrieved", "99999999999"),
-    ("LazyLocalizer.num_retrieved", "1.5"), ("LazyLocalizer.num_threads", "0"), ("LazyLocalizer.num_threads", "-2"),
-    ("LazyLocalizer.seed", "x1"), ("LazyLocalizer.min_num_inliers", "-1"),
-    ("LazyLocalizer.max_two_view_error_px", "0"), ("LazyLocalizer.max_rotation_error_deg", "-5"),
-    ("LazyLocalizer.irls_scale_deg", "0"), ("LazyLocalizer.min_direction_stddev_deg", "0"),
-    ("LazyLocalizer.min_triangulation_angle_deg", "-1"), ("LazyLocalizer.max_query_error_sigma", "nan"),
-    ("LazyLocalizer.loss_scale_sigma", "0"), ("LazyLocalizer.start_noise_px", "-1"),
-    ("LazyLocalizer.min_noise_px", "-1"), ("LazyLocalizer.min_noise_px", "nan"),
-    ("LazyLocalizer.num_refinement_rounds", "0"), ("LazyLocalizer.single_view_noise_ratio", "0"),
-    ("LazyLocalizer.max_position_stddev_ratio", "4px"),
-]
-for name, value in BAD_VALUES:
+BAD_VALUES = """
+    strict=perhaps LazyLocalizer.leave_one_out=7 LazyLocalizer.num_retrieved=many LazyLocalizer.num_retrieved=0
+    LazyLocalizer.num_retrieved=99999999999 LazyLocalizer.num_retrieved=1.5 LazyLocalizer.num_threads=0
+    LazyLocalizer.num_threads=-2 LazyLocalizer.seed=x1 LazyLocalizer.min_num_inliers=-1
+    LazyLocalizer.max_two_view_error_px=0 LazyLocalizer.max_rotation_error_deg=-5 LazyLocalizer.irls_scale_deg=0
+    LazyLocalizer.min_direction_stddev_deg=0 LazyLocalizer.min_triangulation_angle_deg=-1
+    LazyLocalizer.max_query_error_sigma=nan LazyLocalizer.loss_scale_sigma=0 LazyLocalizer.start_noise_px=-1
+    LazyLocalizer.min_noise_px=-1 LazyLocalizer.min_noise_px=nan LazyLocalizer.num_refinement_rounds=0
+    LazyLocalizer.single_view_noise_ratio=0 LazyLocalizer.max_position_stddev_ratio=4px
+"""
+for name, value in (word.split("=") for word in BAD_VALUES.split()):
     CASES[f"{name.split('.')[-1]}_of_{value}"] = (lambda files, words=("--" + name, value): words), (name,)
 
 
