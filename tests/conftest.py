@@ -84,8 +84,14 @@ def localize(colmap, tmp_path_factory):
         if output_path is None:
             output_path = tmp_path_factory.mktemp("run") / "output"
         command = [*launcher, colmap, "lazy_localizer", "--output_path", output_path, *arguments]
-        done = subprocess.run(list(map(str, command)), capture_output=True, text=True, encoding="utf-8",
-                              timeout=MAX_SECONDS, **popen_options)
+        done = subprocess.run(
+            list(map(str, command)),
+            capture_output=True,
+            text=True,
+            encoding="utf-8",
+            timeout=MAX_SECONDS,
+            **popen_options,
+        )
         return Run(pathlib.Path(output_path), done.returncode, done.stdout, done.stderr)
 
     return run
@@ -110,8 +116,11 @@ def write_lines(path, lines):
 
 
 def write_scene(folder, scene, **database_options):
-    return SceneFiles(scene, synthetic.write_database(folder / "database.db", scene, **database_options),
-                      synthetic.write_model(folder / "model", scene))
+    return SceneFiles(
+        scene,
+        synthetic.write_database(folder / "database.db", scene, **database_options),
+        synthetic.write_model(folder / "model", scene),
+    )
 
 
 @pytest.fixture(scope="session")
@@ -129,8 +138,13 @@ def exact(tmp_path_factory):
 @pytest.fixture(scope="session")
 def noisy(tmp_path_factory):
     """Makes a scene with half a pixel of noise, outliers among the raw matches, and matches between all images."""
-    scene = synthetic.make_scene(synthetic.arc(9), synthetic.arc(3, radius=5, height=-0.7, phase=4), noise_px=0.5,
-                                 outlier_ratio=0.3, database_pairs=True)
+    scene = synthetic.make_scene(
+        synthetic.arc(9),
+        synthetic.arc(3, radius=5, height=-0.7, phase=4),
+        noise_px=0.5,
+        outlier_ratio=0.3,
+        database_pairs=True,
+    )
     return write_scene(tmp_path_factory.mktemp("noisy"), scene)
 
 

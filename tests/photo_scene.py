@@ -13,8 +13,14 @@ from colmap_lazyloc.model import Camera
 
 CAMERA = Camera("SIMPLE_RADIAL", 480, 360, (400.0, 241.0, 179.0, -0.03))
 TARGET = np.array([0.5, 5.0, 1.8])  # of the north wall
-DATABASE_CENTRES = [(-3.5, -3.0, 1.6), (-2.0, -3.6, 1.2), (-0.7, -3.2, 2.2), (0.6, -3.5, 1.5), (2.0, -3.1, 2.0),
-                    (3.4, -3.4, 1.3)]
+DATABASE_CENTRES = [
+    (-3.5, -3.0, 1.6),
+    (-2.0, -3.6, 1.2),
+    (-0.7, -3.2, 2.2),
+    (0.6, -3.5, 1.5),
+    (2.0, -3.1, 2.0),
+    (3.4, -3.4, 1.3),
+]
 QUERY_CENTRES = [(-1.4, -2.8, 1.7), (1.3, -3.8, 1.8)]
 SIFT = ["--SiftExtraction.max_num_features", "1500", "--SiftExtraction.first_octave", "0"]
 
@@ -32,8 +38,18 @@ class PhotoScene:
     camera_words = CAMERA.text()
 
     def arguments(self, queries, *more):
-        return ["--database_path", self.database_path, "--input_path", self.model_path, "--image_path", self.image_path,
-                "--query_list_path", queries, *SIFT, *more]
+        return [
+            "--database_path",
+            self.database_path,
+            "--input_path",
+            self.model_path,
+            "--image_path",
+            self.image_path,
+            "--query_list_path",
+            queries,
+            *SIFT,
+            *more,
+        ]
 
     def write_queries(self, path, names=None, with_camera=True):
         words = f" {self.camera_words}" if with_camera else ""
@@ -50,8 +66,14 @@ class PhotoScene:
 
 
 def match_exhaustively(colmap, database_path):
-    program.run_colmap(colmap, "exhaustive_matcher", "--database_path", database_path,
-                       program.gpu_option(colmap, "exhaustive_matcher"), 0)
+    program.run_colmap(
+        colmap,
+        "exhaustive_matcher",
+        "--database_path",
+        database_path,
+        program.gpu_option(colmap, "exhaustive_matcher"),
+        0,
+    )
 
 
 def extract_features(colmap, database_path, image_path, names):

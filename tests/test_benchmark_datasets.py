@@ -45,8 +45,10 @@ def assert_same_pose(pose: Pose, expected: Pose, tolerance: float = 1e-6):
 
 def test_hloc_query_list(tmp_path):
     path = tmp_path / "list.txt"
-    path.write_text("query/day/a.jpg SIMPLE_RADIAL 1600 1200 1469.2 800 600 -0.0353\n\n# comment\n"
-                    "./db/1.jpg OPENCV 10 20 1 2 3 4 5 6 7 8\n")
+    path.write_text(
+        "query/day/a.jpg SIMPLE_RADIAL 1600 1200 1469.2 800 600 -0.0353\n\n# comment\n"
+        "./db/1.jpg OPENCV 10 20 1 2 3 4 5 6 7 8\n"
+    )
     cameras = formats.read_query_list(path)
     assert cameras["query/day/a.jpg"] == Camera("SIMPLE_RADIAL", 1600, 1200, (1469.2, 800.0, 600.0, -0.0353))
     assert cameras["db/1.jpg"].params == (1, 2, 3, 4, 5, 6, 7, 8)
@@ -57,8 +59,10 @@ def test_hloc_query_list(tmp_path):
 
 def nvm_text(cameras: dict[str, tuple[float, Pose, float]]) -> str:
     """As VisualSFM writes it, with one point."""
-    lines = [f"{name} {focal} {' '.join(map(str, pose.qvec))} {' '.join(map(str, pose.cam_in_world))} {radial} 0\n"
-             for name, (focal, pose, radial) in cameras.items()]
+    lines = [
+        f"{name} {focal} {' '.join(map(str, pose.qvec))} {' '.join(map(str, pose.cam_in_world))} {radial} 0\n"
+        for name, (focal, pose, radial) in cameras.items()
+    ]
     return f"NVM_V3 \n\n{len(cameras)}\n{''.join(lines)}\n1\n1 2 3 128 128 128 2 0 7 -1.5 2.5 1 9 3.5 4\n\n\n\n0\n"
 
 
@@ -127,7 +131,8 @@ def test_seven_scenes_layout(tmp_path):
     source = seven_scenes.read_scene(tmp_path, "redkitchen", OPTIONS)
     assert source.query_names == ("seq-03/frame-000000.color.png", "seq-03/frame-000001.color.png")
     assert source.database_names == [f"seq-01/frame-00000{i}.color.png" for i in range(3)] + [
-        "seq-13/frame-000000.color.png"]
+        "seq-13/frame-000000.color.png"
+    ]
     for name, pose in poses.items():
         assert_same_pose(source.images[name].cam_from_world, pose)
         assert source.images[name].camera == Camera("SIMPLE_PINHOLE", 640, 480, (525.0, 320.0, 240.0))
@@ -161,9 +166,15 @@ def test_seven_scenes_with_poses_of_structure_from_motion(tmp_path):
         assert_same_pose(source.images[name].cam_from_world, image.cam_from_world)
 
 
-@pytest.mark.parametrize("name, text, message", [
-    ("TrainSplit.txt", "seq-01\n", "seq-01"), ("seq-01/frame-000000.pose.txt", "1 2 3", "expected 16 numbers"),
-    ("seq-01/frame-000000.pose.txt", "one", "expected numbers"), ("TestSplit.txt", "sequence9", "seq-09")])
+@pytest.mark.parametrize(
+    "name, text, message",
+    [
+        ("TrainSplit.txt", "seq-01\n", "seq-01"),
+        ("seq-01/frame-000000.pose.txt", "1 2 3", "expected 16 numbers"),
+        ("seq-01/frame-000000.pose.txt", "one", "expected numbers"),
+        ("TestSplit.txt", "sequence9", "seq-09"),
+    ],
+)
 def test_mistakes_in_seven_scenes_are_named(tmp_path, name, text, message):
     write_seven_scenes(tmp_path)
     (tmp_path / "redkitchen" / name).write_text(text)
@@ -189,8 +200,22 @@ def test_red_kitchen_goes_from_the_datasets_files_to_errors(colmap, tmp_path):
     assert len(source.database_names) == 75 and len(source.query_names) == 25
     for name, true_name in zip(source.query_names, scene.query_names):
         assert_same_pose(source.images[name].cam_from_world, scene.pose(true_name))
-    arguments = ["--dataset", "7scenes", "--data_path", str(tmp_path / "data"), "--focal_length_px", "532",
-                 "--image_step", "5", "--queries", "2", "--max_num_features", "4096", "--colmap", str(colmap)]
+    arguments = [
+        "--dataset",
+        "7scenes",
+        "--data_path",
+        str(tmp_path / "data"),
+        "--focal_length_px",
+        "532",
+        "--image_step",
+        "5",
+        "--queries",
+        "2",
+        "--max_num_features",
+        "4096",
+        "--colmap",
+        str(colmap),
+    ]
     assert run.main([*arguments, "--methods", "structure_based", "lazyloc", "--output_path", str(tmp_path)]) == 0
     rows = evaluation.read_csv(tmp_path / "run.csv")
     assert len(rows) == 4
@@ -204,14 +229,19 @@ def write_cambridge(path: pathlib.Path) -> dict[str, Pose]:
     poses = {f"seq{i}/frame0000{i}.png": make_pose(i) for i in (1, 2, 3)}
     (path / "ShopFacade").mkdir(parents=True)
     for split, names in (("train", list(poses)[:2]), ("test", list(poses)[2:])):
-        lines = [f"{name} {' '.join(f'{v:.6f}' for v in [*poses[name].cam_in_world, *poses[name].qvec])}\n"
-                 for name in names]
+        lines = [
+            f"{name} {' '.join(f'{v:.6f}' for v in [*poses[name].cam_in_world, *poses[name].qvec])}\n" for name in names
+        ]
         (path / "ShopFacade" / f"dataset_{split}.txt").write_text(
-            "Visual Landmark Dataset V1\nImageFile, Camera Position [X Y Z W P Q R]\n\n" + "".join(lines))
+            "Visual Landmark Dataset V1\nImageFile, Camera Position [X Y Z W P Q R]\n\n" + "".join(lines)
+        )
     for name in poses:
         write_image(path / "ShopFacade" / name, 192, 108)
-    (path / "ShopFacade" / "reconstruction.nvm").write_text(nvm_text(
-        {name.replace("png", "jpg"): (1600.0 + i, pose, 0.01 * i) for i, (name, pose) in enumerate(poses.items())}))
+    (path / "ShopFacade" / "reconstruction.nvm").write_text(
+        nvm_text(
+            {name.replace("png", "jpg"): (1600.0 + i, pose, 0.01 * i) for i, (name, pose) in enumerate(poses.items())}
+        )
+    )
     return poses
 
 
@@ -250,9 +280,11 @@ def write_aachen_queries(path: pathlib.Path):
     (path / "queries").mkdir(parents=True)
     (path / "images_upright").mkdir()
     (path / "queries" / "day_time_queries_with_intrinsics.txt").write_text(
-        "query/day/nexus4/IMG_1.jpg SIMPLE_RADIAL 1600 1200 1469.2 800 600 -0.03\n")
+        "query/day/nexus4/IMG_1.jpg SIMPLE_RADIAL 1600 1200 1469.2 800 600 -0.03\n"
+    )
     (path / "queries" / "night_time_queries_with_intrinsics.txt").write_text(
-        "query/night/nexus5x/IMG_2.jpg SIMPLE_RADIAL 1600 1200 1300.5 800 600 0.02\n")
+        "query/night/nexus5x/IMG_2.jpg SIMPLE_RADIAL 1600 1200 1300.5 800 600 0.02\n"
+    )
 
 
 def test_aachen_v1_0_layout(tmp_path):
@@ -260,9 +292,11 @@ def test_aachen_v1_0_layout(tmp_path):
     poses = {f"db/{i}.jpg": make_pose(i) for i in (1, 2)}
     (tmp_path / "3D-models").mkdir()
     (tmp_path / "3D-models" / "aachen_cvpr2018_db.nvm").write_text(
-        nvm_text({f"./{name}": (1000, pose, 0) for name, pose in poses.items()}))
+        nvm_text({f"./{name}": (1000, pose, 0) for name, pose in poses.items()})
+    )
     (tmp_path / "3D-models" / "database_intrinsics.txt").write_text(
-        "".join(f"{name} SIMPLE_RADIAL 1600 1063 1480 800 531.5 -0.11\n" for name in poses))
+        "".join(f"{name} SIMPLE_RADIAL 1600 1063 1480 800 531.5 -0.11\n" for name in poses)
+    )
     (tmp_path / "pairs" / "aachen").mkdir(parents=True)
     (tmp_path / "pairs" / "aachen" / "pairs-query-netvlad50.txt").write_text("query/day/nexus4/IMG_1.jpg db/2.jpg\n")
     assert datasets.scene_names("aachen", tmp_path) == ["aachen"]
@@ -304,9 +338,12 @@ def test_strecha_camera_file(tmp_path):
     pose = make_pose(3)
     path = tmp_path / "fountain-P11" / "gt_dense_cameras" / "0000.jpg.camera"
     path.parent.mkdir(parents=True)
-    path.write_text("2759.48 0 1520.69 \n0 2764.16 1006.81 \n0 0 1 \n0 0 0\n"
-                    + "".join(" ".join(map(str, row)) + " \n" for row in pose.rotation.T)
-                    + " ".join(map(str, pose.cam_in_world)) + " \n3072 2048\n")
+    path.write_text(
+        "2759.48 0 1520.69 \n0 2764.16 1006.81 \n0 0 1 \n0 0 0\n"
+        + "".join(" ".join(map(str, row)) + " \n" for row in pose.rotation.T)
+        + " ".join(map(str, pose.cam_in_world))
+        + " \n3072 2048\n"
+    )
     assert datasets.scene_names("strecha", tmp_path) == ["fountain-P11"]
     source = strecha.read_scene(tmp_path, "fountain-P11", OPTIONS)
     assert source.leave_one_out and source.query_names == ("0000.jpg",)
@@ -318,14 +355,18 @@ def test_strecha_camera_file(tmp_path):
 def test_kitti_layout(tmp_path):
     poses = [make_pose(seed) for seed in range(8)]
     (tmp_path / "poses").mkdir()
-    (tmp_path / "poses" / "04.txt").write_text("".join(
-        " ".join(f"{v:.8e}" for v in np.column_stack([pose.rotation.T, pose.cam_in_world]).ravel()) + "\n"
-        for pose in poses))
+    (tmp_path / "poses" / "04.txt").write_text(
+        "".join(
+            " ".join(f"{v:.8e}" for v in np.column_stack([pose.rotation.T, pose.cam_in_world]).ravel()) + "\n"
+            for pose in poses
+        )
+    )
     write_image(tmp_path / "sequences" / "04" / "image_0" / "000000.png", 124, 37)
     projection = "7.0e+02 0 6.0e+01 {} 0 7.0e+02 1.8e+01 0 0 0 1 0"
     (tmp_path / "sequences" / "04" / "calib.txt").write_text(
         f"P0: {projection.format('0')}\nP1: {projection.format('-3.78e+02')}\nP2: {projection.format('40')}\n"
-        f"P3: {projection.format('-300')}\nTr: {projection.format('0')}\n")
+        f"P3: {projection.format('-300')}\nTr: {projection.format('0')}\n"
+    )
     assert datasets.scene_names("kitti", tmp_path) == ["04"]
     source = kitti.read_scene(tmp_path, "04", OPTIONS)
     assert source.query_names == tuple(f"image_0/{i:06d}.png" for i in (1, 2, 4, 5, 7))
@@ -365,8 +406,14 @@ def make_source(num_database: int = 4, **arguments) -> SceneSource:
 
 def test_pairs_are_all_of_the_queries_and_near_ones_of_the_database():
     pairs = image_pairs(make_source(), MatchingOptions(num_database_neighbours=1))
-    assert pairs == [("db/0.png", "db/1.png"), ("db/0.png", "q.png"), ("db/1.png", "db/2.png"), ("db/1.png", "q.png"),
-                     ("db/2.png", "q.png"), ("db/3.png", "q.png")]
+    assert pairs == [
+        ("db/0.png", "db/1.png"),
+        ("db/0.png", "q.png"),
+        ("db/1.png", "db/2.png"),
+        ("db/1.png", "q.png"),
+        ("db/2.png", "q.png"),
+        ("db/3.png", "q.png"),
+    ]
 
 
 def test_listed_pairs_win_and_those_of_other_images_are_left_out():
@@ -432,6 +479,8 @@ def test_download_unpacks_zips_within_zips(tmp_path):
     data_path = tmp_path / "data"
     download_archives({(tmp_path / "redkitchen.zip").as_uri(): "."}, data_path, "by hand")
     assert sorted(str(path.relative_to(data_path)) for path in data_path.rglob("*") if path.is_file()) == [
-        "redkitchen/TrainSplit.txt", "redkitchen/seq-01/frame-000000.pose.txt"]
+        "redkitchen/TrainSplit.txt",
+        "redkitchen/seq-01/frame-000000.pose.txt",
+    ]
     with pytest.raises(InputError, match="nothing.zip.*By hand: ask"):
         download_archives({(tmp_path / "nothing.zip").as_uri(): "."}, data_path, "ask")

@@ -42,16 +42,28 @@ def make_scene(path: pathlib.Path, names, query_names=None) -> pathlib.Path:
         for j in range(i + 1, len(names) + 1):
             rows = np.arange(20 + i + j)
             matches = np.stack([rows, rows + 1], axis=1).astype(np.uint32)
-            connection.execute("INSERT INTO two_view_geometries VALUES (?, ?, 2, ?)",
-                               (pair_id(i, j), len(rows), matches.tobytes()))
+            connection.execute(
+                "INSERT INTO two_view_geometries VALUES (?, ?, 2, ?)", (pair_id(i, j), len(rows), matches.tobytes())
+            )
     connection.commit()
     connection.close()
     return path
 
 
 def make_row(query, error_cm, method="lazyloc", scene="a", seconds=0.1):
-    return evaluation.Row("t", scene, query, method, 20, 0, "0,0", error_cm, error_cm / 10, seconds,
-                          "LOST" if math.isnan(error_cm) else "LOCALIZED")
+    return evaluation.Row(
+        "t",
+        scene,
+        query,
+        method,
+        20,
+        0,
+        "0,0",
+        error_cm,
+        error_cm / 10,
+        seconds,
+        "LOST" if math.isnan(error_cm) else "LOCALIZED",
+    )
 
 
 # Scenes
@@ -204,8 +216,13 @@ def test_csv_keeps_rows(tmp_path):
 
 
 def test_table_has_scenes_the_pool_and_reasons():
-    rows = [make_row("1", 2.0, "structure_based"), make_row("1", 1.0), make_row("1", 4.0, "structure_based", "b"),
-            make_row("1", 4.0, "lazyloc", "b"), make_row("1", 3.0, "local_triangulation", "b")]
+    rows = [
+        make_row("1", 2.0, "structure_based"),
+        make_row("1", 1.0),
+        make_row("1", 4.0, "structure_based", "b"),
+        make_row("1", 4.0, "lazyloc", "b"),
+        make_row("1", 3.0, "local_triangulation", "b"),
+    ]
     missing = evaluation.Series("local_triangulation")
     text = tables.markdown("t", rows, {("a", missing): "no such package"}, ["some note"])
     medians, rest = text.split("## All 2 scenes")
@@ -226,8 +243,11 @@ def test_most_lost_is_an_infinite_median():
 
 
 def test_series_differ_by_what_the_run_varies():
-    rows = [dataclasses.replace(make_row("1", error, method), num_retrieved=k)
-            for k, error in ((5, 3.0), (20, 2.0)) for method in ("structure_based", "lazyloc")]
+    rows = [
+        dataclasses.replace(make_row("1", error, method), num_retrieved=k)
+        for k, error in ((5, 3.0), (20, 2.0))
+        for method in ("structure_based", "lazyloc")
+    ]
     text = tables.markdown("t", rows, {})
     assert "| lazyloc K=5 | 1 | 3.00" in text and "| lazyloc K=20 | 1 | 2.00" in text
     # Each against the map with as many pairs.
@@ -236,16 +256,21 @@ def test_series_differ_by_what_the_run_varies():
     noises = ["0,0", "5,0", "10,0"]
     text = tables.markdown("t", [dataclasses.replace(rows[0], database_noise=noise) for noise in noises], {})
     assert [text.index(f"structure_based noise {noise}") for noise in ("0°, 0 cm", "5°, 0 cm", "10°, 0 cm")] == sorted(
-        text.index(f"structure_based noise {noise}") for noise in ("0°, 0 cm", "5°, 0 cm", "10°, 0 cm"))
+        text.index(f"structure_based noise {noise}") for noise in ("0°, 0 cm", "5°, 0 cm", "10°, 0 cm")
+    )
 
 
 def test_plots_are_made_and_repeat(tmp_path):
     pytest.importorskip("matplotlib")
     from benchmarks.localization import plots
 
-    rows = [dataclasses.replace(make_row(str(i), error, method, scene), num_retrieved=k)
-            for k in (5, 20) for i, error in enumerate((1.0, 2.0, math.nan))
-            for method in ("structure_based", "lazyloc") for scene in "ab"]
+    rows = [
+        dataclasses.replace(make_row(str(i), error, method, scene), num_retrieved=k)
+        for k in (5, 20)
+        for i, error in enumerate((1.0, 2.0, math.nan))
+        for method in ("structure_based", "lazyloc")
+        for scene in "ab"
+    ]
     rows += [make_row("1", math.nan, scene="all_lost")]
     files = plots.write_plots(tmp_path, "t", rows)
     names = ["t_cumulative_error.svg", "t_time_against_error.svg", "t_error_against_k.svg"]
@@ -306,12 +331,20 @@ def test_a_failing_or_crashing_method_does_not_stop_the_others(tmp_path, monkeyp
     assert len(evaluation.read_csv(tmp_path / "out" / "run.csv")) == 4
 
 
-@pytest.mark.parametrize("extra, message", [
-    (["--methods", "magic"], "magic"), (["--methods", "lazyloc:nothing"], "nothing.ini"),
-    (["--methods", "local_triangulation:x"], "local_triangulation:x"), (["--scenes", "mars"], "mars"),
-    (["--options", "seed"], "KEY=VALUE"), (["--queries", "none.txt"], "none.txt"),
-    (["--image_step", "0"], "--image_step"),
-    (["--dataset", "7scenes"], "no scene of 7scenes"), (["--dataset", "kitti", "--download"], "by e-mail")])
+@pytest.mark.parametrize(
+    "extra, message",
+    [
+        (["--methods", "magic"], "magic"),
+        (["--methods", "lazyloc:nothing"], "nothing.ini"),
+        (["--methods", "local_triangulation:x"], "local_triangulation:x"),
+        (["--scenes", "mars"], "mars"),
+        (["--options", "seed"], "KEY=VALUE"),
+        (["--queries", "none.txt"], "none.txt"),
+        (["--image_step", "0"], "--image_step"),
+        (["--dataset", "7scenes"], "no scene of 7scenes"),
+        (["--dataset", "kitti", "--download"], "by e-mail"),
+    ],
+)
 def test_wrong_arguments_are_named(tmp_path, capsys, extra, message):
     make_scene(tmp_path / "any", ["a.jpg"])
     try:
@@ -369,8 +402,24 @@ def test_methods_on_a_real_scene(tmp_path):
     if not (DATA_PATH / "office" / "database.db").exists():
         pytest.skip(f"no scene below {DATA_PATH}; LAZYLOC_SHARED_DATA says where it is")
     before = (DATA_PATH / "office" / "database.db").read_bytes()
-    assert run.main(["--data_path", str(DATA_PATH), "--scenes", "office", "--queries", "3",
-                     "--methods", "structure_based", "local_triangulation", "--output_path", str(tmp_path)]) == 0
+    assert (
+        run.main(
+            [
+                "--data_path",
+                str(DATA_PATH),
+                "--scenes",
+                "office",
+                "--queries",
+                "3",
+                "--methods",
+                "structure_based",
+                "local_triangulation",
+                "--output_path",
+                str(tmp_path),
+            ]
+        )
+        == 0
+    )
     rows = evaluation.read_csv(tmp_path / "run.csv")
     assert len(rows) == 6
     assert all(row.position_error_cm < 5 and row.seconds > 0 for row in rows)

@@ -40,12 +40,18 @@ def test_failing_program_leaves_a_log(tmp_path):
     assert "out\nno such thing\n" in (tmp_path / "log").read_text()
 
 
-@pytest.mark.parametrize("name, option", [("feature_extractor", "Extraction.use_gpu"),
-                                          ("exhaustive_matcher", "Matching.use_gpu")])
+@pytest.mark.parametrize(
+    "name, option", [("feature_extractor", "Extraction.use_gpu"), ("exhaustive_matcher", "Matching.use_gpu")]
+)
 def test_gpu_option_in_python_and_in_shell(colmap, name, option):
     assert program.gpu_option(colmap, name).endswith(option)
-    done = subprocess.run([SCRIPTS_PATH / "gpu_option.sh", name], env={**os.environ, "COLMAP": str(colmap)},
-                          capture_output=True, text=True, check=False)
+    done = subprocess.run(
+        [SCRIPTS_PATH / "gpu_option.sh", name],
+        env={**os.environ, "COLMAP": str(colmap)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
     assert done.stdout.strip() == program.gpu_option(colmap, name), done.stderr
 
 

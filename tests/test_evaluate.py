@@ -98,8 +98,12 @@ def test_large_coordinates_keep_their_precision(write, run):
 def test_thresholds_need_both_errors_small(write, run):
     names = "abcd"
     truth = write("truth.txt", "".join(pose_line(name) for name in names))
-    estimates = [pose_line("a"), pose_line("b", CENTRE + [0.3, 0, 0]), pose_line("c", CENTRE, turned(3)),
-                 pose_line("d", CENTRE + [9, 0, 0], turned(20))]
+    estimates = [
+        pose_line("a"),
+        pose_line("b", CENTRE + [0.3, 0, 0]),
+        pose_line("c", CENTRE, turned(3)),
+        pose_line("d", CENTRE + [9, 0, 0], turned(20)),
+    ]
     figures, out = run(write("estimated.txt", "".join(estimates)), "--ground_truth", truth)
     assert [recall["ratio"] for recall in figures["recall"]] == [0.25, 0.75, 0.75]
     figures, out = run(write("estimated.txt", "".join(estimates)), "--ground_truth", truth, "--thresholds", "10,30")
@@ -185,9 +189,14 @@ def test_empty_ground_truth_is_one_line(write, fails):
     assert "holds no pose" in fails(write("estimated.txt", pose_line("a")), "--ground_truth", write("truth.txt", "#\n"))
 
 
-@pytest.mark.parametrize("text, message", [("a\nb\na\n", "queries.txt:3: query 'a' is listed twice"),
-                                           ("a\nz\n", "the first is 'z'"),
-                                           ("#\n", "lists no query")])
+@pytest.mark.parametrize(
+    "text, message",
+    [
+        ("a\nb\na\n", "queries.txt:3: query 'a' is listed twice"),
+        ("a\nz\n", "the first is 'z'"),
+        ("#\n", "lists no query"),
+    ],
+)
 def test_bad_query_list_is_one_line(write, fails, text, message):
     truth = write("truth.txt", pose_line("a") + pose_line("b"))
     assert message in fails(truth, "--ground_truth", truth, "--query_list_path", write("queries.txt", text))

@@ -22,8 +22,10 @@ def hloc_files(tmp_path, noisy):
     """Writes the scene in hloc's form: keypoints half a pixel less, names in folders, pairs under either order and both
     generations' names."""
     scene = noisy.scene
-    folder_name = {name: f"{'db' if image.pose is not None and name in scene.database_names else 'q'}/{name}"
-                   for name, image in scene.images.items()}
+    folder_name = {
+        name: f"{'db' if image.pose is not None and name in scene.database_names else 'q'}/{name}"
+        for name, image in scene.images.items()
+    }
     with h5py.File(tmp_path / "features.h5", "w") as features:
         for name, image in scene.images.items():
             features[f"{folder_name[name]}/keypoints"] = image.keypoints[:, :2].astype(float) - 0.5
@@ -53,9 +55,22 @@ def hloc_files(tmp_path, noisy):
 
 
 def convert(folder):
-    return hloc_to_database.main(["--features_path", f"{folder}/features.h5", "--matches_path", f"{folder}/matches.h5",
-                                  "--pairs_path", f"{folder}/pairs.txt", "--model_path", f"{folder}/model",
-                                  "--query_list_path", f"{folder}/queries.txt", "--database_path", f"{folder}/out.db"])
+    return hloc_to_database.main(
+        [
+            "--features_path",
+            f"{folder}/features.h5",
+            "--matches_path",
+            f"{folder}/matches.h5",
+            "--pairs_path",
+            f"{folder}/pairs.txt",
+            "--model_path",
+            f"{folder}/model",
+            "--query_list_path",
+            f"{folder}/queries.txt",
+            "--database_path",
+            f"{folder}/out.db",
+        ]
+    )
 
 
 def test_database_holds_what_the_files_hold(hloc_files, noisy):
@@ -69,12 +84,11 @@ def test_database_holds_what_the_files_hold(hloc_files, noisy):
             np.testing.assert_allclose(reader.keypoints(folder_name[name]), image.keypoints[:, :2], atol=1e-4)
         for (name1, name2), pair in scene.pairs.items():
             id1, id2 = ids[folder_name[name1]], ids[folder_name[name2]]
-            stored = connection.execute("SELECT data FROM matches WHERE pair_id = ?",
-                                        (pair_id(id1, id2),)).fetchone()
+            stored = connection.execute("SELECT data FROM matches WHERE pair_id = ?", (pair_id(id1, id2),)).fetchone()
             if stored is None:
                 assert (name1 in scene.database_names) == (name2 in scene.database_names)
                 continue
-            indices = np.frombuffer(stored[0], np.uint32).reshape(-1, 2)[:, ::1 if id1 < id2 else -1]
+            indices = np.frombuffer(stored[0], np.uint32).reshape(-1, 2)[:, :: 1 if id1 < id2 else -1]
             expected = dict(map(tuple, pair.matches))
             assert {(a, b) for a, b in indices.tolist()} <= set(map(tuple, pair.matches.tolist()))
             assert len(indices) >= 0.9 * len(expected)  # hloc's form holds one partner per keypoint
@@ -82,10 +96,21 @@ def test_database_holds_what_the_files_hold(hloc_files, noisy):
 
 def assert_script_localizes(folder, colmap, truth):
     """Poses by name; in a scene of some metres."""
-    done = subprocess.run([SCRIPTS_PATH / "localize_hloc.sh", folder / "features.h5", folder / "matches.h5",
-                           folder / "pairs.txt", folder / "model", folder / "queries.txt", folder / "localized"],
-                          env={"COLMAP": str(colmap), "PYTHON": sys.executable, "PATH": "/usr/bin:/bin"},
-                          capture_output=True, text=True, timeout=300)
+    done = subprocess.run(
+        [
+            SCRIPTS_PATH / "localize_hloc.sh",
+            folder / "features.h5",
+            folder / "matches.h5",
+            folder / "pairs.txt",
+            folder / "model",
+            folder / "queries.txt",
+            folder / "localized",
+        ],
+        env={"COLMAP": str(colmap), "PYTHON": sys.executable, "PATH": "/usr/bin:/bin"},
+        capture_output=True,
+        text=True,
+        timeout=300,
+    )
     assert done.returncode == 0, done.stderr
     poses = read_poses(folder / "localized" / "poses.txt")
     assert sorted(poses) == sorted(truth)
@@ -103,8 +128,9 @@ def write_hloc_features(path, connection):
     """As hloc's extract_features does: a group per image, descriptors in columns."""
     with h5py.File(path, "w") as file:
         for name, rows, cols, keypoints, descriptors in connection.execute(
-                "SELECT name, k.rows, k.cols, k.data, d.data FROM images JOIN keypoints k USING (image_id) "
-                "JOIN descriptors d USING (image_id)"):
+            "SELECT name, k.rows, k.cols, k.data, d.data FROM images JOIN keypoints k USING (image_id) "
+            "JOIN descriptors d USING (image_id)"
+        ):
             group = file.create_group(name)
             group["keypoints"] = np.frombuffer(keypoints, np.float32).reshape(rows, cols)[:, :2] - np.float32(0.5)
             group["keypoints"].attrs["uncertainty"] = 1.0
@@ -120,8 +146,9 @@ def write_hloc_matches(path, connection, pairs):
     with h5py.File(path, "w") as file:
         for name1, name2 in pairs:
             id1, id2 = ids[name1], ids[name2]
-            rows, data = connection.execute("SELECT rows, data FROM matches WHERE pair_id = ?",
-                                            (pair_id(id1, id2),)).fetchone()
+            rows, data = connection.execute(
+                "SELECT rows, data FROM matches WHERE pair_id = ?", (pair_id(id1, id2),)
+            ).fetchone()
             indices = np.frombuffer(data or b"", np.uint32).reshape(rows, 2)[:, :: 1 if id1 < id2 else -1]
             partners = np.full(num_keypoints[id1], -1, np.int16)
             partners[indices[:, 0]] = indices[:, 1]
@@ -149,8 +176,11 @@ def test_script_localizes_photos_from_colmap_features_in_hloc_files(photos, colm
 def test_mistakes_are_one_line_and_make_no_database(hloc_files, capsys):
     folder, folder_name, queries = hloc_files
     good = (folder / "pairs.txt").read_text()
-    for text, word in [("one\n", "pairs.txt"), (good + f"{folder_name[queries[0]]} db/none.jpg\n", "db/none.jpg"),
-                       (good + " ".join(folder_name[name] for name in queries[:2]) + "\n", "has no matches")]:
+    for text, word in [
+        ("one\n", "pairs.txt"),
+        (good + f"{folder_name[queries[0]]} db/none.jpg\n", "db/none.jpg"),
+        (good + " ".join(folder_name[name] for name in queries[:2]) + "\n", "has no matches"),
+    ]:
         (folder / "pairs.txt").write_text(text)
         assert convert(folder) == 1
         error = capsys.readouterr().err

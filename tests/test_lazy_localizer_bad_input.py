@@ -84,7 +84,7 @@ def empty_database(files):
 @case("database.db")
 def truncated_database(files):
     content = files.database.read_bytes()
-    files.database.write_bytes(content[:len(content) // 2])
+    files.database.write_bytes(content[: len(content) // 2])
 
 
 @case("database.db")
@@ -436,8 +436,9 @@ WITHOUT_OUTPUT_FOLDER = [name for name in CASES if "output_path" in name]
 def run_case(colmap, files, name):
     spoil, named = CASES[name]
     arguments = files.arguments(spoil(files))
-    done = subprocess.run([colmap, "lazy_localizer", *arguments], capture_output=True, text=True, timeout=300,
-                          cwd=files.folder)
+    done = subprocess.run(
+        [colmap, "lazy_localizer", *arguments], capture_output=True, text=True, timeout=300, cwd=files.folder
+    )
     return done, named
 
 

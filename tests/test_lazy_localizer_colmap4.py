@@ -11,28 +11,33 @@ from colmap_lazyloc.testing import synthetic
 pycolmap = pytest.importorskip("pycolmap", minversion="4")
 
 # Camera 1 is the reference of the rig, 2 its other camera; each of the others is a rig of its own.
-MODELS = {1: ("PINHOLE", [520, 515, 322, 238]),
-          2: ("SIMPLE_RADIAL", [500, 320, 240, -0.05]),
-          3: ("SIMPLE_PINHOLE", [510, 318, 242]),
-          4: ("SIMPLE_RADIAL_FISHEYE", [480, 320, 240, 0.02]),
-          5: ("RADIAL", [505, 321, 239, -0.04, 0.01]),
-          6: ("RADIAL_FISHEYE", [470, 320, 240, 0.02, -0.005]),
-          7: ("OPENCV", [500, 505, 320, 240, -0.05, 0.01, 1e-3, -1e-3]),
-          8: ("OPENCV_FISHEYE", [460, 465, 320, 240, 0.01, 0.002, 0, 0]),
-          9: ("FULL_OPENCV", [500, 500, 320, 240, -0.05, 0.01, 1e-3, 1e-3, 0.001, 0.01, 0, 0]),
-          10: ("FOV", [480, 480, 320, 240, 0.6]),
-          11: ("THIN_PRISM_FISHEYE", [470, 470, 320, 240, 0.01, 0, 1e-3, 0, 0, 0, 1e-3, 0])}
-MODELS_OF_COLMAP4 = {"RAD_TAN_THIN_PRISM_FISHEYE": [470, 470, 320, 240, 0.01, 0, 0, 0, 0, 0, 1e-3, 0, 0, 0, 0, 0],
-                     "SIMPLE_DIVISION": [500, 320, 240, -0.05],
-                     "DIVISION": [500, 505, 320, 240, -0.05],
-                     "SIMPLE_FISHEYE": [480, 320, 240],
-                     "FISHEYE": [480, 485, 320, 240],
-                     "EUCM": [480, 485, 320, 240, 0.5, 1.1],
-                     "EQUIRECTANGULAR": [640, 480]}
+MODELS = {
+    1: ("PINHOLE", [520, 515, 322, 238]),
+    2: ("SIMPLE_RADIAL", [500, 320, 240, -0.05]),
+    3: ("SIMPLE_PINHOLE", [510, 318, 242]),
+    4: ("SIMPLE_RADIAL_FISHEYE", [480, 320, 240, 0.02]),
+    5: ("RADIAL", [505, 321, 239, -0.04, 0.01]),
+    6: ("RADIAL_FISHEYE", [470, 320, 240, 0.02, -0.005]),
+    7: ("OPENCV", [500, 505, 320, 240, -0.05, 0.01, 1e-3, -1e-3]),
+    8: ("OPENCV_FISHEYE", [460, 465, 320, 240, 0.01, 0.002, 0, 0]),
+    9: ("FULL_OPENCV", [500, 500, 320, 240, -0.05, 0.01, 1e-3, 1e-3, 0.001, 0.01, 0, 0]),
+    10: ("FOV", [480, 480, 320, 240, 0.6]),
+    11: ("THIN_PRISM_FISHEYE", [470, 470, 320, 240, 0.01, 0, 1e-3, 0, 0, 0, 1e-3, 0]),
+}
+MODELS_OF_COLMAP4 = {
+    "RAD_TAN_THIN_PRISM_FISHEYE": [470, 470, 320, 240, 0.01, 0, 0, 0, 0, 0, 1e-3, 0, 0, 0, 0, 0],
+    "SIMPLE_DIVISION": [500, 320, 240, -0.05],
+    "DIVISION": [500, 505, 320, 240, -0.05],
+    "SIMPLE_FISHEYE": [480, 320, 240],
+    "FISHEYE": [480, 485, 320, 240],
+    "EUCM": [480, 485, 320, 240, 0.5, 1.1],
+    "EQUIRECTANGULAR": [640, 480],
+}
 RIG_ID = 77
 NUM_FRAMES = 4  # of the rig, database images
-OTHER_FROM_REFERENCE = pycolmap.Rigid3d(pycolmap.Rotation3d(Rotation.from_euler("y", 12, degrees=True).as_quat()),
-                                        [-0.4, 0.03, 0.02])
+OTHER_FROM_REFERENCE = pycolmap.Rigid3d(
+    pycolmap.Rotation3d(Rotation.from_euler("y", 12, degrees=True).as_quat()), [-0.4, 0.03, 0.02]
+)
 
 
 class Camera(synthetic.Camera):
@@ -72,8 +77,7 @@ def make_frames():
 def make_scene(frames, models):
     rng = np.random.default_rng(4)
     points = rng.uniform(-1.2, 1.2, (300, 3))
-    cameras = {camera_id: Camera(camera_id, name, 640, 480, params)
-               for camera_id, (name, params) in models.items()}
+    cameras = {camera_id: Camera(camera_id, name, 640, 480, params) for camera_id, (name, params) in models.items()}
     scene = synthetic.Scene(cameras, {}, {}, [])
     for _, rig_from_world, names in frames.values():
         for camera_id, name in names.items():
@@ -106,8 +110,10 @@ def make_frame(frame_id, rig_id, names, images):
 
 
 def colmap_images(scene):
-    return {name: pycolmap.Image(name=name, camera_id=image.camera_id, image_id=image.image_id)
-            for name, image in scene.images.items()}
+    return {
+        name: pycolmap.Image(name=name, camera_id=image.camera_id, image_id=image.image_id)
+        for name, image in scene.images.items()
+    }
 
 
 def write_database(path, scene, frames):
@@ -219,8 +225,9 @@ def test_leave_one_out_takes_the_query_out_of_its_frame(localize, scene, databas
     (tmp_path / "model").mkdir()
     model.write_binary(str(tmp_path / "model"))
     # Database images are not matched with each other: none is localized, and none may be left in a frame.
-    run = localize("--database_path", database_path, "--input_path", tmp_path / "model",
-                   "--LazyLocalizer.leave_one_out", 1)
+    run = localize(
+        "--database_path", database_path, "--input_path", tmp_path / "model", "--LazyLocalizer.leave_one_out", 1
+    )
     assert set(run.statuses.values()) == {"NO_PAIRS"}
     written = pycolmap.Reconstruction(str(run.output_path / "model"))
     assert written.num_images() == written.num_frames() == 0

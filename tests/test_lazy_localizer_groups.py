@@ -48,8 +48,10 @@ def test_group_list_is_the_group_size(localize, noisy, tmp_path):
 
 
 def test_result_of_groups_does_not_depend_on_threads(localize, noisy):
-    runs = [localize(*noisy.arguments, "--LazyLocalizer.group_size", 2, "--LazyLocalizer.num_threads", number)
-            for number in (1, 3)]
+    runs = [
+        localize(*noisy.arguments, "--LazyLocalizer.group_size", 2, "--LazyLocalizer.num_threads", number)
+        for number in (1, 3)
+    ]
     assert runs[0].poses_bytes == runs[1].poses_bytes
 
 
@@ -79,15 +81,18 @@ def test_trajectory_in_a_frame_of_its_own(localize, exact, noisy, tmp_path, form
         relative = run.poses[name].rotation @ run.poses[names[0]].rotation.T
         true_relative = scene.images[name].pose.rotation @ scene.images[names[0]].pose.rotation.T
         assert Rotation.from_matrix(relative @ true_relative.T).magnitude() <= 1e-9
-        assert run.results[name]["rig_from_world"] == pytest.approx(run.results[names[0]]["rig_from_world"], abs=1e-9) \
-            or np.allclose(run.results[name]["rig_from_world"]["tvec"], run.results[names[0]]["rig_from_world"]["tvec"])
+        assert run.results[name]["rig_from_world"] == pytest.approx(
+            run.results[names[0]]["rig_from_world"], abs=1e-9
+        ) or np.allclose(run.results[name]["rig_from_world"]["tvec"], run.results[names[0]]["rig_from_world"]["tvec"])
 
 
 def test_trajectory_without_scale(localize, exact, tmp_path):
     scene, names = exact.scene, exact.scene.query_names
     lines = [line.split() for line in trajectory_lines(scene, names).splitlines()]
-    path = write(tmp_path / "trajectory.txt", "".join(
-        " ".join([*words[:5], *(repr(4 * float(word)) for word in words[5:])]) + "\n" for words in lines))
+    path = write(
+        tmp_path / "trajectory.txt",
+        "".join(" ".join([*words[:5], *(repr(4 * float(word)) for word in words[5:])]) + "\n" for words in lines),
+    )
     run = localize(*exact.arguments, "--query_trajectory_path", path, "--LazyLocalizer.trajectory_has_scale", 0)
     run.assert_localized(scene, names, *MAX_ERRORS)
     for name in names:
@@ -109,7 +114,7 @@ def test_leave_one_out_leaves_the_whole_group_out(localize, noisy):
     names = scene.database_names
     assert sorted(run.results) == sorted(names)
     for i, name in enumerate(names):
-        group = names[i - i % 3:i - i % 3 + 3]
+        group = names[i - i % 3 : i - i % 3 + 3]
         assert not set(group) & set(run.pair_names(name))
 
 
@@ -119,12 +124,14 @@ def test_photos_of_a_trajectory_one_of_which_is_missing(localize, photos, tmp_pa
     poses[names[-1]] = poses[names[0]]
     path = tmp_path / "trajectory.txt"
     write_poses(path, poses)
-    run = localize(*photos.arguments(photos.write_queries(tmp_path / "queries.txt", names)),
-                   "--query_trajectory_path", path)
+    run = localize(
+        *photos.arguments(photos.write_queries(tmp_path / "queries.txt", names)), "--query_trajectory_path", path
+    )
     photos.assert_localized(run)
     assert run.statuses[names[-1]] == "UNREADABLE_IMAGE"
-    relative, true_relative = (all_poses[names[1]].cam_in_world - all_poses[names[0]].cam_in_world
-                               for all_poses in (run.poses, photos.poses))
+    relative, true_relative = (
+        all_poses[names[1]].cam_in_world - all_poses[names[0]].cam_in_world for all_poses in (run.poses, photos.poses)
+    )
     assert np.linalg.norm(relative) == pytest.approx(np.linalg.norm(true_relative), rel=1e-9)
 
 
@@ -159,8 +166,9 @@ def test_stereo_rig_is_well_below_single_images(localize, tmp_path):
     for name, pose in rig.poses.items():  # of the same rig, written with fewer digits
         position_error, rotation_error_deg = configured.poses[name].errors(pose)
         assert position_error < 1e-9 and rotation_error_deg < 1e-7
-    rig_error, single_error = (np.median([run.poses[name].errors(truth[name])[0] for name in names])
-                               for run in (rig, single))
+    rig_error, single_error = (
+        np.median([run.poses[name].errors(truth[name])[0] for name in names]) for run in (rig, single)
+    )
     assert rig_error <= 0.8 * single_error
 
     config = json.loads(config_path.read_text())

@@ -62,13 +62,18 @@ def insert_fillers(connection, ids, rng):
     matches = np.repeat(np.arange(NUM_FILLER_KEYPOINTS, dtype="<u4"), 2).tobytes()
     pairs = [(pair_id(id1, id2), NUM_FILLER_KEYPOINTS, matches) for id1, id2 in itertools.pairwise(ids)]
     with connection:
-        connection.executemany("INSERT INTO images (image_id, name, camera_id) VALUES (?, ?, 1)",
-                               [(image_id, filler_name(image_id)) for image_id in ids])
-        connection.executemany("INSERT INTO keypoints VALUES (?, ?, 2, ?)",
-                               [(image_id, NUM_FILLER_KEYPOINTS, keypoints) for image_id in ids])
+        connection.executemany(
+            "INSERT INTO images (image_id, name, camera_id) VALUES (?, ?, 1)",
+            [(image_id, filler_name(image_id)) for image_id in ids],
+        )
+        connection.executemany(
+            "INSERT INTO keypoints VALUES (?, ?, 2, ?)",
+            [(image_id, NUM_FILLER_KEYPOINTS, keypoints) for image_id in ids],
+        )
         connection.executemany("INSERT INTO matches VALUES (?, ?, 2, ?)", pairs)
-        connection.executemany("INSERT INTO two_view_geometries (pair_id, rows, cols, data, config) "
-                               "VALUES (?, ?, 2, ?, 2)", pairs)
+        connection.executemany(
+            "INSERT INTO two_view_geometries (pair_id, rows, cols, data, config) VALUES (?, ?, 2, ?, 2)", pairs
+        )
 
 
 @pytest.fixture(scope="module")
@@ -78,8 +83,12 @@ def runs(localize, core, tmp_path_factory):
     def measure(num_images):
         folder = tmp_path_factory.mktemp(f"images_{num_images}")
         arguments = write_large(folder, core, num_images)
-        run = localize(*arguments, "--LazyLocalizer.num_threads", 2,
-                       launcher=[sys.executable, "-c", LAUNCHER, folder / "memory.json"])
+        run = localize(
+            *arguments,
+            "--LazyLocalizer.num_threads",
+            2,
+            launcher=[sys.executable, "-c", LAUNCHER, folder / "memory.json"],
+        )
         (folder / "database.db").unlink()
         return run, json.loads((folder / "memory.json").read_text())["peak_mib"]
 

@@ -35,9 +35,9 @@ def with_lost_query(localize, exact, tmp_path_factory, write_scene_files):
 def test_poses_file_states_its_convention_and_holds_the_localized_queries_by_name(with_lost_query):
     lines = with_lost_query.poses_bytes.decode().splitlines()
     header = [line for line in lines if line.startswith("#")]
-    assert lines[:len(header)] == header
+    assert lines[: len(header)] == header
     assert "qw qx qy qz tx ty tz" in " ".join(header) and "cam_from_world" in " ".join(header)
-    assert [line.split()[0] for line in lines[len(header):]] == ["query/001.jpg", "query/002.jpg"]
+    assert [line.split()[0] for line in lines[len(header) :]] == ["query/001.jpg", "query/002.jpg"]
 
 
 def test_poses_have_17_digits_and_unit_quaternions(noisy_run):
@@ -107,8 +107,9 @@ def assert_stddevs_are_of_the_covariance(result, pose, covariance):
     variances, axes = np.linalg.eigh(rows @ covariance @ rows.T)
     np.testing.assert_allclose(result["position_stddevs"], np.sqrt(variances[::-1]), rtol=1e-6)
     np.testing.assert_allclose(abs(axes[:, 2] @ result["weakest_direction"]), 1, rtol=1e-6)
-    np.testing.assert_allclose(result["rotation_stddev_deg"],
-                               np.degrees(np.sqrt(np.linalg.eigvalsh(covariance[:3, :3])[-1])), rtol=1e-6)
+    np.testing.assert_allclose(
+        result["rotation_stddev_deg"], np.degrees(np.sqrt(np.linalg.eigvalsh(covariance[:3, :3])[-1])), rtol=1e-6
+    )
     assert result["rotation"] is None and result["bearing"] is None
 
 
@@ -136,10 +137,21 @@ def test_covariance_explains_the_errors(localize, tmp_path, write_scene_files):
 
 
 def test_options_file_gives_the_same_run_again(localize, noisy):
-    first = localize(*noisy.arguments, "--LazyLocalizer.num_retrieved", 6, "--LazyLocalizer.seed", 11,
-                     "--LazyLocalizer.loss_scale_sigma", 0.1 + 0.2, "--LazyLocalizer.num_threads", 1,
-                     "--LazyLocalizer.rotation_averaging", "quaternion_mean",
-                     "--LazyLocalizer.translation_averaging", "lud")
+    first = localize(
+        *noisy.arguments,
+        "--LazyLocalizer.num_retrieved",
+        6,
+        "--LazyLocalizer.seed",
+        11,
+        "--LazyLocalizer.loss_scale_sigma",
+        0.1 + 0.2,
+        "--LazyLocalizer.num_threads",
+        1,
+        "--LazyLocalizer.rotation_averaging",
+        "quaternion_mean",
+        "--LazyLocalizer.translation_averaging",
+        "lud",
+    )
     again = localize("--project_path", first.output_path / "options.ini")
     assert (first.exit_code, again.exit_code) == (0, 0), again.stderr
     assert again.poses_bytes == first.poses_bytes
@@ -149,8 +161,13 @@ def test_options_file_gives_the_same_run_again(localize, noisy):
         return [line for line in lines if not line.startswith("output_path=")]
 
     assert options(again) == options(first)
-    assert {"num_retrieved=6", "seed=11", "loss_scale_sigma=0.30000000000000004",
-            "rotation_averaging=quaternion_mean", "translation_averaging=lud"} <= set(options(first))
+    assert {
+        "num_retrieved=6",
+        "seed=11",
+        "loss_scale_sigma=0.30000000000000004",
+        "rotation_averaging=quaternion_mean",
+        "translation_averaging=lud",
+    } <= set(options(first))
 
 
 def test_options_file_holds_every_option_of_the_help(colmap, noisy_run):
@@ -165,8 +182,20 @@ def test_options_file_holds_every_option_of_the_help(colmap, noisy_run):
     assert in_file == names
 
 
-@pytest.mark.parametrize("name", ["with space", "café", "a=b;[c]'d\"", pytest.param("run #2", marks=pytest.mark.xfail(
-    strict=True, reason="the reader of --project_path takes what follows # for a comment, in paths too"))])
+@pytest.mark.parametrize(
+    "name",
+    [
+        "with space",
+        "café",
+        "a=b;[c]'d\"",
+        pytest.param(
+            "run #2",
+            marks=pytest.mark.xfail(
+                strict=True, reason="the reader of --project_path takes what follows # for a comment, in paths too"
+            ),
+        ),
+    ],
+)
 def test_options_file_with_unusual_paths(localize, exact, tmp_path, write_scene_files, name):
     folder = tmp_path / name
     folder.mkdir()
@@ -178,8 +207,9 @@ def test_options_file_with_unusual_paths(localize, exact, tmp_path, write_scene_
 
 
 def test_command_line_wins_over_the_options_file(localize, noisy, tmp_path):
-    (tmp_path / "some.ini").write_text(f"database_path={noisy.database_path}\ninput_path={noisy.model_path}\n"
-                                       "[LazyLocalizer]\nnum_retrieved=3\n")
+    (tmp_path / "some.ini").write_text(
+        f"database_path={noisy.database_path}\ninput_path={noisy.model_path}\n[LazyLocalizer]\nnum_retrieved=3\n"
+    )
     run = localize("--project_path", tmp_path / "some.ini")
     assert len(run.pair_names("query/000.jpg")) == 3
     run = localize("--project_path", tmp_path / "some.ini", "--LazyLocalizer.num_retrieved", 4)
@@ -259,8 +289,11 @@ def test_the_built_colmap_reads_the_model(colmap, noisy_run, noisy, tmp_path):
     assert re.search(rf"Registered images: {len(noisy.scene.images)}\b", report), report
     (num_points,) = re.findall(r"\bPoints: (\d+)", report)
     assert int(num_points) > 150
-    converted = subprocess.run([colmap, "model_converter", "--input_path", model_path, "--output_path", tmp_path,
-                                "--output_type", "TXT"], capture_output=True, text=True)
+    converted = subprocess.run(
+        [colmap, "model_converter", "--input_path", model_path, "--output_path", tmp_path, "--output_type", "TXT"],
+        capture_output=True,
+        text=True,
+    )
     assert converted.returncode == 0, converted.stderr
     lines = (tmp_path / "images.txt").read_text().splitlines()
     names = [line.split()[9] for line in lines if not line.startswith("#") and line.endswith(".jpg")]
@@ -274,8 +307,15 @@ def test_the_built_colmap_reads_the_model(colmap, noisy_run, noisy, tmp_path):
 
 def test_output_folder_holds_these_files_alone(noisy_run):
     names = sorted(str(path.relative_to(noisy_run.output_path)) for path in noisy_run.output_path.rglob("*"))
-    assert names == ["model", "model/cameras.bin", "model/images.bin", "model/points3D.bin", "options.ini",
-                     "poses.txt", "results.jsonl"]
+    assert names == [
+        "model",
+        "model/cameras.bin",
+        "model/images.bin",
+        "model/points3D.bin",
+        "options.ini",
+        "poses.txt",
+        "results.jsonl",
+    ]
 
 
 def test_second_run_replaces_the_first_and_keeps_other_files(localize, noisy, tmp_path):

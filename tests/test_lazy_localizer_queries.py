@@ -13,8 +13,9 @@ MAX_ERRORS = 5e-7, 5e-6  # exact scenes: single precision of the keypoints is th
 @pytest.fixture(scope="module")
 def full(tmp_path_factory, write_scene_files):
     """Makes an exact scene with matches between all images."""
-    scene = synthetic.make_scene(synthetic.arc(8), synthetic.arc(3, radius=5, height=-0.7, phase=4),
-                                 database_pairs=True, seed=1)
+    scene = synthetic.make_scene(
+        synthetic.arc(8), synthetic.arc(3, radius=5, height=-0.7, phase=4), database_pairs=True, seed=1
+    )
     return write_scene_files(tmp_path_factory.mktemp("full"), scene)
 
 
@@ -49,8 +50,12 @@ def test_camera_of_the_list_overrides_that_of_the_database(localize, full, tmp_p
     for names, pair in scene.pairs.items():
         if any(name.startswith("query/") for name in names):
             pair.rotation = synthetic.Rotation.from_euler("y", 8, degrees=True) * pair.rotation
-    arguments = ["--database_path", synthetic.write_database(tmp_path / "database.db", scene), "--input_path",
-                 full.model_path]
+    arguments = [
+        "--database_path",
+        synthetic.write_database(tmp_path / "database.db", scene),
+        "--input_path",
+        full.model_path,
+    ]
     lines = [f"{name} {true_camera.intrinsics().text()}" for name in scene.query_names]
     run = localize(*arguments, *query_list(*lines))
     run.assert_localized(full.scene, scene.query_names, *MAX_ERRORS)
@@ -70,8 +75,13 @@ def test_listed_image_with_a_pose_is_a_query_and_nobodys_database_image(localize
     scene = full.scene.copy()
     scene.images["database/003.jpg"].pose = Pose(np.array([0.5, 0.5, 0.5, 0.5]), np.array([9.0, 9.0, 9.0]))
     model_path = synthetic.write_model(tmp_path / "model", scene)
-    run = localize("--database_path", full.database_path, "--input_path", model_path,
-                   *query_list("database/003.jpg", "query/001.jpg", "database/006.jpg"))
+    run = localize(
+        "--database_path",
+        full.database_path,
+        "--input_path",
+        model_path,
+        *query_list("database/003.jpg", "query/001.jpg", "database/006.jpg"),
+    )
     queries = ["database/003.jpg", "database/006.jpg", "query/001.jpg"]
     run.assert_localized(full.scene, queries, *MAX_ERRORS)
     others = [name for name in full.scene.database_names if name not in queries]
@@ -100,8 +110,9 @@ def test_leave_one_out_localizes_every_posed_image_against_all_others(localize, 
 
 def test_leave_one_out_of_a_list(localize, full, query_list):
     """Listed images are database images for each other."""
-    run = localize(*full.arguments, "--LazyLocalizer.leave_one_out", 1,
-                   *query_list("database/005.jpg", "database/002.jpg"))
+    run = localize(
+        *full.arguments, "--LazyLocalizer.leave_one_out", 1, *query_list("database/005.jpg", "database/002.jpg")
+    )
     run.assert_localized(full.scene, ["database/002.jpg", "database/005.jpg"], *MAX_ERRORS)
     assert "database/005.jpg" in run.pair_names("database/002.jpg")
     assert "database/002.jpg" in run.pair_names("database/005.jpg")
@@ -110,9 +121,15 @@ def test_leave_one_out_of_a_list(localize, full, query_list):
 def test_leave_one_out_does_not_use_the_own_pose(localize, full, tmp_path, query_list):
     scene = full.scene.copy()
     scene.images["database/003.jpg"].pose = Pose(np.array([0.5, 0.5, 0.5, 0.5]), np.array([9.0, 9.0, 9.0]))
-    run = localize("--database_path", full.database_path, "--input_path",
-                   synthetic.write_model(tmp_path / "model", scene), "--LazyLocalizer.leave_one_out", 1,
-                   *query_list("database/003.jpg"))
+    run = localize(
+        "--database_path",
+        full.database_path,
+        "--input_path",
+        synthetic.write_model(tmp_path / "model", scene),
+        "--LazyLocalizer.leave_one_out",
+        1,
+        *query_list("database/003.jpg"),
+    )
     run.assert_localized(full.scene, ["database/003.jpg"], *MAX_ERRORS)
 
 
@@ -134,18 +151,30 @@ def test_pairs_are_those_with_most_inliers(localize, full, query_list, num_retri
 
 
 def test_pairs_file_in_both_directions_with_scores_and_strangers(localize, full, tmp_path):
-    pairs = write_lines(tmp_path / "pairs.txt", [
-        "# query, database, score", "query/000.jpg database/005.jpg 0.93", "database/001.jpg query/000.jpg",
-        "query/000.jpg database/005.jpg", "query/000.jpg nowhere.jpg 0.5", "stranger.jpg database/002.jpg",
-        "query/000.jpg query/000.jpg", "query/000.jpg query/002.jpg", "query/000.jpg database/007.jpg 0.1",
-        "database/002.jpg database/003.jpg", "query/002.jpg database/000.jpg", "query/002.jpg database/004.jpg",
-        "database/006.jpg query/002.jpg"])
+    pairs = write_lines(
+        tmp_path / "pairs.txt",
+        [
+            "# query, database, score",
+            "query/000.jpg database/005.jpg 0.93",
+            "database/001.jpg query/000.jpg",
+            "query/000.jpg database/005.jpg",
+            "query/000.jpg nowhere.jpg 0.5",
+            "stranger.jpg database/002.jpg",
+            "query/000.jpg query/000.jpg",
+            "query/000.jpg query/002.jpg",
+            "query/000.jpg database/007.jpg 0.1",
+            "database/002.jpg database/003.jpg",
+            "query/002.jpg database/000.jpg",
+            "query/002.jpg database/004.jpg",
+            "database/006.jpg query/002.jpg",
+        ],
+    )
     run = localize(*full.arguments, "--pairs_path", pairs)
     run.assert_localized(full.scene, ["query/000.jpg", "query/002.jpg"], *MAX_ERRORS)
     assert run.pair_names("query/000.jpg") == ["database/001.jpg", "database/005.jpg", "database/007.jpg"]
     assert run.pair_names("query/002.jpg") == ["database/000.jpg", "database/004.jpg", "database/006.jpg"]
     assert run.statuses["query/001.jpg"] == "NO_PAIRS"
-    warning, = run.stderr.splitlines()
+    (warning,) = run.stderr.splitlines()
     assert all(words in warning for words in ("WARNING", "pairs.txt", "2 images", "nowhere.jpg"))
 
 
@@ -158,8 +187,10 @@ def test_all_pairs_of_a_pairs_file_are_used(localize, full, tmp_path):
 
 def test_order_of_the_pairs_file_does_not_matter(localize, full, tmp_path):
     lines = [f"query/001.jpg {name}" for name in full.scene.database_names]
-    runs = [localize(*full.arguments, "--pairs_path", write_lines(tmp_path / f"{i}.txt", order))
-            for i, order in enumerate((lines, lines[::-1]))]
+    runs = [
+        localize(*full.arguments, "--pairs_path", write_lines(tmp_path / f"{i}.txt", order))
+        for i, order in enumerate((lines, lines[::-1]))
+    ]
     assert len(runs[0].poses) == 1
     assert runs[0].poses_bytes == runs[1].poses_bytes
 
@@ -170,18 +201,27 @@ def test_order_of_the_pairs_file_does_not_matter(localize, full, tmp_path):
 @pytest.mark.parametrize("binary", [True, False], ids=["binary", "text"])
 def test_names_of_any_kind(localize, full, tmp_path, query_list, binary):
     """Nested, with spaces, non-ASCII, with quotes and backslashes."""
-    unusual = {"query/000.jpg": "été 2024/日本 01.jpg", "query/001.jpg": "a/b/c d/e.jpg",
-               "query/002.jpg": 'quote " and \\ backslash.jpg', "database/002.jpg": "Größe/über all.jpg",
-               "database/005.jpg": "database/two  spaces.jpg"}
+    unusual = {
+        "query/000.jpg": "été 2024/日本 01.jpg",
+        "query/001.jpg": "a/b/c d/e.jpg",
+        "query/002.jpg": 'quote " and \\ backslash.jpg',
+        "database/002.jpg": "Größe/über all.jpg",
+        "database/005.jpg": "database/two  spaces.jpg",
+    }
     scene = full.scene.copy()
     scene.images = {unusual.get(name, name): image for name, image in scene.images.items()}
     for name, image in scene.images.items():
         image.name = name
-    scene.pairs = {(unusual.get(name1, name1), unusual.get(name2, name2)): pair
-                   for (name1, name2), pair in scene.pairs.items()}
+    scene.pairs = {
+        (unusual.get(name1, name1), unusual.get(name2, name2)): pair for (name1, name2), pair in scene.pairs.items()
+    }
     scene.query_names = [unusual.get(name, name) for name in scene.query_names]
-    arguments = ["--database_path", synthetic.write_database(tmp_path / "database.db", scene), "--input_path",
-                 synthetic.write_model(tmp_path / "model", scene, binary=binary)]
+    arguments = [
+        "--database_path",
+        synthetic.write_database(tmp_path / "database.db", scene),
+        "--input_path",
+        synthetic.write_model(tmp_path / "model", scene, binary=binary),
+    ]
     by_default = localize(*arguments)
     by_default.assert_localized(scene, scene.query_names, *MAX_ERRORS)
     listed = localize(*arguments, *query_list(*scene.query_names))

@@ -54,8 +54,14 @@ def as_other_user():
 
 def read_only_mount(folder):
     """Returns a launcher that sees the folder mounted read-only; skips where the machine does not allow it."""
-    launcher = ["unshare", "--mount", "sh", "-c",
-                f"mount --bind '{folder}' '{folder}' && mount -o remount,ro,bind '{folder}' && exec \"$@\"", "sh"]
+    launcher = [
+        "unshare",
+        "--mount",
+        "sh",
+        "-c",
+        f"mount --bind '{folder}' '{folder}' && mount -o remount,ro,bind '{folder}' && exec \"$@\"",
+        "sh",
+    ]
     probe = ["sh", "-c", f"! touch '{folder}/probe' 2>/dev/null"]
     if shutil.which("unshare") is None or subprocess.run([*launcher, *probe], capture_output=True).returncode != 0:
         (folder / "probe").unlink(missing_ok=True)
@@ -152,9 +158,16 @@ def test_output_into_the_databases_folder_adds_only_the_outputs(localize, exact,
     files = write_scene_files(tmp_path, exact.scene)
     (tmp_path / "model").rename(tmp_path / "input_model")
     before = files.database_path.read_bytes()
-    run = localize("--database_path", files.database_path, "--input_path", tmp_path / "input_model",
-                   output_path=tmp_path)
+    run = localize(
+        "--database_path", files.database_path, "--input_path", tmp_path / "input_model", output_path=tmp_path
+    )
     run.assert_localized(exact.scene, exact.scene.query_names, 5e-7, 5e-6)
     assert files.database_path.read_bytes() == before
-    assert {path.name for path in tmp_path.iterdir()} == {"database.db", "input_model", "model", "options.ini",
-                                                          "poses.txt", "results.jsonl"}
+    assert {path.name for path in tmp_path.iterdir()} == {
+        "database.db",
+        "input_model",
+        "model",
+        "options.ini",
+        "poses.txt",
+        "results.jsonl",
+    }

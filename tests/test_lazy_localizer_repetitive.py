@@ -19,8 +19,9 @@ def make_facade(wrong_window_ratio, wrong_pair_ratio=0.0, noise_px=0.7, outlier_
     rng = np.random.default_rng(seed)
     window = rng.uniform([0, -3, 0], [PERIOD, 3, 0.3], (NUM_POINTS_A_WINDOW, 3))
     shifts = (np.arange(NUM_WINDOWS) - NUM_WINDOWS / 2)[:, None, None] * [PERIOD, 0, 0]
-    points = np.concatenate([(shifts + window).reshape(-1, 3),
-                             rng.uniform([-20, -3, -1.5], [20, 3, 0.3], (NUM_SINGLE_POINTS, 3))])
+    points = np.concatenate(
+        [(shifts + window).reshape(-1, 3), rng.uniform([-20, -3, -1.5], [20, 3, 0.3], (NUM_SINGLE_POINTS, 3))]
+    )
     scene = synthetic.Scene({1: synthetic.Camera(1, "PINHOLE", 1024, 768, [800, 800, 512, 384])}, {}, {}, [])
     database = [(f"database/{i:03d}.jpg", x, 0.5) for i, x in enumerate(np.linspace(-8, 8, 16))]
     queries = [(f"query/{i:03d}.jpg", x, 2.0) for i, x in enumerate(rng.uniform(-7, 7, 6))]

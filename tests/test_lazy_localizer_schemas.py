@@ -46,9 +46,15 @@ def assert_same_poses(run, reference, max_error):
 
 
 # COLMAP 3.6 stores no relative poses.
-@pytest.mark.parametrize("writer, geometry", [(writer, geometry) for writer in WRITERS[1:]
-                                              for geometry in ("pose", "essential", None)
-                                              if (writer, geometry) != ("3.6", "pose")])
+@pytest.mark.parametrize(
+    "writer, geometry",
+    [
+        (writer, geometry)
+        for writer in WRITERS[1:]
+        for geometry in ("pose", "essential", None)
+        if (writer, geometry) != ("3.6", "pose")
+    ],
+)
 def test_same_poses_from_every_schema(localize, write, noisy, tmp_path, references, writer, geometry):
     database_path = write(writer, tmp_path / "database.db", noisy.scene, geometry)
     run = localize("--database_path", database_path, "--input_path", noisy.model_path)

@@ -88,9 +88,14 @@ def test_model_of_images_that_the_database_does_not_know(localize, exact, tmp_pa
     scene = exact.scene.copy()
     for name in scene.database_names:
         scene.images[name].name = "other_" + name
-    done = localize("--database_path", exact.database_path, "--input_path",
-                    synthetic.write_model(tmp_path / "model", scene), "--query_list_path",
-                    write_lines(tmp_path / "list.txt", scene.query_names))
+    done = localize(
+        "--database_path",
+        exact.database_path,
+        "--input_path",
+        synthetic.write_model(tmp_path / "model", scene),
+        "--query_list_path",
+        write_lines(tmp_path / "list.txt", scene.query_names),
+    )
     assert done.exit_code == 0
     assert set(done.statuses.values()) == {"NO_PAIRS"}
 
@@ -150,8 +155,9 @@ def test_query_with_random_matches(localize, exact, tmp_path, write_scene_files)
     files = write_scene_files(tmp_path, scene, geometry=None)
     query_list = write_lines(tmp_path / "list.txt", ["query/001.jpg"])
     done = localize(*files.arguments, "--query_list_path", query_list)
-    assert_lost(done, "query/001.jpg", {"TOO_FEW_INLIERS", "INCONSISTENT_ROTATIONS", "SCALE_UNOBSERVABLE",
-                                        "TOO_FEW_TRACKS"})
+    assert_lost(
+        done, "query/001.jpg", {"TOO_FEW_INLIERS", "INCONSISTENT_ROTATIONS", "SCALE_UNOBSERVABLE", "TOO_FEW_TRACKS"}
+    )
 
 
 def test_query_whose_pairs_contradict_each_other(run, exact):

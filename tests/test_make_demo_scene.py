@@ -27,8 +27,9 @@ def black_sky(directions):
 
 
 def plain(corner, right, down, value):
-    return Rectangle(np.array(corner, float), np.array(right, float), np.array(down, float),
-                     np.full((64, 64, 3), value, np.uint8))
+    return Rectangle(
+        np.array(corner, float), np.array(right, float), np.array(down, float), np.full((64, 64, 3), value, np.uint8)
+    )
 
 
 def dotted_wall(sigma_texels=6.0):
@@ -88,8 +89,12 @@ def test_plane_through_the_camera_is_clipped():
 def test_fine_texture_far_away_turns_grey_instead_of_aliasing():
     camera = Camera("PINHOLE", 60, 60, (60, 60, 30, 30))
     checkers = np.indices((1024, 1024)).sum(axis=0) % 2 * 255
-    wall = Rectangle(np.array([-6.0, 5, 6]), np.array([12.0, 0, 0]), np.array([0, 0, -12.0]),
-                     np.repeat(checkers.astype(np.uint8)[..., None], 3, axis=2))
+    wall = Rectangle(
+        np.array([-6.0, 5, 6]),
+        np.array([12.0, 0, 0]),
+        np.array([0, 0, -12.0]),
+        np.repeat(checkers.astype(np.uint8)[..., None], 3, axis=2),
+    )
     pose = demo.upright_pose(np.zeros(3), np.array([1.0, 5, 0.3]), roll_deg=4)
     image = render([wall], RayGrid(camera), pose, black_sky)[5:-5, 5:-5, 0]
     assert image.std() < 3 and abs(image.mean() - 127.5) < 3
@@ -108,12 +113,22 @@ def test_cameras_are_clear_of_everything_and_inside_the_courtyard(seed):
 def small_scene(monkeypatch):
     """Makes coarse textures and small photos, so that a scene takes less than a second."""
     monkeypatch.setattr(demo, "build_scene", functools.partial(demo.build_scene, texels_per_m=30))
-    monkeypatch.setattr(demo, "DATABASE_CAMERA",
-                        Camera("OPENCV", 160, 120, (128.3, 129.1, 80.6, 59.2, -0.11, 0.04, 0.001, -0.0007)))
+    monkeypatch.setattr(
+        demo, "DATABASE_CAMERA", Camera("OPENCV", 160, 120, (128.3, 129.1, 80.6, 59.2, -0.11, 0.04, 0.001, -0.0007))
+    )
     monkeypatch.setattr(demo, "QUERY_CAMERA", Camera("RADIAL", 168, 112, (116.7, 83.2, 57.9, -0.08, 0.02)))
     return lambda path, seed=0, num_database=2: demo.main(
-        ["--output_path", str(path), "--seed", str(seed), "--num_database_images", str(num_database),
-         "--num_query_images", "1"])
+        [
+            "--output_path",
+            str(path),
+            "--seed",
+            str(seed),
+            "--num_database_images",
+            str(num_database),
+            "--num_query_images",
+            "1",
+        ]
+    )
 
 
 def contents(folder):
@@ -176,8 +191,9 @@ def epipolar_errors_px(view1, view2, xy1, xy2):
     x, y, z = view2.pose.tvec - rotation @ view1.pose.tvec
     essential = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]]) @ rotation
     camera1, camera2 = (to_pycolmap_camera(view.camera) for view in (view1, view2))
-    rays1, rays2 = (np.column_stack([camera.cam_from_img(xy), np.ones(len(xy))])
-                    for camera, xy in ((camera1, xy1), (camera2, xy2)))
+    rays1, rays2 = (
+        np.column_stack([camera.cam_from_img(xy), np.ones(len(xy))]) for camera, xy in ((camera1, xy1), (camera2, xy2))
+    )
     lines = rays1 @ essential.T
     distances = np.abs(np.sum(lines * rays2, axis=1)) / np.linalg.norm(lines[:, :2], axis=1)
     return distances * camera2.mean_focal_length()
@@ -192,8 +208,9 @@ def test_photos_match_and_their_matches_obey_the_true_poses():
     query = demo.View("query", demo.QUERY_CAMERA, Pose.from_centre(rotation, centre))
     keypoints, descriptors = [], []
     for index, view in enumerate((database, query)):
-        photo = demo.photograph(render(rectangles, RayGrid(view.camera), view.pose, demo.sky),
-                                np.random.default_rng(index))
+        photo = demo.photograph(
+            render(rectangles, RayGrid(view.camera), view.pose, demo.sky), np.random.default_rng(index)
+        )
         points, descriptor = cv2.SIFT_create(4000).detectAndCompute(cv2.cvtColor(photo, cv2.COLOR_BGR2GRAY), None)
         keypoints.append(np.array([point.pt for point in points]) + 0.5)  # OpenCV's pixel centres are at integers
         descriptors.append(descriptor)
@@ -201,6 +218,10 @@ def test_photos_match_and_their_matches_obey_the_true_poses():
     pairs = cv2.BFMatcher().knnMatch(*descriptors, k=2)
     matches = [best for best, second in pairs if best.distance < 0.7 * second.distance]
     assert len(matches) > 300
-    errors = epipolar_errors_px(database, query, keypoints[0][[match.queryIdx for match in matches]],
-                                keypoints[1][[match.trainIdx for match in matches]])
+    errors = epipolar_errors_px(
+        database,
+        query,
+        keypoints[0][[match.queryIdx for match in matches]],
+        keypoints[1][[match.trainIdx for match in matches]],
+    )
     assert np.median(errors) < 0.3 and np.mean(errors < 1.5) > 0.9

@@ -10,10 +10,14 @@ from colmap_lazyloc.pairs import read_pairs
 from colmap_lazyloc.poses import Pose
 from colmap_lazyloc.queries import read_queries, read_query_cameras
 
-CAMERAS = {3: Camera("OPENCV", 640, 480, (500.5, 501, 320, 240, -0.1, 0.01, 1e-3, 1 / 3)),
-           7: Camera("SIMPLE_PINHOLE", 10, 20, (8.0, 5.0, 10.0))}
-IMAGES = [Image("with blank é.jpg", 3, Pose(np.array([0.6, 0, -0.8, 0]), np.array([1e6, 1 / 3, -2])), 5),
-          Image("b.jpg", 7, Pose(np.array([1.0, 0, 0, 0]), np.array([1.0, 2, 3])), 9)]
+CAMERAS = {
+    3: Camera("OPENCV", 640, 480, (500.5, 501, 320, 240, -0.1, 0.01, 1e-3, 1 / 3)),
+    7: Camera("SIMPLE_PINHOLE", 10, 20, (8.0, 5.0, 10.0)),
+}
+IMAGES = [
+    Image("with blank é.jpg", 3, Pose(np.array([0.6, 0, -0.8, 0]), np.array([1e6, 1 / 3, -2])), 5),
+    Image("b.jpg", 7, Pose(np.array([1.0, 0, 0, 0]), np.array([1.0, 2, 3])), 9),
+]
 
 
 def test_camera_models_are_those_of_colmap():
@@ -78,7 +82,10 @@ def test_pairs_are_the_first_two_names_of_a_line(tmp_path):
 def test_queries_may_have_cameras_and_names_blanks(tmp_path):
     path = tmp_path / "list.txt"
     path.write_text("q/a.jpg SIMPLE_RADIAL 1600 1200 1469.2 800 600 -0.0353\n\n# comment\nmy photo.jpg\nX 1 2\n")
-    assert read_queries(path) == {"q/a.jpg": Camera("SIMPLE_RADIAL", 1600, 1200, (1469.2, 800.0, 600.0, -0.0353)),
-                                  "my photo.jpg": None, "X 1 2": None}
+    assert read_queries(path) == {
+        "q/a.jpg": Camera("SIMPLE_RADIAL", 1600, 1200, (1469.2, 800.0, 600.0, -0.0353)),
+        "my photo.jpg": None,
+        "X 1 2": None,
+    }
     with pytest.raises(InputError, match=r"list.txt: expected `name MODEL .*found 'my photo.jpg'"):
         read_query_cameras(path)

@@ -17,8 +17,9 @@ def upgrade(*arguments):
 def database_path(tmp_path, exact):
     path = synthetic.write_database(tmp_path / "database.db", exact.scene, "3.10")
     with sqlite3.connect(path) as connection:
-        synthetic.insert(connection, "pose_priors", image_id=1, position=np.array([1, 2, 3], "<f8").tobytes(),
-                         coordinate_system=1)
+        synthetic.insert(
+            connection, "pose_priors", image_id=1, position=np.array([1, 2, 3], "<f8").tobytes(), coordinate_system=1
+        )
     connection.close()
     return path
 
@@ -100,10 +101,12 @@ def test_mistakes_are_one_line(tmp_path, database_path, capsys):
     (tmp_path / "text.db").write_text("no database at all, but long enough to be looked at" * 10)
     (tmp_path / "taken.db").touch()
     sqlite3.connect(tmp_path / "empty.db").close()
-    for arguments, words in [([tmp_path / "missing.db"], "missing.db: no such file"),
-                             ([tmp_path / "text.db"], "text.db: file is not a database"),
-                             ([tmp_path / "empty.db"], "empty.db: is no COLMAP database"),
-                             ([database_path, "--output_path", tmp_path / "taken.db"], "taken.db: is there already")]:
+    for arguments, words in [
+        ([tmp_path / "missing.db"], "missing.db: no such file"),
+        ([tmp_path / "text.db"], "text.db: file is not a database"),
+        ([tmp_path / "empty.db"], "empty.db: is no COLMAP database"),
+        ([database_path, "--output_path", tmp_path / "taken.db"], "taken.db: is there already"),
+    ]:
         assert upgrade(*arguments) == 1
         error = capsys.readouterr().err
         assert error.count("\n") == 1 and words in error

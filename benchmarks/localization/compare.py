@@ -72,8 +72,9 @@ def compare_paired(before: Groups, after: Groups, min_effect: float) -> tuple[li
         scenes = sorted(scene for scene, other in common if other == series)
         groups = {scene: [scene] for scene in scenes} | ({ALL_SCENES: scenes} if len(scenes) > 1 else {})
         for name, members in groups.items():
-            rows_before, rows_after = ([row for scene in members for row in run[scene, series]]
-                                       for run in (before, after))
+            rows_before, rows_after = (
+                [row for scene in members for row in run[scene, series]] for run in (before, after)
+            )
             found, text = _compare_rows(rows_before, rows_after, min_effect)
             lines.append(f"{name}, {label}: {text}")
             regressions += [f"{name}, {label}: {reason}" for reason in found]
@@ -120,8 +121,10 @@ def compare_with_expected(expected: dict, run: Groups) -> list[str]:
         for quantity, error in ERRORS.items():
             mean, expected_mean = _geometric_mean(rows, error), figure[f"geometric_mean_{error}"]
             ratio = mean / expected_mean
-            text = (f"{name}: geometric mean of {quantity} errors {mean:.4g}, expected {expected_mean:.4g}, "
-                    f"ratio {ratio:.3f}")
+            text = (
+                f"{name}: geometric mean of {quantity} errors {mean:.4g}, expected {expected_mean:.4g}, "
+                f"ratio {ratio:.3f}"
+            )
             print(text)
             if not ratio <= tolerance[f"{quantity}_ratio"]:
                 regressions.append(text)
@@ -140,10 +143,16 @@ def write_expected(path: pathlib.Path, run: Groups):
     figures = []
     for (scene, series), rows in sorted(run.items(), key=str):
         summary = summarize(rows)
-        figures.append({
-            "scene": scene, "method": series.method, "num_retrieved": series.num_retrieved,
-            "num_queries": summary.num_queries, "num_lost": summary.num_lost,
-            **{f"geometric_mean_{error}": round(_geometric_mean(rows, error), 5) for error in ERRORS.values()}})
+        figures.append(
+            {
+                "scene": scene,
+                "method": series.method,
+                "num_retrieved": series.num_retrieved,
+                "num_queries": summary.num_queries,
+                "num_lost": summary.num_lost,
+                **{f"geometric_mean_{error}": round(_geometric_mean(rows, error), 5) for error in ERRORS.values()},
+            }
+        )
     # A line per figure, so that a change is easy to read.
     lines = ",\n".join(f"    {json.dumps(figure)}" for figure in figures)
     tolerance = json.dumps(old.get("tolerance", DEFAULT_TOLERANCE))
@@ -159,8 +168,9 @@ def side_by_side(names: list[str], runs: list[Groups]) -> str:
     label = labels(in_order({series for _, series in keys}))
     for scene, series in keys:
         summaries = [summarize(run[scene, series]) if (scene, series) in run else None for run in runs]
-        cells = [f"{s.median_position_error_cm:.3f} / {s.median_rotation_error_deg:.4f}" if s else "–"
-                 for s in summaries]
+        cells = [
+            f"{s.median_position_error_cm:.3f} / {s.median_rotation_error_deg:.4f}" if s else "–" for s in summaries
+        ]
         if has_scatter:
             medians = [s.median_position_error_cm for s in summaries if s]
             mean = sum(medians) / len(medians)

@@ -86,8 +86,16 @@ def make_row(tag: str, scene: Scene, query_name: str, series: Series, result: Re
     true_pose = scene.true_pose(query_name)
     if result.pose is not None and true_pose is not None:
         position_error, rotation_error_deg = result.pose.errors(true_pose)
-    return Row(tag, scene.name, query_name, *dataclasses.astuple(series), 100 * position_error, rotation_error_deg,
-               result.seconds, result.status)
+    return Row(
+        tag,
+        scene.name,
+        query_name,
+        *dataclasses.astuple(series),
+        100 * position_error,
+        rotation_error_deg,
+        result.seconds,
+        result.status,
+    )
 
 
 def summarize(rows: list[Row]) -> Summary:
@@ -95,8 +103,12 @@ def summarize(rows: list[Row]) -> Summary:
     positions = np.where(lost, np.inf, [row.position_error_cm for row in rows])
     rotations = np.where(lost, np.inf, [row.rotation_error_deg for row in rows])
     measured = np.array([row.is_measured for row in rows])
-    recall = [float(np.mean((positions <= 100 * metres) & (rotations <= degrees))) if not np.isnan(positions).any()
-              else math.nan for metres, degrees in DEFAULT_THRESHOLDS]
+    recall = [
+        float(np.mean((positions <= 100 * metres) & (rotations <= degrees)))
+        if not np.isnan(positions).any()
+        else math.nan
+        for metres, degrees in DEFAULT_THRESHOLDS
+    ]
     return Summary(
         num_queries=len(rows),
         num_lost=int(lost.sum()),
@@ -104,11 +116,13 @@ def summarize(rows: list[Row]) -> Summary:
         median_rotation_error_deg=float(np.median(rotations)),
         mean_position_error_cm=float(np.mean(positions[measured])) if measured.any() else math.nan,
         median_seconds=float(np.median([row.seconds for row in rows])),
-        recall=tuple(recall))
+        recall=tuple(recall),
+    )
 
 
-def paired_ratio(rows: list[Row], baseline_rows: list[Row], error: str = "position_error_cm",
-                 confidence: float = 0.95) -> Ratio | None:
+def paired_ratio(
+    rows: list[Row], baseline_rows: list[Row], error: str = "position_error_cm", confidence: float = 0.95
+) -> Ratio | None:
     """Compares the queries that both localized, if there are any. The bootstrap draws queries within each scene."""
     baseline = {(row.scene, row.query): row for row in baseline_rows if row.is_measured}
     log_ratios_of_scenes = {}
@@ -139,5 +153,7 @@ def write_csv(path: pathlib.Path, rows: list[Row]):
 
 def read_csv(path: pathlib.Path) -> list[Row]:
     with path.open(newline="") as file:
-        return [Row(**{field.name: field.type(record[field.name]) for field in dataclasses.fields(Row)})
-                for record in csv.DictReader(file)]
+        return [
+            Row(**{field.name: field.type(record[field.name]) for field in dataclasses.fields(Row)})
+            for record in csv.DictReader(file)
+        ]

@@ -46,6 +46,7 @@ class Variant:
 
 def variants(scene: Scene, setup: Setup, queries: list[str], folder: pathlib.Path) -> dict[str, Variant]:
     """Returns the variants by name; the first is what the others are compared with."""
+
     def size(length):
         return ["--LazyLocalizer.group_size", length]
 
@@ -53,7 +54,8 @@ def variants(scene: Scene, setup: Setup, queries: list[str], folder: pathlib.Pat
     trajectory = ["--query_trajectory_path", scene.model_path]
     chosen |= {f"trajectory, L = {length}": Variant([*trajectory, *size(length)]) for length in (3, 5)}
     chosen["trajectory without scale, L = 5"] = Variant(
-        [*trajectory, *size(5), "--LazyLocalizer.trajectory_has_scale", 0])
+        [*trajectory, *size(5), "--LazyLocalizer.trajectory_has_scale", 0]
+    )
     if len(setup.prefixes) == 1:
         return chosen
     config_path = scene.path / "rig_config.json"
@@ -94,8 +96,9 @@ def write_wrong_config(config_path: pathlib.Path, error_deg: float, path: pathli
 
 def run_scene(scene: Scene, setup: Setup, arguments: argparse.Namespace) -> tuple[dict, dict]:
     """Returns the rows, and the median of the images' rig_error_px, by variant."""
-    moments = sorted(name.removeprefix(setup.prefixes[0]) for name in scene.images
-                     if name.startswith(setup.prefixes[0]))
+    moments = sorted(
+        name.removeprefix(setup.prefixes[0]) for name in scene.images if name.startswith(setup.prefixes[0])
+    )
     query_moments = [moment for i, moment in enumerate(moments) if i % setup.database_step != 0]
     queries = [prefix + moment for moment in query_moments for prefix in setup.prefixes]
     evaluated = [setup.prefixes[0] + moment for moment in query_moments]
@@ -107,9 +110,20 @@ def run_scene(scene: Scene, setup: Setup, arguments: argparse.Namespace) -> tupl
             listed = queries if variant.is_rig else evaluated
             list_path, output_path = pathlib.Path(folder) / "queries.txt", pathlib.Path(folder) / "output"
             list_path.write_text("".join(f"{query} {scene.camera(query).text()}\n" for query in listed))
-            run_colmap(arguments.colmap, "lazy_localizer", "--database_path", scene.database_path, "--input_path",
-                       model_path, "--output_path", output_path, "--query_list_path", list_path, *variant.options,
-                       *arguments.options)
+            run_colmap(
+                arguments.colmap,
+                "lazy_localizer",
+                "--database_path",
+                scene.database_path,
+                "--input_path",
+                model_path,
+                "--output_path",
+                output_path,
+                "--query_list_path",
+                list_path,
+                *variant.options,
+                *arguments.options,
+            )
             results = read_method_results(output_path / "results.jsonl", evaluated)
             rows[name] = [make_row("groups", scene, query, Series(name), results[query]) for query in evaluated]
             records = read_results(output_path / "results.jsonl").values()
@@ -121,17 +135,25 @@ def run_scene(scene: Scene, setup: Setup, arguments: argparse.Namespace) -> tupl
 def table(rows: dict[str, list[Row]], rig_errors_px: dict[str, str]) -> str:
     baseline_rows = next(iter(rows.values()))
     baseline = summarize(baseline_rows)
-    lines = ["| | queries | lost | median mm / ° | mean mm | median / alone | mean / alone | "
-             "geometric mean of the ratio to alone [95 %] | rig_error_px |", "|---|---|---|---|---|---|---|---|---|"]
+    lines = [
+        "| | queries | lost | median mm / ° | mean mm | median / alone | mean / alone | "
+        "geometric mean of the ratio to alone [95 %] | rig_error_px |",
+        "|---|---|---|---|---|---|---|---|---|",
+    ]
     for name, own_rows in rows.items():
         summary, ratio = summarize(own_rows), paired_ratio(own_rows, baseline_rows)
         statuses = collections.Counter(row.status for row in own_rows if row.is_lost)
         lost = ", ".join(f"{count} {status}" for status, count in statuses.items()) or "0"
         median, mean = summary.median_position_error_cm, summary.mean_position_error_cm
-        figures = "– | – | – | – | –" if ratio is None else (
-            f"{10 * median:.2f} / {summary.median_rotation_error_deg:.3f} | {10 * mean:.2f} | "
-            f"{median / baseline.median_position_error_cm:.2f} | {mean / baseline.mean_position_error_cm:.2f} | "
-            f"{ratio.mean:.2f} [{ratio.low:.2f}, {ratio.high:.2f}]")
+        figures = (
+            "– | – | – | – | –"
+            if ratio is None
+            else (
+                f"{10 * median:.2f} / {summary.median_rotation_error_deg:.3f} | {10 * mean:.2f} | "
+                f"{median / baseline.median_position_error_cm:.2f} | {mean / baseline.mean_position_error_cm:.2f} | "
+                f"{ratio.mean:.2f} [{ratio.low:.2f}, {ratio.high:.2f}]"
+            )
+        )
         lines.append(f"| {name} | {summary.num_queries} | {lost} | {figures} | {rig_errors_px[name]} |")
     return "\n".join(lines)
 

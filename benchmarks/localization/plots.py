@@ -12,8 +12,16 @@ from benchmarks.localization.evaluation import Row, summarize
 from benchmarks.localization.tables import in_order, labels
 
 matplotlib.use("svg")
-matplotlib.rcParams.update({"svg.hashsalt": "localization", "svg.fonttype": "none", "font.size": 9,
-                            "axes.grid": True, "grid.alpha": 0.3, "savefig.bbox": "tight"})
+matplotlib.rcParams.update(
+    {
+        "svg.hashsalt": "localization",
+        "svg.fonttype": "none",
+        "font.size": 9,
+        "axes.grid": True,
+        "grid.alpha": 0.3,
+        "savefig.bbox": "tight",
+    }
+)
 
 MAX_NUM_COLUMNS = 3
 PANEL_SIZE = (4.2, 3.2)  # inches
@@ -27,8 +35,10 @@ def write_plots(path: pathlib.Path, tag: str, rows: list[Row]) -> list[pathlib.P
     if not any(row.is_measured for row in rows):
         return []
     names = labels(in_order({row.series for row in rows}))
-    styles = {series: {"color": f"C{i % 10}", "label": name, "marker": MARKERS[i % len(MARKERS)]}
-              for i, (series, name) in enumerate(names.items())}
+    styles = {
+        series: {"color": f"C{i % 10}", "label": name, "marker": MARKERS[i % len(MARKERS)]}
+        for i, (series, name) in enumerate(names.items())
+    }
     plots = {"cumulative_error": _cumulative_error, "time_against_error": _time_against_error}
     if len({row.num_retrieved for row in rows}) > 1:
         plots["error_against_k"] = _error_against_k
@@ -46,14 +56,15 @@ def _figure(rows: list[Row], styles: dict, draw):
     scenes = sorted({row.scene for row in rows})
     columns = min(len(scenes), MAX_NUM_COLUMNS)
     lines = -(-len(scenes) // columns)
-    figure, panels = plt.subplots(lines, columns, squeeze=False,
-                                  figsize=(PANEL_SIZE[0] * columns, PANEL_SIZE[1] * lines))
+    figure, panels = plt.subplots(
+        lines, columns, squeeze=False, figsize=(PANEL_SIZE[0] * columns, PANEL_SIZE[1] * lines)
+    )
     handles = {}
     for panel, scene in zip(panels.flat, scenes):
         panel.set_title(scene)
         draw(panel, [row for row in rows if row.scene == scene], styles)
         handles |= {name: handle for handle, name in zip(*panel.get_legend_handles_labels())}
-    for panel in panels.flat[len(scenes):]:
+    for panel in panels.flat[len(scenes) :]:
         panel.set_visible(False)
     figure.legend(handles.values(), handles.keys(), loc="upper center", bbox_to_anchor=(0.5, 0), ncols=3, frameon=False)
     figure.tight_layout()
@@ -84,8 +95,9 @@ def _error_against_k(panel, rows: list[Row], styles: dict):
     all_series = in_order({row.series for row in rows})
     for i, method in enumerate(dict.fromkeys(series.method for series in all_series)):
         first = next(series for series in all_series if series.method == method)
-        own = [series for series in all_series
-               if dataclasses.replace(series, num_retrieved=first.num_retrieved) == first]
+        own = [
+            series for series in all_series if dataclasses.replace(series, num_retrieved=first.num_retrieved) == first
+        ]
         medians = [summarize([row for row in rows if row.series == series]).median_position_error_cm for series in own]
         panel.plot([series.num_retrieved for series in own], medians, "o-", color=f"C{i % 10}", label=method)
     panel.set(xlabel="database images per query, K", ylabel="median position error [cm]")

@@ -52,8 +52,12 @@ def run(arguments: argparse.Namespace, scene_names: list[str]):
     reasons = {}
     command_line = " ".join(arguments.argv).replace(f"{pathlib.Path.cwd()}/", "")
     notes = [*describe_environment(), f"`python -m benchmarks run {command_line}`"]
-    all_series = [Series(*values) for values in itertools.product(
-        arguments.methods, arguments.num_retrieved, arguments.seeds, arguments.database_noise)]
+    all_series = [
+        Series(*values)
+        for values in itertools.product(
+            arguments.methods, arguments.num_retrieved, arguments.seeds, arguments.database_noise
+        )
+    ]
     for scene_name in scene_names:
         exact_scene = _in_own_process(_prepare, arguments, scene_name)
         query_names = _choose_queries(exact_scene, arguments.queries)
@@ -68,8 +72,11 @@ def run(arguments: argparse.Namespace, scene_names: list[str]):
             # After every step, so that a run that is broken off leaves what it has found.
             write_csv(csv_path, rows)
             markdown_path.write_text(tables.markdown(arguments.tag, rows, reasons, notes))
-            print(f"{scene.name} {tables.labels(all_series)[series]}: {reason or f'{len(results)} queries'}",
-                  file=sys.stderr, flush=True)
+            print(
+                f"{scene.name} {tables.labels(all_series)[series]}: {reason or f'{len(results)} queries'}",
+                file=sys.stderr,
+                flush=True,
+            )
     if arguments.plots:
         from benchmarks.localization.plots import write_plots  # here, so that matplotlib is needed for plots alone
 
@@ -106,8 +113,14 @@ def _prepare(arguments: argparse.Namespace, scene_name: str) -> Scene:
     pairs = tuple(pair for path in arguments.pairs_path for pair in read_pairs(path)) or None
     options = Options(arguments.ground_truth, arguments.focal_length_px, arguments.image_step)
     matching = MatchingOptions(arguments.max_num_features, pairs, arguments.num_database_neighbours)
-    return datasets.prepare_scene(arguments.dataset, arguments.data_path, scene_name, options, matching,
-                                  arguments.work_path / "scenes" / scene_name)
+    return datasets.prepare_scene(
+        arguments.dataset,
+        arguments.data_path,
+        scene_name,
+        options,
+        matching,
+        arguments.work_path / "scenes" / scene_name,
+    )
 
 
 def _with_noise(scene: Scene, series: Series, work_path: pathlib.Path) -> Scene:
@@ -138,7 +151,8 @@ def _options(arguments: argparse.Namespace, scene: Scene, series: Series) -> Met
         num_retrieved=series.num_retrieved,
         seed=series.seed,
         preset_path=CONFIGS_PATH / f"{preset}.ini" if preset else None,
-        program_options=tuple(tuple(option.split("=", 1)) for option in arguments.options))
+        program_options=tuple(tuple(option.split("=", 1)) for option in arguments.options),
+    )
 
 
 def _fingerprint(scene: Scene) -> str:
@@ -175,38 +189,77 @@ def _split_preset(method: str) -> tuple[str, str]:
 def _parse(argv: list[str]) -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     data = parser.add_argument_group("data")
-    data.add_argument("--dataset", choices=datasets.NAMES, default="scenes",
-                      help="the layout of --data_path, see datasets/; scenes (default): folders with model/, "
-                           "database.db and perhaps queries.txt")
+    data.add_argument(
+        "--dataset",
+        choices=datasets.NAMES,
+        default="scenes",
+        help="the layout of --data_path, see datasets/; scenes (default): folders with model/, "
+        "database.db and perhaps queries.txt",
+    )
     data.add_argument("--data_path", type=pathlib.Path, required=True, help="folder of the dataset")
     data.add_argument("--download", action="store_true", help="fetch missing scenes first, if their authors allow it")
     data.add_argument("--scenes", nargs="+", help="names; default: all that are there")
     data.add_argument("--queries", help="number of queries per scene, or a file that lists them; default: all")
-    data.add_argument("--ground_truth", choices=("original", "sfm"), default="original",
-                      help="of 7scenes and cambridge: the dataset's poses, or those of structure from motion")
+    data.add_argument(
+        "--ground_truth",
+        choices=("original", "sfm"),
+        default="original",
+        help="of 7scenes and cambridge: the dataset's poses, or those of structure from motion",
+    )
     data.add_argument("--focal_length_px", type=float, help="of 7scenes, instead of 525")
     data.add_argument("--image_step", type=int, default=1, help="every n-th database image and query")
-    data.add_argument("--pairs_path", type=pathlib.Path, nargs="+", default=[],
-                      help="pairs to match, two names a line as hloc has them; default: the dataset's, else all")
+    data.add_argument(
+        "--pairs_path",
+        type=pathlib.Path,
+        nargs="+",
+        default=[],
+        help="pairs to match, two names a line as hloc has them; default: the dataset's, else all",
+    )
     data.add_argument("--max_num_features", type=int, default=8192, help="SIFT features per image")
-    data.add_argument("--num_database_neighbours", type=int, default=20,
-                      help="nearest database images that each one is matched with, for the map")
+    data.add_argument(
+        "--num_database_neighbours",
+        type=int,
+        default=20,
+        help="nearest database images that each one is matched with, for the map",
+    )
     methods = parser.add_argument_group("methods")
-    methods.add_argument("--methods", nargs="+", default=["structure_based", "lazyloc"],
-                         help=f"all, or of {', '.join(METHODS)}; lazyloc:NAME takes options from configs/NAME.ini")
-    methods.add_argument("--colmap", type=pathlib.Path, default=find_colmap(),
-                         help="the program with the command lazy_localizer")
-    methods.add_argument("--options", nargs="+", default=[], metavar="KEY=VALUE",
-                         help="further options of lazy_localizer, for example LazyLocalizer.loss_scale_sigma=1")
-    methods.add_argument("--num_retrieved", type=int, nargs="+", default=[20],
-                         help="pairs per query, best by verified inliers; several: a series each")
+    methods.add_argument(
+        "--methods",
+        nargs="+",
+        default=["structure_based", "lazyloc"],
+        help=f"all, or of {', '.join(METHODS)}; lazyloc:NAME takes options from configs/NAME.ini",
+    )
+    methods.add_argument(
+        "--colmap", type=pathlib.Path, default=find_colmap(), help="the program with the command lazy_localizer"
+    )
+    methods.add_argument(
+        "--options",
+        nargs="+",
+        default=[],
+        metavar="KEY=VALUE",
+        help="further options of lazy_localizer, for example LazyLocalizer.loss_scale_sigma=1",
+    )
+    methods.add_argument(
+        "--num_retrieved",
+        type=int,
+        nargs="+",
+        default=[20],
+        help="pairs per query, best by verified inliers; several: a series each",
+    )
     methods.add_argument("--seeds", type=int, nargs="+", default=[0], help="several: a series each")
-    methods.add_argument("--database_noise", type=_noise, nargs="+", default=["0,0"], metavar="DEG,CM",
-                         help="turn and move each database pose by this in random directions; several: a series each")
+    methods.add_argument(
+        "--database_noise",
+        type=_noise,
+        nargs="+",
+        default=["0,0"],
+        metavar="DEG,CM",
+        help="turn and move each database pose by this in random directions; several: a series each",
+    )
     output = parser.add_argument_group("output")
     output.add_argument("--output_path", type=pathlib.Path, required=True)
-    output.add_argument("--work_path", type=pathlib.Path,
-                        help="for databases, maps and logs; default: work below --output_path")
+    output.add_argument(
+        "--work_path", type=pathlib.Path, help="for databases, maps and logs; default: work below --output_path"
+    )
     output.add_argument("--tag", default="run", help="name of this run and of its files")
     output.add_argument("--plots", action="store_true", help="needs matplotlib")
     arguments = parser.parse_args(argv)

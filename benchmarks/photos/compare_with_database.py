@@ -27,8 +27,10 @@ STAGES = ["extraction", "retrieval", "load", "matching", "verification"]
 @command
 def main(arguments=None):
     options = parse(arguments)
-    folds = [[photo_scenes.make_fold(path, first, options.work_path, options.colmap) for first in options.first]
-             for path in options.scene_path]
+    folds = [
+        [photo_scenes.make_fold(path, first, options.work_path, options.colmap) for first in options.first]
+        for path in options.scene_path
+    ]
     print(*describe_environment(), "", sep="\n")
     runs = [SceneRuns(scene_folds, options.num_seeds) for scene_folds in folds]
     print(accuracy_table(runs), "\n")
@@ -52,8 +54,18 @@ class SceneRuns:
     @staticmethod
     def _other_seeds(folds, database_name: str, num_seeds: int) -> np.ndarray:
         paths = [photo_scenes.copy_without_verification(fold.work_path / database_name) for fold in folds]
-        return np.array([errors([fold.localize(path, f"{database_name}_{seed}", "--LazyLocalizer.seed", seed)
-                                 for fold, path in zip(folds, paths)], folds) for seed in range(num_seeds)])
+        return np.array(
+            [
+                errors(
+                    [
+                        fold.localize(path, f"{database_name}_{seed}", "--LazyLocalizer.seed", seed)
+                        for fold, path in zip(folds, paths)
+                    ],
+                    folds,
+                )
+                for seed in range(num_seeds)
+            ]
+        )
 
 
 def localize_photos(fold: photo_scenes.Fold) -> dict[str, dict]:
@@ -61,8 +73,9 @@ def localize_photos(fold: photo_scenes.Fold) -> dict[str, dict]:
     kept_path = fold.work_path / "kept.db"
     kept_path.unlink(missing_ok=True)
     before = photo_scenes.sha256(fold.photo_path)
-    run = fold.localize_photos("photo", "--LazyLocalizer.num_threads", 1,
-                               "--LazyLocalizer.matches_output_path", kept_path)
+    run = fold.localize_photos(
+        "photo", "--LazyLocalizer.num_threads", 1, "--LazyLocalizer.matches_output_path", kept_path
+    )
     after = photo_scenes.sha256(fold.photo_path)
     print(f"{fold.scene.name}: SHA-256 of the database before {before[:16]}..., after {after[:16]}...")
     if before != after:
@@ -80,23 +93,30 @@ def median_text(scene_errors: np.ndarray) -> str:
 
 
 def accuracy_table(runs: list[SceneRuns]) -> str:
-    lines = ["| scene | queries, database images | database, cm / ° | photo, cm / ° | ratio of medians | paired ratio: "
-             "geometric mean, quartiles | lost |", "|---|---|---|---|---|---|---|"]
+    lines = [
+        "| scene | queries, database images | database, cm / ° | photo, cm / ° | ratio of medians | paired ratio: "
+        "geometric mean, quartiles | lost |",
+        "|---|---|---|---|---|---|---|",
+    ]
     for run in runs:
         medians = np.median(run.photo, axis=0) / np.median(run.database, axis=0)
         is_found = np.isfinite(run.photo[:, 0]) & np.isfinite(run.database[:, 0])
         logarithms = np.log(run.photo[is_found, 0] / run.database[is_found, 0])
         mean, quartiles = np.exp(logarithms.mean()), np.exp(np.quantile(logarithms, [0.25, 0.75]))
         lost = [np.sum(~np.isfinite(some[:, 0])) for some in (run.database, run.photo)]
-        lines.append(f"| {run.name} | {len(run.photo)}, {run.num_database_images} | {median_text(run.database)} | "
-                     f"{median_text(run.photo)} | {medians[0]:.3f} / {medians[1]:.3f} | {mean:.3f}, {quartiles[0]:.2f}–"
-                     f"{quartiles[1]:.2f} | {lost[0]}, {lost[1]} |")
+        lines.append(
+            f"| {run.name} | {len(run.photo)}, {run.num_database_images} | {median_text(run.database)} | "
+            f"{median_text(run.photo)} | {medians[0]:.3f} / {medians[1]:.3f} | {mean:.3f}, {quartiles[0]:.2f}–"
+            f"{quartiles[1]:.2f} | {lost[0]}, {lost[1]} |"
+        )
     return "\n".join(lines)
 
 
 def noise_table(runs: list[SceneRuns]) -> str:
-    lines = ["| scene | database, medians of each seed | photo, medians of each seed | ratio of their means |",
-             "|---|---|---|---|"]
+    lines = [
+        "| scene | database, medians of each seed | photo, medians of each seed | ratio of their means |",
+        "|---|---|---|---|",
+    ]
     for run in runs:
         for column, (unit, scale) in enumerate((("cm", 100), ("°", 1))):
             medians = [scale * np.median(seeds, axis=1)[:, column] for seeds in (run.database_seeds, run.photo_seeds)]
@@ -121,7 +141,13 @@ def parse(arguments) -> argparse.Namespace:
     parser.add_argument("scene_path", type=pathlib.Path, nargs="+", help="folder with images/ and model/ (text)")
     parser.add_argument("--colmap", type=pathlib.Path, default=find_colmap(), help="our program")
     parser.add_argument("--work_path", type=pathlib.Path, required=True)
-    parser.add_argument("--first", type=int, nargs="+", default=[0], choices=range(photo_scenes.QUERY_STEP),
-                        help="first query; with 0 1 2 3 every image is a query once")
+    parser.add_argument(
+        "--first",
+        type=int,
+        nargs="+",
+        default=[0],
+        choices=range(photo_scenes.QUERY_STEP),
+        help="first query; with 0 1 2 3 every image is a query once",
+    )
     parser.add_argument("--num_seeds", type=int, default=5)
     return parser.parse_args(arguments)

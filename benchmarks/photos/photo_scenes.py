@@ -36,8 +36,19 @@ class Fold:
     def localize(self, database_path: pathlib.Path, tag: str, *options) -> dict[str, dict]:
         """Runs lazy_localizer; returns its results by query."""
         output_path = self.work_path / tag
-        run_colmap(self.colmap, "lazy_localizer", "--database_path", database_path, "--output_path", output_path,
-                   "--input_path", self.scene.model_path, "--query_list_path", self.query_list_path, *options)
+        run_colmap(
+            self.colmap,
+            "lazy_localizer",
+            "--database_path",
+            database_path,
+            "--output_path",
+            output_path,
+            "--input_path",
+            self.scene.model_path,
+            "--query_list_path",
+            self.query_list_path,
+            *options,
+        )
         return read_results(output_path / "results.jsonl")
 
     def errors(self, records: dict[str, dict]) -> list[tuple[float, float]]:
@@ -46,8 +57,15 @@ class Fold:
         return [pose.errors(self.scene.true_pose(name)) if pose else (np.inf, np.inf) for name, pose in poses.items()]
 
     def localize_photos(self, tag: str, *options) -> dict[str, dict]:
-        return self.localize(self.photo_path, tag, "--image_path", self.scene.path / "images",
-                             "--retrieval_index_path", self.index_path, *options)
+        return self.localize(
+            self.photo_path,
+            tag,
+            "--image_path",
+            self.scene.path / "images",
+            "--retrieval_index_path",
+            self.index_path,
+            *options,
+        )
 
 
 def make_fold(scene_path: pathlib.Path, first: int, work_path: pathlib.Path, colmap: pathlib.Path) -> Fold:
@@ -67,8 +85,16 @@ def make_fold(scene_path: pathlib.Path, first: int, work_path: pathlib.Path, col
     shutil.copyfile(features_path, fold.matched_path)
     pairs_path = fold.work_path / "pairs.txt"
     pairs_path.write_text("".join(f"{query} {name}\n" for query in query_names for name in database_names))
-    run_colmap(colmap, "matches_importer", "--database_path", fold.matched_path, "--match_list_path", pairs_path,
-               gpu_option(colmap, "matches_importer"), 0)
+    run_colmap(
+        colmap,
+        "matches_importer",
+        "--database_path",
+        fold.matched_path,
+        "--match_list_path",
+        pairs_path,
+        gpu_option(colmap, "matches_importer"),
+        0,
+    )
     (fold.work_path / "done").touch()
     return fold
 

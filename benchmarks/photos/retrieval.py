@@ -42,11 +42,15 @@ def main(arguments=None):
 
 def recall_table(fold: photo_scenes.Fold, counts: list[int]) -> str:
     with MatchDatabase(fold.matched_path) as database:
-        num_inliers = {query: {name: database.num_inliers(query, name) for name in fold.database_names}
-                       for query in fold.query_names}
-    lines = [f"{fold.scene.name}, {len(fold.query_names)} queries, {len(fold.database_names)} database images\n",
-             "| K | of the K images with most verified matches | of the best 5 | the best | of their matches |",
-             "|---|---|---|---|---|"]
+        num_inliers = {
+            query: {name: database.num_inliers(query, name) for name in fold.database_names}
+            for query in fold.query_names
+        }
+    lines = [
+        f"{fold.scene.name}, {len(fold.query_names)} queries, {len(fold.database_names)} database images\n",
+        "| K | of the K images with most verified matches | of the best 5 | the best | of their matches |",
+        "|---|---|---|---|---|",
+    ]
     for count in counts:
         records = fold.localize_photos("retrieval", "--LazyLocalizer.num_retrieved", count)
         found = {query: {pair["name"] for pair in record["pairs"]} for query, record in records.items()}
@@ -75,9 +79,11 @@ def share(num_inliers: dict[str, int], found: set[str], count: int) -> float:
 
 
 def growth_table(fold: photo_scenes.Fold, counts: list[int], num_features: int) -> str:
-    lines = [f"{num_features} synthetic descriptors an image; seconds of one core\n",
-             "| images | index, MB | made | opened | one image removed | one image added |",
-             "|---|---|---|---|---|---|"]
+    lines = [
+        f"{num_features} synthetic descriptors an image; seconds of one core\n",
+        "| images | index, MB | made | opened | one image removed | one image added |",
+        "|---|---|---|---|---|---|",
+    ]
     for count in counts:
         with tempfile.TemporaryDirectory(dir=fold.work_path) as folder:
             lines.append(growth_row(fold, pathlib.Path(folder), count, num_features))
@@ -134,11 +140,14 @@ class SyntheticDatabase:
             rows = self._pool[random.integers(len(self._pool), size=self._num_features)]
             noisy = np.clip(rows + np.rint(random.normal(0, NOISE, rows.shape)), 0, 255).astype(np.uint8)
             keypoints = random.uniform(0, 480, (self._num_features, 2)).astype(np.float32)
-            self._connection.execute("INSERT INTO images (image_id, name, camera_id) VALUES (?, ?, 1)",
-                                     (image_id, f"{image_id:06}.jpg"))
+            self._connection.execute(
+                "INSERT INTO images (image_id, name, camera_id) VALUES (?, ?, 1)", (image_id, f"{image_id:06}.jpg")
+            )
             for table, values in (("descriptors", noisy), ("keypoints", keypoints)):
-                self._connection.execute(f"UPDATE {table}_row SET image_id = ?, rows = ?, cols = ?, data = ?",
-                                         (image_id, *values.shape, values.tobytes()))
+                self._connection.execute(
+                    f"UPDATE {table}_row SET image_id = ?, rows = ?, cols = ?, data = ?",
+                    (image_id, *values.shape, values.tobytes()),
+                )
                 self._connection.execute(f"INSERT INTO {table} SELECT * FROM {table}_row")
         self._connection.commit()
 

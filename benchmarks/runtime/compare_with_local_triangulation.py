@@ -41,8 +41,10 @@ def main(arguments=None):
         others = {name: measure(name, scene, query_names, options) for name in arguments.methods}
     for line in describe_environment():
         print(line)
-    print(f"{scene.name}, {len(query_names)} queries, K = {arguments.num_retrieved}, one core; load average "
-          f"{load_before:.1f} before, {os.getloadavg()[0]:.1f} after\n")
+    print(
+        f"{scene.name}, {len(query_names)} queries, K = {arguments.num_retrieved}, one core; load average "
+        f"{load_before:.1f} before, {os.getloadavg()[0]:.1f} after\n"
+    )
     print(table(ours, others))
 
 

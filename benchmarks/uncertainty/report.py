@@ -1,10 +1,10 @@
 """Is a pose as uncertain as lazy_localizer says? Two tables in Markdown, from synthetic scenes with Gaussian noise:
 
-  quantiles  quantiles of the squared errors, normalized by the reported covariance; they should be those of the
-             chi-square distribution with 6 degrees of freedom
-  cases      scenes with unobservable motions: statuses, reasons, reported standard deviations, true errors
+quantiles  quantiles of the squared errors, normalized by the reported covariance; they should be those of the
+           chi-square distribution with 6 degrees of freedom
+cases      scenes with unobservable motions: statuses, reasons, reported standard deviations, true errors
 
-    python -m benchmarks uncertainty [quantiles | cases] [--colmap COLMAP]
+  python -m benchmarks uncertainty [quantiles | cases] [--colmap COLMAP]
 """
 
 import argparse
@@ -31,9 +31,17 @@ def localize(colmap, scene, *arguments, database_scene=None):
     """Returns the program's results by name. database_scene: whose database poses it is given, if not the scene's."""
     with tempfile.TemporaryDirectory() as folder:
         folder = pathlib.Path(folder)
-        run_colmap(colmap, "lazy_localizer", "--database_path", synthetic.write_database(folder / "database.db", scene),
-                   "--input_path", synthetic.write_model(folder / "model", database_scene or scene),
-                   "--output_path", folder / "output", *arguments)
+        run_colmap(
+            colmap,
+            "lazy_localizer",
+            "--database_path",
+            synthetic.write_database(folder / "database.db", scene),
+            "--input_path",
+            synthetic.write_model(folder / "model", database_scene or scene),
+            "--output_path",
+            folder / "output",
+            *arguments,
+        )
         return read_results(folder / "output" / "results.jsonl")
 
 
@@ -59,7 +67,8 @@ def with_disturbed_database(scene, rotation_stddev_deg, position_stddev, rng):
         pose = disturbed.images[name].pose
         turn = Rotation.from_rotvec(np.radians(rotation_stddev_deg) * rng.standard_normal(3)).as_matrix()
         disturbed.images[name].pose = Pose.from_centre(
-            turn @ pose.rotation, pose.cam_in_world + position_stddev * rng.standard_normal(3))
+            turn @ pose.rotation, pose.cam_in_world + position_stddev * rng.standard_normal(3)
+        )
     return disturbed
 
 
@@ -91,8 +100,11 @@ def print_quantiles(colmap):
             given = with_disturbed_database(scene, np.degrees(noise_rad), 6 * noise_rad, rng)
             program_options = (EXACT if "stated" in database else ()) + (OPEN_GATE if "no gate" in database else ())
             results = localize(colmap, scene, *program_options, database_scene=given)
-            errors += [squared_error(results[name], scene.images[name].pose) for name in scene.query_names
-                       if results[name]["status"] == "LOCALIZED"]
+            errors += [
+                squared_error(results[name], scene.images[name].pose)
+                for name in scene.query_names
+                if results[name]["status"] == "LOCALIZED"
+            ]
         observed = " | ".join(f"{q:.2f}" for q in np.percentile(errors, PERCENTS))
         print(f"| {layout} | {noise_px} px | {database} | {observed} | {np.mean(errors):.2f} |", flush=True)
 
@@ -176,8 +188,11 @@ def print_cases(colmap):
                 angle = np.arctan2(np.linalg.norm(np.cross(direction, baseline)), np.dot(direction, baseline))
                 add("bearing", result["bearing"]["stddev_deg"], np.degrees(angle))
         status = ", ".join(f"`{status}` {count}" for status, count in sorted(statuses.items()))
-        print(f"| {case} | {status} | {pair_of(*columns['position'], '')} | {pair_of(*columns['rotation'], '°')} "
-              f"| {pair_of(*columns['bearing'], '°')} |", flush=True)
+        print(
+            f"| {case} | {status} | {pair_of(*columns['position'], '')} | {pair_of(*columns['rotation'], '°')} "
+            f"| {pair_of(*columns['bearing'], '°')} |",
+            flush=True,
+        )
     print("\nReasons (of the first query each):\n")
     for (case, status), reason in reasons.items():
         print(f"- {case}, `{status}`: {reason}")

@@ -24,8 +24,9 @@ def remove_images(connection: sqlite3.Connection, image_ids: Iterable[int]):
     connection.execute("CREATE TEMP TABLE removed (image_id INTEGER PRIMARY KEY)")
     connection.executemany("INSERT INTO removed VALUES (?)", ((image_id,) for image_id in image_ids))
     for table in ("matches", "two_view_geometries"):
-        connection.execute(f"DELETE FROM {table} WHERE pair_id / {MAX_NUM_IMAGES} IN removed "
-                           f"OR pair_id % {MAX_NUM_IMAGES} IN removed")
+        connection.execute(
+            f"DELETE FROM {table} WHERE pair_id / {MAX_NUM_IMAGES} IN removed OR pair_id % {MAX_NUM_IMAGES} IN removed"
+        )
     for table in ("keypoints", "descriptors", "images"):
         connection.execute(f"DELETE FROM {table} WHERE image_id IN removed")
     connection.execute("DROP TABLE removed")

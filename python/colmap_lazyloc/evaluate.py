@@ -47,8 +47,11 @@ def summarize(errors: dict, thresholds=DEFAULT_THRESHOLDS) -> dict:
         for name, function in (("median", np.median), ("mean", np.mean), ("max", np.max)):
             summary[f"{name}_{quantity}"] = statistic(function, column)
     summary["recall"] = [
-        {"position": position, "rotation_deg": rotation_deg,
-         "ratio": float(np.sum(np.all(localized <= (position, rotation_deg), axis=1))) / len(errors)}
+        {
+            "position": position,
+            "rotation_deg": rotation_deg,
+            "ratio": float(np.sum(np.all(localized <= (position, rotation_deg), axis=1))) / len(errors),
+        }
         for position, rotation_deg in thresholds
     ]
     return summary
@@ -60,8 +63,10 @@ def choose_queries(estimated: dict, truth: dict, options) -> list:
         names = list(read_queries(options.query_list_path))
         unknown = [name for name in names if name not in truth]
         if unknown:
-            raise InputError(f"{options.ground_truth}: has no pose of {len(unknown)} of {len(names)} queries of "
-                             f"{options.query_list_path}; the first is '{unknown[0]}'")
+            raise InputError(
+                f"{options.ground_truth}: has no pose of {len(unknown)} of {len(names)} queries of "
+                f"{options.query_list_path}; the first is '{unknown[0]}'"
+            )
         return names
     if options.ground_truth.is_dir():  # a model holds the database images too
         names = sorted(set(estimated) & set(truth))
@@ -85,8 +90,10 @@ def format_length(length: float) -> str:
 def format_table(summary: dict) -> str:
     lines = [f"localized       {summary['num_localized']} of {summary['num_queries']}"]
     if summary["num_localized"] > 0:
-        for label, quantity, text in (("position error", "position_error", format_length),
-                                      ("rotation error", "rotation_error_deg", "{:.3f} deg".format)):
+        for label, quantity, text in (
+            ("position error", "position_error", format_length),
+            ("rotation error", "rotation_error_deg", "{:.3f} deg".format),
+        ):
             figures = (f"{name} {text(summary[f'{name}_{quantity}']):<12}" for name in ("median", "mean", "max"))
             lines.append(f"{label}  {' '.join(figures)}".rstrip())
     for recall in summary["recall"]:
@@ -100,12 +107,15 @@ def format_queries(errors: dict) -> str:
     return "\n".join(
         f"{name:<{width}}  "
         + ("not localized" if error is None else f"{format_length(error[0]):>10}  {error[1]:.3f} deg")
-        for name, error in errors.items())
+        for name, error in errors.items()
+    )
 
 
 def write_json(path: pathlib.Path, summary: dict, errors: dict) -> None:
-    queries = {name: None if error is None else {"position_error": error[0], "rotation_error_deg": error[1]}
-               for name, error in errors.items()}
+    queries = {
+        name: None if error is None else {"position_error": error[0], "rotation_error_deg": error[1]}
+        for name, error in errors.items()
+    }
     try:
         path.write_text(json.dumps({**summary, "queries": queries}, indent=2) + "\n")
     except OSError as error:
@@ -126,11 +136,20 @@ def parse_arguments(arguments):
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("estimated_poses", type=pathlib.Path, help="poses file or COLMAP model")
     parser.add_argument("--ground_truth", type=pathlib.Path, required=True, help="poses file or COLMAP model")
-    parser.add_argument("--query_list_path", type=pathlib.Path,
-                        help="the queries that count, a name or `name MODEL width height params...` a line; "
-                        "default: all names of a ground-truth file; with a model, those with an estimated pose")
-    parser.add_argument("--thresholds", type=_threshold, nargs="+", default=DEFAULT_THRESHOLDS,
-                        metavar="POSITION,DEG", help="default: 0.25,2 0.5,5 5,10")
+    parser.add_argument(
+        "--query_list_path",
+        type=pathlib.Path,
+        help="the queries that count, a name or `name MODEL width height params...` a line; "
+        "default: all names of a ground-truth file; with a model, those with an estimated pose",
+    )
+    parser.add_argument(
+        "--thresholds",
+        type=_threshold,
+        nargs="+",
+        default=DEFAULT_THRESHOLDS,
+        metavar="POSITION,DEG",
+        help="default: 0.25,2 0.5,5 5,10",
+    )
     parser.add_argument("--per_query", action="store_true", help="print each query's errors too")
     parser.add_argument("--json", type=pathlib.Path, help="write the figures into this file too")
     return parser.parse_args(arguments)

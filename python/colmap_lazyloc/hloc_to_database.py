@@ -1,10 +1,10 @@
 """Writes features and matches of hloc's HDF5 files into a new COLMAP database, which colmap lazy_localizer reads.
 
-    python -m colmap_lazyloc.hloc_to_database --help
+  python -m colmap_lazyloc.hloc_to_database --help
 
-  features: a group per image name with `keypoints` (N x 2; the centre of the upper-left pixel is at 0, 0)
-  matches:  a group per pair, <name1>/<name2> with every "/" in a name replaced by "-" (or joined by "_", as older
-            versions of hloc do), with `matches0`: for each keypoint of image 1 that of image 2, or -1
+features: a group per image name with `keypoints` (N x 2; the centre of the upper-left pixel is at 0, 0)
+matches:  a group per pair, <name1>/<name2> with every "/" in a name replaced by "-" (or joined by "_", as older
+          versions of hloc do), with `matches0`: for each keypoint of image 1 that of image 2, or -1
 """
 
 import argparse
@@ -95,8 +95,9 @@ def main(arguments=None):
     parser.add_argument("--matches_path", type=pathlib.Path, required=True, help="hloc's matches, .h5")
     parser.add_argument("--pairs_path", type=pathlib.Path, required=True, help="two image names a line")
     parser.add_argument("--model_path", type=pathlib.Path, required=True, help="COLMAP model of the posed images")
-    parser.add_argument("--query_list_path", type=pathlib.Path, required=True,
-                        help="`name MODEL width height params...` a line")
+    parser.add_argument(
+        "--query_list_path", type=pathlib.Path, required=True, help="`name MODEL width height params...` a line"
+    )
     parser.add_argument("--database_path", type=pathlib.Path, required=True, help="the database to make")
     convert(parser.parse_args(arguments))
 

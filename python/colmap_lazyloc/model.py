@@ -13,11 +13,26 @@ from colmap_lazyloc.poses import Pose
 from colmap_lazyloc.text_files import parse_numbers, read_entries, read_lines
 
 # COLMAP's camera models in the order of their ids: name and number of parameters.
-CAMERA_MODELS = (("SIMPLE_PINHOLE", 3), ("PINHOLE", 4), ("SIMPLE_RADIAL", 4), ("RADIAL", 5), ("OPENCV", 8),
-                 ("OPENCV_FISHEYE", 8), ("FULL_OPENCV", 12), ("FOV", 5), ("SIMPLE_RADIAL_FISHEYE", 4),
-                 ("RADIAL_FISHEYE", 5), ("THIN_PRISM_FISHEYE", 12), ("RAD_TAN_THIN_PRISM_FISHEYE", 16),
-                 ("SIMPLE_DIVISION", 4), ("DIVISION", 5), ("SIMPLE_FISHEYE", 3), ("FISHEYE", 4), ("EUCM", 6),
-                 ("EQUIRECTANGULAR", 2))
+CAMERA_MODELS = (
+    ("SIMPLE_PINHOLE", 3),
+    ("PINHOLE", 4),
+    ("SIMPLE_RADIAL", 4),
+    ("RADIAL", 5),
+    ("OPENCV", 8),
+    ("OPENCV_FISHEYE", 8),
+    ("FULL_OPENCV", 12),
+    ("FOV", 5),
+    ("SIMPLE_RADIAL_FISHEYE", 4),
+    ("RADIAL_FISHEYE", 5),
+    ("THIN_PRISM_FISHEYE", 12),
+    ("RAD_TAN_THIN_PRISM_FISHEYE", 16),
+    ("SIMPLE_DIVISION", 4),
+    ("DIVISION", 5),
+    ("SIMPLE_FISHEYE", 3),
+    ("FISHEYE", 4),
+    ("EUCM", 6),
+    ("EQUIRECTANGULAR", 2),
+)
 CAMERA_MODEL_IDS = {name: model_id for model_id, (name, _) in enumerate(CAMERA_MODELS)}
 POINT2D = np.dtype([("x", "<f8"), ("y", "<f8"), ("point3d_id", "<i8")])
 NO_POINTS = np.empty(0, POINT2D)
@@ -107,8 +122,15 @@ def _read_images(path: pathlib.Path) -> list[Image]:
             raise InputError(f"{path}: not a line of an image: {line}")
         numbers = np.array(parse_numbers(path, " ".join(words[1:8])))
         points = np.array(parse_numbers(path, next(lines, ""))).reshape(-1, 3)
-        images.append(Image(words[9], int(words[8]), Pose(numbers[:4], numbers[4:]), int(words[0]),
-                            np.array([tuple(point) for point in points], POINT2D)))
+        images.append(
+            Image(
+                words[9],
+                int(words[8]),
+                Pose(numbers[:4], numbers[4:]),
+                int(words[0]),
+                np.array([tuple(point) for point in points], POINT2D),
+            )
+        )
     return images
 
 
@@ -133,7 +155,7 @@ def read_images_binary(path: pathlib.Path) -> list[Image]:
     for _ in range(num_images):
         image_id, *numbers, camera_id = struct.unpack_from("<I7dI", data, offset)
         end = data.find(b"\0", offset + 64)
-        name = data[offset + 64:end].decode(errors="backslashreplace")
+        name = data[offset + 64 : end].decode(errors="backslashreplace")
         (num_points,), offset = struct.unpack_from("<Q", data, end + 1), end + 9
         points = np.frombuffer(data, POINT2D, num_points, offset)
         offset += points.nbytes
@@ -149,18 +171,43 @@ def write_model(path, cameras: dict[int, Camera], images: Iterable[Image], binar
     path.mkdir(parents=True, exist_ok=True)
     used = {camera_id: cameras[camera_id] for camera_id in sorted({image.camera_id for image in images})}
     if binary:
-        (path / "cameras.bin").write_bytes(struct.pack("<Q", len(used)) + b"".join(
-            struct.pack(f"<IiQQ{len(camera.params)}d", camera_id, CAMERA_MODEL_IDS[camera.model], camera.width,
-                        camera.height, *camera.params) for camera_id, camera in used.items()))
-        (path / "images.bin").write_bytes(struct.pack("<Q", len(images)) + b"".join(
-            struct.pack("<I", image.image_id) + image.cam_from_world.bits() + struct.pack("<I", image.camera_id)
-            + image.name.encode() + bytes(9) for image in images))
+        (path / "cameras.bin").write_bytes(
+            struct.pack("<Q", len(used))
+            + b"".join(
+                struct.pack(
+                    f"<IiQQ{len(camera.params)}d",
+                    camera_id,
+                    CAMERA_MODEL_IDS[camera.model],
+                    camera.width,
+                    camera.height,
+                    *camera.params,
+                )
+                for camera_id, camera in used.items()
+            )
+        )
+        (path / "images.bin").write_bytes(
+            struct.pack("<Q", len(images))
+            + b"".join(
+                struct.pack("<I", image.image_id)
+                + image.cam_from_world.bits()
+                + struct.pack("<I", image.camera_id)
+                + image.name.encode()
+                + bytes(9)
+                for image in images
+            )
+        )
         (path / "points3D.bin").write_bytes(bytes(8))
         return path
-    (path / "cameras.txt").write_text("# CAMERA_ID MODEL WIDTH HEIGHT PARAMS[]\n" + "".join(
-        f"{camera_id} {camera.text()}\n" for camera_id, camera in used.items()))
-    (path / "images.txt").write_text("# IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME, and a line of points\n" + "".join(
-        f"{image.image_id} {image.cam_from_world.text()} {image.camera_id} {image.name}\n\n" for image in images),
-        encoding="utf-8")
+    (path / "cameras.txt").write_text(
+        "# CAMERA_ID MODEL WIDTH HEIGHT PARAMS[]\n"
+        + "".join(f"{camera_id} {camera.text()}\n" for camera_id, camera in used.items())
+    )
+    (path / "images.txt").write_text(
+        "# IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME, and a line of points\n"
+        + "".join(
+            f"{image.image_id} {image.cam_from_world.text()} {image.camera_id} {image.name}\n\n" for image in images
+        ),
+        encoding="utf-8",
+    )
     (path / "points3D.txt").write_text("# no points\n")
     return path

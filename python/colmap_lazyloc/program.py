@@ -54,10 +54,25 @@ def extract_features(colmap, database_path, image_path, names, camera, *options)
     with tempfile.NamedTemporaryFile("w", suffix=".txt") as names_file:
         names_file.write("".join(f"{name}\n" for name in names))
         names_file.flush()
-        run_colmap(colmap, "feature_extractor", "--database_path", database_path, "--image_path", image_path,
-                   "--image_list_path", names_file.name, "--ImageReader.single_camera", 1,
-                   "--ImageReader.camera_model", camera.model, "--ImageReader.camera_params",
-                   ",".join(map(repr, camera.params)), gpu_option(colmap, "feature_extractor"), 0, *options)
+        run_colmap(
+            colmap,
+            "feature_extractor",
+            "--database_path",
+            database_path,
+            "--image_path",
+            image_path,
+            "--image_list_path",
+            names_file.name,
+            "--ImageReader.single_camera",
+            1,
+            "--ImageReader.camera_model",
+            camera.model,
+            "--ImageReader.camera_params",
+            ",".join(map(repr, camera.params)),
+            gpu_option(colmap, "feature_extractor"),
+            0,
+            *options,
+        )
 
 
 @command

@@ -10,8 +10,9 @@ from colmap_lazyloc.poses import Pose
 
 
 def to_pycolmap_camera(camera: Camera, camera_id: int = 1) -> pycolmap.Camera:
-    return pycolmap.Camera(camera_id=camera_id, model=camera.model, width=camera.width, height=camera.height,
-                           params=list(camera.params))
+    return pycolmap.Camera(
+        camera_id=camera_id, model=camera.model, width=camera.width, height=camera.height, params=list(camera.params)
+    )
 
 
 def to_rigid3d(pose: Pose) -> pycolmap.Rigid3d:

@@ -12,8 +12,14 @@ from benchmarks.localization.datasets.scene_source import Options
 from benchmarks.localization.scenes import Scene, find_scenes, load_scene
 from colmap_lazyloc.errors import InputError
 
-MODULES = {"7scenes": "seven_scenes", "cambridge": "cambridge", "aachen": "aachen", "strecha": "strecha",
-           "kitti": "kitti", "demo": "demo"}
+MODULES = {
+    "7scenes": "seven_scenes",
+    "cambridge": "cambridge",
+    "aachen": "aachen",
+    "strecha": "strecha",
+    "kitti": "kitti",
+    "demo": "demo",
+}
 NAMES = ("scenes", "folder", *MODULES)
 
 
@@ -33,8 +39,9 @@ def scene_names(dataset: str, data_path: pathlib.Path) -> list[str]:
     return names
 
 
-def prepare_scene(dataset: str, data_path: pathlib.Path, name: str, options: Options, matching,
-                  path: pathlib.Path) -> Scene:
+def prepare_scene(
+    dataset: str, data_path: pathlib.Path, name: str, options: Options, matching, path: pathlib.Path
+) -> Scene:
     """Makes the scene's files in `path`, unless they are there from the same input."""
     if dataset == "scenes":
         return load_scene(data_path / name)

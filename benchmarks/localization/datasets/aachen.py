@@ -20,8 +20,10 @@ from colmap_lazyloc.errors import InputError
 from colmap_lazyloc.pairs import read_pairs
 
 V1_0, V1_1 = "aachen", "aachen_v1.1"
-BY_HAND = ("Aachen Day-Night is at https://data.ciirc.cvut.cz/public/projects/2020VisualLocalization/Aachen-Day-Night/ "
-           "(its terms are at https://www.visuallocalization.net/datasets/)")
+BY_HAND = (
+    "Aachen Day-Night is at https://data.ciirc.cvut.cz/public/projects/2020VisualLocalization/Aachen-Day-Night/ "
+    "(its terms are at https://www.visuallocalization.net/datasets/)"
+)
 
 
 def scene_names(data_path: pathlib.Path) -> list[str]:
@@ -35,8 +37,11 @@ def read_scene(data_path: pathlib.Path, name: str, options: Options) -> SceneSou
     query_paths = sorted((data_path / "queries").glob("*_time_queries_with_intrinsics.txt"))
     if not query_paths:
         raise InputError(f"{data_path / 'queries'} holds no *_time_queries_with_intrinsics.txt: {BY_HAND}")
-    queries = {query: SourceImage(camera, None) for path in query_paths
-               for query, camera in list(read_query_list(path).items())[:: options.image_step]}
+    queries = {
+        query: SourceImage(camera, None)
+        for path in query_paths
+        for query, camera in list(read_query_list(path).items())[:: options.image_step]
+    }
     pairs_paths = [data_path / "pairs" / name / f"pairs-{kind}.txt" for kind in ("query-netvlad50", "db-covis20")]
     pairs = tuple(pair for path in pairs_paths if path.exists() for pair in read_pairs(path))
     image_path = require(data_path / "images_upright", BY_HAND)

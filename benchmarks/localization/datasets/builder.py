@@ -39,8 +39,14 @@ def build_scene(source: SceneSource, path: pathlib.Path, options: MatchingOption
 
     contents = b"".join((path / name).read_bytes() for name in ("queries.txt", "pairs.txt"))
     contents += repr([(name, image.camera) for name, image in sorted(source.images.items())]).encode()
-    stamp = json.dumps({"sha256": hashlib.sha256(contents).hexdigest(), "images": str(source.image_path.resolve()),
-                        "max_num_features": options.max_num_features, "pycolmap": pycolmap.__version__})
+    stamp = json.dumps(
+        {
+            "sha256": hashlib.sha256(contents).hexdigest(),
+            "images": str(source.image_path.resolve()),
+            "max_num_features": options.max_num_features,
+            "pycolmap": pycolmap.__version__,
+        }
+    )
     stamp_path = path / "database.json"
     if not (stamp_path.exists() and stamp_path.read_text() == stamp):
         stamp_path.unlink(missing_ok=True)
@@ -52,8 +58,9 @@ def build_scene(source: SceneSource, path: pathlib.Path, options: MatchingOption
 
 def write_scene_files(source: SceneSource, path: pathlib.Path):
     """Writes model/ with all posed images, queries.txt (with intrinsics if there is no pose), protocol.json."""
-    write_model(path / "model", _cameras(source),
-                [image for image in _images(source) if image.cam_from_world is not None])
+    write_model(
+        path / "model", _cameras(source), [image for image in _images(source) if image.cam_from_world is not None]
+    )
     with (path / "queries.txt").open("w") as file:
         for name in source.query_names:
             image = source.images[name]
@@ -72,11 +79,16 @@ def image_pairs(source: SceneSource, options: MatchingOptions) -> list[tuple[str
         if not any((name1 in queries) != (name2 in queries) for name1, name2 in pairs) and not source.leave_one_out:
             raise InputError(f"{source.name}: no pair of the list joins a query and a database image of the scene")
     else:
-        pairs = list(itertools.combinations(sorted(source.images), 2) if source.leave_one_out
-                     else itertools.product(source.query_names, database))
+        pairs = list(
+            itertools.combinations(sorted(source.images), 2)
+            if source.leave_one_out
+            else itertools.product(source.query_names, database)
+        )
         if len(pairs) > MAX_NUM_EXHAUSTIVE_PAIRS:
-            raise InputError(f"{source.name}: {len(pairs)} pairs are too many to match all; name a list of pairs with "
-                             "--pairs_path (hloc's form), or take fewer images with --image_step")
+            raise InputError(
+                f"{source.name}: {len(pairs)} pairs are too many to match all; name a list of pairs with "
+                "--pairs_path (hloc's form), or take fewer images with --image_step"
+            )
     if not source.leave_one_out and not any(name1 not in queries and name2 not in queries for name1, name2 in pairs):
         pairs += neighbours(source, database, options.num_database_neighbours)
     return sorted({tuple(sorted(pair)) for pair in pairs if pair[0] != pair[1]})
@@ -116,8 +128,10 @@ def _cameras(source: SceneSource) -> dict[int, Camera]:
 
 def _images(source: SceneSource) -> list[Image]:
     camera_ids = _camera_ids(source)
-    return [Image(name, camera_ids[image.camera], image.cam_from_world, image_id)
-            for image_id, (name, image) in enumerate(sorted(source.images.items()), 1)]
+    return [
+        Image(name, camera_ids[image.camera], image.cam_from_world, image_id)
+        for image_id, (name, image) in enumerate(sorted(source.images.items()), 1)
+    ]
 
 
 def _make_database(source: SceneSource, path: pathlib.Path, options: MatchingOptions):
@@ -129,13 +143,22 @@ def _make_database(source: SceneSource, path: pathlib.Path, options: MatchingOpt
         write_images(database, _cameras(source), _images(source))
     extraction = pycolmap.FeatureExtractionOptions(use_gpu=False)
     extraction.sift.max_num_features = options.max_num_features
-    pycolmap.extract_features(making_path, path / "images", image_names=sorted(source.images),
-                              extraction_options=extraction, device=pycolmap.Device.cpu)
+    pycolmap.extract_features(
+        making_path,
+        path / "images",
+        image_names=sorted(source.images),
+        extraction_options=extraction,
+        device=pycolmap.Device.cpu,
+    )
     verification = pycolmap.TwoViewGeometryOptions(compute_relative_pose=True)
     verification.ransac.random_seed = 0
     pycolmap.match_image_pairs(
-        making_path, pycolmap.FeatureMatchingOptions(use_gpu=False),
-        pycolmap.ImportedPairingOptions(match_list_path=path / "pairs.txt"), verification, pycolmap.Device.cpu)
+        making_path,
+        pycolmap.FeatureMatchingOptions(use_gpu=False),
+        pycolmap.ImportedPairingOptions(match_list_path=path / "pairs.txt"),
+        verification,
+        pycolmap.Device.cpu,
+    )
     with pycolmap.Database.open(making_path) as database:
         if database.num_images() != len(source.images) or database.num_keypoints() == 0:
             raise InputError(f"{source.name}: features could not be extracted from the images in {source.image_path}")

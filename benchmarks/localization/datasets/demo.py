@@ -1,8 +1,8 @@
 """The courtyard that colmap_lazyloc.demo renders, with exact poses:
 
-    DATA/images/{database,query}/*.jpg
-    DATA/database_model/{cameras,images}.txt
-    DATA/queries_with_intrinsics.txt, ground_truth/poses.txt    `name qw qx qy qz tx ty tz`
+DATA/images/{database,query}/*.jpg
+DATA/database_model/{cameras,images}.txt
+DATA/queries_with_intrinsics.txt, ground_truth/poses.txt    `name qw qx qy qz tx ty tz`
 """
 
 import pathlib
@@ -23,6 +23,7 @@ def read_scene(data_path: pathlib.Path, name: str, options: Options) -> SceneSou
     poses_path = require(data_path / "ground_truth" / "poses.txt", BY_HAND)
     poses = read_poses(poses_path)
     cameras = read_query_list(require(data_path / "queries_with_intrinsics.txt", BY_HAND))
-    queries = {query: SourceImage(camera, poses[query])
-               for query, camera in list(cameras.items())[:: options.image_step]}
+    queries = {
+        query: SourceImage(camera, poses[query]) for query, camera in list(cameras.items())[:: options.image_step]
+    }
     return SceneSource(name, data_path / "images", {**images, **queries}, tuple(queries))

@@ -25,16 +25,22 @@ def prepare_folder(data_path: pathlib.Path, path: pathlib.Path) -> Scene:
     """Makes a text copy of the model and a link to the database in `path`."""
     found = [data_path / folder for folder in MODEL_FOLDERS if is_model(data_path / folder)]
     if not found:
-        raise InputError(f"{data_path} holds no COLMAP model: looked for images.bin or images.txt in "
-                         f"{', '.join(MODEL_FOLDERS)}")
+        raise InputError(
+            f"{data_path} holds no COLMAP model: looked for images.bin or images.txt in {', '.join(MODEL_FOLDERS)}"
+        )
     images = read_source_images(found[0])
     queries_path = data_path / "queries.txt"
     query_names = list(read_queries(queries_path)) if queries_path.exists() else sorted(images)
     unposed = [name for name in query_names if name not in images]
     if unposed:
         raise InputError(f"{queries_path}: {unposed[0]} has no pose in {found[0]}")
-    source = SceneSource(data_path.resolve().name, data_path / "images", images, tuple(query_names),
-                         leave_one_out=not queries_path.exists())
+    source = SceneSource(
+        data_path.resolve().name,
+        data_path / "images",
+        images,
+        tuple(query_names),
+        leave_one_out=not queries_path.exists(),
+    )
     write_scene_files(source, path)
     link(data_path / "database.db", path / "database.db")
     return load_scene(path)

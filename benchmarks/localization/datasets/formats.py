@@ -76,8 +76,9 @@ def pose_of_matrix(world_from_cam: np.ndarray) -> Pose:
 def read_source_images(path: pathlib.Path) -> dict[str, SourceImage]:
     """Reads the posed images of a COLMAP model, text or binary."""
     model = read_model(path)
-    return {name: SourceImage(model.cameras[image.camera_id], image.cam_from_world)
-            for name, image in model.images.items()}
+    return {
+        name: SourceImage(model.cameras[image.camera_id], image.cam_from_world) for name, image in model.images.items()
+    }
 
 
 def image_size(path: pathlib.Path) -> tuple[int, int]:

@@ -21,13 +21,18 @@ from colmap_lazyloc.text_files import parse_numbers
 
 DATABASE_STEP = 3
 MAX_FRAME_DISTANCE = 10
-BY_HAND = ("KITTI odometry is at https://www.cvlibs.net/datasets/kitti/eval_odometry.php (CC BY-NC-SA 3.0, by e-mail): "
-           "unpack grey images, calibration files and ground truth poses")
+BY_HAND = (
+    "KITTI odometry is at https://www.cvlibs.net/datasets/kitti/eval_odometry.php (CC BY-NC-SA 3.0, by e-mail): "
+    "unpack grey images, calibration files and ground truth poses"
+)
 
 
 def scene_names(data_path: pathlib.Path) -> list[str]:
-    return sorted(path.parent.name for path in (data_path / "sequences").glob("*/calib.txt")
-                  if (data_path / "poses" / f"{path.parent.name}.txt").exists())
+    return sorted(
+        path.parent.name
+        for path in (data_path / "sequences").glob("*/calib.txt")
+        if (data_path / "poses" / f"{path.parent.name}.txt").exists()
+    )
 
 
 def read_scene(data_path: pathlib.Path, name: str, options: Options) -> SceneSource:
@@ -48,8 +53,12 @@ def read_scene(data_path: pathlib.Path, name: str, options: Options) -> SceneSou
             camera, cam_from_left = cameras[side]
             images[image_name] = SourceImage(camera, Pose(pose.qvec, pose.tvec + cam_from_left))
             (database if is_database else queries)[image_name] = frame
-    pairs = tuple((query, other) for query, frame in queries.items() for other, other_frame in database.items()
-                  if abs(frame - other_frame) <= MAX_FRAME_DISTANCE)
+    pairs = tuple(
+        (query, other)
+        for query, frame in queries.items()
+        for other, other_frame in database.items()
+        if abs(frame - other_frame) <= MAX_FRAME_DISTANCE
+    )
     return SceneSource(name, sequence_path, images, tuple(queries), pairs)
 
 

@@ -28,8 +28,10 @@ from colmap_lazyloc.text_files import parse_numbers
 
 SCENES = ("chess", "fire", "heads", "office", "pumpkin", "redkitchen", "stairs")
 URL = "https://download.microsoft.com/download/2/8/5/28564B23-0828-408F-8631-23B1EFF1DAC8/{scene}.zip"
-BY_HAND = ("7 Scenes is at https://www.microsoft.com/en-us/research/project/rgb-d-dataset-7-scenes/ (for "
-           "non-commercial use); unpack each scene's zip and the zips of its sequences into it, or use --download")
+BY_HAND = (
+    "7 Scenes is at https://www.microsoft.com/en-us/research/project/rgb-d-dataset-7-scenes/ (for "
+    "non-commercial use); unpack each scene's zip and the zips of its sequences into it, or use --download"
+)
 SFM_BY_HAND = "get the 7 Scenes models from https://github.com/tsattler/visloc_pseudo_gt_limitations"
 
 # Of the colour camera: 525 is the Kinect's nominal value, which the published localization figures were made with.

@@ -27,7 +27,8 @@ def write_layout(scene: Scene, path: pathlib.Path):
             world_from_cam = np.eye(4)
             world_from_cam[:3] = np.column_stack([pose.rotation.T, pose.cam_in_world])
             (folder / f"frame-{index:06d}.pose.txt").write_text(
-                "".join("\t ".join(f"{value: .9e}" for value in row) + "\t\n" for row in world_from_cam))
+                "".join("\t ".join(f"{value: .9e}" for value in row) + "\t\n" for row in world_from_cam)
+            )
     (path / "TrainSplit.txt").write_text("sequence1\n")
     (path / "TestSplit.txt").write_text("sequence2\n")
 
@@ -35,8 +36,9 @@ def write_layout(scene: Scene, path: pathlib.Path):
 @command
 def main(arguments=None):
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--scene_path", type=pathlib.Path, required=True,
-                        help="folder with model/ (text), images/ and queries.txt")
+    parser.add_argument(
+        "--scene_path", type=pathlib.Path, required=True, help="folder with model/ (text), images/ and queries.txt"
+    )
     parser.add_argument("--output_path", type=pathlib.Path, required=True, help="for example DATA/redkitchen")
     options = parser.parse_args(arguments)
     write_layout(load_scene(options.scene_path), options.output_path)

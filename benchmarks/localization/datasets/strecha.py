@@ -16,8 +16,10 @@ from colmap_lazyloc.errors import InputError
 from colmap_lazyloc.model import Camera
 from colmap_lazyloc.text_files import parse_numbers
 
-BY_HAND = ("the images and gt_dense_cameras of Strecha et al. 2008 are no longer at EPFL; put a copy into "
-           "SCENE/images and SCENE/gt_dense_cameras")
+BY_HAND = (
+    "the images and gt_dense_cameras of Strecha et al. 2008 are no longer at EPFL; put a copy into "
+    "SCENE/images and SCENE/gt_dense_cameras"
+)
 
 
 def scene_names(data_path: pathlib.Path) -> list[str]:

@@ -32,8 +32,9 @@ def _localize_one(scene: Scene, query_name: str, seed: int, work_path: pathlib.P
     build_model(scene, {name: image_ids[name] for name in database_names}).write(model_path)
 
     start = time.perf_counter()
-    models = pycolmap.incremental_mapping(database_path, scene.path / "images", output_path,
-                                          _mapping_options(seed), input_path=model_path)
+    models = pycolmap.incremental_mapping(
+        database_path, scene.path / "images", output_path, _mapping_options(seed), input_path=model_path
+    )
     seconds = time.perf_counter() - start
     for model in models.values():
         image = model.find_image_with_name(query_name)

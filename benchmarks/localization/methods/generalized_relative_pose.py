@@ -23,11 +23,13 @@ def estimate_pose(scene: Scene, camera: Camera, matches: QueryMatches, seed: int
     cameras = [to_pycolmap_camera(camera)] + [to_pycolmap_camera(scene.camera(name)) for name in names]
     query_points = np.concatenate([matches.query_points[pair.query_idxs] for pair in matches.pairs])
     database_points = np.concatenate(
-        [matches.database_points[pair.database_name][pair.database_idxs] for pair in matches.pairs])
+        [matches.database_points[pair.database_name][pair.database_idxs] for pair in matches.pairs]
+    )
     camera_idxs = np.repeat(np.arange(1, len(cameras)), [len(pair.query_idxs) for pair in matches.pairs])
     options = pycolmap.RANSACOptions()
     options.max_error = MAX_ERROR_PX
     options.random_seed = seed
-    answer = pycolmap.estimate_generalized_relative_pose(query_points, database_points, [0] * len(query_points),
-                                                         camera_idxs.tolist(), cams_from_rig, cameras, options)
+    answer = pycolmap.estimate_generalized_relative_pose(
+        query_points, database_points, [0] * len(query_points), camera_idxs.tolist(), cams_from_rig, cameras, options
+    )
     return to_pose(answer["rig2_from_rig1"].inverse()) if answer else None

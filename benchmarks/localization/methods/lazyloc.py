@@ -31,7 +31,8 @@ def localize(scene: Scene, query_names: list[str], options: MethodOptions) -> di
         query_lines = query_names
     else:
         program_options["input_path"] = write_model(
-            work_path / "model", scene.cameras, [scene.images[name] for name in scene.database_names(query_names[0])])
+            work_path / "model", scene.cameras, [scene.images[name] for name in scene.database_names(query_names[0])]
+        )
         query_lines = [f"{name} {scene.camera(name).text()}" for name in query_names]
     (work_path / "queries.txt").write_text("".join(line + "\n" for line in query_lines))
     if options.preset_path:
@@ -50,5 +51,7 @@ def read_method_results(path: pathlib.Path, query_names: list[str]) -> dict[str,
     missing = [name for name in query_names if name not in records]
     if missing:
         raise RuntimeError(f"{path} has no line for {missing[0]}")
-    return {name: Result(pose_of(records[name]), records[name]["seconds"]["total"], records[name]["status"])
-            for name in query_names}
+    return {
+        name: Result(pose_of(records[name]), records[name]["seconds"]["total"], records[name]["status"])
+        for name in query_names
+    }

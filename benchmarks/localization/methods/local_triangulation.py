@@ -43,8 +43,9 @@ def triangulate_query_keypoints(scene: Scene, matches: QueryMatches, seed: int) 
         if len(track) < 2:
             continue
         observations = np.array([matches.database_points[name][idx] for name, idx in track.items()])
-        answer = pycolmap.estimate_triangulation(observations, [cams_from_world[name] for name in track],
-                                                 [cameras[name] for name in track], options)
+        answer = pycolmap.estimate_triangulation(
+            observations, [cams_from_world[name] for name in track], [cameras[name] for name in track], options
+        )
         if answer:
             points2d.append(matches.query_points[query_idx])
             points3d.append(answer["xyz"])

@@ -19,9 +19,13 @@ def estimate_pose(scene: Scene, camera: Camera, matches: QueryMatches, seed: int
         return None
     names = [pair.database_name for pair in matches.pairs]
     world_from_query, _ = poselib.estimate_generalized_relative_pose(
-        poselib_matches(matches, query_first=True), [poselib.CameraPose()], [poselib_camera(camera)],
-        [poselib_pose(scene.pose(name)) for name in names], [poselib_camera(scene.camera(name)) for name in names],
-        {"max_epipolar_error": MAX_ERROR_PX, "seed": seed})
+        poselib_matches(matches, query_first=True),
+        [poselib.CameraPose()],
+        [poselib_camera(camera)],
+        [poselib_pose(scene.pose(name)) for name in names],
+        [poselib_camera(scene.camera(name)) for name in names],
+        {"max_epipolar_error": MAX_ERROR_PX, "seed": seed},
+    )
     return Pose.from_centre(world_from_query.R.T, world_from_query.t)
 
 

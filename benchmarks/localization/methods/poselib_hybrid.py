@@ -31,10 +31,22 @@ def estimate_pose(scene: Scene, camera: Camera, matches: QueryMatches, seed: int
     if start_pose is None:
         return None
     names = [pair.database_name for pair in matches.pairs]
-    ransac_options = {"max_reproj_error": MAX_REPROJECTION_ERROR_PX, "max_epipolar_error": MAX_EPIPOLAR_ERROR_PX,
-                      "min_iterations": 0, "max_iterations": 0, "seed": seed}
+    ransac_options = {
+        "max_reproj_error": MAX_REPROJECTION_ERROR_PX,
+        "max_epipolar_error": MAX_EPIPOLAR_ERROR_PX,
+        "min_iterations": 0,
+        "max_iterations": 0,
+        "seed": seed,
+    }
     query_from_world, _ = poselib.estimate_hybrid_pose(
-        points2d, points3d, poselib_matches(matches, query_first=False), poselib_camera(camera),
-        [poselib_pose(scene.pose(name)) for name in names], [poselib_camera(scene.camera(name)) for name in names],
-        ransac_options, {}, poselib_pose(start_pose))
+        points2d,
+        points3d,
+        poselib_matches(matches, query_first=False),
+        poselib_camera(camera),
+        [poselib_pose(scene.pose(name)) for name in names],
+        [poselib_camera(scene.camera(name)) for name in names],
+        ransac_options,
+        {},
+        poselib_pose(start_pose),
+    )
     return from_poselib(query_from_world)

@@ -45,8 +45,12 @@ def _relative_pose(scene, camera, matches, pair, seed):
     points = np.arange(len(pair.query_idxs), dtype=np.uint32)
     geometry = pycolmap.estimate_calibrated_two_view_geometry(
         to_pycolmap_camera(scene.camera(pair.database_name)),
-        matches.database_points[pair.database_name][pair.database_idxs], to_pycolmap_camera(camera),
-        matches.query_points[pair.query_idxs], np.stack([points, points], axis=1), options)
+        matches.database_points[pair.database_name][pair.database_idxs],
+        to_pycolmap_camera(camera),
+        matches.query_points[pair.query_idxs],
+        np.stack([points, points], axis=1),
+        options,
+    )
     query_from_database = geometry.cam2_from_cam1
     if query_from_database is None or not np.linalg.norm(query_from_database.translation) > 0:
         return None

@@ -87,15 +87,17 @@ class _MapStore:
         database_path.unlink()
 
 
-def triangulate_map(scene: Scene, database_path: pathlib.Path, image_ids: dict[str, int], seed: int,
-                    output_path: pathlib.Path) -> pycolmap.Reconstruction:
+def triangulate_map(
+    scene: Scene, database_path: pathlib.Path, image_ids: dict[str, int], seed: int, output_path: pathlib.Path
+) -> pycolmap.Reconstruction:
     """Triangulates the images' verified matches with their poses fixed."""
     options = pycolmap.IncrementalPipelineOptions()
     options.extract_colors = False
     options.num_threads = 1
     options.random_seed = seed
-    return pycolmap.triangulate_points(build_model(scene, image_ids), database_path, scene.path / "images",
-                                       output_path, options=options)
+    return pycolmap.triangulate_points(
+        build_model(scene, image_ids), database_path, scene.path / "images", output_path, options=options
+    )
 
 
 def points3d_of_keypoints(model: pycolmap.Reconstruction) -> dict:

@@ -88,8 +88,9 @@ def _look_up(texture: np.ndarray, u: np.ndarray, v: np.ndarray) -> np.ndarray:
     height, width = texture.shape[:2]
     columns[: u.size], rows[: u.size] = u * width - 0.5, v * height - 0.5
     shape = (-1, row_length)
-    found = cv2.remap(texture, columns.reshape(shape), rows.reshape(shape), cv2.INTER_LINEAR,
-                      borderMode=cv2.BORDER_REPLICATE)
+    found = cv2.remap(
+        texture, columns.reshape(shape), rows.reshape(shape), cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
+    )
     return found.reshape(-1, 3)[: u.size]
 
 

@@ -106,12 +106,28 @@ def build_scene(seed: int, texels_per_m: float = 220) -> list:
         ((-x, -y), (0, SIZE[1]), 0.8 * top, (135, 165, 165)),
     )
     rectangles = [
-        _paint(rng, np.array([*corner, height]), np.array([*right, 0.0]), np.array([0.0, 0.0, -height]),
-               textures.facade, texels_per_m, colour)
+        _paint(
+            rng,
+            np.array([*corner, height]),
+            np.array([*right, 0.0]),
+            np.array([0.0, 0.0, -height]),
+            textures.facade,
+            texels_per_m,
+            colour,
+        )
         for corner, right, height, colour in walls
     ]
-    rectangles.append(_paint(rng, np.array([-x, y, 0.0]), np.array([SIZE[0], 0.0, 0.0]), np.array([0.0, -SIZE[1], 0.0]),
-                             textures.paving, texels_per_m, (145, 150, 155)))
+    rectangles.append(
+        _paint(
+            rng,
+            np.array([-x, y, 0.0]),
+            np.array([SIZE[0], 0.0, 0.0]),
+            np.array([0.0, -SIZE[1], 0.0]),
+            textures.paving,
+            texels_per_m,
+            (145, 150, 155),
+        )
+    )
     for box in BOXES:
         rectangles.extend(box.rectangles(rng, texels_per_m))
     return rectangles
@@ -193,7 +209,8 @@ def write_database_model(folder: pathlib.Path, views: list) -> None:
 
 def write_queries(output: pathlib.Path, views: list) -> None:
     (output / "queries_with_intrinsics.txt").write_text(
-        "".join(f"{view.name} {view.camera.text()}\n" for view in views))
+        "".join(f"{view.name} {view.camera.text()}\n" for view in views)
+    )
     write_poses(output / "ground_truth" / "poses.txt", {view.name: view.pose for view in views})
 
 
@@ -206,9 +223,14 @@ def code_hash() -> str:
 
 def make_scene(output: pathlib.Path, seed: int, num_database_images: int, num_query_images: int) -> bool:
     """Renders the scene; returns False if it was there already."""
-    description = {"size_m": SIZE.tolist(), "diagonal_m": float(np.linalg.norm(SIZE)), "seed": seed,
-                   "num_database_images": num_database_images, "num_query_images": num_query_images,
-                   "code_sha256": code_hash()}
+    description = {
+        "size_m": SIZE.tolist(),
+        "diagonal_m": float(np.linalg.norm(SIZE)),
+        "seed": seed,
+        "num_database_images": num_database_images,
+        "num_query_images": num_query_images,
+        "code_sha256": code_hash(),
+    }
     scene_path = output / "scene.json"
     if scene_path.exists() and scene_path.read_text() == _as_json(description):
         return False

@@ -3,8 +3,13 @@
 import cv2
 import numpy as np
 
-FONTS = (cv2.FONT_HERSHEY_SIMPLEX, cv2.FONT_HERSHEY_DUPLEX, cv2.FONT_HERSHEY_COMPLEX, cv2.FONT_HERSHEY_TRIPLEX,
-         cv2.FONT_HERSHEY_SCRIPT_COMPLEX)
+FONTS = (
+    cv2.FONT_HERSHEY_SIMPLEX,
+    cv2.FONT_HERSHEY_DUPLEX,
+    cv2.FONT_HERSHEY_COMPLEX,
+    cv2.FONT_HERSHEY_TRIPLEX,
+    cv2.FONT_HERSHEY_SCRIPT_COMPLEX,
+)
 LETTERS = np.array(list("ABCDEFGHJKLMNPRSTUVWXYZ0123456789&?!"))
 
 
@@ -88,8 +93,13 @@ def draw_window(rng, picture: np.ndarray, box) -> None:
         cv2.line(picture, (column, y), (column, y + height), frame, bar)
         cv2.line(picture, (x, row), (x + width, row), frame, bar)
     cv2.rectangle(picture, (x, y), (x + width, y + height), frame, 2 * bar)
-    cv2.rectangle(picture, (x - 2 * bar, y + height + bar), (x + width + 2 * bar, y + height + 4 * bar),
-                  _tint(rng, (150, 150, 150), 0.2), -1)
+    cv2.rectangle(
+        picture,
+        (x - 2 * bar, y + height + bar),
+        (x + width + 2 * bar, y + height + 4 * bar),
+        _tint(rng, (150, 150, 150), 0.2),
+        -1,
+    )
 
 
 def _lay_stones(rng, shape, stone_size, colour, joint: int, spread: float) -> np.ndarray:

@@ -77,8 +77,9 @@ class Pair:
     def inverted(self):
         """Returns the pair as COLMAP stores it if the second image has the smaller id."""
         inverse = self.rotation.inv()
-        return Pair(self.matches[:, ::-1], self.inlier_matches[:, ::-1], inverse, -inverse.apply(self.direction),
-                    self.config)
+        return Pair(
+            self.matches[:, ::-1], self.inlier_matches[:, ::-1], inverse, -inverse.apply(self.direction), self.config
+        )
 
 
 @dataclasses.dataclass
@@ -117,8 +118,17 @@ def arc(num, radius=6.0, height=1.0, phase=0.0):
     return np.stack([radius * np.sin(angles), height * np.sin(5 * angles), -radius * np.cos(angles)], axis=1)
 
 
-def make_scene(database_centres, query_centres, noise_px=0.0, outlier_ratio=0.0, num_points=240, visible_ratio=0.7,
-               seed=0, database_pairs=False, is_planar=False):
+def make_scene(
+    database_centres,
+    query_centres,
+    noise_px=0.0,
+    outlier_ratio=0.0,
+    num_points=240,
+    visible_ratio=0.7,
+    seed=0,
+    database_pairs=False,
+    is_planar=False,
+):
     """Makes cameras that look at points in a cube of 3 units about the origin, or in an inclined square of it.
 
     Each query is matched with each database image, with database_pairs everything with everything; only the raw matches
@@ -128,8 +138,10 @@ def make_scene(database_centres, query_centres, noise_px=0.0, outlier_ratio=0.0,
     points = rng.uniform(-1.5, 1.5, (num_points, 3))
     if is_planar:
         points[:, 2] = 0.4 * points[:, 0] + 0.2 * points[:, 1]
-    cameras = {1: Camera(1, "SIMPLE_RADIAL", 640, 480, [520.0, 320.0, 240.0, -0.05]),
-               2: Camera(2, "PINHOLE", 600, 500, [480.0, 490.0, 301.5, 248.5])}
+    cameras = {
+        1: Camera(1, "SIMPLE_RADIAL", 640, 480, [520.0, 320.0, 240.0, -0.05]),
+        2: Camera(2, "PINHOLE", 600, 500, [480.0, 490.0, 301.5, 248.5]),
+    }
     scene = Scene(cameras, {}, {}, [])
     for is_query, centres in ((False, database_centres), (True, query_centres)):
         for i, centre in enumerate(centres):
@@ -142,7 +154,7 @@ def make_scene(database_centres, query_centres, noise_px=0.0, outlier_ratio=0.0,
                 scene.query_names.append(name)
     names = list(scene.images)
     for i, name1 in enumerate(names):
-        for name2 in names[i + 1:]:
+        for name2 in names[i + 1 :]:
             if database_pairs or (name1 not in scene.query_names and name2 in scene.query_names):
                 scene.pairs[name1, name2] = match(scene.images[name1], scene.images[name2], outlier_ratio, rng)
     return scene
@@ -163,12 +175,14 @@ def observe(camera, pose, points, noise_px, visible_ratio, rng):
 
 def match(image1, image2, outlier_ratio, rng):
     keypoint2 = {int(point): j for j, point in enumerate(image2.point_of_keypoint) if point >= 0}
-    inliers = [(i, keypoint2[int(point)]) for i, point in enumerate(image1.point_of_keypoint)
-               if int(point) in keypoint2]
+    inliers = [
+        (i, keypoint2[int(point)]) for i, point in enumerate(image1.point_of_keypoint) if int(point) in keypoint2
+    ]
     inliers = np.array(inliers, dtype=np.uint32).reshape(-1, 2)
     num_outliers = int(outlier_ratio * len(inliers))
-    outliers = np.stack([rng.choice(len(image.keypoints), num_outliers, replace=False) for image in (image1, image2)],
-                        axis=1).astype(np.uint32)
+    outliers = np.stack(
+        [rng.choice(len(image.keypoints), num_outliers, replace=False) for image in (image1, image2)], axis=1
+    ).astype(np.uint32)
     matches = rng.permutation(np.concatenate([inliers, outliers]), axis=0)
     rotation = Rotation.from_matrix(image2.pose.rotation @ image1.pose.rotation.T)
     translation = image2.pose.tvec - rotation.apply(image1.pose.tvec)
@@ -196,8 +210,7 @@ CREATE TABLE matches (pair_id INTEGER PRIMARY KEY NOT NULL, rows INTEGER NOT NUL
 CREATE TABLE two_view_geometries (pair_id INTEGER PRIMARY KEY NOT NULL, rows INTEGER NOT NULL,
     cols INTEGER NOT NULL, data BLOB, config INTEGER NOT NULL, F BLOB, E BLOB, H BLOB {poses});
 """
-_PRIORS = ("prior_qw REAL, prior_qx REAL, prior_qy REAL, prior_qz REAL, "
-           "prior_tx REAL, prior_ty REAL, prior_tz REAL,")
+_PRIORS = "prior_qw REAL, prior_qx REAL, prior_qy REAL, prior_qz REAL, prior_tx REAL, prior_ty REAL, prior_tz REAL,"
 _POSES = ", qvec BLOB, tvec BLOB"
 _POSE_PRIORS = """
 CREATE TABLE pose_priors (image_id INTEGER PRIMARY KEY NOT NULL, position BLOB, coordinate_system INTEGER NOT NULL,
@@ -232,20 +245,39 @@ def insert_scene(connection, scene, geometry="pose"):
     """Fills the tables of any 3.x schema; leaves out columns that it lacks."""
     for camera in scene.cameras.values():
         params = np.array(camera.params, "<f8").tobytes()
-        insert(connection, "cameras", camera_id=camera.camera_id, model=model.CAMERA_MODEL_IDS[camera.model],
-               width=camera.width, height=camera.height, params=params,
-               prior_focal_length=int(camera.has_prior_focal_length))
+        insert(
+            connection,
+            "cameras",
+            camera_id=camera.camera_id,
+            model=model.CAMERA_MODEL_IDS[camera.model],
+            width=camera.width,
+            height=camera.height,
+            params=params,
+            prior_focal_length=int(camera.has_prior_focal_length),
+        )
     for image in scene.images.values():
         insert(connection, "images", image_id=image.image_id, name=image.name, camera_id=image.camera_id)
-        insert(connection, "keypoints", image_id=image.image_id, rows=len(image.keypoints),
-               cols=image.keypoints.shape[1], data=image.keypoints.astype("<f4").tobytes())
+        insert(
+            connection,
+            "keypoints",
+            image_id=image.image_id,
+            rows=len(image.keypoints),
+            cols=image.keypoints.shape[1],
+            data=image.keypoints.astype("<f4").tobytes(),
+        )
     for (name1, name2), pair in scene.pairs.items():
         id1, id2 = scene.images[name1].image_id, scene.images[name2].image_id
         stored = pair if id1 < id2 else pair.inverted()
         insert(connection, "matches", pair_id=pair_id(id1, id2), **_matches_columns(stored.matches))
         if geometry is not None:
-            insert(connection, "two_view_geometries", pair_id=pair_id(id1, id2), config=stored.config,
-                   **_matches_columns(stored.inlier_matches), **_geometry_columns(stored, geometry))
+            insert(
+                connection,
+                "two_view_geometries",
+                pair_id=pair_id(id1, id2),
+                config=stored.config,
+                **_matches_columns(stored.inlier_matches),
+                **_geometry_columns(stored, geometry),
+            )
     connection.commit()
 
 
@@ -257,8 +289,13 @@ def _geometry_columns(pair, geometry):
     """Returns a geometry as COLMAP 3 stores it: zeros for a missing matrix, the identity for a missing pose."""
     x, y, z, w = pair.rotation.as_quat() if geometry == "pose" else [0, 0, 0, 1]
     tvec = pair.direction if geometry == "pose" else np.zeros(3)
-    columns = {"F": np.zeros(9), "E": pair.essential_matrix().ravel(), "H": np.zeros(9), "qvec": np.array([w, x, y, z]),
-               "tvec": tvec}
+    columns = {
+        "F": np.zeros(9),
+        "E": pair.essential_matrix().ravel(),
+        "H": np.zeros(9),
+        "qvec": np.array([w, x, y, z]),
+        "tvec": tvec,
+    }
     return {name: numbers.astype("<f8").tobytes() for name, numbers in columns.items()}
 
 
@@ -276,8 +313,11 @@ def write_pycolmap_database(path, scene, geometry="pose"):
     from colmap_lazyloc.pycolmap_types import write_images
 
     with pycolmap.Database.open(str(path)) as database:
-        write_images(database, {camera.camera_id: camera.intrinsics() for camera in scene.cameras.values()},
-                     stored_images(scene, scene.images))
+        write_images(
+            database,
+            {camera.camera_id: camera.intrinsics() for camera in scene.cameras.values()},
+            stored_images(scene, scene.images),
+        )
         for image in scene.images.values():
             database.write_keypoints(image.image_id, image.keypoints)
         for (name1, name2), pair in scene.pairs.items():
@@ -304,8 +344,10 @@ def _pycolmap_geometry(pair, geometry):
 
 
 def stored_images(scene, names):
-    return [model.Image(image.name, image.camera_id, image.pose, image.image_id)
-            for image in (scene.images[name] for name in names)]
+    return [
+        model.Image(image.name, image.camera_id, image.pose, image.image_id)
+        for image in (scene.images[name] for name in names)
+    ]
 
 
 def write_model(path, scene, names=None, binary=True):
