@@ -11,13 +11,13 @@ source scripts/environment.sh
 
 DATA=${1:-../shared/data}
 WORK=$BUILD_DIR/benchmark
-BENCHMARK=benchmarks/localization
 BENCHMARK_PYTHON=$WORK/venv/bin/python
+REQUIREMENTS=benchmarks/localization/requirements.txt
 
 BUILD_TARGETS=program scripts/setup.sh
-if ! [ "$WORK/venv/done" -nt "$BENCHMARK/requirements.txt" ]; then
+if ! [ "$WORK/venv/done" -nt "$REQUIREMENTS" ]; then
   python3 -m venv "$WORK/venv"
-  "$BENCHMARK_PYTHON" -m pip install --quiet -r scripts/requirements.txt -r "$BENCHMARK/requirements.txt"
+  "$BENCHMARK_PYTHON" -m pip install --quiet -r scripts/requirements.txt -r "$REQUIREMENTS"
   touch "$WORK/venv/done"
 fi
 
@@ -25,7 +25,7 @@ run() {
   local tag=$1
   shift
   rm -f "$WORK/$tag".*
-  "$BENCHMARK_PYTHON" "$BENCHMARK/run.py" --dataset scenes --data_path "$DATA" --colmap "$COLMAP" --work_path "$WORK/work" \
+  "$BENCHMARK_PYTHON" -m benchmarks run --dataset scenes --data_path "$DATA" --colmap "$COLMAP" --work_path "$WORK/work" \
     --output_path "$WORK" --tag "$tag" "$@" > /dev/null
 }
 
@@ -37,5 +37,5 @@ run scenes_seeds --methods lazyloc local_triangulation --seeds 0 1 2
 
 mkdir -p docs/benchmarks
 cp "$WORK"/scenes*.md "$WORK"/scenes*.svg "$WORK/scenes.csv" docs/benchmarks/
-"$BENCHMARK_PYTHON" "$BENCHMARK/compare.py" "$WORK/scenes.csv" --methods lazyloc \
-  --write_expected "$BENCHMARK/expected/scenes.json"
+"$BENCHMARK_PYTHON" -m benchmarks compare "$WORK/scenes.csv" --methods lazyloc \
+  --write_expected benchmarks/localization/expected/scenes.json

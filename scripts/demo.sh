@@ -52,12 +52,12 @@ make_database() {
 BUILD_TARGETS=program scripts/setup.sh
 mkdir -p "$DEMO_DIR"
 : > "$LOG"
-"$PYTHON" scripts/make_demo_scene.py --output_path "$DEMO_DIR"
+"$PYTHON" -m colmap_lazyloc.demo --output_path "$DEMO_DIR"
 make_database
 say "localizing the queries"
 colmap lazy_localizer --database_path "$DEMO_DIR/database.db" --input_path "$DEMO_DIR/database_model" \
   --query_list_path "$DEMO_DIR/queries_with_intrinsics.txt" --output_path "$DEMO_DIR/localized"
-"$PYTHON" scripts/evaluate.py "$DEMO_DIR/localized/poses.txt" --ground_truth "$DEMO_DIR/ground_truth/poses.txt" \
+"$PYTHON" -m colmap_lazyloc.evaluate "$DEMO_DIR/localized/poses.txt" --ground_truth "$DEMO_DIR/ground_truth/poses.txt" \
   --thresholds 0.01,0.1 0.05,0.2 0.25,2 --per_query --json "$DEMO_DIR/accuracy.json"
 "$PYTHON" - "$DEMO_DIR/scene.json" "$DEMO_DIR/accuracy.json" << 'CHECK'
 import json, sys

@@ -3,6 +3,4 @@
 #
 #   scripts/gpu_option.sh COMMAND
 set -euo pipefail
-[ $# -eq 1 ] || { sed -n '2,/^set/s/^# \{0,1\}//p' "$0" >&2; exit 1; }
-help=$("${COLMAP:-colmap}" "$1" -h 2>&1) || true
-grep -o -m 1 -e '--\(Sift\|Feature\)\(Extraction\|Matching\)\.use_gpu' <<< "$help"
+PYTHON=${PYTHON:-python3} "$(dirname "$0")/python.sh" -m colmap_lazyloc.program "$@"

@@ -10,7 +10,7 @@ set -euo pipefail
 [ $# -ge 6 ] || { sed -n '2,/^set/s/^# \{0,1\}//p' "$0" >&2; exit 1; }
 features=$1 matches=$2 pairs=$3 model=$4 queries=$5 output=${6%/}
 shift 6
-"${PYTHON:-${XDG_CACHE_HOME:-$HOME/.cache}/colmap_lazyloc/venv/bin/python}" "$(dirname "$0")/hloc_to_database.py" \
+"$(dirname "$0")/python.sh" -m colmap_lazyloc.hloc_to_database \
   --features_path "$features" --matches_path "$matches" --pairs_path "$pairs" --model_path "$model" \
   --query_list_path "$queries" --database_path "$output.db"
 "${COLMAP:-colmap}" lazy_localizer --database_path "$output.db" --input_path "$model" --query_list_path "$queries" \

@@ -67,8 +67,9 @@ make_python_environment() {
   local stamp="$VENV_DIR/requirements.txt"
   cmp -s scripts/requirements.txt "$stamp" && return 0
   say "making the Python environment"
-  rm -rf "$VENV_DIR"
-  python3 -m venv "$VENV_DIR"
+  # Updated in place, because other checkouts use it too. It does not hold the package: scripts/environment.sh and
+  # scripts/python.sh set PYTHONPATH to that of their own checkout.
+  "$PYTHON" -c "" 2>/dev/null || python3 -m venv --clear "$VENV_DIR"
   "$VENV_DIR/bin/pip" install -q --disable-pip-version-check -r scripts/requirements.txt
   cp scripts/requirements.txt "$stamp"
 }

@@ -1,20 +1,24 @@
 """What the tests of the program `colmap lazy_localizer` share: the program, a way to run it, and two scenes."""
 
-from __future__ import annotations
-
 import dataclasses
 import functools
-import json
 import os
 import pathlib
+import shutil
 import subprocess
 
-import numpy as np
 import pytest
 
-import synthetic_database as synthetic
+from colmap_lazyloc.model import read_images_binary
+from colmap_lazyloc.poses import read_poses
+from colmap_lazyloc.program import find_colmap
+from colmap_lazyloc.results import read_results
+from colmap_lazyloc.testing import synthetic
 
 PROJECT_PATH = pathlib.Path(__file__).resolve().parent.parent
+SCRIPTS_PATH = PROJECT_PATH / "scripts"
+# Real scenes; tests on them are skipped if they are missing.
+DATA_PATH = pathlib.Path(os.environ.get("LAZYLOC_SHARED_DATA", PROJECT_PATH.parent / "shared" / "data"))
 MAX_SECONDS = 300  # of a run; more is a hang, not slowness
 
 
@@ -33,23 +37,13 @@ class Run:
 
     @functools.cached_property
     def poses(self):
-        """Of poses.txt, by name."""
-        poses = {}
-        for line in self.poses_bytes.decode().splitlines():
-            if not line.startswith("#"):
-                name, *numbers = line.rsplit(" ", 7)
-                assert name not in poses, f"{name} appears twice"
-                numbers = np.array(numbers, float)
-                poses[name] = synthetic.Pose(numbers[:4], numbers[4:])
-        return poses
+        """Returns the poses of poses.txt by name."""
+        return read_poses(self.output_path / "poses.txt")
 
     @functools.cached_property
     def results(self):
-        """Of results.jsonl, by name."""
-        lines = (self.output_path / "results.jsonl").read_text(encoding="utf-8").splitlines()
-        results = {result["name"]: result for result in map(json.loads, lines)}
-        assert len(results) == len(lines), "a query appears twice"
-        return results
+        """Returns the results of results.jsonl by name."""
+        return read_results(self.output_path / "results.jsonl")
 
     @property
     def statuses(self):
@@ -57,10 +51,13 @@ class Run:
 
     @functools.cached_property
     def model_images(self):
-        return synthetic.read_images_binary(self.output_path / "model" / "images.bin")
+        """Returns the images of the written model by name, every bit as it is in the file."""
+        images = read_images_binary(self.output_path / "model" / "images.bin")
+        assert len({image.name for image in images}) == len(images), "an image appears twice"
+        return {image.name: image for image in images}
 
     def pair_names(self, query_name):
-        """The database images that the query was compared with."""
+        """Returns the database images that the query was compared with."""
         return [pair["name"] for pair in self.results[query_name]["pairs"]]
 
     def assert_localized(self, scene, names, max_position_error, max_rotation_error_deg):
@@ -74,9 +71,9 @@ class Run:
 
 @pytest.fixture(scope="session")
 def colmap():
-    path = pathlib.Path(os.environ.get("COLMAP", PROJECT_PATH / "build" / "bin" / "colmap")).resolve()
-    assert path.is_file(), f"{path} is missing: build the program, or name it in the environment variable COLMAP"
-    return path
+    path = shutil.which(find_colmap())
+    assert path, f"{find_colmap()} is missing: build the program, or name it in the environment variable COLMAP"
+    return pathlib.Path(path).resolve()
 
 
 @pytest.fixture(scope="session")
@@ -87,8 +84,14 @@ def localize(colmap, tmp_path_factory):
         if output_path is None:
             output_path = tmp_path_factory.mktemp("run") / "output"
         command = [*launcher, colmap, "lazy_localizer", "--output_path", output_path, *arguments]
-        done = subprocess.run(list(map(str, command)), capture_output=True, text=True, encoding="utf-8",
-                              timeout=MAX_SECONDS, **popen_options)
+        done = subprocess.run(
+            list(map(str, command)),
+            capture_output=True,
+            text=True,
+            encoding="utf-8",
+            timeout=MAX_SECONDS,
+            **popen_options,
+        )
         return Run(pathlib.Path(output_path), done.returncode, done.stdout, done.stderr)
 
     return run
@@ -107,9 +110,17 @@ class SceneFiles:
         return ["--database_path", str(self.database_path), "--input_path", str(self.model_path)]
 
 
+def write_lines(path, lines):
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return path
+
+
 def write_scene(folder, scene, **database_options):
-    return SceneFiles(scene, synthetic.write_database(folder / "database.db", scene, **database_options),
-                      synthetic.write_model(folder / "model", scene))
+    return SceneFiles(
+        scene,
+        synthetic.write_database(folder / "database.db", scene, **database_options),
+        synthetic.write_model(folder / "model", scene),
+    )
 
 
 @pytest.fixture(scope="session")
@@ -119,22 +130,27 @@ def write_scene_files():
 
 @pytest.fixture(scope="session")
 def exact(tmp_path_factory):
-    """Without noise but for the keypoints' rounding to single precision."""
+    """Makes a scene without noise except the keypoints' rounding to single precision."""
     scene = synthetic.make_scene(synthetic.arc(9), synthetic.arc(3, radius=5, height=-0.7, phase=4))
     return write_scene(tmp_path_factory.mktemp("exact"), scene)
 
 
 @pytest.fixture(scope="session")
 def noisy(tmp_path_factory):
-    """With half a pixel of noise, outliers among the raw matches, and matches between all images."""
-    scene = synthetic.make_scene(synthetic.arc(9), synthetic.arc(3, radius=5, height=-0.7, phase=4), noise_px=0.5,
-                                 outlier_ratio=0.3, database_pairs=True)
+    """Makes a scene with half a pixel of noise, outliers among the raw matches, and matches between all images."""
+    scene = synthetic.make_scene(
+        synthetic.arc(9),
+        synthetic.arc(3, radius=5, height=-0.7, phase=4),
+        noise_px=0.5,
+        outlier_ratio=0.3,
+        database_pairs=True,
+    )
     return write_scene(tmp_path_factory.mktemp("noisy"), scene)
 
 
 @pytest.fixture(scope="session")
 def photos(colmap, tmp_path_factory):
-    """Rendered photos, and a database with features of the posed ones; the tests leave them as they are."""
+    """Makes rendered photos, and a database with features of the posed ones; the tests leave them as they are."""
     import photo_scene  # its packages take seconds to load
 
     return photo_scene.make_photo_scene(tmp_path_factory.mktemp("photos"), colmap)
@@ -142,7 +158,7 @@ def photos(colmap, tmp_path_factory):
 
 @pytest.fixture(scope="session")
 def fingerprint():
-    """What a folder holds: names, bytes, permissions and times of change."""
+    """Returns what a folder holds: names, bytes, permissions and times of change."""
 
     def look(folder):
         entries = {}

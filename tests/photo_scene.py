@@ -1,26 +1,26 @@
 """A few small rendered photos of the demo's courtyard, and a COLMAP database with the features of the posed ones."""
 
-from __future__ import annotations
-
 import dataclasses
-import os
 import pathlib
-import subprocess
-import sys
 
+import cv2
 import numpy as np
-import pycolmap
 
-import synthetic_database as synthetic
+from colmap_lazyloc import program
+from colmap_lazyloc.demo import scene as demo
+from colmap_lazyloc.demo.renderer import RayGrid, render
+from colmap_lazyloc.model import Camera
 
-sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[1] / "scripts"))
-import make_demo_scene as demo  # noqa: E402
-from scene_renderer import RayGrid, render  # noqa: E402
-
-CAMERA = dict(model="SIMPLE_RADIAL", width=480, height=360, params=[400.0, 241.0, 179.0, -0.03])
+CAMERA = Camera("SIMPLE_RADIAL", 480, 360, (400.0, 241.0, 179.0, -0.03))
 TARGET = np.array([0.5, 5.0, 1.8])  # of the north wall
-DATABASE_CENTRES = [(-3.5, -3.0, 1.6), (-2.0, -3.6, 1.2), (-0.7, -3.2, 2.2), (0.6, -3.5, 1.5), (2.0, -3.1, 2.0),
-                    (3.4, -3.4, 1.3)]
+DATABASE_CENTRES = [
+    (-3.5, -3.0, 1.6),
+    (-2.0, -3.6, 1.2),
+    (-0.7, -3.2, 2.2),
+    (0.6, -3.5, 1.5),
+    (2.0, -3.1, 2.0),
+    (3.4, -3.4, 1.3),
+]
 QUERY_CENTRES = [(-1.4, -2.8, 1.7), (1.3, -3.8, 1.8)]
 SIFT = ["--SiftExtraction.max_num_features", "1500", "--SiftExtraction.first_octave", "0"]
 
@@ -35,11 +35,21 @@ class PhotoScene:
     model_path = property(lambda self: self.folder / "model")
     query_names = property(lambda self: sorted(name for name in self.poses if name.startswith("query")))
     database_names = property(lambda self: sorted(name for name in self.poses if name.startswith("database")))
-    camera_words = f"{CAMERA['model']} {CAMERA['width']} {CAMERA['height']} " + " ".join(map(str, CAMERA["params"]))
+    camera_words = CAMERA.text()
 
     def arguments(self, queries, *more):
-        return ["--database_path", self.database_path, "--input_path", self.model_path, "--image_path", self.image_path,
-                "--query_list_path", queries, *SIFT, *more]
+        return [
+            "--database_path",
+            self.database_path,
+            "--input_path",
+            self.model_path,
+            "--image_path",
+            self.image_path,
+            "--query_list_path",
+            queries,
+            *SIFT,
+            *more,
+        ]
 
     def write_queries(self, path, names=None, with_camera=True):
         words = f" {self.camera_words}" if with_camera else ""
@@ -47,7 +57,7 @@ class PhotoScene:
         return path
 
     def assert_localized(self, run, names=None, max_position_error=0.05):
-        """In a courtyard of 20 m."""
+        """Checks poses, in a courtyard of 20 m."""
         assert run.exit_code == 0, run.stderr
         for name in names or self.query_names:
             assert run.statuses[name] == "LOCALIZED", run.results[name]["reason"]
@@ -55,44 +65,35 @@ class PhotoScene:
             assert position_error < max_position_error and rotation_error_deg < 0.3, name
 
 
-def without_gpu(colmap, command):
-    """Options of `feature_extractor` or a matcher."""
-    script = pathlib.Path(demo.__file__).parent / "gpu_option.sh"
-    return [subprocess.check_output([script, command], env={**os.environ, "COLMAP": str(colmap)}, text=True).strip(), "0"]
-
-
 def match_exhaustively(colmap, database_path):
-    subprocess.run([colmap, "exhaustive_matcher", "--database_path", database_path,
-                    *without_gpu(colmap, "exhaustive_matcher")], check=True, capture_output=True, timeout=300)
+    program.run_colmap(
+        colmap,
+        "exhaustive_matcher",
+        "--database_path",
+        database_path,
+        program.gpu_option(colmap, "exhaustive_matcher"),
+        0,
+    )
 
 
 def extract_features(colmap, database_path, image_path, names):
-    names_path = database_path.with_suffix(".names")
-    names_path.write_text("".join(f"{name}\n" for name in names))
-    subprocess.run([colmap, "feature_extractor", "--database_path", database_path, "--image_path", image_path,
-                    "--image_list_path", names_path, "--ImageReader.single_camera", "1", "--ImageReader.camera_model",
-                    CAMERA["model"], "--ImageReader.camera_params", ",".join(map(str, CAMERA["params"])), *SIFT,
-                    *without_gpu(colmap, "feature_extractor")], check=True, capture_output=True, timeout=300)
-    names_path.unlink()
+    program.extract_features(colmap, database_path, image_path, names, CAMERA, *SIFT)
 
 
 def make_photo_scene(folder, colmap):
     rectangles = demo.build_scene(seed=0, texels_per_m=80)
-    camera = pycolmap.Camera(camera_id=1, **CAMERA)
-    rays = RayGrid(camera)
+    rays = RayGrid(CAMERA)
     views = []
     for prefix, centres in (("database", DATABASE_CENTRES), ("query", QUERY_CENTRES)):
         for index, centre in enumerate(centres):
-            pose = demo.look_at(np.array(centre), TARGET, roll_deg=2.0 * index - 3)
-            views.append(demo.View(f"{prefix}/{index}.png", camera, *pose))
+            pose = demo.upright_pose(np.array(centre), TARGET, roll_deg=2.0 * index - 3)
+            views.append(demo.View(f"{prefix}/{index}.png", CAMERA, pose))
     (folder / "images" / "database").mkdir(parents=True)
     (folder / "images" / "query").mkdir()
     for index, view in enumerate(views):
-        photo = demo.photograph(render(rectangles, rays, view.rotation, view.translation, demo.sky),
-                                np.random.default_rng(index))
-        assert demo.cv2.imwrite(str(folder / "images" / view.name), photo)
-    scene = PhotoScene(folder, {view.name: synthetic.Pose(np.array(view.pose_text().split()[:4], float), view.translation)
-                                for view in views})
-    demo.write_model(folder / "model", views[: len(DATABASE_CENTRES)])
+        photo = demo.photograph(render(rectangles, rays, view.pose, demo.sky), np.random.default_rng(index))
+        assert cv2.imwrite(str(folder / "images" / view.name), photo)
+    scene = PhotoScene(folder, {view.name: view.pose for view in views})
+    demo.write_database_model(folder / "model", views[: len(DATABASE_CENTRES)])
     extract_features(colmap, scene.database_path, scene.image_path, scene.database_names)
     return scene

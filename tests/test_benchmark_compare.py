@@ -1,28 +1,38 @@
-"""compare.py: what is noise, what is a regression, and the reduced run against its expected figures."""
+"""`benchmarks compare`: what is noise, what is a regression, and the reduced run against its expected figures."""
 
 import dataclasses
 import json
 import math
 import pathlib
-import subprocess
-import sys
 
 import numpy as np
 import pytest
 
-PROJECT_PATH = pathlib.Path(__file__).resolve().parent.parent
-BENCHMARK_PATH = PROJECT_PATH / "benchmarks" / "localization"
-sys.path.insert(0, str(BENCHMARK_PATH))
+from benchmarks.localization import compare, evaluation, run
+from colmap_lazyloc.demo import scene as demo
+from conftest import PROJECT_PATH
 
-import compare  # noqa: E402
-import evaluation  # noqa: E402
-import run  # noqa: E402
+EXPECTED_PATH = PROJECT_PATH / "benchmarks" / "localization" / "expected"
 
 
 def write_run(path, errors_cm, scene="a", seed=0, rotation_factor=1.0):
-    """A CSV with one query per error; NaN is lost."""
-    rows = [evaluation.Row("t", scene, f"{i}.jpg", "lazyloc", 20, seed, "0,0", error, rotation_factor * error / 10, 0.1,
-                           "LOST" if math.isnan(error) else "LOCALIZED") for i, error in enumerate(errors_cm)]
+    """Writes a CSV with one query per error; NaN is lost."""
+    rows = [
+        evaluation.Row(
+            "t",
+            scene,
+            f"{i}.jpg",
+            "lazyloc",
+            20,
+            seed,
+            "0,0",
+            error,
+            rotation_factor * error / 10,
+            0.1,
+            "LOST" if math.isnan(error) else "LOCALIZED",
+        )
+        for i, error in enumerate(errors_cm)
+    ]
     evaluation.write_csv(path, rows)
     return str(path)
 
@@ -35,7 +45,8 @@ def test_a_run_is_no_regression_of_itself(tmp_path, capsys):
     path = write_run(tmp_path / "a.csv", [*random_errors(), math.nan])
     assert compare.main([path, path]) == 0
     assert "a, lazyloc: position 1.000 [1.000, 1.000], rotation 1.000 [1.000, 1.000], lost 1 -> 1" in (
-        capsys.readouterr().out)
+        capsys.readouterr().out
+    )
 
 
 def test_noise_is_no_regression_and_a_shift_within_it_is(tmp_path, capsys):
@@ -90,11 +101,24 @@ def test_expected_figures(tmp_path, capsys):
     expected = tmp_path / "expected.json"
     assert compare.main([write_run(tmp_path / "before.csv", [1.0, 2.0, 4.0]), "--write_expected", str(expected)]) == 0
     figures = json.loads(expected.read_text())["figures"]
-    assert figures == [{"scene": "a", "method": "lazyloc", "num_retrieved": 20, "num_queries": 3, "num_lost": 0,
-                        "geometric_mean_position_error_cm": 2.0, "geometric_mean_rotation_error_deg": 0.2}]
+    assert figures == [
+        {
+            "scene": "a",
+            "method": "lazyloc",
+            "num_retrieved": 20,
+            "num_queries": 3,
+            "num_lost": 0,
+            "geometric_mean_position_error_cm": 2.0,
+            "geometric_mean_rotation_error_deg": 0.2,
+        }
+    ]
     assert compare.main([str(expected), write_run(tmp_path / "same.csv", [1.1, 2.15, 4.0])]) == 0
-    for errors, message in (([1.5, 2.3, 4.0], "ratio 1.199"), ([2.0, 2.0, math.nan], "1 lost instead of 0"),
-                            ([2.0, 2.0], "2 queries instead of 3"), ([math.nan] * 3, "ratio inf")):
+    for errors, message in (
+        ([1.5, 2.3, 4.0], "ratio 1.199"),
+        ([2.0, 2.0, math.nan], "1 lost instead of 0"),
+        ([2.0, 2.0], "2 queries instead of 3"),
+        ([math.nan] * 3, "ratio inf"),
+    ):
         assert compare.main([str(expected), write_run(tmp_path / "worse.csv", errors)]) == 1
         assert message in capsys.readouterr().out
     assert compare.main([str(expected), write_run(tmp_path / "other.csv", [1.0], scene="b")]) == 1
@@ -121,7 +145,7 @@ def test_tolerances_are_kept_when_figures_are_written_again(tmp_path):
     assert json.loads(expected.read_text())["tolerance"] == tolerance
 
 
-@pytest.mark.parametrize("path", sorted((BENCHMARK_PATH / "expected").glob("*.json")), ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", sorted(EXPECTED_PATH.glob("*.json")), ids=lambda path: path.stem)
 def test_expected_files_can_fail(path):
     expected = json.loads(path.read_text())
     assert expected["figures"] and all(figure["geometric_mean_position_error_cm"] > 0 for figure in expected["figures"])
@@ -135,24 +159,41 @@ def test_expected_files_can_fail(path):
 @pytest.fixture(scope="module")
 def reduced_run(colmap, tmp_path_factory):
     path = tmp_path_factory.mktemp("reduced")
-    script = PROJECT_PATH / "scripts" / "make_demo_scene.py"
-    subprocess.run([sys.executable, script, "--output_path", path / "data", "--num_database_images", "16",
-                    "--num_query_images", "6"], check=True)
-    arguments = ["--dataset", "demo", "--data_path", str(path / "data"), "--max_num_features", "2000",
-                 "--methods", "structure_based", "lazyloc", "local_triangulation", "--colmap", str(colmap),
-                 "--work_path", str(path / "work"), "--output_path", str(path)]
+    assert (
+        demo.main(["--output_path", str(path / "data"), "--num_database_images", "16", "--num_query_images", "6"]) == 0
+    )
+    arguments = [
+        "--dataset",
+        "demo",
+        "--data_path",
+        str(path / "data"),
+        "--max_num_features",
+        "2000",
+        "--methods",
+        "structure_based",
+        "lazyloc",
+        "local_triangulation",
+        "--colmap",
+        str(colmap),
+        "--work_path",
+        str(path / "work"),
+        "--output_path",
+        str(path),
+    ]
     assert run.main([*arguments, "--tag", "first"]) == 0
     assert run.main([*arguments, "--tag", "second"]) == 0
     return path
 
 
 def test_the_reduced_run_has_the_expected_figures(reduced_run):
-    assert compare.main([str(BENCHMARK_PATH / "expected" / "demo_reduced.json"), str(reduced_run / "first.csv")]) == 0
+    assert compare.main([str(EXPECTED_PATH / "demo_reduced.json"), str(reduced_run / "first.csv")]) == 0
 
 
 def test_the_reduced_run_repeats(reduced_run):
-    first, second = ([dataclasses.replace(row, tag="", seconds=0) for row in evaluation.read_csv(reduced_run / name)]
-                     for name in ("first.csv", "second.csv"))
+    first, second = (
+        [dataclasses.replace(row, tag="", seconds=0) for row in evaluation.read_csv(reduced_run / name)]
+        for name in ("first.csv", "second.csv")
+    )
     assert first == second
     assert len(first) == 18
 

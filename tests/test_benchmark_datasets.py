@@ -1,9 +1,7 @@
 """The benchmark's readers of datasets, on small files in the datasets' own formats and layouts."""
 
-import os
 import pathlib
 import re
-import sys
 import zipfile
 
 import cv2
@@ -11,28 +9,25 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-PROJECT_PATH = pathlib.Path(__file__).resolve().parent.parent
-sys.path.insert(0, str(PROJECT_PATH / "benchmarks" / "localization"))
+from benchmarks.localization import datasets, evaluation, run
+from benchmarks.localization.datasets import aachen, cambridge, demo, formats, kitti, seven_scenes, strecha
+from benchmarks.localization.datasets.builder import MatchingOptions, image_pairs, write_scene_files
+from benchmarks.localization.datasets.download import download_archives
+from benchmarks.localization.datasets.scene_source import Options, SceneSource, SourceImage
+from benchmarks.localization.datasets.seven_scenes_layout import write_layout
+from benchmarks.localization.scenes import load_scene
+from colmap_lazyloc.errors import InputError
+from colmap_lazyloc.model import Camera
+from colmap_lazyloc.poses import Pose
+from conftest import DATA_PATH
 
-import datasets  # noqa: E402
-import evaluation  # noqa: E402
-import run  # noqa: E402
-from datasets import aachen, cambridge, demo, formats, kitti, seven_scenes, strecha  # noqa: E402
-from datasets.builder import MatchingOptions, image_pairs, write_scene_files  # noqa: E402
-from datasets.download import download_archives  # noqa: E402
-from datasets.scene_source import InputError, Options, SceneSource, SourceImage  # noqa: E402
-from geometry import Pose, pose_errors  # noqa: E402
-from scenes import Camera, load_scene  # noqa: E402
-from write_seven_scenes_layout import write_layout  # noqa: E402
-
-SHARED_DATA_PATH = pathlib.Path(os.environ.get("LAZYLOC_SHARED_DATA", PROJECT_PATH.parent / "shared" / "data"))
 OPTIONS = Options()
 PINHOLE = Camera("PINHOLE", 640, 480, (500.0, 501.0, 320.0, 240.0))
 
 
 def make_pose(seed: int) -> Pose:
     rng = np.random.default_rng(seed)
-    return Pose(Rotation.random(random_state=rng).as_matrix(), rng.normal(size=3))
+    return Pose.from_matrix(Rotation.random(random_state=rng).as_matrix(), rng.normal(size=3))
 
 
 def write_image(path: pathlib.Path, width: int = 64, height: int = 48):
@@ -41,7 +36,7 @@ def write_image(path: pathlib.Path, width: int = 64, height: int = 48):
 
 
 def assert_same_pose(pose: Pose, expected: Pose, tolerance: float = 1e-6):
-    position_error, rotation_error_deg = pose_errors(pose, expected)
+    position_error, rotation_error_deg = pose.errors(expected)
     assert position_error < tolerance and rotation_error_deg < 100 * tolerance
 
 
@@ -50,8 +45,10 @@ def assert_same_pose(pose: Pose, expected: Pose, tolerance: float = 1e-6):
 
 def test_hloc_query_list(tmp_path):
     path = tmp_path / "list.txt"
-    path.write_text("query/day/a.jpg SIMPLE_RADIAL 1600 1200 1469.2 800 600 -0.0353\n\n# comment\n"
-                    "./db/1.jpg OPENCV 10 20 1 2 3 4 5 6 7 8\n")
+    path.write_text(
+        "query/day/a.jpg SIMPLE_RADIAL 1600 1200 1469.2 800 600 -0.0353\n\n# comment\n"
+        "./db/1.jpg OPENCV 10 20 1 2 3 4 5 6 7 8\n"
+    )
     cameras = formats.read_query_list(path)
     assert cameras["query/day/a.jpg"] == Camera("SIMPLE_RADIAL", 1600, 1200, (1469.2, 800.0, 600.0, -0.0353))
     assert cameras["db/1.jpg"].params == (1, 2, 3, 4, 5, 6, 7, 8)
@@ -60,19 +57,12 @@ def test_hloc_query_list(tmp_path):
         formats.read_query_list(path)
 
 
-def test_hloc_pairs(tmp_path):
-    path = tmp_path / "pairs.txt"
-    path.write_text("query/a.jpg db/1.jpg\nquery/a.jpg db/2.jpg 0.75\n")
-    assert formats.read_pairs(path) == [("query/a.jpg", "db/1.jpg"), ("query/a.jpg", "db/2.jpg")]
-    path.write_text("query/a.jpg\n")
-    with pytest.raises(InputError, match="two image names"):
-        formats.read_pairs(path)
-
-
 def nvm_text(cameras: dict[str, tuple[float, Pose, float]]) -> str:
     """As VisualSFM writes it, with one point."""
-    lines = [f"{name} {focal} {' '.join(map(str, pose.qvec()))} {' '.join(map(str, pose.cam_in_world()))} {radial} 0\n"
-             for name, (focal, pose, radial) in cameras.items()]
+    lines = [
+        f"{name} {focal} {' '.join(map(str, pose.qvec))} {' '.join(map(str, pose.cam_in_world))} {radial} 0\n"
+        for name, (focal, pose, radial) in cameras.items()
+    ]
     return f"NVM_V3 \n\n{len(cameras)}\n{''.join(lines)}\n1\n1 2 3 128 128 128 2 0 7 -1.5 2.5 1 9 3.5 4\n\n\n\n0\n"
 
 
@@ -127,7 +117,7 @@ def write_seven_scenes(path: pathlib.Path) -> dict[str, Pose]:
             name = f"{sequence}/frame-{index:06d}.color.png"
             pose = poses[name] = make_pose(len(poses))
             write_image(path / "redkitchen" / name, 640, 480)
-            world_from_cam = np.vstack([np.column_stack([pose.rotation.T, pose.cam_in_world()]), [0, 0, 0, 1]])
+            world_from_cam = np.vstack([np.column_stack([pose.rotation.T, pose.cam_in_world]), [0, 0, 0, 1]])
             # Tabs, and exponents with three digits, as in the dataset.
             rows = ([re.sub("(e[+-])", r"\g<1>0", f"{value: .7e}") for value in row] for row in world_from_cam)
             text = "".join("\t ".join(row) + "\t \n" for row in rows)
@@ -141,7 +131,8 @@ def test_seven_scenes_layout(tmp_path):
     source = seven_scenes.read_scene(tmp_path, "redkitchen", OPTIONS)
     assert source.query_names == ("seq-03/frame-000000.color.png", "seq-03/frame-000001.color.png")
     assert source.database_names == [f"seq-01/frame-00000{i}.color.png" for i in range(3)] + [
-        "seq-13/frame-000000.color.png"]
+        "seq-13/frame-000000.color.png"
+    ]
     for name, pose in poses.items():
         assert_same_pose(source.images[name].cam_from_world, pose)
         assert source.images[name].camera == Camera("SIMPLE_PINHOLE", 640, 480, (525.0, 320.0, 240.0))
@@ -175,9 +166,15 @@ def test_seven_scenes_with_poses_of_structure_from_motion(tmp_path):
         assert_same_pose(source.images[name].cam_from_world, image.cam_from_world)
 
 
-@pytest.mark.parametrize("name, text, message", [
-    ("TrainSplit.txt", "seq-01\n", "seq-01"), ("seq-01/frame-000000.pose.txt", "1 2 3", "expected 16 numbers"),
-    ("seq-01/frame-000000.pose.txt", "one", "expected numbers"), ("TestSplit.txt", "sequence9", "seq-09")])
+@pytest.mark.parametrize(
+    "name, text, message",
+    [
+        ("TrainSplit.txt", "seq-01\n", "seq-01"),
+        ("seq-01/frame-000000.pose.txt", "1 2 3", "expected 16 numbers"),
+        ("seq-01/frame-000000.pose.txt", "one", "expected numbers"),
+        ("TestSplit.txt", "sequence9", "seq-09"),
+    ],
+)
 def test_mistakes_in_seven_scenes_are_named(tmp_path, name, text, message):
     write_seven_scenes(tmp_path)
     (tmp_path / "redkitchen" / name).write_text(text)
@@ -195,16 +192,30 @@ def test_missing_data_says_where_to_get_it(tmp_path):
 
 def test_red_kitchen_goes_from_the_datasets_files_to_errors(colmap, tmp_path):
     """A fifth of a real scene: features and matches are made, two queries localized."""
-    if not (SHARED_DATA_PATH / "kitchen" / "images").exists():
-        pytest.skip(f"no scene below {SHARED_DATA_PATH}; LAZYLOC_SHARED_DATA says where it is")
-    scene = load_scene(SHARED_DATA_PATH / "kitchen")
+    if not (DATA_PATH / "kitchen" / "images").exists():
+        pytest.skip(f"no scene below {DATA_PATH}; LAZYLOC_SHARED_DATA says where it is")
+    scene = load_scene(DATA_PATH / "kitchen")
     write_layout(scene, tmp_path / "data" / "redkitchen")
     source = seven_scenes.read_scene(tmp_path / "data", "redkitchen", OPTIONS)
     assert len(source.database_names) == 75 and len(source.query_names) == 25
     for name, true_name in zip(source.query_names, scene.query_names):
         assert_same_pose(source.images[name].cam_from_world, scene.pose(true_name))
-    arguments = ["--dataset", "7scenes", "--data_path", str(tmp_path / "data"), "--focal_length_px", "532",
-                 "--image_step", "5", "--queries", "2", "--max_num_features", "4096", "--colmap", str(colmap)]
+    arguments = [
+        "--dataset",
+        "7scenes",
+        "--data_path",
+        str(tmp_path / "data"),
+        "--focal_length_px",
+        "532",
+        "--image_step",
+        "5",
+        "--queries",
+        "2",
+        "--max_num_features",
+        "4096",
+        "--colmap",
+        str(colmap),
+    ]
     assert run.main([*arguments, "--methods", "structure_based", "lazyloc", "--output_path", str(tmp_path)]) == 0
     rows = evaluation.read_csv(tmp_path / "run.csv")
     assert len(rows) == 4
@@ -218,14 +229,19 @@ def write_cambridge(path: pathlib.Path) -> dict[str, Pose]:
     poses = {f"seq{i}/frame0000{i}.png": make_pose(i) for i in (1, 2, 3)}
     (path / "ShopFacade").mkdir(parents=True)
     for split, names in (("train", list(poses)[:2]), ("test", list(poses)[2:])):
-        lines = [f"{name} {' '.join(f'{v:.6f}' for v in [*poses[name].cam_in_world(), *poses[name].qvec()])}\n"
-                 for name in names]
+        lines = [
+            f"{name} {' '.join(f'{v:.6f}' for v in [*poses[name].cam_in_world, *poses[name].qvec])}\n" for name in names
+        ]
         (path / "ShopFacade" / f"dataset_{split}.txt").write_text(
-            "Visual Landmark Dataset V1\nImageFile, Camera Position [X Y Z W P Q R]\n\n" + "".join(lines))
+            "Visual Landmark Dataset V1\nImageFile, Camera Position [X Y Z W P Q R]\n\n" + "".join(lines)
+        )
     for name in poses:
         write_image(path / "ShopFacade" / name, 192, 108)
-    (path / "ShopFacade" / "reconstruction.nvm").write_text(nvm_text(
-        {name.replace("png", "jpg"): (1600.0 + i, pose, 0.01 * i) for i, (name, pose) in enumerate(poses.items())}))
+    (path / "ShopFacade" / "reconstruction.nvm").write_text(
+        nvm_text(
+            {name.replace("png", "jpg"): (1600.0 + i, pose, 0.01 * i) for i, (name, pose) in enumerate(poses.items())}
+        )
+    )
     return poses
 
 
@@ -264,9 +280,11 @@ def write_aachen_queries(path: pathlib.Path):
     (path / "queries").mkdir(parents=True)
     (path / "images_upright").mkdir()
     (path / "queries" / "day_time_queries_with_intrinsics.txt").write_text(
-        "query/day/nexus4/IMG_1.jpg SIMPLE_RADIAL 1600 1200 1469.2 800 600 -0.03\n")
+        "query/day/nexus4/IMG_1.jpg SIMPLE_RADIAL 1600 1200 1469.2 800 600 -0.03\n"
+    )
     (path / "queries" / "night_time_queries_with_intrinsics.txt").write_text(
-        "query/night/nexus5x/IMG_2.jpg SIMPLE_RADIAL 1600 1200 1300.5 800 600 0.02\n")
+        "query/night/nexus5x/IMG_2.jpg SIMPLE_RADIAL 1600 1200 1300.5 800 600 0.02\n"
+    )
 
 
 def test_aachen_v1_0_layout(tmp_path):
@@ -274,9 +292,11 @@ def test_aachen_v1_0_layout(tmp_path):
     poses = {f"db/{i}.jpg": make_pose(i) for i in (1, 2)}
     (tmp_path / "3D-models").mkdir()
     (tmp_path / "3D-models" / "aachen_cvpr2018_db.nvm").write_text(
-        nvm_text({f"./{name}": (1000, pose, 0) for name, pose in poses.items()}))
+        nvm_text({f"./{name}": (1000, pose, 0) for name, pose in poses.items()})
+    )
     (tmp_path / "3D-models" / "database_intrinsics.txt").write_text(
-        "".join(f"{name} SIMPLE_RADIAL 1600 1063 1480 800 531.5 -0.11\n" for name in poses))
+        "".join(f"{name} SIMPLE_RADIAL 1600 1063 1480 800 531.5 -0.11\n" for name in poses)
+    )
     (tmp_path / "pairs" / "aachen").mkdir(parents=True)
     (tmp_path / "pairs" / "aachen" / "pairs-query-netvlad50.txt").write_text("query/day/nexus4/IMG_1.jpg db/2.jpg\n")
     assert datasets.scene_names("aachen", tmp_path) == ["aachen"]
@@ -318,9 +338,12 @@ def test_strecha_camera_file(tmp_path):
     pose = make_pose(3)
     path = tmp_path / "fountain-P11" / "gt_dense_cameras" / "0000.jpg.camera"
     path.parent.mkdir(parents=True)
-    path.write_text("2759.48 0 1520.69 \n0 2764.16 1006.81 \n0 0 1 \n0 0 0\n"
-                    + "".join(" ".join(map(str, row)) + " \n" for row in pose.rotation.T)
-                    + " ".join(map(str, pose.cam_in_world())) + " \n3072 2048\n")
+    path.write_text(
+        "2759.48 0 1520.69 \n0 2764.16 1006.81 \n0 0 1 \n0 0 0\n"
+        + "".join(" ".join(map(str, row)) + " \n" for row in pose.rotation.T)
+        + " ".join(map(str, pose.cam_in_world))
+        + " \n3072 2048\n"
+    )
     assert datasets.scene_names("strecha", tmp_path) == ["fountain-P11"]
     source = strecha.read_scene(tmp_path, "fountain-P11", OPTIONS)
     assert source.leave_one_out and source.query_names == ("0000.jpg",)
@@ -332,22 +355,26 @@ def test_strecha_camera_file(tmp_path):
 def test_kitti_layout(tmp_path):
     poses = [make_pose(seed) for seed in range(8)]
     (tmp_path / "poses").mkdir()
-    (tmp_path / "poses" / "04.txt").write_text("".join(
-        " ".join(f"{v:.8e}" for v in np.column_stack([pose.rotation.T, pose.cam_in_world()]).ravel()) + "\n"
-        for pose in poses))
+    (tmp_path / "poses" / "04.txt").write_text(
+        "".join(
+            " ".join(f"{v:.8e}" for v in np.column_stack([pose.rotation.T, pose.cam_in_world]).ravel()) + "\n"
+            for pose in poses
+        )
+    )
     write_image(tmp_path / "sequences" / "04" / "image_0" / "000000.png", 124, 37)
     projection = "7.0e+02 0 6.0e+01 {} 0 7.0e+02 1.8e+01 0 0 0 1 0"
     (tmp_path / "sequences" / "04" / "calib.txt").write_text(
         f"P0: {projection.format('0')}\nP1: {projection.format('-3.78e+02')}\nP2: {projection.format('40')}\n"
-        f"P3: {projection.format('-300')}\nTr: {projection.format('0')}\n")
+        f"P3: {projection.format('-300')}\nTr: {projection.format('0')}\n"
+    )
     assert datasets.scene_names("kitti", tmp_path) == ["04"]
     source = kitti.read_scene(tmp_path, "04", OPTIONS)
     assert source.query_names == tuple(f"image_0/{i:06d}.png" for i in (1, 2, 4, 5, 7))
     assert source.database_names == [f"image_{side}/{i:06d}.png" for side in (0, 1) for i in (0, 3, 6)]
     assert_same_pose(source.images["image_0/000004.png"].cam_from_world, poses[4])
     # The right camera is 378 / 700 m to the right of the left one.
-    right = source.images["image_1/000003.png"].cam_from_world.cam_in_world()
-    np.testing.assert_allclose(right, poses[3].cam_in_world() + poses[3].rotation[0] * 0.54, atol=1e-6)
+    right = source.images["image_1/000003.png"].cam_from_world.cam_in_world
+    np.testing.assert_allclose(right, poses[3].cam_in_world + poses[3].rotation[0] * 0.54, atol=1e-6)
     assert source.images["image_1/000003.png"].camera == Camera("PINHOLE", 124, 37, (700.0, 700.0, 60.5, 18.5))
     assert ("image_0/000001.png", "image_1/000006.png") in source.pairs and len(source.pairs) == 5 * 6
 
@@ -360,27 +387,33 @@ def test_demo_layout(tmp_path):
     (tmp_path / "ground_truth" / "poses.txt").write_text("# heading\nquery/00.jpg 1 0 0 0 1 2 3\n")
     source = demo.read_scene(tmp_path, "demo", OPTIONS)
     assert source.query_names == ("query/00.jpg",) and len(source.images) == 4
-    np.testing.assert_allclose(source.images["query/00.jpg"].cam_from_world.translation, [1, 2, 3])
+    np.testing.assert_allclose(source.images["query/00.jpg"].cam_from_world.tvec, [1, 2, 3])
 
 
 # From a dataset to a scene
 
 
 def make_source(num_database: int = 4, **arguments) -> SceneSource:
-    """Database cameras a metre apart along x, looking along z, but for the last one, which looks back."""
+    """Makes database cameras a metre apart along x, looking along z, but for the last one, which looks back."""
     turned = Rotation.from_euler("y", 180, degrees=True).as_matrix()
     images = {}
     for i in range(num_database):
         rotation = turned if i == num_database - 1 else np.eye(3)
-        images[f"db/{i}.png"] = SourceImage(PINHOLE, Pose(rotation, -rotation @ [float(i), 0, 0]))
-    images["q.png"] = SourceImage(PINHOLE, Pose(np.eye(3), np.zeros(3)))
+        images[f"db/{i}.png"] = SourceImage(PINHOLE, Pose.from_centre(rotation, [float(i), 0, 0]))
+    images["q.png"] = SourceImage(PINHOLE, Pose.from_matrix(np.eye(3), np.zeros(3)))
     return SceneSource("s", pathlib.Path("."), images, ("q.png",), **arguments)
 
 
 def test_pairs_are_all_of_the_queries_and_near_ones_of_the_database():
     pairs = image_pairs(make_source(), MatchingOptions(num_database_neighbours=1))
-    assert pairs == [("db/0.png", "db/1.png"), ("db/0.png", "q.png"), ("db/1.png", "db/2.png"), ("db/1.png", "q.png"),
-                     ("db/2.png", "q.png"), ("db/3.png", "q.png")]
+    assert pairs == [
+        ("db/0.png", "db/1.png"),
+        ("db/0.png", "q.png"),
+        ("db/1.png", "db/2.png"),
+        ("db/1.png", "q.png"),
+        ("db/2.png", "q.png"),
+        ("db/3.png", "q.png"),
+    ]
 
 
 def test_listed_pairs_win_and_those_of_other_images_are_left_out():
@@ -398,7 +431,7 @@ def test_leave_one_out_matches_all_with_all():
 
 
 def test_too_many_pairs_ask_for_a_list(monkeypatch):
-    monkeypatch.setattr("datasets.builder.MAX_NUM_EXHAUSTIVE_PAIRS", 3)
+    monkeypatch.setattr("benchmarks.localization.datasets.builder.MAX_NUM_EXHAUSTIVE_PAIRS", 3)
     with pytest.raises(InputError, match="--pairs_path"):
         image_pairs(make_source(), MatchingOptions())
 
@@ -411,7 +444,7 @@ def test_scene_files_are_read_back(tmp_path):
     assert scene.database_names("q.png") == [f"db/{i}.png" for i in range(4)]
     for name, image in source.images.items():
         assert scene.camera(name) == image.camera
-        np.testing.assert_array_equal(scene.pose(name).translation, image.cam_from_world.translation)
+        np.testing.assert_array_equal(scene.pose(name).tvec, image.cam_from_world.tvec)
 
 
 def test_folder_takes_a_model_and_its_database_as_they_are(tmp_path):
@@ -446,6 +479,8 @@ def test_download_unpacks_zips_within_zips(tmp_path):
     data_path = tmp_path / "data"
     download_archives({(tmp_path / "redkitchen.zip").as_uri(): "."}, data_path, "by hand")
     assert sorted(str(path.relative_to(data_path)) for path in data_path.rglob("*") if path.is_file()) == [
-        "redkitchen/TrainSplit.txt", "redkitchen/seq-01/frame-000000.pose.txt"]
+        "redkitchen/TrainSplit.txt",
+        "redkitchen/seq-01/frame-000000.pose.txt",
+    ]
     with pytest.raises(InputError, match="nothing.zip.*By hand: ask"):
         download_archives({(tmp_path / "nothing.zip").as_uri(): "."}, data_path, "ask")

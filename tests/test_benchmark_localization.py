@@ -11,23 +11,16 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-PROJECT_PATH = pathlib.Path(__file__).resolve().parent.parent
-sys.path.insert(0, str(PROJECT_PATH / "benchmarks" / "localization"))
-
-import database_noise  # noqa: E402
-import evaluation  # noqa: E402
-import methods  # noqa: E402
-import pose_files  # noqa: E402
-import run  # noqa: E402
-import scenes  # noqa: E402
-import tables  # noqa: E402
-from geometry import Pose, pose_errors  # noqa: E402
-from matches import MatchDatabase  # noqa: E402
-from methods import Result  # noqa: E402
-from methods.relative_pose_ransac import best_pose  # noqa: E402
-from methods.structure_based import match_to_map  # noqa: E402
-
-SHARED_DATA_PATH = pathlib.Path(os.environ.get("LAZYLOC_SHARED_DATA", PROJECT_PATH.parent / "shared" / "data"))
+from benchmarks.localization import database_noise, evaluation, methods, run, scenes, tables
+from benchmarks.localization.matches import MatchDatabase
+from benchmarks.localization.methods import Result
+from benchmarks.localization.methods.relative_pose_ransac import best_pose
+from benchmarks.localization.methods.structure_based import match_to_map
+from colmap_lazyloc.database import pair_id
+from colmap_lazyloc.errors import InputError
+from colmap_lazyloc.model import Camera, read_model
+from colmap_lazyloc.poses import Pose
+from conftest import DATA_PATH
 
 
 def make_scene(path: pathlib.Path, names, query_names=None) -> pathlib.Path:
@@ -49,16 +42,28 @@ def make_scene(path: pathlib.Path, names, query_names=None) -> pathlib.Path:
         for j in range(i + 1, len(names) + 1):
             rows = np.arange(20 + i + j)
             matches = np.stack([rows, rows + 1], axis=1).astype(np.uint32)
-            connection.execute("INSERT INTO two_view_geometries VALUES (?, ?, 2, ?)",
-                               (2147483647 * i + j, len(rows), matches.tobytes()))
+            connection.execute(
+                "INSERT INTO two_view_geometries VALUES (?, ?, 2, ?)", (pair_id(i, j), len(rows), matches.tobytes())
+            )
     connection.commit()
     connection.close()
     return path
 
 
 def make_row(query, error_cm, method="lazyloc", scene="a", seconds=0.1):
-    return evaluation.Row("t", scene, query, method, 20, 0, "0,0", error_cm, error_cm / 10, seconds,
-                          "LOST" if math.isnan(error_cm) else "LOCALIZED")
+    return evaluation.Row(
+        "t",
+        scene,
+        query,
+        method,
+        20,
+        0,
+        "0,0",
+        error_cm,
+        error_cm / 10,
+        seconds,
+        "LOST" if math.isnan(error_cm) else "LOCALIZED",
+    )
 
 
 # Scenes
@@ -68,8 +73,8 @@ def test_leave_one_out_without_a_query_list(tmp_path):
     scene = scenes.load_scene(make_scene(tmp_path / "any", ["b.jpg", "a.jpg", "with space.jpg"]))
     assert scene.query_names == ["a.jpg", "b.jpg", "with space.jpg"]
     assert scene.database_names("b.jpg") == ["a.jpg", "with space.jpg"]
-    assert scene.camera("a.jpg") == scenes.Camera("PINHOLE", 640, 480, (500.5, 501, 320, 240))
-    np.testing.assert_allclose(scene.pose("with space.jpg").cam_in_world(), [3, 0, 0])
+    assert scene.camera("a.jpg") == Camera("PINHOLE", 640, 480, (500.5, 501, 320, 240))
+    np.testing.assert_allclose(scene.pose("with space.jpg").cam_in_world, [3, 0, 0])
 
 
 def test_leave_one_out_of_a_query_list(tmp_path):
@@ -90,7 +95,7 @@ def test_kitti_has_a_fixed_database_and_every_second_left_query(tmp_path):
 
 
 def test_query_without_a_pose_is_named(tmp_path):
-    with pytest.raises(ValueError, match="z.jpg"):
+    with pytest.raises(InputError, match="z.jpg"):
         scenes.load_scene(make_scene(tmp_path / "any", ["a.jpg"], ["z.jpg"]))
 
 
@@ -100,7 +105,7 @@ def test_query_with_intrinsics_needs_no_pose(tmp_path):
     scene = scenes.load_scene(path)
     assert scene.query_names == ["q.jpg", "b.jpg"]
     assert scene.true_pose("q.jpg") is None
-    assert scene.camera("q.jpg") == scenes.Camera("OPENCV", 640, 480, (500, 501, 320, 240, 0.1, 0, 0, 0))
+    assert scene.camera("q.jpg") == Camera("OPENCV", 640, 480, (500, 501, 320, 240, 0.1, 0, 0, 0))
     assert scene.database_names("q.jpg") == ["a.jpg"]
 
 
@@ -135,16 +140,16 @@ def test_a_point_seen_in_two_images_is_one_match(tmp_path):
 
 def test_relative_poses_outvote_a_third_of_wrong_ones():
     rng = np.random.default_rng(0)
-    pose = Pose(Rotation.random(random_state=1).as_matrix(), np.array([1.0, 2.0, 3.0]))
+    pose = Pose.from_matrix(Rotation.random(random_state=1).as_matrix(), np.array([1.0, 2.0, 3.0]))
     centres = rng.normal(0, 5, (12, 3))
-    directions = pose.cam_in_world() - centres
+    directions = pose.cam_in_world - centres
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
     rotations = np.repeat(pose.rotation[None], 12, axis=0)
     for i in range(4):
         turn = Rotation.random(random_state=10 + i).as_matrix()
         # A wrong relative pose keeps its direction in the query's frame, and so turns both.
         rotations[i], directions[i] = turn @ rotations[i], rng.permutation(directions[i]) * [1, -1, 1]
-    assert pose_errors(best_pose(rotations, centres, directions), pose) == pytest.approx((0, 0), abs=1e-9)
+    assert best_pose(rotations, centres, directions).errors(pose) == pytest.approx((0, 0), abs=1e-9)
     collinear = np.outer(np.arange(3), [1.0, 0, 0])
     assert best_pose(rotations[4:7], collinear, np.tile([1.0, 0, 0], (3, 1))) is None
 
@@ -154,8 +159,8 @@ def test_relative_poses_outvote_a_third_of_wrong_ones():
 
 def test_pose_errors_of_known_motions():
     rotation = Rotation.from_rotvec([0, 0, math.radians(1e-4)]).as_matrix()
-    true_pose = Pose(np.eye(3), np.zeros(3))
-    position_error, rotation_error_deg = pose_errors(Pose(rotation, -rotation @ [3.0, 4.0, 0.0]), true_pose)
+    true_pose = Pose.from_matrix(np.eye(3), np.zeros(3))
+    position_error, rotation_error_deg = Pose.from_centre(rotation, [3.0, 4.0, 0.0]).errors(true_pose)
     assert position_error == pytest.approx(5)
     assert rotation_error_deg == pytest.approx(1e-4, rel=1e-6)
 
@@ -211,8 +216,13 @@ def test_csv_keeps_rows(tmp_path):
 
 
 def test_table_has_scenes_the_pool_and_reasons():
-    rows = [make_row("1", 2.0, "structure_based"), make_row("1", 1.0), make_row("1", 4.0, "structure_based", "b"),
-            make_row("1", 4.0, "lazyloc", "b"), make_row("1", 3.0, "local_triangulation", "b")]
+    rows = [
+        make_row("1", 2.0, "structure_based"),
+        make_row("1", 1.0),
+        make_row("1", 4.0, "structure_based", "b"),
+        make_row("1", 4.0, "lazyloc", "b"),
+        make_row("1", 3.0, "local_triangulation", "b"),
+    ]
     missing = evaluation.Series("local_triangulation")
     text = tables.markdown("t", rows, {("a", missing): "no such package"}, ["some note"])
     medians, rest = text.split("## All 2 scenes")
@@ -233,8 +243,11 @@ def test_most_lost_is_an_infinite_median():
 
 
 def test_series_differ_by_what_the_run_varies():
-    rows = [dataclasses.replace(make_row("1", error, method), num_retrieved=k)
-            for k, error in ((5, 3.0), (20, 2.0)) for method in ("structure_based", "lazyloc")]
+    rows = [
+        dataclasses.replace(make_row("1", error, method), num_retrieved=k)
+        for k, error in ((5, 3.0), (20, 2.0))
+        for method in ("structure_based", "lazyloc")
+    ]
     text = tables.markdown("t", rows, {})
     assert "| lazyloc K=5 | 1 | 3.00" in text and "| lazyloc K=20 | 1 | 2.00" in text
     # Each against the map with as many pairs.
@@ -243,14 +256,21 @@ def test_series_differ_by_what_the_run_varies():
     noises = ["0,0", "5,0", "10,0"]
     text = tables.markdown("t", [dataclasses.replace(rows[0], database_noise=noise) for noise in noises], {})
     assert [text.index(f"structure_based noise {noise}") for noise in ("0°, 0 cm", "5°, 0 cm", "10°, 0 cm")] == sorted(
-        text.index(f"structure_based noise {noise}") for noise in ("0°, 0 cm", "5°, 0 cm", "10°, 0 cm"))
+        text.index(f"structure_based noise {noise}") for noise in ("0°, 0 cm", "5°, 0 cm", "10°, 0 cm")
+    )
 
 
 def test_plots_are_made_and_repeat(tmp_path):
-    plots = pytest.importorskip("plots", reason="matplotlib is not installed", exc_type=ImportError)
-    rows = [dataclasses.replace(make_row(str(i), error, method, scene), num_retrieved=k)
-            for k in (5, 20) for i, error in enumerate((1.0, 2.0, math.nan))
-            for method in ("structure_based", "lazyloc") for scene in "ab"]
+    pytest.importorskip("matplotlib")
+    from benchmarks.localization import plots
+
+    rows = [
+        dataclasses.replace(make_row(str(i), error, method, scene), num_retrieved=k)
+        for k in (5, 20)
+        for i, error in enumerate((1.0, 2.0, math.nan))
+        for method in ("structure_based", "lazyloc")
+        for scene in "ab"
+    ]
     rows += [make_row("1", math.nan, scene="all_lost")]
     files = plots.write_plots(tmp_path, "t", rows)
     names = ["t_cumulative_error.svg", "t_time_against_error.svg", "t_error_against_k.svg"]
@@ -264,23 +284,23 @@ def test_database_noise_moves_and_turns_by_what_is_asked(tmp_path):
     scene = scenes.load_scene(make_scene(tmp_path / "any", ["a.jpg", "b.jpg", "c.jpg"]))
     noisy = database_noise.add_database_noise(scene, 2.0, 5.0, 0, tmp_path / "noise")
     for name in scene.images:
-        assert pose_errors(noisy.pose(name), scene.pose(name)) == pytest.approx((0.05, 2.0))
+        assert noisy.pose(name).errors(scene.pose(name)) == pytest.approx((0.05, 2.0))
         assert noisy.true_pose(name) is scene.pose(name)
-    directions = [noisy.pose(name).cam_in_world() - scene.pose(name).cam_in_world() for name in scene.images]
+    directions = [noisy.pose(name).cam_in_world - scene.pose(name).cam_in_world for name in scene.images]
     assert np.linalg.norm(directions[0] - directions[1]) > 1e-3
-    read_again = scenes.read_images_text(noisy.model_path / "images.txt")
-    np.testing.assert_allclose(read_again["b.jpg"].cam_from_world.translation, noisy.pose("b.jpg").translation)
+    read_again = read_model(noisy.model_path).images
+    np.testing.assert_allclose(read_again["b.jpg"].cam_from_world.tvec, noisy.pose("b.jpg").tvec)
     again = database_noise.add_database_noise(scene, 2.0, 5.0, 0, tmp_path / "noise")
     np.testing.assert_array_equal(again.pose("b.jpg").rotation, noisy.pose("b.jpg").rotation)
 
 
 def test_submission_has_names_without_folders(tmp_path):
-    pose = Pose(np.eye(3), np.array([1.0, 2.0, 3.0]))
+    pose = Pose.from_matrix(np.eye(3), [1.0, 2.0, 3.0])
     poses = {"query/day/nexus4/IMG_1.jpg": pose, "query/night/x/IMG_2.jpg": pose}
-    pose_files.write_submission(tmp_path / "s.txt", poses)
+    run.write_submission(tmp_path / "s.txt", poses)
     assert (tmp_path / "s.txt").read_text() == "IMG_1.jpg 1 0 0 0 1 2 3\nIMG_2.jpg 1 0 0 0 1 2 3\n"
     with pytest.raises(ValueError, match="same name"):
-        pose_files.write_submission(tmp_path / "s.txt", {"a/1.jpg": pose, "b/1.jpg": pose})
+        run.write_submission(tmp_path / "s.txt", {"a/1.jpg": pose, "b/1.jpg": pose})
 
 
 # The driver
@@ -292,13 +312,13 @@ def test_a_failing_or_crashing_method_does_not_stop_the_others(tmp_path, monkeyp
 
     def shift_by_one_cm(scene, query_names, options):
         poses = {name: scene.pose(name) for name in query_names}
-        return {name: Result(Pose(pose.rotation, pose.translation + [0.01, 0, 0]), 0.5) for name, pose in poses.items()}
+        return {name: Result(Pose(pose.qvec, pose.tvec + [0.01, 0, 0]), 0.5) for name, pose in poses.items()}
 
     functions = {"lazyloc": fail, "local_triangulation": lambda *_: os._exit(1), "structure_based": shift_by_one_cm}
     monkeypatch.setattr(run, "load_method", functions.__getitem__)
     make_scene(tmp_path / "any", ["a.jpg", "b.jpg"])
     arguments = ["--data_path", str(tmp_path), "--output_path", str(tmp_path / "out"), "--methods"]
-    assert run.main(arguments + ["lazyloc", "local_triangulation", "structure_based"]) == 0
+    assert run.main([*arguments, "lazyloc", "local_triangulation", "structure_based"]) == 0
     text = (tmp_path / "out" / "run.md").read_text()
     assert "failed: RuntimeError: no luck" in text and "crashed" in text
     rows = evaluation.read_csv(tmp_path / "out" / "run.csv")
@@ -307,16 +327,24 @@ def test_a_failing_or_crashing_method_does_not_stop_the_others(tmp_path, monkeyp
 
     # A second run with the tag adds to the first.
     functions["lazyloc"] = shift_by_one_cm
-    assert run.main(arguments + ["lazyloc"]) == 0
+    assert run.main([*arguments, "lazyloc"]) == 0
     assert len(evaluation.read_csv(tmp_path / "out" / "run.csv")) == 4
 
 
-@pytest.mark.parametrize("extra, message", [
-    (["--methods", "magic"], "magic"), (["--methods", "lazyloc:nothing"], "nothing.ini"),
-    (["--methods", "local_triangulation:x"], "local_triangulation:x"), (["--scenes", "mars"], "mars"),
-    (["--options", "seed"], "KEY=VALUE"), (["--queries", "none.txt"], "none.txt"),
-    (["--image_step", "0"], "--image_step"),
-    (["--dataset", "7scenes"], "no scene of 7scenes"), (["--dataset", "kitti", "--download"], "by e-mail")])
+@pytest.mark.parametrize(
+    "extra, message",
+    [
+        (["--methods", "magic"], "magic"),
+        (["--methods", "lazyloc:nothing"], "nothing.ini"),
+        (["--methods", "local_triangulation:x"], "local_triangulation:x"),
+        (["--scenes", "mars"], "mars"),
+        (["--options", "seed"], "KEY=VALUE"),
+        (["--queries", "none.txt"], "none.txt"),
+        (["--image_step", "0"], "--image_step"),
+        (["--dataset", "7scenes"], "no scene of 7scenes"),
+        (["--dataset", "kitti", "--download"], "by e-mail"),
+    ],
+)
 def test_wrong_arguments_are_named(tmp_path, capsys, extra, message):
     make_scene(tmp_path / "any", ["a.jpg"])
     try:
@@ -336,7 +364,7 @@ def test_queries_are_the_first_ones_or_those_of_a_list(tmp_path):
 
 def test_package_that_is_missing_is_a_reason(monkeypatch):
     monkeypatch.setitem(sys.modules, "poselib", None)
-    monkeypatch.delitem(sys.modules, "methods.poselib_generalized", raising=False)
+    monkeypatch.delitem(sys.modules, "benchmarks.localization.methods.poselib_generalized", raising=False)
     with pytest.raises(methods.NotApplicable, match="poselib"):
         methods.load_method("poselib_generalized")
 
@@ -364,19 +392,35 @@ pathlib.Path(options["--output_path"], "results.jsonl").write_text(json.dumps(fo
     options = methods.MethodOptions(tmp_path / "work", program, program_options=(("LazyLocalizer.seed", "7"),))
     for _ in range(2):  # the second run must not trip over the first one's folders
         results = methods.load_method("lazyloc")(scene, scene.query_names, options)
-    np.testing.assert_allclose(results["left/000001.png"].pose.translation, [1, 2, 3])
+    np.testing.assert_allclose(results["left/000001.png"].pose.tvec, [1, 2, 3])
     assert results["left/000001.png"].seconds == 0.25
     assert results["left/000004.png"] == Result(None, 0.25, "SCALE_UNOBSERVABLE")
 
 
 def test_methods_on_a_real_scene(tmp_path):
     """Three queries of the smallest scene: each method finds all of them, and finds them well."""
-    if not (SHARED_DATA_PATH / "office" / "database.db").exists():
-        pytest.skip(f"no scene below {SHARED_DATA_PATH}; LAZYLOC_SHARED_DATA says where it is")
-    before = (SHARED_DATA_PATH / "office" / "database.db").read_bytes()
-    assert run.main(["--data_path", str(SHARED_DATA_PATH), "--scenes", "office", "--queries", "3",
-                     "--methods", "structure_based", "local_triangulation", "--output_path", str(tmp_path)]) == 0
+    if not (DATA_PATH / "office" / "database.db").exists():
+        pytest.skip(f"no scene below {DATA_PATH}; LAZYLOC_SHARED_DATA says where it is")
+    before = (DATA_PATH / "office" / "database.db").read_bytes()
+    assert (
+        run.main(
+            [
+                "--data_path",
+                str(DATA_PATH),
+                "--scenes",
+                "office",
+                "--queries",
+                "3",
+                "--methods",
+                "structure_based",
+                "local_triangulation",
+                "--output_path",
+                str(tmp_path),
+            ]
+        )
+        == 0
+    )
     rows = evaluation.read_csv(tmp_path / "run.csv")
     assert len(rows) == 6
     assert all(row.position_error_cm < 5 and row.seconds > 0 for row in rows)
-    assert (SHARED_DATA_PATH / "office" / "database.db").read_bytes() == before
+    assert (DATA_PATH / "office" / "database.db").read_bytes() == before

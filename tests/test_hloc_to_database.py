@@ -1,31 +1,31 @@
 """hloc's HDF5 files become a database with the same keypoints and matches, and the same poses."""
 
-import pathlib
 import shutil
 import sqlite3
 import subprocess
 import sys
 
+import h5py
 import numpy as np
 import pytest
 
 import photo_scene
-import synthetic_database as synthetic
-
-h5py = pytest.importorskip("h5py")
-
-SCRIPTS_PATH = pathlib.Path(__file__).resolve().parents[1] / "scripts"
-sys.path.insert(0, str(SCRIPTS_PATH))
-import hloc_to_database  # noqa: E402
+from colmap_lazyloc import hloc_to_database
+from colmap_lazyloc.database import DatabaseReader, pair_id
+from colmap_lazyloc.poses import read_poses
+from colmap_lazyloc.testing import synthetic
+from conftest import SCRIPTS_PATH
 
 
 @pytest.fixture
 def hloc_files(tmp_path, noisy):
-    """The scene in hloc's form: keypoints half a pixel less, names in folders, pairs under either order and both
+    """Writes the scene in hloc's form: keypoints half a pixel less, names in folders, pairs under either order and both
     generations' names."""
     scene = noisy.scene
-    folder_name = {name: f"{'db' if image.pose is not None and name in scene.database_names else 'q'}/{name}"
-                   for name, image in scene.images.items()}
+    folder_name = {
+        name: f"{'db' if image.pose is not None and name in scene.database_names else 'q'}/{name}"
+        for name, image in scene.images.items()
+    }
     with h5py.File(tmp_path / "features.h5", "w") as features:
         for name, image in scene.images.items():
             features[f"{folder_name[name]}/keypoints"] = image.keypoints[:, :2].astype(float) - 0.5
@@ -41,8 +41,9 @@ def hloc_files(tmp_path, noisy):
             matches[f"{key}/matches0"] = partners
     (tmp_path / "pairs.txt").write_text("".join(f"{folder_name[a]} {folder_name[b]}\n" for a, b in pairs))
     queries = [name for name in scene.images if name not in scene.database_names]
-    (tmp_path / "queries.txt").write_text(
-        "".join(f"{folder_name[name]} {scene.cameras[scene.images[name].camera_id].hloc_words()}\n" for name in queries))
+    intrinsics = {name: scene.cameras[scene.images[name].camera_id].intrinsics() for name in queries}
+    lines = [f"{folder_name[name]} {intrinsics[name].text()}\n" for name in queries]
+    (tmp_path / "queries.txt").write_text("".join(lines))
     (tmp_path / "model").mkdir()
     synthetic.write_model(tmp_path / "model", scene, binary=False)
     images = tmp_path / "model" / "images.txt"
@@ -54,31 +55,40 @@ def hloc_files(tmp_path, noisy):
 
 
 def convert(folder):
-    return hloc_to_database.main(["--features_path", f"{folder}/features.h5", "--matches_path", f"{folder}/matches.h5",
-                                  "--pairs_path", f"{folder}/pairs.txt", "--model_path", f"{folder}/model",
-                                  "--query_list_path", f"{folder}/queries.txt", "--database_path", f"{folder}/out.db"])
+    return hloc_to_database.main(
+        [
+            "--features_path",
+            f"{folder}/features.h5",
+            "--matches_path",
+            f"{folder}/matches.h5",
+            "--pairs_path",
+            f"{folder}/pairs.txt",
+            "--model_path",
+            f"{folder}/model",
+            "--query_list_path",
+            f"{folder}/queries.txt",
+            "--database_path",
+            f"{folder}/out.db",
+        ]
+    )
 
 
 def test_database_holds_what_the_files_hold(hloc_files, noisy):
     folder, folder_name, _ = hloc_files
     assert convert(folder) == 0
     scene = noisy.scene
-    with sqlite3.connect(folder / "out.db") as connection:
-        ids = dict(connection.execute("SELECT name, image_id FROM images"))
+    with DatabaseReader(folder / "out.db") as reader, sqlite3.connect(folder / "out.db") as connection:
+        ids = reader.image_ids
         assert sorted(ids) == sorted(folder_name.values())
         for name, image in scene.images.items():
-            rows, cols, data = connection.execute("SELECT rows, cols, data FROM keypoints WHERE image_id = ?",
-                                                  (ids[folder_name[name]],)).fetchone()
-            keypoints = np.frombuffer(data, np.float32).reshape(rows, cols)
-            np.testing.assert_allclose(keypoints[:, :2], image.keypoints[:, :2], atol=1e-4)
+            np.testing.assert_allclose(reader.keypoints(folder_name[name]), image.keypoints[:, :2], atol=1e-4)
         for (name1, name2), pair in scene.pairs.items():
             id1, id2 = ids[folder_name[name1]], ids[folder_name[name2]]
-            stored = connection.execute("SELECT data FROM matches WHERE pair_id = ?",
-                                        (synthetic.pair_id(id1, id2),)).fetchone()
+            stored = connection.execute("SELECT data FROM matches WHERE pair_id = ?", (pair_id(id1, id2),)).fetchone()
             if stored is None:
                 assert (name1 in scene.database_names) == (name2 in scene.database_names)
                 continue
-            indices = np.frombuffer(stored[0], np.uint32).reshape(-1, 2)[:, ::1 if id1 < id2 else -1]
+            indices = np.frombuffer(stored[0], np.uint32).reshape(-1, 2)[:, :: 1 if id1 < id2 else -1]
             expected = dict(map(tuple, pair.matches))
             assert {(a, b) for a, b in indices.tolist()} <= set(map(tuple, pair.matches.tolist()))
             assert len(indices) >= 0.9 * len(expected)  # hloc's form holds one partner per keypoint
@@ -86,16 +96,26 @@ def test_database_holds_what_the_files_hold(hloc_files, noisy):
 
 def assert_script_localizes(folder, colmap, truth):
     """Poses by name; in a scene of some metres."""
-    done = subprocess.run([SCRIPTS_PATH / "localize_hloc.sh", folder / "features.h5", folder / "matches.h5",
-                           folder / "pairs.txt", folder / "model", folder / "queries.txt", folder / "localized"],
-                          env={"COLMAP": str(colmap), "PYTHON": sys.executable, "PATH": "/usr/bin:/bin"},
-                          capture_output=True, text=True, timeout=300)
+    done = subprocess.run(
+        [
+            SCRIPTS_PATH / "localize_hloc.sh",
+            folder / "features.h5",
+            folder / "matches.h5",
+            folder / "pairs.txt",
+            folder / "model",
+            folder / "queries.txt",
+            folder / "localized",
+        ],
+        env={"COLMAP": str(colmap), "PYTHON": sys.executable, "PATH": "/usr/bin:/bin"},
+        capture_output=True,
+        text=True,
+        timeout=300,
+    )
     assert done.returncode == 0, done.stderr
-    lines = [line.split() for line in (folder / "localized" / "poses.txt").read_text().splitlines() if line[0] != "#"]
-    assert sorted(line[0] for line in lines) == sorted(truth)
-    for name, *numbers in lines:
-        numbers = np.array(numbers, float)
-        position_error, rotation_error_deg = synthetic.Pose(numbers[:4], numbers[4:]).errors(truth[name])
+    poses = read_poses(folder / "localized" / "poses.txt")
+    assert sorted(poses) == sorted(truth)
+    for name, pose in poses.items():
+        position_error, rotation_error_deg = pose.errors(truth[name])
         assert position_error < 0.05 and rotation_error_deg < 0.3, name
 
 
@@ -108,14 +128,15 @@ def write_hloc_features(path, connection):
     """As hloc's extract_features does: a group per image, descriptors in columns."""
     with h5py.File(path, "w") as file:
         for name, rows, cols, keypoints, descriptors in connection.execute(
-                "SELECT name, k.rows, k.cols, k.data, d.data FROM images JOIN keypoints k USING (image_id) "
-                "JOIN descriptors d USING (image_id)"):
+            "SELECT name, k.rows, k.cols, k.data, d.data FROM images JOIN keypoints k USING (image_id) "
+            "JOIN descriptors d USING (image_id)"
+        ):
             group = file.create_group(name)
             group["keypoints"] = np.frombuffer(keypoints, np.float32).reshape(rows, cols)[:, :2] - np.float32(0.5)
             group["keypoints"].attrs["uncertainty"] = 1.0
             group["descriptors"] = np.frombuffer(descriptors, np.uint8).reshape(rows, 128).T.astype(np.float16)
             group["scores"] = np.ones(rows, np.float16)
-            group["image_size"] = np.array([photo_scene.CAMERA["width"], photo_scene.CAMERA["height"]])
+            group["image_size"] = np.array([photo_scene.CAMERA.width, photo_scene.CAMERA.height])
 
 
 def write_hloc_matches(path, connection, pairs):
@@ -125,8 +146,9 @@ def write_hloc_matches(path, connection, pairs):
     with h5py.File(path, "w") as file:
         for name1, name2 in pairs:
             id1, id2 = ids[name1], ids[name2]
-            rows, data = connection.execute("SELECT rows, data FROM matches WHERE pair_id = ?",
-                                            (synthetic.pair_id(id1, id2),)).fetchone()
+            rows, data = connection.execute(
+                "SELECT rows, data FROM matches WHERE pair_id = ?", (pair_id(id1, id2),)
+            ).fetchone()
             indices = np.frombuffer(data or b"", np.uint32).reshape(rows, 2)[:, :: 1 if id1 < id2 else -1]
             partners = np.full(num_keypoints[id1], -1, np.int16)
             partners[indices[:, 0]] = indices[:, 1]
@@ -154,12 +176,15 @@ def test_script_localizes_photos_from_colmap_features_in_hloc_files(photos, colm
 def test_mistakes_are_one_line_and_make_no_database(hloc_files, capsys):
     folder, folder_name, queries = hloc_files
     good = (folder / "pairs.txt").read_text()
-    for text, word in [("one\n", "pairs.txt"), (good + f"{folder_name[queries[0]]} db/none.jpg\n", "db/none.jpg"),
-                       (good + " ".join(folder_name[name] for name in queries[:2]) + "\n", "has no matches")]:
+    for text, word in [
+        ("one\n", "pairs.txt"),
+        (good + f"{folder_name[queries[0]]} db/none.jpg\n", "db/none.jpg"),
+        (good + " ".join(folder_name[name] for name in queries[:2]) + "\n", "has no matches"),
+    ]:
         (folder / "pairs.txt").write_text(text)
         assert convert(folder) == 1
         error = capsys.readouterr().err
-        assert error.startswith("hloc_to_database.py: ") and word in error and error.count("\n") == 1
+        assert error.startswith("colmap_lazyloc.hloc_to_database: ") and word in error and error.count("\n") == 1
         assert not (folder / "out.db").exists()
     (folder / "pairs.txt").write_text(good)
     (folder / "out.db").write_text("mine")

@@ -3,12 +3,14 @@
 import pathlib
 import shutil
 import sqlite3
+import struct
 import subprocess
 
 import numpy as np
 import pytest
 
-import synthetic_database as synthetic
+from colmap_lazyloc.database import pair_id
+from colmap_lazyloc.testing import synthetic
 
 CASES = {}
 
@@ -57,7 +59,7 @@ class Files:
         return self.scene.images["query/001.jpg"].image_id
 
     def arguments(self, changed):
-        """changed: what the case returned: None, further arguments, or the whole command line in a dictionary."""
+        """Returns the command line. changed: what the case returned: None, further arguments, or a dictionary."""
         options = {"--database_path": self.database, "--input_path": self.model, "--output_path": self.folder / "out"}
         if isinstance(changed, dict):
             options.update(changed)
@@ -82,7 +84,7 @@ def empty_database(files):
 @case("database.db")
 def truncated_database(files):
     content = files.database.read_bytes()
-    files.database.write_bytes(content[:len(content) // 2])
+    files.database.write_bytes(content[: len(content) // 2])
 
 
 @case("database.db")
@@ -189,9 +191,9 @@ def keypoints_with_a_negative_count(files):
 
 
 def set_match(files, table):
-    pair_id = synthetic.pair_id(files.scene.images["database/004.jpg"].image_id, files.query_id())
+    id_of_pair = pair_id(files.scene.images["database/004.jpg"].image_id, files.query_id())
     matches = np.array([[0, 100000]] * 30, np.uint32)
-    files.sql(f"UPDATE {table} SET rows = 30, data = ? WHERE pair_id = ?", matches.tobytes(), pair_id)
+    files.sql(f"UPDATE {table} SET rows = 30, data = ? WHERE pair_id = ?", matches.tobytes(), id_of_pair)
 
 
 @case("database.db", "query/001.jpg", "database/004.jpg", "match")
@@ -265,8 +267,9 @@ def truncated_cameras_file(files):
 
 @case("cameras.bin", "camera model", "99")
 def unknown_camera_model_in_the_model(files):
-    files.scene.cameras[1].model_id = 99
-    synthetic.write_model(files.model, files.scene)
+    path = files.model / "cameras.bin"
+    content = path.read_bytes()
+    path.write_bytes(content[:12] + struct.pack("<i", 99) + content[16:])
 
 
 @case("cameras.txt", "NO_SUCH_MODEL")
@@ -370,20 +373,17 @@ def option_without_a_value(files):
     return ["--LazyLocalizer.seed"]
 
 
-BAD_VALUES = [
-    ("strict", "perhaps"), ("LazyLocalizer.leave_one_out", "7"), ("LazyLocalizer.num_retrieved", "many"),
-    ("LazyLocalizer.num_retrieved", "0"), ("LazyLocalizer.num_retrieved", "99999999999"),
-    ("LazyLocalizer.num_retrieved", "1.5"), ("LazyLocalizer.num_threads", "0"), ("LazyLocalizer.num_threads", "-2"),
-    ("LazyLocalizer.seed", "x1"), ("LazyLocalizer.min_num_inliers", "-1"),
-    ("LazyLocalizer.max_two_view_error_px", "0"), ("LazyLocalizer.max_rotation_error_deg", "-5"),
-    ("LazyLocalizer.irls_scale_deg", "0"), ("LazyLocalizer.min_direction_stddev_deg", "0"),
-    ("LazyLocalizer.min_triangulation_angle_deg", "-1"), ("LazyLocalizer.max_query_error_sigma", "nan"),
-    ("LazyLocalizer.loss_scale_sigma", "0"), ("LazyLocalizer.start_noise_px", "-1"),
-    ("LazyLocalizer.min_noise_px", "-1"), ("LazyLocalizer.min_noise_px", "nan"),
-    ("LazyLocalizer.num_refinement_rounds", "0"), ("LazyLocalizer.single_view_noise_ratio", "0"),
-    ("LazyLocalizer.max_position_stddev_ratio", "4px"),
-]
-for name, value in BAD_VALUES:
+BAD_VALUES = """
+    strict=perhaps LazyLocalizer.leave_one_out=7 LazyLocalizer.num_retrieved=many LazyLocalizer.num_retrieved=0
+    LazyLocalizer.num_retrieved=99999999999 LazyLocalizer.num_retrieved=1.5 LazyLocalizer.num_threads=0
+    LazyLocalizer.num_threads=-2 LazyLocalizer.seed=x1 LazyLocalizer.min_num_inliers=-1
+    LazyLocalizer.max_two_view_error_px=0 LazyLocalizer.max_rotation_error_deg=-5 LazyLocalizer.irls_scale_deg=0
+    LazyLocalizer.min_direction_stddev_deg=0 LazyLocalizer.min_triangulation_angle_deg=-1
+    LazyLocalizer.max_query_error_sigma=nan LazyLocalizer.loss_scale_sigma=0 LazyLocalizer.start_noise_px=-1
+    LazyLocalizer.min_noise_px=-1 LazyLocalizer.min_noise_px=nan LazyLocalizer.num_refinement_rounds=0
+    LazyLocalizer.single_view_noise_ratio=0 LazyLocalizer.max_position_stddev_ratio=4px
+"""
+for name, value in (word.split("=") for word in BAD_VALUES.split()):
     CASES[f"{name.split('.')[-1]}_of_{value}"] = (lambda files, words=("--" + name, value): words), (name,)
 
 
@@ -436,8 +436,9 @@ WITHOUT_OUTPUT_FOLDER = [name for name in CASES if "output_path" in name]
 def run_case(colmap, files, name):
     spoil, named = CASES[name]
     arguments = files.arguments(spoil(files))
-    done = subprocess.run([colmap, "lazy_localizer", *arguments], capture_output=True, text=True, timeout=300,
-                          cwd=files.folder)
+    done = subprocess.run(
+        [colmap, "lazy_localizer", *arguments], capture_output=True, text=True, timeout=300, cwd=files.folder
+    )
     return done, named
 
 

@@ -5,33 +5,39 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-import synthetic_database as synthetic
+from colmap_lazyloc.pycolmap_types import to_pose, to_pycolmap_camera, to_rigid3d
+from colmap_lazyloc.testing import synthetic
 
 pycolmap = pytest.importorskip("pycolmap", minversion="4")
 
 # Camera 1 is the reference of the rig, 2 its other camera; each of the others is a rig of its own.
-MODELS = {1: ("PINHOLE", [520, 515, 322, 238]),
-          2: ("SIMPLE_RADIAL", [500, 320, 240, -0.05]),
-          3: ("SIMPLE_PINHOLE", [510, 318, 242]),
-          4: ("SIMPLE_RADIAL_FISHEYE", [480, 320, 240, 0.02]),
-          5: ("RADIAL", [505, 321, 239, -0.04, 0.01]),
-          6: ("RADIAL_FISHEYE", [470, 320, 240, 0.02, -0.005]),
-          7: ("OPENCV", [500, 505, 320, 240, -0.05, 0.01, 1e-3, -1e-3]),
-          8: ("OPENCV_FISHEYE", [460, 465, 320, 240, 0.01, 0.002, 0, 0]),
-          9: ("FULL_OPENCV", [500, 500, 320, 240, -0.05, 0.01, 1e-3, 1e-3, 0.001, 0.01, 0, 0]),
-          10: ("FOV", [480, 480, 320, 240, 0.6]),
-          11: ("THIN_PRISM_FISHEYE", [470, 470, 320, 240, 0.01, 0, 1e-3, 0, 0, 0, 1e-3, 0])}
-MODELS_OF_COLMAP4 = {"RAD_TAN_THIN_PRISM_FISHEYE": [470, 470, 320, 240, 0.01, 0, 0, 0, 0, 0, 1e-3, 0, 0, 0, 0, 0],
-                     "SIMPLE_DIVISION": [500, 320, 240, -0.05],
-                     "DIVISION": [500, 505, 320, 240, -0.05],
-                     "SIMPLE_FISHEYE": [480, 320, 240],
-                     "FISHEYE": [480, 485, 320, 240],
-                     "EUCM": [480, 485, 320, 240, 0.5, 1.1],
-                     "EQUIRECTANGULAR": [640, 480]}
+MODELS = {
+    1: ("PINHOLE", [520, 515, 322, 238]),
+    2: ("SIMPLE_RADIAL", [500, 320, 240, -0.05]),
+    3: ("SIMPLE_PINHOLE", [510, 318, 242]),
+    4: ("SIMPLE_RADIAL_FISHEYE", [480, 320, 240, 0.02]),
+    5: ("RADIAL", [505, 321, 239, -0.04, 0.01]),
+    6: ("RADIAL_FISHEYE", [470, 320, 240, 0.02, -0.005]),
+    7: ("OPENCV", [500, 505, 320, 240, -0.05, 0.01, 1e-3, -1e-3]),
+    8: ("OPENCV_FISHEYE", [460, 465, 320, 240, 0.01, 0.002, 0, 0]),
+    9: ("FULL_OPENCV", [500, 500, 320, 240, -0.05, 0.01, 1e-3, 1e-3, 0.001, 0.01, 0, 0]),
+    10: ("FOV", [480, 480, 320, 240, 0.6]),
+    11: ("THIN_PRISM_FISHEYE", [470, 470, 320, 240, 0.01, 0, 1e-3, 0, 0, 0, 1e-3, 0]),
+}
+MODELS_OF_COLMAP4 = {
+    "RAD_TAN_THIN_PRISM_FISHEYE": [470, 470, 320, 240, 0.01, 0, 0, 0, 0, 0, 1e-3, 0, 0, 0, 0, 0],
+    "SIMPLE_DIVISION": [500, 320, 240, -0.05],
+    "DIVISION": [500, 505, 320, 240, -0.05],
+    "SIMPLE_FISHEYE": [480, 320, 240],
+    "FISHEYE": [480, 485, 320, 240],
+    "EUCM": [480, 485, 320, 240, 0.5, 1.1],
+    "EQUIRECTANGULAR": [640, 480],
+}
 RIG_ID = 77
 NUM_FRAMES = 4  # of the rig, database images
-OTHER_FROM_REFERENCE = pycolmap.Rigid3d(pycolmap.Rotation3d(Rotation.from_euler("y", 12, degrees=True).as_quat()),
-                                        [-0.4, 0.03, 0.02])
+OTHER_FROM_REFERENCE = pycolmap.Rigid3d(
+    pycolmap.Rotation3d(Rotation.from_euler("y", 12, degrees=True).as_quat()), [-0.4, 0.03, 0.02]
+)
 
 
 class Camera(synthetic.Camera):
@@ -39,8 +45,9 @@ class Camera(synthetic.Camera):
 
     @property
     def colmap(self):
-        return pycolmap.Camera(camera_id=self.camera_id, model=pycolmap.CameraModelId(self.model_id), width=self.width,
-                               height=self.height, params=self.params, has_prior_focal_length=True)
+        camera = to_pycolmap_camera(self.intrinsics(), self.camera_id)
+        camera.has_prior_focal_length = True
+        return camera
 
     def image_from_cam(self, points_in_cam):
         return self.colmap.img_from_cam(points_in_cam)
@@ -49,26 +56,20 @@ class Camera(synthetic.Camera):
         return super().is_in_front(points_in_cam) | self.colmap.is_spherical()
 
 
-def rigid(pose):
-    return pycolmap.Rigid3d(pycolmap.Rotation3d(pose.rotation.as_quat()), pose.tvec)
-
-
-def pose_of(rigid3d):
-    x, y, z, w = rigid3d.rotation.quat
-    return synthetic.Pose(np.array([w, x, y, z]), np.array(rigid3d.translation))
-
-
 def make_frames():
-    """frame id -> (rig id, rig_from_world, {camera_id: image name}): rig frames of the database, one of queries, then a
-    query for each other camera. Ids of frames are far from those of images."""
+    """Returns frame id -> (rig id, rig_from_world, {camera_id: image name}).
+
+    These are rig frames of the database, one of queries, then a query for each other camera. Ids of frames are far from
+    those of images.
+    """
     frames = {}
     for i, centre in enumerate(synthetic.arc(NUM_FRAMES)):
-        pose = rigid(synthetic.Pose.looking_at(centre, [0.1, 0, 0]))
+        pose = to_rigid3d(synthetic.looking_at(centre, [0.1, 0, 0]))
         frames[100 + i] = (RIG_ID, pose, {1: f"database/left_{i}.jpg", 2: f"database/right_{i}.jpg"})
-    pose = rigid(synthetic.Pose.looking_at([0.5, -0.8, -5.2], [0, 0.1, 0]))
+    pose = to_rigid3d(synthetic.looking_at([0.5, -0.8, -5.2], [0, 0.1, 0]))
     frames[200] = (RIG_ID, pose, {1: "query/left.jpg", 2: "query/right.jpg"})
     for camera_id in list(MODELS)[2:]:
-        pose = rigid(synthetic.Pose.looking_at([0.3 * camera_id - 2, 0.4, -5], [0, 0, 0.1], roll_deg=camera_id))
+        pose = to_rigid3d(synthetic.looking_at([0.3 * camera_id - 2, 0.4, -5], [0, 0, 0.1], roll_deg=camera_id))
         frames[200 + camera_id] = (camera_id, pose, {camera_id: f"query/{MODELS[camera_id][0]}.jpg"})
     return frames
 
@@ -76,12 +77,11 @@ def make_frames():
 def make_scene(frames, models):
     rng = np.random.default_rng(4)
     points = rng.uniform(-1.2, 1.2, (300, 3))
-    cameras = {camera_id: Camera(camera_id, pycolmap.CameraModelId.__members__[name].value, 640, 480, params)
-               for camera_id, (name, params) in models.items()}
+    cameras = {camera_id: Camera(camera_id, name, 640, 480, params) for camera_id, (name, params) in models.items()}
     scene = synthetic.Scene(cameras, {}, {}, [])
     for _, rig_from_world, names in frames.values():
         for camera_id, name in names.items():
-            pose = pose_of(OTHER_FROM_REFERENCE * rig_from_world if camera_id == 2 else rig_from_world)
+            pose = to_pose(OTHER_FROM_REFERENCE * rig_from_world if camera_id == 2 else rig_from_world)
             keypoints, owners = synthetic.observe(cameras[camera_id], pose, points, 0.1, 0.8, rng)
             scene.images[name] = synthetic.Image(name, len(scene.images) + 1, camera_id, pose, keypoints, owners)
     scene.query_names = [name for name in scene.images if name.startswith("query")]
@@ -110,8 +110,10 @@ def make_frame(frame_id, rig_id, names, images):
 
 
 def colmap_images(scene):
-    return {name: pycolmap.Image(name=name, camera_id=image.camera_id, image_id=image.image_id)
-            for name, image in scene.images.items()}
+    return {
+        name: pycolmap.Image(name=name, camera_id=image.camera_id, image_id=image.image_id)
+        for name, image in scene.images.items()
+    }
 
 
 def write_database(path, scene, frames):
@@ -134,7 +136,7 @@ def write_database(path, scene, frames):
 
 
 def make_model(scene, frames):
-    """Of the database images; with all cameras and rigs, as COLMAP's mapper leaves them."""
+    """Makes a model of the database images, with all cameras and rigs, as COLMAP's mapper leaves them."""
     reconstruction = pycolmap.Reconstruction()
     for camera in scene.cameras.values():
         reconstruction.add_camera(camera.colmap)
@@ -184,7 +186,8 @@ def assert_same_frames(written, expected):
     for frame_id, frame in expected.frames.items():
         assert written.frame(frame_id).rig_id == frame.rig_id
         assert bits(written.frame(frame_id).rig_from_world) == bits(frame.rig_from_world)
-        assert sorted(data.id for data in written.frame(frame_id).data_ids) == sorted(data.id for data in frame.data_ids)
+        written_ids, ids = (sorted(data.id for data in some.data_ids) for some in (written.frame(frame_id), frame))
+        assert written_ids == ids
 
 
 def assert_same_cameras(written, expected):
@@ -209,7 +212,7 @@ def test_model_with_rigs_there_and_back(localize, scene, database_path, frames, 
     poses = {image.name: image.cam_from_world() for image in written.images.values()}
     assert sorted(poses) == sorted(scene.images)
     for name, pose in run.poses.items():
-        position_error, rotation_error_deg = pose_of(poses[name]).errors(pose)
+        position_error, rotation_error_deg = to_pose(poses[name]).errors(pose)
         assert position_error < 1e-12 and rotation_error_deg < 1e-5, name
     frame_of = {image.name: written.frame(image.frame_id) for image in written.images.values()}
     assert frame_of["query/left.jpg"].rig_id == frame_of["query/right.jpg"].rig_id == RIG_ID
@@ -222,8 +225,9 @@ def test_leave_one_out_takes_the_query_out_of_its_frame(localize, scene, databas
     (tmp_path / "model").mkdir()
     model.write_binary(str(tmp_path / "model"))
     # Database images are not matched with each other: none is localized, and none may be left in a frame.
-    run = localize("--database_path", database_path, "--input_path", tmp_path / "model",
-                   "--LazyLocalizer.leave_one_out", 1)
+    run = localize(
+        "--database_path", database_path, "--input_path", tmp_path / "model", "--LazyLocalizer.leave_one_out", 1
+    )
     assert set(run.statuses.values()) == {"NO_PAIRS"}
     written = pycolmap.Reconstruction(str(run.output_path / "model"))
     assert written.num_images() == written.num_frames() == 0
@@ -237,7 +241,7 @@ def test_camera_model_of_colmap4(localize, frames, tmp_path, name):
     models = {1: MODELS[1], 2: MODELS[2], 3: (name, MODELS_OF_COLMAP4[name])}
     frames = {frame_id: frame for frame_id, frame in frames.items() if frame_id < 200}
     centre = [0.2, -0.1, 0.3] if name == "EQUIRECTANGULAR" else [0.2, -0.1, -5]
-    frames[200] = (3, rigid(synthetic.Pose.looking_at(centre, [0, 0, 1])), {3: "query/new.jpg"})
+    frames[200] = (3, to_rigid3d(synthetic.looking_at(centre, [0, 0, 1])), {3: "query/new.jpg"})
     scene = make_scene(frames, models)
     database_path = write_database(tmp_path / "database.db", scene, frames)
     (tmp_path / "model").mkdir()

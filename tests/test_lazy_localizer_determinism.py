@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-import synthetic_database as synthetic
+from colmap_lazyloc.testing import synthetic
 
 GEOMETRIES = {"stored geometries": "pose", "raw matches": None}
 
@@ -17,9 +17,10 @@ def geometry(request):
 
 @pytest.fixture(scope="module")
 def many(tmp_path_factory, write_scene_files, geometry):
-    """Eight queries, so that threads have something to share."""
-    scene = synthetic.make_scene(synthetic.arc(9), synthetic.arc(8, radius=5, height=-0.7), noise_px=0.5,
-                                 outlier_ratio=0.3)
+    """Makes eight queries, so that threads have something to share."""
+    scene = synthetic.make_scene(
+        synthetic.arc(9), synthetic.arc(8, radius=5, height=-0.7), noise_px=0.5, outlier_ratio=0.3
+    )
     return write_scene_files(tmp_path_factory.mktemp("many"), scene, geometry=geometry)
 
 
@@ -31,8 +32,9 @@ def reference(localize, many):
 
 
 def results_without_seconds(run):
-    return {name: {key: value for key, value in result.items() if key != "seconds"}
-            for name, result in run.results.items()}
+    return {
+        name: {key: value for key, value in result.items() if key != "seconds"} for name, result in run.results.items()
+    }
 
 
 @pytest.mark.parametrize("num_threads", [1, 2, 5, -1])
@@ -61,9 +63,11 @@ def test_query_alone(localize, many, reference, tmp_path):
 
 def other_ids(numbering, num_images):
     rng = np.random.default_rng(3)
-    return {"reversed": 1000 - np.arange(num_images),
-            "permuted": rng.permutation(num_images) + 1,
-            "sparse and large": 2147483646 - rng.choice(10**6, num_images, replace=False)}[numbering]
+    return {
+        "reversed": 1000 - np.arange(num_images),
+        "permuted": rng.permutation(num_images) + 1,
+        "sparse and large": 2147483646 - rng.choice(10**6, num_images, replace=False),
+    }[numbering]
 
 
 @pytest.mark.parametrize("numbering", ["reversed", "permuted", "sparse and large"])
@@ -87,8 +91,9 @@ def test_model_with_other_ids(localize, many, reference, tmp_path):
 def test_other_scenes_with_other_ids(localize, tmp_path, write_scene_files, geometry):
     """Rounding differs where a pose is inverted: more scenes find more of it."""
     for seed in range(1, 7):
-        scene = synthetic.make_scene(synthetic.arc(7), synthetic.arc(4, radius=5), noise_px=1.0, outlier_ratio=0.4,
-                                     num_points=100, seed=seed)
+        scene = synthetic.make_scene(
+            synthetic.arc(7), synthetic.arc(4, radius=5), noise_px=1.0, outlier_ratio=0.4, num_points=100, seed=seed
+        )
         folder = tmp_path / str(seed)
         folder.mkdir()
         files = write_scene_files(folder, scene, geometry=geometry)

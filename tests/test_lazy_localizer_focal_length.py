@@ -1,11 +1,9 @@
 """Queries whose camera has no prior focal length, and a wrong one: `--LazyLocalizer.refine_focal_length`."""
 
-import struct
-
 import numpy as np
 import pytest
 
-import synthetic_database as synthetic
+from colmap_lazyloc.model import read_model
 
 SEEK = ("--LazyLocalizer.refine_focal_length", 1)
 FACTOR = 1.3
@@ -15,25 +13,12 @@ def strip_seconds(run):
     return {name: {**result, "seconds": None} for name, result in run.results.items()}
 
 
-def read_camera_params(path):
-    """Of cameras.bin, by camera id; of models SIMPLE_PINHOLE, PINHOLE and SIMPLE_RADIAL."""
-    data = path.read_bytes()
-    (num_cameras,), offset = struct.unpack_from("<Q", data), 8
-    params = {}
-    for _ in range(num_cameras):
-        camera_id, model_id, _, _ = struct.unpack_from("<IiQQ", data, offset)
-        offset += struct.calcsize("<IiQQ")
-        num_params = {0: 3, 1: 4, 2: 4}[model_id]
-        params[camera_id] = struct.unpack_from(f"<{num_params}d", data, offset)
-        offset += 8 * num_params
-    assert offset == len(data)
-    return params
-
-
 @pytest.fixture(scope="module", params=["pose", None])
 def guessed(request, tmp_path_factory, noisy, write_scene_files):
-    """The noisy scene; the database has the queries' shared camera without prior, its focal lengths 1.3 times too long.
-    Stored geometries are wrong where their inliers are right; or there are raw matches only."""
+    """Changes the noisy scene: the queries' shared camera has a focal length without prior, 1.3 times too long.
+
+    Stored geometries are wrong but their inliers right; or there are raw matches only.
+    """
     scene = noisy.scene.copy()
     camera = scene.cameras[2]
     camera.has_prior_focal_length = False
@@ -49,15 +34,15 @@ def test_focal_length_and_poses_are_found(localize, guessed, noisy):
     run = localize(*guessed.arguments, *SEEK)
     run.assert_localized(noisy.scene, noisy.scene.query_names, 0.03, 0.3)
     truth = noisy.scene.cameras[2]
-    cameras = read_camera_params(run.output_path / "model" / "cameras.bin")
+    cameras = read_model(run.output_path / "model").cameras
     own_ids = {run.model_images[name].camera_id for name in noisy.scene.query_names}
     assert len(own_ids) == len(noisy.scene.query_names), "each query has a focal length of its own"
     for name in noisy.scene.query_names:
         camera = run.results[name]["camera"]
         assert (camera["model"], camera["width"], camera["height"]) == ("PINHOLE", truth.width, truth.height)
         assert camera["params"] == pytest.approx(truth.params, rel=0.01)
-        assert cameras[run.model_images[name].camera_id] == tuple(camera["params"])
-    assert cameras[1] == tuple(noisy.scene.cameras[1].params)
+        assert cameras[run.model_images[name].camera_id].params == tuple(camera["params"])
+    assert cameras[1].params == tuple(noisy.scene.cameras[1].params)
 
 
 def test_without_the_option_the_guess_is_taken_as_it_is(localize, guessed):
@@ -75,7 +60,7 @@ def test_prior_focal_length_stays(localize, noisy):
 
 def test_camera_of_a_query_list_counts_as_prior(localize, guessed, noisy, tmp_path):
     queries = tmp_path / "queries.txt"
-    words = noisy.scene.cameras[2].hloc_words()
+    words = noisy.scene.cameras[2].intrinsics().text()
     queries.write_text("".join(f"{name} {words}\n" for name in noisy.scene.query_names))
     run = localize(*guessed.arguments, "--query_list_path", queries, *SEEK)
     run.assert_localized(noisy.scene, noisy.scene.query_names, 0.03, 0.3)

@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-import synthetic_database as synthetic
-from test_lazy_localizer_real_scenes import DATA_PATH, arguments_of, evaluated_names, read_poses
+from colmap_lazyloc.poses import Pose, write_poses
+from colmap_lazyloc.testing import synthetic
+from conftest import DATA_PATH
+from test_lazy_localizer_real_scenes import arguments_of, evaluated_names, true_poses
 
 MAX_ERRORS = 1e-6, 1e-5
 
@@ -18,15 +20,13 @@ def write(path, text):
 
 
 def in_own_frame(pose):
-    """The pose in a frame that lies elsewhere than the database's."""
-    rotation = pose.rotation * Rotation.from_rotvec([0.3, -0.2, 0.5])
-    return synthetic.Pose.make(rotation, Rotation.from_rotvec([0.3, -0.2, 0.5]).inv().apply(pose.cam_in_world - 7))
+    """Returns the pose in another world frame than the database's."""
+    world_from_own = Rotation.from_rotvec([0.3, -0.2, 0.5]).as_matrix()
+    return Pose.from_centre(pose.rotation @ world_from_own, world_from_own.T @ (pose.cam_in_world - 7))
 
 
 def trajectory_lines(scene, names):
-    poses = {name: in_own_frame(scene.images[name].pose) for name in names}
-    return "".join(" ".join([name, *map(repr, map(float, [*pose.qvec, *pose.tvec]))]) + "\n"
-                   for name, pose in poses.items())
+    return "".join(f"{name} {in_own_frame(scene.images[name].pose).text()}\n" for name in names)
 
 
 def test_group_of_one_is_the_default(localize, noisy):
@@ -48,8 +48,10 @@ def test_group_list_is_the_group_size(localize, noisy, tmp_path):
 
 
 def test_result_of_groups_does_not_depend_on_threads(localize, noisy):
-    runs = [localize(*noisy.arguments, "--LazyLocalizer.group_size", 2, "--LazyLocalizer.num_threads", number)
-            for number in (1, 3)]
+    runs = [
+        localize(*noisy.arguments, "--LazyLocalizer.group_size", 2, "--LazyLocalizer.num_threads", number)
+        for number in (1, 3)
+    ]
     assert runs[0].poses_bytes == runs[1].poses_bytes
 
 
@@ -64,7 +66,8 @@ def test_trajectory_in_a_frame_of_its_own(localize, exact, noisy, tmp_path, form
         for number, name in enumerate(names):
             pose = in_own_frame(scene.images[name].pose)
             assert name == f"query/{number:03}.jpg"
-            lines.append(" ".join(map(str, [float(number), *pose.cam_in_world, *pose.rotation.inv().as_quat()])))
+            world_from_cam = Rotation.from_matrix(pose.rotation.T).as_quat()
+            lines.append(" ".join(map(str, [float(number), *pose.cam_in_world, *world_from_cam])))
         path = write(tmp_path / "trajectory.txt", "\n".join(lines) + "\n")
     else:
         moved = scene.copy()
@@ -75,18 +78,21 @@ def test_trajectory_in_a_frame_of_its_own(localize, exact, noisy, tmp_path, form
     run.assert_localized(scene, names, 0.02, 0.1)
     assert run.stderr == ""
     for name in names:  # the relative poses are those of the trajectory
-        relative = run.poses[name].rotation * run.poses[names[0]].rotation.inv()
-        true_relative = scene.images[name].pose.rotation * scene.images[names[0]].pose.rotation.inv()
-        assert (relative * true_relative.inv()).magnitude() <= 1e-9
-        assert run.results[name]["rig_from_world"] == pytest.approx(run.results[names[0]]["rig_from_world"], abs=1e-9) \
-            or np.allclose(run.results[name]["rig_from_world"]["tvec"], run.results[names[0]]["rig_from_world"]["tvec"])
+        relative = run.poses[name].rotation @ run.poses[names[0]].rotation.T
+        true_relative = scene.images[name].pose.rotation @ scene.images[names[0]].pose.rotation.T
+        assert Rotation.from_matrix(relative @ true_relative.T).magnitude() <= 1e-9
+        assert run.results[name]["rig_from_world"] == pytest.approx(
+            run.results[names[0]]["rig_from_world"], abs=1e-9
+        ) or np.allclose(run.results[name]["rig_from_world"]["tvec"], run.results[names[0]]["rig_from_world"]["tvec"])
 
 
 def test_trajectory_without_scale(localize, exact, tmp_path):
     scene, names = exact.scene, exact.scene.query_names
     lines = [line.split() for line in trajectory_lines(scene, names).splitlines()]
-    path = write(tmp_path / "trajectory.txt", "".join(
-        " ".join([*words[:5], *(repr(4 * float(word)) for word in words[5:])]) + "\n" for words in lines))
+    path = write(
+        tmp_path / "trajectory.txt",
+        "".join(" ".join([*words[:5], *(repr(4 * float(word)) for word in words[5:])]) + "\n" for words in lines),
+    )
     run = localize(*exact.arguments, "--query_trajectory_path", path, "--LazyLocalizer.trajectory_has_scale", 0)
     run.assert_localized(scene, names, *MAX_ERRORS)
     for name in names:
@@ -108,7 +114,7 @@ def test_leave_one_out_leaves_the_whole_group_out(localize, noisy):
     names = scene.database_names
     assert sorted(run.results) == sorted(names)
     for i, name in enumerate(names):
-        group = names[i - i % 3:i - i % 3 + 3]
+        group = names[i - i % 3 : i - i % 3 + 3]
         assert not set(group) & set(run.pair_names(name))
 
 
@@ -116,14 +122,16 @@ def test_photos_of_a_trajectory_one_of_which_is_missing(localize, photos, tmp_pa
     names = [*photos.query_names, "query/missing.png"]
     poses = {name: in_own_frame(photos.poses[name]) for name in photos.query_names}
     poses[names[-1]] = poses[names[0]]
-    path = write(tmp_path / "trajectory.txt", "".join(
-        " ".join([name, *map(repr, map(float, [*pose.qvec, *pose.tvec]))]) + "\n" for name, pose in poses.items()))
-    run = localize(*photos.arguments(photos.write_queries(tmp_path / "queries.txt", names)),
-                   "--query_trajectory_path", path)
+    path = tmp_path / "trajectory.txt"
+    write_poses(path, poses)
+    run = localize(
+        *photos.arguments(photos.write_queries(tmp_path / "queries.txt", names)), "--query_trajectory_path", path
+    )
     photos.assert_localized(run)
     assert run.statuses[names[-1]] == "UNREADABLE_IMAGE"
-    relative, true_relative = (all_poses[names[1]].cam_in_world - all_poses[names[0]].cam_in_world
-                               for all_poses in (run.poses, photos.poses))
+    relative, true_relative = (
+        all_poses[names[1]].cam_in_world - all_poses[names[0]].cam_in_world for all_poses in (run.poses, photos.poses)
+    )
     assert np.linalg.norm(relative) == pytest.approx(np.linalg.norm(true_relative), rel=1e-9)
 
 
@@ -149,7 +157,7 @@ def test_stereo_rig_is_well_below_single_images(localize, tmp_path):
     """kitti1's rig, of the database and of the configuration, and a wrong one."""
     if not (DATA_PATH / "kitti1" / "database.db").exists():
         pytest.skip(f"{DATA_PATH / 'kitti1'} is missing; LAZYLOC_SHARED_DATA names the folder of the real scenes")
-    truth = read_poses(DATA_PATH / "kitti1" / "model" / "images.txt")
+    truth = true_poses("kitti1")
     names = evaluated_names("kitti1", truth)
     config_path = DATA_PATH / "kitti1" / "rig_config.json"
     rig = localize(*arguments_of("kitti1"))
@@ -158,8 +166,9 @@ def test_stereo_rig_is_well_below_single_images(localize, tmp_path):
     for name, pose in rig.poses.items():  # of the same rig, written with fewer digits
         position_error, rotation_error_deg = configured.poses[name].errors(pose)
         assert position_error < 1e-9 and rotation_error_deg < 1e-7
-    rig_error, single_error = (np.median([run.poses[name].errors(truth[name])[0] for name in names])
-                               for run in (rig, single))
+    rig_error, single_error = (
+        np.median([run.poses[name].errors(truth[name])[0] for name in names]) for run in (rig, single)
+    )
     assert rig_error <= 0.8 * single_error
 
     config = json.loads(config_path.read_text())

@@ -12,8 +12,17 @@ CACHE_PATH = pathlib.Path(os.environ.get("XDG_CACHE_HOME", pathlib.Path.home() /
 COLMAP_SOURCE_PATH = pathlib.Path(os.environ.get("COLMAP_SOURCE_DIR", CACHE_PATH / "colmap-debian-13"))
 
 # The main.cc of COLMAP 3.10 has these; where its source is at hand, what it lists counts.
-SOME_COMMANDS = {"automatic_reconstructor", "database_creator", "exhaustive_matcher", "feature_extractor",
-                 "image_registrator", "mapper", "matches_importer", "model_converter", "point_triangulator"}
+SOME_COMMANDS = {
+    "automatic_reconstructor",
+    "database_creator",
+    "exhaustive_matcher",
+    "feature_extractor",
+    "image_registrator",
+    "mapper",
+    "matches_importer",
+    "model_converter",
+    "point_triangulator",
+}
 
 
 def run(colmap, *arguments):
@@ -56,19 +65,32 @@ def test_an_unknown_command_fails(colmap):
 def test_help_of_the_indexer_explains_its_options(colmap):
     done = run(colmap, "lazy_indexer", "-h")
     assert (done.returncode, done.stderr) == (0, "")
-    assert {"--database_path", "--index_path", "--LazyIndexer.num_visual_words"} <= set(re.findall(r"--[\w.]+", done.stdout))
+    options = set(re.findall(r"--[\w.]+", done.stdout))
+    assert {"--database_path", "--index_path", "--LazyIndexer.num_visual_words"} <= options
 
 
 @pytest.mark.parametrize("flag", ["-h", "--help"])
 def test_help_of_the_command_explains_each_option(colmap, flag):
     done = run(colmap, "lazy_localizer", flag)
     assert (done.returncode, done.stderr) == (0, "")
-    options = re.findall(r"^  (?:-h \[ --help \]|--([\w.]+) arg(?: \(=[^)]*\))?)\s+(.*?)(?=^  -|\Z)", done.stdout,
-                         re.MULTILINE | re.DOTALL)
+    options = re.findall(
+        r"^  (?:-h \[ --help \]|--([\w.]+) arg(?: \(=[^)]*\))?)\s+(.*?)(?=^  -|\Z)",
+        done.stdout,
+        re.MULTILINE | re.DOTALL,
+    )
     explained = {name: " ".join(text.split()) for name, text in options}
-    assert {"database_path", "input_path", "output_path", "query_list_path", "pairs_path", "strict",
-            "LazyLocalizer.num_retrieved", "LazyLocalizer.num_threads", "LazyLocalizer.leave_one_out",
-            "LazyLocalizer.seed"} <= set(explained)
+    assert {
+        "database_path",
+        "input_path",
+        "output_path",
+        "query_list_path",
+        "pairs_path",
+        "strict",
+        "LazyLocalizer.num_retrieved",
+        "LazyLocalizer.num_threads",
+        "LazyLocalizer.leave_one_out",
+        "LazyLocalizer.seed",
+    } <= set(explained)
     assert len(explained) == len(re.findall(r"^  -", done.stdout, re.MULTILINE))
     for name, text in explained.items():
         assert len(text.split()) >= 3, f"{name}: '{text}'"

@@ -1,5 +1,6 @@
 """A database of 20,000 images: the same poses, in memory that hardly grows with the database."""
 
+import itertools
 import json
 import sqlite3
 import sys
@@ -7,7 +8,9 @@ import sys
 import numpy as np
 import pytest
 
-import synthetic_database as synthetic
+from colmap_lazyloc.database import pair_id
+from colmap_lazyloc.poses import Pose
+from colmap_lazyloc.testing import synthetic
 
 NUM_IMAGES = 20_000
 NUM_FILLER_KEYPOINTS = 500
@@ -27,12 +30,12 @@ sys.exit(code)
 
 @pytest.fixture(scope="module")
 def core():
-    """Thirty database images and ten queries that see the same points."""
+    """Makes thirty database images and ten queries that see the same points."""
     return synthetic.make_scene(synthetic.arc(30), synthetic.arc(10, radius=5), noise_px=0.5, visible_ratio=0.4)
 
 
 def write_large(folder, core, num_images):
-    """The core's images, spread over the ids, and others that are matched with their neighbours."""
+    """Writes the core's images, spread over the ids, and others that are matched with their neighbours."""
     rng = np.random.default_rng(0)
     scene = core.with_image_ids(np.sort(rng.choice(num_images, len(core.images), replace=False)) + 1)
     core_ids = {image.image_id for image in scene.images.values()}
@@ -44,7 +47,7 @@ def write_large(folder, core, num_images):
     connection.close()
     for image_id in filler_ids:
         name, nothing = filler_name(image_id), np.zeros(0)
-        pose = synthetic.Pose(np.array([1.0, 0, 0, 0]), np.array([100.0, 0.1 * image_id, 0]))
+        pose = Pose(np.array([1.0, 0, 0, 0]), np.array([100.0, 0.1 * image_id, 0]))
         scene.images[name] = synthetic.Image(name, image_id, 1, pose, nothing, nothing)
     synthetic.write_model(folder / "model", scene)
     return ["--database_path", folder / "database.db", "--input_path", folder / "model"]
@@ -57,26 +60,35 @@ def filler_name(image_id):
 def insert_fillers(connection, ids, rng):
     keypoints = rng.uniform(0, 480, (NUM_FILLER_KEYPOINTS, 2)).astype("<f4").tobytes()
     matches = np.repeat(np.arange(NUM_FILLER_KEYPOINTS, dtype="<u4"), 2).tobytes()
-    pairs = [(synthetic.pair_id(id1, id2), NUM_FILLER_KEYPOINTS, matches) for id1, id2 in zip(ids, ids[1:])]
+    pairs = [(pair_id(id1, id2), NUM_FILLER_KEYPOINTS, matches) for id1, id2 in itertools.pairwise(ids)]
     with connection:
-        connection.executemany("INSERT INTO images (image_id, name, camera_id) VALUES (?, ?, 1)",
-                               [(image_id, filler_name(image_id)) for image_id in ids])
-        connection.executemany("INSERT INTO keypoints VALUES (?, ?, 2, ?)",
-                               [(image_id, NUM_FILLER_KEYPOINTS, keypoints) for image_id in ids])
+        connection.executemany(
+            "INSERT INTO images (image_id, name, camera_id) VALUES (?, ?, 1)",
+            [(image_id, filler_name(image_id)) for image_id in ids],
+        )
+        connection.executemany(
+            "INSERT INTO keypoints VALUES (?, ?, 2, ?)",
+            [(image_id, NUM_FILLER_KEYPOINTS, keypoints) for image_id in ids],
+        )
         connection.executemany("INSERT INTO matches VALUES (?, ?, 2, ?)", pairs)
-        connection.executemany("INSERT INTO two_view_geometries (pair_id, rows, cols, data, config) "
-                               "VALUES (?, ?, 2, ?, 2)", pairs)
+        connection.executemany(
+            "INSERT INTO two_view_geometries (pair_id, rows, cols, data, config) VALUES (?, ?, 2, ?, 2)", pairs
+        )
 
 
 @pytest.fixture(scope="module")
 def runs(localize, core, tmp_path_factory):
-    """By the database's size: the run, and its peak memory."""
+    """Returns the run and its peak memory by the database's size."""
 
     def measure(num_images):
         folder = tmp_path_factory.mktemp(f"images_{num_images}")
         arguments = write_large(folder, core, num_images)
-        run = localize(*arguments, "--LazyLocalizer.num_threads", 2,
-                       launcher=[sys.executable, "-c", LAUNCHER, folder / "memory.json"])
+        run = localize(
+            *arguments,
+            "--LazyLocalizer.num_threads",
+            2,
+            launcher=[sys.executable, "-c", LAUNCHER, folder / "memory.json"],
+        )
         (folder / "database.db").unlink()
         return run, json.loads((folder / "memory.json").read_text())["peak_mib"]
 

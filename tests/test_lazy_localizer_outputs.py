@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-import synthetic_database as synthetic
+from colmap_lazyloc.poses import Pose
+from colmap_lazyloc.testing import synthetic
 
 STAGES = ["load", "two_view", "rotation", "translation", "triangulation", "adjustment", "covariance"]
 
@@ -21,7 +22,7 @@ def noisy_run(localize, noisy):
 
 @pytest.fixture(scope="module")
 def with_lost_query(localize, exact, tmp_path_factory, write_scene_files):
-    """A run in which the first query shares no matches with the database."""
+    """Makes a run in which the first query shares no matches with the database."""
     scene = exact.scene.copy()
     scene.pairs = {names: pair for names, pair in scene.pairs.items() if "query/000.jpg" not in names}
     files = write_scene_files(tmp_path_factory.mktemp("lost"), scene)
@@ -34,9 +35,9 @@ def with_lost_query(localize, exact, tmp_path_factory, write_scene_files):
 def test_poses_file_states_its_convention_and_holds_the_localized_queries_by_name(with_lost_query):
     lines = with_lost_query.poses_bytes.decode().splitlines()
     header = [line for line in lines if line.startswith("#")]
-    assert lines[:len(header)] == header
+    assert lines[: len(header)] == header
     assert "qw qx qy qz tx ty tz" in " ".join(header) and "cam_from_world" in " ".join(header)
-    assert [line.split()[0] for line in lines[len(header):]] == ["query/001.jpg", "query/002.jpg"]
+    assert [line.split()[0] for line in lines[len(header) :]] == ["query/001.jpg", "query/002.jpg"]
 
 
 def test_poses_have_17_digits_and_unit_quaternions(noisy_run):
@@ -102,12 +103,13 @@ def test_results_of_a_lost_query_have_a_reason_and_no_pose(with_lost_query):
 
 def assert_stddevs_are_of_the_covariance(result, pose, covariance):
     x, y, z = pose.tvec
-    rows = -pose.rotation.inv().as_matrix() @ np.hstack([[[0, -z, y], [z, 0, -x], [-y, x, 0]], np.eye(3)])
+    rows = -pose.rotation.T @ np.hstack([[[0, -z, y], [z, 0, -x], [-y, x, 0]], np.eye(3)])
     variances, axes = np.linalg.eigh(rows @ covariance @ rows.T)
     np.testing.assert_allclose(result["position_stddevs"], np.sqrt(variances[::-1]), rtol=1e-6)
     np.testing.assert_allclose(abs(axes[:, 2] @ result["weakest_direction"]), 1, rtol=1e-6)
-    np.testing.assert_allclose(result["rotation_stddev_deg"],
-                               np.degrees(np.sqrt(np.linalg.eigvalsh(covariance[:3, :3])[-1])), rtol=1e-6)
+    np.testing.assert_allclose(
+        result["rotation_stddev_deg"], np.degrees(np.sqrt(np.linalg.eigvalsh(covariance[:3, :3])[-1])), rtol=1e-6
+    )
     assert result["rotation"] is None and result["bearing"] is None
 
 
@@ -124,7 +126,8 @@ def test_covariance_explains_the_errors(localize, tmp_path, write_scene_files):
         np.testing.assert_array_equal(covariance, covariance.T)
         assert np.all(np.linalg.eigvalsh(covariance) > 0)
         truth, pose = scene.images[name].pose, run.poses[name]
-        error = np.concatenate([(pose.rotation * truth.rotation.inv()).as_rotvec(), pose.tvec - truth.tvec])
+        rotation = Rotation.from_matrix(pose.rotation @ truth.rotation.T)
+        error = np.concatenate([rotation.as_rotvec(), pose.tvec - truth.tvec])
         squared_errors.append(error @ np.linalg.solve(covariance, error))
         assert_stddevs_are_of_the_covariance(run.results[name], pose, covariance)
     assert 3 < np.mean(squared_errors) < 12
@@ -134,10 +137,21 @@ def test_covariance_explains_the_errors(localize, tmp_path, write_scene_files):
 
 
 def test_options_file_gives_the_same_run_again(localize, noisy):
-    first = localize(*noisy.arguments, "--LazyLocalizer.num_retrieved", 6, "--LazyLocalizer.seed", 11,
-                     "--LazyLocalizer.loss_scale_sigma", 0.1 + 0.2, "--LazyLocalizer.num_threads", 1,
-                     "--LazyLocalizer.rotation_averaging", "quaternion_mean",
-                     "--LazyLocalizer.translation_averaging", "lud")
+    first = localize(
+        *noisy.arguments,
+        "--LazyLocalizer.num_retrieved",
+        6,
+        "--LazyLocalizer.seed",
+        11,
+        "--LazyLocalizer.loss_scale_sigma",
+        0.1 + 0.2,
+        "--LazyLocalizer.num_threads",
+        1,
+        "--LazyLocalizer.rotation_averaging",
+        "quaternion_mean",
+        "--LazyLocalizer.translation_averaging",
+        "lud",
+    )
     again = localize("--project_path", first.output_path / "options.ini")
     assert (first.exit_code, again.exit_code) == (0, 0), again.stderr
     assert again.poses_bytes == first.poses_bytes
@@ -147,8 +161,13 @@ def test_options_file_gives_the_same_run_again(localize, noisy):
         return [line for line in lines if not line.startswith("output_path=")]
 
     assert options(again) == options(first)
-    assert {"num_retrieved=6", "seed=11", "loss_scale_sigma=0.30000000000000004",
-            "rotation_averaging=quaternion_mean", "translation_averaging=lud"} <= set(options(first))
+    assert {
+        "num_retrieved=6",
+        "seed=11",
+        "loss_scale_sigma=0.30000000000000004",
+        "rotation_averaging=quaternion_mean",
+        "translation_averaging=lud",
+    } <= set(options(first))
 
 
 def test_options_file_holds_every_option_of_the_help(colmap, noisy_run):
@@ -163,8 +182,20 @@ def test_options_file_holds_every_option_of_the_help(colmap, noisy_run):
     assert in_file == names
 
 
-@pytest.mark.parametrize("name", ["with space", "café", "a=b;[c]'d\"", pytest.param("run #2", marks=pytest.mark.xfail(
-    strict=True, reason="the reader of --project_path takes what follows # for a comment, in paths too"))])
+@pytest.mark.parametrize(
+    "name",
+    [
+        "with space",
+        "café",
+        "a=b;[c]'d\"",
+        pytest.param(
+            "run #2",
+            marks=pytest.mark.xfail(
+                strict=True, reason="the reader of --project_path takes what follows # for a comment, in paths too"
+            ),
+        ),
+    ],
+)
 def test_options_file_with_unusual_paths(localize, exact, tmp_path, write_scene_files, name):
     folder = tmp_path / name
     folder.mkdir()
@@ -176,8 +207,9 @@ def test_options_file_with_unusual_paths(localize, exact, tmp_path, write_scene_
 
 
 def test_command_line_wins_over_the_options_file(localize, noisy, tmp_path):
-    (tmp_path / "some.ini").write_text(f"database_path={noisy.database_path}\ninput_path={noisy.model_path}\n"
-                                       "[LazyLocalizer]\nnum_retrieved=3\n")
+    (tmp_path / "some.ini").write_text(
+        f"database_path={noisy.database_path}\ninput_path={noisy.model_path}\n[LazyLocalizer]\nnum_retrieved=3\n"
+    )
     run = localize("--project_path", tmp_path / "some.ini")
     assert len(run.pair_names("query/000.jpg")) == 3
     run = localize("--project_path", tmp_path / "some.ini", "--LazyLocalizer.num_retrieved", 4)
@@ -191,21 +223,24 @@ def test_command_line_wins_over_the_options_file(localize, noisy, tmp_path):
 def test_database_poses_keep_every_bit(localize, noisy, tmp_path, binary):
     scene = noisy.scene.copy()
     for factor, name in zip([-1, 1 + 1e-6, -1 - 1e-9, 1 - 1e-7], scene.database_names):
-        scene.images[name].pose.qvec *= factor  # of either sign, and normalised as badly as a text file may be
+        pose = scene.images[name].pose
+        # Of either sign, and normalized as badly as a text file may be.
+        scene.images[name].pose = Pose(factor * pose.qvec, pose.tvec)
     model_path = synthetic.write_model(tmp_path / "model", scene, binary=binary)
     run = localize("--database_path", noisy.database_path, "--input_path", model_path)
     assert set(run.model_images) == set(scene.images)
     for name in scene.database_names:
         image = scene.images[name]
-        assert run.model_images[name].pose.bits() == image.pose.bits(), name
+        assert run.model_images[name].cam_from_world.bits() == image.pose.bits(), name
         assert (run.model_images[name].image_id, run.model_images[name].camera_id) == (image.image_id, image.camera_id)
 
 
 def test_queries_in_the_model_have_the_poses_of_the_poses_file(noisy_run, noisy):
     for name in noisy.scene.query_names:
         stored = noisy_run.model_images[name]
-        rotation_error = (stored.pose.rotation * noisy_run.poses[name].rotation.inv()).magnitude()
-        assert rotation_error < 1e-14 and np.all(stored.pose.tvec == noisy_run.poses[name].tvec)
+        _, rotation_error_deg = stored.cam_from_world.errors(noisy_run.poses[name])
+        assert np.radians(rotation_error_deg) < 1e-14
+        assert np.all(stored.cam_from_world.tvec == noisy_run.poses[name].tvec)
         assert stored.image_id == noisy.scene.images[name].image_id
     assert len({image.image_id for image in noisy_run.model_images.values()}) == len(noisy.scene.images)
 
@@ -213,14 +248,16 @@ def test_queries_in_the_model_have_the_poses_of_the_poses_file(noisy_run, noisy)
 def test_pycolmap_reads_the_model(noisy_run, noisy):
     import pycolmap
 
+    from colmap_lazyloc.pycolmap_types import to_pose
+
     model = pycolmap.Reconstruction(noisy_run.output_path / "model")
     assert model.num_reg_images() == len(noisy.scene.images)
     for image in model.images.values():
         truth = noisy.scene.images[image.name]
-        pose = image.cam_from_world()
-        angle = (Rotation.from_quat(pose.rotation.quat) * truth.pose.rotation.inv()).magnitude()
-        assert angle < 0.003 and np.linalg.norm(pose.translation - truth.pose.tvec) < 0.02
-        assert image.camera.model.name == synthetic.MODEL_NAMES[noisy.scene.cameras[truth.camera_id].model_id]
+        pose = to_pose(image.cam_from_world())
+        _, rotation_error_deg = pose.errors(truth.pose)
+        assert np.radians(rotation_error_deg) < 0.003 and np.linalg.norm(pose.tvec - truth.pose.tvec) < 0.02
+        assert image.camera.model.name == noisy.scene.cameras[truth.camera_id].model
         np.testing.assert_array_equal(image.camera.params, noisy.scene.cameras[truth.camera_id].params)
         np.testing.assert_array_equal([point.xy for point in image.points2D], truth.keypoints)
     assert 150 < model.num_points3D() <= sum(result["num_tracks"] for result in noisy_run.results.values())
@@ -228,7 +265,7 @@ def test_pycolmap_reads_the_model(noisy_run, noisy):
 
 
 def assert_tracks_hold(model):
-    """Each point is seen where its track says, and images and tracks name each other."""
+    """Checks that each point is seen where its track says, and that images and tracks name each other."""
     for point_id, point in model.points3D.items():
         elements = point.track.elements
         assert len({element.image_id for element in elements}) == len(elements) >= 2
@@ -252,8 +289,11 @@ def test_the_built_colmap_reads_the_model(colmap, noisy_run, noisy, tmp_path):
     assert re.search(rf"Registered images: {len(noisy.scene.images)}\b", report), report
     (num_points,) = re.findall(r"\bPoints: (\d+)", report)
     assert int(num_points) > 150
-    converted = subprocess.run([colmap, "model_converter", "--input_path", model_path, "--output_path", tmp_path,
-                                "--output_type", "TXT"], capture_output=True, text=True)
+    converted = subprocess.run(
+        [colmap, "model_converter", "--input_path", model_path, "--output_path", tmp_path, "--output_type", "TXT"],
+        capture_output=True,
+        text=True,
+    )
     assert converted.returncode == 0, converted.stderr
     lines = (tmp_path / "images.txt").read_text().splitlines()
     names = [line.split()[9] for line in lines if not line.startswith("#") and line.endswith(".jpg")]
@@ -267,8 +307,15 @@ def test_the_built_colmap_reads_the_model(colmap, noisy_run, noisy, tmp_path):
 
 def test_output_folder_holds_these_files_alone(noisy_run):
     names = sorted(str(path.relative_to(noisy_run.output_path)) for path in noisy_run.output_path.rglob("*"))
-    assert names == ["model", "model/cameras.bin", "model/images.bin", "model/points3D.bin", "options.ini",
-                     "poses.txt", "results.jsonl"]
+    assert names == [
+        "model",
+        "model/cameras.bin",
+        "model/images.bin",
+        "model/points3D.bin",
+        "options.ini",
+        "poses.txt",
+        "results.jsonl",
+    ]
 
 
 def test_second_run_replaces_the_first_and_keeps_other_files(localize, noisy, tmp_path):
@@ -287,7 +334,7 @@ def test_large_coordinates(localize, exact, tmp_path):
     scene = exact.scene.copy()
     offset = np.array([512345.0, 5812345.0, 123.0])
     for image in scene.images.values():
-        image.pose = synthetic.Pose.make(image.pose.rotation, image.pose.cam_in_world + offset)
+        image.pose = Pose.from_centre(image.pose.rotation, image.pose.cam_in_world + offset)
     model_path = synthetic.write_model(tmp_path / "model", scene)
     run = localize("--database_path", exact.database_path, "--input_path", model_path)
     run.assert_localized(scene, scene.query_names, 1e-6, 5e-6)

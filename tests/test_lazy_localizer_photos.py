@@ -21,7 +21,7 @@ def queries(scene, tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def exhaustive(scene, queries, localize, fingerprint):
-    """A run that compares each photo with all database images."""
+    """Makes a run that compares each photo with all database images."""
     before = fingerprint(scene.folder)
     run = localize(*scene.arguments(queries))
     assert fingerprint(scene.folder) == before
@@ -29,8 +29,9 @@ def exhaustive(scene, queries, localize, fingerprint):
 
 
 def run_indexer(colmap, *arguments):
-    return subprocess.run(list(map(str, [colmap, "lazy_indexer", *arguments])), capture_output=True, text=True,
-                          timeout=300)
+    return subprocess.run(
+        list(map(str, [colmap, "lazy_indexer", *arguments])), capture_output=True, text=True, timeout=300
+    )
 
 
 def index(colmap, scene, path, database_path=None):
@@ -40,8 +41,9 @@ def index(colmap, scene, path, database_path=None):
 
 
 def results_without_times(run):
-    return {name: {key: value for key, value in result.items() if key != "seconds"}
-            for name, result in run.results.items()}
+    return {
+        name: {key: value for key, value in result.items() if key != "seconds"} for name, result in run.results.items()
+    }
 
 
 def database_rows(path, sql):
@@ -55,7 +57,8 @@ def test_photos_are_localized_and_nothing_is_touched(scene, exhaustive):
     scene.assert_localized(exhaustive)
     for name in scene.query_names:
         assert exhaustive.pair_names(name) == scene.database_names
-        assert {"extraction", "retrieval", "matching", "verification", "total"} <= set(exhaustive.results[name]["seconds"])
+        stages = set(exhaustive.results[name]["seconds"])
+        assert {"extraction", "retrieval", "matching", "verification", "total"} <= stages
 
 
 def test_model_has_the_photos_with_their_keypoints(scene, exhaustive):
@@ -84,8 +87,13 @@ def test_one_photo_gives_the_same_pose_as_among_others(scene, localize, exhausti
 
 def test_pairs_file_says_what_is_compared(scene, queries, localize, tmp_path):
     pairs = tmp_path / "pairs.txt"
-    pairs.write_text("".join(f"{query} {name} 0.5\n" for query in scene.query_names
-                             for name in [*scene.database_names[1:5], *scene.query_names]))
+    pairs.write_text(
+        "".join(
+            f"{query} {name} 0.5\n"
+            for query in scene.query_names
+            for name in [*scene.database_names[1:5], *scene.query_names]
+        )
+    )
     run = localize(*scene.arguments(queries, "--pairs_path", pairs))
     scene.assert_localized(run)
     assert run.stderr == ""  # photos among the pairs are no names that the database lacks
@@ -106,22 +114,31 @@ def test_index_is_made_on_first_use_and_chooses_images(colmap, scene, queries, l
     for name in scene.query_names:
         assert len(first.pair_names(name)) == 4
     assert index(colmap, scene, tmp_path / "other").startswith(f"{tmp_path / 'other'}: made, 6 images (6 added")
-    by_indexer = localize(*scene.arguments(queries, "--retrieval_index_path", tmp_path / "other",
-                                           "--LazyLocalizer.num_retrieved", 4))
+    by_indexer = localize(
+        *scene.arguments(queries, "--retrieval_index_path", tmp_path / "other", "--LazyLocalizer.num_retrieved", 4)
+    )
     assert results_without_times(by_indexer) == results_without_times(first)
 
 
 def test_index_does_not_depend_on_the_number_of_threads(colmap, scene, tmp_path):
     for num_threads in (1, 3):
-        done = run_indexer(colmap, "--database_path", scene.database_path, "--index_path", tmp_path / str(num_threads),
-                           "--LazyIndexer.num_threads", num_threads)
+        done = run_indexer(
+            colmap,
+            "--database_path",
+            scene.database_path,
+            "--index_path",
+            tmp_path / str(num_threads),
+            "--LazyIndexer.num_threads",
+            num_threads,
+        )
         assert done.returncode == 0, done.stderr
     assert (tmp_path / "1").read_bytes() == (tmp_path / "3").read_bytes()
 
 
 def test_index_in_memory_where_there_are_many_images(scene, queries, localize):
-    run = localize(*scene.arguments(queries, "--LazyLocalizer.max_num_exhaustive", 5,
-                                    "--LazyLocalizer.num_retrieved", 5))
+    run = localize(
+        *scene.arguments(queries, "--LazyLocalizer.max_num_exhaustive", 5, "--LazyLocalizer.num_retrieved", 5)
+    )
     scene.assert_localized(run)
     assert {len(run.pair_names(name)) for name in scene.query_names} == {5}
 
@@ -134,15 +151,26 @@ def test_index_follows_the_database(colmap, scene, queries, localize, tmp_path):
     removed = scene.database_names[0]
     with sqlite3.connect(grown) as connection:
         for table in ("keypoints", "descriptors"):
-            connection.execute(f"DELETE FROM {table} WHERE image_id = (SELECT image_id FROM images WHERE name = ?)",
-                               (removed,))
+            connection.execute(
+                f"DELETE FROM {table} WHERE image_id = (SELECT image_id FROM images WHERE name = ?)", (removed,)
+            )
         connection.execute("DELETE FROM images WHERE name = ?", (removed,))
     photo_scene.extract_features(colmap, grown, scene.image_path, scene.query_names[:1])
     assert "up to date, 6 images (1 added, 1 removed)" in index(colmap, scene, path, grown)
     assert "up to date, 6 images (0 added, 0 removed)" in index(colmap, scene, path, grown)
-    run = localize("--database_path", grown, "--input_path", scene.model_path, "--image_path", scene.image_path,
-                   "--query_list_path", scene.write_queries(tmp_path / "q.txt", scene.query_names[1:]),
-                   "--retrieval_index_path", path, *photo_scene.SIFT)
+    run = localize(
+        "--database_path",
+        grown,
+        "--input_path",
+        scene.model_path,
+        "--image_path",
+        scene.image_path,
+        "--query_list_path",
+        scene.write_queries(tmp_path / "q.txt", scene.query_names[1:]),
+        "--retrieval_index_path",
+        path,
+        *photo_scene.SIFT,
+    )
     scene.assert_localized(run, scene.query_names[1:])
     assert run.pair_names(scene.query_names[1]) == scene.database_names[1:]
 
@@ -150,8 +178,9 @@ def test_index_follows_the_database(colmap, scene, queries, localize, tmp_path):
 def test_prior_restricts_the_images(scene, queries, localize, tmp_path):
     name = scene.query_names[0]
     centre = scene.poses[name].cam_in_world
-    distance = {other: float(sum((scene.poses[other].cam_in_world - centre) ** 2) ** 0.5)
-                for other in scene.database_names}
+    distance = {
+        other: float(sum((scene.poses[other].cam_in_world - centre) ** 2) ** 0.5) for other in scene.database_names
+    }
     radius = sorted(distance.values())[3] + 0.01
     (tmp_path / "priors.txt").write_text(f"{name} {' '.join(map(str, centre))} {radius}\n")
     run = localize(*scene.arguments(queries, "--query_prior_path", tmp_path / "priors.txt"))
@@ -176,21 +205,27 @@ def test_kept_matches_are_a_database_that_localizes_alike(scene, queries, locali
     for name in scene.query_names:
         position_error, rotation_error_deg = again.poses[name].errors(run.poses[name])
         assert position_error < 1e-5 and rotation_error_deg < 1e-4  # keypoints are stored in single precision
-    subprocess.run([colmap, "database_cleaner", "--type", "matches", "--database_path", kept], check=True,
-                   capture_output=True, timeout=60)
+    subprocess.run(
+        [colmap, "database_cleaner", "--type", "matches", "--database_path", kept],
+        check=True,
+        capture_output=True,
+        timeout=60,
+    )
 
 
 def test_camera_of_the_options_and_of_the_database(colmap, scene, localize, exhaustive, tmp_path):
     queries = scene.write_queries(tmp_path / "names.txt", with_camera=False)
     model, _, _, *params = scene.camera_words.split()
-    run = localize(*scene.arguments(queries, "--ImageReader.camera_model", model, "--ImageReader.camera_params",
-                                    ",".join(params)))
+    run = localize(
+        *scene.arguments(queries, "--ImageReader.camera_model", model, "--ImageReader.camera_params", ",".join(params))
+    )
     assert run.poses_bytes == exhaustive.poses_bytes
     known = tmp_path / "database.db"
     shutil.copy(scene.database_path, known)
     with sqlite3.connect(known) as connection:
         for name in scene.query_names:
             connection.execute("INSERT INTO images (name, camera_id) VALUES (?, 1)", (name,))
-    run = localize("--database_path", known, "--input_path", scene.model_path, "--image_path", scene.image_path,
-                   *photo_scene.SIFT)
+    run = localize(
+        "--database_path", known, "--input_path", scene.model_path, "--image_path", scene.image_path, *photo_scene.SIFT
+    )
     assert run.poses_bytes == exhaustive.poses_bytes

@@ -23,7 +23,7 @@ def queries(scene, tmp_path_factory):
 
 @pytest.fixture
 def changed_database(scene, tmp_path):
-    """A copy of the database, changed by SQL."""
+    """Makes a copy of the database, changed by SQL."""
 
     def change(*statements):
         path = tmp_path / "changed.db"
@@ -63,13 +63,30 @@ def test_bad_photos_have_a_status_and_the_good_one_is_localized(scene, localize,
     names = ["empty.jpg", "text.png", "cut.png", "folder.png", "missing.png", "grey.png", "small.png", "noise.png"]
     queries = scene.write_queries(tmp_path / "queries.txt", [good, *names])
     queries.write_text(queries.read_text() + "tiny.png PINHOLE 1 1 1 1 0.5 0.5\n")
-    run = localize("--database_path", scene.database_path, "--input_path", scene.model_path, "--image_path", images,
-                   "--query_list_path", queries, *photo_scene.SIFT)
+    run = localize(
+        "--database_path",
+        scene.database_path,
+        "--input_path",
+        scene.model_path,
+        "--image_path",
+        images,
+        "--query_list_path",
+        queries,
+        *photo_scene.SIFT,
+    )
     scene.assert_localized(run, [good])
     statuses = {name: run.statuses[name] for name in [*names, "tiny.png"]}
-    assert statuses == {"empty.jpg": "UNREADABLE_IMAGE", "text.png": "UNREADABLE_IMAGE", "cut.png": "UNREADABLE_IMAGE",
-                        "folder.png": "UNREADABLE_IMAGE", "missing.png": "UNREADABLE_IMAGE", "grey.png": "NO_FEATURES",
-                        "tiny.png": "NO_FEATURES", "small.png": "UNKNOWN_CAMERA", "noise.png": "TOO_FEW_INLIERS"}
+    assert statuses == {
+        "empty.jpg": "UNREADABLE_IMAGE",
+        "text.png": "UNREADABLE_IMAGE",
+        "cut.png": "UNREADABLE_IMAGE",
+        "folder.png": "UNREADABLE_IMAGE",
+        "missing.png": "UNREADABLE_IMAGE",
+        "grey.png": "NO_FEATURES",
+        "tiny.png": "NO_FEATURES",
+        "small.png": "UNKNOWN_CAMERA",
+        "noise.png": "TOO_FEW_INLIERS",
+    }
     assert str(images / "empty.jpg") in run.results["empty.jpg"]["reason"]
     assert "480 x 360" in run.results["small.png"]["reason"] and "240 x 180" in run.results["small.png"]["reason"]
 
@@ -79,14 +96,29 @@ def test_photos_of_other_pixel_formats_are_localized_alike(scene, localize, tmp_
     colour = cv2.imread(str(scene.image_path / name))
     grey = cv2.cvtColor(colour, cv2.COLOR_BGR2GRAY)
     alpha = np.dstack([colour, np.random.default_rng(0).integers(0, 255, grey.shape, np.uint8)])
-    formats = {"colour.png": colour, "grey.png": grey, "alpha.png": alpha, "grey16.png": grey.astype(np.uint16) * 257,
-               "grey.pgm": grey, "colour.tif": colour}
+    formats = {
+        "colour.png": colour,
+        "grey.png": grey,
+        "alpha.png": alpha,
+        "grey16.png": grey.astype(np.uint16) * 257,
+        "grey.pgm": grey,
+        "colour.tif": colour,
+    }
     unreadable_by_colmap_3 = {"colour16.png": colour.astype(np.uint16) * 257}
     for file_name, pixels in {**formats, **unreadable_by_colmap_3}.items():
         assert cv2.imwrite(str(tmp_path / file_name), pixels)
     queries = scene.write_queries(tmp_path / "queries.txt", [*formats, *unreadable_by_colmap_3])
-    run = localize("--database_path", scene.database_path, "--input_path", scene.model_path, "--image_path", tmp_path,
-                   "--query_list_path", queries, *photo_scene.SIFT)
+    run = localize(
+        "--database_path",
+        scene.database_path,
+        "--input_path",
+        scene.model_path,
+        "--image_path",
+        tmp_path,
+        "--query_list_path",
+        queries,
+        *photo_scene.SIFT,
+    )
     assert run.exit_code == 0, run.stderr
     for file_name in formats:
         assert run.statuses[file_name] == "LOCALIZED", (file_name, run.results[file_name]["reason"])
@@ -103,18 +135,22 @@ def test_unknown_camera_is_a_status(scene, localize, tmp_path):
 
 
 def test_without_image_path_an_unknown_query_is_refused(scene, queries, localize):
-    run = localize("--database_path", scene.database_path, "--input_path", scene.model_path, "--query_list_path",
-                   queries)
+    run = localize(
+        "--database_path", scene.database_path, "--input_path", scene.model_path, "--query_list_path", queries
+    )
     assert_refused(run, scene.query_names[0], "not in the database")
 
 
-@pytest.mark.parametrize("statement, words", [
-    ("DELETE FROM descriptors", ["no posed image has descriptors", "feature_extractor"]),
-    ("DROP TABLE descriptors", ["no table descriptors"]),
-    ("UPDATE descriptors SET cols = 256", ["not SIFT's", "256"]),
-    ("UPDATE descriptors SET data = x'00'", ["descriptors have 1 bytes"]),
-    ("UPDATE keypoints SET rows = 1, data = substr(data, 1, 24)", ["has 1 keypoints, but"]),
-])
+@pytest.mark.parametrize(
+    "statement, words",
+    [
+        ("DELETE FROM descriptors", ["no posed image has descriptors", "feature_extractor"]),
+        ("DROP TABLE descriptors", ["no table descriptors"]),
+        ("UPDATE descriptors SET cols = 256", ["not SIFT's", "256"]),
+        ("UPDATE descriptors SET data = x'00'", ["descriptors have 1 bytes"]),
+        ("UPDATE keypoints SET rows = 1, data = substr(data, 1, 24)", ["has 1 keypoints, but"]),
+    ],
+)
 def test_unusable_descriptors_are_refused(scene, queries, localize, changed_database, statement, words):
     path = changed_database(statement)
     run = localize("--database_path", path, *scene.arguments(queries)[2:])
@@ -123,8 +159,10 @@ def test_unusable_descriptors_are_refused(scene, queries, localize, changed_data
 
 def test_an_image_without_descriptors_is_left_out(scene, queries, localize, changed_database):
     # The extractor numbers images in the order in which its threads finish.
-    path = changed_database("DELETE FROM descriptors WHERE image_id = "
-                            f"(SELECT image_id FROM images WHERE name = '{scene.database_names[0]}')")
+    path = changed_database(
+        "DELETE FROM descriptors WHERE image_id = "
+        f"(SELECT image_id FROM images WHERE name = '{scene.database_names[0]}')"
+    )
     run = localize("--database_path", path, *scene.arguments(queries)[2:])
     scene.assert_localized(run, scene.query_names[:1])
     assert run.pair_names(scene.query_names[0]) == scene.database_names[1:]
@@ -133,13 +171,21 @@ def test_an_image_without_descriptors_is_left_out(scene, queries, localize, chan
 def test_unusable_indices_are_refused_and_left_alone(colmap, scene, queries, localize, tmp_path, changed_database):
     path = tmp_path / "index"
     renamed = changed_database("UPDATE images SET name = 'other/' || name")
-    subprocess.run([colmap, "lazy_indexer", "--database_path", renamed, "--index_path", path], check=True,
-                   capture_output=True, timeout=300)
+    subprocess.run(
+        [colmap, "lazy_indexer", "--database_path", renamed, "--index_path", path],
+        check=True,
+        capture_output=True,
+        timeout=300,
+    )
     foreign = path.read_bytes()
-    generation = foreign[foreign.index(b"COLMAP-"):][:8]
-    for content, words in [(b"no index", "is no retrieval index"), (b"", "is no retrieval index"),
-                           (foreign[:-1], "is cut short"), (foreign, "belongs to another"),
-                           (foreign.replace(generation, b"COLMAP-9", 1), "is of another COLMAP generation")]:
+    generation = foreign[foreign.index(b"COLMAP-") :][:8]
+    for content, words in [
+        (b"no index", "is no retrieval index"),
+        (b"", "is no retrieval index"),
+        (foreign[:-1], "is cut short"),
+        (foreign, "belongs to another"),
+        (foreign.replace(generation, b"COLMAP-9", 1), "is of another COLMAP generation"),
+    ]:
         path.write_bytes(content)
         assert_refused(localize(*scene.arguments(queries, "--retrieval_index_path", path)), path, words, "delete it")
         assert path.read_bytes() == content
@@ -161,23 +207,31 @@ def test_matches_output_that_cannot_be_made_is_refused(scene, queries, localize,
 
 def test_failed_run_leaves_no_matches_output(scene, queries, localize, tmp_path, changed_database):
     path = changed_database("UPDATE descriptors SET data = x'00'")
-    run = localize("--database_path", path, *scene.arguments(queries)[2:], "--LazyLocalizer.matches_output_path",
-                   tmp_path / "kept.db")
+    run = localize(
+        "--database_path",
+        path,
+        *scene.arguments(queries)[2:],
+        "--LazyLocalizer.matches_output_path",
+        tmp_path / "kept.db",
+    )
     assert_refused(run)
     assert [entry.name for entry in tmp_path.iterdir()] == ["changed.db"]
 
 
-@pytest.mark.parametrize("options, words", [
-    (["--ImageReader.camera_model", "WIDE"], ["--ImageReader.camera_model", "WIDE"]),
-    (["--ImageReader.camera_params", "400,241"], ["--ImageReader.camera_params", "takes 4"]),
-    (["--ImageReader.camera_params", "400,241,x,0"], ["--ImageReader.camera_params", "'x'"]),
-    (["--SiftExtraction.max_num_features", "0"], ["--SiftExtraction.max_num_features"]),
-    (["--SiftMatching.max_ratio", "1.5"], ["--SiftMatching.max_ratio"]),
-    (["--LazyLocalizer.cache_gb", "-1"], ["--LazyLocalizer.cache_gb"]),
-    (["--LazyIndexer.num_visual_words", "1"], ["--LazyIndexer.num_visual_words"]),
-    (["--LazyLocalizer.leave_one_out", "1"], ["--image_path", "leave_one_out"]),
-    (["--query_prior_path", "/no/such/file"], ["/no/such/file"]),
-])
+@pytest.mark.parametrize(
+    "options, words",
+    [
+        (["--ImageReader.camera_model", "WIDE"], ["--ImageReader.camera_model", "WIDE"]),
+        (["--ImageReader.camera_params", "400,241"], ["--ImageReader.camera_params", "takes 4"]),
+        (["--ImageReader.camera_params", "400,241,x,0"], ["--ImageReader.camera_params", "'x'"]),
+        (["--SiftExtraction.max_num_features", "0"], ["--SiftExtraction.max_num_features"]),
+        (["--SiftMatching.max_ratio", "1.5"], ["--SiftMatching.max_ratio"]),
+        (["--LazyLocalizer.cache_gb", "-1"], ["--LazyLocalizer.cache_gb"]),
+        (["--LazyIndexer.num_visual_words", "1"], ["--LazyIndexer.num_visual_words"]),
+        (["--LazyLocalizer.leave_one_out", "1"], ["--image_path", "leave_one_out"]),
+        (["--query_prior_path", "/no/such/file"], ["/no/such/file"]),
+    ],
+)
 def test_bad_options_are_refused(scene, queries, localize, options, words):
     assert_refused(localize(*scene.arguments(queries, *options)), *words)
 

@@ -8,7 +8,7 @@ import subprocess
 
 import pytest
 
-import synthetic_database as synthetic
+from colmap_lazyloc.testing import synthetic
 from conftest import Run
 
 NUM_QUERIES = 400
@@ -29,14 +29,17 @@ def test_a_json_line_per_query_where_the_output_is_no_terminal(localize, noisy):
 
 def test_a_summary_ends_the_run(localize, noisy):
     lines = localize(*noisy.arguments).stdout.splitlines()
-    summary = lines[max(i for i, line in enumerate(lines) if line.startswith("{")) + 1:]
+    summary = lines[max(i for i, line in enumerate(lines) if line.startswith("{")) + 1 :]
     assert any(line.split() == ["LOCALIZED", "3"] for line in summary), summary
 
 
 def test_a_progress_bar_on_a_terminal(colmap, noisy, tmp_path):
     parent, terminal = pty.openpty()
-    process = subprocess.Popen([colmap, "lazy_localizer", *noisy.arguments, "--output_path", tmp_path / "output"],
-                               stdout=terminal, stderr=terminal)
+    process = subprocess.Popen(
+        [colmap, "lazy_localizer", *noisy.arguments, "--output_path", tmp_path / "output"],
+        stdout=terminal,
+        stderr=terminal,
+    )
     os.close(terminal)
     shown = b""
     try:
@@ -55,17 +58,28 @@ def test_a_progress_bar_on_a_terminal(colmap, noisy, tmp_path):
 @pytest.fixture(scope="module")
 def long(tmp_path_factory, write_scene_files):
     """Hundreds of queries whose raw matches must be verified: seconds at least, on any machine."""
-    scene = synthetic.make_scene(synthetic.arc(6), synthetic.arc(NUM_QUERIES, radius=5, height=0.8), noise_px=0.5,
-                                 outlier_ratio=0.3)
+    scene = synthetic.make_scene(
+        synthetic.arc(6), synthetic.arc(NUM_QUERIES, radius=5, height=0.8), noise_px=0.5, outlier_ratio=0.3
+    )
     return write_scene_files(tmp_path_factory.mktemp("long"), scene, geometry=None)
 
 
 def interrupt(colmap, files, output_path, num_threads):
     """Sends SIGINT after the third query."""
-    process = subprocess.Popen([colmap, "lazy_localizer", *files.arguments, "--output_path", output_path,
-                                "--LazyLocalizer.num_threads", str(num_threads)],
-                               stdout=subprocess.PIPE, stderr=subprocess.PIPE,
-                               bufsize=0)  # communicate() would lose what readline() has read ahead
+    process = subprocess.Popen(
+        [
+            colmap,
+            "lazy_localizer",
+            *files.arguments,
+            "--output_path",
+            output_path,
+            "--LazyLocalizer.num_threads",
+            str(num_threads),
+        ],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        bufsize=0,
+    )  # communicate() would lose what readline() has read ahead
     stdout = b"".join(process.stdout.readline() for _ in range(3))
     process.send_signal(signal.SIGINT)
     rest, stderr = process.communicate(timeout=120)
@@ -83,8 +97,12 @@ def test_interrupted_run_writes_the_results_so_far(colmap, long, tmp_path, num_t
     for name, pose in run.poses.items():
         assert pose.errors(long.scene.images[name].pose)[0] < 0.02
     assert set(run.model_images) == {*long.scene.database_names, *run.poses}
-    assert sorted(path.name for path in run.output_path.iterdir()) == ["model", "options.ini", "poses.txt",
-                                                                      "results.jsonl"]
+    assert sorted(path.name for path in run.output_path.iterdir()) == [
+        "model",
+        "options.ini",
+        "poses.txt",
+        "results.jsonl",
+    ]
     import pycolmap
 
     assert pycolmap.Reconstruction(run.output_path / "model").num_reg_images() == len(run.model_images)

@@ -9,14 +9,14 @@ import tempfile
 
 import pytest
 
-import synthetic_database as synthetic
+from colmap_lazyloc.testing import synthetic
 
 NOBODY = 65534
 
 
 @pytest.fixture
 def open_folder():
-    """A folder that every user of the machine may enter; pytest's own are private."""
+    """Makes a folder that every user of the machine may enter; pytest's own are private."""
     folder = pathlib.Path(tempfile.mkdtemp(prefix="lazyloc_"))
     folder.chmod(0o755)
     yield folder
@@ -48,14 +48,20 @@ def pending_wal(exact):
 
 
 def as_other_user():
-    """Root may write everywhere: the program then runs as nobody."""
+    """Runs the program as nobody, because root may write everywhere."""
     return {"user": NOBODY, "group": NOBODY, "extra_groups": []} if os.geteuid() == 0 else {}
 
 
 def read_only_mount(folder):
-    """A launcher that sees the folder mounted read-only; skips where the machine does not allow it."""
-    launcher = ["unshare", "--mount", "sh", "-c",
-                f"mount --bind '{folder}' '{folder}' && mount -o remount,ro,bind '{folder}' && exec \"$@\"", "sh"]
+    """Returns a launcher that sees the folder mounted read-only; skips where the machine does not allow it."""
+    launcher = [
+        "unshare",
+        "--mount",
+        "sh",
+        "-c",
+        f"mount --bind '{folder}' '{folder}' && mount -o remount,ro,bind '{folder}' && exec \"$@\"",
+        "sh",
+    ]
     probe = ["sh", "-c", f"! touch '{folder}/probe' 2>/dev/null"]
     if shutil.which("unshare") is None or subprocess.run([*launcher, *probe], capture_output=True).returncode != 0:
         (folder / "probe").unlink(missing_ok=True)
@@ -152,9 +158,16 @@ def test_output_into_the_databases_folder_adds_only_the_outputs(localize, exact,
     files = write_scene_files(tmp_path, exact.scene)
     (tmp_path / "model").rename(tmp_path / "input_model")
     before = files.database_path.read_bytes()
-    run = localize("--database_path", files.database_path, "--input_path", tmp_path / "input_model",
-                   output_path=tmp_path)
+    run = localize(
+        "--database_path", files.database_path, "--input_path", tmp_path / "input_model", output_path=tmp_path
+    )
     run.assert_localized(exact.scene, exact.scene.query_names, 5e-7, 5e-6)
     assert files.database_path.read_bytes() == before
-    assert {path.name for path in tmp_path.iterdir()} == {"database.db", "input_model", "model", "options.ini",
-                                                          "poses.txt", "results.jsonl"}
+    assert {path.name for path in tmp_path.iterdir()} == {
+        "database.db",
+        "input_model",
+        "model",
+        "options.ini",
+        "poses.txt",
+        "results.jsonl",
+    }

@@ -1,15 +1,10 @@
-"""Accuracy of single images on real scenes with ground truth, by the protocol of their README. Skipped where the data is missing."""
-
-import os
-import pathlib
+"""Accuracy of single images on real scenes with ground truth, by the protocol of their README."""
 
 import numpy as np
 import pytest
 
-from conftest import PROJECT_PATH
-import synthetic_database as synthetic
-
-DATA_PATH = pathlib.Path(os.environ.get("LAZYLOC_SHARED_DATA", PROJECT_PATH.parent / "shared" / "data"))
+from colmap_lazyloc.model import read_model
+from conftest import DATA_PATH
 
 # Largest median errors of position and rotation, in metres and degrees.
 THRESHOLDS = {
@@ -21,10 +16,8 @@ THRESHOLDS = {
 }
 
 
-def read_poses(path):
-    """Of a COLMAP images.txt whose images have no points: every other line is empty."""
-    lines = [line.split() for line in path.read_text().splitlines() if line and not line.startswith("#")]
-    return {words[9]: synthetic.Pose(np.array(words[1:5], float), np.array(words[5:8], float)) for words in lines}
+def true_poses(scene):
+    return {name: image.cam_from_world for name, image in read_model(DATA_PATH / scene / "model").images.items()}
 
 
 def arguments_of(scene):
@@ -36,7 +29,7 @@ def arguments_of(scene):
 
 
 def evaluated_names(scene, truth):
-    """All queries; of kitti1's, every second left one: left/000001.png, left/000004.png, ..."""
+    """Returns all queries; of kitti1's, every second left one: left/000001.png, left/000004.png, ..."""
     queries = DATA_PATH / scene / "queries.txt"
     names = queries.read_text().split() if queries.exists() else sorted(truth)
     if scene == "kitti1":
@@ -50,7 +43,7 @@ def test_every_query_is_localized_with_small_median_errors(localize, scene):
         pytest.skip(f"{DATA_PATH / scene} is missing; LAZYLOC_SHARED_DATA names the folder of the real scenes")
     run = localize(*arguments_of(scene), "--LazyLocalizer.use_rigs", 0, "--strict", 1)
     assert run.exit_code == 0, run.statuses
-    truth = read_poses(DATA_PATH / scene / "model" / "images.txt")
+    truth = true_poses(scene)
     names = evaluated_names(scene, truth)
     errors = np.array([run.poses[name].errors(truth[name]) for name in names])
     median_position_error, median_rotation_error_deg = np.median(errors, axis=0)

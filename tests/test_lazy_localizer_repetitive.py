@@ -1,30 +1,33 @@
-"""A facade of like windows: many matches are a window too far to the side, and agree with the epipolar geometry nearly as
-well as the right ones."""
+"""A facade of like windows: many matches are a window too far to the side, and agree with the epipolar geometry nearly
+as well as the right ones."""
 
 import numpy as np
 import pytest
 
-import synthetic_database as synthetic
+from colmap_lazyloc.testing import synthetic
 
 PERIOD = 2.0  # from window to window, along x
 NUM_WINDOWS, NUM_POINTS_A_WINDOW, NUM_SINGLE_POINTS = 20, 60, 360
 
 
 def make_facade(wrong_window_ratio, wrong_pair_ratio=0.0, noise_px=0.7, outlier_ratio=0.3, seed=0):
-    """Images from a street 8 units before the facade. Of the matches of window points, wrong_window_ratio are with the next
-    window on either side; three quarters are, all on the same side, in wrong_pair_ratio of the pairs. outlier_ratio:
-    further matches without any sense, as a part of these."""
+    """Makes images from a street 8 units before the facade.
+
+    Of the matches of window points, wrong_window_ratio are with the next window on either side; three quarters are, all
+    on the same side, in wrong_pair_ratio of the pairs. outlier_ratio: further random matches, as a part of these.
+    """
     rng = np.random.default_rng(seed)
     window = rng.uniform([0, -3, 0], [PERIOD, 3, 0.3], (NUM_POINTS_A_WINDOW, 3))
     shifts = (np.arange(NUM_WINDOWS) - NUM_WINDOWS / 2)[:, None, None] * [PERIOD, 0, 0]
-    points = np.concatenate([(shifts + window).reshape(-1, 3),
-                             rng.uniform([-20, -3, -1.5], [20, 3, 0.3], (NUM_SINGLE_POINTS, 3))])
-    scene = synthetic.Scene({1: synthetic.Camera(1, synthetic.PINHOLE, 1024, 768, [800, 800, 512, 384])}, {}, {}, [])
+    points = np.concatenate(
+        [(shifts + window).reshape(-1, 3), rng.uniform([-20, -3, -1.5], [20, 3, 0.3], (NUM_SINGLE_POINTS, 3))]
+    )
+    scene = synthetic.Scene({1: synthetic.Camera(1, "PINHOLE", 1024, 768, [800, 800, 512, 384])}, {}, {}, [])
     database = [(f"database/{i:03d}.jpg", x, 0.5) for i, x in enumerate(np.linspace(-8, 8, 16))]
     queries = [(f"query/{i:03d}.jpg", x, 2.0) for i, x in enumerate(rng.uniform(-7, 7, 6))]
     for name, x, spread in database + queries:
         centre = np.array([x, rng.uniform(-0.2, 0.2), rng.uniform(-spread, spread) - 8])
-        pose = synthetic.Pose.looking_at(centre, [x + rng.uniform(-2, 2), rng.uniform(-0.5, 0.5), 0])
+        pose = synthetic.looking_at(centre, [x + rng.uniform(-2, 2), rng.uniform(-0.5, 0.5), 0])
         observed = synthetic.observe(scene.cameras[1], pose, points, noise_px, 0.5, rng)
         scene.images[name] = synthetic.Image(name, len(scene.images) + 1, 1, pose, *observed)
     scene.query_names.extend(name for name, *_ in queries)

@@ -5,7 +5,7 @@ import sqlite3
 import numpy as np
 import pytest
 
-import synthetic_database as synthetic
+from colmap_lazyloc.testing import synthetic
 
 WRITERS = ["pycolmap", "built", "3.10", "3.8", "3.6"]
 
@@ -24,7 +24,7 @@ def write(colmap):
 
 @pytest.fixture(scope="module")
 def references(localize, write, noisy, tmp_path_factory):
-    """The runs on pycolmap's databases, by what these hold."""
+    """Returns the runs on pycolmap's databases, by the geometry that these hold."""
     folder = tmp_path_factory.mktemp("references")
 
     def run(geometry):
@@ -46,9 +46,15 @@ def assert_same_poses(run, reference, max_error):
 
 
 # COLMAP 3.6 stores no relative poses.
-@pytest.mark.parametrize("writer, geometry", [(writer, geometry) for writer in WRITERS[1:]
-                                              for geometry in ("pose", "essential", None)
-                                              if (writer, geometry) != ("3.6", "pose")])
+@pytest.mark.parametrize(
+    "writer, geometry",
+    [
+        (writer, geometry)
+        for writer in WRITERS[1:]
+        for geometry in ("pose", "essential", None)
+        if (writer, geometry) != ("3.6", "pose")
+    ],
+)
 def test_same_poses_from_every_schema(localize, write, noisy, tmp_path, references, writer, geometry):
     database_path = write(writer, tmp_path / "database.db", noisy.scene, geometry)
     run = localize("--database_path", database_path, "--input_path", noisy.model_path)

@@ -3,7 +3,9 @@
 import numpy as np
 import pytest
 
-import synthetic_database as synthetic
+from colmap_lazyloc.poses import Pose
+from colmap_lazyloc.testing import synthetic
+from conftest import write_lines
 
 ROW = np.stack([np.linspace(-2, 2, 7), np.zeros(7), np.full(7, -6.0)], axis=1)  # database centres on a line
 MAX_ERRORS = 5e-6, 5e-5  # of exact scenes: ten times what well placed cameras leave
@@ -30,12 +32,11 @@ def assert_lost(done, name, statuses):
 
 
 def assert_partial_pose(done, scene, name, has_bearing=True, max_error_deg=0.01):
-    """Rotation and bearing without a position; the bound is for exact scenes, keypoints being rounded."""
+    """Checks rotation and bearing without a position; the bound is for exact scenes, keypoints being rounded."""
     result, truth = done.results[name], scene.images[name].pose
     assert result["position_stddevs"] is None and result["weakest_direction"] is None
-    w, x, y, z = result["rotation"]
-    turn = synthetic.Rotation.from_quat([x, y, z, w]) * truth.rotation.inv()
-    assert np.degrees(turn.magnitude()) <= max_error_deg
+    _, rotation_error_deg = Pose(np.array(result["rotation"]), truth.tvec).errors(truth)
+    assert rotation_error_deg <= max_error_deg
     assert (result["bearing"] is not None) == has_bearing
     if has_bearing:
         # Of motion averaging for one pixel of noise, of adjustment for the noise that it finds.
@@ -66,14 +67,6 @@ def keep_inliers(pair, keep):
     pair.matches = pair.inlier_matches
 
 
-def split_tracks(scene):
-    """Each point of a query is left to one database image, in turn: no track is seen by two."""
-    names = {name: place for place, name in enumerate(scene.database_names)}
-    for (name1, name2), pair in scene.pairs.items():
-        points = scene.images[name1].point_of_keypoint[pair.inlier_matches[:, 0]]
-        keep_inliers(pair, points % len(names) == names[name1])
-
-
 def test_only_the_bad_query_is_lost(run, exact):
     """Of three queries the second has no keypoints, pairs, or verified inliers: the others are found all the same."""
     scene = exact.scene.copy()
@@ -95,16 +88,16 @@ def test_model_of_images_that_the_database_does_not_know(localize, exact, tmp_pa
     scene = exact.scene.copy()
     for name in scene.database_names:
         scene.images[name].name = "other_" + name
-    done = localize("--database_path", exact.database_path, "--input_path",
-                    synthetic.write_model(tmp_path / "model", scene), "--query_list_path",
-                    write_lines(tmp_path / "list.txt", scene.query_names))
+    done = localize(
+        "--database_path",
+        exact.database_path,
+        "--input_path",
+        synthetic.write_model(tmp_path / "model", scene),
+        "--query_list_path",
+        write_lines(tmp_path / "list.txt", scene.query_names),
+    )
     assert done.exit_code == 0
     assert set(done.statuses.values()) == {"NO_PAIRS"}
-
-
-def write_lines(path, lines):
-    path.write_text("\n".join(lines) + "\n")
-    return path
 
 
 @pytest.mark.parametrize("geometry", ["pose", None])
@@ -162,8 +155,9 @@ def test_query_with_random_matches(localize, exact, tmp_path, write_scene_files)
     files = write_scene_files(tmp_path, scene, geometry=None)
     query_list = write_lines(tmp_path / "list.txt", ["query/001.jpg"])
     done = localize(*files.arguments, "--query_list_path", query_list)
-    assert_lost(done, "query/001.jpg", {"TOO_FEW_INLIERS", "INCONSISTENT_ROTATIONS", "SCALE_UNOBSERVABLE",
-                                        "TOO_FEW_TRACKS"})
+    assert_lost(
+        done, "query/001.jpg", {"TOO_FEW_INLIERS", "INCONSISTENT_ROTATIONS", "SCALE_UNOBSERVABLE", "TOO_FEW_TRACKS"}
+    )
 
 
 def test_query_whose_pairs_contradict_each_other(run, exact):
@@ -188,7 +182,7 @@ def test_query_on_the_line_of_the_database_cameras(run, geometry):
 def test_query_on_the_line_with_points_of_single_database_images_alone(run, geometry):
     """Nothing gives the position along the line."""
     scene = synthetic.make_scene(ROW, [[0.3, 0, -6], [3.1, 0, -6]], num_points=700)
-    split_tracks(scene)
+    synthetic.split_tracks(scene)
     done = run(scene, geometry=geometry)
     for name in scene.query_names:
         assert_lost(done, name, {"DEGENERATE_BASELINE"})
@@ -205,7 +199,7 @@ def test_query_beside_the_line_of_the_database_cameras(run):
 
 def test_points_of_single_database_images_suffice_where_bearings_cross(run):
     scene = synthetic.make_scene(synthetic.arc(7), [[0.3, 1.2, -4]], num_points=900)
-    split_tracks(scene)
+    synthetic.split_tracks(scene)
     done = run(scene)
     assert len(done.poses) == 1, done.results["query/000.jpg"]["reason"]
     assert_right_or_lost(done, scene, set())

@@ -1,30 +1,28 @@
 """The shell scripts over COLMAP databases: from photos, and from matches of one's own, to poses."""
 
-import pathlib
 import shutil
 import subprocess
 
-import numpy as np
 import pytest
 
 import photo_scene
-import synthetic_database as synthetic
-
-SCRIPTS_PATH = pathlib.Path(__file__).resolve().parents[1] / "scripts"
+from colmap_lazyloc.poses import read_poses
+from colmap_lazyloc.testing import synthetic
+from conftest import SCRIPTS_PATH
 
 
 @pytest.fixture
 def run_script(colmap):
     def run(name, *arguments):
-        return subprocess.run([SCRIPTS_PATH / name, *map(str, arguments)], capture_output=True, text=True, timeout=300,
-                              env={"COLMAP": str(colmap), "PATH": "/usr/bin:/bin"})
+        return subprocess.run(
+            [SCRIPTS_PATH / name, *map(str, arguments)],
+            capture_output=True,
+            text=True,
+            timeout=300,
+            env={"COLMAP": str(colmap), "PATH": "/usr/bin:/bin"},
+        )
 
     return run
-
-
-def read_poses(path):
-    lines = [line.rsplit(" ", 7) for line in path.read_text().splitlines() if not line.startswith("#")]
-    return {name: synthetic.Pose(np.array(numbers[:4], float), np.array(numbers[4:], float)) for name, *numbers in lines}
 
 
 def test_folder_of_photos(photos, run_script, tmp_path):
@@ -34,9 +32,18 @@ def test_folder_of_photos(photos, run_script, tmp_path):
         shutil.copy(photos.image_path / name, folder / name)
     (folder / "notes.txt").write_text("no photo")
     model, _, _, *params = photos.camera_words.split()
-    done = run_script("localize_images.sh", photos.database_path, photos.model_path, folder, tmp_path / "localized",
-                      "--ImageReader.camera_model", model, "--ImageReader.camera_params", ",".join(params),
-                      *photo_scene.SIFT)
+    done = run_script(
+        "localize_images.sh",
+        photos.database_path,
+        photos.model_path,
+        folder,
+        tmp_path / "localized",
+        "--ImageReader.camera_model",
+        model,
+        "--ImageReader.camera_params",
+        ",".join(params),
+        *photo_scene.SIFT,
+    )
     assert done.returncode == 0, done.stderr
     poses = read_poses(tmp_path / "localized" / "poses.txt")
     assert sorted(poses) == photos.query_names
@@ -50,12 +57,15 @@ def test_own_matches(colmap, noisy, run_script, tmp_path):
     text = "".join(
         f"{name1} {name2}\n" + "".join(f"{a} {b}\n" for a, b in pair.matches.tolist()) + "\n"
         for (name1, name2), pair in scene.pairs.items()
-        if (name1 in scene.database_names) != (name2 in scene.database_names))
+        if (name1 in scene.database_names) != (name2 in scene.database_names)
+    )
     (tmp_path / "matches.txt").write_text(text)
     scene.pairs = {}
     database = synthetic.write_built_colmap_database(tmp_path / "keypoints.db", scene, colmap)
     before = database.read_bytes()
-    done = run_script("localize_matches.sh", database, tmp_path / "matches.txt", noisy.model_path, tmp_path / "localized")
+    done = run_script(
+        "localize_matches.sh", database, tmp_path / "matches.txt", noisy.model_path, tmp_path / "localized"
+    )
     assert done.returncode == 0, done.stderr
     assert database.read_bytes() == before
     poses = read_poses(tmp_path / "localized" / "poses.txt")

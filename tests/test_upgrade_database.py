@@ -1,28 +1,25 @@
-"""scripts/upgrade_database.py: a database of COLMAP 3.10, which COLMAP 4 cannot open, becomes one that it can."""
+"""upgrade_database: a database of COLMAP 3.10, which COLMAP 4 cannot open, becomes one that it can."""
 
 import sqlite3
-import subprocess
-import sys
 
 import numpy as np
 import pytest
 
-import conftest
-import synthetic_database as synthetic
-
-SCRIPT_PATH = conftest.PROJECT_PATH / "scripts" / "upgrade_database.py"
+from colmap_lazyloc import upgrade_database
+from colmap_lazyloc.testing import synthetic
 
 
 def upgrade(*arguments):
-    return subprocess.run([sys.executable, SCRIPT_PATH, *arguments], capture_output=True, text=True, check=False)
+    return upgrade_database.main(list(map(str, arguments)))
 
 
 @pytest.fixture()
 def database_path(tmp_path, exact):
     path = synthetic.write_database(tmp_path / "database.db", exact.scene, "3.10")
     with sqlite3.connect(path) as connection:
-        synthetic.insert(connection, "pose_priors", image_id=1, position=np.array([1, 2, 3], "<f8").tobytes(),
-                         coordinate_system=1)
+        synthetic.insert(
+            connection, "pose_priors", image_id=1, position=np.array([1, 2, 3], "<f8").tobytes(), coordinate_system=1
+        )
     connection.close()
     return path
 
@@ -52,27 +49,26 @@ def assert_holds_scene(path, scene):
 
 def test_copy_opens_and_the_original_stays(database_path, exact):
     before = database_path.read_bytes()
-    run = upgrade(database_path)
-    assert run.returncode == 0, run.stderr
+    assert upgrade(database_path) == 0
     assert database_path.read_bytes() == before
     assert_holds_scene(database_path.with_name("database_colmap4.db"), exact.scene)
     assert not opens_in_colmap4(database_path), "else this script is of no use any more"
 
 
 def test_output_path(database_path, exact, tmp_path):
-    assert upgrade(database_path, "--output_path", tmp_path / "copy.db").returncode == 0
+    assert upgrade(database_path, "--output_path", tmp_path / "copy.db") == 0
     assert_holds_scene(tmp_path / "copy.db", exact.scene)
 
 
 def test_in_place(database_path, exact):
-    assert upgrade(database_path, "--in_place").returncode == 0
+    assert upgrade(database_path, "--in_place") == 0
     assert [path.name for path in database_path.parent.glob("*.db")] == ["database.db"]
     assert_holds_scene(database_path, exact.scene)
 
 
 def test_database_that_colmap4_has_left_half_migrated(database_path, exact):
     assert not opens_in_colmap4(database_path)
-    assert upgrade(database_path, "--in_place").returncode == 0
+    assert upgrade(database_path, "--in_place") == 0
     assert_holds_scene(database_path, exact.scene)
 
 
@@ -81,7 +77,7 @@ def test_what_stands_in_the_write_ahead_log_is_copied(database_path, tmp_path):
     connection.execute("PRAGMA journal_mode = WAL")
     connection.execute("UPDATE images SET name = 'renamed.jpg' WHERE image_id = 1")
     connection.commit()
-    assert upgrade(database_path, "--output_path", tmp_path / "copy.db").returncode == 0
+    assert upgrade(database_path, "--output_path", tmp_path / "copy.db") == 0
     connection.close()
     copy = sqlite3.connect(tmp_path / "copy.db")
     assert copy.execute("SELECT name FROM images WHERE image_id = 1").fetchone() == ("renamed.jpg",)
@@ -89,28 +85,29 @@ def test_what_stands_in_the_write_ahead_log_is_copied(database_path, tmp_path):
 
 
 @pytest.mark.parametrize("schema", ["3.6", "3.8", "4.2"])
-def test_database_that_needs_nothing_is_left_alone(tmp_path, exact, schema):
+def test_database_that_needs_nothing_is_left_alone(tmp_path, exact, schema, capsys):
     path = tmp_path / "database.db"
     if schema == "4.2":
         synthetic.write_pycolmap_database(path, exact.scene)
     else:
         synthetic.write_database(path, exact.scene, schema)
     before = path.read_bytes()
-    run = upgrade(path, "--in_place")
-    assert run.returncode == 0 and "as it is" in run.stdout
+    assert upgrade(path, "--in_place") == 0 and "as it is" in capsys.readouterr().out
     assert path.read_bytes() == before
     assert opens_in_colmap4(path)
 
 
-def test_mistakes_are_one_line(tmp_path, database_path):
+def test_mistakes_are_one_line(tmp_path, database_path, capsys):
     (tmp_path / "text.db").write_text("no database at all, but long enough to be looked at" * 10)
     (tmp_path / "taken.db").touch()
     sqlite3.connect(tmp_path / "empty.db").close()
-    for arguments, words in [([tmp_path / "missing.db"], "missing.db: no such file"),
-                             ([tmp_path / "text.db"], "text.db: file is not a database"),
-                             ([tmp_path / "empty.db"], "empty.db: is no COLMAP database"),
-                             ([database_path, "--output_path", tmp_path / "taken.db"], "taken.db: is there already")]:
-        run = upgrade(*arguments)
-        assert run.returncode == 1
-        assert run.stderr.count("\n") == 1 and words in run.stderr
+    for arguments, words in [
+        ([tmp_path / "missing.db"], "missing.db: no such file"),
+        ([tmp_path / "text.db"], "text.db: file is not a database"),
+        ([tmp_path / "empty.db"], "empty.db: is no COLMAP database"),
+        ([database_path, "--output_path", tmp_path / "taken.db"], "taken.db: is there already"),
+    ]:
+        assert upgrade(*arguments) == 1
+        error = capsys.readouterr().err
+        assert error.count("\n") == 1 and words in error
     assert (tmp_path / "taken.db").read_bytes() == b""

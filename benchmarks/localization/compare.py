@@ -1,12 +1,14 @@
-#!/usr/bin/env python3
-"""Sets runs of run.py side by side and fails (exit code 1) where a later one is worse than the first beyond the noise.
+"""Sets runs side by side and fails (exit code 1) if a later one is worse than the first beyond the noise.
 
-A run is its TAG.csv. The first may be a file of expected figures (JSON) instead, which --write_expected makes of a run.
+    python -m benchmarks compare BEFORE.csv AFTER.csv
 
-Runs are compared query by query: worse is a geometric mean ratio of position or rotation errors above 1 + --min_effect
-whose 99 % bootstrap interval over queries lies above 1, per scene and over all scenes, or more lost queries than
-chance explains (McNemar's test). Expected figures are compared with the tolerances in their file. With more than two
-runs, such as three seeds, the table ends with the spread of the medians.
+A run is the TAG.csv of `python -m benchmarks run`. The first may be a file of expected figures (JSON) instead, which
+--write_expected makes of a run.
+
+Runs are compared query by query. A run is worse if the geometric mean ratio of position or rotation errors exceeds
+1 + --min_effect and its 99 % bootstrap interval over queries lies above 1, for a scene or for all of them; or if more
+queries are lost than chance explains (McNemar's test). Expected figures are compared with the tolerances in their
+file. With more than two runs, for example three seeds, the table ends with the scatter of the medians.
 """
 
 import argparse
@@ -17,8 +19,8 @@ import pathlib
 import statistics
 import sys
 
-from evaluation import MIN_ERROR, Row, Series, paired_ratio, read_csv, summarize
-from tables import in_order, labels
+from benchmarks.localization.evaluation import MIN_ERROR, Row, Series, paired_ratio, read_csv, summarize
+from benchmarks.localization.tables import in_order, labels
 
 ALL_SCENES = "all scenes"
 CONFIDENCE = 0.99
@@ -29,7 +31,7 @@ DEFAULT_TOLERANCE = {"position_ratio": 1.1, "rotation_ratio": 1.1, "num_lost": 0
 Groups = dict[tuple[str, Series], list[Row]]
 
 
-def main(argv: list[str]) -> int:
+def main(argv=None) -> int:
     arguments = _parse(argv)
     try:
         first, *others = arguments.runs
@@ -50,7 +52,7 @@ def main(argv: list[str]) -> int:
                 print("\n".join(lines) + "\n")
                 regressions += [f"{path.stem}: {text}" for text in found]
     except (OSError, ValueError, KeyError) as error:
-        print(f"compare.py: {error}", file=sys.stderr)
+        print(f"benchmarks compare: {error}", file=sys.stderr)
         return 2
     for text in regressions:
         print(f"REGRESSION: {text}")
@@ -59,7 +61,7 @@ def main(argv: list[str]) -> int:
 
 
 def compare_paired(before: Groups, after: Groups, min_effect: float) -> tuple[list[str], list[str]]:
-    """What is worse beyond the noise, and a line of text for each comparison."""
+    """Returns what is worse beyond the noise, and a line of text for each comparison."""
     common = [key for key in before if key in after]
     if not common:
         raise ValueError("the runs have no scene and method in common")
@@ -70,8 +72,9 @@ def compare_paired(before: Groups, after: Groups, min_effect: float) -> tuple[li
         scenes = sorted(scene for scene, other in common if other == series)
         groups = {scene: [scene] for scene in scenes} | ({ALL_SCENES: scenes} if len(scenes) > 1 else {})
         for name, members in groups.items():
-            rows_before, rows_after = ([row for scene in members for row in run[scene, series]]
-                                       for run in (before, after))
+            rows_before, rows_after = (
+                [row for scene in members for row in run[scene, series]] for run in (before, after)
+            )
             found, text = _compare_rows(rows_before, rows_after, min_effect)
             lines.append(f"{name}, {label}: {text}")
             regressions += [f"{name}, {label}: {reason}" for reason in found]
@@ -100,7 +103,7 @@ def _compare_rows(before: list[Row], after: list[Row], min_effect: float) -> tup
 
 
 def compare_with_expected(expected: dict, run: Groups) -> list[str]:
-    """Geometric means, which are steadier than medians of few queries, and lost queries against the file's figures."""
+    """Compares lost queries and geometric means, because medians of few queries scatter more, with a file's figures."""
     tolerance = expected["tolerance"]
     regressions = []
     for figure in expected["figures"]:
@@ -118,8 +121,10 @@ def compare_with_expected(expected: dict, run: Groups) -> list[str]:
         for quantity, error in ERRORS.items():
             mean, expected_mean = _geometric_mean(rows, error), figure[f"geometric_mean_{error}"]
             ratio = mean / expected_mean
-            text = (f"{name}: geometric mean of {quantity} errors {mean:.4g}, expected {expected_mean:.4g}, "
-                    f"ratio {ratio:.3f}")
+            text = (
+                f"{name}: geometric mean of {quantity} errors {mean:.4g}, expected {expected_mean:.4g}, "
+                f"ratio {ratio:.3f}"
+            )
             print(text)
             if not ratio <= tolerance[f"{quantity}_ratio"]:
                 regressions.append(text)
@@ -127,21 +132,27 @@ def compare_with_expected(expected: dict, run: Groups) -> list[str]:
 
 
 def _geometric_mean(rows: list[Row], error: str) -> float:
-    """Of the localized queries; infinite if there is none."""
+    """Returns the mean over the localized queries; infinite if there are none."""
     errors = [max(getattr(row, error), MIN_ERROR) for row in rows if row.is_measured]
     return statistics.geometric_mean(errors) if errors else math.inf
 
 
 def write_expected(path: pathlib.Path, run: Groups):
-    """The tolerances of a file that is there are kept."""
+    """Writes a run's figures; keeps the tolerances of an existing file."""
     old = json.loads(path.read_text()) if path.exists() else {}
     figures = []
     for (scene, series), rows in sorted(run.items(), key=str):
         summary = summarize(rows)
-        figures.append({
-            "scene": scene, "method": series.method, "num_retrieved": series.num_retrieved,
-            "num_queries": summary.num_queries, "num_lost": summary.num_lost,
-            **{f"geometric_mean_{error}": round(_geometric_mean(rows, error), 5) for error in ERRORS.values()}})
+        figures.append(
+            {
+                "scene": scene,
+                "method": series.method,
+                "num_retrieved": series.num_retrieved,
+                "num_queries": summary.num_queries,
+                "num_lost": summary.num_lost,
+                **{f"geometric_mean_{error}": round(_geometric_mean(rows, error), 5) for error in ERRORS.values()},
+            }
+        )
     # A line per figure, so that a change is easy to read.
     lines = ",\n".join(f"    {json.dumps(figure)}" for figure in figures)
     tolerance = json.dumps(old.get("tolerance", DEFAULT_TOLERANCE))
@@ -149,17 +160,18 @@ def write_expected(path: pathlib.Path, run: Groups):
 
 
 def side_by_side(names: list[str], runs: list[Groups]) -> str:
-    """Medians; with more than two runs their spread, (largest - smallest) / mean."""
+    """Returns a table of medians; with more than two runs also of their scatter, (largest - smallest) / mean."""
     keys = sorted({key for run in runs for key in run}, key=str)
-    has_spread = len(runs) > 2
-    text = f"| scene | method | {' | '.join(names)} |{' spread |' if has_spread else ''}\n"
-    text += "|---" * (2 + len(names) + has_spread) + "|\n"
+    has_scatter = len(runs) > 2
+    text = f"| scene | method | {' | '.join(names)} |{' scatter |' if has_scatter else ''}\n"
+    text += "|---" * (2 + len(names) + has_scatter) + "|\n"
     label = labels(in_order({series for _, series in keys}))
     for scene, series in keys:
         summaries = [summarize(run[scene, series]) if (scene, series) in run else None for run in runs]
-        cells = [f"{s.median_position_error_cm:.3f} / {s.median_rotation_error_deg:.4f}" if s else "–"
-                 for s in summaries]
-        if has_spread:
+        cells = [
+            f"{s.median_position_error_cm:.3f} / {s.median_rotation_error_deg:.4f}" if s else "–" for s in summaries
+        ]
+        if has_scatter:
             medians = [s.median_position_error_cm for s in summaries if s]
             mean = sum(medians) / len(medians)
             cells.append(f"{100 * (max(medians) - min(medians)) / mean:.1f} %" if mean > 0 else "–")
@@ -168,7 +180,7 @@ def side_by_side(names: list[str], runs: list[Groups]) -> str:
 
 
 def _read_groups(path: pathlib.Path, methods: list[str] | None = None) -> Groups:
-    """Of these methods if some are named. A run's only seed counts as 0: runs with different seeds are compared."""
+    """Reads the rows, of the named methods only. A run's only seed counts as 0, to compare runs of different seeds."""
     rows = [row for row in read_csv(path) if methods is None or row.method in methods]
     has_one_seed = len({row.seed for row in rows}) == 1
     groups = {}
@@ -180,7 +192,7 @@ def _read_groups(path: pathlib.Path, methods: list[str] | None = None) -> Groups
     return groups
 
 
-def _parse(argv: list[str]) -> argparse.Namespace:
+def _parse(argv) -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("runs", type=pathlib.Path, nargs="+", metavar="RUN", help="TAG.csv; first also a JSON file")
     parser.add_argument("--methods", nargs="+", help="compare, or write as expected, these alone")
@@ -192,7 +204,3 @@ def _parse(argv: list[str]) -> argparse.Namespace:
     if not arguments.write_expected and len(arguments.runs) < 2:
         parser.error("name two runs at least")
     return arguments
-
-
-if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))

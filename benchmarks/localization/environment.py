@@ -10,9 +10,11 @@ import pycolmap
 
 
 def describe_environment() -> list[str]:
-    return [f"{datetime.datetime.now(datetime.timezone.utc):%Y-%m-%d}, commit {_commit()}",
-            f"{_processor()}, {os.cpu_count()} cores, {platform.system()}; Python {platform.python_version()}, "
-            f"pycolmap {pycolmap.__version__}"]
+    return [
+        f"{datetime.datetime.now(datetime.UTC):%Y-%m-%d}, commit {_commit()}",
+        f"{_processor()}, {os.cpu_count()} cores, {platform.system()}; Python {platform.python_version()}, "
+        f"pycolmap {pycolmap.__version__}",
+    ]
 
 
 def _commit() -> str:

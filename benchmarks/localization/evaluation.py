@@ -7,15 +7,13 @@ import pathlib
 
 import numpy as np
 
-from geometry import pose_errors
-from methods import Result
-from scenes import Scene
+from benchmarks.localization.methods import Result
+from benchmarks.localization.scenes import Scene
+from colmap_lazyloc.evaluate import DEFAULT_THRESHOLDS
 
 NUM_BOOTSTRAP_SAMPLES = 10000
 BOOTSTRAP_SEED = 0
 MIN_ERROR = 1e-6  # in cm or degrees; keeps the logarithm of a ratio finite
-# Metres and degrees, those of visuallocalization.net.
-RECALL_THRESHOLDS = ((0.25, 2.0), (0.5, 5.0), (5.0, 10.0))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -69,7 +67,7 @@ class Summary:
     median_rotation_error_deg: float
     mean_position_error_cm: float
     median_seconds: float
-    recall: tuple[float, ...]  # shares of the queries within RECALL_THRESHOLDS
+    recall: tuple[float, ...]  # shares of the queries within DEFAULT_THRESHOLDS
 
 
 @dataclasses.dataclass(frozen=True)
@@ -83,13 +81,21 @@ class Ratio:
 
 
 def make_row(tag: str, scene: Scene, query_name: str, series: Series, result: Result) -> Row:
-    """The scenes' unit is the metre."""
+    """Measures a result; the scenes' unit is the metre."""
     position_error, rotation_error_deg = math.nan, math.nan
     true_pose = scene.true_pose(query_name)
     if result.pose is not None and true_pose is not None:
-        position_error, rotation_error_deg = pose_errors(result.pose, true_pose)
-    return Row(tag, scene.name, query_name, *dataclasses.astuple(series), 100 * position_error, rotation_error_deg,
-               result.seconds, result.status)
+        position_error, rotation_error_deg = result.pose.errors(true_pose)
+    return Row(
+        tag,
+        scene.name,
+        query_name,
+        *dataclasses.astuple(series),
+        100 * position_error,
+        rotation_error_deg,
+        result.seconds,
+        result.status,
+    )
 
 
 def summarize(rows: list[Row]) -> Summary:
@@ -97,8 +103,12 @@ def summarize(rows: list[Row]) -> Summary:
     positions = np.where(lost, np.inf, [row.position_error_cm for row in rows])
     rotations = np.where(lost, np.inf, [row.rotation_error_deg for row in rows])
     measured = np.array([row.is_measured for row in rows])
-    recall = [float(np.mean((positions <= 100 * metres) & (rotations <= degrees))) if not np.isnan(positions).any()
-              else math.nan for metres, degrees in RECALL_THRESHOLDS]
+    recall = [
+        float(np.mean((positions <= 100 * metres) & (rotations <= degrees)))
+        if not np.isnan(positions).any()
+        else math.nan
+        for metres, degrees in DEFAULT_THRESHOLDS
+    ]
     return Summary(
         num_queries=len(rows),
         num_lost=int(lost.sum()),
@@ -106,12 +116,14 @@ def summarize(rows: list[Row]) -> Summary:
         median_rotation_error_deg=float(np.median(rotations)),
         mean_position_error_cm=float(np.mean(positions[measured])) if measured.any() else math.nan,
         median_seconds=float(np.median([row.seconds for row in rows])),
-        recall=tuple(recall))
+        recall=tuple(recall),
+    )
 
 
-def paired_ratio(rows: list[Row], baseline_rows: list[Row], error: str = "position_error_cm",
-                 confidence: float = 0.95) -> Ratio | None:
-    """Over the queries that both localized. The bootstrap draws queries within each scene."""
+def paired_ratio(
+    rows: list[Row], baseline_rows: list[Row], error: str = "position_error_cm", confidence: float = 0.95
+) -> Ratio | None:
+    """Compares the queries that both localized, if there are any. The bootstrap draws queries within each scene."""
     baseline = {(row.scene, row.query): row for row in baseline_rows if row.is_measured}
     log_ratios_of_scenes = {}
     for row in rows:
@@ -141,5 +153,7 @@ def write_csv(path: pathlib.Path, rows: list[Row]):
 
 def read_csv(path: pathlib.Path) -> list[Row]:
     with path.open(newline="") as file:
-        return [Row(**{field.name: field.type(record[field.name]) for field in dataclasses.fields(Row)})
-                for record in csv.DictReader(file)]
+        return [
+            Row(**{field.name: field.type(record[field.name]) for field in dataclasses.fields(Row)})
+            for record in csv.DictReader(file)
+        ]

@@ -1,11 +1,10 @@
-#!/usr/bin/env python3
 """Queries localized alone, jointly, as frames of a camera rig, and as pieces of a known trajectory.
 
-    groups.py --data_path DATA --colmap COLMAP --output_path OUT.md [-- OPTIONS OF THE PROGRAM]
+    python -m benchmarks groups --data_path DATA --output_path OUT.md [-- OPTIONS OF THE PROGRAM]
 
-DATA is a folder of scenes as for `run.py --dataset scenes`. Of a scene's images in order of their names (of a rig: its
-frames) every third or fourth is the database, the others are the queries. Groups are runs of L of them. A trajectory is
-made of the true relative poses.
+DATA is a folder of scenes as for `python -m benchmarks run --dataset scenes`. Every third or fourth of a scene's images
+(of a rig: its frames), in the order of their names, is in the database, the others are queries. Groups are runs of L
+queries. A trajectory is made of the true relative poses.
 """
 
 import argparse
@@ -13,22 +12,24 @@ import collections
 import dataclasses
 import json
 import pathlib
-import subprocess
-import sys
 import tempfile
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from environment import describe_environment
-from evaluation import Row, Series, make_row, paired_ratio, summarize
-from methods.lazyloc import read_results
-from scenes import Scene, camera_text, load_scene
+from benchmarks.localization.environment import describe_environment
+from benchmarks.localization.evaluation import Row, Series, make_row, paired_ratio, summarize
+from benchmarks.localization.methods.lazyloc import read_method_results
+from benchmarks.localization.scenes import Scene, load_scene
+from colmap_lazyloc.errors import command
+from colmap_lazyloc.model import write_model
+from colmap_lazyloc.program import find_colmap, run_colmap
+from colmap_lazyloc.results import read_results
 
 
 @dataclasses.dataclass(frozen=True)
 class Setup:
-    """The errors are those of the images with the first prefix."""
+    """Which images of a scene are in the database; errors are measured for the images with the first prefix."""
 
     database_step: int
     prefixes: tuple[str, ...] = ("",)  # of the rig's cameras
@@ -44,7 +45,8 @@ class Variant:
 
 
 def variants(scene: Scene, setup: Setup, queries: list[str], folder: pathlib.Path) -> dict[str, Variant]:
-    """The first is what the others are compared with."""
+    """Returns the variants by name; the first is what the others are compared with."""
+
     def size(length):
         return ["--LazyLocalizer.group_size", length]
 
@@ -52,7 +54,8 @@ def variants(scene: Scene, setup: Setup, queries: list[str], folder: pathlib.Pat
     trajectory = ["--query_trajectory_path", scene.model_path]
     chosen |= {f"trajectory, L = {length}": Variant([*trajectory, *size(length)]) for length in (3, 5)}
     chosen["trajectory without scale, L = 5"] = Variant(
-        [*trajectory, *size(5), "--LazyLocalizer.trajectory_has_scale", 0])
+        [*trajectory, *size(5), "--LazyLocalizer.trajectory_has_scale", 0]
+    )
     if len(setup.prefixes) == 1:
         return chosen
     config_path = scene.path / "rig_config.json"
@@ -67,7 +70,7 @@ def variants(scene: Scene, setup: Setup, queries: list[str], folder: pathlib.Pat
 
 
 def write_pairs_with_one_image(scene: Scene, setup: Setup, queries: list[str], path: pathlib.Path) -> pathlib.Path:
-    """For all cameras of a frame the first camera's last database image before it."""
+    """Pairs all cameras of a frame with the first camera's last database image before it."""
     lines, last = [], None
     for name in sorted(name for name in scene.images if name.startswith(setup.prefixes[0])):
         if name not in queries:
@@ -80,7 +83,7 @@ def write_pairs_with_one_image(scene: Scene, setup: Setup, queries: list[str], p
 
 
 def write_wrong_config(config_path: pathlib.Path, error_deg: float, path: pathlib.Path) -> pathlib.Path:
-    """The last camera of the first rig is turned about its vertical axis."""
+    """Turns the last camera of the first rig about its vertical axis."""
     config = json.loads(config_path.read_text())
     camera = config[0]["cameras"][-1]
     turn = Rotation.from_euler("y", error_deg, degrees=True)
@@ -92,74 +95,82 @@ def write_wrong_config(config_path: pathlib.Path, error_deg: float, path: pathli
 
 
 def run_scene(scene: Scene, setup: Setup, arguments: argparse.Namespace) -> tuple[dict, dict]:
-    """By variant: the rows, and the median of the images' rig_error_px."""
-    moments = sorted(name.removeprefix(setup.prefixes[0]) for name in scene.images
-                     if name.startswith(setup.prefixes[0]))
+    """Returns the rows, and the median of the images' rig_error_px, by variant."""
+    moments = sorted(
+        name.removeprefix(setup.prefixes[0]) for name in scene.images if name.startswith(setup.prefixes[0])
+    )
     query_moments = [moment for i, moment in enumerate(moments) if i % setup.database_step != 0]
     queries = [prefix + moment for moment in query_moments for prefix in setup.prefixes]
     evaluated = [setup.prefixes[0] + moment for moment in query_moments]
     rows, rig_errors_px = {}, {}
     with tempfile.TemporaryDirectory() as folder:
-        model_path = write_model(scene, [name for name in scene.images if name not in queries], folder)
+        database_images = [image for name, image in scene.images.items() if name not in queries]
+        model_path = write_model(pathlib.Path(folder) / "model", scene.cameras, database_images)
         for name, variant in variants(scene, setup, queries, pathlib.Path(folder)).items():
             listed = queries if variant.is_rig else evaluated
             list_path, output_path = pathlib.Path(folder) / "queries.txt", pathlib.Path(folder) / "output"
-            list_path.write_text("".join(f"{query} {camera_text(scene.camera(query))}\n" for query in listed))
-            command = [arguments.colmap, "lazy_localizer", "--database_path", scene.database_path,
-                       "--input_path", model_path, "--output_path", output_path, "--query_list_path", list_path,
-                       *variant.options, *arguments.options]
-            subprocess.run([str(word) for word in command], check=True, stdout=subprocess.DEVNULL)
-            results = read_results(output_path / "results.jsonl", evaluated)
+            list_path.write_text("".join(f"{query} {scene.camera(query).text()}\n" for query in listed))
+            run_colmap(
+                arguments.colmap,
+                "lazy_localizer",
+                "--database_path",
+                scene.database_path,
+                "--input_path",
+                model_path,
+                "--output_path",
+                output_path,
+                "--query_list_path",
+                list_path,
+                *variant.options,
+                *arguments.options,
+            )
+            results = read_method_results(output_path / "results.jsonl", evaluated)
             rows[name] = [make_row("groups", scene, query, Series(name), results[query]) for query in evaluated]
-            records = map(json.loads, (output_path / "results.jsonl").read_text().splitlines())
+            records = read_results(output_path / "results.jsonl").values()
             errors = [record["rig_error_px"] for record in records if record["rig_error_px"] is not None]
             rig_errors_px[name] = f"{np.median(errors):.1f}" if errors else "–"
     return rows, rig_errors_px
 
 
-def write_model(scene: Scene, names: list[str], folder: str) -> pathlib.Path:
-    path = pathlib.Path(folder) / "model"
-    path.mkdir()
-    (path / "images.txt").write_text("".join(scene.images[name].line + "\n\n" for name in names))
-    (path / "cameras.txt").write_bytes((scene.model_path / "cameras.txt").read_bytes())
-    (path / "points3D.txt").write_text("")
-    return path
-
-
 def table(rows: dict[str, list[Row]], rig_errors_px: dict[str, str]) -> str:
     baseline_rows = next(iter(rows.values()))
     baseline = summarize(baseline_rows)
-    lines = ["| | queries | lost | median mm / ° | mean mm | median / alone | mean / alone | geometric mean of the ratio "
-             "to alone [95 %] | rig_error_px |", "|---|---|---|---|---|---|---|---|---|"]
+    lines = [
+        "| | queries | lost | median mm / ° | mean mm | median / alone | mean / alone | "
+        "geometric mean of the ratio to alone [95 %] | rig_error_px |",
+        "|---|---|---|---|---|---|---|---|---|",
+    ]
     for name, own_rows in rows.items():
         summary, ratio = summarize(own_rows), paired_ratio(own_rows, baseline_rows)
         statuses = collections.Counter(row.status for row in own_rows if row.is_lost)
         lost = ", ".join(f"{count} {status}" for status, count in statuses.items()) or "0"
         median, mean = summary.median_position_error_cm, summary.mean_position_error_cm
-        figures = "– | – | – | – | –" if ratio is None else (
-            f"{10 * median:.2f} / {summary.median_rotation_error_deg:.3f} | {10 * mean:.2f} | "
-            f"{median / baseline.median_position_error_cm:.2f} | {mean / baseline.mean_position_error_cm:.2f} | "
-            f"{ratio.mean:.2f} [{ratio.low:.2f}, {ratio.high:.2f}]")
+        figures = (
+            "– | – | – | – | –"
+            if ratio is None
+            else (
+                f"{10 * median:.2f} / {summary.median_rotation_error_deg:.3f} | {10 * mean:.2f} | "
+                f"{median / baseline.median_position_error_cm:.2f} | {mean / baseline.mean_position_error_cm:.2f} | "
+                f"{ratio.mean:.2f} [{ratio.low:.2f}, {ratio.high:.2f}]"
+            )
+        )
         lines.append(f"| {name} | {summary.num_queries} | {lost} | {figures} | {rig_errors_px[name]} |")
     return "\n".join(lines)
 
 
-def main(argv: list[str]) -> int:
+@command
+def main(arguments=None):
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--data_path", type=pathlib.Path, required=True)
-    parser.add_argument("--colmap", default="colmap", help="program to run")
+    parser.add_argument("--colmap", type=pathlib.Path, default=find_colmap(), help="our program")
     parser.add_argument("--output_path", type=pathlib.Path, required=True, help="Markdown file to write")
     parser.add_argument("--scenes", nargs="+", choices=SETUPS, default=list(SETUPS))
     parser.add_argument("options", nargs="*", help="further options of the program")
-    arguments = parser.parse_args(argv)
-    parts = ["# groups", "\n\n".join(describe_environment()), f"`{' '.join(['groups.py --data_path DATA', *arguments.options])}`"]
+    arguments = parser.parse_args(arguments)
+    command_line = " ".join(["python -m benchmarks groups --data_path DATA", *arguments.options])
+    parts = ["# groups", "\n\n".join(describe_environment()), f"`{command_line}`"]
     for name in arguments.scenes:
         scene = load_scene(arguments.data_path / name)
         parts += [f"## {name}", table(*run_scene(scene, SETUPS[name], arguments))]
         print("\n\n".join(parts[-2:]))
     arguments.output_path.write_text("\n\n".join(parts) + "\n")
-    return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))

@@ -4,17 +4,24 @@ import dataclasses
 import pathlib
 
 import matplotlib
+import matplotlib.pyplot as plt
+import numpy as np
+from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+from benchmarks.localization.evaluation import Row, summarize
+from benchmarks.localization.tables import in_order, labels
 
 matplotlib.use("svg")
-matplotlib.rcParams.update({"svg.hashsalt": "localization", "svg.fonttype": "none", "font.size": 9,
-                            "axes.grid": True, "grid.alpha": 0.3, "savefig.bbox": "tight"})
-
-import matplotlib.pyplot as plt  # noqa: E402
-import numpy as np  # noqa: E402
-from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter  # noqa: E402
-
-from evaluation import Row, summarize  # noqa: E402
-from tables import in_order, labels  # noqa: E402
+matplotlib.rcParams.update(
+    {
+        "svg.hashsalt": "localization",
+        "svg.fonttype": "none",
+        "font.size": 9,
+        "axes.grid": True,
+        "grid.alpha": 0.3,
+        "savefig.bbox": "tight",
+    }
+)
 
 MAX_NUM_COLUMNS = 3
 PANEL_SIZE = (4.2, 3.2)  # inches
@@ -23,13 +30,15 @@ MIN_AXIS_RATIO = 5.0  # between the ends of a logarithmic axis
 
 
 def write_plots(path: pathlib.Path, tag: str, rows: list[Row]) -> list[pathlib.Path]:
-    """What the rows have figures for; returns the files."""
+    """Draws the plots for which the rows have figures; returns the files."""
     rows = [row for row in rows if row.is_measured or row.is_lost]
     if not any(row.is_measured for row in rows):
         return []
     names = labels(in_order({row.series for row in rows}))
-    styles = {series: {"color": f"C{i % 10}", "label": name, "marker": MARKERS[i % len(MARKERS)]}
-              for i, (series, name) in enumerate(names.items())}
+    styles = {
+        series: {"color": f"C{i % 10}", "label": name, "marker": MARKERS[i % len(MARKERS)]}
+        for i, (series, name) in enumerate(names.items())
+    }
     plots = {"cumulative_error": _cumulative_error, "time_against_error": _time_against_error}
     if len({row.num_retrieved for row in rows}) > 1:
         plots["error_against_k"] = _error_against_k
@@ -43,18 +52,19 @@ def write_plots(path: pathlib.Path, tag: str, rows: list[Row]) -> list[pathlib.P
 
 
 def _figure(rows: list[Row], styles: dict, draw):
-    """A panel per scene and one legend."""
+    """Draws a panel per scene and one legend."""
     scenes = sorted({row.scene for row in rows})
     columns = min(len(scenes), MAX_NUM_COLUMNS)
     lines = -(-len(scenes) // columns)
-    figure, panels = plt.subplots(lines, columns, squeeze=False,
-                                  figsize=(PANEL_SIZE[0] * columns, PANEL_SIZE[1] * lines))
+    figure, panels = plt.subplots(
+        lines, columns, squeeze=False, figsize=(PANEL_SIZE[0] * columns, PANEL_SIZE[1] * lines)
+    )
     handles = {}
     for panel, scene in zip(panels.flat, scenes):
         panel.set_title(scene)
         draw(panel, [row for row in rows if row.scene == scene], styles)
         handles |= {name: handle for handle, name in zip(*panel.get_legend_handles_labels())}
-    for panel in panels.flat[len(scenes):]:
+    for panel in panels.flat[len(scenes) :]:
         panel.set_visible(False)
     figure.legend(handles.values(), handles.keys(), loc="upper center", bbox_to_anchor=(0.5, 0), ncols=3, frameon=False)
     figure.tight_layout()
@@ -62,7 +72,7 @@ def _figure(rows: list[Row], styles: dict, draw):
 
 
 def _cumulative_error(panel, rows: list[Row], styles: dict):
-    """Share of all queries within an error: a lost one is never within."""
+    """Draws the share of all queries within an error; a lost query is never within."""
     for series, own in _rows_of_series(rows):
         errors = np.sort([row.position_error_cm for row in own if row.is_measured])
         style = {**styles[series], "marker": ""}
@@ -81,12 +91,13 @@ def _time_against_error(panel, rows: list[Row], styles: dict):
 
 
 def _error_against_k(panel, rows: list[Row], styles: dict):
-    """A line per method, the first seed's without noise."""
+    """Draws a line per method, from the first seed without noise."""
     all_series = in_order({row.series for row in rows})
     for i, method in enumerate(dict.fromkeys(series.method for series in all_series)):
         first = next(series for series in all_series if series.method == method)
-        own = [series for series in all_series
-               if dataclasses.replace(series, num_retrieved=first.num_retrieved) == first]
+        own = [
+            series for series in all_series if dataclasses.replace(series, num_retrieved=first.num_retrieved) == first
+        ]
         medians = [summarize([row for row in rows if row.series == series]).median_position_error_cm for series in own]
         panel.plot([series.num_retrieved for series in own], medians, "o-", color=f"C{i % 10}", label=method)
     panel.set(xlabel="database images per query, K", ylabel="median position error [cm]")
@@ -99,7 +110,7 @@ def _rows_of_series(rows: list[Row]) -> list:
 
 
 def _make_logarithmic(panel, which: str):
-    """With plain numbers at 1, 2, 5, ..., and not so short that small differences look large."""
+    """Labels the axis at 1, 2, 5, ..., and makes it long enough that small differences do not look large."""
     getattr(panel, f"set_{which}scale")("log")
     low, high = getattr(panel, f"get_{which}lim")()
     if low <= 0:  # nothing is drawn

@@ -1,5 +1,6 @@
-#!/usr/bin/env python3
 """Localizes the queries of a dataset's scenes with several methods on the same matches and compares the errors.
+
+    python -m benchmarks run --data_path DATA --output_path OUT
 
 Writes to --output_path: TAG.csv (a row per scene, query and method), TAG.md (the tables), TAG_*.svg (plots, with
 --plots) and, where the true poses are not public, TAG_*_visuallocalization_net.txt to hand in there. All poses are in
@@ -15,33 +16,32 @@ import multiprocessing
 import pathlib
 import sys
 
-import datasets
-import tables
-from database_noise import add_database_noise
-from datasets.scene_source import InputError, Options
-from environment import describe_environment
-from evaluation import Series, make_row, read_csv, write_csv
-from methods import METHODS, MethodOptions, NotApplicable, load_method
-from pose_files import write_poses, write_submission
-from scenes import Scene
+from benchmarks.localization import datasets, tables
+from benchmarks.localization.database_noise import add_database_noise
+from benchmarks.localization.datasets.scene_source import Options
+from benchmarks.localization.environment import describe_environment
+from benchmarks.localization.evaluation import Series, make_row, read_csv, write_csv
+from benchmarks.localization.methods import METHODS, MethodOptions, NotApplicable, load_method
+from benchmarks.localization.scenes import Scene
+from colmap_lazyloc.errors import InputError, command
+from colmap_lazyloc.pairs import read_pairs
+from colmap_lazyloc.poses import Pose, write_poses
+from colmap_lazyloc.program import find_colmap
+from colmap_lazyloc.queries import read_queries
 
 CONFIGS_PATH = pathlib.Path(__file__).resolve().parent / "configs"
 
 
-def main(argv: list[str]) -> int:
-    arguments = _parse(argv)
-    try:
-        if arguments.download:
-            datasets.download_scenes(arguments.dataset, arguments.data_path, arguments.scenes)
-        found = datasets.scene_names(arguments.dataset, arguments.data_path)
-        for name in arguments.scenes or ():
-            if name not in found:
-                raise InputError(f"--scenes: {name} is not in {arguments.data_path}, which has {', '.join(found)}")
-        run(arguments, arguments.scenes or found)
-    except InputError as error:
-        print(f"run.py: {error}", file=sys.stderr)
-        return 1
-    return 0
+@command
+def main(arguments=None):
+    arguments = _parse(arguments)
+    if arguments.download:
+        datasets.download_scenes(arguments.dataset, arguments.data_path, arguments.scenes)
+    found = datasets.scene_names(arguments.dataset, arguments.data_path)
+    for name in arguments.scenes or ():
+        if name not in found:
+            raise InputError(f"--scenes: {name} is not in {arguments.data_path}, which has {', '.join(found)}")
+    run(arguments, arguments.scenes or found)
 
 
 def run(arguments: argparse.Namespace, scene_names: list[str]):
@@ -50,10 +50,14 @@ def run(arguments: argparse.Namespace, scene_names: list[str]):
     csv_path, markdown_path = output_path / f"{arguments.tag}.csv", output_path / f"{arguments.tag}.md"
     rows = read_csv(csv_path) if csv_path.exists() else []
     reasons = {}
-    command = " ".join(arguments.argv).replace(f"{pathlib.Path.cwd()}/", "")
-    notes = [*describe_environment(), f"`run.py {command}`"]
-    all_series = [Series(*values) for values in itertools.product(
-        arguments.methods, arguments.num_retrieved, arguments.seeds, arguments.database_noise)]
+    command_line = " ".join(arguments.argv).replace(f"{pathlib.Path.cwd()}/", "")
+    notes = [*describe_environment(), f"`python -m benchmarks run {command_line}`"]
+    all_series = [
+        Series(*values)
+        for values in itertools.product(
+            arguments.methods, arguments.num_retrieved, arguments.seeds, arguments.database_noise
+        )
+    ]
     for scene_name in scene_names:
         exact_scene = _in_own_process(_prepare, arguments, scene_name)
         query_names = _choose_queries(exact_scene, arguments.queries)
@@ -68,17 +72,20 @@ def run(arguments: argparse.Namespace, scene_names: list[str]):
             # After every step, so that a run that is broken off leaves what it has found.
             write_csv(csv_path, rows)
             markdown_path.write_text(tables.markdown(arguments.tag, rows, reasons, notes))
-            print(f"{scene.name} {tables.labels(all_series)[series]}: {reason or f'{len(results)} queries'}",
-                  file=sys.stderr, flush=True)
+            print(
+                f"{scene.name} {tables.labels(all_series)[series]}: {reason or f'{len(results)} queries'}",
+                file=sys.stderr,
+                flush=True,
+            )
     if arguments.plots:
-        from plots import write_plots  # here, so that matplotlib is needed for plots alone
+        from benchmarks.localization.plots import write_plots  # here, so that matplotlib is needed for plots alone
 
         write_plots(output_path, arguments.tag, rows)
     print(markdown_path.read_text())
 
 
 def run_method(method: str, scene: Scene, query_names: list[str], options: MethodOptions) -> tuple[dict, str]:
-    """Neither an exception nor a crash of a method stops the others. Results, or a reason."""
+    """Returns results, or a reason, because neither an exception nor a crash of a method may stop the others."""
     try:
         return _in_own_process(_localize, method, scene, query_names, options), ""
     except NotApplicable as reason:
@@ -90,7 +97,7 @@ def run_method(method: str, scene: Scene, query_names: list[str], options: Metho
 
 
 def _in_own_process(function, *arguments):
-    """Threads of a library in this process could stop those that are forked later."""
+    """Calls a function in a process of its own, because threads of a library here could stop processes forked later."""
     context = multiprocessing.get_context("fork")
     with concurrent.futures.ProcessPoolExecutor(max_workers=1, mp_context=context) as executor:
         return executor.submit(function, *arguments).result()
@@ -101,14 +108,19 @@ def _localize(method: str, scene: Scene, query_names: list[str], options: Method
 
 
 def _prepare(arguments: argparse.Namespace, scene_name: str) -> Scene:
-    from datasets.builder import MatchingOptions
-    from datasets.formats import read_pairs
+    from benchmarks.localization.datasets.builder import MatchingOptions
 
     pairs = tuple(pair for path in arguments.pairs_path for pair in read_pairs(path)) or None
     options = Options(arguments.ground_truth, arguments.focal_length_px, arguments.image_step)
     matching = MatchingOptions(arguments.max_num_features, pairs, arguments.num_database_neighbours)
-    return datasets.prepare_scene(arguments.dataset, arguments.data_path, scene_name, options, matching,
-                                  arguments.work_path / "scenes" / scene_name)
+    return datasets.prepare_scene(
+        arguments.dataset,
+        arguments.data_path,
+        scene_name,
+        options,
+        matching,
+        arguments.work_path / "scenes" / scene_name,
+    )
 
 
 def _with_noise(scene: Scene, series: Series, work_path: pathlib.Path) -> Scene:
@@ -120,10 +132,10 @@ def _with_noise(scene: Scene, series: Series, work_path: pathlib.Path) -> Scene:
 
 
 def _choose_queries(scene: Scene, queries: str | None) -> list[str]:
-    """The first so many, or those that a file lists."""
+    """Returns the first queries, if their number is given, or those that a file lists."""
     if queries is None or queries.isdigit():
         return scene.query_names[: int(queries) if queries else None]
-    wanted = {line.split()[0] for line in pathlib.Path(queries).read_text().splitlines() if line.strip()}
+    wanted = read_queries(queries)
     chosen = [name for name in scene.query_names if name in wanted]
     if not chosen:
         raise InputError(f"--queries: {queries} lists no query of {scene.name}")
@@ -139,15 +151,16 @@ def _options(arguments: argparse.Namespace, scene: Scene, series: Series) -> Met
         num_retrieved=series.num_retrieved,
         seed=series.seed,
         preset_path=CONFIGS_PATH / f"{preset}.ini" if preset else None,
-        program_options=tuple(tuple(option.split("=", 1)) for option in arguments.options))
+        program_options=tuple(tuple(option.split("=", 1)) for option in arguments.options),
+    )
 
 
 def _fingerprint(scene: Scene) -> str:
-    """Of the model and the database: a map that was triangulated from others is not used again."""
+    """Hashes the model and the database, so that a map of another model is not used again."""
     stat = scene.database_path.stat()
     state = hashlib.sha256(f"{scene.database_path.resolve()} {stat.st_size} {stat.st_mtime_ns}".encode())
-    for name in ("cameras.txt", "images.txt"):
-        state.update((scene.model_path / name).read_bytes())
+    for path in sorted(scene.model_path.glob("[ci]*")):  # cameras and images
+        state.update(path.read_bytes())
     return state.hexdigest()[:8]
 
 
@@ -160,6 +173,14 @@ def _write_poses(arguments: argparse.Namespace, scene: Scene, series: Series, re
         write_submission(arguments.output_path / f"{arguments.tag}_{stem}_visuallocalization_net.txt", poses)
 
 
+def write_submission(path: pathlib.Path, poses: dict[str, Pose]):
+    """Writes poses as visuallocalization.net takes them for Aachen Day-Night: names without their folders."""
+    names = {name: pathlib.PurePosixPath(name).name for name in poses}
+    if len(set(names.values())) < len(names):
+        raise ValueError(f"{path}: two queries have the same name in different folders")
+    write_poses(path, {names[name]: pose for name, pose in poses.items()})
+
+
 def _split_preset(method: str) -> tuple[str, str]:
     name, _, preset = method.partition(":")
     return name, preset
@@ -168,38 +189,77 @@ def _split_preset(method: str) -> tuple[str, str]:
 def _parse(argv: list[str]) -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     data = parser.add_argument_group("data")
-    data.add_argument("--dataset", choices=datasets.NAMES, default="scenes",
-                      help="the layout of --data_path, see datasets/; scenes (default): folders with model/, "
-                           "database.db and perhaps queries.txt")
+    data.add_argument(
+        "--dataset",
+        choices=datasets.NAMES,
+        default="scenes",
+        help="the layout of --data_path, see datasets/; scenes (default): folders with model/, "
+        "database.db and perhaps queries.txt",
+    )
     data.add_argument("--data_path", type=pathlib.Path, required=True, help="folder of the dataset")
-    data.add_argument("--download", action="store_true", help="fetch missing scenes first, where that is allowed")
+    data.add_argument("--download", action="store_true", help="fetch missing scenes first, if their authors allow it")
     data.add_argument("--scenes", nargs="+", help="names; default: all that are there")
-    data.add_argument("--queries", help="a number: the first so many of each scene; a file: those that it lists")
-    data.add_argument("--ground_truth", choices=("original", "sfm"), default="original",
-                      help="of 7scenes and cambridge: the dataset's poses, or those of structure from motion")
+    data.add_argument("--queries", help="number of queries per scene, or a file that lists them; default: all")
+    data.add_argument(
+        "--ground_truth",
+        choices=("original", "sfm"),
+        default="original",
+        help="of 7scenes and cambridge: the dataset's poses, or those of structure from motion",
+    )
     data.add_argument("--focal_length_px", type=float, help="of 7scenes, instead of 525")
     data.add_argument("--image_step", type=int, default=1, help="every n-th database image and query")
-    data.add_argument("--pairs_path", type=pathlib.Path, nargs="+", default=[],
-                      help="pairs to match, two names a line as hloc has them; default: the dataset's, else all")
+    data.add_argument(
+        "--pairs_path",
+        type=pathlib.Path,
+        nargs="+",
+        default=[],
+        help="pairs to match, two names a line as hloc has them; default: the dataset's, else all",
+    )
     data.add_argument("--max_num_features", type=int, default=8192, help="SIFT features per image")
-    data.add_argument("--num_database_neighbours", type=int, default=20,
-                      help="nearest database images that each one is matched with, for the map")
+    data.add_argument(
+        "--num_database_neighbours",
+        type=int,
+        default=20,
+        help="nearest database images that each one is matched with, for the map",
+    )
     methods = parser.add_argument_group("methods")
-    methods.add_argument("--methods", nargs="+", default=["structure_based", "lazyloc"],
-                         help=f"all, or of {', '.join(METHODS)}; lazyloc:NAME takes options from configs/NAME.ini")
-    methods.add_argument("--colmap", type=pathlib.Path, default=pathlib.Path("build/bin/colmap"),
-                         help="the program with the command lazy_localizer")
-    methods.add_argument("--options", nargs="+", default=[], metavar="KEY=VALUE",
-                         help="further options of lazy_localizer, for example LazyLocalizer.loss_scale_sigma=1")
-    methods.add_argument("--num_retrieved", type=int, nargs="+", default=[20],
-                         help="pairs per query, best by verified inliers; several: a series each")
+    methods.add_argument(
+        "--methods",
+        nargs="+",
+        default=["structure_based", "lazyloc"],
+        help=f"all, or of {', '.join(METHODS)}; lazyloc:NAME takes options from configs/NAME.ini",
+    )
+    methods.add_argument(
+        "--colmap", type=pathlib.Path, default=find_colmap(), help="the program with the command lazy_localizer"
+    )
+    methods.add_argument(
+        "--options",
+        nargs="+",
+        default=[],
+        metavar="KEY=VALUE",
+        help="further options of lazy_localizer, for example LazyLocalizer.loss_scale_sigma=1",
+    )
+    methods.add_argument(
+        "--num_retrieved",
+        type=int,
+        nargs="+",
+        default=[20],
+        help="pairs per query, best by verified inliers; several: a series each",
+    )
     methods.add_argument("--seeds", type=int, nargs="+", default=[0], help="several: a series each")
-    methods.add_argument("--database_noise", type=_noise, nargs="+", default=["0,0"], metavar="DEG,CM",
-                         help="turn and move each database pose by so much, randomly; several: a series each")
+    methods.add_argument(
+        "--database_noise",
+        type=_noise,
+        nargs="+",
+        default=["0,0"],
+        metavar="DEG,CM",
+        help="turn and move each database pose by this in random directions; several: a series each",
+    )
     output = parser.add_argument_group("output")
     output.add_argument("--output_path", type=pathlib.Path, required=True)
-    output.add_argument("--work_path", type=pathlib.Path,
-                        help="for databases, maps and logs; default: work below --output_path")
+    output.add_argument(
+        "--work_path", type=pathlib.Path, help="for databases, maps and logs; default: work below --output_path"
+    )
     output.add_argument("--tag", default="run", help="name of this run and of its files")
     output.add_argument("--plots", action="store_true", help="needs matplotlib")
     arguments = parser.parse_args(argv)
@@ -237,7 +297,3 @@ def _noise(text: str) -> str:
 
 def _is_file(queries: str | None) -> bool:
     return queries is not None and not queries.isdigit()
-
-
-if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))

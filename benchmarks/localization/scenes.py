@@ -1,13 +1,14 @@
-"""The scenes: a COLMAP text model with true poses, a COLMAP database, and who is localized against whom."""
+"""The scenes: a COLMAP model with true poses, a COLMAP database, and who is localized against whom."""
 
 import dataclasses
 import functools
 import json
 import pathlib
 
-import numpy as np
-
-from geometry import Pose
+from colmap_lazyloc.errors import InputError
+from colmap_lazyloc.model import Camera, Image, read_model
+from colmap_lazyloc.poses import Pose
+from colmap_lazyloc.queries import read_queries
 
 
 @dataclasses.dataclass(frozen=True)
@@ -29,30 +30,14 @@ PROTOCOLS = {"kitti1": Protocol(leave_one_out=False, query_prefix="left/", query
 
 
 @dataclasses.dataclass(frozen=True)
-class Camera:
-    model: str
-    width: int
-    height: int
-    params: tuple[float, ...]
-
-
-@dataclasses.dataclass(frozen=True)
-class PosedImage:
-    name: str
-    camera_id: int
-    cam_from_world: Pose | None  # None: a query whose pose is not known
-    line: str  # of images.txt, for models that must hold the same numbers
-
-
-@dataclasses.dataclass(frozen=True)
 class Scene:
     name: str
     path: pathlib.Path
     protocol: Protocol
     cameras: dict[int, Camera]
-    images: dict[str, PosedImage]
+    images: dict[str, Image]
     candidates: tuple[str, ...]
-    true_images: dict[str, PosedImage] | None = None  # where `images` are noisy
+    true_images: dict[str, Image] | None = None  # where `images` are noisy
     noisy_model_path: pathlib.Path | None = None
 
     @property
@@ -86,64 +71,27 @@ class Scene:
         return self.cameras[self.images[name].camera_id]
 
     def pose(self, name: str) -> Pose:
-        """The methods'; of a database image it may be noisy."""
+        """Returns the pose that the methods are given; a database image's may be noisy."""
         return self.images[name].cam_from_world
 
     def true_pose(self, name: str) -> Pose | None:
         return (self.true_images or self.images)[name].cam_from_world
 
 
-def read_cameras_text(path: pathlib.Path) -> dict[int, Camera]:
-    cameras = {}
-    for line in _lines(path):
-        if not line:
-            continue
-        camera_id, model, width, height, *params = line.split()
-        cameras[int(camera_id)] = Camera(model, int(width), int(height), tuple(map(float, params)))
-    return cameras
-
-
-def read_images_text(path: pathlib.Path) -> dict[str, PosedImage]:
-    images = {}
-    # Two lines an image; the second one, its points, may be empty.
-    for line in _lines(path)[::2]:
-        if not line:
-            continue
-        values = line.split(maxsplit=9)
-        if len(values) != 10:
-            raise ValueError(f"{path}: not a line of an image: {line}")
-        pose = Pose.from_qvec_tvec(np.array(values[1:5], dtype=float), np.array(values[5:8], dtype=float))
-        images[values[9]] = PosedImage(values[9], int(values[8]), pose, line)
-    return images
-
-
 def load_scene(path: pathlib.Path) -> Scene:
-    cameras = read_cameras_text(path / "model" / "cameras.txt")
-    images = read_images_text(path / "model" / "images.txt")
+    model = read_model(path / "model")
+    cameras, images = dict(model.cameras), dict(model.images)
     queries_path = path / "queries.txt"
-    lines = [line for line in _lines(queries_path) if line] if queries_path.exists() else sorted(images)
-    candidates = []
-    for line in lines:
-        name, camera = line, None
-        if line not in images:
-            name, camera = _query_with_camera(line)
-        if name not in images:
-            if camera is None:
-                raise ValueError(f"{queries_path}: {line} has no pose in {path / 'model'}")
-            camera_id = max(cameras, default=0) + 1
-            cameras[camera_id] = camera
-            images[name] = PosedImage(name, camera_id, None, "")
-        candidates.append(name)
-    return Scene(path.name, path, _load_protocol(path), cameras, images, tuple(candidates))
-
-
-def _query_with_camera(line: str) -> tuple[str, Camera | None]:
-    """Of `name MODEL width height params...`; no camera where the line is a name."""
-    try:
-        name, model, width, height, *params = line.split()
-        return name, Camera(model, int(width), int(height), tuple(map(float, params)))
-    except ValueError:
-        return line, None
+    queries = read_queries(queries_path) if queries_path.exists() else dict.fromkeys(sorted(images))
+    for name, camera in queries.items():
+        if name in images:
+            continue
+        if camera is None:
+            raise InputError(f"{queries_path}: {name} has no pose in {path / 'model'}")
+        camera_id = max(cameras, default=0) + 1
+        cameras[camera_id] = camera
+        images[name] = Image(name, camera_id, None)
+    return Scene(path.name, path, _load_protocol(path), cameras, images, tuple(queries))
 
 
 def _load_protocol(path: pathlib.Path) -> Protocol:
@@ -152,14 +100,5 @@ def _load_protocol(path: pathlib.Path) -> Protocol:
     return PROTOCOLS.get(path.name, Protocol())
 
 
-def camera_text(camera: Camera) -> str:
-    """`MODEL width height params...`, exactly."""
-    return " ".join([camera.model, str(camera.width), str(camera.height), *map(repr, camera.params)])
-
-
 def find_scenes(scenes_path: pathlib.Path) -> list[str]:
     return sorted(path.parent.name for path in scenes_path.glob("*/database.db"))
-
-
-def _lines(path: pathlib.Path) -> list[str]:
-    return [line.strip() for line in path.read_text().splitlines() if not line.startswith("#")]

@@ -4,21 +4,28 @@ import dataclasses
 import math
 import statistics
 
-from evaluation import RECALL_THRESHOLDS, Row, Series, paired_ratio, summarize
-from methods import METHODS
+from benchmarks.localization.evaluation import Row, Series, paired_ratio, summarize
+from benchmarks.localization.methods import METHODS
+from colmap_lazyloc.evaluate import DEFAULT_THRESHOLDS
 
 BASELINE = "structure_based"
 MISSING = "–"
-HEADER = ("| method | queries | median cm / ° | mean cm | lost | ratio to the map [95 %] | "
-          + " | ".join(f"{metres:g} m, {degrees:g}°" for metres, degrees in RECALL_THRESHOLDS) + " | median s |\n"
-          + "|---" * (7 + len(RECALL_THRESHOLDS)) + "|\n")
-LEGEND = ("Median: a lost query counts as an infinite error. Mean: of the localized ones. Ratio: geometric mean of "
-          f"position error / that of `{BASELINE}` on the queries that both localized, with its bootstrap interval over "
-          "queries. Shares within metres and degrees are of all queries.\n")
+HEADER = (
+    "| method | queries | median cm / ° | mean cm | lost | ratio to the map [95 %] | "
+    + " | ".join(f"{metres:g} m, {degrees:g}°" for metres, degrees in DEFAULT_THRESHOLDS)
+    + " | median s |\n"
+    + "|---" * (7 + len(DEFAULT_THRESHOLDS))
+    + "|\n"
+)
+LEGEND = (
+    "Median: a lost query counts as an infinite error. Mean: of the localized ones. Ratio: geometric mean of "
+    f"position error / that of `{BASELINE}` on the queries that both localized, with its bootstrap interval over "
+    "queries. Shares within metres and degrees are of all queries.\n"
+)
 
 
 def markdown(title: str, rows: list[Row], reasons: dict[tuple[str, Series], str], notes: list[str] = ()) -> str:
-    """`reasons` says of (scene, series) why there are no rows; `notes` go below the title."""
+    """Returns the tables. `reasons`: why (scene, series) has no rows; `notes`: lines below the title."""
     scenes = sorted({row.scene for row in rows} | {scene for scene, _ in reasons})
     all_series = in_order({row.series for row in rows} | {series for _, series in reasons})
     names = labels(all_series)
@@ -41,35 +48,51 @@ def markdown(title: str, rows: list[Row], reasons: dict[tuple[str, Series], str]
 def in_order(all_series: set[Series]) -> list[Series]:
     """As the methods are registered, presets after the plain method."""
     names = list(METHODS)
-    return sorted(all_series, key=lambda series: (
-        names.index(series.method.partition(":")[0]), series.method, series.num_retrieved, series.seed,
-        [float(value) for value in series.database_noise.split(",")]))
+    return sorted(
+        all_series,
+        key=lambda series: (
+            names.index(series.method.partition(":")[0]),
+            series.method,
+            series.num_retrieved,
+            series.seed,
+            [float(value) for value in series.database_noise.split(",")],
+        ),
+    )
 
 
 def labels(all_series: list[Series]) -> dict[Series, str]:
-    """The method, and what else tells the series apart."""
-    several = {field: len({getattr(series, field) for series in all_series}) > 1
-               for field in ("num_retrieved", "seed", "database_noise")}
-    return {series: series.method + (f" K={series.num_retrieved}" if several["num_retrieved"] else "")
-            + (f" seed={series.seed}" if several["seed"] else "")
-            + (f" noise {series.database_noise.replace(',', '°, ')} cm" if several["database_noise"] else "")
-            for series in all_series}
+    """Returns the series' names: the method, and what else tells them apart."""
+    several = {
+        field: len({getattr(series, field) for series in all_series}) > 1
+        for field in ("num_retrieved", "seed", "database_noise")
+    }
+    return {
+        series: series.method
+        + (f" K={series.num_retrieved}" if several["num_retrieved"] else "")
+        + (f" seed={series.seed}" if several["seed"] else "")
+        + (f" noise {series.database_noise.replace(',', '°, ')} cm" if several["database_noise"] else "")
+        for series in all_series
+    }
 
 
 def _medians(rows: list[Row], scenes: list[str], names: dict[Series, str]) -> str:
-    """A column per scene, as papers have it; the average is over the scenes."""
-    text = (f"## Medians, cm / °\n\n| method | {' | '.join(scenes)} | average |\n" + "|---" * (len(scenes) + 2) + "|\n")
+    """Returns a table with a column per scene, as papers have it; the average is over the scenes."""
+    text = f"## Medians, cm / °\n\n| method | {' | '.join(scenes)} | average |\n" + "|---" * (len(scenes) + 2) + "|\n"
     for series, name in names.items():
         summaries = []
         for scene in scenes:
             own = [row for row in rows if row.scene == scene and row.series == series]
             summaries.append(summarize(own) if own else None)
-        cells = [_median(summary.median_position_error_cm, summary.median_rotation_error_deg) if summary else MISSING
-                 for summary in summaries]
+        cells = [
+            _median(summary.median_position_error_cm, summary.median_rotation_error_deg) if summary else MISSING
+            for summary in summaries
+        ]
         average = MISSING
         if all(summaries):
-            average = _median(statistics.fmean(summary.median_position_error_cm for summary in summaries),
-                              statistics.fmean(summary.median_rotation_error_deg for summary in summaries))
+            average = _median(
+                statistics.fmean(summary.median_position_error_cm for summary in summaries),
+                statistics.fmean(summary.median_rotation_error_deg for summary in summaries),
+            )
         text += f"| {name} | {' | '.join(cells)} | {average} |\n"
     return text
 
@@ -98,14 +121,21 @@ def _baseline(series: Series, rows: list[Row]) -> list[Row]:
 def _figures(rows: list[Row], baseline_rows: list[Row]) -> str:
     summary, ratio = summarize(rows), paired_ratio(rows, baseline_rows)
     ratio_text = f"{ratio.mean:.3f} [{ratio.low:.3f}, {ratio.high:.3f}]" if ratio else MISSING
-    return " | ".join([
-        str(summary.num_queries), _median(summary.median_position_error_cm, summary.median_rotation_error_deg),
-        _number(summary.mean_position_error_cm, 2), str(summary.num_lost), ratio_text,
-        *(_number(100 * share, 1) for share in summary.recall), _number(summary.median_seconds, 4)])
+    return " | ".join(
+        [
+            str(summary.num_queries),
+            _median(summary.median_position_error_cm, summary.median_rotation_error_deg),
+            _number(summary.mean_position_error_cm, 2),
+            str(summary.num_lost),
+            ratio_text,
+            *(_number(100 * share, 1) for share in summary.recall),
+            _number(summary.median_seconds, 4),
+        ]
+    )
 
 
 def _no_figures() -> str:
-    return " | ".join([MISSING] * (6 + len(RECALL_THRESHOLDS)))
+    return " | ".join([MISSING] * (6 + len(DEFAULT_THRESHOLDS)))
 
 
 def _median(position_error_cm: float, rotation_error_deg: float) -> str:

@@ -1,5 +1,6 @@
-#!/usr/bin/env python3
 """Is a query that is only a photo localized as well as one whose features and matches are in the database?
+
+    python -m benchmarks photos --help
 
 Every fourth image of a scene is a query. COLMAP extracts the features of all images and matches and verifies all
 queries with all others: "database" localizes from that. "photo" localizes the same queries from the same database
@@ -12,27 +13,29 @@ read. What is extracted and matched is kept in --work_path.
 
 import argparse
 import pathlib
-import sys
 
 import numpy as np
 
-import photo_scenes
-
-from environment import describe_environment  # of benchmarks/localization; photo_scenes sets the path
+from benchmarks.localization.environment import describe_environment
+from benchmarks.photos import photo_scenes
+from colmap_lazyloc.errors import command
+from colmap_lazyloc.program import find_colmap
 
 STAGES = ["extraction", "retrieval", "load", "matching", "verification"]
 
 
-def main(arguments: list[str]) -> int:
+@command
+def main(arguments=None):
     options = parse(arguments)
-    folds = [[photo_scenes.make_fold(path, first, options.work_path, options.colmap) for first in options.first]
-             for path in options.scene_path]
+    folds = [
+        [photo_scenes.make_fold(path, first, options.work_path, options.colmap) for first in options.first]
+        for path in options.scene_path
+    ]
     print(*describe_environment(), "", sep="\n")
     runs = [SceneRuns(scene_folds, options.num_seeds) for scene_folds in folds]
     print(accuracy_table(runs), "\n")
     print(noise_table(runs), "\n")
     print(time_table(runs))
-    return 0
 
 
 class SceneRuns:
@@ -44,24 +47,35 @@ class SceneRuns:
         self.database = errors([fold.localize(fold.matched_path, "database") for fold in folds], folds)
         photo_runs = [localize_photos(fold) for fold in folds]
         self.photo = errors(photo_runs, folds)
-        self.seconds = [record["seconds"] for run in photo_runs for record in run.records.values()]
+        self.seconds = [record["seconds"] for run in photo_runs for record in run.values()]
         self.database_seeds = self._other_seeds(folds, "matched.db", num_seeds)
         self.photo_seeds = self._other_seeds(folds, "kept.db", num_seeds)
 
     @staticmethod
     def _other_seeds(folds, database_name: str, num_seeds: int) -> np.ndarray:
         paths = [photo_scenes.copy_without_verification(fold.work_path / database_name) for fold in folds]
-        return np.array([errors([fold.localize(path, f"{database_name}_{seed}", "--LazyLocalizer.seed", seed)
-                                 for fold, path in zip(folds, paths)], folds) for seed in range(num_seeds)])
+        return np.array(
+            [
+                errors(
+                    [
+                        fold.localize(path, f"{database_name}_{seed}", "--LazyLocalizer.seed", seed)
+                        for fold, path in zip(folds, paths)
+                    ],
+                    folds,
+                )
+                for seed in range(num_seeds)
+            ]
+        )
 
 
-def localize_photos(fold: photo_scenes.Fold) -> photo_scenes.Run:
-    """By one thread, so that the seconds of the stages are those of one core."""
+def localize_photos(fold: photo_scenes.Fold) -> dict[str, dict]:
+    """Localizes with one thread, so that the seconds of the stages are those of one core."""
     kept_path = fold.work_path / "kept.db"
     kept_path.unlink(missing_ok=True)
     before = photo_scenes.sha256(fold.photo_path)
-    run = fold.localize_photos("photo", "--LazyLocalizer.num_threads", 1,
-                               "--LazyLocalizer.matches_output_path", kept_path)
+    run = fold.localize_photos(
+        "photo", "--LazyLocalizer.num_threads", 1, "--LazyLocalizer.matches_output_path", kept_path
+    )
     after = photo_scenes.sha256(fold.photo_path)
     print(f"{fold.scene.name}: SHA-256 of the database before {before[:16]}..., after {after[:16]}...")
     if before != after:
@@ -69,8 +83,8 @@ def localize_photos(fold: photo_scenes.Fold) -> photo_scenes.Run:
     return run
 
 
-def errors(runs: list[photo_scenes.Run], folds: list[photo_scenes.Fold]) -> np.ndarray:
-    return np.array([error for run, fold in zip(runs, folds) for error in run.errors(fold.scene).values()])
+def errors(runs: list[dict[str, dict]], folds: list[photo_scenes.Fold]) -> np.ndarray:
+    return np.array([error for run, fold in zip(runs, folds) for error in fold.errors(run)])
 
 
 def median_text(scene_errors: np.ndarray) -> str:
@@ -79,23 +93,30 @@ def median_text(scene_errors: np.ndarray) -> str:
 
 
 def accuracy_table(runs: list[SceneRuns]) -> str:
-    lines = ["| scene | queries, database images | database, cm / ° | photo, cm / ° | ratio of medians | paired ratio: "
-             "geometric mean, quartiles | lost |", "|---|---|---|---|---|---|---|"]
+    lines = [
+        "| scene | queries, database images | database, cm / ° | photo, cm / ° | ratio of medians | paired ratio: "
+        "geometric mean, quartiles | lost |",
+        "|---|---|---|---|---|---|---|",
+    ]
     for run in runs:
         medians = np.median(run.photo, axis=0) / np.median(run.database, axis=0)
         is_found = np.isfinite(run.photo[:, 0]) & np.isfinite(run.database[:, 0])
         logarithms = np.log(run.photo[is_found, 0] / run.database[is_found, 0])
         mean, quartiles = np.exp(logarithms.mean()), np.exp(np.quantile(logarithms, [0.25, 0.75]))
         lost = [np.sum(~np.isfinite(some[:, 0])) for some in (run.database, run.photo)]
-        lines.append(f"| {run.name} | {len(run.photo)}, {run.num_database_images} | {median_text(run.database)} | "
-                     f"{median_text(run.photo)} | {medians[0]:.3f} / {medians[1]:.3f} | {mean:.3f}, {quartiles[0]:.2f}–"
-                     f"{quartiles[1]:.2f} | {lost[0]}, {lost[1]} |")
+        lines.append(
+            f"| {run.name} | {len(run.photo)}, {run.num_database_images} | {median_text(run.database)} | "
+            f"{median_text(run.photo)} | {medians[0]:.3f} / {medians[1]:.3f} | {mean:.3f}, {quartiles[0]:.2f}–"
+            f"{quartiles[1]:.2f} | {lost[0]}, {lost[1]} |"
+        )
     return "\n".join(lines)
 
 
 def noise_table(runs: list[SceneRuns]) -> str:
-    lines = ["| scene | database, medians of each seed | photo, medians of each seed | ratio of their means |",
-             "|---|---|---|---|"]
+    lines = [
+        "| scene | database, medians of each seed | photo, medians of each seed | ratio of their means |",
+        "|---|---|---|---|",
+    ]
     for run in runs:
         for column, (unit, scale) in enumerate((("cm", 100), ("°", 1))):
             medians = [scale * np.median(seeds, axis=1)[:, column] for seeds in (run.database_seeds, run.photo_seeds)]
@@ -115,16 +136,18 @@ def time_table(runs: list[SceneRuns]) -> str:
     return "\n".join(lines)
 
 
-def parse(arguments: list[str]) -> argparse.Namespace:
+def parse(arguments) -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("scene_path", type=pathlib.Path, nargs="+", help="folder with images/ and model/ (text)")
-    parser.add_argument("--colmap", type=pathlib.Path, default=pathlib.Path("build/bin/colmap"), help="our program")
+    parser.add_argument("--colmap", type=pathlib.Path, default=find_colmap(), help="our program")
     parser.add_argument("--work_path", type=pathlib.Path, required=True)
-    parser.add_argument("--first", type=int, nargs="+", default=[0], choices=range(photo_scenes.QUERY_STEP),
-                        help="first query; with 0 1 2 3 every image is a query once")
+    parser.add_argument(
+        "--first",
+        type=int,
+        nargs="+",
+        default=[0],
+        choices=range(photo_scenes.QUERY_STEP),
+        help="first query; with 0 1 2 3 every image is a query once",
+    )
     parser.add_argument("--num_seeds", type=int, default=5)
     return parser.parse_args(arguments)
-
-
-if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))

@@ -1,5 +1,6 @@
-#!/usr/bin/env python3
 """The retrieval index: which images it finds, how large it is and how long it takes to make and to refresh.
+
+    python -m benchmarks retrieval --help
 
 Recall: every fourth image of a scene is a query, all others are the database, and COLMAP's matching of all of them
 says which K images share the most verified matches with a query. How many of these does the index name first?
@@ -20,34 +21,39 @@ import tempfile
 
 import numpy as np
 
-import photo_scenes
-
-from environment import describe_environment  # of benchmarks/localization; photo_scenes sets the path
-from matches import MatchDatabase, MIN_NUM_INLIERS
+from benchmarks.localization.environment import describe_environment
+from benchmarks.localization.matches import MIN_NUM_INLIERS, MatchDatabase
+from benchmarks.photos import photo_scenes
+from colmap_lazyloc.errors import command
+from colmap_lazyloc.program import find_colmap, run_colmap
 
 NOISE = 8  # of each column of a synthetic descriptor, standard deviation; a descriptor's length is 512
 DESCRIPTOR_SIZE = 128
 
 
-def main(arguments: list[str]) -> int:
+@command
+def main(arguments=None):
     options = parse(arguments)
     print(*describe_environment(), "", sep="\n")
     fold = photo_scenes.make_fold(options.scene_path, 0, options.work_path, options.colmap)
     print(recall_table(fold, options.num_retrieved), "\n")
     print(growth_table(fold, options.num_images, options.num_features))
-    return 0
 
 
 def recall_table(fold: photo_scenes.Fold, counts: list[int]) -> str:
     with MatchDatabase(fold.matched_path) as database:
-        num_inliers = {query: {name: database.num_inliers(query, name) for name in fold.database_names}
-                       for query in fold.query_names}
-    lines = [f"{fold.scene.name}, {len(fold.query_names)} queries, {len(fold.database_names)} database images\n",
-             "| K | of the K images with most verified matches | of the best 5 | the best | of their matches |",
-             "|---|---|---|---|---|"]
+        num_inliers = {
+            query: {name: database.num_inliers(query, name) for name in fold.database_names}
+            for query in fold.query_names
+        }
+    lines = [
+        f"{fold.scene.name}, {len(fold.query_names)} queries, {len(fold.database_names)} database images\n",
+        "| K | of the K images with most verified matches | of the best 5 | the best | of their matches |",
+        "|---|---|---|---|---|",
+    ]
     for count in counts:
-        run = fold.localize_photos("retrieval", "--LazyLocalizer.num_retrieved", count)
-        found = {query: {pair["name"] for pair in record["pairs"]} for query, record in run.records.items()}
+        records = fold.localize_photos("retrieval", "--LazyLocalizer.num_retrieved", count)
+        found = {query: {pair["name"] for pair in record["pairs"]} for query, record in records.items()}
         recalls = [[recall(num_inliers[query], found[query], most) for query in found] for most in (count, 5, 1)]
         shares = [share(num_inliers[query], found[query], count) for query in found]
         percentages = (f"{100 * np.mean(values):.1f} %" for values in [*recalls, shares])
@@ -56,7 +62,7 @@ def recall_table(fold: photo_scenes.Fold, counts: list[int]) -> str:
 
 
 def best_images(num_inliers: dict[str, int], count: int) -> list[str]:
-    """Those that are of use: fewer than `count` where fewer have enough verified matches."""
+    """Returns up to `count` images, fewer if fewer have enough verified matches."""
     best = sorted(num_inliers, key=lambda name: -num_inliers[name])[:count]
     return [name for name in best if num_inliers[name] >= MIN_NUM_INLIERS]
 
@@ -67,15 +73,17 @@ def recall(num_inliers: dict[str, int], found: set[str], count: int) -> float:
 
 
 def share(num_inliers: dict[str, int], found: set[str], count: int) -> float:
-    """Verified matches of the images that were found, of those of as many best ones."""
+    """Returns the verified matches of the found images over those of the best images."""
     best = best_images(num_inliers, count)
     return sum(num_inliers[name] for name in found) / sum(num_inliers[name] for name in best)
 
 
 def growth_table(fold: photo_scenes.Fold, counts: list[int], num_features: int) -> str:
-    lines = [f"{num_features} synthetic descriptors an image; seconds of one core\n",
-             "| images | index, MB | made | opened | one image removed | one image added |",
-             "|---|---|---|---|---|---|"]
+    lines = [
+        f"{num_features} synthetic descriptors an image; seconds of one core\n",
+        "| images | index, MB | made | opened | one image removed | one image added |",
+        "|---|---|---|---|---|---|",
+    ]
     for count in counts:
         with tempfile.TemporaryDirectory(dir=fold.work_path) as folder:
             lines.append(growth_row(fold, pathlib.Path(folder), count, num_features))
@@ -100,15 +108,14 @@ def growth_row(fold: photo_scenes.Fold, folder: pathlib.Path, count: int, num_fe
 
 def index_core_seconds(fold: photo_scenes.Fold, database_path, index_path, expected: str) -> float:
     before = core_seconds()
-    output = photo_scenes.run_colmap(fold.colmap, "lazy_indexer", "--database_path", database_path,
-                                     "--index_path", index_path)
+    output = run_colmap(fold.colmap, "lazy_indexer", "--database_path", database_path, "--index_path", index_path)
     if expected not in output:
         raise RuntimeError(f"lazy_indexer says '{output.strip()}' instead of '{expected}'")
     return core_seconds() - before
 
 
 def core_seconds() -> float:
-    """Of the programs that were run: on a busy machine, what counts."""
+    """Returns the core time of the programs that were run, because it counts on a busy machine."""
     usage = resource.getrusage(resource.RUSAGE_CHILDREN)
     return usage.ru_utime + usage.ru_stime
 
@@ -133,11 +140,14 @@ class SyntheticDatabase:
             rows = self._pool[random.integers(len(self._pool), size=self._num_features)]
             noisy = np.clip(rows + np.rint(random.normal(0, NOISE, rows.shape)), 0, 255).astype(np.uint8)
             keypoints = random.uniform(0, 480, (self._num_features, 2)).astype(np.float32)
-            self._connection.execute("INSERT INTO images (image_id, name, camera_id) VALUES (?, ?, 1)",
-                                     (image_id, f"{image_id:06}.jpg"))
+            self._connection.execute(
+                "INSERT INTO images (image_id, name, camera_id) VALUES (?, ?, 1)", (image_id, f"{image_id:06}.jpg")
+            )
             for table, values in (("descriptors", noisy), ("keypoints", keypoints)):
-                self._connection.execute(f"UPDATE {table}_row SET image_id = ?, rows = ?, cols = ?, data = ?",
-                                         (image_id, *values.shape, values.tobytes()))
+                self._connection.execute(
+                    f"UPDATE {table}_row SET image_id = ?, rows = ?, cols = ?, data = ?",
+                    (image_id, *values.shape, values.tobytes()),
+                )
                 self._connection.execute(f"INSERT INTO {table} SELECT * FROM {table}_row")
         self._connection.commit()
 
@@ -150,16 +160,12 @@ class SyntheticDatabase:
         self._connection.commit()
 
 
-def parse(arguments: list[str]) -> argparse.Namespace:
+def parse(arguments) -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("scene_path", type=pathlib.Path, help="folder with images/ and model/ (text)")
-    parser.add_argument("--colmap", type=pathlib.Path, default=pathlib.Path("build/bin/colmap"), help="our program")
+    parser.add_argument("--colmap", type=pathlib.Path, default=find_colmap(), help="our program")
     parser.add_argument("--work_path", type=pathlib.Path, required=True)
     parser.add_argument("--num_retrieved", type=int, nargs="*", default=[5, 10, 20], metavar="K")
     parser.add_argument("--num_images", type=int, nargs="*", default=[100, 1000, 10000], metavar="N")
     parser.add_argument("--num_features", type=int, default=300, help="of each image of the databases that grow")
     return parser.parse_args(arguments)
-
-
-if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))

@@ -1,5 +1,6 @@
-#!/usr/bin/env python3
 """Seconds per query of the pose stage, ours and pycolmap's, on the same verified matches, in one run on one core.
+
+    python -m benchmarks runtime SCENE
 
 Ours is `colmap lazy_localizer` with one thread: its pose stage (total less reading the database) is compared with local
 triangulation of the query's own tracks (pycolmap's robust triangulation of each query keypoint, then its absolute pose;
@@ -11,26 +12,25 @@ Prints a table: median over the queries in milliseconds, ratio of the medians, m
 """
 
 import argparse
-import json
 import os
 import pathlib
 import statistics
-import sys
 import tempfile
 
-LOCALIZATION_PATH = pathlib.Path(__file__).resolve().parents[1] / "localization"
-sys.path.insert(0, str(LOCALIZATION_PATH))
-
-from environment import describe_environment  # noqa: E402
-from methods import MethodOptions, load_method  # noqa: E402
-from scenes import Scene, load_scene  # noqa: E402
+from benchmarks.localization.environment import describe_environment
+from benchmarks.localization.methods import MethodOptions, load_method
+from benchmarks.localization.scenes import Scene, load_scene
+from colmap_lazyloc.errors import command
+from colmap_lazyloc.program import find_colmap
+from colmap_lazyloc.results import read_results
 
 # Method -> what of ours it is compared with.
 COUNTERPARTS = {"local_triangulation": "pose stage", "local_map": "total", "colmap_structureless": "total"}
 
 
-def main(argv: list[str]) -> int:
-    arguments = _parse(argv)
+@command
+def main(arguments=None):
+    arguments = _parse(arguments)
     os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})  # of the programs that it starts, too
     scene = load_scene(arguments.scene_path)
     query_names = scene.query_names[: arguments.num_queries]
@@ -41,26 +41,25 @@ def main(argv: list[str]) -> int:
         others = {name: measure(name, scene, query_names, options) for name in arguments.methods}
     for line in describe_environment():
         print(line)
-    print(f"{scene.name}, {len(query_names)} queries, K = {arguments.num_retrieved}, one core; load average "
-          f"{load_before:.1f} before, {os.getloadavg()[0]:.1f} after\n")
+    print(
+        f"{scene.name}, {len(query_names)} queries, K = {arguments.num_retrieved}, one core; load average "
+        f"{load_before:.1f} before, {os.getloadavg()[0]:.1f} after\n"
+    )
     print(table(ours, others))
-    return 0
 
 
 def measure_ours(scene: Scene, query_names: list[str], options: MethodOptions) -> dict[str, dict[str, float]]:
-    """Part -> query -> seconds."""
+    """Returns seconds by part and query."""
     load_method("lazyloc")(scene, query_names, options)
     seconds = {"pose stage": {}, "total": {}}
-    for line in (options.work_path / "output" / "results.jsonl").read_text().splitlines():
-        record = json.loads(line)
-        total, load = record["seconds"]["total"], record["seconds"]["load"]
-        seconds["pose stage"][record["name"]] = total - load
-        seconds["total"][record["name"]] = total
+    for name, record in read_results(options.work_path / "output" / "results.jsonl").items():
+        seconds["total"][name] = record["seconds"]["total"]
+        seconds["pose stage"][name] = record["seconds"]["total"] - record["seconds"]["load"]
     return seconds
 
 
 def measure(method: str, scene: Scene, query_names: list[str], options: MethodOptions) -> dict[str, float]:
-    """Query -> seconds."""
+    """Returns seconds by query."""
     results = load_method(method)(scene, query_names, options)
     return {name: result.seconds for name, result in results.items()}
 
@@ -79,15 +78,11 @@ def table(ours: dict[str, dict[str, float]], others: dict[str, dict[str, float]]
     return "\n".join(lines)
 
 
-def _parse(argv: list[str]) -> argparse.Namespace:
+def _parse(argv) -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("scene_path", type=pathlib.Path, help="folder with database.db and model/ (text)")
-    parser.add_argument("--colmap", type=pathlib.Path, default=pathlib.Path("build/bin/colmap"), help="our program")
+    parser.add_argument("--colmap", type=pathlib.Path, default=find_colmap(), help="our program")
     parser.add_argument("--methods", nargs="+", choices=COUNTERPARTS, default=list(COUNTERPARTS))
     parser.add_argument("--num_retrieved", type=int, default=20, metavar="K", help="database images per query")
     parser.add_argument("--num_queries", type=int, help="only the first ones")
     return parser.parse_args(argv)
-
-
-if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))

@@ -1,26 +1,26 @@
 """Is a pose as uncertain as lazy_localizer says? Two tables in Markdown, from synthetic scenes with Gaussian noise:
 
-  quantiles  of the squared errors normalised by the reported covariance, beside those of the chi-square distribution
-             with 6 degrees of freedom that they should have
-  cases      scenes that leave something open: statuses, reasons, reported standard deviations, true errors
+quantiles  quantiles of the squared errors, normalized by the reported covariance; they should be those of the
+           chi-square distribution with 6 degrees of freedom
+cases      scenes with unobservable motions: statuses, reasons, reported standard deviations, true errors
 
-    report.py [quantiles | cases] [--colmap build/bin/colmap]
+  python -m benchmarks uncertainty [quantiles | cases] [--colmap COLMAP]
 """
 
 import argparse
 import collections
-import json
 import pathlib
-import subprocess
-import sys
 import tempfile
 
 import numpy as np
 import scipy.stats
+from scipy.spatial.transform import Rotation
 
-PROJECT_PATH = pathlib.Path(__file__).resolve().parents[2]
-sys.path.insert(0, str(PROJECT_PATH / "tests"))
-import synthetic_database as synthetic  # noqa: E402
+from colmap_lazyloc.errors import command
+from colmap_lazyloc.poses import Pose
+from colmap_lazyloc.program import find_colmap, run_colmap
+from colmap_lazyloc.results import pose_of, read_results
+from colmap_lazyloc.testing import synthetic
 
 PERCENTS = 10, 25, 50, 75, 90, 95
 OPEN_GATE = "--LazyLocalizer.max_query_error_sigma", 50
@@ -28,30 +28,32 @@ EXACT = "--LazyLocalizer.database_pose_stddev_deg", 0, "--LazyLocalizer.database
 
 
 def localize(colmap, scene, *arguments, database_scene=None):
-    """Results of the program by name. database_scene: whose database poses it is given, if not the scene's."""
+    """Returns the program's results by name. database_scene: whose database poses it is given, if not the scene's."""
     with tempfile.TemporaryDirectory() as folder:
         folder = pathlib.Path(folder)
-        command = [colmap, "lazy_localizer", "--database_path", synthetic.write_database(folder / "database.db", scene),
-                   "--input_path", synthetic.write_model(folder / "model", database_scene or scene),
-                   "--output_path", folder / "output", *arguments]
-        subprocess.run(list(map(str, command)), check=True, capture_output=True)
-        lines = (folder / "output" / "results.jsonl").read_text().splitlines()
-    return {result["name"]: result for result in map(json.loads, lines)}
-
-
-def pose_of(result):
-    return synthetic.Pose(*(np.array(result["cam_from_world"][part]) for part in ("qvec", "tvec")))
+        run_colmap(
+            colmap,
+            "lazy_localizer",
+            "--database_path",
+            synthetic.write_database(folder / "database.db", scene),
+            "--input_path",
+            synthetic.write_model(folder / "model", database_scene or scene),
+            "--output_path",
+            folder / "output",
+            *arguments,
+        )
+        return read_results(folder / "output" / "results.jsonl")
 
 
 def squared_error(result, truth):
-    """Of the pose, normalised by its covariance."""
+    """Returns the pose's squared error, normalized by its covariance."""
     pose = pose_of(result)
-    error = np.concatenate([(pose.rotation * truth.rotation.inv()).as_rotvec(), pose.tvec - truth.tvec])
+    error = np.concatenate([Rotation.from_matrix(pose.rotation @ truth.rotation.T).as_rotvec(), pose.tvec - truth.tvec])
     return error @ np.linalg.solve(np.array(result["covariance"]), error)
 
 
 def around(centres, num, spread, rng):
-    """Places near the middle of some."""
+    """Draws points near the middle of others."""
     return np.mean(centres, axis=0) + spread * rng.standard_normal((num, 3))
 
 
@@ -63,9 +65,10 @@ def with_disturbed_database(scene, rotation_stddev_deg, position_stddev, rng):
     disturbed = scene.copy()
     for name in scene.database_names:
         pose = disturbed.images[name].pose
-        turn = synthetic.Rotation.from_rotvec(np.radians(rotation_stddev_deg) * rng.standard_normal(3))
-        disturbed.images[name].pose = synthetic.Pose.make(
-            turn * pose.rotation, pose.cam_in_world + position_stddev * rng.standard_normal(3))
+        turn = Rotation.from_rotvec(np.radians(rotation_stddev_deg) * rng.standard_normal(3)).as_matrix()
+        disturbed.images[name].pose = Pose.from_centre(
+            turn @ pose.rotation, pose.cam_in_world + position_stddev * rng.standard_normal(3)
+        )
     return disturbed
 
 
@@ -73,8 +76,10 @@ def with_disturbed_database(scene, rotation_stddev_deg, position_stddev, rng):
 
 
 def print_quantiles(colmap):
-    """320 queries a row, of 8 scenes whose database cameras have the same layout. "no gate": right matches are not dropped
-    by max_query_error_sigma."""
+    """Prints a row for each 320 queries, of 8 scenes whose database cameras have the same layout.
+
+    "no gate": right matches are not dropped by max_query_error_sigma.
+    """
     expected = scipy.stats.chi2.ppf(np.array(PERCENTS) / 100, 6)
     print("| database cameras | keypoint noise | database poses |", " | ".join(f"{p} %" for p in PERCENTS), "| mean |")
     print("|---" * (4 + len(PERCENTS)) + "|")
@@ -91,11 +96,15 @@ def print_quantiles(colmap):
             rng = np.random.default_rng(seed)
             scene = synthetic.make_scene(layouts[layout], around(layouts[layout], 40, 0.7, rng), noise_px, seed=seed)
             # Pixels at the focal length of 520 and a distance of 6 units, as the errors would look in the image.
-            given = with_disturbed_database(scene, np.degrees(database_noise_px / 520), database_noise_px * 6 / 520, rng)
+            noise_rad = database_noise_px / 520
+            given = with_disturbed_database(scene, np.degrees(noise_rad), 6 * noise_rad, rng)
             program_options = (EXACT if "stated" in database else ()) + (OPEN_GATE if "no gate" in database else ())
             results = localize(colmap, scene, *program_options, database_scene=given)
-            errors += [squared_error(results[name], scene.images[name].pose) for name in scene.query_names
-                       if results[name]["status"] == "LOCALIZED"]
+            errors += [
+                squared_error(results[name], scene.images[name].pose)
+                for name in scene.query_names
+                if results[name]["status"] == "LOCALIZED"
+            ]
         observed = " | ".join(f"{q:.2f}" for q in np.percentile(errors, PERCENTS))
         print(f"| {layout} | {noise_px} px | {database} | {observed} | {np.mean(errors):.2f} |", flush=True)
 
@@ -108,16 +117,8 @@ def keep_first_pairs(scene):
     scene.pairs = {names: pair for names, pair in scene.pairs.items() if first in names}
 
 
-def split_tracks(scene):
-    """Each point of a query is left to one database image, in turn: none is seen by two."""
-    places = {name: place for place, name in enumerate(scene.database_names)}
-    for (name1, _), pair in scene.pairs.items():
-        points = scene.images[name1].point_of_keypoint[pair.inlier_matches[:, 0]]
-        pair.inlier_matches = pair.matches = pair.inlier_matches[points % len(places) == places[name1]]
-
-
 def cases():
-    """Name, scene of ten queries and half a pixel of noise."""
+    """Yields the name and the scene of each case: ten queries, half a pixel of noise."""
     rng = np.random.default_rng(0)
     arc, row, place = synthetic.arc(7), line(7), np.array([[0, 0, -6.0]])
     near_arc = around(arc, 10, 0.5, rng)
@@ -139,7 +140,8 @@ def cases():
     yield "panorama: the query at that place too", make(np.repeat(place, 5, axis=0), np.repeat(place, 10, axis=0))
     yield "query beside a line of database images", make(row, near_row)
     yield "query on the line", make(row, on_row)
-    yield "query on the line, each point in one database image", make(row, on_row, split_tracks, num_points=900)
+    split = make(row, on_row, synthetic.split_tracks, num_points=900)
+    yield "query on the line, each point in one database image", split
     yield "database images 0.1 units apart at 6 units", make(close, near_row)
     yield "the same, twice as close", make(place + (close - place) / 2, near_row)
 
@@ -149,7 +151,7 @@ def root_mean_square(values):
 
 
 def pair_of(stddevs, errors, unit):
-    """Root mean squares of reported standard deviations and of true errors."""
+    """Returns root mean squares of reported standard deviations and of true errors."""
     if not errors:
         return "–"
     stddev = "?" if None in stddevs else f"{root_mean_square(stddevs):.2g}"
@@ -169,7 +171,7 @@ def print_cases(colmap):
             if result["reason"]:
                 reasons.setdefault((case, result["status"]), result["reason"])
 
-            def add(column, stddev, error):
+            def add(column, stddev, error, columns=columns):
                 columns[column][0].append(stddev)
                 columns[column][1].append(error)
 
@@ -178,31 +180,30 @@ def print_cases(colmap):
                 add("position", result["position_stddevs"][0], offset @ result["weakest_direction"])
                 add("rotation", result["rotation_stddev_deg"], pose_of(result).errors(truth)[1])
             elif result["rotation"]:
-                w, x, y, z = result["rotation"]
-                turn = synthetic.Rotation.from_quat([x, y, z, w]) * truth.rotation.inv()
-                add("rotation", result["rotation_stddev_deg"], np.degrees(turn.magnitude()))
+                rotation = Pose(np.array(result["rotation"]), truth.tvec)
+                add("rotation", result["rotation_stddev_deg"], rotation.errors(truth)[1])
             if result["bearing"]:
                 baseline = truth.cam_in_world - scene.images[result["bearing"]["from"]].pose.cam_in_world
                 direction = result["bearing"]["direction"]
                 angle = np.arctan2(np.linalg.norm(np.cross(direction, baseline)), np.dot(direction, baseline))
                 add("bearing", result["bearing"]["stddev_deg"], np.degrees(angle))
         status = ", ".join(f"`{status}` {count}" for status, count in sorted(statuses.items()))
-        print(f"| {case} | {status} | {pair_of(*columns['position'], '')} | {pair_of(*columns['rotation'], '°')} "
-              f"| {pair_of(*columns['bearing'], '°')} |", flush=True)
+        print(
+            f"| {case} | {status} | {pair_of(*columns['position'], '')} | {pair_of(*columns['rotation'], '°')} "
+            f"| {pair_of(*columns['bearing'], '°')} |",
+            flush=True,
+        )
     print("\nReasons (of the first query each):\n")
     for (case, status), reason in reasons.items():
         print(f"- {case}, `{status}`: {reason}")
 
 
-def main():
+@command
+def main(arguments=None):
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("tables", nargs="*", choices=["quantiles", "cases", []], help="default: both")
-    parser.add_argument("--colmap", type=pathlib.Path, default=PROJECT_PATH / "build" / "bin" / "colmap")
-    arguments = parser.parse_args()
+    parser.add_argument("--colmap", type=pathlib.Path, default=find_colmap())
+    arguments = parser.parse_args(arguments)
     for table in arguments.tables or ["quantiles", "cases"]:
         {"quantiles": print_quantiles, "cases": print_cases}[table](arguments.colmap)
         print()
-
-
-if __name__ == "__main__":
-    main()

@@ -1,18 +1,25 @@
 """Datasets by name, from what their authors distribute to a scene: COLMAP model, COLMAP database, queries.
 
 Each module has `scene_names(data_path)`, `read_scene(data_path, name, options) -> SceneSource`, the text BY_HAND, which
-says where to get it, and, where an archive may simply be fetched, `archives(name) -> {URL: folder to unpack it in}`.
+says where to get it, and, if a program may fetch it, `archives(name) -> {URL: folder to unpack it in}`.
 `folder` and `scenes` hold what the others lead to: `folder` one COLMAP model with its database, `scenes` several.
 """
 
 import importlib
 import pathlib
 
-from datasets.scene_source import InputError, Options
-from scenes import Scene, find_scenes, load_scene
+from benchmarks.localization.datasets.scene_source import Options
+from benchmarks.localization.scenes import Scene, find_scenes, load_scene
+from colmap_lazyloc.errors import InputError
 
-MODULES = {"7scenes": "seven_scenes", "cambridge": "cambridge", "aachen": "aachen", "strecha": "strecha",
-           "kitti": "kitti", "demo": "demo"}
+MODULES = {
+    "7scenes": "seven_scenes",
+    "cambridge": "cambridge",
+    "aachen": "aachen",
+    "strecha": "strecha",
+    "kitti": "kitti",
+    "demo": "demo",
+}
 NAMES = ("scenes", "folder", *MODULES)
 
 
@@ -32,22 +39,23 @@ def scene_names(dataset: str, data_path: pathlib.Path) -> list[str]:
     return names
 
 
-def prepare_scene(dataset: str, data_path: pathlib.Path, name: str, options: Options, matching,
-                  path: pathlib.Path) -> Scene:
-    """`path` is where what has to be made is made; what is there from the same input is used again."""
+def prepare_scene(
+    dataset: str, data_path: pathlib.Path, name: str, options: Options, matching, path: pathlib.Path
+) -> Scene:
+    """Makes the scene's files in `path`, unless they are there from the same input."""
     if dataset == "scenes":
         return load_scene(data_path / name)
     if dataset == "folder":
-        from datasets.folder import prepare_folder
+        from benchmarks.localization.datasets.folder import prepare_folder
 
         return prepare_folder(data_path, path)
-    from datasets.builder import build_scene
+    from benchmarks.localization.datasets.builder import build_scene
 
     return build_scene(_module(dataset).read_scene(data_path, name, options), path, matching)
 
 
 def download_scenes(dataset: str, data_path: pathlib.Path, names: list[str] | None):
-    from datasets.download import download_archives
+    from benchmarks.localization.datasets.download import download_archives
 
     module = _module(dataset) if dataset in MODULES else None
     if not hasattr(module, "archives"):
@@ -61,4 +69,4 @@ def download_scenes(dataset: str, data_path: pathlib.Path, names: list[str] | No
 
 
 def _module(dataset: str):
-    return importlib.import_module(f"datasets.{MODULES[dataset]}")
+    return importlib.import_module(f"benchmarks.localization.datasets.{MODULES[dataset]}")

@@ -14,12 +14,16 @@ and, for the map, of the database images are hloc's, if its folder `pairs` has b
 
 import pathlib
 
-from datasets.formats import read_model, read_nvm, read_pairs, read_query_list
-from datasets.scene_source import InputError, Options, SceneSource, SourceImage, require
+from benchmarks.localization.datasets.formats import read_nvm, read_query_list, read_source_images
+from benchmarks.localization.datasets.scene_source import Options, SceneSource, SourceImage, require
+from colmap_lazyloc.errors import InputError
+from colmap_lazyloc.pairs import read_pairs
 
 V1_0, V1_1 = "aachen", "aachen_v1.1"
-BY_HAND = ("Aachen Day-Night is at https://data.ciirc.cvut.cz/public/projects/2020VisualLocalization/Aachen-Day-Night/ "
-           "(its terms are at https://www.visuallocalization.net/datasets/)")
+BY_HAND = (
+    "Aachen Day-Night is at https://data.ciirc.cvut.cz/public/projects/2020VisualLocalization/Aachen-Day-Night/ "
+    "(its terms are at https://www.visuallocalization.net/datasets/)"
+)
 
 
 def scene_names(data_path: pathlib.Path) -> list[str]:
@@ -33,8 +37,11 @@ def read_scene(data_path: pathlib.Path, name: str, options: Options) -> SceneSou
     query_paths = sorted((data_path / "queries").glob("*_time_queries_with_intrinsics.txt"))
     if not query_paths:
         raise InputError(f"{data_path / 'queries'} holds no *_time_queries_with_intrinsics.txt: {BY_HAND}")
-    queries = {query: SourceImage(camera, None) for path in query_paths
-               for query, camera in list(read_query_list(path).items())[:: options.image_step]}
+    queries = {
+        query: SourceImage(camera, None)
+        for path in query_paths
+        for query, camera in list(read_query_list(path).items())[:: options.image_step]
+    }
     pairs_paths = [data_path / "pairs" / name / f"pairs-{kind}.txt" for kind in ("query-netvlad50", "db-covis20")]
     pairs = tuple(pair for path in pairs_paths if path.exists() for pair in read_pairs(path))
     image_path = require(data_path / "images_upright", BY_HAND)
@@ -53,4 +60,4 @@ def _read_v1_0(models_path: pathlib.Path) -> dict[str, SourceImage]:
 
 
 def _read_v1_1(models_path: pathlib.Path) -> dict[str, SourceImage]:
-    return read_model(require(models_path / "aachen_v_1_1", BY_HAND))
+    return read_source_images(require(models_path / "aachen_v_1_1", BY_HAND))

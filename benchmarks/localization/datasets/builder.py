@@ -13,8 +13,11 @@ import numpy as np
 import pycolmap
 from scipy.spatial import cKDTree
 
-from datasets.scene_source import InputError, SceneSource
-from scenes import Scene, camera_text, load_scene
+from benchmarks.localization.datasets.scene_source import SceneSource
+from benchmarks.localization.scenes import Scene, load_scene
+from colmap_lazyloc.errors import InputError
+from colmap_lazyloc.model import Camera, Image, write_model
+from colmap_lazyloc.pycolmap_types import write_images
 
 MAX_NUM_EXHAUSTIVE_PAIRS = 50_000
 MAX_VIEWING_ANGLE_DEG = 60.0  # between neighbours among the database images
@@ -28,7 +31,7 @@ class MatchingOptions:
 
 
 def build_scene(source: SceneSource, path: pathlib.Path, options: MatchingOptions) -> Scene:
-    """The scene in `path`. A database that is there from the same input is used again."""
+    """Makes the scene in `path`. A database that is there from the same input is used again."""
     pairs = image_pairs(source, options)
     write_scene_files(source, path)
     link(source.image_path, path / "images")
@@ -36,8 +39,14 @@ def build_scene(source: SceneSource, path: pathlib.Path, options: MatchingOption
 
     contents = b"".join((path / name).read_bytes() for name in ("queries.txt", "pairs.txt"))
     contents += repr([(name, image.camera) for name, image in sorted(source.images.items())]).encode()
-    stamp = json.dumps({"sha256": hashlib.sha256(contents).hexdigest(), "images": str(source.image_path.resolve()),
-                        "max_num_features": options.max_num_features, "pycolmap": pycolmap.__version__})
+    stamp = json.dumps(
+        {
+            "sha256": hashlib.sha256(contents).hexdigest(),
+            "images": str(source.image_path.resolve()),
+            "max_num_features": options.max_num_features,
+            "pycolmap": pycolmap.__version__,
+        }
+    )
     stamp_path = path / "database.json"
     if not (stamp_path.exists() and stamp_path.read_text() == stamp):
         stamp_path.unlink(missing_ok=True)
@@ -48,28 +57,20 @@ def build_scene(source: SceneSource, path: pathlib.Path, options: MatchingOption
 
 
 def write_scene_files(source: SceneSource, path: pathlib.Path):
-    """model/ with all posed images, queries.txt (with intrinsics where there is no pose), protocol.json."""
-    (path / "model").mkdir(parents=True, exist_ok=True)
-    camera_ids = _camera_ids(source)
-    (path / "model" / "cameras.txt").write_text(
-        "".join(f"{camera_id} {camera_text(camera)}\n" for camera, camera_id in camera_ids.items()))
-    with (path / "model" / "images.txt").open("w") as file:
-        for image_id, (name, image) in enumerate(sorted(source.images.items()), 1):
-            if image.cam_from_world is not None:
-                pose = image.cam_from_world
-                values = " ".join(f"{value:.17g}" for value in [*pose.qvec(), *pose.translation])
-                file.write(f"{image_id} {values} {camera_ids[image.camera]} {name}\n\n")
-    (path / "model" / "points3D.txt").write_text("")
+    """Writes model/ with all posed images, queries.txt (with intrinsics if there is no pose), protocol.json."""
+    write_model(
+        path / "model", _cameras(source), [image for image in _images(source) if image.cam_from_world is not None]
+    )
     with (path / "queries.txt").open("w") as file:
         for name in source.query_names:
             image = source.images[name]
-            file.write(f"{name}\n" if image.cam_from_world is not None else f"{name} {camera_text(image.camera)}\n")
+            file.write(f"{name}\n" if image.cam_from_world is not None else f"{name} {image.camera.text()}\n")
     (path / "protocol.json").write_text(json.dumps({"leave_one_out": source.leave_one_out}) + "\n")
 
 
 def image_pairs(source: SceneSource, options: MatchingOptions) -> list[tuple[str, str]]:
-    """To be matched: queries with database images, as listed or all of them; database images among themselves, as
-    listed or the nearest ones.
+    """Returns the pairs to match: queries with database images (as listed, or all), and database images with each
+    other (as listed, or the nearest ones).
     """
     listed = options.pairs if options.pairs is not None else source.pairs
     database, queries = source.database_names, set(source.query_names)
@@ -78,11 +79,16 @@ def image_pairs(source: SceneSource, options: MatchingOptions) -> list[tuple[str
         if not any((name1 in queries) != (name2 in queries) for name1, name2 in pairs) and not source.leave_one_out:
             raise InputError(f"{source.name}: no pair of the list joins a query and a database image of the scene")
     else:
-        pairs = list(itertools.combinations(sorted(source.images), 2) if source.leave_one_out
-                     else itertools.product(source.query_names, database))
+        pairs = list(
+            itertools.combinations(sorted(source.images), 2)
+            if source.leave_one_out
+            else itertools.product(source.query_names, database)
+        )
         if len(pairs) > MAX_NUM_EXHAUSTIVE_PAIRS:
-            raise InputError(f"{source.name}: {len(pairs)} pairs are too many to match all; name a list of pairs with "
-                             "--pairs_path (hloc's form), or take fewer images with --image_step")
+            raise InputError(
+                f"{source.name}: {len(pairs)} pairs are too many to match all; name a list of pairs with "
+                "--pairs_path (hloc's form), or take fewer images with --image_step"
+            )
     if not source.leave_one_out and not any(name1 not in queries and name2 not in queries for name1, name2 in pairs):
         pairs += neighbours(source, database, options.num_database_neighbours)
     return sorted({tuple(sorted(pair)) for pair in pairs if pair[0] != pair[1]})
@@ -93,7 +99,7 @@ def neighbours(source: SceneSource, names: list[str], count: int) -> list[tuple[
     if count <= 0 or len(names) < 2:
         return []
     poses = [source.images[name].cam_from_world for name in names]
-    centres = np.array([pose.cam_in_world() for pose in poses])
+    centres = np.array([pose.cam_in_world for pose in poses])
     directions = np.array([pose.rotation[2] for pose in poses])
     # More than are needed, as some look elsewhere.
     _, idxs = cKDTree(centres).query(centres, min(len(names), 5 * count + 1))
@@ -110,10 +116,22 @@ def link(target: pathlib.Path, path: pathlib.Path):
     path.symlink_to(target.resolve())
 
 
-def _camera_ids(source: SceneSource) -> dict:
-    """Ids of the different cameras, in the order of the images' names."""
+def _camera_ids(source: SceneSource) -> dict[Camera, int]:
+    """Returns the ids of the different cameras, in the order of the images' names."""
     cameras = dict.fromkeys(image.camera for _, image in sorted(source.images.items()))
     return {camera: camera_id for camera_id, camera in enumerate(cameras, 1)}
+
+
+def _cameras(source: SceneSource) -> dict[int, Camera]:
+    return {camera_id: camera for camera, camera_id in _camera_ids(source).items()}
+
+
+def _images(source: SceneSource) -> list[Image]:
+    camera_ids = _camera_ids(source)
+    return [
+        Image(name, camera_ids[image.camera], image.cam_from_world, image_id)
+        for image_id, (name, image) in enumerate(sorted(source.images.items()), 1)
+    ]
 
 
 def _make_database(source: SceneSource, path: pathlib.Path, options: MatchingOptions):
@@ -121,36 +139,27 @@ def _make_database(source: SceneSource, path: pathlib.Path, options: MatchingOpt
     making_path, database_path = path / "database_making.db", path / "database.db"
     for old_path in (making_path, database_path):
         old_path.unlink(missing_ok=True)
-    _write_images(source, making_path)
+    with pycolmap.Database.open(making_path) as database:  # first, so that the extraction takes the intrinsics as given
+        write_images(database, _cameras(source), _images(source))
     extraction = pycolmap.FeatureExtractionOptions(use_gpu=False)
     extraction.sift.max_num_features = options.max_num_features
-    pycolmap.extract_features(making_path, path / "images", image_names=sorted(source.images),
-                              extraction_options=extraction, device=pycolmap.Device.cpu)
+    pycolmap.extract_features(
+        making_path,
+        path / "images",
+        image_names=sorted(source.images),
+        extraction_options=extraction,
+        device=pycolmap.Device.cpu,
+    )
     verification = pycolmap.TwoViewGeometryOptions(compute_relative_pose=True)
     verification.ransac.random_seed = 0
     pycolmap.match_image_pairs(
-        making_path, pycolmap.FeatureMatchingOptions(use_gpu=False),
-        pycolmap.ImportedPairingOptions(match_list_path=path / "pairs.txt"), verification, pycolmap.Device.cpu)
+        making_path,
+        pycolmap.FeatureMatchingOptions(use_gpu=False),
+        pycolmap.ImportedPairingOptions(match_list_path=path / "pairs.txt"),
+        verification,
+        pycolmap.Device.cpu,
+    )
     with pycolmap.Database.open(making_path) as database:
         if database.num_images() != len(source.images) or database.num_keypoints() == 0:
             raise InputError(f"{source.name}: features could not be extracted from the images in {source.image_path}")
     making_path.rename(database_path)
-
-
-def _write_images(source: SceneSource, path: pathlib.Path):
-    """Cameras and images, each a rig and a frame of its own, so that the extraction takes the intrinsics as given."""
-    camera_ids = _camera_ids(source)
-    with pycolmap.Database.open(path) as database:
-        for camera, camera_id in camera_ids.items():
-            colmap_camera = pycolmap.Camera(camera_id=camera_id, model=camera.model, width=camera.width,
-                                            height=camera.height, params=list(camera.params))
-            database.write_camera(colmap_camera, use_camera_id=True)
-            rig = pycolmap.Rig(rig_id=camera_id)
-            rig.add_ref_sensor(colmap_camera.sensor_id)
-            database.write_rig(rig, use_rig_id=True)
-        for image_id, (name, image) in enumerate(sorted(source.images.items()), 1):
-            colmap_image = pycolmap.Image(name=name, camera_id=camera_ids[image.camera], image_id=image_id)
-            database.write_image(colmap_image, use_image_id=True)
-            frame = pycolmap.Frame(frame_id=image_id, rig_id=camera_ids[image.camera])
-            frame.add_data_id(colmap_image.data_id)
-            database.write_frame(frame, use_frame_id=True)

@@ -13,18 +13,29 @@ With `--ground_truth sfm` poses, intrinsics and queries are those of the models 
 
 import pathlib
 
-from datasets.formats import image_size, lines_of, pose_of_centre, read_model, read_nvm
-from datasets.scene_source import InputError, Options, SceneSource, SourceImage, numbers, require
-from scenes import Camera
+from benchmarks.localization.datasets.formats import image_size, lines_of, pose_of_centre, read_nvm, read_source_images
+from benchmarks.localization.datasets.scene_source import Options, SceneSource, SourceImage, require
+from colmap_lazyloc.errors import InputError
+from colmap_lazyloc.model import Camera
+from colmap_lazyloc.text_files import parse_numbers
 
 SCENES = ("GreatCourt", "KingsCollege", "OldHospital", "ShopFacade", "StMarysChurch")
-IDS = {"KingsCollege": 251342, "OldHospital": 251340, "StMarysChurch": 251294, "ShopFacade": 251336,
-       "GreatCourt": 251291}
+IDS = {
+    "KingsCollege": 251342,
+    "OldHospital": 251340,
+    "StMarysChurch": 251294,
+    "ShopFacade": 251336,
+    "GreatCourt": 251291,
+}
 URL = "https://www.repository.cam.ac.uk/bitstream/handle/1810/{id}/{scene}.zip"
-BY_HAND = ("Cambridge Landmarks is at http://mi.eng.cam.ac.uk/projects/relocalisation/ (for non-commercial use); "
-           "unpack each scene's zip, or use --download")
-SFM_BY_HAND = ("get CambridgeLandmarks_Colmap_Retriangulated_1024px.zip as "
-               "https://github.com/cvg/Hierarchical-Localization/tree/master/hloc/pipelines/Cambridge says")
+BY_HAND = (
+    "Cambridge Landmarks is at http://mi.eng.cam.ac.uk/projects/relocalisation/ (for non-commercial use); "
+    "unpack each scene's zip, or use --download"
+)
+SFM_BY_HAND = (
+    "get CambridgeLandmarks_Colmap_Retriangulated_1024px.zip as "
+    "https://github.com/cvg/Hierarchical-Localization/tree/master/hloc/pipelines/Cambridge says"
+)
 SFM_FOLDER = "CambridgeLandmarks_Colmap_Retriangulated_1024px"
 
 
@@ -63,27 +74,31 @@ def _read_original(_, scene_path: pathlib.Path) -> tuple[dict, list[str]]:
 
 def _read_sfm(data_path: pathlib.Path, scene_path: pathlib.Path) -> tuple[dict, list[str]]:
     path = require(data_path / SFM_FOLDER / scene_path.name, SFM_BY_HAND)
-    images = {name: SourceImage(scaled(image.camera, *image_size(scene_path / name)), image.cam_from_world)
-              for name, image in read_model(require(path / "empty_all", SFM_BY_HAND)).items()}
+    images = {
+        name: SourceImage(scaled(image.camera, *image_size(scene_path / name)), image.cam_from_world)
+        for name, image in read_source_images(require(path / "empty_all", SFM_BY_HAND)).items()
+    }
     return images, lines_of(require(path / "list_query.txt", SFM_BY_HAND))
 
 
 def read_poses(path: pathlib.Path) -> dict:
-    """cam_from_world by name."""
+    """Reads cam_from_world by name."""
     poses = {}
     for line in path.read_text().splitlines()[3:]:
         if line.strip():
             name, values = line.split(maxsplit=1)
-            values = numbers(path, values, 7)
+            values = parse_numbers(path, values, 7)
             poses[name] = pose_of_centre(values[3:], values[:3])
     return poses
 
 
 def scaled(camera: Camera, width: int, height: int) -> Camera:
-    """For the same image in another size."""
+    """Returns the camera of the same image in another size."""
     if camera.model != "SIMPLE_RADIAL" or abs(width / camera.width - height / camera.height) > 0.01:
-        raise InputError(f"{SFM_FOLDER}: cannot scale a {camera.model} camera of {camera.width} x {camera.height} to "
-                         f"{width} x {height}")
+        raise InputError(
+            f"{SFM_FOLDER}: cannot scale a {camera.model} camera of {camera.width} x {camera.height} to "
+            f"{width} x {height}"
+        )
     f, cx, cy, k = camera.params
     x, y = width / camera.width, height / camera.height
     return Camera(camera.model, width, height, (f * x, cx * x, cy * y, k))

@@ -8,11 +8,11 @@ import urllib.error
 import urllib.request
 import zipfile
 
-from datasets.scene_source import InputError
+from colmap_lazyloc.errors import InputError
 
 
 def download_archives(archives: dict[str, str], data_path: pathlib.Path, by_hand: str):
-    """Each URL's zip is unpacked into its folder below `data_path`, and so are the zips within it, where they lie."""
+    """Unpacks each URL's zip into its folder below `data_path`, and then the zips within it."""
     for url, folder in archives.items():
         target = data_path / folder
         target.mkdir(parents=True, exist_ok=True)

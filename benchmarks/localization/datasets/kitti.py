@@ -12,20 +12,27 @@ import pathlib
 
 import numpy as np
 
-from datasets.formats import image_size, pose_of_matrix
-from datasets.scene_source import InputError, Options, SceneSource, SourceImage, numbers, require
-from geometry import Pose
-from scenes import Camera
+from benchmarks.localization.datasets.formats import image_size, pose_of_matrix
+from benchmarks.localization.datasets.scene_source import Options, SceneSource, SourceImage, require
+from colmap_lazyloc.errors import InputError
+from colmap_lazyloc.model import Camera
+from colmap_lazyloc.poses import Pose
+from colmap_lazyloc.text_files import parse_numbers
 
 DATABASE_STEP = 3
 MAX_FRAME_DISTANCE = 10
-BY_HAND = ("KITTI odometry is at https://www.cvlibs.net/datasets/kitti/eval_odometry.php (CC BY-NC-SA 3.0, by e-mail): "
-           "unpack grey images, calibration files and ground truth poses")
+BY_HAND = (
+    "KITTI odometry is at https://www.cvlibs.net/datasets/kitti/eval_odometry.php (CC BY-NC-SA 3.0, by e-mail): "
+    "unpack grey images, calibration files and ground truth poses"
+)
 
 
 def scene_names(data_path: pathlib.Path) -> list[str]:
-    return sorted(path.parent.name for path in (data_path / "sequences").glob("*/calib.txt")
-                  if (data_path / "poses" / f"{path.parent.name}.txt").exists())
+    return sorted(
+        path.parent.name
+        for path in (data_path / "sequences").glob("*/calib.txt")
+        if (data_path / "poses" / f"{path.parent.name}.txt").exists()
+    )
 
 
 def read_scene(data_path: pathlib.Path, name: str, options: Options) -> SceneSource:
@@ -44,26 +51,30 @@ def read_scene(data_path: pathlib.Path, name: str, options: Options) -> SceneSou
         for side in ("image_0", "image_1") if is_database else ("image_0",):
             image_name = f"{side}/{frame:06d}.png"
             camera, cam_from_left = cameras[side]
-            images[image_name] = SourceImage(camera, Pose(pose.rotation, pose.translation + cam_from_left))
+            images[image_name] = SourceImage(camera, Pose(pose.qvec, pose.tvec + cam_from_left))
             (database if is_database else queries)[image_name] = frame
-    pairs = tuple((query, other) for query, frame in queries.items() for other, other_frame in database.items()
-                  if abs(frame - other_frame) <= MAX_FRAME_DISTANCE)
+    pairs = tuple(
+        (query, other)
+        for query, frame in queries.items()
+        for other, other_frame in database.items()
+        if abs(frame - other_frame) <= MAX_FRAME_DISTANCE
+    )
     return SceneSource(name, sequence_path, images, tuple(queries), pairs)
 
 
 def read_poses(path: pathlib.Path) -> list[Pose]:
-    """cam_from_world of the left camera, frame by frame."""
+    """Reads cam_from_world of the left camera, frame by frame."""
     lines = (line for line in path.read_text().splitlines() if line.strip())
-    return [pose_of_matrix(np.array(numbers(path, line, 12)).reshape(3, 4)) for line in lines]
+    return [pose_of_matrix(np.array(parse_numbers(path, line, 12)).reshape(3, 4)) for line in lines]
 
 
 def read_calibration(path: pathlib.Path) -> dict[str, np.ndarray]:
-    """3x4 projection matrices of the two grey cameras, by the folder of their images."""
+    """Reads the 3x4 projection matrices of the two grey cameras, by the folder of their images."""
     projections = {}
     for line in path.read_text().splitlines():
         key, _, values = line.partition(":")
         if key in ("P0", "P1"):
-            projections[f"image_{key[1]}"] = np.array(numbers(path, values, 12)).reshape(3, 4)
+            projections[f"image_{key[1]}"] = np.array(parse_numbers(path, values, 12)).reshape(3, 4)
     if len(projections) != 2:
         raise InputError(f"{path}: expected the lines P0 and P1")
     return projections

@@ -1,21 +1,18 @@
-"""What a dataset's module gives: images with intrinsics and, where they are known, poses; who is a query."""
+"""What a dataset's module gives: images with intrinsics and known poses, and which of them are queries."""
 
 import dataclasses
 import pathlib
 
-from geometry import Pose
-from scenes import Camera
-
-
-class InputError(Exception):
-    """Something is wrong with the data or an option: one line for the user."""
+from colmap_lazyloc.errors import InputError
+from colmap_lazyloc.model import Camera
+from colmap_lazyloc.poses import Pose
 
 
 @dataclasses.dataclass(frozen=True)
 class Options:
     """What the command line says about a dataset; a module uses what applies to it."""
 
-    ground_truth: str = "original"  # or sfm, where a dataset has two
+    ground_truth: str = "original"  # or sfm, if a dataset has two
     focal_length_px: float | None = None  # instead of the dataset's
     image_step: int = 1  # every n-th image of each list or sequence
 
@@ -44,17 +41,7 @@ class SceneSource:
 
 
 def require(path: pathlib.Path, where_from: str) -> pathlib.Path:
-    """The path if it is there, else an error that says where to get it."""
+    """Returns the path if it exists; the error says where to get the file."""
     if not path.exists():
         raise InputError(f"{path} is missing: {where_from}")
     return path
-
-
-def numbers(path: pathlib.Path, text: str, count: int | None = None) -> list[float]:
-    try:
-        values = [float(word) for word in text.split()]
-    except ValueError:
-        raise InputError(f"{path}: expected numbers, found '{text.strip()[:60]}'") from None
-    if count is not None and len(values) != count:
-        raise InputError(f"{path}: expected {count} numbers, found {len(values)}")
-    return values

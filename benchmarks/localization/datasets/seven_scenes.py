@@ -19,14 +19,19 @@ import re
 
 import numpy as np
 
-from datasets.formats import lines_of, pose_of_matrix, read_model, read_pairs
-from datasets.scene_source import InputError, Options, SceneSource, SourceImage, numbers, require
-from scenes import Camera
+from benchmarks.localization.datasets.formats import lines_of, pose_of_matrix, read_source_images
+from benchmarks.localization.datasets.scene_source import Options, SceneSource, SourceImage, require
+from colmap_lazyloc.errors import InputError
+from colmap_lazyloc.model import Camera
+from colmap_lazyloc.pairs import read_pairs
+from colmap_lazyloc.text_files import parse_numbers
 
 SCENES = ("chess", "fire", "heads", "office", "pumpkin", "redkitchen", "stairs")
 URL = "https://download.microsoft.com/download/2/8/5/28564B23-0828-408F-8631-23B1EFF1DAC8/{scene}.zip"
-BY_HAND = ("7 Scenes is at https://www.microsoft.com/en-us/research/project/rgb-d-dataset-7-scenes/ (for "
-           "non-commercial use); unpack each scene's zip and the zips of its sequences into it, or use --download")
+BY_HAND = (
+    "7 Scenes is at https://www.microsoft.com/en-us/research/project/rgb-d-dataset-7-scenes/ (for "
+    "non-commercial use); unpack each scene's zip and the zips of its sequences into it, or use --download"
+)
 SFM_BY_HAND = "get the 7 Scenes models from https://github.com/tsattler/visloc_pseudo_gt_limitations"
 
 # Of the colour camera: 525 is the Kinect's nominal value, which the published localization figures were made with.
@@ -73,7 +78,7 @@ def _read_original(scene_path: pathlib.Path, focal_length_px: float) -> tuple[di
 
 
 def _read_sfm(path: pathlib.Path) -> tuple[dict, list[str]]:
-    images = read_model(require(path, SFM_BY_HAND))
+    images = read_source_images(require(path, SFM_BY_HAND))
     test_names = lines_of(require(path / "list_test.txt", SFM_BY_HAND))
     return images, [name for name in test_names if name in images]
 
@@ -91,7 +96,7 @@ def read_split(path: pathlib.Path) -> list[str]:
 
 def read_pose(path: pathlib.Path):
     require(path, BY_HAND)
-    return pose_of_matrix(np.array(numbers(path, path.read_text(), 16)).reshape(4, 4))
+    return pose_of_matrix(np.array(parse_numbers(path, path.read_text(), 16)).reshape(4, 4))
 
 
 def _frame_names(scene_path: pathlib.Path, sequence: str) -> list[str]:

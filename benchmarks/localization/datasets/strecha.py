@@ -10,12 +10,16 @@ import pathlib
 
 import numpy as np
 
-from datasets.formats import pose_of_matrix
-from datasets.scene_source import InputError, Options, SceneSource, SourceImage, numbers
-from scenes import Camera
+from benchmarks.localization.datasets.formats import pose_of_matrix
+from benchmarks.localization.datasets.scene_source import Options, SceneSource, SourceImage
+from colmap_lazyloc.errors import InputError
+from colmap_lazyloc.model import Camera
+from colmap_lazyloc.text_files import parse_numbers
 
-BY_HAND = ("the images and gt_dense_cameras of Strecha et al. 2008 are no longer at EPFL; put a copy into "
-           "SCENE/images and SCENE/gt_dense_cameras")
+BY_HAND = (
+    "the images and gt_dense_cameras of Strecha et al. 2008 are no longer at EPFL; put a copy into "
+    "SCENE/images and SCENE/gt_dense_cameras"
+)
 
 
 def scene_names(data_path: pathlib.Path) -> list[str]:
@@ -32,7 +36,7 @@ def read_scene(data_path: pathlib.Path, name: str, options: Options) -> SceneSou
 
 
 def read_camera(path: pathlib.Path) -> SourceImage:
-    values = np.array(numbers(path, path.read_text(), 26))
+    values = np.array(parse_numbers(path, path.read_text(), 26))
     k, world_from_cam_rotation, cam_in_world = values[:9].reshape(3, 3), values[12:21].reshape(3, 3), values[21:24]
     # Its first pixel's centre is (0, 0), COLMAP's is (0.5, 0.5).
     params = (k[0, 0], k[1, 1], k[0, 2] + 0.5, k[1, 2] + 0.5)

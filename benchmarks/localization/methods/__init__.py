@@ -1,10 +1,18 @@
-"""Methods by name: each is a module with `localize(scene, query_names, options) -> {query name: Result}`."""
+"""Methods by name: each is a module with `localize(scene, query_names, options) -> {query name: Result}`, or with
+`estimate_pose(scene, camera, matches, seed) -> Pose | None`, if it needs only a query's verified matches.
+"""
 
 import dataclasses
+import functools
 import importlib
 import pathlib
+import time
 
-from geometry import Pose
+import pycolmap
+
+from benchmarks.localization.matches import MatchDatabase
+from benchmarks.localization.scenes import Scene
+from colmap_lazyloc.poses import Pose
 
 METHODS = (
     "structure_based",
@@ -45,10 +53,27 @@ class MethodOptions:
 
 
 def load_method(name: str):
-    """The function `localize` of a method. A package that is not installed is a reason, not an error."""
+    """Returns the function `localize` of a method; NotApplicable if a package is not installed."""
     if name not in METHODS:
         raise ValueError(f"--methods: {name} is not one of {', '.join(METHODS)}")
     try:
-        return importlib.import_module(f"methods.{name}").localize
+        module = importlib.import_module(f"benchmarks.localization.methods.{name}")
     except ImportError as error:
         raise NotApplicable(f"needs a package: {error}") from error
+    if hasattr(module, "localize"):
+        return module.localize
+    return functools.partial(localize_by, module.estimate_pose)
+
+
+def localize_by(estimate_pose, scene: Scene, query_names: list[str], options: MethodOptions) -> dict[str, Result]:
+    """Localizes by the verified matches of each query. The seconds are those of `estimate_pose`, without reading."""
+    pycolmap.logging.minloglevel = pycolmap.logging.Level.WARNING.value
+    results = {}
+    with MatchDatabase(scene.database_path) as database:
+        for name in query_names:
+            matches = database.query_matches(scene, name, options.num_retrieved)
+            start = time.perf_counter()
+            pose = estimate_pose(scene, scene.camera(name), matches, options.seed)
+            seconds = time.perf_counter() - start
+            results[name] = Result(pose, seconds) if pose else Result.lost(seconds)
+    return results

@@ -1,5 +1,5 @@
 """COLMAP 4's structure-less registration: pycolmap's incremental mapping with the database images' frames fixed, one
-query at a time. The seconds are those of the whole call, reading the database included; all pairs, not K of them.
+query at a time. It takes all pairs, not K. The seconds are those of the whole call, reading included.
 """
 
 import pathlib
@@ -9,10 +9,10 @@ import time
 
 import pycolmap
 
-from colmap_files import build_model, copy_database
-from geometry import Pose
-from methods import MethodOptions, Result
-from scenes import Scene
+from benchmarks.localization.colmap_files import build_model, copy_database
+from benchmarks.localization.methods import MethodOptions, Result
+from benchmarks.localization.scenes import Scene
+from colmap_lazyloc.pycolmap_types import to_pose
 
 
 def localize(scene: Scene, query_names: list[str], options: MethodOptions) -> dict[str, Result]:
@@ -32,13 +32,14 @@ def _localize_one(scene: Scene, query_name: str, seed: int, work_path: pathlib.P
     build_model(scene, {name: image_ids[name] for name in database_names}).write(model_path)
 
     start = time.perf_counter()
-    models = pycolmap.incremental_mapping(database_path, scene.path / "images", output_path,
-                                          _mapping_options(seed), input_path=model_path)
+    models = pycolmap.incremental_mapping(
+        database_path, scene.path / "images", output_path, _mapping_options(seed), input_path=model_path
+    )
     seconds = time.perf_counter() - start
     for model in models.values():
         image = model.find_image_with_name(query_name)
         if image is not None and image.has_pose:
-            return Result(Pose.from_rigid3d(image.cam_from_world()), seconds)
+            return Result(to_pose(image.cam_from_world()), seconds)
     return Result.lost(seconds, "NOT_REGISTERED")
 
 

@@ -5,35 +5,31 @@ world; all verified matches of all pairs, RANSAC alone. The seconds leave out re
 import numpy as np
 import pycolmap
 
-from colmap_files import pycolmap_camera, pycolmap_rigid3d
-from geometry import Pose
-from matches import QueryMatches
-from methods import MethodOptions, Result
-from methods.match_based import localize_by
-from scenes import Camera, Scene
+from benchmarks.localization.matches import QueryMatches
+from benchmarks.localization.scenes import Scene
+from colmap_lazyloc.model import Camera
+from colmap_lazyloc.poses import Pose
+from colmap_lazyloc.pycolmap_types import to_pose, to_pycolmap_camera, to_rigid3d
 
 MAX_ERROR_PX = 4.0
 
 
-def localize(scene: Scene, query_names: list[str], options: MethodOptions) -> dict[str, Result]:
-    pycolmap.logging.minloglevel = pycolmap.logging.Level.WARNING.value
-    return localize_by(_generalized_relative_pose, scene, query_names, options)
-
-
-def _generalized_relative_pose(scene: Scene, camera: Camera, matches: QueryMatches, seed: int) -> Pose | None:
+def estimate_pose(scene: Scene, camera: Camera, matches: QueryMatches, seed: int) -> Pose | None:
     if not matches.pairs:
         return None
     # Camera 0 is the query, alone in its rig; the others are the database images.
     names = [pair.database_name for pair in matches.pairs]
-    cams_from_rig = [pycolmap.Rigid3d()] + [pycolmap_rigid3d(scene.pose(name)) for name in names]
-    cameras = [pycolmap_camera(camera)] + [pycolmap_camera(scene.camera(name)) for name in names]
+    cams_from_rig = [pycolmap.Rigid3d()] + [to_rigid3d(scene.pose(name)) for name in names]
+    cameras = [to_pycolmap_camera(camera)] + [to_pycolmap_camera(scene.camera(name)) for name in names]
     query_points = np.concatenate([matches.query_points[pair.query_idxs] for pair in matches.pairs])
     database_points = np.concatenate(
-        [matches.database_points[pair.database_name][pair.database_idxs] for pair in matches.pairs])
+        [matches.database_points[pair.database_name][pair.database_idxs] for pair in matches.pairs]
+    )
     camera_idxs = np.repeat(np.arange(1, len(cameras)), [len(pair.query_idxs) for pair in matches.pairs])
     options = pycolmap.RANSACOptions()
     options.max_error = MAX_ERROR_PX
     options.random_seed = seed
-    answer = pycolmap.estimate_generalized_relative_pose(query_points, database_points, [0] * len(query_points),
-                                                         camera_idxs.tolist(), cams_from_rig, cameras, options)
-    return Pose.from_rigid3d(answer["rig2_from_rig1"].inverse()) if answer else None
+    answer = pycolmap.estimate_generalized_relative_pose(
+        query_points, database_points, [0] * len(query_points), camera_idxs.tolist(), cams_from_rig, cameras, options
+    )
+    return to_pose(answer["rig2_from_rig1"].inverse()) if answer else None

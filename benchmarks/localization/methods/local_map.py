@@ -1,6 +1,6 @@
-"""Against a 3D map made for each query: COLMAP triangulates the verified matches among the query's K database images with
-their poses fixed, and the rest is as against a map of the whole scene. The seconds are those of the map, reading the K
-images' part of the database included, and of the pose.
+"""Against a 3D map made for each query: COLMAP triangulates the verified matches among the query's K database images
+with their poses fixed, and the rest is as against a map of the whole scene. The seconds are those of the map, reading
+the K images' part of the database included, and of the pose.
 """
 
 import pathlib
@@ -9,11 +9,16 @@ import time
 
 import pycolmap
 
-from colmap_files import copy_database
-from matches import MatchDatabase, QueryMatches
-from methods import MethodOptions, Result
-from methods.structure_based import absolute_pose, match_to_map, points3d_of_keypoints, triangulate_map
-from scenes import Scene
+from benchmarks.localization.colmap_files import copy_database
+from benchmarks.localization.matches import MatchDatabase, QueryMatches
+from benchmarks.localization.methods import MethodOptions, Result
+from benchmarks.localization.methods.structure_based import (
+    absolute_pose,
+    match_to_map,
+    points3d_of_keypoints,
+    triangulate_map,
+)
+from benchmarks.localization.scenes import Scene
 
 
 def localize(scene: Scene, query_names: list[str], options: MethodOptions) -> dict[str, Result]:

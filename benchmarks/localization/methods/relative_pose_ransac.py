@@ -1,8 +1,8 @@
-"""RANSAC over pairs of relative poses, Zhou et al., To Learn or Not to Learn: Visual Localization from Essential Matrices,
-ICRA 2020: two database images and their relative poses give the query's position, as the point nearest to the two
-lines, and a rotation each; the hypothesis that most database images agree with wins and is made again of them. With K
-pairs there are K (K - 1) hypotheses, all of which are tried. The relative poses are pycolmap's calibrated two-view
-geometry. The seconds leave out reading alone.
+"""RANSAC over pairs of relative poses (Zhou et al., To Learn or Not to Learn: Visual Localization from Essential
+Matrices, ICRA 2020). Two database images and their relative poses give the query's position, as the point nearest to
+the two lines, and a rotation each. The hypothesis with which most database images agree wins and is computed again from
+these. All K (K - 1) hypotheses of K pairs are tried. The relative poses are pycolmap's calibrated two-view geometry.
+The seconds are all but reading.
 """
 
 import itertools
@@ -11,23 +11,17 @@ import numpy as np
 import pycolmap
 from scipy.spatial.transform import Rotation
 
-from colmap_files import pycolmap_camera
-from geometry import Pose
-from matches import QueryMatches
-from methods import MethodOptions, Result
-from methods.match_based import localize_by
-from scenes import Camera, Scene
+from benchmarks.localization.matches import QueryMatches
+from benchmarks.localization.scenes import Scene
+from colmap_lazyloc.model import Camera
+from colmap_lazyloc.poses import Pose
+from colmap_lazyloc.pycolmap_types import to_pycolmap_camera
 
 MAX_DIRECTION_ERROR_DEG = 5.0  # of a database image that agrees
 MIN_SINE_OF_LINES = 1e-3  # of two lines that meet
 
 
-def localize(scene: Scene, query_names: list[str], options: MethodOptions) -> dict[str, Result]:
-    pycolmap.logging.minloglevel = pycolmap.logging.Level.WARNING.value
-    return localize_by(_ransac_pose, scene, query_names, options)
-
-
-def _ransac_pose(scene: Scene, camera: Camera, matches: QueryMatches, seed: int) -> Pose | None:
+def estimate_pose(scene: Scene, camera: Camera, matches: QueryMatches, seed: int) -> Pose | None:
     rotations, centres, directions = [], [], []
     for pair in matches.pairs:
         query_from_database = _relative_pose(scene, camera, matches, pair, seed)
@@ -36,7 +30,7 @@ def _ransac_pose(scene: Scene, camera: Camera, matches: QueryMatches, seed: int)
         database_pose = scene.pose(pair.database_name)
         rotation = query_from_database.rotation.matrix() @ database_pose.rotation
         rotations.append(rotation)
-        centres.append(database_pose.cam_in_world())
+        centres.append(database_pose.cam_in_world)
         direction = -rotation.T @ query_from_database.translation  # from the database image to the query, in the world
         directions.append(direction / np.linalg.norm(direction))
     if len(rotations) < 2:
@@ -50,9 +44,13 @@ def _relative_pose(scene, camera, matches, pair, seed):
     options.ransac.random_seed = seed
     points = np.arange(len(pair.query_idxs), dtype=np.uint32)
     geometry = pycolmap.estimate_calibrated_two_view_geometry(
-        pycolmap_camera(scene.camera(pair.database_name)),
-        matches.database_points[pair.database_name][pair.database_idxs], pycolmap_camera(camera),
-        matches.query_points[pair.query_idxs], np.stack([points, points], axis=1), options)
+        to_pycolmap_camera(scene.camera(pair.database_name)),
+        matches.database_points[pair.database_name][pair.database_idxs],
+        to_pycolmap_camera(camera),
+        matches.query_points[pair.query_idxs],
+        np.stack([points, points], axis=1),
+        options,
+    )
     query_from_database = geometry.cam2_from_cam1
     if query_from_database is None or not np.linalg.norm(query_from_database.translation) > 0:
         return None
@@ -60,8 +58,11 @@ def _relative_pose(scene, camera, matches, pair, seed):
 
 
 def best_pose(rotations: np.ndarray, centres: np.ndarray, directions: np.ndarray) -> Pose | None:
-    """rotations: n x 3 x 3, of the query as each database image has it; centres and directions: n x 3, where the query
-    lies from it. Most images that agree win, then the smallest sum of their angles."""
+    """Returns the pose with which most database images agree, and among these the smallest sum of their angles.
+
+    rotations: n x 3 x 3, the query's by each database image; centres: n x 3, of the database images; directions: n x 3,
+    from these to the query, in the world.
+    """
     best = (0, 0.0), None
     for i, j in itertools.permutations(range(len(rotations)), 2):
         if np.linalg.norm(np.cross(directions[i], directions[j])) < MIN_SINE_OF_LINES:
@@ -74,12 +75,12 @@ def best_pose(rotations: np.ndarray, centres: np.ndarray, directions: np.ndarray
         return None
     agrees = best[1]
     rotation = Rotation.from_matrix(rotations[agrees]).mean().as_matrix()
-    return Pose(rotation, -rotation @ _nearest_point(centres[agrees], directions[agrees]))
+    return Pose.from_centre(rotation, _nearest_point(centres[agrees], directions[agrees]))
 
 
 def _agreement(rotation, centre, rotations, centres, directions):
-    """Which database images see the query in the right direction, measured in the query's frame as its rotation and
-    theirs have it."""
+    """Returns which database images see the query in the right direction, measured in the query's frame by its rotation
+    and theirs."""
     seen = centre - centres
     seen = (seen / np.linalg.norm(seen, axis=1, keepdims=True)) @ rotation.T
     stated = np.einsum("nij,nj->ni", rotations, directions)
@@ -89,6 +90,6 @@ def _agreement(rotation, centre, rotations, centres, directions):
 
 
 def _nearest_point(centres, directions) -> np.ndarray:
-    """To the lines, in the least squares sense."""
+    """Returns the point nearest to the lines, in the least-squares sense."""
     across = np.eye(3) - directions[:, :, None] * directions[:, None, :]
     return np.linalg.lstsq(across.sum(axis=0), np.einsum("nij,nj->i", across, centres), rcond=None)[0]

@@ -9,11 +9,12 @@ import time
 import numpy as np
 import pycolmap
 
-from colmap_files import build_model, copy_database, pycolmap_camera
-from geometry import Pose
-from matches import MatchDatabase, QueryMatches
-from methods import MethodOptions, Result
-from scenes import Camera, Scene
+from benchmarks.localization.colmap_files import build_model, copy_database
+from benchmarks.localization.matches import MatchDatabase, QueryMatches
+from benchmarks.localization.methods import MethodOptions, Result
+from benchmarks.localization.scenes import Camera, Scene
+from colmap_lazyloc.poses import Pose
+from colmap_lazyloc.pycolmap_types import to_pose, to_pycolmap_camera
 
 MAX_ERROR_PX = 8.0
 
@@ -35,7 +36,7 @@ def localize(scene: Scene, query_names: list[str], options: MethodOptions) -> di
 
 
 def match_to_map(matches: QueryMatches, points3d_of_keypoints: dict) -> tuple[np.ndarray, np.ndarray]:
-    """2D-3D matches, each once: query keypoint - database keypoint that sees a point."""
+    """Returns the 2D-3D matches, each once: n x 2 query keypoints in pixels, n x 3 points of the map."""
     links = {}
     for pair in matches.pairs:
         point_ids, points = points3d_of_keypoints[pair.database_name]
@@ -52,8 +53,8 @@ def absolute_pose(points2d: np.ndarray, points3d: np.ndarray, camera: Camera, se
     options = pycolmap.AbsolutePoseEstimationOptions()
     options.ransac.max_error = MAX_ERROR_PX
     options.ransac.random_seed = seed
-    answer = pycolmap.estimate_and_refine_absolute_pose(points2d, points3d, pycolmap_camera(camera), options)
-    return Pose.from_rigid3d(answer["cam_from_world"]) if answer else None
+    answer = pycolmap.estimate_and_refine_absolute_pose(points2d, points3d, to_pycolmap_camera(camera), options)
+    return to_pose(answer["cam_from_world"]) if answer else None
 
 
 class _MapStore:
@@ -86,19 +87,21 @@ class _MapStore:
         database_path.unlink()
 
 
-def triangulate_map(scene: Scene, database_path: pathlib.Path, image_ids: dict[str, int], seed: int,
-                    output_path: pathlib.Path) -> pycolmap.Reconstruction:
-    """The images' verified matches, triangulated with their poses fixed."""
+def triangulate_map(
+    scene: Scene, database_path: pathlib.Path, image_ids: dict[str, int], seed: int, output_path: pathlib.Path
+) -> pycolmap.Reconstruction:
+    """Triangulates the images' verified matches with their poses fixed."""
     options = pycolmap.IncrementalPipelineOptions()
     options.extract_colors = False
     options.num_threads = 1
     options.random_seed = seed
-    return pycolmap.triangulate_points(build_model(scene, image_ids), database_path, scene.path / "images",
-                                       output_path, options=options)
+    return pycolmap.triangulate_points(
+        build_model(scene, image_ids), database_path, scene.path / "images", output_path, options=options
+    )
 
 
 def points3d_of_keypoints(model: pycolmap.Reconstruction) -> dict:
-    """Per image: the point id (or -1) and the point of each keypoint."""
+    """Returns by image name the point id (or -1) and the point of each keypoint."""
     points3d = {}
     for image in model.images.values():
         point_ids = np.full(len(image.points2D), -1, dtype=np.int64)

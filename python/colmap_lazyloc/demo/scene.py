@@ -1,5 +1,6 @@
-#!/usr/bin/env python3
 """Renders the demo scene: photos of a courtyard with exactly known poses and intrinsics.
+
+    python -m colmap_lazyloc.demo --output_path DEMO
 
 Writes below --output_path:
   images/database/*.jpg, images/query/*.jpg   the photos
@@ -7,7 +8,7 @@ Writes below --output_path:
   queries_with_intrinsics.txt                 `name MODEL width height params...`
   ground_truth/poses.txt                      `name qw qx qy qz tx ty tz` of the queries, cam_from_world
   scene.json                                  parameters and size of the scene; written last
-The same parameters give the same files; nothing is done where scene.json says that it has been done.
+The same parameters give the same files; a scene that scene.json calls complete is left alone.
 """
 
 import argparse
@@ -19,11 +20,13 @@ import sys
 
 import cv2
 import numpy as np
-import pycolmap
 from scipy.spatial.transform import Rotation
 
-import scene_textures as textures
-from scene_renderer import RayGrid, Rectangle, render
+from colmap_lazyloc.demo import textures
+from colmap_lazyloc.demo.renderer import RayGrid, Rectangle, render
+from colmap_lazyloc.errors import command
+from colmap_lazyloc.model import Camera, Image, write_model
+from colmap_lazyloc.poses import Pose, look_at, write_poses
 
 # The courtyard in metres: x east, y north, z up, the origin on the ground in the middle.
 SIZE = np.array([16.0, 12.0, 6.0])
@@ -31,9 +34,8 @@ SUN = np.array([0.45, -0.55, 0.70])
 WALK_CENTRE, WALK_RADII = np.array([0.0, -0.6]), np.array([5.6, 3.3])
 CLEARANCE = 0.9  # of a camera from the things that stand in the courtyard
 
-DATABASE_CAMERA = dict(model="OPENCV", width=800, height=600,
-                       params=[641.3, 643.1, 404.6, 296.2, -0.118, 0.041, 0.0011, -0.0007])
-QUERY_CAMERA = dict(model="RADIAL", width=840, height=560, params=[583.7, 415.2, 284.9, -0.083, 0.021])
+DATABASE_CAMERA = Camera("OPENCV", 800, 600, (641.3, 643.1, 404.6, 296.2, -0.118, 0.041, 0.0011, -0.0007))
+QUERY_CAMERA = Camera("RADIAL", 840, 560, (583.7, 415.2, 284.9, -0.083, 0.021))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -60,7 +62,7 @@ class Box:
         yield _paint(rng, corner, right, down, self.texture, texels_per_m, self.colour)
 
     def distance(self, position: np.ndarray) -> float:
-        """From the outline of its base, on the ground plan."""
+        """Returns the distance from the outline of the base, on the ground plan."""
         offset = Rotation.from_euler("z", -self.yaw_deg, degrees=True).apply([*(position[:2] - self.centre[:2]), 0])
         return float(np.linalg.norm(np.maximum(np.abs(offset[:2]) - np.array(self.size[:2]) / 2, 0)))
 
@@ -81,21 +83,12 @@ BOXES = (
 @dataclasses.dataclass(frozen=True)
 class View:
     name: str
-    camera: pycolmap.Camera
-    rotation: np.ndarray  # cam_from_world
-    translation: np.ndarray
-
-    def pose_text(self) -> str:
-        qvec = np.roll(Rotation.from_matrix(self.rotation).as_quat(canonical=True), 1)
-        return numbers_text([*qvec, *self.translation])
-
-
-def numbers_text(numbers) -> str:
-    return " ".join(f"{number:.17g}" for number in numbers)
+    camera: Camera
+    pose: Pose
 
 
 def _paint(rng, corner, right, down, texture, texels_per_m, colour) -> Rectangle:
-    """A rectangle with its texture, as bright as the sun makes its side."""
+    """Makes a rectangle with its texture, as bright as the sun makes its side."""
     size = np.linalg.norm(right), np.linalg.norm(down)
     outward = np.cross(down, right) / (size[0] * size[1])
     light = 0.62 + 0.45 * max(0.0, float(outward @ SUN) / np.linalg.norm(SUN))
@@ -113,12 +106,28 @@ def build_scene(seed: int, texels_per_m: float = 220) -> list:
         ((-x, -y), (0, SIZE[1]), 0.8 * top, (135, 165, 165)),
     )
     rectangles = [
-        _paint(rng, np.array([*corner, height]), np.array([*right, 0.0]), np.array([0.0, 0.0, -height]),
-               textures.facade, texels_per_m, colour)
+        _paint(
+            rng,
+            np.array([*corner, height]),
+            np.array([*right, 0.0]),
+            np.array([0.0, 0.0, -height]),
+            textures.facade,
+            texels_per_m,
+            colour,
+        )
         for corner, right, height, colour in walls
     ]
-    rectangles.append(_paint(rng, np.array([-x, y, 0.0]), np.array([SIZE[0], 0.0, 0.0]), np.array([0.0, -SIZE[1], 0.0]),
-                             textures.paving, texels_per_m, (145, 150, 155)))
+    rectangles.append(
+        _paint(
+            rng,
+            np.array([-x, y, 0.0]),
+            np.array([SIZE[0], 0.0, 0.0]),
+            np.array([0.0, -SIZE[1], 0.0]),
+            textures.paving,
+            texels_per_m,
+            (145, 150, 155),
+        )
+    )
     for box in BOXES:
         rectangles.extend(box.rectangles(rng, texels_per_m))
     return rectangles
@@ -129,18 +138,13 @@ def sky(directions: np.ndarray) -> np.ndarray:
     return (np.array([225, 215, 205]) * (1 - elevation) + np.array([215, 165, 110]) * elevation).astype(np.float32)
 
 
-def look_at(position: np.ndarray, target: np.ndarray, roll_deg: float):
-    """cam_from_world rotation and translation; the camera frame is x right, y down, z forward."""
-    forward = (target - position) / np.linalg.norm(target - position)
-    right = np.cross(forward, [0, 0, 1])
-    right /= np.linalg.norm(right)
-    upright = np.stack([right, np.cross(forward, right), forward])
-    rotation = Rotation.from_euler("z", roll_deg, degrees=True).as_matrix() @ upright
-    return rotation, -rotation @ position
+def upright_pose(cam_in_world: np.ndarray, target: np.ndarray, roll_deg: float) -> Pose:
+    """Returns the pose of a camera that looks at a target and is turned by `roll_deg` from upright."""
+    return Pose.from_centre(look_at(cam_in_world, target, (0, 0, -1), roll_deg), cam_in_world)
 
 
-def _random_view(rng, angle: float, radius_ratio, heights, turn_deg: float, roll_deg: float):
-    """A pose near the point of the walk at `angle`, facing the courtyard's far side; clear of everything in it."""
+def _random_pose(rng, angle: float, radius_ratio, heights, turn_deg: float, roll_deg: float) -> Pose:
+    """Draws a pose near the point of the walk at `angle`, facing the courtyard's far side, clear of all things."""
     while True:
         radius = rng.uniform(*radius_ratio)
         ground = WALK_CENTRE + radius * WALK_RADII * [np.cos(angle), np.sin(angle)] + rng.normal(0, 0.15, 2)
@@ -150,36 +154,34 @@ def _random_view(rng, angle: float, radius_ratio, heights, turn_deg: float, roll
     heading = angle + np.pi + np.radians(rng.uniform(-turn_deg, turn_deg))
     target = position + 7 * np.array([np.cos(heading), np.sin(heading), 0])
     target[2] = rng.uniform(0.9, 2.7)
-    return look_at(position, target, rng.normal(0, roll_deg))
+    return upright_pose(position, target, rng.normal(0, roll_deg))
 
 
 def database_views(seed: int, count: int) -> list:
-    """A walk round the courtyard with the camera now at the chest, now at the eye, now held high."""
+    """Makes a walk round the courtyard with the camera now at the chest, now at the eye, now held high."""
     rng = np.random.default_rng([seed, 1])
-    camera = pycolmap.Camera(camera_id=1, **DATABASE_CAMERA)
     heights = ((1.1, 1.25), (1.6, 1.75), (2.3, 2.5))
     views = []
     for index in range(count):
         angle = 2 * np.pi * index / count
-        pose = _random_view(rng, angle, (0.95, 1.05), heights[index % 3], turn_deg=40, roll_deg=1.5)
-        views.append(View(f"database/{index:03}.jpg", camera, *pose))
+        pose = _random_pose(rng, angle, (0.95, 1.05), heights[index % 3], turn_deg=40, roll_deg=1.5)
+        views.append(View(f"database/{index:03}.jpg", DATABASE_CAMERA, pose))
     return views
 
 
 def query_views(seed: int, count: int) -> list:
-    """Photos from beside, above and below the walk, tilted more."""
+    """Makes photos from beside, above and below the walk, tilted more."""
     rng = np.random.default_rng([seed, 2])
-    camera = pycolmap.Camera(camera_id=2, **QUERY_CAMERA)
     views = []
     for index in range(count):
         angle = rng.uniform(0, 2 * np.pi)
-        pose = _random_view(rng, angle, (0.65, 1.15), (0.8, 3.3), turn_deg=55, roll_deg=5)
-        views.append(View(f"query/{index:02}.jpg", camera, *pose))
+        pose = _random_pose(rng, angle, (0.65, 1.15), (0.8, 3.3), turn_deg=55, roll_deg=5)
+        views.append(View(f"query/{index:02}.jpg", QUERY_CAMERA, pose))
     return views
 
 
 def photograph(picture: np.ndarray, rng) -> np.ndarray:
-    """The picture as a camera takes it: slight blur, an exposure and white balance of its own, sensor noise."""
+    """Takes the picture as a camera does: slight blur, an exposure and white balance of its own, sensor noise."""
     blurred = cv2.GaussianBlur(picture, (0, 0), rng.uniform(0.4, 0.8))
     exposure = np.exp(rng.normal(0, 0.13)) * np.exp(rng.normal(0, 0.03, 3))
     noise = rng.uniform(1.5, 3.5) * rng.standard_normal(picture.shape, np.float32)
@@ -192,50 +194,43 @@ def write_images(folder: pathlib.Path, rectangles: list, views: list, seed: int,
         stale.unlink()
     rays = RayGrid(views[0].camera)
     for index, view in enumerate(views):
-        picture = render(rectangles, rays, view.rotation, view.translation, sky)
+        picture = render(rectangles, rays, view.pose, sky)
         photo = photograph(picture, np.random.default_rng([seed, stream, index]))
         path = folder / pathlib.Path(view.name).name
         if not cv2.imwrite(str(path), photo, [cv2.IMWRITE_JPEG_QUALITY, 95]):
             raise OSError(f"{path}: cannot be written")
 
 
-def write_model(folder: pathlib.Path, views: list) -> None:
-    folder.mkdir(parents=True, exist_ok=True)
-    camera = views[0].camera
-    (folder / "cameras.txt").write_text("# CAMERA_ID MODEL WIDTH HEIGHT PARAMS[]\n"
-                                        f"{camera.camera_id} {camera_text(camera)}\n")
-    lines = ["# IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME, and an empty line of points\n"]
-    lines += [f"{image_id} {view.pose_text()} {camera.camera_id} {view.name}\n\n"
-              for image_id, view in enumerate(views, start=1)]
-    (folder / "images.txt").write_text("".join(lines))
-    (folder / "points3D.txt").write_text("# no points: the method needs none\n")
-
-
-def camera_text(camera: pycolmap.Camera) -> str:
-    return f"{camera.model.name} {camera.width} {camera.height} {numbers_text(camera.params)}"
+def write_database_model(folder: pathlib.Path, views: list) -> None:
+    """Writes a COLMAP text model of views with one camera."""
+    images = [Image(view.name, 1, view.pose, image_id) for image_id, view in enumerate(views, start=1)]
+    write_model(folder, {1: views[0].camera}, images)
 
 
 def write_queries(output: pathlib.Path, views: list) -> None:
     (output / "queries_with_intrinsics.txt").write_text(
-        "".join(f"{view.name} {camera_text(view.camera)}\n" for view in views))
-    (output / "ground_truth").mkdir(exist_ok=True)
-    (output / "ground_truth" / "poses.txt").write_text(
-        "# name qw qx qy qz tx ty tz, cam_from_world\n"
-        + "".join(f"{view.name} {view.pose_text()}\n" for view in views))
+        "".join(f"{view.name} {view.camera.text()}\n" for view in views)
+    )
+    write_poses(output / "ground_truth" / "poses.txt", {view.name: view.pose for view in views})
 
 
 def code_hash() -> str:
     code = hashlib.sha256()
-    for name in ("make_demo_scene.py", "scene_renderer.py", "scene_textures.py"):
+    for name in ("scene.py", "renderer.py", "textures.py"):
         code.update(pathlib.Path(__file__).with_name(name).read_bytes())
     return code.hexdigest()
 
 
 def make_scene(output: pathlib.Path, seed: int, num_database_images: int, num_query_images: int) -> bool:
-    """False where the scene was there already."""
-    description = dict(size_m=SIZE.tolist(), diagonal_m=float(np.linalg.norm(SIZE)), seed=seed,
-                       num_database_images=num_database_images, num_query_images=num_query_images,
-                       code_sha256=code_hash())
+    """Renders the scene; returns False if it was there already."""
+    description = {
+        "size_m": SIZE.tolist(),
+        "diagonal_m": float(np.linalg.norm(SIZE)),
+        "seed": seed,
+        "num_database_images": num_database_images,
+        "num_query_images": num_query_images,
+        "code_sha256": code_hash(),
+    }
     scene_path = output / "scene.json"
     if scene_path.exists() and scene_path.read_text() == _as_json(description):
         return False
@@ -246,7 +241,7 @@ def make_scene(output: pathlib.Path, seed: int, num_database_images: int, num_qu
     database, queries = database_views(seed, num_database_images), query_views(seed, num_query_images)
     write_images(output / "images" / "database", rectangles, database, seed, stream=3)
     write_images(output / "images" / "query", rectangles, queries, seed, stream=4)
-    write_model(output / "database_model", database)
+    write_database_model(output / "database_model", database)
     write_queries(output, queries)
     scene_path.write_text(_as_json(description))
     return True
@@ -265,20 +260,12 @@ def _at_least(minimum: int):
     return integer
 
 
-def main(arguments=None) -> int:
+@command
+def main(arguments=None):
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--output_path", type=pathlib.Path, required=True)
     parser.add_argument("--seed", type=_at_least(0), default=0)
     parser.add_argument("--num_database_images", type=_at_least(1), default=40)
     parser.add_argument("--num_query_images", type=_at_least(1), default=10)
     options = parser.parse_args(arguments)
-    try:
-        make_scene(options.output_path, options.seed, options.num_database_images, options.num_query_images)
-    except OSError as error:
-        print(f"make_demo_scene.py: {error}", file=sys.stderr)
-        return 1
-    return 0
-
-
-if __name__ == "__main__":
-    sys.exit(main())
+    make_scene(options.output_path, options.seed, options.num_database_images, options.num_query_images)

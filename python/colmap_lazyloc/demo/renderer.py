@@ -10,6 +10,10 @@ import functools
 import cv2
 import numpy as np
 
+from colmap_lazyloc.model import Camera
+from colmap_lazyloc.poses import Pose
+from colmap_lazyloc.pycolmap_types import to_pycolmap_camera
+
 NEAR = 0.05  # smallest depth that is rendered, in metres
 PYRAMID_LEVELS = 8
 
@@ -24,7 +28,7 @@ class Rectangle:
     texture: np.ndarray  # height x width x 3, uint8
 
     def point(self, column: float, row: float) -> np.ndarray:
-        """The point in the world of a texture position; (0.5, 0.5) is the centre of the first texel."""
+        """Returns the world point of a texture position; (0.5, 0.5) is the centre of the first texel."""
         height, width = self.texture.shape[:2]
         return self.corner + self.right * (column / width) + self.down * (row / height)
 
@@ -40,7 +44,8 @@ class Rectangle:
 class RayGrid:
     """The rays (x, y, 1) of a camera's pixels, supersampling x supersampling of them in each pixel."""
 
-    def __init__(self, camera, supersampling: int = 2):
+    def __init__(self, camera: Camera, supersampling: int = 2):
+        camera = to_pycolmap_camera(camera)
         self.supersampling = supersampling
         # COLMAP's convention: the image spans [0, width] x [0, height], pixel centres are at halves.
         columns = (np.arange(camera.width * supersampling) + 0.5) / supersampling
@@ -53,7 +58,7 @@ class RayGrid:
         self._y_range = self.y.min(axis=1), self.y.max(axis=1)
 
     def window(self, polygon: np.ndarray):
-        """Slices of the rows and columns with all rays inside the polygon's bounding box; None if there are none."""
+        """Returns slices of the rows and columns that hold all rays inside the polygon's bounding box, or None."""
         slices = []
         for (low, high), values in ((self._y_range, polygon[:, 1]), (self._x_range, polygon[:, 0])):
             inside = np.flatnonzero((high >= values.min()) & (low <= values.max()))
@@ -64,7 +69,7 @@ class RayGrid:
 
 
 def _project_polygon(corners: np.ndarray) -> np.ndarray:
-    """The part of a polygon (n x 3, camera frame) beyond the near plane, as n x 2 normalized image points."""
+    """Returns the part of a polygon (n x 3, camera frame) beyond the near plane, as n x 2 normalized image points."""
     kept = []
     for start, end in zip(corners, np.roll(corners, -1, axis=0)):
         if start[2] >= NEAR:
@@ -76,20 +81,21 @@ def _project_polygon(corners: np.ndarray) -> np.ndarray:
 
 
 def _look_up(texture: np.ndarray, u: np.ndarray, v: np.ndarray) -> np.ndarray:
-    """Bilinear look-up at positions u, v in [0, 1] of the texture."""
+    """Looks positions u, v in [0, 1] of the texture up, bilinearly."""
     row_length = 4096  # cv2.remap wants a picture, and none with more than 32767 columns
     count = -(-u.size // row_length) * row_length
     columns, rows = np.zeros(count, np.float32), np.zeros(count, np.float32)
     height, width = texture.shape[:2]
     columns[: u.size], rows[: u.size] = u * width - 0.5, v * height - 0.5
     shape = (-1, row_length)
-    found = cv2.remap(texture, columns.reshape(shape), rows.reshape(shape), cv2.INTER_LINEAR,
-                      borderMode=cv2.BORDER_REPLICATE)
+    found = cv2.remap(
+        texture, columns.reshape(shape), rows.reshape(shape), cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
+    )
     return found.reshape(-1, 3)[: u.size]
 
 
 def _shade(rectangle: Rectangle, u: np.ndarray, v: np.ndarray, footprint: np.ndarray) -> np.ndarray:
-    """Colours at u, v, from the two pyramid levels whose texels match the rays' footprint (in square texels) best."""
+    """Returns colours at u, v from the two pyramid levels that fit the rays' footprint (in square texels) best."""
     pyramid = rectangle.pyramid
     level = np.clip(0.5 * np.log2(footprint), 0, len(pyramid) - 1)
     colour = np.zeros((u.size, 3), np.float32)
@@ -101,11 +107,12 @@ def _shade(rectangle: Rectangle, u: np.ndarray, v: np.ndarray, footprint: np.nda
     return colour
 
 
-def render(rectangles: list, rays: RayGrid, rotation: np.ndarray, translation: np.ndarray, sky) -> np.ndarray:
-    """The picture (height x width x 3, float32) from x_cam = rotation x_world + translation.
+def render(rectangles: list, rays: RayGrid, pose: Pose, sky) -> np.ndarray:
+    """Renders the picture (height x width x 3, float32) of a camera.
 
     sky: gives the colours of n x 3 directions in the world, for rays that meet no rectangle.
     """
+    rotation, translation = pose.rotation, pose.tvec
     nearest = np.zeros(rays.x.shape, np.float32)  # inverse depth
     owner = np.full(rays.x.shape, -1, np.int32)
     u, v = np.zeros_like(nearest), np.zeros_like(nearest)

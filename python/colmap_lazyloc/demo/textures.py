@@ -3,13 +3,18 @@
 import cv2
 import numpy as np
 
-FONTS = (cv2.FONT_HERSHEY_SIMPLEX, cv2.FONT_HERSHEY_DUPLEX, cv2.FONT_HERSHEY_COMPLEX, cv2.FONT_HERSHEY_TRIPLEX,
-         cv2.FONT_HERSHEY_SCRIPT_COMPLEX)
+FONTS = (
+    cv2.FONT_HERSHEY_SIMPLEX,
+    cv2.FONT_HERSHEY_DUPLEX,
+    cv2.FONT_HERSHEY_COMPLEX,
+    cv2.FONT_HERSHEY_TRIPLEX,
+    cv2.FONT_HERSHEY_SCRIPT_COMPLEX,
+)
 LETTERS = np.array(list("ABCDEFGHJKLMNPRSTUVWXYZ0123456789&?!"))
 
 
 def multi_scale_noise(rng, shape, coarsest: int, finest: int = 2, stretch=(1, 1)) -> np.ndarray:
-    """Noise of unit variance with detail at every power of two from `finest` to `coarsest` texels."""
+    """Makes noise of unit variance with detail at every power of two from `finest` to `coarsest` texels."""
     height, width = shape
     noise = np.zeros(shape, np.float32)
     size = finest
@@ -21,13 +26,13 @@ def multi_scale_noise(rng, shape, coarsest: int, finest: int = 2, stretch=(1, 1)
 
 
 def _colour(rng, low: int = 20, high: int = 235) -> tuple:
-    """A random colour, paled half-way towards its grey."""
+    """Draws a random colour, paled half-way towards its grey."""
     colour = rng.integers(low, high, 3)
     return tuple(int(value) for value in (colour + colour.mean()) / 2)
 
 
 def _tint(rng, colour, spread: float) -> tuple:
-    """The colour, brighter or darker, and a little off in hue."""
+    """Makes the colour brighter or darker, and a little off in hue."""
     tinted = np.array(colour) * np.exp(rng.normal(0, spread)) + rng.normal(0, 6, 3)
     return tuple(int(value) for value in np.clip(tinted, 8, 245))
 
@@ -38,7 +43,7 @@ def _weather(rng, picture: np.ndarray, strength: float, stretch=(1, 1)) -> np.nd
 
 
 def _draw_text(rng, picture: np.ndarray, box, colour) -> None:
-    """One line of random letters that fills the box (x, y, width, height)."""
+    """Writes one line of random letters that fills the box (x, y, width, height)."""
     x, y, width, height = box
     text = "".join(rng.choice(LETTERS, rng.integers(3, 9)))
     font, thickness = FONTS[rng.integers(len(FONTS))], max(1, int(height * rng.uniform(0.06, 0.16)))
@@ -55,7 +60,7 @@ def _draw_polygon(rng, picture: np.ndarray, centre, radius: float, colour) -> No
 
 
 def draw_notice(rng, picture: np.ndarray, box) -> None:
-    """A framed poster: shapes and lines of text."""
+    """Draws a framed poster: shapes and lines of text."""
     x, y, width, height = (int(value) for value in box)
     view = picture[y : y + height, x : x + width]
     height, width = view.shape[:2]
@@ -75,7 +80,7 @@ def draw_notice(rng, picture: np.ndarray, box) -> None:
 
 
 def draw_window(rng, picture: np.ndarray, box) -> None:
-    """A dark window with a frame, bars at uneven places, curtains or reflections, and a sill."""
+    """Draws a dark window with a frame, bars at uneven places, curtains or reflections, and a sill."""
     x, y, width, height = (int(value) for value in box)
     frame, bar = _colour(rng, 60, 240), max(2, int(width * rng.uniform(0.03, 0.07)))
     cv2.rectangle(picture, (x, y), (x + width, y + height), _tint(rng, (70, 55, 45), 0.3), -1)
@@ -88,12 +93,17 @@ def draw_window(rng, picture: np.ndarray, box) -> None:
         cv2.line(picture, (column, y), (column, y + height), frame, bar)
         cv2.line(picture, (x, row), (x + width, row), frame, bar)
     cv2.rectangle(picture, (x, y), (x + width, y + height), frame, 2 * bar)
-    cv2.rectangle(picture, (x - 2 * bar, y + height + bar), (x + width + 2 * bar, y + height + 4 * bar),
-                  _tint(rng, (150, 150, 150), 0.2), -1)
+    cv2.rectangle(
+        picture,
+        (x - 2 * bar, y + height + bar),
+        (x + width + 2 * bar, y + height + 4 * bar),
+        _tint(rng, (150, 150, 150), 0.2),
+        -1,
+    )
 
 
 def _lay_stones(rng, shape, stone_size, colour, joint: int, spread: float) -> np.ndarray:
-    """Courses of stones, each of its own height, width, outline and tint."""
+    """Lays courses of stones, each of its own height, width, outline and tint."""
     height, width = shape
     picture = np.empty((height, width, 3), np.uint8)
     picture[:] = _tint(rng, [0.55 * value for value in colour], 0.1)
@@ -113,8 +123,8 @@ def _lay_stones(rng, shape, stone_size, colour, joint: int, spread: float) -> np
 
 
 def facade(rng, size_m, texels_per_m: float, colour) -> np.ndarray:
-    """A house front of irregular stones with windows, notices, lettering and stains."""
-    width, height = (int(round(length * texels_per_m)) for length in size_m)
+    """Paints a house front of irregular stones with windows, notices, lettering and stains."""
+    width, height = (round(length * texels_per_m) for length in size_m)
     m = texels_per_m
     picture = _lay_stones(rng, (height, width), 0.3 * m, colour, max(1, int(0.012 * m)), 0.16)
     for _ in range(int(size_m[0] * size_m[1] / 3)):  # repaired plaster
@@ -141,8 +151,8 @@ def facade(rng, size_m, texels_per_m: float, colour) -> np.ndarray:
 
 
 def paving(rng, size_m, texels_per_m: float, colour) -> np.ndarray:
-    """Slabs with painted marks, leaves and dirt."""
-    width, height = (int(round(length * texels_per_m)) for length in size_m)
+    """Paints slabs with painted marks, leaves and dirt."""
+    width, height = (round(length * texels_per_m) for length in size_m)
     picture = _lay_stones(rng, (height, width), 0.55 * texels_per_m, colour, max(1, int(0.015 * texels_per_m)), 0.13)
     for _ in range(int(4 * size_m[0] * size_m[1])):
         radius = rng.uniform(0.03, 0.12) * texels_per_m
@@ -155,8 +165,8 @@ def paving(rng, size_m, texels_per_m: float, colour) -> np.ndarray:
 
 
 def planks(rng, size_m, texels_per_m: float, colour) -> np.ndarray:
-    """The side of a crate: boards with grain and nails, stencilled words and labels."""
-    width, height = (max(8, int(round(length * texels_per_m))) for length in size_m)
+    """Paints the side of a crate: boards with grain and nails, stencilled words and labels."""
+    width, height = (max(8, round(length * texels_per_m)) for length in size_m)
     picture = np.zeros((height, width, 3), np.uint8)
     y = 0
     while y < height:
@@ -177,8 +187,8 @@ def planks(rng, size_m, texels_per_m: float, colour) -> np.ndarray:
 
 
 def stone(rng, size_m, texels_per_m: float, colour) -> np.ndarray:
-    """Rough stone of a pillar, with a few notices pasted on it."""
-    width, height = (max(8, int(round(length * texels_per_m))) for length in size_m)
+    """Paints rough stone of a pillar, with a few notices pasted on it."""
+    width, height = (max(8, round(length * texels_per_m)) for length in size_m)
     picture = _lay_stones(rng, (height, width), 0.35 * texels_per_m, colour, max(1, int(0.01 * texels_per_m)), 0.18)
     for _ in range(int(2 * size_m[0] * size_m[1]) + 1):
         notice = rng.uniform(0.4, 0.9) * width, rng.uniform(0.4, 1.0) * min(width, height)

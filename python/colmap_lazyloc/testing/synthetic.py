@@ -2,22 +2,20 @@
 
 Poses are cam_from_world; pixels are COLMAP's (the upper-left pixel's centre is 0.5, 0.5)."""
 
-from __future__ import annotations
-
 import copy
 import dataclasses
 import pathlib
 import sqlite3
-import struct
-import subprocess
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-SIMPLE_PINHOLE, PINHOLE, SIMPLE_RADIAL = 0, 1, 2
-MODEL_NAMES = {SIMPLE_PINHOLE: "SIMPLE_PINHOLE", PINHOLE: "PINHOLE", SIMPLE_RADIAL: "SIMPLE_RADIAL"}
+from colmap_lazyloc import model
+from colmap_lazyloc.database import pair_id
+from colmap_lazyloc.poses import Pose, look_at
+from colmap_lazyloc.program import run_colmap
+
 CALIBRATED, PANORAMIC = 2, 5  # configurations of a two-view geometry
-MAX_NUM_IMAGES = 2147483647  # COLMAP's; the base of pair ids
 
 # Scenes
 
@@ -25,68 +23,31 @@ MAX_NUM_IMAGES = 2147483647  # COLMAP's; the base of pair ids
 @dataclasses.dataclass
 class Camera:
     camera_id: int
-    model_id: int
+    model: str
     width: int
     height: int
     params: list[float]
     has_prior_focal_length: bool = True
 
     def image_from_cam(self, points_in_cam):
-        """Pixels of points in front of the camera."""
+        """Returns the pixels, n x 2, of n x 3 points in front of the camera."""
         xy = points_in_cam[:, :2] / points_in_cam[:, 2:]
-        if self.model_id == SIMPLE_RADIAL:
+        if self.model == "SIMPLE_RADIAL":
             xy = xy * (1 + self.params[3] * np.sum(xy**2, axis=1, keepdims=True))
-        focal = self.params[:2] if self.model_id == PINHOLE else self.params[:1]
-        centre = self.params[2:4] if self.model_id == PINHOLE else self.params[1:3]
+        focal = self.params[:2] if self.model == "PINHOLE" else self.params[:1]
+        centre = self.params[2:4] if self.model == "PINHOLE" else self.params[1:3]
         return xy * focal + centre
 
     def is_in_front(self, points_in_cam):
         return points_in_cam[:, 2] > 0.1
 
-    def hloc_words(self):
-        return " ".join([MODEL_NAMES[self.model_id], str(self.width), str(self.height), *map(repr, self.params)])
+    def intrinsics(self):
+        return model.Camera(self.model, self.width, self.height, tuple(self.params))
 
 
-@dataclasses.dataclass
-class Pose:
-    """cam_from_world; qvec is scalar first, and kept as it is, normalised or not."""
-
-    qvec: np.ndarray
-    tvec: np.ndarray
-
-    @staticmethod
-    def looking_at(cam_in_world, target, roll_deg=0.0):
-        z = np.asarray(target, float) - cam_in_world
-        z /= np.linalg.norm(z)
-        x = np.cross([0, 1, 0], z)
-        x /= np.linalg.norm(x)
-        cam_from_world = Rotation.from_matrix([x, np.cross(z, x), z])
-        return Pose.make(Rotation.from_euler("z", roll_deg, degrees=True) * cam_from_world, cam_in_world)
-
-    @staticmethod
-    def make(rotation, cam_in_world):
-        x, y, z, w = rotation.as_quat()
-        return Pose(np.array([w, x, y, z]), -rotation.apply(cam_in_world))
-
-    @property
-    def rotation(self):
-        w, x, y, z = self.qvec
-        return Rotation.from_quat([x, y, z, w])
-
-    @property
-    def cam_in_world(self):
-        return -self.rotation.inv().apply(self.tvec)
-
-    def __call__(self, points):
-        return self.rotation.apply(points) + self.tvec
-
-    def bits(self):
-        return struct.pack("<7d", *self.qvec, *self.tvec)
-
-    def errors(self, other):
-        """Distance of the centres, and angle between the rotations in degrees."""
-        angle = (self.rotation * other.rotation.inv()).magnitude()
-        return np.linalg.norm(self.cam_in_world - other.cam_in_world), np.degrees(angle)
+def looking_at(cam_in_world, target, roll_deg=0.0):
+    """Returns the pose of a camera in a world whose y axis points down."""
+    return Pose.from_centre(look_at(cam_in_world, target, (0, 1, 0), roll_deg), cam_in_world)
 
 
 @dataclasses.dataclass
@@ -114,10 +75,11 @@ class Pair:
         return np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]]) @ self.rotation.as_matrix()
 
     def inverted(self):
-        """As COLMAP stores it where the second image has the smaller id."""
+        """Returns the pair as COLMAP stores it if the second image has the smaller id."""
         inverse = self.rotation.inv()
-        return Pair(self.matches[:, ::-1], self.inlier_matches[:, ::-1], inverse, -inverse.apply(self.direction),
-                    self.config)
+        return Pair(
+            self.matches[:, ::-1], self.inlier_matches[:, ::-1], inverse, -inverse.apply(self.direction), self.config
+        )
 
 
 @dataclasses.dataclass
@@ -135,34 +97,56 @@ class Scene:
         return copy.deepcopy(self)
 
     def with_image_ids(self, ids):
-        """The same images under other ids, name by name in the order of the images."""
+        """Returns a copy in which the images have other ids, given in the order of the images."""
         renumbered = self.copy()
         for image, image_id in zip(renumbered.images.values(), ids, strict=True):
             image.image_id = int(image_id)
         return renumbered
 
 
+def split_tracks(scene):
+    """Leaves each point of a query to one database image, in turn, so that no track is seen by two."""
+    places = {name: place for place, name in enumerate(scene.database_names)}
+    for (name1, _), pair in scene.pairs.items():
+        points = scene.images[name1].point_of_keypoint[pair.inlier_matches[:, 0]]
+        pair.inlier_matches = pair.matches = pair.inlier_matches[points % len(places) == places[name1]]
+
+
 def arc(num, radius=6.0, height=1.0, phase=0.0):
-    """Centres of projection on a waving arc of 80 degrees about the origin."""
+    """Returns projection centres, n x 3, on a waving arc of 80 degrees about the origin."""
     angles = np.radians(np.linspace(-40, 40, num) + phase)
     return np.stack([radius * np.sin(angles), height * np.sin(5 * angles), -radius * np.cos(angles)], axis=1)
 
 
-def make_scene(database_centres, query_centres, noise_px=0.0, outlier_ratio=0.0, num_points=240, visible_ratio=0.7,
-               seed=0, database_pairs=False, is_planar=False):
-    """Cameras that look at points in a cube of 3 units about the origin, or in an inclined square of it. Each query is matched with each database
-    image, with database_pairs everything with everything; outliers are among the raw matches only."""
+def make_scene(
+    database_centres,
+    query_centres,
+    noise_px=0.0,
+    outlier_ratio=0.0,
+    num_points=240,
+    visible_ratio=0.7,
+    seed=0,
+    database_pairs=False,
+    is_planar=False,
+):
+    """Makes cameras that look at points in a cube of 3 units about the origin, or in an inclined square of it.
+
+    Each query is matched with each database image, with database_pairs everything with everything; only the raw matches
+    have outliers.
+    """
     rng = np.random.default_rng(seed)
     points = rng.uniform(-1.5, 1.5, (num_points, 3))
     if is_planar:
         points[:, 2] = 0.4 * points[:, 0] + 0.2 * points[:, 1]
-    cameras = {1: Camera(1, SIMPLE_RADIAL, 640, 480, [520.0, 320.0, 240.0, -0.05]),
-               2: Camera(2, PINHOLE, 600, 500, [480.0, 490.0, 301.5, 248.5])}
+    cameras = {
+        1: Camera(1, "SIMPLE_RADIAL", 640, 480, [520.0, 320.0, 240.0, -0.05]),
+        2: Camera(2, "PINHOLE", 600, 500, [480.0, 490.0, 301.5, 248.5]),
+    }
     scene = Scene(cameras, {}, {}, [])
     for is_query, centres in ((False, database_centres), (True, query_centres)):
         for i, centre in enumerate(centres):
             name = f"query/{i:03d}.jpg" if is_query else f"database/{i:03d}.jpg"
-            pose = Pose.looking_at(np.asarray(centre, float), rng.uniform(-0.3, 0.3, 3), rng.uniform(-8, 8))
+            pose = looking_at(np.asarray(centre, float), rng.uniform(-0.3, 0.3, 3), rng.uniform(-8, 8))
             camera_id = 2 if is_query else 1
             keypoints, owners = observe(cameras[camera_id], pose, points, noise_px, visible_ratio, rng)
             scene.images[name] = Image(name, len(scene.images) + 1, camera_id, pose, keypoints, owners)
@@ -170,7 +154,7 @@ def make_scene(database_centres, query_centres, noise_px=0.0, outlier_ratio=0.0,
                 scene.query_names.append(name)
     names = list(scene.images)
     for i, name1 in enumerate(names):
-        for name2 in names[i + 1:]:
+        for name2 in names[i + 1 :]:
             if database_pairs or (name1 not in scene.query_names and name2 in scene.query_names):
                 scene.pairs[name1, name2] = match(scene.images[name1], scene.images[name2], outlier_ratio, rng)
     return scene
@@ -191,14 +175,16 @@ def observe(camera, pose, points, noise_px, visible_ratio, rng):
 
 def match(image1, image2, outlier_ratio, rng):
     keypoint2 = {int(point): j for j, point in enumerate(image2.point_of_keypoint) if point >= 0}
-    inliers = [(i, keypoint2[int(point)]) for i, point in enumerate(image1.point_of_keypoint)
-               if int(point) in keypoint2]
+    inliers = [
+        (i, keypoint2[int(point)]) for i, point in enumerate(image1.point_of_keypoint) if int(point) in keypoint2
+    ]
     inliers = np.array(inliers, dtype=np.uint32).reshape(-1, 2)
     num_outliers = int(outlier_ratio * len(inliers))
-    outliers = np.stack([rng.choice(len(image.keypoints), num_outliers, replace=False) for image in (image1, image2)],
-                        axis=1).astype(np.uint32)
+    outliers = np.stack(
+        [rng.choice(len(image.keypoints), num_outliers, replace=False) for image in (image1, image2)], axis=1
+    ).astype(np.uint32)
     matches = rng.permutation(np.concatenate([inliers, outliers]), axis=0)
-    rotation = image2.pose.rotation * image1.pose.rotation.inv()
+    rotation = Rotation.from_matrix(image2.pose.rotation @ image1.pose.rotation.T)
     translation = image2.pose.tvec - rotation.apply(image1.pose.tvec)
     length = np.linalg.norm(translation)
     if length < 1e-9:
@@ -224,8 +210,7 @@ CREATE TABLE matches (pair_id INTEGER PRIMARY KEY NOT NULL, rows INTEGER NOT NUL
 CREATE TABLE two_view_geometries (pair_id INTEGER PRIMARY KEY NOT NULL, rows INTEGER NOT NULL,
     cols INTEGER NOT NULL, data BLOB, config INTEGER NOT NULL, F BLOB, E BLOB, H BLOB {poses});
 """
-_PRIORS = ("prior_qw REAL, prior_qx REAL, prior_qy REAL, prior_qz REAL, "
-           "prior_tx REAL, prior_ty REAL, prior_tz REAL,")
+_PRIORS = "prior_qw REAL, prior_qx REAL, prior_qy REAL, prior_qz REAL, prior_tx REAL, prior_ty REAL, prior_tz REAL,"
 _POSES = ", qvec BLOB, tvec BLOB"
 _POSE_PRIORS = """
 CREATE TABLE pose_priors (image_id INTEGER PRIMARY KEY NOT NULL, position BLOB, coordinate_system INTEGER NOT NULL,
@@ -238,12 +223,8 @@ SCHEMAS = {
 }
 
 
-def pair_id(image_id1, image_id2):
-    return min(image_id1, image_id2) * MAX_NUM_IMAGES + max(image_id1, image_id2)
-
-
 def write_database(path, scene, schema="3.10", geometry="pose"):
-    """geometry: what two_view_geometries holds: "pose", "essential" (no pose), or None for raw matches only."""
+    """Writes a database. geometry: "pose", "essential" (a matrix but no pose), or None for raw matches only."""
     connection = sqlite3.connect(path)
     connection.executescript(SCHEMAS[schema])
     insert_scene(connection, scene, geometry)
@@ -252,8 +233,8 @@ def write_database(path, scene, schema="3.10", geometry="pose"):
 
 
 def write_built_colmap_database(path, scene, colmap, geometry="pose"):
-    """Created by the program under test, with its COLMAP's schema."""
-    subprocess.run([colmap, "database_creator", "--database_path", path], check=True, capture_output=True)
+    """Writes a database that the program under test creates, with its COLMAP's schema."""
+    run_colmap(colmap, "database_creator", "--database_path", path)
     connection = sqlite3.connect(path)
     insert_scene(connection, scene, geometry)
     connection.close()
@@ -261,22 +242,42 @@ def write_built_colmap_database(path, scene, colmap, geometry="pose"):
 
 
 def insert_scene(connection, scene, geometry="pose"):
-    """Into the tables of any 3.x schema; columns that it lacks are left out."""
+    """Fills the tables of any 3.x schema; leaves out columns that it lacks."""
     for camera in scene.cameras.values():
         params = np.array(camera.params, "<f8").tobytes()
-        insert(connection, "cameras", camera_id=camera.camera_id, model=camera.model_id, width=camera.width,
-               height=camera.height, params=params, prior_focal_length=int(camera.has_prior_focal_length))
+        insert(
+            connection,
+            "cameras",
+            camera_id=camera.camera_id,
+            model=model.CAMERA_MODEL_IDS[camera.model],
+            width=camera.width,
+            height=camera.height,
+            params=params,
+            prior_focal_length=int(camera.has_prior_focal_length),
+        )
     for image in scene.images.values():
         insert(connection, "images", image_id=image.image_id, name=image.name, camera_id=image.camera_id)
-        insert(connection, "keypoints", image_id=image.image_id, rows=len(image.keypoints),
-               cols=image.keypoints.shape[1], data=image.keypoints.astype("<f4").tobytes())
+        insert(
+            connection,
+            "keypoints",
+            image_id=image.image_id,
+            rows=len(image.keypoints),
+            cols=image.keypoints.shape[1],
+            data=image.keypoints.astype("<f4").tobytes(),
+        )
     for (name1, name2), pair in scene.pairs.items():
         id1, id2 = scene.images[name1].image_id, scene.images[name2].image_id
         stored = pair if id1 < id2 else pair.inverted()
         insert(connection, "matches", pair_id=pair_id(id1, id2), **_matches_columns(stored.matches))
         if geometry is not None:
-            insert(connection, "two_view_geometries", pair_id=pair_id(id1, id2), config=stored.config,
-                   **_matches_columns(stored.inlier_matches), **_geometry_columns(stored, geometry))
+            insert(
+                connection,
+                "two_view_geometries",
+                pair_id=pair_id(id1, id2),
+                config=stored.config,
+                **_matches_columns(stored.inlier_matches),
+                **_geometry_columns(stored, geometry),
+            )
     connection.commit()
 
 
@@ -285,11 +286,16 @@ def _matches_columns(matches):
 
 
 def _geometry_columns(pair, geometry):
-    """3.x writes zeros for a matrix that it does not have, and the identity for a pose."""
+    """Returns a geometry as COLMAP 3 stores it: zeros for a missing matrix, the identity for a missing pose."""
     x, y, z, w = pair.rotation.as_quat() if geometry == "pose" else [0, 0, 0, 1]
     tvec = pair.direction if geometry == "pose" else np.zeros(3)
-    columns = {"F": np.zeros(9), "E": pair.essential_matrix().ravel(), "H": np.zeros(9), "qvec": np.array([w, x, y, z]),
-               "tvec": tvec}
+    columns = {
+        "F": np.zeros(9),
+        "E": pair.essential_matrix().ravel(),
+        "H": np.zeros(9),
+        "qvec": np.array([w, x, y, z]),
+        "tvec": tvec,
+    }
     return {name: numbers.astype("<f8").tobytes() for name, numbers in columns.items()}
 
 
@@ -301,23 +307,18 @@ def insert(connection, table, **values):
 
 
 def write_pycolmap_database(path, scene, geometry="pose"):
-    """By pycolmap 4.x's own class: its schema, a rig for each camera and a frame for each image included."""
+    """Writes a database by pycolmap 4: its schema, a rig for each camera, a frame for each image."""
     import pycolmap  # it takes a second, which the other tests need not wait for
 
+    from colmap_lazyloc.pycolmap_types import write_images
+
     with pycolmap.Database.open(str(path)) as database:
-        for camera in scene.cameras.values():
-            written = pycolmap.Camera(camera_id=camera.camera_id, model=MODEL_NAMES[camera.model_id],
-                                      width=camera.width, height=camera.height, params=camera.params)
-            database.write_camera(written, use_camera_id=True)
-            rig = pycolmap.Rig(rig_id=camera.camera_id)
-            rig.add_ref_sensor(written.sensor_id)
-            database.write_rig(rig, use_rig_id=True)
+        write_images(
+            database,
+            {camera.camera_id: camera.intrinsics() for camera in scene.cameras.values()},
+            stored_images(scene, scene.images),
+        )
         for image in scene.images.values():
-            written = pycolmap.Image(name=image.name, camera_id=image.camera_id, image_id=image.image_id)
-            database.write_image(written, use_image_id=True)
-            frame = pycolmap.Frame(frame_id=image.image_id, rig_id=image.camera_id)
-            frame.add_data_id(written.data_id)
-            database.write_frame(frame, use_frame_id=True)
             database.write_keypoints(image.image_id, image.keypoints)
         for (name1, name2), pair in scene.pairs.items():
             id1, id2 = scene.images[name1].image_id, scene.images[name2].image_id
@@ -342,60 +343,15 @@ def _pycolmap_geometry(pair, geometry):
 # Models
 
 
+def stored_images(scene, names):
+    return [
+        model.Image(image.name, image.camera_id, image.pose, image.image_id)
+        for image in (scene.images[name] for name in names)
+    ]
+
+
 def write_model(path, scene, names=None, binary=True):
-    """A COLMAP model of cameras and poses, without points. names: of the images in it; default: the database's."""
-    path = pathlib.Path(path)
-    path.mkdir(parents=True, exist_ok=True)
-    images = [scene.images[name] for name in (scene.database_names if names is None else names)]
-    cameras = [scene.cameras[camera_id] for camera_id in sorted({image.camera_id for image in images} or scene.cameras)]
-    if binary:
-        (path / "cameras.bin").write_bytes(struct.pack("<Q", len(cameras)) + b"".join(map(_camera_bytes, cameras)))
-        (path / "images.bin").write_bytes(struct.pack("<Q", len(images)) + b"".join(map(_image_bytes, images)))
-        (path / "points3D.bin").write_bytes(struct.pack("<Q", 0))
-        return path
-    (path / "cameras.txt").write_text("# Camera list\n" + "".join(
-        f"{camera.camera_id} {camera.hloc_words()}\n" for camera in cameras))
-    (path / "images.txt").write_text("# Image list\n" + "".join(map(_image_lines, images)), encoding="utf-8")
-    (path / "points3D.txt").write_text("# Points\n")
-    return path
-
-
-def _camera_bytes(camera):
-    return struct.pack(f"<IiQQ{len(camera.params)}d", camera.camera_id, camera.model_id, camera.width, camera.height,
-                       *camera.params)
-
-
-def _image_bytes(image):
-    return (struct.pack("<I", image.image_id) + image.pose.bits() + struct.pack("<I", image.camera_id) +
-            image.name.encode() + b"\0" + struct.pack("<Q", 0))
-
-
-def _image_lines(image):
-    numbers = " ".join(repr(float(number)) for number in [*image.pose.qvec, *image.pose.tvec])
-    return f"{image.image_id} {numbers} {image.camera_id} {image.name}\n\n"
-
-
-@dataclasses.dataclass
-class StoredImage:
-    image_id: int
-    camera_id: int
-    pose: Pose
-    points2d: list[tuple[float, float, int]]
-
-
-def read_images_binary(path):
-    """The images of a model by name, every bit as it is in the file."""
-    data = pathlib.Path(path).read_bytes()
-    (num_images,), offset = struct.unpack_from("<Q", data), 8
-    images = {}
-    for _ in range(num_images):
-        image_id, *numbers, camera_id = struct.unpack_from("<I7dI", data, offset)
-        offset += struct.calcsize("<I7dI")
-        end = data.index(b"\0", offset)
-        name, offset = data[offset:end].decode(), end + 1
-        (num_points,) = struct.unpack_from("<Q", data, offset)
-        points = list(struct.iter_unpack("<ddq", data[offset + 8:offset + 8 + 24 * num_points]))
-        offset += 8 + 24 * num_points
-        images[name] = StoredImage(image_id, camera_id, Pose(np.array(numbers[:4]), np.array(numbers[4:])), points)
-    assert offset == len(data), "images.bin holds more than its images"
-    return images
+    """Writes a COLMAP model without points. names: of the images in it; default: the database's."""
+    cameras = {camera.camera_id: camera.intrinsics() for camera in scene.cameras.values()}
+    images = stored_images(scene, scene.database_names if names is None else names)
+    return model.write_model(path, cameras, images, binary)

@@ -1,10 +1,11 @@
-#!/usr/bin/env python3
 """Makes a COLMAP 3 database one that COLMAP 4 can open, by default a copy of it.
 
-COLMAP 3.10 creates the table pose_priors without the column position_covariance, which COLMAP 4 reads when it
-migrates a database: it fails, and leaves the file half migrated ("No registered database factory succeeded"). This adds
-the column; all else is left to COLMAP 4, which migrates the database when it opens it. A database that COLMAP 4 has left
-half migrated is cured in the same way. lazy_localizer itself reads databases of every version as they are.
+    python -m colmap_lazyloc.upgrade_database DATABASE
+
+COLMAP 3.10 creates the table pose_priors without the column position_covariance, which COLMAP 4 reads when it migrates
+a database: it fails, and leaves the file half migrated ("No registered database factory succeeded"). This adds the
+column; COLMAP 4 does the rest when it opens the database. It also cures a database that is half migrated.
+lazy_localizer itself reads databases of every version as they are.
 """
 
 import argparse
@@ -14,13 +15,12 @@ import sqlite3
 import sys
 import tempfile
 
-
-class InputError(Exception):
-    """A mistake in the user's input, as one line."""
+from colmap_lazyloc.database import connect
+from colmap_lazyloc.errors import InputError, command
 
 
 def incomplete_tables(connection) -> list:
-    """The tables that COLMAP 4 fails on; InputError if the database is none of COLMAP's."""
+    """Returns the tables that COLMAP 4 fails on; InputError if it is not a COLMAP database."""
     tables = {name for (name,) in connection.execute("SELECT name FROM sqlite_master WHERE type = 'table'")}
     missing = {"cameras", "images", "keypoints", "two_view_geometries"} - tables
     if missing:
@@ -39,16 +39,12 @@ def upgrade(connection):
 
 
 def copy_database(source, target):
-    """With what other programs have written to the write-ahead log."""
+    """Copies a database, with what other programs have written to its write-ahead log."""
     with tempfile.TemporaryDirectory(dir=target.parent) as folder:
         unfinished = pathlib.Path(folder) / target.name
-        with open_database(source, "ro") as stored, open_database(unfinished, "rwc") as copy:
+        with contextlib.closing(connect(source)) as stored, contextlib.closing(connect(unfinished, "rwc")) as copy:
             stored.backup(copy)
         unfinished.rename(target)
-
-
-def open_database(path, mode):
-    return contextlib.closing(sqlite3.connect(f"{path.absolute().as_uri()}?mode={mode}", uri=True))
 
 
 def run(arguments):
@@ -61,13 +57,13 @@ def run(arguments):
     elif target.exists():
         raise InputError(f"{target}: is there already")
     try:
-        with open_database(source, "ro") as connection:
+        with contextlib.closing(connect(source)) as connection:
             if not incomplete_tables(connection):
                 print(f"{source}: COLMAP 4 can open it as it is; nothing is written")
                 return
         if target != source:
             copy_database(source, target)
-        with open_database(target, "rw") as connection, connection:
+        with contextlib.closing(connect(target, "rw")) as connection, connection:
             upgrade(connection)
     except sqlite3.Error as error:
         raise InputError(f"{source}: {error}") from error
@@ -76,17 +72,15 @@ def run(arguments):
     print(f"{target}: COLMAP 4 can open it now")
 
 
-def main():
+@command
+def main(arguments=None):
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("database_path", type=pathlib.Path)
     where = parser.add_mutually_exclusive_group()
     where.add_argument("--output_path", type=pathlib.Path, help="the copy; default: NAME_colmap4.db beside NAME.db")
     where.add_argument("--in_place", action="store_true", help="change the database itself")
-    try:
-        run(parser.parse_args())
-    except InputError as error:
-        sys.exit(f"upgrade_database: {error}")
+    run(parser.parse_args(arguments))
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(main())

@@ -1,0 +1,28 @@
+"""Starts a benchmark from the project's root: python -m benchmarks COMMAND [--help]."""
+
+import importlib
+import sys
+
+COMMANDS = {
+    "run": ("localization.run", "several methods on the scenes of a dataset: tables, plots, figures as CSV"),
+    "compare": ("localization.compare", "runs side by side, or against expected figures; fails on a regression"),
+    "groups": ("localization.groups", "queries localized jointly, as frames of a rig, as pieces of a trajectory"),
+    "photos": ("photos.compare_with_database", "queries that are only photos against queries of the database"),
+    "retrieval": ("photos.retrieval", "what the retrieval index finds, its size and times"),
+    "runtime": ("runtime.compare_with_local_triangulation", "seconds per query beside pycolmap's, on one core"),
+    "uncertainty": ("uncertainty.report", "reported covariances against true errors of synthetic scenes"),
+    "seven_scenes_layout": ("localization.datasets.seven_scenes_layout", "writes a scene in the layout of 7 Scenes"),
+}
+
+
+def main(arguments: list[str]) -> int:
+    if not arguments or arguments[0] not in COMMANDS:
+        lines = (f"  {name:<21}{text}\n" for name, (_, text) in COMMANDS.items())
+        print(f"{__doc__}\n\n{''.join(lines)}", end="", file=sys.stderr)
+        return 1
+    sys.argv[0] = f"python -m benchmarks {arguments[0]}"  # what argparse takes for the program's name
+    return importlib.import_module(f"benchmarks.{COMMANDS[arguments[0]][0]}").main(arguments[1:])
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

@@ -1,0 +1,1 @@
+"""Localization by several methods on the same matches."""

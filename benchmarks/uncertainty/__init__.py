@@ -1,0 +1,1 @@
+"""Reported covariances against true errors."""

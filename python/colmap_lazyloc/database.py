@@ -1,0 +1,72 @@
+"""COLMAP databases, read without writing to them, and what Python changes in copies of them."""
+
+import pathlib
+import sqlite3
+from collections.abc import Iterable
+
+import numpy as np
+
+MAX_NUM_IMAGES = 2147483647  # COLMAP's; the base of pair ids
+
+
+def pair_id(image_id1: int, image_id2: int) -> int:
+    """Returns COLMAP's id of a pair of images, in either order."""
+    return min(image_id1, image_id2) * MAX_NUM_IMAGES + max(image_id1, image_id2)
+
+
+def connect(path, mode: str = "ro") -> sqlite3.Connection:
+    """Opens a database in SQLite's mode "ro", "rw" or "rwc"."""
+    return sqlite3.connect(f"{pathlib.Path(path).resolve().as_uri()}?mode={mode}", uri=True)
+
+
+def remove_images(connection: sqlite3.Connection, image_ids: Iterable[int]):
+    """Removes images with their features and matches; rigs and frames stay."""
+    connection.execute("CREATE TEMP TABLE removed (image_id INTEGER PRIMARY KEY)")
+    connection.executemany("INSERT INTO removed VALUES (?)", ((image_id,) for image_id in image_ids))
+    for table in ("matches", "two_view_geometries"):
+        connection.execute(
+            f"DELETE FROM {table} WHERE pair_id / {MAX_NUM_IMAGES} IN removed OR pair_id % {MAX_NUM_IMAGES} IN removed"
+        )
+    for table in ("keypoints", "descriptors", "images"):
+        connection.execute(f"DELETE FROM {table} WHERE image_id IN removed")
+    connection.execute("DROP TABLE removed")
+
+
+class DatabaseReader:
+    """Reads keypoints and verified matches by the names of images; to be used in a `with` statement."""
+
+    def __init__(self, path):
+        self._connection = connect(path)
+        self.image_ids: dict[str, int] = dict(self._connection.execute("SELECT name, image_id FROM images"))
+        rows = self._connection.execute("SELECT pair_id, rows FROM two_view_geometries WHERE rows > 0")
+        self._num_inliers = dict(rows)
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self._connection.close()
+
+    def num_inliers(self, name1: str, name2: str) -> int:
+        """Returns the number of verified matches of two images."""
+        return self._num_inliers.get(self._pair_id(name1, name2), 0)
+
+    def keypoints(self, name: str) -> np.ndarray:
+        """Returns the keypoints' x and y in pixels, n x 2."""
+        query = "SELECT rows, cols, data FROM keypoints WHERE image_id = ?"
+        row = self._connection.execute(query, (self.image_ids[name],)).fetchone()
+        if row is None or row[0] == 0:
+            return np.empty((0, 2))
+        return np.frombuffer(row[2], dtype=np.float32).reshape(row[0], row[1])[:, :2].astype(np.float64)
+
+    def inlier_matches(self, name1: str, name2: str) -> np.ndarray:
+        """Returns the verified matches, m x 2: index of the first image's keypoint, and of the second one's."""
+        query = "SELECT rows, data FROM two_view_geometries WHERE pair_id = ? AND rows > 0"
+        row = self._connection.execute(query, (self._pair_id(name1, name2),)).fetchone()
+        if row is None:
+            return np.empty((0, 2), dtype=np.int64)
+        matches = np.frombuffer(row[1], dtype=np.uint32).reshape(row[0], 2).astype(np.int64)
+        return matches if self.image_ids[name1] < self.image_ids[name2] else matches[:, ::-1]
+
+    def _pair_id(self, name1: str, name2: str) -> int:
+        return pair_id(self.image_ids[name1], self.image_ids[name2])

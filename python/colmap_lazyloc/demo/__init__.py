@@ -1,0 +1,1 @@
+"""A rendered courtyard whose poses and intrinsics are known exactly; needs opencv, pycolmap and scipy."""

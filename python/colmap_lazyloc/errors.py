@@ -1,0 +1,32 @@
+"""Mistakes in the input, and how a command ends with one of them."""
+
+import functools
+import sys
+
+
+class InputError(Exception):
+    """Raised for a file or an option that cannot be used; the message is one line that names it."""
+
+
+def command(main):
+    """Makes a command of `main(arguments)`, which may return an exit code.
+
+    Bad input, or a file that cannot be read or written, ends the command with one line and exit code 1.
+    """
+    # `python -m` names the module __main__, its specification keeps the name.
+    program = sys.modules[main.__module__].__spec__.name
+
+    @functools.wraps(main)
+    def run(arguments=None) -> int:
+        try:
+            return main(arguments) or 0
+        except (InputError, OSError) as error:
+            print(f"{program}: {_escape(str(error))}", file=sys.stderr)
+            return 1
+
+    return run
+
+
+def _escape(text: str) -> str:
+    """Escapes control characters, because a name from a damaged file may hold a newline."""
+    return "".join(character if character.isprintable() else repr(character)[1:-1] for character in text)

@@ -1,0 +1,172 @@
+"""Compares estimated query poses with the ground truth: position and rotation errors, recall at thresholds.
+
+    python -m colmap_lazyloc.evaluate ESTIMATED --ground_truth TRUTH
+
+Poses are files with lines `name qw qx qy qz tx ty tz` (cam_from_world, as in lazy_localizer's poses.txt) or folders of
+COLMAP models, text or binary. A query without an estimated pose counts as a failure in every recall; mean and median
+are over the localized queries. Lengths are in the unit of the database, printed as if it were the metre.
+"""
+
+import argparse
+import json
+import pathlib
+import sys
+
+import numpy as np
+
+from colmap_lazyloc.errors import InputError, command
+from colmap_lazyloc.model import read_model
+from colmap_lazyloc.poses import Pose, read_poses
+from colmap_lazyloc.queries import read_queries
+
+# Metres and degrees, those of visuallocalization.net.
+DEFAULT_THRESHOLDS = ((0.25, 2.0), (0.5, 5.0), (5.0, 10.0))
+
+
+def read_any_poses(path: pathlib.Path) -> dict[str, Pose]:
+    """Reads the poses by name of a poses file or of a folder with a COLMAP model."""
+    if not path.is_dir():
+        return read_poses(path)
+    return {name: image.cam_from_world for name, image in read_model(path).images.items()}
+
+
+def evaluate(estimated: dict, truth: dict, names) -> dict:
+    """Returns each query's position error and rotation error in degrees by name; None without an estimated pose."""
+    return {name: estimated[name].errors(truth[name]) if name in estimated else None for name in names}
+
+
+def summarize(errors: dict, thresholds=DEFAULT_THRESHOLDS) -> dict:
+    """Returns median, mean and largest errors of the localized queries, and the share of all within each threshold."""
+    localized = np.array([error for error in errors.values() if error is not None]).reshape(-1, 2)
+
+    def statistic(function, column):
+        return float(function(localized[:, column])) if len(localized) > 0 else None
+
+    summary = {"num_queries": len(errors), "num_localized": len(localized)}
+    for column, quantity in enumerate(("position_error", "rotation_error_deg")):
+        for name, function in (("median", np.median), ("mean", np.mean), ("max", np.max)):
+            summary[f"{name}_{quantity}"] = statistic(function, column)
+    summary["recall"] = [
+        {
+            "position": position,
+            "rotation_deg": rotation_deg,
+            "ratio": float(np.sum(np.all(localized <= (position, rotation_deg), axis=1))) / len(errors),
+        }
+        for position, rotation_deg in thresholds
+    ]
+    return summary
+
+
+def choose_queries(estimated: dict, truth: dict, options) -> list:
+    """Returns the names that count."""
+    if options.query_list_path is not None:
+        names = list(read_queries(options.query_list_path))
+        unknown = [name for name in names if name not in truth]
+        if unknown:
+            raise InputError(
+                f"{options.ground_truth}: has no pose of {len(unknown)} of {len(names)} queries of "
+                f"{options.query_list_path}; the first is '{unknown[0]}'"
+            )
+        return names
+    if options.ground_truth.is_dir():  # a model holds the database images too
+        names = sorted(set(estimated) & set(truth))
+        print("counts only queries with an estimated pose; --query_list_path counts failures too", file=sys.stderr)
+        if not names:
+            raise InputError(f"{options.estimated_poses}: no image of {options.ground_truth} has a pose here")
+        return names
+    if not truth:
+        raise InputError(f"{options.ground_truth}: holds no pose")
+    if estimated and not set(estimated) & set(truth):
+        raise InputError(f"{options.estimated_poses}: has no name in common with {options.ground_truth}")
+    return sorted(truth)
+
+
+def format_length(length: float) -> str:
+    if length >= 1:
+        return f"{length:.3f} m"
+    return f"{100 * length:.2f} cm" if length >= 0.01 else f"{1000 * length:.2f} mm"
+
+
+def format_table(summary: dict) -> str:
+    lines = [f"localized       {summary['num_localized']} of {summary['num_queries']}"]
+    if summary["num_localized"] > 0:
+        for label, quantity, text in (
+            ("position error", "position_error", format_length),
+            ("rotation error", "rotation_error_deg", "{:.3f} deg".format),
+        ):
+            figures = (f"{name} {text(summary[f'{name}_{quantity}']):<12}" for name in ("median", "mean", "max"))
+            lines.append(f"{label}  {' '.join(figures)}".rstrip())
+    for recall in summary["recall"]:
+        limits = f"{recall['position']:g} m, {recall['rotation_deg']:g} deg"
+        lines.append(f"within {limits:<18}{100 * recall['ratio']:5.1f} %")
+    return "\n".join(lines)
+
+
+def format_queries(errors: dict) -> str:
+    width = max(len(name) for name in errors)
+    return "\n".join(
+        f"{name:<{width}}  "
+        + ("not localized" if error is None else f"{format_length(error[0]):>10}  {error[1]:.3f} deg")
+        for name, error in errors.items()
+    )
+
+
+def write_json(path: pathlib.Path, summary: dict, errors: dict) -> None:
+    queries = {
+        name: None if error is None else {"position_error": error[0], "rotation_error_deg": error[1]}
+        for name, error in errors.items()
+    }
+    try:
+        path.write_text(json.dumps({**summary, "queries": queries}, indent=2) + "\n")
+    except OSError as error:
+        raise InputError(f"--json: {path}: cannot be written: {error.strerror}") from None
+
+
+def _threshold(text: str) -> tuple:
+    try:
+        position, rotation_deg = (float(word) for word in text.split(","))
+        if not (position >= 0 and rotation_deg >= 0):
+            raise ValueError
+    except ValueError:
+        raise InputError(f"--thresholds: expected `position,degrees` such as 0.25,2, found '{text}'") from None
+    return position, rotation_deg
+
+
+def parse_arguments(arguments):
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("estimated_poses", type=pathlib.Path, help="poses file or COLMAP model")
+    parser.add_argument("--ground_truth", type=pathlib.Path, required=True, help="poses file or COLMAP model")
+    parser.add_argument(
+        "--query_list_path",
+        type=pathlib.Path,
+        help="the queries that count, a name or `name MODEL width height params...` a line; "
+        "default: all names of a ground-truth file; with a model, those with an estimated pose",
+    )
+    parser.add_argument(
+        "--thresholds",
+        type=_threshold,
+        nargs="+",
+        default=DEFAULT_THRESHOLDS,
+        metavar="POSITION,DEG",
+        help="default: 0.25,2 0.5,5 5,10",
+    )
+    parser.add_argument("--per_query", action="store_true", help="print each query's errors too")
+    parser.add_argument("--json", type=pathlib.Path, help="write the figures into this file too")
+    return parser.parse_args(arguments)
+
+
+@command
+def main(arguments=None):
+    options = parse_arguments(arguments)
+    estimated, truth = read_any_poses(options.estimated_poses), read_any_poses(options.ground_truth)
+    errors = evaluate(estimated, truth, choose_queries(estimated, truth, options))
+    summary = summarize(errors, options.thresholds)
+    if options.json is not None:
+        write_json(options.json, summary, errors)
+    if options.per_query:
+        print(format_queries(errors))
+    print(format_table(summary))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,106 @@
+"""Writes features and matches of hloc's HDF5 files into a new COLMAP database, which colmap lazy_localizer reads.
+
+  python -m colmap_lazyloc.hloc_to_database --help
+
+features: a group per image name with `keypoints` (N x 2; the centre of the upper-left pixel is at 0, 0)
+matches:  a group per pair, <name1>/<name2> with every "/" in a name replaced by "-" (or joined by "_", as older
+          versions of hloc do), with `matches0`: for each keypoint of image 1 that of image 2, or -1
+"""
+
+import argparse
+import pathlib
+import sys
+
+import h5py
+import numpy as np
+import pycolmap
+
+from colmap_lazyloc.errors import InputError, command
+from colmap_lazyloc.model import Camera, Image, read_model
+from colmap_lazyloc.pairs import read_pairs
+from colmap_lazyloc.pycolmap_types import write_images
+from colmap_lazyloc.queries import read_query_cameras
+
+
+def read_cameras(model_path, query_list_path) -> tuple[dict[int, Camera], dict[str, int]]:
+    """Reads the cameras by id, and the camera ids of the model's images and of the queries by name."""
+    model = read_model(model_path)
+    cameras, camera_ids = dict(model.cameras), {name: image.camera_id for name, image in model.images.items()}
+    for name, camera in read_query_cameras(query_list_path).items():
+        camera_ids[name] = max(cameras, default=0) + 1
+        cameras[camera_ids[name]] = camera
+    return cameras, camera_ids
+
+
+def read_keypoints(features, name):
+    """Returns the keypoints, n x 2, in COLMAP's pixels: the centre of the upper-left pixel is at 0.5, 0.5."""
+    if name not in features:
+        raise InputError(f"{features.filename}: has no image {name}")
+    return np.asarray(features[name]["keypoints"], np.float32)[:, :2] + np.float32(0.5)
+
+
+def find_matches(matches, name1, name2):
+    """Returns the matches as keypoint indices, m x 2, under whichever of hloc's names the pair has; else None."""
+    for first, second, columns in ((name1, name2, (0, 1)), (name2, name1, (1, 0))):
+        for separator in ("/", "_"):
+            key = separator.join(name.replace("/", "-") for name in (first, second))
+            if key in matches:
+                partners = np.asarray(matches[key]["matches0"])
+                indices = np.flatnonzero(partners >= 0)
+                return np.column_stack([indices, partners[indices]])[:, columns].astype(np.uint32)
+    return None
+
+
+def write_database(path, cameras, camera_ids, keypoints, matches_of_pair):
+    """Writes the images that have keypoints, their cameras, and the matches by pairs of names."""
+    images = [Image(name, camera_ids[name], None, image_id) for image_id, name in enumerate(sorted(keypoints), start=1)]
+    ids = {image.name: image.image_id for image in images}
+    used_ids = sorted({image.camera_id for image in images})
+    with pycolmap.Database.open(str(path)) as database:
+        write_images(database, {camera_id: cameras[camera_id] for camera_id in used_ids}, images)
+        for name, image_id in ids.items():
+            database.write_keypoints(image_id, keypoints[name])
+        for (name1, name2), matches in matches_of_pair.items():
+            database.write_matches(ids[name1], ids[name2], matches)
+
+
+def convert(options):
+    if options.database_path.exists():
+        raise InputError(f"{options.database_path}: exists already")
+    cameras, camera_ids = read_cameras(options.model_path, options.query_list_path)
+    pairs = read_pairs(options.pairs_path)
+    keypoints, matches_of_pair = {}, {}
+    with h5py.File(options.features_path, "r") as features, h5py.File(options.matches_path, "r") as matches:
+        for name in sorted({name for pair in pairs for name in pair}):
+            if name not in camera_ids:
+                raise InputError(f"{options.pairs_path}: {name} is neither in the model nor in the query list")
+            keypoints[name] = read_keypoints(features, name)
+        for name1, name2 in pairs:
+            found = find_matches(matches, name1, name2)
+            if found is None:
+                raise InputError(f"{options.matches_path}: has no matches of {name1} and {name2}")
+            if (name2, name1) in matches_of_pair or len(found) == 0:
+                continue
+            if np.any(found >= [len(keypoints[name1]), len(keypoints[name2])]):
+                raise InputError(f"{options.matches_path}: {name1}, {name2}: a match of a keypoint that is missing")
+            matches_of_pair[name1, name2] = found
+    write_database(options.database_path, cameras, camera_ids, keypoints, matches_of_pair)
+    print(f"{options.database_path}: {len(keypoints)} images, {len(matches_of_pair)} pairs")
+
+
+@command
+def main(arguments=None):
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--features_path", type=pathlib.Path, required=True, help="hloc's features of all images, .h5")
+    parser.add_argument("--matches_path", type=pathlib.Path, required=True, help="hloc's matches, .h5")
+    parser.add_argument("--pairs_path", type=pathlib.Path, required=True, help="two image names a line")
+    parser.add_argument("--model_path", type=pathlib.Path, required=True, help="COLMAP model of the posed images")
+    parser.add_argument(
+        "--query_list_path", type=pathlib.Path, required=True, help="`name MODEL width height params...` a line"
+    )
+    parser.add_argument("--database_path", type=pathlib.Path, required=True, help="the database to make")
+    convert(parser.parse_args(arguments))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,213 @@
+"""Cameras and poses of COLMAP models, text and binary."""
+
+import dataclasses
+import mmap
+import pathlib
+import struct
+from collections.abc import Iterable
+
+import numpy as np
+
+from colmap_lazyloc.errors import InputError
+from colmap_lazyloc.poses import Pose
+from colmap_lazyloc.text_files import parse_numbers, read_entries, read_lines
+
+# COLMAP's camera models in the order of their ids: name and number of parameters.
+CAMERA_MODELS = (
+    ("SIMPLE_PINHOLE", 3),
+    ("PINHOLE", 4),
+    ("SIMPLE_RADIAL", 4),
+    ("RADIAL", 5),
+    ("OPENCV", 8),
+    ("OPENCV_FISHEYE", 8),
+    ("FULL_OPENCV", 12),
+    ("FOV", 5),
+    ("SIMPLE_RADIAL_FISHEYE", 4),
+    ("RADIAL_FISHEYE", 5),
+    ("THIN_PRISM_FISHEYE", 12),
+    ("RAD_TAN_THIN_PRISM_FISHEYE", 16),
+    ("SIMPLE_DIVISION", 4),
+    ("DIVISION", 5),
+    ("SIMPLE_FISHEYE", 3),
+    ("FISHEYE", 4),
+    ("EUCM", 6),
+    ("EQUIRECTANGULAR", 2),
+)
+CAMERA_MODEL_IDS = {name: model_id for model_id, (name, _) in enumerate(CAMERA_MODELS)}
+POINT2D = np.dtype([("x", "<f8"), ("y", "<f8"), ("point3d_id", "<i8")])
+NO_POINTS = np.empty(0, POINT2D)
+
+
+@dataclasses.dataclass(frozen=True)
+class Camera:
+    """Intrinsics: the camera model and its parameters by COLMAP's names and conventions, the size in pixels."""
+
+    model: str
+    width: int
+    height: int
+    params: tuple[float, ...]
+
+    def text(self) -> str:
+        """Returns `MODEL width height params...`, from which `parse` reads the same numbers."""
+        return " ".join([self.model, str(self.width), str(self.height), *(repr(float(param)) for param in self.params)])
+
+    @staticmethod
+    def parse(path, text: str) -> "Camera":
+        """Reads what `text` writes. `path` is for the error."""
+        words = text.split(maxsplit=3)
+        if len(words) < 4 or not (words[1].isdecimal() and words[2].isdecimal()):
+            raise InputError(f"{path}: expected `MODEL width height params...`, found '{text}'")
+        return Camera(words[0], int(words[1]), int(words[2]), tuple(parse_numbers(path, words[3])))
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Image:
+    """An image of a model; a query outside the model may have no pose."""
+
+    name: str
+    camera_id: int
+    cam_from_world: Pose | None
+    image_id: int = 0
+    points2d: np.ndarray = dataclasses.field(default_factory=NO_POINTS.copy)  # n rows of POINT2D; point3d_id -1: none
+
+
+@dataclasses.dataclass(frozen=True)
+class Model:
+    """Cameras by id, images by name."""
+
+    cameras: dict[int, Camera]
+    images: dict[str, Image]
+
+
+def is_model(path) -> bool:
+    """True if the folder holds a COLMAP model, text or binary."""
+    return any((pathlib.Path(path) / f"images.{suffix}").exists() for suffix in ("bin", "txt"))
+
+
+def read_model(path) -> Model:
+    """Reads the cameras and images of a COLMAP model; binary files come first, as in COLMAP."""
+    path = pathlib.Path(path)
+    if not is_model(path):
+        raise InputError(f"{path}: holds no COLMAP model (no images.bin or images.txt)")
+    is_binary = (path / "images.bin").exists()
+    try:
+        if is_binary:
+            cameras, images = _read_cameras_binary(path / "cameras.bin"), read_images_binary(path / "images.bin")
+        else:
+            cameras, images = _read_cameras(path / "cameras.txt"), _read_images(path / "images.txt")
+    except (InputError, OSError, ValueError, IndexError, struct.error) as error:
+        raise InputError(f"{path}: no readable COLMAP model: {error}") from None
+    by_name = {image.name: image for image in images}
+    if len(by_name) < len(images):
+        raise InputError(f"{path}: two images have the same name")
+    return Model(cameras, by_name)
+
+
+def _read_cameras(path: pathlib.Path) -> dict[int, Camera]:
+    cameras = {}
+    for line_number, line in read_entries(path):
+        camera_id, _, text = line.partition(" ")
+        cameras[int(camera_id)] = Camera.parse(f"{path}:{line_number}", text)
+    return cameras
+
+
+def _read_images(path: pathlib.Path) -> list[Image]:
+    images = []
+    lines = iter(read_lines(path))
+    for line in lines:
+        if not line.strip() or line.startswith("#"):
+            continue
+        words = line.strip().split(maxsplit=9)
+        if len(words) != 10:
+            raise InputError(f"{path}: not a line of an image: {line}")
+        numbers = np.array(parse_numbers(path, " ".join(words[1:8])))
+        points = np.array(parse_numbers(path, next(lines, ""))).reshape(-1, 3)
+        images.append(
+            Image(
+                words[9],
+                int(words[8]),
+                Pose(numbers[:4], numbers[4:]),
+                int(words[0]),
+                np.array([tuple(point) for point in points], POINT2D),
+            )
+        )
+    return images
+
+
+def _read_cameras_binary(path: pathlib.Path) -> dict[int, Camera]:
+    data = path.read_bytes()
+    (num_cameras,), offset = struct.unpack_from("<Q", data), 8
+    cameras = {}
+    for _ in range(num_cameras):
+        camera_id, model_id, width, height = struct.unpack_from("<IiQQ", data, offset)
+        name, num_params = CAMERA_MODELS[model_id]
+        cameras[camera_id] = Camera(name, width, height, struct.unpack_from(f"<{num_params}d", data, offset + 24))
+        offset += 24 + 8 * num_params
+    return cameras
+
+
+def read_images_binary(path: pathlib.Path) -> list[Image]:
+    """Reads images.bin; poses keep every bit."""
+    with path.open("rb") as file:
+        data = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)  # because points may take gigabytes
+    (num_images,), offset = struct.unpack_from("<Q", data), 8
+    images = []
+    for _ in range(num_images):
+        image_id, *numbers, camera_id = struct.unpack_from("<I7dI", data, offset)
+        end = data.find(b"\0", offset + 64)
+        name = data[offset + 64 : end].decode(errors="backslashreplace")
+        (num_points,), offset = struct.unpack_from("<Q", data, end + 1), end + 9
+        points = np.frombuffer(data, POINT2D, num_points, offset)
+        offset += points.nbytes
+        images.append(Image(name, camera_id, Pose(np.array(numbers[:4]), np.array(numbers[4:])), image_id, points))
+    if offset != len(data):
+        raise InputError(f"{path}: holds more than its images")
+    return images
+
+
+def write_model(path, cameras: dict[int, Camera], images: Iterable[Image], binary: bool = False) -> pathlib.Path:
+    """Writes images with poses, and their cameras, as a COLMAP model without points; returns its folder."""
+    path, images = pathlib.Path(path), list(images)
+    path.mkdir(parents=True, exist_ok=True)
+    used = {camera_id: cameras[camera_id] for camera_id in sorted({image.camera_id for image in images})}
+    if binary:
+        (path / "cameras.bin").write_bytes(
+            struct.pack("<Q", len(used))
+            + b"".join(
+                struct.pack(
+                    f"<IiQQ{len(camera.params)}d",
+                    camera_id,
+                    CAMERA_MODEL_IDS[camera.model],
+                    camera.width,
+                    camera.height,
+                    *camera.params,
+                )
+                for camera_id, camera in used.items()
+            )
+        )
+        (path / "images.bin").write_bytes(
+            struct.pack("<Q", len(images))
+            + b"".join(
+                struct.pack("<I", image.image_id)
+                + image.cam_from_world.bits()
+                + struct.pack("<I", image.camera_id)
+                + image.name.encode()
+                + bytes(9)
+                for image in images
+            )
+        )
+        (path / "points3D.bin").write_bytes(bytes(8))
+        return path
+    (path / "cameras.txt").write_text(
+        "# CAMERA_ID MODEL WIDTH HEIGHT PARAMS[]\n"
+        + "".join(f"{camera_id} {camera.text()}\n" for camera_id, camera in used.items())
+    )
+    (path / "images.txt").write_text(
+        "# IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME, and a line of points\n"
+        + "".join(
+            f"{image.image_id} {image.cam_from_world.text()} {image.camera_id} {image.name}\n\n" for image in images
+        ),
+        encoding="utf-8",
+    )
+    (path / "points3D.txt").write_text("# no points\n")
+    return path

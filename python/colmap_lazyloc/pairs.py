@@ -1,0 +1,21 @@
+"""Files that list pairs of images."""
+
+from colmap_lazyloc.errors import InputError
+from colmap_lazyloc.text_files import read_entries
+
+
+def read_pairs(path) -> list[tuple[str, str]]:
+    """Reads two image names a line, as hloc and COLMAP have them.
+
+    What follows the names, such as a score, is not used; pairs of an image with itself are left out.
+    """
+    pairs = []
+    for line_number, line in read_entries(path):
+        names = line.split()[:2]
+        if len(names) < 2:
+            raise InputError(f"{path}:{line_number}: expected two image names, found '{line}'")
+        if names[0] != names[1]:
+            pairs.append((names[0], names[1]))
+    if not pairs:
+        raise InputError(f"{path}: holds no pair of images")
+    return pairs

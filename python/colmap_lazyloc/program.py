@@ -1,0 +1,87 @@
+"""Finds and runs the colmap program.
+
+    python -m colmap_lazyloc.program COMMAND
+
+prints the option of a COLMAP command (feature_extractor or a matcher) that switches the GPU on and off.
+"""
+
+import os
+import pathlib
+import re
+import subprocess
+import sys
+import tempfile
+
+from colmap_lazyloc.errors import InputError, command
+
+CHECKOUT_PATH = pathlib.Path(__file__).resolve().parents[2]
+
+
+def find_colmap() -> pathlib.Path:
+    """Returns what the environment variable COLMAP names, else the checkout's build, else `colmap` of the PATH."""
+    if "COLMAP" in os.environ:
+        return pathlib.Path(os.environ["COLMAP"])
+    built = CHECKOUT_PATH / "build" / "bin" / "colmap"
+    return built if built.exists() else pathlib.Path("colmap")
+
+
+def run_colmap(colmap, *arguments, log_path: pathlib.Path | None = None) -> str:
+    """Runs a command of COLMAP and returns its standard output; RuntimeError with its last line if it fails.
+
+    The command line and all output go into `log_path`, if one is given.
+    """
+    words = [str(word) for word in (colmap, *arguments)]
+    done = subprocess.run(words, capture_output=True, text=True, check=False)
+    if log_path is not None:
+        log_path.write_text(f"{' '.join(words)}\n{done.stdout}{done.stderr}")
+    if done.returncode != 0:
+        last_line = (done.stderr.strip() or "no message").splitlines()[-1]
+        raise RuntimeError(f"colmap {words[1]} ended with code {done.returncode}: {last_line}")
+    return done.stdout
+
+
+def gpu_option(colmap, command_name: str) -> str:
+    """Returns the option that switches the GPU, because COLMAP 4 names it otherwise than COLMAP 3."""
+    done = subprocess.run([str(colmap), command_name, "-h"], capture_output=True, text=True, check=False)
+    match = re.search(r"--(Sift|Feature)(Extraction|Matching)\.use_gpu", done.stdout + done.stderr)
+    if match is None:
+        raise InputError(f"{colmap} {command_name}: has no option that switches the GPU")
+    return match.group()
+
+
+def extract_features(colmap, database_path, image_path, names, camera, *options):
+    """Extracts the SIFT features of images below `image_path`, all taken by one camera (model.Camera)."""
+    with tempfile.NamedTemporaryFile("w", suffix=".txt") as names_file:
+        names_file.write("".join(f"{name}\n" for name in names))
+        names_file.flush()
+        run_colmap(
+            colmap,
+            "feature_extractor",
+            "--database_path",
+            database_path,
+            "--image_path",
+            image_path,
+            "--image_list_path",
+            names_file.name,
+            "--ImageReader.single_camera",
+            1,
+            "--ImageReader.camera_model",
+            camera.model,
+            "--ImageReader.camera_params",
+            ",".join(map(repr, camera.params)),
+            gpu_option(colmap, "feature_extractor"),
+            0,
+            *options,
+        )
+
+
+@command
+def main(arguments=None):
+    arguments = sys.argv[1:] if arguments is None else arguments
+    if len(arguments) != 1:
+        raise InputError("name one command of COLMAP, such as feature_extractor")
+    print(gpu_option(os.environ.get("COLMAP", "colmap"), arguments[0]))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

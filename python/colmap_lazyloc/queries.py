@@ -1,0 +1,32 @@
+"""Lists of queries: a name a line, or hloc's `name MODEL width height params...`."""
+
+import re
+
+from colmap_lazyloc.errors import InputError
+from colmap_lazyloc.model import Camera
+from colmap_lazyloc.text_files import read_entries
+
+_WITH_CAMERA = re.compile(r"(\S+)\s+([A-Z][A-Z0-9_]+\s+\d+\s+\d+(\s+[-+.0-9eE]+)+)")
+
+
+def read_queries(path) -> dict[str, Camera | None]:
+    """Reads the queries' cameras by name; None for a line that holds only a name, which may have blanks."""
+    queries = {}
+    for line_number, line in read_entries(path):
+        match = _WITH_CAMERA.fullmatch(line)
+        name = match.group(1) if match else line
+        if name in queries:
+            raise InputError(f"{path}:{line_number}: query '{name}' is listed twice")
+        queries[name] = Camera.parse(f"{path}:{line_number}", match.group(2)) if match else None
+    if not queries:
+        raise InputError(f"{path}: lists no query")
+    return queries
+
+
+def read_query_cameras(path) -> dict[str, Camera]:
+    """Reads the queries' cameras by name; every line must have one."""
+    queries = read_queries(path)
+    for name, camera in queries.items():
+        if camera is None:
+            raise InputError(f"{path}: expected `name MODEL width height params...`, found '{name}'")
+    return queries

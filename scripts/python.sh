@@ -1,0 +1,9 @@
+#!/usr/bin/env bash
+# Runs Python with the package of this checkout, python/colmap_lazyloc, in the environment that scripts/setup.sh makes.
+#
+#   scripts/python.sh -m colmap_lazyloc.evaluate localized/poses.txt --ground_truth truth.txt
+#
+# PYTHON is another interpreter to use instead.
+set -euo pipefail
+PYTHON=${PYTHON:-${XDG_CACHE_HOME:-$HOME/.cache}/colmap_lazyloc/venv/bin/python}
+PYTHONPATH=$(dirname "$(realpath "$0")")/../python${PYTHONPATH:+:$PYTHONPATH} exec "$PYTHON" "$@"

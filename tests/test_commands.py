@@ -1,0 +1,61 @@
+"""The package's commands: how they find colmap and end, and the scripts that start them."""
+
+import os
+import subprocess
+
+import pytest
+
+from colmap_lazyloc import errors, program
+from conftest import SCRIPTS_PATH
+
+
+@pytest.mark.parametrize("text, line", [("a.txt: bad", "a.txt: bad"), ("a\nb: bad\x1b", "a\\nb: bad\\x1b")])
+def test_bad_input_is_one_line(capsys, text, line):
+    @errors.command
+    def main(arguments):
+        raise errors.InputError(text)
+
+    assert main([]) == 1
+    assert capsys.readouterr().err == f"test_commands: {line}\n"
+
+
+def test_missing_file_is_one_line(capsys, tmp_path):
+    @errors.command
+    def main(arguments):
+        (tmp_path / "none").read_text()
+
+    assert main() == 1
+    error = capsys.readouterr().err
+    assert "none" in error and error.count("\n") == 1
+
+
+def test_colmap_is_that_of_the_environment(monkeypatch):
+    monkeypatch.setenv("COLMAP", "/some/colmap")
+    assert str(program.find_colmap()) == "/some/colmap"
+
+
+def test_failing_program_leaves_a_log(tmp_path):
+    with pytest.raises(RuntimeError, match="no such thing"):
+        program.run_colmap("bash", "-c", "echo out; echo no such thing >&2; exit 3", log_path=tmp_path / "log")
+    assert "out\nno such thing\n" in (tmp_path / "log").read_text()
+
+
+@pytest.mark.parametrize(
+    "name, option", [("feature_extractor", "Extraction.use_gpu"), ("exhaustive_matcher", "Matching.use_gpu")]
+)
+def test_gpu_option_in_python_and_in_shell(colmap, name, option):
+    assert program.gpu_option(colmap, name).endswith(option)
+    done = subprocess.run(
+        [SCRIPTS_PATH / "gpu_option.sh", name],
+        env={**os.environ, "COLMAP": str(colmap)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.stdout.strip() == program.gpu_option(colmap, name), done.stderr
+
+
+def test_gpu_option_of_another_command_is_an_error(colmap, monkeypatch, capsys):
+    monkeypatch.setenv("COLMAP", str(colmap))
+    assert program.main(["database_creator"]) == 1
+    assert "database_creator" in capsys.readouterr().err
