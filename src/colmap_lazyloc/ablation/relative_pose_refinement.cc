@@ -32,9 +32,9 @@ std::vector<Proposal> ProposalsFor(int query, std::vector<RelativePoseEdge> edge
   for (const RelativePoseEdge& edge : edges) {
     if (edge.query != query || edge.query_from_database.translation.isZero()) continue;
     const Rigid3d database_from_world = CamFromWorld(posed, edge.database);
-    proposals.push_back(
-        {edge.query_from_database.rotation * database_from_world.rotation, CamInWorld(database_from_world),
-         database_from_world.rotation.conjugate() * CamInWorld(edge.query_from_database).normalized()});
+    proposals.push_back({edge.query_from_database.rotation * database_from_world.rotation,
+                         CamInWorld(database_from_world),
+                         database_from_world.rotation.conjugate() * CamInWorld(edge.query_from_database).normalized()});
   }
   return proposals;
 }
@@ -120,8 +120,7 @@ RelativePoseRefinementResult RefineByRelativePoses(const PosedImages& posed, con
   for (int image = 0; image < static_cast<int>(posed.images.size()); ++image) {
     if (posed.IsDatabase(image)) continue;
     Rigid3d& frame_from_world = result.posed.frames[posed.images[image].frame].frame_from_world;
-    const Best best =
-        Optimize(options, ProposalsFor(image, edges, posed), CamInWorld(frame_from_world), &random);
+    const Best best = Optimize(options, ProposalsFor(image, edges, posed), CamInWorld(frame_from_world), &random);
     if (!best.pose) return {{false, "no two relative poses of a query agree on its position", 0, 0}, posed};
     frame_from_world = CamFromWorld(best.pose->cam_from_world_rotation, best.pose->cam_in_world);
     result.summary.cost += best.error_rad;

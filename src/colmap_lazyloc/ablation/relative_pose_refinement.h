@@ -4,8 +4,8 @@
 #include <string>
 #include <vector>
 
-#include "colmap_lazyloc/scene/stage_summary.h"
 #include "colmap_lazyloc/scene/frame.h"
+#include "colmap_lazyloc/scene/stage_summary.h"
 
 namespace lazyloc {
 
@@ -29,10 +29,10 @@ struct RelativePoseRefinementResult {
 };
 
 // Refines poses by relative poses alone, an ablation of bundle adjustment: the local optimization of Zhou et al., To
-// Learn or Not to Learn: Visual Localization from Essential Matrices, ICRA 2020. An edge agrees with a pose of its query
-// if the direction from the database centre, by the edge's own rotation, is within max_direction_error_deg. Several
-// edges give a pose: the mean of the rotations that they propose, and the point nearest to the lines on which they put
-// the centre. Such poses are made of
+// Learn or Not to Learn: Visual Localization from Essential Matrices, ICRA 2020. An edge agrees with a pose of its
+// query if the direction from the database centre, by the edge's own rotation, is within max_direction_error_deg.
+// Several edges give a pose: the mean of the rotations that they propose, and the point nearest to the lines on which
+// they put the centre. Such poses are made of
 //   the edges that agree with the query's present pose within sqrt(2) max_direction_error_deg, and
 //   num_samples times, a random half (at most 14) of the edges that agree with that pose.
 // The one that the maximum number of edges agree with replaces the present pose; among equals, the one with the least

@@ -31,8 +31,9 @@ double SampsonError(const EpipolarMatch& match, const Eigen::Matrix3d& cam_from_
   const Eigen::Vector3d baseline = cam_in_world - match.database_in_world;
   const Eigen::Vector3d& database_ray = match.database_ray_in_world;
   const Eigen::Vector3d query_ray = world_from_cam * match.query_ray_in_cam;
-  const Eigen::Vector3d database_normal = query_ray.cross(baseline);                            // dg / d database_ray
-  const Eigen::Vector3d query_normal = cam_from_world_rotation * baseline.cross(database_ray);  // dg / d query_ray_in_cam
+  const Eigen::Vector3d database_normal = query_ray.cross(baseline);  // dg / d database_ray
+  const Eigen::Vector3d query_normal =
+      cam_from_world_rotation * baseline.cross(database_ray);  // dg / d query_ray_in_cam
   const Eigen::Vector2d database_slope = match.database_ray_noise_in_world.transpose() * database_normal;
   const Eigen::Vector2d query_slope = match.query_ray_noise_in_cam.transpose() * query_normal;
   const double stddev = std::sqrt(database_slope.squaredNorm() + query_slope.squaredNorm());
@@ -44,7 +45,8 @@ double SampsonError(const EpipolarMatch& match, const Eigen::Matrix3d& cam_from_
   const Eigen::Matrix3d ray_by_w = world_from_cam * Hat(match.query_ray_in_cam);
   Eigen::Matrix<double, 1, 6> gap, variance;  // of g, and half of that of stddev^2
   gap << query_normal.transpose() * Hat(match.query_ray_in_cam), database_ray.cross(query_ray).transpose();
-  const Eigen::Matrix<double, 1, 3> by_database_normal = (match.database_ray_noise_in_world * database_slope).transpose();
+  const Eigen::Matrix<double, 1, 3> by_database_normal =
+      (match.database_ray_noise_in_world * database_slope).transpose();
   const Eigen::Matrix<double, 1, 3> by_query_normal = (match.query_ray_noise_in_cam * query_slope).transpose();
   variance << -by_database_normal * Hat(baseline) * ray_by_w - by_query_normal * Hat(query_normal),
       by_database_normal * Hat(query_ray) - by_query_normal * cam_from_world_rotation * Hat(database_ray);

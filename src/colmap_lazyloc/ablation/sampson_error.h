@@ -25,8 +25,8 @@ struct NoisyObservation {
 EpipolarMatch MakeEpipolarMatch(const Rigid3d& database_from_world, const NoisyObservation& database,
                                 const NoisyObservation& query);
 
-// Returns Sampson's error in standard deviations for the query's rotation and centre, and its derivative with respect to
-// (w, dC): R <- ExpSO3(w) R, C <- C + dC. Zero without baseline, because the error then tells nothing.
+// Returns Sampson's error in standard deviations for the query's rotation and centre, and its derivative with respect
+// to (w, dC): R <- ExpSO3(w) R, C <- C + dC. Zero without baseline, because the error then tells nothing.
 double SampsonError(const EpipolarMatch& match, const Eigen::Matrix3d& cam_from_world_rotation,
                     const Eigen::Vector3d& cam_in_world, Eigen::Matrix<double, 1, 6>* jacobian);
 

@@ -5,9 +5,9 @@
 
 #include <Eigen/Cholesky>
 
+#include "colmap_lazyloc/ablation/sampson_error.h"
 #include "colmap_lazyloc/math/robust_weights.h"
 #include "colmap_lazyloc/math/so3.h"
-#include "colmap_lazyloc/ablation/sampson_error.h"
 #include "colmap_lazyloc/scene/options_check.h"
 
 namespace lazyloc {

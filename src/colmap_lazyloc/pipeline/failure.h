@@ -13,8 +13,8 @@ namespace lazyloc {
 struct Failure {
   QueryStatus status;
   std::string reason;
-  std::vector<int> frames = {};                         // indices of the frames; empty means the whole group
-  std::map<int, PartialPose> partial_poses = {};        // by query, if the rotation is known
+  std::vector<int> frames = {};                           // indices of the frames; empty means the whole group
+  std::map<int, PartialPose> partial_poses = {};          // by query, if the rotation is known
   std::vector<std::optional<double>> rig_errors_px = {};  // by query, if they were measured
 };
 

@@ -13,14 +13,16 @@
 namespace lazyloc {
 
 // The images and frames of a group with the poses as given. Images 0 to num_queries - 1 are the group's queries in
-// their order, the others database images; frames 0 to num_query_frames - 1 are the group's. Immutable after MakeLayout.
+// their order, the others database images; frames 0 to num_query_frames - 1 are the group's. Immutable after
+// MakeLayout.
 struct Layout {
-  PosedImages given;  // poses of query frames are unknown (identity)
+  PosedImages given;               // poses of query frames are unknown (identity)
   std::vector<std::string> names;  // by image
   int num_queries = 0;
   int num_query_frames = 0;
-  Eigen::Vector3d origin = Eigen::Vector3d::Zero();  // subtracted from all coordinates: solvers work near zero (UTM, ECEF)
-  std::vector<std::vector<int>> image_of_pair;       // [query][index into its pairs]
+  Eigen::Vector3d origin =
+      Eigen::Vector3d::Zero();                  // subtracted from all coordinates: solvers work near zero (UTM, ECEF)
+  std::vector<std::vector<int>> image_of_pair;  // [query][index into its pairs]
 
   bool IsDatabase(int image) const { return image >= num_queries; }
   int FrameOf(int image) const { return given.images[image].frame; }

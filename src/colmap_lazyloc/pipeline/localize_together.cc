@@ -76,8 +76,8 @@ Outcome LocalizeTogether(const QueryGroup& group, const LocalizerOptions& option
     report->AddStart(layout, start);
     const Refined refined =
         Refine(layout, start.posed, start_tracks, std::move(candidates), options, report->Seconds());
-    report->AddUncertainties(Timed(
-        "covariance", report, [&] { return EstimateUncertainties(layout, averaged.pairs, refined, options); }));
+    report->AddUncertainties(
+        Timed("covariance", report, [&] { return EstimateUncertainties(layout, averaged.pairs, refined, options); }));
     report->AddPoses(layout, refined.adjustment.posed);
     report->AddPairErrors(layout, averaged, refined.adjustment.posed);
     report->AddRefined(layout, refined);
@@ -97,8 +97,7 @@ Outcome LocalizeWithUnknownFocalLength(const QueryGroup& query, const LocalizerO
     Start start{layout.given, {StartPose::ABSOLUTE_POSE}};
     Timed("start", report, [&] {
       start_tracks = TriangulateFromDatabase(layout.given, candidates.for_start, options.triangulation);
-      const FocalLengthAndPose found =
-          ChooseFocalLengthAndPose(layout, camera, start_tracks.from_database, options);
+      const FocalLengthAndPose found = ChooseFocalLengthAndPose(layout, camera, start_tracks.from_database, options);
       camera.ScaleFocalLength(found.factor);
       start.posed.frames[0].frame_from_world = found.frame_from_world;
       start.posed.images[0].log_focal_factor = 0;

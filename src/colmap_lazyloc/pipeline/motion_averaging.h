@@ -19,9 +19,9 @@ struct Averaged {
   std::optional<Failure> failure;
 };
 
-// Averages the rotations, then the translations of the query frames with the database poses fixed (LazyLoc, sections 3.1
-// and 3.2). Throws Failure unless a single frame may be localized without averaging, from another start; then the result
-// has the failure and all pairs that are left.
+// Averages the rotations, then the translations of the query frames with the database poses fixed (LazyLoc,
+// sections 3.1 and 3.2). Throws Failure unless a single frame may be localized without averaging, from another start;
+// then the result has the failure and all pairs that are left.
 Averaged AverageMotion(const Layout& layout, const std::vector<PairGeometry>& pairs, const LocalizerOptions& options,
                        StageTimer::Seconds* seconds);
 

@@ -14,18 +14,18 @@
 
 namespace lazyloc {
 
-// Where bundle adjustment starts from.
+// The pose that bundle adjustment starts from.
 enum class StartPose {
-  BEST,              // what the score prefers among the others
+  BEST,              // the one with the highest score
   MOTION_AVERAGING,  // LazyLoc
-  ABSOLUTE_POSE,     // P3P on points that the database images triangulate by themselves
+  ABSOLUTE_POSE,     // P3P on points triangulated from the database images
   GENERALIZED_RELATIVE_POSE,
 };
 template <>
 inline constexpr std::array<const char*, 4> kEnumNames<StartPose> = {"best", "motion_averaging", "absolute_pose",
                                                                      "generalized_relative_pose"};
 
-// What follows motion averaging; all but TRACKS are the paper's ablations.
+// The stage after motion averaging; all but TRACKS are the paper's ablations.
 enum class PostOptimization {
   TRACKS,            // triangulation and bundle adjustment
   SAMPSON,           // epipolar errors of the matches

@@ -12,13 +12,13 @@ namespace {
 
 // A pair before its keypoints are unprojected.
 struct VerifiedPair {
-  int query = -1, other = -1;        // images
+  int query = -1, other = -1;  // images
   const ImagePair* images = nullptr;
   RelativePose relative_pose;
 };
 
 std::optional<RelativePose> InliersWithoutPose(const LocalizationProblem& problem, const ImagePair& pair,
-                                              const LocalizerOptions& options, uint32_t seed) {
+                                               const LocalizerOptions& options, uint32_t seed) {
   Matches matches = FindInlierMatches(problem, pair, options.relative_pose, seed);
   if (matches.empty()) return std::nullopt;
   return RelativePose{{}, std::move(matches)};

@@ -51,15 +51,14 @@ std::vector<PoseUncertainty> EstimateUncertainties(const Layout& layout, const P
   const BundleAdjustmentResult& adjustment = refined.adjustment;
   const std::vector<TrackRefs> tracks_of = TracksByFrame(layout, adjustment.tracks);
   CheckNumTracks(tracks_of, options.min_num_tracks);
-  const double factor =
-      VarianceFactor(adjustment.posed, adjustment.tracks, options.bundle_adjustment.loss_scale_sigma);
+  const double factor = VarianceFactor(adjustment.posed, adjustment.tracks, options.bundle_adjustment.loss_scale_sigma);
   CheckPositions(layout, pairs, adjustment, tracks_of, factor, options);
   const double missing_prior_factor = std::max(adjustment.prior_fit.VarianceFactor(factor) - factor, 0.0);
   std::vector<PoseUncertainty> uncertainties;
   for (int query = 0; query < layout.num_queries; ++query) {
     const Rigid3d pose = CamFromWorld(adjustment.posed, query);
-    const Eigen::Matrix<double, 6, 6> covariance = factor * adjustment.image_covariances[query] +
-                                                   missing_prior_factor * adjustment.image_prior_parts[query];
+    const Eigen::Matrix<double, 6, 6> covariance =
+        factor * adjustment.image_covariances[query] + missing_prior_factor * adjustment.image_prior_parts[query];
     uncertainties.push_back({MoveToWorld(covariance, layout.origin, pose), ComputePoseSpread(pose, covariance)});
   }
   return uncertainties;

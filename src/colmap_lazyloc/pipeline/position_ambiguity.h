@@ -26,8 +26,8 @@ struct AdjustedFrame {
 //         x
 bool IsPositionOpen(const AdjustedFrame& frame, const LocalizerOptions& options);
 
-// Returns the failure of an adjusted frame whose position is unobservable: it names the reason, and has what is known of
-// the pose. variance_factor multiplies the adjustment's covariances.
+// Returns the failure of an adjusted frame whose position is unobservable: it names the reason, and has what is known
+// of the pose. variance_factor multiplies the adjustment's covariances.
 Failure OpenPositionFailure(const AdjustedFrame& frame, double variance_factor);
 
 // Throws Failure for frames of one image with several database images, all of one place, and no other queries, because

@@ -55,7 +55,7 @@ class Rounds {
 
 void Rounds::SetTracks(SplitTracks split, double max_query_error_sigma) {
   TrackTriangulationOptions options = options_.triangulation;
-  // Multiplied by the ratio of variances, not of deviations, because false matches do not only scatter: they also agree
+  // Multiplies by the ratio of variances, not of deviations, because false matches do not only scatter: they also agree
   // with the relative pose that chose them.
   options.single_image_noise_ratio *= single_image_spread_;
   options.max_query_error_sigma = max_query_error_sigma;
@@ -133,9 +133,8 @@ void Rounds::AdjustWithEstimatedPriors() {
     const std::vector<FrameScale> scales = AdjustWithPriors(/*is_last=*/false);
     const double variance_factor =
         VarianceFactor(Posed(), adjustment_.tracks, options_.bundle_adjustment.loss_scale_sigma);
-    const double estimate_px =
-        EstimateDatabasePoseNoise(Posed().frames, scales, adjustment_.frame_covariances, variance_factor,
-                                  options_.database_pose_noise_px);
+    const double estimate_px = EstimateDatabasePoseNoise(Posed().frames, scales, adjustment_.frame_covariances,
+                                                         variance_factor, options_.database_pose_noise_px);
     const bool is_settled = !is_large || std::abs(std::log(estimate_px / database_noise_px_)) < 0.1;
     database_noise_px_ = estimate_px;
     if (is_settled || i + 1 >= kMaxNumEstimates) return;

@@ -13,7 +13,7 @@
 namespace lazyloc {
 
 struct Refined {
-  BundleAdjustmentResult adjustment;  // the last one; its tracks are those that fit the result
+  BundleAdjustmentResult adjustment;                 // the last one; its tracks are those that fit the result
   std::vector<std::optional<double>> rig_errors_px;  // by query (rig_check.h)
 };
 

@@ -29,8 +29,7 @@ PosedImages RefineWithoutTracks(const QueryGroup& query, const Layout& layout, c
       const CandidateTracks tracks = CollectTracks(query, layout, averaged.pairs, options);
       return PosedOrFailure(RefineBySampsonError(averaged.posed, tracks.all, options.sampson));
     }
-    case PostOptimization::RELATIVE_POSE_LO:
-      return PosedOrFailure(RefineByRelativePoses(layout, averaged, options));
+    case PostOptimization::RELATIVE_POSE_LO: return PosedOrFailure(RefineByRelativePoses(layout, averaged, options));
     default: return averaged.posed;
   }
 }

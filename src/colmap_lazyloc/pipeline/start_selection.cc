@@ -33,7 +33,7 @@ double TruncatedScore(double error_px, double max_error_px) {
 }
 
 double MaxErrorRad(const StartEvidence& evidence, const Observation& observation) {
-  // Half the bound, because RANSAC counts all its inliers alike.
+  // Takes half the bound, because RANSAC counts all its inliers alike.
   return evidence.max_error_px / 2 * RadFromPx(observation);
 }
 

@@ -20,12 +20,12 @@ struct StartEvidence {
 };
 
 // Returns the score of a pose, a sum of max(0, 1 - (error / max_error_px)^2) over the observations of the frame. The
-// error is the reprojection error of a point triangulated from the database or, at half the weight because it constrains
-// one coordinate only, the distance from the epipolar line of the single database image of a track.
+// error is the reprojection error of a point triangulated from the database or, at half the weight because it
+// constrains one coordinate only, the distance from the epipolar line of the single database image of a track.
 double ScoreStart(const StartEvidence& evidence, const Rigid3d& frame_from_world);
 
-// Return hypotheses, or nullopt with too little evidence: P3P in RANSAC on the tracks from the database (generalized P3P
-// for a rig), and the generalized relative pose over all pairs.
+// Return hypotheses, or nullopt with too little evidence: P3P in RANSAC on the tracks from the database (generalized
+// P3P for a rig), and the generalized relative pose over all pairs.
 std::optional<Rigid3d> AbsolutePoseStart(const StartEvidence& evidence, uint32_t seed);
 std::optional<Rigid3d> GeneralizedRelativePoseStart(const StartEvidence& evidence, uint32_t seed);
 

@@ -8,7 +8,6 @@
 #include "colmap_lazyloc/refinement/covariance.h"
 #include "colmap_lazyloc/scene/options_check.h"
 
-
 namespace lazyloc {
 namespace {
 

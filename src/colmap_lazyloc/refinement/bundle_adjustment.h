@@ -36,8 +36,8 @@ struct BundleAdjustmentResult {
   std::vector<Eigen::Matrix<double, 6, 6>> image_prior_parts;
 };
 
-// Minimises over the poses of all frames that are not constant, the focal lengths and rig scales that are estimated, and
-// the tracks' points
+// Minimises over the poses of all frames that are not constant, the focal lengths and rig scales that are estimated,
+// and the tracks' points
 //   1/2 sum s^2 log(1 + |r|^2 / s^2) + 1/2 sum |p|^2,
 // where r is the reprojection error in standard deviations of its image, s the loss scale, and p the deviation of a
 // database frame from its prior in the prior's standard deviations. LazyLoc section 3.3; the priors are ours. Constant

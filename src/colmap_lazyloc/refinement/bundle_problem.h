@@ -76,13 +76,13 @@ struct Range {
 struct BundleProblem {
   BundleProblem(const PosedImages& posed, const std::vector<Track>& tracks);
 
-  std::vector<int> index_of_frame;        // by frame of PosedImages, into `frames`; -1 for constant frames
-  std::vector<BundleFrame> frames;        // those that move
-  std::vector<const Frame*> given;        // parallel to `frames`
-  std::vector<bool> has_factor;           // parallel to `frames`: true if its log_factor is estimated
-  std::vector<Eigen::Vector3d> points;    // by track
-  std::vector<LinearProjection> fixed;    // observations in constant frames, of the points in the world
-  std::vector<FreeObservation> free;      // observations in frames that move
+  std::vector<int> index_of_frame;             // by frame of PosedImages, into `frames`; -1 for constant frames
+  std::vector<BundleFrame> frames;             // those that move
+  std::vector<const Frame*> given;             // parallel to `frames`
+  std::vector<bool> has_factor;                // parallel to `frames`: true if its log_factor is estimated
+  std::vector<Eigen::Vector3d> points;         // by track
+  std::vector<LinearProjection> fixed;         // observations in constant frames, of the points in the world
+  std::vector<FreeObservation> free;           // observations in frames that move
   std::vector<Range> fixed_range, free_range;  // by track, in ascending order of the frames
 };
 

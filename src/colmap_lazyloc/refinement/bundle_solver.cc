@@ -213,10 +213,9 @@ void BundleSolver<kSize>::EliminatePoint(size_t track, const Eigen::Matrix3d& he
     for (size_t a = range.begin; a < range.end; ++a) {
       // The frames of a track ascend.
       for (size_t b = range.begin; b <= a; ++b) {
-        FrameMatrix& block =
-            camera_system_.Block(problem_.free[a].frame, problem_.free[b].frame, &system_.reduced);
+        FrameMatrix& block = camera_system_.Block(problem_.free[a].frame, problem_.free[b].frame, &system_.reduced);
         SubtractProduct(system_.eliminated[a], system_.eliminated[b], &block);
-        // Two images of one frame: adds the other half of the diagonal block.
+        // Adds the other half of the diagonal block for two images of one frame.
         if (a == b || problem_.free[a].frame != problem_.free[b].frame) continue;
         SubtractProduct(system_.eliminated[b], system_.eliminated[a], &block);
       }
@@ -232,7 +231,7 @@ double BundleSolver<kSize>::Step(BundleState* next) {
     const FrameVector move = step.segment<kSize>(kSize * frame);
     const Rigid3d& pose = state_.frames[frame].frame_from_world;
     next->frames[frame].MoveTo({(ExpSO3(move.template head<3>()) * pose.rotation).normalized(),
-                                  pose.translation + move.template segment<3>(3)});
+                                pose.translation + move.template segment<3>(3)});
     if (kSize > 6) next->frames[frame].log_factor = state_.frames[frame].log_factor + move(kSize - 1);
   }
   for (size_t track = 0; track < state_.points.size(); ++track) {

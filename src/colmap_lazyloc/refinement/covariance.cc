@@ -14,8 +14,8 @@ namespace lazyloc {
 
 double VarianceFactor(const PosedImages& posed, const std::vector<Track>& tracks, double weight_scale) {
   const std::vector<Rigid3d> cams_from_world = CamsFromWorld(posed);
-  const auto num_query_frames = std::count_if(posed.frames.begin(), posed.frames.end(),
-                                              [](const Frame& frame) { return !frame.is_database; });
+  const auto num_query_frames =
+      std::count_if(posed.frames.begin(), posed.frames.end(), [](const Frame& frame) { return !frame.is_database; });
   double squared_sum = 0, degrees_of_freedom = -6.0 * static_cast<double>(num_query_frames);
   for (const Track& track : tracks) {
     degrees_of_freedom -= 3;

@@ -11,10 +11,12 @@
 namespace lazyloc {
 
 // Returns the factor from pixels to standard deviations for the observations of a track in an image.
-inline double ResidualFromPx(const Image& image, const Track& track) { return 1 / (track.noise_ratio * image.noise_px); }
+inline double ResidualFromPx(const Image& image, const Track& track) {
+  return 1 / (track.noise_ratio * image.noise_px);
+}
 
-// A-posteriori variance factor: the weighted sum of squared normalised residuals over the degrees of freedom that the
-// points and the query frames' poses leave. weight_scale: Cauchy scale in standard deviations.
+// Returns the a-posteriori variance factor: the weighted sum of squared normalised residuals over the degrees of freedom
+// that the points and the query frames' poses leave. weight_scale: Cauchy scale in standard deviations.
 double VarianceFactor(const PosedImages& posed, const std::vector<Track>& tracks, double weight_scale);
 
 // Returns the covariance of the projection centre in the world. The covariance of cam_from_world is that of its tangent

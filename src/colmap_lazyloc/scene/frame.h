@@ -23,7 +23,8 @@ struct Frame {
   // Database frames whose pose may be off: adjustment corrects frame_from_world as far as the prior lets it. Without a
   // prior a database frame is constant.
   std::optional<PosePrior> prior;
-  // True if adjustment estimates a factor on the translations of the frame's cam_from_frame (a trajectory without scale).
+  // True if adjustment estimates a factor on the translations of the frame's cam_from_frame (a trajectory without
+  // scale).
   bool has_free_scale = false;
   double scale = 1;  // the factor that has been estimated so far
 };
@@ -60,7 +61,8 @@ inline bool IsConstant(const Frame& frame) { return frame.is_database && !frame.
 
 // Returns true if the frame's axes are those of the image.
 inline bool HasFrameAxes(const Image& image) {
-  return image.cam_from_frame.rotation.coeffs() == Eigen::Vector4d::UnitW() && image.cam_from_frame.translation.isZero(0);
+  return image.cam_from_frame.rotation.coeffs() == Eigen::Vector4d::UnitW() &&
+         image.cam_from_frame.translation.isZero(0);
 }
 
 // Returns the frame's own pose for an image with its axes, because composing with the identity would normalise the
@@ -74,13 +76,6 @@ inline Rigid3d CamFromWorld(const PosedImages& posed, int image) {
 }
 
 // Returns the poses of all images.
-inline std::vector<Rigid3d> CamsFromWorld(const PosedImages& posed) {
-  std::vector<Rigid3d> cams_from_world;
-  cams_from_world.reserve(posed.images.size());
-  for (const Image& image : posed.images) {
-    cams_from_world.push_back(CamFromWorld(image, posed.frames[image.frame].frame_from_world));
-  }
-  return cams_from_world;
-}
+std::vector<Rigid3d> CamsFromWorld(const PosedImages& posed);
 
 }  // namespace lazyloc

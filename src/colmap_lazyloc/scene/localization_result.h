@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <optional>
 #include <string>
 #include <utility>
@@ -9,26 +10,32 @@
 
 #include "colmap_lazyloc/math/rigid3.h"
 #include "colmap_lazyloc/scene/camera.h"
+#include "colmap_lazyloc/scene/enum_names.h"
 
 namespace lazyloc {
 
 enum class QueryStatus {
   LOCALIZED,
-  UNREADABLE_IMAGE,        // the photo is no image file that can be read
-  UNKNOWN_CAMERA,          // the photo's intrinsics are given nowhere
+  UNREADABLE_IMAGE,        // the photo cannot be read as an image
+  UNKNOWN_CAMERA,          // the photo's intrinsics are not given
   NO_FEATURES,             // the query has no keypoints
   NO_PAIRS,                // no database image shares matches with the query
   TOO_FEW_INLIERS,         // no pair has enough verified inliers
   INCONSISTENT_ROTATIONS,  // the pairs contradict each other
   INCONSISTENT_RIG,        // the images of a rig contradict its calibration
   SCALE_UNOBSERVABLE,      // one usable baseline: orientation and bearing, but no position
-  DEGENERATE_BASELINE,     // no baseline, or database cameras and query on one line
-  TOO_FEW_TRACKS,          // too few points survive triangulation
+  DEGENERATE_BASELINE,     // no baseline, or database cameras and query are collinear
+  TOO_FEW_TRACKS,          // too few tracks can be triangulated
   DIVERGED,                // bundle adjustment ended without a usable pose
 };
-const char* QueryStatusName(QueryStatus status);
+template <>
+inline constexpr std::array<const char*, 12> kEnumNames<QueryStatus> = {
+    "LOCALIZED",          "UNREADABLE_IMAGE",    "UNKNOWN_CAMERA",         "NO_FEATURES",
+    "NO_PAIRS",           "TOO_FEW_INLIERS",     "INCONSISTENT_ROTATIONS", "INCONSISTENT_RIG",
+    "SCALE_UNOBSERVABLE", "DEGENERATE_BASELINE", "TOO_FEW_TRACKS",         "DIVERGED"};
+inline const char* QueryStatusName(QueryStatus status) { return EnumName(status); }
 
-// What one database image contributed. Residuals are NaN where the stage did not use the pair.
+// Contribution of one database image. Residuals are NaN if the pair was not used.
 struct PairResult {
   std::string database_name;
   int num_inliers = 0;
@@ -36,32 +43,32 @@ struct PairResult {
   double direction_error_deg = 0;  // relative translation direction against the final one
 };
 
-// A point triangulated for the query. observations: (index into `pairs`, keypoint of that database image).
+// A point triangulated for the query.
 struct PointResult {
   Eigen::Vector3d point_in_world = Eigen::Vector3d::Zero();
-  int query_point = -1;  // keypoint of the query
-  std::vector<std::pair<int, int>> observations;
-  double mean_reprojection_error_px = 0;  // over the query and the database images
+  int query_point = -1;                           // keypoint of the query
+  std::vector<std::pair<int, int>> observations;  // index into `pairs`, keypoint of that database image
+  double mean_reprojection_error_px = 0;          // over the query and the database images
 };
 
 // Standard deviations of a pose in all directions.
 struct PoseSpread {
-  double rotation_stddev_rad = 0;                                        // about the axis that is known least
+  double rotation_stddev_rad = 0;                                        // about the least certain axis
   Eigen::Vector3d position_stddevs = Eigen::Vector3d::Zero();            // along three principal axes, largest first
   Eigen::Vector3d weakest_direction_in_world = Eigen::Vector3d::Zero();  // the first of these axes, unit length
 };
 
-// The line on which a query stands.
+// Line on which the centre of a query lies.
 struct Bearing {
   std::string database_name;
   Eigen::Vector3d dir_database_to_query_in_world = Eigen::Vector3d::Zero();  // unit length
   double stddev_rad = 0;                                                     // in the less certain of its two angles
 };
 
-// What is known of a query whose position is open.
+// Known part of the pose of a query whose position is unobservable.
 struct PartialPose {
   Eigen::Quaterniond cam_from_world_rotation = Eigen::Quaterniond::Identity();
-  std::optional<double> rotation_stddev_rad;  // about the axis that is known least
+  std::optional<double> rotation_stddev_rad;  // about the least certain axis
   std::optional<Bearing> bearing;
 };
 
@@ -74,19 +81,19 @@ struct LocalizationResult {
   std::vector<Eigen::Vector2d> photo_keypoints;  // xy in pixels, where they are not in the database
 
   std::string frame_name;  // of a rig's frame; empty for a lone image
-  // Median error in a rig's image of the points that the database triangulates, before any is left out: a large one
-  // says that the calibration is wrong.
+  // Median reprojection error, in an image of a rig, of the points triangulated from the database, before outliers are
+  // removed. A large one means that the calibration is wrong.
   std::optional<double> rig_error_px;
 
   // Valid when LOCALIZED.
   Rigid3d cam_from_world;
   Rigid3d rig_from_world;  // of the frame
   double rig_scale = 1;    // database units per unit of the frame's lengths
-  // Of cam_from_world in its tangent: rotation w (rad, R <- exp(w) R), then translation (database units).
+  // Covariance of cam_from_world in its tangent: rotation w (rad, R <- exp(w) R), then translation (database units).
   Eigen::Matrix<double, 6, 6> covariance = Eigen::Matrix<double, 6, 6>::Zero();
   PoseSpread spread;  // by the covariance
 
-  // Set where SCALE_UNOBSERVABLE or DEGENERATE_BASELINE leaves one orientation.
+  // Set if SCALE_UNOBSERVABLE or DEGENERATE_BASELINE leaves one orientation.
   std::optional<PartialPose> partial_pose;
 
   std::string start;              // the hypothesis that refinement started from

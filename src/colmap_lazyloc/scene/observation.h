@@ -10,19 +10,19 @@
 
 namespace lazyloc {
 
-// An image point turned into its viewing ray, once: the solvers know no camera model. The reprojection error of a point
-// X in the camera's frame is, in pixels and to first order in the error,
+// A keypoint as a viewing ray with its pixel derivative, computed once because the solvers know no camera model. The
+// reprojection error of a point X in the camera's frame is, in pixels and to first order in the error,
 //   r = px_from_cam X / (ray . X),
 // i.e. X's displacement from the ray in the plane perpendicular to it, scaled to pixels by the model's derivative
 // there. X lies in front of the camera where ray . X > 0.
 struct Observation {
   Eigen::Vector3d ray_in_cam = Eigen::Vector3d::Zero();                           // unit length
   Eigen::Matrix<double, 2, 3> px_from_cam = Eigen::Matrix<double, 2, 3>::Zero();  // annihilates the ray
-  // How a fixed ray's image point moves with the log of the focal length; zero where the focal length is known.
+  // Derivative of a fixed ray's keypoint with respect to the log of the focal length; zero if that is known.
   Eigen::Vector2d px_from_log_focal = Eigen::Vector2d::Zero();
 };
 
-// Error in pixels; only meaningful in front of the camera.
+// Returns the error in pixels; only meaningful in front of the camera.
 inline Eigen::Vector2d ReprojectionError(const Observation& observation, const Eigen::Vector3d& point_in_cam) {
   return observation.px_from_cam * point_in_cam / observation.ray_in_cam.dot(point_in_cam);
 }
@@ -31,7 +31,7 @@ inline bool IsInFront(const Observation& observation, const Eigen::Vector3d& poi
   return observation.ray_in_cam.dot(point_in_cam) > 0;
 }
 
-// Angular noise of a ray whose image point has an error of one pixel, in rad.
+// Returns the angle in rad by which an error of one pixel turns the ray.
 inline double RadFromPx(const Observation& observation) { return 1.41421356 / observation.px_from_cam.norm(); }
 
 }  // namespace lazyloc

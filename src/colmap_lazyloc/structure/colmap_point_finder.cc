@@ -48,8 +48,8 @@ class ColmapPointFinder : public PointFinder {
       const TrackObservation& element = observations[i];
       cams_from_world.push_back(evaluator_.CamFromWorldOf(element));
       rays_in_cam.push_back(element.observation.ray_in_cam);
-      max_error_rad = std::max(
-          max_error_rad, max_error_sigma * evaluator_.ImageOf(element).noise_px * RadFromPx(element.observation));
+      max_error_rad = std::max(max_error_rad,
+                               max_error_sigma * evaluator_.ImageOf(element).noise_px * RadFromPx(element.observation));
     }
     return TriangulateTrack(cams_from_world, rays_in_cam, max_error_rad,
                             DegToRad(options_.min_triangulation_angle_deg));

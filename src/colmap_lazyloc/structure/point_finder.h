@@ -24,7 +24,7 @@ class PointFinder {
                                                        ObservationIndices* used) = 0;
 };
 
-// The methods of TriangulationMethod. `evaluator` and `options` must outlive the finder.
+// Make the finders of TriangulationMethod. `evaluator` and `options` must outlive them.
 std::unique_ptr<PointFinder> MakeRayPointFinder(const TrackEvaluator& evaluator,
                                                 const TrackTriangulationOptions& options);
 std::unique_ptr<PointFinder> MakeColmapPointFinder(const TrackEvaluator& evaluator,

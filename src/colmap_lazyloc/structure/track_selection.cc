@@ -9,7 +9,7 @@ namespace {
 
 constexpr int kNumCells = 8;  // along each side of the image
 
-// The cell of each track, of a grid over all the tracks' keypoints.
+// Returns the cell of each track in a grid over the tracks' keypoints.
 std::vector<int> CellsOf(const std::vector<Track>& tracks, const std::vector<Eigen::Vector2d>& keypoints) {
   std::vector<Eigen::Array2d> positions;
   for (const Track& track : tracks) positions.push_back(keypoints[track.observations.front().keypoint]);
@@ -36,7 +36,7 @@ std::vector<Track> SelectTracks(const std::vector<Track>& tracks, const std::vec
   std::iota(order.begin(), order.end(), 0);
   std::stable_sort(order.begin(), order.end(),
                    [&](size_t a, size_t b) { return tracks[a].observations.size() > tracks[b].observations.size(); });
-  // The turn in which a track is taken: its rank in its own cell.
+  // Takes each track in the turn of its rank within its cell.
   const std::vector<int> cells = CellsOf(tracks, keypoints);
   std::vector<int> num_in_cell(kNumCells * kNumCells, 0), turn(tracks.size());
   for (const size_t track : order) turn[track] = num_in_cell[cells[track]]++;
