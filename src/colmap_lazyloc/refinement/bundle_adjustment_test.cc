@@ -303,7 +303,7 @@ TEST(BundleAdjustment, PointBehindACameraFailsAndChangesNothing) {
   EXPECT_TRUE(result.image_covariances.empty());
 }
 
-// Images of a shared frame; the indices are those of database images.
+// Holds the two database images of a frame.
 struct SharedFrame {
   int first, second;
 };
@@ -403,7 +403,7 @@ TEST_P(SharedDatabaseFrames, NeedNotHaveTheirImagesTogether) {
   }
 }
 
-// The images of a frame need not stand together.
+// Tries images of one frame that stand together, and images with others between them.
 INSTANTIATE_TEST_SUITE_P(BundleAdjustment, SharedDatabaseFrames,
                          testing::Values(SharedFrame{1, 2}, SharedFrame{1, 4}, SharedFrame{3, 6}));
 
@@ -468,6 +468,20 @@ TEST(BundleAdjustment, KnownRigOffsetsStayBitwise) {
   ExpectSameBits(result.posed.images[1].cam_from_frame, scene.posed.images[1].cam_from_frame);
   EXPECT_EQ(result.posed.frames[0].scale, 1);
   EXPECT_NE(result.posed.frames[1].scale, 1);
+}
+
+TEST(BundleAdjustment, RejectsFactorsThatAFrameHasNoParameterFor) {
+  const SyntheticTracks rigs = MakeRigs(0, 1);
+  const auto adjust_with_factors = [&](const std::vector<int>& images, bool has_free_scale) {
+    PosedImages posed = rigs.posed;
+    posed.frames[0].has_free_scale = has_free_scale;
+    for (const int image : images) posed.images[image].log_focal_factor = 0;
+    AdjustBundle(posed, rigs.tracks, {});
+  };
+  EXPECT_NO_THROW(adjust_with_factors({0}, false));
+  EXPECT_THROW(adjust_with_factors({0}, true), std::logic_error) << "focal length and scale";
+  EXPECT_THROW(adjust_with_factors({0, 1}, false), std::logic_error) << "two focal lengths";
+  EXPECT_THROW(adjust_with_factors({4}, false), std::logic_error) << "a constant frame";
 }
 
 TEST(BundleAdjustmentOptions, NamesTheInvalidField) {
