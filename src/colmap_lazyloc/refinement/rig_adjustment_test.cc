@@ -9,6 +9,7 @@
 #include "colmap_lazyloc/refinement/covariance.h"
 #include "colmap_lazyloc/testing/ceres_adjustment.h"
 #include "colmap_lazyloc/testing/pose_expectations.h"
+#include "colmap_lazyloc/testing/sampled_covariance.h"
 #include "colmap_lazyloc/testing/synthetic_tracks.h"
 
 namespace lazyloc {
@@ -186,6 +187,23 @@ TEST(RigAdjustment, FreeScaleAgreesWithCeres) {
   for (Frame& frame : known.frames) frame.has_free_scale = false;
   EXPECT_GT(result.image_covariances[1].trace(),
             AdjustBundle(known, result.tracks, Precise()).image_covariances[1].trace());
+}
+
+TEST(RigAdjustment, CovariancesPredictTheSpreadOfAdjustedRigs) {
+  // Allows four times the relative error of a sample variance of 300 trials, sqrt(2 / 300) = 8 %.
+  SyntheticTracks truth = MakeRigs(0, 1);
+  truth.posed.frames[0].has_free_scale = false;
+  // Leaves one database image to each track, so that its point depends on the queries.
+  for (Track& track : truth.tracks) track.observations.resize(5);
+  BundleAdjustmentOptions least_squares;
+  least_squares.loss_scale_sigma = 1e6;
+  const auto predicted = AdjustBundle(truth.posed, truth.tracks, least_squares).image_covariances;
+  const auto sampled = SampleCovariances(truth, SyntheticTracksOptions().focal_length_px, least_squares, 300);
+  for (int image = 0; image < 4; ++image) {
+    for (int i = 0; i < 6; ++i) {
+      EXPECT_NEAR(sampled[image](i, i) / predicted[image](i, i), 1, 0.33) << "image " << image << ", parameter " << i;
+    }
+  }
 }
 
 TEST(RigAdjustment, KnownRigOffsetsStayBitwise) {
