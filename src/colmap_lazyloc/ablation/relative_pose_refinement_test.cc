@@ -8,6 +8,7 @@
 #include <gtest/gtest.h>
 
 #include "colmap_lazyloc/math/so3.h"
+#include "colmap_lazyloc/testing/pose_expectations.h"
 #include "colmap_lazyloc/testing/synthetic_pose_graph.h"
 
 namespace lazyloc {
@@ -62,11 +63,6 @@ double MaxRotationErrorDeg(const PosedImages& a, const PosedImages& b) {
     max_error = std::max(max_error, RotationErrorDeg(CamFromWorld(a, i), CamFromWorld(b, i)));
   }
   return max_error;
-}
-
-void ExpectSameBits(const Rigid3d& a, const Rigid3d& b) {
-  EXPECT_EQ(a.rotation.coeffs(), b.rotation.coeffs());
-  EXPECT_EQ(a.translation, b.translation);
 }
 
 class RelativePoseContract : public testing::TestWithParam<int> {

@@ -10,6 +10,7 @@
 #include "colmap_lazyloc/ablation/sampson_error.h"
 #include "colmap_lazyloc/math/so3.h"
 #include "colmap_lazyloc/refinement/bundle_adjustment.h"
+#include "colmap_lazyloc/testing/pose_expectations.h"
 #include "colmap_lazyloc/testing/synthetic_tracks.h"
 
 namespace lazyloc {
@@ -25,11 +26,6 @@ PosedImages Start(const SyntheticTracks& scene, double rotation_deg, double dist
     frame.frame_from_world.translation += distance * RandomVector(&random).normalized();
   }
   return posed;
-}
-
-void ExpectSameBits(const Rigid3d& a, const Rigid3d& b) {
-  EXPECT_EQ(a.rotation.coeffs(), b.rotation.coeffs());
-  EXPECT_EQ(a.translation, b.translation);
 }
 
 SyntheticTracks MakeScene(int num_query, double noise_px, uint32_t seed) {

@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "colmap_lazyloc/refinement/covariance.h"
+#include "colmap_lazyloc/scene/errors.h"
 
 namespace lazyloc {
 namespace {
@@ -43,8 +44,10 @@ BundleProblem::BundleProblem(const PosedImages& posed, const std::vector<Track>&
   for (const Image& image : posed.images) {
     has_frame_axes.push_back(HasFrameAxes(image));
     if (!image.log_focal_factor) continue;
-    frames[index_of_frame[image.frame]].log_factor = *image.log_focal_factor;
-    has_factor[index_of_frame[image.frame]] = true;
+    const int frame = index_of_frame[image.frame];
+    LAZYLOC_CHECK(frame >= 0 && !has_factor[frame]);
+    frames[frame].log_factor = *image.log_focal_factor;
+    has_factor[frame] = true;
   }
   const std::vector<Rigid3d> cams_from_world = CamsFromWorld(posed);
   size_t num_observations = 0;

@@ -6,6 +6,7 @@
 
 #include "colmap_lazyloc/math/so3.h"
 #include "colmap_lazyloc/refinement/bundle_adjustment.h"
+#include "colmap_lazyloc/testing/sampled_covariance.h"
 #include "colmap_lazyloc/testing/synthetic_tracks.h"
 
 namespace lazyloc {
@@ -22,27 +23,10 @@ BundleAdjustmentOptions LeastSquares() {
 
 TEST(PoseCovariance, PredictsTheSpreadOfAdjustedPoses) {
   // Allows four times the relative error of a sample variance of 300 trials, sqrt(2 / 300) = 8 %.
-  SyntheticTracksOptions options;
+  const SyntheticTracksOptions options;
   const SyntheticTracks truth = MakeSyntheticTracks(options);
   const Matrix6d predicted = AdjustBundle(truth.posed, truth.tracks, LeastSquares()).image_covariances[0];
-  Matrix6d sampled = Matrix6d::Zero();
-  const int num_trials = 300;
-  Random random(3);
-  for (int trial = 0; trial < num_trials; ++trial) {
-    SyntheticTracks scene = truth;
-    for (Track& track : scene.tracks) {
-      for (TrackObservation& element : track.observations) {
-        element.observation = ObserveAt(CamFromWorld(scene.posed, element.image) * track.point_in_world,
-                                        options.focal_length_px, RandomVector(&random).head<2>());
-      }
-    }
-    const BundleAdjustmentResult result = AdjustBundle(scene.posed, scene.tracks, LeastSquares());
-    ASSERT_TRUE(result.summary.success);
-    const Rigid3d pose = CamFromWorld(result.posed, 0), exact = CamFromWorld(truth.posed, 0);
-    Eigen::Matrix<double, 6, 1> error;
-    error << LogSO3(pose.rotation * exact.rotation.conjugate()), pose.translation - exact.translation;
-    sampled += error * error.transpose() / num_trials;
-  }
+  const Matrix6d sampled = SampleCovariances(truth, options.focal_length_px, LeastSquares(), 300)[0];
   for (int i = 0; i < 6; ++i) EXPECT_NEAR(sampled(i, i) / predicted(i, i), 1, 0.33) << i;
 }
 

@@ -62,7 +62,7 @@ TEST(PosePrior, ScalesOfAFrameAreOverAllItsImages) {
   EXPECT_EQ(scales[2].distance, 0) << "a frame without images";
 }
 
-// Result of an adjustment of database poses that are off.
+// Holds the results of adjustments of database poses that are off.
 struct Trial {
   double exact_error, soft_error;  // of the query's position, if the database poses are constant or have priors
   double estimated_px;             // noise of the database poses after four rounds

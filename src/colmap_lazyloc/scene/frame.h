@@ -43,7 +43,8 @@ struct Image {
   // Standard deviation of a keypoint's error, per coordinate: keypoint noise, and what errors of a database pose and of
   // the intrinsics look like in the image.
   double noise_px = 1;
-  // Log of the factor on the focal length that adjustment estimates; nullopt if the focal length is known.
+  // Log of the factor on the focal length that adjustment estimates; nullopt if the focal length is known. At most one
+  // image of a frame has it, and none of a constant frame or of one with has_free_scale.
   std::optional<double> log_focal_factor;
 };
 

@@ -2,15 +2,11 @@
 
 #include <gtest/gtest.h>
 
+#include "colmap_lazyloc/testing/pose_expectations.h"
 #include "colmap_lazyloc/testing/synthetic_scene.h"
 
 namespace lazyloc {
 namespace {
-
-void ExpectSameBits(const Rigid3d& a, const Rigid3d& b) {
-  EXPECT_EQ(a.rotation.coeffs(), b.rotation.coeffs());
-  EXPECT_EQ(a.translation, b.translation);
-}
 
 // Returns a pose whose rotation has another length than one, as text files have it: normalising changes its bits.
 Rigid3d PoseFromText(Random* random) {

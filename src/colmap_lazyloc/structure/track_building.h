@@ -9,7 +9,7 @@ namespace lazyloc {
 
 // Builds tracks over the inlier matches of pairs, each track with at least one observation in a query, in ascending
 // order of their first observations. Points are not set. Images 0 to n-1 are the queries; frame_of_query holds their
-// frames. Rules:
+// frames. Pairs of one query must ascend by their other image. Rules:
 //
 //  (1) A query keypoint with matches in two or more database images makes a track of its own, with its database
 //      observations only.       query a  o-----o database 1

@@ -50,7 +50,7 @@ std::vector<Track> TriangulateWithQuery(const PosedImages& posed, std::vector<Tr
                                         const TrackTriangulationOptions& options);
 
 // Removes observations in queries whose points lie behind the camera or farther away than max_error_sigma standard
-// deviations, and tracks without observations in queries.
+// deviations, and tracks that are left without observations in queries or with a single one. Keeps the order.
 std::vector<Track> RemoveQueryOutliers(const PosedImages& posed, std::vector<Track> tracks, double max_error_sigma);
 
 // Does the same, and removes tracks with such an observation in a database image.

@@ -42,4 +42,14 @@ SyntheticTracks MakeSyntheticTracks(const SyntheticTracksOptions& options) {
   return scene;
 }
 
+void DisturbQueries(SyntheticTracks* scene, double rotation_deg, double translation, double point) {
+  Random random(17);
+  for (Frame& frame : scene->posed.frames) {
+    if (frame.is_database) continue;
+    frame.frame_from_world.rotation = Disturbed(frame.frame_from_world.rotation, rotation_deg, &random);
+    frame.frame_from_world.translation += translation * RandomVector(&random);
+  }
+  for (Track& track : scene->tracks) track.point_in_world += point * RandomVector(&random);
+}
+
 }  // namespace lazyloc

@@ -27,6 +27,9 @@ struct SyntheticTracks {
 
 SyntheticTracks MakeSyntheticTracks(const SyntheticTracksOptions& options);
 
+// Disturbs the poses of the query frames, and the points.
+void DisturbQueries(SyntheticTracks* scene, double rotation_deg, double translation, double point);
+
 // Returns the observation of a point by a pinhole camera of the given focal length, displaced by an offset in pixels.
 Observation ObserveAt(const Eigen::Vector3d& point_in_cam, double focal_length_px, const Eigen::Vector2d& offset_px);
 
