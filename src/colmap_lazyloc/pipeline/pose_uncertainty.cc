@@ -51,7 +51,8 @@ std::vector<PoseUncertainty> EstimateUncertainties(const Layout& layout, const P
   const BundleAdjustmentResult& adjustment = refined.adjustment;
   const std::vector<TrackRefs> tracks_of = TracksByFrame(layout, adjustment.tracks);
   CheckNumTracks(tracks_of, options.min_num_tracks);
-  const double factor = VarianceFactor(adjustment.posed, adjustment.tracks, options.bundle_adjustment.loss_scale_sigma);
+  const double factor =
+      VarianceFactor(adjustment.posed, adjustment.tracks, RobustLoss(options.bundle_adjustment.loss_scale_sigma));
   CheckPositions(layout, pairs, adjustment, tracks_of, factor, options);
   const double missing_prior_factor = std::max(adjustment.prior_fit.VarianceFactor(factor) - factor, 0.0);
   std::vector<PoseUncertainty> uncertainties;

@@ -132,7 +132,7 @@ void Rounds::AdjustWithEstimatedPriors() {
   for (int i = 0;; ++i) {
     const std::vector<FrameScale> scales = AdjustWithPriors(/*is_last=*/false);
     const double variance_factor =
-        VarianceFactor(Posed(), adjustment_.tracks, options_.bundle_adjustment.loss_scale_sigma);
+        VarianceFactor(Posed(), adjustment_.tracks, RobustLoss(options_.bundle_adjustment.loss_scale_sigma));
     const double estimate_px = EstimateDatabasePoseNoise(Posed().frames, scales, adjustment_.frame_covariances,
                                                          variance_factor, options_.database_pose_noise_px);
     const bool is_settled = !is_large || std::abs(std::log(estimate_px / database_noise_px_)) < 0.1;

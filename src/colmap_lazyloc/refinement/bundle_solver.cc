@@ -29,7 +29,7 @@ template <int kSize>
 BundleSolver<kSize>::BundleSolver(const PosedImages& posed, const std::vector<Track>& tracks,
                                   const BundleAdjustmentOptions& options)
     : options_(options),
-      squared_scale_(options.loss_scale_sigma * options.loss_scale_sigma),
+      loss_(options.loss_scale_sigma),
       problem_(posed, tracks),
       camera_system_(problem_.frames.size()),
       state_{problem_.frames, problem_.points} {
@@ -129,17 +129,17 @@ double BundleSolver<kSize>::Cost(const BundleState& state) const {
   BundleError error;
   for (size_t track = 0; track < state.points.size(); ++track) {
     const auto [fixed, free] = std::tie(problem_.fixed_range[track], problem_.free_range[track]);
-    double cost_factor = 1;
+    RobustLoss::Sum loss(loss_);
     for (size_t i = fixed.begin; i < fixed.end; ++i) {
       if (!error.Evaluate(problem_.fixed[i], state.points[track])) return kInfinity;
-      cost_factor *= CostFactor(error);
+      loss.Add(error.error.squaredNorm());
     }
     for (size_t i = free.begin; i < free.end; ++i) {
       const BundleFrame& frame = state.frames[problem_.free[i].frame];
       if (!error.Evaluate(problem_.free[i], frame, state.points[track])) return kInfinity;
-      cost_factor *= CostFactor(error);
+      loss.Add(error.error.squaredNorm());
     }
-    cost += 0.5 * squared_scale_ * std::log(cost_factor);
+    cost += loss.Value();
   }
   return cost;
 }
@@ -162,13 +162,9 @@ bool BundleSolver<kSize>::AddTrack(const BundleState& state, size_t track, doubl
   const auto [fixed, free] = std::tie(problem_.fixed_range[track], problem_.free_range[track]);
   Eigen::Matrix3d hessian = Eigen::Matrix3d::Zero();
   Eigen::Vector3d gradient = Eigen::Vector3d::Zero();
-  double cost_factor = 1;
+  RobustLoss::Sum loss(loss_);
   BundleError error;
-  const auto weigh = [&] {
-    const double factor = CostFactor(error);
-    cost_factor *= factor;
-    error.Scale(std::sqrt(1 / factor));
-  };
+  const auto weigh = [&] { error.Scale(std::sqrt(loss.Add(error.error.squaredNorm()))); };
   for (size_t i = fixed.begin; i < fixed.end; ++i) {
     if (!error.Evaluate(problem_.fixed[i], point)) return false;
     weigh();
@@ -192,7 +188,7 @@ bool BundleSolver<kSize>::AddTrack(const BundleState& state, size_t track, doubl
     system_.rhs.template segment<kSize>(kSize * problem_.free[i].frame) -= by_frame.lazyProduct(error.error);
     system_.eliminated[i] = by_frame.lazyProduct(by_point);
   }
-  system_.cost += 0.5 * squared_scale_ * std::log(cost_factor);
+  system_.cost += loss.Value();
   hessian.diagonal() *= 1 + damping;
   EliminatePoint(track, hessian, gradient);
   return true;

@@ -7,6 +7,7 @@
 #include "colmap_lazyloc/refinement/bundle_adjustment.h"
 #include "colmap_lazyloc/refinement/bundle_problem.h"
 #include "colmap_lazyloc/refinement/camera_system.h"
+#include "colmap_lazyloc/refinement/robust_loss.h"
 
 namespace lazyloc {
 
@@ -58,10 +59,6 @@ class BundleSolver {
   bool Build(const BundleState& state, double damping);
   // Returns the cost of a state without building its system; infinite if a point lies behind one of its cameras.
   double Cost(const BundleState& state) const;
-  // Returns the factor whose log is the robust cost: a sum of logs is the log of a product, which takes less time. Its
-  // inverse is the robust weight.
-  double CostFactor(const BundleError& error) const { return 1 + error.error.squaredNorm() / squared_scale_; }
-
   // Adds the prior of a frame's pose, and a unit weight that keeps a factor constant if it is not estimated.
   void AddKnowledge(const Rigid3d& frame_from_world, size_t frame, FrameMatrix* hessian);
   // Adds a track's derivatives and eliminates its point, in one pass. Returns false if the point lies behind a camera.
@@ -74,7 +71,7 @@ class BundleSolver {
   double Step(BundleState* next);
 
   const BundleAdjustmentOptions& options_;
-  const double squared_scale_;
+  const RobustLoss loss_;
   const BundleProblem problem_;
   CameraSystem<kSize> camera_system_;
   BundleState state_;

@@ -7,12 +7,11 @@
 #include <Eigen/Eigenvalues>
 
 #include "colmap_lazyloc/math/median.h"
-#include "colmap_lazyloc/math/robust_weights.h"
 #include "colmap_lazyloc/math/so3.h"
 
 namespace lazyloc {
 
-double VarianceFactor(const PosedImages& posed, const std::vector<Track>& tracks, double weight_scale) {
+double VarianceFactor(const PosedImages& posed, const std::vector<Track>& tracks, const RobustLoss& loss) {
   const std::vector<Rigid3d> cams_from_world = CamsFromWorld(posed);
   const auto num_query_frames =
       std::count_if(posed.frames.begin(), posed.frames.end(), [](const Frame& frame) { return !frame.is_database; });
@@ -23,7 +22,7 @@ double VarianceFactor(const PosedImages& posed, const std::vector<Track>& tracks
       const Eigen::Vector2d error_px =
           ReprojectionError(element.observation, cams_from_world[element.image] * track.point_in_world);
       const double squared_error = (ResidualFromPx(posed.images[element.image], track) * error_px).squaredNorm();
-      const double weight = CauchyWeight(squared_error, weight_scale);
+      const double weight = loss.Weight(squared_error);
       squared_sum += weight * squared_error;
       degrees_of_freedom += 2 * weight;
     }

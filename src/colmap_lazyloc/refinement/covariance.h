@@ -4,6 +4,7 @@
 
 #include <Eigen/Core>
 
+#include "colmap_lazyloc/refinement/robust_loss.h"
 #include "colmap_lazyloc/scene/frame.h"
 #include "colmap_lazyloc/scene/localization_result.h"
 #include "colmap_lazyloc/scene/track.h"
@@ -15,9 +16,9 @@ inline double ResidualFromPx(const Image& image, const Track& track) {
   return 1 / (track.noise_ratio * image.noise_px);
 }
 
-// Returns the a-posteriori variance factor: the weighted sum of squared normalised residuals over the degrees of freedom
-// that the points and the query frames' poses leave. weight_scale: Cauchy scale in standard deviations.
-double VarianceFactor(const PosedImages& posed, const std::vector<Track>& tracks, double weight_scale);
+// Returns the a-posteriori variance factor: the weighted sum of squared normalised residuals over the degrees of
+// freedom that the points and the query frames' poses leave.
+double VarianceFactor(const PosedImages& posed, const std::vector<Track>& tracks, const RobustLoss& loss);
 
 // Returns the covariance of the projection centre in the world. The covariance of cam_from_world is that of its tangent
 // (rotation, then translation); coordinates should be near the origin, because the translation's part grows with it.

@@ -110,9 +110,9 @@ TEST(VarianceFactor, FindsTheNoise) {
   const SyntheticTracks scene = MakeSyntheticTracks(options);
   BundleAdjustmentResult adjusted = AdjustBundle(scene.posed, scene.tracks, LeastSquares());
   ASSERT_TRUE(adjusted.summary.success);
-  EXPECT_NEAR(VarianceFactor(adjusted.posed, adjusted.tracks, kWideScale), 4, 0.3);
+  EXPECT_NEAR(VarianceFactor(adjusted.posed, adjusted.tracks, RobustLoss(kWideScale)), 4, 0.3);
   for (Image& image : adjusted.posed.images) image.noise_px = 2;
-  EXPECT_NEAR(VarianceFactor(adjusted.posed, adjusted.tracks, kWideScale), 1, 0.08);
+  EXPECT_NEAR(VarianceFactor(adjusted.posed, adjusted.tracks, RobustLoss(kWideScale)), 1, 0.08);
 }
 
 }  // namespace

@@ -94,7 +94,7 @@ Trial RunTrial(double noise_px, uint32_t seed) {
     const BundleAdjustmentResult result = AdjustBundle(scene.posed, scene.tracks, {});
     scene = {result.posed, result.tracks};
     estimated_px = EstimateDatabasePoseNoise(scene.posed.frames, scales, result.frame_covariances,
-                                             VarianceFactor(scene.posed, scene.tracks, 2), 0.1);
+                                             VarianceFactor(scene.posed, scene.tracks, RobustLoss(2)), 0.1);
   }
   return {PositionError(CamFromWorld(exact.posed, 0), truth), PositionError(CamFromWorld(scene.posed, 0), truth),
           estimated_px};

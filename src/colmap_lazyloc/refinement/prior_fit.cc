@@ -21,7 +21,7 @@ PriorFit FitPriors(const std::vector<PriorDeviation>& deviations, const Eigen::M
   const auto num_rows = static_cast<Eigen::Index>(6 * deviations.size());
   fit.num_parameters = static_cast<double>(num_rows);
   Eigen::MatrixXd with_frames(num_rows, inverse.cols());  // covariance between u and all frames
-  Eigen::MatrixXd with_others(num_rows, num_rows);         // W
+  Eigen::MatrixXd with_others(num_rows, num_rows);        // W
   for (size_t i = 0; i < deviations.size(); ++i) {
     const auto& [frame, residual] = deviations[i];
     with_frames.middleRows<6>(6 * i) = residual.jacobian * inverse.middleRows<6>(frame_size * frame);
