@@ -5,7 +5,7 @@
 #include <set>
 #include <utility>
 
-#include "colmap_lazyloc/database/keypoint_cache.h"
+#include "colmap_lazyloc/database/lru_cache.h"
 #include "colmap_lazyloc/database/sqlite.h"
 #include "colmap_lazyloc/database/stored_values.h"
 #include "colmap_lazyloc/database/two_view_orientation.h"
@@ -20,7 +20,9 @@ constexpr int64_t kMaxNumImages = std::numeric_limits<int32_t>::max();
 constexpr int64_t kMaxInt = std::numeric_limits<int>::max();
 constexpr int64_t kMaxInt64 = std::numeric_limits<int64_t>::max();
 constexpr int64_t kMaxCameraId = std::numeric_limits<uint32_t>::max();
-constexpr size_t kMaxNumCachedKeypoints = (16 << 20) / sizeof(Eigen::Vector2f);
+
+using Points = std::vector<Eigen::Vector2f>;                                     // in pixels, as COLMAP stores them
+constexpr size_t kMaxNumCachedKeypoints = (16 << 20) / sizeof(Eigen::Vector2f);  // 16 MiB
 
 int64_t PairId(uint32_t image_id1, uint32_t image_id2) {
   LAZYLOC_CHECK(image_id1 != image_id2);
@@ -103,10 +105,13 @@ struct DatabaseReader::Impl {
                          [=] { return "pair of " + ImageLabel(image_id1) + " and " + ImageLabel(image_id2); });
   }
 
-  KeypointCache::Keypoints ReadKeypoints(uint32_t image_id) const {
+  Points ReadKeypoints(uint32_t image_id) const {
     SqliteRows rows = keypoints.Run({image_id}, [=] { return ImageLabel(image_id); });
-    KeypointCache::Keypoints points;
-    while (rows.Next()) points = ReadStoredKeypoints(rows);
+    Points points;
+    while (rows.Next()) {
+      points.clear();
+      for (const Keypoint& keypoint : ReadStoredKeypoints(rows)) points.emplace_back(keypoint.x, keypoint.y);
+    }
     return points;
   }
 
@@ -127,7 +132,7 @@ struct DatabaseReader::Impl {
   TwoViewColumns two_view_columns;
   SqliteStatement images, image_name, camera, keypoints, matches, two_view_geometry;
   PairSizeStatements match_counts, inlier_counts;
-  KeypointCache keypoint_cache{kMaxNumCachedKeypoints};
+  LruCache<Points> keypoint_cache{kMaxNumCachedKeypoints, [](const Points& points) { return points.size(); }};
 };
 
 DatabaseReader::DatabaseReader(const std::filesystem::path& path) : impl_(std::make_unique<Impl>(path)) {}
@@ -194,8 +199,7 @@ Camera DatabaseReader::ReadCamera(uint32_t camera_id) const {
 }
 
 std::vector<Eigen::Vector2d> DatabaseReader::ReadKeypoints(uint32_t image_id) const {
-  const KeypointCache::Keypoints* keypoints = impl_->keypoint_cache.Find(image_id);
-  if (keypoints == nullptr) keypoints = impl_->keypoint_cache.Add(image_id, impl_->ReadKeypoints(image_id));
+  const auto keypoints = impl_->keypoint_cache.Get(image_id, [&] { return impl_->ReadKeypoints(image_id); });
   std::vector<Eigen::Vector2d> in_double;
   in_double.reserve(keypoints->size());
   for (const Eigen::Vector2f& keypoint : *keypoints) in_double.push_back(keypoint.cast<double>());

@@ -1,8 +1,8 @@
 #include <string_view>
 
 #include "colmap_lazyloc/bridge/camera_models.h"
+#include "colmap_lazyloc/files/text_file.h"
 #include "colmap_lazyloc/io/model_formats.h"
-#include "colmap_lazyloc/io/text_file.h"
 
 namespace lazyloc {
 namespace {

@@ -3,8 +3,8 @@
 #include <charconv>
 #include <optional>
 
+#include "colmap_lazyloc/files/text_file.h"
 #include "colmap_lazyloc/io/model_reader.h"
-#include "colmap_lazyloc/io/text_file.h"
 #include "colmap_lazyloc/math/so3.h"
 
 namespace lazyloc {
@@ -24,7 +24,7 @@ std::optional<double> Timestamp(const std::string& image_name) {
 
 Rigid3d PoseOf(const TextFile& file, const Eigen::Quaterniond& rotation, const Eigen::Vector3d& translation) {
   if (!IsUnitQuaternion(rotation) || !translation.allFinite()) {
-    throw file.Error("the pose is no unit quaternion with a translation");
+    throw file.Error("the pose is not a unit quaternion with a translation");
   }
   return {rotation.normalized(), translation};
 }

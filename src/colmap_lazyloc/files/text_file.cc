@@ -1,4 +1,4 @@
-#include "colmap_lazyloc/io/text_file.h"
+#include "colmap_lazyloc/files/text_file.h"
 
 #include <algorithm>
 #include <cerrno>

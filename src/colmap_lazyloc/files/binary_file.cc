@@ -1,4 +1,4 @@
-#include "colmap_lazyloc/io/binary_file.h"
+#include "colmap_lazyloc/files/binary_file.h"
 
 #include <cerrno>
 #include <system_error>

@@ -1,4 +1,4 @@
-#include "colmap_lazyloc/io/output_file.h"
+#include "colmap_lazyloc/files/output_file.h"
 
 #include <cerrno>
 #include <locale>
