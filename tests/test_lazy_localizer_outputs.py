@@ -136,8 +136,8 @@ def test_covariance_explains_the_errors(localize, tmp_path, write_scene_files):
 def test_options_file_gives_the_same_run_again(localize, noisy):
     first = localize(*noisy.arguments, "--LazyLocalizer.num_retrieved", 6, "--LazyLocalizer.seed", 11,
                      "--LazyLocalizer.loss_scale_sigma", 0.1 + 0.2, "--LazyLocalizer.num_threads", 1,
-                     "--LazyLocalizer.rotation_averaging", "quaternion_mean",
-                     "--LazyLocalizer.translation_averaging", "lud")
+                     "--LazyLocalizer.Advanced.rotation_averaging", "quaternion_mean",
+                     "--LazyLocalizer.Advanced.translation_averaging", "lud")
     again = localize("--project_path", first.output_path / "options.ini")
     assert (first.exit_code, again.exit_code) == (0, 0), again.stderr
     assert again.poses_bytes == first.poses_bytes

@@ -78,7 +78,7 @@ def test_number_of_threads_does_not_matter(scene, queries, localize, exhaustive,
 
 def test_one_photo_gives_the_same_pose_as_among_others(scene, localize, exhaustive, tmp_path):
     name = scene.query_names[1]
-    run = localize(*scene.arguments(scene.write_queries(tmp_path / "one.txt", [name]), "--LazyLocalizer.cache_gb", 0))
+    run = localize(*scene.arguments(scene.write_queries(tmp_path / "one.txt", [name]), "--LazyLocalizer.Advanced.cache_gb", 0))
     assert run.poses[name].bits() == exhaustive.poses[name].bits()
 
 
@@ -120,7 +120,7 @@ def test_index_does_not_depend_on_the_number_of_threads(colmap, scene, tmp_path)
 
 
 def test_index_in_memory_where_there_are_many_images(scene, queries, localize):
-    run = localize(*scene.arguments(queries, "--LazyLocalizer.max_num_exhaustive", 5,
+    run = localize(*scene.arguments(queries, "--LazyLocalizer.Advanced.max_num_exhaustive", 5,
                                     "--LazyLocalizer.num_retrieved", 5))
     scene.assert_localized(run)
     assert {len(run.pair_names(name)) for name in scene.query_names} == {5}
@@ -154,7 +154,7 @@ def test_prior_restricts_the_images(scene, queries, localize, tmp_path):
                 for other in scene.database_names}
     radius = sorted(distance.values())[3] + 0.01
     (tmp_path / "priors.txt").write_text(f"{name} {' '.join(map(str, centre))} {radius}\n")
-    run = localize(*scene.arguments(queries, "--query_prior_path", tmp_path / "priors.txt"))
+    run = localize(*scene.arguments(queries, "--LazyLocalizer.Advanced.query_prior_path", tmp_path / "priors.txt"))
     scene.assert_localized(run)
     assert run.pair_names(name) == [other for other in scene.database_names if distance[other] <= radius]
     assert run.pair_names(scene.query_names[1]) == scene.database_names
@@ -162,7 +162,7 @@ def test_prior_restricts_the_images(scene, queries, localize, tmp_path):
 
 def test_kept_matches_are_a_database_that_localizes_alike(scene, queries, localize, exhaustive, tmp_path, colmap):
     kept = tmp_path / "kept.db"
-    run = localize(*scene.arguments(queries, "--LazyLocalizer.matches_output_path", kept))
+    run = localize(*scene.arguments(queries, "--LazyLocalizer.Advanced.matches_output_path", kept))
     assert run.poses_bytes == exhaustive.poses_bytes
     assert [path.name for path in tmp_path.iterdir()] == ["kept.db"]
     by_id = "SELECT image_id, name FROM images ORDER BY image_id"
