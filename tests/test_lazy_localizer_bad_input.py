@@ -374,17 +374,25 @@ BAD_VALUES = [
     ("strict", "perhaps"), ("LazyLocalizer.leave_one_out", "7"), ("LazyLocalizer.num_retrieved", "many"),
     ("LazyLocalizer.num_retrieved", "0"), ("LazyLocalizer.num_retrieved", "99999999999"),
     ("LazyLocalizer.num_retrieved", "1.5"), ("LazyLocalizer.num_threads", "0"), ("LazyLocalizer.num_threads", "-2"),
-    ("LazyLocalizer.seed", "x1"), ("LazyLocalizer.Advanced.min_num_inliers", "-1"),
+    ("LazyLocalizer.seed", "x1"), ("LazyLocalizer.group_size", "0"), ("LazyLocalizer.Advanced.min_num_inliers", "-1"),
     ("LazyLocalizer.Advanced.max_two_view_error_px", "0"), ("LazyLocalizer.Advanced.max_rotation_error_deg", "-5"),
-    ("LazyLocalizer.irls_scale_deg", "0"), ("LazyLocalizer.min_direction_stddev_deg", "0"),
-    ("LazyLocalizer.Advanced.min_triangulation_angle_deg", "-1"), ("LazyLocalizer.Advanced.max_query_error_sigma", "nan"),
-    ("LazyLocalizer.loss_scale_sigma", "0"), ("LazyLocalizer.start_noise_px", "-1"),
-    ("LazyLocalizer.min_noise_px", "-1"), ("LazyLocalizer.min_noise_px", "nan"),
+    ("LazyLocalizer.Advanced.min_triangulation_angle_deg", "-1"),
+    ("LazyLocalizer.Advanced.max_query_error_sigma", "nan"), ("LazyLocalizer.Advanced.convergence_sigma", "-1"),
     ("LazyLocalizer.Advanced.num_refinement_rounds", "0"), ("LazyLocalizer.Advanced.single_view_noise_ratio", "0"),
     ("LazyLocalizer.Advanced.max_position_stddev_ratio", "4px"),
 ]
 for name, value in BAD_VALUES:
     CASES[f"{name.split('.')[-1]}_of_{value}"] = (lambda files, words=("--" + name, value): words), (name,)
+
+
+@case("database.db", "nowhere\\x0d\\x1b[31m.jpg")
+def control_characters_in_a_name(files):
+    return files.query_list("query/001.jpg\nnowhere\r\x1b[31m.jpg\n")
+
+
+@case("LazyLocalizer.use_rigs")
+def advanced_option_under_its_basic_name(files):
+    return ["--project_path", files.write("some.ini", "[LazyLocalizer]\nuse_rigs=1\n")]
 
 
 @case("some.ini")

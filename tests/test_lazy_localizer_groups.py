@@ -87,7 +87,8 @@ def test_trajectory_without_scale(localize, exact, tmp_path):
     lines = [line.split() for line in trajectory_lines(scene, names).splitlines()]
     path = write(tmp_path / "trajectory.txt", "".join(
         " ".join([*words[:5], *(repr(4 * float(word)) for word in words[5:])]) + "\n" for words in lines))
-    run = localize(*exact.arguments, "--query_trajectory_path", path, "--LazyLocalizer.Advanced.trajectory_has_scale", 0)
+    run = localize(*exact.arguments, "--query_trajectory_path", path,
+                   "--LazyLocalizer.Advanced.trajectory_has_scale", 0)
     run.assert_localized(scene, names, *MAX_ERRORS)
     for name in names:
         assert run.results[name]["rig_scale"] == pytest.approx(0.25, rel=1e-4)
@@ -98,7 +99,7 @@ def test_gap_of_a_trajectory_is_localized_with_a_warning(localize, exact, tmp_pa
     path = write(tmp_path / "trajectory.txt", trajectory_lines(exact.scene, names[:2]))
     run = localize(*exact.arguments, "--query_trajectory_path", path)
     run.assert_localized(exact.scene, names, *MAX_ERRORS)
-    assert run.stderr.count("\n") == 1 and "1 queries, such as query/002.jpg" in run.stderr
+    assert run.stderr.count("\n") == 1 and "no pose for 1 query (query/002.jpg): localizing it individually" in run.stderr
     assert [run.results[name]["frame"] is None for name in names] == [False, False, True]
 
 
@@ -128,9 +129,9 @@ def test_photos_of_a_trajectory_one_of_which_is_missing(localize, photos, tmp_pa
 
 
 BAD_FILES = {
-    "--rig_config_path": ('[{"cameras": [{"image_prefix": "front/", "ref_sensor": true}]}]', "no query has"),
-    "--LazyLocalizer.Advanced.group_list_path": ("query/000.jpg query/007.jpg\n", "'query/007.jpg' is no query"),
-    "--query_trajectory_path": ("query/007.jpg 1 0 0 0 0 0 0\n", "has a pose of no query"),
+    "--rig_config_path": ('[{"cameras": [{"image_prefix": "front/", "ref_sensor": true}]}]', "no query matches"),
+    "--LazyLocalizer.Advanced.group_list_path": ("query/000.jpg query/007.jpg\n", "'query/007.jpg' is not a query"),
+    "--query_trajectory_path": ("query/007.jpg 1 0 0 0 0 0 0\n", "no pose for any query"),
 }
 
 

@@ -78,7 +78,8 @@ def test_number_of_threads_does_not_matter(scene, queries, localize, exhaustive,
 
 def test_one_photo_gives_the_same_pose_as_among_others(scene, localize, exhaustive, tmp_path):
     name = scene.query_names[1]
-    run = localize(*scene.arguments(scene.write_queries(tmp_path / "one.txt", [name]), "--LazyLocalizer.Advanced.cache_gb", 0))
+    one_query = scene.write_queries(tmp_path / "one.txt", [name])
+    run = localize(*scene.arguments(one_query, "--LazyLocalizer.Advanced.cache_gb", 0))
     assert run.poses[name].bits() == exhaustive.poses[name].bits()
 
 

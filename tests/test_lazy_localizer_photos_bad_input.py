@@ -137,8 +137,8 @@ def test_unusable_indices_are_refused_and_left_alone(colmap, scene, queries, loc
                    capture_output=True, timeout=300)
     foreign = path.read_bytes()
     generation = foreign[foreign.index(b"COLMAP-"):][:8]
-    for content, words in [(b"no index", "is no retrieval index"), (b"", "is no retrieval index"),
-                           (foreign[:-1], "is cut short"), (foreign, "belongs to another"),
+    for content, words in [(b"no index", "is not a retrieval index"), (b"", "is not a retrieval index"),
+                           (foreign[:-1], "is truncated"), (foreign, "belongs to another"),
                            (foreign.replace(generation, b"COLMAP-9", 1), "is of another COLMAP generation")]:
         path.write_bytes(content)
         assert_refused(localize(*scene.arguments(queries, "--retrieval_index_path", path)), path, words, "delete it")
@@ -161,8 +161,8 @@ def test_matches_output_that_cannot_be_made_is_refused(scene, queries, localize,
 
 def test_failed_run_leaves_no_matches_output(scene, queries, localize, tmp_path, changed_database):
     path = changed_database("UPDATE descriptors SET data = x'00'")
-    run = localize("--database_path", path, *scene.arguments(queries)[2:], "--LazyLocalizer.Advanced.matches_output_path",
-                   tmp_path / "kept.db")
+    run = localize("--database_path", path, *scene.arguments(queries)[2:],
+                   "--LazyLocalizer.Advanced.matches_output_path", tmp_path / "kept.db")
     assert_refused(run)
     assert [entry.name for entry in tmp_path.iterdir()] == ["changed.db"]
 
@@ -182,6 +182,7 @@ def test_bad_options_are_refused(scene, queries, localize, options, words):
     assert_refused(localize(*scene.arguments(queries, *options)), *words)
 
 
-@pytest.mark.parametrize("name", ["retrieval_index_path", "query_prior_path", "LazyLocalizer.Advanced.matches_output_path"])
+@pytest.mark.parametrize("name", ["retrieval_index_path", "LazyLocalizer.Advanced.query_prior_path",
+                                  "LazyLocalizer.Advanced.matches_output_path"])
 def test_options_of_photos_need_image_path(exact, localize, name):
     assert_refused(localize(*exact.arguments, f"--{name}", "file"), name, "--image_path")

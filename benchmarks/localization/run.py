@@ -190,7 +190,7 @@ def _parse(argv: list[str]) -> argparse.Namespace:
     methods.add_argument("--colmap", type=pathlib.Path, default=pathlib.Path("build/bin/colmap"),
                          help="the program with the command lazy_localizer")
     methods.add_argument("--options", nargs="+", default=[], metavar="KEY=VALUE",
-                         help="further options of lazy_localizer, for example LazyLocalizer.loss_scale_sigma=1")
+                         help="further options of lazy_localizer, for example LazyLocalizer.Advanced.convergence_sigma=1e-6")
     methods.add_argument("--num_retrieved", type=int, nargs="+", default=[20],
                          help="pairs per query, best by verified inliers; several: a series each")
     methods.add_argument("--seeds", type=int, nargs="+", default=[0], help="several: a series each")

@@ -24,7 +24,8 @@ import synthetic_database as synthetic  # noqa: E402
 
 PERCENTS = 10, 25, 50, 75, 90, 95
 OPEN_GATE = "--LazyLocalizer.Advanced.max_query_error_sigma", 50
-EXACT = "--LazyLocalizer.Advanced.database_pose_stddev_deg", 0, "--LazyLocalizer.Advanced.database_pose_stddev_length", 0
+EXACT = ("--LazyLocalizer.Advanced.database_pose_stddev_deg", 0,
+         "--LazyLocalizer.Advanced.database_pose_stddev_length", 0)
 
 
 def localize(colmap, scene, *arguments, database_scene=None):

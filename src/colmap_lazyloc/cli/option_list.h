@@ -52,7 +52,8 @@ void ForEachSourceOption(Options& o, const Add& add) {
   add("LazyLocalizer.Advanced.use_rigs", &o.selection.groups.use_rigs,
       "Use camera rigs: localize the images of a frame together");
   add("LazyLocalizer.Advanced.trajectory_has_scale", &o.selection.groups.trajectory_has_scale,
-      "1 if lengths in --query_trajectory_path are in the unit of the model; 0 estimates their scale for each group");
+      "Take lengths in --query_trajectory_path as lengths in the unit of the model; 0 estimates their scale for each "
+      "group");
   add("LazyLocalizer.Advanced.query_prior_path", &o.photos.query_prior_path,
       "File with lines `name x y z radius`; a photo is matched only with database images within its radius");
   add("LazyLocalizer.Advanced.matches_output_path", &o.photos.matches_output_path,

@@ -95,8 +95,11 @@ std::vector<QueryFrames> JoinByTrajectory(const std::vector<QueryFrames>& groups
 }
 
 std::string CountWithExample(const std::vector<std::string>& names) {
+  if (names.size() == 1) return "1 query (" + names.front() + ")";
   return std::to_string(names.size()) + " queries (for example " + names.front() + ")";
 }
+
+std::string ItOrThem(const std::vector<std::string>& names) { return names.size() == 1 ? "it" : "them"; }
 
 FramePlaces FindFrames(const std::vector<std::string>& image_names, const DatabaseReader& database, const Model& model,
                        const QueryGroupsOptions& options, std::vector<std::string>* images_without_pose) {
@@ -126,7 +129,8 @@ QueryGroups GroupByTrajectory(const std::vector<std::string>& query_names, const
   result.groups = JoinByTrajectory(result.groups, trajectory);
   for (const QueryFrame& frame : MakeFrames(elsewhere, {})) result.groups.push_back({frame});
   if (!elsewhere.empty()) {
-    result.warning = path + ": no pose for " + CountWithExample(elsewhere) + ": localizing them individually";
+    result.warning =
+        path + ": no pose for " + CountWithExample(elsewhere) + ": localizing " + ItOrThem(elsewhere) + " individually";
   }
   return result;
 }
@@ -149,7 +153,8 @@ QueryGroups GroupQueries(const std::vector<std::string>& query_names, const Data
   QueryGroups result = GroupFrames(MakeFrames(query_names, places), options, options.group_size);
   if (!images_without_pose.empty()) {
     result.warning = database.Path().string() + ": no pose in the rig for the cameras of " +
-                     CountWithExample(images_without_pose) + ": treating them as lone images";
+                     CountWithExample(images_without_pose) + ": localizing " + ItOrThem(images_without_pose) +
+                     " without the rig";
   }
   return result;
 }

@@ -133,8 +133,8 @@ void QuerySelection::ReadPairsFile(const std::vector<std::string>& query_names) 
   listed_pairs_ = std::move(pairs.other_names);
   for (auto& [name, photo] : photos_) photo.pair_names = listed_pairs_[name];
   if (!pairs.unknown_names.empty()) {
-    warnings_.push_back(options_.pairs_path + ": ignoring " + std::to_string(pairs.unknown_names.size()) +
-                        " images that are not in the database (for example " + *pairs.unknown_names.begin() + ")");
+    warnings_.push_back(options_.pairs_path + ": ignoring images that are not in the database: " +
+                        std::to_string(pairs.unknown_names.size()) + ", for example " + *pairs.unknown_names.begin());
   }
 }
 

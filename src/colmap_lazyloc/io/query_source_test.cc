@@ -120,7 +120,7 @@ TEST_F(QuerySourceTest, PairsFileReplacesRetrieval) {
   const QuerySource source(options_, {}, 0, 1);
   EXPECT_EQ(source.MaxNumPairs(), 0) << "all of them are used";
   EXPECT_THAT(source.Warnings(),
-              ElementsAre(HasSubstr("ignoring 1 images that are not in the database (for example x)")));
+              ElementsAre(HasSubstr("ignoring images that are not in the database: 1, for example x")));
 }
 
 TEST_F(QuerySourceTest, OtherIntrinsicsMakeAGeometryUncalibrated) {
