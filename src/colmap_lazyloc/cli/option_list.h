@@ -13,8 +13,8 @@ void ForEachBasicOption(Options& o, const Add& add) {
       "Folder of a COLMAP model (text or binary); its posed images are the database images");
   add("output_path", &o.output_path, "Folder for poses.txt, results.jsonl, model/ and options.ini");
   add("query_list_path", &o.source.selection.query_list_path,
-      "File with one query a line: its name, or hloc's `name MODEL width height params...`; default: every image of the "
-      "database file without a pose in --input_path");
+      "File with one query a line: its name, or hloc's `name MODEL width height params...`; default: every image of "
+      "the database file without a pose in --input_path");
   add("pairs_path", &o.source.selection.pairs_path,
       "File with the pairs to use, two image names a line; default: all pairs with matches in the database");
   add("image_path", &o.source.photos.image_path,
@@ -27,14 +27,14 @@ void ForEachBasicOption(Options& o, const Add& add) {
       "Camera rigs of the images in the JSON format of COLMAP's rig_configurator; default: the rigs in the database or "
       "model");
   add("query_trajectory_path", &o.source.selection.groups.trajectory_path,
-      "Poses of the queries relative to each other: a COLMAP model, or a file in TUM's format or that of poses.txt; each "
-      "group (without a group option, all queries) is localized as one rigid body");
+      "Poses of the queries relative to each other: a COLMAP model, or a file in TUM's format or that of poses.txt; "
+      "each group (without a group option, all queries) is localized as one rigid body");
   add("strict", &o.strict, "Exit with code 2 if a query was not localized");
   add("ImageReader.camera_params", &o.source.photos.camera_params,
       "Parameters of the photos' camera model, separated by commas; default: the focal length in EXIF");
   add("LazyLocalizer.num_retrieved", &o.source.num_retrieved,
-      "Number of database images per query, those with the most verified inliers; with --pairs_path all listed ones are "
-      "used");
+      "Number of database images per query, those with the most verified inliers; with --pairs_path all listed ones "
+      "are used");
   add("LazyLocalizer.num_threads", &o.num_threads, "Number of threads; -1 uses all cores");
   add("LazyLocalizer.seed", &o.localizer.seed, "Seed of all random choices; the same seed gives the same result");
   add("LazyLocalizer.group_size", &o.source.selection.groups.group_size,
@@ -95,8 +95,8 @@ void ForEachMethodOption(Options& o, const Add& add) {
   add("LazyLocalizer.Advanced.max_num_start_tracks", &o.max_num_start_tracks,
       "Maximum number of tracks for the start pose and in all rounds but the last");
   add("LazyLocalizer.Advanced.database_pose_stddev_deg", &o.database_pose_stddev_deg,
-      "Standard deviation of the database images' rotations in degrees; 0 keeps them constant, -1 estimates it for each "
-      "query");
+      "Standard deviation of the database images' rotations in degrees; 0 keeps them constant, -1 estimates it for "
+      "each query");
   add("LazyLocalizer.Advanced.database_pose_stddev_length", &o.database_pose_stddev_length,
       "Standard deviation of the database images' positions in database units; 0 keeps them constant, -1 estimates it "
       "for each query");

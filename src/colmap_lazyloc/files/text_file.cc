@@ -7,7 +7,7 @@
 namespace lazyloc {
 namespace {
 
-// Not std::isspace: it depends on the locale, and names may hold bytes above 127.
+// Replaces std::isspace, because that depends on the locale and names may hold bytes above 127.
 constexpr std::string_view kBlanks = " \t\r\v\f";
 constexpr std::string_view kUtf8ByteOrderMark = "\xEF\xBB\xBF";
 

@@ -27,7 +27,7 @@ class GroupQueriesTest : public IoTest {
   std::string Error() {
     return ErrorOf([&] { Group(); });
   }
-  // The names of each group, frames in brackets.
+  // Returns the names of each group, with frames in brackets.
   std::vector<std::string> Described() {
     std::vector<std::string> descriptions;
     for (const QueryFrames& group : Group().groups) {
@@ -79,13 +79,12 @@ TEST_F(GroupQueriesTest, BadRigConfigs) {
   const std::string no_reference =
       R"([{"cameras": [{"image_prefix": "left/", "cam_from_rig_rotation": [1, 0, 0, 0],
                         "cam_from_rig_translation": [0, 0, 0]}]}])";
-  for (const auto& [content, message] :
-       {std::pair{two_references, "camera 'right/': is the second one with ref_sensor"},
-        std::pair{no_pose, "camera 'right/': has no pose in the rig"},
-        std::pair{no_image, "no query matches the image_prefix of a camera"},
-        std::pair{no_reference, "no camera has ref_sensor"},
-        std::pair{std::string("[{]"), "is not a rig configuration"},
-        std::pair{std::string("{\"cameras\": 3}"), "is not a rig configuration"}}) {
+  for (const auto& [content, message] : {std::pair{two_references, "camera 'right/': is a second reference sensor"},
+                                         std::pair{no_pose, "camera 'right/': has no pose in the rig"},
+                                         std::pair{no_image, "no query matches the image_prefix of a camera"},
+                                         std::pair{no_reference, "no camera has ref_sensor"},
+                                         std::pair{std::string("[{]"), "is not a rig configuration"},
+                                         std::pair{std::string("{\"cameras\": 3}"), "is not a rig configuration"}}) {
     options_.rig_config_path = WriteFile("rigs.json", content);
     EXPECT_THAT(Error(), HasSubstr("rigs.json"));
     EXPECT_THAT(Error(), HasSubstr(message)) << content;
@@ -134,7 +133,7 @@ TEST_F(GroupQueriesTest, BadTrajectories) {
         std::pair{"3.png 1 0 0 0 0 0\n", "trajectory.txt:1: the line ends too early"},
         std::pair{"3.png 0 0 0 0 0 0 1\n", "trajectory.txt:1: the pose is not a unit quaternion"},
         std::pair{"3.png 1 0 0 0 0 0 1\n3.png 1 0 0 0 0 0 1\n", "trajectory.txt:2: a second pose of 3.png"},
-        std::pair{"1.0 0 0 0 0 0 0 1\n", "trajectory.txt:1: both left/1.png and right/1.png are of it"}}) {
+        std::pair{"1.0 0 0 0 0 0 0 1\n", "trajectory.txt:1: both left/1.png and right/1.png have this timestamp"}}) {
     options_.trajectory_path = WriteFile("trajectory.txt", content);
     EXPECT_THAT(Error(), HasSubstr(message));
   }

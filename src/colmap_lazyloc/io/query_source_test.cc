@@ -17,7 +17,8 @@ constexpr int kNumKeypoints = 10;
 constexpr uint32_t kQuery = 5, kSecondQuery = 6;  // ids in the database
 // The relative pose of two cameras without rotation, 0.5 apart, as little-endian doubles: 1, 0, 0, 0, -0.5, 0, 0.
 constexpr char kRightFromLeft[] =
-    "x'000000000000f03f000000000000000000000000000000000000000000000000000000000000e0bf00000000000000000000000000000000'";
+    "x'000000000000f03f000000000000000000000000000000000000000000000000"
+    "000000000000e0bf00000000000000000000000000000000'";
 
 Matches MakeMatches(uint32_t num_matches) {
   Matches matches;

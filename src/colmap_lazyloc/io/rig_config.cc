@@ -34,10 +34,10 @@ RigCameras ReadRig(const Json& rig, const std::string& label) {
     const std::string prefix = camera.at("image_prefix").get<std::string>();
     const std::string camera_label = label + ", camera '" + prefix + "'";
     for (const RigCamera& other : cameras) {
-      if (other.image_prefix == prefix) throw InputError(camera_label + ": is there twice");
+      if (other.image_prefix == prefix) throw InputError(camera_label + ": is listed twice");
     }
     const bool is_reference = camera.value("ref_sensor", false);
-    if (is_reference && has_reference) throw InputError(camera_label + ": is the second one with ref_sensor");
+    if (is_reference && has_reference) throw InputError(camera_label + ": is a second reference sensor (ref_sensor)");
     has_reference = has_reference || is_reference;
     cameras.push_back({prefix, is_reference ? Rigid3d() : ReadSensorPose(camera, camera_label)});
   }
