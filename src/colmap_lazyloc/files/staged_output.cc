@@ -3,18 +3,13 @@
 #include <system_error>
 #include <utility>
 
+#include "colmap_lazyloc/files/paths.h"
 #include "colmap_lazyloc/scene/errors.h"
 
 namespace lazyloc {
 namespace {
 
 namespace fs = std::filesystem;
-
-// Counts a link as existing, whatever it points to.
-bool Exists(const fs::path& path) {
-  std::error_code ignored;
-  return fs::exists(fs::symlink_status(path, ignored));
-}
 
 void Rename(const fs::path& from, const fs::path& to, const fs::path& published) {
   std::error_code error;
@@ -49,14 +44,14 @@ void StagedOutput::Publish(const std::vector<std::string>& entries) {
   try {
     for (const std::string& entry : entries) {
       const fs::path published = folder_ / entry;
-      if (Exists(published)) Rename(published, OldFolder() / entry, published);
+      if (IsTaken(published)) Rename(published, OldFolder() / entry, published);
       Rename(NewFolder() / entry, published, published);
     }
   } catch (...) {
     std::error_code ignored;
     for (const std::string& entry : entries) {
-      if (!Exists(NewFolder() / entry)) fs::rename(folder_ / entry, NewFolder() / entry, ignored);
-      if (Exists(OldFolder() / entry)) fs::rename(OldFolder() / entry, folder_ / entry, ignored);
+      if (!IsTaken(NewFolder() / entry)) fs::rename(folder_ / entry, NewFolder() / entry, ignored);
+      if (IsTaken(OldFolder() / entry)) fs::rename(OldFolder() / entry, folder_ / entry, ignored);
     }
     throw;
   }

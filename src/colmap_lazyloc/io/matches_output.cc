@@ -1,7 +1,6 @@
 #include "colmap_lazyloc/io/matches_output.h"
 
-#include <system_error>
-
+#include "colmap_lazyloc/files/paths.h"
 #include "colmap_lazyloc/io/free_ids.h"
 #include "colmap_lazyloc/scene/errors.h"
 
@@ -12,8 +11,7 @@ namespace fs = std::filesystem;
 
 // Returns the folder of a file that must not exist yet.
 fs::path FolderOfNewFile(const fs::path& path) {
-  std::error_code ignored;
-  if (fs::exists(fs::symlink_status(path, ignored))) {
+  if (IsTaken(path)) {
     throw InputError(path.string() +
                      ": exists already, but --LazyLocalizer.Advanced.matches_output_path makes a new database");
   }

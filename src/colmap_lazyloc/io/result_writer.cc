@@ -4,6 +4,7 @@
 #include <system_error>
 
 #include "colmap_lazyloc/files/output_file.h"
+#include "colmap_lazyloc/files/paths.h"
 #include "colmap_lazyloc/files/staged_output.h"
 #include "colmap_lazyloc/io/model_merger.h"
 #include "colmap_lazyloc/io/model_writer.h"
@@ -14,11 +15,6 @@ namespace lazyloc {
 namespace {
 
 namespace fs = std::filesystem;
-
-bool Exists(const fs::path& path) {
-  std::error_code ignored;
-  return fs::exists(fs::symlink_status(path, ignored));
-}
 
 void MakeFolder(const fs::path& path) {
   std::error_code error;
@@ -40,14 +36,14 @@ std::vector<const QueryRecord*> SortedByName(const std::vector<QueryRecord>& rec
 
 ResultWriter::ResultWriter(const fs::path& output_path) : output_path_(output_path) {
   std::error_code ignored;
-  if (Exists(output_path) && !fs::is_directory(output_path, ignored)) {
+  if (IsTaken(output_path) && !fs::is_directory(output_path, ignored)) {
     throw InputError(output_path.string() + ": is not a folder");
   }
-  if (Exists(output_path / "model") && !Exists(output_path / "results.jsonl")) {
+  if (IsTaken(output_path / "model") && !IsTaken(output_path / "results.jsonl")) {
     throw InputError((output_path / "model").string() +
                      ": would be replaced, but no earlier run has written it (there is no results.jsonl beside it)");
   }
-  for (fs::path folder = output_path; !folder.empty() && !Exists(folder); folder = folder.parent_path()) {
+  for (fs::path folder = output_path; !folder.empty() && !IsTaken(folder); folder = folder.parent_path()) {
     made_folders_.push_back(folder);
   }
   try {
