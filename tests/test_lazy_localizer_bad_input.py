@@ -376,15 +376,26 @@ def option_without_a_value(files):
 BAD_VALUES = """
     strict=perhaps LazyLocalizer.leave_one_out=7 LazyLocalizer.num_retrieved=many LazyLocalizer.num_retrieved=0
     LazyLocalizer.num_retrieved=99999999999 LazyLocalizer.num_retrieved=1.5 LazyLocalizer.num_threads=0
-    LazyLocalizer.num_threads=-2 LazyLocalizer.seed=x1 LazyLocalizer.min_num_inliers=-1
-    LazyLocalizer.max_two_view_error_px=0 LazyLocalizer.max_rotation_error_deg=-5 LazyLocalizer.irls_scale_deg=0
-    LazyLocalizer.min_direction_stddev_deg=0 LazyLocalizer.min_triangulation_angle_deg=-1
-    LazyLocalizer.max_query_error_sigma=nan LazyLocalizer.loss_scale_sigma=0 LazyLocalizer.start_noise_px=-1
-    LazyLocalizer.min_noise_px=-1 LazyLocalizer.min_noise_px=nan LazyLocalizer.num_refinement_rounds=0
-    LazyLocalizer.single_view_noise_ratio=0 LazyLocalizer.max_position_stddev_ratio=4px
+    LazyLocalizer.num_threads=-2 LazyLocalizer.seed=x1 LazyLocalizer.group_size=0
+    LazyLocalizer.Advanced.min_num_inliers=-1 LazyLocalizer.Advanced.max_two_view_error_px=0
+    LazyLocalizer.Advanced.max_rotation_error_deg=-5 LazyLocalizer.Advanced.min_triangulation_angle_deg=-1
+    LazyLocalizer.Advanced.max_query_error_sigma=nan LazyLocalizer.Advanced.convergence_sigma=-1
+    LazyLocalizer.Advanced.num_refinement_rounds=0 LazyLocalizer.Advanced.single_image_noise_ratio=0
+    LazyLocalizer.Advanced.max_num_start_tracks=-1 LazyLocalizer.Advanced.triangulation=points
+    LazyLocalizer.Advanced.max_position_stddev_ratio=4px
 """
 for name, value in (word.split("=") for word in BAD_VALUES.split()):
     CASES[f"{name.split('.')[-1]}_of_{value}"] = (lambda files, words=("--" + name, value): words), (name,)
+
+
+@case("database.db", "nowhere\\x0d\\x1b[31m.jpg")
+def control_characters_in_a_name(files):
+    return files.query_list("query/001.jpg\nnowhere\r\x1b[31m.jpg\n")
+
+
+@case("unrecognised", "use_rigs")
+def advanced_option_under_its_basic_name(files):
+    return ["--project_path", files.write("some.ini", "[LazyLocalizer]\nseed=0\nuse_rigs=1\n")]
 
 
 @case("some.ini")
@@ -394,17 +405,17 @@ def missing_options_file(files):
 
 @case("no_such_option")
 def unknown_option_in_the_options_file(files):
-    return ["--project_path", files.write("some.ini", "[LazyLocalizer]\nno_such_option=1\n")]
+    return ["--project_path", files.write("some.ini", "[LazyLocalizer.Advanced]\nno_such_option=1\n")]
 
 
-@case("--LazyLocalizer.rotation_averaging", "l1_irls, l1, quaternion_mean", "'median'")
+@case("--LazyLocalizer.Advanced.rotation_averaging", "l1_irls, l1, quaternion_mean", "'median'")
 def unknown_value_of_an_enum(files):
-    return ["--LazyLocalizer.rotation_averaging", "median"]
+    return ["--LazyLocalizer.Advanced.rotation_averaging", "median"]
 
 
-@case("LazyLocalizer.translation_averaging", "angular, lud", "'LUD'")
+@case("LazyLocalizer.Advanced.translation_averaging", "angular, lud", "'LUD'")
 def unknown_value_of_an_enum_in_the_options_file(files):
-    return ["--project_path", files.write("some.ini", "[LazyLocalizer]\ntranslation_averaging=LUD\n")]
+    return ["--project_path", files.write("some.ini", "[LazyLocalizer.Advanced]\ntranslation_averaging=LUD\n")]
 
 
 # Outputs

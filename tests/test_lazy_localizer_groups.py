@@ -32,7 +32,7 @@ def trajectory_lines(scene, names):
 def test_group_of_one_is_the_default(localize, noisy):
     run = localize(*noisy.arguments)
     assert localize(*noisy.arguments, "--LazyLocalizer.group_size", 1).poses_bytes == run.poses_bytes
-    assert localize(*noisy.arguments, "--LazyLocalizer.use_rigs", 0).poses_bytes == run.poses_bytes
+    assert localize(*noisy.arguments, "--LazyLocalizer.Advanced.use_rigs", 0).poses_bytes == run.poses_bytes
 
 
 def test_joint_group_is_exact(localize, exact):
@@ -43,7 +43,7 @@ def test_joint_group_is_exact(localize, exact):
 
 def test_group_list_is_the_group_size(localize, noisy, tmp_path):
     group_list = write(tmp_path / "groups.txt", " ".join(noisy.scene.query_names) + "\n")
-    listed = localize(*noisy.arguments, "--group_list_path", group_list)
+    listed = localize(*noisy.arguments, "--LazyLocalizer.Advanced.group_list_path", group_list)
     assert listed.poses_bytes == localize(*noisy.arguments, "--LazyLocalizer.group_size", 3).poses_bytes
 
 
@@ -93,7 +93,9 @@ def test_trajectory_without_scale(localize, exact, tmp_path):
         tmp_path / "trajectory.txt",
         "".join(" ".join([*words[:5], *(repr(4 * float(word)) for word in words[5:])]) + "\n" for words in lines),
     )
-    run = localize(*exact.arguments, "--query_trajectory_path", path, "--LazyLocalizer.trajectory_has_scale", 0)
+    run = localize(
+        *exact.arguments, "--query_trajectory_path", path, "--LazyLocalizer.Advanced.trajectory_has_scale", 0
+    )
     run.assert_localized(scene, names, *MAX_ERRORS)
     for name in names:
         assert run.results[name]["rig_scale"] == pytest.approx(0.25, rel=1e-4)
@@ -104,7 +106,9 @@ def test_gap_of_a_trajectory_is_localized_with_a_warning(localize, exact, tmp_pa
     path = write(tmp_path / "trajectory.txt", trajectory_lines(exact.scene, names[:2]))
     run = localize(*exact.arguments, "--query_trajectory_path", path)
     run.assert_localized(exact.scene, names, *MAX_ERRORS)
-    assert run.stderr.count("\n") == 1 and "1 queries, such as query/002.jpg" in run.stderr
+    assert (
+        run.stderr.count("\n") == 1 and "no pose for 1 query (query/002.jpg): localizing it individually" in run.stderr
+    )
     assert [run.results[name]["frame"] is None for name in names] == [False, False, True]
 
 
@@ -136,9 +140,9 @@ def test_photos_of_a_trajectory_one_of_which_is_missing(localize, photos, tmp_pa
 
 
 BAD_FILES = {
-    "--rig_config_path": ('[{"cameras": [{"image_prefix": "front/", "ref_sensor": true}]}]', "no query has"),
-    "--group_list_path": ("query/000.jpg query/007.jpg\n", "'query/007.jpg' is no query"),
-    "--query_trajectory_path": ("query/007.jpg 1 0 0 0 0 0 0\n", "has a pose of no query"),
+    "--rig_config_path": ('[{"cameras": [{"image_prefix": "front/", "ref_sensor": true}]}]', "no query matches"),
+    "--LazyLocalizer.Advanced.group_list_path": ("query/000.jpg query/007.jpg\n", "'query/007.jpg' is not a query"),
+    "--query_trajectory_path": ("query/007.jpg 1 0 0 0 0 0 0\n", "no pose for any query"),
 }
 
 
@@ -161,7 +165,7 @@ def test_stereo_rig_is_well_below_single_images(localize, tmp_path):
     names = evaluated_names("kitti1", truth)
     config_path = DATA_PATH / "kitti1" / "rig_config.json"
     rig = localize(*arguments_of("kitti1"))
-    single = localize(*arguments_of("kitti1"), "--LazyLocalizer.use_rigs", 0)
+    single = localize(*arguments_of("kitti1"), "--LazyLocalizer.Advanced.use_rigs", 0)
     configured = localize(*arguments_of("kitti1"), "--rig_config_path", config_path)
     for name, pose in rig.poses.items():  # of the same rig, written with fewer digits
         position_error, rotation_error_deg = configured.poses[name].errors(pose)

@@ -69,33 +69,58 @@ def test_help_of_the_indexer_explains_its_options(colmap):
     assert {"--database_path", "--index_path", "--LazyIndexer.num_visual_words"} <= options
 
 
-@pytest.mark.parametrize("flag", ["-h", "--help"])
-def test_help_of_the_command_explains_each_option(colmap, flag):
-    done = run(colmap, "lazy_localizer", flag)
-    assert (done.returncode, done.stderr) == (0, "")
+BASIC_OPTIONS = {
+    "project_path",
+    "database_path",
+    "input_path",
+    "output_path",
+    "query_list_path",
+    "pairs_path",
+    "image_path",
+    "retrieval_index_path",
+    "rig_config_path",
+    "query_trajectory_path",
+    "strict",
+    "ImageReader.camera_params",
+    "LazyLocalizer.num_retrieved",
+    "LazyLocalizer.num_threads",
+    "LazyLocalizer.seed",
+    "LazyLocalizer.group_size",
+    "LazyLocalizer.leave_one_out",
+    "LazyLocalizer.refine_focal_length",
+}
+
+
+def explained_options(help_text):
+    """The help of each option that takes a value, by name; every option must be explained."""
     options = re.findall(
-        r"^  (?:-h \[ --help \]|--([\w.]+) arg(?: \(=[^)]*\))?)\s+(.*?)(?=^  -|\Z)",
-        done.stdout,
+        r"^  (?:-h \[ --help \]|--help-all|--([\w.]+) arg(?: \(=[^)]*\))?)\s+(.*?)(?=^  -|^\S|\Z)",
+        help_text,
         re.MULTILINE | re.DOTALL,
     )
-    explained = {name: " ".join(text.split()) for name, text in options}
-    assert {
-        "database_path",
-        "input_path",
-        "output_path",
-        "query_list_path",
-        "pairs_path",
-        "strict",
-        "LazyLocalizer.num_retrieved",
-        "LazyLocalizer.num_threads",
-        "LazyLocalizer.leave_one_out",
-        "LazyLocalizer.seed",
-    } <= set(explained)
-    assert len(explained) == len(re.findall(r"^  -", done.stdout, re.MULTILINE))
+    assert len(options) == len(re.findall(r"^  -", help_text, re.MULTILINE))
+    explained = {name: " ".join(text.split()) for name, text in options if name}
     for name, text in explained.items():
-        assert len(text.split()) >= 3, f"{name}: '{text}'"
+        assert len(text.split()) >= 3 and text[0].isupper(), f"{name}: '{text}'"
+    return explained
+
+
+@pytest.mark.parametrize("flag", ["-h", "--help"])
+def test_help_of_the_command_explains_the_basic_options(colmap, flag):
+    done = run(colmap, "lazy_localizer", flag)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert set(explained_options(done.stdout)) == BASIC_OPTIONS
     defaults = dict(re.findall(r"--([\w.]+) arg \(=([^)]*)\)", done.stdout))
     assert (defaults["LazyLocalizer.num_retrieved"], defaults["LazyLocalizer.num_threads"]) == ("20", "-1")
+
+
+def test_help_of_all_options_has_those_of_colmap_and_the_advanced_ones_too(colmap):
+    done = run(colmap, "lazy_localizer", "--help-all")
+    assert (done.returncode, done.stderr) == (0, "")
+    explained = explained_options(done.stdout)
+    assert BASIC_OPTIONS < set(explained)
+    prefixes = ("LazyLocalizer.Advanced.", "LazyIndexer.", "ImageReader.", "SiftExtraction.", "SiftMatching.")
+    assert [name for name in explained if name not in BASIC_OPTIONS and not name.startswith(prefixes)] == []
 
 
 def test_help_writes_nothing(colmap, tmp_path):

@@ -143,13 +143,13 @@ def test_options_file_gives_the_same_run_again(localize, noisy):
         6,
         "--LazyLocalizer.seed",
         11,
-        "--LazyLocalizer.loss_scale_sigma",
+        "--LazyLocalizer.Advanced.convergence_sigma",
         0.1 + 0.2,
         "--LazyLocalizer.num_threads",
         1,
-        "--LazyLocalizer.rotation_averaging",
+        "--LazyLocalizer.Advanced.rotation_averaging",
         "quaternion_mean",
-        "--LazyLocalizer.translation_averaging",
+        "--LazyLocalizer.Advanced.translation_averaging",
         "lud",
     )
     again = localize("--project_path", first.output_path / "options.ini")
@@ -164,14 +164,14 @@ def test_options_file_gives_the_same_run_again(localize, noisy):
     assert {
         "num_retrieved=6",
         "seed=11",
-        "loss_scale_sigma=0.30000000000000004",
+        "convergence_sigma=0.30000000000000004",
         "rotation_averaging=quaternion_mean",
         "translation_averaging=lud",
     } <= set(options(first))
 
 
 def test_options_file_holds_every_option_of_the_help(colmap, noisy_run):
-    help_text = subprocess.run([colmap, "lazy_localizer", "-h"], capture_output=True, text=True).stdout
+    help_text = subprocess.run([colmap, "lazy_localizer", "--help-all"], capture_output=True, text=True).stdout
     names = set(re.findall(r"--([\w.]+) arg", help_text)) - {"project_path"}
     section, in_file = "", set()
     for line in (noisy_run.output_path / "options.ini").read_text().splitlines():

@@ -81,7 +81,8 @@ def test_number_of_threads_does_not_matter(scene, queries, localize, exhaustive,
 
 def test_one_photo_gives_the_same_pose_as_among_others(scene, localize, exhaustive, tmp_path):
     name = scene.query_names[1]
-    run = localize(*scene.arguments(scene.write_queries(tmp_path / "one.txt", [name]), "--LazyLocalizer.cache_gb", 0))
+    one_query = scene.write_queries(tmp_path / "one.txt", [name])
+    run = localize(*scene.arguments(one_query, "--LazyLocalizer.Advanced.cache_gb", 0))
     assert run.poses[name].bits() == exhaustive.poses[name].bits()
 
 
@@ -99,8 +100,6 @@ def test_pairs_file_says_what_is_compared(scene, queries, localize, tmp_path):
     assert run.stderr == ""  # photos among the pairs are no names that the database lacks
     for name in scene.query_names:
         assert run.pair_names(name) == scene.database_names[1:5]
-
-
 
 
 def test_index_is_made_on_first_use_and_chooses_images(colmap, scene, queries, localize, tmp_path):
@@ -137,7 +136,7 @@ def test_index_does_not_depend_on_the_number_of_threads(colmap, scene, tmp_path)
 
 def test_index_in_memory_where_there_are_many_images(scene, queries, localize):
     run = localize(
-        *scene.arguments(queries, "--LazyLocalizer.max_num_exhaustive", 5, "--LazyLocalizer.num_retrieved", 5)
+        *scene.arguments(queries, "--LazyLocalizer.Advanced.max_num_exhaustive", 5, "--LazyLocalizer.num_retrieved", 5)
     )
     scene.assert_localized(run)
     assert {len(run.pair_names(name)) for name in scene.query_names} == {5}
@@ -183,7 +182,7 @@ def test_prior_restricts_the_images(scene, queries, localize, tmp_path):
     }
     radius = sorted(distance.values())[3] + 0.01
     (tmp_path / "priors.txt").write_text(f"{name} {' '.join(map(str, centre))} {radius}\n")
-    run = localize(*scene.arguments(queries, "--query_prior_path", tmp_path / "priors.txt"))
+    run = localize(*scene.arguments(queries, "--LazyLocalizer.Advanced.query_prior_path", tmp_path / "priors.txt"))
     scene.assert_localized(run)
     assert run.pair_names(name) == [other for other in scene.database_names if distance[other] <= radius]
     assert run.pair_names(scene.query_names[1]) == scene.database_names
@@ -191,7 +190,7 @@ def test_prior_restricts_the_images(scene, queries, localize, tmp_path):
 
 def test_kept_matches_are_a_database_that_localizes_alike(scene, queries, localize, exhaustive, tmp_path, colmap):
     kept = tmp_path / "kept.db"
-    run = localize(*scene.arguments(queries, "--LazyLocalizer.matches_output_path", kept))
+    run = localize(*scene.arguments(queries, "--LazyLocalizer.Advanced.matches_output_path", kept))
     assert run.poses_bytes == exhaustive.poses_bytes
     assert [path.name for path in tmp_path.iterdir()] == ["kept.db"]
     by_id = "SELECT image_id, name FROM images ORDER BY image_id"

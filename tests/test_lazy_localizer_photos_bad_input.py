@@ -180,9 +180,9 @@ def test_unusable_indices_are_refused_and_left_alone(colmap, scene, queries, loc
     foreign = path.read_bytes()
     generation = foreign[foreign.index(b"COLMAP-") :][:8]
     for content, words in [
-        (b"no index", "is no retrieval index"),
-        (b"", "is no retrieval index"),
-        (foreign[:-1], "is cut short"),
+        (b"no index", "is not a retrieval index"),
+        (b"", "is not a retrieval index"),
+        (foreign[:-1], "is truncated"),
         (foreign, "belongs to another"),
         (foreign.replace(generation, b"COLMAP-9", 1), "is of another COLMAP generation"),
     ]:
@@ -195,14 +195,14 @@ def test_existing_matches_output_is_refused(scene, queries, localize, tmp_path):
     for taken in (tmp_path / "taken.db", scene.database_path):
         taken.touch()
         before = taken.read_bytes()
-        run = localize(*scene.arguments(queries, "--LazyLocalizer.matches_output_path", taken))
+        run = localize(*scene.arguments(queries, "--LazyLocalizer.Advanced.matches_output_path", taken))
         assert_refused(run, taken, "exists already")
         assert taken.read_bytes() == before
 
 
 def test_matches_output_that_cannot_be_made_is_refused(scene, queries, localize, tmp_path):
     path = tmp_path / "missing" / "kept.db"
-    assert_refused(localize(*scene.arguments(queries, "--LazyLocalizer.matches_output_path", path)), path)
+    assert_refused(localize(*scene.arguments(queries, "--LazyLocalizer.Advanced.matches_output_path", path)), path)
 
 
 def test_failed_run_leaves_no_matches_output(scene, queries, localize, tmp_path, changed_database):
@@ -211,7 +211,7 @@ def test_failed_run_leaves_no_matches_output(scene, queries, localize, tmp_path,
         "--database_path",
         path,
         *scene.arguments(queries)[2:],
-        "--LazyLocalizer.matches_output_path",
+        "--LazyLocalizer.Advanced.matches_output_path",
         tmp_path / "kept.db",
     )
     assert_refused(run)
@@ -226,16 +226,19 @@ def test_failed_run_leaves_no_matches_output(scene, queries, localize, tmp_path,
         (["--ImageReader.camera_params", "400,241,x,0"], ["--ImageReader.camera_params", "'x'"]),
         (["--SiftExtraction.max_num_features", "0"], ["--SiftExtraction.max_num_features"]),
         (["--SiftMatching.max_ratio", "1.5"], ["--SiftMatching.max_ratio"]),
-        (["--LazyLocalizer.cache_gb", "-1"], ["--LazyLocalizer.cache_gb"]),
+        (["--LazyLocalizer.Advanced.cache_gb", "-1"], ["--LazyLocalizer.Advanced.cache_gb"]),
         (["--LazyIndexer.num_visual_words", "1"], ["--LazyIndexer.num_visual_words"]),
         (["--LazyLocalizer.leave_one_out", "1"], ["--image_path", "leave_one_out"]),
-        (["--query_prior_path", "/no/such/file"], ["/no/such/file"]),
+        (["--LazyLocalizer.Advanced.query_prior_path", "/no/such/file"], ["/no/such/file"]),
     ],
 )
 def test_bad_options_are_refused(scene, queries, localize, options, words):
     assert_refused(localize(*scene.arguments(queries, *options)), *words)
 
 
-@pytest.mark.parametrize("name", ["retrieval_index_path", "query_prior_path", "LazyLocalizer.matches_output_path"])
+@pytest.mark.parametrize(
+    "name",
+    ["retrieval_index_path", "LazyLocalizer.Advanced.query_prior_path", "LazyLocalizer.Advanced.matches_output_path"],
+)
 def test_options_of_photos_need_image_path(exact, localize, name):
     assert_refused(localize(*exact.arguments, f"--{name}", "file"), name, "--image_path")

@@ -41,7 +41,7 @@ def evaluated_names(scene, truth):
 def test_every_query_is_localized_with_small_median_errors(localize, scene):
     if not (DATA_PATH / scene / "database.db").exists():
         pytest.skip(f"{DATA_PATH / scene} is missing; LAZYLOC_SHARED_DATA names the folder of the real scenes")
-    run = localize(*arguments_of(scene), "--LazyLocalizer.use_rigs", 0, "--strict", 1)
+    run = localize(*arguments_of(scene), "--LazyLocalizer.Advanced.use_rigs", 0, "--strict", 1)
     assert run.exit_code == 0, run.statuses
     truth = true_poses(scene)
     names = evaluated_names(scene, truth)

@@ -54,7 +54,7 @@ def variants(scene: Scene, setup: Setup, queries: list[str], folder: pathlib.Pat
     trajectory = ["--query_trajectory_path", scene.model_path]
     chosen |= {f"trajectory, L = {length}": Variant([*trajectory, *size(length)]) for length in (3, 5)}
     chosen["trajectory without scale, L = 5"] = Variant(
-        [*trajectory, *size(5), "--LazyLocalizer.trajectory_has_scale", 0]
+        [*trajectory, *size(5), "--LazyLocalizer.Advanced.trajectory_has_scale", 0]
     )
     if len(setup.prefixes) == 1:
         return chosen

@@ -237,7 +237,7 @@ def _parse(argv: list[str]) -> argparse.Namespace:
         nargs="+",
         default=[],
         metavar="KEY=VALUE",
-        help="further options of lazy_localizer, for example LazyLocalizer.loss_scale_sigma=1",
+        help="further options of lazy_localizer, for example LazyLocalizer.Advanced.convergence_sigma=1e-6",
     )
     methods.add_argument(
         "--num_retrieved",

@@ -74,7 +74,7 @@ def localize_photos(fold: photo_scenes.Fold) -> dict[str, dict]:
     kept_path.unlink(missing_ok=True)
     before = photo_scenes.sha256(fold.photo_path)
     run = fold.localize_photos(
-        "photo", "--LazyLocalizer.num_threads", 1, "--LazyLocalizer.matches_output_path", kept_path
+        "photo", "--LazyLocalizer.num_threads", 1, "--LazyLocalizer.Advanced.matches_output_path", kept_path
     )
     after = photo_scenes.sha256(fold.photo_path)
     print(f"{fold.scene.name}: SHA-256 of the database before {before[:16]}..., after {after[:16]}...")

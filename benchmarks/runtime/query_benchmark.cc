@@ -6,12 +6,12 @@
 #include <map>
 #include <memory>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include <benchmark/benchmark.h>
 
-#include "colmap_lazyloc/io/model_reader.h"
-#include "colmap_lazyloc/io/problem_loader.h"
+#include "colmap_lazyloc/io/query_source.h"
 #include "colmap_lazyloc/pipeline/lazy_localizer.h"
 #include "colmap_lazyloc/testing/synthetic_scene.h"
 
@@ -60,12 +60,17 @@ BENCHMARK(BM_LocalizeSyntheticQuery)
 }  // namespace
 
 void RegisterQueryBenchmark(const std::filesystem::path& scene_path) {
-  const DatabaseReader database(scene_path / "database.db");
-  ProblemLoaderOptions options;
-  options.leave_one_out = true;
-  const ProblemLoader loader(database, ReadModel(scene_path / "model"), {}, "", options);
+  SourceOptions options;
+  options.database_path = scene_path / "database.db";
+  options.input_path = scene_path / "model";
+  options.selection.leave_one_out = true;
+  const QuerySource source(options, {}, /*seed=*/0, /*num_threads=*/1);
+  IdleThreads idle_threads(0);
+  QuerySource::Session session(source, &idle_threads);
   const auto problems = std::make_shared<Problems>();
-  for (const std::string& name : loader.QueryNames()) problems->push_back(loader.Load(name, database));
+  for (size_t group = 0; group < source.NumGroups(); ++group) {
+    for (QueryImage& image : source.Load(group, &session).group.images) problems->push_back(std::move(image.problem));
+  }
   const std::string label =
       "BM_LocalizeQueries/" + scene_path.filename().string() + "/queries:" + std::to_string(problems->size());
   benchmark::RegisterBenchmark(label.c_str(), [problems](benchmark::State& state) {

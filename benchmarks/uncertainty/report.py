@@ -23,8 +23,13 @@ from colmap_lazyloc.results import pose_of, read_results
 from colmap_lazyloc.testing import synthetic
 
 PERCENTS = 10, 25, 50, 75, 90, 95
-OPEN_GATE = "--LazyLocalizer.max_query_error_sigma", 50
-EXACT = "--LazyLocalizer.database_pose_stddev_deg", 0, "--LazyLocalizer.database_pose_stddev_length", 0
+OPEN_GATE = "--LazyLocalizer.Advanced.max_query_error_sigma", 50
+EXACT = (
+    "--LazyLocalizer.Advanced.database_pose_stddev_deg",
+    0,
+    "--LazyLocalizer.Advanced.database_pose_stddev_length",
+    0,
+)
 
 
 def localize(colmap, scene, *arguments, database_scene=None):

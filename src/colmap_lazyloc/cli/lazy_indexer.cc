@@ -16,8 +16,8 @@ int Run(const IndexerOptions& options) {
   using Clock = std::chrono::steady_clock;
   const Clock::time_point start = Clock::now();
   const DatabaseReader database(options.database_path);
-  const FeatureReader features(options.database_path);
-  const RetrievalIndex index(options.index_path, database.ReadImages(), features, options.retrieval);
+  constexpr int kSeed = 0;  // the default of lazy_localizer
+  const RetrievalIndex index(options.index_path, database, options.retrieval, kSeed, options.num_threads);
   const RetrievalIndex::Changes& changes = index.LastChanges();
   std::cout << options.index_path << (changes.is_trained ? ": made" : ": up to date") << ", " << index.NumImages()
             << " images (" << changes.num_added << " added, " << changes.num_removed << " removed) in "

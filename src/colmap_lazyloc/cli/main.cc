@@ -1,5 +1,5 @@
-// The colmap program with two more commands: lazy_indexer and lazy_localizer here, everything else by COLMAP's own
-// main, which the build renames to ColmapUpstreamMain.
+// Adds the commands lazy_indexer and lazy_localizer to the colmap program. COLMAP's own main, which the build renames
+// to ColmapUpstreamMain, runs all other commands.
 #include <cstring>
 #include <iostream>
 #include <sstream>
@@ -19,7 +19,7 @@ bool IsHelp(int argc, char** argv) {
   return command == "help" || command == "-h" || command == "--help";
 }
 
-// COLMAP's help, with our commands in their place in the list.
+// Prints COLMAP's help with our commands in their place in the list.
 int ShowHelp(int argc, char** argv) {
   std::ostringstream upstream;
   std::streambuf* const standard_output = std::cout.rdbuf(upstream.rdbuf());

@@ -1,39 +1,35 @@
 #pragma once
 
-#include <filesystem>
 #include <string>
 
-#include "colmap_lazyloc/io/photo_loader.h"
-#include "colmap_lazyloc/io/problem_loader.h"
+#include "colmap_lazyloc/io/query_source.h"
 #include "colmap_lazyloc/pipeline/options.h"
 
 namespace lazyloc {
 
-// Everything that `colmap lazy_localizer` takes.
+// Everything that `colmap lazy_localizer` takes. Each option has one place here, where it is parsed and read.
 struct CommandOptions {
-  std::string database_path, input_path, output_path, query_list_path, pairs_path;
-  std::string rig_config_path, group_list_path, query_trajectory_path;
-  int num_threads = -1;
-  bool strict = false;
-  std::string matches_output_path;
-  ProblemLoaderOptions loader;
-  PhotoLoaderOptions photos;
+  SourceOptions source;
   LocalizerOptions localizer;
+  std::string output_path;
+  int num_threads = -1;  // -1: the number of cores
+  bool strict = false;
 };
 
 // Everything that `colmap lazy_indexer` takes.
 struct IndexerOptions {
   std::string database_path, index_path;
   RetrievalOptions retrieval;
+  int num_threads = -1;  // -1: the number of cores
 };
 
-// Parses the command line, and the file that --project_path names (COLMAP's .ini form; the command line wins).
-// Returns false where only the help was asked for and printed. Throws InputError naming the option for an unknown or
-// missing option, or a value that cannot be.
+// Parses the command line and the file that --project_path names (COLMAP's .ini format; the command line wins). Returns
+// false if only the help was asked for, which is then printed. Throws InputError naming the option if it is unknown or
+// missing or has an impossible value.
 bool ParseCommandLine(int argc, char** argv, CommandOptions* options);
 bool ParseCommandLine(int argc, char** argv, IndexerOptions* options);
 
-// All effective options in COLMAP's .ini form: --project_path takes it again.
+// Returns all options in COLMAP's .ini format, which --project_path reads.
 std::string OptionsAsIni(const CommandOptions& options);
 
 }  // namespace lazyloc

@@ -14,10 +14,6 @@
 namespace lazyloc {
 namespace {
 
-double TotalSeconds(const LocalizationResult& result) {
-  return result.seconds.empty() ? 0 : result.seconds.back().second;
-}
-
 void PrintRow(const std::string& label, double value, const std::string& unit) {
   std::cout << "  " << std::left << std::setw(34) << label << std::right << std::setw(10) << std::fixed
             << std::setprecision(3) << value << ' ' << unit << '\n';
@@ -27,9 +23,9 @@ void PrintRow(const std::string& label, double value, const std::string& unit) {
 
 Progress::Progress(size_t num_queries) : num_queries_(num_queries), is_terminal_(isatty(STDOUT_FILENO) == 1) {}
 
-void Progress::Report(const LocalizationResult& result) {
+void Progress::Report(const QueryRecord& record) {
   ++num_done_;
-  num_localized_ += result.status == QueryStatus::LOCALIZED;
+  num_localized_ += record.result.status == QueryStatus::LOCALIZED;
   if (is_terminal_) {
     constexpr size_t kWidth = 40;
     const size_t filled = kWidth * num_done_ / num_queries_;
@@ -37,26 +33,27 @@ void Progress::Report(const LocalizationResult& result) {
               << num_queries_ << ", " << num_localized_ << " localized" << std::flush;
     return;
   }
-  const nlohmann::ordered_json line = {{"query", result.query_name},
-                                       {"status", QueryStatusName(result.status)},
-                                       {"seconds", TotalSeconds(result)},
+  const nlohmann::ordered_json line = {{"query", record.result.query_name},
+                                       {"status", QueryStatusName(record.result.status)},
+                                       {"seconds", record.total_seconds},
                                        {"done", num_done_},
                                        {"of", num_queries_}};
   std::cout << line.dump(-1, ' ', false, nlohmann::json::error_handler_t::replace) << std::endl;
 }
 
-void Progress::PrintSummary(const std::vector<LocalizationResult>& results) const {
+void Progress::PrintSummary(const std::vector<QueryRecord>& records) const {
   std::map<std::string, size_t> count_of_status;
   std::vector<double> seconds, errors, tracks;
-  for (const LocalizationResult& result : results) {
+  for (const QueryRecord& record : records) {
+    const LocalizationResult& result = record.result;
     ++count_of_status[QueryStatusName(result.status)];
-    seconds.push_back(TotalSeconds(result));
+    seconds.push_back(record.total_seconds);
     if (result.status != QueryStatus::LOCALIZED) continue;
     errors.push_back(result.mean_reprojection_error_px);
     tracks.push_back(result.num_tracks);
   }
   if (is_terminal_) std::cout << '\n';
-  std::cout << "\n" << results.size() << " of " << num_queries_ << " queries done\n";
+  std::cout << "\n" << records.size() << " of " << num_queries_ << " queries done\n";
   for (const auto& [status, count] : count_of_status) {
     std::cout << "  " << std::left << std::setw(34) << status << std::right << std::setw(6) << count << '\n';
   }

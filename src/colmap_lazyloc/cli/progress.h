@@ -3,18 +3,18 @@
 #include <cstddef>
 #include <vector>
 
-#include "colmap_lazyloc/scene/localization_result.h"
+#include "colmap_lazyloc/io/query_record.h"
 
 namespace lazyloc {
 
-// Shows how a run goes: a progress bar where the standard output is a terminal, elsewhere one JSON object a line per
-// query: {"query": name, "status": ..., "seconds": ..., "done": n, "of": N}.
+// Shows the progress of a run: a bar if the standard output is a terminal, else one JSON object a line for each query:
+// {"query": name, "status": ..., "seconds": ..., "done": n, "of": N}.
 class Progress {
  public:
   explicit Progress(size_t num_queries);
-  void Report(const LocalizationResult& result);
-  // The table that ends a run.
-  void PrintSummary(const std::vector<LocalizationResult>& results) const;
+  void Report(const QueryRecord& record);
+  // Prints the table that ends a run.
+  void PrintSummary(const std::vector<QueryRecord>& records) const;
 
  private:
   const size_t num_queries_;

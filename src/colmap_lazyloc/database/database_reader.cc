@@ -5,7 +5,7 @@
 #include <set>
 #include <utility>
 
-#include "colmap_lazyloc/database/keypoint_cache.h"
+#include "colmap_lazyloc/database/lru_cache.h"
 #include "colmap_lazyloc/database/sqlite.h"
 #include "colmap_lazyloc/database/stored_values.h"
 #include "colmap_lazyloc/database/two_view_orientation.h"
@@ -14,13 +14,15 @@
 namespace lazyloc {
 namespace {
 
-// COLMAP's limit of image ids, and the base of its pair ids: pair_id = image_id1 * kMaxNumImages + image_id2, where
+// COLMAP's limit of image ids, and the base of its pair ids: pair_id = image_id1 * kMaxNumImages + image_id2 with
 // image_id1 < image_id2.
 constexpr int64_t kMaxNumImages = std::numeric_limits<int32_t>::max();
 constexpr int64_t kMaxInt = std::numeric_limits<int>::max();
 constexpr int64_t kMaxInt64 = std::numeric_limits<int64_t>::max();
 constexpr int64_t kMaxCameraId = std::numeric_limits<uint32_t>::max();
-constexpr size_t kMaxNumCachedKeypoints = (16 << 20) / sizeof(Eigen::Vector2f);
+
+using Points = std::vector<Eigen::Vector2f>;                                     // in pixels, as COLMAP stores them
+constexpr size_t kMaxNumCachedKeypoints = (16 << 20) / sizeof(Eigen::Vector2f);  // 16 MiB
 
 int64_t PairId(uint32_t image_id1, uint32_t image_id2) {
   LAZYLOC_CHECK(image_id1 != image_id2);
@@ -29,7 +31,7 @@ int64_t PairId(uint32_t image_id1, uint32_t image_id2) {
 
 using TwoViewColumns = std::set<std::string>;
 
-// Checks that all that every version has is there; returns the columns of two_view_geometries.
+// Checks that the tables and columns of every version exist. Returns the columns of two_view_geometries.
 TwoViewColumns CheckTables(const SqliteConnection& connection) {
   const std::pair<std::string, std::vector<std::string>> required_columns[] = {
       {"cameras", {"camera_id", "model", "width", "height", "params", "prior_focal_length"}},
@@ -58,8 +60,9 @@ SqliteStatement PrepareTwoViewGeometry(const SqliteConnection& connection, const
   return connection.Prepare("two_view_geometries", sql + " FROM two_view_geometries WHERE pair_id = ?1");
 }
 
-// The pairs of image ?1 with rows: those with it first are a range of keys, those with it second a key per image.
-// Pairs whose other image was deleted are left out. `rows` lies before the blob, so no blob is touched.
+// Selects the pairs of image ?1 that have rows. Pairs with it first are a range of keys, pairs with it second have one
+// key for each image. Pairs whose other image was deleted are left out. No blob is read, because `rows` is stored
+// before it.
 struct PairSizeStatements {
   PairSizeStatements(const SqliteConnection& connection, const std::string& table)
       : with_image_first(connection.Prepare(table, "SELECT i.image_id, t.rows FROM " + table +
@@ -90,7 +93,7 @@ struct DatabaseReader::Impl {
         match_counts(connection, "matches"),
         inlier_counts(connection, "two_view_geometries") {}
 
-  // For messages.
+  // Returns an image's id and name for messages.
   std::string ImageLabel(uint32_t image_id) const {
     std::string label = "image " + std::to_string(image_id);
     SqliteRows rows = image_name.Run({image_id});
@@ -103,10 +106,13 @@ struct DatabaseReader::Impl {
                          [=] { return "pair of " + ImageLabel(image_id1) + " and " + ImageLabel(image_id2); });
   }
 
-  KeypointCache::Keypoints ReadKeypoints(uint32_t image_id) const {
+  Points ReadKeypoints(uint32_t image_id) const {
     SqliteRows rows = keypoints.Run({image_id}, [=] { return ImageLabel(image_id); });
-    KeypointCache::Keypoints points;
-    while (rows.Next()) points = ReadStoredKeypoints(rows);
+    Points points;
+    while (rows.Next()) {
+      points.clear();
+      for (const Keypoint& keypoint : ReadStoredKeypoints(rows)) points.emplace_back(keypoint.x, keypoint.y);
+    }
     return points;
   }
 
@@ -127,7 +133,7 @@ struct DatabaseReader::Impl {
   TwoViewColumns two_view_columns;
   SqliteStatement images, image_name, camera, keypoints, matches, two_view_geometry;
   PairSizeStatements match_counts, inlier_counts;
-  KeypointCache keypoint_cache{kMaxNumCachedKeypoints};
+  LruCache<Points> keypoint_cache{kMaxNumCachedKeypoints, [](const Points& points) { return points.size(); }};
 };
 
 DatabaseReader::DatabaseReader(const std::filesystem::path& path) : impl_(std::make_unique<Impl>(path)) {}
@@ -155,7 +161,7 @@ std::vector<DatabaseRigImage> DatabaseReader::ReadRigImages() const {
   for (const char* table : {"rigs", "rig_sensors", "frames", "frame_data"}) {
     if (impl_->connection.ColumnNames(table).empty()) return {};
   }
-  // Sensors of type 0 are cameras.
+  // Selects sensors of type 0, which are cameras.
   const SqliteStatement statement = impl_->connection.Prepare(
       "frame_data",
       "SELECT d.data_id, d.frame_id, r.ref_sensor_type = 0 AND r.ref_sensor_id = d.sensor_id, s.sensor_from_rig"
@@ -194,8 +200,7 @@ Camera DatabaseReader::ReadCamera(uint32_t camera_id) const {
 }
 
 std::vector<Eigen::Vector2d> DatabaseReader::ReadKeypoints(uint32_t image_id) const {
-  const KeypointCache::Keypoints* keypoints = impl_->keypoint_cache.Find(image_id);
-  if (keypoints == nullptr) keypoints = impl_->keypoint_cache.Add(image_id, impl_->ReadKeypoints(image_id));
+  const auto keypoints = impl_->keypoint_cache.Get(image_id, [&] { return impl_->ReadKeypoints(image_id); });
   std::vector<Eigen::Vector2d> in_double;
   in_double.reserve(keypoints->size());
   for (const Eigen::Vector2f& keypoint : *keypoints) in_double.push_back(keypoint.cast<double>());
@@ -210,19 +215,19 @@ std::vector<PairSize> DatabaseReader::ReadMatchCounts(uint32_t image_id) const {
   return impl_->ReadPairSizes(impl_->match_counts, image_id);
 }
 
-Matches DatabaseReader::ReadMatches(uint32_t query_id, uint32_t database_id) const {
-  SqliteRows rows = impl_->FindPair(impl_->matches, query_id, database_id);
+Matches DatabaseReader::ReadMatches(uint32_t query_id, uint32_t other_id) const {
+  SqliteRows rows = impl_->FindPair(impl_->matches, query_id, other_id);
   Matches matches;
   while (rows.Next()) matches = ReadStoredMatches(rows);
-  if (query_id < database_id) {
+  if (query_id < other_id) {
     for (Match& match : matches) std::swap(match.query_point, match.other_point);
   }
   std::sort(matches.begin(), matches.end());
   return matches;
 }
 
-std::optional<TwoViewGeometry> DatabaseReader::ReadTwoViewGeometry(uint32_t query_id, uint32_t database_id) const {
-  SqliteRows rows = impl_->FindPair(impl_->two_view_geometry, query_id, database_id);
+std::optional<TwoViewGeometry> DatabaseReader::ReadTwoViewGeometry(uint32_t query_id, uint32_t other_id) const {
+  SqliteRows rows = impl_->FindPair(impl_->two_view_geometry, query_id, other_id);
   std::optional<TwoViewGeometry> geometry;
   while (rows.Next()) {
     geometry.emplace();  // as stored, from the smaller id to the larger
@@ -236,7 +241,7 @@ std::optional<TwoViewGeometry> DatabaseReader::ReadTwoViewGeometry(uint32_t quer
     geometry->query_camera = ReadSerializedCamera(rows, 10);
   }
   if (!geometry) return std::nullopt;
-  if (query_id < database_id) geometry = Inverted(*geometry);
+  if (query_id < other_id) geometry = Inverted(*geometry);
   std::sort(geometry->inlier_matches.begin(), geometry->inlier_matches.end());
   if (geometry->query_from_other) {
     geometry->query_from_other = CanonicalRelativePose(*geometry->query_from_other);

@@ -22,11 +22,11 @@ struct DatabaseImage {
   std::string name;
 };
 
-// An image of a frame of a rig (COLMAP 4.x).
+// An image that belongs to a frame of a rig (COLMAP 4.x).
 struct DatabaseRigImage {
   uint32_t image_id = 0;
   uint32_t frame_id = 0;
-  std::optional<Rigid3d> cam_from_rig;  // none where the rig is not calibrated
+  std::optional<Rigid3d> cam_from_rig;  // nullopt if the rig is not calibrated
 };
 
 // How many matches a pair has; `image_id` is the other image of the pair.
@@ -35,12 +35,11 @@ struct PairSize {
   int num_matches = 0;
 };
 
-// Strictly read-only reader of a COLMAP database of any version from 3.6 to 4.2: the file, its folder, its
-// WAL and journal are byte-identical afterwards, in read-only folders too. Columns are found by name. What a crashed or
-// still open COLMAP has left in the WAL is read as well.
-// Every function throws InputError, one line naming the file, for what is missing, foreign or damaged, and if
-// another program writes to the database meanwhile (nothing is locked against it).
-// One connection: use one reader per thread.
+// Reads a COLMAP database of any version from 3.6 to 4.2 without writing: the file, its folder, its WAL and journal are
+// byte-identical afterwards, and the folder may be read-only. Finds columns by name. Also reads what a crashed or still
+// open COLMAP has left in the WAL.
+// Every function throws InputError, one line naming the file, for missing or damaged data, and if another program
+// writes to the database meanwhile, because no lock prevents it. Has one connection: use one reader per thread.
 class DatabaseReader {
  public:
   explicit DatabaseReader(const std::filesystem::path& path);
@@ -50,26 +49,26 @@ class DatabaseReader {
 
   const std::filesystem::path& Path() const;
 
-  // All images, sorted by name (a few dozen bytes each; all that is ever read whole).
+  // Returns all images, sorted by name. Only this table (a few dozen bytes a row) is ever read whole.
   std::vector<DatabaseImage> ReadImages() const;
-  // The images that frames hold, by frame; none for versions that know no rigs.
+  // Returns the images of all frames, ordered by frame; empty if the version has no rigs.
   std::vector<DatabaseRigImage> ReadRigImages() const;
-  // Camera parameters are given as stored; the caller judges the model.
+  // Returns a camera as it is stored; the caller checks its model and parameters.
   Camera ReadCamera(uint32_t camera_id) const;
-  // xy in pixels of all keypoints of an image, in order; empty where the image has none. Those of the images last read
-  // are kept, in up to 16 MiB.
+  // Returns all keypoints of an image, xy in pixels; empty if the image has none. Keeps those of the last images in up
+  // to 16 MiB.
   std::vector<Eigen::Vector2d> ReadKeypoints(uint32_t image_id) const;
 
-  // The other images of all pairs of an image with at least one verified inlier, or at least one raw match;
-  // sorted by image_id. No match is read. Pairs with an image that was deleted from the database are left out.
+  // Return the other images of the pairs of an image with at least one verified inlier, or at least one raw match,
+  // sorted by image_id. They read no match, and leave out images that were deleted from the database.
   std::vector<PairSize> ReadInlierCounts(uint32_t image_id) const;
   std::vector<PairSize> ReadMatchCounts(uint32_t image_id) const;
 
-  // The pair's data, oriented as asked, whichever image has the smaller id. Matches are sorted; their indices are
-  // given as stored, the caller checks them against the keypoints. Nothing stored: no matches, no geometry.
-  // E, F, H and the relative pose are none where they are placeholders of some version (NULL, zeros, identity).
-  Matches ReadMatches(uint32_t query_id, uint32_t database_id) const;
-  std::optional<TwoViewGeometry> ReadTwoViewGeometry(uint32_t query_id, uint32_t database_id) const;
+  // Return a pair's data, oriented from the other image to the query whichever has the smaller id; no matches or
+  // nullopt if nothing is stored. Matches are sorted; the caller checks their indices against the keypoints. E, F, H
+  // and the relative pose are nullopt if they are placeholders of some version (NULL, zeros, identity).
+  Matches ReadMatches(uint32_t query_id, uint32_t other_id) const;
+  std::optional<TwoViewGeometry> ReadTwoViewGeometry(uint32_t query_id, uint32_t other_id) const;
 
  private:
   struct Impl;

@@ -303,14 +303,14 @@ TEST(DatabaseReader, CountsAreRightAmong20000Images) {
   EXPECT_EQ(AsCounts(reader.ReadInlierCounts(10000)), of_hub);
 }
 
-// What a damaged or foreign row gives: one line with file, table and row.
+// A damaged row, a function that reads it, and the message: one line with file, table and row.
 struct BadRow {
   std::string sql;
   std::function<void(const DatabaseReader&)> read;
   std::string message;
 };
 
-TEST(DatabaseReader, BadRowsAreNamed) {
+std::vector<BadRow> BadRows() {
   const auto read_images = [](const DatabaseReader& reader) { reader.ReadImages(); };
   const auto read_camera = [](const DatabaseReader& reader) { reader.ReadCamera(1); };
   const auto read_keypoints = [](const DatabaseReader& reader) { reader.ReadKeypoints(1); };
@@ -320,7 +320,7 @@ TEST(DatabaseReader, BadRowsAreNamed) {
   const std::string keypoints = "table keypoints, image 1 (a.jpg): ";
   const std::string matches = "table matches, pair of image 2 (b.jpg) and image 1 (a.jpg): ";
   const std::string geometry = "table two_view_geometries, pair of image 1 (a.jpg) and image 2 (b.jpg): ";
-  const std::vector<BadRow> bad_rows = {
+  return {
       {"DROP INDEX index_name; ALTER TABLE images RENAME TO i; CREATE TABLE images(image_id, name, camera_id);"
        "INSERT INTO images VALUES (1, 'a\n1', 1), (2, 'b', 1), (3, 'a\n1', 1)",
        read_images, "table images: two images have the name a 1"},
@@ -354,7 +354,10 @@ TEST(DatabaseReader, BadRowsAreNamed) {
       {"UPDATE two_view_geometries SET camera2 = substr(camera2, 1, 60)", read_geometry,
        geometry + "camera2 is damaged"},
   };
-  for (const BadRow& bad_row : bad_rows) {
+}
+
+TEST(DatabaseReader, BadRowsAreNamed) {
+  for (const BadRow& bad_row : BadRows()) {
     const TestFolder folder;
     TestDatabase database(folder / "a.db", Schema::V4_2);
     database.AddCamera(TestCamera(1));

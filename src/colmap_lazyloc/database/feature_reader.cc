@@ -1,17 +1,17 @@
 #include "colmap_lazyloc/database/feature_reader.h"
 
-#include <cmath>
 #include <cstring>
 #include <limits>
 #include <string>
 
+#include "colmap_lazyloc/database/stored_values.h"
 #include "colmap_lazyloc/scene/errors.h"
 
 namespace lazyloc {
 namespace {
 
 constexpr int kSiftCols = 128;
-constexpr int64_t kSiftType = 0;  // of COLMAP 4.x, which alone knows other types
+constexpr int64_t kSiftType = 0;  // COLMAP 4.x knows other types too; earlier versions have no such column
 constexpr int64_t kMaxInt = std::numeric_limits<int>::max();
 
 SqliteStatement PrepareDescriptors(const SqliteConnection& connection, const std::string& columns,
@@ -33,7 +33,7 @@ void CheckSift(const SqliteRows& row, int cols_column) {
   }
 }
 
-Descriptors ReadMatrix(const SqliteRows& row) {
+Descriptors ReadDescriptors(const SqliteRows& row) {
   const ByteSpan data = row.Blob(1);
   Descriptors descriptors(row.Integer(0, 0, kMaxInt), kSiftCols);
   if (data.size != static_cast<size_t>(descriptors.size())) {
@@ -42,28 +42,6 @@ Descriptors ReadMatrix(const SqliteRows& row) {
   }
   if (data.size > 0) std::memcpy(descriptors.data(), data.data, data.size);
   return descriptors;
-}
-
-// x, y in two columns, or with scale and orientation in four, or with an affine shape in six.
-std::vector<Keypoint> ReadKeypoints(const SqliteRows& row) {
-  std::vector<Keypoint> keypoints(static_cast<size_t>(row.Integer(0, 0, kMaxInt)));
-  const size_t num_cols = static_cast<size_t>(row.Integer(1, 0, kMaxInt));
-  const ByteSpan data = row.Blob(2);
-  const bool is_valid = num_cols == 2 || num_cols == 4 || num_cols == 6;
-  if (!keypoints.empty() && (!is_valid || data.size != keypoints.size() * num_cols * sizeof(float))) {
-    row.Fail("keypoints have " + std::to_string(data.size) + " bytes in " + std::to_string(num_cols) + " columns");
-  }
-  for (size_t i = 0; i < keypoints.size(); ++i) {
-    float values[6] = {0, 0, 1, 0, 0, 1};
-    std::memcpy(values, data.data + i * num_cols * sizeof(float), num_cols * sizeof(float));
-    if (num_cols == 4) {
-      const float cosine = values[2] * std::cos(values[3]), sine = values[2] * std::sin(values[3]);
-      keypoints[i] = {values[0], values[1], cosine, -sine, sine, cosine};
-    } else {
-      keypoints[i] = {values[0], values[1], values[2], values[3], values[4], values[5]};
-    }
-  }
-  return keypoints;
 }
 
 }  // namespace
@@ -93,11 +71,11 @@ Features FeatureReader::Read(uint32_t image_id) const {
   while (descriptor_rows.Next()) {
     if (descriptor_rows.Integer(0, 0, kMaxInt) == 0) continue;
     CheckSift(descriptor_rows, 2);
-    features.descriptors = ReadMatrix(descriptor_rows);
+    features.descriptors = ReadDescriptors(descriptor_rows);
   }
   if (features.descriptors.rows() == 0) return features;
   SqliteRows keypoint_rows = keypoints_.Run({image_id}, label);
-  while (keypoint_rows.Next()) features.keypoints = ReadKeypoints(keypoint_rows);
+  while (keypoint_rows.Next()) features.keypoints = ReadStoredKeypoints(keypoint_rows);
   if (features.keypoints.size() != static_cast<size_t>(features.descriptors.rows())) {
     keypoint_rows.Fail("has " + std::to_string(features.keypoints.size()) + " keypoints, but " +
                        std::to_string(features.descriptors.rows()) + " descriptors");

@@ -9,16 +9,16 @@
 
 namespace lazyloc {
 
-// Reads the features of a COLMAP database, as strictly read-only as DatabaseReader and with its errors. SIFT only:
-// other descriptors are an InputError. One connection: use one reader per thread.
+// Reads the SIFT features of a COLMAP database without writing, like DatabaseReader and with its errors; throws
+// InputError for other descriptors. Has one connection: use one reader per thread.
 class FeatureReader {
  public:
   explicit FeatureReader(const std::filesystem::path& path);
 
   const std::filesystem::path& Path() const { return connection_.File().Path(); }
-  // Number of descriptors of each image that has some. Reads no descriptor.
+  // Returns the number of descriptors by image, for images that have any. Reads no descriptor.
   std::map<uint32_t, size_t> ReadDescriptorCounts() const;
-  // As many keypoints as descriptors; both empty where the image has none. Descriptors have 128 columns.
+  // Returns as many keypoints as descriptors (128 columns); both are empty if the image has none.
   Features Read(uint32_t image_id) const;
 
  private:

@@ -15,7 +15,7 @@ constexpr char kVfsWithoutLocks[] = "win32-none";
 constexpr char kVfsWithoutLocks[] = "unix-none";
 #endif
 
-// SQLite quotes SQL over several lines, and names in the database may hold anything.
+// Returns an error of one line, because SQLite quotes SQL over several lines and names may hold control characters.
 InputError OneLineError(std::string message) {
   for (char& c : message) c = static_cast<unsigned char>(c) < ' ' ? ' ' : c;
   return InputError(message);
@@ -25,10 +25,10 @@ InputError OneLineError(std::string message) {
 
 void SqliteConnection::Close::operator()(sqlite3* connection) const { sqlite3_close(connection); }
 
-// COLMAP leaves its databases in WAL mode, where even a reader creates -wal and -shm files. Without a pending WAL,
-// `immutable` reads the file alone. With one, exclusive mode keeps the index of the WAL in memory instead of in -shm;
-// the lock that it would take needs write access and would disturb others, so a VFS without locks is used, and
-// SqliteFile::CheckUnchanged stands in for the locks.
+// Opens the file without leaving a trace, although COLMAP leaves databases in WAL mode, in which even a reader creates
+// -wal and -shm files. Without a pending WAL, `immutable` reads the file alone. With one, exclusive mode keeps the
+// index of the WAL in memory instead of in -shm. Its lock would need write access and disturb others; therefore a VFS
+// without locks is used, and SqliteFile::CheckUnchanged replaces the locks.
 SqliteConnection::SqliteConnection(const std::filesystem::path& path) : file_(path) {
   const bool has_wal = file_.HasPendingWal();
   const std::string uri = file_.Uri() + (has_wal ? "?mode=ro" : "?mode=ro&immutable=1");
@@ -37,7 +37,7 @@ SqliteConnection::SqliteConnection(const std::filesystem::path& path) : file_(pa
   const int code = sqlite3_open_v2(uri.c_str(), &connection, flags, has_wal ? kVfsWithoutLocks : nullptr);
   connection_.reset(connection);
   if (code != SQLITE_OK) ThrowSqliteError("");
-  // Mapped memory would grow with the database, and a file cut short by others would be a crash.
+  // Maps no memory, because that would grow with the database and crash if another program truncates the file.
   std::string pragmas = "PRAGMA mmap_size=0;";
   if (has_wal) {
     sqlite3_db_config(connection, SQLITE_DBCONFIG_NO_CKPT_ON_CLOSE, 1, nullptr);
@@ -47,7 +47,7 @@ SqliteConnection::SqliteConnection(const std::filesystem::path& path) : file_(pa
 }
 
 void SqliteConnection::ThrowSqliteError(const std::string& table) const {
-  // Damage is what a change in mid-reading looks like: say so.
+  // Reports a change of the file first, because it looks like damage.
   const std::string message = connection_ ? sqlite3_errmsg(connection_.get()) : "out of memory";
   file_.CheckUnchanged();
   const std::string where = file_.Path().string() + (table.empty() ? "" : ": table " + table);

@@ -13,18 +13,18 @@
 struct sqlite3;
 struct sqlite3_stmt;
 
-// The few things that we need of SQLite, owned and checked. Every failure is an InputError, one line `path: ...`.
+// Wraps the part of SQLite that we need. Every failure is an InputError, one line `path: ...`.
 namespace lazyloc {
 
 class SqliteStatement;
 
-// Bytes of a blob as SQLite holds them: unaligned, valid until the next row.
+// The bytes of a blob in SQLite's memory: unaligned, valid until the next row.
 struct ByteSpan {
   const unsigned char* data = nullptr;
   size_t size = 0;
 };
 
-// A connection that leaves no trace: no byte of the file or its side files is written, nothing is created.
+// Connects to a database without writing a byte of the file or its side files, and without creating any.
 class SqliteConnection {
  public:
   explicit SqliteConnection(const std::filesystem::path& path);
@@ -32,7 +32,7 @@ class SqliteConnection {
   SqliteConnection& operator=(const SqliteConnection&) = delete;
 
   const SqliteFile& File() const { return file_; }
-  // Empty where there is no such table.
+  // Returns the columns of a table; empty if it does not exist.
   std::set<std::string> ColumnNames(const std::string& table) const;
   // `table` is for messages. The connection must outlive the statement.
   SqliteStatement Prepare(const std::string& table, const std::string& sql) const;
@@ -46,7 +46,7 @@ class SqliteConnection {
   std::unique_ptr<sqlite3, Close> connection_;
 };
 
-// The rows of one execution, to be visited to the end, where it is checked that the file did not change meanwhile.
+// Visits the rows of one execution. The last call of Next checks that the file did not change meanwhile.
 class SqliteRows {
  public:
   SqliteRows(const SqliteRows&) = delete;
@@ -54,7 +54,7 @@ class SqliteRows {
   ~SqliteRows();
 
   bool Next();
-  // Columns of the current row, counted from 0, of exactly that type.
+  // Return a column of the current row, counted from 0. They fail if it is of another type.
   int64_t Integer(int column, int64_t min, int64_t max) const;
   std::string Text(int column) const;
   ByteSpan Blob(int column) const;  // empty for NULL
@@ -72,7 +72,7 @@ class SqliteRows {
 
 class SqliteStatement {
  public:
-  // Runs with values for ?1, ?2, ...; only one run at a time. `row_label` says in messages which row it is about.
+  // Runs the statement with values for ?1, ?2, ...; only one run at a time. `row_label` names the row in messages.
   SqliteRows Run(std::initializer_list<int64_t> values, std::function<std::string()> row_label = nullptr) const;
 
  private:

@@ -13,7 +13,7 @@ namespace {
 constexpr size_t kHeaderSize = 100;
 constexpr uintmax_t kWalHeaderSize = 32;
 
-// SQLite's file format is big endian.
+// Reads a number of SQLite's file format, which is big endian.
 uint32_t BigEndian(const unsigned char* bytes, int num_bytes) {
   uint32_t value = 0;
   for (int i = 0; i < num_bytes; ++i) value = value << 8 | bytes[i];
@@ -31,7 +31,7 @@ SqliteFile::SqliteFile(const std::filesystem::path& path) : path_(path) {
   if (error) Fail("cannot be read: " + error.message());
   if (std::filesystem::is_directory(status)) Fail("is a folder, not a database");
   if (!std::filesystem::is_regular_file(status)) Fail("is not a regular file");
-  // WAL and journal lie beside the file itself, not beside a link to it.
+  // Resolves links, because WAL and journal are beside the file itself.
   real_path_ = std::filesystem::canonical(path, error);
   if (error) Fail("cannot be read: " + error.message());
   wal_path_ = WithSuffix(real_path_, "-wal");
@@ -59,18 +59,19 @@ void SqliteFile::CheckHeader() const {
   if (std::memcmp(header.data(), kMagic, sizeof(kMagic)) != 0) Fail("is not a SQLite database");
   if (main_.size < kHeaderSize) Fail("is truncated: its header is incomplete");
 
-  // A pending WAL holds newer pages, and may supply those that are missing here.
+  // Accepts a short file with a pending WAL, which may have the missing pages.
   if (HasPendingWal()) return;
   const uint64_t page_size = BigEndian(&header[16], 2) == 1 ? 65536 : BigEndian(&header[16], 2);
   const uint64_t num_pages = BigEndian(&header[28], 4);
-  // SQLite before 3.7 leaves the page count stale, which shows in these two counters.
+  // Compares two counters, because SQLite before 3.7 does not update the page count.
   const bool num_pages_is_valid = std::memcmp(&header[24], &header[92], 4) == 0;
   if (num_pages_is_valid && main_.size < page_size * num_pages) {
     Fail("is truncated: " + std::to_string(main_.size) + " of " + std::to_string(page_size * num_pages) + " bytes");
   }
 }
 
-// A journal with a header is either a crashed transaction, which only a writer can roll back, or one in progress.
+// Fails if the journal has a header, because its transaction is in progress, or crashed and only a writer can roll it
+// back.
 void SqliteFile::CheckNoHotJournal() const {
   std::ifstream journal(WithSuffix(real_path_, "-journal"), std::ios::binary);
   const int first_byte = journal ? journal.get() : 0;
@@ -102,7 +103,7 @@ std::string SqliteFile::Uri() const {
 
 void SqliteFile::CheckUnchanged() const {
   const auto is_same = [](const State& a, const State& b) { return a.size == b.size && a.modified == b.modified; };
-  // A WAL that appears later holds nothing that was read, until it is merged into the file, which is noticed.
+  // Ignores a WAL that appears later: nothing was read from it, and merging it into the file changes the file.
   if (!is_same(ReadState(real_path_), main_) || (HasPendingWal() && !is_same(ReadState(wal_path_), wal_))) {
     Fail("was changed by another program while it was being read");
   }

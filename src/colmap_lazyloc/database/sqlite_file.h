@@ -6,21 +6,21 @@
 
 namespace lazyloc {
 
-// A SQLite database file, judged before SQLite touches it: SQLite itself would create side files, take an empty file
-// for an empty database, and notice damage only when it gets there.
+// Checks a SQLite database file before SQLite opens it, because SQLite itself would create side files, accept an empty
+// file as an empty database, and notice damage only when it reads it.
 class SqliteFile {
  public:
-  // Throws InputError, `path: ...`, where it is missing, no SQLite database, cut short, or where an unfinished
-  // transaction waits in a rollback journal.
+  // Throws InputError, `path: ...`, if the file is missing, truncated or not a SQLite database, or has an unfinished
+  // transaction in a rollback journal.
   explicit SqliteFile(const std::filesystem::path& path);
 
-  // As given by the user; for messages.
+  // Returns the path as the user gave it, for messages.
   const std::filesystem::path& Path() const { return path_; }
-  // Whether committed changes may still be in `<path>-wal` only.
+  // True if committed changes may be in `<path>-wal` only.
   bool HasPendingWal() const;
-  // `file:` URI of the file, symbolic links resolved, without parameters.
+  // Returns the `file:` URI of the file, with symbolic links resolved and without parameters.
   std::string Uri() const;
-  // Throws InputError if another process has written to the file since it was opened: no lock is held on it, so what
+  // Throws InputError if another process has written to the file since it was opened, because no lock is held and what
   // was read could be a mixture of old and new.
   void CheckUnchanged() const;
 

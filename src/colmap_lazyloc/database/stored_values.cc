@@ -15,7 +15,7 @@ namespace {
 
 constexpr int64_t kMaxInt = std::numeric_limits<int>::max();
 
-// COLMAP stores numbers as the machine holds them, everywhere little endian.
+// Reads a number as COLMAP writes it: in the byte order of the machine, which is little endian everywhere.
 template <typename T>
 T NumberAt(const ByteSpan& blob, size_t offset) {
   T value;
@@ -30,7 +30,7 @@ std::vector<double> Doubles(const SqliteRows& row, const ByteSpan& blob) {
   return values;
 }
 
-// A table of four-byte numbers, in the columns rows, cols, data (0 to 2 of the statement).
+// A table of four-byte numbers, stored in the columns rows, cols and data (0 to 2 of the statement).
 struct NumberTable {
   size_t num_rows = 0;
   size_t num_cols = 0;
@@ -57,8 +57,8 @@ NumberTable ReadNumberTable(const SqliteRows& row, std::initializer_list<size_t>
   return table;
 }
 
-// N numbers that may be unset: NULL or an empty blob in 4.x; zeros in 3.x, or not finite, where 3.x inverted an H of
-// zeros to exchange the images.
+// Reads N numbers. Returns nullopt if they are unset: NULL or an empty blob (4.x), or not finite (3.x inverts an H of
+// zeros when it exchanges the images).
 template <int N>
 std::optional<std::array<double, N>> ReadNumbers(const SqliteRows& row, int column) {
   const ByteSpan blob = row.Blob(column);
@@ -77,14 +77,29 @@ std::optional<std::array<double, N>> ReadNumbers(const SqliteRows& row, int colu
 
 std::vector<double> ReadCameraParams(const SqliteRows& row, int column) { return Doubles(row, row.Blob(column)); }
 
-std::vector<Eigen::Vector2f> ReadStoredKeypoints(const SqliteRows& row) {
+std::vector<Keypoint> ReadStoredKeypoints(const SqliteRows& row) {
   const NumberTable table = ReadNumberTable(row, {2, 4, 6});
-  std::vector<Eigen::Vector2f> points(table.num_rows);
-  for (size_t i = 0; i < points.size(); ++i) {
-    points[i] = {table.At<float>(i, 0), table.At<float>(i, 1)};
-    if (!points[i].allFinite()) row.Fail("keypoint " + std::to_string(i) + " is not finite");
+  std::vector<Keypoint> keypoints(table.num_rows);
+  for (size_t i = 0; i < keypoints.size(); ++i) {
+    Keypoint& keypoint = keypoints[i];
+    keypoint.x = table.At<float>(i, 0);
+    keypoint.y = table.At<float>(i, 1);
+    if (!std::isfinite(keypoint.x) || !std::isfinite(keypoint.y)) {
+      row.Fail("keypoint " + std::to_string(i) + " is not finite");
+    }
+    if (table.num_cols == 4) {
+      const float scale = table.At<float>(i, 2), orientation = table.At<float>(i, 3);
+      keypoint.a11 = keypoint.a22 = scale * std::cos(orientation);
+      keypoint.a21 = scale * std::sin(orientation);
+      keypoint.a12 = -keypoint.a21;
+    } else if (table.num_cols == 6) {
+      keypoint.a11 = table.At<float>(i, 2);
+      keypoint.a12 = table.At<float>(i, 3);
+      keypoint.a21 = table.At<float>(i, 4);
+      keypoint.a22 = table.At<float>(i, 5);
+    }
   }
-  return points;
+  return keypoints;
 }
 
 Matches ReadStoredMatches(const SqliteRows& row) {

@@ -8,30 +8,35 @@
 #include "colmap_lazyloc/database/sqlite.h"
 #include "colmap_lazyloc/math/rigid3.h"
 #include "colmap_lazyloc/scene/camera.h"
+#include "colmap_lazyloc/scene/features.h"
 #include "colmap_lazyloc/scene/match.h"
 
 namespace lazyloc {
 
-// What COLMAP's columns hold, 3.6 to 4.2. A value that has not the form of its column fails by SqliteRows::Fail.
+// Functions that decode the values of COLMAP's columns, 3.6 to 4.2. They call SqliteRows::Fail if a value does not have
+// the form of its column.
 
 std::vector<double> ReadCameraParams(const SqliteRows& row, int column);
 
-// Of tables in the columns rows, cols, data (0 to 2 of the statement): pixels, and matches of (image_id1, image_id2) as
-// if image_id2 were the query.
-std::vector<Eigen::Vector2f> ReadStoredKeypoints(const SqliteRows& row);
+// Decode a table of numbers in the statement's columns 0 to 2 (rows, cols, data). Keypoints have two columns (x, y),
+// four (with scale and orientation) or six (with an affine shape). Matches are stored as (image_id1, image_id2) and
+// returned as if image_id2 were the query.
+std::vector<Keypoint> ReadStoredKeypoints(const SqliteRows& row);
 Matches ReadStoredMatches(const SqliteRows& row);
 
-// The following may be unset.
+// The functions below return nullopt if the value is unset.
 
-// The identity is what COLMAP's database.py, and with it hloc, stores for want of a matrix. (No E or F is one.)
+// The identity counts as unset, because COLMAP's database.py, and with it hloc, stores it instead of a missing matrix.
+// (No E or F is the identity.)
 std::optional<Eigen::Matrix3d> ReadMatrix(const SqliteRows& row, int column);
 
-// For 3.x, no rotation and no translation at once mean unset; a rotation alone is the pose of a panoramic pair.
+// COLMAP 3.x stores an unset pose as no rotation and no translation; a rotation alone is the pose of a panoramic pair.
 std::optional<Rigid3d> ReadPose(const SqliteRows& row, int qvec_column, int tvec_column);
 
 std::optional<Rigid3d> ReadSensorFromRig(const SqliteRows& row, int column);
 
-// 4.x: camera_id u32, model i32, width u64, height u64, prior u8, number of parameters u64, parameters f64, unpadded.
+// Decodes a camera of COLMAP 4.x: camera_id u32, model i32, width u64, height u64, prior u8, number of parameters u64,
+// parameters f64, unpadded.
 std::optional<Camera> ReadSerializedCamera(const SqliteRows& row, int column);
 
 }  // namespace lazyloc

@@ -33,8 +33,8 @@ TwoViewGeometry Inverted(const TwoViewGeometry& geometry) {
   if (geometry.E) inverted.E = geometry.E->transpose();
   if (geometry.F) inverted.F = geometry.F->transpose();
   if (geometry.H) {
-    const Eigen::Matrix3d database_from_query = geometry.H->inverse();
-    if (database_from_query.allFinite()) inverted.H = database_from_query;
+    const Eigen::Matrix3d other_from_query = geometry.H->inverse();
+    if (other_from_query.allFinite()) inverted.H = other_from_query;
   }
   inverted.query_camera = geometry.other_camera;
   inverted.other_camera = geometry.query_camera;
@@ -45,7 +45,7 @@ Rigid3d CanonicalRelativePose(const Rigid3d& cam2_from_cam1) {
   const Eigen::Quaterniond rotation = cam2_from_cam1.rotation.normalized();
   Eigen::Vector4d wxyz(rotation.w(), rotation.x(), rotation.y(), rotation.z());
   wxyz = wxyz.unaryExpr(&RoundedToGrid);
-  // After rounding, so that a w of a few 1e-17 does not decide.
+  // Chooses the sign after rounding, so that it does not depend on a w of a few 1e-17.
   if (IsFirstNonZeroNegative(wxyz)) wxyz = (-wxyz).unaryExpr(&RoundedToGrid);
   const Eigen::Vector3d direction = cam2_from_cam1.translation.stableNormalized();
   return {{wxyz(0), wxyz(1), wxyz(2), wxyz(3)}, direction.unaryExpr(&RoundedToGrid)};

@@ -11,7 +11,7 @@
 
 namespace lazyloc {
 
-// For tests that read and write files in a folder of their own.
+// A fixture for tests that read and write files in a folder of their own.
 class IoTest : public ::testing::Test {
  protected:
   std::filesystem::path WriteFile(const std::string& name, const std::string& content) const {
@@ -20,7 +20,8 @@ class IoTest : public ::testing::Test {
   }
   static std::string ReadFile(const std::filesystem::path& path) { return ReadBytes(path); }
 
-  // What the InputError says that the action ends with, the test's folder cut from its front; empty without one.
+  // Returns the message of the InputError that the action throws, without the test's folder at its front; empty if it
+  // throws none.
   std::string ErrorOf(const std::function<void()>& action) const {
     try {
       action();

@@ -11,23 +11,20 @@
 
 #include "colmap_lazyloc/bridge/match_database.h"
 #include "colmap_lazyloc/database/database_reader.h"
+#include "colmap_lazyloc/files/staged_output.h"
 #include "colmap_lazyloc/scene/features.h"
 #include "colmap_lazyloc/scene/localization_problem.h"
 
 namespace lazyloc {
 
-// Writes the photos with their features and matches into a new COLMAP database, and the database images that they were
-// matched with, under the ids of the given database. Photos get ids above these, in order of their names.
-// The file appears when it is complete.
+// Writes photos with their features and matches into a new COLMAP database, together with the database images that they
+// were matched with. These keep their ids; photos that the given database does not know get ids above all others, in
+// the order of their names. The file appears when it is complete.
 class MatchesOutput {
  public:
-  // Throws InputError where the file exists or cannot be made.
+  // Throws InputError if the file exists or cannot be made.
   MatchesOutput(const std::filesystem::path& path, const DatabaseReader& database,
                 const std::vector<std::string>& photo_names);
-  // Removes what was not published.
-  ~MatchesOutput();
-  MatchesOutput(const MatchesOutput&) = delete;
-  MatchesOutput& operator=(const MatchesOutput&) = delete;
 
   // database_features: one per pair of the problem. Thread-safe.
   void Write(const LocalizationProblem& problem, const Features& photo_features,
@@ -35,15 +32,19 @@ class MatchesOutput {
   void Publish();
 
  private:
+  struct Ids {
+    uint32_t image_id = 0, camera_id = 0;
+  };
+
   void AddDatabaseImage(const ImagePair& pair, const Features& features);
 
-  std::filesystem::path path_, staged_path_;
+  const std::string file_name_;
   std::map<std::string, DatabaseImage> database_images_;
-  std::map<std::string, uint32_t> photo_ids_;
-  uint32_t next_camera_id_ = 1;
+  std::map<std::string, Ids> photo_ids_;
   std::set<uint32_t> known_cameras_, known_images_;
   std::mutex mutex_;
-  std::unique_ptr<MatchDatabase> output_;
+  StagedOutput staged_;
+  std::unique_ptr<MatchDatabase> output_;  // destroyed before the folder that it is in
 };
 
 }  // namespace lazyloc

@@ -1,5 +1,5 @@
 #include "colmap_lazyloc/bridge/camera_models.h"
-#include "colmap_lazyloc/io/binary_file.h"
+#include "colmap_lazyloc/files/binary_file.h"
 #include "colmap_lazyloc/io/model_formats.h"
 
 namespace lazyloc {

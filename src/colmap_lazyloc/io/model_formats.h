@@ -10,16 +10,16 @@
 
 namespace lazyloc {
 
-// Collects a model while it is read and refuses what cannot be, whichever format it comes from.
+// Collects a model while it is read, and refuses impossible parts of it in either format.
 class ModelBuilder {
  public:
-  // Why it cannot be part of the model; empty when it was added. In this order: cameras, rigs, frames, images.
+  // Return why the part was refused; empty if it was added. Cameras come first, then rigs, frames and images.
   std::string AddCamera(Camera camera);
   std::string AddRig(Rig rig);
   std::string AddFrame(ModelFrame frame);
   std::string AddImage(ModelImage image);
 
-  // The model with its images sorted by name; the builder is empty afterwards.
+  // Returns the model with its images sorted by name. The builder is empty afterwards.
   Model Take();
 
  private:
@@ -29,7 +29,7 @@ class ModelBuilder {
   std::unordered_set<std::string> names_;
 };
 
-// One file each of COLMAP's two formats. Throw InputError with the file (text: and line) and what is wrong.
+// Read one file each of COLMAP's two formats. They throw InputError naming the file, and in text files the line.
 void ReadCamerasBinary(const std::filesystem::path& path, ModelBuilder* builder);
 void ReadRigsBinary(const std::filesystem::path& path, ModelBuilder* builder);
 void ReadFramesBinary(const std::filesystem::path& path, ModelBuilder* builder);

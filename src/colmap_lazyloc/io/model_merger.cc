@@ -1,12 +1,12 @@
 #include "colmap_lazyloc/io/model_merger.h"
 
 #include <algorithm>
-#include <limits>
 #include <string>
 #include <unordered_map>
 #include <unordered_set>
 #include <utility>
 
+#include "colmap_lazyloc/io/free_ids.h"
 #include "colmap_lazyloc/io/rig_merger.h"
 #include "colmap_lazyloc/scene/errors.h"
 
@@ -16,23 +16,7 @@ namespace {
 using IdOfName = std::unordered_map<std::string, uint32_t>;
 using ImageOfName = std::unordered_map<std::string, MergedImage*>;
 
-// Hands out ids above the largest that is in use.
-class IdSource {
- public:
-  void SkipTo(uint32_t used_id) { largest_ = std::max(largest_, used_id); }
-  uint32_t Next() {
-    // COLMAP's mark for "no id" is the largest number.
-    if (largest_ >= std::numeric_limits<uint32_t>::max() - 1) {
-      throw InputError("no image or camera id is left for the queries: the model's ids reach the largest number");
-    }
-    return ++largest_;
-  }
-
- private:
-  uint32_t largest_ = 0;
-};
-
-uint32_t AddQueryCamera(const Camera& camera, std::map<uint32_t, Camera>* cameras, IdSource* new_ids) {
+uint32_t AddQueryCamera(const Camera& camera, std::map<uint32_t, Camera>* cameras, FreeIds* new_ids) {
   const auto own = cameras->find(camera.camera_id);
   if (own != cameras->end() && SameIntrinsics(own->second, camera)) return own->first;
   const auto same = std::find_if(cameras->begin(), cameras->end(),
@@ -46,7 +30,7 @@ uint32_t AddQueryCamera(const Camera& camera, std::map<uint32_t, Camera>* camera
   return added.camera_id;
 }
 
-// The id that a query has where nothing stands against it.
+// Returns the id that a query gets if it is free.
 std::optional<uint32_t> PreferredImageId(const std::string& name, const IdOfName& model_ids,
                                          const IdOfName& database_ids) {
   for (const IdOfName* ids : {&model_ids, &database_ids}) {
@@ -56,7 +40,8 @@ std::optional<uint32_t> PreferredImageId(const std::string& name, const IdOfName
   return std::nullopt;
 }
 
-// A camera refined for one query is not that of the other images which share it in the database: it has no id yet.
+// Returns a query's camera. It has no id if it was refined for this query alone but other images of the database share
+// it.
 Camera CameraOf(const LocalizationResult& query, const std::vector<DatabaseImage>& database_images) {
   Camera camera = query.query_camera;
   const auto has_camera = [&](const DatabaseImage& image) { return image.camera_id == camera.camera_id; };
@@ -67,36 +52,35 @@ Camera CameraOf(const LocalizationResult& query, const std::vector<DatabaseImage
 }
 
 // Adds the localized queries' images and cameras.
-void AddQueryImages(const std::vector<const LocalizationResult*>& results,
-                    const std::vector<DatabaseImage>& database_images, const IdOfName& model_ids,
-                    const IdOfName& database_ids, MergedModel* merged) {
-  IdSource new_image_ids, new_camera_ids;
-  for (const auto& [name, image_id] : model_ids) new_image_ids.SkipTo(image_id);
-  for (const auto& [name, image_id] : database_ids) new_image_ids.SkipTo(image_id);
-  for (const auto& [camera_id, camera] : merged->cameras) new_camera_ids.SkipTo(camera_id);
-  for (const LocalizationResult* query : results) new_camera_ids.SkipTo(query->query_camera.camera_id);
+void AddQueryImages(const std::vector<const QueryRecord*>& records, const std::vector<DatabaseImage>& database_images,
+                    const IdOfName& model_ids, const IdOfName& database_ids, MergedModel* merged) {
+  FreeIds new_image_ids, new_camera_ids(merged->cameras);
+  for (const auto& [name, image_id] : model_ids) new_image_ids.Use(image_id);
+  for (const auto& [name, image_id] : database_ids) new_image_ids.Use(image_id);
+  for (const QueryRecord* record : records) new_camera_ids.Use(record->result.query_camera.camera_id);
 
-  for (const LocalizationResult* query : results) {
-    if (query->status != QueryStatus::LOCALIZED) continue;
-    const auto preferred_id = PreferredImageId(query->query_name, model_ids, database_ids);
+  for (const QueryRecord* record : records) {
+    const LocalizationResult& query = record->result;
+    if (query.status != QueryStatus::LOCALIZED) continue;
+    const auto preferred_id = PreferredImageId(query.query_name, model_ids, database_ids);
     const bool is_free = preferred_id && merged->images.count(*preferred_id) == 0;
     MergedImage added;
     added.image.image_id = is_free ? *preferred_id : new_image_ids.Next();
-    added.image.camera_id = AddQueryCamera(CameraOf(*query, database_images), &merged->cameras, &new_camera_ids);
-    added.image.name = query->query_name;
-    added.image.cam_from_world = query->cam_from_world;
-    added.photo_keypoints = query->photo_keypoints;
-    if (added.photo_keypoints.empty()) added.database_id = database_ids.at(query->query_name);
+    added.image.camera_id = AddQueryCamera(CameraOf(query, database_images), &merged->cameras, &new_camera_ids);
+    added.image.name = query.query_name;
+    added.image.cam_from_world = query.cam_from_world;
+    added.photo_keypoints = record->keypoints;
+    if (added.photo_keypoints.empty()) added.database_id = database_ids.at(query.query_name);
     if (!merged->rigs.empty()) AddFrameOfOneImage(added.image, merged);
     merged->images.emplace(added.image.image_id, std::move(added));
   }
 }
 
-// pair_images: of the query's pairs, null for an image that is not in the merged model.
+// pair_images: the images of the query's pairs, null for an image that is not in the merged model.
 void AddPoint(const PointResult& point, MergedImage* query_image, const std::vector<MergedImage*>& pair_images,
               MergedModel* merged) {
   const uint64_t point_id = merged->points.size() + 1;
-  // The error stays that of the whole track, even where an observation goes to another point.
+  // Keeps the error of the whole track, even if an observation goes to another point.
   MergedPoint added{point.point_in_world, point.mean_reprojection_error_px, {}};
   const auto observe = [&](MergedImage* image, int keypoint) {
     LAZYLOC_CHECK(keypoint >= 0);
@@ -130,10 +114,10 @@ void AddPoints(const LocalizationResult& query, const ImageOfName& images, Merge
 
 }  // namespace
 
-MergedModel MergeModel(const Model& model, const std::vector<const LocalizationResult*>& results,
+MergedModel MergeModel(const Model& model, const std::vector<const QueryRecord*>& records,
                        const std::vector<DatabaseImage>& database_images) {
   std::unordered_set<std::string> query_names;
-  for (const LocalizationResult* result : results) query_names.insert(result->query_name);
+  for (const QueryRecord* record : records) query_names.insert(record->result.query_name);
   IdOfName model_ids, database_ids;
   for (const ModelImage& image : model.images) model_ids.emplace(image.name, image.image_id);
   for (const DatabaseImage& image : database_images) database_ids.emplace(image.name, image.image_id);
@@ -144,12 +128,12 @@ MergedModel MergeModel(const Model& model, const std::vector<const LocalizationR
     if (query_names.count(image.name) == 0) merged.images[image.image_id].image = image;
   }
   KeepRigs(model, &merged);
-  AddQueryImages(results, database_images, model_ids, database_ids, &merged);
+  AddQueryImages(records, database_images, model_ids, database_ids, &merged);
 
   ImageOfName images;
   for (auto& [image_id, image] : merged.images) images.emplace(image.image.name, &image);
-  for (const LocalizationResult* result : results) {
-    if (result->status == QueryStatus::LOCALIZED) AddPoints(*result, images, &merged);
+  for (const QueryRecord* record : records) {
+    if (record->result.status == QueryStatus::LOCALIZED) AddPoints(record->result, images, &merged);
   }
   for (auto& [image_id, image] : merged.images) {
     const bool is_photo = !image.photo_keypoints.empty();

@@ -46,9 +46,11 @@ std::vector<std::pair<uint32_t, uint32_t>> Track(const MergedPoint& point) {
 class MergeModelTest : public ::testing::Test {
  protected:
   MergedModel Merge() const {
-    std::vector<const LocalizationResult*> results;
-    for (const LocalizationResult& query : queries_) results.push_back(&query);
-    return MergeModel(model_, results, database_images_);
+    std::vector<QueryRecord> records;
+    for (const LocalizationResult& query : queries_) records.push_back({query, {}, {}, 0});
+    std::vector<const QueryRecord*> pointers;
+    for (const QueryRecord& record : records) pointers.push_back(&record);
+    return MergeModel(model_, pointers, database_images_);
   }
 
   Model model_{

@@ -121,7 +121,7 @@ Model ReadModel(const std::filesystem::path& path) {
                      ": holds no COLMAP model: neither cameras.bin and images.bin nor cameras.txt and images.txt");
   }
   Model model = builder.Take();
-  if (model.images.empty()) throw InputError(images_path.string() + ": holds no posed image");
+  if (model.images.empty()) throw InputError(images_path.string() + ": contains no posed image");
   return model;
 }
 

@@ -6,12 +6,11 @@
 
 namespace lazyloc {
 
-// Reads cameras and images of a COLMAP model folder (cameras.bin and images.bin, or the .txt pair; binary
-// wins where both are there, as in COLMAP), and its rigs and frames where it has any. Image points and points3D are
-// skipped, and need not exist.
-// Throws InputError, one line naming the file, for a missing, truncated or foreign file, a camera model that the
-// linked COLMAP does not know, parameters that cannot be, a pose with NaN or a zero quaternion, duplicate
-// names or ids, an image whose camera is missing, and a model without a posed image.
+// Reads the cameras and images of a COLMAP model folder (cameras.bin and images.bin, else the .txt files, as in
+// COLMAP), and its rigs and frames if it has any. Skips image points and points3D, which need not exist. Throws
+// InputError naming the file if it is missing, truncated or not of this format, and for a camera model that the linked
+// COLMAP does not know, impossible parameters, a pose with NaN or a zero quaternion, duplicate names or ids, an image
+// whose camera is missing, and a model without a posed image.
 Model ReadModel(const std::filesystem::path& path);
 
 }  // namespace lazyloc

@@ -139,7 +139,7 @@ TEST_F(ReadModelTest, TextMistakesAreNamedWithTheirLine) {
               StartsWith("cameras.txt:4: camera 7 appears twice"));
   EXPECT_THAT(ErrorOfText("-1 PINHOLE 640 480 500 501 320 240\n", image), StartsWith("cameras.txt:1: '-1'"));
 
-  EXPECT_THAT(ErrorOfText(kCameras, "# none\n"), StartsWith("images.txt: holds no posed image"));
+  EXPECT_THAT(ErrorOfText(kCameras, "# none\n"), StartsWith("images.txt: contains no posed image"));
   EXPECT_THAT(ErrorOfText(kCameras, "1 nan 0 0 0 0 0 0 7 a.jpg\n"),
               StartsWith("images.txt:1: image 1 ('a.jpg'): the pose"));
   EXPECT_THAT(ErrorOfText(kCameras, "1 0 0 0 0 1 2 3 7 a.jpg\n"), HasSubstr("quaternion is zero"));
@@ -173,7 +173,7 @@ TEST_F(ReadModelTest, ForeignBinaryIsRefused) {
       "SQLite format 3, and whatever else may stand in a file of another kind that was copied here";
   EXPECT_THAT(ErrorOfBinary(text, images), StartsWith("cameras.bin: announces"));
   EXPECT_THAT(ErrorOfBinary(cameras_bytes_, text), StartsWith("images.bin: announces"));
-  EXPECT_THAT(ErrorOfBinary(cameras_bytes_, images + "x"), StartsWith("images.bin: goes on for 1 bytes"));
+  EXPECT_THAT(ErrorOfBinary(cameras_bytes_, images + "x"), StartsWith("images.bin: has 1 more bytes"));
   EXPECT_THAT(ErrorOfBinary(Bytes<uint64_t>(1) + CameraBytes(7, 99, {1, 1, 1}), images),
               StartsWith("cameras.bin: camera 7: unknown camera model 99"));
   // An image of 2^61 points, whose size in bytes would overflow.
@@ -184,7 +184,7 @@ TEST_F(ReadModelTest, ForeignBinaryIsRefused) {
 
 TEST_F(ReadModelTest, BinaryMistakesAreNamed) {
   const std::string image = ImageBytes(1, pose_, "a.jpg", 0);
-  EXPECT_THAT(ErrorOfBinary(cameras_bytes_, Bytes<uint64_t>(0)), StartsWith("images.bin: holds no posed image"));
+  EXPECT_THAT(ErrorOfBinary(cameras_bytes_, Bytes<uint64_t>(0)), StartsWith("images.bin: contains no posed image"));
   EXPECT_THAT(ErrorOfBinary(cameras_bytes_, Bytes<uint64_t>(1) + ImageBytes(1, {1, 0, 0, 0, 0, kNaN, 0}, "a.jpg", 0)),
               StartsWith("images.bin: image 1 ('a.jpg'): the pose"));
   EXPECT_THAT(ErrorOfBinary(cameras_bytes_, Bytes<uint64_t>(2) + image + image), HasSubstr("its id appears twice"));

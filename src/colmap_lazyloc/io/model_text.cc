@@ -1,8 +1,8 @@
 #include <string_view>
 
 #include "colmap_lazyloc/bridge/camera_models.h"
+#include "colmap_lazyloc/files/text_file.h"
 #include "colmap_lazyloc/io/model_formats.h"
-#include "colmap_lazyloc/io/text_file.h"
 
 namespace lazyloc {
 namespace {
@@ -72,11 +72,11 @@ ModelImage ParseImage(const TextFile& file) {
   image.image_id = file.ParseNumber<uint32_t>(NextWord(&rest));
   image.cam_from_world = ParsePose(file, &rest);
   image.camera_id = file.ParseNumber<uint32_t>(NextWord(&rest));
-  image.name = Trimmed(rest);  // all that is left: names may hold blanks
+  image.name = Trimmed(rest);  // the rest of the line, because a name may hold spaces
   return image;
 }
 
-// Whether the line can be an image's points, `X Y POINT3D_ID` each.
+// True if the line can be an image's points, `X Y POINT3D_ID` each.
 bool IsPointsLine(std::string_view line) {
   size_t num_words = 0;
   std::string_view last_word;
@@ -114,8 +114,8 @@ void ReadImagesText(const std::filesystem::path& path, ModelBuilder* builder) {
   TextFile file(path);
   while (file.NextEntry()) {
     if (const std::string problem = builder->AddImage(ParseImage(file)); !problem.empty()) throw file.Error(problem);
-    // Each image's second line holds its points, or nothing. A file that leaves these lines out would lose
-    // every other image unnoticed, hence the check.
+    // Checks the second line of each image, which has its points or is empty, because a file without these lines would
+    // silently lose every other image.
     if (file.NextLine() && !IsPointsLine(file.Line())) {
       throw file.Error("expected the points of the image above (X Y POINT3D_ID ..., or an empty line)");
     }

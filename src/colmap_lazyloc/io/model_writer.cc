@@ -3,7 +3,7 @@
 #include <limits>
 #include <vector>
 
-#include "colmap_lazyloc/io/output_file.h"
+#include "colmap_lazyloc/files/output_file.h"
 #include "colmap_lazyloc/scene/errors.h"
 
 namespace lazyloc {

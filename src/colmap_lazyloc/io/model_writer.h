@@ -7,11 +7,10 @@
 
 namespace lazyloc {
 
-// Writes cameras.bin, images.bin and points3D.bin, as every COLMAP since 3.6 reads them, into an existing folder.
-// Images get their points, one for each keypoint of the database, where a database_id is given, else none; keypoints
-// are read one image at a time. A model with rigs gets rigs.bin and frames.bin too, which COLMAP 3 does not look at;
-// without them COLMAP 4 takes each image for a frame of its own.
-// Throws InputError naming the file that cannot be written.
+// Writes cameras.bin, images.bin and points3D.bin, which every COLMAP since 3.6 reads, into an existing folder. An
+// image with a database_id gets one point for each of its keypoints, which are read one image at a time. A model with
+// rigs also gets rigs.bin and frames.bin, which COLMAP 3 ignores; without them COLMAP 4 makes each image a frame of its
+// own. Throws InputError naming the file that cannot be written.
 void WriteModel(const std::filesystem::path& folder, const MergedModel& model, const DatabaseReader& database);
 
 }  // namespace lazyloc

@@ -1,12 +1,14 @@
 #include "colmap_lazyloc/io/photo_loader.h"
 
 #include <algorithm>
+#include <filesystem>
+#include <functional>
 #include <set>
 #include <sstream>
+#include <utility>
 
 #include "colmap_lazyloc/bridge/camera_models.h"
 #include "colmap_lazyloc/scene/errors.h"
-#include "colmap_lazyloc/scene/options_check.h"
 
 namespace lazyloc {
 namespace {
@@ -29,150 +31,175 @@ std::vector<double> ParseCameraParams(const std::string& text) {
 
 std::string SizeText(uint64_t width, uint64_t height) { return std::to_string(width) + " x " + std::to_string(height); }
 
-}  // namespace
-
-bool PhotoLoaderOptions::Check(std::string* error) const {
-  const auto check = [error](const auto& options, const char* group) {
-    const bool is_good = options.Check(error);
-    if (!is_good) *error = group + *error;
-    return is_good;
-  };
-  return check(matching, "--LazyLocalizer.") && check(matching.extraction, "--SiftExtraction.") &&
-         check(matching.matching, "--SiftMatching.") && check(retrieval, "--LazyIndexer.");
+size_t NumBytes(const Features& features) {
+  return features.keypoints.size() * sizeof(Keypoint) + static_cast<size_t>(features.descriptors.size());
 }
 
-PhotoLoader::PhotoLoader(const DatabaseReader& database, const Model& database_model,
-                         const std::map<std::string, PhotoQuery>& photos, int num_retrieved,
-                         const PairMatchingOptions& pair_options, const PhotoLoaderOptions& options)
-    : options_(options),
-      pair_options_(pair_options),
-      num_retrieved_(static_cast<size_t>(num_retrieved)),
-      camera_params_(ParseCameraParams(options.camera_params)),
-      cache_(options.matching.cache_gb) {
-  const std::optional<int> model_id = CameraModelId(options.camera_model);
-  if (!model_id) throw InputError("option --ImageReader.camera_model: unknown camera model " + options.camera_model);
-  camera_model_id_ = *model_id;
-  if (!camera_params_.empty()) {
-    const std::string problem = CameraProblem({0, camera_model_id_, 1, 1, camera_params_, true});
-    if (!problem.empty()) throw InputError("option --ImageReader.camera_params: " + problem);
-  }
-  if (!options.query_prior_path.empty()) priors_ = ReadQueryPriors(options.query_prior_path);
+void Measure(const char* stage, QueryRecord* record, const std::function<void()>& run) {
+  const StageTimer timer(stage, &record->seconds);
+  run();
+}
 
-  const FeatureReader features(database.Path());
-  const std::map<uint32_t, size_t> num_descriptors = features.ReadDescriptorCounts();
-  const std::vector<DatabaseImage> images = database.ReadImages();
-  std::map<std::string, uint32_t> described;
-  for (const DatabaseImage& image : images) {
-    if (num_descriptors.count(image.image_id) > 0) described[image.name] = image.image_id;
+std::nullopt_t Refuse(QueryStatus status, const std::string& reason, LocalizationResult* result) {
+  result->status = status;
+  result->reason = reason;
+  return std::nullopt;
+}
+
+}  // namespace
+
+bool PhotoOptions::Check(std::string* error) const {
+  if (image_path.empty()) {
+    for (const auto& [name, value] :
+         {std::pair{"retrieval_index_path", &retrieval_index_path}, std::pair{"query_prior_path", &query_prior_path},
+          std::pair{"matches_output_path", &matches_output_path}}) {
+      if (value->empty()) continue;
+      *error = std::string(name) + " needs --image_path, because it is for photos";
+      return false;
+    }
   }
-  for (const ModelImage& image : database_model.images) {
-    const auto found = described.find(image.name);
-    if (found == described.end()) continue;
-    views_.push_back({&image, &database_model.cameras.at(image.camera_id), found->second});
+  return matching.Check(error) && matching.extraction.Check(error) && matching.matching.Check(error) &&
+         retrieval.Check(error);
+}
+
+PhotoLoader::PhotoLoader(const DatabaseReader& database, const QuerySelection& selection, const PhotoOptions& options,
+                         int num_retrieved, const PairMatchingOptions& pair_options, int num_threads)
+    : selection_(selection),
+      options_(options),
+      num_retrieved_(static_cast<size_t>(num_retrieved)),
+      pair_options_(pair_options),
+      features_(static_cast<size_t>(std::min(options.matching.cache_gb * 1e9, 1e18)), NumBytes) {
+  SetCamera(options.camera_model, options.camera_params);
+  if (!options.query_prior_path.empty()) priors_ = ReadQueryPriors(options.query_prior_path);
+  if (!options.matches_output_path.empty()) {
+    std::vector<std::string> names;
+    for (const auto& [name, photo] : selection.Photos()) names.push_back(name);
+    matches_output_ = std::make_unique<MatchesOutput>(options.matches_output_path, database, names);
   }
-  if (views_.empty()) {
+  const std::map<uint32_t, size_t> num_descriptors = FeatureReader(database.Path()).ReadDescriptorCounts();
+  for (const ModelImage& image : selection.DatabaseModel().images) {
+    const DatabaseImage* stored = selection.FindInDatabase(image.name);
+    if (stored == nullptr || num_descriptors.count(stored->image_id) == 0) continue;
+    candidates_.push_back({&image, stored->image_id});
+  }
+  if (candidates_.empty()) {
     throw InputError(database.Path().string() +
-                     ": no posed image has descriptors, which photos are matched with (run "
-                     "COLMAP's feature_extractor)");
+                     ": no posed image has descriptors to match photos with (run COLMAP's feature_extractor)");
   }
-  const bool needs_index =
-      std::any_of(photos.begin(), photos.end(), [this](const auto& photo) { return NeedsRetrieval(photo.second); });
+  const bool needs_index = std::any_of(selection.Photos().begin(), selection.Photos().end(),
+                                       [this](const auto& photo) { return NeedsRetrieval(photo.second); });
   if (needs_index) {
-    index_ = std::make_unique<RetrievalIndex>(options.retrieval_index_path, images, features, options.retrieval);
+    index_ = std::make_unique<RetrievalIndex>(options.retrieval_index_path, database, options.retrieval,
+                                              pair_options.seed, num_threads);
   }
+}
+
+void PhotoLoader::SetCamera(const std::string& model_name, const std::string& params) {
+  const std::optional<int> model_id = CameraModelId(model_name);
+  if (!model_id) throw InputError("option --ImageReader.camera_model: unknown camera model " + model_name);
+  camera_model_id_ = *model_id;
+  camera_params_ = ParseCameraParams(params);
+  if (camera_params_.empty()) return;
+  const std::string problem = CameraProblem({0, camera_model_id_, 1, 1, camera_params_, true});
+  if (!problem.empty()) throw InputError("option --ImageReader.camera_params: " + problem);
 }
 
 bool PhotoLoader::NeedsRetrieval(const PhotoQuery& photo) const {
-  if (photo.partner_names) return false;
+  if (photo.pair_names) return false;
   return !options_.retrieval_index_path.empty() ||
-         AllowedViews(photo).size() > static_cast<size_t>(options_.matching.max_num_exhaustive);
+         AllowedCandidates(photo).size() > static_cast<size_t>(options_.matching.max_num_exhaustive);
 }
 
-std::vector<const PhotoLoader::DatabaseView*> PhotoLoader::AllowedViews(const PhotoQuery& photo) const {
+PhotoLoader::Candidates PhotoLoader::AllowedCandidates(const PhotoQuery& photo) const {
   std::set<std::string> listed;
-  if (photo.partner_names) listed.insert(photo.partner_names->begin(), photo.partner_names->end());
+  if (photo.pair_names) listed.insert(photo.pair_names->begin(), photo.pair_names->end());
   const auto prior = priors_.find(photo.name);
-  std::vector<const DatabaseView*> allowed;
-  for (const DatabaseView& view : views_) {
-    if (photo.partner_names && listed.count(view.image->name) == 0) continue;
+  Candidates allowed;
+  for (const Candidate& candidate : candidates_) {
+    if (photo.pair_names && listed.count(candidate.image->name) == 0) continue;
     if (prior != priors_.end()) {
-      const Eigen::Vector3d distance = CamInWorld(view.image->cam_from_world) - prior->second.position;
-      if (distance.norm() > prior->second.radius) continue;
+      const Eigen::Vector3d offset = CamInWorld(candidate.image->cam_from_world) - prior->second.position;
+      if (offset.norm() > prior->second.radius) continue;
     }
-    allowed.push_back(&view);
+    allowed.push_back(&candidate);
   }
   return allowed;
 }
 
-std::vector<const PhotoLoader::DatabaseView*> PhotoLoader::ChooseViews(const PhotoQuery& photo,
-                                                                       const Descriptors& descriptors,
-                                                                       IdleThreads* idle_threads) const {
-  std::vector<const DatabaseView*> allowed = AllowedViews(photo);
+PhotoLoader::Candidates PhotoLoader::ChooseCandidates(const PhotoQuery& photo, const Descriptors& descriptors,
+                                                      IdleThreads* idle_threads) const {
+  Candidates allowed = AllowedCandidates(photo);
   if (!NeedsRetrieval(photo)) return allowed;
-  std::map<uint32_t, const DatabaseView*> view_of_id;
-  for (const DatabaseView* view : allowed) view_of_id.emplace(view->image_id, view);
-  std::vector<const DatabaseView*> chosen;
+  std::map<uint32_t, const Candidate*> candidate_of_id;
+  for (const Candidate* candidate : allowed) candidate_of_id.emplace(candidate->image_id, candidate);
+  Candidates chosen;
   for (const uint32_t image_id : index_->Query(descriptors, idle_threads)) {
     if (chosen.size() == num_retrieved_) break;
-    const auto view = view_of_id.find(image_id);
-    if (view != view_of_id.end()) chosen.push_back(view->second);
+    const auto candidate = candidate_of_id.find(image_id);
+    if (candidate != candidate_of_id.end()) chosen.push_back(candidate->second);
   }
-  std::sort(chosen.begin(), chosen.end());  // by address: views_ is sorted by name
+  std::sort(chosen.begin(), chosen.end());  // by address and so by name, because candidates_ is sorted by name
   return chosen;
 }
 
-Camera PhotoLoader::CameraOf(const PhotoQuery& photo, const Photo& file) const {
+std::optional<Camera> PhotoLoader::CameraOf(const PhotoQuery& photo, const Photo& file, std::string* problem) const {
   if (photo.camera) {
-    if (photo.camera->width == file.width && photo.camera->height == file.height) return *photo.camera;
-    throw PhotoFailure{QueryStatus::UNKNOWN_CAMERA,
-                       "the camera is for " + SizeText(photo.camera->width, photo.camera->height) +
-                           " pixels, but the photo has " + SizeText(file.width, file.height)};
+    if (photo.camera->width == file.width && photo.camera->height == file.height) return photo.camera;
+    *problem = "the camera is for " + SizeText(photo.camera->width, photo.camera->height) +
+               " pixels, but the photo has " + SizeText(file.width, file.height);
+    return std::nullopt;
   }
-  if (!camera_params_.empty()) return {0, camera_model_id_, file.width, file.height, camera_params_, true};
+  if (!camera_params_.empty()) return Camera{0, camera_model_id_, file.width, file.height, camera_params_, true};
   if (file.exif_focal_length_px) {
     return CameraFromFocalLength(camera_model_id_, *file.exif_focal_length_px, file.width, file.height);
   }
-  throw PhotoFailure{QueryStatus::UNKNOWN_CAMERA,
-                     "no intrinsics in --query_list_path, no --ImageReader.camera_params, no focal length in EXIF"};
+  *problem = "no intrinsics in --query_list_path, no --ImageReader.camera_params, no focal length in EXIF";
+  return std::nullopt;
 }
 
-LoadedPhoto PhotoLoader::Load(const PhotoQuery& photo, const FeatureReader& features, IdleThreads* idle_threads,
-                              StageTimer::Seconds* seconds) const {
+PhotoLoader::DatabaseFeatures PhotoLoader::LoadPairs(const Candidates& candidates, const FeatureReader& reader,
+                                                     LocalizationProblem* problem) const {
+  DatabaseFeatures database_features;
+  for (const Candidate* candidate : candidates) {
+    const uint32_t image_id = candidate->image_id;
+    problem->pairs.push_back(selection_.MakePair(*candidate->image));
+    database_features.push_back(features_.Get(image_id, [&] { return reader.Read(image_id); }));
+  }
+  return database_features;
+}
+
+std::optional<LocalizationProblem> PhotoLoader::Load(const PhotoQuery& photo, const FeatureReader& features,
+                                                     IdleThreads* idle_threads, QueryRecord* record) const {
   const std::filesystem::path path = std::filesystem::path(options_.image_path) / photo.name;
   std::optional<Photo> file;
-  {
-    const StageTimer timer("extraction", seconds);
-    file = ReadPhoto(path, options_.matching.extraction);
-  }
+  Measure("extraction", record, [&] { file = ReadPhoto(path, options_.matching.extraction); });
   if (!file) {
-    throw PhotoFailure{QueryStatus::UNREADABLE_IMAGE, path.string() + " is missing or no image that can be read"};
+    return Refuse(QueryStatus::UNREADABLE_IMAGE, path.string() + " does not exist or is not a readable image",
+                  &record->result);
   }
-  LoadedPhoto loaded;
-  LocalizationProblem& problem = loaded.problem;
+  std::string problem_of_camera;
+  const std::optional<Camera> camera = CameraOf(photo, *file, &problem_of_camera);
+  if (!camera) return Refuse(QueryStatus::UNKNOWN_CAMERA, problem_of_camera, &record->result);
+  LocalizationProblem problem;
   problem.query_name = photo.name;
-  problem.query_camera = CameraOf(photo, *file);
-  loaded.features = std::make_shared<const Features>(std::move(file->features));
-  problem.query_keypoints = Positions(loaded.features->keypoints);
-  if (problem.query_keypoints.empty()) return loaded;
+  problem.query_camera = *camera;
+  problem.query_keypoints = record->keypoints = Positions(file->features.keypoints);
+  DatabaseFeatures database_features;
+  if (!problem.query_keypoints.empty()) {
+    Candidates candidates;
+    Measure("retrieval", record,
+            [&] { candidates = ChooseCandidates(photo, file->features.descriptors, idle_threads); });
+    Measure("load", record, [&] { database_features = LoadPairs(candidates, features, &problem); });
+    MatchPairs(file->features, database_features, pair_options_, idle_threads, &problem, &record->seconds);
+  }
+  if (matches_output_) {
+    Measure("matches_output", record, [&] { matches_output_->Write(problem, file->features, database_features); });
+  }
+  return problem;
+}
 
-  std::vector<const DatabaseView*> views;
-  {
-    const StageTimer timer("retrieval", seconds);
-    views = ChooseViews(photo, loaded.features->descriptors, idle_threads);
-  }
-  {
-    const StageTimer timer("load", seconds);
-    for (const DatabaseView* view : views) {
-      ImagePair pair;
-      pair.other_name = view->image->name;
-      pair.other_camera = *view->camera;
-      pair.database_cam_from_world = view->image->cam_from_world;
-      problem.pairs.push_back(std::move(pair));
-      loaded.database_features.push_back(cache_.Get(view->image_id, features));
-    }
-  }
-  MatchPairs(*loaded.features, loaded.database_features, pair_options_, idle_threads, &problem, seconds);
-  return loaded;
+void PhotoLoader::PublishMatches() const {
+  if (matches_output_) matches_output_->Publish();
 }
 
 }  // namespace lazyloc

@@ -1,88 +1,84 @@
 #pragma once
 
-#include <filesystem>
 #include <map>
 #include <memory>
-#include <stdexcept>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "colmap_lazyloc/database/database_reader.h"
 #include "colmap_lazyloc/database/feature_reader.h"
-#include "colmap_lazyloc/io/problem_loader.h"
+#include "colmap_lazyloc/database/lru_cache.h"
+#include "colmap_lazyloc/io/matches_output.h"
 #include "colmap_lazyloc/io/query_files.h"
-#include "colmap_lazyloc/matching/feature_cache.h"
+#include "colmap_lazyloc/io/query_record.h"
+#include "colmap_lazyloc/io/query_selection.h"
 #include "colmap_lazyloc/matching/options.h"
 #include "colmap_lazyloc/matching/pair_matching.h"
 #include "colmap_lazyloc/matching/retrieval_index.h"
-#include "colmap_lazyloc/scene/localization_problem.h"
-#include "colmap_lazyloc/scene/localization_result.h"
-#include "colmap_lazyloc/scene/model.h"
 
 namespace lazyloc {
 
-struct PhotoLoaderOptions {
-  std::string image_path;  // folder of the photos
+struct PhotoOptions {
+  std::string image_path;  // folder of the photos; empty: no query is a photo
   std::string camera_model = "SIMPLE_RADIAL";
-  std::string camera_params;  // of all photos whose camera is not known otherwise; numbers with commas between
+  std::string camera_params;  // of all photos without a known camera; numbers separated by commas
   std::string retrieval_index_path;
   std::string query_prior_path;
+  std::string matches_output_path;
   PhotoMatchingOptions matching;
   RetrievalOptions retrieval;
 
   bool Check(std::string* error) const;
 };
 
-// Why there is no problem to be solved.
-struct PhotoFailure {
-  QueryStatus status;
-  std::string reason;
-};
-
-// A photo's problem, with the features that its matches are of.
-struct LoadedPhoto {
-  LocalizationProblem problem;
-  std::shared_ptr<const Features> features;
-  std::vector<std::shared_ptr<const Features>> database_features;  // one per pair
-};
-
-// Makes the localization problem of a photo: features, candidates, matches and their verification, all in memory.
+// Makes the localization problem of a photo in memory: extracts features, chooses database images, matches and
+// verifies.
 class PhotoLoader {
  public:
-  // database_model: the posed images; it must outlive this. Opens or makes the retrieval index where one is needed for
-  // the photos. Throws InputError for files that cannot be used, and where no posed image has descriptors.
-  PhotoLoader(const DatabaseReader& database, const Model& database_model,
-              const std::map<std::string, PhotoQuery>& photos, int num_retrieved,
-              const PairMatchingOptions& pair_options, const PhotoLoaderOptions& options);
+  // num_retrieved: database images per photo, if they are retrieved. num_threads: for making the retrieval index, which
+  // happens here if a photo needs it. The selection must outlive this. Throws InputError for files that cannot be used,
+  // and if no posed image has descriptors.
+  PhotoLoader(const DatabaseReader& database, const QuerySelection& selection, const PhotoOptions& options,
+              int num_retrieved, const PairMatchingOptions& pair_options, int num_threads);
 
-  // Throws PhotoFailure, or InputError for damaged data. Thread-safe with a reader per thread; the result depends on
-  // the input alone. Adds the stages to `seconds`.
-  LoadedPhoto Load(const PhotoQuery& photo, const FeatureReader& features, IdleThreads* idle_threads,
-                   StageTimer::Seconds* seconds) const;
+  // Adds keypoints and times to the record. Returns nullopt, with status and reason in the record, if the photo cannot
+  // be used. Throws InputError for damaged data. Thread-safe with one reader per thread; the result depends only on the
+  // input.
+  std::optional<LocalizationProblem> Load(const PhotoQuery& photo, const FeatureReader& features,
+                                          IdleThreads* idle_threads, QueryRecord* record) const;
+  // Publishes the database at matches_output_path, if there is one.
+  void PublishMatches() const;
 
  private:
-  struct DatabaseView {
+  struct Candidate {
     const ModelImage* image = nullptr;
-    const Camera* camera = nullptr;
     uint32_t image_id = 0;  // in the database
   };
+  using Candidates = std::vector<const Candidate*>;
+  using DatabaseFeatures = std::vector<std::shared_ptr<const Features>>;
 
-  Camera CameraOf(const PhotoQuery& photo, const Photo& file) const;
-  // Of the posed images with descriptors: those that the pairs file lists, or that the photo's prior allows.
-  std::vector<const DatabaseView*> AllowedViews(const PhotoQuery& photo) const;
-  std::vector<const DatabaseView*> ChooseViews(const PhotoQuery& photo, const Descriptors& descriptors,
-                                               IdleThreads* idle_threads) const;
+  void SetCamera(const std::string& model_name, const std::string& params);
+  std::optional<Camera> CameraOf(const PhotoQuery& photo, const Photo& file, std::string* problem) const;
+  // Returns the candidates that the pairs file lists, or that the photo's prior allows.
+  Candidates AllowedCandidates(const PhotoQuery& photo) const;
+  Candidates ChooseCandidates(const PhotoQuery& photo, const Descriptors& descriptors, IdleThreads* idle_threads) const;
   bool NeedsRetrieval(const PhotoQuery& photo) const;
+  // Adds pairs with the candidates to the problem, without matches; returns their features.
+  DatabaseFeatures LoadPairs(const Candidates& candidates, const FeatureReader& reader,
+                             LocalizationProblem* problem) const;
 
-  PhotoLoaderOptions options_;
-  PairMatchingOptions pair_options_;
-  size_t num_retrieved_ = 0;
+  const QuerySelection& selection_;
+  const PhotoOptions options_;
+  const size_t num_retrieved_;
+  const PairMatchingOptions pair_options_;
   int camera_model_id_ = 0;
   std::vector<double> camera_params_;
-  std::vector<DatabaseView> views_;  // sorted by name
+  std::vector<Candidate> candidates_;  // posed images with descriptors, sorted by name
   std::map<std::string, QueryPrior> priors_;
+  std::unique_ptr<MatchesOutput> matches_output_;
   std::unique_ptr<RetrievalIndex> index_;
-  mutable FeatureCache cache_;
+  mutable LruCache<Features> features_;
 };
 
 }  // namespace lazyloc

@@ -3,15 +3,17 @@
 #include <array>
 #include <cmath>
 #include <string_view>
+#include <utility>
 
 #include "colmap_lazyloc/bridge/camera_models.h"
-#include "colmap_lazyloc/io/text_file.h"
+#include "colmap_lazyloc/files/text_file.h"
 #include "colmap_lazyloc/scene/errors.h"
 
 namespace lazyloc {
 namespace {
 
-// `name MODEL width height params...`; none where the second word is no camera model: a name alone.
+// Parses `name MODEL width height params...`. Returns nullopt if the second word is not a camera model, because the
+// line is a name alone.
 std::optional<QueryListEntry> ParseEntryWithCamera(const TextFile& file) {
   std::string_view rest = file.Line();
   const std::string name(NextWord(&rest));
@@ -30,16 +32,6 @@ std::optional<QueryListEntry> ParseEntryWithCamera(const TextFile& file) {
   return QueryListEntry{name, camera};
 }
 
-// The other images of one query: a list for the order, a set against repetition.
-struct Partners {
-  std::vector<std::string> in_file_order;
-  std::set<std::string> known;
-};
-
-void AddPartner(const std::string& name, Partners* partners) {
-  if (partners->known.insert(name).second) partners->in_file_order.push_back(name);
-}
-
 }  // namespace
 
 std::vector<QueryListEntry> ReadQueryList(const std::filesystem::path& path) {
@@ -52,15 +44,19 @@ std::vector<QueryListEntry> ReadQueryList(const std::filesystem::path& path) {
     if (!names.insert(entry->name).second) throw file.Error("query '" + entry->name + "' is listed twice");
     entries.push_back(*std::move(entry));
   }
-  if (entries.empty()) throw InputError(path.string() + ": lists no query");
+  if (entries.empty()) throw InputError(path.string() + ": contains no query");
   return entries;
 }
 
 QueryPairs ReadPairs(const std::filesystem::path& path, const std::set<std::string>& query_names,
                      const std::function<bool(const std::string&)>& is_known) {
   TextFile file(path);
-  std::map<std::string, Partners> partners;
   QueryPairs pairs;
+  std::set<std::pair<std::string, std::string>> known_pairs;
+  const auto add = [&](const std::string& query_name, const std::string& other_name) {
+    const bool is_new = known_pairs.emplace(query_name, other_name).second;
+    if (is_new) pairs.other_names[query_name].push_back(other_name);
+  };
   bool has_pairs = false, has_known_names = false;
   while (file.NextEntry()) {
     std::string_view rest = file.Line();
@@ -72,16 +68,13 @@ QueryPairs ReadPairs(const std::filesystem::path& path, const std::set<std::stri
     if (!is_known2) pairs.unknown_names.insert(name2);
     has_known_names = has_known_names || is_known1 || is_known2;
     if (name1 == name2) continue;  // retrieval tools list an image as its own neighbour
-    if (is_known2 && query_names.count(name1) > 0) AddPartner(name2, &partners[name1]);
-    if (is_known1 && query_names.count(name2) > 0) AddPartner(name1, &partners[name2]);
+    if (is_known2 && query_names.count(name1) > 0) add(name1, name2);
+    if (is_known1 && query_names.count(name2) > 0) add(name2, name1);
   }
-  if (!has_pairs) throw InputError(path.string() + ": holds no pair");
+  if (!has_pairs) throw InputError(path.string() + ": contains no pair");
   if (!has_known_names) {
-    throw InputError(path.string() + ": the database has none of the images that it names, such as " +
-                     *pairs.unknown_names.begin());
-  }
-  for (auto& [query_name, query_partners] : partners) {
-    pairs.partners[query_name] = std::move(query_partners.in_file_order);
+    throw InputError(path.string() + ": none of its images is in the database (for example " +
+                     *pairs.unknown_names.begin() + ")");
   }
   return pairs;
 }
@@ -91,7 +84,7 @@ std::map<std::string, QueryPrior> ReadQueryPriors(const std::filesystem::path& p
   std::map<std::string, QueryPrior> priors;
   while (file.NextEntry()) {
     std::string_view rest = file.Line();
-    std::array<double, 4> numbers{};  // the last four words
+    std::array<double, 4> numbers{};  // the last four words, because a name may hold spaces
     for (size_t i = numbers.size(); i-- > 0;) {
       const size_t blank = rest.find_last_of(" \t");
       if (blank == std::string_view::npos) throw file.Error("expected `name x y z radius`");

@@ -73,30 +73,30 @@ TEST_F(QueryList, MistakesAreNamedWithTheirLine) {
 }
 
 TEST_F(QueryList, EmptyOrMissingFileIsRefused) {
-  EXPECT_THAT(ErrorOfReading("# nothing\n\n"), StartsWith("list.txt: lists no query"));
+  EXPECT_THAT(ErrorOfReading("# nothing\n\n"), StartsWith("list.txt: contains no query"));
   EXPECT_THAT(ErrorOf([&] { ReadQueryList(folder_ / "none.txt"); }), StartsWith("none.txt: cannot be opened"));
   std::filesystem::create_directory(folder_ / "sub");
   EXPECT_THAT(ErrorOf([&] { ReadQueryList(folder_ / "sub"); }), StartsWith("sub: is a folder"));
 }
 
 TEST_F(Pairs, AreSymmetricWithoutRepetitionInFileOrder) {
-  EXPECT_THAT(Read("# hloc\nq1 z 0.9\na q1\nq1 z\nz q1\n\nx y\nq2 q1 0.1\r\nq1 q1\n").partners,
+  EXPECT_THAT(Read("# hloc\nq1 z 0.9\na q1\nq1 z\nz q1\n\nx y\nq2 q1 0.1\r\nq1 q1\n").other_names,
               ElementsAre(Pair("q1", ElementsAre("z", "a", "q2")), Pair("q2", ElementsAre("q1"))));
 }
 
-TEST_F(Pairs, OfOtherImagesAreNoError) { EXPECT_THAT(Read("x y\n").partners, IsEmpty()); }
+TEST_F(Pairs, OfOtherImagesAreNoError) { EXPECT_THAT(Read("x y\n").other_names, IsEmpty()); }
 
 TEST_F(Pairs, UnknownNamesAreLeftOutAndCollected) {
   const QueryPairs pairs = Read("q1 u2\nu1 q1\nq1 a\nu1 x\nu1 u3\nq2 u1\n");
-  EXPECT_THAT(pairs.partners, ElementsAre(Pair("q1", ElementsAre("a"))));
+  EXPECT_THAT(pairs.other_names, ElementsAre(Pair("q1", ElementsAre("a"))));
   EXPECT_THAT(pairs.unknown_names, ElementsAre("u1", "u2", "u3"));
   EXPECT_THAT(Read("q1 a\n").unknown_names, IsEmpty());
 }
 
 TEST_F(Pairs, MistakesAreNamed) {
   EXPECT_THAT(ErrorOfReading("q1 a\nq2\n"), StartsWith("pairs.txt:2: expected two image names"));
-  EXPECT_THAT(ErrorOfReading("# nothing\n"), StartsWith("pairs.txt: holds no pair"));
-  EXPECT_THAT(ErrorOfReading("u2 u1\n"), StartsWith("pairs.txt: the database has none of the images"));
+  EXPECT_THAT(ErrorOfReading("# nothing\n"), StartsWith("pairs.txt: contains no pair"));
+  EXPECT_THAT(ErrorOfReading("u2 u1\n"), StartsWith("pairs.txt: none of its images is in the database"));
   EXPECT_THAT(ErrorOf([&] { ReadPairs(folder_ / "none.txt", {}, &IsKnown); }),
               StartsWith("none.txt: cannot be opened"));
 }

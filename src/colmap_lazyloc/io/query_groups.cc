@@ -6,93 +6,17 @@
 #include <unordered_map>
 #include <unordered_set>
 
-#include "colmap_lazyloc/io/rig_config.h"
-#include "colmap_lazyloc/io/text_file.h"
+#include "colmap_lazyloc/files/text_file.h"
+#include "colmap_lazyloc/io/rig_frames.h"
 #include "colmap_lazyloc/io/trajectory.h"
 #include "colmap_lazyloc/scene/errors.h"
+#include "colmap_lazyloc/scene/options_check.h"
 
 namespace lazyloc {
 namespace {
 
-// A query's place in a rig's frame.
-struct Place {
-  std::string frame_name;
-  Rigid3d cam_from_rig;
-};
-using Places = std::unordered_map<std::string, Place>;  // by query
-
-bool StartsWith(const std::string& text, const std::string& prefix) {
-  return text.compare(0, prefix.size(), prefix) == 0;
-}
-
-Places PlacesFromConfig(const std::vector<std::string>& query_names, const std::filesystem::path& path) {
-  const std::vector<RigCameras> rigs = ReadRigConfig(path);
-  Places places;
-  for (const std::string& name : query_names) {
-    for (size_t rig = 0; rig < rigs.size(); ++rig) {
-      for (const RigCamera& camera : rigs[rig]) {
-        if (!StartsWith(name, camera.image_prefix)) continue;
-        const std::string frame =
-            (rigs.size() > 1 ? "rig " + std::to_string(rig + 1) + ": " : "") + name.substr(camera.image_prefix.size());
-        if (!places.emplace(name, Place{frame, camera.cam_from_rig}).second) {
-          throw InputError(path.string() + ": image " + name + " is of two cameras");
-        }
-      }
-    }
-  }
-  if (places.empty()) throw InputError(path.string() + ": no query has a camera's image_prefix");
-  return places;
-}
-
-// images_without_pose: those of cameras whose place in their rig is not known.
-Places PlacesFromDatabase(const std::vector<std::string>& query_names, const DatabaseReader& database,
-                          std::vector<std::string>* images_without_pose) {
-  const std::vector<DatabaseRigImage> rig_images = database.ReadRigImages();
-  if (rig_images.empty()) return {};
-  const std::unordered_set<std::string> queries(query_names.begin(), query_names.end());
-  std::unordered_map<uint32_t, std::string> name_of_id;
-  for (const DatabaseImage& image : database.ReadImages()) {
-    if (queries.count(image.name) > 0) name_of_id.emplace(image.image_id, image.name);
-  }
-  Places places;
-  for (const DatabaseRigImage& image : rig_images) {
-    const auto name = name_of_id.find(image.image_id);
-    if (name == name_of_id.end()) continue;
-    if (image.cam_from_rig) {
-      places[name->second] = {std::to_string(image.frame_id), *image.cam_from_rig};
-    } else {
-      images_without_pose->push_back(name->second);
-    }
-  }
-  return places;
-}
-
-// Of frames with several queries.
-Places PlacesFromModel(const std::vector<std::string>& query_names, const Model& model) {
-  const std::unordered_set<std::string> queries(query_names.begin(), query_names.end());
-  std::unordered_map<uint64_t, std::string> query_of_id;
-  for (const ModelImage& image : model.images) {
-    if (queries.count(image.name) > 0) query_of_id.emplace(image.image_id, image.name);
-  }
-  Places places;
-  for (const auto& [frame_id, frame] : model.frames) {
-    const Rig& rig = model.rigs.at(frame.rig_id);
-    Places of_frame;
-    for (const FrameData& data : frame.data) {
-      const auto query = query_of_id.find(data.data_id);
-      if (data.sensor.type != SensorType::CAMERA || query == query_of_id.end()) continue;
-      const std::optional<Rigid3d> cam_from_rig = SensorFromRig(rig, data.sensor);
-      if (!cam_from_rig) continue;
-      of_frame[query->second] = {"model's " + std::to_string(frame_id),
-                                 {cam_from_rig->rotation.normalized(), cam_from_rig->translation}};
-    }
-    if (of_frame.size() > 1) places.merge(of_frame);
-  }
-  return places;
-}
-
-// In order of their first queries.
-QueryFrames MakeFrames(const std::vector<std::string>& query_names, const Places& places) {
+// Returns the frames in the order of their first queries.
+QueryFrames MakeFrames(const std::vector<std::string>& query_names, const FramePlaces& places) {
   QueryFrames frames;
   std::unordered_map<std::string, size_t> frame_of_name;
   for (const std::string& name : query_names) {
@@ -127,15 +51,17 @@ std::vector<QueryFrames> GroupByList(const QueryFrames& frames, const std::files
     std::string_view rest = file.Line();
     for (std::string name(NextWord(&rest)); !name.empty(); name = NextWord(&rest)) {
       const auto frame = frame_of_name.find(name);
-      if (frame == frame_of_name.end()) throw file.Error("'" + name + "' is no query");
+      if (frame == frame_of_name.end()) throw file.Error("'" + name + "' is not a query");
       if (!listed.insert(name).second) throw file.Error("'" + name + "' is listed twice");
       int& group_of = group_of_frame[frame->second];
-      if (group_of >= 0 && group_of != group) throw file.Error("the rig of '" + name + "' is in another group already");
+      if (group_of >= 0 && group_of != group) {
+        throw file.Error("the frame of '" + name + "' is already in another group");
+      }
       if (group_of < 0) groups.back().push_back(frames[frame->second]);
       group_of = group;
     }
   }
-  if (groups.empty()) throw InputError(path.string() + ": lists no group");
+  if (groups.empty()) throw InputError(path.string() + ": contains no group");
   for (size_t i = 0; i < frames.size(); ++i) {
     if (group_of_frame[i] < 0) groups.push_back({frames[i]});
   }
@@ -151,7 +77,7 @@ std::vector<QueryFrames> GroupBySize(const QueryFrames& frames, size_t group_siz
   return groups;
 }
 
-// Makes each group one frame of the trajectory.
+// Makes each group one frame, whose images have their places on the trajectory.
 std::vector<QueryFrames> JoinByTrajectory(const std::vector<QueryFrames>& groups,
                                           const std::map<std::string, Rigid3d>& trajectory) {
   std::vector<QueryFrames> joined;
@@ -168,52 +94,76 @@ std::vector<QueryFrames> JoinByTrajectory(const std::vector<QueryFrames>& groups
   return joined;
 }
 
-std::string SuchAs(const std::vector<std::string>& names) {
-  return std::to_string(names.size()) + " queries, such as " + names.front();
+std::string CountWithExample(const std::vector<std::string>& names) {
+  if (names.size() == 1) return "1 query (" + names.front() + ")";
+  return std::to_string(names.size()) + " queries (for example " + names.front() + ")";
+}
+
+std::string ItOrThem(const std::vector<std::string>& names) { return names.size() == 1 ? "it" : "them"; }
+
+FramePlaces FindFrames(const std::vector<std::string>& image_names, const DatabaseReader& database, const Model& model,
+                       const QueryGroupsOptions& options, std::vector<std::string>* images_without_pose) {
+  if (!options.use_rigs) return {};
+  if (!options.rig_config_path.empty()) return FramesFromConfig(image_names, options.rig_config_path);
+  return FramesFromColmap(image_names, database, model, images_without_pose);
+}
+
+QueryGroups GroupFrames(const QueryFrames& frames, const QueryGroupsOptions& options, size_t group_size) {
+  QueryGroups result;
+  result.groups =
+      options.group_list_path.empty() ? GroupBySize(frames, group_size) : GroupByList(frames, options.group_list_path);
+  return result;
 }
 
 QueryGroups GroupByTrajectory(const std::vector<std::string>& query_names, const QueryGroupsOptions& options) {
   const std::map<std::string, Rigid3d> trajectory = ReadTrajectory(options.trajectory_path, query_names);
   std::vector<std::string> on_trajectory, elsewhere;
   for (const std::string& name : query_names) (trajectory.count(name) > 0 ? on_trajectory : elsewhere).push_back(name);
-  const std::string path = options.trajectory_path.string();
-  if (on_trajectory.empty()) throw InputError(path + ": has a pose of no query, such as " + query_names.front());
-  const QueryFrames frames = MakeFrames(on_trajectory, {});
-  QueryGroups result;
-  if (!options.group_list_path.empty()) {
-    result.groups = GroupByList(frames, options.group_list_path);
-  } else {
-    result.groups = GroupBySize(frames, options.group_size > 1 ? options.group_size : frames.size());
+  const std::string& path = options.trajectory_path;
+  if (on_trajectory.empty()) {
+    throw InputError(path + ": no pose for any query (for example " + query_names.front() + ")");
   }
+  const QueryFrames frames = MakeFrames(on_trajectory, {});
+  QueryGroups result = GroupFrames(frames, options, options.group_size > 1 ? options.group_size : frames.size());
+  result.has_rig_scale = options.trajectory_has_scale;
   result.groups = JoinByTrajectory(result.groups, trajectory);
   for (const QueryFrame& frame : MakeFrames(elsewhere, {})) result.groups.push_back({frame});
   if (!elsewhere.empty()) {
-    result.warning = path + ": has no pose, so that they are localized each for itself, of " + SuchAs(elsewhere);
+    result.warning =
+        path + ": no pose for " + CountWithExample(elsewhere) + ": localizing " + ItOrThem(elsewhere) + " individually";
   }
   return result;
 }
 
 }  // namespace
 
+bool QueryGroupsOptions::Check(std::string* error) const {
+  OPTION_GE(group_size, 1);
+  return true;
+}
+
 QueryGroups GroupQueries(const std::vector<std::string>& query_names, const DatabaseReader& database,
                          const Model& model, const QueryGroupsOptions& options) {
   if (!options.trajectory_path.empty()) return GroupByTrajectory(query_names, options);
-  QueryGroups result;
-  Places places;
   std::vector<std::string> images_without_pose;
-  if (options.use_rigs && !options.rig_config_path.empty()) {
-    places = PlacesFromConfig(query_names, options.rig_config_path);
-  } else if (options.use_rigs) {
-    places = PlacesFromModel(query_names, model);
-    places.merge(PlacesFromDatabase(query_names, database, &images_without_pose));
+  const FramePlaces places = FindFrames(query_names, database, model, options, &images_without_pose);
+  if (options.use_rigs && !options.rig_config_path.empty() && places.empty()) {
+    throw InputError(options.rig_config_path + ": no query matches the image_prefix of a camera");
   }
-  const QueryFrames frames = MakeFrames(query_names, places);
-  result.groups = options.group_list_path.empty() ? GroupBySize(frames, options.group_size)
-                                                  : GroupByList(frames, options.group_list_path);
+  QueryGroups result = GroupFrames(MakeFrames(query_names, places), options, options.group_size);
   if (!images_without_pose.empty()) {
-    result.warning = database.Path().string() + ": the rig has no pose of the camera of " + SuchAs(images_without_pose);
+    result.warning = database.Path().string() + ": no pose in the rig for the cameras of " +
+                     CountWithExample(images_without_pose) + ": localizing " + ItOrThem(images_without_pose) +
+                     " without the rig";
   }
   return result;
+}
+
+std::unordered_map<std::string, std::string> DatabaseFrameNames(const Model& model, const DatabaseReader& database,
+                                                                const QueryGroupsOptions& options) {
+  std::vector<std::string> image_names, ignored;
+  for (const ModelImage& image : model.images) image_names.push_back(image.name);
+  return SharedFrameNames(FindFrames(image_names, database, model, options, &ignored));
 }
 
 }  // namespace lazyloc

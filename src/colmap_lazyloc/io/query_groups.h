@@ -1,7 +1,7 @@
 #pragma once
 
-#include <filesystem>
 #include <string>
+#include <unordered_map>
 #include <vector>
 
 #include "colmap_lazyloc/database/database_reader.h"
@@ -11,13 +11,15 @@
 namespace lazyloc {
 
 struct QueryGroupsOptions {
-  std::filesystem::path rig_config_path, group_list_path, trajectory_path;
+  std::string rig_config_path, group_list_path, trajectory_path;
   bool use_rigs = true;
-  bool trajectory_has_scale = true;  // its lengths are in the database's unit
+  bool trajectory_has_scale = true;  // true if its lengths are in database units
   int group_size = 1;                // frames
+
+  bool Check(std::string* error) const;
 };
 
-// Queries that move as one rigid body. A lone query has no frame name and the identity.
+// Queries that move as one rigid body. A lone query has an empty frame name and the identity.
 struct QueryFrame {
   struct Image {
     std::string name;
@@ -31,20 +33,25 @@ struct QueryFrame {
 using QueryFrames = std::vector<QueryFrame>;
 
 struct QueryGroups {
-  std::vector<QueryFrames> groups;  // each query in one of them
-  std::string warning;  // one line on queries without a place in a rig or trajectory; empty where there is none
+  std::vector<QueryFrames> groups;  // each query is in one of them
+  bool has_rig_scale = true;        // false if the unit of cam_from_rig is unknown
+  std::string warning;              // one line about queries without a place in a rig or trajectory; may be empty
 };
 
-// Groups the queries, in their given order:
-// - into frames by the rig configuration, else by the rigs of the model, for queries that it has too, or of the
-// database
-//   (unless use_rigs is false);
-// - of these, one group per line of the group list (names of images; what is not listed stays alone), else runs of
-//   group_size frames;
-// - with a trajectory each group is one frame instead, all queries one where neither list nor size is given.
-// Forms of the files: io/rig_config.h, io/trajectory.h.
-// Throws InputError naming the file, for what is damaged, contradictory or fits no query.
+// Groups the queries in three steps, in their given order:
+// 1. Frames: by the rig configuration, else by the rigs of the model (if it has the queries) or the database. Without
+//    use_rigs each query is a frame.
+// 2. Groups: one for each line of the group list (image names; the frame of an image that is not listed is a group of
+//    its own), else runs of group_size frames.
+// 3. With a trajectory, step 1 is left out and each group becomes one frame. Without list and size, all queries are one
+//    frame.
+// The formats are in io/rig_config.h and io/trajectory.h. Throws InputError naming the file if it is damaged,
+// contradicts itself or fits no query.
 QueryGroups GroupQueries(const std::vector<std::string>& query_names, const DatabaseReader& database,
                          const Model& model, const QueryGroupsOptions& options);
+
+// Returns the names of the rig frames (as in step 1) that hold two or more of the model's images, by image.
+std::unordered_map<std::string, std::string> DatabaseFrameNames(const Model& model, const DatabaseReader& database,
+                                                                const QueryGroupsOptions& options);
 
 }  // namespace lazyloc

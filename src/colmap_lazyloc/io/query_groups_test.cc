@@ -27,7 +27,7 @@ class GroupQueriesTest : public IoTest {
   std::string Error() {
     return ErrorOf([&] { Group(); });
   }
-  // The names of each group, frames in brackets.
+  // Returns the names of each group, with frames in brackets.
   std::vector<std::string> Described() {
     std::vector<std::string> descriptions;
     for (const QueryFrames& group : Group().groups) {
@@ -79,11 +79,12 @@ TEST_F(GroupQueriesTest, BadRigConfigs) {
   const std::string no_reference =
       R"([{"cameras": [{"image_prefix": "left/", "cam_from_rig_rotation": [1, 0, 0, 0],
                         "cam_from_rig_translation": [0, 0, 0]}]}])";
-  for (const auto& [content, message] :
-       {std::pair{two_references, "camera 'right/': is the second one with ref_sensor"},
-        std::pair{no_pose, "camera 'right/': has no pose in the rig"}, std::pair{no_image, "no query has a camera's"},
-        std::pair{no_reference, "no camera has ref_sensor"}, std::pair{std::string("[{]"), "no rig configuration"},
-        std::pair{std::string("{\"cameras\": 3}"), "no rig configuration"}}) {
+  for (const auto& [content, message] : {std::pair{two_references, "camera 'right/': is a second reference sensor"},
+                                         std::pair{no_pose, "camera 'right/': has no pose in the rig"},
+                                         std::pair{no_image, "no query matches the image_prefix of a camera"},
+                                         std::pair{no_reference, "no camera has ref_sensor"},
+                                         std::pair{std::string("[{]"), "is not a rig configuration"},
+                                         std::pair{std::string("{\"cameras\": 3}"), "is not a rig configuration"}}) {
     options_.rig_config_path = WriteFile("rigs.json", content);
     EXPECT_THAT(Error(), HasSubstr("rigs.json"));
     EXPECT_THAT(Error(), HasSubstr(message)) << content;
@@ -99,10 +100,10 @@ TEST_F(GroupQueriesTest, GroupList) {
 
 TEST_F(GroupQueriesTest, BadGroupLists) {
   for (const auto& [content, message] :
-       {std::pair{"3.png\n4.png", "groups.txt:2: '4.png' is no query"},
+       {std::pair{"3.png\n4.png", "groups.txt:2: '4.png' is not a query"},
         std::pair{"3.png left/1.png\n3.png", "groups.txt:2: '3.png' is listed twice"},
-        std::pair{"left/1.png\nright/1.png", "groups.txt:2: the rig of 'right/1.png' is in another group already"},
-        std::pair{"# none\n", "groups.txt: lists no group"}}) {
+        std::pair{"left/1.png\nright/1.png", "groups.txt:2: the frame of 'right/1.png' is already in another group"},
+        std::pair{"# none\n", "groups.txt: contains no group"}}) {
     options_.rig_config_path = WriteFile("rigs.json", kConfig);
     options_.group_list_path = WriteFile("groups.txt", content);
     EXPECT_THAT(Error(), HasSubstr(message));
@@ -112,7 +113,8 @@ TEST_F(GroupQueriesTest, BadGroupLists) {
 TEST_F(GroupQueriesTest, TrajectoryMakesOneFrameAndNamesTheGaps) {
   options_.trajectory_path = WriteFile("trajectory.txt", "left/1.png 1 0 0 0 0 0 1\nleft/2.png 1 0 0 0 0 0 2\n");
   EXPECT_THAT(Described(), ElementsAre("[ left/2.png left/1.png ]", "[ right/2.png ]", "[ right/1.png ]", "[ 3.png ]"));
-  EXPECT_THAT(Group().warning, HasSubstr("3 queries, such as right/2.png"));
+  EXPECT_THAT(Group().warning,
+              HasSubstr("no pose for 3 queries (for example right/2.png): localizing them individually"));
   EXPECT_EQ(Group().groups[0][0].images[0].cam_from_rig.translation.z(), 2);
 }
 
@@ -127,11 +129,11 @@ TEST_F(GroupQueriesTest, TrajectoryOfTum) {
 
 TEST_F(GroupQueriesTest, BadTrajectories) {
   for (const auto& [content, message] :
-       {std::pair{"4.png 1 0 0 0 0 0 1\n", "has a pose of no query, such as left/2.png"},
+       {std::pair{"4.png 1 0 0 0 0 0 1\n", "no pose for any query (for example left/2.png)"},
         std::pair{"3.png 1 0 0 0 0 0\n", "trajectory.txt:1: the line ends too early"},
-        std::pair{"3.png 0 0 0 0 0 0 1\n", "trajectory.txt:1: the pose is no unit quaternion"},
+        std::pair{"3.png 0 0 0 0 0 0 1\n", "trajectory.txt:1: the pose is not a unit quaternion"},
         std::pair{"3.png 1 0 0 0 0 0 1\n3.png 1 0 0 0 0 0 1\n", "trajectory.txt:2: a second pose of 3.png"},
-        std::pair{"1.0 0 0 0 0 0 0 1\n", "trajectory.txt:1: both left/1.png and right/1.png are of it"}}) {
+        std::pair{"1.0 0 0 0 0 0 0 1\n", "trajectory.txt:1: both left/1.png and right/1.png have this timestamp"}}) {
     options_.trajectory_path = WriteFile("trajectory.txt", content);
     EXPECT_THAT(Error(), HasSubstr(message));
   }
@@ -160,7 +162,8 @@ TEST_F(GroupQueriesTest, RigsOfTheDatabase) {
   database.Execute("UPDATE rig_sensors SET sensor_from_rig = NULL");
   const QueryGroups uncalibrated = GroupQueries(names_, DatabaseReader(folder_ / "rigs.db"), model_, options_);
   EXPECT_EQ(uncalibrated.groups.size(), 5);
-  EXPECT_THAT(uncalibrated.warning, HasSubstr("no pose of the camera of 2 queries, such as right/2.png"));
+  EXPECT_THAT(uncalibrated.warning,
+              HasSubstr("no pose in the rig for the cameras of 2 queries (for example right/2.png)"));
 }
 
 TEST_F(GroupQueriesTest, RigsOfTheModel) {

@@ -6,7 +6,7 @@
 #include <nlohmann/json.hpp>
 
 #include "colmap_lazyloc/bridge/camera_models.h"
-#include "colmap_lazyloc/io/output_file.h"
+#include "colmap_lazyloc/files/output_file.h"
 #include "colmap_lazyloc/math/so3.h"
 
 namespace lazyloc {
@@ -22,7 +22,7 @@ constexpr char kPosesHeader[] =
     "# A name may hold blanks: the pose is the last seven words.\n"
     "# Covariances are in results.jsonl: 6x6, rotation w (rad, R <- exp(w) R) first, then t.\n";
 
-// Scalar first; of the two that mean the same rotation, the one with w >= 0.
+// Returns the quaternion scalar first, with the sign that makes w >= 0.
 Eigen::Vector4d Qvec(const Eigen::Quaterniond& rotation) {
   const Eigen::Vector4d qvec(rotation.w(), rotation.x(), rotation.y(), rotation.z());
   return std::signbit(qvec[0]) ? Eigen::Vector4d(-qvec) : qvec;
@@ -58,7 +58,7 @@ Json BearingToJson(const Bearing& bearing) {
           {"stddev_deg", RadToDeg(bearing.stddev_rad)}};
 }
 
-// What a pose, or the part of one that is known, and its standard deviations are.
+// Adds the pose, or the part of it that is known, and its standard deviations.
 void AddPose(const LocalizationResult& result, Json* json) {
   for (const char* field : {"cam_from_world", "covariance", "position_stddevs", "weakest_direction",
                             "rotation_stddev_deg", "rotation", "bearing"}) {
@@ -90,18 +90,15 @@ Json PairsToJson(const std::vector<PairResult>& pairs) {
   return json;
 }
 
-Json SecondsToJson(const std::vector<std::pair<std::string, double>>& stages) {
+Json SecondsToJson(const QueryRecord& record) {
   Json json = Json::object();
-  double total = 0;
-  for (const auto& [stage, seconds] : stages) {
-    json[stage] = json.value(stage, 0.0) + seconds;  // a stage that ran again
-    total += seconds;
-  }
-  if (!json.contains("total")) json["total"] = total;
+  for (const auto& [stage, seconds] : record.seconds) json[stage] = seconds;
+  json["total"] = record.total_seconds;
   return json;
 }
 
-Json ResultToJson(const LocalizationResult& result) {
+Json RecordToJson(const QueryRecord& record) {
+  const LocalizationResult& result = record.result;
   Json json;
   json["name"] = result.query_name;
   json["status"] = QueryStatusName(result.status);
@@ -121,30 +118,31 @@ Json ResultToJson(const LocalizationResult& result) {
   json["num_observations"] = result.num_observations;
   json["mean_reprojection_error_px"] = result.num_observations > 0 ? Json(result.mean_reprojection_error_px) : Json();
   json["pairs"] = PairsToJson(result.pairs);
-  json["seconds"] = SecondsToJson(result.seconds);
+  json["seconds"] = SecondsToJson(record);
   return json;
 }
 
 }  // namespace
 
-void WritePoses(const std::filesystem::path& path, const std::vector<const LocalizationResult*>& results) {
+void WritePoses(const std::filesystem::path& path, const std::vector<const QueryRecord*>& records) {
   OutputFile file(path);
   file.Text() << kPosesHeader;
-  for (const LocalizationResult* result : results) {
-    if (result->status != QueryStatus::LOCALIZED) continue;
-    file.Text() << result->query_name;
-    for (const double number : Qvec(result->cam_from_world.rotation)) file.Text() << ' ' << number;
-    for (const double number : result->cam_from_world.translation) file.Text() << ' ' << number;
+  for (const QueryRecord* record : records) {
+    const LocalizationResult& result = record->result;
+    if (result.status != QueryStatus::LOCALIZED) continue;
+    file.Text() << result.query_name;
+    for (const double number : Qvec(result.cam_from_world.rotation)) file.Text() << ' ' << number;
+    for (const double number : result.cam_from_world.translation) file.Text() << ' ' << number;
     file.Text() << '\n';
   }
   file.Close();
 }
 
-void WriteResultsJson(const std::filesystem::path& path, const std::vector<const LocalizationResult*>& results) {
+void WriteResultsJson(const std::filesystem::path& path, const std::vector<const QueryRecord*>& records) {
   OutputFile file(path);
-  for (const LocalizationResult* result : results) {
-    // Numbers that are not finite become null; bytes of a name that are not UTF-8 are replaced.
-    file.Text() << ResultToJson(*result).dump(-1, ' ', false, Json::error_handler_t::replace) << '\n';
+  for (const QueryRecord* record : records) {
+    // JSON writes numbers that are not finite as null; bytes of a name that are not UTF-8 are replaced.
+    file.Text() << RecordToJson(*record).dump(-1, ' ', false, Json::error_handler_t::replace) << '\n';
   }
   file.Close();
 }

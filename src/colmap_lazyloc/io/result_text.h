@@ -3,16 +3,16 @@
 #include <filesystem>
 #include <vector>
 
-#include "colmap_lazyloc/scene/localization_result.h"
+#include "colmap_lazyloc/io/query_record.h"
 
 namespace lazyloc {
 
-// results: sorted by name. Both throw InputError naming the file that cannot be written.
+// The records are sorted by name. Both functions throw InputError naming the file if it cannot be written.
 
-// `name qw qx qy qz tx ty tz` of the localized queries, as hloc and visuallocalization.net take them.
-void WritePoses(const std::filesystem::path& path, const std::vector<const LocalizationResult*>& results);
+// Writes `name qw qx qy qz tx ty tz` of the localized queries, as hloc and visuallocalization.net read them.
+void WritePoses(const std::filesystem::path& path, const std::vector<const QueryRecord*>& records);
 
-// One JSON object a line for every query. What there is no value for is null.
-void WriteResultsJson(const std::filesystem::path& path, const std::vector<const LocalizationResult*>& results);
+// Writes one JSON object a line for every query. A field without a value is null.
+void WriteResultsJson(const std::filesystem::path& path, const std::vector<const QueryRecord*>& records);
 
 }  // namespace lazyloc

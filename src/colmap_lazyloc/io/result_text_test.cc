@@ -17,8 +17,9 @@ namespace {
 using Json = nlohmann::json;
 using ::testing::HasSubstr;
 
-LocalizationResult Localized() {
-  LocalizationResult result;
+QueryRecord Localized() {
+  QueryRecord record;
+  LocalizationResult& result = record.result;
   result.query_name = "my query.jpg";
   result.status = QueryStatus::LOCALIZED;
   result.cam_from_world = {Eigen::Quaterniond(-0.1, 0.2, 1.0 / 3, 0.9), {4000000.1, -2, 1e-17}};
@@ -28,23 +29,24 @@ LocalizationResult Localized() {
   result.num_tracks = 3;
   result.num_observations = 9;
   result.mean_reprojection_error_px = 0.75;
-  result.seconds = {{"rotation", 0.5}, {"refinement", 1}, {"rotation", 0.25}};
-  return result;
+  record.seconds = {{"rotation", 0.5}, {"refinement", 1}};
+  record.total_seconds = 1.75;
+  return record;
 }
 
-LocalizationResult Failed() {
-  LocalizationResult result;
-  result.query_name = "night.jpg";
-  result.status = QueryStatus::NO_PAIRS;
-  result.reason = "no pair";
-  return result;
+QueryRecord Failed() {
+  QueryRecord record;
+  record.result.query_name = "night.jpg";
+  record.result.status = QueryStatus::NO_PAIRS;
+  record.result.reason = "no pair";
+  return record;
 }
 
 class ResultText : public IoTest {
  protected:
   // Lines that are not comments.
-  std::vector<std::string> PoseLines(const std::vector<const LocalizationResult*>& results) const {
-    WritePoses(folder_ / "poses.txt", results);
+  std::vector<std::string> PoseLines(const std::vector<const QueryRecord*>& records) const {
+    WritePoses(folder_ / "poses.txt", records);
     std::istringstream text(ReadFile(folder_ / "poses.txt"));
     std::vector<std::string> lines;
     for (std::string line; std::getline(text, line);) {
@@ -52,14 +54,14 @@ class ResultText : public IoTest {
     }
     return lines;
   }
-  Json JsonOf(const LocalizationResult& result) const {
-    WriteResultsJson(folder_ / "results.jsonl", {&result});
+  Json JsonOf(const QueryRecord& record) const {
+    WriteResultsJson(folder_ / "results.jsonl", {&record});
     return Json::parse(ReadFile(folder_ / "results.jsonl"));
   }
 };
 
 TEST_F(ResultText, PosesAreExactAndOfLocalizedQueriesOnly) {
-  const LocalizationResult localized = Localized(), failed = Failed();
+  const QueryRecord localized = Localized(), failed = Failed();
   const std::vector<std::string> lines = PoseLines({&localized, &failed});
   ASSERT_EQ(lines.size(), 1);
   EXPECT_EQ(lines[0],
@@ -81,7 +83,7 @@ TEST_F(ResultText, NumbersDoNotDependOnTheLocale) {
     char do_thousands_sep() const override { return '.'; }
     std::string do_grouping() const override { return "\3"; }
   };
-  const LocalizationResult localized = Localized();
+  const QueryRecord localized = Localized();
   const std::string expected = PoseLines({&localized}).at(0);
   const std::locale before = std::locale::global(std::locale(std::locale(), new CommaDecimal));
   const std::string line = PoseLines({&localized}).at(0);
@@ -107,28 +109,29 @@ TEST_F(ResultText, JsonHoldsEverything) {
   EXPECT_EQ(json["mean_reprojection_error_px"], 0.75);
   EXPECT_EQ(json["pairs"], Json::parse(R"([{"name": "a.jpg", "num_inliers": 42, "rotation_error_deg": 0.5,
                                             "direction_error_deg": null}])"));
-  EXPECT_EQ(json["seconds"], Json({{"rotation", 0.75}, {"refinement", 1.0}, {"total", 1.75}}));
+  EXPECT_EQ(json["seconds"], Json({{"rotation", 0.5}, {"refinement", 1.0}, {"total", 1.75}}));
 }
 
 TEST_F(ResultText, JsonHoldsWhatIsKnownOfAPoseWithoutPosition) {
-  LocalizationResult result = Failed();
-  result.status = QueryStatus::SCALE_UNOBSERVABLE;
-  result.partial_pose = {Eigen::Quaterniond(-0.5, 0.5, 0.5, -0.5), DegToRad(0.25),
-                         Bearing{"a.jpg", {0, 1, 0}, DegToRad(0.5)}};
-  const Json json = JsonOf(result);
+  QueryRecord record = Failed();
+  record.result.status = QueryStatus::SCALE_UNOBSERVABLE;
+  record.result.partial_pose = {Eigen::Quaterniond(-0.5, 0.5, 0.5, -0.5), DegToRad(0.25),
+                                Bearing{"a.jpg", {0, 1, 0}, DegToRad(0.5)}};
+  const Json json = JsonOf(record);
   EXPECT_TRUE(json["cam_from_world"].is_null() && json["covariance"].is_null() && json["position_stddevs"].is_null());
   EXPECT_EQ(json["rotation"], Json({0.5, -0.5, -0.5, 0.5}));
   EXPECT_EQ(json["rotation_stddev_deg"], 0.25);
   EXPECT_EQ(json["bearing"], Json::parse(R"({"from": "a.jpg", "direction": [0.0, 1.0, 0.0], "stddev_deg": 0.5})"));
-  result.partial_pose = {Eigen::Quaterniond::Identity(), std::nullopt, std::nullopt};
-  EXPECT_TRUE(JsonOf(result)["bearing"].is_null() && JsonOf(result)["rotation_stddev_deg"].is_null());
-  EXPECT_EQ(PoseLines({&result}).size(), 0);
+  record.result.partial_pose = {Eigen::Quaterniond::Identity(), std::nullopt, std::nullopt};
+  EXPECT_TRUE(JsonOf(record)["bearing"].is_null() && JsonOf(record)["rotation_stddev_deg"].is_null());
+  EXPECT_EQ(PoseLines({&record}).size(), 0);
 }
 
-TEST_F(ResultText, JsonKeepsTheOrderOfKeysAndAGivenTotal) {
-  LocalizationResult result = Failed();
-  result.seconds = {{"load", 1}, {"total", 1.5}};
-  JsonOf(result);
+TEST_F(ResultText, JsonKeepsTheOrderOfKeys) {
+  QueryRecord record = Failed();
+  record.seconds = {{"load", 1}, {"a", 0.25}};
+  record.total_seconds = 1.5;
+  JsonOf(record);
   EXPECT_EQ(
       ReadFile(folder_ / "results.jsonl"),
       R"({"name":"night.jpg","status":"NO_PAIRS","reason":"no pair","start":"","cam_from_world":null,)"
@@ -136,18 +139,18 @@ TEST_F(ResultText, JsonKeepsTheOrderOfKeysAndAGivenTotal) {
       R"("position_stddevs":null,"weakest_direction":null,"rotation_stddev_deg":null,"rotation":null,"bearing":null,)"
       R"("frame":null,"rig_from_world":null,"rig_error_px":null,)"
       R"("num_tracks":0,"num_observations":0,"mean_reprojection_error_px":null,"pairs":[],)"
-      R"("seconds":{"load":1.0,"total":1.5}})"
+      R"("seconds":{"load":1.0,"a":0.25,"total":1.5}})"
       "\n");
 }
 
 TEST_F(ResultText, JsonIsValidForAnyBytesInNames) {
-  LocalizationResult result = Failed();
-  result.query_name = "caf\xE9 \"1\".jpg";  // Latin-1
-  EXPECT_EQ(JsonOf(result)["name"], "caf\xEF\xBF\xBD \"1\".jpg");
+  QueryRecord record = Failed();
+  record.result.query_name = "caf\xE9 \"1\".jpg";  // Latin-1
+  EXPECT_EQ(JsonOf(record)["name"], "caf\xEF\xBF\xBD \"1\".jpg");
 }
 
 TEST_F(ResultText, JsonHasALineForEveryQuery) {
-  const LocalizationResult localized = Localized(), failed = Failed();
+  const QueryRecord localized = Localized(), failed = Failed();
   WriteResultsJson(folder_ / "results.jsonl", {&localized, &failed});
   std::istringstream text(ReadFile(folder_ / "results.jsonl"));
   std::string first, second, rest;
@@ -160,17 +163,17 @@ TEST_F(ResultText, JsonHasALineForEveryQuery) {
 
 TEST_F(ResultText, FullDiskIsReported) {
   if (!std::filesystem::exists("/dev/full")) GTEST_SKIP();
-  const LocalizationResult localized = Localized();
+  const QueryRecord localized = Localized();
   EXPECT_THAT(ErrorOf([&] { WritePoses("/dev/full", {&localized}); }), HasSubstr("/dev/full: cannot be written"));
   EXPECT_THAT(ErrorOf([&] { WriteResultsJson(folder_ / "none" / "x", {}); }), HasSubstr("none/x: cannot be written"));
 }
 
 TEST_F(ResultText, CameraIsWrittenWhereItWasRefined) {
-  LocalizationResult result = Localized();
-  result.query_camera = {3, *CameraModelId("PINHOLE"), 640, 480, {500, 1.0 / 3, 320, 240}, false};
-  EXPECT_FALSE(JsonOf(result).contains("camera"));
-  result.is_camera_refined = true;
-  EXPECT_EQ(JsonOf(result)["camera"],
+  QueryRecord record = Localized();
+  record.result.query_camera = {3, *CameraModelId("PINHOLE"), 640, 480, {500, 1.0 / 3, 320, 240}, false};
+  EXPECT_FALSE(JsonOf(record).contains("camera"));
+  record.result.is_camera_refined = true;
+  EXPECT_EQ(JsonOf(record)["camera"],
             Json({{"model", "PINHOLE"}, {"width", 640}, {"height", 480}, {"params", {500, 1.0 / 3, 320, 240}}}));
 }
 

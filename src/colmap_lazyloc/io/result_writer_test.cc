@@ -34,7 +34,7 @@ class ResultWriterTest : public IoTest {
     localized.cam_from_world.translation = Eigen::Vector3d(4, 5, 6);
     localized.pairs = {{"a.jpg", 30, 0, 0}};
     localized.points = {{Eigen::Vector3d(7, 8, 9), 1, {{0, 0}}, 0.5}};
-    results_ = {failed, localized};
+    records_ = {{failed, {}, {}, 0}, {localized, {}, {}, 0}};
   }
 
   void MakeDatabase(const fs::path& path, const std::string& damage = "") const {
@@ -49,7 +49,7 @@ class ResultWriterTest : public IoTest {
     if (!damage.empty()) database.Execute(damage);
     database.Close();
   }
-  void Write() { ResultWriter(output_).Write(model_, results_, DatabaseReader(database_path_), "[options]\n"); }
+  void Write() { ResultWriter(output_).Write(model_, records_, DatabaseReader(database_path_), "[options]\n"); }
   std::string ErrorOfConstruction(const fs::path& path) const {
     return ErrorOf([&] { ResultWriter writer(path); });
   }
@@ -69,7 +69,7 @@ class ResultWriterTest : public IoTest {
 
   fs::path database_path_, output_;
   Model model_;
-  std::vector<LocalizationResult> results_;
+  std::vector<QueryRecord> records_;
 };
 
 TEST_F(ResultWriterTest, WritesAllFilesAndNothingElse) {
@@ -114,7 +114,7 @@ TEST_F(ResultWriterTest, ModelHasKeypointsOfQueriesAndObservedImagesOnly) {
 TEST_F(ResultWriterTest, SameInputSameBytesInAnyOrder) {
   Write();
   const auto first = Contents(output_);
-  std::swap(results_[0], results_[1]);
+  std::swap(records_[0], records_[1]);
   Write();
   EXPECT_EQ(Contents(output_), first);
 }
@@ -154,11 +154,11 @@ TEST_F(ResultWriterTest, WithoutWriteNothingIsLeft) {
 TEST_F(ResultWriterTest, FailedWriteLeavesTheEarlierRun) {
   Write();
   const auto before = Contents(output_);
-  results_[1].cam_from_world.translation.setZero();
+  records_[1].result.cam_from_world.translation.setZero();
   MakeDatabase(folder_ / "damaged.db", "UPDATE keypoints SET data = zeroblob(3) WHERE image_id = 1");
   EXPECT_THAT(ErrorOf([&] {
                 ResultWriter writer(output_);
-                writer.Write(model_, results_, DatabaseReader(folder_ / "damaged.db"), "other");
+                writer.Write(model_, records_, DatabaseReader(folder_ / "damaged.db"), "other");
               }),
               StartsWith("damaged.db"));
   EXPECT_EQ(Contents(output_), before);
@@ -167,11 +167,11 @@ TEST_F(ResultWriterTest, FailedWriteLeavesTheEarlierRun) {
 TEST_F(ResultWriterTest, FolderThatGoesAwayDuringTheRunIsReported) {
   Write();
   const auto before = Contents(output_);
-  results_[1].cam_from_world.translation.setZero();
+  records_[1].result.cam_from_world.translation.setZero();
   EXPECT_THAT(ErrorOf([&] {
                 ResultWriter writer(output_);
                 fs::rename(output_, folder_ / "moved");
-                writer.Write(model_, results_, DatabaseReader(database_path_), "other");
+                writer.Write(model_, records_, DatabaseReader(database_path_), "other");
               }),
               StartsWith("out: cannot be written into"));
   EXPECT_EQ(Contents(folder_ / "moved"), before);

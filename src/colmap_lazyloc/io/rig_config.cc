@@ -20,7 +20,7 @@ Rigid3d ReadSensorPose(const Json& camera, const std::string& label) {
     if (t.size() != 3) throw InputError(label + ": cam_from_rig_translation must be three numbers");
     const Eigen::Quaterniond rotation(q[0], q[1], q[2], q[3]);
     if (!IsUnitQuaternion(rotation)) {
-      throw InputError(label + ": cam_from_rig_rotation is no unit quaternion");
+      throw InputError(label + ": cam_from_rig_rotation is not a unit quaternion");
     }
     return {rotation.normalized(), {t[0], t[1], t[2]}};
   }
@@ -34,10 +34,10 @@ RigCameras ReadRig(const Json& rig, const std::string& label) {
     const std::string prefix = camera.at("image_prefix").get<std::string>();
     const std::string camera_label = label + ", camera '" + prefix + "'";
     for (const RigCamera& other : cameras) {
-      if (other.image_prefix == prefix) throw InputError(camera_label + ": is there twice");
+      if (other.image_prefix == prefix) throw InputError(camera_label + ": is listed twice");
     }
     const bool is_reference = camera.value("ref_sensor", false);
-    if (is_reference && has_reference) throw InputError(camera_label + ": is the second one with ref_sensor");
+    if (is_reference && has_reference) throw InputError(camera_label + ": is a second reference sensor (ref_sensor)");
     has_reference = has_reference || is_reference;
     cameras.push_back({prefix, is_reference ? Rigid3d() : ReadSensorPose(camera, camera_label)});
   }
@@ -55,10 +55,10 @@ std::vector<RigCameras> ReadRigConfig(const std::filesystem::path& path) {
     for (const Json& rig : Json::parse(file)) {
       rigs.push_back(ReadRig(rig, path.string() + ": rig " + std::to_string(rigs.size() + 1)));
     }
-    if (rigs.empty()) throw InputError(path.string() + ": holds no rig");
+    if (rigs.empty()) throw InputError(path.string() + ": contains no rig");
     return rigs;
   } catch (const Json::exception& error) {
-    throw InputError(path.string() + ": is no rig configuration: " + error.what());
+    throw InputError(path.string() + ": is not a rig configuration: " + error.what());
   }
 }
 

@@ -14,9 +14,9 @@ struct RigCamera {
 };
 using RigCameras = std::vector<RigCamera>;
 
-// The rigs of COLMAP's JSON for rig_configurator: a list of {"cameras": [{"image_prefix": ..., "ref_sensor": true or
-// "cam_from_rig_rotation": [w, x, y, z] and "cam_from_rig_translation": [x, y, z]}, ...]}. Throws InputError naming the
-// file, the rig and the camera.
+// Reads the rigs of COLMAP's JSON for rig_configurator: a list of {"cameras": [{"image_prefix": ..., "ref_sensor": true
+// or "cam_from_rig_rotation": [w, x, y, z] and "cam_from_rig_translation": [x, y, z]}, ...]}. Throws InputError naming
+// the file, the rig and the camera.
 std::vector<RigCameras> ReadRigConfig(const std::filesystem::path& path);
 
 }  // namespace lazyloc

@@ -1,25 +1,10 @@
 #include "colmap_lazyloc/io/rig_merger.h"
 
 #include <algorithm>
-#include <limits>
 
-#include "colmap_lazyloc/scene/errors.h"
+#include "colmap_lazyloc/io/free_ids.h"
 
 namespace lazyloc {
-namespace {
-
-template <typename T>
-uint32_t FreeId(uint32_t preferred, const std::map<uint32_t, T>& used) {
-  if (used.count(preferred) == 0) return preferred;
-  const uint32_t largest = used.rbegin()->first;
-  // COLMAP's mark for "no id" is the largest number.
-  if (largest >= std::numeric_limits<uint32_t>::max() - 1) {
-    throw InputError("no rig or frame id is left for the queries: the model's ids reach the largest number");
-  }
-  return largest + 1;
-}
-
-}  // namespace
 
 void KeepRigs(const Model& model, MergedModel* merged) {
   merged->rigs = model.rigs;
@@ -49,7 +34,7 @@ void AddFrameOfOneImage(const ModelImage& image, MergedModel* merged) {
     frame.rig_id = rig->first;
     Rigid3d cam_from_rig = *SensorFromRig(rig->second, camera);
     cam_from_rig.rotation.normalize();
-    // The reference camera's pose is the rig's, bit for bit.
+    // Keeps the bits of the reference camera's pose, which is the rig's.
     if (rig->second.reference != camera) frame.rig_from_world = Inverse(cam_from_rig) * image.cam_from_world;
   }
   merged->frames.emplace(frame.frame_id, std::move(frame));

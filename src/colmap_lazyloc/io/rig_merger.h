@@ -5,13 +5,12 @@
 
 namespace lazyloc {
 
-// Takes over the model's rigs and frames, bit for bit, as far as their images are in `merged`: other images leave their
-// frame, and a frame that has lost all its images goes. (COLMAP 4 refuses frames whose images are missing.)
+// Copies the model's rigs and frames, bit for bit, but without images that are not in `merged` and without frames that
+// have no image left, because COLMAP 4 refuses frames whose images are missing.
 void KeepRigs(const Model& model, MergedModel* merged);
 
-// Gives an image a frame of its own, of the rig that its camera is of; where that rig does not say where on it the
-// camera is, or there is none, of a new rig of this camera alone. New ids are the image's and the camera's where these
-// are free.
+// Gives an image a frame of its own in the rig of its camera, or in a new rig of this camera alone if no rig has a pose
+// for it. The new ids are the image's and the camera's if these are free.
 void AddFrameOfOneImage(const ModelImage& image, MergedModel* merged);
 
 }  // namespace lazyloc

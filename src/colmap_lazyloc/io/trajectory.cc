@@ -3,8 +3,8 @@
 #include <charconv>
 #include <optional>
 
+#include "colmap_lazyloc/files/text_file.h"
 #include "colmap_lazyloc/io/model_reader.h"
-#include "colmap_lazyloc/io/text_file.h"
 #include "colmap_lazyloc/math/so3.h"
 
 namespace lazyloc {
@@ -17,14 +17,14 @@ std::optional<double> NumberFrom(const std::string& word) {
   return is_number ? std::make_optional(number) : std::nullopt;
 }
 
-// A file's name without folders and extension as a number, if it is one.
+// Returns an image's file name, without folders and extension, as a number; nullopt if it is not one.
 std::optional<double> Timestamp(const std::string& image_name) {
   return NumberFrom(std::filesystem::path(image_name).stem().string());
 }
 
 Rigid3d PoseOf(const TextFile& file, const Eigen::Quaterniond& rotation, const Eigen::Vector3d& translation) {
   if (!IsUnitQuaternion(rotation) || !translation.allFinite()) {
-    throw file.Error("the pose is no unit quaternion with a translation");
+    throw file.Error("the pose is not a unit quaternion with a translation");
   }
   return {rotation.normalized(), translation};
 }
@@ -66,7 +66,7 @@ std::map<std::string, Rigid3d> ReadTrajectory(const std::filesystem::path& path,
     const auto names = names_of_timestamp.find(*timestamp);
     if (names == names_of_timestamp.end()) continue;  // between the queries
     if (names->second.size() > 1)
-      throw file.Error("both " + names->second[0] + " and " + names->second[1] + " are of it");
+      throw file.Error("both " + names->second[0] + " and " + names->second[1] + " have this timestamp");
     add(file, names->second.front(), cam_from_world);
   }
   return poses;

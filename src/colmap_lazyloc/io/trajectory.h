@@ -9,10 +9,10 @@
 
 namespace lazyloc {
 
-// cam_from_world in the trajectory's own frame, by image name. path: a folder with a COLMAP model, or a file with lines
-// `name qw qx qy qz tx ty tz` (cam_from_world) or TUM's `timestamp tx ty tz qx qy qz qw` (world_from_cam; the timestamp
-// is the file name of its image, less folders and extension, as a number; query_names serve to find it). Throws
-// InputError naming file and line.
+// Reads cam_from_world in the trajectory's own world, by image name. path: a folder with a COLMAP model, or a file with
+// lines `name qw qx qy qz tx ty tz` (cam_from_world) or TUM's `timestamp tx ty tz qx qy qz qw` (world_from_cam). A
+// timestamp belongs to the query whose file name, without folders and extension, is the same number. Throws InputError
+// naming file and line.
 std::map<std::string, Rigid3d> ReadTrajectory(const std::filesystem::path& path,
                                               const std::vector<std::string>& query_names);
 

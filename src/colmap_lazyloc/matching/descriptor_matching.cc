@@ -12,10 +12,10 @@
 namespace lazyloc {
 namespace {
 
-constexpr float kSquaredLength = 512 * 512;  // of a descriptor
-constexpr int kQueryBlock = 256;             // query descriptors at a time
+constexpr float kSquaredLength = 512 * 512;  // of every descriptor
+constexpr int kQueryBlock = 256;             // number of query descriptors in a block
 
-// A product and its place in the block, as one number: ordered by product, of equal ones the first is the largest.
+// Joins a product and its place in the block to one number: the largest one is the first of the largest products.
 constexpr int32_t ToKey(int32_t product, int place) { return product * 256 + (255 - place); }
 constexpr int32_t ProductOf(int32_t key) { return key / 256; }
 constexpr int PlaceOf(int32_t key) { return 255 - key % 256; }
@@ -48,12 +48,12 @@ LAZYLOC_ALWAYS_INLINE inline void FindInBlock(const int16_t* query, const int16_
   }
 }
 
-// The nearest neighbour of a descriptor in the other image: its index, largest and second largest product.
+// The nearest neighbour of a descriptor in the other image: its index, and the largest and second largest product.
 struct Neighbour {
   int index = -1;
   int32_t best = 0, second = 0;
 
-  // Takes in the descriptors of the other image's block that begins at `begin`.
+  // Adds the descriptors of the other image's block that begins at `begin`.
   void Add(int32_t best_key, int32_t second_key, Eigen::Index begin) {
     const int32_t product = ProductOf(best_key);
     if (product > best) {
@@ -65,8 +65,8 @@ struct Neighbour {
     }
   }
 
-  // The index where the neighbour is near enough and clearly the nearest, else -1.
-  int Partner(const SiftMatchingOptions& options) const {
+  // Returns the index if the neighbour is near enough and clearly the nearest, else -1.
+  int Match(const SiftMatchingOptions& options) const {
     if (index < 0) return -1;
     const float angle = std::acos(std::min(static_cast<float>(best) / kSquaredLength, 1.0f));
     const float second_angle = std::acos(std::min(static_cast<float>(second) / kSquaredLength, 1.0f));
@@ -107,9 +107,9 @@ Matches MatchDescriptors(const Descriptors& query, const Descriptors& database, 
     }
   }
   for (Eigen::Index i = 0; i < query.rows(); ++i) {
-    const int partner = of_query[i].Partner(options);
-    if (partner < 0 || (options.cross_check && of_database[partner].Partner(options) != i)) continue;
-    matches.push_back({static_cast<uint32_t>(i), static_cast<uint32_t>(partner)});
+    const int other = of_query[i].Match(options);
+    if (other < 0 || (options.cross_check && of_database[other].Match(options) != i)) continue;
+    matches.push_back({static_cast<uint32_t>(i), static_cast<uint32_t>(other)});
   }
   return matches;
 }

@@ -12,7 +12,6 @@ bool PhotoMatchingOptions::Check(std::string* error) const {
 
 bool RetrievalOptions::Check(std::string* error) const {
   OPTION_GE(num_visual_words, 2);
-  OPTION_GE(num_threads, -1);
   return true;
 }
 

@@ -7,20 +7,18 @@
 
 namespace lazyloc {
 
-// Of photos that are matched in memory.
+// Options for photos, which are matched in memory.
 struct PhotoMatchingOptions {
   SiftExtractionOptions extraction;
   SiftMatchingOptions matching;
-  int max_num_exhaustive = 50;  // up to as many database images are all compared, without retrieval
-  double cache_gb = 1;          // memory for features of database images
+  int max_num_exhaustive = 50;  // a photo is matched with every database image if there are at most this many
+  double cache_gb = 1;          // memory for the features of database images
 
   bool Check(std::string* error) const;
 };
 
 struct RetrievalOptions {
-  int num_visual_words = 16384;  // at most; small databases have fewer
-  int num_threads = -1;          // of making the index; -1: the number of cores
-  int seed = 0;
+  int num_visual_words = 16384;  // maximum; a small database has fewer, because too few descriptors make bad words
 
   bool Check(std::string* error) const;
 };

@@ -13,7 +13,7 @@ TwoViewGeometry Verify(const LocalizationProblem& problem, const ImagePair& pair
                                        problem.query_keypoints, pair.matches, options.verification,
                                        SeedFromNames(problem.query_name, pair.other_name, options.seed));
   }
-  // Nothing more can be found in these matches.
+  // Marks the pair as unusable, because nothing more can be found in these matches.
   if (!HoldsCalibrated(geometry.config)) geometry.config = TwoViewConfig::DEGENERATE;
   return geometry;
 }

@@ -18,10 +18,10 @@ struct PairMatchingOptions {
   int seed = 0;
 };
 
-// Matches the query with the database image of each of the problem's pairs, and verifies the matches by COLMAP's
+// Matches the query with the database image of each of the problem's pairs and verifies the matches by COLMAP's
 // two-view geometry. The problem has names, cameras and the query's keypoints; this sets the pairs' other_keypoints,
-// matches (raw) and geometry, DEGENERATE where verification fails. database_features: one per pair. The result does not
-// depend on the number of threads. Adds the stages "matching" and "verification" to `seconds`.
+// raw matches and geometry, which is DEGENERATE if verification fails. database_features: one per pair. The result does
+// not depend on the number of threads. Adds the stages "matching" and "verification" to `seconds`.
 void MatchPairs(const Features& query_features, const std::vector<std::shared_ptr<const Features>>& database_features,
                 const PairMatchingOptions& options, IdleThreads* idle_threads, LocalizationProblem* problem,
                 StageTimer::Seconds* seconds);

@@ -1,13 +1,12 @@
 #include "colmap_lazyloc/matching/retrieval_index.h"
 
-#include <unistd.h>
-
 #include <algorithm>
 #include <fstream>
 #include <random>
 #include <system_error>
 #include <type_traits>
 
+#include "colmap_lazyloc/files/staged_output.h"
 #include "colmap_lazyloc/math/descriptor_products.h"
 #include "colmap_lazyloc/scene/errors.h"
 
@@ -17,7 +16,7 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr char kMagic[] = "colmap_lazyloc retrieval index 1";
-// What a vocabulary is learnt from: more per word makes it slower, not better.
+// Size of the sample that the vocabulary is learnt from: more descriptors per word make it slower, not better.
 constexpr size_t kDescriptorsPerWord = 32;
 constexpr size_t kMinDescriptorsPerWord = 8;
 
@@ -34,7 +33,7 @@ T ReadNumber(std::ifstream* file) {
   return number;
 }
 
-// The part of the descriptors that the vocabulary is learnt from, evenly from all images.
+// Returns the descriptors that the vocabulary is learnt from, drawn evenly from all images.
 Descriptors SampleDescriptors(const std::vector<DatabaseImage>& images, const FeatureReader& features,
                               size_t num_available, size_t num_wanted, int seed) {
   const double ratio = std::min(1.0, static_cast<double>(num_wanted) / static_cast<double>(num_available));
@@ -45,7 +44,7 @@ Descriptors SampleDescriptors(const std::vector<DatabaseImage>& images, const Fe
   for (const DatabaseImage& image : images) {
     const Descriptors descriptors = features.Read(image.image_id).descriptors;
     for (Eigen::Index i = 0; i < descriptors.rows() && num_rows < sample.rows(); ++i) {
-      // The generator's own numbers: distributions differ between standard libraries.
+      // Uses the generator's own numbers, because distributions differ between standard libraries.
       if (static_cast<double>(random()) < ratio * 4294967296.0) sample.row(num_rows++) = descriptors.row(i);
     }
   }
@@ -55,31 +54,33 @@ Descriptors SampleDescriptors(const std::vector<DatabaseImage>& images, const Fe
 
 }  // namespace
 
-RetrievalIndex::RetrievalIndex(const fs::path& path, const std::vector<DatabaseImage>& images,
-                               const FeatureReader& features, const RetrievalOptions& options) {
+RetrievalIndex::RetrievalIndex(const fs::path& path, const DatabaseReader& database, const RetrievalOptions& options,
+                               int seed, int num_threads)
+    : seed_(seed) {
+  const FeatureReader features(database.Path());
   const std::map<uint32_t, size_t> counts = features.ReadDescriptorCounts();
   std::map<std::string, uint64_t> num_descriptors;
   std::vector<DatabaseImage> described;
-  for (const DatabaseImage& image : images) {
+  for (const DatabaseImage& image : database.ReadImages()) {
     const auto count = counts.find(image.image_id);
     if (count == counts.end()) continue;
     num_descriptors[image.name] = count->second;
     described.push_back(image);
   }
-  if (described.empty()) throw InputError(features.Path().string() + ": has no descriptors to make an index of");
+  if (described.empty()) throw InputError(features.Path().string() + ": no descriptors to make an index from");
 
   std::error_code ignored;
   if (!path.empty() && fs::exists(path, ignored)) {
     Read(path);
     const auto is_known = [&](const auto& entry) { return num_descriptors.count(entry.first) > 0; };
     if (std::none_of(entries_.begin(), entries_.end(), is_known)) {
-      throw InputError(path.string() +
-                       ": holds no image of the database: it belongs to another one (delete it to have "
-                       "it made anew)");
+      throw InputError(
+          path.string() +
+          ": none of its images is in the database: it belongs to another one (delete it to make it again)");
     }
     RemoveStaleEntries(num_descriptors);
   }
-  IdleThreads idle_threads(EffectiveNumThreads(options.num_threads) - 1);
+  IdleThreads idle_threads(EffectiveNumThreads(num_threads) - 1);
   if (!visual_index_ || IsOutgrown(described.size())) Train(described, features, options, &idle_threads);
   AddNewEntries(described, num_descriptors, features, &idle_threads);
   for (const DatabaseImage& image : described) image_of_index_id_[entries_.at(image.name).index_id] = image.image_id;
@@ -87,7 +88,7 @@ RetrievalIndex::RetrievalIndex(const fs::path& path, const std::vector<DatabaseI
   if (!path.empty() && has_changed) Write(path);
 }
 
-// What was removed stays in the inverted files, unused; and a vocabulary learnt from few images suits no others.
+// Removed images stay in the inverted files, unused, and a vocabulary learnt from few images does not suit many.
 bool RetrievalIndex::IsOutgrown(size_t num_images) const {
   const size_t num_unused = static_cast<size_t>(next_index_id_ - 1) - entries_.size();
   return num_unused > entries_.size() || num_images > 8 * entries_.size();
@@ -111,10 +112,9 @@ void RetrievalIndex::Train(const std::vector<DatabaseImage>& images, const Featu
   for (const auto& [image_id, count] : features.ReadDescriptorCounts()) num_available += count;
   const size_t num_words =
       std::max<size_t>(2, std::min<size_t>(options.num_visual_words, num_available / kMinDescriptorsPerWord));
-  const Descriptors sample =
-      SampleDescriptors(images, features, num_available, num_words * kDescriptorsPerWord, options.seed);
+  const Descriptors sample = SampleDescriptors(images, features, num_available, num_words * kDescriptorsPerWord, seed_);
   visual_index_ = std::make_unique<VisualIndex>(
-      VisualIndex::Train(sample, static_cast<int>(num_words), static_cast<uint32_t>(options.seed), idle_threads));
+      VisualIndex::Train(sample, static_cast<int>(num_words), static_cast<uint32_t>(seed_), idle_threads));
 }
 
 void RetrievalIndex::AddNewEntries(const std::vector<DatabaseImage>& images,
@@ -140,46 +140,42 @@ std::vector<uint32_t> RetrievalIndex::Query(const Descriptors& query, IdleThread
 }
 
 void RetrievalIndex::Write(const fs::path& path) const {
-  fs::path staged = path;
-  staged += ".new" + std::to_string(getpid());  // other processes may write the same index
-  std::ofstream file(staged, std::ios::binary | std::ios::trunc);
+  StagedOutput staged(path.parent_path(), path);
+  const std::string name = path.filename().string();
+  std::ofstream file(staged / name, std::ios::binary | std::ios::trunc);
   file << kMagic << ' ' << kVisualIndexFormat << '\n';
   const std::streampos size_position = file.tellp();
   WriteNumber<uint64_t>(0, &file);
   WriteNumber<int32_t>(next_index_id_, &file);
   WriteNumber<uint64_t>(entries_.size(), &file);
-  for (const auto& [name, entry] : entries_) {
+  for (const auto& [image_name, entry] : entries_) {
     WriteNumber(entry.index_id, &file);
     WriteNumber(entry.num_descriptors, &file);
-    WriteNumber<uint64_t>(name.size(), &file);
-    file << name;
+    WriteNumber<uint64_t>(image_name.size(), &file);
+    file << image_name;
   }
   if (file) visual_index_->Write(&file);
   const auto size = static_cast<uint64_t>(file.tellp());
   file.seekp(size_position);
   WriteNumber(size, &file);
   file.close();
-  std::error_code error;
-  if (file) fs::rename(staged, path, error);
-  if (file && !error) return;
-  std::error_code ignored;
-  fs::remove(staged, ignored);
-  throw InputError(path.string() + ": the retrieval index cannot be written");
+  if (!file) throw InputError(path.string() + ": the retrieval index cannot be written");
+  staged.Publish({name});
 }
 
 void RetrievalIndex::Read(const fs::path& path) {
   std::error_code ignored;
   const auto fail = [&](const std::string& problem) {
-    throw InputError(path.string() + ": " + problem + " (delete it to have it made anew)");
+    throw InputError(path.string() + ": " + problem + " (delete it to make it again)");
   };
   std::ifstream file(path, std::ios::binary);
   std::string header(sizeof(kMagic) + std::char_traits<char>::length(kVisualIndexFormat), ' ');
   file.read(header.data(), static_cast<std::streamsize>(header.size()));
-  if (!file || header.rfind(kMagic, 0) != 0) fail("is no retrieval index of colmap lazy_indexer");
+  if (!file || header.rfind(kMagic, 0) != 0) fail("is not a retrieval index of colmap lazy_indexer");
   if (header != std::string(kMagic) + ' ' + kVisualIndexFormat) fail("is of another COLMAP generation");
   file.get();
   const auto size = ReadNumber<uint64_t>(&file);
-  if (!file || size != fs::file_size(path, ignored)) fail("is cut short");
+  if (!file || size != fs::file_size(path, ignored)) fail("is truncated");
   next_index_id_ = ReadNumber<int32_t>(&file);
   const auto num_entries = ReadNumber<uint64_t>(&file);
   for (uint64_t i = 0; i < num_entries && file; ++i) {

@@ -15,30 +15,31 @@
 
 namespace lazyloc {
 
-// COLMAP's visual index over the descriptors of a database, in one file.
+// COLMAP's visual index over the descriptors of a database, stored in one file.
 class RetrievalIndex {
  public:
   struct Changes {
     size_t num_added = 0;
-    size_t num_removed = 0;   // or changed; those are added again
-    bool is_trained = false;  // the index was made from scratch
+    size_t num_removed = 0;   // includes changed images, which are added again
+    bool is_trained = false;  // true if the index was made from scratch
   };
 
-  // Reads the index and brings it up to date with the database: images are compared by name and number of descriptors,
-  // and only new and changed ones are read. The file is written if anything changed, whole or not at all. Without a
-  // file (or with an empty path: in memory only) the index is made. Throws InputError, naming the file, where it is no
-  // such index, is damaged, of another COLMAP generation or of another database, or cannot be written.
-  RetrievalIndex(const std::filesystem::path& path, const std::vector<DatabaseImage>& images,
-                 const FeatureReader& features, const RetrievalOptions& options);
+  // Reads the index and updates it to the database: compares images by name and number of descriptors, and reads only
+  // new and changed ones. Makes the index if the file does not exist or the path is empty (then in memory only). Writes
+  // the file if anything changed, whole or not at all. num_threads: -1 for the number of cores. Throws InputError
+  // naming the file if it is not such an index, is damaged, belongs to another COLMAP generation or another database,
+  // or cannot be written.
+  RetrievalIndex(const std::filesystem::path& path, const DatabaseReader& database, const RetrievalOptions& options,
+                 int seed, int num_threads);
 
   const Changes& LastChanges() const { return changes_; }
   size_t NumImages() const { return entries_.size(); }
-  // Ids in the database of the images that look like the query, best first. Thread-safe.
+  // Returns the ids in the database of the images that look like the query, best first. Thread-safe.
   std::vector<uint32_t> Query(const Descriptors& query, IdleThreads* idle_threads) const;
 
  private:
   struct Entry {
-    int32_t index_id = 0;  // in the visual index, never used again
+    int32_t index_id = 0;  // id in the visual index, never used again
     uint64_t num_descriptors = 0;
   };
 
@@ -52,10 +53,11 @@ class RetrievalIndex {
              IdleThreads* idle_threads);
 
   std::unique_ptr<VisualIndex> visual_index_;
+  int seed_ = 0;
   std::map<std::string, Entry> entries_;  // by image name
   int32_t next_index_id_ = 1;
   Changes changes_;
-  std::unordered_map<int32_t, uint32_t> image_of_index_id_;  // ids in the database
+  std::unordered_map<int32_t, uint32_t> image_of_index_id_;  // to the id in the database
 };
 
 }  // namespace lazyloc

@@ -40,7 +40,7 @@ class RetrievalIndexTest : public ::testing::Test {
     RetrievalOptions options;
     options.num_visual_words = 64;
     const std::filesystem::path path = index_name.empty() ? std::filesystem::path() : folder_ / index_name;
-    return {path, DatabaseReader(database_path).ReadImages(), FeatureReader(database_path), options};
+    return {path, DatabaseReader(database_path), options, /*seed=*/0, /*num_threads=*/-1};
   }
 
   void ExpectFinds(const RetrievalIndex& index, const std::vector<uint32_t>& image_ids) {
@@ -104,9 +104,9 @@ TEST_F(RetrievalIndexTest, BadFilesAreRefusedAndLeftAlone) {
   ExpectRefused(WriteDatabase("b.db", {11, 12}), "belongs to another");
   EXPECT_EQ(ReadBytes(folder_ / "index"), bytes);
   WriteBytes(folder_ / "index", bytes.substr(0, bytes.size() - 1));
-  ExpectRefused(database, "cut short");
+  ExpectRefused(database, "is truncated");
   WriteBytes(folder_ / "index", "SQLite format 3");
-  ExpectRefused(database, "is no retrieval index");
+  ExpectRefused(database, "is not a retrieval index");
   std::string other = bytes;
   other[other.find("COLMAP-") + 7] = '9';
   WriteBytes(folder_ / "index", other);
@@ -117,7 +117,7 @@ TEST_F(RetrievalIndexTest, BadFilesAreRefusedAndLeftAlone) {
 
 TEST_F(RetrievalIndexTest, DatabaseWithoutDescriptorsIsRefused) {
   const std::string database = WriteDatabase("a.db", {});
-  EXPECT_THAT([&] { Open(database); }, ThrowsMessage<InputError>(HasSubstr("a.db: has no descriptors")));
+  EXPECT_THAT([&] { Open(database); }, ThrowsMessage<InputError>(HasSubstr("a.db: no descriptors")));
 }
 
 }  // namespace

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <exception>
+#include <mutex>
 #include <thread>
 #include <vector>
 
@@ -20,28 +21,39 @@ int IdleThreads::Take(int wanted) {
   return taken;
 }
 
-void ParallelFor(size_t num_tasks, const std::function<void(size_t)>& task, IdleThreads* idle_threads) {
+void ParallelFor(size_t num_tasks, const IndexedTask& task, IdleThreads* idle_threads) {
+  ParallelForByThread(
+      num_tasks, [&]() -> IndexedTask { return std::cref(task); }, idle_threads);
+}
+
+void ParallelForByThread(size_t num_tasks, const std::function<IndexedTask()>& make_task, IdleThreads* idle_threads) {
   if (num_tasks == 0) return;
   std::atomic<size_t> next_task = 0;
-  std::vector<std::exception_ptr> errors(num_tasks);
+  std::mutex error_mutex;
+  std::exception_ptr error;
+  size_t failed_task = num_tasks + 1;
   const auto work = [&] {
-    size_t task_index = next_task++;
+    size_t task_index = num_tasks;  // stands for make_task
     try {
-      for (; task_index < num_tasks; task_index = next_task++) task(task_index);
+      const IndexedTask task = make_task();
+      while ((task_index = next_task++) < num_tasks) task(task_index);
     } catch (...) {
-      errors[task_index] = std::current_exception();
       next_task = num_tasks;
+      const std::lock_guard<std::mutex> lock(error_mutex);
+      if (task_index < failed_task) {
+        failed_task = task_index;
+        error = std::current_exception();
+      }
     }
+    idle_threads->GiveBack(1);
   };
-  const int num_helpers = idle_threads->Take(static_cast<int>(num_tasks) - 1);
   std::vector<std::thread> helpers;
+  const int num_helpers = idle_threads->Take(static_cast<int>(num_tasks) - 1);
   for (int i = 0; i < num_helpers; ++i) helpers.emplace_back(work);
   work();
   for (std::thread& helper : helpers) helper.join();
-  idle_threads->GiveBack(num_helpers);
-  for (const std::exception_ptr& error : errors) {
-    if (error) std::rethrow_exception(error);
-  }
+  idle_threads->GiveBack(-1);  // the calling thread goes on
+  if (error) std::rethrow_exception(error);
 }
 
 }  // namespace lazyloc

@@ -6,15 +6,16 @@
 
 namespace lazyloc {
 
-// Of an option num_threads, where -1 stands for the number of cores.
+// Resolves an option num_threads, where -1 means the number of cores.
 int EffectiveNumThreads(int num_threads);
 
-// Threads that nobody uses at the moment: queries run one per thread, and a query's pairs also on those left over.
+// Counts the threads that have no work: each group of queries runs on one thread, and the pairs of its photos on those
+// without a group.
 class IdleThreads {
  public:
   explicit IdleThreads(int count) : count_(count) {}
 
-  // As many as there are, at most `wanted`.
+  // Takes at most `wanted` threads and returns how many there were.
   int Take(int wanted);
   void GiveBack(int count) { count_ += count; }
 
@@ -22,8 +23,15 @@ class IdleThreads {
   std::atomic<int> count_;
 };
 
-// Runs task(0) .. task(num_tasks - 1), each once, on the calling thread and on idle ones. Rethrows the exception of the
-// first task that failed.
-void ParallelFor(size_t num_tasks, const std::function<void(size_t)>& task, IdleThreads* idle_threads);
+using IndexedTask = std::function<void(size_t)>;
+
+// Runs task(0) .. task(num_tasks - 1), each once, on the calling thread and on idle ones. A thread that finds no task
+// left is idle for others at once. After an exception no new task begins, and the exception of the first task that
+// failed is rethrown when the others have ended.
+void ParallelFor(size_t num_tasks, const IndexedTask& task, IdleThreads* idle_threads);
+
+// Does the same with one task object per thread, which make_task makes there: for tasks that need something of their
+// own, for example a connection to a database. An exception of make_task counts after those of all tasks.
+void ParallelForByThread(size_t num_tasks, const std::function<IndexedTask()>& make_task, IdleThreads* idle_threads);
 
 }  // namespace lazyloc

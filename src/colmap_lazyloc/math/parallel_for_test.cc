@@ -2,6 +2,7 @@
 
 #include <atomic>
 #include <stdexcept>
+#include <string>
 #include <thread>
 #include <vector>
 
@@ -47,6 +48,59 @@ TEST(ParallelFor, RethrowsWhatATaskThrowsAndGivesThreadsBack) {
   };
   EXPECT_THROW(ParallelFor(20, task, &idle_threads), std::runtime_error);
   EXPECT_EQ(idle_threads.Take(100), 3);
+}
+
+TEST(ParallelFor, RethrowsTheErrorOfTheFirstTaskThatFailed) {
+  IdleThreads idle_threads(1);
+  std::atomic<int> num_running = 0;
+  const auto task = [&](size_t i) {
+    ++num_running;
+    while (num_running < 2) std::this_thread::yield();  // both tasks fail
+    throw std::runtime_error(std::to_string(i));
+  };
+  try {
+    ParallelFor(2, task, &idle_threads);
+    FAIL();
+  } catch (const std::runtime_error& error) {
+    EXPECT_STREQ(error.what(), "0");
+  }
+}
+
+TEST(ParallelFor, AThreadWithoutATaskIsIdleForOthers) {
+  IdleThreads idle_threads(1);
+  std::atomic<int> num_taken = 0;
+  // The first task ends when it has got the thread of the second one.
+  const auto task = [&](size_t i) {
+    while (i == 0 && num_taken == 0) num_taken = idle_threads.Take(1);
+  };
+  ParallelFor(2, task, &idle_threads);
+  EXPECT_EQ(num_taken, 1);
+  idle_threads.GiveBack(1);
+  EXPECT_EQ(idle_threads.Take(100), 1);
+}
+
+TEST(ParallelForByThread, EachThreadMakesItsOwnTaskOnce) {
+  IdleThreads idle_threads(1);
+  std::atomic<int> num_made = 0, num_running = 0, num_run = 0;
+  const auto make_task = [&]() -> IndexedTask {
+    ++num_made;
+    return [&, maker = std::this_thread::get_id()](size_t) {
+      EXPECT_EQ(maker, std::this_thread::get_id());
+      ++num_run;
+      ++num_running;
+      while (num_running < 2) std::this_thread::yield();  // so that both threads have a task
+    };
+  };
+  ParallelForByThread(20, make_task, &idle_threads);
+  EXPECT_EQ(num_made, 2);
+  EXPECT_EQ(num_run, 20);
+}
+
+TEST(ParallelForByThread, RethrowsWhatMakingATaskThrows) {
+  IdleThreads idle_threads(2);
+  const auto make_task = []() -> IndexedTask { throw std::runtime_error("cannot be opened"); };
+  EXPECT_THROW(ParallelForByThread(3, make_task, &idle_threads), std::runtime_error);
+  EXPECT_EQ(idle_threads.Take(100), 2);
 }
 
 TEST(IdleThreads, GivesNoMoreThanThereAre) {

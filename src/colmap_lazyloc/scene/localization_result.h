@@ -78,7 +78,6 @@ struct LocalizationResult {
   std::string reason;              // one sentence; empty when LOCALIZED
   Camera query_camera;             // with the focal length that was found, where it was sought and the query LOCALIZED
   bool is_camera_refined = false;  // whether that is so
-  std::vector<Eigen::Vector2d> photo_keypoints;  // xy in pixels, where they are not in the database
 
   std::string frame_name;  // of a rig's frame; empty for a lone image
   // Median reprojection error, in an image of a rig, of the points triangulated from the database, before outliers are

@@ -1,4 +1,4 @@
-#include "colmap_lazyloc/io/text_file.h"
+#include "colmap_lazyloc/files/text_file.h"
 
 #include <algorithm>
 #include <cerrno>
@@ -7,7 +7,7 @@
 namespace lazyloc {
 namespace {
 
-// Not std::isspace: it depends on the locale, and names may hold bytes above 127.
+// Replaces std::isspace, because that depends on the locale and names may hold bytes above 127.
 constexpr std::string_view kBlanks = " \t\r\v\f";
 constexpr std::string_view kUtf8ByteOrderMark = "\xEF\xBB\xBF";
 

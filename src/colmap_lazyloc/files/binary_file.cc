@@ -1,4 +1,4 @@
-#include "colmap_lazyloc/io/binary_file.h"
+#include "colmap_lazyloc/files/binary_file.h"
 
 #include <cerrno>
 #include <system_error>
@@ -29,7 +29,8 @@ void BinaryFile::ReadBytes(unsigned char* bytes, uint64_t num_bytes) {
 std::string BinaryFile::ReadName() {
   std::string name;
   for (char c = Read<char>(); c != '\0'; c = Read<char>()) {
-    if (name.size() == kMaxNameLength) throw Error("holds an endless name: damaged, or not of COLMAP's binary format");
+    if (name.size() == kMaxNameLength)
+      throw Error("contains an endless name: damaged, or not of COLMAP's binary format");
     name.push_back(c);
   }
   return name;
@@ -52,8 +53,8 @@ void BinaryFile::Skip(uint64_t num_bytes) {
 
 void BinaryFile::CheckEnd() const {
   if (num_bytes_left_ > 0) {
-    throw Error("goes on for " + std::to_string(num_bytes_left_) +
-                " bytes after its last entry: damaged, or not of COLMAP's binary format");
+    throw Error("has " + std::to_string(num_bytes_left_) +
+                " more bytes after its last entry: damaged, or not of COLMAP's binary format");
   }
 }
 

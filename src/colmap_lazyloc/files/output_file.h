@@ -8,11 +8,11 @@
 
 namespace lazyloc {
 
-// A new file, in text with 17 significant digits whatever the locale, or in little-endian binary.
-// Nothing counts as written before Close: a full disk shows there at the latest.
+// Writes a new file, as text with 17 significant digits in any locale, or as little-endian binary. Only Close tells
+// whether everything was written, for example if the disk is full.
 class OutputFile {
  public:
-  // Throws InputError naming the file where it cannot be made.
+  // Throws InputError naming the file if it cannot be made.
   explicit OutputFile(const std::filesystem::path& path);
 
   std::ostream& Text() { return stream_; }
@@ -20,7 +20,7 @@ class OutputFile {
   template <typename T>
   void WriteBinary(T value);
 
-  // Throws InputError naming the file where not everything could be written.
+  // Throws InputError naming the file if not everything could be written.
   void Close();
 
  private:

@@ -11,22 +11,22 @@
 
 namespace lazyloc {
 
-// A little-endian binary file, read from front to back. It knows how much is left, so that what a foreign or
-// damaged file claims is never believed. Every function throws InputError naming the file.
+// Reads a little-endian binary file from front to back. It checks every size against the bytes that are left, because a
+// damaged file may claim any. Every function throws InputError naming the file.
 class BinaryFile {
  public:
   explicit BinaryFile(const std::filesystem::path& path);
 
   template <typename T>
   T Read();
-  // Up to the terminating zero byte, which is taken off too.
+  // Reads up to and including the terminating zero byte.
   std::string ReadName();
-  // A number of records that follow, of at least `min_record_bytes` each.
+  // Reads the number of records that follow; each has at least `min_record_bytes`.
   uint64_t ReadCount(uint64_t min_record_bytes);
   void Skip(uint64_t num_bytes);
   void CheckEnd() const;
 
-  // To be thrown.
+  // Returns an error about this file, to be thrown.
   InputError Error(const std::string& problem) const;
 
  private:

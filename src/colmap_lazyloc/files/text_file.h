@@ -12,24 +12,25 @@
 
 namespace lazyloc {
 
-// Takes the next word (what stands between blanks) off the front of `rest`; empty at the end of the line.
+// Removes the next word from the front of `rest` and returns it; empty at the end of the line. Words are separated by
+// blanks.
 std::string_view NextWord(std::string_view* rest);
 std::string_view Trimmed(std::string_view text);
 
-// A text file read line by line, whose errors say `file:line: what is wrong`.
+// Reads a text file line by line; its errors say `file:line: what is wrong`.
 class TextFile {
  public:
-  // Throws InputError naming the file where it cannot be opened. Pipes are welcome, folders are not.
+  // Throws InputError naming the file if it cannot be opened or is a folder. Pipes can be read.
   explicit TextFile(const std::filesystem::path& path);
 
-  // The next line without surrounding blanks (a CR of CRLF is one); false at the end of the file.
+  // Goes to the next line, without surrounding blanks (a CR is one). Returns false at the end of the file.
   bool NextLine();
-  // The next line that is neither empty nor a comment (first character '#').
+  // Goes to the next line that is neither empty nor a comment (first character '#').
   bool NextEntry();
-  // Valid until the next line is read.
+  // Returns the current line; valid until the next one is read.
   std::string_view Line() const { return line_; }
 
-  // To be thrown: about the current line.
+  // Returns an error about the current line, to be thrown.
   InputError Error(const std::string& problem) const;
 
   // Reads the whole word as a number, whatever the locale.

@@ -1,4 +1,4 @@
-#include "colmap_lazyloc/io/output_file.h"
+#include "colmap_lazyloc/files/output_file.h"
 
 #include <cerrno>
 #include <locale>
@@ -21,7 +21,7 @@ OutputFile::OutputFile(const std::filesystem::path& path) : path_(path) {
   errno = 0;
   stream_.imbue(std::locale::classic());
   stream_.precision(17);
-  stream_.open(path, std::ios::binary | std::ios::trunc);  // binary: the same bytes on every system
+  stream_.open(path, std::ios::binary | std::ios::trunc);  // binary gives the same bytes on every system
   if (!stream_) throw CannotWrite(path_);
 }
 

@@ -1,0 +1,150 @@
+#pragma once
+
+#include "colmap_lazyloc/cli/options.h"
+
+// The one list of the options of colmap lazy_localizer: parsing, help and options.ini are made from it. Each function
+// calls `add(name, pointer to the value, help)` for its options.
+namespace lazyloc {
+
+template <typename Options, typename Add>
+void ForEachBasicOption(Options& o, const Add& add) {
+  add("database_path", &o.source.database_path, "COLMAP database with keypoints and matches; opened read-only");
+  add("input_path", &o.source.input_path,
+      "Folder of a COLMAP model (text or binary); its posed images are the database images");
+  add("output_path", &o.output_path, "Folder for poses.txt, results.jsonl, model/ and options.ini");
+  add("query_list_path", &o.source.selection.query_list_path,
+      "File with one query a line: its name, or hloc's `name MODEL width height params...`; default: every image of "
+      "the database file without a pose in --input_path");
+  add("pairs_path", &o.source.selection.pairs_path,
+      "File with the pairs to use, two image names a line; default: all pairs with matches in the database");
+  add("image_path", &o.source.photos.image_path,
+      "Folder of the photos; a query without keypoints in the database is a photo, whose features are extracted and "
+      "matched in memory");
+  add("retrieval_index_path", &o.source.photos.retrieval_index_path,
+      "Index of colmap lazy_indexer for finding the database images that look like a photo; made or updated if needed; "
+      "default: an index in memory if there are more than max_num_exhaustive database images");
+  add("rig_config_path", &o.source.selection.groups.rig_config_path,
+      "Camera rigs of the images in the JSON format of COLMAP's rig_configurator; default: the rigs in the database or "
+      "model");
+  add("query_trajectory_path", &o.source.selection.groups.trajectory_path,
+      "Poses of the queries relative to each other: a COLMAP model, or a file in TUM's format or that of poses.txt; "
+      "each group (without a group option, all queries) is localized as one rigid body");
+  add("strict", &o.strict, "Exit with code 2 if a query was not localized");
+  add("ImageReader.camera_params", &o.source.photos.camera_params,
+      "Parameters of the photos' camera model, separated by commas; default: the focal length in EXIF");
+  add("LazyLocalizer.num_retrieved", &o.source.num_retrieved,
+      "Number of database images per query, those with the most verified inliers; with --pairs_path all listed ones "
+      "are used");
+  add("LazyLocalizer.num_threads", &o.num_threads, "Number of threads; -1 uses all cores");
+  add("LazyLocalizer.seed", &o.localizer.seed, "Seed of all random choices; the same seed gives the same result");
+  add("LazyLocalizer.group_size", &o.source.selection.groups.group_size,
+      "Number of consecutive queries of the list (with rigs: of frames) that are localized together");
+  add("LazyLocalizer.leave_one_out", &o.source.selection.leave_one_out,
+      "Localize each posed image (or each of --query_list_path) against all others");
+  add("LazyLocalizer.refine_focal_length", &o.localizer.refine_focal_length,
+      "Estimate the focal length of queries whose camera has no prior focal length in the database");
+}
+
+template <typename Options, typename Add>
+void ForEachSourceOption(Options& o, const Add& add) {
+  add("LazyLocalizer.Advanced.group_list_path", &o.selection.groups.group_list_path,
+      "File with one group of queries a line, by image names; a group is localized together");
+  add("LazyLocalizer.Advanced.use_rigs", &o.selection.groups.use_rigs,
+      "Use camera rigs: localize the images of a frame together");
+  add("LazyLocalizer.Advanced.trajectory_has_scale", &o.selection.groups.trajectory_has_scale,
+      "Lengths in --query_trajectory_path are in the unit of the model; 0 estimates their scale for each group");
+  add("LazyLocalizer.Advanced.query_prior_path", &o.photos.query_prior_path,
+      "File with lines `name x y z radius`; a photo is matched only with database images within its radius");
+  add("LazyLocalizer.Advanced.matches_output_path", &o.photos.matches_output_path,
+      "New COLMAP database for the photos' features and matches; the file must not exist");
+  add("LazyLocalizer.Advanced.max_num_exhaustive", &o.photos.matching.max_num_exhaustive,
+      "Match a photo with every database image if there are at most this many; else retrieve candidates first");
+  add("LazyLocalizer.Advanced.cache_gb", &o.photos.matching.cache_gb,
+      "Memory in gigabytes for the features of database images that photos are matched with");
+}
+
+template <typename Options, typename Add>
+void ForEachMethodOption(Options& o, const Add& add) {
+  add("LazyLocalizer.Advanced.min_num_inliers", &o.relative_pose.min_num_inliers,
+      "Minimum number of verified inliers of a pair");
+  add("LazyLocalizer.Advanced.max_two_view_error_px", &o.relative_pose.max_two_view_error_px,
+      "Maximum epipolar error of an inlier in pixels, for pairs without a stored two-view geometry");
+  add("LazyLocalizer.Advanced.rotation_averaging", &o.rotation_averaging.method,
+      "Method of rotation averaging: l1_irls, or for comparison l1 or quaternion_mean");
+  add("LazyLocalizer.Advanced.max_rotation_error_deg", &o.max_rotation_error_deg,
+      "Maximum difference in degrees between the measured and the averaged rotation of a pair");
+  add("LazyLocalizer.Advanced.translation_averaging", &o.translation_averaging.method,
+      "Method of translation averaging: angular, or for comparison lud (least unsquared deviations)");
+  add("LazyLocalizer.Advanced.start_pose", &o.start_pose,
+      "Pose that bundle adjustment starts from: best, motion_averaging, absolute_pose or generalized_relative_pose");
+  add("LazyLocalizer.Advanced.post_optimization", &o.post_optimization,
+      "Stage after motion averaging: tracks (triangulation and bundle adjustment), or for comparison sampson, "
+      "relative_pose_lo or none");
+  add("LazyLocalizer.Advanced.triangulation", &o.triangulation.method,
+      "Method of triangulation: rays (the point nearest to all rays) or colmap (COLMAP's triangulation)");
+  add("LazyLocalizer.Advanced.min_triangulation_angle_deg", &o.triangulation.min_triangulation_angle_deg,
+      "Minimum angle in degrees between the rays to a point");
+  add("LazyLocalizer.Advanced.max_query_error_sigma", &o.triangulation.max_query_error_sigma,
+      "Maximum reprojection error of a point in the query, in standard deviations of the image noise");
+  add("LazyLocalizer.Advanced.single_image_noise_ratio", &o.triangulation.single_image_noise_ratio,
+      "Factor on the image noise of points with one database image; it grows if these scatter more than others");
+  add("LazyLocalizer.Advanced.num_refinement_rounds", &o.num_refinement_rounds,
+      "Number of rounds of triangulation and bundle adjustment");
+  add("LazyLocalizer.Advanced.convergence_sigma", &o.bundle_adjustment.convergence_sigma,
+      "Bundle adjustment ends when a step moves the poses by less than this, in standard deviations");
+  add("LazyLocalizer.Advanced.max_num_tracks", &o.max_num_tracks, "Maximum number of tracks in the last round");
+  add("LazyLocalizer.Advanced.max_num_start_tracks", &o.max_num_start_tracks,
+      "Maximum number of tracks for the start pose and in all rounds but the last");
+  add("LazyLocalizer.Advanced.share_database_frames", &o.share_database_frames,
+      "Let the database images of one rig frame share a pose and its error in bundle adjustment");
+  add("LazyLocalizer.Advanced.database_pose_stddev_deg", &o.database_pose_stddev_deg,
+      "Standard deviation of the database images' rotations in degrees; 0: constant; -1: estimated for each query");
+  add("LazyLocalizer.Advanced.database_pose_stddev_length", &o.database_pose_stddev_length,
+      "Standard deviation of their positions in database units; 0: constant; -1: estimated for each query");
+  add("LazyLocalizer.Advanced.database_pose_noise_px", &o.database_pose_noise_px,
+      "Expected effect of the database images' pose errors in pixels, for the estimates of -1");
+  add("LazyLocalizer.Advanced.min_num_tracks", &o.min_num_tracks, "Minimum number of tracks for a pose");
+  add("LazyLocalizer.Advanced.max_position_stddev_ratio", &o.max_position_stddev_ratio,
+      "Maximum standard deviation of a position, as a fraction of the distance to the scene");
+}
+
+template <typename Options, typename Add>
+void ForEachFeatureOption(Options& o, const Add& add) {
+  add("LazyIndexer.num_visual_words", &o.retrieval.num_visual_words,
+      "Maximum number of visual words in the retrieval index; a small database has fewer");
+  add("ImageReader.camera_model", &o.camera_model, "Camera model of photos without a camera in --query_list_path");
+  auto& extraction = o.matching.extraction;
+  add("SiftExtraction.max_image_size", &extraction.max_image_size,
+      "Maximum size of a photo in pixels; a larger one is scaled down for extraction");
+  add("SiftExtraction.max_num_features", &extraction.max_num_features,
+      "Maximum number of features of a photo; those of the largest scales are kept");
+  add("SiftExtraction.first_octave", &extraction.first_octave,
+      "First octave of the image pyramid; -1 doubles the size of a photo, 0 does not");
+  add("SiftExtraction.peak_threshold", &extraction.peak_threshold, "Minimum contrast of a feature");
+  add("SiftExtraction.edge_threshold", &extraction.edge_threshold, "Maximum ratio of a feature's principal curvatures");
+  add("SiftExtraction.estimate_affine_shape", &extraction.estimate_affine_shape,
+      "Estimate ellipses instead of circles as feature shapes");
+  add("SiftExtraction.domain_size_pooling", &extraction.domain_size_pooling, "Pool descriptors over several scales");
+  add("SiftExtraction.upright", &extraction.upright, "Assume that photos are upright: fix the features' orientation");
+  add("SiftMatching.max_ratio", &o.matching.matching.max_ratio,
+      "Maximum ratio of the distances to the best and the second best match");
+  add("SiftMatching.max_distance", &o.matching.matching.max_distance,
+      "Maximum angle between matched descriptors in rad");
+  add("SiftMatching.cross_check", &o.matching.matching.cross_check,
+      "Keep only matches that are best in both directions");
+}
+
+template <typename Options, typename Add>
+void ForEachAdvancedOption(Options& o, const Add& add) {
+  ForEachSourceOption(o.source, add);
+  ForEachMethodOption(o.localizer, add);
+  ForEachFeatureOption(o.source.photos, add);
+}
+
+template <typename Options, typename Add>
+void ForEachOption(Options& o, const Add& add) {
+  ForEachBasicOption(o, add);
+  ForEachAdvancedOption(o, add);
+}
+
+}  // namespace lazyloc

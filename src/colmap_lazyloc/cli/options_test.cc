@@ -1,0 +1,135 @@
+#include "colmap_lazyloc/cli/options.h"
+
+#include <regex>
+#include <set>
+
+#include <gmock/gmock.h>
+
+#include "colmap_lazyloc/cli/option_list.h"
+#include "colmap_lazyloc/scene/errors.h"
+#include "colmap_lazyloc/testing/test_folder.h"
+
+namespace lazyloc {
+namespace {
+
+using ::testing::HasSubstr;
+using ::testing::ThrowsMessage;
+using ::testing::internal::CaptureStdout;
+using ::testing::internal::GetCapturedStdout;
+
+constexpr size_t kMaxNumBasicOptions = 18;
+
+class OptionsTest : public ::testing::Test {
+ protected:
+  static bool Parse(std::vector<std::string> words, CommandOptions* options) {
+    words.insert(words.begin(), "lazy_localizer");
+    std::vector<char*> arguments;
+    for (std::string& word : words) arguments.push_back(word.data());
+    return ParseCommandLine(static_cast<int>(arguments.size()), arguments.data(), options);
+  }
+  // Parses the words after the required options.
+  static CommandOptions Parsed(const std::vector<std::string>& words) {
+    std::vector<std::string> all = {"--database_path", "a.db", "--input_path", "model", "--output_path", "out"};
+    all.insert(all.end(), words.begin(), words.end());
+    CommandOptions options;
+    EXPECT_TRUE(Parse(all, &options));
+    return options;
+  }
+  static std::string Help(const std::string& option) {
+    CommandOptions options;
+    CaptureStdout();
+    EXPECT_FALSE(Parse({option}, &options));
+    return GetCapturedStdout();
+  }
+  static std::set<std::string> OptionNames(const std::string& help) {
+    std::set<std::string> names;
+    const std::regex option("--([\\w.]+) arg");
+    for (std::sregex_iterator match(help.begin(), help.end(), option), end; match != end; ++match) {
+      names.insert((*match)[1]);
+    }
+    return names;
+  }
+  std::string WriteIni(const std::string& text) const {
+    WriteBytes(folder_ / "options.ini", text);
+    return folder_ / "options.ini";
+  }
+  static void ExpectError(const std::vector<std::string>& words, const std::string& message) {
+    EXPECT_THAT([&] { Parsed(words); }, ThrowsMessage<InputError>(HasSubstr(message))) << words.back();
+  }
+
+  const TestFolder folder_;
+};
+
+TEST_F(OptionsTest, AreParsedInPlace) {
+  const CommandOptions options =
+      Parsed({"--LazyLocalizer.seed", "7", "--LazyLocalizer.Advanced.use_rigs", "0", "--SiftMatching.max_ratio", "0.75",
+              "--LazyLocalizer.Advanced.start_pose", "absolute_pose", "--pairs_path", "my pairs.txt"});
+  EXPECT_EQ(options.source.database_path, "a.db");
+  EXPECT_EQ(options.localizer.seed, 7);
+  EXPECT_FALSE(options.source.selection.groups.use_rigs);
+  EXPECT_EQ(options.source.photos.matching.matching.max_ratio, 0.75);
+  EXPECT_EQ(options.localizer.start_pose, StartPose::ABSOLUTE_POSE);
+  EXPECT_EQ(options.source.selection.pairs_path, "my pairs.txt");
+}
+
+TEST_F(OptionsTest, IniFileOfARunIsReadAgain) {
+  const CommandOptions options = Parsed(
+      {"--LazyLocalizer.num_retrieved", "5", "--LazyLocalizer.Advanced.convergence_sigma", "0.30000000000000004",
+       "--LazyLocalizer.Advanced.rotation_averaging", "l1", "--ImageReader.camera_params", "1,2,3,4", "--strict", "1"});
+  const std::string ini = OptionsAsIni(options);
+  EXPECT_THAT(ini, HasSubstr("\n[LazyLocalizer]\nnum_retrieved=5\n"));
+  EXPECT_THAT(ini, HasSubstr("\n[LazyLocalizer.Advanced]\n"));
+  CommandOptions again;
+  EXPECT_TRUE(Parse({"--project_path", WriteIni(ini)}, &again));
+  EXPECT_EQ(OptionsAsIni(again), ini);
+  EXPECT_EQ(again.localizer.bundle_adjustment.convergence_sigma, 0.30000000000000004);
+}
+
+TEST_F(OptionsTest, IniFileMayHaveDottedNames) {
+  EXPECT_EQ(Parsed({"--project_path", WriteIni("LazyLocalizer.Advanced.min_num_tracks=9\n")}).localizer.min_num_tracks,
+            9);
+  EXPECT_EQ(
+      Parsed({"--project_path", WriteIni("[LazyLocalizer]\nAdvanced.min_num_tracks=9\n")}).localizer.min_num_tracks, 9);
+}
+
+TEST_F(OptionsTest, CommandLineWinsOverTheIniFile) {
+  EXPECT_EQ(
+      Parsed({"--project_path", WriteIni("[LazyLocalizer]\nseed=3\n"), "--LazyLocalizer.seed", "4"}).localizer.seed, 4);
+}
+
+TEST_F(OptionsTest, UnknownNamesAreErrors) {
+  ExpectError({"--LazyLocalizer.use_rigs", "0"}, "LazyLocalizer.use_rigs");
+  ExpectError({"--project_path", WriteIni("[LazyLocalizer.Advanced]\nno_such_option=1\n")},
+              "LazyLocalizer.Advanced.no_such_option");
+  ExpectError({"--project_path", WriteIni("[LazyLocalizer]\nuse_rigs=1\n")}, "LazyLocalizer.use_rigs");
+  ExpectError({"stray"}, "`stray` is not an option");
+}
+
+TEST_F(OptionsTest, ErrorsHaveTheFullNameOfTheOption) {
+  ExpectError({"--LazyLocalizer.num_retrieved", "0"}, "option --LazyLocalizer.num_retrieved must be >= 1, but is 0");
+  ExpectError({"--LazyLocalizer.num_threads", "0"}, "option --LazyLocalizer.num_threads must be >= 1, or -1");
+  ExpectError({"--LazyLocalizer.Advanced.min_num_tracks", "1"},
+              "option --LazyLocalizer.Advanced.min_num_tracks must be");
+  ExpectError({"--LazyIndexer.num_visual_words", "1"}, "option --LazyIndexer.num_visual_words must be");
+  ExpectError({"--LazyLocalizer.Advanced.query_prior_path", "x"},
+              "option --LazyLocalizer.Advanced.query_prior_path needs --image_path");
+  ExpectError({"--database_path", ""}, "database_path");
+}
+
+TEST_F(OptionsTest, HelpHasTwoLevels) {
+  const std::set<std::string> basic = OptionNames(Help("-h")), all = OptionNames(Help("--help-all"));
+  EXPECT_LE(basic.size(), kMaxNumBasicOptions);
+  EXPECT_EQ(basic.count("LazyLocalizer.seed"), 1u);
+  size_t num_options = 1;  // project_path
+  CommandOptions options;
+  ForEachOption(options, [&](const std::string& name, const auto*, const char*) {
+    ++num_options;
+    EXPECT_EQ(all.count(name), 1u) << name;
+  });
+  EXPECT_EQ(all.size(), num_options) << "an option is there twice";
+  ForEachAdvancedOption(
+      options, [&](const std::string& name, const auto*, const char*) { EXPECT_EQ(basic.count(name), 0u) << name; });
+}
+
+}  // namespace
+}  // namespace lazyloc

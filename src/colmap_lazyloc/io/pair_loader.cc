@@ -1,0 +1,166 @@
+#include "colmap_lazyloc/io/pair_loader.h"
+
+#include <algorithm>
+#include <cmath>
+#include <iterator>
+#include <set>
+#include <tuple>
+#include <unordered_map>
+#include <utility>
+
+#include "colmap_lazyloc/scene/errors.h"
+
+namespace lazyloc {
+namespace {
+
+// True if a geometry estimated with one camera holds for the other: they differ at most by the rounding of a text file.
+bool AgreeOnIntrinsics(const Camera& a, const Camera& b) {
+  if (a.model_id != b.model_id || a.params.size() != b.params.size()) return false;
+  for (size_t i = 0; i < a.params.size(); ++i) {
+    if (std::abs(a.params[i] - b.params[i]) > 1e-6 * (1e-3 + std::abs(a.params[i]))) return false;
+  }
+  return true;
+}
+
+// Throws InputError if a match names a keypoint that its image does not have.
+void CheckMatches(const Matches& matches, const LocalizationProblem& problem, const ImagePair& pair,
+                  const DatabaseReader& database) {
+  for (const Match& match : matches) {
+    if (match.query_point >= problem.query_keypoints.size() || match.other_point >= pair.other_keypoints.size()) {
+      throw InputError(database.Path().string() + ": a match between " + problem.query_name + " and " +
+                       pair.other_name + " names a keypoint that its image does not have");
+    }
+  }
+}
+
+// Reads matches, geometry and the other image's keypoints into a pair. other_id: the other image's id in the database;
+// other_stored_camera: its camera there. Returns false if there are no matches, or verification left none.
+bool ReadPair(const LocalizationProblem& problem, const StoredQuery& query, uint32_t other_id,
+              const Camera& other_stored_camera, const DatabaseReader& database, ImagePair* pair) {
+  const uint32_t query_id = query.image.image_id;
+  pair->geometry = database.ReadTwoViewGeometry(query_id, other_id);
+  if (pair->geometry && pair->geometry->inlier_matches.empty()) return false;
+  if (!pair->geometry) {
+    pair->matches = database.ReadMatches(query_id, other_id);
+    if (pair->matches.empty()) return false;
+  }
+  pair->other_keypoints = database.ReadKeypoints(other_id);
+  const bool has_other_intrinsics =
+      pair->geometry &&
+      (!AgreeOnIntrinsics(pair->geometry->query_camera.value_or(query.stored_camera), query.camera) ||
+       !AgreeOnIntrinsics(pair->geometry->other_camera.value_or(other_stored_camera), pair->other_camera));
+  if (has_other_intrinsics) {
+    // COLMAP estimates the geometry again from all matches, because the other intrinsics chose the inliers too.
+    pair->geometry->config = TwoViewConfig::UNCALIBRATED;
+    pair->matches = database.ReadMatches(query_id, other_id);
+  }
+  if (pair->geometry) CheckMatches(pair->geometry->inlier_matches, problem, *pair, database);
+  CheckMatches(pair->matches, problem, *pair, database);
+  return true;
+}
+
+}  // namespace
+
+PairLoader::Candidates PairLoader::RankCandidates(const StoredQuery& query, const std::vector<PairSize>& sizes) const {
+  Candidates candidates;
+  for (const PairSize& size : sizes) {
+    const ModelImage* image = selection_.FindPosedImage(size.image_id, query);
+    if (image != nullptr) candidates.push_back({image, size.image_id, size.num_matches});
+  }
+  std::sort(candidates.begin(), candidates.end(), [](const Candidate& a, const Candidate& b) {
+    return std::tie(b.num_matches, a.image->name) < std::tie(a.num_matches, b.image->name);
+  });
+  return candidates;
+}
+
+PairLoader::Candidates PairLoader::ListedCandidates(const StoredQuery& query,
+                                                    const std::vector<std::string>& names) const {
+  std::vector<PairSize> listed;
+  for (const std::string& name : names) {
+    if (const DatabaseImage* image = selection_.FindInDatabase(name)) listed.push_back({image->image_id, 0});
+  }
+  return RankCandidates(query, listed);
+}
+
+void PairLoader::LoadPairs(const StoredQuery& query, const Candidates& candidates, size_t max_num_pairs,
+                           const DatabaseReader& database, LocalizationProblem* problem) const {
+  for (const Candidate& candidate : candidates) {
+    if (problem->pairs.size() == max_num_pairs) return;
+    const DatabaseImage& stored = *selection_.FindInDatabase(candidate.image->name);
+    ImagePair pair = selection_.MakePair(*candidate.image);
+    const Camera stored_camera = database.ReadCamera(stored.camera_id);
+    if (ReadPair(*problem, query, stored.image_id, stored_camera, database, &pair)) {
+      problem->pairs.push_back(std::move(pair));
+    }
+  }
+}
+
+void PairLoader::LoadBestPairs(const StoredQuery& query, const DatabaseReader& database,
+                               LocalizationProblem* problem) const {
+  const std::vector<PairSize> verified = database.ReadInlierCounts(query.image.image_id);
+  LoadPairs(query, RankCandidates(query, verified), num_retrieved_, database, problem);
+  if (problem->pairs.size() == num_retrieved_) return;
+  const std::vector<PairSize> raw = database.ReadMatchCounts(query.image.image_id);
+  std::vector<PairSize> unverified;
+  std::set_difference(raw.begin(), raw.end(), verified.begin(), verified.end(), std::back_inserter(unverified),
+                      [](const PairSize& a, const PairSize& b) { return a.image_id < b.image_id; });
+  const size_t max_num_pairs = problem->pairs.size() + 2 * num_retrieved_;
+  LoadPairs(query, RankCandidates(query, unverified), max_num_pairs, database, problem);
+}
+
+LocalizationProblem PairLoader::Load(const StoredQuery& query, const DatabaseReader& database) const {
+  LocalizationProblem problem;
+  problem.query_name = query.image.name;
+  problem.query_camera = query.camera;
+  problem.query_keypoints = database.ReadKeypoints(query.image.image_id);
+  if (problem.query_keypoints.empty()) return problem;
+  if (const std::vector<std::string>* names = selection_.ListedPairs(problem.query_name)) {
+    const Candidates listed = ListedCandidates(query, *names);
+    LoadPairs(query, listed, listed.size(), database, &problem);
+  } else {
+    LoadBestPairs(query, database, &problem);
+  }
+  std::sort(problem.pairs.begin(), problem.pairs.end(),
+            [](const ImagePair& a, const ImagePair& b) { return a.other_name < b.other_name; });
+  return problem;
+}
+
+// Returns the ids of all images that the query may be paired with.
+std::vector<uint32_t> PairLoader::PairedImageIds(const StoredQuery& query, const DatabaseReader& database) const {
+  std::vector<uint32_t> image_ids;
+  if (const std::vector<std::string>* names = selection_.ListedPairs(query.image.name)) {
+    for (const std::string& name : *names) {
+      if (const DatabaseImage* image = selection_.FindInDatabase(name)) image_ids.push_back(image->image_id);
+    }
+  } else {
+    for (const PairSize& size : database.ReadInlierCounts(query.image.image_id)) image_ids.push_back(size.image_id);
+    for (const PairSize& size : database.ReadMatchCounts(query.image.image_id)) image_ids.push_back(size.image_id);
+  }
+  return image_ids;
+}
+
+void PairLoader::LoadQueryPairs(const DatabaseReader& database, QueryGroup* group) const {
+  if (group->images.size() < 2) return;
+  std::unordered_map<uint32_t, int> earlier_queries;  // by id in the database
+  for (int query_index = 0; query_index < static_cast<int>(group->images.size()); ++query_index) {
+    const LocalizationProblem& problem = group->images[query_index].problem;
+    const StoredQuery* query = selection_.FindStoredQuery(problem.query_name);
+    if (query == nullptr) continue;  // a photo
+    std::set<int> others;
+    for (const uint32_t image_id : PairedImageIds(*query, database)) {
+      const auto other = earlier_queries.find(image_id);
+      if (other != earlier_queries.end()) others.insert(other->second);
+    }
+    for (const int other_index : others) {
+      const StoredQuery& other = *selection_.FindStoredQuery(group->images[other_index].problem.query_name);
+      ImagePair pair;
+      pair.other_name = other.image.name;
+      pair.other_camera = other.camera;
+      if (!ReadPair(problem, *query, other.image.image_id, other.stored_camera, database, &pair)) continue;
+      group->query_pairs.push_back({query_index, other_index, std::move(pair)});
+    }
+    earlier_queries.emplace(query->image.image_id, query_index);
+  }
+}
+
+}  // namespace lazyloc

@@ -1,0 +1,33 @@
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <unordered_map>
+#include <vector>
+
+#include "colmap_lazyloc/database/database_reader.h"
+#include "colmap_lazyloc/math/rigid3.h"
+#include "colmap_lazyloc/scene/model.h"
+
+namespace lazyloc {
+
+// The frame that an image belongs to, and the place of its camera in the rig.
+struct FramePlace {
+  std::string frame_name;
+  Rigid3d cam_from_rig;
+};
+using FramePlaces = std::unordered_map<std::string, FramePlace>;  // by image name
+
+// Finds the rig frames of images by the image prefixes of a rig configuration (io/rig_config.h). Throws InputError
+// naming the file if it is damaged or puts an image into two cameras.
+FramePlaces FramesFromConfig(const std::vector<std::string>& image_names, const std::filesystem::path& rig_config_path);
+
+// Finds the rig frames of images in the model (COLMAP 4; frames with two or more of the images), else in the database
+// (COLMAP 4.x). Adds the names of images whose camera has no pose in its rig to images_without_pose.
+FramePlaces FramesFromColmap(const std::vector<std::string>& image_names, const DatabaseReader& database,
+                             const Model& model, std::vector<std::string>* images_without_pose);
+
+// Returns the frame names of the images that share their frame with another image.
+std::unordered_map<std::string, std::string> SharedFrameNames(const FramePlaces& places);
+
+}  // namespace lazyloc
