@@ -393,11 +393,6 @@ def control_characters_in_a_name(files):
     return files.query_list("query/001.jpg\nnowhere\r\x1b[31m.jpg\n")
 
 
-@case("unrecognised", "use_rigs")
-def advanced_option_under_its_basic_name(files):
-    return ["--project_path", files.write("some.ini", "[LazyLocalizer]\nseed=0\nuse_rigs=1\n")]
-
-
 @case("some.ini")
 def missing_options_file(files):
     return ["--project_path", files.folder / "some.ini"]

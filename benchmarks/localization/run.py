@@ -186,8 +186,7 @@ def _split_preset(method: str) -> tuple[str, str]:
     return name, preset
 
 
-def _parse(argv: list[str]) -> argparse.Namespace:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+def _add_data_arguments(parser: argparse.ArgumentParser):
     data = parser.add_argument_group("data")
     data.add_argument(
         "--dataset",
@@ -222,6 +221,9 @@ def _parse(argv: list[str]) -> argparse.Namespace:
         default=20,
         help="nearest database images that each one is matched with, for the map",
     )
+
+
+def _add_method_arguments(parser: argparse.ArgumentParser):
     methods = parser.add_argument_group("methods")
     methods.add_argument(
         "--methods",
@@ -255,6 +257,9 @@ def _parse(argv: list[str]) -> argparse.Namespace:
         metavar="DEG,CM",
         help="turn and move each database pose by this in random directions; several: a series each",
     )
+
+
+def _add_output_arguments(parser: argparse.ArgumentParser):
     output = parser.add_argument_group("output")
     output.add_argument("--output_path", type=pathlib.Path, required=True)
     output.add_argument(
@@ -262,6 +267,13 @@ def _parse(argv: list[str]) -> argparse.Namespace:
     )
     output.add_argument("--tag", default="run", help="name of this run and of its files")
     output.add_argument("--plots", action="store_true", help="needs matplotlib")
+
+
+def _parse(argv: list[str]) -> argparse.Namespace:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    _add_data_arguments(parser)
+    _add_method_arguments(parser)
+    _add_output_arguments(parser)
     arguments = parser.parse_args(argv)
     arguments.argv = argv
     arguments.work_path = arguments.work_path or arguments.output_path / "work"

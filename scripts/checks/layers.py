@@ -27,7 +27,7 @@ MAY_INCLUDE = {
     "pipeline": TYPES | STAGES | {"bridge", "ablation"},
     "io": TYPES | {"files", "bridge", "database", "matching"},
     "cli": TYPES | {"files", "bridge", "database", "matching", "pipeline", "io"},
-    "testing": TYPES | {"bridge", "database"},
+    "testing": TYPES | {"bridge", "database", "refinement"},
 }
 # Only bridge/ knows COLMAP, because what differs between its versions must stay in one place.
 COLMAP_FOLDER = "bridge"

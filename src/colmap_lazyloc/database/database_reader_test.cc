@@ -44,7 +44,7 @@ Eigen::Matrix3d CrossMatrix(const Eigen::Vector3d& v) {
   return (Eigen::Matrix3d() << 0, -v.z(), v.y(), v.z(), 0, -v.x(), -v.y(), v.x(), 0).finished();
 }
 
-// A pair that looks at a plane, with E, F and H of its pose.
+// Makes a pair that looks at a plane, with E, F and H of its pose.
 TwoViewGeometry TestGeometry() {
   TwoViewGeometry geometry;
   geometry.config = TwoViewConfig::PLANAR;
@@ -147,7 +147,7 @@ TEST_P(DatabaseReaderTest, TwoViewGeometryRoundTripInBothOrientations) {
   }
 }
 
-// Independent of the round trip: the geometry maps a point of the database image to the query, not the other way.
+// Checks without a round trip that the geometry maps a point of the database image to the query.
 TEST_P(DatabaseReaderTest, OtherOrientationIsTheInverse) {
   const TwoViewGeometry geometry = TestGeometry();
   database_.AddTwoViewGeometry(/*query_id=*/5, /*database_id=*/3, geometry);
@@ -282,7 +282,7 @@ TEST(DatabaseReader, CountsAreRightAmong20000Images) {
       "BEGIN;"
       "WITH RECURSIVE n(id) AS (SELECT 1 UNION ALL SELECT id + 1 FROM n WHERE id < 20000)"
       "  INSERT INTO images(image_id, name, camera_id) SELECT id, id || '.jpg', 1 FROM n;"
-      // Every image with its five successors, and with image 10000.
+      // Pairs every image with its five successors and with image 10000.
       "INSERT INTO two_view_geometries(pair_id, rows, cols, data, config)"
       "  SELECT image_id * 2147483647 + image_id + k.column1, image_id % 3, 2, zeroblob(8 * (image_id % 3)), 2"
       "  FROM images, (VALUES (1), (2), (3), (4), (5)) k;"
@@ -394,7 +394,7 @@ TEST(DatabaseReader, IsMovable) {
   EXPECT_EQ(moved.ReadKeypoints(2).size(), 1u);
 }
 
-// A database of COLMAP 4.2 with 11 images.
+// Makes a database of COLMAP 4.2 with 11 images.
 TEST(DatabaseReader, RealDatabase) {
   const char* data = std::getenv("LAZYLOC_SHARED_DATA");
   const std::filesystem::path folder = data == nullptr ? "" : std::filesystem::path(data) / "fountain";

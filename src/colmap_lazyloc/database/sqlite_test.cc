@@ -21,7 +21,7 @@ using ::testing::HasSubstr;
 using ::testing::Not;
 using ::testing::StartsWith;
 
-// The one line that a user gets to see.
+// Returns the one line that a user gets to see.
 template <typename Function>
 std::string InputErrorOf(const Function& function) {
   try {
@@ -39,7 +39,7 @@ std::string OpeningError(const fs::path& path) {
 
 constexpr int kNumImages = 200;
 
-// Large enough for many pages.
+// Creates a database that is large enough for many pages.
 void CreateDatabase(TestDatabase* database) {
   database->Execute("BEGIN");
   for (int i = 1; i <= kNumImages; ++i) {
@@ -55,7 +55,7 @@ void CreateDatabase(const fs::path& path) {
   CreateDatabase(&database);
 }
 
-// As COLMAP leaves it if it crashes: the last changes are in the WAL only.
+// Leaves a database like a crash of COLMAP: the last changes are in the WAL only.
 void CreateCrashedDatabase(const TestFolder& folder, const std::string& name) {
   const fs::path live = folder / "live.db";
   {
@@ -147,7 +147,7 @@ TEST(ReadOnly, EmptyWalIsNoMatter) {
   EXPECT_EQ(ReadFolderState(folder.Path()), before);
 }
 
-// While COLMAP has it open, with its own -wal and -shm.
+// Reads a database that COLMAP has open, with its own -wal and -shm.
 TEST(ReadOnly, OpenDatabaseIsReadAndUnchanged) {
   const TestFolder folder;
   TestDatabase database(folder / "a.db", TestDatabase::Schema::V3_10);
@@ -227,7 +227,7 @@ TEST(BadFile, TruncatedFileIsNoticedAtOpening) {
   }
 }
 
-// Wherever the damage is: InputError, or nothing if no one reads those bytes, but never a crash.
+// Damage anywhere gives an InputError, or nothing if nobody reads those bytes, but never a crash.
 TEST(BadFile, DamagedPagesGiveOneLineWithThePath) {
   const TestFolder folder;
   CreateDatabase(folder / "a.db");

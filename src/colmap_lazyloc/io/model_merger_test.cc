@@ -184,7 +184,7 @@ TEST_F(MergeModelTest, QueriesThatAreNotLocalizedAreLeftOut) {
   EXPECT_THAT(merged.points, IsEmpty());
 }
 
-// As in leave-one-out: nothing of model/ may look like a localization that is none.
+// Checks leave-one-out, in which model/ must not show the pose of an image that was not localized.
 TEST_F(MergeModelTest, ImageThatWasAQueryAppearsAsLocalizedOrNotAtAll) {
   queries_ = {MakeQuery("a", MakeCamera(1, 500)), MakeQuery("b", MakeCamera(2, 600))};
   queries_[0].points = {MakePoint(0, {{1, 6}})};

@@ -176,7 +176,7 @@ TEST_F(ReadModelTest, ForeignBinaryIsRefused) {
   EXPECT_THAT(ErrorOfBinary(cameras_bytes_, images + "x"), StartsWith("images.bin: has 1 more bytes"));
   EXPECT_THAT(ErrorOfBinary(Bytes<uint64_t>(1) + CameraBytes(7, 99, {1, 1, 1}), images),
               StartsWith("cameras.bin: camera 7: unknown camera model 99"));
-  // An image of 2^61 points, whose size in bytes would overflow.
+  // Announces 2^61 points, whose size in bytes would overflow.
   std::string many = images;
   many.replace(many.size() - 8, 8, Bytes(uint64_t{1} << 61));
   EXPECT_THAT(ErrorOfBinary(cameras_bytes_, many), StartsWith("images.bin: announces"));

@@ -26,7 +26,7 @@ struct QueryListEntry {
 std::vector<QueryListEntry> ReadQueryList(const std::filesystem::path& path);
 
 struct QueryPairs {
-  // By query: the names on the other side of its lines, each once, in the order of the file.
+  // Lists for each query the names on the other side of its lines, each once, in the order of the file.
   std::map<std::string, std::vector<std::string>> other_names;
   std::set<std::string> unknown_names;  // left out of other_names
 };

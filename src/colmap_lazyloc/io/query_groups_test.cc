@@ -119,7 +119,7 @@ TEST_F(GroupQueriesTest, TrajectoryMakesOneFrameAndNamesTheGaps) {
 }
 
 TEST_F(GroupQueriesTest, TrajectoryOfTum) {
-  // world_from_cam, scalar last.
+  // The file has world_from_cam, scalar last.
   options_.trajectory_path = WriteFile("trajectory.txt", "2.5 9 9 9 0 0 0 1\n3.0 1 2 3 0 0 0 1\n");
   const QueryFrame frame = Group().groups[0][0];
   ASSERT_EQ(frame.images.size(), 1);
@@ -147,7 +147,7 @@ TEST_F(GroupQueriesTest, RigsOfTheDatabase) {
                             "frame_data(frame_id, data_id, sensor_id, sensor_type)"}) {
     database.Execute(std::string("CREATE TABLE IF NOT EXISTS ") + table);
   }
-  // 1, 0, 0, 0, -0.5, 0, 0 as little-endian doubles.
+  // The blob is 1, 0, 0, 0, -0.5, 0, 0 as little-endian doubles.
   database.Execute(
       "INSERT INTO rigs VALUES(7, 1, 0); INSERT INTO frames VALUES(70, 7), (71, 7);"
       "INSERT INTO rig_sensors VALUES(7, 2, 0, x'000000000000f03f000000000000000000000000000000000000000000000000"

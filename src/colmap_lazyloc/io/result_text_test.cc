@@ -44,7 +44,7 @@ QueryRecord Failed() {
 
 class ResultText : public IoTest {
  protected:
-  // Lines that are not comments.
+  // Returns the lines that are not comments.
   std::vector<std::string> PoseLines(const std::vector<const QueryRecord*>& records) const {
     WritePoses(folder_ / "poses.txt", records);
     std::istringstream text(ReadFile(folder_ / "poses.txt"));

@@ -53,7 +53,7 @@ class ResultWriterTest : public IoTest {
   std::string ErrorOfConstruction(const fs::path& path) const {
     return ErrorOf([&] { ResultWriter writer(path); });
   }
-  // Relative paths of all files below a folder with their content.
+  // Returns the relative paths of all files below a folder with their content.
   static std::map<std::string, std::string> Contents(const fs::path& folder) {
     std::map<std::string, std::string> contents;
     for (const auto& entry : fs::recursive_directory_iterator(folder)) {
@@ -104,7 +104,7 @@ TEST_F(ResultWriterTest, ModelHasKeypointsOfQueriesAndObservedImagesOnly) {
     return 4 + 7 * 8 + 4 + std::string("a.jpg").size() + 1 + 8 + 24 * num_points;
   };
   EXPECT_EQ(fs::file_size(output_ / "model" / "images.bin"), 8 + image_bytes(2) + image_bytes(0) + image_bytes(2));
-  // One point: id, xyz, black, error, track of the query's second and a.jpg's first keypoint.
+  // The one point has id, xyz, black, error, and a track of the query's second and a.jpg's first keypoint.
   const std::string points = ReadFile(output_ / "model" / "points3D.bin");
   ASSERT_EQ(points.size(), 8 + 8 + 24 + 3 + 8 + 8 + 2 * 8);
   EXPECT_EQ(points.substr(points.size() - 16), std::string("\3\0\0\0\1\0\0\0\1\0\0\0\0\0\0\0", 16));

@@ -33,7 +33,7 @@ class RigFilesTest : public IoTest {
   std::string ErrorOfText(const std::string& rigs, const std::string& frames) {
     return ErrorOf([&] { ReadText(rigs, frames); });
   }
-  // Into model/ and read again from there.
+  // Writes a model into model/ and reads it again.
   Model WrittenAndRead(const MergedModel& merged) const {
     TestDatabase database(folder_ / "database.db", TestDatabase::Schema::V4_2);
     database.Close();

@@ -14,7 +14,8 @@ namespace {
 using ::testing::ElementsAre;
 using ::testing::IsEmpty;
 
-// For each descriptor of `a` the one of `b` that COLMAP's rules give, or -1: by their definition, in whole numbers.
+// Returns for each descriptor of `a` the one of `b` that COLMAP's rules give, or -1, by definition and in whole
+// numbers.
 std::vector<int> Partners(const Descriptors& a, const Descriptors& b, const SiftMatchingOptions& options) {
   std::vector<int> partners;
   for (Eigen::Index i = 0; i < a.rows(); ++i) {

@@ -9,9 +9,9 @@
 namespace lazyloc {
 
 // Finds the point with the least sum of squared distances from viewing rays: COLMAP's linear multi-view triangulation
-// (TriangulateMultiViewPoint) with the point's homogeneous coordinate fixed at 1 instead of all four at unit length. The
-// result therefore does not depend on the origin or unit of the world, and a 3x3 system takes the place of an eigenvalue
-// problem, of which a query would have thousands.
+// (TriangulateMultiViewPoint) with the point's homogeneous coordinate fixed at 1 instead of all four at unit length.
+// The result therefore does not depend on the origin or unit of the world, and a 3x3 system takes the place of an
+// eigenvalue problem, of which a query would have thousands.
 class RayIntersection {
  public:
   // Adds a ray. direction_in_world: unit length; its sign does not matter.

@@ -1,0 +1,53 @@
+#pragma once
+
+namespace lazyloc {
+
+// Calls `add(name, pointer to the value, help)` for the options of LocalizerOptions that few users need.
+template <typename Options, typename Add>
+void ForEachMethodOption(Options& o, const Add& add) {
+  add("LazyLocalizer.Advanced.min_num_inliers", &o.relative_pose.min_num_inliers,
+      "Minimum number of verified inliers of a pair");
+  add("LazyLocalizer.Advanced.max_two_view_error_px", &o.relative_pose.max_two_view_error_px,
+      "Maximum epipolar error of an inlier in pixels, for pairs without a stored two-view geometry");
+  add("LazyLocalizer.Advanced.rotation_averaging", &o.rotation_averaging.method,
+      "Method of rotation averaging: l1_irls, or for comparison l1 or quaternion_mean");
+  add("LazyLocalizer.Advanced.max_rotation_error_deg", &o.max_rotation_error_deg,
+      "Maximum difference in degrees between the measured and the averaged rotation of a pair");
+  add("LazyLocalizer.Advanced.translation_averaging", &o.translation_averaging.method,
+      "Method of translation averaging: angular, or for comparison lud (least unsquared deviations)");
+  add("LazyLocalizer.Advanced.start_pose", &o.start_pose,
+      "Pose that bundle adjustment starts from: best, motion_averaging, absolute_pose or generalized_relative_pose");
+  add("LazyLocalizer.Advanced.post_optimization", &o.post_optimization,
+      "Stage after motion averaging: tracks (triangulation and bundle adjustment), or for comparison sampson, "
+      "relative_pose_lo or none");
+  add("LazyLocalizer.Advanced.triangulation", &o.triangulation.method,
+      "Method of triangulation: rays (the point nearest to all rays) or colmap (COLMAP's triangulation)");
+  add("LazyLocalizer.Advanced.min_triangulation_angle_deg", &o.triangulation.min_triangulation_angle_deg,
+      "Minimum angle in degrees between the rays to a point");
+  add("LazyLocalizer.Advanced.max_query_error_sigma", &o.triangulation.max_query_error_sigma,
+      "Maximum reprojection error of a point in the query, in standard deviations of the image noise");
+  add("LazyLocalizer.Advanced.single_image_noise_ratio", &o.triangulation.single_image_noise_ratio,
+      "Factor on the image noise of points with one database image; it grows if these scatter more than others");
+  add("LazyLocalizer.Advanced.num_refinement_rounds", &o.num_refinement_rounds,
+      "Number of rounds of triangulation and bundle adjustment");
+  add("LazyLocalizer.Advanced.convergence_sigma", &o.bundle_adjustment.convergence_sigma,
+      "Bundle adjustment ends when a step moves the poses by less than this, in standard deviations");
+  add("LazyLocalizer.Advanced.max_num_tracks", &o.max_num_tracks, "Maximum number of tracks in the last round");
+  add("LazyLocalizer.Advanced.max_num_start_tracks", &o.max_num_start_tracks,
+      "Maximum number of tracks for the start pose and in all rounds but the last");
+  add("LazyLocalizer.Advanced.share_database_frames", &o.share_database_frames,
+      "Let the database images of one rig frame share a pose and its error in bundle adjustment");
+  add("LazyLocalizer.Advanced.database_pose_stddev_deg", &o.database_pose_stddev_deg,
+      "Standard deviation of the database images' rotations in degrees; 0 keeps them constant, -1 estimates it for "
+      "each query");
+  add("LazyLocalizer.Advanced.database_pose_stddev_length", &o.database_pose_stddev_length,
+      "Standard deviation of the database images' positions in database units; 0 keeps them constant, -1 estimates it "
+      "for each query");
+  add("LazyLocalizer.Advanced.database_pose_noise_px", &o.database_pose_noise_px,
+      "Expected effect of the database images' pose errors in pixels, for the estimates of -1");
+  add("LazyLocalizer.Advanced.min_num_tracks", &o.min_num_tracks, "Minimum number of tracks for a pose");
+  add("LazyLocalizer.Advanced.max_position_stddev_ratio", &o.max_position_stddev_ratio,
+      "Maximum standard deviation of a position, as a fraction of the distance to the scene");
+}
+
+}  // namespace lazyloc
