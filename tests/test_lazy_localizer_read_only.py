@@ -71,7 +71,9 @@ def read_only_mount(folder):
 
 def write_kind(kind, folder, scene, pending_wal):
     if kind == "pycolmap":
-        return synthetic.write_pycolmap_database(folder / "database.db", scene)
+        from colmap_lazyloc.testing import synthetic_pycolmap
+
+        return synthetic_pycolmap.write_pycolmap_database(folder / "database.db", scene)
     if kind == "pending WAL":
         return pending_wal(folder)
     path = synthetic.write_database(folder / "database.db", scene)

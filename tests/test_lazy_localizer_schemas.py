@@ -14,7 +14,9 @@ WRITERS = ["pycolmap", "built", "3.10", "3.8", "3.6"]
 def write(colmap):
     def write_with(writer, path, scene, geometry):
         if writer == "pycolmap":
-            return synthetic.write_pycolmap_database(path, scene, geometry)
+            from colmap_lazyloc.testing import synthetic_pycolmap
+
+            return synthetic_pycolmap.write_pycolmap_database(path, scene, geometry)
         if writer == "built":
             return synthetic.write_built_colmap_database(path, scene, colmap, geometry)
         return synthetic.write_database(path, scene, writer, geometry)

@@ -88,7 +88,9 @@ def test_what_stands_in_the_write_ahead_log_is_copied(database_path, tmp_path):
 def test_database_that_needs_nothing_is_left_alone(tmp_path, exact, schema, capsys):
     path = tmp_path / "database.db"
     if schema == "4.2":
-        synthetic.write_pycolmap_database(path, exact.scene)
+        from colmap_lazyloc.testing import synthetic_pycolmap
+
+        synthetic_pycolmap.write_pycolmap_database(path, exact.scene)
     else:
         synthetic.write_database(path, exact.scene, schema)
     before = path.read_bytes()

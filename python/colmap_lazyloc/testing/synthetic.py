@@ -306,40 +306,6 @@ def insert(connection, table, **values):
     connection.execute(f"INSERT INTO {table} ({', '.join(values)}) VALUES ({placeholders})", list(values.values()))
 
 
-def write_pycolmap_database(path, scene, geometry="pose"):
-    """Writes a database by pycolmap 4: its schema, a rig for each camera, a frame for each image."""
-    import pycolmap  # it takes a second, which the other tests need not wait for
-
-    from colmap_lazyloc.pycolmap_types import write_images
-
-    with pycolmap.Database.open(str(path)) as database:
-        write_images(
-            database,
-            {camera.camera_id: camera.intrinsics() for camera in scene.cameras.values()},
-            stored_images(scene, scene.images),
-        )
-        for image in scene.images.values():
-            database.write_keypoints(image.image_id, image.keypoints)
-        for (name1, name2), pair in scene.pairs.items():
-            id1, id2 = scene.images[name1].image_id, scene.images[name2].image_id
-            database.write_matches(id1, id2, pair.matches)
-            if geometry is not None:
-                database.write_two_view_geometry(id1, id2, _pycolmap_geometry(pair, geometry))
-    return pathlib.Path(path)
-
-
-def _pycolmap_geometry(pair, geometry):
-    import pycolmap
-
-    written = pycolmap.TwoViewGeometry()
-    written.config = pycolmap.TwoViewGeometryConfiguration(pair.config)
-    written.E = pair.essential_matrix()
-    written.inlier_matches = pair.inlier_matches
-    if geometry == "pose":
-        written.cam2_from_cam1 = pycolmap.Rigid3d(pycolmap.Rotation3d(pair.rotation.as_quat()), pair.direction)
-    return written
-
-
 # Models
 
 

@@ -10,8 +10,6 @@
 namespace lazyloc {
 namespace {
 
-constexpr int kSiftCols = 128;
-constexpr int64_t kSiftType = 0;  // COLMAP 4.x knows other types too; earlier versions have no such column
 constexpr int64_t kMaxInt = std::numeric_limits<int>::max();
 
 SqliteStatement PrepareDescriptors(const SqliteConnection& connection, const std::string& columns,
@@ -20,25 +18,26 @@ SqliteStatement PrepareDescriptors(const SqliteConnection& connection, const std
   if (names.empty()) {
     throw InputError(connection.File().Path().string() + ": is not a COLMAP database: it has no table descriptors");
   }
-  const std::string type = names.count("type") > 0 ? "type" : std::to_string(kSiftType);
+  // Versions before COLMAP 4 know SIFT alone and have no column for the type.
+  const std::string type = names.count("type") > 0 ? "type" : "0";
   return connection.Prepare("descriptors", "SELECT " + columns + ", cols, " + type + " FROM descriptors " + condition);
 }
 
-void CheckSift(const SqliteRows& row, int cols_column) {
+void CheckType(const SqliteRows& row, int cols_column) {
   const int64_t cols = row.Integer(cols_column, 0, kMaxInt);
   const int64_t type = row.Integer(cols_column + 1, -1, kMaxInt);
-  if (cols != kSiftCols || type != kSiftType) {
-    row.Fail("descriptors are not SIFT's (type " + std::to_string(type) + ", " + std::to_string(cols) +
-             " columns): photos cannot be matched with them");
+  if (cols != kFeatureType.num_columns || type != kFeatureType.colmap_type) {
+    row.Fail(std::string("descriptors are not ") + kFeatureType.name + "'s (type " + std::to_string(type) + ", " +
+             std::to_string(cols) + " columns): photos cannot be matched with them");
   }
 }
 
 Descriptors ReadDescriptors(const SqliteRows& row) {
   const ByteSpan data = row.Blob(1);
-  Descriptors descriptors(row.Integer(0, 0, kMaxInt), kSiftCols);
+  Descriptors descriptors(row.Integer(0, 0, kMaxInt), kFeatureType.num_columns);
   if (data.size != static_cast<size_t>(descriptors.size())) {
     row.Fail("descriptors have " + std::to_string(data.size) + " bytes for " + std::to_string(descriptors.rows()) +
-             " x " + std::to_string(kSiftCols) + " numbers");
+             " x " + std::to_string(kFeatureType.num_columns) + " numbers");
   }
   if (data.size > 0) std::memcpy(descriptors.data(), data.data, data.size);
   return descriptors;
@@ -57,7 +56,7 @@ std::map<uint32_t, size_t> FeatureReader::ReadDescriptorCounts() const {
   SqliteRows rows = counts_.Run({});
   while (rows.Next()) {
     const auto image_id = static_cast<uint32_t>(rows.Integer(0, 0, kMaxInt));
-    CheckSift(rows, 2);
+    CheckType(rows, 2);
     counts[image_id] = static_cast<size_t>(rows.Integer(1, 1, kMaxInt));
   }
   return counts;
@@ -66,11 +65,11 @@ std::map<uint32_t, size_t> FeatureReader::ReadDescriptorCounts() const {
 Features FeatureReader::Read(uint32_t image_id) const {
   const auto label = [image_id] { return "image " + std::to_string(image_id); };
   Features features;
-  features.descriptors.resize(0, kSiftCols);
+  features.descriptors.resize(0, kFeatureType.num_columns);
   SqliteRows descriptor_rows = descriptors_.Run({image_id}, label);
   while (descriptor_rows.Next()) {
     if (descriptor_rows.Integer(0, 0, kMaxInt) == 0) continue;
-    CheckSift(descriptor_rows, 2);
+    CheckType(descriptor_rows, 2);
     features.descriptors = ReadDescriptors(descriptor_rows);
   }
   if (features.descriptors.rows() == 0) return features;

@@ -12,6 +12,8 @@
 namespace lazyloc {
 namespace {
 
+static_assert(kDescriptorDim == kFeatureType.num_columns);
+
 constexpr float kSquaredLength = 512 * 512;  // of every descriptor
 constexpr int kQueryBlock = 256;             // number of query descriptors in a block
 

@@ -13,7 +13,16 @@ struct Keypoint {
   float a11 = 1, a12 = 0, a21 = 0, a22 = 1;
 };
 
-// Descriptors with one row per keypoint. Those of SIFT have 128 columns.
+// Type of the features that photos are matched by. Another type is described here, extracted in
+// bridge/feature_extraction.cc and compared in matching/descriptor_matching.cc.
+struct FeatureType {
+  const char* name;
+  int64_t colmap_type;  // in the `type` column of COLMAP 4's descriptors table
+  int num_columns;      // bytes of a descriptor
+};
+inline constexpr FeatureType kFeatureType = {"SIFT", 0, 128};
+
+// Descriptors with one row per keypoint.
 using Descriptors = Eigen::Matrix<uint8_t, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 
 struct Features {
