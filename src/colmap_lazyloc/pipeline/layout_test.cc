@@ -18,13 +18,6 @@ SyntheticGroup MakeGroup(int num_frames, int num_sensors, int num_database_image
   return MakeSyntheticGroup(options);
 }
 
-QueryGroup GroupOf(const SyntheticScene& scene) {
-  QueryGroup group;
-  group.frame_names = {""};
-  group.images.push_back({scene.problem, 0, {}});
-  return group;
-}
-
 // Moves a pose as given to the coordinates of the layout.
 Rigid3d Local(Rigid3d cam_from_world, const Layout& layout) {
   cam_from_world.rotation.normalize();
@@ -126,7 +119,7 @@ TEST(MakeLayout, ImagesStartWithTheNoiseOfTheOptions) {
 TEST(MakeLayout, OriginIsTheMeanOfTheDatabaseCentres) {
   SyntheticSceneOptions options;
   options.origin = {500000, 5400000, 300};
-  const QueryGroup group = GroupOf(MakeSyntheticScene(options));
+  const QueryGroup group = LoneQuery(MakeSyntheticScene(options));
   const Layout layout = MakeLayout(group, {});
   Eigen::Vector3d sum = Eigen::Vector3d::Zero();
   VisitDatabaseImages(group, layout, [&](int image, const ImagePair& pair) {

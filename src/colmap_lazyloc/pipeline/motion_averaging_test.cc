@@ -17,15 +17,8 @@ Averaged Average(const StageInput& input) {
   return AverageMotion(input.layout, input.pairs, {}, &seconds);
 }
 
-// Returns the failure that averaging throws.
 Failure ThrownBy(const StageInput& input) {
-  try {
-    Average(input);
-  } catch (const Failure& failure) {
-    return failure;
-  }
-  ADD_FAILURE() << "averaging throws nothing";
-  return {QueryStatus::LOCALIZED, ""};
+  return FailureOf([&] { Average(input); });
 }
 
 SyntheticGroupOptions Group(int num_frames, int num_sensors) {
@@ -36,13 +29,13 @@ SyntheticGroupOptions Group(int num_frames, int num_sensors) {
   return options;
 }
 
-struct Size {
+struct GroupSize {
   int num_frames, num_sensors;
 };
 
-class Sizes : public testing::TestWithParam<Size> {};
+class GroupsToAverage : public testing::TestWithParam<GroupSize> {};
 
-TEST_P(Sizes, NoiseFreeIsExact) {
+TEST_P(GroupsToAverage, NoiseFreeIsExact) {
   SyntheticGroupOptions options = Group(GetParam().num_frames, GetParam().num_sensors);
   for (options.seed = 0; options.seed < 3; ++options.seed) {
     const StageInput input = MakeStageInput(MakeSyntheticGroup(options));
@@ -55,7 +48,7 @@ TEST_P(Sizes, NoiseFreeIsExact) {
   }
 }
 
-TEST_P(Sizes, OutlierPairsAreDropped) {
+TEST_P(GroupsToAverage, OutlierPairsAreDropped) {
   SyntheticGroupOptions options = Group(GetParam().num_frames, GetParam().num_sensors);
   options.outlier_pair_ratio = 0.25;
   options.pixel_noise_px = 0.5;
@@ -72,7 +65,8 @@ TEST_P(Sizes, OutlierPairsAreDropped) {
   ExpectSameDatabasePoses(averaged.posed, input.layout.given);
 }
 
-INSTANTIATE_TEST_SUITE_P(AverageMotion, Sizes, testing::Values(Size{1, 1}, Size{1, 3}, Size{3, 1}, Size{2, 2}));
+INSTANTIATE_TEST_SUITE_P(AverageMotion, GroupsToAverage,
+                         testing::Values(GroupSize{1, 1}, GroupSize{1, 3}, GroupSize{3, 1}, GroupSize{2, 2}));
 
 TEST(AverageMotion, DirectionsPointFromTheOtherImageToTheQuery) {
   const StageInput input = MakeStageInput(MakeSyntheticGroup(Group(2, 1)));
@@ -162,11 +156,7 @@ TEST(AverageMotion, PanoramaLeavesTheRotation) {
   SyntheticSceneOptions options;
   options.layout = SceneLayout::PURE_ROTATION;
   const SyntheticScene scene = MakeSyntheticScene(options);
-  SyntheticGroup group;
-  group.group.frame_names = {""};
-  group.group.images.push_back({scene.problem, 0, {}});
-  group.cam_from_world = {scene.query_cam_from_world};
-  const Averaged averaged = Average(MakeStageInput(group));
+  const Averaged averaged = Average(MakeStageInput({LoneQuery(scene), {scene.query_cam_from_world}, {}}));
   ASSERT_TRUE(averaged.failure);
   EXPECT_EQ(averaged.failure->status, QueryStatus::DEGENERATE_BASELINE);
   ASSERT_EQ(averaged.failure->partial_poses.count(0), 1u);

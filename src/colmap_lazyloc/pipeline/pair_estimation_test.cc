@@ -1,12 +1,10 @@
 #include "colmap_lazyloc/pipeline/pair_estimation.h"
 
-#include <algorithm>
 #include <limits>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "colmap_lazyloc/pipeline/failure.h"
 #include "colmap_lazyloc/pipeline/stages_test_input.h"
 
 namespace lazyloc {
@@ -83,10 +81,7 @@ TEST(EstimatePairs, RelativePoseOfRawMatchesIsEstimated) {
   options.has_geometry = false;
   options.num_database_images = 2;
   const SyntheticScene scene = MakeSyntheticScene(options);
-  QueryGroup group;
-  group.frame_names = {""};
-  group.images.push_back({scene.problem, 0, {}});
-  const PairEstimates estimates = Estimate(group);
+  const PairEstimates estimates = Estimate(LoneQuery(scene));
   ASSERT_EQ(estimates.pairs.size(), 2u);
   for (int i = 0; i < 2; ++i) {
     const Rigid3d truth = scene.query_cam_from_world * Inverse(scene.problem.pairs[i].database_cam_from_world);
@@ -108,14 +103,10 @@ TEST(EstimatePairs, InliersThatCannotBeUnprojectedAreCountedOnly) {
 TEST(EstimatePairs, FramesWithoutAnyPairAreNamed) {
   SyntheticGroup scene = MakeGroup(3, 4, false);
   SetNumInliers({14, 14, 0, 14}, &scene.group.images[1].problem);
-  try {
-    Estimate(scene.group);
-    FAIL() << "no failure";
-  } catch (const Failure& failure) {
-    EXPECT_EQ(failure.status, QueryStatus::TOO_FEW_INLIERS);
-    EXPECT_THAT(failure.frames, ElementsAre(1));
-    EXPECT_THAT(failure.reason, HasSubstr("none of 4 pairs has 15 verified inliers"));
-  }
+  const Failure failure = FailureOf([&] { Estimate(scene.group); });
+  EXPECT_EQ(failure.status, QueryStatus::TOO_FEW_INLIERS);
+  EXPECT_THAT(failure.frames, ElementsAre(1));
+  EXPECT_THAT(failure.reason, HasSubstr("none of 4 pairs has 15 verified inliers"));
 }
 
 TEST(EstimatePairs, PairsWithOtherQueriesSuffice) {

@@ -1,7 +1,5 @@
 #include "colmap_lazyloc/pipeline/stages_test_input.h"
 
-#include <gtest/gtest.h>
-
 #include "colmap_lazyloc/bridge/observation.h"
 
 namespace lazyloc {
@@ -65,6 +63,13 @@ StageInput MakeStageInput(const SyntheticGroup& scene, const LocalizerOptions& o
         ObservedPair(pair.query, pair.other, problem.query_camera, problem.query_keypoints, pair.images));
   }
   return input;
+}
+
+QueryGroup LoneQuery(const SyntheticScene& scene) {
+  QueryGroup group;
+  group.frame_names = {""};
+  group.images.push_back({scene.problem, 0, {}});
+  return group;
 }
 
 PairRefs Refs(const std::vector<PairGeometry>& pairs) {

@@ -2,6 +2,9 @@
 
 #include <vector>
 
+#include <gtest/gtest.h>
+
+#include "colmap_lazyloc/pipeline/failure.h"
 #include "colmap_lazyloc/pipeline/layout.h"
 #include "colmap_lazyloc/scene/pair_geometry.h"
 #include "colmap_lazyloc/structure/track_triangulation.h"
@@ -19,6 +22,21 @@ struct StageInput {
 };
 
 StageInput MakeStageInput(const SyntheticGroup& scene, const LocalizerOptions& options = {});
+
+// Returns a scene's query as a group of its own.
+QueryGroup LoneQuery(const SyntheticScene& scene);
+
+// Returns the failure that a stage throws; expects it to throw one.
+template <typename Stage>
+Failure FailureOf(const Stage& stage) {
+  try {
+    stage();
+  } catch (const Failure& failure) {
+    return failure;
+  }
+  ADD_FAILURE() << "the stage throws no failure";
+  return {QueryStatus::LOCALIZED, ""};
+}
 
 PairRefs Refs(const std::vector<PairGeometry>& pairs);
 TrackRefs Refs(const std::vector<Track>& tracks);

@@ -1,5 +1,7 @@
 #include "colmap_lazyloc/pipeline/start_selection.h"
 
+#include <algorithm>
+
 #include <gtest/gtest.h>
 
 #include "colmap_lazyloc/pipeline/stages_test_input.h"
@@ -97,6 +99,113 @@ TEST(StartSelection, SameSeedSameResult) {
     EXPECT_EQ(first->rotation.coeffs(), second->rotation.coeffs());
     EXPECT_EQ(first->translation, second->translation);
   }
+}
+
+// Input of ChooseStart: lone queries with averaged poses, and tracks by which they are judged.
+struct ChoiceInput {
+  StageInput stages;
+  Averaged averaged;
+  SplitTracks tracks;
+
+  Start Choose(const LocalizerOptions& options = {}) const {
+    return ChooseStart(stages.layout, averaged, tracks, options);
+  }
+};
+
+ChoiceInput MakeChoice(int num_frames, int num_sensors = 1) {
+  SyntheticGroupOptions options;
+  options.num_frames = num_frames;
+  options.num_sensors = num_sensors;
+  options.num_points = 60;
+  ChoiceInput input;
+  input.stages = MakeStageInput(MakeSyntheticGroup(options));
+  input.averaged.posed = input.stages.truth;
+  input.tracks.from_database = input.stages.tracks;
+  return input;
+}
+
+// Moves the averaged pose of a frame.
+void Disturb(int frame, ChoiceInput* input) {
+  Random random(1);
+  Rigid3d& pose = input->averaged.posed.frames[frame].frame_from_world;
+  pose = DisturbedPose(pose, 5, 1, &random);
+}
+
+TEST(ChooseStart, AbsolutePoseReplacesAWrongAverage) {
+  for (const int num_sensors : {1, 2}) {
+    ChoiceInput input = MakeChoice(1, num_sensors);
+    Disturb(0, &input);
+    const Start start = input.Choose();
+    EXPECT_EQ(start.kinds, std::vector<StartPose>{StartPose::ABSOLUTE_POSE});
+    ExpectNear(start.posed, input.stages.truth, 1e-3, 0.01);
+    ExpectSameDatabasePoses(start.posed, input.stages.layout.given);
+  }
+}
+
+// Points that are displaced together give a wrong absolute pose; most tracks, of one database image, fit the average.
+TEST(ChooseStart, AverageIsKeptIfMoreTracksFitIt) {
+  ChoiceInput input = MakeChoice(1);
+  const size_t num_displaced = 35;
+  input.tracks.rest.assign(input.stages.tracks.begin(), input.stages.tracks.end());
+  for (int i = 0; i < 2; ++i) {  // three tracks for each point, with different database images
+    input.tracks.rest.insert(input.tracks.rest.end(), input.stages.tracks.begin(), input.stages.tracks.end());
+  }
+  for (size_t i = 0; i < input.tracks.rest.size(); ++i) {
+    std::vector<TrackObservation>& observations = input.tracks.rest[i].observations;
+    observations = {observations[0], observations[1 + i / input.stages.tracks.size()]};
+  }
+  input.tracks.from_database.resize(num_displaced);
+  for (Track& track : input.tracks.from_database) track.point_in_world += Eigen::Vector3d(1, 0.5, 0);
+  const Start start = input.Choose();
+  EXPECT_EQ(start.kinds, std::vector<StartPose>{StartPose::MOTION_AVERAGING});
+  ExpectSameBits(start.posed.frames[0].frame_from_world, input.stages.truth.frames[0].frame_from_world);
+}
+
+TEST(ChooseStart, EachFrameHasItsOwnChoice) {
+  ChoiceInput input = MakeChoice(2);
+  Disturb(0, &input);
+  const auto is_of_frame_1 = [](const Track& track) { return track.observations.front().image == 1; };
+  std::vector<Track>& tracks = input.tracks.from_database;
+  const auto first = std::find_if(tracks.begin(), tracks.end(), is_of_frame_1);
+  tracks.erase(first + 3, tracks.end());  // three tracks are too few for an absolute pose
+  const Start start = input.Choose();
+  EXPECT_EQ(start.kinds, (std::vector<StartPose>{StartPose::ABSOLUTE_POSE, StartPose::MOTION_AVERAGING}));
+  ExpectNear(start.posed, input.stages.truth, 1e-3, 0.01);
+}
+
+TEST(ChooseStart, AnotherStartReplacesAFailedAverage) {
+  ChoiceInput input = MakeChoice(1);
+  input.averaged.posed = input.stages.layout.given;
+  input.averaged.failure = Failure{QueryStatus::INCONSISTENT_ROTATIONS, "pairs contradict each other"};
+  const Start start = input.Choose();
+  EXPECT_EQ(start.kinds, std::vector<StartPose>{StartPose::ABSOLUTE_POSE});
+  ExpectNear(start.posed, input.stages.truth, 1e-3, 0.01);
+}
+
+// Eight tracks score 8, of the 12 that a pose needs which motion averaging has not confirmed.
+TEST(ChooseStart, FailureOfAveragingIsThrownWithoutAnotherStart) {
+  ChoiceInput input = MakeChoice(1);
+  input.averaged.failure = Failure{QueryStatus::INCONSISTENT_ROTATIONS, "pairs contradict each other"};
+  for (const size_t num_tracks : {8, 0}) {
+    input.tracks.from_database.resize(num_tracks);
+    for (Track& track : input.tracks.from_database) track.observations.resize(3);  // too few rays for a relative pose
+    const Failure failure = FailureOf([&] { input.Choose(); });
+    EXPECT_EQ(failure.status, QueryStatus::INCONSISTENT_ROTATIONS);
+    EXPECT_EQ(failure.reason, "pairs contradict each other");
+  }
+}
+
+TEST(ChooseStart, OnlyTheWantedKindIsTried) {
+  ChoiceInput input = MakeChoice(2);
+  LocalizerOptions options;
+  for (const StartPose kind : {StartPose::MOTION_AVERAGING, StartPose::ABSOLUTE_POSE}) {
+    options.start_pose = kind;
+    EXPECT_EQ(input.Choose(options).kinds, std::vector<StartPose>(2, kind));
+  }
+  input.tracks.from_database.resize(60);  // those of the first frame
+  const Failure failure = FailureOf([&] { input.Choose(options); });
+  EXPECT_EQ(failure.status, QueryStatus::TOO_FEW_TRACKS);
+  EXPECT_EQ(failure.frames, std::vector<int>{1});
 }
 
 }  // namespace
