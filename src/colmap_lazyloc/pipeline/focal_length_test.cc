@@ -1,10 +1,14 @@
 #include "colmap_lazyloc/pipeline/focal_length.h"
 
+#include <limits>
+
+#include <Eigen/Geometry>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include "colmap_lazyloc/bridge/camera_models.h"
 #include "colmap_lazyloc/pipeline/lazy_localizer.h"
+#include "colmap_lazyloc/pipeline/stages_test_input.h"
 #include "colmap_lazyloc/testing/synthetic_scene.h"
 
 namespace lazyloc {
@@ -146,6 +150,66 @@ TEST(FocalLength, NoPointFromTheDatabaseIsReported) {
   const LocalizationResult result = LocalizeQuery(MakeSyntheticScene(options).problem, Seeking());
   EXPECT_EQ(result.status, QueryStatus::TOO_FEW_TRACKS);
   EXPECT_THAT(result.reason, testing::HasSubstr("focal length"));
+}
+
+SyntheticGroup LoneQueryOfGroup() {
+  SyntheticGroupOptions options;
+  options.num_sensors = 1;
+  options.num_points = 60;
+  options.pixel_noise_px = 0.5;
+  return MakeSyntheticGroup(options);
+}
+
+// Neighbours in the grid of focal lengths differ by 8 %.
+TEST(ChooseFocalLengthAndPose, NearestOfTheGridIsFound) {
+  const SyntheticGroup scene = LoneQueryOfGroup();
+  const StageInput input = MakeStageInput(scene);
+  for (const double factor : {0.5, 1.0, 2.5}) {
+    LocalizationProblem problem = scene.group.images[0].problem;
+    problem.query_camera = WithFocalFactor(problem.query_camera, factor);
+    const FocalLengthAndPose found =
+        ChooseFocalLengthAndPose(input.layout, QueryCamera(problem), input.tracks, LocalizerOptions());
+    EXPECT_NEAR(found.factor * factor, 1, 0.08) << factor;
+    EXPECT_LE(PositionError(found.frame_from_world, input.truth.frames[0].frame_from_world), 1);
+    EXPECT_LE(RotationErrorDeg(found.frame_from_world, input.truth.frames[0].frame_from_world), 1);
+  }
+}
+
+TEST(ChooseFocalLengthAndPose, FactorIsOneForTheTruth) {
+  const SyntheticGroup scene = LoneQueryOfGroup();
+  const StageInput input = MakeStageInput(scene);
+  const QueryCamera camera(scene.group.images[0].problem);
+  EXPECT_EQ(ChooseFocalLengthAndPose(input.layout, camera, input.tracks, LocalizerOptions()).factor, 1);
+}
+
+TEST(ChooseFocalLengthAndPose, TooFewTracksAreReported) {
+  const SyntheticGroup scene = LoneQueryOfGroup();
+  StageInput input = MakeStageInput(scene);
+  input.tracks.resize(3);
+  const Failure failure = FailureOf(
+      [&] { ChooseFocalLengthAndPose(input.layout, QueryCamera(scene.group.images[0].problem), input.tracks, {}); });
+  EXPECT_EQ(failure.status, QueryStatus::TOO_FEW_TRACKS);
+  EXPECT_THAT(failure.reason, testing::HasSubstr("3 points"));
+}
+
+TEST(QueryCamera, ObservesTheQueryByItsPresentFocalLength) {
+  SyntheticGroup scene = LoneQueryOfGroup();
+  const StageInput input = MakeStageInput(scene);
+  LocalizationProblem& problem = scene.group.images[0].problem;
+  problem.query_keypoints[5].x() = std::numeric_limits<double>::quiet_NaN();
+  QueryCamera camera(problem);
+  camera.ScaleFocalLength(2);
+  EXPECT_EQ(camera.Intrinsics().params[0], 1600);
+  const std::vector<Track> tracks = camera.Observe(input.tracks);
+  ASSERT_EQ(tracks.size(), input.tracks.size() - 1);
+  for (const Track& track : tracks) {
+    const TrackObservation& query = track.observations[0];
+    const Track& before = input.tracks[query.keypoint];
+    EXPECT_NE(query.keypoint, 5);
+    const Eigen::Vector2d before_xy = before.observations[0].observation.ray_in_cam.hnormalized();
+    EXPECT_LE((2 * query.observation.ray_in_cam.hnormalized() - before_xy).norm(), 1e-12);
+    EXPECT_EQ(track.observations[1].observation.ray_in_cam, before.observations[1].observation.ray_in_cam);
+  }
 }
 
 }  // namespace

@@ -1,12 +1,16 @@
 #include "colmap_lazyloc/pipeline/pose_uncertainty.h"
 
 #include <algorithm>
+#include <cmath>
 #include <cstdio>
+#include <memory>
 
 #include <gmock/gmock.h>
 
 #include "colmap_lazyloc/math/so3.h"
 #include "colmap_lazyloc/pipeline/lazy_localizer.h"
+#include "colmap_lazyloc/pipeline/stages_test_input.h"
+#include "colmap_lazyloc/refinement/covariance.h"
 #include "colmap_lazyloc/testing/synthetic_scene.h"
 
 namespace lazyloc {
@@ -225,6 +229,150 @@ TEST(EstimateCovariance, PositionStddevsAreThoseOfTheErrors) {
   }
   EXPECT_GT(sum / 60, 0.5);
   EXPECT_LT(sum / 60, 1.6);
+}
+
+// Two lone queries at their true poses, and an adjustment with the covariances that a test sets.
+struct UncertaintyInput {
+  StageInput stages;
+  Refined refined;
+  PairRefs pairs;
+
+  std::vector<PoseUncertainty> Estimate(const LocalizerOptions& options = {}) const {
+    return EstimateUncertainties(stages.layout, pairs, refined, options);
+  }
+  double VarianceFactor() const {
+    return lazyloc::VarianceFactor(refined.adjustment.posed, refined.adjustment.tracks,
+                                   LocalizerOptions().bundle_adjustment.loss_scale_sigma);
+  }
+  void SetCovariance(int query, const Eigen::Matrix<double, 6, 6>& covariance) {
+    refined.adjustment.frame_covariances[query] = refined.adjustment.image_covariances[query] = covariance;
+  }
+};
+
+constexpr int kNumPoints = 40;
+
+std::unique_ptr<UncertaintyInput> MakeUncertaintyInput(int num_database_images = 6) {
+  SyntheticGroupOptions options;
+  options.num_frames = 2;
+  options.num_sensors = 1;
+  options.num_points = kNumPoints;
+  options.num_database_images = num_database_images;
+  options.pixel_noise_px = 1;
+  options.has_query_pairs = false;
+  auto input = std::make_unique<UncertaintyInput>();  // `pairs` are pointers into it
+  input->stages = MakeStageInput(MakeSyntheticGroup(options));
+  input->pairs = Refs(input->stages.pairs);
+  BundleAdjustmentResult& adjustment = input->refined.adjustment;
+  adjustment.posed = input->stages.truth;
+  for (Image& image : adjustment.posed.images) image.noise_px = 1;
+  adjustment.tracks = input->stages.tracks;
+  const Eigen::Matrix<double, 6, 6> unknown = Eigen::Matrix<double, 6, 6>::Zero();
+  adjustment.frame_covariances.assign(adjustment.posed.frames.size(), unknown);
+  adjustment.image_covariances.assign(adjustment.posed.images.size(), unknown);
+  adjustment.image_prior_parts = adjustment.image_covariances;
+  for (const int query : {0, 1}) input->SetCovariance(query, 1e-6 * Eigen::Matrix<double, 6, 6>::Identity());
+  return input;
+}
+
+// Returns the covariance of a pose with a large standard deviation of the position in one direction of the world.
+Eigen::Matrix<double, 6, 6> WeakAlong(const Eigen::Vector3d& direction, double stddev, const Rigid3d& pose) {
+  const Eigen::Vector3d in_cam = stddev * (pose.rotation * direction.normalized());
+  Eigen::Matrix<double, 6, 6> covariance = 1e-10 * Eigen::Matrix<double, 6, 6>::Identity();
+  covariance.bottomRightCorner<3, 3>() += in_cam * in_cam.transpose();
+  return covariance;
+}
+
+TEST(EstimateUncertainties, CovarianceIsThatOfTheDatabasesCoordinates) {
+  const auto input = MakeUncertaintyInput();
+  input->stages.layout.origin = {500, 5400, 300};
+  const std::vector<PoseUncertainty> uncertainties = input->Estimate();
+  ASSERT_EQ(uncertainties.size(), 2u);
+  for (int query = 0; query < 2; ++query) {
+    const Rigid3d local = CamFromWorld(input->stages.truth, query);
+    const Rigid3d pose = CamFromWorld(local.rotation, CamInWorld(local) + input->stages.layout.origin);
+    const Eigen::Matrix<double, 6, 6> covariance =
+        input->VarianceFactor() * input->refined.adjustment.image_covariances[query];
+    const Eigen::Matrix3d expected = PositionCovariance(local, covariance);
+    const Eigen::Matrix3d found = PositionCovariance(pose, uncertainties[query].covariance);
+    EXPECT_LE((found - expected).norm(), 1e-6 * expected.norm());
+    EXPECT_NEAR(uncertainties[query].spread.rotation_stddev_rad, 1e-3 * std::sqrt(input->VarianceFactor()), 1e-9);
+  }
+}
+
+// A fit of the priors that is k times as bad as stated adds their part k - v times, v being the images' factor.
+TEST(EstimateUncertainties, NoiseOfPriorsThatWereTooTightIsAdded) {
+  const auto input = MakeUncertaintyInput();
+  input->stages.layout.origin.setZero();
+  BundleAdjustmentResult& adjustment = input->refined.adjustment;
+  adjustment.image_prior_parts[0] = 1e-4 * Eigen::Matrix<double, 6, 6>::Identity();
+  adjustment.prior_fit.num_parameters = 60;
+  const double image_factor = input->VarianceFactor();
+  for (const double ratio : {0.1, 10.0}) {
+    adjustment.prior_fit.squared_deviation = 60 * ratio;
+    const double missing = std::max(adjustment.prior_fit.VarianceFactor(image_factor) - image_factor, 0.0);
+    EXPECT_EQ(missing > 0, ratio == 10);
+    const std::vector<PoseUncertainty> uncertainties = input->Estimate();
+    EXPECT_NEAR(uncertainties[0].covariance(0, 0), 1e-6 * image_factor + 1e-4 * missing, 1e-12);
+    EXPECT_NEAR(uncertainties[1].covariance(0, 0), 1e-6 * image_factor, 1e-12);
+  }
+}
+
+TEST(EstimateUncertainties, WeakestDirectionIsFound) {
+  const auto input = MakeUncertaintyInput();
+  const Eigen::Vector3d direction(1, 2, -2);
+  input->SetCovariance(0, WeakAlong(direction, 0.1, CamFromWorld(input->stages.truth, 0)));
+  const PoseSpread spread = input->Estimate()[0].spread;
+  EXPECT_NEAR(spread.position_stddevs[0], 0.1 * std::sqrt(input->VarianceFactor()), 1e-3);
+  EXPECT_NEAR(std::abs(spread.weakest_direction_in_world.dot(direction.normalized())), 1, 1e-6);
+}
+
+TEST(EstimateUncertainties, FramesWithTooFewTracksAreNamed) {
+  const auto input = MakeUncertaintyInput();
+  input->refined.adjustment.tracks.resize(kNumPoints + 5);
+  const Failure failure = FailureOf([&] { input->Estimate(); });
+  EXPECT_EQ(failure.status, QueryStatus::TOO_FEW_TRACKS);
+  EXPECT_THAT(failure.frames, testing::ElementsAre(1));
+  EXPECT_THAT(failure.reason, HasSubstr("only 5 tracks"));
+}
+
+TEST(EstimateUncertainties, FramesWithUnobservablePositionsAreNamed) {
+  const auto input = MakeUncertaintyInput();
+  const Rigid3d truth = CamFromWorld(input->stages.truth, 1);
+  input->SetCovariance(1, WeakAlong({0, 1, 0}, 2, truth));
+  const Failure failure = FailureOf([&] { input->Estimate(); });
+  EXPECT_EQ(failure.status, QueryStatus::DEGENERATE_BASELINE);
+  EXPECT_THAT(failure.frames, testing::ElementsAre(1));
+  EXPECT_THAT(failure.reason, HasSubstr("open along"));
+  ASSERT_EQ(failure.partial_poses.count(1), 1u);
+  EXPECT_EQ(failure.partial_poses.size(), 1u);
+  EXPECT_EQ(failure.partial_poses.at(1).cam_from_world_rotation.coeffs(), truth.rotation.coeffs());
+  LocalizerOptions options;
+  options.max_position_stddev_ratio = 1;
+  EXPECT_EQ(input->Estimate(options).size(), 2u);
+}
+
+TEST(EstimateUncertainties, BearingIsThatOfTheBestDatabaseImage) {
+  const auto input = MakeUncertaintyInput();
+  const Rigid3d truth = CamFromWorld(input->stages.truth, 0);
+  const int best = input->stages.layout.image_of_pair[0][3];
+  const Eigen::Vector3d offset = CamInWorld(truth) - CamInWorld(CamFromWorld(input->stages.truth, best));
+  input->SetCovariance(0, WeakAlong(offset, 2, truth));
+  const Failure failure = FailureOf([&] { input->Estimate(); });
+  ASSERT_EQ(failure.partial_poses.count(0), 1u);
+  ASSERT_TRUE(failure.partial_poses.at(0).bearing);
+  const Bearing& bearing = *failure.partial_poses.at(0).bearing;
+  EXPECT_EQ(bearing.database_name, "database103");
+  EXPECT_LE(AngleBetweenRad(bearing.dir_database_to_query_in_world, offset), 1e-9);
+  EXPECT_LE(bearing.stddev_rad, 1e-3);
+}
+
+TEST(EstimateUncertainties, OneDatabaseImageLeavesTheScaleOpen) {
+  const auto input = MakeUncertaintyInput(/*num_database_images=*/1);
+  const Rigid3d truth = CamFromWorld(input->stages.truth, 0);
+  input->SetCovariance(0, WeakAlong({0, 1, 0}, 2, truth));
+  const Failure failure = FailureOf([&] { input->Estimate(); });
+  EXPECT_EQ(failure.status, QueryStatus::SCALE_UNOBSERVABLE);
+  EXPECT_THAT(failure.reason, HasSubstr("one database position"));
 }
 
 }  // namespace

@@ -11,12 +11,13 @@
 namespace lazyloc {
 namespace {
 
-std::vector<LocalizationResult> Localize(const SyntheticGroup& scene) {
-  return LocalizeGroup(scene.group, LocalizerOptions());
+std::vector<LocalizationResult> Localize(const SyntheticGroup& scene, const LocalizerOptions& options = {}) {
+  return LocalizeGroup(scene.group, options);
 }
 
-void ExpectNearTruth(const SyntheticGroup& scene, double max_distance, double max_angle_deg) {
-  const std::vector<LocalizationResult> results = Localize(scene);
+void ExpectNearTruth(const SyntheticGroup& scene, double max_distance, double max_angle_deg,
+                     const LocalizerOptions& options = {}) {
+  const std::vector<LocalizationResult> results = Localize(scene, options);
   ASSERT_EQ(results.size(), scene.cam_from_world.size());
   for (size_t i = 0; i < results.size(); ++i) {
     EXPECT_EQ(results[i].query_name, scene.group.images[i].problem.query_name);
@@ -188,6 +189,43 @@ TEST(QueryGroup, TrajectoryWhoseScaleIsOpenFallsApart) {
   SyntheticGroup scene = MakeSyntheticGroup(options);
   scene.group.has_rig_scale = false;
   for (const LocalizationResult& result : Localize(scene)) EXPECT_EQ(result.status, QueryStatus::SCALE_UNOBSERVABLE);
+}
+
+// Makes a rig frame of each two database images.
+void MakeDatabaseRigs(SyntheticGroup* scene) {
+  for (QueryImage& query : scene->group.images) {
+    std::vector<ImagePair>& pairs = query.problem.pairs;
+    for (size_t i = 0; i < pairs.size(); ++i) pairs[i].database_frame_name = "frame" + std::to_string(i / 2);
+  }
+}
+
+TEST(QueryGroup, NoiseFreeIsExactWithSharedDatabaseFrames) {
+  LocalizerOptions sharing;
+  sharing.share_database_frames = true;
+  SyntheticGroupOptions options;
+  for (options.num_sensors = 1; options.num_sensors <= 3; ++options.num_sensors) {
+    for (options.num_frames = 1; options.num_frames <= 2; ++options.num_frames) {
+      SyntheticGroup scene = MakeSyntheticGroup(options);
+      MakeDatabaseRigs(&scene);
+      ExpectNearTruth(scene, 1e-7, 1e-6, sharing);
+    }
+  }
+}
+
+TEST(QueryGroup, SharedDatabaseFramesAreAsGoodAsLoneOnes) {
+  LocalizerOptions sharing;
+  sharing.share_database_frames = true;
+  SyntheticGroupOptions options;
+  options.pixel_noise_px = 1;
+  double shared_sum = 0, lone_sum = 0;
+  for (options.seed = 0; options.seed < 10; ++options.seed) {
+    SyntheticGroup scene = MakeSyntheticGroup(options);
+    MakeDatabaseRigs(&scene);
+    ExpectNearTruth(scene, 1e-2, 0.1, sharing);
+    shared_sum += SquaredErrorSum(scene, Localize(scene, sharing));
+    lone_sum += SquaredErrorSum(scene, Localize(scene));
+  }
+  EXPECT_LE(shared_sum, 1.05 * lone_sum);
 }
 
 TEST(QueryGroup, LoneImagesOfUnknownFocalLengthAndAblationsAreEachByThemselves) {

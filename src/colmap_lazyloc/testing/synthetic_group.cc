@@ -46,6 +46,7 @@ class GroupMaker {
     }
     for (int frame = 0; frame < options_.num_frames; ++frame) AddFrame(frame, cams_from_rig);
     if (options_.has_query_pairs) AddQueryPairs();
+    scene_.points_in_world = points_;
     return scene_;
   }
 

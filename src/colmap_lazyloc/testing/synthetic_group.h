@@ -25,6 +25,7 @@ struct SyntheticGroupOptions {
 struct SyntheticGroup {
   QueryGroup group;
   std::vector<Rigid3d> cam_from_world;  // true pose of each image
+  std::vector<Eigen::Vector3d> points_in_world;
 };
 
 SyntheticGroup MakeSyntheticGroup(const SyntheticGroupOptions& options);

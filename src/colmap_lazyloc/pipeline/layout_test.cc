@@ -1,0 +1,182 @@
+#include "colmap_lazyloc/pipeline/layout.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "colmap_lazyloc/pipeline/stages_test_input.h"
+
+namespace lazyloc {
+namespace {
+
+using ::testing::ElementsAre;
+
+SyntheticGroup MakeGroup(int num_frames, int num_sensors, int num_database_images) {
+  SyntheticGroupOptions options;
+  options.num_frames = num_frames;
+  options.num_sensors = num_sensors;
+  options.num_database_images = num_database_images;
+  return MakeSyntheticGroup(options);
+}
+
+// Moves a pose as given to the coordinates of the layout.
+Rigid3d Local(Rigid3d cam_from_world, const Layout& layout) {
+  cam_from_world.rotation.normalize();
+  cam_from_world.translation += cam_from_world.rotation * layout.origin;
+  return cam_from_world;
+}
+
+// Calls visit(image, pair) for all database images of a group.
+template <typename Visit>
+void VisitDatabaseImages(const QueryGroup& group, const Layout& layout, const Visit& visit) {
+  for (size_t query = 0; query < group.images.size(); ++query) {
+    const std::vector<ImagePair>& pairs = group.images[query].problem.pairs;
+    ASSERT_EQ(layout.image_of_pair[query].size(), pairs.size());
+    for (size_t i = 0; i < pairs.size(); ++i) visit(layout.image_of_pair[query][i], pairs[i]);
+  }
+}
+
+void NameDatabaseFrames(const std::vector<std::string>& names, QueryGroup* group) {
+  for (QueryImage& query : group->images) {
+    ASSERT_EQ(query.problem.pairs.size(), names.size());
+    for (size_t i = 0; i < names.size(); ++i) query.problem.pairs[i].database_frame_name = names[i];
+  }
+}
+
+LocalizerOptions Sharing() {
+  LocalizerOptions options;
+  options.share_database_frames = true;
+  return options;
+}
+
+TEST(MakeLayout, QueriesComeFirst) {
+  const Layout layout = MakeLayout(MakeGroup(2, 3, 4).group, {});
+  EXPECT_EQ(layout.num_queries, 6);
+  EXPECT_EQ(layout.num_query_frames, 2);
+  ASSERT_EQ(layout.given.images.size(), 6u + 2 * 4);
+  ASSERT_EQ(layout.names.size(), layout.given.images.size());
+  EXPECT_EQ(layout.given.frames.size(), 2u + 2 * 4);
+  EXPECT_THAT(layout.QueriesOf(0), ElementsAre(0, 1, 2));
+  EXPECT_THAT(layout.QueriesOf(1), ElementsAre(3, 4, 5));
+  EXPECT_EQ(layout.names[4], "query1-1");
+  EXPECT_EQ(layout.names[6], "database100");
+  for (int image = 0; image < static_cast<int>(layout.given.images.size()); ++image) {
+    EXPECT_EQ(layout.IsDatabase(image), image >= 6);
+    EXPECT_EQ(layout.given.IsDatabase(image), image >= 6);
+  }
+}
+
+TEST(MakeLayout, EachQueryFrameHasDatabaseFramesOfItsOwn) {
+  const SyntheticGroup scene = MakeGroup(2, 2, 3);
+  for (const bool share : {false, true}) {
+    LocalizerOptions options;
+    options.share_database_frames = share;
+    const Layout layout = MakeLayout(scene.group, options);
+    for (const int query : {0, 1}) EXPECT_THAT(layout.image_of_pair[query], ElementsAre(4, 5, 6));
+    for (const int query : {2, 3}) EXPECT_THAT(layout.image_of_pair[query], ElementsAre(7, 8, 9));
+    for (int image = 4; image < 7; ++image) {
+      EXPECT_NE(layout.FrameOf(image), layout.FrameOf(image + 3));
+      EXPECT_EQ(layout.names[image], layout.names[image + 3]);
+      ExpectSameBits(CamFromWorld(layout.given, image), CamFromWorld(layout.given, image + 3));
+    }
+  }
+}
+
+TEST(MakeLayout, FirstImageHasTheAxesOfItsFrame) {
+  SyntheticGroup scene = MakeGroup(2, 3, 2);
+  Random random(1);
+  const Rigid3d rig_from_other_rig{RandomRotation(&random), RandomVector(&random)};
+  for (QueryImage& query : scene.group.images) query.cam_from_rig = query.cam_from_rig * rig_from_other_rig;
+  const Layout layout = MakeLayout(scene.group, {});
+  for (int query = 0; query < layout.num_queries; ++query) {
+    const Image& image = layout.given.images[query];
+    const int first = layout.QueriesOf(image.frame).front();
+    EXPECT_EQ(HasFrameAxes(image), query == first);
+    const Rigid3d cam_from_world = CamFromWorld(image, scene.cam_from_world[first]);
+    EXPECT_LE(PositionError(cam_from_world, scene.cam_from_world[query]), 1e-12);
+    EXPECT_LE(RotationErrorDeg(cam_from_world, scene.cam_from_world[query]), 1e-5);
+  }
+}
+
+TEST(MakeLayout, OnlyFramesOfSeveralImagesHaveAFreeScale) {
+  for (const int num_sensors : {1, 2}) {
+    SyntheticGroup scene = MakeGroup(2, num_sensors, 2);
+    for (const bool has_rig_scale : {true, false}) {
+      scene.group.has_rig_scale = has_rig_scale;
+      for (const Frame& frame : MakeLayout(scene.group, {}).given.frames) {
+        EXPECT_EQ(frame.has_free_scale, !frame.is_database && num_sensors == 2 && !has_rig_scale);
+      }
+    }
+  }
+}
+
+TEST(MakeLayout, ImagesStartWithTheNoiseOfTheOptions) {
+  LocalizerOptions options;
+  options.start_noise_px = 7;
+  for (const Image& image : MakeLayout(MakeGroup(1, 2, 2).group, options).given.images) EXPECT_EQ(image.noise_px, 7);
+}
+
+// Doubles near 5.4e6 are 1e-9 apart.
+TEST(MakeLayout, OriginIsTheMeanOfTheDatabaseCentres) {
+  SyntheticSceneOptions options;
+  options.origin = {500000, 5400000, 300};
+  const QueryGroup group = LoneQuery(MakeSyntheticScene(options));
+  const Layout layout = MakeLayout(group, {});
+  Eigen::Vector3d sum = Eigen::Vector3d::Zero();
+  VisitDatabaseImages(group, layout, [&](int image, const ImagePair& pair) {
+    const Eigen::Vector3d centre = CamInWorld(CamFromWorld(layout.given, image));
+    EXPECT_LE((centre + layout.origin - CamInWorld(pair.database_cam_from_world)).norm(), 1e-7);
+    EXPECT_LE(centre.norm(), 20);
+    sum += centre;
+  });
+  EXPECT_LE(sum.norm(), 1e-6);
+}
+
+TEST(MakeLayout, DatabaseImagesAreLoneFramesWithoutTheOption) {
+  SyntheticGroup scene = MakeGroup(1, 2, 4);
+  NameDatabaseFrames({"a", "a", "b", "b"}, &scene.group);
+  const Layout layout = MakeLayout(scene.group, {});
+  VisitDatabaseImages(scene.group, layout, [&](int image, const ImagePair& pair) {
+    EXPECT_EQ(layout.FrameOf(image), image - 1);  // two queries, one frame
+    EXPECT_TRUE(HasFrameAxes(layout.given.images[image]));
+    ExpectSameBits(CamFromWorld(layout.given, image), Local(pair.database_cam_from_world, layout));
+  });
+}
+
+TEST(MakeLayout, NamedDatabaseImagesShareAFrame) {
+  SyntheticGroup scene = MakeGroup(2, 1, 5);
+  NameDatabaseFrames({"a", "", "b", "a", ""}, &scene.group);
+  const Layout layout = MakeLayout(scene.group, Sharing());
+  ASSERT_EQ(layout.given.frames.size(), 2u + 2 * 4);
+  std::vector<int> frames;
+  for (const int image : layout.image_of_pair[0]) frames.push_back(layout.FrameOf(image));
+  EXPECT_THAT(frames, ElementsAre(2, 3, 4, 2, 5));
+  frames.clear();
+  for (const int image : layout.image_of_pair[1]) frames.push_back(layout.FrameOf(image));
+  EXPECT_THAT(frames, ElementsAre(6, 7, 8, 6, 9));
+  VisitDatabaseImages(scene.group, layout, [&](int image, const ImagePair& pair) {
+    const Rigid3d shared = CamFromWorld(layout.given, image), given = Local(pair.database_cam_from_world, layout);
+    EXPECT_LE((shared.rotation.toRotationMatrix() - given.rotation.toRotationMatrix()).norm(), 1e-12);
+    EXPECT_LE((shared.translation - given.translation).norm(), 1e-12);
+    if (HasFrameAxes(layout.given.images[image])) ExpectSameBits(shared, given);
+  });
+}
+
+TEST(MakeLayout, UnnamedDatabaseImagesKeepTheirBitsWithTheOption) {
+  const SyntheticGroup scene = MakeGroup(1, 2, 4);
+  const Layout alone = MakeLayout(scene.group, {}), shared = MakeLayout(scene.group, Sharing());
+  ExpectSameDatabasePoses(alone.given, shared.given);
+  EXPECT_EQ(alone.image_of_pair, shared.image_of_pair);
+}
+
+TEST(TracksByFrame, EachFrameHasATrackOnce) {
+  const Layout layout = MakeLayout(MakeGroup(2, 2, 2).group, {});  // queries 0 1 | 2 3, database images 4 and above
+  std::vector<Track> tracks(3);
+  for (const int image : {0, 1, 4, 5}) tracks[0].observations.push_back({image, 0, {}});
+  for (const int image : {1, 2, 3, 4}) tracks[1].observations.push_back({image, 1, {}});
+  for (const int image : {3, 6, 7}) tracks[2].observations.push_back({image, 2, {}});
+  EXPECT_THAT(TracksByFrame(layout, tracks),
+              ElementsAre(ElementsAre(&tracks[0], &tracks[1]), ElementsAre(&tracks[1], &tracks[2])));
+}
+
+}  // namespace
+}  // namespace lazyloc

@@ -1,0 +1,210 @@
+#include "colmap_lazyloc/pipeline/refinement_rounds.h"
+
+#include <cmath>
+#include <utility>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "colmap_lazyloc/bridge/camera_models.h"
+#include "colmap_lazyloc/bridge/observation.h"
+#include "colmap_lazyloc/pipeline/stages_test_input.h"
+
+namespace lazyloc {
+namespace {
+
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+
+constexpr int kNumPoints = 60;
+
+SyntheticGroupOptions Group(int num_frames, int num_sensors, double pixel_noise_px = 0) {
+  SyntheticGroupOptions options;
+  options.num_frames = num_frames;
+  options.num_sensors = num_sensors;
+  options.num_points = kNumPoints;
+  options.pixel_noise_px = pixel_noise_px;
+  return options;
+}
+
+// Returns the truth with query frames that are off by half a degree and 0.05, which is about 10 px.
+PosedImages DisturbedStart(const StageInput& input) {
+  Random random(2);
+  PosedImages start = input.truth;
+  for (Frame& frame : start.frames) {
+    if (!frame.is_database) frame.frame_from_world = DisturbedPose(frame.frame_from_world, 0.5, 0.05, &random);
+  }
+  return start;
+}
+
+Refined RefineFrom(const PosedImages& start, const StageInput& input, const LocalizerOptions& options = {},
+                   QueryCamera* camera = nullptr) {
+  StageTimer::Seconds seconds;
+  return Refine(input.layout, start, {input.tracks, {}}, {input.tracks, input.tracks}, options, &seconds, camera);
+}
+
+// Displaces the observation of a track's query.
+void DisplaceQuery(double offset_px, const SyntheticGroup& scene, Track* track) {
+  TrackObservation& query = track->observations.front();
+  const LocalizationProblem& problem = scene.group.images[query.image].problem;
+  const Eigen::Vector2d xy = problem.query_keypoints[query.keypoint] + Eigen::Vector2d(offset_px, 0);
+  query.observation = *Observer(problem.query_camera)(xy);
+}
+
+struct GroupSize {
+  int num_frames, num_sensors;
+};
+
+class GroupsToRefine : public testing::TestWithParam<GroupSize> {};
+
+TEST_P(GroupsToRefine, ConvergesToTheTruth) {
+  const StageInput input = MakeStageInput(MakeSyntheticGroup(Group(GetParam().num_frames, GetParam().num_sensors)));
+  const Refined refined = RefineFrom(DisturbedStart(input), input);
+  ExpectNear(refined.adjustment.posed, input.truth, 1e-6, 1e-5);
+  EXPECT_EQ(refined.adjustment.tracks.size(), input.tracks.size());
+  ASSERT_EQ(refined.rig_errors_px.size(), static_cast<size_t>(input.layout.num_queries));
+  for (const std::optional<double>& error_px : refined.rig_errors_px) {
+    ASSERT_EQ(error_px.has_value(), GetParam().num_sensors > 1);
+    EXPECT_LE(error_px.value_or(0), 0.01);
+  }
+}
+
+TEST_P(GroupsToRefine, StaysNearTheTruthWithNoise) {
+  const StageInput input = MakeStageInput(MakeSyntheticGroup(Group(GetParam().num_frames, GetParam().num_sensors, 1)));
+  ExpectNear(RefineFrom(DisturbedStart(input), input).adjustment.posed, input.truth, 0.02, 0.2);
+}
+
+INSTANTIATE_TEST_SUITE_P(Refine, GroupsToRefine,
+                         testing::Values(GroupSize{1, 1}, GroupSize{1, 3}, GroupSize{3, 1}, GroupSize{2, 2}));
+
+TEST(Refine, EitherTriangulationGivesTheSamePose) {
+  const StageInput input = MakeStageInput(MakeSyntheticGroup(Group(1, 1, 1)));
+  LocalizerOptions options;
+  const PosedImages rays = RefineFrom(DisturbedStart(input), input, options).adjustment.posed;
+  options.triangulation.method = TriangulationMethod::COLMAP;
+  const PosedImages colmap = RefineFrom(DisturbedStart(input), input, options).adjustment.posed;
+  ExpectNear({{colmap.images[0]}, colmap.frames}, {{rays.images[0]}, rays.frames}, 5e-3, 0.05);
+  ExpectNear(colmap, input.truth, 0.02, 0.2);
+}
+
+TEST(Refine, DatabasePosesOfTheLayoutAreTheCentresOfThePriors) {
+  const StageInput input = MakeStageInput(MakeSyntheticGroup(Group(1, 1, 1)));
+  const PosedImages given = input.layout.given;
+  const PosedImages posed = RefineFrom(DisturbedStart(input), input).adjustment.posed;
+  ExpectSameDatabasePoses(input.layout.given, given);
+  for (size_t i = 1; i < posed.frames.size(); ++i) {
+    ASSERT_TRUE(posed.frames[i].prior);
+    ExpectSameBits(posed.frames[i].prior->frame_from_world, given.frames[i].frame_from_world);
+    EXPECT_NE(posed.frames[i].frame_from_world.translation, given.frames[i].frame_from_world.translation);
+  }
+}
+
+TEST(Refine, ExactDatabasePosesKeepTheirBits) {
+  const StageInput input = MakeStageInput(MakeSyntheticGroup(Group(1, 2, 1)));
+  LocalizerOptions options;
+  options.database_pose_stddev_deg = options.database_pose_stddev_length = 0;
+  const PosedImages posed = RefineFrom(DisturbedStart(input), input, options).adjustment.posed;
+  ExpectSameDatabasePoses(posed, input.layout.given);
+  ExpectNear(posed, input.truth, 0.02, 0.2);
+}
+
+TEST(Refine, StatedPriorsAreUsed) {
+  const StageInput input = MakeStageInput(MakeSyntheticGroup(Group(1, 1, 1)));
+  LocalizerOptions options;
+  options.database_pose_stddev_deg = 0.5;
+  options.database_pose_stddev_length = 0.02;
+  const PosedImages posed = RefineFrom(DisturbedStart(input), input, options).adjustment.posed;
+  for (size_t i = 1; i < posed.frames.size(); ++i) {
+    ASSERT_TRUE(posed.frames[i].prior);
+    EXPECT_NEAR(posed.frames[i].prior->rotation_stddev_rad, 0.5 * M_PI / 180, 1e-12);
+    EXPECT_EQ(posed.frames[i].prior->position_stddev, 0.02);
+  }
+}
+
+TEST(Refine, ImagesOfASharedDatabaseFrameMoveTogether) {
+  SyntheticGroup scene = MakeSyntheticGroup(Group(1, 1, 0.5));
+  std::vector<ImagePair>& pairs = scene.group.images[0].problem.pairs;
+  for (size_t i = 0; i < pairs.size(); ++i) pairs[i].database_frame_name = "rig" + std::to_string(i / 2);
+  LocalizerOptions sharing;
+  sharing.share_database_frames = true;
+  const StageInput input = MakeStageInput(scene, sharing);
+  const PosedImages posed = RefineFrom(DisturbedStart(input), input, sharing).adjustment.posed;
+  ASSERT_EQ(posed.frames.size(), 1u + pairs.size() / 2);
+  for (size_t i = 1; i < posed.frames.size(); ++i) {
+    EXPECT_NE(posed.frames[i].frame_from_world.translation, input.truth.frames[i].frame_from_world.translation);
+  }
+  for (size_t i = 0; i < posed.images.size(); ++i) {
+    ExpectSameBits(posed.images[i].cam_from_frame, input.layout.given.images[i].cam_from_frame);
+  }
+  ExpectNear(posed, input.truth, 0.02, 0.2);
+}
+
+TEST(Refine, TracksThatDisagreeAreRemoved) {
+  const SyntheticGroup scene = MakeSyntheticGroup(Group(1, 1, 0.5));
+  StageInput input = MakeStageInput(scene);
+  for (int i = 0; i < 5; ++i) DisplaceQuery(i == 0 ? 20 : 200, scene, &input.tracks[10 * i]);
+  const Refined refined = RefineFrom(DisturbedStart(input), input);
+  for (const Track& track : refined.adjustment.tracks) {
+    const int keypoint = track.observations.front().keypoint;
+    EXPECT_FALSE(keypoint % 10 == 0 && keypoint < 50) << keypoint;
+  }
+  EXPECT_GE(refined.adjustment.tracks.size(), 0.9 * (kNumPoints - 5));
+  ExpectNear(refined.adjustment.posed, input.truth, 0.02, 0.2);
+}
+
+TEST(Refine, FramesWithTooFewTracksAreNamed) {
+  StageInput input = MakeStageInput(MakeSyntheticGroup(Group(3, 1)));
+  input.tracks.erase(input.tracks.begin() + kNumPoints + 5, input.tracks.begin() + 2 * kNumPoints);
+  const Failure failure = FailureOf([&] { RefineFrom(input.truth, input); });
+  EXPECT_EQ(failure.status, QueryStatus::TOO_FEW_TRACKS);
+  EXPECT_THAT(failure.frames, ElementsAre(1));
+  EXPECT_THAT(failure.reason, HasSubstr("5 of 125 tracks"));
+}
+
+TEST(Refine, TracksThatNoStartFitsAreTooFew) {
+  const StageInput input = MakeStageInput(MakeSyntheticGroup(Group(1, 1)));
+  Random random(1);
+  PosedImages start = input.truth;
+  start.frames[0].frame_from_world = DisturbedPose(start.frames[0].frame_from_world, 20, 0, &random);
+  const Failure failure = FailureOf([&] { RefineFrom(start, input); });
+  EXPECT_EQ(failure.status, QueryStatus::TOO_FEW_TRACKS);
+}
+
+TEST(Refine, WrongCalibrationIsNamed) {
+  SyntheticGroupOptions options = Group(1, 3, 0.5);
+  options.calibration_error_deg = 10;
+  const StageInput input = MakeStageInput(MakeSyntheticGroup(options));
+  const Failure failure = FailureOf([&] { RefineFrom(input.truth, input); });
+  EXPECT_EQ(failure.status, QueryStatus::INCONSISTENT_RIG);
+  EXPECT_THAT(failure.reason, HasSubstr("query0-2"));
+}
+
+TEST(Refine, ScaleOfAFrameIsFound) {
+  SyntheticGroup scene = MakeSyntheticGroup(Group(1, 4));
+  for (QueryImage& image : scene.group.images) image.cam_from_rig.translation /= 1.05;
+  scene.group.has_rig_scale = false;
+  const StageInput input = MakeStageInput(scene);
+  const PosedImages posed = RefineFrom(DisturbedStart(input), input).adjustment.posed;
+  EXPECT_NEAR(posed.frames[0].scale, 1.05, 1e-5);
+  for (int query = 0; query < 4; ++query) {
+    const Rigid3d pose = CamFromWorld(posed, query);
+    EXPECT_LE((CamInWorld(pose) + input.layout.origin - CamInWorld(scene.cam_from_world[query])).norm(), 1e-5);
+  }
+}
+
+TEST(Refine, FocalLengthOfTheCameraIsFound) {
+  SyntheticGroup scene = MakeSyntheticGroup(Group(1, 1));
+  StageInput input = MakeStageInput(scene);
+  LocalizationProblem problem = scene.group.images[0].problem;
+  problem.query_camera = WithFocalFactor(problem.query_camera, 1.02);
+  QueryCamera camera(problem);
+  input.tracks = camera.Observe(input.tracks);
+  PosedImages start = DisturbedStart(input);
+  start.images[0].log_focal_factor = 0;
+  const Refined refined = RefineFrom(start, input, {}, &camera);
+  EXPECT_NEAR(camera.Intrinsics().params[0], 800, 1e-3);
+  ExpectNear(refined.adjustment.posed, input.truth, 1e-5, 1e-4);
+}
+
+}  // namespace
+}  // namespace lazyloc

@@ -1,0 +1,54 @@
+#pragma once
+
+#include <vector>
+
+#include <gtest/gtest.h>
+
+#include "colmap_lazyloc/pipeline/failure.h"
+#include "colmap_lazyloc/pipeline/layout.h"
+#include "colmap_lazyloc/scene/pair_geometry.h"
+#include "colmap_lazyloc/structure/track_triangulation.h"
+#include "colmap_lazyloc/testing/synthetic_group.h"
+
+namespace lazyloc {
+
+// What the stages take, made from the truth of a synthetic group without running a stage before.
+struct StageInput {
+  Layout layout;
+  PosedImages truth;                // the layout's images and frames, query frames with their true poses
+  std::vector<PairGeometry> pairs;  // stored relative poses and matches
+  // For each query and point one track, observed by the query and its database images, with the true point.
+  std::vector<Track> tracks;
+};
+
+StageInput MakeStageInput(const SyntheticGroup& scene, const LocalizerOptions& options = {});
+
+// Returns a scene's query as a group of its own.
+QueryGroup LoneQuery(const SyntheticScene& scene);
+
+// Returns the failure that a stage throws; expects it to throw one.
+template <typename Stage>
+Failure FailureOf(const Stage& stage) {
+  try {
+    stage();
+  } catch (const Failure& failure) {
+    return failure;
+  }
+  ADD_FAILURE() << "the stage throws no failure";
+  return {QueryStatus::LOCALIZED, ""};
+}
+
+PairRefs Refs(const std::vector<PairGeometry>& pairs);
+TrackRefs Refs(const std::vector<Track>& tracks);
+
+// Moves a frame's pose by an angle and a distance in random directions.
+Rigid3d DisturbedPose(const Rigid3d& frame_from_world, double angle_deg, double distance, Random* random);
+
+// Expect equal bits of two poses, and of the poses of all database frames.
+void ExpectSameBits(const Rigid3d& a, const Rigid3d& b);
+void ExpectSameDatabasePoses(const PosedImages& a, const PosedImages& b);
+
+// Expects the poses of all images to be within the bounds of the truth.
+void ExpectNear(const PosedImages& posed, const PosedImages& truth, double max_distance, double max_angle_deg);
+
+}  // namespace lazyloc
