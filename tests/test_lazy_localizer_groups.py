@@ -1,6 +1,8 @@
 """Several queries at once: joint groups, camera rigs, trajectories."""
 
+import contextlib
 import json
+import sqlite3
 
 import numpy as np
 import pytest
@@ -39,6 +41,23 @@ def test_joint_group_is_exact(localize, exact):
     run = localize(*exact.arguments, "--LazyLocalizer.group_size", 3)
     run.assert_localized(exact.scene, exact.scene.query_names, *MAX_ERRORS)
     assert all(result["frame"] is None for result in run.results.values())
+
+
+def test_query_without_keypoints_does_not_end_the_run_of_its_group(localize, tmp_path):
+    scene = synthetic.make_scene(synthetic.arc(8), synthetic.arc(3, radius=5, height=-0.7), database_pairs=True)
+    synthetic.write_model(tmp_path / "model", scene)
+    synthetic.write_database(tmp_path / "database.db", scene)
+    broken = scene.query_names[1]
+    with contextlib.closing(sqlite3.connect(tmp_path / "database.db")) as connection:
+        connection.execute(
+            "DELETE FROM keypoints WHERE image_id = (SELECT image_id FROM images WHERE name = ?)", [broken]
+        )
+        connection.commit()
+    arguments = ["--database_path", tmp_path / "database.db", "--input_path", tmp_path / "model"]
+    run = localize(*arguments, "--LazyLocalizer.group_size", 3)
+    assert run.exit_code == 0, run.stderr
+    assert run.results[broken]["status"] == "NO_FEATURES"
+    run.assert_localized(scene, [name for name in scene.query_names if name != broken], *MAX_ERRORS)
 
 
 def test_group_list_is_the_group_size(localize, noisy, tmp_path):

@@ -145,7 +145,8 @@ void PairLoader::LoadQueryPairs(const DatabaseReader& database, QueryGroup* grou
   for (int query_index = 0; query_index < static_cast<int>(group->images.size()); ++query_index) {
     const LocalizationProblem& problem = group->images[query_index].problem;
     const StoredQuery* query = selection_.FindStoredQuery(problem.query_name);
-    if (query == nullptr) continue;  // a photo
+    // Skips photos, and queries without keypoints, because their matches name keypoints that do not exist.
+    if (query == nullptr || problem.query_keypoints.empty()) continue;
     std::set<int> others;
     for (const uint32_t image_id : PairedImageIds(*query, database)) {
       const auto other = earlier_queries.find(image_id);

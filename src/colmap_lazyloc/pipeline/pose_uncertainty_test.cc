@@ -242,7 +242,7 @@ struct UncertaintyInput {
   }
   double VarianceFactor() const {
     return lazyloc::VarianceFactor(refined.adjustment.posed, refined.adjustment.tracks,
-                                   LocalizerOptions().bundle_adjustment.loss_scale_sigma);
+                                   RobustLoss(LocalizerOptions().bundle_adjustment.loss_scale_sigma));
   }
   void SetCovariance(int query, const Eigen::Matrix<double, 6, 6>& covariance) {
     refined.adjustment.frame_covariances[query] = refined.adjustment.image_covariances[query] = covariance;
