@@ -79,7 +79,7 @@ TEST(CheckRigs, TooFewPointsProveNothing) {
   EXPECT_FALSE(CheckRigs(input.layout, input.truth, input.tracks, {})[1].has_value());
 }
 
-// Points that fit no pose of the image are no sign of a wrong calibration.
+// Displaces all points of an image: they fit no pose of it, so that the calibration is not to blame.
 TEST(CheckRigs, WrongPointsProveNothing) {
   StageInput input = MakeInput(Rig(1, 2));
   Random random(1);
