@@ -20,7 +20,7 @@ LocalizerOptions Seeking() {
   return options;
 }
 
-// A scene whose query camera claims a focal length off by the factor.
+// Makes a scene whose query camera claims a focal length that is off by the factor.
 SyntheticScene MakeScene(const SyntheticSceneOptions& options, double factor) {
   SyntheticScene scene = MakeSyntheticScene(options);
   scene.problem.query_camera = WithFocalFactor(scene.problem.query_camera, factor);
@@ -49,7 +49,7 @@ TEST_P(Factors, NoiseFreeIsExact) {
   }
 }
 
-// Relative poses are as wrong as the focal length that they would have been estimated with; matches have outliers.
+// Checks with relative poses that are as wrong as the focal length that COLMAP would have estimated them with.
 TEST_P(Factors, IsFoundWithNoiseAndOutliers) {
   SyntheticSceneOptions options;
   options.num_database_images = 15;
@@ -99,8 +99,8 @@ TEST(FocalLength, PriorOneStaysToTheBit) {
 }
 
 TEST(FocalLength, CovarianceMatchesTheErrorsSpread) {
-  // As with a known focal length: the squared error normalised by its covariance averages 6, here with a standard
-  // deviation of sqrt(12 / 20) = 0.77 on the mean.
+  // Expects 6, the degrees of freedom, as the mean of the squared errors normalised by their covariances. The standard
+  // deviation of the mean is sqrt(12 / 20) = 0.77.
   SyntheticSceneOptions options;
   options.pixel_noise_px = 1;
   double sum = 0;
@@ -120,8 +120,8 @@ TEST(FocalLength, CovarianceMatchesTheErrorsSpread) {
   EXPECT_LT(sum / num_trials, 9);
 }
 
-// The image points of a plane that faces the query fit any focal length at a fitting distance.
-TEST(FocalLength, FrontoParallelPlaneLeavesTheDistanceOpen) {
+// Uses a plane that faces the query, because its image fits any focal length at some distance.
+TEST(FocalLength, FrontoParallelPlaneLeavesTheDistanceUnobservable) {
   SyntheticScene scene = MakeSyntheticScene({});
   Random random(1);
   scene.query_cam_from_world = LookAt({0, 0, -8}, {0, 0, 100});
@@ -160,7 +160,7 @@ SyntheticGroup LoneQueryOfGroup() {
   return MakeSyntheticGroup(options);
 }
 
-// Neighbours in the grid of focal lengths differ by 8 %.
+// Allows an error of 8 %, because neighbours in the grid of focal lengths differ by that.
 TEST(ChooseFocalLengthAndPose, NearestOfTheGridIsFound) {
   const SyntheticGroup scene = LoneQueryOfGroup();
   const StageInput input = MakeStageInput(scene);

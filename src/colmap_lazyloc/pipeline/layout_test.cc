@@ -115,7 +115,7 @@ TEST(MakeLayout, ImagesStartWithTheNoiseOfTheOptions) {
   for (const Image& image : MakeLayout(MakeGroup(1, 2, 2).group, options).given.images) EXPECT_EQ(image.noise_px, 7);
 }
 
-// Doubles near 5.4e6 are 1e-9 apart.
+// Allows errors of 1e-7, because doubles near 5.4e6 are 1e-9 apart.
 TEST(MakeLayout, OriginIsTheMeanOfTheDatabaseCentres) {
   SyntheticSceneOptions options;
   options.origin = {500000, 5400000, 300};

@@ -31,8 +31,8 @@ INSTANTIATE_TEST_SUITE_P(LazyLocalizer, Layouts,
                          testing::Values(SceneLayout::RING, SceneLayout::LINE, SceneLayout::LINE_ON_LINE,
                                          SceneLayout::FORWARD, SceneLayout::SAME_PLACE));
 
-// With 40 % gross outlier pairs, 10 % wrong matches, 1 deg and 1 px of noise: 200 points of 1 px seen by 12 good images
-// let one expect about 0.1 % of the depth; the bound is five times that.
+// Uses 40 % gross outlier pairs, 10 % false matches, and noise of 1 deg and 1 px. The expected error is about 0.1 % of
+// the depth, with 200 points in 12 good images; the bound is five times that.
 TEST(LazyLocalizer, WithNoiseAndOutliers) {
   SyntheticSceneOptions options;
   options.num_database_images = 20;
@@ -115,7 +115,7 @@ TEST(LazyLocalizer, ReportsPairsAndPoints) {
 
 class PostOptimizations : public testing::TestWithParam<PostOptimization> {};
 
-// Noise-free, each of them is exact; with noise, the points make the difference.
+// Checks that every method is exact without noise; only with noise do points improve the pose.
 TEST_P(PostOptimizations, NoiseFreeIsExact) {
   const SyntheticScene scene = MakeSyntheticScene({});
   LocalizerOptions options;
@@ -141,7 +141,7 @@ TEST_P(PostOptimizations, NoneIsBetterThanTracks) {
     options.post_optimization = PostOptimization::TRACKS;
     tracks_sum += PositionError(LocalizeQuery(scene.problem, options).cam_from_world, scene.query_cam_from_world);
   }
-  EXPECT_LE(tracks_sum, 1.2 * sum);  // where every view sees every point, Sampson's error says nearly as much
+  EXPECT_LE(tracks_sum, 1.2 * sum);  // Sampson's error is nearly as good if every image observes every point
 }
 
 INSTANTIATE_TEST_SUITE_P(LazyLocalizer, PostOptimizations,
@@ -168,10 +168,10 @@ INSTANTIATE_TEST_SUITE_P(LazyLocalizer, Starts,
                          testing::Values(StartPose::BEST, StartPose::MOTION_AVERAGING, StartPose::ABSOLUTE_POSE,
                                          StartPose::GENERALIZED_RELATIVE_POSE));
 
-TEST(LazyLocalizer, AbsolutePoseStandsWhereRotationsContradictEachOther) {
+TEST(LazyLocalizer, AbsolutePoseIsUsedIfRotationsContradictEachOther) {
   SyntheticScene scene = MakeSyntheticScene({});
   Random random(7);
-  for (ImagePair& pair : scene.problem.pairs) {  // right matches under wrong relative poses
+  for (ImagePair& pair : scene.problem.pairs) {  // right matches, but wrong relative poses
     pair.geometry->query_from_other->rotation = RandomRotation(&random);
   }
   const LocalizationResult result = Localize(scene);
@@ -204,7 +204,8 @@ TEST(LazyLocalizer, DatabasePosesThatAreOffAreCorrectedForTheQuery) {
   EXPECT_LE(estimated_sum, 0.95 * exact_sum);
 }
 
-// Database images of one rig share one error, so that one pose for both is at least as good as a pose for each.
+// Moves the images of a database frame together, so that one correction for the frame is at least as good as one for
+// each image.
 TEST(LazyLocalizer, SharedDatabaseFramesAreAsGoodAsLoneOnes) {
   SyntheticSceneOptions scene_options;
   scene_options.num_database_images = 8;
@@ -261,7 +262,7 @@ TEST(LazyLocalizer, ContradictingPairsAreReported) {
   EXPECT_EQ(Localize(MakeSyntheticScene(options)).status, QueryStatus::INCONSISTENT_ROTATIONS);
 }
 
-TEST(LazyLocalizer, OnePairLeavesScaleOpen) {
+TEST(LazyLocalizer, OnePairLeavesScaleUnobservable) {
   SyntheticSceneOptions options;
   options.num_database_images = 1;
   for (options.pixel_noise_px = 0; options.pixel_noise_px < 3; ++options.pixel_noise_px) {
@@ -282,8 +283,8 @@ TEST(LazyLocalizer, PureRotationIsReported) {
 }
 
 TEST(LazyLocalizer, CovarianceMatchesTheErrorsSpread) {
-  // The squared error normalised by its covariance averages 6, its degrees of freedom; 40 trials of standard deviation
-  // sqrt(12 / 40) = 0.55 on the mean, and robust weights cost a little.
+  // Expects 6, the degrees of freedom, as the mean of the squared errors normalised by their covariances. The standard
+  // deviation of the mean is sqrt(12 / 40) = 0.55, and robust weights cost a little.
   SyntheticSceneOptions options;
   options.pixel_noise_px = 1;
   double sum = 0;

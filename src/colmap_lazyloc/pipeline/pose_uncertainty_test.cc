@@ -42,7 +42,7 @@ void DisturbDatabase(double noise_px, SyntheticScene* scene, Random* random) {
   }
 }
 
-// 108 queries: three layouts, few and many database images.
+// Appends the errors of 108 queries: three layouts with few and with many database images.
 void AppendErrors(double pixel_noise_px, double database_noise_px, const LocalizerOptions& localizer,
                   std::vector<double>* errors) {
   SyntheticSceneOptions options;
@@ -64,18 +64,19 @@ void AppendErrors(double pixel_noise_px, double database_noise_px, const Localiz
   }
 }
 
-// The value that a part of the errors lies below, over the value that it should be.
+// Returns the ratio of a quantile of the errors to that of the chi-square distribution.
 double QuantileRatio(std::vector<double> errors, const Quantile& quantile) {
   std::sort(errors.begin(), errors.end());
   return errors[static_cast<size_t>(quantile.fraction * static_cast<double>(errors.size()))] / quantile.value;
 }
 
-// A standard deviation that is wrong by a factor of 1.5 moves every quantile by 2.25. Of 324 queries, chance moves the
-// median by 5 % and the outer quantiles by 10 % (one standard deviation).
+// Detects standard deviations that are wrong by a factor of 1.5, because they move every quantile by a factor of 2.25.
+// Chance moves the median of 324 queries by 5 % and the outer quantiles by 10 % (one standard deviation).
 TEST(EstimateCovariance, NormalizedErrorsAreChiSquareDistributed) {
   LocalizerOptions localizer;
   localizer.database_pose_stddev_deg = localizer.database_pose_stddev_length = 0;
-  // All matches are right. The bound on false ones would also drop right ones, by their distance from an earlier pose.
+  // Keeps all matches, because all are right. The usual bound would also drop some of them: those that are far from an
+  // earlier pose.
   localizer.triangulation.max_query_error_sigma = 50;
   std::vector<double> errors;
   for (const double noise_px : {0.3, 1.0, 2.0}) AppendErrors(noise_px, 0, localizer, &errors);
@@ -86,8 +87,8 @@ TEST(EstimateCovariance, NormalizedErrorsAreChiSquareDistributed) {
   }
 }
 
-// Without the part of the database's noise, the median of the squared errors would be twelve times what it should be.
-// What remains is noise that three images do not show.
+// Checks the part of the covariance that is due to the database's noise: without it the median of the squared errors
+// would be twelve times too large. The bound is above 1, because the noise of only three images is hard to estimate.
 TEST(EstimateCovariance, NoiseOfTheDatabaseIsPartOfTheCovariance) {
   std::vector<double> errors;
   AppendErrors(1, 1, LocalizerOptions(), &errors);
@@ -96,8 +97,8 @@ TEST(EstimateCovariance, NoiseOfTheDatabaseIsPartOfTheCovariance) {
   EXPECT_LT(QuantileRatio(errors, kQuantiles[2]), 4);
 }
 
-// What the query's own point sees alone: each point is left to one database image, in turn.
-void SplitTracks(SyntheticScene* scene) {
+// Leaves each point a match with one database image, in turn.
+void LeaveOneMatchPerPoint(SyntheticScene* scene) {
   const size_t num_pairs = scene->problem.pairs.size();
   for (size_t i = 0; i < num_pairs; ++i) {
     Matches kept;
@@ -122,12 +123,12 @@ double BearingErrorRad(const Bearing& bearing, const SyntheticScene& scene) {
     return AngleBetweenRad(bearing.dir_database_to_query_in_world,
                            CamInWorld(scene.query_cam_from_world) - CamInWorld(pair.database_cam_from_world));
   }
-  ADD_FAILURE() << bearing.database_name << " is no database image";
+  ADD_FAILURE() << bearing.database_name << " is not a database image";
   return 0;
 }
 
-// Rotation and bearing within four of their standard deviations, which are those of half a pixel at 900 px on 200
-// points.
+// Expects rotation and bearing within four standard deviations of the truth, and standard deviations as half a pixel of
+// noise at a focal length of 900 px gives with 200 points.
 void ExpectTruePartialPose(const LocalizationResult& result, const SyntheticScene& scene) {
   ASSERT_TRUE(result.partial_pose && result.partial_pose->bearing && result.partial_pose->rotation_stddev_rad);
   const PartialPose& partial = *result.partial_pose;
@@ -174,7 +175,7 @@ TEST(EstimateCovariance, SeveralDatabasePositionsBeforeAPlaneSuffice) {
 
 TEST(EstimateCovariance, LineOfPlacesWithoutCommonPointsIsNamed) {
   SyntheticScene scene = MakeSyntheticScene(Noisy(SceneLayout::LINE_ON_LINE, 7));
-  SplitTracks(&scene);
+  LeaveOneMatchPerPoint(&scene);
   const LocalizationResult result = LocalizeQuery(scene.problem, {});
   ASSERT_EQ(result.status, QueryStatus::DEGENERATE_BASELINE) << result.reason;
   EXPECT_THAT(result.reason, HasSubstr("on one line"));
@@ -211,8 +212,8 @@ TEST(EstimateCovariance, TheWeakestDirectionIsNamed) {
   ExpectTruePartialPose(open, scene);
 }
 
-// The squared error along the weakest direction, over the variance there, averages 1: of 60 queries within 0.18 (one
-// standard deviation).
+// Expects 1 as the mean of the squared errors along the weakest direction over the variance there. The standard
+// deviation of the mean of 60 queries is 0.18.
 TEST(EstimateCovariance, PositionStddevsAreThoseOfTheErrors) {
   SyntheticSceneOptions options = Noisy(SceneLayout::RING, 4);
   options.origin = {500000, 5400000, 300};
@@ -299,7 +300,8 @@ TEST(EstimateUncertainties, CovarianceIsThatOfTheDatabasesCoordinates) {
   }
 }
 
-// A fit of the priors that is k times as bad as stated adds their part k - v times, v being the images' factor.
+// Checks that the part of the priors is added k - v times, if their variance is k times what they state and v is the
+// variance factor of the image points.
 TEST(EstimateUncertainties, NoiseOfPriorsThatWereTooTightIsAdded) {
   const auto input = MakeUncertaintyInput();
   input->stages.layout.origin.setZero();
@@ -366,7 +368,7 @@ TEST(EstimateUncertainties, BearingIsThatOfTheBestDatabaseImage) {
   EXPECT_LE(bearing.stddev_rad, 1e-3);
 }
 
-TEST(EstimateUncertainties, OneDatabaseImageLeavesTheScaleOpen) {
+TEST(EstimateUncertainties, OneDatabaseImageLeavesTheScaleUnobservable) {
   const auto input = MakeUncertaintyInput(/*num_database_images=*/1);
   const Rigid3d truth = CamFromWorld(input->stages.truth, 0);
   input->SetCovariance(0, WeakAlong({0, 1, 0}, 2, truth));

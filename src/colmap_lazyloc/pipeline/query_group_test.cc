@@ -59,7 +59,7 @@ TEST(QueryGroup, NoiseFreeJointQueriesAreExact) {
   ExpectNearTruth(MakeSyntheticGroup(options), 1e-7, 1e-6);
 }
 
-// 150 points of 1 px at f = 800, 8 units away, let one expect about 2e-3; the bound is five times that.
+// Expects errors of about 2e-3, with 150 points of 1 px at f = 800 px, 8 units away; the bound is five times that.
 TEST(QueryGroup, RigsWithNoiseAndOutliers) {
   SyntheticGroupOptions options;
   options.pixel_noise_px = 1;
@@ -119,7 +119,7 @@ TEST(QueryGroup, OthersResolveTheScaleOfAQueryWithOneDatabaseImage) {
 }
 
 TEST(QueryGroup, CovarianceOfEachImageMatchesTheErrorsSpread) {
-  // The squared error normalised by its covariance averages 6; see the test of single queries.
+  // Expects 6 as the mean of the squared errors normalised by their covariances; see the test of single queries.
   SyntheticGroupOptions options;
   options.pixel_noise_px = 1;
   double sum = 0;
@@ -183,7 +183,7 @@ TEST(QueryGroup, ScaleOfATrajectoryIsFound) {
   }
 }
 
-TEST(QueryGroup, TrajectoryWhoseScaleIsOpenFallsApart) {
+TEST(QueryGroup, TrajectoryOfUnobservableScaleIsLocalizedImageByImage) {
   SyntheticGroupOptions options;
   options.num_database_images = 1;
   SyntheticGroup scene = MakeSyntheticGroup(options);
@@ -191,7 +191,7 @@ TEST(QueryGroup, TrajectoryWhoseScaleIsOpenFallsApart) {
   for (const LocalizationResult& result : Localize(scene)) EXPECT_EQ(result.status, QueryStatus::SCALE_UNOBSERVABLE);
 }
 
-// Makes a rig frame of each two database images.
+// Makes a rig frame of every two database images.
 void MakeDatabaseRigs(SyntheticGroup* scene) {
   for (QueryImage& query : scene->group.images) {
     std::vector<ImagePair>& pairs = query.problem.pairs;
@@ -228,7 +228,7 @@ TEST(QueryGroup, SharedDatabaseFramesAreAsGoodAsLoneOnes) {
   EXPECT_LE(shared_sum, 1.05 * lone_sum);
 }
 
-TEST(QueryGroup, LoneImagesOfUnknownFocalLengthAndAblationsAreEachByThemselves) {
+TEST(QueryGroup, LoneImagesOfUnknownFocalLengthAndAblationsAreLocalizedIndividually) {
   SyntheticGroupOptions options;
   options.pixel_noise_px = 1;
   options.num_frames = 3;
@@ -248,7 +248,7 @@ TEST(QueryGroup, LoneImagesOfUnknownFocalLengthAndAblationsAreEachByThemselves) 
   }
 }
 
-// Of 60 queries with their own database views, the reduced camera system is sparse.
+// Uses 60 queries with database images of their own, because their reduced camera system is sparse.
 TEST(QueryGroup, LongVideoIsExact) {
   SyntheticVideoOptions options;
   options.num_queries = 60;

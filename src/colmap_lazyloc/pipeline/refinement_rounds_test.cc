@@ -152,6 +152,18 @@ TEST(Refine, TracksThatDisagreeAreRemoved) {
   ExpectNear(refined.adjustment.posed, input.truth, 0.02, 0.2);
 }
 
+// Displaces a keypoint by less than the bound of the first round (32 px), but more than the final one (16 px).
+TEST(Refine, TracksThatDisagreeWithTheResultAreRemovedAfterTheLastRound) {
+  const SyntheticGroup scene = MakeSyntheticGroup(Group(1, 1));
+  StageInput input = MakeStageInput(scene);
+  DisplaceQuery(24, scene, &input.tracks[7]);
+  LocalizerOptions options;
+  options.num_refinement_rounds = 1;
+  const std::vector<Track> tracks = RefineFrom(input.truth, input, options).adjustment.tracks;
+  EXPECT_EQ(tracks.size(), input.tracks.size() - 1);
+  for (const Track& track : tracks) EXPECT_NE(track.observations.front().keypoint, 7);
+}
+
 TEST(Refine, FramesWithTooFewTracksAreNamed) {
   StageInput input = MakeStageInput(MakeSyntheticGroup(Group(3, 1)));
   input.tracks.erase(input.tracks.begin() + kNumPoints + 5, input.tracks.begin() + 2 * kNumPoints);

@@ -128,7 +128,7 @@ TEST(Report, PairErrorsAreThoseOfThePairsInUse) {
   EXPECT_TRUE(std::isnan(results[1].pairs[1].direction_error_deg)) << "the pair has no direction";
 }
 
-// Corrections of database poses are of no use to a reader of the result, who has the poses as given.
+// Checks that corrections of database poses do not count, because a reader of the result has the poses as given.
 TEST(Report, PointsHaveErrorsAgainstTheDatabaseAsGiven) {
   const SyntheticGroup scene = MakeGroup(1, 1);
   const StageInput input = MakeStageInput(scene);

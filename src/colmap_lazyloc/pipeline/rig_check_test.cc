@@ -73,13 +73,13 @@ TEST(CheckRigs, SmallErrorOfCalibrationIsAccepted) {
 TEST(CheckRigs, TooFewPointsProveNothing) {
   StageInput input = MakeInput(Rig(1, 2));
   Turn(1, &input.truth);
-  input.tracks.resize(60 + 11);  // 60 of image 0, 11 of image 1, where min_num_tracks is 6
+  input.tracks.resize(60 + 11);  // 60 of image 0, 11 of image 1: fewer than twice min_num_tracks
   EXPECT_GT(*CheckRigs(input.layout, input.truth, input.tracks, {})[1], 30);
   input.tracks.resize(60);
   EXPECT_FALSE(CheckRigs(input.layout, input.truth, input.tracks, {})[1].has_value());
 }
 
-// Points that fit no pose of the image are no sign of a wrong calibration.
+// Displaces all points of an image: they fit no pose of it, so that the calibration is not to blame.
 TEST(CheckRigs, WrongPointsProveNothing) {
   StageInput input = MakeInput(Rig(1, 2));
   Random random(1);

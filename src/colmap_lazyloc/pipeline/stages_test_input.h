@@ -17,7 +17,7 @@ struct StageInput {
   Layout layout;
   PosedImages truth;                // the layout's images and frames, query frames with their true poses
   std::vector<PairGeometry> pairs;  // stored relative poses and matches
-  // For each query and point one track, observed by the query and its database images, with the true point.
+  // One track for each query and point, observed by the query and its database images, with the true point.
   std::vector<Track> tracks;
 };
 

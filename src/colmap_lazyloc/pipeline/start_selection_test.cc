@@ -101,7 +101,7 @@ TEST(StartSelection, SameSeedSameResult) {
   }
 }
 
-// Input of ChooseStart: lone queries with averaged poses, and tracks by which they are judged.
+// Input of ChooseStart: averaged poses, and the tracks that judge them.
 struct ChoiceInput {
   StageInput stages;
   Averaged averaged;
@@ -142,7 +142,8 @@ TEST(ChooseStart, AbsolutePoseReplacesAWrongAverage) {
   }
 }
 
-// Points that are displaced together give a wrong absolute pose; most tracks, of one database image, fit the average.
+// Displaces points together, so that they give a wrong absolute pose. Most tracks have one database image and fit the
+// averaged pose.
 TEST(ChooseStart, AverageIsKeptIfMoreTracksFitIt) {
   ChoiceInput input = MakeChoice(1);
   const size_t num_displaced = 35;
@@ -182,7 +183,7 @@ TEST(ChooseStart, AnotherStartReplacesAFailedAverage) {
   ExpectNear(start.posed, input.stages.truth, 1e-3, 0.01);
 }
 
-// Eight tracks score 8, of the 12 that a pose needs which motion averaging has not confirmed.
+// Uses eight tracks, whose score is at most 8; a pose that motion averaging has not confirmed needs 12.
 TEST(ChooseStart, FailureOfAveragingIsThrownWithoutAnotherStart) {
   ChoiceInput input = MakeChoice(1);
   input.averaged.failure = Failure{QueryStatus::INCONSISTENT_ROTATIONS, "pairs contradict each other"};
