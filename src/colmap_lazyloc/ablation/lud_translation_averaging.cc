@@ -114,10 +114,9 @@ class LudSolver {
 
 }  // namespace
 
-void AverageByLeastUnsquaredDeviations(const TranslationAveragingProblem& problem,
-                                       const TranslationAveragingOptions& options, TranslationAveragingResult* result) {
+void AverageByLeastUnsquaredDeviations(const TranslationAveragingProblem& problem, TranslationAveragingResult* result) {
   LudSolver solver(problem, *result);
-  result->summary = solver.Minimize(options.max_num_iterations);
+  result->summary = solver.Minimize(kMaxNumTranslationIterations);
   result->cams_in_world = solver.Centres();
 }
 

@@ -8,11 +8,10 @@ namespace lazyloc {
 
 // Sets each unknown node in turn to the mean of its neighbours' proposals, until no node moves. Each step decreases the
 // weighted sum of all edges' squared chords. A single unknown node needs only one step.
-void AverageByQuaternionMean(const RotationAveragingProblem& problem, const RotationAveragingOptions& options,
-                             RotationAveragingResult* result) {
+void AverageByQuaternionMean(const RotationAveragingProblem& problem, RotationAveragingResult* result) {
   constexpr int kMaxNumSweeps = 100;
   double largest_move_rad = 1;
-  while (result->summary.iterations < kMaxNumSweeps && largest_move_rad > DegToRad(options.convergence_deg)) {
+  while (result->summary.iterations < kMaxNumSweeps && largest_move_rad > DegToRad(kRotationConvergenceDeg)) {
     ++result->summary.iterations;
     largest_move_rad = 0;
     for (int node = 0; node < static_cast<int>(problem.is_fixed.size()); ++node) {

@@ -43,7 +43,7 @@ std::vector<Track> QueryCamera::Observe(const std::vector<Track>& tracks) const 
 FocalLengthAndPose ChooseFocalLengthAndPose(const Layout& layout, const QueryCamera& camera,
                                             const std::vector<Track>& tracks_from_database,
                                             const LocalizerOptions& options) {
-  const double max_error_px = options.max_start_error_sigma * options.start_noise_px;
+  const double max_error_px = kMaxStartErrorPx;
   const uint32_t seed = SeedFromNames(layout.names[0], "", options.seed);
   const double num_tracks = static_cast<double>(std::max<size_t>(tracks_from_database.size(), 1));
   const TrackRefs no_other_tracks;  // not used, because any focal length fits an epipolar line

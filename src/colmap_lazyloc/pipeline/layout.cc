@@ -97,7 +97,7 @@ Layout MakeLayout(const QueryGroup& group, const LocalizerOptions& options) {
       layout.image_of_pair.back().push_back(database_images.Find(query.frame, pair));
     }
   }
-  for (Image& image : layout.given.images) image.noise_px = options.start_noise_px;
+  for (Image& image : layout.given.images) image.noise_px = kStartNoisePx;
   return layout;
 }
 

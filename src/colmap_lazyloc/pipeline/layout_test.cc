@@ -109,10 +109,10 @@ TEST(MakeLayout, OnlyFramesOfSeveralImagesHaveAFreeScale) {
   }
 }
 
-TEST(MakeLayout, ImagesStartWithTheNoiseOfTheOptions) {
-  LocalizerOptions options;
-  options.start_noise_px = 7;
-  for (const Image& image : MakeLayout(MakeGroup(1, 2, 2).group, options).given.images) EXPECT_EQ(image.noise_px, 7);
+TEST(MakeLayout, ImagesStartWithTheNoiseOfTheStart) {
+  for (const Image& image : MakeLayout(MakeGroup(1, 2, 2).group, {}).given.images) {
+    EXPECT_EQ(image.noise_px, kStartNoisePx);
+  }
 }
 
 // Allows errors of 1e-7, because doubles near 5.4e6 are 1e-9 apart.

@@ -7,9 +7,6 @@ namespace lazyloc {
 bool LocalizerOptions::Check(std::string* error) const {
   OPTION_GT(max_rotation_error_deg, 0);
   OPTION_GE(num_refinement_rounds, 1);
-  OPTION_GT(max_start_error_sigma, 0);
-  OPTION_GT(start_noise_px, 0);
-  OPTION_GT(min_noise_px, 0);
   OPTION_GE(min_num_tracks, 4);
   OPTION_GE(max_num_tracks, 4);
   OPTION_GE(max_num_start_tracks, 4);
@@ -21,9 +18,8 @@ bool LocalizerOptions::Check(std::string* error) const {
     *error = "refine_focal_length needs post_optimization = tracks";
     return false;
   }
-  return relative_pose.Check(error) && rotation_averaging.Check(error) && translation_averaging.Check(error) &&
-         triangulation.Check(error) && bundle_adjustment.Check(error) && sampson.Check(error) &&
-         relative_pose_lo.Check(error);
+  return relative_pose.Check(error) && triangulation.Check(error) && bundle_adjustment.Check(error) &&
+         sampson.Check(error) && relative_pose_lo.Check(error);
 }
 
 }  // namespace lazyloc

@@ -36,6 +36,13 @@ template <>
 inline constexpr std::array<const char*, 4> kEnumNames<PostOptimization> = {"tracks", "sampson", "relative_pose_lo",
                                                                             "none"};
 
+// Image noise that the start and the first round assume, because motion averaging may be off by many pixels. Later
+// rounds estimate it for each image.
+inline constexpr double kStartNoisePx = 4;
+// Maximum error of a point in the query in the start and the first round: 8 standard deviations of that noise.
+inline constexpr double kMaxStartErrorSigma = 8;
+inline constexpr double kMaxStartErrorPx = kMaxStartErrorSigma * kStartNoisePx;
+
 // Options of the method. The command's help and options.ini are generated from these defaults.
 struct LocalizerOptions {
   int seed = 0;  // of all random choices: the same seed gives the same result
@@ -56,10 +63,6 @@ struct LocalizerOptions {
   // Number of rounds of triangulation and adjustment. The first one starts from motion averaging, which may be off by
   // many pixels.
   int num_refinement_rounds = 3;
-  double max_start_error_sigma = 8;  // maximum error of a point in the query in the first round, standard deviations
-  // Image noise that the first round assumes. Later rounds estimate it for each image, but never below the minimum.
-  double start_noise_px = 4;
-  double min_noise_px = 0.5;
   int min_num_tracks = 6;  // minimum number of tracks for a pose
   // Maximum number of tracks in the last round, and in the start and all earlier rounds. Well distributed tracks with
   // most observations are used.

@@ -17,6 +17,8 @@ namespace lazyloc {
 namespace {
 
 constexpr int kMaxNumEstimates = 8;
+// Minimum image noise, because a few exact matches would otherwise outweigh all others.
+constexpr double kMinNoisePx = 0.5;
 // Image noise in pixels above which database poses must be off, because no keypoint is found this badly.
 constexpr double kMaxKeypointNoisePx = 6;
 
@@ -143,7 +145,7 @@ void Rounds::AdjustWithEstimatedPriors() {
 }
 
 void Rounds::EstimateNoise(bool is_first) {
-  const std::vector<double> noise_px = EstimateImageNoise(Posed(), adjustment_.tracks, options_.min_noise_px);
+  const std::vector<double> noise_px = EstimateImageNoise(Posed(), adjustment_.tracks, kMinNoisePx);
   for (size_t image = 0; image < noise_px.size(); ++image) adjustment_.posed.images[image].noise_px = noise_px[image];
   if (!is_first) return;
   // If the images fit together so badly that keypoint noise cannot be the reason, the estimate of the database's noise
@@ -176,8 +178,7 @@ Refined Refine(const Layout& layout, const PosedImages& start, const SplitTracks
       };
       SplitTracks split = is_first ? start_tracks : triangulate();
       if (is_last) refined.rig_errors_px = CheckRigs(layout, rounds.Posed(), split.from_database, options);
-      rounds.SetTracks(std::move(split),
-                       is_first ? options.max_start_error_sigma : options.triangulation.max_query_error_sigma);
+      rounds.SetTracks(std::move(split), is_first ? kMaxStartErrorSigma : options.triangulation.max_query_error_sigma);
     }
     const StageTimer timer("adjustment", seconds);
     if (is_first) {

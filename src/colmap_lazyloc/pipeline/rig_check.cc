@@ -52,7 +52,7 @@ bool FitsBetterAlone(const Layout& layout, const Rigid3d& cam_from_world, int qu
                      const std::vector<RayToPoint>& rays, const LocalizerOptions& options) {
   if (static_cast<int>(rays.size()) < 2 * options.min_num_tracks) return false;
   // Takes half the bound of the start, because a good trajectory may still be off by some pixels.
-  const double max_error_px = options.max_start_error_sigma * options.start_noise_px / 2;
+  const double max_error_px = kMaxStartErrorPx / 2;
   std::vector<Eigen::Vector3d> rays_in_cam, points;
   for (const auto& [observation, point] : rays) {
     rays_in_cam.push_back(observation.ray_in_cam);

@@ -151,8 +151,7 @@ Start ChooseStart(const Layout& layout, const Averaged& averaged, const SplitTra
                                rest = TracksByFrame(layout, tracks.rest);
   Start start{averaged.posed, {}};
   for (int frame = 0; frame < layout.num_query_frames; ++frame) {
-    StartEvidence evidence{averaged.posed, from_database[frame], rest[frame],
-                           options.max_start_error_sigma * options.start_noise_px};
+    StartEvidence evidence{averaged.posed, from_database[frame], rest[frame], kMaxStartErrorPx};
     evidence.frame = frame;
     const uint32_t seed = SeedFromNames(layout.names[layout.QueriesOf(frame).front()], "", options.seed);
     const FrameStart chosen = ChooseFrameStart(evidence, averaged, seed, options);

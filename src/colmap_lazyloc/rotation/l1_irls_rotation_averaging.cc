@@ -7,13 +7,15 @@ namespace lazyloc {
 
 // Runs L1 steps before IRLS, because the redescending loss needs a start in the basin of its global minimum. Chatterjee
 // & Govindu, algorithm 1.
-void AverageByL1Irls(const RotationAveragingProblem& problem, const RotationAveragingOptions& options,
-                     RotationAveragingResult* result) {
-  AverageByL1(problem, options, result);
-  const double scale_rad = DegToRad(options.irls_scale_deg);
-  ReweightedSolver(problem, result)
-      .Iterate(options.num_irls_iterations, DegToRad(options.convergence_deg),
-               [=](double error) { return GemanMcClureWeight(error * error, scale_rad); });
+void AverageByL1Irls(const RotationAveragingProblem& problem, RotationAveragingResult* result) {
+  AverageByL1(problem, result);
+  constexpr int kNumIterations = 20;
+  // Scale of the Geman-McClure loss: twice the error of a good pair, so that a pair that is off by 5 deg hardly counts.
+  constexpr double kScaleDeg = 2;
+  const double scale_rad = DegToRad(kScaleDeg);
+  ReweightedSolver(problem, result).Iterate(kNumIterations, DegToRad(kRotationConvergenceDeg), [=](double error) {
+    return GemanMcClureWeight(error * error, scale_rad);
+  });
 }
 
 }  // namespace lazyloc

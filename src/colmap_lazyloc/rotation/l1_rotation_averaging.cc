@@ -6,12 +6,12 @@
 namespace lazyloc {
 
 // Minimises the L1 norm of the edges' errors, because outliers change its minimum only slightly.
-void AverageByL1(const RotationAveragingProblem& problem, const RotationAveragingOptions& options,
-                 RotationAveragingResult* result) {
+void AverageByL1(const RotationAveragingProblem& problem, RotationAveragingResult* result) {
+  constexpr int kNumIterations = 10;  // enough for the basin of the next, redescending cost
   const double floor_rad = DegToRad(0.1);
-  ReweightedSolver(problem, result)
-      .Iterate(options.num_l1_iterations, DegToRad(options.convergence_deg),
-               [=](double error) { return L1Weight(error, floor_rad); });
+  ReweightedSolver(problem, result).Iterate(kNumIterations, DegToRad(kRotationConvergenceDeg), [=](double error) {
+    return L1Weight(error, floor_rad);
+  });
 }
 
 }  // namespace lazyloc

@@ -8,17 +8,20 @@
 #include "colmap_lazyloc/rotation/rotation_methods.h"
 #include "colmap_lazyloc/rotation/rotation_proposals.h"
 #include "colmap_lazyloc/scene/errors.h"
-#include "colmap_lazyloc/scene/options_check.h"
 
 namespace lazyloc {
 namespace {
 
+// Maximum angle between a start rotation and the proposal of an edge that supports it: the angle within which pairs are
+// later said to agree.
+constexpr double kVoteErrorDeg = 5;
+
 void AverageBy(RotationAveragingMethod method, const RotationAveragingProblem& problem,
-               const RotationAveragingOptions& options, RotationAveragingResult* result) {
+               RotationAveragingResult* result) {
   switch (method) {
-    case RotationAveragingMethod::L1_IRLS: return AverageByL1Irls(problem, options, result);
-    case RotationAveragingMethod::L1: return AverageByL1(problem, options, result);
-    case RotationAveragingMethod::QUATERNION_MEAN: return AverageByQuaternionMean(problem, options, result);
+    case RotationAveragingMethod::L1_IRLS: return AverageByL1Irls(problem, result);
+    case RotationAveragingMethod::L1: return AverageByL1(problem, result);
+    case RotationAveragingMethod::QUATERNION_MEAN: return AverageByQuaternionMean(problem, result);
   }
 }
 
@@ -32,15 +35,6 @@ void ComputeEdgeErrors(const RotationAveragingProblem& problem, RotationAveragin
 
 }  // namespace
 
-bool RotationAveragingOptions::Check(std::string* error) const {
-  OPTION_GT(vote_error_deg, 0);
-  OPTION_GE(num_l1_iterations, 0);
-  OPTION_GE(num_irls_iterations, 0);
-  OPTION_GT(irls_scale_deg, 0);
-  OPTION_GT(convergence_deg, 0);
-  return true;
-}
-
 RotationAveragingResult AverageRotations(const RotationAveragingProblem& problem,
                                          const RotationAveragingOptions& options) {
   LAZYLOC_CHECK(problem.rotations.size() == problem.is_fixed.size());
@@ -53,12 +47,12 @@ RotationAveragingResult AverageRotations(const RotationAveragingProblem& problem
     result.summary.message = "a relative rotation is not finite";
     return result;
   }
-  StartFromVotes(problem, DegToRad(options.vote_error_deg), &result);
+  StartFromVotes(problem, DegToRad(kVoteErrorDeg), &result);
   if (result.is_known == problem.is_fixed) {
     result.summary.message = "no unknown rotation is linked to a fixed one";
     return result;
   }
-  AverageBy(options.method, problem, options, &result);
+  AverageBy(options.method, problem, &result);
   ComputeEdgeErrors(problem, &result);
   result.summary.success = true;
   result.summary.message = "averaged";

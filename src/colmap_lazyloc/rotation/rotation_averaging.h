@@ -36,14 +36,6 @@ inline constexpr std::array<const char*, 3> kEnumNames<RotationAveragingMethod> 
 
 struct RotationAveragingOptions {
   RotationAveragingMethod method = RotationAveragingMethod::L1_IRLS;
-  double vote_error_deg = 5;  // maximum angle between a start rotation and the proposal of an edge that supports it
-  int num_l1_iterations = 10;
-  int num_irls_iterations = 20;
-  double irls_scale_deg = 2;       // scale of the Geman-McClure loss
-  double convergence_deg = 1e-10;  // iterations end when no rotation changes by more
-
-  // Returns false and names the first invalid option in `error`.
-  bool Check(std::string* error) const;
 };
 
 struct RotationAveragingResult {

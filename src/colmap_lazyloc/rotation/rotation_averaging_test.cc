@@ -204,14 +204,5 @@ TEST(RotationAveraging, MethodsDifferByWhatOutliersDo) {
   EXPECT_LT(l1_sum, 0.1 * mean_sum);
 }
 
-TEST(RotationAveragingOptions, NamesTheInvalidField) {
-  RotationAveragingOptions options;
-  std::string error;
-  EXPECT_TRUE(options.Check(&error));
-  options.irls_scale_deg = -1;
-  EXPECT_FALSE(options.Check(&error));
-  EXPECT_THAT(error, testing::HasSubstr("irls_scale_deg must be > 0, but is -1"));
-}
-
 }  // namespace
 }  // namespace lazyloc

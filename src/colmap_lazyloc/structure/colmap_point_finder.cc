@@ -24,13 +24,13 @@ class ColmapPointFinder : public PointFinder {
 
   std::optional<Eigen::Vector3d> FindConsensus(const std::vector<TrackObservation>& observations,
                                                ObservationIndices* used) override {
-    const std::optional<Triangulation> found = Triangulate(observations, *used, options_.max_database_error_sigma);
+    const std::optional<Triangulation> found = Triangulate(observations, *used, kMaxDatabaseErrorSigma);
     if (!found) return std::nullopt;
     size_t num_kept = 0;
     for (size_t k = 0; k < used->size(); ++k) {
       const size_t i = (*used)[k];
-      const bool agrees = found->is_inlier[k] &&
-                          evaluator_.Fits(observations[i], found->point_in_world, options_.max_database_error_sigma);
+      const bool agrees =
+          found->is_inlier[k] && evaluator_.Fits(observations[i], found->point_in_world, kMaxDatabaseErrorSigma);
       if (agrees) (*used)[num_kept++] = i;
     }
     used->resize(num_kept);

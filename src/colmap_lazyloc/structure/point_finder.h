@@ -9,6 +9,10 @@
 
 namespace lazyloc {
 
+// Maximum distance of a point from a keypoint in a database image, in standard deviations of the image's noise: true
+// matches exceed it once in 3000.
+inline constexpr double kMaxDatabaseErrorSigma = 4;
+
 // Finds the points of tracks, one track after the other.
 class PointFinder {
  public:
@@ -18,7 +22,7 @@ class PointFinder {
   virtual std::optional<Eigen::Vector3d> FindPoint(const std::vector<TrackObservation>& observations,
                                                    const ObservationIndices& used) = 0;
 
-  // Returns a point that the used observations fit within max_database_error_sigma, after removing from `used` those
+  // Returns a point that the used observations fit within kMaxDatabaseErrorSigma, after removing from `used` those
   // that disagree; nullopt if fewer than two agree.
   virtual std::optional<Eigen::Vector3d> FindConsensus(const std::vector<TrackObservation>& observations,
                                                        ObservationIndices* used) = 0;

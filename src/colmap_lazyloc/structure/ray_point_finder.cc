@@ -40,7 +40,7 @@ class RayPointFinder : public PointFinder {
 
  private:
   bool Agrees(const TrackObservation& element, const Eigen::Vector3d& point) const {
-    return evaluator_.Fits(element, point, options_.max_database_error_sigma);
+    return evaluator_.Fits(element, point, kMaxDatabaseErrorSigma);
   }
 
   bool AllAgree(const std::vector<TrackObservation>& observations, const ObservationIndices& used,

@@ -120,7 +120,6 @@ std::vector<Track> TracksThatFit(const PosedImages& posed, std::vector<Track> tr
 }  // namespace
 
 bool TrackTriangulationOptions::Check(std::string* error) const {
-  OPTION_GT(max_database_error_sigma, 0);
   OPTION_GT(max_query_error_sigma, 0);
   OPTION_GE(min_triangulation_angle_deg, 0);
   OPTION_GT(single_image_noise_ratio, 0);

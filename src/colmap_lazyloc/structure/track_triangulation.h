@@ -19,9 +19,8 @@ inline constexpr std::array<const char*, 2> kEnumNames<TriangulationMethod> = {"
 
 struct TrackTriangulationOptions {
   TriangulationMethod method = TriangulationMethod::RAYS;
-  // Maximum distance of a point from a keypoint in a database image, and in a query, in standard deviations of the
-  // image's noise.
-  double max_database_error_sigma = 4;
+  // Maximum distance of a point from a keypoint in a query, in standard deviations of the image's noise. For database
+  // images it is always four.
   double max_query_error_sigma = 4;
   // Minimum angle between two rays of a point.
   double min_triangulation_angle_deg = 1.5;

@@ -5,6 +5,9 @@
 namespace lazyloc {
 namespace {
 
+// Scale of the Cauchy loss in standard deviations of the directions.
+constexpr double kLossScaleSigma = 2;
+
 // Residual (u - dir) / sigma, with u = b / |b| and b = C2 - C1 + offset. Parameters: the centres C1 and C2.
 class ChordCost : public ceres::SizedCostFunction<3, 3, 3> {
  public:
@@ -37,16 +40,15 @@ class ChordCost : public ceres::SizedCostFunction<3, 3, 3> {
 
 }  // namespace
 
-void AverageByAngles(const TranslationAveragingProblem& problem, const TranslationAveragingOptions& options,
-                     TranslationAveragingResult* result) {
-  ceres::CauchyLoss loss(options.loss_scale_sigma);
+void AverageByAngles(const TranslationAveragingProblem& problem, TranslationAveragingResult* result) {
+  ceres::CauchyLoss loss(kLossScaleSigma);
   ceres::Problem::Options problem_options;
   problem_options.loss_function_ownership = ceres::DO_NOT_TAKE_OWNERSHIP;
   ceres::Problem ceres_problem(problem_options);
   for (const DirectionEdge& edge : problem.edges) {
     if (!result->is_known[edge.node1] || !result->is_known[edge.node2]) continue;
     if (problem.is_fixed[edge.node1] && problem.is_fixed[edge.node2]) continue;
-    ceres_problem.AddResidualBlock(new ChordCost(edge, EdgeStddevRad(edge, options)), &loss,
+    ceres_problem.AddResidualBlock(new ChordCost(edge, EdgeStddevRad(edge)), &loss,
                                    result->cams_in_world[edge.node1].data(), result->cams_in_world[edge.node2].data());
     for (const int node : {edge.node1, edge.node2}) {
       if (problem.is_fixed[node]) ceres_problem.SetParameterBlockConstant(result->cams_in_world[node].data());
@@ -55,7 +57,7 @@ void AverageByAngles(const TranslationAveragingProblem& problem, const Translati
   ceres::Solver::Options solver_options;
   solver_options.linear_solver_type = ceres::SPARSE_NORMAL_CHOLESKY;
   if (ceres_problem.NumResidualBlocks() <= 200) solver_options.linear_solver_type = ceres::DENSE_QR;
-  solver_options.max_num_iterations = options.max_num_iterations;
+  solver_options.max_num_iterations = kMaxNumTranslationIterations;
   solver_options.function_tolerance = 1e-14;
   solver_options.gradient_tolerance = 1e-14;
   solver_options.parameter_tolerance = 1e-12;

@@ -6,11 +6,18 @@
 
 #include "colmap_lazyloc/math/so3.h"
 #include "colmap_lazyloc/scene/errors.h"
-#include "colmap_lazyloc/scene/options_check.h"
 #include "colmap_lazyloc/translation/translation_methods.h"
 
 namespace lazyloc {
 namespace {
+
+// Maximum angle between a start position and the direction of an edge that supports it.
+constexpr double kMaxVoteErrorDeg = 10;
+// Minimum angle at which two edges may cross to determine a start, because nearly parallel ones cross anywhere.
+constexpr double kMinRayAngleDeg = 1;
+// Noise that is added in quadrature to that of each direction, for errors that the rays do not show (intrinsics,
+// database poses).
+constexpr double kMinDirectionStddevDeg = 0.1;
 
 // Ray on which an edge places an unknown node: from a known centre along a direction.
 struct Ray {
@@ -21,11 +28,11 @@ struct Ray {
 
 // Returns one ray per edge (indices `edges`) whose other node is known.
 std::vector<Ray> RaysTo(int node, const std::vector<size_t>& edges, const TranslationAveragingProblem& problem,
-                        const TranslationAveragingOptions& options, const TranslationAveragingResult& result) {
+                        const TranslationAveragingResult& result) {
   std::vector<Ray> rays;
   for (const size_t i : edges) {
     const DirectionEdge& edge = problem.edges[i];
-    const double weight = 1 / EdgeStddevRad(edge, options);
+    const double weight = 1 / EdgeStddevRad(edge);
     if (edge.node2 == node && result.is_known[edge.node1]) {
       rays.push_back({result.cams_in_world[edge.node1] - edge.offset_in_world, edge.dir_1to2_in_world, weight});
     } else if (edge.node1 == node && result.is_known[edge.node2]) {
@@ -67,13 +74,13 @@ struct Start {
 
 // Returns the crossing of two rays with the largest support. If no two rays cross, returns a point on the ray with the
 // largest weight, at a distance of the largest distance between its origin and another.
-Start BestStart(const std::vector<Ray>& rays, const TranslationAveragingOptions& options) {
-  const double max_error_rad = DegToRad(options.max_vote_error_deg);
+Start BestStart(const std::vector<Ray>& rays) {
+  const double max_error_rad = DegToRad(kMaxVoteErrorDeg);
   Start best;
   for (size_t a = 0; a < rays.size(); ++a) {
     for (size_t b = 0; b < a; ++b) {
       Eigen::Vector3d point;
-      if (!Crossing(rays[a], rays[b], DegToRad(options.min_ray_angle_deg), &point)) continue;
+      if (!Crossing(rays[a], rays[b], DegToRad(kMinRayAngleDeg), &point)) continue;
       const double support = Support(point, rays, max_error_rad);
       if (support > best.support) best = {point, support, true};
     }
@@ -90,8 +97,7 @@ Start BestStart(const std::vector<Ray>& rays, const TranslationAveragingOptions&
 
 // Sets start positions of all nodes that are connected to a known one. Adds one node after another, always the one with
 // the largest support.
-void StartFromVotes(const TranslationAveragingProblem& problem, const TranslationAveragingOptions& options,
-                    TranslationAveragingResult* result) {
+void StartFromVotes(const TranslationAveragingProblem& problem, TranslationAveragingResult* result) {
   std::vector<std::vector<size_t>> edges_of(problem.is_fixed.size());
   for (size_t i = 0; i < problem.edges.size(); ++i) {
     edges_of[problem.edges[i].node1].push_back(i);
@@ -101,7 +107,7 @@ void StartFromVotes(const TranslationAveragingProblem& problem, const Translatio
   const auto vote = [&](size_t node) {
     best_of[node] = Start();
     if (result->is_known[node]) return;
-    best_of[node] = BestStart(RaysTo(static_cast<int>(node), edges_of[node], problem, options, *result), options);
+    best_of[node] = BestStart(RaysTo(static_cast<int>(node), edges_of[node], problem, *result));
   };
   for (size_t node = 0; node < best_of.size(); ++node) vote(node);
   while (true) {
@@ -119,26 +125,17 @@ void StartFromVotes(const TranslationAveragingProblem& problem, const Translatio
 }
 
 void AverageBy(TranslationAveragingMethod method, const TranslationAveragingProblem& problem,
-               const TranslationAveragingOptions& options, TranslationAveragingResult* result) {
+               TranslationAveragingResult* result) {
   switch (method) {
-    case TranslationAveragingMethod::ANGULAR: return AverageByAngles(problem, options, result);
-    case TranslationAveragingMethod::LUD: return AverageByLeastUnsquaredDeviations(problem, options, result);
+    case TranslationAveragingMethod::ANGULAR: return AverageByAngles(problem, result);
+    case TranslationAveragingMethod::LUD: return AverageByLeastUnsquaredDeviations(problem, result);
   }
 }
 
 }  // namespace
 
-double EdgeStddevRad(const DirectionEdge& edge, const TranslationAveragingOptions& options) {
-  return std::hypot(edge.stddev_rad, DegToRad(options.min_direction_stddev_deg));
-}
-
-bool TranslationAveragingOptions::Check(std::string* error) const {
-  OPTION_GT(min_direction_stddev_deg, 0);
-  OPTION_GT(loss_scale_sigma, 0);
-  OPTION_GT(max_vote_error_deg, 0);
-  OPTION_GT(min_ray_angle_deg, 0);
-  OPTION_GE(max_num_iterations, 0);
-  return true;
+double EdgeStddevRad(const DirectionEdge& edge) {
+  return std::hypot(edge.stddev_rad, DegToRad(kMinDirectionStddevDeg));
 }
 
 TranslationAveragingResult AverageTranslations(const TranslationAveragingProblem& problem,
@@ -153,12 +150,12 @@ TranslationAveragingResult AverageTranslations(const TranslationAveragingProblem
     result.summary.message = "a direction is not finite";
     return result;
   }
-  StartFromVotes(problem, options, &result);
+  StartFromVotes(problem, &result);
   if (result.is_known == problem.is_fixed) {
     result.summary.message = "no unknown position is linked to a fixed one";
     return result;
   }
-  AverageBy(options.method, problem, options, &result);
+  AverageBy(options.method, problem, &result);
   for (size_t i = 0; i < problem.edges.size(); ++i) {
     const DirectionEdge& edge = problem.edges[i];
     if (!result.is_known[edge.node1] || !result.is_known[edge.node2]) continue;

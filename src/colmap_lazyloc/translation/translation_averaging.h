@@ -40,14 +40,6 @@ inline constexpr std::array<const char*, 2> kEnumNames<TranslationAveragingMetho
 
 struct TranslationAveragingOptions {
   TranslationAveragingMethod method = TranslationAveragingMethod::ANGULAR;
-  double min_direction_stddev_deg = 0.1;  // added in quadrature to each direction's noise, for errors not modelled
-  double loss_scale_sigma = 2;            // scale of the Cauchy loss, in standard deviations of a direction
-  double max_vote_error_deg = 10;         // maximum angle between a start position and an edge that supports it
-  double min_ray_angle_deg = 1;           // minimum angle at which two edges may cross to determine a start
-  int max_num_iterations = 50;
-
-  // Returns false and names the first invalid option in `error`.
-  bool Check(std::string* error) const;
 };
 
 struct TranslationAveragingResult {

@@ -243,14 +243,5 @@ TEST(TranslationAveraging, LudLosesToAnglesWhereDistancesDiffer) {
   EXPECT_GT(lud_sum, 3 * angular_sum);
 }
 
-TEST(TranslationAveragingOptions, NamesTheInvalidField) {
-  TranslationAveragingOptions options;
-  std::string error;
-  EXPECT_TRUE(options.Check(&error));
-  options.loss_scale_sigma = 0;
-  EXPECT_FALSE(options.Check(&error));
-  EXPECT_THAT(error, testing::HasSubstr("loss_scale_sigma"));
-}
-
 }  // namespace
 }  // namespace lazyloc
