@@ -5,6 +5,7 @@
 namespace lazyloc {
 
 bool LocalizerOptions::Check(std::string* error) const {
+  OPTION_GE(max_num_pairs, 0);
   OPTION_GT(max_rotation_error_deg, 0);
   OPTION_GE(num_refinement_rounds, 1);
   OPTION_GE(min_num_tracks, 4);

@@ -89,11 +89,6 @@ Rigid3d DisturbedPose(const Rigid3d& frame_from_world, double angle_deg, double 
                       CamInWorld(frame_from_world) + distance * RandomVector(random).normalized());
 }
 
-void ExpectSameBits(const Rigid3d& a, const Rigid3d& b) {
-  EXPECT_EQ(a.rotation.coeffs(), b.rotation.coeffs());
-  EXPECT_EQ(a.translation, b.translation);
-}
-
 void ExpectSameDatabasePoses(const PosedImages& a, const PosedImages& b) {
   ASSERT_EQ(a.frames.size(), b.frames.size());
   for (size_t i = 0; i < a.frames.size(); ++i) {

@@ -8,6 +8,7 @@
 #include "colmap_lazyloc/pipeline/layout.h"
 #include "colmap_lazyloc/scene/pair_geometry.h"
 #include "colmap_lazyloc/structure/track_triangulation.h"
+#include "colmap_lazyloc/testing/pose_expectations.h"
 #include "colmap_lazyloc/testing/synthetic_group.h"
 
 namespace lazyloc {
@@ -44,8 +45,7 @@ TrackRefs Refs(const std::vector<Track>& tracks);
 // Moves a frame's pose by an angle and a distance in random directions.
 Rigid3d DisturbedPose(const Rigid3d& frame_from_world, double angle_deg, double distance, Random* random);
 
-// Expect equal bits of two poses, and of the poses of all database frames.
-void ExpectSameBits(const Rigid3d& a, const Rigid3d& b);
+// Expects equal bits of the poses of all database frames.
 void ExpectSameDatabasePoses(const PosedImages& a, const PosedImages& b);
 
 // Expects the poses of all images to be within the bounds of the truth.
