@@ -11,6 +11,7 @@
 #include "colmap_lazyloc/refinement/bundle_adjustment.h"
 #include "colmap_lazyloc/refinement/covariance.h"
 #include "colmap_lazyloc/refinement/pose_prior.h"
+#include "colmap_lazyloc/refinement/robust_loss.h"
 #include "colmap_lazyloc/rotation/rotation_averaging.h"
 #include "colmap_lazyloc/structure/track_building.h"
 #include "colmap_lazyloc/structure/track_triangulation.h"
@@ -177,7 +178,8 @@ void BM_Covariance(benchmark::State& state) {
   const SyntheticTracks scene = MakeTracks(state);
   const Eigen::Matrix<double, 6, 6> covariance = Eigen::Matrix<double, 6, 6>::Identity();
   for (auto _ : state) {
-    benchmark::DoNotOptimize(VarianceFactor(scene.posed, scene.tracks, BundleAdjustmentOptions().loss_scale_sigma));
+    benchmark::DoNotOptimize(
+        VarianceFactor(scene.posed, scene.tracks, RobustLoss(BundleAdjustmentOptions().loss_scale_sigma)));
     benchmark::DoNotOptimize(ComputePoseSpread(CamFromWorld(scene.posed, 0), covariance));
   }
 }
