@@ -2,6 +2,8 @@
 
 #include <numeric>
 
+#include "colmap_lazyloc/math/selected_inverse.h"
+
 namespace lazyloc {
 
 template <int kSize>
@@ -106,31 +108,17 @@ Eigen::SparseMatrix<double> CameraSystem<kSize>::Sparse(const Blocks& blocks) co
   return matrix;
 }
 
-// For each frame, solves L X = E, where E is the frame's columns of the permuted identity; the block is then X^T X.
-// Only rows on the path from the frame's first row to the root of the elimination tree are not zero in X. The frame's
-// other rows are on this path, because the rows of a frame are all coupled. The parent of a row is the first element
-// below the diagonal in its column of L.
 template <int kSize>
 std::vector<typename CameraSystem<kSize>::Matrix> CameraSystem<kSize>::DiagonalOfSparseInverse() const {
-  const Eigen::SparseMatrix<double>& lower = sparse_.matrixL().nestedExpression();
-  std::vector<Matrix> diagonal(columns_of_row_.size(), Matrix::Zero());
-  Eigen::Matrix<double, Eigen::Dynamic, kSize, Eigen::RowMajor> rows(lower.rows(), kSize);
-  rows.setZero();
+  const Eigen::SparseMatrix<double> inverse = SelectedInverse(sparse_.matrixL());
+  const auto& permuted = sparse_.permutationP().indices();
+  std::vector<Matrix> diagonal(columns_of_row_.size());
   for (size_t a = 0; a < diagonal.size(); ++a) {
-    Eigen::Index row = lower.rows();
-    for (int k = 0; k < kSize; ++k) {
-      const Eigen::Index permuted = sparse_.permutationP().indices()[kSize * a + k];
-      rows(permuted, k) = 1;
-      row = std::min(row, permuted);
-    }
-    while (row < lower.rows()) {
-      Eigen::SparseMatrix<double>::InnerIterator element(lower, row);
-      const Eigen::Matrix<double, 1, kSize> solved = rows.row(row) / element.value();
-      rows.row(row).setZero();
-      diagonal[a] += solved.transpose() * solved;
-      ++element;
-      row = element ? element.row() : lower.rows();
-      for (; element; ++element) rows.row(element.row()) -= element.value() * solved;
+    for (int row = 0; row < kSize; ++row) {
+      for (int col = 0; col < kSize; ++col) {
+        const auto [low, high] = std::minmax(permuted[kSize * a + row], permuted[kSize * a + col]);
+        diagonal[a](row, col) = inverse.coeff(high, low);
+      }
     }
   }
   return diagonal;
