@@ -1,6 +1,7 @@
 // Measures each stage alone on synthetic input. The arguments are the size of the input. Uses one thread and the
 // default options.
 
+#include <algorithm>
 #include <utility>
 #include <vector>
 
@@ -11,9 +12,11 @@
 #include "colmap_lazyloc/refinement/bundle_adjustment.h"
 #include "colmap_lazyloc/refinement/covariance.h"
 #include "colmap_lazyloc/refinement/pose_prior.h"
+#include "colmap_lazyloc/refinement/robust_loss.h"
 #include "colmap_lazyloc/rotation/rotation_averaging.h"
 #include "colmap_lazyloc/structure/track_building.h"
 #include "colmap_lazyloc/structure/track_triangulation.h"
+#include "colmap_lazyloc/testing/ceres_adjustment.h"
 #include "colmap_lazyloc/testing/synthetic_pose_graph.h"
 #include "colmap_lazyloc/testing/synthetic_tracks.h"
 #include "colmap_lazyloc/translation/relative_direction.h"
@@ -152,32 +155,94 @@ void AdjustBundles(const SyntheticTracks& scene, benchmark::State& state) {
   }
 }
 
-// Starts with a query position whose error is a hundredth of its distance from the points.
-void BM_AdjustWithConstantDatabase(benchmark::State& state) {
+// Takes as many steps as AdjustBundle. Leaves out the covariances, which AdjustBundle computes.
+void AdjustBundlesWithCeres(const SyntheticTracks& scene, bool solves_sparsely, benchmark::State& state) {
+  CeresOptions options;
+  options.max_num_iterations = AdjustBundle(scene.posed, scene.tracks, {}).summary.iterations + 1;
+  options.solves_sparsely = solves_sparsely;
+  options.computes_covariances = false;
+  for (auto _ : state) benchmark::DoNotOptimize(AdjustWithCeres(scene.posed, scene.tracks, options));
+}
+
+// Makes tracks of a query whose position has an error of a hundredth of its distance from the points.
+SyntheticTracks MakeTracksToAdjust(const benchmark::State& state) {
   SyntheticTracks scene = MakeTracks(state);
   scene.posed.frames[0].frame_from_world.translation += Eigen::Vector3d(0.05, 0.05, -0.05);
-  AdjustBundles(scene, state);
+  return scene;
 }
+
+SyntheticTracks WithPriors(SyntheticTracks scene) {
+  const std::vector<FrameScale> scales = MeasureFrameScales(scene.posed, scene.tracks);
+  for (size_t i = 0; i < scene.posed.frames.size(); ++i) {
+    Frame& frame = scene.posed.frames[i];
+    if (frame.is_database) frame.prior = MakePosePrior(frame.frame_from_world, kNoisePx, scales[i]);
+  }
+  return scene;
+}
+
+void BM_AdjustWithConstantDatabase(benchmark::State& state) { AdjustBundles(MakeTracksToAdjust(state), state); }
 BENCHMARK(BM_AdjustWithConstantDatabase)->Apply(DatabaseImagesAndPoints);
 
-void BM_AdjustWithPosePriors(benchmark::State& state) {
-  SyntheticTracks scene = MakeTracks(state);
-  scene.posed.frames[0].frame_from_world.translation += Eigen::Vector3d(0.05, 0.05, -0.05);
-  const std::vector<FrameScale> scales = MeasureFrameScales(scene.posed, scene.tracks);
-  for (size_t i = 1; i < scene.posed.frames.size(); ++i) {
-    Frame& frame = scene.posed.frames[i];
-    frame.prior = MakePosePrior(frame.frame_from_world, kNoisePx, scales[i]);
-  }
-  AdjustBundles(scene, state);
+void BM_CeresAdjustWithConstantDatabase(benchmark::State& state) {
+  AdjustBundlesWithCeres(MakeTracksToAdjust(state), false, state);
 }
+BENCHMARK(BM_CeresAdjustWithConstantDatabase)->Apply(DatabaseImagesAndPoints);
+
+void BM_AdjustWithPosePriors(benchmark::State& state) { AdjustBundles(WithPriors(MakeTracksToAdjust(state)), state); }
 BENCHMARK(BM_AdjustWithPosePriors)->Apply(DatabaseImagesAndPoints);
+
+void BM_CeresAdjustWithPosePriors(benchmark::State& state) {
+  AdjustBundlesWithCeres(WithPriors(MakeTracksToAdjust(state)), false, state);
+}
+BENCHMARK(BM_CeresAdjustWithPosePriors)->Apply(DatabaseImagesAndPoints);
+
+// Makes frames along a path; every third is a database frame with a prior. In front of each are 50 points, which the four
+// frames before and the four after it observe too.
+SyntheticTracks MakePath(const benchmark::State& state) {
+  constexpr int kNumNeighbours = 4, kNumPointsPerFrame = 50;
+  SyntheticTracks scene;
+  Random random(1);
+  const int num_frames = static_cast<int>(state.range(0));
+  for (int i = 0; i < num_frames; ++i) {
+    Frame frame;
+    frame.is_database = i % 3 == 0;
+    frame.frame_from_world = LookAt({0.5 * i, 0, -8}, Eigen::Vector3d(0.5 * i, 0, 0) + 0.3 * RandomVector(&random));
+    Image image;
+    image.frame = i;
+    image.noise_px = kNoisePx;
+    scene.posed.frames.push_back(frame);
+    scene.posed.images.push_back(image);
+  }
+  for (int i = 0; i < num_frames * kNumPointsPerFrame; ++i) {
+    const int middle = i % num_frames;
+    Track track;
+    track.point_in_world = Eigen::Vector3d(0.5 * middle, 0, 0) + RandomVector(&random);
+    for (int image = std::max(0, middle - kNumNeighbours); image <= std::min(num_frames - 1, middle + kNumNeighbours);
+         ++image) {
+      const Eigen::Vector2d offset_px = kNoisePx * RandomVector(&random).head<2>();
+      const Eigen::Vector3d point_in_cam = CamFromWorld(scene.posed, image) * track.point_in_world;
+      track.observations.push_back({image, i, ObserveAt(point_in_cam, 1000, offset_px)});
+    }
+    scene.tracks.push_back(std::move(track));
+  }
+  scene = WithPriors(std::move(scene));
+  DisturbQueries(&scene, 0.1, 0.02, 0.02);
+  return scene;
+}
+
+void BM_AdjustPath(benchmark::State& state) { AdjustBundles(MakePath(state), state); }
+BENCHMARK(BM_AdjustPath)->ArgName("frames")->Arg(500)->Arg(2000)->Unit(benchmark::kMillisecond);
+
+void BM_CeresAdjustPath(benchmark::State& state) { AdjustBundlesWithCeres(MakePath(state), true, state); }
+BENCHMARK(BM_CeresAdjustPath)->ArgName("frames")->Arg(500)->Arg(2000)->Unit(benchmark::kMillisecond);
 
 // Measures the steps after adjustment. The covariance for errors of the given size is part of the result of adjustment.
 void BM_Covariance(benchmark::State& state) {
   const SyntheticTracks scene = MakeTracks(state);
   const Eigen::Matrix<double, 6, 6> covariance = Eigen::Matrix<double, 6, 6>::Identity();
   for (auto _ : state) {
-    benchmark::DoNotOptimize(VarianceFactor(scene.posed, scene.tracks, BundleAdjustmentOptions().loss_scale_sigma));
+    benchmark::DoNotOptimize(
+        VarianceFactor(scene.posed, scene.tracks, RobustLoss(BundleAdjustmentOptions().loss_scale_sigma)));
     benchmark::DoNotOptimize(ComputePoseSpread(CamFromWorld(scene.posed, 0), covariance));
   }
 }

@@ -8,7 +8,6 @@
 #include <gtest/gtest.h>
 
 #include "colmap_lazyloc/math/so3.h"
-#include "colmap_lazyloc/testing/ceres_adjustment.h"
 #include "colmap_lazyloc/testing/pose_expectations.h"
 #include "colmap_lazyloc/testing/synthetic_tracks.h"
 
@@ -85,42 +84,16 @@ TEST_P(QueryCounts, FocalLengthIsFoundExactlyWithoutNoise) {
   EXPECT_NEAR(*again.posed.images[0].log_focal_factor, 0.1, 1e-8);
 }
 
-TEST_P(QueryCounts, FreeFocalLengthAgreesWithCeres) {
+TEST_P(QueryCounts, UnknownFocalLengthEnlargesTheCovariance) {
   SyntheticTracks scene = Make(1.5);
   DisturbFocalLengths(0.1, GetParam(), &scene);
   DisturbQueries(&scene, 1, 0.1, 0.05);
-  const PosedImages reference = SolveWithCeres(scene, Precise());
-  BundleAdjustmentResult result = AdjustBundle(scene.posed, scene.tracks, Precise());
-  for (int query = 0; query < GetParam(); ++query) {
-    EXPECT_LE(PositionError(CamFromWorld(result.posed, query), CamFromWorld(reference, query)), 1e-5);
-    const std::optional<double>& log_focal_factor = result.posed.images[query].log_focal_factor;
-    if (!log_focal_factor) continue;
-    EXPECT_NEAR(*log_focal_factor, *reference.images[query].log_focal_factor, 1e-6);
-    EXPECT_GT(std::abs(*log_focal_factor - 0.1), 1e-5) << "the noise has no effect";
-  }
-  // Expects a larger covariance, because the focal length is unknown.
+  BundleAdjustmentResult result = AdjustBundle(scene.posed, scene.tracks, {});
+  ASSERT_TRUE(result.summary.success);
+  EXPECT_GT(std::abs(*result.posed.images[0].log_focal_factor - 0.1), 1e-5) << "the noise has no effect";
   for (Image& image : result.posed.images) image.log_focal_factor.reset();
   EXPECT_GT(result.image_covariances[0].trace(),
-            AdjustBundle(result.posed, result.tracks, Precise()).image_covariances[0].trace());
-}
-
-TEST_P(QueryCounts, AgreesWithCeres) {
-  SyntheticTracks scene = Make(1.5);
-  scene.posed.images.back().noise_px = 3;
-  Random random(5);
-  for (int i = 0; i < 5; ++i) {  // adds gross outliers
-    TrackObservation& element = scene.tracks[i].observations.back();
-    element.observation = ObserveAt(CamFromWorld(scene.posed, element.image) * scene.tracks[i].point_in_world, 500,
-                                    30 * RandomVector(&random).head<2>());
-  }
-  DisturbQueries(&scene, 1, 0.1, 0.05);
-  const PosedImages reference = SolveWithCeres(scene, Precise());
-  const BundleAdjustmentResult result = AdjustBundle(scene.posed, scene.tracks, Precise());
-  ASSERT_TRUE(result.summary.success);
-  for (int query = 0; query < GetParam(); ++query) {
-    EXPECT_LE(PositionError(CamFromWorld(result.posed, query), CamFromWorld(reference, query)), 1e-5);
-    EXPECT_LE(RotationErrorDeg(CamFromWorld(result.posed, query), CamFromWorld(reference, query)), 1e-4);
-  }
+            AdjustBundle(result.posed, result.tracks, {}).image_covariances[0].trace());
 }
 
 TEST_P(QueryCounts, KeepsConstantFramesBitwise) {

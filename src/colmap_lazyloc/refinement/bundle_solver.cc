@@ -9,7 +9,6 @@
 
 #include <Eigen/Geometry>
 
-#include "colmap_lazyloc/math/block_product.h"
 #include "colmap_lazyloc/math/cholesky3.h"
 #include "colmap_lazyloc/math/so3.h"
 #include "colmap_lazyloc/refinement/pose_prior.h"
@@ -22,6 +21,16 @@ constexpr double kRegularization = 1e-12;
 // Initial damping: keeps the first step from overshooting along weakly observable directions.
 constexpr double kFirstDamping = 1e-4;
 constexpr double kMaxDamping = 1e8;
+
+// Computes block -= a b^T column by column, because adjustment is 5 % faster so than with Eigen's product of such small
+// matrices.
+template <int kSize>
+void SubtractProduct(const Eigen::Matrix<double, kSize, 3>& a, const Eigen::Matrix<double, kSize, 3>& b,
+                     Eigen::Matrix<double, kSize, kSize>* block) {
+  for (int col = 0; col < kSize; ++col) {
+    block->col(col) -= a.col(0) * b(col, 0) + a.col(1) * b(col, 1) + a.col(2) * b(col, 2);
+  }
+}
 
 }  // namespace
 
@@ -205,18 +214,16 @@ void BundleSolver<kSize>::EliminatePoint(size_t track, const Eigen::Matrix3d& he
     system_.rhs.template segment<kSize>(kSize * problem_.free[a].frame) +=
         system_.eliminated[a].lazyProduct(system_.point_factors[track].gradient);
   }
-  RunVectorized([&]() LAZYLOC_ALWAYS_INLINE {
-    for (size_t a = range.begin; a < range.end; ++a) {
-      // The frames of a track ascend.
-      for (size_t b = range.begin; b <= a; ++b) {
-        FrameMatrix& block = camera_system_.Block(problem_.free[a].frame, problem_.free[b].frame, &system_.reduced);
-        SubtractProduct(system_.eliminated[a], system_.eliminated[b], &block);
-        // Adds the other half of the diagonal block for two images of one frame.
-        if (a == b || problem_.free[a].frame != problem_.free[b].frame) continue;
-        SubtractProduct(system_.eliminated[b], system_.eliminated[a], &block);
-      }
+  for (size_t a = range.begin; a < range.end; ++a) {
+    // The frames of a track ascend.
+    for (size_t b = range.begin; b <= a; ++b) {
+      FrameMatrix& block = camera_system_.Block(problem_.free[a].frame, problem_.free[b].frame, &system_.reduced);
+      SubtractProduct(system_.eliminated[a], system_.eliminated[b], &block);
+      // Adds the other half of the diagonal block for two images of one frame.
+      if (a == b || problem_.free[a].frame != problem_.free[b].frame) continue;
+      SubtractProduct(system_.eliminated[b], system_.eliminated[a], &block);
     }
-  });
+  }
 }
 
 template <int kSize>

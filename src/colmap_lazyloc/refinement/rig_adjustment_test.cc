@@ -7,23 +7,12 @@
 #include "colmap_lazyloc/math/so3.h"
 #include "colmap_lazyloc/refinement/bundle_adjustment.h"
 #include "colmap_lazyloc/refinement/covariance.h"
-#include "colmap_lazyloc/testing/ceres_adjustment.h"
 #include "colmap_lazyloc/testing/pose_expectations.h"
 #include "colmap_lazyloc/testing/sampled_covariance.h"
 #include "colmap_lazyloc/testing/synthetic_tracks.h"
 
 namespace lazyloc {
 namespace {
-
-// Gives `image` the frame of `first`, which must come before it. Both keep their poses.
-void JoinFrame(int first, int image, PosedImages* posed) {
-  Image& joined = posed->images[image];
-  const int removed = joined.frame;
-  joined.cam_from_frame = CamFromWorld(*posed, image) * Inverse(posed->FrameOf(first).frame_from_world);
-  joined.frame = posed->images[first].frame;
-  posed->frames.erase(posed->frames.begin() + removed);
-  for (Image& other : posed->images) other.frame -= other.frame > removed;
-}
 
 // Moves a database frame away from its pose, and gives it a prior that allows for that.
 void DisturbWithPrior(int frame, PosedImages* posed) {
@@ -72,19 +61,6 @@ TEST_P(SharedDatabaseFrames, MoveAsOneToTheTruth) {
   EXPECT_EQ(result.image_covariances[GetParam().first], result.frame_covariances[shared]);
   EXPECT_EQ(result.image_covariances[second],
             ImageCovariance(result.posed.images[second], false, result.frame_covariances[shared]));
-}
-
-TEST_P(SharedDatabaseFrames, AgreeWithCeres) {
-  SyntheticTracks scene = MakeTruth(1.5);
-  for (int frame = 1; frame < 4; ++frame) DisturbWithPrior(frame, &scene.posed);
-  DisturbQueries(&scene, 1, 0.1, 0.05);
-  const PosedImages reference = SolveWithCeres(scene, Precise());
-  const BundleAdjustmentResult result = AdjustBundle(scene.posed, scene.tracks, Precise());
-  ASSERT_TRUE(result.summary.success) << result.summary.message;
-  for (int image = 0; image < 7; ++image) {
-    EXPECT_LE(PositionError(CamFromWorld(result.posed, image), CamFromWorld(reference, image)), 1e-4) << image;
-    EXPECT_LE(RotationErrorDeg(CamFromWorld(result.posed, image), CamFromWorld(reference, image)), 1e-3) << image;
-  }
 }
 
 TEST_P(SharedDatabaseFrames, WithoutPriorAreConstantBitwise) {
@@ -156,7 +132,9 @@ TEST(RigAdjustment, FreeScaleIsFoundExactlyWithoutNoise) {
   SyntheticTracks scene = MakeRigs(0, 1.25);
   scene.posed.frames[1].scale = 2;
   DisturbQueries(&scene, 1, 0.1, 0.05);
-  const BundleAdjustmentResult result = AdjustBundle(scene.posed, scene.tracks, Precise());
+  BundleAdjustmentOptions options;
+  options.convergence_sigma = 1e-6;
+  const BundleAdjustmentResult result = AdjustBundle(scene.posed, scene.tracks, options);
   ASSERT_TRUE(result.summary.success) << result.summary.message;
   EXPECT_NEAR(result.posed.frames[0].scale, 1.25, 1e-8);
   EXPECT_NEAR(result.posed.frames[1].scale, 2 * 1.25, 1e-8) << "multiplies the estimate so far";
@@ -168,25 +146,15 @@ TEST(RigAdjustment, FreeScaleIsFoundExactlyWithoutNoise) {
   }
 }
 
-TEST(RigAdjustment, FreeScaleAgreesWithCeres) {
+TEST(RigAdjustment, UnknownScaleEnlargesTheCovariance) {
   SyntheticTracks scene = MakeRigs(1.5, 1.25);
   DisturbWithPrior(3, &scene.posed);
   DisturbQueries(&scene, 1, 0.1, 0.05);
-  const PosedImages reference = SolveWithCeres(scene, Precise());
-  const BundleAdjustmentResult result = AdjustBundle(scene.posed, scene.tracks, Precise());
+  const BundleAdjustmentResult result = AdjustBundle(scene.posed, scene.tracks, {});
   ASSERT_TRUE(result.summary.success);
-  for (const int frame : {0, 1}) {
-    EXPECT_NEAR(result.posed.frames[frame].scale, reference.frames[frame].scale, 1e-5);
-    EXPECT_GT(std::abs(result.posed.frames[frame].scale - 1.25), 1e-4) << "the noise has no effect";
-  }
-  for (int query = 0; query < 4; ++query) {
-    EXPECT_LE(PositionError(CamFromWorld(result.posed, query), CamFromWorld(reference, query)), 1e-5);
-  }
-  // Expects a larger covariance of the second image of the rig, because the scale is unknown.
   PosedImages known = result.posed;
   for (Frame& frame : known.frames) frame.has_free_scale = false;
-  EXPECT_GT(result.image_covariances[1].trace(),
-            AdjustBundle(known, result.tracks, Precise()).image_covariances[1].trace());
+  EXPECT_GT(result.image_covariances[1].trace(), AdjustBundle(known, result.tracks, {}).image_covariances[1].trace());
 }
 
 TEST(RigAdjustment, CovariancesPredictTheSpreadOfAdjustedRigs) {

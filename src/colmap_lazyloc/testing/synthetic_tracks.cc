@@ -42,6 +42,15 @@ SyntheticTracks MakeSyntheticTracks(const SyntheticTracksOptions& options) {
   return scene;
 }
 
+void JoinFrame(int first, int image, PosedImages* posed) {
+  Image& joined = posed->images[image];
+  const int removed = joined.frame;
+  joined.cam_from_frame = CamFromWorld(*posed, image) * Inverse(posed->FrameOf(first).frame_from_world);
+  joined.frame = posed->images[first].frame;
+  posed->frames.erase(posed->frames.begin() + removed);
+  for (Image& other : posed->images) other.frame -= other.frame > removed;
+}
+
 void DisturbQueries(SyntheticTracks* scene, double rotation_deg, double translation, double point) {
   Random random(17);
   for (Frame& frame : scene->posed.frames) {

@@ -27,6 +27,9 @@ struct SyntheticTracks {
 
 SyntheticTracks MakeSyntheticTracks(const SyntheticTracksOptions& options);
 
+// Gives `image` the frame of `first`, which must come before it. Both keep their poses.
+void JoinFrame(int first, int image, PosedImages* posed);
+
 // Disturbs the poses of the query frames, and the points.
 void DisturbQueries(SyntheticTracks* scene, double rotation_deg, double translation, double point);
 
