@@ -196,8 +196,8 @@ void BM_CeresAdjustWithPosePriors(benchmark::State& state) {
 }
 BENCHMARK(BM_CeresAdjustWithPosePriors)->Apply(DatabaseImagesAndPoints);
 
-// Makes frames along a path; every third is a database frame with a prior. In front of each are 50 points, which the four
-// frames before and the four after it observe too.
+// Makes frames along a path; every third is a database frame with a prior. In front of each are 50 points, which the
+// four frames before and the four after it observe too.
 SyntheticTracks MakePath(const benchmark::State& state) {
   constexpr int kNumNeighbours = 4, kNumPointsPerFrame = 50;
   SyntheticTracks scene;

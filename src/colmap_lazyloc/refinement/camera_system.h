@@ -26,7 +26,7 @@ class CameraSystem {
 
   // Makes blocks for frames that observe a common point. frames: ascending; a frame may occur twice.
   void AddPoint(const std::vector<int>& frames);
-  // Determines where the blocks are stored. Call it once, after the last point.
+  // Computes where the blocks are stored. Call it once, after the last point.
   void Finish();
 
   void SetZero(Blocks* blocks) const { blocks->assign(num_blocks_, Matrix::Zero()); }

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <ostream>
 #include <string>
 #include <vector>
 
@@ -27,6 +28,9 @@ struct Setting {
   bool has_free_focal_length = false;  // of the lone queries but the last of several
   std::vector<int> shared = {};        // database images that share a frame
 };
+
+// Makes names of tests the same in every run: by default, GoogleTest prints the addresses in a setting.
+void PrintTo(const Setting& setting, std::ostream* stream) { *stream << setting.name; }
 
 constexpr int kNumDatabase = 6, kNumExact = 2, kNumRigImages = 3;
 // Both solvers stop when the cost no longer falls. The cost is resolved to about 1e-13, and near the minimum it grows
