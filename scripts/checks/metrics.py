@@ -39,7 +39,8 @@ def main():
     paths = [path for path in code if not is_test(path)]
     lines = sum(path.read_text(encoding="utf-8").count("\n") for path in paths)
     length, name = longest_function(root, paths)
-    options = sum(path.read_text(encoding="utf-8").count('add("') for path in source.glob("cli/*option*.*") if "_test" not in path.name)
+    option_lists = [path for path in source.glob("cli/*option*.*") if not is_test(path)]
+    options = sum(path.read_text(encoding="utf-8").count('add("') for path in option_lists)
     fields = public_fields(sorted((source / "pipeline").glob("*.h")))
     by_type = ", ".join(f"{owner} {count}" for owner, count in sorted(fields.items(), key=lambda item: -item[1]))
     print(f"lines of src/ without tests: {lines}")
