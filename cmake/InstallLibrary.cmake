@@ -1,6 +1,7 @@
 # Defines the library colmap_lazyloc::colmap_lazyloc, which localizes queries from data structures. Installs it with
 # headers and a CMake package only if COLMAP is an installed one, because that package depends on COLMAP's package.
-set(LAZYLOC_LIBRARY_FOLDERS math scene bridge two_view rotation translation structure refinement pipeline)
+set(LAZYLOC_LIBRARY_FOLDERS
+  math scene bridge two_view rotation translation structure refinement ablation pipeline)
 list(TRANSFORM LAZYLOC_LIBRARY_FOLDERS PREPEND lazyloc_ OUTPUT_VARIABLE library_targets)
 
 add_library(colmap_lazyloc INTERFACE)
@@ -18,7 +19,7 @@ foreach(folder IN LISTS LAZYLOC_LIBRARY_FOLDERS)
   install(DIRECTORY "${PROJECT_SOURCE_DIR}/src/colmap_lazyloc/${folder}"
     DESTINATION "${CMAKE_INSTALL_INCLUDEDIR}/colmap_lazyloc"
     FILES_MATCHING PATTERN "*.h"
-    PATTERN "convert.h" EXCLUDE PATTERN "database_writing.h" EXCLUDE PATTERN "sift.h" EXCLUDE)
+    PATTERN "*_test_*" EXCLUDE PATTERN "convert.h" EXCLUDE PATTERN "database_writing.h" EXCLUDE PATTERN "sift.h" EXCLUDE)
 endforeach()
 configure_package_config_file(cmake/colmap_lazyloc-config.cmake.in "${PROJECT_BINARY_DIR}/colmap_lazyloc-config.cmake"
   INSTALL_DESTINATION "${package_dir}")
