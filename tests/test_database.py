@@ -41,13 +41,13 @@ def test_removed_image_leaves_nothing_behind(path, exact):
     image_id = exact.scene.images[removed].image_id
     with contextlib.closing(connect(path, "rw")) as connection, connection:
         remove_images(connection, [image_id])
-    partners = exact.scene.database_names
+    database_names = exact.scene.database_names
     with DatabaseReader(path) as reader:
         assert set(reader.image_ids) == set(exact.scene.images) - {removed}
-        assert all(reader.num_inliers(kept, name) > 0 for name in partners)
+        assert all(reader.num_inliers(kept, name) > 0 for name in database_names)
         reader.image_ids[removed] = image_id
         assert len(reader.keypoints(removed)) == 0
-        assert not any(reader.num_inliers(removed, name) for name in partners)
+        assert not any(reader.num_inliers(removed, name) for name in database_names)
 
 
 def test_results_have_poses_only_of_localized_queries(tmp_path):

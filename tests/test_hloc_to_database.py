@@ -34,11 +34,11 @@ def hloc_files(tmp_path, noisy):
         for index, (name1, name2) in enumerate(pairs):
             first, second = (name1, name2) if index % 2 else (name2, name1)
             columns = (0, 1) if index % 2 else (1, 0)
-            partners = np.full(len(scene.images[first].keypoints), -1, np.int32)
+            matched_points = np.full(len(scene.images[first].keypoints), -1, np.int32)
             for point1, point2 in scene.pairs[name1, name2].matches[:, columns]:
-                partners[point1] = point2
+                matched_points[point1] = point2
             key = "/_"[index % 3 == 0].join(folder_name[name].replace("/", "-") for name in (first, second))
-            matches[f"{key}/matches0"] = partners
+            matches[f"{key}/matches0"] = matched_points
     (tmp_path / "pairs.txt").write_text("".join(f"{folder_name[a]} {folder_name[b]}\n" for a, b in pairs))
     queries = [name for name in scene.images if name not in scene.database_names]
     intrinsics = {name: scene.cameras[scene.images[name].camera_id].intrinsics() for name in queries}
@@ -91,7 +91,7 @@ def test_database_holds_what_the_files_hold(hloc_files, noisy):
             indices = np.frombuffer(stored[0], np.uint32).reshape(-1, 2)[:, :: 1 if id1 < id2 else -1]
             expected = dict(map(tuple, pair.matches))
             assert {(a, b) for a, b in indices.tolist()} <= set(map(tuple, pair.matches.tolist()))
-            assert len(indices) >= 0.9 * len(expected)  # hloc's form holds one partner per keypoint
+            assert len(indices) >= 0.9 * len(expected)  # hloc's form has one match per keypoint
 
 
 def assert_script_localizes(folder, colmap, truth):
@@ -150,11 +150,11 @@ def write_hloc_matches(path, connection, pairs):
                 "SELECT rows, data FROM matches WHERE pair_id = ?", (pair_id(id1, id2),)
             ).fetchone()
             indices = np.frombuffer(data or b"", np.uint32).reshape(rows, 2)[:, :: 1 if id1 < id2 else -1]
-            partners = np.full(num_keypoints[id1], -1, np.int16)
-            partners[indices[:, 0]] = indices[:, 1]
+            matched_points = np.full(num_keypoints[id1], -1, np.int16)
+            matched_points[indices[:, 0]] = indices[:, 1]
             group = file.create_group(f"{name1.replace('/', '-')}/{name2.replace('/', '-')}")
-            group["matches0"] = partners
-            group["matching_scores0"] = (partners >= 0).astype(np.float16)
+            group["matches0"] = matched_points
+            group["matching_scores0"] = (matched_points >= 0).astype(np.float16)
 
 
 def test_script_localizes_photos_from_colmap_features_in_hloc_files(photos, colmap, tmp_path):

@@ -45,9 +45,9 @@ def find_matches(matches, name1, name2):
         for separator in ("/", "_"):
             key = separator.join(name.replace("/", "-") for name in (first, second))
             if key in matches:
-                partners = np.asarray(matches[key]["matches0"])
-                indices = np.flatnonzero(partners >= 0)
-                return np.column_stack([indices, partners[indices]])[:, columns].astype(np.uint32)
+                matched_points = np.asarray(matches[key]["matches0"])
+                indices = np.flatnonzero(matched_points >= 0)
+                return np.column_stack([indices, matched_points[indices]])[:, columns].astype(np.uint32)
     return None
 
 

@@ -16,16 +16,16 @@ using ::testing::IsEmpty;
 
 // Returns for each descriptor of `a` the one of `b` that COLMAP's rules give, or -1, by definition and in whole
 // numbers.
-std::vector<int> Partners(const Descriptors& a, const Descriptors& b, const SiftMatchingOptions& options) {
-  std::vector<int> partners;
+std::vector<int> Neighbours(const Descriptors& a, const Descriptors& b, const SiftMatchingOptions& options) {
+  std::vector<int> neighbours;
   for (Eigen::Index i = 0; i < a.rows(); ++i) {
-    int best = 0, second = 0, partner = -1;
+    int best = 0, second = 0, neighbour = -1;
     for (Eigen::Index j = 0; j < b.rows(); ++j) {
       const int product = a.row(i).cast<int>().dot(b.row(j).cast<int>());
       if (product > best) {
         second = best;
         best = product;
-        partner = static_cast<int>(j);
+        neighbour = static_cast<int>(j);
       } else {
         second = std::max(second, product);
       }
@@ -33,15 +33,15 @@ std::vector<int> Partners(const Descriptors& a, const Descriptors& b, const Sift
     const auto angle = [](int product) { return std::acos(std::min(product / (512.0f * 512.0f), 1.0f)); };
     const bool is_good = angle(best) <= static_cast<float>(options.max_distance) &&
                          angle(best) < static_cast<float>(options.max_ratio) * angle(second);
-    partners.push_back(is_good ? partner : -1);
+    neighbours.push_back(is_good ? neighbour : -1);
   }
-  return partners;
+  return neighbours;
 }
 
-TEST(MatchDescriptors, FindsThePartnersOfNoisyDescriptors) {
+TEST(MatchDescriptors, FindsTheNeighboursOfNoisyDescriptors) {
   const Descriptors query = RandomDescriptors(300, 1);
   Descriptors database = WithNoise(query, 2).colwise().reverse();
-  database.bottomRows(100) = RandomDescriptors(100, 3);  // the partners of the first 100 are gone
+  database.bottomRows(100) = RandomDescriptors(100, 3);  // the neighbours of the first 100 are gone
   const Matches matches = MatchDescriptors(query, database, {});
   EXPECT_EQ(matches.size(), 200u);
   for (const Match& match : matches) EXPECT_EQ(match.other_point, 299 - match.query_point);
@@ -56,8 +56,8 @@ TEST(MatchDescriptors, AgreesWithTheDefinition) {
       SiftMatchingOptions options;
       options.max_ratio = max_ratio;
       options.cross_check = cross_check;
-      const std::vector<int> of_query = Partners(query, database, options);
-      const std::vector<int> of_database = Partners(database, query, options);
+      const std::vector<int> of_query = Neighbours(query, database, options);
+      const std::vector<int> of_database = Neighbours(database, query, options);
       Matches expected;
       for (uint32_t i = 0; i < of_query.size(); ++i) {
         if (of_query[i] < 0 || (cross_check && of_database[of_query[i]] != static_cast<int>(i))) continue;
@@ -69,7 +69,7 @@ TEST(MatchDescriptors, AgreesWithTheDefinition) {
   }
 }
 
-TEST(MatchDescriptors, RatioTestRefusesWhatHasTwoPartners) {
+TEST(MatchDescriptors, RatioTestRefusesWhatHasTwoNeighbours) {
   const Descriptors query = RandomDescriptors(50, 1);
   Descriptors database(100, 128);
   database << WithNoise(query, 2), WithNoise(query, 2);
