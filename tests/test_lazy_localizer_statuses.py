@@ -62,7 +62,7 @@ def keep_pairs(scene, query_name, num_pairs):
 
 
 def keep_inliers(pair, keep):
-    """Keeps only the inliers with these indices, and makes them the raw matches too."""
+    """Keeps only these inliers (an index of any kind), and makes them the raw matches too."""
     pair.inlier_matches = pair.inlier_matches[keep]
     pair.matches = pair.inlier_matches
 
