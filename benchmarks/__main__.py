@@ -20,7 +20,7 @@ def main(arguments: list[str]) -> int:
         lines = (f"  {name:<21}{text}\n" for name, (_, text) in COMMANDS.items())
         print(f"{__doc__}\n\n{''.join(lines)}", end="", file=sys.stderr)
         return 1
-    sys.argv[0] = f"python -m benchmarks {arguments[0]}"  # what argparse takes for the program's name
+    sys.argv[0] = f"python -m benchmarks {arguments[0]}"  # argparse prints it as the program's name
     return importlib.import_module(f"benchmarks.{COMMANDS[arguments[0]][0]}").main(arguments[1:])
 
 

@@ -1,4 +1,4 @@
-"""What the tests of the program `colmap lazy_localizer` share: the program, a way to run it, and two scenes."""
+"""Fixtures shared by the tests of the program `colmap lazy_localizer`: the program, how to run it, and scenes."""
 
 import dataclasses
 import functools
@@ -17,9 +17,9 @@ from colmap_lazyloc.testing import synthetic
 
 PROJECT_PATH = pathlib.Path(__file__).resolve().parent.parent
 SCRIPTS_PATH = PROJECT_PATH / "scripts"
-# Real scenes; tests on them are skipped if they are missing.
+# Folder of the real scenes; tests on them are skipped if it is missing.
 DATA_PATH = pathlib.Path(os.environ.get("LAZYLOC_SHARED_DATA", PROJECT_PATH.parent / "shared" / "data"))
-MAX_SECONDS = 300  # of a run; more is a hang, not slowness
+MAX_SECONDS = 300  # a run that takes longer hangs
 
 
 @dataclasses.dataclass
@@ -51,7 +51,7 @@ class Run:
 
     @functools.cached_property
     def model_images(self):
-        """Returns the images of the written model by name, every bit as it is in the file."""
+        """Returns the images of the written model by name, bit for bit as in the file."""
         images = read_images_binary(self.output_path / "model" / "images.bin")
         assert len({image.name for image in images}) == len(images), "an image appears twice"
         return {image.name: image for image in images}
@@ -78,7 +78,7 @@ def colmap():
 
 @pytest.fixture(scope="session")
 def localize(colmap, tmp_path_factory):
-    """Runs `colmap lazy_localizer` into an output folder of its own, or into the one that is named."""
+    """Runs `colmap lazy_localizer` into a new output folder, or into the given one."""
 
     def run(*arguments, output_path=None, launcher=(), **popen_options):
         if output_path is None:
@@ -99,7 +99,7 @@ def localize(colmap, tmp_path_factory):
 
 @dataclasses.dataclass
 class SceneFiles:
-    """A scene, and its files for the program; the tests leave them as they are."""
+    """A scene and its files for the program; tests must not change them."""
 
     scene: synthetic.Scene
     database_path: pathlib.Path
@@ -130,7 +130,7 @@ def write_scene_files():
 
 @pytest.fixture(scope="session")
 def exact(tmp_path_factory):
-    """Makes a scene without noise except the keypoints' rounding to single precision."""
+    """Makes a scene without noise, except that keypoints are rounded to single precision."""
     scene = synthetic.make_scene(synthetic.arc(9), synthetic.arc(3, radius=5, height=-0.7, phase=4))
     return write_scene(tmp_path_factory.mktemp("exact"), scene)
 
@@ -150,7 +150,7 @@ def noisy(tmp_path_factory):
 
 @pytest.fixture(scope="session")
 def photos(colmap, tmp_path_factory):
-    """Makes rendered photos, and a database with features of the posed ones; the tests leave them as they are."""
+    """Makes rendered photos and a database with features of the posed ones; tests must not change them."""
     import photo_scene  # its packages take seconds to load
 
     return photo_scene.make_photo_scene(tmp_path_factory.mktemp("photos"), colmap)
@@ -158,7 +158,7 @@ def photos(colmap, tmp_path_factory):
 
 @pytest.fixture(scope="session")
 def fingerprint():
-    """Returns what a folder holds: names, bytes, permissions and times of change."""
+    """Returns a function that lists what a folder holds: names, bytes, permissions and times of change."""
 
     def look(folder):
         entries = {}

@@ -57,7 +57,7 @@ class PhotoScene:
         return path
 
     def assert_localized(self, run, names=None, max_position_error=0.05):
-        """Checks poses, in a courtyard of 20 m."""
+        """Checks the poses of these queries, or of all; the bounds suit a courtyard of 20 m."""
         assert run.exit_code == 0, run.stderr
         for name in names or self.query_names:
             assert run.statuses[name] == "LOCALIZED", run.results[name]["reason"]

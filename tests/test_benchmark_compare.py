@@ -1,4 +1,4 @@
-"""`benchmarks compare`: what is noise, what is a regression, and the reduced run against its expected figures."""
+"""Tests of `benchmarks compare`: noise passes, a regression fails, the reduced run meets its expected figures."""
 
 import dataclasses
 import json
@@ -16,7 +16,7 @@ EXPECTED_PATH = PROJECT_PATH / "benchmarks" / "localization" / "expected"
 
 
 def write_run(path, errors_cm, scene="a", seed=0, rotation_factor=1.0):
-    """Writes a CSV with one query per error; NaN is lost."""
+    """Writes a CSV with one query per error; NaN stands for a lost query."""
     rows = [
         evaluation.Row(
             "t",

@@ -1,4 +1,4 @@
-"""The benchmark's readers of datasets, on small files in the datasets' own formats and layouts."""
+"""Tests of the benchmark's dataset readers, on small files in the datasets' own formats and layouts."""
 
 import pathlib
 import re
@@ -58,7 +58,7 @@ def test_hloc_query_list(tmp_path):
 
 
 def nvm_text(cameras: dict[str, tuple[float, Pose, float]]) -> str:
-    """As VisualSFM writes it, with one point."""
+    """Returns the text of a VisualSFM file with these cameras and one point."""
     lines = [
         f"{name} {focal} {' '.join(map(str, pose.qvec))} {' '.join(map(str, pose.cam_in_world))} {radial} 0\n"
         for name, (focal, pose, radial) in cameras.items()
@@ -81,7 +81,7 @@ def test_nvm_cameras(tmp_path):
 
 
 def test_nvm_distortion_is_turned_into_colmaps():
-    """VisualSFM: undistorted = distorted (1 + r |distorted|^2) on the normalized plane."""
+    """VisualSFM defines undistorted = distorted (1 + r |distorted|^2) on the normalized plane."""
     camera = formats.NvmCamera(1000.0, make_pose(0), 0.05).camera(1920, 1080)
     focal, cx, cy, k1, k2 = camera.params
     assert (camera.model, focal, cx, cy) == ("RADIAL", 1000, 960, 540)
@@ -118,7 +118,7 @@ def write_seven_scenes(path: pathlib.Path) -> dict[str, Pose]:
             pose = poses[name] = make_pose(len(poses))
             write_image(path / "redkitchen" / name, 640, 480)
             world_from_cam = np.vstack([np.column_stack([pose.rotation.T, pose.cam_in_world]), [0, 0, 0, 1]])
-            # Tabs, and exponents with three digits, as in the dataset.
+            # The dataset's files have tabs, and exponents of three digits.
             rows = ([re.sub("(e[+-])", r"\g<1>0", f"{value: .7e}") for value in row] for row in world_from_cam)
             text = "".join("\t ".join(row) + "\t \n" for row in rows)
             (path / "redkitchen" / name.replace("color.png", "pose.txt")).write_text(text)
@@ -191,7 +191,7 @@ def test_missing_data_says_where_to_get_it(tmp_path):
 
 
 def test_red_kitchen_goes_from_the_datasets_files_to_errors(colmap, tmp_path):
-    """A fifth of a real scene: features and matches are made, two queries localized."""
+    """Extracts and matches features of every fifth image of a real scene and localizes two queries."""
     if not (DATA_PATH / "kitchen" / "images").exists():
         pytest.skip(f"no scene below {DATA_PATH}; LAZYLOC_SHARED_DATA says where it is")
     scene = load_scene(DATA_PATH / "kitchen")
@@ -322,7 +322,7 @@ def test_aachen_v1_1_layout(tmp_path):
     source = aachen.read_scene(tmp_path, "aachen_v1.1", OPTIONS)
     assert source.database_names == ["db/1.jpg", "db/2.jpg"] and len(source.query_names) == 2
     assert_same_pose(source.images["db/2.jpg"].cam_from_world, images["db/2.jpg"].cam_from_world)
-    # And on to the scene's files: the queries have intrinsics there instead of poses.
+    # Write the scene's files too: in them the queries have intrinsics instead of poses.
     write_scene_files(source, tmp_path / "scene")
     scene = load_scene(tmp_path / "scene")
     assert scene.database_names("query/night/nexus5x/IMG_2.jpg") == ["db/1.jpg", "db/2.jpg"]
@@ -334,7 +334,7 @@ def test_aachen_v1_1_layout(tmp_path):
 
 
 def test_strecha_camera_file(tmp_path):
-    """fountain-P11's intrinsics; the rotation is world_from_cam, the first pixel's centre (0, 0)."""
+    """The file has fountain-P11's intrinsics. Its rotation is world_from_cam; its first pixel's centre is (0, 0)."""
     pose = make_pose(3)
     path = tmp_path / "fountain-P11" / "gt_dense_cameras" / "0000.jpg.camera"
     path.parent.mkdir(parents=True)
@@ -390,11 +390,11 @@ def test_demo_layout(tmp_path):
     np.testing.assert_allclose(source.images["query/00.jpg"].cam_from_world.tvec, [1, 2, 3])
 
 
-# From a dataset to a scene
+# Datasets to scenes
 
 
 def make_source(num_database: int = 4, **arguments) -> SceneSource:
-    """Makes database cameras a metre apart along x, looking along z, but for the last one, which looks back."""
+    """Makes database cameras a metre apart along x, looking along z, except for the last one, which looks back."""
     turned = Rotation.from_euler("y", 180, degrees=True).as_matrix()
     images = {}
     for i in range(num_database):

@@ -1,4 +1,4 @@
-"""The localization benchmark: protocol, figures, tables, and that one failing method does not stop the others."""
+"""Tests of the localization benchmark: protocol, figures, tables. A failing method must not stop the others."""
 
 import dataclasses
 import math
@@ -24,7 +24,7 @@ from conftest import DATA_PATH
 
 
 def make_scene(path: pathlib.Path, names, query_names=None) -> pathlib.Path:
-    """Cameras one metre apart along x, looking along z; each pair (i, j) has 20 + i + j verified matches."""
+    """Writes cameras one metre apart along x, looking along z; pair (i, j) has 20 + i + j verified matches."""
     (path / "model").mkdir(parents=True)
     (path / "model" / "cameras.txt").write_text("# Camera list\n3 PINHOLE 640 480 500.5 501 320 240\n")
     lines = "".join(f"{i} 1 0 0 0 {-float(i)} 0 0 3 {name}\n\n" for i, name in enumerate(names, 1))
@@ -119,7 +119,7 @@ def test_best_pairs_come_first_and_matches_start_with_the_query(tmp_path):
     assert [(pair.database_name, len(pair.query_idxs)) for pair in matches.pairs] == [("d.jpg", 26), ("c.jpg", 25)]
     with MatchDatabase(scene.database_path) as database:
         pair = database.query_matches(scene, "b.jpg", 20).pairs[-1]
-    # The stored pair is (a, b): here the query's keypoints are the second column.
+    # The stored pair is (a, b), so the query's keypoints are in the second column.
     assert pair.database_name == "a.jpg"
     np.testing.assert_array_equal(pair.query_idxs, pair.database_idxs + 1)
     np.testing.assert_allclose(matches.query_points[1], [2004, 2005])
@@ -174,7 +174,7 @@ def test_summary_counts_a_lost_query_as_infinite_in_the_median_alone():
 
 def test_recall_counts_all_queries_and_both_errors():
     rows = [make_row("1", 20.0), make_row("2", 24.0), make_row("3", 60.0), make_row("4", math.nan)]
-    # 20 and 24 cm come with 2 and 2.4 degrees, 60 cm with 6.
+    # The rotation errors are 2 and 2.4 degrees at 20 and 24 cm, and 6 degrees at 60 cm.
     assert evaluation.summarize(rows).recall == (0.25, 0.5, 0.75)
 
 
@@ -250,7 +250,7 @@ def test_series_differ_by_what_the_run_varies():
     ]
     text = tables.markdown("t", rows, {})
     assert "| lazyloc K=5 | 1 | 3.00" in text and "| lazyloc K=20 | 1 | 2.00" in text
-    # Each against the map with as many pairs.
+    # Each series is compared with the map that was given as many pairs.
     assert text.count("| 1.000 [1.000, 1.000] |") == 4
     assert "seed" not in text and "noise" not in text
     noises = ["0,0", "5,0", "10,0"]
@@ -325,7 +325,7 @@ def test_a_failing_or_crashing_method_does_not_stop_the_others(tmp_path, monkeyp
     assert [(row.query, row.method) for row in rows] == [("a.jpg", "structure_based"), ("b.jpg", "structure_based")]
     assert rows[0].position_error_cm == pytest.approx(1)
 
-    # A second run with the tag adds to the first.
+    # A second run with the same tag adds its rows to those of the first.
     functions["lazyloc"] = shift_by_one_cm
     assert run.main([*arguments, "lazyloc"]) == 0
     assert len(evaluation.read_csv(tmp_path / "out" / "run.csv")) == 4
@@ -390,7 +390,7 @@ pathlib.Path(options["--output_path"], "results.jsonl").write_text(json.dumps(fo
     queries = [name for name in names if int(name[-10:-4]) % 3]
     scene = scenes.load_scene(make_scene(tmp_path / "kitti1", names, queries))
     options = methods.MethodOptions(tmp_path / "work", program, program_options=(("LazyLocalizer.seed", "7"),))
-    for _ in range(2):  # the second run must not trip over the first one's folders
+    for _ in range(2):  # the second run must not fail because of the folders of the first
         results = methods.load_method("lazyloc")(scene, scene.query_names, options)
     np.testing.assert_allclose(results["left/000001.png"].pose.tvec, [1, 2, 3])
     assert results["left/000001.png"].seconds == 0.25
@@ -398,7 +398,7 @@ pathlib.Path(options["--output_path"], "results.jsonl").write_text(json.dumps(fo
 
 
 def test_methods_on_a_real_scene(tmp_path):
-    """Three queries of the smallest scene: each method finds all of them, and finds them well."""
+    """Each method localizes three queries of the smallest scene accurately."""
     if not (DATA_PATH / "office" / "database.db").exists():
         pytest.skip(f"no scene below {DATA_PATH}; LAZYLOC_SHARED_DATA says where it is")
     before = (DATA_PATH / "office" / "database.db").read_bytes()

@@ -1,4 +1,4 @@
-"""The benchmarks of photos on a small scene: photos are localized as well as images of the database."""
+"""Tests of the photo benchmarks on a small scene: photos are localized as accurately as images of the database."""
 
 import pytest
 

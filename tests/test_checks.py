@@ -1,4 +1,4 @@
-"""scripts/checks: each check fails on a tree that breaks its rule, names the place, and passes without the fault."""
+"""Tests of scripts/checks: each fails on a tree that breaks its rule, names the place, and passes otherwise."""
 
 import pathlib
 import subprocess
@@ -212,10 +212,44 @@ def test_comments_of_statements_count_but_not_those_at_the_end_of_a_line(write, 
     assert code == 1 and "a.cc:2: (statement) Zero." in text and "1 of 1 blocks" in text
 
 
-def test_comments_of_python_are_reported_only(write, check):
-    write("a.py", 'def f():\n    """Of the query."""\n')
+@pytest.mark.parametrize(
+    "text",
+    [
+        '"""Of the query."""\n',
+        'def f():\n    """Of the query."""\n',
+        'def f():\n    """Median distance of the points."""\n',
+        "# Of the query.\nx = 1\n",
+        "# Of the query.\n\nx = 1\n",
+        "def f():\n    # Zero.\n    return 0\n",
+    ],
+)
+def test_comments_of_python_that_open_with_a_fragment_fail(write, check, text):
+    write("a.py", text)
+    code, printed = check("comments")
+    assert code == 1 and "a.py:" in printed and "Python: 1 of 1 blocks" in printed
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        '"""Poses of the queries."""\n',
+        'def f():\n    """Returns the median distance."""\n',
+        '@property\ndef f(self):\n    """Median distance of the points."""\n',
+        "# Median distance of the points.\nx = 1\n",
+        "# Scenes\n\n# Returns the scene.\ndef f():\n    pass\n",
+        "x = 1  # of the query\n",
+    ],
+)
+def test_comments_of_python_that_open_with_a_sentence_pass(write, check, text):
+    write("a.py", text)
+    assert check("comments")[0] == 0
+
+
+def test_each_language_may_have_less_than_three_percent_of_fragments(write, check):
+    write("a.h", 99 * f"// Returns it.\n{FUNCTION}\n")
+    write("a.py", "# Of it.\nx = 1\n")
     code, text = check("comments")
-    assert code == 0 and "a.py:2: (function) Of the query." in text
+    assert code == 1 and "comments: Python comments must open" in text and "C++: 0 of 99" in text
 
 
 def test_metrics_count(write, check):

@@ -1,4 +1,4 @@
-"""The package's commands: how they find colmap and end, and the scripts that start them."""
+"""Tests of the package's commands: how they find colmap, how they end, and the scripts that start them."""
 
 import os
 import subprocess

@@ -1,4 +1,4 @@
-"""Databases read by name, copies of them with fewer images, and results files."""
+"""Tests of reading databases by image name, of copies with fewer images, and of results files."""
 
 import contextlib
 import sqlite3

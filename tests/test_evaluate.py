@@ -1,4 +1,4 @@
-"""evaluate: errors against known ones, which queries count, and one clear line for every bad input."""
+"""Tests of evaluate: errors equal known ones, the right queries count, and bad input gives one clear line."""
 
 import json
 import pathlib

@@ -19,8 +19,8 @@ from conftest import SCRIPTS_PATH
 
 @pytest.fixture
 def hloc_files(tmp_path, noisy):
-    """Writes the scene in hloc's form: keypoints half a pixel less, names in folders, pairs under either order and both
-    generations' names."""
+    """Writes the scene in hloc's form: keypoints half a pixel less, names in folders, pairs in either order, named as
+    older and newer versions of hloc do."""
     scene = noisy.scene
     folder_name = {
         name: f"{'db' if image.pose is not None and name in scene.database_names else 'q'}/{name}"
@@ -91,11 +91,11 @@ def test_database_holds_what_the_files_hold(hloc_files, noisy):
             indices = np.frombuffer(stored[0], np.uint32).reshape(-1, 2)[:, :: 1 if id1 < id2 else -1]
             expected = dict(map(tuple, pair.matches))
             assert {(a, b) for a, b in indices.tolist()} <= set(map(tuple, pair.matches.tolist()))
-            assert len(indices) >= 0.9 * len(expected)  # hloc's form has one match per keypoint
+            assert len(indices) >= 0.9 * len(expected)  # hloc's form holds one match per keypoint
 
 
 def assert_script_localizes(folder, colmap, truth):
-    """Poses by name; in a scene of some metres."""
+    """Checks the script's poses against the true ones, by name; the bounds suit a scene of a few metres."""
     done = subprocess.run(
         [
             SCRIPTS_PATH / "localize_hloc.sh",
@@ -125,7 +125,7 @@ def test_script_localizes_from_hloc_files(hloc_files, noisy, colmap):
 
 
 def write_hloc_features(path, connection):
-    """As hloc's extract_features does: a group per image, descriptors in columns."""
+    """Writes features as hloc's extract_features does: a group per image, descriptors in columns."""
     with h5py.File(path, "w") as file:
         for name, rows, cols, keypoints, descriptors in connection.execute(
             "SELECT name, k.rows, k.cols, k.data, d.data FROM images JOIN keypoints k USING (image_id) "
@@ -140,7 +140,7 @@ def write_hloc_features(path, connection):
 
 
 def write_hloc_matches(path, connection, pairs):
-    """As hloc's match_features does: for each keypoint of the first image its partner in the second."""
+    """Writes matches as hloc's match_features does: for each keypoint of image 1 the index of its match in image 2."""
     ids = dict(connection.execute("SELECT name, image_id FROM images"))
     num_keypoints = dict(connection.execute("SELECT image_id, rows FROM keypoints"))
     with h5py.File(path, "w") as file:
@@ -158,7 +158,7 @@ def write_hloc_matches(path, connection, pairs):
 
 
 def test_script_localizes_photos_from_colmap_features_in_hloc_files(photos, colmap, tmp_path):
-    """Real photos: COLMAP's features and matches, written into HDF5 files as hloc writes its own."""
+    """Writes COLMAP's features and matches of rendered photos into HDF5 files in hloc's form."""
     database_path = tmp_path / "database.db"
     shutil.copy(photos.database_path, database_path)
     photo_scene.extract_features(colmap, database_path, photos.image_path, photos.query_names)

@@ -16,7 +16,7 @@ CASES = {}
 
 
 def case(*named):
-    """Registers a case: a function that spoils the files, and returns further arguments or other ones. `named`: what
+    """Registers a case: a function that spoils the files, and returns additional or other arguments. `named`: what
     the message must name."""
 
     def register(spoil):
@@ -59,7 +59,7 @@ class Files:
         return self.scene.images["query/001.jpg"].image_id
 
     def arguments(self, changed):
-        """Returns the command line. changed: what the case returned: None, further arguments, or a dictionary."""
+        """Returns the command line. `changed`: None, a list of further arguments, or a dictionary of other values."""
         options = {"--database_path": self.database, "--input_path": self.model, "--output_path": self.folder / "out"}
         if isinstance(changed, dict):
             options.update(changed)
@@ -320,7 +320,7 @@ def missing_pairs_file(files):
     return ["--pairs_path", files.folder / "pairs.txt"]
 
 
-# Of each query list and pairs file: the text, and what the message must name.
+# Bad query lists: the text of the file, and what the message must name.
 QUERY_LISTS = {
     "query_not_in_the_database": ("query/001.jpg\nnowhere.jpg\n", "nowhere.jpg", "database.db"),
     "duplicate_query": ("query/001.jpg\nquery/000.jpg\nquery/001.jpg\n", "list.txt", "query/001.jpg"),
@@ -494,7 +494,7 @@ def test_failed_run_takes_away_the_parent_folders_that_it_made(colmap, files):
 
 
 def test_good_files_are_good(colmap, files):
-    """What the cases spoil would run otherwise."""
+    """Localizes with the files as they are before a case spoils them."""
     done = subprocess.run([colmap, "lazy_localizer", *files.arguments(None)], capture_output=True, text=True)
     assert (done.returncode, done.stderr) == (0, "")
     assert pathlib.Path(files.folder / "out" / "poses.txt").exists()

@@ -1,5 +1,7 @@
-"""Databases and models made by pycolmap 4 (rigs, frames, pose priors, every camera model that COLMAP 3.10 knows), and
-output that pycolmap 4 reads again: rigs, frames, cameras and poses as they were."""
+"""Tests of databases and models made by pycolmap 4: rigs, frames, pose priors, every camera model of COLMAP 3.10.
+
+The output must be readable by pycolmap 4, with rigs, frames, cameras and poses unchanged.
+"""
 
 import numpy as np
 import pytest
@@ -34,14 +36,14 @@ MODELS_OF_COLMAP4 = {
     "EQUIRECTANGULAR": [640, 480],
 }
 RIG_ID = 77
-NUM_FRAMES = 4  # of the rig, database images
+NUM_FRAMES = 4  # frames of the rig whose images are database images
 OTHER_FROM_REFERENCE = pycolmap.Rigid3d(
     pycolmap.Rotation3d(Rotation.from_euler("y", 12, degrees=True).as_quat()), [-0.4, 0.03, 0.02]
 )
 
 
 class Camera(synthetic.Camera):
-    """Of any model, by pycolmap."""
+    """A camera of any model; pycolmap projects points."""
 
     @property
     def colmap(self):
@@ -224,7 +226,7 @@ def test_leave_one_out_takes_the_query_out_of_its_frame(localize, scene, databas
     model = make_model(scene, frames)
     (tmp_path / "model").mkdir()
     model.write_binary(str(tmp_path / "model"))
-    # Database images are not matched with each other: none is localized, and none may be left in a frame.
+    # No database image is localized, because none are matched with each other; none may be left in a frame.
     run = localize(
         "--database_path", database_path, "--input_path", tmp_path / "model", "--LazyLocalizer.leave_one_out", 1
     )
@@ -236,7 +238,7 @@ def test_leave_one_out_takes_the_query_out_of_its_frame(localize, scene, databas
 
 @pytest.mark.parametrize("name", MODELS_OF_COLMAP4)
 def test_camera_model_of_colmap4(localize, frames, tmp_path, name):
-    """From amidst the points, which matters to a spherical camera alone. A program that was built against a COLMAP
+    """The spherical camera stands amid the points, because it also sees behind itself. A program built against a COLMAP
     without the model says so and what to do."""
     models = {1: MODELS[1], 2: MODELS[2], 3: (name, MODELS_OF_COLMAP4[name])}
     frames = {frame_id: frame for frame_id, frame in frames.items() if frame_id < 200}
@@ -257,7 +259,7 @@ def test_camera_model_of_colmap4(localize, frames, tmp_path, name):
 
 
 def test_stale_rigs_are_named(localize, scene, database_path, frames, tmp_path):
-    """As COLMAP 3 leaves them, which writes its model beside the rigs that were there."""
+    """COLMAP 3 leaves such rigs: it writes its model beside the rigs.bin of an earlier one."""
     (tmp_path / "model").mkdir()
     make_model(scene, frames).write_binary(str(tmp_path / "model"))
     synthetic.write_model(tmp_path / "model", scene, names=scene.query_names)

@@ -1,4 +1,4 @@
-"""The same input gives the same bytes: for any number of threads, order of queries and numbering of images."""
+"""Tests that the same input gives the same bytes for any number of threads, query order and image numbering."""
 
 import json
 
@@ -72,7 +72,7 @@ def other_ids(numbering, num_images):
 
 @pytest.mark.parametrize("numbering", ["reversed", "permuted", "sparse and large"])
 def test_database_with_other_ids(localize, many, reference, tmp_path, geometry, numbering):
-    """Where the order of two ids changes, COLMAP stores the pair the other way round."""
+    """COLMAP stores a pair the other way round if the order of its two ids changes."""
     renumbered = many.scene.with_image_ids(other_ids(numbering, len(many.scene.images)))
     database_path = synthetic.write_database(tmp_path / "database.db", renumbered, geometry=geometry)
     run = localize("--database_path", database_path, "--input_path", many.model_path)
@@ -89,7 +89,7 @@ def test_model_with_other_ids(localize, many, reference, tmp_path):
 
 
 def test_other_scenes_with_other_ids(localize, tmp_path, write_scene_files, geometry):
-    """Rounding differs where a pose is inverted: more scenes find more of it."""
+    """Inverting relative poses adds rounding errors; several scenes are tested, because one may not reveal them."""
     for seed in range(1, 7):
         scene = synthetic.make_scene(
             synthetic.arc(7), synthetic.arc(4, radius=5), noise_px=1.0, outlier_ratio=0.4, num_points=100, seed=seed

@@ -1,4 +1,4 @@
-"""Queries whose camera has no prior focal length, and a wrong one: `--LazyLocalizer.refine_focal_length`."""
+"""Tests of `--LazyLocalizer.refine_focal_length`: cameras without a prior focal length whose given one is wrong."""
 
 import numpy as np
 import pytest
@@ -17,7 +17,7 @@ def strip_seconds(run):
 def guessed(request, tmp_path_factory, noisy, write_scene_files):
     """Changes the noisy scene: the queries' shared camera has a focal length without prior, 1.3 times too long.
 
-    Stored geometries are wrong but their inliers right; or there are raw matches only.
+    The stored geometries are wrong, but their inliers are right; or the database has raw matches only.
     """
     scene = noisy.scene.copy()
     camera = scene.cameras[2]
@@ -68,7 +68,7 @@ def test_camera_of_a_query_list_counts_as_prior(localize, guessed, noisy, tmp_pa
 
 
 def test_leave_one_out_takes_the_prior_flag_of_the_database(localize, guessed):
-    """A model does not say whether its focal lengths are prior; the database says so of the posed images' camera."""
+    """The flag comes from the database, because a model does not say whether its focal lengths are prior."""
     run = localize(*guessed.arguments, "--LazyLocalizer.leave_one_out", 1, *SEEK)
     assert set(run.statuses.values()) == {"LOCALIZED"}
     assert not any("camera" in result for result in run.results.values())

@@ -1,4 +1,4 @@
-"""Several queries at once: joint groups, camera rigs, trajectories."""
+"""Tests of queries that are localized together: groups, camera rigs, trajectories."""
 
 import contextlib
 import json
@@ -177,7 +177,7 @@ def test_bad_file_is_one_clear_error(localize, exact, tmp_path, option):
 
 
 def test_stereo_rig_is_well_below_single_images(localize, tmp_path):
-    """kitti1's rig, of the database and of the configuration, and a wrong one."""
+    """Localizes kitti1 with the database's rig, with the same rig from a configuration file, and with a wrong rig."""
     if not (DATA_PATH / "kitti1" / "database.db").exists():
         pytest.skip(f"{DATA_PATH / 'kitti1'} is missing; LAZYLOC_SHARED_DATA names the folder of the real scenes")
     truth = true_poses("kitti1")
@@ -186,7 +186,7 @@ def test_stereo_rig_is_well_below_single_images(localize, tmp_path):
     rig = localize(*arguments_of("kitti1"))
     single = localize(*arguments_of("kitti1"), "--LazyLocalizer.Advanced.use_rigs", 0)
     configured = localize(*arguments_of("kitti1"), "--rig_config_path", config_path)
-    for name, pose in rig.poses.items():  # of the same rig, written with fewer digits
+    for name, pose in rig.poses.items():  # the configuration has the same rig with fewer digits
         position_error, rotation_error_deg = configured.poses[name].errors(pose)
         assert position_error < 1e-9 and rotation_error_deg < 1e-7
     rig_error, single_error = (

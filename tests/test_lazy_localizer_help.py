@@ -1,4 +1,4 @@
-"""The program has every command of COLMAP's, and lazy_localizer; each option is explained."""
+"""Tests that the program has every command of COLMAP and lazy_localizer, and explains each option."""
 
 import os
 import pathlib
@@ -11,7 +11,7 @@ import pytest
 CACHE_PATH = pathlib.Path(os.environ.get("XDG_CACHE_HOME", pathlib.Path.home() / ".cache")) / "colmap_lazyloc"
 COLMAP_SOURCE_PATH = pathlib.Path(os.environ.get("COLMAP_SOURCE_DIR", CACHE_PATH / "colmap-debian-13"))
 
-# The main.cc of COLMAP 3.10 has these; where its source is at hand, what it lists counts.
+# COLMAP 3.10 has these commands; if its source is available, the commands that its main.cc lists are used instead.
 SOME_COMMANDS = {
     "automatic_reconstructor",
     "database_creator",
@@ -92,7 +92,7 @@ BASIC_OPTIONS = {
 
 
 def explained_options(help_text):
-    """The help of each option that takes a value, by name; every option must be explained."""
+    """Returns the help text of each option that takes a value, by name; checks that every option has one."""
     options = re.findall(
         r"^  (?:-h \[ --help \]|--help-all|--([\w.]+) arg(?: \(=[^)]*\))?)\s+(.*?)(?=^  -|^\S|\Z)",
         help_text,

@@ -1,4 +1,4 @@
-"""A database of 20,000 images: the same poses, in memory that hardly grows with the database."""
+"""Tests that a database of 20,000 images gives the same poses, in memory that hardly grows with the database."""
 
 import itertools
 import json
@@ -14,11 +14,11 @@ from colmap_lazyloc.testing import synthetic
 
 NUM_IMAGES = 20_000
 NUM_FILLER_KEYPOINTS = 500
-# Growth per image that the program may need: name, ids, camera and pose, in the tables by name and by id, and once more
-# in the model that is written. Keypoints alone, read whole, would take 20,000 x 500 x 16 bytes = 153 MiB, and the
-# matches between neighbours as much.
+# The program needs memory for each image's name, ids, camera and pose, in the tables by name and by id and once more in
+# the model that it writes. If it read all keypoints, they alone would take 20,000 x 500 x 16 bytes = 153 MiB, and the
+# matches between neighbours as much again.
 MAX_GROWTH_MIB = 60
-# Reports the largest memory of the program: the launcher is small, so that its own does not count.
+# Reports the peak memory of the program; the launcher is so small that its own memory does not count.
 LAUNCHER = """
 import json, resource, subprocess, sys
 code = subprocess.call(sys.argv[2:])

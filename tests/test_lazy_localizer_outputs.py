@@ -1,4 +1,4 @@
-"""What `colmap lazy_localizer` writes: poses.txt, results.jsonl, options.ini and model/."""
+"""Tests of the output of `colmap lazy_localizer`: poses.txt, results.jsonl, options.ini and model/."""
 
 import re
 import subprocess
@@ -58,7 +58,7 @@ def test_exact_scene_gives_exact_poses(localize, exact):
 
 
 def test_noisy_scene_gives_poses_within_the_noise(noisy_run, noisy):
-    """Half a pixel at 5 units' distance on 160 points: about 0.003 units and 0.03 degrees; four times that."""
+    """The bounds are four times the errors that 0.5 px on 160 points 5 units away causes: 0.003 units, 0.03 deg."""
     noisy_run.assert_localized(noisy.scene, noisy.scene.query_names, 0.012, 0.12)
 
 
@@ -78,7 +78,7 @@ def test_results_of_localized_queries(noisy_run, noisy):
             assert 0 <= pair["rotation_error_deg"] < 0.5 and 0 <= pair["direction_error_deg"] < 1
         assert 100 < result["num_tracks"] <= 240
         assert 2 * result["num_tracks"] <= result["num_observations"] <= 10 * result["num_tracks"]
-        # Two coordinates of half a pixel: 0.63 px, less what the points take up.
+        # The mean norm of two coordinates with 0.5 px each is 0.63 px; estimating the points lowers it.
         assert 0.3 < result["mean_reprojection_error_px"] < 0.7
 
 
@@ -114,8 +114,8 @@ def assert_stddevs_are_of_the_covariance(result, pose, covariance):
 
 
 def test_covariance_explains_the_errors(localize, tmp_path, write_scene_files):
-    """Over 24 queries the squared errors, measured by the covariance in its order (rotation, then translation) and
-    tangent (left), have a mean of 6 for 6 parameters; its own deviation is 0.7, and correlations add to it."""
+    """The squared errors of 24 queries, normalized by the covariance (rotation, then translation, left tangent), must
+    have a mean near 6, the number of parameters. The mean scatters by 0.7, or more because queries are correlated."""
     scene = synthetic.make_scene(synthetic.arc(9), synthetic.arc(24, radius=5), noise_px=0.5, seed=7)
     files = write_scene_files(tmp_path, scene)
     run = localize(*files.arguments)
@@ -224,7 +224,7 @@ def test_database_poses_keep_every_bit(localize, noisy, tmp_path, binary):
     scene = noisy.scene.copy()
     for factor, name in zip([-1, 1 + 1e-6, -1 - 1e-9, 1 - 1e-7], scene.database_names):
         pose = scene.images[name].pose
-        # Of either sign, and normalized as badly as a text file may be.
+        # Quaternions may have either sign, and are normalized as poorly as those in a text file may be.
         scene.images[name].pose = Pose(factor * pose.qvec, pose.tvec)
     model_path = synthetic.write_model(tmp_path / "model", scene, binary=binary)
     run = localize("--database_path", noisy.database_path, "--input_path", model_path)
@@ -330,7 +330,7 @@ def test_second_run_replaces_the_first_and_keeps_other_files(localize, noisy, tm
 
 
 def test_large_coordinates(localize, exact, tmp_path):
-    """As in UTM: millions of units from the origin, where single poses keep nine digits behind the point."""
+    """Adds an offset as large as UTM coordinates; a double then still resolves about 1e-9 units."""
     scene = exact.scene.copy()
     offset = np.array([512345.0, 5812345.0, 123.0])
     for image in scene.images.values():

@@ -1,4 +1,4 @@
-"""Photos that the database does not know: features, retrieval and matching in memory."""
+"""Tests of photos that are not in the database: features, retrieval and matching in memory."""
 
 import shutil
 import sqlite3
@@ -68,7 +68,7 @@ def test_model_has_the_photos_with_their_keypoints(scene, exhaustive):
     assert sorted(images) == sorted(scene.poses)
     for name in scene.query_names:
         observed = [point for point in images[name].points2D if point.has_point3D()]
-        assert len(observed) >= 0.5 * exhaustive.results[name]["num_tracks"]  # less those that another photo has
+        assert len(observed) >= 0.5 * exhaustive.results[name]["num_tracks"]  # without those that another photo has
         assert all(0 < point.xy[0] < 480 and 0 < point.xy[1] < 360 for point in observed)
 
 
@@ -97,7 +97,7 @@ def test_pairs_file_says_what_is_compared(scene, queries, localize, tmp_path):
     )
     run = localize(*scene.arguments(queries, "--pairs_path", pairs))
     scene.assert_localized(run)
-    assert run.stderr == ""  # photos among the pairs are no names that the database lacks
+    assert run.stderr == ""  # no warning, because photos in the pairs file need not be in the database
     for name in scene.query_names:
         assert run.pair_names(name) == scene.database_names[1:5]
 

@@ -1,4 +1,4 @@
-"""Photos and files that cannot be used: one clear line or status, and the other queries go on."""
+"""Tests of unusable photos and files: one clear line or a status, and the other queries are still localized."""
 
 import shutil
 import sqlite3
@@ -158,7 +158,7 @@ def test_unusable_descriptors_are_refused(scene, queries, localize, changed_data
 
 
 def test_an_image_without_descriptors_is_left_out(scene, queries, localize, changed_database):
-    # The extractor numbers images in the order in which its threads finish.
+    # Look the id up, because the extractor numbers images in the order in which its threads finish.
     path = changed_database(
         "DELETE FROM descriptors WHERE image_id = "
         f"(SELECT image_id FROM images WHERE name = '{scene.database_names[0]}')"

@@ -1,4 +1,4 @@
-"""Progress on a terminal and elsewhere, and Ctrl-C."""
+"""Tests of the progress display, on a terminal and elsewhere, and of Ctrl-C."""
 
 import json
 import os
@@ -57,7 +57,7 @@ def test_a_progress_bar_on_a_terminal(colmap, noisy, tmp_path):
 
 @pytest.fixture(scope="module")
 def long(tmp_path_factory, write_scene_files):
-    """Hundreds of queries whose raw matches must be verified: seconds at least, on any machine."""
+    """Makes hundreds of queries whose raw matches must be verified, so that a run takes seconds on any machine."""
     scene = synthetic.make_scene(
         synthetic.arc(6), synthetic.arc(NUM_QUERIES, radius=5, height=0.8), noise_px=0.5, outlier_ratio=0.3
     )

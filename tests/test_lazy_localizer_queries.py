@@ -1,4 +1,4 @@
-"""Which images are queries, which are database images, and with which pairs and cameras."""
+"""Tests which images are queries and which are database images, and which pairs and cameras are used."""
 
 import numpy as np
 import pytest
@@ -43,7 +43,7 @@ def test_list_of_names(localize, full, query_list):
 
 
 def test_camera_of_the_list_overrides_that_of_the_database(localize, full, tmp_path, query_list):
-    """The database has a wrong focal length, as for an image without EXIF data, and geometries estimated with it."""
+    """The database has a wrong focal length, as without EXIF data, and geometries that were estimated with it."""
     scene = full.scene.copy()
     true_camera = scene.cameras[2]
     scene.cameras[2] = synthetic.Camera(2, "SIMPLE_PINHOLE", 600, 500, [720.0, 300.0, 250.0])
@@ -93,7 +93,7 @@ def test_listed_image_with_a_pose_is_a_query_and_nobodys_database_image(localize
 
 
 def test_lost_query_with_a_pose_does_not_appear_with_it(localize, exact, query_list):
-    """In the scene without pairs between database images."""
+    """The query is lost, because the scene has no pairs between database images."""
     run = localize(*exact.arguments, *query_list("database/003.jpg"))
     assert run.statuses == {"database/003.jpg": "NO_PAIRS"}
     assert "database/003.jpg" not in run.model_images
@@ -200,7 +200,7 @@ def test_order_of_the_pairs_file_does_not_matter(localize, full, tmp_path):
 
 @pytest.mark.parametrize("binary", [True, False], ids=["binary", "text"])
 def test_names_of_any_kind(localize, full, tmp_path, query_list, binary):
-    """Nested, with spaces, non-ASCII, with quotes and backslashes."""
+    """Names may be in nested folders and have spaces, non-ASCII letters, quotes and backslashes."""
     unusual = {
         "query/000.jpg": "été 2024/日本 01.jpg",
         "query/001.jpg": "a/b/c d/e.jpg",

@@ -1,4 +1,4 @@
-"""The database file and its folder are byte-identical after every run of `colmap lazy_localizer`."""
+"""Tests that every run of `colmap lazy_localizer` leaves the database file and its folder byte-identical."""
 
 import os
 import pathlib
@@ -27,7 +27,7 @@ def open_folder():
 
 @pytest.fixture
 def pending_wal(exact):
-    """Makes database.db whose tables are all in its WAL still, as an open or crashed program leaves it: no -shm."""
+    """Makes a database.db whose tables are still in its WAL, without a -shm file, as a crashed program leaves it."""
 
     def make(folder):
         live = folder / "live"
@@ -53,7 +53,7 @@ def as_other_user():
 
 
 def read_only_mount(folder):
-    """Returns a launcher that sees the folder mounted read-only; skips where the machine does not allow it."""
+    """Returns a launcher that sees the folder mounted read-only; skips the test if the machine does not allow it."""
     launcher = [
         "unshare",
         "--mount",
@@ -121,7 +121,7 @@ def test_model_list_and_pairs_files_are_untouched(localize, exact, tmp_path, fin
 
 
 def test_database_is_untouched_when_raw_matches_are_verified(localize, noisy, tmp_path, fingerprint):
-    """What is estimated in memory is not written back."""
+    """The geometries that are estimated in memory are not written back."""
     folder = tmp_path / "database"
     folder.mkdir()
     database_path = synthetic.write_database(folder / "database.db", noisy.scene, geometry=None)
@@ -132,7 +132,7 @@ def test_database_is_untouched_when_raw_matches_are_verified(localize, noisy, tm
 
 
 def test_database_is_untouched_beside_an_open_writer(localize, exact, tmp_path, fingerprint):
-    """Another program has the database open in WAL mode, with what it wrote still in the WAL."""
+    """Another program has the database open in WAL mode, and its changes are still in the WAL."""
     folder = tmp_path / "database"
     folder.mkdir()
     connection = sqlite3.connect(folder / "database.db")

@@ -1,4 +1,4 @@
-"""Accuracy of single images on real scenes with ground truth, by the protocol of their README."""
+"""Tests the accuracy of single images on real scenes with ground truth, by the protocol of their README."""
 
 import numpy as np
 import pytest
@@ -29,7 +29,7 @@ def arguments_of(scene):
 
 
 def evaluated_names(scene, truth):
-    """Returns all queries; of kitti1's, every second left one: left/000001.png, left/000004.png, ..."""
+    """Returns all queries; for kitti1 every second left image: left/000001.png, left/000004.png, ..."""
     queries = DATA_PATH / scene / "queries.txt"
     names = queries.read_text().split() if queries.exists() else sorted(truth)
     if scene == "kitti1":

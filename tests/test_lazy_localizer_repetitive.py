@@ -1,5 +1,5 @@
-"""A facade of like windows: many matches are a window too far to the side, and agree with the epipolar geometry nearly
-as well as the right ones."""
+"""Tests a facade of identical windows: many matches are one window too far to the side, and agree with the epipolar
+geometry nearly as well as the correct ones."""
 
 import numpy as np
 import pytest
@@ -11,10 +11,11 @@ NUM_WINDOWS, NUM_POINTS_A_WINDOW, NUM_SINGLE_POINTS = 20, 60, 360
 
 
 def make_facade(wrong_window_ratio, wrong_pair_ratio=0.0, noise_px=0.7, outlier_ratio=0.3, seed=0):
-    """Makes images from a street 8 units before the facade.
+    """Makes images taken from a street 8 units in front of the facade.
 
-    Of the matches of window points, wrong_window_ratio are with the next window on either side; three quarters are, all
-    on the same side, in wrong_pair_ratio of the pairs. outlier_ratio: further random matches, as a part of these.
+    wrong_window_ratio: share of the matches of window points that lead to the next window on either side.
+    wrong_pair_ratio: share of the pairs in which three quarters do so, all on the same side.
+    outlier_ratio: number of additional random matches over the number of these matches.
     """
     rng = np.random.default_rng(seed)
     window = rng.uniform([0, -3, 0], [PERIOD, 3, 0.3], (NUM_POINTS_A_WINDOW, 3))
@@ -62,6 +63,6 @@ def test_every_query_is_localized(localize, tmp_path, write_scene_files, wrong_w
     run = localize(*write_scene_files(tmp_path, scene, geometry=None).arguments)
     assert sorted(run.poses) == scene.query_names, run.statuses
     errors = [pose.errors(scene.images[name].pose) for name, pose in run.poses.items()]
-    # In units of a window's width of 2; noise alone leaves a median of 0.01.
+    # The bounds are in units of which a window's width has 2; with noise alone the median is 0.01.
     assert np.median([position_error for position_error, _ in errors]) <= 0.03
     assert max(position_error for position_error, _ in errors) <= 0.2

@@ -1,4 +1,4 @@
-"""The same matches in databases of every COLMAP generation give the same poses."""
+"""Tests that the same matches give the same poses from databases of every COLMAP generation."""
 
 import sqlite3
 
@@ -64,12 +64,12 @@ def test_same_poses_from_every_schema(localize, write, noisy, tmp_path, referenc
 
 
 def test_decomposed_matrices_give_the_stored_poses(references):
-    """The essential matrix is that of the stored pose: only rounding of its decomposition differs."""
+    """The essential matrix belongs to the stored pose, so its decomposition differs only by rounding."""
     assert_same_poses(references["essential"], references["pose"], max_error=1e-8)
 
 
 def test_raw_matches_give_nearly_the_stored_poses(references):
-    """RANSAC keeps almost the inliers that are stored: the poses differ by less than the noise."""
+    """RANSAC finds almost the same inliers as those stored, so the poses differ by less than the noise."""
     assert_same_poses(references[None], references["pose"], max_error=0.005)
 
 
@@ -97,8 +97,8 @@ def test_database_that_pycolmap_migrated(localize, noisy, tmp_path, references):
 
 
 def test_uncalibrated_geometries_are_estimated_again(localize, noisy, tmp_path, references):
-    """As COLMAP stores them where it does not trust the focal length: with F alone. The five-point RANSAC sees their
-    inliers, the reference's all raw matches: the poses agree as far as the noise lets them."""
+    """COLMAP stores only F if it does not trust the focal length. The five-point RANSAC then starts from the stored
+    inliers, but in the reference from all raw matches, so the poses agree only to within the noise."""
     database_path = synthetic.write_database(tmp_path / "database.db", noisy.scene, geometry="essential")
     with sqlite3.connect(database_path) as connection:
         connection.execute("UPDATE two_view_geometries SET config = 3, E = zeroblob(72)")

@@ -8,7 +8,7 @@ from colmap_lazyloc.testing import synthetic
 from conftest import write_lines
 
 ROW = np.stack([np.linspace(-2, 2, 7), np.zeros(7), np.full(7, -6.0)], axis=1)  # database centres on a line
-MAX_ERRORS = 5e-6, 5e-5  # of exact scenes: ten times what well placed cameras leave
+MAX_ERRORS = 5e-6, 5e-5  # for exact scenes: ten times the errors of well placed cameras
 
 
 @pytest.fixture
@@ -32,14 +32,14 @@ def assert_lost(done, name, statuses):
 
 
 def assert_partial_pose(done, scene, name, has_bearing=True, max_error_deg=0.01):
-    """Checks rotation and bearing without a position; the bound is for exact scenes, keypoints being rounded."""
+    """Checks rotation and bearing of a result without a position. The default bound is for exact scenes."""
     result, truth = done.results[name], scene.images[name].pose
     assert result["position_stddevs"] is None and result["weakest_direction"] is None
     _, rotation_error_deg = Pose(np.array(result["rotation"]), truth.tvec).errors(truth)
     assert rotation_error_deg <= max_error_deg
     assert (result["bearing"] is not None) == has_bearing
     if has_bearing:
-        # Of motion averaging for one pixel of noise, of adjustment for the noise that it finds.
+        # Motion averaging assumes one pixel of noise; adjustment estimates the noise.
         assert result["bearing"]["stddev_deg"] <= 1
         baseline = truth.cam_in_world - scene.images[result["bearing"]["from"]].pose.cam_in_world
         error = np.linalg.norm(result["bearing"]["direction"] - baseline / np.linalg.norm(baseline))
@@ -62,13 +62,13 @@ def keep_pairs(scene, query_name, num_pairs):
 
 
 def keep_inliers(pair, keep):
-    """Leaves inliers whose place in the list `keep` says, among the raw matches too."""
+    """Keeps only these inliers (an index of any kind), and makes them the raw matches too."""
     pair.inlier_matches = pair.inlier_matches[keep]
     pair.matches = pair.inlier_matches
 
 
 def test_only_the_bad_query_is_lost(run, exact):
-    """Of three queries the second has no keypoints, pairs, or verified inliers: the others are found all the same."""
+    """The second of three queries has no keypoints, pairs or verified inliers; the other two are still localized."""
     scene = exact.scene.copy()
     keep_pairs(scene, "query/001.jpg", 0)
     scene.images["query/001.jpg"].keypoints = np.zeros((0, 2), np.float32)
@@ -102,7 +102,7 @@ def test_model_of_images_that_the_database_does_not_know(localize, exact, tmp_pa
 
 @pytest.mark.parametrize("geometry", ["pose", None])
 def test_query_with_one_pair(run, exact, geometry):
-    """Orientation and bearing are known, the distance is not."""
+    """Orientation and bearing are observable, the distance is not."""
     scene = exact.scene.copy()
     keep_pairs(scene, "query/001.jpg", 1)
     done = run(scene, geometry=geometry)
@@ -113,7 +113,7 @@ def test_query_with_one_pair(run, exact, geometry):
 
 
 def test_query_with_one_pair_before_a_plane(run):
-    """Two orientations explain the matches alike."""
+    """Two orientations explain the matches equally well."""
     scene = synthetic.make_scene(synthetic.arc(1), [[1.5, 0.4, -5]], is_planar=True)
     done = run(scene)
     assert_lost(done, "query/000.jpg", {"SCALE_UNOBSERVABLE"})
@@ -146,7 +146,7 @@ def test_query_with_too_few_inliers(run, exact, geometry, num_left):
 
 
 def test_query_with_random_matches(localize, exact, tmp_path, write_scene_files):
-    """RANSAC may take a few of them for a geometry by chance, but nothing confirms it."""
+    """RANSAC may fit a geometry to a few of them by chance, but nothing confirms it."""
     scene = exact.scene.copy()
     rng = np.random.default_rng(0)
     for names, pair in scene.pairs.items():
@@ -173,14 +173,14 @@ def test_query_whose_pairs_contradict_each_other(run, exact):
 
 @pytest.mark.parametrize("geometry", ["pose", None])
 def test_query_on_the_line_of_the_database_cameras(run, geometry):
-    """Points that two database images see give the position along the line."""
+    """The position along the line is given by points that two database images see."""
     scene = synthetic.make_scene(ROW, [[0.3, 0, -6], [3.1, 0, -6]])
     assert_right_or_lost(run(scene, geometry=geometry), scene, {"DEGENERATE_BASELINE"})
 
 
 @pytest.mark.parametrize("geometry", ["pose", None])
 def test_query_on_the_line_with_points_of_single_database_images_alone(run, geometry):
-    """Nothing gives the position along the line."""
+    """The position along the line is unobservable."""
     scene = synthetic.make_scene(ROW, [[0.3, 0, -6], [3.1, 0, -6]], num_points=700)
     synthetic.split_tracks(scene)
     done = run(scene, geometry=geometry)
@@ -207,7 +207,7 @@ def test_points_of_single_database_images_suffice_where_bearings_cross(run):
 
 @pytest.mark.parametrize("geometry", ["pose", None])
 def test_pure_rotation_against_all_database_images(run, geometry):
-    """A panorama taken from one place, the query's too: orientation is all that can be known."""
+    """All images, the query too, are taken from one place, as for a panorama: only the orientation is observable."""
     scene = synthetic.make_scene([[0, 0, -6]] * 5, [[0, 0, -6]])
     done = run(scene, geometry=geometry)
     assert_lost(done, "query/000.jpg", {"DEGENERATE_BASELINE"})
@@ -217,7 +217,7 @@ def test_pure_rotation_against_all_database_images(run, geometry):
 
 @pytest.mark.parametrize("geometry", ["pose", None])
 def test_database_images_of_one_place(run, geometry):
-    """The bearing of that place is known, the distance is not."""
+    """The bearing from that place is observable, the distance is not."""
     scene = synthetic.make_scene([[0, 0, -6]] * 5, [[1.5, 0, -5.5]])
     done = run(scene, geometry=geometry)
     assert_lost(done, "query/000.jpg", {"SCALE_UNOBSERVABLE"})
@@ -226,7 +226,7 @@ def test_database_images_of_one_place(run, geometry):
 
 @pytest.mark.parametrize("geometry", ["pose", None])
 def test_pure_rotation_against_one_of_the_database_images(run, geometry):
-    """The pair without a baseline says nothing of the position; the others do."""
+    """The pair without a baseline does not constrain the position, but the others do."""
     scene = synthetic.make_scene(synthetic.arc(7), [synthetic.arc(7)[2]])
     done = run(scene, geometry=geometry)
     assert len(done.poses) == 1, done.results["query/000.jpg"]["reason"]

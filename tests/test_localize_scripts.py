@@ -1,4 +1,4 @@
-"""The shell scripts over COLMAP databases: from photos, and from matches of one's own, to poses."""
+"""Tests of the shell scripts that localize from photos, or from a user's own matches."""
 
 import shutil
 import subprocess

@@ -1,4 +1,4 @@
-"""The demo scene: exact to a small part of a pixel, the same for the same seed, and rich in features."""
+"""Tests that the demo scene is exact to a fraction of a pixel, is the same for the same seed, and has many features."""
 
 import functools
 import json
@@ -33,7 +33,7 @@ def plain(corner, right, down, value):
 
 
 def dotted_wall(sigma_texels=6.0):
-    """Makes a wall with Gaussian dots round DOT_TEXELS, seen along +y."""
+    """Makes a wall with Gaussian dots at DOT_TEXELS, seen along +y."""
     texture = np.zeros((1800, 2600, 3), np.uint8)
     profile = np.exp(-0.5 * (np.arange(-40, 41) / sigma_texels) ** 2)
     for column, row in DOT_TEXELS.astype(int):
@@ -42,7 +42,7 @@ def dotted_wall(sigma_texels=6.0):
 
 
 def centroid(image, xy, radius=9):
-    """Returns the centroid of the brightness round a pixel position, in COLMAP's convention."""
+    """Returns the centroid of the brightness around a pixel position, in COLMAP's convention."""
     column, row = (int(np.floor(value)) for value in xy)
     window = image[row - radius : row + radius + 1, column - radius : column + radius + 1, 0]
     offsets = np.arange(-radius, radius + 1) + 0.5
@@ -111,7 +111,7 @@ def test_cameras_are_clear_of_everything_and_inside_the_courtyard(seed):
 
 @pytest.fixture
 def small_scene(monkeypatch):
-    """Makes coarse textures and small photos, so that a scene takes less than a second."""
+    """Sets coarse textures and small photos, so that rendering a scene takes less than a second."""
     monkeypatch.setattr(demo, "build_scene", functools.partial(demo.build_scene, texels_per_m=30))
     monkeypatch.setattr(
         demo, "DATABASE_CAMERA", Camera("OPENCV", 160, 120, (128.3, 129.1, 80.6, 59.2, -0.11, 0.04, 0.001, -0.0007))
@@ -202,7 +202,7 @@ def epipolar_errors_px(view1, view2, xy1, xy2):
 def test_photos_match_and_their_matches_obey_the_true_poses():
     rectangles = demo.build_scene(seed=0, texels_per_m=70)
     database = demo.database_views(0, 40)[0]
-    # A query one metre beside the database image: in the scene's own walk neighbours can look away from each other.
+    # Place the query one metre beside the database image, because neighbours on the walk may look away from each other.
     centre = database.pose.cam_in_world + [0.3, 0.9, 0.4]
     rotation = Rotation.from_euler("xyz", [4, -6, 5], degrees=True).as_matrix() @ database.pose.rotation
     query = demo.View("query", demo.QUERY_CAMERA, Pose.from_centre(rotation, centre))

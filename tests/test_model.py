@@ -1,4 +1,4 @@
-"""COLMAP models and lists of names, read as COLMAP and pycolmap write them."""
+"""Tests of reading COLMAP models and lists of names as COLMAP and pycolmap write them."""
 
 import numpy as np
 import pycolmap
@@ -61,7 +61,7 @@ def test_damaged_models_are_one_error(tmp_path):
         for damaged in (b"", content[:-3], content[:50], content + b"x" * 9, b"\xff" * 40 + content[40:]):
             path.write_bytes(damaged)
             if path.name == "cameras.bin" and damaged[: len(content)] == content:
-                continue  # what follows the cameras is not looked at
+                continue  # the reader ignores bytes after the cameras
             with pytest.raises(InputError, match="no readable COLMAP model"):
                 read_model(tmp_path / "model")
         path.write_bytes(content)

@@ -1,4 +1,4 @@
-"""Poses: conversions, errors, and files that are read as they were written."""
+"""Tests of poses: conversions, errors, and files that are read as they were written."""
 
 import struct
 

@@ -1,4 +1,4 @@
-"""upgrade_database: a database of COLMAP 3.10, which COLMAP 4 cannot open, becomes one that it can."""
+"""Tests that upgrade_database makes a COLMAP 3.10 database, which COLMAP 4 cannot open, one that it can."""
 
 import sqlite3
 

@@ -1,1 +1,1 @@
-"""Localization by several methods on the same matches."""
+"""Benchmark of localization by several methods on the same matches."""

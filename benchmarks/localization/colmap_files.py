@@ -1,6 +1,6 @@
-"""Copies of a scene's database and models of its posed images, for the methods that are pycolmap's.
+"""Makes copies of a scene's database, and models of its posed images, for pycolmap's methods.
 
-pycolmap opens databases for writing, so it is given copies alone.
+The methods get copies, because pycolmap opens databases for writing.
 """
 
 import contextlib
@@ -15,10 +15,10 @@ from colmap_lazyloc.pycolmap_types import to_pycolmap_camera, to_rigid3d
 
 
 def copy_database(scene: Scene, path: pathlib.Path, image_names: list[str] | None = None) -> dict[str, int]:
-    """Copies the database, with only these images if names are given; returns the ids of its images by name.
+    """Copies the database, or only the named images of it; returns the image ids by name.
 
-    The copy has no rigs, because the poses are given and stay as they are, and a rig that lacks an image cannot be
-    loaded.
+    The copy has no rigs: the given poses do not change, so they are not needed, and a rig that lacks an image cannot
+    be loaded.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
     shutil.copyfile(scene.database_path, path)
@@ -34,7 +34,7 @@ def copy_database(scene: Scene, path: pathlib.Path, image_names: list[str] | Non
 
 
 def build_model(scene: Scene, image_ids: dict[str, int]) -> pycolmap.Reconstruction:
-    """Makes a model of the scene's posed images of these names, without points; every image is a frame of its own."""
+    """Makes a model of the named posed images, without points; every image is a frame of its own."""
     model = pycolmap.Reconstruction()
     camera_ids = sorted({scene.images[name].camera_id for name in image_ids})
     for camera_id in camera_ids:

@@ -1,14 +1,15 @@
-"""Sets runs side by side and fails (exit code 1) if a later one is worse than the first beyond the noise.
+"""Compares runs and fails (exit code 1) if a later one is significantly worse than the first.
 
     python -m benchmarks compare BEFORE.csv AFTER.csv
 
-A run is the TAG.csv of `python -m benchmarks run`. The first may be a file of expected figures (JSON) instead, which
---write_expected makes of a run.
+A run is the TAG.csv of `python -m benchmarks run`. Instead of the first run, a JSON file of expected figures may be
+given, which --write_expected makes from a run.
 
-Runs are compared query by query. A run is worse if the geometric mean ratio of position or rotation errors exceeds
-1 + --min_effect and its 99 % bootstrap interval over queries lies above 1, for a scene or for all of them; or if more
-queries are lost than chance explains (McNemar's test). Expected figures are compared with the tolerances in their
-file. With more than two runs, for example three seeds, the table ends with the scatter of the medians.
+Runs are compared query by query. A run is worse if, for one scene or for all, the geometric mean of the ratios of
+position or rotation errors exceeds 1 + --min_effect and its 99 % bootstrap interval over queries lies above 1. It is
+also worse if it loses more queries than chance explains (McNemar's test). Expected figures are compared with the
+tolerances in their file. With more than two runs, for example three seeds, the table also shows the scatter of the
+medians.
 """
 
 import argparse
@@ -27,7 +28,7 @@ CONFIDENCE = 0.99
 ERRORS = {"position": "position_error_cm", "rotation": "rotation_error_deg"}
 DEFAULT_TOLERANCE = {"position_ratio": 1.1, "rotation_ratio": 1.1, "num_lost": 0}
 
-# Rows of each scene and series.
+# The rows of a run by scene and series.
 Groups = dict[tuple[str, Series], list[Row]]
 
 
@@ -61,7 +62,7 @@ def main(argv=None) -> int:
 
 
 def compare_paired(before: Groups, after: Groups, min_effect: float) -> tuple[list[str], list[str]]:
-    """Returns what is worse beyond the noise, and a line of text for each comparison."""
+    """Returns the significant regressions, and a line of text for each comparison."""
     common = [key for key in before if key in after]
     if not common:
         raise ValueError("the runs have no scene and method in common")
@@ -96,14 +97,14 @@ def _compare_rows(before: list[Row], after: list[Row], min_effect: float) -> tup
     seen = {(row.scene, row.query) for row in before} & {(row.scene, row.query) for row in after}
     num_worse, num_better = len((lost_after - lost_before) & seen), len((lost_before - lost_after) & seen)
     texts.append(f"lost {len(lost_before)} -> {len(lost_after)}")
-    # McNemar's statistic: two standard deviations of the difference, were both as likely.
+    # Apply McNemar's test: if both are equally likely, the sum of the two numbers is the variance of their difference.
     if num_worse - num_better > 2 * math.sqrt(num_worse + num_better):
         regressions.append(f"{num_worse} queries lost that were localized, {num_better} the other way")
     return regressions, ", ".join(texts)
 
 
 def compare_with_expected(expected: dict, run: Groups) -> list[str]:
-    """Compares lost queries and geometric means, because medians of few queries scatter more, with a file's figures."""
+    """Compares lost queries and geometric means with a file's figures; medians of few queries would scatter more."""
     tolerance = expected["tolerance"]
     regressions = []
     for figure in expected["figures"]:
@@ -132,7 +133,7 @@ def compare_with_expected(expected: dict, run: Groups) -> list[str]:
 
 
 def _geometric_mean(rows: list[Row], error: str) -> float:
-    """Returns the mean over the localized queries; infinite if there are none."""
+    """Returns the geometric mean over the localized queries; infinite if there are none."""
     errors = [max(getattr(row, error), MIN_ERROR) for row in rows if row.is_measured]
     return statistics.geometric_mean(errors) if errors else math.inf
 
@@ -153,14 +154,14 @@ def write_expected(path: pathlib.Path, run: Groups):
                 **{f"geometric_mean_{error}": round(_geometric_mean(rows, error), 5) for error in ERRORS.values()},
             }
         )
-    # A line per figure, so that a change is easy to read.
+    # Write one figure per line, so that a diff is easy to read.
     lines = ",\n".join(f"    {json.dumps(figure)}" for figure in figures)
     tolerance = json.dumps(old.get("tolerance", DEFAULT_TOLERANCE))
     path.write_text(f'{{\n  "tolerance": {tolerance},\n  "figures": [\n{lines}\n  ]\n}}\n')
 
 
 def side_by_side(names: list[str], runs: list[Groups]) -> str:
-    """Returns a table of medians; with more than two runs also of their scatter, (largest - smallest) / mean."""
+    """Returns a table of medians; with more than two runs also their scatter, (maximum - minimum) / mean."""
     keys = sorted({key for run in runs for key in run}, key=str)
     has_scatter = len(runs) > 2
     text = f"| scene | method | {' | '.join(names)} |{' scatter |' if has_scatter else ''}\n"
@@ -180,7 +181,7 @@ def side_by_side(names: list[str], runs: list[Groups]) -> str:
 
 
 def _read_groups(path: pathlib.Path, methods: list[str] | None = None) -> Groups:
-    """Reads the rows, of the named methods only. A run's only seed counts as 0, to compare runs of different seeds."""
+    """Reads the rows of these methods. A run's only seed counts as 0, to compare runs of different seeds."""
     rows = [row for row in read_csv(path) if methods is None or row.method in methods]
     has_one_seed = len({row.seed for row in rows}) == 1
     groups = {}
@@ -194,10 +195,14 @@ def _read_groups(path: pathlib.Path, methods: list[str] | None = None) -> Groups
 
 def _parse(argv) -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("runs", type=pathlib.Path, nargs="+", metavar="RUN", help="TAG.csv; first also a JSON file")
-    parser.add_argument("--methods", nargs="+", help="compare, or write as expected, these alone")
-    parser.add_argument("--min_effect", type=float, default=0.02, help="a smaller ratio never fails")
-    parser.add_argument("--write_expected", type=pathlib.Path, metavar="JSON", help="write the figures of the one run")
+    parser.add_argument(
+        "runs", type=pathlib.Path, nargs="+", metavar="RUN", help="TAG.csv; the first may be a JSON file"
+    )
+    parser.add_argument("--methods", nargs="+", help="methods to compare or to write; default: all")
+    parser.add_argument("--min_effect", type=float, default=0.02, help="effect that is too small to fail")
+    parser.add_argument(
+        "--write_expected", type=pathlib.Path, metavar="JSON", help="write the expected figures of one run"
+    )
     arguments = parser.parse_args(argv)
     if arguments.write_expected and len(arguments.runs) != 1:
         parser.error("--write_expected: name one run")

@@ -1,4 +1,4 @@
-"""Scenes whose database poses are not exact: the paper's experiment on noise."""
+"""Adds noise to the database poses of a scene, as in the paper's experiment on noise."""
 
 import dataclasses
 import pathlib
@@ -14,8 +14,8 @@ from colmap_lazyloc.poses import Pose
 
 def add_database_noise(scene: Scene, rotation_deg: float, position_cm: float, seed: int, path: pathlib.Path) -> Scene:
     """Turns each pose by `rotation_deg` about a random axis of the camera and moves it by `position_cm` in a random
-    direction; errors are still measured against the true poses. The noise of an image depends only on its name and the
-    seed. The model that the program reads is written into `path`.
+    direction. Errors are still measured against the true poses. The noise of an image depends only on its name and the
+    seed. The noisy model, which the program reads, is written to `path`.
     """
     images = {}
     for name, image in scene.images.items():

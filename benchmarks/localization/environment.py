@@ -1,4 +1,4 @@
-"""When, on what and from which state of the project a run was made."""
+"""Describes the date, the machine and the commit of a run."""
 
 import datetime
 import os

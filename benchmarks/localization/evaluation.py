@@ -1,4 +1,4 @@
-"""Rows of a run and what is computed from them."""
+"""The rows of a run, and the figures that are computed from them."""
 
 import csv
 import dataclasses
@@ -18,7 +18,7 @@ MIN_ERROR = 1e-6  # in cm or degrees; keeps the logarithm of a ratio finite
 
 @dataclasses.dataclass(frozen=True)
 class Row:
-    """One query of one method; the errors are NaN of a lost query, and of one whose true pose is not known."""
+    """One query of one method; the errors are NaN if the query is lost or its true pose is unknown."""
 
     tag: str
     scene: str
@@ -47,7 +47,7 @@ class Row:
 
 @dataclasses.dataclass(frozen=True)
 class Series:
-    """What one run of a method over a scene's queries is made with."""
+    """The settings with which a method is run on the queries of a scene."""
 
     method: str
     num_retrieved: int = 20
@@ -57,8 +57,8 @@ class Series:
 
 @dataclasses.dataclass(frozen=True)
 class Summary:
-    """A lost query counts as an infinite error in the medians and in the recall, and is left out of the mean. Without
-    true poses the errors are NaN.
+    """The figures of several rows. A lost query counts as an infinite error in medians and recall, and is left out of
+    the mean. Without true poses the errors are NaN.
     """
 
     num_queries: int
@@ -72,7 +72,7 @@ class Summary:
 
 @dataclasses.dataclass(frozen=True)
 class Ratio:
-    """Geometric mean over queries of the ratio of errors, with its confidence interval."""
+    """The geometric mean over queries of the ratios of errors, with its confidence interval."""
 
     mean: float
     low: float
@@ -81,7 +81,7 @@ class Ratio:
 
 
 def make_row(tag: str, scene: Scene, query_name: str, series: Series, result: Result) -> Row:
-    """Measures a result; the scenes' unit is the metre."""
+    """Makes the row of a result; the unit of scenes is the metre."""
     position_error, rotation_error_deg = math.nan, math.nan
     true_pose = scene.true_pose(query_name)
     if result.pose is not None and true_pose is not None:
@@ -123,7 +123,7 @@ def summarize(rows: list[Row]) -> Summary:
 def paired_ratio(
     rows: list[Row], baseline_rows: list[Row], error: str = "position_error_cm", confidence: float = 0.95
 ) -> Ratio | None:
-    """Compares the queries that both localized, if there are any. The bootstrap draws queries within each scene."""
+    """Compares the queries that both localized; None if there are none. The bootstrap resamples within each scene."""
     baseline = {(row.scene, row.query): row for row in baseline_rows if row.is_measured}
     log_ratios_of_scenes = {}
     for row in rows:

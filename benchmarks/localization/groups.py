@@ -1,10 +1,10 @@
-"""Queries localized alone, jointly, as frames of a camera rig, and as pieces of a known trajectory.
+"""Localizes queries individually, jointly, as frames of a camera rig, and as parts of a known trajectory.
 
-    python -m benchmarks groups --data_path DATA --output_path OUT.md [-- OPTIONS OF THE PROGRAM]
+    python -m benchmarks groups --data_path DATA --output_path OUT.md [-- OPTIONS OF LAZY_LOCALIZER]
 
-DATA is a folder of scenes as for `python -m benchmarks run --dataset scenes`. Every third or fourth of a scene's images
-(of a rig: its frames), in the order of their names, is in the database, the others are queries. Groups are runs of L
-queries. A trajectory is made of the true relative poses.
+DATA is a folder of scenes as for `python -m benchmarks run --dataset scenes`. In the order of names, every third or
+fourth image of a scene (for a rig: frame) is in the database; the others are queries. A group has L consecutive
+queries. A trajectory consists of the true relative poses.
 """
 
 import argparse
@@ -29,10 +29,10 @@ from colmap_lazyloc.results import read_results
 
 @dataclasses.dataclass(frozen=True)
 class Setup:
-    """Which images of a scene are in the database; errors are measured for the images with the first prefix."""
+    """Selects the database images of a scene; errors are measured for images with the first prefix."""
 
     database_step: int
-    prefixes: tuple[str, ...] = ("",)  # of the rig's cameras
+    prefixes: tuple[str, ...] = ("",)  # names of a rig's images start with the prefix of their camera
 
 
 SETUPS = {"kitti1": Setup(3, ("left/", "right/")), "kitchen": Setup(4)}
@@ -45,7 +45,7 @@ class Variant:
 
 
 def variants(scene: Scene, setup: Setup, queries: list[str], folder: pathlib.Path) -> dict[str, Variant]:
-    """Returns the variants by name; the first is what the others are compared with."""
+    """Returns the variants by name; the others are compared with the first."""
 
     def size(length):
         return ["--LazyLocalizer.group_size", length]
@@ -70,7 +70,7 @@ def variants(scene: Scene, setup: Setup, queries: list[str], folder: pathlib.Pat
 
 
 def write_pairs_with_one_image(scene: Scene, setup: Setup, queries: list[str], path: pathlib.Path) -> pathlib.Path:
-    """Pairs all cameras of a frame with the first camera's last database image before it."""
+    """Pairs all images of a frame with the preceding database image of the first camera."""
     lines, last = [], None
     for name in sorted(name for name in scene.images if name.startswith(setup.prefixes[0])):
         if name not in queries:
@@ -83,7 +83,7 @@ def write_pairs_with_one_image(scene: Scene, setup: Setup, queries: list[str], p
 
 
 def write_wrong_config(config_path: pathlib.Path, error_deg: float, path: pathlib.Path) -> pathlib.Path:
-    """Turns the last camera of the first rig about its vertical axis."""
+    """Writes a rig configuration in which the last camera of the first rig is turned about its vertical axis."""
     config = json.loads(config_path.read_text())
     camera = config[0]["cameras"][-1]
     turn = Rotation.from_euler("y", error_deg, degrees=True)
@@ -95,7 +95,7 @@ def write_wrong_config(config_path: pathlib.Path, error_deg: float, path: pathli
 
 
 def run_scene(scene: Scene, setup: Setup, arguments: argparse.Namespace) -> tuple[dict, dict]:
-    """Returns the rows, and the median of the images' rig_error_px, by variant."""
+    """Returns the rows and the median rig_error_px of the images, by variant."""
     moments = sorted(
         name.removeprefix(setup.prefixes[0]) for name in scene.images if name.startswith(setup.prefixes[0])
     )
@@ -161,11 +161,11 @@ def table(rows: dict[str, list[Row]], rig_errors_px: dict[str, str]) -> str:
 @command
 def main(arguments=None):
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--data_path", type=pathlib.Path, required=True)
-    parser.add_argument("--colmap", type=pathlib.Path, default=find_colmap(), help="our program")
+    parser.add_argument("--data_path", type=pathlib.Path, required=True, help="folder of scenes")
+    parser.add_argument("--colmap", type=pathlib.Path, default=find_colmap(), help="path of our colmap program")
     parser.add_argument("--output_path", type=pathlib.Path, required=True, help="Markdown file to write")
-    parser.add_argument("--scenes", nargs="+", choices=SETUPS, default=list(SETUPS))
-    parser.add_argument("options", nargs="*", help="further options of the program")
+    parser.add_argument("--scenes", nargs="+", choices=SETUPS, default=list(SETUPS), help="default: all")
+    parser.add_argument("options", nargs="*", help="further options of lazy_localizer")
     arguments = parser.parse_args(arguments)
     command_line = " ".join(["python -m benchmarks groups --data_path DATA", *arguments.options])
     parts = ["# groups", "\n\n".join(describe_environment()), f"`{command_line}`"]

@@ -1,4 +1,4 @@
-"""Verified matches of a COLMAP database, which is opened read-only: the same for every method."""
+"""Reads verified matches, the same for every method, from a COLMAP database, which is opened read-only."""
 
 import dataclasses
 
@@ -7,12 +7,12 @@ import numpy as np
 from benchmarks.localization.scenes import Scene
 from colmap_lazyloc.database import DatabaseReader
 
-MIN_NUM_INLIERS = 15  # a pair with fewer verified inliers is not used: COLMAP's and the program's default
+MIN_NUM_INLIERS = 15  # minimum number of verified matches of a pair; the default of COLMAP and of lazy_localizer
 
 
 @dataclasses.dataclass(frozen=True)
 class PairMatches:
-    """Verified matches of the query with one database image: rows of their keypoints, one row a match."""
+    """Verified matches of the query with one database image: keypoint indices, one row per match."""
 
     database_name: str
     query_idxs: np.ndarray
@@ -21,7 +21,7 @@ class PairMatches:
 
 @dataclasses.dataclass(frozen=True)
 class QueryMatches:
-    """All that a pose stage starts from: keypoints (x, y in pixels) and the pairs, the best one first."""
+    """The input of a pose stage: keypoints (x, y in pixels) and pairs, the best one first."""
 
     query_points: np.ndarray
     pairs: list[PairMatches]
@@ -30,7 +30,7 @@ class QueryMatches:
 
 class MatchDatabase(DatabaseReader):
     def query_matches(self, scene: Scene, query_name: str, num_retrieved: int) -> QueryMatches:
-        """Returns the `num_retrieved` pairs of the query and a database image with the most verified inliers."""
+        """Returns the `num_retrieved` pairs of the query and a database image with the most verified matches."""
         num_inliers = {name: self.num_inliers(query_name, name) for name in scene.database_names(query_name)}
         names = [name for name in num_inliers if num_inliers[name] >= MIN_NUM_INLIERS]
         names = sorted(names, key=lambda name: (-num_inliers[name], name))[:num_retrieved]

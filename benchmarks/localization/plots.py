@@ -1,4 +1,4 @@
-"""Plots of a run, as SVG files that are the same for the same figures."""
+"""Draws plots of a run; the same figures give the same SVG files."""
 
 import dataclasses
 import pathlib
@@ -26,11 +26,11 @@ matplotlib.rcParams.update(
 MAX_NUM_COLUMNS = 3
 PANEL_SIZE = (4.2, 3.2)  # inches
 MARKERS = "osD^vP*X<>"
-MIN_AXIS_RATIO = 5.0  # between the ends of a logarithmic axis
+MIN_AXIS_RATIO = 5.0  # minimum ratio of the ends of a logarithmic axis
 
 
 def write_plots(path: pathlib.Path, tag: str, rows: list[Row]) -> list[pathlib.Path]:
-    """Draws the plots for which the rows have figures; returns the files."""
+    """Draws the plots for which the rows have data; returns the files."""
     rows = [row for row in rows if row.is_measured or row.is_lost]
     if not any(row.is_measured for row in rows):
         return []
@@ -52,7 +52,7 @@ def write_plots(path: pathlib.Path, tag: str, rows: list[Row]) -> list[pathlib.P
 
 
 def _figure(rows: list[Row], styles: dict, draw):
-    """Draws a panel per scene and one legend."""
+    """Draws one panel per scene, and one legend."""
     scenes = sorted({row.scene for row in rows})
     columns = min(len(scenes), MAX_NUM_COLUMNS)
     lines = -(-len(scenes) // columns)
@@ -72,7 +72,7 @@ def _figure(rows: list[Row], styles: dict, draw):
 
 
 def _cumulative_error(panel, rows: list[Row], styles: dict):
-    """Draws the share of all queries within an error; a lost query is never within."""
+    """Draws the share of all queries whose error is below x; a lost query never counts."""
     for series, own in _rows_of_series(rows):
         errors = np.sort([row.position_error_cm for row in own if row.is_measured])
         style = {**styles[series], "marker": ""}
@@ -91,7 +91,7 @@ def _time_against_error(panel, rows: list[Row], styles: dict):
 
 
 def _error_against_k(panel, rows: list[Row], styles: dict):
-    """Draws a line per method, from the first seed without noise."""
+    """Draws one line per method, from the first seed without database noise."""
     all_series = in_order({row.series for row in rows})
     for i, method in enumerate(dict.fromkeys(series.method for series in all_series)):
         first = next(series for series in all_series if series.method == method)
@@ -110,7 +110,7 @@ def _rows_of_series(rows: list[Row]) -> list:
 
 
 def _make_logarithmic(panel, which: str):
-    """Labels the axis at 1, 2, 5, ..., and makes it long enough that small differences do not look large."""
+    """Labels the axis at 1, 2, 5, ..., and extends it so that small differences do not look large."""
     getattr(panel, f"set_{which}scale")("log")
     low, high = getattr(panel, f"get_{which}lim")()
     if low <= 0:  # nothing is drawn

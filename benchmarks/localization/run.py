@@ -2,10 +2,10 @@
 
     python -m benchmarks run --data_path DATA --output_path OUT
 
-Writes to --output_path: TAG.csv (a row per scene, query and method), TAG.md (the tables), TAG_*.svg (plots, with
---plots) and, where the true poses are not public, TAG_*_visuallocalization_net.txt to hand in there. All poses are in
-poses/TAG below --work_path. A run with a tag that is there already adds to it: what it runs anew replaces the old rows,
-the others stay.
+Writes to --output_path: TAG.csv (one row per scene, query and method), TAG.md (tables), TAG_*.svg (plots, with --plots)
+and, if the true poses are not public, TAG_*_visuallocalization_net.txt for submission. All poses are written to
+poses/TAG below --work_path. If TAG.csv already exists, new rows replace those of the same scene, method and settings;
+other rows are kept.
 """
 
 import argparse
@@ -69,7 +69,7 @@ def run(arguments: argparse.Namespace, scene_names: list[str]):
                 reasons[scene.name, series] = reason
             rows += [make_row(arguments.tag, scene, name, series, result) for name, result in results.items()]
             _write_poses(arguments, scene, series, results)
-            # After every step, so that a run that is broken off leaves what it has found.
+            # Write after every step, so that an interrupted run keeps its results.
             write_csv(csv_path, rows)
             markdown_path.write_text(tables.markdown(arguments.tag, rows, reasons, notes))
             print(
@@ -78,26 +78,26 @@ def run(arguments: argparse.Namespace, scene_names: list[str]):
                 flush=True,
             )
     if arguments.plots:
-        from benchmarks.localization.plots import write_plots  # here, so that matplotlib is needed for plots alone
+        from benchmarks.localization.plots import write_plots  # imported here, because only plots need matplotlib
 
         write_plots(output_path, arguments.tag, rows)
     print(markdown_path.read_text())
 
 
 def run_method(method: str, scene: Scene, query_names: list[str], options: MethodOptions) -> tuple[dict, str]:
-    """Returns results, or a reason, because neither an exception nor a crash of a method may stop the others."""
+    """Returns results, or a reason; neither an exception nor a crash of a method may stop the others."""
     try:
         return _in_own_process(_localize, method, scene, query_names, options), ""
     except NotApplicable as reason:
         return {}, str(reason)
     except concurrent.futures.process.BrokenProcessPool:
         return {}, "crashed"
-    except Exception as error:  # of any library
+    except Exception as error:  # any library may raise one
         return {}, f"failed: {type(error).__name__}: {error}"
 
 
 def _in_own_process(function, *arguments):
-    """Calls a function in a process of its own, because threads of a library here could stop processes forked later."""
+    """Calls a function in a new process, because threads that a library starts here could block later forks."""
     context = multiprocessing.get_context("fork")
     with concurrent.futures.ProcessPoolExecutor(max_workers=1, mp_context=context) as executor:
         return executor.submit(function, *arguments).result()
@@ -132,7 +132,7 @@ def _with_noise(scene: Scene, series: Series, work_path: pathlib.Path) -> Scene:
 
 
 def _choose_queries(scene: Scene, queries: str | None) -> list[str]:
-    """Returns the first queries, if their number is given, or those that a file lists."""
+    """Returns the first queries, if a number is given, or those listed in a file."""
     if queries is None or queries.isdigit():
         return scene.query_names[: int(queries) if queries else None]
     wanted = read_queries(queries)
@@ -156,7 +156,7 @@ def _options(arguments: argparse.Namespace, scene: Scene, series: Series) -> Met
 
 
 def _fingerprint(scene: Scene) -> str:
-    """Hashes the model and the database, so that a map of another model is not used again."""
+    """Hashes the model and the database, so that a map of another model is never reused."""
     stat = scene.database_path.stat()
     state = hashlib.sha256(f"{scene.database_path.resolve()} {stat.st_size} {stat.st_mtime_ns}".encode())
     for path in sorted(scene.model_path.glob("[ci]*")):  # cameras and images
@@ -174,7 +174,7 @@ def _write_poses(arguments: argparse.Namespace, scene: Scene, series: Series, re
 
 
 def write_submission(path: pathlib.Path, poses: dict[str, Pose]):
-    """Writes poses as visuallocalization.net takes them for Aachen Day-Night: names without their folders."""
+    """Writes poses in the form of visuallocalization.net for Aachen Day-Night: names without folders."""
     names = {name: pathlib.PurePosixPath(name).name for name in poses}
     if len(set(names.values())) < len(names):
         raise ValueError(f"{path}: two queries have the same name in different folders")
@@ -192,34 +192,34 @@ def _add_data_arguments(parser: argparse.ArgumentParser):
         "--dataset",
         choices=datasets.NAMES,
         default="scenes",
-        help="the layout of --data_path, see datasets/; scenes (default): folders with model/, "
-        "database.db and perhaps queries.txt",
+        help="layout of --data_path, see datasets/; scenes (default): folders with model/, database.db "
+        "and optionally queries.txt",
     )
     data.add_argument("--data_path", type=pathlib.Path, required=True, help="folder of the dataset")
-    data.add_argument("--download", action="store_true", help="fetch missing scenes first, if their authors allow it")
-    data.add_argument("--scenes", nargs="+", help="names; default: all that are there")
+    data.add_argument("--download", action="store_true", help="download missing scenes, if their authors allow it")
+    data.add_argument("--scenes", nargs="+", help="names of scenes; default: all")
     data.add_argument("--queries", help="number of queries per scene, or a file that lists them; default: all")
     data.add_argument(
         "--ground_truth",
         choices=("original", "sfm"),
         default="original",
-        help="of 7scenes and cambridge: the dataset's poses, or those of structure from motion",
+        help="for 7scenes and cambridge: the dataset's poses, or those of structure from motion",
     )
-    data.add_argument("--focal_length_px", type=float, help="of 7scenes, instead of 525")
-    data.add_argument("--image_step", type=int, default=1, help="every n-th database image and query")
+    data.add_argument("--focal_length_px", type=float, help="focal length for 7scenes; default: 525")
+    data.add_argument("--image_step", type=int, default=1, help="use every n-th database image and query")
     data.add_argument(
         "--pairs_path",
         type=pathlib.Path,
         nargs="+",
         default=[],
-        help="pairs to match, two names a line as hloc has them; default: the dataset's, else all",
+        help="files with pairs to match, two names per line as in hloc; default: the dataset's pairs, else all",
     )
     data.add_argument("--max_num_features", type=int, default=8192, help="SIFT features per image")
     data.add_argument(
         "--num_database_neighbours",
         type=int,
         default=20,
-        help="nearest database images that each one is matched with, for the map",
+        help="for the map: number of nearest database images with which each database image is matched",
     )
 
 
@@ -229,11 +229,9 @@ def _add_method_arguments(parser: argparse.ArgumentParser):
         "--methods",
         nargs="+",
         default=["structure_based", "lazyloc"],
-        help=f"all, or of {', '.join(METHODS)}; lazyloc:NAME takes options from configs/NAME.ini",
+        help=f"all, or names of {', '.join(METHODS)}; lazyloc:NAME uses the options in configs/NAME.ini",
     )
-    methods.add_argument(
-        "--colmap", type=pathlib.Path, default=find_colmap(), help="the program with the command lazy_localizer"
-    )
+    methods.add_argument("--colmap", type=pathlib.Path, default=find_colmap(), help="path of our colmap program")
     methods.add_argument(
         "--options",
         nargs="+",
@@ -246,27 +244,25 @@ def _add_method_arguments(parser: argparse.ArgumentParser):
         type=int,
         nargs="+",
         default=[20],
-        help="pairs per query, best by verified inliers; several: a series each",
+        help="number of pairs per query, those with the most verified matches; each value is a series",
     )
-    methods.add_argument("--seeds", type=int, nargs="+", default=[0], help="several: a series each")
+    methods.add_argument("--seeds", type=int, nargs="+", default=[0], help="seeds; each value is a series")
     methods.add_argument(
         "--database_noise",
         type=_noise,
         nargs="+",
         default=["0,0"],
         metavar="DEG,CM",
-        help="turn and move each database pose by this in random directions; several: a series each",
+        help="rotate and move each database pose by this much in random directions; each value is a series",
     )
 
 
 def _add_output_arguments(parser: argparse.ArgumentParser):
     output = parser.add_argument_group("output")
     output.add_argument("--output_path", type=pathlib.Path, required=True)
-    output.add_argument(
-        "--work_path", type=pathlib.Path, help="for databases, maps and logs; default: work below --output_path"
-    )
+    output.add_argument("--work_path", type=pathlib.Path, help="folder for databases, maps and logs; default: OUT/work")
     output.add_argument("--tag", default="run", help="name of this run and of its files")
-    output.add_argument("--plots", action="store_true", help="needs matplotlib")
+    output.add_argument("--plots", action="store_true", help="also draw plots (needs matplotlib)")
 
 
 def _parse(argv: list[str]) -> argparse.Namespace:

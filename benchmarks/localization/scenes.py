@@ -1,4 +1,4 @@
-"""The scenes: a COLMAP model with true poses, a COLMAP database, and who is localized against whom."""
+"""Loads scenes: a COLMAP model with true poses, a COLMAP database, and the protocol that selects the queries."""
 
 import dataclasses
 import functools
@@ -13,11 +13,11 @@ from colmap_lazyloc.queries import read_queries
 
 @dataclasses.dataclass(frozen=True)
 class Protocol:
-    """Which images of a scene are localized, and against which.
+    """Selects the queries of a scene, and the database images of each query.
 
-    Candidates are those of queries.txt, or all images without such a file. With `leave_one_out` each is localized
-    against all other images of the scene, else against the images that are not candidates. Of the candidates whose
-    name starts with `query_prefix`, every `query_step`th is localized.
+    Candidates are the images listed in queries.txt, or all images if there is no such file. Every `query_step`th
+    candidate whose name starts with `query_prefix` is localized: with `leave_one_out` against all other images of the
+    scene, else against the images that are not candidates.
     """
 
     leave_one_out: bool = True
@@ -25,7 +25,7 @@ class Protocol:
     query_step: int = 1
 
 
-# Of scenes without a protocol.json; those that are not listed here are leave-one-out.
+# Protocols of scenes without a protocol.json; scenes that are not listed use leave-one-out.
 PROTOCOLS = {"kitti1": Protocol(leave_one_out=False, query_prefix="left/", query_step=2)}
 
 
@@ -37,7 +37,7 @@ class Scene:
     cameras: dict[int, Camera]
     images: dict[str, Image]
     candidates: tuple[str, ...]
-    true_images: dict[str, Image] | None = None  # where `images` are noisy
+    true_images: dict[str, Image] | None = None  # if the poses in `images` are noisy
     noisy_model_path: pathlib.Path | None = None
 
     @property
@@ -64,14 +64,14 @@ class Scene:
         return self._fixed_database_names
 
     def database_key(self, query_name: str) -> str:
-        """Queries with the same key have the same database images."""
+        """Returns a key that is the same for queries with the same database images."""
         return "without_" + query_name.replace("/", "_") if self.protocol.leave_one_out else "database"
 
     def camera(self, name: str) -> Camera:
         return self.cameras[self.images[name].camera_id]
 
     def pose(self, name: str) -> Pose:
-        """Returns the pose that the methods are given; a database image's may be noisy."""
+        """Returns the pose that the methods get; for a database image it may be noisy."""
         return self.images[name].cam_from_world
 
     def true_pose(self, name: str) -> Pose | None:

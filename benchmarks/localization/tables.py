@@ -1,4 +1,4 @@
-"""A run as Markdown: medians of all scenes, one table per scene, and one over all of them."""
+"""Formats a run as Markdown: medians of all scenes, one table per scene, and one for all scenes together."""
 
 import dataclasses
 import math
@@ -25,7 +25,7 @@ LEGEND = (
 
 
 def markdown(title: str, rows: list[Row], reasons: dict[tuple[str, Series], str], notes: list[str] = ()) -> str:
-    """Returns the tables. `reasons`: why (scene, series) has no rows; `notes`: lines below the title."""
+    """Returns the tables. `reasons`: why a (scene, series) has no rows; `notes`: lines below the title."""
     scenes = sorted({row.scene for row in rows} | {scene for scene, _ in reasons})
     all_series = in_order({row.series for row in rows} | {series for _, series in reasons})
     names = labels(all_series)
@@ -46,7 +46,7 @@ def markdown(title: str, rows: list[Row], reasons: dict[tuple[str, Series], str]
 
 
 def in_order(all_series: set[Series]) -> list[Series]:
-    """As the methods are registered, presets after the plain method."""
+    """Sorts series in the order of METHODS, presets after the plain method."""
     names = list(METHODS)
     return sorted(
         all_series,
@@ -61,7 +61,7 @@ def in_order(all_series: set[Series]) -> list[Series]:
 
 
 def labels(all_series: list[Series]) -> dict[Series, str]:
-    """Returns the series' names: the method, and what else tells them apart."""
+    """Returns the names of the series: the method, and the settings in which they differ."""
     several = {
         field: len({getattr(series, field) for series in all_series}) > 1
         for field in ("num_retrieved", "seed", "database_noise")
@@ -76,7 +76,7 @@ def labels(all_series: list[Series]) -> dict[Series, str]:
 
 
 def _medians(rows: list[Row], scenes: list[str], names: dict[Series, str]) -> str:
-    """Returns a table with a column per scene, as papers have it; the average is over the scenes."""
+    """Returns a table with one column per scene, as in papers; the average is over the scenes."""
     text = f"## Medians, cm / °\n\n| method | {' | '.join(scenes)} | average |\n" + "|---" * (len(scenes) + 2) + "|\n"
     for series, name in names.items():
         summaries = []

@@ -1,1 +1,1 @@
-"""Queries that are only photos."""
+"""Benchmarks of queries that are photos without features or matches in the database."""

@@ -1,14 +1,15 @@
-"""Is a query that is only a photo localized as well as one whose features and matches are in the database?
+"""Compares queries that are only photos with queries whose features and matches are in the database.
 
     python -m benchmarks photos --help
 
-Every fourth image of a scene is a query. COLMAP extracts the features of all images and matches and verifies all
-queries with all others: "database" localizes from that. "photo" localizes the same queries from the same database
-without them, given their image files and intrinsics, by retrieval of the 20 most similar images and our own matching.
-How much of the difference is chance is seen from runs that verify the raw matches of both again, with other seeds.
+Every fourth image of a scene is a query. COLMAP extracts the features of all images, matches each query with all other
+images and verifies the matches. "database" localizes the queries from this database. "photo" localizes the same queries
+from the database without them, given only their image files and intrinsics: it retrieves the 20 most similar images and
+matches them itself. To show how much of the difference is chance, further runs verify the raw matches of both again
+with other seeds.
 
-Prints tables. Scenes are folders as benchmarks/localization has them, with images/ beside the model; they are only
-read. What is extracted and matched is kept in --work_path.
+Prints tables. A scene is a folder as for benchmarks/localization, with images/ beside the model; it is only read.
+Features and matches are kept in --work_path.
 """
 
 import argparse
@@ -39,7 +40,7 @@ def main(arguments=None):
 
 
 class SceneRuns:
-    """Position and rotation errors, a row per query; those with other seeds have a leading axis of seeds."""
+    """Position and rotation errors, one row per query; for several seeds the first axis is the seed."""
 
     def __init__(self, folds: list[photo_scenes.Fold], num_seeds: int):
         self.name = folds[0].scene.name
@@ -69,7 +70,7 @@ class SceneRuns:
 
 
 def localize_photos(fold: photo_scenes.Fold) -> dict[str, dict]:
-    """Localizes with one thread, so that the seconds of the stages are those of one core."""
+    """Localizes with one thread, so that the stages' seconds are measured on one core."""
     kept_path = fold.work_path / "kept.db"
     kept_path.unlink(missing_ok=True)
     before = photo_scenes.sha256(fold.photo_path)
@@ -126,7 +127,7 @@ def noise_table(runs: list[SceneRuns]) -> str:
 
 
 def time_table(runs: list[SceneRuns]) -> str:
-    """Medians over the queries."""
+    """Returns a table of median seconds over the queries."""
     lines = ["| scene | " + " | ".join(STAGES) + " | pose |", "|---|" + "---|" * (len(STAGES) + 1)]
     for run in runs:
         columns = [[seconds[stage] for seconds in run.seconds] for stage in STAGES]
@@ -139,15 +140,15 @@ def time_table(runs: list[SceneRuns]) -> str:
 def parse(arguments) -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("scene_path", type=pathlib.Path, nargs="+", help="folder with images/ and model/ (text)")
-    parser.add_argument("--colmap", type=pathlib.Path, default=find_colmap(), help="our program")
-    parser.add_argument("--work_path", type=pathlib.Path, required=True)
+    parser.add_argument("--colmap", type=pathlib.Path, default=find_colmap(), help="path of our colmap program")
+    parser.add_argument("--work_path", type=pathlib.Path, required=True, help="folder for databases and results")
     parser.add_argument(
         "--first",
         type=int,
         nargs="+",
         default=[0],
         choices=range(photo_scenes.QUERY_STEP),
-        help="first query; with 0 1 2 3 every image is a query once",
+        help="index of the first query; 0 1 2 3 makes every image a query once",
     )
-    parser.add_argument("--num_seeds", type=int, default=5)
+    parser.add_argument("--num_seeds", type=int, default=5, help="number of runs that verify the raw matches again")
     return parser.parse_args(arguments)

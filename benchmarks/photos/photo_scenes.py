@@ -1,4 +1,4 @@
-"""Scenes whose queries are photos: features and matches by our own colmap, in a work folder; the scene is only read."""
+"""Makes scenes whose queries are photos, with features and matches of our colmap; the original scene is only read."""
 
 import contextlib
 import dataclasses
@@ -18,7 +18,7 @@ QUERY_STEP = 4
 
 @dataclasses.dataclass(frozen=True)
 class Fold:
-    """Every fourth image is a query, from the image `first` on; the others are the database."""
+    """A division of a scene: every fourth image from `first` on is a query, the others are the database."""
 
     scene: Scene
     work_path: pathlib.Path
@@ -26,9 +26,9 @@ class Fold:
     database_names: list[str]
     colmap: pathlib.Path
 
-    # With the verified matches of all queries with all database images.
+    # This database has the verified matches of all queries with all database images.
     matched_path = property(lambda self: self.work_path / "matched.db")
-    # Without the queries.
+    # This database does not have the queries.
     photo_path = property(lambda self: self.work_path / "photo.db")
     index_path = property(lambda self: self.work_path / "photo.index")
     query_list_path = property(lambda self: self.work_path / "queries.txt")
@@ -52,7 +52,7 @@ class Fold:
         return read_results(output_path / "results.jsonl")
 
     def errors(self, records: dict[str, dict]) -> list[tuple[float, float]]:
-        """Returns position errors in the scene's unit and rotation errors in degrees; infinite without a pose."""
+        """Returns position errors in the scene's unit and rotation errors in degrees; infinite for lost queries."""
         poses = {name: pose_of(record) for name, record in records.items()}
         return [pose.errors(self.scene.true_pose(name)) if pose else (np.inf, np.inf) for name, pose in poses.items()]
 
@@ -100,7 +100,7 @@ def make_fold(scene_path: pathlib.Path, first: int, work_path: pathlib.Path, col
 
 
 def extract_scene_features(scene: Scene, work_path: pathlib.Path, colmap: pathlib.Path) -> pathlib.Path:
-    """Makes a database of COLMAP's SIFT features of all images, with the scene's cameras; returns its path."""
+    """Creates a database with COLMAP's SIFT features of all images and the scene's cameras; returns its path."""
     path, staged_path = work_path / "features.db", work_path / "features.new"
     if path.exists():
         return path
@@ -113,7 +113,7 @@ def extract_scene_features(scene: Scene, work_path: pathlib.Path, colmap: pathli
 
 
 def remove_queries(fold: Fold):
-    """Removes the queries from the photos' database, and the room that they took in the file."""
+    """Removes the queries from the photos' database, and shrinks the file."""
     with contextlib.closing(connect(fold.photo_path, "rw")) as connection:
         ids = dict(connection.execute("SELECT name, image_id FROM images"))
         remove_images(connection, [ids[name] for name in fold.query_names])

@@ -1,14 +1,15 @@
-"""The retrieval index: which images it finds, how large it is and how long it takes to make and to refresh.
+"""Measures the retrieval index: its recall, its size, and the time to build and to update it.
 
     python -m benchmarks retrieval --help
 
-Recall: every fourth image of a scene is a query, all others are the database, and COLMAP's matching of all of them
-says which K images share the most verified matches with a query. How many of these does the index name first?
+Recall: every fourth image of a scene is a query, all others are the database. COLMAP matches each query with all
+database images; the K images with the most verified matches are the best ones. The recall is the share of the best
+images that are among the first K of the index.
 
-Growth: databases of descriptors drawn at random from the scene's, with noise, as large as --num_images says. One image
-is removed then, and another one added: what refreshing costs.
+Growth: synthetic databases of --num_images images, whose descriptors are drawn at random from the scene's, with noise.
+To measure an update, one image is then removed and another one added.
 
-Prints tables; what is matched is kept in --work_path.
+Prints tables; databases with matches are kept in --work_path.
 """
 
 import argparse
@@ -27,7 +28,7 @@ from benchmarks.photos import photo_scenes
 from colmap_lazyloc.errors import command
 from colmap_lazyloc.program import find_colmap, run_colmap
 
-NOISE = 8  # of each column of a synthetic descriptor, standard deviation; a descriptor's length is 512
+NOISE = 8  # standard deviation per element of a synthetic descriptor; the norm of a descriptor is 512
 DESCRIPTOR_SIZE = 128
 
 
@@ -62,7 +63,7 @@ def recall_table(fold: photo_scenes.Fold, counts: list[int]) -> str:
 
 
 def best_images(num_inliers: dict[str, int], count: int) -> list[str]:
-    """Returns up to `count` images, fewer if fewer have enough verified matches."""
+    """Returns the `count` images with the most verified matches, or fewer if fewer have enough."""
     best = sorted(num_inliers, key=lambda name: -num_inliers[name])[:count]
     return [name for name in best if num_inliers[name] >= MIN_NUM_INLIERS]
 
@@ -73,7 +74,7 @@ def recall(num_inliers: dict[str, int], found: set[str], count: int) -> float:
 
 
 def share(num_inliers: dict[str, int], found: set[str], count: int) -> float:
-    """Returns the verified matches of the found images over those of the best images."""
+    """Returns the number of verified matches of the found images divided by that of the best images."""
     best = best_images(num_inliers, count)
     return sum(num_inliers[name] for name in found) / sum(num_inliers[name] for name in best)
 
@@ -115,13 +116,13 @@ def index_core_seconds(fold: photo_scenes.Fold, database_path, index_path, expec
 
 
 def core_seconds() -> float:
-    """Returns the core time of the programs that were run, because it counts on a busy machine."""
+    """Returns the CPU time of all child processes, because wall-clock time depends on what else the machine runs."""
     usage = resource.getrusage(resource.RUSAGE_CHILDREN)
     return usage.ru_utime + usage.ru_stime
 
 
 class SyntheticDatabase:
-    """A database in COLMAP's form whose images have descriptors like those of another one."""
+    """A COLMAP database whose images have descriptors similar to those of another one."""
 
     def __init__(self, source_path: pathlib.Path, path: pathlib.Path, num_features: int):
         shutil.copyfile(source_path, path)
@@ -129,7 +130,8 @@ class SyntheticDatabase:
         blobs = self._connection.execute("SELECT data FROM descriptors WHERE rows > 0 ORDER BY image_id").fetchall()
         self._pool = np.concatenate([np.frombuffer(blob, np.uint8).reshape(-1, DESCRIPTOR_SIZE) for (blob,) in blobs])
         self._num_features = num_features
-        for table in ("keypoints", "descriptors"):  # a row to fill in: the columns differ between COLMAP's versions
+        # Keep a row to change and insert, because the columns differ between COLMAP's versions.
+        for table in ("keypoints", "descriptors"):
             self._connection.execute(f"CREATE TEMP TABLE {table}_row AS SELECT * FROM {table} LIMIT 1")
         for table in ("keypoints", "descriptors", "images"):
             self._connection.execute(f"DELETE FROM {table}")
@@ -163,9 +165,9 @@ class SyntheticDatabase:
 def parse(arguments) -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("scene_path", type=pathlib.Path, help="folder with images/ and model/ (text)")
-    parser.add_argument("--colmap", type=pathlib.Path, default=find_colmap(), help="our program")
-    parser.add_argument("--work_path", type=pathlib.Path, required=True)
+    parser.add_argument("--colmap", type=pathlib.Path, default=find_colmap(), help="path of our colmap program")
+    parser.add_argument("--work_path", type=pathlib.Path, required=True, help="folder for databases and indices")
     parser.add_argument("--num_retrieved", type=int, nargs="*", default=[5, 10, 20], metavar="K")
     parser.add_argument("--num_images", type=int, nargs="*", default=[100, 1000, 10000], metavar="N")
-    parser.add_argument("--num_features", type=int, default=300, help="of each image of the databases that grow")
+    parser.add_argument("--num_features", type=int, default=300, help="features per image of the synthetic databases")
     return parser.parse_args(arguments)

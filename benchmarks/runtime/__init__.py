@@ -1,1 +1,1 @@
-"""Seconds per query."""
+"""Benchmarks of the time per query."""

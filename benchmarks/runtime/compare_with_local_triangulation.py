@@ -1,14 +1,14 @@
-"""Seconds per query of the pose stage, ours and pycolmap's, on the same verified matches, in one run on one core.
+"""Compares the seconds per query of lazy_localizer and of pycolmap on the same verified matches, on one core.
 
     python -m benchmarks runtime SCENE
 
-Ours is `colmap lazy_localizer` with one thread: its pose stage (total less reading the database) is compared with local
-triangulation of the query's own tracks (pycolmap's robust triangulation of each query keypoint, then its absolute pose;
-reading not counted either), and its total with what reads the database too: a map of the K database images made by
-pycolmap's `triangulate_points` for each query, and COLMAP 4's structure-less registration, which takes all pairs. The
-process keeps to one core, and the methods run one after the other, so that none disturbs another.
+`colmap lazy_localizer` runs with one thread. Its pose stage (the total without reading the database) is compared with
+local triangulation: pycolmap's robust triangulation of each query keypoint, then its absolute pose, also without
+reading. Its total is compared with two methods whose time includes reading: a map of the K database images, which
+pycolmap's `triangulate_points` makes for each query, and COLMAP 4's structure-less registration, which uses all pairs.
+The process is bound to one core and the methods run one after the other, so that they do not disturb each other.
 
-Prints a table: median over the queries in milliseconds, ratio of the medians, median of each query's own ratio.
+Prints a table: medians over the queries in milliseconds, ratio of the medians, median of the ratios per query.
 """
 
 import argparse
@@ -24,14 +24,14 @@ from colmap_lazyloc.errors import command
 from colmap_lazyloc.program import find_colmap
 from colmap_lazyloc.results import read_results
 
-# Method -> what of ours it is compared with.
+# The part of our time that each method is compared with.
 COUNTERPARTS = {"local_triangulation": "pose stage", "local_map": "total", "colmap_structureless": "total"}
 
 
 @command
 def main(arguments=None):
     arguments = _parse(arguments)
-    os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})  # of the programs that it starts, too
+    os.sched_setaffinity(0, {min(os.sched_getaffinity(0))})  # child processes inherit it
     scene = load_scene(arguments.scene_path)
     query_names = scene.query_names[: arguments.num_queries]
     load_before = os.getloadavg()[0]
@@ -49,7 +49,7 @@ def main(arguments=None):
 
 
 def measure_ours(scene: Scene, query_names: list[str], options: MethodOptions) -> dict[str, dict[str, float]]:
-    """Returns seconds by part and query."""
+    """Returns our seconds by part and query."""
     load_method("lazyloc")(scene, query_names, options)
     seconds = {"pose stage": {}, "total": {}}
     for name, record in read_results(options.work_path / "output" / "results.jsonl").items():
@@ -59,7 +59,7 @@ def measure_ours(scene: Scene, query_names: list[str], options: MethodOptions) -
 
 
 def measure(method: str, scene: Scene, query_names: list[str], options: MethodOptions) -> dict[str, float]:
-    """Returns seconds by query."""
+    """Returns the method's seconds by query."""
     results = load_method(method)(scene, query_names, options)
     return {name: result.seconds for name, result in results.items()}
 
@@ -81,8 +81,8 @@ def table(ours: dict[str, dict[str, float]], others: dict[str, dict[str, float]]
 def _parse(argv) -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("scene_path", type=pathlib.Path, help="folder with database.db and model/ (text)")
-    parser.add_argument("--colmap", type=pathlib.Path, default=find_colmap(), help="our program")
-    parser.add_argument("--methods", nargs="+", choices=COUNTERPARTS, default=list(COUNTERPARTS))
+    parser.add_argument("--colmap", type=pathlib.Path, default=find_colmap(), help="path of our colmap program")
+    parser.add_argument("--methods", nargs="+", choices=COUNTERPARTS, default=list(COUNTERPARTS), help="default: all")
     parser.add_argument("--num_retrieved", type=int, default=20, metavar="K", help="database images per query")
-    parser.add_argument("--num_queries", type=int, help="only the first ones")
+    parser.add_argument("--num_queries", type=int, help="number of queries; default: all")
     return parser.parse_args(argv)

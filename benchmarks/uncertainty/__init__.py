@@ -1,1 +1,1 @@
-"""Reported covariances against true errors."""
+"""Benchmark of the reported covariances against true errors."""

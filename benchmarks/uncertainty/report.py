@@ -1,6 +1,6 @@
-"""Is a pose as uncertain as lazy_localizer says? Two tables in Markdown, from synthetic scenes with Gaussian noise:
+"""Compares reported covariances with true errors, in synthetic scenes with Gaussian noise. Prints Markdown tables:
 
-quantiles  quantiles of the squared errors, normalized by the reported covariance; they should be those of the
+quantiles  quantiles of the squared errors, normalized by the reported covariance; they should equal those of the
            chi-square distribution with 6 degrees of freedom
 cases      scenes with unobservable motions: statuses, reasons, reported standard deviations, true errors
 
@@ -33,7 +33,7 @@ EXACT = (
 
 
 def localize(colmap, scene, *arguments, database_scene=None):
-    """Returns the program's results by name. database_scene: whose database poses it is given, if not the scene's."""
+    """Returns the program's results by name. database_scene: scene with the database poses; default: `scene`."""
     with tempfile.TemporaryDirectory() as folder:
         folder = pathlib.Path(folder)
         run_colmap(
@@ -58,7 +58,7 @@ def squared_error(result, truth):
 
 
 def around(centres, num, spread, rng):
-    """Draws points near the middle of others."""
+    """Draws points near the mean of `centres`."""
     return np.mean(centres, axis=0) + spread * rng.standard_normal((num, 3))
 
 
@@ -81,9 +81,9 @@ def with_disturbed_database(scene, rotation_stddev_deg, position_stddev, rng):
 
 
 def print_quantiles(colmap):
-    """Prints a row for each 320 queries, of 8 scenes whose database cameras have the same layout.
+    """Prints one row per 320 queries, from 8 scenes with the same layout of database cameras.
 
-    "no gate": right matches are not dropped by max_query_error_sigma.
+    "no gate": max_query_error_sigma is so large that it never drops a correct match.
     """
     expected = scipy.stats.chi2.ppf(np.array(PERCENTS) / 100, 6)
     print("| database cameras | keypoint noise | database poses |", " | ".join(f"{p} %" for p in PERCENTS), "| mean |")
@@ -100,7 +100,7 @@ def print_quantiles(colmap):
         for seed in range(8):
             rng = np.random.default_rng(seed)
             scene = synthetic.make_scene(layouts[layout], around(layouts[layout], 40, 0.7, rng), noise_px, seed=seed)
-            # Pixels at the focal length of 520 and a distance of 6 units, as the errors would look in the image.
+            # Convert pixels with the focal length of 520 px and the distance of 6 units.
             noise_rad = database_noise_px / 520
             given = with_disturbed_database(scene, np.degrees(noise_rad), 6 * noise_rad, rng)
             program_options = (EXACT if "stated" in database else ()) + (OPEN_GATE if "no gate" in database else ())
@@ -123,7 +123,7 @@ def keep_first_pairs(scene):
 
 
 def cases():
-    """Yields the name and the scene of each case: ten queries, half a pixel of noise."""
+    """Yields the name and the scene of each case, with ten queries and half a pixel of noise."""
     rng = np.random.default_rng(0)
     arc, row, place = synthetic.arc(7), line(7), np.array([[0, 0, -6.0]])
     near_arc = around(arc, 10, 0.5, rng)
@@ -156,7 +156,7 @@ def root_mean_square(values):
 
 
 def pair_of(stddevs, errors, unit):
-    """Returns root mean squares of reported standard deviations and of true errors."""
+    """Formats the root mean squares of reported standard deviations and of true errors."""
     if not errors:
         return "–"
     stddev = "?" if None in stddevs else f"{root_mean_square(stddevs):.2g}"
@@ -206,8 +206,8 @@ def print_cases(colmap):
 @command
 def main(arguments=None):
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("tables", nargs="*", choices=["quantiles", "cases", []], help="default: both")
-    parser.add_argument("--colmap", type=pathlib.Path, default=find_colmap())
+    parser.add_argument("tables", nargs="*", choices=["quantiles", "cases", []], help="tables to print; default: both")
+    parser.add_argument("--colmap", type=pathlib.Path, default=find_colmap(), help="path of our colmap program")
     arguments = parser.parse_args(arguments)
     for table in arguments.tables or ["quantiles", "cases"]:
         {"quantiles": print_quantiles, "cases": print_cases}[table](arguments.colmap)

@@ -1,6 +1,6 @@
-"""Poses, files and programs around `colmap lazy_localizer`; scripts, tests and benchmarks are built on it.
+"""Poses, file formats and commands around `colmap lazy_localizer`; scripts, tests and benchmarks are built on it.
 
-Importing the package imports nothing else, so that each module asks only for the packages that it uses.
+The package imports none of its modules by itself, because each module needs other third-party packages.
 """
 
 __version__ = "0.1.0"

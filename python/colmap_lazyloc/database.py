@@ -1,4 +1,4 @@
-"""COLMAP databases, read without writing to them, and what Python changes in copies of them."""
+"""Reads COLMAP databases without writing to them, and removes images from copies."""
 
 import pathlib
 import sqlite3
@@ -6,11 +6,11 @@ from collections.abc import Iterable
 
 import numpy as np
 
-MAX_NUM_IMAGES = 2147483647  # COLMAP's; the base of pair ids
+MAX_NUM_IMAGES = 2147483647  # COLMAP's constant, from which pair ids are computed
 
 
 def pair_id(image_id1: int, image_id2: int) -> int:
-    """Returns COLMAP's id of a pair of images, in either order."""
+    """Returns COLMAP's id of a pair of images; their order does not matter."""
     return min(image_id1, image_id2) * MAX_NUM_IMAGES + max(image_id1, image_id2)
 
 
@@ -33,7 +33,7 @@ def remove_images(connection: sqlite3.Connection, image_ids: Iterable[int]):
 
 
 class DatabaseReader:
-    """Reads keypoints and verified matches by the names of images; to be used in a `with` statement."""
+    """Reads keypoints and verified matches by image name; use it in a `with` statement."""
 
     def __init__(self, path):
         self._connection = connect(path)
@@ -60,7 +60,7 @@ class DatabaseReader:
         return np.frombuffer(row[2], dtype=np.float32).reshape(row[0], row[1])[:, :2].astype(np.float64)
 
     def inlier_matches(self, name1: str, name2: str) -> np.ndarray:
-        """Returns the verified matches, m x 2: index of the first image's keypoint, and of the second one's."""
+        """Returns the verified matches, m x 2: keypoint index in the first image and in the second image."""
         query = "SELECT rows, data FROM two_view_geometries WHERE pair_id = ? AND rows > 0"
         row = self._connection.execute(query, (self._pair_id(name1, name2),)).fetchone()
         if row is None:

@@ -1,4 +1,4 @@
-"""Mistakes in the input, and how a command ends with one of them."""
+"""Errors in the input, and how a command reports them."""
 
 import functools
 import sys
@@ -9,11 +9,11 @@ class InputError(Exception):
 
 
 def command(main):
-    """Makes a command of `main(arguments)`, which may return an exit code.
+    """Turns `main(arguments)`, which may return an exit code, into a command.
 
-    Bad input, or a file that cannot be read or written, ends the command with one line and exit code 1.
+    If the input is bad, or a file cannot be read or written, the command prints one line and ends with exit code 1.
     """
-    # `python -m` names the module __main__, its specification keeps the name.
+    # Take the name from the specification, because `python -m` names the module __main__.
     program = sys.modules[main.__module__].__spec__.name
 
     @functools.wraps(main)

@@ -1,10 +1,11 @@
-"""Compares estimated query poses with the ground truth: position and rotation errors, recall at thresholds.
+"""Compares estimated query poses with ground truth: position and rotation errors, recall at thresholds.
 
     python -m colmap_lazyloc.evaluate ESTIMATED --ground_truth TRUTH
 
-Poses are files with lines `name qw qx qy qz tx ty tz` (cam_from_world, as in lazy_localizer's poses.txt) or folders of
-COLMAP models, text or binary. A query without an estimated pose counts as a failure in every recall; mean and median
-are over the localized queries. Lengths are in the unit of the database, printed as if it were the metre.
+ESTIMATED and TRUTH are either files with lines `name qw qx qy qz tx ty tz` (cam_from_world, as lazy_localizer writes
+poses.txt) or folders with a COLMAP model, text or binary. A query without an estimated pose counts as a failure in
+every recall; mean and median are taken over the localized queries. Lengths are in the unit of the database and are
+printed as metres.
 """
 
 import argparse
@@ -19,24 +20,24 @@ from colmap_lazyloc.model import read_model
 from colmap_lazyloc.poses import Pose, read_poses
 from colmap_lazyloc.queries import read_queries
 
-# Metres and degrees, those of visuallocalization.net.
+# The thresholds of visuallocalization.net, in metres and degrees.
 DEFAULT_THRESHOLDS = ((0.25, 2.0), (0.5, 5.0), (5.0, 10.0))
 
 
 def read_any_poses(path: pathlib.Path) -> dict[str, Pose]:
-    """Reads the poses by name of a poses file or of a folder with a COLMAP model."""
+    """Reads the poses, by name, from a poses file or from a folder with a COLMAP model."""
     if not path.is_dir():
         return read_poses(path)
     return {name: image.cam_from_world for name, image in read_model(path).images.items()}
 
 
 def evaluate(estimated: dict, truth: dict, names) -> dict:
-    """Returns each query's position error and rotation error in degrees by name; None without an estimated pose."""
+    """Returns position error and rotation error in degrees by query name; None if there is no estimated pose."""
     return {name: estimated[name].errors(truth[name]) if name in estimated else None for name in names}
 
 
 def summarize(errors: dict, thresholds=DEFAULT_THRESHOLDS) -> dict:
-    """Returns median, mean and largest errors of the localized queries, and the share of all within each threshold."""
+    """Returns median, mean and maximum errors of the localized queries, and the recall at each threshold."""
     localized = np.array([error for error in errors.values() if error is not None]).reshape(-1, 2)
 
     def statistic(function, column):
@@ -58,7 +59,7 @@ def summarize(errors: dict, thresholds=DEFAULT_THRESHOLDS) -> dict:
 
 
 def choose_queries(estimated: dict, truth: dict, options) -> list:
-    """Returns the names that count."""
+    """Returns the names of the queries to evaluate."""
     if options.query_list_path is not None:
         names = list(read_queries(options.query_list_path))
         unknown = [name for name in names if name not in truth]
@@ -68,7 +69,7 @@ def choose_queries(estimated: dict, truth: dict, options) -> list:
                 f"{options.query_list_path}; the first is '{unknown[0]}'"
             )
         return names
-    if options.ground_truth.is_dir():  # a model holds the database images too
+    if options.ground_truth.is_dir():  # a model also has the database images
         names = sorted(set(estimated) & set(truth))
         print("counts only queries with an estimated pose; --query_list_path counts failures too", file=sys.stderr)
         if not names:
@@ -134,13 +135,15 @@ def _threshold(text: str) -> tuple:
 
 def parse_arguments(arguments):
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("estimated_poses", type=pathlib.Path, help="poses file or COLMAP model")
-    parser.add_argument("--ground_truth", type=pathlib.Path, required=True, help="poses file or COLMAP model")
+    parser.add_argument("estimated_poses", type=pathlib.Path, help="poses file, or folder with a COLMAP model")
+    parser.add_argument(
+        "--ground_truth", type=pathlib.Path, required=True, help="poses file, or folder with a COLMAP model"
+    )
     parser.add_argument(
         "--query_list_path",
         type=pathlib.Path,
-        help="the queries that count, a name or `name MODEL width height params...` a line; "
-        "default: all names of a ground-truth file; with a model, those with an estimated pose",
+        help="file with the queries to evaluate, one per line: `name` or `name MODEL width height params...`; "
+        "default: all names in the ground-truth file, or, if it is a model, all images with an estimated pose",
     )
     parser.add_argument(
         "--thresholds",
@@ -148,10 +151,10 @@ def parse_arguments(arguments):
         nargs="+",
         default=DEFAULT_THRESHOLDS,
         metavar="POSITION,DEG",
-        help="default: 0.25,2 0.5,5 5,10",
+        help="position and rotation thresholds of the recall; default: 0.25,2 0.5,5 5,10",
     )
-    parser.add_argument("--per_query", action="store_true", help="print each query's errors too")
-    parser.add_argument("--json", type=pathlib.Path, help="write the figures into this file too")
+    parser.add_argument("--per_query", action="store_true", help="also print the errors of each query")
+    parser.add_argument("--json", type=pathlib.Path, help="also write the results to this file")
     return parser.parse_args(arguments)
 
 

@@ -1,10 +1,10 @@
-"""Writes features and matches of hloc's HDF5 files into a new COLMAP database, which colmap lazy_localizer reads.
+"""Converts features and matches in hloc's HDF5 files to a new COLMAP database for colmap lazy_localizer.
 
   python -m colmap_lazyloc.hloc_to_database --help
 
-features: a group per image name with `keypoints` (N x 2; the centre of the upper-left pixel is at 0, 0)
-matches:  a group per pair, <name1>/<name2> with every "/" in a name replaced by "-" (or joined by "_", as older
-          versions of hloc do), with `matches0`: for each keypoint of image 1 that of image 2, or -1
+features: one group per image name, with `keypoints` (N x 2; the centre of the upper-left pixel is at 0, 0)
+matches:  one group per pair, <name1>/<name2> with every "/" in a name replaced by "-" (older versions of hloc join the
+          names by "_"), with `matches0`: for each keypoint of image 1 the index of its match in image 2, or -1
 """
 
 import argparse
@@ -23,7 +23,7 @@ from colmap_lazyloc.queries import read_query_cameras
 
 
 def read_cameras(model_path, query_list_path) -> tuple[dict[int, Camera], dict[str, int]]:
-    """Reads the cameras by id, and the camera ids of the model's images and of the queries by name."""
+    """Reads the cameras by id, and the camera id of each image of the model and each query by name."""
     model = read_model(model_path)
     cameras, camera_ids = dict(model.cameras), {name: image.camera_id for name, image in model.images.items()}
     for name, camera in read_query_cameras(query_list_path).items():
@@ -33,14 +33,14 @@ def read_cameras(model_path, query_list_path) -> tuple[dict[int, Camera], dict[s
 
 
 def read_keypoints(features, name):
-    """Returns the keypoints, n x 2, in COLMAP's pixels: the centre of the upper-left pixel is at 0.5, 0.5."""
+    """Returns the keypoints, n x 2, in COLMAP's convention: the centre of the upper-left pixel is at 0.5, 0.5."""
     if name not in features:
         raise InputError(f"{features.filename}: has no image {name}")
     return np.asarray(features[name]["keypoints"], np.float32)[:, :2] + np.float32(0.5)
 
 
 def find_matches(matches, name1, name2):
-    """Returns the matches as keypoint indices, m x 2, under whichever of hloc's names the pair has; else None."""
+    """Returns the matches as keypoint indices, m x 2; None if the pair is stored under none of hloc's names."""
     for first, second, columns in ((name1, name2, (0, 1)), (name2, name1, (1, 0))):
         for separator in ("/", "_"):
             key = separator.join(name.replace("/", "-") for name in (first, second))
@@ -91,14 +91,19 @@ def convert(options):
 @command
 def main(arguments=None):
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--features_path", type=pathlib.Path, required=True, help="hloc's features of all images, .h5")
-    parser.add_argument("--matches_path", type=pathlib.Path, required=True, help="hloc's matches, .h5")
-    parser.add_argument("--pairs_path", type=pathlib.Path, required=True, help="two image names a line")
-    parser.add_argument("--model_path", type=pathlib.Path, required=True, help="COLMAP model of the posed images")
+    parser.add_argument("--features_path", type=pathlib.Path, required=True, help="hloc's features of all images (.h5)")
+    parser.add_argument("--matches_path", type=pathlib.Path, required=True, help="hloc's matches (.h5)")
+    parser.add_argument("--pairs_path", type=pathlib.Path, required=True, help="file with two image names per line")
     parser.add_argument(
-        "--query_list_path", type=pathlib.Path, required=True, help="`name MODEL width height params...` a line"
+        "--model_path", type=pathlib.Path, required=True, help="folder with a COLMAP model of the posed images"
     )
-    parser.add_argument("--database_path", type=pathlib.Path, required=True, help="the database to make")
+    parser.add_argument(
+        "--query_list_path",
+        type=pathlib.Path,
+        required=True,
+        help="file with lines `name MODEL width height params...`",
+    )
+    parser.add_argument("--database_path", type=pathlib.Path, required=True, help="database to create")
     convert(parser.parse_args(arguments))
 
 

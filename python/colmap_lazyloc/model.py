@@ -1,4 +1,4 @@
-"""Cameras and poses of COLMAP models, text and binary."""
+"""Reads and writes cameras and poses of COLMAP models, text and binary."""
 
 import dataclasses
 import mmap
@@ -40,7 +40,7 @@ NO_POINTS = np.empty(0, POINT2D)
 
 @dataclasses.dataclass(frozen=True)
 class Camera:
-    """Intrinsics: the camera model and its parameters by COLMAP's names and conventions, the size in pixels."""
+    """Intrinsics: COLMAP's camera model and parameters, and the image size in pixels."""
 
     model: str
     width: int
@@ -53,7 +53,7 @@ class Camera:
 
     @staticmethod
     def parse(path, text: str) -> "Camera":
-        """Reads what `text` writes. `path` is for the error."""
+        """Parses the output of `text`; errors name `path`."""
         words = text.split(maxsplit=3)
         if len(words) < 4 or not (words[1].isdecimal() and words[2].isdecimal()):
             raise InputError(f"{path}: expected `MODEL width height params...`, found '{text}'")
@@ -68,12 +68,12 @@ class Image:
     camera_id: int
     cam_from_world: Pose | None
     image_id: int = 0
-    points2d: np.ndarray = dataclasses.field(default_factory=NO_POINTS.copy)  # n rows of POINT2D; point3d_id -1: none
+    points2d: np.ndarray = dataclasses.field(default_factory=NO_POINTS.copy)  # n rows of POINT2D
 
 
 @dataclasses.dataclass(frozen=True)
 class Model:
-    """Cameras by id, images by name."""
+    """The cameras of a model by id, and its images by name."""
 
     cameras: dict[int, Camera]
     images: dict[str, Image]
@@ -85,7 +85,7 @@ def is_model(path) -> bool:
 
 
 def read_model(path) -> Model:
-    """Reads the cameras and images of a COLMAP model; binary files come first, as in COLMAP."""
+    """Reads the cameras and images of a COLMAP model; prefers binary files to text files, as COLMAP does."""
     path = pathlib.Path(path)
     if not is_model(path):
         raise InputError(f"{path}: holds no COLMAP model (no images.bin or images.txt)")
@@ -147,9 +147,9 @@ def _read_cameras_binary(path: pathlib.Path) -> dict[int, Camera]:
 
 
 def read_images_binary(path: pathlib.Path) -> list[Image]:
-    """Reads images.bin; poses keep every bit."""
+    """Reads images.bin; poses are bit-identical to the file."""
     with path.open("rb") as file:
-        data = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)  # because points may take gigabytes
+        data = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)  # mapped, because points may take gigabytes
     (num_images,), offset = struct.unpack_from("<Q", data), 8
     images = []
     for _ in range(num_images):

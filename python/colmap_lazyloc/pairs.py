@@ -1,13 +1,13 @@
-"""Files that list pairs of images."""
+"""Reads files that list pairs of images."""
 
 from colmap_lazyloc.errors import InputError
 from colmap_lazyloc.text_files import read_entries
 
 
 def read_pairs(path) -> list[tuple[str, str]]:
-    """Reads two image names a line, as hloc and COLMAP have them.
+    """Reads two image names per line, as in files of hloc and COLMAP.
 
-    What follows the names, such as a score, is not used; pairs of an image with itself are left out.
+    Anything after the names, for example a score, is ignored; so are pairs of an image with itself.
     """
     pairs = []
     for line_number, line in read_entries(path):

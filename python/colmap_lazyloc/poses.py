@@ -1,4 +1,4 @@
-"""Camera poses, their errors, and files of them."""
+"""Camera poses, their errors, and files of poses."""
 
 import dataclasses
 import math
@@ -12,19 +12,19 @@ from colmap_lazyloc.text_files import read_entries
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Pose:
-    """cam_from_world: x_cam = rotation x_world + tvec. Both vectors are kept bit for bit, normalized or not."""
+    """A pose cam_from_world: x_cam = rotation x_world + tvec. Both vectors keep every bit; qvec is never normalized."""
 
     qvec: np.ndarray  # quaternion w, x, y, z
     tvec: np.ndarray  # in the unit of the world
 
     @staticmethod
     def from_matrix(rotation, tvec) -> "Pose":
-        """Makes a pose of a 3x3 rotation and a translation, both cam_from_world."""
+        """Makes a pose from a 3x3 rotation and a translation, both cam_from_world."""
         return Pose(_quaternion(np.asarray(rotation, float)), np.array(tvec, float))
 
     @staticmethod
     def from_centre(rotation, cam_in_world) -> "Pose":
-        """Makes a pose of a 3x3 rotation (cam_from_world) and the projection centre."""
+        """Makes a pose from a 3x3 rotation (cam_from_world) and the projection centre."""
         return Pose.from_matrix(rotation, -(rotation @ np.asarray(cam_in_world, float)))
 
     @property
@@ -52,7 +52,7 @@ class Pose:
         """Returns the distance of the projection centres, and the angle between the rotations in degrees."""
         w1, v1 = self.qvec[0], self.qvec[1:]
         w2, v2 = truth.qvec[0], -truth.qvec[1:]
-        # The arc tangent keeps its precision for small angles, unlike the arc cosine of the trace.
+        # Use the arc tangent, because the arc cosine of the trace is inaccurate for small angles.
         sine, cosine = np.linalg.norm(w1 * v2 + w2 * v1 + np.cross(v1, v2)), abs(w1 * w2 - v1 @ v2)
         distance = np.linalg.norm(self.cam_in_world - truth.cam_in_world)
         return float(distance), math.degrees(2 * math.atan2(sine, cosine))
@@ -81,7 +81,7 @@ def look_at(cam_in_world, target, down, roll_deg: float = 0.0) -> np.ndarray:
 
 
 def read_poses(path) -> dict[str, Pose]:
-    """Reads a file with lines `name qw qx qy qz tx ty tz`, cam_from_world, such as poses.txt. Names may hold blanks."""
+    """Reads a file with lines `name qw qx qy qz tx ty tz`, cam_from_world, such as poses.txt. Names may have blanks."""
     poses = {}
     for line_number, line in read_entries(path):
         words = line.rsplit(maxsplit=7)
@@ -108,7 +108,7 @@ def write_poses(path: pathlib.Path, poses: dict[str, Pose]):
 
 def _quaternion(r: np.ndarray) -> np.ndarray:
     """Returns the quaternion w, x, y, z of a 3x3 rotation, with w >= 0."""
-    # Each row is the quaternion times four times one of its elements; the largest element is the most exact.
+    # Each row is the quaternion times four times one of its elements. Use the largest, because it is the most accurate.
     rows = np.array(
         [
             [1 + r[0, 0] + r[1, 1] + r[2, 2], r[2, 1] - r[1, 2], r[0, 2] - r[2, 0], r[1, 0] - r[0, 1]],

@@ -2,7 +2,7 @@
 
     python -m colmap_lazyloc.program COMMAND
 
-prints the option of a COLMAP command (feature_extractor or a matcher) that switches the GPU on and off.
+prints the option that switches the GPU on and off for a COLMAP command (feature_extractor or a matcher).
 """
 
 import os
@@ -18,7 +18,7 @@ CHECKOUT_PATH = pathlib.Path(__file__).resolve().parents[2]
 
 
 def find_colmap() -> pathlib.Path:
-    """Returns what the environment variable COLMAP names, else the checkout's build, else `colmap` of the PATH."""
+    """Returns the program that the environment variable COLMAP names, else the checkout's build, else `colmap`."""
     if "COLMAP" in os.environ:
         return pathlib.Path(os.environ["COLMAP"])
     built = CHECKOUT_PATH / "build" / "bin" / "colmap"
@@ -26,9 +26,9 @@ def find_colmap() -> pathlib.Path:
 
 
 def run_colmap(colmap, *arguments, log_path: pathlib.Path | None = None) -> str:
-    """Runs a command of COLMAP and returns its standard output; RuntimeError with its last line if it fails.
+    """Runs a COLMAP command and returns its standard output; raises RuntimeError with the last line if it fails.
 
-    The command line and all output go into `log_path`, if one is given.
+    The command line and all output are written to `log_path`, if one is given.
     """
     words = [str(word) for word in (colmap, *arguments)]
     done = subprocess.run(words, capture_output=True, text=True, check=False)
@@ -41,7 +41,7 @@ def run_colmap(colmap, *arguments, log_path: pathlib.Path | None = None) -> str:
 
 
 def gpu_option(colmap, command_name: str) -> str:
-    """Returns the option that switches the GPU, because COLMAP 4 names it otherwise than COLMAP 3."""
+    """Returns the option that switches the GPU; its name differs between COLMAP 3 and COLMAP 4."""
     done = subprocess.run([str(colmap), command_name, "-h"], capture_output=True, text=True, check=False)
     match = re.search(r"--(Sift|Feature)(Extraction|Matching)\.use_gpu", done.stdout + done.stderr)
     if match is None:

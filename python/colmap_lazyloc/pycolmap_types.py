@@ -1,4 +1,4 @@
-"""Conversions to and from pycolmap's types, for methods and files that are pycolmap's."""
+"""Converts cameras, poses and images to and from pycolmap's types."""
 
 from collections.abc import Iterable
 
@@ -16,7 +16,7 @@ def to_pycolmap_camera(camera: Camera, camera_id: int = 1) -> pycolmap.Camera:
 
 
 def to_rigid3d(pose: Pose) -> pycolmap.Rigid3d:
-    # pycolmap takes a quaternion as it is, normalized or not.
+    # Normalize the quaternion, because pycolmap does not.
     return pycolmap.Rigid3d(pycolmap.Rotation3d(np.roll(pose.qvec / np.linalg.norm(pose.qvec), -1)), pose.tvec)
 
 

@@ -1,4 +1,4 @@
-"""Lists of queries: a name a line, or hloc's `name MODEL width height params...`."""
+"""Reads lists of queries: one `name`, or `name MODEL width height params...` as in hloc, per line."""
 
 import re
 

@@ -1,4 +1,4 @@
-"""The file results.jsonl of `colmap lazy_localizer`."""
+"""Reads results.jsonl, which `colmap lazy_localizer` writes."""
 
 import json
 
@@ -23,7 +23,7 @@ def read_results(path) -> dict[str, dict]:
 
 
 def pose_of(result: dict) -> Pose | None:
-    """Returns the query's pose; None if it was not localized, even if its rotation is known."""
+    """Returns the query's pose; None if it was not localized, even if the result has a rotation."""
     pose = result["cam_from_world"]
     if result["status"] != "LOCALIZED" or pose is None:
         return None

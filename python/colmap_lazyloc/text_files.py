@@ -1,4 +1,4 @@
-"""Text files of one entry per line."""
+"""Reads text files with one entry per line."""
 
 import pathlib
 
@@ -14,13 +14,13 @@ def read_lines(path) -> list[str]:
 
 
 def read_entries(path) -> list[tuple[int, str]]:
-    """Reads the lines that are neither empty nor comments: their numbers, from 1, and stripped texts."""
+    """Reads the lines that are neither empty nor comments; returns their numbers, from 1, and stripped texts."""
     lines = ((number, line.strip()) for number, line in enumerate(read_lines(path), start=1))
     return [(number, line) for number, line in lines if line and not line.startswith("#")]
 
 
 def parse_numbers(path, text: str, count: int | None = None) -> list[float]:
-    """Parses numbers with blanks between them; `count`: how many there must be. `path` is for the error."""
+    """Parses numbers separated by blanks; there must be `count`, if it is given. Errors name `path`."""
     try:
         values = [float(word) for word in text.split()]
     except ValueError:

@@ -1,11 +1,11 @@
-"""Makes a COLMAP 3 database one that COLMAP 4 can open, by default a copy of it.
+"""Upgrades a COLMAP 3 database so that COLMAP 4 can open it; by default writes an upgraded copy.
 
     python -m colmap_lazyloc.upgrade_database DATABASE
 
-COLMAP 3.10 creates the table pose_priors without the column position_covariance, which COLMAP 4 reads when it migrates
-a database: it fails, and leaves the file half migrated ("No registered database factory succeeded"). This adds the
-column; COLMAP 4 does the rest when it opens the database. It also cures a database that is half migrated.
-lazy_localizer itself reads databases of every version as they are.
+COLMAP 3.10 creates the table pose_priors without the column position_covariance. COLMAP 4 reads this column when it
+migrates a database, so it fails ("No registered database factory succeeded") and leaves the file half migrated. This
+command adds the column; COLMAP 4 does the rest when it opens the database. It also repairs a half-migrated database.
+lazy_localizer reads databases of every version as they are, so it does not need the upgrade.
 """
 
 import argparse
@@ -20,7 +20,7 @@ from colmap_lazyloc.errors import InputError, command
 
 
 def incomplete_tables(connection) -> list:
-    """Returns the tables that COLMAP 4 fails on; InputError if it is not a COLMAP database."""
+    """Returns the tables that make COLMAP 4 fail; raises InputError if this is not a COLMAP database."""
     tables = {name for (name,) in connection.execute("SELECT name FROM sqlite_master WHERE type = 'table'")}
     missing = {"cameras", "images", "keypoints", "two_view_geometries"} - tables
     if missing:
@@ -29,7 +29,7 @@ def incomplete_tables(connection) -> list:
     def lacks_column(table):
         return "position_covariance" not in {row[1] for row in connection.execute(f"PRAGMA table_info({table})")}
 
-    # COLMAP 4 renames the table before it fails.
+    # Look for both names, because COLMAP 4 renames the table before it fails.
     return [table for table in ("pose_priors", "pose_priors_old") if table in tables and lacks_column(table)]
 
 
@@ -39,7 +39,7 @@ def upgrade(connection):
 
 
 def copy_database(source, target):
-    """Copies a database, with what other programs have written to its write-ahead log."""
+    """Copies a database, including changes that are still in its write-ahead log."""
     with tempfile.TemporaryDirectory(dir=target.parent) as folder:
         unfinished = pathlib.Path(folder) / target.name
         with contextlib.closing(connect(source)) as stored, contextlib.closing(connect(unfinished, "rwc")) as copy:
@@ -75,10 +75,12 @@ def run(arguments):
 @command
 def main(arguments=None):
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("database_path", type=pathlib.Path)
+    parser.add_argument("database_path", type=pathlib.Path, help="database to upgrade")
     where = parser.add_mutually_exclusive_group()
-    where.add_argument("--output_path", type=pathlib.Path, help="the copy; default: NAME_colmap4.db beside NAME.db")
-    where.add_argument("--in_place", action="store_true", help="change the database itself")
+    where.add_argument(
+        "--output_path", type=pathlib.Path, help="copy to write; default: NAME_colmap4.db beside NAME.db"
+    )
+    where.add_argument("--in_place", action="store_true", help="change the database itself instead of a copy")
     run(parser.parse_args(arguments))
 
 

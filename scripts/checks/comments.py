@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Checks that comments open with a sentence: less than 3 % of C++ comment blocks may open with a fragment.
+"""Checks that comments open with a sentence: less than 3 % of the blocks may open with a fragment.
 
 A block is consecutive lines of comment with no code on them; comments at the end of a line of code are not counted.
 A fragment is
@@ -10,7 +10,7 @@ A fragment is
   phrase may name a field or a type ("Standard deviation of its image points' errors");
 - alone (before an empty line, at the head of a file): as before data.
 
-Python comments and docstrings are counted by the same rules and reported, but do not fail the check.
+C++ and Python (comments and docstrings) are counted by the same rules, each language for itself.
 """
 
 import ast
@@ -42,6 +42,13 @@ def docstring_kind(node):
     return "data" if "property" in decorators or "fixture" in decorators else "function"
 
 
+def line_kind(line):
+    """Returns what follows a block of `#` lines, from its next line: data, a statement, or none for an empty line."""
+    if not line.strip():
+        return "none"
+    return "data" if re.match(r"\w+(:[^=]*)? = ", line) else "statement"
+
+
 def python_comments(text):
     """Returns the docstrings and the blocks of `#` lines of a Python file."""
     found = []
@@ -50,14 +57,14 @@ def python_comments(text):
             node
         ):
             found.append(Comment(node.body[0].lineno, " ".join(ast.get_docstring(node).split()), docstring_kind(node)))
-    block, lines = [], text.split("\n")
-    for token in tokenize.generate_tokens(io.StringIO(text).readline):
-        own_line = token.type == tokenize.COMMENT and lines[token.start[0] - 1].lstrip().startswith("#")
-        if own_line and not token.string.startswith("#!"):
-            block.append((token.start[0], token.string.lstrip("#").strip()))
-        elif block and token.type != tokenize.NL:
-            kind = "data" if re.match(r"\w+(:[^=]*)? = ", lines[token.start[0] - 1]) else "statement"
-            found.append(Comment(block[0][0], " ".join(line for _, line in block), kind))
+    lines = [*text.split("\n"), ""]
+    comments = [t for t in tokenize.generate_tokens(io.StringIO(text).readline) if t.type == tokenize.COMMENT]
+    own_lines = [t.start[0] for t in comments if t.line.lstrip().startswith("#") and not t.string.startswith("#!")]
+    block = []
+    for number in own_lines:
+        block.append(lines[number - 1].strip().lstrip("#").strip())
+        if number + 1 not in own_lines:
+            found.append(Comment(number - len(block) + 1, " ".join(block), line_kind(lines[number])))
             block = []
     return [comment for comment in found if comment.text]
 
@@ -83,16 +90,16 @@ def ratio_text(num_blocks, fragments):
 def main():
     """Checks all C++ and Python files."""
     root = tree.parse_root(__doc__)
-    figures = {}
+    failed = []
     for language, patterns in (("Python", ("*.py",)), ("C++", ("*.h", "*.cc"))):
         num_blocks, fragments = count(tree.list_files(root, *patterns))
-        figures[language] = (num_blocks, fragments)
         for path, comment in fragments:
             print(f"{path.relative_to(root)}:{comment.line}: ({comment.kind}) {comment.text[:90]}")
         print(f"comments: {language}: {ratio_text(num_blocks, fragments)}")
-    num_blocks, fragments = figures["C++"]
-    if len(fragments) >= MAX_RATIO * num_blocks and fragments:
-        sys.exit(f"comments: C++ comments must open with a sentence, all but {100 * MAX_RATIO:g} %")
+        if fragments and len(fragments) >= MAX_RATIO * num_blocks:
+            failed.append(language)
+    if failed:
+        sys.exit(f"comments: {' and '.join(failed)} comments must open with a sentence, all but {100 * MAX_RATIO:g} %")
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Reads C++ source as far as the checks need it: comments, scopes, functions, fields. It is not a compiler."""
+"""Finds comments, scopes, functions and fields in C++ source, as far as the checks need them; it is not a compiler."""
 
 import dataclasses
 import re
@@ -22,8 +22,8 @@ class Function:
     """A function with a body."""
 
     name: str
-    first_line: int  # of the opening brace, counted from 1
-    last_line: int  # of the closing brace
+    first_line: int  # line of the opening brace, counted from 1
+    last_line: int  # line of the closing brace
 
     @property
     def num_lines(self):
@@ -61,7 +61,7 @@ def blank_out(text):
 
 
 def without_template_arguments(head):
-    """Removes what stands in angle brackets, innermost first."""
+    """Removes the text in angle brackets, innermost first."""
     previous = None
     while previous != head:
         previous, head = head, re.sub(r"<[^<>()]*(?:\([^()]*\)[^<>()]*)*>", "", head)
@@ -162,7 +162,7 @@ class Source:
         return [comment for comment in found if not re.match(r"NOLINT|clang-format|[-=]*$", comment.text)]
 
     def _kind_of_code_at(self, i):
-        """Returns what the code is that begins with the line of index i."""
+        """Returns the kind of code that begins at the line of index i."""
         if i >= len(self.lines) or not self.code_lines[i].strip() or self.code_lines[i].lstrip().startswith("}"):
             return "none"
         scope = self.scope_of_line[i]

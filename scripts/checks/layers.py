@@ -7,14 +7,14 @@ import tree
 
 INCLUDE = re.compile(r'^\s*#\s*include\s*(?:"|<)(?P<path>[^">]+)', re.MULTILINE)
 
-TYPES = {"math", "scene"}  # plain types and pure functions, for everybody
+TYPES = {"math", "scene"}  # plain types and pure functions, which every folder may include
 STAGES = {"two_view", "rotation", "translation", "structure", "refinement"}
 
 # The other folders that a folder's files may include. Stages hand values to each other: only pipeline/ knows them all.
 MAY_INCLUDE = {
     "math": set(),
     "scene": {"math"},
-    "files": TYPES,  # reading and writing files of any kind, for io/ and what has files of its own
+    "files": TYPES,  # reads and writes files of any kind, for io/ and others with files of their own
     "database": TYPES,
     "bridge": TYPES,
     "matching": TYPES | {"files", "bridge", "database"},
@@ -23,18 +23,18 @@ MAY_INCLUDE = {
     "translation": TYPES,
     "structure": TYPES | {"bridge"},  # COLMAP's triangulation
     "refinement": TYPES,
-    "ablation": TYPES | STAGES | {"bridge"},  # the paper's alternatives, used by pipeline/ alone
+    "ablation": TYPES | STAGES | {"bridge"},  # the paper's alternatives, used only by pipeline/
     "pipeline": TYPES | STAGES | {"bridge", "ablation"},
     "io": TYPES | {"files", "bridge", "database", "matching"},
     "cli": TYPES | {"files", "bridge", "database", "matching", "pipeline", "io"},
     "testing": TYPES | {"bridge", "database", "refinement"},
 }
-# Only bridge/ knows COLMAP, because what differs between its versions must stay in one place.
+# Only bridge/ may include COLMAP, because differences between its versions must stay in one place.
 COLMAP_FOLDER = "bridge"
 
 
 def is_test(path):
-    """True if the file belongs to a unit test: it may include testing/ too."""
+    """True if the file belongs to a unit test, which may also include testing/."""
     return path.stem.endswith("_test") or "_test_" in path.stem
 
 

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Checks that links of Markdown files lead to files and headings that exist, and that the source files named exist."""
+"""Checks that the links in Markdown files lead to existing files and headings, and that named source files exist."""
 
 import re
 import urllib.parse
@@ -12,7 +12,7 @@ LINK = re.compile(r"\[(?:[^\[\]]|\[[^\]]*\])*\]\(\s*<?([^()\s>]+(?:\([^()\s]*\)[
 REFERENCE = re.compile(r"^ {0,3}\[[^\]]+\]:\s*<?(\S+?)>?\s*$", re.MULTILINE)
 HTML = re.compile(r"<(?:a|img)\s[^>]*?(?:href|src)=\"([^\"]+)\"")
 HEADING = re.compile(r"^ {0,3}#{1,6}\s+(.*?)\s*#*\s*$", re.MULTILINE)
-# `folder/file.cc` in code, but no placeholders such as `configs/NAME.py`.
+# Matches `folder/file.cc` in code, but not placeholders such as `configs/NAME.py`.
 SOURCE_PATH = re.compile(r"`([\w.-]+(?:/[\w.-]+)*/(?![A-Z]+\.(?!md))[\w.-]+\.(?:cc|h|py|sh|md))`")
 HTML_ANCHOR = re.compile(r"<a\s[^>]*?(?:id|name)=\"([^\"]+)\"")
 
@@ -51,7 +51,7 @@ def link_problems(path, text):
 
 
 def source_problems(root, path, text):
-    """Returns (position, message) of source files that are named but do not exist; a changelog may name former ones."""
+    """Returns (position, message) of named source files that do not exist; a changelog may name former ones."""
     if path.name == "CHANGELOG.md":
         return
     for match in SOURCE_PATH.finditer(text):
@@ -61,7 +61,7 @@ def source_problems(root, path, text):
 
 
 def file_problems(root, path):
-    """Returns what is wrong in one file, in its order."""
+    """Returns the problems of one file, sorted by position."""
     text = FENCE.sub(keep_lines, path.read_text(encoding="utf-8"))
     found = sorted([*link_problems(path, text), *source_problems(root, path, text)])
     return [f"{path}:{text.count(chr(10), 0, position) + 1}: {message}" for position, message in found]

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Prints the figures by which the code's simplicity is followed over time."""
+"""Prints figures that show how simple the code is, to follow them over time."""
 
 import comments
 import sizes
@@ -8,7 +8,7 @@ from cpp_source import Source
 
 
 def is_test(path):
-    """True if the file is a unit test or made for tests."""
+    """True if the file is a unit test or support code for tests."""
     return path.stem.endswith("_test") or "_test_" in path.stem or path.parent.name == "testing"
 
 
@@ -18,7 +18,7 @@ def longest_function(root, paths):
 
 
 def functions(path):
-    """Returns (name, line, number of lines) of a file's functions, a file without any as one of no lines."""
+    """Returns (name, line, number of lines) of a file's functions; a file without any counts as one of 0 lines."""
     return sizes.cpp_functions(path.read_text(encoding="utf-8")) or [("none", 1, 0)]
 
 
@@ -32,7 +32,7 @@ def public_fields(paths):
 
 
 def main():
-    """Prints one figure a line."""
+    """Prints one figure per line."""
     root = tree.parse_root(__doc__)
     source = root / "src" / "colmap_lazyloc"
     code = [path for path in tree.list_files(root, "*.h", "*.cc") if path.is_relative_to(root / "src")]

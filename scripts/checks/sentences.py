@@ -1,4 +1,4 @@
-"""Judges whether a comment opens with a sentence, without a grammar: by lists of words (words.txt).
+"""Judges whether a comment opens with a sentence, by lists of words (words.txt) instead of a grammar.
 
 A comment opens with a sentence if its first sentence
 

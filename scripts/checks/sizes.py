@@ -12,12 +12,12 @@ MAX_SOURCE_LINES = 350
 MAX_TEST_LINES = 500
 MAX_FUNCTION_LINES = 50  # between the braces, or below the line with `def`
 
-# "path" or "path:function", with the reason why it may be longer.
+# Maps "path" or "path:function" to the reason why it may be longer.
 EXCEPTIONS = {}
 
 
 def max_file_lines(path):
-    """Returns the largest number of lines that a file may have, by what it is."""
+    """Returns the maximum number of lines of a file, which depends on its kind."""
     if path.stem.endswith("_test") or path.stem.startswith("test_") or "tests" in path.parts:
         return MAX_TEST_LINES
     return MAX_HEADER_LINES if path.suffix == ".h" else MAX_SOURCE_LINES
@@ -53,7 +53,7 @@ def main():
     files = tree.list_files(root, "*.h", "*.cc", "*.py")
     found = dict(problem for path in files for problem in file_problems(path, path.relative_to(root)))
     problems = [message for key, message in found.items() if key not in EXCEPTIONS]
-    if (root / "scripts" / "checks").exists():  # not in the trees of tests
+    if (root / "scripts" / "checks").exists():  # the trees of tests have no checks
         problems += [f"{sys.argv[0]}: the exception {key} is not needed" for key in EXCEPTIONS if key not in found]
     tree.finish("sizes", problems, f"{len(files)} files, {len(EXCEPTIONS)} exception(s)")
 

@@ -1,4 +1,4 @@
-"""Lists the files that a check reads and prints what it finds, in one form for all checks."""
+"""Lists the files that a check reads, and prints its findings in the same form for all checks."""
 
 import argparse
 import pathlib
@@ -19,7 +19,7 @@ def parse_root(description):
 
 
 def list_files(root, *patterns):
-    """Returns the files below the root that match a pattern, sorted; in a git checkout only those that git knows."""
+    """Returns the files below the root that match a pattern, sorted; without ignored files in a git checkout."""
     if (root / ".git").exists():
         command = ["git", "-C", root, "ls-files", "--cached", "--others", "--exclude-standard", "-z", *patterns]
         names = subprocess.run(command, check=True, capture_output=True, text=True).stdout.split("\0")
@@ -30,7 +30,7 @@ def list_files(root, *patterns):
 
 
 def finish(name, problems, summary):
-    """Prints the problems, one a line, and ends the program: with exit code 1 if there are any."""
+    """Prints the problems, one per line, and ends the program; the exit code is 1 if there are any."""
     for problem in problems:
         print(problem, file=sys.stderr)
     print(f"{name}: {len(problems)} problem(s), {summary}")

@@ -1,8 +1,9 @@
-"""Datasets by name, from what their authors distribute to a scene: COLMAP model, COLMAP database, queries.
+"""Converts datasets, as their authors distribute them, to scenes: COLMAP model, COLMAP database, queries.
 
-Each module has `scene_names(data_path)`, `read_scene(data_path, name, options) -> SceneSource`, the text BY_HAND, which
-says where to get it, and, if a program may fetch it, `archives(name) -> {URL: folder to unpack it in}`.
-`folder` and `scenes` hold what the others lead to: `folder` one COLMAP model with its database, `scenes` several.
+Each module has `scene_names(data_path)`, `read_scene(data_path, name, options) -> SceneSource` and the text BY_HAND,
+which says where to get the dataset. If a program may download it, the module also has
+`archives(name) -> {URL: folder to unpack it in}`. The datasets `folder` and `scenes` need no conversion: `folder` is
+one COLMAP model with its database, `scenes` several of them.
 """
 
 import importlib
@@ -42,7 +43,7 @@ def scene_names(dataset: str, data_path: pathlib.Path) -> list[str]:
 def prepare_scene(
     dataset: str, data_path: pathlib.Path, name: str, options: Options, matching, path: pathlib.Path
 ) -> Scene:
-    """Makes the scene's files in `path`, unless they are there from the same input."""
+    """Makes the scene's files in `path`, unless they exist and were made from the same input."""
     if dataset == "scenes":
         return load_scene(data_path / name)
     if dataset == "folder":

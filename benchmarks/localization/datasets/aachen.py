@@ -5,8 +5,8 @@
     DATA/3D-models/aachen_cvpr2018_db.nvm, database_intrinsics.txt   v1.0
     DATA/3D-models/aachen_v_1_1/{cameras,images,points3D}.bin        v1.1
 
-The queries' poses are not public: the run writes the file to hand in at visuallocalization.net. Pairs of the queries
-and, for the map, of the database images are hloc's, if its folder `pairs` has been put below DATA:
+The queries' poses are not public, so the run writes the file to submit to visuallocalization.net. If hloc's folder
+`pairs` is in DATA, its pairs of queries and, for the map, of database images are used:
 
     DATA/pairs/aachen/pairs-{query-netvlad50,db-covis20}.txt         v1.0
     DATA/pairs/aachen_v1.1/pairs-{query-netvlad50,db-covis20}.txt    v1.1

@@ -1,5 +1,5 @@
-"""From a SceneSource to a scene's files: COLMAP text model, queries, protocol, and a database with SIFT features and
-verified matches, made by pycolmap.
+"""Makes the files of a scene from a SceneSource: COLMAP text model, queries, protocol, and a database with SIFT
+features and verified matches, made by pycolmap.
 """
 
 import dataclasses
@@ -20,18 +20,18 @@ from colmap_lazyloc.model import Camera, Image, write_model
 from colmap_lazyloc.pycolmap_types import write_images
 
 MAX_NUM_EXHAUSTIVE_PAIRS = 50_000
-MAX_VIEWING_ANGLE_DEG = 60.0  # between neighbours among the database images
+MAX_VIEWING_ANGLE_DEG = 60.0  # maximum angle between the viewing directions of neighbours
 
 
 @dataclasses.dataclass(frozen=True)
 class MatchingOptions:
     max_num_features: int = 8192
-    pairs: tuple[tuple[str, str], ...] | None = None  # stronger than the dataset's own
-    num_database_neighbours: int = 20  # database images that each one is matched with, for the map; the nearest ones
+    pairs: tuple[tuple[str, str], ...] | None = None  # overrides the dataset's pairs
+    num_database_neighbours: int = 20  # for the map: the nearest ones, with which each is matched
 
 
 def build_scene(source: SceneSource, path: pathlib.Path, options: MatchingOptions) -> Scene:
-    """Makes the scene in `path`. A database that is there from the same input is used again."""
+    """Makes the scene in `path`; reuses an existing database that was made from the same input."""
     pairs = image_pairs(source, options)
     write_scene_files(source, path)
     link(source.image_path, path / "images")
@@ -95,13 +95,13 @@ def image_pairs(source: SceneSource, options: MatchingOptions) -> list[tuple[str
 
 
 def neighbours(source: SceneSource, names: list[str], count: int) -> list[tuple[str, str]]:
-    """Pairs of database images: of each the `count` nearest ones that look in a similar direction."""
+    """Pairs each database image with the `count` nearest ones that look in a similar direction."""
     if count <= 0 or len(names) < 2:
         return []
     poses = [source.images[name].cam_from_world for name in names]
     centres = np.array([pose.cam_in_world for pose in poses])
     directions = np.array([pose.rotation[2] for pose in poses])
-    # More than are needed, as some look elsewhere.
+    # Look for more neighbours than needed, because some look in other directions.
     _, idxs = cKDTree(centres).query(centres, min(len(names), 5 * count + 1))
     pairs = []
     for i, row in enumerate(idxs):
@@ -117,7 +117,7 @@ def link(target: pathlib.Path, path: pathlib.Path):
 
 
 def _camera_ids(source: SceneSource) -> dict[Camera, int]:
-    """Returns the ids of the different cameras, in the order of the images' names."""
+    """Numbers the distinct cameras in the order of the images' names."""
     cameras = dict.fromkeys(image.camera for _, image in sorted(source.images.items()))
     return {camera: camera_id for camera_id, camera in enumerate(cameras, 1)}
 
@@ -139,7 +139,7 @@ def _make_database(source: SceneSource, path: pathlib.Path, options: MatchingOpt
     making_path, database_path = path / "database_making.db", path / "database.db"
     for old_path in (making_path, database_path):
         old_path.unlink(missing_ok=True)
-    with pycolmap.Database.open(making_path) as database:  # first, so that the extraction takes the intrinsics as given
+    with pycolmap.Database.open(making_path) as database:  # first, so that the extraction uses the given intrinsics
         write_images(database, _cameras(source), _images(source))
     extraction = pycolmap.FeatureExtractionOptions(use_gpu=False)
     extraction.sift.max_num_features = options.max_num_features

@@ -5,8 +5,8 @@
     DATA/ShopFacade/reconstruction.nvm           VisualSFM's cameras: focal length and radial distortion of each image
     DATA/ShopFacade/seq1/frame00001.png          1920 x 1080
 
-With `--ground_truth sfm` poses, intrinsics and queries are those of the models that COLMAP triangulated again
-(T. Sattler's, used by hloc; intrinsics are for images of 1024 px and are scaled to those of the dataset):
+With `--ground_truth sfm`, poses, intrinsics and queries come from the models that T. Sattler triangulated again with
+COLMAP and that hloc uses. Their intrinsics are for images of 1024 px and are scaled to the dataset's image size:
 
     DATA/CambridgeLandmarks_Colmap_Retriangulated_1024px/ShopFacade/empty_all/{cameras,images}.txt, list_query.txt
 """
@@ -59,7 +59,7 @@ def read_scene(data_path: pathlib.Path, name: str, options: Options) -> SceneSou
 
 def _read_original(_, scene_path: pathlib.Path) -> tuple[dict, list[str]]:
     nvm_path = require(scene_path / "reconstruction.nvm", BY_HAND)
-    # The reconstruction was made from JPEG files that are distributed as PNG.
+    # Ignore the suffix, because the reconstruction was made from JPEG files that are distributed as PNG.
     nvm = {pathlib.PurePosixPath(name).with_suffix(""): camera for name, camera in read_nvm(nvm_path).items()}
     images, poses = {}, {}
     for split in ("train", "test"):
@@ -82,7 +82,7 @@ def _read_sfm(data_path: pathlib.Path, scene_path: pathlib.Path) -> tuple[dict, 
 
 
 def read_poses(path: pathlib.Path) -> dict:
-    """Reads cam_from_world by name."""
+    """Reads the poses, cam_from_world, by image name."""
     poses = {}
     for line in path.read_text().splitlines()[3:]:
         if line.strip():
@@ -93,7 +93,7 @@ def read_poses(path: pathlib.Path) -> dict:
 
 
 def scaled(camera: Camera, width: int, height: int) -> Camera:
-    """Returns the camera of the same image in another size."""
+    """Returns the camera for the image scaled to this size."""
     if camera.model != "SIMPLE_RADIAL" or abs(width / camera.width - height / camera.height) > 0.01:
         raise InputError(
             f"{SFM_FOLDER}: cannot scale a {camera.model} camera of {camera.width} x {camera.height} to "

@@ -1,4 +1,4 @@
-"""Archives from their authors' servers."""
+"""Downloads archives from their authors' servers."""
 
 import pathlib
 import shutil
@@ -12,7 +12,7 @@ from colmap_lazyloc.errors import InputError
 
 
 def download_archives(archives: dict[str, str], data_path: pathlib.Path, by_hand: str):
-    """Unpacks each URL's zip into its folder below `data_path`, and then the zips within it."""
+    """Unpacks the zip file of each URL into its folder below `data_path`, and then the zip files in it."""
     for url, folder in archives.items():
         target = data_path / folder
         target.mkdir(parents=True, exist_ok=True)

@@ -1,11 +1,11 @@
-"""A COLMAP model and its database, as they are:
+"""A COLMAP model and its database, used without conversion:
 
-    DATA/database.db                 keypoints and two-view geometries of all images; left as it is
+    DATA/database.db                 keypoints and two-view geometries of all images; only read
     DATA/model, sparse/0 or sparse   COLMAP model, text or binary, with the poses of all images, in metres
-    DATA/queries.txt                 names of the queries; without it every image is localized against all others
+    DATA/queries.txt                 names of the queries; without it, every image is localized against all others
     DATA/images                      only for colmap_structureless
 
-With queries.txt the queries are localized against the images that it does not list.
+With queries.txt, the queries are localized against the images that it does not list.
 """
 
 import pathlib

@@ -1,4 +1,4 @@
-"""Readers of formats that several datasets share: hloc's lists, VisualSFM's NVM, COLMAP models, image sizes."""
+"""Reads formats that several datasets share: hloc's lists, VisualSFM's NVM, COLMAP models, image sizes."""
 
 import dataclasses
 import pathlib
@@ -37,15 +37,15 @@ def lines_of(path: pathlib.Path) -> list[str]:
 
 
 def read_query_list(path: pathlib.Path) -> dict[str, Camera]:
-    """Reads `name MODEL width height params...` a line, as visuallocalization.net and hloc have it."""
+    """Reads lines `name MODEL width height params...`, as in files of visuallocalization.net and hloc."""
     return {_without_dot(name): camera for name, camera in read_query_cameras(path).items()}
 
 
 def read_nvm(path: pathlib.Path) -> dict[str, NvmCamera]:
     """Reads the cameras of a VisualSFM file, without its points.
 
-    The file has `NVM_V3`, their number, then a line each: name, focal length, quaternion w x y z (of cam_from_world),
-    projection centre, radial distortion, 0.
+    The file has `NVM_V3`, the number of cameras, then one line per camera: name, focal length, quaternion w x y z
+    (of cam_from_world), projection centre, radial distortion, 0.
     """
     with path.open() as file:
         lines = (line.strip() for line in file)
@@ -63,12 +63,12 @@ def read_nvm(path: pathlib.Path) -> dict[str, NvmCamera]:
 
 
 def pose_of_centre(qvec, cam_in_world) -> Pose:
-    """Makes a pose of a rotation (cam_from_world: w, x, y, z, normalized here) and the projection centre."""
+    """Makes a pose from a quaternion (cam_from_world: w, x, y, z; normalized here) and the projection centre."""
     return Pose.from_centre(Pose(np.array(qvec), np.zeros(3)).rotation, cam_in_world)
 
 
 def pose_of_matrix(world_from_cam: np.ndarray) -> Pose:
-    """Makes a pose of a 3x4 or 4x4 matrix; its rotation, which text rounds, is made orthonormal again."""
+    """Makes a pose from a 3x4 or 4x4 matrix; makes its rotation orthonormal, because the text is rounded."""
     u, _, vt = np.linalg.svd(world_from_cam[:3, :3])
     return Pose.from_centre((u @ vt).T, world_from_cam[:3, 3])
 
@@ -82,7 +82,7 @@ def read_source_images(path: pathlib.Path) -> dict[str, SourceImage]:
 
 
 def image_size(path: pathlib.Path) -> tuple[int, int]:
-    """Returns width and height; for a PNG only the header is read."""
+    """Returns width and height; reads only the header of a PNG."""
     if not path.exists():
         raise InputError(f"{path} is missing")
     with path.open("rb") as file:

@@ -2,10 +2,10 @@
 
     DATA/sequences/04/image_0/000000.png, image_1/000000.png    rectified stereo pairs
     DATA/sequences/04/calib.txt                                 `P0: ` and 12 numbers: K [I | t] of each camera
-    DATA/poses/04.txt                                           12 numbers a frame: 3x4 world_from_cam0
+    DATA/poses/04.txt                                           12 numbers per frame: 3x4 world_from_cam0
 
-Database: both images of every third frame; queries: the left images of the frames between. A query is paired with the
-database images of the frames at most 10 away: a drive is a video, its order is known.
+Database: both images of every third frame; queries: the left images of the other frames. A query is paired with the
+database images that are at most 10 frames away, because the order of the frames in a video is known.
 """
 
 import pathlib
@@ -81,6 +81,6 @@ def read_calibration(path: pathlib.Path) -> dict[str, np.ndarray]:
 
 
 def _camera(projection: np.ndarray, width: int, height: int) -> Camera:
-    # Its first pixel's centre is (0, 0), COLMAP's is (0.5, 0.5).
+    # Shift the principal point, because the centre of KITTI's first pixel is (0, 0) and that of COLMAP's is (0.5, 0.5).
     fx, fy, cx, cy = projection[0, 0], projection[1, 1], projection[0, 2] + 0.5, projection[1, 2] + 0.5
     return Camera("PINHOLE", width, height, (float(fx), float(fy), float(cx), float(cy)))

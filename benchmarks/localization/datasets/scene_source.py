@@ -1,4 +1,4 @@
-"""What a dataset's module gives: images with intrinsics and known poses, and which of them are queries."""
+"""The scene that a dataset's module reads: images with intrinsics and known poses, and the names of the queries."""
 
 import dataclasses
 import pathlib
@@ -10,11 +10,11 @@ from colmap_lazyloc.poses import Pose
 
 @dataclasses.dataclass(frozen=True)
 class Options:
-    """What the command line says about a dataset; a module uses what applies to it."""
+    """Options of the command line for datasets; a module ignores those that do not apply to it."""
 
-    ground_truth: str = "original"  # or sfm, if a dataset has two
-    focal_length_px: float | None = None  # instead of the dataset's
-    image_step: int = 1  # every n-th image of each list or sequence
+    ground_truth: str = "original"  # or "sfm", if the dataset has both
+    focal_length_px: float | None = None  # overrides the dataset's focal length
+    image_step: int = 1  # use every n-th image of each list or sequence
 
 
 @dataclasses.dataclass(frozen=True)
@@ -25,14 +25,14 @@ class SourceImage:
 
 @dataclasses.dataclass(frozen=True)
 class SceneSource:
-    """A scene as its dataset gives it. Lengths are metres, pixels COLMAP's."""
+    """A scene as in its dataset. Lengths are in metres, pixels follow COLMAP's convention."""
 
     name: str
     image_path: pathlib.Path  # names are relative to it
     images: dict[str, SourceImage]
     query_names: tuple[str, ...]
-    pairs: tuple[tuple[str, str], ...] | None = None  # None: the dataset comes with no list
-    leave_one_out: bool = False  # each query against all other images, queries or not
+    pairs: tuple[tuple[str, str], ...] | None = None  # None if the dataset has no list of pairs
+    leave_one_out: bool = False  # localize each query against all other images, including queries
 
     @property
     def database_names(self) -> list[str]:

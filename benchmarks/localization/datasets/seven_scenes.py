@@ -1,15 +1,15 @@
 """7 Scenes (Shotton et al. 2013), as Microsoft Research distributes it:
 
-    DATA/redkitchen/{TrainSplit,TestSplit}.txt           `sequence1` a line
+    DATA/redkitchen/{TrainSplit,TestSplit}.txt           lines `sequence1`
     DATA/redkitchen/seq-01/frame-000000.color.png        640 x 480
     DATA/redkitchen/seq-01/frame-000000.pose.txt         4x4, world_from_cam, of KinectFusion
 
-With `--ground_truth sfm` poses, intrinsics and the split are those of the COLMAP models of Brachmann et al. 2021
+With `--ground_truth sfm`, poses, intrinsics and the split come from the COLMAP models of Brachmann et al. 2021
 (github.com/tsattler/visloc_pseudo_gt_limitations, unpacked below DATA):
 
     DATA/7scenes_reference_models/redkitchen/sfm_gt/{cameras,images,points3D}.{bin,txt}, list_test.txt
 
-Pairs are the ten images that DenseVLAD retrieves, of hloc, if they are there:
+A query is paired with the ten images that DenseVLAD retrieves, if hloc's file exists:
 
     DATA/7scenes_densevlad_retrieval_top_10/redkitchen_top10.txt
 """
@@ -34,7 +34,7 @@ BY_HAND = (
 )
 SFM_BY_HAND = "get the 7 Scenes models from https://github.com/tsattler/visloc_pseudo_gt_limitations"
 
-# Of the colour camera: 525 is the Kinect's nominal value, which the published localization figures were made with.
+# Focal length of the colour camera: 525 is the Kinect's nominal value, with which published results were computed.
 DEFAULT_FOCAL_LENGTH_PX = 525.0
 WIDTH, HEIGHT = 640, 480
 
@@ -53,7 +53,7 @@ def read_scene(data_path: pathlib.Path, name: str, options: Options) -> SceneSou
         images, query_names = _read_sfm(data_path / "7scenes_reference_models" / name / "sfm_gt")
     else:
         images, query_names = _read_original(scene_path, options.focal_length_px or DEFAULT_FOCAL_LENGTH_PX)
-    # Every n-th image of the database and of the queries.
+    # Keep every n-th database image and every n-th query.
     database_names = sorted(set(images) - set(query_names))[:: options.image_step]
     query_names = sorted(query_names)[:: options.image_step]
     kept = {image_name: images[image_name] for image_name in [*database_names, *query_names]}
@@ -84,7 +84,7 @@ def _read_sfm(path: pathlib.Path) -> tuple[dict, list[str]]:
 
 
 def read_split(path: pathlib.Path) -> list[str]:
-    """Folders of the sequences: `sequence1` is seq-01."""
+    """Reads the folders of the sequences: `sequence1` is seq-01."""
     sequences = []
     for line in lines_of(path):
         match = re.fullmatch(r"sequence(\d+)", line)

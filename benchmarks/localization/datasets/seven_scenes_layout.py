@@ -1,7 +1,7 @@
 """Writes a posed COLMAP scene in the layout of 7 Scenes: the database images are seq-01, the queries seq-02.
 
-With it a scene of which only a part is at hand, for example one sequence of RedKitchen, takes the whole way from the
-dataset's files (`--dataset 7scenes`).
+It makes the reader of the dataset (`--dataset 7scenes`) usable for a scene of which only a part is available, for
+example one sequence of RedKitchen.
 """
 
 import argparse
@@ -15,7 +15,7 @@ from colmap_lazyloc.errors import command
 
 
 def write_layout(scene: Scene, path: pathlib.Path):
-    """Writes the scene into `path`, its folder in the dataset."""
+    """Writes the scene to `path`, its folder in the dataset."""
     queries = set(scene.query_names)
     sequences = {1: [name for name in sorted(scene.images) if name not in queries], 2: sorted(queries)}
     for number, names in sequences.items():
@@ -39,6 +39,8 @@ def main(arguments=None):
     parser.add_argument(
         "--scene_path", type=pathlib.Path, required=True, help="folder with model/ (text), images/ and queries.txt"
     )
-    parser.add_argument("--output_path", type=pathlib.Path, required=True, help="for example DATA/redkitchen")
+    parser.add_argument(
+        "--output_path", type=pathlib.Path, required=True, help="folder to write, for example DATA/redkitchen"
+    )
     options = parser.parse_args(arguments)
     write_layout(load_scene(options.scene_path), options.output_path)

@@ -3,7 +3,7 @@
     DATA/fountain-P11/images/0000.jpg
     DATA/fountain-P11/gt_dense_cameras/0000.jpg.camera    26 numbers: K (3x3), 3 zeros, R (3x3), centre, width, height
 
-R is world_from_cam. Leave-one-out: each image is localized against all others.
+R is world_from_cam. Each image is localized against all others (leave-one-out).
 """
 
 import pathlib
@@ -38,7 +38,7 @@ def read_scene(data_path: pathlib.Path, name: str, options: Options) -> SceneSou
 def read_camera(path: pathlib.Path) -> SourceImage:
     values = np.array(parse_numbers(path, path.read_text(), 26))
     k, world_from_cam_rotation, cam_in_world = values[:9].reshape(3, 3), values[12:21].reshape(3, 3), values[21:24]
-    # Its first pixel's centre is (0, 0), COLMAP's is (0.5, 0.5).
+    # Shift the principal point, because the centre of the first pixel is (0, 0) here and (0.5, 0.5) in COLMAP.
     params = (k[0, 0], k[1, 1], k[0, 2] + 0.5, k[1, 2] + 0.5)
     camera = Camera("PINHOLE", int(values[24]), int(values[25]), tuple(map(float, params)))
     return SourceImage(camera, pose_of_matrix(np.column_stack([world_from_cam_rotation, cam_in_world])))

@@ -1,5 +1,5 @@
-"""Methods by name: each is a module with `localize(scene, query_names, options) -> {query name: Result}`, or with
-`estimate_pose(scene, camera, matches, seed) -> Pose | None`, if it needs only a query's verified matches.
+"""Loads methods by name. Each is a module with `localize(scene, query_names, options) -> {query name: Result}` or, if
+it needs only the verified matches of a query, with `estimate_pose(scene, camera, matches, seed) -> Pose | None`.
 """
 
 import dataclasses
@@ -28,12 +28,12 @@ METHODS = (
 
 
 class NotApplicable(Exception):
-    """The method cannot be run here; the text says why and goes below the table."""
+    """Raised if a method cannot run here; the message says why and is printed below the table."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Result:
-    pose: Pose | None  # None: lost
+    pose: Pose | None  # None if the query is lost
     seconds: float
     status: str = "LOCALIZED"
 
@@ -44,16 +44,16 @@ class Result:
 
 @dataclasses.dataclass(frozen=True)
 class MethodOptions:
-    work_path: pathlib.Path  # folder that a method may fill; what it finds there again it may use again
+    work_path: pathlib.Path  # folder for files of the method, which it may reuse
     colmap_path: pathlib.Path = pathlib.Path("colmap")
     num_retrieved: int = 20
     seed: int = 0
-    preset_path: pathlib.Path | None = None  # .ini file with options of the program
-    program_options: tuple[tuple[str, str], ...] = ()  # of the program, by name; stronger than the preset
+    preset_path: pathlib.Path | None = None  # .ini file with options of lazy_localizer
+    program_options: tuple[tuple[str, str], ...] = ()  # options of lazy_localizer by name; override the preset
 
 
 def load_method(name: str):
-    """Returns the function `localize` of a method; NotApplicable if a package is not installed."""
+    """Returns the function `localize` of a method; raises NotApplicable if a package is not installed."""
     if name not in METHODS:
         raise ValueError(f"--methods: {name} is not one of {', '.join(METHODS)}")
     try:
@@ -66,7 +66,7 @@ def load_method(name: str):
 
 
 def localize_by(estimate_pose, scene: Scene, query_names: list[str], options: MethodOptions) -> dict[str, Result]:
-    """Localizes by the verified matches of each query. The seconds are those of `estimate_pose`, without reading."""
+    """Localizes with the verified matches of each query. Only `estimate_pose` is timed, not reading."""
     pycolmap.logging.minloglevel = pycolmap.logging.Level.WARNING.value
     results = {}
     with MatchDatabase(scene.database_path) as database:

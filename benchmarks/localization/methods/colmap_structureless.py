@@ -1,5 +1,5 @@
 """COLMAP 4's structure-less registration: pycolmap's incremental mapping with the database images' frames fixed, one
-query at a time. It takes all pairs, not K. The seconds are those of the whole call, reading included.
+query at a time. It uses all pairs, not K. The whole call is timed, including reading.
 """
 
 import pathlib
@@ -51,7 +51,7 @@ def _mapping_options(seed: int) -> pycolmap.IncrementalPipelineOptions:
     options.extract_colors = False
     options.num_threads = 1
     options.random_seed = seed
-    # Intrinsics are known.
+    # Keep the intrinsics constant, because they are known.
     options.ba_refine_focal_length = options.ba_refine_principal_point = options.ba_refine_extra_params = False
     options.mapper.abs_pose_refine_focal_length = options.mapper.abs_pose_refine_extra_params = False
     return options

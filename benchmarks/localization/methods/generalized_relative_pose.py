@@ -1,5 +1,5 @@
-"""Generalized relative pose of pycolmap: the query is one camera, the database images are a rig whose frame is the
-world; all verified matches of all pairs, RANSAC alone. The seconds leave out reading.
+"""Generalized relative pose of pycolmap: the query is one camera, and the database images are a rig whose frame is the
+world. It uses all verified matches of all pairs, and RANSAC without refinement. Reading is not timed.
 """
 
 import numpy as np

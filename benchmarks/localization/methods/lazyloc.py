@@ -1,6 +1,6 @@
-"""Ours: one run of `colmap lazy_localizer` over all queries of a scene.
+"""Our method: one run of `colmap lazy_localizer` for all queries of a scene.
 
-The seconds are the program's own total per query, reading the database included, on one thread.
+The seconds are the program's own total per query on one thread, including reading the database.
 """
 
 import pathlib
@@ -40,13 +40,13 @@ def localize(scene: Scene, query_names: list[str], options: MethodOptions) -> di
     program_options.update(options.program_options)
 
     arguments = [text for key, value in program_options.items() for text in (f"--{key}", str(value))]
-    shutil.rmtree(output_path, ignore_errors=True)  # no result of an earlier run can be taken for this one's
+    shutil.rmtree(output_path, ignore_errors=True)  # so that no result of an earlier run is taken for a new one
     run_colmap(options.colmap_path, "lazy_localizer", *arguments, log_path=work_path / "log.txt")
     return read_method_results(output_path / "results.jsonl", query_names)
 
 
 def read_method_results(path: pathlib.Path, query_names: list[str]) -> dict[str, Result]:
-    """Reads results.jsonl, in which every query must be."""
+    """Reads results.jsonl, which must have every query."""
     records = read_results(path)
     missing = [name for name in query_names if name not in records]
     if missing:

@@ -1,6 +1,6 @@
-"""Against a 3D map made for each query: COLMAP triangulates the verified matches among the query's K database images
-with their poses fixed, and the rest is as against a map of the whole scene. The seconds are those of the map, reading
-the K images' part of the database included, and of the pose.
+"""Localization against a 3D map made for each query. COLMAP triangulates the verified matches between the query's K
+database images with their poses fixed; the rest is as in structure_based. The seconds include making the map, with
+reading of the K images' part of the database, and the pose.
 """
 
 import pathlib
@@ -37,7 +37,7 @@ def _localize_one(scene: Scene, query_name: str, matches: QueryMatches, seed: in
     if not names:
         return Result.lost(0.0, "NO_PAIRS")
     database_path = work_path / "database.db"
-    image_ids = copy_database(scene, database_path, [*names, query_name])  # the query: see structure_based
+    image_ids = copy_database(scene, database_path, [*names, query_name])  # with the query: see structure_based
     start = time.perf_counter()
     model = triangulate_map(scene, database_path, {name: image_ids[name] for name in names}, seed, work_path)
     points2d, points3d = match_to_map(matches, points3d_of_keypoints(model))

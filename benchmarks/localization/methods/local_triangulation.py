@@ -1,5 +1,5 @@
-"""Local triangulation: points are triangulated per query keypoint from the database views that match it, by pycolmap's
-robust triangulation, then pycolmap's absolute pose. The seconds leave out reading alone.
+"""Local triangulation: pycolmap's robust triangulation makes a point for each query keypoint, from the matched database
+images; pycolmap's absolute pose follows. Only reading is not timed.
 """
 
 import math

@@ -1,5 +1,5 @@
-"""Generalized relative pose of PoseLib: the query is one camera, the database images are a rig whose frame is the
-world; all verified matches of all pairs, LO-RANSAC and refinement. The seconds leave out reading.
+"""Generalized relative pose of PoseLib: the query is one camera, and the database images are a rig whose frame is the
+world. It uses all verified matches of all pairs, LO-RANSAC and refinement. Reading is not timed.
 """
 
 import numpy as np
@@ -11,7 +11,7 @@ from colmap_lazyloc.model import Camera
 from colmap_lazyloc.poses import Pose
 
 MAX_ERROR_PX = 4.0
-MIN_NUM_MATCHES = 6  # of the minimal solver
+MIN_NUM_MATCHES = 6  # the minimal solver needs this many
 
 
 def estimate_pose(scene: Scene, camera: Camera, matches: QueryMatches, seed: int) -> Pose | None:
@@ -30,7 +30,7 @@ def estimate_pose(scene: Scene, camera: Camera, matches: QueryMatches, seed: int
 
 
 def poselib_matches(matches: QueryMatches, query_first: bool) -> list:
-    """Converts matches: camera 0 of one rig is the query, camera i of the other one the i-th pair's database image."""
+    """Converts matches: camera 0 of one rig is the query; camera i of the other is the i-th pair's database image."""
     all_matches = []
     for i, pair in enumerate(matches.pairs):
         query = 0, matches.query_points[pair.query_idxs]

@@ -1,9 +1,9 @@
-"""Hybrid pose of PoseLib: 2D-3D matches from local triangulation next to the 2D-2D matches of all pairs. The seconds
-leave out reading alone.
+"""Hybrid pose of PoseLib: 2D-3D matches from local triangulation together with the 2D-2D matches of all pairs. Only
+reading is not timed.
 
-PoseLib 2.0.5 draws its samples from 2D-3D and 2D-2D matches together but looks them up in the 2D-3D ones (it reads
-beyond their end and crashes). So no samples are drawn here: the start is the pose of local triangulation, what remains
-is PoseLib's hybrid refinement.
+No samples are drawn here, because PoseLib 2.0.5 draws them from the 2D-3D and 2D-2D matches together but looks them up
+in the 2D-3D matches only, so that it reads beyond their end and crashes. Instead, PoseLib's hybrid refinement starts
+from the pose of local triangulation.
 """
 
 import poselib

@@ -1,8 +1,8 @@
 """RANSAC over pairs of relative poses (Zhou et al., To Learn or Not to Learn: Visual Localization from Essential
-Matrices, ICRA 2020). Two database images and their relative poses give the query's position, as the point nearest to
-the two lines, and a rotation each. The hypothesis with which most database images agree wins and is computed again from
-these. All K (K - 1) hypotheses of K pairs are tried. The relative poses are pycolmap's calibrated two-view geometry.
-The seconds are all but reading.
+Matrices, ICRA 2020). The relative poses of two database images give the query's position, as the point nearest to
+two lines, and two rotations. The hypothesis with which most database images agree wins; the pose is then computed again
+from these images. All K (K - 1) hypotheses of K pairs are tried. The relative poses come from pycolmap's calibrated
+two-view geometry. Only reading is not timed.
 """
 
 import itertools
@@ -17,8 +17,8 @@ from colmap_lazyloc.model import Camera
 from colmap_lazyloc.poses import Pose
 from colmap_lazyloc.pycolmap_types import to_pycolmap_camera
 
-MAX_DIRECTION_ERROR_DEG = 5.0  # of a database image that agrees
-MIN_SINE_OF_LINES = 1e-3  # of two lines that meet
+MAX_DIRECTION_ERROR_DEG = 5.0  # maximum error of a database image that agrees
+MIN_SINE_OF_LINES = 1e-3  # minimum sine of the angle between two lines that are intersected
 
 
 def estimate_pose(scene: Scene, camera: Camera, matches: QueryMatches, seed: int) -> Pose | None:
@@ -58,10 +58,10 @@ def _relative_pose(scene, camera, matches, pair, seed):
 
 
 def best_pose(rotations: np.ndarray, centres: np.ndarray, directions: np.ndarray) -> Pose | None:
-    """Returns the pose with which most database images agree, and among these the smallest sum of their angles.
+    """Returns the pose with which most database images agree; among equals, that with the smallest sum of angles.
 
-    rotations: n x 3 x 3, the query's by each database image; centres: n x 3, of the database images; directions: n x 3,
-    from these to the query, in the world.
+    rotations: n x 3 x 3, the query's rotation according to each database image; centres: n x 3, projection centres of
+    the database images; directions: n x 3, in the world, from these to the query.
     """
     best = (0, 0.0), None
     for i, j in itertools.permutations(range(len(rotations)), 2):
@@ -79,8 +79,11 @@ def best_pose(rotations: np.ndarray, centres: np.ndarray, directions: np.ndarray
 
 
 def _agreement(rotation, centre, rotations, centres, directions):
-    """Returns which database images see the query in the right direction, measured in the query's frame by its rotation
-    and theirs."""
+    """Returns which database images agree with the pose, and a score that is larger for a better pose.
+
+    An image agrees if its direction to the query is right. Both directions are rotated to the query's frame, the true
+    one by `rotation`, the other by the image's own estimate.
+    """
     seen = centre - centres
     seen = (seen / np.linalg.norm(seen, axis=1, keepdims=True)) @ rotation.T
     stated = np.einsum("nij,nj->ni", rotations, directions)

@@ -1,6 +1,5 @@
-"""Against a 3D map: the database images' verified matches are triangulated by COLMAP with their poses fixed, the
-query's matches lead to the map's points, and COLMAP's absolute pose follows. The seconds leave out the map and all
-reading.
+"""Localization against a 3D map. COLMAP triangulates the verified matches of the database images with their poses
+fixed; the query's matches give 2D-3D matches for COLMAP's absolute pose. Making the map and reading are not timed.
 """
 
 import pathlib
@@ -36,7 +35,7 @@ def localize(scene: Scene, query_names: list[str], options: MethodOptions) -> di
 
 
 def match_to_map(matches: QueryMatches, points3d_of_keypoints: dict) -> tuple[np.ndarray, np.ndarray]:
-    """Returns the 2D-3D matches, each once: n x 2 query keypoints in pixels, n x 3 points of the map."""
+    """Returns the distinct 2D-3D matches: n x 2 query keypoints in pixels, n x 3 points of the map."""
     links = {}
     for pair in matches.pairs:
         point_ids, points = points3d_of_keypoints[pair.database_name]
@@ -58,7 +57,7 @@ def absolute_pose(points2d: np.ndarray, points3d: np.ndarray, camera: Camera, se
 
 
 class _MapStore:
-    """Triangulated maps, kept in the method's folder; the last one stays in memory."""
+    """The triangulated maps, kept in the method's folder; the last one stays in memory."""
 
     def __init__(self, scene: Scene, options: MethodOptions):
         self._scene = scene
@@ -78,9 +77,9 @@ class _MapStore:
 
     def _triangulate(self, query_name: str, path: pathlib.Path):
         database_path = path / "database.db"
-        # All images stay in the database. By default COLMAP drops points that only two images match; this way those
-        # that the query sees too are kept, as when `colmap point_triangulator` is run on the database at hand. The map
-        # is better for it, and without a pose the query gives no observation.
+        # Keep all images, also the query, as if `colmap point_triangulator` ran on the database. By default COLMAP
+        # drops points that only two images match; this way it keeps those that the query matches too, so the map is
+        # better. The query adds no observation to the map, because it has no pose.
         image_ids = copy_database(self._scene, database_path)
         database_image_ids = {name: image_ids[name] for name in self._scene.database_names(query_name)}
         triangulate_map(self._scene, database_path, database_image_ids, self._options.seed, path)
@@ -90,7 +89,7 @@ class _MapStore:
 def triangulate_map(
     scene: Scene, database_path: pathlib.Path, image_ids: dict[str, int], seed: int, output_path: pathlib.Path
 ) -> pycolmap.Reconstruction:
-    """Triangulates the images' verified matches with their poses fixed."""
+    """Triangulates the verified matches of the images with their poses fixed."""
     options = pycolmap.IncrementalPipelineOptions()
     options.extract_colors = False
     options.num_threads = 1
@@ -101,7 +100,7 @@ def triangulate_map(
 
 
 def points3d_of_keypoints(model: pycolmap.Reconstruction) -> dict:
-    """Returns by image name the point id (or -1) and the point of each keypoint."""
+    """Returns the point id (or -1) and the point of each keypoint, by image name."""
     points3d = {}
     for image in model.images.values():
         point_ids = np.full(len(image.points2D), -1, dtype=np.int64)

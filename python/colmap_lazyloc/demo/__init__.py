@@ -1,1 +1,1 @@
-"""A rendered courtyard whose poses and intrinsics are known exactly; needs opencv, pycolmap and scipy."""
+"""Renders a courtyard whose poses and intrinsics are known exactly; needs opencv, pycolmap and scipy."""

@@ -1,7 +1,7 @@
-"""Ray casting of textured rectangles through COLMAP's camera models.
+"""Renders textured rectangles by ray casting through COLMAP's camera models.
 
-Every pixel's ray comes from COLMAP's own undistortion, so that a point of a texture appears where COLMAP projects it,
-for any camera model. Edges and fine texture are kept free of aliasing by supersampling and by image pyramids.
+The ray of each pixel comes from COLMAP's own undistortion. A texture point therefore appears exactly where COLMAP
+projects it, for any camera model. Supersampling and image pyramids avoid aliasing.
 """
 
 import dataclasses
@@ -20,7 +20,7 @@ PYRAMID_LEVELS = 8
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Rectangle:
-    """A flat picture in the world. It is seen from one side: the one from which `down` is clockwise of `right`."""
+    """A flat picture in the world. It is visible only from the side from which `down` is clockwise of `right`."""
 
     corner: np.ndarray  # the texture's upper-left corner
     right: np.ndarray  # the upper edge: a vector of the edge's length
@@ -47,7 +47,7 @@ class RayGrid:
     def __init__(self, camera: Camera, supersampling: int = 2):
         camera = to_pycolmap_camera(camera)
         self.supersampling = supersampling
-        # COLMAP's convention: the image spans [0, width] x [0, height], pixel centres are at halves.
+        # Follow COLMAP's convention: the image spans [0, width] x [0, height], and pixel centres are at halves.
         columns = (np.arange(camera.width * supersampling) + 0.5) / supersampling
         rows = (np.arange(camera.height * supersampling) + 0.5) / supersampling
         grid = np.stack(np.meshgrid(columns, rows), axis=-1)
@@ -81,8 +81,8 @@ def _project_polygon(corners: np.ndarray) -> np.ndarray:
 
 
 def _look_up(texture: np.ndarray, u: np.ndarray, v: np.ndarray) -> np.ndarray:
-    """Looks positions u, v in [0, 1] of the texture up, bilinearly."""
-    row_length = 4096  # cv2.remap wants a picture, and none with more than 32767 columns
+    """Samples the texture bilinearly at positions u, v in [0, 1]."""
+    row_length = 4096  # cv2.remap takes a picture of at most 32767 columns
     count = -(-u.size // row_length) * row_length
     columns, rows = np.zeros(count, np.float32), np.zeros(count, np.float32)
     height, width = texture.shape[:2]
@@ -108,9 +108,9 @@ def _shade(rectangle: Rectangle, u: np.ndarray, v: np.ndarray, footprint: np.nda
 
 
 def render(rectangles: list, rays: RayGrid, pose: Pose, sky) -> np.ndarray:
-    """Renders the picture (height x width x 3, float32) of a camera.
+    """Renders the picture (height x width x 3, float32) that a camera sees.
 
-    sky: gives the colours of n x 3 directions in the world, for rays that meet no rectangle.
+    sky: returns the colours of n x 3 directions in the world; used for rays that meet no rectangle.
     """
     rotation, translation = pose.rotation, pose.tvec
     nearest = np.zeros(rays.x.shape, np.float32)  # inverse depth
@@ -120,7 +120,7 @@ def render(rectangles: list, rays: RayGrid, pose: Pose, sky) -> np.ndarray:
     for index, rectangle in enumerate(rectangles):
         corner = rotation @ rectangle.corner + translation
         right, down = rotation @ rectangle.right, rotation @ rectangle.down
-        if np.cross(right, down) @ corner <= 0:  # seen from behind
+        if np.cross(right, down) @ corner <= 0:  # the rectangle is seen from behind
             continue
         polygon = _project_polygon(np.array([corner, corner + right, corner + right + down, corner + down]))
         window = rays.window(polygon) if len(polygon) > 0 else None

@@ -8,7 +8,7 @@ Writes below --output_path:
   queries_with_intrinsics.txt                 `name MODEL width height params...`
   ground_truth/poses.txt                      `name qw qx qy qz tx ty tz` of the queries, cam_from_world
   scene.json                                  parameters and size of the scene; written last
-The same parameters give the same files; a scene that scene.json calls complete is left alone.
+The same parameters give the same files. If scene.json shows that the scene is complete, nothing is rendered.
 """
 
 import argparse
@@ -32,7 +32,7 @@ from colmap_lazyloc.poses import Pose, look_at, write_poses
 SIZE = np.array([16.0, 12.0, 6.0])
 SUN = np.array([0.45, -0.55, 0.70])
 WALK_CENTRE, WALK_RADII = np.array([0.0, -0.6]), np.array([5.6, 3.3])
-CLEARANCE = 0.9  # of a camera from the things that stand in the courtyard
+CLEARANCE = 0.9  # minimum distance of a camera from the boxes
 
 DATABASE_CAMERA = Camera("OPENCV", 800, 600, (641.3, 643.1, 404.6, 296.2, -0.118, 0.041, 0.0011, -0.0007))
 QUERY_CAMERA = Camera("RADIAL", 840, 560, (583.7, 415.2, 284.9, -0.083, 0.021))
@@ -40,9 +40,9 @@ QUERY_CAMERA = Camera("RADIAL", 840, 560, (583.7, 415.2, 284.9, -0.083, 0.021))
 
 @dataclasses.dataclass(frozen=True)
 class Box:
-    """A thing that stands in the courtyard: `texture` paints its sides and its top."""
+    """A box that stands in the courtyard; `texture` paints its sides and its top."""
 
-    centre: tuple  # of the base
+    centre: tuple  # the centre of the base
     size: tuple
     yaw_deg: float
     texture: object
@@ -88,7 +88,7 @@ class View:
 
 
 def _paint(rng, corner, right, down, texture, texels_per_m, colour) -> Rectangle:
-    """Makes a rectangle with its texture, as bright as the sun makes its side."""
+    """Makes a textured rectangle whose brightness depends on its direction to the sun."""
     size = np.linalg.norm(right), np.linalg.norm(down)
     outward = np.cross(down, right) / (size[0] * size[1])
     light = 0.62 + 0.45 * max(0.0, float(outward @ SUN) / np.linalg.norm(SUN))
@@ -144,7 +144,7 @@ def upright_pose(cam_in_world: np.ndarray, target: np.ndarray, roll_deg: float) 
 
 
 def _random_pose(rng, angle: float, radius_ratio, heights, turn_deg: float, roll_deg: float) -> Pose:
-    """Draws a pose near the point of the walk at `angle`, facing the courtyard's far side, clear of all things."""
+    """Draws a pose near the point of the walk at `angle`, facing the far side of the courtyard, outside all boxes."""
     while True:
         radius = rng.uniform(*radius_ratio)
         ground = WALK_CENTRE + radius * WALK_RADII * [np.cos(angle), np.sin(angle)] + rng.normal(0, 0.15, 2)
@@ -158,7 +158,7 @@ def _random_pose(rng, angle: float, radius_ratio, heights, turn_deg: float, roll
 
 
 def database_views(seed: int, count: int) -> list:
-    """Makes a walk round the courtyard with the camera now at the chest, now at the eye, now held high."""
+    """Makes views on a walk around the courtyard, with the camera at chest height, eye height or held high."""
     rng = np.random.default_rng([seed, 1])
     heights = ((1.1, 1.25), (1.6, 1.75), (2.3, 2.5))
     views = []
@@ -170,7 +170,7 @@ def database_views(seed: int, count: int) -> list:
 
 
 def query_views(seed: int, count: int) -> list:
-    """Makes photos from beside, above and below the walk, tilted more."""
+    """Makes views from beside, above and below the walk, with larger tilts."""
     rng = np.random.default_rng([seed, 2])
     views = []
     for index in range(count):
@@ -181,7 +181,7 @@ def query_views(seed: int, count: int) -> list:
 
 
 def photograph(picture: np.ndarray, rng) -> np.ndarray:
-    """Takes the picture as a camera does: slight blur, an exposure and white balance of its own, sensor noise."""
+    """Simulates a camera: slight blur, random exposure and white balance, sensor noise."""
     blurred = cv2.GaussianBlur(picture, (0, 0), rng.uniform(0.4, 0.8))
     exposure = np.exp(rng.normal(0, 0.13)) * np.exp(rng.normal(0, 0.03, 3))
     noise = rng.uniform(1.5, 3.5) * rng.standard_normal(picture.shape, np.float32)
@@ -222,7 +222,7 @@ def code_hash() -> str:
 
 
 def make_scene(output: pathlib.Path, seed: int, num_database_images: int, num_query_images: int) -> bool:
-    """Renders the scene; returns False if it was there already."""
+    """Renders the scene; returns False if it already existed."""
     description = {
         "size_m": SIZE.tolist(),
         "diagonal_m": float(np.linalg.norm(SIZE)),
@@ -263,9 +263,9 @@ def _at_least(minimum: int):
 @command
 def main(arguments=None):
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--output_path", type=pathlib.Path, required=True)
-    parser.add_argument("--seed", type=_at_least(0), default=0)
-    parser.add_argument("--num_database_images", type=_at_least(1), default=40)
-    parser.add_argument("--num_query_images", type=_at_least(1), default=10)
+    parser.add_argument("--output_path", type=pathlib.Path, required=True, help="folder to write the scene to")
+    parser.add_argument("--seed", type=_at_least(0), default=0, help="seed of all random choices")
+    parser.add_argument("--num_database_images", type=_at_least(1), default=40, help="default: 40")
+    parser.add_argument("--num_query_images", type=_at_least(1), default=10, help="default: 10")
     options = parser.parse_args(arguments)
     make_scene(options.output_path, options.seed, options.num_database_images, options.num_query_images)

@@ -1,4 +1,4 @@
-"""Procedural pictures of walls, paving, wood and notices: rich in detail at all scales, and nothing in them repeats."""
+"""Paints walls, paving, wood and notices procedurally: with detail at all scales and without repetition."""
 
 import cv2
 import numpy as np
@@ -26,13 +26,13 @@ def multi_scale_noise(rng, shape, coarsest: int, finest: int = 2, stretch=(1, 1)
 
 
 def _colour(rng, low: int = 20, high: int = 235) -> tuple:
-    """Draws a random colour, paled half-way towards its grey."""
+    """Draws a random colour, blended half-way with its grey."""
     colour = rng.integers(low, high, 3)
     return tuple(int(value) for value in (colour + colour.mean()) / 2)
 
 
 def _tint(rng, colour, spread: float) -> tuple:
-    """Makes the colour brighter or darker, and a little off in hue."""
+    """Varies the brightness of a colour, and slightly its hue."""
     tinted = np.array(colour) * np.exp(rng.normal(0, spread)) + rng.normal(0, 6, 3)
     return tuple(int(value) for value in np.clip(tinted, 8, 245))
 
@@ -103,7 +103,7 @@ def draw_window(rng, picture: np.ndarray, box) -> None:
 
 
 def _lay_stones(rng, shape, stone_size, colour, joint: int, spread: float) -> np.ndarray:
-    """Lays courses of stones, each of its own height, width, outline and tint."""
+    """Lays courses of stones that differ in height, width, outline and tint."""
     height, width = shape
     picture = np.empty((height, width, 3), np.uint8)
     picture[:] = _tint(rng, [0.55 * value for value in colour], 0.1)

@@ -1,1 +1,1 @@
-"""Synthetic scenes for tests and benchmarks; needs scipy."""
+"""Makes synthetic scenes for tests and benchmarks; needs scipy."""

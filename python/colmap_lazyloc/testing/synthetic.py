@@ -1,6 +1,7 @@
-"""Small synthetic scenes with known poses, as COLMAP databases of every generation and as COLMAP models.
+"""Makes small synthetic scenes with known poses; writes them as COLMAP databases of any version and as COLMAP models.
 
-Poses are cam_from_world; pixels are COLMAP's (the upper-left pixel's centre is 0.5, 0.5)."""
+Poses are cam_from_world. Pixels follow COLMAP's convention (the centre of the upper-left pixel is at 0.5, 0.5).
+"""
 
 import copy
 import dataclasses
@@ -15,7 +16,7 @@ from colmap_lazyloc.database import pair_id
 from colmap_lazyloc.poses import Pose, look_at
 from colmap_lazyloc.program import run_colmap
 
-CALIBRATED, PANORAMIC = 2, 5  # configurations of a two-view geometry
+CALIBRATED, PANORAMIC = 2, 5  # COLMAP's configurations of a two-view geometry
 
 # Scenes
 
@@ -56,13 +57,13 @@ class Image:
     image_id: int
     camera_id: int
     pose: Pose
-    keypoints: np.ndarray  # float32, one row each
-    point_of_keypoint: np.ndarray  # -1 for none
+    keypoints: np.ndarray  # float32, one row per keypoint
+    point_of_keypoint: np.ndarray  # index of the scene point, -1 for none
 
 
 @dataclasses.dataclass
 class Pair:
-    """Of two names, in this order; the relative pose is cam2_from_cam1."""
+    """Two images with matches; their relative pose is cam2_from_cam1, in the order of their names in Scene.pairs."""
 
     matches: np.ndarray
     inlier_matches: np.ndarray
@@ -75,7 +76,7 @@ class Pair:
         return np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]]) @ self.rotation.as_matrix()
 
     def inverted(self):
-        """Returns the pair as COLMAP stores it if the second image has the smaller id."""
+        """Returns the pair with its images exchanged, as COLMAP stores it if the second image has the smaller id."""
         inverse = self.rotation.inv()
         return Pair(
             self.matches[:, ::-1], self.inlier_matches[:, ::-1], inverse, -inverse.apply(self.direction), self.config
@@ -105,7 +106,7 @@ class Scene:
 
 
 def split_tracks(scene):
-    """Leaves each point of a query to one database image, in turn, so that no track is seen by two."""
+    """Keeps each scene point's matches with one database image only, so that no track has two of them."""
     places = {name: place for place, name in enumerate(scene.database_names)}
     for (name1, _), pair in scene.pairs.items():
         points = scene.images[name1].point_of_keypoint[pair.inlier_matches[:, 0]]
@@ -129,10 +130,10 @@ def make_scene(
     database_pairs=False,
     is_planar=False,
 ):
-    """Makes cameras that look at points in a cube of 3 units about the origin, or in an inclined square of it.
+    """Makes cameras that look at points in a cube of 3 units around the origin, or in an inclined square in it.
 
-    Each query is matched with each database image, with database_pairs everything with everything; only the raw matches
-    have outliers.
+    Each query is matched with each database image; with database_pairs, each image is matched with each other. Only
+    the raw matches have outliers.
     """
     rng = np.random.default_rng(seed)
     points = rng.uniform(-1.5, 1.5, (num_points, 3))
@@ -233,7 +234,7 @@ def write_database(path, scene, schema="3.10", geometry="pose"):
 
 
 def write_built_colmap_database(path, scene, colmap, geometry="pose"):
-    """Writes a database that the program under test creates, with its COLMAP's schema."""
+    """Writes a database that the program under test has created, so that it has the schema of its COLMAP."""
     run_colmap(colmap, "database_creator", "--database_path", path)
     connection = sqlite3.connect(path)
     insert_scene(connection, scene, geometry)
@@ -242,7 +243,7 @@ def write_built_colmap_database(path, scene, colmap, geometry="pose"):
 
 
 def insert_scene(connection, scene, geometry="pose"):
-    """Fills the tables of any 3.x schema; leaves out columns that it lacks."""
+    """Fills the tables of any 3.x schema; omits values for which the schema has no column."""
     for camera in scene.cameras.values():
         params = np.array(camera.params, "<f8").tobytes()
         insert(
@@ -317,7 +318,7 @@ def stored_images(scene, names):
 
 
 def write_model(path, scene, names=None, binary=True):
-    """Writes a COLMAP model without points. names: of the images in it; default: the database's."""
+    """Writes a COLMAP model without points. names: its images; default: all database images."""
     cameras = {camera.camera_id: camera.intrinsics() for camera in scene.cameras.values()}
     images = stored_images(scene, scene.database_names if names is None else names)
     return model.write_model(path, cameras, images, binary)

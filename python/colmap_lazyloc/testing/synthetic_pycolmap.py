@@ -1,6 +1,6 @@
-"""Databases of synthetic scenes as pycolmap 4 writes them.
+"""Writes databases of synthetic scenes with pycolmap 4.
 
-This is a module of its own, because importing pycolmap takes a second.
+This is a separate module, because importing pycolmap takes a second.
 """
 
 import pathlib
@@ -12,7 +12,7 @@ from colmap_lazyloc.testing import synthetic
 
 
 def write_pycolmap_database(path, scene, geometry="pose"):
-    """Writes a database by pycolmap 4: its schema, a rig for each camera, a frame for each image."""
+    """Writes a database with pycolmap 4: its schema, one rig per camera, one frame per image."""
     with pycolmap.Database.open(str(path)) as database:
         write_images(
             database,
