@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Makes the tables and plots of docs/benchmarks/: all methods on the same matches, error against K, noise of the
-# database poses, three seeds. Then writes the expected results of these scenes. Run it on an idle machine, because it
-# measures times.
+# database poses, three seeds. Then it writes the expected results of these scenes. Run it on an idle machine, because
+# it measures times.
 #
 #   scripts/benchmark_scenes.sh [DATA]   folder of scenes, each with model/, database.db and optionally queries.txt;
 #                                        default: ../shared/data

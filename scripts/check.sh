@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# Checks what CONTRIBUTING.md promises of the code's form: layout, layers, sizes, Python, links, comments.
-# Takes a few seconds and builds nothing.
+# Checks the rules in CONTRIBUTING.md on the form of the code: layout, layers, sizes, Python, links, comments.
+# It takes a few seconds and builds nothing.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 scripts/setup.sh environment
@@ -20,7 +20,7 @@ check() {
   fi
 }
 
-# True if ruff's section of that name is in pyproject.toml.
+# Succeeds if pyproject.toml has ruff's section of this name.
 configures() {
   [ -f pyproject.toml ] && grep -q "^\[tool\.$1" pyproject.toml
 }

@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Runs all steps on a rendered courtyard: builds the program, makes the scene, extracts and matches features, localizes
 # the queries without a map, and compares their poses with the true ones. Fails unless every query is localized
-# accurately. May be run again; skips steps that are done.
+# accurately. You may run it again; it skips steps that are done.
 #
 #   DEMO_DIR   folder for all files; default: demo below the build folder
 set -euo pipefail

@@ -6,5 +6,5 @@ BUILD_DIR=${BUILD_DIR:-$PWD/build}
 VENV_DIR=$CACHE_DIR/venv
 PYTHON=$VENV_DIR/bin/python
 COLMAP=$BUILD_DIR/bin/colmap
-# Of this checkout, because several checkouts share the Python environment.
+# Use the package of this checkout, because several checkouts share the Python environment.
 export PYTHONPATH=$PWD/python${PYTHONPATH:+:$PYTHONPATH}

@@ -5,7 +5,7 @@
 #
 # Cameras come from EXIF, unless you give one, for example:
 #   --ImageReader.camera_model OPENCV --ImageReader.camera_params fx,fy,cx,cy,k1,k2,p1,p2
-# Later runs use the retrieval index in OUTPUT.index again. You may delete it.
+# Later runs reuse the retrieval index in OUTPUT.index. You may delete it.
 set -euo pipefail
 [ $# -ge 4 ] || { sed -n '2,/^set/s/^# \{0,1\}//p' "$0" >&2; exit 1; }
 database=$1 model=$2 images=$3 output=${4%/}

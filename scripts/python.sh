@@ -3,7 +3,7 @@
 #
 #   scripts/python.sh -m colmap_lazyloc.evaluate localized/poses.txt --ground_truth truth.txt
 #
-# PYTHON is another interpreter to use instead.
+# PYTHON: another interpreter to use; default: the one of that environment.
 set -euo pipefail
 PYTHON=${PYTHON:-${XDG_CACHE_HOME:-$HOME/.cache}/colmap_lazyloc/venv/bin/python}
 PYTHONPATH=$(dirname "$(realpath "$0")")/../python${PYTHONPATH:+:$PYTHONPATH} exec "$PYTHON" "$@"

@@ -1,13 +1,13 @@
 #!/usr/bin/env bash
 # Installs the required packages, fetches COLMAP's source, makes the Python environment and builds the project.
-# May be run again: each step does nothing and prints nothing if its work is done.
+# You may run it again: each step does nothing and prints nothing if its work is done.
 #
 #   COLMAP_SOURCE_DIR   COLMAP source tree to build against (3.10 or 4.x); default: Debian's source package
 #   BUILD_DIR           build folder; default: build below the checkout
 #   CMAKE_ARGS          further arguments of the CMake configuration
-#   BUILD_TARGETS       what to build; default: everything
+#   BUILD_TARGETS       targets to build; default: all
 #
-# `setup.sh environment` stops before COLMAP is fetched and anything is built.
+# `setup.sh environment` stops before it fetches COLMAP and builds anything.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 source scripts/environment.sh
@@ -67,8 +67,8 @@ make_python_environment() {
   local stamp="$VENV_DIR/requirements.txt"
   cmp -s scripts/requirements.txt "$stamp" && return 0
   say "making the Python environment"
-  # Updated in place, because other checkouts use it too. It does not hold the package: scripts/environment.sh and
-  # scripts/python.sh set PYTHONPATH to that of their own checkout.
+  # Update the environment in place, because other checkouts use it too. It does not contain the package, because
+  # scripts/environment.sh and scripts/python.sh set PYTHONPATH to that of their own checkout.
   "$PYTHON" -c "" 2>/dev/null || python3 -m venv --clear "$VENV_DIR"
   "$VENV_DIR/bin/pip" install -q --disable-pip-version-check -r scripts/requirements.txt
   cp scripts/requirements.txt "$stamp"

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# Checks the code's form, then builds the project with its tests and runs them: unit tests by ctest, whole-program tests
-# by pytest.
+# Checks the form of the code, builds the project with its tests, and runs them: unit tests with ctest, whole-program
+# tests with pytest.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 scripts/check.sh
