@@ -16,7 +16,8 @@ void ForEachMethodOption(Options& o, const Add& add) {
   add("LazyLocalizer.Advanced.translation_averaging", &o.translation_averaging.method,
       "Method of translation averaging: angular, or for comparison lud (least unsquared deviations)");
   add("LazyLocalizer.Advanced.start_pose", &o.start_pose,
-      "Pose that bundle adjustment starts from: best, motion_averaging, absolute_pose or generalized_relative_pose");
+      "Start of bundle adjustment: best, motion_averaging, absolute_pose or "
+      "generalized_relative_pose");
   add("LazyLocalizer.Advanced.post_optimization", &o.post_optimization,
       "Stage after motion averaging: tracks (triangulation and bundle adjustment), or for comparison sampson, "
       "relative_pose_lo or none");

@@ -14,10 +14,10 @@ void ForEachBasicOption(Options& o, const Add& add) {
       "Folder of a COLMAP model (text or binary); its posed images are the database images");
   add("output_path", &o.output_path, "Folder for poses.txt, results.jsonl, model/ and options.ini");
   add("query_list_path", &o.source.selection.query_list_path,
-      "File with one query a line: its name, or hloc's `name MODEL width height params...`; default: every image of "
+      "File with one query per line: its name, or hloc's `name MODEL width height params...`; default: every image of "
       "the database file without a pose in --input_path");
   add("pairs_path", &o.source.selection.pairs_path,
-      "File with the pairs to use, two image names a line; default: all pairs with matches in the database");
+      "File with the pairs to use, two image names per line; default: all pairs with matches in the database");
   add("image_path", &o.source.photos.image_path,
       "Folder of the photos; a query without keypoints in the database is a photo, whose features are extracted and "
       "matched in memory");
@@ -49,7 +49,7 @@ void ForEachBasicOption(Options& o, const Add& add) {
 template <typename Options, typename Add>
 void ForEachSourceOption(Options& o, const Add& add) {
   add("LazyLocalizer.Advanced.group_list_path", &o.selection.groups.group_list_path,
-      "File with one group of queries a line, by image names; a group is localized together");
+      "File with one group of queries per line, by image names; a group is localized together");
   add("LazyLocalizer.Advanced.use_rigs", &o.selection.groups.use_rigs,
       "Use camera rigs: localize the images of a frame together");
   add("LazyLocalizer.Advanced.trajectory_has_scale", &o.selection.groups.trajectory_has_scale,
