@@ -12,12 +12,14 @@ void AddQuery(const QueryGroup& group, const QueryImage& query, Layout* layout) 
   if (query.frame == layout->num_query_frames) {
     Frame frame;
     layout->given.frames.push_back(frame);
+    layout->queries_of_frame.emplace_back();
     ++layout->num_query_frames;
   } else {
     const int first = layout->QueriesOf(query.frame).front();
     image.cam_from_frame = query.cam_from_rig * Inverse(group.images[first].cam_from_rig);
     layout->given.frames[query.frame].has_free_scale = !group.has_rig_scale;
   }
+  layout->queries_of_frame[query.frame].push_back(static_cast<int>(layout->given.images.size()));
   layout->given.images.push_back(image);
   layout->names.push_back(query.problem.query_name);
 }
@@ -76,14 +78,6 @@ class DatabaseImages {
 };
 
 }  // namespace
-
-std::vector<int> Layout::QueriesOf(int frame) const {
-  std::vector<int> queries;
-  for (int image = 0; image < static_cast<int>(given.images.size()) && given.images[image].frame <= frame; ++image) {
-    if (given.images[image].frame == frame) queries.push_back(image);
-  }
-  return queries;
-}
 
 Layout MakeLayout(const QueryGroup& group, const LocalizerOptions& options) {
   Layout layout;

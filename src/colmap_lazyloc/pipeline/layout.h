@@ -23,11 +23,12 @@ struct Layout {
   Eigen::Vector3d origin =
       Eigen::Vector3d::Zero();                  // subtracted from all coordinates: solvers work near zero (UTM, ECEF)
   std::vector<std::vector<int>> image_of_pair;  // [query][index into its pairs]
+  std::vector<std::vector<int>> queries_of_frame;  // by query frame
 
   bool IsDatabase(int image) const { return image >= num_queries; }
   int FrameOf(int image) const { return given.images[image].frame; }
   // Returns the queries of a query frame, in ascending order.
-  std::vector<int> QueriesOf(int frame) const;
+  const std::vector<int>& QueriesOf(int frame) const { return queries_of_frame[frame]; }
 };
 
 // Gives each query frame database images and frames of its own, even if frames share database images: what adjustment

@@ -14,18 +14,22 @@ class StageTimer {
  public:
   using Seconds = std::vector<std::pair<std::string, double>>;
 
+  // Adds wall time to that of a stage; a stage that runs again has one entry.
+  static void Add(const std::string& stage, double elapsed, Seconds* seconds) {
+    const auto is_same = [&](const auto& entry) { return entry.first == stage; };
+    const auto known = std::find_if(seconds->begin(), seconds->end(), is_same);
+    if (known != seconds->end()) {
+      known->second += elapsed;
+    } else {
+      seconds->emplace_back(stage, elapsed);
+    }
+  }
+
   StageTimer(std::string stage, Seconds* seconds) : stage_(std::move(stage)), seconds_(*seconds) {}
   StageTimer(const StageTimer&) = delete;
   StageTimer& operator=(const StageTimer&) = delete;
   ~StageTimer() {
-    const double elapsed = std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count();
-    const auto is_same = [this](const auto& entry) { return entry.first == stage_; };
-    const auto known = std::find_if(seconds_.begin(), seconds_.end(), is_same);
-    if (known != seconds_.end()) {
-      known->second += elapsed;
-    } else {
-      seconds_.emplace_back(stage_, elapsed);
-    }
+    Add(stage_, std::chrono::duration<double>(std::chrono::steady_clock::now() - start_).count(), &seconds_);
   }
 
  private:
