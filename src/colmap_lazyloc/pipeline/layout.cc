@@ -13,6 +13,7 @@ void AddQuery(const QueryGroup& group, const QueryImage& query, Layout* layout) 
     Frame frame;
     layout->given.frames.push_back(frame);
     layout->queries_of_frame.emplace_back();
+    layout->database_frames_of_frame.emplace_back();
     ++layout->num_query_frames;
   } else {
     const int first = layout->QueriesOf(query.frame).front();
@@ -65,6 +66,7 @@ class DatabaseImages {
       frame.frame_from_world = cam_from_world;
       frame.is_database = true;
       layout_.given.frames.push_back(frame);
+      layout_.database_frames_of_frame[query_frame].push_back(next);
     } else {
       image.cam_from_frame = cam_from_world * Inverse(layout_.given.frames[image.frame].frame_from_world);
     }

@@ -23,7 +23,8 @@ struct Layout {
   Eigen::Vector3d origin =
       Eigen::Vector3d::Zero();                  // subtracted from all coordinates: solvers work near zero (UTM, ECEF)
   std::vector<std::vector<int>> image_of_pair;  // [query][index into its pairs]
-  std::vector<std::vector<int>> queries_of_frame;  // by query frame
+  std::vector<std::vector<int>> queries_of_frame;          // by query frame
+  std::vector<std::vector<int>> database_frames_of_frame;  // by query frame; ascending
 
   bool IsDatabase(int image) const { return image >= num_queries; }
   int FrameOf(int image) const { return given.images[image].frame; }

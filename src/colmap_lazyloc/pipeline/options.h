@@ -76,7 +76,7 @@ struct LocalizerOptions {
   // units. 0: exact; -1: estimated for each query from how well the images fit together.
   double database_pose_stddev_deg = -1;
   double database_pose_stddev_length = -1;
-  double database_pose_noise_px = 0.1;  // expected value of that estimate, as displacement of keypoints
+  double database_pose_noise_px = 0.7;  // expected value of that estimate, as displacement of keypoints
   // Maximum standard deviation of a position over the distance to the scene; a query above it is not LOCALIZED.
   double max_position_stddev_ratio = 0.1;
 

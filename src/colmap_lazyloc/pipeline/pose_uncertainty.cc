@@ -4,6 +4,7 @@
 #include <string>
 
 #include "colmap_lazyloc/math/so3.h"
+#include "colmap_lazyloc/pipeline/database_priors.h"
 #include "colmap_lazyloc/pipeline/position_ambiguity.h"
 #include "colmap_lazyloc/refinement/covariance.h"
 
@@ -35,6 +36,21 @@ void CheckPositions(const Layout& layout, const PairRefs& pairs, const BundleAdj
   throw Failure(*first);
 }
 
+// Returns the covariance of cam_from_world, with the variances of image noise and database poses that the adjustment
+// shows instead of those that it took for granted.
+Eigen::Matrix<double, 6, 6> TotalCovariance(const BundleAdjustmentResult& adjustment, int query, double factor) {
+  Eigen::Matrix<double, 6, 6> covariance = factor * adjustment.image_covariances[query];
+  for (size_t i = 0; i < adjustment.prior_fits.size(); ++i) {
+    const PriorGroup& group = adjustment.posed.prior_groups[i];
+    const PriorFit& fit = adjustment.prior_fits[i];
+    const std::vector<double> variances = VariancesForCovariance(group, fit, factor);
+    for (size_t j = 0; j < variances.size(); ++j) {
+      covariance += (variances[j] - factor * group.components[j].variance) * fit.image_parts[j][query];
+    }
+  }
+  return covariance;
+}
+
 // Moves a covariance into the tangent of the pose in the database's coordinates: t = t_local - R origin.
 Eigen::Matrix<double, 6, 6> MoveToWorld(const Eigen::Matrix<double, 6, 6>& covariance, const Eigen::Vector3d& origin,
                                         const Rigid3d& pose) {
@@ -54,12 +70,10 @@ std::vector<PoseUncertainty> EstimateUncertainties(const Layout& layout, const P
   const double factor =
       VarianceFactor(adjustment.posed, adjustment.tracks, RobustLoss(options.bundle_adjustment.loss_scale_sigma));
   CheckPositions(layout, pairs, adjustment, tracks_of, factor, options);
-  const double missing_prior_factor = std::max(adjustment.prior_fit.VarianceFactor(factor) - factor, 0.0);
   std::vector<PoseUncertainty> uncertainties;
   for (int query = 0; query < layout.num_queries; ++query) {
     const Rigid3d pose = CamFromWorld(adjustment.posed, query);
-    const Eigen::Matrix<double, 6, 6> covariance =
-        factor * adjustment.image_covariances[query] + missing_prior_factor * adjustment.image_prior_parts[query];
+    const Eigen::Matrix<double, 6, 6> covariance = TotalCovariance(adjustment, query, factor);
     uncertainties.push_back({MoveToWorld(covariance, layout.origin, pose), ComputePoseSpread(pose, covariance)});
   }
   return uncertainties;

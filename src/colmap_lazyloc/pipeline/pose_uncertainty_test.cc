@@ -270,7 +270,6 @@ std::unique_ptr<UncertaintyInput> MakeUncertaintyInput(int num_database_images =
   const Eigen::Matrix<double, 6, 6> unknown = Eigen::Matrix<double, 6, 6>::Zero();
   adjustment.frame_covariances.assign(adjustment.posed.frames.size(), unknown);
   adjustment.image_covariances.assign(adjustment.posed.images.size(), unknown);
-  adjustment.image_prior_parts = adjustment.image_covariances;
   for (const int query : {0, 1}) input->SetCovariance(query, 1e-6 * Eigen::Matrix<double, 6, 6>::Identity());
   return input;
 }
@@ -300,21 +299,21 @@ TEST(EstimateUncertainties, CovarianceIsThatOfTheDatabasesCoordinates) {
   }
 }
 
-// Checks that the part of the priors is added k - v times, if their variance is k times what they state and v is the
-// variance factor of the image points.
-TEST(EstimateUncertainties, NoiseOfPriorsThatWereTooTightIsAdded) {
+// Checks that the part of a prior is counted with the variance that the adjustment shows, not with that which it took
+// for granted.
+TEST(EstimateUncertainties, PriorsCountAsTheAdjustmentShowsThem) {
   const auto input = MakeUncertaintyInput();
   input->stages.layout.origin.setZero();
   BundleAdjustmentResult& adjustment = input->refined.adjustment;
-  adjustment.image_prior_parts[0] = 1e-4 * Eigen::Matrix<double, 6, 6>::Identity();
-  adjustment.prior_fit.num_parameters = 60;
+  const Eigen::MatrixXd identity = Eigen::MatrixXd::Identity(10, 10);
+  adjustment.posed.prior_groups = {{{2, 3, 4, 5, 6, 7, 8, 9, 10, 11}, {{identity, 1}}}};
+  const Eigen::Matrix<double, 6, 6> part = 1e-4 * Eigen::Matrix<double, 6, 6>::Identity();
   const double image_factor = input->VarianceFactor();
-  for (const double ratio : {0.1, 10.0}) {
-    adjustment.prior_fit.squared_deviation = 60 * ratio;
-    const double missing = std::max(adjustment.prior_fit.VarianceFactor(image_factor) - image_factor, 0.0);
-    EXPECT_EQ(missing > 0, ratio == 10);
+  for (const double deviation : {0.1, 3.0}) {
+    adjustment.prior_fits = {{Eigen::MatrixXd::Constant(10, 6, deviation), 0 * identity, {{part, 0 * part}}}};
+    const double shown = (60 * deviation * deviation + 1) / 61;
     const std::vector<PoseUncertainty> uncertainties = input->Estimate();
-    EXPECT_NEAR(uncertainties[0].covariance(0, 0), 1e-6 * image_factor + 1e-4 * missing, 1e-12);
+    EXPECT_NEAR(uncertainties[0].covariance(0, 0), 1e-6 * image_factor + 1e-4 * (shown - image_factor), 1e-12);
     EXPECT_NEAR(uncertainties[1].covariance(0, 0), 1e-6 * image_factor, 1e-12);
   }
 }

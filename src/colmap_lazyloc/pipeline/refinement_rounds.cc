@@ -6,12 +6,11 @@
 #include <utility>
 
 #include "colmap_lazyloc/math/median.h"
-#include "colmap_lazyloc/math/so3.h"
+#include "colmap_lazyloc/pipeline/database_priors.h"
 #include "colmap_lazyloc/pipeline/failure.h"
 #include "colmap_lazyloc/pipeline/rig_check.h"
 #include "colmap_lazyloc/refinement/covariance.h"
 #include "colmap_lazyloc/refinement/image_noise.h"
-#include "colmap_lazyloc/refinement/pose_prior.h"
 
 namespace lazyloc {
 namespace {
@@ -26,7 +25,7 @@ constexpr double kMaxKeypointNoisePx = 6;
 class Rounds {
  public:
   Rounds(const Layout& layout, const PosedImages& start, const LocalizerOptions& options, QueryCamera* camera)
-      : layout_(layout), options_(options), camera_(camera), database_noise_px_(options.database_pose_noise_px) {
+      : layout_(layout), options_(options), camera_(camera), priors_(layout, options) {
     adjustment_.posed = start;
   }
 
@@ -34,24 +33,24 @@ class Rounds {
 
   // Keeps the tracks from the database that fit the query, and triangulates the others with it.
   void SetTracks(SplitTracks split, double max_query_error_sigma);
-  void AdjustRoughly(bool is_last);
+  void AdjustRoughly();
   void AdjustWithEstimatedPriors();
-  void AdjustFinally() { AdjustWithPriors(/*is_last=*/true); }
+  void AdjustFinally() { AdjustWithPriors(); }
   // Estimates the image noise, after the first round also what the priors and tracks of one image are expected to be.
   void EstimateNoise(bool is_first);
   CandidateTracks Observe(CandidateTracks candidates) const;
   BundleAdjustmentResult Finish() &&;
 
  private:
-  void Adjust(bool is_last);
-  std::vector<FrameScale> AdjustWithPriors(bool is_last);
-  void SetPriors(const std::vector<FrameScale>& scales);
+  void Adjust();
+  void AdjustWithPriors();
 
   const Layout& layout_;
   const LocalizerOptions& options_;
   QueryCamera* const camera_;
   BundleAdjustmentResult adjustment_;
-  double database_noise_px_;        // expected deviation of database poses, as displacement of keypoints
+  DatabasePriors priors_;
+  bool poses_are_far_off_ = false;  // of the database, by far more than keypoint noise
   double single_image_spread_ = 1;  // MeasureSingleImageSpread
 };
 
@@ -74,10 +73,8 @@ void Rounds::SetTracks(SplitTracks split, double max_query_error_sigma) {
   });
 }
 
-void Rounds::Adjust(bool is_last) {
-  BundleAdjustmentOptions options = options_.bundle_adjustment;
-  options.fits_priors = is_last;  // only the covariance needs it
-  adjustment_ = AdjustBundle(Posed(), std::move(adjustment_.tracks), options);
+void Rounds::Adjust() {
+  adjustment_ = AdjustBundle(Posed(), std::move(adjustment_.tracks), options_.bundle_adjustment);
   const bool is_finite = std::all_of(Posed().frames.begin(), Posed().frames.end(), [](const Frame& frame) {
     const Rigid3d& pose = frame.frame_from_world;
     return frame.is_database || (pose.rotation.coeffs().allFinite() && pose.translation.allFinite());
@@ -98,48 +95,21 @@ CandidateTracks Rounds::Observe(CandidateTracks candidates) const {
 }
 
 // Adjusts without priors, because errors of a rough start would be taken for errors of the database.
-void Rounds::AdjustRoughly(bool is_last) { Adjust(is_last); }
+void Rounds::AdjustRoughly() { Adjust(); }
 
-// Sets priors as the options state them, else of the expected noise.
-void Rounds::SetPriors(const std::vector<FrameScale>& scales) {
-  const double stddev_rad = DegToRad(options_.database_pose_stddev_deg);
-  const double stddev_length = options_.database_pose_stddev_length;
-  if (stddev_rad == 0 && stddev_length == 0) return;
-  for (size_t i = 0; i < Posed().frames.size(); ++i) {
-    Frame& frame = adjustment_.posed.frames[i];
-    if (!frame.is_database) continue;
-    frame.prior.reset();
-    if (scales[i].distance == 0) continue;  // no observations
-    const Rigid3d& given = layout_.given.frames[i].frame_from_world;
-    PosePrior prior = MakePosePrior(given, database_noise_px_, scales[i]);
-    // A stated zero beside a nonzero value means as good as exact.
-    const PosePrior smallest = MakePosePrior(given, 1e-3, scales[i]);
-    if (stddev_rad >= 0) prior.rotation_stddev_rad = std::max(stddev_rad, smallest.rotation_stddev_rad);
-    if (stddev_length >= 0) prior.position_stddev = std::max(stddev_length, smallest.position_stddev);
-    frame.prior = prior;
-  }
-}
-
-std::vector<FrameScale> Rounds::AdjustWithPriors(bool is_last) {
-  std::vector<FrameScale> scales = MeasureFrameScales(Posed(), adjustment_.tracks);
-  SetPriors(scales);
-  Adjust(is_last);
-  return scales;
+void Rounds::AdjustWithPriors() {
+  priors_.Set(adjustment_.tracks, &adjustment_.posed);
+  Adjust();
 }
 
 // Adjusts under priors and estimates their size from the result; again while the estimate changes, if it is large.
 void Rounds::AdjustWithEstimatedPriors() {
-  const bool is_stated = options_.database_pose_stddev_deg >= 0 && options_.database_pose_stddev_length >= 0;
-  const bool is_large = !is_stated && database_noise_px_ > options_.database_pose_noise_px;
   for (int i = 0;; ++i) {
-    const std::vector<FrameScale> scales = AdjustWithPriors(/*is_last=*/false);
+    AdjustWithPriors();
     const double variance_factor =
         VarianceFactor(Posed(), adjustment_.tracks, RobustLoss(options_.bundle_adjustment.loss_scale_sigma));
-    const double estimate_px = EstimateDatabasePoseNoise(Posed().frames, scales, adjustment_.frame_covariances,
-                                                         variance_factor, options_.database_pose_noise_px);
-    const bool is_settled = !is_large || std::abs(std::log(estimate_px / database_noise_px_)) < 0.1;
-    database_noise_px_ = estimate_px;
-    if (is_settled || i + 1 >= kMaxNumEstimates) return;
+    const double change = priors_.Estimate(adjustment_, variance_factor);
+    if (!poses_are_far_off_ || change < 0.1 || i + 1 >= kMaxNumEstimates) return;
     EstimateNoise(/*is_first=*/false);
   }
 }
@@ -151,7 +121,8 @@ void Rounds::EstimateNoise(bool is_first) {
   // If the images fit together so badly that keypoint noise cannot be the reason, the estimate of the database's noise
   // starts from all of it, because it converges in a few steps downwards and hardly moves upwards.
   const double median_px = Median({noise_px.begin() + layout_.num_queries, noise_px.end()});
-  database_noise_px_ = median_px > kMaxKeypointNoisePx ? median_px : options_.database_pose_noise_px;
+  poses_are_far_off_ = median_px > kMaxKeypointNoisePx;
+  if (poses_are_far_off_) priors_.Expect(median_px);
   single_image_spread_ = MeasureSingleImageSpread(Posed(), adjustment_.tracks);
 }
 
@@ -182,7 +153,7 @@ Refined Refine(const Layout& layout, const PosedImages& start, const SplitTracks
     }
     const StageTimer timer("adjustment", seconds);
     if (is_first) {
-      rounds.AdjustRoughly(is_last);
+      rounds.AdjustRoughly();
     } else if (is_last) {
       rounds.AdjustFinally();
     } else {

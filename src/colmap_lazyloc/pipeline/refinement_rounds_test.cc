@@ -83,7 +83,7 @@ TEST(Refine, EitherTriangulationGivesTheSamePose) {
   const PosedImages rays = RefineFrom(DisturbedStart(input), input, options).adjustment.posed;
   options.triangulation.method = TriangulationMethod::COLMAP;
   const PosedImages colmap = RefineFrom(DisturbedStart(input), input, options).adjustment.posed;
-  ExpectNear({{colmap.images[0]}, colmap.frames}, {{rays.images[0]}, rays.frames}, 5e-3, 0.05);
+  ExpectNear({{colmap.images[0]}, colmap.frames, {}}, {{rays.images[0]}, rays.frames, {}}, 5e-3, 0.05);
   ExpectNear(colmap, input.truth, 0.02, 0.2);
 }
 

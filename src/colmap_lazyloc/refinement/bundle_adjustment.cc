@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <optional>
 #include <utility>
 
 #include "colmap_lazyloc/refinement/bundle_solver.h"
@@ -40,10 +41,24 @@ std::vector<Eigen::Matrix<double, 6, 6>> ImageCovariances(const BundleSolver<kSi
   for (size_t i = 0; i < posed.images.size(); ++i) {
     const Image& image = posed.images[i];
     const int index = solver.IndexOf(image.frame);
-    if (index < 0) continue;
+    if (index < 0 || frame_covariances[index].size() == 0) continue;
     covariances[i] = ImageCovariance(image, posed.frames[image.frame].has_free_scale, frame_covariances[index]);
   }
   return covariances;
+}
+
+// Fits all prior groups; none if there are too many frames.
+template <int kSize>
+std::vector<PriorFit> FitPriors(const BundleSolver<kSize>& solver, const PosedImages& posed) {
+  std::vector<PriorFit> fits;
+  if (posed.prior_groups.empty()) return fits;
+  const std::optional<Eigen::MatrixXd> full_covariance = solver.FullCovariance();
+  for (size_t group = 0; full_covariance && group < posed.prior_groups.size(); ++group) {
+    std::vector<std::vector<Eigen::MatrixXd>> frame_parts;
+    fits.push_back(solver.FitPriors(group, posed.prior_groups[group], *full_covariance, &frame_parts));
+    for (const auto& parts : frame_parts) fits.back().image_parts.push_back(ImageCovariances(solver, posed, parts));
+  }
+  return fits;
 }
 
 template <int kSize>
@@ -56,11 +71,9 @@ BundleAdjustmentResult Adjust(const PosedImages& posed, std::vector<Track> track
   result.tracks = std::move(tracks);
   if (!result.summary.success) return result;
   const std::vector<Eigen::Matrix<double, kSize, kSize>> covariances = solver.Covariances();
-  std::vector<Eigen::MatrixXd> prior_parts;
-  if (options.fits_priors) result.prior_fit = solver.FitOfPriors(&prior_parts);
   result.posed = MovedTo(solver, posed);
+  if (options.fits_priors) result.prior_fits = FitPriors(solver, result.posed);
   result.image_covariances = ImageCovariances(solver, result.posed, covariances);
-  result.image_prior_parts = ImageCovariances(solver, result.posed, prior_parts);
   result.frame_covariances.assign(posed.frames.size(), Eigen::Matrix<double, 6, 6>::Zero());
   for (size_t frame = 0; frame < posed.frames.size(); ++frame) {
     const int index = solver.IndexOf(static_cast<int>(frame));

@@ -17,7 +17,7 @@ struct BundleAdjustmentOptions {
   int max_num_iterations = 50;
   // Maximum length of the last step, in standard deviations of the poses (root mean square over the frames).
   double convergence_sigma = 0.2;
-  bool fits_priors = true;  // true to compute prior_fit and image_prior_parts
+  bool fits_priors = true;  // true to compute prior_fits
 
   bool Check(std::string* error) const;
 };
@@ -30,19 +30,19 @@ struct BundleAdjustmentResult {
   // database units) for image noise as stated, with all points, other poses and factors unknown too. Zero for constant
   // frames. Unobservable directions get a large but finite variance.
   std::vector<Eigen::Matrix<double, 6, 6>> frame_covariances, image_covariances;
-  // Tests whether database poses deviate from their priors as stated, and the part of each covariance that depends on
-  // it. Zero without priors, without fits_priors, or for more frames than a dense matrix solves.
-  PriorFit prior_fit;
-  std::vector<Eigen::Matrix<double, 6, 6>> image_prior_parts;
+  // How the frames of each prior group deviate from their priors. Empty without fits_priors, or for more frames than a
+  // dense matrix solves.
+  std::vector<PriorFit> prior_fits;
 };
 
 // Minimises over the poses of all frames that are not constant, the focal lengths and rig scales that are estimated,
 // and the tracks' points
-//   1/2 sum s^2 log(1 + |r|^2 / s^2) + 1/2 sum |p|^2,
-// where r is the reprojection error in standard deviations of its image, s the loss scale, and p the deviation of a
-// database frame from its prior in the prior's standard deviations. LazyLoc section 3.3; the priors are ours. Constant
-// frames enter as constants: no variable is made of them, so that they cannot move. If summary.success is false, poses
-// and points are those of the input, and there are no covariances.
+//   1/2 sum s^2 log(1 + |r|^2 / s^2) + 1/2 sum Q_ab p_a^T p_b,
+// where r is the reprojection error in standard deviations of its image, s the loss scale, p the deviation of a
+// database frame from its prior in the prior's standard deviations, and Q the inverse covariance of these deviations
+// (the identity for frames of no prior group). LazyLoc section 3.3; the priors are ours. Constant frames enter as
+// constants: no variable is made of them, so that they cannot move. If summary.success is false, poses and points are
+// those of the input, and there are no covariances.
 //
 // Levenberg-Marquardt with the points eliminated (Schur complement). Own code, because for a single query (many points,
 // few frames) it takes a small part of the time of a general solver; the tests compare it with Ceres

@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "colmap_lazyloc/refinement/covariance.h"
+#include "colmap_lazyloc/refinement/prior_fit.h"
 #include "colmap_lazyloc/scene/errors.h"
 
 namespace lazyloc {
@@ -28,6 +29,24 @@ void SortByFrame(size_t begin, std::vector<FreeObservation>* free) {
   if (!std::is_sorted(first, free->end(), by_frame)) std::stable_sort(first, free->end(), by_frame);
 }
 
+std::vector<BundlePriors> MakePriors(const PosedImages& posed, const std::vector<int>& index_of_frame) {
+  std::vector<BundlePriors> priors;
+  std::vector<bool> is_grouped(posed.frames.size(), false);
+  for (const PriorGroup& group : posed.prior_groups) {
+    BundlePriors& of_group = priors.emplace_back();
+    of_group.precision = PriorPrecision(group);
+    for (const int frame : group.frames) {
+      is_grouped[frame] = true;
+      of_group.frames.push_back(index_of_frame[frame]);
+    }
+  }
+  for (size_t frame = 0; frame < posed.frames.size(); ++frame) {
+    if (!posed.frames[frame].prior || is_grouped[frame]) continue;
+    priors.push_back({{index_of_frame[frame]}, Eigen::MatrixXd::Identity(1, 1)});
+  }
+  return priors;
+}
+
 }  // namespace
 
 BundleProblem::BundleProblem(const PosedImages& posed, const std::vector<Track>& tracks)
@@ -40,6 +59,7 @@ BundleProblem::BundleProblem(const PosedImages& posed, const std::vector<Track>&
     frames.push_back(MakeBundleFrame(frame));
     has_factor.push_back(frame.has_free_scale);
   }
+  priors = MakePriors(posed, index_of_frame);
   std::vector<bool> has_frame_axes;
   for (const Image& image : posed.images) {
     has_frame_axes.push_back(HasFrameAxes(image));

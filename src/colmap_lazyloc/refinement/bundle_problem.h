@@ -72,6 +72,12 @@ struct Range {
   size_t begin = 0, end = 0;
 };
 
+// Priors of frames whose deviations are correlated.
+struct BundlePriors {
+  std::vector<int> frames;    // indices into BundleProblem::frames, ascending
+  Eigen::MatrixXd precision;  // inverse covariance of the deviations (PriorPrecision)
+};
+
 // Frames and tracks as bundle adjustment iterates over them: contiguous in memory, errors in standard deviations.
 struct BundleProblem {
   BundleProblem(const PosedImages& posed, const std::vector<Track>& tracks);
@@ -79,6 +85,7 @@ struct BundleProblem {
   std::vector<int> index_of_frame;             // by frame of PosedImages, into `frames`; -1 for constant frames
   std::vector<BundleFrame> frames;             // those that move
   std::vector<const Frame*> given;             // parallel to `frames`
+  std::vector<BundlePriors> priors;            // those of posed.prior_groups in their order, then of lone frames
   std::vector<bool> has_factor;                // parallel to `frames`: true if its log_factor is estimated
   std::vector<Eigen::Vector3d> points;         // by track
   std::vector<LinearProjection> fixed;         // observations in constant frames, of the points in the world

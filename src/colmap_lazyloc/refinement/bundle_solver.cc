@@ -42,6 +42,7 @@ BundleSolver<kSize>::BundleSolver(const PosedImages& posed, const std::vector<Tr
       problem_(posed, tracks),
       camera_system_(problem_.frames.size()),
       state_{problem_.frames, problem_.points} {
+  for (const BundlePriors& priors : problem_.priors) camera_system_.AddPoint(priors.frames);
   std::vector<int> frames;
   for (const Range& range : problem_.free_range) {
     frames.clear();
@@ -94,16 +95,49 @@ std::vector<typename BundleSolver<kSize>::FrameMatrix> BundleSolver<kSize>::Cova
 }
 
 template <int kSize>
-PriorFit BundleSolver<kSize>::FitOfPriors(std::vector<Eigen::MatrixXd>* prior_parts) const {
-  std::vector<PriorDeviation> deviations;
-  for (size_t frame = 0; frame < state_.frames.size(); ++frame) {
-    const std::optional<PosePrior>& prior = problem_.given[frame]->prior;
-    if (!prior) continue;
-    deviations.push_back({static_cast<int>(frame), EvaluatePosePrior(*prior, state_.frames[frame].frame_from_world)});
+std::optional<Eigen::MatrixXd> BundleSolver<kSize>::FullCovariance() const {
+  return camera_system_.HasFactor() ? camera_system_.Inverse() : std::nullopt;
+}
+
+template <int kSize>
+PriorFit BundleSolver<kSize>::FitPriors(size_t group, const PriorGroup& given, const Eigen::MatrixXd& full_covariance,
+                                        std::vector<std::vector<Eigen::MatrixXd>>* frame_parts) const {
+  const BundlePriors& priors = problem_.priors[group];
+  const std::vector<PosePriorResidual> residuals = EvaluatePriors(priors, state_);
+  const auto size = static_cast<Eigen::Index>(residuals.size());
+  PriorFit fit{Eigen::MatrixXd(size, 6), Eigen::MatrixXd(size, size), {}};
+  Eigen::MatrixXd with_frames(6 * size, full_covariance.cols());  // covariance of the deviations with all frames
+  for (Eigen::Index i = 0; i < size; ++i) {
+    fit.deviations.row(i) = residuals[i].error;
+    with_frames.middleRows<6>(6 * i) =
+        residuals[i].jacobian * full_covariance.middleRows<6>(kSize * static_cast<Eigen::Index>(priors.frames[i]));
   }
-  if (deviations.empty() || !camera_system_.HasFactor()) return {};
-  const std::optional<Eigen::MatrixXd> inverse = camera_system_.Inverse();
-  return inverse ? FitPriors(deviations, *inverse, kSize, prior_parts) : PriorFit();
+  for (Eigen::Index i = 0; i < size; ++i) {
+    for (Eigen::Index j = 0; j < size; ++j) {
+      const auto block = with_frames.block<6, 6>(6 * i, kSize * static_cast<Eigen::Index>(priors.frames[j]));
+      fit.spread(i, j) = block.cwiseProduct(residuals[j].jacobian).sum();
+    }
+  }
+  frame_parts->assign(given.components.size(), std::vector<Eigen::MatrixXd>(state_.frames.size()));
+  for (size_t frame = 0; frame < state_.frames.size(); ++frame) {
+    if (problem_.given[frame]->is_database) continue;
+    // The frame's error by those of the priors, coordinate by coordinate.
+    const Eigen::MatrixXd columns = with_frames.middleCols<kSize>(kSize * static_cast<Eigen::Index>(frame));
+    Eigen::MatrixXd weighted(size, 6 * kSize);
+    for (Eigen::Index i = 0; i < size; ++i) {
+      weighted.row(i) = columns.middleRows<6>(6 * i).reshaped().transpose();
+    }
+    weighted = priors.precision * weighted.eval();
+    for (size_t j = 0; j < given.components.size(); ++j) {
+      const Eigen::MatrixXd shaped = given.components[j].shape * weighted;
+      FrameMatrix part = FrameMatrix::Zero();
+      for (Eigen::Index i = 0; i < size; ++i) {
+        part += weighted.row(i).reshaped(6, kSize).transpose() * shaped.row(i).reshaped(6, kSize);
+      }
+      (*frame_parts)[j][frame] = part;
+    }
+  }
+  return fit;
 }
 
 template <int kSize>
@@ -114,13 +148,13 @@ bool BundleSolver<kSize>::Build(const BundleState& state, double damping) {
   system_.point_factors.resize(state.points.size());
   system_.eliminated.resize(problem_.free.size());
   std::vector<FrameMatrix> hessians(state.frames.size(), FrameMatrix::Zero());
-  for (size_t frame = 0; frame < state.frames.size(); ++frame) {
-    AddKnowledge(state.frames[frame].frame_from_world, frame, &hessians[frame]);
-  }
+  AddPriors(state, &hessians);
   for (size_t track = 0; track < state.points.size(); ++track) {
     if (!AddTrack(state, track, damping, &hessians)) return false;
   }
   for (size_t frame = 0; frame < state.frames.size(); ++frame) {
+    // Gives a factor that is not estimated a unit weight, which keeps it constant.
+    if (kSize > 6 && !problem_.has_factor[frame]) hessians[frame](kSize - 1, kSize - 1) = 1;
     hessians[frame].diagonal() *= 1 + damping;
     camera_system_.Block(frame, frame, &system_.reduced) += hessians[frame];
   }
@@ -131,9 +165,13 @@ template <int kSize>
 double BundleSolver<kSize>::Cost(const BundleState& state) const {
   constexpr double kInfinity = std::numeric_limits<double>::infinity();
   double cost = 0;
-  for (size_t frame = 0; frame < state.frames.size(); ++frame) {
-    const std::optional<PosePrior>& prior = problem_.given[frame]->prior;
-    if (prior) cost += 0.5 * EvaluatePosePrior(*prior, state.frames[frame].frame_from_world).error.squaredNorm();
+  for (const BundlePriors& priors : problem_.priors) {
+    const std::vector<PosePriorResidual> residuals = EvaluatePriors(priors, state);
+    for (size_t a = 0; a < residuals.size(); ++a) {
+      for (size_t b = 0; b < residuals.size(); ++b) {
+        cost += 0.5 * priors.precision(a, b) * residuals[a].error.dot(residuals[b].error);
+      }
+    }
   }
   BundleError error;
   for (size_t track = 0; track < state.points.size(); ++track) {
@@ -154,14 +192,34 @@ double BundleSolver<kSize>::Cost(const BundleState& state) const {
 }
 
 template <int kSize>
-void BundleSolver<kSize>::AddKnowledge(const Rigid3d& frame_from_world, size_t frame, FrameMatrix* hessian) {
-  if (const std::optional<PosePrior>& prior = problem_.given[frame]->prior) {
-    const PosePriorResidual residual = EvaluatePosePrior(*prior, frame_from_world);
-    system_.cost += 0.5 * residual.error.squaredNorm();
-    hessian->template topLeftCorner<6, 6>() += residual.jacobian.transpose() * residual.jacobian;
-    system_.rhs.template segment<6>(kSize * frame) -= residual.jacobian.transpose() * residual.error;
+std::vector<PosePriorResidual> BundleSolver<kSize>::EvaluatePriors(const BundlePriors& priors,
+                                                                   const BundleState& state) const {
+  std::vector<PosePriorResidual> residuals;
+  residuals.reserve(priors.frames.size());
+  for (const int frame : priors.frames) {
+    residuals.push_back(EvaluatePosePrior(*problem_.given[frame]->prior, state.frames[frame].frame_from_world));
   }
-  if (kSize > 6 && !problem_.has_factor[frame]) (*hessian)(kSize - 1, kSize - 1) = 1;
+  return residuals;
+}
+
+template <int kSize>
+void BundleSolver<kSize>::AddPriors(const BundleState& state, std::vector<FrameMatrix>* frame_hessians) {
+  for (const BundlePriors& priors : problem_.priors) {
+    const std::vector<PosePriorResidual> residuals = EvaluatePriors(priors, state);
+    for (size_t a = 0; a < residuals.size(); ++a) {
+      const int frame = priors.frames[a];
+      Eigen::Matrix<double, 6, 1> weighted = Eigen::Matrix<double, 6, 1>::Zero();
+      for (size_t b = 0; b < residuals.size(); ++b) weighted += priors.precision(a, b) * residuals[b].error;
+      system_.cost += 0.5 * residuals[a].error.dot(weighted);
+      system_.rhs.template segment<6>(kSize * frame) -= residuals[a].jacobian.transpose() * weighted;
+      for (size_t b = 0; b <= a; ++b) {
+        FrameMatrix& block =
+            a == b ? (*frame_hessians)[frame] : camera_system_.Block(frame, priors.frames[b], &system_.reduced);
+        block.template topLeftCorner<6, 6>() +=
+            priors.precision(a, b) * residuals[a].jacobian.transpose() * residuals[b].jacobian;
+      }
+    }
+  }
 }
 
 template <int kSize>

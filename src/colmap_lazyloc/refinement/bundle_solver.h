@@ -1,5 +1,6 @@
 #pragma once
 
+#include <optional>
 #include <vector>
 
 #include <Eigen/Core>
@@ -7,6 +8,7 @@
 #include "colmap_lazyloc/refinement/bundle_adjustment.h"
 #include "colmap_lazyloc/refinement/bundle_problem.h"
 #include "colmap_lazyloc/refinement/camera_system.h"
+#include "colmap_lazyloc/refinement/pose_prior.h"
 #include "colmap_lazyloc/refinement/robust_loss.h"
 
 namespace lazyloc {
@@ -51,16 +53,22 @@ class BundleSolver {
   // Returns the covariances of the frames' parameters, at the minimum or a step before it that is as short as
   // convergence means.
   std::vector<FrameMatrix> Covariances() const;
-  // Fits the priors' variance after Covariances. prior_parts: by frame, empty without priors or for many frames.
-  PriorFit FitOfPriors(std::vector<Eigen::MatrixXd>* prior_parts) const;
+  // Returns the whole covariance of the frames' parameters, after Covariances; nullopt for many frames.
+  std::optional<Eigen::MatrixXd> FullCovariance() const;
+  // Fits a prior group after Covariances. frame_parts: receives for each component and frame the covariance of the
+  // frame's parameters that unit variance of the component causes.
+  PriorFit FitPriors(size_t group, const PriorGroup& given, const Eigen::MatrixXd& full_covariance,
+                     std::vector<std::vector<Eigen::MatrixXd>>* frame_parts) const;
 
  private:
   // Builds the system around a state. Returns false if a point lies behind one of its cameras.
   bool Build(const BundleState& state, double damping);
   // Returns the cost of a state without building its system; infinite if a point lies behind one of its cameras.
   double Cost(const BundleState& state) const;
-  // Adds the prior of a frame's pose, and a unit weight that keeps a factor constant if it is not estimated.
-  void AddKnowledge(const Rigid3d& frame_from_world, size_t frame, FrameMatrix* hessian);
+  // Adds the priors of the frames' poses.
+  void AddPriors(const BundleState& state, std::vector<FrameMatrix>* frame_hessians);
+  // Returns the deviations of a group's frames from their priors.
+  std::vector<PosePriorResidual> EvaluatePriors(const BundlePriors& priors, const BundleState& state) const;
   // Adds a track's derivatives and eliminates its point, in one pass. Returns false if the point lies behind a camera.
   bool AddTrack(const BundleState& state, size_t track, double damping, std::vector<FrameMatrix>* frame_hessians);
   // Subtracts the Schur complement of one point by its Cholesky factor: a square, so that the system stays positive

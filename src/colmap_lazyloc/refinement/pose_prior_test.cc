@@ -4,7 +4,6 @@
 
 #include "colmap_lazyloc/math/median.h"
 #include "colmap_lazyloc/math/so3.h"
-#include "colmap_lazyloc/refinement/bundle_adjustment.h"
 #include "colmap_lazyloc/refinement/covariance.h"
 #include "colmap_lazyloc/testing/jacobian_check.h"
 #include "colmap_lazyloc/testing/synthetic_tracks.h"
@@ -56,62 +55,6 @@ TEST(PosePrior, ScalesOfAFrameAreOverAllItsImages) {
   EXPECT_EQ(scales[1].distance, Median(distances));
   EXPECT_NEAR(scales[1].focal_length_px, kFocalLengthPx, 1);
   EXPECT_EQ(scales[2].distance, 0) << "a frame without images";
-}
-
-// Holds the results of adjustments of database poses that are off.
-struct Trial {
-  double exact_error, soft_error;  // of the query's position, if the database poses are constant or have priors
-  double estimated_px;             // noise of the database poses after four rounds
-};
-Trial RunTrial(double noise_px, uint32_t seed) {
-  SyntheticTracksOptions options;
-  options.num_points = 300;
-  options.num_database = 12;
-  options.noise_px = 0.5;
-  options.seed = seed;
-  SyntheticTracks scene = MakeSyntheticTracks(options);
-  const Rigid3d truth = CamFromWorld(scene.posed, 0);
-  const std::vector<FrameScale> scales = MeasureFrameScales(scene.posed, scene.tracks);
-  Random random(seed + 100);
-  for (size_t i = 1; i < scene.posed.frames.size(); ++i) {
-    scene.posed.images[i].noise_px = 0.5;
-    Rigid3d& pose = scene.posed.frames[i].frame_from_world;
-    const PosePrior noise = MakePosePrior(pose, noise_px, scales[i]);
-    pose = CamFromWorld(ExpSO3(noise.rotation_stddev_rad * RandomVector(&random)) * pose.rotation,
-                        CamInWorld(pose) + noise.position_stddev * RandomVector(&random));
-  }
-  const PosedImages given = scene.posed;
-  const BundleAdjustmentResult exact = AdjustBundle(given, scene.tracks, {});
-  double estimated_px = 0.1;
-  for (int round = 0; round < 4; ++round) {
-    for (size_t i = 1; i < scene.posed.frames.size(); ++i) {
-      scene.posed.frames[i].prior = MakePosePrior(given.frames[i].frame_from_world, estimated_px, scales[i]);
-    }
-    const BundleAdjustmentResult result = AdjustBundle(scene.posed, scene.tracks, {});
-    scene = {result.posed, result.tracks};
-    estimated_px = EstimateDatabasePoseNoise(scene.posed.frames, scales, result.frame_covariances,
-                                             VarianceFactor(scene.posed, scene.tracks, RobustLoss(2)), 0.1);
-  }
-  return {PositionError(CamFromWorld(exact.posed, 0), truth), PositionError(CamFromWorld(scene.posed, 0), truth),
-          estimated_px};
-}
-
-TEST(DatabasePoseNoise, IsFoundAndLowersTheError) {
-  double exact_sum = 0, soft_sum = 0, estimated_sum = 0;
-  constexpr int kNumTrials = 10;
-  for (uint32_t seed = 0; seed < kNumTrials; ++seed) {
-    const Trial trial = RunTrial(3, seed);
-    exact_sum += trial.exact_error;
-    soft_sum += trial.soft_error;
-    estimated_sum += trial.estimated_px;
-  }
-  EXPECT_LE(soft_sum, 0.9 * exact_sum);
-  EXPECT_GE(estimated_sum / kNumTrials, 1.5);
-  EXPECT_LE(estimated_sum / kNumTrials, 4);
-}
-
-TEST(DatabasePoseNoise, ExactPosesAreFoundExact) {
-  for (uint32_t seed = 0; seed < 5; ++seed) EXPECT_LE(RunTrial(0, seed).estimated_px, 0.1);
 }
 
 }  // namespace

@@ -4,33 +4,34 @@
 
 #include <Eigen/Core>
 
-#include "colmap_lazyloc/refinement/pose_prior.h"
+#include "colmap_lazyloc/scene/frame.h"
 
 namespace lazyloc {
 
-// Deviation of an adjusted database frame from its prior.
-struct PriorDeviation {
-  int frame = -1;  // among those of the reduced system
-  PosePriorResidual residual;
-};
-
-// Tests whether the pose priors were too tight. Tight priors stabilise the pose but make its covariance optimistic; k
-// corrects for that: if the variance of the priors is k times and that of the keypoints v times the stated one, the
-// corrections u of the database poses, in standard deviations of the priors, have
-//   E |u|^2 = k tr (I - W)^2 + v tr (W - W^2),   W their covariance by the adjustment,
-// and the frames have the covariance v G + (k - v) G P G, where G is the inverse of the normal equations and P the
-// priors' part of these.
+// What an adjustment says of the deviations p of a prior group's frames.
 struct PriorFit {
-  double num_parameters = 0, squared_deviation = 0;  // |u|^2
-  double trace = 0, squared_trace = 0;               // tr W, tr W^2
-
-  // Returns k by the equation above, with some further parameters that deviate as the priors state.
-  double VarianceFactor(double image_variance_factor) const;
+  Eigen::Matrix<double, Eigen::Dynamic, 6> deviations;  // p, by frame of the group
+  Eigen::MatrixXd spread;  // covariance of p by the adjustment: between two frames, the sum over the six coordinates
+  // By component and image: the covariance of cam_from_world that unit variance of the component causes. Zero for
+  // database images.
+  std::vector<std::vector<Eigen::Matrix<double, 6, 6>>> image_parts;
 };
 
-// Computes the fit. inverse: G, with frame_size parameters for each frame, the first six of which are the tangent of
-// its pose. prior_parts: receives the diagonal blocks of G P G, by frame.
-PriorFit FitPriors(const std::vector<PriorDeviation>& deviations, const Eigen::MatrixXd& inverse, int frame_size,
-                   std::vector<Eigen::MatrixXd>* prior_parts);
+// Returns the inverse covariance of the deviations of a group's frames.
+Eigen::MatrixXd PriorPrecision(const PriorGroup& group);
+
+// What is expected of a component's variance before the adjustment.
+struct ExpectedVariance {
+  double variance = 1;
+  double weight = 1;  // number of deviations of this variance that the expectation counts as
+};
+
+// Returns the variances of a group's components by one step towards the maximum of their marginal likelihood: with
+// C_j the shapes, Q the precision, T the spread and v the variance factor of the images,
+//   variance_j <- variance_j * tr(p^T Q C_j Q p) / tr((6 Q - v Q T Q) C_j)
+// (the fixed point of MacKay 1992, Bayesian interpolation, for several components), with the deviations that are
+// expected added to both sums.
+std::vector<double> EstimateVariances(const PriorGroup& group, const PriorFit& fit, double variance_factor,
+                                      const std::vector<ExpectedVariance>& expected);
 
 }  // namespace lazyloc

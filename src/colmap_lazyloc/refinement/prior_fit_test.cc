@@ -1,94 +1,135 @@
 #include "colmap_lazyloc/refinement/prior_fit.h"
 
-#include <random>
+#include <cmath>
 
 #include <Eigen/Cholesky>
 #include <gtest/gtest.h>
 
+#include "colmap_lazyloc/math/so3.h"
+#include "colmap_lazyloc/refinement/bundle_adjustment.h"
+#include "colmap_lazyloc/refinement/covariance.h"
+#include "colmap_lazyloc/refinement/pose_prior.h"
+#include "colmap_lazyloc/testing/synthetic_tracks.h"
+
 namespace lazyloc {
 namespace {
 
-using Matrix6d = Eigen::Matrix<double, 6, 6>;
-
 constexpr int kNumDatabase = 12;
-constexpr int kNumParameters = 6 * (1 + kNumDatabase);  // the query comes first
-constexpr int kNumTrials = 3000;
+constexpr double kKeypointNoisePx = 0.5;
 
-// Solves a linear adjustment: minimises |B x - n|^2 + sum |J_d (x_d - e_d)|^2, where n is the image noise and e holds
-// the errors of the priors.
-class LinearAdjustment {
- public:
-  LinearAdjustment() {
-    B_ = Random(2 * kNumParameters, kNumParameters);
-    Eigen::MatrixXd hessian = B_.transpose() * B_;
-    for (int d = 0; d < kNumDatabase; ++d) {
-      priors_.push_back(6 * (Matrix6d(Random(6, 6)) / 6 + Matrix6d::Identity()));
-      hessian.block<6, 6>(At(d), At(d)) += priors_[d].transpose() * priors_[d];
-    }
-    inverse_ = hessian.llt().solve(Eigen::MatrixXd::Identity(kNumParameters, kNumParameters));
+// Shape of errors that a random walk from frame to frame adds up.
+Eigen::MatrixXd WalkShape() {
+  Eigen::MatrixXd shape(kNumDatabase, kNumDatabase);
+  for (int i = 0; i < kNumDatabase; ++i) {
+    for (int j = 0; j < kNumDatabase; ++j) shape(i, j) = std::min(i, j) + 1;
   }
-
-  // Draws all errors and fits the priors. query_error: the solution for the query, because its truth is zero.
-  PriorFit Draw(double prior_variance, double image_variance, Eigen::VectorXd* query_error, Matrix6d* prior_part) {
-    Eigen::VectorXd rhs = B_.transpose() * std::sqrt(image_variance) * Random(B_.rows(), 1);
-    std::vector<Eigen::VectorXd> prior_errors;
-    for (int d = 0; d < kNumDatabase; ++d) {
-      prior_errors.push_back(std::sqrt(prior_variance) * priors_[d].inverse() * Random(6, 1));
-      rhs.segment<6>(At(d)) += priors_[d].transpose() * priors_[d] * prior_errors[d];
-    }
-    const Eigen::VectorXd x = inverse_ * rhs;
-    std::vector<PriorDeviation> deviations;
-    for (int d = 0; d < kNumDatabase; ++d) {
-      deviations.push_back({d + 1, {priors_[d] * (x.segment<6>(At(d)) - prior_errors[d]), priors_[d]}});
-    }
-    *query_error = x.head<6>();
-    std::vector<Eigen::MatrixXd> prior_parts;
-    const PriorFit fit = FitPriors(deviations, inverse_, 6, &prior_parts);
-    *prior_part = prior_parts.front();
-    return fit;
-  }
-
-  Matrix6d QueryCovariance() const { return inverse_.topLeftCorner<6, 6>(); }
-
- private:
-  static int At(int d) { return 6 * (d + 1); }
-
-  Eigen::MatrixXd Random(Eigen::Index rows, Eigen::Index cols) {
-    return Eigen::MatrixXd::NullaryExpr(rows, cols, [&] { return normal_(random_); });
-  }
-
-  std::mt19937 random_{1};
-  std::normal_distribution<double> normal_;
-  Eigen::MatrixXd B_, inverse_;
-  std::vector<Matrix6d> priors_;
-};
-
-struct Variances {
-  double prior, image;
-};
-
-class PriorFits : public testing::TestWithParam<Variances> {};
-
-TEST_P(PriorFits, FindTheVarianceOfPriorsAndTheCovarianceOfQueries) {
-  const auto [prior_variance, image_variance] = GetParam();
-  LinearAdjustment adjustment;
-  double sum = 0;
-  Matrix6d sample_covariance = Matrix6d::Zero(), prior_part;
-  for (int trial = 0; trial < kNumTrials; ++trial) {
-    Eigen::VectorXd error;
-    sum += adjustment.Draw(prior_variance, image_variance, &error, &prior_part).VarianceFactor(image_variance);
-    sample_covariance += error * error.transpose() / kNumTrials;
-  }
-  EXPECT_NEAR(sum / kNumTrials, prior_variance, 0.05 * prior_variance + 0.05);
-  const Matrix6d covariance =
-      image_variance * adjustment.QueryCovariance() + (prior_variance - image_variance) * prior_part;
-  EXPECT_LE((sample_covariance - covariance).norm(), 0.1 * covariance.norm());
+  return shape;
 }
 
-INSTANTIATE_TEST_SUITE_P(AsStatedAndOtherwise, PriorFits,
-                         testing::Values(Variances{1, 1}, Variances{25, 1}, Variances{0, 1}, Variances{4, 0.25}));
+struct Noise {
+  double walk_px, independent_px;
+};
 
-TEST(PriorFit, WithoutPriorsIsAsStated) { EXPECT_EQ(PriorFit().VarianceFactor(7), 1); }
+// A scene whose database poses are off by a walk and by independent errors.
+struct Trial {
+  SyntheticTracks scene;
+  Rigid3d query_truth;
+};
+
+Trial MakeTrial(const Noise& noise, uint32_t seed) {
+  SyntheticTracksOptions options;
+  options.num_points = 300;
+  options.num_database = kNumDatabase;
+  options.noise_px = kKeypointNoisePx;
+  options.seed = seed;
+  Trial trial{MakeSyntheticTracks(options), {}};
+  PosedImages& posed = trial.scene.posed;
+  trial.query_truth = CamFromWorld(posed, 0);
+  const std::vector<FrameScale> scales = MeasureFrameScales(posed, trial.scene.tracks);
+  Random random(seed + 100);
+  Eigen::Vector3d walk_rotation = Eigen::Vector3d::Zero(), walk_position = Eigen::Vector3d::Zero();
+  PriorGroup group;
+  for (int i = 1; i <= kNumDatabase; ++i) {
+    posed.images[i].noise_px = kKeypointNoisePx;
+    Rigid3d& pose = posed.frames[i].frame_from_world;
+    const PosePrior one_px = MakePosePrior(pose, 1, scales[1]);
+    walk_rotation += noise.walk_px * RandomVector(&random);
+    walk_position += noise.walk_px * RandomVector(&random);
+    const Eigen::Vector3d rotation = walk_rotation + noise.independent_px * RandomVector(&random);
+    const Eigen::Vector3d position = walk_position + noise.independent_px * RandomVector(&random);
+    pose = CamFromWorld(pose.rotation * ExpSO3(one_px.rotation_stddev_rad * rotation),
+                        CamInWorld(pose) + one_px.position_stddev * position);
+    posed.frames[i].prior = MakePosePrior(pose, 1, scales[1]);
+    group.frames.push_back(i);
+  }
+  group.components = {{WalkShape(), 1}, {Eigen::MatrixXd::Identity(kNumDatabase, kNumDatabase), 1}};
+  posed.prior_groups = {group};
+  return trial;
+}
+
+// Adjusts until the estimates have settled.
+BundleAdjustmentResult AdjustAndEstimate(SyntheticTracks scene) {
+  BundleAdjustmentResult result;
+  for (int i = 0; i < 20; ++i) {
+    result = AdjustBundle(scene.posed, scene.tracks, {});
+    EXPECT_TRUE(result.summary.success);
+    const double factor = VarianceFactor(result.posed, result.tracks, RobustLoss(2));
+    PriorGroup& group = result.posed.prior_groups[0];
+    const std::vector<double> variances = EstimateVariances(group, result.prior_fits[0], factor, {{1, 0.1}, {1, 0.1}});
+    for (int j : {0, 1}) group.components[j].variance = variances[j];
+    scene = {result.posed, result.tracks};
+  }
+  return result;
+}
+
+class DatabaseNoises : public testing::TestWithParam<Noise> {};
+
+TEST_P(DatabaseNoises, AreFoundAndExplainTheQuerysError) {
+  double walk = 0, independent = 0, squared_error = 0;
+  constexpr int kNumTrials = 8;
+  for (uint32_t seed = 0; seed < kNumTrials; ++seed) {
+    const Trial trial = MakeTrial(GetParam(), seed);
+    const BundleAdjustmentResult result = AdjustAndEstimate(trial.scene);
+    const std::vector<VarianceComponent>& components = result.posed.prior_groups[0].components;
+    walk += components[0].variance / kNumTrials;
+    independent += components[1].variance / kNumTrials;
+    const Rigid3d pose = CamFromWorld(result.posed, 0);
+    const Eigen::Vector3d error = CamInWorld(pose) - CamInWorld(trial.query_truth);
+    squared_error += error.dot(PositionCovariance(pose, result.image_covariances[0]).llt().solve(error)) / kNumTrials;
+  }
+  // Chance: 12 frames have 72 deviations; those of the other component and of the keypoints blur them.
+  EXPECT_NEAR(std::sqrt(walk), GetParam().walk_px, 0.3 * GetParam().walk_px + 0.2);
+  EXPECT_NEAR(std::sqrt(independent), GetParam().independent_px, 0.3 * GetParam().independent_px + 0.2);
+  EXPECT_GE(squared_error, 0.8) << "3 degrees of freedom";
+  EXPECT_LE(squared_error, 9);
+}
+
+INSTANTIATE_TEST_SUITE_P(PriorFit, DatabaseNoises,
+                         testing::Values(Noise{0, 2}, Noise{2, 0}, Noise{2, 2}, Noise{0.5, 5}));
+
+// Checks the parts of the covariance against the difference that a component's variance makes.
+TEST(PriorFit, PartsOfTheCovarianceAddUp) {
+  const Trial trial = MakeTrial({1, 1}, 1);
+  const BundleAdjustmentResult result = AdjustBundle(trial.scene.posed, trial.scene.tracks, {});
+  ASSERT_EQ(result.prior_fits.size(), 1u);
+  const auto& parts = result.prior_fits[0].image_parts;
+  ASSERT_EQ(parts.size(), 2u);
+  constexpr double kStep = 1e-4;
+  for (int j : {0, 1}) {
+    SyntheticTracks changed{result.posed, result.tracks};
+    changed.posed.prior_groups[0].components[j].variance += kStep;
+    const Eigen::Matrix<double, 6, 6> change = AdjustBundle(changed.posed, changed.tracks, {}).image_covariances[0] -
+                                               AdjustBundle(result.posed, result.tracks, {}).image_covariances[0];
+    EXPECT_LE((change / kStep - parts[j][0]).norm(), 0.02 * parts[j][0].norm());
+    EXPECT_TRUE(parts[j][1].isZero(0)) << "a database image";
+  }
+}
+
+TEST(PriorFit, WithoutTheParameterTheBestEstimateIsTheExpectation) {
+  const PriorGroup group{{1}, {{Eigen::MatrixXd::Identity(1, 1), 4}}};
+  PriorFit fit{Eigen::MatrixXd::Zero(1, 6), Eigen::MatrixXd::Constant(1, 1, 24), {}};  // spread as wide as the prior
+  EXPECT_DOUBLE_EQ(EstimateVariances(group, fit, 1, {{9, 1}})[0], 9);
+}
 
 }  // namespace
 }  // namespace lazyloc

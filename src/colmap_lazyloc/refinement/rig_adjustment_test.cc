@@ -50,6 +50,7 @@ TEST_P(SharedDatabaseFrames, MoveAsOneToTheTruth) {
   const int shared = scene.posed.images[second].frame;
   DisturbWithPrior(shared, &scene.posed);
   DisturbQueries(&scene, 1, 0.1, 0.05);
+  scene.posed.prior_groups = {{{shared}, {{Eigen::MatrixXd::Identity(1, 1), 1}}}};
   const BundleAdjustmentResult result = AdjustBundle(scene.posed, scene.tracks, {});
   ASSERT_TRUE(result.summary.success) << result.summary.message;
   for (const int image : {0, GetParam().first, second}) {
@@ -57,7 +58,8 @@ TEST_P(SharedDatabaseFrames, MoveAsOneToTheTruth) {
     EXPECT_LE(RotationErrorDeg(CamFromWorld(result.posed, image), CamFromWorld(truth.posed, image)), 1e-3) << image;
     ExpectSameBits(result.posed.images[image].cam_from_frame, scene.posed.images[image].cam_from_frame);
   }
-  EXPECT_EQ(result.prior_fit.num_parameters, 6) << "one prior for both images";
+  ASSERT_EQ(result.prior_fits.size(), 1u);
+  EXPECT_EQ(result.prior_fits[0].deviations.rows(), 1) << "one prior for both images";
   EXPECT_EQ(result.image_covariances[GetParam().first], result.frame_covariances[shared]);
   EXPECT_EQ(result.image_covariances[second],
             ImageCovariance(result.posed.images[second], false, result.frame_covariances[shared]));

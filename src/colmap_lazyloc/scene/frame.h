@@ -9,7 +9,8 @@
 
 namespace lazyloc {
 
-// What is known of a frame's pose beforehand.
+// What is known of a frame's pose beforehand. Deviations from it are stated in the world's axes, so that those of
+// several frames compare.
 struct PosePrior {
   Rigid3d frame_from_world;
   double rotation_stddev_rad = 0;  // about each axis
@@ -48,10 +49,25 @@ struct Image {
   std::optional<double> log_focal_factor;
 };
 
+// A cause of deviations from priors. It contributes variance * shape(a, b) to the covariance of the deviations of
+// frames a and b of a group, in each of their six coordinates.
+struct VarianceComponent {
+  Eigen::MatrixXd shape;
+  double variance = 1;
+};
+
+// Frames whose deviations from their priors are correlated. The variances refer to deviations in the priors' standard
+// deviations.
+struct PriorGroup {
+  std::vector<int> frames;  // indices into PosedImages::frames, ascending; each has a prior
+  std::vector<VarianceComponent> components;
+};
+
 // Images and the frames that carry them.
 struct PosedImages {
   std::vector<Image> images;
   std::vector<Frame> frames;
+  std::vector<PriorGroup> prior_groups;  // disjoint; frames of no group deviate independently as their priors state
 
   const Frame& FrameOf(int image) const { return frames[images[image].frame]; }
   bool IsDatabase(int image) const { return FrameOf(image).is_database; }

@@ -1,13 +1,16 @@
 #include "colmap_lazyloc/testing/ceres_adjustment.h"
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <utility>
 
+#include <Eigen/Cholesky>
 #include <Eigen/Geometry>
 #include <ceres/ceres.h>
 #include <ceres/rotation.h>
 
+#include "colmap_lazyloc/refinement/prior_fit.h"
 #include "colmap_lazyloc/scene/errors.h"
 
 namespace lazyloc {
@@ -74,23 +77,34 @@ struct ObservationCost {
   }
 };
 
-// Computes the deviation from the prior in its standard deviations: rotation vector, then displacement of the origin.
+// Computes the deviations of several frames from their priors, made independent: root * root^T is the inverse
+// covariance of the deviations in the priors' standard deviations.
 struct PriorCost {
-  PosePrior prior;
+  std::vector<PosePrior> priors;
+  Eigen::MatrixXd root;
 
   template <typename T>
-  bool operator()(const T* frame_from_world, T* residual) const {
+  bool operator()(T const* const* frames_from_world, T* residual) const {
+    Eigen::Matrix<T, Eigen::Dynamic, 6, Eigen::RowMajor> deviations(priors.size(), 6);
+    for (size_t i = 0; i < priors.size(); ++i) Evaluate(priors[i], frames_from_world[i], deviations.row(i).data());
+    Eigen::Map<Eigen::Matrix<T, Eigen::Dynamic, 6, Eigen::RowMajor>>(residual, priors.size(), 6) =
+        root.transpose().cast<T>() * deviations;
+    return true;
+  }
+
+  // Computes the rotation vector in the world's axes, then the displacement of the origin.
+  template <typename T>
+  static void Evaluate(const PosePrior& prior, const T* frame_from_world, T* deviation) {
     const Eigen::Map<const Eigen::Quaternion<T>> rotation(frame_from_world);
     const Eigen::Map<const Vector3<T>> translation(frame_from_world + 4);
-    const Eigen::Quaternion<T> deviation = rotation * prior.frame_from_world.rotation.conjugate().cast<T>();
-    const T scalar_first[4] = {deviation.w(), deviation.x(), deviation.y(), deviation.z()};
-    ceres::QuaternionToAngleAxis(scalar_first, residual);
+    const Eigen::Quaternion<T> turn = prior.frame_from_world.rotation.conjugate().cast<T>() * rotation;
+    const T scalar_first[4] = {turn.w(), turn.x(), turn.y(), turn.z()};
+    ceres::QuaternionToAngleAxis(scalar_first, deviation);
     const Vector3<T> displacement = rotation.conjugate() * -translation - CamInWorld(prior.frame_from_world).cast<T>();
     for (int i = 0; i < 3; ++i) {
-      residual[i] /= T(prior.rotation_stddev_rad);
-      residual[i + 3] = displacement[i] / T(prior.position_stddev);
+      deviation[i] /= T(prior.rotation_stddev_rad);
+      deviation[i + 3] = displacement[i] / T(prior.position_stddev);
     }
-    return true;
   }
 };
 
@@ -101,6 +115,7 @@ class CeresSolver {
     result_.posed = posed;
     result_.tracks = tracks;
     for (size_t frame = 0; frame < posed.frames.size(); ++frame) AddFrame(frame);
+    for (const PriorGroup& group : posed.prior_groups) AddPriors(group.frames, PriorPrecision(group));
     for (size_t image = 0; image < posed.images.size(); ++image) {
       problem_.AddParameterBlock(&blocks_.log_focal_factors[image], 1);
       if (!posed.images[image].log_focal_factor) {
@@ -133,9 +148,25 @@ class CeresSolver {
     problem_.AddParameterBlock(&blocks_.log_scales[i], 1);
     if (IsConstant(frame)) problem_.SetParameterBlockConstant(pose);
     if (!frame.has_free_scale) problem_.SetParameterBlockConstant(&blocks_.log_scales[i]);
-    if (!frame.prior) return;
-    problem_.AddResidualBlock(new ceres::AutoDiffCostFunction<PriorCost, 6, 7>(new PriorCost{*frame.prior}), nullptr,
-                              pose);
+    const auto has_frame = [&](const PriorGroup& group) {
+      return std::find(group.frames.begin(), group.frames.end(), static_cast<int>(i)) != group.frames.end();
+    };
+    const std::vector<PriorGroup>& groups = result_.posed.prior_groups;
+    if (!frame.prior || std::any_of(groups.begin(), groups.end(), has_frame)) return;
+    AddPriors({static_cast<int>(i)}, Eigen::MatrixXd::Identity(1, 1));
+  }
+
+  void AddPriors(const std::vector<int>& frames, const Eigen::MatrixXd& precision) {
+    auto* cost = new PriorCost{{}, precision.llt().matrixL()};
+    auto* function = new ceres::DynamicAutoDiffCostFunction<PriorCost>(cost);
+    std::vector<double*> poses;
+    for (const int frame : frames) {
+      cost->priors.push_back(*result_.posed.frames[frame].prior);
+      poses.push_back(blocks_.poses[frame].data());
+      function->AddParameterBlock(7);
+    }
+    function->SetNumResiduals(static_cast<int>(6 * frames.size()));
+    problem_.AddResidualBlock(function, nullptr, poses);
   }
 
   void AddTrack(Track* track) {

@@ -1,0 +1,142 @@
+#include "colmap_lazyloc/pipeline/database_priors.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "colmap_lazyloc/math/median.h"
+#include "colmap_lazyloc/math/so3.h"
+
+namespace lazyloc {
+namespace {
+
+// Independent error of a database pose, in pixels.
+constexpr double kIndependentNoisePx = 0.1;
+// Number of deviations that an expected variance counts as: those of one frame.
+constexpr double kExpectedWeight = 6;
+// Distance of viewpoints at which database_pose_noise_px is stated, and the power of it by which variances grow:
+// between that of a random walk (1) and that of errors which change steadily (2).
+constexpr double kReferenceDistance = 0.2;
+constexpr double kPower = 1.5;
+// What a covariance allows for beyond the estimate: a factor on the variances, because one estimate of a few frames is
+// rough, and errors in pixels that no adjustment shows, because they are common to all images. Calibrated on real
+// scenes (docs/method.md, section 9).
+constexpr double kVarianceInflation = 4;
+constexpr double kHiddenNoisePx[] = {0.3, 0.1};  // by component
+
+constexpr int kViewpoint = 0, kIndependent = 1;  // components
+
+double ViewpointVariance(const Rigid3d& a, const Rigid3d& b, double scene_distance) {
+  // Takes the chord 2 sin(angle / 2), because the covariances are positive definite for distances in a Euclidean space.
+  const double chord = (a.rotation.toRotationMatrix() - b.rotation.toRotationMatrix()).norm() / std::sqrt(2);
+  const double displacement = (CamInWorld(a) - CamInWorld(b)).norm() / scene_distance;
+  return std::pow(std::hypot(chord, displacement) / kReferenceDistance, kPower);
+}
+
+// Returns the median scale of frames with observations; a zero scale if there is none.
+FrameScale CommonScale(const std::vector<int>& frames, const std::vector<FrameScale>& scales) {
+  std::vector<double> focal_lengths_px, distances;
+  for (const int frame : frames) {
+    if (scales[frame].distance == 0) continue;
+    focal_lengths_px.push_back(scales[frame].focal_length_px);
+    distances.push_back(scales[frame].distance);
+  }
+  if (distances.empty()) return {};
+  return {Median(std::move(focal_lengths_px)), Median(std::move(distances))};
+}
+
+}  // namespace
+
+Eigen::MatrixXd ViewpointErrorShape(const std::vector<Rigid3d>& frames, const Rigid3d& query, double scene_distance) {
+  const auto size = static_cast<Eigen::Index>(frames.size());
+  Eigen::VectorXd to_query(size);
+  for (Eigen::Index i = 0; i < size; ++i) to_query[i] = ViewpointVariance(frames[i], query, scene_distance);
+  Eigen::MatrixXd shape(size, size);
+  for (Eigen::Index i = 0; i < size; ++i) {
+    for (Eigen::Index j = 0; j < size; ++j) {
+      shape(i, j) = (to_query[i] + to_query[j] - ViewpointVariance(frames[i], frames[j], scene_distance)) / 2;
+    }
+  }
+  return shape;
+}
+
+DatabasePriors::DatabasePriors(const Layout& layout, const LocalizerOptions& options)
+    : layout_(layout),
+      stddev_rad_(options.database_pose_stddev_deg < 0 ? -1 : DegToRad(options.database_pose_stddev_deg)),
+      stddev_length_(options.database_pose_stddev_length),
+      expected_px_(options.database_pose_noise_px) {
+  variances_.resize(layout.num_query_frames);
+  for (std::vector<double>& variances : variances_) {
+    variances = {expected_px_ * expected_px_, kIndependentNoisePx * kIndependentNoisePx};
+  }
+}
+
+void DatabasePriors::Expect(double noise_px) {
+  for (std::vector<double>& variances : variances_) variances.assign(2, noise_px * noise_px);
+}
+
+PriorGroup DatabasePriors::MakeGroup(int query_frame, const std::vector<FrameScale>& scales, PosedImages* posed) const {
+  const FrameScale common = CommonScale(layout_.database_frames_of_frame[query_frame], scales);
+  PriorGroup group;
+  std::vector<Rigid3d> poses;
+  for (const int frame : layout_.database_frames_of_frame[query_frame]) {
+    std::optional<PosePrior>& prior = posed->frames[frame].prior;
+    prior.reset();
+    if (scales[frame].distance == 0) continue;  // no observations
+    const Rigid3d& given = layout_.given.frames[frame].frame_from_world;
+    prior = MakePosePrior(given, 1, common);
+    // A stated zero beside a nonzero value means as good as exact.
+    const PosePrior smallest = MakePosePrior(given, 1e-3, common);
+    if (stddev_rad_ >= 0) prior->rotation_stddev_rad = std::max(stddev_rad_, smallest.rotation_stddev_rad);
+    if (stddev_length_ >= 0) prior->position_stddev = std::max(stddev_length_, smallest.position_stddev);
+    group.frames.push_back(frame);
+    poses.push_back(given);
+  }
+  const auto size = static_cast<Eigen::Index>(group.frames.size());
+  const Eigen::MatrixXd identity = Eigen::MatrixXd::Identity(size, size);
+  if (!AreEstimated()) {
+    group.components = {{identity, 1}};
+    return group;
+  }
+  const Rigid3d& query = posed->frames[query_frame].frame_from_world;
+  group.components = {{ViewpointErrorShape(poses, query, common.distance), variances_[query_frame][kViewpoint]},
+                      {identity, variances_[query_frame][kIndependent]}};
+  return group;
+}
+
+void DatabasePriors::Set(const std::vector<Track>& tracks, PosedImages* posed) const {
+  posed->prior_groups.clear();
+  if (!HavePriors()) return;
+  const std::vector<FrameScale> scales = MeasureFrameScales(*posed, tracks);
+  for (int query_frame = 0; query_frame < layout_.num_query_frames; ++query_frame) {
+    posed->prior_groups.push_back(MakeGroup(query_frame, scales, posed));
+  }
+}
+
+double DatabasePriors::Estimate(const BundleAdjustmentResult& adjustment, double variance_factor) {
+  if (!AreEstimated()) return 0;
+  const std::vector<ExpectedVariance> expected = {{expected_px_ * expected_px_, kExpectedWeight},
+                                                  {kIndependentNoisePx * kIndependentNoisePx, kExpectedWeight}};
+  double change = 0;
+  for (size_t i = 0; i < adjustment.prior_fits.size(); ++i) {
+    const std::vector<double> estimated =
+        EstimateVariances(adjustment.posed.prior_groups[i], adjustment.prior_fits[i], variance_factor, expected);
+    for (size_t j = 0; j < estimated.size(); ++j) {
+      change = std::max(change, std::abs(std::log(estimated[j] / variances_[i][j])) / 2);
+    }
+    variances_[i] = estimated;
+  }
+  return change;
+}
+
+std::vector<double> VariancesForCovariance(const PriorGroup& group, const PriorFit& fit, double variance_factor) {
+  std::vector<ExpectedVariance> expected;
+  for (const VarianceComponent& component : group.components) expected.push_back({component.variance, 1});
+  std::vector<double> variances = EstimateVariances(group, fit, variance_factor, expected);
+  if (variances.size() == 1) return variances;  // as stated
+  for (const int j : {kViewpoint, kIndependent}) {
+    variances[j] = kVarianceInflation * variances[j] + kHiddenNoisePx[j] * kHiddenNoisePx[j];
+  }
+  return variances;
+}
+
+}  // namespace lazyloc

@@ -1,0 +1,107 @@
+#include "colmap_lazyloc/pipeline/database_priors.h"
+
+#include <Eigen/Eigenvalues>
+#include <gtest/gtest.h>
+
+#include "colmap_lazyloc/math/so3.h"
+#include "colmap_lazyloc/pipeline/stages_test_input.h"
+
+namespace lazyloc {
+namespace {
+
+Rigid3d PoseAt(const Eigen::Vector3d& centre, double angle_rad) {
+  return CamFromWorld(ExpSO3(Eigen::Vector3d(0, angle_rad, 0)), centre);
+}
+
+TEST(ViewpointErrorShape, GrowsWithTheDistanceOfViewpoints) {
+  const Rigid3d query = PoseAt({0, 0, 0}, 0);
+  const Eigen::MatrixXd shape =
+      ViewpointErrorShape({PoseAt({0.2, 0, 0}, 0), PoseAt({0.8, 0, 0}, 0), PoseAt({0, 0, 0}, 0.2)}, query, 1);
+  EXPECT_NEAR(shape(0, 0), 1, 1e-12);
+  EXPECT_NEAR(shape(1, 1), 8, 1e-12) << "distance times four, to the power of 1.5";
+  EXPECT_NEAR(shape(2, 2), 1, 0.01) << "an angle";
+  EXPECT_NEAR(ViewpointErrorShape({PoseAt({0.4, 0, 0}, 0)}, query, 2)(0, 0), 1, 1e-12) << "in a scene twice as far";
+}
+
+TEST(ViewpointErrorShape, FramesOnOneSideErrAlike) {
+  const Rigid3d query = PoseAt({0, 0, 0}, 0);
+  const Eigen::MatrixXd shape =
+      ViewpointErrorShape({PoseAt({0.4, 0, 0}, 0), PoseAt({0.41, 0, 0}, 0), PoseAt({-0.4, 0, 0}, 0)}, query, 1);
+  EXPECT_GT(shape(0, 1), 0.95 * shape(0, 0));
+  EXPECT_LT(shape(0, 2), 0) << "errors that change steadily have opposite signs on the two sides";
+}
+
+TEST(ViewpointErrorShape, IsACovarianceForAllAngles) {
+  Random random(2);
+  std::vector<Rigid3d> frames;
+  for (int i = 0; i < 40; ++i) {
+    frames.push_back(CamFromWorld(ExpSO3(2 * RandomVector(&random)), 3 * RandomVector(&random)));
+  }
+  const Eigen::MatrixXd shape = ViewpointErrorShape(frames, PoseAt({0, 0, 0}, 0), 1);
+  const Eigen::VectorXd values = Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(shape).eigenvalues();
+  EXPECT_GT(values.minCoeff(), 0);
+}
+
+SyntheticGroupOptions TwoFrames() {
+  SyntheticGroupOptions options;
+  options.num_frames = 2;
+  options.num_sensors = 1;
+  options.num_database_images = 6;
+  options.has_query_pairs = false;
+  return options;
+}
+
+TEST(DatabasePriors, EachQueryFrameHasItsOwnGroup) {
+  StageInput input = MakeStageInput(MakeSyntheticGroup(TwoFrames()));
+  const DatabasePriors priors(input.layout, {});
+  ASSERT_TRUE(priors.HavePriors());
+  ASSERT_TRUE(priors.AreEstimated());
+  priors.Set(input.tracks, &input.truth);
+  ASSERT_EQ(input.truth.prior_groups.size(), 2u);
+  for (int frame = 0; frame < 2; ++frame) {
+    const PriorGroup& group = input.truth.prior_groups[frame];
+    EXPECT_EQ(group.frames, input.layout.database_frames_of_frame[frame]);
+    ASSERT_EQ(group.components.size(), 2u);
+    EXPECT_DOUBLE_EQ(group.components[0].variance, 0.7 * 0.7);
+    for (const int i : group.frames) EXPECT_TRUE(input.truth.frames[i].prior);
+  }
+}
+
+TEST(DatabasePriors, AsStated) {
+  StageInput input = MakeStageInput(MakeSyntheticGroup(TwoFrames()));
+  LocalizerOptions options;
+  options.database_pose_stddev_deg = 0.5;
+  options.database_pose_stddev_length = 0.02;
+  const DatabasePriors priors(input.layout, options);
+  EXPECT_FALSE(priors.AreEstimated());
+  priors.Set(input.tracks, &input.truth);
+  const PriorGroup& group = input.truth.prior_groups[0];
+  ASSERT_EQ(group.components.size(), 1u);
+  EXPECT_TRUE(group.components[0].shape.isIdentity(0)) << "stated deviations are independent";
+  EXPECT_NEAR(input.truth.frames[group.frames[0]].prior->rotation_stddev_rad, DegToRad(0.5), 1e-12);
+  EXPECT_EQ(input.truth.frames[group.frames[0]].prior->position_stddev, 0.02);
+}
+
+TEST(DatabasePriors, ExactPosesHaveNone) {
+  StageInput input = MakeStageInput(MakeSyntheticGroup(TwoFrames()));
+  LocalizerOptions options;
+  options.database_pose_stddev_deg = options.database_pose_stddev_length = 0;
+  const DatabasePriors priors(input.layout, options);
+  EXPECT_FALSE(priors.HavePriors());
+  priors.Set(input.tracks, &input.truth);
+  EXPECT_TRUE(input.truth.prior_groups.empty());
+}
+
+TEST(DatabasePriors, CovarianceAllowsForMoreThanTheEstimate) {
+  const PriorGroup stated{{1}, {{Eigen::MatrixXd::Identity(1, 1), 4}}};
+  const PriorFit fit{Eigen::MatrixXd::Zero(1, 6), Eigen::MatrixXd::Constant(1, 1, 24), {}};
+  EXPECT_DOUBLE_EQ(VariancesForCovariance(stated, fit, 1)[0], 4) << "as stated, because nothing contradicts it";
+  PriorGroup estimated = stated;
+  estimated.components.push_back({Eigen::MatrixXd::Identity(1, 1), 1e-6});
+  const std::vector<double> variances = VariancesForCovariance(estimated, fit, 1);
+  EXPECT_GT(variances[0], 4 * 3);
+  EXPECT_GE(variances[1], 0.01);
+}
+
+}  // namespace
+}  // namespace lazyloc
