@@ -107,7 +107,7 @@ TEST(FocalLength, CovarianceMatchesTheErrorsSpread) {
   const int num_trials = 20;
   for (options.seed = 0; options.seed < num_trials; ++options.seed) {
     const SyntheticScene scene = MakeScene(options, 1.25);
-    const LocalizationResult result = LocalizeQuery(scene.problem, Seeking());
+    const LocalizationResult result = LocalizeQuery(scene.problem, WithExactDatabase(Seeking()));
     ASSERT_EQ(result.status, QueryStatus::LOCALIZED);
     const Eigen::AngleAxisd rotation_error(scene.query_cam_from_world.rotation *
                                            result.cam_from_world.rotation.conjugate());

@@ -5,6 +5,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "colmap_lazyloc/pipeline/stages_test_input.h"
 #include "colmap_lazyloc/testing/synthetic_scene.h"
 
 namespace lazyloc {
@@ -291,7 +292,7 @@ TEST(LazyLocalizer, CovarianceMatchesTheErrorsSpread) {
   const int num_trials = 40;
   for (options.seed = 0; options.seed < num_trials; ++options.seed) {
     const SyntheticScene scene = MakeSyntheticScene(options);
-    const LocalizationResult result = Localize(scene);
+    const LocalizationResult result = LocalizeQuery(scene.problem, WithExactDatabase());
     ASSERT_EQ(result.status, QueryStatus::LOCALIZED);
     const Rigid3d& truth = scene.query_cam_from_world;
     Eigen::Matrix<double, 6, 1> error;

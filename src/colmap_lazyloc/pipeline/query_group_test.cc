@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include "colmap_lazyloc/pipeline/lazy_localizer.h"
+#include "colmap_lazyloc/pipeline/stages_test_input.h"
 #include "colmap_lazyloc/testing/synthetic_group.h"
 #include "colmap_lazyloc/testing/synthetic_video.h"
 
@@ -126,7 +127,7 @@ TEST(QueryGroup, CovarianceOfEachImageMatchesTheErrorsSpread) {
   const int num_trials = 40;
   for (options.seed = 0; options.seed < num_trials; ++options.seed) {
     const SyntheticGroup scene = MakeSyntheticGroup(options);
-    const LocalizationResult result = Localize(scene).back();
+    const LocalizationResult result = Localize(scene, WithExactDatabase()).back();
     ASSERT_EQ(result.status, QueryStatus::LOCALIZED);
     const Rigid3d& truth = scene.cam_from_world.back();
     Eigen::Matrix<double, 6, 1> error;
@@ -171,11 +172,11 @@ TEST(QueryGroup, ScaleOfATrajectoryIsFound) {
   options.num_sensors = 5;
   for (options.pixel_noise_px = 0; options.pixel_noise_px < 2; ++options.pixel_noise_px) {
     SyntheticGroup scene = MakeSyntheticGroup(options);
-    const double metric_error = SquaredErrorSum(scene, Localize(scene));
+    const double metric_error = SquaredErrorSum(scene, Localize(scene, WithExactDatabase()));
     for (QueryImage& image : scene.group.images) image.cam_from_rig.translation /= 3;
     scene.group.has_rig_scale = false;
     ExpectNearTruth(scene, options.pixel_noise_px == 0 ? 1e-6 : 1e-2, 0.1);
-    const std::vector<LocalizationResult> results = Localize(scene);
+    const std::vector<LocalizationResult> results = Localize(scene, WithExactDatabase());
     for (const LocalizationResult& result : results) {
       EXPECT_NEAR(result.rig_scale, 3, options.pixel_noise_px == 0 ? 1e-5 : 0.05);
     }

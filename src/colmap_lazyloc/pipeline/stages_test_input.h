@@ -24,6 +24,12 @@ struct StageInput {
 
 StageInput MakeStageInput(const SyntheticGroup& scene, const LocalizerOptions& options = {});
 
+// Returns options that take the database poses as exact, so that covariances are those of the keypoints alone.
+inline LocalizerOptions WithExactDatabase(LocalizerOptions options = {}) {
+  options.database_pose_stddev_deg = options.database_pose_stddev_length = 0;
+  return options;
+}
+
 // Returns a scene's query as a group of its own.
 QueryGroup LoneQuery(const SyntheticScene& scene);
 
