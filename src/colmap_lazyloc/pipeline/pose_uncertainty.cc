@@ -55,9 +55,10 @@ std::vector<PoseUncertainty> EstimateUncertainties(const Layout& layout, const P
       VarianceFactor(adjustment.posed, adjustment.tracks, RobustLoss(options.bundle_adjustment.loss_scale_sigma));
   CheckPositions(layout, pairs, adjustment, tracks_of, factor, options);
   const double missing_prior_factor = std::max(adjustment.prior_fit.VarianceFactor(factor) - factor, 0.0);
+  const PosedImages reported = AsReported(layout, adjustment.posed);
   std::vector<PoseUncertainty> uncertainties;
   for (int query = 0; query < layout.num_queries; ++query) {
-    const Rigid3d pose = CamFromWorld(adjustment.posed, query);
+    const Rigid3d pose = CamFromWorld(reported, query);
     const Eigen::Matrix<double, 6, 6> covariance =
         factor * adjustment.image_covariances[query] + missing_prior_factor * adjustment.image_prior_parts[query];
     uncertainties.push_back({MoveToWorld(covariance, layout.origin, pose), ComputePoseSpread(pose, covariance)});

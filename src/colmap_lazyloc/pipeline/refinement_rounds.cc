@@ -16,6 +16,8 @@
 namespace lazyloc {
 namespace {
 
+// Displacement of keypoints by the flex of a rig.
+constexpr double kRigFlexPx = 0.02;
 constexpr int kMaxNumEstimates = 8;
 // Minimum image noise, because a few exact matches would otherwise outweigh all others.
 constexpr double kMinNoisePx = 0.5;
@@ -46,6 +48,7 @@ class Rounds {
   void Adjust(bool is_last);
   std::vector<FrameScale> AdjustWithPriors(bool is_last);
   void SetPriors(const std::vector<FrameScale>& scales);
+  void SetCalibrationPriors(const std::vector<FrameScale>& scales);
 
   const Layout& layout_;
   const LocalizerOptions& options_;
@@ -120,9 +123,27 @@ void Rounds::SetPriors(const std::vector<FrameScale>& scales) {
   }
 }
 
+// Lets calibrations deviate as far as rig_noise_px displaces the keypoints of the first frame that has them.
+void Rounds::SetCalibrationPriors(const std::vector<FrameScale>& scales) {
+  if (options_.rig_noise_px == 0) return;
+  for (Calibration& calibration : adjustment_.posed.calibrations) calibration.prior.reset();
+  for (const Image& image : Posed().images) {
+    if (image.calibration < 0) continue;
+    Calibration& calibration = adjustment_.posed.calibrations[image.calibration];
+    const FrameScale& scale = scales[image.frame];
+    if (calibration.prior || scale.distance == 0) continue;
+    const Rigid3d& given = layout_.given.calibrations[image.calibration].cam_from_frame;
+    calibration.prior = MakePosePrior(given, options_.rig_noise_px, scale);
+    const PosePrior flex = MakePosePrior(given, kRigFlexPx, scale);
+    calibration.flex_rad = flex.rotation_stddev_rad;
+    calibration.flex_length = flex.position_stddev;
+  }
+}
+
 std::vector<FrameScale> Rounds::AdjustWithPriors(bool is_last) {
   std::vector<FrameScale> scales = MeasureFrameScales(Posed(), adjustment_.tracks);
   SetPriors(scales);
+  SetCalibrationPriors(scales);
   Adjust(is_last);
   return scales;
 }

@@ -22,7 +22,7 @@ struct StageInput {
   std::vector<Track> tracks;
 };
 
-StageInput MakeStageInput(const SyntheticGroup& scene, const LocalizerOptions& options = {});
+StageInput MakeStageInput(const SyntheticGroup& scene);
 
 // Returns a scene's query as a group of its own.
 QueryGroup LoneQuery(const SyntheticScene& scene);

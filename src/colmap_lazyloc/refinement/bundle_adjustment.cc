@@ -23,10 +23,20 @@ PosedImages MovedTo(const BundleSolver<kSize>& solver, PosedImages posed) {
     log_factors[i] = solution.log_factor;
     if (posed.frames[i].has_free_scale) posed.frames[i].scale *= std::exp(solution.log_factor);
   }
-  for (Image& image : posed.images) {
+  for (size_t i = 0; i < posed.calibrations.size(); ++i) {
+    const int index = solver.IndexOfCalibration(static_cast<int>(i));
+    if (index >= 0) posed.calibrations[i].cam_from_frame = solver.Solution().frames[index].frame_from_world;
+  }
+  for (size_t i = 0; i < posed.images.size(); ++i) {
+    Image& image = posed.images[i];
+    const int index = solver.IndexOfImage(static_cast<int>(i));
+    if (index != solver.IndexOf(image.frame)) {
+      image.cam_from_frame =
+          solver.Solution().frames[index].frame_from_world * Inverse(posed.frames[image.frame].frame_from_world);
+    }
     const bool has_free_scale = posed.frames[image.frame].has_free_scale;
     if (has_free_scale && !HasFrameAxes(image)) image.cam_from_frame.translation *= std::exp(log_factors[image.frame]);
-    if (image.log_focal_factor) image.log_focal_factor = log_factors[image.frame];
+    if (image.log_focal_factor) image.log_focal_factor = solver.Solution().frames[index].log_factor;
   }
   return posed;
 }
@@ -39,8 +49,12 @@ std::vector<Eigen::Matrix<double, 6, 6>> ImageCovariances(const BundleSolver<kSi
   if (frame_covariances.empty()) return covariances;
   for (size_t i = 0; i < posed.images.size(); ++i) {
     const Image& image = posed.images[i];
-    const int index = solver.IndexOf(image.frame);
+    const int index = solver.IndexOfImage(static_cast<int>(i));
     if (index < 0) continue;
+    if (index != solver.IndexOf(image.frame)) {
+      covariances[i] = frame_covariances[index].template topLeftCorner<6, 6>();
+      continue;
+    }
     covariances[i] = ImageCovariance(image, posed.frames[image.frame].has_free_scale, frame_covariances[index]);
   }
   return covariances;

@@ -1,6 +1,7 @@
 #include "colmap_lazyloc/refinement/bundle_solver.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <optional>
@@ -48,6 +49,7 @@ BundleSolver<kSize>::BundleSolver(const PosedImages& posed, const std::vector<Tr
     for (size_t i = range.begin; i < range.end; ++i) frames.push_back(problem_.free[i].frame);
     camera_system_.AddPoint(frames);
   }
+  for (const BundleFlex& flex : problem_.flexes) camera_system_.AddPoint({flex.frame, flex.calibration, flex.cam});
   camera_system_.Finish();
 }
 
@@ -97,7 +99,7 @@ template <int kSize>
 PriorFit BundleSolver<kSize>::FitOfPriors(std::vector<Eigen::MatrixXd>* prior_parts) const {
   std::vector<PriorDeviation> deviations;
   for (size_t frame = 0; frame < state_.frames.size(); ++frame) {
-    const std::optional<PosePrior>& prior = problem_.given[frame]->prior;
+    const PosePrior* const prior = problem_.priors[frame];
     if (!prior) continue;
     deviations.push_back({static_cast<int>(frame), EvaluatePosePrior(*prior, state_.frames[frame].frame_from_world)});
   }
@@ -117,6 +119,7 @@ bool BundleSolver<kSize>::Build(const BundleState& state, double damping) {
   for (size_t frame = 0; frame < state.frames.size(); ++frame) {
     AddKnowledge(state.frames[frame].frame_from_world, frame, &hessians[frame]);
   }
+  for (const BundleFlex& flex : problem_.flexes) AddFlex(state, flex, &hessians);
   for (size_t track = 0; track < state.points.size(); ++track) {
     if (!AddTrack(state, track, damping, &hessians)) return false;
   }
@@ -132,9 +135,10 @@ double BundleSolver<kSize>::Cost(const BundleState& state) const {
   constexpr double kInfinity = std::numeric_limits<double>::infinity();
   double cost = 0;
   for (size_t frame = 0; frame < state.frames.size(); ++frame) {
-    const std::optional<PosePrior>& prior = problem_.given[frame]->prior;
+    const PosePrior* const prior = problem_.priors[frame];
     if (prior) cost += 0.5 * EvaluatePosePrior(*prior, state.frames[frame].frame_from_world).error.squaredNorm();
   }
+  for (const BundleFlex& flex : problem_.flexes) cost += 0.5 * Evaluate(flex, state).error.squaredNorm();
   BundleError error;
   for (size_t track = 0; track < state.points.size(); ++track) {
     const auto [fixed, free] = std::tie(problem_.fixed_range[track], problem_.free_range[track]);
@@ -155,13 +159,37 @@ double BundleSolver<kSize>::Cost(const BundleState& state) const {
 
 template <int kSize>
 void BundleSolver<kSize>::AddKnowledge(const Rigid3d& frame_from_world, size_t frame, FrameMatrix* hessian) {
-  if (const std::optional<PosePrior>& prior = problem_.given[frame]->prior) {
+  if (const PosePrior* const prior = problem_.priors[frame]) {
     const PosePriorResidual residual = EvaluatePosePrior(*prior, frame_from_world);
     system_.cost += 0.5 * residual.error.squaredNorm();
     hessian->template topLeftCorner<6, 6>() += residual.jacobian.transpose() * residual.jacobian;
     system_.rhs.template segment<6>(kSize * frame) -= residual.jacobian.transpose() * residual.error;
   }
   if (kSize > 6 && !problem_.has_factor[frame]) (*hessian)(kSize - 1, kSize - 1) = 1;
+}
+
+template <int kSize>
+RigFlexResidual BundleSolver<kSize>::Evaluate(const BundleFlex& flex, const BundleState& state) {
+  return EvaluateRigFlex(*flex.given, state.frames[flex.calibration].frame_from_world,
+                         state.frames[flex.cam].frame_from_world, state.frames[flex.frame].frame_from_world);
+}
+
+template <int kSize>
+void BundleSolver<kSize>::AddFlex(const BundleState& state, const BundleFlex& flex,
+                                  std::vector<FrameMatrix>* frame_hessians) {
+  const RigFlexResidual residual = Evaluate(flex, state);
+  system_.cost += 0.5 * residual.error.squaredNorm();
+  const std::array<std::pair<int, const Eigen::Matrix<double, 6, 6>*>, 3> parts = {
+      {{flex.frame, &residual.by_frame}, {flex.calibration, &residual.by_calibration}, {flex.cam, &residual.by_cam}}};
+  for (size_t a = 0; a < parts.size(); ++a) {
+    const auto& [frame_a, by_a] = parts[a];
+    system_.rhs.template segment<6>(kSize * frame_a) -= by_a->transpose() * residual.error;
+    (*frame_hessians)[frame_a].template topLeftCorner<6, 6>() += by_a->transpose() * *by_a;
+    for (size_t b = 0; b < a; ++b) {
+      camera_system_.Block(frame_a, parts[b].first, &system_.reduced).template topLeftCorner<6, 6>() +=
+          by_a->transpose() * *parts[b].second;
+    }
+  }
 }
 
 template <int kSize>

@@ -7,6 +7,7 @@
 #include "colmap_lazyloc/refinement/bundle_adjustment.h"
 #include "colmap_lazyloc/refinement/bundle_problem.h"
 #include "colmap_lazyloc/refinement/camera_system.h"
+#include "colmap_lazyloc/refinement/rig_flex.h"
 #include "colmap_lazyloc/refinement/robust_loss.h"
 
 namespace lazyloc {
@@ -47,6 +48,10 @@ class BundleSolver {
   const BundleState& Solution() const { return state_; }
   // Returns the index of a frame of PosedImages; -1 for a constant one.
   int IndexOf(int frame) const { return problem_.index_of_frame[frame]; }
+  // Returns the index of an image whose calibration has a prior; of any other image, that of its frame.
+  int IndexOfImage(int image) const { return problem_.index_of_image[image]; }
+  // Returns the index of a calibration of PosedImages; -1 for one without a prior.
+  int IndexOfCalibration(int calibration) const { return problem_.index_of_calibration[calibration]; }
 
   // Returns the covariances of the frames' parameters, at the minimum or a step before it that is as short as
   // convergence means.
@@ -61,6 +66,9 @@ class BundleSolver {
   double Cost(const BundleState& state) const;
   // Adds the prior of a frame's pose, and a unit weight that keeps a factor constant if it is not estimated.
   void AddKnowledge(const Rigid3d& frame_from_world, size_t frame, FrameMatrix* hessian);
+  // Evaluates how far an image's place in its frame deviates from its calibration.
+  static RigFlexResidual Evaluate(const BundleFlex& flex, const BundleState& state);
+  void AddFlex(const BundleState& state, const BundleFlex& flex, std::vector<FrameMatrix>* frame_hessians);
   // Adds a track's derivatives and eliminates its point, in one pass. Returns false if the point lies behind a camera.
   bool AddTrack(const BundleState& state, size_t track, double damping, std::vector<FrameMatrix>* frame_hessians);
   // Subtracts the Schur complement of one point by its Cholesky factor: a square, so that the system stays positive
