@@ -4,7 +4,8 @@
 
 DATA is a folder of scenes as for `python -m benchmarks run --dataset scenes`. In the order of names, every third or
 fourth image of a scene (for a rig: frame) is in the database; the others are queries. A group has L consecutive
-queries. A trajectory consists of the true relative poses.
+queries. A trajectory consists of the true relative poses. The scene "stereo" is made by `synthetic_stereo`, with one
+table for each way in which its stated poses are wrong.
 """
 
 import argparse
@@ -17,6 +18,7 @@ import tempfile
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from benchmarks.localization import synthetic_stereo
 from benchmarks.localization.environment import describe_environment
 from benchmarks.localization.evaluation import Row, Series, make_row, paired_ratio, summarize
 from benchmarks.localization.methods.lazyloc import read_method_results
@@ -36,6 +38,8 @@ class Setup:
 
 
 SETUPS = {"kitti1": Setup(3, ("left/", "right/")), "kitchen": Setup(4)}
+STEREO = "stereo"  # the synthetic scenes
+STEREO_SETUP = Setup(3, synthetic_stereo.PREFIXES)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -44,8 +48,23 @@ class Variant:
     is_rig: bool = False  # all cameras of the rig are queries
 
 
+def stereo_variants(scene: Scene, folder: pathlib.Path) -> dict[str, Variant]:
+    """Returns the variants of a synthetic scene. The program knows the rigs of its database from the configuration."""
+    rig = ["--rig_config_path", scene.path / "rig_config.json"]
+    truth_path = write_model(folder / "truth", scene.cameras, list(scene.true_images.values()))
+    trajectory = ["--query_trajectory_path", truth_path, "--LazyLocalizer.group_size", 5]
+    return {
+        "alone": Variant(rig),
+        "alone, database without rigs": Variant([]),
+        "rig": Variant(rig, is_rig=True),
+        "trajectory, L = 5": Variant(trajectory),
+    }
+
+
 def variants(scene: Scene, setup: Setup, queries: list[str], folder: pathlib.Path) -> dict[str, Variant]:
     """Returns the variants by name; the others are compared with the first."""
+    if scene.true_images:
+        return stereo_variants(scene, folder)
 
     def size(length):
         return ["--LazyLocalizer.group_size", length]
@@ -132,28 +151,35 @@ def run_scene(scene: Scene, setup: Setup, arguments: argparse.Namespace) -> tupl
     return rows, rig_errors_px
 
 
+def run_stereo(errors: synthetic_stereo.Errors, arguments: argparse.Namespace) -> tuple[dict, dict]:
+    """Returns the rows of several synthetic scenes, and no rig_error_px, by variant."""
+    all_rows = {}
+    for seed in range(arguments.num_seeds):
+        with tempfile.TemporaryDirectory() as folder:
+            scene = synthetic_stereo.make_scene(pathlib.Path(folder) / f"{STEREO} {seed}", errors, seed)
+            for name, rows in run_scene(scene, STEREO_SETUP, arguments)[0].items():
+                all_rows.setdefault(name, []).extend(rows)
+    return all_rows, dict.fromkeys(all_rows, "–")
+
+
 def table(rows: dict[str, list[Row]], rig_errors_px: dict[str, str]) -> str:
     baseline_rows = next(iter(rows.values()))
-    baseline = summarize(baseline_rows)
     lines = [
-        "| | queries | lost | median mm / ° | mean mm | median / alone | mean / alone | "
-        "geometric mean of the ratio to alone [95 %] | rig_error_px |",
-        "|---|---|---|---|---|---|---|---|---|",
+        "| | queries | lost | median mm / ° | mean mm | position / alone [95 %] | rotation / alone [95 %] "
+        "| rig_error_px |",
+        "|---|---|---|---|---|---|---|---|",
     ]
     for name, own_rows in rows.items():
-        summary, ratio = summarize(own_rows), paired_ratio(own_rows, baseline_rows)
+        summary = summarize(own_rows)
+        ratios = [paired_ratio(own_rows, baseline_rows, e) for e in ("position_error_cm", "rotation_error_deg")]
         statuses = collections.Counter(row.status for row in own_rows if row.is_lost)
         lost = ", ".join(f"{count} {status}" for status, count in statuses.items()) or "0"
         median, mean = summary.median_position_error_cm, summary.mean_position_error_cm
-        figures = (
-            "– | – | – | – | –"
-            if ratio is None
-            else (
-                f"{10 * median:.2f} / {summary.median_rotation_error_deg:.3f} | {10 * mean:.2f} | "
-                f"{median / baseline.median_position_error_cm:.2f} | {mean / baseline.mean_position_error_cm:.2f} | "
-                f"{ratio.mean:.2f} [{ratio.low:.2f}, {ratio.high:.2f}]"
-            )
-        )
+        figures = "– | – | – | –"
+        if ratios[0] is not None:
+            position, rotation = (f"{ratio.mean:.2f} [{ratio.low:.2f}, {ratio.high:.2f}]" for ratio in ratios)
+            medians = f"{10 * median:.2f} / {summary.median_rotation_error_deg:.4f}"
+            figures = f"{medians} | {10 * mean:.2f} | {position} | {rotation}"
         lines.append(f"| {name} | {summary.num_queries} | {lost} | {figures} | {rig_errors_px[name]} |")
     return "\n".join(lines)
 
@@ -161,16 +187,26 @@ def table(rows: dict[str, list[Row]], rig_errors_px: dict[str, str]) -> str:
 @command
 def main(arguments=None):
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--data_path", type=pathlib.Path, required=True, help="folder of scenes")
+    parser.add_argument("--data_path", type=pathlib.Path, default=pathlib.Path(), help="folder of scenes")
     parser.add_argument("--colmap", type=pathlib.Path, default=find_colmap(), help="path of our colmap program")
     parser.add_argument("--output_path", type=pathlib.Path, required=True, help="Markdown file to write")
-    parser.add_argument("--scenes", nargs="+", choices=SETUPS, default=list(SETUPS), help="default: all")
+    parser.add_argument("--scenes", nargs="+", choices=[*SETUPS, STEREO], default=[*SETUPS, STEREO])
+    parser.add_argument("--num_seeds", type=int, default=3, help="number of synthetic scenes per table")
     parser.add_argument("options", nargs="*", help="further options of lazy_localizer")
     arguments = parser.parse_args(arguments)
     command_line = " ".join(["python -m benchmarks groups --data_path DATA", *arguments.options])
     parts = ["# groups", "\n\n".join(describe_environment()), f"`{command_line}`"]
-    for name in arguments.scenes:
-        scene = load_scene(arguments.data_path / name)
-        parts += [f"## {name}", table(*run_scene(scene, SETUPS[name], arguments))]
-        print("\n\n".join(parts[-2:]))
+    runs = [
+        (name, lambda name=name: run_scene(load_scene(arguments.data_path / name), SETUPS[name], arguments))
+        for name in arguments.scenes
+        if name != STEREO
+    ]
+    if STEREO in arguments.scenes:
+        runs += [
+            (f"{STEREO}: {case}", lambda errors=errors: run_stereo(errors, arguments))
+            for case, errors in synthetic_stereo.CASES.items()
+        ]
+    for title, run in runs:
+        parts += [f"## {title}", table(*run())]
+        print("\n\n".join(parts[-2:]), flush=True)
     arguments.output_path.write_text("\n\n".join(parts) + "\n")

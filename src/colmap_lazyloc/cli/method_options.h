@@ -36,8 +36,8 @@ void ForEachMethodOption(Options& o, const Add& add) {
   add("LazyLocalizer.Advanced.max_num_tracks", &o.max_num_tracks, "Maximum number of tracks in the last round");
   add("LazyLocalizer.Advanced.max_num_start_tracks", &o.max_num_start_tracks,
       "Maximum number of tracks for the start pose and in all rounds but the last");
-  add("LazyLocalizer.Advanced.share_database_frames", &o.share_database_frames,
-      "Let the database images of one rig frame share a pose and its error in bundle adjustment");
+  add("LazyLocalizer.Advanced.rig_noise_px", &o.rig_noise_px,
+      "Expected error of a rig's calibration, as displacement of keypoints. 0: exact");
   add("LazyLocalizer.Advanced.database_pose_stddev_deg", &o.database_pose_stddev_deg,
       "Standard deviation of the database images' rotations in degrees; 0 keeps them constant, -1 estimates it for "
       "each query");

@@ -31,7 +31,7 @@ QueryFrames MakeFrames(const std::vector<std::string>& query_names, const FrameP
   }
   for (QueryFrame& frame : frames) {
     std::sort(frame.images.begin(), frame.images.end(), [](const auto& a, const auto& b) { return a.name < b.name; });
-    if (frame.images.size() == 1) frame = {"", {{frame.images.front().name, {}}}};
+    if (frame.images.size() == 1) frame.name.clear();
   }
   return frames;
 }
@@ -125,6 +125,7 @@ QueryGroups GroupByTrajectory(const std::vector<std::string>& query_names, const
   }
   const QueryFrames frames = MakeFrames(on_trajectory, {});
   QueryGroups result = GroupFrames(frames, options, options.group_size > 1 ? options.group_size : frames.size());
+  result.is_trajectory = true;
   result.has_rig_scale = options.trajectory_has_scale;
   result.groups = JoinByTrajectory(result.groups, trajectory);
   for (const QueryFrame& frame : MakeFrames(elsewhere, {})) result.groups.push_back({frame});
@@ -159,11 +160,10 @@ QueryGroups GroupQueries(const std::vector<std::string>& query_names, const Data
   return result;
 }
 
-std::unordered_map<std::string, std::string> DatabaseFrameNames(const Model& model, const DatabaseReader& database,
-                                                                const QueryGroupsOptions& options) {
+FramePlaces DatabaseFramePlaces(const Model& model, const DatabaseReader& database, const QueryGroupsOptions& options) {
   std::vector<std::string> image_names, ignored;
   for (const ModelImage& image : model.images) image_names.push_back(image.name);
-  return SharedFrameNames(FindFrames(image_names, database, model, options, &ignored));
+  return SharedFrames(FindFrames(image_names, database, model, options, &ignored));
 }
 
 }  // namespace lazyloc

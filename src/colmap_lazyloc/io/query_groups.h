@@ -1,10 +1,10 @@
 #pragma once
 
 #include <string>
-#include <unordered_map>
 #include <vector>
 
 #include "colmap_lazyloc/database/database_reader.h"
+#include "colmap_lazyloc/io/rig_frames.h"
 #include "colmap_lazyloc/math/rigid3.h"
 #include "colmap_lazyloc/scene/model.h"
 
@@ -19,7 +19,8 @@ struct QueryGroupsOptions {
   bool Check(std::string* error) const;
 };
 
-// Queries that move as one rigid body. A lone query has an empty frame name and the identity.
+// Queries that move as one rigid body. A lone query has an empty frame name; cam_from_rig is its camera's place in the
+// rig, the identity if it has none.
 struct QueryFrame {
   struct Image {
     std::string name;
@@ -34,6 +35,7 @@ using QueryFrames = std::vector<QueryFrame>;
 
 struct QueryGroups {
   std::vector<QueryFrames> groups;  // each query is in one of them
+  bool is_trajectory = false;       // true if the frames are pieces of a trajectory
   bool has_rig_scale = true;        // false if the unit of cam_from_rig is unknown
   std::string warning;              // one line about queries without a place in a rig or trajectory; may be empty
 };
@@ -50,8 +52,7 @@ struct QueryGroups {
 QueryGroups GroupQueries(const std::vector<std::string>& query_names, const DatabaseReader& database,
                          const Model& model, const QueryGroupsOptions& options);
 
-// Returns the names of the rig frames (as in step 1) that hold two or more of the model's images, by image.
-std::unordered_map<std::string, std::string> DatabaseFrameNames(const Model& model, const DatabaseReader& database,
-                                                                const QueryGroupsOptions& options);
+// Returns the rig frames (as in step 1) that hold two or more of the model's images.
+FramePlaces DatabaseFramePlaces(const Model& model, const DatabaseReader& database, const QueryGroupsOptions& options);
 
 }  // namespace lazyloc

@@ -38,7 +38,7 @@ QuerySelection::QuerySelection(const DatabaseReader& database, Model model, cons
     if (const DatabaseImage* stored = FindInDatabase(image.name))
       posed_of_database_id_.emplace(stored->image_id, &image);
   }
-  frame_of_database_image_ = DatabaseFrameNames(model_, database, options_.groups);
+  frame_of_database_image_ = DatabaseFramePlaces(model_, database, options_.groups);
   if (!options_.pairs_path.empty()) ReadPairsFile(query_names);
 }
 
@@ -168,7 +168,9 @@ ImagePair QuerySelection::MakePair(const ModelImage& database_image) const {
   pair.other_camera = model_.cameras.at(database_image.camera_id);
   pair.database_cam_from_world = database_image.cam_from_world;
   const auto frame = frame_of_database_image_.find(database_image.name);
-  if (frame != frame_of_database_image_.end()) pair.database_frame_name = frame->second;
+  if (frame == frame_of_database_image_.end()) return pair;
+  pair.database_frame_name = frame->second.frame_name;
+  pair.database_cam_from_rig = frame->second.cam_from_rig;
   return pair;
 }
 

@@ -47,6 +47,7 @@ class QuerySelection {
   // Returns the queries in groups, each of which is localized together.
   const std::vector<QueryFrames>& Groups() const { return groups_.groups; }
   bool HasRigScale() const { return groups_.has_rig_scale; }
+  bool HasTrajectory() const { return groups_.is_trajectory; }
   size_t NumQueries() const { return stored_queries_.size() + photos_.size(); }
   // Returns the photos among the queries, by name.
   const std::map<std::string, PhotoQuery>& Photos() const { return photos_; }
@@ -79,7 +80,7 @@ class QuerySelection {
   Model model_;
   std::unordered_map<std::string, DatabaseImage> database_images_;  // by name
   std::unordered_map<uint32_t, const ModelImage*> posed_of_database_id_;
-  std::unordered_map<std::string, std::string> frame_of_database_image_;
+  FramePlaces frame_of_database_image_;  // by name; rig frames of several images only
   std::unordered_map<std::string, StoredQuery> stored_queries_;
   std::map<std::string, PhotoQuery> photos_;
   QueryGroups groups_;

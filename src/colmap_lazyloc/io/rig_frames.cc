@@ -85,14 +85,14 @@ FramePlaces FramesFromColmap(const std::vector<std::string>& image_names, const 
   return places;
 }
 
-std::unordered_map<std::string, std::string> SharedFrameNames(const FramePlaces& places) {
+FramePlaces SharedFrames(const FramePlaces& places) {
   std::unordered_map<std::string, int> num_images;
   for (const auto& [name, place] : places) ++num_images[place.frame_name];
-  std::unordered_map<std::string, std::string> frame_names;
+  FramePlaces shared;
   for (const auto& [name, place] : places) {
-    if (num_images[place.frame_name] > 1) frame_names.emplace(name, place.frame_name);
+    if (num_images[place.frame_name] > 1) shared.emplace(name, place);
   }
-  return frame_names;
+  return shared;
 }
 
 }  // namespace lazyloc

@@ -27,7 +27,7 @@ FramePlaces FramesFromConfig(const std::vector<std::string>& image_names, const 
 FramePlaces FramesFromColmap(const std::vector<std::string>& image_names, const DatabaseReader& database,
                              const Model& model, std::vector<std::string>* images_without_pose);
 
-// Returns the frame names of the images that share their frame with another image.
-std::unordered_map<std::string, std::string> SharedFrameNames(const FramePlaces& places);
+// Returns the places of the images that share their frame with another image.
+FramePlaces SharedFrames(const FramePlaces& places);
 
 }  // namespace lazyloc

@@ -23,6 +23,9 @@ constexpr double kPower = 1.5;
 constexpr double kVarianceInflation = 4;
 constexpr double kHiddenNoisePx[] = {0.3, 0.1};  // by component
 
+// Displacement of keypoints by the flex of a rig.
+constexpr double kRigFlexPx = 0.02;
+
 constexpr int kViewpoint = 0, kIndependent = 1;  // components
 
 double ViewpointVariance(const Rigid3d& a, const Rigid3d& b, double scene_distance) {
@@ -126,6 +129,23 @@ double DatabasePriors::Estimate(const BundleAdjustmentResult& adjustment, double
     variances_[i] = estimated;
   }
   return change;
+}
+
+void SetCalibrationPriors(const Layout& layout, const std::vector<Track>& tracks, double noise_px, PosedImages* posed) {
+  if (noise_px == 0 || posed->calibrations.empty()) return;
+  const std::vector<FrameScale> scales = MeasureFrameScales(*posed, tracks);
+  for (Calibration& calibration : posed->calibrations) calibration.prior.reset();
+  for (const Image& image : posed->images) {
+    if (image.calibration < 0) continue;
+    Calibration& calibration = posed->calibrations[image.calibration];
+    const FrameScale& scale = scales[image.frame];
+    if (calibration.prior || scale.distance == 0) continue;
+    const Rigid3d& given = layout.given.calibrations[image.calibration].cam_from_frame;
+    calibration.prior = MakePosePrior(given, noise_px, scale);
+    const PosePrior flex = MakePosePrior(given, kRigFlexPx, scale);
+    calibration.flex_rad = flex.rotation_stddev_rad;
+    calibration.flex_length = flex.position_stddev;
+  }
 }
 
 std::vector<double> VariancesForCovariance(const PriorGroup& group, const PriorFit& fit, double variance_factor) {

@@ -41,6 +41,9 @@ class DatabasePriors {
   std::vector<std::vector<double>> variances_;  // by query frame and component
 };
 
+// Lets calibrations deviate as far as noise_px displaces the keypoints of the first frame that has them; 0: exact.
+void SetCalibrationPriors(const Layout& layout, const std::vector<Track>& tracks, double noise_px, PosedImages* posed);
+
 // Returns the shape of the errors that change with the viewpoint: the covariance of the differences between the errors
 // of `frames` and that at the viewpoint of `query`, where the difference at a distance of viewpoints of 0.2 has unit
 // variance. That distance is the root of the sum of two squares: 2 sin(angle / 2) of the rotation, and the displacement

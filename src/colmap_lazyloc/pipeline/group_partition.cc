@@ -18,6 +18,7 @@ std::vector<int> ImagesWhere(const QueryGroup& group, const std::vector<int>& fr
 QueryGroup SelectImages(const QueryGroup& group, const std::vector<int>& images) {
   QueryGroup selected;
   selected.has_rig_scale = group.has_rig_scale;
+  selected.is_trajectory = group.is_trajectory;
   std::vector<int> new_index(group.images.size(), -1), num_images;
   int last_frame = -1;
   for (const int i : images) {
@@ -31,10 +32,8 @@ QueryGroup SelectImages(const QueryGroup& group, const std::vector<int>& images)
     selected.images.back().frame = static_cast<int>(num_images.size()) - 1;
     ++num_images.back();
   }
-  for (QueryImage& image : selected.images) {
-    if (num_images[image.frame] > 1) continue;
-    image.cam_from_rig = Rigid3d();
-    selected.frame_names[image.frame].clear();
+  for (const QueryImage& image : selected.images) {
+    if (num_images[image.frame] == 1) selected.frame_names[image.frame].clear();
   }
   for (const QueryPair& pair : group.query_pairs) {
     if (new_index[pair.query] < 0 || new_index[pair.other] < 0) continue;

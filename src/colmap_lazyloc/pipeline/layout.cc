@@ -1,7 +1,8 @@
 #include "colmap_lazyloc/pipeline/layout.h"
 
-#include <map>
-#include <utility>
+#include <algorithm>
+
+#include "colmap_lazyloc/pipeline/database_frames.h"
 
 namespace lazyloc {
 namespace {
@@ -19,6 +20,9 @@ void AddQuery(const QueryGroup& group, const QueryImage& query, Layout* layout) 
     const int first = layout->QueriesOf(query.frame).front();
     image.cam_from_frame = query.cam_from_rig * Inverse(group.images[first].cam_from_rig);
     layout->given.frames[query.frame].has_free_scale = !group.has_rig_scale;
+    if (group.has_rig_scale && !group.is_trajectory) {
+      image.calibration = FindOrAddCalibration(image.cam_from_frame, &layout->given.calibrations);
+    }
   }
   layout->queries_of_frame[query.frame].push_back(static_cast<int>(layout->given.images.size()));
   layout->given.images.push_back(image);
@@ -37,64 +41,34 @@ Eigen::Vector3d MeanDatabaseCentre(const QueryGroup& group) {
   return mean;
 }
 
-// Adds the database images of query frames, each once per frame.
-class DatabaseImages {
- public:
-  DatabaseImages(bool share_frames, Layout* layout) : share_frames_(share_frames), layout_(*layout) {}
-
-  // Returns the image of a pair.
-  int Find(int query_frame, const ImagePair& pair) {
-    const int next = static_cast<int>(layout_.given.images.size());
-    const auto [image, is_new] = image_of_name_.emplace(std::pair(query_frame, pair.other_name), next);
-    if (is_new) Add(query_frame, pair);
-    return image->second;
-  }
-
- private:
-  void Add(int query_frame, const ImagePair& pair) {
-    Rigid3d cam_from_world = pair.database_cam_from_world;
-    cam_from_world.rotation.normalize();
-    cam_from_world.translation += cam_from_world.rotation * layout_.origin;
-    const int next = static_cast<int>(layout_.given.frames.size());
-    Image image;
-    image.frame = next;
-    if (share_frames_ && !pair.database_frame_name.empty()) {
-      image.frame = frame_of_name_.emplace(std::pair(query_frame, pair.database_frame_name), next).first->second;
-    }
-    if (image.frame == next) {
-      Frame frame;
-      frame.frame_from_world = cam_from_world;
-      frame.is_database = true;
-      layout_.given.frames.push_back(frame);
-      layout_.database_frames_of_frame[query_frame].push_back(next);
-    } else {
-      image.cam_from_frame = cam_from_world * Inverse(layout_.given.frames[image.frame].frame_from_world);
-    }
-    layout_.given.images.push_back(image);
-    layout_.names.push_back(pair.other_name);
-  }
-
-  const bool share_frames_;
-  Layout& layout_;
-  std::map<std::pair<int, std::string>, int> image_of_name_, frame_of_name_;  // by query frame and name
-};
-
 }  // namespace
 
-Layout MakeLayout(const QueryGroup& group, const LocalizerOptions& options) {
+Layout MakeLayout(const QueryGroup& group) {
   Layout layout;
   layout.num_queries = static_cast<int>(group.images.size());
   layout.origin = MeanDatabaseCentre(group);
   for (const QueryImage& query : group.images) AddQuery(group, query, &layout);
-  DatabaseImages database_images(options.share_database_frames, &layout);
+  DatabaseFrames database_frames(group, &layout);
   for (const QueryImage& query : group.images) {
     layout.image_of_pair.emplace_back();
     for (const ImagePair& pair : query.problem.pairs) {
-      layout.image_of_pair.back().push_back(database_images.Find(query.frame, pair));
+      layout.image_of_pair.back().push_back(database_frames.AddImage(query.frame, pair));
     }
   }
+  database_frames.MakeFrames();
   for (Image& image : layout.given.images) image.noise_px = kStartNoisePx;
   return layout;
+}
+
+PosedImages AsReported(const Layout& layout, PosedImages adjusted) {
+  std::copy(layout.given.frames.begin() + layout.num_query_frames, layout.given.frames.end(),
+            adjusted.frames.begin() + layout.num_query_frames);
+  for (size_t i = 0; i < adjusted.images.size(); ++i) {
+    const Image& given = layout.given.images[i];
+    if (given.calibration < 0 || !layout.given.calibrations[given.calibration].is_stated_by_database) continue;
+    adjusted.images[i].cam_from_frame = given.cam_from_frame;
+  }
+  return adjusted;
 }
 
 std::vector<TrackRefs> TracksByFrame(const Layout& layout, const std::vector<Track>& tracks) {

@@ -33,9 +33,12 @@ struct Layout {
 };
 
 // Gives each query frame database images and frames of its own, even if frames share database images: what adjustment
-// corrects in them is as much what the frame makes of its surroundings as an error of the pose. With
-// share_database_frames, the database images of one rig frame share a pose, else each is a frame by itself.
-Layout MakeLayout(const QueryGroup& group, const LocalizerOptions& options);
+// corrects in them is as much what the frame makes of its surroundings as an error of the pose.
+Layout MakeLayout(const QueryGroup& group);
+
+// Returns adjusted images with what the database states: its poses, and the calibration of its rigs, with which a
+// reader of a result compares it.
+PosedImages AsReported(const Layout& layout, PosedImages adjusted);
 
 // Returns for each query frame the tracks that it observes.
 std::vector<TrackRefs> TracksByFrame(const Layout& layout, const std::vector<Track>& tracks);

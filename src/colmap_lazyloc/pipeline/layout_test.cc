@@ -42,14 +42,8 @@ void NameDatabaseFrames(const std::vector<std::string>& names, QueryGroup* group
   }
 }
 
-LocalizerOptions Sharing() {
-  LocalizerOptions options;
-  options.share_database_frames = true;
-  return options;
-}
-
 TEST(MakeLayout, QueriesComeFirst) {
-  const Layout layout = MakeLayout(MakeGroup(2, 3, 4).group, {});
+  const Layout layout = MakeLayout(MakeGroup(2, 3, 4).group);
   EXPECT_EQ(layout.num_queries, 6);
   EXPECT_EQ(layout.num_query_frames, 2);
   ASSERT_EQ(layout.given.images.size(), 6u + 2 * 4);
@@ -67,10 +61,8 @@ TEST(MakeLayout, QueriesComeFirst) {
 
 TEST(MakeLayout, EachQueryFrameHasDatabaseFramesOfItsOwn) {
   const SyntheticGroup scene = MakeGroup(2, 2, 3);
-  for (const bool share : {false, true}) {
-    LocalizerOptions options;
-    options.share_database_frames = share;
-    const Layout layout = MakeLayout(scene.group, options);
+  {
+    const Layout layout = MakeLayout(scene.group);
     for (const int query : {0, 1}) EXPECT_THAT(layout.image_of_pair[query], ElementsAre(4, 5, 6));
     for (const int query : {2, 3}) EXPECT_THAT(layout.image_of_pair[query], ElementsAre(7, 8, 9));
     for (int image = 4; image < 7; ++image) {
@@ -86,7 +78,7 @@ TEST(MakeLayout, FirstImageHasTheAxesOfItsFrame) {
   Random random(1);
   const Rigid3d rig_from_other_rig{RandomRotation(&random), RandomVector(&random)};
   for (QueryImage& query : scene.group.images) query.cam_from_rig = query.cam_from_rig * rig_from_other_rig;
-  const Layout layout = MakeLayout(scene.group, {});
+  const Layout layout = MakeLayout(scene.group);
   for (int query = 0; query < layout.num_queries; ++query) {
     const Image& image = layout.given.images[query];
     const int first = layout.QueriesOf(image.frame).front();
@@ -102,7 +94,7 @@ TEST(MakeLayout, OnlyFramesOfSeveralImagesHaveAFreeScale) {
     SyntheticGroup scene = MakeGroup(2, num_sensors, 2);
     for (const bool has_rig_scale : {true, false}) {
       scene.group.has_rig_scale = has_rig_scale;
-      for (const Frame& frame : MakeLayout(scene.group, {}).given.frames) {
+      for (const Frame& frame : MakeLayout(scene.group).given.frames) {
         EXPECT_EQ(frame.has_free_scale, !frame.is_database && num_sensors == 2 && !has_rig_scale);
       }
     }
@@ -110,7 +102,7 @@ TEST(MakeLayout, OnlyFramesOfSeveralImagesHaveAFreeScale) {
 }
 
 TEST(MakeLayout, ImagesStartWithTheNoiseOfTheStart) {
-  for (const Image& image : MakeLayout(MakeGroup(1, 2, 2).group, {}).given.images) {
+  for (const Image& image : MakeLayout(MakeGroup(1, 2, 2).group).given.images) {
     EXPECT_EQ(image.noise_px, kStartNoisePx);
   }
 }
@@ -120,7 +112,7 @@ TEST(MakeLayout, OriginIsTheMeanOfTheDatabaseCentres) {
   SyntheticSceneOptions options;
   options.origin = {500000, 5400000, 300};
   const QueryGroup group = LoneQuery(MakeSyntheticScene(options));
-  const Layout layout = MakeLayout(group, {});
+  const Layout layout = MakeLayout(group);
   Eigen::Vector3d sum = Eigen::Vector3d::Zero();
   VisitDatabaseImages(group, layout, [&](int image, const ImagePair& pair) {
     const Eigen::Vector3d centre = CamInWorld(CamFromWorld(layout.given, image));
@@ -131,45 +123,77 @@ TEST(MakeLayout, OriginIsTheMeanOfTheDatabaseCentres) {
   EXPECT_LE(sum.norm(), 1e-6);
 }
 
-TEST(MakeLayout, DatabaseImagesAreLoneFramesWithoutTheOption) {
+// Makes a group in which the database has frames of the queries' rig.
+SyntheticGroup MakeGroupWithDatabaseRigs() {
+  SyntheticGroupOptions options;
+  options.num_database_images = 6;
+  options.has_database_rigs = true;
+  return MakeSyntheticGroup(options);
+}
+
+TEST(MakeLayout, DatabaseImagesOfOneRigFrameShareItAndTheQueriesCalibration) {
+  const SyntheticGroup scene = MakeGroupWithDatabaseRigs();
+  const Layout layout = MakeLayout(scene.group);
+  ASSERT_EQ(layout.given.calibrations.size(), 1u);
+  EXPECT_TRUE(layout.given.calibrations[0].is_stated_by_database);
+  EXPECT_EQ(layout.given.images[1].calibration, 0) << "second query";
+  EXPECT_EQ(layout.given.frames.size(), 1u + 6 / 2);
+  VisitDatabaseImages(scene.group, layout, [&](int image, const ImagePair& pair) {
+    EXPECT_EQ(layout.FrameOf(image), 1 + (image - 2) / 2);
+    EXPECT_EQ(layout.given.images[image].calibration, image % 2 == 0 ? -1 : 0);
+    const Rigid3d given = Local(pair.database_cam_from_world, layout);
+    EXPECT_LE(PositionError(CamFromWorld(layout.given, image), given), 1e-12);
+    EXPECT_LE(RotationErrorDeg(CamFromWorld(layout.given, image), given), 1e-5);
+    if (image % 2 == 0) ExpectSameBits(CamFromWorld(layout.given, image), given);
+  });
+}
+
+TEST(MakeLayout, AxesOfDatabaseFramesAreThoseOfTheQuerysCamera) {
+  SyntheticGroup scene = MakeGroupWithDatabaseRigs();
+  scene.group.images = {scene.group.images[1]};
+  scene.group.query_pairs.clear();
+  const Layout layout = MakeLayout(scene.group);
+  ASSERT_EQ(layout.given.calibrations.size(), 1u) << "of the database frames alone";
+  for (int image = 1; image < 7; ++image) EXPECT_EQ(HasFrameAxes(layout.given.images[image]), image % 2 == 0);
+}
+
+TEST(MakeLayout, DatabaseImagesThatStateNoRigidRigAreLoneFrames) {
   SyntheticGroup scene = MakeGroup(1, 2, 4);
   NameDatabaseFrames({"a", "a", "b", "b"}, &scene.group);
-  const Layout layout = MakeLayout(scene.group, {});
+  const Layout layout = MakeLayout(scene.group);
+  EXPECT_EQ(layout.given.calibrations.size(), 1u) << "of the queries";
+  EXPECT_FALSE(layout.given.calibrations[0].is_stated_by_database);
+  EXPECT_EQ(layout.given.frames.size(), 1u + 4);
   VisitDatabaseImages(scene.group, layout, [&](int image, const ImagePair& pair) {
-    EXPECT_EQ(layout.FrameOf(image), image - 1);  // two queries, one frame
     EXPECT_TRUE(HasFrameAxes(layout.given.images[image]));
     ExpectSameBits(CamFromWorld(layout.given, image), Local(pair.database_cam_from_world, layout));
   });
 }
 
-TEST(MakeLayout, NamedDatabaseImagesShareAFrame) {
-  SyntheticGroup scene = MakeGroup(2, 1, 5);
-  NameDatabaseFrames({"a", "", "b", "a", ""}, &scene.group);
-  const Layout layout = MakeLayout(scene.group, Sharing());
-  ASSERT_EQ(layout.given.frames.size(), 2u + 2 * 4);
-  std::vector<int> frames;
-  for (const int image : layout.image_of_pair[0]) frames.push_back(layout.FrameOf(image));
-  EXPECT_THAT(frames, ElementsAre(2, 3, 4, 2, 5));
-  frames.clear();
-  for (const int image : layout.image_of_pair[1]) frames.push_back(layout.FrameOf(image));
-  EXPECT_THAT(frames, ElementsAre(6, 7, 8, 6, 9));
-  VisitDatabaseImages(scene.group, layout, [&](int image, const ImagePair& pair) {
-    const Rigid3d shared = CamFromWorld(layout.given, image), given = Local(pair.database_cam_from_world, layout);
-    EXPECT_LE((shared.rotation.toRotationMatrix() - given.rotation.toRotationMatrix()).norm(), 1e-12);
-    EXPECT_LE((shared.translation - given.translation).norm(), 1e-12);
-    if (HasFrameAxes(layout.given.images[image])) ExpectSameBits(shared, given);
-  });
+TEST(MakeLayout, TrajectoriesHaveNoCalibration) {
+  SyntheticGroup scene = MakeGroup(2, 3, 2);
+  scene.group.is_trajectory = true;
+  const Layout layout = MakeLayout(scene.group);
+  EXPECT_TRUE(layout.given.calibrations.empty());
+  for (const Image& image : layout.given.images) EXPECT_EQ(image.calibration, -1);
 }
 
-TEST(MakeLayout, UnnamedDatabaseImagesKeepTheirBitsWithTheOption) {
-  const SyntheticGroup scene = MakeGroup(1, 2, 4);
-  const Layout alone = MakeLayout(scene.group, {}), shared = MakeLayout(scene.group, Sharing());
-  ExpectSameDatabasePoses(alone.given, shared.given);
-  EXPECT_EQ(alone.image_of_pair, shared.image_of_pair);
+TEST(AsReported, RestoresDatabasePosesAndTheirCalibration) {
+  for (const bool has_rigs : {true, false}) {
+    const SyntheticGroup scene = has_rigs ? MakeGroupWithDatabaseRigs() : MakeGroup(1, 2, 6);
+    const Layout layout = MakeLayout(scene.group);
+    PosedImages adjusted = layout.given;
+    for (Frame& frame : adjusted.frames) frame.frame_from_world.translation.x() += 1;
+    for (Image& image : adjusted.images) image.cam_from_frame.translation.y() += 1;
+    const PosedImages reported = AsReported(layout, adjusted);
+    ExpectSameBits(reported.frames[0].frame_from_world, adjusted.frames[0].frame_from_world);
+    ExpectSameBits(reported.images[1].cam_from_frame, (has_rigs ? layout.given : adjusted).images[1].cam_from_frame);
+    ExpectSameDatabasePoses(reported, layout.given);
+  }
 }
 
 TEST(TracksByFrame, EachFrameHasATrackOnce) {
-  const Layout layout = MakeLayout(MakeGroup(2, 2, 2).group, {});  // queries 0 1 | 2 3, database images 4 and above
+  const Layout layout = MakeLayout(MakeGroup(2, 2, 2).group);  // queries 0 1 | 2 3, database images 4 and above
   std::vector<Track> tracks(3);
   for (const int image : {0, 1, 4, 5}) tracks[0].observations.push_back({image, 0, {}});
   for (const int image : {1, 2, 3, 4}) tracks[1].observations.push_back({image, 1, {}});

@@ -207,36 +207,6 @@ TEST(LazyLocalizer, DatabasePosesThatAreOffAreCorrectedForTheQuery) {
 
 // Moves the images of a database frame together, so that one correction for the frame is at least as good as one for
 // each image.
-TEST(LazyLocalizer, SharedDatabaseFramesAreAsGoodAsLoneOnes) {
-  SyntheticSceneOptions scene_options;
-  scene_options.num_database_images = 8;
-  scene_options.pixel_noise_px = 0.5;
-  LocalizerOptions sharing;
-  sharing.share_database_frames = true;
-  double shared_sum = 0, lone_sum = 0;
-  for (scene_options.seed = 0; scene_options.seed < 10; ++scene_options.seed) {
-    SyntheticScene scene = MakeSyntheticScene(scene_options);
-    Random random(scene_options.seed);
-    std::vector<ImagePair>& pairs = scene.problem.pairs;
-    for (size_t i = 0; i < pairs.size(); i += 2) {
-      const Rigid3d first_from_world = pairs[i].database_cam_from_world;
-      const Rigid3d moved = CamFromWorld(Disturbed(first_from_world.rotation, 0.2, &random),
-                                         CamInWorld(first_from_world) + 0.01 * RandomVector(&random));
-      for (const size_t k : {i, i + 1}) {
-        pairs[k].database_frame_name = "frame" + std::to_string(i);
-        pairs[k].database_cam_from_world = pairs[k].database_cam_from_world * Inverse(first_from_world) * moved;
-      }
-    }
-    const LocalizationResult shared = LocalizeQuery(scene.problem, sharing), lone = Localize(scene);
-    ASSERT_EQ(shared.status, QueryStatus::LOCALIZED) << shared.reason;
-    ASSERT_EQ(lone.status, QueryStatus::LOCALIZED) << lone.reason;
-    EXPECT_NE(shared.cam_from_world.translation, lone.cam_from_world.translation);
-    shared_sum += PositionError(shared.cam_from_world, scene.query_cam_from_world);
-    lone_sum += PositionError(lone.cam_from_world, scene.query_cam_from_world);
-  }
-  EXPECT_LE(shared_sum, lone_sum);
-}
-
 TEST(LazyLocalizer, NoKeypointsIsReported) {
   SyntheticScene scene = MakeSyntheticScene({});
   scene.problem.query_keypoints.clear();

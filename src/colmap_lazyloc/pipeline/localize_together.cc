@@ -63,7 +63,7 @@ auto Timed(const char* name, Report* report, const Stage& stage) {
 
 Outcome LocalizeTogether(const QueryGroup& group, const LocalizerOptions& options) {
   return Run(group, [&](Report* report) {
-    const Layout layout = MakeLayout(group, options);
+    const Layout layout = MakeLayout(group);
     const PairEstimates estimates = EstimatePairs(group, layout, options, report->Seconds());
     report->AddPairs(estimates);
     const Averaged averaged = AverageMotion(layout, estimates.pairs, options, report->Seconds());
@@ -78,7 +78,7 @@ Outcome LocalizeTogether(const QueryGroup& group, const LocalizerOptions& option
         Refine(layout, start.posed, start_tracks, std::move(candidates), options, report->Seconds());
     report->AddUncertainties(
         Timed("covariance", report, [&] { return EstimateUncertainties(layout, averaged.pairs, refined, options); }));
-    report->AddPoses(layout, refined.adjustment.posed);
+    report->AddPoses(layout, AsReported(layout, refined.adjustment.posed));
     report->AddPairErrors(layout, averaged, refined.adjustment.posed);
     report->AddRefined(layout, refined);
   });
@@ -86,7 +86,7 @@ Outcome LocalizeTogether(const QueryGroup& group, const LocalizerOptions& option
 
 Outcome LocalizeWithUnknownFocalLength(const QueryGroup& query, const LocalizerOptions& options) {
   return Run(query, [&](Report* report) {
-    const Layout layout = MakeLayout(query, options);
+    const Layout layout = MakeLayout(query);
     const PairEstimates estimates = FindInliers(query, layout, options, report->Seconds());
     report->AddPairs(estimates);
     PairRefs pairs;
@@ -109,7 +109,7 @@ Outcome LocalizeWithUnknownFocalLength(const QueryGroup& query, const LocalizerO
         Refine(layout, start.posed, start_tracks, std::move(candidates), options, report->Seconds(), &camera);
     report->AddUncertainties(
         Timed("covariance", report, [&] { return EstimateUncertainties(layout, pairs, refined, options); }));
-    report->AddPoses(layout, refined.adjustment.posed);
+    report->AddPoses(layout, AsReported(layout, refined.adjustment.posed));
     report->AddRefined(layout, refined);
     report->AddCamera(camera.Intrinsics());
   });
@@ -117,7 +117,7 @@ Outcome LocalizeWithUnknownFocalLength(const QueryGroup& query, const LocalizerO
 
 Outcome LocalizeWithoutTracks(const QueryGroup& query, const LocalizerOptions& options) {
   return Run(query, [&](Report* report) {
-    const Layout layout = MakeLayout(query, options);
+    const Layout layout = MakeLayout(query);
     const PairEstimates estimates = EstimatePairs(query, layout, options, report->Seconds());
     report->AddPairs(estimates);
     const Averaged averaged = AverageMotion(layout, estimates.pairs, options, report->Seconds());

@@ -79,14 +79,10 @@ TEST(AverageMotion, DirectionsPointFromTheOtherImageToTheQuery) {
 }
 
 TEST(AverageMotion, SharedDatabaseFramesGiveTheSamePoses) {
-  SyntheticGroup scene = MakeSyntheticGroup(Group(2, 2));
-  for (QueryImage& query : scene.group.images) {
-    for (size_t i = 0; i < 4; ++i) query.problem.pairs[i].database_frame_name = i < 2 ? "a" : "b";
-  }
-  LocalizerOptions sharing;
-  sharing.share_database_frames = true;
-  const StageInput input = MakeStageInput(scene, sharing);
-  ASSERT_EQ(input.layout.given.frames.size(), 2u + 2 * 6);
+  SyntheticGroupOptions options = Group(2, 2);
+  options.has_database_rigs = true;
+  const StageInput input = MakeStageInput(MakeSyntheticGroup(options));
+  ASSERT_EQ(input.layout.given.frames.size(), 2u + 2 * 4);
   ExpectNear(Average(input).posed, input.truth, 1e-6, 1e-5);
 }
 

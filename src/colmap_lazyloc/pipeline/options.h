@@ -70,8 +70,9 @@ struct LocalizerOptions {
   int max_num_start_tracks = 300;
   // True to estimate the focal length of queries whose camera has no prior one.
   bool refine_focal_length = false;
-  // True if database images of one rig frame share one pose and one prior in adjustment.
-  bool share_database_frames = false;
+  // Standard deviation of a rig's calibration, as displacement of keypoints by the rotation, and by the position, of
+  // each camera in the rig. 0: exact.
+  double rig_noise_px = 0.3;
   // Standard deviation of database poses, per axis in degrees and per coordinate of the projection centre in database
   // units. 0: exact; -1: estimated for each query from how well the images fit together.
   double database_pose_stddev_deg = -1;

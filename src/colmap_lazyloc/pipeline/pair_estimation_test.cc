@@ -30,12 +30,12 @@ void SetNumInliers(const std::vector<size_t>& num_inliers, LocalizationProblem* 
 
 PairEstimates Estimate(const QueryGroup& group, const LocalizerOptions& options = {}) {
   StageTimer::Seconds seconds;
-  return EstimatePairs(group, MakeLayout(group, options), options, &seconds);
+  return EstimatePairs(group, MakeLayout(group), options, &seconds);
 }
 
 PairEstimates FindInliers(const QueryGroup& group) {
   StageTimer::Seconds seconds;
-  return FindInliers(group, MakeLayout(group, {}), {}, &seconds);
+  return FindInliers(group, MakeLayout(group), {}, &seconds);
 }
 
 std::vector<int> OthersOf(const PairEstimates& estimates) {

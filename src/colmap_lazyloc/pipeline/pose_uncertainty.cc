@@ -70,9 +70,10 @@ std::vector<PoseUncertainty> EstimateUncertainties(const Layout& layout, const P
   const double factor =
       VarianceFactor(adjustment.posed, adjustment.tracks, RobustLoss(options.bundle_adjustment.loss_scale_sigma));
   CheckPositions(layout, pairs, adjustment, tracks_of, factor, options);
+  const PosedImages reported = AsReported(layout, adjustment.posed);
   std::vector<PoseUncertainty> uncertainties;
   for (int query = 0; query < layout.num_queries; ++query) {
-    const Rigid3d pose = CamFromWorld(adjustment.posed, query);
+    const Rigid3d pose = CamFromWorld(reported, query);
     const Eigen::Matrix<double, 6, 6> covariance = TotalCovariance(adjustment, query, factor);
     uncertainties.push_back({MoveToWorld(covariance, layout.origin, pose), ComputePoseSpread(pose, covariance)});
   }

@@ -99,6 +99,7 @@ void Rounds::AdjustRoughly() { Adjust(); }
 
 void Rounds::AdjustWithPriors() {
   priors_.Set(adjustment_.tracks, &adjustment_.posed);
+  SetCalibrationPriors(layout_, adjustment_.tracks, options_.rig_noise_px, &adjustment_.posed);
   Adjust();
 }
 

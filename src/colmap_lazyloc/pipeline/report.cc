@@ -105,11 +105,7 @@ void Report::AddRefined(const Layout& layout, const Refined& refined) {
   for (int query = 0; query < layout.num_queries; ++query) {
     results_[query].rig_error_px = refined.rig_errors_px[query];
   }
-  // Errors are those that a reader of the result finds: against the database poses as given.
-  PosedImages posed = refined.adjustment.posed;
-  std::copy(layout.given.frames.begin() + layout.num_query_frames, layout.given.frames.end(),
-            posed.frames.begin() + layout.num_query_frames);
-  const std::vector<Rigid3d> cams_from_world = CamsFromWorld(posed);
+  const std::vector<Rigid3d> cams_from_world = CamsFromWorld(AsReported(layout, refined.adjustment.posed));
   std::vector<double> errors_px;
   for (const Track& track : refined.adjustment.tracks) {
     errors_px.clear();

@@ -40,9 +40,9 @@ std::vector<Track> TracksOfQuery(const SyntheticGroup& scene, const Layout& layo
 
 }  // namespace
 
-StageInput MakeStageInput(const SyntheticGroup& scene, const LocalizerOptions& options) {
+StageInput MakeStageInput(const SyntheticGroup& scene) {
   StageInput input;
-  input.layout = MakeLayout(scene.group, options);
+  input.layout = MakeLayout(scene.group);
   input.truth = input.layout.given;
   for (int query = input.layout.num_queries - 1; query >= 0; --query) {  // the first image of a frame is set last
     Rigid3d local = scene.cam_from_world[query];

@@ -22,7 +22,7 @@ struct StageInput {
   std::vector<Track> tracks;
 };
 
-StageInput MakeStageInput(const SyntheticGroup& scene, const LocalizerOptions& options = {});
+StageInput MakeStageInput(const SyntheticGroup& scene);
 
 // Returns options that take the database poses as exact, so that covariances are those of the keypoints alone.
 inline LocalizerOptions WithExactDatabase(LocalizerOptions options = {}) {

@@ -24,10 +24,20 @@ PosedImages MovedTo(const BundleSolver<kSize>& solver, PosedImages posed) {
     log_factors[i] = solution.log_factor;
     if (posed.frames[i].has_free_scale) posed.frames[i].scale *= std::exp(solution.log_factor);
   }
-  for (Image& image : posed.images) {
+  for (size_t i = 0; i < posed.calibrations.size(); ++i) {
+    const int index = solver.IndexOfCalibration(static_cast<int>(i));
+    if (index >= 0) posed.calibrations[i].cam_from_frame = solver.Solution().frames[index].frame_from_world;
+  }
+  for (size_t i = 0; i < posed.images.size(); ++i) {
+    Image& image = posed.images[i];
+    const int index = solver.IndexOfImage(static_cast<int>(i));
+    if (index != solver.IndexOf(image.frame)) {
+      image.cam_from_frame =
+          solver.Solution().frames[index].frame_from_world * Inverse(posed.frames[image.frame].frame_from_world);
+    }
     const bool has_free_scale = posed.frames[image.frame].has_free_scale;
     if (has_free_scale && !HasFrameAxes(image)) image.cam_from_frame.translation *= std::exp(log_factors[image.frame]);
-    if (image.log_focal_factor) image.log_focal_factor = log_factors[image.frame];
+    if (image.log_focal_factor) image.log_focal_factor = solver.Solution().frames[index].log_factor;
   }
   return posed;
 }
@@ -40,8 +50,12 @@ std::vector<Eigen::Matrix<double, 6, 6>> ImageCovariances(const BundleSolver<kSi
   if (frame_covariances.empty()) return covariances;
   for (size_t i = 0; i < posed.images.size(); ++i) {
     const Image& image = posed.images[i];
-    const int index = solver.IndexOf(image.frame);
+    const int index = solver.IndexOfImage(static_cast<int>(i));
     if (index < 0 || frame_covariances[index].size() == 0) continue;
+    if (index != solver.IndexOf(image.frame)) {
+      covariances[i] = frame_covariances[index].template topLeftCorner<6, 6>();
+      continue;
+    }
     covariances[i] = ImageCovariance(image, posed.frames[image.frame].has_free_scale, frame_covariances[index]);
   }
   return covariances;
@@ -53,9 +67,14 @@ std::vector<PriorFit> FitPriors(const BundleSolver<kSize>& solver, const PosedIm
   std::vector<PriorFit> fits;
   if (posed.prior_groups.empty()) return fits;
   const std::optional<Eigen::MatrixXd> full_covariance = solver.FullCovariance();
+  std::vector<int> needed_frames;
+  for (size_t image = 0; image < posed.images.size(); ++image) {
+    if (!posed.IsDatabase(static_cast<int>(image)))
+      needed_frames.push_back(solver.IndexOfImage(static_cast<int>(image)));
+  }
   for (size_t group = 0; full_covariance && group < posed.prior_groups.size(); ++group) {
     std::vector<std::vector<Eigen::MatrixXd>> frame_parts;
-    fits.push_back(solver.FitPriors(group, posed.prior_groups[group], *full_covariance, &frame_parts));
+    fits.push_back(solver.FitPriors(group, posed.prior_groups[group], *full_covariance, needed_frames, &frame_parts));
     for (const auto& parts : frame_parts) fits.back().image_parts.push_back(ImageCovariances(solver, posed, parts));
   }
   return fits;

@@ -29,24 +29,6 @@ void SortByFrame(size_t begin, std::vector<FreeObservation>* free) {
   if (!std::is_sorted(first, free->end(), by_frame)) std::stable_sort(first, free->end(), by_frame);
 }
 
-std::vector<BundlePriors> MakePriors(const PosedImages& posed, const std::vector<int>& index_of_frame) {
-  std::vector<BundlePriors> priors;
-  std::vector<bool> is_grouped(posed.frames.size(), false);
-  for (const PriorGroup& group : posed.prior_groups) {
-    BundlePriors& of_group = priors.emplace_back();
-    of_group.precision = PriorPrecision(group);
-    for (const int frame : group.frames) {
-      is_grouped[frame] = true;
-      of_group.frames.push_back(index_of_frame[frame]);
-    }
-  }
-  for (size_t frame = 0; frame < posed.frames.size(); ++frame) {
-    if (!posed.frames[frame].prior || is_grouped[frame]) continue;
-    priors.push_back({{index_of_frame[frame]}, Eigen::MatrixXd::Identity(1, 1)});
-  }
-  return priors;
-}
-
 }  // namespace
 
 BundleProblem::BundleProblem(const PosedImages& posed, const std::vector<Track>& tracks)
@@ -55,16 +37,18 @@ BundleProblem::BundleProblem(const PosedImages& posed, const std::vector<Track>&
     const Frame& frame = posed.frames[i];
     if (IsConstant(frame)) continue;
     index_of_frame[i] = static_cast<int>(frames.size());
-    given.push_back(&frame);
+    pose_priors.push_back(frame.prior ? &*frame.prior : nullptr);
     frames.push_back(MakeBundleFrame(frame));
     has_factor.push_back(frame.has_free_scale);
   }
-  priors = MakePriors(posed, index_of_frame);
+  AddCalibrations(posed);
+  AddPriors(posed);
   std::vector<bool> has_frame_axes;
-  for (const Image& image : posed.images) {
-    has_frame_axes.push_back(HasFrameAxes(image));
+  for (size_t i = 0; i < posed.images.size(); ++i) {
+    const Image& image = posed.images[i];
+    has_frame_axes.push_back(HasFrameAxes(image) || index_of_image[i] != index_of_frame[image.frame]);
     if (!image.log_focal_factor) continue;
-    const int frame = index_of_frame[image.frame];
+    const int frame = index_of_image[i];
     LAZYLOC_CHECK(frame >= 0 && !has_factor[frame]);
     frames[frame].log_factor = *image.log_focal_factor;
     has_factor[frame] = true;
@@ -78,7 +62,7 @@ BundleProblem::BundleProblem(const PosedImages& posed, const std::vector<Track>&
     for (const TrackObservation& element : track.observations) {
       const Image& image = posed.images[element.image];
       const double residual_from_px = ResidualFromPx(image, track);
-      const int frame = index_of_frame[image.frame];
+      const int frame = index_of_image[element.image];
       if (frame < 0) {
         fixed.push_back(
             ProjectionInWorld(element.observation, cams_from_world[element.image]).Scaled(residual_from_px));
@@ -92,6 +76,45 @@ BundleProblem::BundleProblem(const PosedImages& posed, const std::vector<Track>&
     fixed_range.push_back({fixed_begin, fixed.size()});
     free_range.push_back({free_begin, free.size()});
     points.push_back(track.point_in_world);
+  }
+}
+
+void BundleProblem::AddPriors(const PosedImages& posed) {
+  std::vector<bool> is_grouped(frames.size(), false);
+  for (const PriorGroup& group : posed.prior_groups) {
+    BundlePriors& of_group = priors.emplace_back();
+    of_group.precision = PriorPrecision(group);
+    for (const int frame : group.frames) {
+      of_group.frames.push_back(index_of_frame[frame]);
+      is_grouped[of_group.frames.back()] = true;
+    }
+  }
+  for (size_t i = 0; i < frames.size(); ++i) {
+    if (!pose_priors[i] || is_grouped[i]) continue;
+    priors.push_back({{static_cast<int>(i)}, Eigen::MatrixXd::Identity(1, 1)});
+  }
+}
+
+int BundleProblem::AddPose(const Rigid3d& pose, const PosePrior* prior) {
+  frames.emplace_back().MoveTo(pose);
+  pose_priors.push_back(prior);
+  has_factor.push_back(false);
+  return static_cast<int>(frames.size()) - 1;
+}
+
+void BundleProblem::AddCalibrations(const PosedImages& posed) {
+  for (const Calibration& calibration : posed.calibrations) {
+    index_of_calibration.push_back(calibration.prior ? AddPose(calibration.cam_from_frame, &*calibration.prior) : -1);
+  }
+  for (size_t i = 0; i < posed.images.size(); ++i) {
+    const Image& image = posed.images[i];
+    const int frame = index_of_frame[image.frame];
+    const int calibration = image.calibration < 0 ? -1 : index_of_calibration[image.calibration];
+    index_of_image.push_back(frame);
+    if (frame < 0 || calibration < 0) continue;
+    LAZYLOC_CHECK(!posed.frames[image.frame].has_free_scale);
+    index_of_image.back() = AddPose(CamFromWorld(posed, static_cast<int>(i)), nullptr);
+    flexes.push_back({frame, calibration, index_of_image.back(), &posed.calibrations[image.calibration]});
   }
 }
 

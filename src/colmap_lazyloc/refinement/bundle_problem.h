@@ -12,7 +12,8 @@
 
 namespace lazyloc {
 
-// A frame that bundle adjustment moves: six parameters, and a seventh if any focal length or rig scale is estimated.
+// A frame, an image or a calibration that bundle adjustment moves: six parameters, and a seventh if any focal length or
+// rig scale is estimated.
 struct BundleFrame {
   void MoveTo(const Rigid3d& pose) {
     frame_from_world = pose;
@@ -67,6 +68,12 @@ struct BundleError {
   }
 };
 
+// An image whose place in its frame follows a calibration with a prior: all three move.
+struct BundleFlex {
+  int frame = -1, calibration = -1, cam = -1;  // indices into BundleProblem::frames, ascending
+  const Calibration* given = nullptr;
+};
+
 // Indices [begin, end) of an array of observations.
 struct Range {
   size_t begin = 0, end = 0;
@@ -82,15 +89,23 @@ struct BundlePriors {
 struct BundleProblem {
   BundleProblem(const PosedImages& posed, const std::vector<Track>& tracks);
 
-  std::vector<int> index_of_frame;             // by frame of PosedImages, into `frames`; -1 for constant frames
-  std::vector<BundleFrame> frames;             // those that move
-  std::vector<const Frame*> given;             // parallel to `frames`
-  std::vector<BundlePriors> priors;            // those of posed.prior_groups in their order, then of lone frames
+  std::vector<int> index_of_frame;  // by frame of PosedImages, into `frames`; -1 for constant frames
+  std::vector<int> index_of_image;  // by image: its own index if its calibration has a prior, else its frame's
+  std::vector<BundleFrame> frames;  // frames that move, then calibrations with a prior, then their images
+  std::vector<const PosePrior*> pose_priors;  // parallel to `frames`; nullptr if the pose has no prior
+  std::vector<BundlePriors> priors;           // those of posed.prior_groups in their order, then of lone frames
+  std::vector<int> index_of_calibration;      // by calibration of PosedImages; -1 if it has no prior
+  std::vector<BundleFlex> flexes;
   std::vector<bool> has_factor;                // parallel to `frames`: true if its log_factor is estimated
   std::vector<Eigen::Vector3d> points;         // by track
   std::vector<LinearProjection> fixed;         // observations in constant frames, of the points in the world
   std::vector<FreeObservation> free;           // observations in frames that move
   std::vector<Range> fixed_range, free_range;  // by track, in ascending order of the frames
+
+ private:
+  int AddPose(const Rigid3d& pose, const PosePrior* prior);
+  void AddCalibrations(const PosedImages& posed);
+  void AddPriors(const PosedImages& posed);
 };
 
 }  // namespace lazyloc

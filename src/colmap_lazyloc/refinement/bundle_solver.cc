@@ -1,6 +1,7 @@
 #include "colmap_lazyloc/refinement/bundle_solver.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <optional>
@@ -49,6 +50,7 @@ BundleSolver<kSize>::BundleSolver(const PosedImages& posed, const std::vector<Tr
     for (size_t i = range.begin; i < range.end; ++i) frames.push_back(problem_.free[i].frame);
     camera_system_.AddPoint(frames);
   }
+  for (const BundleFlex& flex : problem_.flexes) camera_system_.AddPoint({flex.frame, flex.calibration, flex.cam});
   camera_system_.Finish();
 }
 
@@ -101,6 +103,7 @@ std::optional<Eigen::MatrixXd> BundleSolver<kSize>::FullCovariance() const {
 
 template <int kSize>
 PriorFit BundleSolver<kSize>::FitPriors(size_t group, const PriorGroup& given, const Eigen::MatrixXd& full_covariance,
+                                        const std::vector<int>& needed_frames,
                                         std::vector<std::vector<Eigen::MatrixXd>>* frame_parts) const {
   const BundlePriors& priors = problem_.priors[group];
   const std::vector<PosePriorResidual> residuals = EvaluatePriors(priors, state_);
@@ -119,8 +122,7 @@ PriorFit BundleSolver<kSize>::FitPriors(size_t group, const PriorGroup& given, c
     }
   }
   frame_parts->assign(given.components.size(), std::vector<Eigen::MatrixXd>(state_.frames.size()));
-  for (size_t frame = 0; frame < state_.frames.size(); ++frame) {
-    if (problem_.given[frame]->is_database) continue;
+  for (const int frame : needed_frames) {
     // The frame's error by those of the priors, coordinate by coordinate.
     const Eigen::MatrixXd columns = with_frames.middleCols<kSize>(kSize * static_cast<Eigen::Index>(frame));
     Eigen::MatrixXd weighted(size, 6 * kSize);
@@ -149,6 +151,7 @@ bool BundleSolver<kSize>::Build(const BundleState& state, double damping) {
   system_.eliminated.resize(problem_.free.size());
   std::vector<FrameMatrix> hessians(state.frames.size(), FrameMatrix::Zero());
   AddPriors(state, &hessians);
+  for (const BundleFlex& flex : problem_.flexes) AddFlex(state, flex, &hessians);
   for (size_t track = 0; track < state.points.size(); ++track) {
     if (!AddTrack(state, track, damping, &hessians)) return false;
   }
@@ -173,6 +176,7 @@ double BundleSolver<kSize>::Cost(const BundleState& state) const {
       }
     }
   }
+  for (const BundleFlex& flex : problem_.flexes) cost += 0.5 * Evaluate(flex, state).error.squaredNorm();
   BundleError error;
   for (size_t track = 0; track < state.points.size(); ++track) {
     const auto [fixed, free] = std::tie(problem_.fixed_range[track], problem_.free_range[track]);
@@ -197,7 +201,7 @@ std::vector<PosePriorResidual> BundleSolver<kSize>::EvaluatePriors(const BundleP
   std::vector<PosePriorResidual> residuals;
   residuals.reserve(priors.frames.size());
   for (const int frame : priors.frames) {
-    residuals.push_back(EvaluatePosePrior(*problem_.given[frame]->prior, state.frames[frame].frame_from_world));
+    residuals.push_back(EvaluatePosePrior(*problem_.pose_priors[frame], state.frames[frame].frame_from_world));
   }
   return residuals;
 }
@@ -218,6 +222,30 @@ void BundleSolver<kSize>::AddPriors(const BundleState& state, std::vector<FrameM
         block.template topLeftCorner<6, 6>() +=
             priors.precision(a, b) * residuals[a].jacobian.transpose() * residuals[b].jacobian;
       }
+    }
+  }
+}
+
+template <int kSize>
+RigFlexResidual BundleSolver<kSize>::Evaluate(const BundleFlex& flex, const BundleState& state) {
+  return EvaluateRigFlex(*flex.given, state.frames[flex.calibration].frame_from_world,
+                         state.frames[flex.cam].frame_from_world, state.frames[flex.frame].frame_from_world);
+}
+
+template <int kSize>
+void BundleSolver<kSize>::AddFlex(const BundleState& state, const BundleFlex& flex,
+                                  std::vector<FrameMatrix>* frame_hessians) {
+  const RigFlexResidual residual = Evaluate(flex, state);
+  system_.cost += 0.5 * residual.error.squaredNorm();
+  const std::array<std::pair<int, const Eigen::Matrix<double, 6, 6>*>, 3> parts = {
+      {{flex.frame, &residual.by_frame}, {flex.calibration, &residual.by_calibration}, {flex.cam, &residual.by_cam}}};
+  for (size_t a = 0; a < parts.size(); ++a) {
+    const auto& [frame_a, by_a] = parts[a];
+    system_.rhs.template segment<6>(kSize * frame_a) -= by_a->transpose() * residual.error;
+    (*frame_hessians)[frame_a].template topLeftCorner<6, 6>() += by_a->transpose() * *by_a;
+    for (size_t b = 0; b < a; ++b) {
+      camera_system_.Block(frame_a, parts[b].first, &system_.reduced).template topLeftCorner<6, 6>() +=
+          by_a->transpose() * *parts[b].second;
     }
   }
 }

@@ -9,6 +9,7 @@
 #include "colmap_lazyloc/refinement/bundle_problem.h"
 #include "colmap_lazyloc/refinement/camera_system.h"
 #include "colmap_lazyloc/refinement/pose_prior.h"
+#include "colmap_lazyloc/refinement/rig_flex.h"
 #include "colmap_lazyloc/refinement/robust_loss.h"
 
 namespace lazyloc {
@@ -49,15 +50,20 @@ class BundleSolver {
   const BundleState& Solution() const { return state_; }
   // Returns the index of a frame of PosedImages; -1 for a constant one.
   int IndexOf(int frame) const { return problem_.index_of_frame[frame]; }
+  // Returns the index of an image whose calibration has a prior; of any other image, that of its frame.
+  int IndexOfImage(int image) const { return problem_.index_of_image[image]; }
+  // Returns the index of a calibration of PosedImages; -1 for one without a prior.
+  int IndexOfCalibration(int calibration) const { return problem_.index_of_calibration[calibration]; }
 
   // Returns the covariances of the frames' parameters, at the minimum or a step before it that is as short as
   // convergence means.
   std::vector<FrameMatrix> Covariances() const;
   // Returns the whole covariance of the frames' parameters, after Covariances; nullopt for many frames.
   std::optional<Eigen::MatrixXd> FullCovariance() const;
-  // Fits a prior group after Covariances. frame_parts: receives for each component and frame the covariance of the
-  // frame's parameters that unit variance of the component causes.
+  // Fits a prior group after Covariances. frame_parts: receives for each component and needed frame (indices by
+  // IndexOfImage) the covariance of the frame's parameters that unit variance of the component causes.
   PriorFit FitPriors(size_t group, const PriorGroup& given, const Eigen::MatrixXd& full_covariance,
+                     const std::vector<int>& needed_frames,
                      std::vector<std::vector<Eigen::MatrixXd>>* frame_parts) const;
 
  private:
@@ -69,6 +75,9 @@ class BundleSolver {
   void AddPriors(const BundleState& state, std::vector<FrameMatrix>* frame_hessians);
   // Returns the deviations of a group's frames from their priors.
   std::vector<PosePriorResidual> EvaluatePriors(const BundlePriors& priors, const BundleState& state) const;
+  // Evaluates how far an image's place in its frame deviates from its calibration.
+  static RigFlexResidual Evaluate(const BundleFlex& flex, const BundleState& state);
+  void AddFlex(const BundleState& state, const BundleFlex& flex, std::vector<FrameMatrix>* frame_hessians);
   // Adds a track's derivatives and eliminates its point, in one pass. Returns false if the point lies behind a camera.
   bool AddTrack(const BundleState& state, size_t track, double damping, std::vector<FrameMatrix>* frame_hessians);
   // Subtracts the Schur complement of one point by its Cholesky factor: a square, so that the system stays positive

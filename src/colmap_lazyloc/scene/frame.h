@@ -30,17 +30,33 @@ struct Frame {
   double scale = 1;  // the factor that has been estimated so far
 };
 
+// The place of a camera in its rig, common to the images that this camera takes at all moments.
+struct Calibration {
+  Rigid3d cam_from_frame;
+  // The calibration may be off: adjustment corrects cam_from_frame as far as the prior lets it (its frame_from_world is
+  // the stated cam_from_frame). Without a prior the images of the calibration have an exact cam_from_frame.
+  std::optional<PosePrior> prior;
+  // Standard deviations of the rig's place at one moment: no rig is perfectly rigid.
+  double flex_rad = 0;     // of the rotation, about each axis
+  double flex_length = 0;  // of each coordinate of the projection centre
+  // True if database frames have the calibration. Their poses then define what is right: the poses of queries are
+  // reported with the stated calibration too.
+  bool is_stated_by_database = false;
+};
+
 // An image of a frame:
 //
 //      image 0         image 1          cam_from_world = cam_from_frame * frame_from_world
 //   (frame's axes)     /
-//        +------------+  cam_from_frame: the rig offset, constant but for the frame's scale
+//        +------------+  cam_from_frame: the rig offset, constant but for its calibration and the frame's scale
 //         \          /
 //          \ frame_from_world: one pose for all images of the frame
 //
 struct Image {
   int frame = -1;          // index into PosedImages::frames
   Rigid3d cam_from_frame;  // identity for the first image of a frame, whose axes are the frame's
+  // Index into PosedImages::calibrations; -1 if cam_from_frame is exact, as it is in a constant frame.
+  int calibration = -1;
   // Standard deviation of a keypoint's error, per coordinate: keypoint noise, and what errors of a database pose and of
   // the intrinsics look like in the image.
   double noise_px = 1;
@@ -67,7 +83,9 @@ struct PriorGroup {
 struct PosedImages {
   std::vector<Image> images;
   std::vector<Frame> frames;
-  std::vector<PriorGroup> prior_groups;  // disjoint; frames of no group deviate independently as their priors state
+  std::vector<Calibration> calibrations = {};
+  std::vector<PriorGroup> prior_groups =
+      {};  // disjoint; frames of no group deviate independently as their priors state
 
   const Frame& FrameOf(int image) const { return frames[images[image].frame]; }
   bool IsDatabase(int image) const { return FrameOf(image).is_database; }

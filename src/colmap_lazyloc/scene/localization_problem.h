@@ -26,6 +26,7 @@ struct ImagePair {
   // for a lone image). Images of one frame have the same name.
   Rigid3d database_cam_from_world;
   std::string database_frame_name;
+  Rigid3d database_cam_from_rig;  // of the image's camera in that frame's rig
 };
 
 // Everything that localizing one query needs.
@@ -40,7 +41,7 @@ struct LocalizationProblem {
 struct QueryImage {
   LocalizationProblem problem;
   int frame = 0;         // index into QueryGroup::frame_names
-  Rigid3d cam_from_rig;  // identity for a lone image
+  Rigid3d cam_from_rig;  // identity if the rig is unknown
 };
 
 // Two queries of a group that share matches.
@@ -58,6 +59,8 @@ struct QueryGroup {
   std::vector<QueryPair> query_pairs;
   // True if the translations in cam_from_rig are in database units; else their scale is estimated for each frame.
   bool has_rig_scale = true;
+  // True if frames are pieces of a trajectory: their cam_from_rig have no calibration's error in common.
+  bool is_trajectory = false;
 };
 
 }  // namespace lazyloc

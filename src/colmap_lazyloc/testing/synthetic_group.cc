@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <numeric>
+#include <optional>
 
 #include "colmap_lazyloc/bridge/camera_models.h"
 #include "colmap_lazyloc/scene/errors.h"
@@ -32,6 +33,7 @@ class GroupMaker {
   }
 
   SyntheticGroup Make() {
+    if (options_.has_database_rigs) return MakeWithDatabaseRigs();
     for (int i = 0; i < options_.num_database_images; ++i) {
       ImagePair image;
       image.other_name = "database" + std::to_string(100 + i);
@@ -40,17 +42,56 @@ class GroupMaker {
       image.other_keypoints = Project(image.database_cam_from_world);
       database_.push_back(image);
     }
-    std::vector<Rigid3d> cams_from_rig = {{}};
-    for (int i = 1; i < options_.num_sensors; ++i) {
-      cams_from_rig.push_back({Disturbed(Eigen::Quaterniond::Identity(), 5, &random_), 0.4 * RandomVector(&random_)});
+    MakeSensors();
+    return Finish();
+  }
+
+ private:
+  SyntheticGroup MakeWithDatabaseRigs() {
+    MakeSensors();
+    true_last_rotation_ = Disturbed(cams_from_rig_.back().rotation, options_.calibration_error_deg, &random_);
+    const int num_frames = options_.num_database_images / options_.num_sensors;
+    for (int frame = 0; frame < num_frames; ++frame) {
+      const Rigid3d rig_from_world = RingPose((frame + 0.5) / num_frames, 10, &random_);
+      for (int sensor = 0; sensor < options_.num_sensors; ++sensor) {
+        ImagePair image;
+        image.other_name = "database" + std::to_string(100 + options_.num_sensors * frame + sensor);
+        image.other_camera = camera_;
+        image.database_frame_name = "frame" + std::to_string(frame);
+        image.database_cam_from_rig = cams_from_rig_[sensor];
+        image.database_cam_from_world = cams_from_rig_[sensor] * rig_from_world;
+        true_database_poses_.push_back(TrueCamFromRig(sensor) * rig_from_world);
+        image.other_keypoints = Project(true_database_poses_.back());
+        database_.push_back(image);
+      }
     }
-    for (int frame = 0; frame < options_.num_frames; ++frame) AddFrame(frame, cams_from_rig);
+    return Finish();
+  }
+
+  void MakeSensors() {
+    for (int i = 1; i < options_.num_sensors; ++i) {
+      cams_from_rig_.push_back({Disturbed(Eigen::Quaterniond::Identity(), 5, &random_), 0.4 * RandomVector(&random_)});
+    }
+  }
+
+  // Returns the sensor's true place, of which the stated one may differ. Without rigs in the database, each frame has
+  // an error of its own.
+  Rigid3d TrueCamFromRig(int sensor) {
+    Rigid3d cam_from_rig = cams_from_rig_[sensor];
+    if (sensor + 1 < options_.num_sensors) return cam_from_rig;
+    cam_from_rig.rotation = true_last_rotation_
+                                ? *true_last_rotation_
+                                : Disturbed(cam_from_rig.rotation, options_.calibration_error_deg, &random_);
+    return cam_from_rig;
+  }
+
+  SyntheticGroup Finish() {
+    for (int frame = 0; frame < options_.num_frames; ++frame) AddFrame(frame);
     if (options_.has_query_pairs) AddQueryPairs();
     scene_.points_in_world = points_;
     return scene_;
   }
 
- private:
   std::vector<Eigen::Vector2d> Project(const Rigid3d& cam_from_world) {
     std::vector<Eigen::Vector2d> keypoints;
     for (const Eigen::Vector3d& point : points_) {
@@ -76,25 +117,23 @@ class GroupMaker {
     return geometry;
   }
 
-  void AddFrame(int frame, const std::vector<Rigid3d>& cams_from_rig) {
+  void AddFrame(int frame) {
     const Rigid3d rig_from_world = RingPose((frame + 0.4) / options_.num_frames, 8, &random_);
     scene_.group.frame_names.push_back(options_.num_sensors > 1 ? "frame" + std::to_string(frame) : "");
     for (int sensor = 0; sensor < options_.num_sensors; ++sensor) {
       QueryImage image;
       image.frame = frame;
-      image.cam_from_rig = cams_from_rig[sensor];
-      Rigid3d cam_from_rig = cams_from_rig[sensor];
-      if (sensor + 1 == options_.num_sensors) {
-        cam_from_rig.rotation = Disturbed(cam_from_rig.rotation, options_.calibration_error_deg, &random_);
-      }
-      const Rigid3d cam_from_world = cam_from_rig * rig_from_world;
+      image.cam_from_rig = cams_from_rig_[sensor];
+      const Rigid3d cam_from_world = TrueCamFromRig(sensor) * rig_from_world;
       image.problem.query_name = "query" + std::to_string(frame) + "-" + std::to_string(sensor);
       image.problem.query_camera = camera_;
       image.problem.query_keypoints = Project(cam_from_world);
       if (sensor < options_.num_sensors - options_.num_sensors_without_pairs) {
         for (size_t i = 0; i < database_.size(); ++i) {
           ImagePair pair = database_[i];
-          pair.geometry = Geometry(cam_from_world * Inverse(pair.database_cam_from_world),
+          const Rigid3d& database =
+              true_database_poses_.empty() ? pair.database_cam_from_world : true_database_poses_[i];
+          pair.geometry = Geometry(cam_from_world * Inverse(database),
                                    i < std::floor(options_.outlier_pair_ratio * database_.size()));
           image.problem.pairs.push_back(pair);
         }
@@ -122,7 +161,10 @@ class GroupMaker {
   Random random_;
   Camera camera_;
   std::vector<Eigen::Vector3d> points_;
+  std::vector<Rigid3d> cams_from_rig_ = {{}};             // as stated, by sensor
+  std::optional<Eigen::Quaterniond> true_last_rotation_;  // of the last sensor, if it is the same in all frames
   std::vector<ImagePair> database_;
+  std::vector<Rigid3d> true_database_poses_;  // empty if the stated poses are true
   SyntheticGroup scene_;
 };
 

@@ -17,6 +17,9 @@ struct SyntheticGroupOptions {
   int num_sensors_without_pairs = 0;  // the last sensors of each frame
   bool has_query_pairs = true;        // matches between the images of the group
   double calibration_error_deg = 0;   // angle between true and stated rotation of the last sensor on the rig
+  // True if each num_sensors database images are a frame of the queries' rig. Its stated poses have the error of the
+  // calibration.
+  bool has_database_rigs = false;
   uint32_t seed = 0;
 };
 

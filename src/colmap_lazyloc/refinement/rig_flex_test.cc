@@ -1,0 +1,63 @@
+#include "colmap_lazyloc/refinement/rig_flex.h"
+
+#include <gtest/gtest.h>
+
+#include "colmap_lazyloc/math/so3.h"
+#include "colmap_lazyloc/testing/jacobian_check.h"
+#include "colmap_lazyloc/testing/synthetic_scene.h"
+
+namespace lazyloc {
+namespace {
+
+// Holds the poses of an image, its frame and its calibration. The image is where the calibration puts it.
+struct Poses {
+  Rigid3d cam, frame, calibration;
+};
+
+Poses MakePoses() {
+  Random random(3);
+  const Rigid3d frame{RandomRotation(&random), RandomVector(&random)};
+  const Rigid3d calibration{RandomRotation(&random), RandomVector(&random)};
+  return {calibration * frame, frame, calibration};
+}
+
+RigFlexResidual Evaluate(const Poses& poses) {
+  Calibration calibration;
+  calibration.flex_rad = 0.01;
+  calibration.flex_length = 0.2;
+  return EvaluateRigFlex(calibration, poses.calibration, poses.cam, poses.frame);
+}
+
+TEST(EvaluateRigFlex, IsZeroForARigidRig) { EXPECT_LE(Evaluate(MakePoses()).error.norm(), 1e-12); }
+
+TEST(EvaluateRigFlex, CountsStandardDeviations) {
+  Poses poses = MakePoses();
+  poses.cam.rotation = ExpSO3({0, 0.02, 0}) * poses.cam.rotation;
+  poses.cam.translation = ExpSO3({0, 0.02, 0}) * poses.cam.translation;
+  EXPECT_NEAR(Evaluate(poses).error.norm(), 2, 1e-9) << "turns about its centre";
+  poses = MakePoses();
+  poses.cam.translation.x() += 0.6;
+  EXPECT_NEAR(Evaluate(poses).error.norm(), 3, 1e-9);
+}
+
+TEST(EvaluateRigFlex, JacobiansAreThoseOfTheTangents) {
+  const Poses poses = MakePoses();
+  const RigFlexResidual residual = Evaluate(poses);
+  const auto expect_jacobian = [&](Rigid3d Poses::*pose, const Eigen::Matrix<double, 6, 6>& jacobian) {
+    ExpectJacobian(
+        [&](const Eigen::VectorXd& step) -> Eigen::VectorXd {
+          Poses moved = poses;
+          Rigid3d& target = moved.*pose;
+          target.rotation = ExpSO3(step.head<3>()) * target.rotation;
+          target.translation += step.tail<3>();
+          return Evaluate(moved).error;
+        },
+        jacobian);
+  };
+  expect_jacobian(&Poses::cam, residual.by_cam);
+  expect_jacobian(&Poses::frame, residual.by_frame);
+  expect_jacobian(&Poses::calibration, residual.by_calibration);
+}
+
+}  // namespace
+}  // namespace lazyloc
