@@ -73,6 +73,21 @@ Camera CameraFromFocalLength(int model_id, double focal_length_px, uint64_t widt
   return {0, model_id, width, height, made.params, /*has_prior_focal_length=*/true};
 }
 
+double MeanFocalLength(const Camera& camera) {
+  const colmap::Camera converted = ToColmap(camera);
+  double sum = 0;
+  for (const size_t idx : converted.FocalLengthIdxs()) sum += camera.params[idx];
+  return sum / static_cast<double>(std::max<size_t>(converted.FocalLengthIdxs().size(), 1));
+}
+
+Eigen::Vector2d PrincipalPoint(const Camera& camera) {
+  const colmap::Camera converted = ToColmap(camera);
+  if (converted.PrincipalPointIdxs().size() != 2) {
+    return {0.5 * static_cast<double>(camera.width), 0.5 * static_cast<double>(camera.height)};
+  }
+  return {converted.PrincipalPointX(), converted.PrincipalPointY()};
+}
+
 IntrinsicsOrigin OriginOfStoredCamera(const Camera& camera) {
   const auto is_made_with = [&](double focal_length_px) {
     return SameIntrinsics(camera, CameraFromFocalLength(camera.model_id, focal_length_px, camera.width, camera.height));

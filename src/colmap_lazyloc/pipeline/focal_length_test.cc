@@ -16,7 +16,7 @@ namespace {
 
 LocalizerOptions Seeking() {
   LocalizerOptions options;
-  options.refine_focal_length = true;
+  options.intrinsics = IntrinsicsMode::REFINE;
   return options;
 }
 
@@ -83,19 +83,6 @@ TEST(FocalLength, DistortedCameraIsRefinedToo) {
   }
   scene.problem.query_camera = WithFocalFactor(camera, 1.5);
   ExpectFound(scene, 1.5, 1e-5, 1e-5);
-}
-
-TEST(FocalLength, PriorOneStaysToTheBit) {
-  SyntheticSceneOptions options;
-  options.pixel_noise_px = 1;
-  SyntheticScene scene = MakeSyntheticScene(options);
-  scene.problem.query_camera.has_prior_focal_length = true;
-  const LocalizationResult sought = LocalizeQuery(scene.problem, Seeking());
-  const LocalizationResult known = LocalizeQuery(scene.problem, LocalizerOptions());
-  EXPECT_FALSE(sought.is_camera_refined);
-  EXPECT_EQ(sought.query_camera.params, scene.problem.query_camera.params);
-  EXPECT_EQ(sought.cam_from_world.translation, known.cam_from_world.translation);
-  EXPECT_EQ(sought.covariance, known.covariance);
 }
 
 TEST(FocalLength, CovarianceMatchesTheErrorsSpread) {

@@ -36,6 +36,15 @@ template <>
 inline constexpr std::array<const char*, 4> kEnumNames<PostOptimization> = {"tracks", "sampson", "relative_pose_lo",
                                                                             "none"};
 
+// How the intrinsics of queries are treated. All modes compare them with the images.
+enum class IntrinsicsMode {
+  AUTO,    // refines guesses, and EXIF's if the images contradict it; refuses a query whose given ones they contradict
+  GIVEN,   // keeps them; only warns
+  REFINE,  // always estimates the focal length
+};
+template <>
+inline constexpr std::array<const char*, 3> kEnumNames<IntrinsicsMode> = {"auto", "given", "refine"};
+
 // Image noise that the start and the first round assume, because motion averaging may be off by many pixels. Later
 // rounds estimate it for each image.
 inline constexpr double kStartNoisePx = 4;
@@ -68,8 +77,7 @@ struct LocalizerOptions {
   // most observations are used.
   int max_num_tracks = 1000000;
   int max_num_start_tracks = 300;
-  // True to estimate the focal length of queries whose camera has no prior one.
-  bool refine_focal_length = false;
+  IntrinsicsMode intrinsics = IntrinsicsMode::AUTO;
   // True if database images of one rig frame share one pose and one prior in adjustment.
   bool share_database_frames = false;
   // Standard deviation of database poses, per axis in degrees and per coordinate of the projection centre in database

@@ -57,7 +57,11 @@ BundleAdjustmentResult Adjust(const PosedImages& posed, std::vector<Track> track
   if (!result.summary.success) return result;
   const std::vector<Eigen::Matrix<double, kSize, kSize>> covariances = solver.Covariances();
   std::vector<Eigen::MatrixXd> prior_parts;
-  if (options.fits_priors) result.prior_fit = solver.FitOfPriors(&prior_parts);
+  if (options.fits_priors) {
+    result.prior_fit = solver.FitOfPriors(&prior_parts);
+    result.intrinsics_scores =
+        ComputeIntrinsicsScores(solver, posed, result.tracks, RobustLoss(options.loss_scale_sigma));
+  }
   result.posed = MovedTo(solver, posed);
   result.image_covariances = ImageCovariances(solver, result.posed, covariances);
   result.image_prior_parts = ImageCovariances(solver, result.posed, prior_parts);

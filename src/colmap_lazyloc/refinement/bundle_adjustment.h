@@ -5,6 +5,7 @@
 
 #include <Eigen/Core>
 
+#include "colmap_lazyloc/refinement/intrinsics_score.h"
 #include "colmap_lazyloc/refinement/prior_fit.h"
 #include "colmap_lazyloc/scene/frame.h"
 #include "colmap_lazyloc/scene/stage_summary.h"
@@ -17,7 +18,7 @@ struct BundleAdjustmentOptions {
   int max_num_iterations = 50;
   // Maximum length of the last step, in standard deviations of the poses (root mean square over the frames).
   double convergence_sigma = 0.2;
-  bool fits_priors = true;  // true to compute prior_fit and image_prior_parts
+  bool fits_priors = true;  // true to compute prior_fit and image_prior_parts, and intrinsics_scores
 
   bool Check(std::string* error) const;
 };
@@ -34,6 +35,7 @@ struct BundleAdjustmentResult {
   // it. Zero without priors, without fits_priors, or for more frames than a dense matrix solves.
   PriorFit prior_fit;
   std::vector<Eigen::Matrix<double, 6, 6>> image_prior_parts;
+  std::vector<IntrinsicsScore> intrinsics_scores;  // by frame, zero for database frames; empty without fits_priors
 };
 
 // Minimises over the poses of all frames that are not constant, the focal lengths and rig scales that are estimated,

@@ -65,8 +65,9 @@ BundleProblem::BundleProblem(const PosedImages& posed, const std::vector<Track>&
         continue;
       }
       const LinearProjection projection = ProjectionInFrame(element.observation, image, has_frame_axes[element.image]);
+      const double factor_from_px = image.log_focal_factor ? residual_from_px : 0;  // zero: no such parameter
       free.push_back(
-          {frame, projection.Scaled(residual_from_px), residual_from_px * element.observation.px_from_log_focal});
+          {frame, projection.Scaled(residual_from_px), factor_from_px * element.observation.px_from_log_focal});
     }
     SortByFrame(free_begin, &free);
     fixed_range.push_back({fixed_begin, fixed.size()});
