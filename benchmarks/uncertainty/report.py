@@ -48,6 +48,8 @@ def localize(colmap, scene, *arguments, database_scene=None):
             synthetic.write_model(folder / "model", database_scene or scene),
             "--output_path",
             folder / "output",
+            "--LazyLocalizer.Advanced.focal_length_stddev_ratio",
+            0,  # the intrinsics of synthetic scenes are exact
             *arguments,
         )
         return read_results(folder / "output" / "results.jsonl")

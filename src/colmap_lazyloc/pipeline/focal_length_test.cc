@@ -124,7 +124,9 @@ TEST(FocalLength, FrontoParallelPlaneLeavesTheDistanceUnobservable) {
       pair.other_keypoints[i] = project(pair.other_camera, pair.database_cam_from_world, point);
     }
   }
-  EXPECT_EQ(LocalizeQuery(scene.problem, LocalizerOptions()).status, QueryStatus::LOCALIZED);
+  const LocalizationResult given = LocalizeQuery(scene.problem, LocalizerOptions());
+  EXPECT_EQ(given.status, QueryStatus::LOCALIZED) << given.reason;
+  EXPECT_EQ(given.intrinsics.verdict, IntrinsicsVerdict::UNOBSERVABLE);
   const LocalizationResult result = LocalizeQuery(scene.problem, Seeking());
   EXPECT_EQ(result.status, QueryStatus::DEGENERATE_BASELINE) << QueryStatusName(result.status);
   EXPECT_THAT(result.reason, testing::HasSubstr("focal length"));

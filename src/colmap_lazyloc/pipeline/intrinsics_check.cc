@@ -15,11 +15,10 @@
 namespace lazyloc {
 namespace {
 
-// Standard deviation of the log of a calibrated focal length: calibrations of one camera agree within some tenths of a
-// percent, and focusing changes the focal length by as much.
-constexpr double kCalibratedStddev = 0.004;
-// Of a wrong one: EXIF is off by 2 to 50 %.
+// Standard deviation of the log of a wrong focal length: EXIF is off by 2 to 50 %.
 constexpr double kWrongStddev = 0.2;
+// Minimum deviation of a right value in the judgement: adjustment is only exact to first order.
+constexpr double kMinRightStddev = 0.001;
 // Probability that a value is wrong before the images are asked.
 constexpr double kWrongGivenProbability = 0.02;
 constexpr double kWrongExifProbability = 0.5;
@@ -113,17 +112,20 @@ Eigen::Matrix<double, 6, 1> PoseDerivative(const Layout& layout, const PosedImag
 
 }  // namespace
 
-FocalLengthJudgement JudgeFocalLength(double log_factor, double stddev, IntrinsicsOrigin origin) {
+FocalLengthJudgement JudgeFocalLength(double log_factor, double stddev, IntrinsicsOrigin origin,
+                                      const LocalizerOptions& options) {
+  const double right_stddev = std::max(options.focal_length_stddev_ratio, kMinRightStddev);
   const double variance = stddev * stddev;
   const double prior = origin == IntrinsicsOrigin::GUESS  ? 1
                        : origin == IntrinsicsOrigin::EXIF ? kWrongExifProbability
                                                           : kWrongGivenProbability;
-  const double right = (1 - prior) * NormalDensity(log_factor, kCalibratedStddev * kCalibratedStddev + variance);
+  const double right = (1 - prior) * NormalDensity(log_factor, right_stddev * right_stddev + variance);
   const double wrong = prior * NormalDensity(log_factor, kWrongStddev * kWrongStddev + variance);
   FocalLengthJudgement judgement;
   judgement.wrong_probability = wrong + right > 0 ? wrong / (wrong + right) : 1;
   judgement.mean_square = judgement.wrong_probability * MeanSquare(kWrongStddev, log_factor, variance) +
-                          (1 - judgement.wrong_probability) * MeanSquare(kCalibratedStddev, log_factor, variance);
+                          (1 - judgement.wrong_probability) * MeanSquare(right_stddev, log_factor, variance);
+  if (options.focal_length_stddev_ratio == 0 && origin == IntrinsicsOrigin::GIVEN) judgement.mean_square = 0;
   return judgement;
 }
 
@@ -168,7 +170,7 @@ std::vector<IntrinsicsResult> CheckIntrinsics(const QueryGroup& group, const Lay
       continue;
     }
     const FocalLengthJudgement judgement =
-        JudgeFocalLength(corrections.log_focal_factor, corrections.log_focal_stddev, result.origin);
+        JudgeFocalLength(corrections.log_focal_factor, corrections.log_focal_stddev, result.origin, options);
     const bool is_wrong = judgement.wrong_probability > 0.5 && result.origin != IntrinsicsOrigin::GUESS &&
                           HasFocalLength(problem.query_camera);
     result.contradiction = OtherContradiction(problem.query_camera, corrections, is_wrong);

@@ -15,7 +15,8 @@ struct FocalLengthJudgement {
 
 // Judges a focal length by the log of the factor that the images ask for and its standard deviation. A value is right
 // with some probability, which depends on its origin, and then off as calibrations are; else off by tens of percent.
-FocalLengthJudgement JudgeFocalLength(double log_factor, double stddev, IntrinsicsOrigin origin);
+FocalLengthJudgement JudgeFocalLength(double log_factor, double stddev, IntrinsicsOrigin origin,
+                                      const LocalizerOptions& options);
 
 // Adds a focal length's uncertainty to that of a pose, and notes it in `intrinsics`, whose derivative is set.
 void AddFocalLengthUncertainty(double mean_square, const Rigid3d& cam_from_world, IntrinsicsResult* intrinsics,

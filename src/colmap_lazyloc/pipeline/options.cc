@@ -14,6 +14,7 @@ bool LocalizerOptions::Check(std::string* error) const {
   OPTION_GE(database_pose_stddev_deg, -1);
   OPTION_GE(database_pose_stddev_length, -1);
   OPTION_GT(database_pose_noise_px, 0);
+  OPTION_GE(focal_length_stddev_ratio, 0);
   OPTION_GT(max_position_stddev_ratio, 0);
   if (intrinsics == IntrinsicsMode::REFINE && post_optimization != PostOptimization::TRACKS) {
     *error = "intrinsics = refine needs post_optimization = tracks";

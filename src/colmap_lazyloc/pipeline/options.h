@@ -78,6 +78,10 @@ struct LocalizerOptions {
   int max_num_tracks = 1000000;
   int max_num_start_tracks = 300;
   IntrinsicsMode intrinsics = IntrinsicsMode::AUTO;
+  // Standard deviation of the log of a given focal length that is right; 0: exact, so that the covariance leaves it
+  // out. Calibrations of one camera agree within some tenths of a percent, and focusing changes the focal length by as
+  // much.
+  double focal_length_stddev_ratio = 0.004;
   // True if database images of one rig frame share one pose and one prior in adjustment.
   bool share_database_frames = false;
   // Standard deviation of database poses, per axis in degrees and per coordinate of the projection centre in database

@@ -13,6 +13,10 @@
 namespace lazyloc {
 namespace {
 
+// Share of the information with points and poses fixed that always remains, because that of an unobservable correction
+// would else be a rounding error.
+constexpr double kRegularization = 1e-9;
+
 using Derivative = Eigen::Matrix<double, 2, NUM_INTRINSICS_PARAMETERS>;
 
 // Returns the derivative of a fixed ray's keypoint with respect to the corrections.
@@ -57,7 +61,9 @@ class ScoreBuilder {
       error.Scale(root_weight);
       const Derivative derivative = root_weight * ResidualFromPx(posed_.images[element.image], tracks_[track]) *
                                     KeypointDerivative(element.observation);
-      score_.information += derivative.transpose() * derivative;
+      const IntrinsicsScore::Matrix information = derivative.transpose() * derivative;
+      score_.information += information;
+      score_.information.diagonal() += kRegularization * information.diagonal();
       score_.score -= derivative.transpose() * error.error;
       CouplingWith(frame) += error.ByFrame<kSize>() * derivative;
       by_point += derivative.transpose() * error.ByPointInWorld(state.frames[frame]);
