@@ -1,7 +1,8 @@
 """Localizes the queries of scenes with focal lengths that are too long, and prints a Markdown table.
 
 Each query's focal length is multiplied by 1, 1.02, 1.05, 1.1, 1.2 and 1.5: as given in a query list, and as EXIF's in a
-copy of the database (principal point at the centre, prior flag set, relative poses of the pairs forgotten). Columns:
+copy of the database (principal point at the centre, prior flag set, relative poses of the pairs forgotten). The copy's
+keypoints are shifted as if all principal points were at the centre, so that only the focal length is wrong. Columns:
 statuses; median position error; median standard deviation of the position; median and largest error in standard
 deviations of its direction.
 
@@ -40,6 +41,24 @@ def write_given(scene, factor, folder):
     return scene.database_path, lines
 
 
+def offset_of_centre(camera):
+    return np.array([camera.width / 2, camera.height / 2]) - camera.params[2:4]
+
+
+def centred(camera):
+    """Returns the pinhole camera with the principal point at the centre."""
+    return dataclasses.replace(camera, params=(*camera.params[:2], camera.width / 2, camera.height / 2))
+
+
+def shift_keypoints(connection, image_id, offset):
+    row = connection.execute("SELECT rows, cols, data FROM keypoints WHERE image_id = ?", (image_id,)).fetchone()
+    if row is None or not row[0]:
+        return
+    keypoints = np.frombuffer(row[2], np.float32).reshape(row[:2]).copy()
+    keypoints[:, :2] += offset
+    connection.execute("UPDATE keypoints SET data = ? WHERE image_id = ?", (keypoints.tobytes(), image_id))
+
+
 def write_exif(scene, factor, folder):
     """Copies the database and gives its queries cameras as if from EXIF; returns its path, and the queries' lines."""
     path = folder / "database.db"
@@ -59,6 +78,8 @@ def write_exif(scene, factor, folder):
             (camera_id, camera.width, camera.height, params),
         )
         connection.execute("UPDATE images SET camera_id = ? WHERE image_id = ?", (camera_id, ids[name]))
+    for name, image_id in ids.items():
+        shift_keypoints(connection, image_id, offset_of_centre(scene.camera(name)) if name in scene.images else 0)
     for (pair,) in connection.execute("SELECT pair_id FROM two_view_geometries").fetchall():
         if {pair // 2147483647, pair % 2147483647} & queries:
             connection.execute("UPDATE two_view_geometries SET config = ? WHERE pair_id = ?", (UNCALIBRATED, pair))
@@ -80,6 +101,9 @@ def localize(colmap, scene, write_input, factor, arguments):
     with tempfile.TemporaryDirectory() as folder:
         folder = pathlib.Path(folder)
         database_path, lines = write_input(scene, factor, folder)
+        cameras = scene.cameras
+        if write_input is write_exif:
+            cameras = {camera_id: centred(camera) for camera_id, camera in cameras.items()}
         names = scene.query_names
         for group in [[name] for name in names] if scene.protocol.leave_one_out else [names]:
             known = [scene.images[name] for name in scene.database_names(group[0])]
@@ -90,7 +114,7 @@ def localize(colmap, scene, write_input, factor, arguments):
                 "--database_path",
                 database_path,
                 "--input_path",
-                write_model(folder / "model", scene.cameras, known),
+                write_model(folder / "model", cameras, known),
                 "--output_path",
                 folder / "output",
                 "--query_list_path",
