@@ -1,11 +1,11 @@
-"""Tests of `--LazyLocalizer.refine_focal_length`: cameras without a prior focal length whose given one is wrong."""
+"""Tests of `--LazyLocalizer.intrinsics` with queries whose focal length is wrong."""
 
 import numpy as np
 import pytest
 
 from colmap_lazyloc.model import read_model
 
-SEEK = ("--LazyLocalizer.refine_focal_length", 1)
+SEEK = ("--LazyLocalizer.intrinsics", "refine")
 FACTOR = 1.3
 
 
@@ -45,33 +45,34 @@ def test_focal_length_and_poses_are_found(localize, guessed, noisy):
     assert cameras[1].params == tuple(noisy.scene.cameras[1].params)
 
 
-def test_without_the_option_the_guess_is_taken_as_it_is(localize, guessed):
-    run, switched_off = localize(*guessed.arguments), localize(*guessed.arguments, SEEK[0], 0)
-    assert run.exit_code == 0
-    assert strip_seconds(run) == strip_seconds(switched_off)
-    assert not any("camera" in result for result in run.results.values())
+def test_given_focal_length_is_refused_or_only_warned_of(localize, guessed, noisy):
+    """The camera counts as given, because its principal point or focal length is not COLMAP's default."""
+    refused, warned = localize(*guessed.arguments), localize(*guessed.arguments, SEEK[0], "given")
+    assert set(refused.statuses.values()) == {"INCONSISTENT_INTRINSICS"}
+    for name in noisy.scene.query_names:
+        result = refused.results[name]
+        assert "focal length of" in result["reason"]
+        assert result["intrinsics"]["origin"] == "given"
+        assert result["intrinsics"]["verdict"] == "contradicted"
+        assert result["intrinsics"]["focal_factor"] == pytest.approx(1 / FACTOR, rel=0.01)
+    for name, result in warned.results.items():
+        if result["status"] == "LOCALIZED" and result["intrinsics"]["contradiction"]:
+            assert f"query {name}: the images contradict" in warned.stderr
+    assert "LOCALIZED" in warned.statuses.values()
+    assert not any("camera" in result for result in warned.results.values())
 
 
-def test_prior_focal_length_stays(localize, noisy):
-    run, sought = localize(*noisy.arguments), localize(*noisy.arguments, *SEEK)
-    assert sought.poses_bytes == run.poses_bytes
-    assert strip_seconds(sought) == strip_seconds(run)
+def test_right_focal_length_is_confirmed(localize, noisy):
+    run = localize(*noisy.arguments)
+    assert {result["intrinsics"]["verdict"] for result in run.results.values()} == {"confirmed"}
+    for result in run.results.values():
+        assert result["intrinsics"]["focal_factor"] == pytest.approx(1, abs=0.02)
 
 
-def test_camera_of_a_query_list_counts_as_prior(localize, guessed, noisy, tmp_path):
-    queries = tmp_path / "queries.txt"
-    words = noisy.scene.cameras[2].intrinsics().text()
-    queries.write_text("".join(f"{name} {words}\n" for name in noisy.scene.query_names))
-    run = localize(*guessed.arguments, "--query_list_path", queries, *SEEK)
-    run.assert_localized(noisy.scene, noisy.scene.query_names, 0.03, 0.3)
-    assert not any("camera" in result for result in run.results.values())
-
-
-def test_leave_one_out_takes_the_prior_flag_of_the_database(localize, guessed):
-    """The flag comes from the database, because a model does not say whether its focal lengths are prior."""
-    run = localize(*guessed.arguments, "--LazyLocalizer.leave_one_out", 1, *SEEK)
-    assert set(run.statuses.values()) == {"LOCALIZED"}
-    assert not any("camera" in result for result in run.results.values())
+def test_bad_value_of_the_option(localize, noisy):
+    run = localize(*noisy.arguments, SEEK[0], "exif")
+    assert run.exit_code == 1
+    assert "must be one of auto, given, refine" in run.stderr
 
 
 def test_result_is_the_same_for_any_number_of_threads(localize, guessed):

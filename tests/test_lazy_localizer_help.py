@@ -97,7 +97,7 @@ BASIC_OPTIONS = {
     "LazyLocalizer.seed",
     "LazyLocalizer.group_size",
     "LazyLocalizer.leave_one_out",
-    "LazyLocalizer.refine_focal_length",
+    "LazyLocalizer.intrinsics",
 }
 
 

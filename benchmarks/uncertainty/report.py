@@ -5,17 +5,20 @@ quantiles  quantiles of the squared errors, normalized by the reported covarianc
 cases      scenes with unobservable motions: statuses, reasons, reported standard deviations, true errors
 
   python -m benchmarks uncertainty [quantiles | cases] [--colmap COLMAP]
+  python -m benchmarks uncertainty focal_length --help
 """
 
 import argparse
 import collections
 import pathlib
+import sys
 import tempfile
 
 import numpy as np
 import scipy.stats
 from scipy.spatial.transform import Rotation
 
+from benchmarks.uncertainty import focal_length
 from colmap_lazyloc.errors import command
 from colmap_lazyloc.poses import Pose
 from colmap_lazyloc.program import find_colmap, run_colmap
@@ -45,6 +48,8 @@ def localize(colmap, scene, *arguments, database_scene=None):
             synthetic.write_model(folder / "model", database_scene or scene),
             "--output_path",
             folder / "output",
+            "--LazyLocalizer.Advanced.focal_length_stddev_ratio",
+            0,  # the intrinsics of synthetic scenes are exact
             *arguments,
         )
         return read_results(folder / "output" / "results.jsonl")
@@ -205,6 +210,9 @@ def print_cases(colmap):
 
 @command
 def main(arguments=None):
+    arguments = sys.argv[1:] if arguments is None else arguments
+    if arguments[:1] == ["focal_length"]:
+        return focal_length.main(arguments[1:])
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("tables", nargs="*", choices=["quantiles", "cases", []], help="tables to print; default: both")
     parser.add_argument("--colmap", type=pathlib.Path, default=find_colmap(), help="path of our colmap program")

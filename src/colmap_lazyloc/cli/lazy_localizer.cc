@@ -43,6 +43,15 @@ bool AllLocalized(const std::vector<QueryRecord>& records) {
                      [](const QueryRecord& record) { return record.result.status == QueryStatus::LOCALIZED; });
 }
 
+// Warns of localized queries whose intrinsics the images contradict.
+void WarnOfIntrinsics(const std::vector<QueryRecord>& records) {
+  for (const QueryRecord& record : records) {
+    const LocalizationResult& result = record.result;
+    if (result.status != QueryStatus::LOCALIZED || result.intrinsics.contradiction.empty()) continue;
+    PrintWarning("query " + result.query_name + ": " + result.intrinsics.contradiction);
+  }
+}
+
 int Run(const CommandOptions& options) {
   ResultWriter writer(options.output_path);
   const RelativePoseOptions& relative_pose = options.localizer.relative_pose;
@@ -57,6 +66,7 @@ int Run(const CommandOptions& options) {
       source, options.localizer, options.num_threads, [&](const QueryRecord& record) { progress.Report(record); },
       [] { return interrupted != 0; });
   std::signal(SIGINT, SIG_DFL);
+  WarnOfIntrinsics(records);
   writer.Write(source.DatabaseModel(), records, source.Database(), OptionsAsIni(options));
   source.PublishMatches();
   progress.PrintSummary(records);

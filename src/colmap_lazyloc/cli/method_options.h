@@ -46,6 +46,8 @@ void ForEachMethodOption(Options& o, const Add& add) {
       "for each query");
   add("LazyLocalizer.Advanced.database_pose_noise_px", &o.database_pose_noise_px,
       "Expected effect of the database images' pose errors in pixels, for the estimates of -1");
+  add("LazyLocalizer.Advanced.focal_length_stddev_ratio", &o.focal_length_stddev_ratio,
+      "Standard deviation of a given focal length, as a fraction of it; 0 leaves it out of the covariance");
   add("LazyLocalizer.Advanced.min_num_tracks", &o.min_num_tracks, "Minimum number of tracks for a pose");
   add("LazyLocalizer.Advanced.max_position_stddev_ratio", &o.max_position_stddev_ratio,
       "Maximum standard deviation of a position, as a fraction of the distance to the scene");

@@ -42,8 +42,10 @@ void ForEachBasicOption(Options& o, const Add& add) {
       "Number of consecutive queries of the list (with rigs: of frames) that are localized together");
   add("LazyLocalizer.leave_one_out", &o.source.selection.leave_one_out,
       "Localize each posed image (or each of --query_list_path) against all others");
-  add("LazyLocalizer.refine_focal_length", &o.localizer.refine_focal_length,
-      "Estimate the focal length of queries whose camera has no prior focal length in the database");
+  add("LazyLocalizer.intrinsics", &o.localizer.intrinsics,
+      "Intrinsics of queries: auto (estimate the focal length if it is a guess, or EXIF's and the images contradict it; "
+      "refuse a query whose given intrinsics they contradict), given (keep them and only warn) or refine (always "
+      "estimate the focal length)");
 }
 
 template <typename Options, typename Add>

@@ -159,7 +159,10 @@ bool Parse(int argc, char** argv, const std::string& command, const Descriptions
     }
     po::notify(values);
   } catch (const po::error& error) {
-    throw InputError(command + ": " + error.what() + " (see " + command + " -h)");
+    const std::string message = error.what();
+    const bool is_old = message.find("refine_focal_length") != std::string::npos;
+    throw InputError(command + ": " + message + (is_old ? ", use --LazyLocalizer.intrinsics refine" : "") + " (see " +
+                     command + " -h)");
   }
   return true;
 }

@@ -105,6 +105,15 @@ TEST_F(OptionsTest, UnknownNamesAreErrors) {
   ExpectError({"stray"}, "`stray` is not an option");
 }
 
+TEST_F(OptionsTest, IntrinsicsAreAnEnum) {
+  EXPECT_EQ(Parsed({}).localizer.intrinsics, IntrinsicsMode::AUTO);
+  EXPECT_EQ(Parsed({"--LazyLocalizer.intrinsics", "given"}).localizer.intrinsics, IntrinsicsMode::GIVEN);
+  ExpectError({"--LazyLocalizer.intrinsics", "exif"}, "must be one of auto, given, refine, but is 'exif'");
+  ExpectError({"--LazyLocalizer.refine_focal_length", "1"}, "use --LazyLocalizer.intrinsics refine");
+  ExpectError({"--LazyLocalizer.intrinsics", "refine", "--LazyLocalizer.Advanced.post_optimization", "none"},
+              "option --LazyLocalizer.intrinsics = refine needs");
+}
+
 TEST_F(OptionsTest, ErrorsHaveTheFullNameOfTheOption) {
   ExpectError({"--LazyLocalizer.num_retrieved", "0"}, "option --LazyLocalizer.num_retrieved must be >= 1, but is 0");
   ExpectError({"--LazyLocalizer.num_threads", "0"}, "option --LazyLocalizer.num_threads must be >= 1, or -1");

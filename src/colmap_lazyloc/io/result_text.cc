@@ -79,6 +79,15 @@ void AddPose(const LocalizationResult& result, Json* json) {
   }
 }
 
+Json IntrinsicsToJson(const IntrinsicsResult& intrinsics) {
+  const bool is_tested = intrinsics.verdict != IntrinsicsVerdict::NOT_TESTED;
+  return {{"origin", EnumName(intrinsics.origin)},
+          {"verdict", EnumName(intrinsics.verdict)},
+          {"focal_factor", is_tested ? Json(intrinsics.focal_factor) : Json()},
+          {"focal_factor_stddev", is_tested ? Json(intrinsics.focal_factor_stddev) : Json()},
+          {"contradiction", intrinsics.contradiction.empty() ? Json() : Json(intrinsics.contradiction)}};
+}
+
 Json PairsToJson(const std::vector<PairResult>& pairs) {
   Json json = Json::array();
   for (const PairResult& pair : pairs) {
@@ -114,6 +123,7 @@ Json RecordToJson(const QueryRecord& record) {
   if (result.status == QueryStatus::LOCALIZED && result.is_camera_refined) {
     json["camera"] = CameraToJson(result.query_camera);
   }
+  json["intrinsics"] = IntrinsicsToJson(result.intrinsics);
   json["num_tracks"] = result.num_tracks;
   json["num_observations"] = result.num_observations;
   json["mean_reprojection_error_px"] = result.num_observations > 0 ? Json(result.mean_reprojection_error_px) : Json();

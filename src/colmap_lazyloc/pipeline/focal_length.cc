@@ -20,16 +20,20 @@ constexpr int kNumSteps = 14;
 
 }  // namespace
 
+bool HasFocalLength(const Camera& camera) { return !SameIntrinsics(WithFocalFactor(camera, 2), camera); }
+
 bool IsFocalLengthUnknown(const LocalizationProblem& problem, const LocalizerOptions& options) {
-  const Camera& camera = problem.query_camera;
-  const bool has_focal_length = !SameIntrinsics(WithFocalFactor(camera, 2), camera);
-  return options.refine_focal_length && has_focal_length && !camera.has_prior_focal_length;
+  if (options.intrinsics == IntrinsicsMode::GIVEN || !HasFocalLength(problem.query_camera)) return false;
+  return options.intrinsics == IntrinsicsMode::REFINE || problem.intrinsics_origin == IntrinsicsOrigin::GUESS;
 }
 
-void QueryCamera::ScaleFocalLength(double factor) { camera_ = WithFocalFactor(camera_, factor); }
+void QueryCamera::ScaleFocalLength(double factor) {
+  camera_ = WithFocalFactor(camera_, factor);
+  focal_factor_ *= factor;
+}
 
 std::vector<Track> QueryCamera::Observe(const std::vector<Track>& tracks) const {
-  const Observer observe(camera_, /*refines_focal_length=*/true);
+  const Observer observe(camera_);
   std::vector<Track> observed;
   for (const Track& track : tracks) {
     const std::optional<Observation> query = observe(problem_.query_keypoints[track.observations.front().keypoint]);

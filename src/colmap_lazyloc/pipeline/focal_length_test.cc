@@ -16,7 +16,7 @@ namespace {
 
 LocalizerOptions Seeking() {
   LocalizerOptions options;
-  options.refine_focal_length = true;
+  options.intrinsics = IntrinsicsMode::REFINE;
   return options;
 }
 
@@ -85,19 +85,6 @@ TEST(FocalLength, DistortedCameraIsRefinedToo) {
   ExpectFound(scene, 1.5, 1e-5, 1e-5);
 }
 
-TEST(FocalLength, PriorOneStaysToTheBit) {
-  SyntheticSceneOptions options;
-  options.pixel_noise_px = 1;
-  SyntheticScene scene = MakeSyntheticScene(options);
-  scene.problem.query_camera.has_prior_focal_length = true;
-  const LocalizationResult sought = LocalizeQuery(scene.problem, Seeking());
-  const LocalizationResult known = LocalizeQuery(scene.problem, LocalizerOptions());
-  EXPECT_FALSE(sought.is_camera_refined);
-  EXPECT_EQ(sought.query_camera.params, scene.problem.query_camera.params);
-  EXPECT_EQ(sought.cam_from_world.translation, known.cam_from_world.translation);
-  EXPECT_EQ(sought.covariance, known.covariance);
-}
-
 TEST(FocalLength, CovarianceMatchesTheErrorsSpread) {
   // Expects 6, the degrees of freedom, as the mean of the squared errors normalised by their covariances. The standard
   // deviation of the mean is sqrt(12 / 20) = 0.77.
@@ -137,7 +124,9 @@ TEST(FocalLength, FrontoParallelPlaneLeavesTheDistanceUnobservable) {
       pair.other_keypoints[i] = project(pair.other_camera, pair.database_cam_from_world, point);
     }
   }
-  EXPECT_EQ(LocalizeQuery(scene.problem, LocalizerOptions()).status, QueryStatus::LOCALIZED);
+  const LocalizationResult given = LocalizeQuery(scene.problem, LocalizerOptions());
+  EXPECT_EQ(given.status, QueryStatus::LOCALIZED) << given.reason;
+  EXPECT_EQ(given.intrinsics.verdict, IntrinsicsVerdict::UNOBSERVABLE);
   const LocalizationResult result = LocalizeQuery(scene.problem, Seeking());
   EXPECT_EQ(result.status, QueryStatus::DEGENERATE_BASELINE) << QueryStatusName(result.status);
   EXPECT_THAT(result.reason, testing::HasSubstr("focal length"));

@@ -8,6 +8,7 @@
 #include "colmap_lazyloc/math/median.h"
 #include "colmap_lazyloc/pipeline/focal_length.h"
 #include "colmap_lazyloc/pipeline/group_partition.h"
+#include "colmap_lazyloc/pipeline/localize_lone.h"
 #include "colmap_lazyloc/pipeline/localize_together.h"
 
 namespace lazyloc {
@@ -18,15 +19,6 @@ using Results = std::vector<LocalizationResult>;
 // Moves the results of some images to their places among those of all.
 void Store(Results results, const std::vector<int>& images, Results* all) {
   for (size_t i = 0; i < images.size(); ++i) (*all)[images[i]] = std::move(results[i]);
-}
-
-// Localizes a lone query.
-Results LocalizeLone(const QueryGroup& query, const LocalizerOptions& options) {
-  if (options.post_optimization != PostOptimization::TRACKS) return LocalizeWithoutTracks(query, options).results;
-  if (IsFocalLengthUnknown(query.images.front().problem, options)) {
-    return LocalizeWithUnknownFocalLength(query, options).results;
-  }
-  return LocalizeTogether(query, options).results;
 }
 
 // Localizes the frames together; those that fail leave the group, one by one, and are localized individually.
@@ -48,7 +40,9 @@ Results LocalizeFrames(const QueryGroup& group, const LocalizerOptions& options)
     };
     for (const int frame : outcome.failed_frames) {
       const std::vector<int> of_frame = ImagesOfFrames(*together, {frame});
-      Store(LocalizeTogether(SelectImages(*together, of_frame), options).results, in_group(of_frame), &results);
+      QueryGroup alone = SelectImages(*together, of_frame);
+      Store(of_frame.size() == 1 ? Results{LocalizeLone(alone, options)} : LocalizeTogether(alone, options).results,
+            in_group(of_frame), &results);
     }
     const std::vector<int> others = ImagesOfOtherFrames(*together, outcome.failed_frames);
     if (others.empty()) return results;
@@ -83,7 +77,7 @@ std::optional<double> EstimateScale(const QueryGroup& group, const Results& indi
 Results LocalizeWithoutScale(QueryGroup group, const LocalizerOptions& options) {
   Results individual(group.images.size());
   for (int i = 0; i < static_cast<int>(group.images.size()); ++i) {
-    Store(LocalizeLone(SelectImages(group, {i}), options), {i}, &individual);
+    individual[i] = LocalizeLone(SelectImages(group, {i}), options);
   }
   std::vector<double> scales;
   for (int frame = 0; frame < static_cast<int>(group.frame_names.size()); ++frame) {
@@ -119,13 +113,13 @@ std::vector<int> IndividualImages(const QueryGroup& group, const LocalizerOption
 }  // namespace
 
 std::vector<LocalizationResult> LocalizeGroup(const QueryGroup& group, const LocalizerOptions& options) {
-  if (group.images.size() == 1) return LocalizeLone(group, options);
+  if (group.images.size() == 1) return {LocalizeLone(group, options)};
   const std::vector<int> individual = IndividualImages(group, options);
   if (individual.empty()) {
     return group.has_rig_scale ? LocalizeFrames(group, options) : LocalizeWithoutScale(group, options);
   }
   Results results(group.images.size());
-  for (const int i : individual) Store(LocalizeLone(SelectImages(group, {i}), options), {i}, &results);
+  for (const int i : individual) results[i] = LocalizeLone(SelectImages(group, {i}), options);
   std::vector<bool> is_individual(group.images.size(), false);
   for (const int i : individual) is_individual[i] = true;
   std::vector<int> others;

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "colmap_lazyloc/pipeline/focal_length.h"
+#include "colmap_lazyloc/pipeline/intrinsics_check.h"
 #include "colmap_lazyloc/pipeline/refinement_without_tracks.h"
 #include "colmap_lazyloc/pipeline/report.h"
 
@@ -76,11 +77,16 @@ Outcome LocalizeTogether(const QueryGroup& group, const LocalizerOptions& option
     report->AddStart(layout, start);
     const Refined refined =
         Refine(layout, start.posed, start_tracks, std::move(candidates), options, report->Seconds());
-    report->AddUncertainties(
-        Timed("covariance", report, [&] { return EstimateUncertainties(layout, averaged.pairs, refined, options); }));
+    std::vector<PoseUncertainty> uncertainties =
+        Timed("covariance", report, [&] { return EstimateUncertainties(layout, averaged.pairs, refined, options); });
+    const std::vector<IntrinsicsResult> intrinsics =
+        Timed("covariance", report, [&] { return CheckIntrinsics(group, layout, refined, options, &uncertainties); });
+    report->AddIntrinsics(intrinsics);
+    report->AddUncertainties(uncertainties);
     report->AddPoses(layout, AsReported(layout, refined.adjustment.posed));
     report->AddPairErrors(layout, averaged, refined.adjustment.posed);
     report->AddRefined(layout, refined);
+    if (options.intrinsics != IntrinsicsMode::GIVEN) RefuseContradicted(layout, intrinsics);
   });
 }
 
@@ -107,8 +113,12 @@ Outcome LocalizeWithUnknownFocalLength(const QueryGroup& query, const LocalizerO
     report->AddStart(layout, start);
     const Refined refined =
         Refine(layout, start.posed, start_tracks, std::move(candidates), options, report->Seconds(), &camera);
-    report->AddUncertainties(
-        Timed("covariance", report, [&] { return EstimateUncertainties(layout, pairs, refined, options); }));
+    std::vector<PoseUncertainty> uncertainties =
+        Timed("covariance", report, [&] { return EstimateUncertainties(layout, pairs, refined, options); });
+    report->AddIntrinsics(Timed("covariance", report, [&] {
+      return CheckIntrinsics(query, layout, refined, options, &uncertainties, &camera);
+    }));
+    report->AddUncertainties(uncertainties);
     report->AddPoses(layout, AsReported(layout, refined.adjustment.posed));
     report->AddRefined(layout, refined);
     report->AddCamera(camera.Intrinsics());

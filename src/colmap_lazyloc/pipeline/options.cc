@@ -15,9 +15,10 @@ bool LocalizerOptions::Check(std::string* error) const {
   OPTION_GE(database_pose_stddev_length, -1);
   OPTION_GT(database_pose_noise_px, 0);
   OPTION_GE(rig_noise_px, 0);
+  OPTION_GE(focal_length_stddev_ratio, 0);
   OPTION_GT(max_position_stddev_ratio, 0);
-  if (refine_focal_length && post_optimization != PostOptimization::TRACKS) {
-    *error = "refine_focal_length needs post_optimization = tracks";
+  if (intrinsics == IntrinsicsMode::REFINE && post_optimization != PostOptimization::TRACKS) {
+    *error = "intrinsics = refine needs post_optimization = tracks";
     return false;
   }
   return relative_pose.Check(error) && triangulation.Check(error) && bundle_adjustment.Check(error) &&

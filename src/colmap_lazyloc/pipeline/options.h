@@ -36,6 +36,15 @@ template <>
 inline constexpr std::array<const char*, 4> kEnumNames<PostOptimization> = {"tracks", "sampson", "relative_pose_lo",
                                                                             "none"};
 
+// How the intrinsics of queries are treated. All modes compare them with the images.
+enum class IntrinsicsMode {
+  AUTO,    // refines guesses, and EXIF's if the images contradict it; refuses a query whose given ones they contradict
+  GIVEN,   // keeps them; only warns
+  REFINE,  // always estimates the focal length
+};
+template <>
+inline constexpr std::array<const char*, 3> kEnumNames<IntrinsicsMode> = {"auto", "given", "refine"};
+
 // Image noise that the start and the first round assume, because motion averaging may be off by many pixels. Later
 // rounds estimate it for each image.
 inline constexpr double kStartNoisePx = 4;
@@ -68,11 +77,14 @@ struct LocalizerOptions {
   // most observations are used.
   int max_num_tracks = 1000000;
   int max_num_start_tracks = 300;
-  // True to estimate the focal length of queries whose camera has no prior one.
-  bool refine_focal_length = false;
   // Standard deviation of a rig's calibration, as displacement of keypoints by the rotation, and by the position, of
   // each camera in the rig. 0: exact.
   double rig_noise_px = 0.3;
+  IntrinsicsMode intrinsics = IntrinsicsMode::AUTO;
+  // Standard deviation of the log of a given focal length that is right; 0: exact, so that the covariance leaves it
+  // out. Calibrations of one camera agree within some tenths of a percent, and focusing changes the focal length by as
+  // much.
+  double focal_length_stddev_ratio = 0.004;
   // Standard deviation of database poses, per axis in degrees and per coordinate of the projection centre in database
   // units. 0: exact; -1: estimated for each query from how well the images fit together.
   double database_pose_stddev_deg = -1;

@@ -61,9 +61,9 @@ void CheckLinks(const QueryGroup& group, const Layout& layout, const std::vector
 // Unprojects keypoints, those of queries once for all pairs.
 class KeypointObserver {
  public:
-  KeypointObserver(const QueryGroup& group, bool refines_focal_length) : group_(group) {
+  explicit KeypointObserver(const QueryGroup& group) : group_(group) {
     for (const QueryImage& query : group.images) {
-      observers_.emplace_back(query.problem.query_camera, refines_focal_length);
+      observers_.emplace_back(query.problem.query_camera);
       cache_.emplace_back(query.problem.query_keypoints.size());
     }
   }
@@ -102,7 +102,7 @@ class KeypointObserver {
 // Verifies all pairs by find(problem, pair, seed), which returns an optional RelativePose, and observes their inliers.
 template <typename Find>
 PairEstimates VerifyAndObserve(const QueryGroup& group, const Layout& layout, const LocalizerOptions& options,
-                               bool refines_focal_length, const Find& find, StageTimer::Seconds* seconds) {
+                               const Find& find, StageTimer::Seconds* seconds) {
   PairEstimates estimates;
   std::vector<VerifiedPair> verified;
   {
@@ -129,7 +129,7 @@ PairEstimates VerifyAndObserve(const QueryGroup& group, const Layout& layout, co
     CheckLinks(group, layout, verified, options.relative_pose.min_num_inliers);
   }
   const StageTimer timer("observations", seconds);
-  KeypointObserver observer(group, refines_focal_length);
+  KeypointObserver observer(group);
   for (const VerifiedPair& pair : verified) {
     estimates.pairs.push_back(observer.Observe(pair, layout.IsDatabase(pair.other)));
   }
@@ -143,7 +143,7 @@ PairEstimates EstimatePairs(const QueryGroup& group, const Layout& layout, const
   const auto find = [&](const LocalizationProblem& problem, const ImagePair& pair, uint32_t seed) {
     return FindRelativePose(problem, pair, options.relative_pose, seed);
   };
-  return VerifyAndObserve(group, layout, options, /*refines_focal_length=*/false, find, seconds);
+  return VerifyAndObserve(group, layout, options, find, seconds);
 }
 
 PairEstimates FindInliers(const QueryGroup& query, const Layout& layout, const LocalizerOptions& options,
@@ -151,7 +151,7 @@ PairEstimates FindInliers(const QueryGroup& query, const Layout& layout, const L
   const auto find = [&](const LocalizationProblem& problem, const ImagePair& pair, uint32_t seed) {
     return InliersWithoutPose(problem, pair, options, seed);
   };
-  return VerifyAndObserve(query, layout, options, /*refines_focal_length=*/true, find, seconds);
+  return VerifyAndObserve(query, layout, options, find, seconds);
 }
 
 }  // namespace lazyloc

@@ -260,7 +260,7 @@ TEST(QueryGroup, LoneImagesOfUnknownFocalLengthAndAblationsAreLocalizedIndividua
   options.num_sensors = 1;
   const SyntheticGroup scene = MakeSyntheticGroup(options);
   LocalizerOptions refine, ablation;
-  refine.refine_focal_length = true;  // the cameras have no prior focal length
+  refine.intrinsics = IntrinsicsMode::REFINE;
   ablation.post_optimization = PostOptimization::SAMPSON;
   for (const LocalizerOptions& localizer : {refine, ablation}) {
     const std::vector<LocalizationResult> results = LocalizeGroup(scene.group, localizer);
@@ -268,7 +268,7 @@ TEST(QueryGroup, LoneImagesOfUnknownFocalLengthAndAblationsAreLocalizedIndividua
       const LocalizationResult alone = LocalizeQuery(scene.group.images[i].problem, localizer);
       ASSERT_EQ(results[i].status, QueryStatus::LOCALIZED) << results[i].reason;
       EXPECT_EQ(results[i].cam_from_world.translation, alone.cam_from_world.translation);
-      EXPECT_EQ(results[i].is_camera_refined, localizer.refine_focal_length);
+      EXPECT_EQ(results[i].is_camera_refined, localizer.intrinsics == IntrinsicsMode::REFINE);
     }
   }
 }

@@ -17,6 +17,7 @@ LocalizationResult EmptyResult(const QueryImage& query, const std::string& frame
   result.status = QueryStatus::LOCALIZED;
   result.query_name = query.problem.query_name;
   result.query_camera = query.problem.query_camera;
+  result.intrinsics.origin = query.problem.intrinsics_origin;
   result.frame_name = frame_name;
   for (const ImagePair& pair : query.problem.pairs) {
     result.pairs.push_back({pair.other_name, 0, kUnknown, kUnknown});
@@ -128,6 +129,10 @@ void Report::AddUncertainties(const std::vector<PoseUncertainty>& uncertainties)
     results_[query].covariance = uncertainties[query].covariance;
     results_[query].spread = uncertainties[query].spread;
   }
+}
+
+void Report::AddIntrinsics(const std::vector<IntrinsicsResult>& intrinsics) {
+  for (size_t query = 0; query < results_.size(); ++query) results_[query].intrinsics = intrinsics[query];
 }
 
 void Report::AddCamera(const Camera& camera) {

@@ -26,6 +26,7 @@ class Report {
   void AddPairErrors(const Layout& layout, const Averaged& averaged, const PosedImages& posed);
   void AddRefined(const Layout& layout, const Refined& refined);
   void AddUncertainties(const std::vector<PoseUncertainty>& uncertainties);
+  void AddIntrinsics(const std::vector<IntrinsicsResult>& intrinsics);
   // Sets the camera of a single query whose focal length was estimated.
   void AddCamera(const Camera& camera);
   void AddFailure(const Failure& failure);

@@ -24,9 +24,10 @@ struct StageInput {
 
 StageInput MakeStageInput(const SyntheticGroup& scene);
 
-// Returns options that take the database poses as exact, so that covariances are those of the keypoints alone.
+// Returns options that take database poses and given focal lengths as exact, so that covariances are those of the
+// keypoints alone.
 inline LocalizerOptions WithExactDatabase(LocalizerOptions options = {}) {
-  options.database_pose_stddev_deg = options.database_pose_stddev_length = 0;
+  options.database_pose_stddev_deg = options.database_pose_stddev_length = options.focal_length_stddev_ratio = 0;
   return options;
 }
 

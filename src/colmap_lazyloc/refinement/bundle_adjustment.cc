@@ -91,7 +91,11 @@ BundleAdjustmentResult Adjust(const PosedImages& posed, std::vector<Track> track
   if (!result.summary.success) return result;
   const std::vector<Eigen::Matrix<double, kSize, kSize>> covariances = solver.Covariances();
   result.posed = MovedTo(solver, posed);
-  if (options.fits_priors) result.prior_fits = FitPriors(solver, result.posed);
+  if (options.fits_priors) {
+    result.prior_fits = FitPriors(solver, result.posed);
+    result.intrinsics_scores =
+        ComputeIntrinsicsScores(solver, posed, result.tracks, RobustLoss(options.loss_scale_sigma));
+  }
   result.image_covariances = ImageCovariances(solver, result.posed, covariances);
   result.frame_covariances.assign(posed.frames.size(), Eigen::Matrix<double, 6, 6>::Zero());
   for (size_t frame = 0; frame < posed.frames.size(); ++frame) {

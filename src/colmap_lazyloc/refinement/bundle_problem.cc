@@ -59,7 +59,8 @@ BundleProblem::BundleProblem(const PosedImages& posed, const std::vector<Track>&
   free.reserve(num_observations);
   for (const Track& track : tracks) {
     const size_t fixed_begin = fixed.size(), free_begin = free.size();
-    for (const TrackObservation& element : track.observations) {
+    for (size_t k = 0; k < track.observations.size(); ++k) {
+      const TrackObservation& element = track.observations[k];
       const Image& image = posed.images[element.image];
       const double residual_from_px = ResidualFromPx(image, track);
       const int frame = index_of_image[element.image];
@@ -69,8 +70,9 @@ BundleProblem::BundleProblem(const PosedImages& posed, const std::vector<Track>&
         continue;
       }
       const LinearProjection projection = ProjectionInFrame(element.observation, image, has_frame_axes[element.image]);
-      free.push_back(
-          {frame, projection.Scaled(residual_from_px), residual_from_px * element.observation.px_from_log_focal});
+      const double factor_from_px = image.log_focal_factor ? residual_from_px : 0;  // zero: no such parameter
+      free.push_back({frame, projection.Scaled(residual_from_px),
+                      factor_from_px * element.observation.px_from_log_focal, static_cast<int>(k)});
     }
     SortByFrame(free_begin, &free);
     fixed_range.push_back({fixed_begin, fixed.size()});

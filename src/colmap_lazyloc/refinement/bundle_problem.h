@@ -4,6 +4,7 @@
 #include <vector>
 
 #include <Eigen/Core>
+#include <Eigen/Geometry>
 
 #include "colmap_lazyloc/math/rigid3.h"
 #include "colmap_lazyloc/refinement/linear_projection.h"
@@ -31,6 +32,7 @@ struct FreeObservation {
   int frame;                    // index into BundleProblem::frames
   LinearProjection projection;  // of the point in the frame's axes
   Eigen::Vector2d residual_from_log_focal;
+  int element;  // index into the track's observations
 };
 
 // Reprojection error of a point, and its derivatives.
@@ -59,6 +61,22 @@ struct BundleError {
     by_log_factor = observation.residual_from_log_focal;
     error += frame.log_factor * by_log_factor;
     return true;
+  }
+
+  // Return the derivatives with respect to the frame's parameters (transposed) and the point in the world, after
+  // Evaluate of a free observation.
+  template <int kSize>
+  Eigen::Matrix<double, kSize, 2> ByFrame() const {
+    Eigen::Matrix<double, kSize, 2> by_frame;
+    // d(point_in_frame)/dw = -Hat(rotated_point): each row of the product is a cross product.
+    by_frame.col(0).template head<3>() = rotated_point.cross(by_point.row(0).transpose());
+    by_frame.col(1).template head<3>() = rotated_point.cross(by_point.row(1).transpose());
+    by_frame.template middleRows<3>(3) = by_point.transpose();
+    if (kSize > 6) by_frame.row(kSize - 1) = by_log_factor.transpose();
+    return by_frame;
+  }
+  Eigen::Matrix<double, 2, 3> ByPointInWorld(const BundleFrame& frame) const {
+    return by_point.lazyProduct(frame.rotation);
   }
 
   void Scale(double factor) {

@@ -8,8 +8,6 @@
 #include <tuple>
 #include <utility>
 
-#include <Eigen/Geometry>
-
 #include "colmap_lazyloc/math/cholesky3.h"
 #include "colmap_lazyloc/math/so3.h"
 #include "colmap_lazyloc/refinement/pose_prior.h"
@@ -68,10 +66,12 @@ StageSummary BundleSolver<kSize>::Minimize() {
     if (step_sigma < options_.convergence_sigma && !is_shortened) {
       summary.message = "converged";
       const double cost = Cost(next);
-      if (cost < summary.cost) std::swap(state_, next);
+      const bool is_lower = cost < summary.cost;
+      if (is_lower) std::swap(state_, next);
       summary.cost = std::min(summary.cost, cost);
-      if (damping == kRegularization) return summary;  // with the last step's factor
-      break;
+      if (damping > kRegularization) break;
+      if (is_lower) before_last_step_ = std::move(next);
+      return summary;  // with the last step's factor
     }
     const double next_damping = damping > kFirstDamping ? damping / 10 : kRegularization;
     is_shortened = !std::isfinite(step_sigma) || !Build(next, next_damping) || !(system_.cost < summary.cost);
@@ -270,13 +270,8 @@ bool BundleSolver<kSize>::AddTrack(const BundleState& state, size_t track, doubl
     const BundleFrame& frame = state.frames[problem_.free[i].frame];
     if (!error.Evaluate(problem_.free[i], frame, point)) return false;
     weigh();
-    const Eigen::Matrix<double, 2, 3> by_point = error.by_point.lazyProduct(frame.rotation);
-    Eigen::Matrix<double, kSize, 2> by_frame;  // transposed
-    // d(point_in_frame)/dw = -Hat(rotated_point): each row of the product is a cross product.
-    by_frame.col(0).template head<3>() = error.rotated_point.cross(error.by_point.row(0).transpose());
-    by_frame.col(1).template head<3>() = error.rotated_point.cross(error.by_point.row(1).transpose());
-    by_frame.template middleRows<3>(3) = error.by_point.transpose();
-    if (kSize > 6) by_frame.row(kSize - 1) = error.by_log_factor.transpose();
+    const Eigen::Matrix<double, 2, 3> by_point = error.ByPointInWorld(frame);
+    const Eigen::Matrix<double, kSize, 2> by_frame = error.ByFrame<kSize>();
     hessian += by_point.transpose().lazyProduct(by_point);
     gradient += by_point.transpose().lazyProduct(error.error);
     (*frame_hessians)[problem_.free[i].frame] += by_frame.lazyProduct(by_frame.transpose());

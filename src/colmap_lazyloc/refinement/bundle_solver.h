@@ -23,6 +23,7 @@ struct BundleState {
 // Levenberg-Marquardt with the points eliminated. kSize: number of parameters of a frame (6, or 7 with a factor).
 template <int kSize>
 class BundleSolver {
+ public:
   using FrameVector = Eigen::Matrix<double, kSize, 1>;
   using FrameMatrix = Eigen::Matrix<double, kSize, kSize>;
   using Coupling = Eigen::Matrix<double, kSize, 3>;
@@ -42,12 +43,17 @@ class BundleSolver {
     std::vector<Coupling> eliminated;  // by free observation: its coupling times the inverse factor, transposed
   };
 
- public:
   BundleSolver(const PosedImages& posed, const std::vector<Track>& tracks, const BundleAdjustmentOptions& options);
 
   // Takes a damped step, then Gauss-Newton steps while they lower the cost; increases the damping when they do not.
   StageSummary Minimize();
   const BundleState& Solution() const { return state_; }
+  const BundleProblem& Problem() const { return problem_; }
+  // Return the last normal equations, where their blocks are, and the state that they were built around: the solution,
+  // or one short step before it.
+  const System& Equations() const { return system_; }
+  const CameraSystem<kSize>& Cameras() const { return camera_system_; }
+  const BundleState& Linearization() const { return before_last_step_ ? *before_last_step_ : state_; }
   // Returns the index of a frame of PosedImages; -1 for a constant one.
   int IndexOf(int frame) const { return problem_.index_of_frame[frame]; }
   // Returns the index of an image whose calibration has a prior; of any other image, that of its frame.
@@ -92,6 +98,7 @@ class BundleSolver {
   const BundleProblem problem_;
   CameraSystem<kSize> camera_system_;
   BundleState state_;
+  std::optional<BundleState> before_last_step_;  // if system_ was built there
   System system_;
 };
 

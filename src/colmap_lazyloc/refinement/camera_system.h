@@ -38,6 +38,14 @@ class CameraSystem {
     return (*blocks)[first_block_of_row_[a] + (std::lower_bound(columns.begin(), columns.end(), b) - columns.begin())];
   }
 
+  // Returns the block of two frames, b <= a; null if they observe no common point.
+  const Matrix* FindBlock(int a, int b, const Blocks& blocks) const {
+    const std::vector<int>& columns = columns_of_row_[a];
+    const auto column = std::lower_bound(columns.begin(), columns.end(), b);
+    if (column == columns.end() || *column != b) return nullptr;
+    return &blocks[first_block_of_row_[a] + (column - columns.begin())];
+  }
+
   // Computes the Cholesky factor that the functions below need. Returns false if the matrix is not positive definite.
   bool Factorize(const Blocks& blocks);
   bool HasFactor() const { return (IsDense() ? dense_.info() : sparse_.info()) == Eigen::Success; }

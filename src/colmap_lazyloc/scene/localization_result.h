@@ -16,23 +16,33 @@ namespace lazyloc {
 
 enum class QueryStatus {
   LOCALIZED,
-  UNREADABLE_IMAGE,        // the photo cannot be read as an image
-  UNKNOWN_CAMERA,          // the photo's intrinsics are not given
-  NO_FEATURES,             // the query has no keypoints
-  NO_PAIRS,                // no database image shares matches with the query
-  TOO_FEW_INLIERS,         // no pair has enough verified inliers
-  INCONSISTENT_ROTATIONS,  // the pairs contradict each other
-  INCONSISTENT_RIG,        // the images of a rig contradict its calibration
-  SCALE_UNOBSERVABLE,      // one usable baseline: orientation and bearing, but no position
-  DEGENERATE_BASELINE,     // no baseline, or database cameras and query are collinear
-  TOO_FEW_TRACKS,          // too few tracks can be triangulated
-  DIVERGED,                // bundle adjustment ended without a usable pose
+  UNREADABLE_IMAGE,         // the photo cannot be read as an image
+  UNKNOWN_CAMERA,           // the photo's intrinsics are not given
+  NO_FEATURES,              // the query has no keypoints
+  NO_PAIRS,                 // no database image shares matches with the query
+  TOO_FEW_INLIERS,          // no pair has enough verified inliers
+  INCONSISTENT_ROTATIONS,   // the pairs contradict each other
+  INCONSISTENT_RIG,         // the images of a rig contradict its calibration
+  SCALE_UNOBSERVABLE,       // one usable baseline: orientation and bearing, but no position
+  DEGENERATE_BASELINE,      // no baseline, or database cameras and query are collinear
+  TOO_FEW_TRACKS,           // too few tracks can be triangulated
+  DIVERGED,                 // bundle adjustment ended without a usable pose
+  INCONSISTENT_INTRINSICS,  // the images contradict the given intrinsics
 };
 template <>
-inline constexpr std::array<const char*, 12> kEnumNames<QueryStatus> = {
-    "LOCALIZED",          "UNREADABLE_IMAGE",    "UNKNOWN_CAMERA",         "NO_FEATURES",
-    "NO_PAIRS",           "TOO_FEW_INLIERS",     "INCONSISTENT_ROTATIONS", "INCONSISTENT_RIG",
-    "SCALE_UNOBSERVABLE", "DEGENERATE_BASELINE", "TOO_FEW_TRACKS",         "DIVERGED"};
+inline constexpr std::array<const char*, 13> kEnumNames<QueryStatus> = {"LOCALIZED",
+                                                                        "UNREADABLE_IMAGE",
+                                                                        "UNKNOWN_CAMERA",
+                                                                        "NO_FEATURES",
+                                                                        "NO_PAIRS",
+                                                                        "TOO_FEW_INLIERS",
+                                                                        "INCONSISTENT_ROTATIONS",
+                                                                        "INCONSISTENT_RIG",
+                                                                        "SCALE_UNOBSERVABLE",
+                                                                        "DEGENERATE_BASELINE",
+                                                                        "TOO_FEW_TRACKS",
+                                                                        "DIVERGED",
+                                                                        "INCONSISTENT_INTRINSICS"};
 inline const char* QueryStatusName(QueryStatus status) { return EnumName(status); }
 
 // Contribution of one database image. Residuals are NaN if the pair was not used.
@@ -72,12 +82,39 @@ struct PartialPose {
   std::optional<Bearing> bearing;
 };
 
+// What the images say of a query's intrinsics.
+enum class IntrinsicsVerdict {
+  NOT_TESTED,    // no bundle adjustment came to an end
+  CONFIRMED,     // they agree with the value
+  UNOBSERVABLE,  // they cannot tell; the value was kept
+  CONTRADICTED,  // they ask for other intrinsics
+  REFINED,       // the focal length was estimated
+};
+template <>
+inline constexpr std::array<const char*, 5> kEnumNames<IntrinsicsVerdict> = {"not_tested", "confirmed", "unobservable",
+                                                                             "contradicted", "refined"};
+
+struct IntrinsicsResult {
+  IntrinsicsOrigin origin = IntrinsicsOrigin::GIVEN;
+  IntrinsicsVerdict verdict = IntrinsicsVerdict::NOT_TESTED;
+  // Factor on the focal length that the images ask for, of a refined one that was found, and its standard deviation.
+  double focal_factor = 1;
+  double focal_factor_stddev = 0;
+  std::string contradiction;  // one sentence; empty unless something is contradicted
+  // Expected square of the error of the log focal length that the covariance contains, and the derivative of the
+  // tangent of cam_from_world with respect to it. Zero if the focal length was estimated.
+  double mean_square = 0;
+  Eigen::Matrix<double, 6, 1> pose_from_log_focal = Eigen::Matrix<double, 6, 1>::Zero();
+};
+
 struct LocalizationResult {
   std::string query_name;
   QueryStatus status = QueryStatus::NO_PAIRS;
   std::string reason;              // one sentence; empty when LOCALIZED
   Camera query_camera;             // with the focal length that was found, where it was sought and the query LOCALIZED
   bool is_camera_refined = false;  // whether that is so
+
+  IntrinsicsResult intrinsics;
 
   std::string frame_name;  // of a rig's frame; empty for a lone image
   // Median reprojection error, in an image of a rig, of the points triangulated from the database, before outliers are

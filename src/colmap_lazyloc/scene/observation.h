@@ -18,7 +18,9 @@ namespace lazyloc {
 struct Observation {
   Eigen::Vector3d ray_in_cam = Eigen::Vector3d::Zero();                           // unit length
   Eigen::Matrix<double, 2, 3> px_from_cam = Eigen::Matrix<double, 2, 3>::Zero();  // annihilates the ray
-  // Derivative of a fixed ray's keypoint with respect to the log of the focal length; zero if that is known.
+  // The keypoint relative to the principal point. Every camera model projects a ray to its principal point plus focal
+  // length times a function of the ray, so that this is the derivative of a fixed ray's keypoint with respect to the
+  // log of the focal length.
   Eigen::Vector2d px_from_log_focal = Eigen::Vector2d::Zero();
 };
 

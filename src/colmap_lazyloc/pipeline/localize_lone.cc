@@ -1,0 +1,104 @@
+#include "colmap_lazyloc/pipeline/localize_lone.h"
+
+#include <cmath>
+#include <string>
+#include <utility>
+
+#include "colmap_lazyloc/pipeline/focal_length.h"
+#include "colmap_lazyloc/pipeline/intrinsics_check.h"
+#include "colmap_lazyloc/pipeline/localize_together.h"
+
+namespace lazyloc {
+namespace {
+
+// Probability that a focal length is wrong above which estimating it decides, and the standard deviation of its log
+// from which on its score is no evidence: far from the right value, the noise that adjustment estimates is too large.
+constexpr double kMinDoubt = 0.01;
+constexpr double kMaxConclusiveStddev = 0.01;
+// Standard deviation of the log of an estimate up to which it can confirm a given focal length.
+constexpr double kMaxConfirmingStddev = 0.02;
+
+FocalLengthJudgement Judge(const IntrinsicsResult& intrinsics, const LocalizerOptions& options) {
+  return JudgeFocalLength(std::log(intrinsics.focal_factor), intrinsics.focal_factor_stddev / intrinsics.focal_factor,
+                          intrinsics.origin, options);
+}
+
+bool IsInDoubt(const LocalizationResult& result, const LocalizerOptions& options) {
+  const IntrinsicsResult& intrinsics = result.intrinsics;
+  if (result.status == QueryStatus::INCONSISTENT_INTRINSICS) return true;
+  if (result.status != QueryStatus::LOCALIZED) return intrinsics.origin != IntrinsicsOrigin::GIVEN;
+  return intrinsics.focal_factor_stddev > kMaxConclusiveStddev * intrinsics.focal_factor ||
+         Judge(intrinsics, options).wrong_probability > kMinDoubt;
+}
+
+// Returns the result with the given focal length if an estimate does not contradict it, even if its score did.
+LocalizationResult Kept(LocalizationResult given, const IntrinsicsResult& estimate, const LocalizerOptions& options) {
+  given.status = QueryStatus::LOCALIZED;
+  given.reason.clear();
+  given.intrinsics.contradiction.clear();
+  given.intrinsics.focal_factor = estimate.focal_factor;
+  given.intrinsics.focal_factor_stddev = estimate.focal_factor_stddev;
+  given.intrinsics.verdict = estimate.focal_factor_stddev > kMaxConfirmingStddev * estimate.focal_factor
+                                 ? IntrinsicsVerdict::UNOBSERVABLE
+                                 : IntrinsicsVerdict::CONFIRMED;
+  const double missing = Judge(given.intrinsics, options).mean_square - given.intrinsics.mean_square;
+  if (missing <= 0) return given;
+  PoseUncertainty uncertainty{given.covariance, given.spread};
+  AddFocalLengthUncertainty(missing, given.cam_from_world, &given.intrinsics, &uncertainty);
+  given.covariance = uncertainty.covariance;
+  given.spread = uncertainty.spread;
+  return given;
+}
+
+// Decides between the result with the given intrinsics and the one with an estimated focal length.
+LocalizationResult Decide(LocalizationResult given, LocalizationResult refined, const LocalizerOptions& options) {
+  if (refined.status == QueryStatus::DEGENERATE_BASELINE && given.status == QueryStatus::INCONSISTENT_INTRINSICS) {
+    const IntrinsicsResult unobservable = given.intrinsics;  // focal length and distance cannot be told apart
+    return Kept(std::move(given), unobservable, options);
+  }
+  if (refined.status != QueryStatus::LOCALIZED) return given;
+  const bool is_wrong = Judge(refined.intrinsics, options).wrong_probability > 0.5;
+  if (given.intrinsics.origin != IntrinsicsOrigin::GIVEN) {
+    const bool is_kept = !is_wrong && given.status == QueryStatus::LOCALIZED;
+    return is_kept ? Kept(std::move(given), refined.intrinsics, options) : refined;
+  }
+  const std::string& other = refined.intrinsics.contradiction;  // of principal point or distortion
+  if (!is_wrong && other.empty()) {
+    return Kept(std::move(given), refined.intrinsics, options);
+  }
+  given.status = QueryStatus::INCONSISTENT_INTRINSICS;
+  given.intrinsics.verdict = IntrinsicsVerdict::CONTRADICTED;
+  given.intrinsics.focal_factor = refined.intrinsics.focal_factor;
+  given.intrinsics.focal_factor_stddev = refined.intrinsics.focal_factor_stddev;
+  given.reason = other.empty() ? FocalLengthContradiction(given.query_camera, refined.intrinsics.focal_factor,
+                                                          refined.intrinsics.focal_factor_stddev)
+                               : other;
+  given.intrinsics.contradiction = given.reason;
+  return given;
+}
+
+}  // namespace
+
+LocalizationResult LocalizeLone(const QueryGroup& query, const LocalizerOptions& options) {
+  const auto localize = [&](const auto& method) { return std::move(method(query, options).results.front()); };
+  if (options.post_optimization != PostOptimization::TRACKS) return localize(LocalizeWithoutTracks);
+  if (IsFocalLengthUnknown(query.images.front().problem, options)) {
+    LocalizationResult refined = localize(LocalizeWithUnknownFocalLength);
+    if (options.intrinsics == IntrinsicsMode::REFINE || refined.status == QueryStatus::LOCALIZED) return refined;
+    // Tries the guess, because the scene may fix the pose even if it does not fix the focal length.
+    LocalizationResult guessed = localize(LocalizeTogether);
+    return guessed.status == QueryStatus::LOCALIZED ? guessed : refined;
+  }
+  LocalizationResult given = localize(LocalizeTogether);
+  const bool can_refine =
+      options.intrinsics == IntrinsicsMode::AUTO && HasFocalLength(query.images.front().problem.query_camera);
+  if (!can_refine || !IsInDoubt(given, options)) return given;
+  LocalizationResult refined = localize(LocalizeWithUnknownFocalLength);
+  std::vector<std::pair<std::string, double>> seconds = given.seconds;
+  for (const auto& [stage, time] : refined.seconds) seconds.emplace_back(stage, time);
+  LocalizationResult result = Decide(std::move(given), std::move(refined), options);
+  result.seconds = std::move(seconds);
+  return result;
+}
+
+}  // namespace lazyloc

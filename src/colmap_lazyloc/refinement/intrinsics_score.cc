@@ -1,0 +1,242 @@
+#include "colmap_lazyloc/refinement/intrinsics_score.h"
+
+#include <cmath>
+#include <utility>
+
+#include <Eigen/Cholesky>
+
+#include "colmap_lazyloc/refinement/bundle_solver.h"
+#include "colmap_lazyloc/refinement/covariance.h"
+#include "colmap_lazyloc/refinement/pose_prior.h"
+
+namespace lazyloc {
+namespace {
+
+// Share of the information with points and poses fixed that always remains, because that of an unobservable correction
+// would else be a rounding error.
+constexpr double kRegularization = 1e-9;
+
+// Number of frames up to which the equations hold all of them, else those that observe common points with the query.
+constexpr size_t kMaxNumCoupled = 150;
+
+using Derivative = Eigen::Matrix<double, 2, NUM_INTRINSICS_PARAMETERS>;
+
+// Returns the derivative of a fixed ray's keypoint with respect to the corrections.
+Derivative KeypointDerivative(const Observation& observation) {
+  const Eigen::Vector2d& offset = observation.px_from_log_focal;
+  Derivative derivative;
+  derivative.col(LOG_FOCAL_FACTOR) = offset;
+  derivative.col(PRINCIPAL_POINT_X) = Eigen::Vector2d::UnitX();
+  derivative.col(PRINCIPAL_POINT_Y) = Eigen::Vector2d::UnitY();
+  derivative.col(RADIAL_DISTORTION) = offset * offset.squaredNorm() / std::pow(kRadialUnitPx, 3);
+  return derivative;
+}
+
+// The equations of one query frame at a time, over the frames that observe common points with it.
+template <int kSize>
+class ScoreBuilder {
+  using Coupling = Eigen::Matrix<double, kSize, NUM_INTRINSICS_PARAMETERS>;
+
+ public:
+  ScoreBuilder(const BundleSolver<kSize>& solver, const PosedImages& posed, const std::vector<Track>& tracks,
+               const RobustLoss& loss)
+      : solver_(solver),
+        posed_(posed),
+        tracks_(tracks),
+        loss_(loss),
+        place_of_frame_(solver.Problem().frames.size(), -1) {}
+
+  // Starts the equations of a frame of `posed`.
+  void Start(int frame) {
+    const BundleProblem& problem = solver_.Problem();
+    is_asked_.assign(problem.frames.size(), false);
+    for (size_t image = 0; image < posed_.images.size(); ++image) {
+      if (posed_.images[image].frame == frame) is_asked_[problem.index_of_image[image]] = true;
+    }
+    CouplingWith(solver_.IndexOf(frame));
+    if (problem.frames.size() > kMaxNumCoupled) return;
+    for (size_t i = 0; i < problem.frames.size(); ++i) CouplingWith(static_cast<int>(i));
+  }
+
+  // Adds a track that the frame observes.
+  void AddTrack(size_t track) {
+    const BundleProblem& problem = solver_.Problem();
+    const BundleState& state = solver_.Linearization();
+    const Range& range = problem.free_range[track];
+    Eigen::Matrix<double, NUM_INTRINSICS_PARAMETERS, 3> by_point;
+    by_point.setZero();
+    for (size_t i = range.begin; i < range.end; ++i) {
+      const int frame = problem.free[i].frame;
+      if (!is_asked_[frame]) continue;
+      BundleError error;
+      if (!error.Evaluate(problem.free[i], state.frames[frame], state.points[track])) continue;
+      const TrackObservation& element = tracks_[track].observations[problem.free[i].element];
+      const double root_weight = std::sqrt(loss_.Weight(error.error.squaredNorm()));
+      error.Scale(root_weight);
+      const Derivative derivative = root_weight * ResidualFromPx(posed_.images[element.image], tracks_[track]) *
+                                    KeypointDerivative(element.observation);
+      const IntrinsicsScore::Matrix information = derivative.transpose() * derivative;
+      score_.information += information;
+      score_.information.diagonal() += kRegularization * information.diagonal();
+      score_.score -= derivative.transpose() * error.error;
+      CouplingWith(frame) += error.ByFrame<kSize>() * derivative;
+      by_point += derivative.transpose() * error.ByPointInWorld(state.frames[frame]);
+    }
+    const auto& equations = solver_.Equations();
+    const Eigen::Matrix<double, NUM_INTRINSICS_PARAMETERS, 3> eliminated =
+        by_point * equations.point_factors[track].inverse.transpose();
+    score_.information -= eliminated * eliminated.transpose();
+    score_.score += eliminated * equations.point_factors[track].gradient;
+    for (size_t i = range.begin; i < range.end; ++i) {
+      CouplingWith(problem.free[i].frame) -= equations.eliminated[i] * eliminated.transpose();
+    }
+  }
+
+  // Eliminates the poses and returns the score of the frame.
+  IntrinsicsScore Finish(int frame) {
+    const Eigen::LLT<Eigen::MatrixXd> factor(PoseEquations());
+    Eigen::MatrixXd coupling(kSize * places_.size(), static_cast<Eigen::Index>(NUM_INTRINSICS_PARAMETERS));
+    Eigen::VectorXd rhs(coupling.rows());
+    for (size_t i = 0; i < places_.size(); ++i) {
+      coupling.middleRows<kSize>(kSize * i) = couplings_[i];
+      rhs.segment<kSize>(kSize * i) = solver_.Equations().rhs.template segment<kSize>(kSize * places_[i]);
+    }
+    const Eigen::MatrixXd poses_from_correction = -factor.solve(coupling);
+    score_.information += coupling.transpose() * poses_from_correction;
+    score_.score += poses_from_correction.transpose() * rhs;
+    score_.frame_from_correction = poses_from_correction.middleRows<6>(kSize * place_of_frame_[frame]);
+    score_.prior_parts = PriorParts(poses_from_correction);
+    if (kSize > 6 && solver_.Problem().has_factor[frame] && !solver_.Problem().frames[frame].factor_is_scale) {
+      SetEstimatedFocalLength(factor, frame);
+    }
+    for (const int place : places_) place_of_frame_[place] = -1;
+    places_.clear();
+    couplings_.clear();
+    IntrinsicsScore score;
+    std::swap(score, score_);
+    return score;
+  }
+
+ private:
+  Coupling& CouplingWith(int frame) {
+    int& place = place_of_frame_[frame];
+    if (place < 0) {
+      place = static_cast<int>(places_.size());
+      places_.push_back(frame);
+      couplings_.push_back(Coupling::Zero());
+    }
+    return couplings_[place];
+  }
+
+  // Returns the lower triangle of the reduced equations of the frames in places_.
+  Eigen::MatrixXd PoseEquations() const {
+    const auto size = static_cast<Eigen::Index>(kSize * places_.size());
+    Eigen::MatrixXd matrix = Eigen::MatrixXd::Zero(size, size);
+    for (size_t a = 0; a < places_.size(); ++a) {
+      for (size_t b = 0; b <= a; ++b) {
+        const bool is_lower = places_[b] <= places_[a];
+        const auto* block = solver_.Cameras().FindBlock(
+            is_lower ? places_[a] : places_[b], is_lower ? places_[b] : places_[a], solver_.Equations().reduced);
+        if (block == nullptr) continue;
+        auto target = matrix.block<kSize, kSize>(kSize * a, kSize * b);
+        if (is_lower) {
+          target = *block;
+        } else {
+          target = block->transpose();
+        }
+      }
+    }
+    return matrix;
+  }
+
+  // Returns by prior group and component the covariance of the scores that unit variance causes. moves: of the poses.
+  std::vector<std::vector<IntrinsicsScore::Matrix>> PriorParts(const Eigen::MatrixXd& moves) const {
+    std::vector<std::vector<IntrinsicsScore::Matrix>> parts;
+    for (size_t group = 0; group < posed_.prior_groups.size(); ++group) {
+      const BundlePriors& priors = solver_.Problem().priors[group];
+      // The deviations' six coordinates and the corrections side by side.
+      Eigen::MatrixXd deviations = Eigen::MatrixXd::Zero(priors.frames.size(), 6 * moves.cols());
+      for (size_t i = 0; i < priors.frames.size(); ++i) {
+        const int frame = priors.frames[i], place = place_of_frame_[frame];
+        if (place < 0) continue;
+        const Rigid3d& pose = solver_.Linearization().frames[frame].frame_from_world;
+        const Eigen::MatrixXd deviation = EvaluatePosePrior(*solver_.Problem().pose_priors[frame], pose).jacobian *
+                                          moves.middleRows<6>(kSize * place);
+        deviations.row(i) = deviation.reshaped().transpose();
+      }
+      deviations = priors.precision * deviations.eval();
+      parts.emplace_back();
+      for (const VarianceComponent& component : posed_.prior_groups[group].components) {
+        const Eigen::MatrixXd shaped = component.shape * deviations;
+        IntrinsicsScore::Matrix& part = parts.back().emplace_back(IntrinsicsScore::Matrix::Zero());
+        for (Eigen::Index i = 0; i < deviations.rows(); ++i) {
+          part.topLeftCorner(moves.cols(), moves.cols()) +=
+              deviations.row(i).reshaped(6, moves.cols()).transpose() * shaped.row(i).reshaped(6, moves.cols());
+        }
+      }
+    }
+    return parts;
+  }
+
+  // Replaces the equation of the focal length by that of its estimate.
+  void SetEstimatedFocalLength(const Eigen::LLT<Eigen::MatrixXd>& factor, int frame) {
+    const Eigen::Index row = kSize * place_of_frame_[frame] + kSize - 1;
+    const Eigen::VectorXd column = factor.solve(Eigen::VectorXd::Unit(factor.rows(), row));
+    score_.information.row(LOG_FOCAL_FACTOR).setZero();
+    score_.information.col(LOG_FOCAL_FACTOR).setZero();
+    score_.information(LOG_FOCAL_FACTOR, LOG_FOCAL_FACTOR) = 1 / column[row];
+    const auto parts = PriorParts(column);
+    for (size_t group = 0; group < parts.size(); ++group) {
+      for (size_t j = 0; j < parts[group].size(); ++j) {
+        IntrinsicsScore::Matrix& part = score_.prior_parts[group][j];
+        part.row(LOG_FOCAL_FACTOR).setZero();
+        part.col(LOG_FOCAL_FACTOR).setZero();
+        part(LOG_FOCAL_FACTOR, LOG_FOCAL_FACTOR) = parts[group][j](0, 0) / (column[row] * column[row]);
+      }
+    }
+    score_.score[LOG_FOCAL_FACTOR] = 0;
+  }
+
+  const BundleSolver<kSize>& solver_;
+  const PosedImages& posed_;
+  const std::vector<Track>& tracks_;
+  const RobustLoss& loss_;
+  IntrinsicsScore score_;
+  std::vector<bool> is_asked_;       // by frame of the problem: true for the poses of the query's images
+  std::vector<int> places_;          // frames in the order of the equations
+  std::vector<int> place_of_frame_;  // -1 for others
+  std::vector<Coupling> couplings_;  // parallel to places_
+};
+
+}  // namespace
+
+template <int kSize>
+std::vector<IntrinsicsScore> ComputeIntrinsicsScores(const BundleSolver<kSize>& solver, const PosedImages& posed,
+                                                     const std::vector<Track>& tracks, const RobustLoss& loss) {
+  std::vector<std::vector<size_t>> tracks_of_frame(posed.frames.size());
+  for (size_t track = 0; track < tracks.size(); ++track) {
+    int last_frame = -1;
+    for (const TrackObservation& element : tracks[track].observations) {
+      const int frame = posed.images[element.image].frame;
+      if (posed.frames[frame].is_database) break;
+      if (frame != last_frame) tracks_of_frame[frame].push_back(track);
+      last_frame = frame;
+    }
+  }
+  std::vector<IntrinsicsScore> scores(posed.frames.size());
+  ScoreBuilder<kSize> builder(solver, posed, tracks, loss);
+  for (size_t frame = 0; frame < scores.size(); ++frame) {
+    if (tracks_of_frame[frame].empty()) continue;
+    builder.Start(static_cast<int>(frame));
+    for (const size_t track : tracks_of_frame[frame]) builder.AddTrack(track);
+    scores[frame] = builder.Finish(solver.IndexOf(static_cast<int>(frame)));
+  }
+  return scores;
+}
+
+template std::vector<IntrinsicsScore> ComputeIntrinsicsScores<6>(const BundleSolver<6>&, const PosedImages&,
+                                                                 const std::vector<Track>&, const RobustLoss&);
+template std::vector<IntrinsicsScore> ComputeIntrinsicsScores<7>(const BundleSolver<7>&, const PosedImages&,
+                                                                 const std::vector<Track>&, const RobustLoss&);
+
+}  // namespace lazyloc

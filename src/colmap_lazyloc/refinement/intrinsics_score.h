@@ -1,0 +1,54 @@
+#pragma once
+
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "colmap_lazyloc/refinement/robust_loss.h"
+#include "colmap_lazyloc/scene/frame.h"
+#include "colmap_lazyloc/scene/track.h"
+
+namespace lazyloc {
+
+template <int kSize>
+class BundleSolver;
+
+// Corrections of a query frame's intrinsics that an adjustment did not estimate. All cameras of a rig share them.
+enum IntrinsicsParameter {
+  LOG_FOCAL_FACTOR,
+  PRINCIPAL_POINT_X,  // px
+  PRINCIPAL_POINT_Y,
+  RADIAL_DISTORTION,  // displacement in px of an image point kRadialUnitPx from the principal point; grows as the cube
+  NUM_INTRINSICS_PARAMETERS,
+};
+inline constexpr double kRadialUnitPx = 1000;
+
+// The normal equations of these corrections at the minimum of an adjustment, with all points and poses eliminated:
+// `information` * correction = `score` (Rao's score test). A correction takes the weights of the adjustment.
+struct IntrinsicsScore {
+  using Matrix = Eigen::Matrix<double, NUM_INTRINSICS_PARAMETERS, NUM_INTRINSICS_PARAMETERS>;
+  using Vector = Eigen::Matrix<double, NUM_INTRINSICS_PARAMETERS, 1>;
+
+  Matrix information = Matrix::Zero();
+  Vector score = Vector::Zero();
+  // By prior group and component: covariance of `score` that unit variance of the component causes.
+  std::vector<std::vector<Matrix>> prior_parts;
+  // Derivative of the tangent of frame_from_world with respect to the corrections.
+  Eigen::Matrix<double, 6, NUM_INTRINSICS_PARAMETERS> frame_from_correction =
+      Eigen::Matrix<double, 6, NUM_INTRINSICS_PARAMETERS>::Zero();
+};
+
+// Returns the score of each frame, zero for database frames. solver: after its minimum; tracks: those it was made of.
+// Frames without a common point with the frame in question count as constant, because a large group would otherwise
+// need the inverse of the whole system. If the focal length was estimated, its information is that of the estimate and
+// its score zero.
+template <int kSize>
+std::vector<IntrinsicsScore> ComputeIntrinsicsScores(const BundleSolver<kSize>& solver, const PosedImages& posed,
+                                                     const std::vector<Track>& tracks, const RobustLoss& loss);
+
+extern template std::vector<IntrinsicsScore> ComputeIntrinsicsScores<6>(const BundleSolver<6>&, const PosedImages&,
+                                                                        const std::vector<Track>&, const RobustLoss&);
+extern template std::vector<IntrinsicsScore> ComputeIntrinsicsScores<7>(const BundleSolver<7>&, const PosedImages&,
+                                                                        const std::vector<Track>&, const RobustLoss&);
+
+}  // namespace lazyloc

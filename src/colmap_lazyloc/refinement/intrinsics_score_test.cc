@@ -1,0 +1,101 @@
+#include "colmap_lazyloc/refinement/intrinsics_score.h"
+
+#include <cmath>
+
+#include <gtest/gtest.h>
+
+#include "colmap_lazyloc/math/so3.h"
+#include "colmap_lazyloc/refinement/bundle_adjustment.h"
+#include "colmap_lazyloc/testing/synthetic_tracks.h"
+
+namespace lazyloc {
+namespace {
+
+constexpr double kFocalLengthPx = 500;
+
+// Makes queries (frame 0 first) whose keypoints are displaced as by cameras with other intrinsics.
+SyntheticTracks MakeTracks(const IntrinsicsScore::Vector& corrections, int num_query, bool has_priors,
+                           double noise_px) {
+  SyntheticTracksOptions options;
+  options.num_query = num_query;
+  options.noise_px = noise_px;
+  SyntheticTracks scene = MakeSyntheticTracks(options);
+  for (Track& track : scene.tracks) {
+    for (int query = 0; query < num_query; ++query) {
+      Observation& observation = track.observations[query].observation;
+      const Eigen::Vector2d offset = kFocalLengthPx * observation.ray_in_cam.hnormalized();
+      const Eigen::Vector2d moved =
+          offset * (std::exp(corrections[LOG_FOCAL_FACTOR]) +
+                    corrections[RADIAL_DISTORTION] * offset.squaredNorm() / std::pow(kRadialUnitPx, 3)) +
+          Eigen::Vector2d(corrections[PRINCIPAL_POINT_X], corrections[PRINCIPAL_POINT_Y]);
+      const Eigen::Vector3d ray = moved.homogeneous().cwiseQuotient(Eigen::Vector3d(kFocalLengthPx, kFocalLengthPx, 1));
+      // The pixel derivative of a pinhole camera at the ray.
+      Eigen::Matrix<double, 2, 3> px_from_cam;
+      px_from_cam << kFocalLengthPx, 0, -moved.x(), 0, kFocalLengthPx, -moved.y();
+      observation.ray_in_cam = ray.normalized();
+      observation.px_from_cam = px_from_cam * ray.norm();
+      observation.px_from_log_focal = moved;
+    }
+  }
+  for (Frame& frame : scene.posed.frames) {
+    if (frame.is_database && has_priors) frame.prior = PosePrior{frame.frame_from_world, 1e-3, 5e-3};
+  }
+  if (!has_priors) return scene;
+  PriorGroup group;
+  for (size_t i = 0; i < scene.posed.frames.size(); ++i) {
+    if (scene.posed.frames[i].prior) group.frames.push_back(static_cast<int>(i));
+  }
+  const auto size = static_cast<Eigen::Index>(group.frames.size());
+  group.components = {{Eigen::MatrixXd::Identity(size, size), 1}};
+  scene.posed.prior_groups = {group};
+  return scene;
+}
+
+IntrinsicsScore::Vector Corrections(double log_focal, double x, double y, double radial) {
+  return IntrinsicsScore::Vector(log_focal, x, y, radial);
+}
+
+class Priors : public testing::TestWithParam<bool> {};
+
+TEST_P(Priors, StepOfTheFocalLengthIsThatOfAnAdjustmentThatEstimatesIt) {
+  const SyntheticTracks scene = MakeTracks(Corrections(0.003, 0, 0, 0), 1, GetParam(), 0.3);
+  const BundleAdjustmentResult fixed = AdjustBundle(scene.posed, scene.tracks, {});
+  SyntheticTracks free = scene;
+  free.posed.images[0].log_focal_factor = 0;
+  const BundleAdjustmentResult estimated = AdjustBundle(free.posed, free.tracks, {});
+  const IntrinsicsScore &score = fixed.intrinsics_scores[0], &reference = estimated.intrinsics_scores[0];
+  const double information = score.information(LOG_FOCAL_FACTOR, LOG_FOCAL_FACTOR);
+  const double step = score.score[LOG_FOCAL_FACTOR] / information;
+  EXPECT_NEAR(step, *estimated.posed.images[0].log_focal_factor, 0.2 / std::sqrt(information));
+  EXPECT_NEAR(step, 0.003, 5 / std::sqrt(information));
+  const double reference_information = reference.information(LOG_FOCAL_FACTOR, LOG_FOCAL_FACTOR);
+  EXPECT_NEAR(reference_information / information, 1, 0.05);
+  ASSERT_EQ(score.prior_parts.size(), GetParam() ? 1u : 0u);
+  if (GetParam()) {
+    EXPECT_NEAR(reference.prior_parts[0][0](LOG_FOCAL_FACTOR, LOG_FOCAL_FACTOR) / reference_information,
+                score.prior_parts[0][0](LOG_FOCAL_FACTOR, LOG_FOCAL_FACTOR) / information, 0.02);
+  }
+  const Eigen::Matrix<double, 6, 1> move = step * score.frame_from_correction.col(LOG_FOCAL_FACTOR);
+  const Rigid3d &before = fixed.posed.frames[0].frame_from_world, &after = estimated.posed.frames[0].frame_from_world;
+  EXPECT_LE((after.translation - before.translation - move.tail<3>()).norm(), 0.1 * move.tail<3>().norm());
+  for (size_t frame = 1; frame < scene.posed.frames.size(); ++frame) {
+    EXPECT_TRUE(fixed.intrinsics_scores[frame].information.isZero(0)) << "a database frame";
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(IntrinsicsScore, Priors, testing::Bool());
+
+TEST(IntrinsicsScore, AllCorrectionsAreFound) {
+  const IntrinsicsScore::Vector truth = Corrections(-0.01, 3, -2, 20);
+  for (const int num_query : {1, 2}) {
+    SyntheticTracks scene = MakeTracks(truth, num_query, /*has_priors=*/false, /*noise_px=*/0);
+    if (num_query > 1) JoinFrame(0, 1, &scene.posed);  // cameras of a rig share the corrections
+    const IntrinsicsScore score = AdjustBundle(scene.posed, scene.tracks, {}).intrinsics_scores[0];
+    const IntrinsicsScore::Vector found = score.information.inverse() * score.score;
+    // The step is exact to first order.
+    for (int i = 0; i < NUM_INTRINSICS_PARAMETERS; ++i) EXPECT_NEAR(found[i], truth[i], 0.1 * std::abs(truth[i])) << i;
+  }
+}
+
+}  // namespace
+}  // namespace lazyloc
