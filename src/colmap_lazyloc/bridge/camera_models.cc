@@ -20,6 +20,9 @@ const std::array<std::string, 7> kModelsOfColmap4 = {"RAD_TAN_THIN_PRISM_FISHEYE
                                                      "EUCM",
                                                      "EQUIRECTANGULAR"};
 
+// Default of COLMAP's --ImageReader.default_focal_length_factor.
+constexpr double kDefaultFocalLengthFactor = 1.2;
+
 bool IsKnown(int model_id) { return colmap::ExistsCameraModelWithId(static_cast<colmap::CameraModelId>(model_id)); }
 
 }  // namespace
@@ -68,6 +71,19 @@ Camera CameraFromFocalLength(int model_id, double focal_length_px, uint64_t widt
   const colmap::Camera made = colmap::Camera::CreateFromModelId(
       /*camera_id=*/0, static_cast<colmap::CameraModelId>(model_id), focal_length_px, width, height);
   return {0, model_id, width, height, made.params, /*has_prior_focal_length=*/true};
+}
+
+IntrinsicsOrigin OriginOfStoredCamera(const Camera& camera) {
+  const auto is_made_with = [&](double focal_length_px) {
+    return SameIntrinsics(camera, CameraFromFocalLength(camera.model_id, focal_length_px, camera.width, camera.height));
+  };
+  const auto focal_idxs = ToColmap(camera).FocalLengthIdxs();
+  if (focal_idxs.size() == 0) return IntrinsicsOrigin::GIVEN;
+  if (camera.has_prior_focal_length) {
+    return is_made_with(camera.params[*focal_idxs.begin()]) ? IntrinsicsOrigin::EXIF : IntrinsicsOrigin::GIVEN;
+  }
+  const double default_px = kDefaultFocalLengthFactor * static_cast<double>(std::max(camera.width, camera.height));
+  return is_made_with(default_px) ? IntrinsicsOrigin::GUESS : IntrinsicsOrigin::GIVEN;
 }
 
 Camera WithFocalFactor(const Camera& camera, double factor) {

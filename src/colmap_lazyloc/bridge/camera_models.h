@@ -24,6 +24,10 @@ std::string CameraProblem(const Camera& camera);
 
 // Returns a camera of the model with the principal point in the image centre and no distortion.
 Camera CameraFromFocalLength(int model_id, double focal_length_px, uint64_t width, uint64_t height);
+// Returns the origin of the intrinsics that a database stores, judged by their look because databases do not tell it.
+// COLMAP makes a camera with no distortion and the principal point at the centre. Its focal length is EXIF's, which
+// sets the prior flag, or COLMAP's default. Any other camera counts as given: tools often leave the flag at 0.
+IntrinsicsOrigin OriginOfStoredCamera(const Camera& camera);
 // Returns the camera with every focal length of its model multiplied by the factor.
 Camera WithFocalFactor(const Camera& camera, double factor);
 

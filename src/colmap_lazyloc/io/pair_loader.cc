@@ -112,6 +112,7 @@ LocalizationProblem PairLoader::Load(const StoredQuery& query, const DatabaseRea
   LocalizationProblem problem;
   problem.query_name = query.image.name;
   problem.query_camera = query.camera;
+  problem.intrinsics_origin = query.intrinsics_origin;
   problem.query_keypoints = database.ReadKeypoints(query.image.image_id);
   if (problem.query_keypoints.empty()) return problem;
   if (const std::vector<std::string>* names = selection_.ListedPairs(problem.query_name)) {

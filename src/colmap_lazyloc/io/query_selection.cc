@@ -108,6 +108,7 @@ void QuerySelection::AddStoredQuery(const QueryListEntry& entry, const ModelImag
     query.camera.has_prior_focal_length = query.stored_camera.has_prior_focal_length;  // models do not store it
   } else {
     query.camera = ReadUsableCamera(database, *image);
+    query.intrinsics_origin = OriginOfStoredCamera(query.camera);
   }
   stored_queries_.emplace(entry.name, std::move(query));
 }

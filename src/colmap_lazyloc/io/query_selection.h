@@ -25,6 +25,7 @@ struct QuerySelectionOptions {
 struct StoredQuery {
   DatabaseImage image;
   Camera camera;
+  IntrinsicsOrigin intrinsics_origin = IntrinsicsOrigin::GIVEN;  // of `camera`
   Camera stored_camera;  // as in the database, whose two-view geometries were estimated with it
   size_t group = 0;
 };

@@ -16,6 +16,13 @@ struct Camera {
   bool has_prior_focal_length = false;
 };
 
+// Where the intrinsics of a query come from, which decides how far the images may correct them.
+enum class IntrinsicsOrigin {
+  GIVEN,  // somebody stated them: query list, model, option, or a camera of the database that looks calibrated
+  EXIF,   // a focal length from EXIF, which may be off by tens of percent; principal point at the centre
+  GUESS,  // COLMAP's focal length for a photo without EXIF: 1.2 times the longer side
+};
+
 // True if both cameras map rays to the same pixels; ignores ids and prior flags.
 inline bool SameIntrinsics(const Camera& a, const Camera& b) {
   return a.model_id == b.model_id && a.width == b.width && a.height == b.height && a.params == b.params;

@@ -32,8 +32,9 @@ struct ImagePair {
 struct LocalizationProblem {
   std::string query_name;
   Camera query_camera;
-  std::vector<Eigen::Vector2d> query_keypoints;  // xy in pixels
-  std::vector<ImagePair> pairs;                  // with database images, sorted by other_name
+  IntrinsicsOrigin intrinsics_origin = IntrinsicsOrigin::GIVEN;  // of query_camera
+  std::vector<Eigen::Vector2d> query_keypoints;                  // xy in pixels
+  std::vector<ImagePair> pairs;                                  // with database images, sorted by other_name
 };
 
 // A query of a group and its place in its frame.
