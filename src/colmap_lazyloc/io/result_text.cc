@@ -114,6 +114,7 @@ Json RecordToJson(const QueryRecord& record) {
   if (result.status == QueryStatus::LOCALIZED && result.is_camera_refined) {
     json["camera"] = CameraToJson(result.query_camera);
   }
+  json["intrinsics_source"] = record.intrinsics_source ? Json(EnumName(*record.intrinsics_source)) : Json();
   json["num_tracks"] = result.num_tracks;
   json["num_observations"] = result.num_observations;
   json["mean_reprojection_error_px"] = result.num_observations > 0 ? Json(result.mean_reprojection_error_px) : Json();

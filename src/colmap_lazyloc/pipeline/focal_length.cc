@@ -23,7 +23,10 @@ constexpr int kNumSteps = 14;
 bool IsFocalLengthUnknown(const LocalizationProblem& problem, const LocalizerOptions& options) {
   const Camera& camera = problem.query_camera;
   const bool has_focal_length = !SameIntrinsics(WithFocalFactor(camera, 2), camera);
-  return options.refine_focal_length && has_focal_length && !camera.has_prior_focal_length;
+  if (!has_focal_length) return false;
+  const IntrinsicsOrigin origin = problem.intrinsics_origin;
+  if (origin == IntrinsicsOrigin::SHARED || origin == IntrinsicsOrigin::GUESS) return true;
+  return options.refine_focal_length && !camera.has_prior_focal_length;
 }
 
 void QueryCamera::ScaleFocalLength(double factor) { camera_ = WithFocalFactor(camera_, factor); }
