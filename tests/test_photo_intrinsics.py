@@ -162,12 +162,20 @@ def run_script(database_path, model_path, folder, output_path, *options, scripts
 
 
 def make_database(colmap, image_path, database_path, *options):
-    """Makes a database of one camera by COLMAP's commands, whose intrinsics are COLMAP's guess."""
-    for command, *more in (("feature_extractor", "--image_path", image_path, *options), ("exhaustive_matcher",)):
-        if command == "feature_extractor":
-            more += ["--ImageReader.single_camera", 1]
-        gpu = program.gpu_option(colmap, command)
-        program.run_colmap(colmap, command, "--database_path", database_path, *more, gpu, 0)
+    """Makes a database of one camera by COLMAP's command, with a guess of its intrinsics. Photos need no matches."""
+    program.run_colmap(
+        colmap,
+        "feature_extractor",
+        "--database_path",
+        database_path,
+        "--image_path",
+        image_path,
+        "--ImageReader.single_camera",
+        1,
+        program.gpu_option(colmap, "feature_extractor"),
+        0,
+        *options,
+    )
 
 
 def test_script_localizes_ten_photos_and_finds_the_program(colmap, courtyard, photos, tmp_path):

@@ -16,10 +16,10 @@ namespace lazyloc {
 // Everything that the output files say of a query.
 struct QueryRecord {
   LocalizationResult result;
-  std::optional<IntrinsicsSource> intrinsics_source;  // nullopt if none were looked for
-  std::vector<Eigen::Vector2d> keypoints;             // of a photo, xy in pixels; empty if the database holds them
-  StageTimer::Seconds seconds;                        // wall time by stage, loading first
-  double total_seconds = 0;  // wall time of the whole group, divided by the number of its queries
+  std::vector<Eigen::Vector2d> keypoints;  // of a photo, xy in pixels; empty if the database holds them
+  StageTimer::Seconds seconds;             // wall time by stage, loading first
+  double total_seconds = 0;                // wall time of the whole group, divided by the number of its queries
+  std::optional<IntrinsicsSource> intrinsics_source = std::nullopt;  // nullopt if none were looked for
 };
 
 // A group that is ready to be localized, and the records of its queries as far as loading knows them.
