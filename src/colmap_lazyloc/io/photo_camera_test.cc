@@ -9,8 +9,7 @@ namespace {
 
 using ::testing::ElementsAre;
 
-const int kSimpleRadial = *CameraModelId("SIMPLE_RADIAL");
-const int kOpenCv = *CameraModelId("OPENCV");
+constexpr int kSimpleRadial = 2, kOpenCv = 4;  // COLMAP's model ids
 
 DatabaseCamera MakeDatabaseCamera(double focal_length_px, int num_images, const std::string& exif_camera = "") {
   return {{7, kSimpleRadial, 640, 480, {focal_length_px, 321, 242, 0.01}, false}, num_images, exif_camera};

@@ -94,7 +94,7 @@ struct LocalizationResult {
   Eigen::Matrix<double, 6, 6> covariance = Eigen::Matrix<double, 6, 6>::Zero();
   PoseSpread spread;  // by the covariance
 
-  // Set if SCALE_UNOBSERVABLE or DEGENERATE_BASELINE leaves one orientation.
+  // Set if SCALE_UNOBSERVABLE, DEGENERATE_BASELINE or UNKNOWN_CAMERA leaves one orientation.
   std::optional<PartialPose> partial_pose;
 
   std::string start;              // the hypothesis that refinement started from
