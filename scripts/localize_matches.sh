@@ -7,10 +7,11 @@
 #   scripts/localize_matches.sh DATABASE MATCHES MODEL OUTPUT [options of colmap lazy_localizer]
 set -euo pipefail
 [ $# -ge 4 ] || { sed -n '2,/^set/s/^# \{0,1\}//p' "$0" >&2; exit 1; }
+source "$(dirname "$0")/find_colmap.sh"
 database=$1 matches=$2 model=$3 output=${4%/}
 shift 4
 [ ! -e "$output.db" ] || { echo "localize_matches.sh: $output.db exists already" >&2; exit 1; }
 cp "$database" "$output.db"
-"${COLMAP:-colmap}" matches_importer --database_path "$output.db" --match_list_path "$matches" --match_type raw \
+"$COLMAP" matches_importer --database_path "$output.db" --match_list_path "$matches" --match_type raw \
   "$("$(dirname "$0")/gpu_option.sh" matches_importer)" 0 > "$output.log" 2>&1 || { tail -5 "$output.log" >&2; exit 1; }
-"${COLMAP:-colmap}" lazy_localizer --database_path "$output.db" --input_path "$model" --output_path "$output" "$@"
+"$COLMAP" lazy_localizer --database_path "$output.db" --input_path "$model" --output_path "$output" "$@"

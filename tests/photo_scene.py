@@ -80,18 +80,30 @@ def extract_features(colmap, database_path, image_path, names):
     program.extract_features(colmap, database_path, image_path, names, CAMERA, *SIFT)
 
 
+def build_courtyard():
+    return demo.build_scene(seed=0, texels_per_m=80)
+
+
+def look_at_target(centre, roll_deg):
+    return demo.upright_pose(np.array(centre), TARGET, roll_deg)
+
+
+def take_photo(rectangles, rays, pose, seed):
+    return demo.photograph(render(rectangles, rays, pose, demo.sky), np.random.default_rng(seed))
+
+
 def make_photo_scene(folder, colmap):
-    rectangles = demo.build_scene(seed=0, texels_per_m=80)
+    rectangles = build_courtyard()
     rays = RayGrid(CAMERA)
     views = []
     for prefix, centres in (("database", DATABASE_CENTRES), ("query", QUERY_CENTRES)):
         for index, centre in enumerate(centres):
-            pose = demo.upright_pose(np.array(centre), TARGET, roll_deg=2.0 * index - 3)
+            pose = look_at_target(centre, roll_deg=2.0 * index - 3)
             views.append(demo.View(f"{prefix}/{index}.png", CAMERA, pose))
     (folder / "images" / "database").mkdir(parents=True)
     (folder / "images" / "query").mkdir()
     for index, view in enumerate(views):
-        photo = demo.photograph(render(rectangles, rays, view.pose, demo.sky), np.random.default_rng(index))
+        photo = take_photo(rectangles, rays, view.pose, seed=index)
         assert cv2.imwrite(str(folder / "images" / view.name), photo)
     scene = PhotoScene(folder, {view.name: view.pose for view in views})
     demo.write_database_model(folder / "model", views[: len(DATABASE_CENTRES)])

@@ -84,7 +84,7 @@ def test_bad_photos_have_a_status_and_the_good_one_is_localized(scene, localize,
         "missing.png": "UNREADABLE_IMAGE",
         "grey.png": "NO_FEATURES",
         "tiny.png": "NO_FEATURES",
-        "small.png": "UNKNOWN_CAMERA",
+        "small.png": "INCONSISTENT_INTRINSICS",
         "noise.png": "TOO_FEW_INLIERS",
     }
     assert str(images / "empty.jpg") in run.results["empty.jpg"]["reason"]
@@ -125,13 +125,6 @@ def test_photos_of_other_pixel_formats_are_localized_alike(scene, localize, tmp_
         position_error, rotation_error_deg = run.poses[file_name].errors(scene.poses[name])
         assert position_error < 0.05 and rotation_error_deg < 0.3, file_name
     assert run.statuses["colour16.png"] in ("UNREADABLE_IMAGE", "LOCALIZED")
-
-
-def test_unknown_camera_is_a_status(scene, localize, tmp_path):
-    queries = scene.write_queries(tmp_path / "names.txt", with_camera=False)
-    run = localize(*scene.arguments(queries))
-    assert set(run.statuses.values()) == {"UNKNOWN_CAMERA"} and run.exit_code == 0
-    assert "EXIF" in run.results[scene.query_names[0]]["reason"]
 
 
 def test_without_image_path_an_unknown_query_is_refused(scene, queries, localize):

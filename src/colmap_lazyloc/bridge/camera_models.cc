@@ -3,6 +3,9 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <map>
+#include <utility>
+#include <vector>
 
 #include "colmap_lazyloc/bridge/convert.h"
 
@@ -22,6 +25,14 @@ const std::array<std::string, 7> kModelsOfColmap4 = {"RAD_TAN_THIN_PRISM_FISHEYE
 
 // Default of COLMAP's --ImageReader.default_focal_length_factor.
 constexpr double kDefaultFocalLengthFactor = 1.2;
+
+// Indices of the parameters of tangential and thin prism distortion, which has a direction in the image.
+const std::map<std::string, std::vector<size_t>> kDirectedParams = {
+    {"OPENCV", {6, 7}},
+    {"FULL_OPENCV", {6, 7}},
+    {"THIN_PRISM_FISHEYE", {6, 7, 10, 11}},
+    {"RAD_TAN_THIN_PRISM_FISHEYE", {10, 11, 12, 13, 14, 15}},
+};
 
 bool IsKnown(int model_id) { return colmap::ExistsCameraModelWithId(static_cast<colmap::CameraModelId>(model_id)); }
 
@@ -73,6 +84,10 @@ Camera CameraFromFocalLength(int model_id, double focal_length_px, uint64_t widt
   return {0, model_id, width, height, made.params, /*has_prior_focal_length=*/true};
 }
 
+double GuessFocalLengthPx(uint64_t width, uint64_t height) {
+  return kDefaultFocalLengthFactor * static_cast<double>(std::max(width, height));
+}
+
 double MeanFocalLength(const Camera& camera) {
   const colmap::Camera converted = ToColmap(camera);
   double sum = 0;
@@ -97,8 +112,8 @@ IntrinsicsOrigin OriginOfStoredCamera(const Camera& camera) {
   if (camera.has_prior_focal_length) {
     return is_made_with(camera.params[*focal_idxs.begin()]) ? IntrinsicsOrigin::EXIF : IntrinsicsOrigin::GIVEN;
   }
-  const double default_px = kDefaultFocalLengthFactor * static_cast<double>(std::max(camera.width, camera.height));
-  return is_made_with(default_px) ? IntrinsicsOrigin::GUESS : IntrinsicsOrigin::GIVEN;
+  return is_made_with(GuessFocalLengthPx(camera.width, camera.height)) ? IntrinsicsOrigin::GUESS
+                                                                       : IntrinsicsOrigin::GIVEN;
 }
 
 Camera WithFocalFactor(const Camera& camera, double factor) {
@@ -106,6 +121,29 @@ Camera WithFocalFactor(const Camera& camera, double factor) {
   const colmap::Camera converted = ToColmap(camera);
   for (const size_t idx : converted.FocalLengthIdxs()) scaled.params[idx] *= factor;
   return scaled;
+}
+
+std::optional<double> MeanFocalLengthPx(const Camera& camera) {
+  const colmap::Camera converted = ToColmap(camera);
+  if (converted.FocalLengthIdxs().size() == 0) return std::nullopt;
+  return converted.MeanFocalLength();
+}
+
+Camera Transposed(const Camera& camera) {
+  Camera turned = camera;
+  std::swap(turned.width, turned.height);
+  const colmap::Camera converted = ToColmap(camera);
+  const auto focal = converted.FocalLengthIdxs();
+  if (focal.size() == 2) std::swap(turned.params[focal[0]], turned.params[focal[1]]);
+  const auto centre = converted.PrincipalPointIdxs();
+  if (centre.size() == 2) {
+    turned.params[centre[0]] = static_cast<double>(turned.width) / 2;
+    turned.params[centre[1]] = static_cast<double>(turned.height) / 2;
+  }
+  const auto directed = kDirectedParams.find(CameraModelName(camera.model_id));
+  if (directed == kDirectedParams.end()) return turned;
+  for (const size_t i : directed->second) turned.params[i] = 0;
+  return turned;
 }
 
 std::optional<Eigen::Vector3d> RayInCam(const Camera& camera, const Eigen::Vector2d& xy) {

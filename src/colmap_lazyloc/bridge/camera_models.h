@@ -28,12 +28,20 @@ Camera CameraFromFocalLength(int model_id, double focal_length_px, uint64_t widt
 double MeanFocalLength(const Camera& camera);
 // Returns the principal point; the image's centre for a model without one.
 Eigen::Vector2d PrincipalPoint(const Camera& camera);
+// Returns COLMAP's guess of an unknown focal length, 1.2 times the longer side.
+double GuessFocalLengthPx(uint64_t width, uint64_t height);
 // Returns the origin of the intrinsics that a database stores, judged by their look because databases do not tell it.
 // COLMAP makes a camera with no distortion and the principal point at the centre. Its focal length is EXIF's, which
 // sets the prior flag, or COLMAP's default. Any other camera counts as given: tools often leave the flag at 0.
 IntrinsicsOrigin OriginOfStoredCamera(const Camera& camera);
 // Returns the camera with every focal length of its model multiplied by the factor.
 Camera WithFocalFactor(const Camera& camera, double factor);
+
+// Returns the mean focal length of the camera's model in pixels; nullopt if the model has none.
+std::optional<double> MeanFocalLengthPx(const Camera& camera);
+// Returns the camera for images turned by 90 degrees, clockwise or counterclockwise: the principal point is in the
+// centre and directed distortion is left out, because these are the means of both cases.
+Camera Transposed(const Camera& camera);
 
 // Returns the viewing ray (unit length, camera coordinates) of an image point in pixels. nullopt if the camera model
 // cannot be inverted at this point.

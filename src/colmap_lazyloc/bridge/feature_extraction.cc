@@ -1,6 +1,7 @@
 #include "colmap_lazyloc/bridge/feature_extraction.h"
 
 #include <algorithm>
+#include <utility>
 
 #include "colmap_lazyloc/bridge/sift.h"
 #include "colmap_lazyloc/scene/options_check.h"
@@ -28,24 +29,35 @@ bool SiftExtractionOptions::Check(std::string* error) const {
   return true;
 }
 
-std::optional<Photo> ReadPhoto(const std::filesystem::path& path, const SiftExtractionOptions& options) {
-  colmap::Bitmap bitmap;
-  if (!bitmap.Read(path.string(), /*as_rgb=*/false)) return std::nullopt;
-  Photo photo;
-  photo.width = static_cast<uint64_t>(bitmap.Width());
-  photo.height = static_cast<uint64_t>(bitmap.Height());
-  photo.exif_focal_length_px = ExifFocalLengthPx(bitmap);
+std::string ExifMakeAndModel(const std::string& colmap_name) {
+  const size_t size = colmap_name.rfind('-');
+  const size_t focal_length = size == std::string::npos || size == 0 ? size : colmap_name.rfind('-', size - 1);
+  return focal_length == std::string::npos ? "" : colmap_name.substr(0, focal_length);
+}
+
+std::optional<PhotoFile> PhotoFile::Read(const std::filesystem::path& path) {
+  auto bitmap = std::make_shared<colmap::Bitmap>();
+  if (!bitmap->Read(path.string(), /*as_rgb=*/false)) return std::nullopt;
+  PhotoFile file;
+  file.properties_ = {static_cast<uint64_t>(bitmap->Width()), static_cast<uint64_t>(bitmap->Height()),
+                      ExifFocalLengthPx(*bitmap), ExifMakeAndModel(ExifCameraName(*bitmap))};
+  file.pixels_ = std::move(bitmap);
+  return file;
+}
+
+Features PhotoFile::ExtractFeatures(const SiftExtractionOptions& options) const {
+  colmap::Bitmap bitmap(*pixels_);
   ScaleDown(options.max_image_size, &bitmap);
+  Features features;
   colmap::FeatureKeypoints keypoints;
-  if (!ExtractSift(bitmap, options, &keypoints, &photo.features.descriptors)) return photo;  // image too small
-  const float scale_x = static_cast<float>(photo.width) / bitmap.Width();
-  const float scale_y = static_cast<float>(photo.height) / bitmap.Height();
+  if (!ExtractSift(bitmap, options, &keypoints, &features.descriptors)) return features;  // image too small
+  const float scale_x = static_cast<float>(properties_.width) / bitmap.Width();
+  const float scale_y = static_cast<float>(properties_.height) / bitmap.Height();
   for (colmap::FeatureKeypoint& keypoint : keypoints) {
     keypoint.Rescale(scale_x, scale_y);
-    photo.features.keypoints.push_back(
-        {keypoint.x, keypoint.y, keypoint.a11, keypoint.a12, keypoint.a21, keypoint.a22});
+    features.keypoints.push_back({keypoint.x, keypoint.y, keypoint.a11, keypoint.a12, keypoint.a21, keypoint.a22});
   }
-  return photo;
+  return features;
 }
 
 }  // namespace lazyloc

@@ -2,10 +2,15 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <memory>
 #include <optional>
 #include <string>
 
 #include "colmap_lazyloc/scene/features.h"
+
+namespace colmap {
+class Bitmap;
+}
 
 namespace lazyloc {
 
@@ -23,16 +28,31 @@ struct SiftExtractionOptions {
   bool Check(std::string* error) const;
 };
 
-// Image file with its features.
-struct Photo {
-  uint64_t width = 0;  // of the file, in pixels, before scaling down
+// What an image file tells about its camera.
+struct PhotoProperties {
+  uint64_t width = 0;  // of the stored pixels: like COLMAP, this ignores the orientation in EXIF
   uint64_t height = 0;
   std::optional<double> exif_focal_length_px;
-  Features features;  // keypoints in pixels of the file
+  std::string exif_camera;  // make and model; empty if unknown
 };
 
-// Reads an image file and extracts its features like COLMAP's feature_extractor. Returns nullopt if COLMAP cannot read
-// the file as an image; returns no features if the image is too small. Thread-safe; uses one thread.
-std::optional<Photo> ReadPhoto(const std::filesystem::path& path, const SiftExtractionOptions& options);
+// An image file in memory.
+class PhotoFile {
+ public:
+  // Returns nullopt if COLMAP cannot read the file as an image.
+  static std::optional<PhotoFile> Read(const std::filesystem::path& path);
+
+  const PhotoProperties& Properties() const { return properties_; }
+  // Extracts features like COLMAP's feature_extractor, with keypoints in pixels of the file. Returns none if the image
+  // is too small. Thread-safe; uses one thread.
+  Features ExtractFeatures(const SiftExtractionOptions& options) const;
+
+ private:
+  PhotoProperties properties_;
+  std::shared_ptr<const colmap::Bitmap> pixels_;
+};
+
+// Returns make and model from COLMAP's name of a camera in EXIF, `make-model-focal length-width x height`.
+std::string ExifMakeAndModel(const std::string& colmap_name);
 
 }  // namespace lazyloc

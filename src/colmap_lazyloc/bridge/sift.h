@@ -1,6 +1,7 @@
 #pragma once
 
 #include <optional>
+#include <string>
 
 #include <colmap/feature/sift.h>
 #include <colmap/feature/types.h>
@@ -16,6 +17,8 @@ bool ExtractSift(const colmap::Bitmap& bitmap, const SiftExtractionOptions& opti
 
 // Returns the focal length of EXIF in pixels, nullopt if EXIF has no positive one.
 std::optional<double> ExifFocalLengthPx(const colmap::Bitmap& bitmap);
+// Returns COLMAP's name of the camera in EXIF; empty if EXIF lacks the make, the model or the focal length.
+std::string ExifCameraName(const colmap::Bitmap& bitmap);
 
 inline void CopyOptions(const SiftExtractionOptions& options, colmap::SiftExtractionOptions* converted) {
   converted->max_num_features = options.max_num_features;

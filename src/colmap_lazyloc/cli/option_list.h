@@ -32,7 +32,8 @@ void ForEachBasicOption(Options& o, const Add& add) {
       "each group (without a group option, all queries) is localized as one rigid body");
   add("strict", &o.strict, "Exit with code 2 if a query was not localized");
   add("ImageReader.camera_params", &o.source.photos.camera_params,
-      "Parameters of the photos' camera model, separated by commas; default: the focal length in EXIF");
+      "Parameters of the camera model of photos without a camera of their own, separated by commas; default: a camera of "
+      "the database with the photo's size, else the focal length in EXIF, else a guess");
   add("LazyLocalizer.num_retrieved", &o.source.num_retrieved,
       "Number of database images per query, those with the most verified inliers; with --pairs_path all listed ones "
       "are used");
@@ -71,7 +72,7 @@ template <typename Options, typename Add>
 void ForEachFeatureOption(Options& o, const Add& add) {
   add("LazyIndexer.num_visual_words", &o.retrieval.num_visual_words,
       "Maximum number of visual words in the retrieval index; a small database has fewer");
-  add("ImageReader.camera_model", &o.camera_model, "Camera model of photos without a camera in --query_list_path");
+  add("ImageReader.camera_model", &o.camera_model, "Camera model of photos without a known camera");
   auto& extraction = o.matching.extraction;
   add("SiftExtraction.max_image_size", &extraction.max_image_size,
       "Maximum size of a photo in pixels; a larger one is scaled down for extraction");

@@ -29,6 +29,21 @@ std::vector<double> ParseCameraParams(const std::string& text) {
   return params;
 }
 
+DefaultCamera ParseDefaultCamera(const PhotoOptions& options) {
+  const std::optional<int> model_id = CameraModelId(options.camera_model);
+  if (!model_id) {
+    throw InputError("option --ImageReader.camera_model: unknown camera model " + options.camera_model);
+  }
+  DefaultCamera camera = {*model_id, ParseCameraParams(options.camera_params)};
+  const bool has_params = !camera.params.empty();
+  const std::vector<double> params = has_params ? camera.params : CameraFromFocalLength(*model_id, 1, 1, 1).params;
+  const std::string problem = CameraProblem({0, *model_id, 1, 1, params, true});
+  if (!problem.empty()) {
+    throw InputError(std::string("option --ImageReader.camera_") + (has_params ? "params: " : "model: ") + problem);
+  }
+  return camera;
+}
+
 std::string SizeText(uint64_t width, uint64_t height) { return std::to_string(width) + " x " + std::to_string(height); }
 
 size_t NumBytes(const Features& features) {
@@ -68,8 +83,9 @@ PhotoLoader::PhotoLoader(const DatabaseReader& database, const QuerySelection& s
       options_(options),
       num_retrieved_(static_cast<size_t>(num_retrieved)),
       pair_options_(pair_options),
+      default_camera_(ParseDefaultCamera(options)),
+      database_cameras_(selection.DatabaseModel(), options.image_path),
       features_(static_cast<size_t>(std::min(options.matching.cache_gb * 1e9, 1e18)), NumBytes) {
-  SetCamera(options.camera_model, options.camera_params);
   if (!options.query_prior_path.empty()) priors_ = ReadQueryPriors(options.query_prior_path);
   if (!options.matches_output_path.empty()) {
     std::vector<std::string> names;
@@ -92,16 +108,6 @@ PhotoLoader::PhotoLoader(const DatabaseReader& database, const QuerySelection& s
     index_ = std::make_unique<RetrievalIndex>(options.retrieval_index_path, database, options.retrieval,
                                               pair_options.seed, num_threads);
   }
-}
-
-void PhotoLoader::SetCamera(const std::string& model_name, const std::string& params) {
-  const std::optional<int> model_id = CameraModelId(model_name);
-  if (!model_id) throw InputError("option --ImageReader.camera_model: unknown camera model " + model_name);
-  camera_model_id_ = *model_id;
-  camera_params_ = ParseCameraParams(params);
-  if (camera_params_.empty()) return;
-  const std::string problem = CameraProblem({0, camera_model_id_, 1, 1, camera_params_, true});
-  if (!problem.empty()) throw InputError("option --ImageReader.camera_params: " + problem);
 }
 
 bool PhotoLoader::NeedsRetrieval(const PhotoQuery& photo) const {
@@ -142,19 +148,9 @@ PhotoLoader::Candidates PhotoLoader::ChooseCandidates(const PhotoQuery& photo, c
   return chosen;
 }
 
-std::optional<Camera> PhotoLoader::CameraOf(const PhotoQuery& photo, const Photo& file, std::string* problem) const {
-  if (photo.camera) {
-    if (photo.camera->width == file.width && photo.camera->height == file.height) return photo.camera;
-    *problem = "the camera is for " + SizeText(photo.camera->width, photo.camera->height) +
-               " pixels, but the photo has " + SizeText(file.width, file.height);
-    return std::nullopt;
-  }
-  if (!camera_params_.empty()) return Camera{0, camera_model_id_, file.width, file.height, camera_params_, true};
-  if (file.exif_focal_length_px) {
-    return CameraFromFocalLength(camera_model_id_, *file.exif_focal_length_px, file.width, file.height);
-  }
-  *problem = "no intrinsics in --query_list_path, no --ImageReader.camera_params, no focal length in EXIF";
-  return std::nullopt;
+PhotoCamera PhotoLoader::CameraOf(const PhotoQuery& photo, const PhotoProperties& properties) const {
+  if (photo.camera) return {*photo.camera, photo.source};
+  return ChoosePhotoCamera(properties, default_camera_, database_cameras_.OfSize(properties));
 }
 
 PhotoLoader::DatabaseFeatures PhotoLoader::LoadPairs(const Candidates& candidates, const FeatureReader& reader,
@@ -171,29 +167,38 @@ PhotoLoader::DatabaseFeatures PhotoLoader::LoadPairs(const Candidates& candidate
 std::optional<LocalizationProblem> PhotoLoader::Load(const PhotoQuery& photo, const FeatureReader& features,
                                                      IdleThreads* idle_threads, QueryRecord* record) const {
   const std::filesystem::path path = std::filesystem::path(options_.image_path) / photo.name;
-  std::optional<Photo> file;
-  Measure("extraction", record, [&] { file = ReadPhoto(path, options_.matching.extraction); });
+  std::optional<PhotoFile> file;
+  Measure("extraction", record, [&] { file = PhotoFile::Read(path); });
   if (!file) {
     return Refuse(QueryStatus::UNREADABLE_IMAGE, path.string() + " does not exist or is not a readable image",
                   &record->result);
   }
-  std::string problem_of_camera;
-  const std::optional<Camera> camera = CameraOf(photo, *file, &problem_of_camera);
-  if (!camera) return Refuse(QueryStatus::UNKNOWN_CAMERA, problem_of_camera, &record->result);
+  const PhotoProperties& properties = file->Properties();
+  const PhotoCamera chosen = CameraOf(photo, properties);
+  record->intrinsics_source = chosen.source;
+  if (chosen.camera.width != properties.width || chosen.camera.height != properties.height) {
+    return Refuse(QueryStatus::INCONSISTENT_INTRINSICS,
+                  "the intrinsics are for " + SizeText(chosen.camera.width, chosen.camera.height) +
+                      " pixels, but the photo has " + SizeText(properties.width, properties.height),
+                  &record->result);
+  }
+  Features query_features;
+  Measure("extraction", record, [&] { query_features = file->ExtractFeatures(options_.matching.extraction); });
   LocalizationProblem problem;
   problem.query_name = photo.name;
-  problem.query_camera = *camera;
-  problem.query_keypoints = record->keypoints = Positions(file->features.keypoints);
+  problem.query_camera = chosen.camera;
+  problem.intrinsics_origin = chosen.Origin();
+  problem.query_keypoints = record->keypoints = Positions(query_features.keypoints);
   DatabaseFeatures database_features;
   if (!problem.query_keypoints.empty()) {
     Candidates candidates;
     Measure("retrieval", record,
-            [&] { candidates = ChooseCandidates(photo, file->features.descriptors, idle_threads); });
+            [&] { candidates = ChooseCandidates(photo, query_features.descriptors, idle_threads); });
     Measure("load", record, [&] { database_features = LoadPairs(candidates, features, &problem); });
-    MatchPairs(file->features, database_features, pair_options_, idle_threads, &problem, &record->seconds);
+    MatchPairs(query_features, database_features, pair_options_, idle_threads, &problem, &record->seconds);
   }
   if (matches_output_) {
-    Measure("matches_output", record, [&] { matches_output_->Write(problem, file->features, database_features); });
+    Measure("matches_output", record, [&] { matches_output_->Write(problem, query_features, database_features); });
   }
   return problem;
 }

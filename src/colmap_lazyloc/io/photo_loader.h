@@ -9,7 +9,9 @@
 #include "colmap_lazyloc/database/database_reader.h"
 #include "colmap_lazyloc/database/feature_reader.h"
 #include "colmap_lazyloc/database/lru_cache.h"
+#include "colmap_lazyloc/io/database_cameras.h"
 #include "colmap_lazyloc/io/matches_output.h"
+#include "colmap_lazyloc/io/photo_camera.h"
 #include "colmap_lazyloc/io/query_files.h"
 #include "colmap_lazyloc/io/query_record.h"
 #include "colmap_lazyloc/io/query_selection.h"
@@ -58,8 +60,8 @@ class PhotoLoader {
   using Candidates = std::vector<const Candidate*>;
   using DatabaseFeatures = std::vector<std::shared_ptr<const Features>>;
 
-  void SetCamera(const std::string& model_name, const std::string& params);
-  std::optional<Camera> CameraOf(const PhotoQuery& photo, const Photo& file, std::string* problem) const;
+  // Returns the photo's own intrinsics if it has any, or else chooses some.
+  PhotoCamera CameraOf(const PhotoQuery& photo, const PhotoProperties& properties) const;
   // Returns the candidates that the pairs file lists, or that the photo's prior allows.
   Candidates AllowedCandidates(const PhotoQuery& photo) const;
   Candidates ChooseCandidates(const PhotoQuery& photo, const Descriptors& descriptors, IdleThreads* idle_threads) const;
@@ -72,8 +74,8 @@ class PhotoLoader {
   const PhotoOptions options_;
   const size_t num_retrieved_;
   const PairMatchingOptions pair_options_;
-  int camera_model_id_ = 0;
-  std::vector<double> camera_params_;
+  const DefaultCamera default_camera_;
+  const DatabaseCameras database_cameras_;
   std::vector<Candidate> candidates_;  // posed images with descriptors, sorted by name
   std::map<std::string, QueryPrior> priors_;
   std::unique_ptr<MatchesOutput> matches_output_;

@@ -1,10 +1,12 @@
 #pragma once
 
 #include <chrono>
+#include <optional>
 #include <vector>
 
 #include <Eigen/Core>
 
+#include "colmap_lazyloc/io/intrinsics_source.h"
 #include "colmap_lazyloc/scene/localization_problem.h"
 #include "colmap_lazyloc/scene/localization_result.h"
 #include "colmap_lazyloc/scene/stage_timer.h"
@@ -17,6 +19,7 @@ struct QueryRecord {
   std::vector<Eigen::Vector2d> keypoints;  // of a photo, xy in pixels; empty if the database holds them
   StageTimer::Seconds seconds;             // wall time by stage, loading first
   double total_seconds = 0;                // wall time of the whole group, divided by the number of its queries
+  std::optional<IntrinsicsSource> intrinsics_source = std::nullopt;  // nullopt if none were looked for
 };
 
 // A group that is ready to be localized, and the records of its queries as far as loading knows them.

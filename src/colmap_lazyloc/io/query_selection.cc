@@ -81,10 +81,18 @@ bool QuerySelection::IsPhoto(const std::string& name, const DatabaseReader& data
 }
 
 void QuerySelection::AddPhoto(const QueryListEntry& entry, const ModelImage* posed, const DatabaseReader& database) {
-  PhotoQuery photo = {entry.name, entry.camera, std::nullopt};
+  PhotoQuery photo;
+  photo.name = entry.name;
   const DatabaseImage* image = FindInDatabase(entry.name);
-  if (!photo.camera && posed != nullptr) photo.camera = model_.cameras.at(posed->camera_id);
-  if (!photo.camera && image != nullptr) photo.camera = ReadUsableCamera(database, *image);
+  if (entry.camera) {
+    photo.camera = entry.camera;
+  } else if (posed != nullptr) {
+    photo.camera = model_.cameras.at(posed->camera_id);
+    photo.source = IntrinsicsSource::MODEL;
+  } else if (image != nullptr) {
+    photo.camera = ReadUsableCamera(database, *image);
+    photo.source = IntrinsicsSource::DATABASE;
+  }
   photos_.emplace(entry.name, std::move(photo));
 }
 
@@ -105,10 +113,12 @@ void QuerySelection::AddStoredQuery(const QueryListEntry& entry, const ModelImag
     query.camera = *entry.camera;
   } else if (posed != nullptr) {
     query.camera = model_.cameras.at(posed->camera_id);
+    query.source = IntrinsicsSource::MODEL;
     query.camera.has_prior_focal_length = query.stored_camera.has_prior_focal_length;  // models do not store it
   } else {
     query.camera = ReadUsableCamera(database, *image);
     query.intrinsics_origin = OriginOfStoredCamera(query.camera);
+    query.source = IntrinsicsSource::DATABASE;
   }
   stored_queries_.emplace(entry.name, std::move(query));
 }

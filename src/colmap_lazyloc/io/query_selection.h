@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "colmap_lazyloc/database/database_reader.h"
+#include "colmap_lazyloc/io/intrinsics_source.h"
 #include "colmap_lazyloc/io/query_files.h"
 #include "colmap_lazyloc/io/query_groups.h"
 #include "colmap_lazyloc/scene/localization_problem.h"
@@ -26,6 +27,7 @@ struct StoredQuery {
   DatabaseImage image;
   Camera camera;
   IntrinsicsOrigin intrinsics_origin = IntrinsicsOrigin::GIVEN;  // of `camera`
+  IntrinsicsSource source = IntrinsicsSource::QUERY_LIST;        // of `camera`
   Camera stored_camera;  // as in the database, whose two-view geometries were estimated with it
   size_t group = 0;
 };
@@ -33,8 +35,9 @@ struct StoredQuery {
 // A query whose features are not in the database.
 struct PhotoQuery {
   std::string name;
-  std::optional<Camera> camera;                        // nullopt if neither query list, model nor database has one
-  std::optional<std::vector<std::string>> pair_names;  // the other images in the pairs file, if there is a file
+  std::optional<Camera> camera;                            // nullopt if neither query list, model nor database has one
+  IntrinsicsSource source = IntrinsicsSource::QUERY_LIST;  // of `camera`
+  std::optional<std::vector<std::string>> pair_names;      // the other images in the pairs file, if there is a file
 };
 
 // Decides once, before any query is loaded, which images are queries and which are database images, how the queries are

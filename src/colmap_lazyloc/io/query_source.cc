@@ -38,6 +38,7 @@ std::optional<LocalizationProblem> QuerySource::LoadQuery(const std::string& nam
   record->result.query_name = name;
   if (const StoredQuery* query = selection_.FindStoredQuery(name)) {
     const StageTimer timer("load", &record->seconds);
+    record->intrinsics_source = query->source;
     return pair_loader_.Load(*query, session->database_);
   }
   return photo_loader_->Load(selection_.Photos().at(name), *session->features_, session->idle_threads_, record);

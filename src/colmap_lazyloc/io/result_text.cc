@@ -124,6 +124,7 @@ Json RecordToJson(const QueryRecord& record) {
     json["camera"] = CameraToJson(result.query_camera);
   }
   json["intrinsics"] = IntrinsicsToJson(result.intrinsics);
+  json["intrinsics_source"] = record.intrinsics_source ? Json(EnumName(*record.intrinsics_source)) : Json();
   json["num_tracks"] = result.num_tracks;
   json["num_observations"] = result.num_observations;
   json["mean_reprojection_error_px"] = result.num_observations > 0 ? Json(result.mean_reprojection_error_px) : Json();

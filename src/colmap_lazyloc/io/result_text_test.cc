@@ -31,6 +31,7 @@ QueryRecord Localized() {
   result.mean_reprojection_error_px = 0.75;
   record.seconds = {{"rotation", 0.5}, {"refinement", 1}};
   record.total_seconds = 1.75;
+  record.intrinsics_source = IntrinsicsSource::DATABASE_CAMERA;
   return record;
 }
 
@@ -104,6 +105,7 @@ TEST_F(ResultText, JsonHoldsEverything) {
   EXPECT_EQ(json["weakest_direction"], Json({0.6, 0.0, 0.8}));
   EXPECT_EQ(json["rotation_stddev_deg"], 0.25);
   EXPECT_TRUE(json["rotation"].is_null() && json["bearing"].is_null());
+  EXPECT_EQ(json["intrinsics_source"], "database_camera");
   EXPECT_EQ(json["num_tracks"], 3);
   EXPECT_EQ(json["num_observations"], 9);
   EXPECT_EQ(json["mean_reprojection_error_px"], 0.75);
@@ -138,7 +140,7 @@ TEST_F(ResultText, JsonKeepsTheOrderOfKeys) {
       R"("covariance":null,)"
       R"("position_stddevs":null,"weakest_direction":null,"rotation_stddev_deg":null,"rotation":null,"bearing":null,)"
       R"("frame":null,"rig_from_world":null,"rig_error_px":null,)"
-      R"("num_tracks":0,"num_observations":0,"mean_reprojection_error_px":null,"pairs":[],)"
+      R"("intrinsics_source":null,"num_tracks":0,"num_observations":0,"mean_reprojection_error_px":null,"pairs":[],)"
       R"("seconds":{"load":1.0,"a":0.25,"total":1.5}})"
       "\n");
 }

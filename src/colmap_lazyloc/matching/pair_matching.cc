@@ -7,14 +7,19 @@ namespace lazyloc {
 namespace {
 
 TwoViewGeometry Verify(const LocalizationProblem& problem, const ImagePair& pair, const PairMatchingOptions& options) {
+  TwoViewGeometryOptions verification = options.verification;
+  // A wrong focal length loses right matches, so that one that nobody has stated must not choose them.
+  verification.is_query_calibrated = problem.intrinsics_origin == IntrinsicsOrigin::GIVEN;
   TwoViewGeometry geometry;
   if (static_cast<int>(pair.matches.size()) >= options.verification.min_num_inliers) {
     geometry = EstimateTwoViewGeometry(pair.other_camera, pair.other_keypoints, problem.query_camera,
-                                       problem.query_keypoints, pair.matches, options.verification,
+                                       problem.query_keypoints, pair.matches, verification,
                                        SeedFromNames(problem.query_name, pair.other_name, options.seed));
   }
   // Marks the pair as unusable, because nothing more can be found in these matches.
-  if (!HoldsCalibrated(geometry.config)) geometry.config = TwoViewConfig::DEGENERATE;
+  const bool is_usable = HoldsCalibrated(geometry.config) ||
+                         (!verification.is_query_calibrated && geometry.config == TwoViewConfig::UNCALIBRATED);
+  if (!is_usable) geometry.config = TwoViewConfig::DEGENERATE;
   return geometry;
 }
 

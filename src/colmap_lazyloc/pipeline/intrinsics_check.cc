@@ -22,7 +22,11 @@ constexpr double kWrongStddev = 0.2;
 constexpr double kMinRightStddev = 0.001;
 // Probability that a value is wrong before the images are asked.
 constexpr double kWrongGivenProbability = 0.02;
+constexpr double kWrongSharedProbability = 0.1;
 constexpr double kWrongExifProbability = 0.5;
+// Factor on the standard deviations of the score, because rolling shutters and errors that all images share are not in
+// them: with right intrinsics, deviations are up to twice as large.
+constexpr double kSharedErrorFactor = 2;
 // Standard deviation of the log focal length above which the images cannot tell whether a value is right.
 constexpr double kMaxObservableStddev = 0.02;
 // Significance, and displacement of image points (as a fraction of the focal length, and at least in pixels), from
@@ -69,7 +73,8 @@ IntrinsicsScore::Matrix ScoreCovariance(const IntrinsicsScore& score, const Bund
 
 Corrections Estimate(const IntrinsicsScore& score, const BundleAdjustmentResult& adjustment, double image_factor) {
   Corrections corrections;
-  const IntrinsicsScore::Matrix noise = ScoreCovariance(score, adjustment, image_factor);
+  const IntrinsicsScore::Matrix noise =
+      kSharedErrorFactor * kSharedErrorFactor * ScoreCovariance(score, adjustment, image_factor);
   const IntrinsicsScore::Matrix inverse = score.information.inverse();
   corrections.joint = inverse * score.score;
   corrections.joint_sigmas =
@@ -127,9 +132,10 @@ FocalLengthJudgement JudgeFocalLength(double log_factor, double stddev, Intrinsi
                                       const LocalizerOptions& options) {
   const double right_stddev = std::max(options.focal_length_stddev_ratio, kMinRightStddev);
   const double variance = stddev * stddev;
-  const double prior = origin == IntrinsicsOrigin::GUESS  ? 1
-                       : origin == IntrinsicsOrigin::EXIF ? kWrongExifProbability
-                                                          : kWrongGivenProbability;
+  const double prior = origin == IntrinsicsOrigin::GUESS    ? 1
+                       : origin == IntrinsicsOrigin::EXIF   ? kWrongExifProbability
+                       : origin == IntrinsicsOrigin::SHARED ? kWrongSharedProbability
+                                                            : kWrongGivenProbability;
   const double right = (1 - prior) * NormalDensity(log_factor, right_stddev * right_stddev + variance);
   const double wrong = prior * NormalDensity(log_factor, kWrongStddev * kWrongStddev + variance);
   FocalLengthJudgement judgement;

@@ -31,7 +31,10 @@ void CheckPositions(const Layout& layout, const PairRefs& pairs, const BundleAdj
   }
   if (!first) return;
   if (adjustment.posed.images[0].log_focal_factor && first->status == QueryStatus::DEGENERATE_BASELINE) {
-    first->reason = "the position is open along a line: its distance and the focal length cannot be told apart";
+    first->status = QueryStatus::UNKNOWN_CAMERA;
+    first->reason =
+        "the images do not determine the focal length, which nobody has stated: it cannot be told apart from the "
+        "distance to the scene";
   }
   throw Failure(*first);
 }

@@ -21,12 +21,13 @@ struct Camera {
 
 // Where the intrinsics of a query come from, which decides how far the images may correct them.
 enum class IntrinsicsOrigin {
-  GIVEN,  // somebody stated them: query list, model, option, or a camera of the database that looks calibrated
-  EXIF,   // a focal length from EXIF, which may be off by tens of percent; principal point at the centre
-  GUESS,  // COLMAP's focal length for a photo without EXIF: 1.2 times the longer side
+  GIVEN,   // somebody stated them: query list, model, option, or a camera of the database that looks calibrated
+  SHARED,  // a calibrated camera of the database that has the photo's size; lens or zoom may differ
+  EXIF,    // a focal length from EXIF, which may be off by tens of percent; principal point at the centre
+  GUESS,   // COLMAP's focal length for a photo without EXIF: 1.2 times the longer side
 };
 template <>
-inline constexpr std::array<const char*, 3> kEnumNames<IntrinsicsOrigin> = {"given", "exif", "guess"};
+inline constexpr std::array<const char*, 4> kEnumNames<IntrinsicsOrigin> = {"given", "shared", "exif", "guess"};
 
 // True if both cameras map rays to the same pixels; ignores ids and prior flags.
 inline bool SameIntrinsics(const Camera& a, const Camera& b) {

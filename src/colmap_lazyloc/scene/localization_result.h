@@ -17,32 +17,24 @@ namespace lazyloc {
 enum class QueryStatus {
   LOCALIZED,
   UNREADABLE_IMAGE,         // the photo cannot be read as an image
-  UNKNOWN_CAMERA,           // the photo's intrinsics are not given
+  UNKNOWN_CAMERA,           // the focal length is unknown, and the images do not determine it
   NO_FEATURES,              // the query has no keypoints
   NO_PAIRS,                 // no database image shares matches with the query
   TOO_FEW_INLIERS,          // no pair has enough verified inliers
   INCONSISTENT_ROTATIONS,   // the pairs contradict each other
+  INCONSISTENT_INTRINSICS,  // the given intrinsics contradict the images or the photo
   INCONSISTENT_RIG,         // the images of a rig contradict its calibration
   SCALE_UNOBSERVABLE,       // one usable baseline: orientation and bearing, but no position
   DEGENERATE_BASELINE,      // no baseline, or database cameras and query are collinear
   TOO_FEW_TRACKS,           // too few tracks can be triangulated
   DIVERGED,                 // bundle adjustment ended without a usable pose
-  INCONSISTENT_INTRINSICS,  // the images contradict the given intrinsics
 };
 template <>
-inline constexpr std::array<const char*, 13> kEnumNames<QueryStatus> = {"LOCALIZED",
-                                                                        "UNREADABLE_IMAGE",
-                                                                        "UNKNOWN_CAMERA",
-                                                                        "NO_FEATURES",
-                                                                        "NO_PAIRS",
-                                                                        "TOO_FEW_INLIERS",
-                                                                        "INCONSISTENT_ROTATIONS",
-                                                                        "INCONSISTENT_RIG",
-                                                                        "SCALE_UNOBSERVABLE",
-                                                                        "DEGENERATE_BASELINE",
-                                                                        "TOO_FEW_TRACKS",
-                                                                        "DIVERGED",
-                                                                        "INCONSISTENT_INTRINSICS"};
+inline constexpr std::array<const char*, 13> kEnumNames<QueryStatus> = {
+    "LOCALIZED",        "UNREADABLE_IMAGE",   "UNKNOWN_CAMERA",         "NO_FEATURES",
+    "NO_PAIRS",         "TOO_FEW_INLIERS",    "INCONSISTENT_ROTATIONS", "INCONSISTENT_INTRINSICS",
+    "INCONSISTENT_RIG", "SCALE_UNOBSERVABLE", "DEGENERATE_BASELINE",    "TOO_FEW_TRACKS",
+    "DIVERGED"};
 inline const char* QueryStatusName(QueryStatus status) { return EnumName(status); }
 
 // Contribution of one database image. Residuals are NaN if the pair was not used.
@@ -129,7 +121,7 @@ struct LocalizationResult {
   Eigen::Matrix<double, 6, 6> covariance = Eigen::Matrix<double, 6, 6>::Zero();
   PoseSpread spread;  // by the covariance
 
-  // Set if SCALE_UNOBSERVABLE or DEGENERATE_BASELINE leaves one orientation.
+  // Set if SCALE_UNOBSERVABLE, DEGENERATE_BASELINE or UNKNOWN_CAMERA leaves one orientation.
   std::optional<PartialPose> partial_pose;
 
   std::string start;              // the hypothesis that refinement started from

@@ -22,4 +22,9 @@ std::optional<double> ExifFocalLengthPx(const colmap::Bitmap& bitmap) {
   return focal_length;
 }
 
+std::string ExifCameraName(const colmap::Bitmap& bitmap) {
+  std::string name;
+  return bitmap.ExifCameraModel(&name) ? name : "";
+}
+
 }  // namespace lazyloc

@@ -26,4 +26,6 @@ std::optional<double> ExifFocalLengthPx(const colmap::Bitmap& bitmap) {
   return focal_length.value_or(0) > 0 ? focal_length : std::nullopt;
 }
 
+std::string ExifCameraName(const colmap::Bitmap& bitmap) { return bitmap.ExifCameraModel().value_or(""); }
+
 }  // namespace lazyloc

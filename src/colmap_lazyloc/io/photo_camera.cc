@@ -1,0 +1,111 @@
+#include "colmap_lazyloc/io/photo_camera.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "colmap_lazyloc/bridge/camera_models.h"
+
+namespace lazyloc {
+namespace {
+
+// Maximum ratio of a camera's focal length to that of EXIF. EXIF is often off by some per cent, because it rounds or
+// does not know the crop; another lens or zoom differs by more.
+constexpr double kMaxExifRatio = 1.25;
+// Maximum ratio of focal lengths that agree: those of one lens in cameras that were calibrated separately.
+constexpr double kMaxAgreeingRatio = 1.05;
+
+bool Agree(double a, double b, double max_ratio) { return std::abs(std::log(a / b)) <= std::log(max_ratio); }
+
+bool HasSize(const PhotoProperties& photo, const Camera& camera) {
+  return camera.width == photo.width && camera.height == photo.height;
+}
+
+bool ContradictsExif(const PhotoProperties& photo, const DatabaseCamera& camera, double focal_length_px) {
+  if (!photo.exif_camera.empty() && !camera.exif_camera.empty() && photo.exif_camera != camera.exif_camera) return true;
+  return photo.exif_focal_length_px && !Agree(focal_length_px, *photo.exif_focal_length_px, kMaxExifRatio);
+}
+
+struct Candidate {
+  const DatabaseCamera* camera = nullptr;
+  double focal_length_px = 0;
+};
+
+// Returns the cameras of exactly the photo's size, or (is_turned) of the size with its sides exchanged.
+std::vector<Candidate> FindCandidates(const PhotoProperties& photo, const std::vector<DatabaseCamera>& cameras,
+                                      bool is_turned) {
+  std::vector<Candidate> candidates;
+  for (const DatabaseCamera& camera : cameras) {
+    if (!HasSizeOf(photo, camera.camera) || HasSize(photo, camera.camera) == is_turned) continue;
+    const std::optional<double> focal_length_px = MeanFocalLengthPx(camera.camera);
+    if (!focal_length_px || ContradictsExif(photo, camera, *focal_length_px)) continue;
+    candidates.push_back({&camera, *focal_length_px});
+  }
+  return candidates;
+}
+
+// Returns the camera of the image with the median focal length; nullopt if no more than half of the images agree on its
+// focal length.
+std::optional<Camera> ChooseByMajority(std::vector<Candidate> candidates) {
+  std::stable_sort(candidates.begin(), candidates.end(),
+                   [](const Candidate& a, const Candidate& b) { return a.focal_length_px < b.focal_length_px; });
+  int num_images = 0;
+  for (const Candidate& candidate : candidates) num_images += candidate.camera->num_images;
+  int num_below = 0;
+  for (const Candidate& median : candidates) {
+    num_below += median.camera->num_images;
+    if (2 * num_below < num_images) continue;
+    int num_agreeing = 0;
+    for (const Candidate& other : candidates) {
+      if (Agree(other.focal_length_px, median.focal_length_px, kMaxAgreeingRatio)) {
+        num_agreeing += other.camera->num_images;
+      }
+    }
+    return 2 * num_agreeing > num_images ? std::make_optional(median.camera->camera) : std::nullopt;
+  }
+  return std::nullopt;
+}
+
+std::optional<Camera> ChooseDatabaseCamera(const PhotoProperties& photo, const std::vector<DatabaseCamera>& cameras) {
+  const std::vector<Candidate> upright = FindCandidates(photo, cameras, /*is_turned=*/false);
+  if (!upright.empty()) return ChooseByMajority(upright);
+  std::optional<Camera> turned = ChooseByMajority(FindCandidates(photo, cameras, /*is_turned=*/true));
+  if (turned) turned = Transposed(*turned);
+  return turned;
+}
+
+}  // namespace
+
+IntrinsicsOrigin PhotoCamera::Origin() const {
+  switch (source) {
+    case IntrinsicsSource::DATABASE: return OriginOfStoredCamera(camera);
+    case IntrinsicsSource::DATABASE_CAMERA: return IntrinsicsOrigin::SHARED;
+    case IntrinsicsSource::EXIF: return IntrinsicsOrigin::EXIF;
+    case IntrinsicsSource::GUESS: return IntrinsicsOrigin::GUESS;
+    default: return IntrinsicsOrigin::GIVEN;
+  }
+}
+
+bool HasSizeOf(const PhotoProperties& photo, const Camera& camera) {
+  return HasSize(photo, camera) || (camera.width == photo.height && camera.height == photo.width);
+}
+
+PhotoCamera ChoosePhotoCamera(const PhotoProperties& photo, const DefaultCamera& default_camera,
+                              const std::vector<DatabaseCamera>& database_cameras) {
+  if (!default_camera.params.empty()) {
+    return {{0, default_camera.model_id, photo.width, photo.height, default_camera.params, true},
+            IntrinsicsSource::CAMERA_PARAMS};
+  }
+  if (std::optional<Camera> camera = ChooseDatabaseCamera(photo, database_cameras)) {
+    camera->camera_id = 0;  // the ids are those of the model, but the photo's camera is its own
+    return {*camera, IntrinsicsSource::DATABASE_CAMERA};
+  }
+  const double guess_px = GuessFocalLengthPx(photo.width, photo.height);
+  PhotoCamera chosen;
+  chosen.source = photo.exif_focal_length_px ? IntrinsicsSource::EXIF : IntrinsicsSource::GUESS;
+  chosen.camera = CameraFromFocalLength(default_camera.model_id, photo.exif_focal_length_px.value_or(guess_px),
+                                        photo.width, photo.height);
+  chosen.camera.has_prior_focal_length = photo.exif_focal_length_px.has_value();
+  return chosen;
+}
+
+}  // namespace lazyloc

@@ -1,0 +1,47 @@
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "colmap_lazyloc/bridge/feature_extraction.h"
+#include "colmap_lazyloc/io/intrinsics_source.h"
+#include "colmap_lazyloc/scene/camera.h"
+
+namespace lazyloc {
+
+// Intrinsics of a photo and where they were found.
+struct PhotoCamera {
+  Camera camera;
+  IntrinsicsSource source = IntrinsicsSource::GUESS;
+
+  // Returns how far the images may correct the intrinsics.
+  IntrinsicsOrigin Origin() const;
+};
+
+// A camera of posed images.
+struct DatabaseCamera {
+  Camera camera;
+  int num_images = 0;
+  std::string exif_camera;  // make and model; empty if unknown
+};
+
+// Camera model and parameters for all photos without a camera of their own.
+struct DefaultCamera {
+  int model_id = 0;
+  std::vector<double> params;  // empty if they are not given
+};
+
+// True if photos of this size may have been taken with the camera, also with the photo turned by 90 degrees.
+bool HasSizeOf(const PhotoProperties& photo, const Camera& camera);
+
+// Chooses the intrinsics of a photo without a camera of its own, from the first of these:
+// 1. the parameters of the default camera;
+// 2. a camera of the database with the photo's size (else, with its sides exchanged). It must not contradict the make,
+//    model and focal length of EXIF, and more than half of the images with such cameras must agree on its focal length;
+// 3. the focal length in EXIF;
+// 4. COLMAP's guess of the focal length, 1.2 times the longer side.
+PhotoCamera ChoosePhotoCamera(const PhotoProperties& photo, const DefaultCamera& default_camera,
+                              const std::vector<DatabaseCamera>& database_cameras);
+
+}  // namespace lazyloc
