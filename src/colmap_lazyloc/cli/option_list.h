@@ -42,6 +42,8 @@ void ForEachBasicOption(Options& o, const Add& add) {
       "Number of consecutive queries of the list (with rigs: of frames) that are localized together");
   add("LazyLocalizer.leave_one_out", &o.source.selection.leave_one_out,
       "Localize each posed image (or each of --query_list_path) against all others");
+  add("LazyLocalizer.min_confidence", &o.localizer.min_confidence,
+      "Minimum probability that a position is right; queries below it have the status LOW_CONFIDENCE");
   add("LazyLocalizer.refine_focal_length", &o.localizer.refine_focal_length,
       "Estimate the focal length of queries whose camera has no prior focal length in the database");
 }

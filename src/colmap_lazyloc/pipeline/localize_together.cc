@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "colmap_lazyloc/pipeline/focal_length.h"
+#include "colmap_lazyloc/pipeline/pose_evidence.h"
 #include "colmap_lazyloc/pipeline/refinement_without_tracks.h"
 #include "colmap_lazyloc/pipeline/report.h"
 
@@ -76,8 +77,13 @@ Outcome LocalizeTogether(const QueryGroup& group, const LocalizerOptions& option
     report->AddStart(layout, start);
     const Refined refined =
         Refine(layout, start.posed, start_tracks, std::move(candidates), options, report->Seconds());
-    report->AddUncertainties(
-        Timed("covariance", report, [&] { return EstimateUncertainties(layout, averaged.pairs, refined, options); }));
+    const std::vector<PoseUncertainty> uncertainties =
+        Timed("covariance", report, [&] { return EstimateUncertainties(layout, averaged.pairs, refined, options); });
+    report->AddUncertainties(uncertainties);
+    const std::vector<PoseEvidence> evidence = Timed("confidence", report, [&] {
+      return MeasureEvidence(layout, estimates, /*has_relative_poses=*/true, start.posed, refined, uncertainties);
+    });
+    report->AddEvidence(layout, evidence, options.min_confidence);
     report->AddPoses(layout, refined.adjustment.posed);
     report->AddPairErrors(layout, averaged, refined.adjustment.posed);
     report->AddRefined(layout, refined);
@@ -107,8 +113,12 @@ Outcome LocalizeWithUnknownFocalLength(const QueryGroup& query, const LocalizerO
     report->AddStart(layout, start);
     const Refined refined =
         Refine(layout, start.posed, start_tracks, std::move(candidates), options, report->Seconds(), &camera);
-    report->AddUncertainties(
-        Timed("covariance", report, [&] { return EstimateUncertainties(layout, pairs, refined, options); }));
+    const std::vector<PoseUncertainty> uncertainties =
+        Timed("covariance", report, [&] { return EstimateUncertainties(layout, pairs, refined, options); });
+    report->AddUncertainties(uncertainties);
+    const std::vector<PoseEvidence> evidence =
+        MeasureEvidence(layout, estimates, /*has_relative_poses=*/false, start.posed, refined, uncertainties);
+    report->AddEvidence(layout, evidence, options.min_confidence);
     report->AddPoses(layout, refined.adjustment.posed);
     report->AddRefined(layout, refined);
     report->AddCamera(camera.Intrinsics());

@@ -14,6 +14,8 @@ bool LocalizerOptions::Check(std::string* error) const {
   OPTION_GE(database_pose_stddev_deg, -1);
   OPTION_GE(database_pose_stddev_length, -1);
   OPTION_GT(database_pose_noise_px, 0);
+  OPTION_GE(min_confidence, 0);
+  OPTION_LE(min_confidence, 1);
   OPTION_GT(max_position_stddev_ratio, 0);
   if (refine_focal_length && post_optimization != PostOptimization::TRACKS) {
     *error = "refine_focal_length needs post_optimization = tracks";

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "colmap_lazyloc/math/so3.h"
+#include "colmap_lazyloc/pipeline/confidence.h"
 
 namespace lazyloc {
 namespace {
@@ -131,6 +132,17 @@ void Report::AddUncertainties(const std::vector<PoseUncertainty>& uncertainties)
   for (size_t query = 0; query < results_.size(); ++query) {
     results_[query].covariance = uncertainties[query].covariance;
     results_[query].spread = uncertainties[query].spread;
+  }
+}
+
+void Report::AddEvidence(const Layout& layout, const std::vector<PoseEvidence>& evidence, double min_confidence) {
+  for (int query = 0; query < layout.num_queries; ++query) {
+    LocalizationResult& result = results_[query];
+    result.evidence = evidence[layout.FrameOf(query)];
+    result.confidence = Confidence(result.evidence);
+    if (*result.confidence >= min_confidence) continue;
+    result.status = QueryStatus::LOW_CONFIDENCE;
+    result.reason = LowConfidenceReason(result.evidence, *result.confidence, min_confidence);
   }
 }
 
