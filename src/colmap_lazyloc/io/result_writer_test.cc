@@ -49,7 +49,9 @@ class ResultWriterTest : public IoTest {
     if (!damage.empty()) database.Execute(damage);
     database.Close();
   }
-  void Write() { ResultWriter(output_).Write(model_, records_, DatabaseReader(database_path_), "[options]\n"); }
+  void Write(bool is_leave_one_out = false) {
+    ResultWriter(output_).Write(model_, records_, DatabaseReader(database_path_), "[options]\n", is_leave_one_out);
+  }
   std::string ErrorOfConstruction(const fs::path& path) const {
     return ErrorOf([&] { ResultWriter writer(path); });
   }
@@ -127,6 +129,13 @@ TEST_F(ResultWriterTest, ReplacesAnEarlierRunAsAWhole) {
   }
   Write();
   EXPECT_EQ(Contents(output_), fresh);
+}
+
+TEST_F(ResultWriterTest, SummaryOfLeaveOneOutIsThatOfTheLastRun) {
+  Write(/*is_leave_one_out=*/true);
+  EXPECT_TRUE(fs::exists(output_ / "leave_one_out.json"));
+  Write(/*is_leave_one_out=*/false);
+  EXPECT_FALSE(fs::exists(output_ / "leave_one_out.json"));
 }
 
 TEST_F(ResultWriterTest, LeavesFilesOfTheUserAlone) {
