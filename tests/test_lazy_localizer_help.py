@@ -97,6 +97,7 @@ BASIC_OPTIONS = {
     "LazyLocalizer.seed",
     "LazyLocalizer.group_size",
     "LazyLocalizer.leave_one_out",
+    "LazyLocalizer.min_confidence",
     "LazyLocalizer.refine_focal_length",
 }
 

@@ -18,6 +18,7 @@ NUM_FOLDS = 8
 # Positions that are off by less than this, over the distance to the points, are left out: they tell how good the
 # covariance and the ground truth are, not whether the pose is right.
 MIN_GROSS_ERROR_RATIO = 0.03
+RIVAL_POWER = 2  # kRivalPower of pipeline/confidence.cc
 # Wrong intrinsics have a test and a status of their own; what they do to a pose depends on the scene alone.
 EXCLUDED_KINDS = ("wrong focal length", "wrong distortion")
 
@@ -41,11 +42,16 @@ TERMS = (
     Term("num_common_tracks", True, 1, 30, 1),
     Term("explained_ratio", False, 0, 0.6, 1),
     Term("agreeing_ratio", False, 0, 0.6, 1),
-    Term("rival_ratio", False, 0, 0.15, -1),
     Term("median_error_px", True, 0.3, 10, -1),
     Term("position_stddev_ratio", True, 0.003, 0.1, -1),
     Term("start_distance_ratio", True, 0.01, 1, -1),
 )
+
+
+def rival_odds(outcomes):
+    """Returns the odds that the rival is right instead, as pipeline/confidence.cc computes them."""
+    ratios = np.array([o.evidence["rival_ratio"] or 0 for o in outcomes])
+    return (np.minimum(ratios, 0.99) / (1 - np.minimum(ratios, 0.99))) ** RIVAL_POWER
 
 
 def features(outcomes):
@@ -57,17 +63,20 @@ def features(outcomes):
     return np.stack(columns, axis=1)
 
 
-def fit(rows, is_right, weights):
-    """Returns the intercept and the terms' weights of a logistic model with a ridge and given signs."""
+def fit(rows, rivals, is_right, weights):
+    """Returns the intercept and the terms' weights, by maximum likelihood with a ridge and given signs.
+
+    The odds of a wrong pose are the sum of those that the terms and those that the rivals give.
+    """
     mean, scale = rows.mean(axis=0), rows.std(axis=0) + 1e-9
     design = np.column_stack([np.ones(len(rows)), (rows - mean) / scale])
 
     def cost(parameters):
-        log_odds = design @ parameters
-        loss = np.logaddexp(0, np.where(is_right, -log_odds, log_odds))
-        residual = weights * (1 / (1 + np.exp(-log_odds)) - is_right)
+        odds = np.exp(-np.clip(design @ parameters, -30, 30))
+        loss = np.log(1 + odds + rivals) - np.where(is_right, 0, np.log(odds + rivals))
+        slope = np.where(is_right, 0, odds / (odds + rivals)) - odds / (1 + odds + rivals)
         penalty = np.concatenate([[0], RIDGE * parameters[1:]])
-        return weights @ loss + penalty @ parameters / 2, design.T @ residual + penalty
+        return weights @ loss + penalty @ parameters / 2, design.T @ (weights * slope) + penalty
 
     bounds = [(None, None)] + [(0, None) if term.sign > 0 else (None, 0) for term in TERMS]
     parameters = minimize(cost, np.zeros(design.shape[1]), jac=True, method="L-BFGS-B", bounds=bounds).x
@@ -81,19 +90,19 @@ def kind_weights(outcomes):
     return np.array([MAX_KIND_WEIGHT / max(MAX_KIND_WEIGHT, counts[kind]) for kind in kinds])
 
 
-def cross_validate(outcomes, rows, is_right, weights):
-    """Returns the log odds of each outcome by a model that was fitted without its scene."""
+def cross_validate(outcomes, rows, rivals, is_right, weights):
+    """Returns the confidence in each outcome by a model that was fitted without its scene."""
     groups = sorted({o.group for o in outcomes})
     folds = dict(zip(groups, np.random.default_rng(0).permutation(len(groups)) % NUM_FOLDS, strict=True))
     fold_of = np.array([folds[o.group] for o in outcomes])
-    log_odds = np.zeros(len(outcomes))
+    confidences = np.zeros(len(outcomes))
     for fold in range(NUM_FOLDS):
         train = fold_of != fold
         if train.all():
             continue
-        intercept, slopes = fit(rows[train], is_right[train], weights[train])
-        log_odds[~train] = intercept + rows[~train] @ slopes
-    return log_odds
+        intercept, slopes = fit(rows[train], rivals[train], is_right[train], weights[train])
+        confidences[~train] = 1 / (1 + np.exp(-intercept - rows[~train] @ slopes) + rivals[~train])
+    return confidences
 
 
 def number(value):
@@ -124,11 +133,11 @@ def is_clear(outcome):
 def fit_weights(outcomes):
     """Fits and writes the weights; prints them and the AUROC of cross-validation over scenes."""
     outcomes = [o for o in outcomes if is_clear(o)]
-    rows, weights = features(outcomes), kind_weights(outcomes)
+    rows, rivals, weights = features(outcomes), rival_odds(outcomes), kind_weights(outcomes)
     is_right = np.array([not o.is_off for o in outcomes])
     is_right_strictly = np.array([not o.is_wrong for o in outcomes])
-    validated = cross_validate(outcomes, rows, is_right, weights)
-    intercept, slopes = fit(rows, is_right, weights)
+    validated = cross_validate(outcomes, rows, rivals, is_right, weights)
+    intercept, slopes = fit(rows, rivals, is_right, weights)
     medians = np.median(rows[is_right], axis=0)
     typical = [float(np.exp(m)) if term.is_logarithmic else float(m) for term, m in zip(TERMS, medians, strict=True)]
     write_header(intercept, slopes, typical)

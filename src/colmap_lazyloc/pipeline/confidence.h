@@ -11,9 +11,10 @@ namespace lazyloc {
 inline constexpr double kMaxRightErrorFloor = 0.01;
 
 // Returns the probability that the position is off by at most three of its standard deviations plus kMaxRightErrorFloor
-// times the median distance of the points: a logistic function of a weighted sum of the evidence. The weights
-// (confidence_weights.h) are fitted to positions with known errors. Evidence that is unknown counts as that of a
-// typical right pose. Returns 0 if the position's standard deviation is not finite.
+// times the median distance of the points. The odds of a wrong pose are the sum of those by a weighted sum of the
+// evidence and those by the rival. The weights (confidence_weights.h) are fitted to positions with known errors.
+// Evidence that is unknown counts as that of a typical right pose. Returns 0 if the position's standard deviation is
+// not finite.
 double Confidence(const PoseEvidence& evidence);
 
 // Returns one sentence that names what lowers the confidence most.

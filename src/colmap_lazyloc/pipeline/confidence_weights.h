@@ -16,15 +16,14 @@ struct ConfidenceTerm {
 };
 
 // Written by `scripts/python.sh -m benchmarks uncertainty fit`; docs/method.md says why these terms.
-inline constexpr double kTypicalLogOdds = 4.965;
-inline constexpr std::array<ConfidenceTerm, 7> kConfidenceTerms = {{
-    {&PoseEvidence::num_common_tracks, true, 1, 30, 30, 0.3984},
-    {&PoseEvidence::explained_ratio, false, 0, 0.6, 0.6, 7.417},
-    {&PoseEvidence::agreeing_ratio, false, 0, 0.6, 0.6, 2.48},
-    {&PoseEvidence::rival_ratio, false, 0, 0.15, 0, -6.047},
-    {&PoseEvidence::median_error_px, true, 0.3, 10, 0.3, -1.098},
-    {&PoseEvidence::position_stddev_ratio, true, 0.003, 0.1, 0.003, -0.7255},
-    {&PoseEvidence::start_distance_ratio, true, 0.01, 1, 0.01, -0.3808},
+inline constexpr double kTypicalLogOdds = 5.708;
+inline constexpr std::array<ConfidenceTerm, 6> kConfidenceTerms = {{
+    {&PoseEvidence::num_common_tracks, true, 1, 30, 30, 0.5888},
+    {&PoseEvidence::explained_ratio, false, 0, 0.6, 0.6, 8.646},
+    {&PoseEvidence::agreeing_ratio, false, 0, 0.6, 0.6, 1.695},
+    {&PoseEvidence::median_error_px, true, 0.3, 10, 0.3, -1.432},
+    {&PoseEvidence::position_stddev_ratio, true, 0.003, 0.1, 0.003, -0.7245},
+    {&PoseEvidence::start_distance_ratio, true, 0.01, 1, 0.01, -0.5924},
 }};
 
 }  // namespace lazyloc
