@@ -151,7 +151,8 @@ TEST_F(ResultText, JsonKeepsTheOrderOfKeys) {
   JsonOf(record);
   EXPECT_EQ(
       ReadFile(folder_ / "results.jsonl"),
-      R"({"name":"night.jpg","status":"NO_PAIRS","reason":"no pair","start":"","cam_from_world":null,)"
+      R"({"name":"night.jpg","status":"NO_PAIRS","reason":"no pair","start":"","confidence":null,"evidence":null,)"
+      R"("cam_from_world":null,"unconfirmed_cam_from_world":null,)"
       R"("covariance":null,)"
       R"("position_stddevs":null,"weakest_direction":null,"rotation_stddev_deg":null,"rotation":null,"bearing":null,)"
       R"("frame":null,"rig_from_world":null,"rig_error_px":null,)"

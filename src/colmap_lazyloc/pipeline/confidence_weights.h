@@ -16,14 +16,14 @@ struct ConfidenceTerm {
 };
 
 // Written by `scripts/python.sh -m benchmarks uncertainty fit`; docs/method.md says why these terms.
-inline constexpr double kTypicalLogOdds = 5.708;
+inline constexpr double kTypicalLogOdds = 5.754;
 inline constexpr std::array<ConfidenceTerm, 6> kConfidenceTerms = {{
-    {&PoseEvidence::num_common_tracks, true, 1, 30, 30, 0.5888},
-    {&PoseEvidence::explained_ratio, false, 0, 0.6, 0.6, 8.646},
-    {&PoseEvidence::agreeing_ratio, false, 0, 0.6, 0.6, 1.695},
-    {&PoseEvidence::median_error_px, true, 0.3, 10, 0.3, -1.432},
-    {&PoseEvidence::position_stddev_ratio, true, 0.003, 0.1, 0.003, -0.7245},
-    {&PoseEvidence::start_distance_ratio, true, 0.01, 1, 0.01, -0.5924},
+    {&PoseEvidence::num_common_tracks, true, 1, 30, 30, 0.5461},
+    {&PoseEvidence::explained_ratio, false, 0, 0.6, 0.6, 8.501},
+    {&PoseEvidence::agreeing_ratio, false, 0, 0.6, 0.6, 1.791},
+    {&PoseEvidence::median_error_px, true, 0.3, 10, 0.3, -1.446},
+    {&PoseEvidence::position_stddev_ratio, true, 0.003, 0.1, 0.003, -0.761},
+    {&PoseEvidence::start_distance_ratio, true, 0.01, 1, 0.01, -0.7065},
 }};
 
 }  // namespace lazyloc

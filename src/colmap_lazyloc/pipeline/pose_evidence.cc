@@ -17,6 +17,10 @@ namespace {
 const double kMaxRotationRad = DegToRad(5), kMaxDirectionRad = DegToRad(15);
 // Maximum number of pairs that may be a rival: the time grows with its third power.
 constexpr size_t kMaxNumRivalPairs = 30;
+// Minimum difference of a rival from the pose: pairs of short baselines scatter around the pose, and some of them agree
+// with each other by chance.
+const double kMinRivalRotationRad = DegToRad(15);
+constexpr double kMinRivalDistanceRatio = 0.1;
 // Minimum sine of the angle at which two directions cross.
 constexpr double kMinCrossingSine = 0.02;
 
@@ -68,6 +72,13 @@ std::optional<Rigid3d> RivalPose(const Layout& layout, const Vote& a, const Vote
   return Inverse(layout.given.images[a.query].cam_from_frame) * CamFromWorld(a.cam_from_world_rotation, *place);
 }
 
+// Returns the number of pairs that must agree on a rival; 0 if it is not distinct from the frame's pose.
+int MinNumRivalPairs(const Rigid3d& rival, const Rigid3d& frame_from_world, double scene_distance) {
+  if (AngularDistanceRad(rival.rotation, frame_from_world.rotation) > kMinRivalRotationRad) return 2;
+  const double distance = (CamInWorld(rival) - CamInWorld(frame_from_world)).norm();
+  return distance > kMinRivalDistanceRatio * scene_distance ? 3 : 0;
+}
+
 // Returns the inliers of the pairs that agree with a pose; 0 if there are fewer than min_num_pairs.
 double Support(const Layout& layout, const std::vector<Vote>& votes, const Rigid3d& frame_from_world,
                int min_num_pairs) {
@@ -104,7 +115,7 @@ void AddTracks(const Layout& layout, const PosedImages& posed, int frame, const 
 }  // namespace
 
 PairVotes CountVotes(const Layout& layout, const std::vector<PairGeometry>& pairs, int frame,
-                     const Rigid3d& frame_from_world) {
+                     const Rigid3d& frame_from_world, double scene_distance) {
   PairVotes result;
   std::vector<Vote> others;
   for (const Vote& vote : VotesOfFrame(layout, pairs, frame)) {
@@ -121,8 +132,10 @@ PairVotes CountVotes(const Layout& layout, const std::vector<PairGeometry>& pair
     for (size_t b = 0; b < a; ++b) {
       const std::optional<Rigid3d> rival = RivalPose(layout, others[a], others[b]);
       if (!rival) continue;
-      const bool has_other_rotation = AngularDistanceRad(rival->rotation, frame_from_world.rotation) > kMaxRotationRad;
-      result.num_rival = std::max(result.num_rival, Support(layout, others, *rival, has_other_rotation ? 2 : 3));
+      const int min_num_pairs = MinNumRivalPairs(*rival, frame_from_world, scene_distance);
+      if (min_num_pairs > 0) {
+        result.num_rival = std::max(result.num_rival, Support(layout, others, *rival, min_num_pairs));
+      }
     }
   }
   return result;
@@ -147,7 +160,8 @@ std::vector<PoseEvidence> MeasureEvidence(const Layout& layout, const PairEstima
     evidence.start_distance_ratio = way.norm() / evidence.scene_distance;
     evidence.position_stddev_ratio = uncertainties[query].spread.position_stddevs[0] / evidence.scene_distance;
     if (!has_relative_poses || num_matches == 0) continue;
-    const PairVotes votes = CountVotes(layout, estimates.pairs, frame, posed.frames[frame].frame_from_world);
+    const PairVotes votes =
+        CountVotes(layout, estimates.pairs, frame, posed.frames[frame].frame_from_world, evidence.scene_distance);
     evidence.agreeing_ratio = votes.num_agreeing / num_matches;
     evidence.rival_ratio = votes.num_rival > 0 ? votes.num_rival / (votes.num_rival + votes.num_agreeing) : 0;
   }

@@ -17,9 +17,10 @@ struct PairVotes {
 };
 
 // Counts the votes for a frame's pose. A rival is a place where the measured directions of two pairs of one rotation
-// cross. If that is the frame's own rotation, a third pair must confirm it, because rays nearly always cross somewhere.
+// cross, and distinct from the frame's pose: by its rotation, or by a distance of a tenth of the distance to the scene.
+// In the second case a third pair must confirm it, because rays nearly always cross somewhere.
 PairVotes CountVotes(const Layout& layout, const std::vector<PairGeometry>& pairs, int frame,
-                     const Rigid3d& frame_from_world);
+                     const Rigid3d& frame_from_world, double scene_distance);
 
 // Returns the evidence of each query frame, from the stages' results. has_relative_poses: false if the pairs have none.
 std::vector<PoseEvidence> MeasureEvidence(const Layout& layout, const PairEstimates& estimates, bool has_relative_poses,

@@ -11,6 +11,7 @@ namespace lazyloc {
 namespace {
 
 constexpr int kNumPoints = 40, kNumDatabaseImages = 8;
+constexpr double kDistance = 5;
 
 SyntheticGroup MakeGroup(int num_frames, int num_sensors) {
   SyntheticGroupOptions options;
@@ -29,7 +30,7 @@ void Relocate(const Layout& layout, const Rigid3d& query_from_world, PairGeometr
 
 TEST(CountVotes, AllPairsAgreeWithTheTruth) {
   const StageInput input = MakeStageInput(MakeGroup(1, 2));
-  const PairVotes votes = CountVotes(input.layout, input.pairs, 0, input.truth.frames[0].frame_from_world);
+  const PairVotes votes = CountVotes(input.layout, input.pairs, 0, input.truth.frames[0].frame_from_world, kDistance);
   EXPECT_EQ(votes.num_agreeing, 2 * kNumDatabaseImages * kNumPoints);
   EXPECT_EQ(votes.num_rival, 0);
 }
@@ -38,9 +39,9 @@ TEST(CountVotes, RivalIsTheOtherPlaceOfThreePairs) {
   StageInput input = MakeStageInput(MakeGroup(1, 1));
   const Rigid3d truth = input.truth.frames[0].frame_from_world;
   Rigid3d elsewhere = truth;
-  elsewhere.translation += Eigen::Vector3d(1.5, 0.5, 0);
+  elsewhere.translation += Eigen::Vector3d(4, 2, 0);
   for (const int pair : {0, 1, 2}) Relocate(input.layout, elsewhere, &input.pairs[pair]);
-  const PairVotes votes = CountVotes(input.layout, input.pairs, 0, truth);
+  const PairVotes votes = CountVotes(input.layout, input.pairs, 0, truth, kDistance);
   EXPECT_EQ(votes.num_agreeing, (kNumDatabaseImages - 3) * kNumPoints);
   EXPECT_EQ(votes.num_rival, 3 * kNumPoints);
 }
@@ -50,7 +51,17 @@ TEST(CountVotes, TwoPairsOfAnotherRotationAreARival) {
   const Rigid3d truth = input.truth.frames[0].frame_from_world;
   const Rigid3d elsewhere = Rigid3d{ExpSO3({0, 0.5, 0}), {1, 0, 0}} * truth;
   for (const int pair : {0, 1}) Relocate(input.layout, elsewhere, &input.pairs[pair]);
-  EXPECT_EQ(CountVotes(input.layout, input.pairs, 0, truth).num_rival, 2 * kNumPoints);
+  EXPECT_EQ(CountVotes(input.layout, input.pairs, 0, truth, kDistance).num_rival, 2 * kNumPoints);
+}
+
+TEST(CountVotes, NearbyPoseIsNoRival) {
+  StageInput input = MakeStageInput(MakeGroup(1, 1));
+  const Rigid3d truth = input.truth.frames[0].frame_from_world;
+  const Rigid3d nearby = Rigid3d{ExpSO3({0, 0.15, 0}), {0.1, 0, 0}} * truth;
+  for (const int pair : {0, 1, 2, 3}) Relocate(input.layout, nearby, &input.pairs[pair]);
+  const PairVotes votes = CountVotes(input.layout, input.pairs, 0, truth, 50 * kDistance);
+  EXPECT_EQ(votes.num_agreeing, (kNumDatabaseImages - 4) * kNumPoints);
+  EXPECT_EQ(votes.num_rival, 0);
 }
 
 TEST(CountVotes, TwoPairsOfTheSameRotationAreNoRival) {
@@ -59,7 +70,7 @@ TEST(CountVotes, TwoPairsOfTheSameRotationAreNoRival) {
   Rigid3d elsewhere = truth;
   elsewhere.translation += Eigen::Vector3d(1.5, 0.5, 0);
   for (const int pair : {0, 1}) Relocate(input.layout, elsewhere, &input.pairs[pair]);
-  EXPECT_EQ(CountVotes(input.layout, input.pairs, 0, truth).num_rival, 0);
+  EXPECT_EQ(CountVotes(input.layout, input.pairs, 0, truth, kDistance).num_rival, 0);
 }
 
 TEST(CountVotes, ScatteredPairsAreNoRival) {
@@ -68,7 +79,7 @@ TEST(CountVotes, ScatteredPairsAreNoRival) {
   for (PairGeometry& pair : input.pairs) {
     pair.query_from_other.rotation = Disturbed(pair.query_from_other.rotation, 60, &random);
   }
-  const PairVotes votes = CountVotes(input.layout, input.pairs, 0, input.truth.frames[0].frame_from_world);
+  const PairVotes votes = CountVotes(input.layout, input.pairs, 0, input.truth.frames[0].frame_from_world, kDistance);
   EXPECT_EQ(votes.num_agreeing, 0);
   EXPECT_EQ(votes.num_rival, 0);
 }
