@@ -155,25 +155,37 @@ def percent(ratio):
     return "–" if np.isnan(ratio) else f"{100 * ratio:.1f} %"
 
 
+def ratio_of(values) -> float:
+    return float(np.mean(values)) if len(values) else np.nan
+
+
 def print_report(outcomes: list[Outcome], min_confidence: float):
-    """Prints the table per kind, and the risk-coverage table of all."""
+    """Prints the table per kind, and the risk-coverage table of all.
+
+    wrong: by standard deviations or by the scene's size; off: not as right as the confidence promises.
+    """
     pools = {}
     for outcome in outcomes:
         for pool in (outcome.kind, "real" if outcome.kind.startswith("real") else "synthetic", "all"):
             pools.setdefault(pool, []).append(outcome)
-    print("| kind | poses | wrong | AUROC | accepted | of the right ones | wrong of the accepted |")
-    print("|---|---|---|---|---|---|---|")
+    print("| kind | poses | wrong | AUROC | off | AUROC | accepted | of those not off | accepted: wrong | off |")
+    print("|---" * 10 + "|")
     for pool, members in pools.items():
         confidence = np.array([o.confidence for o in members])
         is_wrong = np.array([o.is_wrong for o in members])
+        is_off = np.array([o.is_off for o in members])
         accepted = confidence >= min_confidence
-        wrong_ratio = np.mean(is_wrong[accepted]) if accepted.any() else np.nan
-        right_ratio = np.mean(accepted[~is_wrong]) if (~is_wrong).any() else np.nan
-        area = auroc(confidence, is_wrong)
-        print(
-            f"| {pool} | {len(members)} | {percent(np.mean(is_wrong))} | {'–' if np.isnan(area) else f'{area:.3f}'} "
-            f"| {percent(np.mean(accepted))} | {percent(right_ratio)} | {percent(wrong_ratio)} |"
+        cells = [pool, len(members)]
+        for errors in (is_wrong, is_off):
+            area = auroc(confidence, errors)
+            cells += [percent(np.mean(errors)), "–" if np.isnan(area) else f"{area:.3f}"]
+        ratios = (
+            np.mean(accepted),
+            ratio_of(accepted[~is_off]),
+            ratio_of(is_wrong[accepted]),
+            ratio_of(is_off[accepted]),
         )
+        print("|", " | ".join(map(str, [*cells, *map(percent, ratios)])), "|")
     coverages = (0.5, 0.6, 0.7, 0.8, 0.85, 0.9, 0.95, 1)
     confidences = np.array([o.confidence for o in outcomes])
     print("\n| coverage | confidence of at least | wrong | off (the confidence's own definition) |\n|---|---|---|---|")
