@@ -98,6 +98,7 @@ BASIC_OPTIONS = {
     "LazyLocalizer.group_size",
     "LazyLocalizer.leave_one_out",
     "LazyLocalizer.intrinsics",
+    "LazyLocalizer.min_confidence",
 }
 
 

@@ -3,8 +3,12 @@
 quantiles  quantiles of the squared errors, normalized by the reported covariance; they should equal those of the
            chi-square distribution with 6 degrees of freedom
 cases      scenes with unobservable motions: statuses, reasons, reported standard deviations, true errors
+stress     scenes in which a pose may be wrong (repetition, wrong intrinsics, wrong database poses, chance), and the
+           scenes below --data_path: confidence against errors
+fit        fits the weights of the confidence to the scenes of `stress` and writes pipeline/confidence_weights.h;
+           build the program again after it
 
-  python -m benchmarks uncertainty [quantiles | cases] [--colmap COLMAP]
+  python -m benchmarks uncertainty [quantiles | cases | stress | fit]... [--data_path DATA]... [--colmap COLMAP]
   python -m benchmarks uncertainty focal_length --help
 """
 
@@ -18,13 +22,15 @@ import numpy as np
 import scipy.stats
 from scipy.spatial.transform import Rotation
 
-from benchmarks.uncertainty import focal_length
+from benchmarks.uncertainty import confidence_fit, focal_length, stress
 from colmap_lazyloc.errors import command
 from colmap_lazyloc.poses import Pose
 from colmap_lazyloc.program import find_colmap, run_colmap
 from colmap_lazyloc.results import pose_of, read_results
 from colmap_lazyloc.testing import synthetic
 
+MIN_CONFIDENCE = 0.9  # the program's default
+FIT_SEED = 1000
 PERCENTS = 10, 25, 50, 75, 90, 95
 OPEN_GATE = "--LazyLocalizer.Advanced.max_query_error_sigma", 50
 EXACT = (
@@ -214,9 +220,34 @@ def main(arguments=None):
     if arguments[:1] == ["focal_length"]:
         return focal_length.main(arguments[1:])
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("tables", nargs="*", choices=["quantiles", "cases", []], help="tables to print; default: both")
+    tables = ["quantiles", "cases", "stress", "fit"]
+    parser.add_argument("tables", nargs="*", choices=[*tables, []], help="default: quantiles and cases")
     parser.add_argument("--colmap", type=pathlib.Path, default=find_colmap(), help="path of our colmap program")
+    parser.add_argument(
+        "--data_path",
+        type=pathlib.Path,
+        action="append",
+        default=[],
+        help="folder of scenes (SCENE/database.db, SCENE/model, optionally SCENE/queries.txt), for stress and fit; may "
+        "be repeated",
+    )
+    parser.add_argument("--num_scenes", type=int, default=12, help="synthetic scenes of each kind, for stress and fit")
+    parser.add_argument("--seed", type=int, default=0, help="of the synthetic scenes; fit uses another one")
+    parser.add_argument(
+        "--min_confidence", type=float, default=MIN_CONFIDENCE, help="threshold that `stress` accepts poses above"
+    )
     arguments = parser.parse_args(arguments)
     for table in arguments.tables or ["quantiles", "cases"]:
-        {"quantiles": print_quantiles, "cases": print_cases}[table](arguments.colmap)
+        if table in ("quantiles", "cases"):
+            {"quantiles": print_quantiles, "cases": print_cases}[table](arguments.colmap)
+        else:
+            # Fit other scenes than `stress` shows, because weights do best on what they were fitted to.
+            seed = arguments.seed + (FIT_SEED if table == "fit" else 0)
+            outcomes = stress.run_synthetic(arguments.colmap, arguments.num_scenes, seed)
+            for data_path in arguments.data_path:
+                outcomes += stress.run_real(arguments.colmap, data_path, (20, 10) if table == "fit" else (20,))
+            if table == "fit":
+                confidence_fit.fit_weights(outcomes)
+            else:
+                stress.print_report(outcomes, arguments.min_confidence)
         print()

@@ -23,7 +23,8 @@ def read_results(path) -> dict[str, dict]:
 
 
 def pose_of(result: dict) -> Pose | None:
-    """Returns the query's pose; None if it was not localized, even if the result has a rotation."""
+    """Returns the query's pose; None if it was not localized, even if the result has a rotation or a pose of low
+    confidence."""
     pose = result["cam_from_world"]
     if result["status"] != "LOCALIZED" or pose is None:
         return None

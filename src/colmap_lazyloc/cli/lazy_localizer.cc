@@ -67,9 +67,11 @@ int Run(const CommandOptions& options) {
       [] { return interrupted != 0; });
   std::signal(SIGINT, SIG_DFL);
   WarnOfIntrinsics(records);
-  writer.Write(source.DatabaseModel(), records, source.Database(), OptionsAsIni(options));
+  const bool is_leave_one_out = options.source.selection.leave_one_out;
+  writer.Write(source.DatabaseModel(), records, source.Database(), OptionsAsIni(options), is_leave_one_out);
   source.PublishMatches();
   progress.PrintSummary(records);
+  if (is_leave_one_out) progress.PrintLeaveOneOut(source.DatabaseModel(), records);
   if (interrupted != 0) return kExitInterrupted;
   return options.strict && !AllLocalized(records) ? kExitNotAllLocalized : EXIT_SUCCESS;
 }

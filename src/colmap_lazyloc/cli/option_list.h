@@ -47,6 +47,8 @@ void ForEachBasicOption(Options& o, const Add& add) {
       "Intrinsics of queries: auto (estimate the focal length if it is a guess, or EXIF's and the images contradict it; "
       "refuse a query whose given intrinsics they contradict), given (keep them and only warn) or refine (always "
       "estimate the focal length)");
+  add("LazyLocalizer.min_confidence", &o.localizer.min_confidence,
+      "Minimum probability that a position is right; queries below it have the status LOW_CONFIDENCE");
 }
 
 template <typename Options, typename Add>

@@ -9,6 +9,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "colmap_lazyloc/io/leave_one_out.h"
 #include "colmap_lazyloc/math/median.h"
 
 namespace lazyloc {
@@ -63,6 +64,12 @@ void Progress::PrintSummary(const std::vector<QueryRecord>& records) const {
     PrintRow("median number of tracks", Median(tracks), "");
   }
   std::cout << std::flush;
+}
+
+void Progress::PrintLeaveOneOut(const Model& model, const std::vector<QueryRecord>& records) {
+  std::vector<const QueryRecord*> pointers;
+  for (const QueryRecord& record : records) pointers.push_back(&record);
+  std::cout << FormatLeaveOneOut(SummarizeLeaveOneOut(model, pointers)) << std::flush;
 }
 
 }  // namespace lazyloc

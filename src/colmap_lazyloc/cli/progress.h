@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "colmap_lazyloc/io/query_record.h"
+#include "colmap_lazyloc/scene/model.h"
 
 namespace lazyloc {
 
@@ -15,6 +16,8 @@ class Progress {
   void Report(const QueryRecord& record);
   // Prints the table that ends a run.
   void PrintSummary(const std::vector<QueryRecord>& records) const;
+  // Prints how well queries that were localized against the other database images agree with their poses in the model.
+  static void PrintLeaveOneOut(const Model& model, const std::vector<QueryRecord>& records);
 
  private:
   const size_t num_queries_;

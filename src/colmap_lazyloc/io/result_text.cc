@@ -58,14 +58,23 @@ Json BearingToJson(const Bearing& bearing) {
           {"stddev_deg", RadToDeg(bearing.stddev_rad)}};
 }
 
+// Adds the confidence in the pose and the evidence for it.
+void AddConfidence(const LocalizationResult& result, Json* json) {
+  (*json)["confidence"] = result.confidence ? Json(*result.confidence) : Json();
+  Json& evidence = (*json)["evidence"] = nullptr;
+  if (!result.confidence) return;
+  ForEachEvidence(result.evidence, [&](const char* name, const double* value) { evidence[name] = *value; });
+}
+
 // Adds the pose, or the part of it that is known, and its standard deviations.
 void AddPose(const LocalizationResult& result, Json* json) {
-  for (const char* field : {"cam_from_world", "covariance", "position_stddevs", "weakest_direction",
-                            "rotation_stddev_deg", "rotation", "bearing"}) {
+  for (const char* field : {"cam_from_world", "unconfirmed_cam_from_world", "covariance", "position_stddevs",
+                            "weakest_direction", "rotation_stddev_deg", "rotation", "bearing"}) {
     (*json)[field] = nullptr;
   }
-  if (result.status == QueryStatus::LOCALIZED) {
-    (*json)["cam_from_world"] = PoseToJson(result.cam_from_world);
+  if (HasPose(result.status)) {
+    const bool is_localized = result.status == QueryStatus::LOCALIZED;
+    (*json)[is_localized ? "cam_from_world" : "unconfirmed_cam_from_world"] = PoseToJson(result.cam_from_world);
     if (!result.covariance.allFinite()) return;
     (*json)["covariance"] = CovarianceToJson(result.covariance);
     (*json)["position_stddevs"] = ToJson(result.spread.position_stddevs);
@@ -113,6 +122,7 @@ Json RecordToJson(const QueryRecord& record) {
   json["status"] = QueryStatusName(result.status);
   json["reason"] = result.reason;
   json["start"] = result.start;
+  AddConfidence(result, &json);
   AddPose(result, &json);
   const bool has_rig = !result.frame_name.empty();
   json["frame"] = has_rig ? Json(result.frame_name) : Json();

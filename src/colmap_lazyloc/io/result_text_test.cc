@@ -129,6 +129,23 @@ TEST_F(ResultText, JsonHoldsWhatIsKnownOfAPoseWithoutPosition) {
   EXPECT_EQ(PoseLines({&record}).size(), 0);
 }
 
+TEST_F(ResultText, PoseOfLowConfidenceIsNotOneToRelyOn) {
+  QueryRecord record = Localized();
+  record.result.confidence = 0.25;
+  record.result.evidence.explained_ratio = 0.125;
+  EXPECT_EQ(JsonOf(record)["confidence"], 0.25);
+  EXPECT_TRUE(JsonOf(record)["unconfirmed_cam_from_world"].is_null());
+  record.result.status = QueryStatus::LOW_CONFIDENCE;
+  const Json json = JsonOf(record);
+  EXPECT_TRUE(json["cam_from_world"].is_null());
+  EXPECT_EQ(json["unconfirmed_cam_from_world"]["tvec"], Json({4000000.1, -2.0, 1e-17}));
+  EXPECT_EQ(json["position_stddevs"], Json({0.3, 0.2, 0.1}));
+  EXPECT_EQ(json["confidence"], 0.25);
+  EXPECT_EQ(json["evidence"]["explained_ratio"], 0.125);
+  EXPECT_TRUE(json["evidence"]["agreeing_ratio"].is_null()) << "unknown";
+  EXPECT_EQ(PoseLines({&record}).size(), 0);
+}
+
 TEST_F(ResultText, JsonKeepsTheOrderOfKeys) {
   QueryRecord record = Failed();
   record.seconds = {{"load", 1}, {"a", 0.25}};
@@ -136,7 +153,8 @@ TEST_F(ResultText, JsonKeepsTheOrderOfKeys) {
   JsonOf(record);
   EXPECT_EQ(
       ReadFile(folder_ / "results.jsonl"),
-      R"({"name":"night.jpg","status":"NO_PAIRS","reason":"no pair","start":"","cam_from_world":null,)"
+      R"({"name":"night.jpg","status":"NO_PAIRS","reason":"no pair","start":"","confidence":null,"evidence":null,)"
+      R"("cam_from_world":null,"unconfirmed_cam_from_world":null,)"
       R"("covariance":null,)"
       R"("position_stddevs":null,"weakest_direction":null,"rotation_stddev_deg":null,"rotation":null,"bearing":null,)"
       R"("frame":null,"rig_from_world":null,"rig_error_px":null,)"

@@ -6,6 +6,7 @@
 #include "colmap_lazyloc/files/output_file.h"
 #include "colmap_lazyloc/files/paths.h"
 #include "colmap_lazyloc/files/staged_output.h"
+#include "colmap_lazyloc/io/leave_one_out.h"
 #include "colmap_lazyloc/io/model_merger.h"
 #include "colmap_lazyloc/io/model_writer.h"
 #include "colmap_lazyloc/io/result_text.h"
@@ -15,6 +16,8 @@ namespace lazyloc {
 namespace {
 
 namespace fs = std::filesystem;
+
+constexpr char kLeaveOneOutFile[] = "leave_one_out.json";
 
 void MakeFolder(const fs::path& path) {
   std::error_code error;
@@ -65,7 +68,7 @@ void ResultWriter::RemoveMadeFolders() noexcept {
 }
 
 void ResultWriter::Write(const Model& model, const std::vector<QueryRecord>& records, const DatabaseReader& database,
-                         const std::string& options_ini) {
+                         const std::string& options_ini, bool is_leave_one_out) {
   const std::vector<const QueryRecord*> sorted = SortedByName(records);
   StagedOutput staged(output_path_);
   MakeFolder(staged / "model");
@@ -75,7 +78,14 @@ void ResultWriter::Write(const Model& model, const std::vector<QueryRecord>& rec
   OutputFile options_file(staged / "options.ini");
   options_file.Text() << options_ini;
   options_file.Close();
-  staged.Publish({"poses.txt", "results.jsonl", "options.ini", "model"});
+  std::vector<std::string> entries = {"poses.txt", "results.jsonl", "options.ini", "model"};
+  if (is_leave_one_out) {
+    WriteLeaveOneOut(staged / kLeaveOneOutFile, SummarizeLeaveOneOut(model, sorted));
+    entries.emplace_back(kLeaveOneOutFile);
+  }
+  staged.Publish(entries);
+  std::error_code ignored;
+  if (!is_leave_one_out) fs::remove(output_path_ / kLeaveOneOutFile, ignored);  // of an earlier run
   made_folders_.clear();
 }
 

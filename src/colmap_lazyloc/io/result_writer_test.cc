@@ -49,7 +49,9 @@ class ResultWriterTest : public IoTest {
     if (!damage.empty()) database.Execute(damage);
     database.Close();
   }
-  void Write() { ResultWriter(output_).Write(model_, records_, DatabaseReader(database_path_), "[options]\n"); }
+  void Write(bool is_leave_one_out = false) {
+    ResultWriter(output_).Write(model_, records_, DatabaseReader(database_path_), "[options]\n", is_leave_one_out);
+  }
   std::string ErrorOfConstruction(const fs::path& path) const {
     return ErrorOf([&] { ResultWriter writer(path); });
   }
@@ -129,6 +131,13 @@ TEST_F(ResultWriterTest, ReplacesAnEarlierRunAsAWhole) {
   EXPECT_EQ(Contents(output_), fresh);
 }
 
+TEST_F(ResultWriterTest, SummaryOfLeaveOneOutIsThatOfTheLastRun) {
+  Write(/*is_leave_one_out=*/true);
+  EXPECT_TRUE(fs::exists(output_ / "leave_one_out.json"));
+  Write(/*is_leave_one_out=*/false);
+  EXPECT_FALSE(fs::exists(output_ / "leave_one_out.json"));
+}
+
 TEST_F(ResultWriterTest, LeavesFilesOfTheUserAlone) {
   fs::create_directory(output_);
   std::ofstream(output_ / "notes.md") << "mine";
@@ -158,7 +167,7 @@ TEST_F(ResultWriterTest, FailedWriteLeavesTheEarlierRun) {
   MakeDatabase(folder_ / "damaged.db", "UPDATE keypoints SET data = zeroblob(3) WHERE image_id = 1");
   EXPECT_THAT(ErrorOf([&] {
                 ResultWriter writer(output_);
-                writer.Write(model_, records_, DatabaseReader(folder_ / "damaged.db"), "other");
+                writer.Write(model_, records_, DatabaseReader(folder_ / "damaged.db"), "other", false);
               }),
               StartsWith("damaged.db"));
   EXPECT_EQ(Contents(output_), before);
@@ -171,7 +180,7 @@ TEST_F(ResultWriterTest, FolderThatGoesAwayDuringTheRunIsReported) {
   EXPECT_THAT(ErrorOf([&] {
                 ResultWriter writer(output_);
                 fs::rename(output_, folder_ / "moved");
-                writer.Write(model_, records_, DatabaseReader(database_path_), "other");
+                writer.Write(model_, records_, DatabaseReader(database_path_), "other", false);
               }),
               StartsWith("out: cannot be written into"));
   EXPECT_EQ(Contents(folder_ / "moved"), before);

@@ -125,7 +125,7 @@ TEST(FocalLength, FrontoParallelPlaneLeavesTheDistanceUnobservable) {
     }
   }
   const LocalizationResult given = LocalizeQuery(scene.problem, LocalizerOptions());
-  EXPECT_EQ(given.status, QueryStatus::LOCALIZED) << given.reason;
+  EXPECT_TRUE(HasPose(given.status)) << given.reason;
   EXPECT_EQ(given.intrinsics.verdict, IntrinsicsVerdict::UNOBSERVABLE);
   const LocalizationResult result = LocalizeQuery(scene.problem, Seeking());
   EXPECT_EQ(result.status, QueryStatus::UNKNOWN_CAMERA) << QueryStatusName(result.status);

@@ -57,9 +57,7 @@ Results LocalizeFrames(const QueryGroup& group, const LocalizerOptions& options)
 std::optional<double> EstimateScale(const QueryGroup& group, const Results& individual, int frame) {
   std::vector<double> ratios;
   const auto distance = [](const Rigid3d& a, const Rigid3d& b) { return (CamInWorld(a) - CamInWorld(b)).norm(); };
-  const auto is_used = [&](size_t i) {
-    return group.images[i].frame == frame && individual[i].status == QueryStatus::LOCALIZED;
-  };
+  const auto is_used = [&](size_t i) { return group.images[i].frame == frame && HasPose(individual[i].status); };
   for (size_t i = 0; i < individual.size(); ++i) {
     for (size_t j = 0; j < i; ++j) {
       if (!is_used(i) || !is_used(j)) continue;

@@ -110,7 +110,7 @@ TEST(LazyLocalizer, ReportsPairsAndPoints) {
   EXPECT_LE(result.pairs.back().rotation_error_deg, 1e-6);
   EXPECT_EQ(result.num_tracks, options.num_points);
   EXPECT_EQ(result.num_observations, options.num_points * (1 + options.num_database_images - scene.num_outlier_pairs));
-  EXPECT_EQ(result.seconds.size(), 10u);
+  EXPECT_EQ(result.seconds.size(), 11u);
   EXPECT_THAT(result.start, testing::AnyOf("motion_averaging", "absolute_pose"));
 }
 
@@ -197,8 +197,8 @@ TEST(LazyLocalizer, DatabasePosesThatAreOffAreCorrectedForTheQuery) {
                           CamInWorld(pose) + 0.004 * scene.median_depth * RandomVector(&random));
     }
     const LocalizationResult estimated = Localize(scene), taken_as_exact = LocalizeQuery(scene.problem, exact);
-    ASSERT_EQ(estimated.status, QueryStatus::LOCALIZED) << estimated.reason;
-    ASSERT_EQ(taken_as_exact.status, QueryStatus::LOCALIZED) << taken_as_exact.reason;
+    ASSERT_TRUE(HasPose(estimated.status)) << estimated.reason;
+    ASSERT_TRUE(HasPose(taken_as_exact.status)) << taken_as_exact.reason;
     estimated_sum += PositionError(estimated.cam_from_world, scene.query_cam_from_world);
     exact_sum += PositionError(taken_as_exact.cam_from_world, scene.query_cam_from_world);
   }

@@ -4,6 +4,7 @@
 #include <string>
 #include <utility>
 
+#include "colmap_lazyloc/pipeline/confidence.h"
 #include "colmap_lazyloc/pipeline/focal_length.h"
 #include "colmap_lazyloc/pipeline/intrinsics_check.h"
 #include "colmap_lazyloc/pipeline/localize_together.h"
@@ -26,7 +27,7 @@ FocalLengthJudgement Judge(const IntrinsicsResult& intrinsics, const LocalizerOp
 bool IsInDoubt(const LocalizationResult& result, const LocalizerOptions& options) {
   const IntrinsicsResult& intrinsics = result.intrinsics;
   if (result.status == QueryStatus::INCONSISTENT_INTRINSICS) return true;
-  if (result.status != QueryStatus::LOCALIZED) return intrinsics.origin != IntrinsicsOrigin::GIVEN;
+  if (!HasPose(result.status)) return intrinsics.origin != IntrinsicsOrigin::GIVEN;
   return intrinsics.focal_factor_stddev > kMaxConclusiveStddev * intrinsics.focal_factor ||
          Judge(intrinsics, options).wrong_probability > kMinDoubt;
 }
@@ -35,6 +36,7 @@ bool IsInDoubt(const LocalizationResult& result, const LocalizerOptions& options
 LocalizationResult Kept(LocalizationResult given, const IntrinsicsResult& estimate, const LocalizerOptions& options) {
   given.status = QueryStatus::LOCALIZED;
   given.reason.clear();
+  RequireConfidence(options.min_confidence, &given);
   given.intrinsics.contradiction.clear();
   given.intrinsics.focal_factor = estimate.focal_factor;
   given.intrinsics.focal_factor_stddev = estimate.focal_factor_stddev;
@@ -52,14 +54,14 @@ LocalizationResult Kept(LocalizationResult given, const IntrinsicsResult& estima
 
 // Decides between the result with the given intrinsics and the one with an estimated focal length.
 LocalizationResult Decide(LocalizationResult given, LocalizationResult refined, const LocalizerOptions& options) {
-  if (refined.status == QueryStatus::DEGENERATE_BASELINE && given.status == QueryStatus::INCONSISTENT_INTRINSICS) {
+  if (refined.status == QueryStatus::UNKNOWN_CAMERA && given.status == QueryStatus::INCONSISTENT_INTRINSICS) {
     const IntrinsicsResult unobservable = given.intrinsics;  // focal length and distance cannot be told apart
     return Kept(std::move(given), unobservable, options);
   }
-  if (refined.status != QueryStatus::LOCALIZED) return given;
+  if (!HasPose(refined.status)) return given;
   const bool is_wrong = Judge(refined.intrinsics, options).wrong_probability > 0.5;
   if (given.intrinsics.origin != IntrinsicsOrigin::GIVEN) {
-    const bool is_kept = !is_wrong && given.status == QueryStatus::LOCALIZED;
+    const bool is_kept = !is_wrong && HasPose(given.status);
     return is_kept ? Kept(std::move(given), refined.intrinsics, options) : refined;
   }
   const std::string& other = refined.intrinsics.contradiction;  // of principal point or distortion
@@ -84,10 +86,10 @@ LocalizationResult LocalizeLone(const QueryGroup& query, const LocalizerOptions&
   if (options.post_optimization != PostOptimization::TRACKS) return localize(LocalizeWithoutTracks);
   if (IsFocalLengthUnknown(query.images.front().problem, options)) {
     LocalizationResult refined = localize(LocalizeWithUnknownFocalLength);
-    if (options.intrinsics == IntrinsicsMode::REFINE || refined.status == QueryStatus::LOCALIZED) return refined;
+    if (options.intrinsics == IntrinsicsMode::REFINE || HasPose(refined.status)) return refined;
     // Tries the guess, because the scene may fix the pose even if it does not fix the focal length.
     LocalizationResult guessed = localize(LocalizeTogether);
-    return guessed.status == QueryStatus::LOCALIZED ? guessed : refined;
+    return HasPose(guessed.status) ? guessed : refined;
   }
   LocalizationResult given = localize(LocalizeTogether);
   const bool can_refine =

@@ -7,6 +7,7 @@
 
 #include "colmap_lazyloc/pipeline/focal_length.h"
 #include "colmap_lazyloc/pipeline/intrinsics_check.h"
+#include "colmap_lazyloc/pipeline/pose_evidence.h"
 #include "colmap_lazyloc/pipeline/refinement_without_tracks.h"
 #include "colmap_lazyloc/pipeline/report.h"
 
@@ -83,6 +84,10 @@ Outcome LocalizeTogether(const QueryGroup& group, const LocalizerOptions& option
         Timed("covariance", report, [&] { return CheckIntrinsics(group, layout, refined, options, &uncertainties); });
     report->AddIntrinsics(intrinsics);
     report->AddUncertainties(uncertainties);
+    const std::vector<PoseEvidence> evidence = Timed("confidence", report, [&] {
+      return MeasureEvidence(layout, estimates, /*has_relative_poses=*/true, start.posed, refined, uncertainties);
+    });
+    report->AddEvidence(layout, evidence, options.min_confidence);
     report->AddPoses(layout, AsReported(layout, refined.adjustment.posed));
     report->AddPairErrors(layout, averaged, refined.adjustment.posed);
     report->AddRefined(layout, refined);
@@ -119,6 +124,9 @@ Outcome LocalizeWithUnknownFocalLength(const QueryGroup& query, const LocalizerO
       return CheckIntrinsics(query, layout, refined, options, &uncertainties, &camera);
     }));
     report->AddUncertainties(uncertainties);
+    const std::vector<PoseEvidence> evidence =
+        MeasureEvidence(layout, estimates, /*has_relative_poses=*/false, start.posed, refined, uncertainties);
+    report->AddEvidence(layout, evidence, options.min_confidence);
     report->AddPoses(layout, AsReported(layout, refined.adjustment.posed));
     report->AddRefined(layout, refined);
     report->AddCamera(camera.Intrinsics());

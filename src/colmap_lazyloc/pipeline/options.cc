@@ -16,6 +16,8 @@ bool LocalizerOptions::Check(std::string* error) const {
   OPTION_GT(database_pose_noise_px, 0);
   OPTION_GE(rig_noise_px, 0);
   OPTION_GE(focal_length_stddev_ratio, 0);
+  OPTION_GE(min_confidence, 0);
+  OPTION_LE(min_confidence, 1);
   OPTION_GT(max_position_stddev_ratio, 0);
   if (intrinsics == IntrinsicsMode::REFINE && post_optimization != PostOptimization::TRACKS) {
     *error = "intrinsics = refine needs post_optimization = tracks";

@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "colmap_lazyloc/math/so3.h"
+#include "colmap_lazyloc/pipeline/confidence.h"
 
 namespace lazyloc {
 namespace {
@@ -133,6 +134,15 @@ void Report::AddUncertainties(const std::vector<PoseUncertainty>& uncertainties)
 
 void Report::AddIntrinsics(const std::vector<IntrinsicsResult>& intrinsics) {
   for (size_t query = 0; query < results_.size(); ++query) results_[query].intrinsics = intrinsics[query];
+}
+
+void Report::AddEvidence(const Layout& layout, const std::vector<PoseEvidence>& evidence, double min_confidence) {
+  for (int query = 0; query < layout.num_queries; ++query) {
+    LocalizationResult& result = results_[query];
+    result.evidence = evidence[layout.FrameOf(query)];
+    result.confidence = Confidence(result.evidence);
+    RequireConfidence(min_confidence, &result);
+  }
 }
 
 void Report::AddCamera(const Camera& camera) {

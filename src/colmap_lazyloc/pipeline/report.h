@@ -27,6 +27,8 @@ class Report {
   void AddRefined(const Layout& layout, const Refined& refined);
   void AddUncertainties(const std::vector<PoseUncertainty>& uncertainties);
   void AddIntrinsics(const std::vector<IntrinsicsResult>& intrinsics);
+  // Adds the confidence in each query's pose. Queries below min_confidence become LOW_CONFIDENCE. evidence: by frame.
+  void AddEvidence(const Layout& layout, const std::vector<PoseEvidence>& evidence, double min_confidence);
   // Sets the camera of a single query whose focal length was estimated.
   void AddCamera(const Camera& camera);
   void AddFailure(const Failure& failure);

@@ -67,6 +67,29 @@ TEST(Report, FailureKeepsWhatWasKnown) {
   EXPECT_EQ(results[1].partial_pose->rotation_stddev_rad, 0.25);
 }
 
+TEST(Report, QueriesBelowTheMinimumConfidenceAreNotLocalized) {
+  const SyntheticGroup scene = MakeGroup(2, 2);
+  const StageInput input = MakeStageInput(scene);
+  PoseEvidence good, bad;
+  good.num_common_tracks = 200;
+  good.explained_ratio = good.agreeing_ratio = 1;
+  bad.num_common_tracks = 0;
+  bad.median_error_px = bad.position_stddev_ratio = bad.start_distance_ratio = 1;
+  Report report(scene.group);
+  report.AddEvidence(input.layout, {good, bad}, 0.5);
+  const std::vector<LocalizationResult> results = std::move(report).Finish();
+  for (const int query : {0, 1}) {
+    EXPECT_EQ(results[query].status, QueryStatus::LOCALIZED);
+    EXPECT_GT(*results[query].confidence, 0.9);
+    EXPECT_EQ(results[query].reason, "");
+  }
+  for (const int query : {2, 3}) {
+    EXPECT_EQ(results[query].status, QueryStatus::LOW_CONFIDENCE);
+    EXPECT_LT(*results[query].confidence, 0.5);
+    EXPECT_NE(results[query].reason, "");
+  }
+}
+
 TEST(Report, StartIsThatOfTheFrame) {
   const SyntheticGroup scene = MakeGroup(2, 2);
   const StageInput input = MakeStageInput(scene);

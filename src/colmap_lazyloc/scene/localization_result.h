@@ -11,6 +11,7 @@
 #include "colmap_lazyloc/math/rigid3.h"
 #include "colmap_lazyloc/scene/camera.h"
 #include "colmap_lazyloc/scene/enum_names.h"
+#include "colmap_lazyloc/scene/pose_evidence.h"
 
 namespace lazyloc {
 
@@ -28,13 +29,18 @@ enum class QueryStatus {
   DEGENERATE_BASELINE,      // no baseline, or database cameras and query are collinear
   TOO_FEW_TRACKS,           // too few tracks can be triangulated
   DIVERGED,                 // bundle adjustment ended without a usable pose
+  LOW_CONFIDENCE,           // there is a pose, but too little evidence that it is right
 };
 template <>
-inline constexpr std::array<const char*, 13> kEnumNames<QueryStatus> = {
+inline constexpr std::array<const char*, 14> kEnumNames<QueryStatus> = {
     "LOCALIZED",        "UNREADABLE_IMAGE",   "UNKNOWN_CAMERA",         "NO_FEATURES",
     "NO_PAIRS",         "TOO_FEW_INLIERS",    "INCONSISTENT_ROTATIONS", "INCONSISTENT_INTRINSICS",
     "INCONSISTENT_RIG", "SCALE_UNOBSERVABLE", "DEGENERATE_BASELINE",    "TOO_FEW_TRACKS",
-    "DIVERGED"};
+    "DIVERGED",         "LOW_CONFIDENCE"};
+// Returns true if the query has a pose, even if it is not to be relied on.
+inline bool HasPose(QueryStatus status) {
+  return status == QueryStatus::LOCALIZED || status == QueryStatus::LOW_CONFIDENCE;
+}
 inline const char* QueryStatusName(QueryStatus status) { return EnumName(status); }
 
 // Contribution of one database image. Residuals are NaN if the pair was not used.
@@ -113,13 +119,16 @@ struct LocalizationResult {
   // removed. A large one means that the calibration is wrong.
   std::optional<double> rig_error_px;
 
-  // Valid when LOCALIZED.
+  // Valid when LOCALIZED or LOW_CONFIDENCE.
   Rigid3d cam_from_world;
   Rigid3d rig_from_world;  // of the frame
   double rig_scale = 1;    // database units per unit of the frame's lengths
   // Covariance of cam_from_world in its tangent: rotation w (rad, R <- exp(w) R), then translation (database units).
   Eigen::Matrix<double, 6, 6> covariance = Eigen::Matrix<double, 6, 6>::Zero();
   PoseSpread spread;  // by the covariance
+  // Probability that the position is right (pipeline/confidence.h), and what it is computed from; nullopt if unknown.
+  std::optional<double> confidence;
+  PoseEvidence evidence;
 
   // Set if SCALE_UNOBSERVABLE, DEGENERATE_BASELINE or UNKNOWN_CAMERA leaves one orientation.
   std::optional<PartialPose> partial_pose;

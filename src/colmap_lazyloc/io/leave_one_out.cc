@@ -1,0 +1,177 @@
+#include "colmap_lazyloc/io/leave_one_out.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+
+#include <Eigen/Cholesky>
+#include <Eigen/Geometry>
+#include <nlohmann/json.hpp>
+
+#include "colmap_lazyloc/files/output_file.h"
+#include "colmap_lazyloc/math/median.h"
+#include "colmap_lazyloc/math/so3.h"
+
+namespace lazyloc {
+namespace {
+
+using Json = nlohmann::ordered_json;
+
+Rigid3d Normalized(const Rigid3d& pose) { return {pose.rotation.normalized(), pose.translation}; }
+
+double SceneSize(const Model& model, const std::vector<const QueryRecord*>& records) {
+  Eigen::AlignedBox3d box;
+  for (const ModelImage& image : model.images) box.extend(CamInWorld(Normalized(image.cam_from_world)));
+  std::vector<double> distances;
+  for (const QueryRecord* record : records) {
+    if (record->result.confidence) distances.push_back(record->result.evidence.scene_distance);
+  }
+  const double extent = box.isEmpty() ? 0 : box.diagonal().norm();
+  return distances.empty() ? extent : std::max(extent, Median(std::move(distances)));
+}
+
+// Returns the length of an error of the position in standard deviations of its covariance.
+double ErrorSigma(const LocalizationResult& result, const Eigen::Vector3d& error) {
+  const Rigid3d& pose = result.cam_from_world;
+  // The centre is -R' t. A turn exp(w) of R moves it by R' (w x t), because R' becomes R' exp(-w).
+  Eigen::Matrix<double, 3, 6> jacobian;
+  jacobian << Hat(pose.translation), Eigen::Matrix3d::Identity();
+  const Eigen::Vector3d error_in_cam = pose.rotation * error;  // R' has no part in the length
+  const Eigen::Matrix3d covariance = jacobian * result.covariance * jacobian.transpose();
+  return std::sqrt(std::max(0.0, error_in_cam.dot(covariance.ldlt().solve(error_in_cam))));
+}
+
+CheckedPose CheckPose(const LocalizationResult& result, const Rigid3d& true_pose, double scene_size) {
+  CheckedPose checked{result.query_name, result.status == QueryStatus::LOCALIZED, *result.confidence};
+  const Eigen::Vector3d error = CamInWorld(result.cam_from_world) - CamInWorld(true_pose);
+  checked.position_error = error.norm();
+  checked.rotation_error_deg = RadToDeg(AngularDistanceRad(result.cam_from_world.rotation, true_pose.rotation));
+  checked.position_error_sigma = ErrorSigma(result, error);
+  checked.is_wrong =
+      checked.position_error_sigma > kMaxRightErrorSigma || checked.position_error > kMaxRightErrorRatio * scene_size;
+  return checked;
+}
+
+// poses: by descending confidence.
+std::vector<RiskPoint> RiskCoverage(const std::vector<CheckedPose>& poses, size_t num_queries) {
+  std::vector<RiskPoint> points;
+  double num_wrong = 0;
+  for (size_t i = 0; i < poses.size(); ++i) {
+    num_wrong += poses[i].is_wrong;
+    if (i + 1 < poses.size() && poses[i + 1].confidence == poses[i].confidence) continue;
+    const auto num_accepted = static_cast<double>(i + 1);
+    points.push_back({poses[i].confidence, num_accepted / static_cast<double>(num_queries), num_wrong / num_accepted});
+  }
+  return points;
+}
+
+// Returns the area under the ROC curve; ties count half.
+std::optional<double> Auroc(const std::vector<CheckedPose>& poses) {
+  double num_ordered = 0, num_pairs = 0;
+  for (const CheckedPose& right : poses) {
+    if (right.is_wrong) continue;
+    for (const CheckedPose& wrong : poses) {
+      if (!wrong.is_wrong) continue;
+      ++num_pairs;
+      num_ordered += right.confidence > wrong.confidence ? 1 : right.confidence == wrong.confidence ? 0.5 : 0;
+    }
+  }
+  return num_pairs == 0 ? std::nullopt : std::make_optional(num_ordered / num_pairs);
+}
+
+// Returns the median over the accepted poses; nullopt without any.
+std::optional<double> MedianOfAccepted(const LeaveOneOutSummary& summary, double CheckedPose::*field) {
+  std::vector<double> values;
+  for (const CheckedPose& pose : summary.poses) {
+    if (pose.is_accepted) values.push_back(pose.*field);
+  }
+  return values.empty() ? std::nullopt : std::make_optional(Median(std::move(values)));
+}
+
+size_t NumAccepted(const LeaveOneOutSummary& summary, bool only_wrong) {
+  return std::count_if(summary.poses.begin(), summary.poses.end(),
+                       [&](const CheckedPose& pose) { return pose.is_accepted && (pose.is_wrong || !only_wrong); });
+}
+
+Json OrNull(const std::optional<double>& value) { return value ? Json(*value) : Json(); }
+
+template <typename... Values>
+std::string Format(const char* format, Values... values) {
+  char line[200];
+  std::snprintf(line, sizeof(line), format, values...);
+  return line;
+}
+
+}  // namespace
+
+LeaveOneOutSummary SummarizeLeaveOneOut(const Model& model, const std::vector<const QueryRecord*>& records) {
+  LeaveOneOutSummary summary;
+  summary.num_queries = records.size();
+  summary.scene_size = SceneSize(model, records);
+  for (const QueryRecord* record : records) {
+    const LocalizationResult& result = record->result;
+    ++summary.num_by_status[QueryStatusName(result.status)];
+    if (!result.confidence || !result.covariance.allFinite()) continue;
+    const auto image =
+        std::lower_bound(model.images.begin(), model.images.end(), result.query_name,
+                         [](const ModelImage& candidate, const std::string& name) { return candidate.name < name; });
+    if (image == model.images.end() || image->name != result.query_name) continue;
+    summary.poses.push_back(CheckPose(result, Normalized(image->cam_from_world), summary.scene_size));
+  }
+  std::stable_sort(summary.poses.begin(), summary.poses.end(),
+                   [](const CheckedPose& a, const CheckedPose& b) { return a.confidence > b.confidence; });
+  summary.risk_coverage = RiskCoverage(summary.poses, summary.num_queries);
+  summary.auroc = Auroc(summary.poses);
+  return summary;
+}
+
+void WriteLeaveOneOut(const std::filesystem::path& path, const LeaveOneOutSummary& summary) {
+  Json json;
+  json["num_queries"] = summary.num_queries;
+  json["num_by_status"] = summary.num_by_status;
+  json["scene_size"] = summary.scene_size;
+  json["median_position_error"] = OrNull(MedianOfAccepted(summary, &CheckedPose::position_error));
+  json["median_position_error_sigma"] = OrNull(MedianOfAccepted(summary, &CheckedPose::position_error_sigma));
+  json["median_rotation_error_deg"] = OrNull(MedianOfAccepted(summary, &CheckedPose::rotation_error_deg));
+  json["num_accepted"] = NumAccepted(summary, false);
+  json["num_accepted_and_wrong"] = NumAccepted(summary, true);
+  json["auroc"] = OrNull(summary.auroc);
+  json["risk_coverage"] = Json::array();
+  for (const RiskPoint& point : summary.risk_coverage) {
+    json["risk_coverage"].push_back(
+        {{"confidence", point.confidence}, {"coverage", point.coverage}, {"risk", point.risk}});
+  }
+  json["poses"] = Json::array();
+  for (const CheckedPose& pose : summary.poses) {
+    json["poses"].push_back({{"name", pose.name},
+                             {"confidence", pose.confidence},
+                             {"is_accepted", pose.is_accepted},
+                             {"is_wrong", pose.is_wrong},
+                             {"position_error", pose.position_error},
+                             {"position_error_sigma", pose.position_error_sigma},
+                             {"rotation_error_deg", pose.rotation_error_deg}});
+  }
+  OutputFile file(path);
+  file.Text() << json.dump(1, ' ', false, Json::error_handler_t::replace) << '\n';
+  file.Close();
+}
+
+std::string FormatLeaveOneOut(const LeaveOneOutSummary& summary) {
+  const size_t num_accepted = NumAccepted(summary, false);
+  std::string text = "\nDatabase images localized against the others\n";
+  text += Format("  %-34s%10.3f (size of the scene: %.3g)\n", "median position error",
+                 MedianOfAccepted(summary, &CheckedPose::position_error).value_or(NAN), summary.scene_size);
+  text += Format("  %-34s%10.3f standard deviations\n", "",
+                 MedianOfAccepted(summary, &CheckedPose::position_error_sigma).value_or(NAN));
+  text += Format("  %-34s%10.3f deg\n", "median rotation error",
+                 MedianOfAccepted(summary, &CheckedPose::rotation_error_deg).value_or(NAN));
+  text += Format("  %-34s%6zu of %zu (off by more than %.0f standard deviations or %.0f %% of the scene)\n",
+                 "localized but wrong", NumAccepted(summary, true), num_accepted, kMaxRightErrorSigma,
+                 100 * kMaxRightErrorRatio);
+  if (summary.auroc)
+    text += Format("  %-34s%10.3f (1: each right pose has more confidence than each wrong one)\n",
+                   "AUROC of the confidence", *summary.auroc);
+  return text;
+}
+
+}  // namespace lazyloc

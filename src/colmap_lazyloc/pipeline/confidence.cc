@@ -1,0 +1,88 @@
+#include "colmap_lazyloc/pipeline/confidence.h"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdio>
+
+#include "colmap_lazyloc/pipeline/confidence_weights.h"
+
+namespace lazyloc {
+namespace {
+
+// Exponent that makes odds of a ratio of matches: a pose with twice the matches of its rival is four times as probable.
+constexpr double kRivalPower = 2;
+// Ratio of the rival's matches from which it lowers the confidence more than any other evidence.
+constexpr double kMinDecisiveRivalRatio = 0.2;
+
+// Returns the odds that the rival is right instead of the pose.
+double RivalOdds(const PoseEvidence& evidence) {
+  if (std::isnan(evidence.rival_ratio)) return 0;
+  const double ratio = std::min(evidence.rival_ratio, 0.99);
+  return std::pow(ratio / (1 - ratio), kRivalPower);
+}
+
+// Returns how much the evidence of a term differs from that of a typical right pose, times its weight.
+double Contribution(const ConfidenceTerm& term, const PoseEvidence& evidence) {
+  const double value = evidence.*term.evidence;
+  if (std::isnan(value)) return 0;
+  const double clamped = std::clamp(value, term.min, term.max);
+  return term.weight * (term.is_logarithmic ? std::log(clamped / term.typical) : clamped - term.typical);
+}
+
+std::string Format(const char* format, double value) {
+  char text[160];
+  std::snprintf(text, sizeof(text), format, value);
+  return text;
+}
+
+std::string Describe(const ConfidenceTerm& term, const PoseEvidence& evidence) {
+  const double value = evidence.*term.evidence;
+  if (term.evidence == &PoseEvidence::num_common_tracks) {
+    return Format("only %.0f points are seen by two or more other images", value);
+  }
+  if (term.evidence == &PoseEvidence::explained_ratio) {
+    return Format("the pose explains only %.0f %% of the verified matches", 100 * value);
+  }
+  if (term.evidence == &PoseEvidence::agreeing_ratio) {
+    return Format("pairs with only %.0f %% of the verified matches agree with the pose", 100 * value);
+  }
+  if (term.evidence == &PoseEvidence::median_error_px) {
+    return Format("the points fit the query only within %.1f px (are the intrinsics right?)", value);
+  }
+  if (term.evidence == &PoseEvidence::position_stddev_ratio) {
+    return Format("the position's standard deviation is %.1f %% of the distance to the points", 100 * value);
+  }
+  return Format("refinement moved the position by %.1f %% of the distance to the points", 100 * value);
+}
+
+}  // namespace
+
+double Confidence(const PoseEvidence& evidence) {
+  if (!std::isfinite(evidence.position_stddev_ratio)) return 0;
+  double log_odds = kTypicalLogOdds;
+  for (const ConfidenceTerm& term : kConfidenceTerms) log_odds += Contribution(term, evidence);
+  return 1 / (1 + std::exp(-log_odds) + RivalOdds(evidence));
+}
+
+std::string LowConfidenceReason(const PoseEvidence& evidence, double confidence, double min_confidence) {
+  const auto weakest = std::min_element(kConfidenceTerms.begin(), kConfidenceTerms.end(),
+                                        [&](const ConfidenceTerm& a, const ConfidenceTerm& b) {
+                                          return Contribution(a, evidence) < Contribution(b, evidence);
+                                        });
+  const std::string cause = evidence.rival_ratio >= kMinDecisiveRivalRatio
+                                ? Format("of the matches of pairs that agree on a pose, %.0f %% are for another one",
+                                         100 * evidence.rival_ratio)
+                                : Describe(*weakest, evidence);
+  char text[100];
+  std::snprintf(text, sizeof(text),
+                "the pose is right with a probability of only %.2f, and %.2f is needed: ", confidence, min_confidence);
+  return text + cause;
+}
+
+void RequireConfidence(double min_confidence, LocalizationResult* result) {
+  if (!result->confidence || *result->confidence >= min_confidence) return;
+  result->status = QueryStatus::LOW_CONFIDENCE;
+  result->reason = LowConfidenceReason(result->evidence, *result->confidence, min_confidence);
+}
+
+}  // namespace lazyloc

@@ -1,0 +1,108 @@
+"""Tests of the confidence: in the results, as a condition of LOCALIZED, and in the summary of leave-one-out."""
+
+import json
+
+import numpy as np
+import pytest
+
+from benchmarks.uncertainty import stress, stress_scenes, stress_worlds
+
+
+def read_summary(run):
+    return json.loads((run.output_path / "leave_one_out.json").read_text())
+
+
+def test_good_poses_have_high_confidence(localize, noisy):
+    run = localize(*noisy.arguments)
+    for result in run.results.values():
+        assert result["status"] == "LOCALIZED"
+        assert 0.9 <= result["confidence"] <= 1
+        assert result["unconfirmed_cam_from_world"] is None
+        assert result["evidence"]["rival_ratio"] == 0 and result["evidence"]["num_common_tracks"] > 20
+
+
+def test_minimum_confidence_decides_about_the_status_alone(localize, noisy):
+    accepted = localize(*noisy.arguments, "--LazyLocalizer.min_confidence", 0)
+    refused = localize(*noisy.arguments, "--LazyLocalizer.min_confidence", 1)
+    assert len(accepted.poses) == 3 and refused.poses == {}
+    assert set(refused.statuses.values()) == {"LOW_CONFIDENCE"}
+    for name, result in refused.results.items():
+        assert result["cam_from_world"] is None and name not in refused.model_images
+        assert result["unconfirmed_cam_from_world"] == accepted.results[name]["cam_from_world"]
+        assert result["covariance"] == accepted.results[name]["covariance"]
+        assert result["confidence"] == accepted.results[name]["confidence"]
+        assert "1.00 is needed" in result["reason"] and "\n" not in result["reason"]
+
+
+def test_strict_counts_low_confidence_as_not_localized(localize, noisy):
+    assert localize(*noisy.arguments, "--LazyLocalizer.min_confidence", 1, "--strict", 1).exit_code == 2
+
+
+def test_confidence_is_unknown_without_tracks(localize, noisy):
+    run = localize(*noisy.arguments, "--LazyLocalizer.Advanced.post_optimization", "none")
+    for result in run.results.values():
+        assert result["status"] == "LOCALIZED" and result["confidence"] is None and result["evidence"] is None
+
+
+@pytest.mark.parametrize("value", ["-0.1", "1.5", "nan"])
+def test_impossible_minimum(localize, noisy, value):
+    run = localize(*noisy.arguments, f"--LazyLocalizer.min_confidence={value}")
+    assert run.exit_code == 1 and "--LazyLocalizer.min_confidence" in run.stderr
+
+
+def test_leave_one_out_ends_with_a_summary(localize, noisy):
+    run = localize(*noisy.arguments, "--LazyLocalizer.leave_one_out", 1)
+    summary = read_summary(run)
+    assert summary["num_queries"] == len(run.results) == 9
+    assert summary["num_by_status"] == {"LOCALIZED": 9}
+    assert 0 < summary["median_position_error"] < 0.05 and summary["median_position_error_sigma"] < 5
+    coverages = [point["coverage"] for point in summary["risk_coverage"]]
+    assert coverages == sorted(coverages) and coverages[-1] == 1
+    errors = {pose["name"]: pose["position_error"] for pose in summary["poses"]}
+    for name, pose in run.poses.items():
+        assert errors[name] == pytest.approx(pose.errors(noisy.scene.images[name].pose)[0], abs=1e-9)
+    assert "Database images localized against the others" in run.stdout
+    assert "localized but wrong" in run.stdout
+
+
+def test_leave_one_out_finds_wrong_database_poses(localize, noisy, tmp_path, write_scene_files):
+    """A moved image is localized where it really is, far from its pose in the model."""
+    scene = noisy.scene.copy()
+    image = scene.images["database/004.jpg"]
+    image.pose = type(image.pose).from_centre(image.pose.rotation, image.pose.cam_in_world + [0, 2, 0])
+    run = localize(*write_scene_files(tmp_path, scene).arguments, "--LazyLocalizer.leave_one_out", 1)
+    summary = read_summary(run)
+    moved = {pose["name"]: pose for pose in summary["poses"]}["database/004.jpg"]
+    assert moved["is_wrong"] and moved["position_error"] == pytest.approx(2, abs=0.1)
+    assert summary["num_accepted_and_wrong"] >= 1
+
+
+def test_no_summary_without_leave_one_out(localize, noisy):
+    assert not (localize(*noisy.arguments).output_path / "leave_one_out.json").exists()
+
+
+def test_a_symmetric_object_is_not_trusted(colmap):
+    """Half of the database images agree on the opposite side of a symmetric object."""
+    rng = np.random.default_rng(5)
+    world = stress_worlds.symmetric_object(rng, 2, num_unique=10)
+    matching = stress_scenes.Matching(keep_ratio=0.8, likeness=0.98)
+    scene = stress_scenes.make_scene(
+        world, stress_scenes.around_object(20, rng), stress_scenes.around_object(6, rng), rng, matching
+    )
+    outcomes = stress.run_case(
+        colmap, stress_scenes.Case("symmetric", scene, stress_scenes.true_poses(scene)), "symmetric"
+    )
+    assert len(outcomes) >= 4
+    assert max(outcome.confidence for outcome in outcomes if outcome.is_wrong) < 0.9
+
+
+def test_stress_set_in_small(colmap):
+    """Most of what is right is accepted, and little of what is accepted is wrong."""
+    kinds = ("plain", "corridor", "facade", "symmetric object", "few database images", "blur")
+    outcomes = stress.run_synthetic(colmap, num_scenes=2, kinds=kinds)
+    assert {outcome.kind for outcome in outcomes} == set(kinds)
+    is_off = [outcome.is_off for outcome in outcomes]
+    assert stress.auroc([outcome.confidence for outcome in outcomes], is_off) >= 0.85
+    accepted = [outcome for outcome in outcomes if outcome.confidence >= 0.9]
+    assert len(accepted) >= 0.7 * is_off.count(False)
+    assert sum(outcome.is_off for outcome in accepted) <= 0.05 * len(accepted)
