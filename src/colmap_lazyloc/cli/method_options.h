@@ -39,13 +39,14 @@ void ForEachMethodOption(Options& o, const Add& add) {
   add("LazyLocalizer.Advanced.rig_noise_px", &o.rig_noise_px,
       "Expected error of a rig's calibration, as displacement of keypoints. 0: exact");
   add("LazyLocalizer.Advanced.database_pose_stddev_deg", &o.database_pose_stddev_deg,
-      "Standard deviation of the database images' rotations in degrees; 0 keeps them constant, -1 estimates it for "
-      "each query");
+      "Standard deviation of the database images' rotations in degrees; 0 for both deviations keeps the poses constant, "
+      "-1 for both estimates their errors for each query");
   add("LazyLocalizer.Advanced.database_pose_stddev_length", &o.database_pose_stddev_length,
-      "Standard deviation of the database images' positions in database units; 0 keeps them constant, -1 estimates it "
-      "for each query");
+      "Standard deviation of the database images' positions in database units; 0 for both deviations keeps the poses "
+      "constant, -1 for both estimates their errors for each query");
   add("LazyLocalizer.Advanced.database_pose_noise_px", &o.database_pose_noise_px,
-      "Expected effect of the database images' pose errors in pixels, for the estimates of -1");
+      "Expected difference of pose errors, in pixels, between viewpoints 11.5 degrees or a fifth of the distance to the "
+      "scene apart, for the estimates of -1");
   add("LazyLocalizer.Advanced.focal_length_stddev_ratio", &o.focal_length_stddev_ratio,
       "Standard deviation of a given focal length, as a fraction of it; 0 leaves it out of the covariance");
   add("LazyLocalizer.Advanced.min_num_tracks", &o.min_num_tracks, "Minimum number of tracks for a pose");
