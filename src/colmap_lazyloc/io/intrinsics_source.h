@@ -7,7 +7,7 @@
 
 namespace lazyloc {
 
-// Where the intrinsics of a query were found.
+// Source in which the intrinsics of a query were found.
 enum class IntrinsicsSource {
   QUERY_LIST,
   MODEL,            // an image of this name in the input model

@@ -56,8 +56,8 @@ class Rounds {
 
 void Rounds::SetTracks(SplitTracks split, double max_query_error_sigma) {
   TrackTriangulationOptions options = options_.triangulation;
-  // Multiplies by the ratio of variances, not of deviations, because false matches do not only scatter: they also agree
-  // with the relative pose that chose them.
+  // Uses the ratio of variances, not of deviations, because false matches do not only scatter: they also agree with the
+  // relative pose that chose them.
   options.single_image_noise_ratio *= single_image_spread_;
   options.max_query_error_sigma = max_query_error_sigma;
   const size_t num_candidates = split.from_database.size() + split.rest.size();

@@ -123,7 +123,7 @@ PriorFit BundleSolver<kSize>::FitPriors(size_t group, const PriorGroup& given, c
   }
   frame_parts->assign(given.components.size(), std::vector<Eigen::MatrixXd>(state_.frames.size()));
   for (const int frame : needed_frames) {
-    // The frame's error by those of the priors, coordinate by coordinate.
+    // Arranges the covariance of each deviation with the frame as a row, coordinate by coordinate.
     const Eigen::MatrixXd columns = with_frames.middleCols<kSize>(kSize * static_cast<Eigen::Index>(frame));
     Eigen::MatrixXd weighted(size, 6 * kSize);
     for (Eigen::Index i = 0; i < size; ++i) {

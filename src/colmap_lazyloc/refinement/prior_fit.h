@@ -12,8 +12,8 @@ namespace lazyloc {
 struct PriorFit {
   Eigen::Matrix<double, Eigen::Dynamic, 6> deviations;  // p, by frame of the group
   Eigen::MatrixXd spread;  // covariance of p by the adjustment: between two frames, the sum over the six coordinates
-  // By component and image: the covariance of cam_from_world that unit variance of the component causes. Zero for
-  // database images.
+  // Covariance of cam_from_world that unit variance of a component causes, by component and image. Zero for database
+  // images.
   std::vector<std::vector<Eigen::Matrix<double, 6, 6>>> image_parts;
 };
 

@@ -17,7 +17,7 @@ namespace {
 constexpr int kNumDatabase = 12;
 constexpr double kKeypointNoisePx = 0.5;
 
-// Shape of errors that a random walk from frame to frame adds up.
+// Returns the shape of errors that a random walk from frame to frame adds up.
 Eigen::MatrixXd WalkShape() {
   Eigen::MatrixXd shape(kNumDatabase, kNumDatabase);
   for (int i = 0; i < kNumDatabase; ++i) {
@@ -97,7 +97,7 @@ TEST_P(DatabaseNoises, AreFoundAndExplainTheQuerysError) {
     const Eigen::Vector3d error = CamInWorld(pose) - CamInWorld(trial.query_truth);
     squared_error += error.dot(PositionCovariance(pose, result.image_covariances[0]).llt().solve(error)) / kNumTrials;
   }
-  // Chance: 12 frames have 72 deviations; those of the other component and of the keypoints blur them.
+  // Allows for chance: 12 frames have 72 deviations, blurred by those of the other component and of the keypoints.
   EXPECT_NEAR(std::sqrt(walk), GetParam().walk_px, 0.3 * GetParam().walk_px + 0.2);
   EXPECT_NEAR(std::sqrt(independent), GetParam().independent_px, 0.3 * GetParam().independent_px + 0.2);
   EXPECT_GE(squared_error, 0.8) << "3 degrees of freedom";
