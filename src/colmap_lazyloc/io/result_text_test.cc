@@ -158,7 +158,8 @@ TEST_F(ResultText, JsonKeepsTheOrderOfKeys) {
       R"("covariance":null,)"
       R"("position_stddevs":null,"weakest_direction":null,"rotation_stddev_deg":null,"rotation":null,"bearing":null,)"
       R"("frame":null,"rig_from_world":null,"rig_error_px":null,)"
-      R"("intrinsics_source":null,"num_tracks":0,"num_observations":0,"mean_reprojection_error_px":null,"pairs":[],)"
+      R"("intrinsics":{"origin":"given","verdict":"not_tested","focal_factor":null,"focal_factor_stddev":null,)"
+      R"("contradiction":null},"intrinsics_source":null,"num_tracks":0,"num_observations":0,"mean_reprojection_error_px":null,"pairs":[],)"
       R"("seconds":{"load":1.0,"a":0.25,"total":1.5}})"
       "\n");
 }

@@ -77,6 +77,14 @@ void DatabasePriors::Expect(double noise_px) {
   for (std::vector<double>& variances : variances_) variances.assign(2, noise_px * noise_px);
 }
 
+// Returns the displacement of keypoints that a standard deviation of one stands for: a pixel if the size is estimated.
+// If only rotation or position is stated, the other is taken to displace keypoints as much.
+double DatabasePriors::UnitPx(const FrameScale& scale) const {
+  if (stddev_rad_ >= 0 && stddev_length_ < 0) return stddev_rad_ * scale.focal_length_px;
+  if (stddev_length_ >= 0 && stddev_rad_ < 0) return stddev_length_ * scale.focal_length_px / scale.distance;
+  return 1;
+}
+
 PriorGroup DatabasePriors::MakeGroup(int query_frame, const std::vector<FrameScale>& scales, PosedImages* posed) const {
   const FrameScale common = CommonScale(layout_.database_frames_of_frame[query_frame], scales);
   PriorGroup group;
@@ -86,7 +94,7 @@ PriorGroup DatabasePriors::MakeGroup(int query_frame, const std::vector<FrameSca
     prior.reset();
     if (scales[frame].distance == 0) continue;  // no observations
     const Rigid3d& given = layout_.given.frames[frame].frame_from_world;
-    prior = MakePosePrior(given, 1, common);
+    prior = MakePosePrior(given, UnitPx(common), common);
     // A stated zero beside a nonzero value means as good as exact.
     const PosePrior smallest = MakePosePrior(given, 1e-3, common);
     if (stddev_rad_ >= 0) prior->rotation_stddev_rad = std::max(stddev_rad_, smallest.rotation_stddev_rad);

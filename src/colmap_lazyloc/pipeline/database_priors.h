@@ -33,6 +33,7 @@ class DatabasePriors {
   double Estimate(const BundleAdjustmentResult& adjustment, double variance_factor);
 
  private:
+  double UnitPx(const FrameScale& scale) const;
   PriorGroup MakeGroup(int query_frame, const std::vector<FrameScale>& scales, PosedImages* posed) const;
 
   const Layout& layout_;
