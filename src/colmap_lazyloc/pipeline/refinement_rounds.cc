@@ -16,6 +16,8 @@ namespace lazyloc {
 namespace {
 
 constexpr int kMaxNumEstimates = 8;
+// Factor on the convergence bound of all adjustments but the last, because another one follows.
+constexpr double kIntermediateConvergence = 5;
 // Minimum image noise, because a few exact matches would otherwise outweigh all others.
 constexpr double kMinNoisePx = 0.5;
 // Image noise in pixels above which database poses must be off, because no keypoint is found this badly.
@@ -33,17 +35,17 @@ class Rounds {
 
   // Keeps the tracks from the database that fit the query, and triangulates the others with it.
   void SetTracks(SplitTracks split, double max_query_error_sigma);
-  void AdjustRoughly();
+  void AdjustRoughly(bool is_last);
   void AdjustWithEstimatedPriors();
-  void AdjustFinally() { AdjustWithPriors(); }
+  void AdjustFinally() { AdjustWithPriors(/*is_last=*/true); }
   // Estimates the image noise, after the first round also what the priors and tracks of one image are expected to be.
   void EstimateNoise(bool is_first);
   CandidateTracks Observe(CandidateTracks candidates) const;
   BundleAdjustmentResult Finish() &&;
 
  private:
-  void Adjust();
-  void AdjustWithPriors();
+  void Adjust(bool is_last);
+  void AdjustWithPriors(bool is_last);
 
   const Layout& layout_;
   const LocalizerOptions& options_;
@@ -73,8 +75,11 @@ void Rounds::SetTracks(SplitTracks split, double max_query_error_sigma) {
   });
 }
 
-void Rounds::Adjust() {
-  adjustment_ = AdjustBundle(Posed(), std::move(adjustment_.tracks), options_.bundle_adjustment);
+void Rounds::Adjust(bool is_last) {
+  BundleAdjustmentOptions options = options_.bundle_adjustment;
+  options.tests_intrinsics = is_last;
+  if (!is_last) options.convergence_sigma *= kIntermediateConvergence;
+  adjustment_ = AdjustBundle(Posed(), std::move(adjustment_.tracks), options);
   const bool is_finite = std::all_of(Posed().frames.begin(), Posed().frames.end(), [](const Frame& frame) {
     const Rigid3d& pose = frame.frame_from_world;
     return frame.is_database || (pose.rotation.coeffs().allFinite() && pose.translation.allFinite());
@@ -95,18 +100,18 @@ CandidateTracks Rounds::Observe(CandidateTracks candidates) const {
 }
 
 // Adjusts without priors, because errors of a rough start would be taken for errors of the database.
-void Rounds::AdjustRoughly() { Adjust(); }
+void Rounds::AdjustRoughly(bool is_last) { Adjust(is_last); }
 
-void Rounds::AdjustWithPriors() {
+void Rounds::AdjustWithPriors(bool is_last) {
   priors_.Set(adjustment_.tracks, &adjustment_.posed);
   SetCalibrationPriors(layout_, adjustment_.tracks, options_.rig_noise_px, &adjustment_.posed);
-  Adjust();
+  Adjust(is_last);
 }
 
 // Adjusts under priors and estimates their size from the result; again while the estimate changes, if it is large.
 void Rounds::AdjustWithEstimatedPriors() {
   for (int i = 0;; ++i) {
-    AdjustWithPriors();
+    AdjustWithPriors(/*is_last=*/false);
     const double variance_factor =
         VarianceFactor(Posed(), adjustment_.tracks, RobustLoss(options_.bundle_adjustment.loss_scale_sigma));
     const double change = priors_.Estimate(adjustment_, variance_factor);
@@ -154,7 +159,7 @@ Refined Refine(const Layout& layout, const PosedImages& start, const SplitTracks
     }
     const StageTimer timer("adjustment", seconds);
     if (is_first) {
-      rounds.AdjustRoughly();
+      rounds.AdjustRoughly(is_last);
     } else if (is_last) {
       rounds.AdjustFinally();
     } else {

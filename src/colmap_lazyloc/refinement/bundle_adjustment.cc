@@ -91,8 +91,8 @@ BundleAdjustmentResult Adjust(const PosedImages& posed, std::vector<Track> track
   if (!result.summary.success) return result;
   const std::vector<Eigen::Matrix<double, kSize, kSize>> covariances = solver.Covariances();
   result.posed = MovedTo(solver, posed);
-  if (options.fits_priors) {
-    result.prior_fits = FitPriors(solver, result.posed);
+  if (options.fits_priors) result.prior_fits = FitPriors(solver, result.posed);
+  if (options.tests_intrinsics) {
     result.intrinsics_scores =
         ComputeIntrinsicsScores(solver, posed, result.tracks, RobustLoss(options.loss_scale_sigma));
   }

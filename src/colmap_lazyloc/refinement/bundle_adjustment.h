@@ -18,7 +18,8 @@ struct BundleAdjustmentOptions {
   int max_num_iterations = 50;
   // Maximum length of the last step, in standard deviations of the poses (root mean square over the frames).
   double convergence_sigma = 0.2;
-  bool fits_priors = true;  // true to compute prior_fits and intrinsics_scores
+  bool fits_priors = true;       // true to compute prior_fits
+  bool tests_intrinsics = true;  // true to compute intrinsics_scores
 
   bool Check(std::string* error) const;
 };
@@ -34,7 +35,7 @@ struct BundleAdjustmentResult {
   // How the frames of each prior group deviate from their priors. Empty without fits_priors, or for more frames than a
   // dense matrix solves.
   std::vector<PriorFit> prior_fits;
-  std::vector<IntrinsicsScore> intrinsics_scores;  // by frame, zero for database frames; empty without fits_priors
+  std::vector<IntrinsicsScore> intrinsics_scores;  // by frame, zero for database frames; empty without tests_intrinsics
 };
 
 // Minimises over the poses of all frames that are not constant, the focal lengths and rig scales that are estimated,

@@ -37,6 +37,7 @@ template <int kSize>
 bool CameraSystem<kSize>::Factorize(const Blocks& blocks) {
   if (IsDense()) {
     dense_.compute(Dense(blocks));
+    root_.resize(0, 0);
     return dense_.info() == Eigen::Success;
   }
   const Eigen::SparseMatrix<double> matrix = Sparse(blocks);
@@ -54,15 +55,15 @@ Eigen::VectorXd CameraSystem<kSize>::Solve(const Eigen::VectorXd& rhs) const {
 template <int kSize>
 std::optional<Eigen::MatrixXd> CameraSystem<kSize>::Inverse() const {
   if (!IsDense()) return std::nullopt;
-  const Eigen::MatrixXd root = RootOfInverse();
-  return Eigen::MatrixXd(root.transpose() * root);
+  const Eigen::MatrixXd& root = RootOfInverse();
+  return Eigen::MatrixXd(root.transpose().triangularView<Eigen::Upper>() * root);
 }
 
 template <int kSize>
 std::vector<typename CameraSystem<kSize>::Matrix> CameraSystem<kSize>::DiagonalOfInverse() const {
   if (!IsDense()) return DiagonalOfSparseInverse();
   std::vector<Matrix> diagonal(columns_of_row_.size());
-  const Eigen::MatrixXd root = RootOfInverse();
+  const Eigen::MatrixXd& root = RootOfInverse();
   for (size_t a = 0; a < diagonal.size(); ++a) {
     const auto columns = root.template middleCols<kSize>(kSize * a);
     diagonal[a] = columns.transpose() * columns;
@@ -71,9 +72,10 @@ std::vector<typename CameraSystem<kSize>::Matrix> CameraSystem<kSize>::DiagonalO
 }
 
 template <int kSize>
-Eigen::MatrixXd CameraSystem<kSize>::RootOfInverse() const {
+const Eigen::MatrixXd& CameraSystem<kSize>::RootOfInverse() const {
   const Eigen::Index size = kSize * NumFrames();
-  return dense_.matrixL().solve(Eigen::MatrixXd::Identity(size, size));
+  if (root_.rows() != size) root_ = dense_.matrixL().solve(Eigen::MatrixXd::Identity(size, size));
+  return root_;
 }
 
 template <int kSize>
