@@ -15,12 +15,7 @@ HEADER_PATH = (
 MAX_KIND_WEIGHT = 60  # more queries of one kind do not count for more than this number
 RIDGE = 1.0  # of the weights of standardized terms
 NUM_FOLDS = 8
-# Positions that are off by less than this, over the distance to the points, are left out: they tell how good the
-# covariance and the ground truth are, not whether the pose is right.
-MIN_GROSS_ERROR_RATIO = 0.03
 RIVAL_POWER = 2  # kRivalPower of pipeline/confidence.cc
-# Wrong intrinsics have a test and a status of their own; what they do to a pose depends on the scene alone.
-EXCLUDED_KINDS = ("wrong focal length", "wrong distortion")
 
 
 @dataclasses.dataclass
@@ -32,6 +27,7 @@ class Term:
     low: float
     high: float
     sign: int
+    unknown: float | None = None  # what an unknown value counts as; None: the median
 
     def transform(self, values):
         clamped = np.clip(values, self.low, self.high)
@@ -43,8 +39,9 @@ TERMS = (
     Term("explained_ratio", False, 0, 0.6, 1),
     Term("agreeing_ratio", False, 0, 0.6, 1),
     Term("median_error_px", True, 0.3, 10, -1),
-    Term("position_stddev_ratio", True, 0.003, 0.1, -1),
+    Term("position_stddev_ratio", True, 0.003, 0.03, -1),
     Term("start_distance_ratio", True, 0.01, 1, -1),
+    Term("focal_stddev_ratio", True, 0.008, 0.03, -1, 0.008),
 )
 
 
@@ -55,11 +52,12 @@ def rival_odds(outcomes):
 
 
 def features(outcomes):
-    """Returns a row of terms for each outcome; unknown evidence is that of the median."""
+    """Returns a row of terms for each outcome; unknown evidence is typical, or that of the median."""
     columns = []
     for term in TERMS:
         values = np.array([np.nan if (v := o.evidence[term.name]) is None else v for o in outcomes], float)
-        columns.append(term.transform(np.nan_to_num(values, nan=np.nanmedian(values))))
+        unknown = np.nanmedian(values) if term.unknown is None else term.unknown
+        columns.append(term.transform(np.nan_to_num(values, nan=unknown)))
     return np.stack(columns, axis=1)
 
 
@@ -125,17 +123,11 @@ def write_header(intercept, slopes, typical):
     HEADER_PATH.write_text(re.sub(pattern, lambda _: "\n".join(lines), text, flags=re.DOTALL))
 
 
-def is_clear(outcome):
-    error_ratio = outcome.error / outcome.evidence["scene_distance"]
-    return outcome.kind not in EXCLUDED_KINDS and (not outcome.is_off or error_ratio > MIN_GROSS_ERROR_RATIO)
-
-
 def fit_weights(outcomes):
     """Fits and writes the weights; prints them and the AUROC of cross-validation over scenes."""
-    outcomes = [o for o in outcomes if is_clear(o)]
+    outcomes = [o for o in outcomes if o.has_pose]
     rows, rivals, weights = features(outcomes), rival_odds(outcomes), kind_weights(outcomes)
-    is_right = np.array([not o.is_off for o in outcomes])
-    is_right_strictly = np.array([not o.is_wrong for o in outcomes])
+    is_right = np.array([not o.is_wrong for o in outcomes])
     validated = cross_validate(outcomes, rows, rivals, is_right, weights)
     intercept, slopes = fit(rows, rivals, is_right, weights)
     medians = np.median(rows[is_right], axis=0)
@@ -144,6 +136,5 @@ def fit_weights(outcomes):
     print("| term | weight | typical | times the standard deviation |\n|---|---|---|---|")
     for term, slope, value, deviation in zip(TERMS, slopes, typical, rows.std(axis=0), strict=True):
         print(f"| {term.name} | {slope:.3g} | {value:.3g} | {slope * deviation:.2f} |")
-    print(f"\n{len(outcomes)} poses, {np.sum(~is_right)} off by more than the confidence allows")
-    print(f"AUROC, cross-validated over scenes: {auroc(validated, ~is_right):.3f} (off), ", end="")
-    print(f"{auroc(validated, ~is_right_strictly):.3f} (wrong)")
+    print(f"\n{len(outcomes)} poses, {np.sum(~is_right)} wrong")
+    print(f"AUROC, cross-validated over scenes: {auroc(validated, ~is_right):.3f}")

@@ -29,8 +29,8 @@ from colmap_lazyloc.program import find_colmap, run_colmap
 from colmap_lazyloc.results import pose_of, read_results
 from colmap_lazyloc.testing import synthetic
 
-MIN_CONFIDENCE = 0.9  # the program's default
-FIT_SEED = 1000
+MIN_CONFIDENCE = 0.95  # the program's default
+FIT_SEEDS = 1000, 3000
 PERCENTS = 10, 25, 50, 75, 90, 95
 OPEN_GATE = "--LazyLocalizer.Advanced.max_query_error_sigma", 50
 EXACT = (
@@ -231,21 +231,31 @@ def main(arguments=None):
         help="folder of scenes (SCENE/database.db, SCENE/model, optionally SCENE/queries.txt), for stress and fit; may "
         "be repeated",
     )
+    parser.add_argument(
+        "--truth_stddev",
+        metavar="SCENE=LENGTH",
+        action="append",
+        default=[],
+        help="standard deviation of a real scene's true positions along each axis; default: 0; may be repeated",
+    )
     parser.add_argument("--num_scenes", type=int, default=12, help="synthetic scenes of each kind, for stress and fit")
-    parser.add_argument("--seed", type=int, default=0, help="of the synthetic scenes; fit uses another one")
+    parser.add_argument("--seed", type=int, default=0, help="of the synthetic scenes of `stress`; fit uses others")
     parser.add_argument(
         "--min_confidence", type=float, default=MIN_CONFIDENCE, help="threshold that `stress` accepts poses above"
     )
     arguments = parser.parse_args(arguments)
+    truth_stddevs = {name: float(length) for name, length in (a.split("=") for a in arguments.truth_stddev)}
     for table in arguments.tables or ["quantiles", "cases"]:
         if table in ("quantiles", "cases"):
             {"quantiles": print_quantiles, "cases": print_cases}[table](arguments.colmap)
         else:
             # Fit other scenes than `stress` shows, because weights do best on what they were fitted to.
-            seed = arguments.seed + (FIT_SEED if table == "fit" else 0)
-            outcomes = stress.run_synthetic(arguments.colmap, arguments.num_scenes, seed)
+            outcomes = []
+            for seed in FIT_SEEDS if table == "fit" else [arguments.seed]:
+                outcomes += stress.run_synthetic(arguments.colmap, arguments.num_scenes, seed)
             for data_path in arguments.data_path:
-                outcomes += stress.run_real(arguments.colmap, data_path, (20, 10) if table == "fit" else (20,))
+                nums_retrieved = (20, 4) if table == "fit" else (20,)
+                outcomes += stress.run_real(arguments.colmap, data_path, nums_retrieved, truth_stddevs)
             if table == "fit":
                 confidence_fit.fit_weights(outcomes)
             else:

@@ -14,43 +14,46 @@ from colmap_lazyloc.program import run_colmap
 from colmap_lazyloc.results import pose_of, read_results
 from colmap_lazyloc.testing import synthetic
 
-# Count a position as wrong above these errors, as leave_one_out.json does.
-MAX_ERROR_SIGMA, MAX_ERROR_RATIO = 5, 0.01
-# Define what the confidence is the probability of, as pipeline/confidence.h does.
-CONFIDENCE_SIGMA, CONFIDENCE_FLOOR = 3, 0.01
+# Count a position as wrong above these errors, as leave_one_out.json does: in standard deviations of its covariance and
+# the truth, over the scene's size. An error below some standard deviations of the truth is not known to be wrong.
+MAX_ERROR_SIGMA, MAX_ERROR_RATIO, MIN_TRUTH_SIGMA = 5, 0.01, 3
+COVERAGES = (0.3, 0.4, 0.5, 0.6, 0.65, 0.7, 0.75, 0.8, 0.85, 0.9, 0.95)
 
 
 @dataclasses.dataclass
 class Outcome:
-    """A query with a pose."""
+    """A query. One without a pose is refused: its confidence is 0, and it is neither right nor wrong."""
 
     kind: str
     group: str  # scene: cross-validation keeps it together
     status: str
     confidence: float
-    evidence: dict[str, float | None]
-    error: float
-    error_sigma: float
-    scene_size: float
+    evidence: dict[str, float | None] | None = None
+    error: float = np.nan
+    error_sigma: float = np.nan
+    scene_size: float = np.nan
+    truth_stddev: float = 0.0
+
+    @property
+    def has_pose(self) -> bool:
+        return self.evidence is not None
 
     @property
     def is_wrong(self) -> bool:
-        return self.error_sigma > MAX_ERROR_SIGMA or self.error > MAX_ERROR_RATIO * self.scene_size
-
-    @property
-    def is_off(self) -> bool:
-        """True if the position is not as right as the confidence promises."""
-        beyond = self.error * (1 - CONFIDENCE_SIGMA / max(self.error_sigma, 1e-9))
-        return beyond > CONFIDENCE_FLOOR * self.evidence["scene_distance"]
+        max_error = max(MAX_ERROR_RATIO * self.scene_size, MIN_TRUTH_SIGMA * self.truth_stddev)
+        return self.error_sigma > MAX_ERROR_SIGMA or self.error > max_error
 
 
-def position_error(pose: Pose, covariance, true_centre) -> tuple[float, float]:
-    """Returns the length of the position's error, and that in standard deviations of its covariance."""
+def position_error(pose: Pose, covariance, true_centre, truth_stddev=0.0) -> tuple[float, float]:
+    """Returns the length of the position's error, and that in standard deviations of its covariance.
+
+    truth_stddev: standard deviation of the true centre along each axis.
+    """
     error = pose.cam_in_world - true_centre
     x, y, z = pose.tvec
     # The centre is -R' t. A turn exp(w) R moves it by R' (w x t), because R' becomes R' exp(-w).
     jacobian = -pose.rotation.T @ np.hstack([[[0, -z, y], [z, 0, -x], [-y, x, 0]], np.eye(3)])
-    in_position = jacobian @ np.array(covariance) @ jacobian.T
+    in_position = jacobian @ np.array(covariance) @ jacobian.T + truth_stddev**2 * np.eye(3)
     return np.linalg.norm(error), np.sqrt(max(error @ np.linalg.solve(in_position, error), 0))
 
 
@@ -72,18 +75,31 @@ def localize(colmap, folder, database_path, model_path, *options) -> dict[str, d
     return read_results(folder / "output" / "results.jsonl")
 
 
-def outcomes_of(kind, group, results, true_centres, database_centres) -> list[Outcome]:
-    outcomes = []
-    extent = np.linalg.norm(np.ptp(database_centres, axis=0))
+def scene_size(database_poses: list[Pose], scene_distance: float) -> float:
+    """Returns the diagonal of the box around the centres of images and what they look at, as leave_one_out.json does.
+
+    What an image looks at is the point of its optical axis at the median distance of points from queries.
+    """
+    centres = np.array([pose.cam_in_world for pose in database_poses])
+    axes = np.array([pose.rotation[2] for pose in database_poses])
+    return float(np.linalg.norm(np.ptp(np.concatenate([centres, centres + scene_distance * axes]), axis=0)))
+
+
+def outcomes_of(kind, group, results, true_centres, database_poses, truth_stddev=0.0) -> list[Outcome]:
     posed = [result for result in results.values() if pose_of(result) is not None]
-    if not posed:
-        return []
-    size = max(extent, np.median([result["evidence"]["scene_distance"] for result in posed]))
-    for result in posed:
-        error = position_error(pose_of(result), result["covariance"], true_centres[result["name"]])
-        outcomes.append(
-            Outcome(kind, group, result["status"], result["confidence"], result["evidence"], *map(float, error), size)
-        )
+    distances = [result["evidence"]["scene_distance"] for result in posed]
+    size = scene_size(database_poses, np.median(distances)) if posed else np.nan
+    outcomes = []
+    for result in results.values():
+        outcome = Outcome(kind, group, result["status"], 0.0)
+        pose = pose_of(result)
+        if pose is not None:
+            error = position_error(pose, result["covariance"], true_centres[result["name"]], truth_stddev)
+            evidence = result["evidence"]
+            outcome = Outcome(
+                kind, group, result["status"], result["confidence"], evidence, *map(float, error), size, truth_stddev
+            )
+        outcomes.append(outcome)
     return outcomes
 
 
@@ -97,7 +113,7 @@ def run_case(colmap, case: stress_scenes.Case, group: str) -> list[Outcome]:
             synthetic.write_model(folder / "model", case.scene),
         )
     truth = {name: pose.cam_in_world for name, pose in case.truth.items()}
-    database = [case.scene.images[name].pose.cam_in_world for name in case.scene.database_names]
+    database = [case.scene.images[name].pose for name in case.scene.database_names]
     return outcomes_of(case.kind, group, results, truth, database)
 
 
@@ -108,12 +124,17 @@ def run_synthetic(colmap, num_scenes, seed=0, kinds=stress_scenes.KINDS) -> list
     return outcomes
 
 
-def run_real(colmap, data_path, nums_retrieved) -> list[Outcome]:
-    """Localizes the database images of every scene below a folder against the others, with numbers of these."""
+def run_real(colmap, data_path, nums_retrieved, truth_stddevs=None) -> list[Outcome]:
+    """Localizes the database images of every scene below a folder against the others, with numbers of these.
+
+    truth_stddevs: of the true centres, by name of the scene; 0 for others.
+    """
     outcomes = []
     for scene_path in sorted(path.parent for path in data_path.glob("*/database.db")):
         images = read_model(scene_path / "model").images
         centres = {name: image.cam_from_world.cam_in_world for name, image in images.items()}
+        poses = [image.cam_from_world for image in images.values()]
+        truth_stddev = (truth_stddevs or {}).get(scene_path.name, 0.0)
         queries = scene_path / "queries.txt"
         for num_retrieved in nums_retrieved:
             with tempfile.TemporaryDirectory() as folder:
@@ -131,7 +152,7 @@ def run_real(colmap, data_path, nums_retrieved) -> list[Outcome]:
                     *(("--query_list_path", queries) if queries.exists() else ()),
                 )
             kind = f"real: {scene_path.name}"
-            outcomes += outcomes_of(kind, kind, results, centres, list(centres.values()))
+            outcomes += outcomes_of(kind, kind, results, centres, poses, truth_stddev)
     return outcomes
 
 
@@ -159,37 +180,41 @@ def ratio_of(values) -> float:
     return float(np.mean(values)) if len(values) else np.nan
 
 
-def print_report(outcomes: list[Outcome], min_confidence: float):
-    """Prints the table per kind, and the risk-coverage table of all.
+def report_row(pool, members: list[Outcome], min_confidence) -> str:
+    confidence, has_pose, is_wrong = (
+        np.array([getattr(o, name) for o in members]) for name in ("confidence", "has_pose", "is_wrong")
+    )
+    accepted = confidence >= min_confidence
+    area = auroc(confidence[has_pose], is_wrong[has_pose])
+    cells = (
+        pool,
+        len(members),
+        percent(np.mean(has_pose)),
+        percent(ratio_of(is_wrong[has_pose])),
+        "–" if np.isnan(area) else f"{area:.3f}",
+        percent(np.mean(accepted)),
+        percent(ratio_of(accepted[has_pose & ~is_wrong])),
+        f"{np.sum(is_wrong[accepted])} ({percent(ratio_of(is_wrong[accepted]))})",
+    )
+    return f"| {' | '.join(map(str, cells))} |"
 
-    wrong: by standard deviations or by the scene's size; off: not as right as the confidence promises.
-    """
-    pools = {}
-    for outcome in outcomes:
-        for pool in (outcome.kind, "real" if outcome.kind.startswith("real") else "synthetic", "all"):
-            pools.setdefault(pool, []).append(outcome)
-    print("| kind | poses | wrong | AUROC | off | AUROC | accepted | of those not off | accepted: wrong | off |")
-    print("|---" * 10 + "|")
+
+def print_report(outcomes: list[Outcome], min_confidence: float):
+    """Prints the table per kind, and the risk-coverage table of all. The coverage is that of all queries."""
+    kinds = list(dict.fromkeys(o.kind for o in outcomes))
+    pools = {kind: [o for o in outcomes if o.kind == kind] for kind in kinds}
+    for pool, is_real in (("all synthetic", False), ("all real", True)):
+        pools[pool] = [o for o in outcomes if o.kind.startswith("real") == is_real]
+    pools["all"] = outcomes
+    print("| kind | queries | with a pose | wrong | AUROC | accepted | of the right poses | accepted and wrong |")
+    print("|---" * 8 + "|")
     for pool, members in pools.items():
-        confidence = np.array([o.confidence for o in members])
-        is_wrong = np.array([o.is_wrong for o in members])
-        is_off = np.array([o.is_off for o in members])
-        accepted = confidence >= min_confidence
-        cells = [pool, len(members)]
-        for errors in (is_wrong, is_off):
-            area = auroc(confidence, errors)
-            cells += [percent(np.mean(errors)), "–" if np.isnan(area) else f"{area:.3f}"]
-        ratios = (
-            np.mean(accepted),
-            ratio_of(accepted[~is_off]),
-            ratio_of(is_wrong[accepted]),
-            ratio_of(is_off[accepted]),
-        )
-        print("|", " | ".join(map(str, [*cells, *map(percent, ratios)])), "|")
-    coverages = (0.5, 0.6, 0.7, 0.8, 0.85, 0.9, 0.95, 1)
+        if members:
+            print(report_row(pool, members, min_confidence))
     confidences = np.array([o.confidence for o in outcomes])
-    print("\n| coverage | confidence of at least | wrong | off (the confidence's own definition) |\n|---|---|---|---|")
-    wrong = risk_coverage(confidences, [o.is_wrong for o in outcomes], coverages)
-    off = risk_coverage(confidences, [o.is_off for o in outcomes], coverages)
-    for coverage, (confidence, risk), (_, off_risk) in zip(coverages, wrong, off, strict=True):
-        print(f"| {100 * coverage:.0f} % | {confidence:.3f} | {percent(risk)} | {percent(off_risk)} |")
+    max_coverage = np.mean([o.has_pose for o in outcomes])
+    coverages = [coverage for coverage in COVERAGES if coverage <= max_coverage]
+    print("\n| coverage | confidence of at least | wrong |\n|---|---|---|")
+    points = risk_coverage(confidences, [o.is_wrong for o in outcomes], coverages)
+    for coverage, (confidence, risk) in zip(coverages, points, strict=True):
+        print(f"| {100 * coverage:.0f} % | {confidence:.3f} | {percent(risk)} |")

@@ -19,15 +19,21 @@ using Json = nlohmann::ordered_json;
 
 Rigid3d Normalized(const Rigid3d& pose) { return {pose.rotation.normalized(), pose.translation}; }
 
+// Returns the diagonal of the box around the centres of all images and around what they look at: the points of their
+// optical axes at the median distance of points from queries. A camera that only turns has a scene, too.
 double SceneSize(const Model& model, const std::vector<const QueryRecord*>& records) {
-  Eigen::AlignedBox3d box;
-  for (const ModelImage& image : model.images) box.extend(CamInWorld(Normalized(image.cam_from_world)));
   std::vector<double> distances;
   for (const QueryRecord* record : records) {
     if (record->result.confidence) distances.push_back(record->result.evidence.scene_distance);
   }
-  const double extent = box.isEmpty() ? 0 : box.diagonal().norm();
-  return distances.empty() ? extent : std::max(extent, Median(std::move(distances)));
+  const double distance = distances.empty() ? 0 : Median(std::move(distances));
+  Eigen::AlignedBox3d box;
+  for (const ModelImage& image : model.images) {
+    const Rigid3d pose = Normalized(image.cam_from_world);
+    box.extend(CamInWorld(pose));
+    box.extend(CamInWorld(pose) + distance * (pose.rotation.conjugate() * Eigen::Vector3d::UnitZ()));
+  }
+  return box.isEmpty() ? 0 : box.diagonal().norm();
 }
 
 // Returns the length of an error of the position in standard deviations of its covariance.

@@ -52,6 +52,9 @@ std::string Describe(const ConfidenceTerm& term, const PoseEvidence& evidence) {
   if (term.evidence == &PoseEvidence::position_stddev_ratio) {
     return Format("the position's standard deviation is %.1f %% of the distance to the points", 100 * value);
   }
+  if (term.evidence == &PoseEvidence::focal_stddev_ratio) {
+    return Format("the images fix the focal length only within %.1f %%", 100 * value);
+  }
   return Format("refinement moved the position by %.1f %% of the distance to the points", 100 * value);
 }
 

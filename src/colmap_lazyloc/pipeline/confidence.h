@@ -7,15 +7,11 @@
 
 namespace lazyloc {
 
-// Distance, over the median distance of the points, that a right position may be off beside three of its standard
-// deviations: smaller errors hardly matter, and ground truth is seldom better.
-inline constexpr double kMaxRightErrorFloor = 0.01;
-
-// Returns the probability that the position is off by at most three of its standard deviations plus kMaxRightErrorFloor
-// times the median distance of the points. The odds of a wrong pose are the sum of those by a weighted sum of the
-// evidence and those by the rival. The weights (confidence_weights.h) are fitted to positions with known errors.
-// Evidence that is unknown counts as that of a typical right pose. Returns 0 if the position's standard deviation is
-// not finite.
+// Returns the probability that the position is right: off by at most 5 of its standard deviations and by at most 1 % of
+// the scene's size, as leave_one_out.json counts. The odds of a wrong pose are the sum of those by a weighted sum of
+// the evidence and those by the rival. The weights (confidence_weights.h) are fitted to positions with known errors.
+// Evidence that is unknown counts as that of a typical right pose; only if no pair can agree, because the focal length
+// is estimated, the odds fall. Returns 0 if the position's standard deviation is not finite.
 double Confidence(const PoseEvidence& evidence);
 
 // Returns one sentence that names what lowers the confidence most.

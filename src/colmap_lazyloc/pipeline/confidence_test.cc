@@ -19,7 +19,7 @@ PoseEvidence Typical() {
   return evidence;
 }
 
-TEST(Confidence, IsHighForTypicalEvidence) { EXPECT_GT(Confidence(Typical()), 0.9); }
+TEST(Confidence, IsHighForTypicalEvidence) { EXPECT_GT(Confidence(Typical()), 0.95); }
 
 TEST(Confidence, FallsWithEachTermThatWorsens) {
   for (const ConfidenceTerm& term : kConfidenceTerms) {
@@ -55,7 +55,7 @@ TEST(Confidence, RivalWithAsManyMatchesLeavesAnEvenChance) {
 
 TEST(Confidence, UnknownEvidenceIsTypical) {
   PoseEvidence unknown = Typical();
-  unknown.agreeing_ratio = unknown.rival_ratio = std::numeric_limits<double>::quiet_NaN();
+  unknown.agreeing_ratio = unknown.rival_ratio = unknown.focal_stddev_ratio = std::numeric_limits<double>::quiet_NaN();
   EXPECT_EQ(Confidence(unknown), Confidence(Typical()));
 }
 
@@ -75,6 +75,9 @@ TEST(LowConfidenceReason, NamesBothProbabilitiesAndTheWeakestEvidence) {
   evidence = Typical();
   evidence.num_common_tracks = 3;
   EXPECT_THAT(LowConfidenceReason(evidence, 0.25, 0.5), HasSubstr("only 3 points"));
+  evidence = Typical();
+  evidence.focal_stddev_ratio = 0.05;
+  EXPECT_THAT(LowConfidenceReason(evidence, 0.25, 0.5), HasSubstr("the focal length only within 5.0 %"));
 }
 
 }  // namespace

@@ -120,12 +120,14 @@ Outcome LocalizeWithUnknownFocalLength(const QueryGroup& query, const LocalizerO
         Refine(layout, start.posed, start_tracks, std::move(candidates), options, report->Seconds(), &camera);
     std::vector<PoseUncertainty> uncertainties =
         Timed("covariance", report, [&] { return EstimateUncertainties(layout, pairs, refined, options); });
-    report->AddIntrinsics(Timed("covariance", report, [&] {
+    const std::vector<IntrinsicsResult> intrinsics = Timed("covariance", report, [&] {
       return CheckIntrinsics(query, layout, refined, options, &uncertainties, &camera);
-    }));
+    });
+    report->AddIntrinsics(intrinsics);
     report->AddUncertainties(uncertainties);
-    const std::vector<PoseEvidence> evidence =
+    std::vector<PoseEvidence> evidence =
         MeasureEvidence(layout, estimates, /*has_relative_poses=*/false, start.posed, refined, uncertainties);
+    evidence[0].focal_stddev_ratio = intrinsics[0].focal_factor_stddev / intrinsics[0].focal_factor;
     report->AddEvidence(layout, evidence, options.min_confidence);
     report->AddPoses(layout, AsReported(layout, refined.adjustment.posed));
     report->AddRefined(layout, refined);

@@ -18,6 +18,8 @@ struct PoseEvidence {
   double position_stddev_ratio = 0;  // along the least certain axis, over scene_distance
   double start_distance_ratio = 0;   // way of the position from the start to the result, over scene_distance
   double scene_distance = 0;         // median distance of the points
+  // Standard deviation of the focal length over it, if it was estimated. A wrong pose takes any focal length.
+  double focal_stddev_ratio = std::numeric_limits<double>::quiet_NaN();
 };
 
 // Calls visit(name, pointer to the value) for each field.
@@ -31,6 +33,7 @@ void ForEachEvidence(Evidence& e, const Visit& visit) {
   visit("position_stddev_ratio", &e.position_stddev_ratio);
   visit("start_distance_ratio", &e.start_distance_ratio);
   visit("scene_distance", &e.scene_distance);
+  visit("focal_stddev_ratio", &e.focal_stddev_ratio);
 }
 
 }  // namespace lazyloc
