@@ -22,7 +22,7 @@ constexpr double kWrongStddev = 0.2;
 constexpr double kMinRightStddev = 0.001;
 // Standard deviation and probability of a slightly wrong value, as of a lens that was focused anew or a photo that was
 // cut. It is no reason to refuse a value, but the covariance allows for it.
-constexpr double kSlightlyWrongStddev = 0.02;
+constexpr double kSlightlyWrongStddev = 0.03;
 constexpr double kSlightlyWrongProbability = 0.2;
 // Probability that a value is wrong before the images are asked.
 constexpr double kWrongGivenProbability = 0.02;
