@@ -22,11 +22,13 @@ FocalLengthJudgement JudgeFocalLength(double log_factor, double stddev, Intrinsi
 void AddFocalLengthUncertainty(double mean_square, const Rigid3d& cam_from_world, IntrinsicsResult* intrinsics,
                                PoseUncertainty* uncertainty);
 
-// Tests the intrinsics of each query by the scores of the last adjustment. Adds the uncertainty of a focal length that
-// was not estimated to `uncertainties`. camera: of a query whose focal length was estimated; else null.
+// Tests the intrinsics of each query by the scores of the last adjustment, and adds their uncertainty to
+// `uncertainties`. Where nobody has calibrated a camera, moves the pose in `reported` (the adjusted images) by the
+// principal point, aspect ratio and distortion that the images ask for. camera: of a query whose focal length was
+// estimated; else null.
 std::vector<IntrinsicsResult> CheckIntrinsics(const QueryGroup& group, const Layout& layout, const Refined& refined,
                                               const LocalizerOptions& options,
-                                              std::vector<PoseUncertainty>* uncertainties,
+                                              std::vector<PoseUncertainty>* uncertainties, PosedImages* reported,
                                               const QueryCamera* camera = nullptr);
 
 // Throws Failure for the frames with contradicted intrinsics.

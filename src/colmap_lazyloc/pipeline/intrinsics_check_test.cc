@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include "colmap_lazyloc/bridge/camera_models.h"
+#include "colmap_lazyloc/math/so3.h"
 #include "colmap_lazyloc/pipeline/lazy_localizer.h"
 #include "colmap_lazyloc/testing/synthetic_scene.h"
 
@@ -47,6 +48,7 @@ TEST(JudgeFocalLength, MeanSquareIsThatOfTheImagesOrOfTheOrigin) {
   };
   EXPECT_NEAR(root(0, 0.0001, IntrinsicsOrigin::GIVEN), 0.0001, 1e-5) << "confirmed";
   EXPECT_NEAR(root(0.005, 0.0001, IntrinsicsOrigin::GIVEN), 0.005, 5e-4) << "off by so much";
+  EXPECT_GT(root(0.02, 0.01, IntrinsicsOrigin::GIVEN), 0.005) << "perhaps slightly wrong";
   EXPECT_LT(root(0, 0.1, IntrinsicsOrigin::GIVEN), 0.05) << "a calibration counts";
   EXPECT_NEAR(root(0, 10, IntrinsicsOrigin::GUESS), 0.2, 0.01) << "nothing is known";
 }
@@ -89,6 +91,29 @@ TEST_P(WrongFactors, ModeGivenOnlyWarns) {
 }
 
 INSTANTIATE_TEST_SUITE_P(CheckIntrinsics, WrongFactors, testing::Values(0.9, 1.05, 1.2));
+
+// The keypoints of a camera with another principal point and pixels that are not square.
+TEST(CheckIntrinsics, UncalibratedCameraIsCorrectedForWhatTheImagesAskFor) {
+  const auto localize = [](IntrinsicsOrigin origin, SyntheticScene* scene) {
+    *scene = MakeScene(1, origin);
+    const Camera& camera = scene->problem.query_camera;
+    const Eigen::Vector2d centre(0.5 * static_cast<double>(camera.width), 0.5 * static_cast<double>(camera.height));
+    for (Eigen::Vector2d& xy : scene->problem.query_keypoints) {
+      xy += 0.003 * Eigen::Vector2d(-0.5, 0.5).cwiseProduct(xy - centre) + Eigen::Vector2d(4, -4);
+    }
+    return Localize(*scene);
+  };
+  SyntheticScene scene;
+  const LocalizationResult given = localize(IntrinsicsOrigin::GIVEN, &scene);
+  const LocalizationResult exif = localize(IntrinsicsOrigin::EXIF, &scene);
+  ASSERT_EQ(given.status, QueryStatus::LOCALIZED) << given.reason;
+  ASSERT_EQ(exif.status, QueryStatus::LOCALIZED) << exif.reason;
+  const auto error = [&](const LocalizationResult& result) {
+    return AngularDistanceRad(result.cam_from_world.rotation, scene.query_cam_from_world.rotation);
+  };
+  EXPECT_LT(error(exif), 0.5 * error(given));
+  EXPECT_GT(exif.spread.rotation_stddev_rad, given.spread.rotation_stddev_rad);
+}
 
 TEST(CheckIntrinsics, WrongDistortionIsNamed) {
   SyntheticScene scene = MakeScene(1, IntrinsicsOrigin::GIVEN);

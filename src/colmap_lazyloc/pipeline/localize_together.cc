@@ -80,15 +80,17 @@ Outcome LocalizeTogether(const QueryGroup& group, const LocalizerOptions& option
         Refine(layout, start.posed, start_tracks, std::move(candidates), options, report->Seconds());
     std::vector<PoseUncertainty> uncertainties =
         Timed("covariance", report, [&] { return EstimateUncertainties(layout, averaged.pairs, refined, options); });
-    const std::vector<IntrinsicsResult> intrinsics =
-        Timed("covariance", report, [&] { return CheckIntrinsics(group, layout, refined, options, &uncertainties); });
+    PosedImages reported = AsReported(layout, refined.adjustment.posed);
+    const std::vector<IntrinsicsResult> intrinsics = Timed("covariance", report, [&] {
+      return CheckIntrinsics(group, layout, refined, options, &uncertainties, &reported);
+    });
     report->AddIntrinsics(intrinsics);
     report->AddUncertainties(uncertainties);
     const std::vector<PoseEvidence> evidence = Timed("confidence", report, [&] {
       return MeasureEvidence(layout, estimates, /*has_relative_poses=*/true, start.posed, refined, uncertainties);
     });
     report->AddEvidence(layout, evidence, options.min_confidence);
-    report->AddPoses(layout, AsReported(layout, refined.adjustment.posed));
+    report->AddPoses(layout, reported);
     report->AddPairErrors(layout, averaged, refined.adjustment.posed);
     report->AddRefined(layout, refined);
     if (options.intrinsics != IntrinsicsMode::GIVEN) RefuseContradicted(layout, intrinsics);
@@ -120,8 +122,9 @@ Outcome LocalizeWithUnknownFocalLength(const QueryGroup& query, const LocalizerO
         Refine(layout, start.posed, start_tracks, std::move(candidates), options, report->Seconds(), &camera);
     std::vector<PoseUncertainty> uncertainties =
         Timed("covariance", report, [&] { return EstimateUncertainties(layout, pairs, refined, options); });
+    PosedImages reported = AsReported(layout, refined.adjustment.posed);
     const std::vector<IntrinsicsResult> intrinsics = Timed("covariance", report, [&] {
-      return CheckIntrinsics(query, layout, refined, options, &uncertainties, &camera);
+      return CheckIntrinsics(query, layout, refined, options, &uncertainties, &reported, &camera);
     });
     report->AddIntrinsics(intrinsics);
     report->AddUncertainties(uncertainties);
@@ -129,7 +132,7 @@ Outcome LocalizeWithUnknownFocalLength(const QueryGroup& query, const LocalizerO
         MeasureEvidence(layout, estimates, /*has_relative_poses=*/false, start.posed, refined, uncertainties);
     evidence[0].focal_stddev_ratio = intrinsics[0].focal_factor_stddev / intrinsics[0].focal_factor;
     report->AddEvidence(layout, evidence, options.min_confidence);
-    report->AddPoses(layout, AsReported(layout, refined.adjustment.posed));
+    report->AddPoses(layout, reported);
     report->AddRefined(layout, refined);
     report->AddCamera(camera.Intrinsics());
   });

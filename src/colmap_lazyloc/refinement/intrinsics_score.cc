@@ -28,6 +28,7 @@ Derivative KeypointDerivative(const Observation& observation) {
   derivative.col(LOG_FOCAL_FACTOR) = offset;
   derivative.col(PRINCIPAL_POINT_X) = Eigen::Vector2d::UnitX();
   derivative.col(PRINCIPAL_POINT_Y) = Eigen::Vector2d::UnitY();
+  derivative.col(LOG_ASPECT_RATIO) = Eigen::Vector2d(-0.5, 0.5).cwiseProduct(offset);
   derivative.col(RADIAL_DISTORTION) = offset * offset.squaredNorm() / std::pow(kRadialUnitPx, 3);
   return derivative;
 }
@@ -195,6 +196,8 @@ class ScoreBuilder {
       }
     }
     score_.score[LOG_FOCAL_FACTOR] = 0;
+    score_.frame_from_correction.col(LOG_FOCAL_FACTOR) =
+        column.segment<6>(kSize * place_of_frame_[frame]) / column[row];
   }
 
   const BundleSolver<kSize>& solver_;

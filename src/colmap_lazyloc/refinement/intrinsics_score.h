@@ -18,6 +18,7 @@ enum IntrinsicsParameter {
   LOG_FOCAL_FACTOR,
   PRINCIPAL_POINT_X,  // px
   PRINCIPAL_POINT_Y,
+  LOG_ASPECT_RATIO,   // of the focal lengths in y and x, whose product stays
   RADIAL_DISTORTION,  // displacement in px of an image point kRadialUnitPx from the principal point; grows as the cube
   NUM_INTRINSICS_PARAMETERS,
 };

@@ -27,6 +27,7 @@ SyntheticTracks MakeTracks(const IntrinsicsScore::Vector& corrections, int num_q
       const Eigen::Vector2d moved =
           offset * (std::exp(corrections[LOG_FOCAL_FACTOR]) +
                     corrections[RADIAL_DISTORTION] * offset.squaredNorm() / std::pow(kRadialUnitPx, 3)) +
+          corrections[LOG_ASPECT_RATIO] * Eigen::Vector2d(-0.5, 0.5).cwiseProduct(offset) +
           Eigen::Vector2d(corrections[PRINCIPAL_POINT_X], corrections[PRINCIPAL_POINT_Y]);
       const Eigen::Vector3d ray = moved.homogeneous().cwiseQuotient(Eigen::Vector3d(kFocalLengthPx, kFocalLengthPx, 1));
       // The pixel derivative of a pinhole camera at the ray.
@@ -51,14 +52,14 @@ SyntheticTracks MakeTracks(const IntrinsicsScore::Vector& corrections, int num_q
   return scene;
 }
 
-IntrinsicsScore::Vector Corrections(double log_focal, double x, double y, double radial) {
-  return IntrinsicsScore::Vector(log_focal, x, y, radial);
+IntrinsicsScore::Vector Corrections(double log_focal, double x, double y, double log_aspect, double radial) {
+  return (IntrinsicsScore::Vector() << log_focal, x, y, log_aspect, radial).finished();
 }
 
 class Priors : public testing::TestWithParam<bool> {};
 
 TEST_P(Priors, StepOfTheFocalLengthIsThatOfAnAdjustmentThatEstimatesIt) {
-  const SyntheticTracks scene = MakeTracks(Corrections(0.003, 0, 0, 0), 1, GetParam(), 0.3);
+  const SyntheticTracks scene = MakeTracks(Corrections(0.003, 0, 0, 0, 0), 1, GetParam(), 0.3);
   const BundleAdjustmentResult fixed = AdjustBundle(scene.posed, scene.tracks, {});
   SyntheticTracks free = scene;
   free.posed.images[0].log_focal_factor = 0;
@@ -86,7 +87,7 @@ TEST_P(Priors, StepOfTheFocalLengthIsThatOfAnAdjustmentThatEstimatesIt) {
 INSTANTIATE_TEST_SUITE_P(IntrinsicsScore, Priors, testing::Bool());
 
 TEST(IntrinsicsScore, AllCorrectionsAreFound) {
-  const IntrinsicsScore::Vector truth = Corrections(-0.01, 3, -2, 20);
+  const IntrinsicsScore::Vector truth = Corrections(-0.01, 3, -2, 0.01, 20);
   for (const int num_query : {1, 2}) {
     SyntheticTracks scene = MakeTracks(truth, num_query, /*has_priors=*/false, /*noise_px=*/0);
     if (num_query > 1) JoinFrame(0, 1, &scene.posed);  // cameras of a rig share the corrections
