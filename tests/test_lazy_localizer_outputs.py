@@ -118,7 +118,9 @@ def test_covariance_explains_the_errors(localize, tmp_path, write_scene_files):
     have a mean near 6, the number of parameters. The mean scatters by 0.7, or more because queries are correlated."""
     scene = synthetic.make_scene(synthetic.arc(9), synthetic.arc(24, radius=5), noise_px=0.5, seed=7)
     files = write_scene_files(tmp_path, scene)
-    run = localize(*files.arguments)
+    exact = ("database_pose_stddev_deg", "database_pose_stddev_length", "focal_length_stddev_ratio")
+    options = [word for name in exact for word in (f"--LazyLocalizer.Advanced.{name}", "0")]
+    run = localize(*files.arguments, *options, "--LazyLocalizer.intrinsics", "given")
     squared_errors = []
     for name in scene.query_names:
         covariance = np.array(run.results[name]["covariance"])

@@ -59,7 +59,7 @@ def test_camera_of_the_list_overrides_that_of_the_database(localize, full, tmp_p
     lines = [f"{name} {true_camera.intrinsics().text()}" for name in scene.query_names]
     run = localize(*arguments, *query_list(*lines))
     run.assert_localized(full.scene, scene.query_names, *MAX_ERRORS)
-    wrong = localize(*arguments)
+    wrong = localize(*arguments, "--LazyLocalizer.intrinsics", "given")
     for name, pose in wrong.poses.items():
         assert pose.errors(full.scene.images[name].pose)[0] > 0.01
 

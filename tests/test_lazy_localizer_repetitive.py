@@ -60,7 +60,9 @@ def match_windows(image1, image2, wrong_ratio, shifts, rng):
 @pytest.mark.parametrize("wrong_window_ratio, wrong_pair_ratio", [(0.0, 0.0), (0.3, 0.0), (0.5, 0.0), (0.3, 0.3)])
 def test_every_query_is_localized(localize, tmp_path, write_scene_files, wrong_window_ratio, wrong_pair_ratio):
     scene = make_facade(wrong_window_ratio, wrong_pair_ratio)
-    run = localize(*write_scene_files(tmp_path, scene, geometry=None).arguments)
+    # Accepts less than by default, because the confidence in a pose before a facade that repeats is low.
+    arguments = write_scene_files(tmp_path, scene, geometry=None).arguments
+    run = localize(*arguments, "--LazyLocalizer.min_confidence", "0.5")
     assert sorted(run.poses) == scene.query_names, run.statuses
     errors = [pose.errors(scene.images[name].pose) for name, pose in run.poses.items()]
     # The bounds are in units of which a window's width has 2; with noise alone the median is 0.01.

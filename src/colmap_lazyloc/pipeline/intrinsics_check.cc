@@ -47,6 +47,8 @@ constexpr double kUncalibratedShift = 0.02;
 constexpr double kUncalibratedDistortion = 0.005;
 constexpr double kUncalibratedAspect = 0.003;
 constexpr double kSharedCameraFactor = 0.25;
+// 99 % quantile of the chi-square distribution with 4 degrees of freedom.
+constexpr double kMinUncalibratedChiSquare = 13.3;
 
 constexpr int kNumOthers = NUM_INTRINSICS_PARAMETERS - 1;  // corrections but the first, the focal length's
 
@@ -134,7 +136,11 @@ CorrectionEstimate EstimateUncalibrated(const IntrinsicsScore& score, const Intr
   const Matrix inverse = score.information.bottomRightCorner<kNumOthers, kNumOthers>().inverse();
   const Matrix variance = inverse * score_covariance.bottomRightCorner<kNumOthers, kNumOthers>() * inverse;
   const Matrix gain = prior * (prior + variance).inverse();
-  estimate.mean.tail<kNumOthers>() = gain * inverse * score.score.tail<kNumOthers>();
+  const Eigen::Matrix<double, kNumOthers, 1> asked = inverse * score.score.tail<kNumOthers>();
+  // Leaves the pose as it is without significant evidence, because many cameras, as of renderings, are ideal.
+  if (asked.dot(variance.inverse() * asked) > kMinUncalibratedChiSquare) {
+    estimate.mean.tail<kNumOthers>() = gain * asked;
+  }
   estimate.covariance.bottomRightCorner<kNumOthers, kNumOthers>() = gain * variance;
   return estimate;
 }
@@ -197,7 +203,8 @@ void Move(const Eigen::Matrix<double, 6, 1>& tangent, Rigid3d* pose) {
 // Adds to the uncertainty of a pose.
 void AddCovariance(const Eigen::Matrix<double, 6, 6>& covariance, const Rigid3d& cam_from_world,
                    PoseUncertainty* uncertainty) {
-  uncertainty->covariance += covariance;
+  const Eigen::Matrix<double, 6, 6> sum = uncertainty->covariance + covariance;
+  uncertainty->covariance = (sum + sum.transpose()) / 2;
   // Moves the origin to the camera, because the position's part would be lost in large coordinates.
   const Eigen::Matrix<double, 6, 6> local_from_world = MoveOrigin(cam_from_world.rotation, -CamInWorld(cam_from_world));
   const Eigen::Matrix<double, 6, 6> local = local_from_world * uncertainty->covariance * local_from_world.transpose();

@@ -59,6 +59,9 @@ LocalizationResult Decide(LocalizationResult given, LocalizationResult refined, 
     return Kept(std::move(given), unobservable, options);
   }
   if (!HasPose(refined.status)) return given;
+  // A pose that is far less credible is no evidence against the given intrinsics: in repetitive scenes, some focal
+  // length fits false matches.
+  if (HasPose(given.status) && refined.confidence.value_or(0) < 0.5 * given.confidence.value_or(0)) return given;
   const bool is_wrong = Judge(refined.intrinsics, options).wrong_probability > 0.5;
   if (given.intrinsics.origin != IntrinsicsOrigin::GIVEN) {
     const bool is_kept = !is_wrong && HasPose(given.status);

@@ -91,7 +91,7 @@ struct LocalizerOptions {
   double database_pose_stddev_length = -1;
   // Expected difference of pose errors at a viewpoint distance of 0.2 (database_priors.h), in pixels.
   double database_pose_noise_px = 0.7;
-  double min_confidence = 0.95;         // of a pose; a query below it is not LOCALIZED
+  double min_confidence = 0.95;  // of a pose; a query below it is not LOCALIZED
   // Maximum standard deviation of a position over the distance to the scene; a query above it is not LOCALIZED.
   double max_position_stddev_ratio = 0.1;
 

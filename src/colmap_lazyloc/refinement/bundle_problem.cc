@@ -87,6 +87,7 @@ void BundleProblem::AddPriors(const PosedImages& posed) {
     BundlePriors& of_group = priors.emplace_back();
     of_group.precision = PriorPrecision(group);
     for (const int frame : group.frames) {
+      LAZYLOC_CHECK(posed.frames[frame].prior.has_value());
       of_group.frames.push_back(index_of_frame[frame]);
       is_grouped[of_group.frames.back()] = true;
     }
