@@ -21,12 +21,14 @@ constexpr size_t kMaxNumRivalPairs = 30;
 // with each other by chance.
 const double kMinRivalRotationRad = DegToRad(15);
 constexpr double kMinRivalDistanceRatio = 0.1;
+// Minimum share of a pair's matches in the tracks of a pose that the pair agrees with.
+constexpr double kMinExplainedRatio = 0.5;
 // Minimum sine of the angle at which two directions cross.
 constexpr double kMinCrossingSine = 0.02;
 
 // Pose of a query as one of its pairs measured it: rotation, and a ray on which its centre is.
 struct Vote {
-  int query = -1;
+  int query = -1, other = -1;
   Eigen::Quaterniond cam_from_world_rotation;
   Eigen::Vector3d other_in_world, dir_other_to_query;  // the direction is zero for a pair without baseline
   double num_inliers = 0;
@@ -38,8 +40,8 @@ std::vector<Vote> VotesOfFrame(const Layout& layout, const std::vector<PairGeome
     if (!layout.IsDatabase(pair.other) || layout.FrameOf(pair.query) != frame) continue;
     const Rigid3d other = CamFromWorld(layout.given, pair.other);
     const Eigen::Quaterniond rotation = pair.query_from_other.rotation * other.rotation;
-    votes.push_back({pair.query, rotation, CamInWorld(other), rotation.conjugate() * -pair.query_from_other.translation,
-                     static_cast<double>(pair.num_inliers)});
+    votes.push_back({pair.query, pair.other, rotation, CamInWorld(other),
+                     rotation.conjugate() * -pair.query_from_other.translation, static_cast<double>(pair.num_inliers)});
   }
   return votes;
 }
@@ -115,11 +117,13 @@ void AddTracks(const Layout& layout, const PosedImages& posed, int frame, const 
 }  // namespace
 
 PairVotes CountVotes(const Layout& layout, const std::vector<PairGeometry>& pairs, int frame,
-                     const Rigid3d& frame_from_world, double scene_distance) {
+                     const Rigid3d& frame_from_world, double scene_distance, const std::vector<int>& num_explained) {
   PairVotes result;
   std::vector<Vote> others;
   for (const Vote& vote : VotesOfFrame(layout, pairs, frame)) {
-    if (Agrees(vote, layout.given.images[vote.query], frame_from_world)) {
+    const bool is_explained =
+        !num_explained.empty() && num_explained[vote.other] > kMinExplainedRatio * vote.num_inliers;
+    if (is_explained || Agrees(vote, layout.given.images[vote.query], frame_from_world)) {
       result.num_agreeing += vote.num_inliers;
     } else if (!vote.dir_other_to_query.isZero()) {
       others.push_back(vote);
@@ -160,8 +164,12 @@ std::vector<PoseEvidence> MeasureEvidence(const Layout& layout, const PairEstima
     evidence.start_distance_ratio = way.norm() / evidence.scene_distance;
     evidence.position_stddev_ratio = uncertainties[query].spread.position_stddevs[0] / evidence.scene_distance;
     if (!has_relative_poses || num_matches == 0) continue;
-    const PairVotes votes =
-        CountVotes(layout, estimates.pairs, frame, posed.frames[frame].frame_from_world, evidence.scene_distance);
+    std::vector<int> num_explained(posed.images.size(), 0);
+    for (const Track* track : tracks_of[frame]) {
+      for (const TrackObservation& element : track->observations) ++num_explained[element.image];
+    }
+    const PairVotes votes = CountVotes(layout, estimates.pairs, frame, posed.frames[frame].frame_from_world,
+                                       evidence.scene_distance, num_explained);
     evidence.agreeing_ratio = votes.num_agreeing / num_matches;
     evidence.rival_ratio = votes.num_rival > 0 ? votes.num_rival / (votes.num_rival + votes.num_agreeing) : 0;
   }

@@ -18,9 +18,12 @@ struct PairVotes {
 
 // Counts the votes for a frame's pose. A rival is a place where the measured directions of two pairs of one rotation
 // cross, and distinct from the frame's pose: by its rotation, or by a distance of a tenth of the distance to the scene.
-// In the second case a third pair must confirm it, because rays nearly always cross somewhere.
+// In the second case a third pair must confirm it, because rays nearly always cross somewhere. num_explained: by image,
+// the number of matches that the tracks of the frame's pose hold. A pair with most of its matches there agrees whatever
+// its relative pose, because a plane leaves two.
 PairVotes CountVotes(const Layout& layout, const std::vector<PairGeometry>& pairs, int frame,
-                     const Rigid3d& frame_from_world, double scene_distance);
+                     const Rigid3d& frame_from_world, double scene_distance,
+                     const std::vector<int>& num_explained = {});
 
 // Returns the evidence of each query frame, from the stages' results. has_relative_poses: false if the pairs have none.
 std::vector<PoseEvidence> MeasureEvidence(const Layout& layout, const PairEstimates& estimates, bool has_relative_poses,

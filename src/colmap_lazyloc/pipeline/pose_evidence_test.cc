@@ -54,6 +54,17 @@ TEST(CountVotes, TwoPairsOfAnotherRotationAreARival) {
   EXPECT_EQ(CountVotes(input.layout, input.pairs, 0, truth, kDistance).num_rival, 2 * kNumPoints);
 }
 
+TEST(CountVotes, PairWhoseMatchesThePoseExplainsAgrees) {
+  StageInput input = MakeStageInput(MakeGroup(1, 1));
+  const Rigid3d truth = input.truth.frames[0].frame_from_world;
+  const Rigid3d elsewhere = Rigid3d{ExpSO3({0, 0.5, 0}), {1, 0, 0}} * truth;
+  for (const int pair : {0, 1}) Relocate(input.layout, elsewhere, &input.pairs[pair]);
+  std::vector<int> num_explained(input.layout.given.images.size(), kNumPoints);
+  EXPECT_EQ(CountVotes(input.layout, input.pairs, 0, truth, kDistance, num_explained).num_rival, 0);
+  num_explained.assign(num_explained.size(), kNumPoints / 4);
+  EXPECT_EQ(CountVotes(input.layout, input.pairs, 0, truth, kDistance, num_explained).num_rival, 2 * kNumPoints);
+}
+
 TEST(CountVotes, NearbyPoseIsNoRival) {
   StageInput input = MakeStageInput(MakeGroup(1, 1));
   const Rigid3d truth = input.truth.frames[0].frame_from_world;
