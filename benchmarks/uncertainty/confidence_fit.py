@@ -15,7 +15,7 @@ HEADER_PATH = (
 MAX_KIND_WEIGHT = 60  # more queries of one kind do not count for more than this number
 RIDGE = 1.0  # of the weights of standardized terms
 NUM_FOLDS = 8
-RIVAL_POWER = 2  # kRivalPower of pipeline/confidence.cc
+RIVAL_POWER = 3  # kRivalPower of pipeline/confidence.cc
 
 
 @dataclasses.dataclass

@@ -47,7 +47,7 @@ TEST(Confidence, RivalWithAsManyMatchesLeavesAnEvenChance) {
   evidence.rival_ratio = 0.5;
   EXPECT_NEAR(Confidence(evidence), 0.5, 0.01);
   evidence.rival_ratio = 1.0 / 3;
-  EXPECT_NEAR(Confidence(evidence), 0.8, 0.02) << "twice as many matches make the odds four to one";
+  EXPECT_NEAR(Confidence(evidence), 8.0 / 9, 0.02) << "twice as many matches make the odds eight to one";
   evidence.rival_ratio = 1;
   EXPECT_LT(Confidence(evidence), 1e-3);
   EXPECT_THAT(LowConfidenceReason(evidence, 0, 0.5), HasSubstr("100 % are for another one"));
