@@ -9,7 +9,8 @@
 namespace lazyloc {
 namespace {
 
-// Exponent that makes odds of a ratio of matches: a pose with twice the matches of its rival is eight times as probable.
+// Exponent that makes odds of a ratio of matches: a pose with twice the matches of its rival is eight times as
+// probable.
 constexpr double kRivalPower = 3;
 // Ratio of the rival's matches from which it lowers the confidence more than any other evidence.
 constexpr double kMinDecisiveRivalRatio = 0.2;
