@@ -82,13 +82,9 @@ struct Corrections {
 IntrinsicsScore::Matrix ScoreCovariance(const IntrinsicsScore& score, const BundleAdjustmentResult& adjustment,
                                         double image_factor) {
   IntrinsicsScore::Matrix covariance = image_factor * score.information;
-  for (size_t i = 0; i < adjustment.prior_fits.size(); ++i) {
-    const PriorGroup& group = adjustment.posed.prior_groups[i];
-    const std::vector<double> variances = VariancesForCovariance(group, adjustment.prior_fits[i], image_factor);
-    for (size_t j = 0; j < variances.size(); ++j) {
-      covariance += (variances[j] - image_factor * group.components[j].variance) * score.prior_parts[i][j];
-    }
-  }
+  ForEachMissingVariance(adjustment, image_factor, [&](size_t group, size_t component, double variance) {
+    covariance += variance * score.prior_parts[group][component];
+  });
   return kSharedErrorFactor * kSharedErrorFactor * covariance;
 }
 

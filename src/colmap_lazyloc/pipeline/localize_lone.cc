@@ -8,6 +8,7 @@
 #include "colmap_lazyloc/pipeline/focal_length.h"
 #include "colmap_lazyloc/pipeline/intrinsics_check.h"
 #include "colmap_lazyloc/pipeline/localize_together.h"
+#include "colmap_lazyloc/scene/stage_timer.h"
 
 namespace lazyloc {
 namespace {
@@ -99,8 +100,8 @@ LocalizationResult LocalizeLone(const QueryGroup& query, const LocalizerOptions&
       options.intrinsics == IntrinsicsMode::AUTO && HasFocalLength(query.images.front().problem.query_camera);
   if (!can_refine || !IsInDoubt(given, options)) return given;
   LocalizationResult refined = localize(LocalizeWithUnknownFocalLength);
-  std::vector<std::pair<std::string, double>> seconds = given.seconds;
-  for (const auto& [stage, time] : refined.seconds) seconds.emplace_back(stage, time);
+  StageTimer::Seconds seconds = given.seconds;
+  for (const auto& [stage, time] : refined.seconds) StageTimer::Add(stage, time, &seconds);
   LocalizationResult result = Decide(std::move(given), std::move(refined), options);
   result.seconds = std::move(seconds);
   return result;

@@ -43,14 +43,9 @@ void CheckPositions(const Layout& layout, const PairRefs& pairs, const BundleAdj
 // shows instead of those that it took for granted.
 Eigen::Matrix<double, 6, 6> TotalCovariance(const BundleAdjustmentResult& adjustment, int query, double factor) {
   Eigen::Matrix<double, 6, 6> covariance = factor * adjustment.image_covariances[query];
-  for (size_t i = 0; i < adjustment.prior_fits.size(); ++i) {
-    const PriorGroup& group = adjustment.posed.prior_groups[i];
-    const PriorFit& fit = adjustment.prior_fits[i];
-    const std::vector<double> variances = VariancesForCovariance(group, fit, factor);
-    for (size_t j = 0; j < variances.size(); ++j) {
-      covariance += (variances[j] - factor * group.components[j].variance) * fit.image_parts[j][query];
-    }
-  }
+  ForEachMissingVariance(adjustment, factor, [&](size_t group, size_t component, double variance) {
+    covariance += variance * adjustment.prior_fits[group].image_parts[component][query];
+  });
   return covariance;
 }
 
