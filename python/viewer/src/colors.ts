@@ -1,0 +1,118 @@
+// Gives queries their colours: the palette of Okabe and Ito, and for numbers a scale from vermilion (bad) to blue (good),
+// which colour-blind people can tell apart too. A colour is a hexadecimal string.
+import type { Queries, Summary } from "./data";
+import { formatLength } from "./format";
+
+export type ColorMode = "status" | "confidence" | "error";
+// `hollow` stands for a frustum that is drawn as an outline only.
+export type LegendEntry = { color: string; label: string; hollow?: boolean };
+
+const STATUS_COLORS: Record<string, [light: string, dark: string]> = {
+  LOCALIZED: ["#0072b2", "#4aa8e0"],
+  LOW_CONFIDENCE: ["#c77f00", "#e69f00"],
+  SCALE_UNOBSERVABLE: ["#b0558a", "#cc79a7"],
+};
+const FAILURE_COLOR: [light: string, dark: string] = ["#d55e00", "#f0752a"];
+// Lists the colours of the scale, worst first: light mode, dark mode.
+const SCALE: [light: string, dark: string][] = [
+  ["#d55e00", "#f0752a"],
+  ["#e69f00", "#e69f00"],
+  ["#c9b400", "#f0e442"],
+  ["#56b4e9", "#56b4e9"],
+  ["#0072b2", "#2f8fd0"],
+];
+const UNKNOWN_COLOR: [light: string, dark: string] = ["#777777", "#9a9a9a"];
+const CONFIDENCE_BOUNDS = [0.25, 0.5, 0.75, 0.95];
+const ERROR_QUANTILES = [0.95, 0.75, 0.5, 0.25];
+
+export function isDark(): boolean {
+  return window.matchMedia("(prefers-color-scheme: dark)").matches;
+}
+
+const shade = (pair: [string, string]) => pair[isDark() ? 1 : 0];
+
+export function statusColor(name: string): string {
+  return shade(STATUS_COLORS[name] ?? FAILURE_COLOR);
+}
+
+// Returns database frustums', truth's and selected things' colours, for scene and plan alike.
+export function sceneColors(): { database: string; truth: string; selected: string; rays: string; links: string } {
+  return isDark()
+    ? { database: "#8b929c", truth: "#2fc79a", selected: "#ffffff", rays: "#2fc79a", links: "#d59bc0" }
+    : { database: "#8a8f98", truth: "#009e73", selected: "#111111", rays: "#009e73", links: "#a2508a" };
+}
+
+const errorBoundsOf = new WeakMap<Queries, number[]>();
+
+// Returns the errors at which the colour changes, the largest first: quantiles of this run's errors.
+function errorBounds(queries: Queries): number[] {
+  let bounds = errorBoundsOf.get(queries);
+  if (!bounds) {
+    const errors = queries.positionError.filter((error) => !Number.isNaN(error)).sort();
+    bounds = ERROR_QUANTILES.map((quantile) => errors[Math.floor(quantile * (errors.length - 1))] ?? NaN);
+    bounds = bounds.map((bound) => Number(bound.toPrecision(2)));
+    errorBoundsOf.set(queries, bounds);
+  }
+  return bounds;
+}
+
+function stepOf(value: number, bounds: number[], isBetter: (value: number, bound: number) => boolean): number {
+  let step = 0;
+  while (step < bounds.length && isBetter(value, bounds[step])) step++;
+  return step;
+}
+
+export function queryColor(mode: ColorMode, queries: Queries, summary: Summary, index: number): string {
+  if (mode === "status") return statusColor(summary.statuses[queries.status[index]].name);
+  const value = mode === "confidence" ? queries.confidence[index] : queries.positionError[index];
+  if (Number.isNaN(value)) return shade(UNKNOWN_COLOR);
+  const step =
+    mode === "confidence"
+      ? stepOf(value, CONFIDENCE_BOUNDS, (confidence, bound) => confidence >= bound)
+      : stepOf(value, errorBounds(queries), (error, bound) => error <= bound);
+  return shade(SCALE[step]);
+}
+
+function errorLegend(queries: Queries, summary: Summary): LegendEntry[] {
+  const bounds = errorBounds(queries).map((bound) => formatLength(bound, summary));
+  const entries = bounds.map((bound, i) => ({ color: shade(SCALE[i]), label: i === 0 ? `over ${bound}` : `to ${bounds[i - 1]}` }));
+  entries.push({ color: shade(SCALE[bounds.length]), label: `to ${bounds[bounds.length - 1]}` });
+  return entries.reverse();
+}
+
+// Returns what the colours of a mode mean, the best first.
+export function legend(mode: ColorMode, queries: Queries, summary: Summary): LegendEntry[] {
+  if (mode === "status") {
+    return summary.statuses.map(({ name }) => ({
+      color: statusColor(name),
+      label: statusLabel(name),
+      hollow: name === "LOW_CONFIDENCE",
+    }));
+  }
+  if (mode === "error") return [...errorLegend(queries, summary), { color: shade(UNKNOWN_COLOR), label: "unknown" }];
+  const entries = CONFIDENCE_BOUNDS.map((bound, i) => ({ color: shade(SCALE[i]), label: `below ${bound}` }));
+  entries.push({ color: shade(SCALE[CONFIDENCE_BOUNDS.length]), label: `from ${CONFIDENCE_BOUNDS.at(-1)}` });
+  return [...entries.reverse(), { color: shade(UNKNOWN_COLOR), label: "none" }];
+}
+
+const STATUS_LABELS: Record<string, string> = {
+  LOCALIZED: "localized",
+  LOW_CONFIDENCE: "low confidence",
+  UNREADABLE_IMAGE: "unreadable photo",
+  UNKNOWN_CAMERA: "unknown focal length",
+  NO_FEATURES: "no features",
+  NO_PAIRS: "no pairs",
+  TOO_FEW_INLIERS: "too few inliers",
+  INCONSISTENT_ROTATIONS: "contradicting rotations",
+  INCONSISTENT_INTRINSICS: "contradicted intrinsics",
+  INCONSISTENT_RIG: "contradicted rig",
+  SCALE_UNOBSERVABLE: "bearing only",
+  DEGENERATE_BASELINE: "degenerate baseline",
+  TOO_FEW_TRACKS: "too few tracks",
+  DIVERGED: "diverged",
+};
+
+// Returns a status in words.
+export function statusLabel(name: string): string {
+  return STATUS_LABELS[name] ?? name.toLowerCase().replaceAll("_", " ");
+}
