@@ -7,7 +7,8 @@
 #   CMAKE_ARGS          further arguments of the CMake configuration
 #   BUILD_TARGETS       targets to build; default: all
 #
-# `setup.sh environment` stops before it fetches COLMAP and builds anything.
+# `setup.sh environment` stops before it fetches COLMAP and builds anything. `setup.sh browser` only installs what the
+# tests of the report page need: a browser, its driver and npm.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 source scripts/environment.sh
@@ -18,9 +19,10 @@ as_root() {
   if [ "$(id -u)" = 0 ]; then "$@"; else sudo "$@"; fi
 }
 
+# Installs the Debian packages that a file lists.
 install_packages() {
   local packages missing=()
-  packages=$(sed 's/#.*//' scripts/packages.txt)
+  packages=$(sed 's/#.*//' "$1")
   for package in $packages; do
     dpkg-query -W -f '${Status}' "$package" 2>/dev/null | grep -q 'ok installed' || missing+=("$package")
   done
@@ -63,15 +65,17 @@ fetch_colmap_source() {
   rm -rf "$work"
 }
 
-make_python_environment() {
-  local stamp="$VENV_DIR/requirements.txt"
-  cmp -s scripts/requirements.txt "$stamp" && return 0
-  say "making the Python environment"
+# Installs the Python packages that a file lists into the environment.
+install_requirements() {
+  local stamp
+  stamp=$VENV_DIR/$(basename "$1")
+  cmp -s "$1" "$stamp" && return 0
+  say "installing Python packages"
   # Update the environment in place, because other checkouts use it too. It does not contain the package, because
   # scripts/environment.sh and scripts/python.sh set PYTHONPATH to that of their own checkout.
   "$PYTHON" -c "" 2>/dev/null || python3 -m venv --clear "$VENV_DIR"
-  "$VENV_DIR/bin/pip" install -q --disable-pip-version-check -r scripts/requirements.txt
-  cp scripts/requirements.txt "$stamp"
+  "$VENV_DIR/bin/pip" install -q --disable-pip-version-check -r "$1"
+  cp "$1" "$stamp"
 }
 
 build() {
@@ -87,8 +91,13 @@ build() {
 }
 
 mkdir -p "$CACHE_DIR"
-install_packages
-make_python_environment
+if [ "${1:-}" = browser ]; then
+  install_packages scripts/browser_packages.txt
+  install_requirements scripts/browser_requirements.txt
+  exit 0
+fi
+install_packages scripts/packages.txt
+install_requirements scripts/requirements.txt
 [ "${1:-}" != environment ] || exit 0
 fetch_colmap_source
 build

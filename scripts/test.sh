@@ -5,6 +5,7 @@ set -euo pipefail
 cd "$(dirname "$0")/.."
 scripts/check.sh
 scripts/setup.sh
+scripts/setup.sh browser
 source scripts/environment.sh
 
 # Minimum numbers of tests, because a run must not pass if tests are missing. Raise them when you add tests.
