@@ -14,7 +14,7 @@ def command(main):
     If the input is bad, or a file cannot be read or written, the command prints one line and ends with exit code 1.
     """
     # Take the name from the specification, because `python -m` names the module __main__.
-    program = sys.modules[main.__module__].__spec__.name
+    program = sys.modules[main.__module__].__spec__.name.removesuffix(".__main__")
 
     @functools.wraps(main)
     def run(arguments=None) -> int:

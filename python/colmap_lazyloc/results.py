@@ -6,26 +6,54 @@ import numpy as np
 
 from colmap_lazyloc.errors import InputError
 from colmap_lazyloc.poses import Pose
-from colmap_lazyloc.text_files import read_lines
+from colmap_lazyloc.text_files import open_text
+
+# Fields that every result has; the others may be missing in runs of older versions.
+REQUIRED_FIELDS = ("name", "status", "reason", "cam_from_world", "pairs", "seconds")
 
 
 def read_results(path) -> dict[str, dict]:
     """Reads the results by query name, in the order of the file."""
     results = {}
-    for line in read_lines(path):
-        if not line:
-            continue
-        result = json.loads(line)
-        if result["name"] in results:
-            raise InputError(f"{path}: query '{result['name']}' has two results")
-        results[result["name"]] = result
+    with open_text(path) as file:
+        for line_number, line in enumerate(file, start=1):
+            if line.isspace():
+                continue
+            result = _parse_result(f"{path}:{line_number}", line)
+            if result["name"] in results:
+                raise InputError(f"{path}: query '{result['name']}' has two results")
+            results[result["name"]] = result
     return results
 
 
 def pose_of(result: dict) -> Pose | None:
     """Returns the query's pose; None if it was not localized, even if the result has a rotation or a pose of low
     confidence."""
-    pose = result["cam_from_world"]
-    if result["status"] != "LOCALIZED" or pose is None:
-        return None
-    return Pose(np.array(pose["qvec"], float), np.array(pose["tvec"], float))
+    return _to_pose(result["cam_from_world"]) if result["status"] == "LOCALIZED" else None
+
+
+def unconfirmed_pose_of(result: dict) -> Pose | None:
+    """Returns the query's pose, also if its confidence is too low; None if there is none."""
+    return pose_of(result) or _to_pose(result.get("unconfirmed_cam_from_world"))
+
+
+def _to_pose(pose: dict | None) -> Pose | None:
+    return None if pose is None else Pose(np.array(pose["qvec"], float), np.array(pose["tvec"], float))
+
+
+def _parse_result(place: str, line: str) -> dict:
+    """Parses a line; errors name `place`."""
+    try:
+        result = json.loads(line, parse_constant=_refuse)
+    except ValueError:
+        raise InputError(f"{place}: is not a line of results.jsonl: it is damaged or cut off") from None
+    if not isinstance(result, dict):
+        raise InputError(f"{place}: is not a line of results.jsonl")
+    missing = [field for field in REQUIRED_FIELDS if field not in result]
+    if missing:
+        raise InputError(f"{place}: the result has no '{missing[0]}'")
+    return result
+
+
+def _refuse(constant: str):
+    raise ValueError(f"{constant} is not a number of JSON")

@@ -5,6 +5,14 @@ import pathlib
 from colmap_lazyloc.errors import InputError
 
 
+def open_text(path):
+    """Opens a file for reading line by line; bytes that are not UTF-8 are escaped."""
+    try:
+        return pathlib.Path(path).open(encoding="utf-8", errors="backslashreplace", newline="\n")
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror}") from None
+
+
 def read_lines(path) -> list[str]:
     """Reads all lines; bytes that are not UTF-8 are escaped."""
     try:

@@ -1,0 +1,49 @@
+"""Makes the chunks "details/BLOCK": what the page of a query tells in words and bars."""
+
+import numpy as np
+
+from colmap_lazyloc.report.facts import facts
+from colmap_lazyloc.report.repeat import repeat_command
+from colmap_lazyloc.report.run import Run
+
+DETAILS_PER_BLOCK = 1000
+
+
+def detail_chunk(run: Run, block: int, query_lines: dict[str, str]) -> tuple[dict, dict[str, np.ndarray]]:
+    """Returns the values and arrays of a chunk; `query_lines`: the lines of the query list by name."""
+    queries = run.queries[block * DETAILS_PER_BLOCK : (block + 1) * DETAILS_PER_BLOCK]
+    stages = stage_names(queries)
+    pairs = [pair for result in queries for pair in _known_pairs(run, result)]
+    values = {
+        "stages": stages,
+        "facts": [facts(run, result) for result in queries],
+        "commands": [repeat_command(run, result, query_lines) for result in queries],
+    }
+    arrays = {
+        "seconds": np.array(
+            [[result["seconds"].get(stage, np.nan) for stage in stages] for result in queries], np.float32
+        ),
+        "pairOffsets": np.cumsum([0] + [len(_known_pairs(run, result)) for result in queries]).astype(np.uint32),
+        "pairImages": np.array([run.database_index[pair["name"]] for pair in pairs], np.uint32),
+        "pairNumInliers": np.array([pair["num_inliers"] for pair in pairs], np.uint32),
+        "pairRotationErrorsDeg": _floats([pair["rotation_error_deg"] for pair in pairs]),
+        "pairDirectionErrorsDeg": _floats([pair["direction_error_deg"] for pair in pairs]),
+    }
+    return values, arrays
+
+
+def stage_names(queries: list[dict]) -> list[str]:
+    """Returns the stages that ran for any query, in the order in which they ran."""
+    names = {}
+    for result in sorted(queries, key=lambda result: -len(result["seconds"])):
+        names.update(dict.fromkeys(result["seconds"]))
+    names.pop("total", None)
+    return list(names)
+
+
+def _known_pairs(run: Run, result: dict) -> list[dict]:
+    return [pair for pair in result["pairs"] if pair["name"] in run.database_index]
+
+
+def _floats(values: list) -> np.ndarray:
+    return np.array([np.nan if value is None else value for value in values], np.float32)

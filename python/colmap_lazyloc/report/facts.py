@@ -1,0 +1,120 @@
+"""Puts what is known of a query into words."""
+
+from colmap_lazyloc.report.run import Run
+
+_STARTS = {
+    "motion_averaging": "averaging of the relative poses to the database images",
+    "absolute_pose": "points triangulated from the database images",
+    "generalized_relative_pose": "relative pose to several database images at once",
+}
+_SOURCES = {
+    "query_list": "the query list",
+    "model": "the input model",
+    "database": "the database, where the image is listed",
+    "camera_params": "the option ImageReader.camera_params",
+    "database_camera": "a camera of the database images with the same image size",
+    "exif": "EXIF data of the photo",
+    "guess": "a guess: 1.2 times the image's longer side",
+}
+_VERDICTS = {
+    "confirmed": "the images agree with it",
+    "unobservable": "the images cannot tell, so it was kept",
+    "contradicted": "the images contradict it",
+    "refined": "estimated from the images",
+    "not_tested": "not tested, because no bundle adjustment came to an end",
+}
+
+
+def facts(run: Run, result: dict) -> list[tuple[str, str]]:
+    """Returns the rows of a table: label and text."""
+    rows = [("Status", result["status"]), ("Reason", result["reason"])]
+    rows += _certainty_rows(run, result)
+    rows += _evidence_rows(result)
+    rows += _camera_rows(result)
+    rows += _group_rows(result)
+    return [(label, text) for label, text in rows if text]
+
+
+def _certainty_rows(run: Run, result: dict) -> list[tuple[str, str]]:
+    rows = []
+    confidence = result.get("confidence")
+    if confidence is not None:
+        rows.append(("Confidence", f"{100 * confidence:.1f} %: the probability that the position is right"))
+    if result.get("position_stddevs"):
+        largest, middle, smallest = (format_length(stddev) for stddev in result["position_stddevs"])
+        direction = ", ".join(f"{component:.2f}" for component in result["weakest_direction"])
+        text = f"{largest}, {middle} and {smallest} along the principal axes; least certain along ({direction})"
+        rows.append(("Position, standard deviation", text))
+    if result.get("rotation_stddev_deg") is not None:
+        text = f"{result['rotation_stddev_deg']:.3g}° about the least certain axis"
+        rows.append(("Rotation, standard deviation", text))
+    bearing = result.get("bearing")
+    if bearing is not None:
+        direction = ", ".join(f"{component:.4f}" for component in bearing["direction"])
+        text = f"on the line from {bearing['from']} in the direction ({direction}), which is known to {bearing['stddev_deg']:.3g}°"
+        rows.append(("Position", text))
+    pose = run.truth.get(result["name"])
+    return rows if pose is None else rows
+
+
+def _evidence_rows(result: dict) -> list[tuple[str, str]]:
+    num_tracks, num_observations = result.get("num_tracks", 0), result.get("num_observations", 0)
+    rows = []
+    if num_tracks > 0:
+        rows.append(
+            ("Points", f"{num_tracks} points, seen {num_observations} times in the query and in database images")
+        )
+    error_px = result.get("mean_reprojection_error_px")
+    if error_px is not None:
+        rows.append(("Reprojection error", f"{error_px:.2f} px on average"))
+    evidence = result.get("evidence") or {}
+    texts = (
+        ("num_common_tracks", "Points in two or more database images", lambda value: f"{value:.0f}"),
+        (
+            "explained_ratio",
+            "Matches that the pose explains",
+            lambda value: f"{100 * value:.0f} % of the verified ones",
+        ),
+        ("agreeing_ratio", "Matches in pairs that agree with the pose", lambda value: f"{100 * value:.0f} %"),
+        ("rival_ratio", "Matches in pairs that agree on another pose", lambda value: f"{100 * value:.0f} %"),
+        ("scene_distance", "Distance of the points", lambda value: f"{format_length(value)} (median)"),
+    )
+    rows += [(label, text(evidence[name])) for name, label, text in texts if evidence.get(name) is not None]
+    rows.append(("Start of the refinement", _STARTS.get(result.get("start", ""), result.get("start", ""))))
+    return rows
+
+
+def _camera_rows(result: dict) -> list[tuple[str, str]]:
+    rows = []
+    source = result.get("intrinsics_source")
+    if source is not None:
+        rows.append(("Intrinsics from", _SOURCES.get(source, source)))
+    intrinsics = result.get("intrinsics")
+    if intrinsics is not None:
+        text = _VERDICTS.get(intrinsics["verdict"], intrinsics["verdict"])
+        factor, stddev = intrinsics.get("focal_factor"), intrinsics.get("focal_factor_stddev")
+        if factor is not None and stddev is not None:
+            text += f"; they ask for {100 * (factor - 1):+.2f} % ± {100 * stddev:.2f} % of its length"
+        rows.append(("Focal length", text))
+        rows.append(("Contradiction", intrinsics.get("contradiction") or ""))
+    camera = result.get("camera")
+    if camera is not None:
+        params = ", ".join(f"{param:g}" for param in camera["params"])
+        rows.append(("Estimated camera", f"{camera['model']} {camera['width']} x {camera['height']}: {params}"))
+    return rows
+
+
+def _group_rows(result: dict) -> list[tuple[str, str]]:
+    rows = [("Frame", result.get("frame") or "")]
+    if result.get("rig_scale") is not None:
+        rows.append(("Scale of the trajectory", f"{result['rig_scale']:.6g} units of the model per unit"))
+    if result.get("rig_error_px") is not None:
+        rows.append(("Error within the rig", f"{result['rig_error_px']:.2f} px (median)"))
+    return rows
+
+
+def format_length(length: float) -> str:
+    """Returns a length with a unit that a reader sees at once; lengths are taken as metres."""
+    if length >= 1:
+        return f"{length:.3g} m" if length < 1000 else f"{length:.0f} m"
+    return f"{100 * length:.2g} cm" if length >= 0.01 else f"{1000 * length:.2g} mm"

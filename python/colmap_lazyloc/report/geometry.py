@@ -1,0 +1,92 @@
+"""Computes with the poses of many images at once."""
+
+import numpy as np
+
+from colmap_lazyloc.model import Camera
+from colmap_lazyloc.poses import Pose
+
+MAX_HALF_FIELD_RAD = 1.1  # a wider image is drawn as if it ended here, because its border would be far away or behind
+
+
+def stack_poses(poses: list[Pose | None]) -> tuple[np.ndarray, np.ndarray]:
+    """Returns unit quaternions, n x 4 (w x y z), and translations, n x 3; NaN for missing poses."""
+    missing = Pose(np.full(4, np.nan), np.full(3, np.nan))
+    qvecs = np.array([(pose or missing).qvec for pose in poses], float).reshape(-1, 4)
+    tvecs = np.array([(pose or missing).tvec for pose in poses], float).reshape(-1, 3)
+    return normalized(qvecs), tvecs
+
+
+def normalized(vectors: np.ndarray) -> np.ndarray:
+    """Returns the rows at unit length."""
+    return vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
+
+
+def rotation_matrices(qvecs: np.ndarray) -> np.ndarray:
+    """Returns the rotations, n x 3 x 3, of unit quaternions, n x 4."""
+    w, x, y, z = qvecs.T
+    rows = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+    ]
+    return np.moveaxis(np.array(rows), 2, 0)
+
+
+def centres(qvecs: np.ndarray, tvecs: np.ndarray) -> np.ndarray:
+    """Returns the projection centres, n x 3, of poses cam_from_world."""
+    return -np.einsum("nji,nj->ni", rotation_matrices(qvecs), tvecs)
+
+
+def viewer_quaternions(qvecs: np.ndarray) -> np.ndarray:
+    """Returns the inverse rotations, world_from_cam, as x y z w."""
+    return np.concatenate([-qvecs[:, 1:], qvecs[:, :1]], axis=1)
+
+
+def pose_errors(qvecs, tvecs, true_qvecs, true_tvecs) -> tuple[np.ndarray, np.ndarray]:
+    """Returns the distances of the projection centres, and the angles between the rotations in degrees."""
+    distances = np.linalg.norm(centres(qvecs, tvecs) - centres(true_qvecs, true_tvecs), axis=1)
+    w1, v1, w2, v2 = qvecs[:, :1], qvecs[:, 1:], true_qvecs[:, :1], -true_qvecs[:, 1:]
+    # Use the arc tangent, because the arc cosine of the trace is inaccurate for small angles.
+    sines = np.linalg.norm(w1 * v2 + w2 * v1 + np.cross(v1, v2), axis=1)
+    cosines = np.abs(w1 * w2 - np.sum(v1 * v2, axis=1, keepdims=True))[:, 0]
+    return distances, np.degrees(2 * np.arctan2(sines, cosines))
+
+
+def position_covariances(qvecs, tvecs, covariances: np.ndarray) -> np.ndarray:
+    """Returns the covariances of the projection centres, n x 6 (xx xy xz yy yz zz), from those of the poses, n x 6 x 6."""
+    x, y, z = tvecs.T
+    zero = np.zeros_like(x)
+    # A rotation by w and a translation by dt move the centre -R' t by -R' (dt + t x w).
+    cross = np.moveaxis(np.array([[zero, -z, y], [z, zero, -x], [-y, x, zero]]), 2, 0)
+    jacobian = np.concatenate([cross, np.broadcast_to(np.eye(3), cross.shape)], axis=2)
+    jacobian = np.einsum("nji,njk->nik", rotation_matrices(qvecs), jacobian)
+    full = np.einsum("nij,njk,nlk->nil", jacobian, covariances, jacobian, optimize=True)
+    return full[:, (0, 0, 0, 1, 1, 2), (0, 1, 2, 1, 2, 2)]
+
+
+def image_extent(camera: Camera) -> tuple[float, float, float, float]:
+    """Returns the left, top, right and bottom border of the image on the plane z = 1, without distortion."""
+    if camera.model == "EQUIRECTANGULAR":
+        return -1.0, -0.5, 1.0, 0.5
+    has_two_focal_lengths = camera.model in _TWO_FOCAL_LENGTHS
+    fx, fy = camera.params[0], camera.params[1 if has_two_focal_lengths else 0]
+    cx, cy = camera.params[2:4] if has_two_focal_lengths else camera.params[1:3]
+    borders = np.array([-cx / fx, -cy / fy, (camera.width - cx) / fx, (camera.height - cy) / fy])
+    if "FISHEYE" in camera.model:
+        borders = np.tan(np.clip(borders, -MAX_HALF_FIELD_RAD, MAX_HALF_FIELD_RAD))
+    limit = np.tan(MAX_HALF_FIELD_RAD)
+    return tuple(float(border) for border in np.clip(np.nan_to_num(borders), -limit, limit))
+
+
+_TWO_FOCAL_LENGTHS = {
+    "PINHOLE",
+    "OPENCV",
+    "OPENCV_FISHEYE",
+    "FULL_OPENCV",
+    "FOV",
+    "THIN_PRISM_FISHEYE",
+    "RAD_TAN_THIN_PRISM_FISHEYE",
+    "DIVISION",
+    "FISHEYE",
+    "EUCM",
+}

@@ -1,0 +1,150 @@
+"""Reads a finished run of `colmap lazy_localizer`, and what a report compares it with."""
+
+import dataclasses
+import datetime
+import functools
+import json
+import pathlib
+
+import numpy as np
+
+from colmap_lazyloc.errors import InputError
+from colmap_lazyloc.model import Image, Model, read_model
+from colmap_lazyloc.points import Points, read_points
+from colmap_lazyloc.poses import Pose
+from colmap_lazyloc.report.options_file import RunOptions, read_options
+from colmap_lazyloc.results import pose_of, read_results, unconfirmed_pose_of
+
+
+@dataclasses.dataclass(frozen=True)
+class Run:
+    """A finished run. Queries are in the order in which the report lists them, the least certain first."""
+
+    path: pathlib.Path
+    queries: list[dict]  # results
+    model: Model  # that the run wrote
+    database: Model  # the posed images with which queries were compared
+    points: Points
+    options: RunOptions
+    leave_one_out: dict | None  # leave_one_out.json
+    truth: dict[str, Pose]  # by query name; empty if unknown
+
+    @functools.cached_property
+    def names(self) -> list[str]:
+        """Returns the queries' names."""
+        return [result["name"] for result in self.queries]
+
+    @functools.cached_property
+    def poses(self) -> list[Pose | None]:
+        """Returns the queries' poses, also those of low confidence."""
+        return [unconfirmed_pose_of(result) for result in self.queries]
+
+    @functools.cached_property
+    def database_images(self) -> list[Image]:
+        """Returns the database images by name."""
+        return [image for _, image in sorted(self.database.images.items())]
+
+    @functools.cached_property
+    def database_index(self) -> dict[str, int]:
+        """Returns the index of each database image by its name."""
+        return {image.name: i for i, image in enumerate(self.database_images)}
+
+    @property
+    def written(self) -> str:
+        """Returns when the run was written, ISO 8601."""
+        seconds = (self.path / "results.jsonl").stat().st_mtime
+        return datetime.datetime.fromtimestamp(seconds).astimezone().isoformat(timespec="seconds")
+
+
+def read_run(path: pathlib.Path, truth: dict[str, Pose] | None = None) -> Run:
+    """Reads the output folder of a run; `truth`: the queries' true poses by name."""
+    results = read_results(path / "results.jsonl")
+    if not results:
+        raise InputError(f"{path / 'results.jsonl'}: holds no query")
+    model = read_model(path / "model")
+    _check_model(path, results, model)
+    options = read_options(path / "options.ini")
+    leave_one_out = _read_leave_one_out(path / "leave_one_out.json", results)
+    database = _database(model, results, options, leave_one_out is not None)
+    if truth is None:
+        truth = {}
+        if leave_one_out is not None and database is not model:
+            truth = {name: image.cam_from_world for name, image in database.images.items()}
+    return Run(
+        path,
+        sorted(results.values(), key=_certainty),
+        model,
+        database,
+        read_points(path / "model"),
+        options,
+        leave_one_out,
+        {name: pose for name, pose in truth.items() if name in results},
+    )
+
+
+def _certainty(result: dict) -> tuple:
+    """Returns the key by which queries are listed: without a pose, with an unconfirmed one, localized; each by
+    confidence, then by standard deviation."""
+    has_pose = result["cam_from_world"] is not None or result.get("unconfirmed_cam_from_world") is not None
+    confidence, stddevs = result.get("confidence"), result.get("position_stddevs")
+    return (
+        has_pose,
+        result["status"] == "LOCALIZED",
+        0.0 if confidence is None else confidence,
+        -np.inf if stddevs is None else -stddevs[0],
+        result["name"],
+    )
+
+
+def _check_model(path: pathlib.Path, results: dict[str, dict], model: Model):
+    """Checks that the model is that of the results: it has exactly their poses."""
+    for name, result in results.items():
+        pose, image = pose_of(result), model.images.get(name)
+        if pose is None:
+            if image is not None:
+                raise InputError(
+                    f"{path / 'model'}: is not the model of this run: it has query '{name}', which has no pose"
+                )
+            continue
+        if image is None:
+            raise InputError(
+                f"{path / 'model'}: is not the model of this run: query '{name}' of results.jsonl is missing"
+            )
+        if not _is_same(pose, image.cam_from_world):
+            raise InputError(f"{path / 'model'}: is not the model of this run: query '{name}' has another pose")
+
+
+def _is_same(pose: Pose, other: Pose) -> bool:
+    """True if all numbers are equal; a quaternion may have the opposite sign, which is the same rotation."""
+    is_same_rotation = np.array_equal(pose.qvec, other.qvec) or np.array_equal(pose.qvec, -other.qvec)
+    return is_same_rotation and np.array_equal(pose.tvec, other.tvec)
+
+
+def _read_leave_one_out(path: pathlib.Path, results: dict[str, dict]) -> dict | None:
+    if not path.exists():
+        return None
+    try:
+        summary = json.loads(path.read_text(encoding="utf-8"))
+        names = {pose["name"] for pose in summary["poses"]}
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read: {error.strerror}") from None
+    except (ValueError, KeyError, TypeError):
+        raise InputError(f"{path}: is damaged or cut off") from None
+    if not names <= results.keys():
+        raise InputError(f"{path}: is not of this run: results.jsonl has no query '{min(names - results.keys())}'")
+    return summary
+
+
+def _database(model: Model, results: dict[str, dict], options: RunOptions, is_leave_one_out: bool) -> Model:
+    """Returns the posed images with which queries were compared.
+
+    In a leave-one-out run these are the images of the input model. If that is not there any more, they are those of the
+    run's own model, with the poses that were estimated.
+    """
+    if not is_leave_one_out:
+        return Model(model.cameras, {name: image for name, image in model.images.items() if name not in results})
+    try:
+        database = read_model(options.values.get("input_path", ""))
+    except InputError:
+        return model
+    return database if results.keys() <= database.images.keys() else model

@@ -1,0 +1,136 @@
+"""Makes the chunk "scene": cameras, points and what joins them, relative to a local origin."""
+
+import numpy as np
+
+from colmap_lazyloc.model import Camera, Image
+from colmap_lazyloc.report import geometry
+from colmap_lazyloc.report.run import Run
+from colmap_lazyloc.report.scene_points import ScenePoints
+
+
+def scene_chunk(run: Run, cameras: list[Camera | None], points: ScenePoints) -> tuple[dict, dict[str, np.ndarray]]:
+    """Returns the values and arrays of the chunk; `cameras`: the queries' intrinsics, as far as they are known."""
+    images = run.database_images
+    database_qvecs, database_tvecs = geometry.stack_poses([image.cam_from_world for image in images])
+    database_centres = geometry.centres(database_qvecs, database_tvecs)
+    origin = np.median(database_centres, axis=0) if len(images) > 0 else np.zeros(3)
+    size = _size(database_centres, points.xyz)
+    values = {
+        "origin": origin.tolist(),
+        "size": size,
+        "frustumDepth": _frustum_depth(database_centres, size),
+        "up": _up(database_qvecs),
+        "databaseNames": [image.name for image in images],
+    }
+    extents = {camera_id: geometry.image_extent(camera) for camera_id, camera in run.database.cameras.items()}
+    arrays = {
+        "databaseCentres": database_centres - origin,
+        "databaseRotations": geometry.viewer_quaternions(database_qvecs),
+        "databaseExtents": np.array([extents[image.camera_id] for image in images]).reshape(-1, 4),
+        **_query_arrays(run, cameras, origin),
+        **_true_arrays(run, origin),
+        "bearings": _bearings(run, database_centres - origin),
+        "points": points.xyz - origin,
+        "pointColors": points.colors,
+        "pointOffsets": points.offsets,
+        "pointDeltas": np.diff(points.indices, prepend=np.uint32(0)).astype(np.uint32),
+        "queryConnections": _query_connections(run),
+        "databaseConnections": np.empty(0, np.uint32),
+    }
+    for name, array in arrays.items():
+        if array.dtype == np.float64:  # after the origin is subtracted, because single precision has 7 digits
+            arrays[name] = array.astype(np.float32)
+    return values, arrays
+
+
+def query_cameras(run: Run, listed: dict[str, Camera | None]) -> list[Camera | None]:
+    """Returns the queries' intrinsics: those that were estimated, of the model, or of the query list."""
+    cameras = []
+    for result in run.queries:
+        image: Image | None = run.model.images.get(result["name"])
+        cameras.append(listed.get(result["name"]) if image is None else run.model.cameras[image.camera_id])
+    return cameras
+
+
+def _query_arrays(run: Run, cameras: list[Camera | None], origin: np.ndarray) -> dict[str, np.ndarray]:
+    qvecs, tvecs = geometry.stack_poses(run.poses)
+    covariances = np.full((len(run.queries), 6, 6), np.nan)
+    rotations = qvecs.copy()
+    for i, result in enumerate(run.queries):
+        if result.get("covariance") is not None:
+            covariances[i] = result["covariance"]
+        if result.get("rotation") is not None:
+            rotations[i] = result["rotation"]
+    extents = [geometry.image_extent(camera) if camera else (-0.5, -0.375, 0.5, 0.375) for camera in cameras]
+    return {
+        "queryCentres": geometry.centres(qvecs, tvecs) - origin,
+        "queryRotations": geometry.viewer_quaternions(rotations),
+        "queryExtents": np.array(extents),
+        "queryCovariances": geometry.position_covariances(qvecs, tvecs, covariances),
+    }
+
+
+def _true_arrays(run: Run, origin: np.ndarray) -> dict[str, np.ndarray]:
+    if not run.truth:
+        return {"trueCentres": np.empty(0), "trueRotations": np.empty(0)}
+    qvecs, tvecs = geometry.stack_poses([run.truth.get(name) for name in run.names])
+    return {
+        "trueCentres": geometry.centres(qvecs, tvecs) - origin,
+        "trueRotations": geometry.viewer_quaternions(qvecs),
+    }
+
+
+def _bearings(run: Run, database_centres: np.ndarray) -> np.ndarray:
+    lines = np.full((len(run.queries), 6), np.nan)
+    for i, result in enumerate(run.queries):
+        bearing = result.get("bearing")
+        if bearing is not None and bearing["from"] in run.database_index:
+            lines[i, :3] = database_centres[run.database_index[bearing["from"]]]
+            lines[i, 3:] = bearing["direction"]
+    return lines
+
+
+def _query_connections(run: Run) -> np.ndarray:
+    """Returns pairs of queries with positions: each with the next of its frame, by name."""
+    frames = {}
+    for i, result in enumerate(run.queries):
+        if result.get("frame") is not None and run.poses[i] is not None:
+            frames.setdefault(result["frame"], []).append((result["name"], i))
+    pairs = []
+    for members in frames.values():
+        indices = [i for _, i in sorted(members)]
+        pairs += zip(indices, indices[1:])
+    return np.array(pairs, np.uint32).reshape(-1, 2)
+
+
+def _size(centres: np.ndarray, points: np.ndarray) -> float:
+    """Returns the diagonal of the box around cameras and points, without the outermost two in a hundred."""
+    boxes = [np.quantile(places, (0.02, 0.98), axis=0) for places in (centres, points) if len(places) > 0]
+    if not boxes:
+        return 1.0
+    extent = np.max([box[1] for box in boxes], axis=0) - np.min([box[0] for box in boxes], axis=0)
+    return float(np.linalg.norm(extent)) or 1.0
+
+
+def _frustum_depth(centres: np.ndarray, size: float) -> float:
+    """Returns half the typical distance of neighbouring cameras, within reason."""
+    sample = centres[:: max(1, len(centres) // 200)]
+    nearest = []
+    for centre in sample:
+        distances = np.linalg.norm(centres - centre, axis=1)
+        nearest.append(np.min(distances[distances > 1e-6 * size], initial=np.inf))
+    spacing = np.median(nearest) if nearest else 0
+    return float(np.clip(0.5 * spacing, 0.01 * size, 0.04 * size))
+
+
+def _up(qvecs: np.ndarray) -> list[float]:
+    """Returns the direction in the world that is up in most images."""
+    if len(qvecs) == 0:
+        return [0.0, -1.0, 0.0]
+    rotations = geometry.rotation_matrices(qvecs)
+    right, down = rotations[:, 0], rotations[:, 1]
+    # Take the direction to which the images' x axes are most nearly at right angles, because cameras look up and down
+    # more often than they lean. If all x axes are parallel, the y axes decide.
+    _, vectors = np.linalg.eigh(right.T @ right - 0.1 * down.T @ down)
+    up = vectors[:, 0]
+    return (up * np.copysign(1.0, -up @ np.sum(down, axis=0))).tolist()

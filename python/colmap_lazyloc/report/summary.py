@@ -1,0 +1,45 @@
+"""Makes the chunk "summary": the head of a report."""
+
+import collections
+
+from colmap_lazyloc.report.run import Run
+from colmap_lazyloc.report.table import errors, status_names
+
+
+def summary_chunk(run: Run, num_shown: dict[str, int], warnings: list[dict], notes: list[str]) -> dict:
+    """Returns the values of the chunk."""
+    counts = collections.Counter(result["status"] for result in run.queries)
+    leave_one_out = run.leave_one_out or {}
+    paths = {name: value for name, value in run.options.values.items() if name.endswith("_path")}
+    options = {name: value for name, value in run.options.values.items() if name not in paths}
+    changed = set(run.options.changed)
+    return {
+        "title": run.path.resolve().name,
+        "written": run.written,
+        "program": run.options.program,
+        "numQueries": len(run.queries),
+        "numDatabaseImages": len(run.database_images),
+        "numPoints": len(run.points),
+        "hasTruth": bool((errors(run)[0] >= 0).any()),
+        "isLeaveOneOut": run.leave_one_out is not None,
+        "hasScale": True,
+        "unit": "m",
+        "minConfidence": float(run.options.values.get("LazyLocalizer.min_confidence", 0)),
+        "statuses": [{"name": name, "count": counts[name]} for name in status_names(run)],
+        "inputs": [{"option": name, "value": value} for name, value in paths.items() if value],
+        "options": [
+            {"name": name, "value": options[name]} for name in sorted(options, key=lambda name: name not in changed)
+        ],
+        "warnings": warnings,
+        "riskCoverage": _risk_coverage(leave_one_out),
+        "auroc": leave_one_out.get("auroc"),
+        "numShown": num_shown,
+        "notes": notes,
+    }
+
+
+def _risk_coverage(leave_one_out: dict) -> dict | None:
+    points = leave_one_out.get("risk_coverage")
+    if not points:
+        return None
+    return {name: [point[name] for point in points] for name in ("confidence", "coverage", "risk")}
