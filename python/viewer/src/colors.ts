@@ -22,7 +22,7 @@ const SCALE: [light: string, dark: string][] = [
   ["#0072b2", "#2f8fd0"],
 ];
 const UNKNOWN_COLOR: [light: string, dark: string] = ["#777777", "#9a9a9a"];
-const CONFIDENCE_BOUNDS = [0.25, 0.5, 0.75, 0.95];
+const CONFIDENCE_BOUNDS = [0.25, 0.5, 0.75]; // and Summary.minConfidence
 const ERROR_QUANTILES = [0.95, 0.75, 0.5, 0.25];
 
 export function isDark(): boolean {
@@ -56,6 +56,10 @@ function errorBounds(queries: Queries): number[] {
   return bounds;
 }
 
+function confidenceBounds({ minConfidence }: Summary): number[] {
+  return [...CONFIDENCE_BOUNDS.filter((bound) => bound < minConfidence), minConfidence];
+}
+
 function stepOf(value: number, bounds: number[], isBetter: (value: number, bound: number) => boolean): number {
   let step = 0;
   while (step < bounds.length && isBetter(value, bounds[step])) step++;
@@ -68,7 +72,7 @@ export function queryColor(mode: ColorMode, queries: Queries, summary: Summary, 
   if (Number.isNaN(value)) return shade(UNKNOWN_COLOR);
   const step =
     mode === "confidence"
-      ? stepOf(value, CONFIDENCE_BOUNDS, (confidence, bound) => confidence >= bound)
+      ? stepOf(value, confidenceBounds(summary), (confidence, bound) => confidence >= bound)
       : stepOf(value, errorBounds(queries), (error, bound) => error <= bound);
   return shade(SCALE[step]);
 }
@@ -90,8 +94,9 @@ export function legend(mode: ColorMode, queries: Queries, summary: Summary): Leg
     }));
   }
   if (mode === "error") return [...errorLegend(queries, summary), { color: shade(UNKNOWN_COLOR), label: "unknown" }];
-  const entries = CONFIDENCE_BOUNDS.map((bound, i) => ({ color: shade(SCALE[i]), label: `below ${bound}` }));
-  entries.push({ color: shade(SCALE[CONFIDENCE_BOUNDS.length]), label: `from ${CONFIDENCE_BOUNDS.at(-1)}` });
+  const bounds = confidenceBounds(summary);
+  const entries = bounds.map((bound, i) => ({ color: shade(SCALE[i]), label: `below ${bound}` }));
+  entries.push({ color: shade(SCALE[SCALE.length - 1]), label: `from ${bounds[bounds.length - 1]}` });
   return [...entries.reverse(), { color: shade(UNKNOWN_COLOR), label: "none" }];
 }
 

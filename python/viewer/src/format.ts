@@ -29,7 +29,7 @@ export function lengthUnit(value: number, summary: Summary): { unit: string; len
   if (summary.unit !== "m") return { unit: summary.unit, length: 1 };
   if (size >= 10000) return { unit: "km", length: 1000 };
   if (size >= 1 || size === 0 || !Number.isFinite(size)) return { unit: "m", length: 1 };
-  if (size >= 0.1) return { unit: "cm", length: 0.01 };
+  if (size >= 0.01) return { unit: "cm", length: 0.01 };
   return size >= 1e-4 ? { unit: "mm", length: 0.001 } : { unit: "\u00b5m", length: 1e-6 };
 }
 

@@ -30,12 +30,14 @@ export class Selection {
     window.addEventListener("popstate", () => this.readAddress());
   }
 
-  // Selects a query, or none (-1), and tells the listeners if that is a change.
-  select(query: number): void {
+  // Selects a query, or none (-1), and tells the listeners if that is a change. A step, as of an arrow key, does not become
+  // an entry of its own in the browser's history.
+  select(query: number, isStep = false): void {
     if (query === this.query && this.unknownName === null) return;
     const hash = query < 0 ? "#" : hashOf(this.names[query]);
     try {
-      history.pushState(null, "", hash);
+      if (isStep) history.replaceState(null, "", hash);
+      else history.pushState(null, "", hash);
     } catch {
       location.hash = hash; // Serves browsers that forbid pushState in local files.
     }

@@ -1,0 +1,100 @@
+// Lists the columns of the table: how each is headed, sorted and written.
+import { statusLabel } from "./colors";
+import type { Queries, Summary } from "./data";
+import { visibleText } from "./dom";
+import * as format from "./format";
+
+export interface Column {
+  id: string;
+  label: string;
+  explanation: string;
+  width: string; // of CSS grid
+  kind: "text" | "status" | "confidence" | "number";
+  isWorstLow: boolean; // the first click on the header sorts the worst first
+  text(query: number): string;
+  key(query: number): number; // NaN sorts last
+}
+
+// Returns each text's rank in alphabetical order, computed when it is first asked for.
+function ranks(texts: string[]): (query: number) => number {
+  let rank: Float64Array | null = null;
+  return (query) => {
+    if (!rank) {
+      const order = Uint32Array.from(texts, (_, i) => i).sort((a, b) => (texts[a] < texts[b] ? -1 : +(texts[a] > texts[b])));
+      rank = new Float64Array(texts.length);
+      for (let i = 0, value = -1; i < order.length; i++) {
+        if (i === 0 || texts[order[i]] !== texts[order[i - 1]]) value = i;
+        rank[order[i]] = texts[order[i]] === "" ? NaN : value;
+      }
+    }
+    return rank[query];
+  };
+}
+
+function numberColumn(
+  id: string,
+  label: string,
+  explanation: string,
+  values: ArrayLike<number>,
+  text: (value: number) => string,
+  isWorstLow = false,
+): Column {
+  return {
+    id,
+    label,
+    explanation,
+    width: "5.6rem",
+    kind: "number",
+    isWorstLow,
+    text: (query) => text(values[query]),
+    key: (query) => (values[query] < 0 ? NaN : values[query]),
+  };
+}
+
+const EXPLANATIONS = {
+  confidence: "Estimated probability that the position is right; computed from the evidence, without the true pose.",
+  positionStddev: "Standard deviation of the position in its least certain direction: two thirds of errors are smaller.",
+  rotationStddev: "Standard deviation of the orientation, about its least certain axis.",
+  positionError: "Distance to the true position.",
+  rotationError: "Angle to the true orientation.",
+  tracks: "Scene points that the pose rests on: each is seen in the query and in database images.",
+  reprojection: "How far, typically, the scene points fall from where the query shows them.",
+  images: "Database images whose relative pose to the query was used.",
+};
+
+function textColumns(queries: Queries, summary: Summary): Column[] {
+  const labels = summary.statuses.map(({ name }) => statusLabel(name));
+  const base = { explanation: "", isWorstLow: true };
+  return [
+    { ...base, id: "name", label: "Query", width: "minmax(9rem, 2fr)", kind: "text",
+      text: (query) => visibleText(queries.names[query]), key: ranks(queries.names) },
+    { ...base, id: "status", label: "Status", width: "9.6rem", kind: "status", isWorstLow: false,
+      text: (query) => labels[queries.status[query]], key: (query) => queries.status[query] },
+    { ...base, id: "confidence", label: "Confidence", explanation: EXPLANATIONS.confidence, width: "7.2rem",
+      kind: "confidence", text: (query) => format.formatConfidence(queries.confidence[query]),
+      key: (query) => queries.confidence[query] },
+  ];
+}
+
+// Returns the columns that have a value in this run.
+export function tableColumns(queries: Queries, summary: Summary): Column[] {
+  const length = (value: number) => format.formatLength(value, summary);
+  const degrees = (value: number) => format.formatDegrees(value);
+  const numbers = [
+    numberColumn("positionError", "Pos. error", EXPLANATIONS.positionError, queries.positionError, length),
+    numberColumn("rotationError", "Rot. error", EXPLANATIONS.rotationError, queries.rotationErrorDeg, degrees),
+    numberColumn("positionStddev", "Pos. \u03c3", EXPLANATIONS.positionStddev, queries.positionStddev, length),
+    numberColumn("rotationStddev", "Rot. \u03c3", EXPLANATIONS.rotationStddev, queries.rotationStddevDeg, degrees),
+    numberColumn("tracks", "Points", EXPLANATIONS.tracks, queries.numTracks, format.formatCount, true),
+    numberColumn("reprojection", "Reproj.", EXPLANATIONS.reprojection, queries.reprojectionErrorPx, format.formatPixels),
+    numberColumn("images", "Images", EXPLANATIONS.images, queries.numImages, format.formatCount, true),
+    numberColumn("seconds", "Time", "Computing time of this query.", queries.seconds, format.formatSeconds),
+  ];
+  const reason: Column = {
+    id: "reason", label: "Reason", explanation: "Why the query has no pose, or why it is not to be relied on.",
+    width: "minmax(14rem, 5fr)", kind: "text", isWorstLow: true,
+    text: (query) => queries.reasons[query], key: ranks(queries.reasons),
+  };
+  const hasValue = (column: Column) => queries.names.some((_, query) => !Number.isNaN(column.key(query)));
+  return [...textColumns(queries, summary), ...[...numbers, reason].filter(hasValue)];
+}

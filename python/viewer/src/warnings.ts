@@ -1,0 +1,44 @@
+// Shows what a user should look at first, with links to the queries.
+import type { Warning } from "./data";
+import { button, make, visibleText } from "./dom";
+import { formatCount } from "./format";
+import type { Selection } from "./selection";
+
+const NUM_SHOWN = 3;
+
+function list(warning: Warning, selection: Selection, onOpen: () => void): HTMLElement {
+  const items = make("ul", { class: "items" });
+  for (const { name, query, text } of warning.items) {
+    const open = () => {
+      selection.select(query);
+      onOpen();
+    };
+    const label = visibleText(name);
+    const head = query >= 0 ? button(label, open, { class: "link" }) : make("span", { class: "name" }, label);
+    items.append(make("li", {}, head, text ? ` ${text}` : null));
+  }
+  const numMissing = warning.numItems - warning.items.length;
+  if (numMissing > 0) items.append(make("li", { class: "muted" }, `and ${formatCount(numMissing)} more`));
+  if (items.children.length <= NUM_SHOWN + 1) return items;
+  const rest = make("ul", { class: "items" }, ...[...items.children].slice(NUM_SHOWN));
+  const more = make("details", {}, make("summary", {}, `${formatCount(warning.numItems - NUM_SHOWN)} more`), rest);
+  return make("div", {}, items, more);
+}
+
+export function warningBox(warnings: Warning[], selection: Selection, onOpen: () => void): HTMLElement {
+  const box = make("section", { class: "card warnings", "aria-label": "Look at these first" });
+  if (warnings.length === 0) {
+    box.append(make("h2", {}, "Nothing stands out"));
+    box.append(make("p", { class: "muted" }, "No database image contradicts the others, and no query is near the threshold."));
+    return box;
+  }
+  box.append(make("h2", {}, "Look at these first"));
+  for (const warning of warnings) {
+    box.append(
+      make("h3", {}, warning.title, make("span", { class: "number" }, formatCount(warning.numItems))),
+      make("p", { class: "muted" }, warning.explanation),
+      list(warning, selection, onOpen),
+    );
+  }
+  return box;
+}
