@@ -3,10 +3,12 @@
 #include <algorithm>
 #include <csignal>
 #include <cstdlib>
+#include <iostream>
 
 #include "colmap_lazyloc/cli/options.h"
 #include "colmap_lazyloc/cli/progress.h"
 #include "colmap_lazyloc/cli/query_runner.h"
+#include "colmap_lazyloc/cli/report_command.h"
 #include "colmap_lazyloc/cli/run_command.h"
 #include "colmap_lazyloc/io/query_source.h"
 #include "colmap_lazyloc/io/result_writer.h"
@@ -68,10 +70,12 @@ int Run(const CommandOptions& options) {
   std::signal(SIGINT, SIG_DFL);
   WarnOfIntrinsics(records);
   const bool is_leave_one_out = options.source.selection.leave_one_out;
-  writer.Write(source.DatabaseModel(), records, source.Database(), OptionsAsIni(options), is_leave_one_out);
+  const std::string options_ini = "# written by " + ProgramVersion() + "\n" + OptionsAsIni(options);
+  writer.Write(source.DatabaseModel(), records, source.Database(), options_ini, is_leave_one_out);
   source.PublishMatches();
   progress.PrintSummary(records);
   if (is_leave_one_out) progress.PrintLeaveOneOut(source.DatabaseModel(), records);
+  std::cout << "report: " << ReportCommand(options) << std::endl;
   if (interrupted != 0) return kExitInterrupted;
   return options.strict && !AllLocalized(records) ? kExitNotAllLocalized : EXIT_SUCCESS;
 }

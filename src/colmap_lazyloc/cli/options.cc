@@ -191,6 +191,12 @@ bool ParseCommandLine(int argc, char** argv, IndexerOptions* options) {
 }
 
 std::string OptionsAsIni(const CommandOptions& options) {
+  std::vector<std::string> defaults;
+  const CommandOptions default_options;
+  ForEachOption(default_options,
+                [&](const std::string&, const auto* value, const char*) { defaults.push_back(AsText(*value)); });
+  std::string changed;
+  size_t option_idx = 0;
   std::vector<std::pair<std::string, std::string>> sections = {{"", ""}};  // name and lines
   ForEachOption(options, [&](const std::string& name, const auto* value, const char*) {
     const size_t dot = name.rfind('.');
@@ -199,8 +205,9 @@ std::string OptionsAsIni(const CommandOptions& options) {
         std::find_if(sections.begin(), sections.end(), [&](const auto& other) { return other.first == section_name; });
     if (section == sections.end()) section = sections.insert(section, {section_name, "[" + section_name + "]\n"});
     section->second += name.substr(dot + 1) + "=" + AsText(*value) + "\n";
+    if (AsText(*value) != defaults[option_idx++]) changed += " " + name;
   });
-  std::string ini;
+  std::string ini = changed.empty() ? "" : "# not defaults:" + changed + "\n";
   for (const auto& [name, lines] : sections) ini += lines;
   return ini;
 }

@@ -29,7 +29,8 @@ struct IndexerOptions {
 bool ParseCommandLine(int argc, char** argv, CommandOptions* options);
 bool ParseCommandLine(int argc, char** argv, IndexerOptions* options);
 
-// Returns all options in COLMAP's .ini format, which --project_path reads.
+// Returns all options in COLMAP's .ini format, which --project_path reads. A comment before them names those that
+// differ from their defaults.
 std::string OptionsAsIni(const CommandOptions& options);
 
 }  // namespace lazyloc

@@ -79,6 +79,10 @@ TEST_F(OptionsTest, IniFileOfARunIsReadAgain) {
   const std::string ini = OptionsAsIni(options);
   EXPECT_THAT(ini, HasSubstr("\n[LazyLocalizer]\nnum_retrieved=5\n"));
   EXPECT_THAT(ini, HasSubstr("\n[LazyLocalizer.Advanced]\n"));
+  EXPECT_EQ(ini.substr(0, ini.find('\n')),
+            "# not defaults: database_path input_path output_path strict ImageReader.camera_params "
+            "LazyLocalizer.num_retrieved LazyLocalizer.Advanced.rotation_averaging "
+            "LazyLocalizer.Advanced.convergence_sigma");
   CommandOptions again;
   EXPECT_TRUE(Parse({"--project_path", WriteIni(ini)}, &again));
   EXPECT_EQ(OptionsAsIni(again), ini);
