@@ -84,14 +84,16 @@ function errorLegend(queries: Queries, summary: Summary): LegendEntry[] {
   return entries.reverse();
 }
 
+function statusEntry(name: string): LegendEntry {
+  return { color: statusColor(name), label: statusLabel(name), hollow: name === "LOW_CONFIDENCE" };
+}
+
 // Returns what the colours of a mode mean, the best first.
 export function legend(mode: ColorMode, queries: Queries, summary: Summary): LegendEntry[] {
   if (mode === "status") {
-    return summary.statuses.map(({ name }) => ({
-      color: statusColor(name),
-      label: statusLabel(name),
-      hollow: name === "LOW_CONFIDENCE",
-    }));
+    const names = summary.statuses.map(({ name }) => name);
+    const entries = names.filter((name) => name in STATUS_COLORS).map(statusEntry);
+    return entries.length < names.length ? [...entries, { color: shade(FAILURE_COLOR), label: "no position" }] : entries;
   }
   if (mode === "error") return [...errorLegend(queries, summary), { color: shade(UNKNOWN_COLOR), label: "unknown" }];
   const bounds = confidenceBounds(summary);

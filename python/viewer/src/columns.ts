@@ -43,7 +43,7 @@ function numberColumn(
     id,
     label,
     explanation,
-    width: "5.6rem",
+    width: "5.7rem",
     kind: "number",
     isWorstLow,
     text: (query) => text(values[query]),
@@ -62,15 +62,21 @@ const EXPLANATIONS = {
   images: "Database images whose relative pose to the query was used.",
 };
 
+// Returns a width for texts of these lengths, beside something that is `extra` rem wide.
+function textWidth(texts: string[], extra: number): string {
+  const longest = texts.reduce((max, { length }) => Math.max(max, length), 6);
+  return `${Math.min(20, Math.max(7, 1 + extra + 0.52 * longest)).toFixed(1)}rem`;
+}
+
 function textColumns(queries: Queries, summary: Summary): Column[] {
   const labels = summary.statuses.map(({ name }) => statusLabel(name));
   const base = { explanation: "", isWorstLow: true };
   return [
-    { ...base, id: "name", label: "Query", width: "minmax(9rem, 2fr)", kind: "text",
+    { ...base, id: "name", label: "Query", width: textWidth(queries.names, 0), kind: "text",
       text: (query) => visibleText(queries.names[query]), key: ranks(queries.names) },
-    { ...base, id: "status", label: "Status", width: "9.6rem", kind: "status", isWorstLow: false,
+    { ...base, id: "status", label: "Status", width: textWidth(labels, 1.5), kind: "status", isWorstLow: false,
       text: (query) => labels[queries.status[query]], key: (query) => queries.status[query] },
-    { ...base, id: "confidence", label: "Confidence", explanation: EXPLANATIONS.confidence, width: "7.2rem",
+    { ...base, id: "confidence", label: "Confidence", explanation: EXPLANATIONS.confidence, width: "6.9rem",
       kind: "confidence", text: (query) => format.formatConfidence(queries.confidence[query]),
       key: (query) => queries.confidence[query] },
   ];

@@ -45,7 +45,7 @@ function distribution(quantity: Quantity, summary: Summary, queries: Queries): H
   if (trusted.length < all.length) {
     curves.push(cumulative(all, summary.numQueries, "with low confidence too", curves.length > 0 ? "dashed" : "solid"));
   }
-  const x = logAxis(title, [all[0], all[all.length - 1]], (value) => format(value));
+  const x = logAxis("", [all[0], all[all.length - 1]], (value) => format(value));
   for (const curve of curves) {
     curve.x.push(x.max);
     curve.y.push(curve.y[curve.y.length - 1]);

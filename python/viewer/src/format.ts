@@ -10,9 +10,17 @@ export function formatNumber(value: number, digits = 3): string {
   if (!Number.isFinite(value)) return value > 0 ? "\u221e" : "\u2212\u221e";
   if (value === 0) return "0";
   const magnitude = Math.floor(Math.log10(Math.abs(value)));
-  if (magnitude < -4 || magnitude >= 7) return value.toExponential(digits - 1).replace("e", "\u00b710^").replace("^+", "^");
+  if (magnitude < -4 || magnitude >= 7) return withExponent(value, digits);
   const text = value.toFixed(Math.max(0, Math.min(100, digits - 1 - magnitude)));
   return text.replace("-", "\u2212");
+}
+
+const SUPERSCRIPTS = "\u2070\u00b9\u00b2\u00b3\u2074\u2075\u2076\u2077\u2078\u2079";
+
+function withExponent(value: number, digits: number): string {
+  const [mantissa, exponent] = value.toExponential(digits - 1).replace("+", "").split("e");
+  const raised = exponent.replace(/\d/g, (digit) => SUPERSCRIPTS[Number(digit)]).replace("-", "\u207b");
+  return `${mantissa.replace("-", "\u2212")}\u00b710${raised}`;
 }
 
 export function formatCount(value: number): string {

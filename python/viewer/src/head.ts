@@ -2,7 +2,7 @@
 import { statusColor, statusLabel } from "./colors";
 import type { Queries, Summary } from "./data";
 import { headPlots } from "./distribution";
-import { make } from "./dom";
+import { button, make } from "./dom";
 import { formatCount, formatPercent } from "./format";
 import type { Selection } from "./selection";
 import { markOf, type StatusFilter } from "./table";
@@ -14,7 +14,7 @@ function subtitle(summary: Summary): string {
     `${formatCount(summary.numDatabaseImages)} database images`,
     `${formatCount(summary.numPoints)} points`,
   ];
-  if (summary.isLeaveOneOut) counts.push("each database image localized by the others");
+  if (summary.isLeaveOneOut) counts.push("leave-one-out: each query is a database image, localized by the others");
   if (summary.written) counts.push(dateText(summary.written));
   return counts.join(" \u00b7 ");
 }
@@ -68,17 +68,19 @@ function pairTable(caption: string, rows: [string, string][]): HTMLElement | nul
   return make("table", { class: "pairs" }, make("caption", {}, caption), ...body);
 }
 
-function runDetails(summary: Summary): HTMLElement {
+// Returns a button, and what it shows or hides.
+function runDetails(summary: Summary): [HTMLElement, HTMLElement] {
   const inputs = pairTable("Inputs", summary.inputs.map(({ option, value }) => [option, value]));
   const options = pairTable("Options", summary.options.map(({ name, value }) => [name, value]));
   const program = summary.program.split("\n").filter((line) => line.trim() !== "");
   const versions = pairTable("Versions", program.map((line, i) => [i === 0 ? "Program" : "", line]));
-  return make(
-    "details",
-    { class: "card run" },
-    make("summary", {}, "Inputs, options and versions of this run"),
-    make("div", { class: "run-tables" }, make("div", {}, inputs, versions), options),
-  );
+  const details = make("section", { class: "card run", hidden: true }, make("div", {}, inputs, versions), options);
+  const toggle = button("Inputs, options, versions", () => show(), { class: "button run-button", "aria-expanded": "false" });
+  const show = () => {
+    details.hidden = !details.hidden;
+    toggle.setAttribute("aria-expanded", String(!details.hidden));
+  };
+  return [toggle, details];
 }
 
 export interface HeadActions {
@@ -87,21 +89,23 @@ export interface HeadActions {
 }
 
 export function makeHead(summary: Summary, queries: Queries, selection: Selection, actions: HeadActions): HTMLElement {
-  const plots = make("div", { class: "card plots" }, ...headPlots(summary, queries));
-  const notes = summary.notes.map((note) => make("li", {}, note));
+  const [toggle, details] = runDetails(summary);
+  const bar = chips(summary, actions.onFilter);
+  bar.append(toggle);
+  const plots = headPlots(summary, queries);
+  const overview = make(
+    "div",
+    { class: "overview" },
+    warningBox(summary, selection, actions.onOpen),
+    plots.length > 0 && make("div", { class: "card plots" }, ...plots),
+  );
   return make(
     "header",
     { class: "head" },
     make("h1", {}, summary.title),
     make("p", { class: "subtitle" }, subtitle(summary)),
-    chips(summary, actions.onFilter),
-    make(
-      "div",
-      { class: "overview" },
-      warningBox(summary.warnings, selection, actions.onOpen),
-      plots.children.length > 0 && plots,
-    ),
-    notes.length > 0 && make("ul", { class: "notes" }, ...notes),
-    runDetails(summary),
+    bar,
+    details,
+    overview,
   );
 }

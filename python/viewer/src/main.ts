@@ -24,6 +24,7 @@ async function start(root: HTMLElement): Promise<void> {
   page = new QueryPage({ summary, queries, scene }, selection, table);
   const head = makeHead(summary, queries, selection, { onFilter: (statuses) => table.setStatuses(statuses), onOpen: open });
   const workspace = make("div", { class: "workspace" }, panel.element, table.element);
+  table.addControl(wideButton(workspace));
   root.replaceChildren(head, make("main", {}, workspace, page.element), openBar(queries.names, selection, page));
   panel.open("webgl");
   watchKeys(selection, table);
@@ -38,6 +39,15 @@ async function start(root: HTMLElement): Promise<void> {
   const state = () => ({ selected: selection.query, numVisible, ...panel.view?.state() });
   const measure = (isCoarse: boolean) => panel.view?.measure(isCoarse);
   Object.assign(window, { report: { addChunk, state, measure } });
+}
+
+// Returns a switch that gives the table the whole width of the page, below the scene.
+function wideButton(workspace: HTMLElement): HTMLElement {
+  const toggle = button("Wide", () => {
+    const isWide = workspace.classList.toggle("is-wide");
+    toggle.setAttribute("aria-pressed", String(isWide));
+  }, { class: "button wide", "aria-pressed": "false", title: "Give the table the whole width of the page" });
+  return toggle;
 }
 
 // Returns a bar at the bottom of the window that leads to the query page while that is out of sight.

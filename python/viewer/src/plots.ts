@@ -1,12 +1,12 @@
 // Draws the plots of the head as SVG.
 import { make, makeSvg } from "./dom";
 
-const WIDTH = 380;
-const HEIGHT = 210;
+const WIDTH = 400;
+const HEIGHT = 180;
 const LEFT = 42;
-const RIGHT = 14;
+const RIGHT = 24;
 const TOP = 10;
-const BOTTOM = 40;
+const BOTTOM = 36;
 
 export interface Axis {
   label: string;

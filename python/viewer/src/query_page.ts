@@ -107,7 +107,7 @@ export class QueryPage {
       ["Reprojection error", format.formatPixels(queries.reprojectionErrorPx[query])],
       ["Images used", format.formatCount(queries.numImages[query])],
     );
-    const known = numbers.filter(([, text]) => text !== format.UNKNOWN);
+    const known = numbers.filter(([, text]) => text !== format.UNKNOWN && text !== "0");
     const items = known.map(([label, text]) => make("div", {}, make("dt", {}, label), make("dd", {}, text)));
     return make("dl", { class: "figures" }, ...items);
   }
@@ -125,8 +125,10 @@ export class QueryPage {
       highlight = (image) => figure.highlight(drawing.images.findIndex((other) => other.image === image));
       if (queries.photo[query] < 0) left.append(make("p", { class: "muted" }, NO_PHOTO));
     } else left.append(make("p", { class: "muted" }, NO_DRAWING));
+    const list = facts(details, row);
+    if (!drawing) left.append(list);
     left.append(...present(timeBar(details, row), command(details.commands[row])));
-    const right = make("div", { class: "query-right" }, pairTable(details, row, scene, highlight), facts(details, row));
+    const right = make("div", { class: "query-right" }, pairTable(details, row, scene, highlight), drawing && list);
     body.replaceChildren(left, right);
   }
 }

@@ -73,6 +73,11 @@ export class Table {
     return row < 0 ? "" : `${formatCount(row + 1)} of ${formatCount(this.order.length)}`;
   }
 
+  // Adds a button to the bar above the table.
+  addControl(element: HTMLElement): void {
+    this.count.after(element);
+  }
+
   focus(): void {
     this.grid.focus();
   }
@@ -230,7 +235,8 @@ export class Table {
     const text = column.text(query);
     const cell = make("div", { class: `cell ${column.kind}`, role: "gridcell" });
     if (column.kind === "status") cell.append(statusMark(this.summary, this.queries, query));
-    if (column.kind === "confidence") cell.append(meter(this.queries.confidence[query]));
+    const confidence = this.queries.confidence[query];
+    if (column.kind === "confidence" && !Number.isNaN(confidence)) cell.append(meter(confidence));
     cell.append(make("span", {}, text));
     if (column.kind === "text") cell.title = text;
     return cell;
@@ -263,6 +269,6 @@ export function markOf(status: string): HTMLElement {
 
 function meter(value: number): HTMLElement {
   const element = make("span", { class: "meter", "aria-hidden": "true" });
-  element.style.setProperty("--value", Number.isNaN(value) ? "0" : String(value));
+  element.style.setProperty("--value", String(value));
   return element;
 }

@@ -3,8 +3,8 @@ import type { Details } from "./data";
 import { make } from "./dom";
 import { formatPercent, formatSeconds } from "./format";
 
-const MIN_SHARE = 0.02; // smaller stages are joined
-const COLORS = ["#0072b2", "#e69f00", "#009e73", "#cc79a7", "#56b4e9", "#d55e00", "#b3a400"];
+const MIN_SHARE = 0.03; // smaller stages are joined
+const COLORS = ["#0072b2", "#e69f00", "#009e73", "#cc79a7", "#56b4e9", "#d55e00", "#b3a400", "#7a5195", "#8c6d46"];
 const REST_COLOR = "#8a8f98";
 
 const LABELS: Record<string, string> = {

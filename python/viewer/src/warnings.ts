@@ -1,5 +1,5 @@
 // Shows what a user should look at first, with links to the queries.
-import type { Warning } from "./data";
+import type { Summary, Warning } from "./data";
 import { button, make, visibleText } from "./dom";
 import { formatCount } from "./format";
 import type { Selection } from "./selection";
@@ -25,20 +25,22 @@ function list(warning: Warning, selection: Selection, onOpen: () => void): HTMLE
   return make("div", {}, items, more);
 }
 
-export function warningBox(warnings: Warning[], selection: Selection, onOpen: () => void): HTMLElement {
+const CALM = "No database image contradicts the others, and no query is near the threshold of confidence.";
+
+// Returns a box with the warnings, and with notes on what the report lacks.
+export function warningBox(summary: Summary, selection: Selection, onOpen: () => void): HTMLElement {
+  const { warnings, notes } = summary;
   const box = make("section", { class: "card warnings", "aria-label": "Look at these first" });
-  if (warnings.length === 0) {
-    box.append(make("h2", {}, "Nothing stands out"));
-    box.append(make("p", { class: "muted" }, "No database image contradicts the others, and no query is near the threshold."));
-    return box;
-  }
-  box.append(make("h2", {}, "Look at these first"));
-  for (const warning of warnings) {
-    box.append(
-      make("h3", {}, warning.title, make("span", { class: "number" }, formatCount(warning.numItems))),
-      make("p", { class: "muted" }, warning.explanation),
-      list(warning, selection, onOpen),
-    );
-  }
+  if (warnings.length === 0) box.append(make("h2", {}, "Nothing stands out"), make("p", { class: "muted" }, CALM));
+  else box.append(make("h2", {}, "Look at these first"), ...warnings.flatMap((warning) => item(warning, selection, onOpen)));
+  if (notes.length > 0) box.append(make("ul", { class: "notes" }, ...notes.map((note) => make("li", {}, note))));
   return box;
+}
+
+function item(warning: Warning, selection: Selection, onOpen: () => void): HTMLElement[] {
+  return [
+    make("h3", {}, warning.title, make("span", { class: "number" }, formatCount(warning.numItems))),
+    make("p", { class: "muted" }, warning.explanation),
+    list(warning, selection, onOpen),
+  ];
 }
