@@ -43,7 +43,7 @@ const FRAGMENT = /* glsl */ `
   }
 `;
 
-// Returns the factor, 1 or more, with which a usual ellipsoid is a third as large as a frustum.
+// Returns the factor, 1 or more, with which a usual ellipsoid is half as large as a frustum.
 export function suggestFactor(scene: Scene): number {
   const largest: number[] = [];
   for (let i = 0; i < scene.queryCovariances.length; i += 6) {
@@ -51,7 +51,7 @@ export function suggestFactor(scene: Scene): number {
     largest.push(Math.sqrt(Math.max(xx, yy, zz)));
   }
   const usual = NUM_STANDARD_DEVIATIONS * quantile(largest, 0.5);
-  const factor = (0.33 * scene.frustumDepth) / usual;
+  const factor = (0.6 * scene.frustumDepth) / usual;
   return Number.isFinite(factor) ? roundDown125(Math.min(Math.max(factor, 1), MAX_FACTOR)) : 1;
 }
 

@@ -19,6 +19,9 @@ export interface Poses {
   extents: Float32Array;
 }
 
+// Alpha bytes of a frustum's colour: with its image plane, without it, or without it and dashed.
+export const LOOKS = { filled: 255, open: 230, hollow: 200 };
+
 // How far from the apex the image plane is drawn, for all frustums at once.
 export const frustumDepth = { value: 1 };
 
@@ -40,7 +43,7 @@ const PLACE = /* glsl */ `
   attribute vec3 centre;
   attribute vec4 rotation;
   attribute vec4 extent;
-  attribute vec4 tint; // alpha below 1: hollow
+  attribute vec4 tint; // alpha: how the frustum is drawn, as in LOOKS
   uniform float depth;
   vec3 place(vec3 corner) {
     vec2 onPlane = mix(extent.xy, extent.zw, corner.xy);
@@ -59,7 +62,7 @@ const EDGE_VERTEX = /* glsl */ `
   varying float dashed;
   void main() {
     lineColor = tint.rgb;
-    dashed = max(allDashed, 1.0 - step(0.9, tint.a));
+    dashed = max(allDashed, 1.0 - step(0.85, tint.a));
     gl_Position = expand(place(position), place(finish), place2.x, place2.y, width);
   }
 `;
@@ -77,7 +80,7 @@ const FILL_FRAGMENT = /* glsl */ `
   varying vec4 color;
   uniform float opacity;
   void main() {
-    if (color.a < 0.9 && opacity < 1.0) discard;
+    if (color.a < 0.95 && opacity < 1.0) discard;
     gl_FragColor = vec4(color.rgb, opacity);
   }
 `;

@@ -2,7 +2,7 @@
 import { Group, type Object3D } from "three";
 import { queryColor, sceneColors, type ColorMode } from "../colors";
 import { Ellipsoids, NUM_STANDARD_DEVIATIONS } from "./ellipsoids";
-import { frustumDepth, Frustums, type Poses } from "./frustums";
+import { frustumDepth, Frustums, LOOKS, type Poses } from "./frustums";
 import { Lines } from "./lines";
 import { vec3At } from "./math";
 import type { Projector } from "./picking";
@@ -13,7 +13,6 @@ import { bearingLine, hasBearing, hasPosition, hasTruth, type ViewData } from ".
 // More frustums than this are not drawn at once; the other cameras become points.
 const MAX_NUM_FRUSTUMS = 12000;
 const MAX_NUM_ELLIPSOIDS = 2000;
-const HOLLOW = 200; // alpha byte of hollow frustums; 255 for filled ones
 
 export type LayerName = "points" | "database" | "ellipsoids" | "truth" | "bearings" | "connections";
 
@@ -52,6 +51,7 @@ export class Layers {
   private mode: ColorMode = "status";
   private factor = 1;
   private isCoarse = false;
+  private selected = -1;
   private isStale = true; // True if colours or filters changed since the last choice
 
   constructor(private readonly data: ViewData) {
@@ -74,6 +74,12 @@ export class Layers {
 
   setMode(mode: ColorMode): void {
     this.mode = mode;
+  }
+
+  // Leaves out the image plane of the selected query, because it would cover what is seen from there.
+  setSelected(query: number): void {
+    this.isStale ||= query !== this.selected;
+    this.selected = query;
   }
 
   setFactor(factor: number): void {
@@ -168,7 +174,7 @@ export class Layers {
     const tints = new Uint8Array(4 * queries.length);
     queries.forEach((query, i) => {
       const isHollow = summary.statuses[table.status[query]].name !== "LOCALIZED";
-      tints.set([...colorBytes(this.color(query)), isHollow ? HOLLOW : 255], 4 * i);
+      tints.set([...colorBytes(this.color(query)), isHollow ? LOOKS.hollow : query === this.selected ? LOOKS.open : LOOKS.filled], 4 * i);
     });
     return tints;
   }

@@ -1,5 +1,5 @@
 // Finds from where the whole scene is seen well.
-import { Quaternion, Vector3 } from "three";
+import { Vector3 } from "three";
 import type { Scene } from "../data";
 import { dot, groundAxes, normalized, quantile, rotate, scaled, sum, vec3At, type Vec3 } from "./math";
 import type { Viewpoint } from "./viewpoint";
@@ -81,18 +81,33 @@ function middleInView(cameras: Vector3[], points: Vector3[]): Vector3 {
 export function fit(viewpoint: Viewpoint, scene: Scene): void {
   const { cameras, points } = takeSample(scene);
   const toView = viewpoint.orientation.clone().invert();
-  const inView = (list: Vec3[]) => list.map((point) => new Vector3(...point).applyQuaternion(toView as Quaternion));
+  const inView = (list: Vec3[]) => list.map((point) => new Vector3(...point).applyQuaternion(toView));
   const [viewCameras, viewPoints] = [inView(cameras), inView(points)];
-  const middle = middleInView(viewCameras, viewPoints);
   const tangent = Math.tan((viewpoint.camera.fov * Math.PI) / 360);
+  const middle = middleInView(viewCameras, viewPoints);
+  // Repeats because perspective shows what is near larger: the middle in space is not the middle of the window.
+  for (let step = 0; step < 4; step++) {
+    viewpoint.distance = neededDistance(viewCameras, viewPoints, middle, tangent, viewpoint.camera.aspect);
+    viewpoint.distance += scene.frustumDepth / tangent;
+    const onScreen = (point: Vector3) => {
+      const { x, y, z } = point.clone().sub(middle);
+      const depth = Math.max(viewpoint.distance - z, 0.05 * viewpoint.distance);
+      return new Vector3(x / depth, y / depth, 0);
+    };
+    const shift = middleInView(viewCameras.map(onScreen), viewPoints.map(onScreen));
+    middle.add(shift.setZ(0).multiplyScalar(viewpoint.distance));
+  }
+  viewpoint.distance = Math.max(viewpoint.distance, 0.01 * scene.size);
+  viewpoint.target.copy(middle.applyQuaternion(viewpoint.orientation));
+}
+
+// Returns the distance from which all cameras and most points are inside the window.
+function neededDistance(cameras: Vector3[], points: Vector3[], middle: Vector3, tangent: number, aspect: number): number {
   const needed = (point: Vector3) => {
     const { x, y, z } = point.clone().sub(middle);
-    return Math.max(Math.abs(x) / (tangent * viewpoint.camera.aspect), Math.abs(y) / tangent) + z;
+    return Math.max(Math.abs(x) / (tangent * aspect), Math.abs(y) / tangent) + z;
   };
-  const distances = [...viewCameras.map(needed), quantile(viewPoints.map(needed), 0.95)].filter(Number.isFinite);
-  const margin = scene.frustumDepth / tangent;
-  viewpoint.distance = Math.max(1.08 * Math.max(0, ...distances) + margin, 0.01 * scene.size);
-  viewpoint.target.copy(middle.applyQuaternion(viewpoint.orientation));
+  return Math.max(...cameras.map(needed), quantile(points.map(needed), cameras.length > 0 ? 0.85 : 0.95) || 0, 0);
 }
 
 // Puts the viewpoint where a query is, so that its whole image is seen; `ahead`: distance of what it looks at.

@@ -1,5 +1,5 @@
 // Draws many separate lines, each with two ends and a colour.
-import { DynamicDrawUsage, InstancedBufferAttribute, InstancedBufferGeometry, Float32BufferAttribute, Mesh } from "three";
+import { DynamicDrawUsage, InstancedBufferAttribute, InstancedBufferGeometry, Float32BufferAttribute, Mesh, type ShaderMaterial } from "three";
 import { colorBytes, lineMaterial, type LineStyle } from "./shaders";
 
 const VERTEX = /* glsl */ `
@@ -20,12 +20,16 @@ const VERTEX = /* glsl */ `
 `;
 
 export class Lines {
-  readonly mesh: Mesh<InstancedBufferGeometry>;
+  readonly mesh: Mesh<InstancedBufferGeometry, ShaderMaterial>;
 
   constructor(style: LineStyle) {
     this.mesh = new Mesh(new InstancedBufferGeometry(), lineMaterial(VERTEX, style));
     this.mesh.frustumCulled = false;
     this.mesh.visible = false;
+  }
+
+  setOpacity(opacity: number): void {
+    this.mesh.material.uniforms.opacity.value = opacity;
   }
 
   // Replaces the lines: six numbers each, and a CSS colour each or one for all.

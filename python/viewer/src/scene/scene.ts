@@ -132,6 +132,7 @@ class WebglView implements SceneView {
 
   private showSelected(): void {
     const { query } = this.selection;
+    this.layers.setSelected(query);
     this.selected.show(query);
     this.overlay.setSelected(query >= 0 && hasPosition(this.data.scene, query));
   }

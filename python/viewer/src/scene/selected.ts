@@ -36,10 +36,10 @@ export class SelectedQuery {
   query = -1;
   numPoints = 0;
   numImages = 0;
-  private readonly halo = new Frustums({ width: 6.5 });
-  private readonly frustum = new Frustums({ width: 3.5 });
+  private readonly halo = new Frustums({ width: 5.5 });
+  private readonly frustum = new Frustums({ width: 2.8 });
   private readonly hiddenPart = new Frustums({ width: 2, opacity: 0.45, isHiddenPart: true });
-  private readonly rays = new Lines({ width: 1, opacity: 0.35 });
+  private readonly rays = new Lines({ width: 1, opacity: 0.5 });
   private readonly links = new Lines({ width: 2 });
   private readonly images = new Frustums({ width: 2.2 });
   private readonly bearing = new Lines({ width: 4 });
@@ -85,6 +85,8 @@ export class SelectedQuery {
       ends.push(...vec3At(scene.queryCentres, query), ...vec3At(scene.points, points[Math.floor(i)]));
     }
     this.rays.set(ends, green);
+    // Makes many rays fainter, so that they do not hide what is behind them.
+    this.rays.setOpacity(Math.min(0.6, Math.max(0.1, 100 / (ends.length / 6))));
     this.numPoints = points.length;
     if (this.cloud) this.root.remove(this.cloud);
     this.cloud?.geometry.dispose();
