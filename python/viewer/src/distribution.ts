@@ -1,6 +1,6 @@
 // Makes the plots of the head: how errors or standard deviations are distributed, and how risk falls with confidence.
 import type { Plot, Queries, Summary } from "./data";
-import { formatDegrees, formatLength, formatNumber, formatPercent } from "./format";
+import { formatCount, formatDegrees, formatLength, formatNumber, formatPercent } from "./format";
 import { type Curve, logAxis, percentAxis, plot } from "./plots";
 
 const MAX_NUM_STEPS = 400;
@@ -30,7 +30,7 @@ function sortedValues(values: Float32Array, isWanted: (query: number) => boolean
 
 function inWords(values: number[], numQueries: number, format: (value: number) => string): string {
   const at = (share: number) => format(values[Math.min(values.length - 1, Math.ceil(share * values.length) - 1)]);
-  const whom = values.length === numQueries ? "of all queries" : `of the ${values.length} queries that have one`;
+  const whom = values.length === numQueries ? "of all queries" : `of the ${formatCount(values.length)} queries that have one`;
   return `Half ${whom} are below ${at(0.5)}, 90 % below ${at(0.9)}.`;
 }
 

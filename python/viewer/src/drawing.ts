@@ -4,12 +4,13 @@ import { make, makeSvg, visibleText } from "./dom";
 import { formatCount, formatNumber } from "./format";
 import { photoUrl } from "./load";
 
-const MAX_NUM_LINES = 250; // of each database image
+const MAX_NUM_LINES = 70; // of each database image
 const WIDTH = 1000; // units of the figure
 const MAX_HEIGHT = 640;
 const GAP = 46;
 const INNER_GAP = 14;
 const CAPTION = 22;
+const STACK_HEIGHT = 1.3; // of the database images together, in heights of the query
 const ARROW_LENGTH = 0.045; // of the query's width: that of the residual that 90 % stay below
 
 interface Box {
@@ -31,18 +32,18 @@ function layout(query: [number, number], others: [number, number][]): { boxes: B
   const aspect = ([width, height]: [number, number]) => width / height;
   const isUpright = others.every((size) => aspect(size) < 1) && aspect(query) < 1;
   if (isUpright || others.length < 2) return sideBySide(query, others, aspect);
-  // A database image of height h is aspect * h wide; the images and the gaps between them are as high as the query.
+  // A database image of height h is aspect * h wide.
   const num = others.length;
   const widest = Math.max(...others.map(aspect));
   const gaps = (num - 1) * (INNER_GAP + CAPTION);
   const room = WIDTH - GAP + (widest * gaps) / num;
-  const height = Math.min(MAX_HEIGHT, room / (aspect(query) + widest / num));
-  const each = (height - gaps) / num;
+  const height = Math.min(MAX_HEIGHT, room / (aspect(query) + (widest * STACK_HEIGHT) / num));
+  const each = (STACK_HEIGHT * height - gaps) / num;
   const boxes = [boxOf(0, 0, query, height / query[1])];
   others.forEach((size, i) => {
     boxes.push(boxOf(boxes[0].width + GAP, i * (each + INNER_GAP + CAPTION), size, each / size[1]));
   });
-  return { boxes, width: boxes[0].width + GAP + widest * each, height: height + CAPTION };
+  return { boxes, width: boxes[0].width + GAP + widest * each, height: STACK_HEIGHT * height + CAPTION };
 }
 
 function sideBySide(query: [number, number], others: [number, number][], aspect: (size: [number, number]) => number) {
@@ -65,18 +66,20 @@ function place(box: Box, xy: Float32Array, i: number): Point {
 
 const pair = ([x, y]: Point) => `${x.toFixed(1)} ${y.toFixed(1)}`;
 
-function photo(box: Box, index: number, label: string): SVGElement {
+function photo(box: Box, index: number, name: string, remark = ""): SVGElement {
   const rect = { x: box.x, y: box.y, width: box.width, height: box.height };
   const url = photoUrl(index);
   const group = makeSvg("g", { class: "photo" }, makeSvg("rect", rect));
   if (url) group.append(makeSvg("image", { href: url, preserveAspectRatio: "none", ...rect }));
-  return group.appendChild(caption(box, label)).parentNode as SVGElement;
+  group.append(caption(box, name, remark));
+  return group;
 }
 
-function caption(box: Box, label: string): SVGElement {
-  const maxLength = Math.max(12, Math.floor(box.width / 7.4));
-  const text = label.length > maxLength ? `\u2026${label.slice(1 - maxLength)}` : label;
-  return makeSvg("text", { x: box.x, y: box.y + box.height + 15 }, text, makeSvg("title", {}, label));
+// Returns a name, without its beginning if it is long, and a remark.
+function caption(box: Box, name: string, remark: string): SVGElement {
+  const maxLength = Math.max(8, Math.floor(box.width / 6.6) - remark.length);
+  const text = name.length > maxLength ? `\u2026${name.slice(1 - maxLength)}` : name;
+  return makeSvg("text", { x: box.x, y: box.y + box.height + 15 }, text + remark, makeSvg("title", {}, name));
 }
 
 interface Matches {
@@ -85,13 +88,17 @@ interface Matches {
   databaseXy: Float32Array;
 }
 
+function strideOf(num: number): number {
+  return Math.max(1, Math.ceil(num / MAX_NUM_LINES));
+}
+
 // Returns lines from the query to one database image, every n-th if there are many, and a dot at each end.
 function lines(matches: Matches, image: number, boxes: Box[], kind: string): SVGElement {
   const chosen: number[] = [];
   matches.images.forEach((value, i) => {
     if (value === image) chosen.push(i);
   });
-  const stride = Math.max(1, Math.ceil(chosen.length / MAX_NUM_LINES));
+  const stride = strideOf(chosen.length);
   const strokes: string[] = [];
   const dots: string[] = [];
   chosen.forEach((i, position) => {
@@ -100,7 +107,7 @@ function lines(matches: Matches, image: number, boxes: Box[], kind: string): SVG
     dots.push(`M${from}h0M${to}h0`);
     if (position % stride === 0) strokes.push(`M${from}L${to}`);
   });
-  const opacity = Math.max(0.22, Math.min(0.75, 14 / Math.sqrt(strokes.length + 1) / 5));
+  const opacity = Math.max(0.35, Math.min(0.8, 3.5 / Math.sqrt(strokes.length + 1)));
   return makeSvg(
     "g",
     { class: `matches ${kind} image-${image}` },
@@ -164,8 +171,8 @@ export function makeFigure(drawing: Drawing, name: string, photoIndex: number, s
   const figure = make("figure", { class: "drawing" });
   figure.style.setProperty("--width", `${Math.round(width)}px`);
   drawing.images.forEach(({ image, photo: index, numInliers }, i) => {
-    const label = `${formatCount(numInliers)} inliers \u00b7 ${visibleText(scene.databaseNames[image] ?? "")}`;
-    const element = photo(boxes[i + 1], index, label);
+    const remark = ` \u00b7 ${formatCount(numInliers)} inliers`;
+    const element = photo(boxes[i + 1], index, visibleText(scene.databaseNames[image] ?? ""), remark);
     element.addEventListener("pointerenter", () => highlight(i));
     element.addEventListener("pointerleave", () => highlight(-1));
     svg.append(element);
@@ -186,15 +193,24 @@ export function makeFigure(drawing: Drawing, name: string, photoIndex: number, s
   return { element: figure, highlight };
 }
 
+// Returns the number of matches, and how many of them have a line.
+function matchText(images: Uint8Array): string {
+  const counts = [0, 0, 0];
+  for (const image of images) counts[image]++;
+  const numLines = counts.reduce((sum, count) => sum + Math.ceil(count / strideOf(count)), 0);
+  const all = formatCount(images.length);
+  return numLines < images.length ? `${all}, ${formatCount(numLines)} with lines` : all;
+}
+
 function switches(figure: HTMLElement, drawing: Drawing, factor: number): HTMLElement {
   const bar = make("div", { class: "bar switches" });
   const { inlierImages, rejectedImages, residuals } = drawing;
   if (inlierImages.length > 0) {
-    bar.append(toggle(figure, "inliers", `Inliers (${formatCount(inlierImages.length)})`, true));
+    bar.append(toggle(figure, "inliers", `Inliers (${matchText(inlierImages)})`, true));
   }
   if (rejectedImages.length > 0) {
     const isFailure = inlierImages.length === 0;
-    bar.append(toggle(figure, "rejected", `Rejected matches (${formatCount(rejectedImages.length)})`, isFailure));
+    bar.append(toggle(figure, "rejected", `Rejected matches (${matchText(rejectedImages)})`, isFailure));
   }
   if (residuals.length > 0) {
     const text = `Residuals, ${formatNumber(factor, 1)} times as long as in the photo`;

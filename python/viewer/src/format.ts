@@ -9,10 +9,14 @@ export function formatNumber(value: number, digits = 3): string {
   if (Number.isNaN(value)) return UNKNOWN;
   if (!Number.isFinite(value)) return value > 0 ? "\u221e" : "\u2212\u221e";
   if (value === 0) return "0";
-  const magnitude = Math.floor(Math.log10(Math.abs(value)));
+  const magnitude = Math.floor(Math.log10(Math.abs(rounded(value, digits))));
   if (magnitude < -4 || magnitude >= 7) return withExponent(value, digits);
   const text = value.toFixed(Math.max(0, Math.min(100, digits - 1 - magnitude)));
   return text.replace("-", "\u2212");
+}
+
+function rounded(value: number, digits: number): number {
+  return Number(value.toPrecision(digits));
 }
 
 const SUPERSCRIPTS = "\u2070\u00b9\u00b2\u00b3\u2074\u2075\u2076\u2077\u2078\u2079";
@@ -43,7 +47,7 @@ export function lengthUnit(value: number, summary: Summary): { unit: string; len
 
 export function formatLength(value: number, summary: Summary, digits = 2): string {
   if (Number.isNaN(value)) return UNKNOWN;
-  const { unit, length } = lengthUnit(value, summary);
+  const { unit, length } = lengthUnit(rounded(value, digits), summary);
   const scaled = value / length;
   return withUnit(Math.abs(scaled) >= 100 ? formatNumber(scaled, 3) : formatNumber(scaled, digits), unit);
 }

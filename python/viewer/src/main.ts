@@ -20,25 +20,25 @@ async function start(root: HTMLElement): Promise<void> {
     panel.setVisible(visible);
     page?.updateSteps();
   };
-  const table = new Table(summary, queries, selection, onFilter, open);
+  const table = new Table(summary, queries, selection, { onFilter, onSort: () => page?.updateSteps(), onOpen: open });
   page = new QueryPage({ summary, queries, scene }, selection, table);
   const head = makeHead(summary, queries, selection, { onFilter: (statuses) => table.setStatuses(statuses), onOpen: open });
   const workspace = make("div", { class: "workspace" }, panel.element, table.element);
   table.addControl(wideButton(workspace));
   root.replaceChildren(head, make("main", {}, workspace, page.element), openBar(queries.names, selection, page));
   panel.open("webgl");
+  const state = () => ({ selected: selection.query, numVisible, ...panel.view?.state() });
+  const measure = (isCoarse: boolean) => panel.view?.measure(isCoarse);
+  Object.assign(window, { report: { addChunk, state, measure, data: { summary, queries, scene } } });
   watchKeys(selection, table);
   selection.readAddress();
-  page.show();
+  await page.show();
   if (selection.query >= 0 || selection.unknownName !== null) page.element.scrollIntoView({ block: "start" });
   window.matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => {
     panel.refresh();
     table.refresh();
-    page.show();
+    void page.show();
   });
-  const state = () => ({ selected: selection.query, numVisible, ...panel.view?.state() });
-  const measure = (isCoarse: boolean) => panel.view?.measure(isCoarse);
-  Object.assign(window, { report: { addChunk, state, measure } });
 }
 
 // Returns a switch that gives the table the whole width of the page, below the scene.

@@ -27,7 +27,7 @@ export class QueryPage {
     private readonly selection: Selection,
     private readonly table: Table,
   ) {
-    selection.onChange(() => this.show());
+    selection.onChange(() => void this.show());
   }
 
   open(): void {
@@ -41,7 +41,8 @@ export class QueryPage {
     if (bar) bar.replaceWith(this.steps());
   }
 
-  show(): void {
+  // Shows the selected query; resolves when its details are there.
+  async show(): Promise<void> {
     const { query, unknownName } = this.selection;
     this.numShown++;
     this.element.classList.toggle("is-empty", query < 0 && unknownName === null);
@@ -54,7 +55,7 @@ export class QueryPage {
     } else {
       const body = make("div", { class: "query-body" });
       this.element.replaceChildren(this.header(query), ...this.reason(query), this.figures(query), body);
-      this.fill(body, query, this.numShown).catch((error: unknown) => {
+      await this.fill(body, query, this.numShown).catch((error: unknown) => {
         body.replaceChildren(make("p", { class: "callout" }, error instanceof Error ? error.message : String(error)));
       });
     }
@@ -125,10 +126,9 @@ export class QueryPage {
       highlight = (image) => figure.highlight(drawing.images.findIndex((other) => other.image === image));
       if (queries.photo[query] < 0) left.append(make("p", { class: "muted" }, NO_PHOTO));
     } else left.append(make("p", { class: "muted" }, NO_DRAWING));
-    const list = facts(details, row);
-    if (!drawing) left.append(list);
-    left.append(...present(timeBar(details, row), command(details.commands[row])));
-    const right = make("div", { class: "query-right" }, pairTable(details, row, scene, highlight), drawing && list);
+    left.append(facts(details, row));
+    const pairs = pairTable(details, row, scene, highlight);
+    const right = make("div", { class: "query-right" }, pairs, timeBar(details, row), command(details.commands[row]));
     body.replaceChildren(left, right);
   }
 }
@@ -137,14 +137,11 @@ const NO_PHOTO = "The photo is not in this report, so the frame of the image is 
 const NO_DRAWING =
   "This query's matches are not drawn: either no database was given to the report, or it was not among the queries chosen for drawing.";
 
-function present(...elements: (HTMLElement | null)[]): HTMLElement[] {
-  return elements.filter((element): element is HTMLElement => element !== null);
-}
-
 function facts(details: Details, row: number): HTMLElement {
   const list = make("dl", { class: "facts" });
   for (const [label, text] of details.facts[row]) {
-    if (!HEAD_FACTS.has(label)) list.append(make("dt", {}, label), make("dd", {}, visibleText(text)));
+    if (HEAD_FACTS.has(label)) continue;
+    list.append(make("div", {}, make("dt", {}, label), make("dd", {}, visibleText(text))));
   }
   return make("section", {}, make("h3", {}, "What is known"), list);
 }

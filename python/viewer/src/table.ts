@@ -4,6 +4,7 @@ import { type Column, tableColumns } from "./columns";
 import type { Queries, Summary } from "./data";
 import { button, make } from "./dom";
 import { formatCount } from "./format";
+import { sortedIndices } from "./sort";
 import type { Selection } from "./selection";
 
 const ROW_HEIGHT = 28;
@@ -12,11 +13,17 @@ const NUM_PRINTED_ROWS = 40;
 
 export type StatusFilter = Set<number>; // indices of Summary.statuses; empty: all
 
+export interface TableEvents {
+  onFilter(visible: Uint8Array, numVisible: number): void; // visible: 1 a query that the filter leaves
+  onSort(): void;
+  onOpen(): void; // the user asked for the page of the selected query
+}
+
 export class Table {
   readonly element: HTMLElement;
   readonly filterField: HTMLInputElement;
   private readonly columns: Column[];
-  private readonly keys: Float64Array[] = [];
+  private readonly keys: Float32Array[] = [];
   private readonly grid: HTMLElement;
   private readonly body: HTMLElement;
   private readonly headers: HTMLElement[];
@@ -24,7 +31,8 @@ export class Table {
   private readonly empty = make("p", { class: "empty", hidden: true }, "No query matches the filter.");
   private searchTexts: string[] | null = null;
   private order: Uint32Array; // the shown queries, in the order of the rows
-  private rowOf: Int32Array; // of each query, or -1
+  private readonly rowOf: Int32Array; // of each query, or -1
+  private readonly visible: Uint8Array; // 1 a query that the filter leaves
   private sorted: Uint32Array; // all queries in that order
   private sortColumn = -1;
   private isDescending = false;
@@ -35,13 +43,13 @@ export class Table {
     private readonly summary: Summary,
     private readonly queries: Queries,
     private readonly selection: Selection,
-    private readonly onFilter: (visible: Uint8Array, numVisible: number) => void,
-    private readonly onOpen: () => void,
+    private readonly events: TableEvents,
   ) {
     this.columns = tableColumns(queries, summary);
     this.sorted = Uint32Array.from(queries.names, (_, i) => i);
     this.order = this.sorted;
     this.rowOf = Int32Array.from(this.sorted);
+    this.visible = new Uint8Array(this.sorted.length);
     this.headers = this.columns.map((column, i) => this.makeHeader(column, i));
     this.body = make("div", { class: "rows", role: "rowgroup" });
     this.grid = this.makeGrid();
@@ -110,7 +118,7 @@ export class Table {
     this.grid.addEventListener("scroll", () => this.draw(), { passive: true });
     this.grid.addEventListener("keydown", (event) => this.onKey(event));
     this.body.addEventListener("click", (event) => this.selection.select(this.queryAt(event)));
-    this.body.addEventListener("dblclick", () => this.onOpen());
+    this.body.addEventListener("dblclick", () => this.events.onOpen());
     new ResizeObserver(() => this.draw()).observe(this.grid);
     this.selection.onChange(() => this.showSelected());
     window.addEventListener("beforeprint", () => this.refresh());
@@ -129,7 +137,7 @@ export class Table {
     const targets: Record<string, number> = {
       ArrowDown: row + 1, ArrowUp: row < 0 ? last : row - 1, PageDown: row + page, PageUp: row - page, Home: 0, End: last,
     };
-    if (event.key === "Enter" && row >= 0) this.onOpen();
+    if (event.key === "Enter" && row >= 0) this.events.onOpen();
     else if (event.key in targets && last >= 0) {
       this.selection.select(this.order[Math.max(0, Math.min(last, targets[event.key]))], true);
     } else return;
@@ -144,36 +152,44 @@ export class Table {
       const direction = this.isDescending ? "descending" : "ascending";
       header.setAttribute("aria-sort", i === column ? direction : "none");
     });
-    this.sorted = sortedQueries(this.keysOf(column), this.isDescending);
-    this.filter();
+    this.sorted = sortedIndices(this.keysOf(column), this.isDescending);
+    this.arrange();
     this.grid.scrollTop = 0;
+    this.events.onSort();
   }
 
-  private keysOf(column: number): Float64Array {
-    this.keys[column] ??= Float64Array.from(this.queries.names, (_, query) => this.columns[column].key(query));
+  private keysOf(column: number): Float32Array {
+    this.keys[column] ??= this.computeKeys(column);
     return this.keys[column];
+  }
+
+  private computeKeys(column: number): Float32Array {
+    const keys = new Float32Array(this.queries.names.length);
+    for (let query = 0; query < keys.length; query++) keys[query] = this.columns[column].key(query);
+    return keys;
   }
 
   private filter(): void {
     const wanted = this.filterField.value.trim().toLowerCase();
     this.searchTexts ??= this.queries.names.map((name, i) => `${name}\n${this.queries.reasons[i]}`.toLowerCase());
-    const labels = this.summary.statuses.map(({ name }) => `${name}\n${statusLabel(name)}`.toLowerCase());
-    const { status } = this.queries;
     const texts = this.searchTexts;
-    this.order = this.sorted.filter(
-      (query) =>
-        (this.statuses.size === 0 || this.statuses.has(status[query])) &&
-        (wanted === "" || texts[query].includes(wanted) || labels[status[query]].includes(wanted)),
-    );
-    this.rowOf = new Int32Array(status.length).fill(-1);
-    const visible = new Uint8Array(status.length);
-    this.order.forEach((query, row) => {
-      this.rowOf[query] = row;
-      visible[query] = 1;
+    const isLabelled = this.summary.statuses.map(({ name }) => `${name}\n${statusLabel(name)}`.toLowerCase().includes(wanted));
+    this.queries.status.forEach((status, query) => {
+      const isShown =
+        (this.statuses.size === 0 || this.statuses.has(status)) && (isLabelled[status] || texts[query].includes(wanted));
+      this.visible[query] = isShown ? 1 : 0;
     });
+    this.arrange();
+    this.events.onFilter(this.visible.slice(), this.order.length);
+  }
+
+  // Puts the queries that the filter leaves into the rows.
+  private arrange(): void {
+    this.order = this.sorted.filter((query) => this.visible[query] === 1);
+    this.rowOf.fill(-1);
+    for (let row = 0; row < this.order.length; row++) this.rowOf[this.order[row]] = row;
     this.showCount();
     this.refresh();
-    this.onFilter(visible, this.order.length);
   }
 
   private showCount(): void {
@@ -241,18 +257,6 @@ export class Table {
     if (column.kind === "text") cell.title = text;
     return cell;
   }
-}
-
-// Returns the queries by their keys; those without one come last, equal ones in the report's order.
-function sortedQueries(keys: Float64Array, isDescending: boolean): Uint32Array {
-  const sign = isDescending ? -1 : 1;
-  const known = Uint32Array.from(keys, (_, i) => i).filter((i) => !Number.isNaN(keys[i]));
-  const unknown = Uint32Array.from(keys, (_, i) => i).filter((i) => Number.isNaN(keys[i]));
-  known.sort((a, b) => sign * (keys[a] - keys[b]) || a - b);
-  const sorted = new Uint32Array(keys.length);
-  sorted.set(known);
-  sorted.set(unknown, known.length);
-  return sorted;
 }
 
 // Returns the sign of a status: its shape tells it apart without colours.

@@ -14,7 +14,7 @@ function list(warning: Warning, selection: Selection, onOpen: () => void): HTMLE
       onOpen();
     };
     const label = visibleText(name);
-    const head = query >= 0 ? button(label, open, { class: "link" }) : make("span", { class: "name" }, label);
+    const head = query >= 0 ? button(label, open, { class: "button link" }) : make("span", { class: "name" }, label);
     items.append(make("li", {}, head, text ? ` ${text}` : null));
   }
   const numMissing = warning.numItems - warning.items.length;
