@@ -6,6 +6,8 @@ from collections.abc import Iterable
 
 import numpy as np
 
+from colmap_lazyloc.model import CAMERA_MODELS, Camera
+
 MAX_NUM_IMAGES = 2147483647  # COLMAP's constant, from which pair ids are computed
 
 
@@ -36,6 +38,7 @@ class DatabaseReader:
     """Reads keypoints and verified matches by image name; use it in a `with` statement."""
 
     def __init__(self, path):
+        self.path = pathlib.Path(path)
         self._connection = connect(path)
         self.image_ids: dict[str, int] = dict(self._connection.execute("SELECT name, image_id FROM images"))
         rows = self._connection.execute("SELECT pair_id, rows FROM two_view_geometries WHERE rows > 0")
@@ -59,9 +62,27 @@ class DatabaseReader:
             return np.empty((0, 2))
         return np.frombuffer(row[2], dtype=np.float32).reshape(row[0], row[1])[:, :2].astype(np.float64)
 
+    def camera(self, name: str) -> Camera | None:
+        """Returns the intrinsics of an image; None if the camera's model is unknown here."""
+        query = "SELECT model, width, height, params FROM cameras WHERE camera_id = "
+        query += "(SELECT camera_id FROM images WHERE image_id = ?)"
+        row = self._connection.execute(query, (self.image_ids[name],)).fetchone()
+        if row is None or not 0 <= row[0] < len(CAMERA_MODELS):
+            return None
+        model, num_params = CAMERA_MODELS[row[0]]
+        params = np.frombuffer(row[3] or b"", "<f8")
+        return Camera(model, row[1], row[2], tuple(params.tolist())) if len(params) == num_params else None
+
     def inlier_matches(self, name1: str, name2: str) -> np.ndarray:
         """Returns the verified matches, m x 2: keypoint index in the first image and in the second image."""
-        query = "SELECT rows, data FROM two_view_geometries WHERE pair_id = ? AND rows > 0"
+        return self._read_matches("two_view_geometries", name1, name2)
+
+    def raw_matches(self, name1: str, name2: str) -> np.ndarray:
+        """Returns the matches before verification, m x 2, as `inlier_matches` does."""
+        return self._read_matches("matches", name1, name2)
+
+    def _read_matches(self, table: str, name1: str, name2: str) -> np.ndarray:
+        query = f"SELECT rows, data FROM {table} WHERE pair_id = ? AND rows > 0"
         row = self._connection.execute(query, (self._pair_id(name1, name2),)).fetchone()
         if row is None:
             return np.empty((0, 2), dtype=np.int64)

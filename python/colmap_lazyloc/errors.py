@@ -3,6 +3,8 @@
 import functools
 import sys
 
+EXIT_INTERRUPTED = 130
+
 
 class InputError(Exception):
     """Raised for a file or an option that cannot be used; the message is one line that names it."""
@@ -11,7 +13,8 @@ class InputError(Exception):
 def command(main):
     """Turns `main(arguments)`, which may return an exit code, into a command.
 
-    If the input is bad, or a file cannot be read or written, the command prints one line and ends with exit code 1.
+    If the input is bad, or a file cannot be read or written, the command prints one line and ends with exit code 1;
+    after Ctrl-C with exit code 130.
     """
     # Take the name from the specification, because `python -m` names the module __main__.
     program = sys.modules[main.__module__].__spec__.name.removesuffix(".__main__")
@@ -23,6 +26,9 @@ def command(main):
         except (InputError, OSError) as error:
             print(f"{program}: {_escape(str(error))}", file=sys.stderr)
             return 1
+        except KeyboardInterrupt:
+            print(f"{program}: interrupted", file=sys.stderr)
+            return EXIT_INTERRUPTED
 
     return run
 

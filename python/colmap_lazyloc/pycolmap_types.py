@@ -15,6 +15,11 @@ def to_pycolmap_camera(camera: Camera, camera_id: int = 1) -> pycolmap.Camera:
     )
 
 
+def image_from_cam(camera: Camera, points_in_cam: np.ndarray) -> np.ndarray:
+    """Projects points, n x 3; returns pixels, n x 2, and NaN for points that the camera cannot see."""
+    return to_pycolmap_camera(camera).img_from_cam(points_in_cam)
+
+
 def to_rigid3d(pose: Pose) -> pycolmap.Rigid3d:
     # Normalize the quaternion, because pycolmap does not.
     return pycolmap.Rigid3d(pycolmap.Rotation3d(np.roll(pose.qvec / np.linalg.norm(pose.qvec), -1)), pose.tvec)

@@ -23,6 +23,15 @@ def read_queries(path) -> dict[str, Camera | None]:
     return queries
 
 
+def read_query_lines(path) -> dict[str, str]:
+    """Reads the queries' lines by name, in the order of the file."""
+    lines = {}
+    for _, line in read_entries(path):
+        match = _WITH_CAMERA.fullmatch(line)
+        lines[match.group(1) if match else line] = line
+    return lines
+
+
 def read_query_cameras(path) -> dict[str, Camera]:
     """Reads the queries' cameras by name; every line must have one."""
     queries = read_queries(path)

@@ -1,49 +1,119 @@
-"""Writes a report of a finished run: one HTML file that a browser opens without a server."""
+"""Writes a report of a finished run: a page that a browser opens from the disk, without a server or a network.
+
+    python -m colmap_lazyloc.report RUN --image_path photos --database_path database.db --output report.html
+
+RUN is the output folder of `colmap lazy_localizer`. The page shows where the queries are, how certain each pose is and
+what it rests on. Lengths are in the unit of the database and are shown as metres.
+"""
 
 import argparse
 import pathlib
 import sys
 
-import numpy as np
-
-from colmap_lazyloc.errors import command
+from colmap_lazyloc.errors import InputError, command
 from colmap_lazyloc.evaluate import read_any_poses
-from colmap_lazyloc.report.chunk import pack
-from colmap_lazyloc.report.details import DETAILS_PER_BLOCK, detail_chunk
-from colmap_lazyloc.report.page import single_page
-from colmap_lazyloc.report.run import read_run
-from colmap_lazyloc.report.scene import query_cameras, scene_chunk
-from colmap_lazyloc.report.scene_points import choose_points
-from colmap_lazyloc.report.summary import summary_chunk
-from colmap_lazyloc.report.table import query_chunk
+from colmap_lazyloc.report.build import Sources, build_page
+from colmap_lazyloc.report.output import check_output, write_file, write_folder
+from colmap_lazyloc.report.page import PAGE_NAME, page_files, single_page
+from colmap_lazyloc.report.plots import plot_files
+from colmap_lazyloc.report.run import Run, read_run
+from colmap_lazyloc.report.tum import tum_text
 
 
 def parse_arguments(arguments):
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("run", type=pathlib.Path, help="output folder of colmap lazy_localizer")
-    parser.add_argument("--ground_truth", type=pathlib.Path, help="true poses: poses file, or folder of a COLMAP model")
-    parser.add_argument("--max_num_points", type=int, default=1000000, help="maximum number of points")
-    parser.add_argument("--output", type=pathlib.Path, required=True, help="file to write")
+    parser = argparse.ArgumentParser(
+        prog="python -m colmap_lazyloc.report",
+        description=__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("run", type=pathlib.Path, help="output folder of a run of colmap lazy_localizer")
+    parser.add_argument("--output", type=pathlib.Path, required=True, help="page to write; with --split a folder")
+    parser.add_argument(
+        "--image_path",
+        type=pathlib.Path,
+        help="folder of the photos, of queries and database images; default: the page has no photos",
+    )
+    parser.add_argument(
+        "--database_path",
+        type=pathlib.Path,
+        help="COLMAP database of the run; default: rejected matches are not drawn",
+    )
+    parser.add_argument(
+        "--ground_truth",
+        type=pathlib.Path,
+        help="true poses of the queries, a poses file or a folder with a COLMAP model, in the coordinates of the "
+        "database: they are not aligned; default: of a leave-one-out run the input model, of other runs none",
+    )
+    parser.add_argument(
+        "--split",
+        action="store_true",
+        help=f"write a folder, for large runs: a browser opens its {PAGE_NAME} and loads the rest when it is needed",
+    )
+    parser.add_argument(
+        "--max_num_images",
+        type=_count,
+        default=80,
+        help="maximum number of queries whose photos and matches are shown: three quarters of them the least certain, "
+        "the others drawn at random; each brings up to three database images; default: %(default)s",
+    )
+    parser.add_argument(
+        "--max_num_points",
+        type=_count,
+        default=1000000,
+        help="maximum number of points, which are thinned evenly over the queries; default: %(default)s",
+    )
+    parser.add_argument(
+        "--tum",
+        type=pathlib.Path,
+        metavar="FILE",
+        help="also write the poses in the format of the TUM benchmark, world_from_cam, for evo; a query's time is the "
+        "last number in its file name, if these numbers are unique, or else its place in the order of the names",
+    )
+    parser.add_argument(
+        "--plots",
+        type=pathlib.Path,
+        metavar="FOLDER",
+        help="also write plots as PNG and SVG files: distributions of errors and standard deviations, risk-coverage",
+    )
     return parser.parse_args(arguments)
+
+
+def _count(text: str) -> int:
+    if not text.isdecimal():
+        raise argparse.ArgumentTypeError(f"must be a whole number, but is '{text}'")
+    return int(text)
 
 
 @command
 def main(arguments=None):
     options = parse_arguments(arguments)
+    check_output(options.output, options.split, PAGE_NAME)
+    if options.image_path is not None and not options.image_path.is_dir():
+        raise InputError(f"--image_path {options.image_path}: is not a folder")
     truth = None if options.ground_truth is None else read_any_poses(options.ground_truth)
     run = read_run(options.run, truth)
-    points = choose_points(run, options.max_num_points)
-    none = np.full(len(run.queries), -1)
-    chunks = {
-        "summary": pack(summary_chunk(run, {"points": len(points.xyz), "photos": 0}, [], []), {}),
-        "queries": pack(*query_chunk(run, none, none * 0)),
-        "scene": pack(*scene_chunk(run, query_cameras(run, {}), points)),
-    }
-    for block in range((len(run.queries) - 1) // DETAILS_PER_BLOCK + 1):
-        chunks[f"details/{block}"] = pack(*detail_chunk(run, block, {}))
-    page = single_page(run.path.resolve().name, chunks, [])
-    options.output.write_text(page, encoding="utf-8")
-    print(f"{options.output}: {len(page) / 1e6:.1f} MB")
+    if truth is not None and not run.truth:
+        raise InputError(f"--ground_truth {options.ground_truth}: has no pose of any query")
+    sources = Sources(options.image_path, options.database_path, options.max_num_images, options.max_num_points)
+    chunks, photos = build_page(run, sources)
+    _write_others(run, options)
+    if options.split:
+        size = write_folder(options.output, page_files(run.title, chunks, photos))
+        path = options.output / PAGE_NAME
+    else:
+        size = write_file(options.output, (piece.encode() for piece in single_page(run.title, chunks, photos)))
+        path = options.output
+    print(f"{path}  ({size / 1e6:.1f} MB)")
+
+
+def _write_others(run: Run, options):
+    """Writes the files beside the page; makes them all before it writes the first."""
+    files = {} if options.plots is None else {options.plots / name: data for name, data in plot_files(run).items()}
+    if options.tum is not None:
+        files[options.tum] = tum_text(run).encode()
+    for path, content in files.items():
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_file(path, [content])
 
 
 if __name__ == "__main__":

@@ -1,12 +1,12 @@
 """Packs the data of a report page into chunks, which python/viewer/src/chunk.ts unpacks.
 
-A chunk is gzip of: the length of a header (4 bytes, little-endian), the header in JSON (UTF-8), blanks up to a multiple of 8
-bytes, and the arrays, each padded to a multiple of 8 bytes. The header is
+A chunk is gzip of: the length of a header (4 bytes, little-endian), the header in JSON (UTF-8), blanks up to a multiple
+of 8 bytes, and the arrays, each padded to a multiple of 8 bytes. The header is
 
     {"values": {...}, "arrays": {name: [type, offset, length]}}
 
-with values of any JSON type, types u8, u16, u32, i32, f32 and f64, offsets in bytes from the first array, and lengths in
-elements. Arrays of several dimensions are flattened, row by row.
+with values of any JSON type, types u8, u16, u32, i32, f32 and f64, offsets in bytes from the first array, and lengths
+in elements. Arrays of several dimensions are flattened, row by row.
 """
 
 import gzip

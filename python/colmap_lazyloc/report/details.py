@@ -3,21 +3,21 @@
 import numpy as np
 
 from colmap_lazyloc.report.facts import facts
-from colmap_lazyloc.report.repeat import repeat_command
+from colmap_lazyloc.report.repeat import RepeatCommands
 from colmap_lazyloc.report.run import Run
 
 DETAILS_PER_BLOCK = 1000
 
 
-def detail_chunk(run: Run, block: int, query_lines: dict[str, str]) -> tuple[dict, dict[str, np.ndarray]]:
-    """Returns the values and arrays of a chunk; `query_lines`: the lines of the query list by name."""
+def detail_chunk(run: Run, block: int, repeat: RepeatCommands) -> tuple[dict, dict[str, np.ndarray]]:
+    """Returns the values and arrays of a chunk."""
     queries = run.queries[block * DETAILS_PER_BLOCK : (block + 1) * DETAILS_PER_BLOCK]
     stages = stage_names(queries)
     pairs = [pair for result in queries for pair in _known_pairs(run, result)]
     values = {
         "stages": stages,
-        "facts": [facts(run, result) for result in queries],
-        "commands": [repeat_command(run, result, query_lines) for result in queries],
+        "facts": [facts(result) for result in queries],
+        "commands": [repeat.command(result) for result in queries],
     }
     arrays = {
         "seconds": np.array(

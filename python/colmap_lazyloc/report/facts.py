@@ -1,7 +1,5 @@
 """Puts what is known of a query into words."""
 
-from colmap_lazyloc.report.run import Run
-
 _STARTS = {
     "motion_averaging": "averaging of the relative poses to the database images",
     "absolute_pose": "points triangulated from the database images",
@@ -25,17 +23,17 @@ _VERDICTS = {
 }
 
 
-def facts(run: Run, result: dict) -> list[tuple[str, str]]:
+def facts(result: dict) -> list[tuple[str, str]]:
     """Returns the rows of a table: label and text."""
     rows = [("Status", result["status"]), ("Reason", result["reason"])]
-    rows += _certainty_rows(run, result)
+    rows += _certainty_rows(result)
     rows += _evidence_rows(result)
     rows += _camera_rows(result)
     rows += _group_rows(result)
     return [(label, text) for label, text in rows if text]
 
 
-def _certainty_rows(run: Run, result: dict) -> list[tuple[str, str]]:
+def _certainty_rows(result: dict) -> list[tuple[str, str]]:
     rows = []
     confidence = result.get("confidence")
     if confidence is not None:
@@ -51,10 +49,9 @@ def _certainty_rows(run: Run, result: dict) -> list[tuple[str, str]]:
     bearing = result.get("bearing")
     if bearing is not None:
         direction = ", ".join(f"{component:.4f}" for component in bearing["direction"])
-        text = f"on the line from {bearing['from']} in the direction ({direction}), which is known to {bearing['stddev_deg']:.3g}°"
+        text = f"on the line from {bearing['from']} along ({direction}), which is known to {bearing['stddev_deg']:.3g}°"
         rows.append(("Position", text))
-    pose = run.truth.get(result["name"])
-    return rows if pose is None else rows
+    return rows
 
 
 def _evidence_rows(result: dict) -> list[tuple[str, str]]:

@@ -53,7 +53,7 @@ def pose_errors(qvecs, tvecs, true_qvecs, true_tvecs) -> tuple[np.ndarray, np.nd
 
 
 def position_covariances(qvecs, tvecs, covariances: np.ndarray) -> np.ndarray:
-    """Returns the covariances of the projection centres, n x 6 (xx xy xz yy yz zz), from those of the poses, n x 6 x 6."""
+    """Returns the covariances of the projection centres, n x 6 (xx xy xz yy yz zz), from those of the poses."""
     x, y, z = tvecs.T
     zero = np.zeros_like(x)
     # A rotation by w and a translation by dt move the centre -R' t by -R' (dt + t x w).

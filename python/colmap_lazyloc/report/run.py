@@ -13,6 +13,7 @@ from colmap_lazyloc.model import Image, Model, read_model
 from colmap_lazyloc.points import Points, read_points
 from colmap_lazyloc.poses import Pose
 from colmap_lazyloc.report.options_file import RunOptions, read_options
+from colmap_lazyloc.report.result_check import check_result
 from colmap_lazyloc.results import pose_of, read_results, unconfirmed_pose_of
 
 
@@ -28,6 +29,11 @@ class Run:
     options: RunOptions
     leave_one_out: dict | None  # leave_one_out.json
     truth: dict[str, Pose]  # by query name; empty if unknown
+
+    @property
+    def title(self) -> str:
+        """Returns the name of the run's folder and of the folder above it."""
+        return "/".join(part for part in self.path.resolve().parts[-2:] if part != "/")
 
     @functools.cached_property
     def names(self) -> list[str]:
@@ -61,6 +67,8 @@ def read_run(path: pathlib.Path, truth: dict[str, Pose] | None = None) -> Run:
     results = read_results(path / "results.jsonl")
     if not results:
         raise InputError(f"{path / 'results.jsonl'}: holds no query")
+    for result in results.values():
+        check_result(str(path / "results.jsonl"), result)
     model = read_model(path / "model")
     _check_model(path, results, model)
     options = read_options(path / "options.ini")
@@ -98,6 +106,11 @@ def _certainty(result: dict) -> tuple:
 
 def _check_model(path: pathlib.Path, results: dict[str, dict], model: Model):
     """Checks that the model is that of the results: it has exactly their poses."""
+    for name, image in model.images.items():
+        if not np.isfinite([*image.cam_from_world.qvec, *image.cam_from_world.tvec]).all():
+            raise InputError(f"{path / 'model'}: the pose of '{name}' is not finite")
+        if image.camera_id not in model.cameras:
+            raise InputError(f"{path / 'model'}: image '{name}' has no camera")
     for name, result in results.items():
         pose, image = pose_of(result), model.images.get(name)
         if pose is None:

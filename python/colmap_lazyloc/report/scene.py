@@ -1,8 +1,10 @@
 """Makes the chunk "scene": cameras, points and what joins them, relative to a local origin."""
 
+import itertools
+
 import numpy as np
 
-from colmap_lazyloc.model import Camera, Image
+from colmap_lazyloc.model import Camera
 from colmap_lazyloc.report import geometry
 from colmap_lazyloc.report.run import Run
 from colmap_lazyloc.report.scene_points import ScenePoints
@@ -41,15 +43,6 @@ def scene_chunk(run: Run, cameras: list[Camera | None], points: ScenePoints) -> 
         if array.dtype == np.float64:  # after the origin is subtracted, because single precision has 7 digits
             arrays[name] = array.astype(np.float32)
     return values, arrays
-
-
-def query_cameras(run: Run, listed: dict[str, Camera | None]) -> list[Camera | None]:
-    """Returns the queries' intrinsics: those that were estimated, of the model, or of the query list."""
-    cameras = []
-    for result in run.queries:
-        image: Image | None = run.model.images.get(result["name"])
-        cameras.append(listed.get(result["name"]) if image is None else run.model.cameras[image.camera_id])
-    return cameras
 
 
 def _query_arrays(run: Run, cameras: list[Camera | None], origin: np.ndarray) -> dict[str, np.ndarray]:
@@ -99,7 +92,7 @@ def _query_connections(run: Run) -> np.ndarray:
     pairs = []
     for members in frames.values():
         indices = [i for _, i in sorted(members)]
-        pairs += zip(indices, indices[1:])
+        pairs += itertools.pairwise(indices)
     return np.array(pairs, np.uint32).reshape(-1, 2)
 
 

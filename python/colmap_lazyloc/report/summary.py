@@ -14,7 +14,7 @@ def summary_chunk(run: Run, num_shown: dict[str, int], warnings: list[dict], not
     options = {name: value for name, value in run.options.values.items() if name not in paths}
     changed = set(run.options.changed)
     return {
-        "title": run.path.resolve().name,
+        "title": run.title,
         "written": run.written,
         "program": run.options.program,
         "numQueries": len(run.queries),

@@ -218,7 +218,9 @@ def _bearing(i: int, query: _Image, database: list[_Image], shape: RunShape) -> 
 def _pairs(i: int, database: list[_Image], has_pose: bool, shape: RunShape, rng) -> list[dict]:
     indices = _nearest(i, shape.num_pairs, shape)
     errors = rng.exponential(0.3, (len(indices), 2)).tolist()
-    num_inliers = rng.integers(0, 500, len(indices)).tolist()
+    num_inliers = rng.integers(0, 500, len(indices))
+    num_inliers[np.isin(indices, _nearest(i, NUM_OBSERVERS, shape))] += 500
+    num_inliers = num_inliers.tolist()
     return [
         {
             "name": database[index].name,

@@ -1,0 +1,172 @@
+"""Makes the chunks "drawing/QUERY": what is drawn over the photos of a query."""
+
+import importlib.util
+
+import numpy as np
+
+from colmap_lazyloc.database import DatabaseReader
+from colmap_lazyloc.errors import InputError
+from colmap_lazyloc.model import NO_POINTS, Camera, Model
+from colmap_lazyloc.report.photos import Photos, useful_images
+from colmap_lazyloc.report.run import Run
+
+MAX_NUM_REJECTED = 400  # for each database image; more of them hide the photo
+MAX_ERROR_PX = 4.0  # up to which a match of a point that belongs to another query counts as an inlier
+
+
+def can_project() -> bool:
+    """True if pycolmap is installed, which knows COLMAP's camera models."""
+    return importlib.util.find_spec("pycolmap") is not None
+
+
+def drawing_chunk(
+    run: Run, query: int, camera: Camera | None, database: DatabaseReader | None, photos: Photos
+) -> tuple[dict, dict[str, np.ndarray]]:
+    """Returns the values and arrays of a chunk; `camera`: the query's intrinsics, if they are known."""
+    name = run.names[query]
+    images = useful_images(run, query)
+    num_inliers = {pair["name"]: pair["num_inliers"] for pair in run.queries[query]["pairs"]}
+    values = {
+        "size": _size(name, camera, photos),
+        "images": [
+            {
+                "image": image,
+                "photo": photos.of_database_image.get(image, -1),
+                "size": _size(run.database_images[image].name, _database_camera(run, image), photos),
+                "numInliers": num_inliers[run.database_images[image].name],
+            }
+            for image in images
+        ],
+    }
+    inliers, rejected = _Lines(), _Lines()
+    for k, image in enumerate(images):
+        found, refused = _matches_with(run, query, image, database)
+        inliers.add(k, *found)
+        rejected.add(k, *_thinned(refused, query))
+    residual_xy, residuals = _residuals(run, name)
+    arrays = {
+        **inliers.arrays("inlier"),
+        **rejected.arrays("rejected"),
+        "residuals": residuals.astype(np.float32),
+        "residualXy": residual_xy.astype(np.float32),
+    }
+    return values, arrays
+
+
+class _Lines:
+    """Collects lines from a query to its database images."""
+
+    def __init__(self):
+        self.images, self.xy, self.database_xy = [], [np.empty((0, 2))], [np.empty((0, 2))]
+
+    def add(self, image: int, xy: np.ndarray, database_xy: np.ndarray):
+        self.images += [image] * len(xy)
+        self.xy.append(xy)
+        self.database_xy.append(database_xy)
+
+    def arrays(self, prefix: str) -> dict[str, np.ndarray]:
+        return {
+            f"{prefix}Images": np.array(self.images, np.uint8),
+            f"{prefix}Xy": np.concatenate(self.xy).astype(np.float32),
+            f"{prefix}DatabaseXy": np.concatenate(self.database_xy).astype(np.float32),
+        }
+
+
+def _size(name: str, camera: Camera | None, photos: Photos) -> list[int]:
+    """Returns the size of an image in pixels; of keypoints' pixels, if the photo has another size."""
+    return [camera.width, camera.height] if camera is not None else list(photos.sizes.get(name, (640, 480)))
+
+
+def _database_camera(run: Run, image: int) -> Camera:
+    return run.database.cameras[run.database_images[image].camera_id]
+
+
+def _matches_with(run: Run, query: int, image: int, database: DatabaseReader | None):
+    """Returns the inliers and the rejected matches with a database image, each as (pixels in the query, pixels in the
+    database image)."""
+    names = run.names[query], run.database_images[image].name
+    keypoints = [_keypoints(run, name) for name in names]
+    ids = [points["point3d_id"] for points in keypoints]
+    _, first, second = np.intersect1d(
+        *(np.where(i == -1, fill, i) for i, fill in zip(ids, (-1, -2))), return_indices=True
+    )
+    inliers = np.stack([first, second], axis=1)
+    rejected = np.empty((0, 2), np.int64)
+    xy = [np.stack([points["x"], points["y"]], axis=1) for points in keypoints]
+    if database is not None and all(name in database.image_ids for name in names):
+        xy = [_stored_keypoints(run, database, name, known) for name, known in zip(names, xy)]
+        matches = database.inlier_matches(*names)
+        if len(matches) == 0:
+            matches = database.raw_matches(*names)
+        is_known = np.isin(_keys(matches), _keys(inliers))
+        is_inlier, is_open = _explained(run, names, matches[~is_known], xy)
+        inliers = np.concatenate([inliers, matches[~is_known][is_inlier]])
+        rejected = matches[~is_known][~is_inlier & ~is_open]
+    return tuple((xy[0][chosen[:, 0]], xy[1][chosen[:, 1]]) for chosen in (inliers, rejected))
+
+
+def _keypoints(run: Run, name: str) -> np.ndarray:
+    """Returns an image's keypoints with their points; none if the run's model does not have the image."""
+    return run.model.images[name].points2d if name in run.model.images else NO_POINTS
+
+
+def _stored_keypoints(run: Run, database: DatabaseReader, name: str, known: np.ndarray) -> np.ndarray:
+    """Returns the database's keypoints, which must be those of the run."""
+    stored = database.keypoints(name)
+    if len(known) > 0 and not (len(known) == len(stored) and np.allclose(known, stored)):
+        raise InputError(f"{database.path}: has other keypoints of '{name}' than the run")
+    return stored
+
+
+def _keys(matches: np.ndarray) -> np.ndarray:
+    return matches[:, 0].astype(np.int64) << 32 | matches[:, 1].astype(np.int64)
+
+
+def _explained(run: Run, names, matches: np.ndarray, xy: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+    """Returns which matches a point explains, and for which this is unknown.
+
+    In a model, a keypoint belongs to one point, so the points of one query lack keypoints that those of another query
+    have. Such a match is an inlier if the point of one of its keypoints is projected to the other one.
+    """
+    is_inlier, is_open = np.zeros(len(matches), bool), np.zeros(len(matches), bool)
+    if not all(name in run.model.images for name in names):
+        return is_inlier, is_open
+    for side in (0, 1):
+        ids = _keypoints(run, names[side])["point3d_id"]
+        ids = ids[matches[:, side]] if len(ids) > 0 else np.full(len(matches), -1)
+        has_point = ids != -1
+        is_open |= has_point
+        if can_project() and np.any(has_point):
+            # Take the database image as it was given, because a leave-one-out run has another pose for it.
+            model = run.model if side == 1 else run.database
+            projected = _project(model, names[1 - side], run.points.xyz[run.points.find(ids[has_point])])
+            errors = np.linalg.norm(projected - xy[1 - side][matches[has_point, 1 - side]], axis=1)
+            is_inlier[has_point] |= errors < MAX_ERROR_PX
+    return is_inlier, is_open & ~is_inlier & (not can_project())
+
+
+def _project(model: Model, name: str, xyz: np.ndarray) -> np.ndarray:
+    from colmap_lazyloc.pycolmap_types import image_from_cam
+
+    image = model.images[name]
+    return image_from_cam(model.cameras[image.camera_id], image.cam_from_world(xyz))
+
+
+def _residuals(run: Run, name: str) -> tuple[np.ndarray, np.ndarray]:
+    """Returns the pixels of a query's own observations, and observed minus projected pixels; empty if unknown."""
+    keypoints = _keypoints(run, name)
+    keypoints = keypoints[keypoints["point3d_id"] != -1]
+    if len(keypoints) == 0 or not can_project():
+        return np.empty((0, 2)), np.empty((0, 2))
+    observed = np.stack([keypoints["x"], keypoints["y"]], axis=1)
+    projected = _project(run.model, name, run.points.xyz[run.points.find(keypoints["point3d_id"])])
+    is_seen = np.isfinite(projected).all(axis=1)
+    return observed[is_seen], (observed - projected)[is_seen]
+
+
+def _thinned(lines: tuple[np.ndarray, np.ndarray], seed: int) -> tuple[np.ndarray, np.ndarray]:
+    """Returns at most MAX_NUM_REJECTED of the lines, drawn at random."""
+    if len(lines[0]) <= MAX_NUM_REJECTED:
+        return lines
+    chosen = np.sort(np.random.default_rng(seed).choice(len(lines[0]), MAX_NUM_REJECTED, replace=False))
+    return lines[0][chosen], lines[1][chosen]

@@ -1,0 +1,65 @@
+"""Draws the plots of a report's head as PNG and SVG files."""
+
+import io
+
+import numpy as np
+
+from colmap_lazyloc.errors import InputError
+from colmap_lazyloc.report.run import Run
+from colmap_lazyloc.report.table import errors
+
+FORMATS = ("png", "svg")
+
+
+def plot_files(run: Run) -> dict[str, bytes]:
+    """Returns the files by name: distributions of errors, if the truth is known, of standard deviations, and the
+    risk-coverage curve of a leave-one-out run."""
+    try:
+        import matplotlib
+    except ImportError:
+        raise InputError("--plots: needs matplotlib, which is not installed here") from None
+    matplotlib.rcParams.update({"svg.hashsalt": "report", "savefig.dpi": 150, "figure.constrained_layout.use": True})
+    files = {}
+    position_errors, rotation_errors_deg = errors(run)
+    stddevs = np.array([(result.get("position_stddevs") or [np.nan])[0] for result in run.queries])
+    distributions = {
+        "position_error": ("position error (m)", position_errors),
+        "rotation_error": ("rotation error (degrees)", rotation_errors_deg),
+        "position_stddev": ("standard deviation of the position (m)", stddevs),
+    }
+    for name, (label, values) in distributions.items():
+        if np.isfinite(values).any():
+            files |= _saved(name, lambda axes, label=label, values=values: _draw_distribution(axes, label, values))
+    risk_coverage = (run.leave_one_out or {}).get("risk_coverage")
+    if risk_coverage:
+        files |= _saved("risk_coverage", lambda axes: _draw_risk_coverage(axes, risk_coverage))
+    return files
+
+
+def _draw_distribution(axes, label: str, values: np.ndarray):
+    known = np.sort(values[np.isfinite(values)])
+    axes.step(known, np.arange(1, len(known) + 1) / len(values), where="post", color="#0072b2")
+    if known[0] > 0:
+        axes.set_xscale("log")
+    axes.set(xlabel=label, ylabel=f"share of {len(values)} queries", ylim=(0, 1))
+
+
+def _draw_risk_coverage(axes, points: list[dict]):
+    axes.step(*([point[name] for point in points] for name in ("coverage", "risk")), where="post", color="#d55e00")
+    axes.set(xlabel="share of queries that are accepted", ylabel="share of wrong ones among them", xlim=(0, 1))
+    axes.set_ylim(bottom=0)
+
+
+def _saved(name: str, draw) -> dict[str, bytes]:
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(6, 4))
+    axes = figure.add_subplot()
+    draw(axes)
+    axes.grid(alpha=0.3)
+    files = {}
+    for suffix in FORMATS:
+        buffer = io.BytesIO()
+        figure.savefig(buffer, format=suffix, metadata={"Date": None} if suffix == "svg" else None)
+        files[f"{name}.{suffix}"] = buffer.getvalue()
+    return files
