@@ -13,6 +13,8 @@ import { bearingLine, hasBearing, hasPosition, hasTruth, type ViewData } from ".
 // More frustums than this are not drawn at once; the other cameras become points.
 const MAX_NUM_FRUSTUMS = 12000;
 const MAX_NUM_ELLIPSOIDS = 2000;
+// Smaller frustums and ellipsoids do not tell more than a dot.
+const SMALL_PIXELS = 3;
 
 export type LayerName = "points" | "database" | "ellipsoids" | "truth" | "bearings" | "connections";
 
@@ -22,6 +24,12 @@ export function queryPoses({ scene }: ViewData): Poses {
 
 export function databasePoses({ scene }: ViewData): Poses {
   return { centres: scene.databaseCentres, rotations: scene.databaseRotations, extents: scene.databaseExtents };
+}
+
+// Returns a colour for each of `count` frustums that are drawn alike.
+export function repeated(css: string, count: number): Uint8Array {
+  const tint = [...colorBytes(css), LOOKS.filled];
+  return new Uint8Array(4 * count).map((_, i) => tint[i % 4]);
 }
 
 // Returns the ends of lines between pairs of cameras, those of which both have a position.
@@ -46,13 +54,13 @@ export class Layers {
   private readonly bearings = new Lines({ width: 1.6, isDashed: true });
   private readonly connections = new Lines({ width: 1, opacity: 0.7 });
   private readonly databaseConnections = new Lines({ width: 1, opacity: 0.5 });
-  private readonly farQueries: { cloud: PointCloud | null } = { cloud: null };
+  private queryDots: PointCloud | null = null;
+  private databaseDots: PointCloud | null = null;
   private readonly hidden = new Set<LayerName>();
   private mode: ColorMode = "status";
   private factor = 1;
   private isCoarse = false;
   private selected = -1;
-  private isStale = true; // True if colours or filters changed since the last choice
 
   constructor(private readonly data: ViewData) {
     const { scene, queries } = data;
@@ -78,7 +86,6 @@ export class Layers {
 
   // Leaves out the image plane of the selected query, because it would cover what is seen from there.
   setSelected(query: number): void {
-    this.isStale ||= query !== this.selected;
     this.selected = query;
   }
 
@@ -106,10 +113,6 @@ export class Layers {
     const { scene } = this.data;
     const colors = sceneColors();
     const isDrawn = (query: number) => this.isShown[query] === 1 && hasPosition(scene, query);
-    const numImages = scene.databaseNames.length;
-    const grey = new Uint8Array([...colorBytes(colors.database), 255]);
-    const greys = new Uint8Array(4 * numImages).map((_, i) => grey[i % 4]);
-    this.database.set(databasePoses(this.data), [...Array(numImages).keys()], greys);
     this.databaseConnections.set(linesBetween(scene.databaseConnections, scene.databaseCentres, () => true), colors.database);
     this.connections.set(linesBetween(scene.queryConnections, scene.queryCentres, isDrawn), colors.selected);
     const queries = [...this.isShown.keys()].filter((query) => this.isShown[query] === 1);
@@ -118,55 +121,79 @@ export class Layers {
     const compared = queries.filter((query) => hasTruth(scene, query) && hasPosition(scene, query));
     const ends = compared.flatMap((i) => [...vec3At(scene.queryCentres, i), ...vec3At(scene.trueCentres, i)]);
     this.errors.set(ends, colors.truth);
-    this.isStale = true;
     this.applyHidden();
   }
 
-  // Chooses the queries that are drawn as frustums and with ellipsoids: those that are largest on the screen, if there are
-  // too many for all.
+  // Chooses what is drawn as frustums and with ellipsoids: what is large on the screen. The other cameras become dots.
   choose(projector: Projector): void {
     const { scene } = this.data;
     const shown = [...this.isShown.keys()].filter((query) => this.isShown[query] === 1);
     const placed = shown.filter((query) => hasPosition(scene, query));
-    const chosen = this.nearest(projector, placed, MAX_NUM_FRUSTUMS);
-    this.chooseEllipsoids(projector, chosen);
-    if (!this.isStale && placed.length === chosen.length) return this.applyHidden();
-    this.isStale = false;
-    this.queries.set(queryPoses(this.data), chosen, this.tints(chosen));
-    const known = this.nearest(projector, shown.filter((query) => hasTruth(scene, query)), MAX_NUM_FRUSTUMS, scene.trueCentres);
-    const truth = new Uint8Array([...colorBytes(sceneColors().truth), 255]);
+    const queries = this.split(projector, placed, scene.queryCentres);
+    this.queries.set(queryPoses(this.data), queries.large, this.tints(queries.large));
+    this.queryDots = this.replaceDots(this.queryDots, queries.small, scene.queryCentres, (query) => this.color(query), 3);
+    const images = this.split(projector, [...scene.databaseNames.keys()], scene.databaseCentres);
+    const grey = sceneColors().database;
+    this.database.set(databasePoses(this.data), images.large, repeated(grey, images.large.length));
+    this.databaseDots = this.replaceDots(this.databaseDots, images.small, scene.databaseCentres, () => grey, 2);
+    const known = shown.filter((query) => hasTruth(scene, query));
+    const truth = this.split(projector, known, scene.trueCentres).large;
     const truePoses = { centres: scene.trueCentres, rotations: scene.trueRotations, extents: scene.queryExtents };
-    this.truth.set(truePoses, known, new Uint8Array(4 * known.length).map((_, i) => truth[i % 4]));
-    this.showAsPoints(placed.length > chosen.length ? placed : []);
+    this.truth.set(truePoses, truth, repeated(sceneColors().truth, truth.length));
+    this.chooseEllipsoids(projector, queries.large);
     this.applyHidden();
   }
 
   private chooseEllipsoids(projector: Projector, queries: number[]): void {
     const { queryCovariances, queryCentres } = this.data.scene;
-    const isLarge = (query: number) => {
+    const pixels = (query: number) => {
       const [xx, , , yy, , zz] = queryCovariances.subarray(6 * query, 6 * query + 6);
       const place = projector.project(...vec3At(queryCentres, query));
       const length = NUM_STANDARD_DEVIATIONS * this.factor * Math.sqrt(Math.max(xx, yy, zz));
-      return place !== null && projector.pixels(length, place[2]) > 1.5;
+      return place ? projector.pixels(length, place[2]) : 0;
     };
-    const chosen = this.nearest(projector, queries.filter(isLarge), MAX_NUM_ELLIPSOIDS);
+    const chosen = queries.filter((query) => pixels(query) > SMALL_PIXELS).slice(0, MAX_NUM_ELLIPSOIDS);
     const tints = new Uint8Array(3 * chosen.length);
     chosen.forEach((query, i) => tints.set(colorBytes(this.color(query)), 3 * i));
     this.ellipsoids.set(this.data.scene, chosen, tints);
   }
 
-  // Returns at most `count` of the queries, those in the window first, the nearest of them.
-  private nearest(projector: Projector, queries: number[], count: number, centres = this.data.scene.queryCentres): number[] {
-    if (queries.length <= count) return queries;
-    const distance = (query: number) => {
-      const place = projector.project(...vec3At(centres, query));
-      if (!place) return Infinity;
-      const isInside = place[0] > 0 && place[1] > 0 && place[0] < projector.width && place[1] < projector.height;
-      return isInside ? place[2] : 1e6 * place[2];
+  // Separates cameras that are large in the window from the others.
+  private split(projector: Projector, indices: number[], centres: Float32Array): { large: number[]; small: number[] } {
+    const distance = (index: number) => {
+      const place = projector.project(...vec3At(centres, index));
+      return place && projector.isNearWindow(place) ? place[2] : Infinity;
     };
-    const distances = Float32Array.from(queries, distance);
-    const limit = distances.slice().sort()[count - 1];
-    return queries.filter((_, i) => distances[i] <= limit).slice(0, count);
+    const distances = Float32Array.from(indices, distance);
+    const farthest = projector.pixels(frustumDepth.value, SMALL_PIXELS); // Where a frustum becomes small.
+    const limit = indices.length > MAX_NUM_FRUSTUMS ? distances.slice().sort()[MAX_NUM_FRUSTUMS] : Infinity;
+    const isLarge = (i: number) => distances[i] < farthest && distances[i] <= limit;
+    return { large: indices.filter((_, i) => isLarge(i)), small: indices.filter((_, i) => !isLarge(i)) };
+  }
+
+  // Draws dots for cameras that are too small or too many for frustums.
+  private replaceDots(
+    old: PointCloud | null,
+    indices: number[],
+    centres: Float32Array,
+    color: (index: number) => string,
+    size: number,
+  ): PointCloud | null {
+    if (old) {
+      this.root.remove(old.object);
+      old.object.geometry.dispose();
+      old.object.material.dispose();
+    }
+    if (indices.length === 0) return null;
+    const positions = new Float32Array(3 * indices.length);
+    const tints = new Uint8Array(3 * indices.length);
+    indices.forEach((index, i) => {
+      positions.set(centres.subarray(3 * index, 3 * index + 3), 3 * i);
+      tints.set(colorBytes(color(index)), 3 * i);
+    });
+    const dots = new PointCloud(positions, tints, "", size);
+    this.root.add(dots.object);
+    return dots;
   }
 
   private tints(queries: number[]): Uint8Array {
@@ -179,25 +206,13 @@ export class Layers {
     return tints;
   }
 
-  private showAsPoints(queries: number[]): void {
-    const old = this.farQueries.cloud?.object;
-    if (old) this.root.remove(old);
-    old?.geometry.dispose();
-    old?.material.dispose();
-    this.farQueries.cloud = null;
-    if (queries.length === 0) return;
-    const centres = Float32Array.from(queries.flatMap((query) => vec3At(this.data.scene.queryCentres, query)));
-    const tints = Uint8Array.from(queries.flatMap((query) => colorBytes(this.color(query))));
-    this.farQueries.cloud = new PointCloud(centres, tints, "", 2.5);
-    this.root.add(this.farQueries.cloud.object);
-  }
-
   // Shows the layers that are switched on and not empty.
   applyHidden(): void {
     const show = (object: Object3D, layer: LayerName, isWanted = true) => (object.visible = isWanted && !this.hidden.has(layer));
     const count = (object: { geometry: { instanceCount: number } }) => object.geometry.instanceCount > 0;
     show(this.points.object, "points");
     show(this.database.group, "database", this.database.numDrawn > 0);
+    if (this.databaseDots) show(this.databaseDots.object, "database");
     show(this.databaseConnections.mesh, "connections", count(this.databaseConnections.mesh));
     show(this.connections.mesh, "connections", count(this.connections.mesh));
     show(this.truth.group, "truth", this.truth.numDrawn > 0);

@@ -63,7 +63,7 @@ export class Overlay {
     const fixed = (color: string, text: string) =>
       legend.append(make("div", { class: "scene-row scene-fixed" }, swatch("line", color), text));
     fixed(colors.rays, "Selected query to its points");
-    fixed(colors.links, "to database images it used");
+    fixed(colors.links, "Selected query to images it used");
     legend.append(...this.sliders(numPlaced > 0));
     return legend;
   }

@@ -29,6 +29,11 @@ export class Projector {
     return [0.5 * (u + 1) * this.width, 0.5 * (1 - v) * this.height, w];
   }
 
+  // Returns true if a place is in the window or less than a window beside it.
+  isNearWindow([x, y]: Vec3): boolean {
+    return x > -this.width && y > -this.height && x < 2 * this.width && y < 2 * this.height;
+  }
+
   // Returns how many pixels a length has at a distance along the view.
   pixels(length: number, distance: number): number {
     return (length * 0.5 * this.height * Math.hypot(this.m[1], this.m[5], this.m[9])) / distance;

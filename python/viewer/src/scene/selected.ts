@@ -2,19 +2,13 @@
 import { Group, type BufferGeometry, type Points, type ShaderMaterial } from "three";
 import { sceneColors } from "../colors";
 import { Frustums } from "./frustums";
-import { databasePoses, queryPoses, type Layers } from "./layers";
+import { databasePoses, queryPoses, repeated, type Layers } from "./layers";
 import { Lines } from "./lines";
 import { quantile, vec3At } from "./math";
 import { PointCloud } from "./points";
-import { colorBytes } from "./shaders";
 import { bearingLine, hasBearing, hasPosition, usedDatabaseImages, type ViewData } from "./view";
 
 const MAX_NUM_RAYS = 3000;
-
-function repeatedTint(css: string, count: number): Uint8Array {
-  const tint = [...colorBytes(css), 255];
-  return new Uint8Array(4 * count).map((_, i) => tint[i % 4]);
-}
 
 // Returns the points of a query as indices of the scene's points.
 function pointsOf({ scene }: ViewData, query: number): Uint32Array {
@@ -36,8 +30,8 @@ export class SelectedQuery {
   query = -1;
   numPoints = 0;
   numImages = 0;
-  private readonly halo = new Frustums({ width: 5.5 });
-  private readonly frustum = new Frustums({ width: 2.8 });
+  private readonly halo = new Frustums({ width: 5 });
+  private readonly frustum = new Frustums({ width: 2.4 });
   private readonly hiddenPart = new Frustums({ width: 2, opacity: 0.45, isHiddenPart: true });
   private readonly rays = new Lines({ width: 1, opacity: 0.5 });
   private readonly links = new Lines({ width: 2 });
@@ -66,9 +60,9 @@ export class SelectedQuery {
     const poses = queryPoses(this.data);
     const indices = isPlaced ? [query] : [];
     const color = query >= 0 ? this.layers.color(query) : "#000000";
-    this.halo.set(poses, indices, repeatedTint(sceneColors().selected, 1));
-    this.frustum.set(poses, indices, repeatedTint(color, 1));
-    this.hiddenPart.set(poses, indices, repeatedTint(color, 1));
+    this.halo.set(poses, indices, repeated(sceneColors().selected, 1));
+    this.frustum.set(poses, indices, repeated(color, 1));
+    this.hiddenPart.set(poses, indices, repeated(color, 1));
     this.bearing.set(query >= 0 && hasBearing(this.data.scene, query) ? bearingLine(this.data.scene, query) : [], color);
     this.showRays(isPlaced ? query : -1);
     this.showLinks([]);
@@ -111,7 +105,7 @@ export class SelectedQuery {
     const { scene } = this.data;
     const purple = sceneColors().links;
     this.numImages = images.length;
-    this.images.set(databasePoses(this.data), images, repeatedTint(purple, images.length));
+    this.images.set(databasePoses(this.data), images, repeated(purple, images.length));
     const isPlaced = this.query >= 0 && hasPosition(scene, this.query);
     const ends = isPlaced
       ? images.flatMap((image) => [...vec3At(scene.queryCentres, this.query), ...vec3At(scene.databaseCentres, image)])

@@ -45,7 +45,7 @@ export function hasTruth(scene: Scene, query: number): boolean {
 
 // Returns both ends of a query's bearing line, of which only a part is drawn because it has no end.
 export function bearingLine(scene: Scene, query: number): number[] {
-  const length = 0.5 * scene.size;
+  const length = Math.min(0.35 * scene.size, 40 * scene.frustumDepth);
   const [x, y, z, dx, dy, dz] = scene.bearings.subarray(6 * query, 6 * query + 6);
   return [x, y, z, x + length * dx, y + length * dy, z + length * dz];
 }
