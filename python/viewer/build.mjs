@@ -1,6 +1,6 @@
 // Builds viewer.js, viewer.css and viewer_licenses.txt of the report page.
 // `node build.mjs [FOLDER]` writes them to FOLDER, by default python/colmap_lazyloc/report.
-import { copyFileSync, mkdirSync, readFileSync, writeFileSync } from "node:fs";
+import { mkdirSync, readFileSync, writeFileSync } from "node:fs";
 import { dirname, join, resolve } from "node:path";
 import { fileURLToPath } from "node:url";
 import { build } from "esbuild";
@@ -43,6 +43,7 @@ const banner = `/* Built by scripts/build_viewer.sh from python/viewer; licences
 // The page holds this script, so that its text must not end the element.
 const script = result.outputFiles[0].text.replaceAll("</script", "<\\/script").replaceAll("<!--", "\\x3c!--");
 writeFileSync(join(folder, "viewer.js"), banner + script);
-copyFileSync(join(here, "src/style.css"), join(folder, "viewer.css"));
+const styles = ["src/style.css", "src/scene/scene.css"].map((file) => readFileSync(join(here, file), "utf8"));
+writeFileSync(join(folder, "viewer.css"), styles.join("\n"));
 writeFileSync(join(folder, "viewer_licenses.txt"), packages.map(license).join(`\n${"-".repeat(80)}\n\n`));
 console.log(`${folder}: viewer.js ${(script.length / 1000).toFixed(0)} kB with ${packages.join(", ") || "no packages"}`);

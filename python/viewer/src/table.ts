@@ -36,6 +36,7 @@ export class Table {
   private sorted: Uint32Array; // all queries in that order
   private sortColumn = -1;
   private isDescending = false;
+  private isPrinted = false;
   private statuses: StatusFilter = new Set();
   private rows = new Map<number, HTMLElement>();
 
@@ -121,7 +122,13 @@ export class Table {
     this.body.addEventListener("dblclick", () => this.events.onOpen());
     new ResizeObserver(() => this.draw()).observe(this.grid);
     this.selection.onChange(() => this.showSelected());
-    window.addEventListener("beforeprint", () => this.refresh());
+    window.addEventListener("beforeprint", () => this.setPrinted(true));
+    window.addEventListener("afterprint", () => this.setPrinted(false));
+  }
+
+  private setPrinted(isPrinted: boolean): void {
+    this.isPrinted = isPrinted;
+    this.refresh();
   }
 
   private queryAt(event: Event): number {
@@ -213,9 +220,8 @@ export class Table {
   }
 
   private draw(): void {
-    const isPrinted = window.matchMedia("print").matches;
-    const first = isPrinted ? 0 : Math.max(0, Math.floor(this.grid.scrollTop / ROW_HEIGHT) - NUM_SPARE_ROWS);
-    const height = isPrinted ? NUM_PRINTED_ROWS : Math.ceil(this.grid.clientHeight / ROW_HEIGHT) + 2 * NUM_SPARE_ROWS;
+    const first = this.isPrinted ? 0 : Math.max(0, Math.floor(this.grid.scrollTop / ROW_HEIGHT) - NUM_SPARE_ROWS);
+    const height = this.isPrinted ? NUM_PRINTED_ROWS : Math.ceil(this.grid.clientHeight / ROW_HEIGHT) + 2 * NUM_SPARE_ROWS;
     const end = Math.min(this.order.length, first + height);
     for (const [row, element] of this.rows) {
       if (row >= first && row < end) continue;
