@@ -120,6 +120,11 @@ def _notes(run: Run, sources: Sources, num_shown: dict[str, int], has_list: bool
         notes.append("Reprojection errors are not drawn, because pycolmap is not installed.")
     if num_shown["points"] < len(run.points):
         notes.append(f"{num_shown['points']} of {len(run.points)} points are shown (--max_num_points).")
+    if run.leave_one_out is not None:
+        notes.append(
+            "A position counts as wrong if it is off by more than 5 standard deviations of its covariance, or by more "
+            "than 1 % of the scene's size."
+        )
     if run.leave_one_out is not None and run.database is run.model:
         notes.append("Database images are where the run has put them, because its input model is not there any more.")
     if run.options.values.get("query_list_path") and not has_list:

@@ -24,9 +24,8 @@ _VERDICTS = {
 
 
 def facts(result: dict) -> list[tuple[str, str]]:
-    """Returns the rows of a table: label and text."""
-    rows = [("Status", result["status"]), ("Reason", result["reason"])]
-    rows += _certainty_rows(result)
+    """Returns the rows of a table, label and text; without what the table of queries has."""
+    rows = _certainty_rows(result)
     rows += _evidence_rows(result)
     rows += _camera_rows(result)
     rows += _group_rows(result)
@@ -35,9 +34,6 @@ def facts(result: dict) -> list[tuple[str, str]]:
 
 def _certainty_rows(result: dict) -> list[tuple[str, str]]:
     rows = []
-    confidence = result.get("confidence")
-    if confidence is not None:
-        rows.append(("Confidence", f"{100 * confidence:.1f} %: the probability that the position is right"))
     if result.get("position_stddevs"):
         largest, middle, smallest = (format_length(stddev) for stddev in result["position_stddevs"])
         direction = ", ".join(f"{component:.2f}" for component in result["weakest_direction"])

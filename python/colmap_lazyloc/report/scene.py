@@ -20,7 +20,7 @@ def scene_chunk(run: Run, cameras: list[Camera | None], points: ScenePoints) -> 
     values = {
         "origin": origin.tolist(),
         "size": size,
-        "frustumDepth": _frustum_depth(database_centres, size),
+        "frustumDepth": _frustum_depth(database_centres, size, len(images) + len(run.queries)),
         "up": _up(database_qvecs),
         "databaseNames": [image.name for image in images],
     }
@@ -105,7 +105,7 @@ def _size(centres: np.ndarray, points: np.ndarray) -> float:
     return float(np.linalg.norm(extent)) or 1.0
 
 
-def _frustum_depth(centres: np.ndarray, size: float) -> float:
+def _frustum_depth(centres: np.ndarray, size: float, num_images: int) -> float:
     """Returns half the typical distance of neighbouring cameras, within reason."""
     sample = centres[:: max(1, len(centres) // 200)]
     nearest = []
@@ -113,7 +113,8 @@ def _frustum_depth(centres: np.ndarray, size: float) -> float:
         distances = np.linalg.norm(centres - centre, axis=1)
         nearest.append(np.min(distances[distances > 1e-6 * size], initial=np.inf))
     spacing = np.median(nearest) if nearest else 0
-    return float(np.clip(0.5 * spacing, 0.01 * size, 0.04 * size))
+    smallest = 0.01 * min(1.0, np.sqrt(100 / num_images))  # many frustums would hide each other
+    return float(np.clip(0.5 * spacing, max(smallest, 1e-4) * size, 0.04 * size))
 
 
 def _up(qvecs: np.ndarray) -> list[float]:

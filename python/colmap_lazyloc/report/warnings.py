@@ -79,12 +79,8 @@ def _contradicting_images(run: Run):
     items = []
     for i, median in medians.items():
         if median > limit:
-            text = (
-                f"by {median:.0f}° of direction, median"
-                if median < UNUSED_DEG
-                else "so much that it is not used by most"
-            )
-            items.append(_item(run.database_images[i].name, -1, f"{text} of {len(uses[i])} queries"))
+            text = f"by {median:.0f}° of direction (median)" if median < UNUSED_DEG else "left out by most queries"
+            items.append(_item(run.database_images[i].name, -1, f"{text}; {len(uses[i])} queries judge it"))
     explanation = (
         "What the queries measure against these images does not fit the poses that all their images together give. "
         "Their poses or intrinsics in the input model may be wrong. Leave-one-out localization tells which."
