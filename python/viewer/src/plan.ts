@@ -132,7 +132,7 @@ class PlanView implements SceneView {
 
   private describe(numAll: number, numWithout: number, numDrawn: number, cell: number): void {
     const { summary, scene } = this.data;
-    const texts = [`Seen from above. Ellipses: 3 standard deviations \u00d7 ${this.factor}.`];
+    const texts = [`Seen from above; wedges open in the direction of view. Ellipses: 3 standard deviations \u00d7 ${this.factor}.`];
     if (scene.trueCentres.length > 0) texts.push("Crosses: true positions.");
     if (numWithout > 0) texts.push(`${formatCount(numWithout)} of ${formatCount(numAll)} queries have no position.`);
     if (cell > 0) {
@@ -199,11 +199,13 @@ class PlanView implements SceneView {
   private fit(): void {
     const { width, height } = this.mapping;
     const { least, most } = this.box;
-    const room = 1.12;
-    const size = (axis: 0 | 1) => Math.max(room * (most[axis] - least[axis]), 1e-3 * this.data.scene.size);
-    const scale = Math.min(width / size(0), height / size(1));
+    const [left, top] = [24, 40]; // Borders, besides room below for the caption, in pixels
+    const bottom = 30 + this.caption.offsetHeight;
+    const size = (axis: 0 | 1) => Math.max(most[axis] - least[axis], 1e-3 * this.data.scene.size);
+    const scale = Math.max(Math.min((width - 2 * left) / size(0), (height - top - bottom) / size(1)), 1e-9);
     this.mapping.scale = scale;
-    this.mapping.shift = [width / 2 - (scale * (least[0] + most[0])) / 2, height / 2 + (scale * (least[1] + most[1])) / 2];
+    const middle = (top + height - bottom) / 2;
+    this.mapping.shift = [width / 2 - (scale * (least[0] + most[0])) / 2, middle + (scale * (least[1] + most[1])) / 2];
     this.isChanged = false;
     this.apply();
   }

@@ -43,8 +43,9 @@ function meanDirection(scene: Scene): Vec3 {
   return sum(mean, scaled(scene.up, -dot(mean, scene.up)));
 }
 
-// Returns the direction along the ground in which the cameras are least spread, so that a long scene is seen from its side.
-function shortDirection(cameras: Vec3[], up: Vec3): Vec3 {
+// Returns the direction along the ground in which the cameras are least spread, and how many times longer their spread in the
+// other direction is.
+function shortDirection(cameras: Vec3[], up: Vec3): { direction: Vec3; elongation: number } {
   const [right, forward] = groundAxes(up);
   const middle = cameras.length > 0 ? median(cameras) : ([0, 0, 0] as Vec3);
   let [xx, xy, yy] = [0, 0, 0];
@@ -54,14 +55,18 @@ function shortDirection(cameras: Vec3[], up: Vec3): Vec3 {
     [xx, xy, yy] = [xx + x * x, xy + x * y, yy + y * y];
   }
   const angle = 0.5 * Math.atan2(2 * xy, xx - yy) + Math.PI / 2;
-  return sum(scaled(right, Math.cos(angle)), scaled(forward, Math.sin(angle)));
+  const [middleSpread, difference] = [(xx + yy) / 2, Math.hypot((xx - yy) / 2, xy)];
+  const elongation = Math.sqrt((middleSpread + difference) / Math.max(middleSpread - difference, 1e-6 * middleSpread));
+  return { direction: sum(scaled(right, Math.cos(angle)), scaled(forward, Math.sin(angle))), elongation };
 }
 
-// Turns the viewpoint: from behind and above cameras that look in one direction, else from the long side of the scene.
+// Turns the viewpoint: from behind and above cameras that look in one direction, else from the long side of the scene. A long
+// scene is always seen from its side, because from its end little of it would be seen.
 export function orient(viewpoint: Viewpoint, scene: Scene): void {
   const mean = meanDirection(scene);
-  const isCommon = Math.hypot(...mean) > 0.4;
-  const ahead = isCommon ? normalized(mean) : shortDirection(takeSample(scene).cameras, scene.up);
+  const { direction, elongation } = shortDirection(takeSample(scene).cameras, scene.up);
+  const isCommon = Math.hypot(...mean) > 0.4 && elongation < 4;
+  const ahead = isCommon ? normalized(mean) : scaled(direction, dot(direction, mean) < 0 ? -1 : 1);
   const side = new Vector3(...ahead).applyAxisAngle(new Vector3(...scene.up), isCommon ? SIDE : 0);
   const forward = sum(scaled(side.toArray(), Math.cos(ELEVATION)), scaled(scene.up, -Math.sin(ELEVATION)));
   viewpoint.look(forward, scene.up);

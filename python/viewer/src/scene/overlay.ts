@@ -1,5 +1,5 @@
 // Lays buttons, a legend with switches, a tooltip and the name of the selected query over the scene.
-import { sceneColors } from "../colors";
+import { sceneColors, statusColor } from "../colors";
 import { button, make } from "../dom";
 import { MAX_FACTOR } from "./ellipsoids";
 import type { LayerName } from "./layers";
@@ -15,7 +15,7 @@ export interface OverlayActions {
   setCameraSize(factor: number): void;
 }
 
-type Swatch = "frustum" | "dashed" | "line" | "dots" | "ball";
+type Swatch = "frustum" | "dashed" | "line" | "dash" | "dots" | "ball";
 
 function swatch(kind: Swatch, color: string): HTMLElement {
   const element = make("span", { class: `scene-swatch scene-${kind}`, "aria-hidden": "true" });
@@ -57,14 +57,14 @@ export class Overlay {
     const numPlaced = queriesOf(this.data, (query) => hasPosition(scene, query));
     add(numPlaced > 0, "ellipsoids", "ball", "currentColor", this.factorText);
     add(scene.trueCentres.length > 0, "truth", "dashed", colors.truth, "True position, error line");
-    add(queriesOf(this.data, (query) => hasBearing(scene, query)) > 0, "bearings", "line", "currentColor", "Bearing without distance");
+    add(queriesOf(this.data, (query) => hasBearing(scene, query)) > 0, "bearings", "dash", statusColor("SCALE_UNOBSERVABLE"), "Bearing without distance");
     const numConnections = scene.queryConnections.length + scene.databaseConnections.length;
     add(numConnections > 0, "connections", "line", colors.selected, "Rig or trajectory");
     const fixed = (color: string, text: string) =>
       legend.append(make("div", { class: "scene-row scene-fixed" }, swatch("line", color), text));
     fixed(colors.rays, "Selected query to its points");
     fixed(colors.links, "Selected query to images it used");
-    legend.append(...this.sliders(numPlaced > 0));
+    legend.append(make("details", {}, make("summary", {}, "Sizes"), ...this.sliders(numPlaced > 0)));
     return legend;
   }
 

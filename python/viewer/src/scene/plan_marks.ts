@@ -57,7 +57,9 @@ export function queryMark(data: ViewData, ground: Ground, query: number): SVGGEl
   const mark = makeSvg("g", { role: "button", tabindex: -1, "data-query": query, "aria-label": text }, makeSvg("title", {}, text));
   if (hasPosition(scene, query)) {
     const heading = ground.heading(scene.queryRotations, query);
-    mark.append(camera(ground.at(scene.queryCentres, query), heading, scene.queryExtents, query));
+    const wedge = camera(ground.at(scene.queryCentres, query), heading, scene.queryExtents, query);
+    wedge.prepend(makeSvg("circle", { class: "plan-hit", r: 0.5 })); // Makes the apex easy to hit.
+    mark.append(wedge);
     mark.setAttribute("class", isLocalized ? "plan-query" : "plan-query plan-hollow");
   } else {
     const line = bearingLine(scene, query);

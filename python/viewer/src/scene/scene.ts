@@ -1,7 +1,7 @@
 // Shows cameras and points in three dimensions. It draws only when something changes.
-import { Scene as ThreeScene, Vector3, WebGLRenderer } from "three";
+import { type PerspectiveCamera, Scene as ThreeScene, Vector3, WebGLRenderer } from "three";
 import type { ColorMode } from "../colors";
-import { make } from "../dom";
+import { make, visibleText } from "../dom";
 import type { Selection } from "../selection";
 import { Controls } from "./controls";
 import { LevelOfDetail } from "./detail";
@@ -210,8 +210,7 @@ class WebglView implements SceneView {
   private draw(detail: number, isCoarse: boolean): void {
     const [width, height] = [this.host.clientWidth, this.host.clientHeight];
     if (width === 0 || height === 0) return;
-    const camera = this.viewpoint.update(width, height);
-    this.projector = new Projector(camera, width, height);
+    const camera = this.updateProjector();
     if (this.isChoiceStale && !this.isMoving) {
       this.layers.choose(this.projector);
       this.isChoiceStale = false;
@@ -224,10 +223,19 @@ class WebglView implements SceneView {
     this.placeLabel();
   }
 
+  private updateProjector(): PerspectiveCamera {
+    const [width, height] = [this.host.clientWidth, this.host.clientHeight];
+    const camera = this.viewpoint.update(width, height);
+    this.projector = new Projector(camera, width, height);
+    return camera;
+  }
+
   private placeLabel(): void {
     const { query } = this.selection;
     const place = query >= 0 ? this.projectQuery(query) : null;
-    this.overlay.setLabel(query >= 0 ? this.data.queries.names[query] : "", place && [place[0], place[1]]);
+    const isSeenFrom = place !== null && place[2] < 0.01 * this.viewpoint.distance;
+    const text = query >= 0 ? visibleText(this.data.queries.names[query]) : "";
+    this.overlay.setLabel(text, place && !isSeenFrom ? [place[0], place[1]] : null);
   }
 
   // Returns pixels of a query's apex, or of the middle of its bearing line; null if it is not in view.
@@ -291,6 +299,7 @@ class WebglView implements SceneView {
       numDrawnPoints: this.layers.points.object.visible ? this.layers.points.numDrawn : 0,
       frameMilliseconds: this.level.milliseconds,
       projectedQuery: (query) => {
+        this.updateProjector(); // The viewpoint may have moved since the last frame.
         const place = this.projectQuery(query);
         const box = this.canvas.getBoundingClientRect();
         return place ? [place[0] + box.left, place[1] + box.top] : [NaN, NaN];
