@@ -256,18 +256,19 @@ def _write_points(path: pathlib.Path, queries: list[_Image], database: list[_Ima
 
 def _add_points(file, query: _Image, observers: list[_Image], num: int, first_id: int, rng) -> int:
     """Adds points that a query and at least one observer see; returns their number."""
-    xy = rng.uniform([-0.4, -0.5], [0.4, 0.5], (num, 2))
-    depth = rng.uniform(5, 14, (num, 1))
+    xy = rng.uniform([-0.4, -0.5], [0.4, 0.5], (4 * num, 2))
+    depth = rng.uniform(5, 14, (4 * num, 1))
     in_world = (np.hstack([xy * depth, depth]) - query.pose.tvec) @ query.pose.rotation
     projected = [image.camera.image_from_cam(image.pose(in_world)) for image in observers]
-    size = [DATABASE_CAMERA.width, DATABASE_CAMERA.height]
-    is_seen = np.array([np.all((xy >= 0) & (xy <= size), axis=1) for xy in projected])
-    # The nearest database image sees all points, so that as many are written as were asked for.
-    is_seen[len(observers) // 2] = True
+    size = [DATABASE_CAMERA.width - 5, DATABASE_CAMERA.height - 5]
+    is_seen = np.array([np.all((xy > 5) & (xy < size), axis=1) for xy in projected])
+    # Keep points that are in the nearest database image.
+    kept = np.flatnonzero(is_seen[len(observers) // 2])[:num]
+    in_world, is_seen, num = in_world[kept], is_seen[:, kept], len(kept)
     ids = np.arange(first_id, first_id + num)
     noise = rng.normal(0, 0.3, (num, 2))
     elements = [(query.image_id, query.add(query.camera.image_from_cam(query.pose(in_world)) + noise, ids))]
-    for image, xy_in_image, seen in zip(observers, projected, is_seen):
+    for image, xy_in_image, seen in zip(observers, (xy[kept] for xy in projected), is_seen):
         keypoints = np.full(num, -1)
         keypoints[seen] = image.add(xy_in_image[seen] + noise[seen], ids[seen])
         elements.append((image.image_id, keypoints))
