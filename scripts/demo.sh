@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Runs all steps on a rendered courtyard: builds the program, makes the scene, extracts and matches features, localizes
-# the queries without a map, and compares their poses with the true ones. Fails unless every query is localized
-# accurately. You may run it again; it skips steps that are done.
+# the queries without a map, compares their poses with the true ones, and writes a report page. Fails unless every query
+# is localized accurately. You may run it again; it skips steps that are done.
 #
 #   DEMO_DIR   folder for all files; default: demo below the build folder
 set -euo pipefail
@@ -57,6 +57,10 @@ make_database
 say "localizing the queries"
 colmap lazy_localizer --database_path "$DEMO_DIR/database.db" --input_path "$DEMO_DIR/database_model" \
   --query_list_path "$DEMO_DIR/queries_with_intrinsics.txt" --output_path "$DEMO_DIR/localized"
+say "writing the report"
+report=$("$PYTHON" -m colmap_lazyloc.report "$DEMO_DIR/localized" --image_path "$DEMO_DIR/images" \
+  --database_path "$DEMO_DIR/database.db" --ground_truth "$DEMO_DIR/ground_truth/poses.txt" \
+  --output "$DEMO_DIR/report.html")
 "$PYTHON" -m colmap_lazyloc.evaluate "$DEMO_DIR/localized/poses.txt" --ground_truth "$DEMO_DIR/ground_truth/poses.txt" \
   --thresholds 0.01,0.1 0.05,0.2 0.25,2 --per_query --json "$DEMO_DIR/accuracy.json"
 "$PYTHON" - "$DEMO_DIR/scene.json" "$DEMO_DIR/accuracy.json" << 'CHECK'
@@ -68,3 +72,4 @@ if not (accuracy["num_localized"] == accuracy["num_queries"]
         and accuracy["median_position_error"] < 0.005 * diagonal and accuracy["median_rotation_error_deg"] < 0.2):
     sys.exit("demo: failed: expected every query localized, medians below 0.5 % of the scene's size and 0.2 deg")
 CHECK
+echo "report: $report"

@@ -121,6 +121,13 @@ def test_values_that_no_run_writes(run_path, capsys, fields):
     assert_refused(capsys, "results.jsonl", run_path, "--output", run_path / "page.html")
 
 
+def test_a_result_without_its_pairs(run_path, capsys):
+    (run_path / "results.jsonl").write_text(
+        '{"name": "a", "status": "NO_PAIRS", "reason": "", "cam_from_world": null}\n'
+    )
+    assert_refused(capsys, "query 'a' has no 'pairs'", run_path, "--output", run_path / "page.html")
+
+
 def test_a_query_twice(run_path, capsys):
     path = run_path / "results.jsonl"
     path.write_text(path.read_text() + path.read_text().splitlines()[-1] + "\n")

@@ -8,8 +8,7 @@ from colmap_lazyloc.errors import InputError
 from colmap_lazyloc.poses import Pose
 from colmap_lazyloc.text_files import open_text
 
-# Fields that every result has; the others may be missing in runs of older versions.
-REQUIRED_FIELDS = ("name", "status", "reason", "cam_from_world", "pairs", "seconds")
+REQUIRED_FIELDS = ("name", "status", "cam_from_world")
 
 
 def read_results(path) -> dict[str, dict]:

@@ -4,6 +4,8 @@ import math
 
 from colmap_lazyloc.errors import InputError
 
+# Fields that every result has; others are missing in runs of older versions.
+_REQUIRED = ("name", "status", "reason", "cam_from_world", "pairs", "seconds")
 _TEXTS = ("name", "status", "reason")
 _OPTIONAL_TEXTS = ("start", "frame", "intrinsics_source")
 _NUMBERS = ("confidence", "rotation_stddev_deg", "mean_reprojection_error_px", "rig_error_px", "rig_scale")
@@ -29,6 +31,9 @@ def check_result(place: str, result: dict):
         "pairs": lambda value: isinstance(value, list) and all(map(_is_pair, value)),
         "seconds": lambda value: isinstance(value, dict) and all(map(_is_number, value.values())),
     }
+    missing = [name for name in _REQUIRED if name not in result]
+    if missing:
+        raise InputError(f"{place}: query '{result['name']}' has no '{missing[0]}'")
     wrong = [name for name, check in checks.items() if name in result and not check(result[name])]
     if wrong:
         raise InputError(f"{place}: '{wrong[0]}' of query '{result['name']}' is not what a run writes")

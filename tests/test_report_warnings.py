@@ -1,0 +1,184 @@
+"""Tests of what the warning box of a report finds, and of the commands that repeat queries localized together."""
+
+import json
+import re
+
+import numpy as np
+import pytest
+
+from colmap_lazyloc import model
+from colmap_lazyloc.poses import Pose
+from colmap_lazyloc.report.__main__ import main
+from colmap_lazyloc.testing import synthetic
+from colmap_lazyloc.testing.synthetic_run import RunShape, write_run
+from conftest import write_lines, write_scene
+from report_pages import ReportPage
+
+CONTRADICTING = "Database images that contradict the others"
+SAME_PLACE = "Database images at the same place"
+NEAR = "Queries near the threshold"
+INTRINSICS = "Intrinsics that the images contradict"
+RIG = "Large errors within a rig"
+WRONG = "Localized, but away from the known pose"
+SAME_FAILURE = "Many queries fail in the same way"
+
+
+def make_page(run_path, *options):
+    output = run_path.with_suffix(".html")
+    assert main([str(word) for word in (run_path, "--output", output, *options)]) == 0
+    return ReportPage(output)
+
+
+def write_changed_run(folder, change, **shape):
+    """Writes a run, without failures by default, after `change(i, result)` has changed each result."""
+    run_path = write_run(folder / "run", RunShape(**{"has_failures": False, "num_points": 300} | shape))
+    path = run_path / "results.jsonl"
+    results = [json.loads(line) for line in path.read_text().splitlines()]
+    for i, result in enumerate(results):
+        result["confidence"] = 0.99
+        change(i, result)
+    path.write_text("".join(json.dumps(result) + "\n" for result in results))
+    return run_path
+
+
+def test_nothing_to_warn_of(tmp_path):
+    page = make_page(write_changed_run(tmp_path, lambda i, result: None))
+    assert page.summary["warnings"] == []
+
+
+def test_queries_near_the_threshold(tmp_path):
+    def change(i, result):
+        result["confidence"] = [0.951, 0.964, 0.966, 0.99][i % 4]
+
+    page = make_page(write_changed_run(tmp_path, change, num_queries=8))
+    names = [f"query/{i:06d}.jpg" for i in (0, 1, 4, 5)]
+    assert sorted(page.warning(NEAR)) == names and set(page.warning(NEAR)[:2]) == {names[0], names[2]}
+
+
+def test_contradicted_intrinsics(tmp_path):
+    def change(i, result):
+        if i == 3:
+            result["intrinsics"]["contradiction"] = "the focal length is too long"
+
+    page = make_page(write_changed_run(tmp_path, change))
+    assert page.warning(INTRINSICS) == ["query/000003.jpg"]
+
+
+def test_large_errors_within_a_rig(tmp_path):
+    def change(i, result):
+        result["rig_error_px"] = {4: 5.0, 5: 8.0}.get(i, 0.5)
+
+    page = make_page(write_changed_run(tmp_path, change, frame_size=2))
+    assert page.warning(RIG) == ["query/000005.jpg", "query/000004.jpg"]
+
+
+def test_wrong_poses(tmp_path):
+    def change(i, result):
+        if i in (3, 4):
+            result["position_stddevs"] = [1e-4, 1e-4, 1e-4]
+
+    run_path = write_changed_run(tmp_path, change)
+    assert make_page(run_path).warning(WRONG) == []
+    page = make_page(run_path, "--ground_truth", run_path / "truth")
+    assert sorted(page.warning(WRONG)) == ["query/000003.jpg", "query/000004.jpg"]
+
+
+def test_many_failures_of_one_kind(tmp_path):
+    def change(i, result):
+        if i in (4, 5, 6):
+            result["status"] = "NO_PAIRS"
+
+    shape = {"num_queries": 30, "has_failures": True}
+    assert make_page(write_changed_run(tmp_path / "few", lambda i, result: None, **shape)).warning(SAME_FAILURE) == []
+    page = make_page(write_changed_run(tmp_path / "many", change, **shape))
+    assert page.warning(SAME_FAILURE) == ["4 queries: NO_PAIRS"]
+
+
+@pytest.mark.parametrize("kind", ["rotation", "position"])
+def test_a_database_image_with_a_wrong_pose(localize, tmp_path, kind):
+    """Changes the pose of one image in the input model; images without such an error are not accused."""
+    scene = synthetic.make_scene(
+        synthetic.arc(9), synthetic.arc(4, radius=5, height=-0.7, phase=4), noise_px=0.5, num_points=500
+    )
+    files = write_scene(tmp_path, scene)
+    page = make_page(localize(*files.arguments, output_path=tmp_path / "right").output_path)
+    assert page.warning(CONTRADICTING) == []
+    images = model.read_model(files.model_path)
+    wrong = "database/003.jpg"
+    changed = []
+    for image in images.images.values():
+        pose = image.cam_from_world
+        if image.name == wrong:
+            turn = np.array([[np.cos(0.15), 0, np.sin(0.15)], [0, 1, 0], [-np.sin(0.15), 0, np.cos(0.15)]])
+            centre = pose.cam_in_world
+            rotation = turn @ pose.rotation if kind == "rotation" else pose.rotation
+            pose = Pose.from_centre(rotation, centre if kind == "rotation" else centre + [0.8, 0.5, 0])
+        changed.append(model.Image(image.name, image.camera_id, pose, image.image_id))
+    model_path = model.write_model(tmp_path / "wrong_model", images.cameras, changed)
+    run = localize("--database_path", files.database_path, "--input_path", model_path, output_path=tmp_path / "wrong")
+    assert make_page(run.output_path).warning(CONTRADICTING) == [wrong]
+
+
+def test_database_images_at_the_same_place(localize, exact, tmp_path):
+    images = model.read_model(exact.model_path)
+    first = images.images["database/000.jpg"]
+    copy = model.Image("database/copy.jpg", first.camera_id, first.cam_from_world, 99)
+    model_path = model.write_model(tmp_path / "model", images.cameras, [*images.images.values(), copy])
+    run = localize("--database_path", exact.database_path, "--input_path", model_path, output_path=tmp_path / "run")
+    assert make_page(run.output_path).warning(SAME_PLACE) == ["database/copy.jpg"]
+
+
+# Commands that repeat a query
+
+
+def commands(page):
+    return dict(zip(page.queries["names"], page.chunks["details/0"]["commands"]))
+
+
+def test_images_of_a_frame_are_repeated_together(tmp_path):
+    page = make_page(write_changed_run(tmp_path, lambda i, result: None, frame_size=2))
+    for i in (4, 5):
+        command = commands(page)[f"query/{i:06d}.jpg"]
+        names = re.findall(r"query/\d+", command.partition(" > repeated.txt && ")[0])
+        assert names == ["query/000004", "query/000005"]
+
+
+def test_groups_are_runs_of_the_query_list(tmp_path):
+    run_path = write_changed_run(tmp_path, lambda i, result: None, num_queries=6)
+    names = [f"query/{i:06d}.jpg" for i in (5, 1, 3, 0, 2, 4)]
+    queries = write_lines(tmp_path / "queries.txt", [f"{name} PINHOLE 600 800 640 640 300 400" for name in names])
+    options = (run_path / "options.ini").read_text()
+    options = options.replace("query_list_path=", f"query_list_path={queries}").replace(
+        "[LazyLocalizer]\n", "[LazyLocalizer]\ngroup_size=2\n"
+    )
+    (run_path / "options.ini").write_text(options)
+    command = commands(make_page(run_path))["query/000003.jpg"]
+    assert "'query/000003.jpg PINHOLE 600 800 640 640 300 400' 'query/000000.jpg PINHOLE" in command
+    assert "000001" not in command
+
+
+def test_listed_groups_are_listed_again(tmp_path):
+    run_path = write_changed_run(tmp_path, lambda i, result: None, num_queries=6)
+    groups = write_lines(tmp_path / "groups.txt", ["query/000001.jpg query/000004.jpg"])
+    options = (run_path / "options.ini").read_text()
+    (run_path / "options.ini").write_text(options.replace("group_list_path=", f"group_list_path={groups}"))
+    page = make_page(run_path)
+    both = "query/000001.jpg query/000004.jpg"
+    assert f"'{both}' > repeated_group.txt" in commands(page)["query/000004.jpg"]
+    assert f"'{both}' > repeated_group.txt" in commands(page)["query/000001.jpg"]
+    assert "query/000002.jpg > repeated_group.txt" in commands(page)["query/000002.jpg"]
+
+
+def test_a_long_trajectory_is_repeated_as_a_whole(tmp_path):
+    page = make_page(write_changed_run(tmp_path, lambda i, result: None, num_queries=60, frame_size=60))
+    command = commands(page)["query/000001.jpg"]
+    assert command.startswith("colmap lazy_localizer --project_path ") and "query_list_path" not in command
+
+
+def test_a_name_that_no_list_can_hold_has_no_command(tmp_path):
+    page = make_page(write_run(tmp_path / "run", RunShape(num_points=100, has_ugly_names=True)))
+    found = commands(page)
+    assert found["query/line\nbreak.jpg"] == ""
+    assert (
+        "'query/$(touch hacked) `touch hacked`.jpg' > repeated.txt" in found["query/$(touch hacked) `touch hacked`.jpg"]
+    )
