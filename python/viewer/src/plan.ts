@@ -14,6 +14,8 @@ const MAX_NUM_IMAGES = 1500;
 const MAX_NUM_POINTS = 6000;
 const MAX_NUM_RAYS = 400;
 const MARK_PIXELS = 15;
+const MIN_MARK_PIXELS = 5;
+const MAX_NUM_LARGE_MARKS = 150; // More marks than this are drawn smaller until the plan is enlarged.
 const PAPER: Vec2 = [1000, 620]; // Size of the picture while the host has none, as before printing.
 const LAYERS = ["frame", "points", "database", "lines", "rays", "ellipses", "truth", "queries", "links"] as const;
 const HELP = "Arrow keys move the plan, plus and minus zoom, Home fits. Tab leads to a query, from which arrow keys lead to others.";
@@ -34,6 +36,9 @@ class PlanView implements SceneView {
   private isShown: Uint8Array;
   private mode: ColorMode = "status";
   private dragged: { from: Vec2; last: Vec2 } | null = null;
+  private fittedScale = 1;
+  private numPlaced = 0;
+  private redrawTimer = 0;
   private isChanged = false; // True if the user moved the plan
   private isDisposed = false;
 
@@ -101,8 +106,12 @@ class PlanView implements SceneView {
     const { scene, queries } = this.data;
     const all = [...this.isShown.keys()].filter((query) => this.isShown[query] === 1);
     const placed = all.filter((query) => marks.placeOf(this.data, this.ground, query) !== null);
+    this.numPlaced = placed.length;
     const place = (query: number) => marks.placeOf(this.data, this.ground, query) as Vec2;
-    const { kept, cell } = thin(placed, MAX_NUM_QUERIES, place, this.box);
+    const box = this.isChanged && placed.length > MAX_NUM_QUERIES ? this.boxInSight() : this.box;
+    const isInBox = ([x, y]: Vec2) => x >= box.least[0] && y >= box.least[1] && x <= box.most[0] && y <= box.most[1];
+    const near = box === this.box ? placed : placed.filter((query) => isInBox(place(query)));
+    const { kept, cell } = thin(near, MAX_NUM_QUERIES, place, box);
     this.queryMarks.clear();
     for (const query of kept) this.queryMarks.set(query, marks.queryMark(this.data, this.ground, query));
     // Draws the least certain queries, which the report lists first, on top.
@@ -121,6 +130,14 @@ class PlanView implements SceneView {
     if (queries.names.length > 0) this.select(this.selection.query);
   }
 
+  // Returns the part of the ground that the window shows, and as much again around it.
+  private boxInSight(): Box {
+    const { width, height, scale, shift } = this.mapping;
+    const middle: Vec2 = [(width / 2 - shift[0]) / scale, (shift[1] - height / 2) / scale];
+    const [x, y] = [width / scale, height / scale];
+    return { least: [middle[0] - x, middle[1] - y], most: [middle[0] + x, middle[1] + y] };
+  }
+
   private drawEllipses(queries: number[]): void {
     const shapes = queries.map((query) => {
       const shape = marks.ellipseMark(this.data, this.ground, query, this.factor);
@@ -137,7 +154,7 @@ class PlanView implements SceneView {
     if (numWithout > 0) texts.push(`${formatCount(numWithout)} of ${formatCount(numAll)} queries have no position.`);
     if (cell > 0) {
       const size = formatLength(cell, summary, 2);
-      texts.push(`Drawn: ${formatCount(numDrawn)} of ${formatCount(numAll)} queries, the least certain one in each square of ${size}.`);
+      texts.push(`Drawn: ${formatCount(numDrawn)} of ${formatCount(numAll)} queries, the least certain one in each square of ${size}; more when enlarged.`);
     }
     this.caption.textContent = texts.join(" ");
   }
@@ -203,11 +220,12 @@ class PlanView implements SceneView {
     const bottom = 30 + this.caption.offsetHeight;
     const size = (axis: 0 | 1) => Math.max(most[axis] - least[axis], 1e-3 * this.data.scene.size);
     const scale = Math.max(Math.min((width - 2 * left) / size(0), (height - top - bottom) / size(1)), 1e-9);
-    this.mapping.scale = scale;
+    [this.mapping.scale, this.fittedScale] = [scale, scale];
     const middle = (top + height - bottom) / 2;
     this.mapping.shift = [width / 2 - (scale * (least[0] + most[0])) / 2, middle + (scale * (least[1] + most[1])) / 2];
     this.isChanged = false;
     this.apply();
+    this.redrawLater();
   }
 
   private resize(): void {
@@ -225,9 +243,22 @@ class PlanView implements SceneView {
   private apply(): void {
     const { scale, shift } = this.mapping;
     this.world.setAttribute("transform", `matrix(${scale} 0 0 ${-scale} ${shift[0]} ${shift[1]})`);
-    this.world.style.setProperty("--mark", String(MARK_PIXELS / scale));
+    this.world.style.setProperty("--mark", String(this.markPixels() / scale));
     drawFrame(this.frame, this.mapping, this.ground);
     drawScale(this.scale, this.mapping, this.data.summary);
+  }
+
+  private markPixels(): number {
+    const crowded = MARK_PIXELS * Math.sqrt(MAX_NUM_LARGE_MARKS / Math.max(this.queryMarks.size, 1));
+    const enlarged = crowded * (this.mapping.scale / this.fittedScale);
+    return Math.min(MARK_PIXELS, Math.max(MIN_MARK_PIXELS, enlarged));
+  }
+
+  // Chooses other queries soon, if not all are drawn and the plan was moved.
+  private redrawLater(): void {
+    if (this.numPlaced <= MAX_NUM_QUERIES) return;
+    window.clearTimeout(this.redrawTimer);
+    this.redrawTimer = window.setTimeout(() => this.drawQueries(), 250);
   }
 
   private zoom(factor: number, at: Vec2): void {
@@ -237,6 +268,7 @@ class PlanView implements SceneView {
     shift[1] = at[1] + (shift[1] - at[1]) * factor;
     this.isChanged = true;
     this.apply();
+    this.redrawLater();
   }
 
   private pan(x: number, y: number): void {
@@ -244,6 +276,7 @@ class PlanView implements SceneView {
     this.mapping.shift[1] += y;
     this.isChanged = true;
     this.apply();
+    this.redrawLater();
   }
 
   private wheel(event: WheelEvent): void {
@@ -330,6 +363,7 @@ class PlanView implements SceneView {
 
   dispose(): void {
     this.isDisposed = true;
+    window.clearTimeout(this.redrawTimer);
     this.resizes.disconnect();
     this.host.replaceChildren();
   }

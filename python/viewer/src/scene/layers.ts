@@ -65,7 +65,7 @@ export class Layers {
   constructor(private readonly data: ViewData) {
     const { scene, queries } = data;
     this.isShown = new Uint8Array(queries.names.length).fill(1);
-    this.points = new PointCloud(scene.points, scene.pointColors, sceneColors().database, 2);
+    this.points = new PointCloud(scene.points, scene.pointColors, sceneColors().database, 2, scene.pointColors.length > 0);
     this.database = new Frustums({ width: 1, opacity: scene.databaseNames.length > 500 ? 0.5 : 0.9 });
     this.root.add(this.points.object, this.database.group, this.connections.mesh, this.databaseConnections.mesh);
     this.root.add(this.truth.group, this.errors.mesh, this.bearings.mesh, this.queries.group, this.ellipsoids.mesh);

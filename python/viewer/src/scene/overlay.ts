@@ -17,12 +17,6 @@ export interface OverlayActions {
 
 type Swatch = "frustum" | "dashed" | "line" | "dash" | "dots" | "ball";
 
-function swatch(kind: Swatch, color: string): HTMLElement {
-  const element = make("span", { class: `scene-swatch scene-${kind}`, "aria-hidden": "true" });
-  element.style.color = color;
-  return element;
-}
-
 const queriesOf = ({ scene, queries }: ViewData, has: (query: number) => boolean) =>
   scene ? queries.names.reduce((count, _, query) => count + Number(has(query)), 0) : 0;
 
@@ -34,6 +28,7 @@ export class Overlay {
   private readonly factorText = make("span");
   private readonly factor = make("input", { type: "range", min: 0, max: 3, step: 0.01 });
   private readonly pointSize = make("input", { type: "range", min: 0.5, max: 8, step: 0.5 });
+  private readonly swatches: { element: HTMLElement; color: () => string }[] = [];
   private readonly cameraSize = make("input", { type: "range", min: -1.5, max: 1.5, step: 0.05 });
 
   constructor(
@@ -48,30 +43,40 @@ export class Overlay {
 
   private legend(): HTMLElement {
     const { scene } = this.data;
-    const colors = sceneColors();
     const legend = make("details", { class: "scene-legend" }, make("summary", {}, "Legend and display"));
     if (!window.matchMedia("(max-width: 600px)").matches) legend.open = true;
     const add = (has: boolean, ...parts: Parameters<Overlay["layer"]>) => has && legend.append(this.layer(...parts));
-    add(scene.databaseNames.length > 0, "database", "frustum", colors.database, "Database images");
-    add(scene.points.length > 0, "points", "dots", colors.database, "Points");
+    add(scene.databaseNames.length > 0, "database", "frustum", () => sceneColors().database, "Database images");
+    add(scene.points.length > 0, "points", "dots", () => sceneColors().database, "Points");
     const numPlaced = queriesOf(this.data, (query) => hasPosition(scene, query));
-    add(numPlaced > 0, "ellipsoids", "ball", "currentColor", this.factorText);
-    add(scene.trueCentres.length > 0, "truth", "dashed", colors.truth, "True position, error line");
-    add(queriesOf(this.data, (query) => hasBearing(scene, query)) > 0, "bearings", "dash", statusColor("SCALE_UNOBSERVABLE"), "Bearing without distance");
+    add(numPlaced > 0, "ellipsoids", "ball", () => "currentColor", this.factorText);
+    add(scene.trueCentres.length > 0, "truth", "dashed", () => sceneColors().truth, "True position, error line");
+    add(queriesOf(this.data, (query) => hasBearing(scene, query)) > 0, "bearings", "dash", () => statusColor("SCALE_UNOBSERVABLE"), "Bearing without distance");
     const numConnections = scene.queryConnections.length + scene.databaseConnections.length;
-    add(numConnections > 0, "connections", "line", colors.selected, "Rig or trajectory");
-    const fixed = (color: string, text: string) =>
-      legend.append(make("div", { class: "scene-row scene-fixed" }, swatch("line", color), text));
-    fixed(colors.rays, "Selected query to its points");
-    fixed(colors.links, "Selected query to images it used");
+    add(numConnections > 0, "connections", "line", () => sceneColors().selected, "Rig or trajectory");
+    const fixed = (color: () => string, text: string) =>
+      legend.append(make("div", { class: "scene-row scene-fixed" }, this.swatch("line", color), text));
+    fixed(() => sceneColors().rays, "Selected query to its points");
+    fixed(() => sceneColors().links, "Selected query to images it used");
     legend.append(make("details", {}, make("summary", {}, "Sizes"), ...this.sliders(numPlaced > 0)));
     return legend;
   }
 
-  private layer(name: LayerName, kind: Swatch, color: string, text: string | HTMLElement): HTMLElement {
+  private swatch(kind: Swatch, color: () => string): HTMLElement {
+    const element = make("span", { class: `scene-swatch scene-${kind}`, "aria-hidden": "true" });
+    this.swatches.push({ element, color });
+    return element;
+  }
+
+  // Gives the legend the colours of light or dark mode.
+  recolor(): void {
+    for (const { element, color } of this.swatches) element.style.color = color();
+  }
+
+  private layer(name: LayerName, kind: Swatch, color: () => string, text: string | HTMLElement): HTMLElement {
     const box = make("input", { type: "checkbox", change: () => this.actions.setHidden(name, !box.checked) });
     box.checked = true;
-    return make("label", { class: "scene-row" }, box, swatch(kind, color), text);
+    return make("label", { class: "scene-row" }, box, this.swatch(kind, color), text);
   }
 
   private sliders(hasEllipsoids: boolean): HTMLElement[] {

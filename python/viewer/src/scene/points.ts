@@ -6,9 +6,12 @@ const VERTEX = /* glsl */ `
   attribute vec3 tint;
   uniform float size;
   uniform float pixelRatio;
+  uniform float darkness;
+  uniform float isPhotographed;
   varying vec3 color;
   void main() {
-    color = tint;
+    // Keeps points apart from the background, which may have the colour of the photos' sky or shadows.
+    color = isPhotographed > 0.5 ? mix(0.85 * tint, 0.2 + 0.8 * tint, darkness) : tint;
     gl_Position = projectionMatrix * modelViewMatrix * vec4(position, 1.0);
     gl_PointSize = size * pixelRatio;
   }
@@ -34,13 +37,13 @@ export class PointCloud {
 
   // `colors` may be empty; then all points have the colour `plain`. Any first part of the points shows the whole scene,
   // because the report orders them so.
-  constructor(positions: Float32Array, colors: Uint8Array, plain: string, size: number) {
+  constructor(positions: Float32Array, colors: Uint8Array, plain: string, size: number, isPhotographed = false) {
     this.count = positions.length / 3;
     const tints = colors.length > 0 ? colors : repeated(colorBytes(plain), this.count);
     const geometry = new BufferGeometry();
     geometry.setAttribute("position", new BufferAttribute(positions, 3));
     geometry.setAttribute("tint", new BufferAttribute(tints, 3, true));
-    const uniforms = { ...shared, size: { value: size } };
+    const uniforms = { ...shared, size: { value: size }, isPhotographed: { value: isPhotographed ? 1 : 0 } };
     this.object = new Points(geometry, new ShaderMaterial({ vertexShader: VERTEX, fragmentShader: FRAGMENT, uniforms }));
     this.object.frustumCulled = false;
     this.setFraction(1);

@@ -1,6 +1,6 @@
 // Shows cameras and points in three dimensions. It draws only when something changes.
 import { type PerspectiveCamera, Scene as ThreeScene, Vector3, WebGLRenderer } from "three";
-import type { ColorMode } from "../colors";
+import { isDark, type ColorMode } from "../colors";
 import { make, visibleText } from "../dom";
 import type { Selection } from "../selection";
 import { Controls } from "./controls";
@@ -50,7 +50,7 @@ class WebglView implements SceneView {
     private readonly data: ViewData,
     private readonly selection: Selection,
   ) {
-    this.renderer = new WebGLRenderer({ canvas: this.canvas, antialias: true, alpha: true, powerPreference: "high-performance" });
+    this.renderer = new WebGLRenderer({ canvas: this.canvas, antialias: true, powerPreference: "high-performance" });
     this.viewpoint = new Viewpoint(data.scene.size);
     this.projector = new Projector(this.viewpoint.camera, 1, 1);
     this.layers = new Layers(data);
@@ -124,6 +124,9 @@ class WebglView implements SceneView {
   }
 
   private rebuild(): void {
+    shared.darkness.value = isDark() ? 1 : 0;
+    this.renderer.setClearColor(getComputedStyle(this.canvas).backgroundColor, 1);
+    this.overlay.recolor();
     this.layers.rebuild();
     this.isChoiceStale = true;
     this.showSelected();

@@ -5,6 +5,7 @@ import { Color, NormalBlending, ShaderMaterial, Vector2 } from "three";
 export const shared = {
   viewport: { value: new Vector2(1, 1) }, // device pixels
   pixelRatio: { value: 1 },
+  darkness: { value: 0 }, // 1 if the page has a dark background
 };
 
 // Puts a vertex of the line a-b (in the view's axes) at its place: at a or b (end = 0 or 1), on its left or right (side). A
