@@ -43,7 +43,7 @@ function distribution(quantity: Quantity, summary: Summary, queries: Queries): H
   const curves: Curve[] = [];
   if (trusted.length > 0) curves.push(cumulative(trusted, summary.numQueries, "localized", "solid"));
   if (trusted.length < all.length) {
-    curves.push(cumulative(all, summary.numQueries, "with low confidence too", curves.length > 0 ? "dashed" : "solid"));
+    curves.push(cumulative(all, summary.numQueries, "with low confidence", "dashed"));
   }
   const x = logAxis("", [all[0], all[all.length - 1]], (value) => format(value));
   for (const curve of curves) {

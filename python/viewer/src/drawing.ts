@@ -107,12 +107,13 @@ function lines(matches: Matches, image: number, boxes: Box[], kind: string): SVG
     dots.push(`M${from}h0M${to}h0`);
     if (position % stride === 0) strokes.push(`M${from}L${to}`);
   });
+  const width = Math.max(2, Math.min(4, 4 * Math.sqrt(150 / (chosen.length + 1))));
   const opacity = Math.max(0.35, Math.min(0.8, 3.5 / Math.sqrt(strokes.length + 1)));
   return makeSvg(
     "g",
     { class: `matches ${kind} image-${image}` },
     makeSvg("path", { class: "lines", d: strokes.join(""), "stroke-opacity": opacity.toFixed(2) }),
-    makeSvg("path", { class: "dots", d: dots.join("") }),
+    makeSvg("path", { class: "dots", d: dots.join(""), "stroke-width": width.toFixed(1) }),
   );
 }
 

@@ -41,7 +41,7 @@ function tableRow(pair: Pair, scene: Scene, max: Pair, onPoint: (image: number) 
   const row = make(
     "tr",
     { class: isUsed(pair) ? "" : "unused", title: isUsed(pair) ? null : "not used for the pose" },
-    make("th", { scope: "row", title: name }, name),
+    make("th", { scope: "row", title: name }, make("bdi", {}, name)),
     bar("inliers", formatCount(pair.numInliers), pair.numInliers / max.numInliers),
     bar("angle", formatDegrees(pair.rotationErrorDeg), pair.rotationErrorDeg / max.rotationErrorDeg),
     bar("angle", formatDegrees(pair.directionErrorDeg), pair.directionErrorDeg / max.directionErrorDeg),

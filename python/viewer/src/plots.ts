@@ -109,7 +109,7 @@ export function plot(options: PlotOptions): HTMLElement {
     svg.append(makeSvg("circle", { class: "dot", cx: x(mark.x), cy: y(mark.y), r: 4 }, makeSvg("title", {}, mark.label)));
   }
   const caption = make("figcaption", {}, make("strong", {}, options.title));
-  if (options.curves.length > 1) {
+  if (options.curves.length > 1 || options.curves[0].style === "dashed") {
     const keys = options.curves.map(({ label, style }) => make("span", { class: `key ${style}` }, label));
     caption.append(make("span", { class: "keys" }, ...keys));
   }
