@@ -4,6 +4,7 @@ import { button, make, makeSvg } from "./dom";
 import { formatCount, formatLength } from "./format";
 import { suggestFactor } from "./scene/ellipsoids";
 import { boxAround, Ground, thin, type Box, type Vec2 } from "./scene/ground";
+import { PlanControls } from "./scene/plan_controls";
 import { drawFrame, drawScale, type Mapping } from "./scene/plan_frame";
 import * as marks from "./scene/plan_marks";
 import { hasPosition, usedDatabaseImages, type SceneView, type ViewData, type ViewState } from "./scene/view";
@@ -13,6 +14,7 @@ const MAX_NUM_QUERIES = 5000;
 const MAX_NUM_IMAGES = 1500;
 const MAX_NUM_POINTS = 6000;
 const MAX_NUM_RAYS = 400;
+const APEX_PIXELS = 6; // So near an apex a click means it.
 const MARK_PIXELS = 15;
 const MIN_MARK_PIXELS = 5;
 const MAX_NUM_LARGE_MARKS = 150; // More marks than this are drawn smaller until the plan is enlarged.
@@ -35,7 +37,6 @@ class PlanView implements SceneView {
   private mapping: Mapping = { width: PAPER[0], height: PAPER[1], scale: 1, shift: [0, 0] };
   private isShown: Uint8Array;
   private mode: ColorMode = "status";
-  private dragged: { from: Vec2; last: Vec2 } | null = null;
   private fittedScale = 1;
   private numPlaced = 0;
   private redrawTimer = 0;
@@ -57,7 +58,14 @@ class PlanView implements SceneView {
     this.svg.append(this.frame, this.world, this.scale);
     const fit = button("Fit", () => this.fit());
     host.append(this.svg, make("div", { class: "scene-buttons plan-buttons" }, fit), this.caption);
-    this.listen();
+    new PlanControls(this.svg, {
+      zoom: (factor, at) => this.zoom(factor, at),
+      pan: (x, y) => this.pan(x, y),
+      fit: () => this.fit(),
+      click: (at, target) => this.click(at, target),
+      focusNext: (from, direction) => this.focusNext(this.markOf(from), direction),
+      press: (target) => this.pickMark(this.markOf(target)),
+    });
     this.drawBackground();
     this.drawQueries();
     selection.onChange((query) => this.select(query));
@@ -76,19 +84,6 @@ class PlanView implements SceneView {
     };
     const some = (values: Float32Array) => places(values, Math.max(1, Math.floor(values.length / 60000)));
     return boxAround([...some(scene.databaseCentres), ...some(scene.queryCentres)], places(scene.points, step), scene.size);
-  }
-
-  private listen(): void {
-    const { svg } = this;
-    svg.addEventListener("wheel", (event) => this.wheel(event), { passive: false });
-    svg.addEventListener("pointerdown", (event) => {
-      this.dragged = { from: [event.clientX, event.clientY], last: [event.clientX, event.clientY] };
-    });
-    svg.addEventListener("pointermove", (event) => this.drag(event));
-    svg.addEventListener("pointerup", () => (this.dragged = null));
-    svg.addEventListener("pointerleave", () => (this.dragged = null));
-    svg.addEventListener("click", (event) => this.click(event));
-    svg.addEventListener("keydown", (event) => this.key(event));
   }
 
   private drawBackground(): void {
@@ -190,7 +185,11 @@ class PlanView implements SceneView {
     const mark = this.queryMarks.get(query) as SVGGElement;
     mark.style.color = this.color(query);
     mark.classList.add("plan-selected");
-    if (this.layers.queries.lastChild !== mark) this.layers.queries.append(mark);
+    if (this.layers.queries.lastChild !== mark) {
+      const hasFocus = document.activeElement === mark;
+      this.layers.queries.append(mark); // Draws it on top, which takes the focus away.
+      if (hasFocus) mark.focus();
+    }
     if (hasPosition(this.data.scene, query)) void this.drawLines(query, place);
   }
 
@@ -217,7 +216,7 @@ class PlanView implements SceneView {
     const { width, height } = this.mapping;
     const { least, most } = this.box;
     const [left, top] = [24, 40]; // Borders, besides room below for the caption, in pixels
-    const bottom = 30 + this.caption.offsetHeight;
+    const bottom = 30 + (this.caption.offsetHeight || 40);
     const size = (axis: 0 | 1) => Math.max(most[axis] - least[axis], 1e-3 * this.data.scene.size);
     const scale = Math.max(Math.min((width - 2 * left) / size(0), (height - top - bottom) / size(1)), 1e-9);
     [this.mapping.scale, this.fittedScale] = [scale, scale];
@@ -279,51 +278,31 @@ class PlanView implements SceneView {
     this.redrawLater();
   }
 
-  private wheel(event: WheelEvent): void {
-    event.preventDefault();
-    const box = this.svg.getBoundingClientRect();
-    const lines = event.deltaMode === 1 ? event.deltaY : event.deltaY / 33;
-    this.zoom(Math.exp(-0.05 * Math.min(Math.max(lines, -8), 8)), [event.clientX - box.left, event.clientY - box.top]);
-  }
-
-  private drag(event: PointerEvent): void {
-    if (!this.dragged || event.buttons === 0) return;
-    const { from, last } = this.dragged;
-    const isFar = Math.hypot(event.clientX - from[0], event.clientY - from[1]) > 4;
-    if (!isFar && !this.svg.hasPointerCapture(event.pointerId)) return;
-    this.svg.setPointerCapture(event.pointerId); // Turns the click that follows into one on no mark.
-    this.pan(event.clientX - last[0], event.clientY - last[1]);
-    this.dragged.last = [event.clientX, event.clientY];
-  }
-
   private markOf(target: EventTarget | null): number {
     const mark = target instanceof Element ? target.closest("[data-query]") : null;
     return mark ? Number(mark.getAttribute("data-query")) : -1;
   }
 
-  private click(event: MouseEvent): void {
-    const query = this.markOf(event.target);
+  private pickMark(query: number): boolean {
     if (query >= 0) this.selection.select(query);
+    return query >= 0;
   }
 
-  private key(event: KeyboardEvent): void {
-    if (event.ctrlKey || event.metaKey || event.altKey) return;
-    const arrows: Record<string, Vec2> = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] };
-    const arrow = arrows[event.key];
-    const query = this.markOf(event.target);
-    const { width, height } = this.mapping;
-    if (arrow && query >= 0) this.focusNext(query, arrow);
-    else if (arrow) this.pan(-60 * arrow[0], 60 * arrow[1]);
-    else if (query >= 0 && (event.key === "Enter" || event.key === " ")) this.selection.select(query);
-    else if (event.key === "+" || event.key === "=") this.zoom(1.2, [width / 2, height / 2]);
-    else if (event.key === "-" || event.key === "_") this.zoom(1 / 1.2, [width / 2, height / 2]);
-    else if (event.key === "Home") this.fit();
-    else return;
-    event.preventDefault();
+  // Selects the query whose apex is at the cursor, or else the one whose mark is: marks may lie on each other.
+  private click(at: Vec2, target: EventTarget | null): void {
+    const { scale, shift } = this.mapping;
+    let [best, least] = [this.markOf(target), APEX_PIXELS];
+    for (const query of this.queryMarks.keys()) {
+      const place = marks.placeOf(this.data, this.ground, query) as Vec2;
+      const distance = Math.hypot(shift[0] + scale * place[0] - at[0], shift[1] - scale * place[1] - at[1]);
+      if (distance < least) [best, least] = [query, distance];
+    }
+    this.pickMark(best);
   }
 
-  // Moves the focus to the nearest mark in a direction.
-  private focusNext(query: number, [dx, dy]: Vec2): void {
+  // Moves the focus to the nearest mark in a direction; returns false if no mark has it.
+  private focusNext(query: number, [dx, dy]: Vec2): boolean {
+    if (query < 0) return false;
     const from = marks.placeOf(this.data, this.ground, query) as Vec2;
     let [best, least] = [-1, Infinity];
     for (const other of this.queryMarks.keys()) {
@@ -333,10 +312,11 @@ class PlanView implements SceneView {
       const cost = ahead + 2 * Math.abs(x * dy - y * dx);
       if (other !== query && ahead > 0 && cost < least) [best, least] = [other, cost];
     }
-    if (best < 0) return;
+    if (best < 0) return true;
     this.queryMarks.get(query)?.setAttribute("tabindex", "-1");
     this.queryMarks.get(best)?.setAttribute("tabindex", "0");
     this.queryMarks.get(best)?.focus();
+    return true;
   }
 
   state(): ViewState {
