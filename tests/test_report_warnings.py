@@ -2,6 +2,8 @@
 
 import json
 import re
+import shutil
+import sqlite3
 
 import numpy as np
 import pytest
@@ -182,3 +184,24 @@ def test_a_name_that_no_list_can_hold_has_no_command(tmp_path):
     assert (
         "'query/$(touch hacked) `touch hacked`.jpg' > repeated.txt" in found["query/$(touch hacked) `touch hacked`.jpg"]
     )
+
+
+# Frames of database images
+
+
+def test_database_images_of_a_frame_are_connected(localize, exact, tmp_path):
+    database_path = tmp_path / "database.db"
+    shutil.copy(exact.database_path, database_path)
+    connection = sqlite3.connect(database_path)
+    connection.execute("CREATE TABLE frame_data (frame_id, data_id, sensor_id, sensor_type)")
+    ids = [exact.scene.images[f"database/{i:03d}.jpg"].image_id for i in range(4)]
+    rows = [(1, ids[0], 1, 0), (1, ids[3], 2, 0), (2, ids[1], 1, 0), (2, ids[2], 1, 1)]
+    connection.executemany("INSERT INTO frame_data VALUES (?, ?, ?, ?)", rows)
+    connection.commit()
+    connection.execute("PRAGMA journal_mode = WAL")
+    connection.close()
+    before = sorted(tmp_path.iterdir())
+    run = localize(*exact.arguments)
+    page = make_page(run.output_path, "--database_path", database_path)
+    assert page.scene["databaseConnections"].tolist() == [0, 3]
+    assert sorted(tmp_path.iterdir()) == before, "the folder of the database was written to"

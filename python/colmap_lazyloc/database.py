@@ -8,6 +8,7 @@ import numpy as np
 
 from colmap_lazyloc.model import CAMERA_MODELS, Camera
 
+CAMERA_SENSOR = 0  # COLMAP's type of a sensor
 MAX_NUM_IMAGES = 2147483647  # COLMAP's constant, from which pair ids are computed
 
 
@@ -16,9 +17,10 @@ def pair_id(image_id1: int, image_id2: int) -> int:
     return min(image_id1, image_id2) * MAX_NUM_IMAGES + max(image_id1, image_id2)
 
 
-def connect(path, mode: str = "ro") -> sqlite3.Connection:
-    """Opens a database in SQLite's mode "ro", "rw" or "rwc"."""
-    return sqlite3.connect(f"{pathlib.Path(path).resolve().as_uri()}?mode={mode}", uri=True)
+def connect(path, mode: str = "ro", is_immutable: bool = False) -> sqlite3.Connection:
+    """Opens a database in SQLite's mode "ro", "rw" or "rwc"; immutable: as a file that no program changes meanwhile."""
+    uri = pathlib.Path(path).resolve().as_uri()
+    return sqlite3.connect(f"{uri}?mode={mode}{'&immutable=1' if is_immutable else ''}", uri=True)
 
 
 def remove_images(connection: sqlite3.Connection, image_ids: Iterable[int]):
@@ -39,7 +41,9 @@ class DatabaseReader:
 
     def __init__(self, path):
         self.path = pathlib.Path(path)
-        self._connection = connect(path)
+        # Take the file as immutable if it has no write-ahead log, because SQLite makes one otherwise, even for reading.
+        has_log = pathlib.Path(f"{path}-wal").exists()
+        self._connection = connect(path, is_immutable=not has_log)
         self.image_ids: dict[str, int] = dict(self._connection.execute("SELECT name, image_id FROM images"))
         rows = self._connection.execute("SELECT pair_id, rows FROM two_view_geometries WHERE rows > 0")
         self._num_inliers = dict(rows)
@@ -72,6 +76,16 @@ class DatabaseReader:
         model, num_params = CAMERA_MODELS[row[0]]
         params = np.frombuffer(row[3] or b"", "<f8")
         return Camera(model, row[1], row[2], tuple(params.tolist())) if len(params) == num_params else None
+
+    def frames(self) -> list[list[str]]:
+        """Returns the names of the images of each frame of a rig; none in databases that have no rigs."""
+        tables = self._connection.execute("SELECT name FROM sqlite_master WHERE name = 'frame_data'").fetchall()
+        frames, names = {}, {image_id: name for name, image_id in self.image_ids.items()}
+        rows = self._connection.execute("SELECT frame_id, data_id, sensor_type FROM frame_data") if tables else ()
+        for frame_id, data_id, sensor_type in rows:
+            if sensor_type == CAMERA_SENSOR and data_id in names:
+                frames.setdefault(frame_id, []).append(names[data_id])
+        return [sorted(frame) for frame in frames.values()]
 
     def inlier_matches(self, name1: str, name2: str) -> np.ndarray:
         """Returns the verified matches, m x 2: keypoint index in the first image and in the second image."""

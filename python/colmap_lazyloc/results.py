@@ -11,11 +11,11 @@ from colmap_lazyloc.text_files import open_text
 REQUIRED_FIELDS = ("name", "status", "cam_from_world")
 
 
-def read_results(path) -> dict[str, dict]:
-    """Reads the results by query name, in the order of the file."""
+def read_results(path, watch=iter) -> dict[str, dict]:
+    """Reads the results by query name, in the order of the file; `watch`: returns the lines that it is given."""
     results = {}
     with open_text(path) as file:
-        for line_number, line in enumerate(file, start=1):
+        for line_number, line in enumerate(watch(file), start=1):
             if line.isspace():
                 continue
             result = _parse_result(f"{path}:{line_number}", line)

@@ -64,7 +64,7 @@ def _build(run: Run, sources: Sources, database: DatabaseReader | None) -> tuple
     }
     is_drawn = np.zeros(len(run.queries), bool)
     is_drawn[list(drawings)] = True
-    scene, scene_arrays = scene_chunk(run, cameras, points)
+    scene, scene_arrays = scene_chunk(run, cameras, points, [] if database is None else database.frames())
     num_shown = {"points": len(points.xyz), "photos": len(shown.files)}
     notes = _notes(run, sources, num_shown, bool(lines))
     chunks = {

@@ -13,6 +13,7 @@ from colmap_lazyloc.model import Image, Model, read_model
 from colmap_lazyloc.points import Points, read_points
 from colmap_lazyloc.poses import Pose
 from colmap_lazyloc.report.options_file import RunOptions, read_options
+from colmap_lazyloc.report.progress import progress
 from colmap_lazyloc.report.result_check import check_result
 from colmap_lazyloc.results import pose_of, read_results, unconfirmed_pose_of
 
@@ -64,10 +65,10 @@ class Run:
 
 def read_run(path: pathlib.Path, truth: dict[str, Pose] | None = None) -> Run:
     """Reads the output folder of a run; `truth`: the queries' true poses by name."""
-    results = read_results(path / "results.jsonl")
+    results = read_results(path / "results.jsonl", lambda lines: progress(lines, "results"))
     if not results:
         raise InputError(f"{path / 'results.jsonl'}: holds no query")
-    for result in results.values():
+    for result in progress(results.values(), "checks"):
         check_result(str(path / "results.jsonl"), result)
     model = read_model(path / "model")
     _check_model(path, results, model)

@@ -10,8 +10,11 @@ from colmap_lazyloc.report.run import Run
 from colmap_lazyloc.report.scene_points import ScenePoints
 
 
-def scene_chunk(run: Run, cameras: list[Camera | None], points: ScenePoints) -> tuple[dict, dict[str, np.ndarray]]:
-    """Returns the values and arrays of the chunk; `cameras`: the queries' intrinsics, as far as they are known."""
+def scene_chunk(
+    run: Run, cameras: list[Camera | None], points: ScenePoints, frames: list[list[str]]
+) -> tuple[dict, dict[str, np.ndarray]]:
+    """Returns the values and arrays of the chunk; `cameras`: the queries' intrinsics, as far as they are known;
+    `frames`: names of the database images of each frame."""
     images = run.database_images
     database_qvecs, database_tvecs = geometry.stack_poses([image.cam_from_world for image in images])
     database_centres = geometry.centres(database_qvecs, database_tvecs)
@@ -37,7 +40,7 @@ def scene_chunk(run: Run, cameras: list[Camera | None], points: ScenePoints) -> 
         "pointOffsets": points.offsets,
         "pointDeltas": np.diff(points.indices, prepend=np.uint32(0)).astype(np.uint32),
         "queryConnections": _query_connections(run),
-        "databaseConnections": np.empty(0, np.uint32),
+        "databaseConnections": _database_connections(run, frames),
     }
     for name, array in arrays.items():
         if array.dtype == np.float64:  # after the origin is subtracted, because single precision has 7 digits
@@ -93,6 +96,12 @@ def _query_connections(run: Run) -> np.ndarray:
     for members in frames.values():
         indices = [i for _, i in sorted(members)]
         pairs += itertools.pairwise(indices)
+    return np.array(pairs, np.uint32).reshape(-1, 2)
+
+
+def _database_connections(run: Run, frames: list[list[str]]) -> np.ndarray:
+    index = run.database_index
+    pairs = [pair for names in frames for pair in itertools.pairwise([index[name] for name in names if name in index])]
     return np.array(pairs, np.uint32).reshape(-1, 2)
 
 
