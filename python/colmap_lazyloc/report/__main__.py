@@ -49,6 +49,12 @@ def parse_arguments(arguments):
         action="store_true",
         help=f"write a folder, for large runs: a browser opens its {PAGE_NAME} and loads the rest when it is needed",
     )
+    _add_bounds(parser)
+    _add_other_files(parser)
+    return parser.parse_args(arguments)
+
+
+def _add_bounds(parser):
     parser.add_argument(
         "--max_num_images",
         type=_count,
@@ -62,6 +68,9 @@ def parse_arguments(arguments):
         default=1000000,
         help="maximum number of points, which are thinned evenly over the queries; default: %(default)s",
     )
+
+
+def _add_other_files(parser):
     parser.add_argument(
         "--tum",
         type=pathlib.Path,
@@ -75,7 +84,6 @@ def parse_arguments(arguments):
         metavar="FOLDER",
         help="also write plots as PNG and SVG files: distributions of errors and standard deviations, risk-coverage",
     )
-    return parser.parse_args(arguments)
 
 
 def _count(text: str) -> int:

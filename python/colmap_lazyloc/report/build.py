@@ -126,11 +126,11 @@ def _notes(run: Run, sources: Sources, num_shown: dict[str, int], has_list: bool
             "than 1 % of the scene's size."
         )
     if run.leave_one_out is not None and run.database is run.model:
-        notes.append("Database images are where the run has put them, because its input model is not there any more.")
+        path = run.options.values.get("input_path")
+        notes.append(f"Database images are where the run has put them, because its input model {path} was not found.")
     if run.options.values.get("query_list_path") and not has_list:
-        notes.append(
-            "The commands that repeat a query may lack intrinsics, because the query list is not there any more."
-        )
+        path = run.options.values["query_list_path"]
+        notes.append(f"The commands that repeat a query may lack intrinsics, because {path} was not found.")
     if not run.options.program:
         notes.append("The run does not tell which version of the program made it.")
     return notes

@@ -1,5 +1,6 @@
 """Draws the plots of a report's head as PNG and SVG files."""
 
+import functools
 import io
 
 import numpy as np
@@ -23,29 +24,40 @@ def plot_files(run: Run) -> dict[str, bytes]:
     position_errors, rotation_errors_deg = errors(run)
     stddevs = np.array([(result.get("position_stddevs") or [np.nan])[0] for result in run.queries])
     distributions = {
-        "position_error": ("position error (m)", position_errors),
-        "rotation_error": ("rotation error (degrees)", rotation_errors_deg),
-        "position_stddev": ("standard deviation of the position (m)", stddevs),
+        "position_error": ("position error", "m", position_errors),
+        "rotation_error": ("rotation error", "°", rotation_errors_deg),
+        "position_stddev": ("standard deviation of the position", "m", stddevs),
     }
-    for name, (label, values) in distributions.items():
-        if np.isfinite(values).any():
-            files |= _saved(name, lambda axes, label=label, values=values: _draw_distribution(axes, label, values))
+    for name, distribution in distributions.items():
+        if np.isfinite(distribution[2]).any():
+            files |= _saved(name, functools.partial(_draw_distribution, *distribution))
     risk_coverage = (run.leave_one_out or {}).get("risk_coverage")
     if risk_coverage:
-        files |= _saved("risk_coverage", lambda axes: _draw_risk_coverage(axes, risk_coverage))
+        files |= _saved("risk_coverage", functools.partial(_draw_risk_coverage, risk_coverage))
     return files
 
 
-def _draw_distribution(axes, label: str, values: np.ndarray):
+def _draw_distribution(label: str, unit: str, values: np.ndarray, axes):
+    from matplotlib.ticker import EngFormatter, LogLocator, NullFormatter
+
     known = np.sort(values[np.isfinite(values)])
-    axes.step(known, np.arange(1, len(known) + 1) / len(values), where="post", color="#0072b2")
+    shares = np.arange(len(known) + 1) / len(values)
+    axes.step([known[0], *known], shares, where="post", color="#0072b2")
     if known[0] > 0:
         axes.set_xscale("log")
+        axes.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+        axes.xaxis.set_minor_formatter(NullFormatter())
+    axes.xaxis.set_major_formatter(EngFormatter(unit) if unit == "m" else lambda value, _: f"{value:g}{unit}")
     axes.set(xlabel=label, ylabel=f"share of {len(values)} queries", ylim=(0, 1))
 
 
-def _draw_risk_coverage(axes, points: list[dict]):
-    axes.step(*([point[name] for point in points] for name in ("coverage", "risk")), where="post", color="#d55e00")
+def _draw_risk_coverage(points: list[dict], axes):
+    axes.step(
+        *([point[name] for point in points] for name in ("coverage", "risk")),
+        where="post",
+        color="#d55e00",
+        clip_on=False,
+    )
     axes.set(xlabel="share of queries that are accepted", ylabel="share of wrong ones among them", xlim=(0, 1))
     axes.set_ylim(bottom=0)
 
