@@ -10,7 +10,9 @@ const TYPES = {
 };
 type Header = { values: Record<string, unknown>; arrays: Record<string, [keyof typeof TYPES, number, number]> };
 
-export function bytesFromBase64(text: string): Uint8Array<ArrayBuffer> {
+function bytesFromBase64(text: string): Uint8Array<ArrayBuffer> {
+  const { fromBase64 } = Uint8Array as unknown as { fromBase64?: (text: string) => Uint8Array<ArrayBuffer> };
+  if (fromBase64) return fromBase64.call(Uint8Array, text);
   const binary = atob(text);
   const bytes = new Uint8Array(binary.length);
   for (let i = 0; i < binary.length; i++) bytes[i] = binary.charCodeAt(i);

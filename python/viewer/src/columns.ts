@@ -51,7 +51,7 @@ function numberColumn(
   };
 }
 
-const EXPLANATIONS = {
+export const EXPLANATIONS = {
   confidence: "Estimated probability that the position is right; computed from the evidence, without the true pose.",
   positionStddev: "Standard deviation of the position in its least certain direction: two thirds of errors are smaller.",
   rotationStddev: "Standard deviation of the orientation, about its least certain axis.",

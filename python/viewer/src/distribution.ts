@@ -1,7 +1,7 @@
 // Makes the plots of the head: how errors or standard deviations are distributed, and how risk falls with confidence.
 import type { Plot, Queries, Summary } from "./data";
 import { formatCount, formatDegrees, formatLength, formatNumber, formatPercent } from "./format";
-import { type Curve, logAxis, percentAxis, plot } from "./plots";
+import { type Curve, logAxis, percentAxis, plot, type PlotOptions } from "./plots";
 
 const MAX_NUM_STEPS = 400;
 
@@ -34,7 +34,7 @@ function inWords(values: number[], numQueries: number, format: (value: number) =
   return `Half ${whom} are below ${at(0.5)}, 90 % below ${at(0.9)}.`;
 }
 
-function distribution(quantity: Quantity, summary: Summary, queries: Queries): HTMLElement | null {
+function distribution(quantity: Quantity, summary: Summary, queries: Queries): PlotOptions | null {
   const { values, format, title } = quantity;
   const lowConfidence = summary.statuses.findIndex(({ name }) => name === "LOW_CONFIDENCE");
   const all = sortedValues(values, () => true);
@@ -52,29 +52,29 @@ function distribution(quantity: Quantity, summary: Summary, queries: Queries): H
   }
   const shown = trusted.length > 0 ? trusted : all;
   const words = inWords(shown, summary.numQueries, format);
-  return plot({ title, x, y: percentAxis("% of all queries"), curves, isStepped: true, summary: words });
+  return { title, x, y: percentAxis("% of all queries"), curves, isStepped: true, summary: words };
 }
 
-function riskCoverage({ confidence, coverage, risk }: Plot, summary: Summary): HTMLElement {
+function riskCoverage({ confidence, coverage, risk }: Plot, summary: Summary): PlotOptions {
   const max = Math.max(0.05, ...risk);
   const accepted = confidence.findLastIndex((value) => value >= summary.minConfidence);
   const marks = [];
-  let words = "";
+  let words = `No query reaches the threshold of ${formatNumber(summary.minConfidence, 2)}.`;
   if (accepted >= 0) {
-    const at = `at the threshold of ${formatNumber(summary.minConfidence)}`;
+    const at = `at the threshold of ${formatNumber(summary.minConfidence, 2)}`;
     words = `${formatPercent(coverage[accepted])} are accepted ${at}; ${formatPercent(risk[accepted])} of these are wrong.`;
     marks.push({ x: coverage[accepted], y: risk[accepted], label: words });
   }
   if (summary.auroc !== null) words += ` Area under the ROC curve: ${formatNumber(summary.auroc)}.`;
-  return plot({
+  return {
     title: "Risk and coverage",
-    x: percentAxis("% of the queries accepted, the surest first"),
+    x: percentAxis("% accepted, the surest first"),
     y: percentAxis("% of these wrong", max),
     curves: [{ label: "", x: coverage, y: risk, style: "solid" }],
     isStepped: false,
     marks,
     summary: words.trim(),
-  });
+  };
 }
 
 export function headPlots(summary: Summary, queries: Queries): HTMLElement[] {
@@ -92,5 +92,6 @@ export function headPlots(summary: Summary, queries: Queries): HTMLElement[] {
       ];
   const plots = quantities.map((quantity) => distribution(quantity, summary, queries));
   if (summary.riskCoverage) plots.push(riskCoverage(summary.riskCoverage, summary));
-  return plots.filter((element): element is HTMLElement => element !== null);
+  const known = plots.filter((options): options is PlotOptions => options !== null);
+  return known.map((options) => plot(options, known.length > 2 ? 300 : 400));
 }

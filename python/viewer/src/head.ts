@@ -95,7 +95,7 @@ export function makeHead(summary: Summary, queries: Queries, selection: Selectio
   const plots = headPlots(summary, queries);
   const overview = make(
     "div",
-    { class: "overview" },
+    { class: summary.warnings.length > 0 ? "overview" : "overview is-calm" },
     warningBox(summary, selection, actions.onOpen),
     plots.length > 0 && make("div", { class: "card plots" }, ...plots),
   );

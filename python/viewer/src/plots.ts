@@ -1,12 +1,12 @@
 // Draws the plots of the head as SVG.
 import { make, makeSvg } from "./dom";
 
-const WIDTH = 400;
-const HEIGHT = 180;
+const HEIGHT = 176;
 const LEFT = 42;
 const RIGHT = 24;
 const TOP = 10;
-const BOTTOM = 36;
+const BOTTOM = 22; // without the label of the axis
+const LABEL = 15;
 
 export interface Axis {
   label: string;
@@ -57,19 +57,19 @@ export function logAxis(label: string, values: number[], text: (value: number) =
   return { label, min, max, isLogarithmic: true, ticks: ticks.map((value) => ({ value, text: text(value) })) };
 }
 
-function grid(xAxis: Axis, yAxis: Axis, x: Scale, y: Scale): SVGElement {
+function grid(xAxis: Axis, yAxis: Axis, x: Scale, y: Scale, width: number, bottom: number): SVGElement {
   const group = makeSvg("g", { class: "axes" });
   for (const { value, text } of xAxis.ticks) {
-    group.append(makeSvg("line", { x1: x(value), x2: x(value), y1: TOP, y2: HEIGHT - BOTTOM }));
-    group.append(makeSvg("text", { x: x(value), y: HEIGHT - BOTTOM + 15, "text-anchor": "middle" }, text));
+    group.append(makeSvg("line", { x1: x(value), x2: x(value), y1: TOP, y2: bottom }));
+    group.append(makeSvg("text", { x: x(value), y: bottom + 15, "text-anchor": "middle" }, text));
   }
   for (const { value, text } of yAxis.ticks) {
-    group.append(makeSvg("line", { x1: LEFT, x2: WIDTH - RIGHT, y1: y(value), y2: y(value) }));
+    group.append(makeSvg("line", { x1: LEFT, x2: width - RIGHT, y1: y(value), y2: y(value) }));
     group.append(makeSvg("text", { x: LEFT - 6, y: y(value) + 4, "text-anchor": "end" }, text));
   }
-  const middle = (TOP + HEIGHT - BOTTOM) / 2;
+  const middle = (TOP + bottom) / 2;
   group.append(
-    makeSvg("text", { x: (LEFT + WIDTH - RIGHT) / 2, y: HEIGHT - 6, "text-anchor": "middle", class: "label" }, xAxis.label),
+    makeSvg("text", { x: (LEFT + width - RIGHT) / 2, y: bottom + 31, "text-anchor": "middle", class: "label" }, xAxis.label),
     makeSvg("text", { class: "label", "text-anchor": "middle", transform: `translate(11 ${middle}) rotate(-90)` }, yAxis.label),
   );
   return group;
@@ -94,13 +94,15 @@ export interface PlotOptions {
   summary: string; // the plot in words
 }
 
-export function plot(options: PlotOptions): HTMLElement {
-  const x = scaleOf(options.x, LEFT, WIDTH - RIGHT);
-  const y = scaleOf(options.y, HEIGHT - BOTTOM, TOP);
+// `width`: in pixels, about, so that the texts are as large as those of the page.
+export function plot(options: PlotOptions, width: number): HTMLElement {
+  const bottom = HEIGHT - BOTTOM - (options.x.label ? LABEL : 0);
+  const x = scaleOf(options.x, LEFT, width - RIGHT);
+  const y = scaleOf(options.y, bottom, TOP);
   const svg = makeSvg(
     "svg",
-    { viewBox: `0 0 ${WIDTH} ${HEIGHT}`, role: "img", "aria-label": `${options.title}. ${options.summary}` },
-    grid(options.x, options.y, x, y),
+    { viewBox: `0 0 ${width} ${HEIGHT}`, role: "img", "aria-label": `${options.title}. ${options.summary}` },
+    grid(options.x, options.y, x, y, width, bottom),
   );
   for (const curve of options.curves) {
     svg.append(makeSvg("path", { class: `curve ${curve.style}`, d: pathOf(curve, x, y, options.isStepped) }));

@@ -1,7 +1,8 @@
 // Shows all that is known of the selected query.
 import { statusLabel } from "./colors";
+import { EXPLANATIONS } from "./columns";
 import type { Details, Queries, Scene, Summary } from "./data";
-import { button, make, reducedMotion, visibleText } from "./dom";
+import { button, help, make, reducedMotion, visibleText } from "./dom";
 import { makeFigure } from "./drawing";
 import * as format from "./format";
 import { loadDetails, loadDrawing } from "./load";
@@ -96,20 +97,29 @@ export class QueryPage {
   private figures(query: number): HTMLElement {
     const { summary, queries } = this.data;
     const length = (value: number) => format.formatLength(value, summary);
-    const numbers: [string, string][] = [["Confidence", format.formatConfidence(queries.confidence[query])]];
+    const numbers: [label: string, text: string, explanation: string][] = [
+      ["Confidence", format.formatConfidence(queries.confidence[query]), EXPLANATIONS.confidence],
+    ];
     if (summary.hasTruth) {
-      numbers.push(["Position error", length(queries.positionError[query])]);
-      numbers.push(["Orientation error", format.formatDegrees(queries.rotationErrorDeg[query])]);
+      numbers.push(["Position error", length(queries.positionError[query]), EXPLANATIONS.positionError]);
+      const degrees = format.formatDegrees(queries.rotationErrorDeg[query]);
+      numbers.push(["Orientation error", degrees, EXPLANATIONS.rotationError]);
     }
     numbers.push(
-      ["Position, std. dev.", length(queries.positionStddev[query])],
-      ["Orientation, std. dev.", format.formatDegrees(queries.rotationStddevDeg[query])],
-      ["Points", format.formatCount(queries.numTracks[query])],
-      ["Reprojection error", format.formatPixels(queries.reprojectionErrorPx[query])],
-      ["Images used", format.formatCount(queries.numImages[query])],
+      ["Position, std. dev.", length(queries.positionStddev[query]), EXPLANATIONS.positionStddev],
+      [
+        "Orientation, std. dev.",
+        format.formatDegrees(queries.rotationStddevDeg[query]),
+        EXPLANATIONS.rotationStddev,
+      ],
+      ["Points", format.formatCount(queries.numTracks[query]), EXPLANATIONS.tracks],
+      ["Reprojection error", format.formatPixels(queries.reprojectionErrorPx[query]), EXPLANATIONS.reprojection],
+      ["Images used", format.formatCount(queries.numImages[query]), EXPLANATIONS.images],
     );
     const known = numbers.filter(([, text]) => text !== format.UNKNOWN && text !== "0");
-    const items = known.map(([label, text]) => make("div", {}, make("dt", {}, label), make("dd", {}, text)));
+    const items = known.map(([label, text, explanation]) =>
+      make("div", {}, make("dt", {}, label, help(explanation)), make("dd", {}, text)),
+    );
     return make("dl", { class: "figures" }, ...items);
   }
 

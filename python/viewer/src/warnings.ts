@@ -5,6 +5,7 @@ import { formatCount } from "./format";
 import type { Selection } from "./selection";
 
 const NUM_SHOWN = 3;
+const MAX_NUM_OPEN = 2;
 
 function list(warning: Warning, selection: Selection, onOpen: () => void): HTMLElement {
   const items = make("ul", { class: "items" });
@@ -32,15 +33,20 @@ export function warningBox(summary: Summary, selection: Selection, onOpen: () =>
   const { warnings, notes } = summary;
   const box = make("section", { class: "card warnings", "aria-label": "Look at these first" });
   if (warnings.length === 0) box.append(make("h2", {}, "Nothing stands out"), make("p", { class: "muted" }, CALM));
-  else box.append(make("h2", {}, "Look at these first"), ...warnings.flatMap((warning) => item(warning, selection, onOpen)));
+  else box.append(make("h2", {}, "Look at these first"));
+  warnings.forEach((warning, i) => {
+    box.append(item(warning, i === 0 || warnings.length <= MAX_NUM_OPEN, selection, onOpen));
+  });
+  window.addEventListener("beforeprint", () => {
+    for (const details of box.querySelectorAll("details")) details.open = true;
+  });
   if (notes.length > 0) box.append(make("ul", { class: "notes" }, ...notes.map((note) => make("li", {}, note))));
   return box;
 }
 
-function item(warning: Warning, selection: Selection, onOpen: () => void): HTMLElement[] {
-  return [
-    make("h3", {}, warning.title, make("span", { class: "number" }, formatCount(warning.numItems))),
-    make("p", { class: "muted" }, warning.explanation),
-    list(warning, selection, onOpen),
-  ];
+// Returns a warning that opens and closes; all but the first are closed if there are many, so that each is in sight.
+function item(warning: Warning, isOpen: boolean, selection: Selection, onOpen: () => void): HTMLElement {
+  const title = make("summary", {}, warning.title, make("span", { class: "number" }, formatCount(warning.numItems)));
+  const explanation = make("p", { class: "muted" }, warning.explanation);
+  return make("details", { class: "warning", open: isOpen }, title, explanation, list(warning, selection, onOpen));
 }

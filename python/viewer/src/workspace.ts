@@ -12,6 +12,11 @@ const MODES: [mode: ColorMode, label: string][] = [
   ["error", "position error"],
 ];
 
+// Asks before three.js does, because three.js writes an error to the console.
+function hasWebGl(): boolean {
+  return document.createElement("canvas").getContext("webgl2") !== null;
+}
+
 export class ScenePanel {
   readonly element: HTMLElement;
   view: SceneView | null = null;
@@ -35,7 +40,7 @@ export class ScenePanel {
     const views = make("div", { class: "switch", role: "group", "aria-label": "View" }, this.switches.webgl, this.switches.plan);
     const bar = make("div", { class: "bar" }, views, this.modeField(), this.key);
     this.element = make("section", { class: "panel scene-panel", "aria-label": "Scene" }, bar, this.message, this.host, this.printHost);
-    this.element.addEventListener(SCENE_LOST, () => this.open("plan"));
+    this.element.addEventListener(SCENE_LOST, () => this.giveUpScene("The graphics card is no longer available, so here is the plan."));
     window.addEventListener("beforeprint", () => this.showPrint());
     window.addEventListener("afterprint", () => this.hidePrint());
     this.showLegend();
@@ -45,6 +50,7 @@ export class ScenePanel {
   open(viewer: "webgl" | "plan"): void {
     this.view?.dispose();
     this.host.replaceChildren();
+    this.message.hidden = true;
     this.view = viewer === "webgl" ? this.openScene() : createPlan(this.host, this.data, this.selection);
     this.view.setColorMode(this.mode);
     if (this.visible) this.view.setVisible(this.visible);
@@ -65,14 +71,23 @@ export class ScenePanel {
 
   private openScene(): SceneView {
     try {
-      return createScene(this.host, this.data, this.selection);
+      if (hasWebGl()) return createScene(this.host, this.data, this.selection);
     } catch {
       this.host.replaceChildren();
-      this.message.hidden = false;
-      this.message.textContent = "This browser shows no 3D graphics (WebGL), so here is the plan.";
-      this.switches.webgl.disabled = true;
-      return createPlan(this.host, this.data, this.selection);
     }
+    this.explain("This browser shows no 3D graphics (WebGL), so here is the plan.");
+    this.switches.webgl.disabled = true;
+    return createPlan(this.host, this.data, this.selection);
+  }
+
+  private giveUpScene(reason: string): void {
+    this.open("plan");
+    this.explain(reason);
+  }
+
+  private explain(text: string): void {
+    this.message.hidden = false;
+    this.message.textContent = text;
   }
 
   private modeField(): HTMLElement {
