@@ -3,6 +3,8 @@
 import json
 import math
 import os
+import shutil
+import sqlite3
 import subprocess
 import sys
 
@@ -348,6 +350,29 @@ def test_commands_repeat_a_query_alone(real, colmap, tmp_path):
 
 def without_seconds(result):
     return {field: value for field, value in result.items() if field != "seconds"}
+
+
+def test_a_name_that_is_not_utf8_is_escaped_in_the_same_way_everywhere(localize, exact, tmp_path):
+    database_path = tmp_path / "database.db"
+    shutil.copy(exact.database_path, database_path)
+    connection = sqlite3.connect(database_path)
+    connection.execute("UPDATE images SET name = CAST(X'636166E9' AS TEXT) WHERE name = 'query/001.jpg'")
+    connection.commit()
+    connection.close()
+    run = localize("--database_path", database_path, "--input_path", exact.model_path)
+    page = make_page(run.output_path, tmp_path / "page.html", "--database_path", database_path)
+    name = "caf\\xe9"
+    assert name in run.poses and np.isfinite(page.rows("queryCentres")[page.index(name)]).all()
+    assert len(page.drawing(name)["inlierXy"]) > 100
+
+
+@pytest.mark.parametrize("method", ["none", "sampson"])
+def test_poses_without_points_rest_on_verified_matches(localize, noisy, tmp_path, method):
+    run = localize(*noisy.arguments, "--LazyLocalizer.Advanced.post_optimization", method)
+    page = make_page(run.output_path, tmp_path / "page.html", "--database_path", noisy.database_path)
+    assert len(page.rows("points")) == 0 and np.isnan(page.queries["confidence"]).all()
+    drawing = page.drawing(noisy.scene.query_names[0])
+    assert len(drawing["inlierXy"]) > 100 and len(drawing["rejectedXy"]) == 0
 
 
 @pytest.fixture(scope="module")

@@ -44,6 +44,7 @@ class DatabaseReader:
         # Take the file as immutable if it has no write-ahead log, because SQLite makes one otherwise, even for reading.
         has_log = pathlib.Path(f"{path}-wal").exists()
         self._connection = connect(path, is_immutable=not has_log)
+        self._connection.text_factory = lambda name: name.decode(errors="backslashreplace")
         self.image_ids: dict[str, int] = dict(self._connection.execute("SELECT name, image_id FROM images"))
         rows = self._connection.execute("SELECT pair_id, rows FROM two_view_geometries WHERE rows > 0")
         self._num_inliers = dict(rows)

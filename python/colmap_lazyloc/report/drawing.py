@@ -96,7 +96,9 @@ def _matches_with(run: Run, query: int, image: int, database: DatabaseReader | N
     if database is not None and all(name in database.image_ids for name in names):
         xy = [_stored_keypoints(run, database, name, known) for name, known in zip(names, xy)]
         matches = database.inlier_matches(*names)
-        if len(matches) == 0:
+        if run.queries[query]["status"] == "LOCALIZED" and np.all(ids[0] == -1):
+            inliers = matches  # because the pose rests on relative poses alone
+        elif len(matches) == 0:
             matches = database.raw_matches(*names)
         is_known = np.isin(_keys(matches), _keys(inliers))
         is_inlier, is_open = _explained(run, names, matches[~is_known], xy)

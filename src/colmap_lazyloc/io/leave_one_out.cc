@@ -9,6 +9,7 @@
 #include <nlohmann/json.hpp>
 
 #include "colmap_lazyloc/files/output_file.h"
+#include "colmap_lazyloc/io/valid_utf8.h"
 #include "colmap_lazyloc/math/median.h"
 #include "colmap_lazyloc/math/so3.h"
 
@@ -149,7 +150,7 @@ void WriteLeaveOneOut(const std::filesystem::path& path, const LeaveOneOutSummar
   }
   json["poses"] = Json::array();
   for (const CheckedPose& pose : summary.poses) {
-    json["poses"].push_back({{"name", pose.name},
+    json["poses"].push_back({{"name", ValidUtf8(pose.name)},
                              {"confidence", pose.confidence},
                              {"is_accepted", pose.is_accepted},
                              {"is_wrong", pose.is_wrong},
@@ -158,7 +159,7 @@ void WriteLeaveOneOut(const std::filesystem::path& path, const LeaveOneOutSummar
                              {"rotation_error_deg", pose.rotation_error_deg}});
   }
   OutputFile file(path);
-  file.Text() << json.dump(1, ' ', false, Json::error_handler_t::replace) << '\n';
+  file.Text() << json.dump(1) << '\n';
   file.Close();
 }
 

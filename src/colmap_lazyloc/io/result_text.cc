@@ -7,6 +7,7 @@
 
 #include "colmap_lazyloc/bridge/camera_models.h"
 #include "colmap_lazyloc/files/output_file.h"
+#include "colmap_lazyloc/io/valid_utf8.h"
 #include "colmap_lazyloc/math/so3.h"
 
 namespace lazyloc {
@@ -143,6 +144,15 @@ Json RecordToJson(const QueryRecord& record) {
   return json;
 }
 
+// Escapes the bytes of names that are not UTF-8, because readers of JSON refuse them.
+void EscapeNames(Json* json) {
+  if (json->is_string()) {
+    *json = ValidUtf8(json->get_ref<const std::string&>());
+  } else if (json->is_structured()) {
+    for (Json& element : *json) EscapeNames(&element);
+  }
+}
+
 }  // namespace
 
 void WritePoses(const std::filesystem::path& path, const std::vector<const QueryRecord*>& records) {
@@ -162,8 +172,9 @@ void WritePoses(const std::filesystem::path& path, const std::vector<const Query
 void WriteResultsJson(const std::filesystem::path& path, const std::vector<const QueryRecord*>& records) {
   OutputFile file(path);
   for (const QueryRecord* record : records) {
-    // JSON writes numbers that are not finite as null; bytes of a name that are not UTF-8 are replaced.
-    file.Text() << RecordToJson(*record).dump(-1, ' ', false, Json::error_handler_t::replace) << '\n';
+    Json json = RecordToJson(*record);
+    EscapeNames(&json);
+    file.Text() << json.dump() << '\n';  // JSON writes numbers that are not finite as null
   }
   file.Close();
 }
