@@ -6,6 +6,7 @@ import type { Viewpoint } from "./viewpoint";
 
 export interface ControlActions {
   moved(): void;
+  aim(at: [number, number]): void; // the zoom begins towards what is here
   pick(at: [number, number]): void; // pixels from the upper left corner of the canvas
   hover(at: [number, number] | null): void;
   fit(): void;
@@ -14,11 +15,13 @@ export interface ControlActions {
 }
 
 const STEP = Math.PI / 36;
+const GESTURE_MILLISECONDS = 400; // Turns of the wheel within this time belong together.
 
 export class Controls {
   private readonly pointers = new Map<number, [number, number]>();
   private readonly ended = new AbortController();
   private isPanning = false;
+  private lastWheel = -Infinity;
 
   constructor(
     private readonly canvas: HTMLCanvasElement,
@@ -93,6 +96,8 @@ export class Controls {
     const factor = Math.exp(Math.min(Math.max(lines, -8), 8) * 0.05);
     if (event.ctrlKey) return this.actions.resizePoints(1 / factor);
     if (event.altKey) return this.actions.resizeCameras(1 / factor);
+    if (event.timeStamp - this.lastWheel > GESTURE_MILLISECONDS) this.actions.aim(this.pixels(event));
+    this.lastWheel = event.timeStamp;
     this.viewpoint.zoom(factor, ...this.relative(this.pixels(event)));
     this.actions.moved();
   }

@@ -57,6 +57,7 @@ export function suggestFactor(scene: Scene): number {
 
 export class Ellipsoids {
   readonly mesh: Mesh<InstancedBufferGeometry, ShaderMaterial>;
+  numDrawn = 0;
 
   constructor() {
     const material = new ShaderMaterial({
@@ -93,6 +94,6 @@ export class Ellipsoids {
     geometry.instanceCount = indices.length;
     this.mesh.geometry.dispose();
     this.mesh.geometry = geometry;
-    this.mesh.visible = indices.length > 0;
+    this.numDrawn = indices.length;
   }
 }

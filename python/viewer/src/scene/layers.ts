@@ -13,6 +13,7 @@ import { bearingLine, hasBearing, hasPosition, hasTruth, type ViewData } from ".
 // More frustums than this are not drawn at once; the other cameras become points.
 const MAX_NUM_FRUSTUMS = 12000;
 const MAX_NUM_ELLIPSOIDS = 2000;
+const MAX_NUM_COARSE_LINES = 3000;
 // Smaller frustums and ellipsoids do not tell more than a dot.
 const SMALL_PIXELS = 3;
 
@@ -60,6 +61,8 @@ export class Layers {
   private mode: ColorMode = "status";
   private factor = 1;
   private isCoarse = false;
+  private placed: number[] = []; // queries that are shown and have a position
+  private known: number[] = []; // queries that are shown and have a true position
   private selected = -1;
 
   constructor(private readonly data: ViewData) {
@@ -116,9 +119,11 @@ export class Layers {
     this.databaseConnections.set(linesBetween(scene.databaseConnections, scene.databaseCentres, () => true), colors.database);
     this.connections.set(linesBetween(scene.queryConnections, scene.queryCentres, isDrawn), colors.selected);
     const queries = [...this.isShown.keys()].filter((query) => this.isShown[query] === 1);
+    this.placed = queries.filter((query) => hasPosition(scene, query));
+    this.known = queries.filter((query) => hasTruth(scene, query));
     const bearings = queries.filter((query) => hasBearing(scene, query));
     this.bearings.set(bearings.flatMap((query) => bearingLine(scene, query)), bearings.map((query) => this.color(query)));
-    const compared = queries.filter((query) => hasTruth(scene, query) && hasPosition(scene, query));
+    const compared = this.placed.filter((query) => hasTruth(scene, query));
     const ends = compared.flatMap((i) => [...vec3At(scene.queryCentres, i), ...vec3At(scene.trueCentres, i)]);
     this.errors.set(ends, colors.truth);
     this.applyHidden();
@@ -127,17 +132,14 @@ export class Layers {
   // Chooses what is drawn as frustums and with ellipsoids: what is large on the screen. The other cameras become dots.
   choose(projector: Projector): void {
     const { scene } = this.data;
-    const shown = [...this.isShown.keys()].filter((query) => this.isShown[query] === 1);
-    const placed = shown.filter((query) => hasPosition(scene, query));
-    const queries = this.split(projector, placed, scene.queryCentres);
+    const queries = this.split(projector, this.placed, scene.queryCentres);
     this.queries.set(queryPoses(this.data), queries.large, this.tints(queries.large));
     this.queryDots = this.replaceDots(this.queryDots, queries.small, scene.queryCentres, (query) => this.color(query), 3);
     const images = this.split(projector, [...scene.databaseNames.keys()], scene.databaseCentres);
     const grey = sceneColors().database;
     this.database.set(databasePoses(this.data), images.large, repeated(grey, images.large.length));
     this.databaseDots = this.replaceDots(this.databaseDots, images.small, scene.databaseCentres, () => grey, 2);
-    const known = shown.filter((query) => hasTruth(scene, query));
-    const truth = this.split(projector, known, scene.trueCentres).large;
+    const truth = this.split(projector, this.known, scene.trueCentres).large;
     const truePoses = { centres: scene.trueCentres, rotations: scene.trueRotations, extents: scene.queryExtents };
     this.truth.set(truePoses, truth, repeated(sceneColors().truth, truth.length));
     this.chooseEllipsoids(projector, queries.large);
@@ -160,11 +162,11 @@ export class Layers {
 
   // Separates cameras that are large in the window from the others.
   private split(projector: Projector, indices: number[], centres: Float32Array): { large: number[]; small: number[] } {
-    const distance = (index: number) => {
-      const place = projector.project(...vec3At(centres, index));
-      return place && projector.isNearWindow(place) ? place[2] : Infinity;
-    };
-    const distances = Float32Array.from(indices, distance);
+    const distances = new Float32Array(indices.length);
+    for (let i = 0; i < indices.length; i++) {
+      const at = 3 * indices[i];
+      distances[i] = projector.distanceIfNear(centres[at], centres[at + 1], centres[at + 2]);
+    }
     const farthest = projector.pixels(frustumDepth.value, SMALL_PIXELS); // Where a frustum becomes small.
     const limit = indices.length > MAX_NUM_FRUSTUMS ? distances.slice().sort()[MAX_NUM_FRUSTUMS] : Infinity;
     const isLarge = (i: number) => distances[i] < farthest && distances[i] <= limit;
@@ -209,7 +211,9 @@ export class Layers {
   // Shows the layers that are switched on and not empty.
   applyHidden(): void {
     const show = (object: Object3D, layer: LayerName, isWanted = true) => (object.visible = isWanted && !this.hidden.has(layer));
-    const count = (object: { geometry: { instanceCount: number } }) => object.geometry.instanceCount > 0;
+    // Leaves out many lines, like ellipsoids, while less is drawn.
+    const most = this.isCoarse ? MAX_NUM_COARSE_LINES : Infinity;
+    const count = ({ geometry }: Lines["mesh"]) => geometry.instanceCount > 0 && geometry.instanceCount <= most;
     show(this.points.object, "points");
     show(this.database.group, "database", this.database.numDrawn > 0);
     if (this.databaseDots) show(this.databaseDots.object, "database");
@@ -218,7 +222,7 @@ export class Layers {
     show(this.truth.group, "truth", this.truth.numDrawn > 0);
     show(this.errors.mesh, "truth", count(this.errors.mesh));
     show(this.bearings.mesh, "bearings", count(this.bearings.mesh));
-    show(this.ellipsoids.mesh, "ellipsoids", count(this.ellipsoids.mesh) && !this.isCoarse);
+    show(this.ellipsoids.mesh, "ellipsoids", this.ellipsoids.numDrawn > 0 && !this.isCoarse);
   }
 
   setCameraSize(depth: number): void {

@@ -4,6 +4,7 @@ import type { Poses } from "./frustums";
 import { rotate, type Vec3 } from "./math";
 
 const REACH = 12; // pixels
+const MAX_NUM_POINTS_TRIED = 300000;
 const NEAR_APEX = 4; // pixels: so near an apex the cursor means it, whatever edges pass there
 
 // Projects points of the world to pixels of the window.
@@ -29,9 +30,14 @@ export class Projector {
     return [0.5 * (u + 1) * this.width, 0.5 * (1 - v) * this.height, w];
   }
 
-  // Returns true if a place is in the window or less than a window beside it.
-  isNearWindow([x, y]: Vec3): boolean {
-    return x > -this.width && y > -this.height && x < 2 * this.width && y < 2 * this.height;
+  // Returns the distance along the view to a place in the window, or less than a window beside it; else infinity.
+  distanceIfNear(x: number, y: number, z: number): number {
+    const { m } = this;
+    const w = m[3] * x + m[7] * y + m[11] * z + m[15];
+    if (!(w > 0)) return Infinity;
+    const u = m[0] * x + m[4] * y + m[8] * z + m[12];
+    const v = m[1] * x + m[5] * y + m[9] * z + m[13];
+    return Math.abs(u) < 3 * w && Math.abs(v) < 3 * w ? w : Infinity;
   }
 
   // Returns how many pixels a length has at a distance along the view.
@@ -104,10 +110,12 @@ export function pickFrustum(projector: Projector, poses: Poses, depth: number, a
   return nearest;
 }
 
-// Returns the index of the point under the cursor, the one in front if there are several; -1 if there is none.
+// Returns the index of the point under the cursor, the one in front if there are several; -1 if there is none. Looks at every
+// n-th point only if there are many, because neighbours are as good.
 export function pickPoint(projector: Projector, points: Float32Array, at: [number, number]): number {
+  const step = Math.ceil(points.length / 3 / MAX_NUM_POINTS_TRIED) || 1;
   let [best, depth] = [-1, Infinity];
-  for (let i = 0; 3 * i < points.length; i++) {
+  for (let i = 0; 3 * i < points.length; i += step) {
     const place = projector.project(points[3 * i], points[3 * i + 1], points[3 * i + 2]);
     if (place && place[2] < depth && Math.hypot(place[0] - at[0], place[1] - at[1]) < 5) [best, depth] = [i, place[2]];
   }

@@ -6,12 +6,12 @@ import type { Selection } from "../selection";
 import { Controls } from "./controls";
 import { LevelOfDetail } from "./detail";
 import { suggestFactor } from "./ellipsoids";
-import { frustumDepth } from "./frustums";
-import { databasePoses, Layers, queryPoses } from "./layers";
+import { findCamera, findPlace, type Found } from "./finding";
+import { Layers } from "./layers";
 import { fit, lookFromQuery, orient } from "./layout";
 import { vec3At } from "./math";
 import { Overlay } from "./overlay";
-import { distanceToLine, pickFrustum, pickPoint, Projector } from "./picking";
+import { Projector } from "./picking";
 import { pointDistance, SelectedQuery } from "./selected";
 import { shared } from "./shaders";
 import { bearingLine, describeQuery, hasBearing, hasPosition, SCENE_LOST, type SceneView, type ViewData, type ViewState } from "./view";
@@ -94,6 +94,7 @@ class WebglView implements SceneView {
     const limited = (value: number, least: number, most: number) => Math.min(Math.max(value, least), most);
     return {
       moved: () => this.move(),
+      aim: (at: [number, number]) => this.aim(at),
       pick: (at: [number, number]) => this.pick(at),
       hover: (at: [number, number] | null) => this.hover(at),
       fit: () => this.fit(),
@@ -250,30 +251,24 @@ class WebglView implements SceneView {
     return this.projector.project((x + x2) / 2, (y + y2) / 2, (z + z2) / 2);
   }
 
-  // Returns the query under the cursor, or the database image, or neither.
-  private find(at: [number, number]): { query: number; image: number } {
-    const depth = frustumDepth.value;
-    const query = pickFrustum(this.projector, queryPoses(this.data), depth, at, this.layers.isShown);
-    const image = pickFrustum(this.projector, databasePoses(this.data), depth, at);
-    for (const other of this.layers.isShown.keys()) {
-      if (this.layers.isShown[other] === 0 || !hasBearing(this.data.scene, other)) continue;
-      const ends = bearingLine(this.data.scene, other);
-      const [a, b] = [this.projector.project(...vec3At(ends, 0)), this.projector.project(...vec3At(ends, 1))];
-      if (a && b) query.offer(other, Math.max(3, distanceToLine(...at, a, b)), (a[2] + b[2]) / 2);
-    }
-    return image.isBetterThan(query) ? { query: -1, image: image.index } : { query: query.index, image: -1 };
+  private find(at: [number, number]): Found {
+    return findCamera(this.data, this.projector, this.layers.isShown, at);
   }
 
-  // Selects the query under the cursor, or turns about the point there from now on, or selects nothing.
+  private aim(at: [number, number]): void {
+    this.updateProjector();
+    const place = findPlace(this.data, this.projector, this.layers.isShown, at);
+    if (place) this.viewpoint.aim(place);
+  }
+
+  // Selects the query under the cursor, or turns about what is there from now on, or selects nothing.
   private pick(at: [number, number]): void {
-    const { query, image } = this.find(at);
+    const { query } = this.find(at);
     if (query >= 0) return this.selection.select(query);
-    const { scene } = this.data;
-    const point = image >= 0 ? -1 : pickPoint(this.projector, scene.points, at);
-    if (image < 0 && point < 0) return this.selection.select(-1);
-    const goal = new Vector3(...vec3At(image >= 0 ? scene.databaseCentres : scene.points, Math.max(image, point)));
-    const { eye } = this.viewpoint;
-    this.viewpoint.distance = goal.distanceTo(eye);
+    const place = findPlace(this.data, this.projector, this.layers.isShown, at);
+    if (!place) return this.selection.select(-1);
+    const goal = new Vector3(...place);
+    this.viewpoint.distance = goal.distanceTo(this.viewpoint.eye);
     this.viewpoint.target.copy(goal);
     this.move();
   }

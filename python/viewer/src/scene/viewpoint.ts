@@ -59,6 +59,16 @@ export class Viewpoint {
     this.distance = Math.min(Math.max(this.distance * factor, least), 20 * this.size);
   }
 
+  // Moves the point of interest along the view, so that zooming leads to what is as far away as `place`; the picture stays.
+  aim(place: Vec3): void {
+    const { eye } = this;
+    const forward = new Vector3(0, 0, -1).applyQuaternion(this.orientation);
+    const depth = new Vector3(...place).sub(eye).dot(forward);
+    if (depth < 1e-4 * this.size) return;
+    this.distance = depth;
+    this.target.copy(eye).addScaledVector(forward, depth);
+  }
+
   // Looks along `forward` with `up` upward in the window.
   look(forward: Vec3, up: Vec3): void {
     const back = new Vector3(...forward).negate();
