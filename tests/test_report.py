@@ -366,6 +366,19 @@ def test_a_name_that_is_not_utf8_is_escaped_in_the_same_way_everywhere(localize,
     assert len(page.drawing(name)["inlierXy"]) > 100
 
 
+def test_queries_that_are_photos_have_no_keypoints_in_the_database(localize, photos, tmp_path):
+    queries = photos.write_queries(tmp_path / "queries.txt")
+    with queries.open("a") as file:
+        file.write("missing.jpg\n")
+    run = localize(*photos.arguments(queries))
+    options = ("--image_path", photos.image_path, "--database_path", photos.database_path)
+    page = make_page(run.output_path, tmp_path / "page.html", *options)
+    assert page.queries["photo"][page.index("missing.jpg")] == -1
+    for name in photos.query_names:
+        assert page.queries["photo"][page.index(name)] >= 0 and len(page.drawing(name)["inlierXy"]) > 50
+        assert np.std(page.drawing(name)["residuals"]) < 1
+
+
 @pytest.mark.parametrize("method", ["none", "sampson"])
 def test_poses_without_points_rest_on_verified_matches(localize, noisy, tmp_path, method):
     run = localize(*noisy.arguments, "--LazyLocalizer.Advanced.post_optimization", method)
