@@ -1,0 +1,277 @@
+"""Drives report pages in headless Chromium: from file://, without a network, as a user opens them."""
+
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from browser import chromium_path, open_browsers
+from colmap_lazyloc import results
+from colmap_lazyloc.testing.synthetic_run import FAILURES
+
+ROOT = Path(__file__).resolve().parents[1]
+UTM = (512345.678, 5412345.678, 321.5)
+pytestmark = pytest.mark.skipif(chromium_path() is None, reason="chromium is missing; scripts/setup.sh browser")
+
+
+def run_module(name, *arguments):
+    command = [sys.executable, "-m", f"colmap_lazyloc.{name}", *map(str, arguments)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    return done
+
+
+def make_run(folder, *options):
+    run_module("testing.synthetic_run", folder, *options)
+    return folder
+
+
+def make_page(run, *options):
+    output = run.parent / f"{run.name}.html"
+    run_module("report", run, *options, "--output", output)
+    return output
+
+
+@pytest.fixture(scope="module")
+def start_browser():
+    with open_browsers() as start:
+        yield start
+
+
+@pytest.fixture(scope="module")
+def browser(start_browser):
+    return start_browser()
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory):
+    """Makes a run at UTM coordinates with every status, rigs, photos, and names that no one should choose."""
+    folder = tmp_path_factory.mktemp("ugly") / "run"
+    origin = ("--origin", *UTM)
+    return make_run(folder, "--num_queries", 100, "--frame_size", 2, *origin, "--ugly_names", "--photos")
+
+
+@pytest.fixture(scope="module")
+def page_path(run):
+    return make_page(run, "--image_path", run / "images", "--ground_truth", run / "truth")
+
+
+@pytest.fixture
+def report(browser, page_path):
+    opened = browser.open(page_path)
+    yield opened
+    assert opened.problems == []
+    opened.page.context.close()
+
+
+def names_of(report):
+    return report.page.evaluate("() => window.report.data.queries.names")
+
+
+def query_called(report, ending):
+    """Returns the first query whose name ends so."""
+    return next(query for query, name in enumerate(names_of(report)) if name.endswith(ending))
+
+
+def address_of(report):
+    return report.page.evaluate("() => decodeURIComponent(location.hash)")
+
+
+def shown_rows(report):
+    return report.page.locator(".rows [data-query]").evaluate_all("rows => rows.map(r => Number(r.dataset.query))")
+
+
+def test_the_page_shows_every_query_and_status(report, run):
+    statuses = {status["name"] for status in report.page.evaluate("() => window.report.data.summary.statuses")}
+    assert statuses == {"LOCALIZED", *FAILURES}
+    assert report.state()["numVisible"] == len(results.read_results(run / "results.jsonl")) == len(names_of(report))
+    assert report.state()["viewer"] == "webgl"
+    assert report.state()["numDrawnPoints"] > 0
+
+
+def test_positions_are_exact_to_a_millimetre_at_utm_coordinates(report, run):
+    data = report.page.evaluate(
+        """() => { const { queries, scene } = window.report.data;
+          return [queries.names, scene.origin, Array.from(scene.queryCentres)]; }"""
+    )
+    names, origin, centres = data[0], np.array(data[1]), np.array(data[2], float).reshape(-1, 3)
+    expected = {name: results.pose_of(result) for name, result in results.read_results(run / "results.jsonl").items()}
+    num_compared = 0
+    for name, centre in zip(names, centres):
+        if expected[name] is not None:
+            assert np.linalg.norm(origin + centre - expected[name].cam_in_world) < 1e-3
+            num_compared += 1
+    assert num_compared > 50
+
+
+def test_a_row_selects_the_query_in_address_scene_and_page(report):
+    query = shown_rows(report)[3]
+    report.page.locator(f".rows [data-query='{query}']").click()
+    report.wait_for_selected(query)
+    assert address_of(report) == f"#query/{names_of(report)[query]}" or "\n" in names_of(report)[query]
+    assert report.page.locator(f".rows [data-query='{query}']").get_attribute("aria-selected") == "true"
+
+
+def test_the_address_selects_and_back_returns(browser, page_path):
+    report = browser.open(page_path)
+    names = names_of(report)
+    first, second = names.index("with blanks.jpg"), names.index("Fußgänger/日本 é.jpg")
+    report.page.evaluate("() => { location.hash = '#query/with%20blanks.jpg'; }")
+    report.wait_for_selected(first)
+    report.page.evaluate(
+        "name => { location.hash = '#query/' + name.split('/').map(encodeURIComponent).join('/'); }", names[second]
+    )
+    report.wait_for_selected(second)
+    report.page.go_back()
+    report.wait_for_selected(first)
+    assert report.problems == []
+
+
+def test_an_unknown_name_in_the_address_is_said(browser, page_path):
+    report = browser.open(page_path, "#query/nobody.jpg")
+    assert report.state()["selected"] == -1
+    assert "nobody.jpg" in report.page.locator("main").inner_text()
+    assert report.problems == []
+
+
+FIND_QUERY_ON_SCREEN = """() => {
+  const canvas = document.querySelector('canvas');
+  canvas.scrollIntoView({ block: 'center' });
+  const box = canvas.getBoundingClientRect(), state = window.report.state();
+  for (let i = 0; i < window.report.data.queries.names.length; ++i) {
+    const [x, y] = state.projectedQuery(i);
+    if (Number.isFinite(x) && document.elementFromPoint(x, y) === canvas) return [i, x, y];
+  }
+  return null;
+}"""
+
+
+def test_a_double_click_in_the_scene_selects(report):
+    found = report.page.evaluate(FIND_QUERY_ON_SCREEN)
+    assert found is not None, "no query is on the screen"
+    report.page.mouse.dblclick(found[1], found[2])
+    report.wait_for("() => window.report.state().selected >= 0")
+    x, y = report.page.evaluate("() => { const s = window.report.state(); return s.projectedQuery(s.selected); }")
+    assert np.hypot(x - found[1], y - found[2]) < 15  # another query may be in front
+
+
+def test_the_keyboard_reaches_rows_filter_and_nothing_selected(report):
+    rows = shown_rows(report)
+    report.page.locator("[role=grid]").focus()
+    report.page.keyboard.press("ArrowDown")
+    report.wait_for_selected(rows[0])
+    report.page.keyboard.press("ArrowDown")
+    report.wait_for_selected(rows[1])
+    report.page.keyboard.press("End")
+    report.wait_for("query => window.report.state().selected !== query", rows[1])
+    report.page.keyboard.press("Escape")
+    report.wait_for_selected(-1)
+    report.page.keyboard.press("/")
+    assert report.page.evaluate("() => document.activeElement.type") == "search"
+
+
+def test_sorting_and_filtering(report):
+    confidence = report.page.evaluate(
+        "() => Array.from(window.report.data.queries.confidence, x => isNaN(x) ? null : x)"
+    )
+    header = report.page.get_by_role("columnheader").filter(has_text=re.compile("^Confidence"))
+    for direction in ("first", "second"):
+        header.get_by_role("button").click()
+        order = header.get_attribute("aria-sort")
+        shown = [confidence[query] for query in shown_rows(report) if confidence[query] is not None]
+        assert order in ("ascending", "descending"), direction
+        assert shown == sorted(shown, reverse=order == "descending")
+    report.page.get_by_role("searchbox").fill("line")
+    report.wait_for("() => window.report.state().numVisible < window.report.data.queries.names.length")
+    assert query_called(report, "line\nbreak.jpg") in shown_rows(report)
+    report.page.get_by_role("searchbox").fill("nothing is called so")
+    report.wait_for("() => window.report.state().numVisible === 0")
+
+
+def test_a_chip_filters_by_status(report):
+    summary = report.page.evaluate("() => window.report.data.summary")
+    number = next(i for i, status in enumerate(summary["statuses"]) if status["name"] == "NO_PAIRS")
+    report.page.locator("header button, .chips button").filter(has_text=re.compile("no pairs", re.I)).first.click()
+    count = summary["statuses"][number]["count"]
+    report.wait_for("count => window.report.state().numVisible === count", count)
+
+
+def test_names_are_shown_and_never_executed(report):
+    for query, name in enumerate(names_of(report)):
+        if "<" in name or "$(" in name:
+            report.page.evaluate(
+                "name => { location.hash = '#query/' + encodeURIComponent(name).replaceAll('%2F', '/'); }", name
+            )
+            report.wait_for_selected(query)
+            assert name in report.page.locator("main").inner_text()
+    assert report.page.locator("img[src=x]").count() == 0
+
+
+def test_a_query_page_shows_photo_pairs_and_command(report):
+    drawn = report.page.evaluate("() => Array.from(window.report.data.queries.isDrawn).indexOf(1)")
+    assert drawn >= 0
+    report.page.evaluate(
+        "i => { location.hash = '#query/' + window.report.data.queries.names[i].split('/').map("
+        "encodeURIComponent).join('/'); }",
+        drawn,
+    )
+    report.wait_for_selected(drawn)
+    report.page.locator("main image").first.wait_for()
+    assert report.page.locator("main image").count() >= 2
+    assert "colmap lazy_localizer" in report.page.locator("main").inner_text()
+
+
+def test_without_webgl_the_plan_is_shown(start_browser, page_path):
+    report = start_browser("--disable-3d-apis").open(page_path)
+    assert report.state()["viewer"] == "plan"
+    assert report.page.locator("svg").count() > 0
+
+
+def test_print_shows_the_plan(report):
+    report.page.emulate_media(media="print")
+    assert len(report.page.pdf()) > 20_000
+
+
+def test_dark_mode_is_dark(browser, page_path):
+    def background(scheme):
+        report = browser.open(page_path, color_scheme=scheme)
+        color = report.page.evaluate("() => getComputedStyle(document.documentElement).backgroundColor")
+        assert report.problems == []
+        report.page.context.close()
+        return sum(map(int, re.findall(r"\d+", color)[:3]))
+
+    assert background("dark") < 200 < 600 < background("light")
+
+
+def test_a_split_report_loads_what_is_beside_it(browser, run):
+    folder = run.parent / "split"
+    run_module("report", run, "--image_path", run / "images", "--split", "--output", folder)
+    report = browser.open(next(folder.glob("*.html")))
+    drawn = report.page.evaluate("() => Array.from(window.report.data.queries.isDrawn).indexOf(1)")
+    report.page.evaluate(
+        "i => { location.hash = '#query/' + window.report.data.queries.names[i].split('/').map("
+        "encodeURIComponent).join('/'); }",
+        drawn,
+    )
+    report.page.locator("main image").first.wait_for()
+    assert report.problems == []
+
+
+def test_a_damaged_chunk_is_said_in_the_page(browser, page_path, tmp_path):
+    text = page_path.read_text(encoding="utf-8")
+    damaged = tmp_path / "damaged.html"
+    damaged.write_text(re.sub(r'(data-chunk="queries">)[^<]{400}', r"\1", text), encoding="utf-8")
+    report = browser.open_any(damaged)
+    report.page.get_by_role("alert").wait_for()
+    assert "cannot be shown" in report.page.get_by_role("alert").inner_text()
+
+
+def test_the_viewer_in_the_repository_is_what_its_source_builds():
+    if shutil.which("npm") is None and not (Path(sys.executable).parent / "npm").exists():
+        pytest.skip("npm is missing; scripts/setup.sh browser")
+    done = subprocess.run([ROOT / "scripts/build_viewer.sh", "--check"], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
