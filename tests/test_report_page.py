@@ -118,14 +118,9 @@ def test_a_row_selects_the_query_in_address_scene_and_page(report):
 
 def test_the_address_selects_and_back_returns(browser, page_path):
     report = browser.open(page_path)
-    names = names_of(report)
-    first, second = names.index("with blanks.jpg"), names.index("Fußgänger/日本 é.jpg")
-    report.page.evaluate("() => { location.hash = '#query/with%20blanks.jpg'; }")
-    report.wait_for_selected(first)
-    report.page.evaluate(
-        "name => { location.hash = '#query/' + name.split('/').map(encodeURIComponent).join('/'); }", names[second]
-    )
-    report.wait_for_selected(second)
+    first, second = query_called(report, "with blanks.jpg"), query_called(report, "日本 é.jpg")
+    report.select_by_address(first)
+    report.select_by_address(second)
     report.page.go_back()
     report.wait_for_selected(first)
     assert report.problems == []
