@@ -3,7 +3,7 @@ import { queryColor, sceneColors, type ColorMode } from "./colors";
 import { button, make, makeSvg } from "./dom";
 import { formatCount, formatLength } from "./format";
 import { suggestFactor } from "./scene/ellipsoids";
-import { boxAround, Ground, thin, type Box, type Vec2 } from "./scene/ground";
+import { boxOf, Ground, thin, type Box, type Vec2 } from "./scene/ground";
 import { PlanControls } from "./scene/plan_controls";
 import { drawFrame, drawScale, type Mapping } from "./scene/plan_frame";
 import * as marks from "./scene/plan_marks";
@@ -52,7 +52,7 @@ class PlanView implements SceneView {
     this.ground = new Ground(scene);
     this.factor = suggestFactor(scene);
     this.isShown = new Uint8Array(queries.names.length).fill(1);
-    this.box = this.boxOfAll();
+    this.box = boxOf(scene, this.ground);
     this.svg.setAttribute("aria-label", `Plan of ${summary.numQueries} queries. ${HELP}`);
     this.world.append(...LAYERS.map((name) => this.layers[name]));
     this.svg.append(this.frame, this.world, this.scale);
@@ -66,24 +66,13 @@ class PlanView implements SceneView {
       focusNext: (from, direction) => this.focusNext(this.markOf(from), direction),
       press: (target) => this.pickMark(this.markOf(target)),
     });
+    this.resize();
     this.drawBackground();
     this.drawQueries();
+    this.fit(); // Leaves room for the caption, whose height is known now.
     selection.onChange((query) => this.select(query));
     this.resizes.observe(host);
-    this.resize();
     this.select(selection.query);
-  }
-
-  private boxOfAll(): Box {
-    const { scene } = this.data;
-    const step = Math.max(1, Math.floor(scene.points.length / 60000));
-    const places = (values: Float32Array, by: number) => {
-      const list: Vec2[] = [];
-      for (let i = 0; 3 * i < values.length; i += by) if (Number.isFinite(values[3 * i])) list.push(this.ground.at(values, i));
-      return list;
-    };
-    const some = (values: Float32Array) => places(values, Math.max(1, Math.floor(values.length / 60000)));
-    return boxAround([...some(scene.databaseCentres), ...some(scene.queryCentres)], places(scene.points, step), scene.size);
   }
 
   private drawBackground(): void {
@@ -106,7 +95,7 @@ class PlanView implements SceneView {
     const box = this.isChanged && placed.length > MAX_NUM_QUERIES ? this.boxInSight() : this.box;
     const isInBox = ([x, y]: Vec2) => x >= box.least[0] && y >= box.least[1] && x <= box.most[0] && y <= box.most[1];
     const near = box === this.box ? placed : placed.filter((query) => isInBox(place(query)));
-    const { kept, cell } = thin(near, MAX_NUM_QUERIES, place, box);
+    const { kept, cell } = thin(near, MAX_NUM_QUERIES, place, box, MIN_MARK_PIXELS / this.mapping.scale);
     this.queryMarks.clear();
     for (const query of kept) this.queryMarks.set(query, marks.queryMark(this.data, this.ground, query));
     // Draws the least certain queries, which the report lists first, on top.
@@ -146,7 +135,7 @@ class PlanView implements SceneView {
     const { summary, scene } = this.data;
     const texts = [`Seen from above; wedges open in the direction of view. Ellipses: 3 standard deviations \u00d7 ${this.factor}.`];
     if (scene.trueCentres.length > 0) texts.push("Crosses: true positions.");
-    if (numWithout > 0) texts.push(`${formatCount(numWithout)} of ${formatCount(numAll)} queries have no position.`);
+    if (numWithout > 0) texts.push(`${formatCount(numWithout)} of ${formatCount(numAll)} queries have no place on the plan.`);
     if (cell > 0) {
       const size = formatLength(cell, summary, 2);
       texts.push(`Drawn: ${formatCount(numDrawn)} of ${formatCount(numAll)} queries, the least certain one in each square of ${size}; more when enlarged.`);
@@ -222,9 +211,9 @@ class PlanView implements SceneView {
     [this.mapping.scale, this.fittedScale] = [scale, scale];
     const middle = (top + height - bottom) / 2;
     this.mapping.shift = [width / 2 - (scale * (least[0] + most[0])) / 2, middle + (scale * (least[1] + most[1])) / 2];
+    if (this.isChanged) this.redrawLater();
     this.isChanged = false;
     this.apply();
-    this.redrawLater();
   }
 
   private resize(): void {

@@ -10,6 +10,7 @@ export interface Box {
 
 // Up directions closer than this to an axis of the world count as that axis, so that the plan has the world's coordinates.
 const AXIS_COSINE = 0.985;
+const MAX_NUM_SAMPLES = 20000;
 const AXIS_NAMES = ["x", "y", "z"];
 
 // Describes an axis of the plan: its direction, its name, and what the world's origin adds to a coordinate.
@@ -70,23 +71,40 @@ function makeAxis(direction: Vec3, origin: Vec3, fallback: string): Axis {
   return { direction, sign, name: index >= 0 ? AXIS_NAMES[index] : fallback, offset: dot(direction, origin) };
 }
 
-// Returns the box around cameras and nearly all points; `reach`: how far from the middle of the cameras anything counts.
-export function boxAround(cameras: Vec2[], points: Vec2[], reach: number): Box {
+// Returns some of the finite places in a flat array of centres, evenly spaced.
+function someOf(centres: Float32Array, ground: Ground): Vec2[] {
+  const step = Math.max(1, Math.floor(centres.length / 3 / MAX_NUM_SAMPLES));
+  const places: Vec2[] = [];
+  for (let i = 0; 3 * i < centres.length; i += step) if (Number.isFinite(centres[3 * i])) places.push(ground.at(centres, i));
+  return places;
+}
+
+// Returns the box around cameras and nearly all points; cameras far away from the others do not count.
+export function boxOf(scene: Scene, ground: Ground): Box {
+  const cameras = [...someOf(scene.databaseCentres, ground), ...someOf(scene.queryCentres, ground)];
+  const points = someOf(scene.points, ground);
   const all = cameras.length > 0 ? cameras : points;
   const middle = [0, 1].map((axis) => quantile(all.map((place) => place[axis]), 0.5));
-  const near = cameras.filter(([x, y]) => Math.hypot(x - middle[0], y - middle[1]) <= reach);
+  const near = cameras.filter(([x, y]) => Math.hypot(x - middle[0], y - middle[1]) <= scene.size);
   const end = (axis: number, fraction: number, pick: (...values: number[]) => number) =>
     pick(...near.map((place) => place[axis]), ...[quantile(points.map((place) => place[axis]), fraction)].filter(Number.isFinite));
   const box: Box = { least: [end(0, 0.03, Math.min), end(1, 0.03, Math.min)], most: [end(0, 0.97, Math.max), end(1, 0.97, Math.max)] };
   return [...box.least, ...box.most].every(Number.isFinite) ? box : { least: [-1, -1], most: [1, 1] };
 }
 
-// Returns at most about `count` of the indices: one for each cell of a grid, the first one that falls into it.
-export function thin(indices: number[], count: number, place: (index: number) => Vec2, box: Box): { kept: number[]; cell: number } {
+// Returns at most about `count` of the indices: one for each cell of a grid, the first one that falls into it. `smallest`: size
+// of a cell that is as large as a mark.
+export function thin(
+  indices: number[],
+  count: number,
+  place: (index: number) => Vec2,
+  box: Box,
+  smallest = 0,
+): { kept: number[]; cell: number } {
   if (indices.length <= count) return { kept: indices, cell: 0 };
   const width = Math.max(box.most[0] - box.least[0], 1e-9);
   const height = Math.max(box.most[1] - box.least[1], 1e-9);
-  const cell = Math.max(Math.sqrt((width * height) / count), Math.max(width, height) / count);
+  const cell = Math.max(Math.sqrt((width * height) / count), Math.max(width, height) / count, smallest);
   const taken = new Set<string>();
   const kept = indices.filter((index) => {
     const [x, y] = place(index);

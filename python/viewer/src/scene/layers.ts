@@ -14,8 +14,9 @@ import { bearingLine, hasBearing, hasPosition, hasTruth, type ViewData } from ".
 const MAX_NUM_FRUSTUMS = 12000;
 const MAX_NUM_ELLIPSOIDS = 2000;
 const MAX_NUM_COARSE_LINES = 3000;
-// Smaller frustums and ellipsoids do not tell more than a dot.
-const SMALL_PIXELS = 3;
+// Smaller ones do not tell more than a dot.
+const SMALL_FRUSTUM_PIXELS = 5;
+const SMALL_ELLIPSOID_PIXELS = 3;
 
 export type LayerName = "points" | "database" | "ellipsoids" | "truth" | "bearings" | "connections";
 
@@ -154,7 +155,7 @@ export class Layers {
       const length = NUM_STANDARD_DEVIATIONS * this.factor * Math.sqrt(Math.max(xx, yy, zz));
       return place ? projector.pixels(length, place[2]) : 0;
     };
-    const chosen = queries.filter((query) => pixels(query) > SMALL_PIXELS).slice(0, MAX_NUM_ELLIPSOIDS);
+    const chosen = queries.filter((query) => pixels(query) > SMALL_ELLIPSOID_PIXELS).slice(0, MAX_NUM_ELLIPSOIDS);
     const tints = new Uint8Array(3 * chosen.length);
     chosen.forEach((query, i) => tints.set(colorBytes(this.color(query)), 3 * i));
     this.ellipsoids.set(this.data.scene, chosen, tints);
@@ -167,7 +168,7 @@ export class Layers {
       const at = 3 * indices[i];
       distances[i] = projector.distanceIfNear(centres[at], centres[at + 1], centres[at + 2]);
     }
-    const farthest = projector.pixels(frustumDepth.value, SMALL_PIXELS); // Where a frustum becomes small.
+    const farthest = projector.pixels(frustumDepth.value, SMALL_FRUSTUM_PIXELS); // Where a frustum becomes small.
     const limit = indices.length > MAX_NUM_FRUSTUMS ? distances.slice().sort()[MAX_NUM_FRUSTUMS] : Infinity;
     const isLarge = (i: number) => distances[i] < farthest && distances[i] <= limit;
     return { large: indices.filter((_, i) => isLarge(i)), small: indices.filter((_, i) => !isLarge(i)) };
