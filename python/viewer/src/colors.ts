@@ -79,7 +79,10 @@ export function queryColor(mode: ColorMode, queries: Queries, summary: Summary, 
 
 function errorLegend(queries: Queries, summary: Summary): LegendEntry[] {
   const bounds = errorBounds(queries).map((bound) => formatLength(bound, summary));
-  const entries = bounds.map((bound, i) => ({ color: shade(SCALE[i]), label: i === 0 ? `over ${bound}` : `to ${bounds[i - 1]}` }));
+  const entries = bounds.map((bound, i) => ({
+    color: shade(SCALE[i]),
+    label: i === 0 ? `over ${bound}` : `to ${bounds[i - 1]}`,
+  }));
   entries.push({ color: shade(SCALE[bounds.length]), label: `to ${bounds[bounds.length - 1]}` });
   return entries.reverse();
 }
@@ -93,7 +96,9 @@ export function legend(mode: ColorMode, queries: Queries, summary: Summary): Leg
   if (mode === "status") {
     const names = summary.statuses.map(({ name }) => name);
     const entries = names.filter((name) => name in STATUS_COLORS).map(statusEntry);
-    return entries.length < names.length ? [...entries, { color: shade(FAILURE_COLOR), label: "no position" }] : entries;
+    return entries.length < names.length
+      ? [...entries, { color: shade(FAILURE_COLOR), label: "no position" }]
+      : entries;
   }
   if (mode === "error") return [...errorLegend(queries, summary), { color: shade(UNKNOWN_COLOR), label: "unknown" }];
   const bounds = confidenceBounds(summary);

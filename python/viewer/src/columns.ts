@@ -20,7 +20,9 @@ function ranks(texts: string[]): (query: number) => number {
   let rank: Float64Array | null = null;
   return (query) => {
     if (!rank) {
-      const order = Uint32Array.from(texts, (_, i) => i).sort((a, b) => (texts[a] < texts[b] ? -1 : +(texts[a] > texts[b])));
+      const order = Uint32Array.from(texts, (_, i) => i).sort((a, b) =>
+        texts[a] < texts[b] ? -1 : +(texts[a] > texts[b]),
+      );
       rank = new Float64Array(texts.length);
       for (let i = 0, value = -1; i < order.length; i++) {
         if (i === 0 || texts[order[i]] !== texts[order[i - 1]]) value = i;
@@ -43,7 +45,7 @@ function numberColumn(
     id,
     label,
     explanation,
-    width: "5.7rem",
+    width: "minmax(5.7rem, 1fr)",
     kind: "number",
     isWorstLow,
     text: (query) => text(values[query]),
@@ -53,7 +55,8 @@ function numberColumn(
 
 export const EXPLANATIONS = {
   confidence: "Estimated probability that the position is right; computed from the evidence, without the true pose.",
-  positionStddev: "Standard deviation of the position in its least certain direction: two thirds of errors are smaller.",
+  positionStddev:
+    "Standard deviation of the position in its least certain direction: two thirds of errors are smaller.",
   rotationStddev: "Standard deviation of the orientation, about its least certain axis.",
   positionError: "Distance to the true position.",
   rotationError: "Angle to the true orientation.",
@@ -72,13 +75,35 @@ function textColumns(queries: Queries, summary: Summary): Column[] {
   const labels = summary.statuses.map(({ name }) => statusLabel(name));
   const base = { explanation: "", isWorstLow: true };
   return [
-    { ...base, id: "name", label: "Query", width: textWidth(queries.names, 0), kind: "text",
-      text: (query) => visibleText(queries.names[query]), key: ranks(queries.names) },
-    { ...base, id: "status", label: "Status", width: textWidth(labels, 1.5), kind: "status", isWorstLow: false,
-      text: (query) => labels[queries.status[query]], key: (query) => queries.status[query] },
-    { ...base, id: "confidence", label: "Confidence", explanation: EXPLANATIONS.confidence, width: "6.9rem",
-      kind: "confidence", text: (query) => format.formatConfidence(queries.confidence[query]),
-      key: (query) => queries.confidence[query] },
+    {
+      ...base,
+      id: "name",
+      label: "Query",
+      width: textWidth(queries.names, 0),
+      kind: "text",
+      text: (query) => visibleText(queries.names[query]),
+      key: ranks(queries.names),
+    },
+    {
+      ...base,
+      id: "status",
+      label: "Status",
+      width: textWidth(labels, 1.5),
+      kind: "status",
+      isWorstLow: false,
+      text: (query) => labels[queries.status[query]],
+      key: (query) => queries.status[query],
+    },
+    {
+      ...base,
+      id: "confidence",
+      label: "Confidence",
+      explanation: EXPLANATIONS.confidence,
+      width: "6.9rem",
+      kind: "confidence",
+      text: (query) => format.formatConfidence(queries.confidence[query]),
+      key: (query) => queries.confidence[query],
+    },
   ];
 }
 
@@ -92,14 +117,25 @@ export function tableColumns(queries: Queries, summary: Summary): Column[] {
     numberColumn("positionStddev", "Pos. \u03c3", EXPLANATIONS.positionStddev, queries.positionStddev, length),
     numberColumn("rotationStddev", "Rot. \u03c3", EXPLANATIONS.rotationStddev, queries.rotationStddevDeg, degrees),
     numberColumn("tracks", "Points", EXPLANATIONS.tracks, queries.numTracks, format.formatCount, true),
-    numberColumn("reprojection", "Reproj.", EXPLANATIONS.reprojection, queries.reprojectionErrorPx, format.formatPixels),
+    numberColumn(
+      "reprojection",
+      "Reproj.",
+      EXPLANATIONS.reprojection,
+      queries.reprojectionErrorPx,
+      format.formatPixels,
+    ),
     numberColumn("images", "Images", EXPLANATIONS.images, queries.numImages, format.formatCount, true),
     numberColumn("seconds", "Time", "Computing time of this query.", queries.seconds, format.formatSeconds),
   ];
   const reason: Column = {
-    id: "reason", label: "Reason", explanation: "Why the query has no pose, or why it is not to be relied on.",
-    width: "minmax(14rem, 5fr)", kind: "text", isWorstLow: true,
-    text: (query) => queries.reasons[query], key: ranks(queries.reasons),
+    id: "reason",
+    label: "Reason",
+    explanation: "Why the query has no pose, or why it is not to be relied on.",
+    width: "minmax(14rem, 8fr)",
+    kind: "text",
+    isWorstLow: true,
+    text: (query) => queries.reasons[query],
+    key: ranks(queries.reasons),
   };
   const hasValue = (column: Column) => queries.names.some((_, query) => !Number.isNaN(column.key(query)));
   return [...textColumns(queries, summary), ...[...numbers, reason].filter(hasValue)];

@@ -30,7 +30,8 @@ function sortedValues(values: Float32Array, isWanted: (query: number) => boolean
 
 function inWords(values: number[], numQueries: number, format: (value: number) => string): string {
   const at = (share: number) => format(values[Math.min(values.length - 1, Math.ceil(share * values.length) - 1)]);
-  const whom = values.length === numQueries ? "of all queries" : `of the ${formatCount(values.length)} queries that have one`;
+  const whom =
+    values.length === numQueries ? "of all queries" : `of the ${formatCount(values.length)} queries that have one`;
   return `Half ${whom} are below ${at(0.5)}, 90 % below ${at(0.9)}.`;
 }
 
@@ -79,7 +80,8 @@ function riskCoverage({ confidence, coverage, risk }: Plot, summary: Summary): P
 
 export function headPlots(summary: Summary, queries: Queries): HTMLElement[] {
   const round = (value: number) => formatLength(value, summary, 1);
-  const length = (value: number) => (Number(value.toPrecision(1)) === value ? round(value) : formatLength(value, summary));
+  const length = (value: number) =>
+    Number(value.toPrecision(1)) === value ? round(value) : formatLength(value, summary);
   const degrees = (value: number) => formatDegrees(value, Number(value.toPrecision(1)) === value ? 1 : 2);
   const quantities: Quantity[] = summary.hasTruth
     ? [
@@ -93,5 +95,5 @@ export function headPlots(summary: Summary, queries: Queries): HTMLElement[] {
   const plots = quantities.map((quantity) => distribution(quantity, summary, queries));
   if (summary.riskCoverage) plots.push(riskCoverage(summary.riskCoverage, summary));
   const known = plots.filter((options): options is PlotOptions => options !== null);
-  return known.map((options) => plot(options, known.length > 2 ? 300 : 400));
+  return known.map((options) => plot(options, known.length > 2 ? 300 : 460));
 }

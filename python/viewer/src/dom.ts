@@ -46,7 +46,9 @@ export function help(explanation: string): HTMLElement {
 
 // Returns a text whose line breaks and other control characters show: names of files may have them.
 export function visibleText(text: string): string {
-  return text.replace(/[\u0000-\u001f]/g, (c) => String.fromCharCode(0x2400 + c.charCodeAt(0))).replace(/\u007f/g, "\u2421");
+  return text
+    .replace(/[\u0000-\u001f]/g, (c) => String.fromCharCode(0x2400 + c.charCodeAt(0)))
+    .replace(/\u007f/g, "\u2421");
 }
 
 export function reducedMotion(): boolean {

@@ -165,8 +165,15 @@ export interface Figure {
 }
 
 export function makeFigure(drawing: Drawing, name: string, photoIndex: number, scene: Scene): Figure {
-  const { boxes, width, height } = layout(drawing.size, drawing.images.map(({ size }) => size));
-  const svg = makeSvg("svg", { viewBox: `-1 -1 ${width + 2} ${height + 2}`, role: "img", preserveAspectRatio: "xMinYMin" });
+  const { boxes, width, height } = layout(
+    drawing.size,
+    drawing.images.map(({ size }) => size),
+  );
+  const svg = makeSvg("svg", {
+    viewBox: `-1 -1 ${width + 2} ${height + 2}`,
+    role: "img",
+    preserveAspectRatio: "xMinYMin",
+  });
   svg.setAttribute("aria-label", `${name} beside the database images that share most points with it`);
   svg.append(photo(boxes[0], photoIndex, visibleText(name)));
   const figure = make("figure", { class: "drawing" });

@@ -22,7 +22,10 @@ function rounded(value: number, digits: number): number {
 const SUPERSCRIPTS = "\u2070\u00b9\u00b2\u00b3\u2074\u2075\u2076\u2077\u2078\u2079";
 
 function withExponent(value: number, digits: number): string {
-  const [mantissa, exponent] = value.toExponential(digits - 1).replace("+", "").split("e");
+  const [mantissa, exponent] = value
+    .toExponential(digits - 1)
+    .replace("+", "")
+    .split("e");
   const raised = exponent.replace(/\d/g, (digit) => SUPERSCRIPTS[Number(digit)]).replace("-", "\u207b");
   return `${mantissa.replace("-", "\u2212")}\u00b710${raised}`;
 }
@@ -79,4 +82,3 @@ export function formatConfidence(value: number): string {
 export function formatPercent(ratio: number): string {
   return Number.isNaN(ratio) ? UNKNOWN : `${formatNumber(100 * ratio, ratio >= 0.1 ? 3 : 2)}\u00a0%`;
 }
-

@@ -70,12 +70,24 @@ function pairTable(caption: string, rows: [string, string][]): HTMLElement | nul
 
 // Returns a button, and what it shows or hides.
 function runDetails(summary: Summary): [HTMLElement, HTMLElement] {
-  const inputs = pairTable("Inputs", summary.inputs.map(({ option, value }) => [option, value]));
-  const options = pairTable("Options", summary.options.map(({ name, value }) => [name, value]));
+  const inputs = pairTable(
+    "Inputs",
+    summary.inputs.map(({ option, value }) => [option, value]),
+  );
+  const options = pairTable(
+    "Options",
+    summary.options.map(({ name, value }) => [name, value]),
+  );
   const program = summary.program.split("\n").filter((line) => line.trim() !== "");
-  const versions = pairTable("Versions", program.map((line, i) => [i === 0 ? "Program" : "", line]));
+  const versions = pairTable(
+    "Versions",
+    program.map((line, i) => [i === 0 ? "Program" : "", line]),
+  );
   const details = make("section", { class: "card run", hidden: true }, make("div", {}, inputs, versions), options);
-  const toggle = button("Inputs, options, versions", () => show(), { class: "button run-button", "aria-expanded": "false" });
+  const toggle = button("Inputs, options, versions", () => show(), {
+    class: "button run-button",
+    "aria-expanded": "false",
+  });
   const show = () => {
     details.hidden = !details.hidden;
     toggle.setAttribute("aria-expanded", String(!details.hidden));

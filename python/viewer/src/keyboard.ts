@@ -3,7 +3,9 @@ import type { Selection } from "./selection";
 import type { Table } from "./table";
 
 function isTyping(target: EventTarget | null): boolean {
-  return target instanceof HTMLInputElement || target instanceof HTMLSelectElement || target instanceof HTMLTextAreaElement;
+  return (
+    target instanceof HTMLInputElement || target instanceof HTMLSelectElement || target instanceof HTMLTextAreaElement
+  );
 }
 
 export function watchKeys(selection: Selection, table: Table): void {

@@ -76,7 +76,11 @@ async function loadScene(): Promise<Scene> {
 }
 
 export async function loadChunks(): Promise<Chunks> {
-  const [summary, queries, scene] = await Promise.all([load<Summary>("summary"), load<Queries>("queries"), loadScene()]);
+  const [summary, queries, scene] = await Promise.all([
+    load<Summary>("summary"),
+    load<Queries>("queries"),
+    loadScene(),
+  ]);
   for (const name of ["summary", "queries", "scene"]) cache.delete(name);
   return { summary, queries, scene };
 }

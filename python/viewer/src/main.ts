@@ -22,7 +22,10 @@ async function start(root: HTMLElement): Promise<void> {
   };
   const table = new Table(summary, queries, selection, { onFilter, onSort: () => page?.updateSteps(), onOpen: open });
   page = new QueryPage({ summary, queries, scene }, selection, table);
-  const head = makeHead(summary, queries, selection, { onFilter: (statuses) => table.setStatuses(statuses), onOpen: open });
+  const head = makeHead(summary, queries, selection, {
+    onFilter: (statuses) => table.setStatuses(statuses),
+    onOpen: open,
+  });
   const workspace = make("div", { class: "workspace" }, panel.element, table.element);
   table.addControl(wideButton(workspace));
   root.replaceChildren(head, make("main", {}, workspace, page.element), openBar(queries.names, selection, page));
@@ -43,10 +46,14 @@ async function start(root: HTMLElement): Promise<void> {
 
 // Returns a switch that gives the table the whole width of the page, below the scene.
 function wideButton(workspace: HTMLElement): HTMLElement {
-  const toggle = button("Wide", () => {
-    const isWide = workspace.classList.toggle("is-wide");
-    toggle.setAttribute("aria-pressed", String(isWide));
-  }, { class: "button wide", "aria-pressed": "false", title: "Give the table the whole width of the page" });
+  const toggle = button(
+    "Wide",
+    () => {
+      const isWide = workspace.classList.toggle("is-wide");
+      toggle.setAttribute("aria-pressed", String(isWide));
+    },
+    { class: "button wide", "aria-pressed": "false", title: "Give the table the whole width of the page" },
+  );
   return toggle;
 }
 
@@ -65,10 +72,13 @@ function openBar(names: string[], selection: Selection, page: QueryPage): HTMLEl
     bar.hidden = isInSight || selection.query < 0;
     name.textContent = selection.query < 0 ? "" : visibleText(names[selection.query]);
   };
-  new IntersectionObserver((entries) => {
-    isInSight = entries[entries.length - 1].isIntersecting;
-    update();
-  }, { rootMargin: "0px 0px -120px 0px" }).observe(page.element);
+  new IntersectionObserver(
+    (entries) => {
+      isInSight = entries[entries.length - 1].isIntersecting;
+      update();
+    },
+    { rootMargin: "0px 0px -120px 0px" },
+  ).observe(page.element);
   selection.onChange(update);
   return bar;
 }

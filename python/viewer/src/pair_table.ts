@@ -55,13 +55,14 @@ function header(label: string, explanation: string): HTMLElement {
   return make("th", { scope: "col" }, label, help(explanation));
 }
 
-// `onPoint` hears which database image the pointer is at, or -1.
+// Returns a section. `onPoint` hears which database image the pointer is at, or -1.
 export function pairTable(details: Details, row: number, scene: Scene, onPoint: (image: number) => void): HTMLElement {
   const pairs = pairsOf(details, row);
   if (pairs.length === 0) {
     return make("p", { class: "muted" }, "No database image shares matches with this query.");
   }
-  const largest = (key: keyof Pair) => Math.max(1e-9, ...pairs.map((pair) => pair[key]).filter((x) => !Number.isNaN(x)));
+  const largest = (key: keyof Pair) =>
+    Math.max(1e-9, ...pairs.map((pair) => pair[key]).filter((x) => !Number.isNaN(x)));
   const max: Pair = {
     image: 0,
     numInliers: largest("numInliers"),
@@ -83,7 +84,11 @@ export function pairTable(details: Details, row: number, scene: Scene, onPoint: 
   const title = `Database images (${formatCount(pairs.length)}, ${formatCount(numUsed)} used)`;
   const section = make("section", {}, make("h3", {}, title), table);
   if (rows.length > NUM_SHOWN) {
-    const more = make("button", { type: "button", class: "button more" }, `Show ${formatCount(rows.length - NUM_SHOWN)} more`);
+    const more = make(
+      "button",
+      { type: "button", class: "button more" },
+      `Show ${formatCount(rows.length - NUM_SHOWN)} more`,
+    );
     more.addEventListener("click", () => {
       body.append(...rows.slice(NUM_SHOWN));
       more.remove();

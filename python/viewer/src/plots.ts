@@ -69,8 +69,16 @@ function grid(xAxis: Axis, yAxis: Axis, x: Scale, y: Scale, width: number, botto
   }
   const middle = (TOP + bottom) / 2;
   group.append(
-    makeSvg("text", { x: (LEFT + width - RIGHT) / 2, y: bottom + 31, "text-anchor": "middle", class: "label" }, xAxis.label),
-    makeSvg("text", { class: "label", "text-anchor": "middle", transform: `translate(11 ${middle}) rotate(-90)` }, yAxis.label),
+    makeSvg(
+      "text",
+      { x: (LEFT + width - RIGHT) / 2, y: bottom + 31, "text-anchor": "middle", class: "label" },
+      xAxis.label,
+    ),
+    makeSvg(
+      "text",
+      { class: "label", "text-anchor": "middle", transform: `translate(11 ${middle}) rotate(-90)` },
+      yAxis.label,
+    ),
   );
   return group;
 }
@@ -94,7 +102,7 @@ export interface PlotOptions {
   summary: string; // the plot in words
 }
 
-// `width`: in pixels, about, so that the texts are as large as those of the page.
+// Returns a figure. `width`: in pixels, about, so that its texts are as large as those of the page.
 export function plot(options: PlotOptions, width: number): HTMLElement {
   const bottom = HEIGHT - BOTTOM - (options.x.label ? LABEL : 0);
   const x = scaleOf(options.x, LEFT, width - RIGHT);
@@ -108,7 +116,9 @@ export function plot(options: PlotOptions, width: number): HTMLElement {
     svg.append(makeSvg("path", { class: `curve ${curve.style}`, d: pathOf(curve, x, y, options.isStepped) }));
   }
   for (const mark of options.marks ?? []) {
-    svg.append(makeSvg("circle", { class: "dot", cx: x(mark.x), cy: y(mark.y), r: 4 }, makeSvg("title", {}, mark.label)));
+    svg.append(
+      makeSvg("circle", { class: "dot", cx: x(mark.x), cy: y(mark.y), r: 4 }, makeSvg("title", {}, mark.label)),
+    );
   }
   const caption = make("figcaption", {}, make("strong", {}, options.title));
   if (options.curves.length > 1 || options.curves[0].style === "dashed") {

@@ -51,7 +51,8 @@ export class QueryPage {
       const text = `The address names "${visibleText(unknownName)}", but this run has no query of this name.`;
       this.element.replaceChildren(make("p", { class: "callout" }, text));
     } else if (query < 0) {
-      const text = "Select a query in the table or in the scene to see its photo, its matches and what its pose rests on.";
+      const text =
+        "Select a query in the table or in the scene to see its photo, its matches and what its pose rests on.";
       this.element.replaceChildren(make("p", { class: "muted hint" }, text));
     } else {
       const body = make("div", { class: "query-body" });
@@ -82,7 +83,12 @@ export class QueryPage {
     const { summary, queries } = this.data;
     const status = summary.statuses[queries.status[query]].name;
     const title = make("h2", { title: queries.names[query] }, visibleText(queries.names[query]));
-    const badge = make("span", { class: "badge", title: status }, statusMark(summary, queries, query), statusLabel(status));
+    const badge = make(
+      "span",
+      { class: "badge", title: status },
+      statusMark(summary, queries, query),
+      statusLabel(status),
+    );
     return make("div", { class: "query-head" }, title, badge, this.steps());
   }
 
@@ -107,11 +113,7 @@ export class QueryPage {
     }
     numbers.push(
       ["Position, std. dev.", length(queries.positionStddev[query]), EXPLANATIONS.positionStddev],
-      [
-        "Orientation, std. dev.",
-        format.formatDegrees(queries.rotationStddevDeg[query]),
-        EXPLANATIONS.rotationStddev,
-      ],
+      ["Orientation, std. dev.", format.formatDegrees(queries.rotationStddevDeg[query]), EXPLANATIONS.rotationStddev],
       ["Points", format.formatCount(queries.numTracks[query]), EXPLANATIONS.tracks],
       ["Reprojection error", format.formatPixels(queries.reprojectionErrorPx[query]), EXPLANATIONS.reprojection],
       ["Images used", format.formatCount(queries.numImages[query]), EXPLANATIONS.images],
@@ -135,12 +137,16 @@ export class QueryPage {
       left.append(figure.element);
       highlight = (image) => figure.highlight(drawing.images.findIndex((other) => other.image === image));
       if (queries.photo[query] < 0) left.append(make("p", { class: "muted" }, NO_PHOTO));
-    } else left.append(make("p", { class: "muted" }, NO_DRAWING));
+    } else if (hasPairs(details, row)) left.append(make("p", { class: "muted" }, NO_DRAWING));
     left.append(facts(details, row));
     const pairs = pairTable(details, row, scene, highlight);
     const right = make("div", { class: "query-right" }, pairs, timeBar(details, row), command(details.commands[row]));
     body.replaceChildren(left, right);
   }
+}
+
+function hasPairs(details: Details, row: number): boolean {
+  return details.pairOffsets[row + 1] > details.pairOffsets[row];
 }
 
 const NO_PHOTO = "The photo is not in this report, so the frame of the image is drawn in its place.";

@@ -17,9 +17,9 @@ function nameIn(hash: string): string | null {
 }
 
 export class Selection {
-  // The index of the selected query, or -1.
+  // Holds the index of the selected query, or -1.
   query = -1;
-  // The name in the address if no query has it.
+  // Holds the name in the address if no query has it.
   unknownName: string | null = null;
   private readonly listeners: ((query: number) => void)[] = [];
   private readonly indices = new Map<string, number>();

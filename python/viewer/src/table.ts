@@ -55,8 +55,12 @@ export class Table {
     this.body = make("div", { class: "rows", role: "rowgroup" });
     this.grid = this.makeGrid();
     this.filterField = make("input", {
-      type: "search", class: "field", placeholder: "Filter by name, status or reason", "aria-label": "Filter the queries",
-      title: "Press / to come here", input: () => this.filter(),
+      type: "search",
+      class: "field",
+      placeholder: "Filter by name, status or reason",
+      "aria-label": "Filter the queries",
+      title: "Press / to come here",
+      input: () => this.filter(),
     });
     const bar = make("div", { class: "bar" }, this.filterField, this.count);
     this.element = make("section", { class: "panel table-panel", "aria-label": "Queries" }, bar, this.grid, this.empty);
@@ -142,7 +146,12 @@ export class Table {
     const last = this.order.length - 1;
     const row = this.selection.query < 0 ? -1 : this.rowOf[this.selection.query];
     const targets: Record<string, number> = {
-      ArrowDown: row + 1, ArrowUp: row < 0 ? last : row - 1, PageDown: row + page, PageUp: row - page, Home: 0, End: last,
+      ArrowDown: row + 1,
+      ArrowUp: row < 0 ? last : row - 1,
+      PageDown: row + page,
+      PageUp: row - page,
+      Home: 0,
+      End: last,
     };
     if (event.key === "Enter" && row >= 0) this.events.onOpen();
     else if (event.key in targets && last >= 0) {
@@ -180,10 +189,13 @@ export class Table {
     const wanted = this.filterField.value.trim().toLowerCase();
     this.searchTexts ??= this.queries.names.map((name, i) => `${name}\n${this.queries.reasons[i]}`.toLowerCase());
     const texts = this.searchTexts;
-    const isLabelled = this.summary.statuses.map(({ name }) => `${name}\n${statusLabel(name)}`.toLowerCase().includes(wanted));
+    const isLabelled = this.summary.statuses.map(({ name }) =>
+      `${name}\n${statusLabel(name)}`.toLowerCase().includes(wanted),
+    );
     this.queries.status.forEach((status, query) => {
       const isShown =
-        (this.statuses.size === 0 || this.statuses.has(status)) && (isLabelled[status] || texts[query].includes(wanted));
+        (this.statuses.size === 0 || this.statuses.has(status)) &&
+        (isLabelled[status] || texts[query].includes(wanted));
       this.visible[query] = isShown ? 1 : 0;
     });
     this.arrange();
@@ -202,7 +214,8 @@ export class Table {
   private showCount(): void {
     const num = this.order.length;
     const all = this.queries.names.length;
-    this.count.textContent = num === all ? `${formatCount(all)} queries` : `${formatCount(num)} of ${formatCount(all)} queries`;
+    this.count.textContent =
+      num === all ? `${formatCount(all)} queries` : `${formatCount(num)} of ${formatCount(all)} queries`;
     this.empty.hidden = num > 0;
     this.grid.setAttribute("aria-rowcount", String(num + 1));
     this.body.style.height = `${num * ROW_HEIGHT}px`;
@@ -221,7 +234,9 @@ export class Table {
 
   private draw(): void {
     const first = this.isPrinted ? 0 : Math.max(0, Math.floor(this.grid.scrollTop / ROW_HEIGHT) - NUM_SPARE_ROWS);
-    const height = this.isPrinted ? NUM_PRINTED_ROWS : Math.ceil(this.grid.clientHeight / ROW_HEIGHT) + 2 * NUM_SPARE_ROWS;
+    const height = this.isPrinted
+      ? NUM_PRINTED_ROWS
+      : Math.ceil(this.grid.clientHeight / ROW_HEIGHT) + 2 * NUM_SPARE_ROWS;
     const end = Math.min(this.order.length, first + height);
     for (const [row, element] of this.rows) {
       if (row >= first && row < end) continue;
@@ -245,8 +260,14 @@ export class Table {
     const cells = this.columns.map((column) => this.makeCell(column, query));
     const element = make(
       "div",
-      { class: "row", role: "row", id: `row-${row}`, "aria-rowindex": row + 2, "aria-selected": String(isSelected),
-        "data-query": query },
+      {
+        class: "row",
+        role: "row",
+        id: `row-${row}`,
+        "aria-rowindex": row + 2,
+        "aria-selected": String(isSelected),
+        "data-query": query,
+      },
       ...cells,
     );
     element.style.top = `${row * ROW_HEIGHT}px`;
@@ -261,6 +282,7 @@ export class Table {
     if (column.kind === "confidence" && !Number.isNaN(confidence)) cell.append(meter(confidence));
     cell.append(make("span", {}, text));
     if (column.kind === "text") cell.title = text;
+    if (column.kind === "status") cell.title = this.queries.reasons[query];
     return cell;
   }
 }

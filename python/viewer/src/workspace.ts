@@ -37,10 +37,24 @@ export class ScenePanel {
       webgl: button("3D", () => this.open("webgl"), { title: "Scene in space" }),
       plan: button("Plan", () => this.open("plan"), { title: "Seen from above" }),
     };
-    const views = make("div", { class: "switch", role: "group", "aria-label": "View" }, this.switches.webgl, this.switches.plan);
+    const views = make(
+      "div",
+      { class: "switch", role: "group", "aria-label": "View" },
+      this.switches.webgl,
+      this.switches.plan,
+    );
     const bar = make("div", { class: "bar" }, views, this.modeField(), this.key);
-    this.element = make("section", { class: "panel scene-panel", "aria-label": "Scene" }, bar, this.message, this.host, this.printHost);
-    this.element.addEventListener(SCENE_LOST, () => this.giveUpScene("The graphics card is no longer available, so here is the plan."));
+    this.element = make(
+      "section",
+      { class: "panel scene-panel", "aria-label": "Scene" },
+      bar,
+      this.message,
+      this.host,
+      this.printHost,
+    );
+    this.element.addEventListener(SCENE_LOST, () =>
+      this.giveUpScene("The graphics card is no longer available, so here is the plan."),
+    );
     window.addEventListener("beforeprint", () => this.showPrint());
     window.addEventListener("afterprint", () => this.hidePrint());
     this.showLegend();
@@ -55,7 +69,8 @@ export class ScenePanel {
     this.view.setColorMode(this.mode);
     if (this.visible) this.view.setVisible(this.visible);
     const opened = this.view.state().viewer;
-    for (const [name, element] of Object.entries(this.switches)) element.setAttribute("aria-pressed", String(name === opened));
+    for (const [name, element] of Object.entries(this.switches))
+      element.setAttribute("aria-pressed", String(name === opened));
   }
 
   setVisible(visible: Uint8Array): void {
