@@ -56,7 +56,7 @@ function numberColumn(
 export const EXPLANATIONS = {
   confidence: "Estimated probability that the position is right; computed from the evidence, without the true pose.",
   positionStddev:
-    "Standard deviation of the position in its least certain direction: two thirds of errors are smaller.",
+    "Standard deviation of the position in its least certain direction; two thirds of the errors in this direction are smaller.",
   rotationStddev: "Standard deviation of the orientation, about its least certain axis.",
   positionError: "Distance to the true position.",
   rotationError: "Angle to the true orientation.",
