@@ -21,7 +21,7 @@ function bytesFromBase64(text: string): Uint8Array<ArrayBuffer> {
 
 async function gunzip(bytes: Uint8Array<ArrayBuffer>): Promise<ArrayBuffer> {
   if (typeof DecompressionStream === "undefined") {
-    throw new Error("This browser is too old for the report: it needs Firefox 113, Chromium 80, Safari 16.4 or newer.");
+    throw new Error("This browser is too old for the report: it needs Firefox 113, Chromium 111, Safari 16.4 or newer.");
   }
   const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("gzip"));
   return new Response(stream).arrayBuffer();
