@@ -104,6 +104,9 @@ export function fit(viewpoint: Viewpoint, scene: Scene): void {
   }
   viewpoint.distance = Math.max(viewpoint.distance, 0.01 * scene.size);
   viewpoint.target.copy(middle.applyQuaternion(viewpoint.orientation));
+  // Turns about the middle between the usual camera and the usual point.
+  const usual = [cameras, points].filter((list) => list.length > 0).map(median);
+  if (usual.length > 0) viewpoint.aim(scaled(usual.reduce(sum), 1 / usual.length));
 }
 
 // Returns the distance from which all cameras and most points are inside the window.
@@ -112,7 +115,7 @@ function neededDistance(cameras: Vector3[], points: Vector3[], middle: Vector3, 
     const { x, y, z } = point.clone().sub(middle);
     return Math.max(Math.abs(x) / (tangent * aspect), Math.abs(y) / tangent) + z;
   };
-  return Math.max(...cameras.map(needed), quantile(points.map(needed), cameras.length > 0 ? 0.85 : 0.95) || 0, 0);
+  return Math.max(...cameras.map(needed), quantile(points.map(needed), cameras.length > 0 ? 0.78 : 0.95) || 0, 0);
 }
 
 // Puts the viewpoint where a query is, so that its whole image is seen; `ahead`: distance of what it looks at.

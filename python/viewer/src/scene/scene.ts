@@ -324,7 +324,7 @@ class WebglView implements SceneView {
     this.resizes.disconnect();
     this.controls.dispose();
     this.renderer.dispose();
-    this.renderer.forceContextLoss();
+    if (!this.renderer.getContext().isContextLost()) this.renderer.forceContextLoss();
     this.host.replaceChildren();
   }
 }
