@@ -107,24 +107,7 @@ export function legend(mode: ColorMode, queries: Queries, summary: Summary): Leg
   return [...entries.reverse(), { color: shade(UNKNOWN_COLOR), label: "none" }];
 }
 
-const STATUS_LABELS: Record<string, string> = {
-  LOCALIZED: "localized",
-  LOW_CONFIDENCE: "low confidence",
-  UNREADABLE_IMAGE: "unreadable photo",
-  UNKNOWN_CAMERA: "unknown focal length",
-  NO_FEATURES: "no features",
-  NO_PAIRS: "no pairs",
-  TOO_FEW_INLIERS: "too few inliers",
-  INCONSISTENT_ROTATIONS: "contradicting rotations",
-  INCONSISTENT_INTRINSICS: "contradicted intrinsics",
-  INCONSISTENT_RIG: "contradicted rig",
-  SCALE_UNOBSERVABLE: "bearing only",
-  DEGENERATE_BASELINE: "degenerate baseline",
-  TOO_FEW_TRACKS: "too few tracks",
-  DIVERGED: "diverged",
-};
-
-// Returns a status in words.
+// Returns a status in words: its own name, as docs/formats.md lists it.
 export function statusLabel(name: string): string {
-  return STATUS_LABELS[name] ?? name.toLowerCase().replaceAll("_", " ");
+  return name.toLowerCase().replaceAll("_", " ");
 }

@@ -217,8 +217,10 @@ function switches(figure: HTMLElement, drawing: Drawing, factor: number): HTMLEl
     bar.append(toggle(figure, "inliers", `Inliers (${matchText(inlierImages)})`, true));
   }
   if (rejectedImages.length > 0) {
-    const isFailure = inlierImages.length === 0;
-    bar.append(toggle(figure, "rejected", `Rejected matches (${matchText(rejectedImages)})`, isFailure));
+    // Call them matches where the run has no points of this query, because then none was judged.
+    const isJudged = inlierImages.length > 0;
+    const label = isJudged ? "Rejected matches" : "Matches";
+    bar.append(toggle(figure, "rejected", `${label} (${matchText(rejectedImages)})`, !isJudged));
   }
   if (residuals.length > 0) {
     const text = `Residuals, ${formatNumber(factor, 1)} times as long as in the photo`;
