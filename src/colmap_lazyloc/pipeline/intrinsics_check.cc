@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <string>
 
 #include <Eigen/LU>
@@ -12,6 +11,7 @@
 #include "colmap_lazyloc/pipeline/database_priors.h"
 #include "colmap_lazyloc/pipeline/failure.h"
 #include "colmap_lazyloc/refinement/covariance.h"
+#include "colmap_lazyloc/scene/format.h"
 
 namespace lazyloc {
 namespace {
@@ -59,12 +59,6 @@ double MeanSquare(double prior_stddev, double measured, double variance) {
   const double prior_variance = prior_stddev * prior_stddev;
   const double gain = prior_variance / (prior_variance + variance);
   return gain * gain * measured * measured + gain * variance;
-}
-
-std::string Number(double value, int num_digits) {
-  char text[32];
-  std::snprintf(text, sizeof(text), "%.*f", num_digits, value);
-  return text;
 }
 
 double HalfDiagonal(const Camera& camera) {
@@ -150,8 +144,10 @@ std::string OtherContradiction(const Camera& camera, const Corrections& correcti
   const double corner_px = corrections.joint[RADIAL_DISTORTION] * std::pow(radius / kRadialUnitPx, 3);
   if (corrections.joint_sigmas[RADIAL_DISTORTION] > kMinOtherSigma &&
       std::abs(corner_px) > kMinDistortionShift * radius && explains_more(RADIAL_DISTORTION)) {
-    return "the images contradict the given distortion: they ask for a radial displacement of the image's corners by " +
-           Number(corner_px, 1) + " px";
+    return Format(
+        "the images contradict the given distortion: they ask for a radial displacement of the image's corners by "
+        "%.1f px",
+        corner_px);
   }
   const Eigen::Vector2d shift(corrections.joint[PRINCIPAL_POINT_X], corrections.joint[PRINCIPAL_POINT_Y]);
   const Eigen::Vector2d given = PrincipalPoint(camera), asked = given + shift;
@@ -161,8 +157,8 @@ std::string OtherContradiction(const Camera& camera, const Corrections& correcti
   const int axis = std::abs(shift.x()) > std::abs(shift.y()) ? PRINCIPAL_POINT_X : PRINCIPAL_POINT_Y;
   if (is_plausible && corrections.joint_sigmas[axis] > kMinOtherSigma &&
       shift.norm() > kMinPrincipalPointShift * MeanFocalLength(camera) && explains_more(axis)) {
-    return "the images contradict the given principal point (" + Number(given.x(), 1) + ", " + Number(given.y(), 1) +
-           "): they ask for (" + Number(asked.x(), 1) + ", " + Number(asked.y(), 1) + ")";
+    return Format("the images contradict the given principal point (%.1f, %.1f): they ask for (%.1f, %.1f)", given.x(),
+                  given.y(), asked.x(), asked.y());
   }
   return "";
 }
@@ -242,8 +238,8 @@ void AddFocalLengthUncertainty(double mean_square, const Rigid3d& cam_from_world
 
 std::string FocalLengthContradiction(const Camera& camera, double factor, double factor_stddev) {
   const double given_px = MeanFocalLength(camera);
-  return "the images contradict the given focal length of " + Number(given_px, 1) + " px: they ask for " +
-         Number(factor * given_px, 1) + " +- " + Number(factor_stddev * given_px, 1) + " px";
+  return Format("the images contradict the given focal length of %.1f px: they ask for %.1f +- %.1f px", given_px,
+                factor * given_px, factor_stddev * given_px);
 }
 
 std::vector<IntrinsicsResult> CheckIntrinsics(const QueryGroup& group, const Layout& layout, const Refined& refined,

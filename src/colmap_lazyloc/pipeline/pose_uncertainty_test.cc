@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <memory>
 
 #include <gmock/gmock.h>
@@ -11,6 +10,7 @@
 #include "colmap_lazyloc/pipeline/lazy_localizer.h"
 #include "colmap_lazyloc/pipeline/stages_test_input.h"
 #include "colmap_lazyloc/refinement/covariance.h"
+#include "colmap_lazyloc/scene/format.h"
 #include "colmap_lazyloc/testing/synthetic_scene.h"
 
 namespace lazyloc {
@@ -205,9 +205,8 @@ TEST(EstimateCovariance, TheWeakestDirectionIsNamed) {
   const LocalizationResult open = LocalizeQuery(scene.problem, localizer);
   ASSERT_EQ(open.status, QueryStatus::DEGENERATE_BASELINE);
   const Eigen::Vector3d& direction = found.spread.weakest_direction_in_world;
-  char text[40];
-  std::snprintf(text, sizeof(text), "open along (%.2f, %.2f, %.2f)", direction.x(), direction.y(), direction.z());
-  EXPECT_THAT(open.reason, HasSubstr(text));
+  EXPECT_THAT(open.reason,
+              HasSubstr(Format("open along (%.2f, %.2f, %.2f)", direction.x(), direction.y(), direction.z())));
   ExpectTruePartialPose(open, scene);
 }
 
