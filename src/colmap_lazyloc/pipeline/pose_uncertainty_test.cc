@@ -239,7 +239,9 @@ struct UncertaintyInput {
   PairRefs pairs;
 
   std::vector<PoseUncertainty> Estimate(const LocalizerOptions& options = {}) const {
-    return EstimateUncertainties(stages.layout, pairs, refined, options);
+    Refined complete = refined;
+    complete.variance_factor = VarianceFactor();
+    return EstimateUncertainties(stages.layout, pairs, complete, options);
   }
   double VarianceFactor() const {
     return lazyloc::VarianceFactor(refined.adjustment.posed, refined.adjustment.tracks,
