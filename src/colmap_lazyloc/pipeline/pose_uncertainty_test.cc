@@ -7,6 +7,7 @@
 #include <gmock/gmock.h>
 
 #include "colmap_lazyloc/math/so3.h"
+#include "colmap_lazyloc/pipeline/database_priors.h"
 #include "colmap_lazyloc/pipeline/lazy_localizer.h"
 #include "colmap_lazyloc/pipeline/stages_test_input.h"
 #include "colmap_lazyloc/refinement/covariance.h"
@@ -241,6 +242,10 @@ struct UncertaintyInput {
   std::vector<PoseUncertainty> Estimate(const LocalizerOptions& options = {}) const {
     Refined complete = refined;
     complete.variance_factor = VarianceFactor();
+    ForEachMissingVariance(refined.adjustment, complete.variance_factor,
+                           [&](size_t group, size_t component, double variance) {
+                             complete.missing_variances.push_back({group, component, variance});
+                           });
     return EstimateUncertainties(stages.layout, pairs, complete, options);
   }
   double VarianceFactor() const {
