@@ -62,11 +62,13 @@ CheckedIntrinsics CheckIntrinsics(const QueryGroup& group, const Layout& layout,
   const PosedImages& adjusted = refined.adjustment.posed;
   CheckedIntrinsics checked;
   checked.results.resize(layout.num_queries);
+  checked.cameras.resize(layout.num_queries);
   checked.uncertainties = std::move(uncertainties);
   checked.posed = AsReported(layout, adjusted);
   for (int frame = 0; frame < layout.num_query_frames; ++frame) {
     const IntrinsicsScore& score = refined.adjustment.intrinsics_scores[frame];
     const IntrinsicsScore::Matrix score_covariance = ScoreCovariance(refined, frame);
+    IntrinsicsScore::Vector correction;  // the images of a frame share it
     for (const int query : layout.QueriesOf(frame)) {
       const LocalizationProblem& problem = group.images[query].problem;
       IntrinsicsResult& result = checked.results[query];
@@ -81,7 +83,12 @@ CheckedIntrinsics CheckIntrinsics(const QueryGroup& group, const Layout& layout,
       const CorrectionEstimate others =
           EstimateUncalibrated(score, score_covariance, problem.query_camera, result.origin);
       if (query == layout.QueriesOf(frame).front()) {
-        Move(score.frame_from_correction * others.mean, &checked.posed.frames[frame].frame_from_world);
+        correction = others.mean;
+        Move(score.frame_from_correction * correction, &checked.posed.frames[frame].frame_from_world);
+      }
+      if (camera != nullptr) checked.cameras[query] = camera->Intrinsics();
+      if (!correction.isZero(0)) {
+        checked.cameras[query] = Corrected(checked.cameras[query].value_or(problem.query_camera), correction);
       }
       PoseUncertainty& uncertainty = checked.uncertainties[query];
       AddCovariance(derivatives * others.covariance * derivatives.transpose(), pose, &uncertainty);

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <optional>
 #include <vector>
 
 #include "colmap_lazyloc/pipeline/focal_length.h"
@@ -12,12 +13,14 @@ struct CheckedIntrinsics {
   std::vector<IntrinsicsResult> results;       // by query
   std::vector<PoseUncertainty> uncertainties;  // by query; with what the images leave open of the intrinsics
   PosedImages posed;                           // as reported
+  // By query: the camera that belongs to the pose; nullopt if it is the given one.
+  std::vector<std::optional<Camera>> cameras;
 };
 
 // Tests the intrinsics of each query by the scores of the last adjustment (intrinsics_estimate.h), judges them
 // (intrinsics_judgement.h), and adds their uncertainty to that of the poses. Where nobody has calibrated a camera,
-// moves the pose by the principal point, aspect ratio and distortion that the images ask for (uncalibrated_camera.h).
-// camera: of a query whose focal length was estimated; else null.
+// corrects it and the pose by the principal point, aspect ratio and distortion that the images ask for
+// (uncalibrated_camera.h). camera: of a query whose focal length was estimated; else null.
 CheckedIntrinsics CheckIntrinsics(const QueryGroup& group, const Layout& layout, const Refined& refined,
                                   std::vector<PoseUncertainty> uncertainties, const LocalizerOptions& options,
                                   const QueryCamera* camera = nullptr);

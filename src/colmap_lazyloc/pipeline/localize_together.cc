@@ -82,6 +82,7 @@ std::vector<IntrinsicsResult> AddPoses(const Found& found, const LocalizerOption
                            options, camera);
   });
   report->AddIntrinsics(checked.results);
+  report->AddCameras(checked.cameras);
   report->AddUncertainties(checked.uncertainties);
   std::vector<PoseEvidence> evidence = Timed("confidence", report, [&] {
     return MeasureEvidence(layout, found.estimates, /*has_relative_poses=*/camera == nullptr, found.start.posed,
@@ -143,7 +144,6 @@ Outcome LocalizeWithUnknownFocalLength(const QueryGroup& query, const LocalizerO
     const Refined refined =
         Refine(layout, start.posed, start_tracks, std::move(candidates), options, report->Seconds(), &camera);
     AddPoses({query, layout, estimates, pairs, start, refined}, options, report, &camera);
-    report->AddCamera(camera.Intrinsics());
   });
 }
 

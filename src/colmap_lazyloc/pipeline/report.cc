@@ -144,9 +144,12 @@ void Report::AddEvidence(const Layout& layout, const std::vector<PoseEvidence>& 
   }
 }
 
-void Report::AddCamera(const Camera& camera) {
-  results_.front().query_camera = camera;
-  results_.front().is_camera_refined = true;
+void Report::AddCameras(const std::vector<std::optional<Camera>>& cameras) {
+  for (size_t query = 0; query < results_.size(); ++query) {
+    if (!cameras[query]) continue;
+    results_[query].query_camera = *cameras[query];
+    results_[query].is_camera_refined = true;
+  }
 }
 
 void Report::AddFailure(const Failure& failure) {

@@ -4,6 +4,7 @@
 
 #include <Eigen/LU>
 
+#include "colmap_lazyloc/bridge/camera_models.h"
 #include "colmap_lazyloc/pipeline/intrinsics_estimate.h"
 
 namespace lazyloc {
@@ -43,6 +44,11 @@ CorrectionEstimate EstimateUncalibrated(const IntrinsicsScore& score, const Intr
   }
   estimate.covariance.bottomRightCorner<kNumOthers, kNumOthers>() = gain * variance;
   return estimate;
+}
+
+Camera Corrected(const Camera& camera, const IntrinsicsScore::Vector& corrections) {
+  return WithCorrections(camera, {corrections[PRINCIPAL_POINT_X], corrections[PRINCIPAL_POINT_Y]},
+                         corrections[LOG_ASPECT_RATIO], corrections[RADIAL_DISTORTION] / std::pow(kRadialUnitPx, 3));
 }
 
 }  // namespace lazyloc

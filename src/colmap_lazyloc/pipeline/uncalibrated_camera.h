@@ -16,4 +16,7 @@ struct CorrectionEstimate {
 CorrectionEstimate EstimateUncalibrated(const IntrinsicsScore& score, const IntrinsicsScore::Matrix& score_covariance,
                                         const Camera& camera, IntrinsicsOrigin origin);
 
+// Returns the camera with corrections but the focal length's.
+Camera Corrected(const Camera& camera, const IntrinsicsScore::Vector& corrections);
+
 }  // namespace lazyloc
