@@ -20,11 +20,12 @@ import tempfile
 import numpy as np
 
 from benchmarks.localization.scenes import find_scenes, load_scene
+from benchmarks.uncertainty import localizer
 from colmap_lazyloc import database
 from colmap_lazyloc.errors import command
 from colmap_lazyloc.model import write_model
-from colmap_lazyloc.program import find_colmap, run_colmap
-from colmap_lazyloc.results import pose_of, read_results
+from colmap_lazyloc.program import find_colmap
+from colmap_lazyloc.results import pose_of
 
 FACTORS = 1, 1.02, 1.05, 1.1, 1.2, 1.5
 UNCALIBRATED = 3  # COLMAP's configuration of a two-view geometry
@@ -109,14 +110,10 @@ def localize(colmap, scene, write_input, factor, arguments):
         for group in [[name] for name in names] if scene.protocol.leave_one_out else [names]:
             known = [scene.images[name] for name in scene.database_names(group[0])]
             (folder / "queries.txt").write_text("".join(lines[name] for name in group))
-            run_colmap(
+            results |= localizer.localize(
                 colmap,
-                "lazy_localizer",
-                "--database_path",
                 database_path,
-                "--input_path",
                 write_model(folder / "model", cameras, known),
-                "--output_path",
                 folder / "output",
                 "--query_list_path",
                 folder / "queries.txt",
@@ -124,7 +121,6 @@ def localize(colmap, scene, write_input, factor, arguments):
                 0,
                 *arguments,
             )
-            results.update(read_results(folder / "output" / "results.jsonl"))
     return results
 
 
@@ -135,17 +131,9 @@ def errors_of(scene, results):
         if result["status"] != "LOCALIZED":
             continue
         pose = pose_of(result)
-        offset = pose.cam_in_world - scene.true_pose(name).cam_in_world
-        x, y, z = pose.tvec
-        jacobian = -pose.rotation.T @ np.hstack([[[0, -z, y], [z, 0, -x], [-y, x, 0]], np.eye(3)])
-        covariance = jacobian @ np.array(result["covariance"]) @ jacobian.T
-        rows.append(
-            (
-                np.linalg.norm(offset),
-                np.sqrt(np.trace(covariance)),
-                np.sqrt(offset @ np.linalg.solve(covariance, offset)),
-            )
-        )
+        error, sigmas = localizer.position_error(pose, result["covariance"], scene.true_pose(name).cam_in_world)
+        stddev = np.sqrt(np.trace(localizer.position_covariance(pose, result["covariance"])))
+        rows.append((error, stddev, sigmas))
     return np.array(rows).reshape(-1, 3)
 
 

@@ -22,11 +22,11 @@ import numpy as np
 import scipy.stats
 from scipy.spatial.transform import Rotation
 
-from benchmarks.uncertainty import confidence_fit, focal_length, stress
+from benchmarks.uncertainty import confidence_fit, focal_length, localizer, stress
 from colmap_lazyloc.errors import command
 from colmap_lazyloc.poses import Pose
-from colmap_lazyloc.program import find_colmap, run_colmap
-from colmap_lazyloc.results import pose_of, read_results
+from colmap_lazyloc.program import find_colmap
+from colmap_lazyloc.results import pose_of
 from colmap_lazyloc.testing import synthetic
 
 MIN_CONFIDENCE = 0.95  # the program's default
@@ -45,20 +45,15 @@ def localize(colmap, scene, *arguments, database_scene=None):
     """Returns the program's results by name. database_scene: scene with the database poses; default: `scene`."""
     with tempfile.TemporaryDirectory() as folder:
         folder = pathlib.Path(folder)
-        run_colmap(
+        return localizer.localize(
             colmap,
-            "lazy_localizer",
-            "--database_path",
             synthetic.write_database(folder / "database.db", scene),
-            "--input_path",
             synthetic.write_model(folder / "model", database_scene or scene),
-            "--output_path",
             folder / "output",
             "--LazyLocalizer.Advanced.focal_length_stddev_ratio",
             0,  # the intrinsics of synthetic scenes are exact
             *arguments,
         )
-        return read_results(folder / "output" / "results.jsonl")
 
 
 def squared_error(result, truth):

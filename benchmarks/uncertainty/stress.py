@@ -7,11 +7,10 @@ import tempfile
 import numpy as np
 from scipy.stats import rankdata
 
-from benchmarks.uncertainty import stress_scenes
+from benchmarks.uncertainty import localizer, stress_scenes
 from colmap_lazyloc.model import read_model
 from colmap_lazyloc.poses import Pose
-from colmap_lazyloc.program import run_colmap
-from colmap_lazyloc.results import pose_of, read_results
+from colmap_lazyloc.results import pose_of
 from colmap_lazyloc.testing import synthetic
 
 # Count a position as wrong above these errors, as leave_one_out.json does: in standard deviations of its covariance and
@@ -44,35 +43,10 @@ class Outcome:
         return self.error_sigma > MAX_ERROR_SIGMA or self.error > max_error
 
 
-def position_error(pose: Pose, covariance, true_centre, truth_stddev=0.0) -> tuple[float, float]:
-    """Returns the length of the position's error, and that in standard deviations of its covariance.
-
-    truth_stddev: standard deviation of the true centre along each axis.
-    """
-    error = pose.cam_in_world - true_centre
-    x, y, z = pose.tvec
-    # The centre is -R' t. A turn exp(w) R moves it by R' (w x t), because R' becomes R' exp(-w).
-    jacobian = -pose.rotation.T @ np.hstack([[[0, -z, y], [z, 0, -x], [-y, x, 0]], np.eye(3)])
-    in_position = jacobian @ np.array(covariance) @ jacobian.T + truth_stddev**2 * np.eye(3)
-    return np.linalg.norm(error), np.sqrt(max(error @ np.linalg.solve(in_position, error), 0))
-
-
 def localize(colmap, folder, database_path, model_path, *options) -> dict[str, dict]:
     """Returns the program's results by name, poses of any confidence."""
-    run_colmap(
-        colmap,
-        "lazy_localizer",
-        "--database_path",
-        database_path,
-        "--input_path",
-        model_path,
-        "--output_path",
-        folder / "output",
-        "--LazyLocalizer.min_confidence",
-        0,
-        *options,
-    )
-    return read_results(folder / "output" / "results.jsonl")
+    any_confidence = "--LazyLocalizer.min_confidence", 0
+    return localizer.localize(colmap, database_path, model_path, folder / "output", *any_confidence, *options)
 
 
 def scene_size(database_poses: list[Pose], scene_distance: float) -> float:
@@ -94,7 +68,7 @@ def outcomes_of(kind, group, results, true_centres, database_poses, truth_stddev
         outcome = Outcome(kind, group, result["status"], 0.0)
         pose = pose_of(result)
         if pose is not None:
-            error = position_error(pose, result["covariance"], true_centres[result["name"]], truth_stddev)
+            error = localizer.position_error(pose, result["covariance"], true_centres[result["name"]], truth_stddev)
             evidence = result["evidence"]
             outcome = Outcome(
                 kind, group, result["status"], result["confidence"], evidence, *map(float, error), size, truth_stddev

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 
 #include <Eigen/Cholesky>
 #include <Eigen/Geometry>
@@ -12,6 +11,7 @@
 #include "colmap_lazyloc/io/valid_utf8.h"
 #include "colmap_lazyloc/math/median.h"
 #include "colmap_lazyloc/math/so3.h"
+#include "colmap_lazyloc/scene/format.h"
 
 namespace lazyloc {
 namespace {
@@ -101,13 +101,6 @@ size_t NumAccepted(const LeaveOneOutSummary& summary, bool only_wrong) {
 }
 
 Json OrNull(const std::optional<double>& value) { return value ? Json(*value) : Json(); }
-
-template <typename... Values>
-std::string Format(const char* format, Values... values) {
-  char line[200];
-  std::snprintf(line, sizeof(line), format, values...);
-  return line;
-}
 
 }  // namespace
 

@@ -2,9 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 
 #include "colmap_lazyloc/pipeline/confidence_weights.h"
+#include "colmap_lazyloc/scene/format.h"
 
 namespace lazyloc {
 namespace {
@@ -28,12 +28,6 @@ double Contribution(const ConfidenceTerm& term, const PoseEvidence& evidence) {
   if (std::isnan(value)) return 0;
   const double clamped = std::clamp(value, term.min, term.max);
   return term.weight * (term.is_logarithmic ? std::log(clamped / term.typical) : clamped - term.typical);
-}
-
-std::string Format(const char* format, double value) {
-  char text[160];
-  std::snprintf(text, sizeof(text), format, value);
-  return text;
 }
 
 std::string Describe(const ConfidenceTerm& term, const PoseEvidence& evidence) {
@@ -77,10 +71,8 @@ std::string LowConfidenceReason(const PoseEvidence& evidence, double confidence,
                                 ? Format("of the matches of pairs that agree on a pose, %.0f %% are for another one",
                                          100 * evidence.rival_ratio)
                                 : Describe(*weakest, evidence);
-  char text[100];
-  std::snprintf(text, sizeof(text),
-                "the pose is right with a probability of only %.2f, and %.2f is needed: ", confidence, min_confidence);
-  return text + cause;
+  return Format("the pose is right with a probability of only %.2f, and %.2f is needed: %s", confidence, min_confidence,
+                cause.c_str());
 }
 
 void RequireConfidence(double min_confidence, LocalizationResult* result) {

@@ -45,24 +45,26 @@ int DatabaseFrames::AddImage(int query_frame, const ImagePair& pair) {
   // The prefix keeps a lone image apart from a frame of the same name.
   const std::string key =
       pair.database_frame_name.empty() ? "image " + pair.other_name : "frame " + pair.database_frame_name;
-  members_of_frame_[{query_frame, key}].push_back({next, cam_from_world, pair.database_cam_from_rig});
+  members_of_frame_[{query_frame, key}].push_back({next, cam_from_world, pair.database_cam_from_rig, {}});
   return next;
 }
 
 void DatabaseFrames::MakeFrames() {
-  for (auto& [key, members] : members_of_frame_) SortMembers(key.first, &members);
+  for (auto& [key, members] : members_of_frame_) PlaceMembers(key.first, &members);
   layout_.given.calibrations = StatedCalibrations();
   for (const auto& [key, members] : members_of_frame_) MakeFrame(key.first, members);
 }
 
 // Puts the camera of the frame's first query first: its images keep the database's poses, and a wrong calibration is
-// corrected in the other cameras.
-void DatabaseFrames::SortMembers(int query_frame, Members* members) const {
+// corrected in the other cameras. Sets the members' places in the frame.
+void DatabaseFrames::PlaceMembers(int query_frame, Members* members) const {
   const Rigid3d& own = group_.images[layout_.QueriesOf(query_frame).front()].cam_from_rig;
   const auto order = [&](const Member& member) {
     return std::tuple(!IsSame(member.cam_from_rig, own), layout_.names[member.image]);
   };
   std::sort(members->begin(), members->end(), [&](const Member& a, const Member& b) { return order(a) < order(b); });
+  const Rigid3d world_from_frame = Inverse(members->front().cam_from_world);
+  for (Member& member : *members) member.cam_from_frame = member.cam_from_world * world_from_frame;
 }
 
 // Returns the calibrations of the queries, and those that two or more rig frames of the database have.
@@ -71,8 +73,7 @@ std::vector<Calibration> DatabaseFrames::StatedCalibrations() const {
   std::vector<int> num_frames(calibrations.size(), 2);
   for (const auto& [key, members] : members_of_frame_) {
     for (size_t i = 1; i < members.size(); ++i) {
-      const Rigid3d cam_from_frame = members[i].cam_from_world * Inverse(members[0].cam_from_world);
-      const int calibration = FindOrAddCalibration(cam_from_frame, &calibrations);
+      const int calibration = FindOrAddCalibration(members[i].cam_from_frame, &calibrations);
       num_frames.resize(calibrations.size(), 0);
       ++num_frames[calibration];
     }
@@ -85,18 +86,14 @@ std::vector<Calibration> DatabaseFrames::StatedCalibrations() const {
 }
 
 void DatabaseFrames::MakeFrame(int query_frame, const Members& members) {
-  std::vector<std::optional<int>> calibrations;
-  for (const Member& member : members) {
-    const Rigid3d cam_from_frame = member.cam_from_world * Inverse(members[0].cam_from_world);
-    calibrations.push_back(FindCalibration(cam_from_frame, layout_.given.calibrations));
-  }
   int first = 0;
   for (size_t i = 0; i < members.size(); ++i) {
     Image& image = layout_.given.images[members[i].image];
-    if (i > 0 && calibrations[i]) {
+    const std::optional<int> calibration = FindCalibration(members[i].cam_from_frame, layout_.given.calibrations);
+    if (i > 0 && calibration) {
       image.frame = first;
-      image.calibration = *calibrations[i];
-      image.cam_from_frame = members[i].cam_from_world * Inverse(members[0].cam_from_world);
+      image.calibration = *calibration;
+      image.cam_from_frame = members[i].cam_from_frame;
       layout_.given.calibrations[image.calibration].is_stated_by_database = true;
       continue;
     }

@@ -28,10 +28,11 @@ class DatabaseFrames {
   struct Member {
     int image = -1;
     Rigid3d cam_from_world, cam_from_rig;
+    Rigid3d cam_from_frame;  // by the poses of this member and the first
   };
   using Members = std::vector<Member>;  // of a rig frame; the first has the frame's axes
 
-  void SortMembers(int query_frame, Members* members) const;
+  void PlaceMembers(int query_frame, Members* members) const;
   std::vector<Calibration> StatedCalibrations() const;
   void MakeFrame(int query_frame, const Members& members);
 

@@ -1,9 +1,13 @@
 #include "colmap_lazyloc/pipeline/intrinsics_check.h"
 
+#include <utility>
+#include <vector>
+
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include "colmap_lazyloc/bridge/camera_models.h"
+#include "colmap_lazyloc/math/median.h"
 #include "colmap_lazyloc/math/so3.h"
 #include "colmap_lazyloc/pipeline/lazy_localizer.h"
 #include "colmap_lazyloc/testing/synthetic_scene.h"
@@ -27,30 +31,6 @@ LocalizationResult Localize(const SyntheticScene& scene, IntrinsicsMode mode = I
   LocalizerOptions options;
   options.intrinsics = mode;
   return LocalizeQuery(scene.problem, options);
-}
-
-TEST(JudgeFocalLength, DoubtsWithSignificanceAndSize) {
-  const auto given = [](double log_factor, double stddev) {
-    return JudgeFocalLength(log_factor, stddev, IntrinsicsOrigin::GIVEN, {});
-  };
-  EXPECT_LT(given(0, 0.001).wrong_probability, 0.01);
-  EXPECT_LT(given(0.005, 0.0001).wrong_probability, 0.05) << "as calibrations are off";
-  EXPECT_GT(given(0.02, 0.001).wrong_probability, 0.95);
-  EXPECT_LT(given(0.02, 0.02).wrong_probability, 0.1) << "not significant";
-  EXPECT_GT(given(0.2, 0.02).wrong_probability, 0.99);
-  EXPECT_GT(JudgeFocalLength(0.02, 0.01, IntrinsicsOrigin::EXIF, {}).wrong_probability,
-            given(0.02, 0.01).wrong_probability);
-}
-
-TEST(JudgeFocalLength, MeanSquareIsThatOfTheImagesOrOfTheOrigin) {
-  const auto root = [](double log_factor, double stddev, IntrinsicsOrigin origin) {
-    return std::sqrt(JudgeFocalLength(log_factor, stddev, origin, {}).mean_square);
-  };
-  EXPECT_NEAR(root(0, 0.0001, IntrinsicsOrigin::GIVEN), 0.0001, 1e-5) << "confirmed";
-  EXPECT_NEAR(root(0.005, 0.0001, IntrinsicsOrigin::GIVEN), 0.005, 5e-4) << "off by so much";
-  EXPECT_GT(root(0.02, 0.01, IntrinsicsOrigin::GIVEN), 0.005) << "perhaps slightly wrong";
-  EXPECT_LT(root(0, 0.1, IntrinsicsOrigin::GIVEN), 0.05) << "a calibration counts";
-  EXPECT_NEAR(root(0, 10, IntrinsicsOrigin::GUESS), 0.2, 0.01) << "nothing is known";
 }
 
 TEST(CheckIntrinsics, RightValueIsConfirmedWhateverItsOrigin) {
@@ -92,6 +72,16 @@ TEST_P(WrongFactors, ModeGivenOnlyWarns) {
 
 INSTANTIATE_TEST_SUITE_P(CheckIntrinsics, WrongFactors, testing::Values(0.9, 1.05, 1.2));
 
+// Returns the median distance of a result's points from the query's keypoints, with a camera.
+double MedianErrorPx(const LocalizationResult& result, const SyntheticScene& scene, const Camera& camera) {
+  std::vector<double> errors_px;
+  for (const PointResult& point : result.points) {
+    const auto xy = ImageFromCam(camera, result.cam_from_world * point.point_in_world);
+    errors_px.push_back((*xy - scene.problem.query_keypoints[point.query_point]).norm());
+  }
+  return Median(std::move(errors_px));
+}
+
 // The keypoints of a camera with another principal point and pixels that are not square.
 TEST(CheckIntrinsics, UncalibratedCameraIsCorrectedForWhatTheImagesAskFor) {
   const auto localize = [](IntrinsicsOrigin origin, SyntheticScene* scene) {
@@ -113,6 +103,12 @@ TEST(CheckIntrinsics, UncalibratedCameraIsCorrectedForWhatTheImagesAskFor) {
   };
   EXPECT_LT(error(exif), 0.5 * error(given));
   EXPECT_GT(exif.spread.rotation_stddev_rad, given.spread.rotation_stddev_rad);
+  EXPECT_FALSE(given.is_camera_refined);
+  EXPECT_TRUE(exif.is_camera_refined);
+  EXPECT_LT((PrincipalPoint(exif.query_camera) - PrincipalPoint(given.query_camera) - Eigen::Vector2d(4, -4)).norm(),
+            2);
+  EXPECT_LT(MedianErrorPx(exif, scene, exif.query_camera), 1) << "the camera belongs to the pose";
+  EXPECT_GT(MedianErrorPx(exif, scene, given.query_camera), 2);
 }
 
 TEST(CheckIntrinsics, WrongDistortionIsNamed) {

@@ -71,6 +71,11 @@ PosedImages AsReported(const Layout& layout, PosedImages adjusted) {
   return adjusted;
 }
 
+Rigid3d PoseInWorld(const Layout& layout, const PosedImages& posed, int query) {
+  const Rigid3d pose = CamFromWorld(posed, query);
+  return {pose.rotation, pose.translation - pose.rotation * layout.origin};
+}
+
 std::vector<TrackRefs> TracksByFrame(const Layout& layout, const std::vector<Track>& tracks) {
   std::vector<TrackRefs> tracks_of(layout.num_query_frames);
   for (const Track& track : tracks) {

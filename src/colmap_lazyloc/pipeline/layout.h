@@ -40,6 +40,9 @@ Layout MakeLayout(const QueryGroup& group);
 // reader of a result compares it.
 PosedImages AsReported(const Layout& layout, PosedImages adjusted);
 
+// Returns the pose of a query in the database's coordinates.
+Rigid3d PoseInWorld(const Layout& layout, const PosedImages& posed, int query);
+
 // Returns for each query frame the tracks that it observes.
 std::vector<TrackRefs> TracksByFrame(const Layout& layout, const std::vector<Track>& tracks);
 

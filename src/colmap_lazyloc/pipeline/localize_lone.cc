@@ -7,6 +7,7 @@
 #include "colmap_lazyloc/pipeline/confidence.h"
 #include "colmap_lazyloc/pipeline/focal_length.h"
 #include "colmap_lazyloc/pipeline/intrinsics_check.h"
+#include "colmap_lazyloc/pipeline/intrinsics_judgement.h"
 #include "colmap_lazyloc/pipeline/localize_together.h"
 #include "colmap_lazyloc/scene/stage_timer.h"
 

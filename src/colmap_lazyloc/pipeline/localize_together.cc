@@ -61,6 +61,42 @@ auto Timed(const char* name, Report* report, const Stage& stage) {
   return stage();
 }
 
+// What the stages up to the refinement find. pairs: those in use.
+struct Found {
+  const QueryGroup& group;
+  const Layout& layout;
+  const PairEstimates& estimates;
+  const PairRefs& pairs;
+  const Start& start;
+  const Refined& refined;
+};
+
+// Adds the refined poses with their uncertainties, intrinsics and confidence, and returns the intrinsics. camera: of a
+// query whose focal length was estimated; else null.
+std::vector<IntrinsicsResult> AddPoses(const Found& found, const LocalizerOptions& options, Report* report,
+                                       const QueryCamera* camera = nullptr) {
+  const Layout& layout = found.layout;
+  const Refined& refined = found.refined;
+  const CheckedIntrinsics checked = Timed("covariance", report, [&] {
+    return CheckIntrinsics(found.group, layout, refined, EstimateUncertainties(layout, found.pairs, refined, options),
+                           options, camera);
+  });
+  report->AddIntrinsics(checked.results);
+  report->AddCameras(checked.cameras);
+  report->AddUncertainties(checked.uncertainties);
+  std::vector<PoseEvidence> evidence = Timed("confidence", report, [&] {
+    return MeasureEvidence(layout, found.estimates, /*has_relative_poses=*/camera == nullptr, found.start.posed,
+                           refined, checked.uncertainties);
+  });
+  if (camera != nullptr) {
+    evidence[0].focal_stddev_ratio = checked.results[0].focal_factor_stddev / checked.results[0].focal_factor;
+  }
+  report->AddEvidence(layout, evidence, options.min_confidence);
+  report->AddPoses(layout, checked.posed);
+  report->AddRefined(layout, refined);
+  return checked.results;
+}
+
 }  // namespace
 
 Outcome LocalizeTogether(const QueryGroup& group, const LocalizerOptions& options) {
@@ -78,21 +114,8 @@ Outcome LocalizeTogether(const QueryGroup& group, const LocalizerOptions& option
     report->AddStart(layout, start);
     const Refined refined =
         Refine(layout, start.posed, start_tracks, std::move(candidates), options, report->Seconds());
-    std::vector<PoseUncertainty> uncertainties =
-        Timed("covariance", report, [&] { return EstimateUncertainties(layout, averaged.pairs, refined, options); });
-    PosedImages reported = AsReported(layout, refined.adjustment.posed);
-    const std::vector<IntrinsicsResult> intrinsics = Timed("covariance", report, [&] {
-      return CheckIntrinsics(group, layout, refined, options, &uncertainties, &reported);
-    });
-    report->AddIntrinsics(intrinsics);
-    report->AddUncertainties(uncertainties);
-    const std::vector<PoseEvidence> evidence = Timed("confidence", report, [&] {
-      return MeasureEvidence(layout, estimates, /*has_relative_poses=*/true, start.posed, refined, uncertainties);
-    });
-    report->AddEvidence(layout, evidence, options.min_confidence);
-    report->AddPoses(layout, reported);
+    const auto intrinsics = AddPoses({group, layout, estimates, averaged.pairs, start, refined}, options, report);
     report->AddPairErrors(layout, averaged, refined.adjustment.posed);
-    report->AddRefined(layout, refined);
     if (options.intrinsics != IntrinsicsMode::GIVEN) RefuseContradicted(layout, intrinsics);
   });
 }
@@ -120,21 +143,7 @@ Outcome LocalizeWithUnknownFocalLength(const QueryGroup& query, const LocalizerO
     report->AddStart(layout, start);
     const Refined refined =
         Refine(layout, start.posed, start_tracks, std::move(candidates), options, report->Seconds(), &camera);
-    std::vector<PoseUncertainty> uncertainties =
-        Timed("covariance", report, [&] { return EstimateUncertainties(layout, pairs, refined, options); });
-    PosedImages reported = AsReported(layout, refined.adjustment.posed);
-    const std::vector<IntrinsicsResult> intrinsics = Timed("covariance", report, [&] {
-      return CheckIntrinsics(query, layout, refined, options, &uncertainties, &reported, &camera);
-    });
-    report->AddIntrinsics(intrinsics);
-    report->AddUncertainties(uncertainties);
-    std::vector<PoseEvidence> evidence =
-        MeasureEvidence(layout, estimates, /*has_relative_poses=*/false, start.posed, refined, uncertainties);
-    evidence[0].focal_stddev_ratio = intrinsics[0].focal_factor_stddev / intrinsics[0].focal_factor;
-    report->AddEvidence(layout, evidence, options.min_confidence);
-    report->AddPoses(layout, reported);
-    report->AddRefined(layout, refined);
-    report->AddCamera(camera.Intrinsics());
+    AddPoses({query, layout, estimates, pairs, start, refined}, options, report, &camera);
   });
 }
 

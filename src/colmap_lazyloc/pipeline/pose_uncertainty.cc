@@ -4,7 +4,6 @@
 #include <string>
 
 #include "colmap_lazyloc/math/so3.h"
-#include "colmap_lazyloc/pipeline/database_priors.h"
 #include "colmap_lazyloc/pipeline/position_ambiguity.h"
 #include "colmap_lazyloc/refinement/covariance.h"
 
@@ -41,39 +40,42 @@ void CheckPositions(const Layout& layout, const PairRefs& pairs, const BundleAdj
 
 // Returns the covariance of cam_from_world, with the variances of image noise and database poses that the adjustment
 // shows instead of those that it took for granted.
-Eigen::Matrix<double, 6, 6> TotalCovariance(const BundleAdjustmentResult& adjustment, int query, double factor) {
-  Eigen::Matrix<double, 6, 6> covariance = factor * adjustment.image_covariances[query];
-  ForEachMissingVariance(adjustment, factor, [&](size_t group, size_t component, double variance) {
-    covariance += variance * adjustment.prior_fits[group].image_parts[component][query];
-  });
+Eigen::Matrix<double, 6, 6> TotalCovariance(const Refined& refined, int query) {
+  Eigen::Matrix<double, 6, 6> covariance = refined.variance_factor * refined.adjustment.image_covariances[query];
+  for (const auto& [group, component, variance] : refined.missing_variances) {
+    covariance += variance * refined.adjustment.prior_fits[group].image_parts[component][query];
+  }
   return covariance;
 }
 
-// Moves a covariance into the tangent of the pose in the database's coordinates: t = t_local - R origin.
-Eigen::Matrix<double, 6, 6> MoveToWorld(const Eigen::Matrix<double, 6, 6>& covariance, const Eigen::Vector3d& origin,
-                                        const Rigid3d& pose) {
-  Eigen::Matrix<double, 6, 6> world_from_local = Eigen::Matrix<double, 6, 6>::Identity();
-  world_from_local.bottomLeftCorner<3, 3>() = Hat(pose.rotation * origin);
-  const Eigen::Matrix<double, 6, 6> moved = world_from_local * covariance * world_from_local.transpose();
-  return (moved + moved.transpose()) / 2;
+}  // namespace
+
+Eigen::Matrix<double, 6, 6> TangentFromAround(const Eigen::Vector3d& origin, const Eigen::Quaterniond& rotation) {
+  Eigen::Matrix<double, 6, 6> derivative = Eigen::Matrix<double, 6, 6>::Identity();
+  derivative.bottomLeftCorner<3, 3>() = Hat(rotation * origin);
+  return derivative;
 }
 
-}  // namespace
+Eigen::Matrix<double, 6, 6> CovarianceFromAround(const Eigen::Vector3d& origin, const Eigen::Quaterniond& rotation,
+                                                 const Eigen::Matrix<double, 6, 6>& covariance) {
+  const Eigen::Matrix<double, 6, 6> derivative = TangentFromAround(origin, rotation);
+  const Eigen::Matrix<double, 6, 6> moved = derivative * covariance * derivative.transpose();
+  return (moved + moved.transpose()) / 2;
+}
 
 std::vector<PoseUncertainty> EstimateUncertainties(const Layout& layout, const PairRefs& pairs, const Refined& refined,
                                                    const LocalizerOptions& options) {
   const BundleAdjustmentResult& adjustment = refined.adjustment;
   const std::vector<TrackRefs> tracks_of = TracksByFrame(layout, adjustment.tracks);
   CheckNumTracks(tracks_of, options.min_num_tracks);
-  const double factor =
-      VarianceFactor(adjustment.posed, adjustment.tracks, RobustLoss(options.bundle_adjustment.loss_scale_sigma));
-  CheckPositions(layout, pairs, adjustment, tracks_of, factor, options);
+  CheckPositions(layout, pairs, adjustment, tracks_of, refined.variance_factor, options);
   const PosedImages reported = AsReported(layout, adjustment.posed);
   std::vector<PoseUncertainty> uncertainties;
   for (int query = 0; query < layout.num_queries; ++query) {
     const Rigid3d pose = CamFromWorld(reported, query);
-    const Eigen::Matrix<double, 6, 6> covariance = TotalCovariance(adjustment, query, factor);
-    uncertainties.push_back({MoveToWorld(covariance, layout.origin, pose), ComputePoseSpread(pose, covariance)});
+    const Eigen::Matrix<double, 6, 6> covariance = TotalCovariance(refined, query);
+    uncertainties.push_back(
+        {CovarianceFromAround(layout.origin, pose.rotation, covariance), ComputePoseSpread(pose, covariance)});
   }
   return uncertainties;
 }

@@ -3,6 +3,7 @@
 #include <vector>
 
 #include <Eigen/Core>
+#include <Eigen/Geometry>
 
 #include "colmap_lazyloc/pipeline/motion_averaging.h"
 #include "colmap_lazyloc/pipeline/refinement_rounds.h"
@@ -15,6 +16,13 @@ struct PoseUncertainty {
   Eigen::Matrix<double, 6, 6> covariance;
   PoseSpread spread;
 };
+
+// Returns the derivative of a pose's tangent by that of the same pose in coordinates around `origin`, with which
+// t = t_around_origin - R origin.
+Eigen::Matrix<double, 6, 6> TangentFromAround(const Eigen::Vector3d& origin, const Eigen::Quaterniond& rotation);
+// Returns the covariance of a pose from that in coordinates around `origin`.
+Eigen::Matrix<double, 6, 6> CovarianceFromAround(const Eigen::Vector3d& origin, const Eigen::Quaterniond& rotation,
+                                                 const Eigen::Matrix<double, 6, 6>& covariance);
 
 // Returns the uncertainties of the queries from the last adjustment: image noise and the noise of database poses, both
 // scaled by how well the tracks and the priors fit. Throws Failure for frames with too few tracks or an unobservable

@@ -2,15 +2,16 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <memory>
 
 #include <gmock/gmock.h>
 
 #include "colmap_lazyloc/math/so3.h"
+#include "colmap_lazyloc/pipeline/database_priors.h"
 #include "colmap_lazyloc/pipeline/lazy_localizer.h"
 #include "colmap_lazyloc/pipeline/stages_test_input.h"
 #include "colmap_lazyloc/refinement/covariance.h"
+#include "colmap_lazyloc/scene/format.h"
 #include "colmap_lazyloc/testing/synthetic_scene.h"
 
 namespace lazyloc {
@@ -205,9 +206,8 @@ TEST(EstimateCovariance, TheWeakestDirectionIsNamed) {
   const LocalizationResult open = LocalizeQuery(scene.problem, localizer);
   ASSERT_EQ(open.status, QueryStatus::DEGENERATE_BASELINE);
   const Eigen::Vector3d& direction = found.spread.weakest_direction_in_world;
-  char text[40];
-  std::snprintf(text, sizeof(text), "open along (%.2f, %.2f, %.2f)", direction.x(), direction.y(), direction.z());
-  EXPECT_THAT(open.reason, HasSubstr(text));
+  EXPECT_THAT(open.reason,
+              HasSubstr(Format("open along (%.2f, %.2f, %.2f)", direction.x(), direction.y(), direction.z())));
   ExpectTruePartialPose(open, scene);
 }
 
@@ -240,7 +240,13 @@ struct UncertaintyInput {
   PairRefs pairs;
 
   std::vector<PoseUncertainty> Estimate(const LocalizerOptions& options = {}) const {
-    return EstimateUncertainties(stages.layout, pairs, refined, options);
+    Refined complete = refined;
+    complete.variance_factor = VarianceFactor();
+    ForEachMissingVariance(refined.adjustment, complete.variance_factor,
+                           [&](size_t group, size_t component, double variance) {
+                             complete.missing_variances.push_back({group, component, variance});
+                           });
+    return EstimateUncertainties(stages.layout, pairs, complete, options);
   }
   double VarianceFactor() const {
     return lazyloc::VarianceFactor(refined.adjustment.posed, refined.adjustment.tracks,

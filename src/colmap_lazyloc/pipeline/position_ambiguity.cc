@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <limits>
 #include <utility>
 
@@ -12,6 +11,7 @@
 #include "colmap_lazyloc/math/median.h"
 #include "colmap_lazyloc/math/so3.h"
 #include "colmap_lazyloc/refinement/covariance.h"
+#include "colmap_lazyloc/scene/format.h"
 
 namespace lazyloc {
 namespace {
@@ -104,13 +104,10 @@ std::optional<Bearing> BestBearing(const AdjustedFrame& frame, int query, const 
 std::string OpenDirectionReason(const PoseSpread& spread, double distance) {
   const double ratio = spread.position_stddevs[0] / distance;
   const Eigen::Vector3d& direction = spread.weakest_direction_in_world;
-  char text[200];
-  std::snprintf(
-      text, sizeof(text),
+  return Format(
       "the position is open along (%.2f, %.2f, %.2f) in the world: its standard deviation there is %s%.2g %% of "
       "the distance to the points",
       direction.x(), direction.y(), direction.z(), ratio > 1 ? "more than " : "", 100 * std::min(ratio, 1.0));
-  return text;
 }
 
 }  // namespace

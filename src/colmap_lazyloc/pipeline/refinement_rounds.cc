@@ -170,6 +170,12 @@ Refined Refine(const Layout& layout, const PosedImages& start, const SplitTracks
     rounds.EstimateNoise(is_first);
   }
   refined.adjustment = std::move(rounds).Finish();
+  refined.variance_factor = VarianceFactor(refined.adjustment.posed, refined.adjustment.tracks,
+                                           RobustLoss(options.bundle_adjustment.loss_scale_sigma));
+  ForEachMissingVariance(refined.adjustment, refined.variance_factor,
+                         [&](size_t group, size_t component, double variance) {
+                           refined.missing_variances.push_back({group, component, variance});
+                         });
   return refined;
 }
 

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cstddef>
 #include <optional>
 #include <vector>
 
@@ -12,8 +13,16 @@
 
 namespace lazyloc {
 
+// What the covariance of an adjustment lacks of the variance of a component of a prior group.
+struct MissingVariance {
+  size_t group, component;
+  double variance;
+};
+
 struct Refined {
   BundleAdjustmentResult adjustment;                 // the last one; its tracks are those that fit the result
+  double variance_factor = 1;                        // of its images
+  std::vector<MissingVariance> missing_variances;    // ForEachMissingVariance
   std::vector<std::optional<double>> rig_errors_px;  // by query (rig_check.h)
 };
 

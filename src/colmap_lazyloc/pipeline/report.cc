@@ -77,9 +77,8 @@ void Report::AddStart(const Layout& layout, const Start& start) {
 
 void Report::AddPoses(const Layout& layout, const PosedImages& posed) {
   for (int query = 0; query < layout.num_queries; ++query) {
-    const Rigid3d pose = CamFromWorld(posed, query);
     LocalizationResult& result = results_[query];
-    result.cam_from_world = {pose.rotation, pose.translation - pose.rotation * layout.origin};
+    result.cam_from_world = PoseInWorld(layout, posed, query);
     result.rig_scale = posed.FrameOf(query).scale;
     Rigid3d cam_from_rig = group_.images[query].cam_from_rig;
     cam_from_rig.translation *= result.rig_scale;
@@ -145,9 +144,12 @@ void Report::AddEvidence(const Layout& layout, const std::vector<PoseEvidence>& 
   }
 }
 
-void Report::AddCamera(const Camera& camera) {
-  results_.front().query_camera = camera;
-  results_.front().is_camera_refined = true;
+void Report::AddCameras(const std::vector<std::optional<Camera>>& cameras) {
+  for (size_t query = 0; query < results_.size(); ++query) {
+    if (!cameras[query]) continue;
+    results_[query].query_camera = *cameras[query];
+    results_[query].is_camera_refined = true;
+  }
 }
 
 void Report::AddFailure(const Failure& failure) {

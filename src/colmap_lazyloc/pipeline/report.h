@@ -1,5 +1,6 @@
 #pragma once
 
+#include <optional>
 #include <vector>
 
 #include "colmap_lazyloc/pipeline/failure.h"
@@ -29,8 +30,8 @@ class Report {
   void AddIntrinsics(const std::vector<IntrinsicsResult>& intrinsics);
   // Adds the confidence in each query's pose. Queries below min_confidence become LOW_CONFIDENCE. evidence: by frame.
   void AddEvidence(const Layout& layout, const std::vector<PoseEvidence>& evidence, double min_confidence);
-  // Sets the camera of a single query whose focal length was estimated.
-  void AddCamera(const Camera& camera);
+  // Adds the cameras that were estimated or corrected; nullopt for others. By query.
+  void AddCameras(const std::vector<std::optional<Camera>>& cameras);
   void AddFailure(const Failure& failure);
 
   // Returns the results; LOCALIZED unless a failure was added.

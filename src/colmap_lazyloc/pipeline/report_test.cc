@@ -210,7 +210,7 @@ TEST(Report, UncertaintiesAndCameraAreThoseOfTheQuery) {
   camera.params[0] = 500;
   Report report(scene.group);
   report.AddUncertainties(uncertainties);
-  report.AddCamera(camera);
+  report.AddCameras({camera, std::nullopt});
   const std::vector<LocalizationResult> results = std::move(report).Finish();
   for (int query = 0; query < 2; ++query) {
     EXPECT_EQ(results[query].covariance(2, 3), query + 1);

@@ -34,15 +34,13 @@ double MeasureSingleImageSpread(const PosedImages& posed, const std::vector<Trac
   std::vector<double> single, others;
   for (const Track& track : tracks) {
     double squared_error = 0;
-    int num_database_images = 0;
     for (const TrackObservation& element : track.observations) {
-      num_database_images += posed.IsDatabase(element.image);
       const Eigen::Vector3d point_in_cam = cams_from_world[element.image] * track.point_in_world;
       squared_error += ReprojectionError(element.observation, point_in_cam).squaredNorm() /
                        std::pow(posed.images[element.image].noise_px, 2);
     }
     const double degrees_of_freedom = 2.0 * static_cast<double>(track.observations.size()) - 3;
-    (num_database_images > 1 ? others : single)
+    (HasSeveralDatabaseFrames(posed, track.observations) ? others : single)
         .push_back(squared_error / (degrees_of_freedom * MedianOverMean(degrees_of_freedom)));
   }
   if (single.empty() || others.empty()) return 1;

@@ -62,17 +62,18 @@ TEST(ImageNoise, WithoutTracksIsThePresentNoise) {
 }
 
 // Returns the spread of tracks with noise_px = 1 and as many that only the query and a database image see, which have
-// another noise.
-double SpreadOf(double single_image_noise_px) {
+// another noise. has_rig: the other tracks have two images of one database frame.
+double SpreadOf(double single_image_noise_px, bool has_rig = false) {
   SyntheticTracksOptions options;
   options.num_points = 600;
   options.noise_px = 1;
   SyntheticTracks scene = MakeSyntheticTracks(options);
   options.noise_px = single_image_noise_px;
   for (Track& track : MakeSyntheticTracks(options).tracks) {
-    track.observations.resize(2);
+    track.observations.resize(has_rig ? 3 : 2);
     scene.tracks.push_back(std::move(track));
   }
+  if (has_rig) JoinFrame(1, 2, &scene.posed);
   for (Image& image : scene.posed.images) image.noise_px = 1;
   const BundleAdjustmentResult adjusted = AdjustBundle(scene.posed, scene.tracks, {});
   EXPECT_TRUE(adjusted.summary.success);
@@ -84,6 +85,8 @@ TEST(SingleImageSpread, IsTheRatioOfVariances) {
   EXPECT_NEAR(SpreadOf(2), 4, 1);
   EXPECT_EQ(SpreadOf(0.5), 1) << "better matches do not get a larger weight";
 }
+
+TEST(SingleImageSpread, CountsTheImagesOfADatabaseFrameAsOne) { EXPECT_NEAR(SpreadOf(2, /*has_rig=*/true), 4, 1); }
 
 TEST(SingleImageSpread, IsOneWithoutTracksToCompare) {
   const SyntheticTracks scene = MakeSyntheticTracks({});

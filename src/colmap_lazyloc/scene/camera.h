@@ -1,6 +1,7 @@
 #pragma once
 
 #include <array>
+#include <cmath>
 #include <cstdint>
 #include <vector>
 
@@ -18,6 +19,12 @@ struct Camera {
   std::vector<double> params;
   bool has_prior_focal_length = false;
 };
+
+// Returns the distance of the image's corners from its centre.
+inline double HalfDiagonalPx(const Camera& camera) {
+  const double width = static_cast<double>(camera.width), height = static_cast<double>(camera.height);
+  return std::sqrt(width * width + height * height) / 2;
+}
 
 // Where the intrinsics of a query come from, which decides how far the images may correct them.
 enum class IntrinsicsOrigin {

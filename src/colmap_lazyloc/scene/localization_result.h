@@ -109,8 +109,8 @@ struct LocalizationResult {
   std::string query_name;
   QueryStatus status = QueryStatus::NO_PAIRS;
   std::string reason;              // one sentence; empty when LOCALIZED
-  Camera query_camera;             // with the focal length that was found, where it was sought and the query LOCALIZED
-  bool is_camera_refined = false;  // whether that is so
+  Camera query_camera;             // that belongs to the pose: as given, estimated or corrected
+  bool is_camera_refined = false;  // false if the camera is the given one
 
   IntrinsicsResult intrinsics;
 

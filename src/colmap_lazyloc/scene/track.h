@@ -4,6 +4,7 @@
 
 #include <Eigen/Core>
 
+#include "colmap_lazyloc/scene/frame.h"
 #include "colmap_lazyloc/scene/observation.h"
 
 namespace lazyloc {
@@ -21,6 +22,9 @@ struct Track {
   Eigen::Vector3d point_in_world = Eigen::Vector3d::Zero();
   double noise_ratio = 1;  // factor on the noise_px of its images
 };
+
+// Returns true if images of two or more database frames observe the track.
+bool HasSeveralDatabaseFrames(const PosedImages& posed, const std::vector<TrackObservation>& observations);
 
 // Tracks that another vector owns.
 using TrackRefs = std::vector<const Track*>;

@@ -66,16 +66,11 @@ class TrackTriangulator {
  private:
   // Returns true if the track constrains a query's pose, but its database observations alone have no point.
   bool NeedsQueryPoses(const std::vector<TrackObservation>& observations) const {
-    int num_database = 0, num_frames = 0, last_frame = -1;  // the queries of a frame come one after the other
-    for (const TrackObservation& element : observations) {
-      if (evaluator_.IsDatabase(element)) {
-        ++num_database;
-      } else if (evaluator_.ImageOf(element).frame != last_frame) {
-        ++num_frames;
-        last_frame = evaluator_.ImageOf(element).frame;
-      }
-    }
-    return num_database <= 1 && num_database + num_frames >= 2;
+    if (evaluator_.HasSeveralDatabaseFrames(observations)) return false;
+    const int first_frame = evaluator_.ImageOf(observations.front()).frame;
+    return std::any_of(observations.begin(), observations.end(), [&](const TrackObservation& element) {
+      return evaluator_.ImageOf(element).frame != first_frame;
+    });
   }
 
   const TrackEvaluator evaluator_;

@@ -43,8 +43,8 @@ struct SplitTracks {
 SplitTracks TriangulateFromDatabase(const PosedImages& posed, std::vector<Track> tracks,
                                     const TrackTriangulationOptions& options);
 
-// Triangulates tracks of one database image, or of queries in several frames alone, with the queries' rays. Leaves out
-// tracks whose several database images disagree, because nothing tells which of them is right.
+// Triangulates tracks of one database frame, or of queries in several frames alone, with the queries' rays. Leaves out
+// tracks of several database frames, because these disagree, or all see the point from one direction.
 std::vector<Track> TriangulateWithQuery(const PosedImages& posed, std::vector<Track> tracks,
                                         const TrackTriangulationOptions& options);
 

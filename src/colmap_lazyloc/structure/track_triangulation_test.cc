@@ -128,6 +128,25 @@ TEST(TrackTriangulation, OneDatabaseImageNeedsTheQuery) {
   }
 }
 
+TEST(TrackTriangulation, ImagesOfOneDatabaseFrameNeedTheQueryIfTheyAreClose) {
+  SyntheticTracks scene = MakeSyntheticTracks({});
+  const auto num_triangulated = [&] {
+    std::vector<Track> tracks = scene.tracks;
+    for (Track& track : tracks) {
+      const Rigid3d& pose = scene.posed.FrameOf(1).frame_from_world;
+      track.observations.resize(3);
+      track.observations[2].observation = ObserveAt(pose * track.point_in_world, 500, {0, 0});
+    }
+    const std::vector<Track> triangulated = TriangulateTracks(scene.posed, tracks, {});
+    for (const Track& track : triangulated) EXPECT_EQ(track.observations.size(), 3u);
+    return triangulated.size();
+  };
+  scene.posed.frames[2] = scene.posed.frames[1];  // images 1 and 2 are at one place
+  EXPECT_EQ(num_triangulated(), 0u);
+  JoinFrame(1, 2, &scene.posed);
+  EXPECT_GT(num_triangulated(), 0u);
+}
+
 TEST(TrackTriangulation, SmallAngleAndPointsBehindAreDropped) {
   SyntheticTracks scene = MakeSyntheticTracks({});
   TrackTriangulationOptions options;

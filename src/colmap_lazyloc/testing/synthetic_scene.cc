@@ -2,12 +2,12 @@
 
 #include <algorithm>
 #include <cmath>
-#include <cstdio>
 #include <numeric>
 
 #include "colmap_lazyloc/bridge/camera_models.h"
 #include "colmap_lazyloc/math/so3.h"
 #include "colmap_lazyloc/scene/errors.h"
+#include "colmap_lazyloc/scene/format.h"
 
 namespace lazyloc {
 namespace {
@@ -127,9 +127,7 @@ SyntheticScene MakeSyntheticScene(const SyntheticSceneOptions& options) {
     const Rigid3d database = MakePose(options.layout, i, options.num_database_images, &random);
     const bool is_outlier = i < scene.num_outlier_pairs;
     ImagePair pair;
-    char name[32];
-    std::snprintf(name, sizeof(name), "database%04d.jpg", i);
-    pair.other_name = name;
+    pair.other_name = Format("database%04d.jpg", i);
     pair.other_camera = MakeCamera(/*is_query=*/false);
     pair.database_cam_from_world = Placed(database, options);
     pair.other_keypoints = Project(points, pair.other_camera, database, options.pixel_noise_px, &random);

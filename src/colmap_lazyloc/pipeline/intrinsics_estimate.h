@@ -1,0 +1,29 @@
+#pragma once
+
+#include "colmap_lazyloc/pipeline/refinement_rounds.h"
+#include "colmap_lazyloc/refinement/intrinsics_score.h"
+
+namespace lazyloc {
+
+// Factor on the standard deviations of the score, because rolling shutters and errors that all images share are not in
+// them: with right intrinsics, deviations are up to twice as large.
+inline constexpr double kSharedErrorFactor = 2;
+
+inline constexpr int kNumOthers = NUM_INTRINSICS_PARAMETERS - 1;  // corrections but the first, the focal length's
+
+// The corrections of a query's intrinsics that the images ask for.
+struct IntrinsicsEstimate {
+  IntrinsicsScore::Vector joint, joint_sigmas;  // of all together: in their units; over their standard deviations
+  IntrinsicsScore::Vector sigmas;               // of each alone, over its standard deviation
+  double log_focal_factor = 0, log_focal_stddev = 0;
+};
+
+// Returns the covariance of a query frame's score, with the variances that the adjustment shows and the errors that
+// images share.
+IntrinsicsScore::Matrix ScoreCovariance(const Refined& refined, int frame);
+
+// is_calibrated: true if all but the focal length should be right.
+IntrinsicsEstimate EstimateIntrinsics(const IntrinsicsScore& score, const IntrinsicsScore::Matrix& score_covariance,
+                                      bool is_calibrated);
+
+}  // namespace lazyloc

@@ -1,0 +1,54 @@
+#include "colmap_lazyloc/pipeline/uncalibrated_camera.h"
+
+#include <cmath>
+
+#include <Eigen/LU>
+
+#include "colmap_lazyloc/bridge/camera_models.h"
+#include "colmap_lazyloc/pipeline/intrinsics_estimate.h"
+
+namespace lazyloc {
+namespace {
+
+// Standard deviations of what nobody has calibrated: the shift of the principal point and the radial displacement of
+// the image's corners, over half the diagonal, and the log of the pixels' aspect ratio. All are times
+// kSharedCameraFactor for a camera of the database that the photo shares, because it is probably the very one.
+constexpr double kUncalibratedShift = 0.02;
+constexpr double kUncalibratedDistortion = 0.005;
+constexpr double kUncalibratedAspect = 0.003;
+constexpr double kSharedCameraFactor = 0.25;
+// 99 % quantile of the chi-square distribution with 4 degrees of freedom.
+constexpr double kMinUncalibratedChiSquare = 13.3;
+
+}  // namespace
+
+CorrectionEstimate EstimateUncalibrated(const IntrinsicsScore& score, const IntrinsicsScore::Matrix& score_covariance,
+                                        const Camera& camera, IntrinsicsOrigin origin) {
+  CorrectionEstimate estimate;
+  if (origin == IntrinsicsOrigin::GIVEN) return estimate;
+  using Matrix = Eigen::Matrix<double, kNumOthers, kNumOthers>;
+  const double radius = HalfDiagonalPx(camera);
+  const double shift = kUncalibratedShift * radius;
+  const double radial = kUncalibratedDistortion * radius / std::pow(radius / kRadialUnitPx, 3);
+  const Eigen::Matrix<double, kNumOthers, 1> stddevs =
+      (origin == IntrinsicsOrigin::SHARED ? kSharedCameraFactor : 1) *
+      Eigen::Matrix<double, kNumOthers, 1>(shift, shift, kUncalibratedAspect, radial);
+  const Matrix prior = stddevs.cwiseAbs2().asDiagonal();
+  const Matrix inverse = score.information.bottomRightCorner<kNumOthers, kNumOthers>().inverse();
+  const Matrix variance = inverse * score_covariance.bottomRightCorner<kNumOthers, kNumOthers>() * inverse;
+  const Matrix gain = prior * (prior + variance).inverse();
+  const Eigen::Matrix<double, kNumOthers, 1> asked = inverse * score.score.tail<kNumOthers>();
+  // Leaves the pose as it is without significant evidence, because many cameras, as of renderings, are ideal.
+  if (asked.dot(variance.inverse() * asked) > kMinUncalibratedChiSquare) {
+    estimate.mean.tail<kNumOthers>() = gain * asked;
+  }
+  estimate.covariance.bottomRightCorner<kNumOthers, kNumOthers>() = gain * variance;
+  return estimate;
+}
+
+Camera Corrected(const Camera& camera, const IntrinsicsScore::Vector& corrections) {
+  return WithCorrections(camera, {corrections[PRINCIPAL_POINT_X], corrections[PRINCIPAL_POINT_Y]},
+                         corrections[LOG_ASPECT_RATIO], corrections[RADIAL_DISTORTION] / std::pow(kRadialUnitPx, 3));
+}
+
+}  // namespace lazyloc
