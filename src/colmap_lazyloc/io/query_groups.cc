@@ -125,7 +125,6 @@ QueryGroups GroupByTrajectory(const std::vector<std::string>& query_names, const
   }
   const QueryFrames frames = MakeFrames(on_trajectory, {});
   QueryGroups result = GroupFrames(frames, options, options.group_size > 1 ? options.group_size : frames.size());
-  result.is_trajectory = true;
   result.has_rig_scale = options.trajectory_has_scale;
   result.groups = JoinByTrajectory(result.groups, trajectory);
   for (const QueryFrame& frame : MakeFrames(elsewhere, {})) result.groups.push_back({frame});

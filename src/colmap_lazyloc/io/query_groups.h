@@ -35,7 +35,6 @@ using QueryFrames = std::vector<QueryFrame>;
 
 struct QueryGroups {
   std::vector<QueryFrames> groups;  // each query is in one of them
-  bool is_trajectory = false;       // true if the frames are pieces of a trajectory
   bool has_rig_scale = true;        // false if the unit of cam_from_rig is unknown
   std::string warning;              // one line about queries without a place in a rig or trajectory; may be empty
 };

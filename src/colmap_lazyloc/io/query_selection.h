@@ -51,7 +51,6 @@ class QuerySelection {
   // Returns the queries in groups, each of which is localized together.
   const std::vector<QueryFrames>& Groups() const { return groups_.groups; }
   bool HasRigScale() const { return groups_.has_rig_scale; }
-  bool HasTrajectory() const { return groups_.is_trajectory; }
   size_t NumQueries() const { return stored_queries_.size() + photos_.size(); }
   // Returns the photos among the queries, by name.
   const std::map<std::string, PhotoQuery>& Photos() const { return photos_; }

@@ -47,7 +47,6 @@ std::optional<LocalizationProblem> QuerySource::LoadQuery(const std::string& nam
 LoadedGroup QuerySource::Load(size_t group, Session* session) const {
   LoadedGroup loaded;
   loaded.group.has_rig_scale = selection_.HasRigScale();
-  loaded.group.is_trajectory = selection_.HasTrajectory();
   for (const QueryFrame& frame : selection_.Groups()[group]) {
     const int frame_index = static_cast<int>(loaded.group.frame_names.size());
     for (const QueryFrame::Image& image : frame.images) {
