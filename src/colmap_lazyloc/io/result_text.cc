@@ -159,12 +159,14 @@ void WritePoses(const std::filesystem::path& path, const std::vector<const Query
   file.Close();
 }
 
+std::string ResultLine(const QueryRecord& record) {
+  // JSON writes numbers that are not finite as null; bytes of a name that are not UTF-8 are replaced.
+  return RecordToJson(record).dump(-1, ' ', false, Json::error_handler_t::replace);
+}
+
 void WriteResultsJson(const std::filesystem::path& path, const std::vector<const QueryRecord*>& records) {
   OutputFile file(path);
-  for (const QueryRecord* record : records) {
-    // JSON writes numbers that are not finite as null; bytes of a name that are not UTF-8 are replaced.
-    file.Text() << RecordToJson(*record).dump(-1, ' ', false, Json::error_handler_t::replace) << '\n';
-  }
+  for (const QueryRecord* record : records) file.Text() << ResultLine(*record) << '\n';
   file.Close();
 }
 
