@@ -4,7 +4,7 @@ import functools
 import sys
 
 
-class InputError(Exception):
+class InputError(ValueError):
     """Raised for a file or an option that cannot be used; the message is one line that names it."""
 
 

@@ -235,9 +235,10 @@ TEST(SourceOptions, CheckNamesTheOption) {
   std::string error;
   EXPECT_TRUE(options.Check(&error));
   options.photos.query_prior_path = "priors.txt";
-  EXPECT_FALSE(options.Check(&error));
+  EXPECT_FALSE(options.photos.CheckImagePath(&error));
   EXPECT_EQ(error, "query_prior_path needs --image_path, because it is for photos");
   options.photos.image_path = "photos";
+  EXPECT_TRUE(options.photos.CheckImagePath(&error));
   EXPECT_TRUE(options.Check(&error));
   options.selection.leave_one_out = true;
   EXPECT_FALSE(options.Check(&error));
