@@ -152,7 +152,9 @@ def test_bad_files(noisy, tmp_path):
 def test_bad_queries(localizer, without_database, noisy):
     assert_error(lambda: localizer.localize("nowhere.jpg"), "query nowhere.jpg is not in the database")
     assert_error(lambda: localizer.localize("database/000.jpg"), "has a pose in the model")
-    assert_error(lambda: localizer.localize(3), "a query's name must be a string of at least one character, but is of type int")
+    assert_error(
+        lambda: localizer.localize(3), "a query's name must be a string of at least one character, but is of type int"
+    )
     assert_error(lambda: localizer.localize_photo(np.zeros((9, 9), np.uint8)), "no posed image has descriptors")
     assert_error(lambda: without_database.localize("query/000.jpg"), "needs a database")
     assert_error(lambda: without_database.localize_photo("a.jpg"), "can do without a database")

@@ -184,7 +184,7 @@ class Localizer:
         answers = localizer.localize_frame(
             [frame[query_name][0] for query_name in names],
             arrays.to_poses([frame[query_name][1] for query_name in names]),
-            name or names[0],
+            names[0] if name is None else _check_name(name),
             bool(has_scale),
             is_trajectory,
         )
@@ -227,7 +227,7 @@ def _to_photo(photo: Photo) -> tuple[str, Any]:
         check_text(path, "photo: the path")
     else:
         pixels = arrays.to_pixels(photo.image)
-    name = _check_name(photo.name or path or "photo")
+    name = _check_name((path or "photo") if photo.name is None else photo.name)
     return name, core.photo(name, path, pixels, camera)
 
 
