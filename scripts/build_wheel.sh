@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Builds the wheel of the Python package for the environment's Python and puts it into a folder (default: dist). The
 # wheel contains the libraries that it needs, with their licences. It runs on every Linux with the glibc that its name
-# says (manylinux_2_36: Debian 12 and later), without compiler and COLMAP.
+# says (manylinux_2_35: glibc 2.35 or later), without compiler and COLMAP.
 #
 #   scripts/build_wheel.sh [FOLDER]
 #

@@ -23,11 +23,9 @@ COLMAP_LICENCES = {"colmap": "COPYING.txt", "vlfeat": "src/thirdparty/VLFeat/LIC
 def debian_package(library: str) -> str:
     """Returns the Debian package of a library that auditwheel has renamed, such as libglog-d41a13.so.0.6.0."""
     name = re.sub(r"-[0-9a-f]{8}\.", ".", library, count=1)
-    paths = [path for folder in ("/usr/lib", "/lib") for path in pathlib.Path(folder).glob(f"*-linux-gnu/**/{name}*")]
-    for path in paths:
-        done = subprocess.run(["dpkg-query", "-S", path.resolve()], capture_output=True, text=True, check=False)
-        if done.returncode == 0:
-            return done.stdout.split(":")[0]
+    done = subprocess.run(["dpkg-query", "-S", f"*/{name}"], capture_output=True, text=True, check=False)
+    if done.returncode == 0:
+        return done.stdout.split(":")[0]
     raise SystemExit(
         f"wheel_licences: {library}: no Debian package contains this library, so that its licence is unknown"
     )

@@ -7,13 +7,14 @@ variable BUILD_DIR names (default: `build` in the checkout).
 import importlib
 import os
 import pathlib
+from typing import Any
 
 import colmap_lazyloc
 
 CHECKOUT_PATH = pathlib.Path(__file__).resolve().parents[2]
 
 
-def _load():
+def _load() -> Any:
     try:
         return importlib.import_module("colmap_lazyloc._core")
     except ModuleNotFoundError:

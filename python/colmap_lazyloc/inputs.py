@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -18,7 +18,7 @@ class Photo:
     choices are seeded; default: the path, or "photo".
     """
 
-    image: str | os.PathLike[str] | np.ndarray
+    image: str | os.PathLike[str] | NDArray[np.uint8]
     camera: Any = None
     name: str | None = None
 

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from colmap_lazyloc import arrays
 from colmap_lazyloc.errors import InputError
@@ -85,7 +85,7 @@ class Localizer:
         answers = localizer.localize_group(localizer.find_group(_check_name(name)))
         return next(result for result in _to_results(answers) if result.name == name)
 
-    def localize_photo(self, image: Path | np.ndarray, camera: Any = None, *, name: str | None = None) -> Result:
+    def localize_photo(self, image: Path | NDArray[np.uint8], camera: Any = None, *, name: str | None = None) -> Result:
         """Extracts the SIFT features of a photo, matches them with the database's and localizes it.
 
         `image`: a file (below the option image_path, if it is set), or uint8 values, height x width (grey) or

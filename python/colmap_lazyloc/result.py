@@ -39,7 +39,7 @@ class Result:
     @property
     def status(self) -> str:
         """Returns "LOCALIZED", or why the query has no pose to rely on, for example "NO_PAIRS"."""
-        return self._fields["status"]
+        return str(self._fields["status"])
 
     @property
     def is_localized(self) -> bool:
@@ -49,12 +49,13 @@ class Result:
     @property
     def reason(self) -> str:
         """Returns one sentence about the status; empty for a localized query."""
-        return self._fields["reason"]
+        return str(self._fields["reason"])
 
     @property
     def confidence(self) -> float | None:
         """Returns the probability that the position is right, from 0 to 1; None if there is no pose to judge."""
-        return self._fields["confidence"]
+        confidence = self._fields["confidence"]
+        return None if confidence is None else float(confidence)
 
     @property
     def pose(self) -> Pose | None:
@@ -91,7 +92,8 @@ class Result:
 
     def as_dict(self) -> dict[str, Any]:
         """Returns the fields of the line of results.jsonl (docs/formats.md)."""
-        return json.loads(self.line)
+        fields: dict[str, Any] = json.loads(self.line)
+        return fields
 
     def as_pycolmap(self) -> dict[str, Any] | None:
         """Returns the dict of pycolmap's estimators of absolute poses: cam_from_world (pycolmap.Rigid3d), num_inliers,
