@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Writes the reference of docs/python.md from the signatures and docstrings of the package.
 
-    scripts/python.sh scripts/make_python_reference.py
+scripts/python.sh scripts/make_python_reference.py
 """
 
 import inspect
