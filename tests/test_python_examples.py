@@ -2,7 +2,6 @@
 
 import json
 import os
-import pathlib
 import socket
 import subprocess
 import sys
@@ -13,11 +12,10 @@ import urllib.request
 import numpy as np
 import pytest
 
-import colmap_lazyloc
 from conftest import PROJECT_PATH
+from test_python_processes import ENVIRONMENT
 
 EXAMPLES_PATH = PROJECT_PATH / "examples" / "python"
-ENVIRONMENT = {**os.environ, "PYTHONPATH": str(pathlib.Path(colmap_lazyloc.__file__).resolve().parents[1])}
 
 
 def run_example(name, *arguments):

@@ -66,6 +66,12 @@ def test_arrays_of_a_result(noisy, localizer):
     np.testing.assert_allclose(result.keypoints, keypoints, atol=1e-3)
     assert result.inlier_mask.shape == (len(keypoints),) and result.inlier_mask.dtype == bool
     assert result.num_inliers == result.inlier_mask.sum() == len(set(result.point_keypoints)) > 50
+    assert result.observations.shape[1] == 3 and set(result.observations[:, 0]) == set(range(len(result.points)))
+    for point, pair, keypoint in result.observations[::50]:
+        other = noisy.scene.images[result.as_dict()["pairs"][pair]["name"]]
+        query_keypoint = result.point_keypoints[point]
+        true_point = noisy.scene.images[result.name].point_of_keypoint[query_keypoint]
+        assert other.point_of_keypoint[keypoint] == true_point
     in_cam = result.points @ result.cam_from_world[:, :3].T + result.cam_from_world[:, 3]
     image = noisy.scene.images[result.name]
     expected = noisy.scene.cameras[image.camera_id].image_from_cam(in_cam)

@@ -16,13 +16,16 @@ class Result:
     in the model's unit, pixels follow COLMAP's convention: the centre of the upper-left pixel is (0.5, 0.5).
     """
 
-    __slots__ = ("_fields", "keypoints", "line", "name", "point_keypoints", "points")
+    __slots__ = ("_fields", "keypoints", "line", "name", "observations", "point_keypoints", "points")
 
     name: str  # of the query
     line: str  # the line of results.jsonl
     keypoints: NDArray[np.float64]  # of the query, n x 2, xy in pixels
     points: NDArray[np.float64]  # points that the query observes, m x 3, in world coordinates
     point_keypoints: NDArray[np.int32]  # m: the keypoint that observes each point
+    # k x 3: index of a point, index into `pairs` of as_dict(), and the keypoint of that database image, which observes
+    # the point
+    observations: NDArray[np.int32]
 
     def __init__(
         self,
@@ -31,8 +34,10 @@ class Result:
         keypoints: NDArray[np.float64],
         points: NDArray[np.float64],
         point_keypoints: NDArray[np.int32],
+        observations: NDArray[np.int32],
     ):
         self.name = name
+        self.observations = observations
         self.line, self.keypoints, self.points, self.point_keypoints = line, keypoints, points, point_keypoints
         self._fields: dict[str, Any] = json.loads(line)
 

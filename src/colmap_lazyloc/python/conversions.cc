@@ -32,14 +32,22 @@ OutputRows ToRows(const std::vector<Eigen::Vector2d>& points) {
 OutputAnswer ToOutput(const Answer& answer) {
   const std::vector<PointResult>& points = answer.record.result.points;
   std::vector<double> positions;
-  std::vector<int32_t> indices;
+  std::vector<int32_t> indices, observations;
   for (const PointResult& point : points) {
     positions.insert(positions.end(), point.point_in_world.begin(), point.point_in_world.end());
+    const auto point_index = static_cast<int32_t>(indices.size());
     indices.push_back(point.query_point);
+    for (const auto& [pair, keypoint] : point.observations) {
+      observations.insert(observations.end(), {point_index, pair, keypoint});
+    }
   }
-  return {Text{answer.record.result.query_name}, ResultLine(answer.record), ToRows(answer.keypoints),
+  const size_t num_observations = observations.size() / 3;
+  return {Text{answer.record.result.query_name},
+          ResultLine(answer.record),
+          ToRows(answer.keypoints),
           ToNumpy<OutputRows>(std::move(positions), {points.size(), 3}),
-          ToNumpy<OutputIndices>(std::move(indices), {points.size()})};
+          ToNumpy<OutputIndices>(std::move(indices), {points.size()}),
+          ToNumpy<OutputIndexRows>(std::move(observations), {num_observations, 3})};
 }
 
 void ThrowIf(const std::string& problem) {

@@ -32,6 +32,7 @@ using InputPixels = nanobind::ndarray<const uint8_t, nanobind::ndim<3>, nanobind
                                       nanobind::ro>;  // rows, columns, 1 (grey) or 3 (RGB) values
 using OutputRows = nanobind::ndarray<nanobind::numpy, double, nanobind::ndim<2>>;
 using OutputIndices = nanobind::ndarray<nanobind::numpy, int32_t, nanobind::ndim<1>>;
+using OutputIndexRows = nanobind::ndarray<nanobind::numpy, int32_t, nanobind::ndim<2>>;
 
 std::vector<Eigen::Vector2d> ToPoints(const InputPoints& points);
 Matches ToMatches(const InputMatches& matches);
@@ -47,8 +48,9 @@ Model MakeModel(const std::vector<Camera>& cameras, const std::vector<Text>& nam
                 const std::vector<size_t>& camera_of_image);
 
 // The query's name; its line of results.jsonl; its keypoints, n x 2; the points that it observes, m x 3, and the
-// keypoint of each.
-using OutputAnswer = std::tuple<Text, std::string, OutputRows, OutputRows, OutputIndices>;
+// keypoint of each; their observations in database images, k x 3: index of the point, index into `pairs` of the line,
+// keypoint of the database image.
+using OutputAnswer = std::tuple<Text, std::string, OutputRows, OutputRows, OutputIndices, OutputIndexRows>;
 std::vector<OutputAnswer> ToOutput(const std::vector<Answer>& answers);
 
 }  // namespace lazyloc
