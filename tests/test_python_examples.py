@@ -2,6 +2,7 @@
 
 import json
 import os
+import pathlib
 import socket
 import subprocess
 import sys
@@ -12,6 +13,7 @@ import urllib.request
 import numpy as np
 import pytest
 
+from colmap_lazyloc.extension import core
 from conftest import PROJECT_PATH
 from test_python_processes import ENVIRONMENT
 
@@ -96,6 +98,26 @@ def test_service(service, photos):
     assert (code, result["status"]) == (200, "LOCALIZED")
     assert post(service, b"no photo")[1]["status"] == "UNREADABLE_IMAGE"
     assert post(service, b"")[0] == 413
+
+
+def test_examples_and_package_have_correct_types(tmp_path):
+    package = PROJECT_PATH / "python" / "colmap_lazyloc"
+    modules = ["localizer", "result", "inputs", "settings", "tasks", "extension", "commands", "arrays", "__init__"]
+    files = [*EXAMPLES_PATH.glob("*.py"), *(package / f"{name}.py" for name in modules)]
+    command = [sys.executable, "-m", "mypy", "--strict", "--follow-imports=silent", "--cache-dir", tmp_path, *files]
+    done = subprocess.run(
+        list(map(str, command)), capture_output=True, text=True, env={**ENVIRONMENT, "MYPYPATH": str(package.parent)}
+    )
+    assert done.returncode == 0, done.stdout
+
+
+def test_stub_is_that_of_the_module(tmp_path):
+    """Make it again by scripts/python.sh -m nanobind.stubgen -i build/python -m _core -O python/colmap_lazyloc."""
+    folder = pathlib.Path(core.__file__).parent
+    command = [sys.executable, "-m", "nanobind.stubgen", "-q", "-i", folder, "-m", "_core", "-O", tmp_path]
+    subprocess.run(list(map(str, command)), check=True, env=ENVIRONMENT)
+    expected = (tmp_path / "_core.pyi").read_text()
+    assert (PROJECT_PATH / "python" / "colmap_lazyloc" / "_core.pyi").read_text() == expected
 
 
 def test_reference_is_that_of_the_docstrings():
