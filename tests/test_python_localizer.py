@@ -7,12 +7,10 @@ import pytest
 
 import colmap_lazyloc as ll
 from colmap_lazyloc.model import read_model
+from colmap_lazyloc.poses import Pose
 from colmap_lazyloc.testing import synthetic
 from conftest import DATA_PATH
 from test_lazy_localizer_real_scenes import arguments_of
-
-# Fields that say how long a query took and where its intrinsics were found, which differ for queries given by value.
-VARYING = ("seconds", "intrinsics_source")
 
 
 def as_options(arguments):
@@ -245,6 +243,26 @@ def test_rig_of_stored_queries(exact):
     for name, result in results.items():
         assert result.is_localized and result.as_dict()["frame"] == "rig"
         assert max(result.pose.errors(exact.scene.images[name].pose)) < 1e-5
+
+
+def test_rig_has_the_bytes_of_the_program(localize, noisy, localizer, tmp_path):
+    rig = {name: Pose.from_matrix(*pose) for name, pose in relative_poses(noisy.scene, noisy.scene.query_names).items()}
+    cameras = [
+        {
+            "image_prefix": name.removesuffix(".jpg"),
+            "cam_from_rig_rotation": list(pose.qvec),
+            "cam_from_rig_translation": list(pose.tvec),
+        }
+        for name, pose in rig.items()
+    ]
+    cameras[0] = {"image_prefix": cameras[0]["image_prefix"], "ref_sensor": True}
+    rig[noisy.scene.query_names[0]] = Pose(np.array([1.0, 0, 0, 0]), np.zeros(3))
+    (tmp_path / "rig.json").write_text(json.dumps([{"cameras": cameras}]))
+    run = localize(*noisy.arguments, "--rig_config_path", tmp_path / "rig.json")
+    results = localizer.localize_rig(rig, name=".jpg")
+    assert_same_poses(list(results.values()), run)
+    for name, result in results.items():
+        assert without_times(result.as_dict()) == without_times(run.results[name])
 
 
 def test_rig_of_own_matches_without_a_database(exact):
