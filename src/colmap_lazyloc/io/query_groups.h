@@ -51,7 +51,7 @@ struct QueryGroups {
 QueryGroups GroupQueries(const std::vector<std::string>& query_names, const DatabaseReader& database,
                          const Model& model, const QueryGroupsOptions& options);
 
-// Returns the rig frames (as in step 1) that hold two or more of the model's images.
-FramePlaces DatabaseFramePlaces(const Model& model, const DatabaseReader& database, const QueryGroupsOptions& options);
+// Returns the rig frames (as in step 1) that hold two or more of the model's images. database: null if there is none.
+FramePlaces DatabaseFramePlaces(const Model& model, const DatabaseReader* database, const QueryGroupsOptions& options);
 
 }  // namespace lazyloc
