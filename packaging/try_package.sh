@@ -41,8 +41,8 @@ try_deb() {
     lazy_localizer --database_path database.db --input_path database_model --image_path images \
       --query_list_path queries.txt --output_path localized | tail -n 12
     lazy_indexer --help | head -n 1
-    colmap-lazyloc help | sed -n 2p
-    colmap help | sed -n 2p
+    colmap-lazyloc help | grep -m 1 COLMAP
+    colmap help | grep -m 1 COLMAP
     ! colmap help | grep lazy_localizer"
   inside "apt-get remove -y -qq colmap-lazyloc > apt3.log 2>&1
     ! ls /usr/bin/*lazy* 2> /dev/null
