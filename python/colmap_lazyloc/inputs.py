@@ -3,7 +3,7 @@
 import dataclasses
 import os
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -34,3 +34,4 @@ class Matches:
 
 
 Query = str | Photo | Matches
+QueryT = TypeVar("QueryT", bound=Query)  # lets a dict with keys of one kind be an argument

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from colmap_lazyloc import arrays
 from colmap_lazyloc.errors import InputError
 from colmap_lazyloc.extension import core
-from colmap_lazyloc.inputs import Matches, Photo, Query
+from colmap_lazyloc.inputs import Matches, Photo, Query, QueryT
 from colmap_lazyloc.model import Model
 from colmap_lazyloc.result import Result
 from colmap_lazyloc.settings import check_text, to_settings
@@ -109,7 +109,7 @@ class Localizer:
         """
         return self._localize_alone(Matches(camera, keypoints, pairs, name))
 
-    def localize_rig(self, images: Mapping[Query, Any], *, name: str = "rig") -> dict[str, Result]:
+    def localize_rig(self, images: Mapping[QueryT, Any], *, name: str = "rig") -> dict[str, Result]:
         """Localizes the images of a camera rig at one moment, which share one unknown pose; returns results by name.
 
         `images`: {query: cam_from_rig}; a query is the name of one of `queries`, a `Photo` or a `Matches`, a pose a 3x4
@@ -117,7 +117,7 @@ class Localizer:
         """
         return self._localize_frame(images, name, has_scale=True)
 
-    def localize_trajectory(self, images: Mapping[Query, Any], *, has_scale: bool = True) -> dict[str, Result]:
+    def localize_trajectory(self, images: Mapping[QueryT, Any], *, has_scale: bool = True) -> dict[str, Result]:
         """Localizes images whose poses relative to each other are known, from odometry or SLAM, as one rigid body.
 
         `images`: {query: cam_from_world in the trajectory's own world}, as for `localize_rig`. `has_scale`: False if
@@ -166,7 +166,7 @@ class Localizer:
         localizer = self._open()
         return _input_task(localizer, *_to_input(localizer, query))()[0]
 
-    def _localize_frame(self, images: Mapping[Query, Any], name: str | None, *, has_scale: bool) -> dict[str, Result]:
+    def _localize_frame(self, images: Mapping[QueryT, Any], name: str | None, *, has_scale: bool) -> dict[str, Result]:
         localizer = self._open()
         if not isinstance(images, Mapping) or not images:
             raise InputError("images: must be a dict of at least one query with its pose")
