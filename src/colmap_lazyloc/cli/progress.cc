@@ -9,6 +9,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "colmap_lazyloc/cli/run_command.h"
 #include "colmap_lazyloc/io/leave_one_out.h"
 #include "colmap_lazyloc/math/median.h"
 
@@ -24,7 +25,17 @@ void PrintRow(const std::string& label, double value, const std::string& unit) {
 
 Progress::Progress(size_t num_queries) : num_queries_(num_queries), is_terminal_(isatty(STDOUT_FILENO) == 1) {}
 
+void Progress::WarnOfDamages(const QueryRecord& record) {
+  constexpr size_t kMaxNumWarnings = 20;
+  for (const std::string& damage : record.damages) {
+    if (damages_.size() > kMaxNumWarnings || !damages_.insert(damage).second) continue;
+    PrintWarning(damages_.size() > kMaxNumWarnings ? "more damaged records are in results.jsonl"
+                                                   : damage + ": leaving it out of the pairs of queries");
+  }
+}
+
 void Progress::Report(const QueryRecord& record) {
+  WarnOfDamages(record);
   ++num_done_;
   num_localized_ += record.result.status == QueryStatus::LOCALIZED;
   if (is_terminal_) {

@@ -1,6 +1,8 @@
 #pragma once
 
 #include <cstddef>
+#include <set>
+#include <string>
 #include <vector>
 
 #include "colmap_lazyloc/io/query_record.h"
@@ -9,7 +11,7 @@
 namespace lazyloc {
 
 // Shows the progress of a run: a bar if the standard output is a terminal, else one JSON object a line for each query:
-// {"query": name, "status": ..., "seconds": ..., "done": n, "of": N}.
+// {"query": name, "status": ..., "seconds": ..., "done": n, "of": N}. Warns of damaged records that were left out.
 class Progress {
  public:
   explicit Progress(size_t num_queries);
@@ -20,10 +22,13 @@ class Progress {
   static void PrintLeaveOneOut(const Model& model, const std::vector<QueryRecord>& records);
 
  private:
+  void WarnOfDamages(const QueryRecord& record);
+
   const size_t num_queries_;
   const bool is_terminal_;
   size_t num_done_ = 0;
   size_t num_localized_ = 0;
+  std::set<std::string> damages_;  // those that were reported
 };
 
 }  // namespace lazyloc
