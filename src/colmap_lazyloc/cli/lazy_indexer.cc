@@ -18,6 +18,7 @@ int Run(const IndexerOptions& options) {
   const DatabaseReader database(options.database_path);
   constexpr int kSeed = 0;  // the default of lazy_localizer
   const RetrievalIndex index(options.index_path, database, options.retrieval, kSeed, options.num_threads);
+  for (const std::string& warning : index.Warnings()) PrintWarning(warning);
   const RetrievalIndex::Changes& changes = index.LastChanges();
   std::cout << options.index_path << (changes.is_trained ? ": made" : ": up to date") << ", " << index.NumImages()
             << " images (" << changes.num_added << " added, " << changes.num_removed << " removed) in "

@@ -10,6 +10,7 @@
 
 #include <nlohmann/json.hpp>
 
+#include "colmap_lazyloc/cli/run_command.h"
 #include "colmap_lazyloc/math/median.h"
 #include "colmap_lazyloc/scene/errors.h"
 #include "colmap_lazyloc/scene/format.h"
@@ -50,7 +51,17 @@ Progress::Progress(const RunSize& size, const std::filesystem::path& log_path, b
   if (!log_) throw InputError("--log_path: " + log_path.string() + " cannot be written");
 }
 
+void Progress::WarnOfDamages(const QueryRecord& record) {
+  constexpr size_t kMaxNumWarnings = 20;
+  for (const std::string& damage : record.damages) {
+    if (damages_.size() > kMaxNumWarnings || !damages_.insert(damage).second) continue;
+    PrintWarning(damages_.size() > kMaxNumWarnings ? "more damaged records are in results.jsonl"
+                                                   : damage + ": leaving it out of the pairs of queries");
+  }
+}
+
 void Progress::Report(const QueryRecord& record) {
+  WarnOfDamages(record);
   ++num_done_;
   num_localized_ += record.result.status == QueryStatus::LOCALIZED;
   const nlohmann::ordered_json json = {{"query", record.result.query_name},

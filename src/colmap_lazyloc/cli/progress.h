@@ -4,6 +4,8 @@
 #include <cstddef>
 #include <filesystem>
 #include <fstream>
+#include <set>
+#include <string>
 
 #include "colmap_lazyloc/io/query_records.h"
 #include "colmap_lazyloc/scene/model.h"
@@ -18,7 +20,8 @@ struct RunSize {
 };
 
 // Shows the progress of a run: a bar if the standard output is a terminal, else one JSON object a line for each query:
-// {"query": name, "status": ..., "seconds": ..., "done": n, "of": N}. A log gets these lines in any case.
+// {"query": name, "status": ..., "seconds": ..., "done": n, "of": N}. A log gets these lines in any case. Warns of damaged
+// records that were left out.
 class Progress {
  public:
   // log_path: empty for no log. append_log: true to keep what the log holds. Throws InputError if the log cannot be
@@ -30,12 +33,15 @@ class Progress {
   void PrintSummary(const QueryRecords& records) const;
 
  private:
+  void WarnOfDamages(const QueryRecord& record);
+
   const RunSize size_;
   const bool is_terminal_;
   const std::filesystem::path log_path_;
   std::ofstream log_;
   size_t num_done_ = 0;
-  size_t num_localized_ = 0;  // by this process
+  size_t num_localized_ = 0;       // by this process
+  std::set<std::string> damages_;  // those that were reported
   const std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
 };
 

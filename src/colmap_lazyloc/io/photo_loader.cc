@@ -96,11 +96,18 @@ PhotoLoader::PhotoLoader(const DatabaseReader& database, const QuerySelection& s
     for (const auto& [name, photo] : selection.Photos()) names.push_back(name);
     matches_output_ = std::make_unique<MatchesOutput>(options.matches_output_path, database, names);
   }
-  const std::map<uint32_t, size_t> num_descriptors = FeatureReader(database.Path()).ReadDescriptorCounts();
+  std::vector<std::string> damages;
+  const std::map<uint32_t, size_t> num_descriptors = FeatureReader(database.Path()).ReadDescriptorCounts(&damages);
+  for (const std::string& damage : damages) {
+    warnings_.push_back(database.Path().string() + ": " + damage + ": leaving the image out");
+  }
   for (const ModelImage& image : selection.DatabaseModel().images) {
     const DatabaseImage* stored = selection.FindInDatabase(image.name);
     if (stored == nullptr || num_descriptors.count(stored->image_id) == 0) continue;
     candidates_.push_back({&image, stored->image_id});
+  }
+  if (candidates_.empty() && !damages.empty()) {
+    throw InputError(database.Path().string() + ": " + damages.front());  // for example, descriptors of another type
   }
   if (candidates_.empty()) {
     throw InputError(database.Path().string() +
@@ -112,6 +119,7 @@ PhotoLoader::PhotoLoader(const DatabaseReader& database, const QuerySelection& s
   if (needs_index) {
     index_ = std::make_unique<RetrievalIndex>(options.retrieval_index_path, database, options.retrieval,
                                               pair_options.seed, num_threads);
+    warnings_.insert(warnings_.end(), index_->Warnings().begin(), index_->Warnings().end());
   }
 }
 
@@ -159,12 +167,17 @@ PhotoCamera PhotoLoader::CameraOf(const PhotoQuery& photo, const PhotoProperties
 }
 
 PhotoLoader::DatabaseFeatures PhotoLoader::LoadPairs(const Candidates& candidates, const FeatureReader& reader,
-                                                     LocalizationProblem* problem) const {
+                                                     LocalizationProblem* problem,
+                                                     std::vector<std::string>* damages) const {
   DatabaseFeatures database_features;
   for (const Candidate* candidate : candidates) {
     const uint32_t image_id = candidate->image_id;
-    problem->pairs.push_back(selection_.MakePair(*candidate->image));
-    database_features.push_back(features_.Get(image_id, [&] { return reader.Read(image_id); }));
+    try {
+      database_features.push_back(features_.Get(image_id, [&] { return reader.Read(image_id); }));
+      problem->pairs.push_back(selection_.MakePair(*candidate->image));
+    } catch (const DamagedRecordError& error) {
+      damages->push_back(error.Damage());
+    }
   }
   return database_features;
 }
@@ -200,7 +213,7 @@ std::optional<LocalizationProblem> PhotoLoader::Load(const PhotoQuery& photo, co
     Candidates candidates;
     Measure("retrieval", record,
             [&] { candidates = ChooseCandidates(photo, query_features.descriptors, idle_threads); });
-    Measure("load", record, [&] { database_features = LoadPairs(candidates, features, &problem); });
+    Measure("load", record, [&] { database_features = LoadPairs(candidates, features, &problem, &record->damages); });
     MatchPairs(query_features, database_features, pair_options_, idle_threads, &problem, &record->seconds);
   }
   if (matches_output_) {

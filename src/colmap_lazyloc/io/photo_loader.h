@@ -48,10 +48,12 @@ class PhotoLoader {
               int num_retrieved, const PairMatchingOptions& pair_options, int num_threads, bool has_more_photos);
 
   // Adds keypoints and times to the record. Returns nullopt, with status and reason in the record, if the photo cannot
-  // be used. Throws InputError for damaged data. Thread-safe with one reader per thread; the result depends only on the
-  // input.
+  // be used. Leaves out database images whose features are damaged, and says so in the record. Throws InputError for a
+  // damaged file. Thread-safe with one reader per thread; the result depends only on the input.
   std::optional<LocalizationProblem> Load(const PhotoQuery& photo, const FeatureReader& features,
                                           IdleThreads* idle_threads, QueryRecord* record) const;
+  // Returns one line for each problem that does not end the run.
+  const std::vector<std::string>& Warnings() const { return warnings_; }
   // Publishes the database at matches_output_path, if there is one.
   void PublishMatches() const;
 
@@ -69,9 +71,9 @@ class PhotoLoader {
   Candidates AllowedCandidates(const PhotoQuery& photo) const;
   Candidates ChooseCandidates(const PhotoQuery& photo, const Descriptors& descriptors, IdleThreads* idle_threads) const;
   bool NeedsRetrieval(const PhotoQuery& photo) const;
-  // Adds pairs with the candidates to the problem, without matches; returns their features.
-  DatabaseFeatures LoadPairs(const Candidates& candidates, const FeatureReader& reader,
-                             LocalizationProblem* problem) const;
+  // Adds pairs with the candidates to the problem, without matches; returns their features. Leaves out damaged ones.
+  DatabaseFeatures LoadPairs(const Candidates& candidates, const FeatureReader& reader, LocalizationProblem* problem,
+                             std::vector<std::string>* damages) const;
 
   const QuerySelection& selection_;
   const PhotoOptions options_;
@@ -83,6 +85,7 @@ class PhotoLoader {
   std::map<std::string, QueryPrior> priors_;
   std::unique_ptr<MatchesOutput> matches_output_;
   std::unique_ptr<RetrievalIndex> index_;
+  std::vector<std::string> warnings_;
   mutable LruCache<Features> features_;
 };
 

@@ -3,6 +3,7 @@
 #include <utility>
 
 #include "colmap_lazyloc/io/model_reader.h"
+#include "colmap_lazyloc/scene/errors.h"
 #include "colmap_lazyloc/scene/options_check.h"
 
 namespace lazyloc {
@@ -70,13 +71,15 @@ std::optional<LocalizationProblem> QuerySource::LoadNamed(const std::string& nam
   if (query == nullptr) return LoadPhoto(selection_.Photos().at(name), session, record);
   record->result.query_name = name;
   const StageTimer timer("load", &record->seconds);
+  if (!query->damage.empty()) throw DamagedRecordError(database_.Path().string(), query->damage);
   record->intrinsics_source = query->source;
-  return pair_loader_.Load(*query, session->database_);
+  return pair_loader_.Load(*query, session->database_, &record->damages);
 }
 
 std::optional<LocalizationProblem> QuerySource::LoadPhoto(const PhotoQuery& photo, Session* session,
                                                           QueryRecord* record) const {
   record->result.query_name = photo.name;
+  if (!photo.damage.empty()) throw DamagedRecordError(database_.Path().string(), photo.damage);
   const PhotoLoader& photos = Photos();
   if (!session->features_) session->features_ = std::make_unique<FeatureReader>(database_.Path());
   return photos.Load(photo, *session->features_, session->idle_threads_, record);
@@ -97,12 +100,25 @@ LoadedGroup QuerySource::Load(size_t group, Session* session) const {
 LoadedGroup QuerySource::Load(const GroupInput& input, Session* session) const {
   LoadedGroup loaded =
       LoadEach(input, [&](const QueryInput& query, QueryRecord* record) -> std::optional<LocalizationProblem> {
-        if (const auto* name = std::get_if<std::string>(&query)) return LoadNamed(*name, session, record);
-        if (const auto* photo = std::get_if<PhotoQuery>(&query)) return LoadPhoto(*photo, session, record);
-        return std::get<LocalizationProblem>(query);
+        try {
+          if (const auto* name = std::get_if<std::string>(&query)) return LoadNamed(*name, session, record);
+          if (const auto* photo = std::get_if<PhotoQuery>(&query)) return LoadPhoto(*photo, session, record);
+          return std::get<LocalizationProblem>(query);
+        } catch (const DamagedRecordError& error) {
+          record->result.status = QueryStatus::DAMAGED_DATA;
+          record->result.reason = error.Damage();
+          return std::nullopt;
+        }
       });
-  pair_loader_.LoadQueryPairs(session->database_, &loaded.group);
+  pair_loader_.LoadQueryPairs(session->database_, &loaded);
   return loaded;
+}
+
+std::vector<std::string> QuerySource::Warnings() const {
+  std::vector<std::string> warnings = selection_.Warnings();
+  if (photo_loader_)
+    warnings.insert(warnings.end(), photo_loader_->Warnings().begin(), photo_loader_->Warnings().end());
+  return warnings;
 }
 
 void QuerySource::PublishMatches() const {

@@ -71,10 +71,12 @@ class QuerySource {
   // Returns the posed images that queries are localized against.
   const Model& DatabaseModel() const { return selection_.DatabaseModel(); }
   const DatabaseReader& Database() const { return database_; }
-  const std::vector<std::string>& Warnings() const { return selection_.Warnings(); }
+  // Returns one line for each problem that does not end the run.
+  std::vector<std::string> Warnings() const;
   // Returns how many pairs of a query the localizer is to use of those that are loaded; 0 for all.
   int MaxNumPairs() const { return max_num_pairs_; }
-  // Loads one group of the selection. Thread-safe with one session per thread. Throws InputError for damaged data.
+  // Loads one group of the selection. Thread-safe with one session per thread. Throws InputError for a damaged
+  // file; damaged records become statuses (DAMAGED_DATA) or are left out.
   LoadedGroup Load(size_t group, Session* session) const;
   // Loads any group in the same way. The first photo may take long, because it makes the retrieval index.
   LoadedGroup Load(const GroupInput& input, Session* session) const;

@@ -140,6 +140,7 @@ Json RecordToJson(const QueryRecord& record) {
   json["num_observations"] = result.num_observations;
   json["mean_reprojection_error_px"] = result.num_observations > 0 ? Json(result.mean_reprojection_error_px) : Json();
   json["pairs"] = PairsToJson(result.pairs);
+  if (!record.damages.empty()) json["damaged_records"] = record.damages;
   json["seconds"] = SecondsToJson(record);
   return json;
 }

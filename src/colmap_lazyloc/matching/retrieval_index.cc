@@ -33,6 +33,16 @@ T ReadNumber(std::ifstream* file) {
   return number;
 }
 
+// Returns no descriptors if they are damaged, and then sets `damage`.
+Descriptors ReadDescriptors(const FeatureReader& features, uint32_t image_id, std::string* damage) {
+  try {
+    return features.Read(image_id).descriptors;
+  } catch (const DamagedRecordError& error) {
+    *damage = error.what();
+    return Descriptors(0, kDescriptorDim);
+  }
+}
+
 // Returns the descriptors that the vocabulary is learnt from, drawn evenly from all images.
 Descriptors SampleDescriptors(const std::vector<DatabaseImage>& images, const FeatureReader& features,
                               size_t num_available, size_t num_wanted, int seed) {
@@ -41,8 +51,9 @@ Descriptors SampleDescriptors(const std::vector<DatabaseImage>& images, const Fe
   Descriptors sample(static_cast<Eigen::Index>(std::min(num_available, num_wanted + num_wanted / 8 + 1000)),
                      kDescriptorDim);
   Eigen::Index num_rows = 0;
+  std::string ignored;  // AddNewEntries reports it
   for (const DatabaseImage& image : images) {
-    const Descriptors descriptors = features.Read(image.image_id).descriptors;
+    const Descriptors descriptors = ReadDescriptors(features, image.image_id, &ignored);
     for (Eigen::Index i = 0; i < descriptors.rows() && num_rows < sample.rows(); ++i) {
       // Uses the generator's own numbers, because distributions differ between standard libraries.
       if (static_cast<double>(random()) < ratio * 4294967296.0) sample.row(num_rows++) = descriptors.row(i);
@@ -83,7 +94,10 @@ RetrievalIndex::RetrievalIndex(const fs::path& path, const DatabaseReader& datab
   IdleThreads idle_threads(EffectiveNumThreads(num_threads) - 1);
   if (!visual_index_ || IsOutgrown(described.size())) Train(described, features, options, &idle_threads);
   AddNewEntries(described, num_descriptors, features, &idle_threads);
-  for (const DatabaseImage& image : described) image_of_index_id_[entries_.at(image.name).index_id] = image.image_id;
+  for (const DatabaseImage& image : described) {
+    const auto entry = entries_.find(image.name);
+    if (entry != entries_.end()) image_of_index_id_[entry->second.index_id] = image.image_id;
+  }
   const bool has_changed = changes_.is_trained || changes_.num_added > 0 || changes_.num_removed > 0;
   if (!path.empty() && has_changed) Write(path);
 }
@@ -122,8 +136,14 @@ void RetrievalIndex::AddNewEntries(const std::vector<DatabaseImage>& images,
                                    const FeatureReader& features, IdleThreads* idle_threads) {
   for (const DatabaseImage& image : images) {
     if (entries_.count(image.name) > 0) continue;
+    std::string damage;
+    const Descriptors descriptors = ReadDescriptors(features, image.image_id, &damage);
+    if (!damage.empty()) {
+      warnings_.push_back(damage + ": leaving the image out");
+      continue;
+    }
     const Entry entry = {next_index_id_++, num_descriptors.at(image.name)};
-    visual_index_->Add(entry.index_id, features.Read(image.image_id).descriptors, idle_threads);
+    visual_index_->Add(entry.index_id, descriptors, idle_threads);
     entries_.emplace(image.name, entry);
     ++changes_.num_added;
   }

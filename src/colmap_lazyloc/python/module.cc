@@ -9,10 +9,10 @@
 #include "colmap_lazyloc/bridge/logging.h"
 #include "colmap_lazyloc/cli/lazy_indexer.h"
 #include "colmap_lazyloc/cli/lazy_localizer.h"
-#include "colmap_lazyloc/cli/run_command.h"
 #include "colmap_lazyloc/python/conversions.h"
 #include "colmap_lazyloc/python/localizer.h"
 #include "colmap_lazyloc/scene/errors.h"
+#include "colmap_lazyloc/scene/format.h"
 
 namespace nb = nanobind;
 using nb::literals::operator""_a;
