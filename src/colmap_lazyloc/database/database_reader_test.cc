@@ -411,20 +411,15 @@ TEST(DatabaseReader, DamagedPageIsTheDamageOfItsRecords) {
     TestDatabase database(path, Schema::V3_8);
     for (const int image_id : {1, 2}) {
       database.AddImage(image_id, 1, std::to_string(image_id) + ".jpg");
-      database.AddKeypoints(image_id, std::vector<Eigen::Vector2d>(3000, {image_id, image_id}));
+      database.AddKeypoints(image_id, std::vector<Eigen::Vector2d>(3000, {image_id, image_id}), /*num_cols=*/2);
     }
   }
   std::string bytes = ReadBytes(path);
   // Finds the first page that holds nothing but keypoints of image 1 and, in its first four bytes, the next page.
-  const std::string keypoint("\0\0\x80\x3f\0\0\x80\x3f\0\0\x80\x3f\0\0\0\0\0\0\0\0\0\0\x80\x3f", 24);
-  const auto num_keypoints = [&](size_t page) {
-    size_t number = 0;
-    for (size_t at = bytes.find(keypoint, page); at < page + 4096; at = bytes.find(keypoint, at + 24)) ++number;
-    return number;
-  };
-  size_t page = 0;
-  while (page < bytes.size() && num_keypoints(page) < 4092 / 24) page += 4096;
-  ASSERT_LT(page, bytes.size());
+  std::string ones;
+  while (ones.size() < 4092) ones += std::string("\0\0\x80\x3f", 4);
+  const size_t page = bytes.find(ones) - 4;
+  ASSERT_EQ(page % 4096, 0u);
   bytes.replace(page, 4, "\x7f\xff\xff\xff");
   WriteBytes(path, bytes);
   const DatabaseReader reader(path);
