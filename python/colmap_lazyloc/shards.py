@@ -2,6 +2,7 @@
 
 import dataclasses
 import re
+import zlib
 
 from colmap_lazyloc.errors import InputError
 
@@ -20,14 +21,6 @@ class Shard:
             raise InputError(f"option --shard must be I/N with 1 <= I <= N, but is '{text}'")
         return Shard(int(match[1]), int(match[2]))
 
-    def holds(self, name: str) -> bool:
-        """True if a query (or a group of queries) of this name belongs to the shard."""
-        return name_hash(name) % self.count == self.index - 1
-
-
-def name_hash(name: str) -> int:
-    """Returns the 64-bit FNV-1a hash of a name."""
-    value = 14695981039346656037
-    for byte in name.encode(errors="surrogateescape"):
-        value = ((value ^ byte) * 1099511628211) & 0xFFFFFFFFFFFFFFFF
-    return value
+    def holds(self, group_name: str) -> bool:
+        """True if a group belongs to the shard. A lone query is a group of its own name."""
+        return zlib.crc32(group_name.encode(errors="surrogateescape")) % self.count == self.index - 1

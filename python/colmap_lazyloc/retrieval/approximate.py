@@ -133,9 +133,12 @@ def search(
     """Yields the index of the first query of each block, and the nearest images of the block's queries."""
     index.nprobe = min(num_probes, plan.num_lists)
     for first in range(0, len(queries.names), plan.num_queries):
-        block = queries.read(first, first + plan.num_queries)
-        _, places = index.search(block.units, plan.num_candidates)
-        yield first, _compare(block, places, images, ranks)
+        yield first, _search_block(index, queries.read(first, first + plan.num_queries), images, ranks, plan)
+
+
+def _search_block(index, queries: Block, images: DescriptorSet, ranks: np.ndarray, plan: ApproximatePlan) -> Nearest:
+    _, places = index.search(queries.units, plan.num_candidates)
+    return _compare(queries, places, images, ranks)
 
 
 def _compare(queries: Block, places: np.ndarray, images: DescriptorSet, ranks: np.ndarray) -> Nearest:

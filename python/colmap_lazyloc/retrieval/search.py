@@ -57,7 +57,8 @@ class Search:
     @property
     def outcome(self) -> str:
         """What the search has taken, in one line."""
-        seconds = ", ".join(f"{name} {value:.1f} s" for name, value in self._seconds.items())
+        times = {**self._seconds, "CPU": time.process_time()}
+        seconds = ", ".join(f"{name} {value:.1f} s" for name, value in times.items())
         unsure = f", {self._num_unsure} block(s) of single queries compared in double precision" * self._is_exact
         return f"peak memory {peak_bytes() / 1e9:.2f} GB; {seconds}{unsure}; done"
 
@@ -71,15 +72,19 @@ class Search:
 
     def _run_exactly(self):
         for first in range(0, len(self._queries.names), self._plan.num_queries):
-            queries = self._timed("read", lambda first=first: self._queries.read(first, first + self._plan.num_queries))
-            nearest = exact.Nearest.empty(len(queries.rows), self._num_found)
-            for begin in range(0, len(self._images.names), self._plan.num_images):
-                end = begin + self._plan.num_images
-                images = self._timed("read", lambda begin=begin, end=end: self._images.read(begin, end))
-                start = time.monotonic()
-                self._num_unsure += exact.search_block(queries, images, self._ranks[begin:end], nearest)
-                self._seconds["search"] += time.monotonic() - start
-            yield first, nearest
+            yield first, self._search_all_blocks(first)
+
+    def _search_all_blocks(self, first: int) -> exact.Nearest:
+        queries = self._timed("read", lambda: self._queries.read(first, first + self._plan.num_queries))
+        nearest = exact.Nearest.empty(len(queries.rows), self._num_found)
+        for begin in range(0, len(self._images.names), self._plan.num_images):
+            end = begin + self._plan.num_images
+            images = self._timed("read", lambda begin=begin, end=end: self._images.read(begin, end))
+            start = time.monotonic()
+            self._num_unsure += exact.search_block(queries, images, self._ranks[begin:end], nearest)
+            self._seconds["search"] += time.monotonic() - start
+            del images  # before the next block is read, because the plan has memory for one
+        return nearest
 
     def _run_approximately(self):
         plan, options = self._approximate_plan, self._options
