@@ -155,17 +155,17 @@ void EscapeNames(Json* json) {
 
 }  // namespace
 
-void WritePoses(const std::filesystem::path& path, const std::vector<const QueryRecord*>& records) {
+void WritePoses(const std::filesystem::path& path, const QueryRecords& records) {
   OutputFile file(path);
   file.Text() << kPosesHeader;
-  for (const QueryRecord* record : records) {
-    const LocalizationResult& result = record->result;
-    if (result.status != QueryStatus::LOCALIZED) continue;
+  records.ForEach([&](const QueryRecord& record) {
+    const LocalizationResult& result = record.result;
+    if (result.status != QueryStatus::LOCALIZED) return;
     file.Text() << result.query_name;
     for (const double number : Qvec(result.cam_from_world.rotation)) file.Text() << ' ' << number;
     for (const double number : result.cam_from_world.translation) file.Text() << ' ' << number;
     file.Text() << '\n';
-  }
+  });
   file.Close();
 }
 
@@ -175,9 +175,9 @@ std::string ResultLine(const QueryRecord& record) {
   return json.dump();  // JSON writes numbers that are not finite as null
 }
 
-void WriteResultsJson(const std::filesystem::path& path, const std::vector<const QueryRecord*>& records) {
+void WriteResultsJson(const std::filesystem::path& path, const QueryRecords& records) {
   OutputFile file(path);
-  for (const QueryRecord* record : records) file.Text() << ResultLine(*record) << '\n';
+  records.ForEach([&](const QueryRecord& record) { file.Text() << ResultLine(record) << '\n'; });
   file.Close();
 }
 

@@ -1,0 +1,63 @@
+#include "colmap_lazyloc/cli/run_results.h"
+
+#include <algorithm>
+
+#include "colmap_lazyloc/cli/report_command.h"
+#include "colmap_lazyloc/cli/run_command.h"
+
+namespace lazyloc {
+namespace {
+
+std::string GroupName(const QueryFrames& group) {
+  std::string first;
+  for (const QueryFrame& frame : group) {
+    for (const QueryFrame::Image& image : frame.images)
+      first = first.empty() ? image.name : std::min(first, image.name);
+  }
+  return first;
+}
+
+size_t NumQueries(const QueryFrames& group) {
+  size_t num_queries = 0;
+  for (const QueryFrame& frame : group) num_queries += frame.images.size();
+  return num_queries;
+}
+
+}  // namespace
+
+std::vector<size_t> GroupsOfShard(const QuerySource& source, const std::optional<Shard>& shard) {
+  std::vector<size_t> groups;
+  for (size_t i = 0; i < source.NumGroups(); ++i) {
+    if (!shard || shard->Has(GroupName(source.Selection().Groups()[i]))) groups.push_back(i);
+  }
+  return groups;
+}
+
+RunManifest MakeManifest(const CommandOptions& options, const QuerySource& source, const Fingerprint& model,
+                         const std::vector<size_t>& groups) {
+  RunManifest manifest;
+  manifest.program = ProgramVersion();
+  manifest.options = MethodOptions(options);
+  manifest.other_options = OtherOptions(options);
+  for (const auto& [name, path] : InputOptions(options)) {
+    if (!path.empty()) manifest.inputs[name] = {path, name == "input_path" ? model : FingerprintOf(path)};
+  }
+  manifest.num_groups = source.NumGroups();
+  manifest.num_queries = source.NumQueries();
+  manifest.shard = ParseShard(options.shard);
+  for (const size_t group : groups) manifest.num_own_queries += NumQueries(source.Selection().Groups()[group]);
+  return manifest;
+}
+
+void WriteResults(const CommandOptions& options, const Model& model, const DatabaseReader& database,
+                  const QueryRecords& records, const std::filesystem::path& staging_parent, ResultWriter* writer) {
+  records.ForEach([](const QueryRecord& record) {
+    const LocalizationResult& result = record.result;
+    if (result.status != QueryStatus::LOCALIZED || result.intrinsics.contradiction.empty()) return;
+    PrintWarning("query " + result.query_name + ": " + result.intrinsics.contradiction);
+  });
+  const std::string options_ini = "# written by " + ProgramVersion() + "\n" + OptionsAsIni(options);
+  writer->Write(model, records, database, options_ini, options.source.selection.leave_one_out, staging_parent);
+}
+
+}  // namespace lazyloc
