@@ -15,7 +15,7 @@ import shutil
 import subprocess
 import sys
 
-from colmap_lazyloc.cluster.folders import as_ranges, is_same_run, read_manifest, shard_folder
+from colmap_lazyloc.cluster.folders import as_ranges, is_same_run, read_manifest
 from colmap_lazyloc.cluster.task import ShardTask, command_line
 from colmap_lazyloc.errors import InputError, command
 from colmap_lazyloc.program import find_colmap
@@ -89,7 +89,7 @@ def make_tasks(options: argparse.Namespace, program: str | None, words: list[str
         index: ShardTask(
             program=program,
             arguments=tuple(words),
-            folder=str(shard_folder(options.shards_path, index, count).absolute()),
+            folder=str(options.shards_path.absolute() / str(index)),
             shard=f"{index}/{count}",
             working_folder=os.getcwd(),
         )

@@ -1,6 +1,7 @@
 """Runs the tasks of shards on Dask."""
 
 import argparse
+import logging
 
 import cloudpickle
 import dask
@@ -12,7 +13,7 @@ from colmap_lazyloc.cluster.task import ShardTask, localize_shard
 from colmap_lazyloc.errors import InputError
 
 MAX_NUM_DEATHS = 10  # of workers that had the same shard, before it fails
-CONNECT_SECONDS = 30
+CONNECT_SECONDS = 10
 
 
 class Engine:
@@ -21,22 +22,11 @@ class Engine:
     def __init__(self, options: argparse.Namespace):
         self._retries = options.retries
         cloudpickle.register_pickle_by_value(task_module)
-        self._cluster = None
-        if options.scheduler is not None:
-            try:
-                self._client = distributed.Client(options.scheduler, timeout=CONNECT_SECONDS)
-            except (OSError, ValueError) as error:
-                raise InputError(f"--scheduler {options.scheduler}: {str(error).splitlines()[0]}") from None
-            return
-        dask.config.set({"distributed.scheduler.allowed-failures": MAX_NUM_DEATHS})
-        self._cluster = distributed.LocalCluster(
-            n_workers=options.num_workers,
-            threads_per_worker=1,
-            processes=True,
-            dashboard_address=options.dashboard_address,
-            memory_limit=None,
-        )
-        self._client = distributed.Client(self._cluster)
+        self._cluster = None if options.scheduler is not None else _start_workers(options)
+        try:
+            self._client = distributed.Client(self._cluster or options.scheduler, timeout=CONNECT_SECONDS)
+        except (OSError, ValueError) as error:
+            raise InputError(f"--scheduler {options.scheduler}: {str(error).splitlines()[0]}") from None
 
     def __enter__(self):
         return self
@@ -64,6 +54,22 @@ class Engine:
                     failed.setdefault(_cause(future), []).append(futures[future])
                 bar.update()
         return {cause: sorted(indices) for cause, indices in failed.items()}
+
+
+def _start_workers(options: argparse.Namespace) -> distributed.LocalCluster:
+    """Starts worker processes on this machine, each of which localizes one shard at a time."""
+    dask.config.set({"distributed.scheduler.allowed-failures": MAX_NUM_DEATHS})
+    try:
+        return distributed.LocalCluster(
+            n_workers=options.num_workers,
+            threads_per_worker=1,
+            processes=True,
+            dashboard_address=options.dashboard_address,
+            memory_limit=None,
+            silence_logs=logging.CRITICAL,  # failures are reported at the end
+        )
+    except RuntimeError as error:
+        raise InputError(f"the workers cannot be started: {error}") from None
 
 
 def _cause(future: distributed.Future) -> str:

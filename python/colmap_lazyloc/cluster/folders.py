@@ -8,11 +8,6 @@ from colmap_lazyloc.errors import InputError
 UNFINISHED, MANIFEST = "unfinished", "shard/manifest.json"  # names that lazy_localizer gives
 
 
-def shard_folder(shards_path: pathlib.Path, index: int, count: int) -> pathlib.Path:
-    """Returns the folder of a shard; its index is counted from 1."""
-    return shards_path / f"{index:0{len(str(count))}}"
-
-
 def read_manifest(folder: pathlib.Path) -> dict | None:
     """Returns what the results of a finished shard depend on; None if the shard is not finished."""
     path = folder / MANIFEST
