@@ -109,6 +109,9 @@ template <typename Options, typename Add>
 void ForEachFeatureOption(Options& o, const Add& add) {
   add("LazyIndexer.num_visual_words", &o.retrieval.num_visual_words,
       "Maximum number of visual words in the retrieval index; a small database has fewer");
+  add("LazyIndexer.max_num_features", &o.retrieval.max_num_features,
+      "Maximum number of features of an image that is added to the retrieval index; those of the largest scales are "
+      "kept; -1 keeps all");
   add("ImageReader.camera_model", &o.camera_model, "Camera model of photos without a known camera");
   auto& extraction = o.matching.extraction;
   add("SiftExtraction.max_image_size", &extraction.max_image_size,

@@ -33,13 +33,15 @@ void validate(boost::any& value, const std::vector<std::string>& texts, Enum*, i
                                    texts.back() + "'");
 }
 
-// colmap lazy_indexer has four options, none of them advanced.
+// colmap lazy_indexer has five options, none of them advanced.
 template <typename Add>
 void ForEachBasicOption(IndexerOptions& o, const Add& add) {
   add("database_path", &o.database_path, "COLMAP database with SIFT descriptors; opened read-only");
   add("index_path", &o.index_path, "File of the index; an existing one is updated");
   add("LazyIndexer.num_visual_words", &o.retrieval.num_visual_words,
       "Maximum number of visual words in the index; a small database has fewer");
+  add("LazyIndexer.max_num_features", &o.retrieval.max_num_features,
+      "Maximum number of features of an image that is added; those of the largest scales are kept; -1 keeps all");
   add("LazyIndexer.num_threads", &o.num_threads, "Number of threads; -1 uses all cores");
 }
 template <typename Add>

@@ -15,6 +15,18 @@
 
 namespace lazyloc {
 
+// What an index of all images of a database will take.
+struct IndexEstimate {
+  size_t num_images = 0;
+  uint64_t num_features = 0;
+
+  // Returns a line for the user, with the size of the index.
+  std::string Text() const;
+};
+
+// Counts the features to index; reads no descriptor.
+IndexEstimate EstimateIndex(const DatabaseReader& database, const RetrievalOptions& options);
+
 // COLMAP's visual index over the descriptors of a database, stored in one file.
 class RetrievalIndex {
  public:
@@ -50,7 +62,7 @@ class RetrievalIndex {
   bool IsOutgrown(size_t num_images) const;
   void RemoveStaleEntries(const std::map<std::string, uint64_t>& num_descriptors);
   void AddNewEntries(const std::vector<DatabaseImage>& images, const std::map<std::string, uint64_t>& num_descriptors,
-                     const FeatureReader& features, IdleThreads* idle_threads);
+                     const FeatureReader& features, int max_num_features, IdleThreads* idle_threads);
   void Train(const std::vector<DatabaseImage>& images, const FeatureReader& features, const RetrievalOptions& options,
              IdleThreads* idle_threads);
 
