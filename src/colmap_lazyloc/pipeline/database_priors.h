@@ -5,7 +5,7 @@
 #include "colmap_lazyloc/pipeline/layout.h"
 #include "colmap_lazyloc/refinement/bundle_adjustment.h"
 #include "colmap_lazyloc/refinement/pose_prior.h"
-#include "colmap_lazyloc/refinement/prior_fit.h"
+#include "colmap_lazyloc/refinement/variance_estimate.h"
 #include "colmap_lazyloc/scene/track.h"
 
 namespace lazyloc {
