@@ -25,6 +25,9 @@ function(lazyloc_library folder)
   add_library(lazyloc_${folder} STATIC ${ARG_SOURCES})
   target_link_libraries(lazyloc_${folder} PUBLIC ${ARG_LINK} Eigen3::Eigen)
   lazyloc_set_properties(lazyloc_${folder})
+  # Lets the Python module contain the library without exporting its symbols.
+  set_target_properties(lazyloc_${folder} PROPERTIES
+    POSITION_INDEPENDENT_CODE ON CXX_VISIBILITY_PRESET hidden VISIBILITY_INLINES_HIDDEN ON)
 endfunction()
 
 # Makes the test program of a folder, for example: lazyloc_tests(rotation SOURCES a_test.cc LINK lazyloc_testing). The

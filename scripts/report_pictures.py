@@ -13,11 +13,16 @@ from browser import open_browsers
 
 MAX_BYTES = 300_000
 QUERY = "query/03.jpg"
+WIDTH, HEIGHT = 1280, 1000
 
 
 def save(png: bytes, path: pathlib.Path):
-    """Writes a picture with at most 256 colours, because photos make a PNG file large."""
-    Image.open(io.BytesIO(png)).convert("RGB").quantize(256, dither=Image.Dither.NONE).save(path, optimize=True)
+    """Writes a picture; with 256 colours if it is too large, because photos make a PNG file large."""
+    if len(png) <= MAX_BYTES:
+        path.write_bytes(png)
+        return
+    picture = Image.open(io.BytesIO(png)).convert("RGB")
+    picture.quantize(256, kmeans=8, dither=Image.Dither.NONE).save(path, optimize=True)
     if path.stat().st_size > MAX_BYTES:
         sys.exit(f"{path}: {path.stat().st_size} bytes, of at most {MAX_BYTES}")
 
@@ -26,14 +31,14 @@ def main():
     report_path, folder = map(pathlib.Path, sys.argv[1:])
     folder.mkdir(parents=True, exist_ok=True)
     with open_browsers() as start_browser:
-        report = start_browser().open(report_path, width=1280, height=860)
-        report.page.wait_for_timeout(2000)
-        save(report.page.screenshot(), folder / "report.png")
+        report = start_browser().open(report_path, width=WIDTH, height=HEIGHT)
         report.page.evaluate("name => { location.hash = `#query/${name}`; }", QUERY)
-        report.page.wait_for_timeout(2000)
-        page = report.page.locator(".query-page")
-        page.scroll_into_view_if_needed()
-        save(page.screenshot(), folder / "report_query.png")
+        report.page.evaluate("() => scrollTo(0, 0)")
+        report.page.wait_for_timeout(3000)
+        workspace = report.page.locator(".workspace").bounding_box()
+        height = workspace["y"] + workspace["height"] + 20
+        save(report.page.screenshot(clip={"x": 0, "y": 0, "width": WIDTH, "height": height}), folder / "report.png")
+        save(report.page.locator(".query-page").screenshot(), folder / "report_query.png")
         if report.problems:
             sys.exit("\n".join(report.problems))
 

@@ -14,6 +14,15 @@ from conftest import DATA_PATH
 from test_lazy_localizer_real_scenes import arguments_of, evaluated_names, true_poses
 
 MAX_ERRORS = 1e-6, 1e-5
+# The relative poses of a trajectory stay as they are.
+RIGID = (
+    "--LazyLocalizer.Advanced.rig_noise_px",
+    0,
+    "--LazyLocalizer.Advanced.database_pose_stddev_deg",
+    0,
+    "--LazyLocalizer.Advanced.database_pose_stddev_length",
+    0,
+)
 
 
 def write(path, text):
@@ -96,6 +105,8 @@ def test_trajectory_in_a_frame_of_its_own(localize, exact, noisy, tmp_path, form
     run = localize(*noisy.arguments, "--query_trajectory_path", path)
     run.assert_localized(scene, names, 0.02, 0.1)
     assert run.stderr == ""
+    run = localize(*noisy.arguments, "--query_trajectory_path", path, *RIGID)
+    run.assert_localized(scene, names, 0.02, 0.1)
     for name in names:  # the relative poses are those of the trajectory
         relative = run.poses[name].rotation @ run.poses[names[0]].rotation.T
         true_relative = scene.images[name].pose.rotation @ scene.images[names[0]].pose.rotation.T
@@ -147,9 +158,8 @@ def test_photos_of_a_trajectory_one_of_which_is_missing(localize, photos, tmp_pa
     poses[names[-1]] = poses[names[0]]
     path = tmp_path / "trajectory.txt"
     write_poses(path, poses)
-    run = localize(
-        *photos.arguments(photos.write_queries(tmp_path / "queries.txt", names)), "--query_trajectory_path", path
-    )
+    queries = photos.write_queries(tmp_path / "queries.txt", names)
+    run = localize(*photos.arguments(queries), "--query_trajectory_path", path, *RIGID)
     photos.assert_localized(run)
     assert run.statuses[names[-1]] == "UNREADABLE_IMAGE"
     relative, true_relative = (

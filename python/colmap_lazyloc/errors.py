@@ -6,7 +6,7 @@ import sys
 EXIT_INTERRUPTED = 130
 
 
-class InputError(Exception):
+class InputError(ValueError):
     """Raised for a file or an option that cannot be used; the message is one line that names it."""
 
 

@@ -147,15 +147,15 @@ def parse_arguments(arguments):
     )
     parser.add_argument(
         "--thresholds",
-        type=_threshold,
         nargs="+",
-        default=DEFAULT_THRESHOLDS,
         metavar="POSITION,DEG",
         help="position and rotation thresholds of the recall; default: 0.25,2 0.5,5 5,10",
     )
     parser.add_argument("--per_query", action="store_true", help="also print the errors of each query")
     parser.add_argument("--json", type=pathlib.Path, help="also write the results to this file")
-    return parser.parse_args(arguments)
+    options = parser.parse_args(arguments)
+    options.thresholds = [_threshold(text) for text in options.thresholds] if options.thresholds else DEFAULT_THRESHOLDS
+    return options
 
 
 @command

@@ -16,6 +16,7 @@ import numpy as np
 import pycolmap
 
 from colmap_lazyloc.errors import InputError, command
+from colmap_lazyloc.hloc_files import find_matches, read_keypoints
 from colmap_lazyloc.model import Camera, Image, read_model
 from colmap_lazyloc.pairs import read_pairs
 from colmap_lazyloc.pycolmap_types import write_images
@@ -30,25 +31,6 @@ def read_cameras(model_path, query_list_path) -> tuple[dict[int, Camera], dict[s
         camera_ids[name] = max(cameras, default=0) + 1
         cameras[camera_ids[name]] = camera
     return cameras, camera_ids
-
-
-def read_keypoints(features, name):
-    """Returns the keypoints, n x 2, in COLMAP's convention: the centre of the upper-left pixel is at 0.5, 0.5."""
-    if name not in features:
-        raise InputError(f"{features.filename}: has no image {name}")
-    return np.asarray(features[name]["keypoints"], np.float32)[:, :2] + np.float32(0.5)
-
-
-def find_matches(matches, name1, name2):
-    """Returns the matches as keypoint indices, m x 2; None if the pair is stored under none of hloc's names."""
-    for first, second, columns in ((name1, name2, (0, 1)), (name2, name1, (1, 0))):
-        for separator in ("/", "_"):
-            key = separator.join(name.replace("/", "-") for name in (first, second))
-            if key in matches:
-                matched_points = np.asarray(matches[key]["matches0"])
-                indices = np.flatnonzero(matched_points >= 0)
-                return np.column_stack([indices, matched_points[indices]])[:, columns].astype(np.uint32)
-    return None
 
 
 def write_database(path, cameras, camera_ids, keypoints, matches_of_pair):

@@ -30,14 +30,7 @@ class Pose:
     @property
     def rotation(self) -> np.ndarray:
         """Returns the 3x3 rotation matrix, cam_from_world."""
-        w, x, y, z = self.qvec / np.linalg.norm(self.qvec)
-        return np.array(
-            [
-                [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-                [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-                [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-            ]
-        )
+        return rotation_matrices((self.qvec / np.linalg.norm(self.qvec))[None])[0]
 
     @property
     def cam_in_world(self) -> np.ndarray:
@@ -64,6 +57,17 @@ class Pose:
     def text(self) -> str:
         """Returns `qw qx qy qz tx ty tz`, from which the same numbers are read again."""
         return " ".join(f"{number:.17g}" for number in (*self.qvec, *self.tvec))
+
+
+def rotation_matrices(qvecs: np.ndarray) -> np.ndarray:
+    """Returns the rotations, n x 3 x 3, of unit quaternions, n x 4."""
+    w, x, y, z = qvecs.T
+    rows = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+    ]
+    return np.moveaxis(np.array(rows), 2, 0)
 
 
 def look_at(cam_in_world, target, down, roll_deg: float = 0.0) -> np.ndarray:

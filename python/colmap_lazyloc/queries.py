@@ -13,11 +13,10 @@ def read_queries(path) -> dict[str, Camera | None]:
     """Reads the queries' cameras by name; None for a line that holds only a name, which may have blanks."""
     queries = {}
     for line_number, line in read_entries(path):
-        match = _WITH_CAMERA.fullmatch(line)
-        name = match.group(1) if match else line
+        name, camera = _name_and_camera(line)
         if name in queries:
             raise InputError(f"{path}:{line_number}: query '{name}' is listed twice")
-        queries[name] = Camera.parse(f"{path}:{line_number}", match.group(2)) if match else None
+        queries[name] = Camera.parse(f"{path}:{line_number}", camera) if camera else None
     if not queries:
         raise InputError(f"{path}: lists no query")
     return queries
@@ -25,11 +24,7 @@ def read_queries(path) -> dict[str, Camera | None]:
 
 def read_query_lines(path) -> dict[str, str]:
     """Reads the queries' lines by name, in the order of the file."""
-    lines = {}
-    for _, line in read_entries(path):
-        match = _WITH_CAMERA.fullmatch(line)
-        lines[match.group(1) if match else line] = line
-    return lines
+    return {_name_and_camera(line)[0]: line for _, line in read_entries(path)}
 
 
 def read_query_cameras(path) -> dict[str, Camera]:
@@ -39,3 +34,9 @@ def read_query_cameras(path) -> dict[str, Camera]:
         if camera is None:
             raise InputError(f"{path}: expected `name MODEL width height params...`, found '{name}'")
     return queries
+
+
+def _name_and_camera(line: str) -> tuple[str, str | None]:
+    """Returns the name of a line, and the text of its camera if it has one."""
+    match = _WITH_CAMERA.fullmatch(line)
+    return (match.group(1), match.group(2)) if match else (line, None)

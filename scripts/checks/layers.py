@@ -27,6 +27,7 @@ MAY_INCLUDE = {
     "pipeline": TYPES | STAGES | {"bridge", "ablation"},
     "io": TYPES | {"files", "bridge", "database", "matching"},
     "cli": TYPES | {"files", "bridge", "database", "matching", "pipeline", "io"},
+    "python": TYPES | {"bridge", "pipeline", "io", "cli", "database"},  # the extension module of the Python package
     "testing": TYPES | {"bridge", "database", "refinement"},
 }
 # Only bridge/ may include COLMAP, because differences between its versions must stay in one place.

@@ -3,7 +3,7 @@
 import numpy as np
 
 from colmap_lazyloc.model import Camera
-from colmap_lazyloc.poses import Pose
+from colmap_lazyloc.poses import Pose, rotation_matrices
 
 MAX_HALF_FIELD_RAD = 1.1  # a wider image is drawn as if it ended here, because its border would be far away or behind
 
@@ -19,17 +19,6 @@ def stack_poses(poses: list[Pose | None]) -> tuple[np.ndarray, np.ndarray]:
 def normalized(vectors: np.ndarray) -> np.ndarray:
     """Returns the rows at unit length."""
     return vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
-
-
-def rotation_matrices(qvecs: np.ndarray) -> np.ndarray:
-    """Returns the rotations, n x 3 x 3, of unit quaternions, n x 4."""
-    w, x, y, z = qvecs.T
-    rows = [
-        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-    ]
-    return np.moveaxis(np.array(rows), 2, 0)
 
 
 def centres(qvecs: np.ndarray, tvecs: np.ndarray) -> np.ndarray:

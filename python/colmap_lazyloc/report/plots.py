@@ -7,7 +7,6 @@ import numpy as np
 
 from colmap_lazyloc.errors import InputError
 from colmap_lazyloc.report.run import Run
-from colmap_lazyloc.report.table import errors
 
 FORMATS = ("png", "svg")
 
@@ -21,12 +20,11 @@ def plot_files(run: Run) -> dict[str, bytes]:
         raise InputError("--plots: needs matplotlib, which is not installed here") from None
     matplotlib.rcParams.update({"svg.hashsalt": "report", "savefig.dpi": 150, "figure.constrained_layout.use": True})
     files = {}
-    position_errors, rotation_errors_deg = errors(run)
-    stddevs = np.array([(result.get("position_stddevs") or [np.nan])[0] for result in run.queries])
+    position_errors, rotation_errors_deg = run.errors
     distributions = {
         "position_error": ("position error", "m", position_errors),
         "rotation_error": ("rotation error", "°", rotation_errors_deg),
-        "position_stddev": ("standard deviation of the position", "m", stddevs),
+        "position_stddev": ("standard deviation of the position", "m", run.position_stddevs),
     }
     for name, distribution in distributions.items():
         if np.isfinite(distribution[2]).any():

@@ -12,6 +12,7 @@ from colmap_lazyloc.errors import InputError
 from colmap_lazyloc.model import Image, Model, read_model
 from colmap_lazyloc.points import Points, read_points
 from colmap_lazyloc.poses import Pose
+from colmap_lazyloc.report.geometry import pose_errors, stack_poses
 from colmap_lazyloc.report.options_file import RunOptions, read_options
 from colmap_lazyloc.report.progress import progress
 from colmap_lazyloc.report.result_check import check_result
@@ -47,6 +48,21 @@ class Run:
         return [unconfirmed_pose_of(result) for result in self.queries]
 
     @functools.cached_property
+    def position_stddevs(self) -> np.ndarray:
+        """Returns the queries' standard deviations of position along the least certain axis; NaN if unknown."""
+        return np.array([(result.get("position_stddevs") or [np.nan])[0] for result in self.queries], float)
+
+    @functools.cached_property
+    def errors(self) -> tuple[np.ndarray, np.ndarray]:
+        """Returns the queries' errors of position, and of rotation in degrees; NaN if unknown."""
+        if self.truth:
+            truth = [self.truth.get(name) for name in self.names]
+            return pose_errors(*stack_poses(self.poses), *stack_poses(truth))
+        listed = {pose["name"]: pose for pose in (self.leave_one_out or {"poses": []})["poses"]}
+        poses = [listed.get(name, {}) for name in self.names]
+        return numbers(poses, "position_error"), numbers(poses, "rotation_error_deg")
+
+    @functools.cached_property
     def database_images(self) -> list[Image]:
         """Returns the database images by name."""
         return [image for _, image in sorted(self.database.images.items())]
@@ -61,6 +77,11 @@ class Run:
         """Returns when the run was written, ISO 8601."""
         seconds = (self.path / "results.jsonl").stat().st_mtime
         return datetime.datetime.fromtimestamp(seconds).astimezone().isoformat(timespec="seconds")
+
+
+def numbers(items: list[dict], field: str) -> np.ndarray:
+    """Returns a field of all items; NaN where it is null or missing."""
+    return np.array([np.nan if item.get(field) is None else item[field] for item in items], float)
 
 
 def read_run(path: pathlib.Path, truth: dict[str, Pose] | None = None) -> Run:

@@ -3,7 +3,7 @@
 import collections
 
 from colmap_lazyloc.report.run import Run
-from colmap_lazyloc.report.table import errors, status_names
+from colmap_lazyloc.report.table import status_names
 
 
 def summary_chunk(run: Run, num_shown: dict[str, int], warnings: list[dict], notes: list[str]) -> dict:
@@ -20,9 +20,8 @@ def summary_chunk(run: Run, num_shown: dict[str, int], warnings: list[dict], not
         "numQueries": len(run.queries),
         "numDatabaseImages": len(run.database_images),
         "numPoints": len(run.points),
-        "hasTruth": bool((errors(run)[0] >= 0).any()),
+        "hasTruth": bool((run.errors[0] >= 0).any()),
         "isLeaveOneOut": run.leave_one_out is not None,
-        "hasScale": True,
         "unit": "m",
         "minConfidence": float(run.options.values.get("LazyLocalizer.min_confidence", 0)),
         "statuses": [{"name": name, "count": counts[name]} for name in status_names(run)],

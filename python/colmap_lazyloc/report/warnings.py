@@ -4,7 +4,6 @@ import numpy as np
 
 from colmap_lazyloc.report.facts import format_length
 from colmap_lazyloc.report.run import Run
-from colmap_lazyloc.report.table import errors
 
 MAX_NUM_ITEMS = 20
 MIN_NUM_USES = 2  # queries that judge a database image
@@ -37,14 +36,12 @@ def _item(name: str, query: int, text: str) -> dict:
 
 def _wrong(run: Run):
     """Finds localized queries whose true pose says that they are wrong."""
+    position_errors, _ = run.errors
     if run.leave_one_out is not None:
         is_wrong = {pose["name"] for pose in run.leave_one_out["poses"] if pose["is_accepted"] and pose["is_wrong"]}
     else:
-        position_errors, _ = errors(run)
-        stddevs = np.array([(result.get("position_stddevs") or [np.inf])[0] for result in run.queries])
-        wrong = np.flatnonzero(position_errors > MAX_ERROR_SIGMA * stddevs)
+        wrong = np.flatnonzero(position_errors > MAX_ERROR_SIGMA * run.position_stddevs)
         is_wrong = {run.names[i] for i in wrong if run.queries[i]["status"] == "LOCALIZED"}
-    position_errors, _ = errors(run)
     items = [
         _item(
             name,

@@ -27,8 +27,7 @@ export interface Summary {
   numPoints: number; // in the run; the scene may show fewer
   hasTruth: boolean;
   isLeaveOneOut: boolean;
-  hasScale: boolean; // lengths are metres by convention; shown with this unit
-  unit: string; // "m"
+  unit: string; // of lengths, which are metres by convention: "m"
   minConfidence: number;
   statuses: { name: string; count: number }[]; // those that occur; indices of Queries.status
   inputs: { option: string; value: string }[]; // paths

@@ -45,6 +45,22 @@ std::optional<PhotoFile> PhotoFile::Read(const std::filesystem::path& path) {
   return file;
 }
 
+PhotoFile PhotoFile::FromPixels(const uint8_t* values, int width, int height, int num_channels) {
+  const bool is_rgb = num_channels == 3;
+  colmap::Bitmap bitmap = AllocateBitmap(width, height, is_rgb);
+  for (int y = 0; y < height; ++y) {
+    for (int x = 0; x < width; ++x, values += num_channels) {
+      using Color = colmap::BitmapColor<uint8_t>;
+      bitmap.SetPixel(x, y, is_rgb ? Color(values[0], values[1], values[2]) : Color(values[0]));
+    }
+  }
+  PhotoFile file;
+  file.properties_.width = static_cast<uint64_t>(width);
+  file.properties_.height = static_cast<uint64_t>(height);
+  file.pixels_ = std::make_shared<const colmap::Bitmap>(is_rgb ? bitmap.CloneAsGrey() : std::move(bitmap));
+  return file;
+}
+
 Features PhotoFile::ExtractFeatures(const SiftExtractionOptions& options) const {
   colmap::Bitmap bitmap(*pixels_);
   ScaleDown(options.max_image_size, &bitmap);

@@ -36,11 +36,14 @@ struct PhotoProperties {
   std::string exif_camera;  // make and model; empty if unknown
 };
 
-// An image file in memory.
+// An image file in memory. A copy shares the pixels.
 class PhotoFile {
  public:
   // Returns nullopt if COLMAP cannot read the file as an image.
   static std::optional<PhotoFile> Read(const std::filesystem::path& path);
+  // Makes the file that COLMAP would read from a lossless image without EXIF. values: rows of pixels, of one (grey) or
+  // three (RGB) values each.
+  static PhotoFile FromPixels(const uint8_t* values, int width, int height, int num_channels);
 
   const PhotoProperties& Properties() const { return properties_; }
   // Extracts features like COLMAP's feature_extractor, with keypoints in pixels of the file. Returns none if the image

@@ -6,4 +6,6 @@ namespace lazyloc {
 
 void InitializeLogging(char** argv) { colmap::InitializeGlog(argv); }
 
+void SilenceLogging() { FLAGS_minloglevel = google::GLOG_FATAL; }
+
 }  // namespace lazyloc

@@ -15,6 +15,9 @@ namespace lazyloc {
 bool ExtractSift(const colmap::Bitmap& bitmap, const SiftExtractionOptions& options,
                  colmap::FeatureKeypoints* keypoints, Descriptors* descriptors);
 
+// Returns a black bitmap.
+colmap::Bitmap AllocateBitmap(int width, int height, bool as_rgb);
+
 // Returns the focal length of EXIF in pixels, nullopt if EXIF has no positive one.
 std::optional<double> ExifFocalLengthPx(const colmap::Bitmap& bitmap);
 // Returns COLMAP's name of the camera in EXIF; empty if EXIF lacks the make, the model or the focal length.

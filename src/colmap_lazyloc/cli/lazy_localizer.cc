@@ -4,6 +4,7 @@
 #include <csignal>
 #include <cstdlib>
 #include <iostream>
+#include <memory>
 
 #include "colmap_lazyloc/cli/options.h"
 #include "colmap_lazyloc/cli/progress.h"
@@ -56,9 +57,8 @@ void WarnOfIntrinsics(const std::vector<QueryRecord>& records) {
 
 int Run(const CommandOptions& options) {
   ResultWriter writer(options.output_path);
-  const RelativePoseOptions& relative_pose = options.localizer.relative_pose;
-  const QuerySource source(options.source, {relative_pose.min_num_inliers, relative_pose.max_two_view_error_px},
-                           options.localizer.seed, options.num_threads);
+  const std::unique_ptr<const QuerySource> source_of_options = MakeQuerySource(options);
+  const QuerySource& source = *source_of_options;
   for (const std::string& warning : source.Warnings()) PrintWarning(warning);
   KeepFreedMemory();
   interrupted = 0;

@@ -37,7 +37,7 @@ void ForEachMethodOption(Options& o, const Add& add) {
   add("LazyLocalizer.Advanced.max_num_start_tracks", &o.max_num_start_tracks,
       "Maximum number of tracks for the start pose and in all rounds but the last");
   add("LazyLocalizer.Advanced.rig_noise_px", &o.rig_noise_px,
-      "Expected error of a rig's calibration, as displacement of keypoints. 0: exact");
+      "Expected error of the relative poses of a rig or trajectory, as displacement of keypoints. 0: exact");
   add("LazyLocalizer.Advanced.database_pose_stddev_deg", &o.database_pose_stddev_deg,
       "Standard deviation of the database images' rotations in degrees; 0 for both deviations keeps the poses constant, "
       "-1 for both estimates their errors for each query");

@@ -111,15 +111,26 @@ InputError OptionError(Options& options, const std::string& message) {
   return InputError("option --" + option + message.substr(field.size()));
 }
 
-void CheckOptions(CommandOptions* options) {
-  CheckRequired({{"database_path", &options->source.database_path},
-                 {"input_path", &options->source.input_path},
-                 {"output_path", &options->output_path}});
+// True if the option is for the output of colmap lazy_localizer.
+bool IsForOutput(const std::string& name) {
+  return name == "output_path" || name == "strict" || name == "LazyLocalizer.Advanced.matches_output_path";
+}
+
+void CheckValues(CommandOptions* options) {
   std::string error;
   if (options->num_threads < 1 && options->num_threads != -1) error = "num_threads must be >= 1, or -1";
   if (!error.empty() || !options->source.Check(&error) || !options->localizer.Check(&error)) {
     throw OptionError(*options, error);
   }
+}
+
+void CheckOptions(CommandOptions* options) {
+  CheckRequired({{"database_path", &options->source.database_path},
+                 {"input_path", &options->source.input_path},
+                 {"output_path", &options->output_path}});
+  std::string error;
+  if (!options->source.photos.CheckImagePath(&error)) throw OptionError(*options, error);
+  CheckValues(options);
 }
 
 void CheckOptions(IndexerOptions* options) {
@@ -188,6 +199,28 @@ bool ParseCommandLine(int argc, char** argv, IndexerOptions* options) {
                        "colmap lazy_indexer: makes or updates the index that colmap lazy_localizer finds the database "
                        "images with that look like a photo.",
                        options);
+}
+
+std::vector<OptionDescription> ListSettings() {
+  std::vector<OptionDescription> settings;
+  CommandOptions defaults;
+  ForEachOption(defaults, [&](const std::string& name, const auto* value, const char* help) {
+    if (!IsForOutput(name)) settings.push_back({name, AsText(*value), help});
+  });
+  return settings;
+}
+
+void ParseSettings(const std::vector<std::pair<std::string, std::string>>& settings, CommandOptions* options) {
+  std::vector<std::string> words = {"lazy_localizer"};
+  for (const auto& [name, value] : settings) words.push_back("--" + name + "=" + value);
+  std::vector<char*> argv;
+  for (std::string& word : words) argv.push_back(word.data());
+  std::string project_path;
+  if (!Parse(static_cast<int>(argv.size()), argv.data(), "colmap lazy_localizer",
+             Describe("", options, &project_path))) {
+    throw InputError("help is not a setting");
+  }
+  CheckValues(options);
 }
 
 std::string OptionsAsIni(const CommandOptions& options) {

@@ -1,6 +1,8 @@
 #pragma once
 
 #include <string>
+#include <utility>
+#include <vector>
 
 #include "colmap_lazyloc/io/query_source.h"
 #include "colmap_lazyloc/pipeline/options.h"
@@ -28,6 +30,17 @@ struct IndexerOptions {
 // missing or has an impossible value.
 bool ParseCommandLine(int argc, char** argv, CommandOptions* options);
 bool ParseCommandLine(int argc, char** argv, IndexerOptions* options);
+
+// An option as the help shows it.
+struct OptionDescription {
+  std::string name, default_text, help;
+};
+
+// Returns the options that say how queries are localized: those of colmap lazy_localizer without the ones for its
+// output. A program that localizes by itself takes them by ParseSettings.
+std::vector<OptionDescription> ListSettings();
+// Parses options by name and text like the command line. Throws InputError like ParseCommandLine, but requires none.
+void ParseSettings(const std::vector<std::pair<std::string, std::string>>& settings, CommandOptions* options);
 
 // Returns all options in COLMAP's .ini format, which --project_path reads. A comment before them names those that
 // differ from their defaults.

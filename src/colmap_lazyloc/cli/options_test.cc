@@ -129,6 +129,22 @@ TEST_F(OptionsTest, ErrorsHaveTheFullNameOfTheOption) {
   ExpectError({"--database_path", ""}, "database_path");
 }
 
+TEST_F(OptionsTest, SettingsAreThoseOfTheCommandLineWithoutItsOutput) {
+  CommandOptions options;
+  ParseSettings({{"LazyLocalizer.num_retrieved", "7"}, {"retrieval_index_path", "a=b c.index"}}, &options);
+  EXPECT_EQ(options.source.num_retrieved, 7);
+  EXPECT_EQ(options.source.photos.retrieval_index_path, "a=b c.index") << "needs no image_path";
+  EXPECT_THAT(
+      [&] {
+        ParseSettings({{"LazyLocalizer.num_retrieved", "0"}}, &options);
+      },
+      ThrowsMessage<InputError>(HasSubstr("option --LazyLocalizer.num_retrieved must be >= 1, but is 0")));
+  std::set<std::string> names;
+  for (const OptionDescription& setting : ListSettings()) names.insert(setting.name);
+  EXPECT_EQ(names.count("LazyLocalizer.num_retrieved"), 1u);
+  EXPECT_EQ(names.count("output_path"), 0u);
+}
+
 TEST_F(OptionsTest, HelpHasTwoLevels) {
   const std::set<std::string> basic = OptionNames(Help("-h")), all = OptionNames(Help("--help-all"));
   EXPECT_LE(basic.size(), kMaxNumBasicOptions);

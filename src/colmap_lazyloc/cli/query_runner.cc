@@ -10,6 +10,20 @@
 
 namespace lazyloc {
 
+std::unique_ptr<QuerySource> MakeQuerySource(const CommandOptions& options, std::optional<Model> model) {
+  const RelativePoseOptions& relative_pose = options.localizer.relative_pose;
+  const TwoViewGeometryOptions verification = {relative_pose.min_num_inliers, relative_pose.max_two_view_error_px};
+  const int seed = options.localizer.seed;
+  if (!model) return std::make_unique<QuerySource>(options.source, verification, seed, options.num_threads);
+  return std::make_unique<QuerySource>(options.source, *std::move(model), verification, seed, options.num_threads);
+}
+
+std::vector<QueryRecord> LocalizeLoaded(LoadedGroup loaded, const LocalizerOptions& options) {
+  std::vector<LocalizationResult> results;
+  if (!loaded.group.images.empty()) results = LocalizeGroup(loaded.group, options);
+  return FinishRecords(std::move(loaded), std::move(results));
+}
+
 std::vector<QueryRecord> RunQueries(const QuerySource& source, const LocalizerOptions& options, int num_threads,
                                     const std::function<void(const QueryRecord&)>& report,
                                     const std::function<bool()>& should_stop) {
@@ -21,10 +35,7 @@ std::vector<QueryRecord> RunQueries(const QuerySource& source, const LocalizerOp
   const auto make_task = [&]() -> IndexedTask {
     return [&, session = std::make_shared<QuerySource::Session>(source, &idle_threads)](size_t group) {
       if (should_stop()) return;
-      LoadedGroup loaded = source.Load(group, session.get());
-      std::vector<LocalizationResult> results;
-      if (!loaded.group.images.empty()) results = LocalizeGroup(loaded.group, localizer);
-      records[group] = FinishRecords(std::move(loaded), std::move(results));
+      records[group] = LocalizeLoaded(source.Load(group, session.get()), localizer);
       const std::lock_guard<std::mutex> lock(report_mutex);
       for (const QueryRecord& record : records[group]) report(record);
     };

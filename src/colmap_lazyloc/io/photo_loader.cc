@@ -63,22 +63,26 @@ std::nullopt_t Refuse(QueryStatus status, const std::string& reason, Localizatio
 
 }  // namespace
 
-bool PhotoOptions::Check(std::string* error) const {
-  if (image_path.empty()) {
-    for (const auto& [name, value] :
-         {std::pair{"retrieval_index_path", &retrieval_index_path}, std::pair{"query_prior_path", &query_prior_path},
-          std::pair{"matches_output_path", &matches_output_path}}) {
-      if (value->empty()) continue;
-      *error = std::string(name) + " needs --image_path, because it is for photos";
-      return false;
-    }
+bool PhotoOptions::CheckImagePath(std::string* error) const {
+  if (!image_path.empty()) return true;
+  for (const auto& [name, value] :
+       {std::pair{"retrieval_index_path", &retrieval_index_path}, std::pair{"query_prior_path", &query_prior_path},
+        std::pair{"matches_output_path", &matches_output_path}}) {
+    if (value->empty()) continue;
+    *error = std::string(name) + " needs --image_path, because it is for photos";
+    return false;
   }
+  return true;
+}
+
+bool PhotoOptions::Check(std::string* error) const {
   return matching.Check(error) && matching.extraction.Check(error) && matching.matching.Check(error) &&
          retrieval.Check(error);
 }
 
 PhotoLoader::PhotoLoader(const DatabaseReader& database, const QuerySelection& selection, const PhotoOptions& options,
-                         int num_retrieved, const PairMatchingOptions& pair_options, int num_threads)
+                         int num_retrieved, const PairMatchingOptions& pair_options, int num_threads,
+                         bool has_more_photos)
     : selection_(selection),
       options_(options),
       num_retrieved_(static_cast<size_t>(num_retrieved)),
@@ -102,7 +106,8 @@ PhotoLoader::PhotoLoader(const DatabaseReader& database, const QuerySelection& s
     throw InputError(database.Path().string() +
                      ": no posed image has descriptors to match photos with (run COLMAP's feature_extractor)");
   }
-  const bool needs_index = std::any_of(selection.Photos().begin(), selection.Photos().end(),
+  const bool needs_index = (has_more_photos && NeedsRetrieval({})) ||
+                           std::any_of(selection.Photos().begin(), selection.Photos().end(),
                                        [this](const auto& photo) { return NeedsRetrieval(photo.second); });
   if (needs_index) {
     index_ = std::make_unique<RetrievalIndex>(options.retrieval_index_path, database, options.retrieval,
@@ -166,9 +171,10 @@ PhotoLoader::DatabaseFeatures PhotoLoader::LoadPairs(const Candidates& candidate
 
 std::optional<LocalizationProblem> PhotoLoader::Load(const PhotoQuery& photo, const FeatureReader& features,
                                                      IdleThreads* idle_threads, QueryRecord* record) const {
-  const std::filesystem::path path = std::filesystem::path(options_.image_path) / photo.name;
-  std::optional<PhotoFile> file;
-  Measure("extraction", record, [&] { file = PhotoFile::Read(path); });
+  const std::filesystem::path path =
+      std::filesystem::path(options_.image_path) / (photo.path.empty() ? photo.name : photo.path);
+  std::optional<PhotoFile> file = photo.file;
+  Measure("extraction", record, [&] { file = file ? file : PhotoFile::Read(path); });
   if (!file) {
     return Refuse(QueryStatus::UNREADABLE_IMAGE, path.string() + " does not exist or is not a readable image",
                   &record->result);

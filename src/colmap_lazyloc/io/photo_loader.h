@@ -32,6 +32,8 @@ struct PhotoOptions {
   RetrievalOptions retrieval;
 
   bool Check(std::string* error) const;
+  // Returns false if files for photos are named although image_path is empty.
+  bool CheckImagePath(std::string* error) const;
 };
 
 // Makes the localization problem of a photo in memory: extracts features, chooses database images, matches and
@@ -39,10 +41,11 @@ struct PhotoOptions {
 class PhotoLoader {
  public:
   // num_retrieved: database images per photo, if they are retrieved. num_threads: for making the retrieval index, which
-  // happens here if a photo needs it. The selection must outlive this. Throws InputError for files that cannot be used,
-  // and if no posed image has descriptors.
+  // happens here if a photo needs it. has_more_photos: photos that the selection does not know may follow. The
+  // selection must outlive this. Throws InputError for files that cannot be used, and if no posed image has
+  // descriptors.
   PhotoLoader(const DatabaseReader& database, const QuerySelection& selection, const PhotoOptions& options,
-              int num_retrieved, const PairMatchingOptions& pair_options, int num_threads);
+              int num_retrieved, const PairMatchingOptions& pair_options, int num_threads, bool has_more_photos);
 
   // Adds keypoints and times to the record. Returns nullopt, with status and reason in the record, if the photo cannot
   // be used. Throws InputError for damaged data. Thread-safe with one reader per thread; the result depends only on the

@@ -101,7 +101,7 @@ std::string CountWithExample(const std::vector<std::string>& names) {
 
 std::string ItOrThem(const std::vector<std::string>& names) { return names.size() == 1 ? "it" : "them"; }
 
-FramePlaces FindFrames(const std::vector<std::string>& image_names, const DatabaseReader& database, const Model& model,
+FramePlaces FindFrames(const std::vector<std::string>& image_names, const DatabaseReader* database, const Model& model,
                        const QueryGroupsOptions& options, std::vector<std::string>* images_without_pose) {
   if (!options.use_rigs) return {};
   if (!options.rig_config_path.empty()) return FramesFromConfig(image_names, options.rig_config_path);
@@ -125,7 +125,6 @@ QueryGroups GroupByTrajectory(const std::vector<std::string>& query_names, const
   }
   const QueryFrames frames = MakeFrames(on_trajectory, {});
   QueryGroups result = GroupFrames(frames, options, options.group_size > 1 ? options.group_size : frames.size());
-  result.is_trajectory = true;
   result.has_rig_scale = options.trajectory_has_scale;
   result.groups = JoinByTrajectory(result.groups, trajectory);
   for (const QueryFrame& frame : MakeFrames(elsewhere, {})) result.groups.push_back({frame});
@@ -147,7 +146,7 @@ QueryGroups GroupQueries(const std::vector<std::string>& query_names, const Data
                          const Model& model, const QueryGroupsOptions& options) {
   if (!options.trajectory_path.empty()) return GroupByTrajectory(query_names, options);
   std::vector<std::string> images_without_pose;
-  const FramePlaces places = FindFrames(query_names, database, model, options, &images_without_pose);
+  const FramePlaces places = FindFrames(query_names, &database, model, options, &images_without_pose);
   if (options.use_rigs && !options.rig_config_path.empty() && places.empty()) {
     throw InputError(options.rig_config_path + ": no query matches the image_prefix of a camera");
   }
@@ -160,7 +159,7 @@ QueryGroups GroupQueries(const std::vector<std::string>& query_names, const Data
   return result;
 }
 
-FramePlaces DatabaseFramePlaces(const Model& model, const DatabaseReader& database, const QueryGroupsOptions& options) {
+FramePlaces DatabaseFramePlaces(const Model& model, const DatabaseReader* database, const QueryGroupsOptions& options) {
   std::vector<std::string> image_names, ignored;
   for (const ModelImage& image : model.images) image_names.push_back(image.name);
   return SharedFrames(FindFrames(image_names, database, model, options, &ignored));

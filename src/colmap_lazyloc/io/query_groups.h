@@ -35,7 +35,6 @@ using QueryFrames = std::vector<QueryFrame>;
 
 struct QueryGroups {
   std::vector<QueryFrames> groups;  // each query is in one of them
-  bool is_trajectory = false;       // true if the frames are pieces of a trajectory
   bool has_rig_scale = true;        // false if the unit of cam_from_rig is unknown
   std::string warning;              // one line about queries without a place in a rig or trajectory; may be empty
 };
@@ -52,7 +51,7 @@ struct QueryGroups {
 QueryGroups GroupQueries(const std::vector<std::string>& query_names, const DatabaseReader& database,
                          const Model& model, const QueryGroupsOptions& options);
 
-// Returns the rig frames (as in step 1) that hold two or more of the model's images.
-FramePlaces DatabaseFramePlaces(const Model& model, const DatabaseReader& database, const QueryGroupsOptions& options);
+// Returns the rig frames (as in step 1) that hold two or more of the model's images. database: null if there is none.
+FramePlaces DatabaseFramePlaces(const Model& model, const DatabaseReader* database, const QueryGroupsOptions& options);
 
 }  // namespace lazyloc

@@ -29,7 +29,7 @@ QuerySelection::QuerySelection(const DatabaseReader& database, Model model, cons
     database_images_.emplace(std::move(name), std::move(image));
   }
   const std::vector<std::string> query_names = AddQueries(database);
-  GroupAll(query_names, database);
+  if (!query_names.empty()) GroupAll(query_names, database);
   if (!options_.leave_one_out) {
     const auto is_query = [this](const ModelImage& image) { return IsQuery(image.name); };
     model_.images.erase(std::remove_if(model_.images.begin(), model_.images.end(), is_query), model_.images.end());
@@ -38,7 +38,7 @@ QuerySelection::QuerySelection(const DatabaseReader& database, Model model, cons
     if (const DatabaseImage* stored = FindInDatabase(image.name))
       posed_of_database_id_.emplace(stored->image_id, &image);
   }
-  frame_of_database_image_ = DatabaseFramePlaces(model_, database, options_.groups);
+  frame_of_database_image_ = DatabaseFramePlaces(model_, &database, options_.groups);
   if (!options_.pairs_path.empty()) ReadPairsFile(query_names);
 }
 
@@ -65,7 +65,7 @@ std::vector<std::string> QuerySelection::AddQueries(const DatabaseReader& databa
     }
     names.push_back(entry.name);
   }
-  if (names.empty()) {
+  if (names.empty() && !options_.has_more_queries) {
     throw InputError(database.Path().string() + ": " +
                      (options_.leave_one_out ? "no posed image of --input_path is in the database"
                                              : "every image has a pose in --input_path: nothing to localize (see "
@@ -130,7 +130,7 @@ void QuerySelection::GroupAll(const std::vector<std::string>& query_names, const
     for (const QueryFrame& frame : groups_.groups[group]) {
       for (const QueryFrame::Image& image : frame.images) {
         const auto query = stored_queries_.find(image.name);
-        if (query != stored_queries_.end()) query->second.group = group;
+        (query != stored_queries_.end() ? query->second.group : photos_.at(image.name).group) = group;
       }
     }
   }
@@ -147,6 +147,12 @@ void QuerySelection::ReadPairsFile(const std::vector<std::string>& query_names) 
     warnings_.push_back(options_.pairs_path + ": ignoring images that are not in the database: " +
                         std::to_string(pairs.unknown_names.size()) + ", for example " + *pairs.unknown_names.begin());
   }
+}
+
+std::optional<size_t> QuerySelection::FindGroup(const std::string& query_name) const {
+  if (const StoredQuery* query = FindStoredQuery(query_name)) return query->group;
+  const auto photo = photos_.find(query_name);
+  return photo == photos_.end() ? std::nullopt : std::make_optional(photo->second.group);
 }
 
 const StoredQuery* QuerySelection::FindStoredQuery(const std::string& name) const {
@@ -173,13 +179,13 @@ const std::vector<std::string>* QuerySelection::ListedPairs(const std::string& q
   return pairs == listed_pairs_.end() ? &kNone : &pairs->second;
 }
 
-ImagePair QuerySelection::MakePair(const ModelImage& database_image) const {
+ImagePair MakeDatabasePair(const ModelImage& database_image, const Model& model, const FramePlaces& frames) {
   ImagePair pair;
   pair.other_name = database_image.name;
-  pair.other_camera = model_.cameras.at(database_image.camera_id);
+  pair.other_camera = model.cameras.at(database_image.camera_id);
   pair.database_cam_from_world = database_image.cam_from_world;
-  const auto frame = frame_of_database_image_.find(database_image.name);
-  if (frame == frame_of_database_image_.end()) return pair;
+  const auto frame = frames.find(database_image.name);
+  if (frame == frames.end()) return pair;
   pair.database_frame_name = frame->second.frame_name;
   pair.database_cam_from_rig = frame->second.cam_from_rig;
   return pair;

@@ -6,6 +6,7 @@
 #include <unordered_map>
 #include <vector>
 
+#include "colmap_lazyloc/bridge/feature_extraction.h"
 #include "colmap_lazyloc/database/database_reader.h"
 #include "colmap_lazyloc/io/intrinsics_source.h"
 #include "colmap_lazyloc/io/query_files.h"
@@ -16,9 +17,10 @@
 namespace lazyloc {
 
 struct QuerySelectionOptions {
-  std::string query_list_path;  // empty: all images without a pose (with leave_one_out: with a pose)
-  std::string pairs_path;       // empty: the pairs that the database has matches for
-  bool leave_one_out = false;   // queries are posed images; each group is localized against all others
+  std::string query_list_path;    // empty: all images without a pose (with leave_one_out: with a pose)
+  std::string pairs_path;         // empty: the pairs that the database has matches for
+  bool leave_one_out = false;     // queries are posed images; each group is localized against all others
+  bool has_more_queries = false;  // queries that no file names may follow, so that there may be none
   QueryGroupsOptions groups;
 };
 
@@ -35,10 +37,16 @@ struct StoredQuery {
 // A query whose features are not in the database.
 struct PhotoQuery {
   std::string name;
+  std::string path;                                        // below the folder of the photos; empty: the name
+  std::optional<PhotoFile> file;                           // nullopt if the photo is to be read from `path`
   std::optional<Camera> camera;                            // nullopt if neither query list, model nor database has one
   IntrinsicsSource source = IntrinsicsSource::QUERY_LIST;  // of `camera`
   std::optional<std::vector<std::string>> pair_names;      // the other images in the pairs file, if there is a file
+  size_t group = 0;
 };
+
+// Returns a pair with a database image: name, camera, pose and frame, but no keypoints and matches.
+ImagePair MakeDatabasePair(const ModelImage& database_image, const Model& model, const FramePlaces& frames);
 
 // Decides once, before any query is loaded, which images are queries and which are database images, how the queries are
 // grouped, and which pairs a pairs file allows. Its memory grows only with the names and poses of the images.
@@ -51,22 +59,27 @@ class QuerySelection {
   // Returns the queries in groups, each of which is localized together.
   const std::vector<QueryFrames>& Groups() const { return groups_.groups; }
   bool HasRigScale() const { return groups_.has_rig_scale; }
-  bool HasTrajectory() const { return groups_.is_trajectory; }
   size_t NumQueries() const { return stored_queries_.size() + photos_.size(); }
   // Returns the photos among the queries, by name.
   const std::map<std::string, PhotoQuery>& Photos() const { return photos_; }
+  // Returns the index of the group that a query belongs to; nullopt if no query has this name.
+  std::optional<size_t> FindGroup(const std::string& query_name) const;
   // Returns null if the query is a photo.
   const StoredQuery* FindStoredQuery(const std::string& name) const;
   // Returns the posed images without the queries; with leave_one_out all posed images.
   const Model& DatabaseModel() const { return model_; }
+  // Returns the rig frames of the posed images that share their frame with another one.
+  const FramePlaces& DatabaseFrames() const { return frame_of_database_image_; }
   // Returns null if the database file does not hold an image of this name.
   const DatabaseImage* FindInDatabase(const std::string& name) const;
   // Returns the posed image with an id of the database; null if the image has no pose or is in the query's own group.
   const ModelImage* FindPosedImage(uint32_t image_id, const StoredQuery& query) const;
   // Returns the other images that the pairs file lists for a query; null without a pairs file.
   const std::vector<std::string>* ListedPairs(const std::string& query_name) const;
-  // Returns a pair with a database image: name, camera, pose and frame, but no keypoints and matches.
-  ImagePair MakePair(const ModelImage& database_image) const;
+  // Does the same as MakeDatabasePair for one of the posed images.
+  ImagePair MakePair(const ModelImage& database_image) const {
+    return MakeDatabasePair(database_image, model_, frame_of_database_image_);
+  }
   // Returns one line for each problem that does not end the run.
   const std::vector<std::string>& Warnings() const { return warnings_; }
 

@@ -16,43 +16,14 @@ bool SourceOptions::Check(std::string* error) const {
   return selection.groups.Check(error) && photos.Check(error);
 }
 
-QuerySource::QuerySource(const SourceOptions& options, const TwoViewGeometryOptions& verification, int seed,
-                         int num_threads)
-    : database_(options.database_path),
-      selection_(database_, ReadModel(options.input_path), options.selection, !options.photos.image_path.empty()),
-      pair_loader_(selection_, options.num_retrieved),
-      max_num_pairs_(options.selection.pairs_path.empty() ? options.num_retrieved : 0) {
-  if (selection_.Photos().empty()) return;
-  const PairMatchingOptions pair_options = {options.photos.matching.matching, verification, seed};
-  photo_loader_ = std::make_unique<PhotoLoader>(database_, selection_, options.photos, options.num_retrieved,
-                                                pair_options, num_threads);
-}
-
-QuerySource::Session::Session(const QuerySource& source, IdleThreads* idle_threads)
-    : database_(source.database_.Path()), idle_threads_(idle_threads) {
-  if (source.photo_loader_) features_ = std::make_unique<FeatureReader>(source.database_.Path());
-}
-
-std::optional<LocalizationProblem> QuerySource::LoadQuery(const std::string& name, Session* session,
-                                                          QueryRecord* record) const {
-  record->result.query_name = name;
-  if (const StoredQuery* query = selection_.FindStoredQuery(name)) {
-    const StageTimer timer("load", &record->seconds);
-    record->intrinsics_source = query->source;
-    return pair_loader_.Load(*query, session->database_);
-  }
-  return photo_loader_->Load(selection_.Photos().at(name), *session->features_, session->idle_threads_, record);
-}
-
-LoadedGroup QuerySource::Load(size_t group, Session* session) const {
+LoadedGroup LoadEach(const GroupInput& input, const LoadQueryFunction& load_query) {
   LoadedGroup loaded;
-  loaded.group.has_rig_scale = selection_.HasRigScale();
-  loaded.group.is_trajectory = selection_.HasTrajectory();
-  for (const QueryFrame& frame : selection_.Groups()[group]) {
+  loaded.group.has_rig_scale = input.has_rig_scale;
+  for (const GroupInput::Frame& frame : input.frames) {
     const int frame_index = static_cast<int>(loaded.group.frame_names.size());
-    for (const QueryFrame::Image& image : frame.images) {
+    for (const GroupInput::Image& image : frame.images) {
       QueryRecord record;
-      std::optional<LocalizationProblem> problem = LoadQuery(image.name, session, &record);
+      std::optional<LocalizationProblem> problem = load_query(image.query, &record);
       if (problem) {
         loaded.group.images.push_back({*std::move(problem), frame_index, image.cam_from_rig});
         loaded.records.push_back(std::move(record));
@@ -63,6 +34,73 @@ LoadedGroup QuerySource::Load(size_t group, Session* session) const {
     const bool has_images = !loaded.group.images.empty() && loaded.group.images.back().frame == frame_index;
     if (has_images) loaded.group.frame_names.push_back(frame.name);
   }
+  return loaded;
+}
+
+QuerySource::QuerySource(const SourceOptions& options, const TwoViewGeometryOptions& verification, int seed,
+                         int num_threads)
+    : QuerySource(options, ReadModel(options.input_path), verification, seed, num_threads) {}
+
+QuerySource::QuerySource(const SourceOptions& options, Model model, const TwoViewGeometryOptions& verification,
+                         int seed, int num_threads)
+    : options_(options),
+      pair_options_({options.photos.matching.matching, verification, seed}),
+      num_threads_(num_threads),
+      database_(options.database_path),
+      selection_(database_, std::move(model), options.selection, !options.photos.image_path.empty()),
+      pair_loader_(selection_, options.num_retrieved),
+      max_num_pairs_(options.selection.pairs_path.empty() ? options.num_retrieved : 0) {
+  if (!selection_.Photos().empty()) Photos();
+}
+
+const PhotoLoader& QuerySource::Photos() const {
+  std::call_once(photo_loader_is_made_, [this] {
+    photo_loader_ = std::make_unique<PhotoLoader>(database_, selection_, options_.photos, options_.num_retrieved,
+                                                  pair_options_, num_threads_, options_.selection.has_more_queries);
+  });
+  return *photo_loader_;
+}
+
+QuerySource::Session::Session(const QuerySource& source, IdleThreads* idle_threads)
+    : database_(source.database_.Path()), idle_threads_(idle_threads) {}
+
+std::optional<LocalizationProblem> QuerySource::LoadNamed(const std::string& name, Session* session,
+                                                          QueryRecord* record) const {
+  const StoredQuery* query = selection_.FindStoredQuery(name);
+  if (query == nullptr) return LoadPhoto(selection_.Photos().at(name), session, record);
+  record->result.query_name = name;
+  const StageTimer timer("load", &record->seconds);
+  record->intrinsics_source = query->source;
+  return pair_loader_.Load(*query, session->database_);
+}
+
+std::optional<LocalizationProblem> QuerySource::LoadPhoto(const PhotoQuery& photo, Session* session,
+                                                          QueryRecord* record) const {
+  record->result.query_name = photo.name;
+  const PhotoLoader& photos = Photos();
+  if (!session->features_) session->features_ = std::make_unique<FeatureReader>(database_.Path());
+  return photos.Load(photo, *session->features_, session->idle_threads_, record);
+}
+
+LoadedGroup QuerySource::Load(size_t group, Session* session) const {
+  GroupInput input;
+  input.has_rig_scale = selection_.HasRigScale();
+  for (const QueryFrame& frame : selection_.Groups()[group]) {
+    input.frames.push_back({frame.name, {}});
+    for (const QueryFrame::Image& image : frame.images) {
+      input.frames.back().images.push_back({image.name, image.cam_from_rig});
+    }
+  }
+  return Load(input, session);
+}
+
+LoadedGroup QuerySource::Load(const GroupInput& input, Session* session) const {
+  LoadedGroup loaded =
+      LoadEach(input, [&](const QueryInput& query, QueryRecord* record) -> std::optional<LocalizationProblem> {
+        if (const auto* name = std::get_if<std::string>(&query)) return LoadNamed(*name, session, record);
+        if (const auto* photo = std::get_if<PhotoQuery>(&query)) return LoadPhoto(*photo, session, record);
+        return std::get<LocalizationProblem>(query);
+      });
   pair_loader_.LoadQueryPairs(session->database_, &loaded.group);
   return loaded;
 }

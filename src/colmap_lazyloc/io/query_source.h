@@ -1,8 +1,11 @@
 #pragma once
 
+#include <functional>
 #include <memory>
+#include <mutex>
 #include <optional>
 #include <string>
+#include <variant>
 #include <vector>
 
 #include "colmap_lazyloc/bridge/two_view_geometry.h"
@@ -26,6 +29,28 @@ struct SourceOptions {
   bool Check(std::string* error) const;
 };
 
+// A query: the name of one that the selection knows, a photo, or features and matches.
+using QueryInput = std::variant<std::string, PhotoQuery, LocalizationProblem>;
+
+// Queries that are localized together.
+struct GroupInput {
+  struct Image {
+    QueryInput query;
+    Rigid3d cam_from_rig;
+  };
+  struct Frame {
+    std::string name;
+    std::vector<Image> images;
+  };
+  std::vector<Frame> frames;
+  bool has_rig_scale = true;  // false if the unit of cam_from_rig is unknown
+};
+
+// Returns the problem of a query, or nullopt with status and reason in the record.
+using LoadQueryFunction = std::function<std::optional<LocalizationProblem>(const QueryInput&, QueryRecord*)>;
+// Loads the queries of a group, but no pairs among them.
+LoadedGroup LoadEach(const GroupInput& input, const LoadQueryFunction& load_query);
+
 // The queries of a run, in groups that are localized together. Whether a query is an image of the database or a photo,
 // it is loaded here.
 class QuerySource {
@@ -36,7 +61,11 @@ class QuerySource {
   // verification, seed, num_threads: for photos, whose matches are verified and whose retrieval index is made here
   // (num_threads: -1 for the number of cores). Throws InputError for files and options that cannot be used.
   QuerySource(const SourceOptions& options, const TwoViewGeometryOptions& verification, int seed, int num_threads);
+  // Does the same with a model that is in memory instead of the one at input_path.
+  QuerySource(const SourceOptions& options, Model model, const TwoViewGeometryOptions& verification, int seed,
+              int num_threads);
 
+  const QuerySelection& Selection() const { return selection_; }
   size_t NumGroups() const { return selection_.Groups().size(); }
   size_t NumQueries() const { return selection_.NumQueries(); }
   // Returns the posed images that queries are localized against.
@@ -45,19 +74,28 @@ class QuerySource {
   const std::vector<std::string>& Warnings() const { return selection_.Warnings(); }
   // Returns how many pairs of a query the localizer is to use of those that are loaded; 0 for all.
   int MaxNumPairs() const { return max_num_pairs_; }
-  // Loads one group. Thread-safe with one session per thread. Throws InputError for damaged data.
+  // Loads one group of the selection. Thread-safe with one session per thread. Throws InputError for damaged data.
   LoadedGroup Load(size_t group, Session* session) const;
+  // Loads any group in the same way. The first photo may take long, because it makes the retrieval index.
+  LoadedGroup Load(const GroupInput& input, Session* session) const;
   // Publishes the photos' features and matches, if they are kept.
   void PublishMatches() const;
 
  private:
-  std::optional<LocalizationProblem> LoadQuery(const std::string& name, Session* session, QueryRecord* record) const;
+  // Returns the loader of photos, which the first call makes.
+  const PhotoLoader& Photos() const;
+  std::optional<LocalizationProblem> LoadNamed(const std::string& name, Session* session, QueryRecord* record) const;
+  std::optional<LocalizationProblem> LoadPhoto(const PhotoQuery& photo, Session* session, QueryRecord* record) const;
 
+  const SourceOptions options_;
+  const PairMatchingOptions pair_options_;
+  const int num_threads_;
   DatabaseReader database_;
   QuerySelection selection_;
   PairLoader pair_loader_;
   int max_num_pairs_ = 0;
-  std::unique_ptr<PhotoLoader> photo_loader_;  // null if no query is a photo
+  mutable std::once_flag photo_loader_is_made_;
+  mutable std::unique_ptr<PhotoLoader> photo_loader_;  // null until a query is a photo
 };
 
 class QuerySource::Session {
@@ -68,7 +106,7 @@ class QuerySource::Session {
  private:
   friend class QuerySource;
   DatabaseReader database_;
-  std::unique_ptr<FeatureReader> features_;  // null if no query is a photo
+  std::unique_ptr<FeatureReader> features_;  // null until a query is a photo
   IdleThreads* idle_threads_;
 };
 

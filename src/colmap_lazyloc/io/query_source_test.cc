@@ -224,6 +224,25 @@ TEST_F(QuerySourceTest, PhotoThatCannotBeReadIsAFailureAndTheOthersStay) {
   EXPECT_EQ(loaded.records[0].result.query_name, "q.png");
 }
 
+TEST_F(QuerySourceTest, QueriesByValueNeedNoQueryInTheFiles) {
+  SetQueries("q.png\n");
+  options_.selection.has_more_queries = true;
+  const QuerySource source(options_, {}, 0, 1);
+  EXPECT_EQ(source.Selection().FindGroup("q.png"), std::make_optional<size_t>(0));
+  EXPECT_EQ(source.Selection().FindGroup("r.png"), std::nullopt);
+  IdleThreads idle_threads(0);
+  QuerySource::Session session(source, &idle_threads);
+  LocalizationProblem own;
+  own.query_name = "own.png";
+  GroupInput input;
+  input.frames = {{"frame", {{QueryInput("q.png"), {}}, {QueryInput(own), {}}}}};
+  const LoadedGroup loaded = source.Load(input, &session);
+  EXPECT_THAT(loaded.group.frame_names, ElementsAre("frame"));
+  ASSERT_EQ(loaded.group.images.size(), 2u);
+  EXPECT_THAT(PairNames(loaded), ElementsAre("left/1.png", "left/2.png", "right/1.png", "right/2.png"));
+  EXPECT_EQ(loaded.group.images[1].problem.query_name, "own.png");
+}
+
 TEST_F(QuerySourceTest, PhotosNeedDescriptorsInTheDatabase) {
   SetQueries("photo.jpg\n");
   options_.photos.image_path = folder_;
@@ -235,9 +254,10 @@ TEST(SourceOptions, CheckNamesTheOption) {
   std::string error;
   EXPECT_TRUE(options.Check(&error));
   options.photos.query_prior_path = "priors.txt";
-  EXPECT_FALSE(options.Check(&error));
+  EXPECT_FALSE(options.photos.CheckImagePath(&error));
   EXPECT_EQ(error, "query_prior_path needs --image_path, because it is for photos");
   options.photos.image_path = "photos";
+  EXPECT_TRUE(options.photos.CheckImagePath(&error));
   EXPECT_TRUE(options.Check(&error));
   options.selection.leave_one_out = true;
   EXPECT_FALSE(options.Check(&error));

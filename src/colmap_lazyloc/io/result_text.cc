@@ -169,13 +169,15 @@ void WritePoses(const std::filesystem::path& path, const std::vector<const Query
   file.Close();
 }
 
+std::string ResultLine(const QueryRecord& record) {
+  Json json = RecordToJson(record);
+  EscapeNames(&json);
+  return json.dump();  // JSON writes numbers that are not finite as null
+}
+
 void WriteResultsJson(const std::filesystem::path& path, const std::vector<const QueryRecord*>& records) {
   OutputFile file(path);
-  for (const QueryRecord* record : records) {
-    Json json = RecordToJson(*record);
-    EscapeNames(&json);
-    file.Text() << json.dump() << '\n';  // JSON writes numbers that are not finite as null
-  }
+  for (const QueryRecord* record : records) file.Text() << ResultLine(*record) << '\n';
   file.Close();
 }
 

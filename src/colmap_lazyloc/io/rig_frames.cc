@@ -78,10 +78,10 @@ FramePlaces FramesFromConfig(const std::vector<std::string>& image_names,
   return places;
 }
 
-FramePlaces FramesFromColmap(const std::vector<std::string>& image_names, const DatabaseReader& database,
+FramePlaces FramesFromColmap(const std::vector<std::string>& image_names, const DatabaseReader* database,
                              const Model& model, std::vector<std::string>* images_without_pose) {
   FramePlaces places = FramesFromModel(image_names, model);
-  places.merge(FramesFromDatabase(image_names, database, images_without_pose));
+  if (database != nullptr) places.merge(FramesFromDatabase(image_names, *database, images_without_pose));
   return places;
 }
 

@@ -23,8 +23,9 @@ using FramePlaces = std::unordered_map<std::string, FramePlace>;  // by image na
 FramePlaces FramesFromConfig(const std::vector<std::string>& image_names, const std::filesystem::path& rig_config_path);
 
 // Finds the rig frames of images in the model (COLMAP 4; frames with two or more of the images), else in the database
-// (COLMAP 4.x). Adds the names of images whose camera has no pose in its rig to images_without_pose.
-FramePlaces FramesFromColmap(const std::vector<std::string>& image_names, const DatabaseReader& database,
+// (COLMAP 4.x; null if there is none). Adds the names of images whose camera has no pose in its rig to
+// images_without_pose.
+FramePlaces FramesFromColmap(const std::vector<std::string>& image_names, const DatabaseReader* database,
                              const Model& model, std::vector<std::string>* images_without_pose);
 
 // Returns the places of the images that share their frame with another image.

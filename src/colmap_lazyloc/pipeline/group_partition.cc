@@ -18,7 +18,6 @@ std::vector<int> ImagesWhere(const QueryGroup& group, const std::vector<int>& fr
 QueryGroup SelectImages(const QueryGroup& group, const std::vector<int>& images) {
   QueryGroup selected;
   selected.has_rig_scale = group.has_rig_scale;
-  selected.is_trajectory = group.is_trajectory;
   std::vector<int> new_index(group.images.size(), -1), num_images;
   int last_frame = -1;
   for (const int i : images) {

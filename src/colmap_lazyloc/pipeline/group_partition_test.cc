@@ -59,9 +59,8 @@ TEST(SelectImages, AnImageThatIsLeftAloneBecomesALoneImage) {
 TEST(SelectImages, KeepsWhatIsKnownOfFrames) {
   QueryGroup group = ThreeRigs();
   for (const bool is_known : {true, false}) {
-    group.has_rig_scale = group.is_trajectory = is_known;
+    group.has_rig_scale = is_known;
     EXPECT_EQ(SelectImages(group, {0, 1}).has_rig_scale, is_known);
-    EXPECT_EQ(SelectImages(group, {0, 1}).is_trajectory, is_known);
   }
 }
 

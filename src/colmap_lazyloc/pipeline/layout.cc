@@ -3,6 +3,7 @@
 #include <algorithm>
 
 #include "colmap_lazyloc/pipeline/database_frames.h"
+#include "colmap_lazyloc/pipeline/viewpoint_errors.h"
 
 namespace lazyloc {
 namespace {
@@ -20,7 +21,7 @@ void AddQuery(const QueryGroup& group, const QueryImage& query, Layout* layout) 
     const int first = layout->QueriesOf(query.frame).front();
     image.cam_from_frame = query.cam_from_rig * Inverse(group.images[first].cam_from_rig);
     layout->given.frames[query.frame].has_free_scale = !group.has_rig_scale;
-    if (group.has_rig_scale && !group.is_trajectory) {
+    if (group.has_rig_scale) {
       image.calibration = FindOrAddCalibration(image.cam_from_frame, &layout->given.calibrations);
     }
   }
@@ -60,15 +61,17 @@ Layout MakeLayout(const QueryGroup& group) {
   return layout;
 }
 
-PosedImages AsReported(const Layout& layout, PosedImages adjusted) {
+PosedImages AsReported(const Layout& layout, const PosedImages& adjusted) {
+  PosedImages reported = adjusted;
+  MoveToGivenDatabase(layout, adjusted, &reported);
   std::copy(layout.given.frames.begin() + layout.num_query_frames, layout.given.frames.end(),
-            adjusted.frames.begin() + layout.num_query_frames);
-  for (size_t i = 0; i < adjusted.images.size(); ++i) {
+            reported.frames.begin() + layout.num_query_frames);
+  for (size_t i = 0; i < reported.images.size(); ++i) {
     const Image& given = layout.given.images[i];
     if (given.calibration < 0 || !layout.given.calibrations[given.calibration].is_stated_by_database) continue;
-    adjusted.images[i].cam_from_frame = given.cam_from_frame;
+    reported.images[i].cam_from_frame = given.cam_from_frame;
   }
-  return adjusted;
+  return reported;
 }
 
 Rigid3d PoseInWorld(const Layout& layout, const PosedImages& posed, int query) {

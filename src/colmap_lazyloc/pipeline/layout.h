@@ -37,8 +37,8 @@ struct Layout {
 Layout MakeLayout(const QueryGroup& group);
 
 // Returns adjusted images with what the database states: its poses, and the calibration of its rigs, with which a
-// reader of a result compares it.
-PosedImages AsReported(const Layout& layout, PosedImages adjusted);
+// reader of a result compares it. Moves the other images of a query frame accordingly (viewpoint_errors.h).
+PosedImages AsReported(const Layout& layout, const PosedImages& adjusted);
 
 // Returns the pose of a query in the database's coordinates.
 Rigid3d PoseInWorld(const Layout& layout, const PosedImages& posed, int query);

@@ -170,9 +170,9 @@ TEST(MakeLayout, DatabaseImagesThatStateNoRigidRigAreLoneFrames) {
   });
 }
 
-TEST(MakeLayout, TrajectoriesHaveNoCalibration) {
+TEST(MakeLayout, FramesOfUnknownScaleHaveNoCalibration) {
   SyntheticGroup scene = MakeGroup(2, 3, 2);
-  scene.group.is_trajectory = true;
+  scene.group.has_rig_scale = false;
   const Layout layout = MakeLayout(scene.group);
   EXPECT_TRUE(layout.given.calibrations.empty());
   for (const Image& image : layout.given.images) EXPECT_EQ(image.calibration, -1);

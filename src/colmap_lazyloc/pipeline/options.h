@@ -77,8 +77,8 @@ struct LocalizerOptions {
   // most observations are used.
   int max_num_tracks = 1000000;
   int max_num_start_tracks = 300;
-  // Standard deviation of a rig's calibration, as displacement of keypoints by the rotation, and by the position, of
-  // each camera in the rig. 0: exact.
+  // Standard deviation of the calibration of a rig, and of the relative poses of a trajectory, as displacement of
+  // keypoints by the rotation, and by the position, of each camera in its frame. 0: exact.
   double rig_noise_px = 0.3;
   IntrinsicsMode intrinsics = IntrinsicsMode::AUTO;
   // Standard deviation of the log of a given focal length that is right; 0: exact, so that the covariance leaves it

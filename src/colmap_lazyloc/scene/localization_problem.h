@@ -60,8 +60,6 @@ struct QueryGroup {
   std::vector<QueryPair> query_pairs;
   // True if the translations in cam_from_rig are in database units; else their scale is estimated for each frame.
   bool has_rig_scale = true;
-  // True if frames are pieces of a trajectory: their cam_from_rig have no calibration's error in common.
-  bool is_trajectory = false;
 };
 
 }  // namespace lazyloc

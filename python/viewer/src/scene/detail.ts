@@ -29,6 +29,11 @@ export class LevelOfDetail {
     this.detail = Math.min(1, Math.max(LEAST_DETAIL, this.detail));
   }
 
+  // Takes the time of a complete frame at rest, from which the next motion knows how much it can draw.
+  complete(milliseconds: number): void {
+    if (milliseconds > SLOW_MILLISECONDS) this.detail = Math.max(LEAST_DETAIL, SLOW_MILLISECONDS / milliseconds);
+  }
+
   // Ends a motion: the pause until the next one says nothing about the time of a frame.
   rest(): void {
     this.last = -1;

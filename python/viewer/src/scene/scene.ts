@@ -206,9 +206,24 @@ class WebglView implements SceneView {
   private drawFrame(now: number): void {
     this.frame = 0;
     if (this.isMoving) this.level.frame(now);
-    this.draw(this.isMoving ? this.level.detail : 1, this.isMoving && this.level.isCoarse);
-    if (this.isMoving) this.requestFrame();
-    else if (this.hovered) this.hover(this.hovered);
+    if (this.isMoving) {
+      this.draw(this.level.detail, this.level.isCoarse);
+      this.requestFrame();
+      return;
+    }
+    this.level.complete(this.timeFrame(1, false));
+    if (this.hovered) this.hover(this.hovered);
+  }
+
+  // Draws a frame and returns the milliseconds until the graphics card has finished it.
+  private timeFrame(detail: number, isCoarse: boolean): number {
+    const gl = this.renderer.getContext();
+    const wait = () => gl.readPixels(0, 0, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, new Uint8Array(4));
+    wait(); // Lets the graphics card finish earlier frames.
+    const start = performance.now();
+    this.draw(detail, isCoarse);
+    wait();
+    return performance.now() - start;
   }
 
   private draw(detail: number, isCoarse: boolean): void {
@@ -306,13 +321,7 @@ class WebglView implements SceneView {
   }
 
   measure(isCoarse: boolean): number {
-    const gl = this.renderer.getContext();
-    const wait = () => gl.readPixels(0, 0, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, new Uint8Array(4));
-    wait(); // Lets the graphics card finish earlier frames.
-    const start = performance.now();
-    this.draw(isCoarse ? this.level.detail : 1, isCoarse);
-    wait();
-    const milliseconds = performance.now() - start;
+    const milliseconds = this.timeFrame(isCoarse ? this.level.detail : 1, isCoarse);
     this.requestFrame();
     return milliseconds;
   }

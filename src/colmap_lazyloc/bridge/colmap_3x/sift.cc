@@ -16,6 +16,13 @@ bool ExtractSift(const colmap::Bitmap& bitmap, const SiftExtractionOptions& opti
   return extractor->Extract(bitmap, keypoints, descriptors);
 }
 
+colmap::Bitmap AllocateBitmap(int width, int height, bool as_rgb) {
+  colmap::Bitmap bitmap;
+  LAZYLOC_CHECK(bitmap.Allocate(width, height, as_rgb));
+  bitmap.Fill(colmap::BitmapColor<uint8_t>(0));
+  return bitmap;
+}
+
 std::optional<double> ExifFocalLengthPx(const colmap::Bitmap& bitmap) {
   double focal_length = 0;
   if (!bitmap.ExifFocalLength(&focal_length) || focal_length <= 0) return std::nullopt;

@@ -21,6 +21,8 @@ bool ExtractSift(const colmap::Bitmap& bitmap, const SiftExtractionOptions& opti
   return true;
 }
 
+colmap::Bitmap AllocateBitmap(int width, int height, bool as_rgb) { return colmap::Bitmap(width, height, as_rgb); }
+
 std::optional<double> ExifFocalLengthPx(const colmap::Bitmap& bitmap) {
   const std::optional<double> focal_length = bitmap.ExifFocalLength();
   return focal_length.value_or(0) > 0 ? focal_length : std::nullopt;

@@ -1,0 +1,16 @@
+"""Prints where a photo was taken.
+
+python localize_photo.py database.db model photo.jpg
+"""
+
+import sys
+
+import colmap_lazyloc as ll
+
+database, model, photo = sys.argv[1:]
+with ll.Localizer(database, model) as localizer:
+    result = localizer.localize_photo(photo)
+if result.cam_from_world is None:
+    sys.exit(f"{result.status}: {result.reason}")
+rotation, translation = result.cam_from_world[:, :3], result.cam_from_world[:, 3]
+print("position", *-rotation.T @ translation)

@@ -1,0 +1,15 @@
+"""The commands `lazy_localizer` and `lazy_indexer` of an installed package: those of the colmap program."""
+
+import sys
+
+from colmap_lazyloc.extension import core
+
+
+def lazy_localizer() -> int:
+    """Runs `colmap lazy_localizer` with the arguments of this process and returns its exit code."""
+    return int(core.run_lazy_localizer(["lazy_localizer", *sys.argv[1:]]))
+
+
+def lazy_indexer() -> int:
+    """Runs `colmap lazy_indexer` with the arguments of this process and returns its exit code."""
+    return int(core.run_lazy_indexer(["lazy_indexer", *sys.argv[1:]]))

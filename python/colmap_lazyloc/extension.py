@@ -1,0 +1,31 @@
+"""Loads the extension module: `from colmap_lazyloc.extension import core`.
+
+An installed package contains it. In a checkout it is in the folder `python` of the build folder, which the environment
+variable BUILD_DIR names (default: `build` in the checkout).
+"""
+
+import importlib
+import os
+import pathlib
+from typing import Any
+
+import colmap_lazyloc
+
+CHECKOUT_PATH = pathlib.Path(__file__).resolve().parents[2]
+
+
+def _load() -> Any:
+    try:
+        return importlib.import_module("colmap_lazyloc._core")
+    except ModuleNotFoundError:
+        built = pathlib.Path(os.environ.get("BUILD_DIR", CHECKOUT_PATH / "build")) / "python"
+        if not any(built.glob("_core.*")):
+            raise ImportError(
+                f"colmap_lazyloc has no extension module: install the wheel, or run scripts/setup.sh to build {built}"
+            ) from None
+    colmap_lazyloc.__path__.append(str(built))
+    importlib.invalidate_caches()
+    return importlib.import_module("colmap_lazyloc._core")
+
+
+core = _load()

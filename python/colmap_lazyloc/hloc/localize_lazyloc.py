@@ -1,0 +1,152 @@
+"""Localizes hloc's queries from its features and matches, against a COLMAP model of which only the poses are used.
+
+`main` has the parameters of `hloc.localize_sfm.main`, and writes the same files: `results` with one line
+`name qw qx qy qz tx ty tz` per localized query, and `results_logs.pkl` in the form of hloc's InLoc pipeline, which
+`hloc.visualization.visualize_loc` reads without a reconstruction. A query that cannot be localized has no line: the
+pose of the nearest database image is never written. Needs h5py.
+"""
+
+import argparse
+import pathlib
+import pickle
+import sys
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import h5py
+import numpy as np
+
+from colmap_lazyloc.errors import InputError, command
+from colmap_lazyloc.hloc_files import find_matches, read_keypoints
+from colmap_lazyloc.inputs import Matches
+from colmap_lazyloc.localizer import Localizer
+from colmap_lazyloc.model import Model, read_model
+from colmap_lazyloc.pairs import read_pairs
+from colmap_lazyloc.queries import read_query_cameras
+from colmap_lazyloc.result import Result
+
+COLMAP_FROM_HLOC = 0.5  # pixels: hloc's upper-left pixel has its centre at 0, 0
+
+
+def main(
+    reference_sfm: Any,
+    queries: Any,
+    retrieval: Any,
+    features: Any,
+    matches: Any,
+    results: Any,
+    ransac_thresh: float = 12,
+    covisibility_clustering: bool = False,
+    prepend_camera_name: bool = False,
+    config: Mapping[str, Any] | None = None,
+) -> dict[str, Result]:
+    """Localizes the queries and returns their results by name.
+
+    `reference_sfm`: the folder of a COLMAP model, or a `colmap_lazyloc.model.Model`. `config`: options of `Localizer`.
+    `ransac_thresh` and `covisibility_clustering` are accepted for hloc's sake and have no effect: pairs are verified by
+    two-view geometry, and the query's pairs check each other.
+    """
+    del ransac_thresh, covisibility_clustering
+    model = reference_sfm if isinstance(reference_sfm, Model) else read_model(reference_sfm)
+    cameras = read_query_cameras(queries)
+    names_of_query = _retrieved(retrieval, cameras, model)
+    found: dict[str, Result] = {}
+    logs: dict[str, Any] = {"features": features, "matches": matches, "retrieval": retrieval, "loc": {}}
+    with h5py.File(features, "r") as feature_file, h5py.File(matches, "r") as match_file:
+        inputs = {
+            name: _read_query(name, cameras[name], database_names, feature_file, match_file)
+            for name, database_names in names_of_query.items()
+        }
+    with Localizer(None, model, options=config) as localizer:
+        for result in localizer.localize_all(inputs.values()):
+            found[result.name] = result
+    lines = []
+    for name, query in inputs.items():
+        logs["loc"][name] = _make_log(query, found[name])
+        if (pose := found[name].pose) is not None:
+            lines.append(f"{_short_name(name, prepend_camera_name)} {pose.text()}\n")
+    pathlib.Path(results).write_text("".join(lines), encoding="utf-8")
+    with open(f"{results}_logs.pkl", "wb") as file:
+        pickle.dump(logs, file)
+    return found
+
+
+def _retrieved(retrieval: Any, cameras: Mapping[str, Any], model: Model) -> dict[str, list[str]]:
+    """Returns the posed images for each query, in the order of the query list."""
+    names: dict[str, list[str]] = {name: [] for name in cameras}
+    for pair in read_pairs(retrieval):
+        for query, other in (pair, pair[::-1]):
+            if query in names and other in model.images and other not in names[query]:
+                names[query].append(other)
+    if not any(names.values()):
+        raise InputError(f"{retrieval}: no pair of a query with an image of the model")
+    return names
+
+
+def _read_query(name: str, camera: Any, database_names: list[str], features: Any, matches: Any) -> Matches:
+    pairs = {}
+    for other in database_names:
+        found = find_matches(matches, name, other)
+        if found is None:
+            raise InputError(f"{matches.filename}: has no matches of {name} and {other}")
+        pairs[other] = (read_keypoints(features, other), found)
+    return Matches(camera, read_keypoints(features, name), pairs, name)
+
+
+def _observed(result: Result) -> Iterator[tuple[int, str, int]]:
+    """Yields the matches that a localized query's points rest on: keypoint, name and keypoint of the database image."""
+    names = [pair["name"] for pair in result.as_dict()["pairs"]]
+    for point, pair, keypoint in result.observations:
+        yield int(result.point_keypoints[point]), names[pair], int(keypoint)
+
+
+def _make_log(query: Matches, result: Result) -> dict[str, Any]:
+    """Returns the entry of a query in the form of hloc's InLoc pipeline: one row per match with a database image."""
+    observed = set(_observed(result))
+    query_keypoints = np.asarray(query.keypoints) - COLMAP_FROM_HLOC
+    keypoints, database_keypoints, indices, inliers = [], [], [], []
+    for index, (name, (other_keypoints, found)) in enumerate(query.pairs.items()):
+        keypoints.append(query_keypoints[found[:, 0]])
+        database_keypoints.append(other_keypoints[found[:, 1]] - COLMAP_FROM_HLOC)
+        indices.append(np.full(len(found), index))
+        inliers += [(int(own), name, int(other)) in observed for own, other in found]
+    camera = query.camera
+    return {
+        "db": list(query.pairs),
+        "PnP_ret": {
+            "success": result.is_localized,
+            "status": result.status,
+            "reason": result.reason,
+            "cam_from_world": result.cam_from_world,
+            "num_inliers": int(np.count_nonzero(inliers)),
+            "inlier_mask": np.array(inliers, np.bool_),
+            "cfg": {"model": camera.model, "width": camera.width, "height": camera.height, "params": camera.params},
+        },
+        "keypoints_query": np.concatenate([np.zeros((0, 2)), *keypoints]),
+        "keypoints_db": np.concatenate([np.zeros((0, 2)), *database_keypoints]),
+        "indices_db": np.concatenate([np.zeros(0, int), *indices]),
+        "num_matches": len(inliers),
+    }
+
+
+def _short_name(name: str, with_camera: bool) -> str:
+    """Returns the file name, or the last folder and the file name, as hloc writes them."""
+    return "/".join(name.split("/")[-2 if with_camera else -1 :])
+
+
+@command
+def command_line(arguments: list[str] | None = None) -> None:
+    """Runs `main` with hloc's flags."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    for name in ("reference_sfm", "queries", "features", "matches", "retrieval", "results"):
+        parser.add_argument(f"--{name}", type=pathlib.Path, required=True)
+    parser.add_argument("--ransac_thresh", type=float, default=12.0, help="no effect")
+    parser.add_argument("--covisibility_clustering", action="store_true", help="no effect")
+    parser.add_argument("--prepend_camera_name", action="store_true")
+    options = vars(parser.parse_args(arguments))
+    found = main(**options)
+    print(f"{sum(result.is_localized for result in found.values())} of {len(found)} queries localized")
+
+
+if __name__ == "__main__":
+    sys.exit(command_line())

@@ -1,0 +1,250 @@
+"""Localizes queries in this process; the index, features and caches stay loaded between calls."""
+
+import os
+import warnings
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from colmap_lazyloc import arrays
+from colmap_lazyloc.errors import InputError
+from colmap_lazyloc.extension import core
+from colmap_lazyloc.inputs import Matches, Photo, Query
+from colmap_lazyloc.model import Model
+from colmap_lazyloc.result import Result
+from colmap_lazyloc.settings import check_text, to_settings
+from colmap_lazyloc.tasks import run_tasks
+
+Path = str | os.PathLike[str]
+IDENTITY = np.array([1.0, 0, 0, 0, 0, 0, 0])
+
+
+class Localizer:
+    """Localizes queries against the posed images of a COLMAP model, with the results of `colmap lazy_localizer`.
+
+    Its methods may be called from several threads, which run at the same time. Every error in the input raises
+    `InputError`, a ValueError, with one sentence. A query that cannot be localized is not an error: its result has a
+    status that says why.
+    """
+
+    def __init__(
+        self,
+        database: Path | None,
+        model: Path | Mapping[str, Any],
+        *,
+        index: Path | None = None,
+        options: Mapping[str, Any] | None = None,
+    ):
+        """Opens a database, which is never written, and a model.
+
+        `database`: a COLMAP database; None if every query has features and matches of its own (`localize_matches`).
+        `model`: the folder of a COLMAP model, or {name: (R, t, camera)} with cam_from_world of each posed image: R is a
+        3x3 matrix or a quaternion (w, x, y, z); `camera` as for `localize_photo`.
+        `index`: the file of the retrieval index for photos, made or updated when the first photo needs it.
+        `options`: those of the command line by name (see `list_options`), for example {"num_retrieved": 20},
+        {"LazyLocalizer": {"num_retrieved": 20}} or {"LazyLocalizer.num_retrieved": 20}.
+        """
+        given = dict(to_settings({} if options is None else options))
+        in_memory = isinstance(model, Mapping | Model)
+        if not in_memory and not isinstance(model, str | os.PathLike):
+            raise InputError(f"model: must be a folder or a dict of images, but is of type {type(model).__name__}")
+        paths = {"database_path": database, "retrieval_index_path": index, "input_path": None if in_memory else model}
+        for name, path in to_settings({name: path for name, path in paths.items() if path is not None}):
+            if name in given:
+                raise InputError(f"option {name} is given twice: it is an argument of Localizer, too")
+            given[name] = path
+        if not in_memory and "input_path" not in given:
+            raise InputError("model: the path is empty")
+        self._is_leave_one_out = given.get("LazyLocalizer.leave_one_out") == "1"
+        self._num_threads = int(given.get("LazyLocalizer.num_threads", -1)) if _is_int(given) else -1
+        self._core: Any = core.Localizer(list(given.items()), arrays.to_model(model) if in_memory else None)
+        for warning in self._core.warnings():
+            warnings.warn(warning, stacklevel=2)
+
+    def close(self) -> None:
+        """Closes the database and frees the memory as soon as calls in other threads have ended."""
+        self._core = None
+
+    def __enter__(self) -> "Localizer":
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self.close()
+
+    @property
+    def queries(self) -> list[str]:
+        """Returns the names of the queries that the options select: by default, all images of the database without a
+        pose in the model."""
+        return [name for group in self._open().groups() for name in group]
+
+    def localize(self, name: str) -> Result:
+        """Localizes a query of `queries`, together with its group if the options or rigs make groups."""
+        localizer = self._open()
+        answers = localizer.localize_group(localizer.find_group(_check_name(name)))
+        return next(result for result in _to_results(answers) if result.name == name)
+
+    def localize_photo(self, image: Path | NDArray[np.uint8], camera: Any = None, *, name: str | None = None) -> Result:
+        """Extracts the SIFT features of a photo, matches them with the database's and localizes it.
+
+        `image`: a file (below the option image_path, if it is set), or uint8 values, height x width (grey) or
+        height x width x 3 (RGB). The database needs the descriptors of the posed images.
+        `camera`: "MODEL width height params...", a dict with the keys model, width, height and params, or an object
+        with these attributes, for example pycolmap.Camera. By default, the intrinsics come from a camera of the model
+        with the photo's size, from EXIF, or from a guess, and the images correct them.
+        `name`: the query's name, from which random choices are seeded; default: the path, or "photo".
+        """
+        return self._localize_alone(Photo(image, camera, name))
+
+    def localize_matches(
+        self, camera: Any, keypoints: ArrayLike, pairs: Mapping[str, Any], *, name: str = "query"
+    ) -> Result:
+        """Localizes a query from features and matches of any kind.
+
+        `camera`: as for `localize_photo`. `keypoints`: n x 2, xy in pixels.
+        `pairs`: {name of a posed image: (its keypoints, matches)}, with m x 2 pixels and k x 2 integers: the index of a
+        keypoint of the query and of a keypoint of the posed image. With `matches` alone instead of the pair, the
+        keypoints are those in the database. Matches are verified by COLMAP's two-view geometry.
+        """
+        return self._localize_alone(Matches(camera, keypoints, pairs, name))
+
+    def localize_rig(self, images: Mapping[Query, Any], *, name: str = "rig") -> dict[str, Result]:
+        """Localizes the images of a camera rig at one moment, which share one unknown pose; returns results by name.
+
+        `images`: {query: cam_from_rig}; a query is the name of one of `queries`, a `Photo` or a `Matches`, a pose a 3x4
+        or 4x4 matrix, (R, t) or a `colmap_lazyloc.poses.Pose`. Lengths are in the model's unit.
+        """
+        return self._localize_frame(images, name, has_scale=True)
+
+    def localize_trajectory(self, images: Mapping[Query, Any], *, has_scale: bool = True) -> dict[str, Result]:
+        """Localizes images whose poses relative to each other are known, from odometry or SLAM, as one rigid body.
+
+        `images`: {query: cam_from_world in the trajectory's own world}, as for `localize_rig`. `has_scale`: False if
+        its unit is not the model's, so that the scale is estimated.
+        """
+        return self._localize_frame(images, None, has_scale=has_scale)
+
+    def localize_all(
+        self, queries: Iterable[Query] | None = None, *, num_threads: int | None = None, progress: bool = False
+    ) -> Iterator[Result]:
+        """Localizes many queries on several threads and returns a generator of results, in order of completion.
+
+        `queries`: names of `queries` (the default), `Photo` and `Matches`. `num_threads`: default is the option
+        LazyLocalizer.num_threads, whose default is the number of cores. `progress`: prints a line to the standard
+        error output. Closing the generator, or Ctrl-C, ends the run after the queries that have begun.
+        """
+        localizer = self._open()
+        num_threads = self._num_threads if num_threads is None else num_threads
+        if not isinstance(num_threads, int) or (num_threads < 1 and num_threads != -1):
+            raise InputError("num_threads must be >= 1, or -1")
+        if queries is not None and (isinstance(queries, str | np.ndarray) or not isinstance(queries, Iterable)):
+            raise InputError(f"queries: must be a list of queries, but is of type {type(queries).__name__}")
+        groups = localizer.groups()
+        if queries is None:
+            names, others = [name for group in groups for name in group], []
+        else:
+            queries = list(queries)
+            names, others = [q for q in queries if isinstance(q, str)], [q for q in queries if not isinstance(q, str)]
+        names_of_group: dict[int, set[str]] = {}
+        for name in names:
+            names_of_group.setdefault(localizer.find_group(_check_name(name)), set()).add(name)
+        inputs = [_to_input(localizer, query) for query in others]
+        tasks: list[Callable[[], list[Result]]] = [
+            *(_group_task(localizer, group, wanted) for group, wanted in names_of_group.items()),
+            *(_input_task(localizer, name, query) for name, query in inputs),
+        ]
+        num_queries = len(inputs) + sum(map(len, names_of_group.values()))
+        return run_tasks(tasks, num_threads if num_threads > 0 else os.cpu_count() or 1, num_queries, progress)
+
+    def _open(self) -> Any:
+        if self._core is None:
+            raise InputError("the Localizer is closed")
+        return self._core
+
+    def _localize_alone(self, query: Query) -> Result:
+        localizer = self._open()
+        return _input_task(localizer, *_to_input(localizer, query))()[0]
+
+    def _localize_frame(self, images: Mapping[Query, Any], name: str | None, *, has_scale: bool) -> dict[str, Result]:
+        localizer = self._open()
+        if not isinstance(images, Mapping) or not images:
+            raise InputError("images: must be a dict of at least one query with its pose")
+        if self._is_leave_one_out:
+            raise InputError("leave_one_out needs the groups of the options, such as rig_config_path")
+        frame: dict[str, tuple[Any, Any]] = {}
+        for query, pose in images.items():
+            query_name, query_input = _to_input(localizer, query)
+            if query_name in frame:
+                raise InputError(f"query {query_name} is given twice")
+            frame[query_name] = (query_input, arrays.to_pose(pose, f"query {query_name}"))
+        names = sorted(frame)  # like the command
+        answers = localizer.localize_frame(
+            [frame[query_name][0] for query_name in names],
+            arrays.to_poses([frame[query_name][1] for query_name in names]),
+            names[0] if name is None else _check_name(name),
+            bool(has_scale),
+        )
+        return {result.name: result for result in sorted(_to_results(answers), key=lambda result: result.name)}
+
+
+def _is_int(settings: Mapping[str, str]) -> bool:
+    return settings.get("LazyLocalizer.num_threads", "-1").lstrip("-").isdecimal()
+
+
+def _to_results(answers: Iterable[Any]) -> list[Result]:
+    return [Result(*answer) for answer in answers]
+
+
+def _group_task(localizer: Any, group: int, names: set[str]) -> Callable[[], list[Result]]:
+    return lambda: [result for result in _to_results(localizer.localize_group(group)) if result.name in names]
+
+
+def _input_task(localizer: Any, name: str, query: Any) -> Callable[[], list[Result]]:
+    return lambda: _to_results(localizer.localize_frame([query], arrays.to_poses([IDENTITY]), "", True))
+
+
+def _to_input(localizer: Any, query: Query) -> tuple[str, Any]:
+    """Returns a query's name and the extension module's query."""
+    if isinstance(query, str):
+        localizer.find_group(_check_name(query))  # raises InputError for an unknown one
+        return query, core.named(query)
+    if isinstance(query, Photo):
+        return _to_photo(query)
+    if isinstance(query, Matches):
+        return query.name, _to_matches(localizer, query)
+    raise InputError(f"a query must be a name, a Photo or a Matches, but is of type {type(query).__name__}")
+
+
+def _to_photo(photo: Photo) -> tuple[str, Any]:
+    camera = None if photo.camera is None else arrays.to_camera(photo.camera)
+    path, pixels = "", None
+    if isinstance(photo.image, str | os.PathLike):
+        path = os.fsdecode(photo.image)
+        check_text(path, "photo: the path")
+    else:
+        pixels = arrays.to_pixels(photo.image)
+    name = _check_name((path or "photo") if photo.name is None else photo.name)
+    return name, core.photo(name, path, pixels, camera)
+
+
+def _to_matches(localizer: Any, query: Matches) -> Any:
+    if not isinstance(query.pairs, Mapping):
+        raise InputError("pairs: must be a dict with the name of a posed image for each pair")
+    pairs = []
+    for name, value in query.pairs.items():
+        label = f"pair with {name}"
+        _check_name(name)
+        is_pair = isinstance(value, tuple) and len(value) == 2
+        keypoints = arrays.to_rows(value[0], 2, f"{label}: keypoints") if is_pair else None
+        pairs.append((name, keypoints, arrays.to_matches(value[1] if is_pair else value, label)))
+    keypoints = arrays.to_rows(query.keypoints, 2, "keypoints")
+    return localizer.matches(_check_name(query.name), arrays.to_camera(query.camera), keypoints, pairs)
+
+
+def _check_name(name: Any) -> str:
+    if not isinstance(name, str) or not name:
+        kind = "empty" if isinstance(name, str) else f"of type {type(name).__name__}"
+        raise InputError(f"a query's name must be a string of at least one character, but is {kind}")
+    check_text(name, "a query's name")
+    return name

@@ -1,0 +1,128 @@
+"""The result of a query."""
+
+import json
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from colmap_lazyloc.poses import Pose
+
+
+class Result:
+    """What the localizer says of a query: a status, and a pose if the images determine one.
+
+    Poses are cam_from_world, x_cam = R x_world + t, in COLMAP's camera frame (x right, y down, z forward). Lengths are
+    in the model's unit, pixels follow COLMAP's convention: the centre of the upper-left pixel is (0.5, 0.5).
+    """
+
+    __slots__ = ("_fields", "keypoints", "line", "name", "observations", "point_keypoints", "points")
+
+    name: str  # of the query
+    line: str  # the line of results.jsonl
+    keypoints: NDArray[np.float64]  # of the query, n x 2, xy in pixels
+    points: NDArray[np.float64]  # points that the query observes, m x 3, in world coordinates
+    point_keypoints: NDArray[np.int32]  # m: the keypoint that observes each point
+    # k x 3: index of a point, index into `pairs` of as_dict(), and the keypoint of that database image, which observes
+    # the point
+    observations: NDArray[np.int32]
+
+    def __init__(
+        self,
+        name: str,
+        line: str,
+        keypoints: NDArray[np.float64],
+        points: NDArray[np.float64],
+        point_keypoints: NDArray[np.int32],
+        observations: NDArray[np.int32],
+    ):
+        self.name = name
+        self.observations = observations
+        self.line, self.keypoints, self.points, self.point_keypoints = line, keypoints, points, point_keypoints
+        self._fields: dict[str, Any] = json.loads(line)
+
+    @property
+    def status(self) -> str:
+        """Returns "LOCALIZED", or why the query has no pose to rely on, for example "NO_PAIRS"."""
+        return str(self._fields["status"])
+
+    @property
+    def is_localized(self) -> bool:
+        """True if the status is LOCALIZED, so that there is a pose."""
+        return self.status == "LOCALIZED"
+
+    @property
+    def reason(self) -> str:
+        """Returns one sentence about the status; empty for a localized query."""
+        return str(self._fields["reason"])
+
+    @property
+    def confidence(self) -> float | None:
+        """Returns the probability that the position is right, from 0 to 1; None if there is no pose to judge."""
+        confidence = self._fields["confidence"]
+        return None if confidence is None else float(confidence)
+
+    @property
+    def pose(self) -> Pose | None:
+        """Returns the pose with the bits of poses.txt (quaternion and translation); None without LOCALIZED."""
+        return _to_pose(self._fields["cam_from_world"])
+
+    @property
+    def cam_from_world(self) -> NDArray[np.float64] | None:
+        """Returns the pose as a 3x4 matrix [R | t]; None without LOCALIZED."""
+        return _to_matrix(self.pose)
+
+    @property
+    def unconfirmed_cam_from_world(self) -> NDArray[np.float64] | None:
+        """Returns the pose of a query with the status LOW_CONFIDENCE as a 3x4 matrix; None for any other status."""
+        return _to_matrix(_to_pose(self._fields["unconfirmed_cam_from_world"]))
+
+    @property
+    def covariance(self) -> NDArray[np.float64] | None:
+        """Returns the 6x6 covariance of the pose: rotation w in rad (R <- exp(w) R), then t; None if unknown."""
+        covariance = self._fields["covariance"]
+        return None if covariance is None else np.array(covariance, np.float64)
+
+    @property
+    def inlier_mask(self) -> NDArray[np.bool_]:
+        """Returns n values: True for each keypoint of the query that observes a point of the result."""
+        mask = np.zeros(len(self.keypoints), np.bool_)
+        mask[self.point_keypoints] = True
+        return mask
+
+    @property
+    def num_inliers(self) -> int:
+        """Returns the number of keypoints that observe a point of the result."""
+        return int(np.count_nonzero(self.inlier_mask))
+
+    def as_dict(self) -> dict[str, Any]:
+        """Returns the fields of the line of results.jsonl (docs/formats.md)."""
+        fields: dict[str, Any] = json.loads(self.line)
+        return fields
+
+    def as_pycolmap(self) -> dict[str, Any] | None:
+        """Returns the dict of pycolmap's estimators of absolute poses: cam_from_world (pycolmap.Rigid3d), num_inliers,
+        inlier_mask and covariance; None without LOCALIZED, as these estimators do. Needs pycolmap."""
+        if self.pose is None:
+            return None
+        from colmap_lazyloc.pycolmap_types import to_rigid3d
+
+        return {
+            "cam_from_world": to_rigid3d(self.pose),
+            "num_inliers": self.num_inliers,
+            "inlier_mask": self.inlier_mask,
+            "covariance": self.covariance,
+        }
+
+    def __repr__(self) -> str:
+        has_confidence = self.is_localized and self.confidence is not None
+        detail = f"confidence {self.confidence:.3g}" if has_confidence else self.reason
+        return f"<Result {self.name}: {self.status}{', ' if detail else ''}{detail}>"
+
+
+def _to_pose(fields: dict[str, list[float]] | None) -> Pose | None:
+    return None if fields is None else Pose(np.array(fields["qvec"], float), np.array(fields["tvec"], float))
+
+
+def _to_matrix(pose: Pose | None) -> NDArray[np.float64] | None:
+    return None if pose is None else np.column_stack([pose.rotation, pose.tvec])

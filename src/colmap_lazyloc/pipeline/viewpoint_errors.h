@@ -1,0 +1,13 @@
+#pragma once
+
+#include "colmap_lazyloc/pipeline/layout.h"
+
+namespace lazyloc {
+
+// Moves the images of query frames, but the first of each, from the corrected to the given poses of the database.
+// Corrections are relative to the error at the first image's viewpoint. At another viewpoint the given poses have
+// another error, because they drift. Predicts it from the corrections of the database frames, as kriging does
+// (DatabasePriors). Leaves out images whose calibration the database states, because its rig frames have one error.
+void MoveToGivenDatabase(const Layout& layout, const PosedImages& adjusted, PosedImages* reported);
+
+}  // namespace lazyloc

@@ -1,0 +1,56 @@
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <tuple>
+#include <utility>
+#include <vector>
+
+#include <Eigen/Core>
+#include <nanobind/nanobind.h>
+#include <nanobind/ndarray.h>
+
+#include "colmap_lazyloc/bridge/feature_extraction.h"
+#include "colmap_lazyloc/python/localizer.h"
+#include "colmap_lazyloc/python/text.h"
+#include "colmap_lazyloc/scene/camera.h"
+#include "colmap_lazyloc/scene/match.h"
+#include "colmap_lazyloc/scene/model.h"
+
+// Conversions between C++ and what crosses the border to Python: numpy arrays, numbers and strings. The Python package
+// has checked and copied arrays before, so that they have these types. A pose has seven numbers: qw qx qy qz tx ty tz.
+namespace lazyloc {
+
+template <typename Value, int num_columns>
+using InputRows = nanobind::ndarray<const Value, nanobind::shape<-1, num_columns>, nanobind::c_contig,
+                                    nanobind::device::cpu, nanobind::ro>;
+using InputPoints = InputRows<double, 2>;
+using InputMatches = InputRows<uint32_t, 2>;
+using InputPoses = InputRows<double, 7>;
+using InputPixels = nanobind::ndarray<const uint8_t, nanobind::ndim<3>, nanobind::c_contig, nanobind::device::cpu,
+                                      nanobind::ro>;  // rows, columns, 1 (grey) or 3 (RGB) values
+using OutputRows = nanobind::ndarray<nanobind::numpy, double, nanobind::ndim<2>>;
+using OutputIndices = nanobind::ndarray<nanobind::numpy, int32_t, nanobind::ndim<1>>;
+using OutputIndexRows = nanobind::ndarray<nanobind::numpy, int32_t, nanobind::ndim<2>>;
+
+std::vector<Eigen::Vector2d> ToPoints(const InputPoints& points);
+Matches ToMatches(const InputMatches& matches);
+// Throws InputError if a pose is not finite or its quaternion is not of unit length.
+std::vector<Rigid3d> ToPoses(const InputPoses& poses);
+PhotoFile ToPhotoFile(const InputPixels& pixels);
+
+// Throws InputError if the camera cannot be used.
+Camera MakeCamera(const Text& model, uint64_t width, uint64_t height, const std::vector<double>& params);
+// Makes a model without points. camera_of_image: index into `cameras`. Throws InputError for data that a model cannot
+// have.
+Model MakeModel(const std::vector<Camera>& cameras, const std::vector<Text>& names, const InputPoses& poses,
+                const std::vector<size_t>& camera_of_image);
+
+// The query's name; its line of results.jsonl; its keypoints, n x 2; the points that it observes, m x 3, and the
+// keypoint of each; their observations in database images, k x 3: index of the point, index into `pairs` of the line,
+// keypoint of the database image.
+using OutputAnswer = std::tuple<Text, std::string, OutputRows, OutputRows, OutputIndices, OutputIndexRows>;
+std::vector<OutputAnswer> ToOutput(const std::vector<Answer>& answers);
+
+}  // namespace lazyloc

@@ -1,0 +1,186 @@
+#include "colmap_lazyloc/python/localizer.h"
+
+#include <unistd.h>
+
+#include <algorithm>
+#include <utility>
+
+#include "colmap_lazyloc/cli/query_runner.h"
+#include "colmap_lazyloc/io/model_reader.h"
+#include "colmap_lazyloc/pipeline/lazy_localizer.h"
+#include "colmap_lazyloc/scene/errors.h"
+
+namespace lazyloc {
+namespace {
+
+// Returns null if the model has no image of this name.
+const ModelImage* FindImage(const Model& model, const std::string& name) {
+  const auto image = std::lower_bound(model.images.begin(), model.images.end(), name,
+                                      [](const ModelImage& a, const std::string& b) { return a.name < b; });
+  return image == model.images.end() || image->name != name ? nullptr : &*image;
+}
+
+void CheckFinite(const std::vector<Eigen::Vector2d>& keypoints, const std::string& owner) {
+  for (size_t i = 0; i < keypoints.size(); ++i) {
+    if (!keypoints[i].allFinite()) throw InputError(owner + ": keypoint " + std::to_string(i) + " is not finite");
+  }
+}
+
+void CheckMatches(const Matches& matches, size_t num_query_points, size_t num_other_points, const std::string& owner) {
+  for (const Match& match : matches) {
+    if (match.query_point >= num_query_points || match.other_point >= num_other_points) {
+      throw InputError(owner + ": match (" + std::to_string(match.query_point) + ", " +
+                       std::to_string(match.other_point) + ") names a keypoint that its image does not have");
+    }
+  }
+}
+
+bool HasOnlyMatches(const GroupInput& input) {
+  for (const GroupInput::Frame& frame : input.frames) {
+    for (const GroupInput::Image& image : frame.images) {
+      if (!std::holds_alternative<LocalizationProblem>(image.query)) return false;
+    }
+  }
+  return true;
+}
+
+std::optional<LocalizationProblem> CopyProblem(const QueryInput& query, QueryRecord*) {
+  return std::get<LocalizationProblem>(query);
+}
+
+}  // namespace
+
+// A call of a thread: counts the thread as busy and lends it a session.
+class Localizer::Call {
+ public:
+  explicit Call(Localizer* localizer) : localizer_(*localizer), num_taken_(localizer_.idle_threads_.Take(1)) {
+    if (!localizer_.source_) return;
+    {
+      const std::lock_guard<std::mutex> lock(localizer_.sessions_mutex_);
+      if (localizer_.process_ != getpid()) {
+        // Leaves the parent's connections alone, because SQLite must not even close them in a forked process.
+        for (auto& session : localizer_.sessions_) static_cast<void>(session.release());
+        localizer_.sessions_.clear();
+        localizer_.process_ = getpid();
+      }
+      if (!localizer_.sessions_.empty()) {
+        session_ = std::move(localizer_.sessions_.back());
+        localizer_.sessions_.pop_back();
+      }
+    }
+    if (!session_) session_ = std::make_unique<QuerySource::Session>(*localizer_.source_, &localizer_.idle_threads_);
+  }
+  ~Call() {
+    localizer_.idle_threads_.GiveBack(num_taken_);
+    if (!session_) return;
+    const std::lock_guard<std::mutex> lock(localizer_.sessions_mutex_);
+    localizer_.sessions_.push_back(std::move(session_));
+  }
+  Call(const Call&) = delete;
+  Call& operator=(const Call&) = delete;
+
+  QuerySource::Session* Session() { return session_.get(); }
+
+ private:
+  Localizer& localizer_;
+  const int num_taken_;
+  std::unique_ptr<QuerySource::Session> session_;  // null without a database
+};
+
+Localizer::Localizer(const CommandOptions& options, std::optional<Model> model)
+    : options_(options), idle_threads_(EffectiveNumThreads(options.num_threads)), process_(getpid()) {
+  options_.source.selection.has_more_queries = true;
+  if (options_.source.database_path.empty()) {
+    model_ = model ? *std::move(model) : ReadModel(options_.source.input_path);
+    frames_ = DatabaseFramePlaces(model_, nullptr, options_.source.selection.groups);
+    return;
+  }
+  source_ = MakeQuerySource(options_, std::move(model));
+}
+
+std::vector<std::string> Localizer::Warnings() const {
+  return source_ ? source_->Warnings() : std::vector<std::string>();
+}
+
+std::vector<std::vector<std::string>> Localizer::Groups() const {
+  std::vector<std::vector<std::string>> groups;
+  if (!source_) return groups;
+  for (const QueryFrames& group : source_->Selection().Groups()) {
+    groups.emplace_back();
+    for (const QueryFrame& frame : group) {
+      for (const QueryFrame::Image& image : frame.images) groups.back().push_back(image.name);
+    }
+  }
+  return groups;
+}
+
+size_t Localizer::FindGroup(const std::string& query_name) const {
+  if (!source_) throw InputError("query " + query_name + " needs a database, but the Localizer has none");
+  if (const std::optional<size_t> group = source_->Selection().FindGroup(query_name)) return *group;
+  if (FindImage(DatabaseModel(), query_name) != nullptr) {
+    throw InputError("query " + query_name + " has a pose in the model (see LazyLocalizer.leave_one_out)");
+  }
+  if (source_->Selection().FindInDatabase(query_name) != nullptr) {
+    throw InputError("query " + query_name + " is not in the list of queries");
+  }
+  throw InputError("query " + query_name + " is not in the database " + source_->Database().Path().string());
+}
+
+std::vector<Eigen::Vector2d> Localizer::StoredKeypoints(const std::string& database_name) {
+  if (!source_) throw InputError("pair with " + database_name + ": without a database, its keypoints must be given");
+  const DatabaseImage* image = source_->Selection().FindInDatabase(database_name);
+  if (image == nullptr) throw InputError("pair with " + database_name + ": the database does not have this image");
+  return DatabaseReader(source_->Database().Path()).ReadKeypoints(image->image_id);
+}
+
+LocalizationProblem Localizer::MakeProblem(const std::string& name, const Camera& camera,
+                                           std::vector<Eigen::Vector2d> keypoints,
+                                           const std::vector<GivenPair>& pairs) {
+  CheckFinite(keypoints, name);
+  LocalizationProblem problem;
+  problem.query_name = name;
+  problem.query_camera = camera;
+  problem.query_keypoints = std::move(keypoints);
+  for (const GivenPair& given : pairs) {
+    const std::string owner = "pair with " + given.database_name;
+    const ModelImage* image = FindImage(DatabaseModel(), given.database_name);
+    if (image == nullptr) throw InputError(owner + ": the model has no posed image of this name");
+    ImagePair pair = MakeDatabasePair(*image, DatabaseModel(), DatabaseFrames());
+    pair.other_keypoints = given.keypoints ? *given.keypoints : StoredKeypoints(given.database_name);
+    CheckFinite(pair.other_keypoints, owner);
+    CheckMatches(given.matches, problem.query_keypoints.size(), pair.other_keypoints.size(), owner);
+    pair.matches = given.matches;
+    std::sort(pair.matches.begin(), pair.matches.end());
+    if (!pair.matches.empty()) problem.pairs.push_back(std::move(pair));
+  }
+  std::sort(problem.pairs.begin(), problem.pairs.end(),
+            [](const ImagePair& a, const ImagePair& b) { return a.other_name < b.other_name; });
+  return problem;
+}
+
+std::vector<Answer> Localizer::LocalizeLoadedGroup(LoadedGroup loaded, int max_num_pairs) const {
+  std::vector<std::vector<Eigen::Vector2d>> keypoints;
+  for (const QueryRecord& failure : loaded.failures) keypoints.push_back(failure.keypoints);
+  for (const QueryImage& image : loaded.group.images) keypoints.push_back(image.problem.query_keypoints);
+  LocalizerOptions options = options_.localizer;
+  options.max_num_pairs = max_num_pairs;
+  std::vector<QueryRecord> records = LocalizeLoaded(std::move(loaded), options);
+  std::vector<Answer> answers;
+  for (size_t i = 0; i < records.size(); ++i) answers.push_back({std::move(records[i]), std::move(keypoints[i])});
+  return answers;
+}
+
+std::vector<Answer> Localizer::Localize(size_t group) {
+  Call call(this);
+  return LocalizeLoadedGroup(source_->Load(group, call.Session()), source_->MaxNumPairs());
+}
+
+std::vector<Answer> Localizer::Localize(const GroupInput& input) {
+  Call call(this);
+  // Uses all pairs that a user gives, as colmap lazy_localizer does with a file of pairs.
+  if (HasOnlyMatches(input)) return LocalizeLoadedGroup(LoadEach(input, CopyProblem), /*max_num_pairs=*/0);
+  if (!source_) throw InputError("only queries with matches of their own can do without a database");
+  return LocalizeLoadedGroup(source_->Load(input, call.Session()), source_->MaxNumPairs());
+}
+
+}  // namespace lazyloc

@@ -1,0 +1,156 @@
+// The extension module colmap_lazyloc._core. The package's localizer.py checks what users give and calls it.
+#include <nanobind/nanobind.h>
+#include <nanobind/stl/optional.h>
+#include <nanobind/stl/pair.h>
+#include <nanobind/stl/string.h>
+#include <nanobind/stl/tuple.h>
+#include <nanobind/stl/vector.h>
+
+#include "colmap_lazyloc/bridge/logging.h"
+#include "colmap_lazyloc/cli/lazy_indexer.h"
+#include "colmap_lazyloc/cli/lazy_localizer.h"
+#include "colmap_lazyloc/cli/run_command.h"
+#include "colmap_lazyloc/python/conversions.h"
+#include "colmap_lazyloc/python/localizer.h"
+#include "colmap_lazyloc/scene/errors.h"
+
+namespace nb = nanobind;
+using nb::literals::operator""_a;
+
+namespace lazyloc {
+namespace {
+
+using Settings = std::vector<std::pair<Text, Text>>;
+using PairInput = std::tuple<Text, std::optional<InputPoints>, InputMatches>;
+
+// A query of any kind, which Python only hands on.
+struct Query {
+  QueryInput input;
+};
+
+std::vector<Text> ToTexts(const std::vector<std::string>& strings) {
+  std::vector<Text> texts;
+  for (const std::string& bytes : strings) texts.push_back({bytes});
+  return texts;
+}
+
+// Raises errors in the input as the package's InputError.
+void TranslateInputError(const std::exception_ptr& error, void*) {
+  try {
+    std::rethrow_exception(error);
+  } catch (const InputError& input_error) {
+    const nb::object type = nb::module_::import_("colmap_lazyloc.errors").attr("InputError");
+    PyErr_SetObject(type.ptr(), ToPython(AsOneLine(input_error.what())).ptr());
+  }
+}
+
+Localizer* MakeLocalizer(const Settings& settings, const std::optional<Model>& model) {
+  const nb::gil_scoped_release release;
+  std::vector<std::pair<std::string, std::string>> texts;
+  for (const auto& [name, value] : settings) texts.emplace_back(name.bytes, value.bytes);
+  CommandOptions options;
+  ParseSettings(texts, &options);
+  return new Localizer(options, model);
+}
+
+Query MakeMatchesQuery(Localizer& localizer, const Text& name, const Camera& camera, const InputPoints& keypoints,
+                       const std::vector<PairInput>& pairs) {
+  std::vector<GivenPair> given;
+  for (const auto& [database_name, database_keypoints, matches] : pairs) {
+    GivenPair pair = {database_name.bytes, std::nullopt, ToMatches(matches)};
+    if (database_keypoints) pair.keypoints = ToPoints(*database_keypoints);
+    given.push_back(std::move(pair));
+  }
+  return {localizer.MakeProblem(name.bytes, camera, ToPoints(keypoints), given)};
+}
+
+Query MakePhotoQuery(const Text& name, const Text& path, const std::optional<InputPixels>& pixels,
+                     const std::optional<Camera>& camera) {
+  PhotoQuery photo;
+  photo.name = name.bytes;
+  photo.path = path.bytes;
+  photo.camera = camera;
+  if (pixels) photo.file = ToPhotoFile(*pixels);
+  return {photo};
+}
+
+std::vector<OutputAnswer> LocalizeStoredGroup(Localizer& localizer, size_t group) {
+  std::vector<Answer> answers;
+  {
+    const nb::gil_scoped_release release;
+    answers = localizer.Localize(group);
+  }
+  return ToOutput(answers);
+}
+
+// Localizes queries as one frame. poses: cam_from_rig of each.
+std::vector<OutputAnswer> LocalizeFrame(Localizer& localizer, const std::vector<Query>& queries,
+                                        const InputPoses& poses, const Text& frame_name, bool has_scale) {
+  LAZYLOC_CHECK(queries.size() == poses.shape(0));
+  GroupInput input;
+  input.has_rig_scale = has_scale;
+  input.frames.push_back({frame_name.bytes, {}});
+  const std::vector<Rigid3d> cams_from_rig = ToPoses(poses);
+  for (size_t i = 0; i < queries.size(); ++i) {
+    input.frames[0].images.push_back({queries[i].input, cams_from_rig[i]});
+  }
+  std::vector<Answer> answers;
+  {
+    const nb::gil_scoped_release release;
+    answers = localizer.Localize(input);
+  }
+  return ToOutput(answers);
+}
+
+std::vector<std::tuple<std::string, std::string, std::string>> ListOfSettings() {
+  std::vector<std::tuple<std::string, std::string, std::string>> settings;
+  for (const OptionDescription& option : ListSettings()) {
+    settings.emplace_back(option.name, option.default_text, option.help);
+  }
+  return settings;
+}
+
+// Runs a command of the program; arguments[0] is its name. Returns its exit code.
+int RunAsCommand(int (*run)(int, char**), std::vector<Text> arguments) {
+  const nb::gil_scoped_release release;
+  std::vector<char*> argv;
+  for (Text& argument : arguments) argv.push_back(argument.bytes.data());
+  return run(static_cast<int>(argv.size()), argv.data());
+}
+
+}  // namespace
+
+NB_MODULE(_core, module) {
+  SilenceLogging();
+  nb::set_leak_warnings(false);
+  nb::register_exception_translator(TranslateInputError);
+  nb::class_<Camera>(module, "Camera").def(nb::new_(&MakeCamera), "model"_a, "width"_a, "height"_a, "params"_a);
+  nb::class_<Model>(module, "Model").def(nb::new_(&MakeModel), "cameras"_a, "names"_a, "poses"_a, "camera_of_image"_a);
+  nb::class_<Query>(module, "Query");
+  module.def(
+      "named", [](const Text& name) { return Query{name.bytes}; }, "name"_a);
+  module.def("photo", &MakePhotoQuery, "name"_a, "path"_a, "pixels"_a.none(), "camera"_a.none());
+  nb::class_<Localizer>(module, "Localizer")
+      .def(nb::new_(&MakeLocalizer), "settings"_a, "model"_a.none())
+      .def("warnings", [](const Localizer& localizer) { return ToTexts(localizer.Warnings()); })
+      .def("groups",
+           [](const Localizer& localizer) {
+             std::vector<std::vector<Text>> groups;
+             for (const auto& names : localizer.Groups()) groups.push_back(ToTexts(names));
+             return groups;
+           })
+      .def(
+          "find_group", [](const Localizer& localizer, const Text& name) { return localizer.FindGroup(name.bytes); },
+          "query_name"_a)
+      .def("matches", &MakeMatchesQuery, "name"_a, "camera"_a, "keypoints"_a, "pairs"_a)
+      .def("localize_group", &LocalizeStoredGroup, "group"_a)
+      .def("localize_frame", &LocalizeFrame, "queries"_a, "poses"_a, "frame_name"_a, "has_scale"_a);
+  module.def("settings", &ListOfSettings);
+  module.def(
+      "run_lazy_localizer", [](const std::vector<Text>& a) { return RunAsCommand(RunLazyLocalizer, a); },
+      "arguments"_a);
+  module.def(
+      "run_lazy_indexer", [](const std::vector<Text>& a) { return RunAsCommand(RunLazyIndexer, a); }, "arguments"_a);
+}
+
+}  // namespace lazyloc

@@ -1,0 +1,128 @@
+"""Tests that the examples of the Python package run."""
+
+import json
+import os
+import pathlib
+import socket
+import subprocess
+import sys
+import time
+import urllib.error
+import urllib.request
+
+import numpy as np
+import pytest
+
+from colmap_lazyloc.extension import core
+from conftest import PROJECT_PATH
+from test_python_processes import ENVIRONMENT
+
+EXAMPLES_PATH = PROJECT_PATH / "examples" / "python"
+
+
+def run_example(name, *arguments):
+    return subprocess.run(
+        [sys.executable, str(EXAMPLES_PATH / name), *map(str, arguments)],
+        capture_output=True,
+        text=True,
+        timeout=300,
+        env=ENVIRONMENT,
+    )
+
+
+def test_photo(photos):
+    name = photos.query_names[0]
+    done = run_example("localize_photo.py", photos.database_path, photos.model_path, photos.image_path / name)
+    assert done.returncode == 0, done.stderr
+    position = np.array(done.stdout.split()[1:], float)
+    assert np.linalg.norm(position - photos.poses[name].cam_in_world) < 0.05
+    done = run_example("localize_photo.py", photos.database_path, photos.model_path, "missing.jpg")
+    assert done.returncode == 1 and done.stderr.startswith("UNREADABLE_IMAGE: ")
+
+
+def test_matches(exact, tmp_path):
+    scene = exact.scene
+    name = scene.query_names[0]
+    arrays = {"camera": [520, 520, 320, 240, 640, 480]}
+    points = {key: scene.images[key].point_of_keypoint for key in [name, *scene.database_names]}
+
+    def pixels(image):
+        """Returns exact pixels of the example's camera, because the scene has others."""
+        in_cam = image.pose(all_points(scene)[image.point_of_keypoint])
+        return in_cam[:, :2] / in_cam[:, 2:] * 520 + [320, 240]
+
+    arrays["keypoints"] = pixels(scene.images[name])
+    for other in scene.database_names:
+        image = scene.images[other]
+        _, query_index, other_index = np.intersect1d(points[name], points[other], return_indices=True)
+        arrays[f"{other}/keypoints"] = pixels(image)
+        arrays[f"{other}/matches"] = np.stack([query_index, other_index], axis=1)
+        arrays[f"{other}/cam_from_world"] = np.column_stack([image.pose.rotation, image.pose.tvec])
+    np.savez(tmp_path / "matches.npz", **arrays)
+    done = run_example("localize_matches.py", tmp_path / "matches.npz")
+    assert done.returncode == 0 and done.stdout.startswith("LOCALIZED"), (done.stdout, done.stderr)
+
+
+def all_points(scene):
+    """Returns points in the view of the cameras; any do, because pixels are computed from them."""
+    num_points = 1 + max(int(image.point_of_keypoint.max()) for image in scene.images.values())
+    return np.random.default_rng(0).uniform(-1, 1, (num_points, 3))
+
+
+@pytest.fixture
+def service(photos):
+    with socket.socket() as free:
+        free.bind(("localhost", 0))
+        port = free.getsockname()[1]
+    command = [EXAMPLES_PATH / "localize_service.py", photos.database_path, photos.model_path, port]
+    with subprocess.Popen([sys.executable, *map(str, command)], env=ENVIRONMENT, stderr=subprocess.DEVNULL) as process:
+        yield f"http://localhost:{port}/"
+        process.terminate()
+
+
+def post(url, body):
+    for _ in range(100):
+        try:
+            with urllib.request.urlopen(urllib.request.Request(url, body), timeout=60) as response:
+                return response.status, json.load(response)
+        except urllib.error.HTTPError as error:
+            return error.code, json.load(error)
+        except urllib.error.URLError:
+            time.sleep(0.1)  # the service has not begun
+    raise AssertionError("the service does not answer")
+
+
+def test_service(service, photos):
+    photo = (photos.image_path / photos.query_names[0]).read_bytes()
+    code, result = post(service, photo)
+    assert (code, result["status"]) == (200, "LOCALIZED")
+    assert post(service, b"no photo")[1]["status"] == "UNREADABLE_IMAGE"
+    assert post(service, b"")[0] == 413
+
+
+def test_examples_and_package_have_correct_types(tmp_path):
+    package = PROJECT_PATH / "python" / "colmap_lazyloc"
+    modules = ["localizer", "result", "inputs", "settings", "tasks", "extension", "commands", "arrays", "__init__"]
+    files = [*EXAMPLES_PATH.glob("*.py"), *(package / f"{name}.py" for name in modules)]
+    command = [sys.executable, "-m", "mypy", "--strict", "--follow-imports=silent", "--cache-dir", tmp_path, *files]
+    done = subprocess.run(
+        list(map(str, command)), capture_output=True, text=True, env={**ENVIRONMENT, "MYPYPATH": str(package.parent)}
+    )
+    assert done.returncode == 0, done.stdout
+
+
+def test_stub_is_that_of_the_module(tmp_path):
+    """Make it again by scripts/python.sh -m nanobind.stubgen -i build/python -m _core -O python/colmap_lazyloc."""
+    folder = pathlib.Path(core.__file__).parent
+    command = [sys.executable, "-m", "nanobind.stubgen", "-q", "-i", folder, "-m", "_core", "-O", tmp_path]
+    subprocess.run(list(map(str, command)), check=True, env=ENVIRONMENT)
+    expected = (tmp_path / "_core.pyi").read_text()
+    assert (PROJECT_PATH / "python" / "colmap_lazyloc" / "_core.pyi").read_text() == expected
+
+
+def test_reference_is_that_of_the_docstrings():
+    done = subprocess.run(
+        [sys.executable, "-c", "import make_python_reference as m; assert m.make_page() == m.PAGE_PATH.read_text()"],
+        env={**ENVIRONMENT, "PYTHONPATH": f"{ENVIRONMENT['PYTHONPATH']}{os.pathsep}{PROJECT_PATH / 'scripts'}"},
+    )
+    assert done.returncode == 0, "run scripts/python.sh scripts/make_python_reference.py"
