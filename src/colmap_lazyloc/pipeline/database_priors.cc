@@ -126,10 +126,9 @@ PriorGroup DatabasePriors::MakeGroup(int query_frame, const std::vector<FrameSca
   return group;
 }
 
-void DatabasePriors::Set(const std::vector<Track>& tracks, PosedImages* posed) const {
+void DatabasePriors::Set(const std::vector<FrameScale>& scales, PosedImages* posed) const {
   posed->prior_groups.clear();
   if (!HavePriors()) return;
-  const std::vector<FrameScale> scales = MeasureFrameScales(*posed, tracks);
   for (int query_frame = 0; query_frame < layout_.num_query_frames; ++query_frame) {
     posed->prior_groups.push_back(MakeGroup(query_frame, scales, posed));
   }
@@ -157,9 +156,9 @@ double DatabasePriors::Estimate(const BundleAdjustmentResult& adjustment, double
   return change;
 }
 
-void SetCalibrationPriors(const Layout& layout, const std::vector<Track>& tracks, double noise_px, PosedImages* posed) {
+void SetCalibrationPriors(const Layout& layout, const std::vector<FrameScale>& scales, double noise_px,
+                          PosedImages* posed) {
   if (noise_px == 0 || posed->calibrations.empty()) return;
-  const std::vector<FrameScale> scales = MeasureFrameScales(*posed, tracks);
   for (Calibration& calibration : posed->calibrations) calibration.prior.reset();
   for (const Image& image : posed->images) {
     if (image.calibration < 0) continue;

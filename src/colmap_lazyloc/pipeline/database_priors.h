@@ -27,8 +27,8 @@ class DatabasePriors {
 
   // Expects errors of this size, in pixels.
   void Expect(double noise_px);
-  // Sets the priors of all database frames that the tracks observe.
-  void Set(const std::vector<Track>& tracks, PosedImages* posed) const;
+  // Sets the priors of all database frames with observations.
+  void Set(const std::vector<FrameScale>& scales, PosedImages* posed) const;
   // Estimates the size of the errors from an adjustment. Returns the largest change, as the log of a factor.
   double Estimate(const BundleAdjustmentResult& adjustment, double variance_factor);
 
@@ -43,7 +43,8 @@ class DatabasePriors {
 };
 
 // Lets calibrations deviate as far as noise_px displaces the keypoints of the first frame that has them; 0: exact.
-void SetCalibrationPriors(const Layout& layout, const std::vector<Track>& tracks, double noise_px, PosedImages* posed);
+void SetCalibrationPriors(const Layout& layout, const std::vector<FrameScale>& scales, double noise_px,
+                          PosedImages* posed);
 
 // Returns the shape of the errors that change with the viewpoint: the covariance of the differences between the errors
 // of `frames` and that at the viewpoint of `query`, where the difference at a distance of viewpoints of 0.2 has unit

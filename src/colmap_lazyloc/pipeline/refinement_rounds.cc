@@ -103,8 +103,9 @@ CandidateTracks Rounds::Observe(CandidateTracks candidates) const {
 void Rounds::AdjustRoughly(bool is_last) { Adjust(is_last); }
 
 void Rounds::AdjustWithPriors(bool is_last) {
-  priors_.Set(adjustment_.tracks, &adjustment_.posed);
-  SetCalibrationPriors(layout_, adjustment_.tracks, options_.rig_noise_px, &adjustment_.posed);
+  const std::vector<FrameScale> scales = MeasureFrameScales(Posed(), adjustment_.tracks);
+  priors_.Set(scales, &adjustment_.posed);
+  SetCalibrationPriors(layout_, scales, options_.rig_noise_px, &adjustment_.posed);
   Adjust(is_last);
 }
 
