@@ -31,6 +31,9 @@ class DatabasePriors {
   void Set(const std::vector<FrameScale>& scales, PosedImages* posed) const;
   // Estimates the size of the errors from an adjustment. Returns the largest change, as the log of a factor.
   double Estimate(const BundleAdjustmentResult& adjustment, double variance_factor);
+  // Returns the variance factor of the last estimate, but at least a minimum; 1 before. Adjustment takes the images for
+  // less exact than they are, so that priors would be too tight beside them: their variances are divided by it.
+  double ImageVarianceFactor() const { return image_variance_factor_; }
 
  private:
   double UnitPx(const FrameScale& scale) const;
@@ -39,6 +42,7 @@ class DatabasePriors {
   const Layout& layout_;
   const double stddev_rad_, stddev_length_;  // as stated; -1: estimated
   const double expected_px_;
+  double image_variance_factor_ = 1;
   std::vector<std::vector<double>> variances_;  // by query frame and component
 };
 

@@ -92,6 +92,18 @@ TEST(DatabasePriors, ExactPosesHaveNone) {
   EXPECT_TRUE(input.truth.prior_groups.empty());
 }
 
+TEST(DatabasePriors, RememberTheVarianceFactorOfStatedPosesToo) {
+  const StageInput input = MakeStageInput(MakeSyntheticGroup(TwoFrames()));
+  LocalizerOptions options;
+  options.database_pose_stddev_deg = options.database_pose_stddev_length = 0;
+  DatabasePriors priors(input.layout, options);
+  EXPECT_EQ(priors.ImageVarianceFactor(), 1);
+  priors.Estimate({}, 0.25);
+  EXPECT_EQ(priors.ImageVarianceFactor(), 0.25) << "calibrations have estimated errors even so";
+  priors.Estimate({}, 0);
+  EXPECT_GT(priors.ImageVarianceFactor(), 0);
+}
+
 TEST(DatabasePriors, CovarianceAllowsForMoreThanTheEstimate) {
   const Eigen::MatrixXd one = Eigen::MatrixXd::Identity(1, 1);
   const PriorGroup stated{{1}, {{one, 4}}};

@@ -105,7 +105,8 @@ void Rounds::AdjustRoughly(bool is_last) { Adjust(is_last); }
 void Rounds::AdjustWithPriors(bool is_last) {
   const std::vector<FrameScale> scales = MeasureFrameScales(Posed(), adjustment_.tracks);
   priors_.Set(scales, &adjustment_.posed);
-  SetCalibrationPriors(layout_, scales, options_.rig_noise_px, &adjustment_.posed);
+  const double rig_noise_px = options_.rig_noise_px / std::sqrt(priors_.ImageVarianceFactor());
+  SetCalibrationPriors(layout_, scales, rig_noise_px, &adjustment_.posed);
   Adjust(is_last);
 }
 
