@@ -9,24 +9,34 @@
 namespace lazyloc {
 namespace {
 
-// Independent error of a database pose, in pixels.
-constexpr double kIndependentNoisePx = 0.1;
-// Number of deviations that an expected variance counts as: those of one frame.
-constexpr double kExpectedWeight = 6;
+// Expected and minimum independent error of a database pose, in pixels. It is estimated for rotations and positions
+// apart, because for example GPS and an inertial sensor measure them by different means.
+constexpr double kIndependentNoisePx = 0.05;
+// Minimum error that changes with the viewpoint, in pixels.
+constexpr double kMinViewpointNoisePx = 0.02;
+// Standard deviation of the log of an expected size: a factor of e, or of 1.35 for independent rotations. With a large
+// size, all rotations would turn together where images of one camera have an error in common, but not the positions.
+constexpr double kExpectedLogStddev = 1, kRotationLogStddev = 0.3;
 // Distance of viewpoints at which database_pose_noise_px is stated, and the power of it by which variances grow:
 // between that of a random walk (1) and that of errors which change steadily (2).
 constexpr double kReferenceDistance = 0.2;
 constexpr double kPower = 1.5;
-// What a covariance allows for beyond the estimate: a factor on the variances, because one estimate of a few frames is
-// rough, and errors in pixels that no adjustment shows, because they are common to all images. Calibrated on real
-// scenes (docs/method.md, section 9).
-constexpr double kVarianceInflation = 4;
-constexpr double kHiddenNoisePx[] = {0.3, 0.1};  // by component
+// Standard deviations in pixels that the search for the estimate starts from. The likelihood can have two maxima,
+// because both parts may explain the same errors. The search starts from large independent errors, because if it
+// started from small ones, the other part would explain them all.
+constexpr double kFirstViewpointNoisePx = 0.1, kFirstIndependentNoisePx = 0.5;
+// Minimum variance factor, because without any noise of the images their information is infinite.
+constexpr double kMinVarianceFactor = 0.01;
+// What a covariance allows for beyond the estimate: errors in pixels that no adjustment shows, because they are common
+// to all images. Calibrated on real scenes (docs/method.md, section 9).
+constexpr double kHiddenNoisePx[] = {0.3, 0.1, 0.1};  // by component
 
+// Minimum error of database poses over the stated one.
+constexpr double kMinStatedRatio = 0.1;
 // Displacement of keypoints by the flex of a rig.
 constexpr double kRigFlexPx = 0.02;
 
-constexpr int kViewpoint = 0, kIndependent = 1;  // components
+constexpr int kNumComponents = 3;  // the part that changes with the viewpoint, independent rotations and positions
 
 double ViewpointVariance(const Rigid3d& a, const Rigid3d& b, double scene_distance) {
   // Takes the chord 2 sin(angle / 2), because the covariances are positive definite for distances in a Euclidean space.
@@ -68,13 +78,14 @@ DatabasePriors::DatabasePriors(const Layout& layout, const LocalizerOptions& opt
       stddev_length_(options.database_pose_stddev_length),
       expected_px_(options.database_pose_noise_px) {
   variances_.resize(layout.num_query_frames);
+  constexpr double kIndependentVariance = kIndependentNoisePx * kIndependentNoisePx;
   for (std::vector<double>& variances : variances_) {
-    variances = {expected_px_ * expected_px_, kIndependentNoisePx * kIndependentNoisePx};
+    variances = {expected_px_ * expected_px_, kIndependentVariance, kIndependentVariance};
   }
 }
 
 void DatabasePriors::Expect(double noise_px) {
-  for (std::vector<double>& variances : variances_) variances.assign(2, noise_px * noise_px);
+  for (std::vector<double>& variances : variances_) variances.assign(kNumComponents, noise_px * noise_px);
 }
 
 // Returns the displacement of keypoints that a standard deviation of one stands for: a pixel if the size is estimated.
@@ -109,39 +120,44 @@ PriorGroup DatabasePriors::MakeGroup(int query_frame, const std::vector<FrameSca
     return group;
   }
   const Rigid3d& query = posed->frames[query_frame].frame_from_world;
-  group.components = {{ViewpointErrorShape(poses, query, common.distance), variances_[query_frame][kViewpoint]},
-                      {identity, variances_[query_frame][kIndependent]}};
+  const std::vector<double>& variances = variances_[query_frame];
+  group.components = {{ViewpointErrorShape(poses, query, common.distance), variances[0]},
+                      {identity, variances[1], PosePart::ROTATION},
+                      {identity, variances[2], PosePart::POSITION}};
   return group;
 }
 
-void DatabasePriors::Set(const std::vector<Track>& tracks, PosedImages* posed) const {
+void DatabasePriors::Set(const std::vector<FrameScale>& scales, PosedImages* posed) const {
   posed->prior_groups.clear();
   if (!HavePriors()) return;
-  const std::vector<FrameScale> scales = MeasureFrameScales(*posed, tracks);
   for (int query_frame = 0; query_frame < layout_.num_query_frames; ++query_frame) {
     posed->prior_groups.push_back(MakeGroup(query_frame, scales, posed));
   }
 }
 
 double DatabasePriors::Estimate(const BundleAdjustmentResult& adjustment, double variance_factor) {
+  image_variance_factor_ = std::max(variance_factor, kMinVarianceFactor);
   if (!AreEstimated()) return 0;
-  const std::vector<ExpectedVariance> expected = {{expected_px_ * expected_px_, kExpectedWeight},
-                                                  {kIndependentNoisePx * kIndependentNoisePx, kExpectedWeight}};
+  const std::vector<ExpectedStddev> expected = {
+      {expected_px_, kExpectedLogStddev, kMinViewpointNoisePx, kFirstViewpointNoisePx},
+      {kIndependentNoisePx, kRotationLogStddev, kIndependentNoisePx, kFirstIndependentNoisePx},
+      {kIndependentNoisePx, kExpectedLogStddev, kIndependentNoisePx, kFirstIndependentNoisePx}};
   double change = 0;
   for (size_t i = 0; i < adjustment.prior_fits.size(); ++i) {
     const std::vector<double> estimated =
-        EstimateVariances(adjustment.posed.prior_groups[i], adjustment.prior_fits[i], variance_factor, expected);
+        EstimateVariances(adjustment.posed.prior_groups[i], adjustment.prior_fits[i], image_variance_factor_, expected);
     for (size_t j = 0; j < estimated.size(); ++j) {
-      change = std::max(change, std::abs(std::log(estimated[j] / variances_[i][j])) / 2);
+      const double variance = estimated[j] / image_variance_factor_;
+      change = std::max(change, std::abs(std::log(variance / variances_[i][j])) / 2);
+      variances_[i][j] = variance;
     }
-    variances_[i] = estimated;
   }
   return change;
 }
 
-void SetCalibrationPriors(const Layout& layout, const std::vector<Track>& tracks, double noise_px, PosedImages* posed) {
+void SetCalibrationPriors(const Layout& layout, const std::vector<FrameScale>& scales, double noise_px,
+                          PosedImages* posed) {
   if (noise_px == 0 || posed->calibrations.empty()) return;
-  const std::vector<FrameScale> scales = MeasureFrameScales(*posed, tracks);
   for (Calibration& calibration : posed->calibrations) calibration.prior.reset();
   for (const Image& image : posed->images) {
     if (image.calibration < 0) continue;
@@ -157,12 +173,12 @@ void SetCalibrationPriors(const Layout& layout, const std::vector<Track>& tracks
 }
 
 std::vector<double> VariancesForCovariance(const PriorGroup& group, const PriorFit& fit, double variance_factor) {
-  std::vector<ExpectedVariance> expected;
-  for (const VarianceComponent& component : group.components) expected.push_back({component.variance, 1});
-  std::vector<double> variances = EstimateVariances(group, fit, variance_factor, expected);
-  if (variances.size() == 1) return variances;  // as stated
-  for (const int j : {kViewpoint, kIndependent}) {
-    variances[j] = kVarianceInflation * variances[j] + kHiddenNoisePx[j] * kHiddenNoisePx[j];
+  if (group.components.size() == 1) {
+    return EstimateVariances(group, fit, std::max(variance_factor, kMinVarianceFactor), {{1, 1, kMinStatedRatio, 1}});
+  }
+  std::vector<double> variances;
+  for (size_t j = 0; j < group.components.size(); ++j) {
+    variances.push_back(variance_factor * group.components[j].variance + kHiddenNoisePx[j] * kHiddenNoisePx[j]);
   }
   return variances;
 }

@@ -56,12 +56,12 @@ TEST(DatabasePriors, EachQueryFrameHasItsOwnGroup) {
   const DatabasePriors priors(input.layout, {});
   ASSERT_TRUE(priors.HavePriors());
   ASSERT_TRUE(priors.AreEstimated());
-  priors.Set(input.tracks, &input.truth);
+  priors.Set(MeasureFrameScales(input.truth, input.tracks), &input.truth);
   ASSERT_EQ(input.truth.prior_groups.size(), 2u);
   for (int frame = 0; frame < 2; ++frame) {
     const PriorGroup& group = input.truth.prior_groups[frame];
     EXPECT_EQ(group.frames, input.layout.database_frames_of_frame[frame]);
-    ASSERT_EQ(group.components.size(), 2u);
+    ASSERT_EQ(group.components.size(), 3u);
     EXPECT_DOUBLE_EQ(group.components[0].variance, 0.7 * 0.7);
     for (const int i : group.frames) EXPECT_TRUE(input.truth.frames[i].prior);
   }
@@ -74,7 +74,7 @@ TEST(DatabasePriors, AsStated) {
   options.database_pose_stddev_length = 0.02;
   const DatabasePriors priors(input.layout, options);
   EXPECT_FALSE(priors.AreEstimated());
-  priors.Set(input.tracks, &input.truth);
+  priors.Set(MeasureFrameScales(input.truth, input.tracks), &input.truth);
   const PriorGroup& group = input.truth.prior_groups[0];
   ASSERT_EQ(group.components.size(), 1u);
   EXPECT_TRUE(group.components[0].shape.isIdentity(0)) << "stated deviations are independent";
@@ -88,19 +88,34 @@ TEST(DatabasePriors, ExactPosesHaveNone) {
   options.database_pose_stddev_deg = options.database_pose_stddev_length = 0;
   const DatabasePriors priors(input.layout, options);
   EXPECT_FALSE(priors.HavePriors());
-  priors.Set(input.tracks, &input.truth);
+  priors.Set(MeasureFrameScales(input.truth, input.tracks), &input.truth);
   EXPECT_TRUE(input.truth.prior_groups.empty());
 }
 
+TEST(DatabasePriors, RememberTheVarianceFactorOfStatedPosesToo) {
+  const StageInput input = MakeStageInput(MakeSyntheticGroup(TwoFrames()));
+  LocalizerOptions options;
+  options.database_pose_stddev_deg = options.database_pose_stddev_length = 0;
+  DatabasePriors priors(input.layout, options);
+  EXPECT_EQ(priors.ImageVarianceFactor(), 1);
+  priors.Estimate({}, 0.25);
+  EXPECT_EQ(priors.ImageVarianceFactor(), 0.25) << "calibrations have estimated errors even so";
+  priors.Estimate({}, 0);
+  EXPECT_GT(priors.ImageVarianceFactor(), 0);
+}
+
 TEST(DatabasePriors, CovarianceAllowsForMoreThanTheEstimate) {
-  const PriorGroup stated{{1}, {{Eigen::MatrixXd::Identity(1, 1), 4}}};
-  const PriorFit fit{Eigen::MatrixXd::Zero(1, 6), Eigen::MatrixXd::Constant(1, 1, 24), {}};
-  EXPECT_DOUBLE_EQ(VariancesForCovariance(stated, fit, 1)[0], 4) << "as stated, because nothing contradicts it";
-  PriorGroup estimated = stated;
-  estimated.components.push_back({Eigen::MatrixXd::Identity(1, 1), 1e-6});
-  const std::vector<double> variances = VariancesForCovariance(estimated, fit, 1);
-  EXPECT_GT(variances[0], 4 * 3);
-  EXPECT_GE(variances[1], 0.01);
+  const Eigen::MatrixXd one = Eigen::MatrixXd::Identity(1, 1);
+  const PriorGroup stated{{1}, {{one, 4}}};
+  const PriorFit fit{Eigen::MatrixXd::Zero(1, 6), Eigen::MatrixXd::Zero(6, 6)};
+  EXPECT_NEAR(VariancesForCovariance(stated, fit, 1)[0], 1, 1e-6) << "as stated, because nothing contradicts it";
+  const PriorGroup estimated{{1}, {{one, 4}, {one, 1e-6, PosePart::ROTATION}, {one, 1e-6, PosePart::POSITION}}};
+  for (const double factor : {1.0, 0.25}) {
+    const std::vector<double> variances = VariancesForCovariance(estimated, fit, factor);
+    EXPECT_NEAR(variances[0], 4 * factor + 0.09, 1e-9);
+    EXPECT_GE(variances[1], 0.01);
+    EXPECT_GE(variances[2], 0.01);
+  }
 }
 
 }  // namespace

@@ -316,11 +316,12 @@ TEST(EstimateUncertainties, PriorsCountAsTheAdjustmentShowsThem) {
   adjustment.posed.prior_groups = {{{2, 3, 4, 5, 6, 7, 8, 9, 10, 11}, {{identity, 1}}}};
   const Eigen::Matrix<double, 6, 6> part = 1e-4 * Eigen::Matrix<double, 6, 6>::Identity();
   const double image_factor = input->VarianceFactor();
-  for (const double deviation : {0.1, 3.0}) {
-    adjustment.prior_fits = {{Eigen::MatrixXd::Constant(10, 6, deviation), 0 * identity, {{part, 0 * part}}}};
-    const double shown = (60 * deviation * deviation + 1) / 61;
+  const Eigen::MatrixXd information = 1e6 * Eigen::MatrixXd::Identity(60, 60);
+  for (const double deviation : {0.2, 3.0}) {
+    adjustment.prior_fits = {{Eigen::MatrixXd::Constant(10, 6, deviation), information, {{part, 0 * part}}}};
+    const double shown = deviation * deviation;  // nearly: the expectation counts as one of 61 deviations
     const std::vector<PoseUncertainty> uncertainties = input->Estimate();
-    EXPECT_NEAR(uncertainties[0].covariance(0, 0), 1e-6 * image_factor + 1e-4 * (shown - image_factor), 1e-12);
+    EXPECT_NEAR(uncertainties[0].covariance(0, 0), 1e-6 * image_factor + 1e-4 * (shown - image_factor), 5e-6 * shown);
     EXPECT_NEAR(uncertainties[1].covariance(0, 0), 1e-6 * image_factor, 1e-12);
   }
 }

@@ -77,7 +77,7 @@ void Rounds::SetTracks(SplitTracks split, double max_query_error_sigma) {
 
 void Rounds::Adjust(bool is_last) {
   BundleAdjustmentOptions options = options_.bundle_adjustment;
-  options.tests_intrinsics = is_last;
+  options.computes_covariances = options.tests_intrinsics = is_last;
   if (!is_last) options.convergence_sigma *= kIntermediateConvergence;
   adjustment_ = AdjustBundle(Posed(), std::move(adjustment_.tracks), options);
   const bool is_finite = std::all_of(Posed().frames.begin(), Posed().frames.end(), [](const Frame& frame) {
@@ -103,8 +103,10 @@ CandidateTracks Rounds::Observe(CandidateTracks candidates) const {
 void Rounds::AdjustRoughly(bool is_last) { Adjust(is_last); }
 
 void Rounds::AdjustWithPriors(bool is_last) {
-  priors_.Set(adjustment_.tracks, &adjustment_.posed);
-  SetCalibrationPriors(layout_, adjustment_.tracks, options_.rig_noise_px, &adjustment_.posed);
+  const std::vector<FrameScale> scales = MeasureFrameScales(Posed(), adjustment_.tracks);
+  priors_.Set(scales, &adjustment_.posed);
+  const double rig_noise_px = options_.rig_noise_px / std::sqrt(priors_.ImageVarianceFactor());
+  SetCalibrationPriors(layout_, scales, rig_noise_px, &adjustment_.posed);
   Adjust(is_last);
 }
 

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <optional>
 #include <utility>
 
 #include "colmap_lazyloc/refinement/bundle_solver.h"
@@ -63,21 +62,33 @@ std::vector<Eigen::Matrix<double, 6, 6>> ImageCovariances(const BundleSolver<kSi
 
 // Fits all prior groups; none if there are too many frames.
 template <int kSize>
-std::vector<PriorFit> FitPriors(const BundleSolver<kSize>& solver, const PosedImages& posed) {
+std::vector<PriorFit> FitAllPriors(const BundleSolver<kSize>& solver, const PosedImages& posed, bool computes_parts) {
   std::vector<PriorFit> fits;
-  if (posed.prior_groups.empty()) return fits;
-  const std::optional<Eigen::MatrixXd> full_covariance = solver.FullCovariance();
+  if (!solver.Cameras().IsDense()) return fits;
   std::vector<int> needed_frames;
   for (size_t image = 0; image < posed.images.size(); ++image) {
     if (!posed.IsDatabase(static_cast<int>(image)))
       needed_frames.push_back(solver.IndexOfImage(static_cast<int>(image)));
   }
-  for (size_t group = 0; full_covariance && group < posed.prior_groups.size(); ++group) {
-    std::vector<std::vector<Eigen::MatrixXd>> frame_parts;
-    fits.push_back(solver.FitPriors(group, posed.prior_groups[group], *full_covariance, needed_frames, &frame_parts));
-    for (const auto& parts : frame_parts) fits.back().image_parts.push_back(ImageCovariances(solver, posed, parts));
+  for (size_t group = 0; group < posed.prior_groups.size(); ++group) {
+    PriorFit& fit = fits.emplace_back(FitPriors(solver, group));
+    if (!computes_parts) continue;
+    for (const auto& parts : FrameParts(solver, group, posed.prior_groups[group], needed_frames)) {
+      fit.image_parts.push_back(ImageCovariances(solver, posed, parts));
+    }
   }
   return fits;
+}
+
+template <int kSize>
+void SetCovariances(const BundleSolver<kSize>& solver, BundleAdjustmentResult* result) {
+  const std::vector<Eigen::Matrix<double, kSize, kSize>> covariances = solver.Covariances();
+  result->image_covariances = ImageCovariances(solver, result->posed, covariances);
+  result->frame_covariances.assign(result->posed.frames.size(), Eigen::Matrix<double, 6, 6>::Zero());
+  for (size_t frame = 0; frame < result->frame_covariances.size(); ++frame) {
+    const int index = solver.IndexOf(static_cast<int>(frame));
+    if (index >= 0) result->frame_covariances[frame] = covariances[index].template topLeftCorner<6, 6>();
+  }
 }
 
 template <int kSize>
@@ -89,19 +100,13 @@ BundleAdjustmentResult Adjust(const PosedImages& posed, std::vector<Track> track
   result.posed = posed;
   result.tracks = std::move(tracks);
   if (!result.summary.success) return result;
-  const std::vector<Eigen::Matrix<double, kSize, kSize>> covariances = solver.Covariances();
   result.posed = MovedTo(solver, posed);
-  if (options.fits_priors) result.prior_fits = FitPriors(solver, result.posed);
+  if (options.fits_priors) result.prior_fits = FitAllPriors(solver, result.posed, options.computes_covariances);
   if (options.tests_intrinsics) {
     result.intrinsics_scores =
         ComputeIntrinsicsScores(solver, posed, result.tracks, RobustLoss(options.loss_scale_sigma));
   }
-  result.image_covariances = ImageCovariances(solver, result.posed, covariances);
-  result.frame_covariances.assign(posed.frames.size(), Eigen::Matrix<double, 6, 6>::Zero());
-  for (size_t frame = 0; frame < posed.frames.size(); ++frame) {
-    const int index = solver.IndexOf(static_cast<int>(frame));
-    if (index >= 0) result.frame_covariances[frame] = covariances[index].template topLeftCorner<6, 6>();
-  }
+  if (options.computes_covariances) SetCovariances(solver, &result);
   for (size_t track = 0; track < result.tracks.size(); ++track) {
     result.tracks[track].point_in_world = solver.Solution().points[track];
   }

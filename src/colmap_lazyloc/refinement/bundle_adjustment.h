@@ -18,8 +18,9 @@ struct BundleAdjustmentOptions {
   int max_num_iterations = 50;
   // Maximum length of the last step, in standard deviations of the poses (root mean square over the frames).
   double convergence_sigma = 0.2;
-  bool fits_priors = true;       // true to compute prior_fits
-  bool tests_intrinsics = true;  // true to compute intrinsics_scores
+  bool fits_priors = true;           // true to compute prior_fits
+  bool computes_covariances = true;  // true to compute covariances, and image_parts of prior_fits
+  bool tests_intrinsics = true;      // true to compute intrinsics_scores
 
   bool Check(std::string* error) const;
 };
@@ -30,7 +31,7 @@ struct BundleAdjustmentResult {
   std::vector<Track> tracks;
   // Covariances of the tangents (w, dt) of frame_from_world and cam_from_world (R <- ExpSO3(w) R, t <- t + dt; rad,
   // database units) for image noise as stated, with all points, other poses and factors unknown too. Zero for constant
-  // frames. Unobservable directions get a large but finite variance.
+  // frames. Unobservable directions get a large but finite variance. Empty without computes_covariances.
   std::vector<Eigen::Matrix<double, 6, 6>> frame_covariances, image_covariances;
   // How the frames of each prior group deviate from their priors. Empty without fits_priors, or for more frames than a
   // dense matrix solves.

@@ -3,7 +3,6 @@
 #include <algorithm>
 
 #include "colmap_lazyloc/refinement/covariance.h"
-#include "colmap_lazyloc/refinement/prior_fit.h"
 #include "colmap_lazyloc/scene/errors.h"
 
 namespace lazyloc {
@@ -85,7 +84,7 @@ void BundleProblem::AddPriors(const PosedImages& posed) {
   std::vector<bool> is_grouped(frames.size(), false);
   for (const PriorGroup& group : posed.prior_groups) {
     BundlePriors& of_group = priors.emplace_back();
-    of_group.precision = PriorPrecision(group);
+    of_group.precision = ComputePriorPrecision(group);
     for (const int frame : group.frames) {
       LAZYLOC_CHECK(posed.frames[frame].prior.has_value());
       of_group.frames.push_back(index_of_frame[frame]);
@@ -94,7 +93,8 @@ void BundleProblem::AddPriors(const PosedImages& posed) {
   }
   for (size_t i = 0; i < frames.size(); ++i) {
     if (!pose_priors[i] || is_grouped[i]) continue;
-    priors.push_back({{static_cast<int>(i)}, Eigen::MatrixXd::Identity(1, 1)});
+    const Eigen::MatrixXd one = Eigen::MatrixXd::Identity(1, 1);
+    priors.push_back({{static_cast<int>(i)}, {one, one}});
   }
 }
 

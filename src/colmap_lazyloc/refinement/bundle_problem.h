@@ -8,6 +8,7 @@
 
 #include "colmap_lazyloc/math/rigid3.h"
 #include "colmap_lazyloc/refinement/linear_projection.h"
+#include "colmap_lazyloc/refinement/prior_precision.h"
 #include "colmap_lazyloc/scene/frame.h"
 #include "colmap_lazyloc/scene/track.h"
 
@@ -99,8 +100,8 @@ struct Range {
 
 // Priors of frames whose deviations are correlated.
 struct BundlePriors {
-  std::vector<int> frames;    // indices into BundleProblem::frames, ascending
-  Eigen::MatrixXd precision;  // inverse covariance of the deviations (PriorPrecision)
+  std::vector<int> frames;  // indices into BundleProblem::frames, ascending
+  PriorPrecision precision;
 };
 
 // Frames and tracks as bundle adjustment iterates over them: contiguous in memory, errors in standard deviations.

@@ -97,52 +97,6 @@ std::vector<typename BundleSolver<kSize>::FrameMatrix> BundleSolver<kSize>::Cova
 }
 
 template <int kSize>
-std::optional<Eigen::MatrixXd> BundleSolver<kSize>::FullCovariance() const {
-  return camera_system_.HasFactor() ? camera_system_.Inverse() : std::nullopt;
-}
-
-template <int kSize>
-PriorFit BundleSolver<kSize>::FitPriors(size_t group, const PriorGroup& given, const Eigen::MatrixXd& full_covariance,
-                                        const std::vector<int>& needed_frames,
-                                        std::vector<std::vector<Eigen::MatrixXd>>* frame_parts) const {
-  const BundlePriors& priors = problem_.priors[group];
-  const std::vector<PosePriorResidual> residuals = EvaluatePriors(priors, state_);
-  const auto size = static_cast<Eigen::Index>(residuals.size());
-  PriorFit fit{Eigen::MatrixXd(size, 6), Eigen::MatrixXd(size, size), {}};
-  Eigen::MatrixXd with_frames(6 * size, full_covariance.cols());  // covariance of the deviations with all frames
-  for (Eigen::Index i = 0; i < size; ++i) {
-    fit.deviations.row(i) = residuals[i].error;
-    with_frames.middleRows<6>(6 * i) =
-        residuals[i].jacobian * full_covariance.middleRows<6>(kSize * static_cast<Eigen::Index>(priors.frames[i]));
-  }
-  for (Eigen::Index i = 0; i < size; ++i) {
-    for (Eigen::Index j = 0; j < size; ++j) {
-      const auto block = with_frames.block<6, 6>(6 * i, kSize * static_cast<Eigen::Index>(priors.frames[j]));
-      fit.spread(i, j) = block.cwiseProduct(residuals[j].jacobian).sum();
-    }
-  }
-  frame_parts->assign(given.components.size(), std::vector<Eigen::MatrixXd>(state_.frames.size()));
-  for (const int frame : needed_frames) {
-    // Arranges the covariance of each deviation with the frame as a row, coordinate by coordinate.
-    const Eigen::MatrixXd columns = with_frames.middleCols<kSize>(kSize * static_cast<Eigen::Index>(frame));
-    Eigen::MatrixXd weighted(size, 6 * kSize);
-    for (Eigen::Index i = 0; i < size; ++i) {
-      weighted.row(i) = columns.middleRows<6>(6 * i).reshaped().transpose();
-    }
-    weighted = priors.precision * weighted.eval();
-    for (size_t j = 0; j < given.components.size(); ++j) {
-      const Eigen::MatrixXd shaped = given.components[j].shape * weighted;
-      FrameMatrix part = FrameMatrix::Zero();
-      for (Eigen::Index i = 0; i < size; ++i) {
-        part += weighted.row(i).reshaped(6, kSize).transpose() * shaped.row(i).reshaped(6, kSize);
-      }
-      (*frame_parts)[j][frame] = part;
-    }
-  }
-  return fit;
-}
-
-template <int kSize>
 bool BundleSolver<kSize>::Build(const BundleState& state, double damping) {
   system_.cost = 0;
   camera_system_.SetZero(&system_.reduced);
@@ -172,7 +126,7 @@ double BundleSolver<kSize>::Cost(const BundleState& state) const {
     const std::vector<PosePriorResidual> residuals = EvaluatePriors(priors, state);
     for (size_t a = 0; a < residuals.size(); ++a) {
       for (size_t b = 0; b < residuals.size(); ++b) {
-        cost += 0.5 * priors.precision(a, b) * residuals[a].error.dot(residuals[b].error);
+        cost += 0.5 * residuals[a].error.dot(priors.precision.Between(a, b).cwiseProduct(residuals[b].error));
       }
     }
   }
@@ -200,9 +154,7 @@ std::vector<PosePriorResidual> BundleSolver<kSize>::EvaluatePriors(const BundleP
                                                                    const BundleState& state) const {
   std::vector<PosePriorResidual> residuals;
   residuals.reserve(priors.frames.size());
-  for (const int frame : priors.frames) {
-    residuals.push_back(EvaluatePosePrior(*problem_.pose_priors[frame], state.frames[frame].frame_from_world));
-  }
+  for (const int frame : priors.frames) residuals.push_back(EvaluatePrior(frame, state));
   return residuals;
 }
 
@@ -213,14 +165,16 @@ void BundleSolver<kSize>::AddPriors(const BundleState& state, std::vector<FrameM
     for (size_t a = 0; a < residuals.size(); ++a) {
       const int frame = priors.frames[a];
       Eigen::Matrix<double, 6, 1> weighted = Eigen::Matrix<double, 6, 1>::Zero();
-      for (size_t b = 0; b < residuals.size(); ++b) weighted += priors.precision(a, b) * residuals[b].error;
+      for (size_t b = 0; b < residuals.size(); ++b) {
+        weighted += priors.precision.Between(a, b).cwiseProduct(residuals[b].error);
+      }
       system_.cost += 0.5 * residuals[a].error.dot(weighted);
       system_.rhs.template segment<6>(kSize * frame) -= residuals[a].jacobian.transpose() * weighted;
       for (size_t b = 0; b <= a; ++b) {
         FrameMatrix& block =
             a == b ? (*frame_hessians)[frame] : camera_system_.Block(frame, priors.frames[b], &system_.reduced);
         block.template topLeftCorner<6, 6>() +=
-            priors.precision(a, b) * residuals[a].jacobian.transpose() * residuals[b].jacobian;
+            residuals[a].jacobian.transpose() * priors.precision.Between(a, b).asDiagonal() * residuals[b].jacobian;
       }
     }
   }

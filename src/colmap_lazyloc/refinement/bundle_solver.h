@@ -64,13 +64,10 @@ class BundleSolver {
   // Returns the covariances of the frames' parameters, at the minimum or a step before it that is as short as
   // convergence means.
   std::vector<FrameMatrix> Covariances() const;
-  // Returns the whole covariance of the frames' parameters, after Covariances; nullopt for many frames.
-  std::optional<Eigen::MatrixXd> FullCovariance() const;
-  // Fits a prior group after Covariances. frame_parts: receives for each component and needed frame (indices by
-  // IndexOfImage) the covariance of the frame's parameters that unit variance of the component causes.
-  PriorFit FitPriors(size_t group, const PriorGroup& given, const Eigen::MatrixXd& full_covariance,
-                     const std::vector<int>& needed_frames,
-                     std::vector<std::vector<Eigen::MatrixXd>>* frame_parts) const;
+  // Evaluates the prior of a frame.
+  PosePriorResidual EvaluatePrior(int frame, const BundleState& state) const {
+    return EvaluatePosePrior(*problem_.pose_priors[frame], state.frames[frame].frame_from_world);
+  }
 
  private:
   // Builds the system around a state. Returns false if a point lies behind one of its cameras.

@@ -53,10 +53,30 @@ Eigen::VectorXd CameraSystem<kSize>::Solve(const Eigen::VectorXd& rhs) const {
 }
 
 template <int kSize>
-std::optional<Eigen::MatrixXd> CameraSystem<kSize>::Inverse() const {
-  if (!IsDense()) return std::nullopt;
-  const Eigen::MatrixXd& root = RootOfInverse();
-  return Eigen::MatrixXd(root.transpose().triangularView<Eigen::Upper>() * root);
+Eigen::MatrixXd CameraSystem<kSize>::ColumnsOfInverse(int frame) const {
+  Eigen::MatrixXd columns = Eigen::MatrixXd::Zero(kSize * NumFrames(), kSize);
+  columns.template middleRows<kSize>(kSize * frame).setIdentity();
+  return IsDense() ? Eigen::MatrixXd(dense_.solve(columns)) : Eigen::MatrixXd(sparse_.solve(columns));
+}
+
+template <int kSize>
+Eigen::MatrixXd CameraSystem<kSize>::EquationsOf(const std::vector<int>& frames, const Blocks& blocks) const {
+  const auto size = static_cast<Eigen::Index>(kSize * frames.size());
+  Eigen::MatrixXd matrix = Eigen::MatrixXd::Zero(size, size);
+  for (size_t a = 0; a < frames.size(); ++a) {
+    for (size_t b = 0; b <= a; ++b) {
+      const bool is_lower = frames[b] <= frames[a];
+      const Matrix* block = FindBlock(std::max(frames[a], frames[b]), std::min(frames[a], frames[b]), blocks);
+      if (block == nullptr) continue;
+      auto target = matrix.template block<kSize, kSize>(kSize * a, kSize * b);
+      if (is_lower) {
+        target = *block;
+      } else {
+        target = block->transpose();
+      }
+    }
+  }
+  return matrix;
 }
 
 template <int kSize>

@@ -1,7 +1,6 @@
 #pragma once
 
 #include <algorithm>
-#include <optional>
 #include <vector>
 
 #include <Eigen/Cholesky>
@@ -23,6 +22,7 @@ class CameraSystem {
   using Blocks = std::vector<Matrix>;
 
   explicit CameraSystem(size_t num_frames) : columns_of_row_(num_frames) {}
+  bool IsDense() const { return NumFrames() <= kMaxNumDenseFrames; }
 
   // Makes blocks for frames that observe a common point. frames: ascending; a frame may occur twice.
   void AddPoint(const std::vector<int>& frames);
@@ -46,13 +46,16 @@ class CameraSystem {
     return &blocks[first_block_of_row_[a] + (column - columns.begin())];
   }
 
+  // Returns the lower triangle of the equations of some frames, in their order.
+  Eigen::MatrixXd EquationsOf(const std::vector<int>& frames, const Blocks& blocks) const;
+
   // Computes the Cholesky factor that the functions below need. Returns false if the matrix is not positive definite.
   bool Factorize(const Blocks& blocks);
   bool HasFactor() const { return (IsDense() ? dense_.info() : sparse_.info()) == Eigen::Success; }
 
   Eigen::VectorXd Solve(const Eigen::VectorXd& rhs) const;
-  // Returns the whole inverse; nullopt if the system is sparse, because its inverse is not.
-  std::optional<Eigen::MatrixXd> Inverse() const;
+  // Returns a frame's columns of the inverse.
+  Eigen::MatrixXd ColumnsOfInverse(int frame) const;
   // Returns the diagonal blocks of the inverse.
   std::vector<Matrix> DiagonalOfInverse() const;
 
@@ -60,8 +63,6 @@ class CameraSystem {
   static constexpr Eigen::Index kMaxNumDenseFrames = 150;
 
   Eigen::Index NumFrames() const { return static_cast<Eigen::Index>(columns_of_row_.size()); }
-  bool IsDense() const { return NumFrames() <= kMaxNumDenseFrames; }
-
   // Returns R with the inverse R^T R. R is a lower triangle.
   const Eigen::MatrixXd& RootOfInverse() const;
   // Return the lower triangle of the matrix.

@@ -46,6 +46,10 @@ TEST_P(CameraSystems, EqualTheDenseSolution) {
   for (int a = 0; a < num_cameras; ++a) {
     EXPECT_TRUE(diagonal[a].isApprox(inverse.block<6, 6>(6 * a, 6 * a), 1e-9)) << a;
   }
+  EXPECT_TRUE(system.ColumnsOfInverse(1).isApprox(inverse.middleCols<6>(6), 1e-9));
+  const Eigen::MatrixXd some = system.EquationsOf({2, 0, 1}, blocks);
+  EXPECT_EQ((some.block<6, 6>(6, 0)), (dense.block<6, 6>(0, 12))) << "of frames 0 and 2";
+  EXPECT_EQ((some.block<6, 6>(12, 6)), (dense.block<6, 6>(6, 0)));
   dense.setZero();
   system.SetZero(&blocks);
   add(0, 0, -CameraSystem<6>::Matrix::Identity());

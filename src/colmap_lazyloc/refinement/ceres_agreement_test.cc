@@ -113,7 +113,10 @@ class Settings : public testing::TestWithParam<Setting> {
     const int last = static_cast<int>(posed->frames.size()) - 1;
     Eigen::Matrix2d shape;
     shape << 1, 0.6, 0.6, 2;
-    posed->prior_groups = {{{last - 1, last}, {{shape, 1.5}, {Eigen::Matrix2d::Identity(), 0.1}}}};
+    posed->prior_groups = {{{last - 1, last}, {}}};
+    posed->prior_groups[0].components = {{shape, 1.5},
+                                         {Eigen::Matrix2d::Identity(), 0.1, PosePart::ROTATION},
+                                         {Eigen::Matrix2d::Identity(), 0.5, PosePart::POSITION}};
   }
 };
 

@@ -7,7 +7,7 @@
 
 #include "colmap_lazyloc/refinement/bundle_solver.h"
 #include "colmap_lazyloc/refinement/covariance.h"
-#include "colmap_lazyloc/refinement/pose_prior.h"
+#include "colmap_lazyloc/refinement/prior_precision.h"
 
 namespace lazyloc {
 namespace {
@@ -95,7 +95,7 @@ class ScoreBuilder {
 
   // Eliminates the poses and returns the score of the frame.
   IntrinsicsScore Finish(int frame) {
-    const Eigen::LLT<Eigen::MatrixXd> factor(PoseEquations());
+    const Eigen::LLT<Eigen::MatrixXd> factor(solver_.Cameras().EquationsOf(places_, solver_.Equations().reduced));
     Eigen::MatrixXd coupling(kSize * places_.size(), static_cast<Eigen::Index>(NUM_INTRINSICS_PARAMETERS));
     Eigen::VectorXd rhs(coupling.rows());
     for (size_t i = 0; i < places_.size(); ++i) {
@@ -129,51 +129,21 @@ class ScoreBuilder {
     return couplings_[place];
   }
 
-  // Returns the lower triangle of the reduced equations of the frames in places_.
-  Eigen::MatrixXd PoseEquations() const {
-    const auto size = static_cast<Eigen::Index>(kSize * places_.size());
-    Eigen::MatrixXd matrix = Eigen::MatrixXd::Zero(size, size);
-    for (size_t a = 0; a < places_.size(); ++a) {
-      for (size_t b = 0; b <= a; ++b) {
-        const bool is_lower = places_[b] <= places_[a];
-        const auto* block = solver_.Cameras().FindBlock(
-            is_lower ? places_[a] : places_[b], is_lower ? places_[b] : places_[a], solver_.Equations().reduced);
-        if (block == nullptr) continue;
-        auto target = matrix.block<kSize, kSize>(kSize * a, kSize * b);
-        if (is_lower) {
-          target = *block;
-        } else {
-          target = block->transpose();
-        }
-      }
-    }
-    return matrix;
-  }
-
   // Returns by prior group and component the covariance of the scores that unit variance causes. moves: of the poses.
   std::vector<std::vector<IntrinsicsScore::Matrix>> PriorParts(const Eigen::MatrixXd& moves) const {
     std::vector<std::vector<IntrinsicsScore::Matrix>> parts;
     for (size_t group = 0; group < posed_.prior_groups.size(); ++group) {
       const BundlePriors& priors = solver_.Problem().priors[group];
-      // The deviations' six coordinates and the corrections side by side.
-      Eigen::MatrixXd deviations = Eigen::MatrixXd::Zero(priors.frames.size(), 6 * moves.cols());
+      Eigen::MatrixXd deviations = Eigen::MatrixXd::Zero(6 * priors.frames.size(), moves.cols());
       for (size_t i = 0; i < priors.frames.size(); ++i) {
         const int frame = priors.frames[i], place = place_of_frame_[frame];
         if (place < 0) continue;
-        const Rigid3d& pose = solver_.Linearization().frames[frame].frame_from_world;
-        const Eigen::MatrixXd deviation = EvaluatePosePrior(*solver_.Problem().pose_priors[frame], pose).jacobian *
-                                          moves.middleRows<6>(kSize * place);
-        deviations.row(i) = deviation.reshaped().transpose();
+        deviations(Eigen::seqN(i, 6, priors.frames.size()), Eigen::all) =
+            solver_.EvaluatePrior(frame, solver_.Linearization()).jacobian * moves.middleRows<6>(kSize * place);
       }
-      deviations = priors.precision * deviations.eval();
       parts.emplace_back();
-      for (const VarianceComponent& component : posed_.prior_groups[group].components) {
-        const Eigen::MatrixXd shaped = component.shape * deviations;
-        IntrinsicsScore::Matrix& part = parts.back().emplace_back(IntrinsicsScore::Matrix::Zero());
-        for (Eigen::Index i = 0; i < deviations.rows(); ++i) {
-          part.topLeftCorner(moves.cols(), moves.cols()) +=
-              deviations.row(i).reshaped(6, moves.cols()).transpose() * shaped.row(i).reshaped(6, moves.cols());
-        }
+      for (const Eigen::MatrixXd& part : PartsOfCovariance(posed_.prior_groups[group], priors.precision, deviations)) {
+        parts.back().emplace_back(IntrinsicsScore::Matrix::Zero()).topLeftCorner(moves.cols(), moves.cols()) = part;
       }
     }
     return parts;

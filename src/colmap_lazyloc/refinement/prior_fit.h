@@ -8,30 +8,36 @@
 
 namespace lazyloc {
 
+template <int kSize>
+class BundleSolver;
+
 // What an adjustment says of the deviations p of a prior group's frames.
 struct PriorFit {
   Eigen::Matrix<double, Eigen::Dynamic, 6> deviations;  // p, by frame of the group
-  Eigen::MatrixXd spread;  // covariance of p by the adjustment: between two frames, the sum over the six coordinates
+  // Information of the images on p, without the priors: for image noise as stated, with all points, query poses,
+  // calibrations and factors unknown too. One coordinate of all frames after the other. The frames of other prior
+  // groups count as constant, because else the equations of all queries would have to be solved for each.
+  Eigen::MatrixXd information;
   // Covariance of cam_from_world that unit variance of a component causes, by component and image. Zero for database
   // images.
-  std::vector<std::vector<Eigen::Matrix<double, 6, 6>>> image_parts;
+  std::vector<std::vector<Eigen::Matrix<double, 6, 6>>> image_parts = {};
 };
 
-// Returns the inverse covariance of the deviations of a group's frames.
-Eigen::MatrixXd PriorPrecision(const PriorGroup& group);
+// Fits a prior group after the minimum of an adjustment that solves a dense system; without image_parts.
+template <int kSize>
+PriorFit FitPriors(const BundleSolver<kSize>& solver, size_t group);
 
-// What is expected of a component's variance before the adjustment.
-struct ExpectedVariance {
-  double variance = 1;
-  double weight = 1;  // number of deviations of this variance that the expectation counts as
-};
+// Returns by component and frame of the problem the covariance of the frame's parameters that unit variance of the
+// component causes, after BundleSolver::Covariances; empty for frames that are not in needed_frames.
+template <int kSize>
+std::vector<std::vector<Eigen::MatrixXd>> FrameParts(const BundleSolver<kSize>& solver, size_t group,
+                                                     const PriorGroup& given, const std::vector<int>& needed_frames);
 
-// Returns the variances of a group's components by one step towards the maximum of their marginal likelihood: with
-// C_j the shapes, Q the precision, T the spread and v the variance factor of the images,
-//   variance_j <- variance_j * tr(p^T Q C_j Q p) / tr((6 Q - v Q T Q) C_j)
-// (the fixed point of MacKay 1992, Bayesian interpolation, for several components), with the deviations that are
-// expected added to both sums.
-std::vector<double> EstimateVariances(const PriorGroup& group, const PriorFit& fit, double variance_factor,
-                                      const std::vector<ExpectedVariance>& expected);
+extern template PriorFit FitPriors<6>(const BundleSolver<6>&, size_t);
+extern template PriorFit FitPriors<7>(const BundleSolver<7>&, size_t);
+extern template std::vector<std::vector<Eigen::MatrixXd>> FrameParts<6>(const BundleSolver<6>&, size_t,
+                                                                        const PriorGroup&, const std::vector<int>&);
+extern template std::vector<std::vector<Eigen::MatrixXd>> FrameParts<7>(const BundleSolver<7>&, size_t,
+                                                                        const PriorGroup&, const std::vector<int>&);
 
 }  // namespace lazyloc

@@ -65,11 +65,16 @@ struct Image {
   std::optional<double> log_focal_factor;
 };
 
+enum class PosePart { WHOLE, ROTATION, POSITION };
+
 // A cause of deviations from priors. It contributes variance * shape(a, b) to the covariance of the deviations of
-// frames a and b of a group, in each of their six coordinates.
+// frames a and b of a group, in each of the coordinates that it moves: all six, or those of the rotations or positions.
 struct VarianceComponent {
+  bool Moves(PosePart moved) const { return part == PosePart::WHOLE || part == moved; }
+
   Eigen::MatrixXd shape;
   double variance = 1;
+  PosePart part = PosePart::WHOLE;
 };
 
 // Frames whose deviations from their priors are correlated. The variances refer to deviations in the priors' standard

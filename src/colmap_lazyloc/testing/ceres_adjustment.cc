@@ -10,7 +10,7 @@
 #include <ceres/ceres.h>
 #include <ceres/rotation.h>
 
-#include "colmap_lazyloc/refinement/prior_fit.h"
+#include "colmap_lazyloc/refinement/prior_precision.h"
 #include "colmap_lazyloc/scene/errors.h"
 
 namespace lazyloc {
@@ -78,17 +78,18 @@ struct ObservationCost {
 };
 
 // Computes the deviations of several frames from their priors, made independent: root * root^T is the inverse
-// covariance of the deviations in the priors' standard deviations.
+// covariance of the deviations in the priors' standard deviations, in a coordinate of the rotation or of the position.
 struct PriorCost {
   std::vector<PosePrior> priors;
-  Eigen::MatrixXd root;
+  Eigen::MatrixXd rotation_root, position_root;
 
   template <typename T>
   bool operator()(T const* const* frames_from_world, T* residual) const {
     Eigen::Matrix<T, Eigen::Dynamic, 6, Eigen::RowMajor> deviations(priors.size(), 6);
     for (size_t i = 0; i < priors.size(); ++i) Evaluate(priors[i], frames_from_world[i], deviations.row(i).data());
-    Eigen::Map<Eigen::Matrix<T, Eigen::Dynamic, 6, Eigen::RowMajor>>(residual, priors.size(), 6) =
-        root.transpose().cast<T>() * deviations;
+    Eigen::Map<Eigen::Matrix<T, Eigen::Dynamic, 6, Eigen::RowMajor>> independent(residual, priors.size(), 6);
+    independent.template leftCols<3>() = rotation_root.transpose().cast<T>() * deviations.template leftCols<3>();
+    independent.template rightCols<3>() = position_root.transpose().cast<T>() * deviations.template rightCols<3>();
     return true;
   }
 
@@ -115,7 +116,7 @@ class CeresSolver {
     result_.posed = posed;
     result_.tracks = tracks;
     for (size_t frame = 0; frame < posed.frames.size(); ++frame) AddFrame(frame);
-    for (const PriorGroup& group : posed.prior_groups) AddPriors(group.frames, PriorPrecision(group));
+    for (const PriorGroup& group : posed.prior_groups) AddPriors(group.frames, ComputePriorPrecision(group));
     for (size_t image = 0; image < posed.images.size(); ++image) {
       problem_.AddParameterBlock(&blocks_.log_focal_factors[image], 1);
       if (!posed.images[image].log_focal_factor) {
@@ -153,11 +154,12 @@ class CeresSolver {
     };
     const std::vector<PriorGroup>& groups = result_.posed.prior_groups;
     if (!frame.prior || std::any_of(groups.begin(), groups.end(), has_frame)) return;
-    AddPriors({static_cast<int>(i)}, Eigen::MatrixXd::Identity(1, 1));
+    const Eigen::MatrixXd one = Eigen::MatrixXd::Identity(1, 1);
+    AddPriors({static_cast<int>(i)}, {one, one});
   }
 
-  void AddPriors(const std::vector<int>& frames, const Eigen::MatrixXd& precision) {
-    auto* cost = new PriorCost{{}, precision.llt().matrixL()};
+  void AddPriors(const std::vector<int>& frames, const PriorPrecision& precision) {
+    auto* cost = new PriorCost{{}, precision.rotation.llt().matrixL(), precision.position.llt().matrixL()};
     auto* function = new ceres::DynamicAutoDiffCostFunction<PriorCost>(cost);
     std::vector<double*> poses;
     for (const int frame : frames) {
