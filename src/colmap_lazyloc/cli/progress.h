@@ -20,8 +20,8 @@ struct RunSize {
 };
 
 // Shows the progress of a run: a bar if the standard output is a terminal, else one JSON object a line for each query:
-// {"query": name, "status": ..., "seconds": ..., "done": n, "of": N}. A log gets these lines in any case. Warns of damaged
-// records that were left out.
+// {"query": name, "status": ..., "seconds": ..., "done": n, "of": N}. A log gets these lines in any case. Warns of
+// damaged records that were left out.
 class Progress {
  public:
   // log_path: empty for no log. append_log: true to keep what the log holds. Throws InputError if the log cannot be
