@@ -46,11 +46,12 @@ try_deb() {
     ! colmap help | grep lazy_localizer"
   inside "apt-get remove -y -qq colmap-lazyloc > apt3.log 2>&1
     ! ls /usr/bin/*lazy* 2> /dev/null
-    sha256sum --quiet -c before && dpkg -V colmap && echo 'package colmap: as before'"
+    sha256sum --quiet -c before && dpkg -V colmap && echo 'package colmap: as before'
+    apt-get purge -y -qq --autoremove colmap > apt4.log 2>&1"
 }
 
 try_wheel() {
-  inside "! command -v gcc cc c++ colmap
+  inside "if command -v gcc cc c++ colmap; then exit 1; fi
     python3 -m venv venv
     time venv/bin/pip install --quiet ./$(basename "$package")
     du -sh venv/lib/python3*/site-packages/colmap_lazyloc*

@@ -31,8 +31,8 @@ def use_other(name):
     xy = points[:, :2] / points[:, 2:] * 500 + [320, 240]
     if name == "pycolmap":
         camera = module.Camera(model="PINHOLE", width=640, height=480, params=[500, 500, 320, 240])
-        old = getattr(module, "absolute_pose_estimation", None)
-        assert (old or module.estimate_and_refine_absolute_pose)(xy, points, camera)["num_inliers"] == 40
+        new = getattr(module, "estimate_and_refine_absolute_pose", None)
+        assert (new or module.absolute_pose_estimation)(xy, points, camera)["num_inliers"] == 40
     elif name == "poselib":
         camera = {"model": "PINHOLE", "width": 640, "height": 480, "params": [500, 500, 320, 240]}
         assert module.estimate_absolute_pose(xy, points, camera, {}, {})[1]["num_inliers"] == 40

@@ -227,8 +227,8 @@ bool ParseCommandLine(int argc, char** argv, CommandOptions* options) {
 
 bool ParseCommandLine(int argc, char** argv, IndexerOptions* options) {
   return ParseAndCheck(argc, argv, "lazy_indexer",
-                       "colmap lazy_indexer: makes or updates the index that colmap lazy_localizer finds the database "
-                       "images with that look like a photo.",
+                       "colmap lazy_indexer: makes or updates the index from which colmap lazy_localizer retrieves the "
+                       "database images that look like a photo.",
                        options);
 }
 
