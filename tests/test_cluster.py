@@ -13,8 +13,9 @@ import pytest
 
 from colmap_lazyloc.cluster import __main__ as cluster
 from colmap_lazyloc.cluster import engine, folders
+from colmap_lazyloc.cluster.task import ShardTask
 from colmap_lazyloc.testing import synthetic
-from conftest import MAX_SECONDS, write_lines, write_scene
+from conftest import MAX_SECONDS, SCRIPTS_PATH, write_lines, write_scene
 
 NUM_QUERIES = 24
 NUM_SHARDS = 5
@@ -163,6 +164,62 @@ def test_shard_is_tried_again(colmap, run, one_run, tmp_path):
     code, _, errors = run(tmp_path / "output", "--retries", 1, program=script)
     assert code == 0, errors
     assert_same(tmp_path / "output", one_run)
+
+
+def test_workers_need_no_package_of_ours(tmp_path):
+    task = ShardTask("/no/such/colmap", (), str(tmp_path / "1"), "1/2", "/")
+    pickled = tmp_path / "pickled"
+    pickled.write_bytes(distributed.protocol.pickle.dumps(engine.portable_call(task)))
+    script = f"import pickle; pickle.load(open({str(pickled)!r}, 'rb'))()"
+    environment = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, env=environment, cwd="/")
+    assert "ShardError: /no/such/colmap: cannot be run: No such file or directory" in done.stderr
+
+
+def fake_sbatch(folder):
+    """Makes a program that takes the place of sbatch: it runs the tasks of a job at once, and prints its number."""
+    program = folder / "bin" / "sbatch"
+    program.parent.mkdir()
+    program.write_text(
+        """#!/bin/bash
+while [ $# -gt 0 ]; do
+  case "$1" in
+    --array) array=$2; shift ;;
+    --wrap) text=$2; shift ;;
+    --output) log=$2; shift ;;
+  esac
+  shift
+done
+for index in $(tr , ' ' <<< "${array:-0}"); do
+  [ -z "${array:-}" ] && unset SLURM_ARRAY_TASK_ID || export SLURM_ARRAY_TASK_ID=$index
+  bash -c "$text" >> "${log//%a/$index}" 2>&1
+done
+echo 17
+"""
+    )
+    program.chmod(0o755)
+    return program.parent
+
+
+def test_slurm_script_localizes_what_is_not_finished(colmap, scene, one_run, tmp_path):
+    environment = {**os.environ, "COLMAP": str(colmap), "PATH": f"{fake_sbatch(tmp_path)}:{os.environ['PATH']}"}
+    output_path, shards = tmp_path / "out put", tmp_path / "out put.shards"
+
+    def submit():
+        words = [SCRIPTS_PATH / "localize_slurm.sh", NUM_SHARDS, output_path, *scene.arguments]
+        return subprocess.run(list(map(str, words)), capture_output=True, text=True, env=environment, check=True).stdout
+
+    assert f"shards 1,2,3,4,5 of {NUM_SHARDS}" in submit()
+    assert_same(output_path, one_run)
+    (shards / "2" / "shard").rename(shards / "2" / "unfinished")
+    assert f"shards 2 of {NUM_SHARDS}" in submit()
+    assert submit().splitlines() == [f"job 17: merger, log in {shards}/merger.log"]
+    assert_same(output_path, one_run)
+
+
+def test_slurm_script_explains_its_arguments():
+    done = subprocess.run([SCRIPTS_PATH / "localize_slurm.sh", "x", "y"], capture_output=True, text=True)
+    assert done.returncode == 1 and "NUM_SHARDS must be a whole number" in done.stderr
 
 
 BAD_OPTIONS = {

@@ -2,6 +2,7 @@
 
 import argparse
 import logging
+from collections.abc import Callable
 
 import cloudpickle
 import dask
@@ -21,7 +22,6 @@ class Engine:
 
     def __init__(self, options: argparse.Namespace):
         self._retries = options.retries
-        cloudpickle.register_pickle_by_value(task_module)
         self._cluster = None if options.scheduler is not None else _start_workers(options)
         try:
             self._client = distributed.Client(self._cluster or options.scheduler, timeout=CONNECT_SECONDS)
@@ -42,11 +42,7 @@ class Engine:
 
     def run(self, tasks: dict[int, ShardTask], total: int, num_done: int) -> dict[str, list[int]]:
         """Localizes shards; returns the indices of those that failed, by cause. The others finish all the same."""
-        futures = {
-            # The key has the folder, because other runs may use the scheduler at the same time.
-            self._client.submit(localize_shard, task, key=f"{task.folder} {task.shard}", retries=self._retries): index
-            for index, task in tasks.items()
-        }
+        futures = {self._submit(task): index for index, task in tasks.items()}
         failed: dict[str, list[int]] = {}
         with tqdm(total=total, initial=num_done, unit="shard", disable=not tasks) as bar:
             for future in distributed.as_completed(futures):
@@ -54,6 +50,17 @@ class Engine:
                     failed.setdefault(_cause(future), []).append(futures[future])
                 bar.update()
         return {cause: sorted(indices) for cause, indices in failed.items()}
+
+    def _submit(self, task: ShardTask) -> distributed.Future:
+        # The key has the folder, because other runs may use the scheduler at the same time.
+        key = f"{task.folder} {task.shard}"
+        return self._client.submit(portable_call(task), key=key, retries=self._retries)
+
+
+def portable_call(task: ShardTask) -> Callable[[], float]:
+    """Returns a function without arguments for workers, which may not have our package."""
+    cloudpickle.register_pickle_by_value(task_module)
+    return lambda: localize_shard(task)  # not the function itself, because Dask sends that by its name
 
 
 def _start_workers(options: argparse.Namespace) -> distributed.LocalCluster:

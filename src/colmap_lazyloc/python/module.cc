@@ -9,6 +9,7 @@
 #include "colmap_lazyloc/bridge/logging.h"
 #include "colmap_lazyloc/cli/lazy_indexer.h"
 #include "colmap_lazyloc/cli/lazy_localizer.h"
+#include "colmap_lazyloc/cli/lazy_merger.h"
 #include "colmap_lazyloc/python/conversions.h"
 #include "colmap_lazyloc/python/localizer.h"
 #include "colmap_lazyloc/scene/errors.h"
@@ -151,6 +152,8 @@ NB_MODULE(_core, module) {
       "arguments"_a);
   module.def(
       "run_lazy_indexer", [](const std::vector<Text>& a) { return RunAsCommand(RunLazyIndexer, a); }, "arguments"_a);
+  module.def(
+      "run_lazy_merger", [](const std::vector<Text>& a) { return RunAsCommand(RunLazyMerger, a); }, "arguments"_a);
 }
 
 }  // namespace lazyloc
