@@ -19,7 +19,7 @@ stage=$work/stage
 mkdir -p "$stage/completions" "$target"
 cp -r packaging/debian README.md docs "$stage"
 cp "$COLMAP" "$stage/colmap-lazyloc"
-for command in lazy_indexer lazy_localizer; do
+for command in lazy_indexer lazy_localizer lazy_merger; do
   printf '#!/bin/sh\nexec colmap-lazyloc %s "$@"\n' "$command" > "$stage/$command"
   chmod +x "$stage/$command"
   ln -s colmap-lazyloc "$stage/completions/$command"

@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
 """Makes documents from the program's help, which is made from the list of options.
 
-    scripts/python.sh scripts/help_pages.py tables build/bin/colmap         # tables of docs/command_line.md
-    scripts/python.sh scripts/help_pages.py man build/bin/colmap FOLDER     # man pages of the Debian package
+scripts/python.sh scripts/help_pages.py tables build/bin/colmap         # tables of docs/command_line.md
+scripts/python.sh scripts/help_pages.py man build/bin/colmap FOLDER     # man pages of the Debian package
 """
 
 import argparse
@@ -11,7 +11,7 @@ import re
 import subprocess
 from dataclasses import dataclass
 
-COMMANDS = ("lazy_localizer", "lazy_indexer")
+COMMANDS = ("lazy_localizer", "lazy_indexer", "lazy_merger")
 PROGRAM = "colmap-lazyloc"  # the name of the installed program; Debian's own is colmap
 OPTION_PATTERN = r"^  (?:-h \[ )?--([\w.-]+)(?: \])?( arg)?(?: \(=(.*?)\))? +(.*)$"
 
@@ -102,7 +102,7 @@ def command_page(program: pathlib.Path, command: str) -> str:
 
 def program_page(program: pathlib.Path) -> str:
     commands = run(program, "help").split("Available commands:")[1].split()
-    body = [".SH DESCRIPTION", "Runs a command of COLMAP, or one of the two commands that colmap_lazyloc adds:"]
+    body = [".SH DESCRIPTION", "Runs a command of COLMAP, or one of the commands that colmap_lazyloc adds:"]
     for command in COMMANDS:
         body += [".TP", rf"\fB{command}\fR", escape(read_help(program, command).purpose) + "."]
     body += [".SH COMMANDS", escape(", ".join(commands)) + ".", ".PP"]

@@ -28,9 +28,7 @@ def debian_package(library: str) -> str:
     done = subprocess.run(["dpkg-query", "-S", f"*/{name}"], capture_output=True, text=True, check=False)
     if done.returncode == 0:
         return done.stdout.split(":")[0]
-    raise SystemExit(
-        f"licences: {library}: no Debian package contains this library, so that its licence is unknown"
-    )
+    raise SystemExit(f"licences: {library}: no Debian package contains this library, so that its licence is unknown")
 
 
 def copyright_of(package: str) -> str:

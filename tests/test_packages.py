@@ -49,10 +49,17 @@ def test_option_tables_are_those_of_the_program(colmap):
     assert len(tables.splitlines()) > 60 and tables in page, "see the end of docs/command_line.md"
 
 
-@pytest.mark.parametrize(("command", "flag"), [("lazy_localizer", "--help-all"), ("lazy_indexer", "--help")])
+@pytest.mark.parametrize(
+    ("command", "flag"), [("lazy_localizer", "--help-all"), ("lazy_indexer", "--help"), ("lazy_merger", "--help")]
+)
 def test_man_page_has_every_option(colmap, tmp_path, command, flag):
     run(sys.executable, HELP_PAGES, "man", colmap, tmp_path)
-    assert {page.name for page in tmp_path.iterdir()} == {"colmap-lazyloc.1", "lazy_localizer.1", "lazy_indexer.1"}
+    assert {page.name for page in tmp_path.iterdir()} == {
+        "colmap-lazyloc.1",
+        "lazy_localizer.1",
+        "lazy_indexer.1",
+        "lazy_merger.1",
+    }
     page = tmp_path / f"{command}.1"
     options = re.findall(r"^\.TP\n\\fB\\-\\-(.*?)\\fR", page.read_text(), re.MULTILINE)
     assert {"--" + option.replace("\\-", "-") for option in options} == all_options(colmap, command, flag)
@@ -73,7 +80,7 @@ def complete(colmap, tmp_path):
 
 
 def test_completion_knows_commands_and_options(complete, colmap):
-    assert complete("colmap-lazyloc", "lazy_") == ["lazy_indexer", "lazy_localizer"]
+    assert complete("colmap-lazyloc", "lazy_") == ["lazy_indexer", "lazy_localizer", "lazy_merger"]
     assert "feature_extractor" in complete("colmap-lazyloc", "")
     assert set(complete("colmap-lazyloc", "lazy_localizer", "")) == all_options(colmap)
     assert set(complete("lazy_localizer", "--strict", "1", "--")) == all_options(colmap)
