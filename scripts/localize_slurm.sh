@@ -8,7 +8,7 @@
 # OUTPUT.shards/merger.log. Each shard has a log beside its folder.
 #
 #   COLMAP           program on the nodes; default: colmap
-#   SBATCH_OPTIONS   options of sbatch for the shards, such as "--partition short --cpus-per-task 4 --mem 8G"
+#   SBATCH_OPTIONS   options of sbatch for all jobs, such as "--partition short --cpus-per-task 4 --mem 8G"
 set -euo pipefail
 COLMAP=${COLMAP:-colmap}
 
@@ -34,7 +34,9 @@ list_unfinished() {
 submit() {
   local name=$1 log=$2 text=$3
   shift 3
-  sbatch --parsable --job-name "$name" --output "$log" --open-mode append "$@" --wrap "$text"
+  # SBATCH_OPTIONS is split into words on purpose.
+  # shellcheck disable=SC2086
+  sbatch --parsable --job-name "$name" --output "$log" --open-mode append ${SBATCH_OPTIONS:-} "$@" --wrap "$text"
 }
 
 options=$(printf '%q ' "$@")
@@ -48,9 +50,7 @@ merge="exec $(printf '%q ' "$COLMAP" lazy_merger --input_path "$shards" --output
 unfinished=$(list_unfinished)
 dependency=()
 if [ -n "$unfinished" ]; then
-  # SBATCH_OPTIONS is split into words on purpose.
-  # shellcheck disable=SC2086
-  job=$(submit lazy_localizer "$shards/%a.log" "$localize" --array "$unfinished" --requeue ${SBATCH_OPTIONS:-})
+  job=$(submit lazy_localizer "$shards/%a.log" "$localize" --array "$unfinished" --requeue)
   echo "job $job: shards $unfinished of $num_shards, logs in $shards"
   dependency=(--dependency "afterany:${job%%;*}")
 fi

@@ -1,5 +1,6 @@
 """Tests of photos that are not in the database: features, retrieval and matching in memory."""
 
+import re
 import shutil
 import sqlite3
 import subprocess
@@ -112,7 +113,9 @@ def test_index_is_made_on_first_use_and_chooses_images(colmap, scene, queries, l
     assert path.read_bytes() == content and again.poses_bytes == first.poses_bytes
     for name in scene.query_names:
         assert len(first.pair_names(name)) == 4
-    assert index(colmap, scene, tmp_path / "other").startswith(f"{tmp_path / 'other'}: made, 6 images (6 added")
+    estimate, outcome = index(colmap, scene, tmp_path / "other").splitlines()
+    assert re.fullmatch(rf"{scene.database_path}: 6 images, \d+ features: about 1 MB of memory and of disk", estimate)
+    assert outcome.startswith(f"{tmp_path / 'other'}: made, 6 images (6 added")
     by_indexer = localize(
         *scene.arguments(queries, "--retrieval_index_path", tmp_path / "other", "--LazyLocalizer.num_retrieved", 4)
     )

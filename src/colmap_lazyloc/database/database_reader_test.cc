@@ -112,7 +112,7 @@ TEST_P(DatabaseReaderTest, CameraRoundTrip) {
 TEST_P(DatabaseReaderTest, KeypointsOfAnyNumberOfColumns) {
   const std::vector<Eigen::Vector2d> keypoints = {{0.5, 1.25}, {639.5, 479.75}, {-3, 1e6}};
   for (const int num_cols : {2, 4, 6}) database_.AddKeypoints(num_cols, keypoints, num_cols);
-  database_.AddKeypoints(8, std::vector<Eigen::Vector2d>());
+  database_.AddKeypoints(8, {});
   const DatabaseReader reader(Path());
   for (const int num_cols : {2, 4, 6}) EXPECT_EQ(reader.ReadKeypoints(num_cols), keypoints);
   EXPECT_THAT(reader.ReadKeypoints(8), IsEmpty());

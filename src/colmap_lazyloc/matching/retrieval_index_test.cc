@@ -109,7 +109,7 @@ TEST_F(RetrievalIndexTest, LargestFeaturesAreIndexedIfThereAreTooMany) {
     std::vector<Keypoint> keypoints(2 * kNumDescriptors);
     for (int i = kNumDescriptors; i < 2 * kNumDescriptors; ++i) keypoints[i].a11 = keypoints[i].a22 = 2;
     database.AddImage(id, 1, std::to_string(id) + ".jpg");
-    database.AddKeypoints(id, keypoints);
+    database.AddScaledKeypoints(id, keypoints);
     database.AddDescriptors(id, descriptors);
   }
   database.Close();

@@ -149,7 +149,7 @@ void TestDatabase::AddKeypoints(uint32_t image_id, const std::vector<Eigen::Vect
   Insert("keypoints", {int64_t{image_id}, static_cast<int64_t>(keypoints.size()), int64_t{num_cols}, blob});
 }
 
-void TestDatabase::AddKeypoints(uint32_t image_id, const std::vector<Keypoint>& keypoints) {
+void TestDatabase::AddScaledKeypoints(uint32_t image_id, const std::vector<Keypoint>& keypoints) {
   Blob blob;
   for (const Keypoint& k : keypoints) {
     for (const float number : {k.x, k.y, k.a11, k.a12, k.a21, k.a22}) Append(number, &blob);
