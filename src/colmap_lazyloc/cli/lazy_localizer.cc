@@ -60,6 +60,8 @@ int Run(const CommandOptions& options) {
   const std::unique_ptr<const QuerySource> source_of_options = MakeQuerySource(options);
   const QuerySource& source = *source_of_options;
   for (const std::string& warning : source.Warnings()) PrintWarning(warning);
+  const std::string extraction = source.DescribeExtraction();
+  if (!extraction.empty()) std::cout << extraction << std::endl;
   KeepFreedMemory();
   interrupted = 0;
   std::signal(SIGINT, HandleInterrupt);
@@ -70,7 +72,8 @@ int Run(const CommandOptions& options) {
   std::signal(SIGINT, SIG_DFL);
   WarnOfIntrinsics(records);
   const bool is_leave_one_out = options.source.selection.leave_one_out;
-  const std::string options_ini = "# written by " + ProgramVersion() + "\n" + OptionsAsIni(options);
+  const std::string options_ini = "# written by " + ProgramVersion() + "\n" +
+                                  (extraction.empty() ? "" : "# " + extraction + "\n") + OptionsAsIni(options);
   writer.Write(source.DatabaseModel(), records, source.Database(), options_ini, is_leave_one_out);
   source.PublishMatches();
   progress.PrintSummary(records);
