@@ -97,12 +97,13 @@ int Run(const CommandOptions& options) {
   const std::vector<size_t> groups = GroupsOfShard(source, ParseShard(options.shard));
   const RunManifest manifest = MakeManifest(options, source, model_fingerprint, groups);
   if (options.resume && IsFinishedShard(options, manifest)) return EXIT_SUCCESS;
+  if (!manifest.extraction.empty()) std::cout << manifest.extraction << std::endl;
   UnfinishedRun run(options.output_path, manifest, options.Start());
   Progress progress(SizeOf(manifest, run), options.log_path, options.resume);
   LocalizeRest(source, groups, options, &run, &progress);
 
   const QueryRecords records({run.RecordsPath()});
-  WriteResults(options, source.DatabaseModel(), source.Database(), records, run.Folder(), &writer);
+  WriteResults(options, manifest, source.DatabaseModel(), source.Database(), records, run.Folder(), &writer);
   source.PublishMatches();
   const bool is_finished = records.Size() == manifest.num_own_queries;
   if (is_finished) run.Finish();

@@ -117,9 +117,11 @@ void ForEachFeatureOption(Options& o, const Add& add) {
   add("SiftExtraction.max_image_size", &extraction.max_image_size,
       "Maximum size of a photo in pixels; a larger one is scaled down for extraction");
   add("SiftExtraction.max_num_features", &extraction.max_num_features,
-      "Maximum number of features of a photo; those of the largest scales are kept");
+      "Maximum number of features of a photo; those of the largest scales are kept; -1: as many as 95 % of the database "
+      "images have at most");
   add("SiftExtraction.first_octave", &extraction.first_octave,
-      "First octave of the image pyramid; -1 doubles the size of a photo, 0 does not");
+      "First octave of the image pyramid; -1 doubles the size of a photo, 0 does not; -2: the first one that the scales of "
+      "the database images' keypoints need");
   add("SiftExtraction.peak_threshold", &extraction.peak_threshold, "Minimum contrast of a feature");
   add("SiftExtraction.edge_threshold", &extraction.edge_threshold, "Maximum ratio of a feature's principal curvatures");
   add("SiftExtraction.estimate_affine_shape", &extraction.estimate_affine_shape,

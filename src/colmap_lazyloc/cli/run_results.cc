@@ -44,19 +44,22 @@ RunManifest MakeManifest(const CommandOptions& options, const QuerySource& sourc
   }
   manifest.num_groups = source.NumGroups();
   manifest.num_queries = source.NumQueries();
+  manifest.extraction = source.DescribeExtraction();
   manifest.shard = ParseShard(options.shard);
   for (const size_t group : groups) manifest.num_own_queries += NumQueries(source.Selection().Groups()[group]);
   return manifest;
 }
 
-void WriteResults(const CommandOptions& options, const Model& model, const DatabaseReader& database,
-                  const QueryRecords& records, const std::filesystem::path& staging_parent, ResultWriter* writer) {
+void WriteResults(const CommandOptions& options, const RunManifest& manifest, const Model& model,
+                  const DatabaseReader& database, const QueryRecords& records,
+                  const std::filesystem::path& staging_parent, ResultWriter* writer) {
   records.ForEach([](const QueryRecord& record) {
     const LocalizationResult& result = record.result;
     if (result.status != QueryStatus::LOCALIZED || result.intrinsics.contradiction.empty()) return;
     PrintWarning("query " + result.query_name + ": " + result.intrinsics.contradiction);
   });
-  const std::string options_ini = "# written by " + ProgramVersion() + "\n" + OptionsAsIni(options);
+  const std::string extraction = manifest.extraction.empty() ? "" : "# " + manifest.extraction + "\n";
+  const std::string options_ini = "# written by " + ProgramVersion() + "\n" + extraction + OptionsAsIni(options);
   writer->Write(model, records, database, options_ini, options.source.selection.leave_one_out, staging_parent);
 }
 

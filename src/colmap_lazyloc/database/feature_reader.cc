@@ -70,22 +70,27 @@ std::map<uint32_t, size_t> FeatureReader::ReadDescriptorCounts(std::vector<std::
   return counts;
 }
 
+std::vector<Keypoint> FeatureReader::ReadKeypoints(uint32_t image_id) const {
+  SqliteRows rows = keypoints_.Run({image_id}, [this, image_id] { return labels_.Of(image_id); });
+  std::vector<Keypoint> keypoints;
+  while (rows.Next()) keypoints = ReadStoredKeypoints(rows);
+  return keypoints;
+}
+
 Features FeatureReader::Read(uint32_t image_id) const {
-  const auto label = [this, image_id] { return labels_.Of(image_id); };
   Features features;
   features.descriptors.resize(0, kFeatureType.num_columns);
-  SqliteRows descriptor_rows = descriptors_.Run({image_id}, label);
+  SqliteRows descriptor_rows = descriptors_.Run({image_id}, [this, image_id] { return labels_.Of(image_id); });
   while (descriptor_rows.Next()) {
     if (descriptor_rows.Integer(0, 0, kMaxInt) == 0) continue;
     CheckType(descriptor_rows, 2);
     features.descriptors = ReadDescriptors(descriptor_rows);
   }
   if (features.descriptors.rows() == 0) return features;
-  SqliteRows keypoint_rows = keypoints_.Run({image_id}, label);
-  while (keypoint_rows.Next()) features.keypoints = ReadStoredKeypoints(keypoint_rows);
+  features.keypoints = ReadKeypoints(image_id);
   if (features.keypoints.size() != static_cast<size_t>(features.descriptors.rows())) {
-    keypoint_rows.Fail("has " + std::to_string(features.keypoints.size()) + " keypoints, but " +
-                       std::to_string(features.descriptors.rows()) + " descriptors");
+    descriptor_rows.Fail("has " + std::to_string(features.keypoints.size()) + " keypoints, but " +
+                         std::to_string(features.descriptors.rows()) + " descriptors");
   }
   return features;
 }

@@ -22,6 +22,8 @@ class FeatureReader {
   // Returns the number of descriptors by image, for images that have any. Leaves out images whose descriptors are not
   // SIFT's or whose number is damaged, and appends the damage to `damages` unless it is null. Reads no descriptor.
   std::map<uint32_t, size_t> ReadDescriptorCounts(std::vector<std::string>* damages = nullptr) const;
+  // Returns the keypoints of an image; empty if it has none.
+  std::vector<Keypoint> ReadKeypoints(uint32_t image_id) const;
   // Returns as many keypoints as descriptors (128 columns); both are empty if the image has none.
   Features Read(uint32_t image_id) const;
 

@@ -8,10 +8,15 @@
 #include <utility>
 
 #include "colmap_lazyloc/bridge/camera_models.h"
+#include "colmap_lazyloc/math/median.h"
 #include "colmap_lazyloc/scene/errors.h"
+#include "colmap_lazyloc/scene/format.h"
 
 namespace lazyloc {
 namespace {
+
+// Number of database images whose keypoints tell the scales, because reading those of all images takes too long.
+constexpr size_t kNumSampledImages = 50;
 
 std::vector<double> ParseCameraParams(const std::string& text) {
   std::vector<double> params;
@@ -97,7 +102,8 @@ PhotoLoader::PhotoLoader(const DatabaseReader& database, const QuerySelection& s
     matches_output_ = std::make_unique<MatchesOutput>(options.matches_output_path, database, names);
   }
   std::vector<std::string> damages;
-  const std::map<uint32_t, size_t> num_descriptors = FeatureReader(database.Path()).ReadDescriptorCounts(&damages);
+  const FeatureReader features(database.Path());
+  const std::map<uint32_t, size_t> num_descriptors = features.ReadDescriptorCounts(&damages);
   for (const std::string& damage : damages) {
     warnings_.push_back(database.Path().string() + ": " + damage + ": leaving the image out");
   }
@@ -113,6 +119,7 @@ PhotoLoader::PhotoLoader(const DatabaseReader& database, const QuerySelection& s
     throw InputError(database.Path().string() +
                      ": no posed image has descriptors to match photos with (run COLMAP's feature_extractor)");
   }
+  MeasureCandidates(num_descriptors, features);
   const bool needs_index = (has_more_photos && NeedsRetrieval({})) ||
                            std::any_of(selection.Photos().begin(), selection.Photos().end(),
                                        [this](const auto& photo) { return NeedsRetrieval(photo.second); });
@@ -121,6 +128,34 @@ PhotoLoader::PhotoLoader(const DatabaseReader& database, const QuerySelection& s
                                               pair_options.seed, num_threads);
     warnings_.insert(warnings_.end(), index_->Warnings().begin(), index_->Warnings().end());
   }
+}
+
+void PhotoLoader::MeasureCandidates(const std::map<uint32_t, size_t>& num_descriptors, const FeatureReader& reader) {
+  std::vector<size_t> counts;
+  std::vector<double> sizes, focal_lengths, scale_ratios;
+  const size_t step = std::max<size_t>(1, candidates_.size() / kNumSampledImages);
+  for (size_t i = 0; i < candidates_.size(); ++i) {
+    const Camera& camera = selection_.DatabaseModel().cameras.at(candidates_[i].image->camera_id);
+    counts.push_back(num_descriptors.at(candidates_[i].image_id));
+    sizes.push_back(static_cast<double>(std::max(camera.width, camera.height)));
+    focal_lengths.push_back(MeanFocalLength(camera));
+    if (i % step != 0) continue;
+    try {
+      for (const Keypoint& keypoint : reader.ReadKeypoints(candidates_[i].image_id)) {
+        scale_ratios.push_back(KeypointScale(keypoint) / focal_lengths.back());
+      }
+    } catch (const DamagedRecordError&) {
+      // A photo that is compared with the image reports it.
+    }
+  }
+  statistics_ = MeasureFeatures(std::move(counts), std::move(scale_ratios));
+  database_scale_ = {Median(sizes), Median(focal_lengths)};
+}
+
+std::string PhotoLoader::DescribeExtraction() const {
+  const SiftExtractionOptions chosen = ChooseExtraction(options_.matching.extraction, statistics_, database_scale_);
+  return Format("photos of %.0f pixels with a focal length of %.0f: at most %d features, first octave %d",
+                database_scale_.size_px, database_scale_.focal_length_px, chosen.max_num_features, chosen.first_octave);
 }
 
 bool PhotoLoader::NeedsRetrieval(const PhotoQuery& photo) const {
@@ -202,7 +237,10 @@ std::optional<LocalizationProblem> PhotoLoader::Load(const PhotoQuery& photo, co
                   &record->result);
   }
   Features query_features;
-  Measure("extraction", record, [&] { query_features = file->ExtractFeatures(options_.matching.extraction); });
+  Measure("extraction", record, [&] {
+    query_features =
+        ExtractLikeDatabase(*file, MeanFocalLength(chosen.camera), options_.matching.extraction, statistics_);
+  });
   LocalizationProblem problem;
   problem.query_name = photo.name;
   problem.query_camera = chosen.camera;

@@ -15,6 +15,7 @@
 #include "colmap_lazyloc/io/query_files.h"
 #include "colmap_lazyloc/io/query_record.h"
 #include "colmap_lazyloc/io/query_selection.h"
+#include "colmap_lazyloc/matching/feature_statistics.h"
 #include "colmap_lazyloc/matching/options.h"
 #include "colmap_lazyloc/matching/pair_matching.h"
 #include "colmap_lazyloc/matching/retrieval_index.h"
@@ -54,6 +55,8 @@ class PhotoLoader {
                                           IdleThreads* idle_threads, QueryRecord* record) const;
   // Returns one line for each problem that does not end the run.
   const std::vector<std::string>& Warnings() const { return warnings_; }
+  // Returns how the features of photos are extracted, for a photo like the database images.
+  std::string DescribeExtraction() const;
   // Publishes the database at matches_output_path, if there is one.
   void PublishMatches() const;
 
@@ -65,6 +68,8 @@ class PhotoLoader {
   using Candidates = std::vector<const Candidate*>;
   using DatabaseFeatures = std::vector<std::shared_ptr<const Features>>;
 
+  // Sets the statistics of the candidates' features.
+  void MeasureCandidates(const std::map<uint32_t, size_t>& num_descriptors, const FeatureReader& reader);
   // Returns the photo's own intrinsics if it has any, or else chooses some.
   PhotoCamera CameraOf(const PhotoQuery& photo, const PhotoProperties& properties) const;
   // Returns the candidates that the pairs file lists, or that the photo's prior allows.
@@ -85,6 +90,8 @@ class PhotoLoader {
   std::map<std::string, QueryPrior> priors_;
   std::unique_ptr<MatchesOutput> matches_output_;
   std::unique_ptr<RetrievalIndex> index_;
+  FeatureStatistics statistics_;  // of the candidates
+  PhotoScale database_scale_;     // medians over the candidates
   std::vector<std::string> warnings_;
   mutable LruCache<Features> features_;
 };

@@ -169,8 +169,8 @@ TEST_F(GroupQueriesTest, RigsOfTheDatabase) {
   const QueryGroups damaged = GroupQueries(names_, DatabaseReader(folder_ / "rigs.db"), model_, options_);
   EXPECT_EQ(damaged.groups.size(), 5);
   EXPECT_THAT(damaged.warnings,
-              ElementsAre(HasSubstr("rigs.db: table frame_data, image 2 (right/1.png): sensor_from_rig has 1 bytes"),
-                          HasSubstr("image 4 (right/2.png)")));
+              ElementsAre(HasSubstr("rigs.db: table frame_data, image 2 (right/2.png): sensor_from_rig has 1 bytes"),
+                          HasSubstr("image 4 (right/1.png)")));
 }
 
 TEST_F(GroupQueriesTest, RigsOfTheModel) {

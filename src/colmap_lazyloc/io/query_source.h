@@ -73,6 +73,8 @@ class QuerySource {
   const DatabaseReader& Database() const { return database_; }
   // Returns one line for each problem that does not end the run.
   std::vector<std::string> Warnings() const;
+  // Returns one line on how the features of photos are extracted; empty without photos.
+  std::string DescribeExtraction() const { return photo_loader_ ? photo_loader_->DescribeExtraction() : ""; }
   // Returns how many pairs of a query the localizer is to use of those that are loaded; 0 for all.
   int MaxNumPairs() const { return max_num_pairs_; }
   // Loads one group of the selection. Thread-safe with one session per thread. Throws InputError for a damaged

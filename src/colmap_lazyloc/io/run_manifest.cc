@@ -92,6 +92,7 @@ std::string RunManifest::ToJson() const {
                             {"identity", fingerprint.identity},
                             {"modified", fingerprint.modified}};
   }
+  json["extraction"] = extraction;
   json["other_options"] = lazyloc::ToJson(other_options);
   // Replaces bytes of paths that are not UTF-8, which are only shown.
   return json.dump(1, ' ', false, Json::error_handler_t::replace) + '\n';
@@ -114,6 +115,7 @@ RunManifest ReadManifest(const std::filesystem::path& path) {
       const auto text = [&input = input](const char* key) { return input.at(key).template get<std::string>(); };
       manifest.inputs[name] = {text("path"), {text("content"), text("identity"), text("modified")}};
     }
+    manifest.extraction = json.at("extraction").get<std::string>();
     manifest.other_options = OptionsFrom(json.at("other_options"));
     return manifest;
   } catch (const Json::exception& error) {

@@ -49,6 +49,7 @@ struct RunManifest {
   Options options;                      // that change results by their values
   std::map<std::string, Input> inputs;  // by the option that names the file; without those that are not used
   Options other_options;
+  std::string extraction;                    // which features photos may have, in one line; empty without photos
   uint64_t num_groups = 0, num_queries = 0;  // of all shards
   std::optional<Shard> shard;
   uint64_t num_own_queries = 0;  // of this shard

@@ -169,6 +169,9 @@ void RetrievalIndex::Train(const std::vector<DatabaseImage>& images, const Featu
       std::max<size_t>(2, std::min<size_t>(options.num_visual_words, num_available / kMinDescriptorsPerWord));
   const Descriptors sample = SampleDescriptors(images, features, options.max_num_features, num_available,
                                                num_words * kDescriptorsPerWord, seed_);
+  if (sample.rows() == 0) {
+    throw InputError(features.Path().string() + ": the descriptors of all images are damaged: no index can be made");
+  }
   visual_index_ = std::make_unique<VisualIndex>(
       VisualIndex::Train(sample, static_cast<int>(num_words), static_cast<uint32_t>(seed_), idle_threads));
 }

@@ -45,7 +45,7 @@ class Localizer {
   // Makes a query from features and matches. Throws InputError for an image or a keypoint that does not exist.
   LocalizationProblem MakeProblem(const std::string& name, const Camera& camera, std::vector<Eigen::Vector2d> keypoints,
                                   const std::vector<GivenPair>& pairs);
-  // Localize one group and return an answer per query. Throw InputError for damaged data.
+  // Localize one group and return an answer per query. Throw InputError for a damaged file.
   std::vector<Answer> Localize(size_t group);
   std::vector<Answer> Localize(const GroupInput& input);
 
