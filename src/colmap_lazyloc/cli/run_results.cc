@@ -9,12 +9,12 @@ namespace lazyloc {
 namespace {
 
 std::string GroupName(const QueryFrames& group) {
-  std::string first;
+  std::string_view first;
   for (const QueryFrame& frame : group) {
     for (const QueryFrame::Image& image : frame.images)
       first = first.empty() ? image.name : std::min(first, image.name);
   }
-  return first;
+  return std::string(first);
 }
 
 size_t NumQueries(const QueryFrames& group) {
@@ -28,7 +28,7 @@ size_t NumQueries(const QueryFrames& group) {
 std::vector<size_t> GroupsOfShard(const QuerySource& source, const std::optional<Shard>& shard) {
   std::vector<size_t> groups;
   for (size_t i = 0; i < source.NumGroups(); ++i) {
-    if (!shard || shard->Has(GroupName(source.Selection().Groups()[i]))) groups.push_back(i);
+    if (!shard || shard->Has(GroupName(source.Selection().Groups().At(i)))) groups.push_back(i);
   }
   return groups;
 }
@@ -46,7 +46,7 @@ RunManifest MakeManifest(const CommandOptions& options, const QuerySource& sourc
   manifest.num_queries = source.NumQueries();
   manifest.extraction = source.DescribeExtraction();
   manifest.shard = ParseShard(options.shard);
-  for (const size_t group : groups) manifest.num_own_queries += NumQueries(source.Selection().Groups()[group]);
+  for (const size_t group : groups) manifest.num_own_queries += NumQueries(source.Selection().Groups().At(group));
   return manifest;
 }
 

@@ -32,6 +32,13 @@ int64_t PairId(uint32_t image_id1, uint32_t image_id2) {
   return std::min(image_id1, image_id2) * kMaxNumImages + std::max(image_id1, image_id2);
 }
 
+std::vector<Eigen::Vector2d> InDouble(const Points& points) {
+  std::vector<Eigen::Vector2d> in_double;
+  in_double.reserve(points.size());
+  for (const Eigen::Vector2f& point : points) in_double.push_back(point.cast<double>());
+  return in_double;
+}
+
 using TwoViewColumns = std::set<std::string>;
 
 // Checks that the tables and columns of every version exist. Returns the columns of two_view_geometries.
@@ -64,20 +71,28 @@ SqliteStatement PrepareTwoViewGeometry(const SqliteConnection& connection, const
 }
 
 // Selects the pairs of image ?1 that have rows, or a damaged number of them. Pairs with it first are a range of keys,
-// pairs with it second have one key for each image. Pairs whose other image was deleted are left out. No blob is read,
-// because `rows` is stored before it.
+// pairs with it second have one key for each other image, whose ids are given as JSON text, because one statement is
+// faster than one for each key. No blob is read, because `rows` is stored before it.
 struct PairSizeStatements {
   PairSizeStatements(const SqliteConnection& connection, const std::string& table)
-      : with_image_first(connection.Prepare(table, "SELECT i.image_id, t.rows FROM " + table +
-                                                       " t CROSS JOIN images i ON i.image_id = t.pair_id - ?1 * ?2"
-                                                       " WHERE t.pair_id > ?1 * ?2 + ?1 AND t.pair_id < (?1 + 1) * ?2"
-                                                       " AND t.rows IS NOT 0")),
-        with_image_second(connection.Prepare(table, "SELECT i.image_id, t.rows FROM images i CROSS JOIN " + table +
-                                                        " t ON t.pair_id = i.image_id * ?2 + ?1"
-                                                        " WHERE i.image_id < ?1 AND t.rows IS NOT 0")) {}
+      : with_image_first(connection.Prepare(table, "SELECT pair_id - ?1 * ?2, rows FROM " + table +
+                                                       " WHERE pair_id > ?1 * ?2 + ?1 AND pair_id < (?1 + 1) * ?2"
+                                                       " AND rows IS NOT 0")),
+        with_image_second(connection.Prepare(table, "SELECT o.value, t.rows FROM json_each(?3) o CROSS JOIN " + table +
+                                                        " t ON t.pair_id = o.value * ?2 + ?1"
+                                                        " WHERE t.rows IS NOT 0")) {}
 
   SqliteStatement with_image_first, with_image_second;
 };
+
+std::string AsJson(std::vector<uint32_t>::const_iterator begin, std::vector<uint32_t>::const_iterator end) {
+  std::string json = "[";
+  for (auto id = begin; id != end; ++id) {
+    if (id != begin) json += ',';
+    json += std::to_string(*id);
+  }
+  return json + "]";
+}
 
 // A row of the table images.
 struct ImageRow {
@@ -137,17 +152,23 @@ struct DatabaseReader::Impl {
     return points;
   }
 
-  std::vector<PairSize> ReadPairSizes(const PairSizeStatements& statements, uint32_t image_id) const {
+  std::vector<PairSize> ReadPairSizes(const PairSizeStatements& statements, uint32_t image_id,
+                                      const std::vector<uint32_t>& other_ids) const {
     std::vector<PairSize> sizes;
-    for (const SqliteStatement* statement : {&statements.with_image_second, &statements.with_image_first}) {
-      SqliteRows rows =
-          statement->Run({image_id, kMaxNumImages}, [=] { return "the pairs of " + labels.Of(image_id); });
+    const auto add_wanted = [&](SqliteRows rows) {
       while (rows.Next()) {
-        const std::optional<int64_t> num_matches = rows.IntegerOrNothing(1, 1, kMaxInt);
-        sizes.push_back(
-            {static_cast<uint32_t>(rows.Integer(0, 0, kMaxNumImages - 1)), static_cast<int>(num_matches.value_or(1))});
+        const auto other_id = static_cast<uint32_t>(rows.Integer(0, 0, kMaxNumImages - 1));
+        if (!std::binary_search(other_ids.begin(), other_ids.end(), other_id)) continue;
+        sizes.push_back({other_id, static_cast<int>(rows.IntegerOrNothing(1, 1, kMaxInt).value_or(1))});
       }
+    };
+    const auto label = [=] { return "the pairs of " + labels.Of(image_id); };
+    const auto smaller_end = std::lower_bound(other_ids.begin(), other_ids.end(), image_id);
+    if (smaller_end != other_ids.begin()) {
+      add_wanted(
+          statements.with_image_second.Run({image_id, kMaxNumImages}, label, AsJson(other_ids.begin(), smaller_end)));
     }
+    if (smaller_end != other_ids.end()) add_wanted(statements.with_image_first.Run({image_id, kMaxNumImages}, label));
     std::sort(sizes.begin(), sizes.end(), [](const PairSize& a, const PairSize& b) { return a.image_id < b.image_id; });
     return sizes;
   }
@@ -237,19 +258,20 @@ Camera DatabaseReader::ReadCamera(uint32_t camera_id) const {
 }
 
 std::vector<Eigen::Vector2d> DatabaseReader::ReadKeypoints(uint32_t image_id) const {
-  const auto keypoints = impl_->keypoint_cache.Get(image_id, [&] { return impl_->ReadKeypoints(image_id); });
-  std::vector<Eigen::Vector2d> in_double;
-  in_double.reserve(keypoints->size());
-  for (const Eigen::Vector2f& keypoint : *keypoints) in_double.push_back(keypoint.cast<double>());
-  return in_double;
+  return InDouble(*impl_->keypoint_cache.Get(image_id, [&] { return impl_->ReadKeypoints(image_id); }));
 }
 
-std::vector<PairSize> DatabaseReader::ReadInlierCounts(uint32_t image_id) const {
-  return impl_->ReadPairSizes(impl_->inlier_counts, image_id);
+std::vector<Eigen::Vector2d> DatabaseReader::ReadKeypointsOnce(uint32_t image_id) const {
+  return InDouble(impl_->ReadKeypoints(image_id));
 }
 
-std::vector<PairSize> DatabaseReader::ReadMatchCounts(uint32_t image_id) const {
-  return impl_->ReadPairSizes(impl_->match_counts, image_id);
+std::vector<PairSize> DatabaseReader::ReadInlierCounts(uint32_t image_id,
+                                                       const std::vector<uint32_t>& other_ids) const {
+  return impl_->ReadPairSizes(impl_->inlier_counts, image_id, other_ids);
+}
+
+std::vector<PairSize> DatabaseReader::ReadMatchCounts(uint32_t image_id, const std::vector<uint32_t>& other_ids) const {
+  return impl_->ReadPairSizes(impl_->match_counts, image_id, other_ids);
 }
 
 Matches DatabaseReader::ReadMatches(uint32_t query_id, uint32_t other_id) const {

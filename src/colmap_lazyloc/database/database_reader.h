@@ -64,15 +64,16 @@ class DatabaseReader {
   std::vector<DatabaseRigImage> ReadRigImages(std::vector<std::string>* damages) const;
   // Returns a camera with finite parameters as it is stored; the caller checks its model and parameters.
   Camera ReadCamera(uint32_t camera_id) const;
-  // Returns all keypoints of an image, xy in pixels; empty if the image has none. Keeps those of the last images in up
-  // to 16 MiB.
+  // Return all keypoints of an image, xy in pixels; empty if the image has none. ReadKeypoints keeps those of the last
+  // images in up to 16 MiB; the other function does not, because a query is read only once.
   std::vector<Eigen::Vector2d> ReadKeypoints(uint32_t image_id) const;
+  std::vector<Eigen::Vector2d> ReadKeypointsOnce(uint32_t image_id) const;
 
-  // Return the other images of the pairs of an image with at least one verified inlier, or at least one raw match,
-  // sorted by image_id. They read no match, and leave out images that were deleted from the database. A pair whose
-  // number is damaged has one match here, because reading the pair tells what is wrong.
-  std::vector<PairSize> ReadInlierCounts(uint32_t image_id) const;
-  std::vector<PairSize> ReadMatchCounts(uint32_t image_id) const;
+  // Return those of other_ids (sorted) that an image has a pair with: one with at least one verified inlier, or at
+  // least one raw match. They read no match. Their time grows with other_ids and the pairs of the image, not with the
+  // database. A pair whose number is damaged has one match here, because reading the pair tells what is wrong.
+  std::vector<PairSize> ReadInlierCounts(uint32_t image_id, const std::vector<uint32_t>& other_ids) const;
+  std::vector<PairSize> ReadMatchCounts(uint32_t image_id, const std::vector<uint32_t>& other_ids) const;
 
   // Return a pair's data, oriented from the other image to the query whichever has the smaller id; no matches or
   // nullopt if nothing is stored. Matches are sorted; the caller checks their indices against the keypoints. E, F, H

@@ -81,8 +81,9 @@ TEST_P(DatabaseReaderTest, EmptyDatabaseHasNothing) {
   EXPECT_EQ(reader.Path(), Path());
   EXPECT_THAT(reader.ReadImages(), IsEmpty());
   EXPECT_THAT(reader.ReadKeypoints(1), IsEmpty());
-  EXPECT_THAT(reader.ReadInlierCounts(1), IsEmpty());
-  EXPECT_THAT(reader.ReadMatchCounts(1), IsEmpty());
+  EXPECT_THAT(reader.ReadKeypointsOnce(1), IsEmpty());
+  EXPECT_THAT(reader.ReadInlierCounts(1, {2}), IsEmpty());
+  EXPECT_THAT(reader.ReadMatchCounts(1, {2}), IsEmpty());
   EXPECT_THAT(reader.ReadMatches(1, 2), IsEmpty());
   EXPECT_FALSE(reader.ReadTwoViewGeometry(1, 2));
 }
@@ -229,8 +230,8 @@ TEST_P(DatabaseReaderTest, PairWithoutMatchesIsReadButNotCounted) {
   const DatabaseReader reader(Path());
   EXPECT_EQ(reader.ReadTwoViewGeometry(2, 1)->config, TwoViewConfig::DEGENERATE);
   EXPECT_THAT(reader.ReadMatches(2, 1), IsEmpty());
-  EXPECT_THAT(reader.ReadInlierCounts(1), IsEmpty());
-  EXPECT_THAT(reader.ReadMatchCounts(2), IsEmpty());
+  EXPECT_THAT(reader.ReadInlierCounts(1, {2}), IsEmpty());
+  EXPECT_THAT(reader.ReadMatchCounts(2, {1}), IsEmpty());
 }
 
 TEST_P(DatabaseReaderTest, CountsOfPairsOnBothSides) {
@@ -239,14 +240,17 @@ TEST_P(DatabaseReaderTest, CountsOfPairsOnBothSides) {
   database_.AddTwoViewGeometry(3, 1, geometry);
   database_.AddTwoViewGeometry(2147483646, 3, geometry);
   database_.AddTwoViewGeometry(1, 5, geometry);
-  database_.AddTwoViewGeometry(3, 4, geometry);  // with an image that is no more
+  database_.AddTwoViewGeometry(3, 4, geometry);  // not asked for
   database_.AddTwoViewGeometry(2, 3, geometry);
   database_.AddMatches(5, 3, {{1, 1}, {2, 2}});
   const DatabaseReader reader(Path());
-  EXPECT_EQ(AsCounts(reader.ReadInlierCounts(3)), (Counts{{1, 4}, {2147483646, 4}}));
-  EXPECT_EQ(AsCounts(reader.ReadInlierCounts(2147483646)), (Counts{{3, 4}}));
-  EXPECT_EQ(AsCounts(reader.ReadInlierCounts(1)), (Counts{{3, 4}, {5, 4}}));
-  EXPECT_EQ(AsCounts(reader.ReadMatchCounts(3)), (Counts{{5, 2}}));
+  const std::vector<uint32_t> ids = {1, 3, 5, 2147483646};
+  EXPECT_EQ(AsCounts(reader.ReadInlierCounts(3, ids)), (Counts{{1, 4}, {2147483646, 4}}));
+  EXPECT_EQ(AsCounts(reader.ReadInlierCounts(2147483646, ids)), (Counts{{3, 4}}));
+  EXPECT_EQ(AsCounts(reader.ReadInlierCounts(1, ids)), (Counts{{3, 4}, {5, 4}}));
+  EXPECT_EQ(AsCounts(reader.ReadInlierCounts(1, {5})), (Counts{{5, 4}}));
+  EXPECT_EQ(AsCounts(reader.ReadMatchCounts(3, ids)), (Counts{{5, 2}}));
+  EXPECT_THAT(reader.ReadInlierCounts(3, {}), IsEmpty());
 }
 
 TEST(DatabaseReader, ZeroQuaternionIsNoPose) {
@@ -293,15 +297,18 @@ TEST(DatabaseReader, CountsAreRightAmong20000Images) {
       "COMMIT");
   database.Close();
   const DatabaseReader reader(folder / "a.db");
-  EXPECT_EQ(reader.ReadImages().size(), 20000u);
-  EXPECT_EQ(AsCounts(reader.ReadInlierCounts(100)),
+  std::vector<uint32_t> ids;
+  for (const DatabaseImage& image : reader.ReadImages()) ids.push_back(image.image_id);
+  std::sort(ids.begin(), ids.end());
+  EXPECT_EQ(ids.size(), 20000u);
+  EXPECT_EQ(AsCounts(reader.ReadInlierCounts(100, ids)),
             (Counts{{95, 2}, {97, 1}, {98, 2}, {101, 1}, {102, 1}, {103, 1}, {104, 1}, {105, 1}, {10000, 1}}));
   Counts of_hub;
   for (uint32_t id = 1; id <= 20000; ++id) {
     const bool is_predecessor = id >= 9995 && id < 10000;
     if (id != 10000 && id != 9996 && id != 9999) of_hub.emplace_back(id, is_predecessor ? id % 3 : 1);
   }
-  EXPECT_EQ(AsCounts(reader.ReadInlierCounts(10000)), of_hub);
+  EXPECT_EQ(AsCounts(reader.ReadInlierCounts(10000, ids)), of_hub);
 }
 
 // A damaged row, a function that reads it, and the message: one line with file, table and row.
@@ -400,7 +407,7 @@ TEST(DatabaseReader, PairsWithADamagedNumberOfMatchesAreCounted) {
   for (const int image_id : {1, 3, 4}) database.AddMatches(2, image_id, {{0, 1}, {1, 0}});
   database.Execute("UPDATE matches SET rows = -7 WHERE pair_id = 2147483647 + 2");
   database.Execute("UPDATE matches SET rows = 'many' WHERE pair_id = 2 * 2147483647 + 3");
-  EXPECT_EQ(AsCounts(DatabaseReader(folder / "a.db").ReadMatchCounts(2)), (Counts{{1, 1}, {3, 1}, {4, 2}}));
+  EXPECT_EQ(AsCounts(DatabaseReader(folder / "a.db").ReadMatchCounts(2, {1, 3, 4})), (Counts{{1, 1}, {3, 1}, {4, 2}}));
 }
 
 // Damages the page of one image's keypoints, as a disk may.
@@ -457,14 +464,17 @@ TEST(DatabaseReader, RealDatabase) {
   const DatabaseReader reader(folder / "database.db");
   const std::vector<DatabaseImage> images = reader.ReadImages();
   ASSERT_EQ(images.size(), 11u);
+  std::vector<uint32_t> ids;
+  for (const DatabaseImage& image : images) ids.push_back(image.image_id);
+  std::sort(ids.begin(), ids.end());
   int num_poses = 0;
   for (const DatabaseImage& query : images) {
     EXPECT_FALSE(reader.ReadCamera(query.camera_id).params.empty());
     const size_t num_query_keypoints = reader.ReadKeypoints(query.image_id).size();
     EXPECT_GT(num_query_keypoints, 1000u);
-    const std::vector<PairSize> sizes = reader.ReadInlierCounts(query.image_id);
+    const std::vector<PairSize> sizes = reader.ReadInlierCounts(query.image_id, ids);
     EXPECT_GE(sizes.size(), 5u);
-    EXPECT_GE(reader.ReadMatchCounts(query.image_id).size(), sizes.size());
+    EXPECT_GE(reader.ReadMatchCounts(query.image_id, ids).size(), sizes.size());
     for (const PairSize& size : sizes) {
       const auto geometry = reader.ReadTwoViewGeometry(query.image_id, size.image_id);
       ASSERT_TRUE(geometry);

@@ -74,11 +74,16 @@ void SqliteStatement::Finalize::operator()(sqlite3_stmt* statement) const { sqli
 SqliteStatement::SqliteStatement(const SqliteConnection& connection, std::string table, sqlite3_stmt* statement)
     : connection_(&connection), table_(std::move(table)), statement_(statement) {}
 
-SqliteRows SqliteStatement::Run(std::initializer_list<int64_t> values, std::function<std::string()> row_label) const {
+SqliteRows SqliteStatement::Run(std::initializer_list<int64_t> values, std::function<std::string()> row_label,
+                                const std::string& text) const {
   LAZYLOC_CHECK(!sqlite3_stmt_busy(statement_.get()));
   int index = 0;
   for (const int64_t value : values) {
     if (sqlite3_bind_int64(statement_.get(), ++index, value) != SQLITE_OK) connection_->ThrowSqliteError(table_);
+  }
+  if (!text.empty() && sqlite3_bind_text64(statement_.get(), ++index, text.data(), text.size(), SQLITE_TRANSIENT,
+                                           SQLITE_UTF8) != SQLITE_OK) {
+    connection_->ThrowSqliteError(table_);
   }
   return {*this, values.size() > 0, std::move(row_label)};
 }

@@ -80,8 +80,9 @@ class SqliteRows {
 class SqliteStatement {
  public:
   // Runs the statement with values for ?1, ?2, ...; only one run at a time. A statement with values is a look-up, one
-  // without them a scan. `row_label` names the row in messages.
-  SqliteRows Run(std::initializer_list<int64_t> values, std::function<std::string()> row_label = nullptr) const;
+  // without them a scan. `row_label` names the row in messages. `text` is the value after the numbers, unless empty.
+  SqliteRows Run(std::initializer_list<int64_t> values, std::function<std::string()> row_label = nullptr,
+                 const std::string& text = "") const;
 
  private:
   friend class SqliteConnection;

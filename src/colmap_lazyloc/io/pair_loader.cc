@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <iterator>
+#include <map>
 #include <set>
 #include <tuple>
 #include <utility>
@@ -112,10 +113,10 @@ std::optional<ImagePair> PairLoader::LoadPair(const StoredQuery& query, const Ca
 
 void PairLoader::LoadBestPairs(const StoredQuery& query, const DatabaseReader& database, LocalizationProblem* problem,
                                std::vector<std::string>* damages) const {
-  const std::vector<PairSize> verified = database.ReadInlierCounts(query.image.image_id);
+  const std::vector<PairSize> verified = database.ReadInlierCounts(query.image.image_id, selection_.PosedImageIds());
   LoadPairs(query, RankCandidates(query, verified), num_retrieved_, database, problem, damages);
   if (problem->pairs.size() == num_retrieved_) return;
-  const std::vector<PairSize> raw = database.ReadMatchCounts(query.image.image_id);
+  const std::vector<PairSize> raw = database.ReadMatchCounts(query.image.image_id, selection_.PosedImageIds());
   std::vector<PairSize> unverified;
   std::set_difference(raw.begin(), raw.end(), verified.begin(), verified.end(), std::back_inserter(unverified),
                       [](const PairSize& a, const PairSize& b) { return a.image_id < b.image_id; });
@@ -129,7 +130,7 @@ LocalizationProblem PairLoader::Load(const StoredQuery& query, const DatabaseRea
   problem.query_name = query.image.name;
   problem.query_camera = query.camera;
   problem.intrinsics_origin = query.intrinsics_origin;
-  problem.query_keypoints = database.ReadKeypoints(query.image.image_id);
+  problem.query_keypoints = database.ReadKeypointsOnce(query.image.image_id);
   if (problem.query_keypoints.empty()) return problem;
   if (const std::vector<std::string>* names = selection_.ListedPairs(problem.query_name)) {
     const Candidates listed = ListedCandidates(query, *names);
@@ -142,36 +143,42 @@ LocalizationProblem PairLoader::Load(const StoredQuery& query, const DatabaseRea
   return problem;
 }
 
-// Returns the ids of all images that the query may be paired with.
-std::vector<uint32_t> PairLoader::PairedImageIds(const StoredQuery& query, const DatabaseReader& database) const {
+// Returns those of other_ids (sorted) that the query may be paired with.
+std::vector<uint32_t> PairLoader::PairedImageIds(const StoredQuery& query, const std::vector<uint32_t>& other_ids,
+                                                 const DatabaseReader& database) const {
   std::vector<uint32_t> image_ids;
   if (const std::vector<std::string>* names = selection_.ListedPairs(query.image.name)) {
     for (const std::string& name : *names) {
-      if (const DatabaseImage* image = selection_.FindInDatabase(name)) image_ids.push_back(image->image_id);
+      const DatabaseImage* image = selection_.FindInDatabase(name);
+      if (image != nullptr && std::binary_search(other_ids.begin(), other_ids.end(), image->image_id)) {
+        image_ids.push_back(image->image_id);
+      }
     }
   } else {
-    for (const PairSize& size : database.ReadInlierCounts(query.image.image_id)) image_ids.push_back(size.image_id);
-    for (const PairSize& size : database.ReadMatchCounts(query.image.image_id)) image_ids.push_back(size.image_id);
+    const uint32_t query_id = query.image.image_id;
+    for (const PairSize& size : database.ReadInlierCounts(query_id, other_ids)) image_ids.push_back(size.image_id);
+    for (const PairSize& size : database.ReadMatchCounts(query_id, other_ids)) image_ids.push_back(size.image_id);
   }
   return image_ids;
 }
 
-void PairLoader::LoadPairsWithQueries(int query_index, const std::unordered_map<uint32_t, int>& earlier_queries,
+void PairLoader::LoadPairsWithQueries(int query_index, const std::map<uint32_t, int>& earlier_queries,
                                       const DatabaseReader& database, LoadedGroup* loaded) const {
   QueryGroup& group = loaded->group;
   const LocalizationProblem& problem = group.images[query_index].problem;
-  const StoredQuery& query = *selection_.FindStoredQuery(problem.query_name);
+  const StoredQuery query = selection_.ReadStoredQuery(problem.query_name, database);
+  std::vector<uint32_t> earlier_ids;
+  for (const auto& [image_id, index] : earlier_queries) earlier_ids.push_back(image_id);
   std::set<int> others;
-  for (const uint32_t image_id : PairedImageIds(query, database)) {
-    const auto other = earlier_queries.find(image_id);
-    if (other != earlier_queries.end()) others.insert(other->second);
+  for (const uint32_t image_id : PairedImageIds(query, earlier_ids, database)) {
+    others.insert(earlier_queries.at(image_id));
   }
   for (const int other_index : others) {
-    const StoredQuery& other = *selection_.FindStoredQuery(group.images[other_index].problem.query_name);
-    ImagePair pair;
-    pair.other_name = other.image.name;
-    pair.other_camera = other.camera;
     try {
+      const StoredQuery other = selection_.ReadStoredQuery(group.images[other_index].problem.query_name, database);
+      ImagePair pair;
+      pair.other_name = other.image.name;
+      pair.other_camera = other.camera;
       if (!ReadPair(problem, query, other.image.image_id, other.stored_camera, database, &pair)) continue;
       group.query_pairs.push_back({query_index, other_index, std::move(pair)});
     } catch (const DamagedRecordError& error) {
@@ -183,18 +190,18 @@ void PairLoader::LoadPairsWithQueries(int query_index, const std::unordered_map<
 void PairLoader::LoadQueryPairs(const DatabaseReader& database, LoadedGroup* loaded) const {
   const std::vector<QueryImage>& images = loaded->group.images;
   if (images.size() < 2) return;
-  std::unordered_map<uint32_t, int> earlier_queries;  // by id in the database
+  std::map<uint32_t, int> earlier_queries;  // by id in the database
   for (int query_index = 0; query_index < static_cast<int>(images.size()); ++query_index) {
     const LocalizationProblem& problem = images[query_index].problem;
-    const StoredQuery* query = selection_.FindStoredQuery(problem.query_name);
+    const std::optional<uint32_t> image_id = selection_.FindStoredQuery(problem.query_name);
     // Skips photos, and queries without keypoints, because their matches name keypoints that do not exist.
-    if (query == nullptr || problem.query_keypoints.empty()) continue;
+    if (!image_id || problem.query_keypoints.empty()) continue;
     try {
       LoadPairsWithQueries(query_index, earlier_queries, database, loaded);
     } catch (const DamagedRecordError& error) {  // of the list of its pairs
       loaded->records[query_index].damages.push_back(error.Damage());
     }
-    earlier_queries.emplace(query->image.image_id, query_index);
+    earlier_queries.emplace(*image_id, query_index);
   }
 }
 

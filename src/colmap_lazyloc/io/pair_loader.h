@@ -1,8 +1,8 @@
 #pragma once
 
+#include <map>
 #include <optional>
 #include <string>
-#include <unordered_map>
 #include <vector>
 
 #include "colmap_lazyloc/database/database_reader.h"
@@ -51,9 +51,10 @@ class PairLoader {
                                     const LocalizationProblem& problem, const DatabaseReader& database,
                                     std::vector<std::string>* damages) const;
   // Adds the pairs of one query with earlier queries of its group, which are given by their id in the database.
-  void LoadPairsWithQueries(int query_index, const std::unordered_map<uint32_t, int>& earlier_queries,
+  void LoadPairsWithQueries(int query_index, const std::map<uint32_t, int>& earlier_queries,
                             const DatabaseReader& database, LoadedGroup* loaded) const;
-  std::vector<uint32_t> PairedImageIds(const StoredQuery& query, const DatabaseReader& database) const;
+  std::vector<uint32_t> PairedImageIds(const StoredQuery& query, const std::vector<uint32_t>& other_ids,
+                                       const DatabaseReader& database) const;
 
   const QuerySelection& selection_;
   const size_t num_retrieved_;

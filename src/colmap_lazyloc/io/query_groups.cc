@@ -16,11 +16,11 @@ namespace lazyloc {
 namespace {
 
 // Returns the frames in the order of their first queries.
-QueryFrames MakeFrames(const std::vector<std::string>& query_names, const FramePlaces& places) {
+QueryFrames MakeFrames(const std::vector<std::string_view>& query_names, const FramePlaces& places) {
   QueryFrames frames;
   std::unordered_map<std::string, size_t> frame_of_name;
-  for (const std::string& name : query_names) {
-    const auto place = places.find(name);
+  for (const std::string_view name : query_names) {
+    const auto place = places.find(std::string(name));
     if (place == places.end()) {
       frames.push_back({"", {{name, {}}}});
       continue;
@@ -37,7 +37,7 @@ QueryFrames MakeFrames(const std::vector<std::string>& query_names, const FrameP
 }
 
 std::vector<QueryFrames> GroupByList(const QueryFrames& frames, const std::filesystem::path& path) {
-  std::unordered_map<std::string, size_t> frame_of_name;
+  std::unordered_map<std::string_view, size_t> frame_of_name;
   for (size_t i = 0; i < frames.size(); ++i) {
     for (const QueryFrame::Image& image : frames[i].images) frame_of_name.emplace(image.name, i);
   }
@@ -85,52 +85,61 @@ std::vector<QueryFrames> JoinByTrajectory(const std::vector<QueryFrames>& groups
     QueryFrame whole;
     for (const QueryFrame& frame : group) {
       for (const QueryFrame::Image& image : frame.images) {
-        whole.images.push_back({image.name, trajectory.at(image.name)});
+        whole.images.push_back({image.name, trajectory.at(std::string(image.name))});
       }
     }
     whole.name = whole.images.front().name;
-    joined.push_back({whole});
+    joined.push_back({std::move(whole)});
   }
   return joined;
 }
 
-std::string CountWithExample(const std::vector<std::string>& names) {
-  if (names.size() == 1) return "1 query (" + names.front() + ")";
-  return std::to_string(names.size()) + " queries (for example " + names.front() + ")";
+template <typename Name>
+std::string CountWithExample(const std::vector<Name>& names) {
+  const std::string example(names.front());
+  if (names.size() == 1) return "1 query (" + example + ")";
+  return std::to_string(names.size()) + " queries (for example " + example + ")";
 }
 
-std::string ItOrThem(const std::vector<std::string>& names) { return names.size() == 1 ? "it" : "them"; }
+std::string ItOrThem(size_t number) { return number == 1 ? "it" : "them"; }
 
-FramePlaces FindFrames(const std::vector<std::string>& image_names, const DatabaseReader* database, const Model& model,
+FramePlaces FindFrames(const std::vector<std::string_view>& names, const DatabaseReader* database, const Model& model,
                        const QueryGroupsOptions& options, FrameProblems* problems) {
   if (!options.use_rigs) return {};
+  const std::vector<std::string> image_names(names.begin(), names.end());
   if (!options.rig_config_path.empty()) return FramesFromConfig(image_names, options.rig_config_path);
   return FramesFromColmap(image_names, database, model, problems);
 }
 
-QueryGroups GroupFrames(const QueryFrames& frames, const QueryGroupsOptions& options, size_t group_size) {
-  QueryGroups result;
-  result.groups =
-      options.group_list_path.empty() ? GroupBySize(frames, group_size) : GroupByList(frames, options.group_list_path);
-  return result;
+std::vector<QueryFrames> GroupFrames(const QueryFrames& frames, const QueryGroupsOptions& options, size_t group_size) {
+  return options.group_list_path.empty() ? GroupBySize(frames, group_size)
+                                         : GroupByList(frames, options.group_list_path);
 }
 
-QueryGroups GroupByTrajectory(const std::vector<std::string>& query_names, const QueryGroupsOptions& options) {
-  const std::map<std::string, Rigid3d> trajectory = ReadTrajectory(options.trajectory_path, query_names);
-  std::vector<std::string> on_trajectory, elsewhere;
-  for (const std::string& name : query_names) (trajectory.count(name) > 0 ? on_trajectory : elsewhere).push_back(name);
+void AddEach(std::vector<QueryFrames> groups, QueryGroups* result) {
+  for (QueryFrames& group : groups) result->Add(std::move(group));
+}
+
+QueryGroups GroupByTrajectory(const std::vector<std::string_view>& query_names, const QueryGroupsOptions& options) {
+  const std::map<std::string, Rigid3d> trajectory =
+      ReadTrajectory(options.trajectory_path, {query_names.begin(), query_names.end()});
+  std::vector<std::string_view> on_trajectory, elsewhere;
+  for (const std::string_view name : query_names) {
+    (trajectory.count(std::string(name)) > 0 ? on_trajectory : elsewhere).push_back(name);
+  }
   const std::string& path = options.trajectory_path;
   if (on_trajectory.empty()) {
-    throw InputError(path + ": no pose for any query (for example " + query_names.front() + ")");
+    throw InputError(path + ": no pose for any query (for example " + std::string(query_names.front()) + ")");
   }
   const QueryFrames frames = MakeFrames(on_trajectory, {});
-  QueryGroups result = GroupFrames(frames, options, options.group_size > 1 ? options.group_size : frames.size());
+  const size_t group_size = options.group_size > 1 ? options.group_size : frames.size();
+  QueryGroups result;
   result.has_rig_scale = options.trajectory_has_scale;
-  result.groups = JoinByTrajectory(result.groups, trajectory);
-  for (const QueryFrame& frame : MakeFrames(elsewhere, {})) result.groups.push_back({frame});
+  AddEach(JoinByTrajectory(GroupFrames(frames, options, group_size), trajectory), &result);
+  for (const std::string_view name : elsewhere) result.AddLone(name);
   if (!elsewhere.empty()) {
     result.warnings.push_back(path + ": no pose for " + CountWithExample(elsewhere) + ": localizing " +
-                              ItOrThem(elsewhere) + " individually");
+                              ItOrThem(elsewhere.size()) + " individually");
   }
   return result;
 }
@@ -142,7 +151,17 @@ bool QueryGroupsOptions::Check(std::string* error) const {
   return true;
 }
 
-QueryGroups GroupQueries(const std::vector<std::string>& query_names, const DatabaseReader& database,
+QueryFrames QueryGroups::At(size_t group) const {
+  const std::string_view lone_query = lone_queries_[group];
+  return lone_query.empty() ? other_groups_.at(group) : QueryFrames{{"", {{lone_query, {}}}}};
+}
+
+void QueryGroups::Add(QueryFrames frames) {
+  other_groups_.emplace(Size(), std::move(frames));
+  lone_queries_.emplace_back();
+}
+
+QueryGroups GroupQueries(const std::vector<std::string_view>& query_names, const DatabaseReader& database,
                          const Model& model, const QueryGroupsOptions& options) {
   if (!options.trajectory_path.empty()) return GroupByTrajectory(query_names, options);
   FrameProblems problems;
@@ -150,11 +169,16 @@ QueryGroups GroupQueries(const std::vector<std::string>& query_names, const Data
   if (options.use_rigs && !options.rig_config_path.empty() && places.empty()) {
     throw InputError(options.rig_config_path + ": no query matches the image_prefix of a camera");
   }
-  QueryGroups result = GroupFrames(MakeFrames(query_names, places), options, options.group_size);
+  QueryGroups result;
+  if (places.empty() && options.group_list_path.empty() && options.group_size == 1) {
+    for (const std::string_view name : query_names) result.AddLone(name);
+  } else {
+    AddEach(GroupFrames(MakeFrames(query_names, places), options, options.group_size), &result);
+  }
   const std::string path = database.Path().string();
   if (const auto& names = problems.images_without_pose; !names.empty()) {
     result.warnings.push_back(path + ": no pose in the rig for the cameras of " + CountWithExample(names) +
-                              ": localizing " + ItOrThem(names) + " without the rig");
+                              ": localizing " + ItOrThem(names.size()) + " without the rig");
   }
   for (const std::string& damage : problems.damages) {
     result.warnings.push_back(path + ": " + damage + ": localizing the image without the rig");
@@ -163,7 +187,7 @@ QueryGroups GroupQueries(const std::vector<std::string>& query_names, const Data
 }
 
 FramePlaces DatabaseFramePlaces(const Model& model, const DatabaseReader* database, const QueryGroupsOptions& options) {
-  std::vector<std::string> image_names;
+  std::vector<std::string_view> image_names;
   for (const ModelImage& image : model.images) image_names.push_back(image.name);
   FrameProblems ignored;  // GroupQueries reports them
   return SharedFrames(FindFrames(image_names, database, model, options, &ignored));

@@ -1,6 +1,9 @@
 #pragma once
 
 #include <string>
+#include <string_view>
+#include <unordered_map>
+#include <utility>
 #include <vector>
 
 #include "colmap_lazyloc/database/database_reader.h"
@@ -23,7 +26,7 @@ struct QueryGroupsOptions {
 // rig, the identity if it has none.
 struct QueryFrame {
   struct Image {
-    std::string name;
+    std::string_view name;
     Rigid3d cam_from_rig;
   };
   std::string name;
@@ -33,11 +36,23 @@ struct QueryFrame {
 // Frames that are localized together.
 using QueryFrames = std::vector<QueryFrame>;
 
-struct QueryGroups {
-  std::vector<QueryFrames> groups;  // each query is in one of them
-  bool has_rig_scale = true;        // false if the unit of cam_from_rig is unknown
+// Groups of queries, each of which is in one of them. Refers to the names that it was made from. A group of one query
+// takes only a few bytes, because there may be millions.
+class QueryGroups {
+ public:
+  size_t Size() const { return lone_queries_.size(); }
+  QueryFrames At(size_t group) const;
+  void Add(QueryFrames frames);
+  // Adds a query that has no place in a rig.
+  void AddLone(std::string_view query_name) { lone_queries_.push_back(query_name); }
+
+  bool has_rig_scale = true;  // false if the unit of cam_from_rig is unknown
   // One line for each problem that leaves queries without a place in a rig or trajectory.
   std::vector<std::string> warnings;
+
+ private:
+  std::vector<std::string_view> lone_queries_;  // by group; empty if the group is in other_groups_
+  std::unordered_map<size_t, QueryFrames> other_groups_;
 };
 
 // Groups the queries in three steps, in their given order:
@@ -47,9 +62,9 @@ struct QueryGroups {
 //    its own), else runs of group_size frames.
 // 3. With a trajectory, step 1 is left out and each group becomes one frame. Without list and size, all queries are one
 //    frame.
-// The formats are in io/rig_config.h and io/trajectory.h. Throws InputError naming the file if it is damaged,
-// contradicts itself or fits no query.
-QueryGroups GroupQueries(const std::vector<std::string>& query_names, const DatabaseReader& database,
+// The formats are in io/rig_config.h and io/trajectory.h. The names must outlive the groups. Throws InputError naming
+// the file if it is damaged, contradicts itself or fits no query.
+QueryGroups GroupQueries(const std::vector<std::string_view>& query_names, const DatabaseReader& database,
                          const Model& model, const QueryGroupsOptions& options);
 
 // Returns the rig frames (as in step 1) that hold two or more of the model's images. database: null if there is none.

@@ -24,18 +24,21 @@ class GroupQueriesTest : public IoTest {
     for (const std::string& name : names_) database.AddImage(image_id++, 1, name);
   }
 
-  QueryGroups Group() { return GroupQueries(names_, DatabaseReader(folder_ / "database.db"), model_, options_); }
+  QueryGroups Group() {
+    return GroupQueries({names_.begin(), names_.end()}, DatabaseReader(folder_ / "database.db"), model_, options_);
+  }
   std::string Error() {
     return ErrorOf([&] { Group(); });
   }
   // Returns the names of each group, with frames in brackets.
   std::vector<std::string> Described() {
     std::vector<std::string> descriptions;
-    for (const QueryFrames& group : Group().groups) {
+    const QueryGroups groups = Group();
+    for (size_t i = 0; i < groups.Size(); ++i) {
       std::string description;
-      for (const QueryFrame& frame : group) {
+      for (const QueryFrame& frame : groups.At(i)) {
         description += '[';
-        for (const auto& image : frame.images) description += ' ' + image.name;
+        for (const auto& image : frame.images) description.append(" ").append(image.name);
         description += " ]";
       }
       descriptions.push_back(description);
@@ -61,14 +64,14 @@ TEST_F(GroupQueriesTest, RunsOfTheListInItsOrder) {
 TEST_F(GroupQueriesTest, RigConfig) {
   options_.rig_config_path = WriteFile("rigs.json", kConfig);
   EXPECT_THAT(Described(), ElementsAre("[ left/2.png right/2.png ]", "[ left/1.png right/1.png ]", "[ 3.png ]"));
-  const QueryFrame frame = Group().groups[1][0];
+  const QueryFrame frame = Group().At(1)[0];
   EXPECT_EQ(frame.name, "1.png");
   EXPECT_EQ(frame.images[1].cam_from_rig.translation, Eigen::Vector3d(-0.5, 0, 0));
   options_.group_size = 2;
   EXPECT_THAT(Described(), ElementsAre("[ left/2.png right/2.png ][ left/1.png right/1.png ]", "[ 3.png ]"));
   options_.use_rigs = false;
   options_.group_size = 1;
-  EXPECT_EQ(Group().groups.size(), 5);
+  EXPECT_EQ(Group().Size(), 5);
 }
 
 TEST_F(GroupQueriesTest, BadRigConfigs) {
@@ -116,13 +119,13 @@ TEST_F(GroupQueriesTest, TrajectoryMakesOneFrameAndNamesTheGaps) {
   EXPECT_THAT(Described(), ElementsAre("[ left/2.png left/1.png ]", "[ right/2.png ]", "[ right/1.png ]", "[ 3.png ]"));
   EXPECT_THAT(Group().warnings,
               ElementsAre(HasSubstr("no pose for 3 queries (for example right/2.png): localizing them individually")));
-  EXPECT_EQ(Group().groups[0][0].images[0].cam_from_rig.translation.z(), 2);
+  EXPECT_EQ(Group().At(0)[0].images[0].cam_from_rig.translation.z(), 2);
 }
 
 TEST_F(GroupQueriesTest, TrajectoryOfTum) {
   // The file has world_from_cam, scalar last.
   options_.trajectory_path = WriteFile("trajectory.txt", "2.5 9 9 9 0 0 0 1\n3.0 1 2 3 0 0 0 1\n");
-  const QueryFrame frame = Group().groups[0][0];
+  const QueryFrame frame = Group().At(0)[0];
   ASSERT_EQ(frame.images.size(), 1);
   EXPECT_EQ(frame.images[0].name, "3.png");
   EXPECT_EQ(frame.images[0].cam_from_rig.translation, Eigen::Vector3d(-1, -2, -3));
@@ -154,20 +157,23 @@ TEST_F(GroupQueriesTest, RigsOfTheDatabase) {
       "INSERT INTO rig_sensors VALUES(7, 2, 0, x'000000000000f03f000000000000000000000000000000000000000000000000"
       "000000000000e0bf00000000000000000000000000000000');"
       "INSERT INTO frame_data VALUES(70, 1, 1, 0), (70, 2, 2, 0), (71, 3, 1, 0), (71, 4, 2, 0), (71, 4, 9, 1)");
-  const QueryGroups grouped = GroupQueries(names_, DatabaseReader(folder_ / "rigs.db"), model_, options_);
-  ASSERT_EQ(grouped.groups.size(), 3);
-  ASSERT_EQ(grouped.groups[0][0].images.size(), 2);
-  EXPECT_EQ(grouped.groups[0][0].images[1].name, "right/2.png");
-  EXPECT_EQ(grouped.groups[0][0].images[1].cam_from_rig.translation, Eigen::Vector3d(-0.5, 0, 0));
+  const QueryGroups grouped =
+      GroupQueries({names_.begin(), names_.end()}, DatabaseReader(folder_ / "rigs.db"), model_, options_);
+  ASSERT_EQ(grouped.Size(), 3);
+  ASSERT_EQ(grouped.At(0)[0].images.size(), 2);
+  EXPECT_EQ(grouped.At(0)[0].images[1].name, "right/2.png");
+  EXPECT_EQ(grouped.At(0)[0].images[1].cam_from_rig.translation, Eigen::Vector3d(-0.5, 0, 0));
   EXPECT_THAT(grouped.warnings, IsEmpty());
   database.Execute("UPDATE rig_sensors SET sensor_from_rig = NULL");
-  const QueryGroups uncalibrated = GroupQueries(names_, DatabaseReader(folder_ / "rigs.db"), model_, options_);
-  EXPECT_EQ(uncalibrated.groups.size(), 5);
+  const QueryGroups uncalibrated =
+      GroupQueries({names_.begin(), names_.end()}, DatabaseReader(folder_ / "rigs.db"), model_, options_);
+  EXPECT_EQ(uncalibrated.Size(), 5);
   EXPECT_THAT(uncalibrated.warnings,
               ElementsAre(HasSubstr("no pose in the rig for the cameras of 2 queries (for example right/2.png)")));
   database.Execute("UPDATE rig_sensors SET sensor_from_rig = x'00'");
-  const QueryGroups damaged = GroupQueries(names_, DatabaseReader(folder_ / "rigs.db"), model_, options_);
-  EXPECT_EQ(damaged.groups.size(), 5);
+  const QueryGroups damaged =
+      GroupQueries({names_.begin(), names_.end()}, DatabaseReader(folder_ / "rigs.db"), model_, options_);
+  EXPECT_EQ(damaged.Size(), 5);
   EXPECT_THAT(damaged.warnings,
               ElementsAre(HasSubstr("rigs.db: table frame_data, image 2 (right/2.png): sensor_from_rig has 1 bytes"),
                           HasSubstr("image 4 (right/1.png)")));
@@ -181,9 +187,9 @@ TEST_F(GroupQueriesTest, RigsOfTheModel) {
   model_.frames[70] = {70, 7, {}, {{left, 11}, {right, 12}}};
   model_.frames[71] = {71, 7, {}, {{left, 13}, {right, 14}}};  // only one of them is in the model
   EXPECT_THAT(Described(), ElementsAre("[ left/2.png right/2.png ]", "[ left/1.png ]", "[ right/1.png ]", "[ 3.png ]"));
-  EXPECT_EQ(Group().groups[0][0].images[1].cam_from_rig.translation, right_from_left.translation);
+  EXPECT_EQ(Group().At(0)[0].images[1].cam_from_rig.translation, right_from_left.translation);
   options_.use_rigs = false;
-  EXPECT_EQ(Group().groups.size(), 5u);
+  EXPECT_EQ(Group().Size(), 5u);
 }
 
 }  // namespace

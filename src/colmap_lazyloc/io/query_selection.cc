@@ -9,15 +9,12 @@
 namespace lazyloc {
 namespace {
 
-// Throws DamagedRecordError if the camera cannot be used.
-Camera ReadUsableCamera(const DatabaseReader& database, const DatabaseImage& image) {
-  Camera camera = database.ReadCamera(image.camera_id);
+// Throws DamagedRecordError if a camera of the database cannot be used.
+void CheckUsable(const Camera& camera, const DatabaseReader& database) {
   const std::string problem = CameraProblem(camera);
-  if (!problem.empty()) {
-    throw DamagedRecordError(database.Path().string(),
-                             "table cameras, camera " + std::to_string(image.camera_id) + ": " + problem);
-  }
-  return camera;
+  if (problem.empty()) return;
+  throw DamagedRecordError(database.Path().string(),
+                           "table cameras, camera " + std::to_string(camera.camera_id) + ": " + problem);
 }
 
 }  // namespace
@@ -26,26 +23,28 @@ QuerySelection::QuerySelection(const DatabaseReader& database, Model model, cons
                                bool has_photos)
     : options_(options), has_photos_(has_photos && !options.leave_one_out), model_(std::move(model)) {
   ReadImages(database);
-  const std::vector<std::string> query_names = AddQueries(database);
+  const std::vector<std::string_view> query_names = AddQueries(database);
+  num_queries_ = query_names.size();
   if (!query_names.empty()) GroupAll(query_names, database);
   if (!options_.leave_one_out) {
     const auto is_query = [this](const ModelImage& image) { return IsQuery(image.name); };
     model_.images.erase(std::remove_if(model_.images.begin(), model_.images.end(), is_query), model_.images.end());
   }
   for (const ModelImage& image : model_.images) {
-    if (const DatabaseImage* stored = FindInDatabase(image.name))
-      posed_of_database_id_.emplace(stored->image_id, &image);
+    const DatabaseImage* stored = FindInDatabase(image.name);
+    if (stored == nullptr) continue;
+    posed_ids_.push_back(stored->image_id);
+    posed_of_database_id_.emplace(stored->image_id, &image);
   }
+  std::sort(posed_ids_.begin(), posed_ids_.end());
   frame_of_database_image_ = DatabaseFramePlaces(model_, &database, options_.groups);
   if (!options_.pairs_path.empty()) ReadPairsFile(query_names);
 }
 
 void QuerySelection::ReadImages(const DatabaseReader& database) {
   std::vector<DamagedImage> damaged;
-  for (DatabaseImage& image : database.ReadImages(&damaged)) {
-    std::string name = image.name;
-    database_images_.emplace(std::move(name), std::move(image));
-  }
+  database_images_ = database.ReadImages(&damaged);
+  roles_.resize(database_images_.size());
   for (const DamagedImage& image : damaged) {
     warnings_.push_back(database.Path().string() + ": " + image.damage + ": leaving the image out");
     if (image.name.empty()) {
@@ -57,13 +56,12 @@ void QuerySelection::ReadImages(const DatabaseReader& database) {
 }
 
 std::string QuerySelection::DamageOf(const std::string& name) const {
-  if (database_images_.count(name) > 0) return "";
   const auto damage = damage_of_image_.find(name);
   // An image that is not found may be the one whose name cannot be read.
   return damage == damage_of_image_.end() ? damage_of_unknown_image_ : damage->second;
 }
 
-std::vector<std::string> QuerySelection::AddQueries(const DatabaseReader& database) {
+std::vector<std::string_view> QuerySelection::AddQueries(const DatabaseReader& database) {
   std::unordered_map<std::string, const ModelImage*> posed_images;
   for (const ModelImage& image : model_.images) posed_images.emplace(image.name, &image);
   std::vector<QueryListEntry> entries;
@@ -73,20 +71,16 @@ std::vector<std::string> QuerySelection::AddQueries(const DatabaseReader& databa
     const auto add = [&](const std::string& name) {
       if ((posed_images.count(name) > 0) == options_.leave_one_out) entries.push_back({name, std::nullopt});
     };
-    for (const auto& [name, image] : database_images_) add(name);
+    for (const DatabaseImage& image : database_images_) add(image.name);
     for (const auto& [name, damage] : damage_of_image_) add(name);
     std::sort(entries.begin(), entries.end(), [](const auto& a, const auto& b) { return a.name < b.name; });
   }
-  std::vector<std::string> names;
-  for (const QueryListEntry& entry : entries) {
+  std::vector<std::string_view> names;
+  for (QueryListEntry& entry : entries) {
     const auto posed = posed_images.find(entry.name);
     const ModelImage* image = posed == posed_images.end() ? nullptr : posed->second;
-    if (IsPhoto(entry.name, database)) {
-      AddPhoto(entry, image, database);
-    } else {
-      AddStoredQuery(entry, image, database);
-    }
-    names.push_back(entry.name);
+    names.push_back(IsPhoto(entry.name, database) ? AddPhoto(entry, image, database)
+                                                  : AddStoredQuery(std::move(entry), image, database));
   }
   if (names.empty() && !options_.has_more_queries) {
     throw InputError(database.Path().string() + ": " +
@@ -102,13 +96,14 @@ bool QuerySelection::IsPhoto(const std::string& name, const DatabaseReader& data
   const DatabaseImage* image = FindInDatabase(name);
   if (image == nullptr) return damage_of_image_.count(name) == 0;
   try {
-    return database.ReadKeypoints(image->image_id).empty();
+    return database.ReadKeypointsOnce(image->image_id).empty();
   } catch (const DamagedRecordError&) {
     return false;  // because the image has keypoints
   }
 }
 
-void QuerySelection::AddPhoto(const QueryListEntry& entry, const ModelImage* posed, const DatabaseReader& database) {
+std::string_view QuerySelection::AddPhoto(const QueryListEntry& entry, const ModelImage* posed,
+                                          const DatabaseReader& database) {
   PhotoQuery photo;
   photo.name = entry.name;
   const DatabaseImage* image = FindInDatabase(entry.name);
@@ -120,69 +115,88 @@ void QuerySelection::AddPhoto(const QueryListEntry& entry, const ModelImage* pos
   } else if (image != nullptr) {
     photo.source = IntrinsicsSource::DATABASE;
     try {
-      photo.camera = ReadUsableCamera(database, *image);
+      const Camera camera = database.ReadCamera(image->camera_id);
+      CheckUsable(camera, database);
+      photo.camera = camera;
     } catch (const DamagedRecordError& error) {
       photo.damage = error.Damage();
     }
   }
-  photos_.emplace(entry.name, std::move(photo));
+  return photos_.emplace(entry.name, std::move(photo)).first->first;
 }
 
-void QuerySelection::AddStoredQuery(const QueryListEntry& entry, const ModelImage* posed,
-                                    const DatabaseReader& database) {
+std::string_view QuerySelection::AddStoredQuery(QueryListEntry entry, const ModelImage* posed,
+                                                const DatabaseReader& database) {
   const DatabaseImage* image = FindInDatabase(entry.name);
-  StoredQuery query;
-  query.damage = DamageOf(entry.name);
-  if (image == nullptr && query.damage.empty()) {
+  if (image == nullptr && DamageOf(entry.name).empty()) {
     throw InputError("--query_list_path: query " + entry.name + " is not in the database " + database.Path().string());
   }
   if (options_.leave_one_out && posed == nullptr) {
     throw InputError("--query_list_path: query " + entry.name +
                      " has no pose in --input_path, but --LazyLocalizer.leave_one_out needs one");
   }
-  if (image != nullptr) {
-    query.image = *image;
-    try {
-      ChooseCamera(entry, posed, database, &query);
-    } catch (const DamagedRecordError& error) {
-      query.damage = error.Damage();
-    }
-  }
-  stored_queries_.emplace(entry.name, std::move(query));
-}
-
-void QuerySelection::ChooseCamera(const QueryListEntry& entry, const ModelImage* posed, const DatabaseReader& database,
-                                  StoredQuery* query) const {
-  query->stored_camera = database.ReadCamera(query->image.camera_id);
+  if (image == nullptr) return group_of_damaged_query_.emplace(entry.name, 0).first->first;
+  ImageRole& role = RoleOf(*image);
+  role.is_query = true;
   if (entry.camera) {
-    query->camera = *entry.camera;
+    // Keeps one camera for a run of queries, because lists often repeat it.
+    if (listed_cameras_.empty() || !SameIntrinsics(listed_cameras_.back(), *entry.camera)) {
+      listed_cameras_.push_back(*std::move(entry.camera));
+    }
+    role.source = IntrinsicsSource::QUERY_LIST;
+    role.camera = static_cast<uint32_t>(listed_cameras_.size() - 1);
   } else if (posed != nullptr) {
-    query->camera = model_.cameras.at(posed->camera_id);
-    query->source = IntrinsicsSource::MODEL;
-    query->camera.has_prior_focal_length = query->stored_camera.has_prior_focal_length;  // models do not store it
-  } else {
-    query->camera = ReadUsableCamera(database, query->image);
-    query->intrinsics_origin = OriginOfStoredCamera(query->camera);
-    query->source = IntrinsicsSource::DATABASE;
+    role.source = IntrinsicsSource::MODEL;
+    role.camera = posed->camera_id;
   }
+  return image->name;
 }
 
-void QuerySelection::GroupAll(const std::vector<std::string>& query_names, const DatabaseReader& database) {
+StoredQuery QuerySelection::ReadStoredQuery(const std::string& name, const DatabaseReader& database) const {
+  const DatabaseImage* image = FindInDatabase(name);
+  if (image == nullptr) throw DamagedRecordError(database.Path().string(), DamageOf(name));
+  const ImageRole& role = RoleOf(*image);
+  StoredQuery query;
+  query.image = *image;
+  query.source = role.source;
+  query.stored_camera = database.ReadCamera(image->camera_id);
+  if (role.source == IntrinsicsSource::QUERY_LIST) {
+    query.camera = listed_cameras_[role.camera];
+  } else if (role.source == IntrinsicsSource::MODEL) {
+    query.camera = model_.cameras.at(role.camera);
+    query.camera.has_prior_focal_length = query.stored_camera.has_prior_focal_length;  // models do not store it
+  } else {
+    CheckUsable(query.stored_camera, database);
+    query.camera = query.stored_camera;
+    query.intrinsics_origin = OriginOfStoredCamera(query.camera);
+  }
+  return query;
+}
+
+void QuerySelection::GroupAll(const std::vector<std::string_view>& query_names, const DatabaseReader& database) {
   groups_ = GroupQueries(query_names, database, model_, options_.groups);
   warnings_.insert(warnings_.end(), groups_.warnings.begin(), groups_.warnings.end());
-  for (size_t group = 0; group < groups_.groups.size(); ++group) {
-    for (const QueryFrame& frame : groups_.groups[group]) {
-      for (const QueryFrame::Image& image : frame.images) {
-        const auto query = stored_queries_.find(image.name);
-        (query != stored_queries_.end() ? query->second.group : photos_.at(image.name).group) = group;
-      }
+  for (size_t group = 0; group < groups_.Size(); ++group) {
+    for (const QueryFrame& frame : groups_.At(group)) {
+      for (const QueryFrame::Image& image : frame.images) SetGroup(std::string(image.name), group);
     }
   }
 }
 
-void QuerySelection::ReadPairsFile(const std::vector<std::string>& query_names) {
+void QuerySelection::SetGroup(const std::string& query_name, size_t group) {
+  const auto photo = photos_.find(query_name);
+  if (photo != photos_.end()) {
+    photo->second.group = group;
+  } else if (const DatabaseImage* image = FindInDatabase(query_name)) {
+    RoleOf(*image).group = static_cast<uint32_t>(group);
+  } else {
+    group_of_damaged_query_.at(query_name) = group;
+  }
+}
+
+void QuerySelection::ReadPairsFile(const std::vector<std::string_view>& query_names) {
   const auto is_known = [this](const std::string& name) {
-    return database_images_.count(name) > 0 || photos_.count(name) > 0;
+    return FindInDatabase(name) != nullptr || photos_.count(name) > 0;
   };
   QueryPairs pairs = ReadPairs(options_.pairs_path, {query_names.begin(), query_names.end()}, is_known);
   listed_pairs_ = std::move(pairs.other_names);
@@ -194,26 +208,31 @@ void QuerySelection::ReadPairsFile(const std::vector<std::string>& query_names) 
 }
 
 std::optional<size_t> QuerySelection::FindGroup(const std::string& query_name) const {
-  if (const StoredQuery* query = FindStoredQuery(query_name)) return query->group;
   const auto photo = photos_.find(query_name);
-  return photo == photos_.end() ? std::nullopt : std::make_optional(photo->second.group);
+  if (photo != photos_.end()) return photo->second.group;
+  const DatabaseImage* image = FindInDatabase(query_name);
+  if (image != nullptr)
+    return RoleOf(*image).is_query ? std::make_optional<size_t>(RoleOf(*image).group) : std::nullopt;
+  const auto damaged = group_of_damaged_query_.find(query_name);
+  return damaged == group_of_damaged_query_.end() ? std::nullopt : std::make_optional(damaged->second);
 }
 
-const StoredQuery* QuerySelection::FindStoredQuery(const std::string& name) const {
-  const auto query = stored_queries_.find(name);
-  return query == stored_queries_.end() ? nullptr : &query->second;
+std::optional<uint32_t> QuerySelection::FindStoredQuery(const std::string& name) const {
+  const DatabaseImage* image = FindInDatabase(name);
+  return image != nullptr && RoleOf(*image).is_query ? std::make_optional(image->image_id) : std::nullopt;
 }
 
 const DatabaseImage* QuerySelection::FindInDatabase(const std::string& name) const {
-  const auto image = database_images_.find(name);
-  return image == database_images_.end() ? nullptr : &image->second;
+  const auto image = std::lower_bound(database_images_.begin(), database_images_.end(), name,
+                                      [](const DatabaseImage& a, const std::string& b) { return a.name < b; });
+  return image == database_images_.end() || image->name != name ? nullptr : &*image;
 }
 
 const ModelImage* QuerySelection::FindPosedImage(uint32_t image_id, const StoredQuery& query) const {
   const auto posed = posed_of_database_id_.find(image_id);
   if (posed == posed_of_database_id_.end()) return nullptr;
-  const StoredQuery* other_query = FindStoredQuery(posed->second->name);
-  return other_query != nullptr && other_query->group == query.group ? nullptr : posed->second;
+  const std::optional<size_t> group = FindGroup(posed->second->name);
+  return group && group == FindGroup(query.image.name) ? nullptr : posed->second;
 }
 
 const std::vector<std::string>* QuerySelection::ListedPairs(const std::string& query_name) const {

@@ -3,6 +3,7 @@
 #include <map>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <unordered_map>
 #include <vector>
 
@@ -31,8 +32,6 @@ struct StoredQuery {
   IntrinsicsOrigin intrinsics_origin = IntrinsicsOrigin::GIVEN;  // of `camera`
   IntrinsicsSource source = IntrinsicsSource::QUERY_LIST;        // of `camera`
   Camera stored_camera;  // as in the database, whose two-view geometries were estimated with it
-  size_t group = 0;
-  std::string damage;  // what makes its records unusable, as in DamagedRecordError; empty if nothing does
 };
 
 // A query whose features are not in the database.
@@ -44,14 +43,15 @@ struct PhotoQuery {
   IntrinsicsSource source = IntrinsicsSource::QUERY_LIST;  // of `camera`
   std::optional<std::vector<std::string>> pair_names;      // the other images in the pairs file, if there is a file
   size_t group = 0;
-  std::string damage;  // as in StoredQuery
+  std::string damage;  // what makes its records unusable, as in DamagedRecordError; empty if nothing does
 };
 
 // Returns a pair with a database image: name, camera, pose and frame, but no keypoints and matches.
 ImagePair MakeDatabasePair(const ModelImage& database_image, const Model& model, const FramePlaces& frames);
 
 // Decides once, before any query is loaded, which images are queries and which are database images, how the queries are
-// grouped, and which pairs a pairs file allows. Its memory grows only with the names and poses of the images.
+// grouped, and which pairs a pairs file allows. Its memory grows with the images of the database, but a query adds only
+// a few bytes: what the database has of it is read when it is loaded.
 class QuerySelection {
  public:
   // has_photos: queries without keypoints in the database are photos. Throws InputError for files that cannot be used
@@ -59,21 +59,24 @@ class QuerySelection {
   QuerySelection(const DatabaseReader& database, Model model, const QuerySelectionOptions& options, bool has_photos);
 
   // Returns the queries in groups, each of which is localized together.
-  const std::vector<QueryFrames>& Groups() const { return groups_.groups; }
-  bool HasRigScale() const { return groups_.has_rig_scale; }
-  size_t NumQueries() const { return stored_queries_.size() + photos_.size(); }
+  const QueryGroups& Groups() const { return groups_; }
+  size_t NumQueries() const { return num_queries_; }
   // Returns the photos among the queries, by name.
   const std::map<std::string, PhotoQuery>& Photos() const { return photos_; }
   // Returns the index of the group that a query belongs to; nullopt if no query has this name.
   std::optional<size_t> FindGroup(const std::string& query_name) const;
-  // Returns null if the query is a photo.
-  const StoredQuery* FindStoredQuery(const std::string& name) const;
+  // Returns the id of a query whose keypoints are in the database; nullopt if there is none of this name.
+  std::optional<uint32_t> FindStoredQuery(const std::string& name) const;
+  // Reads a query that is not a photo. Throws DamagedRecordError if its records cannot be used.
+  StoredQuery ReadStoredQuery(const std::string& name, const DatabaseReader& database) const;
   // Returns the posed images without the queries; with leave_one_out all posed images.
   const Model& DatabaseModel() const { return model_; }
   // Returns the rig frames of the posed images that share their frame with another one.
   const FramePlaces& DatabaseFrames() const { return frame_of_database_image_; }
   // Returns null if the database file does not hold an image of this name, or its row is damaged.
   const DatabaseImage* FindInDatabase(const std::string& name) const;
+  // Returns the ids of the posed images in the database, sorted.
+  const std::vector<uint32_t>& PosedImageIds() const { return posed_ids_; }
   // Returns the posed image with an id of the database; null if the image has no pose or is in the query's own group.
   const ModelImage* FindPosedImage(uint32_t image_id, const StoredQuery& query) const;
   // Returns the other images that the pairs file lists for a query; null without a pairs file.
@@ -86,30 +89,44 @@ class QuerySelection {
   const std::vector<std::string>& Warnings() const { return warnings_; }
 
  private:
+  // What is known of a database image that may be a query.
+  struct ImageRole {
+    bool is_query = false;
+    IntrinsicsSource source = IntrinsicsSource::DATABASE;
+    uint32_t camera = 0;  // index in listed_cameras_, or id in the model
+    uint32_t group = 0;
+  };
+
+  const ImageRole& RoleOf(const DatabaseImage& image) const { return roles_[&image - database_images_.data()]; }
+  ImageRole& RoleOf(const DatabaseImage& image) { return roles_[&image - database_images_.data()]; }
   void ReadImages(const DatabaseReader& database);
   // Returns the damage of the row of an image; empty if the row is not damaged.
   std::string DamageOf(const std::string& name) const;
-  std::vector<std::string> AddQueries(const DatabaseReader& database);
-  void AddStoredQuery(const QueryListEntry& entry, const ModelImage* posed, const DatabaseReader& database);
-  // Throws DamagedRecordError if the camera in the database cannot be read.
-  void ChooseCamera(const QueryListEntry& entry, const ModelImage* posed, const DatabaseReader& database,
-                    StoredQuery* query) const;
-  void AddPhoto(const QueryListEntry& entry, const ModelImage* posed, const DatabaseReader& database);
+  // Returns the names of the queries in their order, in the memory of this class.
+  std::vector<std::string_view> AddQueries(const DatabaseReader& database);
+  // Returns the name in the memory of this class.
+  std::string_view AddStoredQuery(QueryListEntry entry, const ModelImage* posed, const DatabaseReader& database);
+  std::string_view AddPhoto(const QueryListEntry& entry, const ModelImage* posed, const DatabaseReader& database);
   bool IsPhoto(const std::string& name, const DatabaseReader& database) const;
-  bool IsQuery(const std::string& name) const { return stored_queries_.count(name) > 0 || photos_.count(name) > 0; }
-  void GroupAll(const std::vector<std::string>& query_names, const DatabaseReader& database);
-  void ReadPairsFile(const std::vector<std::string>& query_names);
+  bool IsQuery(const std::string& name) const { return FindStoredQuery(name) || photos_.count(name) > 0; }
+  void SetGroup(const std::string& query_name, size_t group);
+  void GroupAll(const std::vector<std::string_view>& query_names, const DatabaseReader& database);
+  void ReadPairsFile(const std::vector<std::string_view>& query_names);
 
   const QuerySelectionOptions options_;
   const bool has_photos_;
   Model model_;
-  std::unordered_map<std::string, DatabaseImage> database_images_;  // by name
-  std::unordered_map<std::string, std::string> damage_of_image_;    // by name; images whose row is damaged
-  std::string damage_of_unknown_image_;                             // of a row without a readable name; may be empty
+  std::vector<DatabaseImage> database_images_;                    // sorted by name
+  std::vector<ImageRole> roles_;                                  // of database_images_
+  std::vector<Camera> listed_cameras_;                            // of the query list
+  std::unordered_map<std::string, std::string> damage_of_image_;  // by name; images whose row is damaged
+  std::string damage_of_unknown_image_;                           // of a row without a readable name; may be empty
+  std::vector<uint32_t> posed_ids_;
   std::unordered_map<uint32_t, const ModelImage*> posed_of_database_id_;
-  FramePlaces frame_of_database_image_;  // by name; rig frames of several images only
-  std::unordered_map<std::string, StoredQuery> stored_queries_;
+  FramePlaces frame_of_database_image_;                   // by name; rig frames of several images only
+  std::map<std::string, size_t> group_of_damaged_query_;  // by name; queries whose row is damaged
   std::map<std::string, PhotoQuery> photos_;
+  size_t num_queries_ = 0;
   QueryGroups groups_;
   std::map<std::string, std::vector<std::string>> listed_pairs_;  // by query
   std::vector<std::string> warnings_;

@@ -67,13 +67,13 @@ QuerySource::Session::Session(const QuerySource& source, IdleThreads* idle_threa
 
 std::optional<LocalizationProblem> QuerySource::LoadNamed(const std::string& name, Session* session,
                                                           QueryRecord* record) const {
-  const StoredQuery* query = selection_.FindStoredQuery(name);
-  if (query == nullptr) return LoadPhoto(selection_.Photos().at(name), session, record);
+  const auto photo = selection_.Photos().find(name);
+  if (photo != selection_.Photos().end()) return LoadPhoto(photo->second, session, record);
   record->result.query_name = name;
   const StageTimer timer("load", &record->seconds);
-  if (!query->damage.empty()) throw DamagedRecordError(database_.Path().string(), query->damage);
-  record->intrinsics_source = query->source;
-  return pair_loader_.Load(*query, session->database_, &record->damages);
+  const StoredQuery query = selection_.ReadStoredQuery(name, session->database_);
+  record->intrinsics_source = query.source;
+  return pair_loader_.Load(query, session->database_, &record->damages);
 }
 
 std::optional<LocalizationProblem> QuerySource::LoadPhoto(const PhotoQuery& photo, Session* session,
@@ -87,11 +87,11 @@ std::optional<LocalizationProblem> QuerySource::LoadPhoto(const PhotoQuery& phot
 
 LoadedGroup QuerySource::Load(size_t group, Session* session) const {
   GroupInput input;
-  input.has_rig_scale = selection_.HasRigScale();
-  for (const QueryFrame& frame : selection_.Groups()[group]) {
+  input.has_rig_scale = selection_.Groups().has_rig_scale;
+  for (const QueryFrame& frame : selection_.Groups().At(group)) {
     input.frames.push_back({frame.name, {}});
     for (const QueryFrame::Image& image : frame.images) {
-      input.frames.back().images.push_back({image.name, image.cam_from_rig});
+      input.frames.back().images.push_back({std::string(image.name), image.cam_from_rig});
     }
   }
   return Load(input, session);

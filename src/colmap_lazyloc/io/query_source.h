@@ -66,7 +66,7 @@ class QuerySource {
               int num_threads);
 
   const QuerySelection& Selection() const { return selection_; }
-  size_t NumGroups() const { return selection_.Groups().size(); }
+  size_t NumGroups() const { return selection_.Groups().Size(); }
   size_t NumQueries() const { return selection_.NumQueries(); }
   // Returns the posed images that queries are localized against.
   const Model& DatabaseModel() const { return selection_.DatabaseModel(); }

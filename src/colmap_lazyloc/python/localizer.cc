@@ -105,10 +105,10 @@ std::vector<std::string> Localizer::Warnings() const {
 std::vector<std::vector<std::string>> Localizer::Groups() const {
   std::vector<std::vector<std::string>> groups;
   if (!source_) return groups;
-  for (const QueryFrames& group : source_->Selection().Groups()) {
+  for (size_t i = 0; i < source_->NumGroups(); ++i) {
     groups.emplace_back();
-    for (const QueryFrame& frame : group) {
-      for (const QueryFrame::Image& image : frame.images) groups.back().push_back(image.name);
+    for (const QueryFrame& frame : source_->Selection().Groups().At(i)) {
+      for (const QueryFrame::Image& image : frame.images) groups.back().emplace_back(image.name);
     }
   }
   return groups;
