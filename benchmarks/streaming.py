@@ -23,7 +23,7 @@ from colmap_lazyloc.testing import synthetic
 
 NUM_DATABASE_IMAGES = 12
 NUM_TEMPLATES = 200
-# Fills the cache of keypoints of a thread (16 MiB) with the first thousand queries.
+# As many as a small photo has, because keypoints are most of the memory of a query that is being localized.
 NUM_KEYPOINTS = 1100
 # Reports the peak memory of the program; this process is so small that its own memory does not count.
 LAUNCHER = """
