@@ -30,6 +30,12 @@ void ForEachBasicOption(Options& o, const Add& add) {
   add("query_trajectory_path", &o.source.selection.groups.trajectory_path,
       "Poses of the queries relative to each other: a COLMAP model, or a file in TUM's format or that of poses.txt; "
       "each group (without a group option, all queries) is localized as one rigid body");
+  add("query_position_path", &o.source.priors.position_path,
+      "File with lines `name x y z stddev` (or three standard deviations, or six numbers of a covariance): where the "
+      "cameras of queries are, from GPS for example; a position that the images contradict is left out");
+  add("query_gravity_path", &o.source.priors.gravity_path,
+      "File with lines `name gx gy gz stddev_deg`: where down is in the axes of queries, from an accelerometer for "
+      "example; a direction that the images contradict is left out");
   add("strict", &o.strict, "Exit with code 2 if a query was not localized");
   add("ImageReader.camera_params", &o.source.photos.camera_params,
       "Parameters of the camera model of photos without a camera of their own, separated by commas; default: a camera of "
@@ -47,6 +53,8 @@ void ForEachBasicOption(Options& o, const Add& add) {
       "Intrinsics of queries: auto (estimate the focal length if it is a guess, or EXIF's and the images contradict it; "
       "refuse a query whose given intrinsics they contradict), given (keep them and only warn) or refine (always "
       "estimate the focal length)");
+  add("LazyLocalizer.world_up", &o.source.priors.world_up,
+      "Direction against gravity in the model, for example 0,0,1; needed for --query_gravity_path");
   add("LazyLocalizer.min_confidence", &o.localizer.min_confidence,
       "Minimum probability that a position is right; queries below it have the status LOW_CONFIDENCE");
 }
