@@ -110,9 +110,9 @@ def test_position_fixes_the_distance_from_one_place(run):
     assert_poses(run(scene, positions_of(scene, 0.3, rng), None, *EXACT), scene, "distance")
 
 
-def test_position_makes_a_determined_pose_more_certain(run, exact):
-    scene = exact.scene
-    positions = {name: [*scene.images[name].pose.cam_in_world, 1e-5] for name in scene.query_names}
+def test_position_makes_a_determined_pose_more_certain(run, noisy):
+    scene = noisy.scene
+    positions = {name: [*scene.images[name].pose.cam_in_world, 1e-3] for name in scene.query_names}
     without, done = run(scene), run(scene, positions)
     for name in scene.query_names:
         assert done.results[name]["priors"]["position"]["fixes"] == "nothing"
@@ -154,13 +154,13 @@ def test_position_off_the_ray_is_contradicted(run):
         assert result["cam_from_world"] is None and result["bearing"] is not None
 
 
-def test_gravity_is_used(run, exact):
-    scene = exact.scene
-    gravity = {name: [*(scene.images[name].pose.rotation @ [0, 1, 0]), 1e-4] for name in scene.query_names}
+def test_gravity_is_used(run, noisy):
+    scene = noisy.scene
+    gravity = {name: [*(scene.images[name].pose.rotation @ [0, 1, 0]), 1e-2] for name in scene.query_names}
     without, done = run(scene), run(scene, gravity=gravity)
     for name in scene.query_names:
         prior = done.results[name]["priors"]["gravity"]
-        assert prior["verdict"] == "used" and prior["deviation"] < 0.01
+        assert prior["verdict"] == "used" and prior["deviation"] < 1
         assert done.results[name]["rotation_stddev_deg"] <= without.results[name]["rotation_stddev_deg"]
 
 

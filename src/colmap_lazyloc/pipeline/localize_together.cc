@@ -100,6 +100,7 @@ Refined RefineWithPriors(const Layout& layout, const PairRefs& pairs, const Spli
     moved.frames[0].frame_from_world = judgement.start.frames[0].frame_from_world;
     moved.query_priors = judgement.used;
     Refined fixed = refine(moved, std::move(candidates));
+    LimitVarianceFactor(&fixed);
     if (AreReconciled(judgement, fixed)) {
       start->posed = std::move(moved);
       refined = std::move(fixed);

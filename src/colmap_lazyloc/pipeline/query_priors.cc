@@ -14,6 +14,10 @@
 namespace lazyloc {
 namespace {
 
+// Minimum variance factor beside a prior: as few points as fix a pose fit it exactly, which says nothing of their
+// noise.
+constexpr double kMinVarianceFactor = 1e-3;
+
 // Quantiles of the chi-square distribution with 2 and 3 degrees of freedom.
 struct Quantiles {
   double suspicious;     // 95 %
@@ -107,7 +111,9 @@ class Judge {
 
  private:
   // Divides by the variance factor, because the covariance of the adjustment is multiplied by it.
-  double CovarianceFactor(double factor) const { return factor / refined_.variance_factor; }
+  double CovarianceFactor(double factor) const {
+    return factor / std::max(refined_.variance_factor, kMinVarianceFactor);
+  }
 
   void UsePosition(double factor) {
     if (judgement_.results[query_].position->verdict != PriorVerdict::USED) return;
@@ -139,7 +145,7 @@ class Judge {
         partial.bearing ? partial.bearing->dir_database_to_query_in_world
                         : ComputePoseSpread(pose_.cam_from_world, pose_.covariance).weakest_direction_in_world;
     const double information = direction.dot(used.covariance.ldlt().solve(direction));
-    return {direction, refined_.variance_factor / information};
+    return {direction, std::max(refined_.variance_factor, kMinVarianceFactor) / information};
   }
 
   Eigen::Vector3d CentreOf(const std::string& database_name) const {
@@ -213,6 +219,11 @@ void AdjustWithPriors(const std::vector<ImagePrior>& priors, const LocalizerOpti
     adjustment.tracks = camera->Observe(adjustment.tracks);
   }
   refined->adjustment = std::move(adjustment);
+  LimitVarianceFactor(refined);
+}
+
+void LimitVarianceFactor(Refined* refined) {
+  refined->variance_factor = std::max(refined->variance_factor, kMinVarianceFactor);
   refined->SetMissingVariances();
 }
 

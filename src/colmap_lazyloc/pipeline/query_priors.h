@@ -35,6 +35,9 @@ double JudgeGravity(const GravityPrior& prior, const Eigen::Quaterniond& cam_fro
 void AdjustWithPriors(const std::vector<ImagePrior>& priors, const LocalizerOptions& options, QueryCamera* camera,
                       Refined* refined);
 
+// Raises a variance factor so small that a prior beside the images would have no weight.
+void LimitVarianceFactor(Refined* refined);
+
 // Returns false if the priors that fix a position were not reconciled with the images: the adjusted position then
 // deviates from its prior as if contradicted.
 bool AreReconciled(const PriorJudgement& judgement, const Refined& refined);
