@@ -36,7 +36,7 @@ std::string SplitBeforeLast(std::string_view line, size_t num_words, std::vector
   return std::string(line);
 }
 
-// Returns the name and the numbers of a line. The name is what stands before as many words as there may be, because
+// Returns the name and the numbers of a line. Of several queries that it may name, the longest name counts, because
 // names may hold blanks and numbers.
 Line ParseLine(const TextFile& file, const std::vector<size_t>& num_numbers, const char* form,
                const std::function<bool(const std::string&)>& is_query) {
@@ -50,7 +50,7 @@ Line ParseLine(const TextFile& file, const std::vector<size_t>& num_numbers, con
   std::string_view rest = file.Line();
   const std::string first(NextWord(&rest));
   if (is_query(first)) throw file.Error(std::string("expected ") + form);
-  const std::string name = SplitBeforeLast(file.Line(), num_numbers.back(), &words);
+  const std::string name = SplitBeforeLast(file.Line(), num_numbers.front(), &words);
   throw file.Error("'" + (name.empty() ? first : name) + "' is not the name of a query; expected " + form);
 }
 
@@ -147,7 +147,7 @@ GravityPrior MakeGravityPrior(const std::vector<double>& numbers, const std::str
 std::map<std::string, QueryPrior> ReadQueryPriors(const QueryPriorOptions& options,
                                                   const std::function<bool(const std::string&)>& is_query) {
   std::map<std::string, QueryPrior> priors;
-  ReadPriorFile(options.position_path, {9, 6, 4},
+  ReadPriorFile(options.position_path, {4, 6, 9},
                 "`name x y z` and one or three standard deviations, or six numbers of a covariance", is_query,
                 [&](const Line& line) {
                   std::optional<PositionPrior>& position = priors[line.name].position;
