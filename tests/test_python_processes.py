@@ -86,7 +86,7 @@ def test_child_processes(photos, tmp_path, method):
     code = """
         import multiprocessing, sys
         import colmap_lazyloc as ll
-        options = {"max_num_features": 1500, "first_octave": 0}
+        options = {"SiftExtraction.max_num_features": 1500, "first_octave": 0}
         def localize(localizer=None):
             localizer = localizer or ll.Localizer(sys.argv[1], sys.argv[2], options=options)
             result = localizer.localize_photo(sys.argv[3], name="query")
