@@ -141,12 +141,13 @@ def test_other_threads_run_during_a_call(noisy):
         while not stop.is_set():
             counts[0] += 1
 
-    thread = threading.Thread(target=count)
+    thread = threading.Thread(target=count, daemon=True)
     thread.start()
-    group = localizer._core.find_group(localizer.queries[0])
+    name = localizer.queries[0]
+    group = localizer._core.find_group(name)
     before = counts[0]
     for _ in range(50):
-        localizer._core.localize_group(group)
+        localizer._core.localize_group(group, name, [], [])
     during = counts[0] - before
     stop.set()
     thread.join()
