@@ -90,6 +90,8 @@ BASIC_OPTIONS = {
     "retrieval_index_path",
     "rig_config_path",
     "query_trajectory_path",
+    "query_position_path",
+    "query_gravity_path",
     "strict",
     "resume",
     "overwrite",
@@ -102,6 +104,7 @@ BASIC_OPTIONS = {
     "LazyLocalizer.group_size",
     "LazyLocalizer.leave_one_out",
     "LazyLocalizer.intrinsics",
+    "LazyLocalizer.world_up",
     "LazyLocalizer.min_confidence",
 }
 

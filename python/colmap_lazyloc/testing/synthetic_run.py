@@ -2,9 +2,8 @@
 
     python -m colmap_lazyloc.testing.synthetic_run FOLDER --num_queries 10000 --num_points 1000000
 
-Cameras stand along a street that winds over a square field, and look at what is beside it. FOLDER gets results.jsonl,
-model/ and options.ini, as `colmap lazy_localizer` writes them, truth/ (a model with the true poses of the queries) and,
-with --photos, images/.
+Cameras stand along a street that winds over a square field, and look at what is beside it. FOLDER gets the files of
+`colmap lazy_localizer`, truth/ (a model with the true poses of the queries) and, with --photos, images/.
 """
 
 import argparse
@@ -20,12 +19,22 @@ from colmap_lazyloc import model
 from colmap_lazyloc.poses import Pose, look_at
 from colmap_lazyloc.testing.synthetic import Camera
 
-FAILURE_NAMES = (
-    "DAMAGED_DATA UNREADABLE_IMAGE UNKNOWN_CAMERA NO_FEATURES NO_PAIRS TOO_FEW_INLIERS INCONSISTENT_ROTATIONS "
-    "INCONSISTENT_RIG SCALE_UNOBSERVABLE DEGENERATE_BASELINE TOO_FEW_TRACKS INCONSISTENT_INTRINSICS DIVERGED "
-    "LOW_CONFIDENCE"
+FAILURES = (
+    "UNREADABLE_IMAGE",
+    "UNKNOWN_CAMERA",
+    "NO_FEATURES",
+    "NO_PAIRS",
+    "DAMAGED_DATA",
+    "TOO_FEW_INLIERS",
+    "INCONSISTENT_ROTATIONS",
+    "INCONSISTENT_RIG",
+    "SCALE_UNOBSERVABLE",
+    "DEGENERATE_BASELINE",
+    "TOO_FEW_TRACKS",
+    "INCONSISTENT_INTRINSICS",
+    "DIVERGED",
+    "LOW_CONFIDENCE",
 )
-FAILURES = tuple(FAILURE_NAMES.split())
 UGLY_NAMES = (
     "with blanks.jpg",
     'it\'s "quoted".jpg',

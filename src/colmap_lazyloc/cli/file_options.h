@@ -44,6 +44,14 @@ void ForEachFileOption(Options& o, const Add& add) {
       "Poses of the queries relative to each other: a COLMAP model, or a file in TUM's format or that of poses.txt; "
       "each group (without a group option, all queries) is localized as one rigid body",
       OptionRole::INPUT);
+  add("query_position_path", &o.source.priors.position_path,
+      "File with lines `name x y z stddev` (or three standard deviations, or six numbers of a covariance): where the "
+      "cameras of queries are, from GPS for example; a position that the images contradict is left out",
+      OptionRole::INPUT);
+  add("query_gravity_path", &o.source.priors.gravity_path,
+      "File with lines `name gx gy gz stddev_deg`: where down is in the axes of queries, from an accelerometer for "
+      "example; a direction that the images contradict is left out",
+      OptionRole::INPUT);
 }
 
 }  // namespace lazyloc

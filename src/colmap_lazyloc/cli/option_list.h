@@ -41,6 +41,8 @@ void ForEachBasicOption(Options& o, const Add& add) {
       "Intrinsics of queries: auto (estimate the focal length if it is a guess, or EXIF's and the images contradict it; "
       "refuse a query whose given intrinsics they contradict), given (keep them and only warn) or refine (always "
       "estimate the focal length)");
+  add("LazyLocalizer.world_up", &o.source.priors.world_up,
+      "Direction against gravity in the model, for example 0,0,1; needed for --query_gravity_path");
   add("LazyLocalizer.min_confidence", &o.localizer.min_confidence,
       "Minimum probability that a position is right; queries below it have the status LOW_CONFIDENCE");
 }

@@ -26,7 +26,8 @@ Rigid3d Normalized(const Rigid3d& pose) { return {pose.rotation.normalized(), po
 double SceneSize(const Model& model, const QueryRecords& records) {
   std::vector<double> distances;
   records.ForEach([&](const QueryRecord& record) {
-    if (record.result.confidence) distances.push_back(record.result.evidence.scene_distance);
+    const double distance = record.result.evidence.scene_distance;  // NaN for a pose without points
+    if (record.result.confidence && std::isfinite(distance)) distances.push_back(distance);
   });
   const double distance = distances.empty() ? 0 : Median(std::move(distances));
   Eigen::AlignedBox3d box;

@@ -95,7 +95,7 @@ PhotoLoader::PhotoLoader(const DatabaseReader& database, const QuerySelection& s
       default_camera_(ParseDefaultCamera(options)),
       database_cameras_(selection.DatabaseModel(), options.image_path),
       features_(static_cast<size_t>(std::min(options.matching.cache_gb * 1e9, 1e18)), NumBytes) {
-  if (!options.query_prior_path.empty()) priors_ = ReadQueryPriors(options.query_prior_path);
+  if (!options.query_prior_path.empty()) search_regions_ = ReadSearchRegions(options.query_prior_path);
   if (!options.matches_output_path.empty()) {
     std::vector<std::string> names;
     for (const auto& [name, photo] : selection.Photos()) names.push_back(name);
@@ -167,11 +167,11 @@ bool PhotoLoader::NeedsRetrieval(const PhotoQuery& photo) const {
 PhotoLoader::Candidates PhotoLoader::AllowedCandidates(const PhotoQuery& photo) const {
   std::set<std::string> listed;
   if (photo.pair_names) listed.insert(photo.pair_names->begin(), photo.pair_names->end());
-  const auto prior = priors_.find(photo.name);
+  const auto prior = search_regions_.find(photo.name);
   Candidates allowed;
   for (const Candidate& candidate : candidates_) {
     if (photo.pair_names && listed.count(candidate.image->name) == 0) continue;
-    if (prior != priors_.end()) {
+    if (prior != search_regions_.end()) {
       const Eigen::Vector3d offset = CamInWorld(candidate.image->cam_from_world) - prior->second.position;
       if (offset.norm() > prior->second.radius) continue;
     }

@@ -87,7 +87,7 @@ class PhotoLoader {
   const DefaultCamera default_camera_;
   const DatabaseCameras database_cameras_;
   std::vector<Candidate> candidates_;  // posed images with descriptors, sorted by name
-  std::map<std::string, QueryPrior> priors_;
+  std::map<std::string, SearchRegion> search_regions_;
   std::unique_ptr<MatchesOutput> matches_output_;
   std::unique_ptr<RetrievalIndex> index_;
   FeatureStatistics statistics_;  // of the candidates

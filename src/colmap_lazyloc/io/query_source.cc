@@ -14,7 +14,7 @@ bool SourceOptions::Check(std::string* error) const {
     *error = "image_path excludes --LazyLocalizer.leave_one_out, whose queries are posed images of the database";
     return false;
   }
-  return selection.groups.Check(error) && photos.Check(error);
+  return selection.groups.Check(error) && photos.Check(error) && priors.Check(error);
 }
 
 LoadedGroup LoadEach(const GroupInput& input, const LoadQueryFunction& load_query) {
@@ -26,9 +26,11 @@ LoadedGroup LoadEach(const GroupInput& input, const LoadQueryFunction& load_quer
       QueryRecord record;
       std::optional<LocalizationProblem> problem = load_query(image.query, &record);
       if (problem) {
+        problem->prior = image.prior;
         loaded.group.images.push_back({*std::move(problem), frame_index, image.cam_from_rig});
         loaded.records.push_back(std::move(record));
       } else {
+        record.result.priors = UntestedPriors(image.prior);
         loaded.failures.push_back(std::move(record));
       }
     }
@@ -50,6 +52,8 @@ QuerySource::QuerySource(const SourceOptions& options, Model model, const TwoVie
       database_(options.database_path),
       selection_(database_, std::move(model), options.selection, !options.photos.image_path.empty()),
       pair_loader_(selection_, options.num_retrieved),
+      priors_(ReadQueryPriors(options.priors,
+                              [this](const std::string& name) { return selection_.FindGroup(name).has_value(); })),
       max_num_pairs_(options.selection.pairs_path.empty() ? options.num_retrieved : 0) {
   if (!selection_.Photos().empty()) Photos();
 }
@@ -97,9 +101,23 @@ LoadedGroup QuerySource::Load(size_t group, Session* session) const {
   return Load(input, session);
 }
 
+GroupInput QuerySource::WithPriors(GroupInput input) const {
+  if (priors_.empty()) return input;
+  for (GroupInput::Frame& frame : input.frames) {
+    for (GroupInput::Image& image : frame.images) {
+      const auto* name = std::get_if<std::string>(&image.query);
+      const auto prior = name == nullptr ? priors_.end() : priors_.find(*name);
+      if (prior == priors_.end()) continue;
+      if (!image.prior.position) image.prior.position = prior->second.position;
+      if (!image.prior.gravity) image.prior.gravity = prior->second.gravity;
+    }
+  }
+  return input;
+}
+
 LoadedGroup QuerySource::Load(const GroupInput& input, Session* session) const {
-  LoadedGroup loaded =
-      LoadEach(input, [&](const QueryInput& query, QueryRecord* record) -> std::optional<LocalizationProblem> {
+  LoadedGroup loaded = LoadEach(
+      WithPriors(input), [&](const QueryInput& query, QueryRecord* record) -> std::optional<LocalizationProblem> {
         try {
           if (const auto* name = std::get_if<std::string>(&query)) return LoadNamed(*name, session, record);
           if (const auto* photo = std::get_if<PhotoQuery>(&query)) return LoadPhoto(*photo, session, record);

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <functional>
+#include <map>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -13,6 +14,7 @@
 #include "colmap_lazyloc/database/feature_reader.h"
 #include "colmap_lazyloc/io/pair_loader.h"
 #include "colmap_lazyloc/io/photo_loader.h"
+#include "colmap_lazyloc/io/query_prior_files.h"
 #include "colmap_lazyloc/io/query_record.h"
 #include "colmap_lazyloc/io/query_selection.h"
 #include "colmap_lazyloc/math/parallel_for.h"
@@ -25,6 +27,7 @@ struct SourceOptions {
   int num_retrieved = 20;  // database images per query
   QuerySelectionOptions selection;
   PhotoOptions photos;
+  QueryPriorOptions priors;
 
   bool Check(std::string* error) const;
 };
@@ -37,6 +40,7 @@ struct GroupInput {
   struct Image {
     QueryInput query;
     Rigid3d cam_from_rig;
+    QueryPrior prior = {};
   };
   struct Frame {
     std::string name;
@@ -88,6 +92,8 @@ class QuerySource {
  private:
   // Returns the loader of photos, which the first call makes.
   const PhotoLoader& Photos() const;
+  // Gives named queries the priors in files that they lack.
+  GroupInput WithPriors(GroupInput input) const;
   std::optional<LocalizationProblem> LoadNamed(const std::string& name, Session* session, QueryRecord* record) const;
   std::optional<LocalizationProblem> LoadPhoto(const PhotoQuery& photo, Session* session, QueryRecord* record) const;
 
@@ -97,6 +103,7 @@ class QuerySource {
   DatabaseReader database_;
   QuerySelection selection_;
   PairLoader pair_loader_;
+  std::map<std::string, QueryPrior> priors_;  // by query; those in files
   int max_num_pairs_ = 0;
   mutable std::once_flag photo_loader_is_made_;
   mutable std::unique_ptr<PhotoLoader> photo_loader_;  // null until a query is a photo

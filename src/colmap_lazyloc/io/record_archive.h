@@ -69,6 +69,18 @@ void serialize(Archive& archive, PartialPose& pose) {
 }
 
 template <typename Archive>
+void serialize(Archive& archive, PriorResult& prior) {
+  auto& [verdict, fixes, deviation, deviation_sigma] = prior;
+  archive(verdict, fixes, deviation, deviation_sigma);
+}
+
+template <typename Archive>
+void serialize(Archive& archive, QueryPriorResult& priors) {
+  auto& [position, gravity] = priors;
+  archive(position, gravity);
+}
+
+template <typename Archive>
 void serialize(Archive& archive, IntrinsicsResult& intrinsics) {
   auto& [origin, verdict, focal_factor, focal_factor_stddev, contradiction, mean_square, pose_from_log_focal] =
       intrinsics;
@@ -83,11 +95,11 @@ void serialize(Archive& archive, PoseEvidence& evidence) {
 // Leaves the points out, which are a part of their own.
 template <typename Archive>
 void serialize(Archive& archive, LocalizationResult& result) {
-  auto& [query_name, status, reason, query_camera, is_camera_refined, intrinsics, frame_name, rig_error_px,
+  auto& [query_name, status, reason, query_camera, is_camera_refined, intrinsics, priors, frame_name, rig_error_px,
          cam_from_world, rig_from_world, rig_scale, covariance, spread, confidence, evidence, partial_pose, start,
          pairs, points, num_tracks, num_observations, mean_reprojection_error_px, seconds] = result;
   static_cast<void>(points);
-  archive(query_name, status, reason, query_camera, is_camera_refined, intrinsics, frame_name, rig_error_px,
+  archive(query_name, status, reason, query_camera, is_camera_refined, intrinsics, priors, frame_name, rig_error_px,
           cam_from_world, rig_from_world, rig_scale, covariance, spread, confidence, evidence, partial_pose, start,
           pairs, num_tracks, num_observations, mean_reprojection_error_px, seconds);
 }

@@ -98,6 +98,19 @@ Json IntrinsicsToJson(const IntrinsicsResult& intrinsics) {
           {"contradiction", intrinsics.contradiction.empty() ? Json() : Json(intrinsics.contradiction)}};
 }
 
+Json PriorToJson(const std::optional<PriorResult>& prior, double deviation_unit) {
+  if (!prior) return nullptr;
+  const bool is_tested = prior->verdict != PriorVerdict::NOT_TESTED;
+  return {{"verdict", EnumName(prior->verdict)},
+          {"fixes", EnumName(prior->fixes)},
+          {"deviation", is_tested ? Json(prior->deviation / deviation_unit) : Json()},
+          {"deviation_sigma", is_tested ? Json(prior->deviation_sigma) : Json()}};
+}
+
+Json PriorsToJson(const QueryPriorResult& priors) {
+  return {{"position", PriorToJson(priors.position, 1)}, {"gravity", PriorToJson(priors.gravity, DegToRad(1))}};
+}
+
 Json PairsToJson(const std::vector<PairResult>& pairs) {
   Json json = Json::array();
   for (const PairResult& pair : pairs) {
@@ -136,6 +149,7 @@ Json RecordToJson(const QueryRecord& record) {
   }
   json["intrinsics"] = IntrinsicsToJson(result.intrinsics);
   json["intrinsics_source"] = record.intrinsics_source ? Json(EnumName(*record.intrinsics_source)) : Json();
+  if (result.priors.position || result.priors.gravity) json["priors"] = PriorsToJson(result.priors);
   json["num_tracks"] = result.num_tracks;
   json["num_observations"] = result.num_observations;
   json["mean_reprojection_error_px"] = result.num_observations > 0 ? Json(result.mean_reprojection_error_px) : Json();

@@ -22,6 +22,7 @@ struct Layout {
   int num_query_frames = 0;
   Eigen::Vector3d origin =
       Eigen::Vector3d::Zero();                  // subtracted from all coordinates: solvers work near zero (UTM, ECEF)
+  std::vector<QueryPrior> priors;               // by query, with positions relative to the origin
   std::vector<std::vector<int>> image_of_pair;  // [query][index into its pairs]
   std::vector<std::vector<int>> queries_of_frame;          // by query frame
   std::vector<std::vector<int>> database_frames_of_frame;  // by query frame; ascending

@@ -16,10 +16,12 @@ struct AdjustedFrame {
   const BundleAdjustmentResult& adjustment;
   int frame = 0;
   const TrackRefs& tracks;  // those that the frame observes
+  double variance_factor = 1;
 };
 
 // Returns true if the pose is unobservable: its standard deviation exceeds max_position_stddev_ratio of the scene
-// distance, or all centres are collinear and too few tracks have three images.
+// distance, or all centres are collinear and too few tracks have three images. With a position prior in the adjustment,
+// the covariance tells how certain the position is, and only the rotation may be unobservable.
 //
 //      o-----o-----o-----q     database centres o and query q on one line: each pair tells the direction of the line
 //       \   /                  only; a point that two database images see apart fixes the place on it

@@ -142,6 +142,13 @@ BundleAdjustmentResult Rounds::Finish() && {
 
 }  // namespace
 
+void Refined::SetMissingVariances() {
+  missing_variances.clear();
+  ForEachMissingVariance(adjustment, variance_factor, [&](size_t group, size_t component, double variance) {
+    missing_variances.push_back({group, component, variance});
+  });
+}
+
 Refined Refine(const Layout& layout, const PosedImages& start, const SplitTracks& start_tracks,
                CandidateTracks candidates, const LocalizerOptions& options, StageTimer::Seconds* seconds,
                QueryCamera* camera) {
@@ -174,10 +181,7 @@ Refined Refine(const Layout& layout, const PosedImages& start, const SplitTracks
   refined.adjustment = std::move(rounds).Finish();
   refined.variance_factor = VarianceFactor(refined.adjustment.posed, refined.adjustment.tracks,
                                            RobustLoss(options.bundle_adjustment.loss_scale_sigma));
-  ForEachMissingVariance(refined.adjustment, refined.variance_factor,
-                         [&](size_t group, size_t component, double variance) {
-                           refined.missing_variances.push_back({group, component, variance});
-                         });
+  refined.SetMissingVariances();
   return refined;
 }
 

@@ -93,6 +93,13 @@ struct BundleFlex {
   const Calibration* given = nullptr;
 };
 
+// An image with a prior of its query.
+struct BundleQueryPrior {
+  int frame = -1;          // index into BundleProblem::frames
+  Rigid3d cam_from_frame;  // identity if the image moves by itself
+  QueryPrior prior;
+};
+
 // Indices [begin, end) of an array of observations.
 struct Range {
   size_t begin = 0, end = 0;
@@ -115,6 +122,7 @@ struct BundleProblem {
   std::vector<BundlePriors> priors;           // those of posed.prior_groups in their order, then of lone frames
   std::vector<int> index_of_calibration;      // by calibration of PosedImages; -1 if it has no prior
   std::vector<BundleFlex> flexes;
+  std::vector<BundleQueryPrior> query_priors;
   std::vector<bool> has_factor;                // parallel to `frames`: true if its log_factor is estimated
   std::vector<Eigen::Vector3d> points;         // by track
   std::vector<LinearProjection> fixed;         // observations in constant frames, of the points in the world
@@ -125,6 +133,7 @@ struct BundleProblem {
   int AddPose(const Rigid3d& pose, const PosePrior* prior);
   void AddCalibrations(const PosedImages& posed);
   void AddPriors(const PosedImages& posed);
+  void AddQueryPriors(const PosedImages& posed);
 };
 
 }  // namespace lazyloc

@@ -81,6 +81,10 @@ class BundleSolver {
   // Evaluates how far an image's place in its frame deviates from its calibration.
   static RigFlexResidual Evaluate(const BundleFlex& flex, const BundleState& state);
   void AddFlex(const BundleState& state, const BundleFlex& flex, std::vector<FrameMatrix>* frame_hessians);
+  // Calls visit(frame, residual) for the priors of queries.
+  template <typename Visit>
+  void VisitQueryPriors(const BundleState& state, const Visit& visit) const;
+  void AddQueryPriors(const BundleState& state, std::vector<FrameMatrix>* frame_hessians);
   // Adds a track's derivatives and eliminates its point, in one pass. Returns false if the point lies behind a camera.
   bool AddTrack(const BundleState& state, size_t track, double damping, std::vector<FrameMatrix>* frame_hessians);
   // Subtracts the Schur complement of one point by its Cholesky factor: a square, so that the system stays positive

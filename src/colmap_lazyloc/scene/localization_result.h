@@ -12,6 +12,7 @@
 #include "colmap_lazyloc/scene/camera.h"
 #include "colmap_lazyloc/scene/enum_names.h"
 #include "colmap_lazyloc/scene/pose_evidence.h"
+#include "colmap_lazyloc/scene/query_prior.h"
 #include "colmap_lazyloc/scene/query_status.h"
 
 namespace lazyloc {
@@ -86,6 +87,7 @@ struct LocalizationResult {
   bool is_camera_refined = false;  // false if the camera is the given one
 
   IntrinsicsResult intrinsics;
+  QueryPriorResult priors;
 
   std::string frame_name;  // of a rig's frame; empty for a lone image
   // Median reprojection error, in an image of a rig, of the points triangulated from the database, before outliers are
