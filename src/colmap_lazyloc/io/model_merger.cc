@@ -68,6 +68,25 @@ class CameraMerger {
   std::set<std::pair<size_t, uint32_t>> by_intrinsics_;  // hash, camera id
 };
 
+// Tells which ids of a list are taken.
+class TakenIds {
+ public:
+  explicit TakenIds(std::vector<uint32_t> ids) : ids_(std::move(ids)) {
+    std::sort(ids_.begin(), ids_.end());
+    is_taken_.resize(ids_.size());
+  }
+  // Takes an id of the list. Returns false if it was taken before.
+  bool Take(uint32_t id) {
+    const auto place = static_cast<size_t>(std::lower_bound(ids_.begin(), ids_.end(), id) - ids_.begin());
+    if (is_taken_[place]) return false;
+    return is_taken_[place] = true;
+  }
+
+ private:
+  std::vector<uint32_t> ids_;
+  std::vector<bool> is_taken_;
+};
+
 // Returns the id that a query gets if it is free.
 std::optional<uint32_t> PreferredImageId(const std::string& name, const Model& model,
                                          const std::vector<DatabaseImage>& database_images) {
@@ -76,22 +95,28 @@ std::optional<uint32_t> PreferredImageId(const std::string& name, const Model& m
   return std::nullopt;
 }
 
-// Adds the localized queries' images and cameras.
+// Adds the localized queries' images and cameras. merged: has the images that are not queries.
 void AddQueryImages(const Model& model, const QueryRecords& records, const std::vector<DatabaseImage>& database_images,
                     MergedModel* merged) {
   FreeIds new_image_ids;
-  for (const ModelImage& image : model.images) new_image_ids.Use(image.image_id);
-  for (const DatabaseImage& image : database_images) new_image_ids.Use(image.image_id);
+  std::vector<uint32_t> ids;
+  for (const ModelImage& image : model.images) ids.push_back(image.image_id);
+  for (const DatabaseImage& image : database_images) ids.push_back(image.image_id);
+  for (const uint32_t id : ids) new_image_ids.Use(id);
+  TakenIds taken_ids(std::move(ids));
+  for (const MergedImage& image : merged->images) taken_ids.Take(image.image_id);
   CameraMerger cameras(records, database_images, &merged->cameras);
+  merged->image_of_query.reserve(records.Size());
   records.ForEach([&](const QueryRecord& record) {
     const LocalizationResult& query = record.result;
+    const auto index = static_cast<uint32_t>(merged->image_of_query.size());
     merged->image_of_query.push_back(MergedModel::kNoImage);
     if (query.status != QueryStatus::LOCALIZED) return;
     const auto preferred_id = PreferredImageId(query.query_name, model, database_images);
-    const bool is_free = preferred_id && merged->images.count(*preferred_id) == 0;
+    const bool is_free = preferred_id && taken_ids.Take(*preferred_id);
     const uint32_t image_id = is_free ? *preferred_id : new_image_ids.Next();
     const uint32_t camera_id = cameras.Add(query);
-    merged->images.emplace(image_id, MergedImage{camera_id, true, merged->image_of_query.size() - 1});
+    merged->images.push_back({image_id, camera_id, index, true});
     merged->image_of_query.back() = image_id;
     if (!merged->rigs.empty()) {
       AddFrameOfOneImage({image_id, camera_id, query.query_name, query.cam_from_world}, merged);
@@ -113,12 +138,15 @@ MergedModel MergeModel(const Model& model, const QueryRecords& records,
                        const std::vector<DatabaseImage>& database_images) {
   MergedModel merged;
   merged.cameras = model.cameras;
-  for (size_t i = 0; i < model.images.size(); ++i) {
+  merged.images.reserve(model.images.size() + records.Size());
+  for (uint32_t i = 0; i < model.images.size(); ++i) {
     const ModelImage& image = model.images[i];
-    if (!records.Find(image.name)) merged.images.emplace(image.image_id, MergedImage{image.camera_id, false, i});
+    if (!records.Find(image.name)) merged.images.push_back({image.image_id, image.camera_id, i, false});
   }
+  std::sort(merged.images.begin(), merged.images.end());
   KeepRigs(model, &merged);
   AddQueryImages(model, records, database_images, &merged);
+  std::sort(merged.images.begin(), merged.images.end());
   return merged;
 }
 

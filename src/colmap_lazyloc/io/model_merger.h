@@ -15,17 +15,21 @@ namespace lazyloc {
 
 // Image of the merged model: a database image, or a localized query.
 struct MergedImage {
+  uint32_t image_id = 0;
   uint32_t camera_id = 0;
+  uint32_t index = 0;  // of the record or of the model's image
   bool is_query = false;
-  size_t index = 0;  // of the record or of the model's image
+
+  bool operator<(const MergedImage& other) const { return image_id < other.image_id; }
 };
 
 // The images, cameras, rigs and frames of a model of the database images and the localized queries. Ids are the keys.
+// A query takes only a few bytes, because there may be millions.
 struct MergedModel {
   static constexpr uint32_t kNoImage = std::numeric_limits<uint32_t>::max();
 
   std::map<uint32_t, Camera> cameras;
-  std::map<uint32_t, MergedImage> images;
+  std::vector<MergedImage> images;       // by id
   std::vector<uint32_t> image_of_query;  // id by record; kNoImage if it was not localized
   // These are empty if the input model has no rigs.
   std::map<uint32_t, Rig> rigs;

@@ -11,7 +11,7 @@ namespace lazyloc {
 namespace {
 
 constexpr uint64_t kNoPoint = std::numeric_limits<uint64_t>::max();
-constexpr size_t kMaxNumObservationsInMemory = 1 << 20;
+constexpr size_t kMaxNumObservationsInMemory = 1 << 18;
 
 void WriteCameras(const std::filesystem::path& path, const std::map<uint32_t, Camera>& cameras) {
   OutputFile file(path);
@@ -101,22 +101,22 @@ class ImageWriter {
   // Writes all images up to the one that has the observations.
   void WriteObservedImage() {
     const uint32_t image_id = observations_.front().image_id;
-    while (next_image_->first != image_id) WriteNextImage();
+    while (next_image_->image_id != image_id) WriteNextImage();
     WriteNextImage();
     observations_.clear();
   }
 
   void WriteNextImage() {
-    const auto& [image_id, image] = *next_image_++;
-    const bool is_observed = !observations_.empty() && observations_.front().image_id == image_id;
+    const MergedImage& image = *next_image_++;
+    const bool is_observed = !observations_.empty() && observations_.front().image_id == image.image_id;
     if (image.is_query) {
       const QueryRecord record = records_.Read(image.index, RecordParts::KEYPOINTS);
-      WriteImage(image_id, image.camera_id, record.result.query_name, record.result.cam_from_world);
+      WriteImage(image.image_id, image.camera_id, record.result.query_name, record.result.cam_from_world);
       const bool is_photo = !record.keypoints.empty();
       WriteImagePoints(is_photo ? record.keypoints : ReadKeypoints(record.result.query_name), is_observed);
     } else {
       const ModelImage& posed = model_.images[image.index];
-      WriteImage(image_id, image.camera_id, posed.name, posed.cam_from_world);
+      WriteImage(image.image_id, image.camera_id, posed.name, posed.cam_from_world);
       WriteImagePoints(is_observed ? ReadKeypoints(posed.name) : std::vector<Eigen::Vector2d>(), is_observed);
     }
   }
@@ -124,7 +124,7 @@ class ImageWriter {
   std::vector<Eigen::Vector2d> ReadKeypoints(const std::string& name) const {
     const DatabaseImage* image = FindByName(database_images_, name);
     LAZYLOC_CHECK(image != nullptr);
-    return database_.ReadKeypoints(image->image_id);
+    return database_.ReadKeypointsOnce(image->image_id);
   }
 
   void WriteImage(uint32_t image_id, uint32_t camera_id, const std::string& name, const Rigid3d& cam_from_world) {
@@ -151,7 +151,7 @@ class ImageWriter {
   const QueryRecords& records_;
   const std::vector<DatabaseImage>& database_images_;
   const DatabaseReader& database_;
-  std::map<uint32_t, MergedImage>::const_iterator next_image_;
+  std::vector<MergedImage>::const_iterator next_image_;
   std::vector<PointObservation> observations_;  // of one image, by keypoint
   OutputFile file_;
 };

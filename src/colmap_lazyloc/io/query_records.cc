@@ -14,6 +14,8 @@ constexpr size_t kMaxNumOpen = 500;
 QueryRecords::QueryRecords(std::vector<std::filesystem::path> paths)
     : paths_(std::move(paths)), readers_(paths_.size()) {
   for (size_t file = 0; file < paths_.size(); ++file) AddFile(static_cast<uint32_t>(file));
+  names_.shrink_to_fit();
+  entries_.shrink_to_fit();
   const auto name = [this](const Entry& entry) { return std::string_view(names_.data() + entry.name); };
   std::sort(entries_.begin(), entries_.end(), [&](const Entry& a, const Entry& b) { return name(a) < name(b); });
   const auto has_same_name = [&](const Entry& a, const Entry& b) { return name(a) == name(b); };

@@ -27,7 +27,9 @@ void KeepRigs(const Model& model, MergedModel* merged) {
   for (const auto& [frame_id, frame] : model.frames) {
     ModelFrame kept = frame;
     const auto is_gone = [&](const FrameData& data) {
-      return data.sensor.type == SensorType::CAMERA && merged->images.count(static_cast<uint32_t>(data.data_id)) == 0;
+      const MergedImage image{static_cast<uint32_t>(data.data_id)};
+      return data.sensor.type == SensorType::CAMERA &&
+             !std::binary_search(merged->images.begin(), merged->images.end(), image);
     };
     kept.data.erase(std::remove_if(kept.data.begin(), kept.data.end(), is_gone), kept.data.end());
     const auto is_image = [](const FrameData& data) { return data.sensor.type == SensorType::CAMERA; };
