@@ -103,7 +103,8 @@ int Run(const CommandOptions& options) {
   LocalizeRest(source, groups, options, &run, &progress);
 
   const QueryRecords records({run.RecordsPath()});
-  WriteResults(options, manifest, source.DatabaseModel(), source.Database(), records, run.Folder(), &writer);
+  WriteResults(options, manifest, source.DatabaseModel(), {source.Database(), source.Selection().DatabaseImages()},
+               records, run.Folder(), &writer);
   source.PublishMatches();
   const bool is_finished = records.Size() == manifest.num_own_queries;
   if (is_finished) run.Finish();

@@ -72,7 +72,7 @@ int Run(const MergerOptions& options) {
     const auto is_query = [&](const ModelImage& image) { return records.Find(image.name).has_value(); };
     model.images.erase(std::remove_if(model.images.begin(), model.images.end(), is_query), model.images.end());
   }
-  WriteResults(run, manifest, model, database, records, /*staging_parent=*/{}, &writer);
+  WriteResults(run, manifest, model, {database, database.ReadImages()}, records, /*staging_parent=*/{}, &writer);
   Progress({records.Size(), records.Size(), 0}, /*log_path=*/{}, /*append_log=*/false).PrintSummary(records);
   if (is_leave_one_out) std::cout << FormatLeaveOneOut(SummarizeLeaveOneOut(model, records));
   std::cout << "report: " << ReportCommand(run) << std::endl;

@@ -51,7 +51,7 @@ RunManifest MakeManifest(const CommandOptions& options, const QuerySource& sourc
 }
 
 void WriteResults(const CommandOptions& options, const RunManifest& manifest, const Model& model,
-                  const DatabaseReader& database, const QueryRecords& records,
+                  const DatabaseContent& database, const QueryRecords& records,
                   const std::filesystem::path& staging_parent, ResultWriter* writer) {
   records.ForEach([](const QueryRecord& record) {
     const LocalizationResult& result = record.result;

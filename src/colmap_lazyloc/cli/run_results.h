@@ -24,7 +24,7 @@ RunManifest MakeManifest(const CommandOptions& options, const QuerySource& sourc
 // Writes the results of a run into its output folder, and warns of queries whose intrinsics the images contradict.
 // model: the database images.
 void WriteResults(const CommandOptions& options, const RunManifest& manifest, const Model& model,
-                  const DatabaseReader& database, const QueryRecords& records,
+                  const DatabaseContent& database, const QueryRecords& records,
                   const std::filesystem::path& staging_parent, ResultWriter* writer);
 
 }  // namespace lazyloc

@@ -86,4 +86,10 @@ class DatabaseReader {
   std::unique_ptr<Impl> impl_;
 };
 
+// A database and its images, sorted by name, whose list takes time and memory to read.
+struct DatabaseContent {
+  const DatabaseReader& reader;
+  const std::vector<DatabaseImage>& images;
+};
+
 }  // namespace lazyloc

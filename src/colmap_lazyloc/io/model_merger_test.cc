@@ -117,7 +117,8 @@ class MergeModelTest : public IoTest {
                             std::vector<Eigen::Vector2d>(10, Eigen::Vector2d(image.image_id, 0)));
     }
     database.Close();
-    WriteModel(model_path, folder_ / "scratch", model_, Stored(records), DatabaseReader(database_path));
+    const DatabaseReader reader(database_path);
+    WriteModel(model_path, folder_ / "scratch", model_, Stored(records), {reader, reader.ReadImages()});
     return ReadWritten(model_path);
   }
 

@@ -74,12 +74,10 @@ void WriteFrames(const std::filesystem::path& path, const std::map<uint32_t, Mod
 class ImageWriter {
  public:
   ImageWriter(const std::filesystem::path& path, const Model& model, const MergedModel& merged,
-              const QueryRecords& records, const std::vector<DatabaseImage>& database_images,
-              const DatabaseReader& database)
+              const QueryRecords& records, const DatabaseContent& database)
       : model_(model),
         merged_(merged),
         records_(records),
-        database_images_(database_images),
         database_(database),
         next_image_(merged.images.begin()),
         file_(path) {
@@ -122,9 +120,9 @@ class ImageWriter {
   }
 
   std::vector<Eigen::Vector2d> ReadKeypoints(const std::string& name) const {
-    const DatabaseImage* image = FindByName(database_images_, name);
+    const DatabaseImage* image = FindByName(database_.images, name);
     LAZYLOC_CHECK(image != nullptr);
-    return database_.ReadKeypointsOnce(image->image_id);
+    return database_.reader.ReadKeypointsOnce(image->image_id);
   }
 
   void WriteImage(uint32_t image_id, uint32_t camera_id, const std::string& name, const Rigid3d& cam_from_world) {
@@ -149,8 +147,7 @@ class ImageWriter {
   const Model& model_;
   const MergedModel& merged_;
   const QueryRecords& records_;
-  const std::vector<DatabaseImage>& database_images_;
-  const DatabaseReader& database_;
+  const DatabaseContent database_;
   std::vector<MergedImage>::const_iterator next_image_;
   std::vector<PointObservation> observations_;  // of one image, by keypoint
   OutputFile file_;
@@ -159,9 +156,8 @@ class ImageWriter {
 }  // namespace
 
 void WriteModel(const std::filesystem::path& folder, const std::filesystem::path& scratch_file, const Model& model,
-                const QueryRecords& records, const DatabaseReader& database) {
-  const std::vector<DatabaseImage> database_images = database.ReadImages();
-  const MergedModel merged = MergeModel(model, records, database_images);
+                const QueryRecords& records, const DatabaseContent& database) {
+  const MergedModel merged = MergeModel(model, records, database.images);
   WriteCameras(folder / "cameras.bin", merged.cameras);
   if (!merged.rigs.empty()) {
     WriteRigs(folder / "rigs.bin", merged.rigs);
@@ -169,7 +165,7 @@ void WriteModel(const std::filesystem::path& folder, const std::filesystem::path
   }
   ExternalSorter<PointObservation> observations(scratch_file, kMaxNumObservationsInMemory);
   WritePoints(folder / "points3D.bin", model, merged, records, &observations);
-  ImageWriter images(folder / "images.bin", model, merged, records, database_images, database);
+  ImageWriter images(folder / "images.bin", model, merged, records, database);
   observations.Visit([&](const PointObservation& observation) { images.Add(observation); });
   images.Close();
 }

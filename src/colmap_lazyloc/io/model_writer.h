@@ -13,6 +13,6 @@ namespace lazyloc {
 // frame of its own. What is merged how: io/model_merger.h, io/point_merger.h. scratch_file: for observations that do
 // not fit into memory; it stays. Throws InputError naming the file that cannot be written.
 void WriteModel(const std::filesystem::path& folder, const std::filesystem::path& scratch_file, const Model& model,
-                const QueryRecords& records, const DatabaseReader& database);
+                const QueryRecords& records, const DatabaseContent& database);
 
 }  // namespace lazyloc

@@ -34,18 +34,17 @@ std::optional<QueryListEntry> ParseEntryWithCamera(const TextFile& file) {
 
 }  // namespace
 
-std::vector<QueryListEntry> ReadQueryList(const std::filesystem::path& path) {
+void ReadQueryList(const std::filesystem::path& path, const std::function<bool(QueryListEntry)>& add) {
   TextFile file(path);
-  std::vector<QueryListEntry> entries;
-  std::set<std::string> names;
+  bool is_empty = true;
   while (file.NextEntry()) {
     std::optional<QueryListEntry> entry = ParseEntryWithCamera(file);
     if (!entry) entry = QueryListEntry{std::string(file.Line()), std::nullopt};
-    if (!names.insert(entry->name).second) throw file.Error("query '" + entry->name + "' is listed twice");
-    entries.push_back(*std::move(entry));
+    const std::string name = entry->name;
+    if (!add(*std::move(entry))) throw file.Error("query '" + name + "' is listed twice");
+    is_empty = false;
   }
-  if (entries.empty()) throw InputError(path.string() + ": contains no query");
-  return entries;
+  if (is_empty) throw InputError(path.string() + ": contains no query");
 }
 
 QueryPairs ReadPairs(const std::filesystem::path& path, const std::set<std::string>& query_names,

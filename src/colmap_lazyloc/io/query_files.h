@@ -23,7 +23,8 @@ struct QueryListEntry {
 // (first character '#'). A name may hold spaces, unless the line is in hloc's format, which is one whose second word is
 // a camera model of COLMAP. Throws InputError, `file:line: ...`, for a missing or empty list, a name that is listed
 // twice, a wrong number of parameters, or impossible numbers.
-std::vector<QueryListEntry> ReadQueryList(const std::filesystem::path& path);
+// add: takes the entries one by one, because there may be millions; returns false if it has had the name before.
+void ReadQueryList(const std::filesystem::path& path, const std::function<bool(QueryListEntry)>& add);
 
 struct QueryPairs {
   // Lists for each query the names on the other side of its lines, each once, in the order of the file.

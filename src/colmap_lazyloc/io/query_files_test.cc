@@ -1,5 +1,7 @@
 #include "colmap_lazyloc/io/query_files.h"
 
+#include <algorithm>
+
 #include <gmock/gmock.h>
 
 #include "colmap_lazyloc/io/io_test_fixture.h"
@@ -15,7 +17,17 @@ using ::testing::StartsWith;
 
 class QueryList : public IoTest {
  protected:
-  std::vector<QueryListEntry> Read(const std::string& content) { return ReadQueryList(WriteFile("list.txt", content)); }
+  static std::vector<QueryListEntry> ReadFile(const std::filesystem::path& path) {
+    std::vector<QueryListEntry> entries;
+    ReadQueryList(path, [&](const QueryListEntry& entry) {
+      const auto is_same = [&](const QueryListEntry& other) { return other.name == entry.name; };
+      if (std::any_of(entries.begin(), entries.end(), is_same)) return false;
+      entries.push_back(entry);
+      return true;
+    });
+    return entries;
+  }
+  std::vector<QueryListEntry> Read(const std::string& content) { return ReadFile(WriteFile("list.txt", content)); }
   std::string ErrorOfReading(const std::string& content) {
     return ErrorOf([&] { Read(content); });
   }
@@ -74,9 +86,9 @@ TEST_F(QueryList, MistakesAreNamedWithTheirLine) {
 
 TEST_F(QueryList, EmptyOrMissingFileIsRefused) {
   EXPECT_THAT(ErrorOfReading("# nothing\n\n"), StartsWith("list.txt: contains no query"));
-  EXPECT_THAT(ErrorOf([&] { ReadQueryList(folder_ / "none.txt"); }), StartsWith("none.txt: cannot be opened"));
+  EXPECT_THAT(ErrorOf([&] { ReadFile(folder_ / "none.txt"); }), StartsWith("none.txt: cannot be opened"));
   std::filesystem::create_directory(folder_ / "sub");
-  EXPECT_THAT(ErrorOf([&] { ReadQueryList(folder_ / "sub"); }), StartsWith("sub: is a folder"));
+  EXPECT_THAT(ErrorOf([&] { ReadFile(folder_ / "sub"); }), StartsWith("sub: is a folder"));
 }
 
 TEST_F(Pairs, AreSymmetricWithoutRepetitionInFileOrder) {

@@ -106,9 +106,8 @@ std::string ItOrThem(size_t number) { return number == 1 ? "it" : "them"; }
 FramePlaces FindFrames(const std::vector<std::string_view>& names, const DatabaseReader* database, const Model& model,
                        const QueryGroupsOptions& options, FrameProblems* problems) {
   if (!options.use_rigs) return {};
-  const std::vector<std::string> image_names(names.begin(), names.end());
-  if (!options.rig_config_path.empty()) return FramesFromConfig(image_names, options.rig_config_path);
-  return FramesFromColmap(image_names, database, model, problems);
+  if (!options.rig_config_path.empty()) return FramesFromConfig(names, options.rig_config_path);
+  return FramesFromColmap(names, database, model, problems);
 }
 
 std::vector<QueryFrames> GroupFrames(const QueryFrames& frames, const QueryGroupsOptions& options, size_t group_size) {

@@ -1,6 +1,7 @@
 #include "colmap_lazyloc/io/query_records.h"
 
 #include <algorithm>
+#include <cstring>
 #include <limits>
 #include <utility>
 
@@ -14,9 +15,7 @@ constexpr size_t kMaxNumOpen = 500;
 QueryRecords::QueryRecords(std::vector<std::filesystem::path> paths)
     : paths_(std::move(paths)), readers_(paths_.size()) {
   for (size_t file = 0; file < paths_.size(); ++file) AddFile(static_cast<uint32_t>(file));
-  names_.shrink_to_fit();
-  entries_.shrink_to_fit();
-  const auto name = [this](const Entry& entry) { return std::string_view(names_.data() + entry.name); };
+  const auto name = [](const Entry& entry) { return std::string_view(entry.name); };
   std::sort(entries_.begin(), entries_.end(), [&](const Entry& a, const Entry& b) { return name(a) < name(b); });
   const auto has_same_name = [&](const Entry& a, const Entry& b) { return name(a) == name(b); };
   const auto doubled = std::adjacent_find(entries_.begin(), entries_.end(), has_same_name);
@@ -30,8 +29,9 @@ void QueryRecords::AddFile(uint32_t file) {
   RecordReader reader(paths_[file]);
   while (reader.Next()) {
     for (const PackedQuery& query : UnpackGroup(reader.Record()).queries) {
-      entries_.push_back({names_.size(), reader.Offset() + query.offset, file});
-      names_ += query.name + '\0';
+      auto* name = static_cast<char*>(names_.allocate(query.name.size() + 1, 1));
+      std::memcpy(name, query.name.c_str(), query.name.size() + 1);
+      entries_.push_back({name, reader.Offset() + query.offset, file});
     }
   }
   if (reader.NumIntactBytes() != reader.NumBytes()) {
@@ -47,10 +47,9 @@ std::vector<size_t> QueryRecords::CountByFile() const {
 }
 
 std::optional<size_t> QueryRecords::Find(std::string_view name) const {
-  const auto entry = std::lower_bound(
-      entries_.begin(), entries_.end(), name,
-      [this](const Entry& a, std::string_view b) { return std::string_view(names_.data() + a.name) < b; });
-  if (entry == entries_.end() || names_.data() + entry->name != name) return std::nullopt;
+  const auto entry = std::lower_bound(entries_.begin(), entries_.end(), name,
+                                      [](const Entry& a, std::string_view b) { return std::string_view(a.name) < b; });
+  if (entry == entries_.end() || entry->name != name) return std::nullopt;
   return static_cast<size_t>(entry - entries_.begin());
 }
 

@@ -1,9 +1,11 @@
 #pragma once
 
 #include <cstdint>
+#include <deque>
 #include <filesystem>
 #include <functional>
 #include <memory>
+#include <memory_resource>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -25,7 +27,7 @@ class QueryRecords {
   explicit QueryRecords(std::vector<std::filesystem::path> paths);
 
   size_t Size() const { return entries_.size(); }
-  std::string_view Name(size_t index) const { return names_.data() + entries_[index].name; }
+  std::string_view Name(size_t index) const { return entries_[index].name; }
   // Returns how many records each file has.
   std::vector<size_t> CountByFile() const;
   std::optional<size_t> Find(std::string_view name) const;
@@ -35,16 +37,17 @@ class QueryRecords {
 
  private:
   struct Entry {
-    uint64_t name = 0;    // place in names_
-    uint64_t offset = 0;  // place in the file
+    const char* name = nullptr;  // in names_
+    uint64_t offset = 0;         // place in the file
     uint32_t file = 0;
   };
   void AddFile(uint32_t file);
   RecordReader& Reader(uint32_t file) const;
 
   const std::vector<std::filesystem::path> paths_;
-  std::string names_;  // each with a zero byte behind it
-  std::vector<Entry> entries_;
+  // Grow without being copied, because there may be millions of queries.
+  std::pmr::monotonic_buffer_resource names_;  // each with a zero byte behind it
+  std::deque<Entry> entries_;
   mutable std::vector<std::unique_ptr<RecordReader>> readers_;  // null if the file is not open
   mutable size_t num_open_ = 0;
 };

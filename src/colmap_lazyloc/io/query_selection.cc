@@ -64,23 +64,25 @@ std::string QuerySelection::DamageOf(const std::string& name) const {
 std::vector<std::string_view> QuerySelection::AddQueries(const DatabaseReader& database) {
   std::unordered_map<std::string, const ModelImage*> posed_images;
   for (const ModelImage& image : model_.images) posed_images.emplace(image.name, &image);
-  std::vector<QueryListEntry> entries;
-  if (!options_.query_list_path.empty()) {
-    entries = ReadQueryList(options_.query_list_path);  // keeps its order, because groups may be runs of the list
-  } else {
-    const auto add = [&](const std::string& name) {
-      if ((posed_images.count(name) > 0) == options_.leave_one_out) entries.push_back({name, std::nullopt});
-    };
-    for (const DatabaseImage& image : database_images_) add(image.name);
-    for (const auto& [name, damage] : damage_of_image_) add(name);
-    std::sort(entries.begin(), entries.end(), [](const auto& a, const auto& b) { return a.name < b.name; });
-  }
   std::vector<std::string_view> names;
-  for (QueryListEntry& entry : entries) {
+  const auto add = [&](QueryListEntry entry) {
     const auto posed = posed_images.find(entry.name);
     const ModelImage* image = posed == posed_images.end() ? nullptr : posed->second;
-    names.push_back(IsPhoto(entry.name, database) ? AddPhoto(entry, image, database)
-                                                  : AddStoredQuery(std::move(entry), image, database));
+    const std::string_view name = IsPhoto(entry.name, database) ? AddPhoto(entry, image, database)
+                                                                : AddStoredQuery(std::move(entry), image, database);
+    if (!name.empty()) names.push_back(name);
+    return !name.empty();
+  };
+  if (!options_.query_list_path.empty()) {
+    ReadQueryList(options_.query_list_path, add);  // keeps its order, because groups may be runs of the list
+  } else {
+    std::vector<std::string> candidates;
+    for (const DatabaseImage& image : database_images_) candidates.push_back(image.name);
+    for (const auto& [name, damage] : damage_of_image_) candidates.push_back(name);
+    std::sort(candidates.begin(), candidates.end());
+    for (const std::string& name : candidates) {
+      if ((posed_images.count(name) > 0) == options_.leave_one_out) add({name, std::nullopt});
+    }
   }
   if (names.empty() && !options_.has_more_queries) {
     throw InputError(database.Path().string() + ": " +
@@ -122,7 +124,8 @@ std::string_view QuerySelection::AddPhoto(const QueryListEntry& entry, const Mod
       photo.damage = error.Damage();
     }
   }
-  return photos_.emplace(entry.name, std::move(photo)).first->first;
+  const auto [added, is_new] = photos_.emplace(entry.name, std::move(photo));
+  return is_new ? added->first : std::string_view();
 }
 
 std::string_view QuerySelection::AddStoredQuery(QueryListEntry entry, const ModelImage* posed,
@@ -135,9 +138,12 @@ std::string_view QuerySelection::AddStoredQuery(QueryListEntry entry, const Mode
     throw InputError("--query_list_path: query " + entry.name +
                      " has no pose in --input_path, but --LazyLocalizer.leave_one_out needs one");
   }
-  if (image == nullptr) return group_of_damaged_query_.emplace(entry.name, 0).first->first;
+  if (image == nullptr) {
+    const auto [added, is_new] = group_of_damaged_query_.emplace(entry.name, 0);
+    return is_new ? added->first : std::string_view();
+  }
   ImageRole& role = RoleOf(*image);
-  role.is_query = true;
+  if (std::exchange(role.is_query, true)) return {};
   if (entry.camera) {
     // Keeps one camera for a run of queries, because lists often repeat it.
     if (listed_cameras_.empty() || !SameIntrinsics(listed_cameras_.back(), *entry.camera)) {

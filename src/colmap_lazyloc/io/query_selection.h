@@ -73,6 +73,8 @@ class QuerySelection {
   const Model& DatabaseModel() const { return model_; }
   // Returns the rig frames of the posed images that share their frame with another one.
   const FramePlaces& DatabaseFrames() const { return frame_of_database_image_; }
+  // Returns the images of the database, sorted by name, without those whose row is damaged.
+  const std::vector<DatabaseImage>& DatabaseImages() const { return database_images_; }
   // Returns null if the database file does not hold an image of this name, or its row is damaged.
   const DatabaseImage* FindInDatabase(const std::string& name) const;
   // Returns the ids of the posed images in the database, sorted.
@@ -104,7 +106,7 @@ class QuerySelection {
   std::string DamageOf(const std::string& name) const;
   // Returns the names of the queries in their order, in the memory of this class.
   std::vector<std::string_view> AddQueries(const DatabaseReader& database);
-  // Returns the name in the memory of this class.
+  // Return the name in the memory of this class; an empty one if the query was added before.
   std::string_view AddStoredQuery(QueryListEntry entry, const ModelImage* posed, const DatabaseReader& database);
   std::string_view AddPhoto(const QueryListEntry& entry, const ModelImage* posed, const DatabaseReader& database);
   bool IsPhoto(const std::string& name, const DatabaseReader& database) const;

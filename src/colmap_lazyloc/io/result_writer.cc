@@ -55,7 +55,7 @@ void ResultWriter::RemoveMadeFolders() noexcept {
   for (const fs::path& folder : made_folders_) fs::remove(folder, ignored);
 }
 
-void ResultWriter::Write(const Model& model, const QueryRecords& records, const DatabaseReader& database,
+void ResultWriter::Write(const Model& model, const QueryRecords& records, const DatabaseContent& database,
                          const std::string& options_ini, bool is_leave_one_out, const fs::path& staging_parent) {
   StagedOutput staged(output_path_, {}, staging_parent);
   MakeFolder(staged / "model");

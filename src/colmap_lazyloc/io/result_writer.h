@@ -28,7 +28,7 @@ class ResultWriter {
   // staging_parent: folder on the same disk for the files until they are complete; empty: the output folder.
   // Reads records and keypoints one image at a time. Throws InputError naming the path that cannot be written; the
   // folder is then as it was before.
-  void Write(const Model& model, const QueryRecords& records, const DatabaseReader& database,
+  void Write(const Model& model, const QueryRecords& records, const DatabaseContent& database,
              const std::string& options_ini, bool is_leave_one_out, const std::filesystem::path& staging_parent = {});
 
  private:

@@ -50,7 +50,8 @@ class ResultWriterTest : public IoTest {
     database.Close();
   }
   void Write(bool is_leave_one_out = false) {
-    ResultWriter(output_).Write(model_, Stored(records_), DatabaseReader(database_path_), "[options]\n",
+    const DatabaseReader database(database_path_);
+    ResultWriter(output_).Write(model_, Stored(records_), {database, database.ReadImages()}, "[options]\n",
                                 is_leave_one_out);
   }
   std::string ErrorOfConstruction(const fs::path& path) const {
@@ -166,9 +167,10 @@ TEST_F(ResultWriterTest, FailedWriteLeavesTheEarlierRun) {
   const auto before = Contents(output_);
   records_[1].result.cam_from_world.translation.setZero();
   MakeDatabase(folder_ / "damaged.db", "UPDATE keypoints SET data = zeroblob(3) WHERE image_id = 1");
+  const DatabaseReader damaged(folder_ / "damaged.db");
   EXPECT_THAT(ErrorOf([&] {
                 ResultWriter writer(output_);
-                writer.Write(model_, Stored(records_), DatabaseReader(folder_ / "damaged.db"), "other", false);
+                writer.Write(model_, Stored(records_), {damaged, damaged.ReadImages()}, "other", false);
               }),
               StartsWith("damaged.db"));
   EXPECT_EQ(Contents(output_), before);
@@ -178,10 +180,11 @@ TEST_F(ResultWriterTest, FolderThatGoesAwayDuringTheRunIsReported) {
   Write();
   const auto before = Contents(output_);
   records_[1].result.cam_from_world.translation.setZero();
+  const DatabaseReader database(database_path_);
   EXPECT_THAT(ErrorOf([&] {
                 ResultWriter writer(output_);
                 fs::rename(output_, folder_ / "moved");
-                writer.Write(model_, Stored(records_), DatabaseReader(database_path_), "other", false);
+                writer.Write(model_, Stored(records_), {database, database.ReadImages()}, "other", false);
               }),
               StartsWith("out: cannot be written into"));
   EXPECT_EQ(Contents(folder_ / "moved"), before);

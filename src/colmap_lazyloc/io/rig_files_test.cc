@@ -38,7 +38,8 @@ class RigFilesTest : public IoTest {
     TestDatabase database(folder_ / "database.db", TestDatabase::Schema::V4_2);
     database.Close();
     std::filesystem::create_directory(folder_ / "model");
-    WriteModel(folder_ / "model", folder_ / "scratch", model, Stored({}), DatabaseReader(folder_ / "database.db"));
+    const DatabaseReader reader(folder_ / "database.db");
+    WriteModel(folder_ / "model", folder_ / "scratch", model, Stored({}), {reader, reader.ReadImages()});
     return ReadModel(folder_ / "model");
   }
 };

@@ -8,15 +8,13 @@
 namespace lazyloc {
 namespace {
 
-bool StartsWith(const std::string& text, const std::string& prefix) {
-  return text.compare(0, prefix.size(), prefix) == 0;
-}
+bool StartsWith(std::string_view text, std::string_view prefix) { return text.compare(0, prefix.size(), prefix) == 0; }
 
-FramePlaces FramesFromDatabase(const std::vector<std::string>& image_names, const DatabaseReader& database,
+FramePlaces FramesFromDatabase(const std::vector<std::string_view>& image_names, const DatabaseReader& database,
                                FrameProblems* problems) {
   const std::vector<DatabaseRigImage> rig_images = database.ReadRigImages(&problems->damages);
   if (rig_images.empty()) return {};
-  const std::unordered_set<std::string> wanted(image_names.begin(), image_names.end());
+  const std::unordered_set<std::string_view> wanted(image_names.begin(), image_names.end());
   std::unordered_map<uint32_t, std::string> name_of_id;
   for (const DatabaseImage& image : database.ReadImages()) {
     if (wanted.count(image.name) > 0) name_of_id.emplace(image.image_id, image.name);
@@ -34,8 +32,9 @@ FramePlaces FramesFromDatabase(const std::vector<std::string>& image_names, cons
   return places;
 }
 
-FramePlaces FramesFromModel(const std::vector<std::string>& image_names, const Model& model) {
-  const std::unordered_set<std::string> wanted(image_names.begin(), image_names.end());
+FramePlaces FramesFromModel(const std::vector<std::string_view>& image_names, const Model& model) {
+  if (model.frames.empty()) return {};
+  const std::unordered_set<std::string_view> wanted(image_names.begin(), image_names.end());
   std::unordered_map<uint64_t, std::string> name_of_id;
   for (const ModelImage& image : model.images) {
     if (wanted.count(image.name) > 0) name_of_id.emplace(image.image_id, image.name);
@@ -59,18 +58,19 @@ FramePlaces FramesFromModel(const std::vector<std::string>& image_names, const M
 
 }  // namespace
 
-FramePlaces FramesFromConfig(const std::vector<std::string>& image_names,
+FramePlaces FramesFromConfig(const std::vector<std::string_view>& image_names,
                              const std::filesystem::path& rig_config_path) {
   const std::vector<RigCameras> rigs = ReadRigConfig(rig_config_path);
   FramePlaces places;
-  for (const std::string& name : image_names) {
+  for (const std::string_view name : image_names) {
     for (size_t rig = 0; rig < rigs.size(); ++rig) {
       for (const RigCamera& camera : rigs[rig]) {
         if (!StartsWith(name, camera.image_prefix)) continue;
-        const std::string frame =
-            (rigs.size() > 1 ? "rig " + std::to_string(rig + 1) + ": " : "") + name.substr(camera.image_prefix.size());
+        const std::string frame = (rigs.size() > 1 ? "rig " + std::to_string(rig + 1) + ": " : "") +
+                                  std::string(name.substr(camera.image_prefix.size()));
         if (!places.emplace(name, FramePlace{frame, camera.cam_from_rig}).second) {
-          throw InputError(rig_config_path.string() + ": image " + name + " matches the image_prefix of two cameras");
+          throw InputError(rig_config_path.string() + ": image " + std::string(name) +
+                           " matches the image_prefix of two cameras");
         }
       }
     }
@@ -78,7 +78,7 @@ FramePlaces FramesFromConfig(const std::vector<std::string>& image_names,
   return places;
 }
 
-FramePlaces FramesFromColmap(const std::vector<std::string>& image_names, const DatabaseReader* database,
+FramePlaces FramesFromColmap(const std::vector<std::string_view>& image_names, const DatabaseReader* database,
                              const Model& model, FrameProblems* problems) {
   FramePlaces places = FramesFromModel(image_names, model);
   if (database != nullptr) places.merge(FramesFromDatabase(image_names, *database, problems));

@@ -2,6 +2,7 @@
 
 #include <filesystem>
 #include <string>
+#include <string_view>
 #include <unordered_map>
 #include <vector>
 
@@ -20,7 +21,8 @@ using FramePlaces = std::unordered_map<std::string, FramePlace>;  // by image na
 
 // Finds the rig frames of images by the image prefixes of a rig configuration (io/rig_config.h). Throws InputError
 // naming the file if it is damaged or puts an image into two cameras.
-FramePlaces FramesFromConfig(const std::vector<std::string>& image_names, const std::filesystem::path& rig_config_path);
+FramePlaces FramesFromConfig(const std::vector<std::string_view>& image_names,
+                             const std::filesystem::path& rig_config_path);
 
 // Images that have no place in a rig although the database puts them into a frame.
 struct FrameProblems {
@@ -30,7 +32,7 @@ struct FrameProblems {
 
 // Finds the rig frames of images in the model (COLMAP 4; frames with two or more of the images), else in the database
 // (COLMAP 4.x; null if there is none). Adds what is wrong there to `problems`.
-FramePlaces FramesFromColmap(const std::vector<std::string>& image_names, const DatabaseReader* database,
+FramePlaces FramesFromColmap(const std::vector<std::string_view>& image_names, const DatabaseReader* database,
                              const Model& model, FrameProblems* problems);
 
 // Returns the places of the images that share their frame with another image.
