@@ -78,15 +78,6 @@ PairLoader::Candidates PairLoader::RankCandidates(const StoredQuery& query, cons
   return candidates;
 }
 
-PairLoader::Candidates PairLoader::ListedCandidates(const StoredQuery& query,
-                                                    const std::vector<std::string>& names) const {
-  std::vector<PairSize> listed;
-  for (const std::string& name : names) {
-    if (const DatabaseImage* image = selection_.FindInDatabase(name)) listed.push_back({image->image_id, 0});
-  }
-  return RankCandidates(query, listed);
-}
-
 void PairLoader::LoadPairs(const StoredQuery& query, const Candidates& candidates, size_t max_num_pairs,
                            const DatabaseReader& database, LocalizationProblem* problem,
                            std::vector<std::string>* damages) const {
@@ -132,9 +123,10 @@ LocalizationProblem PairLoader::Load(const StoredQuery& query, const DatabaseRea
   problem.intrinsics_origin = query.intrinsics_origin;
   problem.query_keypoints = database.ReadKeypointsOnce(query.image.image_id);
   if (problem.query_keypoints.empty()) return problem;
-  if (const std::vector<std::string>* names = selection_.ListedPairs(problem.query_name)) {
-    const Candidates listed = ListedCandidates(query, *names);
-    LoadPairs(query, listed, listed.size(), database, &problem, damages);
+  if (const auto listed_ids = selection_.ListedPairs(query)) {
+    std::vector<PairSize> listed;
+    for (const uint32_t image_id : *listed_ids) listed.push_back({image_id, 0});
+    LoadPairs(query, RankCandidates(query, listed), listed.size(), database, &problem, damages);
   } else {
     LoadBestPairs(query, database, &problem, damages);
   }
@@ -147,13 +139,9 @@ LocalizationProblem PairLoader::Load(const StoredQuery& query, const DatabaseRea
 std::vector<uint32_t> PairLoader::PairedImageIds(const StoredQuery& query, const std::vector<uint32_t>& other_ids,
                                                  const DatabaseReader& database) const {
   std::vector<uint32_t> image_ids;
-  if (const std::vector<std::string>* names = selection_.ListedPairs(query.image.name)) {
-    for (const std::string& name : *names) {
-      const DatabaseImage* image = selection_.FindInDatabase(name);
-      if (image != nullptr && std::binary_search(other_ids.begin(), other_ids.end(), image->image_id)) {
-        image_ids.push_back(image->image_id);
-      }
-    }
+  if (const auto listed_ids = selection_.ListedPairs(query)) {
+    std::set_intersection(listed_ids->begin(), listed_ids->end(), other_ids.begin(), other_ids.end(),
+                          std::back_inserter(image_ids));
   } else {
     const uint32_t query_id = query.image.image_id;
     for (const PairSize& size : database.ReadInlierCounts(query_id, other_ids)) image_ids.push_back(size.image_id);

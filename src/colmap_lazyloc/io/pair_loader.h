@@ -40,7 +40,6 @@ class PairLoader {
 
   // Returns the posed images among `sizes`, the one with the most matches first.
   Candidates RankCandidates(const StoredQuery& query, const std::vector<PairSize>& sizes) const;
-  Candidates ListedCandidates(const StoredQuery& query, const std::vector<std::string>& names) const;
   // Adds pairs with the candidates to the problem until it has max_num_pairs.
   void LoadPairs(const StoredQuery& query, const Candidates& candidates, size_t max_num_pairs,
                  const DatabaseReader& database, LocalizationProblem* problem, std::vector<std::string>* damages) const;

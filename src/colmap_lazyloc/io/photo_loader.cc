@@ -159,18 +159,17 @@ std::string PhotoLoader::DescribeExtraction() const {
 }
 
 bool PhotoLoader::NeedsRetrieval(const PhotoQuery& photo) const {
-  if (photo.pair_names) return false;
+  if (photo.paired_ids) return false;
   return !options_.retrieval_index_path.empty() ||
          AllowedCandidates(photo).size() > static_cast<size_t>(options_.matching.max_num_exhaustive);
 }
 
 PhotoLoader::Candidates PhotoLoader::AllowedCandidates(const PhotoQuery& photo) const {
-  std::set<std::string> listed;
-  if (photo.pair_names) listed.insert(photo.pair_names->begin(), photo.pair_names->end());
   const auto prior = search_regions_.find(photo.name);
   Candidates allowed;
   for (const Candidate& candidate : candidates_) {
-    if (photo.pair_names && listed.count(candidate.image->name) == 0) continue;
+    const auto& listed = photo.paired_ids;
+    if (listed && !std::binary_search(listed->begin(), listed->end(), candidate.image_id)) continue;
     if (prior != search_regions_.end()) {
       const Eigen::Vector3d offset = CamInWorld(candidate.image->cam_from_world) - prior->second.position;
       if (offset.norm() > prior->second.radius) continue;

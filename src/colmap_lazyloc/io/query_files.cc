@@ -47,35 +47,18 @@ void ReadQueryList(const std::filesystem::path& path, const std::function<bool(Q
   if (is_empty) throw InputError(path.string() + ": contains no query");
 }
 
-QueryPairs ReadPairs(const std::filesystem::path& path, const std::set<std::string>& query_names,
-                     const std::function<bool(const std::string&)>& is_known) {
+void ReadPairs(const std::filesystem::path& path,
+               const std::function<void(const std::string&, const std::string&)>& add) {
   TextFile file(path);
-  QueryPairs pairs;
-  std::set<std::pair<std::string, std::string>> known_pairs;
-  const auto add = [&](const std::string& query_name, const std::string& other_name) {
-    const bool is_new = known_pairs.emplace(query_name, other_name).second;
-    if (is_new) pairs.other_names[query_name].push_back(other_name);
-  };
-  bool has_pairs = false, has_known_names = false;
+  bool is_empty = true;
   while (file.NextEntry()) {
     std::string_view rest = file.Line();
     const std::string name1(NextWord(&rest)), name2(NextWord(&rest));
     if (name2.empty()) throw file.Error("expected two image names, found only '" + name1 + "'");
-    has_pairs = true;
-    const bool is_known1 = is_known(name1), is_known2 = is_known(name2);
-    if (!is_known1) pairs.unknown_names.insert(name1);
-    if (!is_known2) pairs.unknown_names.insert(name2);
-    has_known_names = has_known_names || is_known1 || is_known2;
-    if (name1 == name2) continue;  // retrieval tools list an image as its own neighbour
-    if (is_known2 && query_names.count(name1) > 0) add(name1, name2);
-    if (is_known1 && query_names.count(name2) > 0) add(name2, name1);
+    add(name1, name2);
+    is_empty = false;
   }
-  if (!has_pairs) throw InputError(path.string() + ": contains no pair");
-  if (!has_known_names) {
-    throw InputError(path.string() + ": none of its images is in the database (for example " +
-                     *pairs.unknown_names.begin() + ")");
-  }
-  return pairs;
+  if (is_empty) throw InputError(path.string() + ": contains no pair");
 }
 
 std::map<std::string, SearchRegion> ReadSearchRegions(const std::filesystem::path& path) {

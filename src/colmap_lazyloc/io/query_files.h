@@ -4,7 +4,6 @@
 #include <functional>
 #include <map>
 #include <optional>
-#include <set>
 #include <string>
 #include <vector>
 
@@ -26,17 +25,11 @@ struct QueryListEntry {
 // add: takes the entries one by one, because there may be millions; returns false if it has had the name before.
 void ReadQueryList(const std::filesystem::path& path, const std::function<bool(QueryListEntry)>& add);
 
-struct QueryPairs {
-  // Lists for each query the names on the other side of its lines, each once, in the order of the file.
-  std::map<std::string, std::vector<std::string>> other_names;
-  std::set<std::string> unknown_names;  // left out of other_names
-};
-
 // Reads pairs of names in hloc's and COLMAP's format: two names a line, further words (for example a score) ignored,
-// '#' comments. is_known: returns true for the names that pairs may use. Throws InputError, `file:line: ...`, for a
-// missing file, a file without pairs or without known names, or a line with fewer than two names.
-QueryPairs ReadPairs(const std::filesystem::path& path, const std::set<std::string>& query_names,
-                     const std::function<bool(const std::string&)>& is_known);
+// '#' comments. Throws InputError, `file:line: ...`, for a missing file, a file without pairs, or a line with fewer
+// than two names. add: takes the pairs one by one, because there may be millions.
+void ReadPairs(const std::filesystem::path& path,
+               const std::function<void(const std::string&, const std::string&)>& add);
 
 // A sphere that a query was taken in, in the model's coordinates and unit.
 struct SearchRegion {

@@ -35,10 +35,13 @@ class QueryList : public IoTest {
 
 class Pairs : public IoTest {
  protected:
-  QueryPairs Read(const std::string& content) {
-    return ReadPairs(WriteFile("pairs.txt", content), {"q1", "q2"}, &IsKnown);
+  using NamePairs = std::vector<std::pair<std::string, std::string>>;
+  static NamePairs ReadFile(const std::filesystem::path& path) {
+    NamePairs pairs;
+    ReadPairs(path, [&](const std::string& name1, const std::string& name2) { pairs.emplace_back(name1, name2); });
+    return pairs;
   }
-  static bool IsKnown(const std::string& name) { return name.front() != 'u'; }
+  NamePairs Read(const std::string& content) { return ReadFile(WriteFile("pairs.txt", content)); }
   std::string ErrorOfReading(const std::string& content) {
     return ErrorOf([&] { Read(content); });
   }
@@ -91,26 +94,15 @@ TEST_F(QueryList, EmptyOrMissingFileIsRefused) {
   EXPECT_THAT(ErrorOf([&] { ReadFile(folder_ / "sub"); }), StartsWith("sub: is a folder"));
 }
 
-TEST_F(Pairs, AreSymmetricWithoutRepetitionInFileOrder) {
-  EXPECT_THAT(Read("# hloc\nq1 z 0.9\na q1\nq1 z\nz q1\n\nx y\nq2 q1 0.1\r\nq1 q1\n").other_names,
-              ElementsAre(Pair("q1", ElementsAre("z", "a", "q2")), Pair("q2", ElementsAre("q1"))));
-}
-
-TEST_F(Pairs, OfOtherImagesAreNoError) { EXPECT_THAT(Read("x y\n").other_names, IsEmpty()); }
-
-TEST_F(Pairs, UnknownNamesAreLeftOutAndCollected) {
-  const QueryPairs pairs = Read("q1 u2\nu1 q1\nq1 a\nu1 x\nu1 u3\nq2 u1\n");
-  EXPECT_THAT(pairs.other_names, ElementsAre(Pair("q1", ElementsAre("a"))));
-  EXPECT_THAT(pairs.unknown_names, ElementsAre("u1", "u2", "u3"));
-  EXPECT_THAT(Read("q1 a\n").unknown_names, IsEmpty());
+TEST_F(Pairs, AreReadInFileOrder) {
+  EXPECT_THAT(Read("# hloc\nq1 z 0.9\na q1\n\nq2 q1 0.1\r\n"),
+              ElementsAre(Pair("q1", "z"), Pair("a", "q1"), Pair("q2", "q1")));
 }
 
 TEST_F(Pairs, MistakesAreNamed) {
   EXPECT_THAT(ErrorOfReading("q1 a\nq2\n"), StartsWith("pairs.txt:2: expected two image names"));
   EXPECT_THAT(ErrorOfReading("# nothing\n"), StartsWith("pairs.txt: contains no pair"));
-  EXPECT_THAT(ErrorOfReading("u2 u1\n"), StartsWith("pairs.txt: none of its images is in the database"));
-  EXPECT_THAT(ErrorOf([&] { ReadPairs(folder_ / "none.txt", {}, &IsKnown); }),
-              StartsWith("none.txt: cannot be opened"));
+  EXPECT_THAT(ErrorOf([&] { ReadFile(folder_ / "none.txt"); }), StartsWith("none.txt: cannot be opened"));
 }
 
 class SearchRegions : public IoTest {

@@ -1,6 +1,7 @@
 #include "colmap_lazyloc/io/query_selection.h"
 
 #include <algorithm>
+#include <set>
 #include <utility>
 
 #include "colmap_lazyloc/bridge/camera_models.h"
@@ -8,6 +9,12 @@
 
 namespace lazyloc {
 namespace {
+
+template <typename T>
+void SortUnique(std::vector<T>* values) {
+  std::sort(values->begin(), values->end());
+  values->erase(std::unique(values->begin(), values->end()), values->end());
+}
 
 // Throws DamagedRecordError if a camera of the database cannot be used.
 void CheckUsable(const Camera& camera, const DatabaseReader& database) {
@@ -38,7 +45,7 @@ QuerySelection::QuerySelection(const DatabaseReader& database, Model model, cons
   }
   std::sort(posed_ids_.begin(), posed_ids_.end());
   frame_of_database_image_ = DatabaseFramePlaces(model_, &database, options_.groups);
-  if (!options_.pairs_path.empty()) ReadPairsFile(query_names);
+  if (!options_.pairs_path.empty()) ReadPairsFile();
 }
 
 void QuerySelection::ReadImages(const DatabaseReader& database) {
@@ -200,16 +207,43 @@ void QuerySelection::SetGroup(const std::string& query_name, size_t group) {
   }
 }
 
-void QuerySelection::ReadPairsFile(const std::vector<std::string_view>& query_names) {
+void QuerySelection::ReadPairsFile() {
   const auto is_known = [this](const std::string& name) {
     return FindInDatabase(name) != nullptr || photos_.count(name) > 0;
   };
-  QueryPairs pairs = ReadPairs(options_.pairs_path, {query_names.begin(), query_names.end()}, is_known);
-  listed_pairs_ = std::move(pairs.other_names);
-  for (auto& [name, photo] : photos_) photo.pair_names = listed_pairs_[name];
-  if (!pairs.unknown_names.empty()) {
+  std::set<std::string> unknown_names;
+  bool has_known_names = false;
+  for (auto& [name, photo] : photos_) photo.paired_ids.emplace();
+  ReadPairs(options_.pairs_path, [&](const std::string& name1, const std::string& name2) {
+    for (const std::string& name : {name1, name2}) {
+      const bool is_known_name = is_known(name);
+      has_known_names = has_known_names || is_known_name;
+      if (!is_known_name) unknown_names.insert(name);
+    }
+    if (name1 == name2) return;  // retrieval tools list an image as its own neighbour
+    AddListedPair(name1, name2);
+    AddListedPair(name2, name1);
+  });
+  if (!has_known_names) {
+    throw InputError(options_.pairs_path + ": none of its images is in the database (for example " +
+                     *unknown_names.begin() + ")");
+  }
+  SortUnique(&listed_pairs_);
+  for (auto& [name, photo] : photos_) SortUnique(&*photo.paired_ids);
+  if (!unknown_names.empty()) {
     warnings_.push_back(options_.pairs_path + ": ignoring images that are not in the database: " +
-                        std::to_string(pairs.unknown_names.size()) + ", for example " + *pairs.unknown_names.begin());
+                        std::to_string(unknown_names.size()) + ", for example " + *unknown_names.begin());
+  }
+}
+
+void QuerySelection::AddListedPair(const std::string& query_name, const std::string& other_name) {
+  const DatabaseImage* other = FindInDatabase(other_name);
+  if (other == nullptr) return;
+  const auto photo = photos_.find(query_name);
+  if (photo != photos_.end()) {
+    photo->second.paired_ids->push_back(other->image_id);
+  } else if (const std::optional<uint32_t> query_id = FindStoredQuery(query_name)) {
+    listed_pairs_.emplace_back(*query_id, other->image_id);
   }
 }
 
@@ -241,11 +275,15 @@ const ModelImage* QuerySelection::FindPosedImage(uint32_t image_id, const Stored
   return group && group == FindGroup(query.image.name) ? nullptr : posed->second;
 }
 
-const std::vector<std::string>* QuerySelection::ListedPairs(const std::string& query_name) const {
-  static const std::vector<std::string> kNone;
-  if (options_.pairs_path.empty()) return nullptr;
-  const auto pairs = listed_pairs_.find(query_name);
-  return pairs == listed_pairs_.end() ? &kNone : &pairs->second;
+std::optional<std::vector<uint32_t>> QuerySelection::ListedPairs(const StoredQuery& query) const {
+  if (options_.pairs_path.empty()) return std::nullopt;
+  const uint32_t query_id = query.image.image_id;
+  std::vector<uint32_t> ids;
+  for (auto pair = std::lower_bound(listed_pairs_.begin(), listed_pairs_.end(), std::make_pair(query_id, 0u));
+       pair != listed_pairs_.end() && pair->first == query_id; ++pair) {
+    ids.push_back(pair->second);
+  }
+  return ids;
 }
 
 ImagePair MakeDatabasePair(const ModelImage& database_image, const Model& model, const FramePlaces& frames) {

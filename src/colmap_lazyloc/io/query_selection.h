@@ -41,7 +41,7 @@ struct PhotoQuery {
   std::optional<PhotoFile> file;                           // nullopt if the photo is to be read from `path`
   std::optional<Camera> camera;                            // nullopt if neither query list, model nor database has one
   IntrinsicsSource source = IntrinsicsSource::QUERY_LIST;  // of `camera`
-  std::optional<std::vector<std::string>> pair_names;      // the other images in the pairs file, if there is a file
+  std::optional<std::vector<uint32_t>> paired_ids;         // as QuerySelection::ListedPairs
   size_t group = 0;
   std::string damage;  // what makes its records unusable, as in DamagedRecordError; empty if nothing does
 };
@@ -81,8 +81,8 @@ class QuerySelection {
   const std::vector<uint32_t>& PosedImageIds() const { return posed_ids_; }
   // Returns the posed image with an id of the database; null if the image has no pose or is in the query's own group.
   const ModelImage* FindPosedImage(uint32_t image_id, const StoredQuery& query) const;
-  // Returns the other images that the pairs file lists for a query; null without a pairs file.
-  const std::vector<std::string>* ListedPairs(const std::string& query_name) const;
+  // Returns the ids of the other images that the pairs file lists for a query, sorted; nullopt without a pairs file.
+  std::optional<std::vector<uint32_t>> ListedPairs(const StoredQuery& query) const;
   // Does the same as MakeDatabasePair for one of the posed images.
   ImagePair MakePair(const ModelImage& database_image) const {
     return MakeDatabasePair(database_image, model_, frame_of_database_image_);
@@ -113,7 +113,9 @@ class QuerySelection {
   bool IsQuery(const std::string& name) const { return FindStoredQuery(name) || photos_.count(name) > 0; }
   void SetGroup(const std::string& query_name, size_t group);
   void GroupAll(const std::vector<std::string_view>& query_names, const DatabaseReader& database);
-  void ReadPairsFile(const std::vector<std::string_view>& query_names);
+  void ReadPairsFile();
+  // Adds an image of the database to a query's pairs. Does nothing if there is no such query or image.
+  void AddListedPair(const std::string& query_name, const std::string& other_name);
 
   const QuerySelectionOptions options_;
   const bool has_photos_;
@@ -130,7 +132,7 @@ class QuerySelection {
   std::map<std::string, PhotoQuery> photos_;
   size_t num_queries_ = 0;
   QueryGroups groups_;
-  std::map<std::string, std::vector<std::string>> listed_pairs_;  // by query
+  std::vector<std::pair<uint32_t, uint32_t>> listed_pairs_;  // ids of stored queries and the other images, sorted
   std::vector<std::string> warnings_;
 };
 

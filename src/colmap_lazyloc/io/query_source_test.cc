@@ -12,6 +12,7 @@ namespace {
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
+using ::testing::StartsWith;
 
 constexpr int kNumKeypoints = 10;
 constexpr uint32_t kQuery = 5, kSecondQuery = 6;  // ids in the database
@@ -122,6 +123,10 @@ TEST_F(QuerySourceTest, PairsFileReplacesRetrieval) {
   EXPECT_EQ(source.MaxNumPairs(), 0) << "all of them are used";
   EXPECT_THAT(source.Warnings(),
               ElementsAre(HasSubstr("ignoring images that are not in the database: 1, for example x")));
+  options_.selection.pairs_path = WriteFile("pairs.txt", "q.png q.png\nx y\n");
+  EXPECT_THAT(PairNames(Load()), IsEmpty());
+  options_.selection.pairs_path = WriteFile("pairs.txt", "y x\n");
+  EXPECT_THAT(ErrorOf([&] { Load(); }), StartsWith("pairs.txt: none of its images is in the database (for example x)"));
 }
 
 TEST_F(QuerySourceTest, OtherIntrinsicsMakeAGeometryUncalibrated) {
