@@ -19,7 +19,7 @@ constexpr double kMinRightStddev = 0.001;
 constexpr double kSlightlyWrongStddev = 0.03;
 constexpr double kSlightlyWrongProbability = 0.2;
 // Probability that a value is wrong before the images are asked.
-constexpr double kWrongGivenProbability = 0.02;
+constexpr double kWrongGivenProbability = 0.05;
 constexpr double kWrongSharedProbability = 0.1;
 constexpr double kWrongExifProbability = 0.5;
 // Standard deviation of the log focal length above which the images cannot tell whether a value is right.
