@@ -1,5 +1,6 @@
 """Errors in the input, and how a command reports them."""
 
+import argparse
 import functools
 import sys
 
@@ -31,6 +32,13 @@ def command(main):
             return EXIT_INTERRUPTED
 
     return run
+
+
+def positive_int(text: str) -> int:
+    """Parses an option's whole number of at least 1 for argparse."""
+    if not text.isdecimal() or int(text) < 1:
+        raise argparse.ArgumentTypeError(f"must be a whole number of at least 1, but is '{text}'")
+    return int(text)
 
 
 def _escape(text: str) -> str:

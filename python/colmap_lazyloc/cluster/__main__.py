@@ -17,7 +17,7 @@ import sys
 
 from colmap_lazyloc.cluster.folders import as_ranges, is_same_run, read_manifest
 from colmap_lazyloc.cluster.task import ShardTask, command_line
-from colmap_lazyloc.errors import InputError, command
+from colmap_lazyloc.errors import InputError, command, positive_int
 from colmap_lazyloc.program import find_colmap
 
 OWN_OPTIONS = ("shard", "resume", "overwrite", "strict", "log_path")  # of lazy_localizer, not for one of many shards
@@ -32,12 +32,12 @@ def parse_arguments(arguments) -> tuple[argparse.Namespace, list[str]]:
         allow_abbrev=False,
     )
     add = parser.add_argument
-    add("--num_shards", type=_positive, required=True, help="number of shards; some per worker balance the load")
+    add("--num_shards", type=positive_int, required=True, help="number of shards; some per worker balance the load")
     add("--output_path", type=pathlib.Path, required=True, help="folder for the merged results, as of lazy_localizer")
     add("--shards_path", type=pathlib.Path, help="folder of the shards; default: --output_path with .shards")
     add(
         "--num_workers",
-        type=_positive,
+        type=positive_int,
         default=os.cpu_count(),
         help="processes on this machine, without --scheduler; default: number of cores",
     )
@@ -51,12 +51,6 @@ def parse_arguments(arguments) -> tuple[argparse.Namespace, list[str]]:
         if word.startswith("--") and name in OWN_OPTIONS:
             raise InputError(f"option --{name} is not for shards on a cluster")
     return options, words
-
-
-def _positive(text: str) -> int:
-    if not text.isdecimal() or int(text) < 1:
-        raise argparse.ArgumentTypeError(f"must be a whole number of at least 1, but is '{text}'")
-    return int(text)
 
 
 @command

@@ -14,7 +14,7 @@ import time
 
 import numpy as np
 
-from colmap_lazyloc.errors import InputError, command
+from colmap_lazyloc.errors import InputError, command, positive_int
 from colmap_lazyloc.report.output import check_output, write_file
 from colmap_lazyloc.retrieval.descriptors import DescriptorSet, describe_set
 from colmap_lazyloc.retrieval.images import ImageSelection, parse_shard, select_images
@@ -48,7 +48,7 @@ def parse_arguments(arguments):
         type=pathlib.Path,
         help="file to write: the queries in the order of their pairs, which lets lazy_localizer's caches help",
     )
-    add("--num_retrieved", type=_positive, default=20, help="database images per query; default: %(default)s")
+    add("--num_retrieved", type=positive_int, default=20, help="database images per query; default: %(default)s")
     add("--shard", type=parse_shard, metavar="I/N", help="only the queries of part I of N, as in lazy_localizer")
     add("--memory_gb", type=float, default=4, help="maximum memory in gigabytes; default: %(default)s")
     add("--num_threads", type=int, default=-1, help="number of threads; -1 uses all cores; default: %(default)s")
@@ -66,14 +66,8 @@ def _add_approximate(parser: argparse.ArgumentParser):
         help="compare all images exactly if the database has at most this many; default: %(default)s",
     )
     add("--index_path", type=pathlib.Path, help="file of the index, made if it is missing; default: in memory")
-    add("--num_probes", type=_positive, default=64, help="lists that are searched per query; default: %(default)s")
-    add("--num_candidates", type=_positive, default=200, help="candidates compared exactly; default: %(default)s")
-
-
-def _positive(text: str) -> int:
-    if not text.isdecimal() or int(text) < 1:
-        raise argparse.ArgumentTypeError(f"must be a whole number of at least 1, but is '{text}'")
-    return int(text)
+    add("--num_probes", type=positive_int, default=64, help="lists that are searched per query; default: %(default)s")
+    add("--num_candidates", type=positive_int, default=200, help="candidates compared exactly; default: %(default)s")
 
 
 @command

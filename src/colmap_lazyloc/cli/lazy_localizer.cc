@@ -103,16 +103,15 @@ int Run(const CommandOptions& options) {
   LocalizeRest(source, groups, options, &run, &progress);
 
   const QueryRecords records({run.RecordsPath()});
-  WriteResults(options, manifest, source.DatabaseModel(), {source.Database(), source.Selection().DatabaseImages()},
-               records, run.Folder(), &writer);
+  const auto leave_one_out =
+      WriteResults(options, manifest, source.DatabaseModel(), {source.Database(), source.Selection().DatabaseImages()},
+                   records, run.Folder(), &writer);
   source.PublishMatches();
   const bool is_finished = records.Size() == manifest.num_own_queries;
   if (is_finished) run.Finish();
   HandleInterruptsBy(SIG_DFL);
   progress.PrintSummary(records);
-  if (options.source.selection.leave_one_out) {
-    std::cout << FormatLeaveOneOut(SummarizeLeaveOneOut(source.DatabaseModel(), records));
-  }
+  if (leave_one_out) std::cout << FormatLeaveOneOut(*leave_one_out);
   std::cout << "report: " << ReportCommand(options) << std::endl;
   if (!is_finished) {
     std::cout << "partial: --resume 1 goes on" << std::endl;

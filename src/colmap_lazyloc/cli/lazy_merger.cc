@@ -67,14 +67,14 @@ int Run(const MergerOptions& options) {
 
   const QueryRecords records(shards.records);
   CheckNumQueries(shards, records);
-  const bool is_leave_one_out = run.source.selection.leave_one_out;
-  if (!is_leave_one_out) {
+  if (!run.source.selection.leave_one_out) {
     const auto is_query = [&](const ModelImage& image) { return records.Find(image.name).has_value(); };
     model.images.erase(std::remove_if(model.images.begin(), model.images.end(), is_query), model.images.end());
   }
-  WriteResults(run, manifest, model, {database, database.ReadImages()}, records, /*staging_parent=*/{}, &writer);
+  const auto leave_one_out =
+      WriteResults(run, manifest, model, {database, database.ReadImages()}, records, /*staging_parent=*/{}, &writer);
   Progress({records.Size(), records.Size(), 0}, /*log_path=*/{}, /*append_log=*/false).PrintSummary(records);
-  if (is_leave_one_out) std::cout << FormatLeaveOneOut(SummarizeLeaveOneOut(model, records));
+  if (leave_one_out) std::cout << FormatLeaveOneOut(*leave_one_out);
   std::cout << "report: " << ReportCommand(run) << std::endl;
   return EXIT_SUCCESS;
 }

@@ -50,9 +50,10 @@ RunManifest MakeManifest(const CommandOptions& options, const QuerySource& sourc
   return manifest;
 }
 
-void WriteResults(const CommandOptions& options, const RunManifest& manifest, const Model& model,
-                  const DatabaseContent& database, const QueryRecords& records,
-                  const std::filesystem::path& staging_parent, ResultWriter* writer) {
+std::optional<LeaveOneOutSummary> WriteResults(const CommandOptions& options, const RunManifest& manifest,
+                                               const Model& model, const DatabaseContent& database,
+                                               const QueryRecords& records, const std::filesystem::path& staging_parent,
+                                               ResultWriter* writer) {
   records.ForEach([](const QueryRecord& record) {
     const LocalizationResult& result = record.result;
     if (result.status != QueryStatus::LOCALIZED || result.intrinsics.contradiction.empty()) return;
@@ -60,7 +61,10 @@ void WriteResults(const CommandOptions& options, const RunManifest& manifest, co
   });
   const std::string extraction = manifest.extraction.empty() ? "" : "# " + manifest.extraction + "\n";
   const std::string options_ini = "# written by " + ProgramVersion() + "\n" + extraction + OptionsAsIni(options);
-  writer->Write(model, records, database, options_ini, options.source.selection.leave_one_out, staging_parent);
+  std::optional<LeaveOneOutSummary> leave_one_out;
+  if (options.source.selection.leave_one_out) leave_one_out = SummarizeLeaveOneOut(model, records);
+  writer->Write(model, records, database, options_ini, leave_one_out ? &*leave_one_out : nullptr, staging_parent);
+  return leave_one_out;
 }
 
 }  // namespace lazyloc

@@ -1,10 +1,12 @@
 #pragma once
 
 #include <filesystem>
+#include <optional>
 #include <string>
 #include <vector>
 
 #include "colmap_lazyloc/cli/options.h"
+#include "colmap_lazyloc/io/leave_one_out.h"
 #include "colmap_lazyloc/io/query_records.h"
 #include "colmap_lazyloc/io/query_source.h"
 #include "colmap_lazyloc/io/result_writer.h"
@@ -22,9 +24,10 @@ RunManifest MakeManifest(const CommandOptions& options, const QuerySource& sourc
                          const std::vector<size_t>& groups);
 
 // Writes the results of a run into its output folder, and warns of queries whose intrinsics the images contradict.
-// model: the database images.
-void WriteResults(const CommandOptions& options, const RunManifest& manifest, const Model& model,
-                  const DatabaseContent& database, const QueryRecords& records,
-                  const std::filesystem::path& staging_parent, ResultWriter* writer);
+// Returns the summary of a run with leave_one_out. model: the database images.
+std::optional<LeaveOneOutSummary> WriteResults(const CommandOptions& options, const RunManifest& manifest,
+                                               const Model& model, const DatabaseContent& database,
+                                               const QueryRecords& records, const std::filesystem::path& staging_parent,
+                                               ResultWriter* writer);
 
 }  // namespace lazyloc

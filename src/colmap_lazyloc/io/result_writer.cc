@@ -5,7 +5,6 @@
 #include "colmap_lazyloc/files/output_file.h"
 #include "colmap_lazyloc/files/paths.h"
 #include "colmap_lazyloc/files/staged_output.h"
-#include "colmap_lazyloc/io/leave_one_out.h"
 #include "colmap_lazyloc/io/model_writer.h"
 #include "colmap_lazyloc/io/result_text.h"
 #include "colmap_lazyloc/scene/errors.h"
@@ -56,7 +55,8 @@ void ResultWriter::RemoveMadeFolders() noexcept {
 }
 
 void ResultWriter::Write(const Model& model, const QueryRecords& records, const DatabaseContent& database,
-                         const std::string& options_ini, bool is_leave_one_out, const fs::path& staging_parent) {
+                         const std::string& options_ini, const LeaveOneOutSummary* leave_one_out,
+                         const fs::path& staging_parent) {
   StagedOutput staged(output_path_, {}, staging_parent);
   MakeFolder(staged / "model");
   WritePoses(staged / "poses.txt", records);
@@ -66,13 +66,13 @@ void ResultWriter::Write(const Model& model, const QueryRecords& records, const 
   options_file.Text() << options_ini;
   options_file.Close();
   std::vector<std::string> entries = {"poses.txt", "results.jsonl", "options.ini", "model"};
-  if (is_leave_one_out) {
-    WriteLeaveOneOut(staged / kLeaveOneOutFile, SummarizeLeaveOneOut(model, records));
+  if (leave_one_out != nullptr) {
+    WriteLeaveOneOut(staged / kLeaveOneOutFile, *leave_one_out);
     entries.emplace_back(kLeaveOneOutFile);
   }
   staged.Publish(entries);
   std::error_code ignored;
-  if (!is_leave_one_out) fs::remove(output_path_ / kLeaveOneOutFile, ignored);  // of an earlier run
+  if (leave_one_out == nullptr) fs::remove(output_path_ / kLeaveOneOutFile, ignored);  // of an earlier run
   made_folders_.clear();
 }
 

@@ -50,9 +50,10 @@ class ResultWriterTest : public IoTest {
     database.Close();
   }
   void Write(bool is_leave_one_out = false) {
+    const LeaveOneOutSummary summary = SummarizeLeaveOneOut(model_, Stored(records_));
     const DatabaseReader database(database_path_);
     ResultWriter(output_).Write(model_, Stored(records_), {database, database.ReadImages()}, "[options]\n",
-                                is_leave_one_out);
+                                is_leave_one_out ? &summary : nullptr);
   }
   std::string ErrorOfConstruction(const fs::path& path) const {
     return ErrorOf([&] { ResultWriter writer(path); });
@@ -170,7 +171,7 @@ TEST_F(ResultWriterTest, FailedWriteLeavesTheEarlierRun) {
   const DatabaseReader damaged(folder_ / "damaged.db");
   EXPECT_THAT(ErrorOf([&] {
                 ResultWriter writer(output_);
-                writer.Write(model_, Stored(records_), {damaged, damaged.ReadImages()}, "other", false);
+                writer.Write(model_, Stored(records_), {damaged, damaged.ReadImages()}, "other", nullptr);
               }),
               StartsWith("damaged.db"));
   EXPECT_EQ(Contents(output_), before);
@@ -184,7 +185,7 @@ TEST_F(ResultWriterTest, FolderThatGoesAwayDuringTheRunIsReported) {
   EXPECT_THAT(ErrorOf([&] {
                 ResultWriter writer(output_);
                 fs::rename(output_, folder_ / "moved");
-                writer.Write(model_, Stored(records_), {database, database.ReadImages()}, "other", false);
+                writer.Write(model_, Stored(records_), {database, database.ReadImages()}, "other", nullptr);
               }),
               StartsWith("out: cannot be written into"));
   EXPECT_EQ(Contents(folder_ / "moved"), before);
