@@ -172,6 +172,12 @@ const ModelImage* QuerySelection::FindPosedImage(uint32_t image_id, const Stored
   return other_query != nullptr && other_query->group == query.group ? nullptr : posed->second;
 }
 
+const ModelImage* QuerySelection::FindPosedImage(uint32_t image_id, const std::string& query_name) const {
+  if (const StoredQuery* query = FindStoredQuery(query_name)) return FindPosedImage(image_id, *query);
+  const auto posed = posed_of_database_id_.find(image_id);
+  return posed == posed_of_database_id_.end() ? nullptr : posed->second;
+}
+
 const std::vector<std::string>* QuerySelection::ListedPairs(const std::string& query_name) const {
   static const std::vector<std::string> kNone;
   if (options_.pairs_path.empty()) return nullptr;

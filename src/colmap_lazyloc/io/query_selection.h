@@ -74,6 +74,10 @@ class QuerySelection {
   const DatabaseImage* FindInDatabase(const std::string& name) const;
   // Returns the posed image with an id of the database; null if the image has no pose or is in the query's own group.
   const ModelImage* FindPosedImage(uint32_t image_id, const StoredQuery& query) const;
+  // Does the same for any query, also for one whose name is not known here.
+  const ModelImage* FindPosedImage(uint32_t image_id, const std::string& query_name) const;
+  // Returns true if queries are posed images themselves, which take no part in their own localization.
+  bool HasPosedQueries() const { return options_.leave_one_out; }
   // Returns the other images that the pairs file lists for a query; null without a pairs file.
   const std::vector<std::string>* ListedPairs(const std::string& query_name) const;
   // Does the same as MakeDatabasePair for one of the posed images.

@@ -13,7 +13,7 @@ bool SourceOptions::Check(std::string* error) const {
     *error = "image_path excludes --LazyLocalizer.leave_one_out, whose queries are posed images of the database";
     return false;
   }
-  return selection.groups.Check(error) && photos.Check(error);
+  return selection.groups.Check(error) && photos.Check(error) && depth.Check(error);
 }
 
 LoadedGroup LoadEach(const GroupInput& input, const LoadQueryFunction& load_query) {
@@ -49,7 +49,9 @@ QuerySource::QuerySource(const SourceOptions& options, Model model, const TwoVie
       database_(options.database_path),
       selection_(database_, std::move(model), options.selection, !options.photos.image_path.empty()),
       pair_loader_(selection_, options.num_retrieved),
+      depth_points_(selection_),
       max_num_pairs_(options.selection.pairs_path.empty() ? options.num_retrieved : 0) {
+  if (!options.depth.depth_path.empty()) depth_maps_.emplace(options.depth);
   if (!selection_.Photos().empty()) Photos();
 }
 
@@ -102,7 +104,28 @@ LoadedGroup QuerySource::Load(const GroupInput& input, Session* session) const {
         return std::get<LocalizationProblem>(query);
       });
   pair_loader_.LoadQueryPairs(session->database_, &loaded.group);
+  if (depth_maps_) AddDepths(session->database_, &loaded);
   return loaded;
+}
+
+void QuerySource::AddDepths(const DatabaseReader& database, LoadedGroup* loaded) const {
+  for (QueryImage& query : loaded->group.images) {
+    const StageTimer timer("depth", &loaded->records[&query - loaded->group.images.data()].seconds);
+    for (ImagePair& pair : query.problem.pairs) {
+      const DatabaseImage* image = selection_.FindInDatabase(pair.other_name);
+      if (image == nullptr) continue;
+      pair.other_depths =
+          depth_maps_->AtKeypoints(pair.other_name, image->image_id, pair.other_camera, pair.other_keypoints);
+      if (pair.other_depths.empty()) continue;
+      pair.other_point_depths = depth_points_.AtKeypoints(pair.other_name, query.problem.query_name, database);
+      // Leaves out points of other keypoints than the stored ones, which a caller may bring.
+      if (pair.other_point_depths.size() != pair.other_keypoints.size()) pair.other_point_depths.clear();
+    }
+  }
+}
+
+std::vector<std::string> QuerySource::DepthWarnings() const {
+  return depth_maps_ ? depth_maps_->Warnings() : std::vector<std::string>();
 }
 
 void QuerySource::PublishMatches() const {

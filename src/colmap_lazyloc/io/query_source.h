@@ -11,6 +11,8 @@
 #include "colmap_lazyloc/bridge/two_view_geometry.h"
 #include "colmap_lazyloc/database/database_reader.h"
 #include "colmap_lazyloc/database/feature_reader.h"
+#include "colmap_lazyloc/io/depth_maps.h"
+#include "colmap_lazyloc/io/depth_points.h"
 #include "colmap_lazyloc/io/pair_loader.h"
 #include "colmap_lazyloc/io/photo_loader.h"
 #include "colmap_lazyloc/io/query_record.h"
@@ -25,6 +27,7 @@ struct SourceOptions {
   int num_retrieved = 20;  // database images per query
   QuerySelectionOptions selection;
   PhotoOptions photos;
+  DepthMapOptions depth;
 
   bool Check(std::string* error) const;
 };
@@ -78,6 +81,8 @@ class QuerySource {
   LoadedGroup Load(size_t group, Session* session) const;
   // Loads any group in the same way. The first photo may take long, because it makes the retrieval index.
   LoadedGroup Load(const GroupInput& input, Session* session) const;
+  // Returns one line for each problem with depth maps that were used until now.
+  std::vector<std::string> DepthWarnings() const;
   // Publishes the photos' features and matches, if they are kept.
   void PublishMatches() const;
 
@@ -85,6 +90,8 @@ class QuerySource {
   // Returns the loader of photos, which the first call makes.
   const PhotoLoader& Photos() const;
   std::optional<LocalizationProblem> LoadNamed(const std::string& name, Session* session, QueryRecord* record) const;
+  // Adds the depths of the database images' keypoints.
+  void AddDepths(const DatabaseReader& database, LoadedGroup* loaded) const;
   std::optional<LocalizationProblem> LoadPhoto(const PhotoQuery& photo, Session* session, QueryRecord* record) const;
 
   const SourceOptions options_;
@@ -93,6 +100,8 @@ class QuerySource {
   DatabaseReader database_;
   QuerySelection selection_;
   PairLoader pair_loader_;
+  std::optional<DepthMaps> depth_maps_;  // nullopt without a folder of maps
+  DepthPoints depth_points_;
   int max_num_pairs_ = 0;
   mutable std::once_flag photo_loader_is_made_;
   mutable std::unique_ptr<PhotoLoader> photo_loader_;  // null until a query is a photo
