@@ -5,6 +5,8 @@
 #include <cstdlib>
 #include <iostream>
 #include <memory>
+#include <set>
+#include <string>
 
 #include "colmap_lazyloc/cli/options.h"
 #include "colmap_lazyloc/cli/progress.h"
@@ -55,6 +57,25 @@ void WarnOfIntrinsics(const std::vector<QueryRecord>& records) {
   }
 }
 
+// Warns once of the depth maps that were not used.
+void WarnOfDepthMaps(const std::vector<QueryRecord>& records) {
+  std::set<std::string> contradicted, without_scale;
+  for (const QueryRecord& record : records) {
+    if (!record.result.depth) continue;
+    for (const DepthMapResult& map : record.result.depth->maps) {
+      if (map.verdict == DepthVerdict::CONTRADICTED) contradicted.insert(map.database_name);
+      if (map.verdict == DepthVerdict::NO_SCALE) without_scale.insert(map.database_name);
+    }
+  }
+  const auto warn = [](const std::set<std::string>& names, const std::string& reason) {
+    if (names.empty()) return;
+    PrintWarning("depth maps left out for " + std::to_string(names.size()) + " database images (for example " +
+                 *names.begin() + "): " + reason);
+  };
+  warn(contradicted, "triangulated points contradict them");
+  warn(without_scale, "too few triangulated points tell their scale, and --LazyLocalizer.depth_is_metric is 0");
+}
+
 int Run(const CommandOptions& options) {
   ResultWriter writer(options.output_path);
   const std::unique_ptr<const QuerySource> source_of_options = MakeQuerySource(options);
@@ -69,6 +90,8 @@ int Run(const CommandOptions& options) {
       [] { return interrupted != 0; });
   std::signal(SIGINT, SIG_DFL);
   WarnOfIntrinsics(records);
+  for (const std::string& warning : source.DepthWarnings()) PrintWarning(warning);
+  WarnOfDepthMaps(records);
   const bool is_leave_one_out = options.source.selection.leave_one_out;
   const std::string options_ini = "# written by " + ProgramVersion() + "\n" + OptionsAsIni(options);
   writer.Write(source.DatabaseModel(), records, source.Database(), options_ini, is_leave_one_out);

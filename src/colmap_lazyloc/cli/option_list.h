@@ -30,6 +30,9 @@ void ForEachBasicOption(Options& o, const Add& add) {
   add("query_trajectory_path", &o.source.selection.groups.trajectory_path,
       "Poses of the queries relative to each other: a COLMAP model, or a file in TUM's format or that of poses.txt; "
       "each group (without a group option, all queries) is localized as one rigid body");
+  add("depth_path", &o.source.depth.depth_path,
+      "Folder of depth maps of the database images, by the images' names: 16-bit PNG, .npy, or .bin of COLMAP's dense "
+      "stereo; default: no depth");
   add("strict", &o.strict, "Exit with code 2 if a query was not localized");
   add("ImageReader.camera_params", &o.source.photos.camera_params,
       "Parameters of the camera model of photos without a camera of their own, separated by commas; default: a camera of "
@@ -47,6 +50,9 @@ void ForEachBasicOption(Options& o, const Add& add) {
       "Intrinsics of queries: auto (estimate the focal length if it is a guess, or EXIF's and the images contradict it; "
       "refuse a query whose given intrinsics they contradict), given (keep them and only warn) or refine (always "
       "estimate the focal length)");
+  add("LazyLocalizer.depth_is_metric", &o.localizer.depth.is_metric,
+      "Take depths in --depth_path as lengths in the unit of the model, even if no triangulated points confirm their "
+      "scale");
   add("LazyLocalizer.min_confidence", &o.localizer.min_confidence,
       "Minimum probability that a position is right; queries below it have the status LOW_CONFIDENCE");
 }
@@ -60,6 +66,8 @@ void ForEachSourceOption(Options& o, const Add& add) {
   add("LazyLocalizer.Advanced.trajectory_has_scale", &o.selection.groups.trajectory_has_scale,
       "Take lengths in --query_trajectory_path as lengths in the unit of the model; 0 estimates their scale for each "
       "group");
+  add("LazyLocalizer.Advanced.depth_png_unit", &o.depth.png_unit,
+      "Depth in the unit of the model for a value of 1 in a PNG of --depth_path");
   add("LazyLocalizer.Advanced.query_prior_path", &o.photos.query_prior_path,
       "File with lines `name x y z radius`; a photo is matched only with database images within its radius");
   add("LazyLocalizer.Advanced.matches_output_path", &o.photos.matches_output_path,

@@ -5,9 +5,11 @@
 #include <numeric>
 #include <utility>
 
+#include "colmap_lazyloc/pipeline/depth_maps_in_use.h"
 #include "colmap_lazyloc/pipeline/focal_length.h"
 #include "colmap_lazyloc/pipeline/intrinsics_check.h"
 #include "colmap_lazyloc/pipeline/pose_evidence.h"
+#include "colmap_lazyloc/pipeline/position_ambiguity.h"
 #include "colmap_lazyloc/pipeline/refinement_without_tracks.h"
 #include "colmap_lazyloc/pipeline/report.h"
 
@@ -61,6 +63,21 @@ auto Timed(const char* name, Report* report, const Stage& stage) {
   return stage();
 }
 
+// Takes intrinsics for unobservable that are contradicted only if depths are exact: if these alone fix the distance,
+// errors of a map look like those of intrinsics.
+void IgnoreContradictionsOfDepth(const Layout& layout, const BundleAdjustmentResult& adjustment,
+                                 const LocalizerOptions& options, std::vector<IntrinsicsResult>* intrinsics) {
+  if (!layout.has_depths) return;
+  const std::vector<TrackRefs> tracks_of = TracksByFrame(layout, adjustment.tracks);
+  for (int query = 0; query < layout.num_queries; ++query) {
+    IntrinsicsResult& result = (*intrinsics)[query];
+    if (result.verdict != IntrinsicsVerdict::CONTRADICTED) continue;
+    if (!FixDistance(adjustment.posed, tracks_of[layout.FrameOf(query)], options)) continue;
+    result.verdict = IntrinsicsVerdict::UNOBSERVABLE;
+    result.contradiction.clear();
+  }
+}
+
 // What the stages up to the refinement find. pairs: those in use.
 struct Found {
   const QueryGroup& group;
@@ -77,10 +94,11 @@ std::vector<IntrinsicsResult> AddPoses(const Found& found, const LocalizerOption
                                        const QueryCamera* camera = nullptr) {
   const Layout& layout = found.layout;
   const Refined& refined = found.refined;
-  const CheckedIntrinsics checked = Timed("covariance", report, [&] {
+  CheckedIntrinsics checked = Timed("covariance", report, [&] {
     return CheckIntrinsics(found.group, layout, refined, EstimateUncertainties(layout, found.pairs, refined, options),
                            options, camera);
   });
+  IgnoreContradictionsOfDepth(layout, refined.adjustment, options, &checked.results);
   report->AddIntrinsics(checked.results);
   report->AddCameras(checked.cameras);
   report->AddUncertainties(checked.uncertainties);
@@ -104,17 +122,26 @@ Outcome LocalizeTogether(const QueryGroup& group, const LocalizerOptions& option
     const Layout layout = MakeLayout(group);
     const PairEstimates estimates = EstimatePairs(group, layout, options, report->Seconds());
     report->AddPairs(estimates);
-    const Averaged averaged = AverageMotion(layout, estimates.pairs, options, report->Seconds());
+    Averaged averaged = AverageMotion(layout, estimates.pairs, options, report->Seconds());
     CandidateTracks candidates =
         Timed("tracks", report, [&] { return CollectTracks(group, layout, averaged.pairs, options); });
-    const SplitTracks start_tracks = Timed("start", report, [&] {
+    SplitTracks start_tracks = Timed("start", report, [&] {
       return TriangulateFromDatabase(layout.given, candidates.for_start, options.triangulation);
     });
-    const Start start = Timed("start", report, [&] { return ChooseStart(layout, averaged, start_tracks, options); });
+    DepthMapsInUse depths;
+    if (layout.has_depths) {
+      depths = Timed("depth", report, [&] {
+        return UseDepthMaps(group, layout, averaged.pairs, options, &candidates, &start_tracks, &averaged.posed);
+      });
+      report->AddDepths(depths.results);
+    }
+    const Start start =
+        Timed("start", report, [&] { return ChooseStart(layout, averaged, start_tracks, options, depths.starts); });
     report->AddStart(layout, start);
     const Refined refined =
         Refine(layout, start.posed, start_tracks, std::move(candidates), options, report->Seconds());
     const auto intrinsics = AddPoses({group, layout, estimates, averaged.pairs, start, refined}, options, report);
+    report->AddDepthsOfPoses(layout, refined, options);
     report->AddPairErrors(layout, averaged, refined.adjustment.posed);
     if (options.intrinsics != IntrinsicsMode::GIVEN) RefuseContradicted(layout, intrinsics);
   });

@@ -24,7 +24,7 @@ void CheckPositions(const Layout& layout, const PairRefs& pairs, const BundleAdj
   std::optional<Failure> first;
   for (int i = 0; i < layout.num_query_frames; ++i) {
     const AdjustedFrame frame{layout, pairs, adjustment, i, tracks_of[i]};
-    if (!IsPositionOpen(frame, options)) continue;
+    if (!IsPositionOpen(frame, variance_factor, options)) continue;
     if (!first) first = OpenPositionFailure(frame, variance_factor);
     first->frames.push_back(i);
   }

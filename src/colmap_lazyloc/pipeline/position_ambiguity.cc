@@ -112,17 +112,37 @@ std::string OpenDirectionReason(const PoseSpread& spread, double distance) {
 
 }  // namespace
 
-bool IsPositionOpen(const AdjustedFrame& frame, const LocalizerOptions& options) {
+int CountCommonTracks(const TrackRefs& tracks) {
+  return static_cast<int>(
+      std::count_if(tracks.begin(), tracks.end(), [](const Track* track) { return track->observations.size() > 2; }));
+}
+
+int CountTracksWithDepth(const PosedImages& posed, const TrackRefs& tracks) {
+  return static_cast<int>(std::count_if(tracks.begin(), tracks.end(), [&](const Track* track) {
+    return std::any_of(track->observations.begin(), track->observations.end(), [&](const TrackObservation& element) {
+      return element.depth > 0 && posed.images[element.image].depth_scale;
+    });
+  }));
+}
+
+bool FixDistance(const PosedImages& posed, const TrackRefs& tracks, const LocalizerOptions& options) {
+  return CountTracksWithDepth(posed, tracks) >= options.min_num_tracks &&
+         CountCommonTracks(tracks) < options.min_num_tracks;
+}
+
+bool IsPositionOpen(const AdjustedFrame& frame, double variance_factor, const LocalizerOptions& options) {
   const Rigid3d& frame_from_world = frame.adjustment.posed.frames[frame.frame].frame_from_world;
-  const PoseSpread spread = ComputePoseSpread(frame_from_world, frame.adjustment.frame_covariances[frame.frame]);
+  const bool has_depth = CountTracksWithDepth(frame.adjustment.posed, frame.tracks) >= options.min_num_tracks;
+  // States the uncertainty of depths as it is, because unlike the images' noise it is not assumed too large.
+  const double factor = has_depth ? std::min(variance_factor, 1.0) : 1;
+  const PoseSpread spread =
+      ComputePoseSpread(frame_from_world, factor * frame.adjustment.frame_covariances[frame.frame]);
   const double distance = MedianDistance(frame_from_world, frame.tracks);
   const double stddev_ratio = std::max(spread.position_stddevs[0] / distance, spread.rotation_stddev_rad);
   if (!(stddev_ratio <= options.max_position_stddev_ratio)) return true;
   // On a line, only points of two database images, or of one and two queries, fix the position along it. Without them
   // the position may have moved onto a database image, where the covariance no longer shows that it can move.
-  const auto num_common = std::count_if(frame.tracks.begin(), frame.tracks.end(),
-                                        [](const Track* track) { return track->observations.size() > 2; });
-  return num_common < options.min_num_tracks && AreOnOneLine(frame, 0.01);
+  return !has_depth && CountCommonTracks(frame.tracks) < options.min_num_tracks && AreOnOneLine(frame, 0.01);
 }
 
 Failure OpenPositionFailure(const AdjustedFrame& frame, double variance_factor) {
