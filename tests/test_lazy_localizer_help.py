@@ -99,6 +99,8 @@ BASIC_OPTIONS = {
     "LazyLocalizer.leave_one_out",
     "LazyLocalizer.intrinsics",
     "LazyLocalizer.min_confidence",
+    "LazyLocalizer.depth_is_metric",
+    "depth_path",
 }
 
 
