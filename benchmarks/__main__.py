@@ -10,6 +10,8 @@ COMMANDS = {
     "photos": ("photos.compare_with_database", "queries that are only photos against queries of the database"),
     "retrieval": ("photos.retrieval", "what the retrieval index finds, its size and times"),
     "runtime": ("runtime.compare_with_local_triangulation", "seconds per query beside pycolmap's, on one core"),
+    "streaming": ("streaming", "memory and time of one process over the number of queries"),
+    "sparse": ("localization.sparse", "one to four database images, with and without points in common; rivals beside"),
     "uncertainty": ("uncertainty.report", "reported covariances against true errors of synthetic scenes"),
     "seven_scenes_layout": ("localization.datasets.seven_scenes_layout", "writes a scene in the layout of 7 Scenes"),
 }

@@ -22,4 +22,4 @@ trap 'rm -rf "$work"' EXIT
 PATH=$(dirname "$PYTHON"):$PATH "$PYTHON" -m auditwheel repair --strip --wheel-dir "$work/repaired" "$work"/built/*.whl \
   > "$work/log" 2>&1 || { tail -20 "$work/log" >&2; exit 1; }
 mkdir -p "$target"
-COLMAP_SOURCE_DIR=$COLMAP_SOURCE_DIR "$PYTHON" scripts/wheel_licences.py "$work"/repaired/*.whl --output_path "$target"
+COLMAP_SOURCE_DIR=$COLMAP_SOURCE_DIR "$PYTHON" scripts/licences.py wheel "$work"/repaired/*.whl "$target"

@@ -5,7 +5,7 @@
 #
 # Intrinsics come from a camera of the database with the photo's size, from EXIF or from a guess, unless you give them:
 #   --ImageReader.camera_model OPENCV --ImageReader.camera_params fx,fy,cx,cy,k1,k2,p1,p2
-# COLMAP: the program to use; default: the one built in this checkout, else `colmap`.
+# COLMAP: the program to use; default: the one built in this checkout, else `colmap-lazyloc`, else `colmap`.
 # Later runs reuse the retrieval index in OUTPUT.index. You may delete it.
 set -euo pipefail
 [ $# -ge 4 ] || { sed -n '2,/^set/s/^# \{0,1\}//p' "$0" >&2; exit 1; }

@@ -8,7 +8,8 @@
 #   BUILD_TARGETS       targets to build; default: all
 #
 # `setup.sh environment` stops before it fetches COLMAP and builds anything. `setup.sh browser` only installs what the
-# tests of the report page need: a browser, its driver and npm.
+# tests of the report page need: a browser, its driver and npm. `setup.sh deb` only installs the tools that make the
+# Debian package.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 source scripts/environment.sh
@@ -95,6 +96,10 @@ mkdir -p "$CACHE_DIR"
 if [ "${1:-}" = browser ]; then
   install_packages scripts/browser_packages.txt
   install_requirements scripts/browser_requirements.txt
+  exit 0
+fi
+if [ "${1:-}" = deb ]; then
+  install_packages scripts/deb_packages.txt
   exit 0
 fi
 install_packages scripts/packages.txt

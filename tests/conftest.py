@@ -5,6 +5,7 @@ import functools
 import os
 import pathlib
 import shutil
+import signal
 import subprocess
 
 import pytest
@@ -20,6 +21,9 @@ SCRIPTS_PATH = PROJECT_PATH / "scripts"
 # Folder of the real scenes; tests on them are skipped if it is missing.
 DATA_PATH = pathlib.Path(os.environ.get("LAZYLOC_SHARED_DATA", PROJECT_PATH.parent / "shared" / "data"))
 MAX_SECONDS = 300  # a run that takes longer hangs
+
+# Accepts Ctrl-C again, because background jobs of a shell ignore it, and so would the programs that tests interrupt.
+signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 @dataclasses.dataclass

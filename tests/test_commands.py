@@ -1,6 +1,7 @@
 """Tests of the package's commands: how they find colmap, how they end, and the scripts that start them."""
 
 import os
+import shutil
 import subprocess
 
 import pytest
@@ -32,6 +33,27 @@ def test_missing_file_is_one_line(capsys, tmp_path):
 def test_colmap_is_that_of_the_environment(monkeypatch):
     monkeypatch.setenv("COLMAP", "/some/colmap")
     assert str(program.find_colmap()) == "/some/colmap"
+
+
+def find_colmap_in_script(folder, path):
+    """Returns what scripts/find_colmap.sh finds without a build."""
+    command = ["bash", "-c", 'source "$1" && echo "$COLMAP"', "bash", SCRIPTS_PATH / "find_colmap.sh"]
+    environment = {"PATH": f"{path}:/usr/bin:/bin", "BUILD_DIR": str(folder / "no build")}
+    return subprocess.run(command, capture_output=True, text=True, check=True, env=environment).stdout.strip()
+
+
+def test_colmap_is_the_installed_package_without_a_build(monkeypatch, tmp_path):
+    monkeypatch.delenv("COLMAP", raising=False)
+    monkeypatch.setattr(program, "CHECKOUT_PATH", tmp_path)
+    monkeypatch.setenv("PATH", str(tmp_path))
+    assert str(program.find_colmap()) == "colmap"
+    installed = tmp_path / "colmap-lazyloc"
+    installed.touch(mode=0o755)
+    assert program.find_colmap() == installed
+    assert find_colmap_in_script(tmp_path, tmp_path) == str(installed)
+    installed.unlink()
+    if shutil.which("colmap-lazyloc", path="/usr/bin:/bin") is None:
+        assert find_colmap_in_script(tmp_path, tmp_path) == "colmap"
 
 
 def test_failing_program_leaves_a_log(tmp_path):

@@ -9,7 +9,6 @@ import subprocess
 import numpy as np
 import pytest
 
-from colmap_lazyloc.database import pair_id
 from colmap_lazyloc.testing import synthetic
 
 CASES = {}
@@ -54,9 +53,6 @@ class Files:
 
     def query_list(self, text):
         return ["--query_list_path", self.write("list.txt", text)]
-
-    def query_id(self):
-        return self.scene.images["query/001.jpg"].image_id
 
     def arguments(self, changed):
         """Returns the command line. `changed`: None, a list of further arguments, or a dictionary of other values."""
@@ -129,97 +125,6 @@ def database_without_two_view_geometries(files):
 @case("database.db", "keypoints")
 def database_without_keypoints(files):
     files.sql("DROP TABLE keypoints")
-
-
-# What the database holds
-
-
-@case("database.db", "camera model")
-def unknown_camera_model_of_a_query_in_the_database(files):
-    files.sql("UPDATE cameras SET model = 99 WHERE camera_id = 2")
-
-
-@case("database.db", "camera 2")
-def camera_of_a_query_missing_in_the_database(files):
-    files.sql("DELETE FROM cameras WHERE camera_id = 2")
-
-
-@case("database.db", "camera 2")
-def nan_in_the_camera_of_a_query(files):
-    files.sql("UPDATE cameras SET params = ? WHERE camera_id = 2", np.array([np.nan, 490, 300, 250]).tobytes())
-
-
-@case("database.db", "camera 2", "parameters")
-def too_few_parameters_in_the_camera_of_a_query(files):
-    files.sql("UPDATE cameras SET params = ? WHERE camera_id = 2", np.array([480.0]).tobytes())
-
-
-def set_keypoint(files, name, value):
-    image = files.scene.images[name]
-    image.keypoints[7, 1] = value
-    files.sql("UPDATE keypoints SET data = ? WHERE image_id = ?", image.keypoints.tobytes(), image.image_id)
-
-
-@case("database.db", "query/001.jpg", "keypoint")
-def nan_in_the_keypoints_of_a_query(files):
-    set_keypoint(files, "query/001.jpg", np.nan)
-
-
-@case("database.db", "database/003.jpg", "keypoint")
-def nan_in_the_keypoints_of_a_database_image(files):
-    set_keypoint(files, "database/003.jpg", np.nan)
-
-
-@case("database.db", "query/001.jpg", "keypoint")
-def infinity_in_the_keypoints(files):
-    set_keypoint(files, "query/001.jpg", np.inf)
-
-
-@case("database.db", "query/001.jpg")
-def keypoints_cut_short(files):
-    files.sql("UPDATE keypoints SET data = substr(data, 1, 100) WHERE image_id = ?", files.query_id())
-
-
-@case("database.db", "query/001.jpg")
-def keypoints_with_an_impossible_count(files):
-    files.sql("UPDATE keypoints SET rows = 2147483647 WHERE image_id = ?", files.query_id())
-
-
-@case("database.db", "query/001.jpg")
-def keypoints_with_a_negative_count(files):
-    files.sql("UPDATE keypoints SET rows = -1 WHERE image_id = ?", files.query_id())
-
-
-def set_match(files, table):
-    id_of_pair = pair_id(files.scene.images["database/004.jpg"].image_id, files.query_id())
-    matches = np.array([[0, 100000]] * 30, np.uint32)
-    files.sql(f"UPDATE {table} SET rows = 30, data = ? WHERE pair_id = ?", matches.tobytes(), id_of_pair)
-
-
-@case("database.db", "query/001.jpg", "database/004.jpg", "match")
-def match_index_out_of_range_among_the_inliers(files):
-    set_match(files, "two_view_geometries")
-
-
-@case("database.db", "query/001.jpg", "database/004.jpg", "match")
-def match_index_out_of_range_among_the_raw_matches(files):
-    files.sql("DELETE FROM two_view_geometries")
-    set_match(files, "matches")
-
-
-@case("database.db", "database/004.jpg", "match")
-def match_index_of_an_image_without_keypoints(files):
-    files.sql("DELETE FROM keypoints WHERE image_id = ?", files.scene.images["database/004.jpg"].image_id)
-
-
-@case("database.db", "qvec")
-def relative_pose_cut_short(files):
-    files.sql("UPDATE two_view_geometries SET qvec = substr(qvec, 1, 20)")
-
-
-@case("database.db", "config")
-def unknown_configuration_of_a_geometry(files):
-    files.sql("UPDATE two_view_geometries SET config = 77")
 
 
 # Models
@@ -487,7 +392,7 @@ def test_bad_input_leaves_an_earlier_run_as_it_was(colmap, localize, files, exac
 
 
 def test_failed_run_takes_away_the_parent_folders_that_it_made(colmap, files):
-    CASES["nan_in_the_keypoints_of_a_query"][0](files)
+    CASES["database_without_keypoints"][0](files)
     arguments = files.arguments({"--output_path": files.folder / "a" / "b" / "c"})
     assert subprocess.run([colmap, "lazy_localizer", *arguments], capture_output=True).returncode == 1
     assert not (files.folder / "a").exists()

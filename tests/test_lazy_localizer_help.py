@@ -47,10 +47,10 @@ def test_help_lists_every_command(colmap, arguments):
     assert done.returncode == 0
     listed = done.stdout.split("Available commands:")[1].split()
     assert len(listed) == len(set(listed))
-    assert {"lazy_indexer", "lazy_localizer", *SOME_COMMANDS} <= set(listed)
+    assert {"lazy_indexer", "lazy_localizer", "lazy_merger", *SOME_COMMANDS} <= set(listed)
     required, every = upstream_commands(colmap)
     if every:
-        assert required <= set(listed) - {"lazy_indexer", "lazy_localizer"} <= every
+        assert required <= set(listed) - {"lazy_indexer", "lazy_localizer", "lazy_merger"} <= every
 
 
 def test_an_upstream_command_works(colmap, tmp_path):
@@ -90,7 +90,13 @@ BASIC_OPTIONS = {
     "retrieval_index_path",
     "rig_config_path",
     "query_trajectory_path",
+    "query_position_path",
+    "query_gravity_path",
     "strict",
+    "resume",
+    "overwrite",
+    "shard",
+    "log_path",
     "ImageReader.camera_params",
     "LazyLocalizer.num_retrieved",
     "LazyLocalizer.num_threads",
@@ -98,6 +104,7 @@ BASIC_OPTIONS = {
     "LazyLocalizer.group_size",
     "LazyLocalizer.leave_one_out",
     "LazyLocalizer.intrinsics",
+    "LazyLocalizer.world_up",
     "LazyLocalizer.min_confidence",
     "LazyLocalizer.depth_is_metric",
     "depth_path",

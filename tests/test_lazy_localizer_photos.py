@@ -1,5 +1,6 @@
 """Tests of photos that are not in the database: features, retrieval and matching in memory."""
 
+import re
 import shutil
 import sqlite3
 import subprocess
@@ -61,6 +62,22 @@ def test_photos_are_localized_and_nothing_is_touched(scene, exhaustive):
         assert {"extraction", "retrieval", "matching", "verification", "total"} <= stages
 
 
+def test_number_and_scales_of_features_may_follow_the_database(scene, queries, localize, exhaustive):
+    counts = sorted(rows for (rows,) in database_rows(scene.database_path, "SELECT rows FROM descriptors"))
+    arguments = [word for word in scene.arguments(queries) if word not in photo_scene.SIFT]
+    run = localize(*arguments, "--SiftExtraction.first_octave", -2, "--SiftExtraction.max_num_features", -1)
+    scene.assert_localized(run)
+    photos = "photos of 480 pixels with a focal length of 400"
+    chosen = f"{photos}: at most {counts[-2]} features, first octave 0"
+    assert run.stdout.startswith(chosen + "\n")
+    assert f"# {chosen}" in (run.output_path / "options.ini").read_text().splitlines()
+    for name in scene.query_names:
+        numbers = [made.results[name]["num_observations"] for made in (run, exhaustive)]
+        assert numbers[0] >= 0.8 * numbers[1]
+    finer = localize(*arguments, "--SiftExtraction.first_octave", -1, "--SiftExtraction.max_num_features", 700)
+    assert finer.stdout.startswith(f"{photos}: at most 700 features, first octave -1\n")
+
+
 def test_model_has_the_photos_with_their_keypoints(scene, exhaustive):
     pycolmap = pytest.importorskip("pycolmap")
     model = pycolmap.Reconstruction(exhaustive.output_path / "model")
@@ -112,7 +129,9 @@ def test_index_is_made_on_first_use_and_chooses_images(colmap, scene, queries, l
     assert path.read_bytes() == content and again.poses_bytes == first.poses_bytes
     for name in scene.query_names:
         assert len(first.pair_names(name)) == 4
-    assert index(colmap, scene, tmp_path / "other").startswith(f"{tmp_path / 'other'}: made, 6 images (6 added")
+    estimate, outcome = index(colmap, scene, tmp_path / "other").splitlines()
+    assert re.fullmatch(rf"{scene.database_path}: 6 images, \d+ features: about 1 MB of memory and of disk", estimate)
+    assert outcome.startswith(f"{tmp_path / 'other'}: made, 6 images (6 added")
     by_indexer = localize(
         *scene.arguments(queries, "--retrieval_index_path", tmp_path / "other", "--LazyLocalizer.num_retrieved", 4)
     )

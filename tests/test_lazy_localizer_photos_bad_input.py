@@ -140,14 +140,43 @@ def test_without_image_path_an_unknown_query_is_refused(scene, queries, localize
         ("DELETE FROM descriptors", ["no posed image has descriptors", "feature_extractor"]),
         ("DROP TABLE descriptors", ["no table descriptors"]),
         ("UPDATE descriptors SET cols = 256", ["not SIFT's", "256"]),
-        ("UPDATE descriptors SET data = x'00'", ["descriptors have 1 bytes"]),
-        ("UPDATE keypoints SET rows = 1, data = substr(data, 1, 24)", ["has 1 keypoints, but"]),
     ],
 )
 def test_unusable_descriptors_are_refused(scene, queries, localize, changed_database, statement, words):
     path = changed_database(statement)
     run = localize("--database_path", path, *scene.arguments(queries)[2:])
     assert_refused(run, path, *words)
+
+
+@pytest.mark.parametrize(
+    "statement, words",
+    [
+        ("UPDATE descriptors SET data = x'00'", "table descriptors, image 1 (database/"),
+        ("UPDATE keypoints SET rows = 1, data = substr(data, 1, 24)", "has 1 keypoints, but"),
+    ],
+)
+def test_damaged_features_of_all_images_are_the_status(scene, queries, localize, changed_database, statement, words):
+    run = localize("--database_path", changed_database(statement), *scene.arguments(queries)[2:])
+    assert run.exit_code == 0, run.stderr
+    (result,) = run.results.values()
+    assert result["status"] == "DAMAGED_DATA"
+    assert any(words in record for record in result["damaged_records"])
+
+
+@pytest.mark.parametrize("statement", ["UPDATE descriptors SET data = x'00'", "UPDATE descriptors SET rows = -1"])
+@pytest.mark.parametrize("has_index", [False, True])
+def test_an_image_with_damaged_descriptors_is_left_out(
+    scene, queries, localize, changed_database, tmp_path, statement, has_index
+):
+    name = scene.database_names[0]
+    path = changed_database(
+        f"{statement} WHERE image_id = (SELECT image_id FROM images WHERE name = '{name}')",
+    )
+    index = ["--retrieval_index_path", tmp_path / "index"] if has_index else []
+    run = localize("--database_path", path, *scene.arguments(queries, *index)[2:])
+    scene.assert_localized(run, scene.query_names[:1])
+    assert name not in run.pair_names(scene.query_names[0])
+    assert run.stderr.startswith("WARNING: ") and f"({name}): " in run.stderr
 
 
 def test_an_image_without_descriptors_is_left_out(scene, queries, localize, changed_database):
@@ -199,7 +228,7 @@ def test_matches_output_that_cannot_be_made_is_refused(scene, queries, localize,
 
 
 def test_failed_run_leaves_no_matches_output(scene, queries, localize, tmp_path, changed_database):
-    path = changed_database("UPDATE descriptors SET data = x'00'")
+    path = changed_database("DELETE FROM descriptors")
     run = localize(
         "--database_path",
         path,

@@ -102,6 +102,7 @@ def test_interrupted_run_writes_the_results_so_far(colmap, long, tmp_path, num_t
         "options.ini",
         "poses.txt",
         "results.jsonl",
+        "unfinished",
     ]
     import pycolmap
 

@@ -147,12 +147,13 @@ def test_database_is_untouched_beside_an_open_writer(localize, exact, tmp_path, 
     run.assert_localized(exact.scene, exact.scene.query_names, 5e-7, 5e-6)
 
 
-def test_failing_run_leaves_the_database_untouched(localize, exact, tmp_path, fingerprint, write_scene_files):
+def test_failures_leave_the_database_untouched(localize, exact, tmp_path, fingerprint, write_scene_files):
     scene = exact.scene.copy()
     scene.images["query/001.jpg"].keypoints[5, 0] = float("nan")
     files = write_scene_files(tmp_path, scene)
     before = fingerprint(tmp_path)
-    assert localize(*files.arguments).exit_code == 1
+    assert localize(*files.arguments).statuses["query/001.jpg"] == "DAMAGED_DATA"
+    assert localize(*files.arguments, "--query_list_path", tmp_path / "missing.txt").exit_code == 1
     assert fingerprint(tmp_path) == before
 
 

@@ -14,8 +14,13 @@ import numpy as np
 import pytest
 
 from colmap_lazyloc.extension import core
+from colmap_lazyloc.poses import Pose
 from conftest import PROJECT_PATH
+from test_hloc_to_database import hloc_files
+from test_python_localizer import relative_poses
 from test_python_processes import ENVIRONMENT
+
+__all__ = ["hloc_files"]  # a fixture
 
 EXAMPLES_PATH = PROJECT_PATH / "examples" / "python"
 
@@ -69,6 +74,66 @@ def all_points(scene):
     return np.random.default_rng(0).uniform(-1, 1, (num_points, 3))
 
 
+def read_statuses(done):
+    assert done.returncode == 0, done.stderr
+    return {line.split()[0]: line.split()[1] for line in done.stdout.splitlines()}
+
+
+def printed_poses(done):
+    """Returns the poses that the examples of groups print: name, status, quaternion, translation."""
+    return {
+        words[0]: Pose(np.array(words[2:6], float), np.array(words[6:], float))
+        for words in map(str.split, done.stdout.splitlines())
+    }
+
+
+def test_rig(photos, tmp_path):
+    """Takes two photos as a rig, because only their poses relative to each other matter."""
+    names = photos.query_names[:2]
+    origin = photos.poses[names[0]]
+    rig = {}
+    for name in names:
+        rotation = photos.poses[name].rotation @ origin.rotation.T
+        translation = photos.poses[name].tvec - rotation @ origin.tvec
+        rig[name] = np.column_stack([rotation, translation]).tolist()
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).symlink_to(photos.image_path / name)
+    (tmp_path / "rig.json").write_text(json.dumps(rig))
+    done = run_example("localize_rig.py", photos.database_path, photos.model_path, tmp_path / "rig.json")
+    assert read_statuses(done) == dict.fromkeys(names, "LOCALIZED")
+    for name, pose in printed_poses(done).items():
+        assert max(pose.errors(photos.poses[name])) < 0.2
+
+
+def test_trajectory(exact, tmp_path):
+    names = exact.scene.query_names
+    poses = relative_poses(exact.scene, names)
+    lines = [f"{name} {Pose.from_matrix(rotation, 3 * tvec).text()}" for name, (rotation, tvec) in poses.items()]
+    (tmp_path / "odometry.txt").write_text("\n".join(lines))
+    done = run_example("localize_trajectory.py", exact.database_path, exact.model_path, tmp_path / "odometry.txt")
+    assert read_statuses(done) == dict.fromkeys(names, "LOCALIZED")
+    for name, pose in printed_poses(done).items():
+        assert max(pose.errors(exact.scene.images[name].pose)) < 1e-4
+
+
+def test_hloc_files(hloc_files):
+    folder, folder_name, queries = hloc_files
+    files = ["model", "queries.txt", "pairs.txt", "features.h5", "matches.h5"]
+    pairs = [line.split() for line in (folder / "pairs.txt").read_text().splitlines()]
+    ordered = [pair if pair[0].startswith("q/") else pair[::-1] for pair in pairs]
+    (folder / "pairs.txt").write_text("".join(f"{query} {other}\n" for query, other in ordered))
+    done = run_example("localize_hloc.py", *(folder / name for name in files))
+    assert read_statuses(done) == {folder_name[name]: "LOCALIZED" for name in queries}
+
+
+def test_results_with_pandas(localize, noisy):
+    run = localize(*noisy.arguments)
+    done = run_example("read_results.py", run.output_path / "results.jsonl")
+    assert done.returncode == 0 and done.stderr == "", done.stderr
+    assert f"LOCALIZED    {len(run.poses)}" in done.stdout
+    assert all(name in done.stdout for name in run.poses) and "position_stddev" in done.stdout
+
+
 @pytest.fixture
 def service(photos):
     with socket.socket() as free:
@@ -104,7 +169,8 @@ def test_examples_and_package_have_correct_types(tmp_path):
     package = PROJECT_PATH / "python" / "colmap_lazyloc"
     modules = ["localizer", "result", "inputs", "settings", "tasks", "extension", "commands", "arrays", "__init__"]
     files = [*EXAMPLES_PATH.glob("*.py"), *(package / f"{name}.py" for name in modules)]
-    command = [sys.executable, "-m", "mypy", "--strict", "--follow-imports=silent", "--cache-dir", tmp_path, *files]
+    config = ["--config-file", PROJECT_PATH / "pyproject.toml", "--cache-dir", tmp_path]
+    command = [sys.executable, "-m", "mypy", "--strict", "--follow-imports=silent", *config, *files]
     done = subprocess.run(
         list(map(str, command)), capture_output=True, text=True, env={**ENVIRONMENT, "MYPYPATH": str(package.parent)}
     )

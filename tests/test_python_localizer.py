@@ -214,7 +214,7 @@ def test_photo_with_an_index_has_the_bytes_of_the_program(localize, photos, tmp_
     index = tmp_path / "database.index"
     more = ["--retrieval_index_path", index, "--LazyLocalizer.num_retrieved", 4]
     run = localize(*photos.arguments(queries, *more))
-    options = {"max_num_features": 1500, "first_octave": 0, "num_retrieved": 4}
+    options = {"SiftExtraction.max_num_features": 1500, "first_octave": 0, "num_retrieved": 4}
     localizer = ll.Localizer(photos.database_path, photos.model_path, index=index, options=options)
     for name in photos.query_names:
         result = localizer.localize_photo(photos.image_path / name, name=name)

@@ -86,7 +86,7 @@ def test_child_processes(photos, tmp_path, method):
     code = """
         import multiprocessing, sys
         import colmap_lazyloc as ll
-        options = {"max_num_features": 1500, "first_octave": 0}
+        options = {"SiftExtraction.max_num_features": 1500, "first_octave": 0}
         def localize(localizer=None):
             localizer = localizer or ll.Localizer(sys.argv[1], sys.argv[2], options=options)
             result = localizer.localize_photo(sys.argv[3], name="query")
@@ -141,12 +141,13 @@ def test_other_threads_run_during_a_call(noisy):
         while not stop.is_set():
             counts[0] += 1
 
-    thread = threading.Thread(target=count)
+    thread = threading.Thread(target=count, daemon=True)
     thread.start()
-    group = localizer._core.find_group(localizer.queries[0])
+    name = localizer.queries[0]
+    group = localizer._core.find_group(name)
     before = counts[0]
     for _ in range(50):
-        localizer._core.localize_group(group)
+        localizer._core.localize_group(group, name, [], [])
     during = counts[0] - before
     stop.set()
     thread.join()

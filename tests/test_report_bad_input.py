@@ -253,6 +253,7 @@ def test_interrupted_command(run_path, tmp_path):
     process = subprocess.Popen(command, env=environment, stderr=subprocess.PIPE, text=True)
     with (run_path / "results.jsonl").open("wb"):  # waits until the command reads
         process.send_signal(signal.SIGINT)
-        _, errors = process.communicate(timeout=60)
+    # Closes the file first, because a signal that comes just before the command waits for data does not wake it.
+    _, errors = process.communicate(timeout=60)
     assert (process.returncode, errors) == (130, "colmap_lazyloc.report: interrupted\n")
     assert list(tmp_path.iterdir()) == [run_path]

@@ -87,7 +87,7 @@ def test_wrong_poses(tmp_path):
 
 def test_many_failures_of_one_kind(tmp_path):
     def change(i, result):
-        if i in (4, 5, 6):
+        if i in (5, 6, 7):
             result["status"] = "NO_PAIRS"
 
     shape = {"num_queries": 30, "has_failures": True}

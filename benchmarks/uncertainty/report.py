@@ -3,12 +3,13 @@
 quantiles  quantiles of the squared errors, normalized by the reported covariance; they should equal those of the
            chi-square distribution with 6 degrees of freedom
 cases      scenes with unobservable motions: statuses, reasons, reported standard deviations, true errors
+priors     the same scenes with positions and gravity of the queries: statuses, what these fix, true errors
 stress     scenes in which a pose may be wrong (repetition, wrong intrinsics, wrong database poses, chance), and the
            scenes below --data_path: confidence against errors
 fit        fits the weights of the confidence to the scenes of `stress` and writes pipeline/confidence_weights.h;
            build the program again after it
 
-  python -m benchmarks uncertainty [quantiles | cases | stress | fit]... [--data_path DATA]... [--colmap COLMAP]
+  python -m benchmarks uncertainty [quantiles | cases | priors | stress | fit]... [--data_path DATA]...
   python -m benchmarks uncertainty focal_length --help
 """
 
@@ -22,7 +23,7 @@ import numpy as np
 import scipy.stats
 from scipy.spatial.transform import Rotation
 
-from benchmarks.uncertainty import confidence_fit, focal_length, localizer, stress
+from benchmarks.uncertainty import confidence_fit, focal_length, localizer, priors, stress
 from colmap_lazyloc.errors import command
 from colmap_lazyloc.poses import Pose
 from colmap_lazyloc.program import find_colmap
@@ -215,7 +216,7 @@ def main(arguments=None):
     if arguments[:1] == ["focal_length"]:
         return focal_length.main(arguments[1:])
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    tables = ["quantiles", "cases", "stress", "fit"]
+    tables = ["quantiles", "cases", "priors", "stress", "fit"]
     parser.add_argument("tables", nargs="*", choices=[*tables, []], help="default: quantiles and cases")
     parser.add_argument("--colmap", type=pathlib.Path, default=find_colmap(), help="path of our colmap program")
     parser.add_argument(
@@ -243,6 +244,8 @@ def main(arguments=None):
     for table in arguments.tables or ["quantiles", "cases"]:
         if table in ("quantiles", "cases"):
             {"quantiles": print_quantiles, "cases": print_cases}[table](arguments.colmap)
+        elif table == "priors":
+            priors.print_priors(arguments.colmap, cases(), localize)
         else:
             # Fit other scenes than `stress` shows, because weights do best on what they were fitted to.
             outcomes = []

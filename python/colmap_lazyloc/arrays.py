@@ -107,6 +107,49 @@ def to_poses(poses: list[NDArray[np.float64]]) -> NDArray[np.float64]:
     return np.ascontiguousarray(poses, np.float64).reshape(-1, 7)
 
 
+def to_position(prior: Any) -> list[float]:
+    """Returns the numbers of a line of a file of positions, without the name; none for None.
+
+    Takes (x, y, z) and an uncertainty: a standard deviation, three of them, or a 3x3 covariance.
+    """
+    if prior is None:
+        return []
+    position, uncertainty = _to_prior(prior, "position")
+    if uncertainty.shape == (3, 3):
+        if not np.allclose(uncertainty, uncertainty.T):
+            raise InputError("position: the covariance is not symmetric")
+        uncertainty = uncertainty[np.triu_indices(3)]
+    elif uncertainty.size not in (1, 3):
+        raise InputError(
+            "position: the uncertainty must be a standard deviation, three of them, or a 3x3 covariance, "
+            f"but has {_shape(uncertainty)}"
+        )
+    return [*position.tolist(), *uncertainty.ravel().tolist()]
+
+
+def to_gravity(prior: Any) -> list[float]:
+    """Returns the numbers of a line of a file of gravity, without the name; none for None.
+
+    Takes a direction (x, y, z) and a standard deviation in degrees.
+    """
+    if prior is None:
+        return []
+    direction, uncertainty = _to_prior(prior, "gravity")
+    if uncertainty.size != 1:
+        raise InputError(f"gravity: the uncertainty must be one number, but has {_shape(uncertainty)}")
+    return [*direction.tolist(), *uncertainty.ravel().tolist()]
+
+
+def _to_prior(prior: Any, label: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    if not isinstance(prior, tuple | list) or len(prior) != 2:
+        raise InputError(f"{label}: must be a pair of (x, y, z) and its uncertainty")
+    given = [prior[1]] if np.ndim(prior[1]) == 0 else prior[1]
+    vector, uncertainty = _to_numbers(prior[0], label), _to_numbers(given, label)
+    if vector.size != 3:
+        raise InputError(f"{label}: must have 3 numbers, but has {vector.size}")
+    return vector.ravel(), uncertainty
+
+
 def to_model(images: Any) -> Any:
     """Returns the extension module's model; takes {name: (R, t, camera)} or a colmap_lazyloc.model.Model."""
     if isinstance(images, Model):

@@ -1,4 +1,4 @@
-"""The commands `lazy_localizer` and `lazy_indexer` of an installed package: those of the colmap program."""
+"""The commands of an installed package, which are those of the colmap program."""
 
 import sys
 
@@ -8,6 +8,11 @@ from colmap_lazyloc.extension import core
 def lazy_localizer() -> int:
     """Runs `colmap lazy_localizer` with the arguments of this process and returns its exit code."""
     return int(core.run_lazy_localizer(["lazy_localizer", *sys.argv[1:]]))
+
+
+def lazy_merger() -> int:
+    """Runs `colmap lazy_merger` with the arguments of this process and returns its exit code."""
+    return int(core.run_lazy_merger(["lazy_merger", *sys.argv[1:]]))
 
 
 def lazy_indexer() -> int:

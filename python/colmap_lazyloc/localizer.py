@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from colmap_lazyloc import arrays
 from colmap_lazyloc.errors import InputError
 from colmap_lazyloc.extension import core
-from colmap_lazyloc.inputs import Matches, Photo, Query
+from colmap_lazyloc.inputs import Matches, Photo, Query, QueryT
 from colmap_lazyloc.model import Model
 from colmap_lazyloc.result import Result
 from colmap_lazyloc.settings import check_text, to_settings
@@ -79,13 +79,29 @@ class Localizer:
         pose in the model."""
         return [name for group in self._open().groups() for name in group]
 
-    def localize(self, name: str) -> Result:
-        """Localizes a query of `queries`, together with its group if the options or rigs make groups."""
+    def localize(self, name: str, *, position: Any = None, gravity: Any = None) -> Result:
+        """Localizes a query of `queries`, together with its group if the options or rigs make groups.
+
+        `position`: (x, y, z), uncertainty: where the camera was, in the model's coordinates, from GPS for example. The
+        uncertainty is a standard deviation, one for each coordinate, or a 3x3 covariance.
+        `gravity`: (x, y, z), standard deviation in degrees: where down was in the camera's axes (x right, y down, z
+        forward). It needs the option world_up. Both replace those in the files of the options; what the images
+        contradict is left out (`as_dict()["priors"]` of the result).
+        """
         localizer = self._open()
-        answers = localizer.localize_group(localizer.find_group(_check_name(name)))
+        group = localizer.find_group(_check_name(name))
+        answers = localizer.localize_group(group, name, arrays.to_position(position), arrays.to_gravity(gravity))
         return next(result for result in _to_results(answers) if result.name == name)
 
-    def localize_photo(self, image: Path | NDArray[np.uint8], camera: Any = None, *, name: str | None = None) -> Result:
+    def localize_photo(
+        self,
+        image: Path | NDArray[np.uint8],
+        camera: Any = None,
+        *,
+        name: str | None = None,
+        position: Any = None,
+        gravity: Any = None,
+    ) -> Result:
         """Extracts the SIFT features of a photo, matches them with the database's and localizes it.
 
         `image`: a file (below the option image_path, if it is set), or uint8 values, height x width (grey) or
@@ -94,11 +110,19 @@ class Localizer:
         with these attributes, for example pycolmap.Camera. By default, the intrinsics come from a camera of the model
         with the photo's size, from EXIF, or from a guess, and the images correct them.
         `name`: the query's name, from which random choices are seeded; default: the path, or "photo".
+        `position`, `gravity`: as for `localize`.
         """
-        return self._localize_alone(Photo(image, camera, name))
+        return self._localize_alone(Photo(image, camera, name, position, gravity))
 
     def localize_matches(
-        self, camera: Any, keypoints: ArrayLike, pairs: Mapping[str, Any], *, name: str = "query"
+        self,
+        camera: Any,
+        keypoints: ArrayLike,
+        pairs: Mapping[str, Any],
+        *,
+        name: str = "query",
+        position: Any = None,
+        gravity: Any = None,
     ) -> Result:
         """Localizes a query from features and matches of any kind.
 
@@ -106,10 +130,11 @@ class Localizer:
         `pairs`: {name of a posed image: (its keypoints, matches)}, with m x 2 pixels and k x 2 integers: the index of a
         keypoint of the query and of a keypoint of the posed image. With `matches` alone instead of the pair, the
         keypoints are those in the database. Matches are verified by COLMAP's two-view geometry.
+        `position`, `gravity`: as for `localize`.
         """
-        return self._localize_alone(Matches(camera, keypoints, pairs, name))
+        return self._localize_alone(Matches(camera, keypoints, pairs, name, position, gravity))
 
-    def localize_rig(self, images: Mapping[Query, Any], *, name: str = "rig") -> dict[str, Result]:
+    def localize_rig(self, images: Mapping[QueryT, Any], *, name: str = "rig") -> dict[str, Result]:
         """Localizes the images of a camera rig at one moment, which share one unknown pose; returns results by name.
 
         `images`: {query: cam_from_rig}; a query is the name of one of `queries`, a `Photo` or a `Matches`, a pose a 3x4
@@ -117,7 +142,7 @@ class Localizer:
         """
         return self._localize_frame(images, name, has_scale=True)
 
-    def localize_trajectory(self, images: Mapping[Query, Any], *, has_scale: bool = True) -> dict[str, Result]:
+    def localize_trajectory(self, images: Mapping[QueryT, Any], *, has_scale: bool = True) -> dict[str, Result]:
         """Localizes images whose poses relative to each other are known, from odometry or SLAM, as one rigid body.
 
         `images`: {query: cam_from_world in the trajectory's own world}, as for `localize_rig`. `has_scale`: False if
@@ -166,7 +191,7 @@ class Localizer:
         localizer = self._open()
         return _input_task(localizer, *_to_input(localizer, query))()[0]
 
-    def _localize_frame(self, images: Mapping[Query, Any], name: str | None, *, has_scale: bool) -> dict[str, Result]:
+    def _localize_frame(self, images: Mapping[QueryT, Any], name: str | None, *, has_scale: bool) -> dict[str, Result]:
         localizer = self._open()
         if not isinstance(images, Mapping) or not images:
             raise InputError("images: must be a dict of at least one query with its pose")
@@ -197,7 +222,10 @@ def _to_results(answers: Iterable[Any]) -> list[Result]:
 
 
 def _group_task(localizer: Any, group: int, names: set[str]) -> Callable[[], list[Result]]:
-    return lambda: [result for result in _to_results(localizer.localize_group(group)) if result.name in names]
+    def localize() -> list[Result]:
+        return [result for result in _to_results(localizer.localize_group(group, "", [], [])) if result.name in names]
+
+    return localize
 
 
 def _input_task(localizer: Any, name: str, query: Any) -> Callable[[], list[Result]]:
@@ -210,10 +238,15 @@ def _to_input(localizer: Any, query: Query) -> tuple[str, Any]:
         localizer.find_group(_check_name(query))  # raises InputError for an unknown one
         return query, core.named(query)
     if isinstance(query, Photo):
-        return _to_photo(query)
+        name, plain = _to_photo(query)
+        return name, _with_prior(localizer, plain, query)
     if isinstance(query, Matches):
-        return query.name, _to_matches(localizer, query)
+        return query.name, _with_prior(localizer, _to_matches(localizer, query), query)
     raise InputError(f"a query must be a name, a Photo or a Matches, but is of type {type(query).__name__}")
+
+
+def _with_prior(localizer: Any, plain: Any, query: Photo | Matches) -> Any:
+    return localizer.with_prior(plain, arrays.to_position(query.position), arrays.to_gravity(query.gravity))
 
 
 def _to_photo(photo: Photo) -> tuple[str, Any]:

@@ -43,12 +43,9 @@ class Pose:
 
     def errors(self, truth: "Pose") -> tuple[float, float]:
         """Returns the distance of the projection centres, and the angle between the rotations in degrees."""
-        w1, v1 = self.qvec[0], self.qvec[1:]
-        w2, v2 = truth.qvec[0], -truth.qvec[1:]
-        # Use the arc tangent, because the arc cosine of the trace is inaccurate for small angles.
-        sine, cosine = np.linalg.norm(w1 * v2 + w2 * v1 + np.cross(v1, v2)), abs(w1 * w2 - v1 @ v2)
-        distance = np.linalg.norm(self.cam_in_world - truth.cam_in_world)
-        return float(distance), math.degrees(2 * math.atan2(sine, cosine))
+        poses = ((pose.qvec / np.linalg.norm(pose.qvec), pose.tvec) for pose in (self, truth))
+        (distance,), (angle_deg,) = pose_errors(*(vector[None] for pose in poses for vector in pose))
+        return float(distance), float(angle_deg)
 
     def bits(self) -> bytes:
         """Returns the seven doubles as COLMAP's binary models hold them: qvec, tvec."""
@@ -68,6 +65,21 @@ def rotation_matrices(qvecs: np.ndarray) -> np.ndarray:
         [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
     ]
     return np.moveaxis(np.array(rows), 2, 0)
+
+
+def centres(qvecs: np.ndarray, tvecs: np.ndarray) -> np.ndarray:
+    """Returns the projection centres, n x 3, of poses cam_from_world."""
+    return -np.einsum("nji,nj->ni", rotation_matrices(qvecs), tvecs)
+
+
+def pose_errors(qvecs, tvecs, true_qvecs, true_tvecs) -> tuple[np.ndarray, np.ndarray]:
+    """Returns the distances of the projection centres, and the angles between the rotations in degrees."""
+    distances = np.linalg.norm(centres(qvecs, tvecs) - centres(true_qvecs, true_tvecs), axis=1)
+    w1, v1, w2, v2 = qvecs[:, :1], qvecs[:, 1:], true_qvecs[:, :1], -true_qvecs[:, 1:]
+    # Use the arc tangent, because the arc cosine of the trace is inaccurate for small angles.
+    sines = np.linalg.norm(w1 * v2 + w2 * v1 + np.cross(v1, v2), axis=1)
+    cosines = np.abs(w1 * w2 - np.sum(v1 * v2, axis=1, keepdims=True))[:, 0]
+    return distances, np.degrees(2 * np.arctan2(sines, cosines))
 
 
 def look_at(cam_in_world, target, down, roll_deg: float = 0.0) -> np.ndarray:

@@ -8,6 +8,7 @@ prints the option that switches the GPU on and off for a COLMAP command (feature
 import os
 import pathlib
 import re
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -18,11 +19,12 @@ CHECKOUT_PATH = pathlib.Path(__file__).resolve().parents[2]
 
 
 def find_colmap() -> pathlib.Path:
-    """Returns the program that the environment variable COLMAP names, else the checkout's build, else `colmap`."""
+    """Returns the program that the environment variable COLMAP names, else the one built in the checkout, else that of
+    the Debian package, else `colmap`."""
     if "COLMAP" in os.environ:
         return pathlib.Path(os.environ["COLMAP"])
     built = CHECKOUT_PATH / "build" / "bin" / "colmap"
-    return built if built.exists() else pathlib.Path("colmap")
+    return built if built.exists() else pathlib.Path(shutil.which("colmap-lazyloc") or "colmap")
 
 
 def run_colmap(colmap, *arguments, log_path: pathlib.Path | None = None) -> str:

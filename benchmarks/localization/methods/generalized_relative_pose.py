@@ -32,4 +32,6 @@ def estimate_pose(scene: Scene, camera: Camera, matches: QueryMatches, seed: int
     answer = pycolmap.estimate_generalized_relative_pose(
         query_points, database_points, [0] * len(query_points), camera_idxs.tolist(), cams_from_rig, cameras, options
     )
-    return to_pose(answer["rig2_from_rig1"].inverse()) if answer else None
+    # One database image gives the key pano2_from_pano1, a pose without scale.
+    has_scale = answer is not None and "rig2_from_rig1" in answer
+    return to_pose(answer["rig2_from_rig1"].inverse()) if has_scale else None

@@ -24,10 +24,22 @@ _VERDICTS = {
 }
 
 
+_PRIOR_VERDICTS = {
+    "used": "used",
+    "contradicted": "contradicted by the images, and left out",
+    "not_tested": "not used, because the images give no pose to compare it with",
+}
+_PRIOR_ROLES = {
+    "distance": ": it fixes the place on the line on which the images put the query",
+    "position": ": it fixes the position, which the images leave open",
+}
+
+
 def facts(result: dict) -> list[tuple[str, str]]:
     """Returns the rows of a table, label and text; without what the table of queries has."""
     rows = _certainty_rows(result)
     rows += _evidence_rows(result)
+    rows += _prior_rows(result)
     rows += _camera_rows(result)
     rows += _group_rows(result)
     return [(label, text) for label, text in rows if text]
@@ -75,6 +87,20 @@ def _evidence_rows(result: dict) -> list[tuple[str, str]]:
     )
     rows += [(label, text(evidence[name])) for name, label, text in texts if evidence.get(name) is not None]
     rows.append(("Start of the refinement", _STARTS.get(result.get("start", ""), result.get("start", ""))))
+    return rows
+
+
+def _prior_rows(result: dict) -> list[tuple[str, str]]:
+    rows = []
+    for name, label in (("position", "Given position"), ("gravity", "Given direction of gravity")):
+        prior = (result.get("priors") or {}).get(name)
+        if prior is None:
+            continue
+        text = _PRIOR_VERDICTS.get(prior["verdict"], prior["verdict"]) + _PRIOR_ROLES.get(prior["fixes"], "")
+        if prior["deviation"] is not None:
+            deviation = format_length(prior["deviation"]) if name == "position" else f"{prior['deviation']:.3g}°"
+            text += f"; {deviation} from what the images say, {prior['deviation_sigma']:.1f} standard deviations"
+        rows.append((label, text))
     return rows
 
 

@@ -21,24 +21,9 @@ def normalized(vectors: np.ndarray) -> np.ndarray:
     return vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
 
 
-def centres(qvecs: np.ndarray, tvecs: np.ndarray) -> np.ndarray:
-    """Returns the projection centres, n x 3, of poses cam_from_world."""
-    return -np.einsum("nji,nj->ni", rotation_matrices(qvecs), tvecs)
-
-
 def viewer_quaternions(qvecs: np.ndarray) -> np.ndarray:
     """Returns the inverse rotations, world_from_cam, as x y z w."""
     return np.concatenate([-qvecs[:, 1:], qvecs[:, :1]], axis=1)
-
-
-def pose_errors(qvecs, tvecs, true_qvecs, true_tvecs) -> tuple[np.ndarray, np.ndarray]:
-    """Returns the distances of the projection centres, and the angles between the rotations in degrees."""
-    distances = np.linalg.norm(centres(qvecs, tvecs) - centres(true_qvecs, true_tvecs), axis=1)
-    w1, v1, w2, v2 = qvecs[:, :1], qvecs[:, 1:], true_qvecs[:, :1], -true_qvecs[:, 1:]
-    # Use the arc tangent, because the arc cosine of the trace is inaccurate for small angles.
-    sines = np.linalg.norm(w1 * v2 + w2 * v1 + np.cross(v1, v2), axis=1)
-    cosines = np.abs(w1 * w2 - np.sum(v1 * v2, axis=1, keepdims=True))[:, 0]
-    return distances, np.degrees(2 * np.arctan2(sines, cosines))
 
 
 def position_covariances(qvecs, tvecs, covariances: np.ndarray) -> np.ndarray:

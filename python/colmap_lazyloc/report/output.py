@@ -27,7 +27,7 @@ def check_output(path: pathlib.Path, is_folder: bool, page_name: str = ""):
 
 def write_file(path: pathlib.Path, pieces: Iterable[bytes]) -> int:
     """Writes a file; returns its size in bytes."""
-    with _replacing(path) as staged:
+    with replacing(path) as staged:
         with staged.open("wb") as file:
             file.writelines(pieces)
         return staged.stat().st_size
@@ -36,7 +36,7 @@ def write_file(path: pathlib.Path, pieces: Iterable[bytes]) -> int:
 def write_folder(path: pathlib.Path, files: Iterable[tuple[str, bytes]]) -> int:
     """Writes a folder of files, in place of an earlier one; returns its size in bytes."""
     size = 0
-    with _replacing(path) as staged:
+    with replacing(path) as staged:
         for name, content in files:
             file = staged / name
             file.parent.mkdir(parents=True, exist_ok=True)
@@ -46,7 +46,7 @@ def write_folder(path: pathlib.Path, files: Iterable[tuple[str, bytes]]) -> int:
 
 
 @contextlib.contextmanager
-def _replacing(path: pathlib.Path) -> Iterator[pathlib.Path]:
+def replacing(path: pathlib.Path) -> Iterator[pathlib.Path]:
     """Gives the path of what will replace `path`; removes it if there is an error."""
     staged, old = _staged(path), path.absolute().with_name(f".{path.name}.{os.getpid()}.old")
     try:

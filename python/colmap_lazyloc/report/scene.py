@@ -5,6 +5,7 @@ import itertools
 import numpy as np
 
 from colmap_lazyloc.model import Camera
+from colmap_lazyloc.poses import centres
 from colmap_lazyloc.report import geometry
 from colmap_lazyloc.report.run import Run
 from colmap_lazyloc.report.scene_points import ScenePoints
@@ -17,7 +18,7 @@ def scene_chunk(
     `frames`: names of the database images of each frame."""
     images = run.database_images
     database_qvecs, database_tvecs = geometry.stack_poses([image.cam_from_world for image in images])
-    database_centres = geometry.centres(database_qvecs, database_tvecs)
+    database_centres = centres(database_qvecs, database_tvecs)
     origin = np.median(database_centres, axis=0) if len(images) > 0 else np.zeros(3)
     size = _size(database_centres, points.xyz)
     values = {
@@ -59,7 +60,7 @@ def _query_arrays(run: Run, cameras: list[Camera | None], origin: np.ndarray) ->
             rotations[i] = result["rotation"]
     extents = [geometry.image_extent(camera) if camera else (-0.5, -0.375, 0.5, 0.375) for camera in cameras]
     return {
-        "queryCentres": geometry.centres(qvecs, tvecs) - origin,
+        "queryCentres": centres(qvecs, tvecs) - origin,
         "queryRotations": geometry.viewer_quaternions(rotations),
         "queryExtents": np.array(extents),
         "queryCovariances": geometry.position_covariances(qvecs, tvecs, covariances),
@@ -71,7 +72,7 @@ def _true_arrays(run: Run, origin: np.ndarray) -> dict[str, np.ndarray]:
         return {"trueCentres": np.empty(0), "trueRotations": np.empty(0)}
     qvecs, tvecs = geometry.stack_poses([run.truth.get(name) for name in run.names])
     return {
-        "trueCentres": geometry.centres(qvecs, tvecs) - origin,
+        "trueCentres": centres(qvecs, tvecs) - origin,
         "trueRotations": geometry.viewer_quaternions(qvecs),
     }
 

@@ -142,6 +142,7 @@ def _near_threshold(run: Run):
 
 
 _WHAT_TO_CHECK = {
+    "DAMAGED_DATA": "Records of the database are damaged, as the reasons say: make these records again.",
     "UNREADABLE_IMAGE": "Do the files exist below --image_path, and can COLMAP read their format?",
     "UNKNOWN_CAMERA": "Give the intrinsics in the query list or in --ImageReader.camera_params.",
     "NO_FEATURES": "Was feature extraction run on the queries?",

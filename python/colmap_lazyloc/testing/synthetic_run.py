@@ -2,9 +2,8 @@
 
     python -m colmap_lazyloc.testing.synthetic_run FOLDER --num_queries 10000 --num_points 1000000
 
-Cameras stand along a street that winds over a square field, and look at what is beside it. FOLDER gets results.jsonl,
-model/ and options.ini, as `colmap lazy_localizer` writes them, truth/ (a model with the true poses of the queries) and,
-with --photos, images/.
+Cameras stand along a street that winds over a square field, and look at what is beside it. FOLDER gets the files of
+`colmap lazy_localizer`, truth/ (a model with the true poses of the queries) and, with --photos, images/.
 """
 
 import argparse
@@ -25,6 +24,7 @@ FAILURES = (
     "UNKNOWN_CAMERA",
     "NO_FEATURES",
     "NO_PAIRS",
+    "DAMAGED_DATA",
     "TOO_FEW_INLIERS",
     "INCONSISTENT_ROTATIONS",
     "INCONSISTENT_RIG",
@@ -65,7 +65,7 @@ class RunShape:
     num_pairs: int = 20
     origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
     frame_size: int = 1  # queries of a frame
-    has_failures: bool = True  # 13 of each 100 queries have one of FAILURES
+    has_failures: bool = True  # 14 of each 100 queries have one of FAILURES
     has_ugly_names: bool = False
     has_photos: bool = False
     seed: int = 0
@@ -188,7 +188,7 @@ def _result(i: int, query: _Image, database: list[_Image], shape: RunShape, rng)
         "num_tracks": shape.num_points // shape.num_queries if has_pose else 0,
         "num_observations": 3 * shape.num_points // shape.num_queries if has_pose else 0,
         "mean_reprojection_error_px": rng.uniform(0.2, 1.0) if has_pose else None,
-        "pairs": [] if status in FAILURES[:4] else _pairs(i, database, has_pose, shape, rng),
+        "pairs": [] if status in FAILURES[:5] else _pairs(i, database, has_pose, shape, rng),
         "seconds": _seconds(rng),
     }
 

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "colmap_lazyloc/bridge/convert.h"
+#include "colmap_lazyloc/scene/format.h"
 
 namespace lazyloc {
 namespace {
@@ -25,6 +26,8 @@ const std::array<std::string, 7> kModelsOfColmap4 = {"RAD_TAN_THIN_PRISM_FISHEYE
 
 // Default of COLMAP's --ImageReader.default_focal_length_factor.
 constexpr double kDefaultFocalLengthFactor = 1.2;
+
+constexpr double kMaxFocalLengthRatio = 1e6;  // of focal length and image size, and of their inverses
 
 // Indices of the parameters of tangential and thin prism distortion, which has a direction in the image.
 const std::map<std::string, std::vector<size_t>> kDirectedParams = {
@@ -102,8 +105,15 @@ std::string CameraProblem(const Camera& camera) {
   }
   if (camera.width == 0 || camera.height == 0) return "the camera's image size is zero";
   const colmap::Camera converted = ToColmap(camera);
+  const double size = static_cast<double>(std::max(camera.width, camera.height));
   for (const size_t idx : converted.FocalLengthIdxs()) {
-    if (camera.params[idx] <= 0) return "the camera's focal length is not positive";
+    const double focal_length = camera.params[idx];
+    if (focal_length <= 0) return "the camera's focal length is not positive";
+    // Refuses what no lens has, because squares of it overflow in COLMAP's estimators.
+    if (focal_length < size / kMaxFocalLengthRatio || focal_length > size * kMaxFocalLengthRatio) {
+      return Format("the camera's focal length of %g pixels is impossible for an image of %g pixels", focal_length,
+                    size);
+    }
   }
   return "";
 }

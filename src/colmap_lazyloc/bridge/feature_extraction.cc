@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "colmap_lazyloc/bridge/sift.h"
+#include "colmap_lazyloc/scene/errors.h"
 #include "colmap_lazyloc/scene/options_check.h"
 
 namespace lazyloc {
@@ -22,8 +23,12 @@ void ScaleDown(int max_size, colmap::Bitmap* bitmap) {
 
 bool SiftExtractionOptions::Check(std::string* error) const {
   OPTION_GE(max_image_size, 1);
-  OPTION_GE(max_num_features, 1);
-  OPTION_GE(first_octave, -1);
+  OPTION_GE(max_num_features, kLikeDatabase);
+  if (max_num_features == 0) {
+    *error = "max_num_features must be >= 1, or -1 for as many as the database images have";
+    return false;
+  }
+  OPTION_GE(first_octave, kOctaveLikeDatabase);
   OPTION_GT(peak_threshold, 0);
   OPTION_GT(edge_threshold, 0);
   return true;
@@ -62,6 +67,7 @@ PhotoFile PhotoFile::FromPixels(const uint8_t* values, int width, int height, in
 }
 
 Features PhotoFile::ExtractFeatures(const SiftExtractionOptions& options) const {
+  LAZYLOC_CHECK(options.max_num_features > 0 && options.first_octave >= -1);
   colmap::Bitmap bitmap(*pixels_);
   ScaleDown(options.max_image_size, &bitmap);
   Features features;

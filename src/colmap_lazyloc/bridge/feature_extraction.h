@@ -14,11 +14,16 @@ class Bitmap;
 
 namespace lazyloc {
 
+constexpr int kDefaultMaxNumFeatures = 8192;  // COLMAP's
+
 // Options of COLMAP's SIFT extraction on the CPU, with COLMAP's defaults.
 struct SiftExtractionOptions {
-  int max_image_size = 3200;    // in pixels, of the longer side; larger images are scaled down
-  int max_num_features = 8192;  // the features with the largest scales are kept
-  int first_octave = -1;        // -1: doubles the size of the image first
+  // Values that matching/feature_statistics.h replaces by those of the database images.
+  static constexpr int kLikeDatabase = -1, kOctaveLikeDatabase = -2;
+
+  int max_image_size = 3200;                      // in pixels, of the longer side; larger images are scaled down
+  int max_num_features = kDefaultMaxNumFeatures;  // the features with the largest scales are kept
+  int first_octave = -1;                          // -1: doubles the size of the image first
   double peak_threshold = 0.02 / 3;
   double edge_threshold = 10;
   bool estimate_affine_shape = false;
@@ -47,7 +52,7 @@ class PhotoFile {
 
   const PhotoProperties& Properties() const { return properties_; }
   // Extracts features like COLMAP's feature_extractor, with keypoints in pixels of the file. Returns none if the image
-  // is too small. Thread-safe; uses one thread.
+  // is too small. No option may follow the database. Thread-safe; uses one thread.
   Features ExtractFeatures(const SiftExtractionOptions& options) const;
 
  private:

@@ -5,16 +5,19 @@
 #include <cstdlib>
 #include <iostream>
 #include <memory>
-#include <set>
-#include <string>
+#include <optional>
+#include <utility>
+#include <vector>
 
 #include "colmap_lazyloc/cli/options.h"
 #include "colmap_lazyloc/cli/progress.h"
 #include "colmap_lazyloc/cli/query_runner.h"
 #include "colmap_lazyloc/cli/report_command.h"
 #include "colmap_lazyloc/cli/run_command.h"
-#include "colmap_lazyloc/io/query_source.h"
-#include "colmap_lazyloc/io/result_writer.h"
+#include "colmap_lazyloc/cli/run_results.h"
+#include "colmap_lazyloc/io/leave_one_out.h"
+#include "colmap_lazyloc/io/model_reader.h"
+#include "colmap_lazyloc/io/unfinished_run.h"
 
 #ifdef __GLIBC__
 #include <malloc.h>
@@ -24,14 +27,19 @@ namespace lazyloc {
 namespace {
 
 constexpr int kExitNotAllLocalized = 2;
-constexpr int kExitInterrupted = 130;
+constexpr int kExitSignal = 128;  // plus the number of the signal, as shells count
 
-volatile std::sig_atomic_t interrupted = 0;
+volatile std::sig_atomic_t interrupted = 0;  // number of the signal
 
-// Ends the run in order after the first Ctrl-C; a second one ends the program at once.
-void HandleInterrupt(int) {
-  interrupted = 1;
-  std::signal(SIGINT, SIG_DFL);
+// Ends the run in order after the first Ctrl-C or SIGTERM; a second one ends the program at once.
+void HandleInterrupt(int signal) {
+  interrupted = signal;
+  std::signal(signal, SIG_DFL);
+}
+
+void HandleInterruptsBy(void (*handler)(int)) {
+  std::signal(SIGINT, handler);
+  std::signal(SIGTERM, handler);
 }
 
 // Keeps freed memory for the next query instead of returning it to the system, which saves a tenth of the time because
@@ -43,63 +51,73 @@ void KeepFreedMemory() {
 #endif
 }
 
-bool AllLocalized(const std::vector<QueryRecord>& records) {
-  return std::all_of(records.begin(), records.end(),
-                     [](const QueryRecord& record) { return record.result.status == QueryStatus::LOCALIZED; });
+bool AllLocalized(const QueryRecords& records) {
+  bool all = true;
+  records.ForEach([&](const QueryRecord& record) { all = all && record.result.status == QueryStatus::LOCALIZED; });
+  return all;
 }
 
-// Warns of localized queries whose intrinsics the images contradict.
-void WarnOfIntrinsics(const std::vector<QueryRecord>& records) {
-  for (const QueryRecord& record : records) {
-    const LocalizationResult& result = record.result;
-    if (result.status != QueryStatus::LOCALIZED || result.intrinsics.contradiction.empty()) continue;
-    PrintWarning("query " + result.query_name + ": " + result.intrinsics.contradiction);
-  }
+// True if the folder has this shard, finished, which a job that is started again need not do again.
+bool IsFinishedShard(const CommandOptions& options, const RunManifest& manifest) {
+  const std::optional<RunManifest> finished = UnfinishedRun::FinishedShard(options.output_path);
+  if (!finished || !manifest.shard || finished->shard->Text() != manifest.shard->Text()) return false;
+  if (!manifest.ChangeSince(*finished).empty()) return false;
+  std::cout << options.output_path << ": shard " << manifest.shard->Text() << " is finished" << std::endl;
+  return true;
 }
 
-// Warns once of the depth maps that were not used.
-void WarnOfDepthMaps(const std::vector<QueryRecord>& records) {
-  std::set<std::string> contradicted, without_scale;
-  for (const QueryRecord& record : records) {
-    if (!record.result.depth) continue;
-    for (const DepthMapResult& map : record.result.depth->maps) {
-      if (map.verdict == DepthVerdict::CONTRADICTED) contradicted.insert(map.database_name);
-      if (map.verdict == DepthVerdict::NO_SCALE) without_scale.insert(map.database_name);
-    }
-  }
-  const auto warn = [](const std::set<std::string>& names, const std::string& reason) {
-    if (names.empty()) return;
-    PrintWarning("depth maps left out for " + std::to_string(names.size()) + " database images (for example " +
-                 *names.begin() + "): " + reason);
+RunSize SizeOf(const RunManifest& manifest, const UnfinishedRun& run) {
+  return {manifest.num_own_queries, run.NumQueriesDone(), manifest.num_queries - manifest.num_own_queries};
+}
+
+// Localizes the queries that are not done. Ends early if it is interrupted.
+void LocalizeRest(const QuerySource& source, std::vector<size_t> groups, const CommandOptions& options,
+                  UnfinishedRun* run, Progress* progress) {
+  groups.erase(std::remove_if(groups.begin(), groups.end(), [&](size_t group) { return run->IsDone(group); }),
+               groups.end());
+  interrupted = 0;
+  HandleInterruptsBy(HandleInterrupt);
+  const auto finish = [&](size_t group, const std::vector<QueryRecord>& records) {
+    run->Append(group, records);
+    for (const QueryRecord& record : records) progress->Report(record);
   };
-  warn(contradicted, "triangulated points contradict them");
-  warn(without_scale, "too few triangulated points tell their scale, and --LazyLocalizer.depth_is_metric is 0");
+  RunQueries(source, groups, options.localizer, options.num_threads, finish, [] { return interrupted != 0; });
+  run->Sync();
+  for (const std::string& warning : source.DepthWarnings()) PrintWarning(warning);
 }
 
 int Run(const CommandOptions& options) {
+  UnfinishedRun::CheckStart(options.output_path, options.Start());
   ResultWriter writer(options.output_path);
-  const std::unique_ptr<const QuerySource> source_of_options = MakeQuerySource(options);
+  Model model = ReadModel(options.source.input_path);
+  const Fingerprint model_fingerprint = FingerprintOf(model);
+  const std::unique_ptr<const QuerySource> source_of_options = MakeQuerySource(options, std::move(model));
   const QuerySource& source = *source_of_options;
   for (const std::string& warning : source.Warnings()) PrintWarning(warning);
   KeepFreedMemory();
-  interrupted = 0;
-  std::signal(SIGINT, HandleInterrupt);
-  Progress progress(source.NumQueries());
-  const std::vector<QueryRecord> records = RunQueries(
-      source, options.localizer, options.num_threads, [&](const QueryRecord& record) { progress.Report(record); },
-      [] { return interrupted != 0; });
-  std::signal(SIGINT, SIG_DFL);
-  WarnOfIntrinsics(records);
-  for (const std::string& warning : source.DepthWarnings()) PrintWarning(warning);
-  WarnOfDepthMaps(records);
-  const bool is_leave_one_out = options.source.selection.leave_one_out;
-  const std::string options_ini = "# written by " + ProgramVersion() + "\n" + OptionsAsIni(options);
-  writer.Write(source.DatabaseModel(), records, source.Database(), options_ini, is_leave_one_out);
+  const std::vector<size_t> groups = GroupsOfShard(source, ParseShard(options.shard));
+  const RunManifest manifest = MakeManifest(options, source, model_fingerprint, groups);
+  if (options.resume && IsFinishedShard(options, manifest)) return EXIT_SUCCESS;
+  if (!manifest.extraction.empty()) std::cout << manifest.extraction << std::endl;
+  UnfinishedRun run(options.output_path, manifest, options.Start());
+  Progress progress(SizeOf(manifest, run), options.log_path, options.resume);
+  LocalizeRest(source, groups, options, &run, &progress);
+
+  const QueryRecords records({run.RecordsPath()});
+  WriteResults(options, manifest, source.DatabaseModel(), source.Database(), records, run.Folder(), &writer);
   source.PublishMatches();
+  const bool is_finished = records.Size() == manifest.num_own_queries;
+  if (is_finished) run.Finish();
+  HandleInterruptsBy(SIG_DFL);
   progress.PrintSummary(records);
-  if (is_leave_one_out) progress.PrintLeaveOneOut(source.DatabaseModel(), records);
+  if (options.source.selection.leave_one_out) {
+    std::cout << FormatLeaveOneOut(SummarizeLeaveOneOut(source.DatabaseModel(), records));
+  }
   std::cout << "report: " << ReportCommand(options) << std::endl;
-  if (interrupted != 0) return kExitInterrupted;
+  if (!is_finished) {
+    std::cout << "partial: --resume 1 goes on" << std::endl;
+    return kExitSignal + interrupted;
+  }
   return options.strict && !AllLocalized(records) ? kExitNotAllLocalized : EXIT_SUCCESS;
 }
 

@@ -1,6 +1,5 @@
-// Adds the commands lazy_indexer and lazy_localizer to the colmap program. COLMAP's own main, which the build renames
-// to ColmapUpstreamMain, runs all other commands.
-#include <cstring>
+// Adds the commands lazy_indexer, lazy_localizer and lazy_merger to the colmap program. COLMAP's own main, which the
+// build renames to ColmapUpstreamMain, runs all other commands.
 #include <iostream>
 #include <sstream>
 #include <string>
@@ -8,6 +7,7 @@
 #include "colmap_lazyloc/bridge/logging.h"
 #include "colmap_lazyloc/cli/lazy_indexer.h"
 #include "colmap_lazyloc/cli/lazy_localizer.h"
+#include "colmap_lazyloc/cli/lazy_merger.h"
 
 int ColmapUpstreamMain(int argc, char** argv);
 
@@ -27,7 +27,8 @@ int ShowHelp(int argc, char** argv) {
   std::cout.rdbuf(standard_output);
   std::string help = upstream.str();
   const size_t next_command = help.find("  mapper\n");
-  help.insert(next_command == std::string::npos ? help.size() : next_command, "  lazy_indexer\n  lazy_localizer\n");
+  help.insert(next_command == std::string::npos ? help.size() : next_command,
+              "  lazy_indexer\n  lazy_localizer\n  lazy_merger\n");
   std::cout << help << std::flush;
   return exit_code;
 }
@@ -36,8 +37,12 @@ int ShowHelp(int argc, char** argv) {
 
 int main(int argc, char** argv) {
   if (IsHelp(argc, argv)) return ShowHelp(argc, argv);
-  const bool is_indexer = std::strcmp(argv[1], "lazy_indexer") == 0;
-  if (!is_indexer && std::strcmp(argv[1], "lazy_localizer") != 0) return ColmapUpstreamMain(argc, argv);
+  const std::string command = argv[1];
+  const auto run = command == "lazy_indexer"     ? lazyloc::RunLazyIndexer
+                   : command == "lazy_localizer" ? lazyloc::RunLazyLocalizer
+                   : command == "lazy_merger"    ? lazyloc::RunLazyMerger
+                                                 : nullptr;
+  if (run == nullptr) return ColmapUpstreamMain(argc, argv);
   lazyloc::InitializeLogging(argv);
-  return is_indexer ? lazyloc::RunLazyIndexer(argc - 1, argv + 1) : lazyloc::RunLazyLocalizer(argc - 1, argv + 1);
+  return run(argc - 1, argv + 1);
 }

@@ -1,46 +1,37 @@
 #pragma once
 
+#include "colmap_lazyloc/cli/file_options.h"
 #include "colmap_lazyloc/cli/method_options.h"
 #include "colmap_lazyloc/cli/options.h"
 
-// The one list of the options of colmap lazy_localizer: parsing, help and options.ini are made from it. Each function
-// calls `add(name, pointer to the value, help)` for its options.
+// The one list of the options of colmap lazy_localizer: parsing, help, options.ini and the manifest of a run are made
+// from it. Each function calls `add(name, pointer to the value, help, role)` for its options; without a role it is
+// OptionRole::METHOD.
 namespace lazyloc {
 
 template <typename Options, typename Add>
+void ForEachRunOption(Options& o, const Add& add) {
+  add("strict", &o.strict, "Exit with code 2 if a query was not localized", OptionRole::OUTPUT);
+  add("resume", &o.resume, "Go on with an unfinished run in --output_path, or begin one", OptionRole::START);
+  add("overwrite", &o.overwrite, "Remove an unfinished run in --output_path and start anew", OptionRole::START);
+  add("shard", &o.shard,
+      "Part of the queries, for example 17/256: the 17th of 256 shards, which colmap lazy_merger joins; default: all",
+      OptionRole::OUTPUT);
+  add("log_path", &o.log_path, "File for one line of JSON for each finished query; --resume 1 appends to it",
+      OptionRole::OUTPUT);
+}
+
+template <typename Options, typename Add>
 void ForEachBasicOption(Options& o, const Add& add) {
-  add("database_path", &o.source.database_path, "COLMAP database with keypoints and matches; opened read-only");
-  add("input_path", &o.source.input_path,
-      "Folder of a COLMAP model (text or binary); its posed images are the database images");
-  add("output_path", &o.output_path, "Folder for poses.txt, results.jsonl, model/ and options.ini");
-  add("query_list_path", &o.source.selection.query_list_path,
-      "File with one query per line: its name, or hloc's `name MODEL width height params...`; default: every image of "
-      "the database file without a pose in --input_path");
-  add("pairs_path", &o.source.selection.pairs_path,
-      "File with the pairs to use, two image names per line; default: all pairs with matches in the database");
-  add("image_path", &o.source.photos.image_path,
-      "Folder of the photos; a query without keypoints in the database is a photo, whose features are extracted and "
-      "matched in memory");
-  add("retrieval_index_path", &o.source.photos.retrieval_index_path,
-      "Index of colmap lazy_indexer for finding the database images that look like a photo; made or updated if needed; "
-      "default: an index in memory if there are more than max_num_exhaustive database images");
-  add("rig_config_path", &o.source.selection.groups.rig_config_path,
-      "Camera rigs of the images in the JSON format of COLMAP's rig_configurator; default: the rigs in the database or "
-      "model");
-  add("query_trajectory_path", &o.source.selection.groups.trajectory_path,
-      "Poses of the queries relative to each other: a COLMAP model, or a file in TUM's format or that of poses.txt; "
-      "each group (without a group option, all queries) is localized as one rigid body");
-  add("depth_path", &o.source.depth.depth_path,
-      "Folder of depth maps of the database images, by the images' names: 16-bit PNG, .npy, or .bin of COLMAP's dense "
-      "stereo; default: no depth");
-  add("strict", &o.strict, "Exit with code 2 if a query was not localized");
+  ForEachFileOption(o, add);
+  ForEachRunOption(o, add);
   add("ImageReader.camera_params", &o.source.photos.camera_params,
       "Parameters of the camera model of photos without a camera of their own, separated by commas; default: a camera of "
       "the database with the photo's size, else the focal length in EXIF, else a guess");
   add("LazyLocalizer.num_retrieved", &o.source.num_retrieved,
       "Number of database images per query, those with the most verified inliers; with --pairs_path all listed ones "
       "are used");
-  add("LazyLocalizer.num_threads", &o.num_threads, "Number of threads; -1 uses all cores");
+  add("LazyLocalizer.num_threads", &o.num_threads, "Number of threads; -1 uses all cores", OptionRole::MACHINE);
   add("LazyLocalizer.seed", &o.localizer.seed, "Seed of all random choices; the same seed gives the same result");
   add("LazyLocalizer.group_size", &o.source.selection.groups.group_size,
       "Number of consecutive queries of the list (with rigs: of frames) that are localized together");
@@ -50,6 +41,8 @@ void ForEachBasicOption(Options& o, const Add& add) {
       "Intrinsics of queries: auto (estimate the focal length if it is a guess, or EXIF's and the images contradict it; "
       "refuse a query whose given intrinsics they contradict), given (keep them and only warn) or refine (always "
       "estimate the focal length)");
+  add("LazyLocalizer.world_up", &o.source.priors.world_up,
+      "Direction against gravity in the model, for example 0,0,1; needed for --query_gravity_path");
   add("LazyLocalizer.depth_is_metric", &o.localizer.depth.is_metric,
       "Take depths in --depth_path as lengths in the unit of the model, even if no triangulated points confirm their "
       "scale");
@@ -60,7 +53,7 @@ void ForEachBasicOption(Options& o, const Add& add) {
 template <typename Options, typename Add>
 void ForEachSourceOption(Options& o, const Add& add) {
   add("LazyLocalizer.Advanced.group_list_path", &o.selection.groups.group_list_path,
-      "File with one group of queries per line, by image names; a group is localized together");
+      "File with one group of queries per line, by image names; a group is localized together", OptionRole::INPUT);
   add("LazyLocalizer.Advanced.use_rigs", &o.selection.groups.use_rigs,
       "Use camera rigs: localize the images of a frame together");
   add("LazyLocalizer.Advanced.trajectory_has_scale", &o.selection.groups.trajectory_has_scale,
@@ -69,27 +62,33 @@ void ForEachSourceOption(Options& o, const Add& add) {
   add("LazyLocalizer.Advanced.depth_png_unit", &o.depth.png_unit,
       "Depth in the unit of the model for a value of 1 in a PNG of --depth_path");
   add("LazyLocalizer.Advanced.query_prior_path", &o.photos.query_prior_path,
-      "File with lines `name x y z radius`; a photo is matched only with database images within its radius");
+      "File with lines `name x y z radius`; a photo is matched only with database images within its radius",
+      OptionRole::INPUT);
   add("LazyLocalizer.Advanced.matches_output_path", &o.photos.matches_output_path,
-      "New COLMAP database for the photos' features and matches; the file must not exist");
+      "New COLMAP database for the photos' features and matches; the file must not exist", OptionRole::OUTPUT);
   add("LazyLocalizer.Advanced.max_num_exhaustive", &o.photos.matching.max_num_exhaustive,
       "Match a photo with every database image if there are at most this many; else retrieve candidates first");
   add("LazyLocalizer.Advanced.cache_gb", &o.photos.matching.cache_gb,
-      "Memory in gigabytes for the features of database images that photos are matched with");
+      "Memory in gigabytes for the features of database images that photos are matched with", OptionRole::MACHINE);
 }
 
 template <typename Options, typename Add>
 void ForEachFeatureOption(Options& o, const Add& add) {
   add("LazyIndexer.num_visual_words", &o.retrieval.num_visual_words,
       "Maximum number of visual words in the retrieval index; a small database has fewer");
+  add("LazyIndexer.max_num_features", &o.retrieval.max_num_features,
+      "Maximum number of features of an image that is added to the retrieval index; those of the largest scales are "
+      "kept; -1 keeps all");
   add("ImageReader.camera_model", &o.camera_model, "Camera model of photos without a known camera");
   auto& extraction = o.matching.extraction;
   add("SiftExtraction.max_image_size", &extraction.max_image_size,
       "Maximum size of a photo in pixels; a larger one is scaled down for extraction");
   add("SiftExtraction.max_num_features", &extraction.max_num_features,
-      "Maximum number of features of a photo; those of the largest scales are kept");
+      "Maximum number of features of a photo; those of the largest scales are kept; -1: as many as 95 % of the database "
+      "images have at most");
   add("SiftExtraction.first_octave", &extraction.first_octave,
-      "First octave of the image pyramid; -1 doubles the size of a photo, 0 does not");
+      "First octave of the image pyramid; -1 doubles the size of a photo, 0 does not; -2: the first one that the scales of "
+      "the database images' keypoints need");
   add("SiftExtraction.peak_threshold", &extraction.peak_threshold, "Minimum contrast of a feature");
   add("SiftExtraction.edge_threshold", &extraction.edge_threshold, "Maximum ratio of a feature's principal curvatures");
   add("SiftExtraction.estimate_affine_shape", &extraction.estimate_affine_shape,

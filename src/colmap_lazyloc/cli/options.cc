@@ -33,17 +33,30 @@ void validate(boost::any& value, const std::vector<std::string>& texts, Enum*, i
                                    texts.back() + "'");
 }
 
-// colmap lazy_indexer has four options, none of them advanced.
+// colmap lazy_indexer has five options, none of them advanced.
 template <typename Add>
 void ForEachBasicOption(IndexerOptions& o, const Add& add) {
   add("database_path", &o.database_path, "COLMAP database with SIFT descriptors; opened read-only");
   add("index_path", &o.index_path, "File of the index; an existing one is updated");
   add("LazyIndexer.num_visual_words", &o.retrieval.num_visual_words,
       "Maximum number of visual words in the index; a small database has fewer");
+  add("LazyIndexer.max_num_features", &o.retrieval.max_num_features,
+      "Maximum number of features of an image that is added; those of the largest scales are kept; -1 keeps all");
   add("LazyIndexer.num_threads", &o.num_threads, "Number of threads; -1 uses all cores");
 }
 template <typename Add>
 void ForEachAdvancedOption(IndexerOptions&, const Add&) {}
+
+template <typename Add>
+void ForEachBasicOption(MergerOptions& o, const Add& add) {
+  add("input_path", &o.input_path,
+      "Folder with the output folders of all shards, or a file with one of these folders per line");
+  add("output_path", &o.output_path, "Folder for the results, as one run of colmap lazy_localizer writes them");
+  add("database_path", &o.database_path, "COLMAP database of the shards; default: at the path that they were given");
+  add("model_path", &o.model_path, "Folder of the --input_path of the shards; default: the path that they were given");
+}
+template <typename Add>
+void ForEachAdvancedOption(MergerOptions&, const Add&) {}
 
 namespace {
 
@@ -81,7 +94,7 @@ Descriptions Describe(const char* summary, Options* options, std::string* projec
       po::options_description(std::string(summary) + "\nOptions (of a switch: 0 or 1; default in brackets)"),
       po::options_description("Advanced options")};
   const auto add_to = [](po::options_description* description) {
-    return [description](const char* name, auto* value, const char* help) {
+    return [description](const char* name, auto* value, const char* help, OptionRole = OptionRole::METHOD) {
       description->add_options()(name, po::value(value)->default_value(*value, AsText(*value)), help);
     };
   };
@@ -105,20 +118,34 @@ template <typename Options>
 InputError OptionError(Options& options, const std::string& message) {
   const std::string field = message.substr(0, message.find(' '));
   std::string option = field;
-  ForEachOption(options, [&](const std::string& name, const auto*, const char*) {
+  ForEachOption(options, [&](const std::string& name, const auto*, const char*, OptionRole = OptionRole::METHOD) {
     if (name.substr(name.rfind('.') + 1) == field) option = name;
   });
   return InputError("option --" + option + message.substr(field.size()));
 }
 
-// True if the option is for the output of colmap lazy_localizer.
-bool IsForOutput(const std::string& name) {
-  return name == "output_path" || name == "strict" || name == "LazyLocalizer.Advanced.matches_output_path";
+// Returns the options with a role, by name and text.
+template <typename HasRole>
+OptionTexts OptionsWith(const CommandOptions& options, const HasRole& has_role) {
+  OptionTexts texts;
+  ForEachOption(options,
+                [&](const std::string& name, const auto* value, const char*, OptionRole role = OptionRole::METHOD) {
+                  if (has_role(role)) texts.emplace_back(name, AsText(*value));
+                });
+  return texts;
 }
 
 void CheckValues(CommandOptions* options) {
   std::string error;
   if (options->num_threads < 1 && options->num_threads != -1) error = "num_threads must be >= 1, or -1";
+  if (options->resume && options->overwrite) error = "resume excludes --overwrite";
+  if (!options->shard.empty() && !ParseShard(options->shard)) {
+    error = "shard must be two numbers like 17/256, the first from 1 to the second, but is '" + options->shard + "'";
+  }
+  const bool has_matches_output = !options->source.photos.matches_output_path.empty();
+  if (has_matches_output && (options->resume || !options->shard.empty())) {
+    error = "matches_output_path excludes --resume and --shard, because the file has the features of one whole run";
+  }
   if (!error.empty() || !options->source.Check(&error) || !options->localizer.Check(&error)) {
     throw OptionError(*options, error);
   }
@@ -138,6 +165,10 @@ void CheckOptions(IndexerOptions* options) {
   std::string error;
   if (options->num_threads < 1 && options->num_threads != -1) error = "num_threads must be >= 1, or -1";
   if (!error.empty() || !options->retrieval.Check(&error)) throw OptionError(*options, error);
+}
+
+void CheckOptions(MergerOptions* options) {
+  CheckRequired({{"input_path", &options->input_path}, {"output_path", &options->output_path}});
 }
 
 // Fills the variables that the descriptions name. Returns false if only the help was asked for, which is then printed.
@@ -196,21 +227,28 @@ bool ParseCommandLine(int argc, char** argv, CommandOptions* options) {
 
 bool ParseCommandLine(int argc, char** argv, IndexerOptions* options) {
   return ParseAndCheck(argc, argv, "lazy_indexer",
-                       "colmap lazy_indexer: makes or updates the index that colmap lazy_localizer finds the database "
-                       "images with that look like a photo.",
+                       "colmap lazy_indexer: makes or updates the index from which colmap lazy_localizer retrieves the "
+                       "database images that look like a photo.",
+                       options);
+}
+
+bool ParseCommandLine(int argc, char** argv, MergerOptions* options) {
+  return ParseAndCheck(argc, argv, "lazy_merger",
+                       "colmap lazy_merger: joins the results of all shards of a run of colmap lazy_localizer.",
                        options);
 }
 
 std::vector<OptionDescription> ListSettings() {
   std::vector<OptionDescription> settings;
   CommandOptions defaults;
-  ForEachOption(defaults, [&](const std::string& name, const auto* value, const char* help) {
-    if (!IsForOutput(name)) settings.push_back({name, AsText(*value), help});
+  ForEachOption(defaults, [&](const std::string& name, const auto* value, const char* help,
+                              OptionRole role = OptionRole::METHOD) {
+    if (role != OptionRole::OUTPUT && role != OptionRole::START) settings.push_back({name, AsText(*value), help});
   });
   return settings;
 }
 
-void ParseSettings(const std::vector<std::pair<std::string, std::string>>& settings, CommandOptions* options) {
+void ParseSettings(const OptionTexts& settings, CommandOptions* options) {
   std::vector<std::string> words = {"lazy_localizer"};
   for (const auto& [name, value] : settings) words.push_back("--" + name + "=" + value);
   std::vector<char*> argv;
@@ -223,23 +261,35 @@ void ParseSettings(const std::vector<std::pair<std::string, std::string>>& setti
   CheckValues(options);
 }
 
+OptionTexts MethodOptions(const CommandOptions& options) {
+  return OptionsWith(options, [](OptionRole role) { return role == OptionRole::METHOD; });
+}
+
+OptionTexts InputOptions(const CommandOptions& options) {
+  return OptionsWith(options, [](OptionRole role) { return role == OptionRole::INPUT; });
+}
+
+OptionTexts OtherOptions(const CommandOptions& options) {
+  return OptionsWith(options,
+                     [](OptionRole role) { return role == OptionRole::MACHINE || role == OptionRole::OUTPUT; });
+}
+
 std::string OptionsAsIni(const CommandOptions& options) {
-  std::vector<std::string> defaults;
-  const CommandOptions default_options;
-  ForEachOption(default_options,
-                [&](const std::string&, const auto* value, const char*) { defaults.push_back(AsText(*value)); });
+  const auto describes_run = [](OptionRole role) { return role != OptionRole::START; };
+  const OptionTexts texts = OptionsWith(options, describes_run),
+                    defaults = OptionsWith(CommandOptions(), describes_run);
   std::string changed;
-  size_t option_idx = 0;
   std::vector<std::pair<std::string, std::string>> sections = {{"", ""}};  // name and lines
-  ForEachOption(options, [&](const std::string& name, const auto* value, const char*) {
+  for (size_t i = 0; i < texts.size(); ++i) {
+    const auto& [name, value] = texts[i];
     const size_t dot = name.rfind('.');
     const std::string section_name = dot == std::string::npos ? "" : name.substr(0, dot);
     auto section =
         std::find_if(sections.begin(), sections.end(), [&](const auto& other) { return other.first == section_name; });
     if (section == sections.end()) section = sections.insert(section, {section_name, "[" + section_name + "]\n"});
-    section->second += name.substr(dot + 1) + "=" + AsText(*value) + "\n";
-    if (AsText(*value) != defaults[option_idx++]) changed += " " + name;
-  });
+    section->second += name.substr(dot + 1) + "=" + value + "\n";
+    if (value != defaults[i].second) changed += " " + name;
+  }
   std::string ini = changed.empty() ? "" : "# not defaults:" + changed + "\n";
   for (const auto& [name, lines] : sections) ini += lines;
   return ini;

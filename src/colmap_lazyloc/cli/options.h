@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "colmap_lazyloc/io/query_source.h"
+#include "colmap_lazyloc/io/unfinished_run.h"
 #include "colmap_lazyloc/pipeline/options.h"
 
 namespace lazyloc {
@@ -16,6 +17,11 @@ struct CommandOptions {
   std::string output_path;
   int num_threads = -1;  // -1: the number of cores
   bool strict = false;
+  bool resume = false, overwrite = false;
+  std::string shard;  // as text; empty: all queries
+  std::string log_path;
+
+  RunStart Start() const { return resume ? RunStart::RESUME : overwrite ? RunStart::OVERWRITE : RunStart::NEW; }
 };
 
 // Everything that `colmap lazy_indexer` takes.
@@ -25,11 +31,20 @@ struct IndexerOptions {
   int num_threads = -1;  // -1: the number of cores
 };
 
+// Everything that `colmap lazy_merger` takes.
+struct MergerOptions {
+  std::string input_path, output_path;
+  std::string database_path, model_path;  // empty: those of the shards
+};
+
 // Parses the command line and the file that --project_path names (COLMAP's .ini format; the command line wins). Returns
 // false if only the help was asked for, which is then printed. Throws InputError naming the option if it is unknown or
 // missing or has an impossible value.
 bool ParseCommandLine(int argc, char** argv, CommandOptions* options);
 bool ParseCommandLine(int argc, char** argv, IndexerOptions* options);
+bool ParseCommandLine(int argc, char** argv, MergerOptions* options);
+
+using OptionTexts = std::vector<std::pair<std::string, std::string>>;  // name and value
 
 // An option as the help shows it.
 struct OptionDescription {
@@ -40,7 +55,13 @@ struct OptionDescription {
 // output. A program that localizes by itself takes them by ParseSettings.
 std::vector<OptionDescription> ListSettings();
 // Parses options by name and text like the command line. Throws InputError like ParseCommandLine, but requires none.
-void ParseSettings(const std::vector<std::pair<std::string, std::string>>& settings, CommandOptions* options);
+void ParseSettings(const OptionTexts& settings, CommandOptions* options);
+
+// Return the options of a run: those whose values change the results, the paths of input files, and
+// the others without those that say how a run begins.
+OptionTexts MethodOptions(const CommandOptions& options);
+OptionTexts InputOptions(const CommandOptions& options);
+OptionTexts OtherOptions(const CommandOptions& options);
 
 // Returns all options in COLMAP's .ini format, which --project_path reads. A comment before them names those that
 // differ from their defaults.

@@ -17,7 +17,7 @@ using ::testing::ThrowsMessage;
 using ::testing::internal::CaptureStdout;
 using ::testing::internal::GetCapturedStdout;
 
-constexpr size_t kMaxNumBasicOptions = 19;
+constexpr size_t kMaxNumBasicOptions = 28;
 
 class OptionsTest : public ::testing::Test {
  protected:
@@ -124,6 +124,7 @@ TEST_F(OptionsTest, ErrorsHaveTheFullNameOfTheOption) {
   ExpectError({"--LazyLocalizer.Advanced.min_num_tracks", "1"},
               "option --LazyLocalizer.Advanced.min_num_tracks must be");
   ExpectError({"--LazyIndexer.num_visual_words", "1"}, "option --LazyIndexer.num_visual_words must be");
+  ExpectError({"--LazyIndexer.max_num_features", "0"}, "option --LazyIndexer.max_num_features must be >= 1, or -1");
   ExpectError({"--LazyLocalizer.Advanced.query_prior_path", "x"},
               "option --LazyLocalizer.Advanced.query_prior_path needs --image_path");
   ExpectError({"--database_path", ""}, "database_path");
@@ -151,13 +152,13 @@ TEST_F(OptionsTest, HelpHasTwoLevels) {
   EXPECT_EQ(basic.count("LazyLocalizer.seed"), 1u);
   size_t num_options = 1;  // project_path
   CommandOptions options;
-  ForEachOption(options, [&](const std::string& name, const auto*, const char*) {
+  ForEachOption(options, [&](const std::string& name, const auto*, const char*, OptionRole = OptionRole::METHOD) {
     ++num_options;
     EXPECT_EQ(all.count(name), 1u) << name;
   });
   EXPECT_EQ(all.size(), num_options) << "an option is there twice";
-  ForEachAdvancedOption(
-      options, [&](const std::string& name, const auto*, const char*) { EXPECT_EQ(basic.count(name), 0u) << name; });
+  ForEachAdvancedOption(options, [&](const std::string& name, const auto*, const char*,
+                                     OptionRole = OptionRole::METHOD) { EXPECT_EQ(basic.count(name), 0u) << name; });
 }
 
 }  // namespace

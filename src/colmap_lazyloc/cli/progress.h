@@ -1,29 +1,48 @@
 #pragma once
 
+#include <chrono>
 #include <cstddef>
-#include <vector>
+#include <filesystem>
+#include <fstream>
+#include <set>
+#include <string>
 
-#include "colmap_lazyloc/io/query_record.h"
+#include "colmap_lazyloc/io/query_records.h"
 #include "colmap_lazyloc/scene/model.h"
 
 namespace lazyloc {
 
+// How many queries a run has, or one shard of it.
+struct RunSize {
+  size_t num_queries = 0;        // of this shard
+  size_t num_done = 0;           // by an earlier process
+  size_t num_other_queries = 0;  // of the other shards
+};
+
 // Shows the progress of a run: a bar if the standard output is a terminal, else one JSON object a line for each query:
-// {"query": name, "status": ..., "seconds": ..., "done": n, "of": N}.
+// {"query": name, "status": ..., "seconds": ..., "done": n, "of": N}. A log gets these lines in any case. Warns of
+// damaged records that were left out.
 class Progress {
  public:
-  explicit Progress(size_t num_queries);
+  // log_path: empty for no log. append_log: true to keep what the log holds. Throws InputError if the log cannot be
+  // opened.
+  Progress(const RunSize& size, const std::filesystem::path& log_path, bool append_log);
+  // Throws InputError if the log cannot be written.
   void Report(const QueryRecord& record);
-  // Prints the table that ends a run.
-  void PrintSummary(const std::vector<QueryRecord>& records) const;
-  // Prints how well queries that were localized against the other database images agree with their poses in the model.
-  static void PrintLeaveOneOut(const Model& model, const std::vector<QueryRecord>& records);
+  // Prints the table that ends a run, and how long what is left would take.
+  void PrintSummary(const QueryRecords& records) const;
 
  private:
-  const size_t num_queries_;
+  void WarnOfDamages(const QueryRecord& record);
+
+  const RunSize size_;
   const bool is_terminal_;
+  const std::filesystem::path log_path_;
+  std::ofstream log_;
   size_t num_done_ = 0;
-  size_t num_localized_ = 0;
+  size_t num_localized_ = 0;       // by this process
+  std::set<std::string> damages_;  // those that were reported
+  const std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
 };
 
 }  // namespace lazyloc

@@ -1,6 +1,5 @@
 #include "colmap_lazyloc/cli/query_runner.h"
 
-#include <iterator>
 #include <memory>
 #include <mutex>
 #include <utility>
@@ -24,28 +23,24 @@ std::vector<QueryRecord> LocalizeLoaded(LoadedGroup loaded, const LocalizerOptio
   return FinishRecords(std::move(loaded), std::move(results));
 }
 
-std::vector<QueryRecord> RunQueries(const QuerySource& source, const LocalizerOptions& options, int num_threads,
-                                    const std::function<void(const QueryRecord&)>& report,
-                                    const std::function<bool()>& should_stop) {
-  std::vector<std::vector<QueryRecord>> records(source.NumGroups());
-  std::mutex report_mutex;
+void RunQueries(const QuerySource& source, const std::vector<size_t>& groups, const LocalizerOptions& options,
+                int num_threads,
+                const std::function<void(size_t group, const std::vector<QueryRecord>& records)>& finish,
+                const std::function<bool()>& should_stop) {
+  std::mutex finish_mutex;
   LocalizerOptions localizer = options;
   localizer.max_num_pairs = source.MaxNumPairs();
   IdleThreads idle_threads(EffectiveNumThreads(num_threads) - 1);
   const auto make_task = [&]() -> IndexedTask {
-    return [&, session = std::make_shared<QuerySource::Session>(source, &idle_threads)](size_t group) {
+    return [&, session = std::make_shared<QuerySource::Session>(source, &idle_threads)](size_t index) {
       if (should_stop()) return;
-      records[group] = LocalizeLoaded(source.Load(group, session.get()), localizer);
-      const std::lock_guard<std::mutex> lock(report_mutex);
-      for (const QueryRecord& record : records[group]) report(record);
+      const size_t group = groups[index];
+      const std::vector<QueryRecord> records = LocalizeLoaded(source.Load(group, session.get()), localizer);
+      const std::lock_guard<std::mutex> lock(finish_mutex);
+      finish(group, records);
     };
   };
-  ParallelForByThread(records.size(), make_task, &idle_threads);
-  std::vector<QueryRecord> finished;
-  for (std::vector<QueryRecord>& group_records : records) {
-    std::move(group_records.begin(), group_records.end(), std::back_inserter(finished));
-  }
-  return finished;
+  ParallelForByThread(groups.size(), make_task, &idle_threads);
 }
 
 }  // namespace lazyloc

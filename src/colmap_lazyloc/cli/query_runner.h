@@ -17,12 +17,13 @@ std::unique_ptr<QuerySource> MakeQuerySource(const CommandOptions& options, std:
 // Localizes the queries of a group that has been loaded. options: with the maximum number of pairs of its source.
 std::vector<QueryRecord> LocalizeLoaded(LoadedGroup loaded, const LocalizerOptions& options);
 
-// Localizes the source's queries, one group per task, on num_threads threads (-1: the number of cores). Threads without
-// a group help with the pairs of photos. Calls `report` for each query that is done, never from two threads at once.
-// Begins no new group once should_stop returns true. Returns the records in the order of the groups, without those that
-// were not begun. Throws InputError for damaged input, after the groups that run have ended.
-std::vector<QueryRecord> RunQueries(const QuerySource& source, const LocalizerOptions& options, int num_threads,
-                                    const std::function<void(const QueryRecord&)>& report,
-                                    const std::function<bool()>& should_stop);
+// Localizes groups of the source's queries, one per task, on num_threads threads (-1: the number of cores). Threads
+// without a group help with the pairs of photos. Calls `finish` for each group that is done, never from two threads at
+// once. Begins no new group once should_stop returns true. Throws InputError for damaged input, after the groups that
+// run have ended.
+void RunQueries(const QuerySource& source, const std::vector<size_t>& groups, const LocalizerOptions& options,
+                int num_threads,
+                const std::function<void(size_t group, const std::vector<QueryRecord>& records)>& finish,
+                const std::function<bool()>& should_stop);
 
 }  // namespace lazyloc

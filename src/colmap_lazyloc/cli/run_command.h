@@ -11,7 +11,4 @@ int RunCommand(const std::string& name, const std::function<int()>& command);
 // Prints one line to the standard error output.
 void PrintWarning(const std::string& warning);
 
-// Replaces control characters by escape sequences (for example a newline by \n), because names from files may hold any.
-std::string AsOneLine(const std::string& text);
-
 }  // namespace lazyloc

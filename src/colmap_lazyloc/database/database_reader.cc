@@ -1,15 +1,18 @@
 #include "colmap_lazyloc/database/database_reader.h"
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
 #include <set>
 #include <utility>
 
+#include "colmap_lazyloc/database/image_labels.h"
 #include "colmap_lazyloc/database/lru_cache.h"
 #include "colmap_lazyloc/database/sqlite.h"
 #include "colmap_lazyloc/database/stored_values.h"
 #include "colmap_lazyloc/database/two_view_orientation.h"
 #include "colmap_lazyloc/scene/errors.h"
+#include "colmap_lazyloc/scene/format.h"
 
 namespace lazyloc {
 namespace {
@@ -60,21 +63,47 @@ SqliteStatement PrepareTwoViewGeometry(const SqliteConnection& connection, const
   return connection.Prepare("two_view_geometries", sql + " FROM two_view_geometries WHERE pair_id = ?1");
 }
 
-// Selects the pairs of image ?1 that have rows. Pairs with it first are a range of keys, pairs with it second have one
-// key for each image. Pairs whose other image was deleted are left out. No blob is read, because `rows` is stored
-// before it.
+// Selects the pairs of image ?1 that have rows, or a damaged number of them. Pairs with it first are a range of keys,
+// pairs with it second have one key for each image. Pairs whose other image was deleted are left out. No blob is read,
+// because `rows` is stored before it.
 struct PairSizeStatements {
   PairSizeStatements(const SqliteConnection& connection, const std::string& table)
       : with_image_first(connection.Prepare(table, "SELECT i.image_id, t.rows FROM " + table +
                                                        " t CROSS JOIN images i ON i.image_id = t.pair_id - ?1 * ?2"
                                                        " WHERE t.pair_id > ?1 * ?2 + ?1 AND t.pair_id < (?1 + 1) * ?2"
-                                                       " AND t.rows > 0")),
+                                                       " AND t.rows IS NOT 0")),
         with_image_second(connection.Prepare(table, "SELECT i.image_id, t.rows FROM images i CROSS JOIN " + table +
                                                         " t ON t.pair_id = i.image_id * ?2 + ?1"
-                                                        " WHERE i.image_id < ?1 AND t.rows > 0")) {}
+                                                        " WHERE i.image_id < ?1 AND t.rows IS NOT 0")) {}
 
   SqliteStatement with_image_first, with_image_second;
 };
+
+// A row of the table images.
+struct ImageRow {
+  uint32_t image_id = 0;
+  uint32_t camera_id = 0;
+  std::string name;    // empty if it cannot be read
+  std::string damage;  // empty if the row can be used
+};
+
+// image_id: receives the id, for messages.
+ImageRow ReadImageRow(const SqliteRows& row, int64_t* image_id) {
+  ImageRow image;
+  try {
+    *image_id = row.IntegerOrNothing(0, std::numeric_limits<int64_t>::min(), kMaxInt64).value_or(-1);
+    const std::string name = row.Text(2);
+    if (name.empty() || name.find_first_of(std::string("\n\r\0", 3)) != std::string::npos) {
+      row.Fail("'" + name + "' is not the name of a file");
+    }
+    image.name = name;
+    image.image_id = static_cast<uint32_t>(row.Integer(0, 0, kMaxNumImages - 1));
+    image.camera_id = static_cast<uint32_t>(row.Integer(1, 0, kMaxCameraId));
+  } catch (const DamagedRecordError& error) {
+    image.damage = error.Damage();
+  }
+  return image;
+}
 
 }  // namespace
 
@@ -83,7 +112,6 @@ struct DatabaseReader::Impl {
       : connection(path),
         two_view_columns(CheckTables(connection)),
         images(connection.Prepare("images", "SELECT image_id, camera_id, name FROM images")),
-        image_name(connection.Prepare("images", "SELECT name FROM images WHERE image_id = ?1")),
         camera(connection.Prepare("cameras",
                                   "SELECT model, width, height, prior_focal_length, params FROM cameras"
                                   " WHERE camera_id = ?1")),
@@ -91,23 +119,16 @@ struct DatabaseReader::Impl {
         matches(connection.Prepare("matches", "SELECT rows, cols, data FROM matches WHERE pair_id = ?1")),
         two_view_geometry(PrepareTwoViewGeometry(connection, two_view_columns)),
         match_counts(connection, "matches"),
-        inlier_counts(connection, "two_view_geometries") {}
-
-  // Returns an image's id and name for messages.
-  std::string ImageLabel(uint32_t image_id) const {
-    std::string label = "image " + std::to_string(image_id);
-    SqliteRows rows = image_name.Run({image_id});
-    while (rows.Next()) label += " (" + rows.Text(0) + ")";
-    return label;
-  }
+        inlier_counts(connection, "two_view_geometries"),
+        labels(connection) {}
 
   SqliteRows FindPair(const SqliteStatement& statement, uint32_t image_id1, uint32_t image_id2) const {
     return statement.Run({PairId(image_id1, image_id2)},
-                         [=] { return "pair of " + ImageLabel(image_id1) + " and " + ImageLabel(image_id2); });
+                         [=] { return "pair of " + labels.Of(image_id1) + " and " + labels.Of(image_id2); });
   }
 
   Points ReadKeypoints(uint32_t image_id) const {
-    SqliteRows rows = keypoints.Run({image_id}, [=] { return ImageLabel(image_id); });
+    SqliteRows rows = keypoints.Run({image_id}, [=] { return labels.Of(image_id); });
     Points points;
     while (rows.Next()) {
       points.clear();
@@ -119,10 +140,12 @@ struct DatabaseReader::Impl {
   std::vector<PairSize> ReadPairSizes(const PairSizeStatements& statements, uint32_t image_id) const {
     std::vector<PairSize> sizes;
     for (const SqliteStatement* statement : {&statements.with_image_second, &statements.with_image_first}) {
-      SqliteRows rows = statement->Run({image_id, kMaxNumImages}, [=] { return "a pair of " + ImageLabel(image_id); });
+      SqliteRows rows =
+          statement->Run({image_id, kMaxNumImages}, [=] { return "the pairs of " + labels.Of(image_id); });
       while (rows.Next()) {
-        sizes.push_back({static_cast<uint32_t>(rows.Integer(0, 0, kMaxNumImages - 1)),
-                         static_cast<int>(rows.Integer(1, 1, kMaxInt))});
+        const std::optional<int64_t> num_matches = rows.IntegerOrNothing(1, 1, kMaxInt);
+        sizes.push_back(
+            {static_cast<uint32_t>(rows.Integer(0, 0, kMaxNumImages - 1)), static_cast<int>(num_matches.value_or(1))});
       }
     }
     std::sort(sizes.begin(), sizes.end(), [](const PairSize& a, const PairSize& b) { return a.image_id < b.image_id; });
@@ -131,8 +154,9 @@ struct DatabaseReader::Impl {
 
   SqliteConnection connection;
   TwoViewColumns two_view_columns;
-  SqliteStatement images, image_name, camera, keypoints, matches, two_view_geometry;
+  SqliteStatement images, camera, keypoints, matches, two_view_geometry;
   PairSizeStatements match_counts, inlier_counts;
+  ImageLabels labels;
   LruCache<Points> keypoint_cache{kMaxNumCachedKeypoints, [](const Points& points) { return points.size(); }};
 };
 
@@ -143,21 +167,29 @@ DatabaseReader& DatabaseReader::operator=(DatabaseReader&&) noexcept = default;
 
 const std::filesystem::path& DatabaseReader::Path() const { return impl_->connection.File().Path(); }
 
-std::vector<DatabaseImage> DatabaseReader::ReadImages() const {
+std::vector<DatabaseImage> DatabaseReader::ReadImages(std::vector<DamagedImage>* damaged) const {
+  std::vector<ImageRow> image_rows;
+  int64_t image_id = 0;
+  SqliteRows rows = impl_->images.Run({}, [&] { return "image " + std::to_string(image_id); });
+  while (rows.Next()) image_rows.push_back(ReadImageRow(rows, &image_id));
+  std::sort(image_rows.begin(), image_rows.end(), [](const auto& a, const auto& b) { return a.name < b.name; });
   std::vector<DatabaseImage> images;
-  SqliteRows rows = impl_->images.Run({});
-  while (rows.Next()) {
-    images.push_back({static_cast<uint32_t>(rows.Integer(0, 0, kMaxNumImages - 1)),
-                      static_cast<uint32_t>(rows.Integer(1, 0, kMaxCameraId)), rows.Text(2)});
+  for (size_t i = 0; i < image_rows.size(); ++i) {
+    ImageRow& row = image_rows[i];
+    const bool has_twin = (i > 0 && image_rows[i - 1].name == row.name) ||
+                          (i + 1 < image_rows.size() && image_rows[i + 1].name == row.name);
+    if (row.damage.empty() && has_twin)
+      row.damage = AsOneLine("table images: several images have the name " + row.name);
+    if (row.damage.empty()) {
+      images.push_back({row.image_id, row.camera_id, row.name});
+    } else if (damaged != nullptr) {
+      damaged->push_back({row.name, row.damage});
+    }
   }
-  std::sort(images.begin(), images.end(), [](const auto& a, const auto& b) { return a.name < b.name; });
-  const auto duplicate =
-      std::adjacent_find(images.begin(), images.end(), [](const auto& a, const auto& b) { return a.name == b.name; });
-  if (duplicate != images.end()) rows.Fail("two images have the name " + duplicate->name);
   return images;
 }
 
-std::vector<DatabaseRigImage> DatabaseReader::ReadRigImages() const {
+std::vector<DatabaseRigImage> DatabaseReader::ReadRigImages(std::vector<std::string>* damages) const {
   for (const char* table : {"rigs", "rig_sensors", "frames", "frame_data"}) {
     if (impl_->connection.ColumnNames(table).empty()) return {};
   }
@@ -169,16 +201,18 @@ std::vector<DatabaseRigImage> DatabaseReader::ReadRigImages() const {
       " LEFT JOIN rig_sensors s ON s.rig_id = r.rig_id AND s.sensor_id = d.sensor_id AND s.sensor_type = 0"
       " WHERE d.sensor_type = 0 ORDER BY d.frame_id, d.data_id");
   std::vector<DatabaseRigImage> images;
-  SqliteRows rows = statement.Run({});
+  uint32_t image_id = 0;
+  SqliteRows rows = statement.Run({}, [&] { return impl_->labels.Of(image_id); });
   while (rows.Next()) {
-    DatabaseRigImage image{static_cast<uint32_t>(rows.Integer(0, 0, kMaxNumImages - 1)),
-                           static_cast<uint32_t>(rows.Integer(1, 0, kMaxCameraId)), std::nullopt};
-    if (rows.Integer(2, 0, 1) == 1) {
-      image.cam_from_rig = Rigid3d();
-    } else {
-      image.cam_from_rig = ReadSensorFromRig(rows, 3);
+    try {
+      image_id = 0;
+      image_id = static_cast<uint32_t>(rows.Integer(0, 0, kMaxNumImages - 1));
+      const auto frame_id = static_cast<uint32_t>(rows.Integer(1, 0, kMaxCameraId));
+      const bool is_reference = rows.Integer(2, 0, 1) == 1;
+      images.push_back({image_id, frame_id, is_reference ? Rigid3d() : ReadSensorFromRig(rows, 3)});
+    } catch (const DamagedRecordError& error) {
+      damages->push_back(error.Damage());
     }
-    images.push_back(image);
   }
   return images;
 }
@@ -194,6 +228,9 @@ Camera DatabaseReader::ReadCamera(uint32_t camera_id) const {
     camera->height = static_cast<uint64_t>(rows.Integer(2, 0, kMaxInt64));
     camera->has_prior_focal_length = rows.Integer(3, 0, kMaxInt64) != 0;
     camera->params = ReadCameraParams(rows, 4);
+    for (const double param : camera->params) {
+      if (!std::isfinite(param)) rows.Fail("a camera parameter is not a finite number");
+    }
   }
   if (!camera) rows.Fail("does not exist");
   return *camera;

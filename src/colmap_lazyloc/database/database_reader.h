@@ -22,6 +22,12 @@ struct DatabaseImage {
   std::string name;
 };
 
+// A row of the table images that cannot be used.
+struct DamagedImage {
+  std::string name;    // empty if it cannot be read
+  std::string damage;  // as in DamagedRecordError
+};
+
 // An image that belongs to a frame of a rig (COLMAP 4.x).
 struct DatabaseRigImage {
   uint32_t image_id = 0;
@@ -38,8 +44,9 @@ struct PairSize {
 // Reads a COLMAP database of any version from 3.6 to 4.2 without writing: the file, its folder, its WAL and journal are
 // byte-identical afterwards, and the folder may be read-only. Finds columns by name. Also reads what a crashed or still
 // open COLMAP has left in the WAL.
-// Every function throws InputError, one line naming the file, for missing or damaged data, and if another program
-// writes to the database meanwhile, because no lock prevents it. Has one connection: use one reader per thread.
+// Every function throws InputError, one line naming the file, for a damaged file, and if another program writes to the
+// database meanwhile, because no lock prevents it; DamagedRecordError for one damaged record. Has one connection: use
+// one reader per thread.
 class DatabaseReader {
  public:
   explicit DatabaseReader(const std::filesystem::path& path);
@@ -49,18 +56,21 @@ class DatabaseReader {
 
   const std::filesystem::path& Path() const;
 
-  // Returns all images, sorted by name. Only this table (a few dozen bytes a row) is ever read whole.
-  std::vector<DatabaseImage> ReadImages() const;
-  // Returns the images of all frames, ordered by frame; empty if the version has no rigs.
-  std::vector<DatabaseRigImage> ReadRigImages() const;
-  // Returns a camera as it is stored; the caller checks its model and parameters.
+  // Returns all images, sorted by name, without damaged ones, which are appended to `damaged` unless it is null. Only
+  // this table (a few dozen bytes a row) is ever read whole.
+  std::vector<DatabaseImage> ReadImages(std::vector<DamagedImage>* damaged = nullptr) const;
+  // Returns the images of all frames, ordered by frame; empty if the version has no rigs. Leaves out images whose place
+  // in the rig is damaged, and appends the damage to `damages`.
+  std::vector<DatabaseRigImage> ReadRigImages(std::vector<std::string>* damages) const;
+  // Returns a camera with finite parameters as it is stored; the caller checks its model and parameters.
   Camera ReadCamera(uint32_t camera_id) const;
   // Returns all keypoints of an image, xy in pixels; empty if the image has none. Keeps those of the last images in up
   // to 16 MiB.
   std::vector<Eigen::Vector2d> ReadKeypoints(uint32_t image_id) const;
 
   // Return the other images of the pairs of an image with at least one verified inlier, or at least one raw match,
-  // sorted by image_id. They read no match, and leave out images that were deleted from the database.
+  // sorted by image_id. They read no match, and leave out images that were deleted from the database. A pair whose
+  // number is damaged has one match here, because reading the pair tells what is wrong.
   std::vector<PairSize> ReadInlierCounts(uint32_t image_id) const;
   std::vector<PairSize> ReadMatchCounts(uint32_t image_id) const;
 

@@ -20,6 +20,7 @@ namespace {
 
 using ::testing::IsEmpty;
 using ::testing::ThrowsMessage;
+using ::testing::UnorderedElementsAre;
 using Schema = TestDatabase::Schema;
 
 using Counts = std::vector<std::pair<uint32_t, int>>;
@@ -311,21 +312,14 @@ struct BadRow {
 };
 
 std::vector<BadRow> BadRows() {
-  const auto read_images = [](const DatabaseReader& reader) { reader.ReadImages(); };
   const auto read_camera = [](const DatabaseReader& reader) { reader.ReadCamera(1); };
   const auto read_keypoints = [](const DatabaseReader& reader) { reader.ReadKeypoints(1); };
   const auto read_matches = [](const DatabaseReader& reader) { reader.ReadMatches(2, 1); };
-  const auto read_counts = [](const DatabaseReader& reader) { reader.ReadMatchCounts(2); };
   const auto read_geometry = [](const DatabaseReader& reader) { reader.ReadTwoViewGeometry(1, 2); };
   const std::string keypoints = "table keypoints, image 1 (a.jpg): ";
   const std::string matches = "table matches, pair of image 2 (b.jpg) and image 1 (a.jpg): ";
   const std::string geometry = "table two_view_geometries, pair of image 1 (a.jpg) and image 2 (b.jpg): ";
   return {
-      {"DROP INDEX index_name; ALTER TABLE images RENAME TO i; CREATE TABLE images(image_id, name, camera_id);"
-       "INSERT INTO images VALUES (1, 'a\n1', 1), (2, 'b', 1), (3, 'a\n1', 1)",
-       read_images, "table images: two images have the name a 1"},
-      {"UPDATE images SET name = x'0102' WHERE image_id = 1", read_images, "table images: name is not text"},
-      {"UPDATE images SET camera_id = -1", read_images, "table images: camera_id is out of range: -1"},
       {"DELETE FROM cameras", read_camera, "table cameras, camera 1: does not exist"},
       {"UPDATE cameras SET width = 'x'", read_camera, "table cameras, camera 1: width is not an integer"},
       {"UPDATE cameras SET height = -2", read_camera, "table cameras, camera 1: height is out of range: -2"},
@@ -344,8 +338,9 @@ std::vector<BadRow> BadRows() {
        keypoints + "keypoint 0 is not finite"},
       {"UPDATE matches SET cols = 4", read_matches, matches + "has 4 columns"},
       {"UPDATE matches SET data = x'00'", read_matches, matches + "data has 1 bytes for 1 x 2 numbers"},
-      {"UPDATE matches SET rows = 3000000000", read_counts,
-       "table matches, a pair of image 2 (b.jpg): rows is out of range: 3000000000"},
+      {"UPDATE matches SET rows = 3000000000", read_matches, matches + "rows is out of range: 3000000000"},
+      {"UPDATE cameras SET params = x'000000000000f87f'", read_camera,
+       "table cameras, camera 1: a camera parameter is not a finite number"},
       {"UPDATE two_view_geometries SET data = NULL", read_geometry, geometry + "data has 0 bytes for 4 x 2 numbers"},
       {"UPDATE two_view_geometries SET config = 10", read_geometry, geometry + "config is out of range: 10"},
       {"UPDATE two_view_geometries SET E = x'00'", read_geometry, geometry + "E has 1 bytes instead of 72"},
@@ -371,9 +366,68 @@ TEST(DatabaseReader, BadRowsAreNamed) {
     database.Execute(bad_row.sql);
     const DatabaseReader reader(folder / "a.db");
     EXPECT_THAT([&] { bad_row.read(reader); },
-                ThrowsMessage<InputError>((folder / "a.db").string() + ": " + bad_row.message))
+                ThrowsMessage<DamagedRecordError>((folder / "a.db").string() + ": " + bad_row.message))
         << bad_row.sql;
   }
+}
+
+TEST(DatabaseReader, DamagedImagesAreLeftOut) {
+  const TestFolder folder;
+  TestDatabase database(folder / "a.db", Schema::V3_10);
+  database.Execute(
+      "DROP INDEX index_name; DROP TABLE images; CREATE TABLE images(image_id INTEGER PRIMARY KEY, name, camera_id);"
+      "INSERT INTO images VALUES (1, 'twin\x1B', 1), (2, 'good', 1), (3, 'twin\x1B', 1), (4, x'0102', 1), (5, 'b', -1),"
+      "(-6, 'c', 1), (7, 'two\nlines', 1), (8, '', 1)");
+  std::vector<DamagedImage> damaged;
+  const std::vector<DatabaseImage> images = DatabaseReader(folder / "a.db").ReadImages(&damaged);
+  ASSERT_EQ(images.size(), 1u);
+  EXPECT_EQ(images[0].name, "good");
+  std::vector<std::string> found;
+  for (const DamagedImage& image : damaged) found.push_back("[" + image.name + "] " + image.damage);
+  EXPECT_THAT(found, UnorderedElementsAre("[] table images, image 4: name is not text",
+                                          "[] table images, image 7: 'two\\nlines' is not the name of a file",
+                                          "[] table images, image 8: '' is not the name of a file",
+                                          "[b] table images, image 5: camera_id is out of range: -1",
+                                          "[c] table images, image -6: image_id is out of range: -6",
+                                          "[twin\x1B] table images: several images have the name twin\\x1b",
+                                          "[twin\x1B] table images: several images have the name twin\\x1b"));
+}
+
+TEST(DatabaseReader, PairsWithADamagedNumberOfMatchesAreCounted) {
+  const TestFolder folder;
+  TestDatabase database(folder / "a.db", Schema::V3_10);
+  for (const int image_id : {1, 2, 3, 4}) database.AddImage(image_id, 1, std::to_string(image_id) + ".jpg");
+  for (const int image_id : {1, 3, 4}) database.AddMatches(2, image_id, {{0, 1}, {1, 0}});
+  database.Execute("UPDATE matches SET rows = -7 WHERE pair_id = 2147483647 + 2");
+  database.Execute("UPDATE matches SET rows = 'many' WHERE pair_id = 2 * 2147483647 + 3");
+  EXPECT_EQ(AsCounts(DatabaseReader(folder / "a.db").ReadMatchCounts(2)), (Counts{{1, 1}, {3, 1}, {4, 2}}));
+}
+
+// Damages the page of one image's keypoints, as a disk may.
+TEST(DatabaseReader, DamagedPageIsTheDamageOfItsRecords) {
+  const TestFolder folder;
+  const std::filesystem::path path = folder / "a.db";
+  {
+    TestDatabase database(path, Schema::V3_8);
+    for (const int image_id : {1, 2}) {
+      database.AddImage(image_id, 1, std::to_string(image_id) + ".jpg");
+      database.AddKeypoints(image_id, std::vector<Eigen::Vector2d>(3000, {image_id, image_id}), /*num_cols=*/2);
+    }
+  }
+  std::string bytes = ReadBytes(path);
+  // Finds the first page that holds nothing but keypoints of image 1 and, in its first four bytes, the next page.
+  std::string ones;
+  while (ones.size() < 4092) ones += std::string("\0\0\x80\x3f", 4);
+  const size_t page = bytes.find(ones) - 4;
+  ASSERT_EQ(page % 4096, 0u);
+  bytes.replace(page, 4, "\x7f\xff\xff\xff");
+  WriteBytes(path, bytes);
+  const DatabaseReader reader(path);
+  EXPECT_THAT(
+      [&] { reader.ReadKeypoints(1); },
+      ThrowsMessage<DamagedRecordError>(
+          path.string() + ": table keypoints, image 1 (1.jpg): cannot be read: database disk image is malformed"));
+  EXPECT_EQ(reader.ReadKeypoints(2).size(), 3000u);
 }
 
 TEST(DatabaseReader, ReadsOnAfterABadRow) {

@@ -34,11 +34,12 @@ void CheckType(const SqliteRows& row, int cols_column) {
 
 Descriptors ReadDescriptors(const SqliteRows& row) {
   const ByteSpan data = row.Blob(1);
-  Descriptors descriptors(row.Integer(0, 0, kMaxInt), kFeatureType.num_columns);
-  if (data.size != static_cast<size_t>(descriptors.size())) {
-    row.Fail("descriptors have " + std::to_string(data.size) + " bytes for " + std::to_string(descriptors.rows()) +
-             " x " + std::to_string(kFeatureType.num_columns) + " numbers");
+  const int64_t num_rows = row.Integer(0, 0, kMaxInt);
+  if (data.size != static_cast<size_t>(num_rows * kFeatureType.num_columns)) {  // before memory is allocated for them
+    row.Fail("descriptors have " + std::to_string(data.size) + " bytes for " + std::to_string(num_rows) + " x " +
+             std::to_string(kFeatureType.num_columns) + " numbers");
   }
+  Descriptors descriptors(num_rows, kFeatureType.num_columns);
   if (data.size > 0) std::memcpy(descriptors.data(), data.data, data.size);
   return descriptors;
 }
@@ -47,37 +48,49 @@ Descriptors ReadDescriptors(const SqliteRows& row) {
 
 FeatureReader::FeatureReader(const std::filesystem::path& path)
     : connection_(path),
-      counts_(PrepareDescriptors(connection_, "image_id, rows", "WHERE rows > 0")),
+      counts_(PrepareDescriptors(connection_, "image_id, rows", "WHERE rows IS NOT 0")),
       keypoints_(connection_.Prepare("keypoints", "SELECT rows, cols, data FROM keypoints WHERE image_id = ?1")),
-      descriptors_(PrepareDescriptors(connection_, "rows, data", "WHERE image_id = ?1")) {}
+      descriptors_(PrepareDescriptors(connection_, "rows, data", "WHERE image_id = ?1")),
+      labels_(connection_) {}
 
-std::map<uint32_t, size_t> FeatureReader::ReadDescriptorCounts() const {
+std::map<uint32_t, size_t> FeatureReader::ReadDescriptorCounts(std::vector<std::string>* damages) const {
   std::map<uint32_t, size_t> counts;
-  SqliteRows rows = counts_.Run({});
+  uint32_t image_id = 0;
+  SqliteRows rows = counts_.Run({}, [&] { return labels_.Of(image_id); });
   while (rows.Next()) {
-    const auto image_id = static_cast<uint32_t>(rows.Integer(0, 0, kMaxInt));
-    CheckType(rows, 2);
-    counts[image_id] = static_cast<size_t>(rows.Integer(1, 1, kMaxInt));
+    try {
+      image_id = 0;
+      image_id = static_cast<uint32_t>(rows.Integer(0, 0, kMaxInt));
+      CheckType(rows, 2);
+      counts[image_id] = static_cast<size_t>(rows.Integer(1, 1, kMaxInt));
+    } catch (const DamagedRecordError& error) {
+      if (damages != nullptr) damages->push_back(error.Damage());
+    }
   }
   return counts;
 }
 
+std::vector<Keypoint> FeatureReader::ReadKeypoints(uint32_t image_id) const {
+  SqliteRows rows = keypoints_.Run({image_id}, [this, image_id] { return labels_.Of(image_id); });
+  std::vector<Keypoint> keypoints;
+  while (rows.Next()) keypoints = ReadStoredKeypoints(rows);
+  return keypoints;
+}
+
 Features FeatureReader::Read(uint32_t image_id) const {
-  const auto label = [image_id] { return "image " + std::to_string(image_id); };
   Features features;
   features.descriptors.resize(0, kFeatureType.num_columns);
-  SqliteRows descriptor_rows = descriptors_.Run({image_id}, label);
+  SqliteRows descriptor_rows = descriptors_.Run({image_id}, [this, image_id] { return labels_.Of(image_id); });
   while (descriptor_rows.Next()) {
     if (descriptor_rows.Integer(0, 0, kMaxInt) == 0) continue;
     CheckType(descriptor_rows, 2);
     features.descriptors = ReadDescriptors(descriptor_rows);
   }
   if (features.descriptors.rows() == 0) return features;
-  SqliteRows keypoint_rows = keypoints_.Run({image_id}, label);
-  while (keypoint_rows.Next()) features.keypoints = ReadStoredKeypoints(keypoint_rows);
+  features.keypoints = ReadKeypoints(image_id);
   if (features.keypoints.size() != static_cast<size_t>(features.descriptors.rows())) {
-    keypoint_rows.Fail("has " + std::to_string(features.keypoints.size()) + " keypoints, but " +
-                       std::to_string(features.descriptors.rows()) + " descriptors");
+    descriptor_rows.Fail("has " + std::to_string(features.keypoints.size()) + " keypoints, but " +
+                         std::to_string(features.descriptors.rows()) + " descriptors");
   }
   return features;
 }

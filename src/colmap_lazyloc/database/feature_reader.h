@@ -3,27 +3,34 @@
 #include <cstdint>
 #include <filesystem>
 #include <map>
+#include <string>
+#include <vector>
 
+#include "colmap_lazyloc/database/image_labels.h"
 #include "colmap_lazyloc/database/sqlite.h"
 #include "colmap_lazyloc/scene/features.h"
 
 namespace lazyloc {
 
-// Reads the SIFT features of a COLMAP database without writing, like DatabaseReader and with its errors; throws
-// InputError for other descriptors. Has one connection: use one reader per thread.
+// Reads the SIFT features of a COLMAP database without writing, like DatabaseReader and with its errors. Has one
+// connection: use one reader per thread.
 class FeatureReader {
  public:
   explicit FeatureReader(const std::filesystem::path& path);
 
   const std::filesystem::path& Path() const { return connection_.File().Path(); }
-  // Returns the number of descriptors by image, for images that have any. Reads no descriptor.
-  std::map<uint32_t, size_t> ReadDescriptorCounts() const;
+  // Returns the number of descriptors by image, for images that have any. Leaves out images whose descriptors are not
+  // SIFT's or whose number is damaged, and appends the damage to `damages` unless it is null. Reads no descriptor.
+  std::map<uint32_t, size_t> ReadDescriptorCounts(std::vector<std::string>* damages = nullptr) const;
+  // Returns the keypoints of an image; empty if it has none.
+  std::vector<Keypoint> ReadKeypoints(uint32_t image_id) const;
   // Returns as many keypoints as descriptors (128 columns); both are empty if the image has none.
   Features Read(uint32_t image_id) const;
 
  private:
   SqliteConnection connection_;
   SqliteStatement counts_, keypoints_, descriptors_;
+  ImageLabels labels_;
 };
 
 }  // namespace lazyloc

@@ -13,6 +13,7 @@
 namespace lazyloc {
 namespace {
 
+using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 using ::testing::ThrowsMessage;
@@ -71,14 +72,24 @@ TEST_P(FeatureReaderTest, AnotherNumberOfKeypointsIsAnError) {
 TEST_P(FeatureReaderTest, OtherDescriptorsThanSiftAreAnError) {
   database_.AddDescriptors(1, Descriptors::Zero(3, 256));
   const FeatureReader reader(path_);
-  EXPECT_THAT([&] { reader.ReadDescriptorCounts(); }, ThrowsMessage<InputError>(HasSubstr("not SIFT's")));
+  std::vector<std::string> damages;
+  EXPECT_THAT(reader.ReadDescriptorCounts(&damages), IsEmpty());
+  EXPECT_THAT(damages, ElementsAre(HasSubstr("not SIFT's")));
   EXPECT_THAT([&] { reader.Read(1); }, ThrowsMessage<InputError>(HasSubstr("256 columns")));
 }
 
 TEST_P(FeatureReaderTest, DamagedDescriptorsAreAnError) {
   database_.AddDescriptors(1, RandomDescriptors(3, 1));
   database_.Execute("UPDATE descriptors SET rows = 4");
-  EXPECT_THAT([&] { FeatureReader(path_).Read(1); }, ThrowsMessage<InputError>(HasSubstr("384 bytes for 4 x 128")));
+  EXPECT_THAT([&] { FeatureReader(path_).Read(1); },
+              ThrowsMessage<DamagedRecordError>(HasSubstr("384 bytes for 4 x 128")));
+  database_.Execute("UPDATE descriptors SET rows = 2147483647");  // would be 256 GiB
+  EXPECT_THAT([&] { FeatureReader(path_).Read(1); },
+              ThrowsMessage<DamagedRecordError>(HasSubstr("384 bytes for 2147483647 x 128")));
+  database_.Execute("UPDATE descriptors SET rows = -1");
+  std::vector<std::string> damages;
+  EXPECT_THAT(FeatureReader(path_).ReadDescriptorCounts(&damages), IsEmpty());
+  EXPECT_THAT(damages, ElementsAre("table descriptors, image 1: rows is out of range: -1"));
 }
 
 INSTANTIATE_TEST_SUITE_P(Schemas, FeatureReaderTest, ::testing::Values(Schema::V3_8, Schema::V4_2));
@@ -87,8 +98,9 @@ TEST(FeatureReader, LearnedDescriptorsAreNotSift) {
   const TestFolder folder;
   TestDatabase database(folder / "database.db", Schema::V4_2);
   database.AddDescriptors(1, RandomDescriptors(3, 1), /*type=*/1);
-  EXPECT_THAT([&] { FeatureReader(folder / "database.db").ReadDescriptorCounts(); },
-              ThrowsMessage<InputError>(HasSubstr("type 1")));
+  std::vector<std::string> damages;
+  EXPECT_THAT(FeatureReader(folder / "database.db").ReadDescriptorCounts(&damages), IsEmpty());
+  EXPECT_THAT(damages, ElementsAre(HasSubstr("type 1")));
 }
 
 }  // namespace

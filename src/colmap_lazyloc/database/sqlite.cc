@@ -5,6 +5,7 @@
 #include <sqlite3.h>
 
 #include "colmap_lazyloc/scene/errors.h"
+#include "colmap_lazyloc/scene/format.h"
 
 namespace lazyloc {
 namespace {
@@ -15,11 +16,8 @@ constexpr char kVfsWithoutLocks[] = "win32-none";
 constexpr char kVfsWithoutLocks[] = "unix-none";
 #endif
 
-// Returns an error of one line, because SQLite quotes SQL over several lines and names may hold control characters.
-InputError OneLineError(std::string message) {
-  for (char& c : message) c = static_cast<unsigned char>(c) < ' ' ? ' ' : c;
-  return InputError(message);
-}
+// True if only some pages of the file, or the sizes in one record, are wrong.
+bool IsDamage(int code) { return code == SQLITE_CORRUPT || code == SQLITE_TOOBIG; }
 
 }  // namespace
 
@@ -51,7 +49,7 @@ void SqliteConnection::ThrowSqliteError(const std::string& table) const {
   const std::string message = connection_ ? sqlite3_errmsg(connection_.get()) : "out of memory";
   file_.CheckUnchanged();
   const std::string where = file_.Path().string() + (table.empty() ? "" : ": table " + table);
-  throw OneLineError(where + ": cannot be read: " + message);
+  throw InputError(AsOneLine(where + ": cannot be read: " + message));
 }
 
 std::set<std::string> SqliteConnection::ColumnNames(const std::string& table) const {
@@ -82,17 +80,18 @@ SqliteRows SqliteStatement::Run(std::initializer_list<int64_t> values, std::func
   for (const int64_t value : values) {
     if (sqlite3_bind_int64(statement_.get(), ++index, value) != SQLITE_OK) connection_->ThrowSqliteError(table_);
   }
-  return {*this, std::move(row_label)};
+  return {*this, values.size() > 0, std::move(row_label)};
 }
 
-SqliteRows::SqliteRows(const SqliteStatement& statement, std::function<std::string()> row_label)
-    : statement_(statement), row_label_(std::move(row_label)) {}
+SqliteRows::SqliteRows(const SqliteStatement& statement, bool is_lookup, std::function<std::string()> row_label)
+    : statement_(statement), is_lookup_(is_lookup), row_label_(std::move(row_label)) {}
 
 SqliteRows::~SqliteRows() { sqlite3_reset(statement_.statement_.get()); }
 
 bool SqliteRows::Next() {
   const int code = sqlite3_step(statement_.statement_.get());
   if (code == SQLITE_ROW) return true;
+  if (is_lookup_ && IsDamage(code)) Fail(std::string("cannot be read: ") + sqlite3_errstr(code));
   if (code != SQLITE_DONE) statement_.connection_->ThrowSqliteError(statement_.table_);
   statement_.connection_->File().CheckUnchanged();
   return false;
@@ -104,6 +103,13 @@ int64_t SqliteRows::Integer(int column, int64_t min, int64_t max) const {
   const int64_t value = sqlite3_column_int64(statement, column);
   if (value < min || value > max) Fail(ColumnName(column) + " is out of range: " + std::to_string(value));
   return value;
+}
+
+std::optional<int64_t> SqliteRows::IntegerOrNothing(int column, int64_t min, int64_t max) const {
+  sqlite3_stmt* statement = statement_.statement_.get();
+  if (sqlite3_column_type(statement, column) != SQLITE_INTEGER) return std::nullopt;
+  const int64_t value = sqlite3_column_int64(statement, column);
+  return value < min || value > max ? std::nullopt : std::make_optional(value);
 }
 
 std::string SqliteRows::Text(int column) const {
@@ -124,9 +130,10 @@ ByteSpan SqliteRows::Blob(int column) const {
 }
 
 void SqliteRows::Fail(const std::string& problem) const {
+  const SqliteFile& file = statement_.connection_->File();
+  file.CheckUnchanged();  // because a change of the file looks like damage
   const std::string row = row_label_ ? ", " + row_label_() : "";
-  throw OneLineError(statement_.connection_->File().Path().string() + ": table " + statement_.table_ + row + ": " +
-                     problem);
+  throw DamagedRecordError(file.Path().string(), AsOneLine("table " + statement_.table_ + row + ": " + problem));
 }
 
 std::string SqliteRows::ColumnName(int column) const {

@@ -5,6 +5,7 @@
 #include <functional>
 #include <initializer_list>
 #include <memory>
+#include <optional>
 #include <set>
 #include <string>
 
@@ -13,7 +14,8 @@
 struct sqlite3;
 struct sqlite3_stmt;
 
-// Wraps the part of SQLite that we need. Every failure is an InputError, one line `path: ...`.
+// Wraps the part of SQLite that we need. Every failure is an InputError, one line `path: ...`; damage of one record is
+// a DamagedRecordError.
 namespace lazyloc {
 
 class SqliteStatement;
@@ -46,7 +48,9 @@ class SqliteConnection {
   std::unique_ptr<sqlite3, Close> connection_;
 };
 
-// Visits the rows of one execution. The last call of Next checks that the file did not change meanwhile.
+// Visits the rows of one execution. The last call of Next checks that the file did not change meanwhile. If SQLite
+// finds a damaged page, Next throws DamagedRecordError for a look-up, because only records on this page are affected,
+// and InputError for a scan of the table, because nobody knows which rows are missing.
 class SqliteRows {
  public:
   SqliteRows(const SqliteRows&) = delete;
@@ -56,23 +60,27 @@ class SqliteRows {
   bool Next();
   // Return a column of the current row, counted from 0. They fail if it is of another type.
   int64_t Integer(int column, int64_t min, int64_t max) const;
+  // Returns nullopt instead of failing.
+  std::optional<int64_t> IntegerOrNothing(int column, int64_t min, int64_t max) const;
   std::string Text(int column) const;
   ByteSpan Blob(int column) const;  // empty for NULL
   std::string ColumnName(int column) const;
-  // Throws InputError `path: table <table>, <row label>: <problem>`.
+  // Throws DamagedRecordError `path: table <table>, <row label>: <problem>`.
   [[noreturn]] void Fail(const std::string& problem) const;
 
  private:
   friend class SqliteStatement;
-  SqliteRows(const SqliteStatement& statement, std::function<std::string()> row_label);
+  SqliteRows(const SqliteStatement& statement, bool is_lookup, std::function<std::string()> row_label);
 
   const SqliteStatement& statement_;
+  const bool is_lookup_;
   std::function<std::string()> row_label_;
 };
 
 class SqliteStatement {
  public:
-  // Runs the statement with values for ?1, ?2, ...; only one run at a time. `row_label` names the row in messages.
+  // Runs the statement with values for ?1, ?2, ...; only one run at a time. A statement with values is a look-up, one
+  // without them a scan. `row_label` names the row in messages.
   SqliteRows Run(std::initializer_list<int64_t> values, std::function<std::string()> row_label = nullptr) const;
 
  private:

@@ -19,11 +19,13 @@ void Rename(const fs::path& from, const fs::path& to, const fs::path& published)
 
 }  // namespace
 
-StagedOutput::StagedOutput(fs::path folder, const fs::path& wanted) : folder_(std::move(folder)) {
+StagedOutput::StagedOutput(fs::path folder, const fs::path& wanted, fs::path staging_parent)
+    : folder_(std::move(folder)) {
   if (folder_.empty()) folder_ = ".";
+  if (staging_parent.empty()) staging_parent = folder_;
   std::error_code error;
   for (int i = 0; !error; ++i) {
-    staging_folder_ = folder_ / (".colmap_lazyloc_staging_" + std::to_string(i));
+    staging_folder_ = staging_parent / (".colmap_lazyloc_staging_" + std::to_string(i));
     if (!fs::create_directory(staging_folder_, error)) continue;  // another run has this name, or there is an error
     fs::create_directory(NewFolder(), error);
     if (!error) fs::create_directory(OldFolder(), error);

@@ -6,13 +6,15 @@
 
 namespace lazyloc {
 
-// Writes files or folders into a folder, all or none: they are written into a hidden folder inside it first, and
-// renamed into place at the end, over what was there before. An object that is destroyed before leaves nothing behind.
+// Writes files or folders into a folder, all or none: they are written into a hidden folder first, and renamed into
+// place at the end, over what was there before. An object that is destroyed before leaves nothing behind.
 class StagedOutput {
  public:
   // An empty folder is the current one. Throws InputError if the folder does not exist or cannot be written into; the
-  // message names `wanted`, or the folder if that is empty.
-  explicit StagedOutput(std::filesystem::path folder, const std::filesystem::path& wanted = {});
+  // message names `wanted`, or the folder if that is empty. staging_parent: where the hidden folder is made, on the
+  // same disk; empty: in the folder.
+  explicit StagedOutput(std::filesystem::path folder, const std::filesystem::path& wanted = {},
+                        std::filesystem::path staging_parent = {});
   ~StagedOutput();
   StagedOutput(const StagedOutput&) = delete;
   StagedOutput& operator=(const StagedOutput&) = delete;

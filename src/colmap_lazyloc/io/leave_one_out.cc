@@ -8,6 +8,7 @@
 #include <nlohmann/json.hpp>
 
 #include "colmap_lazyloc/files/output_file.h"
+#include "colmap_lazyloc/io/model_merger.h"
 #include "colmap_lazyloc/io/valid_utf8.h"
 #include "colmap_lazyloc/math/median.h"
 #include "colmap_lazyloc/math/so3.h"
@@ -22,11 +23,12 @@ Rigid3d Normalized(const Rigid3d& pose) { return {pose.rotation.normalized(), po
 
 // Returns the diagonal of the box around the centres of all images and around what they look at: the points of their
 // optical axes at the median distance of points from queries. A camera that only turns has a scene, too.
-double SceneSize(const Model& model, const std::vector<const QueryRecord*>& records) {
+double SceneSize(const Model& model, const QueryRecords& records) {
   std::vector<double> distances;
-  for (const QueryRecord* record : records) {
-    if (record->result.confidence) distances.push_back(record->result.evidence.scene_distance);
-  }
+  records.ForEach([&](const QueryRecord& record) {
+    const double distance = record.result.evidence.scene_distance;  // NaN for a pose without points
+    if (record.result.confidence && std::isfinite(distance)) distances.push_back(distance);
+  });
   const double distance = distances.empty() ? 0 : Median(std::move(distances));
   Eigen::AlignedBox3d box;
   for (const ModelImage& image : model.images) {
@@ -104,20 +106,18 @@ Json OrNull(const std::optional<double>& value) { return value ? Json(*value) : 
 
 }  // namespace
 
-LeaveOneOutSummary SummarizeLeaveOneOut(const Model& model, const std::vector<const QueryRecord*>& records) {
+LeaveOneOutSummary SummarizeLeaveOneOut(const Model& model, const QueryRecords& records) {
   LeaveOneOutSummary summary;
-  summary.num_queries = records.size();
+  summary.num_queries = records.Size();
   summary.scene_size = SceneSize(model, records);
-  for (const QueryRecord* record : records) {
-    const LocalizationResult& result = record->result;
+  records.ForEach([&](const QueryRecord& record) {
+    const LocalizationResult& result = record.result;
     ++summary.num_by_status[QueryStatusName(result.status)];
-    if (!result.confidence || !result.covariance.allFinite()) continue;
-    const auto image =
-        std::lower_bound(model.images.begin(), model.images.end(), result.query_name,
-                         [](const ModelImage& candidate, const std::string& name) { return candidate.name < name; });
-    if (image == model.images.end() || image->name != result.query_name) continue;
+    if (!result.confidence || !result.covariance.allFinite()) return;
+    const ModelImage* image = FindByName(model.images, result.query_name);
+    if (image == nullptr) return;
     summary.poses.push_back(CheckPose(result, Normalized(image->cam_from_world), summary.scene_size));
-  }
+  });
   std::stable_sort(summary.poses.begin(), summary.poses.end(),
                    [](const CheckedPose& a, const CheckedPose& b) { return a.confidence > b.confidence; });
   summary.risk_coverage = RiskCoverage(summary.poses, summary.num_queries);

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "colmap_lazyloc/io/query_record.h"
+#include "colmap_lazyloc/io/query_records.h"
 #include "colmap_lazyloc/scene/model.h"
 
 namespace lazyloc {
@@ -43,7 +43,7 @@ struct LeaveOneOutSummary {
 };
 
 // records: of a run with leave_one_out. Poses without a confidence or a covariance are left out.
-LeaveOneOutSummary SummarizeLeaveOneOut(const Model& model, const std::vector<const QueryRecord*>& records);
+LeaveOneOutSummary SummarizeLeaveOneOut(const Model& model, const QueryRecords& records);
 
 // Writes the summary as JSON. Throws InputError naming the file if it cannot be written.
 void WriteLeaveOneOut(const std::filesystem::path& path, const LeaveOneOutSummary& summary);

@@ -33,11 +33,7 @@ class LeaveOneOutTest : public IoTest {
     const Eigen::Vector3d axis = model_.images[0].cam_from_world.rotation.conjugate() * Eigen::Vector3d::UnitZ();
     return (Eigen::Vector3d(length, 0, 0) + 2 * axis.cwiseAbs()).norm();
   }
-  LeaveOneOutSummary Summarize() const {
-    std::vector<const QueryRecord*> pointers;
-    for (const QueryRecord& record : records_) pointers.push_back(&record);
-    return SummarizeLeaveOneOut(model_, pointers);
-  }
+  LeaveOneOutSummary Summarize() const { return SummarizeLeaveOneOut(model_, Stored(records_)); }
 
   Model model_;
   std::vector<QueryRecord> records_;

@@ -1,43 +1,36 @@
 #pragma once
 
 #include <cstdint>
+#include <limits>
 #include <map>
-#include <optional>
+#include <string_view>
+#include <utility>
 #include <vector>
 
-#include <Eigen/Core>
-
 #include "colmap_lazyloc/database/database_reader.h"
-#include "colmap_lazyloc/io/query_record.h"
+#include "colmap_lazyloc/io/query_records.h"
 #include "colmap_lazyloc/scene/model.h"
 
 namespace lazyloc {
 
-struct TrackElement {
-  uint32_t image_id = 0;
-  uint32_t keypoint = 0;
-};
-
-struct MergedPoint {
-  Eigen::Vector3d point_in_world = Eigen::Vector3d::Zero();
-  double mean_reprojection_error_px = 0;
-  std::vector<TrackElement> track;
-};
-
+// Image of the merged model: a database image, or a localized query.
 struct MergedImage {
-  ModelImage image;
-  std::optional<uint32_t> database_id;             // of the image whose keypoints are needed; nullopt: none are
-  std::vector<Eigen::Vector2d> photo_keypoints;    // of a photo, whose keypoints are not in the database
-  std::map<uint32_t, uint64_t> point_of_keypoint;  // ids of the points that keypoints observe
+  uint32_t camera_id = 0;
+  bool is_query = false;
+  size_t index = 0;  // of the record or of the model's image
 };
 
-// A COLMAP model of the database images and the localized queries. Ids are the keys; point ids are 1..n.
+// The images, cameras, rigs and frames of a model of the database images and the localized queries. Ids are the keys.
 struct MergedModel {
+  static constexpr uint32_t kNoImage = std::numeric_limits<uint32_t>::max();
+
   std::map<uint32_t, Camera> cameras;
   std::map<uint32_t, MergedImage> images;
-  std::map<uint32_t, Rig> rigs;  // rigs and frames are empty if the input model has none
+  std::vector<uint32_t> image_of_query;  // id by record; kNoImage if it was not localized
+  // These are empty if the input model has no rigs.
+  std::map<uint32_t, Rig> rigs;
   std::map<uint32_t, ModelFrame> frames;
-  std::vector<MergedPoint> points;  // the point with id i is points[i - 1]
+  std::map<uint32_t, uint32_t> rig_of_camera;  // the first rig that has a pose for a camera
 };
 
 // Merges the localized queries into the model. The same input gives the same ids.
@@ -45,18 +38,16 @@ struct MergedModel {
 //   localized at, or not at all.
 // - A query's image id is the model's if it was there, else the database's if the model leaves it free, else a new one.
 // - A query's camera is one of the model with the same intrinsics, if possible of the same id; else it is added under
-// its
-//   own id if that is free, or a new one. A camera that was refined for the query also gets a new id if other images of
-//   the database share it.
-// - A keypoint observes at most one point. If the points of two queries meet in a keypoint, the first query keeps it
-// and
-//   the other's point loses this observation. A point with fewer than two observations is dropped.
+//   its own id if that is free, or a new one. A camera that was refined for the query also gets a new id if other
+//   images of the database share it.
 // - Rigs and frames of the model stay, without images that are no longer in it (io/rig_merger.h); each query gets a
-// frame
-//   of its own.
-// - Observations by images that are not in the merged model are left out.
-// records: sorted by name.
-MergedModel MergeModel(const Model& model, const std::vector<const QueryRecord*>& records,
+//   frame of its own.
+// database_images: sorted by name.
+MergedModel MergeModel(const Model& model, const QueryRecords& records,
                        const std::vector<DatabaseImage>& database_images);
+
+// Return the image of a name, of a list sorted by name; null if there is none.
+const ModelImage* FindByName(const std::vector<ModelImage>& images, std::string_view name);
+const DatabaseImage* FindByName(const std::vector<DatabaseImage>& images, std::string_view name);
 
 }  // namespace lazyloc

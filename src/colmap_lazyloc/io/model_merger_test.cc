@@ -4,7 +4,11 @@
 
 #include <gmock/gmock.h>
 
-#include "colmap_lazyloc/scene/errors.h"
+#include "colmap_lazyloc/files/binary_file.h"
+#include "colmap_lazyloc/io/io_test_fixture.h"
+#include "colmap_lazyloc/io/model_reader.h"
+#include "colmap_lazyloc/io/model_writer.h"
+#include "colmap_lazyloc/testing/test_database.h"
 
 namespace lazyloc {
 namespace {
@@ -36,21 +40,85 @@ PointResult MakePoint(int query_point, const std::vector<std::pair<int, int>>& o
   return {Eigen::Vector3d(query_point, 0, 1), query_point, observations, 0.5};
 }
 
-std::vector<std::pair<uint32_t, uint32_t>> Track(const MergedPoint& point) {
-  std::vector<std::pair<uint32_t, uint32_t>> track;
-  for (const TrackElement& element : point.track) track.emplace_back(element.image_id, element.keypoint);
-  return track;
+struct WrittenImage {
+  ModelImage image;
+  std::vector<Eigen::Vector2d> keypoints;
+  std::map<uint32_t, uint64_t> point_of_keypoint;
+};
+
+struct WrittenPoint {
+  Eigen::Vector3d point_in_world;
+  double mean_reprojection_error_px = 0;
+  std::vector<std::pair<uint32_t, uint32_t>> track;  // image id, keypoint
+};
+
+struct WrittenModel {
+  std::map<uint32_t, Camera> cameras;
+  std::map<uint32_t, WrittenImage> images;
+  std::vector<WrittenPoint> points;  // the point with id i is points[i - 1]
+};
+
+void ReadKeypoints(BinaryFile* file, WrittenImage* image) {
+  const uint64_t num_keypoints = file->ReadCount(24);
+  for (uint32_t i = 0; i < num_keypoints; ++i) {
+    const double x = file->Read<double>(), y = file->Read<double>();
+    image->keypoints.emplace_back(x, y);
+    const auto point_id = file->Read<uint64_t>();
+    if (point_id != std::numeric_limits<uint64_t>::max()) image->point_of_keypoint[i] = point_id;
+  }
 }
 
-// Images a (id 1 here, 11 in the database) and b (2, 12); queries q (database id 20) and r (21).
-class MergeModelTest : public ::testing::Test {
+// Reads a model with its image points and points, which ReadModel leaves out.
+WrittenModel ReadWritten(const std::filesystem::path& folder) {
+  WrittenModel model;
+  const Model posed = ReadModel(folder);
+  model.cameras = posed.cameras;
+  BinaryFile images(folder / "images.bin");
+  for (uint64_t i = images.ReadCount(64); i > 0; --i) {
+    const auto image_id = images.Read<uint32_t>();
+    images.Skip(7 * 8 + 4);
+    const ModelImage* image = FindByName(posed.images, images.ReadName());
+    EXPECT_EQ(image->image_id, image_id);
+    model.images[image_id].image = *image;
+    ReadKeypoints(&images, &model.images[image_id]);
+  }
+  images.CheckEnd();
+  BinaryFile points(folder / "points3D.bin");
+  for (uint64_t i = points.ReadCount(43); i > 0; --i) {
+    WrittenPoint point;
+    EXPECT_EQ(points.Read<uint64_t>(), model.points.size() + 1);
+    for (double& coordinate : point.point_in_world) coordinate = points.Read<double>();
+    points.Skip(3);
+    point.mean_reprojection_error_px = points.Read<double>();
+    for (uint64_t k = points.ReadCount(8); k > 0; --k) {
+      const auto image_id = points.Read<uint32_t>();
+      point.track.emplace_back(image_id, points.Read<uint32_t>());
+    }
+    model.points.push_back(point);
+  }
+  points.CheckEnd();
+  return model;
+}
+
+// Images a (id 1 here, 11 in the database) and b (2, 12); queries q (database id 20) and r (21). The x of the keypoints
+// of an image is its id in the database.
+class MergeModelTest : public IoTest {
  protected:
-  MergedModel Merge() const {
+  WrittenModel Merge() const {
     std::vector<QueryRecord> records;
     for (const LocalizationResult& query : queries_) records.push_back({query, {}, {}, 0});
-    std::vector<const QueryRecord*> pointers;
-    for (const QueryRecord& record : records) pointers.push_back(&record);
-    return MergeModel(model_, pointers, database_images_);
+    const std::filesystem::path database_path = folder_ / "database.db", model_path = folder_ / "written";
+    std::filesystem::remove(database_path);
+    std::filesystem::create_directory(model_path);
+    TestDatabase database(database_path, TestDatabase::Schema::V3_10);
+    for (const DatabaseImage& image : database_images_) {
+      database.AddImage(static_cast<int>(image.image_id), static_cast<int>(image.camera_id), image.name);
+      database.AddKeypoints(static_cast<int>(image.image_id),
+                            std::vector<Eigen::Vector2d>(10, Eigen::Vector2d(image.image_id, 0)));
+    }
+    database.Close();
+    WriteModel(model_path, folder_ / "scratch", model_, Stored(records), DatabaseReader(database_path));
+    return ReadWritten(model_path);
   }
 
   Model model_{
@@ -60,13 +128,13 @@ class MergeModelTest : public ::testing::Test {
 };
 
 // Every image point names a point whose track names it back, and the reverse.
-void ExpectConsistent(const MergedModel& merged) {
+void ExpectConsistent(const WrittenModel& merged) {
   size_t num_elements = 0, num_image_points = 0;
   for (size_t i = 0; i < merged.points.size(); ++i) {
     EXPECT_GE(merged.points[i].track.size(), 2);
     num_elements += merged.points[i].track.size();
-    for (const TrackElement& element : merged.points[i].track) {
-      EXPECT_EQ(merged.images.at(element.image_id).point_of_keypoint.at(element.keypoint), i + 1);
+    for (const auto& [image_id, keypoint] : merged.points[i].track) {
+      EXPECT_EQ(merged.images.at(image_id).point_of_keypoint.at(keypoint), i + 1);
     }
   }
   for (const auto& [image_id, image] : merged.images) num_image_points += image.point_of_keypoint.size();
@@ -74,7 +142,7 @@ void ExpectConsistent(const MergedModel& merged) {
 }
 
 TEST_F(MergeModelTest, ModelKeepsIdsAndPoseBits) {
-  const MergedModel merged = Merge();
+  const WrittenModel merged = Merge();
   EXPECT_THAT(merged.images, ElementsAre(Pair(1, ::testing::_), Pair(2, ::testing::_), Pair(20, ::testing::_),
                                          Pair(21, ::testing::_)));
   for (const ModelImage& image : model_.images) {
@@ -83,29 +151,29 @@ TEST_F(MergeModelTest, ModelKeepsIdsAndPoseBits) {
     EXPECT_EQ(kept.camera_id, image.camera_id);
     EXPECT_EQ(kept.cam_from_world.rotation.coeffs(), image.cam_from_world.rotation.coeffs());
     EXPECT_EQ(kept.cam_from_world.translation, image.cam_from_world.translation);
-    EXPECT_FALSE(merged.images.at(image.image_id).database_id.has_value()) << "not observed: no keypoints";
+    EXPECT_THAT(merged.images.at(image.image_id).keypoints, IsEmpty()) << "not observed";
   }
   EXPECT_EQ(merged.images.at(20).image.name, "q");
-  EXPECT_EQ(merged.images.at(20).database_id, 20);
+  EXPECT_EQ(merged.images.at(20).keypoints.at(0).x(), 20);
   EXPECT_EQ(merged.images.at(20).image.cam_from_world.translation, Eigen::Vector3d(7, 8, 9));
 }
 
 TEST_F(MergeModelTest, QueryWhoseIdIsTakenGetsOneAboveAll) {
   model_.images[1].image_id = 20;
   model_.images.push_back(MakeImage(30, 1, "c"));
-  const MergedModel merged = Merge();
+  const WrittenModel merged = Merge();
   EXPECT_EQ(merged.images.at(20).image.name, "b");
   EXPECT_EQ(merged.images.at(21).image.name, "r");
   EXPECT_EQ(merged.images.at(31).image.name, "q");
   EXPECT_EQ(merged.images.at(31).image.image_id, 31);
-  EXPECT_EQ(merged.images.at(31).database_id, 20);
+  EXPECT_EQ(merged.images.at(31).keypoints.at(0).x(), 20);
 }
 
 TEST_F(MergeModelTest, RefinedCameraKeepsItsIdUnlessOthersShareIt) {
   database_images_ = {{11, 1, "a"}, {12, 1, "b"}, {20, 7, "q"}, {21, 8, "r"}, {22, 8, "s"}};
   queries_ = {MakeQuery("q", MakeCamera(7, 505)), MakeQuery("r", MakeCamera(8, 510))};
   for (LocalizationResult& query : queries_) query.is_camera_refined = true;
-  const MergedModel merged = Merge();
+  const WrittenModel merged = Merge();
   EXPECT_EQ(merged.images.at(20).image.camera_id, 7);
   EXPECT_EQ(merged.images.at(21).image.camera_id, 9);
   EXPECT_EQ(merged.cameras.at(7).params[0], 505);
@@ -122,7 +190,7 @@ TEST_F(MergeModelTest, NoIdLeftIsAnError) {
 TEST_F(MergeModelTest, QueryCameraIsReusedWhereIntrinsicsAgree) {
   model_.cameras[5] = MakeCamera(5, 500);
   queries_ = {MakeQuery("q", MakeCamera(5, 500)), MakeQuery("r", MakeCamera(2, 500))};
-  const MergedModel merged = Merge();
+  const WrittenModel merged = Merge();
   EXPECT_EQ(merged.images.at(20).image.camera_id, 5) << "its own id is preferred";
   EXPECT_EQ(merged.images.at(21).image.camera_id, 1) << "the first with these intrinsics";
   EXPECT_THAT(merged.cameras, SizeIs(3));
@@ -133,7 +201,7 @@ TEST_F(MergeModelTest, NewQueryCameraKeepsItsIdWhereFree) {
               MakeQuery("s", MakeCamera(0, 700)), MakeQuery("t", MakeCamera(0, 900))};
   database_images_.push_back({22, 1, "s"});
   database_images_.push_back({23, 1, "t"});
-  const MergedModel merged = Merge();
+  const WrittenModel merged = Merge();
   EXPECT_EQ(merged.images.at(20).image.camera_id, 10) << "2 is another camera's; 9 is another query's";
   EXPECT_EQ(merged.images.at(21).image.camera_id, 9);
   EXPECT_EQ(merged.images.at(22).image.camera_id, 10) << "queries share cameras too";
@@ -145,25 +213,25 @@ TEST_F(MergeModelTest, NewQueryCameraKeepsItsIdWhereFree) {
 
 TEST_F(MergeModelTest, TracksJoinQueryAndDatabaseKeypoints) {
   queries_[0].points = {MakePoint(3, {{0, 5}, {1, 6}}), MakePoint(4, {{1, 7}})};
-  const MergedModel merged = Merge();
+  const WrittenModel merged = Merge();
   ASSERT_THAT(merged.points, SizeIs(2));
-  EXPECT_THAT(Track(merged.points[0]), ElementsAre(Pair(20, 3), Pair(1, 5), Pair(2, 6)));
-  EXPECT_THAT(Track(merged.points[1]), ElementsAre(Pair(20, 4), Pair(2, 7)));
+  EXPECT_THAT(merged.points[0].track, ElementsAre(Pair(20, 3), Pair(1, 5), Pair(2, 6)));
+  EXPECT_THAT(merged.points[1].track, ElementsAre(Pair(20, 4), Pair(2, 7)));
   EXPECT_EQ(merged.points[0].point_in_world, Eigen::Vector3d(3, 0, 1));
   EXPECT_EQ(merged.points[0].mean_reprojection_error_px, 0.5);
-  EXPECT_EQ(merged.images.at(1).database_id, 11);
-  EXPECT_EQ(merged.images.at(2).database_id, 12);
+  EXPECT_EQ(merged.images.at(1).keypoints.at(0).x(), 11);
+  EXPECT_EQ(merged.images.at(2).keypoints.at(0).x(), 12);
   ExpectConsistent(merged);
 }
 
 TEST_F(MergeModelTest, SharedKeypointStaysWithTheFirstQuery) {
   queries_[0].points = {MakePoint(0, {{0, 5}, {1, 6}})};
   queries_[1].points = {MakePoint(0, {{0, 5}}), MakePoint(1, {{0, 5}, {1, 8}}), MakePoint(2, {{0, 9}})};
-  const MergedModel merged = Merge();
+  const WrittenModel merged = Merge();
   ASSERT_THAT(merged.points, SizeIs(3));
-  EXPECT_THAT(Track(merged.points[0]), ElementsAre(Pair(20, 0), Pair(1, 5), Pair(2, 6)));
-  EXPECT_THAT(Track(merged.points[1]), ElementsAre(Pair(21, 1), Pair(2, 8)));
-  EXPECT_THAT(Track(merged.points[2]), ElementsAre(Pair(21, 2), Pair(1, 9)));
+  EXPECT_THAT(merged.points[0].track, ElementsAre(Pair(20, 0), Pair(1, 5), Pair(2, 6)));
+  EXPECT_THAT(merged.points[1].track, ElementsAre(Pair(21, 1), Pair(2, 8)));
+  EXPECT_THAT(merged.points[2].track, ElementsAre(Pair(21, 2), Pair(1, 9)));
   EXPECT_EQ(merged.images.at(21).point_of_keypoint.count(0), 0) << "the dropped point leaves no trace";
   ExpectConsistent(merged);
 }
@@ -171,15 +239,15 @@ TEST_F(MergeModelTest, SharedKeypointStaysWithTheFirstQuery) {
 TEST_F(MergeModelTest, ObservationsByImagesOutsideTheModelAreLeftOut) {
   queries_[0].pairs.push_back({"gone", 10, 0, 0});
   queries_[0].points = {MakePoint(0, {{2, 1}}), MakePoint(1, {{2, 1}, {0, 2}})};
-  const MergedModel merged = Merge();
+  const WrittenModel merged = Merge();
   ASSERT_THAT(merged.points, SizeIs(1));
-  EXPECT_THAT(Track(merged.points[0]), ElementsAre(Pair(20, 1), Pair(1, 2)));
+  EXPECT_THAT(merged.points[0].track, ElementsAre(Pair(20, 1), Pair(1, 2)));
 }
 
 TEST_F(MergeModelTest, QueriesThatAreNotLocalizedAreLeftOut) {
   queries_[0].status = QueryStatus::TOO_FEW_TRACKS;
   queries_[0].points = {MakePoint(0, {{0, 5}})};
-  const MergedModel merged = Merge();
+  const WrittenModel merged = Merge();
   EXPECT_EQ(merged.images.count(20), 0);
   EXPECT_THAT(merged.points, IsEmpty());
 }
@@ -188,12 +256,12 @@ TEST_F(MergeModelTest, QueriesThatAreNotLocalizedAreLeftOut) {
 TEST_F(MergeModelTest, ImageThatWasAQueryAppearsAsLocalizedOrNotAtAll) {
   queries_ = {MakeQuery("a", MakeCamera(1, 500)), MakeQuery("b", MakeCamera(2, 600))};
   queries_[0].points = {MakePoint(0, {{1, 6}})};
-  MergedModel merged = Merge();
+  WrittenModel merged = Merge();
   EXPECT_THAT(merged.images, SizeIs(2));
   EXPECT_EQ(merged.images.at(1).image.name, "a") << "under its id of the model";
-  EXPECT_EQ(merged.images.at(1).database_id, 11);
+  EXPECT_EQ(merged.images.at(1).keypoints.at(0).x(), 11);
   EXPECT_EQ(merged.images.at(1).image.cam_from_world.translation, Eigen::Vector3d(7, 8, 9));
-  EXPECT_THAT(Track(merged.points.at(0)), ElementsAre(Pair(1, 0), Pair(2, 6)));
+  EXPECT_THAT(merged.points.at(0).track, ElementsAre(Pair(1, 0), Pair(2, 6)));
   ExpectConsistent(merged);
 
   queries_[1].status = QueryStatus::DIVERGED;

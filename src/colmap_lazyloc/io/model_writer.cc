@@ -4,12 +4,14 @@
 #include <vector>
 
 #include "colmap_lazyloc/files/output_file.h"
+#include "colmap_lazyloc/io/point_merger.h"
 #include "colmap_lazyloc/scene/errors.h"
 
 namespace lazyloc {
 namespace {
 
 constexpr uint64_t kNoPoint = std::numeric_limits<uint64_t>::max();
+constexpr size_t kMaxNumObservationsInMemory = 1 << 20;
 
 void WriteCameras(const std::filesystem::path& path, const std::map<uint32_t, Camera>& cameras) {
   OutputFile file(path);
@@ -68,64 +70,108 @@ void WriteFrames(const std::filesystem::path& path, const std::map<uint32_t, Mod
   file.Close();
 }
 
-void WriteImagePoints(const MergedImage& image, const DatabaseReader& database, OutputFile* file) {
-  std::vector<Eigen::Vector2d> keypoints = image.photo_keypoints;
-  if (image.database_id) keypoints = database.ReadKeypoints(*image.database_id);
-  const auto& point_of_keypoint = image.point_of_keypoint;
-  LAZYLOC_CHECK(point_of_keypoint.empty() || point_of_keypoint.rbegin()->first < keypoints.size());
-
-  file->WriteBinary<uint64_t>(keypoints.size());
-  for (uint32_t i = 0; i < keypoints.size(); ++i) {
-    file->WriteBinary<double>(keypoints[i].x());
-    file->WriteBinary<double>(keypoints[i].y());
-    const auto point = point_of_keypoint.find(i);
-    file->WriteBinary<uint64_t>(point == point_of_keypoint.end() ? kNoPoint : point->second);
+// Visits the observations of one image after the other, in the order of image ids and keypoints.
+class ImageWriter {
+ public:
+  ImageWriter(const std::filesystem::path& path, const Model& model, const MergedModel& merged,
+              const QueryRecords& records, const std::vector<DatabaseImage>& database_images,
+              const DatabaseReader& database)
+      : model_(model),
+        merged_(merged),
+        records_(records),
+        database_images_(database_images),
+        database_(database),
+        next_image_(merged.images.begin()),
+        file_(path) {
+    file_.WriteBinary<uint64_t>(merged.images.size());
   }
-}
 
-void WriteImages(const std::filesystem::path& path, const std::map<uint32_t, MergedImage>& images,
-                 const DatabaseReader& database) {
-  OutputFile file(path);
-  file.WriteBinary<uint64_t>(images.size());
-  for (const auto& [image_id, merged_image] : images) {
-    const ModelImage& image = merged_image.image;
-    file.WriteBinary<uint32_t>(image_id);
-    WritePose(image.cam_from_world, &file);
-    file.WriteBinary<uint32_t>(image.camera_id);
-    file.Text() << image.name << '\0';
-    WriteImagePoints(merged_image, database, &file);
+  void Add(const PointObservation& observation) {
+    if (!observations_.empty() && observations_.front().image_id != observation.image_id) WriteObservedImage();
+    observations_.push_back(observation);
   }
-  file.Close();
-}
 
-void WritePoints(const std::filesystem::path& path, const std::vector<MergedPoint>& points) {
-  OutputFile file(path);
-  file.WriteBinary<uint64_t>(points.size());
-  for (size_t i = 0; i < points.size(); ++i) {
-    const MergedPoint& point = points[i];
-    file.WriteBinary<uint64_t>(i + 1);
-    for (const double coordinate : point.point_in_world) file.WriteBinary<double>(coordinate);
-    for (int channel = 0; channel < 3; ++channel) file.WriteBinary<uint8_t>(0);  // black: no image is read
-    file.WriteBinary<double>(point.mean_reprojection_error_px);
-    file.WriteBinary<uint64_t>(point.track.size());
-    for (const TrackElement& element : point.track) {
-      file.WriteBinary<uint32_t>(element.image_id);
-      file.WriteBinary<uint32_t>(element.keypoint);
+  void Close() {
+    if (!observations_.empty()) WriteObservedImage();
+    while (next_image_ != merged_.images.end()) WriteNextImage();
+    file_.Close();
+  }
+
+ private:
+  // Writes all images up to the one that has the observations.
+  void WriteObservedImage() {
+    const uint32_t image_id = observations_.front().image_id;
+    while (next_image_->first != image_id) WriteNextImage();
+    WriteNextImage();
+    observations_.clear();
+  }
+
+  void WriteNextImage() {
+    const auto& [image_id, image] = *next_image_++;
+    const bool is_observed = !observations_.empty() && observations_.front().image_id == image_id;
+    if (image.is_query) {
+      const QueryRecord record = records_.Read(image.index, RecordParts::KEYPOINTS);
+      WriteImage(image_id, image.camera_id, record.result.query_name, record.result.cam_from_world);
+      const bool is_photo = !record.keypoints.empty();
+      WriteImagePoints(is_photo ? record.keypoints : ReadKeypoints(record.result.query_name), is_observed);
+    } else {
+      const ModelImage& posed = model_.images[image.index];
+      WriteImage(image_id, image.camera_id, posed.name, posed.cam_from_world);
+      WriteImagePoints(is_observed ? ReadKeypoints(posed.name) : std::vector<Eigen::Vector2d>(), is_observed);
     }
   }
-  file.Close();
-}
+
+  std::vector<Eigen::Vector2d> ReadKeypoints(const std::string& name) const {
+    const DatabaseImage* image = FindByName(database_images_, name);
+    LAZYLOC_CHECK(image != nullptr);
+    return database_.ReadKeypoints(image->image_id);
+  }
+
+  void WriteImage(uint32_t image_id, uint32_t camera_id, const std::string& name, const Rigid3d& cam_from_world) {
+    file_.WriteBinary<uint32_t>(image_id);
+    WritePose(cam_from_world, &file_);
+    file_.WriteBinary<uint32_t>(camera_id);
+    file_.Text() << name << '\0';
+  }
+
+  void WriteImagePoints(const std::vector<Eigen::Vector2d>& keypoints, bool is_observed) {
+    LAZYLOC_CHECK(!is_observed || observations_.back().keypoint < keypoints.size());
+    file_.WriteBinary<uint64_t>(keypoints.size());
+    size_t next = is_observed ? 0 : observations_.size();
+    for (uint32_t i = 0; i < keypoints.size(); ++i) {
+      file_.WriteBinary<double>(keypoints[i].x());
+      file_.WriteBinary<double>(keypoints[i].y());
+      const bool has_point = next < observations_.size() && observations_[next].keypoint == i;
+      file_.WriteBinary<uint64_t>(has_point ? observations_[next++].point_id : kNoPoint);
+    }
+  }
+
+  const Model& model_;
+  const MergedModel& merged_;
+  const QueryRecords& records_;
+  const std::vector<DatabaseImage>& database_images_;
+  const DatabaseReader& database_;
+  std::map<uint32_t, MergedImage>::const_iterator next_image_;
+  std::vector<PointObservation> observations_;  // of one image, by keypoint
+  OutputFile file_;
+};
 
 }  // namespace
 
-void WriteModel(const std::filesystem::path& folder, const MergedModel& model, const DatabaseReader& database) {
-  WriteCameras(folder / "cameras.bin", model.cameras);
-  if (!model.rigs.empty()) {
-    WriteRigs(folder / "rigs.bin", model.rigs);
-    WriteFrames(folder / "frames.bin", model.frames);
+void WriteModel(const std::filesystem::path& folder, const std::filesystem::path& scratch_file, const Model& model,
+                const QueryRecords& records, const DatabaseReader& database) {
+  const std::vector<DatabaseImage> database_images = database.ReadImages();
+  const MergedModel merged = MergeModel(model, records, database_images);
+  WriteCameras(folder / "cameras.bin", merged.cameras);
+  if (!merged.rigs.empty()) {
+    WriteRigs(folder / "rigs.bin", merged.rigs);
+    WriteFrames(folder / "frames.bin", merged.frames);
   }
-  WriteImages(folder / "images.bin", model.images, database);
-  WritePoints(folder / "points3D.bin", model.points);
+  ExternalSorter<PointObservation> observations(scratch_file, kMaxNumObservationsInMemory);
+  WritePoints(folder / "points3D.bin", model, merged, records, &observations);
+  ImageWriter images(folder / "images.bin", model, merged, records, database_images, database);
+  observations.Visit([&](const PointObservation& observation) { images.Add(observation); });
+  images.Close();
 }
 
 }  // namespace lazyloc

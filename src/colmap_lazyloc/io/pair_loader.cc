@@ -5,10 +5,10 @@
 #include <iterator>
 #include <set>
 #include <tuple>
-#include <unordered_map>
 #include <utility>
 
 #include "colmap_lazyloc/scene/errors.h"
+#include "colmap_lazyloc/scene/format.h"
 
 namespace lazyloc {
 namespace {
@@ -22,19 +22,21 @@ bool AgreeOnIntrinsics(const Camera& a, const Camera& b) {
   return true;
 }
 
-// Throws InputError if a match names a keypoint that its image does not have.
-void CheckMatches(const Matches& matches, const LocalizationProblem& problem, const ImagePair& pair,
+// Throws DamagedRecordError if a match names a keypoint that its image does not have.
+void CheckMatches(const Matches& matches, const char* table, const LocalizationProblem& problem, const ImagePair& pair,
                   const DatabaseReader& database) {
   for (const Match& match : matches) {
     if (match.query_point >= problem.query_keypoints.size() || match.other_point >= pair.other_keypoints.size()) {
-      throw InputError(database.Path().string() + ": a match between " + problem.query_name + " and " +
-                       pair.other_name + " names a keypoint that its image does not have");
+      throw DamagedRecordError(database.Path().string(),
+                               AsOneLine(std::string("table ") + table + ", pair of " + problem.query_name + " and " +
+                                         pair.other_name + ": a match names a keypoint that its image does not have"));
     }
   }
 }
 
 // Reads matches, geometry and the other image's keypoints into a pair. other_id: the other image's id in the database;
-// other_stored_camera: its camera there. Returns false if there are no matches, or verification left none.
+// other_stored_camera: its camera there. Returns false if there are no matches, or verification left none. Throws
+// DamagedRecordError.
 bool ReadPair(const LocalizationProblem& problem, const StoredQuery& query, uint32_t other_id,
               const Camera& other_stored_camera, const DatabaseReader& database, ImagePair* pair) {
   const uint32_t query_id = query.image.image_id;
@@ -54,8 +56,10 @@ bool ReadPair(const LocalizationProblem& problem, const StoredQuery& query, uint
     pair->geometry->config = TwoViewConfig::UNCALIBRATED;
     pair->matches = database.ReadMatches(query_id, other_id);
   }
-  if (pair->geometry) CheckMatches(pair->geometry->inlier_matches, problem, *pair, database);
-  CheckMatches(pair->matches, problem, *pair, database);
+  if (pair->geometry) {
+    CheckMatches(pair->geometry->inlier_matches, "two_view_geometries", problem, *pair, database);
+  }
+  CheckMatches(pair->matches, "matches", problem, *pair, database);
   return true;
 }
 
@@ -83,32 +87,44 @@ PairLoader::Candidates PairLoader::ListedCandidates(const StoredQuery& query,
 }
 
 void PairLoader::LoadPairs(const StoredQuery& query, const Candidates& candidates, size_t max_num_pairs,
-                           const DatabaseReader& database, LocalizationProblem* problem) const {
+                           const DatabaseReader& database, LocalizationProblem* problem,
+                           std::vector<std::string>* damages) const {
   for (const Candidate& candidate : candidates) {
     if (problem->pairs.size() == max_num_pairs) return;
-    const DatabaseImage& stored = *selection_.FindInDatabase(candidate.image->name);
-    ImagePair pair = selection_.MakePair(*candidate.image);
-    const Camera stored_camera = database.ReadCamera(stored.camera_id);
-    if (ReadPair(*problem, query, stored.image_id, stored_camera, database, &pair)) {
-      problem->pairs.push_back(std::move(pair));
-    }
+    std::optional<ImagePair> pair = LoadPair(query, candidate, *problem, database, damages);
+    if (pair) problem->pairs.push_back(*std::move(pair));
   }
 }
 
-void PairLoader::LoadBestPairs(const StoredQuery& query, const DatabaseReader& database,
-                               LocalizationProblem* problem) const {
+std::optional<ImagePair> PairLoader::LoadPair(const StoredQuery& query, const Candidate& candidate,
+                                              const LocalizationProblem& problem, const DatabaseReader& database,
+                                              std::vector<std::string>* damages) const {
+  const DatabaseImage& stored = *selection_.FindInDatabase(candidate.image->name);
+  ImagePair pair = selection_.MakePair(*candidate.image);
+  try {
+    const Camera stored_camera = database.ReadCamera(stored.camera_id);
+    if (ReadPair(problem, query, stored.image_id, stored_camera, database, &pair)) return pair;
+  } catch (const DamagedRecordError& error) {
+    damages->push_back(error.Damage());
+  }
+  return std::nullopt;
+}
+
+void PairLoader::LoadBestPairs(const StoredQuery& query, const DatabaseReader& database, LocalizationProblem* problem,
+                               std::vector<std::string>* damages) const {
   const std::vector<PairSize> verified = database.ReadInlierCounts(query.image.image_id);
-  LoadPairs(query, RankCandidates(query, verified), num_retrieved_, database, problem);
+  LoadPairs(query, RankCandidates(query, verified), num_retrieved_, database, problem, damages);
   if (problem->pairs.size() == num_retrieved_) return;
   const std::vector<PairSize> raw = database.ReadMatchCounts(query.image.image_id);
   std::vector<PairSize> unverified;
   std::set_difference(raw.begin(), raw.end(), verified.begin(), verified.end(), std::back_inserter(unverified),
                       [](const PairSize& a, const PairSize& b) { return a.image_id < b.image_id; });
   const size_t max_num_pairs = problem->pairs.size() + 2 * num_retrieved_;
-  LoadPairs(query, RankCandidates(query, unverified), max_num_pairs, database, problem);
+  LoadPairs(query, RankCandidates(query, unverified), max_num_pairs, database, problem, damages);
 }
 
-LocalizationProblem PairLoader::Load(const StoredQuery& query, const DatabaseReader& database) const {
+LocalizationProblem PairLoader::Load(const StoredQuery& query, const DatabaseReader& database,
+                                     std::vector<std::string>* damages) const {
   LocalizationProblem problem;
   problem.query_name = query.image.name;
   problem.query_camera = query.camera;
@@ -117,9 +133,9 @@ LocalizationProblem PairLoader::Load(const StoredQuery& query, const DatabaseRea
   if (problem.query_keypoints.empty()) return problem;
   if (const std::vector<std::string>* names = selection_.ListedPairs(problem.query_name)) {
     const Candidates listed = ListedCandidates(query, *names);
-    LoadPairs(query, listed, listed.size(), database, &problem);
+    LoadPairs(query, listed, listed.size(), database, &problem, damages);
   } else {
-    LoadBestPairs(query, database, &problem);
+    LoadBestPairs(query, database, &problem, damages);
   }
   std::sort(problem.pairs.begin(), problem.pairs.end(),
             [](const ImagePair& a, const ImagePair& b) { return a.other_name < b.other_name; });
@@ -140,26 +156,43 @@ std::vector<uint32_t> PairLoader::PairedImageIds(const StoredQuery& query, const
   return image_ids;
 }
 
-void PairLoader::LoadQueryPairs(const DatabaseReader& database, QueryGroup* group) const {
-  if (group->images.size() < 2) return;
+void PairLoader::LoadPairsWithQueries(int query_index, const std::unordered_map<uint32_t, int>& earlier_queries,
+                                      const DatabaseReader& database, LoadedGroup* loaded) const {
+  QueryGroup& group = loaded->group;
+  const LocalizationProblem& problem = group.images[query_index].problem;
+  const StoredQuery& query = *selection_.FindStoredQuery(problem.query_name);
+  std::set<int> others;
+  for (const uint32_t image_id : PairedImageIds(query, database)) {
+    const auto other = earlier_queries.find(image_id);
+    if (other != earlier_queries.end()) others.insert(other->second);
+  }
+  for (const int other_index : others) {
+    const StoredQuery& other = *selection_.FindStoredQuery(group.images[other_index].problem.query_name);
+    ImagePair pair;
+    pair.other_name = other.image.name;
+    pair.other_camera = other.camera;
+    try {
+      if (!ReadPair(problem, query, other.image.image_id, other.stored_camera, database, &pair)) continue;
+      group.query_pairs.push_back({query_index, other_index, std::move(pair)});
+    } catch (const DamagedRecordError& error) {
+      loaded->records[query_index].damages.push_back(error.Damage());
+    }
+  }
+}
+
+void PairLoader::LoadQueryPairs(const DatabaseReader& database, LoadedGroup* loaded) const {
+  const std::vector<QueryImage>& images = loaded->group.images;
+  if (images.size() < 2) return;
   std::unordered_map<uint32_t, int> earlier_queries;  // by id in the database
-  for (int query_index = 0; query_index < static_cast<int>(group->images.size()); ++query_index) {
-    const LocalizationProblem& problem = group->images[query_index].problem;
+  for (int query_index = 0; query_index < static_cast<int>(images.size()); ++query_index) {
+    const LocalizationProblem& problem = images[query_index].problem;
     const StoredQuery* query = selection_.FindStoredQuery(problem.query_name);
     // Skips photos, and queries without keypoints, because their matches name keypoints that do not exist.
     if (query == nullptr || problem.query_keypoints.empty()) continue;
-    std::set<int> others;
-    for (const uint32_t image_id : PairedImageIds(*query, database)) {
-      const auto other = earlier_queries.find(image_id);
-      if (other != earlier_queries.end()) others.insert(other->second);
-    }
-    for (const int other_index : others) {
-      const StoredQuery& other = *selection_.FindStoredQuery(group->images[other_index].problem.query_name);
-      ImagePair pair;
-      pair.other_name = other.image.name;
-      pair.other_camera = other.camera;
-      if (!ReadPair(problem, *query, other.image.image_id, other.stored_camera, database, &pair)) continue;
-      group->query_pairs.push_back({query_index, other_index, std::move(pair)});
+    try {
+      LoadPairsWithQueries(query_index, earlier_queries, database, loaded);
+    } catch (const DamagedRecordError& error) {  // of the list of its pairs
+      loaded->records[query_index].damages.push_back(error.Damage());
     }
     earlier_queries.emplace(query->image.image_id, query_index);
   }

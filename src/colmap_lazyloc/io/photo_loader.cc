@@ -8,10 +8,15 @@
 #include <utility>
 
 #include "colmap_lazyloc/bridge/camera_models.h"
+#include "colmap_lazyloc/math/median.h"
 #include "colmap_lazyloc/scene/errors.h"
+#include "colmap_lazyloc/scene/format.h"
 
 namespace lazyloc {
 namespace {
+
+// Number of database images whose keypoints tell the scales, because reading those of all images takes too long.
+constexpr size_t kNumSampledImages = 50;
 
 std::vector<double> ParseCameraParams(const std::string& text) {
   std::vector<double> params;
@@ -90,29 +95,67 @@ PhotoLoader::PhotoLoader(const DatabaseReader& database, const QuerySelection& s
       default_camera_(ParseDefaultCamera(options)),
       database_cameras_(selection.DatabaseModel(), options.image_path),
       features_(static_cast<size_t>(std::min(options.matching.cache_gb * 1e9, 1e18)), NumBytes) {
-  if (!options.query_prior_path.empty()) priors_ = ReadQueryPriors(options.query_prior_path);
+  if (!options.query_prior_path.empty()) search_regions_ = ReadSearchRegions(options.query_prior_path);
   if (!options.matches_output_path.empty()) {
     std::vector<std::string> names;
     for (const auto& [name, photo] : selection.Photos()) names.push_back(name);
     matches_output_ = std::make_unique<MatchesOutput>(options.matches_output_path, database, names);
   }
-  const std::map<uint32_t, size_t> num_descriptors = FeatureReader(database.Path()).ReadDescriptorCounts();
+  std::vector<std::string> damages;
+  const FeatureReader features(database.Path());
+  const std::map<uint32_t, size_t> num_descriptors = features.ReadDescriptorCounts(&damages);
+  for (const std::string& damage : damages) {
+    warnings_.push_back(database.Path().string() + ": " + damage + ": leaving the image out");
+  }
   for (const ModelImage& image : selection.DatabaseModel().images) {
     const DatabaseImage* stored = selection.FindInDatabase(image.name);
     if (stored == nullptr || num_descriptors.count(stored->image_id) == 0) continue;
     candidates_.push_back({&image, stored->image_id});
   }
+  if (candidates_.empty() && !damages.empty()) {
+    throw InputError(database.Path().string() + ": " + damages.front());  // for example, descriptors of another type
+  }
   if (candidates_.empty()) {
     throw InputError(database.Path().string() +
                      ": no posed image has descriptors to match photos with (run COLMAP's feature_extractor)");
   }
+  MeasureCandidates(num_descriptors, features);
   const bool needs_index = (has_more_photos && NeedsRetrieval({})) ||
                            std::any_of(selection.Photos().begin(), selection.Photos().end(),
                                        [this](const auto& photo) { return NeedsRetrieval(photo.second); });
   if (needs_index) {
     index_ = std::make_unique<RetrievalIndex>(options.retrieval_index_path, database, options.retrieval,
                                               pair_options.seed, num_threads);
+    warnings_.insert(warnings_.end(), index_->Warnings().begin(), index_->Warnings().end());
   }
+}
+
+void PhotoLoader::MeasureCandidates(const std::map<uint32_t, size_t>& num_descriptors, const FeatureReader& reader) {
+  std::vector<size_t> counts;
+  std::vector<double> sizes, focal_lengths, scale_ratios;
+  const size_t step = std::max<size_t>(1, candidates_.size() / kNumSampledImages);
+  for (size_t i = 0; i < candidates_.size(); ++i) {
+    const Camera& camera = selection_.DatabaseModel().cameras.at(candidates_[i].image->camera_id);
+    counts.push_back(num_descriptors.at(candidates_[i].image_id));
+    sizes.push_back(static_cast<double>(std::max(camera.width, camera.height)));
+    focal_lengths.push_back(MeanFocalLength(camera));
+    if (i % step != 0) continue;
+    try {
+      for (const Keypoint& keypoint : reader.ReadKeypoints(candidates_[i].image_id)) {
+        scale_ratios.push_back(KeypointScale(keypoint) / focal_lengths.back());
+      }
+    } catch (const DamagedRecordError&) {
+      // A photo that is compared with the image reports it.
+    }
+  }
+  statistics_ = MeasureFeatures(std::move(counts), std::move(scale_ratios));
+  database_scale_ = {Median(sizes), Median(focal_lengths)};
+}
+
+std::string PhotoLoader::DescribeExtraction() const {
+  const SiftExtractionOptions chosen = ChooseExtraction(options_.matching.extraction, statistics_, database_scale_);
+  return Format("photos of %.0f pixels with a focal length of %.0f: at most %d features, first octave %d",
+                database_scale_.size_px, database_scale_.focal_length_px, chosen.max_num_features, chosen.first_octave);
 }
 
 bool PhotoLoader::NeedsRetrieval(const PhotoQuery& photo) const {
@@ -124,11 +167,11 @@ bool PhotoLoader::NeedsRetrieval(const PhotoQuery& photo) const {
 PhotoLoader::Candidates PhotoLoader::AllowedCandidates(const PhotoQuery& photo) const {
   std::set<std::string> listed;
   if (photo.pair_names) listed.insert(photo.pair_names->begin(), photo.pair_names->end());
-  const auto prior = priors_.find(photo.name);
+  const auto prior = search_regions_.find(photo.name);
   Candidates allowed;
   for (const Candidate& candidate : candidates_) {
     if (photo.pair_names && listed.count(candidate.image->name) == 0) continue;
-    if (prior != priors_.end()) {
+    if (prior != search_regions_.end()) {
       const Eigen::Vector3d offset = CamInWorld(candidate.image->cam_from_world) - prior->second.position;
       if (offset.norm() > prior->second.radius) continue;
     }
@@ -159,12 +202,17 @@ PhotoCamera PhotoLoader::CameraOf(const PhotoQuery& photo, const PhotoProperties
 }
 
 PhotoLoader::DatabaseFeatures PhotoLoader::LoadPairs(const Candidates& candidates, const FeatureReader& reader,
-                                                     LocalizationProblem* problem) const {
+                                                     LocalizationProblem* problem,
+                                                     std::vector<std::string>* damages) const {
   DatabaseFeatures database_features;
   for (const Candidate* candidate : candidates) {
     const uint32_t image_id = candidate->image_id;
-    problem->pairs.push_back(selection_.MakePair(*candidate->image));
-    database_features.push_back(features_.Get(image_id, [&] { return reader.Read(image_id); }));
+    try {
+      database_features.push_back(features_.Get(image_id, [&] { return reader.Read(image_id); }));
+      problem->pairs.push_back(selection_.MakePair(*candidate->image));
+    } catch (const DamagedRecordError& error) {
+      damages->push_back(error.Damage());
+    }
   }
   return database_features;
 }
@@ -189,7 +237,10 @@ std::optional<LocalizationProblem> PhotoLoader::Load(const PhotoQuery& photo, co
                   &record->result);
   }
   Features query_features;
-  Measure("extraction", record, [&] { query_features = file->ExtractFeatures(options_.matching.extraction); });
+  Measure("extraction", record, [&] {
+    query_features =
+        ExtractLikeDatabase(*file, MeanFocalLength(chosen.camera), options_.matching.extraction, statistics_);
+  });
   LocalizationProblem problem;
   problem.query_name = photo.name;
   problem.query_camera = chosen.camera;
@@ -200,7 +251,7 @@ std::optional<LocalizationProblem> PhotoLoader::Load(const PhotoQuery& photo, co
     Candidates candidates;
     Measure("retrieval", record,
             [&] { candidates = ChooseCandidates(photo, query_features.descriptors, idle_threads); });
-    Measure("load", record, [&] { database_features = LoadPairs(candidates, features, &problem); });
+    Measure("load", record, [&] { database_features = LoadPairs(candidates, features, &problem, &record->damages); });
     MatchPairs(query_features, database_features, pair_options_, idle_threads, &problem, &record->seconds);
   }
   if (matches_output_) {

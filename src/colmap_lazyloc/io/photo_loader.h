@@ -15,6 +15,7 @@
 #include "colmap_lazyloc/io/query_files.h"
 #include "colmap_lazyloc/io/query_record.h"
 #include "colmap_lazyloc/io/query_selection.h"
+#include "colmap_lazyloc/matching/feature_statistics.h"
 #include "colmap_lazyloc/matching/options.h"
 #include "colmap_lazyloc/matching/pair_matching.h"
 #include "colmap_lazyloc/matching/retrieval_index.h"
@@ -48,10 +49,14 @@ class PhotoLoader {
               int num_retrieved, const PairMatchingOptions& pair_options, int num_threads, bool has_more_photos);
 
   // Adds keypoints and times to the record. Returns nullopt, with status and reason in the record, if the photo cannot
-  // be used. Throws InputError for damaged data. Thread-safe with one reader per thread; the result depends only on the
-  // input.
+  // be used. Leaves out database images whose features are damaged, and says so in the record. Throws InputError for a
+  // damaged file. Thread-safe with one reader per thread; the result depends only on the input.
   std::optional<LocalizationProblem> Load(const PhotoQuery& photo, const FeatureReader& features,
                                           IdleThreads* idle_threads, QueryRecord* record) const;
+  // Returns one line for each problem that does not end the run.
+  const std::vector<std::string>& Warnings() const { return warnings_; }
+  // Returns how the features of photos are extracted, for a photo like the database images.
+  std::string DescribeExtraction() const;
   // Publishes the database at matches_output_path, if there is one.
   void PublishMatches() const;
 
@@ -63,15 +68,17 @@ class PhotoLoader {
   using Candidates = std::vector<const Candidate*>;
   using DatabaseFeatures = std::vector<std::shared_ptr<const Features>>;
 
+  // Sets the statistics of the candidates' features.
+  void MeasureCandidates(const std::map<uint32_t, size_t>& num_descriptors, const FeatureReader& reader);
   // Returns the photo's own intrinsics if it has any, or else chooses some.
   PhotoCamera CameraOf(const PhotoQuery& photo, const PhotoProperties& properties) const;
   // Returns the candidates that the pairs file lists, or that the photo's prior allows.
   Candidates AllowedCandidates(const PhotoQuery& photo) const;
   Candidates ChooseCandidates(const PhotoQuery& photo, const Descriptors& descriptors, IdleThreads* idle_threads) const;
   bool NeedsRetrieval(const PhotoQuery& photo) const;
-  // Adds pairs with the candidates to the problem, without matches; returns their features.
-  DatabaseFeatures LoadPairs(const Candidates& candidates, const FeatureReader& reader,
-                             LocalizationProblem* problem) const;
+  // Adds pairs with the candidates to the problem, without matches; returns their features. Leaves out damaged ones.
+  DatabaseFeatures LoadPairs(const Candidates& candidates, const FeatureReader& reader, LocalizationProblem* problem,
+                             std::vector<std::string>* damages) const;
 
   const QuerySelection& selection_;
   const PhotoOptions options_;
@@ -80,9 +87,12 @@ class PhotoLoader {
   const DefaultCamera default_camera_;
   const DatabaseCameras database_cameras_;
   std::vector<Candidate> candidates_;  // posed images with descriptors, sorted by name
-  std::map<std::string, QueryPrior> priors_;
+  std::map<std::string, SearchRegion> search_regions_;
   std::unique_ptr<MatchesOutput> matches_output_;
   std::unique_ptr<RetrievalIndex> index_;
+  FeatureStatistics statistics_;  // of the candidates
+  PhotoScale database_scale_;     // medians over the candidates
+  std::vector<std::string> warnings_;
   mutable LruCache<Features> features_;
 };
 

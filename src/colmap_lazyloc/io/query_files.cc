@@ -79,9 +79,9 @@ QueryPairs ReadPairs(const std::filesystem::path& path, const std::set<std::stri
   return pairs;
 }
 
-std::map<std::string, QueryPrior> ReadQueryPriors(const std::filesystem::path& path) {
+std::map<std::string, SearchRegion> ReadSearchRegions(const std::filesystem::path& path) {
   TextFile file(path);
-  std::map<std::string, QueryPrior> priors;
+  std::map<std::string, SearchRegion> priors;
   while (file.NextEntry()) {
     std::string_view rest = file.Line();
     std::array<double, 4> numbers{};  // the last four words, because a name may hold spaces
@@ -93,7 +93,7 @@ std::map<std::string, QueryPrior> ReadQueryPriors(const std::filesystem::path& p
       rest = Trimmed(rest.substr(0, blank));
     }
     if (numbers[3] <= 0) throw file.Error("the radius is not positive");
-    const QueryPrior prior = {{numbers[0], numbers[1], numbers[2]}, numbers[3]};
+    const SearchRegion prior = {{numbers[0], numbers[1], numbers[2]}, numbers[3]};
     if (!priors.emplace(rest, prior).second) throw file.Error("query '" + std::string(rest) + "' is listed twice");
   }
   return priors;

@@ -38,13 +38,13 @@ QueryPairs ReadPairs(const std::filesystem::path& path, const std::set<std::stri
                      const std::function<bool(const std::string&)>& is_known);
 
 // A sphere that a query was taken in, in the model's coordinates and unit.
-struct QueryPrior {
+struct SearchRegion {
   Eigen::Vector3d position = Eigen::Vector3d::Zero();
   double radius = 0;
 };
 
 // Reads lines `name x y z radius`, whose name may hold spaces, and '#' comments. Returns the priors by name. Throws
 // InputError, `file:line: ...`, for a missing file, a name that is listed twice, or impossible numbers.
-std::map<std::string, QueryPrior> ReadQueryPriors(const std::filesystem::path& path);
+std::map<std::string, SearchRegion> ReadSearchRegions(const std::filesystem::path& path);
 
 }  // namespace lazyloc

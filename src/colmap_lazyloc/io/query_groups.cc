@@ -102,10 +102,10 @@ std::string CountWithExample(const std::vector<std::string>& names) {
 std::string ItOrThem(const std::vector<std::string>& names) { return names.size() == 1 ? "it" : "them"; }
 
 FramePlaces FindFrames(const std::vector<std::string>& image_names, const DatabaseReader* database, const Model& model,
-                       const QueryGroupsOptions& options, std::vector<std::string>* images_without_pose) {
+                       const QueryGroupsOptions& options, FrameProblems* problems) {
   if (!options.use_rigs) return {};
   if (!options.rig_config_path.empty()) return FramesFromConfig(image_names, options.rig_config_path);
-  return FramesFromColmap(image_names, database, model, images_without_pose);
+  return FramesFromColmap(image_names, database, model, problems);
 }
 
 QueryGroups GroupFrames(const QueryFrames& frames, const QueryGroupsOptions& options, size_t group_size) {
@@ -129,8 +129,8 @@ QueryGroups GroupByTrajectory(const std::vector<std::string>& query_names, const
   result.groups = JoinByTrajectory(result.groups, trajectory);
   for (const QueryFrame& frame : MakeFrames(elsewhere, {})) result.groups.push_back({frame});
   if (!elsewhere.empty()) {
-    result.warning =
-        path + ": no pose for " + CountWithExample(elsewhere) + ": localizing " + ItOrThem(elsewhere) + " individually";
+    result.warnings.push_back(path + ": no pose for " + CountWithExample(elsewhere) + ": localizing " +
+                              ItOrThem(elsewhere) + " individually");
   }
   return result;
 }
@@ -145,23 +145,27 @@ bool QueryGroupsOptions::Check(std::string* error) const {
 QueryGroups GroupQueries(const std::vector<std::string>& query_names, const DatabaseReader& database,
                          const Model& model, const QueryGroupsOptions& options) {
   if (!options.trajectory_path.empty()) return GroupByTrajectory(query_names, options);
-  std::vector<std::string> images_without_pose;
-  const FramePlaces places = FindFrames(query_names, &database, model, options, &images_without_pose);
+  FrameProblems problems;
+  const FramePlaces places = FindFrames(query_names, &database, model, options, &problems);
   if (options.use_rigs && !options.rig_config_path.empty() && places.empty()) {
     throw InputError(options.rig_config_path + ": no query matches the image_prefix of a camera");
   }
   QueryGroups result = GroupFrames(MakeFrames(query_names, places), options, options.group_size);
-  if (!images_without_pose.empty()) {
-    result.warning = database.Path().string() + ": no pose in the rig for the cameras of " +
-                     CountWithExample(images_without_pose) + ": localizing " + ItOrThem(images_without_pose) +
-                     " without the rig";
+  const std::string path = database.Path().string();
+  if (const auto& names = problems.images_without_pose; !names.empty()) {
+    result.warnings.push_back(path + ": no pose in the rig for the cameras of " + CountWithExample(names) +
+                              ": localizing " + ItOrThem(names) + " without the rig");
+  }
+  for (const std::string& damage : problems.damages) {
+    result.warnings.push_back(path + ": " + damage + ": localizing the image without the rig");
   }
   return result;
 }
 
 FramePlaces DatabaseFramePlaces(const Model& model, const DatabaseReader* database, const QueryGroupsOptions& options) {
-  std::vector<std::string> image_names, ignored;
+  std::vector<std::string> image_names;
   for (const ModelImage& image : model.images) image_names.push_back(image.name);
+  FrameProblems ignored;  // GroupQueries reports them
   return SharedFrames(FindFrames(image_names, database, model, options, &ignored));
 }
 

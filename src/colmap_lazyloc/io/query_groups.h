@@ -36,7 +36,8 @@ using QueryFrames = std::vector<QueryFrame>;
 struct QueryGroups {
   std::vector<QueryFrames> groups;  // each query is in one of them
   bool has_rig_scale = true;        // false if the unit of cam_from_rig is unknown
-  std::string warning;              // one line about queries without a place in a rig or trajectory; may be empty
+  // One line for each problem that leaves queries without a place in a rig or trajectory.
+  std::vector<std::string> warnings;
 };
 
 // Groups the queries in three steps, in their given order:

@@ -10,6 +10,7 @@ namespace {
 
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
+using ::testing::IsEmpty;
 
 constexpr char kConfig[] = R"([{"cameras": [
   {"image_prefix": "left/", "ref_sensor": true},
@@ -113,8 +114,8 @@ TEST_F(GroupQueriesTest, BadGroupLists) {
 TEST_F(GroupQueriesTest, TrajectoryMakesOneFrameAndNamesTheGaps) {
   options_.trajectory_path = WriteFile("trajectory.txt", "left/1.png 1 0 0 0 0 0 1\nleft/2.png 1 0 0 0 0 0 2\n");
   EXPECT_THAT(Described(), ElementsAre("[ left/2.png left/1.png ]", "[ right/2.png ]", "[ right/1.png ]", "[ 3.png ]"));
-  EXPECT_THAT(Group().warning,
-              HasSubstr("no pose for 3 queries (for example right/2.png): localizing them individually"));
+  EXPECT_THAT(Group().warnings,
+              ElementsAre(HasSubstr("no pose for 3 queries (for example right/2.png): localizing them individually")));
   EXPECT_EQ(Group().groups[0][0].images[0].cam_from_rig.translation.z(), 2);
 }
 
@@ -158,12 +159,18 @@ TEST_F(GroupQueriesTest, RigsOfTheDatabase) {
   ASSERT_EQ(grouped.groups[0][0].images.size(), 2);
   EXPECT_EQ(grouped.groups[0][0].images[1].name, "right/2.png");
   EXPECT_EQ(grouped.groups[0][0].images[1].cam_from_rig.translation, Eigen::Vector3d(-0.5, 0, 0));
-  EXPECT_EQ(grouped.warning, "");
+  EXPECT_THAT(grouped.warnings, IsEmpty());
   database.Execute("UPDATE rig_sensors SET sensor_from_rig = NULL");
   const QueryGroups uncalibrated = GroupQueries(names_, DatabaseReader(folder_ / "rigs.db"), model_, options_);
   EXPECT_EQ(uncalibrated.groups.size(), 5);
-  EXPECT_THAT(uncalibrated.warning,
-              HasSubstr("no pose in the rig for the cameras of 2 queries (for example right/2.png)"));
+  EXPECT_THAT(uncalibrated.warnings,
+              ElementsAre(HasSubstr("no pose in the rig for the cameras of 2 queries (for example right/2.png)")));
+  database.Execute("UPDATE rig_sensors SET sensor_from_rig = x'00'");
+  const QueryGroups damaged = GroupQueries(names_, DatabaseReader(folder_ / "rigs.db"), model_, options_);
+  EXPECT_EQ(damaged.groups.size(), 5);
+  EXPECT_THAT(damaged.warnings,
+              ElementsAre(HasSubstr("rigs.db: table frame_data, image 2 (right/2.png): sensor_from_rig has 1 bytes"),
+                          HasSubstr("image 4 (right/1.png)")));
 }
 
 TEST_F(GroupQueriesTest, RigsOfTheModel) {

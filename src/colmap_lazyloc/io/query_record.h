@@ -20,6 +20,8 @@ struct QueryRecord {
   StageTimer::Seconds seconds;             // wall time by stage, loading first
   double total_seconds = 0;                // wall time of the whole group, divided by the number of its queries
   std::optional<IntrinsicsSource> intrinsics_source = std::nullopt;  // nullopt if none were looked for
+  // Damaged records of the database that were left out, with what is wrong, as in DamagedRecordError.
+  std::vector<std::string> damages = {};
 };
 
 // A group that is ready to be localized, and the records of its queries as far as loading knows them.
@@ -31,7 +33,8 @@ struct LoadedGroup {
 };
 
 // Joins what loading and the pipeline know of the queries of a group, failures first. results: one per image of the
-// group. Ends the measurement of the total time.
+// group. The reason of a query that is not localized says what was left out; without any pair left, the status is
+// DAMAGED_DATA. Ends the measurement of the total time.
 std::vector<QueryRecord> FinishRecords(LoadedGroup loaded, std::vector<LocalizationResult> results);
 
 }  // namespace lazyloc

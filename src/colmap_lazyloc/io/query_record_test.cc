@@ -43,5 +43,24 @@ TEST(FinishRecords, JoinsLoadingAndPipelineAndSumsStagesThatRanTwice) {
   }
 }
 
+TEST(FinishRecords, SaysWhatWasLeftOut) {
+  LoadedGroup loaded;
+  loaded.group.images.resize(3);
+  loaded.records.resize(3);
+  for (QueryRecord& record : loaded.records) record.damages = {"table a, image 1: bad"};
+  loaded.records[1].damages.emplace_back("table a, image 2: bad");
+  std::vector<LocalizationResult> results(3);
+  results[0].status = QueryStatus::NO_PAIRS;
+  results[1].status = QueryStatus::TOO_FEW_TRACKS;
+  results[1].reason = "only 2 tracks";
+  results[2].status = QueryStatus::LOCALIZED;
+  const std::vector<QueryRecord> records = FinishRecords(loaded, results);
+  EXPECT_EQ(records[0].result.status, QueryStatus::DAMAGED_DATA);
+  EXPECT_EQ(records[0].result.reason, "left out: table a, image 1: bad");
+  EXPECT_EQ(records[1].result.status, QueryStatus::TOO_FEW_TRACKS);
+  EXPECT_EQ(records[1].result.reason, "only 2 tracks; left out: table a, image 1: bad (2 damaged records)");
+  EXPECT_EQ(records[2].result.reason, "");
+}
+
 }  // namespace
 }  // namespace lazyloc

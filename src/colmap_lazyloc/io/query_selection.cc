@@ -9,12 +9,13 @@
 namespace lazyloc {
 namespace {
 
+// Throws DamagedRecordError if the camera cannot be used.
 Camera ReadUsableCamera(const DatabaseReader& database, const DatabaseImage& image) {
   Camera camera = database.ReadCamera(image.camera_id);
   const std::string problem = CameraProblem(camera);
   if (!problem.empty()) {
-    throw InputError(database.Path().string() + ": camera " + std::to_string(image.camera_id) + " of image " +
-                     image.name + ": " + problem);
+    throw DamagedRecordError(database.Path().string(),
+                             "table cameras, camera " + std::to_string(image.camera_id) + ": " + problem);
   }
   return camera;
 }
@@ -24,10 +25,7 @@ Camera ReadUsableCamera(const DatabaseReader& database, const DatabaseImage& ima
 QuerySelection::QuerySelection(const DatabaseReader& database, Model model, const QuerySelectionOptions& options,
                                bool has_photos)
     : options_(options), has_photos_(has_photos && !options.leave_one_out), model_(std::move(model)) {
-  for (DatabaseImage& image : database.ReadImages()) {
-    std::string name = image.name;
-    database_images_.emplace(std::move(name), std::move(image));
-  }
+  ReadImages(database);
   const std::vector<std::string> query_names = AddQueries(database);
   if (!query_names.empty()) GroupAll(query_names, database);
   if (!options_.leave_one_out) {
@@ -42,6 +40,29 @@ QuerySelection::QuerySelection(const DatabaseReader& database, Model model, cons
   if (!options_.pairs_path.empty()) ReadPairsFile(query_names);
 }
 
+void QuerySelection::ReadImages(const DatabaseReader& database) {
+  std::vector<DamagedImage> damaged;
+  for (DatabaseImage& image : database.ReadImages(&damaged)) {
+    std::string name = image.name;
+    database_images_.emplace(std::move(name), std::move(image));
+  }
+  for (const DamagedImage& image : damaged) {
+    warnings_.push_back(database.Path().string() + ": " + image.damage + ": leaving the image out");
+    if (image.name.empty()) {
+      damage_of_unknown_image_ = image.damage;
+    } else {
+      damage_of_image_.emplace(image.name, image.damage);
+    }
+  }
+}
+
+std::string QuerySelection::DamageOf(const std::string& name) const {
+  if (database_images_.count(name) > 0) return "";
+  const auto damage = damage_of_image_.find(name);
+  // An image that is not found may be the one whose name cannot be read.
+  return damage == damage_of_image_.end() ? damage_of_unknown_image_ : damage->second;
+}
+
 std::vector<std::string> QuerySelection::AddQueries(const DatabaseReader& database) {
   std::unordered_map<std::string, const ModelImage*> posed_images;
   for (const ModelImage& image : model_.images) posed_images.emplace(image.name, &image);
@@ -49,9 +70,11 @@ std::vector<std::string> QuerySelection::AddQueries(const DatabaseReader& databa
   if (!options_.query_list_path.empty()) {
     entries = ReadQueryList(options_.query_list_path);  // keeps its order, because groups may be runs of the list
   } else {
-    for (const auto& [name, image] : database_images_) {
+    const auto add = [&](const std::string& name) {
       if ((posed_images.count(name) > 0) == options_.leave_one_out) entries.push_back({name, std::nullopt});
-    }
+    };
+    for (const auto& [name, image] : database_images_) add(name);
+    for (const auto& [name, damage] : damage_of_image_) add(name);
     std::sort(entries.begin(), entries.end(), [](const auto& a, const auto& b) { return a.name < b.name; });
   }
   std::vector<std::string> names;
@@ -77,7 +100,12 @@ std::vector<std::string> QuerySelection::AddQueries(const DatabaseReader& databa
 bool QuerySelection::IsPhoto(const std::string& name, const DatabaseReader& database) const {
   if (!has_photos_) return false;
   const DatabaseImage* image = FindInDatabase(name);
-  return image == nullptr || database.ReadKeypoints(image->image_id).empty();
+  if (image == nullptr) return damage_of_image_.count(name) == 0;
+  try {
+    return database.ReadKeypoints(image->image_id).empty();
+  } catch (const DamagedRecordError&) {
+    return false;  // because the image has keypoints
+  }
 }
 
 void QuerySelection::AddPhoto(const QueryListEntry& entry, const ModelImage* posed, const DatabaseReader& database) {
@@ -90,8 +118,12 @@ void QuerySelection::AddPhoto(const QueryListEntry& entry, const ModelImage* pos
     photo.camera = model_.cameras.at(posed->camera_id);
     photo.source = IntrinsicsSource::MODEL;
   } else if (image != nullptr) {
-    photo.camera = ReadUsableCamera(database, *image);
     photo.source = IntrinsicsSource::DATABASE;
+    try {
+      photo.camera = ReadUsableCamera(database, *image);
+    } catch (const DamagedRecordError& error) {
+      photo.damage = error.Damage();
+    }
   }
   photos_.emplace(entry.name, std::move(photo));
 }
@@ -99,33 +131,45 @@ void QuerySelection::AddPhoto(const QueryListEntry& entry, const ModelImage* pos
 void QuerySelection::AddStoredQuery(const QueryListEntry& entry, const ModelImage* posed,
                                     const DatabaseReader& database) {
   const DatabaseImage* image = FindInDatabase(entry.name);
-  if (image == nullptr) {
+  StoredQuery query;
+  query.damage = DamageOf(entry.name);
+  if (image == nullptr && query.damage.empty()) {
     throw InputError("--query_list_path: query " + entry.name + " is not in the database " + database.Path().string());
   }
   if (options_.leave_one_out && posed == nullptr) {
     throw InputError("--query_list_path: query " + entry.name +
                      " has no pose in --input_path, but --LazyLocalizer.leave_one_out needs one");
   }
-  StoredQuery query;
-  query.image = *image;
-  query.stored_camera = database.ReadCamera(image->camera_id);
-  if (entry.camera) {
-    query.camera = *entry.camera;
-  } else if (posed != nullptr) {
-    query.camera = model_.cameras.at(posed->camera_id);
-    query.source = IntrinsicsSource::MODEL;
-    query.camera.has_prior_focal_length = query.stored_camera.has_prior_focal_length;  // models do not store it
-  } else {
-    query.camera = ReadUsableCamera(database, *image);
-    query.intrinsics_origin = OriginOfStoredCamera(query.camera);
-    query.source = IntrinsicsSource::DATABASE;
+  if (image != nullptr) {
+    query.image = *image;
+    try {
+      ChooseCamera(entry, posed, database, &query);
+    } catch (const DamagedRecordError& error) {
+      query.damage = error.Damage();
+    }
   }
   stored_queries_.emplace(entry.name, std::move(query));
 }
 
+void QuerySelection::ChooseCamera(const QueryListEntry& entry, const ModelImage* posed, const DatabaseReader& database,
+                                  StoredQuery* query) const {
+  query->stored_camera = database.ReadCamera(query->image.camera_id);
+  if (entry.camera) {
+    query->camera = *entry.camera;
+  } else if (posed != nullptr) {
+    query->camera = model_.cameras.at(posed->camera_id);
+    query->source = IntrinsicsSource::MODEL;
+    query->camera.has_prior_focal_length = query->stored_camera.has_prior_focal_length;  // models do not store it
+  } else {
+    query->camera = ReadUsableCamera(database, query->image);
+    query->intrinsics_origin = OriginOfStoredCamera(query->camera);
+    query->source = IntrinsicsSource::DATABASE;
+  }
+}
+
 void QuerySelection::GroupAll(const std::vector<std::string>& query_names, const DatabaseReader& database) {
   groups_ = GroupQueries(query_names, database, model_, options_.groups);
-  if (!groups_.warning.empty()) warnings_.push_back(groups_.warning);
+  warnings_.insert(warnings_.end(), groups_.warnings.begin(), groups_.warnings.end());
   for (size_t group = 0; group < groups_.groups.size(); ++group) {
     for (const QueryFrame& frame : groups_.groups[group]) {
       for (const QueryFrame::Image& image : frame.images) {

@@ -32,6 +32,7 @@ struct StoredQuery {
   IntrinsicsSource source = IntrinsicsSource::QUERY_LIST;        // of `camera`
   Camera stored_camera;  // as in the database, whose two-view geometries were estimated with it
   size_t group = 0;
+  std::string damage;  // what makes its records unusable, as in DamagedRecordError; empty if nothing does
 };
 
 // A query whose features are not in the database.
@@ -43,6 +44,7 @@ struct PhotoQuery {
   IntrinsicsSource source = IntrinsicsSource::QUERY_LIST;  // of `camera`
   std::optional<std::vector<std::string>> pair_names;      // the other images in the pairs file, if there is a file
   size_t group = 0;
+  std::string damage;  // as in StoredQuery
 };
 
 // Returns a pair with a database image: name, camera, pose and frame, but no keypoints and matches.
@@ -52,8 +54,8 @@ ImagePair MakeDatabasePair(const ModelImage& database_image, const Model& model,
 // grouped, and which pairs a pairs file allows. Its memory grows only with the names and poses of the images.
 class QuerySelection {
  public:
-  // has_photos: queries without keypoints in the database are photos. Throws InputError for files that cannot be used,
-  // a query that is not in the database, or an unusable camera.
+  // has_photos: queries without keypoints in the database are photos. Throws InputError for files that cannot be used
+  // or a query that is not in the database.
   QuerySelection(const DatabaseReader& database, Model model, const QuerySelectionOptions& options, bool has_photos);
 
   // Returns the queries in groups, each of which is localized together.
@@ -70,7 +72,7 @@ class QuerySelection {
   const Model& DatabaseModel() const { return model_; }
   // Returns the rig frames of the posed images that share their frame with another one.
   const FramePlaces& DatabaseFrames() const { return frame_of_database_image_; }
-  // Returns null if the database file does not hold an image of this name.
+  // Returns null if the database file does not hold an image of this name, or its row is damaged.
   const DatabaseImage* FindInDatabase(const std::string& name) const;
   // Returns the posed image with an id of the database; null if the image has no pose or is in the query's own group.
   const ModelImage* FindPosedImage(uint32_t image_id, const StoredQuery& query) const;
@@ -88,8 +90,14 @@ class QuerySelection {
   const std::vector<std::string>& Warnings() const { return warnings_; }
 
  private:
+  void ReadImages(const DatabaseReader& database);
+  // Returns the damage of the row of an image; empty if the row is not damaged.
+  std::string DamageOf(const std::string& name) const;
   std::vector<std::string> AddQueries(const DatabaseReader& database);
   void AddStoredQuery(const QueryListEntry& entry, const ModelImage* posed, const DatabaseReader& database);
+  // Throws DamagedRecordError if the camera in the database cannot be read.
+  void ChooseCamera(const QueryListEntry& entry, const ModelImage* posed, const DatabaseReader& database,
+                    StoredQuery* query) const;
   void AddPhoto(const QueryListEntry& entry, const ModelImage* posed, const DatabaseReader& database);
   bool IsPhoto(const std::string& name, const DatabaseReader& database) const;
   bool IsQuery(const std::string& name) const { return stored_queries_.count(name) > 0 || photos_.count(name) > 0; }
@@ -100,6 +108,8 @@ class QuerySelection {
   const bool has_photos_;
   Model model_;
   std::unordered_map<std::string, DatabaseImage> database_images_;  // by name
+  std::unordered_map<std::string, std::string> damage_of_image_;    // by name; images whose row is damaged
+  std::string damage_of_unknown_image_;                             // of a row without a readable name; may be empty
   std::unordered_map<uint32_t, const ModelImage*> posed_of_database_id_;
   FramePlaces frame_of_database_image_;  // by name; rig frames of several images only
   std::unordered_map<std::string, StoredQuery> stored_queries_;

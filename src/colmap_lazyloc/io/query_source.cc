@@ -3,6 +3,7 @@
 #include <utility>
 
 #include "colmap_lazyloc/io/model_reader.h"
+#include "colmap_lazyloc/scene/errors.h"
 #include "colmap_lazyloc/scene/options_check.h"
 
 namespace lazyloc {
@@ -13,7 +14,7 @@ bool SourceOptions::Check(std::string* error) const {
     *error = "image_path excludes --LazyLocalizer.leave_one_out, whose queries are posed images of the database";
     return false;
   }
-  return selection.groups.Check(error) && photos.Check(error) && depth.Check(error);
+  return selection.groups.Check(error) && photos.Check(error) && priors.Check(error) && depth.Check(error);
 }
 
 LoadedGroup LoadEach(const GroupInput& input, const LoadQueryFunction& load_query) {
@@ -25,9 +26,11 @@ LoadedGroup LoadEach(const GroupInput& input, const LoadQueryFunction& load_quer
       QueryRecord record;
       std::optional<LocalizationProblem> problem = load_query(image.query, &record);
       if (problem) {
+        problem->prior = image.prior;
         loaded.group.images.push_back({*std::move(problem), frame_index, image.cam_from_rig});
         loaded.records.push_back(std::move(record));
       } else {
+        record.result.priors = UntestedPriors(image.prior);
         loaded.failures.push_back(std::move(record));
       }
     }
@@ -49,6 +52,8 @@ QuerySource::QuerySource(const SourceOptions& options, Model model, const TwoVie
       database_(options.database_path),
       selection_(database_, std::move(model), options.selection, !options.photos.image_path.empty()),
       pair_loader_(selection_, options.num_retrieved),
+      priors_(ReadQueryPriors(options.priors,
+                              [this](const std::string& name) { return selection_.FindGroup(name).has_value(); })),
       depth_points_(selection_),
       max_num_pairs_(options.selection.pairs_path.empty() ? options.num_retrieved : 0) {
   if (!options.depth.depth_path.empty()) depth_maps_.emplace(options.depth);
@@ -72,13 +77,15 @@ std::optional<LocalizationProblem> QuerySource::LoadNamed(const std::string& nam
   if (query == nullptr) return LoadPhoto(selection_.Photos().at(name), session, record);
   record->result.query_name = name;
   const StageTimer timer("load", &record->seconds);
+  if (!query->damage.empty()) throw DamagedRecordError(database_.Path().string(), query->damage);
   record->intrinsics_source = query->source;
-  return pair_loader_.Load(*query, session->database_);
+  return pair_loader_.Load(*query, session->database_, &record->damages);
 }
 
 std::optional<LocalizationProblem> QuerySource::LoadPhoto(const PhotoQuery& photo, Session* session,
                                                           QueryRecord* record) const {
   record->result.query_name = photo.name;
+  if (!photo.damage.empty()) throw DamagedRecordError(database_.Path().string(), photo.damage);
   const PhotoLoader& photos = Photos();
   if (!session->features_) session->features_ = std::make_unique<FeatureReader>(database_.Path());
   return photos.Load(photo, *session->features_, session->idle_threads_, record);
@@ -96,14 +103,34 @@ LoadedGroup QuerySource::Load(size_t group, Session* session) const {
   return Load(input, session);
 }
 
+GroupInput QuerySource::WithPriors(GroupInput input) const {
+  if (priors_.empty()) return input;
+  for (GroupInput::Frame& frame : input.frames) {
+    for (GroupInput::Image& image : frame.images) {
+      const auto* name = std::get_if<std::string>(&image.query);
+      const auto prior = name == nullptr ? priors_.end() : priors_.find(*name);
+      if (prior == priors_.end()) continue;
+      if (!image.prior.position) image.prior.position = prior->second.position;
+      if (!image.prior.gravity) image.prior.gravity = prior->second.gravity;
+    }
+  }
+  return input;
+}
+
 LoadedGroup QuerySource::Load(const GroupInput& input, Session* session) const {
-  LoadedGroup loaded =
-      LoadEach(input, [&](const QueryInput& query, QueryRecord* record) -> std::optional<LocalizationProblem> {
-        if (const auto* name = std::get_if<std::string>(&query)) return LoadNamed(*name, session, record);
-        if (const auto* photo = std::get_if<PhotoQuery>(&query)) return LoadPhoto(*photo, session, record);
-        return std::get<LocalizationProblem>(query);
+  LoadedGroup loaded = LoadEach(
+      WithPriors(input), [&](const QueryInput& query, QueryRecord* record) -> std::optional<LocalizationProblem> {
+        try {
+          if (const auto* name = std::get_if<std::string>(&query)) return LoadNamed(*name, session, record);
+          if (const auto* photo = std::get_if<PhotoQuery>(&query)) return LoadPhoto(*photo, session, record);
+          return std::get<LocalizationProblem>(query);
+        } catch (const DamagedRecordError& error) {
+          record->result.status = QueryStatus::DAMAGED_DATA;
+          record->result.reason = error.Damage();
+          return std::nullopt;
+        }
       });
-  pair_loader_.LoadQueryPairs(session->database_, &loaded.group);
+  pair_loader_.LoadQueryPairs(session->database_, &loaded);
   if (depth_maps_) AddDepths(session->database_, &loaded);
   return loaded;
 }
@@ -126,6 +153,13 @@ void QuerySource::AddDepths(const DatabaseReader& database, LoadedGroup* loaded)
 
 std::vector<std::string> QuerySource::DepthWarnings() const {
   return depth_maps_ ? depth_maps_->Warnings() : std::vector<std::string>();
+}
+
+std::vector<std::string> QuerySource::Warnings() const {
+  std::vector<std::string> warnings = selection_.Warnings();
+  if (photo_loader_)
+    warnings.insert(warnings.end(), photo_loader_->Warnings().begin(), photo_loader_->Warnings().end());
+  return warnings;
 }
 
 void QuerySource::PublishMatches() const {

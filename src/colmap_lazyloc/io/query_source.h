@@ -1,6 +1,7 @@
 #pragma once
 
 #include <functional>
+#include <map>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -15,6 +16,7 @@
 #include "colmap_lazyloc/io/depth_points.h"
 #include "colmap_lazyloc/io/pair_loader.h"
 #include "colmap_lazyloc/io/photo_loader.h"
+#include "colmap_lazyloc/io/query_prior_files.h"
 #include "colmap_lazyloc/io/query_record.h"
 #include "colmap_lazyloc/io/query_selection.h"
 #include "colmap_lazyloc/math/parallel_for.h"
@@ -27,6 +29,7 @@ struct SourceOptions {
   int num_retrieved = 20;  // database images per query
   QuerySelectionOptions selection;
   PhotoOptions photos;
+  QueryPriorOptions priors;
   DepthMapOptions depth;
 
   bool Check(std::string* error) const;
@@ -40,6 +43,7 @@ struct GroupInput {
   struct Image {
     QueryInput query;
     Rigid3d cam_from_rig;
+    QueryPrior prior = {};
   };
   struct Frame {
     std::string name;
@@ -74,10 +78,14 @@ class QuerySource {
   // Returns the posed images that queries are localized against.
   const Model& DatabaseModel() const { return selection_.DatabaseModel(); }
   const DatabaseReader& Database() const { return database_; }
-  const std::vector<std::string>& Warnings() const { return selection_.Warnings(); }
+  // Returns one line for each problem that does not end the run.
+  std::vector<std::string> Warnings() const;
+  // Returns one line on how the features of photos are extracted; empty without photos.
+  std::string DescribeExtraction() const { return photo_loader_ ? photo_loader_->DescribeExtraction() : ""; }
   // Returns how many pairs of a query the localizer is to use of those that are loaded; 0 for all.
   int MaxNumPairs() const { return max_num_pairs_; }
-  // Loads one group of the selection. Thread-safe with one session per thread. Throws InputError for damaged data.
+  // Loads one group of the selection. Thread-safe with one session per thread. Throws InputError for a damaged
+  // file; damaged records become statuses (DAMAGED_DATA) or are left out.
   LoadedGroup Load(size_t group, Session* session) const;
   // Loads any group in the same way. The first photo may take long, because it makes the retrieval index.
   LoadedGroup Load(const GroupInput& input, Session* session) const;
@@ -89,6 +97,8 @@ class QuerySource {
  private:
   // Returns the loader of photos, which the first call makes.
   const PhotoLoader& Photos() const;
+  // Gives named queries the priors in files that they lack.
+  GroupInput WithPriors(GroupInput input) const;
   std::optional<LocalizationProblem> LoadNamed(const std::string& name, Session* session, QueryRecord* record) const;
   // Adds the depths of the database images' keypoints.
   void AddDepths(const DatabaseReader& database, LoadedGroup* loaded) const;
@@ -100,7 +110,8 @@ class QuerySource {
   DatabaseReader database_;
   QuerySelection selection_;
   PairLoader pair_loader_;
-  std::optional<DepthMaps> depth_maps_;  // nullopt without a folder of maps
+  std::map<std::string, QueryPrior> priors_;  // by query; those in files
+  std::optional<DepthMaps> depth_maps_;       // nullopt without a folder of maps
   DepthPoints depth_points_;
   int max_num_pairs_ = 0;
   mutable std::once_flag photo_loader_is_made_;

@@ -160,10 +160,65 @@ TEST_F(QuerySourceTest, ListedQueryIsNotADatabaseImage) {
   EXPECT_THAT(PairNames(Load()), ElementsAre("left/1.png", "left/2.png", "right/2.png"));
 }
 
-TEST_F(QuerySourceTest, MatchesOfMissingKeypointsAreAnError) {
+TEST_F(QuerySourceTest, MatchesOfMissingKeypointsAreLeftOut) {
   database_.Execute("DELETE FROM keypoints WHERE image_id = 2");
-  EXPECT_THAT(Error(),
-              HasSubstr("a match between q.png and right/1.png names a keypoint that its image does not have"));
+  const LoadedGroup loaded = Load();
+  EXPECT_THAT(PairNames(loaded), ElementsAre("left/1.png", "left/2.png", "right/2.png"));
+  EXPECT_THAT(loaded.records.at(0).damages,
+              ElementsAre("table two_view_geometries, pair of q.png and right/1.png: a match names a keypoint that its "
+                          "image does not have"));
+}
+
+TEST_F(QuerySourceTest, DamagedPairsAreLeftOutAndOthersTakeTheirPlace) {
+  options_.num_retrieved = 2;
+  const std::string geometry_of_2 = "pair_id = 2 * 2147483647 + " + std::to_string(kQuery);
+  database_.Execute("UPDATE two_view_geometries SET data = x'00' WHERE " + geometry_of_2);
+  database_.Execute("UPDATE keypoints SET rows = -1 WHERE image_id = 1");
+  const LoadedGroup loaded = Load();
+  EXPECT_THAT(PairNames(loaded), ElementsAre("left/2.png", "right/2.png"));
+  EXPECT_THAT(loaded.records.at(0).damages,
+              ElementsAre(HasSubstr("pair of image 5 (q.png) and image 2 (right/1.png): data has 1 bytes"),
+                          "table keypoints, image 1 (left/1.png): rows is out of range: -1"));
+}
+
+TEST_F(QuerySourceTest, DamagedRecordsOfAQueryAreItsStatusAndTheOthersStay) {
+  options_.selection.groups.group_size = 2;
+  database_.AddCamera({2, /*model_id=*/99, 640, 480, {500, 320, 240}, false});
+  for (const auto& [sql, damage] :
+       {std::pair{"UPDATE keypoints SET rows = 7 WHERE image_id = 5", "table keypoints, image 5 (q.png): data has"},
+        std::pair{"UPDATE images SET camera_id = 2 WHERE image_id = 5",
+                  "table cameras, camera 2: unknown camera model 99"},
+        std::pair{"UPDATE images SET camera_id = 'x' WHERE image_id = 5",
+                  "table images, image 5: camera_id is not an integer"}}) {
+    database_.Execute(sql);
+    const LoadedGroup loaded = Load();
+    ASSERT_EQ(loaded.failures.size(), 1u) << sql;
+    EXPECT_EQ(loaded.failures[0].result.query_name, "q.png");
+    EXPECT_EQ(loaded.failures[0].result.status, QueryStatus::DAMAGED_DATA);
+    EXPECT_THAT(loaded.failures[0].result.reason, ::testing::StartsWith(damage));
+    ASSERT_EQ(loaded.group.images.size(), 1u);
+    EXPECT_EQ(loaded.group.images[0].problem.query_name, "r.png");
+  }
+}
+
+TEST_F(QuerySourceTest, ListedQueryMayBeTheImageWhoseNameCannotBeRead) {
+  database_.Execute("UPDATE images SET name = x'00' WHERE image_id = 5");
+  SetQueries("q.png\n");
+  const LoadedGroup loaded = Load();
+  ASSERT_EQ(loaded.failures.size(), 1u);
+  EXPECT_EQ(loaded.failures[0].result.reason, "table images, image 5: name is not text");
+}
+
+TEST_F(QuerySourceTest, DamagedPairOfTwoQueriesIsLeftOut) {
+  options_.selection.groups.group_size = 2;
+  AddGeometry(6, kQuery, 3);
+  ASSERT_EQ(Load().group.query_pairs.size(), 1u);
+  database_.Execute("UPDATE two_view_geometries SET rows = 'x' WHERE pair_id = 5 * 2147483647 + 6");
+  const LoadedGroup loaded = Load();
+  EXPECT_THAT(loaded.group.query_pairs, IsEmpty());
+  EXPECT_THAT(loaded.records.at(0).damages, IsEmpty());
+  EXPECT_THAT(loaded.records.at(1).damages,
+              ElementsAre(HasSubstr("pair of image 6 (r.png) and image 5 (q.png): rows is not an integer")));
 }
 
 TEST_F(QuerySourceTest, DatabaseImagesHaveNoFrameWithoutRigs) {

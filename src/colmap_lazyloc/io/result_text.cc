@@ -98,6 +98,19 @@ Json IntrinsicsToJson(const IntrinsicsResult& intrinsics) {
           {"contradiction", intrinsics.contradiction.empty() ? Json() : Json(intrinsics.contradiction)}};
 }
 
+Json PriorToJson(const std::optional<PriorResult>& prior, double deviation_unit) {
+  if (!prior) return nullptr;
+  const bool is_tested = prior->verdict != PriorVerdict::NOT_TESTED;
+  return {{"verdict", EnumName(prior->verdict)},
+          {"fixes", EnumName(prior->fixes)},
+          {"deviation", is_tested ? Json(prior->deviation / deviation_unit) : Json()},
+          {"deviation_sigma", is_tested ? Json(prior->deviation_sigma) : Json()}};
+}
+
+Json PriorsToJson(const QueryPriorResult& priors) {
+  return {{"position", PriorToJson(priors.position, 1)}, {"gravity", PriorToJson(priors.gravity, DegToRad(1))}};
+}
+
 Json PairsToJson(const std::vector<PairResult>& pairs) {
   Json json = Json::array();
   for (const PairResult& pair : pairs) {
@@ -151,10 +164,12 @@ Json RecordToJson(const QueryRecord& record) {
   if (result.depth) json["depth"] = DepthToJson(*result.depth);
   json["intrinsics"] = IntrinsicsToJson(result.intrinsics);
   json["intrinsics_source"] = record.intrinsics_source ? Json(EnumName(*record.intrinsics_source)) : Json();
+  if (result.priors.position || result.priors.gravity) json["priors"] = PriorsToJson(result.priors);
   json["num_tracks"] = result.num_tracks;
   json["num_observations"] = result.num_observations;
   json["mean_reprojection_error_px"] = result.num_observations > 0 ? Json(result.mean_reprojection_error_px) : Json();
   json["pairs"] = PairsToJson(result.pairs);
+  if (!record.damages.empty()) json["damaged_records"] = record.damages;
   json["seconds"] = SecondsToJson(record);
   return json;
 }
@@ -170,17 +185,17 @@ void EscapeNames(Json* json) {
 
 }  // namespace
 
-void WritePoses(const std::filesystem::path& path, const std::vector<const QueryRecord*>& records) {
+void WritePoses(const std::filesystem::path& path, const QueryRecords& records) {
   OutputFile file(path);
   file.Text() << kPosesHeader;
-  for (const QueryRecord* record : records) {
-    const LocalizationResult& result = record->result;
-    if (result.status != QueryStatus::LOCALIZED) continue;
+  records.ForEach([&](const QueryRecord& record) {
+    const LocalizationResult& result = record.result;
+    if (result.status != QueryStatus::LOCALIZED) return;
     file.Text() << result.query_name;
     for (const double number : Qvec(result.cam_from_world.rotation)) file.Text() << ' ' << number;
     for (const double number : result.cam_from_world.translation) file.Text() << ' ' << number;
     file.Text() << '\n';
-  }
+  });
   file.Close();
 }
 
@@ -190,9 +205,9 @@ std::string ResultLine(const QueryRecord& record) {
   return json.dump();  // JSON writes numbers that are not finite as null
 }
 
-void WriteResultsJson(const std::filesystem::path& path, const std::vector<const QueryRecord*>& records) {
+void WriteResultsJson(const std::filesystem::path& path, const QueryRecords& records) {
   OutputFile file(path);
-  for (const QueryRecord* record : records) file.Text() << ResultLine(*record) << '\n';
+  records.ForEach([&](const QueryRecord& record) { file.Text() << ResultLine(record) << '\n'; });
   file.Close();
 }
 

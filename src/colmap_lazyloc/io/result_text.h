@@ -2,21 +2,20 @@
 
 #include <filesystem>
 #include <string>
-#include <vector>
 
-#include "colmap_lazyloc/io/query_record.h"
+#include "colmap_lazyloc/io/query_records.h"
 
 namespace lazyloc {
 
-// The records are sorted by name. The functions that write throw InputError naming the file if it cannot be written.
+// The functions that write throw InputError naming the file if it cannot be written.
 
 // Writes `name qw qx qy qz tx ty tz` of the localized queries, as hloc and visuallocalization.net read them.
-void WritePoses(const std::filesystem::path& path, const std::vector<const QueryRecord*>& records);
+void WritePoses(const std::filesystem::path& path, const QueryRecords& records);
 
 // Returns the line of results.jsonl for a query, without the line break.
 std::string ResultLine(const QueryRecord& record);
 
 // Writes one JSON object a line for every query. A field without a value is null.
-void WriteResultsJson(const std::filesystem::path& path, const std::vector<const QueryRecord*>& records);
+void WriteResultsJson(const std::filesystem::path& path, const QueryRecords& records);
 
 }  // namespace lazyloc

@@ -46,8 +46,8 @@ QueryRecord Failed() {
 class ResultText : public IoTest {
  protected:
   // Returns the lines that are not comments.
-  std::vector<std::string> PoseLines(const std::vector<const QueryRecord*>& records) const {
-    WritePoses(folder_ / "poses.txt", records);
+  std::vector<std::string> PoseLines(const std::vector<QueryRecord>& records) const {
+    WritePoses(folder_ / "poses.txt", Stored(records));
     std::istringstream text(ReadFile(folder_ / "poses.txt"));
     std::vector<std::string> lines;
     for (std::string line; std::getline(text, line);) {
@@ -56,14 +56,14 @@ class ResultText : public IoTest {
     return lines;
   }
   Json JsonOf(const QueryRecord& record) const {
-    WriteResultsJson(folder_ / "results.jsonl", {&record});
+    WriteResultsJson(folder_ / "results.jsonl", Stored({record}));
     return Json::parse(ReadFile(folder_ / "results.jsonl"));
   }
 };
 
 TEST_F(ResultText, PosesAreExactAndOfLocalizedQueriesOnly) {
   const QueryRecord localized = Localized(), failed = Failed();
-  const std::vector<std::string> lines = PoseLines({&localized, &failed});
+  const std::vector<std::string> lines = PoseLines({localized, failed});
   ASSERT_EQ(lines.size(), 1);
   EXPECT_EQ(lines[0],
             "my query.jpg 0.10000000000000001 -0.20000000000000001 -0.33333333333333331 -0.90000000000000002 "
@@ -85,9 +85,9 @@ TEST_F(ResultText, NumbersDoNotDependOnTheLocale) {
     std::string do_grouping() const override { return "\3"; }
   };
   const QueryRecord localized = Localized();
-  const std::string expected = PoseLines({&localized}).at(0);
+  const std::string expected = PoseLines({localized}).at(0);
   const std::locale before = std::locale::global(std::locale(std::locale(), new CommaDecimal));
-  const std::string line = PoseLines({&localized}).at(0);
+  const std::string line = PoseLines({localized}).at(0);
   std::locale::global(before);
   EXPECT_EQ(line, expected);
 }
@@ -126,7 +126,7 @@ TEST_F(ResultText, JsonHoldsWhatIsKnownOfAPoseWithoutPosition) {
   EXPECT_EQ(json["bearing"], Json::parse(R"({"from": "a.jpg", "direction": [0.0, 1.0, 0.0], "stddev_deg": 0.5})"));
   record.result.partial_pose = {Eigen::Quaterniond::Identity(), std::nullopt, std::nullopt};
   EXPECT_TRUE(JsonOf(record)["bearing"].is_null() && JsonOf(record)["rotation_stddev_deg"].is_null());
-  EXPECT_EQ(PoseLines({&record}).size(), 0);
+  EXPECT_EQ(PoseLines({record}).size(), 0);
 }
 
 TEST_F(ResultText, PoseOfLowConfidenceIsNotOneToRelyOn) {
@@ -143,7 +143,7 @@ TEST_F(ResultText, PoseOfLowConfidenceIsNotOneToRelyOn) {
   EXPECT_EQ(json["confidence"], 0.25);
   EXPECT_EQ(json["evidence"]["explained_ratio"], 0.125);
   EXPECT_TRUE(json["evidence"]["agreeing_ratio"].is_null()) << "unknown";
-  EXPECT_EQ(PoseLines({&record}).size(), 0);
+  EXPECT_EQ(PoseLines({record}).size(), 0);
 }
 
 TEST_F(ResultText, JsonKeepsTheOrderOfKeys) {
@@ -172,7 +172,7 @@ TEST_F(ResultText, JsonIsValidForAnyBytesInNames) {
 
 TEST_F(ResultText, JsonHasALineForEveryQuery) {
   const QueryRecord localized = Localized(), failed = Failed();
-  WriteResultsJson(folder_ / "results.jsonl", {&localized, &failed});
+  WriteResultsJson(folder_ / "results.jsonl", Stored({localized, failed}));
   std::istringstream text(ReadFile(folder_ / "results.jsonl"));
   std::string first, second, rest;
   std::getline(text, first);
@@ -185,8 +185,10 @@ TEST_F(ResultText, JsonHasALineForEveryQuery) {
 TEST_F(ResultText, FullDiskIsReported) {
   if (!std::filesystem::exists("/dev/full")) GTEST_SKIP();
   const QueryRecord localized = Localized();
-  EXPECT_THAT(ErrorOf([&] { WritePoses("/dev/full", {&localized}); }), HasSubstr("/dev/full: cannot be written"));
-  EXPECT_THAT(ErrorOf([&] { WriteResultsJson(folder_ / "none" / "x", {}); }), HasSubstr("none/x: cannot be written"));
+  EXPECT_THAT(ErrorOf([&] { WritePoses("/dev/full", Stored({localized})); }),
+              HasSubstr("/dev/full: cannot be written"));
+  EXPECT_THAT(ErrorOf([&] { WriteResultsJson(folder_ / "none" / "x", Stored({})); }),
+              HasSubstr("none/x: cannot be written"));
 }
 
 TEST_F(ResultText, CameraIsWrittenWhereItWasRefined) {

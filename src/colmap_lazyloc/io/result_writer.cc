@@ -1,13 +1,11 @@
 #include "colmap_lazyloc/io/result_writer.h"
 
-#include <algorithm>
 #include <system_error>
 
 #include "colmap_lazyloc/files/output_file.h"
 #include "colmap_lazyloc/files/paths.h"
 #include "colmap_lazyloc/files/staged_output.h"
 #include "colmap_lazyloc/io/leave_one_out.h"
-#include "colmap_lazyloc/io/model_merger.h"
 #include "colmap_lazyloc/io/model_writer.h"
 #include "colmap_lazyloc/io/result_text.h"
 #include "colmap_lazyloc/scene/errors.h"
@@ -23,16 +21,6 @@ void MakeFolder(const fs::path& path) {
   std::error_code error;
   fs::create_directories(path, error);
   if (error) throw InputError(path.string() + ": the folder cannot be made: " + error.message());
-}
-
-std::vector<const QueryRecord*> SortedByName(const std::vector<QueryRecord>& records) {
-  std::vector<const QueryRecord*> sorted;
-  for (const QueryRecord& record : records) sorted.push_back(&record);
-  const auto name = [](const QueryRecord* record) -> const std::string& { return record->result.query_name; };
-  std::sort(sorted.begin(), sorted.end(), [&](const auto* a, const auto* b) { return name(a) < name(b); });
-  const auto has_same_name = [&](const auto* a, const auto* b) { return name(a) == name(b); };
-  LAZYLOC_CHECK(std::adjacent_find(sorted.begin(), sorted.end(), has_same_name) == sorted.end());
-  return sorted;
 }
 
 }  // namespace
@@ -67,20 +55,19 @@ void ResultWriter::RemoveMadeFolders() noexcept {
   for (const fs::path& folder : made_folders_) fs::remove(folder, ignored);
 }
 
-void ResultWriter::Write(const Model& model, const std::vector<QueryRecord>& records, const DatabaseReader& database,
-                         const std::string& options_ini, bool is_leave_one_out) {
-  const std::vector<const QueryRecord*> sorted = SortedByName(records);
-  StagedOutput staged(output_path_);
+void ResultWriter::Write(const Model& model, const QueryRecords& records, const DatabaseReader& database,
+                         const std::string& options_ini, bool is_leave_one_out, const fs::path& staging_parent) {
+  StagedOutput staged(output_path_, {}, staging_parent);
   MakeFolder(staged / "model");
-  WritePoses(staged / "poses.txt", sorted);
-  WriteResultsJson(staged / "results.jsonl", sorted);
-  WriteModel(staged / "model", MergeModel(model, sorted, database.ReadImages()), database);
+  WritePoses(staged / "poses.txt", records);
+  WriteResultsJson(staged / "results.jsonl", records);
+  WriteModel(staged / "model", staged / "observations", model, records, database);
   OutputFile options_file(staged / "options.ini");
   options_file.Text() << options_ini;
   options_file.Close();
   std::vector<std::string> entries = {"poses.txt", "results.jsonl", "options.ini", "model"};
   if (is_leave_one_out) {
-    WriteLeaveOneOut(staged / kLeaveOneOutFile, SummarizeLeaveOneOut(model, sorted));
+    WriteLeaveOneOut(staged / kLeaveOneOutFile, SummarizeLeaveOneOut(model, records));
     entries.emplace_back(kLeaveOneOutFile);
   }
   staged.Publish(entries);

@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "colmap_lazyloc/database/database_reader.h"
-#include "colmap_lazyloc/io/query_record.h"
+#include "colmap_lazyloc/io/query_records.h"
 #include "colmap_lazyloc/scene/model.h"
 
 namespace lazyloc {
@@ -22,14 +22,14 @@ class ResultWriter {
   ResultWriter(const ResultWriter&) = delete;
   ResultWriter& operator=(const ResultWriter&) = delete;
 
-  // records: in any order; the files are sorted by query name.
   // model: the database images; they keep ids and bits. An image that was a query appears in model/ only with the pose
   // that it was localized at.
   // is_leave_one_out: true to write leave_one_out.json too, which compares the records with the model.
-  // Reads the keypoints of the images in model/ from the database, one image at a time. Throws InputError naming the
-  // path that cannot be written; the folder is then as it was before.
-  void Write(const Model& model, const std::vector<QueryRecord>& records, const DatabaseReader& database,
-             const std::string& options_ini, bool is_leave_one_out);
+  // staging_parent: folder on the same disk for the files until they are complete; empty: the output folder.
+  // Reads records and keypoints one image at a time. Throws InputError naming the path that cannot be written; the
+  // folder is then as it was before.
+  void Write(const Model& model, const QueryRecords& records, const DatabaseReader& database,
+             const std::string& options_ini, bool is_leave_one_out, const std::filesystem::path& staging_parent = {});
 
  private:
   void RemoveMadeFolders() noexcept;

@@ -50,7 +50,8 @@ class ResultWriterTest : public IoTest {
     database.Close();
   }
   void Write(bool is_leave_one_out = false) {
-    ResultWriter(output_).Write(model_, records_, DatabaseReader(database_path_), "[options]\n", is_leave_one_out);
+    ResultWriter(output_).Write(model_, Stored(records_), DatabaseReader(database_path_), "[options]\n",
+                                is_leave_one_out);
   }
   std::string ErrorOfConstruction(const fs::path& path) const {
     return ErrorOf([&] { ResultWriter writer(path); });
@@ -167,7 +168,7 @@ TEST_F(ResultWriterTest, FailedWriteLeavesTheEarlierRun) {
   MakeDatabase(folder_ / "damaged.db", "UPDATE keypoints SET data = zeroblob(3) WHERE image_id = 1");
   EXPECT_THAT(ErrorOf([&] {
                 ResultWriter writer(output_);
-                writer.Write(model_, records_, DatabaseReader(folder_ / "damaged.db"), "other", false);
+                writer.Write(model_, Stored(records_), DatabaseReader(folder_ / "damaged.db"), "other", false);
               }),
               StartsWith("damaged.db"));
   EXPECT_EQ(Contents(output_), before);
@@ -180,7 +181,7 @@ TEST_F(ResultWriterTest, FolderThatGoesAwayDuringTheRunIsReported) {
   EXPECT_THAT(ErrorOf([&] {
                 ResultWriter writer(output_);
                 fs::rename(output_, folder_ / "moved");
-                writer.Write(model_, records_, DatabaseReader(database_path_), "other", false);
+                writer.Write(model_, Stored(records_), DatabaseReader(database_path_), "other", false);
               }),
               StartsWith("out: cannot be written into"));
   EXPECT_EQ(Contents(folder_ / "moved"), before);

@@ -13,8 +13,8 @@ bool StartsWith(const std::string& text, const std::string& prefix) {
 }
 
 FramePlaces FramesFromDatabase(const std::vector<std::string>& image_names, const DatabaseReader& database,
-                               std::vector<std::string>* images_without_pose) {
-  const std::vector<DatabaseRigImage> rig_images = database.ReadRigImages();
+                               FrameProblems* problems) {
+  const std::vector<DatabaseRigImage> rig_images = database.ReadRigImages(&problems->damages);
   if (rig_images.empty()) return {};
   const std::unordered_set<std::string> wanted(image_names.begin(), image_names.end());
   std::unordered_map<uint32_t, std::string> name_of_id;
@@ -28,7 +28,7 @@ FramePlaces FramesFromDatabase(const std::vector<std::string>& image_names, cons
     if (image.cam_from_rig) {
       places[name->second] = {std::to_string(image.frame_id), *image.cam_from_rig};
     } else {
-      images_without_pose->push_back(name->second);
+      problems->images_without_pose.push_back(name->second);
     }
   }
   return places;
@@ -79,9 +79,9 @@ FramePlaces FramesFromConfig(const std::vector<std::string>& image_names,
 }
 
 FramePlaces FramesFromColmap(const std::vector<std::string>& image_names, const DatabaseReader* database,
-                             const Model& model, std::vector<std::string>* images_without_pose) {
+                             const Model& model, FrameProblems* problems) {
   FramePlaces places = FramesFromModel(image_names, model);
-  if (database != nullptr) places.merge(FramesFromDatabase(image_names, *database, images_without_pose));
+  if (database != nullptr) places.merge(FramesFromDatabase(image_names, *database, problems));
   return places;
 }
 

@@ -22,11 +22,16 @@ using FramePlaces = std::unordered_map<std::string, FramePlace>;  // by image na
 // naming the file if it is damaged or puts an image into two cameras.
 FramePlaces FramesFromConfig(const std::vector<std::string>& image_names, const std::filesystem::path& rig_config_path);
 
+// Images that have no place in a rig although the database puts them into a frame.
+struct FrameProblems {
+  std::vector<std::string> images_without_pose;  // names; their camera has no pose in its rig
+  std::vector<std::string> damages;              // as in DamagedRecordError
+};
+
 // Finds the rig frames of images in the model (COLMAP 4; frames with two or more of the images), else in the database
-// (COLMAP 4.x; null if there is none). Adds the names of images whose camera has no pose in its rig to
-// images_without_pose.
+// (COLMAP 4.x; null if there is none). Adds what is wrong there to `problems`.
 FramePlaces FramesFromColmap(const std::vector<std::string>& image_names, const DatabaseReader* database,
-                             const Model& model, std::vector<std::string>* images_without_pose);
+                             const Model& model, FrameProblems* problems);
 
 // Returns the places of the images that share their frame with another image.
 FramePlaces SharedFrames(const FramePlaces& places);

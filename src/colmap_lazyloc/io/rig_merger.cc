@@ -6,8 +6,24 @@
 
 namespace lazyloc {
 
+namespace {
+
+// Notes the cameras of a rig whose pose on it is known, unless an earlier rig has them.
+void NoteCameras(const Rig& rig, MergedModel* merged) {
+  const auto note = [&](const Sensor& sensor) {
+    if (sensor.type == SensorType::CAMERA && SensorFromRig(rig, sensor)) {
+      merged->rig_of_camera.emplace(sensor.sensor_id, rig.rig_id);
+    }
+  };
+  if (rig.reference) note(*rig.reference);
+  for (const RigSensor& other : rig.others) note(other.sensor);
+}
+
+}  // namespace
+
 void KeepRigs(const Model& model, MergedModel* merged) {
   merged->rigs = model.rigs;
+  for (const auto& [rig_id, rig] : merged->rigs) NoteCameras(rig, merged);
   for (const auto& [frame_id, frame] : model.frames) {
     ModelFrame kept = frame;
     const auto is_gone = [&](const FrameData& data) {
@@ -25,17 +41,19 @@ void AddFrameOfOneImage(const ModelImage& image, MergedModel* merged) {
   frame.frame_id = FreeId(image.image_id, merged->frames);
   frame.rig_from_world = image.cam_from_world;
   frame.data = {{camera, image.image_id}};
-  const auto rig = std::find_if(merged->rigs.begin(), merged->rigs.end(),
-                                [&](const auto& entry) { return SensorFromRig(entry.second, camera).has_value(); });
-  if (rig == merged->rigs.end()) {
+  const auto rig_of_camera = merged->rig_of_camera.find(image.camera_id);
+  if (rig_of_camera == merged->rig_of_camera.end()) {
     frame.rig_id = FreeId(image.camera_id, merged->rigs);
-    merged->rigs.emplace(frame.rig_id, Rig{frame.rig_id, camera, {}});
+    const Rig added = {frame.rig_id, camera, {}};
+    merged->rigs.emplace(frame.rig_id, added);
+    NoteCameras(added, merged);
   } else {
-    frame.rig_id = rig->first;
-    Rigid3d cam_from_rig = *SensorFromRig(rig->second, camera);
+    frame.rig_id = rig_of_camera->second;
+    const Rig& rig = merged->rigs.at(frame.rig_id);
+    Rigid3d cam_from_rig = *SensorFromRig(rig, camera);
     cam_from_rig.rotation.normalize();
     // Keeps the bits of the reference camera's pose, which is the rig's.
-    if (rig->second.reference != camera) frame.rig_from_world = Inverse(cam_from_rig) * image.cam_from_world;
+    if (rig.reference != camera) frame.rig_from_world = Inverse(cam_from_rig) * image.cam_from_world;
   }
   merged->frames.emplace(frame.frame_id, std::move(frame));
 }

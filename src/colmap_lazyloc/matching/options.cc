@@ -12,6 +12,11 @@ bool PhotoMatchingOptions::Check(std::string* error) const {
 
 bool RetrievalOptions::Check(std::string* error) const {
   OPTION_GE(num_visual_words, 2);
+  if (max_num_features < 1 && max_num_features != -1) {
+    // Gives the full name, because SiftExtraction has an option with the same last part.
+    *error = "LazyIndexer.max_num_features must be >= 1, or -1";
+    return false;
+  }
   return true;
 }
 

@@ -19,6 +19,7 @@ struct PhotoMatchingOptions {
 
 struct RetrievalOptions {
   int num_visual_words = 16384;  // maximum; a small database has fewer, because too few descriptors make bad words
+  int max_num_features = -1;     // per image that is added: those of the largest scales; -1 for all
 
   bool Check(std::string* error) const;
 };

@@ -1,7 +1,9 @@
 #include "colmap_lazyloc/matching/retrieval_index.h"
 
 #include <algorithm>
+#include <cmath>
 #include <fstream>
+#include <numeric>
 #include <random>
 #include <system_error>
 #include <type_traits>
@@ -19,6 +21,8 @@ constexpr char kMagic[] = "colmap_lazyloc retrieval index 1";
 // Size of the sample that the vocabulary is learnt from: more descriptors per word make it slower, not better.
 constexpr size_t kDescriptorsPerWord = 32;
 constexpr size_t kMinDescriptorsPerWord = 8;
+// Size of a feature's entry in the inverted file: image, signature of 64 bits, geometry.
+constexpr uint64_t kBytesPerFeature = 32;
 
 template <typename T>
 void WriteNumber(T number, std::ofstream* file) {
@@ -33,16 +37,47 @@ T ReadNumber(std::ifstream* file) {
   return number;
 }
 
+size_t NumIndexed(size_t num_features, int max_num_features) {
+  return max_num_features < 0 ? num_features : std::min<size_t>(num_features, max_num_features);
+}
+
+// Returns the descriptors of the features that are indexed, in their order in the database.
+Descriptors IndexedDescriptors(Features features, int max_num_features) {
+  const size_t num_features = features.keypoints.size(), num_indexed = NumIndexed(num_features, max_num_features);
+  if (num_indexed == num_features) return std::move(features.descriptors);
+  std::vector<double> areas;
+  areas.reserve(num_features);
+  for (const Keypoint& k : features.keypoints) areas.push_back(std::abs(double{k.a11} * k.a22 - double{k.a12} * k.a21));
+  std::vector<Eigen::Index> rows(num_features);
+  std::iota(rows.begin(), rows.end(), 0);
+  std::stable_sort(rows.begin(), rows.end(), [&](auto a, auto b) { return areas[a] > areas[b]; });
+  rows.resize(num_indexed);
+  std::sort(rows.begin(), rows.end());
+  return features.descriptors(rows, Eigen::all);
+}
+
+// Returns the descriptors of an image that are indexed; none if they are damaged, and then sets `damage`.
+Descriptors ReadIndexedDescriptors(const FeatureReader& reader, uint32_t image_id, int max_num_features,
+                                   std::string* damage) {
+  try {
+    return IndexedDescriptors(reader.Read(image_id), max_num_features);
+  } catch (const DamagedRecordError& error) {
+    *damage = error.what();
+    return Descriptors(0, kDescriptorDim);
+  }
+}
+
 // Returns the descriptors that the vocabulary is learnt from, drawn evenly from all images.
 Descriptors SampleDescriptors(const std::vector<DatabaseImage>& images, const FeatureReader& features,
-                              size_t num_available, size_t num_wanted, int seed) {
+                              int max_num_features, size_t num_available, size_t num_wanted, int seed) {
   const double ratio = std::min(1.0, static_cast<double>(num_wanted) / static_cast<double>(num_available));
   std::mt19937 random(static_cast<uint32_t>(seed));
   Descriptors sample(static_cast<Eigen::Index>(std::min(num_available, num_wanted + num_wanted / 8 + 1000)),
                      kDescriptorDim);
   Eigen::Index num_rows = 0;
+  std::string ignored;  // AddNewEntries reports it
   for (const DatabaseImage& image : images) {
-    const Descriptors descriptors = features.Read(image.image_id).descriptors;
+    const Descriptors descriptors = ReadIndexedDescriptors(features, image.image_id, max_num_features, &ignored);
     for (Eigen::Index i = 0; i < descriptors.rows() && num_rows < sample.rows(); ++i) {
       // Uses the generator's own numbers, because distributions differ between standard libraries.
       if (static_cast<double>(random()) < ratio * 4294967296.0) sample.row(num_rows++) = descriptors.row(i);
@@ -53,6 +88,21 @@ Descriptors SampleDescriptors(const std::vector<DatabaseImage>& images, const Fe
 }
 
 }  // namespace
+
+std::string IndexEstimate::Text() const {
+  const uint64_t num_megabytes = num_features * kBytesPerFeature / 1000000 + 1;
+  return std::to_string(num_images) + " images, " + std::to_string(num_features) + " features: about " +
+         std::to_string(num_megabytes) + " MB of memory and of disk";
+}
+
+IndexEstimate EstimateIndex(const DatabaseReader& database, const RetrievalOptions& options) {
+  IndexEstimate estimate;
+  for (const auto& [image_id, count] : FeatureReader(database.Path()).ReadDescriptorCounts()) {
+    ++estimate.num_images;
+    estimate.num_features += NumIndexed(count, options.max_num_features);
+  }
+  return estimate;
+}
 
 RetrievalIndex::RetrievalIndex(const fs::path& path, const DatabaseReader& database, const RetrievalOptions& options,
                                int seed, int num_threads)
@@ -82,8 +132,11 @@ RetrievalIndex::RetrievalIndex(const fs::path& path, const DatabaseReader& datab
   }
   IdleThreads idle_threads(EffectiveNumThreads(num_threads) - 1);
   if (!visual_index_ || IsOutgrown(described.size())) Train(described, features, options, &idle_threads);
-  AddNewEntries(described, num_descriptors, features, &idle_threads);
-  for (const DatabaseImage& image : described) image_of_index_id_[entries_.at(image.name).index_id] = image.image_id;
+  AddNewEntries(described, num_descriptors, features, options.max_num_features, &idle_threads);
+  for (const DatabaseImage& image : described) {
+    const auto entry = entries_.find(image.name);
+    if (entry != entries_.end()) image_of_index_id_[entry->second.index_id] = image.image_id;
+  }
   const bool has_changed = changes_.is_trained || changes_.num_added > 0 || changes_.num_removed > 0;
   if (!path.empty() && has_changed) Write(path);
 }
@@ -109,21 +162,33 @@ void RetrievalIndex::Train(const std::vector<DatabaseImage>& images, const Featu
   next_index_id_ = 1;
   changes_.is_trained = true;
   size_t num_available = 0;
-  for (const auto& [image_id, count] : features.ReadDescriptorCounts()) num_available += count;
+  for (const auto& [image_id, count] : features.ReadDescriptorCounts()) {
+    num_available += NumIndexed(count, options.max_num_features);
+  }
   const size_t num_words =
       std::max<size_t>(2, std::min<size_t>(options.num_visual_words, num_available / kMinDescriptorsPerWord));
-  const Descriptors sample = SampleDescriptors(images, features, num_available, num_words * kDescriptorsPerWord, seed_);
+  const Descriptors sample = SampleDescriptors(images, features, options.max_num_features, num_available,
+                                               num_words * kDescriptorsPerWord, seed_);
+  if (sample.rows() == 0) {
+    throw InputError(features.Path().string() + ": the descriptors of all images are damaged: no index can be made");
+  }
   visual_index_ = std::make_unique<VisualIndex>(
       VisualIndex::Train(sample, static_cast<int>(num_words), static_cast<uint32_t>(seed_), idle_threads));
 }
 
 void RetrievalIndex::AddNewEntries(const std::vector<DatabaseImage>& images,
                                    const std::map<std::string, uint64_t>& num_descriptors,
-                                   const FeatureReader& features, IdleThreads* idle_threads) {
+                                   const FeatureReader& features, int max_num_features, IdleThreads* idle_threads) {
   for (const DatabaseImage& image : images) {
     if (entries_.count(image.name) > 0) continue;
+    std::string damage;
+    const Descriptors descriptors = ReadIndexedDescriptors(features, image.image_id, max_num_features, &damage);
+    if (!damage.empty()) {
+      warnings_.push_back(damage + ": leaving the image out");
+      continue;
+    }
     const Entry entry = {next_index_id_++, num_descriptors.at(image.name)};
-    visual_index_->Add(entry.index_id, features.Read(image.image_id).descriptors, idle_threads);
+    visual_index_->Add(entry.index_id, descriptors, idle_threads);
     entries_.emplace(image.name, entry);
     ++changes_.num_added;
   }

@@ -15,6 +15,18 @@
 
 namespace lazyloc {
 
+// What an index of all images of a database will take.
+struct IndexEstimate {
+  size_t num_images = 0;
+  uint64_t num_features = 0;
+
+  // Returns a line for the user, with the size of the index.
+  std::string Text() const;
+};
+
+// Counts the features to index; reads no descriptor.
+IndexEstimate EstimateIndex(const DatabaseReader& database, const RetrievalOptions& options);
+
 // COLMAP's visual index over the descriptors of a database, stored in one file.
 class RetrievalIndex {
  public:
@@ -25,14 +37,16 @@ class RetrievalIndex {
   };
 
   // Reads the index and updates it to the database: compares images by name and number of descriptors, and reads only
-  // new and changed ones. Makes the index if the file does not exist or the path is empty (then in memory only). Writes
-  // the file if anything changed, whole or not at all. num_threads: -1 for the number of cores. Throws InputError
-  // naming the file if it is not such an index, is damaged, belongs to another COLMAP generation or another database,
-  // or cannot be written.
+  // new and changed ones; leaves out images with damaged features. Makes the index if the file does not exist or the
+  // path is empty (then in memory only). Writes the file if anything changed, whole or not at all. num_threads: -1 for
+  // the number of cores. Throws InputError naming the file if it is not such an index, is damaged, belongs to another
+  // COLMAP generation or another database, or cannot be written.
   RetrievalIndex(const std::filesystem::path& path, const DatabaseReader& database, const RetrievalOptions& options,
                  int seed, int num_threads);
 
   const Changes& LastChanges() const { return changes_; }
+  // Returns one line for each image that was left out.
+  const std::vector<std::string>& Warnings() const { return warnings_; }
   size_t NumImages() const { return entries_.size(); }
   // Returns the ids in the database of the images that look like the query, best first. Thread-safe.
   std::vector<uint32_t> Query(const Descriptors& query, IdleThreads* idle_threads) const;
@@ -48,7 +62,7 @@ class RetrievalIndex {
   bool IsOutgrown(size_t num_images) const;
   void RemoveStaleEntries(const std::map<std::string, uint64_t>& num_descriptors);
   void AddNewEntries(const std::vector<DatabaseImage>& images, const std::map<std::string, uint64_t>& num_descriptors,
-                     const FeatureReader& features, IdleThreads* idle_threads);
+                     const FeatureReader& features, int max_num_features, IdleThreads* idle_threads);
   void Train(const std::vector<DatabaseImage>& images, const FeatureReader& features, const RetrievalOptions& options,
              IdleThreads* idle_threads);
 
@@ -57,6 +71,7 @@ class RetrievalIndex {
   std::map<std::string, Entry> entries_;  // by image name
   int32_t next_index_id_ = 1;
   Changes changes_;
+  std::vector<std::string> warnings_;
   std::unordered_map<int32_t, uint32_t> image_of_index_id_;  // to the id in the database
 };
 

@@ -97,6 +97,35 @@ TEST_F(RetrievalIndexTest, ImagesWithOtherFeaturesAreEnteredAgain) {
   ExpectFinds(index, {1, 2, 3});
 }
 
+TEST_F(RetrievalIndexTest, LargestFeaturesAreIndexedIfThereAreTooMany) {
+  // Each image has small features that are the large ones of the image before it.
+  constexpr uint32_t kNumImages = 5;
+  const auto features_of = [](uint32_t id) { return RandomDescriptors(kNumDescriptors, id % kNumImages); };
+  const std::filesystem::path path = folder_ / "a.db";
+  TestDatabase database(path, TestDatabase::Schema::V3_10);
+  for (uint32_t id = 1; id <= kNumImages; ++id) {
+    Descriptors descriptors(2 * kNumDescriptors, kFeatureType.num_columns);
+    descriptors << features_of(id + kNumImages - 1), features_of(id);
+    std::vector<Keypoint> keypoints(2 * kNumDescriptors);
+    for (int i = kNumDescriptors; i < 2 * kNumDescriptors; ++i) keypoints[i].a11 = keypoints[i].a22 = 2;
+    database.AddImage(id, 1, std::to_string(id) + ".jpg");
+    database.AddScaledKeypoints(id, keypoints);
+    database.AddDescriptors(id, descriptors);
+  }
+  database.Close();
+  const DatabaseReader reader(path);
+  RetrievalOptions options;
+  options.num_visual_words = 64;
+  options.max_num_features = kNumDescriptors;
+  const RetrievalIndex index("", reader, options, /*seed=*/0, /*num_threads=*/1);
+  for (uint32_t id = 1; id <= kNumImages; ++id) {
+    EXPECT_EQ(index.Query(WithNoise(features_of(id), 99), &idle_threads_).front(), id);
+  }
+  EXPECT_EQ(EstimateIndex(reader, options).num_features, 1000u);
+  options.max_num_features = -1;
+  EXPECT_EQ(EstimateIndex(reader, options).Text(), "5 images, 2000 features: about 1 MB of memory and of disk");
+}
+
 TEST_F(RetrievalIndexTest, BadFilesAreRefusedAndLeftAlone) {
   const std::string database = WriteDatabase("a.db", {1, 2, 3});
   Open(database);

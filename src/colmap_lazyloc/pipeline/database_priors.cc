@@ -14,8 +14,9 @@ namespace {
 constexpr double kIndependentNoisePx = 0.05;
 // Minimum error that changes with the viewpoint, in pixels.
 constexpr double kMinViewpointNoisePx = 0.02;
-// Standard deviation of the log of an expected size: a factor of e.
-constexpr double kExpectedLogStddev = 1;
+// Standard deviation of the log of an expected size: a factor of e, or of 1.35 for independent rotations. With a large
+// size, all rotations would turn together where images of one camera have an error in common, but not the positions.
+constexpr double kExpectedLogStddev = 1, kRotationLogStddev = 0.3;
 // Distance of viewpoints at which database_pose_noise_px is stated, and the power of it by which variances grow:
 // between that of a random walk (1) and that of errors which change steadily (2).
 constexpr double kReferenceDistance = 0.2;
@@ -126,30 +127,27 @@ PriorGroup DatabasePriors::MakeGroup(int query_frame, const std::vector<FrameSca
   return group;
 }
 
-void DatabasePriors::Set(const std::vector<Track>& tracks, PosedImages* posed) const {
+void DatabasePriors::Set(const std::vector<FrameScale>& scales, PosedImages* posed) const {
   posed->prior_groups.clear();
   if (!HavePriors()) return;
-  const std::vector<FrameScale> scales = MeasureFrameScales(*posed, tracks);
   for (int query_frame = 0; query_frame < layout_.num_query_frames; ++query_frame) {
     posed->prior_groups.push_back(MakeGroup(query_frame, scales, posed));
   }
 }
 
 double DatabasePriors::Estimate(const BundleAdjustmentResult& adjustment, double variance_factor) {
+  image_variance_factor_ = std::max(variance_factor, kMinVarianceFactor);
   if (!AreEstimated()) return 0;
-  const ExpectedStddev independent{kIndependentNoisePx, kExpectedLogStddev, kIndependentNoisePx,
-                                   kFirstIndependentNoisePx};
   const std::vector<ExpectedStddev> expected = {
-      {expected_px_, kExpectedLogStddev, kMinViewpointNoisePx, kFirstViewpointNoisePx}, independent, independent};
-  // Adjustment takes the images for less exact than they are. Divides the variances by the same factor, because priors
-  // would else be too tight beside the images.
-  const double factor = std::max(variance_factor, kMinVarianceFactor);
+      {expected_px_, kExpectedLogStddev, kMinViewpointNoisePx, kFirstViewpointNoisePx},
+      {kIndependentNoisePx, kRotationLogStddev, kIndependentNoisePx, kFirstIndependentNoisePx},
+      {kIndependentNoisePx, kExpectedLogStddev, kIndependentNoisePx, kFirstIndependentNoisePx}};
   double change = 0;
   for (size_t i = 0; i < adjustment.prior_fits.size(); ++i) {
     const std::vector<double> estimated =
-        EstimateVariances(adjustment.posed.prior_groups[i], adjustment.prior_fits[i], factor, expected);
+        EstimateVariances(adjustment.posed.prior_groups[i], adjustment.prior_fits[i], image_variance_factor_, expected);
     for (size_t j = 0; j < estimated.size(); ++j) {
-      const double variance = estimated[j] / factor;
+      const double variance = estimated[j] / image_variance_factor_;
       change = std::max(change, std::abs(std::log(variance / variances_[i][j])) / 2);
       variances_[i][j] = variance;
     }
@@ -157,9 +155,9 @@ double DatabasePriors::Estimate(const BundleAdjustmentResult& adjustment, double
   return change;
 }
 
-void SetCalibrationPriors(const Layout& layout, const std::vector<Track>& tracks, double noise_px, PosedImages* posed) {
+void SetCalibrationPriors(const Layout& layout, const std::vector<FrameScale>& scales, double noise_px,
+                          PosedImages* posed) {
   if (noise_px == 0 || posed->calibrations.empty()) return;
-  const std::vector<FrameScale> scales = MeasureFrameScales(*posed, tracks);
   for (Calibration& calibration : posed->calibrations) calibration.prior.reset();
   for (const Image& image : posed->images) {
     if (image.calibration < 0) continue;

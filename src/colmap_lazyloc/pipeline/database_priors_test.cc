@@ -56,7 +56,7 @@ TEST(DatabasePriors, EachQueryFrameHasItsOwnGroup) {
   const DatabasePriors priors(input.layout, {});
   ASSERT_TRUE(priors.HavePriors());
   ASSERT_TRUE(priors.AreEstimated());
-  priors.Set(input.tracks, &input.truth);
+  priors.Set(MeasureFrameScales(input.truth, input.tracks), &input.truth);
   ASSERT_EQ(input.truth.prior_groups.size(), 2u);
   for (int frame = 0; frame < 2; ++frame) {
     const PriorGroup& group = input.truth.prior_groups[frame];
@@ -74,7 +74,7 @@ TEST(DatabasePriors, AsStated) {
   options.database_pose_stddev_length = 0.02;
   const DatabasePriors priors(input.layout, options);
   EXPECT_FALSE(priors.AreEstimated());
-  priors.Set(input.tracks, &input.truth);
+  priors.Set(MeasureFrameScales(input.truth, input.tracks), &input.truth);
   const PriorGroup& group = input.truth.prior_groups[0];
   ASSERT_EQ(group.components.size(), 1u);
   EXPECT_TRUE(group.components[0].shape.isIdentity(0)) << "stated deviations are independent";
@@ -88,8 +88,20 @@ TEST(DatabasePriors, ExactPosesHaveNone) {
   options.database_pose_stddev_deg = options.database_pose_stddev_length = 0;
   const DatabasePriors priors(input.layout, options);
   EXPECT_FALSE(priors.HavePriors());
-  priors.Set(input.tracks, &input.truth);
+  priors.Set(MeasureFrameScales(input.truth, input.tracks), &input.truth);
   EXPECT_TRUE(input.truth.prior_groups.empty());
+}
+
+TEST(DatabasePriors, RememberTheVarianceFactorOfStatedPosesToo) {
+  const StageInput input = MakeStageInput(MakeSyntheticGroup(TwoFrames()));
+  LocalizerOptions options;
+  options.database_pose_stddev_deg = options.database_pose_stddev_length = 0;
+  DatabasePriors priors(input.layout, options);
+  EXPECT_EQ(priors.ImageVarianceFactor(), 1);
+  priors.Estimate({}, 0.25);
+  EXPECT_EQ(priors.ImageVarianceFactor(), 0.25) << "calibrations have estimated errors even so";
+  priors.Estimate({}, 0);
+  EXPECT_GT(priors.ImageVarianceFactor(), 0);
 }
 
 TEST(DatabasePriors, CovarianceAllowsForMoreThanTheEstimate) {

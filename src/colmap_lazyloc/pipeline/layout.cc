@@ -28,6 +28,9 @@ void AddQuery(const QueryGroup& group, const QueryImage& query, Layout* layout) 
   layout->queries_of_frame[query.frame].push_back(static_cast<int>(layout->given.images.size()));
   layout->given.images.push_back(image);
   layout->names.push_back(query.problem.query_name);
+  layout->priors.push_back(query.problem.prior);
+  std::optional<PositionPrior>& position = layout->priors.back().position;
+  if (position) position->position -= layout->origin;
 }
 
 Eigen::Vector3d MeanDatabaseCentre(const QueryGroup& group) {

@@ -23,6 +23,7 @@ struct Layout {
   bool has_depths = false;  // true if database images have depth maps
   Eigen::Vector3d origin =
       Eigen::Vector3d::Zero();                  // subtracted from all coordinates: solvers work near zero (UTM, ECEF)
+  std::vector<QueryPrior> priors;               // by query, with positions relative to the origin
   std::vector<std::vector<int>> image_of_pair;  // [query][index into its pairs]
   std::vector<std::vector<int>> queries_of_frame;          // by query frame
   std::vector<std::vector<int>> database_frames_of_frame;  // by query frame; ascending

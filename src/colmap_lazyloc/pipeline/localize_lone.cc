@@ -1,5 +1,6 @@
 #include "colmap_lazyloc/pipeline/localize_lone.h"
 
+#include <algorithm>
 #include <cmath>
 #include <string>
 #include <utility>
@@ -84,6 +85,27 @@ LocalizationResult Decide(LocalizationResult given, LocalizationResult refined, 
   return given;
 }
 
+// Returns true if the images give a rotation and nothing of the position, which a prior gives.
+bool IsPositionLeftToPrior(const LocalizationResult& result) {
+  return result.status == QueryStatus::DEGENERATE_BASELINE && result.partial_pose && !result.partial_pose->bearing &&
+         result.priors.position && result.priors.position->verdict == PriorVerdict::NOT_TESTED;
+}
+
+// Returns true if all database images are at one place, and a prior may give the distance from there.
+bool IsDistanceLeftToPrior(const LocalizationResult& result) {
+  return result.status == QueryStatus::SCALE_UNOBSERVABLE && result.pairs.size() > 1 && result.partial_pose &&
+         result.partial_pose->bearing && result.priors.position &&
+         result.priors.position->verdict == PriorVerdict::NOT_TESTED;
+}
+
+// Returns the query with the pair of one database image alone.
+QueryGroup WithPair(QueryGroup query, const std::string& database_name) {
+  std::vector<ImagePair>& pairs = query.images.front().problem.pairs;
+  const auto is_other = [&](const ImagePair& pair) { return pair.other_name != database_name; };
+  pairs.erase(std::remove_if(pairs.begin(), pairs.end(), is_other), pairs.end());
+  return query;
+}
+
 }  // namespace
 
 LocalizationResult LocalizeLone(const QueryGroup& query, const LocalizerOptions& options) {
@@ -97,6 +119,11 @@ LocalizationResult LocalizeLone(const QueryGroup& query, const LocalizerOptions&
     return HasPose(guessed.status) ? guessed : refined;
   }
   LocalizationResult given = localize(LocalizeTogether);
+  if (IsPositionLeftToPrior(given)) return localize(LocalizeByRotation);
+  // Takes the one image with the best bearing, because images of one place do not triangulate points.
+  if (IsDistanceLeftToPrior(given)) {
+    return LocalizeLone(WithPair(query, given.partial_pose->bearing->database_name), options);
+  }
   const bool can_refine =
       options.intrinsics == IntrinsicsMode::AUTO && HasFocalLength(query.images.front().problem.query_camera);
   if (!can_refine || !IsInDoubt(given, options)) return given;

@@ -1,17 +1,23 @@
 #include "colmap_lazyloc/pipeline/localize_together.h"
 
+#include <algorithm>
 #include <cmath>
 #include <limits>
 #include <numeric>
 #include <utility>
 
+#include "colmap_lazyloc/math/so3.h"
 #include "colmap_lazyloc/pipeline/depth_maps_in_use.h"
 #include "colmap_lazyloc/pipeline/focal_length.h"
 #include "colmap_lazyloc/pipeline/intrinsics_check.h"
 #include "colmap_lazyloc/pipeline/pose_evidence.h"
 #include "colmap_lazyloc/pipeline/position_ambiguity.h"
+#include "colmap_lazyloc/pipeline/pure_rotation.h"
+#include "colmap_lazyloc/pipeline/query_priors.h"
 #include "colmap_lazyloc/pipeline/refinement_without_tracks.h"
 #include "colmap_lazyloc/pipeline/report.h"
+#include "colmap_lazyloc/refinement/covariance.h"
+#include "colmap_lazyloc/refinement/query_prior_residual.h"
 
 namespace lazyloc {
 namespace {
@@ -78,6 +84,55 @@ void IgnoreContradictionsOfDepth(const Layout& layout, const BundleAdjustmentRes
   }
 }
 
+bool HavePriors(const Layout& layout) {
+  return std::any_of(layout.priors.begin(), layout.priors.end(),
+                     [](const QueryPrior& prior) { return prior.position || prior.gravity; });
+}
+
+constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
+
+// Adds a prior of gravity to a rotation that does not contradict it.
+void UseGravity(GravityPrior gravity, PriorResult* result, RotationFit* fit) {
+  gravity.stddev_rad *= std::sqrt(JudgeGravity(gravity, fit->cam_from_world_rotation, fit->covariance, result));
+  if (result->verdict != PriorVerdict::USED) return;
+  const QueryPriorResidual residual = EvaluateGravityPrior(gravity, {}, {fit->cam_from_world_rotation, {}});
+  const Eigen::Matrix3d by_turn = residual.jacobian.leftCols<3>();
+  fit->covariance = (fit->covariance.inverse() + by_turn.transpose() * by_turn).inverse().eval();
+  const Eigen::Vector3d turn = -fit->covariance * by_turn.transpose() * residual.error;
+  fit->cam_from_world_rotation = ExpSO3(turn) * fit->cam_from_world_rotation;
+}
+
+// Refines by the images alone, compares the queries' priors with the result and refines with those that it does not
+// contradict. Moves the start of poses that the images leave open to where the priors put them.
+Refined RefineWithPriors(const Layout& layout, const PairRefs& pairs, const SplitTracks& start_tracks,
+                         CandidateTracks candidates, const LocalizerOptions& options, Report* report, Start* start) {
+  const auto refine = [&](const PosedImages& from, CandidateTracks tracks) {
+    return Refine(layout, from, start_tracks, std::move(tracks), options, report->Seconds());
+  };
+  if (!HavePriors(layout)) return refine(start->posed, std::move(candidates));
+  Refined refined = refine(start->posed, candidates);
+  PriorJudgement judgement = Timed("priors", report, [&] { return JudgePriors(layout, pairs, refined, options); });
+  if (judgement.moves_start) {
+    PosedImages moved = layout.given;
+    moved.frames[0].frame_from_world = judgement.start.frames[0].frame_from_world;
+    moved.query_priors = judgement.used;
+    for (size_t i = 0; i < moved.images.size(); ++i) moved.images[i].depth_scale = start->posed.images[i].depth_scale;
+    Refined fixed = refine(moved, std::move(candidates));
+    LimitVarianceFactor(&fixed);
+    if (AreReconciled(judgement, fixed)) {
+      start->posed = std::move(moved);
+      refined = std::move(fixed);
+      refined.open_line = judgement.open_line;
+    } else {
+      judgement.results[0].position->verdict = PriorVerdict::CONTRADICTED;
+    }
+  } else if (!judgement.used.empty()) {
+    Timed("priors", report, [&] { AdjustWithPriors(judgement.used, options, nullptr, &refined); });
+  }
+  report->AddPriors(judgement.results);
+  return refined;
+}
+
 // What the stages up to the refinement find. pairs: those in use.
 struct Found {
   const QueryGroup& group;
@@ -135,11 +190,11 @@ Outcome LocalizeTogether(const QueryGroup& group, const LocalizerOptions& option
       });
       report->AddDepths(depths.results);
     }
-    const Start start =
+    Start start =
         Timed("start", report, [&] { return ChooseStart(layout, averaged, start_tracks, options, depths.starts); });
     report->AddStart(layout, start);
     const Refined refined =
-        Refine(layout, start.posed, start_tracks, std::move(candidates), options, report->Seconds());
+        RefineWithPriors(layout, averaged.pairs, start_tracks, std::move(candidates), options, report, &start);
     const auto intrinsics = AddPoses({group, layout, estimates, averaged.pairs, start, refined}, options, report);
     report->AddDepthsOfPoses(layout, refined, options);
     report->AddPairErrors(layout, averaged, refined.adjustment.posed);
@@ -168,9 +223,40 @@ Outcome LocalizeWithUnknownFocalLength(const QueryGroup& query, const LocalizerO
       candidates = {camera.Observe(candidates.all), camera.Observe(candidates.for_start)};
     });
     report->AddStart(layout, start);
-    const Refined refined =
+    Refined refined =
         Refine(layout, start.posed, start_tracks, std::move(candidates), options, report->Seconds(), &camera);
+    if (HavePriors(layout)) {
+      const PriorJudgement judgement = JudgePriors(layout, pairs, refined, options);
+      if (!judgement.moves_start) {
+        report->AddPriors(judgement.results);
+        AdjustWithPriors(judgement.used, options, &camera, &refined);
+      }
+    }
     AddPoses({query, layout, estimates, pairs, start, refined}, options, report, &camera);
+  });
+}
+
+Outcome LocalizeByRotation(const QueryGroup& query, const LocalizerOptions& options) {
+  return Run(query, [&](Report* report) {
+    const Layout layout = MakeLayout(query);
+    const PairEstimates estimates = EstimatePairs(query, layout, options, report->Seconds());
+    report->AddPairs(estimates);
+    const Averaged averaged = AverageMotion(layout, estimates.pairs, options, report->Seconds());
+    const QueryPrior& prior = layout.priors[0];
+    QueryPriorResult priors = UntestedPriors(prior);
+    RotationFit fit = Timed("rotation", report, [&] { return FitRotation(layout, estimates, averaged); });
+    if (prior.gravity) UseGravity(*prior.gravity, &*priors.gravity, &fit);
+    priors.position = PriorResult{PriorVerdict::USED, PriorRole::POSITION, kUnknown, kUnknown};
+    PosedImages posed = layout.given;
+    const Rigid3d pose = CamFromWorld(fit.cam_from_world_rotation, prior.position->position);
+    posed.frames[0].frame_from_world = pose;
+    const Eigen::Matrix<double, 6, 6> covariance = PoseCovariance(pose, fit.covariance, prior.position->covariance);
+    report->AddUncertainties(
+        {{CovarianceFromAround(layout.origin, pose.rotation, covariance), ComputePoseSpread(pose, covariance)}});
+    report->AddPriors({priors});
+    report->AddEvidence(layout, {fit.evidence}, options.min_confidence);
+    report->AddPoses(layout, posed);
+    report->AddPairErrors(layout, averaged, posed);
   });
 }
 

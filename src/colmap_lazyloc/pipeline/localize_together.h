@@ -20,6 +20,9 @@ Outcome LocalizeTogether(const QueryGroup& group, const LocalizerOptions& option
 // with a wrong focal length must not decide.
 Outcome LocalizeWithUnknownFocalLength(const QueryGroup& query, const LocalizerOptions& options);
 
+// Localizes a lone query without any baseline, whose rotation is known: a prior is its position.
+Outcome LocalizeByRotation(const QueryGroup& query, const LocalizerOptions& options);
+
 // Localizes a lone query by one of the paper's alternatives to adjustment over tracks. Its covariance is unknown (NaN).
 Outcome LocalizeWithoutTracks(const QueryGroup& query, const LocalizerOptions& options);
 

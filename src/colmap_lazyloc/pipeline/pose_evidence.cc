@@ -163,7 +163,9 @@ std::vector<PoseEvidence> MeasureEvidence(const Layout& layout, const PairEstima
     const int query = layout.QueriesOf(frame).front();
     const Eigen::Vector3d way = CamInWorld(CamFromWorld(posed, query)) - CamInWorld(CamFromWorld(start, query));
     evidence.start_distance_ratio = way.norm() / evidence.scene_distance;
-    evidence.position_stddev_ratio = uncertainties[query].spread.position_stddevs[0] / evidence.scene_distance;
+    // Leaves out the axis that a prior alone fixes, because it says nothing of how well the images fit together.
+    const int axis = refined.open_line ? 1 : 0;
+    evidence.position_stddev_ratio = uncertainties[query].spread.position_stddevs[axis] / evidence.scene_distance;
     if (!has_relative_poses || num_matches == 0) continue;
     std::vector<int> num_explained(posed.images.size(), 0);
     for (const Track* track : tracks_of[frame]) {

@@ -23,8 +23,8 @@ void CheckPositions(const Layout& layout, const PairRefs& pairs, const BundleAdj
                     const std::vector<TrackRefs>& tracks_of, double variance_factor, const LocalizerOptions& options) {
   std::optional<Failure> first;
   for (int i = 0; i < layout.num_query_frames; ++i) {
-    const AdjustedFrame frame{layout, pairs, adjustment, i, tracks_of[i]};
-    if (!IsPositionOpen(frame, variance_factor, options)) continue;
+    const AdjustedFrame frame{layout, pairs, adjustment, i, tracks_of[i], variance_factor};
+    if (!IsPositionOpen(frame, options)) continue;
     if (!first) first = OpenPositionFailure(frame, variance_factor);
     first->frames.push_back(i);
   }
@@ -38,17 +38,26 @@ void CheckPositions(const Layout& layout, const PairRefs& pairs, const BundleAdj
   throw Failure(*first);
 }
 
-// Returns the covariance of cam_from_world, with the variances of image noise and database poses that the adjustment
-// shows instead of those that it took for granted.
+// Raises the variance along a line that the images leave open to that of the prior. The query's own noise moves it off
+// a line of database images, where adjustment takes it for observable.
+void AddOpenLine(const OpenLine& line, const Rigid3d& cam_from_world, Eigen::Matrix<double, 6, 6>* covariance) {
+  const Eigen::Vector3d& direction = line.direction_in_world;
+  const double variance = direction.dot(PositionCovariance(cam_from_world, *covariance) * direction);
+  const Eigen::Vector3d direction_in_cam = cam_from_world.rotation * direction;
+  covariance->bottomRightCorner<3, 3>() +=
+      std::max(line.variance - variance, 0.0) * direction_in_cam * direction_in_cam.transpose();
+}
+
+}  // namespace
+
 Eigen::Matrix<double, 6, 6> TotalCovariance(const Refined& refined, int query) {
   Eigen::Matrix<double, 6, 6> covariance = refined.variance_factor * refined.adjustment.image_covariances[query];
   for (const auto& [group, component, variance] : refined.missing_variances) {
     covariance += variance * refined.adjustment.prior_fits[group].image_parts[component][query];
   }
+  if (refined.open_line) AddOpenLine(*refined.open_line, CamFromWorld(refined.adjustment.posed, query), &covariance);
   return covariance;
 }
-
-}  // namespace
 
 Eigen::Matrix<double, 6, 6> TangentFromAround(const Eigen::Vector3d& origin, const Eigen::Quaterniond& rotation) {
   Eigen::Matrix<double, 6, 6> derivative = Eigen::Matrix<double, 6, 6>::Identity();

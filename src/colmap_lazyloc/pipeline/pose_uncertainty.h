@@ -24,6 +24,10 @@ Eigen::Matrix<double, 6, 6> TangentFromAround(const Eigen::Vector3d& origin, con
 Eigen::Matrix<double, 6, 6> CovarianceFromAround(const Eigen::Vector3d& origin, const Eigen::Quaterniond& rotation,
                                                  const Eigen::Matrix<double, 6, 6>& covariance);
 
+// Returns the covariance of a query's cam_from_world around the layout's origin, with the variances of image noise and
+// database poses that the adjustment shows instead of those that it took for granted.
+Eigen::Matrix<double, 6, 6> TotalCovariance(const Refined& refined, int query);
+
 // Returns the uncertainties of the queries from the last adjustment: image noise and the noise of database poses, both
 // scaled by how well the tracks and the priors fit. Throws Failure for frames with too few tracks or an unobservable
 // position, and says why it is unobservable.

@@ -31,6 +31,14 @@ std::vector<Eigen::Vector3d> DatabaseCentres(const Layout& layout, const PairRef
   return centres;
 }
 
+// Returns true if the adjustment used the position prior of an image of the frame.
+bool HasPositionPrior(const AdjustedFrame& frame) {
+  const std::vector<ImagePrior>& priors = frame.adjustment.posed.query_priors;
+  return std::any_of(priors.begin(), priors.end(), [&](const ImagePrior& prior) {
+    return prior.prior.position && frame.layout.FrameOf(prior.image) == frame.frame;
+  });
+}
+
 bool AreOnePlace(const std::vector<Eigen::Vector3d>& centres) {
   return std::all_of(centres.begin(), centres.end(), [&](const Eigen::Vector3d& centre) {
     return (centre - centres.front()).norm() <= 1e-9 * (1 + centre.norm());
@@ -130,19 +138,25 @@ bool FixDistance(const PosedImages& posed, const TrackRefs& tracks, const Locali
          CountCommonTracks(tracks) < options.min_num_tracks;
 }
 
-bool IsPositionOpen(const AdjustedFrame& frame, double variance_factor, const LocalizerOptions& options) {
+bool IsPositionOpen(const AdjustedFrame& frame, const LocalizerOptions& options) {
   const Rigid3d& frame_from_world = frame.adjustment.posed.frames[frame.frame].frame_from_world;
+  const bool has_common = CountCommonTracks(frame.tracks) >= options.min_num_tracks;
   const bool has_depth = CountTracksWithDepth(frame.adjustment.posed, frame.tracks) >= options.min_num_tracks;
+  const bool has_prior = HasPositionPrior(frame);
+  // The noise of points with one database image is stated larger than it is, because of false matches. If there are no
+  // other points, only the variance factor tells the noise of the position.
+  double variance_factor = !has_common || has_prior ? frame.variance_factor : 1;
   // States the uncertainty of depths as it is, because unlike the images' noise it is not assumed too large.
-  const double factor = has_depth ? std::min(variance_factor, 1.0) : 1;
+  if (has_depth) variance_factor = std::min(frame.variance_factor, 1.0);
   const PoseSpread spread =
-      ComputePoseSpread(frame_from_world, factor * frame.adjustment.frame_covariances[frame.frame]);
+      ComputePoseSpread(frame_from_world, variance_factor * frame.adjustment.frame_covariances[frame.frame]);
+  if (!(spread.rotation_stddev_rad <= options.max_position_stddev_ratio)) return true;
+  if (has_prior) return false;
   const double distance = MedianDistance(frame_from_world, frame.tracks);
-  const double stddev_ratio = std::max(spread.position_stddevs[0] / distance, spread.rotation_stddev_rad);
-  if (!(stddev_ratio <= options.max_position_stddev_ratio)) return true;
+  if (!(spread.position_stddevs[0] <= options.max_position_stddev_ratio * distance)) return true;
   // On a line, only points of two database images, or of one and two queries, fix the position along it. Without them
   // the position may have moved onto a database image, where the covariance no longer shows that it can move.
-  return !has_depth && CountCommonTracks(frame.tracks) < options.min_num_tracks && AreOnOneLine(frame, 0.01);
+  return !has_depth && !has_common && AreOnOneLine(frame, 0.01);
 }
 
 Failure OpenPositionFailure(const AdjustedFrame& frame, double variance_factor) {

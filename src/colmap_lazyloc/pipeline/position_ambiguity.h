@@ -16,6 +16,7 @@ struct AdjustedFrame {
   const BundleAdjustmentResult& adjustment;
   int frame = 0;
   const TrackRefs& tracks;  // those that the frame observes
+  double variance_factor = 1;
 };
 
 // Return the number of tracks with more than two images, and of those with a depth.
@@ -26,14 +27,15 @@ int CountTracksWithDepth(const PosedImages& posed, const TrackRefs& tracks);
 bool FixDistance(const PosedImages& posed, const TrackRefs& tracks, const LocalizerOptions& options);
 
 // Returns true if the pose is unobservable: its standard deviation exceeds max_position_stddev_ratio of the scene
-// distance, or all centres are collinear and too few tracks have three images.
+// distance, or all centres are collinear and too few tracks have three images. With a position prior in the adjustment,
+// the covariance tells how certain the position is, and only the rotation may be unobservable.
 //
 //      o-----o-----o-----q     database centres o and query q on one line: each pair tells the direction of the line
 //       \   /                  only; a point that two database images see apart fixes the place on it
 //         x
 //
 // With enough depths, the place on a line is known too, and the covariance tells how well.
-bool IsPositionOpen(const AdjustedFrame& frame, double variance_factor, const LocalizerOptions& options);
+bool IsPositionOpen(const AdjustedFrame& frame, const LocalizerOptions& options);
 
 // Returns the failure of an adjusted frame whose position is unobservable: it names the reason, and has what is known
 // of the pose. variance_factor multiplies the adjustment's covariances.

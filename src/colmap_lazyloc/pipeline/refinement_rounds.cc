@@ -113,8 +113,10 @@ void Rounds::AdjustRoughly(bool is_last) {
 }
 
 void Rounds::AdjustWithPriors(bool is_last) {
-  priors_.Set(adjustment_.tracks, &adjustment_.posed);
-  SetCalibrationPriors(layout_, adjustment_.tracks, options_.rig_noise_px, &adjustment_.posed);
+  const std::vector<FrameScale> scales = MeasureFrameScales(Posed(), adjustment_.tracks);
+  priors_.Set(scales, &adjustment_.posed);
+  const double rig_noise_px = options_.rig_noise_px / std::sqrt(priors_.ImageVarianceFactor());
+  SetCalibrationPriors(layout_, scales, rig_noise_px, &adjustment_.posed);
   SetDepthScales(1 / std::sqrt(std::clamp(variance_factor_, kMinDepthVarianceFactor, 1.0)));
   Adjust(is_last);
 }
@@ -161,6 +163,13 @@ BundleAdjustmentResult Rounds::Finish() && {
 
 }  // namespace
 
+void Refined::SetMissingVariances() {
+  missing_variances.clear();
+  ForEachMissingVariance(adjustment, variance_factor, [&](size_t group, size_t component, double variance) {
+    missing_variances.push_back({group, component, variance});
+  });
+}
+
 Refined Refine(const Layout& layout, const PosedImages& start, const SplitTracks& start_tracks,
                CandidateTracks candidates, const LocalizerOptions& options, StageTimer::Seconds* seconds,
                QueryCamera* camera) {
@@ -193,10 +202,7 @@ Refined Refine(const Layout& layout, const PosedImages& start, const SplitTracks
   refined.adjustment = std::move(rounds).Finish();
   refined.variance_factor = VarianceFactor(refined.adjustment.posed, refined.adjustment.tracks,
                                            RobustLoss(options.bundle_adjustment.loss_scale_sigma));
-  ForEachMissingVariance(refined.adjustment, refined.variance_factor,
-                         [&](size_t group, size_t component, double variance) {
-                           refined.missing_variances.push_back({group, component, variance});
-                         });
+  refined.SetMissingVariances();
   return refined;
 }
 

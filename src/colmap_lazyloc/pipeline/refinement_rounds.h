@@ -19,9 +19,19 @@ struct MissingVariance {
   double variance;
 };
 
+// A line on which the images put a lone query, and the variance of its place there by a prior alone.
+struct OpenLine {
+  Eigen::Vector3d direction_in_world;
+  double variance;
+};
+
 struct Refined {
+  // Sets missing_variances by the adjustment and the variance factor.
+  void SetMissingVariances();
+
   BundleAdjustmentResult adjustment;                 // the last one; its tracks are those that fit the result
   double variance_factor = 1;                        // of its images
+  std::optional<OpenLine> open_line;                 // if a prior fixes the place on it
   std::vector<MissingVariance> missing_variances;    // ForEachMissingVariance
   std::vector<std::optional<double>> rig_errors_px;  // by query (rig_check.h)
 };

@@ -21,6 +21,7 @@ LocalizationResult EmptyResult(const QueryImage& query, const std::string& frame
   result.query_camera = query.problem.query_camera;
   result.intrinsics.origin = query.problem.intrinsics_origin;
   result.frame_name = frame_name;
+  result.priors = UntestedPriors(query.problem.prior);
   for (const ImagePair& pair : query.problem.pairs) {
     result.pairs.push_back({pair.other_name, 0, kUnknown, kUnknown});
   }
@@ -130,6 +131,10 @@ void Report::AddUncertainties(const std::vector<PoseUncertainty>& uncertainties)
     results_[query].covariance = uncertainties[query].covariance;
     results_[query].spread = uncertainties[query].spread;
   }
+}
+
+void Report::AddPriors(const std::vector<QueryPriorResult>& priors) {
+  for (size_t query = 0; query < results_.size(); ++query) results_[query].priors = priors[query];
 }
 
 void Report::AddIntrinsics(const std::vector<IntrinsicsResult>& intrinsics) {

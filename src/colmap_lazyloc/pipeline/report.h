@@ -27,6 +27,7 @@ class Report {
   void AddPairErrors(const Layout& layout, const Averaged& averaged, const PosedImages& posed);
   void AddRefined(const Layout& layout, const Refined& refined);
   void AddUncertainties(const std::vector<PoseUncertainty>& uncertainties);
+  void AddPriors(const std::vector<QueryPriorResult>& priors);
   void AddIntrinsics(const std::vector<IntrinsicsResult>& intrinsics);
   // Adds the confidence in each query's pose. Queries below min_confidence become LOW_CONFIDENCE. evidence: by frame.
   void AddEvidence(const Layout& layout, const std::vector<PoseEvidence>& evidence, double min_confidence);

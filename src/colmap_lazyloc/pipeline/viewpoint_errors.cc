@@ -1,10 +1,9 @@
 #include "colmap_lazyloc/pipeline/viewpoint_errors.h"
 
-#include <Eigen/Cholesky>
-
 #include "colmap_lazyloc/math/so3.h"
 #include "colmap_lazyloc/pipeline/database_priors.h"
 #include "colmap_lazyloc/refinement/pose_prior.h"
+#include "colmap_lazyloc/refinement/prior_precision.h"
 
 namespace lazyloc {
 namespace {
@@ -24,11 +23,16 @@ Eigen::MatrixXd PredictErrors(const PosedImages& adjusted, const PriorGroup& gro
     poses.push_back(prior.frame_from_world);
   }
   poses.insert(poses.end(), viewpoints.begin(), viewpoints.end());
-  const VarianceComponent &viewpoint = group.components[0], &independent = group.components[1];
-  const Eigen::MatrixXd covariance = viewpoint.variance * ViewpointErrorShape(poses, first, scene_distance);
-  const Eigen::MatrixXd of_corrections =
-      covariance.topLeftCorner(size, size) + independent.variance * independent.shape;
-  return covariance.bottomLeftCorner(num_viewpoints, size) * of_corrections.ldlt().solve(corrections);
+  // Covariance of the errors at the viewpoints with those of the corrected frames. Only the part that changes with the
+  // viewpoint is common to both.
+  const Eigen::MatrixXd shared =
+      group.components[0].variance *
+      ViewpointErrorShape(poses, first, scene_distance).bottomLeftCorner(num_viewpoints, size);
+  const PriorPrecision precision = ComputePriorPrecision(group);
+  Eigen::MatrixXd errors(num_viewpoints, 6);
+  errors << shared * precision.rotation * corrections.leftCols<3>(),
+      shared * precision.position * corrections.rightCols<3>();
+  return errors;
 }
 
 void MoveFrame(const PosedImages& adjusted, const PriorGroup& group, int query_frame, const std::vector<int>& images,

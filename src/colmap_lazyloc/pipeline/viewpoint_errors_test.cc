@@ -33,8 +33,11 @@ struct Scene {
     }
     for (const int image : {0, 1}) adjusted.images[image].frame = 0;
     adjusted.images[1].cam_from_frame = poses[1];
-    adjusted.prior_groups = {
-        {{1, 2, 3}, {{ViewpointErrorShape(poses, poses[0], kDistance), 1}, {Eigen::MatrixXd::Identity(3, 3), 1e-6}}}};
+    const Eigen::MatrixXd identity = Eigen::MatrixXd::Identity(3, 3);
+    adjusted.prior_groups = {{{1, 2, 3},
+                              {{ViewpointErrorShape(poses, poses[0], kDistance), 1},
+                               {identity, 1e-6, PosePart::ROTATION},
+                               {identity, 1e-6, PosePart::POSITION}}}};
   }
   Rigid3d Moved() const {
     PosedImages reported = adjusted;
@@ -52,6 +55,17 @@ TEST(MoveToGivenDatabase, AnImageMovesBackAsTheDatabaseFrameAtItsViewpoint) {
   const Rigid3d expected(CamFromWorld(ExpSO3({-0.001, 0, -0.002}), Eigen::Vector3d(1, -0.02, 0.01)));
   EXPECT_LT(AngularDistanceRad(scene.Moved().rotation, expected.rotation), 1e-5);
   EXPECT_LT((CamInWorld(scene.Moved()) - CamInWorld(expected)).norm(), 1e-4);
+}
+
+TEST(MoveToGivenDatabase, IndependentErrorsStayWithTheirDatabaseFrame) {
+  Scene scene;
+  Rigid3d& corrected = scene.adjusted.frames[2].frame_from_world;
+  corrected = CamFromWorld(corrected.rotation * ExpSO3({0.001, 0, 0.002}),
+                           CamInWorld(corrected) + Eigen::Vector3d(0, 0.02, -0.01));
+  const Scene both = scene;
+  scene.adjusted.prior_groups[0].components[1].variance = 1e6;  // of rotations
+  EXPECT_LT(AngularDistanceRad(scene.Moved().rotation, CamFromWorld(both.adjusted, 1).rotation), 1e-5);
+  EXPECT_LT((CamInWorld(scene.Moved()) - CamInWorld(both.Moved())).norm(), 1e-5);
 }
 
 TEST(MoveToGivenDatabase, StatedErrorsAndCalibrationsOfTheDatabaseLeaveImages) {

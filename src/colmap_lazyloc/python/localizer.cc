@@ -170,9 +170,23 @@ std::vector<Answer> Localizer::LocalizeLoadedGroup(LoadedGroup loaded, int max_n
   return answers;
 }
 
-std::vector<Answer> Localizer::Localize(size_t group) {
+QueryPrior Localizer::MakePrior(const std::vector<double>& position, const std::vector<double>& gravity) const {
+  QueryPrior prior;
+  if (!position.empty()) prior.position = MakePositionPrior(position);
+  if (!gravity.empty()) prior.gravity = MakeGravityPrior(gravity, options_.source.priors.world_up);
+  return prior;
+}
+
+std::vector<Answer> Localizer::Localize(size_t group, const std::map<std::string, QueryPrior>& priors) {
   Call call(this);
-  return LocalizeLoadedGroup(source_->Load(group, call.Session()), source_->MaxNumPairs());
+  LoadedGroup loaded = source_->Load(group, call.Session());
+  for (QueryImage& image : loaded.group.images) {
+    const auto given = priors.find(image.problem.query_name);
+    if (given == priors.end()) continue;
+    if (given->second.position) image.problem.prior.position = given->second.position;
+    if (given->second.gravity) image.problem.prior.gravity = given->second.gravity;
+  }
+  return LocalizeLoadedGroup(std::move(loaded), source_->MaxNumPairs());
 }
 
 std::vector<Answer> Localizer::Localize(const GroupInput& input) {

@@ -2,6 +2,7 @@
 
 #include <sys/types.h>
 
+#include <map>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -45,8 +46,12 @@ class Localizer {
   // Makes a query from features and matches. Throws InputError for an image or a keypoint that does not exist.
   LocalizationProblem MakeProblem(const std::string& name, const Camera& camera, std::vector<Eigen::Vector2d> keypoints,
                                   const std::vector<GivenPair>& pairs);
-  // Localize one group and return an answer per query. Throw InputError for damaged data.
-  std::vector<Answer> Localize(size_t group);
+  // Makes a prior of numbers as in the lines of the files (query_prior_files.h); none of empty ones. Throws InputError
+  // for impossible numbers.
+  QueryPrior MakePrior(const std::vector<double>& position, const std::vector<double>& gravity) const;
+  // Localize one group and return an answer per query. Throw InputError for a damaged file. priors: by query; they
+  // replace those in files.
+  std::vector<Answer> Localize(size_t group, const std::map<std::string, QueryPrior>& priors);
   std::vector<Answer> Localize(const GroupInput& input);
 
  private:

@@ -9,10 +9,11 @@
 #include "colmap_lazyloc/bridge/logging.h"
 #include "colmap_lazyloc/cli/lazy_indexer.h"
 #include "colmap_lazyloc/cli/lazy_localizer.h"
-#include "colmap_lazyloc/cli/run_command.h"
+#include "colmap_lazyloc/cli/lazy_merger.h"
 #include "colmap_lazyloc/python/conversions.h"
 #include "colmap_lazyloc/python/localizer.h"
 #include "colmap_lazyloc/scene/errors.h"
+#include "colmap_lazyloc/scene/format.h"
 
 namespace nb = nanobind;
 using nb::literals::operator""_a;
@@ -26,6 +27,7 @@ using PairInput = std::tuple<Text, std::optional<InputPoints>, InputMatches>;
 // A query of any kind, which Python only hands on.
 struct Query {
   QueryInput input;
+  QueryPrior prior = {};
 };
 
 std::vector<Text> ToTexts(const std::vector<std::string>& strings) {
@@ -74,11 +76,20 @@ Query MakePhotoQuery(const Text& name, const Text& path, const std::optional<Inp
   return {photo};
 }
 
-std::vector<OutputAnswer> LocalizeStoredGroup(Localizer& localizer, size_t group) {
+// Returns the query with a prior of numbers as in the lines of a file.
+Query WithPrior(const Localizer& localizer, Query query, const std::vector<double>& position,
+                const std::vector<double>& gravity) {
+  query.prior = localizer.MakePrior(position, gravity);
+  return query;
+}
+
+// Localizes a group. name, position, gravity: a query of it and its prior.
+std::vector<OutputAnswer> LocalizeStoredGroup(Localizer& localizer, size_t group, const Text& name,
+                                              const std::vector<double>& position, const std::vector<double>& gravity) {
   std::vector<Answer> answers;
   {
     const nb::gil_scoped_release release;
-    answers = localizer.Localize(group);
+    answers = localizer.Localize(group, {{name.bytes, localizer.MakePrior(position, gravity)}});
   }
   return ToOutput(answers);
 }
@@ -92,7 +103,7 @@ std::vector<OutputAnswer> LocalizeFrame(Localizer& localizer, const std::vector<
   input.frames.push_back({frame_name.bytes, {}});
   const std::vector<Rigid3d> cams_from_rig = ToPoses(poses);
   for (size_t i = 0; i < queries.size(); ++i) {
-    input.frames[0].images.push_back({queries[i].input, cams_from_rig[i]});
+    input.frames[0].images.push_back({queries[i].input, cams_from_rig[i], queries[i].prior});
   }
   std::vector<Answer> answers;
   {
@@ -143,7 +154,8 @@ NB_MODULE(_core, module) {
           "find_group", [](const Localizer& localizer, const Text& name) { return localizer.FindGroup(name.bytes); },
           "query_name"_a)
       .def("matches", &MakeMatchesQuery, "name"_a, "camera"_a, "keypoints"_a, "pairs"_a)
-      .def("localize_group", &LocalizeStoredGroup, "group"_a)
+      .def("with_prior", &WithPrior, "query"_a, "position"_a, "gravity"_a)
+      .def("localize_group", &LocalizeStoredGroup, "group"_a, "name"_a, "position"_a, "gravity"_a)
       .def("localize_frame", &LocalizeFrame, "queries"_a, "poses"_a, "frame_name"_a, "has_scale"_a);
   module.def("settings", &ListOfSettings);
   module.def(
@@ -151,6 +163,8 @@ NB_MODULE(_core, module) {
       "arguments"_a);
   module.def(
       "run_lazy_indexer", [](const std::vector<Text>& a) { return RunAsCommand(RunLazyIndexer, a); }, "arguments"_a);
+  module.def(
+      "run_lazy_merger", [](const std::vector<Text>& a) { return RunAsCommand(RunLazyMerger, a); }, "arguments"_a);
 }
 
 }  // namespace lazyloc

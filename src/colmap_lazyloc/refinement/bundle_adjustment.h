@@ -41,10 +41,11 @@ struct BundleAdjustmentResult {
 
 // Minimises over the poses of all frames that are not constant, the focal lengths and rig scales that are estimated,
 // and the tracks' points
-//   1/2 sum s^2 log(1 + |r|^2 / s^2) + 1/2 sum Q_ab p_a^T p_b,
+//   1/2 sum s^2 log(1 + |r|^2 / s^2) + 1/2 sum Q_ab p_a^T p_b + 1/2 sum |e|^2,
 // where r is the reprojection error in standard deviations of its image, s the loss scale, p the deviation of a
 // database frame from its prior in the prior's standard deviations, and Q the inverse covariance of these deviations
-// (the identity for frames of no prior group). LazyLoc section 3.3; the priors are ours. Constant frames enter as
+// (the identity for frames of no prior group), e the deviation of a query from its own prior
+// (query_prior_residual.h). LazyLoc section 3.3; the priors are ours. Constant frames enter as
 // constants: no variable is made of them, so that they cannot move. If summary.success is false, poses and points are
 // those of the input, and there are no covariances.
 //

@@ -44,6 +44,7 @@ BundleProblem::BundleProblem(const PosedImages& posed, const std::vector<Track>&
   AddCalibrations(posed);
   AddDepthMaps(posed);
   AddPriors(posed);
+  AddQueryPriors(posed);
   std::vector<bool> has_frame_axes;
   for (size_t i = 0; i < posed.images.size(); ++i) {
     const Image& image = posed.images[i];
@@ -136,6 +137,16 @@ void BundleProblem::AddDepths(const PosedImages& posed, const Track& track) {
     coupling.depth = static_cast<int>(depths.size());
     depths.push_back(depth);
     free.push_back(coupling);
+  }
+}
+
+void BundleProblem::AddQueryPriors(const PosedImages& posed) {
+  for (const ImagePrior& prior : posed.query_priors) {
+    const Image& image = posed.images[prior.image];
+    const int index = index_of_image[prior.image];
+    LAZYLOC_CHECK(index >= 0);
+    const bool moves_by_itself = index != index_of_frame[image.frame];
+    query_priors.push_back({index, moves_by_itself ? Rigid3d() : image.cam_from_frame, prior.prior});
   }
 }
 

@@ -88,6 +88,13 @@ struct BundleDepthMap {
   double stddev = 1;
 };
 
+// An image with a prior of its query.
+struct BundleQueryPrior {
+  int frame = -1;          // index into BundleProblem::frames
+  Rigid3d cam_from_frame;  // identity if the image moves by itself
+  QueryPrior prior;
+};
+
 // Indices [begin, end) of an array of observations.
 struct Range {
   size_t begin = 0, end = 0;
@@ -114,6 +121,7 @@ struct BundleProblem {
   std::vector<int> index_of_depth_map;  // by image, into `frames`; -1 for an image without a map
   std::vector<BundleDepthMap> depth_maps;
   std::vector<DepthObservation> depths;
+  std::vector<BundleQueryPrior> query_priors;
   std::vector<bool> has_factor;                // parallel to `frames`: true if its log_factor is estimated
   std::vector<Eigen::Vector3d> points;         // by track
   std::vector<LinearProjection> fixed;         // observations in constant frames, of the points in the world
@@ -126,6 +134,7 @@ struct BundleProblem {
   void AddPriors(const PosedImages& posed);
   void AddDepthMaps(const PosedImages& posed);
   void AddDepths(const PosedImages& posed, const Track& track);
+  void AddQueryPriors(const PosedImages& posed);
 };
 
 }  // namespace lazyloc

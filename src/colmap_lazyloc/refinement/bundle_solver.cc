@@ -11,6 +11,7 @@
 #include "colmap_lazyloc/math/cholesky3.h"
 #include "colmap_lazyloc/math/so3.h"
 #include "colmap_lazyloc/refinement/pose_prior.h"
+#include "colmap_lazyloc/refinement/query_prior_residual.h"
 
 namespace lazyloc {
 namespace {
@@ -107,6 +108,7 @@ bool BundleSolver<kSize>::Build(const BundleState& state, double damping) {
   AddPriors(state, &hessians);
   for (const BundleFlex& flex : problem_.flexes) AddFlex(state, flex, &hessians);
   AddDepthMapPriors(state, &hessians);
+  AddQueryPriors(state, &hessians);
   for (size_t track = 0; track < state.points.size(); ++track) {
     if (!AddTrack(state, track, damping, &hessians)) return false;
   }
@@ -136,6 +138,7 @@ double BundleSolver<kSize>::Cost(const BundleState& state) const {
   for (const BundleDepthMap& map : problem_.depth_maps) {
     cost += 0.5 * std::pow((state.frames[map.frame].log_factor - map.log_scale) / map.stddev, 2);
   }
+  VisitQueryPriors(state, [&](int, const QueryPriorResidual& prior) { cost += 0.5 * prior.error.squaredNorm(); });
   BundleError error;
   DepthError depth_error;
   for (size_t track = 0; track < state.points.size(); ++track) {
@@ -213,6 +216,31 @@ void BundleSolver<kSize>::AddFlex(const BundleState& state, const BundleFlex& fl
           by_a->transpose() * *parts[b].second;
     }
   }
+}
+
+template <int kSize>
+template <typename Visit>
+void BundleSolver<kSize>::VisitQueryPriors(const BundleState& state, const Visit& visit) const {
+  for (const BundleQueryPrior& image : problem_.query_priors) {
+    const BundleFrame& frame = state.frames[image.frame];
+    Rigid3d cam_from_frame = image.cam_from_frame;
+    if (frame.factor_is_scale) cam_from_frame.translation *= std::exp(frame.log_factor);
+    const auto& [position, gravity] = image.prior;
+    if (position) visit(image.frame, EvaluatePositionPrior(*position, cam_from_frame, frame.frame_from_world));
+    if (gravity) visit(image.frame, EvaluateGravityPrior(*gravity, cam_from_frame, frame.frame_from_world));
+  }
+}
+
+template <int kSize>
+void BundleSolver<kSize>::AddQueryPriors(const BundleState& state, std::vector<FrameMatrix>* frame_hessians) {
+  VisitQueryPriors(state, [&](int frame, const QueryPriorResidual& prior) {
+    Eigen::Matrix<double, 3, kSize> jacobian = prior.jacobian.template leftCols<kSize>();
+    // Keeps a focal length apart, because only a rig's scale moves the projection centre.
+    if (kSize > 6 && !state.frames[frame].factor_is_scale) jacobian.col(kSize - 1).setZero();
+    system_.cost += 0.5 * prior.error.squaredNorm();
+    system_.rhs.template segment<kSize>(kSize * frame) -= jacobian.transpose() * prior.error;
+    (*frame_hessians)[frame] += jacobian.transpose() * jacobian;
+  });
 }
 
 template <int kSize>

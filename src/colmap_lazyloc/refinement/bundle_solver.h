@@ -88,6 +88,10 @@ class BundleSolver {
   bool Evaluate(const BundleState& state, const FreeObservation& coupling, size_t track, DepthError* error) const;
   // Adds the derivatives of this depth by frame and scale; the error is weighted.
   void AddDepth(const DepthError& error, size_t coupling, size_t track, std::vector<FrameMatrix>* frame_hessians);
+  // Calls visit(frame, residual) for the priors of queries.
+  template <typename Visit>
+  void VisitQueryPriors(const BundleState& state, const Visit& visit) const;
+  void AddQueryPriors(const BundleState& state, std::vector<FrameMatrix>* frame_hessians);
   // Adds a track's derivatives and eliminates its point, in one pass. Returns false if the point lies behind a camera.
   bool AddTrack(const BundleState& state, size_t track, double damping, std::vector<FrameMatrix>* frame_hessians);
   // Subtracts the Schur complement of one point by its Cholesky factor: a square, so that the system stays positive

@@ -2,6 +2,7 @@
 
 #include <stdexcept>
 #include <string>
+#include <utility>
 
 namespace lazyloc {
 
@@ -10,6 +11,20 @@ namespace lazyloc {
 class InputError : public std::runtime_error {
  public:
   using std::runtime_error::runtime_error;
+};
+
+// Thrown if one record of the database is damaged, so that only the queries that need this record cannot be localized.
+class DamagedRecordError : public InputError {
+ public:
+  // damage: the record and what is wrong, for example `table keypoints, image 3 (a.jpg): keypoint 7 is not finite`.
+  DamagedRecordError(const std::string& database_path, std::string damage)
+      : InputError(database_path + ": " + damage), damage_(std::move(damage)) {}
+
+  // Returns the message without the path of the database.
+  const std::string& Damage() const { return damage_; }
+
+ private:
+  std::string damage_;
 };
 
 }  // namespace lazyloc

@@ -16,4 +16,20 @@ std::string Format(const char* format, ...) {
   return text;
 }
 
+std::string AsOneLine(const std::string& text) {
+  constexpr char kHexDigits[] = "0123456789abcdef";
+  std::string line;
+  for (const char c : text) {
+    const auto byte = static_cast<unsigned char>(c);
+    if (c == '\n') {
+      line += "\\n";
+    } else if (byte < ' ' || byte == 0x7f) {
+      line += {'\\', 'x', kHexDigits[byte / 16], kHexDigits[byte % 16]};
+    } else {
+      line += c;
+    }
+  }
+  return line;
+}
+
 }  // namespace lazyloc

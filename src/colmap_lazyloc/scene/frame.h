@@ -6,6 +6,7 @@
 #include <Eigen/Core>
 
 #include "colmap_lazyloc/math/rigid3.h"
+#include "colmap_lazyloc/scene/query_prior.h"
 
 namespace lazyloc {
 
@@ -101,6 +102,7 @@ struct PosedImages {
   std::vector<Calibration> calibrations = {};
   std::vector<PriorGroup> prior_groups =
       {};  // disjoint; frames of no group deviate independently as their priors state
+  std::vector<ImagePrior> query_priors = {};  // those that adjustment uses; not of images of constant frames
 
   const Frame& FrameOf(int image) const { return frames[images[image].frame]; }
   bool IsDatabase(int image) const { return FrameOf(image).is_database; }

@@ -9,6 +9,7 @@
 #include "colmap_lazyloc/math/rigid3.h"
 #include "colmap_lazyloc/scene/camera.h"
 #include "colmap_lazyloc/scene/match.h"
+#include "colmap_lazyloc/scene/query_prior.h"
 #include "colmap_lazyloc/scene/two_view_geometry.h"
 
 namespace lazyloc {
@@ -39,6 +40,7 @@ struct LocalizationProblem {
   IntrinsicsOrigin intrinsics_origin = IntrinsicsOrigin::GIVEN;  // of query_camera
   std::vector<Eigen::Vector2d> query_keypoints;                  // xy in pixels
   std::vector<ImagePair> pairs;                                  // with database images, sorted by other_name
+  QueryPrior prior;
 };
 
 // A query of a group and its place in its frame.

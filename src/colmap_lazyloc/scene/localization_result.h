@@ -13,36 +13,10 @@
 #include "colmap_lazyloc/scene/depth_result.h"
 #include "colmap_lazyloc/scene/enum_names.h"
 #include "colmap_lazyloc/scene/pose_evidence.h"
+#include "colmap_lazyloc/scene/query_prior.h"
+#include "colmap_lazyloc/scene/query_status.h"
 
 namespace lazyloc {
-
-enum class QueryStatus {
-  LOCALIZED,
-  UNREADABLE_IMAGE,         // the photo cannot be read as an image
-  UNKNOWN_CAMERA,           // the focal length is unknown, and the images do not determine it
-  NO_FEATURES,              // the query has no keypoints
-  NO_PAIRS,                 // no database image shares matches with the query
-  TOO_FEW_INLIERS,          // no pair has enough verified inliers
-  INCONSISTENT_ROTATIONS,   // the pairs contradict each other
-  INCONSISTENT_INTRINSICS,  // the given intrinsics contradict the images or the photo
-  INCONSISTENT_RIG,         // the images of a rig contradict its calibration
-  SCALE_UNOBSERVABLE,       // one usable baseline: orientation and bearing, but no position
-  DEGENERATE_BASELINE,      // no baseline, or database cameras and query are collinear
-  TOO_FEW_TRACKS,           // too few tracks can be triangulated
-  DIVERGED,                 // bundle adjustment ended without a usable pose
-  LOW_CONFIDENCE,           // there is a pose, but too little evidence that it is right
-};
-template <>
-inline constexpr std::array<const char*, 14> kEnumNames<QueryStatus> = {
-    "LOCALIZED",        "UNREADABLE_IMAGE",   "UNKNOWN_CAMERA",         "NO_FEATURES",
-    "NO_PAIRS",         "TOO_FEW_INLIERS",    "INCONSISTENT_ROTATIONS", "INCONSISTENT_INTRINSICS",
-    "INCONSISTENT_RIG", "SCALE_UNOBSERVABLE", "DEGENERATE_BASELINE",    "TOO_FEW_TRACKS",
-    "DIVERGED",         "LOW_CONFIDENCE"};
-// Returns true if the query has a pose, even if it is not to be relied on.
-inline bool HasPose(QueryStatus status) {
-  return status == QueryStatus::LOCALIZED || status == QueryStatus::LOW_CONFIDENCE;
-}
-inline const char* QueryStatusName(QueryStatus status) { return EnumName(status); }
 
 // Contribution of one database image. Residuals are NaN if the pair was not used.
 struct PairResult {
@@ -114,6 +88,7 @@ struct LocalizationResult {
   bool is_camera_refined = false;  // false if the camera is the given one
 
   IntrinsicsResult intrinsics;
+  QueryPriorResult priors;
 
   std::string frame_name;  // of a rig's frame; empty for a lone image
   // Median reprojection error, in an image of a rig, of the points triangulated from the database, before outliers are

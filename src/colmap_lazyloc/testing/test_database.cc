@@ -149,6 +149,14 @@ void TestDatabase::AddKeypoints(uint32_t image_id, const std::vector<Eigen::Vect
   Insert("keypoints", {int64_t{image_id}, static_cast<int64_t>(keypoints.size()), int64_t{num_cols}, blob});
 }
 
+void TestDatabase::AddScaledKeypoints(uint32_t image_id, const std::vector<Keypoint>& keypoints) {
+  Blob blob;
+  for (const Keypoint& k : keypoints) {
+    for (const float number : {k.x, k.y, k.a11, k.a12, k.a21, k.a22}) Append(number, &blob);
+  }
+  Insert("keypoints", {int64_t{image_id}, static_cast<int64_t>(keypoints.size()), int64_t{6}, blob});
+}
+
 void TestDatabase::AddDescriptors(uint32_t image_id, const Descriptors& descriptors, int type) {
   std::vector<Value> values = {int64_t{image_id}, int64_t{descriptors.rows()}, int64_t{descriptors.cols()},
                                Blob(descriptors.data(), descriptors.data() + descriptors.size())};

@@ -35,6 +35,7 @@ class TestDatabase {
   void AddImage(uint32_t image_id, uint32_t camera_id, const std::string& name);
   // num_cols: 2, 4 or 6, depending on the version of COLMAP and the type of feature.
   void AddKeypoints(uint32_t image_id, const std::vector<Eigen::Vector2d>& keypoints, int num_cols = 6);
+  void AddScaledKeypoints(uint32_t image_id, const std::vector<Keypoint>& keypoints);
   // type: COLMAP 4's FeatureExtractorType as a number; 0 is SIFT. Not stored in other schemas.
   void AddDescriptors(uint32_t image_id, const Descriptors& descriptors, int type = 0);
   // Add matches and geometry that are oriented from the database image to the query.

@@ -1,0 +1,66 @@
+#!/usr/bin/env bash
+# Tries a Debian package or a wheel in a clean Debian without compiler and COLMAP: installs it, localizes photos of the
+# demo with it, and removes it. Needs root, debootstrap and the demo (scripts/demo.sh).
+#
+#   packaging/try_package.sh RELEASE PACKAGE ROOT
+#
+#   RELEASE   bookworm or trixie
+#   PACKAGE   a file that scripts/build_deb.sh or scripts/build_wheel.sh has made
+#   ROOT      folder for the system; an existing one is used again
+set -euo pipefail
+[ $# -eq 3 ] || { sed -n '2,/^set/s/^# \{0,1\}//p' "$0" >&2; exit 1; }
+release=$1 package=$(realpath "$2") root=$(realpath -m "$3")
+cd "$(dirname "$0")/.."
+demo=${BUILD_DIR:-build}/demo
+[ -f "$demo/database.db" ] || { echo "try_package.sh: $demo holds no demo; run scripts/demo.sh" >&2; exit 1; }
+
+if [ ! -d "$root/home" ]; then
+  debootstrap --variant=minbase --include=ca-certificates,python3,python3-venv "$release" "$root" > /dev/null
+fi
+# Lets pip and apt in the root reach what they reach outside it.
+for file in /etc/resolv.conf /etc/pip.conf ${PIP_CERT:-}; do
+  [ ! -f "$file" ] || install -D "$file" "$root$file"
+done
+work=$root/tmp/try_package
+rm -rf "$work"
+mkdir "$work"
+cp "$package" examples/python/localize_photo.py "$work"
+cp -r "$demo"/{database.db,database_model,images} "$work"
+(cd "$work/images" && find . -name '*.jpg' -o -name '*.png' | sed 's|^\./||' | grep query | sort > "$work/queries.txt")
+mkdir -p "$root/proc"
+mountpoint -q "$root/proc" || mount -t proc proc "$root/proc"
+trap 'umount "$root/proc"' EXIT
+
+inside() { env TMPDIR=/tmp HOME=/root LC_ALL=C.UTF-8 DEBIAN_FRONTEND=noninteractive chroot "$root" bash -euc "cd /tmp/try_package; $1"; }
+
+try_deb() {
+  inside "apt-get update -qq; apt-get install -y -qq --no-install-recommends colmap > apt.log 2>&1"
+  inside "dpkg -V colmap; sha256sum \$(dpkg -L colmap | xargs -I{} find {} -maxdepth 0 -type f) > before; wc -l before"
+  inside "time apt-get install -y -qq --no-install-recommends ./$(basename "$package") > apt2.log 2>&1
+    dpkg -s colmap-lazyloc | grep -E '^(Status|Installed-Size|Version)'
+    lazy_localizer --database_path database.db --input_path database_model --image_path images \
+      --query_list_path queries.txt --output_path localized | tail -n 12
+    lazy_indexer --help | head -n 1
+    colmap-lazyloc help | grep -m 1 COLMAP
+    colmap help | grep -m 1 COLMAP
+    ! colmap help | grep lazy_localizer"
+  inside "apt-get remove -y -qq colmap-lazyloc > apt3.log 2>&1
+    ! ls /usr/bin/*lazy* 2> /dev/null
+    sha256sum --quiet -c before && dpkg -V colmap && echo 'package colmap: as before'
+    apt-get purge -y -qq --autoremove colmap > apt4.log 2>&1"
+}
+
+try_wheel() {
+  inside "if command -v gcc cc c++ colmap; then exit 1; fi
+    python3 -m venv venv
+    time venv/bin/pip install --quiet ./$(basename "$package")
+    du -sh venv/lib/python3*/site-packages/colmap_lazyloc*
+    venv/bin/lazy_localizer --help | head -n 1
+    time venv/bin/python localize_photo.py database.db database_model images/\$(head -n 1 queries.txt)"
+}
+
+ls -l "$package"
+case $package in
+  *.deb) try_deb ;;
+  *.whl) try_wheel ;;
+esac

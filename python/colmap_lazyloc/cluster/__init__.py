@@ -1,0 +1,1 @@
+"""Localizes the shards of a run on a Dask cluster."""

@@ -1,0 +1,124 @@
+"""Localizes queries in shards on a Dask cluster, and merges the shards.
+
+    python -m colmap_lazyloc.cluster --num_shards 64 --database_path database.db --input_path model \\
+        --output_path localized [options of lazy_localizer]
+
+Each shard is a run of `colmap lazy_localizer --shard I/N --resume 1` on a worker. Without --scheduler, the workers are
+processes on this machine. The files in the folder of the shards are the only state: the same command, given again, goes
+on. All workers must see the files at the same paths.
+"""
+
+import argparse
+import os
+import pathlib
+import shutil
+import subprocess
+import sys
+
+from colmap_lazyloc.cluster.folders import as_ranges, is_same_run, read_manifest
+from colmap_lazyloc.cluster.task import ShardTask, command_line
+from colmap_lazyloc.errors import InputError, command
+from colmap_lazyloc.program import find_colmap
+
+OWN_OPTIONS = ("shard", "resume", "overwrite", "strict", "log_path")  # of lazy_localizer, not for one of many shards
+
+
+def parse_arguments(arguments) -> tuple[argparse.Namespace, list[str]]:
+    """Returns our options, and the words for lazy_localizer."""
+    parser = argparse.ArgumentParser(
+        prog="python -m colmap_lazyloc.cluster",
+        description=__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        allow_abbrev=False,
+    )
+    add = parser.add_argument
+    add("--num_shards", type=_positive, required=True, help="number of shards; some per worker balance the load")
+    add("--output_path", type=pathlib.Path, required=True, help="folder for the merged results, as of lazy_localizer")
+    add("--shards_path", type=pathlib.Path, help="folder of the shards; default: --output_path with .shards")
+    add(
+        "--num_workers",
+        type=_positive,
+        default=os.cpu_count(),
+        help="processes on this machine, without --scheduler; default: number of cores",
+    )
+    add("--scheduler", metavar="ADDRESS", help="address of a Dask scheduler, for example tcp://node1:8786")
+    add("--retries", type=int, default=2, help="times that a shard is tried again; default: %(default)s")
+    add("--dashboard_address", default=":8787", help="of Dask's dashboard, without --scheduler; default: %(default)s")
+    add("--program", help="path of colmap on the workers; default: as on this machine, else the installed package")
+    options, words = parser.parse_known_args(arguments)
+    for word in words:
+        name = word.removeprefix("--").split("=")[0]
+        if word.startswith("--") and name in OWN_OPTIONS:
+            raise InputError(f"option --{name} is not for shards on a cluster")
+    return options, words
+
+
+def _positive(text: str) -> int:
+    if not text.isdecimal() or int(text) < 1:
+        raise argparse.ArgumentTypeError(f"must be a whole number of at least 1, but is '{text}'")
+    return int(text)
+
+
+@command
+def main(arguments=None):
+    options, words = parse_arguments(arguments)
+    try:
+        from colmap_lazyloc.cluster.engine import Engine
+    except ImportError as error:
+        raise InputError(f"{error.name} is missing: pip install 'colmap-lazyloc[cluster]'") from None
+    program = options.program or shutil.which(find_colmap())
+    if options.shards_path is None:
+        options.shards_path = options.output_path.with_name(options.output_path.name + ".shards")
+    options.shards_path.mkdir(parents=True, exist_ok=True)
+    if options.scheduler is None and not any(word.startswith("--LazyLocalizer.num_threads") for word in words):
+        num_threads = max(1, (os.cpu_count() or 1) // options.num_workers)
+        words += ["--LazyLocalizer.num_threads", str(num_threads)]
+    tasks = make_tasks(options, program, words)
+    with Engine(options) as engine:
+        print(f"dashboard: {engine.dashboard_link}", flush=True)
+        causes = run_shards(engine, tasks)
+    for cause, indices in causes.items():
+        print(f"shard{'s' * (len(indices) > 1)} {as_ranges(indices)} of {len(tasks)}: {cause}", file=sys.stderr)
+    return 1 if causes else _merge(options, program)
+
+
+def make_tasks(options: argparse.Namespace, program: str | None, words: list[str]) -> dict[int, ShardTask]:
+    """Returns the tasks by index of the shard."""
+    count = options.num_shards
+    return {
+        index: ShardTask(
+            program=program,
+            arguments=tuple(words),
+            folder=str(options.shards_path.absolute() / str(index)),
+            shard=f"{index}/{count}",
+            working_folder=os.getcwd(),
+        )
+        for index in range(1, count + 1)
+    }
+
+
+def run_shards(engine, tasks: dict[int, ShardTask]) -> dict[str, list[int]]:
+    """Localizes the shards that are not finished; returns the indices of those that failed, by cause."""
+    finished = {index: read_manifest(pathlib.Path(task.folder)) for index, task in tasks.items()}
+    probe = next((index for index, manifest in finished.items() if manifest is not None), None)
+    rest = tasks
+    if probe is not None:
+        # Ask the program about one finished shard: it does it again if options or files have changed.
+        causes = engine.run({probe: tasks[probe]}, len(tasks), 0)
+        if causes:
+            return causes
+        current = read_manifest(pathlib.Path(tasks[probe].folder))
+        done = {index for index, manifest in finished.items() if manifest and is_same_run(manifest, current)} | {probe}
+        rest = {index: task for index, task in tasks.items() if index not in done}
+        print(f"finished before: {len(done)} of {len(tasks)} shards", flush=True)
+    return engine.run(rest, len(tasks), len(tasks) - len(rest))
+
+
+def _merge(options: argparse.Namespace, program: str | None) -> int:
+    words = command_line(program, "lazy_merger")
+    words += ["--input_path", str(options.shards_path), "--output_path", str(options.output_path)]
+    return subprocess.run(words, check=False).returncode
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,1 @@
+"""Finds similar database images by global descriptors, and writes them as pairs."""

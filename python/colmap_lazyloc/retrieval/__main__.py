@@ -1,0 +1,135 @@
+"""Finds, for each query, the database images with the most similar global descriptors, and writes them as pairs.
+
+    python -m colmap_lazyloc.retrieval --descriptors_path global.h5 --input_path model --output_path pairs.txt
+
+The descriptors are hloc's HDF5 files, or `name.npy` (n x d, float16 or float32) beside `name.txt` with one image name
+per row. The pairs are for `colmap lazy_localizer --pairs_path` and for hloc. Up to --max_num_exact database images are
+compared exactly, more by an inverted file with product quantization, whose candidates are compared exactly.
+"""
+
+import argparse
+import pathlib
+import sys
+import time
+
+import numpy as np
+
+from colmap_lazyloc.errors import InputError, command
+from colmap_lazyloc.report.output import check_output, write_file
+from colmap_lazyloc.retrieval.descriptors import DescriptorSet, describe_set
+from colmap_lazyloc.retrieval.images import ImageSelection, parse_shard, select_images
+
+
+def parse_arguments(arguments):
+    parser = argparse.ArgumentParser(
+        prog="python -m colmap_lazyloc.retrieval",
+        description=__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    add = parser.add_argument
+    add("--descriptors_path", type=pathlib.Path, required=True, help="descriptors of the queries")
+    add(
+        "--database_descriptors_path",
+        type=pathlib.Path,
+        help="descriptors of the database images; default: --descriptors_path",
+    )
+    add("--input_path", type=pathlib.Path, help="folder of a COLMAP model; its images are the database images")
+    add("--database_list_path", type=pathlib.Path, help="file with one database image per line, instead of a model")
+    add(
+        "--query_list_path",
+        type=pathlib.Path,
+        help="file with one query per line, as for lazy_localizer; default: all images of --descriptors_path that are "
+        "not database images",
+    )
+    add("--leave_one_out", action="store_true", help="queries are database images; each is compared with all others")
+    add("--output_path", type=pathlib.Path, required=True, help="file of pairs to write, two names per line")
+    add(
+        "--ordered_query_list_path",
+        type=pathlib.Path,
+        help="file to write: the queries in the order of their pairs, which lets lazy_localizer's caches help",
+    )
+    add("--num_retrieved", type=_positive, default=20, help="database images per query; default: %(default)s")
+    add("--shard", type=parse_shard, metavar="I/N", help="only the queries of part I of N, as in lazy_localizer")
+    add("--memory_gb", type=float, default=4, help="maximum memory in gigabytes; default: %(default)s")
+    add("--num_threads", type=int, default=-1, help="number of threads; -1 uses all cores; default: %(default)s")
+    _add_approximate(parser)
+    return parser.parse_args(arguments)
+
+
+def _add_approximate(parser: argparse.ArgumentParser):
+    group = parser.add_argument_group("approximate search")
+    add = group.add_argument
+    add(
+        "--max_num_exact",
+        type=int,
+        default=1000000,
+        help="compare all images exactly if the database has at most this many; default: %(default)s",
+    )
+    add("--index_path", type=pathlib.Path, help="file of the index, made if it is missing; default: in memory")
+    add("--num_probes", type=_positive, default=64, help="lists that are searched per query; default: %(default)s")
+    add("--num_candidates", type=_positive, default=200, help="candidates compared exactly; default: %(default)s")
+
+
+def _positive(text: str) -> int:
+    if not text.isdecimal() or int(text) < 1:
+        raise argparse.ArgumentTypeError(f"must be a whole number of at least 1, but is '{text}'")
+    return int(text)
+
+
+@command
+def main(arguments=None):
+    options = parse_arguments(arguments)
+    _check_packages()
+    for path in (options.output_path, options.ordered_query_list_path):
+        if path is not None:
+            check_output(path, is_folder=False)
+    selection = select_images(options)
+    ranks = np.empty((0, 0), np.int32)
+    if selection.query_names:  # a shard may be empty
+        queries = describe_set(selection.query_file, selection.query_names)
+        images = describe_set(selection.database_file, selection.database_names)
+        if queries.dimension != images.dimension:
+            raise InputError(
+                f"{queries.file.path}: descriptors have {queries.dimension} elements, but those of the database "
+                f"images in {images.file.path} have {images.dimension}"
+            )
+        ranks = _search(queries, images, options)
+    _write(selection, ranks, options)
+
+
+def _check_packages():
+    try:
+        import faiss  # noqa: F401
+        import h5py  # noqa: F401
+    except ImportError as error:
+        raise InputError(f"{error.name} is missing: pip install 'colmap-lazyloc[retrieval]'") from None
+
+
+def _search(queries: DescriptorSet, images: DescriptorSet, options: argparse.Namespace) -> np.ndarray:
+    """Returns the places of the nearest images in the order of their names, n x num_retrieved; -1 is none."""
+    from colmap_lazyloc.retrieval.search import Search
+
+    start = time.monotonic()
+    search = Search(queries, images, options)
+    print(search.description, flush=True)
+    ranks = search.run()
+    print(f"{search.outcome} in {time.monotonic() - start:.1f} s", flush=True)
+    return ranks
+
+
+def _write(selection: ImageSelection, ranks: np.ndarray, options: argparse.Namespace):
+    """Writes the pairs, the queries ordered by their first retrieved image."""
+    names = sorted(selection.database_names)
+    queries = selection.query_names
+    first_ranks = ranks[:, 0] if ranks.size else [0] * len(queries)
+    order = sorted(range(len(queries)), key=lambda query: (first_ranks[query], queries[query]))
+    pairs = (f"{queries[query]} {names[rank]}\n".encode() for query in order for rank in ranks[query] if rank >= 0)
+    size = write_file(options.output_path, pairs)
+    print(f"{options.output_path}: {len(queries)} queries ({size / 1e6:.1f} MB)")
+    if options.ordered_query_list_path is not None:
+        lines = (f"{selection.query_lines.get(queries[query], queries[query])}\n".encode() for query in order)
+        write_file(options.ordered_query_list_path, lines)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,133 @@
+#!/usr/bin/env python3
+"""Makes documents from the program's help, which is made from the list of options.
+
+scripts/python.sh scripts/help_pages.py tables build/bin/colmap         # tables of docs/command_line.md
+scripts/python.sh scripts/help_pages.py man build/bin/colmap FOLDER     # man pages of the Debian package
+"""
+
+import argparse
+import pathlib
+import re
+import subprocess
+from dataclasses import dataclass
+
+COMMANDS = ("lazy_localizer", "lazy_indexer", "lazy_merger")
+PROGRAM = "colmap-lazyloc"  # the name of the installed program; Debian's own is colmap
+OPTION_PATTERN = r"^  (?:-h \[ )?--([\w.-]+)(?: \])?( arg)?(?: \(=(.*?)\))? +(.*)$"
+
+
+@dataclass(frozen=True)
+class Option:
+    """An option in the help."""
+
+    name: str
+    has_value: bool
+    default: str
+    text: str
+
+
+@dataclass(frozen=True)
+class Help:
+    """The help of a command: what it does, and its options by the title of their section."""
+
+    purpose: str
+    sections: dict[str, list[Option]]
+
+
+def run(*command) -> str:
+    return subprocess.run(list(map(str, command)), capture_output=True, text=True, check=True).stdout
+
+
+def read_help(program: pathlib.Path, command: str) -> Help:
+    """Runs the program and returns the help of all options."""
+    is_localizer = command == "lazy_localizer"
+    text = run(program, command, "--help-all" if is_localizer else "--help")
+    purpose = text.splitlines()[0].partition(": ")[2].rstrip(".")
+    text = re.sub(r" *\n {40}", " ", text)
+    parts = zip(("Options", "Advanced options"), text.split("\nAdvanced options:\n"))
+    return Help(purpose, {title: [read_option(*found) for found in find_options(part)] for title, part in parts})
+
+
+def find_options(text: str) -> list[tuple[str, str, str, str]]:
+    return re.findall(OPTION_PATTERN, text, re.MULTILINE)
+
+
+def read_option(name: str, argument: str, default: str, text: str) -> Option:
+    if re.match(r"[-\d]", default):
+        default = f"{float(default):g}"
+    return Option(name, bool(argument), default, text.strip())
+
+
+def make_tables(program: pathlib.Path) -> str:
+    """Returns the tables of docs/command_line.md."""
+    lines = []
+    for title, options in read_help(program, "lazy_localizer").sections.items():
+        lines += ["", f"**{title}**", "", "| option | default | |", "|---|---|---|"]
+        lines += [f"| `--{option.name}` | {option.default} | {option.text} |" for option in options]
+    return "\n".join(lines) + "\n"
+
+
+def escape(text: str) -> str:
+    """Returns a text as groff shows it literally."""
+    text = text.replace("\\", r"\e").replace("-", r"\-")
+    return re.sub(r"^([.'])", r"\&\1", text, flags=re.MULTILINE)
+
+
+def make_page(name: str, purpose: str, synopsis: str, body: list[str], others: list[str]) -> str:
+    """Returns a man page."""
+    see_also = ", ".join(rf"\fB{escape(other)}\fR(1)" for other in others)
+    lines = [f'.TH {name.upper()} 1 "" "colmap_lazyloc" "User Commands"', ".SH NAME"]
+    lines += [f"{escape(name)} \\- {escape(purpose)}", ".SH SYNOPSIS", rf"\fB{escape(name)}\fR {escape(synopsis)}"]
+    return "\n".join([*lines, *body, ".SH SEE ALSO", see_also]) + "\n"
+
+
+def describe_options(sections: dict[str, list[Option]]) -> list[str]:
+    lines = []
+    for title, options in sections.items():
+        lines.append(f".SH {title.upper()}")
+        for option in options:
+            value = r" \fIvalue\fR" if option.has_value else ""
+            default = f" (default: {option.default})" if option.default else ""
+            lines += [".TP", rf"\fB\-\-{escape(option.name)}\fR{value}", escape(option.text + default)]
+    return lines
+
+
+def command_page(program: pathlib.Path, command: str) -> str:
+    found = read_help(program, command)
+    same = rf"The same as \fB{escape(PROGRAM)} {command}\fR."
+    others = [PROGRAM, *(other for other in COMMANDS if other != command)]
+    body = [".SH DESCRIPTION", f"{escape(command)} {escape(found.purpose)}.", same, *describe_options(found.sections)]
+    return make_page(command, found.purpose, "--option value ...", body, others)
+
+
+def program_page(program: pathlib.Path) -> str:
+    commands = run(program, "help").split("Available commands:")[1].split()
+    body = [".SH DESCRIPTION", "Runs a command of COLMAP, or one of the commands that colmap_lazyloc adds:"]
+    for command in COMMANDS:
+        body += [".TP", rf"\fB{command}\fR", escape(read_help(program, command).purpose) + "."]
+    body += [".SH COMMANDS", escape(", ".join(commands)) + ".", ".PP"]
+    body.append(escape("The option -h after a command prints the command's options."))
+    return make_page(PROGRAM, "COLMAP with lazy visual localization", "command --option value ...", body, [*COMMANDS])
+
+
+def write_man_pages(program: pathlib.Path, folder: pathlib.Path) -> None:
+    folder.mkdir(parents=True, exist_ok=True)
+    pages = {command: command_page(program, command) for command in COMMANDS}
+    for name, page in {**pages, PROGRAM: program_page(program)}.items():
+        (folder / f"{name}.1").write_text(page, encoding="utf-8")
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("kind", choices=("tables", "man"))
+    parser.add_argument("program", type=pathlib.Path)
+    parser.add_argument("folder", type=pathlib.Path, nargs="?", default=pathlib.Path("."), help="for the man pages")
+    options = parser.parse_args()
+    if options.kind == "tables":
+        print(make_tables(options.program), end="")
+    else:
+        write_man_pages(options.program, options.folder)
+
+
+if __name__ == "__main__":
+    main()

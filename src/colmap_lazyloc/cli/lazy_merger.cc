@@ -1,0 +1,91 @@
+#include "colmap_lazyloc/cli/lazy_merger.h"
+
+#include <algorithm>
+#include <cstdlib>
+#include <iostream>
+#include <string>
+#include <utility>
+
+#include "colmap_lazyloc/cli/options.h"
+#include "colmap_lazyloc/cli/progress.h"
+#include "colmap_lazyloc/cli/report_command.h"
+#include "colmap_lazyloc/cli/run_command.h"
+#include "colmap_lazyloc/cli/run_results.h"
+#include "colmap_lazyloc/io/leave_one_out.h"
+#include "colmap_lazyloc/io/model_reader.h"
+#include "colmap_lazyloc/io/shard_folders.h"
+#include "colmap_lazyloc/scene/errors.h"
+
+namespace lazyloc {
+namespace {
+
+// Returns the options of the run that the shards are parts of, with the paths of the merger.
+CommandOptions OptionsOfRun(const RunManifest& manifest, const MergerOptions& options) {
+  OptionTexts texts = manifest.options;
+  for (const auto& [name, input] : manifest.inputs) texts.emplace_back(name, input.path);
+  for (const auto& [name, value] : manifest.other_options) {
+    // The log and the shard are those of a part of the run.
+    if (name != "log_path" && name != "shard") texts.emplace_back(name, value);
+  }
+  // Leaves options without a value at their defaults, because the parser of the command line takes no empty text.
+  texts.erase(std::remove_if(texts.begin(), texts.end(), [](const auto& option) { return option.second.empty(); }),
+              texts.end());
+  CommandOptions run;
+  ParseSettings(texts, &run);
+  run.output_path = options.output_path;
+  if (!options.database_path.empty()) run.source.database_path = options.database_path;
+  if (!options.model_path.empty()) run.source.input_path = options.model_path;
+  return run;
+}
+
+void CheckInput(const RunManifest& manifest, const std::string& name, const std::string& path,
+                const Fingerprint& fingerprint) {
+  if (fingerprint.IsChanged(manifest.inputs.at(name).fingerprint)) {
+    throw InputError(path + " (--" + name + " of the shards) has changed since they were localized");
+  }
+}
+
+// Checks that each file has the queries of its shard, because one that is cut off between two records is not damaged.
+void CheckNumQueries(const ShardFolders& shards, const QueryRecords& records) {
+  const std::vector<size_t> counts = records.CountByFile();
+  for (size_t i = 0; i < counts.size(); ++i) {
+    if (counts[i] == shards.num_queries[i]) continue;
+    throw InputError(shards.records[i].string() + ": is truncated: it has " + std::to_string(counts[i]) + " of " +
+                     std::to_string(shards.num_queries[i]) + " queries");
+  }
+}
+
+int Run(const MergerOptions& options) {
+  ResultWriter writer(options.output_path);
+  const ShardFolders shards = FindShards(options.input_path);
+  const RunManifest& manifest = shards.manifest;
+  const CommandOptions run = OptionsOfRun(manifest, options);
+  Model model = ReadModel(run.source.input_path);
+  CheckInput(manifest, "input_path", run.source.input_path, FingerprintOf(model));
+  CheckInput(manifest, "database_path", run.source.database_path, FingerprintOf(run.source.database_path));
+  const DatabaseReader database(run.source.database_path);
+
+  const QueryRecords records(shards.records);
+  CheckNumQueries(shards, records);
+  const bool is_leave_one_out = run.source.selection.leave_one_out;
+  if (!is_leave_one_out) {
+    const auto is_query = [&](const ModelImage& image) { return records.Find(image.name).has_value(); };
+    model.images.erase(std::remove_if(model.images.begin(), model.images.end(), is_query), model.images.end());
+  }
+  WriteResults(run, manifest, model, database, records, /*staging_parent=*/{}, &writer);
+  Progress({records.Size(), records.Size(), 0}, /*log_path=*/{}, /*append_log=*/false).PrintSummary(records);
+  if (is_leave_one_out) std::cout << FormatLeaveOneOut(SummarizeLeaveOneOut(model, records));
+  std::cout << "report: " << ReportCommand(run) << std::endl;
+  return EXIT_SUCCESS;
+}
+
+}  // namespace
+
+int RunLazyMerger(int argc, char** argv) {
+  return RunCommand("lazy_merger", [=] {
+    MergerOptions options;
+    return ParseCommandLine(argc, argv, &options) ? Run(options) : EXIT_SUCCESS;
+  });
+}
+
+}  // namespace lazyloc

@@ -1,0 +1,8 @@
+// The command as a program of its own, for builds against an installed COLMAP.
+#include "colmap_lazyloc/bridge/logging.h"
+#include "colmap_lazyloc/cli/lazy_merger.h"
+
+int main(int argc, char** argv) {
+  lazyloc::InitializeLogging(argv);
+  return lazyloc::RunLazyMerger(argc, argv);
+}

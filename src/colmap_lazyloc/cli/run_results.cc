@@ -1,0 +1,90 @@
+#include "colmap_lazyloc/cli/run_results.h"
+
+#include <algorithm>
+#include <set>
+
+#include "colmap_lazyloc/cli/report_command.h"
+#include "colmap_lazyloc/cli/run_command.h"
+
+namespace lazyloc {
+namespace {
+
+std::string GroupName(const QueryFrames& group) {
+  std::string first;
+  for (const QueryFrame& frame : group) {
+    for (const QueryFrame::Image& image : frame.images)
+      first = first.empty() ? image.name : std::min(first, image.name);
+  }
+  return first;
+}
+
+size_t NumQueries(const QueryFrames& group) {
+  size_t num_queries = 0;
+  for (const QueryFrame& frame : group) num_queries += frame.images.size();
+  return num_queries;
+}
+
+// Warns once of the depth maps that were not used.
+void WarnOfDepthMaps(const QueryRecords& records) {
+  std::set<std::string> contradicted, without_scale;
+  records.ForEach([&](const QueryRecord& record) {
+    if (!record.result.depth) return;
+    for (const DepthMapResult& map : record.result.depth->maps) {
+      if (map.verdict == DepthVerdict::CONTRADICTED) contradicted.insert(map.database_name);
+      if (map.verdict == DepthVerdict::NO_SCALE) without_scale.insert(map.database_name);
+    }
+  });
+  const auto warn = [](const std::set<std::string>& names, const std::string& reason) {
+    if (names.empty()) return;
+    PrintWarning("depth maps left out for " + std::to_string(names.size()) + " database images (for example " +
+                 *names.begin() + "): " + reason);
+  };
+  warn(contradicted, "triangulated points contradict them");
+  warn(without_scale, "too few triangulated points tell their scale, and --LazyLocalizer.depth_is_metric is 0");
+}
+
+}  // namespace
+
+std::vector<size_t> GroupsOfShard(const QuerySource& source, const std::optional<Shard>& shard) {
+  std::vector<size_t> groups;
+  for (size_t i = 0; i < source.NumGroups(); ++i) {
+    if (!shard || shard->Has(GroupName(source.Selection().Groups()[i]))) groups.push_back(i);
+  }
+  return groups;
+}
+
+RunManifest MakeManifest(const CommandOptions& options, const QuerySource& source, const Fingerprint& model,
+                         const std::vector<size_t>& groups) {
+  RunManifest manifest;
+  manifest.program = ProgramVersion();
+  manifest.options = MethodOptions(options);
+  manifest.other_options = OtherOptions(options);
+  for (const auto& [name, path] : InputOptions(options)) {
+    if (path.empty()) continue;
+    manifest.inputs[name] = {path, name == "input_path"   ? model
+                                   : name == "depth_path" ? FingerprintOfTree(path)
+                                                          : FingerprintOf(path)};
+  }
+  manifest.num_groups = source.NumGroups();
+  manifest.num_queries = source.NumQueries();
+  manifest.extraction = source.DescribeExtraction();
+  manifest.shard = ParseShard(options.shard);
+  for (const size_t group : groups) manifest.num_own_queries += NumQueries(source.Selection().Groups()[group]);
+  return manifest;
+}
+
+void WriteResults(const CommandOptions& options, const RunManifest& manifest, const Model& model,
+                  const DatabaseReader& database, const QueryRecords& records,
+                  const std::filesystem::path& staging_parent, ResultWriter* writer) {
+  records.ForEach([](const QueryRecord& record) {
+    const LocalizationResult& result = record.result;
+    if (result.status != QueryStatus::LOCALIZED || result.intrinsics.contradiction.empty()) return;
+    PrintWarning("query " + result.query_name + ": " + result.intrinsics.contradiction);
+  });
+  WarnOfDepthMaps(records);
+  const std::string extraction = manifest.extraction.empty() ? "" : "# " + manifest.extraction + "\n";
+  const std::string options_ini = "# written by " + ProgramVersion() + "\n" + extraction + OptionsAsIni(options);
+  writer->Write(model, records, database, options_ini, options.source.selection.leave_one_out, staging_parent);
+}
+
+}  // namespace lazyloc

@@ -1,0 +1,30 @@
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+#include "colmap_lazyloc/cli/options.h"
+#include "colmap_lazyloc/io/query_records.h"
+#include "colmap_lazyloc/io/query_source.h"
+#include "colmap_lazyloc/io/result_writer.h"
+#include "colmap_lazyloc/io/run_manifest.h"
+
+namespace lazyloc {
+
+// Returns the indices of the groups that belong to a shard; nullopt for all. A group has the name of its first query in
+// the order of names.
+std::vector<size_t> GroupsOfShard(const QuerySource& source, const std::optional<Shard>& shard);
+
+// Returns what the results of a run depend on. model: the one at input_path, with all its images. groups: those of the
+// shard.
+RunManifest MakeManifest(const CommandOptions& options, const QuerySource& source, const Fingerprint& model,
+                         const std::vector<size_t>& groups);
+
+// Writes the results of a run into its output folder, and warns of queries whose intrinsics the images contradict.
+// model: the database images.
+void WriteResults(const CommandOptions& options, const RunManifest& manifest, const Model& model,
+                  const DatabaseReader& database, const QueryRecords& records,
+                  const std::filesystem::path& staging_parent, ResultWriter* writer);
+
+}  // namespace lazyloc

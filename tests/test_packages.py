@@ -1,0 +1,92 @@
+"""Tests of what the packages hold: files of the wheel; man pages and completion of the Debian package."""
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+import zipfile
+
+import pytest
+
+from conftest import PROJECT_PATH
+
+HELP_PAGES = PROJECT_PATH / "scripts" / "help_pages.py"
+COMPLETE = """
+source "$1"
+shift
+COMP_WORDS=("$@") COMP_CWORD=$(($# - 1))
+_lazyloc
+printf '%s\\n' "${COMPREPLY[@]}"
+"""
+
+
+def run(*command, **options):
+    return subprocess.run(list(map(str, command)), capture_output=True, text=True, check=True, **options).stdout
+
+
+def all_options(colmap, command="lazy_localizer", flag="--help-all"):
+    return set(re.findall(r"^ +(?:-h \[ )?(--[\w.-]+)", run(colmap, command, flag), re.MULTILINE))
+
+
+def test_wheel_holds_every_file_of_the_package(tmp_path):
+    """Builds the wheel without its extension module, because the rules that choose its files are the same."""
+    settings = ["wheel.cmake=false", "wheel.py-api=", f"build-dir={tmp_path / 'build'}"]
+    flags = [word for setting in settings for word in ("-C", setting)]
+    pip = [sys.executable, "-m", "pip", "wheel", "--quiet", "--no-deps", "--no-build-isolation", *flags]
+    run(*pip, "--wheel-dir", tmp_path, PROJECT_PATH)
+    (wheel,) = tmp_path.glob("*.whl")
+    packed = {name for name in zipfile.ZipFile(wheel).namelist() if ".dist-info/" not in name}
+    listed = run("git", "ls-files", "python/colmap_lazyloc", cwd=PROJECT_PATH).splitlines()
+    names = {name.removeprefix("python/") for name in listed}
+    assert packed == {name for name in names if not name.startswith("colmap_lazyloc/testing/")}
+    assert len(packed) > 50
+
+
+def test_option_tables_are_those_of_the_program(colmap):
+    page = (PROJECT_PATH / "docs" / "command_line.md").read_text()
+    tables = run(sys.executable, HELP_PAGES, "tables", colmap)
+    assert len(tables.splitlines()) > 60 and tables in page, "see the end of docs/command_line.md"
+
+
+@pytest.mark.parametrize(
+    ("command", "flag"), [("lazy_localizer", "--help-all"), ("lazy_indexer", "--help"), ("lazy_merger", "--help")]
+)
+def test_man_page_has_every_option(colmap, tmp_path, command, flag):
+    run(sys.executable, HELP_PAGES, "man", colmap, tmp_path)
+    assert {page.name for page in tmp_path.iterdir()} == {
+        "colmap-lazyloc.1",
+        "lazy_localizer.1",
+        "lazy_indexer.1",
+        "lazy_merger.1",
+    }
+    page = tmp_path / f"{command}.1"
+    options = re.findall(r"^\.TP\n\\fB\\-\\-(.*?)\\fR", page.read_text(), re.MULTILINE)
+    assert {"--" + option.replace("\\-", "-") for option in options} == all_options(colmap, command, flag)
+    if shutil.which("man"):
+        done = subprocess.run(["man", "--warnings", "-l", page], capture_output=True, text=True, env=os.environ)
+        assert (done.returncode, done.stderr) == (0, "")
+
+
+@pytest.fixture
+def complete(colmap, tmp_path):
+    """Returns a function that completes the last of its words, as bash does in the installed package."""
+    (tmp_path / "colmap-lazyloc").symlink_to(colmap)
+    (tmp_path / "lazy_localizer").write_text('#!/bin/sh\nexec colmap-lazyloc lazy_localizer "$@"\n')
+    (tmp_path / "lazy_localizer").chmod(0o755)
+    environment = {**os.environ, "PATH": f"{tmp_path}:{os.environ['PATH']}"}
+    script = PROJECT_PATH / "packaging" / "bash_completion"
+    return lambda *words: run("bash", "-c", COMPLETE, "bash", script, *words, env=environment).split()
+
+
+def test_completion_knows_commands_and_options(complete, colmap):
+    assert complete("colmap-lazyloc", "lazy_") == ["lazy_indexer", "lazy_localizer", "lazy_merger"]
+    assert "feature_extractor" in complete("colmap-lazyloc", "")
+    assert set(complete("colmap-lazyloc", "lazy_localizer", "")) == all_options(colmap)
+    assert set(complete("lazy_localizer", "--strict", "1", "--")) == all_options(colmap)
+    assert complete("lazy_localizer", "--LazyLocalizer.group_") == ["--LazyLocalizer.group_size"]
+    assert "--Mapper.min_num_matches" in complete("colmap-lazyloc", "mapper", "--Mapper.min")
+
+
+def test_completion_leaves_values_to_file_names(complete):
+    assert complete("lazy_localizer", "--database_path", "data") == []
