@@ -86,7 +86,7 @@ float DepthAt(const DepthMap& map, const Camera& camera, const Eigen::Vector2d& 
   // The centre of the upper left pixel is at (0.5, 0.5) in both.
   const double x = xy.x() * map.width / static_cast<double>(camera.width) - 0.5;
   const double y = xy.y() * map.height / static_cast<double>(camera.height) - 0.5;
-  if (!(x >= -0.5 && y >= -0.5 && x < map.width && y < map.height)) return 0;
+  if (!(x >= -0.5 && y >= -0.5 && x <= map.width - 0.5 && y <= map.height - 0.5)) return 0;
   const int nearest_x = std::min(static_cast<int>(std::lround(x)), map.width - 1);
   const int nearest_y = std::min(static_cast<int>(std::lround(y)), map.height - 1);
   const float nearest = map.At(nearest_x, nearest_y);
@@ -155,23 +155,25 @@ std::vector<float> DepthMaps::AtKeypoints(const std::string& image_name, uint32_
   return kept->keypoints_hash == HashOf(keypoints) ? kept->depths : sample().depths;
 }
 
-std::vector<std::string> DepthMaps::Warnings() const {
+std::vector<std::string> DepthMaps::Problems() const {
   const std::lock_guard<std::mutex> lock(problems_mutex_);
-  std::vector<std::string> warnings;
-  std::string without_map;
-  size_t num_without_map = 0;
+  std::vector<std::string> lines;
   for (const auto& [name, problem] : problem_of_image_) {
-    if (!problem.empty()) {
-      warnings.push_back("no depth for image " + name + ": " + problem);
-    } else if (num_without_map++ == 0) {
-      without_map = name;
-    }
+    if (!problem.empty()) lines.push_back("no depth for image " + name + ": " + problem);
   }
-  if (num_without_map > 0) {
-    warnings.push_back("no depth map for " + std::to_string(num_without_map) + " database images (for example " +
-                       without_map + ") in " + options_.depth_path);
+  return lines;
+}
+
+std::string DepthMaps::MissingMaps() const {
+  const std::lock_guard<std::mutex> lock(problems_mutex_);
+  std::string example;
+  size_t num_missing = 0;
+  for (const auto& [name, problem] : problem_of_image_) {
+    if (problem.empty() && num_missing++ == 0) example = name;
   }
-  return warnings;
+  if (num_missing == 0) return "";
+  return "no depth map for " + std::to_string(num_missing) + " database images (for example " + example + ") in " +
+         options_.depth_path;
 }
 
 }  // namespace lazyloc

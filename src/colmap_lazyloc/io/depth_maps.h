@@ -37,8 +37,10 @@ class DepthMaps {
   std::vector<float> AtKeypoints(const std::string& image_name, uint32_t image_id, const Camera& camera,
                                  const std::vector<Eigen::Vector2d>& keypoints) const;
 
-  // Returns one line for each map that cannot be used, and one for all images without a map.
-  std::vector<std::string> Warnings() const;
+  // Returns one line for each map that could not be used until now.
+  std::vector<std::string> Problems() const;
+  // Returns one line on all images that had no map until now; empty without any.
+  std::string MissingMaps() const;
 
  private:
   struct Sampled {

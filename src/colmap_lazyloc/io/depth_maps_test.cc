@@ -149,7 +149,8 @@ TEST_F(DepthMapsTest, FindsMapsByTheNamesOfImages) {
   EXPECT_THAT(DepthsOf(maps, "left/2.jpg", 2), ElementsAre(2, 2, 2, 2));
   EXPECT_THAT(DepthsOf(maps, "left/3.jpg", 3), ElementsAre(3, 3, 3, 3));
   EXPECT_THAT(DepthsOf(maps, "frame-4.color.png", 4), ElementsAre(4, 4, 4, 4));
-  EXPECT_THAT(maps.Warnings(), IsEmpty());
+  EXPECT_THAT(maps.Problems(), IsEmpty());
+  EXPECT_THAT(maps.MissingMaps(), IsEmpty());
 }
 
 TEST_F(DepthMapsTest, WarnsOfMapsThatCannotBeUsed) {
@@ -163,11 +164,11 @@ TEST_F(DepthMapsTest, WarnsOfMapsThatCannotBeUsed) {
   }
   const std::string folder = folder_;
   EXPECT_THAT(
-      maps.Warnings(),
+      maps.Problems(),
       ElementsAre("no depth for image tall.jpg: " + folder +
                       "/tall.jpg.bin: measures 2 x 4 pixels, which is not the aspect ratio of its image with 4 x 2",
-                  "no depth for image zero.jpg: " + folder + "/zero.jpg.bin: has no known depth",
-                  "no depth map for 2 database images (for example also_none.jpg) in " + folder));
+                  "no depth for image zero.jpg: " + folder + "/zero.jpg.bin: has no known depth"));
+  EXPECT_EQ(maps.MissingMaps(), "no depth map for 2 database images (for example also_none.jpg) in " + folder);
 }
 
 TEST_F(DepthMapsTest, SamplesTheKeypointsThatAreAskedFor) {

@@ -7,6 +7,7 @@
 #include <utility>
 
 #include "colmap_lazyloc/bridge/observation.h"
+#include "colmap_lazyloc/scene/errors.h"
 
 namespace lazyloc {
 namespace {
@@ -59,30 +60,44 @@ DepthPoints::DepthPoints(const QuerySelection& selection)
     : selection_(selection),
       cache_(kCacheBytes, [](const std::vector<float>& depths) { return sizeof(float) * (16 + depths.size()); }) {}
 
-std::vector<float> DepthPoints::Triangulate(const ModelImage& image, uint32_t image_id, const std::string& query_name,
-                                            const DatabaseReader& database) const {
+std::vector<std::pair<uint32_t, const ModelImage*>> DepthPoints::FindNeighbours(const ModelImage& image,
+                                                                                uint32_t image_id,
+                                                                                const std::string& query_name,
+                                                                                const DatabaseReader& database) const {
   std::vector<PairSize> sizes = database.ReadInlierCounts(image_id);
   std::sort(sizes.begin(), sizes.end(), [](const PairSize& a, const PairSize& b) {
     return std::tie(b.num_matches, a.image_id) < std::tie(a.num_matches, b.image_id);
   });
+  std::vector<std::pair<uint32_t, const ModelImage*>> neighbours;
+  for (const PairSize& size : sizes) {
+    const ModelImage* neighbour = selection_.FindPosedImage(size.image_id, query_name);
+    if (neighbour != nullptr && neighbour->name != image.name) neighbours.emplace_back(size.image_id, neighbour);
+    if (neighbours.size() == kMaxNumNeighbours) break;
+  }
+  return neighbours;
+}
+
+std::vector<float> DepthPoints::Triangulate(const ModelImage& image, uint32_t image_id, const std::string& query_name,
+                                            const DatabaseReader& database) const {
   const Model& model = selection_.DatabaseModel();
   const PosedCamera camera(model, image);
   const std::vector<Eigen::Vector2d> keypoints = database.ReadKeypoints(image_id);
   std::vector<DepthAndAngle> best(keypoints.size());
-  size_t num_neighbours = 0;
-  for (const PairSize& size : sizes) {
-    const ModelImage* neighbour = selection_.FindPosedImage(size.image_id, query_name);
-    if (neighbour == nullptr || neighbour->name == image.name) continue;
-    if (num_neighbours++ == kMaxNumNeighbours) break;
-    const std::optional<TwoViewGeometry> geometry = database.ReadTwoViewGeometry(image_id, size.image_id);
-    if (!geometry) continue;
-    const PosedCamera other(model, *neighbour);
-    const std::vector<Eigen::Vector2d> other_keypoints = database.ReadKeypoints(size.image_id);
-    for (const Match& match : geometry->inlier_matches) {
-      if (match.query_point >= keypoints.size() || match.other_point >= other_keypoints.size()) continue;
-      const auto found =
-          TriangulateDepth(camera, keypoints[match.query_point], other, other_keypoints[match.other_point]);
-      if (found && found->angle_rad > best[match.query_point].angle_rad) best[match.query_point] = *found;
+  for (const auto& [other_id, neighbour] : FindNeighbours(image, image_id, query_name, database)) {
+    try {
+      const std::optional<TwoViewGeometry> geometry = database.ReadTwoViewGeometry(image_id, other_id);
+      if (!geometry) continue;
+      const PosedCamera other(model, *neighbour);
+      const std::vector<Eigen::Vector2d> other_keypoints = database.ReadKeypoints(other_id);
+      for (const Match& match : geometry->inlier_matches) {
+        if (match.query_point >= keypoints.size() || match.other_point >= other_keypoints.size()) continue;
+        const auto found =
+            TriangulateDepth(camera, keypoints[match.query_point], other, other_keypoints[match.other_point]);
+        if (found && found->angle_rad > best[match.query_point].angle_rad) best[match.query_point] = *found;
+      }
+    } catch (const DamagedRecordError&) {
+      // Goes on without the pair, as for queries.
+      continue;
     }
   }
   std::vector<float> depths;

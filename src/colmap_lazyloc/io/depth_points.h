@@ -1,6 +1,7 @@
 #pragma once
 
 #include <string>
+#include <utility>
 #include <vector>
 
 #include <Eigen/Core>
@@ -12,7 +13,8 @@
 namespace lazyloc {
 
 // Points that database images triangulate among themselves, for comparison with depth maps. Each image is paired with
-// the posed images that it shares most verified matches with. Thread-safe with one reader per thread.
+// the posed images that it shares most verified matches with. Damaged records are left out. Thread-safe with one reader
+// per thread.
 class DepthPoints {
  public:
   // The selection must outlive this.
@@ -26,6 +28,10 @@ class DepthPoints {
  private:
   std::vector<float> Triangulate(const ModelImage& image, uint32_t image_id, const std::string& query_name,
                                  const DatabaseReader& database) const;
+  // Returns the posed images that an image shares most verified matches with.
+  std::vector<std::pair<uint32_t, const ModelImage*>> FindNeighbours(const ModelImage& image, uint32_t image_id,
+                                                                     const std::string& query_name,
+                                                                     const DatabaseReader& database) const;
 
   const QuerySelection& selection_;
   mutable LruCache<std::vector<float>> cache_;

@@ -131,11 +131,12 @@ LoadedGroup QuerySource::Load(const GroupInput& input, Session* session) const {
         }
       });
   pair_loader_.LoadQueryPairs(session->database_, &loaded);
-  if (depth_maps_) AddDepths(session->database_, &loaded);
+  AddDepths(session, &loaded);
   return loaded;
 }
 
-void QuerySource::AddDepths(const DatabaseReader& database, LoadedGroup* loaded) const {
+void QuerySource::AddDepths(Session* session, LoadedGroup* loaded) const {
+  if (!depth_maps_) return;
   for (QueryImage& query : loaded->group.images) {
     const StageTimer timer("depth", &loaded->records[&query - loaded->group.images.data()].seconds);
     for (ImagePair& pair : query.problem.pairs) {
@@ -144,15 +145,12 @@ void QuerySource::AddDepths(const DatabaseReader& database, LoadedGroup* loaded)
       pair.other_depths =
           depth_maps_->AtKeypoints(pair.other_name, image->image_id, pair.other_camera, pair.other_keypoints);
       if (pair.other_depths.empty()) continue;
-      pair.other_point_depths = depth_points_.AtKeypoints(pair.other_name, query.problem.query_name, database);
+      pair.other_point_depths =
+          depth_points_.AtKeypoints(pair.other_name, query.problem.query_name, session->database_);
       // Leaves out points of other keypoints than the stored ones, which a caller may bring.
       if (pair.other_point_depths.size() != pair.other_keypoints.size()) pair.other_point_depths.clear();
     }
   }
-}
-
-std::vector<std::string> QuerySource::DepthWarnings() const {
-  return depth_maps_ ? depth_maps_->Warnings() : std::vector<std::string>();
 }
 
 std::vector<std::string> QuerySource::Warnings() const {

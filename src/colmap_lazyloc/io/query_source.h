@@ -89,8 +89,10 @@ class QuerySource {
   LoadedGroup Load(size_t group, Session* session) const;
   // Loads any group in the same way. The first photo may take long, because it makes the retrieval index.
   LoadedGroup Load(const GroupInput& input, Session* session) const;
-  // Returns one line for each problem with depth maps that were used until now.
-  std::vector<std::string> DepthWarnings() const;
+  // Adds the depths of the database images' keypoints, which Load does by itself.
+  void AddDepths(Session* session, LoadedGroup* loaded) const;
+  // Returns the depth maps of database images; null without a folder of maps.
+  const DepthMaps* Depths() const { return depth_maps_ ? &*depth_maps_ : nullptr; }
   // Publishes the photos' features and matches, if they are kept.
   void PublishMatches() const;
 
@@ -100,8 +102,6 @@ class QuerySource {
   // Gives named queries the priors in files that they lack.
   GroupInput WithPriors(GroupInput input) const;
   std::optional<LocalizationProblem> LoadNamed(const std::string& name, Session* session, QueryRecord* record) const;
-  // Adds the depths of the database images' keypoints.
-  void AddDepths(const DatabaseReader& database, LoadedGroup* loaded) const;
   std::optional<LocalizationProblem> LoadPhoto(const PhotoQuery& photo, Session* session, QueryRecord* record) const;
 
   const SourceOptions options_;

@@ -113,15 +113,19 @@ DepthFit Fit(const MapOfImage& map, const Layout& layout, const PairRefs& pairs,
   return fit;
 }
 
-std::vector<MapOfImage> MapsOf(const QueryGroup& group, const Layout& layout) {
+// Returns the maps of the database images that queries have pairs in use with.
+std::vector<MapOfImage> MapsOf(const QueryGroup& group, const Layout& layout, const PairRefs& pairs_in_use) {
   std::vector<MapOfImage> maps;
+  std::vector<bool> is_in_use(layout.given.images.size(), false);
+  for (const PairGeometry* pair : pairs_in_use) is_in_use[pair->other] = true;
   for (int query = 0; query < layout.num_queries; ++query) {
     const std::vector<ImagePair>& pairs = group.images[query].problem.pairs;
     for (size_t i = 0; i < pairs.size(); ++i) {
       const int image = layout.image_of_pair[query][i];
       const bool is_known =
           std::any_of(maps.begin(), maps.end(), [&](const MapOfImage& map) { return map.image == image; });
-      if (!pairs[i].other_depths.empty() && !is_known) maps.push_back({query, image, &pairs[i], {}});
+      if (is_in_use[image] && !is_known && !pairs[i].other_depths.empty())
+        maps.push_back({query, image, &pairs[i], {}});
     }
   }
   return maps;
@@ -172,12 +176,21 @@ DepthMapResult ResultOf(const MapOfImage& map) {
   return result;
 }
 
+// Adds the result of a map to all queries that have a pair with its image.
+void AddResult(const MapOfImage& map, const Layout& layout, std::vector<DepthResult>* results) {
+  for (int query = 0; query < layout.num_queries; ++query) {
+    const std::vector<int>& images = layout.image_of_pair[query];
+    if (std::find(images.begin(), images.end(), map.image) == images.end()) continue;
+    (*results)[query].maps.push_back(ResultOf(map));
+  }
+}
+
 }  // namespace
 
 DepthMapsInUse UseDepthMaps(const QueryGroup& group, const Layout& layout, const PairRefs& pairs,
                             const LocalizerOptions& options, CandidateTracks* candidates, SplitTracks* start_tracks,
                             PosedImages* posed) {
-  std::vector<MapOfImage> maps = MapsOf(group, layout);
+  std::vector<MapOfImage> maps = MapsOf(group, layout, pairs);
   std::vector<int> map_of_image(posed->images.size(), -1);
   DepthMapsInUse in_use;
   in_use.results.resize(layout.num_queries);
@@ -190,7 +203,7 @@ DepthMapsInUse UseDepthMaps(const QueryGroup& group, const Layout& layout, const
       maps[i].fit = Fit(maps[i], layout, pairs, *start_tracks, options.depth);
     }
     if (maps[i].fit.verdict == DepthVerdict::USED) map_of_image[maps[i].image] = static_cast<int>(i);
-    in_use.results[maps[i].query].maps.push_back(ResultOf(maps[i]));
+    AddResult(maps[i], layout, &in_use.results);
   }
   for (std::vector<Track>* tracks :
        {&candidates->all, &candidates->for_start, &start_tracks->from_database, &start_tracks->rest}) {
