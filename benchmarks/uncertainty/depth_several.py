@@ -1,10 +1,11 @@
 """Depth maps of any quality with one and with several database images: do they help, do they harm? Prints Markdown.
 
     python -m benchmarks.uncertainty.depth_several [--num_seeds N]
-    python -m benchmarks.uncertainty.depth_several --database_path D --input_path M --depth_path MAPS [OPTION ...]
+    python -m benchmarks.uncertainty.depth_several --database_path D --input_path M [--depth_path MAPS] [OPTION ...]
 
 The first form makes synthetic scenes with maps of every kind (`KINDS`). The second one localizes each posed image of a
-real scene against the others; further options go to the program. Cells: queries with status `LOCALIZED`, position error
+real scene against the others, with the given maps, or with maps of points that pairs of posed images triangulate,
+disturbed (`REAL_KINDS`); further options go to the program. Cells: queries with status `LOCALIZED`, position error
 over that without maps (geometric mean and its standard error, of the queries with both), and the median of the squared
 normalised position error (2.4 is right). For one image, in place of the ratio, the error over the distance.
 """
@@ -17,6 +18,7 @@ import tempfile
 import numpy as np
 
 from benchmarks.uncertainty import localizer, report
+from benchmarks.uncertainty.depth_points import triangulated_depths
 from colmap_lazyloc.errors import command
 from colmap_lazyloc.model import read_model
 from colmap_lazyloc.program import find_colmap
@@ -50,6 +52,9 @@ KINDS = {
 }
 
 
+REAL_KINDS = "1 %", "5 %", "5 %, scales of 1/3 to 3", "random", "inverse", "of another image"
+
+
 def write_maps(folder, scene, kind, seed):
     if KINDS[kind] is not None:
         return synthetic.write_depth_maps(folder, scene, KINDS[kind], seed=seed)
@@ -58,6 +63,18 @@ def write_maps(folder, scene, kind, seed):
     for name, next_name in zip(names, names[1:] + names[:1], strict=True):
         other.images[name].pose = scene.images[next_name].pose
     return synthetic.write_depth_maps(folder, other, seed=seed)
+
+
+def write_real_maps(folder, model, depths, kind):
+    rng = np.random.default_rng(0)
+    for name, (pixels, depth) in depths.items():
+        camera = model.cameras[model.images[name].camera_id]
+        values = np.full((camera.height, camera.width), np.nan, np.float32)
+        values[pixels[:, 1], pixels[:, 0]] = KINDS[kind](depth, rng)
+        path = folder / f"{name}.npy"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        np.save(path, values)
+    return folder
 
 
 class Scene:
@@ -143,8 +160,15 @@ def print_real(colmap, files, more_options):
     print("| maps | " + " | ".join(map(str, NUMS_RETRIEVED)) + " |\n|---|" + "---|" * len(NUMS_RETRIEVED))
     without = {num: scene.localize(num) for num in NUMS_RETRIEVED}
     print("| none | " + " | ".join(cell(num, [(without[num], without[num])]) for num in NUMS_RETRIEVED) + " |")
-    with_maps = {num: scene.localize(num, "--depth_path", files.depth_path) for num in NUMS_RETRIEVED}
-    print("| given | " + " | ".join(cell(num, [(without[num], with_maps[num])]) for num in NUMS_RETRIEVED) + " |")
+    with tempfile.TemporaryDirectory() as folder:
+        if files.depth_path:
+            maps = {"given": files.depth_path}
+        else:
+            depths = triangulated_depths(files.database_path, model)
+            maps = {kind: write_real_maps(pathlib.Path(folder) / kind[:6], model, depths, kind) for kind in REAL_KINDS}
+        for kind, path in maps.items():
+            cells = [cell(num, [(without[num], scene.localize(num, "--depth_path", path))]) for num in NUMS_RETRIEVED]
+            print(f"| {kind} | {' | '.join(cells)} |", flush=True)
 
 
 @command

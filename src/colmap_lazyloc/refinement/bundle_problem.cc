@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 
 #include "colmap_lazyloc/refinement/covariance.h"
 #include "colmap_lazyloc/scene/errors.h"
@@ -57,7 +58,11 @@ BundleProblem::BundleProblem(const PosedImages& posed, const std::vector<Track>&
   }
   const std::vector<Rigid3d> cams_from_world = CamsFromWorld(posed);
   size_t num_observations = 0;
-  for (const Track& track : tracks) num_observations += track.observations.size();
+  double min_noise_ratio = std::numeric_limits<double>::infinity();
+  for (const Track& track : tracks) {
+    num_observations += track.observations.size();
+    min_noise_ratio = std::min(min_noise_ratio, track.noise_ratio);
+  }
   free.reserve(num_observations);
   for (const Track& track : tracks) {
     const size_t fixed_begin = fixed.size(), free_begin = free.size();
@@ -77,7 +82,7 @@ BundleProblem::BundleProblem(const PosedImages& posed, const std::vector<Track>&
                       factor_from_px * element.observation.px_from_log_focal, static_cast<int>(k)});
     }
     SortByFrame(free_begin, &free);
-    AddDepths(posed, track);
+    AddDepths(posed, track, track.noise_ratio / min_noise_ratio);
     fixed_range.push_back({fixed_begin, fixed.size()});
     free_range.push_back({free_begin, free.size()});
     points.push_back(track.point_in_world);
@@ -115,7 +120,9 @@ void BundleProblem::AddDepthMaps(const PosedImages& posed) {
 }
 
 // Adds the depths of a track's point after its other observations, because the scales of the maps have larger indices.
-void BundleProblem::AddDepths(const PosedImages& posed, const Track& track) {
+// noise_ratio: how much less certain its keypoints are than those of the best tracks. Its depths are too, because a
+// false match has a false depth; else they would outweigh the keypoints.
+void BundleProblem::AddDepths(const PosedImages& posed, const Track& track, double noise_ratio) {
   for (const TrackObservation& element : track.observations) {
     const int map = index_of_depth_map[element.image];
     if (map < 0 || !(element.depth > 0)) continue;
@@ -131,7 +138,7 @@ void BundleProblem::AddDepths(const PosedImages& posed, const Track& track) {
     depth.axis = cam_from_axes.rotation.conjugate() * Eigen::Vector3d::UnitZ();
     depth.offset = cam_from_axes.translation.z();
     depth.log_depth = std::log(element.depth);
-    depth.residual_from_log = 1 / image.depth_scale->log_depth_stddev;
+    depth.residual_from_log = 1 / (noise_ratio * image.depth_scale->log_depth_stddev);
     FreeObservation coupling{};
     coupling.frame = map;
     coupling.depth = static_cast<int>(depths.size());

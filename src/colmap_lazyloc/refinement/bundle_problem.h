@@ -133,7 +133,7 @@ struct BundleProblem {
   void AddCalibrations(const PosedImages& posed);
   void AddPriors(const PosedImages& posed);
   void AddDepthMaps(const PosedImages& posed);
-  void AddDepths(const PosedImages& posed, const Track& track);
+  void AddDepths(const PosedImages& posed, const Track& track, double noise_ratio);
   void AddQueryPriors(const PosedImages& posed);
 };
 

@@ -7,6 +7,7 @@
 
 #include "colmap_lazyloc/math/so3.h"
 #include "colmap_lazyloc/refinement/bundle_adjustment.h"
+#include "colmap_lazyloc/refinement/bundle_problem.h"
 #include "colmap_lazyloc/refinement/covariance.h"
 #include "colmap_lazyloc/testing/jacobian_check.h"
 #include "colmap_lazyloc/testing/pose_expectations.h"
@@ -85,6 +86,18 @@ TEST(DepthsInAdjustment, ErrorOfAMapsScaleIsCommonToAllItsPoints) {
   const double stddev_along = std::sqrt(along.dot(covariance * along)) / baseline.norm();
   EXPECT_GE(stddev_along, kScaleStddev);
   EXPECT_LE(stddev_along, 1.1 * kScaleStddev);
+}
+
+TEST(DepthsInAdjustment, TracksWithMoreNoiseThanOthersHaveLessCertainDepths) {
+  SyntheticTracks scene = MakeScene(0);
+  scene.tracks[1].noise_ratio = 3;
+  const BundleProblem mixed(scene.posed, scene.tracks);
+  ASSERT_EQ(mixed.depths.size(), scene.tracks.size());
+  EXPECT_DOUBLE_EQ(mixed.depths[0].residual_from_log, 100);
+  EXPECT_DOUBLE_EQ(mixed.depths[1].residual_from_log, 100. / 3);
+  for (Track& track : scene.tracks) track.noise_ratio = 3;
+  const BundleProblem alike(scene.posed, scene.tracks);
+  for (const DepthObservation& depth : alike.depths) EXPECT_DOUBLE_EQ(depth.residual_from_log, 100);
 }
 
 TEST(DepthsInAdjustment, AMapsScaleFollowsItsPrior) {
