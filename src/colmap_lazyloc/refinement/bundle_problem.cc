@@ -30,6 +30,12 @@ void SortByFrame(size_t begin, std::vector<FreeObservation>* free) {
   if (!std::is_sorted(first, free->end(), by_frame)) std::stable_sort(first, free->end(), by_frame);
 }
 
+double MinNoiseRatio(const std::vector<Track>& tracks) {
+  double min_ratio = std::numeric_limits<double>::infinity();
+  for (const Track& track : tracks) min_ratio = std::min(min_ratio, track.noise_ratio);
+  return min_ratio;
+}
+
 }  // namespace
 
 BundleProblem::BundleProblem(const PosedImages& posed, const std::vector<Track>& tracks)
@@ -58,11 +64,8 @@ BundleProblem::BundleProblem(const PosedImages& posed, const std::vector<Track>&
   }
   const std::vector<Rigid3d> cams_from_world = CamsFromWorld(posed);
   size_t num_observations = 0;
-  double min_noise_ratio = std::numeric_limits<double>::infinity();
-  for (const Track& track : tracks) {
-    num_observations += track.observations.size();
-    min_noise_ratio = std::min(min_noise_ratio, track.noise_ratio);
-  }
+  for (const Track& track : tracks) num_observations += track.observations.size();
+  const double min_noise_ratio = MinNoiseRatio(tracks);
   free.reserve(num_observations);
   for (const Track& track : tracks) {
     const size_t fixed_begin = fixed.size(), free_begin = free.size();
