@@ -16,7 +16,14 @@ import sys
 import tempfile
 
 # Debian packages of header-only and static libraries in the extension module and the program.
-STATIC_PACKAGES = ("libceres-dev", "libeigen3-dev", "libflann-dev", "nlohmann-json3-dev", "libboost-graph-dev")
+STATIC_PACKAGES = (
+    "libcereal-dev",
+    "libceres-dev",
+    "libeigen3-dev",
+    "libflann-dev",
+    "nlohmann-json3-dev",
+    "libboost-graph-dev",
+)
 # Files of COLMAP's source with the licences of what the extension module uses, and of what the program uses besides.
 COLMAP_LICENCES = {"colmap": "COPYING.txt", "vlfeat": "src/thirdparty/VLFeat/LICENSE"}
 PROGRAM_LICENCES = {"lsd": "src/thirdparty/LSD/LICENSE", "poisson_recon": "src/thirdparty/PoissonRecon/LICENSE"}

@@ -80,7 +80,7 @@ def make_scene(frames, models):
     rng = np.random.default_rng(4)
     points = rng.uniform(-1.2, 1.2, (300, 3))
     cameras = {camera_id: Camera(camera_id, name, 640, 480, params) for camera_id, (name, params) in models.items()}
-    scene = synthetic.Scene(cameras, {}, {}, [])
+    scene = synthetic.Scene(cameras, {}, {}, [], points)
     for _, rig_from_world, names in frames.values():
         for camera_id, name in names.items():
             pose = to_pose(OTHER_FROM_REFERENCE * rig_from_world if camera_id == 2 else rig_from_world)
@@ -220,6 +220,21 @@ def test_model_with_rigs_there_and_back(localize, scene, database_path, frames, 
     assert frame_of["query/left.jpg"].rig_id == frame_of["query/right.jpg"].rig_id == RIG_ID
     assert all(frame_of[f"query/{MODELS[camera_id][0]}.jpg"].rig_id == camera_id for camera_id in list(MODELS)[2:])
     written.write_binary(str(tmp_path))  # COLMAP checks all of a model here
+
+
+def test_depth_maps(localize, scene, database_path, frames, tmp_path):
+    """One image with a depth map is enough for a query of every camera model, and for a rig."""
+    (tmp_path / "model").mkdir()
+    make_model(scene, frames).write_binary(str(tmp_path / "model"))
+    arguments = ["--database_path", database_path, "--input_path", tmp_path / "model"]
+    arguments += ["--LazyLocalizer.num_retrieved", 1, "--LazyLocalizer.min_confidence", 0.5]
+    lone = {name for name in scene.query_names if name not in ("query/left.jpg", "query/right.jpg")}
+    without = localize(*arguments)
+    assert {without.statuses[name] for name in lone} == {"SCALE_UNOBSERVABLE"}
+    folder = synthetic.write_depth_maps(tmp_path / "maps", scene)
+    run = localize(*arguments, "--depth_path", folder, "--LazyLocalizer.depth_is_metric", 1)
+    run.assert_localized(scene, scene.query_names, 0.05, 0.5)
+    assert all(run.results[name]["depth"]["fixes"] == "distance" for name in lone)
 
 
 def test_leave_one_out_takes_the_query_out_of_its_frame(localize, scene, database_path, frames, tmp_path):

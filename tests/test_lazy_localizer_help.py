@@ -106,6 +106,8 @@ BASIC_OPTIONS = {
     "LazyLocalizer.intrinsics",
     "LazyLocalizer.world_up",
     "LazyLocalizer.min_confidence",
+    "LazyLocalizer.depth_is_metric",
+    "depth_path",
 }
 
 

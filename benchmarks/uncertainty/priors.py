@@ -1,4 +1,4 @@
-"""The cases with unobservable motions, with positions and gravity of the queries as further evidence."""
+"""The cases with unobservable motions, with positions and gravity of queries and depth maps as further evidence."""
 
 import collections
 import pathlib
@@ -8,11 +8,20 @@ import numpy as np
 
 from benchmarks.uncertainty.localizer import position_error
 from colmap_lazyloc.results import pose_of
+from colmap_lazyloc.testing import synthetic
 
 POSITION_STDDEV = 0.3  # units; the scenes are 3 units wide and 6 away
 GRAVITY_STDDEV_DEG = 1.0
 DOWN = np.array([0.0, 1.0, 0.0])  # in the world of synthetic scenes
-EVIDENCE = {"none": (), "position": ("position",), "gravity": ("gravity",), "both": ("position", "gravity")}
+DEPTH_STDDEV_RATIO, DEPTH_SCALE_STDDEV_RATIO = 0.01, 0.02  # of depth maps that are stated to be metric
+EVIDENCE = {
+    "none": (),
+    "position": ("position",),
+    "gravity": ("gravity",),
+    "both": ("position", "gravity"),
+    "depth": ("depth",),
+    "depth and position": ("depth", "position"),
+}
 
 
 def print_priors(colmap, cases, localize):
@@ -22,9 +31,18 @@ def print_priors(colmap, cases, localize):
         cells = []
         for names in EVIDENCE.values():
             with tempfile.TemporaryDirectory() as folder:
-                options = _write_priors(pathlib.Path(folder), scene, names)
+                priors = [name for name in names if name != "depth"]
+                options = _write_priors(pathlib.Path(folder), scene, priors)
+                if "depth" in names:
+                    maps = synthetic.write_depth_maps(pathlib.Path(folder) / "maps", scene, _disturb_depths)
+                    options += ["--depth_path", maps, "--LazyLocalizer.depth_is_metric", 1]
                 cells.append(_describe(localize(colmap, scene, *options), scene))
         print(f"| {case} | {' | '.join(cells)} |", flush=True)
+
+
+def _disturb_depths(depths, rng):
+    scale = np.exp(DEPTH_SCALE_STDDEV_RATIO * rng.standard_normal())
+    return depths * scale * np.exp(DEPTH_STDDEV_RATIO * rng.standard_normal(len(depths)))
 
 
 def _write_priors(folder: pathlib.Path, scene, names) -> list:
@@ -45,17 +63,12 @@ def _write_priors(folder: pathlib.Path, scene, names) -> list:
 
 
 def _describe(results: dict, scene) -> str:
-    """Returns the statuses, what the priors fix, and of poses the median error and that in standard deviations."""
+    """Returns the statuses, what evidence fixes, and of poses the median error and that in standard deviations."""
     statuses = collections.Counter(result["status"] for result in results.values())
     text = ", ".join(f"`{status}` {count}" for status, count in sorted(statuses.items()))
-    fixed = collections.Counter(
-        prior["fixes"]
-        for result in results.values()
-        for prior in (result.get("priors") or {}).values()
-        if prior and prior["fixes"] != "nothing"
-    )
+    fixed = _names_of_fixed(results)
     if fixed:
-        text += "; fixes " + ", ".join(sorted(fixed))
+        text += "; fixes " + ", ".join(fixed)
     errors = [
         position_error(pose_of(result), result["covariance"], scene.images[name].pose.cam_in_world)
         for name, result in results.items()
@@ -64,3 +77,14 @@ def _describe(results: dict, scene) -> str:
     if errors:
         text += f"; {np.median([length for length, _ in errors]):.2g}, {np.median([s for _, s in errors]):.1f} σ"
     return text
+
+
+def _names_of_fixed(results: dict) -> list[str]:
+    """Returns what priors and depth maps fix in any of the poses."""
+    fixed = set()
+    for result in results.values():
+        fixed |= {prior["fixes"] for prior in (result.get("priors") or {}).values() if prior}
+        depth = result.get("depth")
+        if depth and depth["fixes"] != "nothing" and pose_of(result):
+            fixed.add(f"{depth['fixes']} by depth")
+    return sorted(fixed - {"nothing"})

@@ -4,6 +4,7 @@ _STARTS = {
     "motion_averaging": "averaging of the relative poses to the database images",
     "absolute_pose": "points triangulated from the database images",
     "generalized_relative_pose": "relative pose to several database images at once",
+    "depth": "depth maps of database images",
 }
 _SOURCES = {
     "query_list": "the query list",

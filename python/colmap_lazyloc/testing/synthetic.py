@@ -89,6 +89,7 @@ class Scene:
     images: dict[str, Image]
     pairs: dict[tuple[str, str], Pair]
     query_names: list[str]
+    points: np.ndarray | None = None  # n x 3, by the indices of Image.point_of_keypoint
 
     @property
     def database_names(self):
@@ -143,7 +144,7 @@ def make_scene(
         1: Camera(1, "SIMPLE_RADIAL", 640, 480, [520.0, 320.0, 240.0, -0.05]),
         2: Camera(2, "PINHOLE", 600, 500, [480.0, 490.0, 301.5, 248.5]),
     }
-    scene = Scene(cameras, {}, {}, [])
+    scene = Scene(cameras, {}, {}, [], points)
     for is_query, centres in ((False, database_centres), (True, query_centres)):
         for i, centre in enumerate(centres):
             name = f"query/{i:03d}.jpg" if is_query else f"database/{i:03d}.jpg"
@@ -315,6 +316,21 @@ def stored_images(scene, names):
         model.Image(image.name, image.camera_id, image.pose, image.image_id)
         for image in (scene.images[name] for name in names)
     ]
+
+
+def write_depth_maps(folder, scene, disturb=lambda depths, rng: depths, names=None, seed=0):
+    """Writes NAME.npy with the depths at each image's keypoints, unknown elsewhere. disturb: changes the depths."""
+    folder, rng = pathlib.Path(folder), np.random.default_rng(seed)
+    for name in scene.database_names if names is None else names:
+        image, camera = scene.images[name], scene.cameras[scene.images[name].camera_id]
+        is_point = image.point_of_keypoint >= 0
+        depths = np.full((camera.height, camera.width), np.nan, np.float32)
+        column, row = np.floor(image.keypoints[is_point]).astype(int).T
+        depths[row, column] = disturb(image.pose(scene.points[image.point_of_keypoint[is_point]])[:, 2], rng)
+        path = folder / f"{name}.npy"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        np.save(path, depths)
+    return folder
 
 
 def write_model(path, scene, names=None, binary=True):

@@ -52,6 +52,10 @@ void ForEachFileOption(Options& o, const Add& add) {
       "File with lines `name gx gy gz stddev_deg`: where down is in the axes of queries, from an accelerometer for "
       "example; a direction that the images contradict is left out",
       OptionRole::INPUT);
+  add("depth_path", &o.source.depth.depth_path,
+      "Folder of depth maps of the database images, by the images' names: 16-bit PNG, .npy, or .bin of COLMAP's dense "
+      "stereo; default: no depth",
+      OptionRole::INPUT);
 }
 
 }  // namespace lazyloc

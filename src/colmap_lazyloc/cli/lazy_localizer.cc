@@ -83,6 +83,10 @@ void LocalizeRest(const QuerySource& source, std::vector<size_t> groups, const C
   };
   RunQueries(source, groups, options.localizer, options.num_threads, finish, [] { return interrupted != 0; });
   run->Sync();
+  if (source.Depths() == nullptr) return;
+  for (const std::string& problem : source.Depths()->Problems()) PrintWarning(problem);
+  const std::string missing = source.Depths()->MissingMaps();
+  if (!missing.empty()) PrintWarning(missing);
 }
 
 int Run(const CommandOptions& options) {

@@ -2,6 +2,17 @@
 
 namespace lazyloc {
 
+template <typename Options, typename Add>
+void ForEachDepthOption(Options& o, const Add& add) {
+  add("LazyLocalizer.Advanced.depth_has_shift", &o.depth.has_shift,
+      "Fit a constant that is added to all depths of a map, beside its scale");
+  add("LazyLocalizer.Advanced.depth_stddev_ratio", &o.depth.min_stddev_ratio,
+      "Minimum standard deviation of a depth, as a fraction of it; the depths' scatter around triangulated points may "
+      "show a larger one");
+  add("LazyLocalizer.Advanced.depth_scale_stddev_ratio", &o.depth.metric_stddev_ratio,
+      "Standard deviation of the scale of metric depth maps, as a fraction of it");
+}
+
 // Calls `add(name, pointer to the value, help)` for the options of LocalizerOptions that few users need.
 template <typename Options, typename Add>
 void ForEachMethodOption(Options& o, const Add& add) {
@@ -16,8 +27,8 @@ void ForEachMethodOption(Options& o, const Add& add) {
   add("LazyLocalizer.Advanced.translation_averaging", &o.translation_averaging.method,
       "Method of translation averaging: angular, or for comparison lud (least unsquared deviations)");
   add("LazyLocalizer.Advanced.start_pose", &o.start_pose,
-      "Start of bundle adjustment: best, motion_averaging, absolute_pose or "
-      "generalized_relative_pose");
+      "Start of bundle adjustment: best, motion_averaging, absolute_pose, "
+      "generalized_relative_pose or depth");
   add("LazyLocalizer.Advanced.post_optimization", &o.post_optimization,
       "Stage after motion averaging: tracks (triangulation and bundle adjustment), or for comparison sampson, "
       "relative_pose_lo or none");
@@ -49,6 +60,7 @@ void ForEachMethodOption(Options& o, const Add& add) {
       "scene apart, for the estimates of -1");
   add("LazyLocalizer.Advanced.focal_length_stddev_ratio", &o.focal_length_stddev_ratio,
       "Standard deviation of a given focal length, as a fraction of it; 0 leaves it out of the covariance");
+  ForEachDepthOption(o, add);
   add("LazyLocalizer.Advanced.min_num_tracks", &o.min_num_tracks, "Minimum number of tracks for a pose");
   add("LazyLocalizer.Advanced.max_position_stddev_ratio", &o.max_position_stddev_ratio,
       "Maximum standard deviation of a position, as a fraction of the distance to the scene");

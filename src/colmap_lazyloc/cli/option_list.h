@@ -43,6 +43,9 @@ void ForEachBasicOption(Options& o, const Add& add) {
       "estimate the focal length)");
   add("LazyLocalizer.world_up", &o.source.priors.world_up,
       "Direction against gravity in the model, for example 0,0,1; needed for --query_gravity_path");
+  add("LazyLocalizer.depth_is_metric", &o.localizer.depth.is_metric,
+      "Take depths in --depth_path as lengths in the unit of the model, even if no triangulated points confirm their "
+      "scale");
   add("LazyLocalizer.min_confidence", &o.localizer.min_confidence,
       "Minimum probability that a position is right; queries below it have the status LOW_CONFIDENCE");
 }
@@ -56,6 +59,8 @@ void ForEachSourceOption(Options& o, const Add& add) {
   add("LazyLocalizer.Advanced.trajectory_has_scale", &o.selection.groups.trajectory_has_scale,
       "Take lengths in --query_trajectory_path as lengths in the unit of the model; 0 estimates their scale for each "
       "group");
+  add("LazyLocalizer.Advanced.depth_png_unit", &o.depth.png_unit,
+      "Depth in the unit of the model for a value of 1 in a PNG of --depth_path");
   add("LazyLocalizer.Advanced.query_prior_path", &o.photos.query_prior_path,
       "File with lines `name x y z radius`; a photo is matched only with database images within its radius",
       OptionRole::INPUT);

@@ -17,7 +17,7 @@ using ::testing::ThrowsMessage;
 using ::testing::internal::CaptureStdout;
 using ::testing::internal::GetCapturedStdout;
 
-constexpr size_t kMaxNumBasicOptions = 26;
+constexpr size_t kMaxNumBasicOptions = 28;
 
 class OptionsTest : public ::testing::Test {
  protected:

@@ -1,6 +1,7 @@
 #include "colmap_lazyloc/cli/run_results.h"
 
 #include <algorithm>
+#include <set>
 
 #include "colmap_lazyloc/cli/report_command.h"
 #include "colmap_lazyloc/cli/run_command.h"
@@ -23,6 +24,25 @@ size_t NumQueries(const QueryFrames& group) {
   return num_queries;
 }
 
+// Warns once of the depth maps that were not used.
+void WarnOfDepthMaps(const QueryRecords& records) {
+  std::set<std::string> contradicted, without_scale;
+  records.ForEach([&](const QueryRecord& record) {
+    if (!record.result.depth) return;
+    for (const DepthMapResult& map : record.result.depth->maps) {
+      if (map.verdict == DepthVerdict::CONTRADICTED) contradicted.insert(map.database_name);
+      if (map.verdict == DepthVerdict::NO_SCALE) without_scale.insert(map.database_name);
+    }
+  });
+  const auto warn = [](const std::set<std::string>& names, const std::string& reason) {
+    if (names.empty()) return;
+    PrintWarning("depth maps left out for " + std::to_string(names.size()) + " database images (for example " +
+                 *names.begin() + "): " + reason);
+  };
+  warn(contradicted, "triangulated points contradict them");
+  warn(without_scale, "too few triangulated points tell their scale, and --LazyLocalizer.depth_is_metric is 0");
+}
+
 }  // namespace
 
 std::vector<size_t> GroupsOfShard(const QuerySource& source, const std::optional<Shard>& shard) {
@@ -40,7 +60,10 @@ RunManifest MakeManifest(const CommandOptions& options, const QuerySource& sourc
   manifest.options = MethodOptions(options);
   manifest.other_options = OtherOptions(options);
   for (const auto& [name, path] : InputOptions(options)) {
-    if (!path.empty()) manifest.inputs[name] = {path, name == "input_path" ? model : FingerprintOf(path)};
+    if (path.empty()) continue;
+    manifest.inputs[name] = {path, name == "input_path"   ? model
+                                   : name == "depth_path" ? FingerprintOfTree(path)
+                                                          : FingerprintOf(path)};
   }
   manifest.num_groups = source.NumGroups();
   manifest.num_queries = source.NumQueries();
@@ -59,6 +82,7 @@ std::optional<LeaveOneOutSummary> WriteResults(const CommandOptions& options, co
     if (result.status != QueryStatus::LOCALIZED || result.intrinsics.contradiction.empty()) return;
     PrintWarning("query " + result.query_name + ": " + result.intrinsics.contradiction);
   });
+  WarnOfDepthMaps(records);
   const std::string extraction = manifest.extraction.empty() ? "" : "# " + manifest.extraction + "\n";
   const std::string options_ini = "# written by " + ProgramVersion() + "\n" + extraction + OptionsAsIni(options);
   std::optional<LeaveOneOutSummary> leave_one_out;

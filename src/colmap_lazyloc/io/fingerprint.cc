@@ -54,24 +54,33 @@ void serialize(Archive& archive, ModelFrame& frame) {
 namespace {
 
 constexpr uint64_t kMaxNumBytesRead = 16 << 20, kPieceSize = 64 << 10;
+constexpr uint64_t kTreePieceSize = 4 << 10;
 
 std::string Hex(uint64_t value) { return Format("%016llx", static_cast<unsigned long long>(value)); }
 
-// Adds the bytes of a file, or of pieces of it. Returns its size.
-uint64_t AddFile(const fs::path& path, Crc64* crc) {
+// Adds the bytes of a file of at most max_bytes, or of evenly spaced pieces of a larger one. Returns its size.
+uint64_t AddFile(const fs::path& path, uint64_t piece_size, uint64_t max_bytes, Crc64* crc) {
   std::ifstream file(path, std::ios::binary);
   std::error_code error;
   const uint64_t size = fs::file_size(path, error);
   if (!file || error) throw InputError(path.string() + ": cannot be read");
-  constexpr uint64_t kNumPieces = kMaxNumBytesRead / kPieceSize;
-  const uint64_t step = size <= kMaxNumBytesRead ? kPieceSize : (size - kPieceSize) / (kNumPieces - 1);
-  std::string piece(kPieceSize, '\0');
+  const uint64_t num_pieces = max_bytes / piece_size;
+  const uint64_t step = size <= max_bytes ? piece_size : (size - piece_size) / (num_pieces - 1);
+  std::string piece(piece_size, '\0');
   for (uint64_t offset = 0; offset < size; offset += step) {
     file.seekg(static_cast<std::streamoff>(offset));
-    file.read(piece.data(), static_cast<std::streamsize>(std::min(kPieceSize, size - offset)));
+    file.read(piece.data(), static_cast<std::streamsize>(std::min(piece_size, size - offset)));
     crc->Add({piece.data(), static_cast<size_t>(file.gcount())});
   }
   return size;
+}
+
+// Adds what tells a file from others of the same content.
+void AddState(const fs::path& path, Fingerprint* fingerprint) {
+  struct stat state {};
+  if (stat(path.c_str(), &state) != 0) return;
+  fingerprint->identity += std::to_string(state.st_dev) + ":" + std::to_string(state.st_ino) + " ";
+  fingerprint->modified += Format("%lld.%09ld ", static_cast<long long>(state.st_mtim.tv_sec), state.st_mtim.tv_nsec);
 }
 
 template <typename T>
@@ -105,15 +114,35 @@ Fingerprint FingerprintOf(const fs::path& path) {
   Fingerprint fingerprint;
   uint64_t num_bytes = 0;
   for (const fs::path& file : files) {
-    const uint64_t size = AddFile(file, &crc);
+    const uint64_t size = AddFile(file, kPieceSize, kMaxNumBytesRead, &crc);
     num_bytes += size;
-    struct stat state {};
-    if (size <= kMaxNumBytesRead || stat(file.c_str(), &state) != 0) continue;
-    fingerprint.identity += std::to_string(state.st_dev) + ":" + std::to_string(state.st_ino) + " ";
-    fingerprint.modified += Format("%lld.%09ld ", static_cast<long long>(state.st_mtim.tv_sec), state.st_mtim.tv_nsec);
+    if (size > kMaxNumBytesRead) AddState(file, &fingerprint);
   }
   fingerprint.content = std::to_string(num_bytes) + " bytes, " + Hex(crc.Value());
   return fingerprint;
+}
+
+Fingerprint FingerprintOfTree(const fs::path& folder) {
+  std::error_code ignored;
+  std::vector<fs::path> files;
+  for (const fs::directory_entry& entry : fs::recursive_directory_iterator(folder, ignored)) {
+    if (entry.is_regular_file(ignored)) files.push_back(entry.path());
+  }
+  if (files.empty()) return {};
+  std::sort(files.begin(), files.end());
+  Crc64 crc, identity, modified;
+  uint64_t num_bytes = 0;
+  for (const fs::path& file : files) {
+    AddValue(fs::path(file).lexically_relative(folder).string(), &crc);
+    const uint64_t size = AddFile(file, kTreePieceSize, 3 * kTreePieceSize, &crc);
+    AddValue(size, &crc);
+    num_bytes += size;
+    Fingerprint state;
+    AddState(file, &state);
+    identity.Add(state.identity);
+    modified.Add(state.modified);
+  }
+  return {std::to_string(num_bytes) + " bytes, " + Hex(crc.Value()), Hex(identity.Value()), Hex(modified.Value())};
 }
 
 Fingerprint FingerprintOf(const Model& model) {

@@ -69,7 +69,7 @@ bool ReadPair(const LocalizationProblem& problem, const StoredQuery& query, uint
 PairLoader::Candidates PairLoader::RankCandidates(const StoredQuery& query, const std::vector<PairSize>& sizes) const {
   Candidates candidates;
   for (const PairSize& size : sizes) {
-    const ModelImage* image = selection_.FindPosedImage(size.image_id, query);
+    const ModelImage* image = selection_.FindPosedImage(size.image_id, query.image.name);
     if (image != nullptr) candidates.push_back({image, size.image_id, size.num_matches});
   }
   std::sort(candidates.begin(), candidates.end(), [](const Candidate& a, const Candidate& b) {

@@ -268,11 +268,11 @@ const DatabaseImage* QuerySelection::FindInDatabase(const std::string& name) con
   return image == database_images_.end() || image->name != name ? nullptr : &*image;
 }
 
-const ModelImage* QuerySelection::FindPosedImage(uint32_t image_id, const StoredQuery& query) const {
+const ModelImage* QuerySelection::FindPosedImage(uint32_t image_id, const std::string& query_name) const {
   const auto posed = posed_of_database_id_.find(image_id);
   if (posed == posed_of_database_id_.end()) return nullptr;
   const std::optional<size_t> group = FindGroup(posed->second->name);
-  return group && group == FindGroup(query.image.name) ? nullptr : posed->second;
+  return group && group == FindGroup(query_name) ? nullptr : posed->second;
 }
 
 std::optional<std::vector<uint32_t>> QuerySelection::ListedPairs(const StoredQuery& query) const {

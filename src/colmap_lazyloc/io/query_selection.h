@@ -80,9 +80,12 @@ class QuerySelection {
   // Returns the ids of the posed images in the database, sorted.
   const std::vector<uint32_t>& PosedImageIds() const { return posed_ids_; }
   // Returns the posed image with an id of the database; null if the image has no pose or is in the query's own group.
-  const ModelImage* FindPosedImage(uint32_t image_id, const StoredQuery& query) const;
+  // query_name: also one that is not known here.
+  const ModelImage* FindPosedImage(uint32_t image_id, const std::string& query_name) const;
   // Returns the ids of the other images that the pairs file lists for a query, sorted; nullopt without a pairs file.
   std::optional<std::vector<uint32_t>> ListedPairs(const StoredQuery& query) const;
+  // Returns true if queries are posed images themselves, which take no part in their own localization.
+  bool HasPosedQueries() const { return options_.leave_one_out; }
   // Does the same as MakeDatabasePair for one of the posed images.
   ImagePair MakePair(const ModelImage& database_image) const {
     return MakeDatabasePair(database_image, model_, frame_of_database_image_);

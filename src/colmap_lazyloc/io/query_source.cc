@@ -14,7 +14,7 @@ bool SourceOptions::Check(std::string* error) const {
     *error = "image_path excludes --LazyLocalizer.leave_one_out, whose queries are posed images of the database";
     return false;
   }
-  return selection.groups.Check(error) && photos.Check(error) && priors.Check(error);
+  return selection.groups.Check(error) && photos.Check(error) && priors.Check(error) && depth.Check(error);
 }
 
 LoadedGroup LoadEach(const GroupInput& input, const LoadQueryFunction& load_query) {
@@ -54,7 +54,9 @@ QuerySource::QuerySource(const SourceOptions& options, Model model, const TwoVie
       pair_loader_(selection_, options.num_retrieved),
       priors_(ReadQueryPriors(options.priors,
                               [this](const std::string& name) { return selection_.FindGroup(name).has_value(); })),
+      depth_points_(selection_),
       max_num_pairs_(options.selection.pairs_path.empty() ? options.num_retrieved : 0) {
+  if (!options.depth.depth_path.empty()) depth_maps_.emplace(options.depth);
   if (!selection_.Photos().empty()) Photos();
 }
 
@@ -129,7 +131,26 @@ LoadedGroup QuerySource::Load(const GroupInput& input, Session* session) const {
         }
       });
   pair_loader_.LoadQueryPairs(session->database_, &loaded);
+  AddDepths(session, &loaded);
   return loaded;
+}
+
+void QuerySource::AddDepths(Session* session, LoadedGroup* loaded) const {
+  if (!depth_maps_) return;
+  for (QueryImage& query : loaded->group.images) {
+    const StageTimer timer("depth", &loaded->records[&query - loaded->group.images.data()].seconds);
+    for (ImagePair& pair : query.problem.pairs) {
+      const DatabaseImage* image = selection_.FindInDatabase(pair.other_name);
+      if (image == nullptr) continue;
+      pair.other_depths =
+          depth_maps_->AtKeypoints(pair.other_name, image->image_id, pair.other_camera, pair.other_keypoints);
+      if (pair.other_depths.empty()) continue;
+      pair.other_point_depths =
+          depth_points_.AtKeypoints(pair.other_name, query.problem.query_name, session->database_);
+      // Leaves out points of other keypoints than the stored ones, which a caller may bring.
+      if (pair.other_point_depths.size() != pair.other_keypoints.size()) pair.other_point_depths.clear();
+    }
+  }
 }
 
 std::vector<std::string> QuerySource::Warnings() const {

@@ -12,6 +12,8 @@
 #include "colmap_lazyloc/bridge/two_view_geometry.h"
 #include "colmap_lazyloc/database/database_reader.h"
 #include "colmap_lazyloc/database/feature_reader.h"
+#include "colmap_lazyloc/io/depth_maps.h"
+#include "colmap_lazyloc/io/depth_points.h"
 #include "colmap_lazyloc/io/pair_loader.h"
 #include "colmap_lazyloc/io/photo_loader.h"
 #include "colmap_lazyloc/io/query_prior_files.h"
@@ -28,6 +30,7 @@ struct SourceOptions {
   QuerySelectionOptions selection;
   PhotoOptions photos;
   QueryPriorOptions priors;
+  DepthMapOptions depth;
 
   bool Check(std::string* error) const;
 };
@@ -86,6 +89,10 @@ class QuerySource {
   LoadedGroup Load(size_t group, Session* session) const;
   // Loads any group in the same way. The first photo may take long, because it makes the retrieval index.
   LoadedGroup Load(const GroupInput& input, Session* session) const;
+  // Adds the depths of the database images' keypoints, which Load does by itself.
+  void AddDepths(Session* session, LoadedGroup* loaded) const;
+  // Returns the depth maps of database images; null without a folder of maps.
+  const DepthMaps* Depths() const { return depth_maps_ ? &*depth_maps_ : nullptr; }
   // Publishes the photos' features and matches, if they are kept.
   void PublishMatches() const;
 
@@ -104,6 +111,8 @@ class QuerySource {
   QuerySelection selection_;
   PairLoader pair_loader_;
   std::map<std::string, QueryPrior> priors_;  // by query; those in files
+  std::optional<DepthMaps> depth_maps_;       // nullopt without a folder of maps
+  DepthPoints depth_points_;
   int max_num_pairs_ = 0;
   mutable std::once_flag photo_loader_is_made_;
   mutable std::unique_ptr<PhotoLoader> photo_loader_;  // null until a query is a photo

@@ -92,16 +92,28 @@ void serialize(Archive& archive, PoseEvidence& evidence) {
   ForEachEvidence(evidence, [&](const char*, double* value) { archive(*value); });
 }
 
+template <typename Archive>
+void serialize(Archive& archive, DepthMapResult& map) {
+  auto& [database_name, verdict, num_points, scale, scale_stddev, depth_stddev] = map;
+  archive(database_name, verdict, num_points, scale, scale_stddev, depth_stddev);
+}
+
+template <typename Archive>
+void serialize(Archive& archive, DepthResult& depth) {
+  auto& [maps, num_points, fixes_distance] = depth;
+  archive(maps, num_points, fixes_distance);
+}
+
 // Leaves the points out, which are a part of their own.
 template <typename Archive>
 void serialize(Archive& archive, LocalizationResult& result) {
   auto& [query_name, status, reason, query_camera, is_camera_refined, intrinsics, priors, frame_name, rig_error_px,
-         cam_from_world, rig_from_world, rig_scale, covariance, spread, confidence, evidence, partial_pose, start,
-         pairs, points, num_tracks, num_observations, mean_reprojection_error_px, seconds] = result;
+         cam_from_world, rig_from_world, rig_scale, covariance, spread, confidence, evidence, partial_pose, depth,
+         start, pairs, points, num_tracks, num_observations, mean_reprojection_error_px, seconds] = result;
   static_cast<void>(points);
   archive(query_name, status, reason, query_camera, is_camera_refined, intrinsics, priors, frame_name, rig_error_px,
-          cam_from_world, rig_from_world, rig_scale, covariance, spread, confidence, evidence, partial_pose, start,
-          pairs, num_tracks, num_observations, mean_reprojection_error_px, seconds);
+          cam_from_world, rig_from_world, rig_scale, covariance, spread, confidence, evidence, partial_pose, depth,
+          start, pairs, num_tracks, num_observations, mean_reprojection_error_px, seconds);
 }
 
 // Leaves the keypoints out, which are a part of their own.

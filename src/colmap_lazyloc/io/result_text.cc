@@ -122,6 +122,20 @@ Json PairsToJson(const std::vector<PairResult>& pairs) {
   return json;
 }
 
+Json DepthToJson(const DepthResult& depth) {
+  Json maps = Json::array();
+  for (const DepthMapResult& map : depth.maps) {
+    const bool is_used = map.verdict == DepthVerdict::USED;
+    maps.push_back({{"name", map.database_name},
+                    {"verdict", EnumName(map.verdict)},
+                    {"num_points", map.num_points},
+                    {"depth_stddev_ratio", map.depth_stddev > 0 ? Json(map.depth_stddev) : Json()},
+                    {"scale", is_used ? Json(map.scale) : Json()},
+                    {"scale_stddev_ratio", is_used ? Json(map.scale_stddev) : Json()}});
+  }
+  return {{"fixes", depth.fixes_distance ? "distance" : "nothing"}, {"num_points", depth.num_points}, {"maps", maps}};
+}
+
 Json SecondsToJson(const QueryRecord& record) {
   Json json = Json::object();
   for (const auto& [stage, seconds] : record.seconds) json[stage] = seconds;
@@ -147,6 +161,7 @@ Json RecordToJson(const QueryRecord& record) {
   if (result.status == QueryStatus::LOCALIZED && result.is_camera_refined) {
     json["camera"] = CameraToJson(result.query_camera);
   }
+  if (result.depth) json["depth"] = DepthToJson(*result.depth);
   json["intrinsics"] = IntrinsicsToJson(result.intrinsics);
   json["intrinsics_source"] = record.intrinsics_source ? Json(EnumName(*record.intrinsics_source)) : Json();
   if (result.priors.position || result.priors.gravity) json["priors"] = PriorsToJson(result.priors);

@@ -24,6 +24,8 @@ struct Fingerprint {
 
 // path: a file, or a folder whose files count without those in its folders. A SQLite file counts with its -wal.
 Fingerprint FingerprintOf(const std::filesystem::path& path);
+// Counts all files below a folder, however many: each by its path in it, its size, and the start, middle and end of it.
+Fingerprint FingerprintOfTree(const std::filesystem::path& folder);
 // Depends on the values of the model, whatever the format of its files.
 Fingerprint FingerprintOf(const Model& model);
 

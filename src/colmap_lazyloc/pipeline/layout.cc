@@ -56,6 +56,7 @@ Layout MakeLayout(const QueryGroup& group) {
   for (const QueryImage& query : group.images) {
     layout.image_of_pair.emplace_back();
     for (const ImagePair& pair : query.problem.pairs) {
+      layout.has_depths = layout.has_depths || !pair.other_depths.empty();
       layout.image_of_pair.back().push_back(database_frames.AddImage(query.frame, pair));
     }
   }

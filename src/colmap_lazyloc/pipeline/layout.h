@@ -20,6 +20,7 @@ struct Layout {
   std::vector<std::string> names;  // by image
   int num_queries = 0;
   int num_query_frames = 0;
+  bool has_depths = false;  // true if database images have depth maps
   Eigen::Vector3d origin =
       Eigen::Vector3d::Zero();                  // subtracted from all coordinates: solvers work near zero (UTM, ECEF)
   std::vector<QueryPrior> priors;               // by query, with positions relative to the origin

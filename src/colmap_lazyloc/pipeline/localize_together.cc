@@ -7,9 +7,11 @@
 #include <utility>
 
 #include "colmap_lazyloc/math/so3.h"
+#include "colmap_lazyloc/pipeline/depth_maps_in_use.h"
 #include "colmap_lazyloc/pipeline/focal_length.h"
 #include "colmap_lazyloc/pipeline/intrinsics_check.h"
 #include "colmap_lazyloc/pipeline/pose_evidence.h"
+#include "colmap_lazyloc/pipeline/position_ambiguity.h"
 #include "colmap_lazyloc/pipeline/pure_rotation.h"
 #include "colmap_lazyloc/pipeline/query_priors.h"
 #include "colmap_lazyloc/pipeline/refinement_without_tracks.h"
@@ -67,6 +69,21 @@ auto Timed(const char* name, Report* report, const Stage& stage) {
   return stage();
 }
 
+// Takes intrinsics for unobservable that are contradicted only if depths are exact: if these alone fix the distance,
+// errors of a map look like those of intrinsics.
+void IgnoreContradictionsOfDepth(const Layout& layout, const BundleAdjustmentResult& adjustment,
+                                 const LocalizerOptions& options, std::vector<IntrinsicsResult>* intrinsics) {
+  if (!layout.has_depths) return;
+  const std::vector<TrackRefs> tracks_of = TracksByFrame(layout, adjustment.tracks);
+  for (int query = 0; query < layout.num_queries; ++query) {
+    IntrinsicsResult& result = (*intrinsics)[query];
+    if (result.verdict != IntrinsicsVerdict::CONTRADICTED) continue;
+    if (!FixDistance(adjustment.posed, tracks_of[layout.FrameOf(query)], options)) continue;
+    result.verdict = IntrinsicsVerdict::UNOBSERVABLE;
+    result.contradiction.clear();
+  }
+}
+
 bool HavePriors(const Layout& layout) {
   return std::any_of(layout.priors.begin(), layout.priors.end(),
                      [](const QueryPrior& prior) { return prior.position || prior.gravity; });
@@ -99,6 +116,7 @@ Refined RefineWithPriors(const Layout& layout, const PairRefs& pairs, const Spli
     PosedImages moved = layout.given;
     moved.frames[0].frame_from_world = judgement.start.frames[0].frame_from_world;
     moved.query_priors = judgement.used;
+    for (size_t i = 0; i < moved.images.size(); ++i) moved.images[i].depth_scale = start->posed.images[i].depth_scale;
     Refined fixed = refine(moved, std::move(candidates));
     LimitVarianceFactor(&fixed);
     if (AreReconciled(judgement, fixed)) {
@@ -131,10 +149,11 @@ std::vector<IntrinsicsResult> AddPoses(const Found& found, const LocalizerOption
                                        const QueryCamera* camera = nullptr) {
   const Layout& layout = found.layout;
   const Refined& refined = found.refined;
-  const CheckedIntrinsics checked = Timed("covariance", report, [&] {
+  CheckedIntrinsics checked = Timed("covariance", report, [&] {
     return CheckIntrinsics(found.group, layout, refined, EstimateUncertainties(layout, found.pairs, refined, options),
                            options, camera);
   });
+  IgnoreContradictionsOfDepth(layout, refined.adjustment, options, &checked.results);
   report->AddIntrinsics(checked.results);
   report->AddCameras(checked.cameras);
   report->AddUncertainties(checked.uncertainties);
@@ -158,17 +177,26 @@ Outcome LocalizeTogether(const QueryGroup& group, const LocalizerOptions& option
     const Layout layout = MakeLayout(group);
     const PairEstimates estimates = EstimatePairs(group, layout, options, report->Seconds());
     report->AddPairs(estimates);
-    const Averaged averaged = AverageMotion(layout, estimates.pairs, options, report->Seconds());
+    Averaged averaged = AverageMotion(layout, estimates.pairs, options, report->Seconds());
     CandidateTracks candidates =
         Timed("tracks", report, [&] { return CollectTracks(group, layout, averaged.pairs, options); });
-    const SplitTracks start_tracks = Timed("start", report, [&] {
+    SplitTracks start_tracks = Timed("start", report, [&] {
       return TriangulateFromDatabase(layout.given, candidates.for_start, options.triangulation);
     });
-    Start start = Timed("start", report, [&] { return ChooseStart(layout, averaged, start_tracks, options); });
+    DepthMapsInUse depths;
+    if (layout.has_depths) {
+      depths = Timed("depth", report, [&] {
+        return UseDepthMaps(group, layout, averaged.pairs, options, &candidates, &start_tracks, &averaged.posed);
+      });
+      report->AddDepths(depths.results);
+    }
+    Start start =
+        Timed("start", report, [&] { return ChooseStart(layout, averaged, start_tracks, options, depths.starts); });
     report->AddStart(layout, start);
     const Refined refined =
         RefineWithPriors(layout, averaged.pairs, start_tracks, std::move(candidates), options, report, &start);
     const auto intrinsics = AddPoses({group, layout, estimates, averaged.pairs, start, refined}, options, report);
+    report->AddDepthsOfPoses(layout, refined, options);
     report->AddPairErrors(layout, averaged, refined.adjustment.posed);
     if (options.intrinsics != IntrinsicsMode::GIVEN) RefuseContradicted(layout, intrinsics);
   });

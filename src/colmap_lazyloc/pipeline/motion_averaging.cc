@@ -147,7 +147,7 @@ void AverageTranslation(const Layout& layout, const LocalizerOptions& options, A
     problem.edges.push_back(edge);
   }
   CheckBaselines(layout, *averaged, has_edge);
-  CheckPlaces(layout, *averaged);
+  if (!layout.has_depths) CheckPlaces(layout, *averaged);
   const TranslationAveragingResult result = AverageTranslations(problem, options.translation_averaging);
   CheckBaselines(layout, *averaged, result.is_known);
   if (!result.summary.success) throw Failure{QueryStatus::DIVERGED, "translation averaging failed"};

@@ -20,10 +20,11 @@ enum class StartPose {
   MOTION_AVERAGING,  // LazyLoc
   ABSOLUTE_POSE,     // P3P on points triangulated from the database images
   GENERALIZED_RELATIVE_POSE,
+  DEPTH,  // P3P on points that depth maps of the database images state
 };
 template <>
-inline constexpr std::array<const char*, 4> kEnumNames<StartPose> = {"best", "motion_averaging", "absolute_pose",
-                                                                     "generalized_relative_pose"};
+inline constexpr std::array<const char*, 5> kEnumNames<StartPose> = {"best", "motion_averaging", "absolute_pose",
+                                                                     "generalized_relative_pose", "depth"};
 
 // The stage after motion averaging; all but TRACKS are the paper's ablations.
 enum class PostOptimization {
@@ -51,6 +52,15 @@ inline constexpr double kStartNoisePx = 4;
 // Maximum error of a point in the query in the start and the first round: 8 standard deviations of that noise.
 inline constexpr double kMaxStartErrorSigma = 8;
 inline constexpr double kMaxStartErrorPx = kMaxStartErrorSigma * kStartNoisePx;
+
+// How depth maps of database images are used.
+struct DepthOptions {
+  bool is_metric = false;  // true: depths are in database units, even if no triangulated point tells
+  bool has_shift = false;  // true: the maps are off by a constant, which is fitted like the scale
+  // Minimum relative standard deviation of a depth, and relative standard deviation of a metric map's scale.
+  double min_stddev_ratio = 0.01;
+  double metric_stddev_ratio = 0.02;
+};
 
 // Options of the method. The command's help and options.ini are generated from these defaults.
 struct LocalizerOptions {
@@ -91,6 +101,7 @@ struct LocalizerOptions {
   double database_pose_stddev_length = -1;
   // Expected difference of pose errors at a viewpoint distance of 0.2 (database_priors.h), in pixels.
   double database_pose_noise_px = 0.7;
+  DepthOptions depth;
   double min_confidence = 0.95;  // of a pose; a query below it is not LOCALIZED
   // Maximum standard deviation of a position over the distance to the scene; a query above it is not LOCALIZED.
   double max_position_stddev_ratio = 0.1;

@@ -8,6 +8,7 @@
 
 #include "colmap_lazyloc/math/median.h"
 #include "colmap_lazyloc/math/so3.h"
+#include "colmap_lazyloc/pipeline/position_ambiguity.h"
 
 namespace lazyloc {
 namespace {
@@ -100,7 +101,7 @@ void AddTracks(const Layout& layout, const PosedImages& posed, int frame, const 
   std::vector<double> distances, errors_px;
   double num_explained = 0;
   for (const Track* track : tracks) {
-    evidence->num_common_tracks += track->observations.size() > 2;
+    evidence->num_common_tracks += track->observations.size() > 2 || CountTracksWithDepth(posed, {track}) > 0;
     for (const TrackObservation& element : track->observations) {
       num_explained += layout.IsDatabase(element.image);
       if (layout.FrameOf(element.image) != frame) continue;

@@ -120,14 +120,34 @@ std::string OpenDirectionReason(const PoseSpread& spread, double distance) {
 
 }  // namespace
 
+int CountCommonTracks(const TrackRefs& tracks) {
+  return static_cast<int>(
+      std::count_if(tracks.begin(), tracks.end(), [](const Track* track) { return track->observations.size() > 2; }));
+}
+
+int CountTracksWithDepth(const PosedImages& posed, const TrackRefs& tracks) {
+  return static_cast<int>(std::count_if(tracks.begin(), tracks.end(), [&](const Track* track) {
+    return std::any_of(track->observations.begin(), track->observations.end(), [&](const TrackObservation& element) {
+      return element.depth > 0 && posed.images[element.image].depth_scale;
+    });
+  }));
+}
+
+bool FixDistance(const PosedImages& posed, const TrackRefs& tracks, const LocalizerOptions& options) {
+  return CountTracksWithDepth(posed, tracks) >= options.min_num_tracks &&
+         CountCommonTracks(tracks) < options.min_num_tracks;
+}
+
 bool IsPositionOpen(const AdjustedFrame& frame, const LocalizerOptions& options) {
   const Rigid3d& frame_from_world = frame.adjustment.posed.frames[frame.frame].frame_from_world;
-  const auto num_common = std::count_if(frame.tracks.begin(), frame.tracks.end(),
-                                        [](const Track* track) { return track->observations.size() > 2; });
+  const bool has_common = CountCommonTracks(frame.tracks) >= options.min_num_tracks;
+  const bool has_depth = CountTracksWithDepth(frame.adjustment.posed, frame.tracks) >= options.min_num_tracks;
   const bool has_prior = HasPositionPrior(frame);
   // The noise of points with one database image is stated larger than it is, because of false matches. If there are no
   // other points, only the variance factor tells the noise of the position.
-  const double variance_factor = num_common < options.min_num_tracks || has_prior ? frame.variance_factor : 1;
+  double variance_factor = !has_common || has_prior ? frame.variance_factor : 1;
+  // States the uncertainty of depths as it is, because unlike the images' noise it is not assumed too large.
+  if (has_depth) variance_factor = std::min(frame.variance_factor, 1.0);
   const PoseSpread spread =
       ComputePoseSpread(frame_from_world, variance_factor * frame.adjustment.frame_covariances[frame.frame]);
   if (!(spread.rotation_stddev_rad <= options.max_position_stddev_ratio)) return true;
@@ -136,7 +156,7 @@ bool IsPositionOpen(const AdjustedFrame& frame, const LocalizerOptions& options)
   if (!(spread.position_stddevs[0] <= options.max_position_stddev_ratio * distance)) return true;
   // On a line, only points of two database images, or of one and two queries, fix the position along it. Without them
   // the position may have moved onto a database image, where the covariance no longer shows that it can move.
-  return num_common < options.min_num_tracks && AreOnOneLine(frame, 0.01);
+  return !has_depth && !has_common && AreOnOneLine(frame, 0.01);
 }
 
 Failure OpenPositionFailure(const AdjustedFrame& frame, double variance_factor) {

@@ -19,6 +19,13 @@ struct AdjustedFrame {
   double variance_factor = 1;
 };
 
+// Return the number of tracks with more than two images, and of those with a depth.
+int CountCommonTracks(const TrackRefs& tracks);
+int CountTracksWithDepth(const PosedImages& posed, const TrackRefs& tracks);
+
+// Returns true if depths decide about a distance that nothing else tells.
+bool FixDistance(const PosedImages& posed, const TrackRefs& tracks, const LocalizerOptions& options);
+
 // Returns true if the pose is unobservable: its standard deviation exceeds max_position_stddev_ratio of the scene
 // distance, or all centres are collinear and too few tracks have three images. With a position prior in the adjustment,
 // the covariance tells how certain the position is, and only the rotation may be unobservable.
@@ -26,6 +33,8 @@ struct AdjustedFrame {
 //      o-----o-----o-----q     database centres o and query q on one line: each pair tells the direction of the line
 //       \   /                  only; a point that two database images see apart fixes the place on it
 //         x
+//
+// With enough depths, the place on a line is known too, and the covariance tells how well.
 bool IsPositionOpen(const AdjustedFrame& frame, const LocalizerOptions& options);
 
 // Returns the failure of an adjusted frame whose position is unobservable: it names the reason, and has what is known
@@ -33,7 +42,8 @@ bool IsPositionOpen(const AdjustedFrame& frame, const LocalizerOptions& options)
 Failure OpenPositionFailure(const AdjustedFrame& frame, double variance_factor);
 
 // Throws Failure for frames of one image with several database images, all of one place, and no other queries, because
-// no two of these images triangulate a point. Its partial pose has the rotation and bearing of motion averaging.
+// no two of these images triangulate a point; not if there are depth maps. Its partial pose has the rotation and
+// bearing of motion averaging.
 void CheckPlaces(const Layout& layout, const Averaged& averaged);
 
 // Throws Failure for query frames without a baseline: as far as matches show, all photos were taken from one place, and

@@ -22,6 +22,8 @@ constexpr double kIntermediateConvergence = 5;
 constexpr double kMinNoisePx = 0.5;
 // Image noise in pixels above which database poses must be off, because no keypoint is found this badly.
 constexpr double kMaxKeypointNoisePx = 6;
+// Minimum variance factor by which depths are stated less certain beside images that count as too uncertain.
+constexpr double kMinDepthVarianceFactor = 1e-6;
 
 // The state of the rounds, of which each step replaces a part.
 class Rounds {
@@ -29,6 +31,7 @@ class Rounds {
   Rounds(const Layout& layout, const PosedImages& start, const LocalizerOptions& options, QueryCamera* camera)
       : layout_(layout), options_(options), camera_(camera), priors_(layout, options) {
     adjustment_.posed = start;
+    for (const Image& image : start.images) depth_scales_.push_back(image.depth_scale);
   }
 
   const PosedImages& Posed() const { return adjustment_.posed; }
@@ -46,14 +49,18 @@ class Rounds {
  private:
   void Adjust(bool is_last);
   void AdjustWithPriors(bool is_last);
+  // States the uncertainty of the depth maps for images that adjustment takes for uncertain by this factor too much.
+  void SetDepthScales(double noise_factor);
 
   const Layout& layout_;
   const LocalizerOptions& options_;
   QueryCamera* const camera_;
   BundleAdjustmentResult adjustment_;
   DatabasePriors priors_;
-  bool poses_are_far_off_ = false;  // of the database, by far more than keypoint noise
-  double single_image_spread_ = 1;  // MeasureSingleImageSpread
+  std::vector<std::optional<DepthScale>> depth_scales_;  // by image, as fitted before the rounds
+  bool poses_are_far_off_ = false;                       // of the database, by far more than keypoint noise
+  double single_image_spread_ = 1;                       // MeasureSingleImageSpread
+  double variance_factor_ = 1;                           // of the adjustment before the last one
 };
 
 void Rounds::SetTracks(SplitTracks split, double max_query_error_sigma) {
@@ -100,13 +107,17 @@ CandidateTracks Rounds::Observe(CandidateTracks candidates) const {
 }
 
 // Adjusts without priors, because errors of a rough start would be taken for errors of the database.
-void Rounds::AdjustRoughly(bool is_last) { Adjust(is_last); }
+void Rounds::AdjustRoughly(bool is_last) {
+  SetDepthScales(kStartNoisePx);
+  Adjust(is_last);
+}
 
 void Rounds::AdjustWithPriors(bool is_last) {
   const std::vector<FrameScale> scales = MeasureFrameScales(Posed(), adjustment_.tracks);
   priors_.Set(scales, &adjustment_.posed);
   const double rig_noise_px = options_.rig_noise_px / std::sqrt(priors_.ImageVarianceFactor());
   SetCalibrationPriors(layout_, scales, rig_noise_px, &adjustment_.posed);
+  SetDepthScales(1 / std::sqrt(std::clamp(variance_factor_, kMinDepthVarianceFactor, 1.0)));
   Adjust(is_last);
 }
 
@@ -116,9 +127,19 @@ void Rounds::AdjustWithEstimatedPriors() {
     AdjustWithPriors(/*is_last=*/false);
     const double variance_factor =
         VarianceFactor(Posed(), adjustment_.tracks, RobustLoss(options_.bundle_adjustment.loss_scale_sigma));
+    variance_factor_ = variance_factor;
     const double change = priors_.Estimate(adjustment_, variance_factor);
     if (!poses_are_far_off_ || change < 0.1 || i + 1 >= kMaxNumEstimates) return;
     EstimateNoise(/*is_first=*/false);
+  }
+}
+
+void Rounds::SetDepthScales(double noise_factor) {
+  for (size_t i = 0; i < depth_scales_.size(); ++i) {
+    std::optional<DepthScale>& scale = adjustment_.posed.images[i].depth_scale;
+    if (!scale) continue;
+    scale->log_scale_stddev = noise_factor * depth_scales_[i]->log_scale_stddev;
+    scale->log_depth_stddev = noise_factor * depth_scales_[i]->log_depth_stddev;
   }
 }
 

@@ -7,6 +7,7 @@
 
 #include "colmap_lazyloc/math/so3.h"
 #include "colmap_lazyloc/pipeline/confidence.h"
+#include "colmap_lazyloc/pipeline/position_ambiguity.h"
 
 namespace lazyloc {
 namespace {
@@ -154,6 +155,21 @@ void Report::AddCameras(const std::vector<std::optional<Camera>>& cameras) {
     if (!cameras[query]) continue;
     results_[query].query_camera = *cameras[query];
     results_[query].is_camera_refined = true;
+  }
+}
+
+void Report::AddDepths(const std::vector<DepthResult>& results) {
+  for (size_t query = 0; query < results.size(); ++query) results_[query].depth = results[query];
+}
+
+void Report::AddDepthsOfPoses(const Layout& layout, const Refined& refined, const LocalizerOptions& options) {
+  const std::vector<TrackRefs> tracks_of = TracksByFrame(layout, refined.adjustment.tracks);
+  for (int query = 0; query < layout.num_queries; ++query) {
+    std::optional<DepthResult>& depth = results_[query].depth;
+    if (!depth) continue;
+    const TrackRefs& tracks = tracks_of[layout.FrameOf(query)];
+    depth->num_points = CountTracksWithDepth(refined.adjustment.posed, tracks);
+    depth->fixes_distance = FixDistance(refined.adjustment.posed, tracks, options);
   }
 }
 

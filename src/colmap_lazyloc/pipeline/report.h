@@ -33,6 +33,9 @@ class Report {
   void AddEvidence(const Layout& layout, const std::vector<PoseEvidence>& evidence, double min_confidence);
   // Adds the cameras that were estimated or corrected; nullopt for others. By query.
   void AddCameras(const std::vector<std::optional<Camera>>& cameras);
+  // Adds what became of the depth maps, and what they contribute to the poses. results: by query.
+  void AddDepths(const std::vector<DepthResult>& results);
+  void AddDepthsOfPoses(const Layout& layout, const Refined& refined, const LocalizerOptions& options);
   void AddFailure(const Failure& failure);
 
   // Returns the results; LOCALIZED unless a failure was added.

@@ -91,6 +91,7 @@ Localizer::Localizer(const CommandOptions& options, std::optional<Model> model)
     : options_(options), idle_threads_(EffectiveNumThreads(options.num_threads)), process_(getpid()) {
   options_.source.selection.has_more_queries = true;
   if (options_.source.database_path.empty()) {
+    if (!options_.source.depth.depth_path.empty()) throw InputError("option depth_path needs a database");
     model_ = model ? *std::move(model) : ReadModel(options_.source.input_path);
     frames_ = DatabaseFramePlaces(model_, nullptr, options_.source.selection.groups);
     return;
@@ -100,6 +101,16 @@ Localizer::Localizer(const CommandOptions& options, std::optional<Model> model)
 
 std::vector<std::string> Localizer::Warnings() const {
   return source_ ? source_->Warnings() : std::vector<std::string>();
+}
+
+std::vector<std::string> Localizer::TakeDepthProblems() {
+  std::vector<std::string> untold;
+  if (!source_ || source_->Depths() == nullptr) return untold;
+  const std::lock_guard<std::mutex> lock(sessions_mutex_);
+  for (const std::string& problem : source_->Depths()->Problems()) {
+    if (told_depth_problems_.insert(problem).second) untold.push_back(problem);
+  }
+  return untold;
 }
 
 std::vector<std::vector<std::string>> Localizer::Groups() const {
@@ -192,7 +203,11 @@ std::vector<Answer> Localizer::Localize(size_t group, const std::map<std::string
 std::vector<Answer> Localizer::Localize(const GroupInput& input) {
   Call call(this);
   // Uses all pairs that a user gives, as colmap lazy_localizer does with a file of pairs.
-  if (HasOnlyMatches(input)) return LocalizeLoadedGroup(LoadEach(input, CopyProblem), /*max_num_pairs=*/0);
+  if (HasOnlyMatches(input)) {
+    LoadedGroup loaded = LoadEach(input, CopyProblem);
+    if (source_) source_->AddDepths(call.Session(), &loaded);
+    return LocalizeLoadedGroup(std::move(loaded), /*max_num_pairs=*/0);
+  }
   if (!source_) throw InputError("only queries with matches of their own can do without a database");
   return LocalizeLoadedGroup(source_->Load(input, call.Session()), source_->MaxNumPairs());
 }

@@ -6,6 +6,7 @@
 #include <memory>
 #include <mutex>
 #include <optional>
+#include <set>
 #include <string>
 #include <vector>
 
@@ -38,6 +39,8 @@ class Localizer {
 
   // Returns one line for each problem of the files that is not an error.
   std::vector<std::string> Warnings() const;
+  // Returns one line for each depth map that could not be used since the last call.
+  std::vector<std::string> TakeDepthProblems();
   // Returns the names of the queries that the options select, in their groups.
   std::vector<std::vector<std::string>> Groups() const;
   // Returns the index of a query's group. Throws InputError if there is no query of this name.
@@ -69,7 +72,8 @@ class Localizer {
   IdleThreads idle_threads_;             // threads that no call uses
   std::mutex sessions_mutex_;
   std::vector<std::unique_ptr<QuerySource::Session>> sessions_;  // that no call uses
-  pid_t process_;                                                // that has made the sessions
+  std::set<std::string> told_depth_problems_;
+  pid_t process_;  // that has made the sessions
 };
 
 }  // namespace lazyloc

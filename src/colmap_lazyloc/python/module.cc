@@ -83,6 +83,13 @@ Query WithPrior(const Localizer& localizer, Query query, const std::vector<doubl
   return query;
 }
 
+// Warns of depth maps that could not be used, once of each.
+void WarnOfDepthMaps(Localizer* localizer) {
+  for (const std::string& problem : localizer->TakeDepthProblems()) {
+    if (PyErr_WarnEx(PyExc_UserWarning, AsOneLine(problem).c_str(), 1) != 0) throw nb::python_error();
+  }
+}
+
 // Localizes a group. name, position, gravity: a query of it and its prior.
 std::vector<OutputAnswer> LocalizeStoredGroup(Localizer& localizer, size_t group, const Text& name,
                                               const std::vector<double>& position, const std::vector<double>& gravity) {
@@ -91,6 +98,7 @@ std::vector<OutputAnswer> LocalizeStoredGroup(Localizer& localizer, size_t group
     const nb::gil_scoped_release release;
     answers = localizer.Localize(group, {{name.bytes, localizer.MakePrior(position, gravity)}});
   }
+  WarnOfDepthMaps(&localizer);
   return ToOutput(answers);
 }
 
@@ -110,6 +118,7 @@ std::vector<OutputAnswer> LocalizeFrame(Localizer& localizer, const std::vector<
     const nb::gil_scoped_release release;
     answers = localizer.Localize(input);
   }
+  WarnOfDepthMaps(&localizer);
   return ToOutput(answers);
 }
 

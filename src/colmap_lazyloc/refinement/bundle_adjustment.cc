@@ -37,6 +37,8 @@ PosedImages MovedTo(const BundleSolver<kSize>& solver, PosedImages posed) {
     const bool has_free_scale = posed.frames[image.frame].has_free_scale;
     if (has_free_scale && !HasFrameAxes(image)) image.cam_from_frame.translation *= std::exp(log_factors[image.frame]);
     if (image.log_focal_factor) image.log_focal_factor = solver.Solution().frames[index].log_factor;
+    const int depth_map = solver.Problem().index_of_depth_map[i];
+    if (depth_map >= 0) image.depth_scale->log_scale = solver.Solution().frames[depth_map].log_factor;
   }
   return posed;
 }

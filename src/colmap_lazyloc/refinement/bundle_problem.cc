@@ -1,6 +1,8 @@
 #include "colmap_lazyloc/refinement/bundle_problem.h"
 
 #include <algorithm>
+#include <cmath>
+#include <limits>
 
 #include "colmap_lazyloc/refinement/covariance.h"
 #include "colmap_lazyloc/scene/errors.h"
@@ -28,6 +30,12 @@ void SortByFrame(size_t begin, std::vector<FreeObservation>* free) {
   if (!std::is_sorted(first, free->end(), by_frame)) std::stable_sort(first, free->end(), by_frame);
 }
 
+double MinNoiseRatio(const std::vector<Track>& tracks) {
+  double min_ratio = std::numeric_limits<double>::infinity();
+  for (const Track& track : tracks) min_ratio = std::min(min_ratio, track.noise_ratio);
+  return min_ratio;
+}
+
 }  // namespace
 
 BundleProblem::BundleProblem(const PosedImages& posed, const std::vector<Track>& tracks)
@@ -41,6 +49,7 @@ BundleProblem::BundleProblem(const PosedImages& posed, const std::vector<Track>&
     has_factor.push_back(frame.has_free_scale);
   }
   AddCalibrations(posed);
+  AddDepthMaps(posed);
   AddPriors(posed);
   AddQueryPriors(posed);
   std::vector<bool> has_frame_axes;
@@ -56,6 +65,7 @@ BundleProblem::BundleProblem(const PosedImages& posed, const std::vector<Track>&
   const std::vector<Rigid3d> cams_from_world = CamsFromWorld(posed);
   size_t num_observations = 0;
   for (const Track& track : tracks) num_observations += track.observations.size();
+  const double min_noise_ratio = MinNoiseRatio(tracks);
   free.reserve(num_observations);
   for (const Track& track : tracks) {
     const size_t fixed_begin = fixed.size(), free_begin = free.size();
@@ -75,6 +85,7 @@ BundleProblem::BundleProblem(const PosedImages& posed, const std::vector<Track>&
                       factor_from_px * element.observation.px_from_log_focal, static_cast<int>(k)});
     }
     SortByFrame(free_begin, &free);
+    AddDepths(posed, track, track.noise_ratio / min_noise_ratio);
     fixed_range.push_back({fixed_begin, fixed.size()});
     free_range.push_back({free_begin, free.size()});
     points.push_back(track.point_in_world);
@@ -96,6 +107,46 @@ void BundleProblem::AddPriors(const PosedImages& posed) {
     if (!pose_priors[i] || is_grouped[i]) continue;
     const Eigen::MatrixXd one = Eigen::MatrixXd::Identity(1, 1);
     priors.push_back({{static_cast<int>(i)}, {one, one}});
+  }
+}
+
+void BundleProblem::AddDepthMaps(const PosedImages& posed) {
+  for (const Image& image : posed.images) {
+    index_of_depth_map.push_back(-1);
+    if (!image.depth_scale) continue;
+    index_of_depth_map.back() = AddPose({}, nullptr);
+    frames.back().is_depth_map = true;
+    frames.back().log_factor = image.depth_scale->log_scale;
+    depth_maps.push_back(
+        {index_of_depth_map.back(), image.depth_scale->stated_log_scale, image.depth_scale->log_scale_stddev});
+  }
+}
+
+// Adds the depths of a track's point after its other observations, because the scales of the maps have larger indices.
+// noise_ratio: how much less certain its keypoints are than those of the best tracks. Its depths are too, because a
+// false match has a false depth; else they would outweigh the keypoints.
+void BundleProblem::AddDepths(const PosedImages& posed, const Track& track, double noise_ratio) {
+  for (const TrackObservation& element : track.observations) {
+    const int map = index_of_depth_map[element.image];
+    if (map < 0 || !(element.depth > 0)) continue;
+    const Image& image = posed.images[element.image];
+    DepthObservation depth;
+    depth.frame = index_of_image[element.image];
+    Rigid3d cam_from_axes;  // of the frame, or of the world
+    if (depth.frame < 0) {
+      cam_from_axes = CamFromWorld(posed, element.image);
+    } else if (depth.frame == index_of_frame[image.frame]) {
+      cam_from_axes = image.cam_from_frame;
+    }
+    depth.axis = cam_from_axes.rotation.conjugate() * Eigen::Vector3d::UnitZ();
+    depth.offset = cam_from_axes.translation.z();
+    depth.log_depth = std::log(element.depth);
+    depth.residual_from_log = 1 / (noise_ratio * image.depth_scale->log_depth_stddev);
+    FreeObservation coupling{};
+    coupling.frame = map;
+    coupling.depth = static_cast<int>(depths.size());
+    depths.push_back(depth);
+    free.push_back(coupling);
   }
 }
 

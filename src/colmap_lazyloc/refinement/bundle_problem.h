@@ -4,9 +4,9 @@
 #include <vector>
 
 #include <Eigen/Core>
-#include <Eigen/Geometry>
 
-#include "colmap_lazyloc/math/rigid3.h"
+#include "colmap_lazyloc/refinement/bundle_frame.h"
+#include "colmap_lazyloc/refinement/depth_residual.h"
 #include "colmap_lazyloc/refinement/linear_projection.h"
 #include "colmap_lazyloc/refinement/prior_precision.h"
 #include "colmap_lazyloc/scene/frame.h"
@@ -14,26 +14,14 @@
 
 namespace lazyloc {
 
-// A frame, an image or a calibration that bundle adjustment moves: six parameters, and a seventh if any focal length or
-// rig scale is estimated.
-struct BundleFrame {
-  void MoveTo(const Rigid3d& pose) {
-    frame_from_world = pose;
-    rotation = pose.rotation.toRotationMatrix();
-  }
-
-  Rigid3d frame_from_world;
-  Eigen::Matrix3d rotation;  // of frame_from_world
-  double log_factor = 0;     // on the focal length, or on the translations within the rig
-  bool factor_is_scale = false;
-};
-
-// An observation of a point in a frame that moves.
+// An observation of a point in a frame that moves, or a depth of the point: then `frame` is the scale of its map, and
+// only `depth` is set beside it.
 struct FreeObservation {
   int frame;                    // index into BundleProblem::frames
   LinearProjection projection;  // of the point in the frame's axes
   Eigen::Vector2d residual_from_log_focal;
-  int element;  // index into the track's observations
+  int element;     // index into the track's observations
+  int depth = -1;  // index into BundleProblem::depths; -1: none
 };
 
 // Reprojection error of a point, and its derivatives.
@@ -93,6 +81,13 @@ struct BundleFlex {
   const Calibration* given = nullptr;
 };
 
+// The scale of a depth map, and its prior.
+struct BundleDepthMap {
+  int frame = -1;  // index into BundleProblem::frames
+  double log_scale = 0;
+  double stddev = 1;
+};
+
 // An image with a prior of its query.
 struct BundleQueryPrior {
   int frame = -1;          // index into BundleProblem::frames
@@ -117,11 +112,15 @@ struct BundleProblem {
 
   std::vector<int> index_of_frame;  // by frame of PosedImages, into `frames`; -1 for constant frames
   std::vector<int> index_of_image;  // by image: its own index if its calibration has a prior, else its frame's
-  std::vector<BundleFrame> frames;  // frames that move, then calibrations with a prior, then their images
+  // Frames that move, then calibrations with a prior, then their images, then scales of depth maps.
+  std::vector<BundleFrame> frames;
   std::vector<const PosePrior*> pose_priors;  // parallel to `frames`; nullptr if the pose has no prior
   std::vector<BundlePriors> priors;           // those of posed.prior_groups in their order, then of lone frames
   std::vector<int> index_of_calibration;      // by calibration of PosedImages; -1 if it has no prior
   std::vector<BundleFlex> flexes;
+  std::vector<int> index_of_depth_map;  // by image, into `frames`; -1 for an image without a map
+  std::vector<BundleDepthMap> depth_maps;
+  std::vector<DepthObservation> depths;
   std::vector<BundleQueryPrior> query_priors;
   std::vector<bool> has_factor;                // parallel to `frames`: true if its log_factor is estimated
   std::vector<Eigen::Vector3d> points;         // by track
@@ -133,6 +132,8 @@ struct BundleProblem {
   int AddPose(const Rigid3d& pose, const PosePrior* prior);
   void AddCalibrations(const PosedImages& posed);
   void AddPriors(const PosedImages& posed);
+  void AddDepthMaps(const PosedImages& posed);
+  void AddDepths(const PosedImages& posed, const Track& track, double noise_ratio);
   void AddQueryPriors(const PosedImages& posed);
 };
 

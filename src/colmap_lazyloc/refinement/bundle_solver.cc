@@ -107,6 +107,7 @@ bool BundleSolver<kSize>::Build(const BundleState& state, double damping) {
   std::vector<FrameMatrix> hessians(state.frames.size(), FrameMatrix::Zero());
   AddPriors(state, &hessians);
   for (const BundleFlex& flex : problem_.flexes) AddFlex(state, flex, &hessians);
+  AddDepthMapPriors(state, &hessians);
   AddQueryPriors(state, &hessians);
   for (size_t track = 0; track < state.points.size(); ++track) {
     if (!AddTrack(state, track, damping, &hessians)) return false;
@@ -114,6 +115,7 @@ bool BundleSolver<kSize>::Build(const BundleState& state, double damping) {
   for (size_t frame = 0; frame < state.frames.size(); ++frame) {
     // Gives a factor that is not estimated a unit weight, which keeps it constant.
     if (kSize > 6 && !problem_.has_factor[frame]) hessians[frame](kSize - 1, kSize - 1) = 1;
+    if (state.frames[frame].is_depth_map) hessians[frame].diagonal().tail(kSize - 1).setOnes();
     hessians[frame].diagonal() *= 1 + damping;
     camera_system_.Block(frame, frame, &system_.reduced) += hessians[frame];
   }
@@ -133,8 +135,12 @@ double BundleSolver<kSize>::Cost(const BundleState& state) const {
     }
   }
   for (const BundleFlex& flex : problem_.flexes) cost += 0.5 * Evaluate(flex, state).error.squaredNorm();
+  for (const BundleDepthMap& map : problem_.depth_maps) {
+    cost += 0.5 * std::pow((state.frames[map.frame].log_factor - map.log_scale) / map.stddev, 2);
+  }
   VisitQueryPriors(state, [&](int, const QueryPriorResidual& prior) { cost += 0.5 * prior.error.squaredNorm(); });
   BundleError error;
+  DepthError depth_error;
   for (size_t track = 0; track < state.points.size(); ++track) {
     const auto [fixed, free] = std::tie(problem_.fixed_range[track], problem_.free_range[track]);
     RobustLoss::Sum loss(loss_);
@@ -143,6 +149,11 @@ double BundleSolver<kSize>::Cost(const BundleState& state) const {
       loss.Add(error.error.squaredNorm());
     }
     for (size_t i = free.begin; i < free.end; ++i) {
+      if (problem_.free[i].depth >= 0) {
+        if (!Evaluate(state, problem_.free[i], track, &depth_error)) return kInfinity;
+        loss.Add(depth_error.error * depth_error.error);
+        continue;
+      }
       const BundleFrame& frame = state.frames[problem_.free[i].frame];
       if (!error.Evaluate(problem_.free[i], frame, state.points[track])) return kInfinity;
       loss.Add(error.error.squaredNorm());
@@ -249,6 +260,15 @@ bool BundleSolver<kSize>::AddTrack(const BundleState& state, size_t track, doubl
     gradient += error.by_point.transpose().lazyProduct(error.error);
   }
   for (size_t i = free.begin; i < free.end; ++i) {
+    if (problem_.free[i].depth >= 0) {
+      DepthError depth_error;
+      if (!Evaluate(state, problem_.free[i], track, &depth_error)) return false;
+      depth_error.Scale(std::sqrt(loss.Add(depth_error.error * depth_error.error)));
+      hessian += depth_error.by_point_in_world.lazyProduct(depth_error.by_point_in_world.transpose());
+      gradient += depth_error.error * depth_error.by_point_in_world;
+      AddDepth(depth_error, i, track, frame_hessians);
+      continue;
+    }
     const BundleFrame& frame = state.frames[problem_.free[i].frame];
     if (!error.Evaluate(problem_.free[i], frame, point)) return false;
     weigh();
@@ -295,6 +315,10 @@ double BundleSolver<kSize>::Step(BundleState* next) {
   const Eigen::VectorXd step = camera_system_.Solve(system_.rhs);
   for (size_t frame = 0; frame < state_.frames.size(); ++frame) {
     const FrameVector move = step.segment<kSize>(kSize * frame);
+    if (state_.frames[frame].is_depth_map) {
+      next->frames[frame].log_factor = state_.frames[frame].log_factor + move(0);
+      continue;
+    }
     const Rigid3d& pose = state_.frames[frame].frame_from_world;
     next->frames[frame].MoveTo({(ExpSO3(move.template head<3>()) * pose.rotation).normalized(),
                                 pose.translation + move.template segment<3>(3)});

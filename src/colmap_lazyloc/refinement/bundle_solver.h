@@ -81,6 +81,13 @@ class BundleSolver {
   // Evaluates how far an image's place in its frame deviates from its calibration.
   static RigFlexResidual Evaluate(const BundleFlex& flex, const BundleState& state);
   void AddFlex(const BundleState& state, const BundleFlex& flex, std::vector<FrameMatrix>* frame_hessians);
+  // Adds the scales' priors of the depth maps.
+  void AddDepthMapPriors(const BundleState& state, std::vector<FrameMatrix>* frame_hessians);
+  // Evaluates the depth of a track's point that a coupling stands for. Returns false if the point lies behind its
+  // image.
+  bool Evaluate(const BundleState& state, const FreeObservation& coupling, size_t track, DepthError* error) const;
+  // Adds the derivatives of this depth by frame and scale; the error is weighted.
+  void AddDepth(const DepthError& error, size_t coupling, size_t track, std::vector<FrameMatrix>* frame_hessians);
   // Calls visit(frame, residual) for the priors of queries.
   template <typename Visit>
   void VisitQueryPriors(const BundleState& state, const Visit& visit) const;

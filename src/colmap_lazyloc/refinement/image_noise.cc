@@ -27,6 +27,28 @@ double ShrunkNoisePx(std::vector<double> errors_px, double common_px) {
       (num_tracks + kNumPriorTracks));
 }
 
+// Returns the common noise of images that have only tracks of two observations, from those with a depth: one degree of
+// freedom is left of each. Returns the present noise without such tracks.
+std::vector<double> EstimateNoiseByDepths(const PosedImages& posed, const std::vector<Track>& tracks,
+                                          double min_noise_px, std::vector<double> present_px) {
+  constexpr double kMedianOfSquare = 0.4549;  // of the chi-square distribution with one degree of freedom
+  const std::vector<Rigid3d> cams_from_world = CamsFromWorld(posed);
+  std::vector<double> squared_px;
+  for (const Track& track : tracks) {
+    double squared_error_px = 0;
+    bool has_depth = false;
+    for (const TrackObservation& element : track.observations) {
+      const Eigen::Vector3d point_in_cam = cams_from_world[element.image] * track.point_in_world;
+      squared_error_px += ReprojectionError(element.observation, point_in_cam).squaredNorm();
+      has_depth = has_depth || (element.depth > 0 && posed.images[element.image].depth_scale);
+    }
+    if (has_depth) squared_px.push_back(squared_error_px / (track.noise_ratio * track.noise_ratio));
+  }
+  if (squared_px.empty()) return present_px;
+  const double noise_px = std::sqrt(Median(std::move(squared_px)) / kMedianOfSquare);
+  return std::vector<double>(present_px.size(), std::max(noise_px, min_noise_px));
+}
+
 }  // namespace
 
 double MeasureSingleImageSpread(const PosedImages& posed, const std::vector<Track>& tracks) {
@@ -67,7 +89,7 @@ std::vector<double> EstimateImageNoise(const PosedImages& posed, const std::vect
   }
   std::vector<double> noise_px;
   for (const Image& image : posed.images) noise_px.push_back(image.noise_px);
-  if (all_px.empty()) return noise_px;
+  if (all_px.empty()) return EstimateNoiseByDepths(posed, tracks, min_noise_px, std::move(noise_px));
   const double common_px = Median(std::move(all_px)) / kMedianOfNorm;
   for (size_t image = 0; image < noise_px.size(); ++image) {
     noise_px[image] = std::max(ShrunkNoisePx(std::move(errors_px[image]), common_px), min_noise_px);

@@ -45,6 +45,15 @@ struct Calibration {
   bool is_stated_by_database = false;
 };
 
+// The depth map of an image as adjustment uses it: the log of a point's depth is that of the map plus log_scale, which
+// adjustment estimates, plus an error.
+struct DepthScale {
+  double log_scale = 0;         // estimated so far
+  double stated_log_scale = 0;  // by its prior
+  double log_scale_stddev = 1;  // of the prior
+  double log_depth_stddev = 1;  // of a point's error
+};
+
 // An image of a frame:
 //
 //      image 0         image 1          cam_from_world = cam_from_frame * frame_from_world
@@ -64,6 +73,7 @@ struct Image {
   // Log of the factor on the focal length that adjustment estimates; nullopt if the focal length is known. At most one
   // image of a frame has it, and none of a constant frame or of one with has_free_scale.
   std::optional<double> log_focal_factor;
+  std::optional<DepthScale> depth_scale;  // nullopt without a depth map in use
 };
 
 enum class PosePart { WHOLE, ROTATION, POSITION };

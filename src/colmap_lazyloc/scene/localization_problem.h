@@ -22,6 +22,9 @@ struct ImagePair {
   // Stored geometry that is valid for both cameras; without it the relative pose is estimated from `matches`.
   std::optional<TwoViewGeometry> geometry;
   Matches matches;  // raw matches; empty if `geometry` is enough
+  // Depths along the optical axis at other_keypoints: as the image's depth map states them, and of points that it and
+  // other database images triangulate. 0: unknown. Both are empty for an image without a map.
+  std::vector<float> other_depths, other_point_depths;
 
   // Database images only: the known pose, which no stage changes, and the rig frame that the image belongs to (empty
   // for a lone image). Images of one frame have the same name.

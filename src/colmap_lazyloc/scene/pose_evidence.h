@@ -6,7 +6,7 @@ namespace lazyloc {
 
 // What speaks for the pose of a frame, or against it. NaN if unknown. pipeline/confidence.h makes a probability of it.
 struct PoseEvidence {
-  // Number of tracks with two or more other images, which fix the pose without its help.
+  // Number of tracks with two or more other images, or with a depth, which fix the pose without its help.
   double num_common_tracks = 0;
   // Share of the verified matches with database images that are in tracks of the pose.
   double explained_ratio = 0;

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <optional>
 #include <vector>
 
 #include <Eigen/Core>
@@ -13,6 +14,7 @@ struct TrackObservation {
   int image = -1;     // index into PosedImages::images
   int keypoint = -1;  // of that image
   Observation observation;
+  float depth = 0;  // of the point along the image's optical axis, as its depth map states it; 0: unknown
 };
 
 // One scene point and its observations: at most one per image, in ascending order of the images, so that those of
@@ -22,6 +24,10 @@ struct Track {
   Eigen::Vector3d point_in_world = Eigen::Vector3d::Zero();
   double noise_ratio = 1;  // factor on the noise_px of its images
 };
+
+// Returns the point that the depth of an observation states; nullopt without depth, or if the image's map is not used.
+std::optional<Eigen::Vector3d> PointByDepth(const Image& image, const Rigid3d& cam_from_world,
+                                            const TrackObservation& element);
 
 // Returns true if images of two or more database frames observe the track.
 bool HasSeveralDatabaseFrames(const PosedImages& posed, const std::vector<TrackObservation>& observations);

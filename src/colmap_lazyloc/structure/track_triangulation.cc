@@ -51,19 +51,37 @@ class TrackTriangulator {
   // Sets the track's point and noise from all its observations. Returns false if it has no such point.
   bool WithQuery(Track* track) {
     const std::vector<TrackObservation>& observations = track->observations;
-    if (!NeedsQueryPoses(observations)) return false;
+    if (!NeedsQueryPoses(observations)) return FromDepth(track);
     used_.resize(observations.size());
     std::iota(used_.begin(), used_.end(), 0);
     track->noise_ratio = options_.single_image_noise_ratio;
     const std::optional<Eigen::Vector3d> point = finder_->FindPoint(observations, used_);
-    if (!point || !evaluator_.IsSeenUnderAngle(observations, used_, *point, max_cos_angle_)) return false;
+    if (!point || !evaluator_.IsSeenUnderAngle(observations, used_, *point, max_cos_angle_)) return FromDepth(track);
     track->point_in_world = *point;
-    return std::all_of(observations.begin(), observations.end(), [&](const TrackObservation& element) {
-      return evaluator_.Fits(element, *point, options_.max_query_error_sigma);
-    });
+    return FitsAll(*track);
+  }
+
+  // Sets the track's point from the depth map of a database image, if its rays meet at too small an angle. Returns
+  // false without a depth.
+  bool FromDepth(Track* track) {
+    for (const TrackObservation& element : track->observations) {
+      const std::optional<Eigen::Vector3d> point =
+          PointByDepth(evaluator_.ImageOf(element), evaluator_.CamFromWorldOf(element), element);
+      if (!point) continue;
+      track->noise_ratio = options_.single_image_noise_ratio;
+      track->point_in_world = *point;
+      return FitsAll(*track);
+    }
+    return false;
   }
 
  private:
+  bool FitsAll(const Track& track) const {
+    return std::all_of(track.observations.begin(), track.observations.end(), [&](const TrackObservation& element) {
+      return evaluator_.Fits(element, track.point_in_world, options_.max_query_error_sigma);
+    });
+  }
+
   // Returns true if the track constrains a query's pose, but its database observations alone have no point.
   bool NeedsQueryPoses(const std::vector<TrackObservation>& observations) const {
     if (evaluator_.HasSeveralDatabaseFrames(observations)) return false;
