@@ -1,5 +1,7 @@
 #include "colmap_lazyloc/database/feature_reader.h"
 
+#include <array>
+#include <limits>
 #include <vector>
 
 #include <gmock/gmock.h>
@@ -51,6 +53,20 @@ TEST_P(FeatureReaderTest, ReadsFeaturesAndTheirNumbers) {
     EXPECT_THAT(reader.Read(image_id).keypoints, IsEmpty());
     EXPECT_EQ(reader.Read(image_id).descriptors.rows(), 0);
   }
+}
+
+TEST_P(FeatureReaderTest, ReplacesShapesThatAreNotFinite) {
+  const float nan = std::numeric_limits<float>::quiet_NaN(), infinity = std::numeric_limits<float>::infinity();
+  database_.AddScaledKeypoints(1, {{1, 2, 3, nan, 0, 3}, {4, 5, infinity, 0, 0, 3}, {6, 7, 3, -4, 4, 3}});
+  database_.AddDescriptors(1, RandomDescriptors(3, 1));
+  const std::vector<Keypoint> keypoints = FeatureReader(path_).Read(1).keypoints;
+  EXPECT_THAT(Positions(keypoints), ElementsAre(Eigen::Vector2d(1, 2), Eigen::Vector2d(4, 5), Eigen::Vector2d(6, 7)));
+  const auto shape = [&](size_t i) {
+    return std::array<float, 4>{keypoints[i].a11, keypoints[i].a12, keypoints[i].a21, keypoints[i].a22};
+  };
+  EXPECT_THAT(shape(0), ElementsAre(1, 0, 0, 1));
+  EXPECT_THAT(shape(1), ElementsAre(1, 0, 0, 1));
+  EXPECT_THAT(shape(2), ElementsAre(3, -4, 4, 3));
 }
 
 TEST_P(FeatureReaderTest, LeavesTheFileAsItIs) {

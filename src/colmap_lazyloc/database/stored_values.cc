@@ -73,6 +73,11 @@ std::optional<std::array<double, N>> ReadNumbers(const SqliteRows& row, int colu
   return is_finite ? std::make_optional(values) : std::nullopt;
 }
 
+bool HasFiniteShape(const Keypoint& keypoint) {
+  return std::isfinite(keypoint.a11) && std::isfinite(keypoint.a12) && std::isfinite(keypoint.a21) &&
+         std::isfinite(keypoint.a22);
+}
+
 }  // namespace
 
 std::vector<double> ReadCameraParams(const SqliteRows& row, int column) { return Doubles(row, row.Blob(column)); }
@@ -87,17 +92,20 @@ std::vector<Keypoint> ReadStoredKeypoints(const SqliteRows& row) {
     if (!std::isfinite(keypoint.x) || !std::isfinite(keypoint.y)) {
       row.Fail("keypoint " + std::to_string(i) + " is not finite");
     }
+    Keypoint shaped = keypoint;
     if (table.num_cols == 4) {
       const float scale = table.At<float>(i, 2), orientation = table.At<float>(i, 3);
-      keypoint.a11 = keypoint.a22 = scale * std::cos(orientation);
-      keypoint.a21 = scale * std::sin(orientation);
-      keypoint.a12 = -keypoint.a21;
+      shaped.a11 = shaped.a22 = scale * std::cos(orientation);
+      shaped.a21 = scale * std::sin(orientation);
+      shaped.a12 = -shaped.a21;
     } else if (table.num_cols == 6) {
-      keypoint.a11 = table.At<float>(i, 2);
-      keypoint.a12 = table.At<float>(i, 3);
-      keypoint.a21 = table.At<float>(i, 4);
-      keypoint.a22 = table.At<float>(i, 5);
+      shaped.a11 = table.At<float>(i, 2);
+      shaped.a12 = table.At<float>(i, 3);
+      shaped.a21 = table.At<float>(i, 4);
+      shaped.a22 = table.At<float>(i, 5);
     }
+    // Keeps the default for a shape that is not finite, because scales are sorted, and localization needs no shape.
+    if (HasFiniteShape(shaped)) keypoint = shaped;
   }
   return keypoints;
 }

@@ -384,5 +384,15 @@ TEST(EstimateUncertainties, OneDatabaseImageLeavesTheScaleUnobservable) {
   EXPECT_THAT(failure.reason, HasSubstr("one database position"));
 }
 
+// One place has one extent only, so a sanitizer must see no access to a second one.
+TEST(EstimateUncertainties, OnePlaceCountsAsALine) {
+  const auto input = MakeUncertaintyInput();
+  input->pairs.clear();
+  LocalizerOptions options;
+  options.min_num_tracks = kNumPoints;
+  for (Track& track : input->refined.adjustment.tracks) track.observations.resize(2);
+  EXPECT_THAT(FailureOf([&] { input->Estimate(options); }).reason, HasSubstr("on one line"));
+}
+
 }  // namespace
 }  // namespace lazyloc

@@ -55,8 +55,8 @@ bool AreOnOneLine(const AdjustedFrame& frame, double max_ratio) {
   Eigen::Matrix3Xd offsets(3, places.size());
   for (size_t i = 0; i < places.size(); ++i) offsets.col(static_cast<Eigen::Index>(i)) = places[i];
   offsets.colwise() -= offsets.rowwise().mean().eval();
-  const Eigen::Vector3d extents = Eigen::JacobiSVD<Eigen::Matrix3Xd>(offsets).singularValues();
-  return extents[1] <= max_ratio * extents[0];
+  const Eigen::VectorXd extents = Eigen::JacobiSVD<Eigen::Matrix3Xd>(offsets).singularValues();  // at most one a place
+  return extents.size() < 2 || extents[1] <= max_ratio * extents[0];
 }
 
 double MedianDistance(const Rigid3d& cam_from_world, const TrackRefs& tracks) {
