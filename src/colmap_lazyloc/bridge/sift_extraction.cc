@@ -27,46 +27,40 @@ struct KeypointFeatures {
 using Level = std::vector<KeypointFeatures>;
 
 // Returns the bytes of COLMAP's descriptors: normalized, and with the orientations in the other sense of rotation.
-// Zeros stay zeros, which match nothing.
-DescriptorBytes ToBytes(FloatDescriptor* values) {
-  constexpr int kNumOrientations = 8;
-  DescriptorBytes turned = {};
-  if (values->isZero(0)) return turned;
-  colmap::L1RootNormalizeFeatureDescriptors(values);
-  const Descriptors bytes = colmap::FeatureDescriptorsToUnsignedByte(*values);
+DescriptorBytes ToBytes(const SiftHistogram& histogram) {
+  FloatDescriptor values = Eigen::Map<const Eigen::RowVectorXf>(histogram.data(), kNumColumns);
+  colmap::L1RootNormalizeFeatureDescriptors(&values);
+  const Descriptors bytes = colmap::FeatureDescriptorsToUnsignedByte(values);
+  DescriptorBytes turned;
   for (int i = 0; i < kNumColumns; ++i) {
-    const int orientation = i % kNumOrientations;
-    const int first = i - orientation;
-    turned[static_cast<size_t>(first + (kNumOrientations - orientation) % kNumOrientations)] = bytes(0, i);
+    const int angle = i % kNumAngularBins;
+    turned[static_cast<size_t>(i - angle + (kNumAngularBins - angle) % kNumAngularBins)] = bytes(0, i);
   }
   return turned;
 }
 
-KeypointFeatures Describe(const VlSiftKeypoint& keypoint, bool is_upright, SiftFilter* filter) {
+KeypointFeatures Describe(const VlSiftKeypoint& keypoint, bool is_upright, const SiftFilter& filter) {
   const std::vector<double> orientations =
-      is_upright ? std::vector<double>{0.0} : filter->Orientations(keypoint, kMaxNumOrientations);
+      is_upright ? std::vector<double>{0.0} : filter.Orientations(keypoint, kMaxNumOrientations);
   KeypointFeatures features;
-  FloatDescriptor values(1, kNumColumns);
   for (const double orientation : orientations) {
     features.keypoints.emplace_back(keypoint.x + 0.5f, keypoint.y + 0.5f, keypoint.sigma,
                                     static_cast<float>(orientation));
-    values.setZero();
-    filter->Describe(keypoint, orientation, values.data());
-    features.descriptors.push_back(ToBytes(&values));
+    SiftHistogram histogram;
+    const bool is_described = filter.Describe(keypoint, orientation, &histogram);
+    features.descriptors.push_back(is_described ? ToBytes(histogram) : DescriptorBytes{});
   }
   return features;
 }
 
 // Appends the levels of the filter's octave that have keypoints.
-void AppendLevels(bool is_upright, SiftFilter* filter, IdleThreads* idle_threads, std::vector<Level>* levels) {
-  const std::vector<VlSiftKeypoint> keypoints = filter->Keypoints();
-  if (keypoints.empty()) return;
+void AppendLevels(bool is_upright, const SiftFilter& filter, IdleThreads* idle_threads, std::vector<Level>* levels) {
+  const std::vector<VlSiftKeypoint> keypoints = filter.Keypoints();
   std::vector<KeypointFeatures> features(keypoints.size());
-  features[0] = Describe(keypoints[0], is_upright, filter);  // alone, because it computes the gradients
   ParallelFor((keypoints.size() + kKeypointsPerTask - 1) / kKeypointsPerTask,
               [&](size_t task) {
                 const size_t end = std::min((task + 1) * kKeypointsPerTask, keypoints.size());
-                for (size_t i = std::max<size_t>(task * kKeypointsPerTask, 1); i < end; ++i) {
+                for (size_t i = task * kKeypointsPerTask; i < end; ++i) {
                   features[i] = Describe(keypoints[i], is_upright, filter);
                 }
               },
@@ -93,7 +87,7 @@ void ExtractPlainSift(const std::vector<uint8_t>& grey, int width, int height, c
                       IdleThreads* idle_threads, colmap::FeatureKeypoints* keypoints, Descriptors* descriptors) {
   SiftFilter filter(grey, width, height, options, idle_threads);
   std::vector<Level> levels;
-  while (filter.DetectNextOctave()) AppendLevels(options.upright, &filter, idle_threads, &levels);
+  while (filter.DetectNextOctave()) AppendLevels(options.upright, filter, idle_threads, &levels);
   levels.erase(levels.begin(),
                levels.begin() + static_cast<std::ptrdiff_t>(FirstLevelToKeep(levels, options.max_num_features)));
   std::vector<DescriptorBytes> kept;

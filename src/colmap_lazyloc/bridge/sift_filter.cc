@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "colmap_lazyloc/bridge/sift_gradients.h"
 #include "colmap_lazyloc/math/smoothing.h"
 #include "colmap_lazyloc/scene/errors.h"
 
@@ -94,6 +95,7 @@ bool SiftFilter::DetectNextOctave() {
     SmoothTo(level, vl_sift_get_octave(filter_.get(), level - 1), filter_->dsigma0 * std::pow(filter_->sigmak, level));
   }
   vl_sift_detect(filter_.get());
+  if (vl_sift_get_nkeypoints(filter_.get()) > 0) ComputeGradients();
   return true;
 }
 
@@ -102,14 +104,33 @@ std::vector<VlSiftKeypoint> SiftFilter::Keypoints() const {
   return {keypoints, keypoints + vl_sift_get_nkeypoints(filter_.get())};
 }
 
-std::vector<double> SiftFilter::Orientations(const VlSiftKeypoint& keypoint, int max_num) {
+std::vector<double> SiftFilter::Orientations(const VlSiftKeypoint& keypoint, int max_num) const {
   double angles[4];  // VLFeat finds no more
   const int num = vl_sift_calc_keypoint_orientations(filter_.get(), angles, &keypoint);
   return {angles, angles + std::min(num, max_num)};
 }
 
-void SiftFilter::Describe(const VlSiftKeypoint& keypoint, double orientation, float* descriptor) {
-  vl_sift_calc_keypoint_descriptor(filter_.get(), descriptor, &keypoint, orientation);
+GradientImage SiftFilter::Gradients(int level) const {
+  const int width = filter_->octave_width, height = filter_->octave_height;
+  const auto place = static_cast<size_t>(level - filter_->s_min - 1);  // the first level has no gradients
+  return {filter_->grad + 2 * place * width * height, width, height};
+}
+
+void SiftFilter::ComputeGradients() {
+  for (int level = filter_->s_min + 1; level <= filter_->s_max - 2; ++level) {
+    lazyloc::ComputeGradients(vl_sift_get_octave(filter_.get(), level), filter_->octave_width, filter_->octave_height,
+                              idle_threads_, const_cast<float*>(Gradients(level).values));
+  }
+  filter_->grad_o = filter_->o_cur;  // tells VLFeat that it need not compute them
+}
+
+bool SiftFilter::Describe(const VlSiftKeypoint& keypoint, double orientation, SiftHistogram* descriptor) const {
+  const GradientImage gradients = Gradients(keypoint.is);
+  const double pixel = std::pow(2.0, filter_->o_cur);
+  const double y = keypoint.y / pixel;
+  if (static_cast<int>(y + 0.5) >= gradients.height - 1) return false;
+  *descriptor = DescribeKeypoint(gradients, {keypoint.x / pixel, y, keypoint.sigma / pixel, orientation});
+  return true;
 }
 
 }  // namespace lazyloc

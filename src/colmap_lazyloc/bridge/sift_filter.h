@@ -4,19 +4,15 @@
 #include <memory>
 #include <vector>
 
-#if __has_include("thirdparty/VLFeat/sift.h")
-#include "thirdparty/VLFeat/sift.h"
-#else
-#include <colmap/thirdparty/VLFeat/sift.h>  // of an installed COLMAP
-#endif
-
 #include "colmap_lazyloc/bridge/feature_extraction.h"
+#include "colmap_lazyloc/bridge/sift_descriptor.h"
+#include "colmap_lazyloc/bridge/vlfeat.h"
 #include "colmap_lazyloc/math/parallel_for.h"
 
 namespace lazyloc {
 
-// VLFeat's SIFT of one image, octave by octave. Replaces VLFeat's convolution, which takes four times as long as ours,
-// by the same sums.
+// VLFeat's SIFT of one image, octave by octave. VLFeat detects the keypoints and finds their orientations. What takes
+// longest is our own: smoothing, gradients and descriptors are made by the same steps, but several pixels at a time.
 class SiftFilter {
  public:
   // grey: width * height values, row by row.
@@ -27,15 +23,16 @@ class SiftFilter {
   bool DetectNextOctave();
   // Returns the keypoints in the octave, level by level.
   std::vector<VlSiftKeypoint> Keypoints() const;
-  // Returns at most max_num orientations of a keypoint in the octave. Thread-safe after the first call in the octave,
-  // which computes the gradients; so is Describe.
-  std::vector<double> Orientations(const VlSiftKeypoint& keypoint, int max_num);
-  // Sets the 128 values of a descriptor. Leaves them alone if the keypoint is too near to the lower border.
-  void Describe(const VlSiftKeypoint& keypoint, double orientation, float* descriptor);
+  // Returns at most max_num orientations of a keypoint in the octave. Thread-safe, like Describe.
+  std::vector<double> Orientations(const VlSiftKeypoint& keypoint, int max_num) const;
+  // Returns false if the keypoint is too near to the lower border.
+  bool Describe(const VlSiftKeypoint& keypoint, double orientation, SiftHistogram* descriptor) const;
 
  private:
   void BeginOctave(int octave);
   void FillFirstLevel();
+  void ComputeGradients();
+  GradientImage Gradients(int level) const;
   void SmoothTo(int level, const float* image, double stddev_px);
 
   std::unique_ptr<VlSiftFilt, void (*)(VlSiftFilt*)> filter_;
