@@ -53,7 +53,7 @@ else()
   endif()
   lazyloc_select_interface("${COLMAP_VERSION}" "colmap_DIR='${colmap_DIR}'")
   # Gives the libraries the names that they have in the source tree.
-  foreach(library controllers estimators feature geometry image math optim retrieval scene sensor sfm util)
+  foreach(library controllers estimators feature geometry image math optim retrieval scene sensor sfm util vlfeat)
     add_library(colmap_${library} ALIAS colmap::colmap_${library})
   endforeach()
 endif()

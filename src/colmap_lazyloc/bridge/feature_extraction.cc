@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "colmap_lazyloc/bridge/sift.h"
+#include "colmap_lazyloc/bridge/sift_extraction.h"
 #include "colmap_lazyloc/scene/errors.h"
 #include "colmap_lazyloc/scene/options_check.h"
 
@@ -66,13 +67,18 @@ PhotoFile PhotoFile::FromPixels(const uint8_t* values, int width, int height, in
   return file;
 }
 
-Features PhotoFile::ExtractFeatures(const SiftExtractionOptions& options) const {
+Features PhotoFile::ExtractFeatures(const SiftExtractionOptions& options, IdleThreads* idle_threads) const {
   LAZYLOC_CHECK(options.max_num_features > 0 && options.first_octave >= -1);
   colmap::Bitmap bitmap(*pixels_);
   ScaleDown(options.max_image_size, &bitmap);
   Features features;
   colmap::FeatureKeypoints keypoints;
-  if (!ExtractSift(bitmap, options, &keypoints, &features.descriptors)) return features;  // image too small
+  if (!options.estimate_affine_shape && !options.domain_size_pooling) {
+    ExtractPlainSift(GreyValues(bitmap), bitmap.Width(), bitmap.Height(), options, idle_threads, &keypoints,
+                     &features.descriptors);
+  } else if (!ExtractSift(bitmap, options, &keypoints, &features.descriptors)) {
+    return features;  // image too small
+  }
   const float scale_x = static_cast<float>(properties_.width) / bitmap.Width();
   const float scale_y = static_cast<float>(properties_.height) / bitmap.Height();
   for (colmap::FeatureKeypoint& keypoint : keypoints) {

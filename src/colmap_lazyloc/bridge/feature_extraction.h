@@ -6,6 +6,7 @@
 #include <optional>
 #include <string>
 
+#include "colmap_lazyloc/math/parallel_for.h"
 #include "colmap_lazyloc/scene/features.h"
 
 namespace colmap {
@@ -52,8 +53,9 @@ class PhotoFile {
 
   const PhotoProperties& Properties() const { return properties_; }
   // Extracts features like COLMAP's feature_extractor, with keypoints in pixels of the file. Returns none if the image
-  // is too small. No option may follow the database. Thread-safe; uses one thread.
-  Features ExtractFeatures(const SiftExtractionOptions& options) const;
+  // is too small. No option may follow the database. Thread-safe. Uses idle threads, too, except for affine shapes and
+  // domain-size pooling.
+  Features ExtractFeatures(const SiftExtractionOptions& options, IdleThreads* idle_threads) const;
 
  private:
   PhotoProperties properties_;

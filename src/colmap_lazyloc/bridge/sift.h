@@ -1,7 +1,9 @@
 #pragma once
 
+#include <cstdint>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include <colmap/feature/sift.h>
 #include <colmap/feature/types.h>
@@ -11,9 +13,13 @@
 
 namespace lazyloc {
 
-// Extracts features in pixels of the bitmap, without scaling it. Returns false if the bitmap is too small for COLMAP.
+// Extracts features by COLMAP's extractor, in pixels of the bitmap, without scaling it. Returns false if the bitmap is
+// too small for COLMAP.
 bool ExtractSift(const colmap::Bitmap& bitmap, const SiftExtractionOptions& options,
                  colmap::FeatureKeypoints* keypoints, Descriptors* descriptors);
+
+// Returns the values of a grey bitmap, row by row.
+std::vector<uint8_t> GreyValues(const colmap::Bitmap& bitmap);
 
 // Returns a black bitmap.
 colmap::Bitmap AllocateBitmap(int width, int height, bool as_rgb);

@@ -1,9 +1,13 @@
 #include "colmap_lazyloc/bridge/visual_words.h"
 
 #include <algorithm>
+#include <array>
+#include <cstring>
 #include <limits>
 #include <utility>
 #include <vector>
+
+#include "colmap_lazyloc/math/vectorized.h"
 
 namespace lazyloc {
 namespace {
@@ -25,14 +29,16 @@ struct NearestWords {
   std::vector<std::pair<int32_t, int>> words;  // distance, index
 };
 
+using Distances = std::array<int32_t, kDescriptorBlock>;
+
 // Sets the squared distances to the words of a block, minus the squared norm of the descriptor, which does not change
 // the order. Returns the smallest.
-LAZYLOC_ALWAYS_INLINE inline int32_t FindDistances(const int16_t* descriptor, const int16_t* block,
-                                                   const int32_t* squared_norms, BlockProducts* distances) {
-  const BlockProducts products = MultiplyBlock(descriptor, block);
+LAZYLOC_ALWAYS_INLINE inline int32_t FindDistances(const Lanes* products, const int32_t* squared_norms,
+                                                   Distances* distances) {
+  std::memcpy(distances->data(), products, sizeof(*distances));
   int32_t smallest = kFar;
   for (int j = 0; j < kDescriptorBlock; ++j) {
-    (*distances)[j] = squared_norms[j] - 2 * products[j];
+    (*distances)[j] = squared_norms[j] - 2 * (*distances)[j];
     smallest = std::min(smallest, (*distances)[j]);
   }
   return smallest;
@@ -42,9 +48,12 @@ LAZYLOC_ALWAYS_INLINE inline int32_t FindDistances(const int16_t* descriptor, co
 
 VisualWords::VisualWords(Descriptors words)
     : words_(std::move(words)),
-      blocks_(ToBlocks(words_, kDescriptorBlock)),
-      squared_norms_(blocks_.cast<int>().rowwise().squaredNorm()) {
-  squared_norms_.tail(blocks_.rows() - words_.rows()) = kFar;  // padding of the last block is never nearest
+      blocks_(words_),
+      // Fills up the last block, whose padding is never nearest.
+      squared_norms_(static_cast<size_t>(blocks_.NumBlocks() * kDescriptorBlock), kFar) {
+  for (Eigen::Index i = 0; i < words_.rows(); ++i) {
+    squared_norms_[static_cast<size_t>(i)] = words_.row(i).cast<int32_t>().squaredNorm();
+  }
 }
 
 Eigen::MatrixXi VisualWords::Find(const Descriptors& descriptors, int num_neighbors, IdleThreads* idle_threads) const {
@@ -55,25 +64,29 @@ Eigen::MatrixXi VisualWords::Find(const Descriptors& descriptors, int num_neighb
       [&](size_t task) {
         const Eigen::Index begin = static_cast<Eigen::Index>(task) * kDescriptorsPerTask;
         const Eigen::Index size = std::min(kDescriptorsPerTask, descriptors.rows() - begin);
-        FindOnOneThread(ToBlocks(descriptors.middleRows(begin, size), 1), ids.middleRows(begin, size));
+        FindOnOneThread(descriptors.middleRows(begin, size), ids.middleRows(begin, size));
       },
       idle_threads);
   return ids;
 }
 
-void VisualWords::FindOnOneThread(const DescriptorRows& descriptors, Eigen::Ref<Eigen::MatrixXi> ids) const {
-  std::vector<NearestWords> nearest(descriptors.rows(), NearestWords(static_cast<size_t>(ids.cols())));
-  for (Eigen::Index begin = 0; begin < blocks_.rows(); begin += kDescriptorBlock) {
-    RunVectorized([&]() LAZYLOC_ALWAYS_INLINE {
-      BlockProducts distances;
-      for (Eigen::Index i = 0; i < descriptors.rows(); ++i) {
-        const int32_t smallest =
-            FindDistances(descriptors.row(i).data(), blocks_.row(begin).data(), &squared_norms_[begin], &distances);
-        if (smallest >= nearest[i].words.back().first) continue;
-        for (int j = 0; j < kDescriptorBlock; ++j) nearest[i].Add(distances[j], static_cast<int>(begin) + j);
+void VisualWords::FindOnOneThread(const Descriptors& descriptors, Eigen::Ref<Eigen::MatrixXi> ids) const {
+  const DescriptorRows rows(descriptors);
+  std::vector<NearestWords> nearest(static_cast<size_t>(rows.NumRows()), NearestWords(static_cast<size_t>(ids.cols())));
+  RunVectorizedIntegers([&]() LAZYLOC_ALWAYS_INLINE {
+    ProductTile products;
+    Distances distances;
+    for (int block = 0; block < blocks_.NumBlocks(); ++block) {
+      const int begin = block * kDescriptorBlock;
+      for (int row = 0; row < rows.NumRows(); ++row) {
+        const int place = row % kDescriptorRows;
+        if (place == 0) blocks_.Multiply(rows, row, block, &products);
+        const int32_t smallest = FindDistances(products.rows[place], &squared_norms_[begin], &distances);
+        if (smallest >= nearest[row].words.back().first) continue;
+        for (int j = 0; j < kDescriptorBlock; ++j) nearest[row].Add(distances[j], begin + j);
       }
-    });
-  }
+    }
+  });
   for (Eigen::Index i = 0; i < ids.rows(); ++i) {
     for (Eigen::Index k = 0; k < ids.cols(); ++k) ids(i, k) = nearest[i].words[k].second;
   }

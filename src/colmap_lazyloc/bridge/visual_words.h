@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <vector>
 
 #include <Eigen/Core>
 
@@ -21,11 +22,11 @@ class VisualWords {
   Eigen::MatrixXi Find(const Descriptors& descriptors, int num_neighbors, IdleThreads* idle_threads) const;
 
  private:
-  void FindOnOneThread(const DescriptorRows& descriptors, Eigen::Ref<Eigen::MatrixXi> ids) const;
+  void FindOnOneThread(const Descriptors& descriptors, Eigen::Ref<Eigen::MatrixXi> ids) const;
 
   Descriptors words_;
-  DescriptorRows blocks_;
-  Eigen::ArrayXi squared_norms_;  // one entry per row of blocks_
+  DescriptorBlocks blocks_;
+  std::vector<int32_t> squared_norms_;  // one entry per word in blocks_
 };
 
 // Clusters descriptors with the library that COLMAP uses (FLANN or faiss). Returns at most max(num_words, 2) words. The

@@ -237,8 +237,8 @@ std::optional<LocalizationProblem> PhotoLoader::Load(const PhotoQuery& photo, co
   }
   Features query_features;
   Measure("extraction", record, [&] {
-    query_features =
-        ExtractLikeDatabase(*file, MeanFocalLength(chosen.camera), options_.matching.extraction, statistics_);
+    query_features = ExtractLikeDatabase(*file, MeanFocalLength(chosen.camera), options_.matching.extraction,
+                                         statistics_, idle_threads);
   });
   LocalizationProblem problem;
   problem.query_name = photo.name;

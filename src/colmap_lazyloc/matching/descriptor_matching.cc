@@ -1,11 +1,11 @@
 #include "colmap_lazyloc/matching/descriptor_matching.h"
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <vector>
 
 #include "colmap_lazyloc/math/descriptor_products.h"
+#include "colmap_lazyloc/math/vectorized.h"
 #include "colmap_lazyloc/scene/errors.h"
 #include "colmap_lazyloc/scene/options_check.h"
 
@@ -15,38 +15,33 @@ namespace {
 static_assert(kDescriptorDim == kFeatureType.num_columns);
 
 constexpr float kSquaredLength = 512 * 512;  // of every descriptor
-constexpr int kQueryBlock = 256;             // number of query descriptors in a block
+constexpr int kRowsPerChunk = 256;           // rows whose neighbours fit into a cache while all blocks pass
+constexpr int kVectorsPerBlock = kDescriptorBlock / kNumLanes;
 
-// Joins a product and its place in the block to one number: the largest one is the first of the largest products.
-constexpr int32_t ToKey(int32_t product, int place) { return product * 256 + (255 - place); }
-constexpr int32_t ProductOf(int32_t key) { return key / 256; }
-constexpr int PlaceOf(int32_t key) { return 255 - key % 256; }
-static_assert(kMaxDescriptorProduct < (1 << 23) && kQueryBlock <= 256 && kDescriptorBlock <= 256, "keys have 31 bits");
+// In each lane: the largest and second largest product so far, and the place where the largest one was first.
+struct alignas(kAlignment) LaneNeighbours {
+  Lanes best = {}, second = {}, place = {};
 
-// The two largest keys of each row and of each column of a block of products.
-struct BlockNeighbours {
-  std::array<int32_t, kQueryBlock> query_best, query_second;
-  std::array<int32_t, kDescriptorBlock> database_best, database_second;
+  LAZYLOC_ALWAYS_INLINE inline void Add(const Lanes& products, int new_place) {
+    const Lanes smaller = products < best ? products : best;
+    second = smaller > second ? smaller : second;
+    place = products > best ? Lanes{} + new_place : place;
+    best = products > best ? products : best;
+  }
 };
 
-LAZYLOC_ALWAYS_INLINE inline void FindInBlock(const int16_t* query, const int16_t* database, BlockNeighbours* block) {
-  block->database_best.fill(0);
-  block->database_second.fill(0);
-  for (int i = 0; i < kQueryBlock; ++i) {
-    const BlockProducts products = MultiplyBlock(query + i * kDescriptorDim, database);
-    int32_t best = 0, second = 0;
-    for (int j = 0; j < kDescriptorBlock; ++j) {
-      best = std::max(best, ToKey(products[j], j));
-      const int32_t key = ToKey(products[j], i);
-      block->database_second[j] = std::max(block->database_second[j], std::min(block->database_best[j], key));
-      block->database_best[j] = std::max(block->database_best[j], key);
-    }
-    for (int j = 0; j < kDescriptorBlock; ++j) {
-      const int32_t key = ToKey(products[j], j);
-      second = std::max(second, key == best ? 0 : key);
-    }
-    block->query_best[i] = best;
-    block->query_second[i] = second;
+// Adds a tile of products. of_rows, of_columns: neighbours of the tile's rows and columns.
+LAZYLOC_ALWAYS_INLINE inline void AddTile(const ProductTile& products, int first_row, int first_vector,
+                                          LaneNeighbours* of_rows, LaneNeighbours* of_columns) {
+  for (int i = 0; i < kDescriptorRows; ++i) {
+    LaneNeighbours of_row = of_rows[i];
+    for (int v = 0; v < kVectorsPerBlock; ++v) of_row.Add(products.rows[i][v], first_vector + v);
+    of_rows[i] = of_row;
+  }
+  for (int v = 0; v < kVectorsPerBlock; ++v) {
+    LaneNeighbours of_column = of_columns[v];
+    for (int i = 0; i < kDescriptorRows; ++i) of_column.Add(products.rows[i][v], first_row + i);
+    of_columns[v] = of_column;
   }
 }
 
@@ -55,16 +50,12 @@ struct Neighbour {
   int index = -1;
   int32_t best = 0, second = 0;
 
-  // Adds the descriptors of the other image's block that begins at `begin`.
-  void Add(int32_t best_key, int32_t second_key, Eigen::Index begin) {
-    const int32_t product = ProductOf(best_key);
-    if (product > best) {
-      second = std::max(best, ProductOf(second_key));
-      best = product;
-      index = static_cast<int>(begin) + PlaceOf(best_key);
-    } else {
-      second = std::max(second, product);
-    }
+  // Adds descriptors of the other image of which the one at `new_index` is the nearest. Among equal ones, the first is
+  // kept.
+  void Add(int new_index, int32_t new_best, int32_t new_second) {
+    second = std::max({second, new_second, std::min(best, new_best)});
+    if (new_best > best || (new_best == best && new_best > 0 && new_index < index)) index = new_index;
+    best = std::max(best, new_best);
   }
 
   // Returns the index if the neighbour is near enough and clearly the nearest, else -1.
@@ -77,6 +68,49 @@ struct Neighbour {
     return is_good ? index : -1;
   }
 };
+
+// The neighbours of all descriptors of two images in the other one.
+struct AllNeighbours {
+  std::vector<LaneNeighbours> of_rows;     // one per row; lanes are columns, places are vectors of columns
+  std::vector<LaneNeighbours> of_columns;  // one per vector of columns; lanes are columns, places are rows
+
+  Neighbour OfRow(int row) const {
+    const LaneNeighbours& lanes = of_rows[static_cast<size_t>(row)];
+    Neighbour neighbour;
+    for (int lane = 0; lane < kNumLanes; ++lane) {
+      neighbour.Add(lanes.place[lane] * kNumLanes + lane, lanes.best[lane], lanes.second[lane]);
+    }
+    return neighbour;
+  }
+
+  Neighbour OfColumn(int column) const {
+    const LaneNeighbours& lanes = of_columns[static_cast<size_t>(column / kNumLanes)];
+    const int lane = column % kNumLanes;
+    Neighbour neighbour;
+    neighbour.Add(lanes.place[lane], lanes.best[lane], lanes.second[lane]);
+    return neighbour;
+  }
+};
+
+AllNeighbours FindNeighbours(const DescriptorRows& rows, const DescriptorBlocks& columns) {
+  AllNeighbours neighbours;
+  neighbours.of_rows.resize(static_cast<size_t>(rows.NumRows()));
+  neighbours.of_columns.resize(static_cast<size_t>(columns.NumBlocks() * kVectorsPerBlock));
+  RunVectorizedIntegers([&]() LAZYLOC_ALWAYS_INLINE {
+    ProductTile products;
+    for (int begin = 0; begin < rows.NumRows(); begin += kRowsPerChunk) {
+      const int end = std::min(begin + kRowsPerChunk, rows.NumRows());
+      for (int block = 0; block < columns.NumBlocks(); ++block) {
+        const int first_vector = block * kVectorsPerBlock;
+        for (int row = begin; row < end; row += kDescriptorRows) {
+          columns.Multiply(rows, row, block, &products);
+          AddTile(products, row, first_vector, &neighbours.of_rows[row], &neighbours.of_columns[first_vector]);
+        }
+      }
+    }
+  });
+  return neighbours;
+}
 
 }  // namespace
 
@@ -91,26 +125,10 @@ Matches MatchDescriptors(const Descriptors& query, const Descriptors& database, 
   Matches matches;
   if (query.rows() == 0 || database.rows() == 0) return matches;
   LAZYLOC_CHECK(query.cols() == kDescriptorDim && database.cols() == kDescriptorDim);
-  const DescriptorRows query_rows = ToBlocks(query, kQueryBlock);
-  const DescriptorRows database_rows = ToBlocks(database, kDescriptorBlock);
-  std::vector<Neighbour> of_query(query_rows.rows()), of_database(database_rows.rows());
-  BlockNeighbours block;
-  for (Eigen::Index query_begin = 0; query_begin < query_rows.rows(); query_begin += kQueryBlock) {
-    for (Eigen::Index begin = 0; begin < database_rows.rows(); begin += kDescriptorBlock) {
-      RunVectorized([&]() LAZYLOC_ALWAYS_INLINE {
-        FindInBlock(query_rows.row(query_begin).data(), database_rows.row(begin).data(), &block);
-      });
-      for (int i = 0; i < kQueryBlock; ++i) {
-        of_query[query_begin + i].Add(block.query_best[i], block.query_second[i], begin);
-      }
-      for (int j = 0; j < kDescriptorBlock; ++j) {
-        of_database[begin + j].Add(block.database_best[j], block.database_second[j], query_begin);
-      }
-    }
-  }
-  for (Eigen::Index i = 0; i < query.rows(); ++i) {
-    const int other = of_query[i].Match(options);
-    if (other < 0 || (options.cross_check && of_database[other].Match(options) != i)) continue;
+  const AllNeighbours neighbours = FindNeighbours(DescriptorRows(query), DescriptorBlocks(database));
+  for (int i = 0; i < query.rows(); ++i) {
+    const int other = neighbours.OfRow(i).Match(options);
+    if (other < 0 || (options.cross_check && neighbours.OfColumn(other).Match(options) != i)) continue;
     matches.push_back({static_cast<uint32_t>(i), static_cast<uint32_t>(other)});
   }
   return matches;

@@ -47,6 +47,17 @@ TEST(MatchDescriptors, FindsTheNeighboursOfNoisyDescriptors) {
   for (const Match& match : matches) EXPECT_EQ(match.other_point, 299 - match.query_point);
 }
 
+Matches MatchByDefinition(const Descriptors& query, const Descriptors& database, const SiftMatchingOptions& options) {
+  const std::vector<int> of_query = Neighbours(query, database, options);
+  const std::vector<int> of_database = Neighbours(database, query, options);
+  Matches matches;
+  for (uint32_t i = 0; i < of_query.size(); ++i) {
+    if (of_query[i] < 0 || (options.cross_check && of_database[of_query[i]] != static_cast<int>(i))) continue;
+    matches.push_back({i, static_cast<uint32_t>(of_query[i])});
+  }
+  return matches;
+}
+
 TEST(MatchDescriptors, AgreesWithTheDefinition) {
   const Descriptors query = RandomDescriptors(310, 1);
   Descriptors database(350, 128);
@@ -56,15 +67,40 @@ TEST(MatchDescriptors, AgreesWithTheDefinition) {
       SiftMatchingOptions options;
       options.max_ratio = max_ratio;
       options.cross_check = cross_check;
-      const std::vector<int> of_query = Neighbours(query, database, options);
-      const std::vector<int> of_database = Neighbours(database, query, options);
-      Matches expected;
-      for (uint32_t i = 0; i < of_query.size(); ++i) {
-        if (of_query[i] < 0 || (cross_check && of_database[of_query[i]] != static_cast<int>(i))) continue;
-        expected.push_back({i, static_cast<uint32_t>(of_query[i])});
-      }
+      const Matches expected = MatchByDefinition(query, database, options);
       EXPECT_GT(expected.size(), 100u);
       EXPECT_EQ(MatchDescriptors(query, database, options), expected);
+    }
+  }
+}
+
+TEST(MatchDescriptors, AgreesWithTheDefinitionForAnyNumberOfDescriptors) {
+  const Descriptors all = RandomDescriptors(300, 1), other = WithNoise(all, 2);
+  for (const int num_query : {1, 4, 5, 255, 260}) {
+    for (const int num_database : {1, 2, 63, 64, 65, 129}) {
+      const Descriptors query = all.topRows(num_query), database = other.topRows(num_database).colwise().reverse();
+      EXPECT_EQ(MatchDescriptors(query, database, {}), MatchByDefinition(query, database, {}));
+    }
+  }
+}
+
+// Few values make many equal products. With a ratio above 1, the first of equal neighbours is the match.
+TEST(MatchDescriptors, AgreesWithTheDefinitionIfManyProductsAreEqual) {
+  for (const int largest : {0, 1, 255}) {
+    Descriptors query = RandomDescriptors(280, 1), database = RandomDescriptors(200, 2);
+    for (Descriptors* some : {&query, &database}) {
+      const Descriptors large = (some->array() > 20).cast<uint8_t>() * static_cast<uint8_t>(largest);
+      *some = large;
+      for (Eigen::Index column = 8; column < some->cols(); ++column) some->col(column).setZero();
+    }
+    for (const bool cross_check : {true, false}) {
+      SiftMatchingOptions options;
+      options.max_ratio = 1.5;
+      options.max_distance = 2;
+      options.cross_check = cross_check;
+      const Matches expected = MatchByDefinition(query, database, options);
+      EXPECT_EQ(MatchDescriptors(query, database, options), expected);
+      EXPECT_EQ(expected.empty(), largest == 0);
     }
   }
 }

@@ -68,10 +68,10 @@ SiftExtractionOptions ChooseExtraction(const SiftExtractionOptions& options, con
 }
 
 Features ExtractLikeDatabase(const PhotoFile& photo, double focal_length_px, const SiftExtractionOptions& options,
-                             const FeatureStatistics& database) {
+                             const FeatureStatistics& database, IdleThreads* idle_threads) {
   const uint64_t size = std::max(photo.Properties().width, photo.Properties().height);
   const PhotoScale scale = {static_cast<double>(size), focal_length_px};
-  Features features = photo.ExtractFeatures(ChooseExtraction(options, database, scale));
+  Features features = photo.ExtractFeatures(ChooseExtraction(options, database, scale), idle_threads);
   const bool is_automatic = options.max_num_features == SiftExtractionOptions::kLikeDatabase;
   if (is_automatic && database.max_num_features > 0) KeepLargestScales(database.max_num_features, &features);
   return features;

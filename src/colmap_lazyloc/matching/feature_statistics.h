@@ -32,8 +32,9 @@ SiftExtractionOptions ChooseExtraction(const SiftExtractionOptions& options, con
                                        const PhotoScale& photo);
 
 // Extracts the features of a photo. With an automatic number, keeps those with the largest scales, because COLMAP's
-// maximum counts neither a keypoint's further orientations nor the rest of a level of the pyramid.
+// maximum counts neither a keypoint's further orientations nor the rest of a level of the pyramid. Uses idle threads,
+// too.
 Features ExtractLikeDatabase(const PhotoFile& photo, double focal_length_px, const SiftExtractionOptions& options,
-                             const FeatureStatistics& database);
+                             const FeatureStatistics& database, IdleThreads* idle_threads);
 
 }  // namespace lazyloc

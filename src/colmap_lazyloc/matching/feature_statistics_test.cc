@@ -75,10 +75,11 @@ PhotoFile Squares() {
 
 TEST(ExtractLikeDatabase, KeepsTheLargestScalesInTheirOrder) {
   const PhotoFile photo = Squares();
-  const Features all = ExtractLikeDatabase(photo, 300, Given(8192, 0), {});
+  IdleThreads idle_threads(0);
+  const Features all = ExtractLikeDatabase(photo, 300, Given(8192, 0), {}, &idle_threads);
   ASSERT_GT(all.keypoints.size(), 60u);
   const size_t number = all.keypoints.size() / 2;
-  const Features kept = ExtractLikeDatabase(photo, 300, Given(kLikeDatabase, 0), {number, 0});
+  const Features kept = ExtractLikeDatabase(photo, 300, Given(kLikeDatabase, 0), {number, 0}, &idle_threads);
   ASSERT_EQ(kept.keypoints.size(), number);
   ASSERT_EQ(kept.descriptors.rows(), static_cast<Eigen::Index>(number));
   float smallest_kept = 1e9f, largest_left = 0;

@@ -1,42 +1,77 @@
 #pragma once
 
-#include <array>
 #include <cstdint>
+#include <vector>
 
 #include <Eigen/Core>
-
-#include "colmap_lazyloc/math/vectorized.h"
 
 // Scalar products of SIFT descriptors. Matching and the search for visual words spend most of their time on them. The
 // sums are integers, so that they are exact and the same on every processor.
 namespace lazyloc {
 
 constexpr int kDescriptorDim = 128;
-constexpr int kMaxDescriptorProduct = kDescriptorDim * 255 * 255;
-constexpr int kDescriptorBlock = 64;  // rows; a block is 16 KiB, which fits into a first-level cache
+constexpr int kDescriptorRows = 4;  // number of rows in a tile of products
+constexpr int kDescriptorBlock =
+    64;  // number of columns in a tile; a block is 8 KiB, which fits into a first-level cache
 
-using DescriptorRows = Eigen::Matrix<int16_t, Eigen::Dynamic, kDescriptorDim, Eigen::RowMajor>;
-using BlockProducts = std::array<int32_t, kDescriptorBlock>;
+using DescriptorMatrix = Eigen::Matrix<uint8_t, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 
-// Converts n x 128 descriptors to 16 bits and appends zero rows up to a multiple of block_size.
-template <typename Derived>
-DescriptorRows ToBlocks(const Eigen::MatrixBase<Derived>& descriptors, Eigen::Index block_size) {
-  DescriptorRows rows((descriptors.rows() + block_size - 1) / block_size * block_size, kDescriptorDim);
-  rows.topRows(descriptors.rows()) = descriptors.template cast<int16_t>();
-  rows.bottomRows(rows.rows() - descriptors.rows()).setZero();
-  return rows;
-}
+// Sixteen integers that the compiler keeps in vector registers. Structures with such members need alignas(kAlignment),
+// because the alignment of this type depends on the instructions that the compiler may use.
+constexpr int kNumLanes = 16;
+constexpr int kAlignment = kNumLanes * sizeof(int32_t);
+using Lanes = int32_t __attribute__((vector_size(kAlignment)));
 
-// Returns the products of one descriptor (kDescriptorDim values) with each of a block's kDescriptorBlock descriptors.
-LAZYLOC_ALWAYS_INLINE inline BlockProducts MultiplyBlock(const int16_t* __restrict row,
-                                                         const int16_t* __restrict block) {
-  BlockProducts products;
-  for (int j = 0; j < kDescriptorBlock; ++j) {
-    int32_t product = 0;
-    for (int k = 0; k < kDescriptorDim; ++k) product += row[k] * block[j * kDescriptorDim + k];
-    products[j] = product;
-  }
-  return products;
-}
+// Products of kDescriptorRows descriptors with those of a block.
+struct alignas(kAlignment) ProductTile {
+  Lanes rows[kDescriptorRows][kDescriptorBlock / kNumLanes];
+};
+
+// Instructions that products are computed with.
+enum class ProductInstructions {
+  PLAIN,        // what the compiler may use on every processor
+  AVX2,         // x86
+  AVX512_VNNI,  // x86: products of 8-bit integers
+};
+
+// Returns those that this processor has, the fastest one last.
+std::vector<ProductInstructions> AvailableProductInstructions();
+ProductInstructions FastestProductInstructions();
+
+// The left factors of products.
+class DescriptorRows {
+ public:
+  // descriptors: n x 128. Appends zero rows up to a multiple of kDescriptorRows.
+  explicit DescriptorRows(const DescriptorMatrix& descriptors);
+
+  int NumRows() const { return static_cast<int>(sums_.size()); }
+  const uint8_t* Row(int row) const { return &values_[static_cast<size_t>(row) * kDescriptorDim]; }
+  // Returns the sum of a row's values.
+  const int32_t* Sum(int row) const { return &sums_[static_cast<size_t>(row)]; }
+
+ private:
+  std::vector<uint8_t> values_;
+  std::vector<int32_t> sums_;
+};
+
+// The right factors of products, in blocks of kDescriptorBlock.
+class DescriptorBlocks {
+ public:
+  // descriptors: n x 128. Appends zero rows up to a multiple of kDescriptorBlock.
+  explicit DescriptorBlocks(const DescriptorMatrix& descriptors,
+                            ProductInstructions instructions = FastestProductInstructions());
+
+  int NumBlocks() const { return static_cast<int>(values_.size()) / kBlockSize; }
+  // Computes the products of rows first_row, ..., first_row + kDescriptorRows - 1 with a block.
+  void Multiply(const DescriptorRows& rows, int first_row, int block, ProductTile* products) const;
+
+ private:
+  static constexpr int kBlockSize = kDescriptorBlock * kDescriptorDim;
+
+  // Descriptor by descriptor; for VNNI, the first four values of each descriptor in the block, then the next four, all
+  // less 128, because its second factor is signed.
+  std::vector<uint8_t> values_;
+  ProductInstructions instructions_;
+};
 
 }  // namespace lazyloc

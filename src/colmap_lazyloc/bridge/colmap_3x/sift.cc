@@ -16,6 +16,8 @@ bool ExtractSift(const colmap::Bitmap& bitmap, const SiftExtractionOptions& opti
   return extractor->Extract(bitmap, keypoints, descriptors);
 }
 
+std::vector<uint8_t> GreyValues(const colmap::Bitmap& bitmap) { return bitmap.ConvertToRowMajorArray(); }
+
 colmap::Bitmap AllocateBitmap(int width, int height, bool as_rgb) {
   colmap::Bitmap bitmap;
   LAZYLOC_CHECK(bitmap.Allocate(width, height, as_rgb));

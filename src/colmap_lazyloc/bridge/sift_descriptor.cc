@@ -1,0 +1,141 @@
+#include "colmap_lazyloc/bridge/sift_descriptor.h"
+
+#include <algorithm>
+#include <cfloat>
+#include <cmath>
+
+#include "colmap_lazyloc/bridge/vlfeat.h"
+#include "colmap_lazyloc/math/vectorized.h"
+
+namespace lazyloc {
+namespace {
+
+constexpr double kPi = 3.141592653589793;
+constexpr double kBinSizePerScale = 3;
+constexpr double kWindowStddev = 2;  // of the Gaussian window, in bins
+constexpr int kStripSize = 32;       // pixels that are computed together
+constexpr float kLimit = 0.2f;
+
+// Bins with a margin of one on each side, so that no gradient within reach misses its bins.
+constexpr int kNumPaddedBins = kNumSpatialBins + 2;
+using PaddedHistogram = std::array<float, kNumPaddedBins * kNumPaddedBins * kNumAngularBins>;
+
+// Returns exp(-x), interpolated in a table like VLFeat's.
+class ExponentialTable {
+ public:
+  ExponentialTable() {
+    for (size_t k = 0; k < values_.size(); ++k) values_[k] = std::exp(-static_cast<double>(k) * (kMax / kSize));
+  }
+
+  double operator()(double x) const {
+    x *= kSize / kMax;
+    const auto k = static_cast<size_t>(x);
+    return values_[k] + (x - static_cast<double>(k)) * (values_[k + 1] - values_[k]);
+  }
+
+ private:
+  static constexpr double kMax = 25;  // more than any x in a descriptor
+  static constexpr int kSize = 256;
+  std::array<double, kSize + 1> values_;
+};
+
+struct Frame {
+  double cosine, sine, bin_size;
+};
+
+// Place of pixels in bins, from the centre of the descriptor and from its orientation.
+struct Strip {
+  std::array<float, kStripSize> x, y, angle, magnitude;
+};
+
+LAZYLOC_ALWAYS_INLINE inline float Positive(float angle) {
+  return angle < 0 ? angle + static_cast<float>(2 * kPi) : angle;
+}
+
+// Computes the first `size` pixels of a strip. first_x, y: its first pixel, seen from the keypoint.
+LAZYLOC_ALWAYS_INLINE inline void ComputeStrip(const float* gradients, const Frame& frame, double first_x, double y,
+                                               double orientation, int size, Strip* strip) {
+  const double dy = static_cast<float>(y);
+  for (int i = 0; i < size; ++i) {
+    const double dx = static_cast<float>(first_x + i);
+    strip->x[i] = static_cast<float>((frame.cosine * dx + frame.sine * dy) / frame.bin_size);
+    strip->y[i] = static_cast<float>((-frame.sine * dx + frame.cosine * dy) / frame.bin_size);
+    const float angle = Positive(static_cast<float>(gradients[2 * i + 1] - orientation));
+    strip->angle[i] = static_cast<float>(kNumAngularBins * angle / (2 * kPi));
+    strip->magnitude[i] = gradients[2 * i];
+  }
+}
+
+// Returns the bin whose centre is at or before a place.
+LAZYLOC_ALWAYS_INLINE inline int BinBefore(float place) {
+  return static_cast<int>(std::floor(static_cast<float>(place - 0.5)));
+}
+
+// Adds a gradient to the eight bins around it, if it has any.
+LAZYLOC_ALWAYS_INLINE inline void AddGradient(float x, float y, float angle, float magnitude,
+                                              const ExponentialTable& exponential, PaddedHistogram* histogram) {
+  constexpr int kCentre = kNumPaddedBins / 2;
+  const int bin_x = BinBefore(x), bin_y = BinBefore(y), bin_angle = static_cast<int>(angle);
+  if (bin_x < -kCentre || bin_x > kCentre - 2 || bin_y < -kCentre || bin_y > kCentre - 2) return;
+  const auto window = static_cast<float>(exponential((x * x + y * y) / (2 * kWindowStddev * kWindowStddev)));
+  const auto rest_x = static_cast<float>(x - (bin_x + 0.5)), rest_y = static_cast<float>(y - (bin_y + 0.5));
+  const float rest_angle = angle - static_cast<float>(bin_angle);
+  for (int i = 0; i < 2; ++i) {
+    const float weight_x = window * magnitude * std::abs(static_cast<float>(1 - i) - rest_x);
+    for (int j = 0; j < 2; ++j) {
+      const float weight = weight_x * std::abs(static_cast<float>(1 - j) - rest_y);
+      const int bin = (bin_y + j + kCentre) * kNumPaddedBins + bin_x + i + kCentre;
+      float* angles = &(*histogram)[static_cast<size_t>(bin * kNumAngularBins)];
+      angles[bin_angle % kNumAngularBins] += weight * std::abs(1 - rest_angle);
+      angles[(bin_angle + 1) % kNumAngularBins] += weight * std::abs(0 - rest_angle);
+    }
+  }
+}
+
+LAZYLOC_ALWAYS_INLINE inline void FillHistogram(const GradientImage& gradients, const SiftKeypoint& keypoint,
+                                                PaddedHistogram* histogram) {
+  static const ExponentialTable exponential;
+  const double bin_size = kBinSizePerScale * keypoint.scale + DBL_EPSILON;
+  const Frame frame = {std::cos(keypoint.orientation_rad), std::sin(keypoint.orientation_rad), bin_size};
+  const int radius = static_cast<int>(std::floor(std::sqrt(2.0) * bin_size * (kNumSpatialBins + 1) / 2 + 0.5));
+  const int x = static_cast<int>(keypoint.x + 0.5), y = static_cast<int>(keypoint.y + 0.5);
+  const int end_x = std::min(x + radius + 1, gradients.width - 1),
+            end_y = std::min(y + radius + 1, gradients.height - 1);
+  Strip strip;
+  for (int v = std::max(y - radius, 1); v < end_y; ++v) {
+    for (int u = std::max(x - radius, 1); u < end_x; u += kStripSize) {
+      const int size = std::min(kStripSize, end_x - u);
+      const float* values = gradients.values + 2 * (static_cast<size_t>(v) * gradients.width + u);
+      ComputeStrip(values, frame, u - keypoint.x, v - keypoint.y, keypoint.orientation_rad, size, &strip);
+      for (int i = 0; i < size; ++i) {
+        AddGradient(strip.x[i], strip.y[i], strip.angle[i], strip.magnitude[i], exponential, histogram);
+      }
+    }
+  }
+}
+
+void Normalize(SiftHistogram* histogram) {
+  float norm = 0;
+  for (const float value : *histogram) norm += value * value;
+  norm = vl_fast_sqrt_f(norm) + FLT_EPSILON;
+  for (float& value : *histogram) value /= norm;
+}
+
+}  // namespace
+
+SiftHistogram DescribeKeypoint(const GradientImage& gradients, const SiftKeypoint& keypoint) {
+  PaddedHistogram padded = {};
+  RunVectorized([&]() LAZYLOC_ALWAYS_INLINE { FillHistogram(gradients, keypoint, &padded); });
+  SiftHistogram histogram;
+  constexpr size_t kRowSize = kNumSpatialBins * kNumAngularBins;
+  for (size_t row = 0; row < kNumSpatialBins; ++row) {
+    const size_t first = ((row + 1) * kNumPaddedBins + 1) * kNumAngularBins;
+    std::copy_n(&padded[first], kRowSize, &histogram[row * kRowSize]);
+  }
+  Normalize(&histogram);
+  for (float& value : histogram) value = std::min(value, kLimit);
+  Normalize(&histogram);
+  return histogram;
+}
+
+}  // namespace lazyloc

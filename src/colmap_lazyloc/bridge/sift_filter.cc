@@ -1,0 +1,136 @@
+#include "colmap_lazyloc/bridge/sift_filter.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "colmap_lazyloc/bridge/sift_gradients.h"
+#include "colmap_lazyloc/math/smoothing.h"
+#include "colmap_lazyloc/scene/errors.h"
+
+namespace lazyloc {
+namespace {
+
+constexpr int kNumOctaves = 4;       // COLMAP's default
+constexpr int kLevelsPerOctave = 3;  // COLMAP's default
+
+// Sets the result, of `width` columns and `height` rows, to every step-th pixel of an image.
+void Subsample(const float* image, int image_width, int step, int width, int height, float* result) {
+  for (int y = 0; y < height; ++y) {
+    const float* row = image + static_cast<size_t>(y) * step * image_width;
+    for (int x = 0; x < width; ++x) *result++ = row[static_cast<size_t>(x) * step];
+  }
+}
+
+// Doubles the size of an image by linear interpolation.
+void Upsample(const float* image, int width, int height, float* result) {
+  const size_t stride = 2 * static_cast<size_t>(width);
+  for (int y = 0; y < height; ++y) {
+    const float* row = image + static_cast<size_t>(y) * width;
+    float* wide_row = result + 2 * static_cast<size_t>(y) * stride;
+    for (int x = 0; x < width; ++x) {
+      wide_row[2 * x] = row[x];
+      wide_row[2 * x + 1] = 0.5f * (row[x] + row[std::min(x + 1, width - 1)]);
+    }
+  }
+  for (int y = 0; y < height; ++y) {
+    const float* row = result + 2 * static_cast<size_t>(y) * stride;
+    const float* next = y + 1 < height ? row + 2 * stride : row;
+    float* between = result + (2 * static_cast<size_t>(y) + 1) * stride;
+    for (size_t x = 0; x < stride; ++x) between[x] = 0.5f * (row[x] + next[x]);
+  }
+}
+
+}  // namespace
+
+SiftFilter::SiftFilter(const std::vector<uint8_t>& grey, int width, int height, const SiftExtractionOptions& options,
+                       IdleThreads* idle_threads)
+    : filter_(vl_sift_new(width, height, kNumOctaves, kLevelsPerOctave, options.first_octave), &vl_sift_delete),
+      idle_threads_(idle_threads) {
+  LAZYLOC_CHECK(filter_ != nullptr && grey.size() == static_cast<size_t>(width) * height);
+  vl_sift_set_peak_thresh(filter_.get(), options.peak_threshold);
+  vl_sift_set_edge_thresh(filter_.get(), options.edge_threshold);
+  image_.reserve(grey.size());
+  for (const uint8_t value : grey) image_.push_back(static_cast<float>(value) / 255.0f);
+}
+
+void SiftFilter::BeginOctave(int octave) {
+  filter_->o_cur = octave;
+  filter_->octave_width = octave < 0 ? filter_->width << -octave : filter_->width >> octave;
+  filter_->octave_height = octave < 0 ? filter_->height << -octave : filter_->height >> octave;
+}
+
+void SiftFilter::FillFirstLevel() {
+  const int octave = filter_->o_min;
+  BeginOctave(octave);
+  if (octave < 0) {
+    Upsample(image_.data(), filter_->width, filter_->height, filter_->temp);
+  } else {
+    Subsample(image_.data(), filter_->width, 1 << octave, filter_->octave_width, filter_->octave_height, filter_->temp);
+  }
+  const double wanted = filter_->sigma0 * std::pow(filter_->sigmak, filter_->s_min);
+  const double given = filter_->sigman * std::pow(2.0, -octave);
+  LAZYLOC_CHECK(wanted > given);
+  SmoothTo(filter_->s_min, filter_->temp, std::sqrt(wanted * wanted - given * given));
+}
+
+void SiftFilter::SmoothTo(int level, const float* image, double stddev_px) {
+  Smooth(image, filter_->octave_width, filter_->octave_height, GaussianWeights(stddev_px), idle_threads_,
+         vl_sift_get_octave(filter_.get(), level));
+}
+
+bool SiftFilter::DetectNextOctave() {
+  if (!has_octave_) {
+    FillFirstLevel();
+    has_octave_ = true;
+  } else {
+    if (filter_->o_cur == filter_->o_min + filter_->O - 1) return false;
+    // This level has the smoothing of the next octave's first one. It is read before its place is written.
+    const float* level = vl_sift_get_octave(filter_.get(), filter_->s_min + filter_->S);
+    const int width = filter_->octave_width;
+    BeginOctave(filter_->o_cur + 1);
+    Subsample(level, width, 2, filter_->octave_width, filter_->octave_height,
+              vl_sift_get_octave(filter_.get(), filter_->s_min));
+  }
+  for (int level = filter_->s_min + 1; level <= filter_->s_max; ++level) {
+    SmoothTo(level, vl_sift_get_octave(filter_.get(), level - 1), filter_->dsigma0 * std::pow(filter_->sigmak, level));
+  }
+  vl_sift_detect(filter_.get());
+  if (vl_sift_get_nkeypoints(filter_.get()) > 0) ComputeGradients();
+  return true;
+}
+
+std::vector<VlSiftKeypoint> SiftFilter::Keypoints() const {
+  const VlSiftKeypoint* keypoints = vl_sift_get_keypoints(filter_.get());
+  return {keypoints, keypoints + vl_sift_get_nkeypoints(filter_.get())};
+}
+
+std::vector<double> SiftFilter::Orientations(const VlSiftKeypoint& keypoint, int max_num) const {
+  double angles[4];  // VLFeat finds no more
+  const int num = vl_sift_calc_keypoint_orientations(filter_.get(), angles, &keypoint);
+  return {angles, angles + std::min(num, max_num)};
+}
+
+GradientImage SiftFilter::Gradients(int level) const {
+  const int width = filter_->octave_width, height = filter_->octave_height;
+  const auto place = static_cast<size_t>(level - filter_->s_min - 1);  // the first level has no gradients
+  return {filter_->grad + 2 * place * width * height, width, height};
+}
+
+void SiftFilter::ComputeGradients() {
+  for (int level = filter_->s_min + 1; level <= filter_->s_max - 2; ++level) {
+    lazyloc::ComputeGradients(vl_sift_get_octave(filter_.get(), level), filter_->octave_width, filter_->octave_height,
+                              idle_threads_, const_cast<float*>(Gradients(level).values));
+  }
+  filter_->grad_o = filter_->o_cur;  // tells VLFeat that it need not compute them
+}
+
+bool SiftFilter::Describe(const VlSiftKeypoint& keypoint, double orientation, SiftHistogram* descriptor) const {
+  const GradientImage gradients = Gradients(keypoint.is);
+  const double pixel = std::pow(2.0, filter_->o_cur);
+  const double y = keypoint.y / pixel;
+  if (static_cast<int>(y + 0.5) >= gradients.height - 1) return false;
+  *descriptor = DescribeKeypoint(gradients, {keypoint.x / pixel, y, keypoint.sigma / pixel, orientation});
+  return true;
+}
+
+}  // namespace lazyloc

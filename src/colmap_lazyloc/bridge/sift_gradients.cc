@@ -1,0 +1,80 @@
+#include "colmap_lazyloc/bridge/sift_gradients.h"
+
+#include <algorithm>
+#include <cfloat>
+#include <cmath>
+#include <cstdint>
+#include <cstring>
+
+#include "colmap_lazyloc/math/vectorized.h"
+
+namespace lazyloc {
+namespace {
+
+constexpr double kPi = 3.141592653589793;
+constexpr int kRowsPerTask = 64;
+
+// The next two functions compute what VLFeat's inline functions do, in a form that the compiler vectorises.
+
+// Takes two steps of Newton's method for the reciprocal square root, which begins with half of the negative exponent.
+LAZYLOC_ALWAYS_INLINE inline float SquareRoot(float x) {
+  int32_t bits;
+  std::memcpy(&bits, &x, sizeof(bits));
+  bits = 0x5f3759df - (bits >> 1);
+  float reciprocal;
+  std::memcpy(&reciprocal, &bits, sizeof(reciprocal));
+  const float half = 0.5f * x;
+  reciprocal = reciprocal * (1.5f - half * reciprocal * reciprocal);
+  reciprocal = reciprocal * (1.5f - half * reciprocal * reciprocal);
+  return x <= 1e-8f ? 0 : x * reciprocal;
+}
+
+// Approximates the arc tangent by a polynomial in each half of the plane.
+LAZYLOC_ALWAYS_INLINE inline float Angle(float x, float y) {
+  const float abs_x = std::abs(x), abs_y = std::abs(y) + FLT_EPSILON;
+  const float difference = x >= 0 ? abs_x - abs_y : abs_y - abs_x;
+  const float ratio = difference / (abs_x + abs_y);
+  const float middle = static_cast<float>(x >= 0 ? kPi / 4 : 3 * kPi / 4);
+  const float angle = middle + (0.1821f * ratio * ratio - 0.9675f) * ratio;
+  const auto turned = static_cast<float>((y < 0 ? -angle : angle) + 2 * kPi);
+  constexpr auto kTurn = static_cast<float>(2 * kPi);
+  return turned > kTurn ? turned - kTurn : turned;
+}
+
+LAZYLOC_ALWAYS_INLINE inline void SetGradient(float x, float y, float* gradient) {
+  gradient[0] = SquareRoot(x * x + y * y);
+  gradient[1] = Angle(x, y);
+}
+
+// above, below: the rows before and after `row`; at the border, `row` itself. step_y: 1 over their distance.
+LAZYLOC_ALWAYS_INLINE inline void ComputeRow(const float* __restrict row, const float* __restrict above,
+                                             const float* __restrict below, float step_y, int width,
+                                             float* __restrict gradients) {
+  const auto compute = [&](int x, int left, int right, float step_x) LAZYLOC_ALWAYS_INLINE {
+    SetGradient(step_x * (row[right] - row[left]), step_y * (below[x] - above[x]), gradients + 2 * x);
+  };
+  compute(0, 0, std::min(1, width - 1), 1);
+  for (int x = 1; x < width - 1; ++x) compute(x, x - 1, x + 1, 0.5f);
+  compute(width - 1, std::max(width - 2, 0), width - 1, 1);
+}
+
+}  // namespace
+
+void ComputeGradients(const float* image, int width, int height, IdleThreads* idle_threads, float* gradients) {
+  ParallelFor(
+      static_cast<size_t>((height + kRowsPerTask - 1) / kRowsPerTask),
+      [&](size_t task) {
+        const int begin = static_cast<int>(task) * kRowsPerTask;
+        const int end = std::min(begin + kRowsPerTask, height);
+        RunVectorized([&]() LAZYLOC_ALWAYS_INLINE {
+          for (int y = begin; y < end; ++y) {
+            const auto row = [&](int v) { return image + static_cast<size_t>(std::clamp(v, 0, height - 1)) * width; };
+            const float step_y = y > 0 && y < height - 1 ? 0.5f : 1;
+            ComputeRow(row(y), row(y - 1), row(y + 1), step_y, width, gradients + 2 * static_cast<size_t>(y) * width);
+          }
+        });
+      },
+      idle_threads);
+}
+
+}  // namespace lazyloc
