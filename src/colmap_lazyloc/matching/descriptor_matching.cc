@@ -19,14 +19,16 @@ constexpr int kRowsPerChunk = 256;           // rows whose neighbours fit into a
 constexpr int kVectorsPerBlock = kDescriptorBlock / kNumLanes;
 
 // In each lane: the largest and second largest product so far, and the place where the largest one was first.
-struct alignas(kAlignment) LaneNeighbours {
+struct LaneNeighbours {
   Lanes best = {}, second = {}, place = {};
 
   LAZYLOC_ALWAYS_INLINE inline void Add(const Lanes& products, int new_place) {
-    const Lanes smaller = products < best ? products : best;
-    second = smaller > second ? smaller : second;
-    place = products > best ? Lanes{} + new_place : place;
-    best = products > best ? products : best;
+    for (int lane = 0; lane < kNumLanes; ++lane) {
+      const int32_t product = products.values[lane], old = best.values[lane];
+      second.values[lane] = std::max(second.values[lane], std::min(old, product));
+      place.values[lane] = product > old ? new_place : place.values[lane];
+      best.values[lane] = std::max(old, product);
+    }
   }
 };
 
@@ -78,7 +80,7 @@ struct AllNeighbours {
     const LaneNeighbours& lanes = of_rows[static_cast<size_t>(row)];
     Neighbour neighbour;
     for (int lane = 0; lane < kNumLanes; ++lane) {
-      neighbour.Add(lanes.place[lane] * kNumLanes + lane, lanes.best[lane], lanes.second[lane]);
+      neighbour.Add(lanes.place.values[lane] * kNumLanes + lane, lanes.best.values[lane], lanes.second.values[lane]);
     }
     return neighbour;
   }
@@ -87,7 +89,7 @@ struct AllNeighbours {
     const LaneNeighbours& lanes = of_columns[static_cast<size_t>(column / kNumLanes)];
     const int lane = column % kNumLanes;
     Neighbour neighbour;
-    neighbour.Add(lanes.place[lane], lanes.best[lane], lanes.second[lane]);
+    neighbour.Add(lanes.place.values[lane], lanes.best.values[lane], lanes.second.values[lane]);
     return neighbour;
   }
 };

@@ -16,14 +16,15 @@ constexpr int kDescriptorBlock =
 
 using DescriptorMatrix = Eigen::Matrix<uint8_t, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 
-// Sixteen integers that the compiler keeps in vector registers. Structures with such members need alignas(kAlignment),
-// because the alignment of this type depends on the instructions that the compiler may use.
+// Integers that loops over all of them keep in vector registers.
 constexpr int kNumLanes = 16;
 constexpr int kAlignment = kNumLanes * sizeof(int32_t);
-using Lanes = int32_t __attribute__((vector_size(kAlignment)));
+struct alignas(kAlignment) Lanes {
+  int32_t values[kNumLanes];
+};
 
 // Products of kDescriptorRows descriptors with those of a block.
-struct alignas(kAlignment) ProductTile {
+struct ProductTile {
   Lanes rows[kDescriptorRows][kDescriptorBlock / kNumLanes];
 };
 

@@ -33,7 +33,7 @@ void ExpectExactProducts(const DescriptorMatrix& left, const DescriptorMatrix& r
       blocks.Multiply(rows, row / kDescriptorRows * kDescriptorRows, column / kDescriptorBlock, &products);
       const bool is_padding = row >= left.rows() || column >= right.rows();
       const int expected = is_padding ? 0 : left.row(row).cast<int>().dot(right.row(column).cast<int>());
-      ASSERT_EQ(products.rows[row % kDescriptorRows][place / kNumLanes][place % kNumLanes], expected);
+      ASSERT_EQ(products.rows[row % kDescriptorRows][place / kNumLanes].values[place % kNumLanes], expected);
     }
   }
 }
