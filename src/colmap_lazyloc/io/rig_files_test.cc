@@ -57,7 +57,7 @@ std::vector<uint64_t> DataIds(const ModelFrame& frame) {
 
 MergedModel Merged(const Model& model) {
   MergedModel merged;
-  for (const ModelImage& image : model.images) merged.images[image.image_id].camera_id = image.camera_id;
+  for (const ModelImage& image : model.images) merged.images.push_back({image.image_id, image.camera_id});
   KeepRigs(model, &merged);
   return merged;
 }
