@@ -106,6 +106,10 @@ class Scene:
         connection.executescript(TABLES)
         synthetic.insert_scene(connection, self.scene)
         rng = np.random.default_rng(0)
+        for image in self.scene.images.values():
+            shapes = np.tile(np.float32([2, 0, 0, 2]), (len(image.keypoints), 1))
+            data = np.hstack([image.keypoints, shapes]).tobytes()
+            connection.execute("UPDATE keypoints SET cols = 6, data = ? WHERE image_id = ?", (data, image.image_id))
         for name in self.scene.database_names:
             descriptors = rng.integers(0, 60, (len(self.scene.images[name].keypoints), 128), np.uint8)
             values = (self.scene.images[name].image_id, *descriptors.shape, descriptors.tobytes())
@@ -316,6 +320,8 @@ class Fuzzer:
             damage = damage_pages(rng, path) if rng.random() < 0.2 else damage_record(rng, path, self.scene)
             has_list, has_index = rng.random() < 0.25, rng.random() < 0.5
             arguments = self.photo_arguments(folder, has_index) if has_list else []
+            if has_list and rng.random() < 0.5:
+                arguments += ["--SiftExtraction.max_num_features", -1, "--SiftExtraction.first_octave", -2]
             try:
                 done = self.run(path, folder / "out", arguments)
                 problem = problem_of(done, damage, folder / "out", self.good)
