@@ -5,8 +5,6 @@
 #include <cstring>
 #include <numeric>
 
-#include "colmap_lazyloc/math/vectorized.h"
-
 #if defined(__x86_64__)
 #include <immintrin.h>
 #endif
@@ -14,16 +12,25 @@
 namespace lazyloc {
 namespace {
 
-constexpr int kOffset = 128;     // between the signed values of VNNI and descriptors
-constexpr int kNumTogether = 4;  // values of a descriptor that VNNI multiplies in one step
+// What is subtracted from the right factors for VNNI, because its second factor is signed.
+constexpr int kOffset = 128;
+
+// Returns the number of values of a descriptor that are multiplied in one step.
+constexpr int NumTogether(ProductInstructions instructions) {
+  switch (instructions) {
+    case ProductInstructions::AVX512_VNNI:
+    case ProductInstructions::AVX_VNNI: return 4;
+    case ProductInstructions::AVX2: return 2;
+    default: return kDescriptorDim;
+  }
+}
 
 size_t PaddedSize(Eigen::Index num_rows, int multiple) {
   return static_cast<size_t>((num_rows + multiple - 1) / multiple * multiple);
 }
 
 // Adds up 16-bit products in a loop over all rows, because the compiler then loads a column only once.
-LAZYLOC_ALWAYS_INLINE inline void MultiplyPlainly(const uint8_t* __restrict rows, const uint8_t* __restrict block,
-                                                  int32_t* __restrict products) {
+void MultiplyPlainly(const uint8_t* __restrict rows, const uint8_t* __restrict block, ProductTile* products) {
   int16_t wide_rows[kDescriptorRows * kDescriptorDim];
   for (int k = 0; k < kDescriptorRows * kDescriptorDim; ++k) wide_rows[k] = rows[k];
   for (int j = 0; j < kDescriptorBlock; ++j) {
@@ -33,20 +40,67 @@ LAZYLOC_ALWAYS_INLINE inline void MultiplyPlainly(const uint8_t* __restrict rows
         sums[i] += wide_rows[i * kDescriptorDim + k] * static_cast<int16_t>(block[j * kDescriptorDim + k]);
       }
     }
-    for (int i = 0; i < kDescriptorRows; ++i) products[i * kDescriptorBlock + j] = sums[i];
+    for (int i = 0; i < kDescriptorRows; ++i) products->rows[i][j / kNumLanes].values[j % kNumLanes] = sums[i];
   }
 }
 
 #if defined(__x86_64__)
-// Each lane of a register is a column. Starts with what the offset of the columns takes away.
-__attribute__((target("avx512f,avx512vnni"))) void MultiplyWithVnni(const uint8_t* rows, const int32_t* row_sums,
-                                                                    const uint8_t* block, ProductTile* products) {
+// Each lane of a register is a column. Computes two registers of columns at once, because more sums do not fit into the
+// 16 registers.
+__attribute__((target("avx2"))) void MultiplyWithAvx2(const uint8_t* rows, const uint8_t* block,
+                                                      ProductTile* products) {
+  constexpr int kTogether = NumTogether(ProductInstructions::AVX2);
+  int16_t wide_rows[kDescriptorRows * kDescriptorDim];
+  for (int k = 0; k < kDescriptorRows * kDescriptorDim; ++k) wide_rows[k] = rows[k];
+  for (int j = 0; j < kDescriptorBlock; j += kNumLanes) {
+    __m256i sums[kDescriptorRows][2] = {};
+#pragma GCC unroll 4  // because the sums are else copied from register to register in each step
+    for (int k = 0; k < kDescriptorDim; k += kTogether) {
+      const auto* values = reinterpret_cast<const __m128i*>(block + k * kDescriptorBlock + j * kTogether);
+      const __m256i columns[2] = {_mm256_cvtepu8_epi16(_mm_loadu_si128(values)),
+                                  _mm256_cvtepu8_epi16(_mm_loadu_si128(values + 1))};
+      for (int i = 0; i < kDescriptorRows; ++i) {
+        int32_t pair;
+        std::memcpy(&pair, wide_rows + i * kDescriptorDim + k, sizeof(pair));
+        const __m256i row = _mm256_set1_epi32(pair);
+        for (int v = 0; v < 2; ++v) sums[i][v] = _mm256_add_epi32(sums[i][v], _mm256_madd_epi16(row, columns[v]));
+      }
+    }
+    static_assert(sizeof(sums[0]) == sizeof(Lanes));
+    for (int i = 0; i < kDescriptorRows; ++i) std::memcpy(&products->rows[i][j / kNumLanes], sums[i], sizeof(Lanes));
+  }
+}
+
+// Starts with what the offset of the columns takes away.
+__attribute__((target("avxvnni"))) void MultiplyWithVnni(const uint8_t* rows, const int32_t* row_sums,
+                                                         const uint8_t* block, ProductTile* products) {
+  constexpr int kTogether = NumTogether(ProductInstructions::AVX_VNNI);
+  for (int j = 0; j < kDescriptorBlock; j += kNumLanes) {
+    __m256i sums[kDescriptorRows][2];
+    for (int i = 0; i < kDescriptorRows; ++i) sums[i][0] = sums[i][1] = _mm256_set1_epi32(kOffset * row_sums[i]);
+    for (int k = 0; k < kDescriptorDim; k += kTogether) {
+      const auto* values = reinterpret_cast<const __m256i*>(block + k * kDescriptorBlock + j * kTogether);
+      const __m256i columns[2] = {_mm256_loadu_si256(values), _mm256_loadu_si256(values + 1)};
+      for (int i = 0; i < kDescriptorRows; ++i) {
+        int32_t values_of_row;
+        std::memcpy(&values_of_row, rows + i * kDescriptorDim + k, sizeof(values_of_row));
+        const __m256i row = _mm256_set1_epi32(values_of_row);
+        for (int v = 0; v < 2; ++v) sums[i][v] = _mm256_dpbusd_avx_epi32(sums[i][v], row, columns[v]);
+      }
+    }
+    for (int i = 0; i < kDescriptorRows; ++i) std::memcpy(&products->rows[i][j / kNumLanes], sums[i], sizeof(Lanes));
+  }
+}
+
+__attribute__((target("avx512f,avx512vnni"))) void MultiplyWithAvx512(const uint8_t* rows, const int32_t* row_sums,
+                                                                      const uint8_t* block, ProductTile* products) {
+  constexpr int kTogether = NumTogether(ProductInstructions::AVX512_VNNI);
   constexpr int kNumVectors = kDescriptorBlock / kNumLanes;
   __m512i sums[kDescriptorRows][kNumVectors];
   for (int i = 0; i < kDescriptorRows; ++i) {
     for (__m512i& sum : sums[i]) sum = _mm512_set1_epi32(kOffset * row_sums[i]);
   }
-  for (int k = 0; k < kDescriptorDim; k += kNumTogether) {
+  for (int k = 0; k < kDescriptorDim; k += kTogether) {
     __m512i columns[kNumVectors];
     for (int v = 0; v < kNumVectors; ++v) {
       columns[v] = _mm512_loadu_si512(block + k * kDescriptorBlock + v * static_cast<int>(sizeof(__m512i)));
@@ -69,6 +123,7 @@ std::vector<ProductInstructions> AvailableProductInstructions() {
   std::vector<ProductInstructions> available = {ProductInstructions::PLAIN};
 #if defined(__x86_64__)
   if (__builtin_cpu_supports("avx2")) available.push_back(ProductInstructions::AVX2);
+  if (__builtin_cpu_supports("avxvnni")) available.push_back(ProductInstructions::AVX_VNNI);
   if (__builtin_cpu_supports("avx512vnni")) available.push_back(ProductInstructions::AVX512_VNNI);
 #endif
   return available;
@@ -91,15 +146,16 @@ DescriptorRows::DescriptorRows(const DescriptorMatrix& descriptors)
 DescriptorBlocks::DescriptorBlocks(const DescriptorMatrix& descriptors, ProductInstructions instructions)
     : values_(PaddedSize(descriptors.rows(), kDescriptorBlock) * kDescriptorDim), instructions_(instructions) {
   std::copy(descriptors.data(), descriptors.data() + descriptors.size(), values_.begin());
-  if (instructions != ProductInstructions::AVX512_VNNI) return;
+  const int num_together = NumTogether(instructions);
+  const int offset = num_together == NumTogether(ProductInstructions::AVX_VNNI) ? kOffset : 0;
   std::array<uint8_t, kBlockSize> block;
   for (size_t begin = 0; begin < values_.size(); begin += kBlockSize) {
     std::copy_n(&values_[begin], kBlockSize, block.begin());
     for (int k = 0; k < kDescriptorDim; ++k) {
-      uint8_t* step = &values_[begin + static_cast<size_t>(k / kNumTogether * kNumTogether * kDescriptorBlock)];
+      uint8_t* step = &values_[begin + static_cast<size_t>(k / num_together * num_together * kDescriptorBlock)];
       for (int j = 0; j < kDescriptorBlock; ++j) {
         const uint8_t value = block[static_cast<size_t>(j * kDescriptorDim + k)];
-        step[j * kNumTogether + k % kNumTogether] = static_cast<uint8_t>(value - kOffset);
+        step[j * num_together + k % num_together] = static_cast<uint8_t>(value - offset);
       }
     }
   }
@@ -108,18 +164,16 @@ DescriptorBlocks::DescriptorBlocks(const DescriptorMatrix& descriptors, ProductI
 void DescriptorBlocks::Multiply(const DescriptorRows& rows, int first_row, int block, ProductTile* products) const {
   const uint8_t* row_values = rows.Row(first_row);
   const uint8_t* block_values = &values_[static_cast<size_t>(block) * kBlockSize];
-  int32_t sums[kDescriptorRows * kDescriptorBlock];
-  const auto multiply = [&]() LAZYLOC_ALWAYS_INLINE { MultiplyPlainly(row_values, block_values, sums); };
   switch (instructions_) {
 #if defined(__x86_64__)
     case ProductInstructions::AVX512_VNNI:
-      MultiplyWithVnni(row_values, rows.Sum(first_row), block_values, products);
-      return;
-    case ProductInstructions::AVX2: RunWithAvx2(multiply); break;
+      return MultiplyWithAvx512(row_values, rows.Sum(first_row), block_values, products);
+    case ProductInstructions::AVX_VNNI:
+      return MultiplyWithVnni(row_values, rows.Sum(first_row), block_values, products);
+    case ProductInstructions::AVX2: return MultiplyWithAvx2(row_values, block_values, products);
 #endif
-    default: multiply();
+    default: MultiplyPlainly(row_values, block_values, products);
   }
-  std::memcpy(products, sums, sizeof(sums));
 }
 
 }  // namespace lazyloc

@@ -32,7 +32,8 @@ struct ProductTile {
 enum class ProductInstructions {
   PLAIN,        // what the compiler may use on every processor
   AVX2,         // x86
-  AVX512_VNNI,  // x86: products of 8-bit integers
+  AVX_VNNI,     // x86: products of 8-bit integers
+  AVX512_VNNI,  // the same in registers of twice the size
 };
 
 // Returns those that this processor has, the fastest one last.
@@ -69,8 +70,8 @@ class DescriptorBlocks {
  private:
   static constexpr int kBlockSize = kDescriptorBlock * kDescriptorDim;
 
-  // Descriptor by descriptor; for VNNI, the first four values of each descriptor in the block, then the next four, all
-  // less 128, because its second factor is signed.
+  // In each block, the first few values of each descriptor, then the next few, as many as are multiplied in one step:
+  // two with AVX2, four with VNNI, else all. With VNNI, all are less 128, because its second factor is signed.
   std::vector<uint8_t> values_;
   ProductInstructions instructions_;
 };
