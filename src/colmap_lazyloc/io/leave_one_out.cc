@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 
 #include <Eigen/Cholesky>
 #include <Eigen/Geometry>
@@ -74,18 +75,21 @@ std::vector<RiskPoint> RiskCoverage(const std::vector<CheckedPose>& poses, size_
   return points;
 }
 
-// Returns the area under the ROC curve; ties count half.
+// Returns the area under the ROC curve; ties count half. poses: by descending confidence.
 std::optional<double> Auroc(const std::vector<CheckedPose>& poses) {
-  double num_ordered = 0, num_pairs = 0;
-  for (const CheckedPose& right : poses) {
-    if (right.is_wrong) continue;
-    for (const CheckedPose& wrong : poses) {
-      if (!wrong.is_wrong) continue;
-      ++num_pairs;
-      num_ordered += right.confidence > wrong.confidence ? 1 : right.confidence == wrong.confidence ? 0.5 : 0;
-    }
+  double num_right = 0, num_wrong = 0, num_ordered_pairs = 0;
+  for (auto begin = poses.begin(); begin != poses.end();) {
+    const auto end =
+        std::find_if(begin, poses.end(), [&](const CheckedPose& pose) { return pose.confidence != begin->confidence; });
+    const auto wrong = static_cast<double>(std::count_if(begin, end, std::mem_fn(&CheckedPose::is_wrong)));
+    const double right = static_cast<double>(end - begin) - wrong;
+    num_ordered_pairs += wrong * (num_right + right / 2);
+    num_right += right;
+    num_wrong += wrong;
+    begin = end;
   }
-  return num_pairs == 0 ? std::nullopt : std::make_optional(num_ordered / num_pairs);
+  const double num_pairs = num_right * num_wrong;
+  return num_pairs == 0 ? std::nullopt : std::make_optional(num_ordered_pairs / num_pairs);
 }
 
 // Returns the median over the accepted poses; nullopt without any.
