@@ -6,10 +6,10 @@
 #else
 #include <colmap/estimators/generalized_relative_pose.h>
 #endif
-#include <colmap/math/random.h>
 #include <colmap/optim/ransac.h>
 
 #include "colmap_lazyloc/bridge/convert.h"
+#include "colmap_lazyloc/bridge/random_numbers.h"
 
 namespace lazyloc {
 namespace {
@@ -36,8 +36,7 @@ std::optional<Rigid3d> EstimateGeneralizedRelativePose(const std::vector<RayMatc
   options.min_inlier_ratio = 0.3;
   options.confidence = 0.999;
   options.max_num_trials = 500;
-  // Seeds the generator of this thread, because RANSAC draws from it.
-  colmap::SetPRNGSeed(seed);
+  SeedRandomNumbers(seed);
   const auto report = colmap::RANSAC<Estimator>(options).Estimate(database, query);
   if (!report.success) return std::nullopt;
   return FiniteRigid(report.model.ToMatrix());

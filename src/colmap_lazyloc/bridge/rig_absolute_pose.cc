@@ -7,16 +7,25 @@
 #else
 #include <colmap/estimators/generalized_absolute_pose.h>
 #endif
-#include <colmap/math/random.h>
 #include <colmap/optim/ransac.h>
 
 #include "colmap_lazyloc/bridge/convert.h"
+#include "colmap_lazyloc/bridge/random_numbers.h"
 #include "colmap_lazyloc/bridge/ransac_options.h"
 
 namespace lazyloc {
 namespace {
 
 using colmap::GP3PEstimator;
+
+// Solves with the same random numbers each time, because COLMAP 4 calls PoseLib, which turns the rays by a random
+// rotation from std::rand().
+struct RepeatableEstimator : GP3PEstimator {
+  void Estimate(const std::vector<X_t>& rays, const std::vector<Y_t>& points, std::vector<M_t>* rigs_from_world) {
+    const ExclusiveRand rand(0);
+    GP3PEstimator::Estimate(rays, points, rigs_from_world);
+  }
+};
 
 GP3PEstimator::X_t RigRay(const Rigid3d& cam_from_rig, const Eigen::Vector3d& ray_in_cam) {
 #if __has_include(<colmap/estimators/solvers/generalized_absolute_pose.h>)
@@ -34,9 +43,9 @@ std::optional<Rigid3d> EstimateRigAbsolutePose(const std::vector<Eigen::Vector3d
                                                double max_error_rad, uint32_t seed, double min_inlier_ratio) {
   std::vector<GP3PEstimator::X_t> rays(rays_in_cam.size());
   for (size_t i = 0; i < rays.size(); ++i) rays[i] = RigRay(cams_from_reference[i], rays_in_cam[i]);
-  colmap::SetPRNGSeed(seed);
+  SeedRandomNumbers(seed);
   // Converts the bound, because the estimator's residual is (1 - cos(angle))^2.
-  colmap::RANSAC<GP3PEstimator> ransac(AbsolutePoseRansacOptions(1 - std::cos(max_error_rad), min_inlier_ratio));
+  colmap::RANSAC<RepeatableEstimator> ransac(AbsolutePoseRansacOptions(1 - std::cos(max_error_rad), min_inlier_ratio));
   const auto report = ransac.Estimate(rays, points_in_world);
   if (!report.success) return std::nullopt;
   return FiniteRigid(report.model.ToMatrix());

@@ -8,11 +8,11 @@
 #include <colmap/estimators/essential_matrix.h>
 #endif
 #include <colmap/estimators/two_view_geometry.h>
-#include <colmap/math/random.h>
 #include <colmap/optim/loransac.h>
 
 #include "colmap_lazyloc/bridge/camera_models.h"
 #include "colmap_lazyloc/bridge/convert.h"
+#include "colmap_lazyloc/bridge/random_numbers.h"
 
 namespace lazyloc {
 namespace {
@@ -72,8 +72,7 @@ TwoViewGeometry EstimateTwoViewGeometry(const Camera& other_camera, const std::v
   colmap_options.min_num_inliers = options.min_num_inliers;
   colmap_options.ransac_options.max_error = options.max_error_px;
   colmap_options.min_E_F_inlier_ratio = kMinCalibratedInlierRatio;
-  // Seeds the generator of this thread, because RANSAC draws from it.
-  colmap::SetPRNGSeed(seed);
+  SeedRandomNumbers(seed);
   const colmap::Camera camera1 = ToColmap(other_camera);
   colmap::Camera camera2 = ToColmap(query_camera);
   camera2.has_prior_focal_length = options.is_query_calibrated;
@@ -111,8 +110,7 @@ TwoViewGeometry EstimateCalibratedGeometry(const Camera& other_camera,
   ransac_options.min_inlier_ratio = kMinCalibratedInlierRatio;
   ransac_options.confidence = 0.999;
   ransac_options.min_num_trials = 20;
-  // Seeds the generator of this thread, because RANSAC draws from it.
-  colmap::SetPRNGSeed(seed);
+  SeedRandomNumbers(seed);
   const auto report = colmap::LORANSAC<Estimator, Estimator>(ransac_options).Estimate(other_points, query_points);
   TwoViewGeometry geometry;
   if (!report.success || report.support.num_inliers < kMinCalibratedInlierRatio * matches.size()) return geometry;

@@ -2,9 +2,9 @@
 
 #include <algorithm>
 
-#include <colmap/math/random.h>
 #include <colmap/retrieval/inverted_index.h>
 
+#include "colmap_lazyloc/bridge/random_numbers.h"
 #include "colmap_lazyloc/bridge/visual_words.h"
 #include "colmap_lazyloc/scene/errors.h"
 
@@ -38,7 +38,7 @@ VisualIndex VisualIndex::Train(const Descriptors& training, int num_words, uint3
   LAZYLOC_CHECK(training.rows() > 0 && training.cols() == kDescriptorDim);
   auto impl = std::make_unique<Impl>(ClusterWords(training, num_words, seed));
   impl->inverted_index.Initialize(static_cast<int>(impl->words.Words().rows()));
-  colmap::SetPRNGSeed(seed);
+  SeedRandomNumbers(seed);
   impl->inverted_index.GenerateHammingEmbeddingProjection();
   impl->inverted_index.ComputeHammingEmbedding(training, impl->FindWords(training, 1, idle_threads));
   return VisualIndex(std::move(impl));

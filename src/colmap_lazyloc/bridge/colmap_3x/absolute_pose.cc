@@ -2,10 +2,10 @@
 
 #include <Eigen/Geometry>
 #include <colmap/estimators/absolute_pose.h>
-#include <colmap/math/random.h>
 #include <colmap/optim/loransac.h>
 
 #include "colmap_lazyloc/bridge/convert.h"
+#include "colmap_lazyloc/bridge/random_numbers.h"
 #include "colmap_lazyloc/bridge/ransac_options.h"
 
 namespace lazyloc {
@@ -15,8 +15,7 @@ std::optional<Rigid3d> EstimateAbsolutePose(const std::vector<Eigen::Vector3d>& 
                                             uint32_t seed, double min_inlier_ratio) {
   std::vector<Eigen::Vector2d> normalized(rays_in_cam.size());
   for (size_t i = 0; i < normalized.size(); ++i) normalized[i] = rays_in_cam[i].hnormalized();
-  // Seeds the generator of this thread, because RANSAC draws from it.
-  colmap::SetPRNGSeed(seed);
+  SeedRandomNumbers(seed);
   colmap::LORANSAC<colmap::P3PEstimator, colmap::EPNPEstimator> ransac(
       AbsolutePoseRansacOptions(max_error_rad, min_inlier_ratio));
   const auto report = ransac.Estimate(normalized, points_in_world);

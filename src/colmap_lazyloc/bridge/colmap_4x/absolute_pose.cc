@@ -2,10 +2,10 @@
 
 #include <Eigen/Geometry>
 #include <colmap/estimators/solvers/absolute_pose.h>
-#include <colmap/math/random.h>
 #include <colmap/optim/loransac.h>
 
 #include "colmap_lazyloc/bridge/convert.h"
+#include "colmap_lazyloc/bridge/random_numbers.h"
 #include "colmap_lazyloc/bridge/ransac_options.h"
 
 namespace lazyloc {
@@ -35,8 +35,7 @@ std::optional<Rigid3d> EstimateAbsolutePose(const std::vector<Eigen::Vector3d>& 
                                             uint32_t seed, double min_inlier_ratio) {
   std::vector<colmap::Point2DWithRay> rays(rays_in_cam.size());
   for (size_t i = 0; i < rays.size(); ++i) rays[i] = {rays_in_cam[i].hnormalized(), rays_in_cam[i]};
-  // Seeds the generator of this thread, because RANSAC draws from it.
-  colmap::SetPRNGSeed(seed);
+  SeedRandomNumbers(seed);
   colmap::LORANSAC<OnRays<colmap::P3PEstimator>, OnRays<colmap::EPNPEstimator>> ransac(
       AbsolutePoseRansacOptions(max_error_rad, min_inlier_ratio));
   const auto report = ransac.Estimate(rays, points_in_world);
