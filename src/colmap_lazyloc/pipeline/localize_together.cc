@@ -144,14 +144,22 @@ std::vector<IntrinsicsResult> AddPoses(const Found& found, const LocalizerOption
   return checked.results;
 }
 
-}  // namespace
+// Returns what motion averaging gives; without it, all pairs, so that other starts are tried.
+Averaged Average(const Layout& layout, const PairEstimates& estimates, bool averages_motion,
+                 const LocalizerOptions& options, Report* report) {
+  if (averages_motion) return AverageMotion(layout, estimates.pairs, options, report->Seconds());
+  Averaged averaged{layout.given, {}, {}, Failure{QueryStatus::INCONSISTENT_ROTATIONS, "no start fits the matches"}};
+  for (const PairGeometry& pair : estimates.pairs) averaged.pairs.push_back(&pair);
+  averaged.directions.resize(averaged.pairs.size());
+  return averaged;
+}
 
-Outcome LocalizeTogether(const QueryGroup& group, const LocalizerOptions& options) {
+Outcome Localize(const QueryGroup& group, bool averages_motion, const LocalizerOptions& options) {
   return Run(group, [&](Report* report) {
     const Layout layout = MakeLayout(group);
     const PairEstimates estimates = EstimatePairs(group, layout, options, report->Seconds());
     report->AddPairs(estimates);
-    Averaged averaged = AverageMotion(layout, estimates.pairs, options, report->Seconds());
+    Averaged averaged = Average(layout, estimates, averages_motion, options, report);
     CandidateTracks candidates =
         Timed("tracks", report, [&] { return CollectTracks(group, layout, averaged.pairs, options); });
     SplitTracks start_tracks = Timed("start", report, [&] {
@@ -175,6 +183,16 @@ Outcome LocalizeTogether(const QueryGroup& group, const LocalizerOptions& option
     report->AddPairErrors(layout, averaged, refined.adjustment.posed);
     if (options.intrinsics != IntrinsicsMode::GIVEN) RefuseContradicted(layout, intrinsics);
   });
+}
+
+}  // namespace
+
+Outcome LocalizeTogether(const QueryGroup& group, const LocalizerOptions& options) {
+  return Localize(group, /*averages_motion=*/true, options);
+}
+
+Outcome LocalizeByOtherStarts(const QueryGroup& query, const LocalizerOptions& options) {
+  return Localize(query, /*averages_motion=*/false, options);
 }
 
 Outcome LocalizeWithUnknownFocalLength(const QueryGroup& query, const LocalizerOptions& options) {
