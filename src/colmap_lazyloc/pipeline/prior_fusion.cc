@@ -13,10 +13,11 @@ namespace lazyloc {
 namespace {
 
 using Matrix6 = Eigen::Matrix<double, 6, 6>;
+using Vector6 = Eigen::Matrix<double, 6, 1>;
 
 // Up to three residuals of a prior in its standard deviations, and their derivative by the tangent of the pose.
 struct Equations {
-  Eigen::Matrix<double, 6, 1> errors = Eigen::Matrix<double, 6, 1>::Zero();
+  Vector6 errors = Vector6::Zero();
   Matrix6 jacobian = Matrix6::Zero();
 
   void Set(int row, const QueryPriorResidual& residual) {
@@ -63,21 +64,23 @@ void FusePriorsOf(const Layout& layout, int query, QueryPriorResult* result, Che
   const Equations equations = UsedEquations(prior, pose.rotation, covariance, result);
   if (equations.jacobian.isZero(0)) return;
 
+  IntrinsicsResult& intrinsics = checked->results[query];
+  const Vector6 by_focal = around_camera * intrinsics.pose_from_log_focal;
+  const Matrix6 of_focal = intrinsics.mean_square * by_focal * by_focal.transpose();
+  const Matrix6 of_images = covariance - of_focal;
   // The update of a Kalman filter. Priors that are not used have zero rows, to which the identity gives no weight.
-  const Matrix6 of_errors = equations.jacobian * covariance * equations.jacobian.transpose() + Matrix6::Identity();
-  const Matrix6 gain = of_errors.ldlt().solve(equations.jacobian * covariance).transpose();
-  const Eigen::Matrix<double, 6, 1> step = -gain * equations.errors;
+  const Matrix6 of_errors = equations.jacobian * of_images * equations.jacobian.transpose() + Matrix6::Identity();
+  const Matrix6 gain = of_errors.ldlt().solve(equations.jacobian * of_images).transpose();
+  const Vector6 step = -gain * equations.errors;
   const Matrix6 kept = Matrix6::Identity() - gain * equations.jacobian;
   const Eigen::Quaterniond rotation = (ExpSO3(step.head<3>()) * pose.rotation).normalized();
   pose = CamFromWorld(rotation, centre - rotation.conjugate() * step.tail<3>());
 
   const Matrix6 fused = kept * covariance * kept.transpose() + gain * gain.transpose();
-  const Matrix6 in_world = TangentFromAround(CamInWorld(pose) + layout.origin, rotation);
-  uncertainty.covariance =
-      CovarianceFromAround(CamInWorld(pose) + layout.origin, rotation, (fused + fused.transpose()) / 2);
+  const Eigen::Vector3d centre_in_world = CamInWorld(pose) + layout.origin;
+  uncertainty.covariance = CovarianceFromAround(centre_in_world, rotation, (fused + fused.transpose()) / 2);
   uncertainty.spread = ComputePoseSpread({rotation, Eigen::Vector3d::Zero()}, fused);
-  Eigen::Matrix<double, 6, 1>& derivative = checked->results[query].pose_from_log_focal;
-  derivative = (in_world * kept * around_camera * derivative).eval();
+  intrinsics.pose_from_log_focal = TangentFromAround(centre_in_world, rotation) * kept * by_focal;
 }
 
 }  // namespace

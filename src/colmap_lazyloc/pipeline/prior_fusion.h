@@ -10,10 +10,11 @@ namespace lazyloc {
 // a pose, and beside an estimated focal length, because that changes with the pose.
 bool IsFused(const Layout& layout, const PosedImages& posed, int query);
 
-// Combines the priors of such queries with their poses: the most probable pose under the pose's whole covariance and
-// the priors' own. Adjustment does not know this covariance, because it contains errors that all images share: of the
-// database poses, and of the focal length. A prior that the images contradict is left out (prior_comparison.h). Leaves
-// queries alone whose priors have a verdict. results: by query.
+// Combines the priors of such queries with their poses: the most probable pose under the priors' covariances and the
+// pose's own. Adjustment does not know the latter, because it contains errors of the database poses that all images
+// share. The error of a given focal length is allowed for in the covariance, but a prior is not weighed against it,
+// because most calibrations are better than that. A prior that the images contradict is left out (prior_comparison.h).
+// Leaves queries alone whose priors have a verdict. results: by query.
 void FusePriors(const Layout& layout, std::vector<QueryPriorResult>* results, CheckedIntrinsics* checked);
 
 }  // namespace lazyloc

@@ -12,6 +12,13 @@ namespace {
 
 using Matrix6 = Eigen::Matrix<double, 6, 6>;
 
+// Returns options with the default noise model of database poses.
+LocalizerOptions WithExactFocalLength() {
+  LocalizerOptions options;
+  options.focal_length_stddev_ratio = 0;
+  return options;
+}
+
 SyntheticScene MakeScene(const Eigen::Vector3d& origin = Eigen::Vector3d::Zero()) {
   SyntheticSceneOptions options;
   options.num_database_images = 6;
@@ -29,12 +36,12 @@ Eigen::Matrix3d PositionCovariance(const LocalizationResult& result) {
 TEST(PriorFusion, PositionAsCertainAsThePoseHalvesItsCovariance) {
   for (const Eigen::Vector3d& origin : {Eigen::Vector3d(0, 0, 0), Eigen::Vector3d(500000, 5400000, 300)}) {
     SyntheticScene scene = MakeScene(origin);
-    const LocalizationResult without = LocalizeQuery(scene.problem, {});
+    const LocalizationResult without = LocalizeQuery(scene.problem, WithExactFocalLength());
     ASSERT_TRUE(HasPose(without.status)) << without.reason;
     const Eigen::Matrix3d covariance = PositionCovariance(without);
     const Eigen::Vector3d offset = Eigen::Vector3d(0.5, -0.7, 0.6) * std::sqrt(covariance.trace() / 3);
     scene.problem.prior.position = {CamInWorld(without.cam_from_world) + offset, covariance};
-    const LocalizationResult with = LocalizeQuery(scene.problem, {});
+    const LocalizationResult with = LocalizeQuery(scene.problem, WithExactFocalLength());
     EXPECT_EQ(with.priors.position->verdict, PriorVerdict::USED);
     EXPECT_EQ(with.priors.position->fixes, PriorRole::NOTHING);
     const Eigen::Vector3d moved = CamInWorld(with.cam_from_world) - CamInWorld(without.cam_from_world);
@@ -48,7 +55,7 @@ TEST(PriorFusion, PositionAsCertainAsThePoseHalvesItsCovariance) {
 // The rotation follows the position as far as their errors are correlated: the fused pose is the most probable one.
 TEST(PriorFusion, PoseIsTheMostProbableOne) {
   SyntheticScene scene = MakeScene();
-  const LocalizationResult without = LocalizeQuery(scene.problem, {});
+  const LocalizationResult without = LocalizeQuery(scene.problem, WithExactFocalLength());
   ASSERT_TRUE(HasPose(without.status)) << without.reason;
   const double stddev = without.spread.position_stddevs[0];
   const PositionPrior position{CamInWorld(without.cam_from_world) + Eigen::Vector3d(1, -0.5, 0.3) * stddev,
@@ -58,7 +65,7 @@ TEST(PriorFusion, PoseIsTheMostProbableOne) {
           without.cam_from_world.rotation * Eigen::Vector3d(0, 0, -1),
       Eigen::Vector3d(0, 0, -1), without.spread.rotation_stddev_rad};
   scene.problem.prior = {position, gravity};
-  const LocalizationResult with = LocalizeQuery(scene.problem, {});
+  const LocalizationResult with = LocalizeQuery(scene.problem, WithExactFocalLength());
   ASSERT_EQ(with.priors.position->verdict, PriorVerdict::USED);
   ASSERT_EQ(with.priors.gravity->verdict, PriorVerdict::USED);
   const Matrix6 information = without.covariance.inverse();
@@ -81,6 +88,25 @@ TEST(PriorFusion, PoseIsTheMostProbableOne) {
       EXPECT_GT(squared_sigmas(near), least);
     }
   }
+}
+
+// A position as certain as the whole pose is hardly weighed against the focal length, but its covariance is kept.
+TEST(PriorFusion, ErrorsOfTheFocalLengthAreLeftToTheCovariance) {
+  SyntheticScene scene = MakeScene();
+  const LocalizationResult exact = LocalizeQuery(scene.problem, WithExactFocalLength());
+  LocalizerOptions options;
+  options.focal_length_stddev_ratio = 0.1;
+  const LocalizationResult without = LocalizeQuery(scene.problem, options);
+  ASSERT_TRUE(HasPose(without.status)) << without.reason;
+  const double stddev = without.spread.position_stddevs[0];
+  ASSERT_GT(stddev, 2 * exact.spread.position_stddevs[0]);
+  scene.problem.prior.position = {CamInWorld(without.cam_from_world) + Eigen::Vector3d(stddev, stddev, stddev),
+                                  stddev * stddev * Eigen::Matrix3d::Identity()};
+  const LocalizationResult with = LocalizeQuery(scene.problem, options);
+  EXPECT_EQ(with.priors.position->verdict, PriorVerdict::USED);
+  EXPECT_LE(PositionError(with.cam_from_world, without.cam_from_world), exact.spread.position_stddevs[0]);
+  EXPECT_LE(with.spread.position_stddevs[0], without.spread.position_stddevs[0]);
+  EXPECT_GT(with.spread.position_stddevs[0], 0.8 * stddev);
 }
 
 // Tells poses apart whose priors adjustment uses.
