@@ -27,9 +27,11 @@ class SparseScene(Scene):
         return self.chosen[query_name]
 
 
-def make_sparse_scene(scene: Scene, num_images: int, is_star: bool, folder: pathlib.Path) -> SparseScene:
+def make_sparse_scene(
+    scene: Scene, num_images: int, is_star: bool, folder: pathlib.Path, max_num_queries: int | None = None
+) -> SparseScene:
     """Writes the database into a folder. is_star: no keypoint of a query has matches in two database images, and these
-    have no matches with each other."""
+    have no matches with each other. max_num_queries: of the scene, evenly spread; None for all."""
     images, chosen = dict(scene.images), {}
     path = folder / "database.db"
     copy_database(scene, path)
@@ -38,7 +40,7 @@ def make_sparse_scene(scene: Scene, num_images: int, is_star: bool, folder: path
         if is_star:
             database.clear_matches()
             database.clear_two_view_geometries()
-        for name in scene.query_names:
+        for name in _spread(scene.query_names, max_num_queries):
             pairs = source.query_matches(scene, name, num_images).pairs
             if len(pairs) < num_images:
                 continue
@@ -67,6 +69,11 @@ def split_keypoints(pairs: list[PairMatches]) -> list[PairMatches]:
         PairMatches(pair.database_name, pair.query_idxs[mask], pair.database_idxs[mask])
         for pair, mask in zip(pairs, kept)
     ]
+
+
+def _spread(names: list[str], max_num: int | None) -> list[str]:
+    num = min(len(names), max_num or len(names))
+    return [names[i * len(names) // num] for i in range(num)]
 
 
 def _add_query(database: pycolmap.Database, name: str, pairs: list[PairMatches]):

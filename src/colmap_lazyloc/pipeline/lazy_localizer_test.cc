@@ -291,5 +291,40 @@ TEST(LocalizerOptions, DefaultsPassAndBadOnesAreNamed) {
   EXPECT_THAT(error, testing::HasSubstr("loss_scale_sigma"));
 }
 
+// Returns a scene of two database images, of which one pair has a wrong relative rotation and fewer inliers, as a pair
+// with the wrong orientation of a plane has.
+SyntheticScene MakeContradictoryScene() {
+  SyntheticSceneOptions options;
+  options.num_database_images = 2;
+  options.pixel_noise_px = 0.3;
+  SyntheticScene scene = MakeSyntheticScene(options);
+  TwoViewGeometry& wrong = *scene.problem.pairs[1].geometry;
+  Random random(4);
+  wrong.query_from_other->rotation = Disturbed(wrong.query_from_other->rotation, 12, &random);
+  wrong.inlier_matches.resize(wrong.inlier_matches.size() - 20);
+  return scene;
+}
+
+TEST(LocalizeQuery, PointsOfTwoImagesLocalizeAQueryWhosePairsContradictEachOther) {
+  const SyntheticScene scene = MakeContradictoryScene();
+  const LocalizationResult result = LocalizeQuery(scene.problem, {});
+  ASSERT_EQ(result.status, QueryStatus::LOCALIZED) << result.reason;
+  EXPECT_LE(PositionError(result.cam_from_world, scene.query_cam_from_world), 0.05);
+  EXPECT_EQ(result.start, EnumName(StartPose::ABSOLUTE_POSE));
+}
+
+TEST(LocalizeQuery, MatchesOfContradictoryPairsWithoutCommonPointsLocalizeNothing) {
+  SyntheticScene scene = MakeContradictoryScene();
+  for (size_t i = 0; i < 2; ++i) {
+    Matches kept;
+    for (const Match& match : scene.problem.pairs[i].geometry->inlier_matches) {
+      if (match.query_point % 2 == i) kept.push_back(match);
+    }
+    scene.problem.pairs[i].geometry->inlier_matches = kept;
+  }
+  const LocalizationResult result = LocalizeQuery(scene.problem, {});
+  EXPECT_EQ(result.status, QueryStatus::SCALE_UNOBSERVABLE) << result.reason;
+}
+
 }  // namespace
 }  // namespace lazyloc

@@ -98,6 +98,13 @@ bool IsDistanceLeftToPrior(const LocalizationResult& result) {
          result.priors.position->verdict == PriorVerdict::NOT_TESTED;
 }
 
+// Returns true if motion averaging left a single one of several pairs, because their relative poses contradict it.
+bool IsOnePairLeft(const LocalizationResult& result) {
+  return result.status == QueryStatus::SCALE_UNOBSERVABLE &&
+         std::count_if(result.pairs.begin(), result.pairs.end(),
+                       [](const PairResult& pair) { return pair.num_inliers > 0; }) > 1;
+}
+
 // Returns the query with the pair of one database image alone.
 QueryGroup WithPair(QueryGroup query, const std::string& database_name) {
   std::vector<ImagePair>& pairs = query.images.front().problem.pairs;
@@ -119,6 +126,12 @@ LocalizationResult LocalizeLone(const QueryGroup& query, const LocalizerOptions&
     return HasPose(guessed.status) ? guessed : refined;
   }
   LocalizationResult given = localize(LocalizeTogether);
+  if (IsOnePairLeft(given)) {
+    LocalizationResult other = localize(LocalizeByOtherStarts);
+    // Accepts nothing that rests on epipolar constraints alone, because relative poses contradict each other.
+    const bool has_points = other.evidence.num_common_tracks >= options.min_num_tracks;
+    if (other.status == QueryStatus::LOCALIZED && has_points) return other;
+  }
   if (IsPositionLeftToPrior(given)) return localize(LocalizeByRotation);
   // Takes the one image with the best bearing, because images of one place do not triangulate points.
   if (IsDistanceLeftToPrior(given)) {

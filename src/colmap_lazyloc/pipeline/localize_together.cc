@@ -12,8 +12,11 @@
 #include "colmap_lazyloc/pipeline/intrinsics_check.h"
 #include "colmap_lazyloc/pipeline/pose_evidence.h"
 #include "colmap_lazyloc/pipeline/position_ambiguity.h"
+#include "colmap_lazyloc/pipeline/prior_comparison.h"
+#include "colmap_lazyloc/pipeline/prior_fusion.h"
 #include "colmap_lazyloc/pipeline/pure_rotation.h"
 #include "colmap_lazyloc/pipeline/query_priors.h"
+#include "colmap_lazyloc/pipeline/refinement_with_priors.h"
 #include "colmap_lazyloc/pipeline/refinement_without_tracks.h"
 #include "colmap_lazyloc/pipeline/report.h"
 #include "colmap_lazyloc/refinement/covariance.h"
@@ -69,68 +72,33 @@ auto Timed(const char* name, Report* report, const Stage& stage) {
   return stage();
 }
 
-// Takes intrinsics for unobservable that are contradicted only if depths are exact: if these alone fix the distance,
-// errors of a map look like those of intrinsics.
-void IgnoreContradictionsOfDepth(const Layout& layout, const BundleAdjustmentResult& adjustment,
-                                 const LocalizerOptions& options, std::vector<IntrinsicsResult>* intrinsics) {
-  if (!layout.has_depths) return;
+// Takes contradicted intrinsics for unobservable if depths or a prior alone fix the distance: their errors look like
+// those of intrinsics, and a single image hardly tells the focal length.
+void IgnoreContradictionsOfEvidence(const Layout& layout, const Refined& refined, const LocalizerOptions& options,
+                                    std::vector<IntrinsicsResult>* intrinsics) {
+  if (!layout.has_depths && !refined.open_line) return;
+  const BundleAdjustmentResult& adjustment = refined.adjustment;
   const std::vector<TrackRefs> tracks_of = TracksByFrame(layout, adjustment.tracks);
   for (int query = 0; query < layout.num_queries; ++query) {
     IntrinsicsResult& result = (*intrinsics)[query];
     if (result.verdict != IntrinsicsVerdict::CONTRADICTED) continue;
-    if (!FixDistance(adjustment.posed, tracks_of[layout.FrameOf(query)], options)) continue;
+    if (!refined.open_line && !FixDistance(adjustment.posed, tracks_of[layout.FrameOf(query)], options)) continue;
     result.verdict = IntrinsicsVerdict::UNOBSERVABLE;
     result.contradiction.clear();
   }
-}
-
-bool HavePriors(const Layout& layout) {
-  return std::any_of(layout.priors.begin(), layout.priors.end(),
-                     [](const QueryPrior& prior) { return prior.position || prior.gravity; });
 }
 
 constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
 
 // Adds a prior of gravity to a rotation that does not contradict it.
 void UseGravity(GravityPrior gravity, PriorResult* result, RotationFit* fit) {
-  gravity.stddev_rad *= std::sqrt(JudgeGravity(gravity, fit->cam_from_world_rotation, fit->covariance, result));
+  gravity.stddev_rad *= std::sqrt(CompareGravity(gravity, fit->cam_from_world_rotation, fit->covariance, result));
   if (result->verdict != PriorVerdict::USED) return;
   const QueryPriorResidual residual = EvaluateGravityPrior(gravity, {}, {fit->cam_from_world_rotation, {}});
   const Eigen::Matrix3d by_turn = residual.jacobian.leftCols<3>();
   fit->covariance = (fit->covariance.inverse() + by_turn.transpose() * by_turn).inverse().eval();
   const Eigen::Vector3d turn = -fit->covariance * by_turn.transpose() * residual.error;
   fit->cam_from_world_rotation = ExpSO3(turn) * fit->cam_from_world_rotation;
-}
-
-// Refines by the images alone, compares the queries' priors with the result and refines with those that it does not
-// contradict. Moves the start of poses that the images leave open to where the priors put them.
-Refined RefineWithPriors(const Layout& layout, const PairRefs& pairs, const SplitTracks& start_tracks,
-                         CandidateTracks candidates, const LocalizerOptions& options, Report* report, Start* start) {
-  const auto refine = [&](const PosedImages& from, CandidateTracks tracks) {
-    return Refine(layout, from, start_tracks, std::move(tracks), options, report->Seconds());
-  };
-  if (!HavePriors(layout)) return refine(start->posed, std::move(candidates));
-  Refined refined = refine(start->posed, candidates);
-  PriorJudgement judgement = Timed("priors", report, [&] { return JudgePriors(layout, pairs, refined, options); });
-  if (judgement.moves_start) {
-    PosedImages moved = layout.given;
-    moved.frames[0].frame_from_world = judgement.start.frames[0].frame_from_world;
-    moved.query_priors = judgement.used;
-    for (size_t i = 0; i < moved.images.size(); ++i) moved.images[i].depth_scale = start->posed.images[i].depth_scale;
-    Refined fixed = refine(moved, std::move(candidates));
-    LimitVarianceFactor(&fixed);
-    if (AreReconciled(judgement, fixed)) {
-      start->posed = std::move(moved);
-      refined = std::move(fixed);
-      refined.open_line = judgement.open_line;
-    } else {
-      judgement.results[0].position->verdict = PriorVerdict::CONTRADICTED;
-    }
-  } else if (!judgement.used.empty()) {
-    Timed("priors", report, [&] { AdjustWithPriors(judgement.used, options, nullptr, &refined); });
-  }
-  report->AddPriors(judgement.results);
-  return refined;
 }
 
 // What the stages up to the refinement find. pairs: those in use.
@@ -141,6 +109,7 @@ struct Found {
   const PairRefs& pairs;
   const Start& start;
   const Refined& refined;
+  std::vector<QueryPriorResult> priors;
 };
 
 // Adds the refined poses with their uncertainties, intrinsics and confidence, and returns the intrinsics. camera: of a
@@ -153,7 +122,12 @@ std::vector<IntrinsicsResult> AddPoses(const Found& found, const LocalizerOption
     return CheckIntrinsics(found.group, layout, refined, EstimateUncertainties(layout, found.pairs, refined, options),
                            options, camera);
   });
-  IgnoreContradictionsOfDepth(layout, refined.adjustment, options, &checked.results);
+  if (HavePriors(layout)) {
+    std::vector<QueryPriorResult> priors = found.priors;
+    Timed("priors", report, [&] { FusePriors(layout, &priors, &checked); });
+    report->AddPriors(priors);
+  }
+  IgnoreContradictionsOfEvidence(layout, refined, options, &checked.results);
   report->AddIntrinsics(checked.results);
   report->AddCameras(checked.cameras);
   report->AddUncertainties(checked.uncertainties);
@@ -170,14 +144,22 @@ std::vector<IntrinsicsResult> AddPoses(const Found& found, const LocalizerOption
   return checked.results;
 }
 
-}  // namespace
+// Returns what motion averaging gives; without it, all pairs, so that other starts are tried.
+Averaged Average(const Layout& layout, const PairEstimates& estimates, bool averages_motion,
+                 const LocalizerOptions& options, Report* report) {
+  if (averages_motion) return AverageMotion(layout, estimates.pairs, options, report->Seconds());
+  Averaged averaged{layout.given, {}, {}, Failure{QueryStatus::INCONSISTENT_ROTATIONS, "no start fits the matches"}};
+  for (const PairGeometry& pair : estimates.pairs) averaged.pairs.push_back(&pair);
+  averaged.directions.resize(averaged.pairs.size());
+  return averaged;
+}
 
-Outcome LocalizeTogether(const QueryGroup& group, const LocalizerOptions& options) {
+Outcome Localize(const QueryGroup& group, bool averages_motion, const LocalizerOptions& options) {
   return Run(group, [&](Report* report) {
     const Layout layout = MakeLayout(group);
     const PairEstimates estimates = EstimatePairs(group, layout, options, report->Seconds());
     report->AddPairs(estimates);
-    Averaged averaged = AverageMotion(layout, estimates.pairs, options, report->Seconds());
+    Averaged averaged = Average(layout, estimates, averages_motion, options, report);
     CandidateTracks candidates =
         Timed("tracks", report, [&] { return CollectTracks(group, layout, averaged.pairs, options); });
     SplitTracks start_tracks = Timed("start", report, [&] {
@@ -193,13 +175,24 @@ Outcome LocalizeTogether(const QueryGroup& group, const LocalizerOptions& option
     Start start =
         Timed("start", report, [&] { return ChooseStart(layout, averaged, start_tracks, options, depths.starts); });
     report->AddStart(layout, start);
-    const Refined refined =
+    const auto [refined, priors] =
         RefineWithPriors(layout, averaged.pairs, start_tracks, std::move(candidates), options, report, &start);
-    const auto intrinsics = AddPoses({group, layout, estimates, averaged.pairs, start, refined}, options, report);
+    const auto intrinsics =
+        AddPoses({group, layout, estimates, averaged.pairs, start, refined, priors}, options, report);
     report->AddDepthsOfPoses(layout, refined, options);
     report->AddPairErrors(layout, averaged, refined.adjustment.posed);
     if (options.intrinsics != IntrinsicsMode::GIVEN) RefuseContradicted(layout, intrinsics);
   });
+}
+
+}  // namespace
+
+Outcome LocalizeTogether(const QueryGroup& group, const LocalizerOptions& options) {
+  return Localize(group, /*averages_motion=*/true, options);
+}
+
+Outcome LocalizeByOtherStarts(const QueryGroup& query, const LocalizerOptions& options) {
+  return Localize(query, /*averages_motion=*/false, options);
 }
 
 Outcome LocalizeWithUnknownFocalLength(const QueryGroup& query, const LocalizerOptions& options) {
@@ -225,14 +218,15 @@ Outcome LocalizeWithUnknownFocalLength(const QueryGroup& query, const LocalizerO
     report->AddStart(layout, start);
     Refined refined =
         Refine(layout, start.posed, start_tracks, std::move(candidates), options, report->Seconds(), &camera);
+    std::vector<QueryPriorResult> priors = {UntestedPriors(layout.priors[0])};
     if (HavePriors(layout)) {
       const PriorJudgement judgement = JudgePriors(layout, pairs, refined, options);
       if (!judgement.moves_start) {
-        report->AddPriors(judgement.results);
+        priors = judgement.results;
         AdjustWithPriors(judgement.used, options, &camera, &refined);
       }
     }
-    AddPoses({query, layout, estimates, pairs, start, refined}, options, report, &camera);
+    AddPoses({query, layout, estimates, pairs, start, refined, priors}, options, report, &camera);
   });
 }
 

@@ -16,6 +16,10 @@ struct Outcome {
 // Localizes all frames of a group in one solve: the method, stage by stage.
 Outcome LocalizeTogether(const QueryGroup& group, const LocalizerOptions& options);
 
+// Localizes a lone query whose pairs contradict each other by all starts but motion averaging, with the matches of all
+// pairs: points that two database images triangulate may fix a pose although relative poses are wrong.
+Outcome LocalizeByOtherStarts(const QueryGroup& query, const LocalizerOptions& options);
+
 // Localizes a lone query of unknown focal length. Motion averaging has no part in it, because relative poses estimated
 // with a wrong focal length must not decide.
 Outcome LocalizeWithUnknownFocalLength(const QueryGroup& query, const LocalizerOptions& options);

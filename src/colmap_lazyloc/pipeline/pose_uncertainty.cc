@@ -19,13 +19,15 @@ void CheckNumTracks(const std::vector<TrackRefs>& tracks_of, int min_num_tracks)
 }
 
 // Throws the failure of the first frame with an unobservable position, in the name of all such frames.
-void CheckPositions(const Layout& layout, const PairRefs& pairs, const BundleAdjustmentResult& adjustment,
-                    const std::vector<TrackRefs>& tracks_of, double variance_factor, const LocalizerOptions& options) {
+void CheckPositions(const Layout& layout, const PairRefs& pairs, const Refined& refined,
+                    const std::vector<TrackRefs>& tracks_of, const LocalizerOptions& options) {
+  const BundleAdjustmentResult& adjustment = refined.adjustment;
   std::optional<Failure> first;
   for (int i = 0; i < layout.num_query_frames; ++i) {
-    const AdjustedFrame frame{layout, pairs, adjustment, i, tracks_of[i], variance_factor};
+    const AdjustedFrame frame{
+        layout, pairs, adjustment, i, tracks_of[i], refined.variance_factor, refined.has_one_orientation};
     if (!IsPositionOpen(frame, options)) continue;
-    if (!first) first = OpenPositionFailure(frame, variance_factor);
+    if (!first) first = OpenPositionFailure(frame, refined.variance_factor);
     first->frames.push_back(i);
   }
   if (!first) return;
@@ -77,7 +79,7 @@ std::vector<PoseUncertainty> EstimateUncertainties(const Layout& layout, const P
   const BundleAdjustmentResult& adjustment = refined.adjustment;
   const std::vector<TrackRefs> tracks_of = TracksByFrame(layout, adjustment.tracks);
   CheckNumTracks(tracks_of, options.min_num_tracks);
-  CheckPositions(layout, pairs, adjustment, tracks_of, refined.variance_factor, options);
+  CheckPositions(layout, pairs, refined, tracks_of, options);
   const PosedImages reported = AsReported(layout, adjustment.posed);
   std::vector<PoseUncertainty> uncertainties;
   for (int query = 0; query < layout.num_queries; ++query) {

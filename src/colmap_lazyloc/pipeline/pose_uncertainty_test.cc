@@ -152,15 +152,24 @@ TEST(EstimateCovariance, OneDatabasePositionLeavesRotationAndBearing) {
   }
 }
 
+// In some scenes points would lie behind a camera in the other orientation. Then the images tell.
 TEST(EstimateCovariance, OneDatabasePositionBeforeAPlaneLeavesTwoOrientations) {
   SyntheticSceneOptions options = Noisy(SceneLayout::RING, 1);
   options.has_planar_points = true;
+  int num_ambiguous = 0;
   for (options.seed = 0; options.seed < 10; ++options.seed) {
-    const LocalizationResult result = LocalizeQuery(MakeSyntheticScene(options).problem, {});
+    const SyntheticScene scene = MakeSyntheticScene(options);
+    const LocalizationResult result = LocalizeQuery(scene.problem, {});
     ASSERT_EQ(result.status, QueryStatus::SCALE_UNOBSERVABLE) << result.reason;
-    EXPECT_THAT(result.reason, HasSubstr("one plane"));
-    EXPECT_FALSE(result.partial_pose);
+    if (result.reason.find("one plane") != std::string::npos) {
+      ++num_ambiguous;
+      EXPECT_FALSE(result.partial_pose);
+    } else {
+      EXPECT_LE(AngularDistanceRad(result.partial_pose->cam_from_world_rotation, scene.query_cam_from_world.rotation),
+                4 * *result.partial_pose->rotation_stddev_rad);
+    }
   }
+  EXPECT_GE(num_ambiguous, 7);
 }
 
 TEST(EstimateCovariance, SeveralDatabasePositionsBeforeAPlaneSuffice) {

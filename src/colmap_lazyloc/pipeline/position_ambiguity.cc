@@ -165,7 +165,11 @@ Failure OpenPositionFailure(const AdjustedFrame& frame, double variance_factor) 
   const PoseSpread spread = ComputePoseSpread(pose, variance_factor * adjustment.frame_covariances[frame.frame]);
   const std::vector<Eigen::Vector3d> centres = DatabaseCentres(frame.layout, frame.pairs, frame.frame);
   const bool is_one_place = !centres.empty() && AreOnePlace(centres);
-  if (is_one_place && AreInOnePlane(frame, (CamInWorld(pose) - centres.front()).norm())) {
+  const auto leaves_two_orientations = [&] {
+    if (frame.has_one_orientation) return !*frame.has_one_orientation;
+    return AreInOnePlane(frame, (CamInWorld(pose) - centres.front()).norm());
+  };
+  if (is_one_place && leaves_two_orientations()) {
     return {QueryStatus::SCALE_UNOBSERVABLE,
             "only one database position is usable and all points lie in one plane: the distance is open, and two "
             "orientations explain the matches alike"};

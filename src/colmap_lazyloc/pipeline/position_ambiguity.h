@@ -1,5 +1,6 @@
 #pragma once
 
+#include <optional>
 #include <vector>
 
 #include "colmap_lazyloc/pipeline/failure.h"
@@ -17,6 +18,9 @@ struct AdjustedFrame {
   int frame = 0;
   const TrackRefs& tracks;  // those that the frame observes
   double variance_factor = 1;
+  // False if matches and priors do not exclude the other orientation that points of one plane leave beside a single
+  // database image; nullopt if they were not compared (plane_orientation.h).
+  std::optional<bool> has_one_orientation = {};
 };
 
 // Return the number of tracks with more than two images, and of those with a depth.

@@ -9,6 +9,8 @@
 #include "colmap_lazyloc/math/so3.h"
 #include "colmap_lazyloc/pipeline/pose_uncertainty.h"
 #include "colmap_lazyloc/pipeline/position_ambiguity.h"
+#include "colmap_lazyloc/pipeline/prior_comparison.h"
+#include "colmap_lazyloc/pipeline/prior_fusion.h"
 #include "colmap_lazyloc/refinement/covariance.h"
 
 namespace lazyloc {
@@ -17,54 +19,14 @@ namespace {
 // Minimum variance factor beside a prior: as few points as fix a pose fit it exactly, which says nothing of their
 // noise.
 constexpr double kMinVarianceFactor = 1e-3;
-
-// Quantiles of the chi-square distribution with 2 and 3 degrees of freedom.
-struct Quantiles {
-  double suspicious;     // 95 %
-  double contradictory;  // 99.9 %
-};
-constexpr Quantiles kTwoDegrees = {5.991, 13.816}, kThreeDegrees = {7.815, 16.266};
-
-// Compares a deviation with its covariance. Returns the factor on the prior's covariance: at least 1, more the more
-// suspicious the prior is.
-template <typename Vector, typename Matrix>
-double Compare(const Vector& deviation, const Matrix& covariance, const Quantiles& quantiles, PriorResult* result) {
-  const double squared_sigma = deviation.dot(covariance.ldlt().solve(deviation));
-  result->deviation = deviation.norm();
-  result->deviation_sigma = std::sqrt(squared_sigma);
-  result->verdict = squared_sigma <= quantiles.contradictory ? PriorVerdict::USED : PriorVerdict::CONTRADICTED;
-  return std::max(1.0, squared_sigma / quantiles.suspicious);
-}
+// Minimum distance of points over the standard deviation of a position that is known by a prior alone.
+constexpr double kMinDistanceRatio = 1e-6;
 
 // The pose that the images give a query.
 struct ImagePose {
   Rigid3d cam_from_world;
   Eigen::Matrix<double, 6, 6> covariance;
 };
-
-double ComparePosition(const PositionPrior& prior, const ImagePose& pose, PriorResult* result) {
-  return Compare(Eigen::Vector3d(prior.position - CamInWorld(pose.cam_from_world)),
-                 Eigen::Matrix3d(prior.covariance + PositionCovariance(pose.cam_from_world, pose.covariance)),
-                 kThreeDegrees, result);
-}
-
-// Returns the place on the ray of a bearing that agrees best with a prior, and compares both across the ray. The
-// deviation along it is compared only if the prior is behind the database image.
-Eigen::Vector3d CompareWithBearing(const PositionPrior& prior, const Bearing& bearing, const Eigen::Vector3d& from,
-                                   PriorResult* result, double* factor) {
-  const Eigen::Vector3d& direction = bearing.dir_database_to_query_in_world;
-  const Eigen::LDLT<Eigen::Matrix3d> covariance(prior.covariance);
-  const Eigen::Vector3d information = covariance.solve(direction);
-  const Eigen::Vector3d offset = prior.position - from;
-  const double stddev_along = 1 / std::sqrt(information.dot(direction));
-  // A query is ahead of the database image, at a distance that is not certain to be zero.
-  const double distance = std::max(information.dot(offset) * stddev_along * stddev_along, stddev_along);
-  const double across = bearing.stddev_rad * distance;
-  const Eigen::Matrix3d around = across * across * (Eigen::Matrix3d::Identity() - direction * direction.transpose());
-  *factor = Compare(Eigen::Vector3d(offset - distance * direction), Eigen::Matrix3d(prior.covariance + around),
-                    kTwoDegrees, result);
-  return from + distance * direction;
-}
 
 // Judges the priors of one query.
 class Judge {
@@ -79,7 +41,9 @@ class Judge {
   void Determined() {
     const QueryPrior& given = layout_.priors[query_];
     QueryPriorResult& result = judgement_.results[query_];
-    if (given.position) UsePosition(ComparePosition(*given.position, pose_, &*result.position));
+    if (given.position) {
+      UsePosition(ComparePosition(*given.position, pose_.cam_from_world, pose_.covariance, &*result.position));
+    }
     CompareGravityIfGiven();
     AddUsed();
   }
@@ -91,12 +55,14 @@ class Judge {
     PriorResult& result = *judgement_.results[query_].position;
     Eigen::Vector3d place;
     if (partial.bearing) {
-      double factor = 1;
-      place = CompareWithBearing(*given.position, *partial.bearing, CentreOf(partial.bearing->database_name), &result,
-                                 &factor);
-      UsePosition(factor);
+      const Bearing& bearing = *partial.bearing;
+      const PlaceOnRay on_ray = CompareWithRay(
+          *given.position,
+          {CentreOf(bearing.database_name), bearing.dir_database_to_query_in_world, bearing.stddev_rad}, &result);
+      UsePosition(on_ray.factor);
+      place = on_ray.place_in_world;
     } else {
-      UsePosition(ComparePosition(*given.position, pose_, &result));
+      UsePosition(ComparePosition(*given.position, pose_.cam_from_world, pose_.covariance, &result));
       place = MostProbablePlace(*given.position);
     }
     if (result.verdict != PriorVerdict::USED) return;
@@ -129,7 +95,7 @@ class Judge {
     if (!gravity) return;
     PriorResult& result = *judgement_.results[query_].gravity;
     const double factor =
-        JudgeGravity(*gravity, pose_.cam_from_world.rotation, pose_.covariance.topLeftCorner<3, 3>(), &result);
+        CompareGravity(*gravity, pose_.cam_from_world.rotation, pose_.covariance.topLeftCorner<3, 3>(), &result);
     if (result.verdict != PriorVerdict::USED) return;
     used_.gravity = gravity;
     used_.gravity->stddev_rad *= std::sqrt(CovarianceFactor(factor));
@@ -171,19 +137,6 @@ class Judge {
 
 }  // namespace
 
-double JudgeGravity(const GravityPrior& prior, const Eigen::Quaterniond& cam_from_world_rotation,
-                    const Eigen::Matrix3d& covariance, PriorResult* result) {
-  const Eigen::Vector3d down = cam_from_world_rotation * prior.down_in_world;
-  const Eigen::Matrix<double, 3, 2> basis = TangentBasis(down);
-  // Turns opposite directions, whose cross product is zero, about any axis.
-  Eigen::Vector2d axis = basis.transpose() * down.cross(prior.down_in_cam);
-  axis = axis.isZero(1e-9) ? Eigen::Vector2d::UnitX() : Eigen::Vector2d(axis.normalized());
-  const Eigen::Matrix2d turn_covariance = basis.transpose() * covariance * basis;
-  return Compare(Eigen::Vector2d(AngleBetweenRad(down, prior.down_in_cam) * axis),
-                 Eigen::Matrix2d(turn_covariance + prior.stddev_rad * prior.stddev_rad * Eigen::Matrix2d::Identity()),
-                 kTwoDegrees, result);
-}
-
 PriorJudgement JudgePriors(const Layout& layout, const PairRefs& pairs, const Refined& refined,
                            const LocalizerOptions& options) {
   PriorJudgement judgement;
@@ -193,11 +146,19 @@ PriorJudgement JudgePriors(const Layout& layout, const PairRefs& pairs, const Re
   const std::vector<TrackRefs> tracks_of = TracksByFrame(layout, refined.adjustment.tracks);
   for (int query = 0; query < layout.num_queries; ++query) {
     if (!layout.priors[query].position && !layout.priors[query].gravity) continue;
-    Judge judge(layout, refined, reported, query, &judgement);
     const int frame = layout.FrameOf(query);
-    const AdjustedFrame adjusted{layout, pairs, refined.adjustment, frame, tracks_of[frame], refined.variance_factor};
+    // Compares nothing with a pose that has too few tracks, because it will be refused.
+    if (static_cast<int>(tracks_of[frame].size()) < options.min_num_tracks) continue;
+    const AdjustedFrame adjusted{layout,
+                                 pairs,
+                                 refined.adjustment,
+                                 frame,
+                                 tracks_of[frame],
+                                 refined.variance_factor,
+                                 refined.has_one_orientation};
+    Judge judge(layout, refined, reported, query, &judgement);
     if (!IsPositionOpen(adjusted, options)) {
-      judge.Determined();
+      if (!IsFused(layout, refined.adjustment.posed, query)) judge.Determined();
     } else if (layout.num_queries == 1) {
       const Failure failure = OpenPositionFailure(adjusted, refined.variance_factor);
       const auto partial = failure.partial_poses.find(query);
@@ -228,12 +189,15 @@ void LimitVarianceFactor(Refined* refined) {
 }
 
 bool AreReconciled(const PriorJudgement& judgement, const Refined& refined) {
+  const PosedImages& posed = refined.adjustment.posed;
   return std::all_of(judgement.used.begin(), judgement.used.end(), [&](const ImagePrior& used) {
     if (!used.prior.position) return true;
     PositionPrior prior = *used.prior.position;
     prior.covariance *= refined.variance_factor;
-    const Eigen::Vector3d deviation = prior.position - CamInWorld(CamFromWorld(refined.adjustment.posed, used.image));
-    return deviation.dot(prior.covariance.ldlt().solve(deviation)) <= kThreeDegrees.contradictory;
+    const Rigid3d pose = CamFromWorld(posed, used.image);
+    const Eigen::Vector3d deviation = prior.position - CamInWorld(pose);
+    if (!(deviation.dot(prior.covariance.ldlt().solve(deviation)) <= kContradictionOfThree)) return false;
+    return MedianDistance(pose, refined.adjustment.tracks) > kMinDistanceRatio * std::sqrt(prior.covariance.trace());
   });
 }
 

@@ -19,16 +19,11 @@ struct PriorJudgement {
   std::optional<OpenLine> open_line;  // then
 };
 
-// Compares the priors with poses that were refined without them. A prior that these contradict is not used: its squared
-// deviation, in standard deviations of the difference, exceeds the 99.9 % quantile. From the 95 % quantile on, a prior
-// is used as if it were less certain. Of a lone image whose position the images leave open, only what they determine is
-// compared.
+// Compares the priors with poses that were refined without them (prior_comparison.h). A prior that these contradict is
+// not used. Of a lone image whose position the images leave open, only what they determine is compared. Leaves priors
+// untested that FusePriors uses (prior_fusion.h).
 PriorJudgement JudgePriors(const Layout& layout, const PairRefs& pairs, const Refined& refined,
                            const LocalizerOptions& options);
-
-// Compares a prior of gravity with a rotation and its covariance. Returns the factor on the prior's variance.
-double JudgeGravity(const GravityPrior& prior, const Eigen::Quaterniond& cam_from_world_rotation,
-                    const Eigen::Matrix3d& covariance, PriorResult* result);
 
 // Adjusts refined poses that the images determine once more, with the priors. camera: for a query of unknown focal
 // length; else null.
@@ -39,7 +34,7 @@ void AdjustWithPriors(const std::vector<ImagePrior>& priors, const LocalizerOpti
 void LimitVarianceFactor(Refined* refined);
 
 // Returns false if the priors that fix a position were not reconciled with the images: the adjusted position then
-// deviates from its prior as if contradicted.
+// deviates from its prior as if contradicted, or all points have moved into the query's projection centre.
 bool AreReconciled(const PriorJudgement& judgement, const Refined& refined);
 
 }  // namespace lazyloc

@@ -99,14 +99,18 @@ TEST(QueryPriors, GravityAloneFixesNoPosition) {
   EXPECT_FALSE(result.priors.position);
 }
 
-TEST(QueryPriors, PositionDoesNotChooseBetweenTwoOrientations) {
-  SyntheticSceneOptions options = Noisy(SceneLayout::RING, 1, 0);
-  options.has_planar_points = true;
-  SyntheticScene scene = MakeSyntheticScene(options);
-  AddPosition(0, &scene);
-  const LocalizationResult result = LocalizeQuery(scene.problem, {});
-  EXPECT_EQ(result.status, QueryStatus::SCALE_UNOBSERVABLE);
-  EXPECT_EQ(result.priors.position->verdict, PriorVerdict::NOT_TESTED);
+// A query whose refined pose keeps no track is refused; its priors are compared with nothing.
+TEST(QueryPriors, NothingIsComparedWithAPoseWithoutTracks) {
+  SyntheticScene scene = MakeSyntheticScene(Noisy(SceneLayout::RING, 6, 0));
+  AddPosition(1, &scene);
+  AddGravity(1, 1, &scene);
+  const Layout layout = MakeLayout(LoneQuery(scene));
+  Refined refined;
+  refined.adjustment.posed = layout.given;
+  const PriorJudgement judgement = JudgePriors(layout, {}, refined, {});
+  EXPECT_TRUE(judgement.used.empty());
+  EXPECT_EQ(judgement.results[0].position->verdict, PriorVerdict::NOT_TESTED);
+  EXPECT_EQ(judgement.results[0].gravity->verdict, PriorVerdict::NOT_TESTED);
 }
 
 // Expects that priors off by ten standard deviations change no bit of the pose.

@@ -32,6 +32,7 @@ struct Refined {
   BundleAdjustmentResult adjustment;                 // the last one; its tracks are those that fit the result
   double variance_factor = 1;                        // of its images
   std::optional<OpenLine> open_line;                 // if a prior fixes the place on it
+  std::optional<bool> has_one_orientation;           // of a lone query beside one database image (ChooseOrientation)
   std::vector<MissingVariance> missing_variances;    // ForEachMissingVariance
   std::vector<std::optional<double>> rig_errors_px;  // by query (rig_check.h)
 };

@@ -1,0 +1,38 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <Eigen/Geometry>
+
+#include "colmap_lazyloc/math/rigid3.h"
+#include "colmap_lazyloc/scene/query_prior.h"
+
+namespace lazyloc {
+
+// Squared deviation of a prior, in standard deviations of the difference, from which the images contradict it: the
+// 99.9 % quantiles of the chi-square distribution with 2 and 3 degrees of freedom.
+inline constexpr double kContradictionOfTwo = 13.816, kContradictionOfThree = 16.266;
+
+// Compare a prior with what the images say, and set its result: contradicted above these quantiles. Return the factor
+// on the prior's covariance: from the 95 % quantile on, a prior is used as if it were less certain.
+double ComparePosition(const PositionPrior& prior, const Rigid3d& cam_from_world,
+                       const Eigen::Matrix<double, 6, 6>& covariance, PriorResult* result);
+double CompareGravity(const GravityPrior& prior, const Eigen::Quaterniond& cam_from_world_rotation,
+                      const Eigen::Matrix3d& covariance, PriorResult* result);
+
+// Bearing of a query from a place, and its standard deviation.
+struct Ray {
+  Eigen::Vector3d from_in_world, direction_in_world;
+  double stddev_rad = 0;
+};
+
+// The place on a ray that agrees best with a position.
+struct PlaceOnRay {
+  Eigen::Vector3d place_in_world;
+  double factor = 1;  // on the prior's covariance
+};
+
+// Compares a position with a ray, across the ray. The deviation along it counts only if the position is behind the
+// place that the ray starts from.
+PlaceOnRay CompareWithRay(const PositionPrior& prior, const Ray& ray, PriorResult* result);
+
+}  // namespace lazyloc

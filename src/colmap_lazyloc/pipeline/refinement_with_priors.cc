@@ -1,0 +1,129 @@
+#include "colmap_lazyloc/pipeline/refinement_with_priors.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "colmap_lazyloc/pipeline/plane_orientation.h"
+#include "colmap_lazyloc/pipeline/position_ambiguity.h"
+#include "colmap_lazyloc/scene/stage_timer.h"
+
+namespace lazyloc {
+namespace {
+
+// Minimum share of the matches in tracks with which a pose is the only one if its other orientation has none.
+constexpr double kMinTrackRatio = 0.5;
+
+// Factor on the minimum triangulation angle beside a single database image.
+constexpr double kSmallAngleRatio = 0.2;
+
+bool IsBesideOneImage(const Layout& layout, const PairRefs& pairs) {
+  return layout.num_queries == 1 && pairs.size() == 1 && layout.IsDatabase(pairs.front()->other);
+}
+
+// Refines a lone query from several starts.
+class Refinement {
+ public:
+  Refinement(const Layout& layout, const PairRefs& pairs, const SplitTracks& start_tracks, CandidateTracks candidates,
+             const LocalizerOptions& options, Report* report)
+      : layout_(layout),
+        pairs_(pairs),
+        start_tracks_(start_tracks),
+        candidates_(std::move(candidates)),
+        options_(options),
+        report_(report) {}
+
+  // Beside a single image, uses points of smaller angles, because it sees them no better.
+  Refined From(const PosedImages& start) const {
+    LocalizerOptions options = options_;
+    if (IsBesideOneImage(layout_, pairs_) && !layout_.has_depths) {
+      options.triangulation.min_triangulation_angle_deg *= kSmallAngleRatio;
+    }
+    return Refine(layout_, start, start_tracks_, candidates_, options, report_->Seconds());
+  }
+
+  // Refines from the other orientation too, if the images leave the position open.
+  void TryOtherOrientation(const PosedImages& start, Refined* refined) const {
+    const BundleAdjustmentResult& adjustment = refined->adjustment;
+    const TrackRefs tracks = TracksByFrame(layout_, adjustment.tracks)[0];
+    if (static_cast<int>(tracks.size()) < options_.min_num_tracks) return;
+    if (!IsPositionOpen({layout_, pairs_, adjustment, 0, tracks, refined->variance_factor}, options_)) return;
+    const std::optional<Rigid3d> pose = OtherOrientation(CamFromWorld(adjustment.posed, 0),
+                                                         CamFromWorld(adjustment.posed, pairs_.front()->other), tracks);
+    if (!pose) return;
+    PosedImages other_start = start;
+    other_start.frames[0].frame_from_world = *pose;
+    const std::vector<Track>& matches = start_tracks_.rest;
+    try {
+      ChooseOrientation(layout_, pairs_, matches, From(other_start), refined);
+    } catch (const Failure&) {
+      const double num_matches = static_cast<double>(matches.size());
+      if (static_cast<double>(tracks.size()) > kMinTrackRatio * num_matches) refined->has_one_orientation = true;
+    }
+  }
+
+  // Refines a pose whose position the images leave open from where the priors put it. Keeps the pose as it is if that
+  // fails.
+  void Fix(PriorJudgement* judgement, Start* start, Refined* refined) const {
+    PosedImages moved = layout_.given;
+    moved.frames[0].frame_from_world = judgement->start.frames[0].frame_from_world;
+    moved.query_priors = judgement->used;
+    for (size_t i = 0; i < moved.images.size(); ++i) moved.images[i].depth_scale = start->posed.images[i].depth_scale;
+    try {
+      Refined fixed = From(moved);
+      LimitVarianceFactor(&fixed);
+      if (AreReconciled(*judgement, fixed)) {
+        start->posed = std::move(moved);
+        fixed.has_one_orientation = refined->has_one_orientation;
+        *refined = std::move(fixed);
+        refined->open_line = judgement->open_line;
+      } else {
+        judgement->results[0].position->verdict = PriorVerdict::CONTRADICTED;
+      }
+    } catch (const Failure&) {
+      judgement->results[0] = UntestedPriors(layout_.priors[0]);
+    }
+  }
+
+ private:
+  const Layout& layout_;
+  const PairRefs& pairs_;
+  const SplitTracks& start_tracks_;
+  const CandidateTracks candidates_;
+  const LocalizerOptions& options_;
+  Report* const report_;
+};
+
+}  // namespace
+
+bool HavePriors(const Layout& layout) {
+  return std::any_of(layout.priors.begin(), layout.priors.end(),
+                     [](const QueryPrior& prior) { return prior.position || prior.gravity; });
+}
+
+RefinedWithPriors RefineWithPriors(const Layout& layout, const PairRefs& pairs, const SplitTracks& start_tracks,
+                                   CandidateTracks candidates, const LocalizerOptions& options, Report* report,
+                                   Start* start) {
+  if (!HavePriors(layout) && !IsBesideOneImage(layout, pairs)) {
+    return {Refine(layout, start->posed, start_tracks, std::move(candidates), options, report->Seconds()), {}};
+  }
+  const Refinement refinement(layout, pairs, start_tracks, std::move(candidates), options, report);
+  RefinedWithPriors result{refinement.From(start->posed), {}};
+  Refined& refined = result.refined;
+  if (IsBesideOneImage(layout, pairs)) refinement.TryOtherOrientation(start->posed, &refined);
+  if (!HavePriors(layout)) return result;
+  PriorJudgement judgement = [&] {
+    const StageTimer timer("priors", report->Seconds());
+    return JudgePriors(layout, pairs, refined, options);
+  }();
+  if (judgement.moves_start) {
+    refinement.Fix(&judgement, start, &refined);
+  } else if (!judgement.used.empty()) {
+    const StageTimer timer("priors", report->Seconds());
+    AdjustWithPriors(judgement.used, options, nullptr, &refined);
+  }
+  report->AddPriors(judgement.results);
+  result.priors = std::move(judgement.results);
+  return result;
+}
+
+}  // namespace lazyloc
