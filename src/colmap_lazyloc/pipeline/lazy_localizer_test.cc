@@ -313,6 +313,17 @@ TEST(LocalizeQuery, PointsOfTwoImagesLocalizeAQueryWhosePairsContradictEachOther
   EXPECT_EQ(result.start, EnumName(StartPose::ABSOLUTE_POSE));
 }
 
+// The points tell more than a position from which the query would be put on the ray of one pair.
+TEST(LocalizeQuery, PointsOfTwoImagesPrecedeAPosition) {
+  SyntheticScene scene = MakeContradictoryScene();
+  scene.problem.prior.position = {CamInWorld(scene.query_cam_from_world) + Eigen::Vector3d(0.3, 0.3, 0),
+                                  0.25 * Eigen::Matrix3d::Identity()};
+  const LocalizationResult result = LocalizeQuery(scene.problem, {});
+  ASSERT_EQ(result.status, QueryStatus::LOCALIZED) << result.reason;
+  EXPECT_EQ(result.priors.position->fixes, PriorRole::NOTHING);
+  EXPECT_LE(PositionError(result.cam_from_world, scene.query_cam_from_world), 0.05);
+}
+
 TEST(LocalizeQuery, MatchesOfContradictoryPairsWithoutCommonPointsLocalizeNothing) {
   SyntheticScene scene = MakeContradictoryScene();
   for (size_t i = 0; i < 2; ++i) {

@@ -98,9 +98,15 @@ bool IsDistanceLeftToPrior(const LocalizationResult& result) {
          result.priors.position->verdict == PriorVerdict::NOT_TESTED;
 }
 
-// Returns true if motion averaging left a single one of several pairs, because their relative poses contradict it.
-bool IsOnePairLeft(const LocalizationResult& result) {
-  return result.status == QueryStatus::SCALE_UNOBSERVABLE &&
+// Returns true if a prior fixes the distance of a pose.
+bool IsDistanceByPrior(const LocalizationResult& result) {
+  return HasPose(result.status) && result.priors.position && result.priors.position->fixes == PriorRole::DISTANCE;
+}
+
+// Returns true if motion averaging may have left a single one of several pairs, because their relative poses contradict
+// it.
+bool MayBeOnePairLeft(const LocalizationResult& result) {
+  return (result.status == QueryStatus::SCALE_UNOBSERVABLE || IsDistanceByPrior(result)) &&
          std::count_if(result.pairs.begin(), result.pairs.end(),
                        [](const PairResult& pair) { return pair.num_inliers > 0; }) > 1;
 }
@@ -126,11 +132,11 @@ LocalizationResult LocalizeLone(const QueryGroup& query, const LocalizerOptions&
     return HasPose(guessed.status) ? guessed : refined;
   }
   LocalizationResult given = localize(LocalizeTogether);
-  if (IsOnePairLeft(given)) {
+  if (MayBeOnePairLeft(given)) {
     LocalizationResult other = localize(LocalizeByOtherStarts);
     // Accepts nothing that rests on epipolar constraints alone, because relative poses contradict each other.
     const bool has_points = other.evidence.num_common_tracks >= options.min_num_tracks;
-    if (other.status == QueryStatus::LOCALIZED && has_points) return other;
+    if (other.status == QueryStatus::LOCALIZED && has_points && !IsDistanceByPrior(other)) return other;
   }
   if (IsPositionLeftToPrior(given)) return localize(LocalizeByRotation);
   // Takes the one image with the best bearing, because images of one place do not triangulate points.
