@@ -109,8 +109,10 @@ TwoViewGeometry EstimateCalibratedGeometry(const Camera& other_camera,
                               ToColmap(query_camera).CamFromImgThreshold(max_error_px)) /
                              2;
   ransac_options.min_inlier_ratio = kMinCalibratedInlierRatio;
-  ransac_options.confidence = 0.999;
-  ransac_options.min_num_trials = 20;
+  // Takes few trials, because local optimization mends the best one, and the matches are inliers of one geometry.
+  ransac_options.confidence = 0.99;
+  ransac_options.dyn_num_trials_multiplier = 1;
+  ransac_options.min_num_trials = 5;
   // Seeds the generator of this thread, because RANSAC draws from it.
   colmap::SetPRNGSeed(seed);
   const auto report = colmap::LORANSAC<Estimator, Estimator>(ransac_options).Estimate(other_points, query_points);
