@@ -90,13 +90,13 @@ TwoViewGeometry EstimateTwoViewGeometry(const Camera& other_camera, const std::v
 TwoViewGeometry EstimateCalibratedGeometry(const Camera& other_camera,
                                            const std::vector<Eigen::Vector2d>& other_keypoints,
                                            const Camera& query_camera,
-                                           const std::vector<Eigen::Vector2d>& query_keypoints, const Matches& matches,
-                                           double max_error_px, uint32_t seed) {
+                                           const std::vector<Eigen::Vector2d>& query_keypoints,
+                                           const TwoViewGeometry& stored, double max_error_px, uint32_t seed) {
   using Estimator = colmap::EssentialMatrixFivePointEstimator;
   const RayInCamFunction other_ray = RaysInCam(other_camera), query_ray = RaysInCam(query_camera);
   std::vector<Estimator::X_t> other_points, query_points;
   Matches with_rays;
-  for (const Match& match : matches) {
+  for (const Match& match : stored.inlier_matches) {
     const std::optional<Eigen::Vector3d> ray1 = other_ray(other_keypoints[match.other_point]),
                                          ray2 = query_ray(query_keypoints[match.query_point]);
     if (!ray1 || !ray2) continue;
@@ -113,16 +113,31 @@ TwoViewGeometry EstimateCalibratedGeometry(const Camera& other_camera,
   ransac_options.confidence = 0.99;
   ransac_options.dyn_num_trials_multiplier = 1;
   ransac_options.min_num_trials = 5;
-  // Seeds the generator of this thread, because RANSAC draws from it.
-  colmap::SetPRNGSeed(seed);
-  const auto report = colmap::LORANSAC<Estimator, Estimator>(ransac_options).Estimate(other_points, query_points);
+  const auto inliers_of = [&](const Eigen::Matrix3d& E) {
+    std::vector<double> squared_errors;
+    Estimator::Residuals(other_points, query_points, E, &squared_errors);
+    Matches inliers;
+    for (size_t i = 0; i < with_rays.size(); ++i) {
+      if (squared_errors[i] <= ransac_options.max_error * ransac_options.max_error) inliers.push_back(with_rays[i]);
+    }
+    return inliers;
+  };
+  const auto holds = [&](const Matches& inliers) {
+    return !inliers.empty() && inliers.size() >= kMinCalibratedInlierRatio * stored.inlier_matches.size();
+  };
   TwoViewGeometry geometry;
-  if (!report.success || report.support.num_inliers < kMinCalibratedInlierRatio * matches.size()) return geometry;
-  geometry.config = TwoViewConfig::CALIBRATED;
-  geometry.E = report.model;
-  for (size_t i = 0; i < with_rays.size(); ++i) {
-    if (report.inlier_mask[i]) geometry.inlier_matches.push_back(with_rays[i]);
+  geometry.E = stored.E;
+  if (stored.E) geometry.inlier_matches = inliers_of(*stored.E);
+  if (!holds(geometry.inlier_matches)) {
+    // Seeds the generator of this thread, because RANSAC draws from it.
+    colmap::SetPRNGSeed(seed);
+    const auto report = colmap::LORANSAC<Estimator, Estimator>(ransac_options).Estimate(other_points, query_points);
+    if (!report.success) return {};
+    geometry.E = report.model;
+    geometry.inlier_matches = inliers_of(report.model);
+    if (!holds(geometry.inlier_matches)) return {};
   }
+  geometry.config = TwoViewConfig::CALIBRATED;
   EstimateRelativePose(other_camera, other_keypoints, query_camera, query_keypoints, &geometry);
   return geometry;
 }
