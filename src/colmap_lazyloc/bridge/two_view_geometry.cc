@@ -1,5 +1,6 @@
 #include "colmap_lazyloc/bridge/two_view_geometry.h"
 
+#include <cmath>
 #include <type_traits>
 
 #if __has_include(<colmap/estimators/solvers/essential_matrix.h>)
@@ -113,30 +114,21 @@ TwoViewGeometry EstimateCalibratedGeometry(const Camera& other_camera,
   ransac_options.confidence = 0.99;
   ransac_options.dyn_num_trials_multiplier = 1;
   ransac_options.min_num_trials = 5;
-  const auto inliers_of = [&](const Eigen::Matrix3d& E) {
-    std::vector<double> squared_errors;
-    Estimator::Residuals(other_points, query_points, E, &squared_errors);
-    Matches inliers;
-    for (size_t i = 0; i < with_rays.size(); ++i) {
-      if (squared_errors[i] <= ransac_options.max_error * ransac_options.max_error) inliers.push_back(with_rays[i]);
-    }
-    return inliers;
-  };
-  const auto holds = [&](const Matches& inliers) {
-    return !inliers.empty() && inliers.size() >= kMinCalibratedInlierRatio * stored.inlier_matches.size();
-  };
   TwoViewGeometry geometry;
   geometry.E = stored.E;
-  if (stored.E) geometry.inlier_matches = inliers_of(*stored.E);
-  if (!holds(geometry.inlier_matches)) {
+  if (!geometry.E) {
     // Seeds the generator of this thread, because RANSAC draws from it.
     colmap::SetPRNGSeed(seed);
     const auto report = colmap::LORANSAC<Estimator, Estimator>(ransac_options).Estimate(other_points, query_points);
     if (!report.success) return {};
     geometry.E = report.model;
-    geometry.inlier_matches = inliers_of(report.model);
-    if (!holds(geometry.inlier_matches)) return {};
   }
+  std::vector<double> squared_errors;
+  Estimator::Residuals(other_points, query_points, *geometry.E, &squared_errors);
+  for (size_t i = 0; i < with_rays.size(); ++i) {
+    if (squared_errors[i] <= std::pow(ransac_options.max_error, 2)) geometry.inlier_matches.push_back(with_rays[i]);
+  }
+  if (geometry.inlier_matches.size() < kMinCalibratedInlierRatio * stored.inlier_matches.size()) return {};
   geometry.config = TwoViewConfig::CALIBRATED;
   EstimateRelativePose(other_camera, other_keypoints, query_camera, query_keypoints, &geometry);
   return geometry;
