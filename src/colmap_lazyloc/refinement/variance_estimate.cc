@@ -17,7 +17,7 @@ constexpr double kMaxStddev = 15;
 constexpr int kMaxNumSteps = 12;
 // Maximum step of the logarithm of a standard deviation, and the step below which the search has converged: the error
 // that remains is about its square.
-constexpr double kMaxStep = 1.5, kConvergence = 0.35;
+constexpr double kMaxStep = 1.5, kConvergence = 0.2;
 
 // The linearised adjustment, in the order of PriorFit::information.
 struct Linearized {
