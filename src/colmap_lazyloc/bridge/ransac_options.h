@@ -11,7 +11,7 @@ inline colmap::RANSACOptions AbsolutePoseRansacOptions(double max_error, double 
   options.max_error = max_error;
   options.min_inlier_ratio = min_inlier_ratio;
   options.confidence = 0.9999;
-  options.min_num_trials = 50;
+  options.min_num_trials = 20;
   options.max_num_trials = 5000;
   return options;
 }

@@ -1,5 +1,6 @@
 #include "colmap_lazyloc/bridge/two_view_geometry.h"
 
+#include <cmath>
 #include <type_traits>
 
 #if __has_include(<colmap/estimators/solvers/essential_matrix.h>)
@@ -89,13 +90,13 @@ TwoViewGeometry EstimateTwoViewGeometry(const Camera& other_camera, const std::v
 TwoViewGeometry EstimateCalibratedGeometry(const Camera& other_camera,
                                            const std::vector<Eigen::Vector2d>& other_keypoints,
                                            const Camera& query_camera,
-                                           const std::vector<Eigen::Vector2d>& query_keypoints, const Matches& matches,
-                                           double max_error_px, uint32_t seed) {
+                                           const std::vector<Eigen::Vector2d>& query_keypoints,
+                                           const TwoViewGeometry& stored, double max_error_px, uint32_t seed) {
   using Estimator = colmap::EssentialMatrixFivePointEstimator;
   const RayInCamFunction other_ray = RaysInCam(other_camera), query_ray = RaysInCam(query_camera);
   std::vector<Estimator::X_t> other_points, query_points;
   Matches with_rays;
-  for (const Match& match : matches) {
+  for (const Match& match : stored.inlier_matches) {
     const std::optional<Eigen::Vector3d> ray1 = other_ray(other_keypoints[match.other_point]),
                                          ray2 = query_ray(query_keypoints[match.query_point]);
     if (!ray1 || !ray2) continue;
@@ -108,17 +109,25 @@ TwoViewGeometry EstimateCalibratedGeometry(const Camera& other_camera,
                               ToColmap(query_camera).CamFromImgThreshold(max_error_px)) /
                              2;
   ransac_options.min_inlier_ratio = kMinCalibratedInlierRatio;
-  ransac_options.confidence = 0.999;
-  ransac_options.min_num_trials = 20;
-  SeedRandomNumbers(seed);
-  const auto report = colmap::LORANSAC<Estimator, Estimator>(ransac_options).Estimate(other_points, query_points);
+  // Takes few trials, because local optimization mends the best one, and the matches are inliers of one geometry.
+  ransac_options.confidence = 0.99;
+  ransac_options.dyn_num_trials_multiplier = 1;
+  ransac_options.min_num_trials = 5;
   TwoViewGeometry geometry;
-  if (!report.success || report.support.num_inliers < kMinCalibratedInlierRatio * matches.size()) return geometry;
-  geometry.config = TwoViewConfig::CALIBRATED;
-  geometry.E = report.model;
-  for (size_t i = 0; i < with_rays.size(); ++i) {
-    if (report.inlier_mask[i]) geometry.inlier_matches.push_back(with_rays[i]);
+  geometry.E = stored.E;
+  if (!geometry.E) {
+    SeedRandomNumbers(seed);
+    const auto report = colmap::LORANSAC<Estimator, Estimator>(ransac_options).Estimate(other_points, query_points);
+    if (!report.success) return {};
+    geometry.E = report.model;
   }
+  std::vector<double> squared_errors;
+  Estimator::Residuals(other_points, query_points, *geometry.E, &squared_errors);
+  for (size_t i = 0; i < with_rays.size(); ++i) {
+    if (squared_errors[i] <= std::pow(ransac_options.max_error, 2)) geometry.inlier_matches.push_back(with_rays[i]);
+  }
+  if (geometry.inlier_matches.size() < kMinCalibratedInlierRatio * stored.inlier_matches.size()) return {};
+  geometry.config = TwoViewConfig::CALIBRATED;
   EstimateRelativePose(other_camera, other_keypoints, query_camera, query_keypoints, &geometry);
   return geometry;
 }

@@ -26,14 +26,15 @@ TwoViewGeometry EstimateTwoViewGeometry(const Camera& other_camera, const std::v
                                         const Camera& query_camera, const std::vector<Eigen::Vector2d>& query_keypoints,
                                         const Matches& matches, const TwoViewGeometryOptions& options, uint32_t seed);
 
-// Estimates the two-view geometry of matches that are the inliers of one fundamental matrix and of no homography. Takes
-// a tenth of the time of EstimateTwoViewGeometry, because it estimates only the essential matrix (five points,
-// LO-RANSAC). Returns config UNDEFINED if less than half of the matches are its inliers.
+// Returns the calibrated geometry of stored matches that are the inliers of one fundamental matrix and of no homography:
+// that of the stored essential matrix, which COLMAP estimates for each pair whose cameras have a prior focal length;
+// without one, estimates it (five points, LO-RANSAC). Returns config UNDEFINED if less than half of the matches are its
+// inliers.
 TwoViewGeometry EstimateCalibratedGeometry(const Camera& other_camera,
                                            const std::vector<Eigen::Vector2d>& other_keypoints,
                                            const Camera& query_camera,
-                                           const std::vector<Eigen::Vector2d>& query_keypoints, const Matches& matches,
-                                           double max_error_px, uint32_t seed);
+                                           const std::vector<Eigen::Vector2d>& query_keypoints,
+                                           const TwoViewGeometry& stored, double max_error_px, uint32_t seed);
 
 // Sets query_from_other of a geometry that has E (CALIBRATED) or H (PLANAR, PANORAMIC) but no pose yet, by COLMAP's
 // decomposition, and replaces PLANAR_OR_PANORAMIC by one of the two. Leaves the geometry unchanged if the decomposition

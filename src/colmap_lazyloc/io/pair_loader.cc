@@ -55,6 +55,7 @@ bool ReadPair(const LocalizationProblem& problem, const StoredQuery& query, uint
   if (has_other_intrinsics) {
     // COLMAP estimates the geometry again from all matches, because the other intrinsics chose the inliers too.
     pair->geometry->config = TwoViewConfig::UNCALIBRATED;
+    pair->geometry->E.reset();
     pair->matches = database.ReadMatches(query_id, other_id);
   }
   if (pair->geometry) {

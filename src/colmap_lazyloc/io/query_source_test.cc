@@ -134,6 +134,7 @@ TEST_F(QuerySourceTest, OtherIntrinsicsMakeAGeometryUncalibrated) {
   const LoadedGroup loaded = Load();
   const ImagePair& pair = loaded.group.images[0].problem.pairs[0];
   EXPECT_EQ(pair.geometry->config, TwoViewConfig::UNCALIBRATED);
+  EXPECT_FALSE(pair.geometry->E.has_value()) << "of the other intrinsics";
   EXPECT_EQ(pair.matches, MakeMatches(4)) << "raw matches, to estimate it again";
 }
 

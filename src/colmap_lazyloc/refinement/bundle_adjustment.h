@@ -16,7 +16,7 @@ namespace lazyloc {
 struct BundleAdjustmentOptions {
   double loss_scale_sigma = 2;  // Cauchy scale in standard deviations of the images' noise
   int max_num_iterations = 50;
-  // Maximum length of the last step, in standard deviations of the poses (root mean square over the frames).
+  // Bound on the last step, or on twice the next one, in standard deviations of the poses (root mean square).
   double convergence_sigma = 0.2;
   bool fits_priors = true;           // true to compute prior_fits
   bool computes_covariances = true;  // true to compute covariances, and image_parts of prior_fits

@@ -61,10 +61,16 @@ StageSummary BundleSolver<kSize>::Minimize() {
   summary = {true, "no convergence", 0, 0};
   BundleState next = state_;
   bool is_shortened = false;  // by damping: a short step then does not mean convergence
+  double previous_sigma = 0;  // length of the step before
   for (; summary.iterations < options_.max_num_iterations && damping <= kMaxDamping; ++summary.iterations) {
     summary.cost = system_.cost;
     const double step_sigma = Step(&next);
-    if (step_sigma < options_.convergence_sigma && !is_shortened) {
+    // Expects the next step to be shorter by the same factor, because near the minimum robust weights make steps shrink
+    // at a constant rate.
+    const double next_sigma = step_sigma * step_sigma / previous_sigma;
+    previous_sigma = step_sigma;
+    const bool is_short = step_sigma < options_.convergence_sigma || next_sigma < options_.convergence_sigma / 2;
+    if (is_short && !is_shortened) {
       summary.message = "converged";
       const double cost = Cost(next);
       const bool is_lower = cost < summary.cost;

@@ -50,7 +50,7 @@ class BundleSolver {
   const BundleState& Solution() const { return state_; }
   const BundleProblem& Problem() const { return problem_; }
   // Return the last normal equations, where their blocks are, and the state that they were built around: the solution,
-  // or one short step before it.
+  // or the last step before it.
   const System& Equations() const { return system_; }
   const CameraSystem<kSize>& Cameras() const { return camera_system_; }
   const BundleState& Linearization() const { return before_last_step_ ? *before_last_step_ : state_; }
@@ -61,8 +61,8 @@ class BundleSolver {
   // Returns the index of a calibration of PosedImages; -1 for one without a prior.
   int IndexOfCalibration(int calibration) const { return problem_.index_of_calibration[calibration]; }
 
-  // Returns the covariances of the frames' parameters, at the minimum or a step before it that is as short as
-  // convergence means.
+  // Returns the covariances of the frames' parameters, at the minimum or the last step before it, which is as short
+  // as convergence means.
   std::vector<FrameMatrix> Covariances() const;
   // Evaluates the prior of a frame.
   PosePriorResidual EvaluatePrior(int frame, const BundleState& state) const {

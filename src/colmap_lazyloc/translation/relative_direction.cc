@@ -12,7 +12,7 @@ namespace lazyloc {
 namespace {
 
 constexpr int kNumIterations = 10;
-constexpr double kConvergenceSigma = 1e-3;  // iterations end when the direction changes by fewer standard deviations
+constexpr double kConvergenceSigma = 0.05;  // iterations end when the direction changes by fewer standard deviations
 
 // Returns the Geman-McClure weight of a pair's epipolar constraint and sets the variance of the constraint. The squared
 // error divided by the variance is the Sampson distance, to first order in the noise of the rays. The variance uses

@@ -34,8 +34,7 @@ std::optional<RelativePose> FindRelativePose(const LocalizationProblem& problem,
     geometry = Estimate(problem, pair, pair.matches, options, seed);
   } else if (pair.geometry->config == TwoViewConfig::UNCALIBRATED) {
     geometry = EstimateCalibratedGeometry(pair.other_camera, pair.other_keypoints, problem.query_camera,
-                                          problem.query_keypoints, pair.geometry->inlier_matches,
-                                          options.max_two_view_error_px, seed);
+                                          problem.query_keypoints, *pair.geometry, options.max_two_view_error_px, seed);
   } else if (IsWorthEstimating(pair.geometry->config)) {
     const Matches& matches = pair.matches.empty() ? pair.geometry->inlier_matches : pair.matches;
     geometry = Estimate(problem, pair, matches, options, seed);

@@ -97,6 +97,22 @@ TEST_F(RelativePoses, UncalibratedPairThatTheIntrinsicsDoNotExplainIsDropped) {
   EXPECT_FALSE(Find().has_value());
 }
 
+TEST_F(RelativePoses, StoredEssentialMatrixOfUncalibratedPairIsTaken) {
+  Pair().geometry->config = TwoViewConfig::UNCALIBRATED;
+  Pair().geometry->E = Hat(Truth().translation) * Truth().rotation.toRotationMatrix();
+  const std::optional<RelativePose> pose = Find();
+  ASSERT_TRUE(pose.has_value());
+  EXPECT_LE(ErrorsOf(*pose).rotation_deg, 1e-6) << "estimated from noisy matches";
+  EXPECT_GE(pose->inlier_matches.size(), 155u);
+  EXPECT_LE(pose->inlier_matches.size(), 175u) << "outliers were kept";
+}
+
+TEST_F(RelativePoses, UncalibratedPairThatItsEssentialMatrixDoesNotExplainIsDropped) {
+  Pair().geometry->config = TwoViewConfig::UNCALIBRATED;
+  Pair().geometry->E = Hat(Eigen::Vector3d::UnitX());
+  EXPECT_FALSE(Find().has_value());
+}
+
 TEST_F(RelativePoses, SameSeedSameResult) {
   Pair().matches = Pair().geometry->inlier_matches;
   Pair().geometry.reset();
