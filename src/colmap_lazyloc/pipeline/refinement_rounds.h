@@ -34,6 +34,8 @@ struct Refined {
   std::optional<OpenLine> open_line;                 // if a prior fixes the place on it
   std::vector<MissingVariance> missing_variances;    // ForEachMissingVariance
   std::vector<std::optional<double>> rig_errors_px;  // by query (rig_check.h)
+  // Share of the matches with database images that the tracks of the last round hold: below 1 if it is the first one.
+  double tried_ratio = 1;
 };
 
 // Refines poses by rounds of triangulation and bundle adjustment (LazyLoc, section 3.3), each with the noise of the
