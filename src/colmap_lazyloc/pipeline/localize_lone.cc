@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <string>
 #include <utility>
 
@@ -35,6 +36,15 @@ bool IsInDoubt(const LocalizationResult& result, const LocalizerOptions& options
          Judge(intrinsics, options).wrong_probability > kMinDoubt;
 }
 
+// True if a pose with an estimated focal length is far less credible than the given one. Then it is no evidence against
+// the given intrinsics, because in repetitive scenes some focal length fits false matches. That the images determine the
+// focal length badly does not count, because the judgement knows its standard deviation.
+bool IsFarLessCredible(const LocalizationResult& refined, const LocalizationResult& given) {
+  PoseEvidence evidence = refined.evidence;
+  evidence.focal_stddev_ratio = std::numeric_limits<double>::quiet_NaN();
+  return refined.confidence && Confidence(evidence) < 0.5 * given.confidence.value_or(0);
+}
+
 // Returns the result with the given focal length if an estimate does not contradict it, even if its score did.
 LocalizationResult Kept(LocalizationResult given, const IntrinsicsResult& estimate, const LocalizerOptions& options) {
   given.status = QueryStatus::LOCALIZED;
@@ -62,9 +72,7 @@ LocalizationResult Decide(LocalizationResult given, LocalizationResult refined, 
     return Kept(std::move(given), unobservable, options);
   }
   if (!HasPose(refined.status)) return given;
-  // A pose that is far less credible is no evidence against the given intrinsics: in repetitive scenes, some focal
-  // length fits false matches.
-  if (HasPose(given.status) && refined.confidence.value_or(0) < 0.5 * given.confidence.value_or(0)) return given;
+  if (HasPose(given.status) && IsFarLessCredible(refined, given)) return given;
   const bool is_wrong = Judge(refined.intrinsics, options).wrong_probability > 0.5;
   if (given.intrinsics.origin != IntrinsicsOrigin::GIVEN) {
     const bool is_kept = !is_wrong && HasPose(given.status);
