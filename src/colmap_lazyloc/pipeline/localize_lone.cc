@@ -6,6 +6,7 @@
 #include <string>
 #include <utility>
 
+#include "colmap_lazyloc/bridge/camera_models.h"
 #include "colmap_lazyloc/pipeline/confidence.h"
 #include "colmap_lazyloc/pipeline/focal_length.h"
 #include "colmap_lazyloc/pipeline/intrinsics_check.h"
@@ -37,8 +38,8 @@ bool IsInDoubt(const LocalizationResult& result, const LocalizerOptions& options
 }
 
 // True if a pose with an estimated focal length is far less credible than the given one. Then it is no evidence against
-// the given intrinsics, because in repetitive scenes some focal length fits false matches. That the images determine the
-// focal length badly does not count, because the judgement knows its standard deviation.
+// the given intrinsics, because in repetitive scenes some focal length fits false matches. That the images determine
+// the focal length badly does not count, because the judgement knows its standard deviation.
 bool IsFarLessCredible(const LocalizationResult& refined, const LocalizationResult& given) {
   PoseEvidence evidence = refined.evidence;
   evidence.focal_stddev_ratio = std::numeric_limits<double>::quiet_NaN();
@@ -93,6 +94,33 @@ LocalizationResult Decide(LocalizationResult given, LocalizationResult refined, 
   return given;
 }
 
+// Returns the query with another camera. The pairs keep their matches, but not relative poses, which depend on it.
+QueryGroup WithCamera(QueryGroup query, const CandidateCamera& camera) {
+  LocalizationProblem& problem = query.images.front().problem;
+  problem.query_camera = camera.camera;
+  problem.intrinsics_origin = camera.origin;
+  problem.alternative_camera.reset();
+  for (ImagePair& pair : problem.pairs) {
+    if (!pair.geometry || !HoldsCalibrated(pair.geometry->config)) continue;
+    pair.geometry->config = TwoViewConfig::UNCALIBRATED;
+    pair.geometry->query_from_other.reset();
+  }
+  return query;
+}
+
+// Returns true if an estimated focal length agrees with the alternative camera, which is then the better estimate.
+bool AgreesWithAlternative(const LocalizationProblem& problem, const LocalizationResult& result,
+                           const LocalizerOptions& options) {
+  const IntrinsicsResult& estimate = result.intrinsics;
+  if (!problem.alternative_camera || estimate.verdict != IntrinsicsVerdict::REFINED) return false;
+  const Camera& other = problem.alternative_camera->camera;
+  if (!HasPose(result.status) || !HasFocalLength(other)) return false;
+  const double factor = estimate.focal_factor * MeanFocalLength(problem.query_camera) / MeanFocalLength(other);
+  return JudgeFocalLength(std::log(factor), estimate.focal_factor_stddev / estimate.focal_factor,
+                          IntrinsicsOrigin::EXIF, options)
+             .wrong_probability < 0.5;
+}
+
 // Returns true if the images give a rotation and nothing of the position, which a prior gives.
 bool IsPositionLeftToPrior(const LocalizationResult& result) {
   return result.status == QueryStatus::DEGENERATE_BASELINE && result.partial_pose && !result.partial_pose->bearing &&
@@ -139,6 +167,12 @@ LocalizationResult LocalizeLone(const QueryGroup& query, const LocalizerOptions&
   StageTimer::Seconds seconds = given.seconds;
   for (const auto& [stage, time] : refined.seconds) StageTimer::Add(stage, time, &seconds);
   LocalizationResult result = Decide(std::move(given), std::move(refined), options);
+  const LocalizationProblem& problem = query.images.front().problem;
+  if (AgreesWithAlternative(problem, result, options)) {
+    LocalizationResult other = LocalizeLone(WithCamera(query, *problem.alternative_camera), options);
+    for (const auto& [stage, time] : other.seconds) StageTimer::Add(stage, time, &seconds);
+    if (HasPose(other.status) && other.intrinsics.verdict != IntrinsicsVerdict::REFINED) result = std::move(other);
+  }
   result.seconds = std::move(seconds);
   return result;
 }
