@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from colmap_lazyloc.model import read_model
+from colmap_lazyloc.testing import synthetic
 
 SEEK = ("--LazyLocalizer.intrinsics", "refine")
 FACTOR = 1.3
@@ -80,3 +81,38 @@ def test_result_is_the_same_for_any_number_of_threads(localize, guessed):
     one, three = (localize(*guessed.arguments, *SEEK, "--LazyLocalizer.num_threads", num) for num in (1, 3))
     assert one.poses_bytes == three.poses_bytes
     assert strip_seconds(one) == strip_seconds(three)
+
+
+@pytest.mark.parametrize(
+    ("true_factor", "exif_factor", "origin", "source"),
+    [
+        (1, 1.1, "shared", "database_camera"),  # EXIF is wrong as it often is
+        (1, 1.5, "shared", "database"),  # so wrong that the camera of the database comes second
+        (1.15, 1.15, "exif", "database_camera"),  # zoomed: the camera of the database is tried first, and is wrong
+    ],
+)
+def test_camera_of_the_database_is_tried_for_exif(
+    localize, noisy, write_scene_files, tmp_path, true_factor, exif_factor, origin, source
+):
+    scene = noisy.scene.copy()
+    shared = scene.cameras[1]
+    scene.query_names = ["database/003.jpg", "database/005.jpg"]
+    params = [exif_factor * shared.params[0], shared.width / 2, shared.height / 2, 0.0]
+    scene.cameras[3] = synthetic.Camera(3, "SIMPLE_RADIAL", shared.width, shared.height, params, True)
+    true_camera = shared if true_factor == 1 else scene.cameras[3]
+    rng = np.random.default_rng(5)
+    for name in scene.query_names:
+        image = scene.images[name]
+        image.camera_id = 3
+        seen = image.point_of_keypoint >= 0
+        points_in_cam = image.pose(scene.points[image.point_of_keypoint[seen]])
+        image.keypoints[seen] = true_camera.image_from_cam(points_in_cam) + rng.normal(0, 0.5, (np.sum(seen), 2))
+    run = localize(*write_scene_files(tmp_path, scene, geometry=None).arguments)
+    run.assert_localized(scene, scene.query_names, 0.05, 0.5)
+    cameras = read_model(run.output_path / "model").cameras
+    for name in scene.query_names:
+        result = run.results[name]
+        assert (result["intrinsics"]["origin"], result["intrinsics_source"]) == (origin, source)
+        assert result["intrinsics"]["verdict"] == "confirmed"
+        focal_length = cameras[run.model_images[name].camera_id].params[0]
+        assert focal_length == pytest.approx(true_factor * shared.params[0], rel=1e-9)

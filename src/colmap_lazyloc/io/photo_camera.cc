@@ -73,6 +73,28 @@ std::optional<Camera> ChooseDatabaseCamera(const PhotoProperties& photo, const s
   return turned;
 }
 
+// Returns a camera of the database if there is one, else `own`, which has the focal length of EXIF or a guessed one.
+PhotoCamera ChooseBetween(const PhotoCamera& own, const PhotoProperties& photo,
+                          const std::vector<DatabaseCamera>& database_cameras) {
+  std::optional<Camera> shared = ChooseDatabaseCamera(photo, database_cameras);
+  const bool is_alternative = !shared && photo.exif_focal_length_px;
+  if (is_alternative) {
+    PhotoProperties other_focal_length = photo;
+    other_focal_length.exif_focal_length_px.reset();
+    shared = ChooseDatabaseCamera(other_focal_length, database_cameras);
+  }
+  if (!shared) return own;
+  shared->camera_id = own.camera.camera_id;  // the ids are those of the model, but the photo's camera is its own
+  PhotoCamera chosen = own;
+  if (is_alternative) {
+    chosen.alternative = CandidateCamera{*shared, IntrinsicsOrigin::SHARED};
+    return chosen;
+  }
+  chosen = {*shared, IntrinsicsSource::DATABASE_CAMERA, std::nullopt};
+  if (photo.exif_focal_length_px) chosen.alternative = CandidateCamera{own.camera, IntrinsicsOrigin::EXIF};
+  return chosen;
+}
+
 }  // namespace
 
 IntrinsicsOrigin PhotoCamera::Origin() const {
@@ -95,17 +117,24 @@ PhotoCamera ChoosePhotoCamera(const PhotoProperties& photo, const DefaultCamera&
     return {{0, default_camera.model_id, photo.width, photo.height, default_camera.params, true},
             IntrinsicsSource::CAMERA_PARAMS};
   }
-  if (std::optional<Camera> camera = ChooseDatabaseCamera(photo, database_cameras)) {
-    camera->camera_id = 0;  // the ids are those of the model, but the photo's camera is its own
-    return {*camera, IntrinsicsSource::DATABASE_CAMERA};
-  }
   const double guess_px = GuessFocalLengthPx(photo.width, photo.height);
-  PhotoCamera chosen;
-  chosen.source = photo.exif_focal_length_px ? IntrinsicsSource::EXIF : IntrinsicsSource::GUESS;
-  chosen.camera = CameraFromFocalLength(default_camera.model_id, photo.exif_focal_length_px.value_or(guess_px),
-                                        photo.width, photo.height);
-  chosen.camera.has_prior_focal_length = photo.exif_focal_length_px.has_value();
-  return chosen;
+  PhotoCamera own;
+  own.source = photo.exif_focal_length_px ? IntrinsicsSource::EXIF : IntrinsicsSource::GUESS;
+  own.camera = CameraFromFocalLength(default_camera.model_id, photo.exif_focal_length_px.value_or(guess_px),
+                                     photo.width, photo.height);
+  own.camera.has_prior_focal_length = photo.exif_focal_length_px.has_value();
+  return ChooseBetween(own, photo, database_cameras);
+}
+
+PhotoCamera ChooseStoredCamera(const Camera& stored, const std::vector<DatabaseCamera>& database_cameras) {
+  const IntrinsicsOrigin origin = OriginOfStoredCamera(stored);
+  PhotoCamera own{stored, IntrinsicsSource::DATABASE, std::nullopt};
+  if (origin != IntrinsicsOrigin::EXIF && origin != IntrinsicsOrigin::GUESS) return own;
+  PhotoProperties photo;
+  photo.width = stored.width;
+  photo.height = stored.height;
+  if (origin == IntrinsicsOrigin::EXIF) photo.exif_focal_length_px = MeanFocalLengthPx(stored);
+  return ChooseBetween(own, photo, database_cameras);
 }
 
 }  // namespace lazyloc

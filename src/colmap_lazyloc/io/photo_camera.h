@@ -14,6 +14,8 @@ namespace lazyloc {
 struct PhotoCamera {
   Camera camera;
   IntrinsicsSource source = IntrinsicsSource::GUESS;
+  std::optional<CandidateCamera> alternative =
+      std::nullopt;  // the second of the choices 2 and 3 below, if there are both
 
   // Returns how far the images may correct the intrinsics.
   IntrinsicsOrigin Origin() const;
@@ -39,9 +41,13 @@ bool HasSizeOf(const PhotoProperties& photo, const Camera& camera);
 // 1. the parameters of the default camera;
 // 2. a camera of the database with the photo's size (else, with its sides exchanged). It must not contradict the make,
 //    model and focal length of EXIF, and more than half of the images with such cameras must agree on its focal length;
-// 3. the focal length in EXIF;
+// 3. the focal length in EXIF. A camera that contradicts nothing else is the alternative;
 // 4. COLMAP's guess of the focal length, 1.2 times the longer side.
 PhotoCamera ChoosePhotoCamera(const PhotoProperties& photo, const DefaultCamera& default_camera,
                               const std::vector<DatabaseCamera>& database_cameras);
+
+// Chooses in the same way for an image with keypoints, whose camera COLMAP made from EXIF's or a guessed focal length.
+// Other cameras stay.
+PhotoCamera ChooseStoredCamera(const Camera& stored, const std::vector<DatabaseCamera>& database_cameras);
 
 }  // namespace lazyloc

@@ -89,6 +89,49 @@ TEST_F(PhotoCameraTest, ExifChoosesTheLens) {
   EXPECT_EQ(Choose().source, IntrinsicsSource::EXIF) << "another lens or zoom";
 }
 
+TEST_F(PhotoCameraTest, CameraOfTheDatabaseAndExifAreAlternatives) {
+  cameras_ = {MakeDatabaseCamera(700, 5)};
+  EXPECT_FALSE(Choose().alternative) << "a guess is no alternative";
+  photo_.exif_focal_length_px = 650;
+  std::optional<CandidateCamera> alternative = Choose().alternative;
+  ASSERT_TRUE(alternative);
+  EXPECT_EQ(alternative->origin, IntrinsicsOrigin::EXIF);
+  EXPECT_EQ(alternative->camera.params[0], 650);
+  photo_.exif_focal_length_px = 1500;
+  alternative = Choose().alternative;
+  ASSERT_TRUE(alternative);
+  EXPECT_EQ(alternative->origin, IntrinsicsOrigin::SHARED);
+  EXPECT_TRUE(SameIntrinsics(alternative->camera, cameras_[0].camera));
+  photo_.exif_camera = "Maker-One";
+  cameras_[0].exif_camera = "Maker-Two";
+  EXPECT_FALSE(Choose().alternative) << "another camera";
+}
+
+TEST(ChooseStoredCamera, ReplacesCamerasThatNobodyCalibrated) {
+  const std::vector<DatabaseCamera> database_cameras = {MakeDatabaseCamera(700, 5)};
+  Camera stored = CameraFromFocalLength(kSimpleRadial, 650, 640, 480);
+  stored.camera_id = 3;
+  stored.has_prior_focal_length = true;
+  PhotoCamera chosen = ChooseStoredCamera(stored, database_cameras);
+  EXPECT_EQ(chosen.Origin(), IntrinsicsOrigin::SHARED);
+  EXPECT_EQ(chosen.camera.params[0], 700);
+  EXPECT_EQ(chosen.camera.camera_id, 3u);
+  ASSERT_TRUE(chosen.alternative);
+  EXPECT_TRUE(SameIntrinsics(chosen.alternative->camera, stored));
+  chosen = ChooseStoredCamera(stored, {});
+  EXPECT_EQ(chosen.source, IntrinsicsSource::DATABASE);
+  EXPECT_EQ(chosen.Origin(), IntrinsicsOrigin::EXIF);
+  stored.params[3] = -0.01;
+  chosen = ChooseStoredCamera(stored, database_cameras);
+  EXPECT_TRUE(SameIntrinsics(chosen.camera, stored)) << "distortion is calibrated";
+  EXPECT_EQ(chosen.Origin(), IntrinsicsOrigin::GIVEN);
+  stored = CameraFromFocalLength(kSimpleRadial, GuessFocalLengthPx(640, 480), 640, 480);
+  stored.has_prior_focal_length = false;
+  chosen = ChooseStoredCamera(stored, database_cameras);
+  EXPECT_EQ(chosen.camera.params[0], 700);
+  EXPECT_FALSE(chosen.alternative);
+}
+
 TEST_F(PhotoCameraTest, MostImagesDecideAmongSeveralCameras) {
   cameras_ = {MakeDatabaseCamera(400, 9), MakeDatabaseCamera(700, 2)};
   EXPECT_EQ(SharedFocalLength(), 400);

@@ -42,6 +42,8 @@ class QueryGroups {
  public:
   size_t Size() const { return lone_queries_.size(); }
   QueryFrames At(size_t group) const;
+  // Returns true for a group of one query without a place in a rig.
+  bool IsLone(size_t group) const { return !lone_queries_[group].empty(); }
   void Add(QueryFrames frames);
   // Adds a query that has no place in a rig.
   void AddLone(std::string_view query_name) { lone_queries_.push_back(query_name); }

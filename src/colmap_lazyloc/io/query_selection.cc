@@ -44,6 +44,7 @@ QuerySelection::QuerySelection(const DatabaseReader& database, Model model, cons
     posed_of_database_id_.emplace(stored->image_id, &image);
   }
   std::sort(posed_ids_.begin(), posed_ids_.end());
+  database_cameras_ = CamerasBySize(model_);
   frame_of_database_image_ = DatabaseFramePlaces(model_, &database, options_.groups);
   if (!options_.pairs_path.empty()) ReadPairsFile();
 }
@@ -180,8 +181,14 @@ StoredQuery QuerySelection::ReadStoredQuery(const std::string& name, const Datab
     query.camera.has_prior_focal_length = query.stored_camera.has_prior_focal_length;  // models do not store it
   } else {
     CheckUsable(query.stored_camera, database);
-    query.camera = query.stored_camera;
-    query.intrinsics_origin = OriginOfStoredCamera(query.camera);
+    // Leaves the cameras of a rig, because they may have the same size and different lenses.
+    const std::vector<DatabaseCamera> none;
+    const PhotoCamera chosen = ChooseStoredCamera(
+        query.stored_camera, groups_.IsLone(role.group) ? database_cameras_.OfSize(query.stored_camera) : none);
+    query.camera = chosen.camera;
+    query.source = chosen.source;
+    query.intrinsics_origin = chosen.Origin();
+    query.alternative_camera = chosen.alternative;
   }
   return query;
 }

@@ -9,6 +9,7 @@
 
 #include "colmap_lazyloc/bridge/feature_extraction.h"
 #include "colmap_lazyloc/database/database_reader.h"
+#include "colmap_lazyloc/io/cameras_by_size.h"
 #include "colmap_lazyloc/io/intrinsics_source.h"
 #include "colmap_lazyloc/io/query_files.h"
 #include "colmap_lazyloc/io/query_groups.h"
@@ -31,6 +32,7 @@ struct StoredQuery {
   Camera camera;
   IntrinsicsOrigin intrinsics_origin = IntrinsicsOrigin::GIVEN;  // of `camera`
   IntrinsicsSource source = IntrinsicsSource::QUERY_LIST;        // of `camera`
+  std::optional<CandidateCamera> alternative_camera;             // as in LocalizationProblem
   Camera stored_camera;  // as in the database, whose two-view geometries were estimated with it
 };
 
@@ -128,6 +130,7 @@ class QuerySelection {
   std::vector<Camera> listed_cameras_;                            // of the query list
   std::unordered_map<std::string, std::string> damage_of_image_;  // by name; images whose row is damaged
   std::string damage_of_unknown_image_;                           // of a row without a readable name; may be empty
+  CamerasBySize database_cameras_;
   std::vector<uint32_t> posed_ids_;
   std::unordered_map<uint32_t, const ModelImage*> posed_of_database_id_;
   FramePlaces frame_of_database_image_;                   // by name; rig frames of several images only

@@ -2,9 +2,11 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <string>
 #include <utility>
 
+#include "colmap_lazyloc/bridge/camera_models.h"
 #include "colmap_lazyloc/pipeline/confidence.h"
 #include "colmap_lazyloc/pipeline/focal_length.h"
 #include "colmap_lazyloc/pipeline/intrinsics_check.h"
@@ -35,6 +37,15 @@ bool IsInDoubt(const LocalizationResult& result, const LocalizerOptions& options
          Judge(intrinsics, options).wrong_probability > kMinDoubt;
 }
 
+// True if a pose with an estimated focal length is far less credible than the given one. Then it is no evidence against
+// the given intrinsics, because in repetitive scenes some focal length fits false matches. That the images determine
+// the focal length badly does not count, because the judgement knows its standard deviation.
+bool IsFarLessCredible(const LocalizationResult& refined, const LocalizationResult& given) {
+  PoseEvidence evidence = refined.evidence;
+  evidence.focal_stddev_ratio = std::numeric_limits<double>::quiet_NaN();
+  return refined.confidence && Confidence(evidence) < 0.5 * given.confidence.value_or(0);
+}
+
 // Returns the result with the given focal length if an estimate does not contradict it, even if its score did.
 LocalizationResult Kept(LocalizationResult given, const IntrinsicsResult& estimate, const LocalizerOptions& options) {
   given.status = QueryStatus::LOCALIZED;
@@ -62,9 +73,7 @@ LocalizationResult Decide(LocalizationResult given, LocalizationResult refined, 
     return Kept(std::move(given), unobservable, options);
   }
   if (!HasPose(refined.status)) return given;
-  // A pose that is far less credible is no evidence against the given intrinsics: in repetitive scenes, some focal
-  // length fits false matches.
-  if (HasPose(given.status) && refined.confidence.value_or(0) < 0.5 * given.confidence.value_or(0)) return given;
+  if (HasPose(given.status) && IsFarLessCredible(refined, given)) return given;
   const bool is_wrong = Judge(refined.intrinsics, options).wrong_probability > 0.5;
   if (given.intrinsics.origin != IntrinsicsOrigin::GIVEN) {
     const bool is_kept = !is_wrong && HasPose(given.status);
@@ -83,6 +92,33 @@ LocalizationResult Decide(LocalizationResult given, LocalizationResult refined, 
                                : other;
   given.intrinsics.contradiction = given.reason;
   return given;
+}
+
+// Returns the query with another camera. The pairs keep their matches, but not relative poses, which depend on it.
+QueryGroup WithCamera(QueryGroup query, const CandidateCamera& camera) {
+  LocalizationProblem& problem = query.images.front().problem;
+  problem.query_camera = camera.camera;
+  problem.intrinsics_origin = camera.origin;
+  problem.alternative_camera.reset();
+  for (ImagePair& pair : problem.pairs) {
+    if (!pair.geometry || !HoldsCalibrated(pair.geometry->config)) continue;
+    pair.geometry->config = TwoViewConfig::UNCALIBRATED;
+    pair.geometry->query_from_other.reset();
+  }
+  return query;
+}
+
+// Returns true if an estimated focal length agrees with the alternative camera, which is then the better estimate.
+bool AgreesWithAlternative(const LocalizationProblem& problem, const LocalizationResult& result,
+                           const LocalizerOptions& options) {
+  const IntrinsicsResult& estimate = result.intrinsics;
+  if (!problem.alternative_camera || estimate.verdict != IntrinsicsVerdict::REFINED) return false;
+  const Camera& other = problem.alternative_camera->camera;
+  if (!HasPose(result.status) || !HasFocalLength(other)) return false;
+  const double factor = estimate.focal_factor * MeanFocalLength(problem.query_camera) / MeanFocalLength(other);
+  return JudgeFocalLength(std::log(factor), estimate.focal_factor_stddev / estimate.focal_factor,
+                          IntrinsicsOrigin::EXIF, options)
+             .wrong_probability < 0.5;
 }
 
 // Returns true if the images give a rotation and nothing of the position, which a prior gives.
@@ -150,6 +186,12 @@ LocalizationResult LocalizeLone(const QueryGroup& query, const LocalizerOptions&
   StageTimer::Seconds seconds = given.seconds;
   for (const auto& [stage, time] : refined.seconds) StageTimer::Add(stage, time, &seconds);
   LocalizationResult result = Decide(std::move(given), std::move(refined), options);
+  const LocalizationProblem& problem = query.images.front().problem;
+  if (AgreesWithAlternative(problem, result, options)) {
+    LocalizationResult other = LocalizeLone(WithCamera(query, *problem.alternative_camera), options);
+    for (const auto& [stage, time] : other.seconds) StageTimer::Add(stage, time, &seconds);
+    if (HasPose(other.status) && other.intrinsics.verdict != IntrinsicsVerdict::REFINED) result = std::move(other);
+  }
   result.seconds = std::move(seconds);
   return result;
 }

@@ -135,6 +135,10 @@ std::vector<IntrinsicsResult> AddPoses(const Found& found, const LocalizerOption
     return MeasureEvidence(layout, found.estimates, /*has_relative_poses=*/camera == nullptr, found.start.posed,
                            refined, checked.uncertainties);
   });
+  if (options.start_pose != StartPose::BEST) {
+    // Leaves the way from a start that an option chooses out, because it tells more of the option than of the pose.
+    for (PoseEvidence& of_frame : evidence) of_frame.start_distance_ratio = std::numeric_limits<double>::quiet_NaN();
+  }
   if (camera != nullptr) {
     evidence[0].focal_stddev_ratio = checked.results[0].focal_factor_stddev / checked.results[0].focal_factor;
   }

@@ -159,7 +159,7 @@ std::vector<PoseEvidence> MeasureEvidence(const Layout& layout, const PairEstima
       const std::vector<int>& counts = estimates.num_inliers[query];
       num_matches += std::accumulate(counts.begin(), counts.end(), 0.0);
     }
-    AddTracks(layout, posed, frame, tracks_of[frame], num_matches, &evidence);
+    AddTracks(layout, posed, frame, tracks_of[frame], refined.tried_ratio * num_matches, &evidence);
     const int query = layout.QueriesOf(frame).front();
     const Eigen::Vector3d way = CamInWorld(CamFromWorld(posed, query)) - CamInWorld(CamFromWorld(start, query));
     evidence.start_distance_ratio = way.norm() / evidence.scene_distance;

@@ -142,6 +142,13 @@ TEST_F(MeasureEvidenceTest, CountsTheTracksAndMatchesThatAreLeft) {
   EXPECT_DOUBLE_EQ(evidence.explained_ratio, (9.0 + kNumDatabaseImages) / (kNumPoints * kNumDatabaseImages));
 }
 
+TEST_F(MeasureEvidenceTest, MatchesThatNoTrackTriedDoNotCount) {
+  Make(1, 1);
+  refined_.adjustment.tracks.resize(10);
+  refined_.tried_ratio = 20.0 / kNumPoints;
+  EXPECT_DOUBLE_EQ(Measure().front().explained_ratio, 0.5);
+}
+
 TEST_F(MeasureEvidenceTest, SeparatesFrames) {
   Make(2, 2);
   start_.frames[1].frame_from_world.translation += Eigen::Vector3d(0, 0, 0.5);

@@ -161,6 +161,18 @@ BundleAdjustmentResult Rounds::Finish() && {
   return std::move(adjustment_);
 }
 
+// Returns the share of the matches with database images that the tracks for the start hold.
+double TriedRatio(const Layout& layout, const CandidateTracks& candidates) {
+  const auto count = [&](const std::vector<Track>& tracks) {
+    double num_matches = 0;
+    for (const Track& track : tracks) {
+      for (const TrackObservation& element : track.observations) num_matches += layout.IsDatabase(element.image);
+    }
+    return num_matches;
+  };
+  return count(candidates.for_start) / std::max(count(candidates.all), 1.0);
+}
+
 }  // namespace
 
 void Refined::SetMissingVariances() {
@@ -184,6 +196,7 @@ Refined Refine(const Layout& layout, const PosedImages& start, const SplitTracks
                                        options.triangulation);
       };
       SplitTracks split = is_first ? start_tracks : triangulate();
+      if (is_first && is_last) refined.tried_ratio = TriedRatio(layout, candidates);
       if (is_last) refined.rig_errors_px = CheckRigs(layout, rounds.Posed(), split.from_database, options);
       rounds.SetTracks(std::move(split), is_first ? kMaxStartErrorSigma : options.triangulation.max_query_error_sigma);
     }

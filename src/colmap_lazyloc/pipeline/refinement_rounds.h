@@ -35,6 +35,8 @@ struct Refined {
   std::optional<bool> has_one_orientation;           // of a lone query beside one database image (ChooseOrientation)
   std::vector<MissingVariance> missing_variances;    // ForEachMissingVariance
   std::vector<std::optional<double>> rig_errors_px;  // by query (rig_check.h)
+  // Share of the matches with database images that the tracks of the last round hold: below 1 if it is the first one.
+  double tried_ratio = 1;
 };
 
 // Refines poses by rounds of triangulation and bundle adjustment (LazyLoc, section 3.3), each with the noise of the

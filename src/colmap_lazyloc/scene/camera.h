@@ -36,6 +36,12 @@ enum class IntrinsicsOrigin {
 template <>
 inline constexpr std::array<const char*, 4> kEnumNames<IntrinsicsOrigin> = {"given", "shared", "exif", "guess"};
 
+// A camera that may have taken an image.
+struct CandidateCamera {
+  Camera camera;
+  IntrinsicsOrigin origin = IntrinsicsOrigin::EXIF;
+};
+
 // True if both cameras map rays to the same pixels; ignores ids and prior flags.
 inline bool SameIntrinsics(const Camera& a, const Camera& b) {
   return a.model_id == b.model_id && a.width == b.width && a.height == b.height && a.params == b.params;
