@@ -69,6 +69,25 @@ auto Timed(const char* name, Report* report, const Stage& stage) {
   return stage();
 }
 
+bool HaveNeighbours(const QueryGroup& group) {
+  const auto has_neighbours = [](const ImagePair& pair) { return !pair.neighbours.empty(); };
+  return std::any_of(group.images.begin(), group.images.end(), [&](const QueryImage& query) {
+    return std::any_of(query.problem.pairs.begin(), query.problem.pairs.end(), has_neighbours);
+  });
+}
+
+// Makes the layout for pipelines that correct database poses.
+Layout MakeLayoutWithPoseErrors(const QueryGroup& group, const LocalizerOptions& options, Report* report) {
+  Layout layout = MakeLayout(group);
+  if (HaveNeighbours(group)) {
+    layout.expected_pose_errors = Timed("database_poses", report, [&] { return MeasurePoseErrors(group, options); });
+  } else {
+    layout.expected_pose_errors.assign(layout.num_query_frames, ExpectPoseErrors(options));
+  }
+  report->AddPoseErrors(layout);
+  return layout;
+}
+
 // Takes intrinsics for unobservable that are contradicted only if depths are exact: if these alone fix the distance,
 // errors of a map look like those of intrinsics.
 void IgnoreContradictionsOfDepth(const Layout& layout, const BundleAdjustmentResult& adjustment,
@@ -174,7 +193,7 @@ std::vector<IntrinsicsResult> AddPoses(const Found& found, const LocalizerOption
 
 Outcome LocalizeTogether(const QueryGroup& group, const LocalizerOptions& options) {
   return Run(group, [&](Report* report) {
-    const Layout layout = MakeLayout(group);
+    const Layout layout = MakeLayoutWithPoseErrors(group, options, report);
     const PairEstimates estimates = EstimatePairs(group, layout, options, report->Seconds());
     report->AddPairs(estimates);
     Averaged averaged = AverageMotion(layout, estimates.pairs, options, report->Seconds());
@@ -204,7 +223,7 @@ Outcome LocalizeTogether(const QueryGroup& group, const LocalizerOptions& option
 
 Outcome LocalizeWithUnknownFocalLength(const QueryGroup& query, const LocalizerOptions& options) {
   return Run(query, [&](Report* report) {
-    const Layout layout = MakeLayout(query);
+    const Layout layout = MakeLayoutWithPoseErrors(query, options, report);
     const PairEstimates estimates = FindInliers(query, layout, options, report->Seconds());
     report->AddPairs(estimates);
     PairRefs pairs;
