@@ -114,19 +114,22 @@ TwoViewGeometry EstimateCalibratedGeometry(const Camera& other_camera,
   ransac_options.dyn_num_trials_multiplier = 1;
   ransac_options.min_num_trials = 5;
   TwoViewGeometry geometry;
-  geometry.E = stored.E;
-  if (!geometry.E) {
+  // Takes an essential matrix if it has enough inliers.
+  const auto take = [&](const Eigen::Matrix3d& E) {
+    std::vector<double> squared_errors;
+    Estimator::Residuals(other_points, query_points, E, &squared_errors);
+    geometry.E = E;
+    geometry.inlier_matches.clear();
+    for (size_t i = 0; i < with_rays.size(); ++i) {
+      if (squared_errors[i] <= std::pow(ransac_options.max_error, 2)) geometry.inlier_matches.push_back(with_rays[i]);
+    }
+    return geometry.inlier_matches.size() >= kMinCalibratedInlierRatio * stored.inlier_matches.size();
+  };
+  if (!stored.E || !take(*stored.E)) {
     SeedRandomNumbers(seed);
     const auto report = colmap::LORANSAC<Estimator, Estimator>(ransac_options).Estimate(other_points, query_points);
-    if (!report.success) return {};
-    geometry.E = report.model;
+    if (!report.success || !take(report.model)) return {};
   }
-  std::vector<double> squared_errors;
-  Estimator::Residuals(other_points, query_points, *geometry.E, &squared_errors);
-  for (size_t i = 0; i < with_rays.size(); ++i) {
-    if (squared_errors[i] <= std::pow(ransac_options.max_error, 2)) geometry.inlier_matches.push_back(with_rays[i]);
-  }
-  if (geometry.inlier_matches.size() < kMinCalibratedInlierRatio * stored.inlier_matches.size()) return {};
   geometry.config = TwoViewConfig::CALIBRATED;
   EstimateRelativePose(other_camera, other_keypoints, query_camera, query_keypoints, &geometry);
   return geometry;

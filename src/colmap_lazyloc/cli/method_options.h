@@ -57,7 +57,8 @@ void ForEachMethodOption(Options& o, const Add& add) {
       "constant, -1 for both estimates their errors for each query");
   add("LazyLocalizer.Advanced.database_pose_noise_px", &o.database_pose_noise_px,
       "Expected difference of pose errors, in pixels, between viewpoints 11.5 degrees or a fifth of the distance to the "
-      "scene apart, for the estimates of -1");
+      "scene apart, for the estimates of -1; -1: 0.7, or for a query with one or two database images what matches "
+      "among database images show");
   add("LazyLocalizer.Advanced.focal_length_stddev_ratio", &o.focal_length_stddev_ratio,
       "Standard deviation of a given focal length, as a fraction of it; 0 leaves it out of the covariance");
   ForEachDepthOption(o, add);

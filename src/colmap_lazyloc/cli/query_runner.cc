@@ -9,12 +9,24 @@
 
 namespace lazyloc {
 
+namespace {
+
+// Returns false if the options state the errors of database poses, or nothing corrects these.
+bool EstimatesPoseErrors(const LocalizerOptions& options) {
+  return options.post_optimization == PostOptimization::TRACKS && options.database_pose_noise_px < 0 &&
+         options.database_pose_stddev_deg < 0 && options.database_pose_stddev_length < 0;
+}
+
+}  // namespace
+
 std::unique_ptr<QuerySource> MakeQuerySource(const CommandOptions& options, std::optional<Model> model) {
   const RelativePoseOptions& relative_pose = options.localizer.relative_pose;
   const TwoViewGeometryOptions verification = {relative_pose.min_num_inliers, relative_pose.max_two_view_error_px};
   const int seed = options.localizer.seed;
-  if (!model) return std::make_unique<QuerySource>(options.source, verification, seed, options.num_threads);
-  return std::make_unique<QuerySource>(options.source, *std::move(model), verification, seed, options.num_threads);
+  SourceOptions source = options.source;
+  source.reads_database_pairs = EstimatesPoseErrors(options.localizer);
+  if (!model) return std::make_unique<QuerySource>(source, verification, seed, options.num_threads);
+  return std::make_unique<QuerySource>(source, *std::move(model), verification, seed, options.num_threads);
 }
 
 std::vector<QueryRecord> LocalizeLoaded(LoadedGroup loaded, const LocalizerOptions& options) {

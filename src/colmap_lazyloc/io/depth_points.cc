@@ -3,10 +3,10 @@
 #include <algorithm>
 #include <cmath>
 #include <optional>
-#include <tuple>
 #include <utility>
 
 #include "colmap_lazyloc/bridge/observation.h"
+#include "colmap_lazyloc/io/database_neighbours.h"
 #include "colmap_lazyloc/scene/errors.h"
 
 namespace lazyloc {
@@ -60,30 +60,14 @@ DepthPoints::DepthPoints(const QuerySelection& selection)
     : selection_(selection),
       cache_(kCacheBytes, [](const std::vector<float>& depths) { return sizeof(float) * (16 + depths.size()); }) {}
 
-std::vector<std::pair<uint32_t, const ModelImage*>> DepthPoints::FindNeighbours(const ModelImage& image,
-                                                                                uint32_t image_id,
-                                                                                const std::string& query_name,
-                                                                                const DatabaseReader& database) const {
-  std::vector<PairSize> sizes = database.ReadInlierCounts(image_id, selection_.PosedImageIds());
-  std::sort(sizes.begin(), sizes.end(), [](const PairSize& a, const PairSize& b) {
-    return std::tie(b.num_matches, a.image_id) < std::tie(a.num_matches, b.image_id);
-  });
-  std::vector<std::pair<uint32_t, const ModelImage*>> neighbours;
-  for (const PairSize& size : sizes) {
-    const ModelImage* neighbour = selection_.FindPosedImage(size.image_id, query_name);
-    if (neighbour != nullptr && neighbour->name != image.name) neighbours.emplace_back(size.image_id, neighbour);
-    if (neighbours.size() == kMaxNumNeighbours) break;
-  }
-  return neighbours;
-}
-
 std::vector<float> DepthPoints::Triangulate(const ModelImage& image, uint32_t image_id, const std::string& query_name,
                                             const DatabaseReader& database) const {
   const Model& model = selection_.DatabaseModel();
   const PosedCamera camera(model, image);
   const std::vector<Eigen::Vector2d> keypoints = database.ReadKeypoints(image_id);
   std::vector<DepthAndAngle> best(keypoints.size());
-  for (const auto& [other_id, neighbour] : FindNeighbours(image, image_id, query_name, database)) {
+  for (const auto& [other_id, neighbour] :
+       FindNeighbours(selection_, image_id, query_name, kMaxNumNeighbours, database)) {
     try {
       const std::optional<TwoViewGeometry> geometry = database.ReadTwoViewGeometry(image_id, other_id);
       if (!geometry) continue;

@@ -1,7 +1,6 @@
 #pragma once
 
 #include <string>
-#include <utility>
 #include <vector>
 
 #include <Eigen/Core>
@@ -28,10 +27,6 @@ class DepthPoints {
  private:
   std::vector<float> Triangulate(const ModelImage& image, uint32_t image_id, const std::string& query_name,
                                  const DatabaseReader& database) const;
-  // Returns the posed images that an image shares most verified matches with.
-  std::vector<std::pair<uint32_t, const ModelImage*>> FindNeighbours(const ModelImage& image, uint32_t image_id,
-                                                                     const std::string& query_name,
-                                                                     const DatabaseReader& database) const;
 
   const QuerySelection& selection_;
   mutable LruCache<std::vector<float>> cache_;

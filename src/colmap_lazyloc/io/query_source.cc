@@ -54,6 +54,7 @@ QuerySource::QuerySource(const SourceOptions& options, Model model, const TwoVie
       pair_loader_(selection_, options.num_retrieved),
       priors_(ReadQueryPriors(options.priors,
                               [this](const std::string& name) { return selection_.FindGroup(name).has_value(); })),
+      neighbours_(selection_),
       depth_points_(selection_),
       max_num_pairs_(options.selection.pairs_path.empty() ? options.num_retrieved : 0) {
   if (!options.depth.depth_path.empty()) depth_maps_.emplace(options.depth);
@@ -131,11 +132,12 @@ LoadedGroup QuerySource::Load(const GroupInput& input, Session* session) const {
         }
       });
   pair_loader_.LoadQueryPairs(session->database_, &loaded);
-  AddDepths(session, &loaded);
+  AddDatabaseEvidence(session, &loaded);
   return loaded;
 }
 
-void QuerySource::AddDepths(Session* session, LoadedGroup* loaded) const {
+void QuerySource::AddDatabaseEvidence(Session* session, LoadedGroup* loaded) const {
+  if (options_.reads_database_pairs) neighbours_.AddTo(session->database_, loaded);
   if (!depth_maps_) return;
   for (QueryImage& query : loaded->group.images) {
     const StageTimer timer("depth", &loaded->records[&query - loaded->group.images.data()].seconds);

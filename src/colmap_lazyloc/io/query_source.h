@@ -12,6 +12,7 @@
 #include "colmap_lazyloc/bridge/two_view_geometry.h"
 #include "colmap_lazyloc/database/database_reader.h"
 #include "colmap_lazyloc/database/feature_reader.h"
+#include "colmap_lazyloc/io/database_neighbours.h"
 #include "colmap_lazyloc/io/depth_maps.h"
 #include "colmap_lazyloc/io/depth_points.h"
 #include "colmap_lazyloc/io/pair_loader.h"
@@ -31,6 +32,8 @@ struct SourceOptions {
   PhotoOptions photos;
   QueryPriorOptions priors;
   DepthMapOptions depth;
+  // False if the errors of database poses are stated, so that pairs of database images need not tell them.
+  bool reads_database_pairs = true;
 
   bool Check(std::string* error) const;
 };
@@ -89,8 +92,9 @@ class QuerySource {
   LoadedGroup Load(size_t group, Session* session) const;
   // Loads any group in the same way. The first photo may take long, because it makes the retrieval index.
   LoadedGroup Load(const GroupInput& input, Session* session) const;
-  // Adds the depths of the database images' keypoints, which Load does by itself.
-  void AddDepths(Session* session, LoadedGroup* loaded) const;
+  // Adds what the database images of the pairs tell by themselves, which Load does too: pairs with each other, and the
+  // depths of their keypoints.
+  void AddDatabaseEvidence(Session* session, LoadedGroup* loaded) const;
   // Returns the depth maps of database images; null without a folder of maps.
   const DepthMaps* Depths() const { return depth_maps_ ? &*depth_maps_ : nullptr; }
   // Publishes the photos' features and matches, if they are kept.
@@ -112,6 +116,7 @@ class QuerySource {
   PairLoader pair_loader_;
   std::map<std::string, QueryPrior> priors_;  // by query; those in files
   std::optional<DepthMaps> depth_maps_;       // nullopt without a folder of maps
+  DatabaseNeighbours neighbours_;
   DepthPoints depth_points_;
   int max_num_pairs_ = 0;
   mutable std::once_flag photo_loader_is_made_;

@@ -104,16 +104,23 @@ void serialize(Archive& archive, DepthResult& depth) {
   archive(maps, num_points, fixes_distance);
 }
 
+template <typename Archive>
+void serialize(Archive& archive, DatabasePoseNoise& noise) {
+  auto& [source, num_pairs, viewpoint_px, rotation_px, position_px] = noise;
+  archive(source, num_pairs, viewpoint_px, rotation_px, position_px);
+}
+
 // Leaves the points out, which are a part of their own.
 template <typename Archive>
 void serialize(Archive& archive, LocalizationResult& result) {
   auto& [query_name, status, reason, query_camera, is_camera_refined, intrinsics, priors, frame_name, rig_error_px,
-         cam_from_world, rig_from_world, rig_scale, covariance, spread, confidence, evidence, partial_pose, depth,
-         start, pairs, points, num_tracks, num_observations, mean_reprojection_error_px, seconds] = result;
+         cam_from_world, rig_from_world, rig_scale, covariance, spread, confidence, evidence, partial_pose,
+         database_pose_noise, depth, start, pairs, points, num_tracks, num_observations, mean_reprojection_error_px,
+         seconds] = result;
   static_cast<void>(points);
   archive(query_name, status, reason, query_camera, is_camera_refined, intrinsics, priors, frame_name, rig_error_px,
-          cam_from_world, rig_from_world, rig_scale, covariance, spread, confidence, evidence, partial_pose, depth,
-          start, pairs, num_tracks, num_observations, mean_reprojection_error_px, seconds);
+          cam_from_world, rig_from_world, rig_scale, covariance, spread, confidence, evidence, partial_pose,
+          database_pose_noise, depth, start, pairs, num_tracks, num_observations, mean_reprojection_error_px, seconds);
 }
 
 // Leaves the keypoints out, which are a part of their own.

@@ -122,6 +122,15 @@ Json PairsToJson(const std::vector<PairResult>& pairs) {
   return json;
 }
 
+Json PoseNoiseToJson(const DatabasePoseNoise& noise) {
+  Json json = {{"source", EnumName(noise.source)}, {"num_pairs", noise.num_pairs}};
+  const bool is_in_px = noise.viewpoint_px > 0;
+  json["viewpoint_px"] = is_in_px ? Json(noise.viewpoint_px) : Json();
+  json["rotation_px"] = is_in_px ? Json(noise.rotation_px) : Json();
+  json["position_px"] = is_in_px ? Json(noise.position_px) : Json();
+  return json;
+}
+
 Json DepthToJson(const DepthResult& depth) {
   Json maps = Json::array();
   for (const DepthMapResult& map : depth.maps) {
@@ -161,6 +170,7 @@ Json RecordToJson(const QueryRecord& record) {
   if (result.status == QueryStatus::LOCALIZED && result.is_camera_refined) {
     json["camera"] = CameraToJson(result.query_camera);
   }
+  if (result.database_pose_noise) json["database_pose_noise"] = PoseNoiseToJson(*result.database_pose_noise);
   if (result.depth) json["depth"] = DepthToJson(*result.depth);
   json["intrinsics"] = IntrinsicsToJson(result.intrinsics);
   json["intrinsics_source"] = record.intrinsics_source ? Json(EnumName(*record.intrinsics_source)) : Json();

@@ -9,22 +9,10 @@
 namespace lazyloc {
 namespace {
 
-// Expected and minimum independent error of a database pose, in pixels. It is estimated for rotations and positions
-// apart, because for example GPS and an inertial sensor measure them by different means.
-constexpr double kIndependentNoisePx = 0.05;
-// Minimum error that changes with the viewpoint, in pixels.
-constexpr double kMinViewpointNoisePx = 0.02;
-// Standard deviation of the log of an expected size: a factor of e, or of 1.35 for independent rotations. With a large
-// size, all rotations would turn together where images of one camera have an error in common, but not the positions.
-constexpr double kExpectedLogStddev = 1, kRotationLogStddev = 0.3;
 // Distance of viewpoints at which database_pose_noise_px is stated, and the power of it by which variances grow:
 // between that of a random walk (1) and that of errors which change steadily (2).
 constexpr double kReferenceDistance = 0.2;
 constexpr double kPower = 1.5;
-// Standard deviations in pixels that the search for the estimate starts from. The likelihood can have two maxima,
-// because both parts may explain the same errors. The search starts from large independent errors, because if it
-// started from small ones, the other part would explain them all.
-constexpr double kFirstViewpointNoisePx = 0.1, kFirstIndependentNoisePx = 0.5;
 // Minimum variance factor, because without any noise of the images their information is infinite.
 constexpr double kMinVarianceFactor = 0.01;
 // What a covariance allows for beyond the estimate: errors in pixels that no adjustment shows, because they are common
@@ -76,11 +64,11 @@ DatabasePriors::DatabasePriors(const Layout& layout, const LocalizerOptions& opt
     : layout_(layout),
       stddev_rad_(options.database_pose_stddev_deg < 0 ? -1 : DegToRad(options.database_pose_stddev_deg)),
       stddev_length_(options.database_pose_stddev_length),
-      expected_px_(options.database_pose_noise_px) {
-  variances_.resize(layout.num_query_frames);
-  constexpr double kIndependentVariance = kIndependentNoisePx * kIndependentNoisePx;
-  for (std::vector<double>& variances : variances_) {
-    variances = {expected_px_ * expected_px_, kIndependentVariance, kIndependentVariance};
+      expected_(layout.expected_pose_errors) {
+  if (expected_.empty()) expected_.assign(layout.num_query_frames, ExpectPoseErrors(options));
+  for (const ExpectedPoseErrors& errors : expected_) {
+    variances_.emplace_back();
+    for (const ExpectedStddev& size : errors.sizes) variances_.back().push_back(size.median * size.median);
   }
 }
 
@@ -138,14 +126,10 @@ void DatabasePriors::Set(const std::vector<FrameScale>& scales, PosedImages* pos
 double DatabasePriors::Estimate(const BundleAdjustmentResult& adjustment, double variance_factor) {
   image_variance_factor_ = std::max(variance_factor, kMinVarianceFactor);
   if (!AreEstimated()) return 0;
-  const std::vector<ExpectedStddev> expected = {
-      {expected_px_, kExpectedLogStddev, kMinViewpointNoisePx, kFirstViewpointNoisePx},
-      {kIndependentNoisePx, kRotationLogStddev, kIndependentNoisePx, kFirstIndependentNoisePx},
-      {kIndependentNoisePx, kExpectedLogStddev, kIndependentNoisePx, kFirstIndependentNoisePx}};
   double change = 0;
   for (size_t i = 0; i < adjustment.prior_fits.size(); ++i) {
-    const std::vector<double> estimated =
-        EstimateVariances(adjustment.posed.prior_groups[i], adjustment.prior_fits[i], image_variance_factor_, expected);
+    const std::vector<double> estimated = EstimateVariances(adjustment.posed.prior_groups[i], adjustment.prior_fits[i],
+                                                            image_variance_factor_, expected_[i].sizes);
     for (size_t j = 0; j < estimated.size(); ++j) {
       const double variance = estimated[j] / image_variance_factor_;
       change = std::max(change, std::abs(std::log(variance / variances_[i][j])) / 2);

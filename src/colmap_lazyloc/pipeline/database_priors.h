@@ -40,8 +40,8 @@ class DatabasePriors {
   PriorGroup MakeGroup(int query_frame, const std::vector<FrameScale>& scales, PosedImages* posed) const;
 
   const Layout& layout_;
-  const double stddev_rad_, stddev_length_;  // as stated; -1: estimated
-  const double expected_px_;
+  const double stddev_rad_, stddev_length_;   // as stated; -1: estimated
+  std::vector<ExpectedPoseErrors> expected_;  // by query frame
   double image_variance_factor_ = 1;
   std::vector<std::vector<double>> variances_;  // by query frame and component
 };

@@ -5,6 +5,7 @@
 
 #include <Eigen/Core>
 
+#include "colmap_lazyloc/pipeline/database_pose_errors.h"
 #include "colmap_lazyloc/pipeline/options.h"
 #include "colmap_lazyloc/scene/frame.h"
 #include "colmap_lazyloc/scene/localization_problem.h"
@@ -27,6 +28,7 @@ struct Layout {
   std::vector<std::vector<int>> image_of_pair;  // [query][index into its pairs]
   std::vector<std::vector<int>> queries_of_frame;          // by query frame
   std::vector<std::vector<int>> database_frames_of_frame;  // by query frame; ascending
+  std::vector<ExpectedPoseErrors> expected_pose_errors;    // by query frame; empty: as the options say
 
   bool IsDatabase(int image) const { return image >= num_queries; }
   int FrameOf(int image) const { return given.images[image].frame; }

@@ -37,12 +37,15 @@ bool IsInDoubt(const LocalizationResult& result, const LocalizerOptions& options
          Judge(intrinsics, options).wrong_probability > kMinDoubt;
 }
 
-// True if a pose with an estimated focal length is far less credible than the given one. Then it is no evidence against
-// the given intrinsics, because in repetitive scenes some focal length fits false matches. That the images determine
-// the focal length badly does not count, because the judgement knows its standard deviation.
+// True if a pose with an estimated focal length is far less credible than that with the other intrinsics. Then it is no
+// evidence against these, because in repetitive scenes some focal length fits false matches. That the images determine
+// the focal length badly does not count against it where it cannot take the place of a given one, because the judgement
+// knows its standard deviation.
 bool IsFarLessCredible(const LocalizationResult& refined, const LocalizationResult& given) {
   PoseEvidence evidence = refined.evidence;
-  evidence.focal_stddev_ratio = std::numeric_limits<double>::quiet_NaN();
+  if (given.intrinsics.origin == IntrinsicsOrigin::GIVEN) {
+    evidence.focal_stddev_ratio = std::numeric_limits<double>::quiet_NaN();
+  }
   return refined.confidence && Confidence(evidence) < 0.5 * given.confidence.value_or(0);
 }
 

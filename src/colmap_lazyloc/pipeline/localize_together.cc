@@ -72,6 +72,25 @@ auto Timed(const char* name, Report* report, const Stage& stage) {
   return stage();
 }
 
+bool HaveNeighbours(const QueryGroup& group) {
+  const auto has_neighbours = [](const ImagePair& pair) { return !pair.neighbours.empty(); };
+  return std::any_of(group.images.begin(), group.images.end(), [&](const QueryImage& query) {
+    return std::any_of(query.problem.pairs.begin(), query.problem.pairs.end(), has_neighbours);
+  });
+}
+
+// Makes the layout for pipelines that correct database poses.
+Layout MakeLayoutWithPoseErrors(const QueryGroup& group, const LocalizerOptions& options, Report* report) {
+  Layout layout = MakeLayout(group);
+  if (HaveNeighbours(group)) {
+    layout.expected_pose_errors = Timed("database_poses", report, [&] { return MeasurePoseErrors(group, options); });
+  } else {
+    layout.expected_pose_errors.assign(layout.num_query_frames, ExpectPoseErrors(options));
+  }
+  report->AddPoseErrors(layout);
+  return layout;
+}
+
 // Takes contradicted intrinsics for unobservable if depths or a prior alone fix the distance: their errors look like
 // those of intrinsics, and a single image hardly tells the focal length.
 void IgnoreContradictionsOfEvidence(const Layout& layout, const Refined& refined, const LocalizerOptions& options,
@@ -160,7 +179,7 @@ Averaged Average(const Layout& layout, const PairEstimates& estimates, bool aver
 
 Outcome Localize(const QueryGroup& group, bool averages_motion, const LocalizerOptions& options) {
   return Run(group, [&](Report* report) {
-    const Layout layout = MakeLayout(group);
+    const Layout layout = MakeLayoutWithPoseErrors(group, options, report);
     const PairEstimates estimates = EstimatePairs(group, layout, options, report->Seconds());
     report->AddPairs(estimates);
     Averaged averaged = Average(layout, estimates, averages_motion, options, report);
@@ -201,7 +220,7 @@ Outcome LocalizeByOtherStarts(const QueryGroup& query, const LocalizerOptions& o
 
 Outcome LocalizeWithUnknownFocalLength(const QueryGroup& query, const LocalizerOptions& options) {
   return Run(query, [&](Report* report) {
-    const Layout layout = MakeLayout(query);
+    const Layout layout = MakeLayoutWithPoseErrors(query, options, report);
     const PairEstimates estimates = FindInliers(query, layout, options, report->Seconds());
     report->AddPairs(estimates);
     PairRefs pairs;

@@ -13,7 +13,10 @@ bool LocalizerOptions::Check(std::string* error) const {
   OPTION_GE(max_num_start_tracks, 4);
   OPTION_GE(database_pose_stddev_deg, -1);
   OPTION_GE(database_pose_stddev_length, -1);
-  OPTION_GT(database_pose_noise_px, 0);
+  OPTION_GE(database_pose_noise_px, -1);
+  if (database_pose_noise_px != -1) {
+    OPTION_GT(database_pose_noise_px, 0);
+  }
   OPTION_GE(rig_noise_px, 0);
   OPTION_GE(focal_length_stddev_ratio, 0);
   OPTION_GE(min_confidence, 0);

@@ -99,8 +99,9 @@ struct LocalizerOptions {
   // units. 0: exact; -1: estimated for each query from how well the images fit together.
   double database_pose_stddev_deg = -1;
   double database_pose_stddev_length = -1;
-  // Expected difference of pose errors at a viewpoint distance of 0.2 (database_priors.h), in pixels.
-  double database_pose_noise_px = 0.7;
+  // Expected difference of pose errors at a viewpoint distance of 0.2 (database_priors.h), in pixels. -1: that of a
+  // typical database, or for queries with few database images what matches among these show.
+  double database_pose_noise_px = -1;
   DepthOptions depth;
   double min_confidence = 0.95;  // of a pose; a query below it is not LOCALIZED
   // Maximum standard deviation of a position over the distance to the scene; a query above it is not LOCALIZED.

@@ -71,6 +71,12 @@ void Report::AddPairs(const PairEstimates& estimates) {
   }
 }
 
+void Report::AddPoseErrors(const Layout& layout) {
+  for (int query = 0; query < layout.num_queries; ++query) {
+    results_[query].database_pose_noise = layout.expected_pose_errors[layout.FrameOf(query)].AsResult();
+  }
+}
+
 void Report::AddStart(const Layout& layout, const Start& start) {
   for (int query = 0; query < layout.num_queries; ++query) {
     results_[query].start = EnumName(start.kinds[layout.FrameOf(query)]);

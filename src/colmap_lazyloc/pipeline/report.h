@@ -20,6 +20,8 @@ class Report {
   StageTimer::Seconds* Seconds() { return &seconds_; }
 
   void AddPairs(const PairEstimates& estimates);
+  // Adds the errors that are expected of the database poses.
+  void AddPoseErrors(const Layout& layout);
   void AddStart(const Layout& layout, const Start& start);
   // Adds the queries' poses.
   void AddPoses(const Layout& layout, const PosedImages& posed);

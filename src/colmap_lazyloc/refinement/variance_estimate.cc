@@ -19,12 +19,6 @@ constexpr int kMaxNumSteps = 12;
 // that remains is about its square.
 constexpr double kMaxStep = 1.5, kConvergence = 0.2;
 
-// The linearised adjustment, in the order of PriorFit::information.
-struct Linearized {
-  Eigen::MatrixXd information;  // A
-  Eigen::VectorXd rhs;          // b
-};
-
 // The log of the likelihood, and its derivatives by the logs x of the components' standard deviations.
 struct Slope {
   double log_likelihood = 0;
@@ -32,7 +26,7 @@ struct Slope {
   Eigen::MatrixXd curvature;  // the negative second derivatives, approximately
 };
 
-Linearized Linearize(const PriorGroup& group, const PriorFit& fit, double variance_factor) {
+DeviationLikelihood Linearize(const PriorGroup& group, const PriorFit& fit, double variance_factor) {
   const PriorPrecision precision = ComputePriorPrecision(group);
   const Eigen::Index size = fit.deviations.rows();
   Eigen::VectorXd rhs = fit.information * fit.deviations.reshaped();
@@ -48,7 +42,7 @@ double HalfLogDeterminant(const Eigen::LLT<Eigen::MatrixXd>& factor) {
 // determine them, u = P p and D_j the covariance by component j, the gradient is u^T D_j u - tr(P D_j). The curvature
 // is the average information 2 u^T D_i P D_j u (Gilmour, Thompson and Cullis 1995), because it needs no further
 // inverse. Returns false if A + Q is not positive definite.
-bool ComputeSlope(const PriorGroup& group, const Linearized& linearized, Slope* slope) {
+bool ComputeSlope(const PriorGroup& group, const DeviationLikelihood& linearized, Slope* slope) {
   const auto size = static_cast<Eigen::Index>(group.frames.size());
   const auto num_components = static_cast<Eigen::Index>(group.components.size());
   const PriorPrecision precision = ComputePriorPrecision(group);
@@ -121,7 +115,11 @@ Eigen::VectorXd StepWithin(const std::vector<ExpectedStddev>& expected, const Ei
 
 std::vector<double> EstimateVariances(const PriorGroup& group, const PriorFit& fit, double variance_factor,
                                       const std::vector<ExpectedStddev>& expected) {
-  const Linearized linearized = Linearize(group, fit, variance_factor);
+  return EstimateVariances(group, Linearize(group, fit, variance_factor), expected);
+}
+
+std::vector<double> EstimateVariances(const PriorGroup& group, const DeviationLikelihood& likelihood,
+                                      const std::vector<ExpectedStddev>& expected) {
   PriorGroup tried = group;
   Eigen::VectorXd x(expected.size());
   for (Eigen::Index j = 0; j < x.size(); ++j) x[j] = std::log(expected[j].first);
@@ -131,7 +129,7 @@ std::vector<double> EstimateVariances(const PriorGroup& group, const PriorFit& f
     const Eigen::VectorXd next = x + step;
     for (Eigen::Index j = 0; j < x.size(); ++j) tried.components[j].variance = std::exp(2 * next[j]);
     Slope slope;
-    const bool is_valid = ComputeSlope(tried, linearized, &slope);
+    const bool is_valid = ComputeSlope(tried, likelihood, &slope);
     if (is_valid) AddExpected(expected, next, &slope);
     if (!is_valid || !(slope.log_likelihood >= best)) {
       step /= 2;

@@ -15,6 +15,13 @@ struct ExpectedStddev {
   double first = 1;  // where the search for the maximum starts
 };
 
+// What images say of the deviations p of a group's frames: up to a constant, the log of their likelihood is
+// b^T p - p^T A p / 2. One coordinate of all frames after the other.
+struct DeviationLikelihood {
+  Eigen::MatrixXd information;  // A
+  Eigen::VectorXd rhs;          // b
+};
+
 // Returns the variances of a group's components that are most likely by the images and the expectations. fit: of an
 // adjustment under the variances of `group`, which must have converged; variance_factor: that of its images.
 //
@@ -23,6 +30,9 @@ struct ExpectedStddev {
 // variances of `group`, its log is up to a constant
 //   (log |Q| - log |A + Q| + b^T (A + Q)^-1 b) / 2,   b = A p + Q_0 p / variance_factor.
 std::vector<double> EstimateVariances(const PriorGroup& group, const PriorFit& fit, double variance_factor,
+                                      const std::vector<ExpectedStddev>& expected);
+// Does the same for deviations whose likelihood is known; the variances of `group` do not matter.
+std::vector<double> EstimateVariances(const PriorGroup& group, const DeviationLikelihood& likelihood,
                                       const std::vector<ExpectedStddev>& expected);
 
 }  // namespace lazyloc

@@ -14,6 +14,13 @@
 
 namespace lazyloc {
 
+// Verified matches of a database image with another posed image.
+struct NeighbourPair {
+  Camera camera;  // of the other image, and its pose
+  Rigid3d cam_from_world;
+  std::vector<Eigen::Vector2d> points, other_points;  // matched keypoints of the two images, in pixels
+};
+
 // What a query shares with another image: a database image, or another query of its group.
 struct ImagePair {
   std::string other_name;
@@ -31,6 +38,9 @@ struct ImagePair {
   Rigid3d database_cam_from_world;
   std::string database_frame_name;
   Rigid3d database_cam_from_rig;  // of the image's camera in that frame's rig
+  // Pairs of the database image with others, which tell the size of the errors of database poses. Only loaded if the
+  // query has few database images.
+  std::vector<NeighbourPair> neighbours;
 };
 
 // Everything that localizing one query needs.

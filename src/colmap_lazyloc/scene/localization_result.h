@@ -10,6 +10,7 @@
 
 #include "colmap_lazyloc/math/rigid3.h"
 #include "colmap_lazyloc/scene/camera.h"
+#include "colmap_lazyloc/scene/database_pose_noise.h"
 #include "colmap_lazyloc/scene/depth_result.h"
 #include "colmap_lazyloc/scene/enum_names.h"
 #include "colmap_lazyloc/scene/pose_evidence.h"
@@ -109,9 +110,10 @@ struct LocalizationResult {
   // Set if SCALE_UNOBSERVABLE, DEGENERATE_BASELINE or UNKNOWN_CAMERA leaves one orientation.
   std::optional<PartialPose> partial_pose;
 
-  std::optional<DepthResult> depth;  // nullopt if no database image has a depth map
-  std::string start;                 // the hypothesis that refinement started from
-  std::vector<PairResult> pairs;     // every pair that was looked at, sorted by database_name
+  std::optional<DatabasePoseNoise> database_pose_noise;  // nullopt if nothing was refined
+  std::optional<DepthResult> depth;                      // nullopt if no database image has a depth map
+  std::string start;                                     // the hypothesis that refinement started from
+  std::vector<PairResult> pairs;                         // every pair that was looked at, sorted by database_name
   std::vector<PointResult> points;
   int num_tracks = 0;        // tracks in the final adjustment
   int num_observations = 0;  // their image points, the query's included

@@ -1,0 +1,34 @@
+#pragma once
+
+#include <optional>
+#include <vector>
+
+#include <Eigen/Core>
+
+#include "colmap_lazyloc/math/rigid3.h"
+#include "colmap_lazyloc/refinement/pose_prior.h"
+#include "colmap_lazyloc/scene/observation.h"
+
+namespace lazyloc {
+
+// A match between two images whose poses are given.
+struct MatchedRays {
+  Observation observation, other_observation;
+};
+
+// What the matches of two images say of the deviation p of the second pose from the given one, relative to the first:
+// the log of their likelihood is rhs^T p - p^T information p / 2. The coordinates are those of PosePriorResidual for a
+// prior of one pixel. The place along the baseline is unobservable.
+struct EpipolarFit {
+  Eigen::Matrix<double, 6, 6> information;
+  Eigen::Matrix<double, 6, 1> rhs;
+  FrameScale scale;     // between pixels and the pose
+  double noise_px = 0;  // of the keypoints
+};
+
+// Fits the epipolar errors of the matches by a deviation of the relative pose. nullopt if they do not tell it: too few
+// matches, a baseline that is too short beside the distance of the points, or errors that no deviation explains.
+std::optional<EpipolarFit> FitEpipolarErrors(const Rigid3d& cam_from_world, const Rigid3d& other_from_world,
+                                             const std::vector<MatchedRays>& matches);
+
+}  // namespace lazyloc

@@ -1,0 +1,27 @@
+#pragma once
+
+#include <array>
+
+#include "colmap_lazyloc/scene/enum_names.h"
+
+namespace lazyloc {
+
+// Where the expected size of the errors of database poses comes from.
+enum class PoseNoiseSource {
+  DEFAULT,         // that of a typical database
+  STATED,          // the options state it
+  DATABASE_PAIRS,  // matches of database images with each other show it
+};
+template <>
+inline constexpr std::array<const char*, 3> kEnumNames<PoseNoiseSource> = {"default", "stated", "database_pairs"};
+
+// Errors of database poses as they are expected before the query's own images are asked, in pixels.
+struct DatabasePoseNoise {
+  PoseNoiseSource source = PoseNoiseSource::DEFAULT;
+  int num_pairs = 0;  // of database images that show the size
+  // Of the part that changes with the viewpoint, between viewpoints 11.5 degrees apart; of independent rotations and
+  // positions. Zero if standard deviations of the poses are stated.
+  double viewpoint_px = 0, rotation_px = 0, position_px = 0;
+};
+
+}  // namespace lazyloc
