@@ -26,10 +26,10 @@ TwoViewGeometry EstimateTwoViewGeometry(const Camera& other_camera, const std::v
                                         const Camera& query_camera, const std::vector<Eigen::Vector2d>& query_keypoints,
                                         const Matches& matches, const TwoViewGeometryOptions& options, uint32_t seed);
 
-// Returns the calibrated geometry of stored matches that are the inliers of one fundamental matrix and of no homography:
-// that of the stored essential matrix, which COLMAP estimates for each pair whose cameras have a prior focal length;
-// without one, estimates it (five points, LO-RANSAC). Returns config UNDEFINED if less than half of the matches are its
-// inliers.
+// Returns the calibrated geometry of stored matches that are the inliers of one fundamental matrix and of no
+// homography: that of the stored essential matrix, which COLMAP estimates for each pair whose cameras have a prior
+// focal length; without one, estimates it (five points, LO-RANSAC). Returns config UNDEFINED if less than half of the
+// matches are its inliers.
 TwoViewGeometry EstimateCalibratedGeometry(const Camera& other_camera,
                                            const std::vector<Eigen::Vector2d>& other_keypoints,
                                            const Camera& query_camera,
