@@ -5,26 +5,19 @@
 #include <utility>
 
 #include "colmap_lazyloc/math/parallel_for.h"
+#include "colmap_lazyloc/pipeline/database_pose_errors.h"
 #include "colmap_lazyloc/pipeline/lazy_localizer.h"
 
 namespace lazyloc {
-
-namespace {
-
-// Returns false if the options state the errors of database poses, or nothing corrects these.
-bool EstimatesPoseErrors(const LocalizerOptions& options) {
-  return options.post_optimization == PostOptimization::TRACKS && options.database_pose_noise_px < 0 &&
-         options.database_pose_stddev_deg < 0 && options.database_pose_stddev_length < 0;
-}
-
-}  // namespace
 
 std::unique_ptr<QuerySource> MakeQuerySource(const CommandOptions& options, std::optional<Model> model) {
   const RelativePoseOptions& relative_pose = options.localizer.relative_pose;
   const TwoViewGeometryOptions verification = {relative_pose.min_num_inliers, relative_pose.max_two_view_error_px};
   const int seed = options.localizer.seed;
   SourceOptions source = options.source;
-  source.reads_database_pairs = EstimatesPoseErrors(options.localizer);
+  // Reads no pairs if nothing corrects database poses, or if the options state their errors.
+  source.reads_database_pairs = options.localizer.post_optimization == PostOptimization::TRACKS &&
+                                ExpectPoseErrors(options.localizer).source == PoseNoiseSource::DEFAULT;
   if (!model) return std::make_unique<QuerySource>(source, verification, seed, options.num_threads);
   return std::make_unique<QuerySource>(source, *std::move(model), verification, seed, options.num_threads);
 }

@@ -23,12 +23,13 @@ size_t NumMatches(const ImagePair& pair) {
   return pair.geometry ? pair.geometry->inlier_matches.size() : pair.matches.size();
 }
 
-// Reads the matches of two images, evenly chosen ones if there are many. nullopt if they cannot be used.
-std::optional<NeighbourPair> ReadNeighbour(const Model& model, uint32_t image_id, uint32_t other_id,
+// Reads the matches of two images, evenly chosen ones if there are many. nullopt if they cannot be used. points: the
+// keypoints of the first image.
+std::optional<NeighbourPair> ReadNeighbour(const Model& model, uint32_t image_id,
+                                           const std::vector<Eigen::Vector2d>& points, uint32_t other_id,
                                            const ModelImage& other, const DatabaseReader& database) {
   const std::optional<TwoViewGeometry> geometry = database.ReadTwoViewGeometry(image_id, other_id);
   if (!geometry || geometry->inlier_matches.empty()) return std::nullopt;
-  const std::vector<Eigen::Vector2d> points = database.ReadKeypoints(image_id);
   const std::vector<Eigen::Vector2d> other_points = database.ReadKeypoints(other_id);
   NeighbourPair pair{model.cameras.at(other.camera_id), other.cam_from_world, {}, {}};
   const Matches& matches = geometry->inlier_matches;
@@ -71,12 +72,13 @@ std::vector<NeighbourPair> DatabaseNeighbours::Read(const ModelImage& image, uin
                                                     const std::string& query_name,
                                                     const DatabaseReader& database) const {
   const std::string frame_name = selection_.MakePair(image).database_frame_name;
+  const std::vector<Eigen::Vector2d> points = database.ReadKeypoints(image_id);
   std::vector<NeighbourPair> pairs;
   for (const auto& [other_id, other] : FindNeighbours(selection_, image_id, query_name, kMaxNumNeighbours, database)) {
     // Leaves out images of the same rig frame, which share their error.
     if (!frame_name.empty() && selection_.MakePair(*other).database_frame_name == frame_name) continue;
     try {
-      auto pair = ReadNeighbour(selection_.DatabaseModel(), image_id, other_id, *other, database);
+      auto pair = ReadNeighbour(selection_.DatabaseModel(), image_id, points, other_id, *other, database);
       if (pair) pairs.push_back(*std::move(pair));
     } catch (const DamagedRecordError&) {
       continue;  // goes on without the pair, as for queries

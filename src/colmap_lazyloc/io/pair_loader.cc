@@ -54,8 +54,7 @@ bool ReadPair(const LocalizationProblem& problem, const StoredQuery& query, uint
        !AgreeOnIntrinsics(pair->geometry->other_camera.value_or(other_stored_camera), pair->other_camera));
   if (has_other_intrinsics) {
     // COLMAP estimates the geometry again from all matches, because the other intrinsics chose the inliers too.
-    pair->geometry->config = TwoViewConfig::UNCALIBRATED;
-    pair->geometry->E.reset();
+    ForgetIntrinsics(&*pair->geometry);
     pair->matches = database.ReadMatches(query_id, other_id);
   }
   if (pair->geometry) {

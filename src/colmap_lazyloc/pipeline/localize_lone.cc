@@ -104,9 +104,9 @@ QueryGroup WithCamera(QueryGroup query, const CandidateCamera& camera) {
   problem.intrinsics_origin = camera.origin;
   problem.alternative_camera.reset();
   for (ImagePair& pair : problem.pairs) {
-    if (!pair.geometry || !HoldsCalibrated(pair.geometry->config)) continue;
-    pair.geometry->config = TwoViewConfig::UNCALIBRATED;
-    pair.geometry->query_from_other.reset();
+    if (!pair.geometry) continue;
+    const TwoViewConfig config = pair.geometry->config;
+    if (HoldsCalibrated(config) || config == TwoViewConfig::UNCALIBRATED) ForgetIntrinsics(&*pair.geometry);
   }
   return query;
 }

@@ -45,4 +45,11 @@ struct TwoViewGeometry {
   std::optional<Camera> query_camera, other_camera;
 };
 
+// Leaves of a geometry what holds for any intrinsics, so that the calibrated one is estimated again from its inliers.
+inline void ForgetIntrinsics(TwoViewGeometry* geometry) {
+  geometry->config = TwoViewConfig::UNCALIBRATED;
+  geometry->query_from_other.reset();
+  geometry->E.reset();
+}
+
 }  // namespace lazyloc
