@@ -11,10 +11,8 @@ namespace lazyloc {
 namespace {
 
 constexpr size_t kCacheBytes = 32 << 20;
-// Number of database images from which on the query's own tracks tell the size of the errors, and number of matches
-// from which on an image counts, because the localizer does not use those with less.
+// Number of database images from which on the query's own tracks tell the size of the errors.
 constexpr size_t kEnoughImages = 3;
-constexpr size_t kMinNumQueryMatches = 15;
 // Number of other images that an image is paired with, and of matches of a pair that are used: more would tell little.
 constexpr size_t kMaxNumNeighbours = 6;
 constexpr size_t kMaxNumMatches = 200;
@@ -61,8 +59,10 @@ std::vector<std::pair<uint32_t, const ModelImage*>> FindNeighbours(const QuerySe
   return neighbours;
 }
 
-DatabaseNeighbours::DatabaseNeighbours(const QuerySelection& selection)
-    : selection_(selection), cache_(kCacheBytes, [](const std::vector<NeighbourPair>& pairs) {
+DatabaseNeighbours::DatabaseNeighbours(const QuerySelection& selection, int min_num_inliers)
+    : selection_(selection),
+      min_num_inliers_(static_cast<size_t>(min_num_inliers)),
+      cache_(kCacheBytes, [](const std::vector<NeighbourPair>& pairs) {
         size_t num_points = 16;
         for (const NeighbourPair& pair : pairs) num_points += 16 + pair.points.size();
         return 2 * sizeof(Eigen::Vector2d) * num_points;
@@ -91,14 +91,14 @@ void DatabaseNeighbours::AddTo(const DatabaseReader& database, LoadedGroup* load
   std::vector<std::set<std::string>> names(loaded->group.frame_names.size());
   for (const QueryImage& query : loaded->group.images) {
     for (const ImagePair& pair : query.problem.pairs) {
-      if (NumMatches(pair) >= kMinNumQueryMatches) names[query.frame].insert(pair.other_name);
+      if (NumMatches(pair) >= min_num_inliers_) names[query.frame].insert(pair.other_name);
     }
   }
   for (QueryImage& query : loaded->group.images) {
     if (names[query.frame].empty() || names[query.frame].size() >= kEnoughImages) continue;
     const StageTimer timer("database_pairs", &loaded->records[&query - loaded->group.images.data()].seconds);
     for (ImagePair& pair : query.problem.pairs) {
-      if (NumMatches(pair) >= kMinNumQueryMatches) pair.neighbours = Find(pair, query.problem.query_name, database);
+      if (NumMatches(pair) >= min_num_inliers_) pair.neighbours = Find(pair, query.problem.query_name, database);
     }
   }
 }

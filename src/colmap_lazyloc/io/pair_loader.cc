@@ -52,11 +52,7 @@ bool ReadPair(const LocalizationProblem& problem, const StoredQuery& query, uint
       pair->geometry &&
       (!AgreeOnIntrinsics(pair->geometry->query_camera.value_or(query.stored_camera), query.camera) ||
        !AgreeOnIntrinsics(pair->geometry->other_camera.value_or(other_stored_camera), pair->other_camera));
-  if (has_other_intrinsics) {
-    // COLMAP estimates the geometry again from all matches, because the other intrinsics chose the inliers too.
-    ForgetIntrinsics(&*pair->geometry);
-    pair->matches = database.ReadMatches(query_id, other_id);
-  }
+  if (has_other_intrinsics) ForgetIntrinsics(&*pair->geometry);
   if (pair->geometry) {
     CheckMatches(pair->geometry->inlier_matches, "two_view_geometries", problem, *pair, database);
   }

@@ -54,7 +54,7 @@ QuerySource::QuerySource(const SourceOptions& options, Model model, const TwoVie
       pair_loader_(selection_, options.num_retrieved),
       priors_(ReadQueryPriors(options.priors,
                               [this](const std::string& name) { return selection_.FindGroup(name).has_value(); })),
-      neighbours_(selection_),
+      neighbours_(selection_, verification.min_num_inliers),
       depth_points_(selection_),
       max_num_pairs_(options.selection.pairs_path.empty() ? options.num_retrieved : 0) {
   if (!options.depth.depth_path.empty()) depth_maps_.emplace(options.depth);
