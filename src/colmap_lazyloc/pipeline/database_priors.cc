@@ -148,7 +148,8 @@ void SetCalibrationPriors(const Layout& layout, const std::vector<FrameScale>& s
     Calibration& calibration = posed->calibrations[image.calibration];
     const FrameScale& scale = scales[image.frame];
     if (calibration.prior || scale.distance == 0) continue;
-    const Rigid3d& given = layout.given.calibrations[image.calibration].cam_from_frame;
+    Rigid3d given = layout.given.calibrations[image.calibration].cam_from_frame;
+    given.translation *= posed->frames[image.frame].scale;
     calibration.prior = MakePosePrior(given, noise_px, scale);
     const PosePrior flex = MakePosePrior(given, kRigFlexPx, scale);
     calibration.flex_rad = flex.rotation_stddev_rad;

@@ -21,8 +21,12 @@ void AddQuery(const QueryGroup& group, const QueryImage& query, Layout* layout) 
     const int first = layout->QueriesOf(query.frame).front();
     image.cam_from_frame = query.cam_from_rig * Inverse(group.images[first].cam_from_rig);
     layout->given.frames[query.frame].has_free_scale = !group.has_rig_scale;
+    std::vector<Calibration>* calibrations = &layout->given.calibrations;
     if (group.has_rig_scale) {
-      image.calibration = FindOrAddCalibration(image.cam_from_frame, &layout->given.calibrations);
+      image.calibration = FindOrAddCalibration(image.cam_from_frame, calibrations);
+    } else {
+      image.calibration = static_cast<int>(calibrations->size());  // of its own, because frames differ in their scales
+      calibrations->emplace_back().cam_from_frame = image.cam_from_frame;
     }
   }
   layout->queries_of_frame[query.frame].push_back(static_cast<int>(layout->given.images.size()));

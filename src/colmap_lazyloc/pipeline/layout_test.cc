@@ -170,12 +170,17 @@ TEST(MakeLayout, DatabaseImagesThatStateNoRigidRigAreLoneFrames) {
   });
 }
 
-TEST(MakeLayout, FramesOfUnknownScaleHaveNoCalibration) {
+TEST(MakeLayout, FramesOfUnknownScaleShareNoCalibration) {
   SyntheticGroup scene = MakeGroup(2, 3, 2);
+  EXPECT_EQ(MakeLayout(scene.group).given.calibrations.size(), 2u);
   scene.group.has_rig_scale = false;
   const Layout layout = MakeLayout(scene.group);
-  EXPECT_TRUE(layout.given.calibrations.empty());
-  for (const Image& image : layout.given.images) EXPECT_EQ(image.calibration, -1);
+  EXPECT_EQ(layout.given.calibrations.size(), 4u);
+  std::vector<int> calibrations;
+  for (int query = 0; query < layout.num_queries; ++query) {
+    calibrations.push_back(layout.given.images[query].calibration);
+  }
+  EXPECT_THAT(calibrations, testing::ElementsAre(-1, 0, 1, -1, 2, 3));
 }
 
 TEST(AsReported, RestoresDatabasePosesAndTheirCalibration) {

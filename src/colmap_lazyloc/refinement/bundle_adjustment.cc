@@ -23,9 +23,16 @@ PosedImages MovedTo(const BundleSolver<kSize>& solver, PosedImages posed) {
     log_factors[i] = solution.log_factor;
     if (posed.frames[i].has_free_scale) posed.frames[i].scale *= std::exp(solution.log_factor);
   }
+  std::vector<double> calibration_scales(posed.calibrations.size(), 1);
+  for (const Image& image : posed.images) {
+    if (image.calibration < 0 || !posed.frames[image.frame].has_free_scale) continue;
+    calibration_scales[image.calibration] = std::exp(log_factors[image.frame]);
+  }
   for (size_t i = 0; i < posed.calibrations.size(); ++i) {
+    Rigid3d& cam_from_frame = posed.calibrations[i].cam_from_frame;
     const int index = solver.IndexOfCalibration(static_cast<int>(i));
-    if (index >= 0) posed.calibrations[i].cam_from_frame = solver.Solution().frames[index].frame_from_world;
+    if (index >= 0) cam_from_frame = solver.Solution().frames[index].frame_from_world;
+    cam_from_frame.translation *= calibration_scales[i];
   }
   for (size_t i = 0; i < posed.images.size(); ++i) {
     Image& image = posed.images[i];
@@ -33,9 +40,9 @@ PosedImages MovedTo(const BundleSolver<kSize>& solver, PosedImages posed) {
     if (index != solver.IndexOf(image.frame)) {
       image.cam_from_frame =
           solver.Solution().frames[index].frame_from_world * Inverse(posed.frames[image.frame].frame_from_world);
+    } else if (posed.frames[image.frame].has_free_scale && !HasFrameAxes(image)) {
+      image.cam_from_frame.translation *= std::exp(log_factors[image.frame]);
     }
-    const bool has_free_scale = posed.frames[image.frame].has_free_scale;
-    if (has_free_scale && !HasFrameAxes(image)) image.cam_from_frame.translation *= std::exp(log_factors[image.frame]);
     if (image.log_focal_factor) image.log_focal_factor = solver.Solution().frames[index].log_factor;
     const int depth_map = solver.Problem().index_of_depth_map[i];
     if (depth_map >= 0) image.depth_scale->log_scale = solver.Solution().frames[depth_map].log_factor;

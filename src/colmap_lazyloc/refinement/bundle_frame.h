@@ -1,5 +1,7 @@
 #pragma once
 
+#include <optional>
+
 #include <Eigen/Core>
 #include <Eigen/Geometry>
 
@@ -14,6 +16,8 @@ struct BundleFrame {
     frame_from_world = pose;
     rotation = pose.rotation.toRotationMatrix();
   }
+  // Returns the log of the factor on the translations within the rig; nullopt if none is estimated.
+  std::optional<double> LogScale() const { return factor_is_scale ? std::optional(log_factor) : std::nullopt; }
 
   Rigid3d frame_from_world;
   Eigen::Matrix3d rotation;  // of frame_from_world

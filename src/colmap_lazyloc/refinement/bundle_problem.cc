@@ -177,7 +177,6 @@ void BundleProblem::AddCalibrations(const PosedImages& posed) {
     const int calibration = image.calibration < 0 ? -1 : index_of_calibration[image.calibration];
     index_of_image.push_back(frame);
     if (frame < 0 || calibration < 0) continue;
-    LAZYLOC_CHECK(!posed.frames[image.frame].has_free_scale);
     index_of_image.back() = AddPose(CamFromWorld(posed, static_cast<int>(i)), nullptr);
     flexes.push_back({frame, calibration, index_of_image.back(), &posed.calibrations[image.calibration]});
   }

@@ -4,7 +4,6 @@
 #include <array>
 #include <cmath>
 #include <limits>
-#include <optional>
 #include <tuple>
 #include <utility>
 
@@ -202,8 +201,9 @@ void BundleSolver<kSize>::AddPriors(const BundleState& state, std::vector<FrameM
 
 template <int kSize>
 RigFlexResidual BundleSolver<kSize>::Evaluate(const BundleFlex& flex, const BundleState& state) {
-  return EvaluateRigFlex(*flex.given, state.frames[flex.calibration].frame_from_world,
-                         state.frames[flex.cam].frame_from_world, state.frames[flex.frame].frame_from_world);
+  const BundleFrame& frame = state.frames[flex.frame];
+  return EvaluateRigFlex(*flex.given, state.frames[flex.calibration].frame_from_world, frame.LogScale(),
+                         state.frames[flex.cam].frame_from_world, frame.frame_from_world);
 }
 
 template <int kSize>
@@ -211,15 +211,16 @@ void BundleSolver<kSize>::AddFlex(const BundleState& state, const BundleFlex& fl
                                   std::vector<FrameMatrix>* frame_hessians) {
   const RigFlexResidual residual = Evaluate(flex, state);
   system_.cost += 0.5 * residual.error.squaredNorm();
-  const std::array<std::pair<int, const Eigen::Matrix<double, 6, 6>*>, 3> parts = {
+  const std::array<std::pair<int, const Eigen::Matrix<double, 6, 7>*>, 3> parts = {
       {{flex.frame, &residual.by_frame}, {flex.calibration, &residual.by_calibration}, {flex.cam, &residual.by_cam}}};
   for (size_t a = 0; a < parts.size(); ++a) {
-    const auto& [frame_a, by_a] = parts[a];
-    system_.rhs.template segment<6>(kSize * frame_a) -= by_a->transpose() * residual.error;
-    (*frame_hessians)[frame_a].template topLeftCorner<6, 6>() += by_a->transpose() * *by_a;
+    const auto& [frame_a, all_by_a] = parts[a];
+    const auto by_a = all_by_a->template leftCols<kSize>();
+    system_.rhs.template segment<kSize>(kSize * frame_a) -= by_a.transpose() * residual.error;
+    (*frame_hessians)[frame_a] += by_a.transpose() * by_a;
     for (size_t b = 0; b < a; ++b) {
-      camera_system_.Block(frame_a, parts[b].first, &system_.reduced).template topLeftCorner<6, 6>() +=
-          by_a->transpose() * *parts[b].second;
+      camera_system_.Block(frame_a, parts[b].first, &system_.reduced) +=
+          by_a.transpose() * parts[b].second->template leftCols<kSize>();
     }
   }
 }

@@ -148,6 +148,33 @@ TEST(RigAdjustment, FreeScaleIsFoundExactlyWithoutNoise) {
   }
 }
 
+// The calibrations have the given offsets, so that they are right up to the scale.
+TEST(RigAdjustment, FreeScaleIsFoundBesideCalibrationsWithAPrior) {
+  const SyntheticTracks truth = MakeRigs(0, 1);
+  SyntheticTracks scene = MakeRigs(0, 1.25);
+  for (const int query : {1, 3}) {
+    Image& image = scene.posed.images[query];
+    image.calibration = static_cast<int>(scene.posed.calibrations.size());
+    const Rigid3d& given = image.cam_from_frame;
+    scene.posed.calibrations.push_back({given, PosePrior{given, 1e-3, 0.01}, 1e-4, 1e-3, false});
+  }
+  DisturbQueries(&scene, 1, 0.1, 0.05);
+  BundleAdjustmentOptions options;
+  options.convergence_sigma = 1e-6;
+  const BundleAdjustmentResult result = AdjustBundle(scene.posed, scene.tracks, options);
+  ASSERT_TRUE(result.summary.success) << result.summary.message;
+  for (const int frame : {0, 1}) EXPECT_NEAR(result.posed.frames[frame].scale, 1.25, 1e-6);
+  for (int query = 0; query < 4; ++query) {
+    EXPECT_LE(PositionError(CamFromWorld(result.posed, query), CamFromWorld(truth.posed, query)), 1e-6);
+  }
+  for (const int query : {1, 3}) {
+    const Rigid3d& calibrated = result.posed.calibrations[scene.posed.images[query].calibration].cam_from_frame;
+    const Rigid3d& right = truth.posed.images[query].cam_from_frame;
+    EXPECT_LE((calibrated.translation - right.translation).norm(), 1e-6) << "with the scale";
+    EXPECT_LE(RotationErrorDeg(calibrated, right), 1e-5);
+  }
+}
+
 TEST(RigAdjustment, UnknownScaleEnlargesTheCovariance) {
   SyntheticTracks scene = MakeRigs(1.5, 1.25);
   DisturbWithPrior(3, &scene.posed);

@@ -1,5 +1,7 @@
 #include "colmap_lazyloc/refinement/rig_flex.h"
 
+#include <cmath>
+
 #include "colmap_lazyloc/math/so3.h"
 
 namespace lazyloc {
@@ -16,17 +18,22 @@ Eigen::Matrix<double, 3, 6> CentreByTangent(const Rigid3d& target_from_source) {
 }  // namespace
 
 RigFlexResidual EvaluateRigFlex(const Calibration& calibration, const Rigid3d& cam_from_frame,
-                                const Rigid3d& cam_from_world, const Rigid3d& frame_from_world) {
+                                std::optional<double> log_scale, const Rigid3d& cam_from_world,
+                                const Rigid3d& frame_from_world) {
   RigFlexResidual residual;
   const Eigen::Quaterniond rotation = cam_from_world.rotation * frame_from_world.rotation.conjugate();
+  const double scale = std::exp(log_scale.value_or(0));
+  const Eigen::Vector3d scaled_centre = scale * CamInWorld(cam_from_frame);
   const Eigen::Vector3d rotated_centre = frame_from_world.rotation * CamInWorld(cam_from_world);
   residual.error << LogSO3(rotation * cam_from_frame.rotation.conjugate()),
-      rotated_centre + frame_from_world.translation - CamInWorld(cam_from_frame);
+      rotated_centre + frame_from_world.translation - scaled_centre;
   // The jacobians are exact to first order in the rotation's deviation.
   const Eigen::Matrix3d identity = Eigen::Matrix3d::Identity(), zero = Eigen::Matrix3d::Zero();
-  residual.by_cam << identity, zero, frame_from_world.rotation.toRotationMatrix() * CentreByTangent(cam_from_world);
-  residual.by_frame << -rotation.toRotationMatrix(), zero, -Hat(rotated_centre), identity;
-  residual.by_calibration << -identity, zero, -CentreByTangent(cam_from_frame);
+  residual.by_cam.leftCols<6>() << identity, zero,
+      frame_from_world.rotation.toRotationMatrix() * CentreByTangent(cam_from_world);
+  residual.by_frame.leftCols<6>() << -rotation.toRotationMatrix(), zero, -Hat(rotated_centre), identity;
+  residual.by_calibration.leftCols<6>() << -identity, zero, -scale * CentreByTangent(cam_from_frame);
+  if (log_scale) residual.by_frame.col(6).tail<3>() = -scaled_centre;
   Eigen::Matrix<double, 6, 1> weights;
   weights << Eigen::Vector3d::Constant(1 / calibration.flex_rad),
       Eigen::Vector3d::Constant(1 / calibration.flex_length);

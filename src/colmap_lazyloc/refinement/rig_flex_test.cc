@@ -1,5 +1,7 @@
 #include "colmap_lazyloc/refinement/rig_flex.h"
 
+#include <cmath>
+
 #include <gtest/gtest.h>
 
 #include "colmap_lazyloc/math/so3.h"
@@ -9,23 +11,26 @@
 namespace lazyloc {
 namespace {
 
-// Holds the poses of an image, its frame and its calibration. The image is where the calibration puts it.
+// Holds the poses of an image, its frame and its calibration, and the rig's scale. The image is where they put it.
 struct Poses {
   Rigid3d cam, frame, calibration;
+  double log_scale = std::log(1.5);
 };
 
 Poses MakePoses() {
   Random random(3);
   const Rigid3d frame{RandomRotation(&random), RandomVector(&random)};
   const Rigid3d calibration{RandomRotation(&random), RandomVector(&random)};
-  return {calibration * frame, frame, calibration};
+  Poses poses{{}, frame, calibration};
+  poses.cam = Rigid3d{calibration.rotation, std::exp(poses.log_scale) * calibration.translation} * frame;
+  return poses;
 }
 
 RigFlexResidual Evaluate(const Poses& poses) {
   Calibration calibration;
   calibration.flex_rad = 0.01;
   calibration.flex_length = 0.2;
-  return EvaluateRigFlex(calibration, poses.calibration, poses.cam, poses.frame);
+  return EvaluateRigFlex(calibration, poses.calibration, poses.log_scale, poses.cam, poses.frame);
 }
 
 TEST(EvaluateRigFlex, IsZeroForARigidRig) { EXPECT_LE(Evaluate(MakePoses()).error.norm(), 1e-12); }
@@ -54,9 +59,16 @@ TEST(EvaluateRigFlex, JacobiansAreThoseOfTheTangents) {
         },
         jacobian);
   };
-  expect_jacobian(&Poses::cam, residual.by_cam);
-  expect_jacobian(&Poses::frame, residual.by_frame);
-  expect_jacobian(&Poses::calibration, residual.by_calibration);
+  expect_jacobian(&Poses::cam, residual.by_cam.leftCols<6>());
+  expect_jacobian(&Poses::frame, residual.by_frame.leftCols<6>());
+  expect_jacobian(&Poses::calibration, residual.by_calibration.leftCols<6>());
+  ExpectJacobian(
+      [&](const Eigen::VectorXd& step) -> Eigen::VectorXd {
+        Poses moved = poses;
+        moved.log_scale += step[0];
+        return Evaluate(moved).error;
+      },
+      residual.by_frame.col(6));
 }
 
 }  // namespace

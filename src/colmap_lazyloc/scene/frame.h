@@ -25,8 +25,8 @@ struct Frame {
   // Database frames whose pose may be off: adjustment corrects frame_from_world as far as the prior lets it. Without a
   // prior a database frame is constant.
   std::optional<PosePrior> prior;
-  // True if adjustment estimates a factor on the translations of the frame's cam_from_frame (a trajectory without
-  // scale).
+  // True if adjustment estimates a factor on the translations of the frame's cam_from_frame, or of their calibrations
+  // (a trajectory without scale).
   bool has_free_scale = false;
   double scale = 1;  // the factor that has been estimated so far
 };
