@@ -2,9 +2,8 @@
 
 #include <gtest/gtest.h>
 
-#include "colmap_lazyloc/math/median.h"
+#include "colmap_lazyloc/math/harmonic_mean.h"
 #include "colmap_lazyloc/math/so3.h"
-#include "colmap_lazyloc/refinement/covariance.h"
 #include "colmap_lazyloc/testing/jacobian_check.h"
 #include "colmap_lazyloc/testing/synthetic_tracks.h"
 
