@@ -72,11 +72,11 @@ std::vector<Star> MakeStars(const QueryGroup& group, int frame) {
   return stars;
 }
 
-// Returns the variances of the three parts that the stars show. Each neighbour deviates from its star's image as
+// Estimates the variances of the three parts that the stars show. Each neighbour deviates from its star's image as
 // database images deviate from a query, but for the independent error of the star's image, which all its neighbours
 // have in common.
-std::vector<double> EstimateFromStars(const std::vector<Star>& stars, Eigen::Index size,
-                                      const std::vector<ExpectedStddev>& expected) {
+VarianceEstimate EstimateFromStars(const std::vector<Star>& stars, Eigen::Index size,
+                                   const std::vector<ExpectedStddev>& expected) {
   Eigen::MatrixXd viewpoint = Eigen::MatrixXd::Zero(size, size), independent = viewpoint;
   DeviationLikelihood likelihood{Eigen::MatrixXd::Zero(6 * size, 6 * size), Eigen::VectorXd::Zero(6 * size)};
   Eigen::Index begin = 0;
@@ -110,7 +110,7 @@ ExpectedPoseErrors MeasureFrame(const QueryGroup& group, int frame, ExpectedPose
   std::vector<ExpectedStddev> expected = errors.sizes;
   // Lets rotations be as large as they are, because relative poses tell errors of intrinsics from those of rotations.
   expected[1].log_stddev = kLogStddev;
-  const std::vector<double> variances = EstimateFromStars(stars, errors.num_pairs, expected);
+  const std::vector<double> variances = EstimateFromStars(stars, errors.num_pairs, expected).variances;
   for (size_t j = 0; j < variances.size(); ++j) errors.sizes[j].median = std::sqrt(variances[j]);
   return errors;
 }

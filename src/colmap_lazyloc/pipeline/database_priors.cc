@@ -15,14 +15,19 @@ constexpr double kReferenceDistance = 0.2;
 constexpr double kPower = 1.5;
 // Minimum variance factor, because without any noise of the images their information is infinite.
 constexpr double kMinVarianceFactor = 0.01;
-// What a covariance allows for beyond the estimate: errors in pixels that no adjustment shows, because they are common
-// to all images. Calibrated on real scenes (docs/method.md, section 9).
+// What a covariance allows for beyond the estimate unless the poses are exact: errors in pixels that no adjustment
+// shows, because they are common to all images. Calibrated on real scenes (docs/method.md, section 9).
 constexpr double kHiddenNoisePx[] = {0.3, 0.1, 0.1};  // by component
 
 // Minimum error of database poses over the stated one.
 constexpr double kMinStatedRatio = 0.1;
 // Displacement of keypoints by the flex of a rig.
 constexpr double kRigFlexPx = 0.02;
+
+// Probability that database poses are exact before the images are asked, as those of rendered images are.
+constexpr double kExactProbability = 0.3;
+// Minimum share of the variances that remains where poses are exact, because equations would be singular else.
+constexpr double kMinVarianceShare = 1e-3;
 
 constexpr int kNumComponents = 3;  // the part that changes with the viewpoint, independent rotations and positions
 
@@ -45,6 +50,11 @@ FrameScale CommonScale(const std::vector<int>& frames, const std::vector<FrameSc
   return {Median(std::move(focal_lengths_px)), Median(std::move(distances))};
 }
 
+// log_evidence: of errors of the database poses over none.
+double ExactProbability(double log_evidence) {
+  return 1 / (1 + (1 - kExactProbability) / kExactProbability * std::exp(log_evidence));
+}
+
 }  // namespace
 
 Eigen::MatrixXd ViewpointErrorShape(const std::vector<Rigid3d>& frames, const Rigid3d& query, double scene_distance) {
@@ -64,7 +74,8 @@ DatabasePriors::DatabasePriors(const Layout& layout, const LocalizerOptions& opt
     : layout_(layout),
       stddev_rad_(options.database_pose_stddev_deg < 0 ? -1 : DegToRad(options.database_pose_stddev_deg)),
       stddev_length_(options.database_pose_stddev_length),
-      expected_(layout.expected_pose_errors) {
+      expected_(layout.expected_pose_errors),
+      exact_probabilities_(layout.num_query_frames, 0.0) {
   if (expected_.empty()) expected_.assign(layout.num_query_frames, ExpectPoseErrors(options));
   for (const ExpectedPoseErrors& errors : expected_) {
     variances_.emplace_back();
@@ -112,6 +123,7 @@ PriorGroup DatabasePriors::MakeGroup(int query_frame, const std::vector<FrameSca
   group.components = {{ViewpointErrorShape(poses, query, common.distance), variances[0]},
                       {identity, variances[1], PosePart::ROTATION},
                       {identity, variances[2], PosePart::POSITION}};
+  group.exact_probability = exact_probabilities_[query_frame];
   return group;
 }
 
@@ -128,10 +140,12 @@ double DatabasePriors::Estimate(const BundleAdjustmentResult& adjustment, double
   if (!AreEstimated()) return 0;
   double change = 0;
   for (size_t i = 0; i < adjustment.prior_fits.size(); ++i) {
-    const std::vector<double> estimated = EstimateVariances(adjustment.posed.prior_groups[i], adjustment.prior_fits[i],
-                                                            image_variance_factor_, expected_[i].sizes);
-    for (size_t j = 0; j < estimated.size(); ++j) {
-      const double variance = estimated[j] / image_variance_factor_;
+    const VarianceEstimate estimate = EstimateVariances(adjustment.posed.prior_groups[i], adjustment.prior_fits[i],
+                                                        image_variance_factor_, expected_[i].sizes);
+    exact_probabilities_[i] = ExactProbability(estimate.log_evidence);
+    const double share = std::max(1 - exact_probabilities_[i], kMinVarianceShare);
+    for (size_t j = 0; j < estimate.variances.size(); ++j) {
+      const double variance = share * estimate.variances[j] / image_variance_factor_;
       change = std::max(change, std::abs(std::log(variance / variances_[i][j])) / 2);
       variances_[i][j] = variance;
     }
@@ -159,11 +173,13 @@ void SetCalibrationPriors(const Layout& layout, const std::vector<FrameScale>& s
 
 std::vector<double> VariancesForCovariance(const PriorGroup& group, const PriorFit& fit, double variance_factor) {
   if (group.components.size() == 1) {
-    return EstimateVariances(group, fit, std::max(variance_factor, kMinVarianceFactor), {{1, 1, kMinStatedRatio, 1}});
+    return EstimateVariances(group, fit, std::max(variance_factor, kMinVarianceFactor), {{1, 1, kMinStatedRatio, 1}})
+        .variances;
   }
   std::vector<double> variances;
   for (size_t j = 0; j < group.components.size(); ++j) {
-    variances.push_back(variance_factor * group.components[j].variance + kHiddenNoisePx[j] * kHiddenNoisePx[j]);
+    const double hidden = (1 - group.exact_probability) * kHiddenNoisePx[j] * kHiddenNoisePx[j];
+    variances.push_back(variance_factor * group.components[j].variance + hidden);
   }
   return variances;
 }

@@ -29,7 +29,8 @@ class DatabasePriors {
   void Expect(double noise_px);
   // Sets the priors of all database frames with observations.
   void Set(const std::vector<FrameScale>& scales, PosedImages* posed) const;
-  // Estimates the size of the errors from an adjustment. Returns the largest change, as the log of a factor.
+  // Estimates the size of the errors from an adjustment, and the probability that there are none. Returns the largest
+  // change, as the log of a factor.
   double Estimate(const BundleAdjustmentResult& adjustment, double variance_factor);
   // Returns the variance factor of the last estimate, but at least a minimum; 1 before. Adjustment takes the images for
   // less exact than they are, so that priors would be too tight beside them: their variances are divided by it.
@@ -44,6 +45,7 @@ class DatabasePriors {
   std::vector<ExpectedPoseErrors> expected_;  // by query frame
   double image_variance_factor_ = 1;
   std::vector<std::vector<double>> variances_;  // by query frame and component
+  std::vector<double> exact_probabilities_;     // of the database poses, by query frame
 };
 
 // Lets calibrations deviate as far as noise_px displaces the keypoints of the first frame that has them; 0: exact.
@@ -57,7 +59,7 @@ void SetCalibrationPriors(const Layout& layout, const std::vector<FrameScale>& s
 Eigen::MatrixXd ViewpointErrorShape(const std::vector<Rigid3d>& frames, const Rigid3d& query, double scene_distance);
 
 // Returns the variances of a group's components for the covariance of the query's pose: those that the last adjustment
-// shows, but at least what poses and intrinsics of real databases are wrong by.
+// shows, but unless the poses are exact at least what poses and intrinsics of real databases are wrong by.
 std::vector<double> VariancesForCovariance(const PriorGroup& group, const PriorFit& fit, double variance_factor);
 
 // Calls add(group, component, difference) for the variances that the covariance of an adjustment lacks:

@@ -104,6 +104,37 @@ TEST(DatabasePriors, RememberTheVarianceFactorOfStatedPosesToo) {
   EXPECT_GT(priors.ImageVarianceFactor(), 0);
 }
 
+// Returns the group of the first query frame after images have found these deviations of all its frames, in pixels.
+PriorGroup GroupAfter(double deviation_px) {
+  StageInput input = MakeStageInput(MakeSyntheticGroup(TwoFrames()));
+  DatabasePriors priors(input.layout, {});
+  const std::vector<FrameScale> scales = MeasureFrameScales(input.truth, input.tracks);
+  priors.Set(scales, &input.truth);
+  BundleAdjustmentResult adjustment;
+  adjustment.posed = input.truth;
+  Random random(3);
+  for (const PriorGroup& group : input.truth.prior_groups) {
+    const auto size = static_cast<Eigen::Index>(group.frames.size());
+    Eigen::MatrixXd deviations(size, 6);
+    for (Eigen::Index i = 0; i < size; ++i) {
+      deviations.row(i) << RandomVector(&random).transpose(), RandomVector(&random).transpose();
+    }
+    adjustment.prior_fits.push_back({deviation_px * deviations, 1e4 * Eigen::MatrixXd::Identity(6 * size, 6 * size)});
+  }
+  priors.Estimate(adjustment, 1);
+  priors.Set(scales, &input.truth);
+  return input.truth.prior_groups[0];
+}
+
+TEST(DatabasePriors, ExactDatabasesAreFound) {
+  const PriorGroup exact = GroupAfter(0.01);  // the noise of the images
+  EXPECT_GT(exact.exact_probability, 0.99);
+  for (const VarianceComponent& component : exact.components) EXPECT_LT(component.variance, 1e-3);
+  const PriorGroup others = GroupAfter(0.5);
+  EXPECT_LT(others.exact_probability, 1e-6);
+  EXPECT_GT(others.components[0].variance + others.components[2].variance, 0.1);
+}
+
 TEST(DatabasePriors, CovarianceAllowsForMoreThanTheEstimate) {
   const Eigen::MatrixXd one = Eigen::MatrixXd::Identity(1, 1);
   const PriorGroup stated{{1}, {{one, 4}}};
@@ -116,6 +147,9 @@ TEST(DatabasePriors, CovarianceAllowsForMoreThanTheEstimate) {
     EXPECT_GE(variances[1], 0.01);
     EXPECT_GE(variances[2], 0.01);
   }
+  PriorGroup exact = estimated;
+  exact.exact_probability = 1;
+  EXPECT_NEAR(VariancesForCovariance(exact, fit, 1)[0], 4, 1e-9) << "nothing that images of an exact database share";
 }
 
 }  // namespace

@@ -9,6 +9,7 @@
 #include "colmap_lazyloc/bridge/camera_models.h"
 #include "colmap_lazyloc/math/median.h"
 #include "colmap_lazyloc/math/so3.h"
+#include "colmap_lazyloc/pipeline/intrinsics_estimate.h"
 #include "colmap_lazyloc/pipeline/lazy_localizer.h"
 #include "colmap_lazyloc/testing/synthetic_scene.h"
 
@@ -41,6 +42,15 @@ TEST(CheckIntrinsics, RightValueIsConfirmedWhateverItsOrigin) {
     EXPECT_NEAR(result.intrinsics.focal_factor, 1, 5 * result.intrinsics.focal_factor_stddev);
     EXPECT_FALSE(result.is_camera_refined);
   }
+}
+
+TEST(SharedErrorVarianceFactor, IsOneWithExactDatabases) {
+  Refined refined;
+  EXPECT_EQ(SharedErrorVarianceFactor(refined, 0), 4) << "constant database poses";
+  refined.adjustment.posed.prior_groups.resize(2);
+  refined.adjustment.posed.prior_groups[1].exact_probability = 1;
+  EXPECT_EQ(SharedErrorVarianceFactor(refined, 0), 4);
+  EXPECT_EQ(SharedErrorVarianceFactor(refined, 1), 1);
 }
 
 class WrongFactors : public testing::TestWithParam<double> {};

@@ -7,13 +7,19 @@
 
 namespace lazyloc {
 
+double SharedErrorVarianceFactor(const Refined& refined, int frame) {
+  constexpr double kFactor = 4;
+  const std::vector<PriorGroup>& groups = refined.adjustment.posed.prior_groups;  // one per query frame, or none
+  return groups.empty() ? kFactor : 1 + (kFactor - 1) * (1 - groups[frame].exact_probability);
+}
+
 IntrinsicsScore::Matrix ScoreCovariance(const Refined& refined, int frame) {
   const IntrinsicsScore& score = refined.adjustment.intrinsics_scores[frame];
   IntrinsicsScore::Matrix covariance = refined.variance_factor * score.information;
   for (const auto& [group, component, variance] : refined.missing_variances) {
     covariance += variance * score.prior_parts[group][component];
   }
-  return kSharedErrorFactor * kSharedErrorFactor * covariance;
+  return SharedErrorVarianceFactor(refined, frame) * covariance;
 }
 
 IntrinsicsEstimate EstimateIntrinsics(const IntrinsicsScore& score, const IntrinsicsScore::Matrix& score_covariance,

@@ -5,9 +5,10 @@
 
 namespace lazyloc {
 
-// Factor on the standard deviations of the score, because rolling shutters and errors that all images share are not in
-// them: with right intrinsics, deviations are up to twice as large.
-inline constexpr double kSharedErrorFactor = 2;
+// Returns the factor on the variances of a query frame's score, because rolling shutters and errors that all images
+// share are not in them: with right intrinsics, deviations are up to twice as large. 1 if the images show that the
+// database is exact.
+double SharedErrorVarianceFactor(const Refined& refined, int frame);
 
 inline constexpr int kNumOthers = NUM_INTRINSICS_PARAMETERS - 1;  // corrections but the first, the focal length's
 

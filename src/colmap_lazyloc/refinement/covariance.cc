@@ -15,18 +15,23 @@ double VarianceFactor(const PosedImages& posed, const std::vector<Track>& tracks
   const std::vector<Rigid3d> cams_from_world = CamsFromWorld(posed);
   const auto num_query_frames =
       std::count_if(posed.frames.begin(), posed.frames.end(), [](const Frame& frame) { return !frame.is_database; });
-  double squared_sum = 0, degrees_of_freedom = -6.0 * static_cast<double>(num_query_frames);
+  double squared_sum = 0, weight_sum = 0, num_observations = 0, degrees_of_freedom = 0;
   for (const Track& track : tracks) {
-    degrees_of_freedom -= 3;
+    double track_weight = 0;
     for (const TrackObservation& element : track.observations) {
       const Eigen::Vector2d error_px =
           ReprojectionError(element.observation, cams_from_world[element.image] * track.point_in_world);
       const double squared_error = (ResidualFromPx(posed.images[element.image], track) * error_px).squaredNorm();
       const double weight = loss.Weight(squared_error);
       squared_sum += weight * squared_error;
-      degrees_of_freedom += 2 * weight;
+      track_weight += weight;
     }
+    const double num = static_cast<double>(track.observations.size());
+    degrees_of_freedom += (2 * num - 3) / num * track_weight;
+    weight_sum += track_weight;
+    num_observations += num;
   }
+  degrees_of_freedom -= 6.0 * static_cast<double>(num_query_frames) * weight_sum / std::max(num_observations, 1.0);
   return squared_sum / std::max(degrees_of_freedom, 1.0);
 }
 

@@ -115,5 +115,23 @@ TEST(VarianceFactor, FindsTheNoise) {
   EXPECT_NEAR(VarianceFactor(adjusted.posed, adjusted.tracks, RobustLoss(kWideScale)), 1, 0.08);
 }
 
+TEST(VarianceFactor, DoesNotDependOnTheLengthOfTracks) {
+  // A point takes up as much of the weight as of the degrees of freedom: else the factor of short tracks is too large.
+  std::vector<double> factors;
+  for (const int num_database : {2, 12}) {
+    SyntheticTracksOptions options;
+    options.num_points = 1000;
+    options.num_database = num_database;
+    options.noise_px = 1;
+    const SyntheticTracks scene = MakeSyntheticTracks(options);
+    BundleAdjustmentOptions robust;
+    robust.loss_scale_sigma = 2;
+    const BundleAdjustmentResult adjusted = AdjustBundle(scene.posed, scene.tracks, robust);
+    ASSERT_TRUE(adjusted.summary.success);
+    factors.push_back(VarianceFactor(adjusted.posed, adjusted.tracks, RobustLoss(2)));
+  }
+  EXPECT_NEAR(factors[0], factors[1], 0.1 * factors[1]);
+}
+
 }  // namespace
 }  // namespace lazyloc

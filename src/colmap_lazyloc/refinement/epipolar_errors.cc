@@ -8,6 +8,7 @@
 #include <Eigen/Geometry>
 #include <Eigen/LU>
 
+#include "colmap_lazyloc/math/harmonic_mean.h"
 #include "colmap_lazyloc/math/median.h"
 #include "colmap_lazyloc/refinement/robust_loss.h"
 
@@ -96,7 +97,7 @@ std::optional<EpipolarErrors> MakeErrors(const Rigid3d& cam_from_world, const Ri
     if (distance > 0) distances.push_back(distance);
   }
   if (distances.size() < kMinNumMatches / 2) return std::nullopt;
-  result.scale = {Median(std::move(focal_lengths_px)), Median(std::move(distances))};
+  result.scale = {Median(std::move(focal_lengths_px)), HarmonicMean(distances)};
   if (!(baseline.norm() >= kMinBaselineRatio * result.scale.distance)) return std::nullopt;
   for (EpipolarError& error : result.errors) {
     error.slope.head<3>() /= result.scale.focal_length_px;

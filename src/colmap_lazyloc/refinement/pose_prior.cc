@@ -3,6 +3,7 @@
 #include <cmath>
 #include <utility>
 
+#include "colmap_lazyloc/math/harmonic_mean.h"
 #include "colmap_lazyloc/math/median.h"
 #include "colmap_lazyloc/math/so3.h"
 
@@ -38,7 +39,7 @@ std::vector<FrameScale> MeasureFrameScales(const PosedImages& posed, const std::
   std::vector<FrameScale> scales(posed.frames.size());
   for (size_t frame = 0; frame < scales.size(); ++frame) {
     if (distances[frame].empty()) continue;
-    scales[frame] = {Median(std::move(focal_lengths_px[frame])), Median(std::move(distances[frame]))};
+    scales[frame] = {Median(std::move(focal_lengths_px[frame])), HarmonicMean(distances[frame])};
   }
   return scales;
 }

@@ -82,7 +82,7 @@ BundleAdjustmentResult AdjustAndEstimate(SyntheticTracks scene) {
     PriorGroup& group = result.posed.prior_groups[0];
     const ExpectedStddev walk{1, 1, 0.01, 0.1}, independent{1, 1, 0.01, 1};
     const std::vector<double> variances =
-        EstimateVariances(group, result.prior_fits[0], factor, {walk, independent, independent});
+        EstimateVariances(group, result.prior_fits[0], factor, {walk, independent, independent}).variances;
     for (int j : {0, 1, 2}) group.components[j].variance = variances[j] / factor;
     scene = {result.posed, result.tracks};
   }

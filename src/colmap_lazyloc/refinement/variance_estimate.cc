@@ -88,7 +88,7 @@ void AddExpected(const std::vector<ExpectedStddev>& expected, const Eigen::Vecto
   for (Eigen::Index j = 0; j < x.size(); ++j) {
     const double weight = 1 / (expected[j].log_stddev * expected[j].log_stddev);
     const double difference = x[j] - std::log(expected[j].median);
-    slope->log_likelihood -= weight * difference * difference / 2;
+    slope->log_likelihood += (std::log(weight) - weight * difference * difference) / 2;
     slope->gradient[j] -= weight * difference;
     slope->curvature(j, j) += weight;
   }
@@ -113,18 +113,19 @@ Eigen::VectorXd StepWithin(const std::vector<ExpectedStddev>& expected, const Ei
 
 }  // namespace
 
-std::vector<double> EstimateVariances(const PriorGroup& group, const PriorFit& fit, double variance_factor,
-                                      const std::vector<ExpectedStddev>& expected) {
+VarianceEstimate EstimateVariances(const PriorGroup& group, const PriorFit& fit, double variance_factor,
+                                   const std::vector<ExpectedStddev>& expected) {
   return EstimateVariances(group, Linearize(group, fit, variance_factor), expected);
 }
 
-std::vector<double> EstimateVariances(const PriorGroup& group, const DeviationLikelihood& likelihood,
-                                      const std::vector<ExpectedStddev>& expected) {
+VarianceEstimate EstimateVariances(const PriorGroup& group, const DeviationLikelihood& likelihood,
+                                   const std::vector<ExpectedStddev>& expected) {
   PriorGroup tried = group;
   Eigen::VectorXd x(expected.size());
   for (Eigen::Index j = 0; j < x.size(); ++j) x[j] = std::log(expected[j].first);
   Eigen::VectorXd step = Eigen::VectorXd::Zero(x.size());
   double best = -std::numeric_limits<double>::infinity();
+  VarianceEstimate estimate;
   for (int i = 0; i < kMaxNumSteps; ++i) {
     const Eigen::VectorXd next = x + step;
     for (Eigen::Index j = 0; j < x.size(); ++j) tried.components[j].variance = std::exp(2 * next[j]);
@@ -137,14 +138,15 @@ std::vector<double> EstimateVariances(const PriorGroup& group, const DeviationLi
     }
     x = next;
     best = slope.log_likelihood;
+    // Without any deviation, the log of the likelihood is zero.
+    estimate.log_evidence = best - slope.curvature.diagonal().array().max(1e-9).log().sum() / 2;
     step = StepWithin(expected, x, slope);
     if (step.cwiseAbs().maxCoeff() > kConvergence) continue;
     x += step;
     break;
   }
-  std::vector<double> variances;
-  for (Eigen::Index j = 0; j < x.size(); ++j) variances.push_back(std::exp(2 * x[j]));
-  return variances;
+  for (Eigen::Index j = 0; j < x.size(); ++j) estimate.variances.push_back(std::exp(2 * x[j]));
+  return estimate;
 }
 
 }  // namespace lazyloc

@@ -93,6 +93,8 @@ struct VarianceComponent {
 struct PriorGroup {
   std::vector<int> frames;  // indices into PosedImages::frames, ascending; each has a prior
   std::vector<VarianceComponent> components;
+  // Probability that the frames do not deviate at all. The variances are means that include this case.
+  double exact_probability = 0;
 };
 
 // Images and the frames that carry them.
