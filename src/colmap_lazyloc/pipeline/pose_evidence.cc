@@ -99,19 +99,28 @@ double Support(const Layout& layout, const std::vector<Vote>& votes, const Rigid
 void AddTracks(const Layout& layout, const PosedImages& posed, int frame, const TrackRefs& tracks, double num_matches,
                PoseEvidence* evidence) {
   std::vector<double> distances, errors_px;
-  double num_explained = 0;
+  double num_explained = 0, error_sum_px = 0, num_observations = 0;
   for (const Track* track : tracks) {
     evidence->num_common_tracks += track->observations.size() > 2 || CountTracksWithDepth(posed, {track}) > 0;
     for (const TrackObservation& element : track->observations) {
-      num_explained += layout.IsDatabase(element.image);
-      if (layout.FrameOf(element.image) != frame) continue;
+      const bool is_database = layout.IsDatabase(element.image);
+      if (!is_database && layout.FrameOf(element.image) != frame) continue;
       const Eigen::Vector3d point_in_cam = CamFromWorld(posed, element.image) * track->point_in_world;
+      const double error_px = ReprojectionError(element.observation, point_in_cam).norm();
+      error_sum_px += error_px;
+      ++num_observations;
+      num_explained += is_database;
+      if (is_database) continue;
       distances.push_back(point_in_cam.norm());
-      errors_px.push_back(ReprojectionError(element.observation, point_in_cam).norm());
+      errors_px.push_back(error_px);
     }
   }
   evidence->scene_distance = Median(std::move(distances));
   evidence->median_error_px = Median(std::move(errors_px));
+  if (!tracks.empty()) {
+    evidence->mean_error_px = error_sum_px / num_observations;
+    evidence->mean_track_length = num_observations / static_cast<double>(tracks.size());
+  }
   evidence->explained_ratio = num_matches > 0 ? num_explained / num_matches : std::numeric_limits<double>::quiet_NaN();
 }
 
@@ -166,6 +175,9 @@ std::vector<PoseEvidence> MeasureEvidence(const Layout& layout, const PairEstima
     // Leaves out the axis that a prior alone fixes, because it says nothing of how well the images fit together.
     const int axis = refined.open_line ? 1 : 0;
     evidence.position_stddev_ratio = uncertainties[query].spread.position_stddevs[axis] / evidence.scene_distance;
+    const double rotation_stddev_rad = uncertainties[query].spread.rotation_stddev_rad;
+    evidence.rotation_stddev_deg = RadToDeg(rotation_stddev_rad);
+    evidence.rotation_position_ratio = rotation_stddev_rad / evidence.position_stddev_ratio;
     if (!has_relative_poses || num_matches == 0) continue;
     std::vector<int> num_explained(posed.images.size(), 0);
     for (const Track* track : tracks_of[frame]) {
