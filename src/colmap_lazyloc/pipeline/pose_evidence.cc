@@ -99,29 +99,39 @@ double Support(const Layout& layout, const std::vector<Vote>& votes, const Rigid
 void AddTracks(const Layout& layout, const PosedImages& posed, int frame, const TrackRefs& tracks, double num_matches,
                PoseEvidence* evidence) {
   std::vector<double> distances, errors_px;
-  double num_explained = 0, error_sum_px = 0, num_observations = 0;
+  double num_explained = 0;
   for (const Track* track : tracks) {
     evidence->num_common_tracks += track->observations.size() > 2 || CountTracksWithDepth(posed, {track}) > 0;
     for (const TrackObservation& element : track->observations) {
-      const bool is_database = layout.IsDatabase(element.image);
-      if (!is_database && layout.FrameOf(element.image) != frame) continue;
+      num_explained += layout.IsDatabase(element.image);
+      if (layout.FrameOf(element.image) != frame) continue;
       const Eigen::Vector3d point_in_cam = CamFromWorld(posed, element.image) * track->point_in_world;
-      const double error_px = ReprojectionError(element.observation, point_in_cam).norm();
-      error_sum_px += error_px;
-      ++num_observations;
-      num_explained += is_database;
-      if (is_database) continue;
       distances.push_back(point_in_cam.norm());
-      errors_px.push_back(error_px);
+      errors_px.push_back(ReprojectionError(element.observation, point_in_cam).norm());
     }
   }
   evidence->scene_distance = Median(std::move(distances));
   evidence->median_error_px = Median(std::move(errors_px));
-  if (!tracks.empty()) {
-    evidence->mean_error_px = error_sum_px / num_observations;
-    evidence->mean_track_length = num_observations / static_cast<double>(tracks.size());
-  }
   evidence->explained_ratio = num_matches > 0 ? num_explained / num_matches : std::numeric_limits<double>::quiet_NaN();
+}
+
+// Adds the means over the observations of the frame and of database images. cams_from_world: with the given poses of
+// these, because adjustment bends them to matches that contradict the pose.
+void AddMeans(const Layout& layout, const std::vector<Rigid3d>& cams_from_world, int frame, const TrackRefs& tracks,
+              PoseEvidence* evidence) {
+  if (tracks.empty()) return;
+  double error_sum_px = 0;
+  int num_observations = 0;
+  for (const Track* track : tracks) {
+    for (const TrackObservation& element : track->observations) {
+      if (!layout.IsDatabase(element.image) && layout.FrameOf(element.image) != frame) continue;
+      const Eigen::Vector3d point_in_cam = cams_from_world[element.image] * track->point_in_world;
+      error_sum_px += ReprojectionError(element.observation, point_in_cam).norm();
+      ++num_observations;
+    }
+  }
+  evidence->mean_error_px = error_sum_px / num_observations;
+  evidence->mean_track_length = num_observations / static_cast<double>(tracks.size());
 }
 
 }  // namespace
@@ -159,6 +169,7 @@ std::vector<PoseEvidence> MeasureEvidence(const Layout& layout, const PairEstima
                                           const PosedImages& start, const Refined& refined,
                                           const std::vector<PoseUncertainty>& uncertainties) {
   const PosedImages& posed = refined.adjustment.posed;
+  const std::vector<Rigid3d> cams_from_world = CamsFromWorld(AsReported(layout, posed));
   const std::vector<TrackRefs> tracks_of = TracksByFrame(layout, refined.adjustment.tracks);
   std::vector<PoseEvidence> evidence_of(layout.num_query_frames);
   for (int frame = 0; frame < layout.num_query_frames; ++frame) {
@@ -169,6 +180,7 @@ std::vector<PoseEvidence> MeasureEvidence(const Layout& layout, const PairEstima
       num_matches += std::accumulate(counts.begin(), counts.end(), 0.0);
     }
     AddTracks(layout, posed, frame, tracks_of[frame], refined.tried_ratio * num_matches, &evidence);
+    AddMeans(layout, cams_from_world, frame, tracks_of[frame], &evidence);
     const int query = layout.QueriesOf(frame).front();
     const Eigen::Vector3d way = CamInWorld(CamFromWorld(posed, query)) - CamInWorld(CamFromWorld(start, query));
     evidence.start_distance_ratio = way.norm() / evidence.scene_distance;

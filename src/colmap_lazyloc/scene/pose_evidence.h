@@ -15,8 +15,8 @@ struct PoseEvidence {
   // Matches in pairs that agree with each other on another pose, over the sum of these and those in agreeing pairs.
   double rival_ratio = std::numeric_limits<double>::quiet_NaN();
   double median_error_px = 0;        // reprojection error of the points in the query
-  // Mean reprojection error of the points in the query and in database images. A few matches of another place raise it,
-  // if they resist to the end.
+  // Mean reprojection error of the points in the query and in database images, these with their given poses. It tells
+  // how much the database would have to move so that all matches fit.
   double mean_error_px = std::numeric_limits<double>::quiet_NaN();
   // Mean number of observations of a point: two of them agree by chance, more hardly ever.
   double mean_track_length = std::numeric_limits<double>::quiet_NaN();
