@@ -119,7 +119,6 @@ void AddTracks(const Layout& layout, const PosedImages& posed, int frame, const 
 // these, because adjustment bends them to matches that contradict the pose.
 void AddMeans(const Layout& layout, const std::vector<Rigid3d>& cams_from_world, int frame, const TrackRefs& tracks,
               PoseEvidence* evidence) {
-  if (tracks.empty()) return;
   double error_sum_px = 0;
   int num_observations = 0;
   for (const Track* track : tracks) {

@@ -158,13 +158,6 @@ TEST_F(MeasureEvidenceTest, ADatabasePoseThatAdjustmentMovedRaisesTheMeanErrorAn
   EXPECT_GT(evidence.mean_error_px, 0.5);
 }
 
-TEST_F(MeasureEvidenceTest, OfNoTracksHasNeitherAMeanErrorNorALength) {
-  Make(1, 1);
-  refined_.adjustment.tracks.clear();
-  const PoseEvidence evidence = Measure().front();
-  EXPECT_TRUE(std::isnan(evidence.mean_error_px) && std::isnan(evidence.mean_track_length));
-}
-
 TEST_F(MeasureEvidenceTest, MatchesThatNoTrackTriedDoNotCount) {
   Make(1, 1);
   refined_.adjustment.tracks.resize(10);
