@@ -80,11 +80,15 @@ def outcomes_of(kind, group, results, true_centres, database_poses, truth_stddev
 def run_case(colmap, case: stress_scenes.Case, group: str) -> list[Outcome]:
     with tempfile.TemporaryDirectory() as folder:
         folder = pathlib.Path(folder)
+        query_list_path = folder / "queries.txt"
+        query_list_path.write_text(case.query_list())
         results = localize(
             colmap,
             folder,
             synthetic.write_database(folder / "database.db", case.scene, geometry=None),
             synthetic.write_model(folder / "model", case.scene),
+            "--query_list_path",
+            query_list_path,
         )
     truth = {name: pose.cam_in_world for name, pose in case.truth.items()}
     database = [case.scene.images[name].pose for name in case.scene.database_names]

@@ -14,6 +14,9 @@ from colmap_lazyloc.poses import Pose
 from colmap_lazyloc.testing import synthetic
 
 FOCAL_PX, WIDTH, HEIGHT = 800.0, 1024, 768
+# Ids of cameras. The query list gives the intrinsics of the last one, those of the others are as if from EXIF.
+DATABASE_CAMERA, QUERY_CAMERA, LARGER_CAMERA, GIVEN_CAMERA = 1, 2, 3, 4
+LARGER = 1.25  # size of larger images over that of the database's
 
 
 @dataclasses.dataclass
@@ -23,6 +26,15 @@ class Case:
     kind: str
     scene: synthetic.Scene
     truth: dict[str, Pose]
+
+    def query_list(self) -> str:
+        """Returns a query list with the intrinsics of the cameras that are given."""
+        lines = []
+        for name in self.scene.query_names:
+            camera_id = self.scene.images[name].camera_id
+            intrinsics = self.scene.cameras[camera_id].intrinsics().text() if camera_id == GIVEN_CAMERA else ""
+            lines.append(f"{name} {intrinsics}".rstrip() + "\n")
+        return "".join(lines)
 
 
 @dataclasses.dataclass
@@ -78,10 +90,12 @@ def match(world, image1, image2, matching, rng):
 def make_scene(world, database, queries, rng, matching=None, noise_px=0.5, camera=None):
     """Makes a scene from the poses of database images and queries."""
     matching = matching or Matching()
-    camera = camera or synthetic.Camera(1, "SIMPLE_RADIAL", WIDTH, HEIGHT, [FOCAL_PX, WIDTH / 2, HEIGHT / 2, 0.0])
-    query_camera = dataclasses.replace(camera, camera_id=2)
-    scene = synthetic.Scene({1: camera, 2: query_camera}, {}, {}, [])
-    for prefix, camera_id, poses in (("database", 1, database), ("query", 2, queries)):
+    camera = camera or synthetic.Camera(
+        DATABASE_CAMERA, "SIMPLE_RADIAL", WIDTH, HEIGHT, [FOCAL_PX, WIDTH / 2, HEIGHT / 2, 0.0]
+    )
+    query_camera = dataclasses.replace(camera, camera_id=QUERY_CAMERA)
+    scene = synthetic.Scene({DATABASE_CAMERA: camera, QUERY_CAMERA: query_camera}, {}, {}, [])
+    for prefix, camera_id, poses in (("database", DATABASE_CAMERA, database), ("query", QUERY_CAMERA, queries)):
         for i, pose in enumerate(poses):
             name = f"{prefix}/{i:03d}.jpg"
             observed = observe(world, camera, pose, noise_px, rng)
@@ -151,8 +165,28 @@ def with_query_params(scene, **changes):
     """Returns the scene with other parameters of the query camera than those that made its keypoints."""
     changed = scene.copy()
     names = ("focal", "cx", "cy", "k")
-    params = dict(zip(names, changed.cameras[2].params, strict=True))
-    changed.cameras[2].params = list({**params, **changes}.values())
+    params = dict(zip(names, changed.cameras[QUERY_CAMERA].params, strict=True))
+    changed.cameras[QUERY_CAMERA].params = list({**params, **changes}.values())
+    return changed
+
+
+def with_half_of_the_queries_larger(scene):
+    """Makes every second query an image of another size, because the database then has no camera to replace its own.
+
+    Half of these have their intrinsics in the query list, the others in the database.
+    """
+    changed = scene.copy()
+    camera = changed.cameras[QUERY_CAMERA]
+    focal, cx, cy, k = camera.params
+    params = [LARGER * focal, LARGER * cx, LARGER * cy, k]
+    for camera_id in (LARGER_CAMERA, GIVEN_CAMERA):
+        changed.cameras[camera_id] = synthetic.Camera(
+            camera_id, camera.model, int(LARGER * camera.width), int(LARGER * camera.height), params
+        )
+    for i, name in enumerate(changed.query_names[1::2]):
+        image = changed.images[name]
+        image.camera_id = (LARGER_CAMERA, GIVEN_CAMERA)[i % 2]
+        image.keypoints = LARGER * image.keypoints
     return changed
 
 
@@ -235,9 +269,12 @@ def make_kind(kind, rng):
         return repetitive(world, inside_room, 16, rng, rng.uniform(0.3, 1), log_uniform(rng, 0.15, 0.8))
     if kind == "wrong focal length":
         scene = make_plain(rng)
-        return with_query_params(scene, focal=FOCAL_PX * rng.choice([1.02, 1.05, 1.1, 1.2, 1.5, 0.9, 0.7])), scene
+        focal_px = FOCAL_PX * rng.choice([1.02, 1.05, 1.1, 1.2, 1.5, 0.9, 0.7])
+        return with_half_of_the_queries_larger(with_query_params(scene, focal=focal_px)), scene
     if kind == "wrong distortion":
-        camera = synthetic.Camera(1, "SIMPLE_RADIAL", WIDTH, HEIGHT, [FOCAL_PX, WIDTH / 2, HEIGHT / 2, -0.1])
+        camera = synthetic.Camera(
+            DATABASE_CAMERA, "SIMPLE_RADIAL", WIDTH, HEIGHT, [FOCAL_PX, WIDTH / 2, HEIGHT / 2, -0.1]
+        )
         scene = make_plain(rng, camera=camera)
         return with_query_params(scene, k=rng.choice([-0.3, -0.2, 0.0, 0.1])), scene
     if kind == "few database images":

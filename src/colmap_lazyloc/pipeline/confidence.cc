@@ -44,8 +44,17 @@ std::string Describe(const ConfidenceTerm& term, const PoseEvidence& evidence) {
   if (term.evidence == &PoseEvidence::median_error_px) {
     return Format("the points fit the query only within %.1f px (are the intrinsics right?)", value);
   }
-  if (term.evidence == &PoseEvidence::position_stddev_ratio) {
-    return Format("the position's standard deviation is %.1f %% of the distance to the points", 100 * value);
+  if (term.evidence == &PoseEvidence::mean_error_px) {
+    return Format("some matches contradict the pose: the mean reprojection error is %.1f px", value);
+  }
+  if (term.evidence == &PoseEvidence::mean_track_length) {
+    return Format("a point is seen by only %.1f images on average, the query among them", value);
+  }
+  if (term.evidence == &PoseEvidence::rotation_stddev_deg) {
+    return Format("the rotation's standard deviation is %.2f degrees", value);
+  }
+  if (term.evidence == &PoseEvidence::rotation_position_ratio) {
+    return Format("the position is %.0f times as uncertain as the rotation explains", 1 / value);
   }
   if (term.evidence == &PoseEvidence::focal_stddev_ratio) {
     return Format("the images fix the focal length only within %.1f %%", 100 * value);

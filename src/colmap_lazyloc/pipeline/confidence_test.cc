@@ -55,6 +55,8 @@ TEST(Confidence, RivalWithAsManyMatchesLeavesAnEvenChance) {
 
 TEST(Confidence, UnknownEvidenceIsTypical) {
   PoseEvidence unknown = Typical();
+  unknown.mean_error_px = unknown.mean_track_length = std::numeric_limits<double>::quiet_NaN();
+  unknown.rotation_stddev_deg = unknown.rotation_position_ratio = std::numeric_limits<double>::quiet_NaN();
   unknown.agreeing_ratio = unknown.rival_ratio = unknown.focal_stddev_ratio = std::numeric_limits<double>::quiet_NaN();
   EXPECT_EQ(Confidence(unknown), Confidence(Typical()));
 }
@@ -78,6 +80,18 @@ TEST(LowConfidenceReason, NamesBothProbabilitiesAndTheWeakestEvidence) {
   evidence = Typical();
   evidence.focal_stddev_ratio = 0.05;
   EXPECT_THAT(LowConfidenceReason(evidence, 0.25, 0.5), HasSubstr("the focal length only within 5.0 %"));
+  evidence = Typical();
+  evidence.mean_error_px = 9;
+  EXPECT_THAT(LowConfidenceReason(evidence, 0.25, 0.5), HasSubstr("the mean reprojection error is 9.0 px"));
+  evidence = Typical();
+  evidence.mean_track_length = 2;
+  EXPECT_THAT(LowConfidenceReason(evidence, 0.25, 0.5), HasSubstr("only 2.0 images"));
+  evidence = Typical();
+  evidence.rotation_stddev_deg = 0.75;
+  EXPECT_THAT(LowConfidenceReason(evidence, 0.25, 0.5), HasSubstr("the rotation's standard deviation is 0.75"));
+  evidence = Typical();
+  evidence.rotation_position_ratio = 0.1;
+  EXPECT_THAT(LowConfidenceReason(evidence, 0.25, 0.5), HasSubstr("10 times as uncertain"));
 }
 
 }  // namespace

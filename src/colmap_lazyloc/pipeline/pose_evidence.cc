@@ -115,6 +115,24 @@ void AddTracks(const Layout& layout, const PosedImages& posed, int frame, const 
   evidence->explained_ratio = num_matches > 0 ? num_explained / num_matches : std::numeric_limits<double>::quiet_NaN();
 }
 
+// Adds the means over the observations of the frame and of database images. cams_from_world: with the given poses of
+// these, because adjustment bends them to matches that contradict the pose.
+void AddMeans(const Layout& layout, const std::vector<Rigid3d>& cams_from_world, int frame, const TrackRefs& tracks,
+              PoseEvidence* evidence) {
+  double error_sum_px = 0;
+  int num_observations = 0;
+  for (const Track* track : tracks) {
+    for (const TrackObservation& element : track->observations) {
+      if (!layout.IsDatabase(element.image) && layout.FrameOf(element.image) != frame) continue;
+      const Eigen::Vector3d point_in_cam = cams_from_world[element.image] * track->point_in_world;
+      error_sum_px += ReprojectionError(element.observation, point_in_cam).norm();
+      ++num_observations;
+    }
+  }
+  evidence->mean_error_px = error_sum_px / num_observations;
+  evidence->mean_track_length = num_observations / static_cast<double>(tracks.size());
+}
+
 }  // namespace
 
 PairVotes CountVotes(const Layout& layout, const std::vector<PairGeometry>& pairs, int frame,
@@ -150,6 +168,7 @@ std::vector<PoseEvidence> MeasureEvidence(const Layout& layout, const PairEstima
                                           const PosedImages& start, const Refined& refined,
                                           const std::vector<PoseUncertainty>& uncertainties) {
   const PosedImages& posed = refined.adjustment.posed;
+  const std::vector<Rigid3d> cams_from_world = CamsFromWorld(AsReported(layout, posed));
   const std::vector<TrackRefs> tracks_of = TracksByFrame(layout, refined.adjustment.tracks);
   std::vector<PoseEvidence> evidence_of(layout.num_query_frames);
   for (int frame = 0; frame < layout.num_query_frames; ++frame) {
@@ -160,12 +179,16 @@ std::vector<PoseEvidence> MeasureEvidence(const Layout& layout, const PairEstima
       num_matches += std::accumulate(counts.begin(), counts.end(), 0.0);
     }
     AddTracks(layout, posed, frame, tracks_of[frame], refined.tried_ratio * num_matches, &evidence);
+    AddMeans(layout, cams_from_world, frame, tracks_of[frame], &evidence);
     const int query = layout.QueriesOf(frame).front();
     const Eigen::Vector3d way = CamInWorld(CamFromWorld(posed, query)) - CamInWorld(CamFromWorld(start, query));
     evidence.start_distance_ratio = way.norm() / evidence.scene_distance;
     // Leaves out the axis that a prior alone fixes, because it says nothing of how well the images fit together.
     const int axis = refined.open_line ? 1 : 0;
     evidence.position_stddev_ratio = uncertainties[query].spread.position_stddevs[axis] / evidence.scene_distance;
+    const double rotation_stddev_rad = uncertainties[query].spread.rotation_stddev_rad;
+    evidence.rotation_stddev_deg = RadToDeg(rotation_stddev_rad);
+    evidence.rotation_position_ratio = rotation_stddev_rad / evidence.position_stddev_ratio;
     if (!has_relative_poses || num_matches == 0) continue;
     std::vector<int> num_explained(posed.images.size(), 0);
     for (const Track* track : tracks_of[frame]) {

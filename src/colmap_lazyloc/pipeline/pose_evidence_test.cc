@@ -104,7 +104,10 @@ class MeasureEvidenceTest : public ::testing::Test {
     refined_.adjustment.posed = input_.truth;
     refined_.adjustment.tracks = input_.tracks;
     uncertainties_.assign(input_.layout.num_queries, {});
-    for (PoseUncertainty& uncertainty : uncertainties_) uncertainty.spread.position_stddevs = {0.3, 0.2, 0.1};
+    for (PoseUncertainty& uncertainty : uncertainties_) {
+      uncertainty.spread.position_stddevs = {0.3, 0.2, 0.1};
+      uncertainty.spread.rotation_stddev_rad = 0.01;
+    }
     start_ = input_.truth;
   }
   std::vector<PoseEvidence> Measure(bool has_relative_poses = true) const {
@@ -129,6 +132,10 @@ TEST_F(MeasureEvidenceTest, OfTheTruthIsPerfect) {
   EXPECT_EQ(evidence.start_distance_ratio, 0);
   EXPECT_GT(evidence.scene_distance, 0);
   EXPECT_NEAR(evidence.position_stddev_ratio, 0.3 / evidence.scene_distance, 1e-12);
+  EXPECT_LE(evidence.mean_error_px, 1e-6);
+  EXPECT_EQ(evidence.mean_track_length, 1 + kNumDatabaseImages);
+  EXPECT_NEAR(evidence.rotation_stddev_deg, RadToDeg(0.01), 1e-12);
+  EXPECT_NEAR(evidence.rotation_position_ratio, 0.01 * evidence.scene_distance / 0.3, 1e-12);
 }
 
 TEST_F(MeasureEvidenceTest, CountsTheTracksAndMatchesThatAreLeft) {
@@ -139,7 +146,16 @@ TEST_F(MeasureEvidenceTest, CountsTheTracksAndMatchesThatAreLeft) {
   tracks[0] = input_.tracks[0];
   const PoseEvidence evidence = Measure().front();
   EXPECT_EQ(evidence.num_common_tracks, 1);
+  EXPECT_DOUBLE_EQ(evidence.mean_track_length, (9 * 2 + 1 + kNumDatabaseImages) / 10.0);
   EXPECT_DOUBLE_EQ(evidence.explained_ratio, (9.0 + kNumDatabaseImages) / (kNumPoints * kNumDatabaseImages));
+}
+
+TEST_F(MeasureEvidenceTest, ADatabasePoseThatAdjustmentMovedRaisesTheMeanErrorAndNotTheMedian) {
+  Make(1, 1);
+  input_.layout.given.frames[input_.layout.num_query_frames].frame_from_world.translation.x() += 0.1;
+  const PoseEvidence evidence = Measure().front();
+  EXPECT_LE(evidence.median_error_px, 1e-6);
+  EXPECT_GT(evidence.mean_error_px, 0.5);
 }
 
 TEST_F(MeasureEvidenceTest, MatchesThatNoTrackTriedDoNotCount) {
