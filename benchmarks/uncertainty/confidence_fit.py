@@ -36,13 +36,13 @@ class Term:
 
 TERMS = (
     Term("num_common_tracks", True, 1, 30, 1),
-    Term("explained_ratio", False, 0, 0.8, 1),
+    Term("explained_ratio", False, 0, 0.6, 1),
     Term("agreeing_ratio", False, 0, 0.6, 1),
     Term("median_error_px", True, 0.3, 10, -1),
     Term("mean_error_px", True, 2, 30, -1),
     Term("mean_track_length", True, 2, 6, 1),
     Term("rotation_stddev_deg", True, 0.3, 1, -1),
-    Term("rotation_position_ratio", True, 0.1, 2, 1),
+    Term("rotation_position_ratio", True, 0.3, 2, 1),
     Term("start_distance_ratio", True, 0.01, 1, -1),
     Term("focal_stddev_ratio", True, 0.008, 0.03, -1, 0.008),
 )

@@ -4,6 +4,7 @@
 #include <limits>
 #include <numeric>
 #include <optional>
+#include <set>
 #include <utility>
 
 #include "colmap_lazyloc/math/median.h"
@@ -24,6 +25,8 @@ const double kMinRivalRotationRad = DegToRad(15);
 constexpr double kMinRivalDistanceRatio = 0.1;
 // Minimum share of a pair's matches in the tracks of a pose that the pair agrees with.
 constexpr double kMinExplainedRatio = 0.5;
+// Minimum number of database images with which the length of tracks tells anything: with fewer, all are short.
+constexpr size_t kMinNumImagesForLength = 3;
 // Minimum sine of the angle at which two directions cross.
 constexpr double kMinCrossingSine = 0.02;
 
@@ -121,15 +124,18 @@ void AddMeans(const Layout& layout, const std::vector<Rigid3d>& cams_from_world,
               PoseEvidence* evidence) {
   double error_sum_px = 0;
   int num_observations = 0;
+  std::set<int> database_images;
   for (const Track* track : tracks) {
     for (const TrackObservation& element : track->observations) {
       if (!layout.IsDatabase(element.image) && layout.FrameOf(element.image) != frame) continue;
       const Eigen::Vector3d point_in_cam = cams_from_world[element.image] * track->point_in_world;
       error_sum_px += ReprojectionError(element.observation, point_in_cam).norm();
       ++num_observations;
+      if (layout.IsDatabase(element.image)) database_images.insert(element.image);
     }
   }
   evidence->mean_error_px = error_sum_px / num_observations;
+  if (database_images.size() < kMinNumImagesForLength) return;
   evidence->mean_track_length = num_observations / static_cast<double>(tracks.size());
 }
 

@@ -150,6 +150,14 @@ TEST_F(MeasureEvidenceTest, CountsTheTracksAndMatchesThatAreLeft) {
   EXPECT_DOUBLE_EQ(evidence.explained_ratio, (9.0 + kNumDatabaseImages) / (kNumPoints * kNumDatabaseImages));
 }
 
+TEST_F(MeasureEvidenceTest, LengthOfTracksTellsNothingWithTwoDatabaseImages) {
+  Make(1, 1);
+  for (Track& track : refined_.adjustment.tracks) track.observations.resize(4);
+  EXPECT_EQ(Measure().front().mean_track_length, 4);
+  for (Track& track : refined_.adjustment.tracks) track.observations.resize(3);
+  EXPECT_TRUE(std::isnan(Measure().front().mean_track_length));
+}
+
 TEST_F(MeasureEvidenceTest, ADatabasePoseThatAdjustmentMovedRaisesTheMeanErrorAndNotTheMedian) {
   Make(1, 1);
   input_.layout.given.frames[input_.layout.num_query_frames].frame_from_world.translation.x() += 0.1;
