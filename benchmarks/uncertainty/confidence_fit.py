@@ -39,7 +39,7 @@ TERMS = (
     Term("explained_ratio", False, 0, 0.6, 1),
     Term("agreeing_ratio", False, 0, 0.6, 1),
     Term("median_error_px", True, 0.3, 10, -1),
-    Term("mean_error_px", True, 2, 30, -1),
+    Term("mean_error_px", True, 4, 30, -1),
     Term("mean_track_length", True, 2, 6, 1),
     Term("rotation_stddev_deg", True, 0.3, 1, -1),
     Term("rotation_position_ratio", True, 0.3, 2, 1),

@@ -16,18 +16,18 @@ struct ConfidenceTerm {
 };
 
 // Written by `scripts/python.sh -m benchmarks uncertainty fit`; docs/method.md says why these terms.
-inline constexpr double kTypicalLogOdds = 5.173;
+inline constexpr double kTypicalLogOdds = 5.148;
 inline constexpr std::array<ConfidenceTerm, 10> kConfidenceTerms = {{
-    {&PoseEvidence::num_common_tracks, true, 1, 30, 30, 0.4467},
-    {&PoseEvidence::explained_ratio, false, 0, 0.6, 0.6, 5.384},
-    {&PoseEvidence::agreeing_ratio, false, 0, 0.6, 0.6, 0.1181},
-    {&PoseEvidence::median_error_px, true, 0.3, 10, 0.3318, -0.9929},
-    {&PoseEvidence::mean_error_px, true, 2, 30, 2, -1.911},
-    {&PoseEvidence::mean_track_length, true, 2, 6, 3.404, 3.508},
-    {&PoseEvidence::rotation_stddev_deg, true, 0.3, 1, 0.3, -1.312},
-    {&PoseEvidence::rotation_position_ratio, true, 0.3, 2, 0.6648, 1.137},
-    {&PoseEvidence::start_distance_ratio, true, 0.01, 1, 0.01, -0.4207},
-    {&PoseEvidence::focal_stddev_ratio, true, 0.008, 0.03, 0.008, -3.061},
+    {&PoseEvidence::num_common_tracks, true, 1, 30, 30, 0.5107},
+    {&PoseEvidence::explained_ratio, false, 0, 0.6, 0.6, 5.64},
+    {&PoseEvidence::agreeing_ratio, false, 0, 0.6, 0.6, 0.6169},
+    {&PoseEvidence::median_error_px, true, 0.3, 10, 0.3318, -1.088},
+    {&PoseEvidence::mean_error_px, true, 4, 30, 4, -2.988},
+    {&PoseEvidence::mean_track_length, true, 2, 6, 3.404, 3.555},
+    {&PoseEvidence::rotation_stddev_deg, true, 0.3, 1, 0.3, -1.341},
+    {&PoseEvidence::rotation_position_ratio, true, 0.3, 2, 0.6648, 1.041},
+    {&PoseEvidence::start_distance_ratio, true, 0.01, 1, 0.01, -0.3689},
+    {&PoseEvidence::focal_stddev_ratio, true, 0.008, 0.03, 0.008, -3.096},
 }};
 
 }  // namespace lazyloc

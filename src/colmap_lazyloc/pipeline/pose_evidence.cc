@@ -25,7 +25,8 @@ const double kMinRivalRotationRad = DegToRad(15);
 constexpr double kMinRivalDistanceRatio = 0.1;
 // Minimum share of a pair's matches in the tracks of a pose that the pair agrees with.
 constexpr double kMinExplainedRatio = 0.5;
-// Minimum number of database images with which the length of tracks tells anything: with fewer, all are short.
+// Minimum number of database images with which the length of tracks tells anything: with fewer, all are short. If no
+// point is seen by two database images, the number of such points says it already.
 constexpr size_t kMinNumImagesForLength = 3;
 // Minimum sine of the angle at which two directions cross.
 constexpr double kMinCrossingSine = 0.02;
@@ -135,7 +136,7 @@ void AddMeans(const Layout& layout, const std::vector<Rigid3d>& cams_from_world,
     }
   }
   evidence->mean_error_px = error_sum_px / num_observations;
-  if (database_images.size() < kMinNumImagesForLength) return;
+  if (database_images.size() < kMinNumImagesForLength || evidence->num_common_tracks == 0) return;
   evidence->mean_track_length = num_observations / static_cast<double>(tracks.size());
 }
 

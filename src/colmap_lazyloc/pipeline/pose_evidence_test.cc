@@ -158,6 +158,18 @@ TEST_F(MeasureEvidenceTest, LengthOfTracksTellsNothingWithTwoDatabaseImages) {
   EXPECT_TRUE(std::isnan(Measure().front().mean_track_length));
 }
 
+TEST_F(MeasureEvidenceTest, LengthOfTracksTellsNothingIfNoPointIsSeenByTwoDatabaseImages) {
+  Make(1, 1);
+  std::vector<Track>& tracks = refined_.adjustment.tracks;
+  for (size_t i = 0; i < tracks.size(); ++i) {
+    tracks[i].observations[1] = tracks[i].observations[1 + i % kNumDatabaseImages];
+    tracks[i].observations.resize(2);
+  }
+  const PoseEvidence evidence = Measure().front();
+  EXPECT_EQ(evidence.num_common_tracks, 0);
+  EXPECT_TRUE(std::isnan(evidence.mean_track_length));
+}
+
 TEST_F(MeasureEvidenceTest, ADatabasePoseThatAdjustmentMovedRaisesTheMeanErrorAndNotTheMedian) {
   Make(1, 1);
   input_.layout.given.frames[input_.layout.num_query_frames].frame_from_world.translation.x() += 0.1;
