@@ -86,7 +86,7 @@ def test_head_names_versions_inputs_and_changed_options(run_path, page):
     assert {"option": "output_path", "value": str(run_path)} in summary["inputs"]
     assert summary["options"][0] == {"name": "LazyLocalizer.seed", "value": "7"}
     assert (summary["numQueries"], summary["numDatabaseImages"], summary["numPoints"]) == (30, 40, 3000)
-    assert (summary["hasTruth"], summary["isLeaveOneOut"], summary["minConfidence"]) == (True, False, 0.95)
+    assert (summary["hasTruth"], summary["isLeaveOneOut"], summary["minConfidence"]) == (True, False, 0.94)
 
 
 def test_names_are_data_and_never_html(run_path, page):

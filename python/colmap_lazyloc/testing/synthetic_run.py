@@ -156,7 +156,7 @@ def _result(i: int, query: _Image, database: list[_Image], shape: RunShape, rng)
     has_pose = status in ("LOCALIZED", "LOW_CONFIDENCE")
     pose = {"qvec": query.pose.qvec.tolist(), "tvec": query.pose.tvec.tolist()}
     is_partial = status in ("SCALE_UNOBSERVABLE", "DEGENERATE_BASELINE")
-    confidence = {"LOCALIZED": rng.uniform(0.95, 0.9945), "LOW_CONFIDENCE": rng.uniform(0, 0.95)}.get(status)
+    confidence = {"LOCALIZED": rng.uniform(0.94, 0.9945), "LOW_CONFIDENCE": rng.uniform(0, 0.94)}.get(status)
     stddevs = np.sort(rng.uniform(0.002, 0.01, 3))[::-1]
     is_together = shape.frame_size > 1
     return {
@@ -311,7 +311,7 @@ def _write_options(path: pathlib.Path, folder: pathlib.Path):
         "# not defaults: LazyLocalizer.seed\n"
         f"database_path={folder}/database.db\ninput_path={folder}/input\noutput_path={folder}\n"
         "query_list_path=\nimage_path=\nstrict=0\n"
-        "[LazyLocalizer]\nnum_retrieved=20\nseed=7\nleave_one_out=0\nmin_confidence=0.95\n"
+        "[LazyLocalizer]\nnum_retrieved=20\nseed=7\nleave_one_out=0\nmin_confidence=0.94\n"
         "[LazyLocalizer.Advanced]\ngroup_list_path=\nmax_two_view_error_px=4.0\n",
         encoding="utf-8",
     )
