@@ -1,8 +1,16 @@
 #include "colmap_lazyloc/bridge/sift.h"
 
+#include <mutex>
+
 #include "colmap_lazyloc/scene/errors.h"
 
 namespace lazyloc {
+namespace {
+
+// Guards the conversion of EXIF's values to text, for which FreeImage has one buffer for all threads.
+std::mutex exif_mutex;
+
+}  // namespace
 
 bool ExtractSift(const colmap::Bitmap& bitmap, const SiftExtractionOptions& options,
                  colmap::FeatureKeypoints* keypoints, Descriptors* descriptors) {
@@ -26,12 +34,14 @@ colmap::Bitmap AllocateBitmap(int width, int height, bool as_rgb) {
 }
 
 std::optional<double> ExifFocalLengthPx(const colmap::Bitmap& bitmap) {
+  const std::lock_guard<std::mutex> lock(exif_mutex);
   double focal_length = 0;
   if (!bitmap.ExifFocalLength(&focal_length) || focal_length <= 0) return std::nullopt;
   return focal_length;
 }
 
 std::string ExifCameraName(const colmap::Bitmap& bitmap) {
+  const std::lock_guard<std::mutex> lock(exif_mutex);
   std::string name;
   return bitmap.ExifCameraModel(&name) ? name : "";
 }

@@ -1,0 +1,51 @@
+#include "colmap_lazyloc/bridge/feature_extraction.h"
+
+#include <atomic>
+#include <fstream>
+#include <thread>
+
+#include <gtest/gtest.h>
+
+#include "colmap_lazyloc/bridge/sift.h"
+#include "colmap_lazyloc/testing/test_folder.h"
+
+namespace lazyloc {
+namespace {
+
+constexpr int kWidth = 35, kHeight = 20;  // a film of 35 mm is as wide as the image, so that millimetres are pixels
+
+// Returns the segment of a JPEG file that gives EXIF's focal length for a film of 35 mm.
+std::string ExifSegment(char focal_length_mm) {
+  const std::string main_directory("\x01\0\x69\x87\x04\0\x01\0\0\0\x1A\0\0\0\0\0\0\0", 18);  // EXIF's begins at byte 26
+  const std::string exif_directory("\x01\0\x05\xA4\x03\0\x01\0\0\0", 10), end("\0\0\0\0\0\0\0", 7);
+  const std::string content =
+      std::string("Exif\0\0II*\0\x08\0\0\0", 14) + main_directory + exif_directory + focal_length_mm + end;
+  return std::string("\xFF\xE1\0", 3) + static_cast<char>(content.size() + 2) + content;
+}
+
+void WritePhoto(const std::filesystem::path& path, char focal_length_mm) {
+  AllocateBitmap(kWidth, kHeight, /*as_rgb=*/false).Write(path.string());
+  std::string jpeg = ReadBytes(path);
+  std::ofstream(path, std::ios::binary) << jpeg.insert(2, ExifSegment(focal_length_mm));
+}
+
+TEST(PhotoFile, ThreadsReadExifOfTheirOwnPhoto) {
+  const TestFolder folder;
+  std::atomic<int> num_wrong = 0;
+  std::vector<std::thread> threads;
+  for (const char focal_length_mm : {'\x14', '\x1E', '\x28', '\x32'}) {
+    const std::filesystem::path path = folder / (std::to_string(focal_length_mm) + ".jpg");
+    WritePhoto(path, focal_length_mm);
+    threads.emplace_back([&num_wrong, path, focal_length_mm] {
+      for (int i = 0; i < 500; ++i) {
+        const std::optional<PhotoFile> photo = PhotoFile::Read(path);
+        if (!photo || photo->Properties().exif_focal_length_px != focal_length_mm) ++num_wrong;
+      }
+    });
+  }
+  for (std::thread& thread : threads) thread.join();
+  EXPECT_EQ(num_wrong, 0);
+}
+
+}  // namespace
+}  // namespace lazyloc
