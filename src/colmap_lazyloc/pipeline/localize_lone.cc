@@ -23,6 +23,8 @@ constexpr double kMinDoubt = 0.01;
 constexpr double kMaxConclusiveStddev = 0.01;
 // Standard deviation of the log of an estimate up to which it can confirm a given focal length.
 constexpr double kMaxConfirmingStddev = 0.02;
+// Maximum factor between an estimated focal length and that of the alternative camera.
+constexpr double kMaxAlternativeFactor = 1.1;
 
 FocalLengthJudgement Judge(const IntrinsicsResult& intrinsics, const LocalizerOptions& options) {
   return JudgeFocalLength(std::log(intrinsics.focal_factor), intrinsics.focal_factor_stddev / intrinsics.focal_factor,
@@ -111,17 +113,15 @@ QueryGroup WithCamera(QueryGroup query, const CandidateCamera& camera) {
   return query;
 }
 
-// Returns true if an estimated focal length agrees with the alternative camera, which is then the better estimate.
-bool AgreesWithAlternative(const LocalizationProblem& problem, const LocalizationResult& result,
-                           const LocalizerOptions& options) {
+// Returns true if an estimated focal length is near that of the alternative camera, which may then be the right one.
+// The bound is wide, because false matches can pull an estimate by more than its standard deviation.
+bool IsNearAlternative(const LocalizationProblem& problem, const LocalizationResult& result) {
   const IntrinsicsResult& estimate = result.intrinsics;
   if (!problem.alternative_camera || estimate.verdict != IntrinsicsVerdict::REFINED) return false;
   const Camera& other = problem.alternative_camera->camera;
   if (!HasPose(result.status) || !HasFocalLength(other)) return false;
   const double factor = estimate.focal_factor * MeanFocalLength(problem.query_camera) / MeanFocalLength(other);
-  return JudgeFocalLength(std::log(factor), estimate.focal_factor_stddev / estimate.focal_factor,
-                          IntrinsicsOrigin::EXIF, options)
-             .wrong_probability < 0.5;
+  return std::abs(std::log(factor)) < std::log(kMaxAlternativeFactor);
 }
 
 // Returns true if the images give a rotation and nothing of the position, which a prior gives.
@@ -190,10 +190,10 @@ LocalizationResult LocalizeLone(const QueryGroup& query, const LocalizerOptions&
   for (const auto& [stage, time] : refined.seconds) StageTimer::Add(stage, time, &seconds);
   LocalizationResult result = Decide(std::move(given), std::move(refined), options);
   const LocalizationProblem& problem = query.images.front().problem;
-  if (AgreesWithAlternative(problem, result, options)) {
+  if (IsNearAlternative(problem, result)) {
     LocalizationResult other = LocalizeLone(WithCamera(query, *problem.alternative_camera), options);
     for (const auto& [stage, time] : other.seconds) StageTimer::Add(stage, time, &seconds);
-    if (HasPose(other.status) && other.intrinsics.verdict != IntrinsicsVerdict::REFINED) result = std::move(other);
+    if (HasPose(other.status) && other.intrinsics.verdict == IntrinsicsVerdict::CONFIRMED) result = std::move(other);
   }
   result.seconds = std::move(seconds);
   return result;
