@@ -38,7 +38,7 @@ TERMS = (
     Term("num_common_tracks", True, 1, 30, 1),
     Term("explained_ratio", False, 0, 0.6, 1),
     Term("agreeing_ratio", False, 0, 0.6, 1),
-    Term("median_error_px", True, 0.3, 10, -1),
+    Term("median_error_px", True, 0.1, 10, -1),
     Term("mean_error_px", True, 4, 30, -1),
     Term("mean_track_length", True, 2, 6, 1),
     Term("rotation_stddev_deg", True, 0.3, 1, -1),

@@ -32,6 +32,8 @@ from colmap_lazyloc.testing import synthetic
 
 MIN_CONFIDENCE = 0.94  # the program's default
 FIT_SEEDS = 1000, 3000
+# Errors of the database poses that the fit adds to real scenes, so that it does not take noise for a wrong pose.
+FIT_NOISE_LEVELS = (0.3, 0), (1, 0), (0, 0.003), (0, 0.01), (1, 0.01)
 PERCENTS = 10, 25, 50, 75, 90, 95
 OPEN_GATE = "--LazyLocalizer.Advanced.max_query_error_sigma", 50
 EXACT = (
@@ -252,8 +254,8 @@ def main(arguments=None):
             for seed in FIT_SEEDS if table == "fit" else [arguments.seed]:
                 outcomes += stress.run_synthetic(arguments.colmap, arguments.num_scenes, seed)
             for data_path in arguments.data_path:
-                nums_retrieved = (20, 4) if table == "fit" else (20,)
-                outcomes += stress.run_real(arguments.colmap, data_path, nums_retrieved, truth_stddevs)
+                nums_retrieved, noise_levels = ((20, 4), FIT_NOISE_LEVELS) if table == "fit" else ((20,), ())
+                outcomes += stress.run_real(arguments.colmap, data_path, nums_retrieved, truth_stddevs, noise_levels)
             if table == "fit":
                 confidence_fit.fit_weights(outcomes)
             else:

@@ -5,10 +5,11 @@ import pathlib
 import tempfile
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 from scipy.stats import rankdata
 
 from benchmarks.uncertainty import localizer, stress_scenes
-from colmap_lazyloc.model import read_model
+from colmap_lazyloc.model import read_model, write_model
 from colmap_lazyloc.poses import Pose
 from colmap_lazyloc.results import pose_of
 from colmap_lazyloc.testing import synthetic
@@ -102,35 +103,63 @@ def run_synthetic(colmap, num_scenes, seed=0, kinds=stress_scenes.KINDS) -> list
     return outcomes
 
 
-def run_real(colmap, data_path, nums_retrieved, truth_stddevs=None) -> list[Outcome]:
+def noisy_pose(pose: Pose, stddev_deg: float, stddev_length: float, rng) -> Pose:
+    """Returns a pose turned and moved by exactly these amounts in random directions."""
+    turn, move = (vector / np.linalg.norm(vector) for vector in rng.normal(size=(2, 3)))
+    rotation = Rotation.from_rotvec(np.radians(stddev_deg) * turn).as_matrix() @ pose.rotation
+    return Pose.from_centre(rotation, pose.cam_in_world + stddev_length * move)
+
+
+def leave_one_out(colmap, scene_path, model_path, *options) -> dict[str, dict]:
+    queries = scene_path / "queries.txt"
+    with tempfile.TemporaryDirectory() as folder:
+        return localize(
+            colmap,
+            pathlib.Path(folder),
+            scene_path / "database.db",
+            model_path,
+            "--LazyLocalizer.leave_one_out",
+            1,
+            "--LazyLocalizer.Advanced.use_rigs",
+            0,
+            *(("--query_list_path", queries) if queries.exists() else ()),
+            *options,
+        )
+
+
+def run_real(colmap, data_path, nums_retrieved, truth_stddevs=None, noise_levels=()) -> list[Outcome]:
     """Localizes the database images of every scene below a folder against the others, with numbers of these.
 
-    truth_stddevs: of the true centres, by name of the scene; 0 for others.
+    truth_stddevs: of the true centres, by name of the scene; 0 for others. noise_levels: errors that are added to the
+    database poses in further runs, each with the default number of images: in degrees, and as a share of the median
+    distance of points from the queries. Each level is a kind of its own.
     """
     outcomes = []
     for scene_path in sorted(path.parent for path in data_path.glob("*/database.db")):
-        images = read_model(scene_path / "model").images
-        centres = {name: image.cam_from_world.cam_in_world for name, image in images.items()}
-        poses = [image.cam_from_world for image in images.values()]
+        model = read_model(scene_path / "model")
+        poses = {name: image.cam_from_world for name, image in model.images.items()}
+        centres = {name: pose.cam_in_world for name, pose in poses.items()}
         truth_stddev = (truth_stddevs or {}).get(scene_path.name, 0.0)
-        queries = scene_path / "queries.txt"
+        group = f"real: {scene_path.name}"
+
+        def add(kind, results, group=group, centres=centres, poses=poses, truth_stddev=truth_stddev):
+            outcomes.extend(outcomes_of(kind, group, results, centres, [*poses.values()], truth_stddev))
+
         for num_retrieved in nums_retrieved:
+            option = "--LazyLocalizer.num_retrieved", num_retrieved
+            results = leave_one_out(colmap, scene_path, scene_path / "model", *option)
+            add(group, results)
+        distances = [result["evidence"]["scene_distance"] for result in results.values() if pose_of(result) is not None]
+        for degrees, ratio in noise_levels if distances else ():
+            rng = np.random.default_rng(0)
+            length = ratio * np.median(distances)
+            images = [
+                dataclasses.replace(image, cam_from_world=noisy_pose(image.cam_from_world, degrees, length, rng))
+                for image in model.images.values()
+            ]
             with tempfile.TemporaryDirectory() as folder:
-                results = localize(
-                    colmap,
-                    pathlib.Path(folder),
-                    scene_path / "database.db",
-                    scene_path / "model",
-                    "--LazyLocalizer.leave_one_out",
-                    1,
-                    "--LazyLocalizer.Advanced.use_rigs",
-                    0,
-                    "--LazyLocalizer.num_retrieved",
-                    num_retrieved,
-                    *(("--query_list_path", queries) if queries.exists() else ()),
-                )
-            kind = f"real: {scene_path.name}"
-            outcomes += outcomes_of(kind, kind, results, centres, poses, truth_stddev)
+                model_path = write_model(pathlib.Path(folder) / "model", model.cameras, images)
+                add(f"real: off by {degrees}° and {100 * ratio:g} %", leave_one_out(colmap, scene_path, model_path))
     return outcomes
 
 

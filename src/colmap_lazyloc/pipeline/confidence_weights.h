@@ -16,18 +16,18 @@ struct ConfidenceTerm {
 };
 
 // Written by `scripts/python.sh -m benchmarks uncertainty fit`; docs/method.md says why these terms.
-inline constexpr double kTypicalLogOdds = 5.148;
+inline constexpr double kTypicalLogOdds = 4.99;
 inline constexpr std::array<ConfidenceTerm, 10> kConfidenceTerms = {{
-    {&PoseEvidence::num_common_tracks, true, 1, 30, 30, 0.5107},
-    {&PoseEvidence::explained_ratio, false, 0, 0.6, 0.6, 5.64},
-    {&PoseEvidence::agreeing_ratio, false, 0, 0.6, 0.6, 0.6169},
-    {&PoseEvidence::median_error_px, true, 0.3, 10, 0.3318, -1.088},
-    {&PoseEvidence::mean_error_px, true, 4, 30, 4, -2.988},
-    {&PoseEvidence::mean_track_length, true, 2, 6, 3.404, 3.555},
-    {&PoseEvidence::rotation_stddev_deg, true, 0.3, 1, 0.3, -1.341},
-    {&PoseEvidence::rotation_position_ratio, true, 0.3, 2, 0.6648, 1.041},
-    {&PoseEvidence::start_distance_ratio, true, 0.01, 1, 0.01, -0.3689},
-    {&PoseEvidence::focal_stddev_ratio, true, 0.008, 0.03, 0.008, -3.096},
+    {&PoseEvidence::num_common_tracks, true, 1, 30, 30, 0.5048},
+    {&PoseEvidence::explained_ratio, false, 0, 0.6, 0.6, 5.676},
+    {&PoseEvidence::agreeing_ratio, false, 0, 0.6, 0.6, 1.411},
+    {&PoseEvidence::median_error_px, true, 0.1, 10, 0.2068, -0.7796},
+    {&PoseEvidence::mean_error_px, true, 4, 30, 4, -1.901},
+    {&PoseEvidence::mean_track_length, true, 2, 6, 3.612, 2.711},
+    {&PoseEvidence::rotation_stddev_deg, true, 0.3, 1, 0.3, -1.647},
+    {&PoseEvidence::rotation_position_ratio, true, 0.3, 2, 0.6183, 0.9014},
+    {&PoseEvidence::start_distance_ratio, true, 0.01, 1, 0.01, -0.2124},
+    {&PoseEvidence::focal_stddev_ratio, true, 0.008, 0.03, 0.008, -3.119},
 }};
 
 }  // namespace lazyloc
