@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 from benchmarks.uncertainty import stress, stress_scenes, stress_worlds
+from colmap_lazyloc.poses import Pose
+from colmap_lazyloc.testing import synthetic
 
 
 def read_summary(run):
@@ -94,6 +96,29 @@ def test_a_symmetric_object_is_not_trusted(colmap):
     )
     assert sum(outcome.has_pose for outcome in outcomes) >= 4
     assert max(outcome.confidence for outcome in outcomes if outcome.is_wrong) < 0.95
+
+
+def test_noise_of_real_scenes_is_in_the_database_poses_alone(colmap, tmp_path):
+    scene = synthetic.make_scene(synthetic.arc(10), [], noise_px=0.5, database_pairs=True)
+    (tmp_path / "scene").mkdir()
+    synthetic.write_database(tmp_path / "scene" / "database.db", scene)
+    synthetic.write_model(tmp_path / "scene" / "model", scene)
+    outcomes = stress.run_real(colmap, tmp_path, (20,), noise_levels=((1, 0.01),))
+    exact, off = outcomes[:10], outcomes[10:]
+    assert [o.kind for o in exact] == 10 * ["real: scene"] and [o.kind for o in off] == 10 * ["real: off by 1° and 1 %"]
+    assert {o.group for o in outcomes} == {"real: scene"}
+    # Neighbours average the noise out, which is that of a percent of the distance and of 1.7 % in rotation.
+    assert all(o.has_pose and o.error < 0.002 * o.scene_size for o in exact)
+    assert all(o.has_pose and o.error < 0.02 * o.scene_size for o in off)
+    assert np.median([o.error for o in off]) > 3 * np.median([o.error for o in exact])
+    assert np.median([o.evidence["mean_error_px"] for o in off]) > 5
+
+
+def test_noisy_pose_is_off_by_exactly_this_much():
+    pose = Pose.from_centre(np.eye(3), [1, 2, 3])
+    noisy = stress.noisy_pose(pose, 2.0, 0.5, np.random.default_rng(0))
+    assert np.degrees(np.arccos((np.trace(noisy.rotation) - 1) / 2)) == pytest.approx(2)
+    assert np.linalg.norm(noisy.cam_in_world - [1, 2, 3]) == pytest.approx(0.5)
 
 
 def test_stress_set_in_small(colmap):
