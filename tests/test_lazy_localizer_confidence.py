@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pytest
 
+from benchmarks.localization.database_noise import noisy_pose
 from benchmarks.uncertainty import stress, stress_scenes, stress_worlds
 from colmap_lazyloc.poses import Pose
 from colmap_lazyloc.testing import synthetic
@@ -116,7 +117,7 @@ def test_noise_of_real_scenes_is_in_the_database_poses_alone(colmap, tmp_path):
 
 def test_noisy_pose_is_off_by_exactly_this_much():
     pose = Pose.from_centre(np.eye(3), [1, 2, 3])
-    noisy = stress.noisy_pose(pose, 2.0, 0.5, np.random.default_rng(0))
+    noisy = noisy_pose(pose, 2.0, 0.5, np.random.default_rng(0))
     assert np.degrees(np.arccos((np.trace(noisy.rotation) - 1) / 2)) == pytest.approx(2)
     assert np.linalg.norm(noisy.cam_in_world - [1, 2, 3]) == pytest.approx(0.5)
 

@@ -21,13 +21,17 @@ def add_database_noise(scene: Scene, rotation_deg: float, position_cm: float, se
     for name, image in scene.images.items():
         if image.cam_from_world is not None:
             rng = np.random.default_rng([seed, zlib.crc32(name.encode())])
-            turn = Rotation.from_rotvec(np.radians(rotation_deg) * _random_direction(rng)).as_matrix()
-            centre = image.cam_from_world.cam_in_world + position_cm / 100 * _random_direction(rng)
-            pose = Pose.from_centre(turn @ image.cam_from_world.rotation, centre)
+            pose = noisy_pose(image.cam_from_world, rotation_deg, position_cm / 100, rng)
             image = dataclasses.replace(image, cam_from_world=pose)
         images[name] = image
     write_model(path, scene.cameras, [image for image in images.values() if image.cam_from_world is not None])
     return dataclasses.replace(scene, images=images, true_images=scene.images, noisy_model_path=path)
+
+
+def noisy_pose(pose: Pose, rotation_deg: float, length: float, rng) -> Pose:
+    """Returns the pose turned and moved by exactly these amounts; `length` is in the unit of the world."""
+    turn = Rotation.from_rotvec(np.radians(rotation_deg) * _random_direction(rng)).as_matrix()
+    return Pose.from_centre(turn @ pose.rotation, pose.cam_in_world + length * _random_direction(rng))
 
 
 def _random_direction(rng) -> np.ndarray:

@@ -6,6 +6,8 @@ from colmap_lazyloc.poses import Pose
 from colmap_lazyloc.program import run_colmap
 from colmap_lazyloc.results import read_results
 
+ANY_CONFIDENCE = "--LazyLocalizer.min_confidence", 0
+
 
 def localize(colmap, database_path, model_path, output_path, *options) -> dict[str, dict]:
     """Returns the program's results by name."""

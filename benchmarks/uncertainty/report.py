@@ -35,7 +35,6 @@ FIT_SEEDS = 1000, 3000
 # Errors of the database poses that the fit adds to real scenes, so that it does not take noise for a wrong pose.
 FIT_NOISE_LEVELS = (0.3, 0), (1, 0), (0, 0.003), (0, 0.01), (1, 0.01)
 PERCENTS = 10, 25, 50, 75, 90, 95
-ANY_CONFIDENCE = "--LazyLocalizer.min_confidence", 0
 OPEN_GATE = "--LazyLocalizer.Advanced.max_query_error_sigma", 50
 EXACT = (
     "--LazyLocalizer.Advanced.database_pose_stddev_deg",
@@ -115,7 +114,7 @@ def print_quantiles(colmap):
             noise_rad = database_noise_px / 520
             given = with_disturbed_database(scene, np.degrees(noise_rad), 6 * noise_rad, rng)
             program_options = (EXACT if "stated" in database else ()) + (OPEN_GATE if "no gate" in database else ())
-            options = *ANY_CONFIDENCE, *program_options
+            options = *localizer.ANY_CONFIDENCE, *program_options
             results = localize(colmap, scene, *options, database_scene=given)
             errors += [
                 squared_error(results[name], scene.images[name].pose)

@@ -5,9 +5,9 @@ import pathlib
 import tempfile
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 from scipy.stats import rankdata
 
+from benchmarks.localization.database_noise import noisy_pose
 from benchmarks.uncertainty import localizer, stress_scenes
 from colmap_lazyloc.model import read_model, write_model
 from colmap_lazyloc.poses import Pose
@@ -46,8 +46,8 @@ class Outcome:
 
 def localize(colmap, folder, database_path, model_path, *options) -> dict[str, dict]:
     """Returns the program's results by name, poses of any confidence."""
-    any_confidence = "--LazyLocalizer.min_confidence", 0
-    return localizer.localize(colmap, database_path, model_path, folder / "output", *any_confidence, *options)
+    options = *localizer.ANY_CONFIDENCE, *options
+    return localizer.localize(colmap, database_path, model_path, folder / "output", *options)
 
 
 def scene_size(database_poses: list[Pose], scene_distance: float) -> float:
@@ -103,13 +103,6 @@ def run_synthetic(colmap, num_scenes, seed=0, kinds=stress_scenes.KINDS) -> list
     return outcomes
 
 
-def noisy_pose(pose: Pose, stddev_deg: float, stddev_length: float, rng) -> Pose:
-    """Returns a pose turned and moved by exactly these amounts in random directions."""
-    turn, move = (vector / np.linalg.norm(vector) for vector in rng.normal(size=(2, 3)))
-    rotation = Rotation.from_rotvec(np.radians(stddev_deg) * turn).as_matrix() @ pose.rotation
-    return Pose.from_centre(rotation, pose.cam_in_world + stddev_length * move)
-
-
 def leave_one_out(colmap, scene_path, model_path, *options) -> dict[str, dict]:
     queries = scene_path / "queries.txt"
     with tempfile.TemporaryDirectory() as folder:
@@ -137,19 +130,15 @@ def run_real(colmap, data_path, nums_retrieved, truth_stddevs=None, noise_levels
     outcomes = []
     for scene_path in sorted(path.parent for path in data_path.glob("*/database.db")):
         model = read_model(scene_path / "model")
-        poses = {name: image.cam_from_world for name, image in model.images.items()}
-        centres = {name: pose.cam_in_world for name, pose in poses.items()}
+        centres = {name: image.cam_from_world.cam_in_world for name, image in model.images.items()}
+        poses = [image.cam_from_world for image in model.images.values()]
         truth_stddev = (truth_stddevs or {}).get(scene_path.name, 0.0)
         group = f"real: {scene_path.name}"
-
-        def add(kind, results, group=group, centres=centres, poses=poses, truth_stddev=truth_stddev):
-            outcomes.extend(outcomes_of(kind, group, results, centres, [*poses.values()], truth_stddev))
-
+        runs = []  # kind and results
         for num_retrieved in nums_retrieved:
             option = "--LazyLocalizer.num_retrieved", num_retrieved
-            results = leave_one_out(colmap, scene_path, scene_path / "model", *option)
-            add(group, results)
-        distances = [result["evidence"]["scene_distance"] for result in results.values() if pose_of(result) is not None]
+            runs.append((group, leave_one_out(colmap, scene_path, scene_path / "model", *option)))
+        distances = [r["evidence"]["scene_distance"] for r in runs[-1][1].values() if pose_of(r) is not None]
         for degrees, ratio in noise_levels if distances else ():
             rng = np.random.default_rng(0)
             length = ratio * np.median(distances)
@@ -159,7 +148,10 @@ def run_real(colmap, data_path, nums_retrieved, truth_stddevs=None, noise_levels
             ]
             with tempfile.TemporaryDirectory() as folder:
                 model_path = write_model(pathlib.Path(folder) / "model", model.cameras, images)
-                add(f"real: off by {degrees}° and {100 * ratio:g} %", leave_one_out(colmap, scene_path, model_path))
+                results = leave_one_out(colmap, scene_path, model_path)
+            runs.append((f"real: off by {degrees}° and {100 * ratio:g} %", results))
+        for kind, results in runs:
+            outcomes += outcomes_of(kind, group, results, centres, poses, truth_stddev)
     return outcomes
 
 

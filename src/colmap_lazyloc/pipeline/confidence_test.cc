@@ -67,31 +67,25 @@ TEST(Confidence, IsZeroWithoutAFiniteStandardDeviation) {
   EXPECT_EQ(Confidence(evidence), 0);
 }
 
-TEST(LowConfidenceReason, NamesBothProbabilitiesAndTheWeakestEvidence) {
+// Returns the reason of a pose with one value that is not typical.
+std::string ReasonOf(double PoseEvidence::*weak_evidence, double value) {
   PoseEvidence evidence = Typical();
-  evidence.explained_ratio = 0.1;
-  const std::string reason = LowConfidenceReason(evidence, 0.25, 0.5);
+  evidence.*weak_evidence = value;
+  return LowConfidenceReason(evidence, 0.25, 0.5);
+}
+
+TEST(LowConfidenceReason, NamesBothProbabilitiesAndTheWeakestEvidence) {
+  const std::string reason = ReasonOf(&PoseEvidence::explained_ratio, 0.1);
   EXPECT_THAT(reason, HasSubstr("only 0.25"));
   EXPECT_THAT(reason, HasSubstr("0.50 is needed"));
   EXPECT_THAT(reason, HasSubstr("explains only 10 % of the verified matches"));
-  evidence = Typical();
-  evidence.num_common_tracks = 3;
-  EXPECT_THAT(LowConfidenceReason(evidence, 0.25, 0.5), HasSubstr("only 3 points"));
-  evidence = Typical();
-  evidence.focal_stddev_ratio = 0.05;
-  EXPECT_THAT(LowConfidenceReason(evidence, 0.25, 0.5), HasSubstr("the focal length only within 5.0 %"));
-  evidence = Typical();
-  evidence.mean_error_px = 9;
-  EXPECT_THAT(LowConfidenceReason(evidence, 0.25, 0.5), HasSubstr("the mean reprojection error is 9.0 px"));
-  evidence = Typical();
-  evidence.mean_track_length = 2;
-  EXPECT_THAT(LowConfidenceReason(evidence, 0.25, 0.5), HasSubstr("only 2.0 images"));
-  evidence = Typical();
-  evidence.rotation_stddev_deg = 0.75;
-  EXPECT_THAT(LowConfidenceReason(evidence, 0.25, 0.5), HasSubstr("the rotation's standard deviation is 0.75"));
-  evidence = Typical();
-  evidence.rotation_position_ratio = 0.1;
-  EXPECT_THAT(LowConfidenceReason(evidence, 0.25, 0.5), HasSubstr("10 times as uncertain"));
+  EXPECT_THAT(ReasonOf(&PoseEvidence::num_common_tracks, 3), HasSubstr("only 3 points"));
+  EXPECT_THAT(ReasonOf(&PoseEvidence::focal_stddev_ratio, 0.05), HasSubstr("the focal length only within 5.0 %"));
+  EXPECT_THAT(ReasonOf(&PoseEvidence::mean_error_px, 9), HasSubstr("the mean reprojection error is 9.0 px"));
+  EXPECT_THAT(ReasonOf(&PoseEvidence::mean_track_length, 2), HasSubstr("only 2.0 images"));
+  EXPECT_THAT(ReasonOf(&PoseEvidence::rotation_stddev_deg, 0.75),
+              HasSubstr("the rotation's standard deviation is 0.75"));
+  EXPECT_THAT(ReasonOf(&PoseEvidence::rotation_position_ratio, 0.1), HasSubstr("10 times as uncertain"));
 }
 
 }  // namespace
