@@ -13,6 +13,10 @@ COMMANDS = {
     "streaming": ("streaming", "memory and time of one process over the number of queries"),
     "sparse": ("localization.sparse", "one to four database images, with and without points in common; rivals beside"),
     "uncertainty": ("uncertainty.report", "reported covariances against true errors of synthetic scenes"),
+    "reconstructions": (
+        "uncertainty.reconstructions",
+        "nothing: reconstructs photos with COLMAP's defaults, as scenes",
+    ),
     "seven_scenes_layout": ("localization.datasets.seven_scenes_layout", "writes a scene in the layout of 7 Scenes"),
 }
 

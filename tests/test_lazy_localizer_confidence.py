@@ -21,7 +21,7 @@ def test_good_poses_have_high_confidence(localize, noisy):
         assert result["status"] == "LOCALIZED"
         assert 0.95 <= result["confidence"] <= 1
         assert result["unconfirmed_cam_from_world"] is None
-        assert result["evidence"]["rival_ratio"] == 0 and result["evidence"]["num_common_tracks"] > 20
+        assert result["evidence"]["agreeing_ratio"] == 1 and result["evidence"]["num_common_tracks"] > 20
 
 
 def test_minimum_confidence_decides_about_the_status_alone(localize, noisy):
@@ -112,7 +112,6 @@ def test_noise_of_real_scenes_is_in_the_database_poses_alone(colmap, tmp_path):
     assert all(o.has_pose and o.error < 0.002 * o.scene_size for o in exact)
     assert all(o.has_pose and o.error < 0.02 * o.scene_size for o in off)
     assert np.median([o.error for o in off]) > 3 * np.median([o.error for o in exact])
-    assert np.median([o.evidence["mean_error_px"] for o in off]) > 5
 
 
 def test_noisy_pose_is_off_by_exactly_this_much():

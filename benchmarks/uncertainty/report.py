@@ -6,8 +6,8 @@ cases      scenes with unobservable motions: statuses, reasons, reported standar
 priors     the same scenes with positions and gravity of the queries: statuses, what these fix, true errors
 stress     scenes in which a pose may be wrong (repetition, wrong intrinsics, wrong database poses, chance), and the
            scenes below --data_path: confidence against errors
-fit        fits the weights of the confidence to the scenes of `stress` and writes pipeline/confidence_weights.h;
-           build the program again after it
+fit        fits the factors of the confidence to the scenes of `stress` and writes
+           pipeline/confidence_calibration.h; build the program again after it
 
   python -m benchmarks uncertainty [quantiles | cases | priors | stress | fit]... [--data_path DATA]...
   python -m benchmarks uncertainty focal_length --help
@@ -30,7 +30,7 @@ from colmap_lazyloc.program import find_colmap
 from colmap_lazyloc.results import pose_of
 from colmap_lazyloc.testing import synthetic
 
-MIN_CONFIDENCE = 0.94  # the program's default
+MIN_CONFIDENCE = 0.9  # the program's default
 FIT_SEEDS = 1000, 3000
 # Errors of the database poses that the fit adds to real scenes, so that it does not take noise for a wrong pose.
 FIT_NOISE_LEVELS = (0.3, 0), (1, 0), (0, 0.003), (0, 0.01), (1, 0.01)
@@ -251,7 +251,7 @@ def main(arguments=None):
         elif table == "priors":
             priors.print_priors(arguments.colmap, cases(), localize)
         else:
-            # Fit other scenes than `stress` shows, because weights do best on what they were fitted to.
+            # Fit other scenes than `stress` shows, because factors do best on what they were fitted to.
             outcomes = []
             for seed in FIT_SEEDS if table == "fit" else [arguments.seed]:
                 outcomes += stress.run_synthetic(arguments.colmap, arguments.num_scenes, seed)
@@ -259,7 +259,7 @@ def main(arguments=None):
                 nums_retrieved, noise_levels = ((20, 4), FIT_NOISE_LEVELS) if table == "fit" else ((20,), ())
                 outcomes += stress.run_real(arguments.colmap, data_path, nums_retrieved, truth_stddevs, noise_levels)
             if table == "fit":
-                confidence_fit.fit_weights(outcomes)
+                confidence_fit.fit_factors(outcomes)
             else:
                 stress.print_report(outcomes, arguments.min_confidence)
         print()

@@ -122,8 +122,8 @@ def _notes(run: Run, sources: Sources, num_shown: dict[str, int], has_list: bool
         notes.append(f"{num_shown['points']} of {len(run.points)} points are shown (--max_num_points).")
     if run.leave_one_out is not None:
         notes.append(
-            "A position counts as wrong if it is off by more than 5 standard deviations of its covariance, or by more "
-            "than 1 % of the scene's size."
+            "A position counts as wrong if it is off by more than 5 standard deviations of its covariance, and by "
+            "more than 0.5 % of the scene's size."
         )
     if run.leave_one_out is not None and run.database is run.model:
         path = run.options.values.get("input_path")

@@ -82,7 +82,6 @@ def _evidence_rows(result: dict) -> list[tuple[str, str]]:
             lambda value: f"{100 * value:.0f} % of the verified ones",
         ),
         ("agreeing_ratio", "Matches in pairs that agree with the pose", lambda value: f"{100 * value:.0f} %"),
-        ("rival_ratio", "Matches in pairs that agree on another pose", lambda value: f"{100 * value:.0f} %"),
         ("scene_distance", "Distance of the points", lambda value: f"{format_length(value)} (median)"),
     )
     rows += [(label, text(evidence[name])) for name, label, text in texts if evidence.get(name) is not None]

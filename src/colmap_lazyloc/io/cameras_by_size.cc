@@ -11,12 +11,12 @@ constexpr size_t kMaxNumCameras = 1000;
 
 CamerasBySize::Size CamerasBySize::SizeOf(const Camera& camera) { return std::minmax({camera.width, camera.height}); }
 
-CamerasBySize::CamerasBySize(const Model& model) {
+CamerasBySize::CamerasBySize(const Model& model, const ExifFocalLengths& exif_focal_lengths) {
   std::map<uint32_t, int> num_images;
   for (const ModelImage& image : model.images) ++num_images[image.camera_id];
   for (const auto& [camera_id, count] : num_images) {
     const Camera& camera = model.cameras.at(camera_id);
-    cameras_[SizeOf(camera)].push_back({camera, count, ""});
+    cameras_[SizeOf(camera)].push_back({camera, count, "", exif_focal_lengths.Find(camera_id)});
   }
   for (auto& [size, cameras] : cameras_) {
     std::stable_sort(cameras.begin(), cameras.end(),

@@ -14,7 +14,7 @@ namespace lazyloc {
 class CamerasBySize {
  public:
   CamerasBySize() = default;
-  explicit CamerasBySize(const Model& model);
+  CamerasBySize(const Model& model, const ExifFocalLengths& exif_focal_lengths);
 
   // Returns the cameras that have the size of `camera`, or that with its sides exchanged, most used ones first. There
   // are at most 1,000, because a database may have a camera for each image.

@@ -13,12 +13,14 @@ constexpr size_t kMaxNumFiles = 20;
 
 }  // namespace
 
-DatabaseCameras::DatabaseCameras(const Model& model, const std::filesystem::path& image_path)
+DatabaseCameras::DatabaseCameras(const Model& model, const std::filesystem::path& image_path,
+                                 const ExifFocalLengths& exif_focal_lengths)
     : image_path_(image_path) {
   std::map<uint32_t, Entry> entries;
   for (const ModelImage& image : model.images) entries[image.camera_id].image_names.push_back(image.name);
   for (auto& [camera_id, entry] : entries) {
-    entry.camera = {model.cameras.at(camera_id), static_cast<int>(entry.image_names.size()), ""};
+    entry.camera = {model.cameras.at(camera_id), static_cast<int>(entry.image_names.size()), "",
+                    exif_focal_lengths.Find(camera_id)};
     entries_.push_back(std::move(entry));
   }
   std::stable_sort(entries_.begin(), entries_.end(),

@@ -15,7 +15,8 @@ namespace lazyloc {
 class DatabaseCameras {
  public:
   // image_path: the folder of the photos. If posed images are there too, their EXIF tells the makes and models.
-  DatabaseCameras(const Model& model, const std::filesystem::path& image_path);
+  DatabaseCameras(const Model& model, const std::filesystem::path& image_path,
+                  const ExifFocalLengths& exif_focal_lengths);
 
   // Returns the cameras that have the photo's size (HasSizeOf), most used ones first; with their makes and models if
   // the photo's are known. Thread-safe; the result depends only on the input.

@@ -58,7 +58,7 @@ CheckedPose CheckPose(const LocalizationResult& result, const Rigid3d& true_pose
   checked.rotation_error_deg = RadToDeg(AngularDistanceRad(result.cam_from_world.rotation, true_pose.rotation));
   checked.position_error_sigma = ErrorSigma(result, error);
   checked.is_wrong =
-      checked.position_error_sigma > kMaxRightErrorSigma || checked.position_error > kMaxRightErrorRatio * scene_size;
+      checked.position_error_sigma > kMaxRightErrorSigma && checked.position_error > kMaxRightErrorRatio * scene_size;
   return checked;
 }
 
@@ -169,7 +169,7 @@ std::string FormatLeaveOneOut(const LeaveOneOutSummary& summary) {
                  MedianOfAccepted(summary, &CheckedPose::position_error_sigma).value_or(NAN));
   text += Format("  %-34s%10.3f deg\n", "median rotation error",
                  MedianOfAccepted(summary, &CheckedPose::rotation_error_deg).value_or(NAN));
-  text += Format("  %-34s%6zu of %zu (off by more than %.0f standard deviations or %.0f %% of the scene)\n",
+  text += Format("  %-34s%6zu of %zu (off by more than %.0f standard deviations and %.1f %% of the scene)\n",
                  "localized but wrong", NumAccepted(summary, true), num_accepted, kMaxRightErrorSigma,
                  100 * kMaxRightErrorRatio);
   if (summary.auroc)

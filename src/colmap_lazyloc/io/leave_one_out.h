@@ -11,9 +11,10 @@
 
 namespace lazyloc {
 
-// Number of standard deviations, and ratio of the scene's size, above which a position counts as wrong.
+// Number of standard deviations, and ratio of the scene's size. A position that is off by more than both counts as
+// wrong: not where its covariance says, and not by so little that it hardly matters.
 inline constexpr double kMaxRightErrorSigma = 5;
-inline constexpr double kMaxRightErrorRatio = 0.01;
+inline constexpr double kMaxRightErrorRatio = 0.005;
 
 // A query that has a pose, compared with its pose in the model.
 struct CheckedPose {

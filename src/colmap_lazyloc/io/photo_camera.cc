@@ -13,6 +13,8 @@ namespace {
 constexpr double kMaxExifRatio = 1.25;
 // Maximum ratio of focal lengths that agree: those of one lens in cameras that were calibrated separately.
 constexpr double kMaxAgreeingRatio = 1.05;
+// Maximum ratio of focal lengths in EXIF that are the same, which are rounded.
+constexpr double kMaxSameExifRatio = 1.005;
 
 bool Agree(double a, double b, double max_ratio) { return std::abs(std::log(a / b)) <= std::log(max_ratio); }
 
@@ -23,6 +25,18 @@ bool HasSize(const PhotoProperties& photo, const Camera& camera) {
 bool ContradictsExif(const PhotoProperties& photo, const DatabaseCamera& camera, double focal_length_px) {
   if (!photo.exif_camera.empty() && !camera.exif_camera.empty() && photo.exif_camera != camera.exif_camera) return true;
   return photo.exif_focal_length_px && !Agree(focal_length_px, *photo.exif_focal_length_px, kMaxExifRatio);
+}
+
+// Returns the cameras whose images have the focal length of the photo's EXIF.
+std::vector<DatabaseCamera> OfSameDevice(const PhotoProperties& photo, const std::vector<DatabaseCamera>& cameras) {
+  std::vector<DatabaseCamera> same;
+  for (const DatabaseCamera& camera : cameras) {
+    if (photo.exif_focal_length_px && camera.exif_focal_length_px &&
+        Agree(*photo.exif_focal_length_px, *camera.exif_focal_length_px, kMaxSameExifRatio)) {
+      same.push_back(camera);
+    }
+  }
+  return same;
 }
 
 struct Candidate {
@@ -76,13 +90,16 @@ std::optional<Camera> ChooseDatabaseCamera(const PhotoProperties& photo, const s
 // Returns a camera of the database if there is one, else `own`, which has the focal length of EXIF or a guessed one.
 PhotoCamera ChooseBetween(const PhotoCamera& own, const PhotoProperties& photo,
                           const std::vector<DatabaseCamera>& database_cameras) {
+  // Does not compare EXIF's focal length with the refined one of the same device, because EXIF may be far off.
+  PhotoProperties without_focal_length = photo;
+  without_focal_length.exif_focal_length_px.reset();
+  if (std::optional<Camera> same = ChooseDatabaseCamera(without_focal_length, OfSameDevice(photo, database_cameras))) {
+    same->camera_id = own.camera.camera_id;
+    return {*same, IntrinsicsSource::DATABASE_CAMERA, /*is_same_device=*/true};
+  }
   std::optional<Camera> shared = ChooseDatabaseCamera(photo, database_cameras);
   const bool is_alternative = !shared && photo.exif_focal_length_px;
-  if (is_alternative) {
-    PhotoProperties other_focal_length = photo;
-    other_focal_length.exif_focal_length_px.reset();
-    shared = ChooseDatabaseCamera(other_focal_length, database_cameras);
-  }
+  if (is_alternative) shared = ChooseDatabaseCamera(without_focal_length, database_cameras);
   if (!shared) return own;
   shared->camera_id = own.camera.camera_id;  // the ids are those of the model, but the photo's camera is its own
   PhotoCamera chosen = own;
@@ -90,17 +107,30 @@ PhotoCamera ChooseBetween(const PhotoCamera& own, const PhotoProperties& photo,
     chosen.alternative = CandidateCamera{*shared, IntrinsicsOrigin::SHARED};
     return chosen;
   }
-  chosen = {*shared, IntrinsicsSource::DATABASE_CAMERA, std::nullopt};
+  chosen = {*shared, IntrinsicsSource::DATABASE_CAMERA};
   if (photo.exif_focal_length_px) chosen.alternative = CandidateCamera{own.camera, IntrinsicsOrigin::EXIF};
   return chosen;
 }
 
 }  // namespace
 
+void ExifFocalLengths::Add(uint32_t camera_id, const Camera& stored) {
+  if (OriginOfStoredCamera(stored) != IntrinsicsOrigin::EXIF) return;
+  if (const std::optional<double> focal_length_px = MeanFocalLengthPx(stored)) {
+    focal_lengths_px_.emplace(camera_id, *focal_length_px);
+  }
+}
+
+std::optional<double> ExifFocalLengths::Find(uint32_t camera_id) const {
+  const auto found = focal_lengths_px_.find(camera_id);
+  return found == focal_lengths_px_.end() ? std::nullopt : std::make_optional(found->second);
+}
+
 IntrinsicsOrigin PhotoCamera::Origin() const {
   switch (source) {
+    case IntrinsicsSource::MODEL: return IntrinsicsOrigin::MODEL;
     case IntrinsicsSource::DATABASE: return OriginOfStoredCamera(camera);
-    case IntrinsicsSource::DATABASE_CAMERA: return IntrinsicsOrigin::SHARED;
+    case IntrinsicsSource::DATABASE_CAMERA: return is_same_device ? IntrinsicsOrigin::MODEL : IntrinsicsOrigin::SHARED;
     case IntrinsicsSource::EXIF: return IntrinsicsOrigin::EXIF;
     case IntrinsicsSource::GUESS: return IntrinsicsOrigin::GUESS;
     default: return IntrinsicsOrigin::GIVEN;
@@ -128,7 +158,7 @@ PhotoCamera ChoosePhotoCamera(const PhotoProperties& photo, const DefaultCamera&
 
 PhotoCamera ChooseStoredCamera(const Camera& stored, const std::vector<DatabaseCamera>& database_cameras) {
   const IntrinsicsOrigin origin = OriginOfStoredCamera(stored);
-  PhotoCamera own{stored, IntrinsicsSource::DATABASE, std::nullopt};
+  PhotoCamera own{stored, IntrinsicsSource::DATABASE};
   if (origin != IntrinsicsOrigin::EXIF && origin != IntrinsicsOrigin::GUESS) return own;
   PhotoProperties photo;
   photo.width = stored.width;

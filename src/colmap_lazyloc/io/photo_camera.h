@@ -1,5 +1,7 @@
 #pragma once
 
+#include <cstdint>
+#include <map>
 #include <optional>
 #include <string>
 #include <vector>
@@ -14,6 +16,7 @@ namespace lazyloc {
 struct PhotoCamera {
   Camera camera;
   IntrinsicsSource source = IntrinsicsSource::GUESS;
+  bool is_same_device = false;  // true if EXIF shows that a camera of the database is the photo's, with the same zoom
   std::optional<CandidateCamera> alternative =
       std::nullopt;  // the second of the choices 2 and 3 below, if there are both
 
@@ -26,6 +29,19 @@ struct DatabaseCamera {
   Camera camera;
   int num_images = 0;
   std::string exif_camera;  // make and model; empty if unknown
+  // Focal length in the EXIF of its images, before the reconstruction refined it.
+  std::optional<double> exif_focal_length_px = std::nullopt;
+};
+
+// The focal lengths in pixels that COLMAP found in the EXIF of posed images, by the id of the model's camera. A model
+// has refined ones, but the database file keeps what its reconstruction started from.
+class ExifFocalLengths {
+ public:
+  void Add(uint32_t camera_id, const Camera& stored);
+  std::optional<double> Find(uint32_t camera_id) const;
+
+ private:
+  std::map<uint32_t, double> focal_lengths_px_;
 };
 
 // Camera model and parameters for all photos without a camera of their own.
@@ -40,7 +56,8 @@ bool HasSizeOf(const PhotoProperties& photo, const Camera& camera);
 // Chooses the intrinsics of a photo without a camera of its own, from the first of these:
 // 1. the parameters of the default camera;
 // 2. a camera of the database with the photo's size (else, with its sides exchanged). It must not contradict the make,
-//    model and focal length of EXIF, and more than half of the images with such cameras must agree on its focal length;
+//    model and focal length of EXIF, and more than half of the images with such cameras must agree on its focal length.
+//    Those whose own EXIF has the photo's focal length are the same device and come first;
 // 3. the focal length in EXIF. A camera that contradicts nothing else is the alternative;
 // 4. COLMAP's guess of the focal length, 1.2 times the longer side.
 PhotoCamera ChoosePhotoCamera(const PhotoProperties& photo, const DefaultCamera& default_camera,

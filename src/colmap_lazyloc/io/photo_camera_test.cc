@@ -49,6 +49,34 @@ TEST_F(PhotoCameraTest, ParametersOfTheOptionsComeFirst) {
   EXPECT_EQ(chosen.camera.params, default_camera_.params);
 }
 
+TEST_F(PhotoCameraTest, SameFocalLengthInExifMeansTheSameDevice) {
+  photo_.exif_focal_length_px = 1500;
+  cameras_ = {MakeDatabaseCamera(400, 9), MakeDatabaseCamera(700, 2)};
+  cameras_[1].exif_focal_length_px = 1501;
+  PhotoCamera chosen = Choose();
+  EXPECT_EQ(chosen.source, IntrinsicsSource::DATABASE_CAMERA);
+  EXPECT_EQ(chosen.Origin(), IntrinsicsOrigin::MODEL) << "EXIF is far off for both in the same way";
+  EXPECT_EQ(chosen.camera.params[0], 700);
+  EXPECT_FALSE(chosen.alternative);
+  photo_.exif_camera = "Maker-One";
+  cameras_[1].exif_camera = "Maker-Two";
+  EXPECT_NE(Choose().Origin(), IntrinsicsOrigin::MODEL) << "another make";
+  cameras_[1].exif_camera = "";
+  cameras_[1].exif_focal_length_px = 1600;
+  EXPECT_EQ(Choose().source, IntrinsicsSource::EXIF) << "another zoom";
+}
+
+TEST(ExifFocalLengths, HoldsThoseThatColmapFoundInExif) {
+  Camera stored = CameraFromFocalLength(kSimpleRadial, 650, 640, 480);
+  stored.has_prior_focal_length = true;
+  ExifFocalLengths focal_lengths;
+  focal_lengths.Add(3, stored);
+  stored.has_prior_focal_length = false;
+  focal_lengths.Add(4, stored);
+  EXPECT_EQ(focal_lengths.Find(3), 650);
+  EXPECT_EQ(focal_lengths.Find(4), std::nullopt);
+}
+
 TEST_F(PhotoCameraTest, CameraOfTheSameSizeComesBeforeExif) {
   photo_.exif_focal_length_px = 650;
   cameras_ = {MakeDatabaseCamera(700, 5)};

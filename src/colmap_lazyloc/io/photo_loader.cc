@@ -93,7 +93,7 @@ PhotoLoader::PhotoLoader(const DatabaseReader& database, const QuerySelection& s
       num_retrieved_(static_cast<size_t>(num_retrieved)),
       pair_options_(pair_options),
       default_camera_(ParseDefaultCamera(options)),
-      database_cameras_(selection.DatabaseModel(), options.image_path),
+      database_cameras_(selection.DatabaseModel(), options.image_path, selection.DatabaseExifFocalLengths()),
       features_(static_cast<size_t>(std::min(options.matching.cache_gb * 1e9, 1e18)), NumBytes) {
   if (!options.query_prior_path.empty()) search_regions_ = ReadSearchRegions(options.query_prior_path);
   if (!options.matches_output_path.empty()) {

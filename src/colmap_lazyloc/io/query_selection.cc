@@ -44,7 +44,8 @@ QuerySelection::QuerySelection(const DatabaseReader& database, Model model, cons
     posed_of_database_id_.emplace(stored->image_id, &image);
   }
   std::sort(posed_ids_.begin(), posed_ids_.end());
-  database_cameras_ = CamerasBySize(model_);
+  ReadExifFocalLengths(database);
+  database_cameras_ = CamerasBySize(model_, exif_focal_lengths_);
   frame_of_database_image_ = DatabaseFramePlaces(model_, &database, options_.groups);
   if (!options_.pairs_path.empty()) ReadPairsFile();
 }
@@ -59,6 +60,19 @@ void QuerySelection::ReadImages(const DatabaseReader& database) {
       damage_of_unknown_image_ = image.damage;
     } else {
       damage_of_image_.emplace(image.name, image.damage);
+    }
+  }
+}
+
+void QuerySelection::ReadExifFocalLengths(const DatabaseReader& database) {
+  std::set<uint32_t> camera_ids;
+  for (const ModelImage& image : model_.images) {
+    const DatabaseImage* stored = FindInDatabase(image.name);
+    if (stored == nullptr || !camera_ids.insert(image.camera_id).second) continue;
+    try {
+      exif_focal_lengths_.Add(image.camera_id, database.ReadCamera(stored->camera_id));
+    } catch (const DamagedRecordError&) {
+      // Leaves a damaged camera out, because the model's is used.
     }
   }
 }
@@ -179,6 +193,7 @@ StoredQuery QuerySelection::ReadStoredQuery(const std::string& name, const Datab
   } else if (role.source == IntrinsicsSource::MODEL) {
     query.camera = model_.cameras.at(role.camera);
     query.camera.has_prior_focal_length = query.stored_camera.has_prior_focal_length;  // models do not store it
+    query.intrinsics_origin = IntrinsicsOrigin::MODEL;
   } else {
     CheckUsable(query.stored_camera, database);
     // Leaves the cameras of a rig, because they may have the same size and different lenses.

@@ -73,6 +73,7 @@ class QuerySelection {
   StoredQuery ReadStoredQuery(const std::string& name, const DatabaseReader& database) const;
   // Returns the posed images without the queries; with leave_one_out all posed images.
   const Model& DatabaseModel() const { return model_; }
+  const ExifFocalLengths& DatabaseExifFocalLengths() const { return exif_focal_lengths_; }
   // Returns the rig frames of the posed images that share their frame with another one.
   const FramePlaces& DatabaseFrames() const { return frame_of_database_image_; }
   // Returns the images of the database, sorted by name, without those whose row is damaged.
@@ -107,6 +108,7 @@ class QuerySelection {
   const ImageRole& RoleOf(const DatabaseImage& image) const { return roles_[&image - database_images_.data()]; }
   ImageRole& RoleOf(const DatabaseImage& image) { return roles_[&image - database_images_.data()]; }
   void ReadImages(const DatabaseReader& database);
+  void ReadExifFocalLengths(const DatabaseReader& database);
   // Returns the damage of the row of an image; empty if the row is not damaged.
   std::string DamageOf(const std::string& name) const;
   // Returns the names of the queries in their order, in the memory of this class.
@@ -130,6 +132,7 @@ class QuerySelection {
   std::vector<Camera> listed_cameras_;                            // of the query list
   std::unordered_map<std::string, std::string> damage_of_image_;  // by name; images whose row is damaged
   std::string damage_of_unknown_image_;                           // of a row without a readable name; may be empty
+  ExifFocalLengths exif_focal_lengths_;                           // of the posed images
   CamerasBySize database_cameras_;
   std::vector<uint32_t> posed_ids_;
   std::unordered_map<uint32_t, const ModelImage*> posed_of_database_id_;

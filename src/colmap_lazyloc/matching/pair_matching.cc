@@ -9,7 +9,7 @@ namespace {
 TwoViewGeometry Verify(const LocalizationProblem& problem, const ImagePair& pair, const PairMatchingOptions& options) {
   TwoViewGeometryOptions verification = options.verification;
   // A wrong focal length loses right matches, so that one that nobody has stated must not choose them.
-  verification.is_query_calibrated = problem.intrinsics_origin == IntrinsicsOrigin::GIVEN;
+  verification.is_query_calibrated = IsCalibrated(problem.intrinsics_origin);
   TwoViewGeometry geometry;
   if (static_cast<int>(pair.matches.size()) >= options.verification.min_num_inliers) {
     geometry = EstimateTwoViewGeometry(pair.other_camera, pair.other_keypoints, problem.query_camera,

@@ -7,11 +7,20 @@
 
 namespace lazyloc {
 
-// Returns the probability that the position is right: off by at most 5 of its standard deviations and by at most 1 % of
-// the scene's size, as leave_one_out.json counts. The odds of a wrong pose are the sum of those by a weighted sum of
-// the evidence and those by the rival. The weights (confidence_weights.h) are fitted to positions with known errors.
-// Evidence that is unknown counts as that of a typical right pose; only if no pair can agree, because the focal length
-// is estimated, the odds fall. Returns 0 if the position's standard deviation is not finite.
+// Returns the probability that the true position is where the pose's covariance says: the posterior of the pose against
+// three other explanations of the matches. How uncertain the position is there is the covariance's business.
+//
+//  another place  All matches that do not speak for the pose speak for one other place that looks alike. Matches of one
+//                 surface are not independent, so that the odds are no exponential of their number: they are the square
+//                 of the ratio of the matches against to those for the pose, times the area of the image that the error
+//                 of its points covers.
+//  a competing    Pairs that disagree with the pose agree with each other on another one. With as many matches, it is
+//  as pose           probable; the odds are the third power of the ratio of matches. chance         A few points fit
+//  any pose. The odds fall with the number of points that two or more other images see,
+//                 or whose depth is known, and a tenth of the others, to the power of 1.5.
+//
+// The factors are calibrated on positions with known errors (docs/method.md). Returns 0 if the position's standard
+// deviation is not finite.
 double Confidence(const PoseEvidence& evidence);
 
 // Returns one sentence that names what lowers the confidence most.

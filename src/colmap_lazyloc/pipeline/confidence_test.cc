@@ -5,87 +5,124 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "colmap_lazyloc/pipeline/confidence_weights.h"
-
 namespace lazyloc {
 namespace {
 
 using ::testing::HasSubstr;
 
-PoseEvidence Typical() {
+constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
+
+// Evidence of an ordinary right pose.
+PoseEvidence Good() {
   PoseEvidence evidence;
-  for (const ConfidenceTerm& term : kConfidenceTerms) evidence.*term.evidence = term.typical;
+  evidence.num_common_tracks = 200;
+  evidence.explained_ratio = 0.8;
+  evidence.agreeing_ratio = 1;
+  evidence.median_error_px = 0.4;
+  evidence.position_stddev_ratio = 0.002;
   evidence.scene_distance = 5;
   return evidence;
 }
 
-TEST(Confidence, IsHighForTypicalEvidence) { EXPECT_GT(Confidence(Typical()), 0.95); }
+PoseEvidence With(double PoseEvidence::*field, double value) {
+  PoseEvidence evidence = Good();
+  evidence.*field = value;
+  return evidence;
+}
 
-TEST(Confidence, FallsWithEachTermThatWorsens) {
-  for (const ConfidenceTerm& term : kConfidenceTerms) {
-    if (term.weight == 0) continue;
-    PoseEvidence worse = Typical(), worst = Typical();
-    worse.*term.evidence = term.weight > 0 ? (term.min + term.typical) / 2 : (term.max + term.typical) / 2;
-    worst.*term.evidence = term.weight > 0 ? term.min : term.max;
-    EXPECT_LT(Confidence(worse), Confidence(Typical()));
-    EXPECT_LT(Confidence(worst), Confidence(worse));
-    EXPECT_GT(Confidence(worst), 0);
+TEST(Confidence, IsHighForAnOrdinaryPose) {
+  EXPECT_GT(Confidence(Good()), 0.99);
+  EXPECT_LT(Confidence(Good()), 1);
+}
+
+TEST(Confidence, FallsWithEachObservableThatWorsens) {
+  using Field = double PoseEvidence::*;
+  struct Case {
+    Field field;
+    double worse, worst;
+  };
+  for (const auto& [field, worse, worst] :
+       {Case{&PoseEvidence::num_common_tracks, 10, 2}, Case{&PoseEvidence::explained_ratio, 0.4, 0.1},
+        Case{&PoseEvidence::agreeing_ratio, 0.6, 0.2}, Case{&PoseEvidence::median_error_px, 1.5, 4}}) {
+    EXPECT_LT(Confidence(With(field, worse)), Confidence(Good()));
+    EXPECT_LT(Confidence(With(field, worst)), Confidence(With(field, worse)));
+    EXPECT_GT(Confidence(With(field, worst)), 0);
   }
 }
 
-TEST(Confidence, DoesNotChangeBeyondTheRangeOfTheFit) {
-  for (const ConfidenceTerm& term : kConfidenceTerms) {
-    PoseEvidence at_bound = Typical(), beyond = Typical();
-    at_bound.*term.evidence = term.max;
-    beyond.*term.evidence = 10 * term.max;
-    EXPECT_EQ(Confidence(beyond), Confidence(at_bound));
-  }
+TEST(Confidence, TwiceTheRatioOfMatchesAgainstThePoseMakesTheOddsFourTimesAsLarge) {
+  const auto odds = [](double support) {
+    PoseEvidence evidence = Good();
+    evidence.num_common_tracks = 1e9;
+    evidence.median_error_px = 1;
+    evidence.explained_ratio = evidence.agreeing_ratio = support;
+    return 1 / Confidence(evidence) - 1;
+  };
+  EXPECT_NEAR(odds(1.0 / 3) / odds(0.5), 4, 0.02);
+  EXPECT_NEAR(odds(0.2) / odds(1.0 / 3), 4, 0.02);
 }
 
-TEST(Confidence, RivalWithAsManyMatchesLeavesAnEvenChance) {
-  PoseEvidence evidence = Typical();
-  evidence.rival_ratio = 0.5;
-  EXPECT_NEAR(Confidence(evidence), 0.5, 0.01);
-  evidence.rival_ratio = 1.0 / 3;
-  EXPECT_NEAR(Confidence(evidence), 8.0 / 9, 0.02) << "twice as many matches make the odds eight to one";
-  evidence.rival_ratio = 1;
-  EXPECT_LT(Confidence(evidence), 1e-3);
-  EXPECT_THAT(LowConfidenceReason(evidence, 0, 0.5), HasSubstr("100 % are for another one"));
+TEST(Confidence, CompetingPoseWithAsManyMatchesLeavesAnEvenChance) {
+  PoseEvidence evidence = Good();
+  evidence.explained_ratio = evidence.agreeing_ratio = evidence.competing_ratio = 0.5;
+  EXPECT_LT(Confidence(evidence), 0.5);
+  EXPECT_GT(Confidence(evidence), 0.4);
+  EXPECT_THAT(LowConfidenceReason(evidence, 0.4, 0.9), HasSubstr("50 % of the verified matches agree on one other"));
+  evidence.competing_ratio = 0.1;
+  EXPECT_GT(Confidence(evidence), 0.9);
 }
 
-TEST(Confidence, UnknownEvidenceIsTypical) {
-  PoseEvidence unknown = Typical();
-  unknown.mean_error_px = unknown.mean_track_length = std::numeric_limits<double>::quiet_NaN();
-  unknown.rotation_stddev_deg = unknown.rotation_position_ratio = std::numeric_limits<double>::quiet_NaN();
-  unknown.agreeing_ratio = unknown.rival_ratio = unknown.focal_stddev_ratio = std::numeric_limits<double>::quiet_NaN();
-  EXPECT_EQ(Confidence(unknown), Confidence(Typical()));
+TEST(Confidence, PointsOfSingleImagesCountLess) {
+  const PoseEvidence few = With(&PoseEvidence::num_common_tracks, 5);
+  PoseEvidence with_single = few;
+  with_single.num_single_tracks = 50;
+  EXPECT_GT(Confidence(with_single), Confidence(few));
+  EXPECT_EQ(Confidence(with_single), Confidence(With(&PoseEvidence::num_common_tracks, 10)));
+}
+
+TEST(Confidence, ErrorsBelowThatOfKeypointsAreNoFurtherEvidence) {
+  EXPECT_EQ(Confidence(With(&PoseEvidence::median_error_px, 0.05)),
+            Confidence(With(&PoseEvidence::median_error_px, 0.2)));
+}
+
+TEST(Confidence, RestsOnTheExplainedMatchesWithoutRelativePoses) {
+  PoseEvidence evidence = With(&PoseEvidence::agreeing_ratio, kUnknown);
+  PoseEvidence same = With(&PoseEvidence::agreeing_ratio, evidence.explained_ratio);
+  EXPECT_EQ(Confidence(evidence), Confidence(same));
+  evidence.explained_ratio = kUnknown;
+  EXPECT_GT(Confidence(evidence), 0.99) << "a pose by depths without any verified match";
+}
+
+TEST(Confidence, IsFiniteWithoutAnyEvidence) {
+  PoseEvidence none;
+  none.explained_ratio = none.agreeing_ratio = 0;
+  EXPECT_GE(Confidence(none), 0);
+  EXPECT_LT(Confidence(none), 1e-3);
 }
 
 TEST(Confidence, IsZeroWithoutAFiniteStandardDeviation) {
-  PoseEvidence evidence = Typical();
-  evidence.position_stddev_ratio = std::numeric_limits<double>::quiet_NaN();
-  EXPECT_EQ(Confidence(evidence), 0);
+  EXPECT_EQ(Confidence(With(&PoseEvidence::position_stddev_ratio, kUnknown)), 0);
 }
 
-// Returns the reason of a pose with one value that is not typical.
-std::string ReasonOf(double PoseEvidence::*weak_evidence, double value) {
-  PoseEvidence evidence = Typical();
-  evidence.*weak_evidence = value;
-  return LowConfidenceReason(evidence, 0.25, 0.5);
+TEST(LowConfidenceReason, NamesBothProbabilitiesAndTheStrongerDoubt) {
+  const std::string few_matches = LowConfidenceReason(With(&PoseEvidence::explained_ratio, 0.1), 0.25, 0.5);
+  EXPECT_THAT(few_matches, HasSubstr("only 0.25"));
+  EXPECT_THAT(few_matches, HasSubstr("0.50 is needed"));
+  EXPECT_THAT(few_matches, HasSubstr("only 55 % of the verified matches speak for the pose, within 0.4 px"));
+  EXPECT_THAT(LowConfidenceReason(With(&PoseEvidence::num_common_tracks, 3), 0.25, 0.5), HasSubstr("only 3 points"));
 }
 
-TEST(LowConfidenceReason, NamesBothProbabilitiesAndTheWeakestEvidence) {
-  const std::string reason = ReasonOf(&PoseEvidence::explained_ratio, 0.1);
-  EXPECT_THAT(reason, HasSubstr("only 0.25"));
-  EXPECT_THAT(reason, HasSubstr("0.50 is needed"));
-  EXPECT_THAT(reason, HasSubstr("explains only 10 % of the verified matches"));
-  EXPECT_THAT(ReasonOf(&PoseEvidence::num_common_tracks, 3), HasSubstr("only 3 points"));
-  EXPECT_THAT(ReasonOf(&PoseEvidence::focal_stddev_ratio, 0.05), HasSubstr("the focal length only within 5.0 %"));
-  EXPECT_THAT(ReasonOf(&PoseEvidence::mean_error_px, 9), HasSubstr("the mean reprojection error is 9.0 px"));
-  EXPECT_THAT(ReasonOf(&PoseEvidence::mean_track_length, 2), HasSubstr("only 2.0 images"));
-  EXPECT_THAT(ReasonOf(&PoseEvidence::rotation_stddev_deg, 0.75),
-              HasSubstr("the rotation's standard deviation is 0.75"));
-  EXPECT_THAT(ReasonOf(&PoseEvidence::rotation_position_ratio, 0.1), HasSubstr("10 times as uncertain"));
+TEST(RequireConfidence, RefusesBelowTheMinimumAlone) {
+  LocalizationResult result;
+  result.status = QueryStatus::LOCALIZED;
+  RequireConfidence(0.9, &result);
+  EXPECT_EQ(result.status, QueryStatus::LOCALIZED) << "an unknown confidence";
+  result.confidence = 0.9;
+  RequireConfidence(0.9, &result);
+  EXPECT_EQ(result.status, QueryStatus::LOCALIZED);
+  RequireConfidence(0.91, &result);
+  EXPECT_EQ(result.status, QueryStatus::LOW_CONFIDENCE);
+  EXPECT_FALSE(result.reason.empty());
 }
 
 }  // namespace

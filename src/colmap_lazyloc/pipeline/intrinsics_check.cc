@@ -41,12 +41,12 @@ void AddCovariance(const Eigen::Matrix<double, 6, 6>& covariance, const Rigid3d&
 }
 
 // Sets the verdict. Returns the expected square of the error of the log focal length that the covariance lacks.
-double Judge(const Camera& camera, const IntrinsicsEstimate& estimate, bool is_refined, const LocalizerOptions& options,
-             IntrinsicsResult* result) {
+double Judge(const Camera& camera, const IntrinsicsEstimate& estimate, bool is_refined, double shared_error_factor,
+             const LocalizerOptions& options, IntrinsicsResult* result) {
   if (is_refined) {
     JudgeRefined(camera, estimate, result);
     // Returns what the errors that images share do to the estimate, because the adjustment does not know them.
-    return (1 - std::pow(kSharedErrorFactor, -2)) * std::pow(estimate.log_focal_stddev, 2);
+    return (1 - 1 / shared_error_factor) * std::pow(estimate.log_focal_stddev, 2);
   }
   const FocalLengthJudgement judgement =
       JudgeFocalLength(estimate.log_focal_factor, estimate.log_focal_stddev, result->origin, options);
@@ -73,8 +73,7 @@ CheckedIntrinsics CheckIntrinsics(const QueryGroup& group, const Layout& layout,
       const LocalizationProblem& problem = group.images[query].problem;
       IntrinsicsResult& result = checked.results[query];
       result.origin = problem.intrinsics_origin;
-      const IntrinsicsEstimate estimate =
-          EstimateIntrinsics(score, score_covariance, result.origin == IntrinsicsOrigin::GIVEN);
+      const IntrinsicsEstimate estimate = EstimateIntrinsics(score, score_covariance, IsCalibrated(result.origin));
       result.focal_factor = camera != nullptr ? camera->FocalFactor() : std::exp(estimate.log_focal_factor);
       result.focal_factor_stddev = result.focal_factor * estimate.log_focal_stddev;
 
@@ -94,7 +93,8 @@ CheckedIntrinsics CheckIntrinsics(const QueryGroup& group, const Layout& layout,
       AddCovariance(derivatives * others.covariance * derivatives.transpose(), pose, &uncertainty);
 
       result.pose_from_log_focal = derivatives.col(LOG_FOCAL_FACTOR);
-      const double mean_square = Judge(problem.query_camera, estimate, camera != nullptr, options, &result);
+      const double mean_square =
+          Judge(problem.query_camera, estimate, camera != nullptr, SharedErrorFactor(refined, frame), options, &result);
       AddFocalLengthUncertainty(mean_square, pose, &result, &uncertainty);
     }
   }

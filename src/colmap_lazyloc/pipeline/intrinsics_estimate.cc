@@ -6,6 +6,21 @@
 #include <Eigen/LU>
 
 namespace lazyloc {
+namespace {
+
+// Number of points of an image with independent errors, and the minimum factor on variances.
+constexpr double kNumIndependentPoints = 100;
+constexpr double kMinSharedErrorFactor = 4;
+
+}  // namespace
+
+double SharedErrorFactor(const Refined& refined, int frame) {
+  const BundleAdjustmentResult& adjustment = refined.adjustment;
+  const auto num_points = std::count_if(adjustment.tracks.begin(), adjustment.tracks.end(), [&](const Track& track) {
+    return adjustment.posed.images[track.observations.front().image].frame == frame;
+  });
+  return std::max(static_cast<double>(num_points) / kNumIndependentPoints, kMinSharedErrorFactor);
+}
 
 IntrinsicsScore::Matrix ScoreCovariance(const Refined& refined, int frame) {
   const IntrinsicsScore& score = refined.adjustment.intrinsics_scores[frame];
@@ -13,7 +28,7 @@ IntrinsicsScore::Matrix ScoreCovariance(const Refined& refined, int frame) {
   for (const auto& [group, component, variance] : refined.missing_variances) {
     covariance += variance * score.prior_parts[group][component];
   }
-  return kSharedErrorFactor * kSharedErrorFactor * covariance;
+  return SharedErrorFactor(refined, frame) * covariance;
 }
 
 IntrinsicsEstimate EstimateIntrinsics(const IntrinsicsScore& score, const IntrinsicsScore::Matrix& score_covariance,

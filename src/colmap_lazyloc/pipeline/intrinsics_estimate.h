@@ -5,9 +5,9 @@
 
 namespace lazyloc {
 
-// Factor on the standard deviations of the score, because rolling shutters and errors that all images share are not in
-// them: with right intrinsics, deviations are up to twice as large.
-inline constexpr double kSharedErrorFactor = 2;
+// Returns the factor on the variances of the score of a query frame: neighbouring points share errors of the database,
+// of the camera model and of rolling shutters, so that their number does not average these out.
+double SharedErrorFactor(const Refined& refined, int frame);
 
 inline constexpr int kNumOthers = NUM_INTRINSICS_PARAMETERS - 1;  // corrections but the first, the focal length's
 

@@ -1,7 +1,9 @@
 #include "colmap_lazyloc/pipeline/intrinsics_judgement.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <limits>
 
 #include "colmap_lazyloc/bridge/camera_models.h"
 #include "colmap_lazyloc/pipeline/focal_length.h"
@@ -31,7 +33,7 @@ constexpr double kMinOtherSigma = 5;
 constexpr double kMinPrincipalPointShift = 0.02;
 constexpr double kMinDistortionShift = 0.015;
 
-double NormalDensity(double x, double variance) { return std::exp(-0.5 * x * x / variance) / std::sqrt(variance); }
+double LogNormalDensity(double x, double variance) { return -(x * x / variance + std::log(variance)) / 2; }
 
 // Returns the expected square of a deviation with a normal prior.
 double MeanSquare(double prior_stddev, double measured, double variance) {
@@ -75,21 +77,31 @@ FocalLengthJudgement JudgeFocalLength(double log_factor, double stddev, Intrinsi
   const double right_stddev = std::max(options.focal_length_stddev_ratio, kMinRightStddev);
   const double variance = stddev * stddev;
   const double prior = origin == IntrinsicsOrigin::GUESS    ? 1
+                       : origin == IntrinsicsOrigin::MODEL  ? 0
                        : origin == IntrinsicsOrigin::EXIF   ? kWrongExifProbability
                        : origin == IntrinsicsOrigin::SHARED ? kWrongSharedProbability
                                                             : kWrongGivenProbability;
-  const auto density = [&](double prior_stddev) {
-    return NormalDensity(log_factor, prior_stddev * prior_stddev + variance);
-  };
-  const double right = (1 - prior) * density(right_stddev), wrong = prior * density(kWrongStddev);
-  const double slight = std::min(std::max(kSlightlyWrongProbability, prior), 1 - prior) * density(kSlightlyWrongStddev);
+  // Takes logs relative to the most probable case, because all densities of a strange measurement are zero.
+  const std::array<double, 3> stddevs = {right_stddev, kSlightlyWrongStddev, kWrongStddev};
+  std::array<double, 3> probabilities = {1 - prior, std::min(std::max(kSlightlyWrongProbability, prior), 1 - prior),
+                                         prior};
+  std::array<double, 3> log_densities;
+  double max_log_density = -std::numeric_limits<double>::infinity();
+  for (size_t i = 0; i < stddevs.size(); ++i) {
+    log_densities[i] = LogNormalDensity(log_factor, stddevs[i] * stddevs[i] + variance);
+    if (probabilities[i] > 0) max_log_density = std::max(max_log_density, log_densities[i]);
+  }
+  double sum = 0;
   FocalLengthJudgement judgement;
-  judgement.wrong_probability = wrong + right > 0 ? wrong / (wrong + right) : 1;
-  judgement.mean_square = (wrong * MeanSquare(kWrongStddev, log_factor, variance) +
-                           slight * MeanSquare(kSlightlyWrongStddev, log_factor, variance) +
-                           right * MeanSquare(right_stddev, log_factor, variance)) /
-                          std::max(wrong + slight + right, 1e-300);
-  if (options.focal_length_stddev_ratio == 0 && origin == IntrinsicsOrigin::GIVEN) judgement.mean_square = 0;
+  for (size_t i = 0; i < stddevs.size(); ++i) {
+    probabilities[i] *= probabilities[i] > 0 ? std::exp(log_densities[i] - max_log_density) : 0;
+    sum += probabilities[i];
+    judgement.mean_square += probabilities[i] * MeanSquare(stddevs[i], log_factor, variance);
+  }
+  judgement.mean_square /= sum;
+  const double right = probabilities[0], wrong = probabilities[2];
+  judgement.wrong_probability = prior > 0 ? wrong / std::max(wrong + right, 1e-300) : 0;
+  if (options.focal_length_stddev_ratio == 0 && IsCalibrated(origin)) judgement.mean_square = 0;
   return judgement;
 }
 
@@ -97,7 +109,9 @@ void JudgeGiven(const Camera& camera, const IntrinsicsEstimate& estimate, const 
                 IntrinsicsResult* result) {
   const bool is_guess = result->origin == IntrinsicsOrigin::GUESS;
   const bool is_wrong = focal_length.wrong_probability > 0.5 && !is_guess && HasFocalLength(camera);
-  result->contradiction = OtherContradiction(camera, estimate, is_wrong);
+  if (result->origin != IntrinsicsOrigin::MODEL) {
+    result->contradiction = OtherContradiction(camera, estimate, is_wrong);
+  }
   if (result->contradiction.empty() && is_wrong) {
     result->contradiction = FocalLengthContradiction(camera, result->focal_factor, result->focal_factor_stddev);
   }

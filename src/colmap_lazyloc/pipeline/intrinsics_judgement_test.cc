@@ -20,6 +20,13 @@ TEST(JudgeFocalLength, DoubtsWithSignificanceAndSize) {
             given(0.02, 0.01).wrong_probability);
 }
 
+TEST(JudgeFocalLength, NeverDoubtsThatOfTheModel) {
+  const FocalLengthJudgement far = JudgeFocalLength(0.5, 0.001, IntrinsicsOrigin::MODEL, {});
+  EXPECT_EQ(far.wrong_probability, 0);
+  EXPECT_GT(std::sqrt(far.mean_square), 0.1) << "but allows for what the images ask for";
+  EXPECT_NEAR(std::sqrt(JudgeFocalLength(0, 0.1, IntrinsicsOrigin::MODEL, {}).mean_square), 0.014, 0.01);
+}
+
 TEST(JudgeFocalLength, MeanSquareIsThatOfTheImagesOrOfTheOrigin) {
   const auto root = [](double log_factor, double stddev, IntrinsicsOrigin origin) {
     return std::sqrt(JudgeFocalLength(log_factor, stddev, origin, {}).mean_square);

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 #include <string>
 #include <utility>
 
@@ -40,15 +39,9 @@ bool IsInDoubt(const LocalizationResult& result, const LocalizerOptions& options
 }
 
 // True if a pose with an estimated focal length is far less credible than that with the other intrinsics. Then it is no
-// evidence against these, because in repetitive scenes some focal length fits false matches. That the images determine
-// the focal length badly does not count against it where it cannot take the place of a given one, because the judgement
-// knows its standard deviation.
+// evidence against these, because in repetitive scenes some focal length fits false matches.
 bool IsFarLessCredible(const LocalizationResult& refined, const LocalizationResult& given) {
-  PoseEvidence evidence = refined.evidence;
-  if (given.intrinsics.origin == IntrinsicsOrigin::GIVEN) {
-    evidence.focal_stddev_ratio = std::numeric_limits<double>::quiet_NaN();
-  }
-  return refined.confidence && Confidence(evidence) < 0.5 * given.confidence.value_or(0);
+  return refined.confidence && *refined.confidence < 0.5 * given.confidence.value_or(0);
 }
 
 // Returns the result with the given focal length if an estimate does not contradict it, even if its score did.
@@ -182,14 +175,14 @@ LocalizationResult LocalizeLone(const QueryGroup& query, const LocalizerOptions&
   if (IsDistanceLeftToPrior(given)) {
     return LocalizeLone(WithPair(query, given.partial_pose->bearing->database_name), options);
   }
-  const bool can_refine =
-      options.intrinsics == IntrinsicsMode::AUTO && HasFocalLength(query.images.front().problem.query_camera);
+  const LocalizationProblem& problem = query.images.front().problem;
+  const bool can_refine = options.intrinsics == IntrinsicsMode::AUTO && HasFocalLength(problem.query_camera) &&
+                          problem.intrinsics_origin != IntrinsicsOrigin::MODEL;
   if (!can_refine || !IsInDoubt(given, options)) return given;
   LocalizationResult refined = localize(LocalizeWithUnknownFocalLength);
   StageTimer::Seconds seconds = given.seconds;
   for (const auto& [stage, time] : refined.seconds) StageTimer::Add(stage, time, &seconds);
   LocalizationResult result = Decide(std::move(given), std::move(refined), options);
-  const LocalizationProblem& problem = query.images.front().problem;
   if (IsNearAlternative(problem, result)) {
     LocalizationResult other = LocalizeLone(WithCamera(query, *problem.alternative_camera), options);
     for (const auto& [stage, time] : other.seconds) StageTimer::Add(stage, time, &seconds);

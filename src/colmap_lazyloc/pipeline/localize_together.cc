@@ -126,7 +126,6 @@ struct Found {
   const Layout& layout;
   const PairEstimates& estimates;
   const PairRefs& pairs;
-  const Start& start;
   const Refined& refined;
   std::vector<QueryPriorResult> priors;
 };
@@ -150,18 +149,13 @@ std::vector<IntrinsicsResult> AddPoses(const Found& found, const LocalizerOption
   report->AddIntrinsics(checked.results);
   report->AddCameras(checked.cameras);
   report->AddUncertainties(checked.uncertainties);
-  std::vector<PoseEvidence> evidence = Timed("confidence", report, [&] {
-    return MeasureEvidence(layout, found.estimates, /*has_relative_poses=*/camera == nullptr, found.start.posed,
-                           refined, checked.uncertainties);
-  });
-  if (options.start_pose != StartPose::BEST) {
-    // Leaves the way from a start that an option chooses out, because it tells more of the option than of the pose.
-    for (PoseEvidence& of_frame : evidence) of_frame.start_distance_ratio = std::numeric_limits<double>::quiet_NaN();
-  }
-  if (camera != nullptr) {
-    evidence[0].focal_stddev_ratio = checked.results[0].focal_factor_stddev / checked.results[0].focal_factor;
-  }
-  report->AddEvidence(layout, evidence, options.min_confidence);
+  report->AddEvidence(layout,
+                      Timed("confidence", report,
+                            [&] {
+                              return MeasureEvidence(layout, found.estimates, /*has_relative_poses=*/camera == nullptr,
+                                                     refined, checked.uncertainties);
+                            }),
+                      options.min_confidence);
   report->AddPoses(layout, checked.posed);
   report->AddRefined(layout, refined);
   return checked.results;
@@ -200,8 +194,7 @@ Outcome Localize(const QueryGroup& group, bool averages_motion, const LocalizerO
     report->AddStart(layout, start);
     const auto [refined, priors] =
         RefineWithPriors(layout, averaged.pairs, start_tracks, std::move(candidates), options, report, &start);
-    const auto intrinsics =
-        AddPoses({group, layout, estimates, averaged.pairs, start, refined, priors}, options, report);
+    const auto intrinsics = AddPoses({group, layout, estimates, averaged.pairs, refined, priors}, options, report);
     report->AddDepthsOfPoses(layout, refined, options);
     report->AddPairErrors(layout, averaged, refined.adjustment.posed);
     if (options.intrinsics != IntrinsicsMode::GIVEN) RefuseContradicted(layout, intrinsics);
@@ -249,7 +242,7 @@ Outcome LocalizeWithUnknownFocalLength(const QueryGroup& query, const LocalizerO
         AdjustWithPriors(judgement.used, options, &camera, &refined);
       }
     }
-    AddPoses({query, layout, estimates, pairs, start, refined, priors}, options, report, &camera);
+    AddPoses({query, layout, estimates, pairs, refined, priors}, options, report, &camera);
   });
 }
 

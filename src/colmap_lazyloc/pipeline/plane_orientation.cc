@@ -13,6 +13,7 @@
 #include "colmap_lazyloc/pipeline/pose_uncertainty.h"
 #include "colmap_lazyloc/pipeline/position_ambiguity.h"
 #include "colmap_lazyloc/pipeline/prior_comparison.h"
+#include "colmap_lazyloc/scene/epipolar_error.h"
 
 namespace lazyloc {
 namespace {
@@ -44,29 +45,9 @@ Eigen::Vector3d FitPlane(const Eigen::MatrixX3d& rays, const Eigen::VectorXd& in
   return normal;
 }
 
-// Errors of a match in pixels: squared distance from the epipolar line, if the point is in front of both cameras, else
-// the squared parallax.
-struct MatchError {
-  double squared_px;
-  bool is_in_front;
-};
-
-MatchError ErrorOf(const Rigid3d& query_from_database, const Track& match) {
-  const Observation& query = match.observations.front().observation;
-  const Observation& database = match.observations.back().observation;
-  const Eigen::Vector3d query_ray = query_from_database.rotation.conjugate() * query.ray_in_cam;
-  const Eigen::Vector3d& database_ray = database.ray_in_cam;
-  const Eigen::Vector3d direction = CamInWorld(query_from_database).normalized();
-  const Eigen::Vector3d normal = database_ray.cross(query_ray);
-  const double query_rad = RadFromPx(query), database_rad = RadFromPx(database);
-  const double in_front_of_database = direction.cross(query_ray).dot(normal);
-  const double in_front_of_query = direction.cross(database_ray).dot(normal);
-  if (in_front_of_database <= 0 || in_front_of_query <= 0) {
-    return {normal.squaredNorm() / (query_rad * query_rad + database_rad * database_rad), false};
-  }
-  const double variance = std::pow(query_rad, 2) * direction.cross(database_ray).squaredNorm() +
-                          std::pow(database_rad, 2) * direction.cross(query_ray).squaredNorm();
-  return {std::pow(normal.dot(direction), 2) / std::max(variance, 1e-24), true};
+EpipolarError ErrorOf(const Rigid3d& query_from_database, const Track& match) {
+  return MeasureEpipolarError(query_from_database, match.observations.front().observation,
+                              match.observations.back().observation);
 }
 
 // The standard deviation of the bearing that an open position leaves, if any, and how much the priors of a query
@@ -161,7 +142,7 @@ double EpipolarNoisePx(const Rigid3d& query_from_database, const std::vector<Tra
   constexpr double kMedianOfNormal = 0.6745;
   std::vector<double> errors_px;
   for (const Track& match : matches) {
-    const MatchError error = ErrorOf(query_from_database, match);
+    const EpipolarError error = ErrorOf(query_from_database, match);
     if (error.is_in_front) errors_px.push_back(std::sqrt(error.squared_px));
   }
   return errors_px.empty() ? kMinNoisePx : std::max(Median(std::move(errors_px)) / kMedianOfNormal, kMinNoisePx);

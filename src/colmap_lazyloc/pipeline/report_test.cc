@@ -74,7 +74,7 @@ TEST(Report, QueriesBelowTheMinimumConfidenceAreNotLocalized) {
   good.num_common_tracks = 200;
   good.explained_ratio = good.agreeing_ratio = 1;
   bad.num_common_tracks = 0;
-  bad.median_error_px = bad.position_stddev_ratio = bad.start_distance_ratio = 1;
+  bad.median_error_px = bad.position_stddev_ratio = 1;
   Report report(scene.group);
   report.AddEvidence(input.layout, {good, bad}, 0.5);
   const std::vector<LocalizationResult> results = std::move(report).Finish();

@@ -25,7 +25,7 @@ constexpr double kMinUncalibratedChiSquare = 13.3;
 CorrectionEstimate EstimateUncalibrated(const IntrinsicsScore& score, const IntrinsicsScore::Matrix& score_covariance,
                                         const Camera& camera, IntrinsicsOrigin origin) {
   CorrectionEstimate estimate;
-  if (origin == IntrinsicsOrigin::GIVEN) return estimate;
+  if (IsCalibrated(origin)) return estimate;
   using Matrix = Eigen::Matrix<double, kNumOthers, kNumOthers>;
   const double radius = HalfDiagonalPx(camera);
   const double shift = kUncalibratedShift * radius;

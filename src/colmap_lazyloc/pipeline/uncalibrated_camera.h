@@ -12,7 +12,7 @@ struct CorrectionEstimate {
 };
 
 // Estimates the corrections but the focal length's, if nobody has calibrated the camera: by a normal prior and the
-// images. Zero for given intrinsics.
+// images. Zero for calibrated intrinsics.
 CorrectionEstimate EstimateUncalibrated(const IntrinsicsScore& score, const IntrinsicsScore::Matrix& score_covariance,
                                         const Camera& camera, IntrinsicsOrigin origin);
 
