@@ -103,7 +103,7 @@ struct LocalizerOptions {
   // typical database, or for queries with few database images what matches among these show.
   double database_pose_noise_px = -1;
   DepthOptions depth;
-  double min_confidence = 0.9;  // of a pose; a query below it is not LOCALIZED
+  double min_confidence = 0.92;  // of a pose; a query below it is not LOCALIZED
   // Maximum standard deviation of a position over the distance to the scene; a query above it is not LOCALIZED.
   double max_position_stddev_ratio = 0.1;
 
