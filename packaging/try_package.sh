@@ -39,7 +39,7 @@ try_deb() {
   inside "time apt-get install -y -qq --no-install-recommends ./$(basename "$package") > apt2.log 2>&1
     dpkg -s colmap-lazyloc | grep -E '^(Status|Installed-Size|Version)'
     lazy_localizer --database_path database.db --input_path database_model --image_path images \
-      --query_list_path queries.txt --output_path localized | tail -n 12
+      --query_list_path queries.txt --output_path localized 2>&1 | tail -n 12
     lazy_indexer --help | head -n 1
     colmap-lazyloc help | grep -m 1 COLMAP
     colmap help | grep -m 1 COLMAP
