@@ -2,6 +2,7 @@
 
 import argparse
 import functools
+import os
 import sys
 
 EXIT_INTERRUPTED = 130
@@ -14,8 +15,8 @@ class InputError(ValueError):
 def command(main):
     """Turns `main(arguments)`, which may return an exit code, into a command.
 
-    If the input is bad, or a file cannot be read or written, the command prints one line and ends with exit code 1;
-    after Ctrl-C with exit code 130.
+    If an argument or the input is bad, or a file cannot be read or written, the command prints what is wrong and ends
+    with exit code 1; after Ctrl-C with exit code 130. It is no error if the reader of the output has seen enough.
     """
     # Take the name from the specification, because `python -m` names the module __main__.
     program = sys.modules[main.__module__].__spec__.name.removesuffix(".__main__")
@@ -23,7 +24,16 @@ def command(main):
     @functools.wraps(main)
     def run(arguments=None) -> int:
         try:
-            return main(arguments) or 0
+            try:
+                exit_code = main(arguments) or 0
+            except SystemExit as end:
+                exit_code = 1 if end.code == 2 else end.code  # argparse ends with 2 if an argument is bad
+            sys.stdout.flush()
+            return exit_code
+        except BrokenPipeError:
+            # Drop the rest of the output, because Python would try to write it at its end.
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+            return 0
         except (InputError, OSError) as error:
             print(f"{program}: {_escape(str(error))}", file=sys.stderr)
             return 1
