@@ -39,7 +39,7 @@ def remove_images(connection: sqlite3.Connection, image_ids: Iterable[int]):
 class DatabaseReader:
     """Reads keypoints and verified matches by image name; use it in a `with` statement."""
 
-    def __init__(self, path):
+    def __init__(self, path: pathlib.Path | str):
         self.path = pathlib.Path(path)
         # Take the file as immutable if it has no write-ahead log, because SQLite makes one otherwise, even for reading.
         has_log = pathlib.Path(f"{path}-wal").exists()
@@ -49,10 +49,10 @@ class DatabaseReader:
         rows = self._connection.execute("SELECT pair_id, rows FROM two_view_geometries WHERE rows > 0")
         self._num_inliers = dict(rows)
 
-    def __enter__(self):
+    def __enter__(self) -> "DatabaseReader":
         return self
 
-    def __exit__(self, *_):
+    def __exit__(self, *_: object) -> None:
         self._connection.close()
 
     def num_inliers(self, name1: str, name2: str) -> int:

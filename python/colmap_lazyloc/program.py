@@ -51,6 +51,12 @@ def gpu_option(colmap, command_name: str) -> str:
     return match.group()
 
 
+def has_command(colmap, command_name: str) -> bool:
+    """True if a colmap program has a command, for example lazy_localizer."""
+    done = subprocess.run([str(colmap), "help"], capture_output=True, text=True, check=False)
+    return re.search(rf"^\s+{command_name}$", done.stdout + done.stderr, re.MULTILINE) is not None
+
+
 def extract_features(colmap, database_path, image_path, names, camera, *options):
     """Extracts the SIFT features of images below `image_path`, all taken by one camera (model.Camera)."""
     with tempfile.NamedTemporaryFile("w", suffix=".txt") as names_file:

@@ -1,0 +1,47 @@
+"""The optional packages: which extra of the package brings what, and one line about a missing one."""
+
+import dataclasses
+import importlib.util
+
+
+@dataclasses.dataclass(frozen=True)
+class Extra:
+    """An extra of pyproject.toml: what it is for, and the modules by the name of their packages."""
+
+    purpose: str
+    modules: dict[str, str]
+
+
+EXTRAS = {
+    "run": Extra("lazyloc run: frames of videos, photos in the report, progress", {"opencv": "cv2", "tqdm": "tqdm"}),
+    "import": Extra(
+        "lazyloc import: sizes and GPS of photos, geographic coordinates, calibration files, angles",
+        {"pillow": "PIL", "pyproj": "pyproj", "pyyaml": "yaml", "scipy": "scipy"},
+    ),
+    "report": Extra(
+        "lazyloc report: photos, plots, progress", {"matplotlib": "matplotlib", "opencv": "cv2", "tqdm": "tqdm"}
+    ),
+    "demo": Extra("lazyloc demo: rendering", {"opencv": "cv2", "scipy": "scipy"}),
+    "retrieval": Extra("lazyloc retrieve: global descriptors", {"faiss-cpu": "faiss", "h5py": "h5py"}),
+    "cluster": Extra("lazyloc cluster: Dask", {"bokeh": "bokeh", "distributed": "distributed", "tqdm": "tqdm"}),
+    "hloc": Extra("files of hloc, projection of points", {"h5py": "h5py", "pycolmap": "pycolmap"}),
+}
+
+
+def is_installed(module: str) -> bool:
+    """True if a module can be imported; does not import it."""
+    return importlib.util.find_spec(module) is not None
+
+
+def missing_package(error: ImportError, preferred: str | None = None) -> str | None:
+    """Returns one line that says which extra brings the module that an import lacks; None if no extra does.
+
+    `preferred`: the extra to name if several bring it.
+    """
+    module = (error.name or "").partition(".")[0]
+    extras = [name for name, extra in EXTRAS.items() if module in extra.modules.values()]
+    if not extras:
+        return None
+    name = preferred if preferred in extras else extras[0]
+    package = next(package for package, import_name in EXTRAS[name].modules.items() if import_name == module)
+    return f"{package} is missing: pip install 'colmap-lazyloc[{name}]'"
