@@ -79,7 +79,8 @@ def test_transforms_json(run, photos, tmp_path, capsys):
     assert "2 of 2 queries localized" in printed.out and "query/0.png" in printed.out
     assert "features of 6 images" in printed.err and "matching 15 pairs" in printed.err
     with DatabaseReader(output / "database.db") as database:  # others can go on with it
-        assert sorted(database.image_ids) == photos.database_names
+        assert database.image_ids == {name: index for index, name in enumerate(photos.database_names, start=1)}
+        assert database.camera(photos.database_names[0]).params == (400, 400, 241, 179, -0.03, 0, 0, 0)
         assert database.num_inliers(*photos.database_names[:2]) > 30
     run(poses)
     assert "features" not in (again := capsys.readouterr().err) and "localizing" not in again

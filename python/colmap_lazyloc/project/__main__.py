@@ -100,6 +100,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     _check(options)
     sift_options, localizer_options = _split(words)
     colmap = steps.find_program()
+    steps.check_localizer_options(colmap, localizer_options)
     folder = Folder(options.output_path)
     if options.overwrite:
         _remove(folder)
@@ -138,6 +139,8 @@ def _check(options: argparse.Namespace) -> None:
         raise InputError(f"--queries {options.queries}: does not exist")
     if options.masks is not None and not options.masks.is_dir():
         raise InputError(f"--masks {options.masks}: is not a folder")
+    if options.query_camera is not None:
+        Camera.parse("--query_camera", options.query_camera)
     for path in (options.database_images, options.queries):
         if options.output_path.resolve() == path.resolve():
             raise InputError(f"--output {options.output_path}: is a folder of photos")

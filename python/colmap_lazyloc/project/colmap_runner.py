@@ -19,7 +19,7 @@ class ColmapRunner:
     def __init__(self, log_path: pathlib.Path):
         self._log_path = log_path
 
-    def run(self, words: Sequence[object], title: str) -> None:
+    def run(self, words: Sequence[object], title: str = "") -> None:
         """Runs a command; raises InputError with its last line if it fails."""
         texts = [str(word) for word in words]
         last_lines: list[str] = []
@@ -56,7 +56,8 @@ class ProgressBar:
     """Shows on a terminal how far a command is; without tqdm, only its title."""
 
     def __init__(self, title: str):
-        print(f"lazyloc run: {title}", file=sys.stderr, flush=True)
+        if title:
+            print(f"lazyloc run: {title}", file=sys.stderr, flush=True)
         try:
             from tqdm import tqdm
         except ImportError:

@@ -1,17 +1,18 @@
 """The steps of a project: each does nothing if its work is done."""
 
 import dataclasses
+import difflib
 import pathlib
 import shutil
 from collections.abc import Mapping, Sequence
 
 from colmap_lazyloc.cluster.task import command_line
-from colmap_lazyloc.database import DatabaseReader
+from colmap_lazyloc.database import DatabaseReader, add_images
 from colmap_lazyloc.errors import InputError
 from colmap_lazyloc.import_poses import write_posed_images
 from colmap_lazyloc.model import Camera, read_model
 from colmap_lazyloc.pose_formats.posed_images import PosedImage, PosedImages
-from colmap_lazyloc.program import find_colmap, gpu_option, has_command
+from colmap_lazyloc.program import find_colmap, gpu_option, has_command, option_names
 from colmap_lazyloc.project.colmap_runner import ColmapRunner
 from colmap_lazyloc.project.folder import DATABASE, Folder, Steps, fingerprint
 from colmap_lazyloc.project.pairs import all_pairs, pairs_by_viewpoint, pairs_in_sequence
@@ -34,24 +35,21 @@ class Project:
     has_masks: bool
     sift_options: Sequence[str]  # for extraction in the database, and of photos
 
-    def extract(self, names: Mapping[Camera | None, Sequence[str]], one_camera: bool = False) -> None:
-        """Extracts the features of images by their cameras; None: COLMAP guesses, or takes EXIF's focal length."""
-        common = ["--database_path", self.folder.database, "--image_path", self.folder.images]
-        common += [gpu_option(self.colmap, "feature_extractor"), int(self.use_gpu), *self.sift_options]
+    def extract(self, cameras: Mapping[str, Camera | None], one_camera: bool = False) -> None:
+        """Extracts the features of images by name; without a camera, COLMAP guesses it or takes EXIF's focal length."""
+        if not self.folder.database.exists():
+            words = [self.colmap, "database_creator", "--database_path", self.folder.database]
+            self.runner.run(words)
+        add_images(self.folder.database, {name: camera for name, camera in cameras.items() if camera is not None})
+        words = [self.colmap, "feature_extractor", "--database_path", self.folder.database]
+        words += ["--image_path", self.folder.images, "--image_list_path", self.folder.write_list("images", cameras)]
+        words += [gpu_option(self.colmap, "feature_extractor"), int(self.use_gpu), *self.sift_options]
         if self.has_masks:
-            common += ["--ImageReader.mask_path", self.folder.masks]
-        num_images = sum(map(len, names.values()))
-        for index, (camera, of_camera) in enumerate(names.items()):
-            words = [self.colmap, "feature_extractor", *common, "--image_list_path"]
-            words.append(self.folder.write_list("images", of_camera))
-            if camera is not None:
-                words += ["--ImageReader.camera_model", camera.model, "--ImageReader.single_camera", 1]
-                words += ["--ImageReader.camera_params", ",".join(repr(float(value)) for value in camera.params)]
-            elif one_camera:
-                words += ["--ImageReader.single_camera_per_folder", 1]
-            part = f", camera {index + 1} of {len(names)}" if len(names) > 1 else ""
-            self.runner.run(words, f"features of {num_images} images{part}")
-        self._check_features([name for of_camera in names.values() for name in of_camera])
+            words += ["--ImageReader.mask_path", self.folder.masks]
+        if one_camera:
+            words += ["--ImageReader.single_camera_per_folder", 1]
+        self.runner.run(words, f"features of {len(cameras)} images")
+        self._check_features(list(cameras))
 
     def match(self, pairs: Sequence[tuple[str, str]]) -> None:
         """Matches pairs and verifies the matches; those in the database are kept."""
@@ -76,7 +74,7 @@ class Project:
     def _check_features(self, names: Sequence[str]) -> None:
         """Checks that COLMAP has taken all images, because it only logs why it leaves one out."""
         with DatabaseReader(self.folder.database) as database:
-            missing = [name for name in names if name not in database.image_ids]
+            missing = [name for name in names if not database.has_keypoints(name)]
         if missing:
             raise InputError(
                 f"{self.folder.images / missing[0]}: COLMAP could not use the photo, nor {len(missing) - 1} others: "
@@ -87,12 +85,12 @@ class Project:
 def make_database(project: Project, names: Sequence[str], posed: PosedImages | None, num_neighbors: int) -> None:
     """Makes the database with the features of the database images and the matches among them."""
     folder = project.folder
-    cameras: dict[Camera | None, list[str]] = {} if posed is not None else {None: list(names)}
-    for image in [] if posed is None else posed.images:
-        cameras.setdefault(image.camera, []).append(f"{DATABASE}/{image.name}")
-    used = sorted(name for of_camera in cameras.values() for name in of_camera)
+    cameras: dict[str, Camera | None] = dict.fromkeys(names)
+    if posed is not None:
+        cameras = {f"{DATABASE}/{image.name}": image.camera for image in posed.images}
+    used = sorted(cameras)
     files = [folder.images / name for name in used]
-    key = fingerprint([str(camera) for camera in cameras], project.sift_options, project.has_masks, files=files)
+    key = fingerprint([str(cameras[name]) for name in used], project.sift_options, project.has_masks, files=files)
     if project.steps.differs("features", key):
         raise InputError(
             f"{folder.path}: its database was made of other photos, cameras, masks or features; take another folder, "
@@ -147,7 +145,7 @@ def add_queries(
     key = fingerprint(database, queries, str(camera), is_sequence, project.has_masks, files=files)
     if project.steps.is_done("queries", key):
         return
-    project.extract({camera: list(queries)}, one_camera=is_sequence)
+    project.extract(dict.fromkeys(queries, camera), one_camera=is_sequence)
     pairs = pairs_in_sequence(queries, SEQUENCE_REACH) if is_sequence else []
     if len(database) <= MAX_NUM_EXHAUSTIVE:
         pairs += all_pairs(queries, database)
@@ -186,6 +184,15 @@ def database_names(folder: Folder) -> list[str]:
     """Returns the names of the database images in the database."""
     with DatabaseReader(folder.database) as database:
         return sorted(name for name in database.image_ids if name.startswith(f"{DATABASE}/"))
+
+
+def check_localizer_options(colmap: pathlib.Path, words: Sequence[str]) -> None:
+    """Checks the names of options early, because lazy_localizer runs last. The installed package checks them itself."""
+    known = option_names(colmap, "lazy_localizer", "--help-all") if has_command(colmap, "lazy_localizer") else []
+    for name in [word.removeprefix("--").partition("=")[0] for word in words if word.startswith("--") and known]:
+        if name not in known:
+            near = difflib.get_close_matches(name, known, 1)
+            raise InputError(f"unknown option --{name}" + (f"; the nearest is --{near[0]}" if near else ""))
 
 
 def find_program() -> pathlib.Path:
