@@ -1,6 +1,6 @@
 """Compares estimated query poses with ground truth: position and rotation errors, recall at thresholds.
 
-    python -m colmap_lazyloc.evaluate ESTIMATED --ground_truth TRUTH
+    lazyloc evaluate ESTIMATED --ground_truth TRUTH
 
 ESTIMATED and TRUTH are either files with lines `name qw qx qy qz tx ty tz` (cam_from_world, as lazy_localizer writes
 poses.txt) or folders with a COLMAP model, text or binary. A query without an estimated pose counts as a failure in
@@ -134,7 +134,9 @@ def _threshold(text: str) -> tuple:
 
 
 def parse_arguments(arguments):
-    parser = argparse.ArgumentParser(description=__doc__)
+    parser = argparse.ArgumentParser(
+        prog="lazyloc evaluate", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("estimated_poses", type=pathlib.Path, help="poses file, or folder with a COLMAP model")
     parser.add_argument(
         "--ground_truth", type=pathlib.Path, required=True, help="poses file, or folder with a COLMAP model"
@@ -158,7 +160,7 @@ def parse_arguments(arguments):
     return options
 
 
-@command
+@command(name="lazyloc evaluate")
 def main(arguments=None):
     options = parse_arguments(arguments)
     estimated, truth = read_any_poses(options.estimated_poses), read_any_poses(options.ground_truth)

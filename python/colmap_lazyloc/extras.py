@@ -12,18 +12,18 @@ class Extra:
     modules: dict[str, str]
 
 
+OPENCV = {"opencv-python-headless": "cv2"}
+TQDM = {"tqdm": "tqdm"}
 EXTRAS = {
-    "run": Extra("lazyloc run: frames of videos, photos in the report, progress", {"opencv": "cv2", "tqdm": "tqdm"}),
+    "run": Extra("lazyloc run: videos, photos in the report, progress", {**OPENCV, "pillow": "PIL", **TQDM}),
     "import": Extra(
         "lazyloc import: sizes and GPS of photos, geographic coordinates, calibration files, angles",
         {"pillow": "PIL", "pyproj": "pyproj", "pyyaml": "yaml", "scipy": "scipy"},
     ),
-    "report": Extra(
-        "lazyloc report: photos, plots, progress", {"matplotlib": "matplotlib", "opencv": "cv2", "tqdm": "tqdm"}
-    ),
-    "demo": Extra("lazyloc demo: rendering", {"opencv": "cv2", "scipy": "scipy"}),
+    "report": Extra("lazyloc report: photos, plots, progress", {"matplotlib": "matplotlib", **OPENCV, **TQDM}),
+    "demo": Extra("lazyloc demo: rendering", {**OPENCV, "scipy": "scipy"}),
     "retrieval": Extra("lazyloc retrieve: global descriptors", {"faiss-cpu": "faiss", "h5py": "h5py"}),
-    "cluster": Extra("lazyloc cluster: Dask", {"bokeh": "bokeh", "distributed": "distributed", "tqdm": "tqdm"}),
+    "cluster": Extra("lazyloc cluster: Dask", {"bokeh": "bokeh", "distributed": "distributed", **TQDM}),
     "hloc": Extra("files of hloc, projection of points", {"h5py": "h5py", "pycolmap": "pycolmap"}),
 }
 
@@ -34,10 +34,12 @@ def is_installed(module: str) -> bool:
 
 
 def missing_package(error: ImportError, preferred: str | None = None) -> str | None:
-    """Returns one line that says which extra brings the module that an import lacks; None if no extra does.
+    """Returns one line about the package that an import lacks; None if it is not an optional one.
 
     `preferred`: the extra to name if several bring it.
     """
+    if error.name == "colmap_lazyloc._core":
+        return str(error)
     module = (error.name or "").partition(".")[0]
     extras = [name for name, extra in EXTRAS.items() if module in extra.modules.values()]
     if not extras:
