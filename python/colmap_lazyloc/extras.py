@@ -2,6 +2,7 @@
 
 import dataclasses
 import importlib.util
+import pathlib
 
 
 @dataclasses.dataclass(frozen=True)
@@ -28,6 +29,12 @@ EXTRAS = {
 }
 
 
+# The folder of the Debian package, whose users install other packages with apt.
+IS_DEBIAN_PACKAGE = pathlib.Path(__file__).is_relative_to("/usr/share/colmap-lazyloc")
+DEBIAN_NAMES = {"cv2": "python3-opencv", "PIL": "python3-pil"}
+NOT_IN_DEBIAN = ("bokeh", "pycolmap")
+
+
 def is_installed(module: str) -> bool:
     """True if a module can be imported; does not import it."""
     return importlib.util.find_spec(module) is not None
@@ -46,4 +53,6 @@ def missing_package(error: ImportError, preferred: str | None = None) -> str | N
         return None
     name = preferred if preferred in extras else extras[0]
     package = next(package for package, import_name in EXTRAS[name].modules.items() if import_name == module)
+    if IS_DEBIAN_PACKAGE and module not in NOT_IN_DEBIAN:
+        return f"{package} is missing: apt install {DEBIAN_NAMES.get(module, f'python3-{module}')}"
     return f"{package} is missing: pip install 'colmap-lazyloc[{name}]'"
