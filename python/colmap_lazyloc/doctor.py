@@ -16,7 +16,7 @@ import numpy as np
 
 import colmap_lazyloc
 from colmap_lazyloc.errors import command
-from colmap_lazyloc.extras import EXTRAS, Extra, is_installed
+from colmap_lazyloc.extras import EXTRAS, Extra, install_command, is_installed
 from colmap_lazyloc.program import find_colmap, has_command
 
 FEATURES, LOCALIZER = "feature_extractor", "lazy_localizer"
@@ -44,15 +44,17 @@ def describe_extension() -> str:
 
 def describe_extra(name: str, extra: Extra) -> str:
     """Returns a line about an extra: the versions of its packages, or how to get them."""
-    versions, missing = [], []
+    versions: list[str] = []
+    missing: dict[str, str] = {}
     for package, module in extra.modules.items():
         if is_installed(module):
             versions.append(f"{package} {_version(package, module)}".strip())
         else:
-            missing.append(package)
+            missing[package] = module
     if not missing:
         return f"{name:<10} {', '.join(versions)}"
-    return f"{name:<10} missing: {', '.join(missing)}; pip install 'colmap-lazyloc[{name}]' brings {extra.purpose}"
+    how = install_command(name, list(missing.values()))
+    return f"{name:<10} missing: {', '.join(missing)}; {how} brings {extra.purpose}"
 
 
 def _version(package: str, module: str) -> str:

@@ -3,6 +3,7 @@
 import dataclasses
 import importlib.util
 import pathlib
+from collections.abc import Sequence
 
 
 @dataclasses.dataclass(frozen=True)
@@ -53,6 +54,11 @@ def missing_package(error: ImportError, preferred: str | None = None) -> str | N
         return None
     name = preferred if preferred in extras else extras[0]
     package = next(package for package, import_name in EXTRAS[name].modules.items() if import_name == module)
-    if IS_DEBIAN_PACKAGE and module not in NOT_IN_DEBIAN:
-        return f"{package} is missing: apt install {DEBIAN_NAMES.get(module, f'python3-{module}')}"
-    return f"{package} is missing: pip install 'colmap-lazyloc[{name}]'"
+    return f"{package} is missing: {install_command(name, [module])}"
+
+
+def install_command(name: str, modules: Sequence[str]) -> str:
+    """Returns the command that installs modules of an extra."""
+    if IS_DEBIAN_PACKAGE and not set(modules) & set(NOT_IN_DEBIAN):
+        return f"apt install {' '.join(DEBIAN_NAMES.get(module, f'python3-{module}') for module in modules)}"
+    return f"pip install 'colmap-lazyloc[{name}]'"
