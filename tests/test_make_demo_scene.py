@@ -180,7 +180,7 @@ def test_bad_options_are_refused(tmp_path, capsys):
         assert demo.main(["--output_path", str(tmp_path / "scene"), *option]) == 1
     (tmp_path / "file").write_text("")
     assert demo.main(["--output_path", str(tmp_path / "file")]) == 1
-    assert capsys.readouterr().err.splitlines()[-1].startswith("colmap_lazyloc.demo.scene: ")
+    assert capsys.readouterr().err.splitlines()[-1].startswith("lazyloc demo: ")
     assert not (tmp_path / "scene").exists()
 
 

@@ -1,4 +1,4 @@
-"""Tests of `python -m colmap_lazyloc.report`: what a page holds. The page itself is tested in test_report_page.py."""
+"""Tests of `lazyloc report`: what a page holds. The page itself is tested in test_report_page.py."""
 
 import json
 import math

@@ -1,6 +1,6 @@
 """Compares estimated query poses with ground truth: position and rotation errors, recall at thresholds.
 
-    python -m colmap_lazyloc.evaluate ESTIMATED --ground_truth TRUTH
+    lazyloc evaluate ESTIMATED --ground_truth TRUTH
 
 ESTIMATED is the output folder of `colmap lazy_localizer`. ESTIMATED and TRUTH may also be files with lines
 `name qw qx qy qz tx ty tz` (cam_from_world, as in poses.txt) or folders with a COLMAP model, text or binary. A query
@@ -160,7 +160,9 @@ def _threshold(text: str) -> tuple:
 
 
 def parse_arguments(arguments):
-    parser = argparse.ArgumentParser(description=__doc__)
+    parser = argparse.ArgumentParser(
+        prog="lazyloc evaluate", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument(
         "estimated_poses", type=pathlib.Path, help="output folder of a run, poses file, or folder with a COLMAP model"
     )
@@ -194,7 +196,7 @@ def parse_arguments(arguments):
     return options
 
 
-@command
+@command(name="lazyloc evaluate")
 def main(arguments=None):
     options = parse_arguments(arguments)
     estimated, truth = read_any_poses(options.estimated_poses), read_any_poses(options.ground_truth)
