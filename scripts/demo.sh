@@ -40,7 +40,7 @@ make_database() {
 BUILD_TARGETS=program scripts/setup.sh
 mkdir -p "$DEMO_DIR"
 : > "$LOG"
-"$PYTHON" -m colmap_lazyloc.demo --output_path "$DEMO_DIR"
+scripts/lazyloc demo --output_path "$DEMO_DIR"
 make_database
 say "localizing the queries"
 rm -f "$DEMO_DIR/matches.db"
@@ -48,10 +48,10 @@ colmap lazy_localizer --database_path "$DEMO_DIR/database.db" --input_path "$DEM
   --image_path "$DEMO_DIR/images" --query_list_path "$DEMO_DIR/queries_with_intrinsics.txt" \
   --LazyLocalizer.Advanced.matches_output_path "$DEMO_DIR/matches.db" --output_path "$DEMO_DIR/localized"
 say "writing the report"
-report=$("$PYTHON" -m colmap_lazyloc.report "$DEMO_DIR/localized" --image_path "$DEMO_DIR/images" \
+report=$(scripts/lazyloc report "$DEMO_DIR/localized" --image_path "$DEMO_DIR/images" \
   --database_path "$DEMO_DIR/matches.db" --ground_truth "$DEMO_DIR/ground_truth/poses.txt" \
   --output "$DEMO_DIR/report.html")
-"$PYTHON" -m colmap_lazyloc.evaluate "$DEMO_DIR/localized" --ground_truth "$DEMO_DIR/ground_truth/poses.txt" \
+scripts/lazyloc evaluate "$DEMO_DIR/localized" --ground_truth "$DEMO_DIR/ground_truth/poses.txt" \
   --unit m --thresholds 0.01,0.1 0.05,0.2 0.25,2 --per_query --json "$DEMO_DIR/accuracy.json"
 "$PYTHON" - "$DEMO_DIR/scene.json" "$DEMO_DIR/accuracy.json" << 'CHECK'
 import json, sys

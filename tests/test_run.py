@@ -1,5 +1,6 @@
 """Tests of `lazyloc run`: from files to the report by one command, with positions that are right."""
 
+import csv
 import json
 import re
 import shutil
@@ -108,6 +109,11 @@ def test_table_in_latitude_and_longitude(run, photos, tmp_path):
     output = run(tmp_path / "poses.csv", "--geo_origin", origin)
     assert_localized(output, true_queries(photos))
     assert GeoOrigin.read(output / "model") == ORIGIN
+    with (output / "localized" / "positions.csv").open(newline="") as table:
+        for row in csv.DictReader(table):
+            place = [[float(row[column])] for column in ("latitude_deg", "longitude_deg", "height_m")]
+            (found,) = ORIGIN.from_geodetic(*place)
+            assert np.linalg.norm(found - photos.poses[row["name"]].cam_in_world) < MAX_POSITION_ERROR
 
 
 def test_metashape_xml(run, photos, tmp_path):
