@@ -41,9 +41,10 @@ def test_bad_argument_has_the_exit_code_of_bad_input(capsys):
     assert main(["--help"]) == 0
 
 
-def test_closed_pipe_is_no_error():
+@pytest.mark.parametrize("words", [["evaluate", "--help"], ["doctor"]])
+def test_closed_pipe_is_no_error(words):
     process = subprocess.Popen(
-        [sys.executable, "-m", "colmap_lazyloc.evaluate", "--help"],
+        [sys.executable, "-m", "colmap_lazyloc", *words],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         env={**os.environ, "PYTHONPATH": str(PROJECT_PATH / "python")},

@@ -130,7 +130,7 @@ def geodetic(points, origin=pose_files.ORIGIN):
     to_geocentric = pyproj.Transformer.from_crs(4979, 4978, always_xy=True)
     centre = np.array(to_geocentric.transform(origin[1], origin[0], origin[2]))
     geocentric = np.asarray(points) @ rotation.T + centre
-    longitudes, latitudes, heights = to_geocentric.transform(*geocentric.T, direction="INVERSE")
+    longitudes, latitudes, heights = to_geocentric.transform(*geocentric.T.tolist(), direction="INVERSE")
     return np.stack([latitudes, longitudes, heights], axis=1), geocentric, rotation
 
 
