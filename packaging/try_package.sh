@@ -39,7 +39,10 @@ try_deb() {
   inside "time apt-get install -y -qq --no-install-recommends ./$(basename "$package") > apt2.log 2>&1
     dpkg -s colmap-lazyloc | grep -E '^(Status|Installed-Size|Version)'
     lazy_localizer --database_path database.db --input_path database_model --image_path images \
-      --query_list_path queries.txt --output_path localized | tail -n 12
+      --query_list_path queries.txt --output_path localized 2>&1 | tail -n 12
+    lazyloc doctor
+    lazyloc report localized --output report.html
+    lazyloc run --database_images images/database --poses database_model --queries images/query --output run
     lazy_indexer --help | head -n 1
     colmap-lazyloc help | grep -m 1 COLMAP
     colmap help | grep -m 1 COLMAP
@@ -56,6 +59,7 @@ try_wheel() {
     time venv/bin/pip install --quiet ./$(basename "$package")
     du -sh venv/lib/python3*/site-packages/colmap_lazyloc*
     venv/bin/lazy_localizer --help | head -n 1
+    venv/bin/lazyloc doctor
     time venv/bin/python localize_photo.py database.db database_model images/\$(head -n 1 queries.txt)"
 }
 

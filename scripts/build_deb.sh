@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Builds the Debian package colmap-lazyloc and puts it into a folder (default: dist). The package holds the program that
 # scripts/setup.sh has built, with man pages and bash completion made from the program's help. It is for the Debian that
-# builds it. It can be installed beside Debian's package colmap.
+# builds it, and the tool lazyloc. It can be installed beside Debian's package colmap.
 #
 #   scripts/build_deb.sh [FOLDER]
 #
@@ -24,6 +24,15 @@ for command in lazy_indexer lazy_localizer lazy_merger; do
   chmod +x "$stage/$command"
   ln -s colmap-lazyloc "$stage/completions/$command"
 done
+# The tool's package is not in Python's path, because its extension module is only in the wheel.
+cat > "$stage/lazyloc" << 'END'
+#!/bin/sh
+PYTHONPATH=/usr/share/colmap-lazyloc${PYTHONPATH:+:$PYTHONPATH} exec python3 -m colmap_lazyloc "$@"
+END
+chmod +x "$stage/lazyloc"
+ln -s colmap-lazyloc "$stage/completions/lazyloc"
+git ls-files -z python/colmap_lazyloc ':!python/colmap_lazyloc/testing' | xargs -0 cp --parents -t "$stage"
+chmod -R a-x,a+X "$stage/python"
 cp packaging/bash_completion "$stage/completions/colmap-lazyloc"
 "$PYTHON" scripts/help_pages.py man "$COLMAP" "$stage/man"
 COLMAP_SOURCE_DIR=$COLMAP_SOURCE_DIR "$PYTHON" scripts/licences.py program "$stage/licences"

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 COMMANDS = ("lazy_localizer", "lazy_indexer", "lazy_merger")
 PROGRAM = "colmap-lazyloc"  # the name of the installed program; Debian's own is colmap
+TOOL = "lazyloc"
 OPTION_PATTERN = r"^  (?:-h \[ )?--([\w.-]+)(?: \])?( arg)?(?: \(=(.*?)\))? +(.*)$"
 
 
@@ -107,13 +108,26 @@ def program_page(program: pathlib.Path) -> str:
         body += [".TP", rf"\fB{command}\fR", escape(read_help(program, command).purpose) + "."]
     body += [".SH COMMANDS", escape(", ".join(commands)) + ".", ".PP"]
     body.append(escape("The option -h after a command prints the command's options."))
-    return make_page(PROGRAM, "COLMAP with lazy visual localization", "command --option value ...", body, [*COMMANDS])
+    return make_page(
+        PROGRAM, "COLMAP with lazy visual localization", "command --option value ...", body, [TOOL, *COMMANDS]
+    )
+
+
+def tool_page() -> str:
+    """Returns the man page of the tool lazyloc."""
+    from colmap_lazyloc.__main__ import COMMANDS as TOOL_COMMANDS
+
+    body = [".SH DESCRIPTION", "Finds out where photos were taken, from photos with known poses.", ".SH COMMANDS"]
+    for name, (_, purpose) in TOOL_COMMANDS.items():
+        body += [".TP", rf"\fB{name}\fR", escape(purpose[0].upper() + purpose[1:]) + "."]
+    body += [".PP", escape("The option --help after a command prints the command's options.")]
+    return make_page(TOOL, "localize photos, from files to the report", "command [options]", body, [PROGRAM, *COMMANDS])
 
 
 def write_man_pages(program: pathlib.Path, folder: pathlib.Path) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     pages = {command: command_page(program, command) for command in COMMANDS}
-    for name, page in {**pages, PROGRAM: program_page(program)}.items():
+    for name, page in {**pages, PROGRAM: program_page(program), TOOL: tool_page()}.items():
         (folder / f"{name}.1").write_text(page, encoding="utf-8")
 
 

@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Runs Python with the package of this checkout, python/colmap_lazyloc, in the environment that scripts/setup.sh makes.
 #
-#   scripts/python.sh -m colmap_lazyloc.evaluate localized/poses.txt --ground_truth truth.txt
+#   scripts/python.sh -m colmap_lazyloc.upgrade_database database.db
 #
 # PYTHON: another interpreter to use; default: the one of that environment.
 set -euo pipefail

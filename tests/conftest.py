@@ -4,6 +4,7 @@ import dataclasses
 import functools
 import os
 import pathlib
+import re
 import shutil
 import signal
 import subprocess
@@ -26,6 +27,13 @@ MAX_SECONDS = 300  # a run that takes longer hangs
 signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
+def split_summary(stderr):
+    """Splits the standard error output of a run before the summary that ends it."""
+    match = re.search(r"^\n\d+ of \d+ queries done$", stderr, re.MULTILINE)
+    begin = len(stderr) if match is None else match.start()
+    return stderr[:begin], stderr[begin:]
+
+
 @dataclasses.dataclass
 class Run:
     """A run of `colmap lazy_localizer` that has ended."""
@@ -33,7 +41,17 @@ class Run:
     output_path: pathlib.Path
     exit_code: int
     stdout: str
-    stderr: str
+    standard_error: str
+
+    @property
+    def stderr(self):
+        """Returns the errors and warnings: the standard error output without the summary."""
+        return split_summary(self.standard_error)[0]
+
+    @property
+    def summary(self):
+        """Returns the end of the standard error output: the table of statuses and what follows it."""
+        return split_summary(self.standard_error)[1]
 
     @property
     def poses_bytes(self):

@@ -1,13 +1,15 @@
 """Tests of the package's commands: how they find colmap, how they end, and the scripts that start them."""
 
+import argparse
 import os
 import shutil
 import subprocess
+import sys
 
 import pytest
 
 from colmap_lazyloc import errors, program
-from conftest import SCRIPTS_PATH
+from conftest import PROJECT_PATH, SCRIPTS_PATH
 
 
 @pytest.mark.parametrize("text, line", [("a.txt: bad", "a.txt: bad"), ("a\nb: bad\x1b", "a\\nb: bad\\x1b")])
@@ -28,6 +30,27 @@ def test_missing_file_is_one_line(capsys, tmp_path):
     assert main() == 1
     error = capsys.readouterr().err
     assert "none" in error and error.count("\n") == 1
+
+
+def test_bad_argument_has_the_exit_code_of_bad_input(capsys):
+    @errors.command
+    def main(arguments):
+        argparse.ArgumentParser().parse_args(arguments)
+
+    assert main(["--nonsense"]) == 1 and "--nonsense" in capsys.readouterr().err
+    assert main(["--help"]) == 0
+
+
+@pytest.mark.parametrize("words", [["evaluate", "--help"], ["doctor"]])
+def test_closed_pipe_is_no_error(words):
+    process = subprocess.Popen(
+        [sys.executable, "-m", "colmap_lazyloc", *words],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        env={**os.environ, "PYTHONPATH": str(PROJECT_PATH / "python")},
+    )
+    process.stdout.close()
+    assert process.stderr.read() == b"" and process.wait(timeout=60) == 0
 
 
 def test_colmap_is_that_of_the_environment(monkeypatch):

@@ -108,7 +108,10 @@ def test_thresholds_need_both_errors_small(write, run):
     assert [recall["ratio"] for recall in figures["recall"]] == [0.25, 0.75, 0.75]
     figures, out = run(write("estimated.txt", "".join(estimates)), "--ground_truth", truth, "--thresholds", "10,30")
     assert [recall["ratio"] for recall in figures["recall"]] == [1.0]
-    assert "within 10 m, 30 deg      100.0 %" in out
+    assert "within 10, 30 deg        100.0 %" in out
+    assert "Lengths are in the unit of the database." in out and " m " not in out
+    _, out = run(write("estimated.txt", "".join(estimates)), "--ground_truth", truth, "--unit", "m")
+    assert "within 0.25 m, 2 deg" in out and "unit of the database" not in out
 
 
 def test_missing_queries_are_failures_in_recall_and_absent_from_the_median(write, run):
@@ -159,8 +162,36 @@ def test_model_is_ground_truth_for_the_estimated_queries(write, run, tmp_path, b
     assert figures["num_queries"] == 2
 
 
-def test_lengths_are_printed_in_sensible_units():
-    assert [evaluate.format_length(length) for length in (0.0004, 0.0312, 2.5)] == ["0.40 mm", "3.12 cm", "2.500 m"]
+def write_results(write, path, statuses):
+    fields = '"cam_from_world": null'
+    write(path, "".join(f'{{"name": "{name}", "status": "{s}", {fields}}}\n' for name, s in statuses.items()))
+
+
+@pytest.mark.parametrize("estimated", ["run/poses.txt", "run"])
+def test_lost_queries_of_a_run_count_against_a_model(write, run, tmp_path, estimated):
+    truth = write_model(write, "model", [pose_line(name) for name in ("database.jpg", "a", "b")])
+    write("run/poses.txt", pose_line("a", CENTRE + [0.2, 0, 0]))
+    write_results(write, "run/results.jsonl", {"a": "LOCALIZED", "b": "NO_PAIRS", "unknown": "NO_PAIRS"})
+    figures, out = run(str(tmp_path / estimated), "--ground_truth", truth)
+    assert list(figures["queries"]) == ["a", "b"] and "localized       1 of 2" in out
+    (tmp_path / "run" / "results.jsonl").unlink()
+    _, out = run(str(tmp_path / "run" / "poses.txt"), "--ground_truth", truth)
+    assert "compared        1\n" in out and "localized" not in out, "it is unknown how many queries there were"
+
+
+def test_a_model_with_geographic_coordinates_is_in_metres(write, run):
+    truth = write_model(write, "model", [pose_line("a")])
+    estimated = write("estimated.txt", pose_line("a", CENTRE + [0.2, 0, 0]))
+    figures, out = run(estimated, "--ground_truth", truth)
+    assert figures["unit"] == "database" and "median 0.2 " in out
+    write("model/geo.json", "{}")
+    figures, out = run(estimated, "--ground_truth", truth)
+    assert figures["unit"] == "m" and "median 20.00 cm" in out
+
+
+def test_metres_are_printed_in_sensible_units():
+    lengths = [evaluate.format_length(length, "m") for length in (0.0004, 0.0312, 2.5)]
+    assert lengths == ["0.40 mm", "3.12 cm", "2.500 m"]
 
 
 @pytest.mark.parametrize(

@@ -64,8 +64,8 @@ def test_leave_one_out_ends_with_a_summary(localize, noisy):
     errors = {pose["name"]: pose["position_error"] for pose in summary["poses"]}
     for name, pose in run.poses.items():
         assert errors[name] == pytest.approx(pose.errors(noisy.scene.images[name].pose)[0], abs=1e-9)
-    assert "Database images localized against the others" in run.stdout
-    assert "localized but wrong" in run.stdout
+    assert "Database images localized against the others" in run.summary
+    assert "localized but wrong" in run.summary
 
 
 def test_leave_one_out_finds_wrong_database_poses(localize, noisy, tmp_path, write_scene_files):

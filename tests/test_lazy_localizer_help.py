@@ -79,42 +79,21 @@ def test_help_of_the_indexer_explains_its_options(colmap):
     assert {"--database_path", "--index_path", "--LazyIndexer.num_visual_words"} <= options
 
 
-BASIC_OPTIONS = {
-    "project_path",
-    "database_path",
-    "input_path",
-    "output_path",
-    "query_list_path",
-    "pairs_path",
-    "image_path",
-    "retrieval_index_path",
-    "rig_config_path",
-    "query_trajectory_path",
-    "query_position_path",
-    "query_gravity_path",
-    "strict",
-    "resume",
-    "overwrite",
-    "shard",
-    "log_path",
-    "ImageReader.camera_params",
-    "LazyLocalizer.num_retrieved",
-    "LazyLocalizer.num_threads",
-    "LazyLocalizer.seed",
-    "LazyLocalizer.group_size",
-    "LazyLocalizer.leave_one_out",
-    "LazyLocalizer.intrinsics",
-    "LazyLocalizer.world_up",
-    "LazyLocalizer.min_confidence",
-    "LazyLocalizer.depth_is_metric",
-    "depth_path",
+GROUPS = {
+    "What you need": ["database_path", "input_path", "output_path"],
+    "Queries": ["query_list_path", "pairs_path", "LazyLocalizer.leave_one_out", "LazyLocalizer.intrinsics"],
+    "Photos": ["image_path", "retrieval_index_path"],
+    "Several at once": ["rig_config_path", "query_trajectory_path", "LazyLocalizer.group_size"],
+    "Further evidence": ["query_position_path", "query_gravity_path", "depth_path"],
+    "Output": ["LazyLocalizer.min_confidence", "LazyLocalizer.num_threads", "resume", "strict"],
 }
+MAX_NUM_LINES = 80  # two screens
 
 
 def explained_options(help_text):
     """Returns the help text of each option that takes a value, by name; checks that every option has one."""
     options = re.findall(
-        r"^  (?:-h \[ --help \]|--help-all|--([\w.]+) arg(?: \(=[^)]*\))?)\s+(.*?)(?=^  -|^\S|\Z)",
+        r"^  (?:-h \[ --help \]|--help-all|--version|--([\w.]+) arg(?: \(=[^)]*\))?)\s+(.*?)(?=^  -|^\S|\Z)",
         help_text,
         re.MULTILINE | re.DOTALL,
     )
@@ -126,21 +105,39 @@ def explained_options(help_text):
 
 
 @pytest.mark.parametrize("flag", ["-h", "--help"])
-def test_help_of_the_command_explains_the_basic_options(colmap, flag):
+def test_help_of_the_command_explains_the_options_by_topic(colmap, flag):
     done = run(colmap, "lazy_localizer", flag)
     assert (done.returncode, done.stderr) == (0, "")
-    assert set(explained_options(done.stdout)) == BASIC_OPTIONS
-    defaults = dict(re.findall(r"--([\w.]+) arg \(=([^)]*)\)", done.stdout))
-    assert (defaults["LazyLocalizer.num_retrieved"], defaults["LazyLocalizer.num_threads"]) == ("20", "-1")
+    titled = re.split(r"^([A-Z][\w ]+):$", done.stdout, flags=re.MULTILINE)
+    parts = dict(zip(titled[1::2], titled[2::2], strict=True))
+    assert len(re.findall(r"^  colmap lazy_localizer --database_path", parts.pop("Examples"), re.MULTILINE)) == 2
+    assert {title: list(explained_options(part)) for title, part in parts.items()} == GROUPS
+    assert done.stdout.count("\n") <= MAX_NUM_LINES and max(map(len, done.stdout.splitlines())) <= 110
+    assert "--LazyLocalizer.num_threads arg (=-1)" in done.stdout and "--help-all" in done.stdout
 
 
 def test_help_of_all_options_has_those_of_colmap_and_the_advanced_ones_too(colmap):
     done = run(colmap, "lazy_localizer", "--help-all")
     assert (done.returncode, done.stderr) == (0, "")
     explained = explained_options(done.stdout)
-    assert set(explained) > BASIC_OPTIONS
+    assert set(explained) > {name for names in GROUPS.values() for name in names}
+    basic, advanced = done.stdout.split("\nAdvanced options:\n")
+    assert "--LazyLocalizer.Advanced" not in basic and "--LazyLocalizer.seed" in basic
     prefixes = ("LazyLocalizer.Advanced.", "LazyIndexer.", "ImageReader.", "SiftExtraction.", "SiftMatching.")
-    assert [name for name in explained if name not in BASIC_OPTIONS and not name.startswith(prefixes)] == []
+    assert [name for name in explained_options(advanced) if not name.startswith(prefixes)] == []
+
+
+@pytest.mark.parametrize("command", ["lazy_localizer", "lazy_indexer", "lazy_merger"])
+def test_version_is_that_of_the_program_and_of_colmap(colmap, command):
+    done = run(colmap, command, "--version")
+    assert (done.returncode, done.stderr) == (0, "")
+    assert re.fullmatch(r"colmap_lazyloc \d+\.\d+\.\d+, COLMAP [34]\.\S+.*\n", done.stdout), done.stdout
+
+
+def test_closed_pipe_is_no_error(colmap):
+    with subprocess.Popen([colmap, "lazy_localizer", "--help-all"], stdout=subprocess.PIPE) as process:
+        process.stdout.close()
+        assert process.wait(timeout=60) == 0
 
 
 def test_help_writes_nothing(colmap, tmp_path):

@@ -1,6 +1,9 @@
 """Tests of the output of `colmap lazy_localizer`: poses.txt, results.jsonl, options.ini and model/."""
 
+import csv
+import json
 import re
+import shutil
 import subprocess
 
 import numpy as np
@@ -60,6 +63,58 @@ def test_exact_scene_gives_exact_poses(localize, exact):
 def test_noisy_scene_gives_poses_within_the_noise(noisy_run, noisy):
     """The bounds are four times the errors that 0.5 px on 160 points 5 units away causes: 0.003 units, 0.03 deg."""
     noisy_run.assert_localized(noisy.scene, noisy.scene.query_names, 0.012, 0.12)
+
+
+# positions.csv, positions.geojson
+
+
+def read_table(path):
+    with path.open(newline="", encoding="utf-8") as file:
+        return {row["name"]: row for row in csv.DictReader(file)}
+
+
+def test_positions_are_those_of_the_poses(noisy_run):
+    table = read_table(noisy_run.output_path / "positions.csv")
+    assert list(table) == list(noisy_run.results)
+    for name, row in table.items():
+        result = noisy_run.results[name]
+        assert list(row) == [
+            *("name", "status", "x", "y", "z", "stddev_x", "stddev_y", "stddev_z", "confidence"),
+        ]
+        assert [float(row[axis]) for axis in "xyz"] == result["position"]
+        np.testing.assert_allclose(result["position"], noisy_run.poses[name].cam_in_world, rtol=0, atol=1e-12)
+        stddevs = np.array([float(row[f"stddev_{axis}"]) for axis in "xyz"])
+        assert np.sum(stddevs**2) == pytest.approx(np.sum(np.square(result["position_stddevs"])))
+        assert (row["status"], float(row["confidence"])) == ("LOCALIZED", result["confidence"])
+    assert not (noisy_run.output_path / "positions.geojson").exists()
+
+
+def test_lost_query_has_a_row_without_position(with_lost_query):
+    row = read_table(with_lost_query.output_path / "positions.csv")["query/000.jpg"]
+    assert row.pop("name") == "query/000.jpg" and row.pop("status") == "NO_PAIRS"
+    assert set(row.values()) == {""}
+
+
+def test_model_with_an_origin_on_earth_gives_geographic_coordinates(localize, noisy, noisy_run, tmp_path):
+    """At 45 degrees north, a degree is 111.1 km to the north and 78.8 km to the east."""
+    shutil.copytree(noisy.model_path, tmp_path / "model")
+    origin = {"latitude_deg": 45.0, "longitude_deg": 8.0, "height_m": 400.0, "frame": "ENU", "ellipsoid": "WGS84"}
+    (tmp_path / "model" / "geo.json").write_text(json.dumps(origin))
+    files = ["--database_path", noisy.database_path, "--input_path", tmp_path / "model"]
+    run = localize(*files)
+    assert run.poses_bytes == noisy_run.poses_bytes
+    assert json.loads((run.output_path / "model" / "geo.json").read_text()) == origin
+    table = read_table(run.output_path / "positions.csv")
+    features = json.loads((run.output_path / "positions.geojson").read_text())["features"]
+    assert [feature["properties"]["name"] for feature in features] == list(table)
+    for row, feature in zip(table.values(), features, strict=True):
+        place = [float(row[column]) for column in ("longitude_deg", "latitude_deg", "height_m")]
+        assert place == feature["geometry"]["coordinates"]
+        metres = (np.array(place) - [8, 45, 400]) * [78846, 111132, 1]
+        np.testing.assert_allclose(metres, [float(row[axis]) for axis in "xyz"], atol=0.01)
+    (tmp_path / "model" / "geo.json").write_text("{}")
+    bad = localize(*files)
+    assert bad.exit_code == 1 and "geo.json" in bad.stderr and bad.stderr.count("\n") == 1
 
 
 # results.jsonl
@@ -317,6 +372,7 @@ def test_output_folder_holds_these_files_alone(noisy_run):
         "model/points3D.bin",
         "options.ini",
         "poses.txt",
+        "positions.csv",
         "results.jsonl",
     ]
 
@@ -329,7 +385,7 @@ def test_second_run_replaces_the_first_and_keeps_other_files(localize, noisy, tm
     second = localize(*noisy.arguments, "--query_list_path", tmp_path / "list.txt", output_path=tmp_path / "output")
     assert list(second.poses) == list(second.results) == ["query/001.jpg"]
     assert (first.output_path / "notes.txt").read_text() == "mine"
-    assert len(list(first.output_path.iterdir())) == 5
+    assert len(list(first.output_path.iterdir())) == 6
 
 
 def test_large_coordinates(localize, exact, tmp_path):

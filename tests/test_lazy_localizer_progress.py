@@ -15,29 +15,37 @@ NUM_QUERIES = 400
 
 
 def progress_lines(stdout):
-    return [json.loads(line) for line in stdout.splitlines() if line.startswith("{")]
+    return [json.loads(line) for line in stdout.splitlines()]
 
 
-def test_a_json_line_per_query_where_the_output_is_no_terminal(localize, noisy):
+def test_a_json_line_per_query_on_the_standard_output(localize, noisy):
     run = localize(*noisy.arguments)
     lines = progress_lines(run.stdout)
     assert [line["done"] for line in lines] == [1, 2, 3] and {line["of"] for line in lines} == {3}
     assert {line["query"]: line["status"] for line in lines} == run.statuses
     assert all(line["seconds"] > 0 for line in lines)
+    for line in lines:
+        assert line["position"] == run.results[line["query"]]["position"]
+        assert line["confidence"] == run.results[line["query"]]["confidence"]
+    assert [line["seconds_left"] > 0 for line in lines] == [True, True, False]
     assert "\r" not in run.stdout and run.stderr == ""
 
 
 def test_a_summary_ends_the_run(localize, noisy):
-    lines = localize(*noisy.arguments).stdout.splitlines()
-    summary = lines[max(i for i, line in enumerate(lines) if line.startswith("{")) + 1 :]
-    assert any(line.split() == ["LOCALIZED", "3"] for line in summary), summary
+    summary = localize(*noisy.arguments).summary
+    assert any(line.split() == ["LOCALIZED", "3"] for line in summary.splitlines()), summary
 
 
-def test_a_progress_bar_on_a_terminal(colmap, noisy, tmp_path):
-    parent, terminal = pty.openpty()
+def run_on_terminal(colmap, noisy, output_path, stdout=None):
+    """Runs the program with its standard error output on a terminal; returns what is shown there. stdout: default: the
+    terminal, too."""
+    try:
+        parent, terminal = pty.openpty()
+    except OSError as error:  # a chroot without /dev/pts
+        pytest.skip(f"the machine has no terminals: {error}")
     process = subprocess.Popen(
-        [colmap, "lazy_localizer", *noisy.arguments, "--output_path", tmp_path / "output"],
-        stdout=terminal,
+        [colmap, "lazy_localizer", *noisy.arguments, "--output_path", output_path],
+        stdout=terminal if stdout is None else stdout,
         stderr=terminal,
     )
     os.close(terminal)
@@ -49,10 +57,30 @@ def test_a_progress_bar_on_a_terminal(colmap, noisy, tmp_path):
         pass
     os.close(parent)
     assert process.wait(timeout=60) == 0
-    text = shown.decode()
-    assert text.count("\r[") == 3 and "3/3" in text and "#" * 20 in text
+    return shown.decode()
+
+
+def test_a_progress_bar_on_a_terminal(colmap, noisy, tmp_path):
+    text = run_on_terminal(colmap, noisy, tmp_path / "output")
+    assert text.count("\r[") == 3 and "3/3" in text and "#" * 20 in text and text.count(" left") == 3
     assert '{"query"' not in text
     assert len(Run(tmp_path / "output", 0, text, "").poses) == 3
+
+
+def test_a_progress_bar_beside_lines_in_a_file_but_not_in_a_pipe(colmap, noisy, tmp_path):
+    with (tmp_path / "lines").open("w") as lines:
+        text = run_on_terminal(colmap, noisy, tmp_path / "output", lines)
+    assert text.count("\r[") == 3 and len(progress_lines((tmp_path / "lines").read_text())) == 3
+    text = run_on_terminal(colmap, noisy, tmp_path / "output", subprocess.PIPE)
+    assert "\r[" not in text and "3 of 3 queries done" in text
+
+
+def test_a_closed_pipe_does_not_end_the_run(colmap, noisy, tmp_path):
+    command = [colmap, "lazy_localizer", *noisy.arguments, "--output_path", tmp_path / "output"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL) as process:
+        process.stdout.close()
+        assert process.wait(timeout=60) == 0
+    assert len(Run(tmp_path / "output", 0, "", "").poses) == 3
 
 
 @pytest.fixture(scope="module")
@@ -101,6 +129,7 @@ def test_interrupted_run_writes_the_results_so_far(colmap, long, tmp_path, num_t
         "model",
         "options.ini",
         "poses.txt",
+        "positions.csv",
         "results.jsonl",
         "unfinished",
     ]

@@ -47,9 +47,12 @@ def pending_wal(exact):
     return make
 
 
-def as_other_user():
-    """Runs the program as nobody, because root may write everywhere."""
-    return {"user": NOBODY, "group": NOBODY, "extra_groups": []} if os.geteuid() == 0 else {}
+def as_other_user(colmap, folder):
+    """Runs the program as nobody, because root may write everywhere: a copy, because it may be below root's home."""
+    if os.geteuid() != 0:
+        return {}
+    copy = shutil.copy(colmap, folder / "colmap")
+    return {"user": NOBODY, "group": NOBODY, "extra_groups": [], "executable": copy}
 
 
 def read_only_mount(folder):
@@ -87,7 +90,9 @@ def write_kind(kind, folder, scene, pending_wal):
 
 @pytest.mark.parametrize("kind", ["rollback journal", "WAL", "pending WAL", "pycolmap"])
 @pytest.mark.parametrize("where", ["writable", "chmod", "mount"])
-def test_database_folder_is_untouched(localize, exact, open_folder, tmp_path, fingerprint, pending_wal, kind, where):
+def test_database_folder_is_untouched(
+    colmap, localize, exact, open_folder, tmp_path, fingerprint, pending_wal, kind, where
+):
     database_folder = open_folder / "database"
     database_folder.mkdir()
     database_path = write_kind(kind, database_folder, exact.scene, pending_wal)
@@ -97,7 +102,7 @@ def test_database_folder_is_untouched(localize, exact, open_folder, tmp_path, fi
         for path in database_folder.iterdir():
             path.chmod(0o444)
         database_folder.chmod(0o555)
-        output_path, options = open_folder / "output", as_other_user()
+        output_path, options = open_folder / "output", as_other_user(colmap, open_folder)
         output_path.mkdir()
         output_path.chmod(0o777)
     elif where == "mount":
@@ -172,5 +177,6 @@ def test_output_into_the_databases_folder_adds_only_the_outputs(localize, exact,
         "model",
         "options.ini",
         "poses.txt",
+        "positions.csv",
         "results.jsonl",
     }

@@ -59,6 +59,7 @@ def test_man_page_has_every_option(colmap, tmp_path, command, flag):
         "lazy_localizer.1",
         "lazy_indexer.1",
         "lazy_merger.1",
+        "lazyloc.1",
     }
     page = tmp_path / f"{command}.1"
     options = re.findall(r"^\.TP\n\\fB\\-\\-(.*?)\\fR", page.read_text(), re.MULTILINE)
@@ -86,6 +87,12 @@ def test_completion_knows_commands_and_options(complete, colmap):
     assert set(complete("lazy_localizer", "--strict", "1", "--")) == all_options(colmap)
     assert complete("lazy_localizer", "--LazyLocalizer.group_") == ["--LazyLocalizer.group_size"]
     assert "--Mapper.min_num_matches" in complete("colmap-lazyloc", "mapper", "--Mapper.min")
+
+
+def test_completion_knows_the_tool(complete, tmp_path):
+    (tmp_path / "lazyloc").symlink_to(PROJECT_PATH / "scripts" / "lazyloc")
+    assert complete("lazyloc", "re") == ["report", "retrieve"]
+    assert complete("lazyloc", "import", "--out") == ["--output_path"]
 
 
 def test_completion_leaves_values_to_file_names(complete):

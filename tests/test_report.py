@@ -1,4 +1,4 @@
-"""Tests of `python -m colmap_lazyloc.report`: what a page holds. The page itself is tested in test_report_page.py."""
+"""Tests of `lazyloc report`: what a page holds. The page itself is tested in test_report_page.py."""
 
 import json
 import math
@@ -319,15 +319,15 @@ def scene_points(scene, name, xy):
     return scene.images[name].point_of_keypoint[np.argmin(distances, axis=1)]
 
 
-def test_the_line_that_ends_a_run_makes_its_report(real):
-    _, run = real
-    line = run.stdout.splitlines()[-1]
-    assert line.startswith("report: python -m colmap_lazyloc.report ")
-    environment = {**os.environ, "PYTHONPATH": "python"}
-    command = line.removeprefix("report: ").replace("python", "$PYTHON", 1)
-    done = subprocess.run(
-        command, shell=True, env={**environment, "PYTHON": sys.executable}, capture_output=True, text=True
-    )
+def test_the_line_that_ends_a_run_makes_its_report(localize, noisy, tmp_path):
+    lazyloc = tmp_path / "lazyloc"
+    lazyloc.write_text(f'#!/bin/sh\ncommand=$1\nshift\nexec {sys.executable} -m "colmap_lazyloc.$command" "$@"\n')
+    lazyloc.chmod(0o755)
+    environment = {**os.environ, "PATH": f"{tmp_path}:{os.environ['PATH']}"}
+    run = localize(*noisy.arguments, env=environment)
+    line = run.summary.splitlines()[-1]
+    assert line.startswith("report: lazyloc report ")
+    done = subprocess.run(line.removeprefix("report: "), shell=True, env=environment, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     page = ReportPage(run.output_path / "report.html")
     assert page.summary["program"].startswith("colmap_lazyloc ") and "COLMAP" in page.summary["program"]

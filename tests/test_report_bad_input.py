@@ -1,4 +1,4 @@
-"""Tests of `python -m colmap_lazyloc.report` with bad input: one clear line, exit code 1, nothing written."""
+"""Tests of `lazyloc report` with bad input: one clear line, exit code 1, nothing written."""
 
 import json
 import os
@@ -35,7 +35,7 @@ def assert_refused(capsys, message, *arguments):
     before = sorted(output.parent.rglob("*")) if output.parent.exists() else []
     assert report.main(list(map(str, arguments))) == 1
     captured = capsys.readouterr()
-    assert captured.err.startswith("colmap_lazyloc.report: ") and captured.err.count("\n") == 1
+    assert captured.err.startswith("lazyloc report: ") and captured.err.count("\n") == 1
     assert message in captured.err and captured.out == ""
     assert (sorted(output.parent.rglob("*")) if output.parent.exists() else []) == before
 
@@ -255,5 +255,5 @@ def test_interrupted_command(run_path, tmp_path):
         process.send_signal(signal.SIGINT)
     # Closes the file first, because a signal that comes just before the command waits for data does not wake it.
     _, errors = process.communicate(timeout=60)
-    assert (process.returncode, errors) == (130, "colmap_lazyloc.report: interrupted\n")
+    assert (process.returncode, errors) == (130, "lazyloc report: interrupted\n")
     assert list(tmp_path.iterdir()) == [run_path]

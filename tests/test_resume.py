@@ -54,6 +54,7 @@ def whole(localize, many):
         "model",
         "options.ini",
         "poses.txt",
+        "positions.csv",
         "results.jsonl",
     ]
     return run
@@ -110,10 +111,10 @@ def test_killed_again_and_again_after_a_few_queries(start, localize, many, whole
 def test_ended_by_a_signal(start, localize, many, whole, tmp_path, signal_number):
     process = start("--LazyLocalizer.num_threads", 2)
     process.send_signal(signal_number)
-    stdout = process.communicate(timeout=120)[0].decode()
+    stderr = process.communicate(timeout=120)[1].decode()
     assert process.returncode == 128 + signal_number
-    assert stdout.splitlines()[-1] == "partial: --resume 1 goes on"
-    assert "more queries would take" in stdout
+    assert stderr.splitlines()[-1] == "partial: --resume 1 goes on"
+    assert "more queries would take" in stderr
     output = tmp_path / "output"
     num_partial = len((output / "results.jsonl").read_text().splitlines())
     assert 3 <= num_partial < NUM_QUERIES

@@ -202,7 +202,7 @@ def test_list_of_folders(merge, shards, tmp_path):
 def test_finished_shard_is_not_localized_again(localize, shards, scene_files):
     before = output_bytes(shards / "3")
     run = localize(*scene_files.arguments, "--shard", "3/4", "--resume", 1, output_path=shards / "3")
-    assert run.exit_code == 0 and "shard 3/4 is finished" in run.stdout
+    assert run.exit_code == 0 and "shard 3/4 is finished" in run.stderr
     assert output_bytes(shards / "3") == before
 
 

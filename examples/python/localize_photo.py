@@ -10,7 +10,6 @@ import colmap_lazyloc as ll
 database, model, photo = sys.argv[1:]
 with ll.Localizer(database, model) as localizer:
     result = localizer.localize_photo(photo)
-if result.cam_from_world is None:
+if result.position is None:
     sys.exit(f"{result.status}: {result.reason}")
-rotation, translation = result.cam_from_world[:, :3], result.cam_from_world[:, 3]
-print("position", *-rotation.T @ translation)
+print("position", *result.position)

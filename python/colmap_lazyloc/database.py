@@ -1,12 +1,14 @@
 """Reads COLMAP databases without writing to them, and removes images from copies."""
 
+import contextlib
 import pathlib
 import sqlite3
-from collections.abc import Iterable
+import struct
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
-from colmap_lazyloc.model import CAMERA_MODELS, Camera
+from colmap_lazyloc.model import CAMERA_MODEL_IDS, CAMERA_MODELS, Camera
 
 CAMERA_SENSOR = 0  # COLMAP's type of a sensor
 MAX_NUM_IMAGES = 2147483647  # COLMAP's constant, from which pair ids are computed
@@ -36,10 +38,48 @@ def remove_images(connection: sqlite3.Connection, image_ids: Iterable[int]):
     connection.execute("DROP TABLE removed")
 
 
+def add_images(path: pathlib.Path, cameras: Mapping[str, Camera]) -> None:
+    """Adds images and their cameras, numbered in the order of the names; images that are there stay as they are.
+
+    COLMAP numbers images in the order in which its threads finish them, if it adds them itself.
+    """
+    camera_ids: dict[Camera, int] = {}
+    rig_ids: dict[Camera, int] = {}
+    with contextlib.closing(connect(path, "rw")) as connection, connection:
+        known = {name for (name,) in connection.execute("SELECT name FROM images")}
+        # In databases of COLMAP 4, each image needs a frame, and each camera a rig.
+        has_frames = bool(connection.execute("SELECT 1 FROM sqlite_master WHERE name = 'frame_data'").fetchall())
+        for name in sorted(cameras.keys() - known):
+            camera = cameras[name]
+            if camera not in camera_ids:
+                params = struct.pack(f"<{len(camera.params)}d", *camera.params)
+                values = CAMERA_MODEL_IDS[camera.model], camera.width, camera.height, params
+                camera_ids[camera] = _insert(connection, "cameras", _CAMERA_COLUMNS, (*values, 1))
+                if has_frames:
+                    rig_ids[camera] = _insert(connection, "rigs", _RIG_COLUMNS, (camera_ids[camera], CAMERA_SENSOR))
+            image_id = _insert(connection, "images", ("name", "camera_id"), (name, camera_ids[camera]))
+            if has_frames:
+                frame_id = _insert(connection, "frames", ("rig_id",), (rig_ids[camera],))
+                data = frame_id, image_id, camera_ids[camera], CAMERA_SENSOR
+                _insert(connection, "frame_data", _FRAME_DATA_COLUMNS, data)
+
+
+_CAMERA_COLUMNS = ("model", "width", "height", "params", "prior_focal_length")
+_RIG_COLUMNS = ("ref_sensor_id", "ref_sensor_type")
+_FRAME_DATA_COLUMNS = ("frame_id", "data_id", "sensor_id", "sensor_type")
+
+
+def _insert(connection: sqlite3.Connection, table: str, columns: Sequence[str], values: Sequence[object]) -> int:
+    """Inserts a row and returns its id."""
+    places = ", ".join("?" * len(values))
+    row = connection.execute(f"INSERT INTO {table} ({', '.join(columns)}) VALUES ({places})", values)
+    return int(row.lastrowid or 0)
+
+
 class DatabaseReader:
     """Reads keypoints and verified matches by image name; use it in a `with` statement."""
 
-    def __init__(self, path):
+    def __init__(self, path: pathlib.Path | str):
         self.path = pathlib.Path(path)
         # Take the file as immutable if it has no write-ahead log, because SQLite makes one otherwise, even for reading.
         has_log = pathlib.Path(f"{path}-wal").exists()
@@ -49,15 +89,20 @@ class DatabaseReader:
         rows = self._connection.execute("SELECT pair_id, rows FROM two_view_geometries WHERE rows > 0")
         self._num_inliers = dict(rows)
 
-    def __enter__(self):
+    def __enter__(self) -> "DatabaseReader":
         return self
 
-    def __exit__(self, *_):
+    def __exit__(self, *_: object) -> None:
         self._connection.close()
 
     def num_inliers(self, name1: str, name2: str) -> int:
         """Returns the number of verified matches of two images."""
         return self._num_inliers.get(self._pair_id(name1, name2), 0)
+
+    def has_keypoints(self, name: str) -> bool:
+        """True if features of the image were extracted, even if none were found."""
+        query = "SELECT 1 FROM keypoints JOIN images USING (image_id) WHERE name = ?"
+        return self._connection.execute(query, (name,)).fetchone() is not None
 
     def keypoints(self, name: str) -> np.ndarray:
         """Returns the keypoints' x and y in pixels, n x 2."""

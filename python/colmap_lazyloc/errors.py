@@ -1,32 +1,77 @@
-"""Errors in the input, and how a command reports them."""
+"""Errors in input, and commands that end with one line about them."""
 
 import argparse
 import functools
+import os
 import sys
+from collections.abc import Callable, Sequence
+from typing import Protocol, overload
+
+from colmap_lazyloc.extras import missing_package
 
 EXIT_INTERRUPTED = 130
+
+Main = Callable[..., int | None]
+
+
+class Command(Protocol):
+    """A command: it takes the words of the command line, by default those of this process, and returns an exit code."""
+
+    def __call__(self, arguments: Sequence[str] | None = None) -> int: ...
 
 
 class InputError(ValueError):
     """Raised for a file or an option that cannot be used; the message is one line that names it."""
 
 
-def command(main):
+@overload
+def command(main: Main, *, name: str | None = None, extra: str | None = None) -> Command: ...
+
+
+@overload
+def command(main: None = None, *, name: str | None = None, extra: str | None = None) -> Callable[[Main], Command]: ...
+
+
+def command(
+    main: Main | None = None, *, name: str | None = None, extra: str | None = None
+) -> Command | Callable[[Main], Command]:
     """Turns `main(arguments)`, which may return an exit code, into a command.
 
-    If the input is bad, or a file cannot be read or written, the command prints one line and ends with exit code 1;
-    after Ctrl-C with exit code 130.
+    If the input is bad, a file cannot be read or written, or an optional package is missing, the command prints one
+    line and ends with exit code 1; after Ctrl-C with exit code 130. If the reader of its output has gone, it ends
+    without a word. `name`: the program's name in messages, if it is not that of the module; `extra`: the extra that
+    brings its optional packages.
     """
+    if main is None:
+        return functools.partial(command, name=name, extra=extra)
     # Take the name from the specification, because `python -m` names the module __main__.
-    program = sys.modules[main.__module__].__spec__.name.removesuffix(".__main__")
+    spec = sys.modules[main.__module__].__spec__
+    program = name or (spec.name if spec else main.__module__).removesuffix(".__main__")
+
+    def fail(message: str) -> int:
+        print(f"{program}: {_escape(message)}", file=sys.stderr)
+        return 1
 
     @functools.wraps(main)
-    def run(arguments=None) -> int:
+    def run(arguments: Sequence[str] | None = None) -> int:
         try:
-            return main(arguments) or 0
+            try:
+                code = main(arguments) or 0
+            except SystemExit as end:  # argparse ends so: with 0 after --help, with 2 after its line about a bad option
+                code = 1 if end.code not in (None, 0) else 0
+            sys.stdout.flush()
+            return code
+        except BrokenPipeError:
+            # Let nothing be written any more, because Python flushes the standard output at its end.
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+            return 0
         except (InputError, OSError) as error:
-            print(f"{program}: {_escape(str(error))}", file=sys.stderr)
-            return 1
+            return fail(str(error))
+        except ImportError as error:
+            message = missing_package(error, extra)
+            if message is None:
+                raise
+            return fail(message)
         except KeyboardInterrupt:
             print(f"{program}: interrupted", file=sys.stderr)
             return EXIT_INTERRUPTED

@@ -11,21 +11,23 @@ from typing import Any
 
 import colmap_lazyloc
 
+EXTENSION = "colmap_lazyloc._core"
 CHECKOUT_PATH = pathlib.Path(__file__).resolve().parents[2]
 
 
 def _load() -> Any:
     try:
-        return importlib.import_module("colmap_lazyloc._core")
+        return importlib.import_module(EXTENSION)
     except ModuleNotFoundError:
         built = pathlib.Path(os.environ.get("BUILD_DIR", CHECKOUT_PATH / "build")) / "python"
         if not any(built.glob("_core.*")):
             raise ImportError(
-                f"colmap_lazyloc has no extension module: install the wheel, or run scripts/setup.sh to build {built}"
+                f"colmap_lazyloc has no extension module: install the wheel, or run scripts/setup.sh to build {built}",
+                name=EXTENSION,
             ) from None
     colmap_lazyloc.__path__.append(str(built))
     importlib.invalidate_caches()
-    return importlib.import_module("colmap_lazyloc._core")
+    return importlib.import_module(EXTENSION)
 
 
 core = _load()

@@ -11,15 +11,12 @@ import argparse
 import pathlib
 import sys
 
-import h5py
 import numpy as np
-import pycolmap
 
 from colmap_lazyloc.errors import InputError, command
 from colmap_lazyloc.hloc_files import find_matches, read_keypoints
 from colmap_lazyloc.model import Camera, Image, read_model
 from colmap_lazyloc.pairs import read_pairs
-from colmap_lazyloc.pycolmap_types import write_images
 from colmap_lazyloc.queries import read_query_cameras
 
 
@@ -35,6 +32,10 @@ def read_cameras(model_path, query_list_path) -> tuple[dict[int, Camera], dict[s
 
 def write_database(path, cameras, camera_ids, keypoints, matches_of_pair):
     """Writes the images that have keypoints, their cameras, and the matches by pairs of names."""
+    import pycolmap
+
+    from colmap_lazyloc.pycolmap_types import write_images
+
     images = [Image(name, camera_ids[name], None, image_id) for image_id, name in enumerate(sorted(keypoints), start=1)]
     ids = {image.name: image.image_id for image in images}
     used_ids = sorted({image.camera_id for image in images})
@@ -47,6 +48,9 @@ def write_database(path, cameras, camera_ids, keypoints, matches_of_pair):
 
 
 def convert(options):
+    import h5py
+    import pycolmap  # noqa: F401, so that it is missed before anything is read
+
     if options.database_path.exists():
         raise InputError(f"{options.database_path}: exists already")
     cameras, camera_ids = read_cameras(options.model_path, options.query_list_path)
@@ -70,7 +74,7 @@ def convert(options):
     print(f"{options.database_path}: {len(keypoints)} images, {len(matches_of_pair)} pairs")
 
 
-@command
+@command(extra="hloc")
 def main(arguments=None):
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--features_path", type=pathlib.Path, required=True, help="hloc's features of all images (.h5)")

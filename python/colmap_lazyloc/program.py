@@ -51,6 +51,18 @@ def gpu_option(colmap, command_name: str) -> str:
     return match.group()
 
 
+def has_command(colmap, command_name: str) -> bool:
+    """True if a colmap program has a command, for example lazy_localizer."""
+    done = subprocess.run([str(colmap), "help"], capture_output=True, text=True, check=False)
+    return re.search(rf"^\s+{command_name}$", done.stdout + done.stderr, re.MULTILINE) is not None
+
+
+def option_names(colmap, command_name: str, flag: str = "--help") -> list[str]:
+    """Returns the names of a command's options, without dashes."""
+    done = subprocess.run([str(colmap), command_name, flag], capture_output=True, text=True, check=False)
+    return re.findall(r"^ +(?:-h \[ )?--([\w.]+)", done.stdout + done.stderr, re.MULTILINE)
+
+
 def extract_features(colmap, database_path, image_path, names, camera, *options):
     """Extracts the SIFT features of images below `image_path`, all taken by one camera (model.Camera)."""
     with tempfile.NamedTemporaryFile("w", suffix=".txt") as names_file:

@@ -126,7 +126,7 @@ def parse_arguments(arguments):
     return parser.parse_args(arguments)
 
 
-@command
+@command(extra="hloc")
 def main(arguments=None):
     options = parse_arguments(arguments)
     if options.max_size < 1 or options.splat_px < 0:

@@ -73,6 +73,12 @@ class Result:
         return _to_matrix(self.pose)
 
     @property
+    def position(self) -> NDArray[np.float64] | None:
+        """Returns the camera's centre in world coordinates, x y z; None without LOCALIZED."""
+        position = self._fields["position"]
+        return None if position is None else np.array(position, np.float64)
+
+    @property
     def unconfirmed_cam_from_world(self) -> NDArray[np.float64] | None:
         """Returns the pose of a query with the status LOW_CONFIDENCE as a 3x4 matrix; None for any other status."""
         return _to_matrix(_to_pose(self._fields["unconfirmed_cam_from_world"]))

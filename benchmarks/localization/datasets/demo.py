@@ -1,4 +1,4 @@
-"""The courtyard that colmap_lazyloc.demo renders, with exact poses:
+"""The courtyard that `lazyloc demo` renders, with exact poses:
 
 DATA/images/{database,query}/*.jpg
 DATA/database_model/{cameras,images}.txt
@@ -11,7 +11,7 @@ from benchmarks.localization.datasets.formats import read_query_list, read_sourc
 from benchmarks.localization.datasets.scene_source import Options, SceneSource, SourceImage, require
 from colmap_lazyloc.poses import read_poses
 
-BY_HAND = "python -m colmap_lazyloc.demo --output_path DATA makes the scene"
+BY_HAND = "lazyloc demo --output_path DATA makes the scene"
 
 
 def scene_names(data_path: pathlib.Path) -> list[str]:

@@ -1,6 +1,6 @@
 """Localizes queries in shards on a Dask cluster, and merges the shards.
 
-    python -m colmap_lazyloc.cluster --num_shards 64 --database_path database.db --input_path model \\
+    lazyloc cluster --num_shards 64 --database_path database.db --input_path model \\
         --output_path localized [options of lazy_localizer]
 
 Each shard is a run of `colmap lazy_localizer --shard I/N --resume 1` on a worker. Without --scheduler, the workers are
@@ -26,7 +26,7 @@ OWN_OPTIONS = ("shard", "resume", "overwrite", "strict", "log_path")  # of lazy_
 def parse_arguments(arguments) -> tuple[argparse.Namespace, list[str]]:
     """Returns our options, and the words for lazy_localizer."""
     parser = argparse.ArgumentParser(
-        prog="python -m colmap_lazyloc.cluster",
+        prog="lazyloc cluster",
         description=__doc__,
         formatter_class=argparse.RawDescriptionHelpFormatter,
         allow_abbrev=False,
@@ -53,13 +53,11 @@ def parse_arguments(arguments) -> tuple[argparse.Namespace, list[str]]:
     return options, words
 
 
-@command
+@command(name="lazyloc cluster", extra="cluster")
 def main(arguments=None):
     options, words = parse_arguments(arguments)
-    try:
-        from colmap_lazyloc.cluster.engine import Engine
-    except ImportError as error:
-        raise InputError(f"{error.name} is missing: pip install 'colmap-lazyloc[cluster]'") from None
+    from colmap_lazyloc.cluster.engine import Engine
+
     program = options.program or shutil.which(find_colmap())
     if options.shards_path is None:
         options.shards_path = options.output_path.with_name(options.output_path.name + ".shards")

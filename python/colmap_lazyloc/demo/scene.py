@@ -1,6 +1,6 @@
 """Renders the demo scene: photos of a courtyard with exactly known poses and intrinsics.
 
-    python -m colmap_lazyloc.demo --output_path DEMO
+    lazyloc demo --output_path DEMO
 
 Writes below --output_path:
   images/database/*.jpg, images/query/*.jpg   the photos
@@ -260,9 +260,11 @@ def _at_least(minimum: int):
     return integer
 
 
-@command
+@command(name="lazyloc demo", extra="demo")
 def main(arguments=None):
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = argparse.ArgumentParser(
+        prog="lazyloc demo", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
     parser.add_argument("--output_path", type=pathlib.Path, required=True, help="folder to write the scene to")
     parser.add_argument("--seed", type=_at_least(0), default=0, help="seed of all random choices")
     parser.add_argument("--num_database_images", type=_at_least(1), default=40, help="default: 40")

@@ -13,7 +13,6 @@ import sys
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-import h5py
 import numpy as np
 
 from colmap_lazyloc.errors import InputError, command
@@ -46,6 +45,8 @@ def main(
     `ransac_thresh` and `covisibility_clustering` are accepted for hloc's sake and have no effect: pairs are verified by
     two-view geometry, and the query's pairs check each other.
     """
+    import h5py
+
     del ransac_thresh, covisibility_clustering
     model = reference_sfm if isinstance(reference_sfm, Model) else read_model(reference_sfm)
     cameras = read_query_cameras(queries)
@@ -134,7 +135,7 @@ def _short_name(name: str, with_camera: bool) -> str:
     return "/".join(name.split("/")[-2 if with_camera else -1 :])
 
 
-@command
+@command(extra="hloc")
 def command_line(arguments: list[str] | None = None) -> None:
     """Runs `main` with hloc's flags."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)

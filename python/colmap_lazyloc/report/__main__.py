@@ -1,6 +1,6 @@
 """Writes a report of a finished run: a page that a browser opens from the disk, without a server or a network.
 
-    python -m colmap_lazyloc.report RUN --image_path photos --database_path database.db --output report.html
+    lazyloc report RUN --image_path photos --database_path database.db --output report.html
 
 RUN is the output folder of `colmap lazy_localizer`. The page shows where the queries are, how certain each pose is and
 what it rests on. Lengths are in the unit of the database and are shown as metres.
@@ -22,7 +22,7 @@ from colmap_lazyloc.report.tum import tum_text
 
 def parse_arguments(arguments):
     parser = argparse.ArgumentParser(
-        prog="python -m colmap_lazyloc.report",
+        prog="lazyloc report",
         description=__doc__,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
@@ -92,7 +92,7 @@ def _count(text: str) -> int:
     return int(text)
 
 
-@command
+@command(name="lazyloc report", extra="report")
 def main(arguments=None):
     options = parse_arguments(arguments)
     check_output(options.output, options.split, PAGE_NAME)

@@ -1,6 +1,6 @@
 """Finds, for each query, the database images with the most similar global descriptors, and writes them as pairs.
 
-    python -m colmap_lazyloc.retrieval --descriptors_path global.h5 --input_path model --output_path pairs.txt
+    lazyloc retrieve --descriptors_path global.h5 --input_path model --output_path pairs.txt
 
 The descriptors are hloc's HDF5 files, or `name.npy` (n x d, float16 or float32) beside `name.txt` with one image name
 per row. The pairs are for `colmap lazy_localizer --pairs_path` and for hloc. Up to --max_num_exact database images are
@@ -22,7 +22,7 @@ from colmap_lazyloc.retrieval.images import ImageSelection, parse_shard, select_
 
 def parse_arguments(arguments):
     parser = argparse.ArgumentParser(
-        prog="python -m colmap_lazyloc.retrieval",
+        prog="lazyloc retrieve",
         description=__doc__,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
@@ -70,7 +70,7 @@ def _add_approximate(parser: argparse.ArgumentParser):
     add("--num_candidates", type=positive_int, default=200, help="candidates compared exactly; default: %(default)s")
 
 
-@command
+@command(name="lazyloc retrieve", extra="retrieval")
 def main(arguments=None):
     options = parse_arguments(arguments)
     _check_packages()
@@ -92,11 +92,9 @@ def main(arguments=None):
 
 
 def _check_packages():
-    try:
-        import faiss  # noqa: F401
-        import h5py  # noqa: F401
-    except ImportError as error:
-        raise InputError(f"{error.name} is missing: pip install 'colmap-lazyloc[retrieval]'") from None
+    """Raises ImportError early, because reading descriptors may take minutes."""
+    import faiss  # noqa: F401
+    import h5py  # noqa: F401
 
 
 def _search(queries: DescriptorSet, images: DescriptorSet, options: argparse.Namespace) -> np.ndarray:

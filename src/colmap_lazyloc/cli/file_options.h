@@ -20,7 +20,8 @@ void ForEachFileOption(Options& o, const Add& add) {
       OptionRole::INPUT);
   add("input_path", &o.source.input_path,
       "Folder of a COLMAP model (text or binary); its posed images are the database images", OptionRole::INPUT);
-  add("output_path", &o.output_path, "Folder for poses.txt, results.jsonl, model/ and options.ini", OptionRole::OUTPUT);
+  add("output_path", &o.output_path, "Folder for poses.txt, positions.csv, results.jsonl, model/ and options.ini",
+      OptionRole::OUTPUT);
   add("query_list_path", &o.source.selection.query_list_path,
       "File with one query per line: its name, or hloc's `name MODEL width height params...`; default: every image of "
       "the database file without a pose in --input_path",

@@ -62,7 +62,7 @@ bool IsFinishedShard(const CommandOptions& options, const RunManifest& manifest)
   const std::optional<RunManifest> finished = UnfinishedRun::FinishedShard(options.output_path);
   if (!finished || !manifest.shard || finished->shard->Text() != manifest.shard->Text()) return false;
   if (!manifest.ChangeSince(*finished).empty()) return false;
-  std::cout << options.output_path << ": shard " << manifest.shard->Text() << " is finished" << std::endl;
+  std::cerr << options.output_path << ": shard " << manifest.shard->Text() << " is finished" << std::endl;
   return true;
 }
 
@@ -89,7 +89,7 @@ void LocalizeRest(const QuerySource& source, std::vector<size_t> groups, const C
   if (!missing.empty()) PrintWarning(missing);
 }
 
-int Run(const CommandOptions& options) {
+int Run(const std::string& own_path, const CommandOptions& options) {
   UnfinishedRun::CheckStart(options.output_path, options.Start());
   ResultWriter writer(options.output_path);
   Model model = ReadModel(options.source.input_path);
@@ -101,7 +101,7 @@ int Run(const CommandOptions& options) {
   const std::vector<size_t> groups = GroupsOfShard(source, ParseShard(options.shard));
   const RunManifest manifest = MakeManifest(options, source, model_fingerprint, groups);
   if (options.resume && IsFinishedShard(options, manifest)) return EXIT_SUCCESS;
-  if (!manifest.extraction.empty()) std::cout << manifest.extraction << std::endl;
+  if (!manifest.extraction.empty()) std::cerr << manifest.extraction << std::endl;
   UnfinishedRun run(options.output_path, manifest, options.Start());
   Progress progress(SizeOf(manifest, run), options.log_path, options.resume);
   LocalizeRest(source, groups, options, &run, &progress);
@@ -115,10 +115,10 @@ int Run(const CommandOptions& options) {
   if (is_finished) run.Finish();
   HandleInterruptsBy(SIG_DFL);
   progress.PrintSummary(records);
-  if (leave_one_out) std::cout << FormatLeaveOneOut(*leave_one_out);
-  std::cout << "report: " << ReportCommand(options) << std::endl;
+  if (leave_one_out) std::cerr << FormatLeaveOneOut(*leave_one_out);
+  PrintReportCommand(own_path, options);
   if (!is_finished) {
-    std::cout << "partial: --resume 1 goes on" << std::endl;
+    std::cerr << "partial: --resume 1 goes on" << std::endl;
     return kExitSignal + interrupted;
   }
   return options.strict && !AllLocalized(records) ? kExitNotAllLocalized : EXIT_SUCCESS;
@@ -129,7 +129,7 @@ int Run(const CommandOptions& options) {
 int RunLazyLocalizer(int argc, char** argv) {
   return RunCommand("lazy_localizer", [=] {
     CommandOptions options;
-    return ParseCommandLine(argc, argv, &options) ? Run(options) : EXIT_SUCCESS;
+    return ParseCommandLine(argc, argv, &options) ? Run(argv[0], options) : EXIT_SUCCESS;
   });
 }
 

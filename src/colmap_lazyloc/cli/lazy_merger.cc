@@ -55,7 +55,7 @@ void CheckNumQueries(const ShardFolders& shards, const QueryRecords& records) {
   }
 }
 
-int Run(const MergerOptions& options) {
+int Run(const std::string& own_path, const MergerOptions& options) {
   ResultWriter writer(options.output_path);
   const ShardFolders shards = FindShards(options.input_path);
   const RunManifest& manifest = shards.manifest;
@@ -74,8 +74,8 @@ int Run(const MergerOptions& options) {
   const auto leave_one_out =
       WriteResults(run, manifest, model, {database, database.ReadImages()}, records, /*staging_parent=*/{}, &writer);
   Progress({records.Size(), records.Size(), 0}, /*log_path=*/{}, /*append_log=*/false).PrintSummary(records);
-  if (leave_one_out) std::cout << FormatLeaveOneOut(*leave_one_out);
-  std::cout << "report: " << ReportCommand(run) << std::endl;
+  if (leave_one_out) std::cerr << FormatLeaveOneOut(*leave_one_out);
+  PrintReportCommand(own_path, run);
   return EXIT_SUCCESS;
 }
 
@@ -84,7 +84,7 @@ int Run(const MergerOptions& options) {
 int RunLazyMerger(int argc, char** argv) {
   return RunCommand("lazy_merger", [=] {
     MergerOptions options;
-    return ParseCommandLine(argc, argv, &options) ? Run(options) : EXIT_SUCCESS;
+    return ParseCommandLine(argc, argv, &options) ? Run(argv[0], options) : EXIT_SUCCESS;
   });
 }
 

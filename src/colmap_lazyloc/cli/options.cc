@@ -10,7 +10,9 @@
 #include <boost/program_options.hpp>
 #include <nlohmann/json.hpp>
 
+#include "colmap_lazyloc/cli/help_groups.h"
 #include "colmap_lazyloc/cli/option_list.h"
+#include "colmap_lazyloc/cli/report_command.h"
 #include "colmap_lazyloc/scene/enum_names.h"
 #include "colmap_lazyloc/scene/errors.h"
 
@@ -79,6 +81,7 @@ constexpr const char* kStrayArguments = "stray-arguments";
 
 // The options in two parts: those that most users need, and the others.
 struct Descriptions {
+  const char* summary;
   po::options_description basic, advanced;
 
   po::options_description All() const {
@@ -90,9 +93,8 @@ struct Descriptions {
 
 template <typename Options>
 Descriptions Describe(const char* summary, Options* options, std::string* project_path) {
-  Descriptions descriptions{
-      po::options_description(std::string(summary) + "\nOptions (of a switch: 0 or 1; default in brackets)"),
-      po::options_description("Advanced options")};
+  Descriptions descriptions{summary, po::options_description("Options (of a switch: 0 or 1; default in brackets)"),
+                            po::options_description("Advanced options")};
   const auto add_to = [](po::options_description* description) {
     return [description](const char* name, auto* value, const char* help, OptionRole = OptionRole::METHOD) {
       description->add_options()(name, po::value(value)->default_value(*value, AsText(*value)), help);
@@ -102,6 +104,7 @@ Descriptions Describe(const char* summary, Options* options, std::string* projec
   add_switch("help,h", "Print this help");
   ForEachAdvancedOption(*options, add_to(&descriptions.advanced));
   if (!descriptions.advanced.options().empty()) add_switch("help-all", "Print the help of all options");
+  add_switch("version", "Print the versions of this program and of COLMAP");
   add_switch("project_path", po::value(project_path), "File (.ini) with any of these options; the command line wins");
   ForEachBasicOption(*options, add_to(&descriptions.basic));
   return descriptions;
@@ -171,7 +174,44 @@ void CheckOptions(MergerOptions* options) {
   CheckRequired({{"input_path", &options->input_path}, {"output_path", &options->output_path}});
 }
 
-// Fills the variables that the descriptions name. Returns false if only the help was asked for, which is then printed.
+// Prints the options that most users of colmap lazy_localizer need, in groups.
+void PrintGroupedHelp(const Descriptions& descriptions) {
+  constexpr unsigned kLineLength = 110, kMinTextLength = 60;
+  po::options_description groups(kLineLength, kMinTextLength);
+  for (const HelpGroup& group : kHelpGroups) {
+    po::options_description options(group.title, kLineLength, kMinTextLength);
+    for (const char* name : group.options) {
+      const auto is_option = [&](const auto& option) { return option->long_name() == name; };
+      const auto& basic = descriptions.basic.options();
+      options.add(*std::find_if(basic.begin(), basic.end(), is_option));
+    }
+    groups.add(options);
+  }
+  std::cout << descriptions.summary << "\n\n"
+            << kExamples << groups << "\nOf a switch: 0 or 1; defaults are in brackets. --help-all shows all options, "
+            << "--version the version.\n";
+}
+
+// Prints what one of the options --version, --help and --help-all asks for. Returns false if there is none of them.
+bool PrintAnswer(const po::variables_map& values, const Descriptions& descriptions) {
+  if (values.count("version") > 0) {
+    std::cout << ProgramVersion() << std::endl;
+  } else if (values.count("help-all") > 0) {
+    std::cout << descriptions.summary << '\n' << descriptions.basic << '\n' << descriptions.advanced << std::endl;
+  } else if (values.count("help") > 0) {
+    if (descriptions.advanced.options().empty()) {
+      std::cout << descriptions.summary << '\n' << descriptions.basic << std::endl;
+    } else {
+      PrintGroupedHelp(descriptions);
+    }
+  } else {
+    return false;
+  }
+  return true;
+}
+
+// Fills the variables that the descriptions name. Returns false if only the help or the version was asked for, which is
+// then printed.
 bool Parse(int argc, char** argv, const std::string& command, const Descriptions& descriptions) {
   const po::options_description all = descriptions.All();
   po::options_description with_stray_arguments(all);
@@ -184,12 +224,7 @@ bool Parse(int argc, char** argv, const std::string& command, const Descriptions
                   .style(po::command_line_style::default_style & ~po::command_line_style::allow_guessing)
                   .run(),
               values);
-    if (values.count("help") > 0 || values.count("help-all") > 0) {
-      std::cout << descriptions.basic << '\n';
-      if (values.count("help-all") > 0) std::cout << descriptions.advanced << '\n';
-      std::cout << std::flush;
-      return false;
-    }
+    if (PrintAnswer(values, descriptions)) return false;
     if (values.count(kStrayArguments) > 0) {
       throw InputError(command + ": `" + values[kStrayArguments].as<std::vector<std::string>>().front() +
                        "` is not an option (see " + command + " -h)");

@@ -6,6 +6,7 @@
 #include <gmock/gmock.h>
 
 #include "colmap_lazyloc/cli/option_list.h"
+#include "colmap_lazyloc/cli/report_command.h"
 #include "colmap_lazyloc/scene/errors.h"
 #include "colmap_lazyloc/testing/test_folder.h"
 
@@ -17,7 +18,7 @@ using ::testing::ThrowsMessage;
 using ::testing::internal::CaptureStdout;
 using ::testing::internal::GetCapturedStdout;
 
-constexpr size_t kMaxNumBasicOptions = 28;
+constexpr size_t kMaxNumBasicOptions = 20;
 
 class OptionsTest : public ::testing::Test {
  protected:
@@ -146,10 +147,12 @@ TEST_F(OptionsTest, SettingsAreThoseOfTheCommandLineWithoutItsOutput) {
   EXPECT_EQ(names.count("output_path"), 0u);
 }
 
+TEST_F(OptionsTest, VersionIsThatOfTheProgram) { EXPECT_EQ(Help("--version"), ProgramVersion() + "\n"); }
+
 TEST_F(OptionsTest, HelpHasTwoLevels) {
   const std::set<std::string> basic = OptionNames(Help("-h")), all = OptionNames(Help("--help-all"));
   EXPECT_LE(basic.size(), kMaxNumBasicOptions);
-  EXPECT_EQ(basic.count("LazyLocalizer.seed"), 1u);
+  EXPECT_EQ(basic.count("LazyLocalizer.min_confidence"), 1u);
   size_t num_options = 1;  // project_path
   CommandOptions options;
   ForEachOption(options, [&](const std::string& name, const auto*, const char*, OptionRole = OptionRole::METHOD) {

@@ -1,5 +1,6 @@
 #include "colmap_lazyloc/cli/run_command.h"
 
+#include <csignal>
 #include <cstdlib>
 #include <iostream>
 
@@ -9,6 +10,8 @@
 namespace lazyloc {
 
 int RunCommand(const std::string& name, const std::function<int()>& command) {
+  // Goes on if whoever reads the output has seen enough: the results are in files.
+  std::signal(SIGPIPE, SIG_IGN);
   try {
     return command();
   } catch (const InputError& error) {

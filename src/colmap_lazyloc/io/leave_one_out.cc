@@ -12,6 +12,7 @@
 #include "colmap_lazyloc/io/model_merger.h"
 #include "colmap_lazyloc/io/valid_utf8.h"
 #include "colmap_lazyloc/math/median.h"
+#include "colmap_lazyloc/math/position_covariance.h"
 #include "colmap_lazyloc/math/so3.h"
 #include "colmap_lazyloc/scene/format.h"
 
@@ -42,13 +43,8 @@ double SceneSize(const Model& model, const QueryRecords& records) {
 
 // Returns the length of an error of the position in standard deviations of its covariance.
 double ErrorSigma(const LocalizationResult& result, const Eigen::Vector3d& error) {
-  const Rigid3d& pose = result.cam_from_world;
-  // The centre is -R' t. A turn exp(w) of R moves it by R' (w x t), because R' becomes R' exp(-w).
-  Eigen::Matrix<double, 3, 6> jacobian;
-  jacobian << Hat(pose.translation), Eigen::Matrix3d::Identity();
-  const Eigen::Vector3d error_in_cam = pose.rotation * error;  // R' has no part in the length
-  const Eigen::Matrix3d covariance = jacobian * result.covariance * jacobian.transpose();
-  return std::sqrt(std::max(0.0, error_in_cam.dot(covariance.ldlt().solve(error_in_cam))));
+  const Eigen::Matrix3d covariance = PositionCovariance(result.cam_from_world, result.covariance);
+  return std::sqrt(std::max(0.0, error.dot(covariance.ldlt().solve(error))));
 }
 
 CheckedPose CheckPose(const LocalizationResult& result, const Rigid3d& true_pose, double scene_size) {

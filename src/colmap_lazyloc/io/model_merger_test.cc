@@ -123,7 +123,7 @@ class MergeModelTest : public IoTest {
   }
 
   Model model_{
-      {{1, MakeCamera(1, 500)}, {2, MakeCamera(2, 600)}}, {MakeImage(1, 1, "a"), MakeImage(2, 2, "b")}, {}, {}};
+      {{1, MakeCamera(1, 500)}, {2, MakeCamera(2, 600)}}, {MakeImage(1, 1, "a"), MakeImage(2, 2, "b")}, {}, {}, {}};
   std::vector<DatabaseImage> database_images_ = {{11, 1, "a"}, {12, 1, "b"}, {20, 1, "q"}, {21, 1, "r"}};
   std::vector<LocalizationResult> queries_ = {MakeQuery("q", MakeCamera(1, 500)), MakeQuery("r", MakeCamera(1, 500))};
 };

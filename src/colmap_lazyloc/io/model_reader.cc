@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "colmap_lazyloc/bridge/camera_models.h"
+#include "colmap_lazyloc/io/geo_file.h"
 #include "colmap_lazyloc/io/model_formats.h"
 #include "colmap_lazyloc/scene/errors.h"
 
@@ -122,6 +123,7 @@ Model ReadModel(const std::filesystem::path& path) {
   }
   Model model = builder.Take();
   if (model.images.empty()) throw InputError(images_path.string() + ": contains no posed image");
+  model.geographic_origin = ReadGeoFile(path / kGeoFile);
   return model;
 }
 

@@ -4,6 +4,7 @@
 #include <vector>
 
 #include "colmap_lazyloc/files/output_file.h"
+#include "colmap_lazyloc/io/geo_file.h"
 #include "colmap_lazyloc/io/point_merger.h"
 #include "colmap_lazyloc/scene/errors.h"
 
@@ -163,6 +164,7 @@ void WriteModel(const std::filesystem::path& folder, const std::filesystem::path
     WriteRigs(folder / "rigs.bin", merged.rigs);
     WriteFrames(folder / "frames.bin", merged.frames);
   }
+  if (model.geographic_origin) WriteGeoFile(folder / kGeoFile, *model.geographic_origin);
   ExternalSorter<PointObservation> observations(scratch_file, kMaxNumObservationsInMemory);
   WritePoints(folder / "points3D.bin", model, merged, records, &observations);
   ImageWriter images(folder / "images.bin", model, merged, records, database);

@@ -69,13 +69,14 @@ void AddConfidence(const LocalizationResult& result, Json* json) {
 
 // Adds the pose, or the part of it that is known, and its standard deviations.
 void AddPose(const LocalizationResult& result, Json* json) {
-  for (const char* field : {"cam_from_world", "unconfirmed_cam_from_world", "covariance", "position_stddevs",
-                            "weakest_direction", "rotation_stddev_deg", "rotation", "bearing"}) {
+  for (const char* field : {"cam_from_world", "unconfirmed_cam_from_world", "covariance", "position",
+                            "position_stddevs", "weakest_direction", "rotation_stddev_deg", "rotation", "bearing"}) {
     (*json)[field] = nullptr;
   }
   if (HasPose(result.status)) {
     const bool is_localized = result.status == QueryStatus::LOCALIZED;
     (*json)[is_localized ? "cam_from_world" : "unconfirmed_cam_from_world"] = PoseToJson(result.cam_from_world);
+    if (is_localized) (*json)["position"] = ToJson(CamInWorld(result.cam_from_world));
     if (!result.covariance.allFinite()) return;
     (*json)["covariance"] = CovarianceToJson(result.covariance);
     (*json)["position_stddevs"] = ToJson(result.spread.position_stddevs);

@@ -101,6 +101,7 @@ TEST_F(ResultText, JsonHoldsEverything) {
   EXPECT_EQ(json["cam_from_world"]["tvec"], Json({4000000.1, -2.0, 1e-17}));
   ASSERT_EQ(json["covariance"].size(), 6);
   EXPECT_EQ(json["covariance"][1], Json({6.0, 7.0, 8.0, 9.0, 10.0, 11.0}));
+  EXPECT_EQ(json["position"].size(), 3);
   EXPECT_EQ(json["position_stddevs"], Json({0.3, 0.2, 0.1}));
   EXPECT_EQ(json["weakest_direction"], Json({0.6, 0.0, 0.8}));
   EXPECT_EQ(json["rotation_stddev_deg"], 0.25);
@@ -137,7 +138,7 @@ TEST_F(ResultText, PoseOfLowConfidenceIsNotOneToRelyOn) {
   EXPECT_TRUE(JsonOf(record)["unconfirmed_cam_from_world"].is_null());
   record.result.status = QueryStatus::LOW_CONFIDENCE;
   const Json json = JsonOf(record);
-  EXPECT_TRUE(json["cam_from_world"].is_null());
+  EXPECT_TRUE(json["cam_from_world"].is_null() && json["position"].is_null());
   EXPECT_EQ(json["unconfirmed_cam_from_world"]["tvec"], Json({4000000.1, -2.0, 1e-17}));
   EXPECT_EQ(json["position_stddevs"], Json({0.3, 0.2, 0.1}));
   EXPECT_EQ(json["confidence"], 0.25);
@@ -155,7 +156,7 @@ TEST_F(ResultText, JsonKeepsTheOrderOfKeys) {
       ReadFile(folder_ / "results.jsonl"),
       R"({"name":"night.jpg","status":"NO_PAIRS","reason":"no pair","start":"","confidence":null,"evidence":null,)"
       R"("cam_from_world":null,"unconfirmed_cam_from_world":null,)"
-      R"("covariance":null,)"
+      R"("covariance":null,"position":null,)"
       R"("position_stddevs":null,"weakest_direction":null,"rotation_stddev_deg":null,"rotation":null,"bearing":null,)"
       R"("frame":null,"rig_from_world":null,"rig_error_px":null,)"
       R"("intrinsics":{"origin":"given","verdict":"not_tested","focal_factor":null,"focal_factor_stddev":null,)"

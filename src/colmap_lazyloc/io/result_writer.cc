@@ -6,6 +6,7 @@
 #include "colmap_lazyloc/files/paths.h"
 #include "colmap_lazyloc/files/staged_output.h"
 #include "colmap_lazyloc/io/model_writer.h"
+#include "colmap_lazyloc/io/position_files.h"
 #include "colmap_lazyloc/io/result_text.h"
 #include "colmap_lazyloc/scene/errors.h"
 
@@ -15,6 +16,7 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr char kLeaveOneOutFile[] = "leave_one_out.json";
+constexpr char kGeojsonFile[] = "positions.geojson";
 
 void MakeFolder(const fs::path& path) {
   std::error_code error;
@@ -61,18 +63,25 @@ void ResultWriter::Write(const Model& model, const QueryRecords& records, const 
   MakeFolder(staged / "model");
   WritePoses(staged / "poses.txt", records);
   WriteResultsJson(staged / "results.jsonl", records);
+  WritePositionsCsv(staged / "positions.csv", records, model.geographic_origin);
   WriteModel(staged / "model", staged / "observations", model, records, database);
   OutputFile options_file(staged / "options.ini");
   options_file.Text() << options_ini;
   options_file.Close();
-  std::vector<std::string> entries = {"poses.txt", "results.jsonl", "options.ini", "model"};
+  std::vector<std::string> entries = {"poses.txt", "results.jsonl", "positions.csv", "options.ini", "model"};
   if (leave_one_out != nullptr) {
     WriteLeaveOneOut(staged / kLeaveOneOutFile, *leave_one_out);
     entries.emplace_back(kLeaveOneOutFile);
   }
+  if (model.geographic_origin) {
+    WritePositionsGeojson(staged / kGeojsonFile, records, *model.geographic_origin);
+    entries.emplace_back(kGeojsonFile);
+  }
   staged.Publish(entries);
   std::error_code ignored;
-  if (leave_one_out == nullptr) fs::remove(output_path_ / kLeaveOneOutFile, ignored);  // of an earlier run
+  // Removes what an earlier run has left and this one does not replace.
+  if (leave_one_out == nullptr) fs::remove(output_path_ / kLeaveOneOutFile, ignored);
+  if (!model.geographic_origin) fs::remove(output_path_ / kGeojsonFile, ignored);
   made_folders_.clear();
 }
 

@@ -81,7 +81,7 @@ TEST_F(ResultWriterTest, WritesAllFilesAndNothingElse) {
   output_ = folder_ / "new" / "out";
   Write();
   EXPECT_THAT(Names(output_), ElementsAre("model", "model/cameras.bin", "model/images.bin", "model/points3D.bin",
-                                          "options.ini", "poses.txt", "results.jsonl"));
+                                          "options.ini", "poses.txt", "positions.csv", "results.jsonl"));
   EXPECT_EQ(ReadFile(output_ / "options.ini"), "[options]\n");
   EXPECT_THAT(ReadFile(output_ / "poses.txt"), HasSubstr("\nq.jpg 1 0 0 0 4 5 6\n"));
   const std::string json = ReadFile(output_ / "results.jsonl");
@@ -139,6 +139,17 @@ TEST_F(ResultWriterTest, SummaryOfLeaveOneOutIsThatOfTheLastRun) {
   EXPECT_TRUE(fs::exists(output_ / "leave_one_out.json"));
   Write(/*is_leave_one_out=*/false);
   EXPECT_FALSE(fs::exists(output_ / "leave_one_out.json"));
+}
+
+TEST_F(ResultWriterTest, MapIsThatOfTheLastRun) {
+  model_.geographic_origin = {47, 8, 400};
+  Write();
+  EXPECT_TRUE(fs::exists(output_ / "positions.geojson"));
+  EXPECT_EQ(ReadModel(output_ / "model").geographic_origin->height_m, 400);
+  model_.geographic_origin.reset();
+  Write();
+  EXPECT_FALSE(fs::exists(output_ / "positions.geojson"));
+  EXPECT_FALSE(ReadModel(output_ / "model").geographic_origin.has_value());
 }
 
 TEST_F(ResultWriterTest, LeavesFilesOfTheUserAlone) {

@@ -7,7 +7,6 @@
 #include <Eigen/Eigenvalues>
 
 #include "colmap_lazyloc/math/median.h"
-#include "colmap_lazyloc/math/so3.h"
 
 namespace lazyloc {
 
@@ -33,14 +32,6 @@ double VarianceFactor(const PosedImages& posed, const std::vector<Track>& tracks
   }
   degrees_of_freedom -= 6.0 * static_cast<double>(num_query_frames) * weight_sum / std::max(num_observations, 1.0);
   return squared_sum / std::max(degrees_of_freedom, 1.0);
-}
-
-Eigen::Matrix3d PositionCovariance(const Rigid3d& cam_from_world, const Eigen::Matrix<double, 6, 6>& covariance) {
-  // C = -R^T t, R <- exp(w) R: dC = -R^T (Hat(t) w + dt).
-  Eigen::Matrix<double, 3, 6> jacobian;
-  jacobian << Hat(cam_from_world.translation), Eigen::Matrix3d::Identity();
-  jacobian = -cam_from_world.rotation.conjugate().toRotationMatrix() * jacobian.eval();
-  return jacobian * covariance * jacobian.transpose();
 }
 
 Eigen::Matrix<double, 6, 6> ImageCovariance(const Image& image, bool has_free_scale,

@@ -4,6 +4,7 @@
 
 #include <Eigen/Core>
 
+#include "colmap_lazyloc/math/position_covariance.h"
 #include "colmap_lazyloc/refinement/robust_loss.h"
 #include "colmap_lazyloc/scene/frame.h"
 #include "colmap_lazyloc/scene/localization_result.h"
@@ -19,10 +20,6 @@ inline double ResidualFromPx(const Image& image, const Track& track) {
 // Returns the a-posteriori variance factor: the weighted sum of squared normalised residuals over the degrees of
 // freedom that the points and the query frames' poses leave.
 double VarianceFactor(const PosedImages& posed, const std::vector<Track>& tracks, const RobustLoss& loss);
-
-// Returns the covariance of the projection centre in the world. The covariance of cam_from_world is that of its tangent
-// (rotation, then translation); coordinates should be near the origin, because the translation's part grows with it.
-Eigen::Matrix3d PositionCovariance(const Rigid3d& cam_from_world, const Eigen::Matrix<double, 6, 6>& covariance);
 
 // Returns the covariance of an image's cam_from_world from that of its frame: 6x6 of the frame's tangent, or 7x7 with
 // the log of the frame's scale if has_free_scale.

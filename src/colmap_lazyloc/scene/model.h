@@ -2,9 +2,11 @@
 
 #include <cstdint>
 #include <map>
+#include <optional>
 #include <string>
 #include <vector>
 
+#include "colmap_lazyloc/math/geodetic.h"
 #include "colmap_lazyloc/math/rigid3.h"
 #include "colmap_lazyloc/scene/camera.h"
 #include "colmap_lazyloc/scene/rig.h"
@@ -28,6 +30,8 @@ struct Model {
   // also name images that are not in `images`.
   std::map<uint32_t, Rig> rigs;
   std::map<uint32_t, ModelFrame> frames;
+  // Origin of the axes, which are then east, north and up, in metres; nullopt if the place on Earth is unknown.
+  std::optional<GeodeticPoint> geographic_origin;
 };
 
 }  // namespace lazyloc

@@ -1,0 +1,59 @@
+"""One tool around `colmap lazy_localizer`: `lazyloc COMMAND`, or `python -m colmap_lazyloc COMMAND`."""
+
+import difflib
+import importlib
+import sys
+from collections.abc import Sequence
+
+import colmap_lazyloc
+from colmap_lazyloc.errors import InputError, command
+
+# The module of each command, and what it does. Modules are imported when they are needed, because they need other
+# packages and take time to load.
+COMMANDS = {
+    "run": ("project.__main__", "localize photos or a video in a folder of photos: from files to the report"),
+    "import": ("import_poses", "make a COLMAP model from poses of other programs"),
+    "report": ("report.__main__", "write a page that shows the results of a run"),
+    "evaluate": ("evaluate", "compare poses with true ones"),
+    "retrieve": ("retrieval.__main__", "find database images by global descriptors"),
+    "cluster": ("cluster.__main__", "localize on a Dask cluster"),
+    "demo": ("demo.__main__", "render the photos of the demo"),
+    "doctor": ("doctor", "say what is installed, and what the extras would bring"),
+}
+
+
+def help_text() -> str:
+    lines = [f"  {name:<10} {text}" for name, (_, text) in COMMANDS.items()]
+    return "\n".join(
+        [
+            "usage: lazyloc COMMAND [options]",
+            "",
+            "Finds out where photos were taken, from photos with known poses.",
+            "",
+            *lines,
+            "",
+            "lazyloc COMMAND --help lists the options of a command, lazyloc --version the version.",
+            "Localization itself is colmap lazy_localizer.",
+        ]
+    )
+
+
+@command(name="lazyloc")
+def main(arguments: Sequence[str] | None = None) -> int:
+    words = sys.argv[1:] if arguments is None else list(arguments)
+    name, rest = (words[0], words[1:]) if words else ("--help", [])
+    if name in ("-h", "--help", "help"):
+        print(help_text())
+        return 0
+    if name == "--version":
+        print(f"lazyloc {colmap_lazyloc.__version__}")
+        return 0
+    if name not in COMMANDS:
+        near = difflib.get_close_matches(name, COMMANDS, 1)
+        raise InputError(f"unknown command '{name}'" + (f"; the nearest is {near[0]}" if near else ""))
+    module = importlib.import_module(f"colmap_lazyloc.{COMMANDS[name][0]}")
+    return int(module.main(rest))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,64 @@
+"""The optional packages: which extra of the package brings what, and one line about a missing one."""
+
+import dataclasses
+import importlib.util
+import pathlib
+from collections.abc import Sequence
+
+
+@dataclasses.dataclass(frozen=True)
+class Extra:
+    """An extra of pyproject.toml: what it is for, and the modules by the name of their packages."""
+
+    purpose: str
+    modules: dict[str, str]
+
+
+OPENCV = {"opencv-python-headless": "cv2"}
+TQDM = {"tqdm": "tqdm"}
+EXTRAS = {
+    "run": Extra("lazyloc run: videos, photos in the report, progress", {**OPENCV, "pillow": "PIL", **TQDM}),
+    "import": Extra(
+        "lazyloc import: sizes and GPS of photos, geographic coordinates, calibration files, angles",
+        {"pillow": "PIL", "pyproj": "pyproj", "pyyaml": "yaml", "scipy": "scipy"},
+    ),
+    "report": Extra("lazyloc report: photos, plots, progress", {"matplotlib": "matplotlib", **OPENCV, **TQDM}),
+    "demo": Extra("lazyloc demo: rendering", {**OPENCV, "scipy": "scipy"}),
+    "retrieval": Extra("lazyloc retrieve: global descriptors", {"faiss-cpu": "faiss", "h5py": "h5py"}),
+    "cluster": Extra("lazyloc cluster: Dask", {"bokeh": "bokeh", "distributed": "distributed", **TQDM}),
+    "hloc": Extra("files of hloc, projection of points", {"h5py": "h5py", "pycolmap": "pycolmap"}),
+}
+
+
+# The folder of the Debian package, whose users install other packages with apt.
+IS_DEBIAN_PACKAGE = pathlib.Path(__file__).is_relative_to("/usr/share/colmap-lazyloc")
+DEBIAN_NAMES = {"cv2": "python3-opencv", "PIL": "python3-pil"}
+NOT_IN_DEBIAN = ("bokeh", "pycolmap")
+
+
+def is_installed(module: str) -> bool:
+    """True if a module can be imported; does not import it."""
+    return importlib.util.find_spec(module) is not None
+
+
+def missing_package(error: ImportError, preferred: str | None = None) -> str | None:
+    """Returns one line about the package that an import lacks; None if it is not an optional one.
+
+    `preferred`: the extra to name if several bring it.
+    """
+    if error.name == "colmap_lazyloc._core":
+        return str(error)
+    module = (error.name or "").partition(".")[0]
+    extras = [name for name, extra in EXTRAS.items() if module in extra.modules.values()]
+    if not extras:
+        return None
+    name = preferred if preferred in extras else extras[0]
+    package = next(package for package, import_name in EXTRAS[name].modules.items() if import_name == module)
+    return f"{package} is missing: {install_command(name, [module])}"
+
+
+def install_command(name: str, modules: Sequence[str]) -> str:
+    """Returns the command that installs modules of an extra."""
+    if IS_DEBIAN_PACKAGE and not set(modules) & set(NOT_IN_DEBIAN):
+        return f"apt install {' '.join(DEBIAN_NAMES.get(module, f'python3-{module}') for module in modules)}"
+    return f"pip install 'colmap-lazyloc[{name}]'"

@@ -1,0 +1,1 @@
+"""Reads poses of cameras from files of other programs."""

@@ -1,0 +1,86 @@
+"""Reads where photos were taken from the GPS fields of EXIF. Needs Pillow."""
+
+import dataclasses
+import math
+import pathlib
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from colmap_lazyloc.errors import InputError
+from colmap_lazyloc.pose_formats.geo import GeoOrigin
+from colmap_lazyloc.pose_formats.posed_images import list_images
+
+GPS_IFD = 0x8825
+LATITUDE_REF, LATITUDE, LONGITUDE_REF, LONGITUDE, ALTITUDE_REF, ALTITUDE, ERROR = 1, 2, 3, 4, 5, 6, 31
+BELOW_SEA_LEVEL = (1, b"\x01")
+DEFAULT_STDDEV_M = 5.0
+# EXIF's altitudes are above the sea, which differs from the ellipsoid by up to 100 m.
+HEIGHT_STDDEV_M = 50.0
+
+
+@dataclasses.dataclass(frozen=True)
+class GpsPosition:
+    """A position of EXIF: degrees, and metres. The altitude may be missing."""
+
+    name: str
+    latitude_deg: float
+    longitude_deg: float
+    altitude_m: float | None
+    stddev_m: float
+
+
+def read_positions(folder: pathlib.Path) -> list[GpsPosition]:
+    """Reads the positions of the photos below a folder; those without GPS are left out."""
+    return [position for name in list_images(folder) if (position := _read_photo(folder, name)) is not None]
+
+
+def write_positions(path: pathlib.Path, positions: Sequence[GpsPosition], origin: GeoOrigin | None) -> GeoOrigin:
+    """Writes lines `name x y z sx sy sz` for --query_position_path in the frame of the origin, which is returned."""
+    if not positions:
+        raise InputError("no photo has a position (GPS) in EXIF")
+    altitudes = [position.altitude_m for position in positions if position.altitude_m is not None]
+    if origin is None:
+        latitude = float(np.mean([position.latitude_deg for position in positions]))
+        longitude = float(np.mean([position.longitude_deg for position in positions]))
+        origin = GeoOrigin(latitude, longitude, float(np.mean(altitudes)) if altitudes else 0.0)
+    lines = []
+    for position in positions:
+        height = origin.height_m if position.altitude_m is None else position.altitude_m
+        x, y, z = origin.from_geodetic(position.latitude_deg, position.longitude_deg, height)[0].tolist()
+        deviation = f"{position.stddev_m:.6g} {position.stddev_m:.6g} {HEIGHT_STDDEV_M:g}"
+        lines.append(f"{position.name} {x:.17g} {y:.17g} {z:.17g} {deviation}\n")
+    path.write_text("".join(lines), encoding="utf-8")
+    return origin
+
+
+def _read_photo(folder: pathlib.Path, name: str) -> GpsPosition | None:
+    """Returns the position of a photo; None if it has none that makes sense."""
+    import PIL.Image
+
+    try:
+        with PIL.Image.open(folder / name) as photo:
+            gps: dict[int, Any] = dict(photo.getexif().get_ifd(GPS_IFD))
+        latitude = _degrees(gps[LATITUDE]) * (-1 if _text(gps[LATITUDE_REF]) == "S" else 1)
+        longitude = _degrees(gps[LONGITUDE]) * (-1 if _text(gps[LONGITUDE_REF]) == "W" else 1)
+        altitude = float(gps[ALTITUDE]) if ALTITUDE in gps else None
+        if altitude is not None and gps.get(ALTITUDE_REF) in BELOW_SEA_LEVEL:
+            altitude = -altitude
+        stddev = float(gps.get(ERROR, DEFAULT_STDDEV_M))
+    except Exception:  # Pillow's errors for damaged files are of many types
+        return None
+    values = latitude, longitude, altitude or 0.0, stddev
+    if not (all(map(math.isfinite, values)) and abs(latitude) <= 90 and abs(longitude) <= 180):
+        return None
+    return GpsPosition(name, latitude, longitude, altitude, stddev if stddev > 0 else DEFAULT_STDDEV_M)
+
+
+def _degrees(values: Any) -> float:
+    """Returns the degrees of degrees, minutes and seconds."""
+    degrees, minutes, seconds = (float(value) for value in values)
+    return degrees + minutes / 60 + seconds / 3600
+
+
+def _text(value: Any) -> str:
+    return (value.decode() if isinstance(value, bytes) else str(value)).strip("\0 ").upper()

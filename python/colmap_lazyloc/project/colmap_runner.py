@@ -1,0 +1,91 @@
+"""Runs COLMAP's commands with a progress bar and a log."""
+
+import json
+import pathlib
+import re
+import subprocess
+import sys
+from collections.abc import Sequence
+
+from colmap_lazyloc.errors import InputError
+
+NUM_ERROR_LINES = 50
+GLOG_PREFIX = re.compile(r"^[IWEF]\d{8} \S+ +\d+ \S+\] ")
+
+
+class ColmapRunner:
+    """Runs commands; all that they print goes to the log."""
+
+    def __init__(self, log_path: pathlib.Path):
+        self._log_path = log_path
+
+    def run(self, words: Sequence[object], title: str = "") -> None:
+        """Runs a command; raises InputError with its last line if it fails."""
+        texts = [str(word) for word in words]
+        last_lines: list[str] = []
+        with self._log_path.open("a", encoding="utf-8") as log:
+            log.write(f"$ {' '.join(texts)}\n")
+            log.flush()
+            try:
+                process = subprocess.Popen(
+                    texts, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, errors="backslashreplace"
+                )
+            except OSError as error:
+                raise InputError(f"{texts[0]}: cannot be run: {error.strerror}") from None
+            bar = ProgressBar(title)
+            try:
+                assert process.stdout is not None
+                for line in process.stdout:
+                    log.write(line)
+                    bar.read(line)
+                    if line.strip():
+                        last_lines = [*last_lines[-NUM_ERROR_LINES:], line.strip()]
+                code = process.wait()
+            except BaseException:
+                process.terminate()
+                process.wait()
+                raise
+            finally:
+                bar.close()
+        if code != 0:
+            cause = GLOG_PREFIX.sub("", last_lines[-1]) if last_lines else "no message"
+            raise InputError(f"{pathlib.Path(texts[0]).name} {texts[1]} failed: {cause} (log: {self._log_path})")
+
+
+class ProgressBar:
+    """Shows on a terminal how far a command is; without tqdm, only its title."""
+
+    def __init__(self, title: str):
+        if title:
+            print(f"lazyloc run: {title}", file=sys.stderr, flush=True)
+        try:
+            from tqdm import tqdm
+        except ImportError:
+            self._bar = None
+        else:
+            self._bar = tqdm(disable=None, leave=False)
+
+    def read(self, line: str) -> None:
+        """Reads a line of COLMAP, such as `Processed file [3/40]`, or a line of JSON of lazy_localizer."""
+        progress = _progress(line) if self._bar is not None else None
+        if progress is not None and self._bar is not None:
+            self._bar.n, self._bar.total = progress
+            self._bar.refresh()
+
+    def close(self) -> None:
+        if self._bar is not None:
+            self._bar.close()
+
+
+def _progress(line: str) -> tuple[int, int] | None:
+    """Returns how many of how many are done."""
+    match = re.search(r"\[(\d+)/(\d+)\]", line)
+    if match:
+        return int(match.group(1)), int(match.group(2))
+    if line.startswith("{"):
+        try:
+            content = json.loads(line)
+            return int(content["done"]), int(content["of"])
+        except (ValueError, KeyError, TypeError):
+            return None
+    return None

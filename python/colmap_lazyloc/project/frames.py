@@ -1,0 +1,40 @@
+"""Takes frames of a video. Needs OpenCV."""
+
+import pathlib
+
+from colmap_lazyloc.errors import InputError
+from colmap_lazyloc.pose_formats.posed_images import IMAGE_SUFFIXES
+
+JPEG_QUALITY = 95
+
+
+def is_video(path: pathlib.Path) -> bool:
+    """True if the path names a file that is not a photo."""
+    return path.is_file() and path.suffix.lower() not in IMAGE_SUFFIXES
+
+
+def write_frames(video: pathlib.Path, folder: pathlib.Path, frames_per_second: float) -> int:
+    """Writes frames as 000123.jpg, with their numbers in the video; returns how many."""
+    import cv2
+
+    capture = cv2.VideoCapture(str(video))
+    if not capture.isOpened():
+        raise InputError(f"{video}: is not a video that OpenCV can read")
+    folder.mkdir(parents=True, exist_ok=True)
+    rate = capture.get(cv2.CAP_PROP_FPS)
+    step = max(rate / frames_per_second, 1.0) if rate > 0 else 1.0
+    index, count = 0, 0
+    while capture.grab():
+        if index >= count * step:
+            is_read, pixels = capture.retrieve()
+            if not is_read:
+                break
+            path = folder / f"{index:06}.jpg"
+            if not cv2.imwrite(str(path), pixels, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY]):
+                raise InputError(f"{path}: cannot be written")
+            count += 1
+        index += 1
+    capture.release()
+    if count == 0:
+        raise InputError(f"{video}: has no frame that OpenCV can read")
+    return count

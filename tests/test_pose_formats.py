@@ -1,0 +1,345 @@
+"""Tests of lazyloc import: each format with a camera whose pose and axes are known, and damaged files of each."""
+
+import json
+import math
+import random
+import re
+import warnings
+
+import numpy as np
+import PIL.Image
+import pyproj
+import pytest
+from scipy.spatial.transform import Rotation
+
+import pose_files
+from colmap_lazyloc import import_poses
+from colmap_lazyloc.errors import InputError
+from colmap_lazyloc.model import Camera, read_model
+from colmap_lazyloc.pose_formats.geo import GeoOrigin
+from colmap_lazyloc.pose_formats.posed_images import Source
+from colmap_lazyloc.pose_formats.registry import find_format, read_posed_images
+
+NUM_MUTATIONS = 500
+NORTHWARD = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])  # cam_from_world of the camera in pose_files
+
+
+@pytest.fixture(scope="session")
+def photos(tmp_path_factory):
+    return pose_files.write_photos(tmp_path_factory.mktemp("photos"))
+
+
+def read(path, photos, needs_camera=False, form=None, **options):
+    source = pose_files.source_of(path, photos, needs_camera)
+    source = Source(**{**source.__dict__, **options})
+    posed = read_posed_images(source, form)
+    return {image.name: image for image in posed.images}, posed.origin
+
+
+def assert_looks_north(image, centre=pose_files.CENTRE, tolerance=1e-9):
+    """Checks the axes with a point 10 m ahead, 1 m to the right and 2 m above the camera."""
+    point = np.asarray(centre) + (1, 10, 2)
+    assert np.allclose(image.cam_from_world(point[None])[0], (1, -2, 10), atol=tolerance)
+    assert np.allclose(image.cam_from_world.cam_in_world, centre, atol=tolerance)
+
+
+@pytest.mark.parametrize("name", pose_files.FILES)
+def test_pose_axes_and_intrinsics(name, photos, tmp_path):
+    write, form, needs_camera = pose_files.FILES[name]
+    path = write(tmp_path)
+    assert find_format(path) == (form if name != "polycam" else "csv")
+    images, origin = read(path, photos, needs_camera, form)
+    by_time = name in ("arkit", "arkit_matrix", "arcore", "tum", "kitti")
+    image = images["a/100.jpg" if by_time else pose_files.NAME]
+    assert_looks_north(image)
+    assert image.camera.text() == Camera.parse("", pose_files.TEXT_CAMERA).text()
+    other = images["a/200.jpg" if by_time else pose_files.OTHER]
+    assert np.allclose(other.cam_from_world.cam_in_world, (12, 20, 5))
+    assert (origin is not None) == (name == "opensfm")
+
+
+def test_model_is_written_and_read(photos, tmp_path, capsys):
+    path = pose_files.opensfm(tmp_path)
+    for form, flags in (("auto", []), ("opensfm", ["--binary"])):
+        words = [form, str(path), "--output_path", str(tmp_path / "model"), "--image_path", str(photos), *flags]
+        assert import_poses.main(words) == 0
+        model = read_model(tmp_path / "model")
+        assert sorted(model.images) == [pose_files.NAME, pose_files.OTHER] and len(model.cameras) == 1
+        assert_looks_north(model.images[pose_files.NAME])
+        assert len(list((tmp_path / "model").iterdir())) == 4
+    assert json.loads((tmp_path / "model" / "geo.json").read_text()) == {
+        "latitude_deg": 47.0,
+        "longitude_deg": 8.0,
+        "height_m": 400.0,
+        "frame": "ENU",
+        "ellipsoid": "WGS84",
+    }
+    assert "2 images, 1 camera\n" in capsys.readouterr().out
+
+
+def test_intrinsics_of_a_frame_and_of_a_field_of_view(photos, tmp_path):
+    path = pose_files.transforms(tmp_path)
+    data = json.loads(path.read_text())
+    for key in ("fl_x", "fl_y", "w", "h", "cx", "cy", "k1", "camera_model"):
+        del data[key]
+    data["camera_angle_x"] = 2 * math.atan(320 / 700)  # as in NeRF's synthetic scenes, whose names have no ending
+    data["frames"][0]["file_path"] = f"./{pose_files.NAME[:-4]}"
+    data["frames"][1] |= {"fl_x": 400, "fl_y": 401, "camera_model": "OPENCV_FISHEYE", "k1": 0.1, "k4": 0.2}
+    path.write_text(json.dumps(data))
+    images, _ = read(path, photos)
+    assert images[pose_files.NAME].camera == Camera(
+        "PINHOLE", 640, 480, (pytest.approx(700), pytest.approx(700), 320, 240)
+    )
+    fisheye = Camera("OPENCV_FISHEYE", 640, 480, (400, 401, 320, 240, 0.1, 0, 0, 0.2))
+    assert images[pose_files.OTHER].camera == fisheye
+
+
+def test_angles_turn_as_an_aircraft_does(photos, tmp_path):
+    """Looks east, 30 degrees down; then 90 degrees down with the top of the image to the east."""
+    path = pose_files.write(
+        tmp_path, "a.csv", "name,x,y,z,yaw,pitch,roll\nphoto 1,0,0,0,90,-30,0\nphoto 2,0,0,0,90,-90,0\n"
+    )
+    images, _ = read(path, photos, needs_camera=True)
+    forward = images[pose_files.NAME].cam_from_world.rotation[2]
+    assert np.allclose(forward, (math.cos(math.pi / 6), 0, -0.5))
+    right, down, forward = images[pose_files.OTHER].cam_from_world.rotation
+    assert np.allclose(forward, (0, 0, -1)) and np.allclose(down, (-1, 0, 0)) and np.allclose(right, (0, -1, 0))
+    path = pose_files.write(tmp_path, "a.csv", "name,x,y,z,yaw,pitch,roll\nphoto 1,0,0,0,0,0,90\n")
+    images, _ = read(path, photos, needs_camera=True)
+    assert np.allclose(images[pose_files.NAME].cam_from_world.rotation[0], (0, 0, -1))  # the right side is down
+
+
+def test_reality_capture_is_as_its_own_xmp(photos, tmp_path):
+    """The angles and the matrix are those that RealityCapture itself exported of one camera, as CSV and as XMP."""
+    heading, pitch, roll = 163.736597399311, 83.4154313461628, 174.386496244756
+    row = f"photo 1.jpg,1,2,3,{heading},{pitch},{roll},35,0,0,0,0,0,0,0,0\n"
+    header = "#cameras 1\n#name,x,y,alt,heading,pitch,roll,f,px,py,k1,k2,k3,k4,t1,t2\n"
+    images, _ = read(pose_files.write(tmp_path, "rc.csv", header + row), photos)
+    rotation = [
+        [0.982594073038806, 0.185426733553445, -0.0112166890261935],
+        [-0.032113633044729, 0.11008102707942, -0.993403685341366],
+        [-0.18296885582437, 0.976472781986697, 0.114],  # the last number is rounded in the export
+    ]
+    assert np.allclose(images[pose_files.NAME].cam_from_world.rotation, rotation, atol=2e-4)
+
+
+def geodetic(points, origin=pose_files.ORIGIN):
+    """Returns latitude, longitude and height of points in a local frame, by another way than the project's."""
+    latitude, longitude = np.radians(origin[:2])
+    rotation = Rotation.from_euler("ZX", [math.pi / 2 + longitude, math.pi / 2 - latitude]).as_matrix()
+    to_geocentric = pyproj.Transformer.from_crs(4979, 4978, always_xy=True)
+    centre = np.array(to_geocentric.transform(origin[1], origin[0], origin[2]))
+    geocentric = np.asarray(points) @ rotation.T + centre
+    longitudes, latitudes, heights = to_geocentric.transform(*geocentric.T.tolist(), direction="INVERSE")
+    return np.stack([latitudes, longitudes, heights], axis=1), geocentric, rotation
+
+
+def test_table_in_latitude_and_longitude(photos, tmp_path):
+    places, _, _ = geodetic([pose_files.CENTRE, pose_files.CENTRE + (2, 0, 0)])
+    rows = [
+        f"{n},{a:.10f},{b:.10f},{c:.6f},0,0,0\n" for n, (a, b, c) in zip((pose_files.NAME, pose_files.OTHER), places)
+    ]
+    path = pose_files.write(tmp_path, "a.csv", "image,latitude,longitude,height,yaw,pitch,roll\n" + "".join(rows))
+    images, origin = read(path, photos, needs_camera=True, origin=GeoOrigin(*pose_files.ORIGIN))
+    assert origin == GeoOrigin(*pose_files.ORIGIN)
+    assert_looks_north(images[pose_files.NAME], tolerance=1e-4)
+    images, origin = read(path, photos, needs_camera=True)  # around the mean of the cameras
+    centres = np.array([image.cam_from_world.cam_in_world for image in images.values()])
+    assert np.allclose(centres, [(-1, 0, 0), (1, 0, 0)], atol=2e-3)
+    assert np.allclose(origin.to_geodetic(centres)[:, :2], places[:, :2], atol=1e-9)
+
+
+def test_grid_north_is_not_north(photos, tmp_path):
+    """UTM's grid is turned by some degrees against north, away from the central meridian."""
+    place = geodetic([pose_files.CENTRE], (60.0, 8.0, 100.0))[0][0]  # central meridian: 9 degrees
+    x, y = pyproj.Transformer.from_crs(4326, 32632, always_xy=True).transform(place[1], place[0])
+    convergence = math.degrees(math.atan(math.tan(math.radians(8 - 9)) * math.sin(math.radians(60))))
+    row = f"{pose_files.NAME},{x:.9f},{y:.9f},{place[2]:.9f},{-convergence:.9f},0,0\n"
+    path = pose_files.write(tmp_path, "a.csv", "name,x,y,z,yaw,pitch,roll\n" + row)
+    images, _ = read(path, photos, needs_camera=True, crs="EPSG:32632", origin=GeoOrigin(60.0, 8.0, 100.0))
+    assert_looks_north(images[pose_files.NAME], tolerance=1e-3)
+
+
+def test_metashape_in_geographic_coordinates(photos, tmp_path):
+    """The chunk is scaled by 4, and its axes are those of the local frame."""
+    _, (centre,), rotation = geodetic([(0, 0, 0)])
+    transform = f"""<transform><rotation>{" ".join(map(repr, rotation.ravel().tolist()))}</rotation>
+<translation>{" ".join(map(repr, centre.tolist()))}</translation><scale>4</scale></transform>"""
+    poses = {pose_files.NAME: [1, 0, 0, 2.5, 0, 0, 1, 5, 0, -1, 0, 1.25]}
+    path = pose_files.metashape(tmp_path, transform, 'GEOGCS["WGS 84"]', poses)
+    images, origin = read(path, photos, origin=GeoOrigin(*pose_files.ORIGIN))
+    assert_looks_north(images[pose_files.NAME], tolerance=1e-6)
+    assert read(path, photos)[1] is not None and origin == GeoOrigin(*pose_files.ORIGIN)
+
+
+def test_metashape_distortion_has_another_order(photos, tmp_path):
+    path = pose_files.metashape(tmp_path)
+    path.write_text(path.read_text().replace("<k1>", "<p1>0.001</p1><p2>0.002</p2><b1>3</b1><k3>0.1</k3><k1>"))
+    camera = next(iter(read(path, photos)[0].values())).camera
+    assert camera == Camera("FULL_OPENCV", 640, 480, (503, 500, 310, 250, -0.05, 0, 0.002, 0.001, 0.1, 0, 0, 0))
+    path.write_text(path.read_text().replace("<k1>", "<k4>0.1</k4><k1>"))
+    with pytest.raises(InputError, match="k4"):
+        read(path, photos)
+
+
+def test_trajectory_of_a_body_with_a_calibration(photos, tmp_path):
+    """The body's axes are forward, left, up, as of a robot. The camera is 0.3 m ahead of it and 0.1 m above."""
+    path = pose_files.write(tmp_path, "t.txt", "100.0 0 0 0 0 0 0.70710678118 0.70710678118\n")  # faces north
+    calibration = pose_files.write(
+        tmp_path,
+        "sensor.yaml",
+        "%YAML:1.0\nT_BS:\n  rows: 4\n  cols: 4\n  data: [0, 0, 1, 0.3, -1, 0, 0, 0, 0, -1, 0, 0.1, 0, 0, 0, 1]\n"
+        "resolution: [640, 480]\ncamera_model: pinhole\nintrinsics: [500, 500, 309.5, 249.5]\n"
+        "distortion_model: radial-tangential\ndistortion_coefficients: [-0.05, 0, 0, 0]\n",
+    )
+    images, _ = read(path, photos, calibration_path=calibration)
+    assert_looks_north(images["a/100.jpg"], (0, 0.3, 0.1))
+    assert images["a/100.jpg"].camera.text() == Camera.parse("", pose_files.TEXT_CAMERA).text()
+    calibration = pose_files.write(
+        tmp_path,
+        "camchain.yaml",
+        "cam0:\n  camera_model: pinhole\n  distortion_coeffs: [0.1, 0, 0, 0.2]\n  distortion_model: equidistant\n"
+        "  intrinsics: [500, 500, 309.5, 249.5]\n  resolution: [640, 480]\n"
+        "  T_cam_imu:\n  - [0, -1, 0, 0]\n  - [0, 0, -1, 0.1]\n  - [1, 0, 0, -0.3]\n  - [0, 0, 0, 1]\n",
+    )
+    images, _ = read(path, photos, calibration_path=calibration)
+    assert_looks_north(images["a/100.jpg"], (0, 0.3, 0.1))
+    assert images["a/100.jpg"].camera.model == "OPENCV_FISHEYE"
+
+
+def test_kitti_calibration_of_the_photos_camera(tmp_path):
+    folder = tmp_path / "image_2"
+    folder.mkdir()
+    PIL.Image.new("L", pose_files.SIZE).save(folder / "000000.png")
+    poses = pose_files.write(tmp_path, "00.txt", "1 0 0 10 0 0 1 20 0 -1 0 5\n")
+    rows = "P0: 500 0 309.5 0 0 500 249.5 0 0 0 1 0\nP2: 500 0 309.5 -250 0 500 249.5 0 0 0 1 0\nTr: 1\n"
+    images, _ = read(poses, folder, calibration_path=pose_files.write(tmp_path, "calib.txt", rows))
+    assert_looks_north(images["000000.png"], (10.5, 20, 5))  # half a metre to the right of camera 0
+
+
+def test_poses_between_two_times(photos, tmp_path):
+    """The photo is taken a quarter of the way between two poses, and named by nanoseconds."""
+    folder = tmp_path / "frames"
+    folder.mkdir()
+    PIL.Image.new("L", pose_files.SIZE).save(folder / "1403636579763555584.png")
+    PIL.Image.new("L", pose_files.SIZE).save(folder / "1403636589763555584.png")  # 10 s later, in a gap
+    rows = [(1403636579.738555584, 0, 0), (1403636579.838555584, 4, 40), (1403636591.0, 9, 0)]
+    text = "".join(
+        f"{time!r} {x} 0 0 0 0 {math.sin(math.radians(a) / 2)} {math.cos(math.radians(a) / 2)}\n" for time, x, a in rows
+    )
+    images, _ = read(pose_files.write(tmp_path, "t.txt", text), folder, needs_camera=True)
+    (image,) = images.values()
+    assert image.name == "1403636579763555584.png"
+    assert np.allclose(image.cam_from_world.cam_in_world, (1, 0, 0), atol=1e-4)
+    angle_deg = Rotation.from_matrix(image.cam_from_world.rotation.T).as_rotvec(degrees=True)[2]
+    assert angle_deg == pytest.approx(10, abs=1e-3)
+
+
+def write_gps(path, latitude, longitude, altitude):
+    photo = PIL.Image.new("L", (32, 24))
+    exif = photo.getexif()
+    gps = exif.get_ifd(0x8825)
+
+    def degrees(value):
+        return int(abs(value)), int(abs(value) * 60 % 60), abs(value) * 3600 % 60
+
+    gps[1], gps[2] = "S" if latitude < 0 else "N", degrees(latitude)
+    gps[3], gps[4] = "W" if longitude < 0 else "E", degrees(longitude)
+    gps[5], gps[6] = b"\0", altitude
+    exif[0x8825] = gps
+    photo.save(path, exif=exif)
+
+
+def test_positions_of_exif(tmp_path, capsys):
+    folder = tmp_path / "photos"
+    folder.mkdir()
+    places, _, _ = geodetic([(10, 20, 5), (-30, 0, 2)], (-33.5, -70.5, 500.0))
+    for index, place in enumerate(places):
+        write_gps(folder / f"{index}.jpg", *place)
+    PIL.Image.new("L", (32, 24)).save(folder / "none.jpg")
+    GeoOrigin(-33.5, -70.5, 500.0).write(tmp_path)
+    words = ["exif", str(folder), "--output_path", str(tmp_path / "gps.txt"), "--model", str(tmp_path)]
+    assert import_poses.main(words) == 0
+    lines = [line.split() for line in (tmp_path / "gps.txt").read_text().splitlines()]
+    assert [line[0] for line in lines] == ["0.jpg", "1.jpg"]
+    assert np.allclose(np.array([line[1:4] for line in lines], float), [(10, 20, 5), (-30, 0, 2)], atol=0.02)
+    assert lines[0][4:] == ["5", "5", "50"] and "2 positions" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (lambda text: text[:100], "is not JSON"),
+        (lambda text: text.replace("frames", "views"), "lacks 'frames'"),
+        (lambda text: text.replace("[0, 0, -1, 20]", "[0, 0, -1.5, 20]"), "not a rotation"),
+        (lambda text: text.replace("[0, 0, -1, 20]", "[0, 0, -1, NaN]"), "not finite"),
+        (lambda text: text.replace("photo 1", "photo 3").replace("photo 2", "photo 4"), "no photo that it names"),
+        (lambda text: text.replace("photo 2", "photo 1"), "two poses belong to 'a/photo 1.jpg'"),
+        (lambda text: text.replace('"OPENCV"', '"EQUIRECTANGULAR"'), "EQUIRECTANGULAR"),
+        (lambda text: text.replace('"k1"', '"k4"'), "k4"),
+    ],
+)
+def test_bad_file_is_one_line(change, message, photos, tmp_path, capsys):
+    path = pose_files.transforms(tmp_path)
+    path.write_text(change(path.read_text()))
+    words = ["transforms", str(path), "--output_path", str(tmp_path / "model"), "--image_path", str(photos)]
+    assert import_poses.main(words) == 1
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1 and message in error and str(path) in error
+    assert not (tmp_path / "model").exists()
+
+
+def mutate(text, rng):
+    """Damages a file: a token replaced by another value, a part removed, doubled or exchanged, or bytes changed."""
+    values = [
+        "nan",
+        "1e999",
+        "-1",
+        "0",
+        '""',
+        "null",
+        "[]",
+        "{}",
+        "[1]",
+        "x",
+        "",
+        "é\0",
+        "9" * 400,
+        "true",
+        "<a>",
+        "1,2",
+    ]
+    kind = rng.randrange(6)
+    tokens = list(re.finditer(r'"[^"]*"|[-+.\w]+|<[^>]*>', text))
+    if kind <= 2 and tokens:
+        for match in sorted(rng.sample(tokens, min(len(tokens), rng.choice((1, 1, 3)))), key=lambda m: -m.start()):
+            text = text[: match.start()] + rng.choice(values) + text[match.end() :]
+        return text
+    begin, end = sorted(rng.randrange(len(text) + 1) for _ in range(2))
+    if kind == 3:
+        return text[:begin] + text[end:]
+    if kind == 4:
+        return text[:end] + text[begin:]
+    characters = list(text)
+    for _ in range(rng.choice((1, 5, 50))):
+        characters[rng.randrange(len(characters))] = chr(rng.randrange(256))
+    return "".join(characters)
+
+
+@pytest.mark.parametrize("name", pose_files.FILES)
+def test_mutated_files_are_read_or_refused_in_one_line(name, photos, tmp_path):
+    write, form, needs_camera = pose_files.FILES[name]
+    path = write(tmp_path)
+    text, rng = path.read_text(), random.Random(name)
+    num_refused = 0
+    for index in range(NUM_MUTATIONS):
+        path.write_bytes(mutate(text, rng).encode("utf-8" if index % 2 else "latin-1", "replace"))
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")
+                read(path, photos, needs_camera, form if index % 3 else None)
+        except InputError as error:
+            num_refused += 1
+            assert path.name in str(error) or str(error).startswith("--"), str(error)
+            assert len(str(error)) < 1000
+    assert num_refused > NUM_MUTATIONS // 4

@@ -1,0 +1,239 @@
+"""Tests of `lazyloc run`: from files to the report by one command, with positions that are right."""
+
+import csv
+import json
+import re
+import shutil
+
+import cv2
+import numpy as np
+import pyproj
+import pytest
+
+import photo_scene
+from colmap_lazyloc.__main__ import main
+from colmap_lazyloc.database import DatabaseReader
+from colmap_lazyloc.demo.renderer import RayGrid
+from colmap_lazyloc.model import read_model
+from colmap_lazyloc.pose_formats.geo import GeoOrigin
+from colmap_lazyloc.pose_formats.posed_images import OPENGL_FROM_COLMAP, PosedImage
+from colmap_lazyloc.poses import read_poses
+from colmap_lazyloc.project.pairs import pairs_by_viewpoint, pairs_in_sequence
+
+MAX_POSITION_ERROR = 0.05  # in a courtyard of 20 m
+ORIGIN = GeoOrigin(47.3, 8.5, 430.0)
+CAMERA = photo_scene.CAMERA
+WALK = [(-1.6 + 0.25 * step, -2.9 - 0.1 * step, 1.7) for step in range(8)]
+
+
+@pytest.fixture
+def run(colmap, photos, monkeypatch, tmp_path):
+    """Returns a function that runs `lazyloc run` on the rendered photos and returns the output folder."""
+    monkeypatch.setenv("COLMAP", str(colmap))
+
+    def start(poses, *more, queries=None, exit_code=0):
+        words = ["run", "--database_images", photos.image_path / "database", "--output", tmp_path / "out"]
+        words += ["--queries", queries or photos.image_path / "query", *photo_scene.SIFT]
+        words += [*([] if poses is None else ["--poses", poses]), *more]
+        assert main([str(word) for word in words]) == exit_code
+        return tmp_path / "out"
+
+    return start
+
+
+def assert_localized(output, truth):
+    """Checks positions and rotations, and that there is a report."""
+    poses = read_poses(output / "localized" / "poses.txt")
+    assert sorted(poses) == sorted(truth)
+    for name, pose in poses.items():
+        position_error, rotation_error_deg = pose.errors(truth[name])
+        assert position_error < MAX_POSITION_ERROR and rotation_error_deg < 0.3, name
+    assert (output / "report.html").stat().st_size > 100000
+
+
+def true_queries(photos):
+    return {name: photos.poses[name] for name in photos.query_names}
+
+
+def base(name):
+    return name.rpartition("/")[2]
+
+
+def write_transforms(path, photos):
+    frames = []
+    for name in photos.database_names:
+        pose = photos.poses[name]
+        matrix = np.eye(4)
+        matrix[:3, :3], matrix[:3, 3] = pose.rotation.T @ OPENGL_FROM_COLMAP, pose.cam_in_world
+        frames.append({"file_path": f"images/{base(name)}", "transform_matrix": matrix.tolist()})
+    f, cx, cy, k1 = CAMERA.params
+    content = {"fl_x": f, "fl_y": f, "cx": cx, "cy": cy, "k1": k1, "w": CAMERA.width, "h": CAMERA.height}
+    path.write_text(json.dumps({**content, "frames": frames}))
+    return path
+
+
+def test_transforms_json(run, photos, tmp_path, capsys):
+    poses = write_transforms(tmp_path / "transforms.json", photos)
+    output = run(poses)
+    assert_localized(output, true_queries(photos))
+    printed = capsys.readouterr()
+    assert "2 of 2 queries localized" in printed.out and "query/0.png" in printed.out
+    assert "features of 6 images" in printed.err and "matching 15 pairs" in printed.err
+    with DatabaseReader(output / "database.db") as database:  # others can go on with it
+        assert database.image_ids == {name: index for index, name in enumerate(photos.database_names, start=1)}
+        assert database.camera(photos.database_names[0]).params == (400, 400, 241, 179, -0.03, 0, 0, 0)
+        assert database.num_inliers(*photos.database_names[:2]) > 30
+    run(poses)
+    assert "features" not in (again := capsys.readouterr().err) and "localizing" not in again
+    run(poses, queries=photos.image_path / "query" / "1.png")  # a new photo needs no new features of the database
+    printed = capsys.readouterr()
+    assert "features" not in printed.err and "1 of 1 queries localized" in printed.out
+    assert run(poses, "--SiftExtraction.peak_threshold", "0.01", exit_code=1)
+    assert "--overwrite" in capsys.readouterr().err
+
+
+def test_table_in_latitude_and_longitude(run, photos, tmp_path):
+    names = photos.database_names
+    points = np.array([photos.poses[name].cam_in_world for name in names])
+    steps = f"+proj=topocentric +ellps=WGS84 +lat_0={ORIGIN.latitude_deg} +lon_0={ORIGIN.longitude_deg}"
+    steps = f"+proj=pipeline +step +inv {steps} +h_0={ORIGIN.height_m} +step +inv +proj=cart +ellps=WGS84"
+    longitudes, latitudes, heights = pyproj.Transformer.from_pipeline(steps).transform(*points.T)
+    rows = ["file,latitude,longitude,altitude,qw,qx,qy,qz,width,height,fx,cx,cy,k1"]
+    for name, place in zip(names, np.stack([latitudes, longitudes, heights], axis=1)):
+        w, x, y, z = photos.poses[name].qvec
+        focal, cx, cy, k1 = CAMERA.params
+        values = [*place.tolist(), w, -x, -y, -z, CAMERA.width, CAMERA.height, focal, cx, cy, k1]
+        rows.append(f"{base(name)}," + ",".join(repr(float(value)) for value in values))
+    (tmp_path / "poses.csv").write_text("\n".join(rows) + "\n")
+    origin = f"{ORIGIN.latitude_deg},{ORIGIN.longitude_deg},{ORIGIN.height_m}"
+    output = run(tmp_path / "poses.csv", "--geo_origin", origin)
+    assert_localized(output, true_queries(photos))
+    assert GeoOrigin.read(output / "model") == ORIGIN
+    with (output / "localized" / "positions.csv").open(newline="") as table:
+        for row in csv.DictReader(table):
+            place = [[float(row[column])] for column in ("latitude_deg", "longitude_deg", "height_m")]
+            (found,) = ORIGIN.from_geodetic(*place)
+            assert np.linalg.norm(found - photos.poses[row["name"]].cam_in_world) < MAX_POSITION_ERROR
+
+
+def test_metashape_xml(run, photos, tmp_path):
+    focal, cx, cy, k1 = CAMERA.params
+    cameras = ""
+    for index, name in enumerate(photos.database_names):
+        pose = photos.poses[name]
+        matrix = np.eye(4)
+        matrix[:3, :3], matrix[:3, 3] = pose.rotation.T, pose.cam_in_world
+        values = " ".join(map(repr, matrix.ravel().tolist()))
+        cameras += f'<camera id="{index}" sensor_id="0" label="{base(name)}"><transform>{values}</transform></camera>'
+    (tmp_path / "cameras.xml").write_text(f"""<document><chunk><sensors><sensor id="0" label="s" type="frame">
+<resolution width="{CAMERA.width}" height="{CAMERA.height}"/><calibration type="frame" class="adjusted"><f>{focal}</f>
+<cx>{cx - CAMERA.width / 2}</cx><cy>{cy - CAMERA.height / 2}</cy><k1>{k1}</k1></calibration></sensor></sensors>
+<cameras>{cameras}</cameras></chunk></document>""")
+    assert_localized(run(tmp_path / "cameras.xml"), true_queries(photos))
+
+
+@pytest.fixture(scope="session")
+def walk(tmp_path_factory):
+    """Renders a walk as a video at 4 frames a second; returns it with the true poses."""
+    path = tmp_path_factory.mktemp("walk") / "walk.avi"
+    rectangles, rays = photo_scene.build_courtyard(), RayGrid(CAMERA)
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter_fourcc(*"MJPG"), 4, (CAMERA.width, CAMERA.height))
+    writer.set(cv2.VIDEOWRITER_PROP_QUALITY, 98)
+    poses = [photo_scene.look_at_target(centre, roll_deg=1.0) for centre in WALK]
+    for index, pose in enumerate(poses):
+        writer.write(photo_scene.take_photo(rectangles, rays, pose, seed=100 + index))
+    writer.release()
+    return path, poses
+
+
+def test_video_of_a_walk(run, photos, walk, tmp_path):
+    path, poses = walk
+    output = run(photos.model_path, "--frames_per_second", 2, queries=path)
+    assert_localized(output, {f"query/{index:06}.jpg": poses[index] for index in (0, 2, 4, 6)})
+
+
+def test_sequence_is_localized_together(run, photos, walk, tmp_path):
+    path, poses = walk
+    output = run(photos.model_path, "--frames_per_second", 2, "--sequence", queries=path)
+    assert_localized(output, {f"query/{index:06}.jpg": poses[index] for index in (0, 2, 4, 6)})
+    with DatabaseReader(output / "database.db") as database:
+        assert database.num_inliers("query/000000.jpg", "query/000002.jpg") > 30
+    assert re.search(r"group_size *= *5", (output / "localized" / "options.ini").read_text())
+
+
+def test_masks_of_both_sides(run, photos, tmp_path):
+    """The masks hide the left third of all photos."""
+    mask = np.full((CAMERA.height, CAMERA.width), 255, np.uint8)
+    mask[:, : CAMERA.width // 3] = 0
+    for name in photos.poses:
+        path = tmp_path / "masks" / f"{name}.png"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        cv2.imwrite(str(path), mask)
+    output = run(photos.model_path, "--masks", tmp_path / "masks")
+    assert_localized(output, true_queries(photos))
+    with DatabaseReader(output / "database.db") as database:
+        assert sorted(database.image_ids) == sorted(photos.poses)
+        for name in photos.poses:
+            assert database.keypoints(name)[:, 0].min() > CAMERA.width / 3 - 1
+
+
+def test_without_poses_the_mapper_makes_them(run, photos):
+    output = run(None)
+    model = read_model(output / "model")
+    assert len(model.images) >= 5
+    poses = read_poses(output / "localized" / "poses.txt")
+    assert sorted(poses) == photos.query_names
+    # The mapper's coordinates are arbitrary: compare ratios of distances.
+    names = [*photos.query_names, *(name for name in photos.database_names if name in model.images)]
+    found = np.array([(poses.get(name) or model.images[name].cam_from_world).cam_in_world for name in names])
+    true = np.array([photos.poses[name].cam_in_world for name in names])
+    distances, true_distances = (np.linalg.norm(points[:, None] - points, axis=2) for points in (found, true))
+    scale = distances.sum() / true_distances.sum()
+    assert np.abs(distances / scale - true_distances).max() < 0.1
+
+
+def test_names_with_blanks(run, photos, tmp_path):
+    folder = tmp_path / "my queries"
+    folder.mkdir()
+    shutil.copy(photos.image_path / "query" / "0.png", folder / "my photo.png")
+    output = run(photos.model_path, queries=folder)
+    assert_localized(output, {"query/my_photo.png": photos.poses["query/0.png"]})
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--queries", "none"], "none: does not exist"),
+        (["--poses", "none"], "none: does not exist"),
+        (["--masks", "none"], "--masks none"),
+        (["--query_camera", "PINHOLE"], "--query_camera"),
+        (["--no_such_option", "1"], "--no_such_option"),
+        (["--LazyLocalizer.no_such_option", "1"], "no_such_option"),
+    ],
+)
+def test_bad_options_are_one_line(run, photos, words, message, capsys):
+    run(photos.model_path, *words, exit_code=1)
+    lines = [line for line in capsys.readouterr().err.splitlines() if ": features of" not in line]
+    lines = [line for line in lines if ": matching" not in line and ": localizing" not in line]
+    assert len(lines) == 1 and message in lines[0]
+
+
+def test_video_that_is_none(run, photos, tmp_path, capfd):
+    (tmp_path / "walk.mp4").write_bytes(b"no video")
+    run(photos.model_path, queries=tmp_path / "walk.mp4", exit_code=1)
+    assert "walk.mp4: is not a video" in capfd.readouterr().err
+
+
+def test_pairs_by_viewpoint_are_near_and_look_the_same_way():
+    """Cameras on a line look north; the last one looks south from the middle."""
+    poses = [photo_scene.demo.upright_pose(np.array([x, 0.0, 0]), np.array([x, 9.0, 0]), 0) for x in range(20)]
+    poses.append(photo_scene.demo.upright_pose(np.array([9.5, 0.0, 0]), np.array([9.5, -9.0, 0]), 0))
+    images = [PosedImage(f"{index:02}", CAMERA, pose) for index, pose in enumerate(poses)]
+    pairs = pairs_by_viewpoint(images, 4)
+    assert {abs(int(first) - int(second)) for first, second in pairs} <= {1, 2, 3, 4}
+    assert not any("20" in pair for pair in pairs)
+    assert {("00", "01"), ("09", "10"), ("18", "19")} <= set(pairs) and len(pairs) < 60
+
+
+def test_pairs_in_sequence():
+    assert pairs_in_sequence("abcd", 2) == [("a", "b"), ("a", "c"), ("b", "c"), ("b", "d"), ("c", "d")]

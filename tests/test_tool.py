@@ -1,0 +1,128 @@
+"""Tests of the tool `lazyloc`: its commands, missing extras, bad options, closed pipes, and what doctor says."""
+
+import os
+import re
+import subprocess
+import sys
+import tomllib
+
+import pytest
+
+from colmap_lazyloc import __main__ as tool
+from colmap_lazyloc import doctor
+from colmap_lazyloc.extras import EXTRAS
+from conftest import PROJECT_PATH, SCRIPTS_PATH
+
+WITHOUT = "import sys; {}; from colmap_lazyloc.__main__ import main; sys.exit(main(sys.argv[1:]))"
+
+
+def run_tool(*words, missing=()):
+    """Runs the tool in a process in which modules are missing."""
+    program = WITHOUT.format("; ".join(f"sys.modules['{module}'] = None" for module in missing) or "pass")
+    environment = {**os.environ, "PYTHONPATH": str(PROJECT_PATH / "python")}
+    command = [sys.executable, "-c", program, *map(str, words)]
+    return subprocess.run(command, capture_output=True, text=True, env=environment, timeout=120)
+
+
+@pytest.mark.parametrize("name", tool.COMMANDS)
+def test_each_command_has_help(name, capsys):
+    assert tool.main([name, "--help"]) == 0
+    assert capsys.readouterr().out.startswith(f"usage: lazyloc {name}")
+
+
+def test_help_and_version(capsys):
+    for words in ([], ["--help"], ["help"]):
+        assert tool.main(words) == 0
+        printed = capsys.readouterr().out
+        assert all(re.search(rf"^  {name} ", printed, re.MULTILINE) for name in tool.COMMANDS)
+    assert tool.main(["--version"]) == 0
+    assert re.fullmatch(r"lazyloc \d+\.\d+\.\d+\n", capsys.readouterr().out)
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["reprot"], "unknown command 'reprot'; the nearest is report"),
+        (["report"], "required"),
+        (["evaluate", "none", "--ground_truth", "none"], "none"),
+        (["import", "nothing", "file", "--output_path", "model"], "invalid choice"),
+        (["run", "--queries", "none", "--database_images", "none", "--output", "out"], "none: is not a folder"),
+        (["demo", "--output_path", "demo", "--seed", "x"], "--seed"),
+    ],
+)
+def test_bad_options_end_with_exit_code_1(words, message, capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert tool.main(words) == 1
+    error = capsys.readouterr().err
+    assert message in error.splitlines()[-1] and "Traceback" not in error
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("words", "missing", "extra"),
+    [
+        (["demo", "--output_path", "{}/demo"], "cv2", "demo"),
+        (["retrieve", "--descriptors_path", "a.h5", "--input_path", "m", "--output_path", "p"], "faiss", "retrieval"),
+        (["cluster", "--num_shards", "2", "--output_path", "{}/a"], "distributed", "cluster"),
+        (["import", "opensfm", "{}/r.json", "--output_path", "{}/m"], "scipy", "import"),
+        (["import", "csv", "{}/a.csv", "--output_path", "{}/m", "--camera", "PINHOLE 4 3 2 2 2 1"], "pyproj", "import"),
+    ],
+)
+def test_missing_extra_is_one_line(words, missing, extra, tmp_path):
+    shot = '{"rotation": [0, 0, 0], "translation": [0, 0, 0], "camera": "c"}'
+    camera = '{"projection_type": "perspective", "width": 4, "height": 3, "focal": 1}'
+    (tmp_path / "r.json").write_text(f'[{{"cameras": {{"c": {camera}}}, "shots": {{"a.jpg": {shot}}}}}]')
+    (tmp_path / "a.csv").write_text("name,lat,lon,alt,qw,qx,qy,qz\na.jpg,47,8,400,1,0,0,0\n")
+    done = run_tool(*(word.format(tmp_path) for word in words), missing=[missing])
+    assert done.returncode == 1
+    assert done.stderr.count("\n") == 1 and f"pip install 'colmap-lazyloc[{extra}]'" in done.stderr, done.stderr
+
+
+@pytest.mark.parametrize("module", ["hloc", "hloc_to_database"])
+def test_missing_extra_of_a_module_is_one_line(module, tmp_path):
+    flags = ["features_path", "matches_path", "pairs_path", "model_path", "query_list_path", "database_path"]
+    if module == "hloc":
+        flags = ["reference_sfm", "queries", "features", "matches", "retrieval", "results"]
+    words = [word for flag in flags for word in (f"--{flag}", str(tmp_path / "none"))]
+    program = f"import sys, runpy; sys.modules['h5py'] = None; sys.argv = ['x', *{words!r}]; "
+    program += f"runpy.run_module('colmap_lazyloc.{module}', run_name='__main__')"
+    environment = {**os.environ, "PYTHONPATH": str(PROJECT_PATH / "python")}
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, env=environment)
+    assert done.returncode == 1 and "colmap-lazyloc[hloc]" in done.stderr and done.stderr.count("\n") == 1, done.stderr
+
+
+def test_report_without_opencv_is_one_line(exact, localize, tmp_path):
+    run = localize(*exact.arguments)
+    words = ["report", run.output_path, "--output", tmp_path / "page.html"]
+    assert run_tool(*words, missing=["cv2", "tqdm", "matplotlib", "scipy", "pycolmap"]).returncode == 0
+    (tmp_path / "photos").mkdir()
+    for name in exact.scene.images:
+        (tmp_path / "photos" / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / "photos" / name).touch()
+    done = run_tool(*words, "--image_path", tmp_path / "photos", missing=["cv2"])
+    assert done.returncode == 1 and "colmap-lazyloc[report]" in done.stderr and done.stderr.count("\n") == 1
+
+
+def test_script_of_the_checkout():
+    done = subprocess.run([SCRIPTS_PATH / "lazyloc", "--version"], capture_output=True, text=True, check=True)
+    assert done.stdout.startswith("lazyloc ")
+
+
+def test_doctor_says_what_is_missing(capsys, monkeypatch, colmap):
+    monkeypatch.setenv("COLMAP", str(colmap))
+    assert doctor.main([]) == 0
+    printed = capsys.readouterr().out
+    assert str(colmap) in printed and "COLMAP 3" in printed and "missing" not in printed
+    monkeypatch.setattr(doctor, "is_installed", lambda module: module != "pyproj")
+    monkeypatch.setenv("COLMAP", "/none/colmap")
+    assert doctor.main([]) == 0
+    printed = capsys.readouterr().out
+    assert "program    not found" in printed
+    assert "missing: pyproj; pip install 'colmap-lazyloc[import]' brings lazyloc import" in printed
+
+
+def test_extras_are_those_of_the_package():
+    project = tomllib.loads((PROJECT_PATH / "pyproject.toml").read_text())["project"]
+    for name, extra in EXTRAS.items():
+        assert set(project["optional-dependencies"][name]) == set(extra.modules)
+    assert project["scripts"]["lazyloc"] == "colmap_lazyloc.__main__:main"
