@@ -1,8 +1,8 @@
 """Reconstructs folders of photos with COLMAP's defaults, as scenes for `uncertainty stress --data_path`.
 
 Each folder of photos becomes a scene: OUTPUT/NAME/database.db, and OUTPUT/NAME/model, the largest model of COLMAP's
-mapper. If masks are beside the photos (FOLDER/../masks, with COLMAP's names), the features keep to them. Leave-one-out on
-such a scene tells how the program does on what most users have; errors are relative to the reconstruction itself.
+mapper. If masks are beside the photos (FOLDER/../masks, with COLMAP's names), the features keep to them. Leave-one-out
+on such a scene tells how the program does on what most users have; errors are relative to the reconstruction itself.
 
   python -m benchmarks reconstructions --output_path OUTPUT FOLDER... [--max_num_features N] [--colmap COLMAP]
 """

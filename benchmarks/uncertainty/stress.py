@@ -15,8 +15,8 @@ from colmap_lazyloc.results import pose_of
 from colmap_lazyloc.testing import synthetic
 
 # Count a position as wrong above both errors, as leave_one_out.json does: in standard deviations of its covariance and
-# the truth, over the scene's size. An error below some standard deviations of the truth is not known to be wrong. By the
-# stricter rule, a position is wrong above either error, with 1 % of the scene.
+# the truth, over the scene's size. An error below some standard deviations of the truth is not known to be wrong. By
+# the stricter rule, a position is wrong above either error, with 1 % of the scene.
 MAX_ERROR_SIGMA, MAX_ERROR_RATIO, MIN_TRUTH_SIGMA = 5, 0.005, 3
 STRICT_ERROR_RATIO = 0.01
 COVERAGES = (0.3, 0.4, 0.5, 0.6, 0.65, 0.7, 0.75, 0.8, 0.85, 0.9, 0.95)

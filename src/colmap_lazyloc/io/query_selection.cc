@@ -70,7 +70,8 @@ void QuerySelection::ReadExifFocalLengths(const DatabaseReader& database) {
     const DatabaseImage* stored = FindInDatabase(image.name);
     if (stored == nullptr || !camera_ids.insert(image.camera_id).second) continue;
     try {
-      exif_focal_lengths_.Add(image.camera_id, database.ReadCamera(stored->camera_id));
+      const Camera camera = database.ReadCamera(stored->camera_id);
+      if (CameraProblem(camera).empty()) exif_focal_lengths_.Add(image.camera_id, camera);
     } catch (const DamagedRecordError&) {
       // Leaves a damaged camera out, because the model's is used.
     }

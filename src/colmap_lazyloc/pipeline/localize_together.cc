@@ -149,13 +149,11 @@ std::vector<IntrinsicsResult> AddPoses(const Found& found, const LocalizerOption
   report->AddIntrinsics(checked.results);
   report->AddCameras(checked.cameras);
   report->AddUncertainties(checked.uncertainties);
-  report->AddEvidence(layout,
-                      Timed("confidence", report,
-                            [&] {
-                              return MeasureEvidence(layout, found.estimates, /*has_relative_poses=*/camera == nullptr,
-                                                     refined, checked.uncertainties);
-                            }),
-                      options.min_confidence);
+  const std::vector<PoseEvidence> evidence = Timed("confidence", report, [&] {
+    return MeasureEvidence(layout, found.estimates, /*has_relative_poses=*/camera == nullptr, refined,
+                           checked.uncertainties);
+  });
+  report->AddEvidence(layout, evidence, options.min_confidence);
   report->AddPoses(layout, checked.posed);
   report->AddRefined(layout, refined);
   return checked.results;

@@ -65,6 +65,19 @@ TEST_P(GroupsToAverage, OutlierPairsAreDropped) {
   ExpectSameDatabasePoses(averaged.posed, input.layout.given);
 }
 
+TEST_P(GroupsToAverage, PairIsKeptWhoseMatchesFitAlthoughItsRotationDoesNot) {
+  SyntheticGroupOptions options = Group(GetParam().num_frames, GetParam().num_sensors);
+  options.pixel_noise_px = 0.5;
+  StageInput input = MakeStageInput(MakeSyntheticGroup(options));
+  PairGeometry& pair = input.pairs[1];
+  pair.query_from_other.rotation = ExpSO3({0, DegToRad(12), 0}) * pair.query_from_other.rotation;
+  const Averaged averaged = Average(input);
+  ASSERT_FALSE(averaged.failure);
+  ASSERT_EQ(averaged.pairs.size(), input.pairs.size());
+  for (size_t i = 0; i < input.pairs.size(); ++i) EXPECT_EQ(averaged.pairs[i], &input.pairs[i]) << "in their order";
+  EXPECT_TRUE(averaged.directions[1].dir_1to2_in_world.isZero()) << "unknown";
+}
+
 INSTANTIATE_TEST_SUITE_P(AverageMotion, GroupsToAverage,
                          testing::Values(GroupSize{1, 1}, GroupSize{1, 3}, GroupSize{3, 1}, GroupSize{2, 2}));
 
