@@ -17,10 +17,10 @@ def record(name, status, confidence=None, error=0.0, error_sigma=1.0, is_star=Fa
 
 
 def test_a_pose_is_right_by_its_covariance_and_by_the_size_of_the_scene():
-    assert record("a", "LOCALIZED", 0.99, error=0.09, error_sigma=4.9).is_right
+    assert record("a", "LOCALIZED", 0.99, error=0.09, error_sigma=4.9).is_right, "as uncertain as it says"
+    assert record("a", "LOCALIZED", 0.99, error=0.04, error_sigma=5.1).is_right, "off by little"
     assert not record("a", "LOCALIZED", 0.99, error=0.09, error_sigma=5.1).is_right
-    assert not record("a", "LOCALIZED", 0.99, error=0.11, error_sigma=1.0).is_right
-    uncertain_truth = record("a", "LOCALIZED", 0.99, error=0.11, error_sigma=1.0)
+    uncertain_truth = record("a", "LOCALIZED", 0.99, error=0.09, error_sigma=5.1)
     uncertain_truth.truth_stddev = 0.05
     assert uncertain_truth.is_right
 
@@ -28,9 +28,9 @@ def test_a_pose_is_right_by_its_covariance_and_by_the_size_of_the_scene():
 def test_tables_count_refused_poses_that_are_right():
     records = [
         record("a", "LOCALIZED", 0.96),
-        record("b", "LOCALIZED", 0.97, error_sigma=9.0),
+        record("b", "LOCALIZED", 0.97, error=1.0, error_sigma=9.0),
         record("c", "LOW_CONFIDENCE", 0.85),
-        record("d", "LOW_CONFIDENCE", 0.85, error=1.0),
+        record("d", "LOW_CONFIDENCE", 0.85, error=1.0, error_sigma=9.0),
         record("e", "SCALE_UNOBSERVABLE"),
     ]
     cells = {(False, 2, "lazyloc"): records}

@@ -11,7 +11,7 @@ from benchmarks.localization.methods.lazyloc import read_method_results
 from benchmarks.localization.scenes import Scene
 from benchmarks.localization.sparse_scenes import SparseScene
 from benchmarks.uncertainty.localizer import position_error
-from benchmarks.uncertainty.stress import MAX_ERROR_RATIO, MAX_ERROR_SIGMA, MIN_TRUTH_SIGMA, scene_size
+from benchmarks.uncertainty.stress import is_wrong_position, scene_size
 from colmap_lazyloc.model import write_model
 from colmap_lazyloc.program import run_colmap
 from colmap_lazyloc.results import read_results, unconfirmed_pose_of
@@ -49,8 +49,7 @@ class Record:
     @property
     def is_right(self) -> bool:
         """Returns what the confidence promises."""
-        max_error = max(MAX_ERROR_RATIO * self.size, MIN_TRUTH_SIGMA * self.truth_stddev)
-        return self.error_sigma <= MAX_ERROR_SIGMA and self.error <= max_error
+        return not is_wrong_position(self.error, self.error_sigma, self.size, self.truth_stddev)
 
 
 def run_program(scene: SparseScene, folder: pathlib.Path, arguments, method: str) -> dict[str, dict]:

@@ -31,7 +31,7 @@ from colmap_lazyloc.results import pose_of
 from colmap_lazyloc.testing import synthetic
 
 MIN_CONFIDENCE = 0.92  # the program's default
-FIT_SEEDS = 1000, 3000
+FIT_SEEDS = 5000, 6000, 7000
 # Errors of the database poses that the fit adds to real scenes, so that it does not take noise for a wrong pose.
 FIT_NOISE_LEVELS = (0.3, 0), (1, 0), (0, 0.003), (0, 0.01), (1, 0.01)
 PERCENTS = 10, 25, 50, 75, 90, 95

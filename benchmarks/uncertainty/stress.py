@@ -22,6 +22,14 @@ STRICT_ERROR_RATIO = 0.01
 COVERAGES = (0.3, 0.4, 0.5, 0.6, 0.65, 0.7, 0.75, 0.8, 0.85, 0.9, 0.95)
 
 
+def is_off_by(ratio, error, scene_size, truth_stddev) -> bool:
+    return error > max(ratio * scene_size, MIN_TRUTH_SIGMA * truth_stddev)
+
+
+def is_wrong_position(error, error_sigma, scene_size, truth_stddev) -> bool:
+    return error_sigma > MAX_ERROR_SIGMA and is_off_by(MAX_ERROR_RATIO, error, scene_size, truth_stddev)
+
+
 @dataclasses.dataclass
 class Outcome:
     """A query. One without a pose is refused: its confidence is 0, and it is neither right nor wrong."""
@@ -42,14 +50,12 @@ class Outcome:
 
     @property
     def is_wrong(self) -> bool:
-        return self.error_sigma > MAX_ERROR_SIGMA and self._is_off_by(MAX_ERROR_RATIO)
+        return is_wrong_position(self.error, self.error_sigma, self.scene_size, self.truth_stddev)
 
     @property
     def is_wrong_strictly(self) -> bool:
-        return self.error_sigma > MAX_ERROR_SIGMA or self._is_off_by(STRICT_ERROR_RATIO)
-
-    def _is_off_by(self, ratio) -> bool:
-        return self.error > max(ratio * self.scene_size, MIN_TRUTH_SIGMA * self.truth_stddev)
+        is_off = is_off_by(STRICT_ERROR_RATIO, self.error, self.scene_size, self.truth_stddev)
+        return self.error_sigma > MAX_ERROR_SIGMA or is_off
 
 
 def localize(colmap, folder, database_path, model_path, *options) -> dict[str, dict]:
