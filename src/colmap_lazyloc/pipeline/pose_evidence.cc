@@ -125,14 +125,22 @@ std::vector<int> CountObservations(const TrackRefs& tracks, size_t num_images) {
   return counts;
 }
 
-}  // namespace
+// Inliers of pairs by the pose that their measured relative poses speak for.
+struct PairVotes {
+  double num_agreeing = 0;   // with the frame's pose
+  double num_competing = 0;  // with one other pose, the one that most of the others agree on
+};
 
+// Counts the votes for a frame's pose. A competing pose is one at which the measured directions of two pairs of one
+// rotation cross, and distinct from the frame's pose: by its rotation, or by a distance of a tenth of the distance to
+// the scene. num_explained: by image, the number of matches that the tracks of the frame's pose hold. A pair with most
+// of its matches there agrees whatever its relative pose, because a plane leaves two.
 PairVotes CountVotes(const Layout& layout, const std::vector<PairGeometry>& pairs, int frame,
                      const Rigid3d& frame_from_world, double scene_distance, const std::vector<int>& num_explained) {
   PairVotes result;
   std::vector<Vote> others;
   for (const Vote& vote : VotesOfFrame(layout, pairs, frame)) {
-    const bool is_explained = !num_explained.empty() && 2 * num_explained[vote.other] > vote.num_inliers;
+    const bool is_explained = 2 * num_explained[vote.other] > vote.num_inliers;
     if (is_explained || Agrees(vote, layout.given.images[vote.query], frame_from_world, kMaxDirectionRad)) {
       result.num_agreeing += vote.num_inliers;
     } else if (!vote.dir_other_to_query.isZero()) {
@@ -153,6 +161,8 @@ PairVotes CountVotes(const Layout& layout, const std::vector<PairGeometry>& pair
   }
   return result;
 }
+
+}  // namespace
 
 std::vector<PoseEvidence> MeasureEvidence(const Layout& layout, const PairEstimates& estimates, bool has_relative_poses,
                                           const Refined& refined, const std::vector<PoseUncertainty>& uncertainties) {
