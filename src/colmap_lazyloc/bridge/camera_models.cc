@@ -37,37 +37,7 @@ const std::map<std::string, std::vector<size_t>> kDirectedParams = {
     {"RAD_TAN_THIN_PRISM_FISHEYE", {10, 11, 12, 13, 14, 15}},
 };
 
-// Models without parameters for two focal lengths or distortion, and those that have these and theirs.
-struct LargerModel {
-  std::string name, larger_name;
-};
-const std::array<LargerModel, 6> kLargerModels = {{{"SIMPLE_PINHOLE", "OPENCV"},
-                                                   {"PINHOLE", "OPENCV"},
-                                                   {"SIMPLE_RADIAL", "OPENCV"},
-                                                   {"RADIAL", "OPENCV"},
-                                                   {"SIMPLE_RADIAL_FISHEYE", "OPENCV_FISHEYE"},
-                                                   {"RADIAL_FISHEYE", "OPENCV_FISHEYE"}}};
-// Models whose first distortion parameter k displaces image points by f k (r / f)^3, with f the focal length.
-const std::array<std::string, 5> kCubicModels = {"OPENCV", "FULL_OPENCV", "OPENCV_FISHEYE", "THIN_PRISM_FISHEYE",
-                                                 "RAD_TAN_THIN_PRISM_FISHEYE"};
-
 bool IsKnown(int model_id) { return colmap::ExistsCameraModelWithId(static_cast<colmap::CameraModelId>(model_id)); }
-
-// Returns the camera by a model that has its parameters, two focal lengths, and distortion if a model with it exists.
-Camera WithLargerModel(const Camera& camera) {
-  const std::string name = CameraModelName(camera.model_id);
-  const auto is_same = [&](const LargerModel& model) { return model.name == name; };
-  const auto found = std::find_if(kLargerModels.begin(), kLargerModels.end(), is_same);
-  if (found == kLargerModels.end()) return camera;
-  const colmap::Camera converted = ToColmap(camera);
-  Camera larger = camera;
-  larger.model_id = *CameraModelId(found->larger_name);
-  larger.params = {converted.FocalLengthX(), converted.FocalLengthY(), converted.PrincipalPointX(),
-                   converted.PrincipalPointY()};
-  for (const size_t idx : converted.ExtraParamsIdxs()) larger.params.push_back(camera.params[idx]);
-  larger.params.resize(CameraModelNumParams(larger.model_id), 0);
-  return larger;
-}
 
 }  // namespace
 
@@ -161,23 +131,6 @@ Camera WithFocalFactor(const Camera& camera, double factor) {
   const colmap::Camera converted = ToColmap(camera);
   for (const size_t idx : converted.FocalLengthIdxs()) scaled.params[idx] *= factor;
   return scaled;
-}
-
-Camera WithCorrections(const Camera& camera, const Eigen::Vector2d& shift, double log_aspect_ratio,
-                       double cubic_distortion) {
-  Camera corrected = WithLargerModel(camera);
-  const colmap::Camera converted = ToColmap(corrected);
-  const auto centre = converted.PrincipalPointIdxs();
-  for (size_t i = 0; i < centre.size(); ++i) corrected.params[centre[i]] += shift[static_cast<Eigen::Index>(i)];
-  const auto focal = converted.FocalLengthIdxs();
-  if (focal.size() == 2) {
-    corrected.params[focal[0]] *= std::exp(-log_aspect_ratio / 2);
-    corrected.params[focal[1]] *= std::exp(log_aspect_ratio / 2);
-  }
-  const std::string name = CameraModelName(corrected.model_id);
-  if (std::find(kCubicModels.begin(), kCubicModels.end(), name) == kCubicModels.end()) return corrected;
-  corrected.params[*converted.ExtraParamsIdxs().begin()] += cubic_distortion * std::pow(MeanFocalLength(camera), 2);
-  return corrected;
 }
 
 std::optional<double> MeanFocalLengthPx(const Camera& camera) {

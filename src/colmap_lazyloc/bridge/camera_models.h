@@ -37,14 +37,6 @@ IntrinsicsOrigin OriginOfStoredCamera(const Camera& camera);
 // Returns the camera with every focal length of its model multiplied by the factor.
 Camera WithFocalFactor(const Camera& camera, double factor);
 
-// Returns the camera with the principal point moved by `shift`, with focal lengths in y and x whose ratio has grown by
-// exp(log_aspect_ratio) and whose product stays, and with a further radial displacement of image points, which is
-// cubic_distortion times the cube of the distance from the principal point (all in pixels, to first order). Perspective
-// models with fewer parameters become OPENCV, simple fisheye models OPENCV_FISHEYE. A model that has none of the
-// parameters, for example the distortion of FOV, keeps its own.
-Camera WithCorrections(const Camera& camera, const Eigen::Vector2d& shift, double log_aspect_ratio,
-                       double cubic_distortion);
-
 // Returns the mean focal length of the camera's model in pixels; nullopt if the model has none.
 std::optional<double> MeanFocalLengthPx(const Camera& camera);
 // Returns the camera for images turned by 90 degrees, clockwise or counterclockwise: the principal point is in the

@@ -17,7 +17,7 @@ constexpr double kPower = 1.5;
 constexpr double kMinVarianceFactor = 0.01;
 // What a covariance allows for beyond the estimate unless the poses are exact: errors in pixels that no adjustment
 // shows, because they are common to all images. Calibrated on real scenes (docs/method.md, section 9).
-constexpr double kHiddenNoisePx[] = {0.3, 0.1, 0.1};  // by component
+constexpr double kHiddenNoisePx = 0.2;
 
 // Minimum error of database poses over the stated one.
 constexpr double kMinStatedRatio = 0.1;
@@ -178,7 +178,7 @@ std::vector<double> VariancesForCovariance(const PriorGroup& group, const PriorF
   }
   std::vector<double> variances;
   for (size_t j = 0; j < group.components.size(); ++j) {
-    const double hidden = (1 - group.exact_probability) * kHiddenNoisePx[j] * kHiddenNoisePx[j];
+    const double hidden = (1 - group.exact_probability) * kHiddenNoisePx * kHiddenNoisePx;
     variances.push_back(variance_factor * group.components[j].variance + hidden);
   }
   return variances;

@@ -143,9 +143,9 @@ TEST(DatabasePriors, CovarianceAllowsForMoreThanTheEstimate) {
   const PriorGroup estimated{{1}, {{one, 4}, {one, 1e-6, PosePart::ROTATION}, {one, 1e-6, PosePart::POSITION}}};
   for (const double factor : {1.0, 0.25}) {
     const std::vector<double> variances = VariancesForCovariance(estimated, fit, factor);
-    EXPECT_NEAR(variances[0], 4 * factor + 0.09, 1e-9);
-    EXPECT_GE(variances[1], 0.01);
-    EXPECT_GE(variances[2], 0.01);
+    EXPECT_NEAR(variances[0], 4 * factor + 0.04, 1e-9);
+    EXPECT_GE(variances[1], 0.04);
+    EXPECT_GE(variances[2], 0.04);
   }
   PriorGroup exact = estimated;
   exact.exact_probability = 1;

@@ -24,11 +24,6 @@ PoseDerivatives DerivativesInWorld(const Layout& layout, const PosedImages& pose
   return TangentFromAround(layout.origin, CamFromWorld(posed, query).rotation) * of_image;
 }
 
-void Move(const Eigen::Matrix<double, 6, 1>& tangent, Rigid3d* pose) {
-  pose->rotation = (ExpSO3(tangent.head<3>()) * pose->rotation).normalized();
-  pose->translation += tangent.tail<3>();
-}
-
 // Adds to the uncertainty of a pose.
 void AddCovariance(const Eigen::Matrix<double, 6, 6>& covariance, const Rigid3d& cam_from_world,
                    PoseUncertainty* uncertainty) {
@@ -41,12 +36,12 @@ void AddCovariance(const Eigen::Matrix<double, 6, 6>& covariance, const Rigid3d&
 }
 
 // Sets the verdict. Returns the expected square of the error of the log focal length that the covariance lacks.
-double Judge(const Camera& camera, const IntrinsicsEstimate& estimate, bool is_refined, double shared_error_factor,
-             const LocalizerOptions& options, IntrinsicsResult* result) {
+double Judge(const Camera& camera, const IntrinsicsEstimate& estimate, bool is_refined, const LocalizerOptions& options,
+             IntrinsicsResult* result) {
   if (is_refined) {
     JudgeRefined(camera, estimate, result);
-    // Returns what the errors that images share do to the estimate, because the adjustment does not know them.
-    return (1 - 1 / shared_error_factor) * std::pow(estimate.log_focal_stddev, 2);
+    // Returns what the adjustment does not know of the estimate's error.
+    return (1 - 1 / kCommonErrorFactor) * std::pow(estimate.log_focal_stddev, 2);
   }
   const FocalLengthJudgement judgement =
       JudgeFocalLength(estimate.log_focal_factor, estimate.log_focal_stddev, result->origin, options);
@@ -68,33 +63,24 @@ CheckedIntrinsics CheckIntrinsics(const QueryGroup& group, const Layout& layout,
   for (int frame = 0; frame < layout.num_query_frames; ++frame) {
     const IntrinsicsScore& score = refined.adjustment.intrinsics_scores[frame];
     const IntrinsicsScore::Matrix score_covariance = ScoreCovariance(refined, frame);
-    IntrinsicsScore::Vector correction;  // the images of a frame share it
     for (const int query : layout.QueriesOf(frame)) {
       const LocalizationProblem& problem = group.images[query].problem;
       IntrinsicsResult& result = checked.results[query];
       result.origin = problem.intrinsics_origin;
-      const IntrinsicsEstimate estimate = EstimateIntrinsics(score, score_covariance, IsCalibrated(result.origin));
+      const IntrinsicsEstimate estimate = EstimateIntrinsics(score, score_covariance);
       result.focal_factor = camera != nullptr ? camera->FocalFactor() : std::exp(estimate.log_focal_factor);
       result.focal_factor_stddev = result.focal_factor * estimate.log_focal_stddev;
 
       const PoseDerivatives derivatives = DerivativesInWorld(layout, adjusted, query, score.frame_from_correction);
       const Rigid3d pose = PoseInWorld(layout, adjusted, query);
-      const CorrectionEstimate others =
-          EstimateUncalibrated(score, score_covariance, problem.query_camera, result.origin);
-      if (query == layout.QueriesOf(frame).front()) {
-        correction = others.mean;
-        Move(score.frame_from_correction * correction, &checked.posed.frames[frame].frame_from_world);
-      }
       if (camera != nullptr) checked.cameras[query] = camera->Intrinsics();
-      if (!correction.isZero(0)) {
-        checked.cameras[query] = Corrected(checked.cameras[query].value_or(problem.query_camera), correction);
-      }
       PoseUncertainty& uncertainty = checked.uncertainties[query];
-      AddCovariance(derivatives * others.covariance * derivatives.transpose(), pose, &uncertainty);
+      const IntrinsicsScore::Matrix others =
+          UncalibratedCovariance(score, score_covariance, problem.query_camera, result.origin);
+      AddCovariance(derivatives * others * derivatives.transpose(), pose, &uncertainty);
 
       result.pose_from_log_focal = derivatives.col(LOG_FOCAL_FACTOR);
-      const double mean_square =
-          Judge(problem.query_camera, estimate, camera != nullptr, SharedErrorFactor(refined, frame), options, &result);
+      const double mean_square = Judge(problem.query_camera, estimate, camera != nullptr, options, &result);
       AddFocalLengthUncertainty(mean_square, pose, &result, &uncertainty);
     }
   }

@@ -18,9 +18,8 @@ struct CheckedIntrinsics {
 };
 
 // Tests the intrinsics of each query by the scores of the last adjustment (intrinsics_estimate.h), judges them
-// (intrinsics_judgement.h), and adds their uncertainty to that of the poses. Where nobody has calibrated a camera,
-// corrects it and the pose by the principal point, aspect ratio and distortion that the images ask for
-// (uncalibrated_camera.h). camera: of a query whose focal length was estimated; else null.
+// (intrinsics_judgement.h), and adds their uncertainty to that of the poses. camera: of a query whose focal length was
+// estimated; else null.
 CheckedIntrinsics CheckIntrinsics(const QueryGroup& group, const Layout& layout, const Refined& refined,
                                   std::vector<PoseUncertainty> uncertainties, const LocalizerOptions& options,
                                   const QueryCamera* camera = nullptr);

@@ -5,9 +5,9 @@
 
 namespace lazyloc {
 
-// Returns the factor on the variances of the score of a query frame: neighbouring points share errors of the database,
-// of the camera model and of rolling shutters, so that their number does not average these out.
-double SharedErrorFactor(const Refined& refined, int frame);
+// Factor on the variances of a score, because errors common to all database images, as of rolling shutters, pretend
+// other intrinsics without making the images disagree.
+inline constexpr double kCommonErrorFactor = 4;
 
 inline constexpr int kNumOthers = NUM_INTRINSICS_PARAMETERS - 1;  // corrections but the first, the focal length's
 
@@ -22,8 +22,6 @@ struct IntrinsicsEstimate {
 // images share.
 IntrinsicsScore::Matrix ScoreCovariance(const Refined& refined, int frame);
 
-// is_calibrated: true if all but the focal length should be right.
-IntrinsicsEstimate EstimateIntrinsics(const IntrinsicsScore& score, const IntrinsicsScore::Matrix& score_covariance,
-                                      bool is_calibrated);
+IntrinsicsEstimate EstimateIntrinsics(const IntrinsicsScore& score, const IntrinsicsScore::Matrix& score_covariance);
 
 }  // namespace lazyloc

@@ -22,6 +22,8 @@ constexpr double kMinDoubt = 0.01;
 constexpr double kMaxConclusiveStddev = 0.01;
 // Standard deviation of the log of an estimate up to which it can confirm a given focal length.
 constexpr double kMaxConfirmingStddev = 0.02;
+// Factor between the odds of two poses being wrong up to which these count as equally credible.
+constexpr double kMaxDoubtRatio = 2;
 // Maximum factor between an estimated focal length and that of the alternative camera.
 constexpr double kMaxAlternativeFactor = 1.1;
 
@@ -38,10 +40,11 @@ bool IsInDoubt(const LocalizationResult& result, const LocalizerOptions& options
          Judge(intrinsics, options).wrong_probability > kMinDoubt;
 }
 
-// True if a pose with an estimated focal length is far less credible than that with the other intrinsics. Then it is no
-// evidence against these, because in repetitive scenes some focal length fits false matches.
-bool IsFarLessCredible(const LocalizationResult& refined, const LocalizationResult& given) {
-  return refined.confidence && *refined.confidence < 0.5 * given.confidence.value_or(0);
+// True if a pose with an estimated focal length leaves more doubt than that with the other intrinsics. Then it is no
+// evidence against these, because some focal length fits false matches, and heights in nadir images.
+bool IsLessCredible(const LocalizationResult& refined, const LocalizationResult& given) {
+  const auto odds = [](const LocalizationResult& result) { return 1 / result.confidence.value_or(0) - 1; };
+  return odds(refined) > kMaxDoubtRatio * odds(given);
 }
 
 // Returns the result with the given focal length if an estimate does not contradict it, even if its score did.
@@ -71,7 +74,7 @@ LocalizationResult Decide(LocalizationResult given, LocalizationResult refined, 
     return Kept(std::move(given), unobservable, options);
   }
   if (!HasPose(refined.status)) return given;
-  if (HasPose(given.status) && IsFarLessCredible(refined, given)) return given;
+  if (HasPose(given.status) && IsLessCredible(refined, given)) return given;
   const bool is_wrong = Judge(refined.intrinsics, options).wrong_probability > 0.5;
   if (given.intrinsics.origin != IntrinsicsOrigin::GIVEN) {
     const bool is_kept = !is_wrong && HasPose(given.status);

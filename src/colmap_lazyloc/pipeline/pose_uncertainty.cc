@@ -53,7 +53,8 @@ void AddOpenLine(const OpenLine& line, const Rigid3d& cam_from_world, Eigen::Mat
 }  // namespace
 
 Eigen::Matrix<double, 6, 6> TotalCovariance(const Refined& refined, int query) {
-  Eigen::Matrix<double, 6, 6> covariance = refined.variance_factor * refined.adjustment.image_covariances[query];
+  Eigen::Matrix<double, 6, 6> covariance = refined.variance_factor * refined.adjustment.image_covariances[query] +
+                                           refined.adjustment.image_shared_errors[query];
   for (const auto& [group, component, variance] : refined.missing_variances) {
     covariance += variance * refined.adjustment.prior_fits[group].image_parts[component][query];
   }

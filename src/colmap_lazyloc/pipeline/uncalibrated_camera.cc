@@ -17,15 +17,14 @@ constexpr double kUncalibratedShift = 0.02;
 constexpr double kUncalibratedDistortion = 0.005;
 constexpr double kUncalibratedAspect = 0.003;
 constexpr double kSharedCameraFactor = 0.25;
-// 99 % quantile of the chi-square distribution with 4 degrees of freedom.
-constexpr double kMinUncalibratedChiSquare = 13.3;
 
 }  // namespace
 
-CorrectionEstimate EstimateUncalibrated(const IntrinsicsScore& score, const IntrinsicsScore::Matrix& score_covariance,
-                                        const Camera& camera, IntrinsicsOrigin origin) {
-  CorrectionEstimate estimate;
-  if (IsCalibrated(origin)) return estimate;
+IntrinsicsScore::Matrix UncalibratedCovariance(const IntrinsicsScore& score,
+                                               const IntrinsicsScore::Matrix& score_covariance, const Camera& camera,
+                                               IntrinsicsOrigin origin) {
+  IntrinsicsScore::Matrix covariance = IntrinsicsScore::Matrix::Zero();
+  if (IsCalibrated(origin)) return covariance;
   using Matrix = Eigen::Matrix<double, kNumOthers, kNumOthers>;
   const double radius = HalfDiagonalPx(camera);
   const double shift = kUncalibratedShift * radius;
@@ -37,18 +36,10 @@ CorrectionEstimate EstimateUncalibrated(const IntrinsicsScore& score, const Intr
   const Matrix inverse = score.information.bottomRightCorner<kNumOthers, kNumOthers>().inverse();
   const Matrix variance = inverse * score_covariance.bottomRightCorner<kNumOthers, kNumOthers>() * inverse;
   const Matrix gain = prior * (prior + variance).inverse();
-  const Eigen::Matrix<double, kNumOthers, 1> asked = inverse * score.score.tail<kNumOthers>();
-  // Leaves the pose as it is without significant evidence, because many cameras, as of renderings, are ideal.
-  if (asked.dot(variance.inverse() * asked) > kMinUncalibratedChiSquare) {
-    estimate.mean.tail<kNumOthers>() = gain * asked;
-  }
-  estimate.covariance.bottomRightCorner<kNumOthers, kNumOthers>() = gain * variance;
-  return estimate;
-}
-
-Camera Corrected(const Camera& camera, const IntrinsicsScore::Vector& corrections) {
-  return WithCorrections(camera, {corrections[PRINCIPAL_POINT_X], corrections[PRINCIPAL_POINT_Y]},
-                         corrections[LOG_ASPECT_RATIO], corrections[RADIAL_DISTORTION] / std::pow(kRadialUnitPx, 3));
+  // Takes the expected square of the corrections, not their variance, because the pose stays that of the given camera.
+  const Eigen::Matrix<double, kNumOthers, 1> mean = gain * inverse * score.score.tail<kNumOthers>();
+  covariance.bottomRightCorner<kNumOthers, kNumOthers>() = gain * variance + mean * mean.transpose();
+  return covariance;
 }
 
 }  // namespace lazyloc

@@ -5,18 +5,10 @@
 
 namespace lazyloc {
 
-// Mean and covariance of corrections of the intrinsics.
-struct CorrectionEstimate {
-  IntrinsicsScore::Vector mean = IntrinsicsScore::Vector::Zero();
-  IntrinsicsScore::Matrix covariance = IntrinsicsScore::Matrix::Zero();
-};
-
-// Estimates the corrections but the focal length's, if nobody has calibrated the camera: by a normal prior and the
-// images. Zero for calibrated intrinsics.
-CorrectionEstimate EstimateUncalibrated(const IntrinsicsScore& score, const IntrinsicsScore::Matrix& score_covariance,
-                                        const Camera& camera, IntrinsicsOrigin origin);
-
-// Returns the camera with corrections but the focal length's.
-Camera Corrected(const Camera& camera, const IntrinsicsScore::Vector& corrections);
+// Returns the expected squares and products of the corrections but the focal length's of a camera that nobody has
+// calibrated: by a normal prior and the score. Zero for calibrated intrinsics.
+IntrinsicsScore::Matrix UncalibratedCovariance(const IntrinsicsScore& score,
+                                               const IntrinsicsScore::Matrix& score_covariance, const Camera& camera,
+                                               IntrinsicsOrigin origin);
 
 }  // namespace lazyloc

@@ -115,6 +115,13 @@ BundleAdjustmentResult Adjust(const PosedImages& posed, std::vector<Track> track
     result.intrinsics_scores =
         ComputeIntrinsicsScores(solver, posed, result.tracks, RobustLoss(options.loss_scale_sigma));
   }
+  for (const Image& image : result.posed.images) {
+    if (!options.tests_intrinsics || result.posed.frames[image.frame].is_database) break;
+    const Eigen::MatrixXd& of_frame = result.intrinsics_scores[image.frame].frame_shared_errors;
+    result.image_shared_errors.push_back(
+        of_frame.size() == 0 ? Eigen::Matrix<double, 6, 6>::Zero()
+                             : ImageCovariance(image, result.posed.frames[image.frame].has_free_scale, of_frame));
+  }
   if (options.computes_covariances) SetCovariances(solver, &result);
   for (size_t track = 0; track < result.tracks.size(); ++track) {
     result.tracks[track].point_in_world = solver.Solution().points[track];

@@ -30,6 +30,69 @@ TEST(PoseCovariance, PredictsTheSpreadOfAdjustedPoses) {
   for (int i = 0; i < 6; ++i) EXPECT_NEAR(sampled(i, i) / predicted(i, i), 1, 0.33) << i;
 }
 
+TEST(SharedErrors, AddTheSpreadThatShiftedPairsCause) {
+  // Moves the query's keypoints of the tracks of each database image together, as repeated structure does. Each point
+  // has two database images, of which the first names the pair.
+  SyntheticTracksOptions options;
+  options.num_database = 12;
+  options.num_points = 360;
+  options.noise_px = 0.3;
+  const double shift_px = 2;
+  const int num_trials = 100;
+  SyntheticTracks truth = MakeSyntheticTracks(options);
+  const std::vector<Rigid3d> exact = CamsFromWorld(truth.posed);
+  for (size_t i = 0; i < truth.tracks.size(); ++i) {
+    std::vector<TrackObservation>& observations = truth.tracks[i].observations;
+    const size_t first = 1 + i % 11;
+    observations = {observations[0], observations[first], observations[first + 1]};
+  }
+  Random random(5);
+  Matrix6d sampled = Matrix6d::Zero(), independent = sampled, shared = sampled;
+  for (int trial = 0; trial < num_trials; ++trial) {
+    std::vector<Eigen::Vector2d> shifts;
+    for (int image = 0; image <= options.num_database; ++image) {
+      shifts.push_back(shift_px * RandomVector(&random).head<2>());
+    }
+    std::vector<Track> tracks = truth.tracks;
+    for (Track& track : tracks) {
+      for (TrackObservation& element : track.observations) {
+        Eigen::Vector2d offset = options.noise_px * RandomVector(&random).head<2>();
+        if (element.image == 0) offset += shifts[track.observations[1].image];
+        element.observation = ObserveAt(exact[element.image] * track.point_in_world, options.focal_length_px, offset);
+      }
+    }
+    const BundleAdjustmentResult result = AdjustBundle(truth.posed, tracks, LeastSquares());
+    const Rigid3d pose = CamFromWorld(result.posed, 0);
+    Eigen::Matrix<double, 6, 1> error;
+    error << LogSO3(pose.rotation * exact[0].rotation.conjugate()), pose.translation - exact[0].translation;
+    sampled += error * error.transpose() / num_trials;
+    independent +=
+        VarianceFactor(result.posed, result.tracks, RobustLoss(kWideScale)) * result.image_covariances[0] / num_trials;
+    shared += result.image_shared_errors[0] / num_trials;
+  }
+  // A sample variance of 100 trials is off by 14 %, and eleven clusters give a rough estimate of each.
+  for (int i = 0; i < 6; ++i) {
+    EXPECT_GT(sampled(i, i), 1.5 * independent(i, i)) << i;
+    EXPECT_NEAR(std::log((independent + shared)(i, i) / sampled(i, i)), 0, std::log(1.6)) << i;
+  }
+}
+
+TEST(SharedErrors, AreSmallForIndependentNoise) {
+  SyntheticTracksOptions options;
+  options.num_database = 12;
+  options.num_points = 360;
+  options.noise_px = 1;
+  SyntheticTracks scene = MakeSyntheticTracks(options);
+  for (size_t i = 0; i < scene.tracks.size(); ++i) {
+    std::vector<TrackObservation>& observations = scene.tracks[i].observations;
+    const size_t first = 1 + i % 11;
+    observations = {observations[0], observations[first], observations[first + 1]};
+  }
+  const BundleAdjustmentResult result = AdjustBundle(scene.posed, scene.tracks, LeastSquares());
+  const Matrix6d sum = result.image_covariances[0] + result.image_shared_errors[0];
+  for (int i = 0; i < 6; ++i) EXPECT_LE(sum(i, i), 3 * result.image_covariances[0](i, i)) << i;
+}
+
 TEST(PoseCovariance, OneDatabaseImageLeavesTheDistanceUnobservable) {
   SyntheticTracksOptions options;
   options.num_database = 1;

@@ -1,10 +1,12 @@
 #include "colmap_lazyloc/refinement/intrinsics_score.h"
 
 #include <cmath>
+#include <optional>
 #include <utility>
 
 #include <Eigen/Cholesky>
 
+#include "colmap_lazyloc/math/cluster_covariance.h"
 #include "colmap_lazyloc/refinement/bundle_solver.h"
 #include "colmap_lazyloc/refinement/covariance.h"
 #include "colmap_lazyloc/refinement/prior_precision.h"
@@ -18,6 +20,10 @@ constexpr double kRegularization = 1e-9;
 
 // Number of frames up to which the equations hold all of them, else those that observe common points with the query.
 constexpr size_t kMaxNumCoupled = 150;
+
+// Number of clusters that a pose uses up: half of its unknowns, because the errors that a cluster shares are
+// displacements in two coordinates.
+constexpr int kNumClusterParameters = 3;
 
 using Derivative = Eigen::Matrix<double, 2, NUM_INTRINSICS_PARAMETERS>;
 
@@ -71,11 +77,9 @@ class ScoreBuilder {
       if (!is_asked_[frame]) continue;
       BundleError error;
       if (!error.Evaluate(problem.free[i], state.frames[frame], state.points[track])) continue;
-      const TrackObservation& element = tracks_[track].observations[problem.free[i].element];
       const double root_weight = std::sqrt(loss_.Weight(error.error.squaredNorm()));
       error.Scale(root_weight);
-      const Derivative derivative = root_weight * ResidualFromPx(posed_.images[element.image], tracks_[track]) *
-                                    KeypointDerivative(element.observation);
+      const Derivative derivative = NormalisedDerivative(track, problem.free[i], root_weight);
       const IntrinsicsScore::Matrix information = derivative.transpose() * derivative;
       score_.information += information;
       score_.information.diagonal() += kRegularization * information.diagonal();
@@ -93,8 +97,8 @@ class ScoreBuilder {
     }
   }
 
-  // Eliminates the poses and returns the score of the frame.
-  IntrinsicsScore Finish(int frame) {
+  // Eliminates the poses and returns the score of the frame. tracks: those that were added.
+  IntrinsicsScore Finish(int frame, const std::vector<size_t>& tracks) {
     const Eigen::LLT<Eigen::MatrixXd> factor(solver_.Cameras().EquationsOf(places_, solver_.Equations().reduced));
     Eigen::MatrixXd coupling(kSize * places_.size(), static_cast<Eigen::Index>(NUM_INTRINSICS_PARAMETERS));
     Eigen::VectorXd rhs(coupling.rows());
@@ -107,6 +111,7 @@ class ScoreBuilder {
     score_.score += poses_from_correction.transpose() * rhs;
     score_.frame_from_correction = poses_from_correction.middleRows<6>(kSize * place_of_frame_[frame]);
     score_.prior_parts = PriorParts(poses_from_correction);
+    SetSharedErrors(factor, poses_from_correction, frame, tracks);
     if (kSize > 6 && solver_.Problem().has_factor[frame] && !solver_.Problem().frames[frame].factor_is_scale) {
       SetEstimatedFocalLength(factor, frame);
     }
@@ -127,6 +132,87 @@ class ScoreBuilder {
       couplings_.push_back(Coupling::Zero());
     }
     return couplings_[place];
+  }
+
+  // Returns the weighted derivative of a residual with respect to the corrections.
+  Derivative NormalisedDerivative(size_t track, const FreeObservation& observation, double root_weight) const {
+    const TrackObservation& element = tracks_[track].observations[observation.element];
+    return root_weight * ResidualFromPx(posed_.images[element.image], tracks_[track]) *
+           KeypointDerivative(element.observation);
+  }
+
+  // Returns the first database image of a track, whose pose and repeated structures its matches share; in a group the
+  // last query image if there is none.
+  int Cluster(const Track& track) const {
+    for (const TrackObservation& element : track.observations) {
+      if (posed_.IsDatabase(element.image)) return element.image;
+    }
+    return track.observations.back().image;
+  }
+
+  // Sets what shared errors add, by the factor of the poses' equations. Those of the score are measured where the
+  // correction that it asks for is made, because wrong intrinsics would else make the images disagree.
+  void SetSharedErrors(const Eigen::LLT<Eigen::MatrixXd>& factor, const Eigen::MatrixXd& poses_from_correction,
+                       int frame, const std::vector<size_t>& tracks) {
+    const Eigen::Index row = kSize * place_of_frame_[frame];
+    const Eigen::MatrixXd columns =
+        factor.solve(Eigen::MatrixXd::Identity(factor.rows(), factor.rows()).middleCols<kSize>(row));
+    const IntrinsicsScore::Vector correction = score_.information.ldlt().solve(score_.score);
+    ClusterCovariance<kSize> of_frame;
+    ClusterCovariance<NUM_INTRINSICS_PARAMETERS> of_score;
+    for (const size_t track : tracks) {
+      const std::optional<TrackInfluence> influence = Influence(track, columns, poses_from_correction, correction);
+      if (!influence) continue;
+      of_frame.Add(Cluster(tracks_[track]), influence->frame);
+      of_score.Add(Cluster(tracks_[track]), influence->score);
+    }
+    score_.frame_shared_errors = of_frame.Excess(columns.middleRows<kSize>(row), kNumClusterParameters);
+    score_.shared_errors = of_score.Excess(score_.information, kNumClusterParameters);
+  }
+
+  // What a track adds to the frame's parameters, and to the score after a correction.
+  struct TrackInfluence {
+    Eigen::Matrix<double, kSize, 1> frame = Eigen::Matrix<double, kSize, 1>::Zero();
+    IntrinsicsScore::Vector score = IntrinsicsScore::Vector::Zero();
+  };
+
+  // columns: the frame's, of the inverse of the poses' equations. Returns nullopt for a track with depths.
+  std::optional<TrackInfluence> Influence(size_t track, const Eigen::MatrixXd& columns,
+                                          const Eigen::MatrixXd& poses_from_correction,
+                                          const IntrinsicsScore::Vector& correction) const {
+    const BundleProblem& problem = solver_.Problem();
+    const BundleState& state = solver_.Linearization();
+    const auto& equations = solver_.Equations();
+    const auto& point = equations.point_factors[track];
+    TrackInfluence influence;
+    Eigen::Vector3d point_gradient = point.gradient;  // after the correction
+    Eigen::Matrix<double, NUM_INTRINSICS_PARAMETERS, 3> by_point;
+    by_point.setZero();
+    const Range& range = problem.free_range[track];
+    for (size_t i = range.begin; i < range.end; ++i) {
+      const int frame = problem.free[i].frame;
+      if (problem.free[i].depth >= 0) return std::nullopt;
+      BundleError error;
+      if (!error.Evaluate(problem.free[i], state.frames[frame], state.points[track])) continue;
+      const double root_weight = std::sqrt(loss_.Weight(error.error.squaredNorm()));
+      error.Scale(root_weight);
+      const Eigen::Index place = kSize * place_of_frame_[frame];
+      const Eigen::Matrix<double, kSize, 2> by_frame = error.ByFrame<kSize>();
+      Derivative derivative = by_frame.transpose() * poses_from_correction.middleRows<kSize>(place);
+      if (is_asked_[frame]) derivative += NormalisedDerivative(track, problem.free[i], root_weight);
+      influence.frame -= columns.middleRows<kSize>(place).transpose() * (by_frame * error.error);
+      const Eigen::Matrix<double, 2, 3> by_point_in_world = error.ByPointInWorld(state.frames[frame]);
+      const Eigen::Vector2d change = derivative * correction;
+      influence.score -= derivative.transpose() * (error.error + change);
+      by_point += derivative.transpose() * by_point_in_world;
+      point_gradient += point.inverse * by_point_in_world.transpose() * change;
+    }
+    for (size_t i = range.begin; i < range.end; ++i) {
+      const Eigen::Index place = kSize * place_of_frame_[problem.free[i].frame];
+      influence.frame += columns.middleRows<kSize>(place).transpose() * (equations.eliminated[i] * point.gradient);
+    }
+    influence.score += by_point * point.inverse.transpose() * point_gradient;
+    return influence;
   }
 
   // Returns by prior group and component the covariance of the scores that unit variance causes. moves: of the poses.
@@ -165,6 +251,10 @@ class ScoreBuilder {
         part(LOG_FOCAL_FACTOR, LOG_FOCAL_FACTOR) = parts[group][j](0, 0) / (column[row] * column[row]);
       }
     }
+    score_.shared_errors.row(LOG_FOCAL_FACTOR).setZero();
+    score_.shared_errors.col(LOG_FOCAL_FACTOR).setZero();
+    score_.shared_errors(LOG_FOCAL_FACTOR, LOG_FOCAL_FACTOR) =
+        score_.frame_shared_errors(kSize - 1, kSize - 1) / (column[row] * column[row]);
     score_.score[LOG_FOCAL_FACTOR] = 0;
     score_.frame_from_correction.col(LOG_FOCAL_FACTOR) =
         column.segment<6>(kSize * place_of_frame_[frame]) / column[row];
@@ -202,7 +292,7 @@ std::vector<IntrinsicsScore> ComputeIntrinsicsScores(const BundleSolver<kSize>& 
     if (tracks_of_frame[frame].empty()) continue;
     builder.Start(static_cast<int>(frame));
     for (const size_t track : tracks_of_frame[frame]) builder.AddTrack(track);
-    scores[frame] = builder.Finish(solver.IndexOf(static_cast<int>(frame)));
+    scores[frame] = builder.Finish(solver.IndexOf(static_cast<int>(frame)), tracks_of_frame[frame]);
   }
   return scores;
 }

@@ -34,6 +34,10 @@ struct IntrinsicsScore {
   Vector score = Vector::Zero();
   // By prior group and component: covariance of `score` that unit variance of the component causes.
   std::vector<std::vector<Matrix>> prior_parts;
+  // What errors that the matches with a database image share add to the covariance of `score`, and to that of the
+  // frame's parameters: 6x6, or 7x7 with the factor (ClusterCovariance). Tracks with depths do not count.
+  Matrix shared_errors = Matrix::Zero();
+  Eigen::MatrixXd frame_shared_errors;
   // Derivative of the tangent of frame_from_world with respect to the corrections.
   Eigen::Matrix<double, 6, NUM_INTRINSICS_PARAMETERS> frame_from_correction =
       Eigen::Matrix<double, 6, NUM_INTRINSICS_PARAMETERS>::Zero();

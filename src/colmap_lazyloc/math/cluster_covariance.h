@@ -1,0 +1,51 @@
+#pragma once
+
+#include <algorithm>
+#include <map>
+
+#include <Eigen/Core>
+#include <Eigen/Eigenvalues>
+
+namespace lazyloc {
+
+// Covariance of an estimate whose observations come in clusters with common errors: the observations of a cluster err
+// alike, those of different clusters independently. Compares the squares of the clusters' influences on the estimate
+// with those of single observations (the cluster-robust covariance of Liang and Zeger, Biometrika 73, 1986; Cameron and
+// Miller, Journal of Human Resources 50, 2015).
+template <int kSize>
+class ClusterCovariance {
+ public:
+  using Vector = Eigen::Matrix<double, kSize, 1>;
+  using Matrix = Eigen::Matrix<double, kSize, kSize>;
+
+  // influence: what one observation moves the estimate by.
+  void Add(int cluster, const Vector& influence) {
+    influences_.try_emplace(cluster, Vector::Zero()).first->second += influence;
+    independent_ += influence * influence.transpose();
+  }
+
+  // Returns by how much clusters enlarge the covariance of the estimate, which is `covariance` for independent
+  // observations: nothing in directions in which the clusters scatter less. num_parameters: number of unknowns of the
+  // estimate, which make the influences of few clusters too small.
+  Matrix Excess(const Matrix& covariance, int num_parameters) const {
+    const auto num_clusters = static_cast<double>(influences_.size());
+    const double degrees_of_freedom = std::max(num_clusters - num_parameters, num_clusters / kMaxSmallSampleFactor);
+    Matrix excess = -independent_;
+    for (const auto& [cluster, influence] : influences_) {
+      excess += num_clusters / degrees_of_freedom * influence * influence.transpose();
+    }
+    // Takes the positive part in units of the covariance, because the result must not depend on the parameters' units.
+    const Eigen::GeneralizedSelfAdjointEigenSolver<Matrix> solver(excess, covariance);
+    const Matrix root = covariance * solver.eigenvectors();
+    return root * solver.eigenvalues().cwiseMax(0).asDiagonal() * root.transpose();
+  }
+
+ private:
+  // Maximum factor on the squares of the clusters' influences, because for few clusters there is no unbiased one.
+  static constexpr double kMaxSmallSampleFactor = 3;
+
+  std::map<int, Vector> influences_;  // by cluster
+  Matrix independent_ = Matrix::Zero();
+};
+
+}  // namespace lazyloc
