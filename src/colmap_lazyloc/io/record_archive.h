@@ -82,9 +82,8 @@ void serialize(Archive& archive, QueryPriorResult& priors) {
 
 template <typename Archive>
 void serialize(Archive& archive, IntrinsicsResult& intrinsics) {
-  auto& [origin, verdict, focal_factor, focal_factor_stddev, contradiction, mean_square, pose_from_log_focal] =
-      intrinsics;
-  archive(origin, verdict, focal_factor, focal_factor_stddev, contradiction, mean_square, pose_from_log_focal);
+  auto& [origin, verdict, focal_factor, focal_factor_stddev, contradiction] = intrinsics;
+  archive(origin, verdict, focal_factor, focal_factor_stddev, contradiction);
 }
 
 template <typename Archive>

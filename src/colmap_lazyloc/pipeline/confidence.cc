@@ -63,10 +63,4 @@ std::string LowConfidenceReason(const PoseEvidence& evidence, double confidence,
                 cause.c_str());
 }
 
-void RequireConfidence(double min_confidence, LocalizationResult* result) {
-  if (!result->confidence || *result->confidence >= min_confidence) return;
-  result->status = QueryStatus::LOW_CONFIDENCE;
-  result->reason = LowConfidenceReason(result->evidence, *result->confidence, min_confidence);
-}
-
 }  // namespace lazyloc

@@ -2,7 +2,6 @@
 
 #include <string>
 
-#include "colmap_lazyloc/scene/localization_result.h"
 #include "colmap_lazyloc/scene/pose_evidence.h"
 
 namespace lazyloc {
@@ -25,8 +24,5 @@ double Confidence(const PoseEvidence& evidence);
 
 // Returns one sentence that names what lowers the confidence most.
 std::string LowConfidenceReason(const PoseEvidence& evidence, double confidence, double min_confidence);
-
-// Gives a result with a pose whose confidence is below min_confidence the status LOW_CONFIDENCE.
-void RequireConfidence(double min_confidence, LocalizationResult* result);
 
 }  // namespace lazyloc

@@ -75,10 +75,6 @@ struct IntrinsicsResult {
   double focal_factor = 1;
   double focal_factor_stddev = 0;
   std::string contradiction;  // one sentence; empty unless something is contradicted
-  // Expected square of the error of the log focal length that the covariance contains, and the derivative of the
-  // tangent of cam_from_world with respect to it.
-  double mean_square = 0;
-  Eigen::Matrix<double, 6, 1> pose_from_log_focal = Eigen::Matrix<double, 6, 1>::Zero();
 };
 
 struct LocalizationResult {
