@@ -31,6 +31,7 @@ QueryRecord FullRecord(const std::string& name) {
   result.spread = {0.25, {3, 2, 1}, {0, 1, 0}};
   result.confidence = 0.75;
   result.evidence.agreeing_ratio = 0.5;
+  result.runner_up = RunnerUp{"another place", {Eigen::Quaterniond(1, 2, 3, 4), {1, 2, 3}}, 0.5};
   result.partial_pose = PartialPose{Eigen::Quaterniond(1, 2, 3, 4), 0.5, Bearing{"from", {0, 0, 1}, 0.1}};
   result.start = "motion_averaging";
   result.pairs = {{"a.jpg", 42, 0.5, std::numeric_limits<double>::quiet_NaN()}};

@@ -92,6 +92,12 @@ void serialize(Archive& archive, PoseEvidence& evidence) {
 }
 
 template <typename Archive>
+void serialize(Archive& archive, RunnerUp& runner_up) {
+  auto& [explanation, cam_from_world, odds] = runner_up;
+  archive(explanation, cam_from_world, odds);
+}
+
+template <typename Archive>
 void serialize(Archive& archive, DepthMapResult& map) {
   auto& [database_name, verdict, num_points, scale, scale_stddev, depth_stddev] = map;
   archive(database_name, verdict, num_points, scale, scale_stddev, depth_stddev);
@@ -113,12 +119,12 @@ void serialize(Archive& archive, DatabasePoseNoise& noise) {
 template <typename Archive>
 void serialize(Archive& archive, LocalizationResult& result) {
   auto& [query_name, status, reason, query_camera, is_camera_refined, intrinsics, priors, frame_name, rig_error_px,
-         cam_from_world, rig_from_world, rig_scale, covariance, spread, confidence, evidence, partial_pose,
+         cam_from_world, rig_from_world, rig_scale, covariance, spread, confidence, evidence, runner_up, partial_pose,
          database_pose_noise, depth, start, pairs, points, num_tracks, num_observations, mean_reprojection_error_px,
          seconds] = result;
   static_cast<void>(points);
   archive(query_name, status, reason, query_camera, is_camera_refined, intrinsics, priors, frame_name, rig_error_px,
-          cam_from_world, rig_from_world, rig_scale, covariance, spread, confidence, evidence, partial_pose,
+          cam_from_world, rig_from_world, rig_scale, covariance, spread, confidence, evidence, runner_up, partial_pose,
           database_pose_noise, depth, start, pairs, num_tracks, num_observations, mean_reprojection_error_px, seconds);
 }
 

@@ -37,11 +37,7 @@ bool AreContradicted(const Solution& solution, const LocalizerOptions& options) 
   return !solution.failure && !HasPose(solution, options);
 }
 
-// Returns true if a pose with an estimated focal length is far less credible than that with the other intrinsics. Then
-// it is no evidence against these, because in repetitive scenes some focal length fits false matches.
-bool IsFarLessCredible(const Solution& refined, const Solution& given) {
-  return Confidence(refined.evidence.front()) < 0.5 * Confidence(given.evidence.front());
-}
+double ConfidenceOf(const Solution& solution) { return Confidence(solution.measured.evidence.front()); }
 
 // Returns the solution with the given focal length if an estimate does not contradict it, even if its score did.
 Choice Kept(const Solution& given, const IntrinsicsResult& estimate, const LocalizerOptions& options) {
@@ -82,7 +78,8 @@ Choice GivenOrEstimated(const Solution& given, const Solution& refined, const Lo
                                                               : AsSolved(given);
   }
   const bool has_pose = HasPose(given, options);
-  if (has_pose && IsFarLessCredible(refined, given)) return AsSolved(given);
+  // A pose that is far less credible is no evidence, because in repetitive scenes some focal length fits false matches.
+  if (has_pose && ConfidenceOf(refined) < 0.5 * ConfidenceOf(given)) return AsSolved(given);
   const IntrinsicsResult& estimate = IntrinsicsOf(refined);
   const bool is_wrong = Judge(estimate, options).wrong_probability > 0.5;
   // Nobody has stated intrinsics of another origin for this image, so that an estimate replaces them.
@@ -116,7 +113,12 @@ Choice Choose(const std::vector<Solution>& solutions, const LocalizerOptions& op
   // Takes the alternative camera only if the images confirm it, because an estimated focal length led to it.
   const bool is_confirmed = alternative && FramesWithoutPose(*alternative, options).empty() &&
                             alternative->intrinsics.front().verdict == IntrinsicsVerdict::CONFIRMED;
-  return is_confirmed ? *alternative : *stated;
+  Choice choice = is_confirmed ? *alternative : *stated;
+  for (const Solution& other : solutions) {
+    if (&other == choice.solution || other.measured.evidence.empty()) continue;
+    if (choice.runner_up == nullptr || ConfidenceOf(other) > ConfidenceOf(*choice.runner_up)) choice.runner_up = &other;
+  }
+  return choice;
 }
 
 const IntrinsicsResult* RefusedIntrinsics(const Layout& layout, const std::vector<IntrinsicsResult>& intrinsics,
@@ -144,8 +146,8 @@ std::vector<int> FramesWithoutPose(const Choice& choice, const LocalizerOptions&
 bool OvercomesPairs(const Solution& other_starts, const LocalizerOptions& options) {
   if (!HasPose(other_starts, options) || IsDistanceByPrior(other_starts, options)) return false;
   // Accepts nothing that rests on epipolar constraints alone, because relative poses contradict each other.
-  const PoseEvidence& evidence = other_starts.evidence.front();
-  return evidence.num_common_tracks >= options.min_num_tracks && Confidence(evidence) >= options.min_confidence;
+  return other_starts.measured.evidence.front().num_common_tracks >= options.min_num_tracks &&
+         ConfidenceOf(other_starts) >= options.min_confidence;
 }
 
 bool IsDistanceByPrior(const Solution& solution, const LocalizerOptions& options) {

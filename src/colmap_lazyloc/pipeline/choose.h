@@ -12,6 +12,7 @@ struct Choice {
   std::vector<IntrinsicsResult> intrinsics;  // by query: as all solutions leave them
   // What the covariances lack of the expected square of the error of the log focal length.
   double missing_mean_square = 0;
+  const Solution* runner_up = nullptr;  // the most credible of the other solutions with poses; null without any
 };
 
 // Chooses among the solutions of a group, which are in the order of NextHypothesis. There is at least one.

@@ -30,18 +30,17 @@ double OddsOfAnotherPlace(const PoseEvidence& evidence) {
   return kPlaceOdds * std::pow(error_px * (1 - support) / support, 2);
 }
 
-// Returns the odds that pairs are right which agree with each other on one other pose.
-double OddsOfCompetingPose(const PoseEvidence& evidence) {
-  if (!(evidence.competing_ratio > 0)) return 0;
-  return std::pow(evidence.competing_ratio / std::max(evidence.agreeing_ratio, kMinSupport), 3);
-}
-
 double OddsOfChance(const PoseEvidence& evidence) {
   const double num_points = evidence.num_common_tracks + kSinglePointWeight * evidence.num_single_tracks;
   return std::pow(kChanceNumPoints / std::max(num_points, kMinNumPoints), 1.5);
 }
 
 }  // namespace
+
+double OddsOfCompetingPose(const PoseEvidence& evidence) {
+  if (!(evidence.competing_ratio > 0)) return 0;
+  return std::pow(evidence.competing_ratio / std::max(evidence.agreeing_ratio, kMinSupport), 3);
+}
 
 double Confidence(const PoseEvidence& evidence) {
   if (!std::isfinite(evidence.position_stddev_ratio)) return 0;

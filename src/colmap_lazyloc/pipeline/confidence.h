@@ -22,6 +22,9 @@ namespace lazyloc {
 // deviation is not finite.
 double Confidence(const PoseEvidence& evidence);
 
+// Returns the odds of the competing pose over the pose; 0 if no pairs agree on one.
+double OddsOfCompetingPose(const PoseEvidence& evidence);
+
 // Returns one sentence that names what lowers the confidence most.
 std::string LowConfidenceReason(const PoseEvidence& evidence, double confidence, double min_confidence);
 

@@ -11,13 +11,13 @@ namespace lazyloc {
 
 struct Solution;
 
-// Which camera a query has.
+// Camera that a query is taken to have.
 enum class CameraChoice {
   STATED,       // the problem's
   ALTERNATIVE,  // the problem's alternative camera
 };
 
-// What the pose comes from.
+// Method that gives the pose.
 enum class Approach {
   TRACKS,          // adjustment over tracks, from the start that fits the matches best, motion averaging's among them
   OTHER_STARTS,    // the same, without motion averaging and with the matches of all pairs: points that two database

@@ -5,9 +5,11 @@
 #include <string>
 #include <utility>
 
+#include "colmap_lazyloc/bridge/camera_models.h"
 #include "colmap_lazyloc/math/so3.h"
 #include "colmap_lazyloc/pipeline/confidence.h"
 #include "colmap_lazyloc/pipeline/position_ambiguity.h"
+#include "colmap_lazyloc/scene/format.h"
 
 namespace lazyloc {
 namespace {
@@ -146,13 +148,51 @@ void AddRefined(const Solution& solution, const LocalizerOptions& options, Resul
   }
 }
 
-// Sets the confidence, the status and its reason.
+// Returns what a solution assumes that the chosen one does not.
+std::string Explanation(const Solution& other, const Solution& chosen) {
+  const IntrinsicsResult& intrinsics = other.checked.results.front();
+  const Camera& camera = other.prepared->group.images.front().problem.query_camera;
+  if (other.hypothesis.estimates_focal_length) {
+    return Format("the focal length is %.1f px, as the images ask for",
+                  intrinsics.focal_factor * MeanFocalLength(camera));
+  }
+  if (chosen.hypothesis.estimates_focal_length || other.hypothesis.camera != chosen.hypothesis.camera) {
+    return Format("the focal length is %.1f px (origin: %s)", MeanFocalLength(camera), EnumName(intrinsics.origin));
+  }
+  return other.hypothesis.approach == Approach::OTHER_STARTS
+             ? "points that database images triangulate are right, relative poses of pairs are not"
+             : "relative poses of pairs are right";
+}
+
+// Adds the more probable of the competing pose and the other solution.
+void AddRunnerUp(const Choice& choice, int query, LocalizationResult* result) {
+  const Solution& solution = *choice.solution;
+  const int frame = solution.prepared->group.images[query].frame;
+  const std::optional<Rigid3d>& competing_pose = solution.measured.competing_poses[frame];
+  if (competing_pose) {
+    PosedImages posed = solution.checked.posed;
+    posed.frames[frame].frame_from_world = *competing_pose;
+    result->runner_up = RunnerUp{
+        Format("pairs with %.0f %% of the verified matches agree on this pose", 100 * result->evidence.competing_ratio),
+        PoseInWorld(solution.prepared->layout, posed, query), OddsOfCompetingPose(result->evidence)};
+  }
+  if (choice.runner_up == nullptr) return;
+  const Solution& other = *choice.runner_up;
+  const double confidence = Confidence(other.measured.evidence[frame]);
+  const double odds = confidence / (1 - confidence) * (1 - *result->confidence) / *result->confidence;
+  if (result->runner_up && result->runner_up->odds > odds) return;
+  result->runner_up =
+      RunnerUp{Explanation(other, solution), PoseInWorld(other.prepared->layout, other.checked.posed, query), odds};
+}
+
+// Sets the confidence with the runner-up, the status and its reason.
 void Conclude(const Choice& choice, int query, const LocalizerOptions& options, LocalizationResult* result) {
   const Solution& solution = *choice.solution;
   const int frame = solution.prepared->group.images[query].frame;
-  if (!solution.evidence.empty()) {
-    result->evidence = solution.evidence[frame];
+  if (!solution.measured.evidence.empty()) {
+    result->evidence = solution.measured.evidence[frame];
     result->confidence = Confidence(result->evidence);
+    AddRunnerUp(choice, query, result);
   }
   if (solution.failure) {
     result->status = solution.failure->cause;

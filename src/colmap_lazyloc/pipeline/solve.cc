@@ -7,7 +7,6 @@
 #include "colmap_lazyloc/math/so3.h"
 #include "colmap_lazyloc/pipeline/depth_maps_in_use.h"
 #include "colmap_lazyloc/pipeline/focal_length.h"
-#include "colmap_lazyloc/pipeline/pose_evidence.h"
 #include "colmap_lazyloc/pipeline/position_ambiguity.h"
 #include "colmap_lazyloc/pipeline/prior_comparison.h"
 #include "colmap_lazyloc/pipeline/prior_fusion.h"
@@ -136,7 +135,7 @@ class Solver {
     const Eigen::Matrix<double, 6, 6> covariance = PoseCovariance(pose, fit.covariance, prior.position->covariance);
     solution_.checked.uncertainties = {
         {CovarianceFromAround(layout_.origin, pose.rotation, covariance), ComputePoseSpread(pose, covariance)}};
-    solution_.evidence = {fit.evidence};
+    solution_.measured = {{fit.evidence}, {std::nullopt}};
   }
 
   // Refines by one of the paper's alternatives. The covariance is unknown (NaN).
@@ -183,7 +182,7 @@ class Solver {
       solution_.priors = std::move(priors);
     }
     IgnoreContradictionsOfEvidence(layout_, refined, options_, &checked.results);
-    solution_.evidence = Timed("confidence", seconds_, [&] {
+    solution_.measured = Timed("confidence", seconds_, [&] {
       return MeasureEvidence(layout_, estimates_, /*has_relative_poses=*/camera == nullptr, refined,
                              checked.uncertainties);
     });

@@ -5,6 +5,7 @@
 
 #include "colmap_lazyloc/pipeline/depth_scale.h"
 #include "colmap_lazyloc/pipeline/intrinsics_check.h"
+#include "colmap_lazyloc/pipeline/pose_evidence.h"
 #include "colmap_lazyloc/pipeline/prepare.h"
 #include "colmap_lazyloc/pipeline/start_selection.h"
 
@@ -23,7 +24,7 @@ struct Solution {
   std::vector<QueryPriorResult> priors;  // by query
   std::optional<Refined> refined;        // nullopt if nothing was adjusted over tracks
   CheckedIntrinsics checked;             // the poses as reported, with uncertainties and intrinsics
-  std::vector<PoseEvidence> evidence;    // by query frame; empty if unknown
+  MeasuredEvidence measured;             // by query frame; empty if unknown
 };
 
 // Solves a group under a hypothesis: the method, stage by stage. Adds the stages' wall times.

@@ -77,6 +77,13 @@ struct IntrinsicsResult {
   std::string contradiction;  // one sentence; empty unless something is contradicted
 };
 
+// The most probable other explanation of the images with a pose.
+struct RunnerUp {
+  std::string explanation;  // what is right if it is
+  Rigid3d cam_from_world;
+  double odds = 0;  // over the result's pose
+};
+
 struct LocalizationResult {
   std::string query_name;
   QueryStatus status = QueryStatus::NO_PAIRS;
@@ -102,6 +109,7 @@ struct LocalizationResult {
   // Probability that the position is right (pipeline/confidence.h), and what it is computed from; nullopt if unknown.
   std::optional<double> confidence;
   PoseEvidence evidence;
+  std::optional<RunnerUp> runner_up;  // nullopt if nothing competes
 
   // Set if SCALE_UNOBSERVABLE, DEGENERATE_BASELINE or UNKNOWN_CAMERA leaves one orientation.
   std::optional<PartialPose> partial_pose;
