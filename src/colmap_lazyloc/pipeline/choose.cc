@@ -39,34 +39,32 @@ bool AreContradicted(const Solution& solution, const LocalizerOptions& options) 
 
 double ConfidenceOf(const Solution& solution) { return Confidence(solution.measured.evidence.front()); }
 
-// Returns the solution with the given focal length if an estimate does not contradict it, even if its score did.
-Choice Kept(const Solution& given, const IntrinsicsResult& estimate, const LocalizerOptions& options) {
+// Returns a solution with a given focal length, and what an estimate says of it.
+Choice WithEstimate(const Solution& given, const IntrinsicsResult& estimate, IntrinsicsVerdict verdict,
+                    const std::string& contradiction) {
   Choice choice = AsSolved(given);
-  IntrinsicsResult& intrinsics = choice.intrinsics.front();
-  intrinsics.contradiction.clear();
-  intrinsics.focal_factor = estimate.focal_factor;
-  intrinsics.focal_factor_stddev = estimate.focal_factor_stddev;
-  intrinsics.verdict = estimate.focal_factor_stddev > kMaxConfirmingStddev * estimate.focal_factor
-                           ? IntrinsicsVerdict::UNOBSERVABLE
-                           : IntrinsicsVerdict::CONFIRMED;
-  choice.missing_mean_square =
-      std::max(Judge(intrinsics, options).mean_square - given.checked.focal_errors.front().mean_square, 0.0);
+  choice.intrinsics.front() = {IntrinsicsOf(given).origin, verdict, estimate.focal_factor, estimate.focal_factor_stddev,
+                               contradiction};
   return choice;
 }
 
-// Returns the solution with a given focal length that is contradicted by an estimate.
-Choice Contradicted(const Solution& given, const IntrinsicsResult& estimate) {
-  Choice choice = AsSolved(given);
-  IntrinsicsResult& intrinsics = choice.intrinsics.front();
-  intrinsics.verdict = IntrinsicsVerdict::CONTRADICTED;
-  intrinsics.focal_factor = estimate.focal_factor;
-  intrinsics.focal_factor_stddev = estimate.focal_factor_stddev;
-  intrinsics.contradiction = estimate.contradiction;  // of principal point or distortion
-  if (intrinsics.contradiction.empty()) {
-    const Camera& camera = given.prepared->group.images.front().problem.query_camera;
-    intrinsics.contradiction = FocalLengthContradiction(camera, estimate.focal_factor, estimate.focal_factor_stddev);
-  }
+// Returns the solution with the given focal length if an estimate does not contradict it, even if its score did.
+Choice Kept(const Solution& given, const IntrinsicsResult& estimate, const LocalizerOptions& options) {
+  const bool is_certain = estimate.focal_factor_stddev <= kMaxConfirmingStddev * estimate.focal_factor;
+  Choice choice =
+      WithEstimate(given, estimate, is_certain ? IntrinsicsVerdict::CONFIRMED : IntrinsicsVerdict::UNOBSERVABLE, "");
+  choice.missing_mean_square =
+      Judge(choice.intrinsics.front(), options).mean_square - given.checked.focal_errors.front().mean_square;
   return choice;
+}
+
+// Returns the solution with a given focal length that an estimate contradicts, or its principal point or distortion.
+Choice Contradicted(const Solution& given, const IntrinsicsResult& estimate) {
+  const Camera& camera = given.prepared->group.images.front().problem.query_camera;
+  return WithEstimate(given, estimate, IntrinsicsVerdict::CONTRADICTED,
+                      !estimate.contradiction.empty()
+                          ? estimate.contradiction
+                          : FocalLengthContradiction(camera, estimate.focal_factor, estimate.focal_factor_stddev));
 }
 
 // Decides between the given intrinsics and an estimated focal length.
@@ -96,9 +94,8 @@ Choice Better(const Choice& choice, const Solution& next, const LocalizerOptions
   // Among an unknown focal length and its guess, the guess is taken only if it has a pose.
   if (chosen.hypothesis.estimates_focal_length) return HasPose(next, options) ? AsSolved(next) : choice;
   if (next.hypothesis.estimates_focal_length) return GivenOrEstimated(chosen, next, options);
-  if (next.hypothesis.approach == Approach::OTHER_STARTS)
-    return OvercomesPairs(next, options) ? AsSolved(next) : choice;
-  // Rotations alone, or the pair of one database image, are tried if nothing else is left for the position.
+  if (next.hypothesis.approach == Approach::OTHER_STARTS && !OvercomesPairs(next, options)) return choice;
+  // Others are tried if nothing else is left for the position: rotations alone, or the pair of one database image.
   return AsSolved(next);
 }
 

@@ -10,7 +10,7 @@ namespace lazyloc {
 struct Choice {
   const Solution* solution = nullptr;
   std::vector<IntrinsicsResult> intrinsics;  // by query: as all solutions leave them
-  // What the covariances lack of the expected square of the error of the log focal length.
+  // What the covariances lack of the expected square of the error of the log focal length; none if negative.
   double missing_mean_square = 0;
   const Solution* runner_up = nullptr;  // the most credible of the other solutions with poses; null without any
 };

@@ -49,11 +49,6 @@ bool IsDistanceLeftToPrior(const Solution& solution) {
          solution.prepared->group.images.front().problem.pairs.size() > 1 && HasUntestedPosition(solution);
 }
 
-bool CanEstimateFocalLength(const LocalizationProblem& problem, const LocalizerOptions& options) {
-  return options.intrinsics == IntrinsicsMode::AUTO && HasFocalLength(problem.query_camera) &&
-         problem.intrinsics_origin != IntrinsicsOrigin::MODEL;
-}
-
 // Returns true if an estimated focal length is near that of the alternative camera, which may then be the right one.
 // The bound is wide, because false matches can pull an estimate by more than its standard deviation.
 bool IsNearAlternative(const LocalizationProblem& problem, const Choice& choice) {
@@ -65,16 +60,18 @@ bool IsNearAlternative(const LocalizationProblem& problem, const Choice& choice)
   return std::abs(std::log(factor)) < std::log(kMaxAlternativeFactor);
 }
 
-// Returns the hypothesis after the solution with given intrinsics, if those of other starts do not settle it.
+// Returns the hypothesis after a solution with given intrinsics that other starts do not replace.
 std::optional<Hypothesis> AfterGiven(const Solution& given, const LocalizerOptions& options) {
+  const LocalizationProblem& problem = given.prepared->group.images.front().problem;
+  const bool can_estimate = options.intrinsics == IntrinsicsMode::AUTO && HasFocalLength(problem.query_camera) &&
+                            problem.intrinsics_origin != IntrinsicsOrigin::MODEL;
   Hypothesis next = given.hypothesis;
   if (IsPositionLeftToPrior(given)) {
     next.approach = Approach::ROTATION;
   } else if (IsDistanceLeftToPrior(given)) {
     // Takes the one image with the best bearing, because images of one place do not triangulate points.
     next.only_database_image = BearingOf(given)->database_name;
-  } else if (CanEstimateFocalLength(given.prepared->group.images.front().problem, options) &&
-             IsFocalLengthInDoubt(given, options)) {
+  } else if (can_estimate && IsFocalLengthInDoubt(given, options)) {
     next.estimates_focal_length = true;
   } else {
     return std::nullopt;
@@ -84,49 +81,40 @@ std::optional<Hypothesis> AfterGiven(const Solution& given, const LocalizerOptio
 
 }  // namespace
 
-bool SamePreparation(const Hypothesis& a, const Hypothesis& b) {
-  return a.camera == b.camera && a.estimates_focal_length == b.estimates_focal_length &&
-         a.only_database_image == b.only_database_image;
-}
-
 std::optional<Hypothesis> NextHypothesis(const QueryGroup& group, const std::vector<Solution>& solutions,
                                          const LocalizerOptions& options) {
   const bool is_lone = group.images.size() == 1;
   const LocalizationProblem& stated = group.images.front().problem;
+  const bool has_tracks = options.post_optimization == PostOptimization::TRACKS;
   Hypothesis next;
   if (solutions.empty()) {
-    if (options.post_optimization != PostOptimization::TRACKS) {
-      next.approach = Approach::WITHOUT_TRACKS;
-    } else {
-      next.estimates_focal_length = is_lone && IsFocalLengthUnknown(stated, options);
-    }
+    if (!has_tracks) next.approach = Approach::WITHOUT_TRACKS;
+    next.estimates_focal_length = is_lone && has_tracks && IsFocalLengthUnknown(stated, options);
     return next;
   }
+  if (!is_lone || !has_tracks) return std::nullopt;
   const Solution& last = solutions.back();
-  if (!is_lone || last.hypothesis.approach == Approach::WITHOUT_TRACKS) return std::nullopt;
   if (solutions.front().hypothesis.estimates_focal_length) {
     // Tries the guess, because the scene may fix the pose even if it does not fix the focal length.
-    const bool is_open = solutions.size() == 1 && options.intrinsics != IntrinsicsMode::REFINE;
-    return is_open && last.failure ? std::make_optional(next) : std::nullopt;
+    if (solutions.size() > 1 || !last.failure || options.intrinsics == IntrinsicsMode::REFINE) return std::nullopt;
+    return next;
   }
   next = last.hypothesis;
-  if (last.hypothesis.estimates_focal_length) {
-    if (last.hypothesis.camera == CameraChoice::ALTERNATIVE) return std::nullopt;
+  if (next.estimates_focal_length) {
+    if (next.camera == CameraChoice::ALTERNATIVE) return std::nullopt;
     if (!IsNearAlternative(stated, Choose(solutions, options))) return std::nullopt;
     next.camera = CameraChoice::ALTERNATIVE;
     next.estimates_focal_length = false;
     return next;
   }
-  switch (last.hypothesis.approach) {
-    case Approach::TRACKS:
-      if (!MayBeOnePairLeft(last, options)) return AfterGiven(last, options);
-      next.approach = Approach::OTHER_STARTS;
-      return next;
-    case Approach::OTHER_STARTS:
-      if (OvercomesPairs(last, options)) return std::nullopt;
-      return AfterGiven(solutions[solutions.size() - 2], options);
-    default: return std::nullopt;
+  if (next.approach == Approach::ROTATION) return std::nullopt;
+  if (next.approach == Approach::OTHER_STARTS) {
+    if (OvercomesPairs(last, options)) return std::nullopt;
+    return AfterGiven(solutions[solutions.size() - 2], options);
   }
+  if (!MayBeOnePairLeft(last, options)) return AfterGiven(last, options);
+  next.approach = Approach::OTHER_STARTS;
+  return next;
 }
 
 }  // namespace lazyloc

@@ -36,9 +36,6 @@ struct Hypothesis {
   Approach approach = Approach::TRACKS;
 };
 
-// Returns true if two hypotheses have the same camera and pairs, and thus share what is prepared.
-bool SamePreparation(const Hypothesis& a, const Hypothesis& b);
-
 // Returns the next hypothesis for which the solutions so far leave room; nullopt if there is none. The ordinary query
 // has one. A group of several images is only solved as stated, because its images are decided on one by one when they
 // leave it (lazy_localizer.cc).

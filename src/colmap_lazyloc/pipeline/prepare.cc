@@ -42,26 +42,24 @@ void KeepPairWith(const std::string& database_name, std::vector<ImagePair>* pair
   pairs->erase(std::remove_if(pairs->begin(), pairs->end(), is_other), pairs->end());
 }
 
-bool HaveNeighbours(const QueryGroup& group) {
-  const auto has_neighbours = [](const ImagePair& pair) { return !pair.neighbours.empty(); };
-  return std::any_of(group.images.begin(), group.images.end(), [&](const QueryImage& query) {
-    return std::any_of(query.problem.pairs.begin(), query.problem.pairs.end(), has_neighbours);
-  });
+bool SameGroup(const Hypothesis& a, const Hypothesis& b) {
+  return a.camera == b.camera && a.only_database_image == b.only_database_image;
 }
 
 }  // namespace
 
 const Prepared& Preparations::For(const Hypothesis& hypothesis) {
   for (const auto& [other, prepared] : prepared_) {
-    if (SamePreparation(hypothesis, other)) return prepared;
+    const bool is_same = hypothesis.estimates_focal_length == other.estimates_focal_length;
+    if (is_same && SameGroup(hypothesis, other)) return prepared;
   }
   return prepared_.emplace_back(hypothesis, Prepare(hypothesis)).second;
 }
 
 const QueryGroup& Preparations::GroupOf(const Hypothesis& hypothesis) {
-  if (hypothesis.camera == CameraChoice::STATED && hypothesis.only_database_image.empty()) return group_;
+  if (SameGroup(hypothesis, {})) return group_;
   for (const auto& [other, group] : other_groups_) {
-    if (hypothesis.camera == other.camera && hypothesis.only_database_image == other.only_database_image) return group;
+    if (SameGroup(hypothesis, other)) return group;
   }
   QueryGroup& group = other_groups_.emplace_back(hypothesis, group_).second;
   LocalizationProblem& problem = group.images.front().problem;
@@ -75,12 +73,9 @@ Layout Preparations::LayoutOf(const QueryGroup& group) const {
     if (&prepared.group == &group) return prepared.layout;
   }
   Layout layout = MakeLayout(group);
-  if (options_.post_optimization != PostOptimization::TRACKS) return layout;
-  if (HaveNeighbours(group)) {
+  if (options_.post_optimization == PostOptimization::TRACKS) {
     const StageTimer timer("database_poses", seconds_);
     layout.expected_pose_errors = MeasurePoseErrors(group, options_);
-  } else {
-    layout.expected_pose_errors.assign(layout.num_query_frames, ExpectPoseErrors(options_));
   }
   return layout;
 }
