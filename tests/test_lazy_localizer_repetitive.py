@@ -1,9 +1,12 @@
 """Tests a facade of identical windows: many matches are one window too far to the side, and agree with the epipolar
 geometry nearly as well as the correct ones."""
 
+import json
+
 import numpy as np
 import pytest
 
+from colmap_lazyloc.result import Result
 from colmap_lazyloc.testing import synthetic
 
 PERIOD = 2.0  # from window to window, along x
@@ -68,3 +71,19 @@ def test_every_query_is_localized(localize, tmp_path, write_scene_files, wrong_w
     # The bounds are in units of which a window's width has 2; with noise alone the median is 0.01.
     assert np.median([position_error for position_error, _ in errors]) <= 0.03
     assert max(position_error for position_error, _ in errors) <= 0.2
+
+
+def test_runner_up_is_one_window_to_the_side(localize, tmp_path, write_scene_files):
+    scene = make_facade(0.0, wrong_pair_ratio=0.4)
+    run = localize(*write_scene_files(tmp_path, scene, geometry=None).arguments, "--LazyLocalizer.min_confidence", 0)
+    competing = {name: result for name, result in run.results.items() if "runner_up" in result}
+    assert competing
+    for name, result in competing.items():
+        no_points = np.empty((0, 3))
+        runner_up = Result(name, json.dumps(result), no_points, no_points, np.empty(0), no_points).runner_up
+        assert "agree on this pose" in runner_up.explanation
+        ratio = result["evidence"]["competing_ratio"] / result["evidence"]["agreeing_ratio"]
+        np.testing.assert_allclose(runner_up.odds, ratio**3)
+        np.testing.assert_allclose(runner_up.pose.cam_in_world, result["runner_up"]["position"])
+        offset = runner_up.pose.cam_in_world - scene.images[name].pose.cam_in_world
+        np.testing.assert_allclose([abs(offset[0]), *offset[1:]], [PERIOD, 0, 0], atol=0.3)

@@ -1,5 +1,6 @@
 """The result of a query."""
 
+import dataclasses
 import json
 from typing import Any
 
@@ -7,6 +8,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from colmap_lazyloc.poses import Pose
+
+
+@dataclasses.dataclass(frozen=True)
+class RunnerUp:
+    """The most probable other explanation of the images that has a pose."""
+
+    explanation: str  # what is right if it is, in words
+    pose: Pose
+    odds: float | None  # over the result's pose; None if the result's confidence is 0
 
 
 class Result:
@@ -61,6 +71,16 @@ class Result:
         """Returns the probability that the position is right, from 0 to 1; None if there is no pose to judge."""
         confidence = self._fields["confidence"]
         return None if confidence is None else float(confidence)
+
+    @property
+    def runner_up(self) -> RunnerUp | None:
+        """Returns the most probable other explanation with its `pose`, its `explanation` in words and its `odds` over
+        the result's pose (docs/formats.md); None if nothing competes."""
+        fields = self._fields.get("runner_up")
+        if fields is None:
+            return None
+        pose = Pose(np.array(fields["cam_from_world"]["qvec"]), np.array(fields["cam_from_world"]["tvec"]))
+        return RunnerUp(fields["explanation"], pose, fields["odds"])
 
     @property
     def pose(self) -> Pose | None:

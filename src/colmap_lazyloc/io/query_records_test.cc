@@ -21,8 +21,7 @@ QueryRecord FullRecord(const std::string& name) {
   result.reason = "one sentence";
   result.query_camera = {7, 4, 640, 480, {500.5, 320, 1.0 / 3}, true};
   result.is_camera_refined = true;
-  result.intrinsics = {IntrinsicsOrigin::EXIF, IntrinsicsVerdict::REFINED, 1.25, 0.5, "contradicted", 0.125, {}};
-  result.intrinsics.pose_from_log_focal << 1, 2, 3, 4, 5, 6;
+  result.intrinsics = {IntrinsicsOrigin::EXIF, IntrinsicsVerdict::REFINED, 1.25, 0.5, "contradicted"};
   result.frame_name = "frame";
   result.rig_error_px = 2.5;
   result.cam_from_world = {Eigen::Quaterniond(0.1, 0.2, 0.3, 0.4), {1, 2, std::numeric_limits<double>::quiet_NaN()}};
@@ -32,6 +31,7 @@ QueryRecord FullRecord(const std::string& name) {
   result.spread = {0.25, {3, 2, 1}, {0, 1, 0}};
   result.confidence = 0.75;
   result.evidence.agreeing_ratio = 0.5;
+  result.runner_up = RunnerUp{"another place", {Eigen::Quaterniond(1, 2, 3, 4), {1, 2, 3}}, 0.5};
   result.partial_pose = PartialPose{Eigen::Quaterniond(1, 2, 3, 4), 0.5, Bearing{"from", {0, 0, 1}, 0.1}};
   result.start = "motion_averaging";
   result.pairs = {{"a.jpg", 42, 0.5, std::numeric_limits<double>::quiet_NaN()}};
@@ -67,7 +67,6 @@ TEST_F(QueryRecordsTest, EveryBitReadsBack) {
   EXPECT_EQ(bytes.keypoints, expected.keypoints);
   EXPECT_EQ(bytes.points, expected.points);
   EXPECT_EQ(read.result.partial_pose->bearing->database_name, "from");
-  EXPECT_EQ(read.result.intrinsics.pose_from_log_focal[5], 6);
   EXPECT_TRUE(std::signbit(read.result.rig_from_world.translation.x()));
   EXPECT_TRUE(std::isnan(read.result.cam_from_world.translation.z()));
   EXPECT_EQ(read.result.points[0].observations[1].second, 6);

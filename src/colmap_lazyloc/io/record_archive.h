@@ -82,14 +82,19 @@ void serialize(Archive& archive, QueryPriorResult& priors) {
 
 template <typename Archive>
 void serialize(Archive& archive, IntrinsicsResult& intrinsics) {
-  auto& [origin, verdict, focal_factor, focal_factor_stddev, contradiction, mean_square, pose_from_log_focal] =
-      intrinsics;
-  archive(origin, verdict, focal_factor, focal_factor_stddev, contradiction, mean_square, pose_from_log_focal);
+  auto& [origin, verdict, focal_factor, focal_factor_stddev, contradiction] = intrinsics;
+  archive(origin, verdict, focal_factor, focal_factor_stddev, contradiction);
 }
 
 template <typename Archive>
 void serialize(Archive& archive, PoseEvidence& evidence) {
   ForEachEvidence(evidence, [&](const char*, double* value) { archive(*value); });
+}
+
+template <typename Archive>
+void serialize(Archive& archive, RunnerUp& runner_up) {
+  auto& [explanation, cam_from_world, odds] = runner_up;
+  archive(explanation, cam_from_world, odds);
 }
 
 template <typename Archive>
@@ -114,12 +119,12 @@ void serialize(Archive& archive, DatabasePoseNoise& noise) {
 template <typename Archive>
 void serialize(Archive& archive, LocalizationResult& result) {
   auto& [query_name, status, reason, query_camera, is_camera_refined, intrinsics, priors, frame_name, rig_error_px,
-         cam_from_world, rig_from_world, rig_scale, covariance, spread, confidence, evidence, partial_pose,
+         cam_from_world, rig_from_world, rig_scale, covariance, spread, confidence, evidence, runner_up, partial_pose,
          database_pose_noise, depth, start, pairs, points, num_tracks, num_observations, mean_reprojection_error_px,
          seconds] = result;
   static_cast<void>(points);
   archive(query_name, status, reason, query_camera, is_camera_refined, intrinsics, priors, frame_name, rig_error_px,
-          cam_from_world, rig_from_world, rig_scale, covariance, spread, confidence, evidence, partial_pose,
+          cam_from_world, rig_from_world, rig_scale, covariance, spread, confidence, evidence, runner_up, partial_pose,
           database_pose_noise, depth, start, pairs, num_tracks, num_observations, mean_reprojection_error_px, seconds);
 }
 

@@ -59,12 +59,20 @@ Json BearingToJson(const Bearing& bearing) {
           {"stddev_deg", RadToDeg(bearing.stddev_rad)}};
 }
 
-// Adds the confidence in the pose and the evidence for it.
+Json RunnerUpToJson(const RunnerUp& runner_up) {
+  return {{"explanation", runner_up.explanation},
+          {"odds", runner_up.odds},
+          {"cam_from_world", PoseToJson(runner_up.cam_from_world)},
+          {"position", ToJson(CamInWorld(runner_up.cam_from_world))}};
+}
+
+// Adds the confidence in the pose, the evidence for it and what competes with it.
 void AddConfidence(const LocalizationResult& result, Json* json) {
   (*json)["confidence"] = result.confidence ? Json(*result.confidence) : Json();
   Json& evidence = (*json)["evidence"] = nullptr;
   if (!result.confidence) return;
   ForEachEvidence(result.evidence, [&](const char* name, const double* value) { evidence[name] = *value; });
+  if (result.runner_up) (*json)["runner_up"] = RunnerUpToJson(*result.runner_up);
 }
 
 // Adds the pose, or the part of it that is known, and its standard deviations.

@@ -115,6 +115,16 @@ TEST_F(ResultText, JsonHoldsEverything) {
   EXPECT_EQ(json["seconds"], Json({{"rotation", 0.5}, {"refinement", 1.0}, {"total", 1.75}}));
 }
 
+TEST_F(ResultText, JsonHoldsWhatCompetes) {
+  QueryRecord record = Localized();
+  record.result.confidence = 0.75;
+  EXPECT_FALSE(JsonOf(record).contains("runner_up"));
+  record.result.runner_up = RunnerUp{"a twin", {Eigen::Quaterniond::Identity(), {1, 2, 3}}, 0.25};
+  EXPECT_EQ(JsonOf(record)["runner_up"],
+            Json::parse(R"({"explanation": "a twin", "odds": 0.25, "position": [-1.0, -2.0, -3.0],
+                            "cam_from_world": {"qvec": [1.0, 0.0, 0.0, 0.0], "tvec": [1.0, 2.0, 3.0]}})"));
+}
+
 TEST_F(ResultText, JsonHoldsWhatIsKnownOfAPoseWithoutPosition) {
   QueryRecord record = Failed();
   record.result.status = QueryStatus::SCALE_UNOBSERVABLE;

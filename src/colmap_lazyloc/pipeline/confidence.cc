@@ -30,18 +30,17 @@ double OddsOfAnotherPlace(const PoseEvidence& evidence) {
   return kPlaceOdds * std::pow(error_px * (1 - support) / support, 2);
 }
 
-// Returns the odds that pairs are right which agree with each other on one other pose.
-double OddsOfCompetingPose(const PoseEvidence& evidence) {
-  if (!(evidence.competing_ratio > 0)) return 0;
-  return std::pow(evidence.competing_ratio / std::max(evidence.agreeing_ratio, kMinSupport), 3);
-}
-
 double OddsOfChance(const PoseEvidence& evidence) {
   const double num_points = evidence.num_common_tracks + kSinglePointWeight * evidence.num_single_tracks;
   return std::pow(kChanceNumPoints / std::max(num_points, kMinNumPoints), 1.5);
 }
 
 }  // namespace
+
+double OddsOfCompetingPose(const PoseEvidence& evidence) {
+  if (!(evidence.competing_ratio > 0)) return 0;
+  return std::pow(evidence.competing_ratio / std::max(evidence.agreeing_ratio, kMinSupport), 3);
+}
 
 double Confidence(const PoseEvidence& evidence) {
   if (!std::isfinite(evidence.position_stddev_ratio)) return 0;
@@ -61,12 +60,6 @@ std::string LowConfidenceReason(const PoseEvidence& evidence, double confidence,
                    evidence.median_error_px);
   return Format("the pose is right with a probability of only %.2f, and %.2f is needed: %s", confidence, min_confidence,
                 cause.c_str());
-}
-
-void RequireConfidence(double min_confidence, LocalizationResult* result) {
-  if (!result->confidence || *result->confidence >= min_confidence) return;
-  result->status = QueryStatus::LOW_CONFIDENCE;
-  result->reason = LowConfidenceReason(result->evidence, *result->confidence, min_confidence);
 }
 
 }  // namespace lazyloc

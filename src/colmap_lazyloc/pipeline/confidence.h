@@ -2,7 +2,6 @@
 
 #include <string>
 
-#include "colmap_lazyloc/scene/localization_result.h"
 #include "colmap_lazyloc/scene/pose_evidence.h"
 
 namespace lazyloc {
@@ -23,10 +22,10 @@ namespace lazyloc {
 // deviation is not finite.
 double Confidence(const PoseEvidence& evidence);
 
+// Returns the odds of the competing pose over the pose; 0 if no pairs agree on one.
+double OddsOfCompetingPose(const PoseEvidence& evidence);
+
 // Returns one sentence that names what lowers the confidence most.
 std::string LowConfidenceReason(const PoseEvidence& evidence, double confidence, double min_confidence);
-
-// Gives a result with a pose whose confidence is below min_confidence the status LOW_CONFIDENCE.
-void RequireConfidence(double min_confidence, LocalizationResult* result);
 
 }  // namespace lazyloc

@@ -112,18 +112,5 @@ TEST(LowConfidenceReason, NamesBothProbabilitiesAndTheStrongerDoubt) {
   EXPECT_THAT(LowConfidenceReason(With(&PoseEvidence::num_common_tracks, 3), 0.25, 0.5), HasSubstr("only 3 points"));
 }
 
-TEST(RequireConfidence, RefusesBelowTheMinimumAlone) {
-  LocalizationResult result;
-  result.status = QueryStatus::LOCALIZED;
-  RequireConfidence(0.9, &result);
-  EXPECT_EQ(result.status, QueryStatus::LOCALIZED) << "an unknown confidence";
-  result.confidence = 0.9;
-  RequireConfidence(0.9, &result);
-  EXPECT_EQ(result.status, QueryStatus::LOCALIZED);
-  RequireConfidence(0.91, &result);
-  EXPECT_EQ(result.status, QueryStatus::LOW_CONFIDENCE);
-  EXPECT_FALSE(result.reason.empty());
-}
-
 }  // namespace
 }  // namespace lazyloc

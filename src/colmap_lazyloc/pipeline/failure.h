@@ -11,7 +11,7 @@ namespace lazyloc {
 
 // Thrown when frames cannot be localized.
 struct Failure {
-  QueryStatus status;
+  QueryStatus cause;
   std::string reason;
   std::vector<int> frames = {};                           // indices of the frames; empty means the whole group
   std::map<int, PartialPose> partial_poses = {};          // by query, if the rotation is known
@@ -22,8 +22,8 @@ using Reason = std::optional<std::string>;
 
 // Throws a failure of those of the frames 0 to num_frames - 1 that `reason_of(frame)` has a reason for, if any.
 template <typename ReasonOf>
-void CheckFrames(int num_frames, QueryStatus status, const ReasonOf& reason_of) {
-  Failure failure{status, ""};
+void CheckFrames(int num_frames, QueryStatus cause, const ReasonOf& reason_of) {
+  Failure failure{cause, ""};
   for (int frame = 0; frame < num_frames; ++frame) {
     const Reason reason = reason_of(frame);
     if (!reason) continue;

@@ -177,7 +177,7 @@ TEST(ChooseFocalLengthAndPose, TooFewTracksAreReported) {
   input.tracks.resize(3);
   const Failure failure = FailureOf(
       [&] { ChooseFocalLengthAndPose(input.layout, QueryCamera(scene.group.images[0].problem), input.tracks, {}); });
-  EXPECT_EQ(failure.status, QueryStatus::TOO_FEW_TRACKS);
+  EXPECT_EQ(failure.cause, QueryStatus::TOO_FEW_TRACKS);
   EXPECT_THAT(failure.reason, testing::HasSubstr("3 points"));
 }
 

@@ -57,6 +57,7 @@ CheckedIntrinsics CheckIntrinsics(const QueryGroup& group, const Layout& layout,
   const PosedImages& adjusted = refined.adjustment.posed;
   CheckedIntrinsics checked;
   checked.results.resize(layout.num_queries);
+  checked.focal_errors.resize(layout.num_queries);
   checked.cameras.resize(layout.num_queries);
   checked.uncertainties = std::move(uncertainties);
   checked.posed = AsReported(layout, adjusted);
@@ -79,28 +80,18 @@ CheckedIntrinsics CheckIntrinsics(const QueryGroup& group, const Layout& layout,
           UncalibratedCovariance(score, score_covariance, problem.query_camera, result.origin);
       AddCovariance(derivatives * others * derivatives.transpose(), pose, &uncertainty);
 
-      result.pose_from_log_focal = derivatives.col(LOG_FOCAL_FACTOR);
       const double mean_square = Judge(problem.query_camera, estimate, camera != nullptr, options, &result);
-      AddFocalLengthUncertainty(mean_square, pose, &result, &uncertainty);
+      checked.focal_errors[query] = {mean_square, derivatives.col(LOG_FOCAL_FACTOR)};
+      AddFocalLengthUncertainty(checked.focal_errors[query], pose, &uncertainty);
     }
   }
   return checked;
 }
 
-void AddFocalLengthUncertainty(double mean_square, const Rigid3d& cam_from_world, IntrinsicsResult* intrinsics,
+void AddFocalLengthUncertainty(const FocalLengthError& error, const Rigid3d& cam_from_world,
                                PoseUncertainty* uncertainty) {
-  const Eigen::Matrix<double, 6, 1>& derivative = intrinsics->pose_from_log_focal;
-  AddCovariance(mean_square * derivative * derivative.transpose(), cam_from_world, uncertainty);
-  intrinsics->mean_square += mean_square;
-}
-
-void RefuseContradicted(const Layout& layout, const std::vector<IntrinsicsResult>& intrinsics) {
-  CheckFrames(layout.num_query_frames, QueryStatus::INCONSISTENT_INTRINSICS, [&](int frame) {
-    for (const int query : layout.QueriesOf(frame)) {
-      if (intrinsics[query].verdict == IntrinsicsVerdict::CONTRADICTED) return Reason(intrinsics[query].contradiction);
-    }
-    return Reason();
-  });
+  const Eigen::Matrix<double, 6, 1>& derivative = error.pose_from_log_focal;
+  AddCovariance(error.mean_square * derivative * derivative.transpose(), cam_from_world, uncertainty);
 }
 
 }  // namespace lazyloc

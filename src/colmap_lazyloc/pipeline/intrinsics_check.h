@@ -8,9 +8,17 @@
 
 namespace lazyloc {
 
+// What the error of a focal length does to a pose.
+struct FocalLengthError {
+  double mean_square = 0;  // expected square of the error of the log focal length that the covariance contains
+  // Derivative of the tangent of cam_from_world with respect to the log focal length.
+  Eigen::Matrix<double, 6, 1> pose_from_log_focal = Eigen::Matrix<double, 6, 1>::Zero();
+};
+
 // What the check of the intrinsics finds.
 struct CheckedIntrinsics {
   std::vector<IntrinsicsResult> results;       // by query
+  std::vector<FocalLengthError> focal_errors;  // by query
   std::vector<PoseUncertainty> uncertainties;  // by query; with what the images leave open of the intrinsics
   PosedImages posed;                           // as reported
   // By query: the camera that belongs to the pose; nullopt if it is the given one.
@@ -24,11 +32,8 @@ CheckedIntrinsics CheckIntrinsics(const QueryGroup& group, const Layout& layout,
                                   std::vector<PoseUncertainty> uncertainties, const LocalizerOptions& options,
                                   const QueryCamera* camera = nullptr);
 
-// Adds a focal length's uncertainty to that of a pose, and notes it in `intrinsics`, whose derivative is set.
-void AddFocalLengthUncertainty(double mean_square, const Rigid3d& cam_from_world, IntrinsicsResult* intrinsics,
+// Adds what a focal length's error does to a pose to the pose's uncertainty.
+void AddFocalLengthUncertainty(const FocalLengthError& error, const Rigid3d& cam_from_world,
                                PoseUncertainty* uncertainty);
-
-// Throws Failure for the frames with contradicted intrinsics.
-void RefuseContradicted(const Layout& layout, const std::vector<IntrinsicsResult>& intrinsics);
 
 }  // namespace lazyloc

@@ -112,7 +112,7 @@ TEST(LazyLocalizer, ReportsPairsAndPoints) {
   EXPECT_LE(result.pairs.back().rotation_error_deg, 1e-6);
   EXPECT_EQ(result.num_tracks, options.num_points);
   EXPECT_EQ(result.num_observations, options.num_points * (1 + options.num_database_images - scene.num_outlier_pairs));
-  EXPECT_EQ(result.seconds.size(), 11u);
+  EXPECT_EQ(result.seconds.size(), 12u);
   EXPECT_THAT(result.start, testing::AnyOf("motion_averaging", "absolute_pose"));
 }
 

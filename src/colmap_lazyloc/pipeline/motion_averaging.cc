@@ -187,8 +187,8 @@ void AddFittingPairs(const std::vector<PairGeometry>& pairs, Averaged* averaged)
 
 // Returns true if a single frame may be localized without motion averaging.
 bool CanDoWithoutAveraging(const Failure& failure, const Layout& layout) {
-  return layout.num_query_frames == 1 && failure.status != QueryStatus::SCALE_UNOBSERVABLE &&
-         failure.status != QueryStatus::INCONSISTENT_RIG;
+  return layout.num_query_frames == 1 && failure.cause != QueryStatus::SCALE_UNOBSERVABLE &&
+         failure.cause != QueryStatus::INCONSISTENT_RIG;
 }
 
 }  // namespace

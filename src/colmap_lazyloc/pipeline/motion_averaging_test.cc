@@ -106,7 +106,7 @@ TEST(AverageMotion, FailureOfASingleFrameIsKept) {
   const StageInput input = MakeStageInput(MakeSyntheticGroup(options));
   const Averaged averaged = Average(input);
   ASSERT_TRUE(averaged.failure);
-  EXPECT_EQ(averaged.failure->status, QueryStatus::INCONSISTENT_ROTATIONS);
+  EXPECT_EQ(averaged.failure->cause, QueryStatus::INCONSISTENT_ROTATIONS);
   EXPECT_THAT(averaged.failure->reason, HasSubstr("no two of 8 pairs agree"));
   EXPECT_EQ(averaged.pairs.size(), input.pairs.size());
   EXPECT_EQ(averaged.directions.size(), input.pairs.size());
@@ -121,7 +121,7 @@ TEST(AverageMotion, FailureOfOneOfSeveralFramesIsThrown) {
     if (pair.query == 1) pair.query_from_other.rotation = RandomRotation(&random);
   }
   const Failure failure = ThrownBy(input);
-  EXPECT_EQ(failure.status, QueryStatus::INCONSISTENT_ROTATIONS);
+  EXPECT_EQ(failure.cause, QueryStatus::INCONSISTENT_ROTATIONS);
   EXPECT_THAT(failure.frames, ElementsAre(1));
 }
 
@@ -134,7 +134,7 @@ TEST(AverageMotion, FramesThatAreLinkedToEachOtherOnlyAreNamed) {
   }
   input.pairs = pairs;
   const Failure failure = ThrownBy(input);
-  EXPECT_EQ(failure.status, QueryStatus::TOO_FEW_INLIERS);
+  EXPECT_EQ(failure.cause, QueryStatus::TOO_FEW_INLIERS);
   EXPECT_THAT(failure.frames, ElementsAre(0, 2));
 }
 
@@ -148,7 +148,7 @@ TEST(AverageMotion, DatabaseImagesOfOnePlaceLeaveRotationAndBearing) {
   problem.pairs.back().other_name = "database200";
   const StageInput input = MakeStageInput(scene);
   const Failure failure = ThrownBy(input);
-  EXPECT_EQ(failure.status, QueryStatus::SCALE_UNOBSERVABLE);
+  EXPECT_EQ(failure.cause, QueryStatus::SCALE_UNOBSERVABLE);
   EXPECT_THAT(failure.frames, ElementsAre(0));
   ASSERT_EQ(failure.partial_poses.count(0), 1u);
   const PartialPose& partial = failure.partial_poses.at(0);
@@ -167,7 +167,7 @@ TEST(AverageMotion, PanoramaLeavesTheRotation) {
   const SyntheticScene scene = MakeSyntheticScene(options);
   const Averaged averaged = Average(MakeStageInput({LoneQuery(scene), {scene.query_cam_from_world}, {}}));
   ASSERT_TRUE(averaged.failure);
-  EXPECT_EQ(averaged.failure->status, QueryStatus::DEGENERATE_BASELINE);
+  EXPECT_EQ(averaged.failure->cause, QueryStatus::DEGENERATE_BASELINE);
   ASSERT_EQ(averaged.failure->partial_poses.count(0), 1u);
   const PartialPose& partial = averaged.failure->partial_poses.at(0);
   EXPECT_LE(AngularDistanceRad(partial.cam_from_world_rotation, scene.query_cam_from_world.rotation), 1e-6);
@@ -178,7 +178,7 @@ TEST(AverageMotion, WrongCalibrationIsThrownForASingleFrameToo) {
   SyntheticGroupOptions options = Group(1, 3);
   options.calibration_error_deg = 20;
   const Failure failure = ThrownBy(MakeStageInput(MakeSyntheticGroup(options)));
-  EXPECT_EQ(failure.status, QueryStatus::INCONSISTENT_RIG);
+  EXPECT_EQ(failure.cause, QueryStatus::INCONSISTENT_RIG);
   EXPECT_THAT(failure.reason, HasSubstr("query0-2"));
 }
 

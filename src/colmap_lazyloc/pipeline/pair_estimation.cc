@@ -14,7 +14,7 @@ namespace {
 struct VerifiedPair {
   int query = -1, other = -1;  // images
   const ImagePair* images = nullptr;
-  RelativePose relative_pose;
+  const RelativePose* relative_pose = nullptr;
 };
 
 std::optional<RelativePose> InliersWithoutPose(const LocalizationProblem& problem, const ImagePair& pair,
@@ -30,7 +30,7 @@ std::vector<VerifiedPair> BestPairs(std::vector<VerifiedPair> pairs, size_t max_
   std::vector<size_t> order(pairs.size());
   for (size_t i = 0; i < order.size(); ++i) order[i] = i;
   std::stable_sort(order.begin(), order.end(), [&](size_t a, size_t b) {
-    return pairs[a].relative_pose.inlier_matches.size() > pairs[b].relative_pose.inlier_matches.size();
+    return pairs[a].relative_pose->inlier_matches.size() > pairs[b].relative_pose->inlier_matches.size();
   });
   order.resize(max_num_pairs);
   std::sort(order.begin(), order.end());
@@ -73,10 +73,10 @@ class KeypointObserver {
     PairGeometry geometry;
     geometry.query = pair.query;
     geometry.other = pair.other;
-    geometry.query_from_other = pair.relative_pose.query_from_other;
-    geometry.num_inliers = static_cast<int>(pair.relative_pose.inlier_matches.size());
-    geometry.inliers.reserve(pair.relative_pose.inlier_matches.size());
-    for (const Match& match : pair.relative_pose.inlier_matches) {
+    geometry.query_from_other = pair.relative_pose->query_from_other;
+    geometry.num_inliers = static_cast<int>(pair.relative_pose->inlier_matches.size());
+    geometry.inliers.reserve(pair.relative_pose->inlier_matches.size());
+    for (const Match& match : pair.relative_pose->inlier_matches) {
       const std::optional<Observation>& query = ObserveQuery(pair.query, match.query_point);
       const std::optional<Observation> other = is_database_pair
                                                    ? observe_database(pair.images->other_keypoints[match.other_point])
@@ -102,18 +102,22 @@ class KeypointObserver {
 // Verifies all pairs by find(problem, pair, seed), which returns an optional RelativePose, and observes their inliers.
 template <typename Find>
 PairEstimates VerifyAndObserve(const QueryGroup& group, const Layout& layout, const LocalizerOptions& options,
-                               const Find& find, StageTimer::Seconds* seconds) {
+                               const Find& find, KnownRelativePoses* known, StageTimer::Seconds* seconds) {
   PairEstimates estimates;
   std::vector<VerifiedPair> verified;
   {
     const StageTimer timer("two_view", seconds);
     const auto verify = [&](int query, int other, const ImagePair& images, std::vector<VerifiedPair>* pairs) {
       const LocalizationProblem& problem = group.images[query].problem;
-      const uint32_t seed = SeedFromNames(problem.query_name, images.other_name, options.seed);
-      std::optional<RelativePose> relative_pose = find(problem, images, seed);
+      const auto [entry, is_new] =
+          known->try_emplace({problem.query_name, !layout.IsDatabase(other), images.other_name});
+      std::optional<RelativePose>& relative_pose = entry->second;
+      if (is_new) {
+        relative_pose = find(problem, images, SeedFromNames(problem.query_name, images.other_name, options.seed));
+      }
       if (!relative_pose) return 0;
-      pairs->push_back({query, other, &images, std::move(*relative_pose)});
-      return static_cast<int>(pairs->back().relative_pose.inlier_matches.size());
+      pairs->push_back({query, other, &images, &*relative_pose});
+      return static_cast<int>(relative_pose->inlier_matches.size());
     };
     for (int query = 0; query < layout.num_queries; ++query) {
       const std::vector<ImagePair>& pairs = group.images[query].problem.pairs;
@@ -139,19 +143,19 @@ PairEstimates VerifyAndObserve(const QueryGroup& group, const Layout& layout, co
 }  // namespace
 
 PairEstimates EstimatePairs(const QueryGroup& group, const Layout& layout, const LocalizerOptions& options,
-                            StageTimer::Seconds* seconds) {
+                            KnownRelativePoses* known, StageTimer::Seconds* seconds) {
   const auto find = [&](const LocalizationProblem& problem, const ImagePair& pair, uint32_t seed) {
     return FindRelativePose(problem, pair, options.relative_pose, seed);
   };
-  return VerifyAndObserve(group, layout, options, find, seconds);
+  return VerifyAndObserve(group, layout, options, find, known, seconds);
 }
 
 PairEstimates FindInliers(const QueryGroup& query, const Layout& layout, const LocalizerOptions& options,
-                          StageTimer::Seconds* seconds) {
+                          KnownRelativePoses* known, StageTimer::Seconds* seconds) {
   const auto find = [&](const LocalizationProblem& problem, const ImagePair& pair, uint32_t seed) {
     return InliersWithoutPose(problem, pair, options, seed);
   };
-  return VerifyAndObserve(query, layout, options, find, seconds);
+  return VerifyAndObserve(query, layout, options, find, known, seconds);
 }
 
 }  // namespace lazyloc

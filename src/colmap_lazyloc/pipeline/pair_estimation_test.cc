@@ -30,12 +30,14 @@ void SetNumInliers(const std::vector<size_t>& num_inliers, LocalizationProblem* 
 
 PairEstimates Estimate(const QueryGroup& group, const LocalizerOptions& options = {}) {
   StageTimer::Seconds seconds;
-  return EstimatePairs(group, MakeLayout(group), options, &seconds);
+  KnownRelativePoses known;
+  return EstimatePairs(group, MakeLayout(group), options, &known, &seconds);
 }
 
 PairEstimates FindInliers(const QueryGroup& group) {
   StageTimer::Seconds seconds;
-  return FindInliers(group, MakeLayout(group), {}, &seconds);
+  KnownRelativePoses known;
+  return FindInliers(group, MakeLayout(group), {}, &known, &seconds);
 }
 
 std::vector<int> OthersOf(const PairEstimates& estimates) {
@@ -103,7 +105,7 @@ TEST(EstimatePairs, FramesWithoutAnyPairAreNamed) {
   SyntheticGroup scene = MakeGroup(3, 4, false);
   SetNumInliers({14, 14, 0, 14}, &scene.group.images[1].problem);
   const Failure failure = FailureOf([&] { Estimate(scene.group); });
-  EXPECT_EQ(failure.status, QueryStatus::TOO_FEW_INLIERS);
+  EXPECT_EQ(failure.cause, QueryStatus::TOO_FEW_INLIERS);
   EXPECT_THAT(failure.frames, ElementsAre(1));
   EXPECT_THAT(failure.reason, HasSubstr("none of 4 pairs has 15 verified inliers"));
 }

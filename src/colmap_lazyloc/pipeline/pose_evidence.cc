@@ -129,6 +129,7 @@ std::vector<int> CountObservations(const TrackRefs& tracks, size_t num_images) {
 struct PairVotes {
   double num_agreeing = 0;   // with the frame's pose
   double num_competing = 0;  // with one other pose, the one that most of the others agree on
+  std::optional<Rigid3d> competing_pose;
 };
 
 // Counts the votes for a frame's pose. A competing pose is one at which the measured directions of two pairs of one
@@ -156,7 +157,10 @@ PairVotes CountVotes(const Layout& layout, const std::vector<PairGeometry>& pair
       if (!competing) continue;
       const int min_num_pairs = MinNumCompetingPairs(*competing, frame_from_world, scene_distance);
       if (min_num_pairs == 0) continue;
-      result.num_competing = std::max(result.num_competing, CountCompeting(layout, others, *competing, min_num_pairs));
+      const double num_inliers = CountCompeting(layout, others, *competing, min_num_pairs);
+      if (num_inliers <= result.num_competing) continue;
+      result.num_competing = num_inliers;
+      result.competing_pose = competing;
     }
   }
   return result;
@@ -164,12 +168,14 @@ PairVotes CountVotes(const Layout& layout, const std::vector<PairGeometry>& pair
 
 }  // namespace
 
-std::vector<PoseEvidence> MeasureEvidence(const Layout& layout, const PairEstimates& estimates, bool has_relative_poses,
-                                          const Refined& refined, const std::vector<PoseUncertainty>& uncertainties) {
+MeasuredEvidence MeasureEvidence(const Layout& layout, const PairEstimates& estimates, bool has_relative_poses,
+                                 const Refined& refined, const std::vector<PoseUncertainty>& uncertainties) {
   const PosedImages& posed = refined.adjustment.posed;
   const std::vector<TrackRefs> tracks_of = TracksByFrame(layout, refined.adjustment.tracks);
-  std::vector<PoseEvidence> evidence;
+  MeasuredEvidence measured;
+  std::vector<PoseEvidence>& evidence = measured.evidence;
   for (int frame = 0; frame < layout.num_query_frames; ++frame) {
+    measured.competing_poses.emplace_back();
     double num_matches = 0;
     for (const int query : layout.QueriesOf(frame)) {
       const std::vector<int>& counts = estimates.num_inliers[query];
@@ -182,13 +188,14 @@ std::vector<PoseEvidence> MeasureEvidence(const Layout& layout, const PairEstima
                      evidence.back().scene_distance, CountObservations(tracks_of[frame], posed.images.size()));
       evidence.back().agreeing_ratio = votes.num_agreeing / num_matches;
       evidence.back().competing_ratio = votes.num_competing / num_matches;
+      measured.competing_poses.back() = votes.competing_pose;
     }
     // Leaves out the axis that a prior alone fixes, because it says nothing of how well the images fit together.
     const int axis = refined.open_line ? 1 : 0;
     const PoseSpread& spread = uncertainties[layout.QueriesOf(frame).front()].spread;
     evidence.back().position_stddev_ratio = spread.position_stddevs[axis] / evidence.back().scene_distance;
   }
-  return evidence;
+  return measured;
 }
 
 }  // namespace lazyloc

@@ -35,8 +35,11 @@ class MeasureEvidenceTest : public ::testing::Test {
       uncertainty.spread.position_stddevs = {0.3, 0.2, 0.1};
     }
   }
-  std::vector<PoseEvidence> Measure(bool has_relative_poses = true) const {
+  MeasuredEvidence MeasureAll(bool has_relative_poses = true) const {
     return MeasureEvidence(input_.layout, estimates_, has_relative_poses, refined_, uncertainties_);
+  }
+  std::vector<PoseEvidence> Measure(bool has_relative_poses = true) const {
+    return MeasureAll(has_relative_poses).evidence;
   }
 
   StageInput input_;
@@ -94,9 +97,15 @@ TEST_F(MeasureEvidenceTest, ThreePairsThatAgreeOnAnotherPlaceCompete) {
   Make(1, 1);
   refined_.adjustment.tracks.resize(1);
   Relocate(input_, 3, 0, {4, 2, 0}, &estimates_.pairs);
-  EXPECT_DOUBLE_EQ(Measure().front().competing_ratio, 3.0 / kNumDatabaseImages);
+  const MeasuredEvidence measured = MeasureAll();
+  EXPECT_DOUBLE_EQ(measured.evidence.front().competing_ratio, 3.0 / kNumDatabaseImages);
+  ASSERT_TRUE(measured.competing_poses.front());
+  Rigid3d elsewhere = CamFromWorld(input_.truth, 0);
+  elsewhere.translation += Eigen::Vector3d(4, 2, 0);
+  EXPECT_LE(PositionError(*measured.competing_poses.front(), elsewhere), 1e-6);
   Relocate(input_, 1, 0, {-4, 1, 1}, &estimates_.pairs);
   EXPECT_EQ(Measure().front().competing_ratio, 0) << "two rays nearly always cross somewhere";
+  EXPECT_FALSE(MeasureAll().competing_poses.front());
 }
 
 TEST_F(MeasureEvidenceTest, TwoPairsOfAnotherRotationCompete) {

@@ -31,8 +31,8 @@ void CheckPositions(const Layout& layout, const PairRefs& pairs, const Refined& 
     first->frames.push_back(i);
   }
   if (!first) return;
-  if (adjustment.posed.images[0].log_focal_factor && first->status == QueryStatus::DEGENERATE_BASELINE) {
-    first->status = QueryStatus::UNKNOWN_CAMERA;
+  if (adjustment.posed.images[0].log_focal_factor && first->cause == QueryStatus::DEGENERATE_BASELINE) {
+    first->cause = QueryStatus::UNKNOWN_CAMERA;
     first->reason =
         "the images do not determine the focal length, which nobody has stated: it cannot be told apart from the "
         "distance to the scene";

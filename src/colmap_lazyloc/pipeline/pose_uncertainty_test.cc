@@ -348,7 +348,7 @@ TEST(EstimateUncertainties, FramesWithTooFewTracksAreNamed) {
   const auto input = MakeUncertaintyInput();
   input->refined.adjustment.tracks.resize(kNumPoints + 5);
   const Failure failure = FailureOf([&] { input->Estimate(); });
-  EXPECT_EQ(failure.status, QueryStatus::TOO_FEW_TRACKS);
+  EXPECT_EQ(failure.cause, QueryStatus::TOO_FEW_TRACKS);
   EXPECT_THAT(failure.frames, testing::ElementsAre(1));
   EXPECT_THAT(failure.reason, HasSubstr("only 5 tracks"));
 }
@@ -358,7 +358,7 @@ TEST(EstimateUncertainties, FramesWithUnobservablePositionsAreNamed) {
   const Rigid3d truth = CamFromWorld(input->stages.truth, 1);
   input->SetCovariance(1, WeakAlong({0, 1, 0}, 2, truth));
   const Failure failure = FailureOf([&] { input->Estimate(); });
-  EXPECT_EQ(failure.status, QueryStatus::DEGENERATE_BASELINE);
+  EXPECT_EQ(failure.cause, QueryStatus::DEGENERATE_BASELINE);
   EXPECT_THAT(failure.frames, testing::ElementsAre(1));
   EXPECT_THAT(failure.reason, HasSubstr("open along"));
   ASSERT_EQ(failure.partial_poses.count(1), 1u);
@@ -389,7 +389,7 @@ TEST(EstimateUncertainties, OneDatabaseImageLeavesTheScaleUnobservable) {
   const Rigid3d truth = CamFromWorld(input->stages.truth, 0);
   input->SetCovariance(0, WeakAlong({0, 1, 0}, 2, truth));
   const Failure failure = FailureOf([&] { input->Estimate(); });
-  EXPECT_EQ(failure.status, QueryStatus::SCALE_UNOBSERVABLE);
+  EXPECT_EQ(failure.cause, QueryStatus::SCALE_UNOBSERVABLE);
   EXPECT_THAT(failure.reason, HasSubstr("one database position"));
 }
 

@@ -183,7 +183,7 @@ Failure OpenPositionFailure(const AdjustedFrame& frame, double variance_factor) 
                                     BestBearing(frame, query, query_from_world, position_covariance)};
   }
   if (is_one_place) {
-    failure.status = QueryStatus::SCALE_UNOBSERVABLE;
+    failure.cause = QueryStatus::SCALE_UNOBSERVABLE;
     failure.reason = kOnePlaceReason;
   } else if (AreOnOneLine(frame, 0.05)) {
     failure.reason =

@@ -64,9 +64,9 @@ void FusePriorsOf(const Layout& layout, int query, QueryPriorResult* result, Che
   const Equations equations = UsedEquations(prior, pose.rotation, covariance, result);
   if (equations.jacobian.isZero(0)) return;
 
-  IntrinsicsResult& intrinsics = checked->results[query];
-  const Vector6 by_focal = around_camera * intrinsics.pose_from_log_focal;
-  const Matrix6 of_focal = intrinsics.mean_square * by_focal * by_focal.transpose();
+  FocalLengthError& focal = checked->focal_errors[query];
+  const Vector6 by_focal = around_camera * focal.pose_from_log_focal;
+  const Matrix6 of_focal = focal.mean_square * by_focal * by_focal.transpose();
   const Matrix6 of_images = covariance - of_focal;
   // The update of a Kalman filter. Priors that are not used have zero rows, to which the identity gives no weight.
   const Matrix6 of_errors = equations.jacobian * of_images * equations.jacobian.transpose() + Matrix6::Identity();
@@ -80,7 +80,7 @@ void FusePriorsOf(const Layout& layout, int query, QueryPriorResult* result, Che
   const Eigen::Vector3d centre_in_world = CamInWorld(pose) + layout.origin;
   uncertainty.covariance = CovarianceFromAround(centre_in_world, rotation, (fused + fused.transpose()) / 2);
   uncertainty.spread = ComputePoseSpread({rotation, Eigen::Vector3d::Zero()}, fused);
-  intrinsics.pose_from_log_focal = TangentFromAround(centre_in_world, rotation) * kept * by_focal;
+  focal.pose_from_log_focal = TangentFromAround(centre_in_world, rotation) * kept * by_focal;
 }
 
 }  // namespace

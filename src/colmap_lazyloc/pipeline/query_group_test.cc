@@ -4,6 +4,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "colmap_lazyloc/bridge/camera_models.h"
 #include "colmap_lazyloc/pipeline/lazy_localizer.h"
 #include "colmap_lazyloc/pipeline/stages_test_input.h"
 #include "colmap_lazyloc/testing/synthetic_group.h"
@@ -117,6 +118,24 @@ TEST(QueryGroup, OthersResolveTheScaleOfAQueryWithOneDatabaseImage) {
     EXPECT_EQ(LocalizeEachAlone(scene)[3].status, QueryStatus::SCALE_UNOBSERVABLE);
     ExpectNearTruth(scene, options.pixel_noise_px == 0 ? 1e-6 : 2e-2, 0.2);
   }
+}
+
+TEST(QueryGroup, LastImageOfAGroupIsALoneOne) {
+  SyntheticGroupOptions options;
+  options.num_frames = 2;
+  options.num_sensors = 1;
+  options.has_query_pairs = false;
+  options.pixel_noise_px = 0.5;
+  SyntheticGroup scene = MakeSyntheticGroup(options);
+  scene.group.images[1].problem.pairs.clear();
+  LocalizationProblem& problem = scene.group.images[0].problem;
+  problem.query_camera = WithFocalFactor(problem.query_camera, 1.05);
+  problem.intrinsics_origin = IntrinsicsOrigin::EXIF;
+  for (ImagePair& pair : problem.pairs) pair.geometry->config = TwoViewConfig::UNCALIBRATED;
+  const std::vector<LocalizationResult> results = Localize(scene);
+  EXPECT_EQ(results[0].status, QueryStatus::LOCALIZED) << results[0].reason;
+  EXPECT_EQ(results[0].intrinsics.verdict, IntrinsicsVerdict::REFINED);
+  EXPECT_EQ(results[1].status, QueryStatus::NO_PAIRS);
 }
 
 TEST(QueryGroup, CovarianceOfEachImageMatchesTheErrorsSpread) {

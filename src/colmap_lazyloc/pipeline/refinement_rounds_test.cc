@@ -167,7 +167,7 @@ TEST(Refine, FramesWithTooFewTracksAreNamed) {
   StageInput input = MakeStageInput(MakeSyntheticGroup(Group(3, 1)));
   input.tracks.erase(input.tracks.begin() + kNumPoints + 5, input.tracks.begin() + 2 * kNumPoints);
   const Failure failure = FailureOf([&] { RefineFrom(input.truth, input); });
-  EXPECT_EQ(failure.status, QueryStatus::TOO_FEW_TRACKS);
+  EXPECT_EQ(failure.cause, QueryStatus::TOO_FEW_TRACKS);
   EXPECT_THAT(failure.frames, ElementsAre(1));
   EXPECT_THAT(failure.reason, HasSubstr("5 of 125 tracks"));
 }
@@ -178,7 +178,7 @@ TEST(Refine, TracksThatNoStartFitsAreTooFew) {
   PosedImages start = input.truth;
   start.frames[0].frame_from_world = DisturbedPose(start.frames[0].frame_from_world, 20, 0, &random);
   const Failure failure = FailureOf([&] { RefineFrom(start, input); });
-  EXPECT_EQ(failure.status, QueryStatus::TOO_FEW_TRACKS);
+  EXPECT_EQ(failure.cause, QueryStatus::TOO_FEW_TRACKS);
 }
 
 TEST(Refine, WrongCalibrationIsNamed) {
@@ -186,7 +186,7 @@ TEST(Refine, WrongCalibrationIsNamed) {
   options.calibration_error_deg = 10;
   const StageInput input = MakeStageInput(MakeSyntheticGroup(options));
   const Failure failure = FailureOf([&] { RefineFrom(input.truth, input); });
-  EXPECT_EQ(failure.status, QueryStatus::INCONSISTENT_RIG);
+  EXPECT_EQ(failure.cause, QueryStatus::INCONSISTENT_RIG);
   EXPECT_THAT(failure.reason, HasSubstr("query0-2"));
 }
 

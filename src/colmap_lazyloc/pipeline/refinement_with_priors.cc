@@ -5,7 +5,6 @@
 
 #include "colmap_lazyloc/pipeline/plane_orientation.h"
 #include "colmap_lazyloc/pipeline/position_ambiguity.h"
-#include "colmap_lazyloc/scene/stage_timer.h"
 
 namespace lazyloc {
 namespace {
@@ -24,13 +23,13 @@ bool IsBesideOneImage(const Layout& layout, const PairRefs& pairs) {
 class Refinement {
  public:
   Refinement(const Layout& layout, const PairRefs& pairs, const SplitTracks& start_tracks, CandidateTracks candidates,
-             const LocalizerOptions& options, Report* report)
+             const LocalizerOptions& options, StageTimer::Seconds* seconds)
       : layout_(layout),
         pairs_(pairs),
         start_tracks_(start_tracks),
         candidates_(std::move(candidates)),
         options_(options),
-        report_(report) {}
+        seconds_(seconds) {}
 
   // Beside a single image, uses points of smaller angles, because it sees them no better.
   Refined From(const PosedImages& start) const {
@@ -38,7 +37,7 @@ class Refinement {
     if (IsBesideOneImage(layout_, pairs_) && !layout_.has_depths) {
       options.triangulation.min_triangulation_angle_deg *= kSmallAngleRatio;
     }
-    return Refine(layout_, start, start_tracks_, candidates_, options, report_->Seconds());
+    return Refine(layout_, start, start_tracks_, candidates_, options, seconds_);
   }
 
   // Refines from the other orientation too, if the images leave the position open.
@@ -63,16 +62,15 @@ class Refinement {
 
   // Refines a pose whose position the images leave open from where the priors put it. Keeps the pose as it is if that
   // fails.
-  void Fix(PriorJudgement* judgement, Start* start, Refined* refined) const {
+  void Fix(const PosedImages& start, PriorJudgement* judgement, Refined* refined) const {
     PosedImages moved = layout_.given;
     moved.frames[0].frame_from_world = judgement->start.frames[0].frame_from_world;
     moved.query_priors = judgement->used;
-    for (size_t i = 0; i < moved.images.size(); ++i) moved.images[i].depth_scale = start->posed.images[i].depth_scale;
+    for (size_t i = 0; i < moved.images.size(); ++i) moved.images[i].depth_scale = start.images[i].depth_scale;
     try {
       Refined fixed = From(moved);
       LimitVarianceFactor(&fixed);
       if (AreReconciled(*judgement, fixed)) {
-        start->posed = std::move(moved);
         fixed.has_one_orientation = refined->has_one_orientation;
         *refined = std::move(fixed);
         refined->open_line = judgement->open_line;
@@ -90,7 +88,7 @@ class Refinement {
   const SplitTracks& start_tracks_;
   const CandidateTracks candidates_;
   const LocalizerOptions& options_;
-  Report* const report_;
+  StageTimer::Seconds* const seconds_;
 };
 
 }  // namespace
@@ -100,28 +98,30 @@ bool HavePriors(const Layout& layout) {
                      [](const QueryPrior& prior) { return prior.position || prior.gravity; });
 }
 
-RefinedWithPriors RefineWithPriors(const Layout& layout, const PairRefs& pairs, const SplitTracks& start_tracks,
-                                   CandidateTracks candidates, const LocalizerOptions& options, Report* report,
-                                   Start* start) {
+RefinedWithPriors RefineWithPriors(const Layout& layout, const PairRefs& pairs, const PosedImages& start,
+                                   const SplitTracks& start_tracks, CandidateTracks candidates,
+                                   const LocalizerOptions& options, StageTimer::Seconds* seconds) {
+  RefinedWithPriors result;
+  for (const QueryPrior& prior : layout.priors) result.priors.push_back(UntestedPriors(prior));
   if (!HavePriors(layout) && !IsBesideOneImage(layout, pairs)) {
-    return {Refine(layout, start->posed, start_tracks, std::move(candidates), options, report->Seconds()), {}};
+    result.refined = Refine(layout, start, start_tracks, std::move(candidates), options, seconds);
+    return result;
   }
-  const Refinement refinement(layout, pairs, start_tracks, std::move(candidates), options, report);
-  RefinedWithPriors result{refinement.From(start->posed), {}};
+  const Refinement refinement(layout, pairs, start_tracks, std::move(candidates), options, seconds);
   Refined& refined = result.refined;
-  if (IsBesideOneImage(layout, pairs)) refinement.TryOtherOrientation(start->posed, &refined);
+  refined = refinement.From(start);
+  if (IsBesideOneImage(layout, pairs)) refinement.TryOtherOrientation(start, &refined);
   if (!HavePriors(layout)) return result;
   PriorJudgement judgement = [&] {
-    const StageTimer timer("priors", report->Seconds());
+    const StageTimer timer("priors", seconds);
     return JudgePriors(layout, pairs, refined, options);
   }();
   if (judgement.moves_start) {
-    refinement.Fix(&judgement, start, &refined);
+    refinement.Fix(start, &judgement, &refined);
   } else if (!judgement.used.empty()) {
-    const StageTimer timer("priors", report->Seconds());
+    const StageTimer timer("priors", seconds);
     AdjustWithPriors(judgement.used, options, nullptr, &refined);
   }
-  report->AddPriors(judgement.results);
   result.priors = std::move(judgement.results);
   return result;
 }

@@ -48,7 +48,7 @@ TEST_P(MethodsWithoutTracks, NoiseFreeIsExact) {
 TEST_P(MethodsWithoutTracks, NoPairsAreAFailure) {
   const Input input = MakeInput();
   const Failure failure = FailureOf([&] { input.Refine(GetParam()); });
-  EXPECT_EQ(failure.status, QueryStatus::DIVERGED);
+  EXPECT_EQ(failure.cause, QueryStatus::DIVERGED);
   EXPECT_FALSE(failure.reason.empty());
 }
 

@@ -46,7 +46,7 @@ TEST(CheckRigs, TurnedImageIsNamed) {
   StageInput input = MakeInput(Rig(3, 3));
   Turn(4, &input.truth);
   const Failure failure = FailureOf([&] { CheckRigs(input.layout, input.truth, input.tracks, {}); });
-  EXPECT_EQ(failure.status, QueryStatus::INCONSISTENT_RIG);
+  EXPECT_EQ(failure.cause, QueryStatus::INCONSISTENT_RIG);
   EXPECT_THAT(failure.frames, ElementsAre(1));
   EXPECT_THAT(failure.reason, HasSubstr("image query1-1 does not fit"));
   ASSERT_EQ(failure.rig_errors_px.size(), 9u);
@@ -115,7 +115,7 @@ TEST(CheckRigRotations, TurnedImageIsNamed) {
   StageInput input = MakeInput(Rig(3, 3));
   Turn(5, &input.truth);
   const Failure failure = FailureOf([&] { CheckRotations(input); });
-  EXPECT_EQ(failure.status, QueryStatus::INCONSISTENT_RIG);
+  EXPECT_EQ(failure.cause, QueryStatus::INCONSISTENT_RIG);
   EXPECT_THAT(failure.frames, ElementsAre(1));
   EXPECT_THAT(failure.reason, HasSubstr("image query1-2 does not fit"));
 }

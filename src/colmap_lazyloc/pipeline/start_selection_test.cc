@@ -191,7 +191,7 @@ TEST(ChooseStart, FailureOfAveragingIsThrownWithoutAnotherStart) {
     input.tracks.from_database.resize(num_tracks);
     for (Track& track : input.tracks.from_database) track.observations.resize(3);  // too few rays for a relative pose
     const Failure failure = FailureOf([&] { input.Choose(); });
-    EXPECT_EQ(failure.status, QueryStatus::INCONSISTENT_ROTATIONS);
+    EXPECT_EQ(failure.cause, QueryStatus::INCONSISTENT_ROTATIONS);
     EXPECT_EQ(failure.reason, "pairs contradict each other");
   }
 }
@@ -205,7 +205,7 @@ TEST(ChooseStart, OnlyTheWantedKindIsTried) {
   }
   input.tracks.from_database.resize(60);  // those of the first frame
   const Failure failure = FailureOf([&] { input.Choose(options); });
-  EXPECT_EQ(failure.status, QueryStatus::TOO_FEW_TRACKS);
+  EXPECT_EQ(failure.cause, QueryStatus::TOO_FEW_TRACKS);
   EXPECT_EQ(failure.frames, std::vector<int>{1});
 }
 

@@ -75,10 +75,13 @@ struct IntrinsicsResult {
   double focal_factor = 1;
   double focal_factor_stddev = 0;
   std::string contradiction;  // one sentence; empty unless something is contradicted
-  // Expected square of the error of the log focal length that the covariance contains, and the derivative of the
-  // tangent of cam_from_world with respect to it.
-  double mean_square = 0;
-  Eigen::Matrix<double, 6, 1> pose_from_log_focal = Eigen::Matrix<double, 6, 1>::Zero();
+};
+
+// The most probable other explanation of the images with a pose.
+struct RunnerUp {
+  std::string explanation;  // what is right if it is
+  Rigid3d cam_from_world;
+  double odds = 0;  // over the result's pose
 };
 
 struct LocalizationResult {
@@ -106,6 +109,7 @@ struct LocalizationResult {
   // Probability that the position is right (pipeline/confidence.h), and what it is computed from; nullopt if unknown.
   std::optional<double> confidence;
   PoseEvidence evidence;
+  std::optional<RunnerUp> runner_up;  // nullopt if nothing competes
 
   // Set if SCALE_UNOBSERVABLE, DEGENERATE_BASELINE or UNKNOWN_CAMERA leaves one orientation.
   std::optional<PartialPose> partial_pose;

@@ -1,0 +1,169 @@
+#include "colmap_lazyloc/pipeline/choose.h"
+
+#include <cmath>
+#include <numeric>
+#include <optional>
+#include <string>
+
+#include "colmap_lazyloc/pipeline/confidence.h"
+#include "colmap_lazyloc/pipeline/intrinsics_judgement.h"
+
+namespace lazyloc {
+namespace {
+
+// Probability that a focal length is wrong above which estimating it decides, and the standard deviation of its log
+// from which on its score is no evidence: far from the right value, the noise that adjustment estimates is too large.
+constexpr double kMinDoubt = 0.01;
+constexpr double kMaxConclusiveStddev = 0.01;
+// Standard deviation of the log of an estimate up to which it can confirm a given focal length.
+constexpr double kMaxConfirmingStddev = 0.02;
+// Factor between the odds of two poses being wrong up to which these count as equally credible.
+constexpr double kMaxDoubtRatio = 2;
+
+// Functions for lone queries.
+
+const IntrinsicsResult& IntrinsicsOf(const Solution& solution) { return solution.checked.results.front(); }
+
+FocalLengthJudgement Judge(const IntrinsicsResult& intrinsics, const LocalizerOptions& options) {
+  return JudgeFocalLength(std::log(intrinsics.focal_factor), intrinsics.focal_factor_stddev / intrinsics.focal_factor,
+                          intrinsics.origin, options);
+}
+
+Choice AsSolved(const Solution& solution) { return {&solution, solution.checked.results, 0}; }
+
+bool HasPose(const Solution& solution, const LocalizerOptions& options) {
+  return FramesWithoutPose(AsSolved(solution), options).empty();
+}
+
+bool AreContradicted(const Solution& solution, const LocalizerOptions& options) {
+  return !solution.failure && !HasPose(solution, options);
+}
+
+double ConfidenceOf(const Solution& solution) { return Confidence(solution.measured.evidence.front()); }
+
+// Returns the odds that the pose is wrong.
+double DoubtOf(const Solution& solution) { return 1 / ConfidenceOf(solution) - 1; }
+
+// Returns a solution with a given focal length, and what an estimate says of it.
+Choice WithEstimate(const Solution& given, const IntrinsicsResult& estimate, IntrinsicsVerdict verdict,
+                    const std::string& contradiction) {
+  Choice choice = AsSolved(given);
+  choice.intrinsics.front() = {IntrinsicsOf(given).origin, verdict, estimate.focal_factor, estimate.focal_factor_stddev,
+                               contradiction};
+  return choice;
+}
+
+// Returns the solution with the given focal length if an estimate does not contradict it, even if its score did.
+Choice Kept(const Solution& given, const IntrinsicsResult& estimate, const LocalizerOptions& options) {
+  const bool is_certain = estimate.focal_factor_stddev <= kMaxConfirmingStddev * estimate.focal_factor;
+  Choice choice =
+      WithEstimate(given, estimate, is_certain ? IntrinsicsVerdict::CONFIRMED : IntrinsicsVerdict::UNOBSERVABLE, "");
+  choice.missing_mean_square =
+      Judge(choice.intrinsics.front(), options).mean_square - given.checked.focal_errors.front().mean_square;
+  return choice;
+}
+
+// Returns the solution with a given focal length that an estimate contradicts, or its principal point or distortion.
+Choice Contradicted(const Solution& given, const IntrinsicsResult& estimate) {
+  const Camera& camera = given.prepared->group.images.front().problem.query_camera;
+  return WithEstimate(given, estimate, IntrinsicsVerdict::CONTRADICTED,
+                      !estimate.contradiction.empty()
+                          ? estimate.contradiction
+                          : FocalLengthContradiction(camera, estimate.focal_factor, estimate.focal_factor_stddev));
+}
+
+// Decides between the given intrinsics and an estimated focal length.
+Choice GivenOrEstimated(const Solution& given, const Solution& refined, const LocalizerOptions& options) {
+  if (refined.failure) {
+    // A contradiction that comes from telling focal length and distance apart is none if the images cannot.
+    const bool is_unobservable = refined.failure->cause == QueryStatus::UNKNOWN_CAMERA;
+    return is_unobservable && AreContradicted(given, options) ? Kept(given, IntrinsicsOf(given), options)
+                                                              : AsSolved(given);
+  }
+  const bool has_pose = HasPose(given, options);
+  // A pose that leaves more doubt is not evidence against the stated focal length, because some focal length fits false
+  // matches, and any fits images from straight above.
+  if (has_pose && DoubtOf(refined) > kMaxDoubtRatio * DoubtOf(given)) return AsSolved(given);
+  const IntrinsicsResult& estimate = IntrinsicsOf(refined);
+  const bool is_wrong = Judge(estimate, options).wrong_probability > 0.5;
+  // Nobody has stated intrinsics of another origin for this image, so that an estimate replaces them.
+  if (IntrinsicsOf(given).origin != IntrinsicsOrigin::GIVEN) {
+    return has_pose && !is_wrong ? Kept(given, estimate, options) : AsSolved(refined);
+  }
+  // Contradicted intrinsics that somebody has stated are for them to mend.
+  return is_wrong || !estimate.contradiction.empty() ? Contradicted(given, estimate) : Kept(given, estimate, options);
+}
+
+// Compares the choice among solutions with one camera with the next one.
+Choice Better(const Choice& choice, const Solution& next, const LocalizerOptions& options) {
+  const Solution& chosen = *choice.solution;
+  // Among an unknown focal length and its guess, the guess is taken only if it has a pose.
+  if (chosen.hypothesis.estimates_focal_length) return HasPose(next, options) ? AsSolved(next) : choice;
+  if (next.hypothesis.estimates_focal_length) return GivenOrEstimated(chosen, next, options);
+  if (next.hypothesis.approach == Approach::OTHER_STARTS && !OvercomesPairs(next, options)) return choice;
+  // Others are tried if nothing else is left for the position: rotations alone, or the pair of one database image.
+  return AsSolved(next);
+}
+
+}  // namespace
+
+Choice Choose(const std::vector<Solution>& solutions, const LocalizerOptions& options) {
+  std::optional<Choice> stated, alternative;
+  for (const Solution& solution : solutions) {
+    std::optional<Choice>& choice = solution.hypothesis.camera == CameraChoice::STATED ? stated : alternative;
+    choice = choice ? Better(*choice, solution, options) : AsSolved(solution);
+  }
+  // Takes the alternative camera only if the images confirm it, because an estimated focal length led to it.
+  const bool is_confirmed = alternative && FramesWithoutPose(*alternative, options).empty() &&
+                            alternative->intrinsics.front().verdict == IntrinsicsVerdict::CONFIRMED;
+  Choice choice = is_confirmed ? *alternative : *stated;
+  for (const Solution& other : solutions) {
+    if (&other == choice.solution || other.measured.evidence.empty()) continue;
+    if (choice.runner_up == nullptr || ConfidenceOf(other) > ConfidenceOf(*choice.runner_up)) choice.runner_up = &other;
+  }
+  return choice;
+}
+
+const IntrinsicsResult* RefusedIntrinsics(const Layout& layout, const std::vector<IntrinsicsResult>& intrinsics,
+                                          int frame, const LocalizerOptions& options) {
+  if (options.intrinsics == IntrinsicsMode::GIVEN) return nullptr;
+  for (const int query : layout.QueriesOf(frame)) {
+    if (intrinsics[query].verdict == IntrinsicsVerdict::CONTRADICTED) return &intrinsics[query];
+  }
+  return nullptr;
+}
+
+std::vector<int> FramesWithoutPose(const Choice& choice, const LocalizerOptions& options) {
+  const Prepared& prepared = *choice.solution->prepared;
+  const std::optional<Failure>& failure = choice.solution->failure;
+  std::vector<int> frames;
+  if (failure && !failure->frames.empty()) return failure->frames;
+  for (int frame = 0; frame < static_cast<int>(prepared.group.frame_names.size()); ++frame) {
+    if (failure || RefusedIntrinsics(prepared.layout, choice.intrinsics, frame, options) != nullptr) {
+      frames.push_back(frame);
+    }
+  }
+  return frames;
+}
+
+bool OvercomesPairs(const Solution& other_starts, const LocalizerOptions& options) {
+  if (!HasPose(other_starts, options) || IsDistanceByPrior(other_starts, options)) return false;
+  // Accepts nothing that rests on epipolar constraints alone, because relative poses contradict each other.
+  return other_starts.measured.evidence.front().num_common_tracks >= options.min_num_tracks &&
+         ConfidenceOf(other_starts) >= options.min_confidence;
+}
+
+bool IsDistanceByPrior(const Solution& solution, const LocalizerOptions& options) {
+  const std::optional<PriorResult>& position = solution.priors.front().position;
+  return HasPose(solution, options) && position && position->fixes == PriorRole::DISTANCE;
+}
+
+bool IsFocalLengthInDoubt(const Solution& given, const LocalizerOptions& options) {
+  const IntrinsicsResult& intrinsics = IntrinsicsOf(given);
+  if (AreContradicted(given, options)) return true;
+  if (given.failure) return intrinsics.origin != IntrinsicsOrigin::GIVEN;
+  return intrinsics.focal_factor_stddev > kMaxConclusiveStddev * intrinsics.focal_factor ||
+         Judge(intrinsics, options).wrong_probability > kMinDoubt;
+}
+
+}  // namespace lazyloc

@@ -1,0 +1,214 @@
+#include "colmap_lazyloc/pipeline/choose.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "colmap_lazyloc/pipeline/solutions_test_input.h"
+
+namespace lazyloc {
+namespace {
+
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+
+// Makes up solutions of a lone query and chooses among them.
+class ChooseTest : public testing::Test {
+ protected:
+  ChooseTest() { solutions_.reserve(8); }  // so that references stay valid
+
+  Solution& Add(const Hypothesis& hypothesis) { return solutions_.emplace_back(query_.Solved(hypothesis)); }
+  Solution& AddGiven(IntrinsicsOrigin origin = IntrinsicsOrigin::GIVEN) {
+    Solution& given = Add({});
+    given.checked.results[0].origin = origin;
+    return given;
+  }
+  // Adds a solution with an estimated focal length.
+  Solution& AddEstimate(IntrinsicsOrigin origin, double factor) {
+    Solution& estimate = Add(kEstimated);
+    estimate.checked.results[0] = {origin, IntrinsicsVerdict::REFINED, factor, 0.001, ""};
+    return estimate;
+  }
+
+  Choice Chosen() const { return Choose(solutions_, options_); }
+  // Returns the index of the solution that is chosen.
+  int Index() const { return static_cast<int>(Chosen().solution - solutions_.data()); }
+  IntrinsicsResult Intrinsics() const { return Chosen().intrinsics.front(); }
+
+  const Hypothesis kEstimated{CameraChoice::STATED, true};
+  const Hypothesis kOtherStarts{CameraChoice::STATED, false, "", Approach::OTHER_STARTS};
+  const Hypothesis kAlternative{CameraChoice::ALTERNATIVE};
+  const MadeUpQuery query_;
+  LocalizerOptions options_;
+  std::vector<Solution> solutions_;
+};
+
+TEST_F(ChooseTest, OtherStartsOvercomePairsOnlyWithPointsAndConfidence) {
+  AddGiven().failure = Failure{QueryStatus::SCALE_UNOBSERVABLE, ""};
+  Solution& other = Add(kOtherStarts);
+  EXPECT_EQ(Index(), 1);
+  other.measured.evidence[0].num_common_tracks = options_.min_num_tracks - 1;
+  options_.min_confidence = 0;
+  EXPECT_EQ(Index(), 0) << "epipolar constraints alone";
+  other.measured.evidence[0] = query_.Unlikely();
+  options_.min_confidence = 0.5;
+  EXPECT_EQ(Index(), 0) << "not credible";
+  options_.min_confidence = 0;
+  EXPECT_EQ(Index(), 1);
+  other.priors[0].position = PriorResult{PriorVerdict::USED, PriorRole::DISTANCE, 0, 0};
+  EXPECT_EQ(Index(), 0) << "the prior fixes what the pairs leave open, as it does without other starts";
+  other.priors[0] = {};
+  other.failure = Failure{QueryStatus::TOO_FEW_TRACKS, ""};
+  EXPECT_EQ(Index(), 0);
+}
+
+TEST_F(ChooseTest, WhatIsTriedForAnOpenPositionReplacesIt) {
+  AddGiven().failure = Failure{QueryStatus::DEGENERATE_BASELINE, ""};
+  Add({CameraChoice::STATED, false, "", Approach::ROTATION});
+  EXPECT_EQ(Index(), 1);
+  Add({CameraChoice::STATED, false, "a.jpg"}).failure = Failure{QueryStatus::SCALE_UNOBSERVABLE, ""};
+  EXPECT_EQ(Index(), 2) << "its failure says more";
+}
+
+TEST_F(ChooseTest, GuessOfAFocalLengthIsTakenOnlyWithAPose) {
+  AddEstimate(IntrinsicsOrigin::GUESS, 1).failure = Failure{QueryStatus::UNKNOWN_CAMERA, ""};
+  EXPECT_EQ(Index(), 0);
+  Solution& guess = AddGiven(IntrinsicsOrigin::GUESS);
+  EXPECT_EQ(Index(), 1);
+  guess.checked.results[0].verdict = IntrinsicsVerdict::CONTRADICTED;
+  EXPECT_EQ(Index(), 0);
+}
+
+TEST_F(ChooseTest, FocalLengthOfExifIsReplacedOnlyIfItIsWrong) {
+  AddGiven(IntrinsicsOrigin::EXIF);
+  Solution& estimate = AddEstimate(IntrinsicsOrigin::EXIF, 1.1);
+  EXPECT_EQ(Index(), 1);
+  estimate.checked.results[0].focal_factor = 1.0005;
+  EXPECT_EQ(Index(), 0);
+  EXPECT_EQ(Intrinsics().verdict, IntrinsicsVerdict::CONFIRMED);
+  EXPECT_EQ(Intrinsics().focal_factor, 1.0005);
+  EXPECT_GT(Chosen().missing_mean_square, 0) << "the estimate is off by half a standard deviation";
+  solutions_[0].checked.focal_errors[0].mean_square = 1;
+  EXPECT_LT(Chosen().missing_mean_square, 0) << "the covariance contains more already";
+  estimate.checked.results[0].focal_factor_stddev = 0.1;
+  EXPECT_EQ(Intrinsics().verdict, IntrinsicsVerdict::UNOBSERVABLE);
+  solutions_[0].failure = Failure{QueryStatus::TOO_FEW_TRACKS, ""};
+  EXPECT_EQ(Index(), 1) << "the given one has no pose";
+}
+
+TEST_F(ChooseTest, StatedFocalLengthIsContradictedByAnEstimateOnly) {
+  Solution& given = AddGiven();
+  given.checked.results[0].verdict = IntrinsicsVerdict::CONTRADICTED;
+  given.checked.results[0].contradiction = "by its score";
+  Solution& estimate = AddEstimate(IntrinsicsOrigin::GIVEN, 1.0005);
+  EXPECT_EQ(Intrinsics().verdict, IntrinsicsVerdict::CONFIRMED);
+  EXPECT_EQ(Intrinsics().contradiction, "");
+  EXPECT_THAT(FramesWithoutPose(Chosen(), options_), IsEmpty());
+  estimate.checked.results[0].focal_factor = 1.1;
+  EXPECT_EQ(Index(), 0);
+  EXPECT_EQ(Intrinsics().verdict, IntrinsicsVerdict::CONTRADICTED);
+  EXPECT_EQ(Intrinsics().focal_factor, 1.1);
+  EXPECT_THAT(Intrinsics().contradiction, HasSubstr("focal length of"));
+  EXPECT_THAT(FramesWithoutPose(Chosen(), options_), ElementsAre(0));
+  estimate.checked.results[0].focal_factor = 1;
+  estimate.checked.results[0].contradiction = "distortion";
+  EXPECT_EQ(Intrinsics().contradiction, "distortion");
+}
+
+TEST_F(ChooseTest, EstimateWithoutPoseIsNoEvidence) {
+  Solution& given = AddGiven(IntrinsicsOrigin::EXIF);
+  given.checked.results[0].verdict = IntrinsicsVerdict::CONTRADICTED;
+  Solution& estimate = AddEstimate(IntrinsicsOrigin::EXIF, 1.1);
+  estimate.failure = Failure{QueryStatus::TOO_FEW_TRACKS, ""};
+  EXPECT_EQ(Index(), 0);
+  EXPECT_EQ(Intrinsics().verdict, IntrinsicsVerdict::CONTRADICTED);
+  estimate.failure->cause = QueryStatus::UNKNOWN_CAMERA;
+  given.checked.results[0].focal_factor_stddev = 0.1;
+  EXPECT_EQ(Index(), 0);
+  EXPECT_EQ(Intrinsics().verdict, IntrinsicsVerdict::UNOBSERVABLE) << "the images tell no focal length";
+}
+
+TEST_F(ChooseTest, EstimateThatIsFarLessCredibleIsNoEvidence) {
+  Solution& given = AddGiven(IntrinsicsOrigin::EXIF);
+  AddEstimate(IntrinsicsOrigin::EXIF, 1.1).measured.evidence[0] = query_.Unlikely();
+  EXPECT_EQ(Index(), 0);
+  given.checked.results[0].verdict = IntrinsicsVerdict::CONTRADICTED;
+  EXPECT_EQ(Index(), 1) << "the given one has no pose";
+}
+
+TEST_F(ChooseTest, AlternativeCameraMustBeConfirmed) {
+  AddGiven(IntrinsicsOrigin::EXIF);
+  AddEstimate(IntrinsicsOrigin::EXIF, 1.1);
+  Solution& alternative = Add(kAlternative);
+  alternative.checked.results[0].verdict = IntrinsicsVerdict::CONFIRMED;
+  EXPECT_EQ(Index(), 2);
+  alternative.checked.results[0].verdict = IntrinsicsVerdict::UNOBSERVABLE;
+  EXPECT_EQ(Index(), 1);
+  alternative.failure = Failure{QueryStatus::TOO_FEW_TRACKS, ""};
+  EXPECT_EQ(Index(), 1);
+}
+
+TEST_F(ChooseTest, AlternativeCameraHasItsOwnEstimate) {
+  AddGiven(IntrinsicsOrigin::EXIF);
+  AddEstimate(IntrinsicsOrigin::EXIF, 1.1);
+  Add(kAlternative).checked.results[0].verdict = IntrinsicsVerdict::CONTRADICTED;
+  Hypothesis hypothesis = kAlternative;
+  hypothesis.estimates_focal_length = true;
+  Add(hypothesis).checked.results[0] = {IntrinsicsOrigin::GIVEN, IntrinsicsVerdict::REFINED, 1, 0.001, ""};
+  EXPECT_EQ(Index(), 2);
+  EXPECT_EQ(Intrinsics().verdict, IntrinsicsVerdict::CONFIRMED);
+}
+
+TEST_F(ChooseTest, RunnerUpIsTheMostCredibleOfTheOthersWithPoses) {
+  AddGiven(IntrinsicsOrigin::EXIF);
+  EXPECT_EQ(Chosen().runner_up, nullptr);
+  Solution& estimate = AddEstimate(IntrinsicsOrigin::EXIF, 1.0005);
+  EXPECT_EQ(Chosen().runner_up, &solutions_[1]);
+  estimate.measured.evidence[0].num_common_tracks = 50;
+  Add(kAlternative).checked.results[0].verdict = IntrinsicsVerdict::UNOBSERVABLE;
+  EXPECT_EQ(Chosen().runner_up, &solutions_[2]);
+  solutions_[2].measured = {};
+  EXPECT_EQ(Chosen().runner_up, &solutions_[1]);
+}
+
+TEST_F(ChooseTest, DoubtInAFocalLength) {
+  Solution& given = AddGiven();
+  IntrinsicsResult& intrinsics = given.checked.results[0];
+  intrinsics.focal_factor_stddev = 0.001;
+  EXPECT_FALSE(IsFocalLengthInDoubt(given, options_));
+  intrinsics.focal_factor_stddev = 0.02;
+  EXPECT_TRUE(IsFocalLengthInDoubt(given, options_)) << "its score is no evidence";
+  intrinsics.focal_factor_stddev = 0.001;
+  intrinsics.focal_factor = 1.02;
+  EXPECT_TRUE(IsFocalLengthInDoubt(given, options_)) << "its score speaks against it";
+  intrinsics.focal_factor = 1;
+  intrinsics.verdict = IntrinsicsVerdict::CONTRADICTED;
+  EXPECT_TRUE(IsFocalLengthInDoubt(given, options_)) << "something else is contradicted";
+  given.failure = Failure{QueryStatus::TOO_FEW_TRACKS, ""};
+  EXPECT_FALSE(IsFocalLengthInDoubt(given, options_)) << "somebody has stated it";
+  intrinsics.origin = IntrinsicsOrigin::EXIF;
+  EXPECT_TRUE(IsFocalLengthInDoubt(given, options_));
+}
+
+TEST(FramesWithoutPose, AreThoseThatFailOrContradictTheirIntrinsics) {
+  SyntheticGroupOptions synthetic;
+  synthetic.num_frames = 3;
+  const MadeUpQuery group(MakeSyntheticGroup(synthetic).group);
+  Solution solution = group.Solved({});
+  const auto frames = [&](IntrinsicsMode mode) {
+    LocalizerOptions options;
+    options.intrinsics = mode;
+    return FramesWithoutPose(Choose({solution}, options), options);
+  };
+  EXPECT_THAT(frames(IntrinsicsMode::AUTO), IsEmpty());
+  solution.checked.results[3].verdict = IntrinsicsVerdict::CONTRADICTED;  // of the second frame
+  EXPECT_THAT(frames(IntrinsicsMode::AUTO), ElementsAre(1));
+  EXPECT_THAT(frames(IntrinsicsMode::GIVEN), IsEmpty());
+  solution.failure = Failure{QueryStatus::TOO_FEW_TRACKS, "", {0, 2}};
+  EXPECT_THAT(frames(IntrinsicsMode::AUTO), ElementsAre(0, 2));
+  solution.failure->frames.clear();
+  EXPECT_THAT(frames(IntrinsicsMode::AUTO), ElementsAre(0, 1, 2));
+}
+
+}  // namespace
+}  // namespace lazyloc

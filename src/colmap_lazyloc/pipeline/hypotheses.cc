@@ -1,0 +1,120 @@
+#include "colmap_lazyloc/pipeline/hypotheses.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "colmap_lazyloc/bridge/camera_models.h"
+#include "colmap_lazyloc/pipeline/choose.h"
+#include "colmap_lazyloc/pipeline/focal_length.h"
+
+namespace lazyloc {
+namespace {
+
+// Maximum factor between an estimated focal length and that of the alternative camera.
+constexpr double kMaxAlternativeFactor = 1.1;
+
+bool FailsBy(const Solution& solution, QueryStatus cause) {
+  return solution.failure && solution.failure->cause == cause;
+}
+
+// Returns the bearing of a query whose position is open; null without any.
+const Bearing* BearingOf(const Solution& solution) {
+  if (!solution.failure || solution.failure->partial_poses.empty()) return nullptr;
+  const PartialPose& partial = solution.failure->partial_poses.begin()->second;
+  return partial.bearing ? &*partial.bearing : nullptr;
+}
+
+bool HasUntestedPosition(const Solution& solution) {
+  const std::optional<PriorResult>& position = solution.priors.front().position;
+  return position && position->verdict == PriorVerdict::NOT_TESTED;
+}
+
+// Returns true if motion averaging may have left a single one of several pairs, because their relative poses contradict
+// it.
+bool MayBeOnePairLeft(const Solution& solution, const LocalizerOptions& options) {
+  if (!FailsBy(solution, QueryStatus::SCALE_UNOBSERVABLE) && !IsDistanceByPrior(solution, options)) return false;
+  const std::vector<int>& num_inliers = solution.prepared->estimates.num_inliers.front();
+  return std::count_if(num_inliers.begin(), num_inliers.end(), [](int count) { return count > 0; }) > 1;
+}
+
+// Returns true if the images give a rotation and nothing of the position, which a prior gives.
+bool IsPositionLeftToPrior(const Solution& solution) {
+  return FailsBy(solution, QueryStatus::DEGENERATE_BASELINE) && !solution.failure->partial_poses.empty() &&
+         BearingOf(solution) == nullptr && HasUntestedPosition(solution);
+}
+
+// Returns true if all database images are at one place, and a prior may give the distance from there.
+bool IsDistanceLeftToPrior(const Solution& solution) {
+  return FailsBy(solution, QueryStatus::SCALE_UNOBSERVABLE) && BearingOf(solution) != nullptr &&
+         solution.prepared->group.images.front().problem.pairs.size() > 1 && HasUntestedPosition(solution);
+}
+
+// Returns true if an estimated focal length is near that of the alternative camera, which may then be the right one.
+// The bound is wide, because false matches can pull an estimate by more than its standard deviation.
+bool IsNearAlternative(const LocalizationProblem& problem, const Choice& choice) {
+  const IntrinsicsResult& estimate = choice.intrinsics.front();
+  if (!problem.alternative_camera || estimate.verdict != IntrinsicsVerdict::REFINED) return false;
+  const Camera& other = problem.alternative_camera->camera;
+  if (!HasFocalLength(other)) return false;
+  const double factor = estimate.focal_factor * MeanFocalLength(problem.query_camera) / MeanFocalLength(other);
+  return std::abs(std::log(factor)) < std::log(kMaxAlternativeFactor);
+}
+
+// Returns the hypothesis after a solution with given intrinsics that other starts do not replace.
+std::optional<Hypothesis> AfterGiven(const Solution& given, const LocalizerOptions& options) {
+  const LocalizationProblem& problem = given.prepared->group.images.front().problem;
+  const bool can_estimate = options.intrinsics == IntrinsicsMode::AUTO && HasFocalLength(problem.query_camera) &&
+                            problem.intrinsics_origin != IntrinsicsOrigin::MODEL;
+  Hypothesis next = given.hypothesis;
+  if (IsPositionLeftToPrior(given)) {
+    next.approach = Approach::ROTATION;
+  } else if (IsDistanceLeftToPrior(given)) {
+    // Takes the one image with the best bearing, because images of one place do not triangulate points.
+    next.only_database_image = BearingOf(given)->database_name;
+  } else if (can_estimate && IsFocalLengthInDoubt(given, options)) {
+    next.estimates_focal_length = true;
+  } else {
+    return std::nullopt;
+  }
+  return next;
+}
+
+}  // namespace
+
+std::optional<Hypothesis> NextHypothesis(const QueryGroup& group, const std::vector<Solution>& solutions,
+                                         const LocalizerOptions& options) {
+  const bool is_lone = group.images.size() == 1;
+  const LocalizationProblem& stated = group.images.front().problem;
+  const bool has_tracks = options.post_optimization == PostOptimization::TRACKS;
+  Hypothesis next;
+  if (solutions.empty()) {
+    if (!has_tracks) next.approach = Approach::WITHOUT_TRACKS;
+    next.estimates_focal_length = is_lone && has_tracks && IsFocalLengthUnknown(stated, options);
+    return next;
+  }
+  if (!is_lone || !has_tracks) return std::nullopt;
+  const Solution& last = solutions.back();
+  if (solutions.front().hypothesis.estimates_focal_length) {
+    // Tries the guess, because the scene may fix the pose even if it does not fix the focal length.
+    if (solutions.size() > 1 || !last.failure || options.intrinsics == IntrinsicsMode::REFINE) return std::nullopt;
+    return next;
+  }
+  next = last.hypothesis;
+  if (next.estimates_focal_length) {
+    if (next.camera == CameraChoice::ALTERNATIVE) return std::nullopt;
+    if (!IsNearAlternative(stated, Choose(solutions, options))) return std::nullopt;
+    next.camera = CameraChoice::ALTERNATIVE;
+    next.estimates_focal_length = false;
+    return next;
+  }
+  if (next.approach == Approach::ROTATION) return std::nullopt;
+  if (next.approach == Approach::OTHER_STARTS) {
+    if (OvercomesPairs(last, options)) return std::nullopt;
+    return AfterGiven(solutions[solutions.size() - 2], options);
+  }
+  if (!MayBeOnePairLeft(last, options)) return AfterGiven(last, options);
+  next.approach = Approach::OTHER_STARTS;
+  return next;
+}
+
+}  // namespace lazyloc

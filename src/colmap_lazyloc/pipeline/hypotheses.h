@@ -1,0 +1,45 @@
+#pragma once
+
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "colmap_lazyloc/pipeline/options.h"
+#include "colmap_lazyloc/scene/localization_problem.h"
+
+namespace lazyloc {
+
+struct Solution;
+
+// Camera that a query is taken to have.
+enum class CameraChoice {
+  STATED,       // the problem's
+  ALTERNATIVE,  // the problem's alternative camera
+};
+
+// Method that gives the pose.
+enum class Approach {
+  TRACKS,          // adjustment over tracks, from the start that fits the matches best, motion averaging's among them
+  OTHER_STARTS,    // the same, without motion averaging and with the matches of all pairs: points that two database
+                   // images triangulate may fix a pose although relative poses are wrong
+  ROTATION,        // rotations alone; a prior is the position
+  WITHOUT_TRACKS,  // one of the paper's alternatives to adjustment over tracks
+};
+
+// What is assumed of a group of queries. All but the approach is for lone queries.
+struct Hypothesis {
+  CameraChoice camera = CameraChoice::STATED;
+  // True if the focal length is estimated. Motion averaging then has no part in the solution, because relative poses
+  // estimated with a wrong focal length must not decide.
+  bool estimates_focal_length = false;
+  std::string only_database_image = {};  // the one whose pair alone is used; empty: all
+  Approach approach = Approach::TRACKS;
+};
+
+// Returns the next hypothesis for which the solutions so far leave room; nullopt if there is none. The ordinary query
+// has one. A group of several images is only solved as stated, because its images are decided on one by one when they
+// leave it (lazy_localizer.cc).
+std::optional<Hypothesis> NextHypothesis(const QueryGroup& group, const std::vector<Solution>& solutions,
+                                         const LocalizerOptions& options);
+
+}  // namespace lazyloc

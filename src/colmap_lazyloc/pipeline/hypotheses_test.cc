@@ -1,0 +1,191 @@
+#include "colmap_lazyloc/pipeline/hypotheses.h"
+
+#include <Eigen/Core>
+#include <gtest/gtest.h>
+
+#include "colmap_lazyloc/bridge/camera_models.h"
+#include "colmap_lazyloc/pipeline/lazy_localizer.h"
+#include "colmap_lazyloc/pipeline/solutions_test_input.h"
+#include "colmap_lazyloc/testing/synthetic_scene.h"
+
+namespace lazyloc {
+namespace {
+
+// Makes a query whose camera is too long by 3 %, beside its right camera as alternative. All pairs are
+// uncalibrated.
+SyntheticScene MakeSceneWithAlternative() {
+  SyntheticSceneOptions options;
+  options.pixel_noise_px = 0.5;
+  SyntheticScene scene = MakeSyntheticScene(options);
+  LocalizationProblem& problem = scene.problem;
+  problem.alternative_camera = CandidateCamera{problem.query_camera, IntrinsicsOrigin::GIVEN};
+  problem.query_camera = WithFocalFactor(problem.query_camera, 1.03);
+  problem.intrinsics_origin = IntrinsicsOrigin::EXIF;
+  for (ImagePair& pair : problem.pairs) {
+    pair.geometry->config = TwoViewConfig::UNCALIBRATED;
+    pair.geometry->query_from_other.reset();
+  }
+  return scene;
+}
+
+TEST(NextHypothesis, AlternativeCameraReplacesAContradictedOne) {
+  const SyntheticScene scene = MakeSceneWithAlternative();
+  const LocalizationResult result = LocalizeQuery(scene.problem, {});
+  ASSERT_EQ(result.status, QueryStatus::LOCALIZED) << result.reason;
+  EXPECT_EQ(result.query_camera.params, scene.problem.alternative_camera->camera.params);
+  EXPECT_LE(PositionError(result.cam_from_world, scene.query_cam_from_world), 2e-3 * scene.median_depth);
+}
+
+// Stores what COLMAP would with the wrong camera: matrices with which all matches agree, but for that camera only.
+TEST(NextHypothesis, EssentialMatricesOfAnotherCameraAreForgotten) {
+  SyntheticScene scene = MakeSceneWithAlternative();
+  const LocalizationResult expected = LocalizeQuery(scene.problem, {});
+  for (ImagePair& pair : scene.problem.pairs) {
+    const Rigid3d query_from_other = scene.query_cam_from_world * Inverse(pair.database_cam_from_world);
+    const Eigen::Vector3d t = query_from_other.translation.normalized();
+    Eigen::Matrix3d cross;
+    cross << 0, -t.z(), t.y(), t.z(), 0, -t.x(), -t.y(), t.x(), 0;
+    const Eigen::Vector3d stretch(1.03, 1.03, 1);  // from directions of the wrong camera to those of the right one
+    pair.geometry->E = stretch.asDiagonal() * cross * query_from_other.rotation.toRotationMatrix();
+  }
+  const LocalizationResult result = LocalizeQuery(scene.problem, {});
+  EXPECT_EQ(result.status, expected.status);
+  EXPECT_EQ(result.query_camera.params, expected.query_camera.params);
+  EXPECT_EQ(result.cam_from_world.translation, expected.cam_from_world.translation);
+  EXPECT_EQ(result.covariance, expected.covariance);
+  for (size_t i = 0; i < expected.pairs.size(); ++i) {
+    EXPECT_EQ(result.pairs[i].num_inliers, expected.pairs[i].num_inliers) << i;
+  }
+}
+
+// Returns the next hypothesis after made-up solutions; expects one.
+Hypothesis Next(const MadeUpQuery& query, const std::vector<Solution>& solutions,
+                const LocalizerOptions& options = {}) {
+  const std::optional<Hypothesis> next = NextHypothesis(query.Group(), solutions, options);
+  EXPECT_TRUE(next);
+  return next.value_or(Hypothesis());
+}
+
+Solution Failed(const MadeUpQuery& query, const Hypothesis& hypothesis, const Failure& failure) {
+  Solution solution = query.Solved(hypothesis);
+  solution.failure = failure;
+  return solution;
+}
+
+// Returns a failure whose partial pose has a bearing from a database image.
+Failure FailureWithBearing(QueryStatus cause, const std::string& database_name) {
+  Failure failure{cause, ""};
+  failure.partial_poses[0].bearing = Bearing{database_name, Eigen::Vector3d::UnitX(), 0.01};
+  return failure;
+}
+
+TEST(NextHypothesis, OrdinaryQueryHasOne) {
+  const MadeUpQuery query;
+  const Hypothesis first = Next(query, {});
+  EXPECT_FALSE(first.estimates_focal_length);
+  EXPECT_EQ(first.approach, Approach::TRACKS);
+  EXPECT_FALSE(NextHypothesis(query.Group(), {query.Solved(first)}, {}));
+}
+
+TEST(NextHypothesis, WithoutTracksThereIsOne) {
+  const MadeUpQuery query;
+  LocalizerOptions options;
+  options.post_optimization = PostOptimization::SAMPSON;
+  options.intrinsics = IntrinsicsMode::REFINE;
+  const Hypothesis first = Next(query, {}, options);
+  EXPECT_EQ(first.approach, Approach::WITHOUT_TRACKS);
+  EXPECT_FALSE(first.estimates_focal_length);
+  const Solution failed = Failed(query, first, {QueryStatus::SCALE_UNOBSERVABLE, ""});
+  EXPECT_FALSE(NextHypothesis(query.Group(), {failed}, options));
+}
+
+TEST(NextHypothesis, UnknownFocalLengthIsEstimatedBeforeItsGuessIsTried) {
+  MadeUpQuery query;
+  query.Problem().intrinsics_origin = IntrinsicsOrigin::GUESS;
+  LocalizerOptions options;
+  const Hypothesis first = Next(query, {}, options);
+  EXPECT_TRUE(first.estimates_focal_length);
+  EXPECT_FALSE(NextHypothesis(query.Group(), {query.Solved(first)}, options));
+  std::vector<Solution> solutions = {Failed(query, first, {QueryStatus::UNKNOWN_CAMERA, ""})};
+  const Hypothesis guess = Next(query, solutions, options);
+  EXPECT_FALSE(guess.estimates_focal_length);
+  options.intrinsics = IntrinsicsMode::REFINE;
+  EXPECT_FALSE(NextHypothesis(query.Group(), solutions, options)) << "the focal length must be estimated";
+  options.intrinsics = IntrinsicsMode::AUTO;
+  solutions.push_back(Failed(query, guess, {QueryStatus::TOO_FEW_TRACKS, ""}));
+  EXPECT_FALSE(NextHypothesis(query.Group(), solutions, options));
+}
+
+TEST(NextHypothesis, OtherStartsAreTriedIfOnePairIsLeftOfSeveral) {
+  MadeUpQuery query;
+  query.Problem().prior.position.emplace();
+  std::vector<Solution> solutions = {
+      Failed(query, {}, FailureWithBearing(QueryStatus::SCALE_UNOBSERVABLE, "database0001.jpg"))};
+  const Hypothesis other = Next(query, solutions);
+  EXPECT_EQ(other.approach, Approach::OTHER_STARTS);
+  solutions.push_back(query.Solved(other));
+  EXPECT_FALSE(NextHypothesis(query.Group(), solutions, {}));
+  solutions.back().failure = Failure{QueryStatus::TOO_FEW_TRACKS, ""};
+  const Hypothesis one_image = Next(query, solutions);
+  EXPECT_EQ(one_image.approach, Approach::TRACKS);
+  EXPECT_EQ(one_image.only_database_image, "database0001.jpg") << "the prior may give the distance from there";
+}
+
+TEST(NextHypothesis, RotationIsTriedIfAPriorIsAllThatIsKnownOfThePosition) {
+  MadeUpQuery query;
+  Failure failure{QueryStatus::DEGENERATE_BASELINE, ""};
+  failure.partial_poses[0] = {};
+  EXPECT_FALSE(NextHypothesis(query.Group(), {Failed(query, {}, failure)}, {})) << "there is no prior";
+  query.Problem().prior.position.emplace();
+  EXPECT_EQ(Next(query, {Failed(query, {}, failure)}).approach, Approach::ROTATION);
+  const Failure with_bearing = FailureWithBearing(QueryStatus::DEGENERATE_BASELINE, "database0001.jpg");
+  EXPECT_FALSE(NextHypothesis(query.Group(), {Failed(query, {}, with_bearing)}, {}));
+}
+
+TEST(NextHypothesis, FocalLengthInDoubtIsEstimatedUnlessItIsKept) {
+  MadeUpQuery query;
+  Solution given = query.Solved({});
+  given.checked.results[0].focal_factor = 1.1;
+  LocalizerOptions options;
+  EXPECT_TRUE(Next(query, {given}, options).estimates_focal_length);
+  options.intrinsics = IntrinsicsMode::GIVEN;
+  EXPECT_FALSE(NextHypothesis(query.Group(), {given}, options));
+  options.intrinsics = IntrinsicsMode::AUTO;
+  query.Problem().intrinsics_origin = IntrinsicsOrigin::MODEL;
+  EXPECT_FALSE(NextHypothesis(query.Group(), {given}, options)) << "the database has the same camera";
+}
+
+TEST(NextHypothesis, AlternativeCameraIsTriedIfAnEstimateIsNearIt) {
+  MadeUpQuery query;
+  LocalizationProblem& problem = query.Problem();
+  problem.intrinsics_origin = IntrinsicsOrigin::EXIF;
+  problem.alternative_camera = CandidateCamera{WithFocalFactor(problem.query_camera, 1.3), IntrinsicsOrigin::GIVEN};
+  Solution given = query.Solved({});
+  given.checked.results[0].focal_factor = 1.25;
+  Solution estimate = query.Solved(Next(query, {given}));
+  estimate.checked.results[0].verdict = IntrinsicsVerdict::REFINED;
+  for (const double factor : {1.1, 1.25}) {
+    estimate.checked.results[0].focal_factor = factor;
+    const std::optional<Hypothesis> next = NextHypothesis(query.Group(), {given, estimate}, {});
+    ASSERT_EQ(next.has_value(), factor == 1.25);
+    if (!next) continue;
+    EXPECT_EQ(next->camera, CameraChoice::ALTERNATIVE);
+    EXPECT_FALSE(next->estimates_focal_length);
+    Solution alternative = query.Solved(*next);
+    alternative.checked.results[0].origin = IntrinsicsOrigin::GIVEN;
+    EXPECT_FALSE(NextHypothesis(query.Group(), {given, estimate, alternative}, {}));
+  }
+}
+
+TEST(NextHypothesis, GroupIsSolvedAsStated) {
+  const MadeUpQuery group(MakeSyntheticGroup({}).group);
+  LocalizerOptions options;
+  options.intrinsics = IntrinsicsMode::REFINE;
+  const Hypothesis first = Next(group, {}, options);
+  EXPECT_FALSE(first.estimates_focal_length);
+  const Solution failed = Failed(group, first, {QueryStatus::SCALE_UNOBSERVABLE, ""});
+  EXPECT_FALSE(NextHypothesis(group.Group(), {failed}, options));
+}
+
+}  // namespace
+}  // namespace lazyloc

@@ -1,0 +1,243 @@
+#include "colmap_lazyloc/pipeline/make_result.h"
+
+#include <algorithm>
+#include <limits>
+#include <string>
+#include <utility>
+
+#include "colmap_lazyloc/bridge/camera_models.h"
+#include "colmap_lazyloc/math/so3.h"
+#include "colmap_lazyloc/pipeline/confidence.h"
+#include "colmap_lazyloc/pipeline/position_ambiguity.h"
+#include "colmap_lazyloc/scene/format.h"
+
+namespace lazyloc {
+namespace {
+
+using Results = std::vector<LocalizationResult>;
+
+constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
+
+// Returns the result of a query without anything that is known of its pose.
+LocalizationResult MakeEmptyResult(const Choice& choice, int query) {
+  const Solution& solution = *choice.solution;
+  const Prepared& prepared = *solution.prepared;
+  const QueryImage& image = prepared.group.images[query];
+  LocalizationResult result;
+  result.query_name = image.problem.query_name;
+  result.query_camera = image.problem.query_camera;
+  result.frame_name = prepared.group.frame_names[image.frame];
+  result.intrinsics = choice.intrinsics[query];
+  result.priors = solution.priors[query];
+  if (!solution.depths.empty()) result.depth = solution.depths[query];
+  if (!solution.starts.empty()) result.start = EnumName(solution.starts[image.frame]);
+  // Rotations alone are not adjusted to database poses.
+  const std::vector<ExpectedPoseErrors>& expected = prepared.layout.expected_pose_errors;
+  if (!expected.empty() && solution.hypothesis.approach != Approach::ROTATION) {
+    result.database_pose_noise = expected[image.frame].AsResult();
+  }
+  for (size_t i = 0; i < image.problem.pairs.size(); ++i) {
+    const int num_inliers = prepared.failure ? 0 : prepared.estimates.num_inliers[query][i];
+    result.pairs.push_back({image.problem.pairs[i].other_name, num_inliers, kUnknown, kUnknown});
+  }
+  return result;
+}
+
+// Adds the pose of a query with its camera and covariance.
+void AddPose(const Choice& choice, int query, LocalizationResult* result) {
+  const Layout& layout = choice.solution->prepared->layout;
+  const CheckedIntrinsics& checked = choice.solution->checked;
+  result->cam_from_world = PoseInWorld(layout, checked.posed, query);
+  result->rig_scale = checked.posed.FrameOf(query).scale;
+  Rigid3d cam_from_rig = choice.solution->prepared->group.images[query].cam_from_rig;
+  cam_from_rig.translation *= result->rig_scale;
+  result->rig_from_world = Inverse(cam_from_rig) * result->cam_from_world;
+  if (!checked.cameras.empty() && checked.cameras[query]) {
+    result->query_camera = *checked.cameras[query];
+    result->is_camera_refined = true;
+  }
+  PoseUncertainty uncertainty = checked.uncertainties[query];
+  if (choice.missing_mean_square > 0) {
+    FocalLengthError error = checked.focal_errors[query];
+    error.mean_square = choice.missing_mean_square;
+    AddFocalLengthUncertainty(error, result->cam_from_world, &uncertainty);
+  }
+  result->covariance = uncertainty.covariance;
+  result->spread = uncertainty.spread;
+}
+
+// Adds the deviations of the pairs' rotations and directions from the adjusted poses.
+void AddPairErrors(const Solution& solution, Results* results) {
+  const Layout& layout = solution.prepared->layout;
+  const PosedImages& posed = solution.refined ? solution.refined->adjustment.posed : solution.checked.posed;
+  for (size_t k = 0; k < solution.averaged.pairs.size(); ++k) {
+    const PairGeometry& pair = *solution.averaged.pairs[k];
+    if (!layout.IsDatabase(pair.other)) continue;
+    const Rigid3d query = CamFromWorld(posed, pair.query), other = CamFromWorld(posed, pair.other);
+    const std::vector<int>& image_of_pair = layout.image_of_pair[pair.query];
+    const auto index = std::find(image_of_pair.begin(), image_of_pair.end(), pair.other) - image_of_pair.begin();
+    PairResult& result = (*results)[pair.query].pairs[index];
+    result.rotation_error_deg =
+        RadToDeg(AngularDistanceRad(query.rotation, pair.query_from_other.rotation * other.rotation));
+    const Eigen::Vector3d& direction = solution.averaged.directions[k].dir_1to2_in_world;
+    if (direction.isZero()) continue;
+    result.direction_error_deg = RadToDeg(AngleBetweenRad(direction, CamInWorld(query) - CamInWorld(other)));
+  }
+}
+
+// Adds a track to the result of one of its queries, with the query's own observation and those in its database images.
+void AddTrack(const Layout& layout, const Track& track, const TrackObservation& query,
+              const std::vector<double>& errors_px, LocalizationResult* result) {
+  const std::vector<int>& image_of_pair = layout.image_of_pair[query.image];
+  PointResult point;
+  point.observations.reserve(track.observations.size());
+  point.point_in_world = track.point_in_world + layout.origin;
+  point.query_point = query.keypoint;
+  double error_sum = 0;
+  int num_observations = 0;
+  for (size_t i = 0; i < track.observations.size(); ++i) {
+    const TrackObservation& element = track.observations[i];
+    if (!layout.IsDatabase(element.image) && element.image != query.image) continue;
+    error_sum += errors_px[i];
+    ++num_observations;
+    const auto pair = std::find(image_of_pair.begin(), image_of_pair.end(), element.image);
+    if (pair != image_of_pair.end()) {
+      point.observations.emplace_back(static_cast<int>(pair - image_of_pair.begin()), element.keypoint);
+    }
+  }
+  point.mean_reprojection_error_px = error_sum / num_observations;
+  result->mean_reprojection_error_px += error_sum;  // the sum, until all tracks are added
+  result->num_observations += num_observations;
+  ++result->num_tracks;
+  result->points.push_back(std::move(point));
+}
+
+// Adds the tracks of the last adjustment, with errors against the database as given.
+void AddTracks(const Layout& layout, const BundleAdjustmentResult& adjustment, Results* results) {
+  const std::vector<Rigid3d> cams_from_world = CamsFromWorld(AsReported(layout, adjustment.posed));
+  std::vector<double> errors_px;
+  for (const Track& track : adjustment.tracks) {
+    errors_px.clear();
+    for (const TrackObservation& element : track.observations) {
+      const Eigen::Vector3d point_in_cam = cams_from_world[element.image] * track.point_in_world;
+      errors_px.push_back(ReprojectionError(element.observation, point_in_cam).norm());
+    }
+    for (const TrackObservation& element : track.observations) {
+      if (layout.IsDatabase(element.image)) break;
+      AddTrack(layout, track, element, errors_px, &(*results)[element.image]);
+    }
+  }
+  for (LocalizationResult& result : *results) {
+    result.mean_reprojection_error_px /= std::max(result.num_observations, 1);
+  }
+}
+
+// Adds what the last adjustment contributes beside the poses.
+void AddRefined(const Solution& solution, const LocalizerOptions& options, Results* results) {
+  const Layout& layout = solution.prepared->layout;
+  const Refined& refined = *solution.refined;
+  AddTracks(layout, refined.adjustment, results);
+  const std::vector<TrackRefs> tracks_of = TracksByFrame(layout, refined.adjustment.tracks);
+  for (int query = 0; query < layout.num_queries; ++query) {
+    LocalizationResult& result = (*results)[query];
+    result.rig_error_px = refined.rig_errors_px[query];
+    if (!result.depth) continue;
+    const TrackRefs& tracks = tracks_of[layout.FrameOf(query)];
+    result.depth->num_points = CountTracksWithDepth(refined.adjustment.posed, tracks);
+    result.depth->fixes_distance = FixDistance(refined.adjustment.posed, tracks, options);
+  }
+}
+
+// Returns what a solution assumes that the chosen one does not.
+std::string Explanation(const Solution& other, const Solution& chosen) {
+  const IntrinsicsResult& intrinsics = other.checked.results.front();
+  const Camera& camera = other.prepared->group.images.front().problem.query_camera;
+  if (other.hypothesis.estimates_focal_length) {
+    return Format("the focal length is %.1f px, as the images ask for",
+                  intrinsics.focal_factor * MeanFocalLength(camera));
+  }
+  if (chosen.hypothesis.estimates_focal_length || other.hypothesis.camera != chosen.hypothesis.camera) {
+    return Format("the focal length is %.1f px (origin: %s)", MeanFocalLength(camera), EnumName(intrinsics.origin));
+  }
+  return other.hypothesis.approach == Approach::OTHER_STARTS
+             ? "points that database images triangulate are right, relative poses of pairs are not"
+             : "relative poses of pairs are right";
+}
+
+// Adds the more probable of the competing pose and the other solution.
+void AddRunnerUp(const Choice& choice, int query, LocalizationResult* result) {
+  const Solution& solution = *choice.solution;
+  const int frame = solution.prepared->group.images[query].frame;
+  const std::optional<Rigid3d>& competing_pose = solution.measured.competing_poses[frame];
+  if (competing_pose) {
+    PosedImages posed = solution.checked.posed;
+    posed.frames[frame].frame_from_world = *competing_pose;
+    result->runner_up = RunnerUp{
+        Format("pairs with %.0f %% of the verified matches agree on this pose", 100 * result->evidence.competing_ratio),
+        PoseInWorld(solution.prepared->layout, posed, query), OddsOfCompetingPose(result->evidence)};
+  }
+  if (choice.runner_up == nullptr) return;
+  const Solution& other = *choice.runner_up;
+  const double confidence = Confidence(other.measured.evidence[frame]);
+  const double odds = confidence / (1 - confidence) * (1 - *result->confidence) / *result->confidence;
+  if (result->runner_up && result->runner_up->odds > odds) return;
+  result->runner_up =
+      RunnerUp{Explanation(other, solution), PoseInWorld(other.prepared->layout, other.checked.posed, query), odds};
+}
+
+// Sets the confidence with the runner-up, the status and its reason.
+void Conclude(const Choice& choice, int query, const LocalizerOptions& options, LocalizationResult* result) {
+  const Solution& solution = *choice.solution;
+  const int frame = solution.prepared->group.images[query].frame;
+  if (!solution.measured.evidence.empty()) {
+    result->evidence = solution.measured.evidence[frame];
+    result->confidence = Confidence(result->evidence);
+    AddRunnerUp(choice, query, result);
+  }
+  if (solution.failure) {
+    result->status = solution.failure->cause;
+    result->reason = solution.failure->reason;
+  } else if (const auto* refused = RefusedIntrinsics(solution.prepared->layout, choice.intrinsics, frame, options)) {
+    result->status = QueryStatus::INCONSISTENT_INTRINSICS;
+    result->reason = refused->contradiction;
+  } else if (result->confidence && *result->confidence < options.min_confidence) {
+    result->status = QueryStatus::LOW_CONFIDENCE;
+    result->reason = LowConfidenceReason(result->evidence, *result->confidence, options.min_confidence);
+  } else {
+    result->status = QueryStatus::LOCALIZED;
+  }
+}
+
+// Adds what is known of queries that cannot be localized.
+void AddFailure(const Failure& failure, Results* results) {
+  for (size_t query = 0; query < results->size(); ++query) {
+    if (!failure.rig_errors_px.empty()) (*results)[query].rig_error_px = failure.rig_errors_px[query];
+  }
+  for (const auto& [query, partial_pose] : failure.partial_poses) (*results)[query].partial_pose = partial_pose;
+}
+
+}  // namespace
+
+Results MakeResults(const Choice& choice, const LocalizerOptions& options, const StageTimer::Seconds& seconds) {
+  const Solution& solution = *choice.solution;
+  Results results;
+  for (int query = 0; query < static_cast<int>(solution.prepared->group.images.size()); ++query) {
+    results.push_back(MakeEmptyResult(choice, query));
+    if (!solution.failure) AddPose(choice, query, &results.back());
+    Conclude(choice, query, options, &results.back());
+  }
+  for (LocalizationResult& result : results) {
+    for (const auto& [stage, elapsed] : seconds) {
+      result.seconds.emplace_back(stage, elapsed / static_cast<double>(results.size()));
+    }
+  }
+  if (solution.failure) {
+    AddFailure(*solution.failure, &results);
+    return results;
+  }
+  if (!solution.hypothesis.estimates_focal_length) AddPairErrors(solution, &results);
+  if (solution.refined) AddRefined(solution, options, &results);
+  return results;
+}
+
+}  // namespace lazyloc

@@ -1,0 +1,51 @@
+#pragma once
+
+#include <list>
+#include <map>
+#include <optional>
+#include <string>
+#include <utility>
+
+#include "colmap_lazyloc/pipeline/failure.h"
+#include "colmap_lazyloc/pipeline/hypotheses.h"
+#include "colmap_lazyloc/pipeline/pair_estimation.h"
+
+namespace lazyloc {
+
+// What all hypotheses with the same camera and pairs are solved from.
+struct Prepared {
+  const QueryGroup& group;
+  Layout layout;
+  PairEstimates estimates;           // without relative poses if the focal length is estimated
+  std::optional<Failure> failure{};  // nullopt if the group can be solved
+};
+
+// The relative poses of pairs by camera: the stated and the alternative one, each as it is and of unknown focal length.
+using RelativePosesByCamera = std::map<std::pair<CameraChoice, bool>, KnownRelativePoses>;
+
+// Prepares a group for hypotheses, once for those that share it.
+class Preparations {
+ public:
+  // Uses and adds to the relative poses that are known.
+  Preparations(const QueryGroup& group, const LocalizerOptions& options, RelativePosesByCamera* known,
+               StageTimer::Seconds* seconds)
+      : group_(group), options_(options), known_(known), seconds_(seconds) {}
+
+  // Returns a reference that stays valid.
+  const Prepared& For(const Hypothesis& hypothesis);
+
+ private:
+  // Returns the group with the camera and the pairs of a hypothesis.
+  const QueryGroup& GroupOf(const Hypothesis& hypothesis);
+  Layout LayoutOf(const QueryGroup& group) const;
+  Prepared Prepare(const Hypothesis& hypothesis);
+
+  const QueryGroup& group_;
+  const LocalizerOptions& options_;
+  RelativePosesByCamera* const known_;
+  StageTimer::Seconds* const seconds_;
+  std::list<std::pair<Hypothesis, QueryGroup>> other_groups_;
+  std::list<std::pair<Hypothesis, Prepared>> prepared_;
+};
+
+}  // namespace lazyloc

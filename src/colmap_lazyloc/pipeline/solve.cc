@@ -1,0 +1,228 @@
+#include "colmap_lazyloc/pipeline/solve.h"
+
+#include <cmath>
+#include <limits>
+#include <utility>
+
+#include "colmap_lazyloc/math/so3.h"
+#include "colmap_lazyloc/pipeline/depth_maps_in_use.h"
+#include "colmap_lazyloc/pipeline/focal_length.h"
+#include "colmap_lazyloc/pipeline/position_ambiguity.h"
+#include "colmap_lazyloc/pipeline/prior_comparison.h"
+#include "colmap_lazyloc/pipeline/prior_fusion.h"
+#include "colmap_lazyloc/pipeline/pure_rotation.h"
+#include "colmap_lazyloc/pipeline/query_priors.h"
+#include "colmap_lazyloc/pipeline/refinement_with_priors.h"
+#include "colmap_lazyloc/pipeline/refinement_without_tracks.h"
+#include "colmap_lazyloc/refinement/covariance.h"
+#include "colmap_lazyloc/refinement/query_prior_residual.h"
+
+namespace lazyloc {
+namespace {
+
+constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
+
+// Takes contradicted intrinsics for unobservable if depths or a prior alone fix the distance: their errors look like
+// those of intrinsics, and a single image hardly tells the focal length.
+void IgnoreContradictionsOfEvidence(const Layout& layout, const Refined& refined, const LocalizerOptions& options,
+                                    std::vector<IntrinsicsResult>* intrinsics) {
+  if (!layout.has_depths && !refined.open_line) return;
+  const BundleAdjustmentResult& adjustment = refined.adjustment;
+  const std::vector<TrackRefs> tracks_of = TracksByFrame(layout, adjustment.tracks);
+  for (int query = 0; query < layout.num_queries; ++query) {
+    IntrinsicsResult& result = (*intrinsics)[query];
+    if (result.verdict != IntrinsicsVerdict::CONTRADICTED) continue;
+    if (!refined.open_line && !FixDistance(adjustment.posed, tracks_of[layout.FrameOf(query)], options)) continue;
+    result.verdict = IntrinsicsVerdict::UNOBSERVABLE;
+    result.contradiction.clear();
+  }
+}
+
+// Adds a prior of gravity to a rotation that does not contradict it.
+void UseGravity(GravityPrior gravity, PriorResult* result, RotationFit* fit) {
+  gravity.stddev_rad *= std::sqrt(CompareGravity(gravity, fit->cam_from_world_rotation, fit->covariance, result));
+  if (result->verdict != PriorVerdict::USED) return;
+  const QueryPriorResidual residual = EvaluateGravityPrior(gravity, {}, {fit->cam_from_world_rotation, {}});
+  const Eigen::Matrix3d by_turn = residual.jacobian.leftCols<3>();
+  fit->covariance = (fit->covariance.inverse() + by_turn.transpose() * by_turn).inverse().eval();
+  const Eigen::Vector3d turn = -fit->covariance * by_turn.transpose() * residual.error;
+  fit->cam_from_world_rotation = ExpSO3(turn) * fit->cam_from_world_rotation;
+}
+
+// Runs a stage and adds its wall time.
+template <typename Stage>
+auto Timed(const char* name, StageTimer::Seconds* seconds, const Stage& stage) {
+  const StageTimer timer(name, seconds);
+  return stage();
+}
+
+// Solves one hypothesis; each method fills the solution as far as its stages come.
+class Solver {
+ public:
+  Solver(const Prepared& prepared, const LocalizerOptions& options, StageTimer::Seconds* seconds, Solution* solution)
+      : group_(prepared.group),
+        layout_(prepared.layout),
+        estimates_(prepared.estimates),
+        options_(options),
+        seconds_(seconds),
+        solution_(*solution) {}
+
+  // Adjusts over tracks. averages_motion: false if all pairs are used and other starts are tried.
+  void SolveByTracks(bool averages_motion) {
+    Averaged& averaged = solution_.averaged;
+    averaged = averages_motion ? Average() : WithAllPairs();
+    CandidateTracks candidates = Timed("tracks", seconds_, [&] { return Collect(averaged.pairs); });
+    SplitTracks start_tracks = Timed("start", seconds_, [&] { return TriangulateStart(candidates); });
+    DepthMapsInUse depths;
+    if (layout_.has_depths) {
+      depths = Timed("depth", seconds_, [&] {
+        return UseDepthMaps(group_, layout_, averaged.pairs, options_, &candidates, &start_tracks, &averaged.posed);
+      });
+      solution_.depths = depths.results;
+    }
+    const Start start =
+        Timed("start", seconds_, [&] { return ChooseStart(layout_, averaged, start_tracks, options_, depths.starts); });
+    solution_.starts = start.kinds;
+    RefinedWithPriors refined =
+        RefineWithPriors(layout_, averaged.pairs, start.posed, start_tracks, std::move(candidates), options_, seconds_);
+    solution_.refined = std::move(refined.refined);
+    solution_.priors = refined.priors;
+    AddPoses(std::move(refined.priors), nullptr);
+  }
+
+  // Estimates the focal length of a lone query.
+  void SolveWithUnknownFocalLength() {
+    solution_.averaged = WithAllPairs();
+    const PairRefs& pairs = solution_.averaged.pairs;
+    QueryCamera camera(group_.images.front().problem);
+    CandidateTracks candidates = Timed("tracks", seconds_, [&] { return Collect(pairs); });
+    SplitTracks start_tracks;
+    PosedImages start = layout_.given;
+    Timed("start", seconds_, [&] {
+      start_tracks = TriangulateStart(candidates);
+      const FocalLengthAndPose found = ChooseFocalLengthAndPose(layout_, camera, start_tracks.from_database, options_);
+      camera.ScaleFocalLength(found.factor);
+      start.frames[0].frame_from_world = found.frame_from_world;
+      start.images[0].log_focal_factor = 0;
+      start_tracks = {camera.Observe(start_tracks.from_database), camera.Observe(start_tracks.rest)};
+      candidates = {camera.Observe(candidates.all), camera.Observe(candidates.for_start)};
+    });
+    solution_.starts = {StartPose::ABSOLUTE_POSE};
+    Refined refined = Refine(layout_, start, start_tracks, std::move(candidates), options_, seconds_, &camera);
+    std::vector<QueryPriorResult> priors = solution_.priors;
+    if (HavePriors(layout_)) {
+      PriorJudgement judgement = JudgePriors(layout_, pairs, refined, options_);
+      if (!judgement.moves_start) {
+        priors = std::move(judgement.results);
+        AdjustWithPriors(judgement.used, options_, &camera, &refined);
+      }
+    }
+    solution_.refined = std::move(refined);
+    AddPoses(std::move(priors), &camera);
+  }
+
+  // Takes the rotation from the images and the position from a prior, for a lone query without any baseline.
+  void SolveByRotation() {
+    solution_.averaged = Average();
+    const QueryPrior& prior = layout_.priors[0];
+    QueryPriorResult& priors = solution_.priors[0];
+    RotationFit fit = Timed("rotation", seconds_, [&] { return FitRotation(layout_, estimates_, solution_.averaged); });
+    if (prior.gravity) UseGravity(*prior.gravity, &*priors.gravity, &fit);
+    priors.position = PriorResult{PriorVerdict::USED, PriorRole::POSITION, kUnknown, kUnknown};
+    const Rigid3d pose = CamFromWorld(fit.cam_from_world_rotation, prior.position->position);
+    solution_.checked.posed = layout_.given;
+    solution_.checked.posed.frames[0].frame_from_world = pose;
+    const Eigen::Matrix<double, 6, 6> covariance = PoseCovariance(pose, fit.covariance, prior.position->covariance);
+    solution_.checked.uncertainties = {
+        {CovarianceFromAround(layout_.origin, pose.rotation, covariance), ComputePoseSpread(pose, covariance)}};
+    solution_.measured = {{fit.evidence}, {std::nullopt}};
+  }
+
+  // Refines by one of the paper's alternatives. The covariance is unknown (NaN).
+  void SolveWithoutTracks() {
+    solution_.averaged = Average();
+    const Averaged& averaged = solution_.averaged;
+    if (averaged.failure) throw Failure(*averaged.failure);
+    solution_.starts = {StartPose::MOTION_AVERAGING};
+    solution_.checked.posed =
+        Timed("refinement", seconds_, [&] { return RefineWithoutTracks(group_, layout_, averaged, options_); });
+    solution_.checked.uncertainties.resize(1);
+    solution_.checked.uncertainties[0].covariance.setConstant(kUnknown);
+  }
+
+ private:
+  Averaged Average() { return AverageMotion(layout_, estimates_.pairs, options_, seconds_); }
+
+  // Returns all pairs, without poses.
+  Averaged WithAllPairs() {
+    Averaged averaged{layout_.given, {}, {}, Failure{QueryStatus::INCONSISTENT_ROTATIONS, "no start fits the matches"}};
+    for (const PairGeometry& pair : estimates_.pairs) averaged.pairs.push_back(&pair);
+    averaged.directions.resize(averaged.pairs.size());
+    return averaged;
+  }
+
+  CandidateTracks Collect(const PairRefs& pairs) { return CollectTracks(group_, layout_, pairs, options_); }
+
+  SplitTracks TriangulateStart(const CandidateTracks& candidates) {
+    return TriangulateFromDatabase(layout_.given, candidates.for_start, options_.triangulation);
+  }
+
+  // Adds the refined poses with their uncertainties, intrinsics and evidence. camera: of a query whose focal length was
+  // estimated; else null.
+  void AddPoses(std::vector<QueryPriorResult> priors, const QueryCamera* camera) {
+    const Refined& refined = *solution_.refined;
+    CheckedIntrinsics& checked = solution_.checked;
+    checked = Timed("covariance", seconds_, [&] {
+      return CheckIntrinsics(group_, layout_, refined,
+                             EstimateUncertainties(layout_, solution_.averaged.pairs, refined, options_), options_,
+                             camera);
+    });
+    if (HavePriors(layout_)) {
+      Timed("priors", seconds_, [&] { FusePriors(layout_, &priors, &checked); });
+      solution_.priors = std::move(priors);
+    }
+    IgnoreContradictionsOfEvidence(layout_, refined, options_, &checked.results);
+    solution_.measured = Timed("confidence", seconds_, [&] {
+      return MeasureEvidence(layout_, estimates_, /*has_relative_poses=*/camera == nullptr, refined,
+                             checked.uncertainties);
+    });
+  }
+
+  const QueryGroup& group_;
+  const Layout& layout_;
+  const PairEstimates& estimates_;
+  const LocalizerOptions& options_;
+  StageTimer::Seconds* const seconds_;
+  Solution& solution_;
+};
+
+}  // namespace
+
+Solution Solve(const Prepared& prepared, const Hypothesis& hypothesis, const LocalizerOptions& options,
+               StageTimer::Seconds* seconds) {
+  Solution solution;
+  solution.hypothesis = hypothesis;
+  solution.prepared = &prepared;
+  for (const QueryImage& query : prepared.group.images) {
+    solution.priors.push_back(UntestedPriors(query.problem.prior));
+    solution.checked.results.emplace_back().origin = query.problem.intrinsics_origin;
+  }
+  try {
+    if (prepared.failure) throw Failure(*prepared.failure);
+    Solver solver(prepared, options, seconds, &solution);
+    if (hypothesis.estimates_focal_length) {
+      solver.SolveWithUnknownFocalLength();
+    } else if (hypothesis.approach == Approach::ROTATION) {
+      solver.SolveByRotation();
+    } else if (hypothesis.approach == Approach::WITHOUT_TRACKS) {
+      solver.SolveWithoutTracks();
+    } else {
+      solver.SolveByTracks(/*averages_motion=*/hypothesis.approach == Approach::TRACKS);
+    }
+  } catch (const Failure& failure) {
+    solution.failure = failure;
+  }
+  return solution;
+}
+
+}  // namespace lazyloc

@@ -1,0 +1,34 @@
+#pragma once
+
+#include <optional>
+#include <vector>
+
+#include "colmap_lazyloc/pipeline/depth_scale.h"
+#include "colmap_lazyloc/pipeline/intrinsics_check.h"
+#include "colmap_lazyloc/pipeline/pose_evidence.h"
+#include "colmap_lazyloc/pipeline/prepare.h"
+#include "colmap_lazyloc/pipeline/start_selection.h"
+
+namespace lazyloc {
+
+// What comes of a hypothesis: values of the solve, and no judgement on them. A failed one has what was known until
+// then.
+struct Solution {
+  Hypothesis hypothesis;
+  const Prepared* prepared = nullptr;
+  std::optional<Failure> failure;  // nullopt if there are poses
+
+  Averaged averaged;                     // pairs in use
+  std::vector<StartPose> starts;         // by query frame; empty without any
+  std::vector<DepthResult> depths;       // by query; empty without depth maps
+  std::vector<QueryPriorResult> priors;  // by query
+  std::optional<Refined> refined;        // nullopt if nothing was adjusted over tracks
+  CheckedIntrinsics checked;             // the poses as reported, with uncertainties and intrinsics
+  MeasuredEvidence measured;             // by query frame; empty if unknown
+};
+
+// Solves a group under a hypothesis: the method, stage by stage. Adds the stages' wall times.
+Solution Solve(const Prepared& prepared, const Hypothesis& hypothesis, const LocalizerOptions& options,
+               StageTimer::Seconds* seconds);
+
+}  // namespace lazyloc
