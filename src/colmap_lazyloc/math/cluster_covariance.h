@@ -20,7 +20,11 @@ class ClusterCovariance {
 
   // influence: what one observation moves the estimate by.
   void Add(int cluster, const Vector& influence) {
-    influences_.try_emplace(cluster, Vector::Zero()).first->second += influence;
+    Cluster& sum = clusters_[cluster];
+    sum.influence += influence;
+    ++sum.num_observations;
+    total_.influence += influence;
+    ++total_.num_observations;
     independent_ += influence * influence.transpose();
   }
 
@@ -28,11 +32,14 @@ class ClusterCovariance {
   // observations: nothing in directions in which the clusters scatter less. num_parameters: number of unknowns of the
   // estimate, which make the influences of few clusters too small.
   Matrix Excess(const Matrix& covariance, int num_parameters) const {
-    const auto num_clusters = static_cast<double>(influences_.size());
+    const auto num_clusters = static_cast<double>(clusters_.size());
     const double degrees_of_freedom = std::max(num_clusters - num_parameters, num_clusters / kMaxSmallSampleFactor);
     Matrix excess = -independent_;
-    for (const auto& [cluster, influence] : influences_) {
-      excess += num_clusters / degrees_of_freedom * influence * influence.transpose();
+    for (const auto& [index, cluster] : clusters_) {
+      // Subtracts the cluster's share of the total, which is that of a prior: without one, the influences cancel out.
+      const Vector deviation =
+          cluster.influence - cluster.num_observations / total_.num_observations * total_.influence;
+      excess += num_clusters / degrees_of_freedom * deviation * deviation.transpose();
     }
     // Takes the positive part in units of the covariance, because the result must not depend on the parameters' units.
     const Eigen::GeneralizedSelfAdjointEigenSolver<Matrix> solver(excess, covariance);
@@ -44,7 +51,13 @@ class ClusterCovariance {
   // Maximum factor on the squares of the clusters' influences, because for few clusters there is no unbiased one.
   static constexpr double kMaxSmallSampleFactor = 3;
 
-  std::map<int, Vector> influences_;  // by cluster
+  struct Cluster {
+    Vector influence = Vector::Zero();
+    double num_observations = 0;
+  };
+
+  std::map<int, Cluster> clusters_;
+  Cluster total_;
   Matrix independent_ = Matrix::Zero();
 };
 

@@ -90,9 +90,15 @@ TEST(ClusterCovariance, DoesNotDependOnUnits) {
 }
 
 TEST(ClusterCovariance, OneClusterHasNone) {
-  // At the estimate, the influences of all observations cancel out.
   ClusterCovariance<2> clusters;
   for (const double sign : {1, -1}) clusters.Add(0, {sign, 2 * sign});
+  EXPECT_EQ(clusters.Excess(Eigen::Matrix2d::Identity(), 1), Eigen::Matrix2d::Zero());
+}
+
+TEST(ClusterCovariance, APriorIsNotAnErrorOfClusters) {
+  // All observations pull alike, away from a prior.
+  ClusterCovariance<2> clusters;
+  for (int i = 0; i < 40; ++i) clusters.Add(i % 8, {1, 0.5});
   EXPECT_EQ(clusters.Excess(Eigen::Matrix2d::Identity(), 1), Eigen::Matrix2d::Zero());
 }
 

@@ -286,6 +286,7 @@ std::unique_ptr<UncertaintyInput> MakeUncertaintyInput(int num_database_images =
   const Eigen::Matrix<double, 6, 6> unknown = Eigen::Matrix<double, 6, 6>::Zero();
   adjustment.frame_covariances.assign(adjustment.posed.frames.size(), unknown);
   adjustment.image_covariances.assign(adjustment.posed.images.size(), unknown);
+  adjustment.image_shared_errors.assign(adjustment.posed.images.size(), unknown);
   for (const int query : {0, 1}) input->SetCovariance(query, 1e-6 * Eigen::Matrix<double, 6, 6>::Identity());
   return input;
 }
