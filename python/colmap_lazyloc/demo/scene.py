@@ -16,7 +16,6 @@ import dataclasses
 import hashlib
 import json
 import pathlib
-import sys
 
 import cv2
 import numpy as np
@@ -24,7 +23,7 @@ from scipy.spatial.transform import Rotation
 
 from colmap_lazyloc.demo import textures
 from colmap_lazyloc.demo.renderer import RayGrid, Rectangle, render
-from colmap_lazyloc.errors import command
+from colmap_lazyloc.errors import command, logger
 from colmap_lazyloc.model import Camera, Image, write_model
 from colmap_lazyloc.poses import Pose, look_at, write_poses
 
@@ -234,7 +233,7 @@ def make_scene(output: pathlib.Path, seed: int, num_database_images: int, num_qu
     scene_path = output / "scene.json"
     if scene_path.exists() and scene_path.read_text() == _as_json(description):
         return False
-    print(f"rendering {num_database_images + num_query_images} photos into {output}", file=sys.stderr)
+    logger.info("rendering %d photos into %s", num_database_images + num_query_images, output)
     output.mkdir(parents=True, exist_ok=True)
     scene_path.unlink(missing_ok=True)
     rectangles = build_scene(seed)

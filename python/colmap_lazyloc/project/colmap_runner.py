@@ -4,10 +4,9 @@ import json
 import pathlib
 import re
 import subprocess
-import sys
 from collections.abc import Sequence
 
-from colmap_lazyloc.errors import InputError
+from colmap_lazyloc.errors import InputError, logger
 
 NUM_ERROR_LINES = 50
 GLOG_PREFIX = re.compile(r"^[IWEF]\d{8} \S+ +\d+ \S+\] ")
@@ -57,7 +56,7 @@ class ProgressBar:
 
     def __init__(self, title: str):
         if title:
-            print(f"lazyloc run: {title}", file=sys.stderr, flush=True)
+            logger.info(title)
         try:
             from tqdm import tqdm
         except ImportError:

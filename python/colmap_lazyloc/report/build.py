@@ -9,12 +9,12 @@ import numpy as np
 from colmap_lazyloc.database import DatabaseReader
 from colmap_lazyloc.errors import InputError
 from colmap_lazyloc.model import Camera
+from colmap_lazyloc.progress import progress
 from colmap_lazyloc.queries import read_queries, read_query_lines
 from colmap_lazyloc.report import photos
 from colmap_lazyloc.report.chunk import pack
 from colmap_lazyloc.report.details import DETAILS_PER_BLOCK, detail_chunk
 from colmap_lazyloc.report.drawing import can_project, drawing_chunk
-from colmap_lazyloc.report.progress import progress
 from colmap_lazyloc.report.repeat import RepeatCommands
 from colmap_lazyloc.report.run import Run
 from colmap_lazyloc.report.scene import scene_chunk

@@ -6,7 +6,7 @@ import pathlib
 import numpy as np
 
 from colmap_lazyloc.errors import InputError
-from colmap_lazyloc.report.progress import progress
+from colmap_lazyloc.progress import progress
 from colmap_lazyloc.report.run import Run
 from colmap_lazyloc.report.scene_points import ScenePoints
 

@@ -12,9 +12,9 @@ from colmap_lazyloc.errors import InputError
 from colmap_lazyloc.model import Image, Model, read_model
 from colmap_lazyloc.points import Points, read_points
 from colmap_lazyloc.poses import Pose, pose_errors
+from colmap_lazyloc.progress import progress
 from colmap_lazyloc.report.geometry import stack_poses
 from colmap_lazyloc.report.options_file import RunOptions, read_options
-from colmap_lazyloc.report.progress import progress
 from colmap_lazyloc.report.result_check import check_result
 from colmap_lazyloc.results import pose_of, read_results, unconfirmed_pose_of
 

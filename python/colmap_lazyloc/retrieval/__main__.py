@@ -14,7 +14,7 @@ import time
 
 import numpy as np
 
-from colmap_lazyloc.errors import InputError, command, positive_int
+from colmap_lazyloc.errors import InputError, command, logger, positive_int
 from colmap_lazyloc.report.output import check_output, write_file
 from colmap_lazyloc.retrieval.descriptors import DescriptorSet, describe_set
 from colmap_lazyloc.retrieval.images import ImageSelection, parse_shard, select_images
@@ -103,9 +103,9 @@ def _search(queries: DescriptorSet, images: DescriptorSet, options: argparse.Nam
 
     start = time.monotonic()
     search = Search(queries, images, options)
-    print(search.description, flush=True)
+    logger.info(search.description)
     ranks = search.run()
-    print(f"{search.outcome} in {time.monotonic() - start:.1f} s", flush=True)
+    logger.info("%s in %.1f s", search.outcome, time.monotonic() - start)
     return ranks
 
 
