@@ -24,7 +24,7 @@ DESCRIBED = {
     "evaluate": ["evaluate", "summarize", "Summary", "Recall"],
     "results": ["read_results", "pose_of", "unconfirmed_pose_of"],
 }
-WITH_ALIASES = ("inputs", "poses", "model", "evaluate")
+WITH_ALIASES = ("array_types", "inputs", "poses", "model", "evaluate")
 WITH_ALL_CLASSES = "result_fields"
 
 

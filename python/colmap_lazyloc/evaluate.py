@@ -18,9 +18,10 @@ from typing import TypedDict
 
 import numpy as np
 
+from colmap_lazyloc.array_types import Floats
 from colmap_lazyloc.errors import InputError, command, logger
 from colmap_lazyloc.model import ModelLike, poses_of, read_model
-from colmap_lazyloc.poses import Floats, Pose, PoseLike, read_poses
+from colmap_lazyloc.poses import Pose, PoseLike, read_poses
 from colmap_lazyloc.queries import read_queries
 from colmap_lazyloc.results import read_results
 

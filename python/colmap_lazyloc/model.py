@@ -116,6 +116,13 @@ class Image:
     image_id: int = 0
     points2d: NDArray[np.void] = dataclasses.field(default_factory=NO_POINTS.copy)  # n rows of POINT2D
 
+    @property
+    def pose(self) -> Pose:
+        """Returns cam_from_world of an image that must have one."""
+        if self.cam_from_world is None:
+            raise InputError(f"image '{self.name}' has no pose")
+        return self.cam_from_world
+
 
 @dataclasses.dataclass(frozen=True)
 class Model:

@@ -7,12 +7,11 @@ from collections.abc import Mapping
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from colmap_lazyloc.array_types import Floats
 from colmap_lazyloc.errors import InputError
 from colmap_lazyloc.text_files import Path, read_entries
-
-Floats = NDArray[np.float64]
 
 
 class Rotation3dLike(Protocol):

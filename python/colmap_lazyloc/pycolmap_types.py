@@ -5,8 +5,9 @@ from collections.abc import Iterable
 import numpy as np
 import pycolmap
 
+from colmap_lazyloc.array_types import Floats
 from colmap_lazyloc.model import Camera, Image
-from colmap_lazyloc.poses import Floats, Pose
+from colmap_lazyloc.poses import Pose
 
 
 def to_pycolmap_camera(camera: Camera, camera_id: int = 1) -> pycolmap.Camera:

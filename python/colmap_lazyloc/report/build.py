@@ -64,11 +64,11 @@ def _build(run: Run, sources: Sources, database: DatabaseReader | None) -> tuple
     }
     is_drawn = np.zeros(len(run.queries), bool)
     is_drawn[list(drawings)] = True
-    scene, scene_arrays = scene_chunk(run, cameras, points, [] if database is None else database.frames())
+    scene, scene_arrays, size = scene_chunk(run, cameras, points, [] if database is None else database.frames())
     num_shown = {"points": len(points.xyz), "photos": len(shown.files)}
     notes = _notes(run, sources, num_shown, bool(lines))
     chunks = {
-        "summary": pack(summary_chunk(run, num_shown, find_warnings(run, scene["size"]), notes), {}),
+        "summary": pack(summary_chunk(run, num_shown, find_warnings(run, size), notes), {}),
         "queries": pack(*query_chunk(run, shown.of_query, is_drawn)),
         "scene": pack(scene, scene_arrays),
     }
