@@ -106,6 +106,11 @@ class DatabaseReader:
         query = "SELECT 1 FROM keypoints JOIN images USING (image_id) WHERE name = ?"
         return self._connection.execute(query, (name,)).fetchone() is not None
 
+    def num_descriptors(self) -> int:
+        """Returns the number of descriptors of all images."""
+        (num_descriptors,) = self._connection.execute("SELECT SUM(rows) FROM descriptors").fetchone()
+        return int(num_descriptors or 0)
+
     def keypoints(self, name: str) -> Array:
         """Returns the keypoints' x and y in pixels, n x 2."""
         query = "SELECT rows, cols, data FROM keypoints WHERE image_id = ?"
