@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from colmap_lazyloc.pycolmap_types import to_pose, to_pycolmap_camera, to_rigid3d
+from colmap_lazyloc.poses import Pose
+from colmap_lazyloc.pycolmap_types import to_pycolmap_camera, to_rigid3d
 from colmap_lazyloc.testing import synthetic
 
 pycolmap = pytest.importorskip("pycolmap", minversion="4")
@@ -83,7 +84,7 @@ def make_scene(frames, models):
     scene = synthetic.Scene(cameras, {}, {}, [], points)
     for _, rig_from_world, names in frames.values():
         for camera_id, name in names.items():
-            pose = to_pose(OTHER_FROM_REFERENCE * rig_from_world if camera_id == 2 else rig_from_world)
+            pose = Pose.of(OTHER_FROM_REFERENCE * rig_from_world if camera_id == 2 else rig_from_world)
             keypoints, owners = synthetic.observe(cameras[camera_id], pose, points, 0.1, 0.8, rng)
             scene.images[name] = synthetic.Image(name, len(scene.images) + 1, camera_id, pose, keypoints, owners)
     scene.query_names = [name for name in scene.images if name.startswith("query")]
@@ -214,7 +215,7 @@ def test_model_with_rigs_there_and_back(localize, scene, database_path, frames, 
     poses = {image.name: image.cam_from_world() for image in written.images.values()}
     assert sorted(poses) == sorted(scene.images)
     for name, pose in run.poses.items():
-        position_error, rotation_error_deg = to_pose(poses[name]).errors(pose)
+        position_error, rotation_error_deg = Pose.of(poses[name]).errors(pose)
         assert position_error < 1e-12 and rotation_error_deg < 1e-5, name
     frame_of = {image.name: written.frame(image.frame_id) for image in written.images.values()}
     assert frame_of["query/left.jpg"].rig_id == frame_of["query/right.jpg"].rig_id == RIG_ID

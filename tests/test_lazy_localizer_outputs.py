@@ -306,13 +306,11 @@ def test_queries_in_the_model_have_the_poses_of_the_poses_file(noisy_run, noisy)
 def test_pycolmap_reads_the_model(noisy_run, noisy):
     import pycolmap
 
-    from colmap_lazyloc.pycolmap_types import to_pose
-
     model = pycolmap.Reconstruction(noisy_run.output_path / "model")
     assert model.num_reg_images() == len(noisy.scene.images)
     for image in model.images.values():
         truth = noisy.scene.images[image.name]
-        pose = to_pose(image.cam_from_world())
+        pose = Pose.of(image.cam_from_world())
         _, rotation_error_deg = pose.errors(truth.pose)
         assert np.radians(rotation_error_deg) < 0.003 and np.linalg.norm(pose.tvec - truth.pose.tvec) < 0.02
         assert image.camera.model.name == noisy.scene.cameras[truth.camera_id].model

@@ -90,7 +90,8 @@ def test_bad_camera(without_database, camera, message):
     ("model", "message"),
     [
         ({}, "model: contains no posed image"),
-        ({"a.jpg": (EYE, np.zeros(3))}, "model: image 'a.jpg' must be a name with (R, t, camera)"),
+        ({"a.jpg": (EYE,)}, "model: image 'a.jpg' must be a name with (R, t, camera) or (pose, camera)"),
+        ({"a.jpg": (EYE, CAMERA)}, "model: image a.jpg: a pose must be a 3x4 or 4x4 matrix or (R, t), but has 3 x 3"),
         ({"a.jpg": (EYE, np.zeros(3), None)}, "model: image a.jpg has no camera"),
         ({"a.jpg": (2 * EYE, np.zeros(3), CAMERA)}, "model: image a.jpg: the matrix is not a rotation"),
         ({"a.jpg": (-EYE, np.zeros(3), CAMERA)}, "model: image a.jpg: the matrix is not a rotation"),
@@ -98,7 +99,7 @@ def test_bad_camera(without_database, camera, message):
         ({"a.jpg": (EYE, np.zeros(2), CAMERA)}, "a translation must have 3 numbers, but has 2"),
         ({"a.jpg": (EYE, np.full(3, np.nan), CAMERA)}, "model: image a.jpg: row 0 is not finite"),
         ({"": (EYE, np.zeros(3), CAMERA)}, "has no name"),
-        (5, "model: must be a folder or a dict of images"),
+        (5, "model: must be a folder, a Reconstruction or a dict of images"),
     ],
 )
 def test_bad_model(model, message):

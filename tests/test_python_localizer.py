@@ -1,6 +1,8 @@
 """Tests that the Python package localizes as the program does: the same bytes of poses, the same content of results."""
 
 import json
+import types
+import typing
 
 import numpy as np
 import pytest
@@ -8,6 +10,8 @@ import pytest
 import colmap_lazyloc as ll
 from colmap_lazyloc.model import read_model
 from colmap_lazyloc.poses import Pose
+from colmap_lazyloc.result_fields import LeaveOneOutFields, ResultFields
+from colmap_lazyloc.results import read_results
 from colmap_lazyloc.testing import synthetic
 from conftest import DATA_PATH
 from test_lazy_localizer_real_scenes import arguments_of
@@ -53,6 +57,44 @@ def test_result_has_the_content_of_results_jsonl(localize, noisy, localizer):
         result = localizer.localize(fields["name"])
         assert without_times(result.as_dict()) == without_times(fields)
         assert list(result.as_dict()) == list(fields)
+
+
+def assert_has_type(value, kind, path="result"):
+    """Checks a value of JSON against a type: TypedDicts, lists, dicts, unions and plain types."""
+    if typing.get_origin(kind) is typing.NotRequired:
+        return assert_has_type(value, *typing.get_args(kind), path)
+    if isinstance(kind, types.UnionType):
+        kinds = [inner for inner in typing.get_args(kind) if inner is not type(None)]
+        return None if value is None else assert_has_type(value, *kinds, path)
+    if typing.is_typeddict(kind):
+        fields = typing.get_type_hints(kind)
+        assert kind.__required_keys__ <= value.keys() <= fields.keys(), path
+        for name, inner in value.items():
+            assert_has_type(inner, fields[name], f"{path}.{name}")
+    elif typing.get_origin(kind) in (list, dict):
+        assert isinstance(value, typing.get_origin(kind)), path
+        for inner in value if isinstance(value, list) else value.values():
+            assert_has_type(inner, typing.get_args(kind)[-1], path)
+    else:
+        assert isinstance(value, (int, float) if kind is float else kind), path
+
+
+@pytest.mark.parametrize("leave_one_out", [False, True])
+def test_fields_have_the_types_of_the_typed_dicts(localize, noisy, leave_one_out):
+    run = localize(*noisy.arguments, "--LazyLocalizer.leave_one_out", int(leave_one_out))
+    for result in read_results(run.output_path / "results.jsonl").values():
+        assert_has_type(result, ResultFields)
+    if leave_one_out:
+        assert_has_type(json.loads((run.output_path / "leave_one_out.json").read_text()), LeaveOneOutFields)
+
+
+def test_notebooks_show_a_table(noisy, localizer):
+    result = localizer.localize(noisy.scene.query_names[0])
+    shown = result._repr_html_()
+    assert shown.startswith("<table>") and "LOCALIZED" in shown and f"{result.position[0]:.6g}" in shown
+    fields = {**result.as_dict(), "status": "NO_PAIRS", "reason": "a < b", "confidence": None, "position": None}
+    lost = ll.Result("<b>", json.dumps(fields), *[np.zeros((0, 3))] * 4)._repr_html_()
+    assert "&lt;b&gt;" in lost and "a &lt; b" in lost and "NO_PAIRS" in lost and "position" not in lost
 
 
 def test_arrays_of_a_result(noisy, localizer):

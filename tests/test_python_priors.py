@@ -58,7 +58,7 @@ def test_contradicted_position_is_reported(noisy, localizer):
     result = localizer.localize(name, position=(wrong, 0.1))
     assert result.pose.bits() == localizer.localize(name).pose.bits()
     assert result.as_dict()["priors"]["position"]["verdict"] == "contradicted"
-    assert "contradicted by the images" in dict(facts(result.as_dict()))["Given position"]
+    assert "contradicted by the images" in dict(facts(result.as_dict(), "units"))["Given position"]
 
 
 def test_matches_take_priors(noisy, localizer):

@@ -89,6 +89,19 @@ def test_head_names_versions_inputs_and_changed_options(run_path, page):
     assert (summary["hasTruth"], summary["isLeaveOneOut"], summary["minConfidence"]) == (True, False, 0.94)
 
 
+def test_lengths_are_in_metres_only_if_that_is_known(run_path, page, tmp_path):
+    folder = tmp_path / "run"
+    shutil.copytree(run_path, folder)
+    stated = make_page(folder, tmp_path / "stated.html", "--unit", "m")
+    (folder / "positions.geojson").write_text("{}")
+    geographic = make_page(folder, tmp_path / "geographic.html")
+    assert [shown.summary["unit"] for shown in (page, stated, geographic)] == ["units", "m", "m"]
+    for shown, unit in ((page, "units"), (stated, "m")):
+        texts = [text for rows in shown.chunks["details/0"]["facts"] for _, text in rows]
+        lengths = [text for text in texts if "along the principal axes" in text]
+        assert lengths and all((" units," in text) == (unit == "units") for text in lengths)
+
+
 def test_names_are_data_and_never_html(run_path, page):
     assert {f"query/{name}" for name in UGLY_NAMES} <= set(page.queries["names"])
     assert {f"database/{name}" for name in UGLY_NAMES} <= set(page.scene["databaseNames"])

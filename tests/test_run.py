@@ -18,6 +18,7 @@ from colmap_lazyloc.model import read_model
 from colmap_lazyloc.pose_formats.geo import GeoOrigin
 from colmap_lazyloc.pose_formats.posed_images import OPENGL_FROM_COLMAP, PosedImage
 from colmap_lazyloc.poses import read_poses
+from colmap_lazyloc.project import steps
 from colmap_lazyloc.project.pairs import pairs_by_viewpoint, pairs_in_sequence
 
 MAX_POSITION_ERROR = 0.05  # in a courtyard of 20 m
@@ -190,6 +191,18 @@ def test_without_poses_the_mapper_makes_them(run, photos):
     distances, true_distances = (np.linalg.norm(points[:, None] - points, axis=2) for points in (found, true))
     scale = distances.sum() / true_distances.sum()
     assert np.abs(distances / scale - true_distances).max() < 0.1
+
+
+def test_many_photos_without_poses_are_matched_by_retrieval(run, photos, monkeypatch, capsys):
+    monkeypatch.setattr(steps, "MAX_NUM_EXHAUSTIVE", 5)  # of 6 database images
+    monkeypatch.setattr(steps, "NUM_RETRIEVED", 4)
+    output = run(None)
+    assert "matching 6 images with those that look alike" in capsys.readouterr().err
+    assert (output / "vocab_tree.bin").stat().st_size > 10000
+    retrieved = [line.split() for line in (output / "lists" / "retrieved.txt").read_text().splitlines()]
+    assert sorted(name for line in retrieved for name in line) == photos.database_names
+    assert len(read_model(output / "model").images) >= 5
+    assert sorted(read_poses(output / "localized" / "poses.txt")) == photos.query_names
 
 
 def test_names_with_blanks(run, photos, tmp_path):

@@ -22,6 +22,7 @@ import sys
 
 from benchmarks.localization.evaluation import MIN_ERROR, Row, Series, paired_ratio, read_csv, summarize
 from benchmarks.localization.tables import in_order, labels
+from colmap_lazyloc.errors import command
 
 ALL_SCENES = "all scenes"
 CONFIDENCE = 0.99
@@ -32,6 +33,7 @@ DEFAULT_TOLERANCE = {"position_ratio": 1.1, "rotation_ratio": 1.1, "num_lost": 0
 Groups = dict[tuple[str, Series], list[Row]]
 
 
+@command(name="benchmarks compare")
 def main(argv=None) -> int:
     arguments = _parse(argv)
     try:
@@ -54,7 +56,7 @@ def main(argv=None) -> int:
                 regressions += [f"{path.stem}: {text}" for text in found]
     except (OSError, ValueError, KeyError) as error:
         print(f"benchmarks compare: {error}", file=sys.stderr)
-        return 2
+        return 1
     for text in regressions:
         print(f"REGRESSION: {text}")
     print("worse than noise" if regressions else "no regression")

@@ -21,9 +21,10 @@ for query, other in read_pairs(pairs_path):
     retrieved.setdefault(query, []).append(other)
 with h5py.File(features_path) as features, h5py.File(matches_path) as matches, ll.Localizer(None, model) as localizer:
     for name, camera in read_query_cameras(queries).items():
-        pairs = {
-            other: (read_keypoints(features, other), find_matches(matches, name, other))
-            for other in retrieved.get(name, [])
-        }
+        pairs = {}
+        for other in retrieved.get(name, []):
+            found = find_matches(matches, name, other)
+            if found is not None:
+                pairs[other] = (read_keypoints(features, other), found)
         result = localizer.localize_matches(camera, read_keypoints(features, name), pairs, name=name)
         print(name, result.status, f"{result.num_inliers} inliers")

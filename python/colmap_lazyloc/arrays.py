@@ -1,16 +1,20 @@
 """Checks what users give to the extension module, and converts it to the arrays that the module takes."""
 
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from colmap_lazyloc.errors import InputError
 from colmap_lazyloc.extension import core
+from colmap_lazyloc.inputs import CameraInput, GravityPrior, ModelInput, PoseInput, PositionPrior
 from colmap_lazyloc.model import Model
-from colmap_lazyloc.poses import Pose
+from colmap_lazyloc.poses import Pose, find_pose
 from colmap_lazyloc.settings import check_text
+
+if TYPE_CHECKING:
+    from colmap_lazyloc import _core
 
 MAX_IMAGE_SIZE = 1 << 15  # pixels, of one side
 _MAX_NON_ORTHOGONALITY = 1e-3  # of rotation matrices, because files may round them to few digits
@@ -40,7 +44,7 @@ def to_matches(values: ArrayLike, label: str) -> NDArray[np.uint32]:
     return np.ascontiguousarray(array, np.uint32)
 
 
-def to_pixels(image: Any) -> NDArray[np.uint8]:
+def to_pixels(image: ArrayLike) -> NDArray[np.uint8]:
     """Returns height x width x 1 (grey) or 3 (RGB) values."""
     array = _to_array(image, "photo")
     if array.dtype != np.uint8:
@@ -54,7 +58,7 @@ def to_pixels(image: Any) -> NDArray[np.uint8]:
     return np.ascontiguousarray(array)
 
 
-def to_camera(camera: Any) -> Any:
+def to_camera(camera: CameraInput) -> "_core.Camera":
     """Returns the extension module's camera.
 
     Takes `MODEL width height params...`, a dict with the keys model, width, height and params, or an object with these
@@ -81,14 +85,19 @@ def to_camera(camera: Any) -> Any:
     return core.Camera(str(model), width, height, params)
 
 
-def to_pose(pose: Any, label: str) -> NDArray[np.float64]:
+def to_pose(pose: PoseInput, label: str) -> NDArray[np.float64]:
     """Returns qw qx qy qz tx ty tz.
 
     Takes a 3x4 or 4x4 matrix, a pair of a rotation (3x3 matrix or quaternion w x y z) and a translation, or a
-    colmap_lazyloc.poses.Pose, whose bits are kept.
+    colmap_lazyloc.poses.Pose, a pycolmap.Rigid3d or a pycolmap.Image, whose bits are kept.
     """
-    if isinstance(pose, Pose):
-        rotation, translation = pose.qvec, pose.tvec
+    found = find_pose(pose)
+    rotation: ArrayLike
+    translation: ArrayLike
+    if found is not None:
+        rotation, translation = found.qvec, found.tvec
+    elif hasattr(pose, "cam_from_world"):
+        raise InputError(f"{label}: has no pose")
     elif isinstance(pose, tuple | list) and len(pose) == 2:
         rotation, translation = pose
     else:
@@ -96,10 +105,10 @@ def to_pose(pose: Any, label: str) -> NDArray[np.float64]:
         if matrix.shape not in ((3, 4), (4, 4)):
             raise InputError(f"{label}: a pose must be a 3x4 or 4x4 matrix or (R, t), but has {_shape(matrix)}")
         rotation, translation = matrix[:3, :3], matrix[:3, 3]
-    rotation, translation = _to_numbers(rotation, label), _to_numbers(translation, label)
-    if translation.size != 3:
-        raise InputError(f"{label}: a translation must have 3 numbers, but has {translation.size}")
-    return np.concatenate([_to_quaternion(rotation, label), translation.ravel()])
+    tvec = _to_numbers(translation, label)
+    if tvec.size != 3:
+        raise InputError(f"{label}: a translation must have 3 numbers, but has {tvec.size}")
+    return np.concatenate([_to_quaternion(_to_numbers(rotation, label), label), tvec.ravel()])
 
 
 def to_poses(poses: list[NDArray[np.float64]]) -> NDArray[np.float64]:
@@ -107,7 +116,7 @@ def to_poses(poses: list[NDArray[np.float64]]) -> NDArray[np.float64]:
     return np.ascontiguousarray(poses, np.float64).reshape(-1, 7)
 
 
-def to_position(prior: Any) -> list[float]:
+def to_position(prior: PositionPrior | None) -> list[float]:
     """Returns the numbers of a line of a file of positions, without the name; none for None.
 
     Takes (x, y, z) and an uncertainty: a standard deviation, three of them, or a 3x3 covariance.
@@ -127,7 +136,7 @@ def to_position(prior: Any) -> list[float]:
     return [*position.tolist(), *uncertainty.ravel().tolist()]
 
 
-def to_gravity(prior: Any) -> list[float]:
+def to_gravity(prior: GravityPrior | None) -> list[float]:
     """Returns the numbers of a line of a file of gravity, without the name; none for None.
 
     Takes a direction (x, y, z) and a standard deviation in degrees.
@@ -140,7 +149,7 @@ def to_gravity(prior: Any) -> list[float]:
     return [*direction.tolist(), *uncertainty.ravel().tolist()]
 
 
-def _to_prior(prior: Any, label: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _to_prior(prior: object, label: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     if not isinstance(prior, tuple | list) or len(prior) != 2:
         raise InputError(f"{label}: must be a pair of (x, y, z) and its uncertainty")
     given = [prior[1]] if np.ndim(prior[1]) == 0 else prior[1]
@@ -150,28 +159,34 @@ def _to_prior(prior: Any, label: str) -> tuple[NDArray[np.float64], NDArray[np.f
     return vector.ravel(), uncertainty
 
 
-def to_model(images: Any) -> Any:
-    """Returns the extension module's model; takes {name: (R, t, camera)} or a colmap_lazyloc.model.Model."""
-    if isinstance(images, Model):
+def to_model(model: ModelInput) -> "_core.Model":
+    """Returns the extension module's model.
+
+    Takes a colmap_lazyloc.model.Model, a pycolmap.Reconstruction, {name: (R, t, camera)} or {name: (pose, camera)}.
+    """
+    images: Mapping[str, Any]
+    if isinstance(model, Mapping):
+        images = model
+    else:
+        read = Model.of(model)
         images = {
-            name: (image.cam_from_world.qvec, image.cam_from_world.tvec, images.cameras[image.camera_id])
-            for name, image in images.images.items()
-            if image.cam_from_world is not None
+            name: (image.cam_from_world, read.cameras.get(image.camera_id)) for name, image in read.images.items()
         }
-    cameras: list[Any] = []
+    cameras: list[_core.Camera] = []
     index_of_camera: dict[int, int] = {}
     poses = []
     for name, value in images.items():
-        if not isinstance(name, str) or not isinstance(value, tuple | list) or len(value) != 3:
-            raise InputError(f"model: image {name!r} must be a name with (R, t, camera)")
-        if value[2] is None:
+        if not isinstance(name, str) or not isinstance(value, tuple | list) or len(value) not in (2, 3):
+            raise InputError(f"model: image {name!r} must be a name with (R, t, camera) or (pose, camera)")
+        *pose, camera = value
+        if camera is None:
             raise InputError(f"model: image {name} has no camera")
         check_text(name, "model: an image's name")
-        poses.append(to_pose((value[0], value[1]), f"model: image {name}"))
-        if id(value[2]) not in index_of_camera:
-            index_of_camera[id(value[2])] = len(cameras)
-            cameras.append(to_camera(value[2]))
-    camera_of_image = [index_of_camera[id(value[2])] for value in images.values()]
+        poses.append(to_pose(pose[0] if len(pose) == 1 else tuple(pose), f"model: image {name}"))
+        if id(camera) not in index_of_camera:
+            index_of_camera[id(camera)] = len(cameras)
+            cameras.append(to_camera(camera))
+    camera_of_image = [index_of_camera[id(value[-1])] for value in images.values()]
     return core.Model(cameras, list(images), to_poses(poses), camera_of_image)
 
 

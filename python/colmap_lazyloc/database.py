@@ -8,7 +8,9 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
+from colmap_lazyloc.array_types import Array
 from colmap_lazyloc.model import CAMERA_MODEL_IDS, CAMERA_MODELS, Camera
+from colmap_lazyloc.text_files import Path
 
 CAMERA_SENSOR = 0  # COLMAP's type of a sensor
 MAX_NUM_IMAGES = 2147483647  # COLMAP's constant, from which pair ids are computed
@@ -19,13 +21,13 @@ def pair_id(image_id1: int, image_id2: int) -> int:
     return min(image_id1, image_id2) * MAX_NUM_IMAGES + max(image_id1, image_id2)
 
 
-def connect(path, mode: str = "ro", is_immutable: bool = False) -> sqlite3.Connection:
+def connect(path: Path, mode: str = "ro", is_immutable: bool = False) -> sqlite3.Connection:
     """Opens a database in SQLite's mode "ro", "rw" or "rwc"; immutable: as a file that no program changes meanwhile."""
     uri = pathlib.Path(path).resolve().as_uri()
     return sqlite3.connect(f"{uri}?mode={mode}{'&immutable=1' if is_immutable else ''}", uri=True)
 
 
-def remove_images(connection: sqlite3.Connection, image_ids: Iterable[int]):
+def remove_images(connection: sqlite3.Connection, image_ids: Iterable[int]) -> None:
     """Removes images with their features and matches; rigs and frames stay."""
     connection.execute("CREATE TEMP TABLE removed (image_id INTEGER PRIMARY KEY)")
     connection.executemany("INSERT INTO removed VALUES (?)", ((image_id,) for image_id in image_ids))
@@ -87,7 +89,7 @@ class DatabaseReader:
         self._connection.text_factory = lambda name: name.decode(errors="backslashreplace")
         self.image_ids: dict[str, int] = dict(self._connection.execute("SELECT name, image_id FROM images"))
         rows = self._connection.execute("SELECT pair_id, rows FROM two_view_geometries WHERE rows > 0")
-        self._num_inliers = dict(rows)
+        self._num_inliers: dict[int, int] = dict(rows)
 
     def __enter__(self) -> "DatabaseReader":
         return self
@@ -104,7 +106,12 @@ class DatabaseReader:
         query = "SELECT 1 FROM keypoints JOIN images USING (image_id) WHERE name = ?"
         return self._connection.execute(query, (name,)).fetchone() is not None
 
-    def keypoints(self, name: str) -> np.ndarray:
+    def num_descriptors(self) -> int:
+        """Returns the number of descriptors of all images."""
+        (num_descriptors,) = self._connection.execute("SELECT SUM(rows) FROM descriptors").fetchone()
+        return int(num_descriptors or 0)
+
+    def keypoints(self, name: str) -> Array:
         """Returns the keypoints' x and y in pixels, n x 2."""
         query = "SELECT rows, cols, data FROM keypoints WHERE image_id = ?"
         row = self._connection.execute(query, (self.image_ids[name],)).fetchone()
@@ -126,22 +133,23 @@ class DatabaseReader:
     def frames(self) -> list[list[str]]:
         """Returns the names of the images of each frame of a rig; none in databases that have no rigs."""
         tables = self._connection.execute("SELECT name FROM sqlite_master WHERE name = 'frame_data'").fetchall()
-        frames, names = {}, {image_id: name for name, image_id in self.image_ids.items()}
+        frames: dict[int, list[str]] = {}
+        names = {image_id: name for name, image_id in self.image_ids.items()}
         rows = self._connection.execute("SELECT frame_id, data_id, sensor_type FROM frame_data") if tables else ()
         for frame_id, data_id, sensor_type in rows:
             if sensor_type == CAMERA_SENSOR and data_id in names:
                 frames.setdefault(frame_id, []).append(names[data_id])
         return [sorted(frame) for frame in frames.values()]
 
-    def inlier_matches(self, name1: str, name2: str) -> np.ndarray:
+    def inlier_matches(self, name1: str, name2: str) -> Array:
         """Returns the verified matches, m x 2: keypoint index in the first image and in the second image."""
         return self._read_matches("two_view_geometries", name1, name2)
 
-    def raw_matches(self, name1: str, name2: str) -> np.ndarray:
+    def raw_matches(self, name1: str, name2: str) -> Array:
         """Returns the matches before verification, m x 2, as `inlier_matches` does."""
         return self._read_matches("matches", name1, name2)
 
-    def _read_matches(self, table: str, name1: str, name2: str) -> np.ndarray:
+    def _read_matches(self, table: str, name1: str, name2: str) -> Array:
         query = f"SELECT rows, data FROM {table} WHERE pair_id = ? AND rows > 0"
         row = self._connection.execute(query, (self._pair_id(name1, name2),)).fetchone()
         if row is None:

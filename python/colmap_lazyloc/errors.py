@@ -1,15 +1,19 @@
 """Errors in input, and commands that end with one line about them."""
 
 import argparse
+import contextlib
 import functools
+import logging
 import os
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Protocol, overload
 
 from colmap_lazyloc.extras import missing_package
 
 EXIT_INTERRUPTED = 130
+
+logger = logging.getLogger("colmap_lazyloc")
 
 Main = Callable[..., int | None]
 
@@ -39,8 +43,8 @@ def command(
 
     If the input is bad, a file cannot be read or written, or an optional package is missing, the command prints one
     line and ends with exit code 1; after Ctrl-C with exit code 130. If the reader of its output has gone, it ends
-    without a word. `name`: the program's name in messages, if it is not that of the module; `extra`: the extra that
-    brings its optional packages.
+    without a word. Meanwhile the package's log goes to the standard error output. `name`: the program's name in
+    messages, if it is not that of the module; `extra`: the extra that brings its optional packages.
     """
     if main is None:
         return functools.partial(command, name=name, extra=extra)
@@ -49,10 +53,11 @@ def command(
     program = name or (spec.name if spec else main.__module__).removesuffix(".__main__")
 
     def fail(message: str) -> int:
-        print(f"{program}: {_escape(message)}", file=sys.stderr)
+        logger.error(message)
         return 1
 
     @functools.wraps(main)
+    @_logging_to_stderr(program)
     def run(arguments: Sequence[str] | None = None) -> int:
         try:
             try:
@@ -73,10 +78,33 @@ def command(
                 raise
             return fail(message)
         except KeyboardInterrupt:
-            print(f"{program}: interrupted", file=sys.stderr)
+            logger.error("interrupted")
             return EXIT_INTERRUPTED
 
     return run
+
+
+@contextlib.contextmanager
+def _logging_to_stderr(program: str) -> Iterator[None]:
+    """Writes the package's log to the standard error output, each message as a line that begins with the program."""
+    handler = logging.StreamHandler()
+    handler.setFormatter(_Formatter(f"{program.replace('%', '%%')}: %(message)s"))
+    before = logger.handlers, logger.level, logger.propagate
+    logger.handlers, logger.propagate = [handler], False
+    logger.setLevel(logging.INFO)
+    try:
+        yield
+    finally:
+        logger.handlers, logger.propagate = before[0], before[2]
+        logger.setLevel(before[1])
+
+
+class _Formatter(logging.Formatter):
+    """Escapes control characters, because a name from a damaged file may hold a newline."""
+
+    def format(self, record: logging.LogRecord) -> str:
+        text = super().format(record)
+        return "".join(character if character.isprintable() else repr(character)[1:-1] for character in text)
 
 
 def positive_int(text: str) -> int:
@@ -84,8 +112,3 @@ def positive_int(text: str) -> int:
     if not text.isdecimal() or int(text) < 1:
         raise argparse.ArgumentTypeError(f"must be a whole number of at least 1, but is '{text}'")
     return int(text)
-
-
-def _escape(text: str) -> str:
-    """Escapes control characters, because a name from a damaged file may hold a newline."""
-    return "".join(character if character.isprintable() else repr(character)[1:-1] for character in text)

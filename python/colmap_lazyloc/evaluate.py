@@ -13,19 +13,46 @@ import argparse
 import json
 import pathlib
 import sys
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from typing import TypedDict
 
 import numpy as np
 
-from colmap_lazyloc.errors import InputError, command
-from colmap_lazyloc.model import read_model
-from colmap_lazyloc.poses import Pose, read_poses
+from colmap_lazyloc.array_types import Floats
+from colmap_lazyloc.errors import InputError, command, logger
+from colmap_lazyloc.model import ModelLike, poses_of, read_model
+from colmap_lazyloc.poses import Pose, PoseLike, read_poses
 from colmap_lazyloc.queries import read_queries
 from colmap_lazyloc.results import read_results
 
 # The thresholds of visuallocalization.net, in metres and degrees.
 DEFAULT_THRESHOLDS = ((0.25, 2.0), (0.5, 5.0), (5.0, 10.0))
 
+
+Errors = dict[str, tuple[float, float] | None]  # by query name: of position, and of rotation in degrees
 METRE = "m"  # the other unit is that of the database, whatever it is
+
+
+class Recall(TypedDict):
+    """The share of the queries whose errors are within two thresholds."""
+
+    position: float
+    rotation_deg: float
+    ratio: float
+
+
+class Summary(TypedDict):
+    """Errors of the localized queries, None if there is none, and the recall over all queries."""
+
+    num_queries: int
+    num_localized: int
+    median_position_error: float | None
+    mean_position_error: float | None
+    max_position_error: float | None
+    median_rotation_error_deg: float | None
+    mean_rotation_error_deg: float | None
+    max_rotation_error_deg: float | None
+    recall: list[Recall]
 
 
 def find_run(estimated: pathlib.Path) -> pathlib.Path | None:
@@ -39,37 +66,47 @@ def read_any_poses(path: pathlib.Path) -> dict[str, Pose]:
         path = path / "poses.txt"
     if not path.is_dir():
         return read_poses(path)
-    return {name: image.cam_from_world for name, image in read_model(path).images.items()}
+    return poses_of(read_model(path))
 
 
-def evaluate(estimated: dict, truth: dict, names) -> dict:
-    """Returns position error and rotation error in degrees by query name; None if there is no estimated pose."""
-    return {name: estimated[name].errors(truth[name]) if name in estimated else None for name in names}
+def evaluate(
+    estimated: ModelLike | Mapping[str, PoseLike], truth: ModelLike | Mapping[str, PoseLike], names: Iterable[str]
+) -> Errors:
+    """Returns position error and rotation error in degrees by query name; None if there is no estimated pose.
+
+    Poses are in a dict by name (a `Pose`, a pycolmap.Rigid3d or a pycolmap.Image), or in a pycolmap.Reconstruction.
+    """
+    poses, true_poses = poses_of(estimated), poses_of(truth)
+    return {name: poses[name].errors(true_poses[name]) if name in poses else None for name in names}
 
 
-def summarize(errors: dict, thresholds=DEFAULT_THRESHOLDS) -> dict:
+def summarize(errors: Errors, thresholds: Sequence[tuple[float, float]] = DEFAULT_THRESHOLDS) -> Summary:
     """Returns median, mean and maximum errors of the localized queries, and the recall at each threshold."""
-    localized = np.array([error for error in errors.values() if error is not None]).reshape(-1, 2)
+    localized = np.array([error for error in errors.values() if error is not None], float).reshape(-1, 2)
 
-    def statistic(function, column):
+    def statistic(function: Callable[[Floats], np.floating], column: int) -> float | None:
         return float(function(localized[:, column])) if len(localized) > 0 else None
 
-    summary = {"num_queries": len(errors), "num_localized": len(localized)}
-    for column, quantity in enumerate(("position_error", "rotation_error_deg")):
-        for name, function in (("median", np.median), ("mean", np.mean), ("max", np.max)):
-            summary[f"{name}_{quantity}"] = statistic(function, column)
-    summary["recall"] = [
-        {
-            "position": position,
-            "rotation_deg": rotation_deg,
-            "ratio": float(np.sum(np.all(localized <= (position, rotation_deg), axis=1))) / len(errors),
-        }
-        for position, rotation_deg in thresholds
-    ]
-    return summary
+    def recall(position: float, rotation_deg: float) -> Recall:
+        num_within = float(np.sum(np.all(localized <= (position, rotation_deg), axis=1)))
+        return {"position": position, "rotation_deg": rotation_deg, "ratio": num_within / len(errors)}
+
+    return {
+        "num_queries": len(errors),
+        "num_localized": len(localized),
+        "median_position_error": statistic(np.median, 0),
+        "mean_position_error": statistic(np.mean, 0),
+        "max_position_error": statistic(np.max, 0),
+        "median_rotation_error_deg": statistic(np.median, 1),
+        "mean_rotation_error_deg": statistic(np.mean, 1),
+        "max_rotation_error_deg": statistic(np.max, 1),
+        "recall": [recall(*threshold) for threshold in thresholds],
+    }
 
 
-def choose_queries(estimated: dict, truth: dict, options) -> tuple[list, bool]:
+def choose_queries(
+    estimated: Collection[str], truth: Collection[str], options: argparse.Namespace
+) -> tuple[list[str], bool]:
     """Returns the names of the queries to evaluate, and whether those without an estimated pose are among them."""
     if options.query_list_path is not None:
         names = list(read_queries(options.query_list_path))
@@ -89,7 +126,9 @@ def choose_queries(estimated: dict, truth: dict, options) -> tuple[list, bool]:
     return sorted(truth), True
 
 
-def choose_queries_of_model(estimated: set, truth: set, options) -> tuple[list, bool]:
+def choose_queries_of_model(
+    estimated: set[str], truth: set[str], options: argparse.Namespace
+) -> tuple[list[str], bool]:
     """Returns the same if the true poses are those of a model."""
     run = find_run(options.estimated_poses)
     queries = estimated if run is None else set(read_results(run / "results.jsonl"))
@@ -97,9 +136,9 @@ def choose_queries_of_model(estimated: set, truth: set, options) -> tuple[list, 
     if not names:
         raise InputError(f"{options.estimated_poses}: no image of {options.ground_truth} has a pose here")
     if run is None:
-        print("only estimated poses are compared: --query_list_path names the queries", file=sys.stderr)
+        logger.warning("only estimated poses are compared: --query_list_path names the queries")
     elif queries - truth:
-        print(f"{options.ground_truth} has no pose of {len(queries - truth)} queries", file=sys.stderr)
+        logger.warning("%s has no pose of %d queries", options.ground_truth, len(queries - truth))
     return names, run is not None
 
 
@@ -111,15 +150,16 @@ def format_length(length: float, unit: str) -> str:
     return f"{100 * length:.2f} cm" if length >= 0.01 else f"{1000 * length:.2f} mm"
 
 
-def format_table(summary: dict, unit: str, are_queries_known: bool) -> str:
+def format_table(summary: Summary, unit: str, are_queries_known: bool) -> str:
     localized = f"localized       {summary['num_localized']} of {summary['num_queries']}"
     lines = [localized if are_queries_known else f"compared        {summary['num_localized']}"]
     if summary["num_localized"] > 0:
+        values = {name: value for name, value in summary.items() if isinstance(value, float)}
         for label, quantity, text in (
             ("position error", "position_error", lambda length: format_length(length, unit)),
             ("rotation error", "rotation_error_deg", "{:.3f} deg".format),
         ):
-            figures = (f"{name} {text(summary[f'{name}_{quantity}']):<12}" for name in ("median", "mean", "max"))
+            figures = (f"{name} {text(values[f'{name}_{quantity}']):<12}" for name in ("median", "mean", "max"))
             lines.append(f"{label}  {' '.join(figures)}".rstrip())
     for recall in summary["recall"]:
         limits = f"{recall['position']:g}{' m' if unit == METRE else ''}, {recall['rotation_deg']:g} deg"
@@ -129,7 +169,7 @@ def format_table(summary: dict, unit: str, are_queries_known: bool) -> str:
     return "\n".join(lines)
 
 
-def format_queries(errors: dict, unit: str) -> str:
+def format_queries(errors: Errors, unit: str) -> str:
     width = max(len(name) for name in errors)
     return "\n".join(
         f"{name:<{width}}  "
@@ -138,7 +178,7 @@ def format_queries(errors: dict, unit: str) -> str:
     )
 
 
-def write_json(path: pathlib.Path, summary: dict, errors: dict, unit: str) -> None:
+def write_json(path: pathlib.Path, summary: Summary, errors: Errors, unit: str) -> None:
     queries = {
         name: None if error is None else {"position_error": error[0], "rotation_error_deg": error[1]}
         for name, error in errors.items()
@@ -149,7 +189,7 @@ def write_json(path: pathlib.Path, summary: dict, errors: dict, unit: str) -> No
         raise InputError(f"--json: {path}: cannot be written: {error.strerror}") from None
 
 
-def _threshold(text: str) -> tuple:
+def _threshold(text: str) -> tuple[float, float]:
     try:
         position, rotation_deg = (float(word) for word in text.split(","))
         if not (position >= 0 and rotation_deg >= 0):
@@ -159,7 +199,7 @@ def _threshold(text: str) -> tuple:
     return position, rotation_deg
 
 
-def parse_arguments(arguments):
+def parse_arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(
         prog="lazyloc evaluate", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
@@ -197,7 +237,7 @@ def parse_arguments(arguments):
 
 
 @command(name="lazyloc evaluate")
-def main(arguments=None):
+def main(arguments: Sequence[str] | None = None) -> None:
     options = parse_arguments(arguments)
     estimated, truth = read_any_poses(options.estimated_poses), read_any_poses(options.ground_truth)
     names, are_queries_known = choose_queries(estimated, truth, options)

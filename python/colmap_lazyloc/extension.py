@@ -7,7 +7,8 @@ variable BUILD_DIR names (default: `build` in the checkout).
 import importlib
 import os
 import pathlib
-from typing import Any
+from types import ModuleType
+from typing import TYPE_CHECKING
 
 import colmap_lazyloc
 
@@ -15,7 +16,7 @@ EXTENSION = "colmap_lazyloc._core"
 CHECKOUT_PATH = pathlib.Path(__file__).resolve().parents[2]
 
 
-def _load() -> Any:
+def _load() -> ModuleType:
     try:
         return importlib.import_module(EXTENSION)
     except ModuleNotFoundError:
@@ -30,4 +31,9 @@ def _load() -> Any:
     return importlib.import_module(EXTENSION)
 
 
-core = _load()
+if TYPE_CHECKING:
+    from colmap_lazyloc import _core
+
+    core = _core
+else:
+    core = _load()

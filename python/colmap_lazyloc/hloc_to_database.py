@@ -10,17 +10,20 @@ matches:  one group per pair, <name1>/<name2> with every "/" in a name replaced 
 import argparse
 import pathlib
 import sys
+from collections.abc import Mapping, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from colmap_lazyloc.errors import InputError, command
 from colmap_lazyloc.hloc_files import find_matches, read_keypoints
 from colmap_lazyloc.model import Camera, Image, read_model
 from colmap_lazyloc.pairs import read_pairs
 from colmap_lazyloc.queries import read_query_cameras
+from colmap_lazyloc.text_files import Path
 
 
-def read_cameras(model_path, query_list_path) -> tuple[dict[int, Camera], dict[str, int]]:
+def read_cameras(model_path: Path, query_list_path: Path) -> tuple[dict[int, Camera], dict[str, int]]:
     """Reads the cameras by id, and the camera id of each image of the model and each query by name."""
     model = read_model(model_path)
     cameras, camera_ids = dict(model.cameras), {name: image.camera_id for name, image in model.images.items()}
@@ -30,7 +33,13 @@ def read_cameras(model_path, query_list_path) -> tuple[dict[int, Camera], dict[s
     return cameras, camera_ids
 
 
-def write_database(path, cameras, camera_ids, keypoints, matches_of_pair):
+def write_database(
+    path: Path,
+    cameras: Mapping[int, Camera],
+    camera_ids: Mapping[str, int],
+    keypoints: Mapping[str, NDArray[np.float32]],
+    matches_of_pair: Mapping[tuple[str, str], NDArray[np.uint32]],
+) -> None:
     """Writes the images that have keypoints, their cameras, and the matches by pairs of names."""
     import pycolmap
 
@@ -47,7 +56,7 @@ def write_database(path, cameras, camera_ids, keypoints, matches_of_pair):
             database.write_matches(ids[name1], ids[name2], matches)
 
 
-def convert(options):
+def convert(options: argparse.Namespace) -> None:
     import h5py
     import pycolmap  # noqa: F401, so that it is missed before anything is read
 
@@ -75,7 +84,7 @@ def convert(options):
 
 
 @command(extra="hloc")
-def main(arguments=None):
+def main(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--features_path", type=pathlib.Path, required=True, help="hloc's features of all images (.h5)")
     parser.add_argument("--matches_path", type=pathlib.Path, required=True, help="hloc's matches (.h5)")

@@ -16,7 +16,7 @@ import sys
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from colmap_lazyloc.errors import InputError, command
+from colmap_lazyloc.errors import InputError, command, logger
 from colmap_lazyloc.model import Camera, Image, write_model
 from colmap_lazyloc.pose_formats import exif_gps
 from colmap_lazyloc.pose_formats.geo import FILE_NAME, GeoOrigin
@@ -126,7 +126,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     print(f"{options.output_path}: {len(posed.images)} images, {num_cameras} camera{'s' * (num_cameras > 1)}")
     if source.photos.folder is not None and len(posed.images) < len(source.photos.names):
         missing = len(source.photos.names) - len(posed.images)
-        print(f"{missing} of {len(source.photos.names)} photos have no pose in {options.file}", file=sys.stderr)
+        logger.warning("%d of %d photos have no pose in %s", missing, len(source.photos.names), options.file)
 
 
 def _write_gps(options: argparse.Namespace) -> None:

@@ -1,12 +1,27 @@
-"""Queries that are not in the database."""
+"""What the localizer is given: the types of its arguments, and queries that are not in the database."""
 
 import dataclasses
-import os
 from collections.abc import Mapping
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+
+from colmap_lazyloc.model import CameraLike, ModelLike
+from colmap_lazyloc.poses import PoseLike
+from colmap_lazyloc.text_files import Path
+
+CameraInput = str | Mapping[str, object] | CameraLike  # "MODEL width height params...", a dict, or a pycolmap.Camera
+PoseInput = PoseLike | ArrayLike | tuple[ArrayLike, ArrayLike]  # also a 3x4 or 4x4 matrix, or a pair of R and t
+PosedInput = (
+    tuple[ArrayLike, ArrayLike, CameraInput] | tuple[PoseInput, CameraInput]
+)  # (R, t, camera) or (pose, camera)
+ModelInput = ModelLike | Mapping[str, PosedInput]  # in memory, or {name: (R, t, camera) or (pose, camera)}
+PositionPrior = tuple[ArrayLike, ArrayLike]  # x, y, z, and a standard deviation, three of them or a covariance
+GravityPrior = tuple[ArrayLike, float]  # x, y, z, and a standard deviation in degrees
+PairInput = ArrayLike | tuple[ArrayLike, ArrayLike]  # matches, or keypoints of a posed image and matches
+Option = str | float | Path | ArrayLike  # the value of an option
+Options = Mapping[str, "Option | Options"]  # by name, or in nested dicts
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -18,24 +33,24 @@ class Photo:
     choices are seeded; default: the path, or "photo". `position`, `gravity`: as for `Localizer.localize`.
     """
 
-    image: str | os.PathLike[str] | NDArray[np.uint8]
-    camera: Any = None
+    image: Path | NDArray[np.uint8]
+    camera: CameraInput | None = None
     name: str | None = None
-    position: Any = None
-    gravity: Any = None
+    position: PositionPrior | None = None
+    gravity: GravityPrior | None = None
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Matches:
     """A query with features and matches of its own; the fields are described at `Localizer.localize_matches`."""
 
-    camera: Any
+    camera: CameraInput
     keypoints: ArrayLike
-    pairs: Mapping[str, Any]
+    pairs: Mapping[str, PairInput]
     name: str = "query"
-    position: Any = None
-    gravity: Any = None
+    position: PositionPrior | None = None
+    gravity: GravityPrior | None = None
 
 
-Query = str | Photo | Matches
+Query = str | Photo | Matches  # a string is the name of one of `Localizer.queries`
 QueryT = TypeVar("QueryT", bound=Query)  # lets a dict with keys of one kind be an argument

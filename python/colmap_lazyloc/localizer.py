@@ -3,7 +3,7 @@
 import os
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -11,13 +11,30 @@ from numpy.typing import ArrayLike, NDArray
 from colmap_lazyloc import arrays
 from colmap_lazyloc.errors import InputError
 from colmap_lazyloc.extension import core
-from colmap_lazyloc.inputs import Matches, Photo, Query, QueryT
-from colmap_lazyloc.model import Model
+from colmap_lazyloc.inputs import (
+    CameraInput,
+    GravityPrior,
+    Matches,
+    ModelInput,
+    Options,
+    PairInput,
+    Photo,
+    PoseInput,
+    PositionPrior,
+    Query,
+    QueryT,
+)
+from colmap_lazyloc.model import is_reconstruction
 from colmap_lazyloc.result import Result
 from colmap_lazyloc.settings import check_text, to_settings
 from colmap_lazyloc.tasks import run_tasks
+from colmap_lazyloc.text_files import Path
 
-Path = str | os.PathLike[str]
+if TYPE_CHECKING:
+    from colmap_lazyloc import _core
+
+
+Answer = tuple[str, str, NDArray[np.float64], NDArray[np.float64], NDArray[np.int32], NDArray[np.int32]]
 IDENTITY = np.array([1.0, 0, 0, 0, 0, 0, 0])
 
 
@@ -32,34 +49,38 @@ class Localizer:
     def __init__(
         self,
         database: Path | None,
-        model: Path | Mapping[str, Any],
+        model: Path | ModelInput,
         *,
         index: Path | None = None,
-        options: Mapping[str, Any] | None = None,
+        options: Options | None = None,
     ):
         """Opens a database, which is never written, and a model.
 
         `database`: a COLMAP database; None if every query has features and matches of its own (`localize_matches`).
-        `model`: the folder of a COLMAP model, or {name: (R, t, camera)} with cam_from_world of each posed image: R is a
-        3x3 matrix or a quaternion (w, x, y, z); `camera` as for `localize_photo`.
+        `model`: the folder of a COLMAP model, a pycolmap.Reconstruction, or {name: (R, t, camera)} with cam_from_world
+        of each posed image: R is a 3x3 matrix or a quaternion (w, x, y, z); `camera` as for `localize_photo`. In place
+        of R and t, there may be one pose as for `localize_rig`: {name: (pose, camera)}.
         `index`: the file of the retrieval index for photos, made or updated when the first photo needs it.
         `options`: those of the command line by name (see `list_options`), for example {"num_retrieved": 20},
         {"LazyLocalizer": {"num_retrieved": 20}} or {"LazyLocalizer.num_retrieved": 20}.
         """
         given = dict(to_settings({} if options is None else options))
-        in_memory = isinstance(model, Mapping | Model)
-        if not in_memory and not isinstance(model, str | os.PathLike):
-            raise InputError(f"model: must be a folder or a dict of images, but is of type {type(model).__name__}")
-        paths = {"database_path": database, "retrieval_index_path": index, "input_path": None if in_memory else model}
+        folder = model if isinstance(model, str | os.PathLike) else None
+        if folder is None and not isinstance(model, Mapping) and not is_reconstruction(model):
+            raise InputError(
+                f"model: must be a folder, a Reconstruction or a dict of images, but is of type {type(model).__name__}"
+            )
+        paths = {"database_path": database, "retrieval_index_path": index, "input_path": folder}
         for name, path in to_settings({name: path for name, path in paths.items() if path is not None}):
             if name in given:
                 raise InputError(f"option {name} is given twice: it is an argument of Localizer, too")
             given[name] = path
-        if not in_memory and "input_path" not in given:
+        if folder is not None and "input_path" not in given:
             raise InputError("model: the path is empty")
         self._is_leave_one_out = given.get("LazyLocalizer.leave_one_out") == "1"
         self._num_threads = int(given.get("LazyLocalizer.num_threads", -1)) if _is_int(given) else -1
-        self._core: Any = core.Localizer(list(given.items()), arrays.to_model(model) if in_memory else None)
+        in_memory = None if isinstance(model, str | os.PathLike) else arrays.to_model(model)
+        self._core: _core.Localizer | None = core.Localizer(list(given.items()), in_memory)
         for warning in self._core.warnings():
             warnings.warn(warning, stacklevel=2)
 
@@ -79,7 +100,9 @@ class Localizer:
         pose in the model."""
         return [name for group in self._open().groups() for name in group]
 
-    def localize(self, name: str, *, position: Any = None, gravity: Any = None) -> Result:
+    def localize(
+        self, name: str, *, position: PositionPrior | None = None, gravity: GravityPrior | None = None
+    ) -> Result:
         """Localizes a query of `queries`, together with its group if the options or rigs make groups.
 
         `position`: (x, y, z), uncertainty: where the camera was, in the model's coordinates, from GPS for example. The
@@ -96,11 +119,11 @@ class Localizer:
     def localize_photo(
         self,
         image: Path | NDArray[np.uint8],
-        camera: Any = None,
+        camera: CameraInput | None = None,
         *,
         name: str | None = None,
-        position: Any = None,
-        gravity: Any = None,
+        position: PositionPrior | None = None,
+        gravity: GravityPrior | None = None,
     ) -> Result:
         """Extracts the SIFT features of a photo, matches them with the database's and localizes it.
 
@@ -116,13 +139,13 @@ class Localizer:
 
     def localize_matches(
         self,
-        camera: Any,
+        camera: CameraInput,
         keypoints: ArrayLike,
-        pairs: Mapping[str, Any],
+        pairs: Mapping[str, PairInput],
         *,
         name: str = "query",
-        position: Any = None,
-        gravity: Any = None,
+        position: PositionPrior | None = None,
+        gravity: GravityPrior | None = None,
     ) -> Result:
         """Localizes a query from features and matches of any kind.
 
@@ -134,15 +157,16 @@ class Localizer:
         """
         return self._localize_alone(Matches(camera, keypoints, pairs, name, position, gravity))
 
-    def localize_rig(self, images: Mapping[QueryT, Any], *, name: str = "rig") -> dict[str, Result]:
+    def localize_rig(self, images: Mapping[QueryT, PoseInput], *, name: str = "rig") -> dict[str, Result]:
         """Localizes the images of a camera rig at one moment, which share one unknown pose; returns results by name.
 
         `images`: {query: cam_from_rig}; a query is the name of one of `queries`, a `Photo` or a `Matches`, a pose a 3x4
-        or 4x4 matrix, (R, t) or a `colmap_lazyloc.poses.Pose`. Lengths are in the model's unit.
+        or 4x4 matrix, (R, t), a `colmap_lazyloc.poses.Pose`, a pycolmap.Rigid3d or a pycolmap.Image. Lengths are in the
+        model's unit.
         """
         return self._localize_frame(images, name, has_scale=True)
 
-    def localize_trajectory(self, images: Mapping[QueryT, Any], *, has_scale: bool = True) -> dict[str, Result]:
+    def localize_trajectory(self, images: Mapping[QueryT, PoseInput], *, has_scale: bool = True) -> dict[str, Result]:
         """Localizes images whose poses relative to each other are known, from odometry or SLAM, as one rigid body.
 
         `images`: {query: cam_from_world in the trajectory's own world}, as for `localize_rig`. `has_scale`: False if
@@ -156,8 +180,8 @@ class Localizer:
         """Localizes many queries on several threads and returns a generator of results, in order of completion.
 
         `queries`: names of `queries` (the default), `Photo` and `Matches`. `num_threads`: default is the option
-        LazyLocalizer.num_threads, whose default is the number of cores. `progress`: prints a line to the standard
-        error output. Closing the generator, or Ctrl-C, ends the run after the queries that have begun.
+        LazyLocalizer.num_threads, whose default is the number of cores. `progress`: shows a bar on the standard error
+        output, by tqdm. Closing the generator, or Ctrl-C, ends the run after the queries that have begun.
         """
         localizer = self._open()
         num_threads = self._num_threads if num_threads is None else num_threads
@@ -177,27 +201,29 @@ class Localizer:
         inputs = [_to_input(localizer, query) for query in others]
         tasks: list[Callable[[], list[Result]]] = [
             *(_group_task(localizer, group, wanted) for group, wanted in names_of_group.items()),
-            *(_input_task(localizer, name, query) for name, query in inputs),
+            *(_input_task(localizer, query) for _, query in inputs),
         ]
         num_queries = len(inputs) + sum(map(len, names_of_group.values()))
         return run_tasks(tasks, num_threads if num_threads > 0 else os.cpu_count() or 1, num_queries, progress)
 
-    def _open(self) -> Any:
+    def _open(self) -> "_core.Localizer":
         if self._core is None:
             raise InputError("the Localizer is closed")
         return self._core
 
     def _localize_alone(self, query: Query) -> Result:
         localizer = self._open()
-        return _input_task(localizer, *_to_input(localizer, query))()[0]
+        return _input_task(localizer, _to_input(localizer, query)[1])()[0]
 
-    def _localize_frame(self, images: Mapping[QueryT, Any], name: str | None, *, has_scale: bool) -> dict[str, Result]:
+    def _localize_frame(
+        self, images: Mapping[QueryT, PoseInput], name: str | None, *, has_scale: bool
+    ) -> dict[str, Result]:
         localizer = self._open()
         if not isinstance(images, Mapping) or not images:
             raise InputError("images: must be a dict of at least one query with its pose")
         if self._is_leave_one_out:
             raise InputError("leave_one_out needs the groups of the options, such as rig_config_path")
-        frame: dict[str, tuple[Any, Any]] = {}
+        frame: dict[str, tuple[_core.Query, NDArray[np.float64]]] = {}
         for query, pose in images.items():
             query_name, query_input = _to_input(localizer, query)
             if query_name in frame:
@@ -217,22 +243,22 @@ def _is_int(settings: Mapping[str, str]) -> bool:
     return settings.get("LazyLocalizer.num_threads", "-1").lstrip("-").isdecimal()
 
 
-def _to_results(answers: Iterable[Any]) -> list[Result]:
+def _to_results(answers: Iterable[Answer]) -> list[Result]:
     return [Result(*answer) for answer in answers]
 
 
-def _group_task(localizer: Any, group: int, names: set[str]) -> Callable[[], list[Result]]:
+def _group_task(localizer: "_core.Localizer", group: int, names: set[str]) -> Callable[[], list[Result]]:
     def localize() -> list[Result]:
         return [result for result in _to_results(localizer.localize_group(group, "", [], [])) if result.name in names]
 
     return localize
 
 
-def _input_task(localizer: Any, name: str, query: Any) -> Callable[[], list[Result]]:
+def _input_task(localizer: "_core.Localizer", query: "_core.Query") -> Callable[[], list[Result]]:
     return lambda: _to_results(localizer.localize_frame([query], arrays.to_poses([IDENTITY]), "", True))
 
 
-def _to_input(localizer: Any, query: Query) -> tuple[str, Any]:
+def _to_input(localizer: "_core.Localizer", query: Query) -> "tuple[str, _core.Query]":
     """Returns a query's name and the extension module's query."""
     if isinstance(query, str):
         localizer.find_group(_check_name(query))  # raises InputError for an unknown one
@@ -245,11 +271,11 @@ def _to_input(localizer: Any, query: Query) -> tuple[str, Any]:
     raise InputError(f"a query must be a name, a Photo or a Matches, but is of type {type(query).__name__}")
 
 
-def _with_prior(localizer: Any, plain: Any, query: Photo | Matches) -> Any:
+def _with_prior(localizer: "_core.Localizer", plain: "_core.Query", query: Photo | Matches) -> "_core.Query":
     return localizer.with_prior(plain, arrays.to_position(query.position), arrays.to_gravity(query.gravity))
 
 
-def _to_photo(photo: Photo) -> tuple[str, Any]:
+def _to_photo(photo: Photo) -> "tuple[str, _core.Query]":
     camera = None if photo.camera is None else arrays.to_camera(photo.camera)
     path, pixels = "", None
     if isinstance(photo.image, str | os.PathLike):
@@ -261,21 +287,21 @@ def _to_photo(photo: Photo) -> tuple[str, Any]:
     return name, core.photo(name, path, pixels, camera)
 
 
-def _to_matches(localizer: Any, query: Matches) -> Any:
+def _to_matches(localizer: "_core.Localizer", query: Matches) -> "_core.Query":
     if not isinstance(query.pairs, Mapping):
         raise InputError("pairs: must be a dict with the name of a posed image for each pair")
     pairs = []
     for name, value in query.pairs.items():
         label = f"pair with {name}"
         _check_name(name)
-        is_pair = isinstance(value, tuple) and len(value) == 2
-        keypoints = arrays.to_rows(value[0], 2, f"{label}: keypoints") if is_pair else None
-        pairs.append((name, keypoints, arrays.to_matches(value[1] if is_pair else value, label)))
+        given, matches = value if isinstance(value, tuple) and len(value) == 2 else (None, value)
+        keypoints = None if given is None else arrays.to_rows(given, 2, f"{label}: keypoints")
+        pairs.append((name, keypoints, arrays.to_matches(matches, label)))
     keypoints = arrays.to_rows(query.keypoints, 2, "keypoints")
     return localizer.matches(_check_name(query.name), arrays.to_camera(query.camera), keypoints, pairs)
 
 
-def _check_name(name: Any) -> str:
+def _check_name(name: object) -> str:
     if not isinstance(name, str) or not name:
         kind = "empty" if isinstance(name, str) else f"of type {type(name).__name__}"
         raise InputError(f"a query's name must be a string of at least one character, but is {kind}")

@@ -4,13 +4,15 @@ import dataclasses
 import mmap
 import pathlib
 import struct
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
+from typing import Any, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from colmap_lazyloc.errors import InputError
-from colmap_lazyloc.poses import Pose
-from colmap_lazyloc.text_files import parse_numbers, read_entries, read_lines
+from colmap_lazyloc.poses import Pose, PosedLike, PoseLike, find_pose
+from colmap_lazyloc.text_files import Path, parse_numbers, read_entries, read_lines
 
 # COLMAP's camera models in the order of their ids: name and number of parameters.
 CAMERA_MODELS = (
@@ -38,6 +40,42 @@ POINT2D = np.dtype([("x", "<f8"), ("y", "<f8"), ("point3d_id", "<i8")])
 NO_POINTS = np.empty(0, POINT2D)
 
 
+class CameraLike(Protocol):
+    """The attributes of pycolmap.Camera that are read: the model is a name, or has one."""
+
+    @property
+    def model(self) -> Any: ...
+
+    @property
+    def width(self) -> int: ...
+
+    @property
+    def height(self) -> int: ...
+
+    @property
+    def params(self) -> Iterable[float]: ...
+
+
+class ImageLike(PosedLike, Protocol):
+    """The attributes of pycolmap.Image that are read."""
+
+    @property
+    def name(self) -> str: ...
+
+    @property
+    def camera_id(self) -> int: ...
+
+
+class ReconstructionLike(Protocol):
+    """The attributes of pycolmap.Reconstruction that are read: both are by id."""
+
+    @property
+    def cameras(self) -> Mapping[int, CameraLike]: ...
+
+    @property
+    def images(self) -> Mapping[int, ImageLike]: ...
+
+
 @dataclasses.dataclass(frozen=True)
 class Camera:
     """Intrinsics: COLMAP's camera model and parameters, and the image size in pixels."""
@@ -47,12 +85,20 @@ class Camera:
     height: int
     params: tuple[float, ...]
 
+    @staticmethod
+    def of(camera: CameraLike) -> "Camera":
+        """Returns the intrinsics of a pycolmap.Camera by its attributes, or a Camera as it is."""
+        if isinstance(camera, Camera):
+            return camera
+        model = getattr(camera.model, "name", camera.model)
+        return Camera(str(model), int(camera.width), int(camera.height), tuple(map(float, camera.params)))
+
     def text(self) -> str:
         """Returns `MODEL width height params...`, from which `parse` reads the same numbers."""
         return " ".join([self.model, str(self.width), str(self.height), *(repr(float(param)) for param in self.params)])
 
     @staticmethod
-    def parse(path, text: str) -> "Camera":
+    def parse(path: Path, text: str) -> "Camera":
         """Parses the output of `text`; errors name `path`."""
         words = text.split(maxsplit=3)
         if len(words) < 4 or not (words[1].isdecimal() and words[2].isdecimal()):
@@ -68,7 +114,14 @@ class Image:
     camera_id: int
     cam_from_world: Pose | None
     image_id: int = 0
-    points2d: np.ndarray = dataclasses.field(default_factory=NO_POINTS.copy)  # n rows of POINT2D
+    points2d: NDArray[np.void] = dataclasses.field(default_factory=NO_POINTS.copy)  # n rows of POINT2D
+
+    @property
+    def pose(self) -> Pose:
+        """Returns cam_from_world of an image that must have one."""
+        if self.cam_from_world is None:
+            raise InputError(f"image '{self.name}' has no pose")
+        return self.cam_from_world
 
 
 @dataclasses.dataclass(frozen=True)
@@ -78,13 +131,41 @@ class Model:
     cameras: dict[int, Camera]
     images: dict[str, Image]
 
+    @staticmethod
+    def of(model: "ModelLike") -> "Model":
+        """Returns the cameras and the posed images of a pycolmap.Reconstruction, or a Model as it is."""
+        if isinstance(model, Model):
+            return model
+        images = {}
+        for image_id, image in model.images.items():
+            pose = find_pose(image)
+            if pose is not None:
+                images[image.name] = Image(image.name, int(image.camera_id), pose, int(image_id))
+        return Model({int(camera_id): Camera.of(camera) for camera_id, camera in model.cameras.items()}, images)
 
-def is_model(path) -> bool:
+
+ModelLike = Model | ReconstructionLike  # a Model or a pycolmap.Reconstruction
+
+
+def is_reconstruction(value: object) -> bool:
+    """True for a Model and for a pycolmap.Reconstruction, which have cameras and images."""
+    return hasattr(value, "cameras") and hasattr(value, "images")
+
+
+def poses_of(poses: ModelLike | Mapping[str, PoseLike]) -> dict[str, Pose]:
+    """Returns the poses by image name of a model or a pycolmap.Reconstruction, or of a dict of poses."""
+    if isinstance(poses, Mapping):
+        return {name: Pose.of(pose) for name, pose in poses.items()}
+    images = Model.of(poses).images
+    return {name: image.cam_from_world for name, image in images.items() if image.cam_from_world is not None}
+
+
+def is_model(path: Path) -> bool:
     """True if the folder holds a COLMAP model, text or binary."""
     return any((pathlib.Path(path) / f"images.{suffix}").exists() for suffix in ("bin", "txt"))
 
 
-def read_model(path) -> Model:
+def read_model(path: Path) -> Model:
     """Reads the cameras and images of a COLMAP model; prefers binary files to text files, as COLMAP does."""
     path = pathlib.Path(path)
     if not is_model(path):
@@ -165,11 +246,13 @@ def read_images_binary(path: pathlib.Path) -> list[Image]:
     return images
 
 
-def write_model(path, cameras: dict[int, Camera], images: Iterable[Image], binary: bool = False) -> pathlib.Path:
-    """Writes images with poses, and their cameras, as a COLMAP model without points; returns its folder."""
-    path, images = pathlib.Path(path), list(images)
+def write_model(
+    path: Path, cameras: Mapping[int, Camera], images: Iterable[Image], binary: bool = False
+) -> pathlib.Path:
+    """Writes the images that have poses, and their cameras, as a COLMAP model without points; returns its folder."""
+    path, posed = pathlib.Path(path), [(image, image.cam_from_world) for image in images if image.cam_from_world]
     path.mkdir(parents=True, exist_ok=True)
-    used = {camera_id: cameras[camera_id] for camera_id in sorted({image.camera_id for image in images})}
+    used = {camera_id: cameras[camera_id] for camera_id in sorted({image.camera_id for image, _ in posed})}
     if binary:
         (path / "cameras.bin").write_bytes(
             struct.pack("<Q", len(used))
@@ -186,14 +269,14 @@ def write_model(path, cameras: dict[int, Camera], images: Iterable[Image], binar
             )
         )
         (path / "images.bin").write_bytes(
-            struct.pack("<Q", len(images))
+            struct.pack("<Q", len(posed))
             + b"".join(
                 struct.pack("<I", image.image_id)
-                + image.cam_from_world.bits()
+                + pose.bits()
                 + struct.pack("<I", image.camera_id)
                 + image.name.encode()
                 + bytes(9)
-                for image in images
+                for image, pose in posed
             )
         )
         (path / "points3D.bin").write_bytes(bytes(8))
@@ -204,9 +287,7 @@ def write_model(path, cameras: dict[int, Camera], images: Iterable[Image], binar
     )
     (path / "images.txt").write_text(
         "# IMAGE_ID QW QX QY QZ TX TY TZ CAMERA_ID NAME, and a line of points\n"
-        + "".join(
-            f"{image.image_id} {image.cam_from_world.text()} {image.camera_id} {image.name}\n\n" for image in images
-        ),
+        + "".join(f"{image.image_id} {pose.text()} {image.camera_id} {image.name}\n\n" for image, pose in posed),
         encoding="utf-8",
     )
     (path / "points3D.txt").write_text("# no points\n")

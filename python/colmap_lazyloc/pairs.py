@@ -1,10 +1,10 @@
 """Reads files that list pairs of images."""
 
 from colmap_lazyloc.errors import InputError
-from colmap_lazyloc.text_files import read_entries
+from colmap_lazyloc.text_files import Path, read_entries
 
 
-def read_pairs(path) -> list[tuple[str, str]]:
+def read_pairs(path: Path) -> list[tuple[str, str]]:
     """Reads two image names per line, as in files of hloc and COLMAP.
 
     Anything after the names, for example a score, is ignored; so are pairs of an image with itself.

@@ -7,7 +7,9 @@ import struct
 
 import numpy as np
 
+from colmap_lazyloc.array_types import Array
 from colmap_lazyloc.errors import InputError
+from colmap_lazyloc.text_files import Path
 
 _HEAD = np.dtype([("id", "<u8"), ("xyz", "<f8", 3), ("color", "u1", 3), ("error_px", "<f8"), ("track_length", "<u8")])
 _TRACK_ELEMENT_SIZE = 8  # bytes: image id and index of the keypoint
@@ -17,13 +19,13 @@ _TRACK_ELEMENT_SIZE = 8  # bytes: image id and index of the keypoint
 class Points:
     """Points of a model, sorted by id."""
 
-    ids: np.ndarray  # int64
-    xyz: np.ndarray  # n x 3, float64
+    ids: Array  # int64
+    xyz: Array  # n x 3, float64
 
     def __len__(self) -> int:
         return len(self.ids)
 
-    def find(self, ids: np.ndarray) -> np.ndarray:
+    def find(self, ids: Array) -> Array:
         """Returns the index of each id; -1 if there is no such point."""
         if len(self) == 0:
             return np.full(len(ids), -1)
@@ -31,7 +33,7 @@ class Points:
         return np.where(self.ids[index] == ids, index, -1)
 
 
-def read_points(path) -> Points:
+def read_points(path: Path) -> Points:
     """Reads points3D.bin of a model's folder, without tracks, which images.bin has as well."""
     path = pathlib.Path(path) / "points3D.bin"
     try:
@@ -49,7 +51,7 @@ def read_points(path) -> Points:
     return Points(ids, xyz)
 
 
-def _read_heads(data) -> np.ndarray:
+def _read_heads(data: mmap.mmap) -> Array:
     """Returns the points without their tracks."""
     (num_points,), offset = struct.unpack_from("<Q", data), 8
     if num_points > len(data) // _HEAD.itemsize:

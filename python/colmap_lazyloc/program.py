@@ -12,8 +12,14 @@ import shutil
 import subprocess
 import sys
 import tempfile
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING
 
 from colmap_lazyloc.errors import InputError, command
+from colmap_lazyloc.text_files import Path
+
+if TYPE_CHECKING:
+    from colmap_lazyloc.model import Camera  # needs numpy, which this command must do without
 
 CHECKOUT_PATH = pathlib.Path(__file__).resolve().parents[2]
 
@@ -27,7 +33,7 @@ def find_colmap() -> pathlib.Path:
     return built if built.exists() else pathlib.Path(shutil.which("colmap-lazyloc") or "colmap")
 
 
-def run_colmap(colmap, *arguments, log_path: pathlib.Path | None = None) -> str:
+def run_colmap(colmap: Path, *arguments: object, log_path: pathlib.Path | None = None) -> str:
     """Runs a COLMAP command and returns its standard output; raises RuntimeError with the last line if it fails.
 
     The command line and all output are written to `log_path`, if one is given.
@@ -42,7 +48,7 @@ def run_colmap(colmap, *arguments, log_path: pathlib.Path | None = None) -> str:
     return done.stdout
 
 
-def gpu_option(colmap, command_name: str) -> str:
+def gpu_option(colmap: Path, command_name: str) -> str:
     """Returns the option that switches the GPU; its name differs between COLMAP 3 and COLMAP 4."""
     done = subprocess.run([str(colmap), command_name, "-h"], capture_output=True, text=True, check=False)
     match = re.search(r"--(Sift|Feature)(Extraction|Matching)\.use_gpu", done.stdout + done.stderr)
@@ -51,19 +57,21 @@ def gpu_option(colmap, command_name: str) -> str:
     return match.group()
 
 
-def has_command(colmap, command_name: str) -> bool:
+def has_command(colmap: Path, command_name: str) -> bool:
     """True if a colmap program has a command, for example lazy_localizer."""
     done = subprocess.run([str(colmap), "help"], capture_output=True, text=True, check=False)
     return re.search(rf"^\s+{command_name}$", done.stdout + done.stderr, re.MULTILINE) is not None
 
 
-def option_names(colmap, command_name: str, flag: str = "--help") -> list[str]:
+def option_names(colmap: Path, command_name: str, flag: str = "--help") -> list[str]:
     """Returns the names of a command's options, without dashes."""
     done = subprocess.run([str(colmap), command_name, flag], capture_output=True, text=True, check=False)
     return re.findall(r"^ +(?:-h \[ )?--([\w.]+)", done.stdout + done.stderr, re.MULTILINE)
 
 
-def extract_features(colmap, database_path, image_path, names, camera, *options):
+def extract_features(
+    colmap: Path, database_path: Path, image_path: Path, names: Iterable[str], camera: "Camera", *options: object
+) -> None:
     """Extracts the SIFT features of images below `image_path`, all taken by one camera (model.Camera)."""
     with tempfile.NamedTemporaryFile("w", suffix=".txt") as names_file:
         names_file.write("".join(f"{name}\n" for name in names))
@@ -90,7 +98,7 @@ def extract_features(colmap, database_path, image_path, names, camera, *options)
 
 
 @command
-def main(arguments=None):
+def main(arguments: Sequence[str] | None = None) -> None:
     arguments = sys.argv[1:] if arguments is None else arguments
     if len(arguments) != 1:
         raise InputError("name one command of COLMAP, such as feature_extractor")

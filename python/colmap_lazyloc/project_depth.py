@@ -11,9 +11,12 @@ hide what is behind its surfaces: choose --max_size such that each pixel of a su
 import argparse
 import pathlib
 import sys
+from collections.abc import Sequence
+from typing import BinaryIO
 
 import numpy as np
 
+from colmap_lazyloc.array_types import Array
 from colmap_lazyloc.errors import InputError, command
 from colmap_lazyloc.model import Camera, Model, read_model
 from colmap_lazyloc.points import read_points
@@ -25,13 +28,13 @@ _PLY_TYPES |= {"int": "i4", "int32": "i4", "uint": "u4", "uint32": "u4"}
 _PLY_ORDERS = {"binary_little_endian": "<", "binary_big_endian": ">"}
 
 
-def read_ply(path: pathlib.Path) -> np.ndarray:
+def read_ply(path: pathlib.Path) -> Array:
     """Returns the vertices of a PLY file, n x 3. They must be its first element, as they are in clouds and meshes."""
     try:
         with path.open("rb") as file:
             encoding, num_vertices, properties = _read_ply_header(file)
             if encoding == "ascii":
-                table = np.loadtxt(file, max_rows=num_vertices, ndmin=2)
+                table: Array = np.loadtxt(file, max_rows=num_vertices, ndmin=2)
                 columns = [table[:, list(properties).index(axis)] for axis in "xyz"]
             else:
                 order = _PLY_ORDERS[encoding]
@@ -46,11 +49,12 @@ def read_ply(path: pathlib.Path) -> np.ndarray:
     return points[np.all(np.isfinite(points), axis=1)]
 
 
-def _read_ply_header(file):
+def _read_ply_header(file: BinaryIO) -> tuple[str, int, dict[str, str]]:
     """Returns encoding, number of vertices, and the types of a vertex's properties by name."""
     if file.readline().strip() != b"ply":
         raise ValueError("it does not begin with `ply`")
-    encoding, num_vertices, properties, element = None, None, {}, None
+    encoding, num_vertices, element = "", 0, ""
+    properties: dict[str, str] = {}
     for line in iter(file.readline, b""):
         words = line.decode(errors="replace").split()
         if words[:1] == ["end_header"]:
@@ -58,7 +62,7 @@ def _read_ply_header(file):
         if words[:1] == ["format"]:
             encoding = words[1]
         elif words[:1] == ["element"]:
-            if num_vertices is None and words[1] != "vertex":
+            if not element and words[1] != "vertex":
                 raise ValueError("vertices are not its first element")
             element = words[1]
             if element == "vertex":
@@ -68,7 +72,7 @@ def _read_ply_header(file):
     raise ValueError("its header does not end")
 
 
-def project(camera: Camera, points_in_cam: np.ndarray) -> np.ndarray:
+def project(camera: Camera, points_in_cam: Array) -> Array:
     """Returns the pixels of points in front of a camera of any of COLMAP's models."""
     try:
         import pycolmap
@@ -80,7 +84,7 @@ def project(camera: Camera, points_in_cam: np.ndarray) -> np.ndarray:
     return np.asarray(colmap_camera.img_from_cam(points_in_cam))
 
 
-def depth_map(camera: Camera, pose: Pose, points: np.ndarray, max_size: int, splat_px: int) -> np.ndarray:
+def depth_map(camera: Camera, pose: Pose, points: Array, max_size: int, splat_px: int) -> Array:
     """Returns the depths along the optical axis, 0 where no point is; the longer side has at most max_size pixels."""
     scale = min(1.0, max_size / max(camera.width, camera.height))
     width, height = round(camera.width * scale), round(camera.height * scale)
@@ -100,11 +104,11 @@ def depth_map(camera: Camera, pose: Pose, points: np.ndarray, max_size: int, spl
     return np.where(np.isfinite(depths), depths, np.float32(0))
 
 
-def write_depth_maps(model: Model, points: np.ndarray, output_path: pathlib.Path, max_size: int, splat_px: int):
+def write_depth_maps(model: Model, points: Array, output_path: pathlib.Path, max_size: int, splat_px: int) -> int:
     """Writes NAME.npy for each image of the model that sees a point; returns their number."""
     num_maps = 0
     for name, image in model.images.items():
-        depths = depth_map(model.cameras[image.camera_id], image.cam_from_world, points, max_size, splat_px)
+        depths = depth_map(model.cameras[image.camera_id], image.pose, points, max_size, splat_px)
         if not np.any(depths):
             continue
         path = output_path / f"{name}.npy"
@@ -114,7 +118,7 @@ def write_depth_maps(model: Model, points: np.ndarray, output_path: pathlib.Path
     return num_maps
 
 
-def parse_arguments(arguments):
+def parse_arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("model_path", type=pathlib.Path, help="folder with a COLMAP model: the images and their poses")
     parser.add_argument("--points", type=pathlib.Path, required=True, help="PLY file, or folder with points3D.bin")
@@ -127,7 +131,7 @@ def parse_arguments(arguments):
 
 
 @command(extra="hloc")
-def main(arguments=None):
+def main(arguments: Sequence[str] | None = None) -> None:
     options = parse_arguments(arguments)
     if options.max_size < 1 or options.splat_px < 0:
         raise InputError("--max_size must be at least 1, --splat_px at least 0")

@@ -4,14 +4,14 @@ import re
 
 from colmap_lazyloc.errors import InputError
 from colmap_lazyloc.model import Camera
-from colmap_lazyloc.text_files import read_entries
+from colmap_lazyloc.text_files import Path, read_entries
 
 _WITH_CAMERA = re.compile(r"(\S+)\s+([A-Z][A-Z0-9_]+\s+\d+\s+\d+(\s+[-+.0-9eE]+)+)")
 
 
-def read_queries(path) -> dict[str, Camera | None]:
+def read_queries(path: Path) -> dict[str, Camera | None]:
     """Reads the queries' cameras by name; None for a line that holds only a name, which may have blanks."""
-    queries = {}
+    queries: dict[str, Camera | None] = {}
     for line_number, line in read_entries(path):
         name, camera = _name_and_camera(line)
         if name in queries:
@@ -22,18 +22,19 @@ def read_queries(path) -> dict[str, Camera | None]:
     return queries
 
 
-def read_query_lines(path) -> dict[str, str]:
+def read_query_lines(path: Path) -> dict[str, str]:
     """Reads the queries' lines by name, in the order of the file."""
     return {_name_and_camera(line)[0]: line for _, line in read_entries(path)}
 
 
-def read_query_cameras(path) -> dict[str, Camera]:
+def read_query_cameras(path: Path) -> dict[str, Camera]:
     """Reads the queries' cameras by name; every line must have one."""
-    queries = read_queries(path)
-    for name, camera in queries.items():
+    cameras = {}
+    for name, camera in read_queries(path).items():
         if camera is None:
             raise InputError(f"{path}: expected `name MODEL width height params...`, found '{name}'")
-    return queries
+        cameras[name] = camera
+    return cameras
 
 
 def _name_and_camera(line: str) -> tuple[str, str | None]:

@@ -1,13 +1,28 @@
 """The result of a query."""
 
 import dataclasses
+import html
 import json
-from typing import Any
+from typing import TYPE_CHECKING, TypedDict
 
 import numpy as np
 from numpy.typing import NDArray
 
 from colmap_lazyloc.poses import Pose
+from colmap_lazyloc.result_fields import ResultFields
+from colmap_lazyloc.results import to_pose
+
+if TYPE_CHECKING:
+    import pycolmap
+
+
+class PycolmapPose(TypedDict):
+    """What pycolmap's estimators of absolute poses return, and the covariance."""
+
+    cam_from_world: "pycolmap.Rigid3d"
+    num_inliers: int
+    inlier_mask: NDArray[np.bool_]
+    covariance: NDArray[np.float64] | None
 
 
 @dataclasses.dataclass(frozen=True)
@@ -33,9 +48,7 @@ class Result:
     keypoints: NDArray[np.float64]  # of the query, n x 2, xy in pixels
     points: NDArray[np.float64]  # points that the query observes, m x 3, in world coordinates
     point_keypoints: NDArray[np.int32]  # m: the keypoint that observes each point
-    # k x 3: index of a point, index into `pairs` of as_dict(), and the keypoint of that database image, which observes
-    # the point
-    observations: NDArray[np.int32]
+    observations: NDArray[np.int32]  # k x 3: a point, an index into `pairs` of as_dict(), its image's keypoint
 
     def __init__(
         self,
@@ -49,12 +62,12 @@ class Result:
         self.name = name
         self.observations = observations
         self.line, self.keypoints, self.points, self.point_keypoints = line, keypoints, points, point_keypoints
-        self._fields: dict[str, Any] = json.loads(line)
+        self._fields: ResultFields = json.loads(line)
 
     @property
     def status(self) -> str:
         """Returns "LOCALIZED", or why the query has no pose to rely on, for example "NO_PAIRS"."""
-        return str(self._fields["status"])
+        return self._fields["status"]
 
     @property
     def is_localized(self) -> bool:
@@ -64,13 +77,12 @@ class Result:
     @property
     def reason(self) -> str:
         """Returns one sentence about the status; empty for a localized query."""
-        return str(self._fields["reason"])
+        return self._fields["reason"]
 
     @property
     def confidence(self) -> float | None:
         """Returns the probability that the position is right, from 0 to 1; None if there is no pose to judge."""
-        confidence = self._fields["confidence"]
-        return None if confidence is None else float(confidence)
+        return self._fields["confidence"]
 
     @property
     def runner_up(self) -> RunnerUp | None:
@@ -79,13 +91,13 @@ class Result:
         fields = self._fields.get("runner_up")
         if fields is None:
             return None
-        pose = Pose(np.array(fields["cam_from_world"]["qvec"]), np.array(fields["cam_from_world"]["tvec"]))
+        pose = to_pose(fields["cam_from_world"])
         return RunnerUp(fields["explanation"], pose, fields["odds"])
 
     @property
     def pose(self) -> Pose | None:
         """Returns the pose with the bits of poses.txt (quaternion and translation); None without LOCALIZED."""
-        return _to_pose(self._fields["cam_from_world"])
+        return to_pose(self._fields["cam_from_world"])
 
     @property
     def cam_from_world(self) -> NDArray[np.float64] | None:
@@ -101,7 +113,7 @@ class Result:
     @property
     def unconfirmed_cam_from_world(self) -> NDArray[np.float64] | None:
         """Returns the pose of a query with the status LOW_CONFIDENCE as a 3x4 matrix; None for any other status."""
-        return _to_matrix(_to_pose(self._fields["unconfirmed_cam_from_world"]))
+        return _to_matrix(to_pose(self._fields["unconfirmed_cam_from_world"]))
 
     @property
     def covariance(self) -> NDArray[np.float64] | None:
@@ -121,20 +133,21 @@ class Result:
         """Returns the number of keypoints that observe a point of the result."""
         return int(np.count_nonzero(self.inlier_mask))
 
-    def as_dict(self) -> dict[str, Any]:
+    def as_dict(self) -> ResultFields:
         """Returns the fields of the line of results.jsonl (docs/formats.md)."""
-        fields: dict[str, Any] = json.loads(self.line)
+        fields: ResultFields = json.loads(self.line)
         return fields
 
-    def as_pycolmap(self) -> dict[str, Any] | None:
+    def as_pycolmap(self) -> PycolmapPose | None:
         """Returns the dict of pycolmap's estimators of absolute poses: cam_from_world (pycolmap.Rigid3d), num_inliers,
         inlier_mask and covariance; None without LOCALIZED, as these estimators do. Needs pycolmap."""
-        if self.pose is None:
+        pose = self.pose
+        if pose is None:
             return None
         from colmap_lazyloc.pycolmap_types import to_rigid3d
 
         return {
-            "cam_from_world": to_rigid3d(self.pose),
+            "cam_from_world": to_rigid3d(pose),
             "num_inliers": self.num_inliers,
             "inlier_mask": self.inlier_mask,
             "covariance": self.covariance,
@@ -145,9 +158,18 @@ class Result:
         detail = f"confidence {self.confidence:.3g}" if has_confidence else self.reason
         return f"<Result {self.name}: {self.status}{', ' if detail else ''}{detail}>"
 
-
-def _to_pose(fields: dict[str, list[float]] | None) -> Pose | None:
-    return None if fields is None else Pose(np.array(fields["qvec"], float), np.array(fields["tvec"], float))
+    def _repr_html_(self) -> str:
+        """Returns a table for notebooks: status, confidence, and the position with its standard deviations."""
+        rows = [("query", self.name), ("status", self.status), ("reason", self.reason)]
+        if self.confidence is not None:
+            rows.append(("confidence", f"{self.confidence:.3g}"))
+        if self.position is not None:
+            rows.append(("position", ", ".join(f"{coordinate:.6g}" for coordinate in self.position)))
+            stddevs = self._fields["position_stddevs"]
+            rows.append(("standard deviations", "" if stddevs is None else ", ".join(f"{s:.2g}" for s in stddevs)))
+            rows.append(("points", str(len(self.points))))
+        cells = (f"<tr><th>{label}</th><td>{html.escape(text)}</td></tr>" for label, text in rows if text)
+        return f"<table>{''.join(cells)}</table>"
 
 
 def _to_matrix(pose: Pose | None) -> NDArray[np.float64] | None:

@@ -1,19 +1,22 @@
 """Reads results.jsonl, which `colmap lazy_localizer` writes."""
 
 import json
+from collections.abc import Callable, Iterable
+from typing import NoReturn, TextIO
 
 import numpy as np
 
 from colmap_lazyloc.errors import InputError
 from colmap_lazyloc.poses import Pose
-from colmap_lazyloc.text_files import open_text
+from colmap_lazyloc.result_fields import PoseFields, ResultFields
+from colmap_lazyloc.text_files import Path, open_text
 
 REQUIRED_FIELDS = ("name", "status", "cam_from_world")
 
 
-def read_results(path, watch=iter) -> dict[str, dict]:
+def read_results(path: Path, watch: Callable[[TextIO], Iterable[str]] = iter) -> dict[str, ResultFields]:
     """Reads the results by query name, in the order of the file; `watch`: returns the lines that it is given."""
-    results = {}
+    results: dict[str, ResultFields] = {}
     with open_text(path) as file:
         for line_number, line in enumerate(watch(file), start=1):
             if line.isspace():
@@ -25,25 +28,26 @@ def read_results(path, watch=iter) -> dict[str, dict]:
     return results
 
 
-def pose_of(result: dict) -> Pose | None:
+def pose_of(result: ResultFields) -> Pose | None:
     """Returns the query's pose; None if it was not localized, even if the result has a rotation or a pose of low
     confidence."""
-    return _to_pose(result["cam_from_world"]) if result["status"] == "LOCALIZED" else None
+    return to_pose(result["cam_from_world"]) if result["status"] == "LOCALIZED" else None
 
 
-def unconfirmed_pose_of(result: dict) -> Pose | None:
+def unconfirmed_pose_of(result: ResultFields) -> Pose | None:
     """Returns the query's pose, also if its confidence is too low; None if there is none."""
-    return pose_of(result) or _to_pose(result.get("unconfirmed_cam_from_world"))
+    return pose_of(result) or to_pose(result.get("unconfirmed_cam_from_world"))
 
 
-def _to_pose(pose: dict | None) -> Pose | None:
+def to_pose(pose: PoseFields | None) -> Pose | None:
+    """Returns the pose of a result's field."""
     return None if pose is None else Pose(np.array(pose["qvec"], float), np.array(pose["tvec"], float))
 
 
-def _parse_result(place: str, line: str) -> dict:
+def _parse_result(place: str, line: str) -> ResultFields:
     """Parses a line; errors name `place`."""
     try:
-        result = json.loads(line, parse_constant=_refuse)
+        result: ResultFields = json.loads(line, parse_constant=_refuse)
     except ValueError:
         raise InputError(f"{place}: is not a line of results.jsonl: it is damaged or cut off") from None
     if not isinstance(result, dict):
@@ -54,5 +58,5 @@ def _parse_result(place: str, line: str) -> dict:
     return result
 
 
-def _refuse(constant: str):
+def _refuse(constant: str) -> NoReturn:
     raise ValueError(f"{constant} is not a number of JSON")

@@ -7,6 +7,7 @@ from typing import Any
 
 from colmap_lazyloc.errors import InputError
 from colmap_lazyloc.extension import core
+from colmap_lazyloc.inputs import Option, Options
 
 
 def list_options() -> dict[str, str]:
@@ -14,7 +15,7 @@ def list_options() -> dict[str, str]:
     return {name: f"{text} (default: {default})" if default else text for name, default, text in core.settings()}
 
 
-def to_settings(options: Mapping[str, Any]) -> list[tuple[str, str]]:
+def to_settings(options: Options) -> list[tuple[str, str]]:
     """Returns full names and texts of options, as the command line takes them.
 
     A name may be full ("LazyLocalizer.num_retrieved"), in nested dicts ({"LazyLocalizer": {"num_retrieved": 20}}), or
@@ -41,7 +42,7 @@ def check_text(text: str, label: str) -> None:
         raise InputError(f"{label} contains a null character or a character that is not Unicode")
 
 
-def _flatten(options: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
+def _flatten(options: Options, prefix: str = "") -> Iterator[tuple[str, Option]]:
     if not isinstance(options, Mapping):
         raise InputError(f"options must be a dict, but are of type {type(options).__name__}")
     for name, value in options.items():

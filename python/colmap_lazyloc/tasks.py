@@ -1,11 +1,16 @@
 """Runs tasks on threads and hands out their results in order of completion."""
 
 import queue
-import sys
 import threading
 from collections.abc import Callable, Iterator, Sequence
+from typing import TYPE_CHECKING, NoReturn
 
+from colmap_lazyloc.errors import InputError
+from colmap_lazyloc.extras import missing_package
 from colmap_lazyloc.result import Result
+
+if TYPE_CHECKING:
+    from tqdm import tqdm
 
 NUM_WAITING = 4  # results per thread that may wait for the caller, so that a slow one does not fill the memory
 
@@ -14,6 +19,7 @@ def run_tasks(
     tasks: Sequence[Callable[[], list[Result]]], num_threads: int, num_results: int, progress: bool
 ) -> Iterator[Result]:
     """Runs the tasks; an exception of one is raised to the caller. No task begins once the generator is closed."""
+    bar = _make_bar(num_results) if progress else None
     done: queue.SimpleQueue[list[Result] | BaseException | None] = queue.SimpleQueue()
     remaining, lock, stop = iter(tasks), threading.Lock(), threading.Event()
     num_threads = min(num_threads, len(tasks))
@@ -35,7 +41,7 @@ def run_tasks(
         done.put(None)
 
     threads = [threading.Thread(target=work, name=f"lazyloc {i}") for i in range(num_threads)]
-    num_running, num_done, num_localized = num_threads, 0, 0
+    num_running, num_localized = num_threads, 0
     try:
         for thread in threads:
             thread.start()
@@ -48,11 +54,10 @@ def run_tasks(
                 raise item
             slots.release()
             for result in item:
-                num_done += 1
                 num_localized += result.is_localized
-                if progress:
-                    line = f"\r{num_done} of {num_results}, {num_localized} localized"
-                    print(line, end="", file=sys.stderr, flush=True)
+                if bar is not None:
+                    bar.set_postfix_str(f"{num_localized} localized", refresh=False)
+                    bar.update()
                 yield result
     finally:
         stop.set()
@@ -61,5 +66,13 @@ def run_tasks(
         for thread in threads:
             if thread.ident is not None:
                 thread.join()
-        if progress:
-            print(file=sys.stderr)
+        if bar is not None:
+            bar.close()
+
+
+def _make_bar(num_results: int) -> "tqdm[NoReturn]":
+    try:
+        from tqdm import tqdm
+    except ImportError as error:
+        raise InputError(f"progress: {missing_package(error)}") from None
+    return tqdm(total=num_results, unit="query")

@@ -14,31 +14,32 @@ import pathlib
 import sqlite3
 import sys
 import tempfile
+from collections.abc import Sequence
 
 from colmap_lazyloc.database import connect
 from colmap_lazyloc.errors import InputError, command
 
 
-def incomplete_tables(connection) -> list:
+def incomplete_tables(connection: sqlite3.Connection) -> list[str]:
     """Returns the tables that make COLMAP 4 fail; raises InputError if this is not a COLMAP database."""
     tables = {name for (name,) in connection.execute("SELECT name FROM sqlite_master WHERE type = 'table'")}
     missing = {"cameras", "images", "keypoints", "two_view_geometries"} - tables
     if missing:
         raise InputError(f"is no COLMAP database: it has no table {min(missing)}")
 
-    def lacks_column(table):
+    def lacks_column(table: str) -> bool:
         return "position_covariance" not in {row[1] for row in connection.execute(f"PRAGMA table_info({table})")}
 
     # Look for both names, because COLMAP 4 renames the table before it fails.
     return [table for table in ("pose_priors", "pose_priors_old") if table in tables and lacks_column(table)]
 
 
-def upgrade(connection):
+def upgrade(connection: sqlite3.Connection) -> None:
     for table in incomplete_tables(connection):
         connection.execute(f"ALTER TABLE {table} ADD COLUMN position_covariance BLOB")
 
 
-def copy_database(source, target):
+def copy_database(source: pathlib.Path, target: pathlib.Path) -> None:
     """Copies a database, including changes that are still in its write-ahead log."""
     with tempfile.TemporaryDirectory(dir=target.parent) as folder:
         unfinished = pathlib.Path(folder) / target.name
@@ -47,7 +48,7 @@ def copy_database(source, target):
         unfinished.rename(target)
 
 
-def run(arguments):
+def run(arguments: argparse.Namespace) -> None:
     source = arguments.database_path
     if not source.is_file():
         raise InputError(f"{source}: no such file")
@@ -73,7 +74,7 @@ def run(arguments):
 
 
 @command
-def main(arguments=None):
+def main(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("database_path", type=pathlib.Path, help="database to upgrade")
     where = parser.add_mutually_exclusive_group()

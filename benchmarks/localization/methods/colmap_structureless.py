@@ -12,7 +12,7 @@ import pycolmap
 from benchmarks.localization.colmap_files import build_model, copy_database
 from benchmarks.localization.methods import MethodOptions, Result
 from benchmarks.localization.scenes import Scene
-from colmap_lazyloc.pycolmap_types import to_pose
+from colmap_lazyloc.poses import Pose
 
 
 def localize(scene: Scene, query_names: list[str], options: MethodOptions) -> dict[str, Result]:
@@ -39,7 +39,7 @@ def _localize_one(scene: Scene, query_name: str, seed: int, work_path: pathlib.P
     for model in models.values():
         image = model.find_image_with_name(query_name)
         if image is not None and image.has_pose:
-            return Result(to_pose(image.cam_from_world()), seconds)
+            return Result(Pose.of(image.cam_from_world()), seconds)
     return Result.lost(seconds, "NOT_REGISTERED")
 
 

@@ -9,7 +9,7 @@ from benchmarks.localization.matches import QueryMatches
 from benchmarks.localization.scenes import Scene
 from colmap_lazyloc.model import Camera
 from colmap_lazyloc.poses import Pose
-from colmap_lazyloc.pycolmap_types import to_pose, to_pycolmap_camera, to_rigid3d
+from colmap_lazyloc.pycolmap_types import to_pycolmap_camera, to_rigid3d
 
 MAX_ERROR_PX = 4.0
 
@@ -34,4 +34,4 @@ def estimate_pose(scene: Scene, camera: Camera, matches: QueryMatches, seed: int
     )
     # One database image gives the key pano2_from_pano1, a pose without scale.
     has_scale = answer is not None and "rig2_from_rig1" in answer
-    return to_pose(answer["rig2_from_rig1"].inverse()) if has_scale else None
+    return Pose.of(answer["rig2_from_rig1"].inverse()) if has_scale else None

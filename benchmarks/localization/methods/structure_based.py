@@ -13,7 +13,7 @@ from benchmarks.localization.matches import MatchDatabase, QueryMatches
 from benchmarks.localization.methods import MethodOptions, Result
 from benchmarks.localization.scenes import Camera, Scene
 from colmap_lazyloc.poses import Pose
-from colmap_lazyloc.pycolmap_types import to_pose, to_pycolmap_camera
+from colmap_lazyloc.pycolmap_types import to_pycolmap_camera
 
 MAX_ERROR_PX = 8.0
 
@@ -53,7 +53,7 @@ def absolute_pose(points2d: np.ndarray, points3d: np.ndarray, camera: Camera, se
     options.ransac.max_error = MAX_ERROR_PX
     options.ransac.random_seed = seed
     answer = pycolmap.estimate_and_refine_absolute_pose(points2d, points3d, to_pycolmap_camera(camera), options)
-    return to_pose(answer["cam_from_world"]) if answer else None
+    return Pose.of(answer["cam_from_world"]) if answer else None
 
 
 class _MapStore:

@@ -14,16 +14,21 @@ import pathlib
 import shutil
 import subprocess
 import sys
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 from colmap_lazyloc.cluster.folders import as_ranges, is_same_run, read_manifest
 from colmap_lazyloc.cluster.task import ShardTask, command_line
-from colmap_lazyloc.errors import InputError, command, positive_int
+from colmap_lazyloc.errors import InputError, command, logger, positive_int
 from colmap_lazyloc.program import find_colmap
+
+if TYPE_CHECKING:
+    from colmap_lazyloc.cluster.engine import Engine
 
 OWN_OPTIONS = ("shard", "resume", "overwrite", "strict", "log_path")  # of lazy_localizer, not for one of many shards
 
 
-def parse_arguments(arguments) -> tuple[argparse.Namespace, list[str]]:
+def parse_arguments(arguments: Sequence[str] | None) -> tuple[argparse.Namespace, list[str]]:
     """Returns our options, and the words for lazy_localizer."""
     parser = argparse.ArgumentParser(
         prog="lazyloc cluster",
@@ -54,7 +59,7 @@ def parse_arguments(arguments) -> tuple[argparse.Namespace, list[str]]:
 
 
 @command(name="lazyloc cluster", extra="cluster")
-def main(arguments=None):
+def main(arguments: Sequence[str] | None = None) -> int:
     options, words = parse_arguments(arguments)
     from colmap_lazyloc.cluster.engine import Engine
 
@@ -67,10 +72,10 @@ def main(arguments=None):
         words += ["--LazyLocalizer.num_threads", str(num_threads)]
     tasks = make_tasks(options, program, words)
     with Engine(options) as engine:
-        print(f"dashboard: {engine.dashboard_link}", flush=True)
+        logger.info("dashboard: %s", engine.dashboard_link)
         causes = run_shards(engine, tasks)
     for cause, indices in causes.items():
-        print(f"shard{'s' * (len(indices) > 1)} {as_ranges(indices)} of {len(tasks)}: {cause}", file=sys.stderr)
+        logger.error("shard%s %s of %d: %s", "s" * (len(indices) > 1), as_ranges(indices), len(tasks), cause)
     return 1 if causes else _merge(options, program)
 
 
@@ -89,7 +94,7 @@ def make_tasks(options: argparse.Namespace, program: str | None, words: list[str
     }
 
 
-def run_shards(engine, tasks: dict[int, ShardTask]) -> dict[str, list[int]]:
+def run_shards(engine: "Engine", tasks: dict[int, ShardTask]) -> dict[str, list[int]]:
     """Localizes the shards that are not finished; returns the indices of those that failed, by cause."""
     finished = {index: read_manifest(pathlib.Path(task.folder)) for index, task in tasks.items()}
     probe = next((index for index, manifest in finished.items() if manifest is not None), None)
@@ -102,7 +107,7 @@ def run_shards(engine, tasks: dict[int, ShardTask]) -> dict[str, list[int]]:
         current = read_manifest(pathlib.Path(tasks[probe].folder))
         done = {index for index, manifest in finished.items() if manifest and is_same_run(manifest, current)} | {probe}
         rest = {index: task for index, task in tasks.items() if index not in done}
-        print(f"finished before: {len(done)} of {len(tasks)} shards", flush=True)
+        logger.info("finished before: %d of %d shards", len(done), len(tasks))
     return engine.run(rest, len(tasks), len(tasks) - len(rest))
 
 

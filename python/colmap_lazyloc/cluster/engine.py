@@ -28,17 +28,17 @@ class Engine:
         except (OSError, ValueError) as error:
             raise InputError(f"--scheduler {options.scheduler}: {str(error).splitlines()[0]}") from None
 
-    def __enter__(self):
+    def __enter__(self) -> "Engine":
         return self
 
-    def __exit__(self, *_):
+    def __exit__(self, *_: object) -> None:
         self._client.close()
         if self._cluster is not None:
             self._cluster.close()
 
     @property
     def dashboard_link(self) -> str:
-        return self._client.dashboard_link
+        return str(self._client.dashboard_link)
 
     def run(self, tasks: dict[int, ShardTask], total: int, num_done: int) -> dict[str, list[int]]:
         """Localizes shards; returns the indices of those that failed, by cause. The others finish all the same."""
@@ -51,7 +51,7 @@ class Engine:
                 bar.update()
         return {cause: sorted(indices) for cause, indices in failed.items()}
 
-    def _submit(self, task: ShardTask) -> distributed.Future:
+    def _submit(self, task: ShardTask) -> "distributed.Future[float]":
         # The key has the folder, because other runs may use the scheduler at the same time.
         key = f"{task.folder} {task.shard}"
         return self._client.submit(portable_call(task), key=key, retries=self._retries)
@@ -79,7 +79,7 @@ def _start_workers(options: argparse.Namespace) -> distributed.LocalCluster:
         raise InputError(f"the workers cannot be started: {error}") from None
 
 
-def _cause(future: distributed.Future) -> str:
+def _cause(future: "distributed.Future[float]") -> str:
     error = future.exception()
     if isinstance(error, distributed.KilledWorker):
         return f"{MAX_NUM_DEATHS} workers ended while they localized it"

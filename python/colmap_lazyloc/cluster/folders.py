@@ -5,10 +5,12 @@ import pathlib
 
 from colmap_lazyloc.errors import InputError
 
+Manifest = dict[str, object]  # what the results of a shard depend on
+
 UNFINISHED, MANIFEST = "unfinished", "shard/manifest.json"  # names that lazy_localizer gives
 
 
-def read_manifest(folder: pathlib.Path) -> dict | None:
+def read_manifest(folder: pathlib.Path) -> Manifest | None:
     """Returns what the results of a finished shard depend on; None if the shard is not finished."""
     path = folder / MANIFEST
     if not path.exists() or (folder / UNFINISHED).exists():
@@ -22,9 +24,9 @@ def read_manifest(folder: pathlib.Path) -> dict | None:
         raise InputError(f"{path}: is not a manifest, or is damaged") from None
 
 
-def is_same_run(manifest: dict, other: dict) -> bool:
+def is_same_run(manifest: Manifest, other: Manifest | None) -> bool:
     """True if both shards are parts of one run."""
-    return {**manifest, "shard": None} == {**other, "shard": None}
+    return other is not None and {**manifest, "shard": None} == {**other, "shard": None}
 
 
 def as_ranges(indices: list[int]) -> str:

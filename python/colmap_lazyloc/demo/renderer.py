@@ -6,10 +6,12 @@ projects it, for any camera model. Supersampling and image pyramids avoid aliasi
 
 import dataclasses
 import functools
+from collections.abc import Callable
 
 import cv2
 import numpy as np
 
+from colmap_lazyloc.array_types import Array
 from colmap_lazyloc.model import Camera
 from colmap_lazyloc.poses import Pose
 from colmap_lazyloc.pycolmap_types import to_pycolmap_camera
@@ -22,18 +24,18 @@ PYRAMID_LEVELS = 8
 class Rectangle:
     """A flat picture in the world. It is visible only from the side from which `down` is clockwise of `right`."""
 
-    corner: np.ndarray  # the texture's upper-left corner
-    right: np.ndarray  # the upper edge: a vector of the edge's length
-    down: np.ndarray  # the left edge
-    texture: np.ndarray  # height x width x 3, uint8
+    corner: Array  # the texture's upper-left corner
+    right: Array  # the upper edge: a vector of the edge's length
+    down: Array  # the left edge
+    texture: Array  # height x width x 3, uint8
 
-    def point(self, column: float, row: float) -> np.ndarray:
+    def point(self, column: float, row: float) -> Array:
         """Returns the world point of a texture position; (0.5, 0.5) is the centre of the first texel."""
         height, width = self.texture.shape[:2]
         return self.corner + self.right * (column / width) + self.down * (row / height)
 
     @functools.cached_property
-    def pyramid(self) -> list:
+    def pyramid(self) -> list[Array]:
         levels = [self.texture]
         while len(levels) < PYRAMID_LEVELS and min(levels[-1].shape[:2]) > 2:
             height, width = levels[-1].shape[:2]
@@ -45,19 +47,19 @@ class RayGrid:
     """The rays (x, y, 1) of a camera's pixels, supersampling x supersampling of them in each pixel."""
 
     def __init__(self, camera: Camera, supersampling: int = 2):
-        camera = to_pycolmap_camera(camera)
+        colmap_camera = to_pycolmap_camera(camera)
         self.supersampling = supersampling
         # Follow COLMAP's convention: the image spans [0, width] x [0, height], and pixel centres are at halves.
         columns = (np.arange(camera.width * supersampling) + 0.5) / supersampling
         rows = (np.arange(camera.height * supersampling) + 0.5) / supersampling
         grid = np.stack(np.meshgrid(columns, rows), axis=-1)
-        rays = camera.cam_from_img(grid.reshape(-1, 2)).reshape(grid.shape)
+        rays = colmap_camera.cam_from_img(grid.reshape(-1, 2)).reshape(grid.shape)
         self.x, self.y = (np.ascontiguousarray(rays[..., axis], np.float32) for axis in (0, 1))
-        self.area = 1.0 / (camera.mean_focal_length() * supersampling) ** 2
+        self.area = 1.0 / (colmap_camera.mean_focal_length() * supersampling) ** 2
         self._x_range = self.x.min(axis=0), self.x.max(axis=0)
         self._y_range = self.y.min(axis=1), self.y.max(axis=1)
 
-    def window(self, polygon: np.ndarray):
+    def window(self, polygon: Array) -> tuple[slice, ...] | None:
         """Returns slices of the rows and columns that hold all rays inside the polygon's bounding box, or None."""
         slices = []
         for (low, high), values in ((self._y_range, polygon[:, 1]), (self._x_range, polygon[:, 0])):
@@ -68,7 +70,7 @@ class RayGrid:
         return tuple(slices)
 
 
-def _project_polygon(corners: np.ndarray) -> np.ndarray:
+def _project_polygon(corners: Array) -> Array:
     """Returns the part of a polygon (n x 3, camera frame) beyond the near plane, as n x 2 normalized image points."""
     kept = []
     for start, end in zip(corners, np.roll(corners, -1, axis=0)):
@@ -76,11 +78,12 @@ def _project_polygon(corners: np.ndarray) -> np.ndarray:
             kept.append(start)
         if (start[2] >= NEAR) != (end[2] >= NEAR):
             kept.append(start + (end - start) * (NEAR - start[2]) / (end[2] - start[2]))
-    kept = np.array(kept).reshape(-1, 3)
-    return kept[:, :2] / kept[:, 2:]
+    points = np.array(kept).reshape(-1, 3)
+    projected: Array = points[:, :2] / points[:, 2:]
+    return projected
 
 
-def _look_up(texture: np.ndarray, u: np.ndarray, v: np.ndarray) -> np.ndarray:
+def _look_up(texture: Array, u: Array, v: Array) -> Array:
     """Samples the texture bilinearly at positions u, v in [0, 1]."""
     row_length = 4096  # cv2.remap takes a picture of at most 32767 columns
     count = -(-u.size // row_length) * row_length
@@ -94,7 +97,7 @@ def _look_up(texture: np.ndarray, u: np.ndarray, v: np.ndarray) -> np.ndarray:
     return found.reshape(-1, 3)[: u.size]
 
 
-def _shade(rectangle: Rectangle, u: np.ndarray, v: np.ndarray, footprint: np.ndarray) -> np.ndarray:
+def _shade(rectangle: Rectangle, u: Array, v: Array, footprint: Array) -> Array:
     """Returns colours at u, v from the two pyramid levels that fit the rays' footprint (in square texels) best."""
     pyramid = rectangle.pyramid
     level = np.clip(0.5 * np.log2(footprint), 0, len(pyramid) - 1)
@@ -107,7 +110,7 @@ def _shade(rectangle: Rectangle, u: np.ndarray, v: np.ndarray, footprint: np.nda
     return colour
 
 
-def render(rectangles: list, rays: RayGrid, pose: Pose, sky) -> np.ndarray:
+def render(rectangles: list[Rectangle], rays: RayGrid, pose: Pose, sky: Callable[[Array], Array]) -> Array:
     """Renders the picture (height x width x 3, float32) that a camera sees.
 
     sky: returns the colours of n x 3 directions in the world; used for rays that meet no rectangle.

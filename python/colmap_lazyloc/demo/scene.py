@@ -16,20 +16,25 @@ import dataclasses
 import hashlib
 import json
 import pathlib
-import sys
+from collections.abc import Callable, Iterator, Sequence
 
 import cv2
 import numpy as np
+from numpy.random import Generator
 from scipy.spatial.transform import Rotation
 
+from colmap_lazyloc.array_types import Array
 from colmap_lazyloc.demo import textures
 from colmap_lazyloc.demo.renderer import RayGrid, Rectangle, render
-from colmap_lazyloc.errors import command
+from colmap_lazyloc.demo.textures import Colour
+from colmap_lazyloc.errors import command, logger
 from colmap_lazyloc.model import Camera, Image, write_model
 from colmap_lazyloc.poses import Pose, look_at, write_poses
 
 # The courtyard in metres: x east, y north, z up, the origin on the ground in the middle.
 SIZE = np.array([16.0, 12.0, 6.0])
+Texture = Callable[[Generator, Sequence[float], float, Colour], Array]  # paints a surface of a size
+
 SUN = np.array([0.45, -0.55, 0.70])
 WALK_CENTRE, WALK_RADII = np.array([0.0, -0.6]), np.array([5.6, 3.3])
 CLEARANCE = 0.9  # minimum distance of a camera from the boxes
@@ -42,13 +47,13 @@ QUERY_CAMERA = Camera("RADIAL", 840, 560, (583.7, 415.2, 284.9, -0.083, 0.021))
 class Box:
     """A box that stands in the courtyard; `texture` paints its sides and its top."""
 
-    centre: tuple  # the centre of the base
-    size: tuple
+    centre: tuple[float, float, float]  # the centre of the base
+    size: tuple[float, float, float]
     yaw_deg: float
-    texture: object
-    colour: tuple  # blue, green, red
+    texture: Texture
+    colour: Colour
 
-    def rectangles(self, rng, texels_per_m: float):
+    def rectangles(self, rng: Generator, texels_per_m: float) -> Iterator[Rectangle]:
         axes = Rotation.from_euler("z", self.yaw_deg, degrees=True).as_matrix().T
         half = np.array(self.size) / 2
         centre = np.array(self.centre) + [0, 0, half[2]]
@@ -61,7 +66,7 @@ class Box:
         corner = centre + up * half[2] - right / 2 - down / 2
         yield _paint(rng, corner, right, down, self.texture, texels_per_m, self.colour)
 
-    def distance(self, position: np.ndarray) -> float:
+    def distance(self, position: Array) -> float:
         """Returns the distance from the outline of the base, on the ground plan."""
         offset = Rotation.from_euler("z", -self.yaw_deg, degrees=True).apply([*(position[:2] - self.centre[:2]), 0])
         return float(np.linalg.norm(np.maximum(np.abs(offset[:2]) - np.array(self.size[:2]) / 2, 0)))
@@ -87,16 +92,18 @@ class View:
     pose: Pose
 
 
-def _paint(rng, corner, right, down, texture, texels_per_m, colour) -> Rectangle:
+def _paint(
+    rng: Generator, corner: Array, right: Array, down: Array, texture: Texture, texels_per_m: float, colour: Colour
+) -> Rectangle:
     """Makes a textured rectangle whose brightness depends on its direction to the sun."""
-    size = np.linalg.norm(right), np.linalg.norm(down)
+    size = float(np.linalg.norm(right)), float(np.linalg.norm(down))
     outward = np.cross(down, right) / (size[0] * size[1])
-    light = 0.62 + 0.45 * max(0.0, float(outward @ SUN) / np.linalg.norm(SUN))
+    light = 0.62 + 0.45 * max(0.0, float(outward @ SUN / np.linalg.norm(SUN)))
     picture = texture(rng, size, texels_per_m, colour)
     return Rectangle(corner, right, down, cv2.convertScaleAbs(picture, alpha=light))
 
 
-def build_scene(seed: int, texels_per_m: float = 220) -> list:
+def build_scene(seed: int, texels_per_m: float = 220) -> list[Rectangle]:
     rng = np.random.default_rng([seed, 0])
     x, y, top = SIZE[0] / 2, SIZE[1] / 2, SIZE[2]
     walls = (  # upper-left corner as seen from inside, direction to the right, height, colour
@@ -133,17 +140,25 @@ def build_scene(seed: int, texels_per_m: float = 220) -> list:
     return rectangles
 
 
-def sky(directions: np.ndarray) -> np.ndarray:
+def sky(directions: Array) -> Array:
     elevation = np.clip(directions[:, 2:] / np.linalg.norm(directions, axis=1, keepdims=True), 0, 1)
-    return (np.array([225, 215, 205]) * (1 - elevation) + np.array([215, 165, 110]) * elevation).astype(np.float32)
+    colours: Array = np.array([225, 215, 205]) * (1 - elevation) + np.array([215, 165, 110]) * elevation
+    return colours.astype(np.float32)
 
 
-def upright_pose(cam_in_world: np.ndarray, target: np.ndarray, roll_deg: float) -> Pose:
+def upright_pose(cam_in_world: Array, target: Array, roll_deg: float) -> Pose:
     """Returns the pose of a camera that looks at a target and is turned by `roll_deg` from upright."""
     return Pose.from_centre(look_at(cam_in_world, target, (0, 0, -1), roll_deg), cam_in_world)
 
 
-def _random_pose(rng, angle: float, radius_ratio, heights, turn_deg: float, roll_deg: float) -> Pose:
+def _random_pose(
+    rng: Generator,
+    angle: float,
+    radius_ratio: tuple[float, float],
+    heights: tuple[float, float],
+    turn_deg: float,
+    roll_deg: float,
+) -> Pose:
     """Draws a pose near the point of the walk at `angle`, facing the far side of the courtyard, outside all boxes."""
     while True:
         radius = rng.uniform(*radius_ratio)
@@ -157,7 +172,7 @@ def _random_pose(rng, angle: float, radius_ratio, heights, turn_deg: float, roll
     return upright_pose(position, target, rng.normal(0, roll_deg))
 
 
-def database_views(seed: int, count: int) -> list:
+def database_views(seed: int, count: int) -> list[View]:
     """Makes views on a walk around the courtyard, with the camera at chest height, eye height or held high."""
     rng = np.random.default_rng([seed, 1])
     heights = ((1.1, 1.25), (1.6, 1.75), (2.3, 2.5))
@@ -169,7 +184,7 @@ def database_views(seed: int, count: int) -> list:
     return views
 
 
-def query_views(seed: int, count: int) -> list:
+def query_views(seed: int, count: int) -> list[View]:
     """Makes views from beside, above and below the walk, with larger tilts."""
     rng = np.random.default_rng([seed, 2])
     views = []
@@ -180,15 +195,16 @@ def query_views(seed: int, count: int) -> list:
     return views
 
 
-def photograph(picture: np.ndarray, rng) -> np.ndarray:
+def photograph(picture: Array, rng: Generator) -> Array:
     """Simulates a camera: slight blur, random exposure and white balance, sensor noise."""
     blurred = cv2.GaussianBlur(picture, (0, 0), rng.uniform(0.4, 0.8))
     exposure = np.exp(rng.normal(0, 0.13)) * np.exp(rng.normal(0, 0.03, 3))
     noise = rng.uniform(1.5, 3.5) * rng.standard_normal(picture.shape, np.float32)
-    return np.clip(np.round(blurred * exposure.astype(np.float32) + noise), 0, 255).astype(np.uint8)
+    photo: Array = np.clip(np.round(blurred * exposure.astype(np.float32) + noise), 0, 255)
+    return photo.astype(np.uint8)
 
 
-def write_images(folder: pathlib.Path, rectangles: list, views: list, seed: int, stream: int) -> None:
+def write_images(folder: pathlib.Path, rectangles: list[Rectangle], views: list[View], seed: int, stream: int) -> None:
     folder.mkdir(parents=True, exist_ok=True)
     for stale in folder.glob("[0-9]*.jpg"):
         stale.unlink()
@@ -201,13 +217,13 @@ def write_images(folder: pathlib.Path, rectangles: list, views: list, seed: int,
             raise OSError(f"{path}: cannot be written")
 
 
-def write_database_model(folder: pathlib.Path, views: list) -> None:
+def write_database_model(folder: pathlib.Path, views: list[View]) -> None:
     """Writes a COLMAP text model of views with one camera."""
     images = [Image(view.name, 1, view.pose, image_id) for image_id, view in enumerate(views, start=1)]
     write_model(folder, {1: views[0].camera}, images)
 
 
-def write_queries(output: pathlib.Path, views: list) -> None:
+def write_queries(output: pathlib.Path, views: list[View]) -> None:
     (output / "queries_with_intrinsics.txt").write_text(
         "".join(f"{view.name} {view.camera.text()}\n" for view in views)
     )
@@ -234,7 +250,7 @@ def make_scene(output: pathlib.Path, seed: int, num_database_images: int, num_qu
     scene_path = output / "scene.json"
     if scene_path.exists() and scene_path.read_text() == _as_json(description):
         return False
-    print(f"rendering {num_database_images + num_query_images} photos into {output}", file=sys.stderr)
+    logger.info("rendering %d photos into %s", num_database_images + num_query_images, output)
     output.mkdir(parents=True, exist_ok=True)
     scene_path.unlink(missing_ok=True)
     rectangles = build_scene(seed)
@@ -247,11 +263,11 @@ def make_scene(output: pathlib.Path, seed: int, num_database_images: int, num_qu
     return True
 
 
-def _as_json(description: dict) -> str:
+def _as_json(description: dict[str, object]) -> str:
     return json.dumps(description, indent=2) + "\n"
 
 
-def _at_least(minimum: int):
+def _at_least(minimum: int) -> Callable[[str], int]:
     def integer(text: str) -> int:
         if int(text) < minimum:
             raise argparse.ArgumentTypeError(f"must be at least {minimum}")
@@ -261,7 +277,7 @@ def _at_least(minimum: int):
 
 
 @command(name="lazyloc demo", extra="demo")
-def main(arguments=None):
+def main(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(
         prog="lazyloc demo", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )

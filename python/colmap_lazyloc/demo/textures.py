@@ -1,7 +1,15 @@
 """Paints walls, paving, wood and notices procedurally: with detail at all scales and without repetition."""
 
+from collections.abc import Sequence
+
 import cv2
 import numpy as np
+from numpy.random import Generator
+from numpy.typing import ArrayLike
+
+from colmap_lazyloc.array_types import Array
+
+Colour = tuple[int, ...]  # blue, green, red
 
 FONTS = (
     cv2.FONT_HERSHEY_SIMPLEX,
@@ -13,7 +21,9 @@ FONTS = (
 LETTERS = np.array(list("ABCDEFGHJKLMNPRSTUVWXYZ0123456789&?!"))
 
 
-def multi_scale_noise(rng, shape, coarsest: int, finest: int = 2, stretch=(1, 1)) -> np.ndarray:
+def multi_scale_noise(
+    rng: Generator, shape: tuple[int, ...], coarsest: int, finest: int = 2, stretch: tuple[int, int] = (1, 1)
+) -> Array:
     """Makes noise of unit variance with detail at every power of two from `finest` to `coarsest` texels."""
     height, width = shape
     noise = np.zeros(shape, np.float32)
@@ -22,27 +32,28 @@ def multi_scale_noise(rng, shape, coarsest: int, finest: int = 2, stretch=(1, 1)
         cells = rng.standard_normal((height // (size * stretch[0]) + 2, width // (size * stretch[1]) + 2), np.float32)
         noise += size**0.25 * cv2.resize(cells, (width, height), interpolation=cv2.INTER_CUBIC)
         size *= 2
-    return noise / noise.std()
+    scaled: Array = noise / noise.std()
+    return scaled
 
 
-def _colour(rng, low: int = 20, high: int = 235) -> tuple:
+def _colour(rng: Generator, low: int = 20, high: int = 235) -> Colour:
     """Draws a random colour, blended half-way with its grey."""
     colour = rng.integers(low, high, 3)
     return tuple(int(value) for value in (colour + colour.mean()) / 2)
 
 
-def _tint(rng, colour, spread: float) -> tuple:
+def _tint(rng: Generator, colour: Sequence[float], spread: float) -> Colour:
     """Varies the brightness of a colour, and slightly its hue."""
     tinted = np.array(colour) * np.exp(rng.normal(0, spread)) + rng.normal(0, 6, 3)
     return tuple(int(value) for value in np.clip(tinted, 8, 245))
 
 
-def _weather(rng, picture: np.ndarray, strength: float, stretch=(1, 1)) -> np.ndarray:
+def _weather(rng: Generator, picture: Array, strength: float, stretch: tuple[int, int] = (1, 1)) -> Array:
     noise = multi_scale_noise(rng, picture.shape[:2], coarsest=max(4, min(picture.shape[:2]) // 3), stretch=stretch)
     return np.clip(picture * (1 + strength * noise[..., None]), 0, 255).astype(np.uint8)
 
 
-def _draw_text(rng, picture: np.ndarray, box, colour) -> None:
+def _draw_text(rng: Generator, picture: Array, box: tuple[float, float, float, float], colour: Colour) -> None:
     """Writes one line of random letters that fills the box (x, y, width, height)."""
     x, y, width, height = box
     text = "".join(rng.choice(LETTERS, rng.integers(3, 9)))
@@ -52,14 +63,14 @@ def _draw_text(rng, picture: np.ndarray, box, colour) -> None:
     cv2.putText(picture, text, (int(x), int(y + height * 0.9)), font, scale, colour, thickness, cv2.LINE_AA)
 
 
-def _draw_polygon(rng, picture: np.ndarray, centre, radius: float, colour) -> None:
+def _draw_polygon(rng: Generator, picture: Array, centre: ArrayLike, radius: float, colour: Colour) -> None:
     angles = np.sort(rng.uniform(0, 2 * np.pi, rng.integers(3, 8)))
     radii = radius * rng.uniform(0.5, 1, angles.size)
     points = np.array(centre) + np.stack([radii * np.cos(angles), radii * np.sin(angles)], axis=1)
     cv2.fillPoly(picture, [points.astype(np.int32)], colour, cv2.LINE_AA)
 
 
-def draw_notice(rng, picture: np.ndarray, box) -> None:
+def draw_notice(rng: Generator, picture: Array, box: tuple[float, float, float, float]) -> None:
     """Draws a framed poster: shapes and lines of text."""
     x, y, width, height = (int(value) for value in box)
     view = picture[y : y + height, x : x + width]
@@ -79,7 +90,7 @@ def draw_notice(rng, picture: np.ndarray, box) -> None:
     cv2.rectangle(view, (0, 0), (width - 1, height - 1), _colour(rng, 10, 90), max(2, width // 60))
 
 
-def draw_window(rng, picture: np.ndarray, box) -> None:
+def draw_window(rng: Generator, picture: Array, box: tuple[float, float, float, float]) -> None:
     """Draws a dark window with a frame, bars at uneven places, curtains or reflections, and a sill."""
     x, y, width, height = (int(value) for value in box)
     frame, bar = _colour(rng, 60, 240), max(2, int(width * rng.uniform(0.03, 0.07)))
@@ -102,10 +113,12 @@ def draw_window(rng, picture: np.ndarray, box) -> None:
     )
 
 
-def _lay_stones(rng, shape, stone_size, colour, joint: int, spread: float) -> np.ndarray:
+def _lay_stones(
+    rng: Generator, shape: tuple[int, ...], stone_size: float, colour: Colour, joint: int, spread: float
+) -> Array:
     """Lays courses of stones that differ in height, width, outline and tint."""
     height, width = shape
-    picture = np.empty((height, width, 3), np.uint8)
+    picture: Array = np.empty((height, width, 3), np.uint8)
     picture[:] = _tint(rng, [0.55 * value for value in colour], 0.1)
     y = 0
     while y < height:
@@ -122,7 +135,7 @@ def _lay_stones(rng, shape, stone_size, colour, joint: int, spread: float) -> np
     return picture
 
 
-def facade(rng, size_m, texels_per_m: float, colour) -> np.ndarray:
+def facade(rng: Generator, size_m: Sequence[float], texels_per_m: float, colour: Colour) -> Array:
     """Paints a house front of irregular stones with windows, notices, lettering and stains."""
     width, height = (round(length * texels_per_m) for length in size_m)
     m = texels_per_m
@@ -150,7 +163,7 @@ def facade(rng, size_m, texels_per_m: float, colour) -> np.ndarray:
     return _weather(rng, picture, 0.13)
 
 
-def paving(rng, size_m, texels_per_m: float, colour) -> np.ndarray:
+def paving(rng: Generator, size_m: Sequence[float], texels_per_m: float, colour: Colour) -> Array:
     """Paints slabs with painted marks, leaves and dirt."""
     width, height = (round(length * texels_per_m) for length in size_m)
     picture = _lay_stones(rng, (height, width), 0.55 * texels_per_m, colour, max(1, int(0.015 * texels_per_m)), 0.13)
@@ -164,10 +177,10 @@ def paving(rng, size_m, texels_per_m: float, colour) -> np.ndarray:
     return _weather(rng, picture, 0.14)
 
 
-def planks(rng, size_m, texels_per_m: float, colour) -> np.ndarray:
+def planks(rng: Generator, size_m: Sequence[float], texels_per_m: float, colour: Colour) -> Array:
     """Paints the side of a crate: boards with grain and nails, stencilled words and labels."""
     width, height = (max(8, round(length * texels_per_m)) for length in size_m)
-    picture = np.zeros((height, width, 3), np.uint8)
+    picture: Array = np.zeros((height, width, 3), np.uint8)
     y = 0
     while y < height:
         board = max(4, int(rng.uniform(0.08, 0.2) * texels_per_m))
@@ -186,7 +199,7 @@ def planks(rng, size_m, texels_per_m: float, colour) -> np.ndarray:
     return _weather(rng, picture, 0.08)
 
 
-def stone(rng, size_m, texels_per_m: float, colour) -> np.ndarray:
+def stone(rng: Generator, size_m: Sequence[float], texels_per_m: float, colour: Colour) -> Array:
     """Paints rough stone of a pillar, with a few notices pasted on it."""
     width, height = (max(8, round(length * texels_per_m)) for length in size_m)
     picture = _lay_stones(rng, (height, width), 0.35 * texels_per_m, colour, max(1, int(0.01 * texels_per_m)), 0.18)

@@ -7,72 +7,78 @@ pose of the nearest database image is never written. Needs h5py.
 """
 
 import argparse
+import os
 import pathlib
 import pickle
 import sys
 from collections.abc import Iterator, Mapping
-from typing import Any
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from colmap_lazyloc.errors import InputError, command
 from colmap_lazyloc.hloc_files import find_matches, read_keypoints
-from colmap_lazyloc.inputs import Matches
+from colmap_lazyloc.inputs import Matches, Options
 from colmap_lazyloc.localizer import Localizer
-from colmap_lazyloc.model import Model, read_model
+from colmap_lazyloc.model import Camera, Model, ModelLike, read_model
 from colmap_lazyloc.pairs import read_pairs
 from colmap_lazyloc.queries import read_query_cameras
 from colmap_lazyloc.result import Result
+from colmap_lazyloc.text_files import Path
+
+if TYPE_CHECKING:
+    import h5py
 
 COLMAP_FROM_HLOC = 0.5  # pixels: hloc's upper-left pixel has its centre at 0, 0
 
 
 def main(
-    reference_sfm: Any,
-    queries: Any,
-    retrieval: Any,
-    features: Any,
-    matches: Any,
-    results: Any,
+    reference_sfm: Path | ModelLike,
+    queries: Path,
+    retrieval: Path,
+    features: Path,
+    matches: Path,
+    results: Path,
     ransac_thresh: float = 12,
     covisibility_clustering: bool = False,
     prepend_camera_name: bool = False,
-    config: Mapping[str, Any] | None = None,
+    config: Options | None = None,
 ) -> dict[str, Result]:
     """Localizes the queries and returns their results by name.
 
-    `reference_sfm`: the folder of a COLMAP model, or a `colmap_lazyloc.model.Model`. `config`: options of `Localizer`.
-    `ransac_thresh` and `covisibility_clustering` are accepted for hloc's sake and have no effect: pairs are verified by
-    two-view geometry, and the query's pairs check each other.
+    `reference_sfm`: the folder of a COLMAP model, a pycolmap.Reconstruction, or a `colmap_lazyloc.model.Model`.
+    `config`: options of `Localizer`. `ransac_thresh` and `covisibility_clustering` are accepted for hloc's sake and
+    have no effect: pairs are verified by two-view geometry, and the query's pairs check each other.
     """
     import h5py
 
     del ransac_thresh, covisibility_clustering
-    model = reference_sfm if isinstance(reference_sfm, Model) else read_model(reference_sfm)
+    model = read_model(reference_sfm) if isinstance(reference_sfm, str | os.PathLike) else Model.of(reference_sfm)
     cameras = read_query_cameras(queries)
     names_of_query = _retrieved(retrieval, cameras, model)
     found: dict[str, Result] = {}
-    logs: dict[str, Any] = {"features": features, "matches": matches, "retrieval": retrieval, "loc": {}}
+    logs: dict[str, dict[str, object]] = {}
     with h5py.File(features, "r") as feature_file, h5py.File(matches, "r") as match_file:
         inputs = {
             name: _read_query(name, cameras[name], database_names, feature_file, match_file)
             for name, database_names in names_of_query.items()
         }
     with Localizer(None, model, options=config) as localizer:
-        for result in localizer.localize_all(inputs.values()):
+        for result in localizer.localize_all(Matches(*query, name) for name, query in inputs.items()):
             found[result.name] = result
     lines = []
     for name, query in inputs.items():
-        logs["loc"][name] = _make_log(query, found[name])
+        logs[name] = _make_log(query, found[name])
         if (pose := found[name].pose) is not None:
             lines.append(f"{_short_name(name, prepend_camera_name)} {pose.text()}\n")
     pathlib.Path(results).write_text("".join(lines), encoding="utf-8")
     with open(f"{results}_logs.pkl", "wb") as file:
-        pickle.dump(logs, file)
+        pickle.dump({"features": features, "matches": matches, "retrieval": retrieval, "loc": logs}, file)
     return found
 
 
-def _retrieved(retrieval: Any, cameras: Mapping[str, Any], model: Model) -> dict[str, list[str]]:
+def _retrieved(retrieval: Path, cameras: Mapping[str, Camera], model: Model) -> dict[str, list[str]]:
     """Returns the posed images for each query, in the order of the query list."""
     names: dict[str, list[str]] = {name: [] for name in cameras}
     for pair in read_pairs(retrieval):
@@ -84,14 +90,24 @@ def _retrieved(retrieval: Any, cameras: Mapping[str, Any], model: Model) -> dict
     return names
 
 
-def _read_query(name: str, camera: Any, database_names: list[str], features: Any, matches: Any) -> Matches:
+class _Query(NamedTuple):
+    """A query of hloc's files, with the keypoints and matches of each posed image."""
+
+    camera: Camera
+    keypoints: NDArray[np.float32]
+    pairs: dict[str, tuple[NDArray[np.float32], NDArray[np.uint32]]]
+
+
+def _read_query(
+    name: str, camera: Camera, database_names: list[str], features: "h5py.File", matches: "h5py.File"
+) -> _Query:
     pairs = {}
     for other in database_names:
         found = find_matches(matches, name, other)
         if found is None:
             raise InputError(f"{matches.filename}: has no matches of {name} and {other}")
         pairs[other] = (read_keypoints(features, other), found)
-    return Matches(camera, read_keypoints(features, name), pairs, name)
+    return _Query(camera, read_keypoints(features, name), pairs)
 
 
 def _observed(result: Result) -> Iterator[tuple[int, str, int]]:
@@ -101,10 +117,10 @@ def _observed(result: Result) -> Iterator[tuple[int, str, int]]:
         yield int(result.point_keypoints[point]), names[pair], int(keypoint)
 
 
-def _make_log(query: Matches, result: Result) -> dict[str, Any]:
+def _make_log(query: _Query, result: Result) -> dict[str, object]:
     """Returns the entry of a query in the form of hloc's InLoc pipeline: one row per match with a database image."""
     observed = set(_observed(result))
-    query_keypoints = np.asarray(query.keypoints) - COLMAP_FROM_HLOC
+    query_keypoints = query.keypoints - COLMAP_FROM_HLOC
     keypoints, database_keypoints, indices, inliers = [], [], [], []
     for index, (name, (other_keypoints, found)) in enumerate(query.pairs.items()):
         keypoints.append(query_keypoints[found[:, 0]])

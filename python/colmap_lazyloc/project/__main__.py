@@ -15,7 +15,7 @@ import shutil
 import sys
 from collections.abc import Sequence
 
-from colmap_lazyloc.errors import InputError, command, positive_int
+from colmap_lazyloc.errors import InputError, command, logger, positive_int
 from colmap_lazyloc.extras import is_installed
 from colmap_lazyloc.import_poses import add_source_options, make_source
 from colmap_lazyloc.model import Camera
@@ -123,7 +123,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         posed = _rename(posed, names)
         num_left = len(names) - len(posed.images)
         if num_left > 0:
-            print(f"lazyloc run: {num_left} of {len(names)} photos have no pose and are not used", file=sys.stderr)
+            logger.warning("%d of %d photos have no pose and are not used", num_left, len(names))
     steps.make_database(project, list(names.values()), posed, options.num_neighbors)
     steps.make_model(project, posed)
     queries = _add_queries(project, options, localizer_options, posed)
@@ -188,7 +188,7 @@ def _add_queries(
         if not project.steps.is_done("frames", key):
             shutil.rmtree(folder.frames, ignore_errors=True)
             count = write_frames(source, folder.frames, options.frames_per_second)
-            print(f"lazyloc run: {count} frames of {source}", file=sys.stderr)
+            logger.info("%d frames of %s", count, source)
             project.steps.finish("frames", key)
         source = folder.frames
     queries = sorted(link_photos(folder, QUERY, source, options.masks).values())
@@ -226,8 +226,8 @@ def _write_report(folder: Folder) -> None:
     if is_installed("cv2"):
         words += ["--image_path", str(folder.images)]
     else:
-        print("lazyloc run: no photos in the report: pip install 'colmap-lazyloc[run]'", file=sys.stderr)
-    print("lazyloc run: writing the report", file=sys.stderr)
+        logger.warning("no photos in the report: pip install 'colmap-lazyloc[run]'")
+    logger.info("writing the report")
     if write_report(words) != 0:
         raise InputError(f"{folder.report}: the report was not written; the results are in {folder.localized}")
 

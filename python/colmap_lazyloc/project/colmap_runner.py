@@ -4,13 +4,12 @@ import json
 import pathlib
 import re
 import subprocess
-import sys
 from collections.abc import Sequence
 
-from colmap_lazyloc.errors import InputError
+from colmap_lazyloc.errors import InputError, logger
 
-NUM_ERROR_LINES = 50
 GLOG_PREFIX = re.compile(r"^[IWEF]\d{8} \S+ +\d+ \S+\] ")
+STACK_TRACE = re.compile(r"@ +0x|\*\*\* |PC: |terminate called|what\(\): ")  # what follows a failed check of COLMAP
 
 
 class ColmapRunner:
@@ -20,9 +19,9 @@ class ColmapRunner:
         self._log_path = log_path
 
     def run(self, words: Sequence[object], title: str = "") -> None:
-        """Runs a command; raises InputError with its last line if it fails."""
+        """Runs a command; raises InputError with its last line, or the one before a stack trace, if it fails."""
         texts = [str(word) for word in words]
-        last_lines: list[str] = []
+        last_line = ""
         with self._log_path.open("a", encoding="utf-8") as log:
             log.write(f"$ {' '.join(texts)}\n")
             log.flush()
@@ -38,8 +37,8 @@ class ColmapRunner:
                 for line in process.stdout:
                     log.write(line)
                     bar.read(line)
-                    if line.strip():
-                        last_lines = [*last_lines[-NUM_ERROR_LINES:], line.strip()]
+                    if line.strip() and not STACK_TRACE.match(line.strip()):
+                        last_line = line.strip()
                 code = process.wait()
             except BaseException:
                 process.terminate()
@@ -48,7 +47,7 @@ class ColmapRunner:
             finally:
                 bar.close()
         if code != 0:
-            cause = GLOG_PREFIX.sub("", last_lines[-1]) if last_lines else "no message"
+            cause = GLOG_PREFIX.sub("", last_line) or "no message"
             raise InputError(f"{pathlib.Path(texts[0]).name} {texts[1]} failed: {cause} (log: {self._log_path})")
 
 
@@ -57,7 +56,7 @@ class ProgressBar:
 
     def __init__(self, title: str):
         if title:
-            print(f"lazyloc run: {title}", file=sys.stderr, flush=True)
+            logger.info(title)
         try:
             from tqdm import tqdm
         except ImportError:

@@ -19,6 +19,8 @@ from colmap_lazyloc.project.pairs import all_pairs, pairs_by_viewpoint, pairs_in
 
 MAX_NUM_EXHAUSTIVE = 50  # images; more are retrieved by a vocabulary tree
 NUM_RETRIEVED = 30
+MAX_NUM_WORDS = 16384  # of the vocabulary tree
+MIN_FEATURES_PER_WORD = 10
 SEQUENCE_REACH = 5  # frames before and after one with which it is matched
 MIN_MODEL_SIZE = 3
 
@@ -62,8 +64,10 @@ class Project:
         """Matches images with those that look alike, by a vocabulary tree of this database."""
         tree = self.folder.vocab_tree
         if not tree.exists():
+            with DatabaseReader(self.folder.database) as database:
+                num_words = min(MAX_NUM_WORDS, database.num_descriptors() // MIN_FEATURES_PER_WORD)
             words = [self.colmap, "vocab_tree_builder", "--database_path", self.folder.database]
-            words += ["--vocab_tree_path", tree, "--num_visual_words", 16384]
+            words += ["--vocab_tree_path", tree, "--num_visual_words", max(1, num_words)]
             self.runner.run(words, "vocabulary tree for retrieval")
         words = [self.colmap, "vocab_tree_matcher", "--database_path", self.folder.database]
         words += ["--VocabTreeMatching.vocab_tree_path", tree, "--VocabTreeMatching.num_images", NUM_RETRIEVED]

@@ -3,16 +3,19 @@
     lazyloc report RUN --image_path photos --database_path database.db --output report.html
 
 RUN is the output folder of `colmap lazy_localizer`. The page shows where the queries are, how certain each pose is and
-what it rests on. Lengths are in the unit of the database and are shown as metres.
+what it rests on. Lengths are in the unit of the database, which is the metre if --unit says so or the run has
+geographic coordinates.
 """
 
 import argparse
 import pathlib
 import sys
+from collections.abc import Sequence
 
 from colmap_lazyloc.errors import InputError, command
 from colmap_lazyloc.evaluate import read_any_poses
 from colmap_lazyloc.report.build import Sources, build_page
+from colmap_lazyloc.report.facts import METRE, MODEL_UNITS
 from colmap_lazyloc.report.output import check_output, write_file, write_folder
 from colmap_lazyloc.report.page import PAGE_NAME, page_files, single_page
 from colmap_lazyloc.report.plots import plot_files
@@ -20,7 +23,7 @@ from colmap_lazyloc.report.run import Run, read_run
 from colmap_lazyloc.report.tum import tum_text
 
 
-def parse_arguments(arguments):
+def parse_arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(
         prog="lazyloc report",
         description=__doc__,
@@ -49,12 +52,17 @@ def parse_arguments(arguments):
         action="store_true",
         help=f"write a folder, for large runs: a browser opens its {PAGE_NAME} and loads the rest when it is needed",
     )
+    parser.add_argument(
+        "--unit",
+        choices=(METRE, MODEL_UNITS),
+        help="of lengths: metres, or whatever the database has; default: m if the run has geographic coordinates",
+    )
     _add_bounds(parser)
     _add_other_files(parser)
     return parser.parse_args(arguments)
 
 
-def _add_bounds(parser):
+def _add_bounds(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--max_num_images",
         type=_count,
@@ -70,7 +78,7 @@ def _add_bounds(parser):
     )
 
 
-def _add_other_files(parser):
+def _add_other_files(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--tum",
         type=pathlib.Path,
@@ -93,13 +101,13 @@ def _count(text: str) -> int:
 
 
 @command(name="lazyloc report", extra="report")
-def main(arguments=None):
+def main(arguments: Sequence[str] | None = None) -> None:
     options = parse_arguments(arguments)
     check_output(options.output, options.split, PAGE_NAME)
     if options.image_path is not None and not options.image_path.is_dir():
         raise InputError(f"--image_path {options.image_path}: is not a folder")
     truth = None if options.ground_truth is None else read_any_poses(options.ground_truth)
-    run = read_run(options.run, truth)
+    run = read_run(options.run, truth, options.unit)
     if truth is not None and not run.truth:
         raise InputError(f"--ground_truth {options.ground_truth}: has no pose of any query")
     sources = Sources(options.image_path, options.database_path, options.max_num_images, options.max_num_points)
@@ -114,7 +122,7 @@ def main(arguments=None):
     print(f"{path}  ({size / 1e6:.1f} MB)")
 
 
-def _write_others(run: Run, options):
+def _write_others(run: Run, options: argparse.Namespace) -> None:
     """Writes the files beside the page; makes them all before it writes the first."""
     files = {} if options.plots is None else {options.plots / name: data for name, data in plot_files(run).items()}
     if options.tum is not None:

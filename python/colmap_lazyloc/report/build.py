@@ -9,12 +9,12 @@ import numpy as np
 from colmap_lazyloc.database import DatabaseReader
 from colmap_lazyloc.errors import InputError
 from colmap_lazyloc.model import Camera
+from colmap_lazyloc.progress import progress
 from colmap_lazyloc.queries import read_queries, read_query_lines
 from colmap_lazyloc.report import photos
 from colmap_lazyloc.report.chunk import pack
 from colmap_lazyloc.report.details import DETAILS_PER_BLOCK, detail_chunk
 from colmap_lazyloc.report.drawing import can_project, drawing_chunk
-from colmap_lazyloc.report.progress import progress
 from colmap_lazyloc.report.repeat import RepeatCommands
 from colmap_lazyloc.report.run import Run
 from colmap_lazyloc.report.scene import scene_chunk
@@ -64,11 +64,11 @@ def _build(run: Run, sources: Sources, database: DatabaseReader | None) -> tuple
     }
     is_drawn = np.zeros(len(run.queries), bool)
     is_drawn[list(drawings)] = True
-    scene, scene_arrays = scene_chunk(run, cameras, points, [] if database is None else database.frames())
+    scene, scene_arrays, size = scene_chunk(run, cameras, points, [] if database is None else database.frames())
     num_shown = {"points": len(points.xyz), "photos": len(shown.files)}
     notes = _notes(run, sources, num_shown, bool(lines))
     chunks = {
-        "summary": pack(summary_chunk(run, num_shown, find_warnings(run, scene["size"]), notes), {}),
+        "summary": pack(summary_chunk(run, num_shown, find_warnings(run, size), notes), {}),
         "queries": pack(*query_chunk(run, shown.of_query, is_drawn)),
         "scene": pack(scene, scene_arrays),
     }

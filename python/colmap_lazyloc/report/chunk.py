@@ -15,11 +15,14 @@ import struct
 
 import numpy as np
 
+from colmap_lazyloc.array_types import Array
+
+Values = dict[str, object]  # what JSON can hold
 TYPES = {"u8": "|u1", "u16": "<u2", "u32": "<u4", "i32": "<i4", "f32": "<f4", "f64": "<f8"}
 ALIGNMENT = 8
 
 
-def pack(values: dict, arrays: dict[str, np.ndarray]) -> bytes:
+def pack(values: Values, arrays: dict[str, Array]) -> bytes:
     """Returns a chunk with JSON values and arrays of one of TYPES; the same input gives the same bytes."""
     header, data, offset = {}, [], 0
     for name, array in arrays.items():

@@ -1,22 +1,27 @@
 """Makes the chunks "details/BLOCK": what the page of a query tells in words and bars."""
 
+from collections.abc import Iterable
+
 import numpy as np
 
+from colmap_lazyloc.array_types import Array
+from colmap_lazyloc.report.chunk import Values
 from colmap_lazyloc.report.facts import facts
 from colmap_lazyloc.report.repeat import RepeatCommands
 from colmap_lazyloc.report.run import Run
+from colmap_lazyloc.result_fields import PairFields, ResultFields
 
 DETAILS_PER_BLOCK = 1000
 
 
-def detail_chunk(run: Run, block: int, repeat: RepeatCommands) -> tuple[dict, dict[str, np.ndarray]]:
+def detail_chunk(run: Run, block: int, repeat: RepeatCommands) -> tuple[Values, dict[str, Array]]:
     """Returns the values and arrays of a chunk."""
     queries = run.queries[block * DETAILS_PER_BLOCK : (block + 1) * DETAILS_PER_BLOCK]
     stages = stage_names(queries)
     pairs = [pair for result in queries for pair in _known_pairs(run, result)]
     values = {
         "stages": stages,
-        "facts": [facts(result) for result in queries],
+        "facts": [facts(result, run.unit) for result in queries],
         "commands": [repeat.command(result) for result in queries],
     }
     arrays = {
@@ -32,18 +37,18 @@ def detail_chunk(run: Run, block: int, repeat: RepeatCommands) -> tuple[dict, di
     return values, arrays
 
 
-def stage_names(queries: list[dict]) -> list[str]:
+def stage_names(queries: list[ResultFields]) -> list[str]:
     """Returns the stages that ran for any query, in the order in which they ran."""
-    names = {}
+    names: dict[str, None] = {}
     for result in sorted(queries, key=lambda result: -len(result["seconds"])):
         names.update(dict.fromkeys(result["seconds"]))
     names.pop("total", None)
     return list(names)
 
 
-def _known_pairs(run: Run, result: dict) -> list[dict]:
+def _known_pairs(run: Run, result: ResultFields) -> list[PairFields]:
     return [pair for pair in result["pairs"] if pair["name"] in run.database_index]
 
 
-def _floats(values: list) -> np.ndarray:
+def _floats(values: Iterable[float | None]) -> Array:
     return np.array([np.nan if value is None else value for value in values], np.float32)

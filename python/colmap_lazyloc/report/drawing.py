@@ -4,9 +4,11 @@ import importlib.util
 
 import numpy as np
 
+from colmap_lazyloc.array_types import Array
 from colmap_lazyloc.database import DatabaseReader
 from colmap_lazyloc.errors import InputError
 from colmap_lazyloc.model import NO_POINTS, Camera, Model
+from colmap_lazyloc.report.chunk import Values
 from colmap_lazyloc.report.photos import Photos, useful_images
 from colmap_lazyloc.report.run import Run
 
@@ -21,7 +23,7 @@ def can_project() -> bool:
 
 def drawing_chunk(
     run: Run, query: int, camera: Camera | None, database: DatabaseReader | None, photos: Photos
-) -> tuple[dict, dict[str, np.ndarray]]:
+) -> tuple[Values, dict[str, Array]]:
     """Returns the values and arrays of a chunk; `camera`: the query's intrinsics, if they are known."""
     name = run.names[query]
     images = useful_images(run, query)
@@ -56,15 +58,17 @@ def drawing_chunk(
 class _Lines:
     """Collects lines from a query to its database images."""
 
-    def __init__(self):
-        self.images, self.xy, self.database_xy = [], [np.empty((0, 2))], [np.empty((0, 2))]
+    def __init__(self) -> None:
+        self.images: list[int] = []
+        self.xy: list[Array] = [np.empty((0, 2))]
+        self.database_xy: list[Array] = [np.empty((0, 2))]
 
-    def add(self, image: int, xy: np.ndarray, database_xy: np.ndarray):
+    def add(self, image: int, xy: Array, database_xy: Array) -> None:
         self.images += [image] * len(xy)
         self.xy.append(xy)
         self.database_xy.append(database_xy)
 
-    def arrays(self, prefix: str) -> dict[str, np.ndarray]:
+    def arrays(self, prefix: str) -> dict[str, Array]:
         return {
             f"{prefix}Images": np.array(self.images, np.uint8),
             f"{prefix}Xy": np.concatenate(self.xy).astype(np.float32),
@@ -81,17 +85,16 @@ def _database_camera(run: Run, image: int) -> Camera:
     return run.database.cameras[run.database_images[image].camera_id]
 
 
-def _matches_with(run: Run, query: int, image: int, database: DatabaseReader | None):
+def _matches_with(run: Run, query: int, image: int, database: DatabaseReader | None) -> tuple[tuple[Array, Array], ...]:
     """Returns the inliers and the rejected matches with a database image, each as (pixels in the query, pixels in the
     database image)."""
     names = run.names[query], run.database_images[image].name
     keypoints = [_keypoints(run, name) for name in names]
     ids = [points["point3d_id"] for points in keypoints]
-    _, first, second = np.intersect1d(
-        *(np.where(i == -1, fill, i) for i, fill in zip(ids, (-1, -2))), return_indices=True
-    )
+    own_ids, other_ids = (np.where(i == -1, fill, i) for i, fill in zip(ids, (-1, -2)))
+    _, first, second = np.intersect1d(own_ids, other_ids, return_indices=True)
     inliers = np.stack([first, second], axis=1)
-    rejected = np.empty((0, 2), np.int64)
+    rejected: Array = np.empty((0, 2), np.int64)
     xy = [np.stack([points["x"], points["y"]], axis=1) for points in keypoints]
     if database is not None and all(name in database.image_ids for name in names):
         xy = [_stored_keypoints(run, database, name, known) for name, known in zip(names, xy)]
@@ -107,12 +110,12 @@ def _matches_with(run: Run, query: int, image: int, database: DatabaseReader | N
     return tuple((xy[0][chosen[:, 0]], xy[1][chosen[:, 1]]) for chosen in (inliers, rejected))
 
 
-def _keypoints(run: Run, name: str) -> np.ndarray:
+def _keypoints(run: Run, name: str) -> Array:
     """Returns an image's keypoints with their points; none if the run's model does not have the image."""
     return run.model.images[name].points2d if name in run.model.images else NO_POINTS
 
 
-def _stored_keypoints(run: Run, database: DatabaseReader, name: str, known: np.ndarray) -> np.ndarray:
+def _stored_keypoints(run: Run, database: DatabaseReader, name: str, known: Array) -> Array:
     """Returns the database's keypoints, which must be those of the run."""
     stored = database.keypoints(name)
     if len(known) > 0 and not (len(known) == len(stored) and np.allclose(known, stored)):
@@ -120,11 +123,11 @@ def _stored_keypoints(run: Run, database: DatabaseReader, name: str, known: np.n
     return stored
 
 
-def _keys(matches: np.ndarray) -> np.ndarray:
+def _keys(matches: Array) -> Array:
     return matches[:, 0].astype(np.int64) << 32 | matches[:, 1].astype(np.int64)
 
 
-def _explained(run: Run, names, matches: np.ndarray, xy: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+def _explained(run: Run, names: tuple[str, str], matches: Array, xy: list[Array]) -> tuple[Array, Array]:
     """Returns which matches a point explains, and for which this is unknown.
 
     In a model, a keypoint belongs to one point, so the points of one query lack keypoints that those of another query
@@ -147,14 +150,14 @@ def _explained(run: Run, names, matches: np.ndarray, xy: list[np.ndarray]) -> tu
     return is_inlier, is_open & ~is_inlier & (not can_project())
 
 
-def _project(model: Model, name: str, xyz: np.ndarray) -> np.ndarray:
+def _project(model: Model, name: str, xyz: Array) -> Array:
     from colmap_lazyloc.pycolmap_types import image_from_cam
 
     image = model.images[name]
-    return image_from_cam(model.cameras[image.camera_id], image.cam_from_world(xyz))
+    return image_from_cam(model.cameras[image.camera_id], image.pose(xyz))
 
 
-def _residuals(run: Run, name: str) -> tuple[np.ndarray, np.ndarray]:
+def _residuals(run: Run, name: str) -> tuple[Array, Array]:
     """Returns the pixels of a query's own observations, and observed minus projected pixels; empty if unknown."""
     keypoints = _keypoints(run, name)
     keypoints = keypoints[keypoints["point3d_id"] != -1]
@@ -166,7 +169,7 @@ def _residuals(run: Run, name: str) -> tuple[np.ndarray, np.ndarray]:
     return observed[is_seen], (observed - projected)[is_seen]
 
 
-def _thinned(lines: tuple[np.ndarray, np.ndarray], seed: int) -> tuple[np.ndarray, np.ndarray]:
+def _thinned(lines: tuple[Array, Array], seed: int) -> tuple[Array, Array]:
     """Returns at most MAX_NUM_REJECTED of the lines, drawn at random."""
     if len(lines[0]) <= MAX_NUM_REJECTED:
         return lines

@@ -1,5 +1,11 @@
 """Puts what is known of a query into words."""
 
+from collections.abc import Callable, Mapping
+
+from colmap_lazyloc.result_fields import ResultFields
+
+METRE, MODEL_UNITS = "m", "units"  # of lengths: the second is that of the model, whatever it is
+
 _STARTS = {
     "motion_averaging": "averaging of the relative poses to the database images",
     "absolute_pose": "points triangulated from the database images",
@@ -35,21 +41,22 @@ _PRIOR_ROLES = {
 }
 
 
-def facts(result: dict) -> list[tuple[str, str]]:
+def facts(result: ResultFields, unit: str) -> list[tuple[str, str]]:
     """Returns the rows of a table, label and text; without what the table of queries has."""
-    rows = _certainty_rows(result)
-    rows += _evidence_rows(result)
-    rows += _prior_rows(result)
+    rows = _certainty_rows(result, unit)
+    rows += _evidence_rows(result, unit)
+    rows += _prior_rows(result, unit)
     rows += _camera_rows(result)
     rows += _group_rows(result)
     return [(label, text) for label, text in rows if text]
 
 
-def _certainty_rows(result: dict) -> list[tuple[str, str]]:
+def _certainty_rows(result: ResultFields, unit: str) -> list[tuple[str, str]]:
     rows = []
-    if result.get("position_stddevs"):
-        largest, middle, smallest = (format_length(stddev) for stddev in result["position_stddevs"])
-        direction = ", ".join(f"{component:.2f}" for component in result["weakest_direction"])
+    stddevs, weakest_direction = result.get("position_stddevs"), result.get("weakest_direction")
+    if stddevs and weakest_direction:
+        largest, middle, smallest = (format_length(stddev, unit) for stddev in stddevs)
+        direction = ", ".join(f"{component:.2f}" for component in weakest_direction)
         text = f"{largest}, {middle} and {smallest} along the principal axes; least certain along ({direction})"
         rows.append(("Position, standard deviation", text))
     if result.get("rotation_stddev_deg") is not None:
@@ -63,7 +70,7 @@ def _certainty_rows(result: dict) -> list[tuple[str, str]]:
     return rows
 
 
-def _evidence_rows(result: dict) -> list[tuple[str, str]]:
+def _evidence_rows(result: ResultFields, unit: str) -> list[tuple[str, str]]:
     num_tracks, num_observations = result.get("num_tracks", 0), result.get("num_observations", 0)
     rows = []
     if num_tracks > 0:
@@ -73,8 +80,8 @@ def _evidence_rows(result: dict) -> list[tuple[str, str]]:
     error_px = result.get("mean_reprojection_error_px")
     if error_px is not None:
         rows.append(("Reprojection error", f"{error_px:.2f} px on average"))
-    evidence = result.get("evidence") or {}
-    texts = (
+    evidence: Mapping[str, object] = result.get("evidence") or {}
+    texts: tuple[tuple[str, str, Callable[[float], str]], ...] = (
         ("num_common_tracks", "Points in two or more database images", lambda value: f"{value:.0f}"),
         (
             "explained_ratio",
@@ -82,28 +89,36 @@ def _evidence_rows(result: dict) -> list[tuple[str, str]]:
             lambda value: f"{100 * value:.0f} % of the verified ones",
         ),
         ("agreeing_ratio", "Matches in pairs that agree with the pose", lambda value: f"{100 * value:.0f} %"),
-        ("scene_distance", "Distance of the points", lambda value: f"{format_length(value)} (median)"),
+        ("scene_distance", "Distance of the points", lambda value: f"{format_length(value, unit)} (median)"),
     )
-    rows += [(label, text(evidence[name])) for name, label, text in texts if evidence.get(name) is not None]
+    for name, label, text in texts:
+        value = evidence.get(name)
+        if isinstance(value, int | float):
+            rows.append((label, text(value)))
     rows.append(("Start of the refinement", _STARTS.get(result.get("start", ""), result.get("start", ""))))
     return rows
 
 
-def _prior_rows(result: dict) -> list[tuple[str, str]]:
-    rows = []
-    for name, label in (("position", "Given position"), ("gravity", "Given direction of gravity")):
-        prior = (result.get("priors") or {}).get(name)
+def _prior_rows(result: ResultFields, unit: str) -> list[tuple[str, str]]:
+    rows: list[tuple[str, str]] = []
+    priors = result.get("priors")
+    if priors is None:
+        return rows
+    for name, label, prior in (
+        ("position", "Given position", priors["position"]),
+        ("gravity", "Given direction of gravity", priors["gravity"]),
+    ):
         if prior is None:
             continue
         text = _PRIOR_VERDICTS.get(prior["verdict"], prior["verdict"]) + _PRIOR_ROLES.get(prior["fixes"], "")
         if prior["deviation"] is not None:
-            deviation = format_length(prior["deviation"]) if name == "position" else f"{prior['deviation']:.3g}°"
+            deviation = format_length(prior["deviation"], unit) if name == "position" else f"{prior['deviation']:.3g}°"
             text += f"; {deviation} from what the images say, {prior['deviation_sigma']:.1f} standard deviations"
         rows.append((label, text))
     return rows
 
 
-def _camera_rows(result: dict) -> list[tuple[str, str]]:
+def _camera_rows(result: ResultFields) -> list[tuple[str, str]]:
     rows = []
     source = result.get("intrinsics_source")
     if source is not None:
@@ -123,7 +138,7 @@ def _camera_rows(result: dict) -> list[tuple[str, str]]:
     return rows
 
 
-def _group_rows(result: dict) -> list[tuple[str, str]]:
+def _group_rows(result: ResultFields) -> list[tuple[str, str]]:
     rows = [("Frame", result.get("frame") or "")]
     if result.get("rig_scale") is not None:
         rows.append(("Scale of the trajectory", f"{result['rig_scale']:.6g} units of the model per unit"))
@@ -132,8 +147,10 @@ def _group_rows(result: dict) -> list[tuple[str, str]]:
     return rows
 
 
-def format_length(length: float) -> str:
-    """Returns a length with a unit that a reader sees at once; lengths are taken as metres."""
+def format_length(length: float, unit: str) -> str:
+    """Returns a length with its unit; metres have the prefix that a reader sees at once."""
+    if unit != METRE:
+        return f"{length:.3g} {unit}"
     if length >= 1:
         return f"{length:.3g} m" if length < 1000 else f"{length:.0f} m"
     return f"{100 * length:.2g} cm" if length >= 0.01 else f"{1000 * length:.2g} mm"

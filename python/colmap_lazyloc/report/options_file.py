@@ -20,7 +20,9 @@ class RunOptions:
 
 def read_options(path: pathlib.Path) -> RunOptions:
     """Reads the options; comments at the head name the program and the options that differ from their defaults."""
-    values, changed, program, section = {}, (), "", ""
+    values: dict[str, str] = {}
+    changed: tuple[str, ...] = ()
+    program, section = "", ""
     for line in read_lines(path):
         if line.startswith(VERSION_PREFIX):
             program = line.removeprefix(VERSION_PREFIX)

@@ -9,7 +9,7 @@ from collections.abc import Iterable, Iterator
 from colmap_lazyloc.errors import InputError
 
 
-def check_output(path: pathlib.Path, is_folder: bool, page_name: str = ""):
+def check_output(path: pathlib.Path, is_folder: bool, page_name: str = "") -> None:
     """Checks early that the output can be written, because making it may take minutes."""
     if not path.absolute().parent.is_dir():
         raise InputError(f"{path}: cannot be written: its folder does not exist")
@@ -70,7 +70,7 @@ def _staged(path: pathlib.Path) -> pathlib.Path:
     return path.absolute().with_name(f".{path.name}.{os.getpid()}")
 
 
-def _remove(path: pathlib.Path):
+def _remove(path: pathlib.Path) -> None:
     if path.is_dir():
         shutil.rmtree(path, ignore_errors=True)
     else:

@@ -5,8 +5,9 @@ import pathlib
 
 import numpy as np
 
+from colmap_lazyloc.array_types import Array
 from colmap_lazyloc.errors import InputError
-from colmap_lazyloc.report.progress import progress
+from colmap_lazyloc.progress import progress
 from colmap_lazyloc.report.run import Run
 from colmap_lazyloc.report.scene_points import ScenePoints
 
@@ -24,7 +25,7 @@ class Photos:
     """The photos of a page: JPEG files, and where they are used."""
 
     files: list[bytes]
-    of_query: np.ndarray  # index of each query's photo, or -1
+    of_query: Array  # index of each query's photo, or -1
     of_database_image: dict[int, int]  # index of a photo by that of its database image
     sizes: dict[str, tuple[int, int]]  # width and height of the photos in the folder, by name
 
@@ -54,22 +55,23 @@ def read_photos(run: Run, image_path: pathlib.Path, chosen: list[int]) -> Photos
     """Reads the photos of the chosen queries and of their most useful database images."""
     queries = [i for i in chosen if run.queries[i]["status"] != "UNREADABLE_IMAGE"]
     images = sorted({image for query in queries for image in useful_images(run, query)})
-    names = {run.names[i]: None for i in queries} | {run.database_images[i].name: None for i in images}
-    _check_exist(image_path, list(names))
-    files, sizes = [], {}
+    names = list(dict.fromkeys([*(run.names[i] for i in queries), *(run.database_images[i].name for i in images)]))
+    _check_exist(image_path, names)
+    files: list[bytes] = []
+    sizes: dict[str, tuple[int, int]] = {}
     for name in progress(names, "photos"):
         pixels = _read(image_path / name, 1)
         if pixels is None:
             raise InputError(f"{image_path / name}: is not a photo that OpenCV can read")
-        names[name] = len(files)
         sizes[name] = (pixels.shape[1], pixels.shape[0])
         files.append(_scaled_jpeg(pixels))
     of_query = np.full(len(run.queries), -1)
-    of_query[queries] = [names[run.names[i]] for i in queries]
-    return Photos(files, of_query, {i: names[run.database_images[i].name] for i in images}, sizes)
+    index = {name: i for i, name in enumerate(names)}
+    of_query[queries] = [index[run.names[i]] for i in queries]
+    return Photos(files, of_query, {i: index[run.database_images[i].name] for i in images}, sizes)
 
 
-def point_colors(run: Run, image_path: pathlib.Path, points: ScenePoints) -> np.ndarray:
+def point_colors(run: Run, image_path: pathlib.Path, points: ScenePoints) -> Array:
     """Returns the colours of the points, p x 3: those in the photo of a query that sees them. Of a large run, only some
     photos are read; the other points are grey."""
     import cv2
@@ -95,7 +97,7 @@ def point_colors(run: Run, image_path: pathlib.Path, points: ScenePoints) -> np.
     return colors
 
 
-def _check_exist(image_path: pathlib.Path, names: list[str]):
+def _check_exist(image_path: pathlib.Path, names: list[str]) -> None:
     missing = [name for name in names if not (image_path / name).is_file()]
     if missing:
         raise InputError(
@@ -104,7 +106,7 @@ def _check_exist(image_path: pathlib.Path, names: list[str]):
         )
 
 
-def _read(path: pathlib.Path, scale: int) -> np.ndarray | None:
+def _read(path: pathlib.Path, scale: int) -> Array | None:
     """Reads a photo as it is stored, without turning it as EXIF says, because COLMAP does not turn it either."""
     import cv2
 
@@ -116,7 +118,7 @@ def _read(path: pathlib.Path, scale: int) -> np.ndarray | None:
     return cv2.imdecode(content, color | cv2.IMREAD_IGNORE_ORIENTATION) if len(content) > 0 else None
 
 
-def _scaled_jpeg(pixels: np.ndarray) -> bytes:
+def _scaled_jpeg(pixels: Array) -> bytes:
     import cv2
 
     scale = MAX_SIZE / max(pixels.shape[:2])

@@ -2,11 +2,19 @@
 
 import functools
 import io
+from collections.abc import Callable
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+from colmap_lazyloc.array_types import Array
 from colmap_lazyloc.errors import InputError
+from colmap_lazyloc.report.facts import METRE
 from colmap_lazyloc.report.run import Run
+from colmap_lazyloc.result_fields import RiskCoverageFields
 
 FORMATS = ("png", "svg")
 
@@ -19,23 +27,24 @@ def plot_files(run: Run) -> dict[str, bytes]:
     except ImportError:
         raise InputError("--plots: needs matplotlib, which is not installed here") from None
     matplotlib.rcParams.update({"svg.hashsalt": "report", "savefig.dpi": 150, "figure.constrained_layout.use": True})
-    files = {}
+    files: dict[str, bytes] = {}
     position_errors, rotation_errors_deg = run.errors
+    unit, of_model = (METRE, "") if run.unit == METRE else ("", f" in {run.unit} of the model")
     distributions = {
-        "position_error": ("position error", "m", position_errors),
+        "position_error": ("position error" + of_model, unit, position_errors),
         "rotation_error": ("rotation error", "°", rotation_errors_deg),
-        "position_stddev": ("standard deviation of the position", "m", run.position_stddevs),
+        "position_stddev": ("standard deviation of the position" + of_model, unit, run.position_stddevs),
     }
     for name, distribution in distributions.items():
         if np.isfinite(distribution[2]).any():
             files |= _saved(name, functools.partial(_draw_distribution, *distribution))
-    risk_coverage = (run.leave_one_out or {}).get("risk_coverage")
+    risk_coverage = run.leave_one_out.get("risk_coverage") if run.leave_one_out else None
     if risk_coverage:
         files |= _saved("risk_coverage", functools.partial(_draw_risk_coverage, risk_coverage))
     return files
 
 
-def _draw_distribution(label: str, unit: str, values: np.ndarray, axes):
+def _draw_distribution(label: str, unit: str, values: Array, axes: "Axes") -> None:
     from matplotlib.ticker import EngFormatter, LogLocator, NullFormatter
 
     known = np.sort(values[np.isfinite(values)])
@@ -45,11 +54,11 @@ def _draw_distribution(label: str, unit: str, values: np.ndarray, axes):
         axes.set_xscale("log")
         axes.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
         axes.xaxis.set_minor_formatter(NullFormatter())
-    axes.xaxis.set_major_formatter(EngFormatter(unit) if unit == "m" else lambda value, _: f"{value:g}{unit}")
+    axes.xaxis.set_major_formatter(EngFormatter(unit) if unit == METRE else lambda value, _: f"{value:g}{unit}")
     axes.set(xlabel=label, ylabel=f"share of {len(values)} queries", ylim=(0, 1))
 
 
-def _draw_risk_coverage(points: list[dict], axes):
+def _draw_risk_coverage(points: list[RiskCoverageFields], axes: "Axes") -> None:
     axes.step(
         *([point[name] for point in points] for name in ("coverage", "risk")),
         where="post",
@@ -60,7 +69,7 @@ def _draw_risk_coverage(points: list[dict], axes):
     axes.set_ylim(bottom=0)
 
 
-def _saved(name: str, draw) -> dict[str, bytes]:
+def _saved(name: str, draw: "Callable[[Axes], None]") -> dict[str, bytes]:
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(6, 4))

@@ -7,6 +7,7 @@ import shlex
 
 from colmap_lazyloc.errors import InputError
 from colmap_lazyloc.report.run import Run
+from colmap_lazyloc.result_fields import ResultFields
 from colmap_lazyloc.text_files import read_entries
 
 MAX_NUM_TOGETHER = 50  # for larger groups, the command repeats the whole run
@@ -19,7 +20,7 @@ class RepeatCommands:
         self._run, self._query_lines = run, query_lines
         self._groups = _groups(run, query_lines)
 
-    def command(self, result: dict) -> str:
+    def command(self, result: ResultFields) -> str:
         """Returns the command; empty if a list of queries cannot hold the name."""
         names = self._groups.get(result["name"], [result["name"]])
         if any(name != name.strip() or name.startswith("#") or "\n" in name or not name for name in names):
@@ -52,7 +53,7 @@ class RepeatCommands:
         return name
 
     @functools.cached_property
-    def _sources(self) -> dict[str, str]:
+    def _sources(self) -> dict[str, str | None]:
         return {result["name"]: result.get("intrinsics_source") for result in self._run.queries}
 
 
@@ -63,7 +64,7 @@ def _join(options: dict[str, str]) -> str:
 def _groups(run: Run, query_lines: dict[str, str]) -> dict[str, list[str]]:
     """Returns the queries that were localized together with each query; without those that were localized alone."""
     frame_of = {result["name"]: result.get("frame") or f"\n{result['name']}" for result in run.queries}
-    frames = {}
+    frames: dict[str, list[str]] = {}
     # The order matters, because groups are runs of the query list, or of the sorted names.
     for name in [name for name in query_lines if name in frame_of] or sorted(frame_of):
         frames.setdefault(frame_of[name], []).append(name)

@@ -1,8 +1,12 @@
 """Checks a line of results.jsonl, which may come from another version or be damaged."""
 
 import math
+from collections.abc import Callable, Mapping
+from typing import TypeGuard
 
 from colmap_lazyloc.errors import InputError
+
+Check = Callable[[object], bool]
 
 # Fields that every result has; others are missing in runs of older versions.
 _REQUIRED = ("name", "status", "reason", "cam_from_world", "pairs", "seconds")
@@ -14,16 +18,16 @@ _VECTORS = {"position_stddevs": 3, "weakest_direction": 3, "rotation": 4}
 _POSES = ("cam_from_world", "unconfirmed_cam_from_world")
 
 
-def check_result(place: str, result: dict):
+def check_result(place: str, result: Mapping[str, object]) -> None:
     """Checks the types of all fields that a report reads; errors name `place`."""
-    checks = {
+    checks: dict[str, Check] = {
         **{name: _is_text for name in _TEXTS},
         **{name: _or_null(_is_text) for name in _OPTIONAL_TEXTS},
         **{name: _or_null(_is_number) for name in _NUMBERS},
         **{name: _is_count for name in _COUNTS},
         **{name: _or_null(_is_vector(length)) for name, length in _VECTORS.items()},
         **{name: _or_null(_is_pose) for name in _POSES},
-        "covariance": _or_null(lambda value: _is_list(value, 6) and all(_is_vector(6)(row) for row in value)),
+        "covariance": _or_null(lambda value: _is_list(value, 6) and all(map(_is_vector(6), value))),
         "bearing": _or_null(_is_bearing),
         "camera": _or_null(_is_camera),
         "evidence": _or_null(_is_evidence),
@@ -39,31 +43,31 @@ def check_result(place: str, result: dict):
         raise InputError(f"{place}: '{wrong[0]}' of query '{result['name']}' is not what a run writes")
 
 
-def _or_null(check):
+def _or_null(check: Check) -> Check:
     return lambda value: value is None or check(value)
 
 
-def _is_text(value) -> bool:
+def _is_text(value: object) -> bool:
     return isinstance(value, str)
 
 
-def _is_number(value) -> bool:
+def _is_number(value: object) -> bool:
     return isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
 
 
-def _is_count(value) -> bool:
+def _is_count(value: object) -> bool:
     return isinstance(value, int) and 0 <= value < 2**31
 
 
-def _is_list(value, length: int) -> bool:
+def _is_list(value: object, length: int) -> TypeGuard[list[object]]:
     return isinstance(value, list) and len(value) == length
 
 
-def _is_vector(length: int):
+def _is_vector(length: int) -> Check:
     return lambda value: _is_list(value, length) and all(map(_is_number, value))
 
 
-def _is_pose(value) -> bool:
+def _is_pose(value: object) -> bool:
     return (
         isinstance(value, dict)
         and _is_vector(4)(value.get("qvec"))
@@ -72,7 +76,7 @@ def _is_pose(value) -> bool:
     )
 
 
-def _is_pair(value) -> bool:
+def _is_pair(value: object) -> bool:
     return (
         isinstance(value, dict)
         and _is_text(value.get("name"))
@@ -81,7 +85,7 @@ def _is_pair(value) -> bool:
     )
 
 
-def _is_bearing(value) -> bool:
+def _is_bearing(value: object) -> bool:
     return (
         isinstance(value, dict)
         and _is_text(value.get("from"))
@@ -90,7 +94,7 @@ def _is_bearing(value) -> bool:
     )
 
 
-def _is_camera(value) -> bool:
+def _is_camera(value: object) -> bool:
     return (
         isinstance(value, dict)
         and _is_text(value.get("model"))
@@ -100,11 +104,11 @@ def _is_camera(value) -> bool:
     )
 
 
-def _is_evidence(value) -> bool:
+def _is_evidence(value: object) -> bool:
     return isinstance(value, dict) and all(map(_or_null(_is_number), value.values()))
 
 
-def _is_intrinsics(value) -> bool:
+def _is_intrinsics(value: object) -> bool:
     return (
         isinstance(value, dict)
         and _is_text(value.get("verdict"))

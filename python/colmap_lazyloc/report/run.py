@@ -5,17 +5,21 @@ import datetime
 import functools
 import json
 import pathlib
+from collections.abc import Iterable, Mapping
 
 import numpy as np
 
+from colmap_lazyloc.array_types import Array
 from colmap_lazyloc.errors import InputError
-from colmap_lazyloc.model import Image, Model, read_model
+from colmap_lazyloc.model import Image, Model, poses_of, read_model
 from colmap_lazyloc.points import Points, read_points
 from colmap_lazyloc.poses import Pose, pose_errors
+from colmap_lazyloc.progress import progress
+from colmap_lazyloc.report.facts import METRE, MODEL_UNITS
 from colmap_lazyloc.report.geometry import stack_poses
 from colmap_lazyloc.report.options_file import RunOptions, read_options
-from colmap_lazyloc.report.progress import progress
 from colmap_lazyloc.report.result_check import check_result
+from colmap_lazyloc.result_fields import LeaveOneOutFields, ResultFields
 from colmap_lazyloc.results import pose_of, read_results, unconfirmed_pose_of
 
 
@@ -24,13 +28,14 @@ class Run:
     """A finished run. Queries are in the order in which the report lists them, the least certain first."""
 
     path: pathlib.Path
-    queries: list[dict]  # results
+    queries: list[ResultFields]  # results
     model: Model  # that the run wrote
     database: Model  # the posed images with which queries were compared
     points: Points
     options: RunOptions
-    leave_one_out: dict | None  # leave_one_out.json
+    leave_one_out: LeaveOneOutFields | None  # leave_one_out.json
     truth: dict[str, Pose]  # by query name; empty if unknown
+    unit: str  # of lengths: METRE, or MODEL_UNITS
 
     @property
     def title(self) -> str:
@@ -48,17 +53,18 @@ class Run:
         return [unconfirmed_pose_of(result) for result in self.queries]
 
     @functools.cached_property
-    def position_stddevs(self) -> np.ndarray:
+    def position_stddevs(self) -> Array:
         """Returns the queries' standard deviations of position along the least certain axis; NaN if unknown."""
         return np.array([(result.get("position_stddevs") or [np.nan])[0] for result in self.queries], float)
 
     @functools.cached_property
-    def errors(self) -> tuple[np.ndarray, np.ndarray]:
+    def errors(self) -> tuple[Array, Array]:
         """Returns the queries' errors of position, and of rotation in degrees; NaN if unknown."""
         if self.truth:
             truth = [self.truth.get(name) for name in self.names]
             return pose_errors(*stack_poses(self.poses), *stack_poses(truth))
-        listed = {pose["name"]: pose for pose in (self.leave_one_out or {"poses": []})["poses"]}
+        found = self.leave_one_out["poses"] if self.leave_one_out else []
+        listed: dict[str, Mapping[str, object]] = {pose["name"]: pose for pose in found}
         poses = [listed.get(name, {}) for name in self.names]
         return numbers(poses, "position_error"), numbers(poses, "rotation_error_deg")
 
@@ -79,13 +85,14 @@ class Run:
         return datetime.datetime.fromtimestamp(seconds).astimezone().isoformat(timespec="seconds")
 
 
-def numbers(items: list[dict], field: str) -> np.ndarray:
+def numbers(items: Iterable[Mapping[str, object]], field: str) -> Array:
     """Returns a field of all items; NaN where it is null or missing."""
     return np.array([np.nan if item.get(field) is None else item[field] for item in items], float)
 
 
-def read_run(path: pathlib.Path, truth: dict[str, Pose] | None = None) -> Run:
-    """Reads the output folder of a run; `truth`: the queries' true poses by name."""
+def read_run(path: pathlib.Path, truth: dict[str, Pose] | None = None, unit: str | None = None) -> Run:
+    """Reads the output folder of a run; `truth`: the queries' true poses by name; `unit`: of lengths,
+    by default metres if the run has geographic coordinates."""
     results = read_results(path / "results.jsonl", lambda lines: progress(lines, "results"))
     if not results:
         raise InputError(f"{path / 'results.jsonl'}: holds no query")
@@ -99,7 +106,7 @@ def read_run(path: pathlib.Path, truth: dict[str, Pose] | None = None) -> Run:
     if truth is None:
         truth = {}
         if leave_one_out is not None and database is not model:
-            truth = {name: image.cam_from_world for name, image in database.images.items()}
+            truth = poses_of(database)
     return Run(
         path,
         sorted(results.values(), key=_certainty),
@@ -109,10 +116,11 @@ def read_run(path: pathlib.Path, truth: dict[str, Pose] | None = None) -> Run:
         options,
         leave_one_out,
         {name: pose for name, pose in truth.items() if name in results},
+        unit or (METRE if (path / "positions.geojson").is_file() else MODEL_UNITS),
     )
 
 
-def _certainty(result: dict) -> tuple:
+def _certainty(result: ResultFields) -> tuple[bool, bool, float, float, str]:
     """Returns the key by which queries are listed: without a pose, with an unconfirmed one, localized; each by
     confidence, then by standard deviation."""
     has_pose = result["cam_from_world"] is not None or result.get("unconfirmed_cam_from_world") is not None
@@ -126,26 +134,26 @@ def _certainty(result: dict) -> tuple:
     )
 
 
-def _check_model(path: pathlib.Path, results: dict[str, dict], model: Model):
+def _check_model(path: pathlib.Path, results: dict[str, ResultFields], model: Model) -> None:
     """Checks that the model is that of the results: it has exactly their poses."""
     for name, image in model.images.items():
-        if not np.isfinite([*image.cam_from_world.qvec, *image.cam_from_world.tvec]).all():
+        if not np.isfinite([*image.pose.qvec, *image.pose.tvec]).all():
             raise InputError(f"{path / 'model'}: the pose of '{name}' is not finite")
         if image.camera_id not in model.cameras:
             raise InputError(f"{path / 'model'}: image '{name}' has no camera")
     for name, result in results.items():
-        pose, image = pose_of(result), model.images.get(name)
+        pose, found = pose_of(result), model.images.get(name)
         if pose is None:
-            if image is not None:
+            if found is not None:
                 raise InputError(
                     f"{path / 'model'}: is not the model of this run: it has query '{name}', which has no pose"
                 )
             continue
-        if image is None:
+        if found is None:
             raise InputError(
                 f"{path / 'model'}: is not the model of this run: query '{name}' of results.jsonl is missing"
             )
-        if not _is_same(pose, image.cam_from_world):
+        if not _is_same(pose, found.pose):
             raise InputError(f"{path / 'model'}: is not the model of this run: query '{name}' has another pose")
 
 
@@ -155,11 +163,11 @@ def _is_same(pose: Pose, other: Pose) -> bool:
     return is_same_rotation and np.array_equal(pose.tvec, other.tvec)
 
 
-def _read_leave_one_out(path: pathlib.Path, results: dict[str, dict]) -> dict | None:
+def _read_leave_one_out(path: pathlib.Path, results: dict[str, ResultFields]) -> LeaveOneOutFields | None:
     if not path.exists():
         return None
     try:
-        summary = json.loads(path.read_text(encoding="utf-8"))
+        summary: LeaveOneOutFields = json.loads(path.read_text(encoding="utf-8"))
         names = {pose["name"] for pose in summary["poses"]}
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror}") from None
@@ -170,7 +178,7 @@ def _read_leave_one_out(path: pathlib.Path, results: dict[str, dict]) -> dict | 
     return summary
 
 
-def _database(model: Model, results: dict[str, dict], options: RunOptions, is_leave_one_out: bool) -> Model:
+def _database(model: Model, results: dict[str, ResultFields], options: RunOptions, is_leave_one_out: bool) -> Model:
     """Returns the posed images with which queries were compared.
 
     In a leave-one-out run these are the images of the input model. If that is not there any more, they are those of the

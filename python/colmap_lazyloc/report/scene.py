@@ -4,18 +4,22 @@ import itertools
 
 import numpy as np
 
+from colmap_lazyloc.array_types import Array
 from colmap_lazyloc.model import Camera
-from colmap_lazyloc.poses import centres
+from colmap_lazyloc.poses import centres, rotation_matrices
 from colmap_lazyloc.report import geometry
+from colmap_lazyloc.report.chunk import Values
 from colmap_lazyloc.report.run import Run
 from colmap_lazyloc.report.scene_points import ScenePoints
 
 
 def scene_chunk(
     run: Run, cameras: list[Camera | None], points: ScenePoints, frames: list[list[str]]
-) -> tuple[dict, dict[str, np.ndarray]]:
-    """Returns the values and arrays of the chunk; `cameras`: the queries' intrinsics, as far as they are known;
-    `frames`: names of the database images of each frame."""
+) -> tuple[Values, dict[str, Array], float]:
+    """Returns the values and arrays of the chunk, and the scene's size.
+
+    `cameras`: the queries' intrinsics, as far as they are known; `frames`: names of the database images of each frame.
+    """
     images = run.database_images
     database_qvecs, database_tvecs = geometry.stack_poses([image.cam_from_world for image in images])
     database_centres = centres(database_qvecs, database_tvecs)
@@ -46,10 +50,10 @@ def scene_chunk(
     for name, array in arrays.items():
         if array.dtype == np.float64:  # after the origin is subtracted, because single precision has 7 digits
             arrays[name] = array.astype(np.float32)
-    return values, arrays
+    return values, arrays, size
 
 
-def _query_arrays(run: Run, cameras: list[Camera | None], origin: np.ndarray) -> dict[str, np.ndarray]:
+def _query_arrays(run: Run, cameras: list[Camera | None], origin: Array) -> dict[str, Array]:
     qvecs, tvecs = geometry.stack_poses(run.poses)
     covariances = np.full((len(run.queries), 6, 6), np.nan)
     rotations = qvecs.copy()
@@ -67,7 +71,7 @@ def _query_arrays(run: Run, cameras: list[Camera | None], origin: np.ndarray) ->
     }
 
 
-def _true_arrays(run: Run, origin: np.ndarray) -> dict[str, np.ndarray]:
+def _true_arrays(run: Run, origin: Array) -> dict[str, Array]:
     if not run.truth:
         return {"trueCentres": np.empty(0), "trueRotations": np.empty(0)}
     qvecs, tvecs = geometry.stack_poses([run.truth.get(name) for name in run.names])
@@ -77,7 +81,7 @@ def _true_arrays(run: Run, origin: np.ndarray) -> dict[str, np.ndarray]:
     }
 
 
-def _bearings(run: Run, database_centres: np.ndarray) -> np.ndarray:
+def _bearings(run: Run, database_centres: Array) -> Array:
     lines = np.full((len(run.queries), 6), np.nan)
     for i, result in enumerate(run.queries):
         bearing = result.get("bearing")
@@ -87,26 +91,27 @@ def _bearings(run: Run, database_centres: np.ndarray) -> np.ndarray:
     return lines
 
 
-def _query_connections(run: Run) -> np.ndarray:
+def _query_connections(run: Run) -> Array:
     """Returns pairs of queries with positions: each with the next of its frame, by name."""
-    frames = {}
+    frames: dict[str, list[tuple[str, int]]] = {}
     for i, result in enumerate(run.queries):
-        if result.get("frame") is not None and run.poses[i] is not None:
-            frames.setdefault(result["frame"], []).append((result["name"], i))
-    pairs = []
+        frame = result.get("frame")
+        if frame is not None and run.poses[i] is not None:
+            frames.setdefault(frame, []).append((result["name"], i))
+    pairs: list[tuple[int, int]] = []
     for members in frames.values():
         indices = [i for _, i in sorted(members)]
         pairs += itertools.pairwise(indices)
     return np.array(pairs, np.uint32).reshape(-1, 2)
 
 
-def _database_connections(run: Run, frames: list[list[str]]) -> np.ndarray:
+def _database_connections(run: Run, frames: list[list[str]]) -> Array:
     index = run.database_index
     pairs = [pair for names in frames for pair in itertools.pairwise([index[name] for name in names if name in index])]
     return np.array(pairs, np.uint32).reshape(-1, 2)
 
 
-def _size(centres: np.ndarray, points: np.ndarray) -> float:
+def _size(centres: Array, points: Array) -> float:
     """Returns the diagonal of the box around cameras and points, without the outermost two in a hundred."""
     boxes = [np.quantile(places, (0.02, 0.98), axis=0) for places in (centres, points) if len(places) > 0]
     if not boxes:
@@ -115,7 +120,7 @@ def _size(centres: np.ndarray, points: np.ndarray) -> float:
     return float(np.linalg.norm(extent)) or 1.0
 
 
-def _frustum_depth(centres: np.ndarray, size: float, num_images: int) -> float:
+def _frustum_depth(centres: Array, size: float, num_images: int) -> float:
     """Returns half the typical distance of neighbouring cameras, within reason."""
     sample = centres[:: max(1, len(centres) // 200)]
     nearest = []
@@ -127,14 +132,14 @@ def _frustum_depth(centres: np.ndarray, size: float, num_images: int) -> float:
     return float(np.clip(0.5 * spacing, max(smallest, 1e-4) * size, 0.04 * size))
 
 
-def _up(qvecs: np.ndarray) -> list[float]:
+def _up(qvecs: Array) -> list[float]:
     """Returns the direction in the world that is up in most images."""
     if len(qvecs) == 0:
         return [0.0, -1.0, 0.0]
-    rotations = geometry.rotation_matrices(qvecs)
+    rotations = rotation_matrices(qvecs)
     right, down = rotations[:, 0], rotations[:, 1]
     # Take the direction to which the images' x axes are most nearly at right angles, because cameras look up and down
     # more often than they lean. If all x axes are parallel, the y axes decide.
     _, vectors = np.linalg.eigh(right.T @ right - 0.1 * down.T @ down)
     up = vectors[:, 0]
-    return (up * np.copysign(1.0, -up @ np.sum(down, axis=0))).tolist()
+    return list(map(float, up * np.copysign(1.0, -up @ np.sum(down, axis=0))))

@@ -4,6 +4,7 @@ import dataclasses
 
 import numpy as np
 
+from colmap_lazyloc.array_types import Array
 from colmap_lazyloc.errors import InputError
 from colmap_lazyloc.report.run import Run
 
@@ -14,11 +15,11 @@ NUM_SUBSETS = 61
 class ScenePoints:
     """Points of the scene, and those of each query."""
 
-    chosen: np.ndarray  # p: indices of the run's points
-    xyz: np.ndarray  # p x 3, in the world
-    colors: np.ndarray  # p x 3, or empty
-    offsets: np.ndarray  # n + 1: query i has indices[offsets[i] : offsets[i + 1]]
-    indices: np.ndarray
+    chosen: Array  # p: indices of the run's points
+    xyz: Array  # p x 3, in the world
+    colors: Array  # p x 3, or empty
+    offsets: Array  # n + 1: query i has indices[offsets[i] : offsets[i + 1]]
+    indices: Array
 
 
 def choose_points(run: Run, max_num_points: int) -> ScenePoints:
@@ -43,7 +44,7 @@ def choose_points(run: Run, max_num_points: int) -> ScenePoints:
     )
 
 
-def _observed_points(run: Run) -> tuple[np.ndarray, np.ndarray]:
+def _observed_points(run: Run) -> tuple[Array, Array]:
     """Returns (query, index of a point that it sees), by query."""
     owners, ids = [np.empty(0, np.int64)], [np.empty(0, np.int64)]
     for i, result in enumerate(run.queries):
@@ -59,7 +60,7 @@ def _observed_points(run: Run) -> tuple[np.ndarray, np.ndarray]:
     return np.concatenate(owners), indices
 
 
-def _thinned(owners: np.ndarray, indices: np.ndarray, num_points: int, max_num_points: int) -> np.ndarray:
+def _thinned(owners: Array, indices: Array, num_points: int, max_num_points: int) -> Array:
     """Returns which points are kept: at most as many of each query as all of them leave room for."""
     if num_points <= max_num_points:
         return np.ones(num_points, bool)
@@ -70,4 +71,5 @@ def _thinned(owners: np.ndarray, indices: np.ndarray, num_points: int, max_num_p
     best_rank = np.full(num_points, np.iinfo(np.int64).max)
     np.minimum.at(best_rank, indices, rank)
     limit = np.sort(best_rank)[max_num_points]  # this rank and higher ones leave too many points
-    return best_rank < limit
+    is_kept: Array = best_rank < limit
+    return is_kept

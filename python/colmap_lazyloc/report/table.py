@@ -2,7 +2,10 @@
 
 import numpy as np
 
+from colmap_lazyloc.array_types import Array
+from colmap_lazyloc.report.chunk import Values
 from colmap_lazyloc.report.run import Run, numbers
+from colmap_lazyloc.result_fields import ResultFields
 
 
 def status_names(run: Run) -> list[str]:
@@ -12,10 +15,10 @@ def status_names(run: Run) -> list[str]:
 
 def frame_names(run: Run) -> list[str]:
     """Returns the names of the rigs' frames."""
-    return sorted({result["frame"] for result in run.queries if result.get("frame") is not None})
+    return sorted({frame for result in run.queries if (frame := result.get("frame")) is not None})
 
 
-def query_chunk(run: Run, photos: np.ndarray, is_drawn: np.ndarray) -> tuple[dict, dict[str, np.ndarray]]:
+def query_chunk(run: Run, photos: Array, is_drawn: Array) -> tuple[Values, dict[str, Array]]:
     """Returns the values and arrays of the chunk; `photos`: the index of each query's photo, or -1."""
     statuses = {name: i for i, name in enumerate(status_names(run))}
     frames = frame_names(run)
@@ -35,7 +38,7 @@ def query_chunk(run: Run, photos: np.ndarray, is_drawn: np.ndarray) -> tuple[dic
         "rotationErrorDeg": rotation_errors_deg,
         "photo": photos.astype(np.int32),
         "isDrawn": is_drawn.astype(np.uint8),
-        "frame": np.array([frame_index.get(result.get("frame"), -1) for result in queries], np.int32),
+        "frame": np.array([frame_index.get(result.get("frame") or "", -1) for result in queries], np.int32),
     }
     for name, array in arrays.items():
         if array.dtype == np.float64:
@@ -43,5 +46,5 @@ def query_chunk(run: Run, photos: np.ndarray, is_drawn: np.ndarray) -> tuple[dic
     return {"names": run.names, "reasons": [result["reason"] for result in queries], "frames": frames}, arrays
 
 
-def _num_used_images(result: dict) -> int:
+def _num_used_images(result: ResultFields) -> int:
     return sum(pair["rotation_error_deg"] is not None for pair in result["pairs"])

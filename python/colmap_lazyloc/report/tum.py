@@ -8,7 +8,9 @@ from colmap_lazyloc.report.run import Run
 
 def tum_text(run: Run) -> str:
     """Returns lines `timestamp tx ty tz qx qy qz qw` of the localized queries: world_from_cam, by their times."""
-    poses = {result["name"]: pose for result, pose in zip(run.queries, run.poses) if result["status"] == "LOCALIZED"}
+    poses = {
+        result["name"]: pose for result, pose in zip(run.queries, run.poses) if pose and result["status"] == "LOCALIZED"
+    }
     lines = ["# timestamp tx ty tz qx qy qz qw: poses world_from_cam of the localized queries"]
     for timestamp, name in timestamps(poses):
         w, x, y, z = poses[name].qvec

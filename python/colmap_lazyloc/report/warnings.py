@@ -1,9 +1,30 @@
 """Finds what a reader of a report should look at first."""
 
+from typing import TypedDict
+
 import numpy as np
 
 from colmap_lazyloc.report.facts import format_length
 from colmap_lazyloc.report.run import Run
+from colmap_lazyloc.result_fields import ResultFields
+
+
+class ReportWarning(TypedDict):
+    """What to look at, why, and the first of the images that it is about."""
+
+    title: str
+    explanation: str
+    items: "list[Item]"
+    numItems: int
+
+
+class Item(TypedDict):
+    """A query, or a database image (query -1), that a warning is about."""
+
+    name: str
+    query: int
+    text: str
+
 
 MAX_NUM_ITEMS = 20
 MIN_NUM_USES = 2  # queries that judge a database image
@@ -19,7 +40,7 @@ SAME_PLACE_RATIO = 1e-6  # of the scene's size
 MIN_FAILURE_SHARE = 0.1  # of the queries that fail in the same way
 
 
-def find_warnings(run: Run, size: float) -> list[dict]:
+def find_warnings(run: Run, size: float) -> list[ReportWarning]:
     """Returns the warnings that have items; `size`: that of the scene."""
     finders = (_wrong, _contradicting_images, _contradicted_intrinsics, _rig_errors, _near_threshold, _failures)
     found = [*(find(run) for find in finders), _same_place(run, size)]
@@ -30,11 +51,11 @@ def find_warnings(run: Run, size: float) -> list[dict]:
     ]
 
 
-def _item(name: str, query: int, text: str) -> dict:
+def _item(name: str, query: int, text: str) -> Item:
     return {"name": name, "query": query, "text": text}
 
 
-def _wrong(run: Run):
+def _wrong(run: Run) -> tuple[str, str, list[Item]]:
     """Finds localized queries whose true pose says that they are wrong."""
     position_errors, _ = run.errors
     if run.leave_one_out is not None:
@@ -46,7 +67,8 @@ def _wrong(run: Run):
         _item(
             name,
             i,
-            f"off by {format_length(position_errors[i])}, confidence {run.queries[i].get('confidence') or 0:.2f}",
+            f"off by {format_length(position_errors[i], run.unit)}, "
+            f"confidence {run.queries[i].get('confidence') or 0:.2f}",
         )
         for i, name in enumerate(run.names)
         if name in is_wrong
@@ -59,9 +81,9 @@ def _wrong(run: Run):
     return "Localized, but away from the known pose", explanation, items
 
 
-def _contradicting_images(run: Run):
+def _contradicting_images(run: Run) -> tuple[str, str, list[Item]]:
     """Finds database images whose relative poses fit the queries much worse than those of the other images."""
-    uses = [[] for _ in run.database_images]
+    uses: list[list[float]] = [[] for _ in run.database_images]
     for result in run.queries:
         for name, error_deg in _strong_pairs(result):
             if name in run.database_index:
@@ -85,7 +107,7 @@ def _contradicting_images(run: Run):
     return "Database images that contradict the others", explanation, items
 
 
-def _strong_pairs(result: dict) -> list[tuple[str, float]]:
+def _strong_pairs(result: ResultFields) -> list[tuple[str, float]]:
     """Returns (database image, error of its direction to the query in degrees) for pairs of a localized query that have
     so many inliers that their errors are not mere noise. A wrong rotation of a database image shows in it as well."""
     if result["status"] != "LOCALIZED":
@@ -102,7 +124,7 @@ def _strong_pairs(result: dict) -> list[tuple[str, float]]:
     return pairs if any(error_deg < UNUSED_DEG for _, error_deg in pairs) else []
 
 
-def _contradicted_intrinsics(run: Run):
+def _contradicted_intrinsics(run: Run) -> tuple[str, str, list[Item]]:
     items = []
     for i, result in enumerate(run.queries):
         contradiction = (result.get("intrinsics") or {}).get("contradiction")
@@ -115,13 +137,13 @@ def _contradicted_intrinsics(run: Run):
     return "Intrinsics that the images contradict", explanation, items
 
 
-def _rig_errors(run: Run):
+def _rig_errors(run: Run) -> tuple[str, str, list[Item]]:
     items = [
         _item(result["name"], i, f"{result['rig_error_px']:.1f} px")
         for i, result in enumerate(run.queries)
         if (result.get("rig_error_px") or 0) > MAX_RIG_ERROR_PX
     ]
-    items.sort(key=lambda item: -run.queries[item["query"]]["rig_error_px"])
+    items.sort(key=lambda item: -(run.queries[item["query"]]["rig_error_px"] or 0))
     explanation = (
         "These images do not fit their places in the rig or on the trajectory: points that the database images "
         "triangulate are off by several pixels. The calibration or the trajectory may be wrong."
@@ -129,7 +151,7 @@ def _rig_errors(run: Run):
     return "Large errors within a rig", explanation, items
 
 
-def _near_threshold(run: Run):
+def _near_threshold(run: Run) -> tuple[str, str, list[Item]]:
     minimum = float(run.options.values.get("LazyLocalizer.min_confidence", 0))
     items = []
     for i, result in enumerate(run.queries):
@@ -159,9 +181,9 @@ _WHAT_TO_CHECK = {
 }
 
 
-def _failures(run: Run):
+def _failures(run: Run) -> tuple[str, str, list[Item]]:
     """Finds statuses that so many queries share that they have one cause."""
-    groups = {}
+    groups: dict[str, list[int]] = {}
     for i, result in enumerate(run.queries):
         if result["status"] != "LOCALIZED":
             groups.setdefault(result["status"], []).append(i)
@@ -177,10 +199,10 @@ def _failures(run: Run):
     return "Many queries fail in the same way", "They may have one cause.", items
 
 
-def _same_place(run: Run, size: float):
+def _same_place(run: Run, size: float) -> tuple[str, str, list[Item]]:
     """Finds database images whose centres are those of others."""
-    centres = np.array([image.cam_from_world.cam_in_world for image in run.database_images]).reshape(-1, 3)
-    cells = {}
+    centres = np.array([image.pose.cam_in_world for image in run.database_images]).reshape(-1, 3)
+    cells: dict[tuple[float, ...], list[int]] = {}
     for i, cell in enumerate(map(tuple, np.round((centres - centres[:1]) / (SAME_PLACE_RATIO * size)))):
         cells.setdefault(cell, []).append(i)
     items = []
@@ -188,7 +210,7 @@ def _same_place(run: Run, size: float):
         first = run.database_images[indices[0]]
         for i in indices[1:]:
             image = run.database_images[i]
-            _, rotation_deg = image.cam_from_world.errors(first.cam_from_world)
+            _, rotation_deg = image.pose.errors(first.pose)
             text = f"at the place of {first.name}, turned by {rotation_deg:.3g}°"
             items.append(_item(image.name, -1, text))
     explanation = (

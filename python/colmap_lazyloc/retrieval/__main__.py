@@ -11,16 +11,18 @@ import argparse
 import pathlib
 import sys
 import time
+from collections.abc import Sequence
 
 import numpy as np
 
-from colmap_lazyloc.errors import InputError, command, positive_int
+from colmap_lazyloc.array_types import Array
+from colmap_lazyloc.errors import InputError, command, logger, positive_int
 from colmap_lazyloc.report.output import check_output, write_file
 from colmap_lazyloc.retrieval.descriptors import DescriptorSet, describe_set
 from colmap_lazyloc.retrieval.images import ImageSelection, parse_shard, select_images
 
 
-def parse_arguments(arguments):
+def parse_arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser = argparse.ArgumentParser(
         prog="lazyloc retrieve",
         description=__doc__,
@@ -56,7 +58,7 @@ def parse_arguments(arguments):
     return parser.parse_args(arguments)
 
 
-def _add_approximate(parser: argparse.ArgumentParser):
+def _add_approximate(parser: argparse.ArgumentParser) -> None:
     group = parser.add_argument_group("approximate search")
     add = group.add_argument
     add(
@@ -71,14 +73,14 @@ def _add_approximate(parser: argparse.ArgumentParser):
 
 
 @command(name="lazyloc retrieve", extra="retrieval")
-def main(arguments=None):
+def main(arguments: Sequence[str] | None = None) -> None:
     options = parse_arguments(arguments)
     _check_packages()
     for path in (options.output_path, options.ordered_query_list_path):
         if path is not None:
             check_output(path, is_folder=False)
     selection = select_images(options)
-    ranks = np.empty((0, 0), np.int32)
+    ranks: Array = np.empty((0, 0), np.int32)
     if selection.query_names:  # a shard may be empty
         queries = describe_set(selection.query_file, selection.query_names)
         images = describe_set(selection.database_file, selection.database_names)
@@ -91,25 +93,25 @@ def main(arguments=None):
     _write(selection, ranks, options)
 
 
-def _check_packages():
+def _check_packages() -> None:
     """Raises ImportError early, because reading descriptors may take minutes."""
     import faiss  # noqa: F401
     import h5py  # noqa: F401
 
 
-def _search(queries: DescriptorSet, images: DescriptorSet, options: argparse.Namespace) -> np.ndarray:
+def _search(queries: DescriptorSet, images: DescriptorSet, options: argparse.Namespace) -> Array:
     """Returns the places of the nearest images in the order of their names, n x num_retrieved; -1 is none."""
     from colmap_lazyloc.retrieval.search import Search
 
     start = time.monotonic()
     search = Search(queries, images, options)
-    print(search.description, flush=True)
+    logger.info(search.description)
     ranks = search.run()
-    print(f"{search.outcome} in {time.monotonic() - start:.1f} s", flush=True)
+    logger.info("%s in %.1f s", search.outcome, time.monotonic() - start)
     return ranks
 
 
-def _write(selection: ImageSelection, ranks: np.ndarray, options: argparse.Namespace):
+def _write(selection: ImageSelection, ranks: Array, options: argparse.Namespace) -> None:
     """Writes the pairs, the queries ordered by their first retrieved image."""
     names = sorted(selection.database_names)
     queries = selection.query_names

@@ -14,6 +14,7 @@ from collections.abc import Iterator
 import faiss
 import numpy as np
 
+from colmap_lazyloc.array_types import Array
 from colmap_lazyloc.errors import InputError
 from colmap_lazyloc.report.output import replacing
 from colmap_lazyloc.retrieval.descriptors import CHUNK_BYTES, Block, DescriptorSet
@@ -71,7 +72,7 @@ def make_approximate_plan(
     )
 
 
-def make_index(images: DescriptorSet, ranks: np.ndarray, plan: ApproximatePlan):
+def make_index(images: DescriptorSet, ranks: Array, plan: ApproximatePlan) -> faiss.IndexIVFPQ:
     """Trains an index on images drawn evenly from the database, and adds all of them. Its ids are places in `images`"""
     quantizer = faiss.IndexFlatIP(images.dimension)
     index = faiss.IndexIVFPQ(
@@ -91,7 +92,9 @@ def make_index(images: DescriptorSet, ranks: np.ndarray, plan: ApproximatePlan):
     return index
 
 
-def open_index(path: pathlib.Path | None, images: DescriptorSet, ranks: np.ndarray, plan: ApproximatePlan):
+def open_index(
+    path: pathlib.Path | None, images: DescriptorSet, ranks: Array, plan: ApproximatePlan
+) -> faiss.IndexIVFPQ:
     """Reads the index from a file, or makes it and writes the file, if there is a path."""
     header = f"{MAGIC} {_fingerprint(images)}\n".encode()
     if path is not None and path.exists():
@@ -100,7 +103,7 @@ def open_index(path: pathlib.Path | None, images: DescriptorSet, ranks: np.ndarr
     if path is not None:
         with replacing(path) as staged, staged.open("wb") as file:
             file.write(header)
-            faiss.write_index(index, faiss.PyCallbackIOWriter(file.write))
+            faiss.write_index(index, faiss.PyCallbackIOWriter(file.write))  # type: ignore[attr-defined]
             file.write(MAGIC.encode())
     return index
 
@@ -113,7 +116,7 @@ def _fingerprint(images: DescriptorSet) -> str:
     return hashed.hexdigest()
 
 
-def _read_index(path: pathlib.Path, header: bytes):
+def _read_index(path: pathlib.Path, header: bytes) -> faiss.IndexIVFPQ:
     with path.open("rb") as file:
         found = file.readline(len(header))
         if not found.startswith(MAGIC.encode()):
@@ -121,14 +124,19 @@ def _read_index(path: pathlib.Path, header: bytes):
         if found != header:
             raise InputError(f"{path}: belongs to other descriptors (delete it to make it again)")
         with contextlib.suppress(RuntimeError):
-            index = faiss.read_index(faiss.PyCallbackIOReader(file.read))
-            if file.read() == MAGIC.encode():
+            index = faiss.read_index(faiss.PyCallbackIOReader(file.read))  # type: ignore[attr-defined]
+            if isinstance(index, faiss.IndexIVFPQ) and file.read() == MAGIC.encode():
                 return index
     raise InputError(f"{path}: is truncated or damaged (delete it to make it again)")
 
 
 def search(
-    index, queries: DescriptorSet, images: DescriptorSet, ranks: np.ndarray, plan: ApproximatePlan, num_probes: int
+    index: faiss.IndexIVFPQ,
+    queries: DescriptorSet,
+    images: DescriptorSet,
+    ranks: Array,
+    plan: ApproximatePlan,
+    num_probes: int,
 ) -> Iterator[tuple[int, Nearest]]:
     """Yields the index of the first query of each block, and the nearest images of the block's queries."""
     index.nprobe = min(num_probes, plan.num_lists)
@@ -136,12 +144,14 @@ def search(
         yield first, _search_block(index, queries.read(first, first + plan.num_queries), images, ranks, plan)
 
 
-def _search_block(index, queries: Block, images: DescriptorSet, ranks: np.ndarray, plan: ApproximatePlan) -> Nearest:
+def _search_block(
+    index: faiss.IndexIVFPQ, queries: Block, images: DescriptorSet, ranks: Array, plan: ApproximatePlan
+) -> Nearest:
     _, places = index.search(queries.units, plan.num_candidates)
     return _compare(queries, places, images, ranks)
 
 
-def _compare(queries: Block, places: np.ndarray, images: DescriptorSet, ranks: np.ndarray) -> Nearest:
+def _compare(queries: Block, places: Array, images: DescriptorSet, ranks: Array) -> Nearest:
     """Sorts the candidates of each query by their exact similarities; -1 in `places` is none."""
     distinct, rows = np.unique(places, return_inverse=True)
     rows = rows.reshape(places.shape)

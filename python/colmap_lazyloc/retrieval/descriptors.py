@@ -2,15 +2,17 @@
 
 import dataclasses
 import pathlib
-from collections.abc import Iterable
-from typing import Any
+from collections.abc import Callable, Iterable
+from typing import Any, TypeVar
 
 import numpy as np
 
+from colmap_lazyloc.array_types import Array
 from colmap_lazyloc.errors import InputError
-from colmap_lazyloc.text_files import read_entries
+from colmap_lazyloc.text_files import Path, read_entries
 
 DATASET_NAME = "global_descriptor"
+Value = TypeVar("Value")
 CHUNK_BYTES = 1 << 25  # memory for descriptors in double precision
 
 
@@ -43,11 +45,11 @@ class HdfFile:
         self._run(lambda: root.links.visit(visit))
         return sorted(names)
 
-    def read(self, names: list[str]) -> np.ndarray:
+    def read(self, names: list[str]) -> Array:
         """Reads the descriptors of the images as rows, float16 or float32 as in the file."""
         return self._run(lambda: self._read(names))
 
-    def _read(self, names: list[str]) -> np.ndarray:
+    def _read(self, names: list[str]) -> Array:
         rows = None
         for i, name in enumerate(names):
             dataset = self._open(name)
@@ -66,19 +68,19 @@ class HdfFile:
             dataset.read(self._h5py.h5s.ALL, self._h5py.h5s.ALL, rows[i])
         return np.empty((0, 0), np.float32) if rows is None else rows
 
-    def _open(self, name: str):
+    def _open(self, name: str) -> Any:
         try:
             # h5py's interface to single objects takes a third of the time of its mapping interface.
             return self._h5py.h5d.open(self._file.id, f"{name}/{DATASET_NAME}".encode())
         except (KeyError, ValueError, TypeError):
             raise InputError(f"{self.path}: has no dataset {DATASET_NAME} of image {name}") from None
 
-    def _row_type(self, dtype, name: str):
+    def _row_type(self, dtype: np.dtype[Any], name: str) -> np.dtype[Any]:
         if dtype.kind != "f":
             raise InputError(f"{self.path}: descriptor of image {name} is {dtype}, and not a floating-point number")
         return np.dtype(np.float16 if dtype.itemsize == 2 else np.float32)
 
-    def _run(self, function):
+    def _run(self, function: Callable[[], Value]) -> Value:
         try:
             return function()
         except (OSError, RuntimeError) as error:
@@ -104,7 +106,7 @@ class NpyFile:
         """Returns the names of all images, sorted by their rows, because consecutive rows are read fastest."""
         return list(self._row_of_name)
 
-    def read(self, names: list[str]) -> np.ndarray:
+    def read(self, names: list[str]) -> Array:
         """Reads the descriptors of the images as rows."""
         try:
             rows = [self._row_of_name[name] for name in names]
@@ -113,9 +115,10 @@ class NpyFile:
         # Map the file anew each time, because mapped pages count as memory of the process until they are unmapped.
         return np.array(self._map()[rows[0] : rows[-1] + 1] if _is_run(rows) else self._map()[rows])
 
-    def _map(self) -> np.ndarray:
+    def _map(self) -> Array:
         try:
-            return np.load(self.path, mmap_mode="r", allow_pickle=False)
+            rows: Array = np.load(self.path, mmap_mode="r", allow_pickle=False)
+            return rows
         except (ValueError, EOFError) as error:
             raise InputError(f"{self.path}: is not a .npy file, or is truncated: {error}") from None
         except OSError as error:
@@ -126,9 +129,9 @@ class NpyFile:
 class Block:
     """The descriptors of some images."""
 
-    rows: np.ndarray  # as in the file, n x dimension
-    norms: np.ndarray  # float64
-    units: np.ndarray  # the rows divided by their norms, float32
+    rows: Array  # as in the file, n x dimension
+    norms: Array  # float64
+    units: Array  # the rows divided by their norms, float32
 
 
 @dataclasses.dataclass
@@ -176,7 +179,7 @@ def describe_set(file: HdfFile | NpyFile, names: list[str]) -> DescriptorSet:
     return DescriptorSet(file, names, first.shape[1], first.dtype.itemsize)
 
 
-def read_name_list(path) -> dict[str, int]:
+def read_name_list(path: Path) -> dict[str, int]:
     """Reads one image name per line; returns their places in the file."""
     places: dict[str, int] = {}
     for line_number, name in read_entries(path):
@@ -192,5 +195,5 @@ def _is_run(rows: list[int]) -> bool:
     return rows == list(range(rows[0], rows[0] + len(rows))) if rows else False
 
 
-def _raise_dimension(path, name: str, dimension: int, expected: int):
+def _raise_dimension(path: Path, name: str, dimension: int, expected: int) -> None:
     raise InputError(f"{path}: descriptor of image {name} has {dimension} elements, others have {expected}")

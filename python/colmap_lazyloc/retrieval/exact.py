@@ -10,6 +10,7 @@ import dataclasses
 import faiss
 import numpy as np
 
+from colmap_lazyloc.array_types import Array
 from colmap_lazyloc.retrieval.descriptors import CHUNK_BYTES, Block
 
 NUM_QUERIES_AT_ONCE = 4096  # per call of faiss
@@ -20,15 +21,15 @@ NO_RANK = np.iinfo(np.int32).max
 class Nearest:
     """The most similar database images of each query so far, the best first: n x number retrieved."""
 
-    similarities: np.ndarray  # float64, -inf for none
-    ranks: np.ndarray  # int32, the places of the images in the order of their names; NO_RANK for none
+    similarities: Array  # float64, -inf for none
+    ranks: Array  # int32, the places of the images in the order of their names; NO_RANK for none
 
     @staticmethod
     def empty(num_queries: int, num_retrieved: int) -> "Nearest":
         shape = (num_queries, num_retrieved)
         return Nearest(np.full(shape, -np.inf), np.full(shape, NO_RANK, np.int32))
 
-    def update(self, queries: np.ndarray, similarities: np.ndarray, ranks: np.ndarray):
+    def update(self, queries: Array, similarities: Array, ranks: Array) -> None:
         """Merges candidates of some queries, which are given by their indices."""
         similarities = np.concatenate([self.similarities[queries], similarities], axis=1)
         ranks = np.concatenate([self.ranks[queries], ranks], axis=1)
@@ -42,7 +43,7 @@ def num_candidates(num_retrieved: int) -> int:
     return 2 * num_retrieved + 16
 
 
-def search_block(queries: Block, images: Block, ranks: np.ndarray, nearest: Nearest) -> int:
+def search_block(queries: Block, images: Block, ranks: Array, nearest: Nearest) -> int:
     """Updates `nearest` by a block of database images; returns how many queries had more candidates than faiss gave.
 
     `ranks`: the places of the block's images in the order of the names of all database images.
@@ -54,7 +55,7 @@ def search_block(queries: Block, images: Block, ranks: np.ndarray, nearest: Near
     return num_unsure
 
 
-def _search_part(queries: Block, part: np.ndarray, images: Block, ranks: np.ndarray, nearest: Nearest) -> int:
+def _search_part(queries: Block, part: Array, images: Block, ranks: Array, nearest: Nearest) -> int:
     num_retrieved, num_images = nearest.ranks.shape[1], len(images.rows)
     count = min(num_candidates(num_retrieved), num_images)
     found, places = faiss.knn(queries.units[part[0] : part[-1] + 1], images.units, count, faiss.METRIC_INNER_PRODUCT)
@@ -77,7 +78,7 @@ def _search_part(queries: Block, part: np.ndarray, images: Block, ranks: np.ndar
     return int(is_unsure.sum())
 
 
-def _search_completely(queries: Block, query: int, images: Block, ranks: np.ndarray, nearest: Nearest):
+def _search_completely(queries: Block, query: int, images: Block, ranks: Array, nearest: Nearest) -> None:
     """Compares a query with the whole block in double precision."""
     num_images = len(images.rows)
     similarities = cosines(queries, np.full(num_images, query), images, np.arange(num_images))
@@ -89,7 +90,7 @@ def max_rounding_error(dimension: int) -> float:
     return (dimension + 8) * 2.0**-24
 
 
-def cosines(queries: Block, query_rows: np.ndarray, images: Block, image_rows: np.ndarray) -> np.ndarray:
+def cosines(queries: Block, query_rows: Array, images: Block, image_rows: Array) -> Array:
     """Returns the cosines between pairs of descriptors in double precision.
 
     Sums the products of each pair by itself, because a matrix product would depend on the size of the block.

@@ -8,6 +8,7 @@ from colmap_lazyloc.model import read_model
 from colmap_lazyloc.queries import read_queries, read_query_lines
 from colmap_lazyloc.retrieval.descriptors import HdfFile, NpyFile, open_file, read_name_list
 from colmap_lazyloc.shards import Shard
+from colmap_lazyloc.text_files import Path
 
 
 @dataclasses.dataclass
@@ -44,7 +45,7 @@ def select_images(options: argparse.Namespace) -> ImageSelection:
     return ImageSelection(query_file, query_names, database_file, database_names, lines)
 
 
-def _read_query_list(path) -> dict[str, str]:
+def _read_query_list(path: Path) -> dict[str, str]:
     read_queries(path)  # checks the lines
     return read_query_lines(path)
 

@@ -1,13 +1,16 @@
 """Searches for the nearest database images of all queries, exactly or approximately."""
 
 import argparse
+import functools
 import time
+from collections.abc import Callable, Iterator
 
 import faiss
 import numpy as np
 
+from colmap_lazyloc.array_types import Array
 from colmap_lazyloc.retrieval import approximate, exact
-from colmap_lazyloc.retrieval.descriptors import DescriptorSet
+from colmap_lazyloc.retrieval.descriptors import DescriptorSet, Value
 from colmap_lazyloc.retrieval.plan import make_plan, peak_bytes
 
 
@@ -43,10 +46,10 @@ class Search:
             f"{self._images.dimension} dimensions"
         )
         if self._is_exact:
-            plan = self._plan
+            exact_plan = self._plan
             return (
-                f"exact search: {size}; blocks of {plan.num_queries} x {plan.num_images}, reads the database "
-                f"{plan.num_passes} time(s); at most {plan.max_bytes / 1e9:.2f} GB of memory"
+                f"exact search: {size}; blocks of {exact_plan.num_queries} x {exact_plan.num_images}, reads the "
+                f"database {exact_plan.num_passes} time(s); at most {exact_plan.max_bytes / 1e9:.2f} GB of memory"
             )
         plan = self._approximate_plan
         return (
@@ -62,7 +65,7 @@ class Search:
         unsure = f", {self._num_unsure} block(s) of single queries compared in double precision" * self._is_exact
         return f"peak memory {peak_bytes() / 1e9:.2f} GB; {seconds}{unsure}; done"
 
-    def run(self) -> np.ndarray:
+    def run(self) -> Array:
         """Returns the places of the nearest images in the order of their names, the nearest first; -1 is none."""
         ranks = np.full((len(self._queries.names), self._options.num_retrieved), -1, np.int32)
         blocks = self._run_exactly() if self._is_exact else self._run_approximately()
@@ -70,7 +73,7 @@ class Search:
             self._without_themselves(first, nearest, ranks[first : first + len(nearest.ranks)])
         return ranks
 
-    def _run_exactly(self):
+    def _run_exactly(self) -> Iterator[tuple[int, exact.Nearest]]:
         for first in range(0, len(self._queries.names), self._plan.num_queries):
             yield first, self._search_all_blocks(first)
 
@@ -79,14 +82,14 @@ class Search:
         nearest = exact.Nearest.empty(len(queries.rows), self._num_found)
         for begin in range(0, len(self._images.names), self._plan.num_images):
             end = begin + self._plan.num_images
-            images = self._timed("read", lambda begin=begin, end=end: self._images.read(begin, end))
+            images = self._timed("read", functools.partial(self._images.read, begin, end))
             start = time.monotonic()
             self._num_unsure += exact.search_block(queries, images, self._ranks[begin:end], nearest)
             self._seconds["search"] += time.monotonic() - start
             del images  # before the next block is read, because the plan has memory for one
         return nearest
 
-    def _run_approximately(self):
+    def _run_approximately(self) -> Iterator[tuple[int, exact.Nearest]]:
         plan, options = self._approximate_plan, self._options
         index = self._timed(
             "index", lambda: approximate.open_index(options.index_path, self._images, self._ranks, plan)
@@ -95,13 +98,13 @@ class Search:
         yield from approximate.search(index, self._queries, self._images, self._ranks, plan, options.num_probes)
         self._seconds["search"] = time.monotonic() - start
 
-    def _timed(self, name: str, function):
+    def _timed(self, name: str, function: Callable[[], Value]) -> Value:
         start = time.monotonic()
         result = function()
         self._seconds[name] = self._seconds.get(name, 0.0) + time.monotonic() - start
         return result
 
-    def _without_themselves(self, first: int, nearest: exact.Nearest, output: np.ndarray):
+    def _without_themselves(self, first: int, nearest: exact.Nearest, output: Array) -> None:
         """Copies the ranks of a block of queries, without those of the queries themselves."""
         own = self._own_ranks[first : first + len(nearest.ranks)]
         keep = (nearest.ranks != own[:, None]) & (nearest.ranks != exact.NO_RANK)
@@ -110,7 +113,7 @@ class Search:
         output[:, : order.shape[1]] = np.take_along_axis(found, order, axis=1)
 
 
-def _ranks_by_name(names: list[str]) -> np.ndarray:
+def _ranks_by_name(names: list[str]) -> Array:
     """Returns the place of each image in the order of the names."""
     order = sorted(range(len(names)), key=names.__getitem__)
     ranks = np.empty(len(names), np.int32)

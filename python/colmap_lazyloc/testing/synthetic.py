@@ -7,18 +7,25 @@ import copy
 import dataclasses
 import pathlib
 import sqlite3
+from collections.abc import Callable, Iterable
 
 import numpy as np
+from numpy.random import Generator
+from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
 from colmap_lazyloc import model
+from colmap_lazyloc.array_types import Array, Floats
 from colmap_lazyloc.database import pair_id
 from colmap_lazyloc.poses import Pose, look_at
 from colmap_lazyloc.program import run_colmap
+from colmap_lazyloc.text_files import Path
 
 CALIBRATED, PANORAMIC = 2, 5  # COLMAP's configurations of a two-view geometry
 
 # Scenes
+
+ModelCamera = model.Camera  # a name that the field `model` does not hide
 
 
 @dataclasses.dataclass
@@ -30,7 +37,7 @@ class Camera:
     params: list[float]
     has_prior_focal_length: bool = True
 
-    def image_from_cam(self, points_in_cam):
+    def image_from_cam(self, points_in_cam: Floats) -> Floats:
         """Returns the pixels, n x 2, of n x 3 points in front of the camera."""
         xy = points_in_cam[:, :2] / points_in_cam[:, 2:]
         if self.model == "SIMPLE_RADIAL":
@@ -39,14 +46,14 @@ class Camera:
         centre = self.params[2:4] if self.model == "PINHOLE" else self.params[1:3]
         return xy * focal + centre
 
-    def is_in_front(self, points_in_cam):
+    def is_in_front(self, points_in_cam: Floats) -> Array:
         return points_in_cam[:, 2] > 0.1
 
-    def intrinsics(self):
+    def intrinsics(self) -> ModelCamera:
         return model.Camera(self.model, self.width, self.height, tuple(self.params))
 
 
-def looking_at(cam_in_world, target, roll_deg=0.0):
+def looking_at(cam_in_world: Floats, target: ArrayLike, roll_deg: float = 0.0) -> Pose:
     """Returns the pose of a camera in a world whose y axis points down."""
     return Pose.from_centre(look_at(cam_in_world, target, (0, 1, 0), roll_deg), cam_in_world)
 
@@ -57,25 +64,26 @@ class Image:
     image_id: int
     camera_id: int
     pose: Pose
-    keypoints: np.ndarray  # float32, one row per keypoint
-    point_of_keypoint: np.ndarray  # index of the scene point, -1 for none
+    keypoints: Array  # float32, one row per keypoint
+    point_of_keypoint: Array  # index of the scene point, -1 for none
 
 
 @dataclasses.dataclass
 class Pair:
     """Two images with matches; their relative pose is cam2_from_cam1, in the order of their names in Scene.pairs."""
 
-    matches: np.ndarray
-    inlier_matches: np.ndarray
+    matches: Array
+    inlier_matches: Array
     rotation: Rotation
-    direction: np.ndarray
+    direction: Array
     config: int = CALIBRATED
 
-    def essential_matrix(self):
+    def essential_matrix(self) -> Floats:
         x, y, z = self.direction
-        return np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]]) @ self.rotation.as_matrix()
+        essential: Floats = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]]) @ self.rotation.as_matrix()
+        return essential
 
-    def inverted(self):
+    def inverted(self) -> "Pair":
         """Returns the pair with its images exchanged, as COLMAP stores it if the second image has the smaller id."""
         inverse = self.rotation.inv()
         return Pair(
@@ -89,16 +97,16 @@ class Scene:
     images: dict[str, Image]
     pairs: dict[tuple[str, str], Pair]
     query_names: list[str]
-    points: np.ndarray | None = None  # n x 3, by the indices of Image.point_of_keypoint
+    points: Array | None = None  # n x 3, by the indices of Image.point_of_keypoint
 
     @property
-    def database_names(self):
+    def database_names(self) -> list[str]:
         return sorted(set(self.images) - set(self.query_names))
 
-    def copy(self):
+    def copy(self) -> "Scene":
         return copy.deepcopy(self)
 
-    def with_image_ids(self, ids):
+    def with_image_ids(self, ids: Iterable[int]) -> "Scene":
         """Returns a copy in which the images have other ids, given in the order of the images."""
         renumbered = self.copy()
         for image, image_id in zip(renumbered.images.values(), ids, strict=True):
@@ -106,7 +114,7 @@ class Scene:
         return renumbered
 
 
-def split_tracks(scene):
+def split_tracks(scene: Scene) -> None:
     """Keeps each scene point's matches with one database image only, so that no track has two of them."""
     places = {name: place for place, name in enumerate(scene.database_names)}
     for (name1, _), pair in scene.pairs.items():
@@ -114,23 +122,23 @@ def split_tracks(scene):
         pair.inlier_matches = pair.matches = pair.inlier_matches[points % len(places) == places[name1]]
 
 
-def arc(num, radius=6.0, height=1.0, phase=0.0):
+def arc(num: int, radius: float = 6.0, height: float = 1.0, phase: float = 0.0) -> Floats:
     """Returns projection centres, n x 3, on a waving arc of 80 degrees about the origin."""
     angles = np.radians(np.linspace(-40, 40, num) + phase)
     return np.stack([radius * np.sin(angles), height * np.sin(5 * angles), -radius * np.cos(angles)], axis=1)
 
 
 def make_scene(
-    database_centres,
-    query_centres,
-    noise_px=0.0,
-    outlier_ratio=0.0,
-    num_points=240,
-    visible_ratio=0.7,
-    seed=0,
-    database_pairs=False,
-    is_planar=False,
-):
+    database_centres: Iterable[ArrayLike],
+    query_centres: Iterable[ArrayLike],
+    noise_px: float = 0.0,
+    outlier_ratio: float = 0.0,
+    num_points: int = 240,
+    visible_ratio: float = 0.7,
+    seed: int = 0,
+    database_pairs: bool = False,
+    is_planar: bool = False,
+) -> Scene:
     """Makes cameras that look at points in a cube of 3 units around the origin, or in an inclined square in it.
 
     Each query is matched with each database image; with database_pairs, each image is matched with each other. Only
@@ -162,7 +170,9 @@ def make_scene(
     return scene
 
 
-def observe(camera, pose, points, noise_px, visible_ratio, rng):
+def observe(
+    camera: Camera, pose: Pose, points: Floats, noise_px: float, visible_ratio: float, rng: Generator
+) -> tuple[Array, Array]:
     points_in_cam = pose(points)
     xy = camera.image_from_cam(points_in_cam) + rng.normal(0, noise_px, (len(points), 2))
     is_inside = np.all((xy >= 0) & (xy <= [camera.width, camera.height]), axis=1) & camera.is_in_front(points_in_cam)
@@ -175,12 +185,10 @@ def observe(camera, pose, points, noise_px, visible_ratio, rng):
     return keypoints[order], owners[order]
 
 
-def match(image1, image2, outlier_ratio, rng):
+def match(image1: Image, image2: Image, outlier_ratio: float, rng: Generator) -> Pair:
     keypoint2 = {int(point): j for j, point in enumerate(image2.point_of_keypoint) if point >= 0}
-    inliers = [
-        (i, keypoint2[int(point)]) for i, point in enumerate(image1.point_of_keypoint) if int(point) in keypoint2
-    ]
-    inliers = np.array(inliers, dtype=np.uint32).reshape(-1, 2)
+    pairs = [(i, keypoint2[int(point)]) for i, point in enumerate(image1.point_of_keypoint) if int(point) in keypoint2]
+    inliers = np.array(pairs, dtype=np.uint32).reshape(-1, 2)
     num_outliers = int(outlier_ratio * len(inliers))
     outliers = np.stack(
         [rng.choice(len(image.keypoints), num_outliers, replace=False) for image in (image1, image2)], axis=1
@@ -225,7 +233,7 @@ SCHEMAS = {
 }
 
 
-def write_database(path, scene, schema="3.10", geometry="pose"):
+def write_database(path: Path, scene: Scene, schema: str = "3.10", geometry: str | None = "pose") -> pathlib.Path:
     """Writes a database. geometry: "pose", "essential" (a matrix but no pose), or None for raw matches only."""
     connection = sqlite3.connect(path)
     connection.executescript(SCHEMAS[schema])
@@ -234,7 +242,7 @@ def write_database(path, scene, schema="3.10", geometry="pose"):
     return pathlib.Path(path)
 
 
-def write_built_colmap_database(path, scene, colmap, geometry="pose"):
+def write_built_colmap_database(path: Path, scene: Scene, colmap: Path, geometry: str | None = "pose") -> pathlib.Path:
     """Writes a database that the program under test has created, so that it has the schema of its COLMAP."""
     run_colmap(colmap, "database_creator", "--database_path", path)
     connection = sqlite3.connect(path)
@@ -243,7 +251,7 @@ def write_built_colmap_database(path, scene, colmap, geometry="pose"):
     return pathlib.Path(path)
 
 
-def insert_scene(connection, scene, geometry="pose"):
+def insert_scene(connection: sqlite3.Connection, scene: Scene, geometry: str | None = "pose") -> None:
     """Fills the tables of any 3.x schema; omits values for which the schema has no column."""
     for camera in scene.cameras.values():
         params = np.array(camera.params, "<f8").tobytes()
@@ -259,35 +267,28 @@ def insert_scene(connection, scene, geometry="pose"):
         )
     for image in scene.images.values():
         insert(connection, "images", image_id=image.image_id, name=image.name, camera_id=image.camera_id)
-        insert(
-            connection,
-            "keypoints",
-            image_id=image.image_id,
-            rows=len(image.keypoints),
-            cols=image.keypoints.shape[1],
-            data=image.keypoints.astype("<f4").tobytes(),
-        )
+        insert(connection, "keypoints", image_id=image.image_id, **_columns(image.keypoints, "<f4"))
     for (name1, name2), pair in scene.pairs.items():
         id1, id2 = scene.images[name1].image_id, scene.images[name2].image_id
         stored = pair if id1 < id2 else pair.inverted()
-        insert(connection, "matches", pair_id=pair_id(id1, id2), **_matches_columns(stored.matches))
+        insert(connection, "matches", pair_id=pair_id(id1, id2), **_columns(stored.matches, "<u4"))
         if geometry is not None:
             insert(
                 connection,
                 "two_view_geometries",
                 pair_id=pair_id(id1, id2),
                 config=stored.config,
-                **_matches_columns(stored.inlier_matches),
+                **_columns(stored.inlier_matches, "<u4"),
                 **_geometry_columns(stored, geometry),
             )
     connection.commit()
 
 
-def _matches_columns(matches):
-    return {"rows": len(matches), "cols": 2, "data": np.ascontiguousarray(matches, "<u4").tobytes()}
+def _columns(rows: Array, dtype: str) -> dict[str, object]:
+    return {"rows": len(rows), "cols": rows.shape[1], "data": np.ascontiguousarray(rows, dtype).tobytes()}
 
 
-def _geometry_columns(pair, geometry):
+def _geometry_columns(pair: Pair, geometry: str) -> dict[str, bytes]:
     """Returns a geometry as COLMAP 3 stores it: zeros for a missing matrix, the identity for a missing pose."""
     x, y, z, w = pair.rotation.as_quat() if geometry == "pose" else [0, 0, 0, 1]
     tvec = pair.direction if geometry == "pose" else np.zeros(3)
@@ -301,7 +302,7 @@ def _geometry_columns(pair, geometry):
     return {name: numbers.astype("<f8").tobytes() for name, numbers in columns.items()}
 
 
-def insert(connection, table, **values):
+def insert(connection: sqlite3.Connection, table: str, **values: object) -> None:
     known = {row[1] for row in connection.execute(f"PRAGMA table_info({table})")}
     values = {column: value for column, value in values.items() if column in known}
     placeholders = ", ".join("?" * len(values))
@@ -311,29 +312,36 @@ def insert(connection, table, **values):
 # Models
 
 
-def stored_images(scene, names):
+def stored_images(scene: Scene, names: Iterable[str]) -> list[model.Image]:
     return [
         model.Image(image.name, image.camera_id, image.pose, image.image_id)
         for image in (scene.images[name] for name in names)
     ]
 
 
-def write_depth_maps(folder, scene, disturb=lambda depths, rng: depths, names=None, seed=0):
+def write_depth_maps(
+    folder: Path,
+    scene: Scene,
+    disturb: Callable[[Array, Generator], Array] = lambda depths, rng: depths,
+    names: Iterable[str] | None = None,
+    seed: int = 0,
+) -> pathlib.Path:
     """Writes NAME.npy with the depths at each image's keypoints, unknown elsewhere. disturb: changes the depths."""
-    folder, rng = pathlib.Path(folder), np.random.default_rng(seed)
+    assert scene.points is not None
+    folder, points, rng = pathlib.Path(folder), scene.points, np.random.default_rng(seed)
     for name in scene.database_names if names is None else names:
         image, camera = scene.images[name], scene.cameras[scene.images[name].camera_id]
         is_point = image.point_of_keypoint >= 0
         depths = np.full((camera.height, camera.width), np.nan, np.float32)
         column, row = np.floor(image.keypoints[is_point]).astype(int).T
-        depths[row, column] = disturb(image.pose(scene.points[image.point_of_keypoint[is_point]])[:, 2], rng)
+        depths[row, column] = disturb(image.pose(points[image.point_of_keypoint[is_point]])[:, 2], rng)
         path = folder / f"{name}.npy"
         path.parent.mkdir(parents=True, exist_ok=True)
         np.save(path, depths)
     return folder
 
 
-def write_model(path, scene, names=None, binary=True):
+def write_model(path: Path, scene: Scene, names: Iterable[str] | None = None, binary: bool = True) -> pathlib.Path:
     """Writes a COLMAP model without points. names: its images; default: all database images."""
     cameras = {camera.camera_id: camera.intrinsics() for camera in scene.cameras.values()}
     images = stored_images(scene, scene.database_names if names is None else names)

@@ -9,9 +9,10 @@ import pycolmap
 
 from colmap_lazyloc.pycolmap_types import write_images
 from colmap_lazyloc.testing import synthetic
+from colmap_lazyloc.text_files import Path
 
 
-def write_pycolmap_database(path, scene, geometry="pose"):
+def write_pycolmap_database(path: Path, scene: synthetic.Scene, geometry: str | None = "pose") -> pathlib.Path:
     """Writes a database with pycolmap 4: its schema, one rig per camera, one frame per image."""
     with pycolmap.Database.open(str(path)) as database:
         write_images(
@@ -29,7 +30,7 @@ def write_pycolmap_database(path, scene, geometry="pose"):
     return pathlib.Path(path)
 
 
-def _pycolmap_geometry(pair, geometry):
+def _pycolmap_geometry(pair: synthetic.Pair, geometry: str) -> pycolmap.TwoViewGeometry:
     written = pycolmap.TwoViewGeometry()
     written.config = pycolmap.TwoViewGeometryConfiguration(pair.config)
     written.E = pair.essential_matrix()

@@ -11,30 +11,25 @@ import dataclasses
 import json
 import pathlib
 import struct
-import sys
+from collections.abc import Sequence
+from typing import BinaryIO
 
 import numpy as np
+from numpy.random import Generator
 
 from colmap_lazyloc import model
+from colmap_lazyloc.array_types import Array
 from colmap_lazyloc.poses import Pose, look_at
 from colmap_lazyloc.testing.synthetic import Camera
+from colmap_lazyloc.text_files import Path
 
+# fmt: off
 FAILURES = (
-    "UNREADABLE_IMAGE",
-    "UNKNOWN_CAMERA",
-    "NO_FEATURES",
-    "NO_PAIRS",
-    "DAMAGED_DATA",
-    "TOO_FEW_INLIERS",
-    "INCONSISTENT_ROTATIONS",
-    "INCONSISTENT_RIG",
-    "SCALE_UNOBSERVABLE",
-    "DEGENERATE_BASELINE",
-    "TOO_FEW_TRACKS",
-    "INCONSISTENT_INTRINSICS",
-    "DIVERGED",
-    "LOW_CONFIDENCE",
+    "UNREADABLE_IMAGE", "UNKNOWN_CAMERA", "NO_FEATURES", "NO_PAIRS", "DAMAGED_DATA", "TOO_FEW_INLIERS",
+    "INCONSISTENT_ROTATIONS", "INCONSISTENT_RIG", "SCALE_UNOBSERVABLE", "DEGENERATE_BASELINE", "TOO_FEW_TRACKS",
+    "INCONSISTENT_INTRINSICS", "DIVERGED", "LOW_CONFIDENCE",
 )
+# fmt: on
 UGLY_NAMES = (
     "with blanks.jpg",
     'it\'s "quoted".jpg',
@@ -79,10 +74,10 @@ class _Image:
     image_id: int
     camera: Camera
     pose: Pose
-    keypoints: list = dataclasses.field(default_factory=list)  # arrays of model.POINT2D
+    keypoints: list[Array] = dataclasses.field(default_factory=list)  # arrays of model.POINT2D
     num_keypoints: int = 0
 
-    def add(self, xy: np.ndarray, point_ids) -> np.ndarray:
+    def add(self, xy: Array, point_ids: Array | int) -> Array:
         """Adds keypoints of points; returns their indices."""
         added = np.zeros(len(xy), model.POINT2D)
         added["x"], added["y"], added["point3d_id"] = xy[:, 0], xy[:, 1], point_ids
@@ -91,7 +86,7 @@ class _Image:
         return np.arange(self.num_keypoints - len(xy), self.num_keypoints)
 
 
-def write_run(folder, shape: RunShape = RunShape()) -> pathlib.Path:
+def write_run(folder: Path, shape: RunShape = RunShape()) -> pathlib.Path:
     """Writes the folder of a run; returns it."""
     folder = pathlib.Path(folder)
     (folder / "model").mkdir(parents=True)
@@ -116,7 +111,7 @@ def write_run(folder, shape: RunShape = RunShape()) -> pathlib.Path:
     return folder
 
 
-def _make_images(shape: RunShape, rng) -> tuple[list[_Image], list[_Image]]:
+def _make_images(shape: RunShape, rng: Generator) -> tuple[list[_Image], list[_Image]]:
     """Returns the database images and the queries, along the street."""
     database_names = [f"database/{i:06d}.jpg" for i in range(shape.num_database_images)]
     query_names = [f"query/{i:06d}.jpg" for i in range(shape.num_queries)]
@@ -136,7 +131,7 @@ def _make_images(shape: RunShape, rng) -> tuple[list[_Image], list[_Image]]:
     return database, queries
 
 
-def _pose(place: float, shape: RunShape, rng, noise: float) -> Pose:
+def _pose(place: float, shape: RunShape, rng: Generator, noise: float) -> Pose:
     """Returns a pose at a place along the street, in database images from its beginning."""
     row, column = divmod(place, STREET_LENGTH)
     x = column if row % 2 == 0 else STREET_LENGTH - column
@@ -145,12 +140,12 @@ def _pose(place: float, shape: RunShape, rng, noise: float) -> Pose:
     return Pose.from_centre(look_at(centre, target, (0, 0, -1), rng.normal(0, 2)), centre + shape.origin)
 
 
-def _perturbed(pose: Pose, rng) -> Pose:
+def _perturbed(pose: Pose, rng: Generator) -> Pose:
     """Returns the true pose of an estimate: its centre is off by a few millimetres."""
     return Pose.from_centre(pose.rotation, pose.cam_in_world + rng.normal(0, 0.004, 3))
 
 
-def _result(i: int, query: _Image, database: list[_Image], shape: RunShape, rng) -> dict:
+def _result(i: int, query: _Image, database: list[_Image], shape: RunShape, rng: Generator) -> dict[str, object]:
     """Returns a line of results.jsonl."""
     status = FAILURES[i % 100] if shape.has_failures and i % 100 < len(FAILURES) else "LOCALIZED"
     has_pose = status in ("LOCALIZED", "LOW_CONFIDENCE")
@@ -193,12 +188,13 @@ def _result(i: int, query: _Image, database: list[_Image], shape: RunShape, rng)
     }
 
 
-def _covariance(pose: Pose, stddevs: np.ndarray) -> list[list[float]]:
+def _covariance(pose: Pose, stddevs: Array) -> list[list[float]]:
     """Returns the covariance of a pose whose centre has these standard deviations along the axes of the world."""
     x, y, z = pose.tvec
     cross = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
     jacobian = np.block([[np.eye(3), np.zeros((3, 3))], [-cross, -pose.rotation]])
-    return (jacobian @ np.diag([4e-7] * 3 + list(stddevs**2)) @ jacobian.T).tolist()
+    covariance: Array = jacobian @ np.diag([4e-7] * 3 + list(stddevs**2)) @ jacobian.T
+    return [list(map(float, row)) for row in covariance]
 
 
 def _nearest(i: int, num: int, shape: RunShape) -> range:
@@ -209,13 +205,13 @@ def _nearest(i: int, num: int, shape: RunShape) -> range:
     return range(first, first + num)
 
 
-def _bearing(i: int, query: _Image, database: list[_Image], shape: RunShape) -> dict:
+def _bearing(i: int, query: _Image, database: list[_Image], shape: RunShape) -> dict[str, object]:
     nearest = database[_nearest(i, 1, shape)[0]]
     direction = query.pose.cam_in_world - nearest.pose.cam_in_world
     return {"from": nearest.name, "direction": (direction / np.linalg.norm(direction)).tolist(), "stddev_deg": 0.8}
 
 
-def _pairs(i: int, database: list[_Image], has_pose: bool, shape: RunShape, rng) -> list[dict]:
+def _pairs(i: int, database: list[_Image], has_pose: bool, shape: RunShape, rng: Generator) -> list[dict[str, object]]:
     indices = _nearest(i, shape.num_pairs, shape)
     errors = rng.exponential(0.3, (len(indices), 2)).tolist()
     num_inliers = rng.integers(0, 500, len(indices))
@@ -232,13 +228,15 @@ def _pairs(i: int, database: list[_Image], has_pose: bool, shape: RunShape, rng)
     ]
 
 
-def _seconds(rng) -> dict:
+def _seconds(rng: Generator) -> dict[str, object]:
     stages = ("load", "two_view", "observations", "rotation", "tracks", "start", "triangulation", "adjustment")
     seconds = dict(zip(stages, rng.uniform(0, 0.01, len(stages)).tolist()))
     return {**seconds, "total": sum(seconds.values())}
 
 
-def _write_points(path: pathlib.Path, queries: list[_Image], database: list[_Image], shape: RunShape, rng):
+def _write_points(
+    path: pathlib.Path, queries: list[_Image], database: list[_Image], shape: RunShape, rng: Generator
+) -> None:
     """Writes the points that the queries see, and adds their keypoints to the images."""
     index = {query.name: i for i, query in enumerate(queries)}
     num_points = 0
@@ -254,7 +252,7 @@ def _write_points(path: pathlib.Path, queries: list[_Image], database: list[_Ima
         file.write(struct.pack("<Q", num_points))
 
 
-def _add_points(file, query: _Image, observers: list[_Image], num: int, first_id: int, rng) -> int:
+def _add_points(file: BinaryIO, query: _Image, observers: list[_Image], num: int, first_id: int, rng: Generator) -> int:
     """Adds points that a query and at least one observer see; returns their number."""
     xy = rng.uniform([-0.4, -0.5], [0.4, 0.5], (4 * num, 2))
     depth = rng.uniform(5, 14, (4 * num, 1))
@@ -278,15 +276,15 @@ def _add_points(file, query: _Image, observers: list[_Image], num: int, first_id
         points = np.zeros(chosen.sum(), [*_POINT_HEAD, ("track", "<u4", (int(track_length), 2))])
         points["id"], points["xyz"], points["error_px"] = ids[chosen], in_world[chosen], 0.3
         points["track_length"] = track_length
-        keypoints = np.stack([keypoints[chosen] for _, keypoints in elements], axis=1)
-        image_ids = np.broadcast_to([image_id for image_id, _ in elements], keypoints.shape)
-        is_used = keypoints >= 0
-        points["track"] = np.stack([image_ids[is_used], keypoints[is_used]], axis=1).reshape(-1, track_length, 2)
+        in_track = np.stack([indices[chosen] for _, indices in elements], axis=1)
+        image_ids = np.broadcast_to([image_id for image_id, _ in elements], in_track.shape)
+        is_used = in_track >= 0
+        points["track"] = np.stack([image_ids[is_used], in_track[is_used]], axis=1).reshape(-1, track_length, 2)
         file.write(points.tobytes())
     return num
 
 
-def _write_images(path: pathlib.Path, images: list[_Image]):
+def _write_images(path: pathlib.Path, images: list[_Image]) -> None:
     with path.open("wb") as file:
         file.write(struct.pack("<Q", len(images)))
         for image in images:
@@ -305,7 +303,7 @@ def _cameras(cameras: dict[int, model.Camera]) -> bytes:
     return data
 
 
-def _write_options(path: pathlib.Path, folder: pathlib.Path):
+def _write_options(path: pathlib.Path, folder: pathlib.Path) -> None:
     path.write_text(
         "# written by colmap_lazyloc 0.1.0, COLMAP 3.10\n"
         "# not defaults: LazyLocalizer.seed\n"
@@ -317,7 +315,7 @@ def _write_options(path: pathlib.Path, folder: pathlib.Path):
     )
 
 
-def _write_photos(folder: pathlib.Path, images: list[_Image], rng):
+def _write_photos(folder: pathlib.Path, images: list[_Image], rng: Generator) -> None:
     """Writes photos: a colour of their own, and a mark at each keypoint."""
     import cv2
 
@@ -332,7 +330,7 @@ def _write_photos(folder: pathlib.Path, images: list[_Image], rng):
         path.write_bytes(encoded.tobytes())
 
 
-def main(arguments=None):
+def main(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("folder", type=pathlib.Path, help="folder to write; must not exist")
     for name in ("num_queries", "num_database_images", "num_points", "num_pairs", "frame_size"):
@@ -341,10 +339,9 @@ def main(arguments=None):
     parser.add_argument("--ugly_names", action="store_true", help="some names have blanks, quotes, HTML, a line break")
     parser.add_argument("--photos", action="store_true", help="write images/ as well")
     options = parser.parse_args(arguments)
-    shape = {field.name: getattr(options, field.name, None) for field in dataclasses.fields(RunShape)}
-    shape = {name: value for name, value in shape.items() if value is not None}
-    write_run(options.folder, RunShape(**shape, has_ugly_names=options.ugly_names, has_photos=options.photos))
+    given = {name: value for name, value in vars(options).items() if name in RunShape.__annotations__}
+    write_run(options.folder, RunShape(**given, has_ugly_names=options.ugly_names, has_photos=options.photos))
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    main()

@@ -27,7 +27,7 @@ export interface Summary {
   numPoints: number; // in the run; the scene may show fewer
   hasTruth: boolean;
   isLeaveOneOut: boolean;
-  unit: string; // of lengths, which are metres by convention: "m"
+  unit: string; // of lengths: "m", or "units" if it is unknown
   minConfidence: number;
   statuses: { name: string; count: number }[]; // those that occur; indices of Queries.status
   inputs: { option: string; value: string }[]; // paths
