@@ -5,6 +5,7 @@ import pathlib
 import re
 
 import latex2mathml.converter
+import ziamath
 from mkdocs.structure.files import File
 
 ROOT = pathlib.Path(__file__).resolve().parents[1]
@@ -13,12 +14,14 @@ FORMULA = re.compile(r'<(span|div) class="arithmatex">\\[(\[](.*?)\\[)\]]</\1>',
 
 
 def on_files(files, config):
-    """Adds the pages at the project's root, with links as seen from docs/."""
+    """Adds the pages at the project's root, with links as seen from docs/, and a font for formulas."""
     for name, page in ROOT_PAGES.items():
         text = (ROOT / name).read_text(encoding="utf-8")
         for other, other_page in ROOT_PAGES.items():
             text = text.replace(f"]({other}", f"]({other_page}")
         files.append(File.generated(config, page, content=text.replace("](docs/", "](")))
+    font = pathlib.Path(ziamath.__file__).parent / "fonts" / "STIXTwoMath-Regular.ttf"
+    files.append(File.generated(config, "math.ttf", content=font.read_bytes()))
     return files
 
 
@@ -33,7 +36,14 @@ def on_page_content(content, **_):
     """Writes formulas as MathML."""
 
     def convert(match):
-        display = "block" if match.group(1) == "div" else "inline"
-        return latex2mathml.converter.convert(html.unescape(match.group(2)), display=display)
+        is_block = match.group(1) == "div"
+        formula = html.unescape(match.group(2))
+        text = latex2mathml.converter.convert(formula, display="block" if is_block else "inline")
+        return f'<div class="formula" tabindex="0">{text}</div>' if is_block else text
 
     return FORMULA.sub(convert, content)
+
+
+def on_post_page(output, **_):
+    """Names the dialog of the search for screen readers, which the theme leaves without a name."""
+    return output.replace('role="dialog">', 'role="dialog" aria-label="Search">')

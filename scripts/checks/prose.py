@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Checks the documentation's words: how many, how long sentences are, which are not used, and whether constants are true.
+"""Checks the documentation's words: how many, how long sentences are, which are not used; and that constants are true.
 
 Counted are README.md, CHANGELOG.md, CONTRIBUTING.md and docs/, without what is generated and without the tables of
 benchmarks. Defaults and constants of the method are compared with the tables of options and with the code. `--words`
