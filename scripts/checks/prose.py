@@ -43,7 +43,7 @@ CONSTANTS = {
 }
 FENCE = re.compile(r"^ *(```|~~~).*?^ *\1\s*$", re.MULTILINE | re.DOTALL)
 GENERATED = {
-    "docs/command_line.md": re.compile(r"^\*\*Options\*\*.*?(?=^## lazy_indexer)", re.MULTILINE | re.DOTALL),
+    "docs/command_line.md": re.compile(r"^### What you need.*?(?=^## lazy_indexer)", re.MULTILINE | re.DOTALL),
     "docs/python.md": re.compile(r"^## Reference.*", re.MULTILINE | re.DOTALL),
 }
 DEFAULT = re.compile(r"^\| `--(?:[\w.]+\.)?(\w+)` \| (\S+) \|", re.MULTILINE)
