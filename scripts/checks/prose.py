@@ -115,7 +115,7 @@ def default_problems(root, text):
 
 def constant_problems(root, text):
     """Returns the constants in the method that are not those of the code."""
-    code = "\n".join(path.read_text(encoding="utf-8") for path in tree.list_files(root, "src/*.h", "src/*.cc"))
+    code = "\n".join(path.read_text(encoding="utf-8") for path in tree.list_files(root, "*.h", "*.cc"))
     text = " ".join(text.split())
     for pattern, name in CONSTANTS.items():
         stated = re.search(pattern, text)
