@@ -148,7 +148,8 @@ It takes `num_retrieved` = 20 images. $O_{place} = 0.43$, $\\frac{1.9}{n}$, $\\f
 It is exact with a probability of 30 %, and wrong with a probability of 5 %.
 It is off by more than 5 standard deviations and by more than 0.5 % of the scene.
 """
-CODE = """constexpr double kPlaceOdds = 0.43, kChanceNumPoints = 1.9, kReferenceDistance = 0.2, kHiddenNoisePx[] = {0.3};
+CODE = """constexpr double kPlaceOdds = 0.43, kChanceNumPoints = 1.9, kReferenceDistance = 0.2;
+constexpr double kHiddenNoisePx[] = {0.3};
 constexpr double kExactProbability = 0.3, kWrongGivenProbability = 0.05, kMaxRightErrorSigma = 5;
 constexpr double kMaxRightErrorRatio = 0.005;
 """
