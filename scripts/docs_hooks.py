@@ -10,6 +10,8 @@ from mkdocs.structure.files import File
 
 ROOT = pathlib.Path(__file__).resolve().parents[1]
 ROOT_PAGES = {"CONTRIBUTING.md": "contributing.md", "CHANGELOG.md": "changelog.md"}
+CELL = re.compile(r"<td>.*?</td>", re.DOTALL)
+CODE = re.compile(r"<code>[^<]*</code>")
 FORMULA = re.compile(r'<(span|div) class="arithmatex">\\[(\[](.*?)\\[)\]]</\1>', re.DOTALL)
 
 
@@ -33,7 +35,7 @@ def on_page_markdown(markdown, **_):
 
 
 def on_page_content(content, **_):
-    """Writes formulas as MathML."""
+    """Writes formulas as MathML, and lets long names in tables break after a dot or an underscore."""
 
     def convert(match):
         is_block = match.group(1) == "div"
@@ -41,7 +43,10 @@ def on_page_content(content, **_):
         text = latex2mathml.converter.convert(formula, display="block" if is_block else "inline")
         return f'<div class="formula" tabindex="0">{text}</div>' if is_block else text
 
-    return FORMULA.sub(convert, content)
+    def break_names(cell):
+        return CODE.sub(lambda code: re.sub(r"([_./,])(?=\w)", r"\1<wbr>", code.group()), cell.group())
+
+    return CELL.sub(break_names, FORMULA.sub(convert, content))
 
 
 def on_post_page(output, **_):
