@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Checks the rules in CONTRIBUTING.md on the form of the code: layout, layers, sizes, Python, links, comments.
+# Checks the rules in CONTRIBUTING.md on the form of the code: layout, layers, sizes, Python, links, comments, prose.
 # It takes a few seconds and builds nothing.
 set -euo pipefail
 cd "$(dirname "$0")/.."
@@ -31,7 +31,7 @@ check_layout() {
 }
 
 check layout check_layout
-for name in layers sizes links comments; do
+for name in layers sizes links comments prose; do
   check "$name" "$PYTHON" "scripts/checks/$name.py"
 done
 if configures ruff; then check ruff "$VENV_DIR/bin/ruff" check --quiet .; fi

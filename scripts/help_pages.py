@@ -14,6 +14,12 @@ from dataclasses import dataclass
 COMMANDS = ("lazy_localizer", "lazy_indexer", "lazy_merger")
 PROGRAM = "colmap-lazyloc"  # the name of the installed program; Debian's own is colmap
 TOOL = "lazyloc"
+OTHER_TOPICS = (  # of the options that --help leaves out, by the beginning of their names
+    ("Other options", r"(?!LazyLocalizer\.Advanced|LazyIndexer|SiftExtraction|SiftMatching|ImageReader\.camera_model)"),
+    ("Advanced options of the method", r"LazyLocalizer\."),
+    ("Retrieval index", r"LazyIndexer\."),
+    ("Features and matches of photos", r""),
+)
 OPTION_PATTERN = r"^  (?:-h \[ )?--([\w.-]+)(?: \])?( arg)?(?: \(=(.*?)\))? +(.*)$"
 
 
@@ -60,12 +66,26 @@ def read_option(name: str, argument: str, default: str, text: str) -> Option:
 
 
 def make_tables(program: pathlib.Path) -> str:
-    """Returns the tables of docs/command_line.md."""
-    lines = []
-    for title, options in read_help(program, "lazy_localizer").sections.items():
-        lines += ["", f"**{title}**", "", "| option | default | |", "|---|---|---|"]
-        lines += [f"| `--{option.name}` | {option.default} | {option.text} |" for option in options]
-    return "\n".join(lines) + "\n"
+    """Returns the tables of docs/command_line.md: the options of --help by topic, then the others by their prefix."""
+    everything = read_help(program, "lazy_localizer").sections
+    options = {option.name: option for section in everything.values() for option in section}
+    lines: list[str] = []
+    for title, names in read_topics(program, list(options)):
+        lines += ["", f"### {title}", "", "| option | default | |", "|---|---|---|"]
+        lines += [f"| `--{name}` | {options[name].default} | {options[name].text} |" for name in names]
+    return "\n".join(lines).lstrip() + "\n"
+
+
+def read_topics(program: pathlib.Path, names: list[str]) -> list[tuple[str, list[str]]]:
+    """Returns the names of options by topic: those of --help, then the others."""
+    parts = re.split(r"^(\w[\w ]*):\n", run(program, "lazy_localizer", "--help"), flags=re.MULTILINE)[1:]
+    topics = [(title, [found[0] for found in find_options(part)]) for title, part in zip(parts[::2], parts[1::2])]
+    topics = [(title, found) for title, found in topics if found]
+    rest = [name for name in names if not any(name in found for _, found in topics)]
+    for title, pattern in OTHER_TOPICS:
+        topics.append((title, [name for name in rest if re.match(pattern, name)]))
+        rest = [name for name in rest if not re.match(pattern, name)]
+    return topics
 
 
 def escape(text: str) -> str:

@@ -9,7 +9,7 @@
 #
 # `setup.sh environment` stops before it fetches COLMAP and builds anything. `setup.sh browser` only installs what the
 # tests of the report page need: a browser, its driver and npm. `setup.sh deb` only installs the tools that make the
-# Debian package.
+# Debian package, `setup.sh docs` those that build the documentation's site.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 source scripts/environment.sh
@@ -100,6 +100,10 @@ if [ "${1:-}" = browser ]; then
 fi
 if [ "${1:-}" = deb ]; then
   install_packages scripts/deb_packages.txt
+  exit 0
+fi
+if [ "${1:-}" = docs ]; then
+  install_requirements scripts/docs_requirements.txt
   exit 0
 fi
 install_packages scripts/packages.txt

@@ -6,6 +6,7 @@ cd "$(dirname "$0")/.."
 scripts/check.sh
 scripts/setup.sh
 scripts/setup.sh browser
+scripts/setup.sh docs
 source scripts/environment.sh
 
 # Folder of real scenes. Their tests are skipped if it does not exist.

@@ -23,7 +23,10 @@ EXTRAS = {
         {"pillow": "PIL", "pyproj": "pyproj", "pyyaml": "yaml", "scipy": "scipy"},
     ),
     "report": Extra("lazyloc report: photos, plots, progress", {"matplotlib": "matplotlib", **OPENCV, **TQDM}),
-    "demo": Extra("lazyloc demo: rendering", {**OPENCV, "scipy": "scipy"}),
+    "demo": Extra(
+        "lazyloc demo: rendering",
+        {**OPENCV, "pillow": "PIL", "pycolmap": "pycolmap", "pyproj": "pyproj", "scipy": "scipy"},
+    ),
     "retrieval": Extra("lazyloc retrieve: global descriptors", {"faiss-cpu": "faiss", "h5py": "h5py"}),
     "cluster": Extra("lazyloc cluster: Dask", {"bokeh": "bokeh", "distributed": "distributed", **TQDM}),
     "hloc": Extra("files of hloc, projection of points", {"h5py": "h5py", "pycolmap": "pycolmap"}),

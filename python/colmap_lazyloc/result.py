@@ -91,7 +91,8 @@ class Result:
         fields = self._fields.get("runner_up")
         if fields is None:
             return None
-        pose = to_pose(fields["cam_from_world"])
+        cam_from_world = fields["cam_from_world"]
+        pose = Pose(np.array(cam_from_world["qvec"], float), np.array(cam_from_world["tvec"], float))
         return RunnerUp(fields["explanation"], pose, fields["odds"])
 
     @property

@@ -14,8 +14,9 @@ namespace lazyloc {
 //                 of the ratio of the matches against to those for the pose, times the area of the image that the error
 //                 of its points covers.
 //  a competing    Pairs that disagree with the pose agree with each other on another one. With as many matches, it is
-//  as pose           probable; the odds are the third power of the ratio of matches. chance         A few points fit
-//  any pose. The odds fall with the number of points that two or more other images see,
+//  pose           as probable; the odds are the third power of the ratio of matches.
+//
+//  chance         A few points fit any pose. The odds fall with the number of points that two or more other images see,
 //                 or whose depth is known, and a tenth of the others, to the power of 1.5.
 //
 // The factors are calibrated on positions with known errors (docs/method.md). Returns 0 if the position's standard

@@ -36,8 +36,8 @@ struct Layout {
   const std::vector<int>& QueriesOf(int frame) const { return queries_of_frame[frame]; }
 };
 
-// Gives each query frame database images and frames of its own, even if frames share database images: what adjustment
-// corrects in them is as much what the frame makes of its surroundings as an error of the pose.
+// Gives each query frame database images and frames of its own, even if frames share database images, because the
+// correction of a database pose depends on the query: it is relative to the pose error at the query's viewpoint.
 Layout MakeLayout(const QueryGroup& group);
 
 // Returns adjusted images with what the database states: its poses, and the calibration of its rigs, with which a

@@ -1,0 +1,153 @@
+#!/usr/bin/env python3
+"""Checks the documentation's words: how many, how long sentences are, which are not used; and that constants are true.
+
+Counted are README.md, CHANGELOG.md, CONTRIBUTING.md and docs/, without what is generated and without the tables of
+benchmarks. Defaults and constants of the method are compared with the tables of options and with the code. `--words`
+lists the words of each page.
+"""
+
+import pathlib
+import re
+import sys
+
+import tree
+
+MAX_WORDS = 40_000
+MAX_PAGE_WORDS = {"README.md": 900, "docs/method.md": 5000}
+MAX_MEAN_SENTENCE = 18  # words of the sentences of a page, in the mean
+MAX_SENTENCE = 50  # words of a sentence
+
+# Words that have another meaning here, or that no stranger understands: the pattern, and what to write.
+VOCABULARY = {
+    r"\brivals?\b": "competing pose",
+    r"\blone quer(y|ies)\b": "single query",
+    r"\bdoubts?\b": "low confidence",
+    r"\bask(s)? for\b": "suggest, need",
+    r"\b(is|are|was|were) open\b": "unobservable",
+    r"\bends?-users?\b": "users",
+    r"\bsimply\b": "nothing",
+    r"\butili[sz]e[sd]?\b": "use",
+    r"\bin order to\b": "to",
+    r"\ballows? to\b": "lets you",
+}
+# Constants in the method's text, and their names in the code.
+CONSTANTS = {
+    r"O_\{place\} = ([\d.]+)": "kPlaceOdds",
+    r"\\frac\{([\d.]+)\}\{n\}": "kChanceNumPoints",
+    r"\\frac\{h_\{ij\}\}\{([\d.]+)\}": "kReferenceDistance",
+    r"h_j = ([\d.]+)": "kHiddenNoisePx",
+    r"exact with a probability of ([\d.]+ %)": "kExactProbability",
+    r"wrong with a probability of ([\d.]+ %)": "kWrongGivenProbability",
+    r"by more than (\d+) standard deviations": "kMaxRightErrorSigma",
+    r"by more than ([\d.]+ %) of the scene": "kMaxRightErrorRatio",
+}
+FENCE = re.compile(r"^ *(```|~~~).*?^ *\1\s*$", re.MULTILINE | re.DOTALL)
+GENERATED = {
+    "docs/command_line.md": re.compile(r"^### What you need.*?(?=^## lazy_indexer)", re.MULTILINE | re.DOTALL),
+    "docs/python.md": re.compile(r"^## Reference.*", re.MULTILINE | re.DOTALL),
+}
+DEFAULT = re.compile(r"^\| `--(?:[\w.]+\.)?(\w+)` \| (\S+) \|", re.MULTILINE)
+STATED = re.compile(r"`(?:--LazyLocalizer\.)?(\w+)` (?:= |\()(-?\d+(?:\.\d+)?(?: %)?)")
+
+
+def pages(root):
+    """Returns the text of each page by its path, without what is generated."""
+    names = ["README.md", "CHANGELOG.md", "CONTRIBUTING.md"]
+    paths = [root / name for name in names if (root / name).exists()]
+    found = {}
+    for path in [*paths, *(path for path in tree.list_files(root, "docs/*.md") if path.is_file())]:
+        name = str(path.relative_to(root))
+        text = path.read_text(encoding="utf-8")
+        if name in GENERATED:
+            text = GENERATED[name].sub("", text)
+        if name.startswith("docs/benchmarks"):
+            text = "\n".join(line for line in text.splitlines() if not line.startswith("|"))
+        found[name] = text
+    return found
+
+
+def sentences_of(text):
+    """Returns the sentences of the running text: without code, tables, headings and formulas."""
+    text = FENCE.sub("\n\n", text)
+    text = re.sub(r"\$\$.*?\$\$", "\n\n", text, flags=re.DOTALL)
+    text = re.sub(r"`[^`]*`", "X", text)
+    text = re.sub(r"!?\[([^\]]*)\]\([^)]*\)", r"\1", text)
+    lines = [
+        "" if re.match(r"\s*(\||#|<)", line) else re.sub(r"^\s*([-*]|\d+\.) ", "\n\n", line)
+        for line in text.split("\n")
+    ]
+    for paragraph in re.split(r"\n\s*\n", "\n".join(lines)):
+        for sentence in re.split(r"(?<=[.!?:;])[\s*)]+", " ".join(paragraph.split())):
+            if re.search(r"\w", sentence):
+                yield sentence
+
+
+def sentence_problems(name, text):
+    """Returns the problems of a page's sentences."""
+    lengths = []
+    for sentence in sentences_of(text):
+        lengths.append(len(re.findall(r"[\w'-]*[A-Za-z][\w'-]*", sentence)))
+        if lengths[-1] > MAX_SENTENCE:
+            yield f"{name}: {lengths[-1]} words in a sentence: {sentence[:60]}..."
+    if lengths and sum(lengths) / len(lengths) > MAX_MEAN_SENTENCE:
+        yield f"{name}: {sum(lengths) / len(lengths):.1f} words per sentence, of at most {MAX_MEAN_SENTENCE}"
+
+
+def word_problems(name, text):
+    """Returns the words that are not used in the documentation."""
+    for pattern, better in VOCABULARY.items():
+        for match in re.finditer(pattern, FENCE.sub("", text), re.IGNORECASE):
+            yield f"{name}: '{match.group()}': write {better}"
+
+
+def number(text):
+    """Returns the value of a number, which may be a percentage."""
+    return float(text[:-1]) / 100 if text.endswith("%") else float(text)
+
+
+def default_problems(root, text):
+    """Returns the defaults in the method that are not those of the tables, which a test compares with --help."""
+    defaults = dict(DEFAULT.findall((root / "docs/command_line.md").read_text(encoding="utf-8")))
+    for name, value in STATED.findall(text):
+        if name in defaults and abs(float(defaults[name]) - number(value)) > 1e-9:
+            yield f"docs/method.md: `{name}` is {value}, but the default is {defaults[name]}"
+
+
+def constant_problems(root, text):
+    """Returns the constants in the method that are not those of the code."""
+    code = "\n".join(path.read_text(encoding="utf-8") for path in tree.list_files(root, "*.h", "*.cc"))
+    text = " ".join(text.split())
+    for pattern, name in CONSTANTS.items():
+        stated = re.search(pattern, text)
+        found = re.search(name + r"(?:\[\])? = \{?([\d.e-]+)", code)
+        if stated is None or found is None:
+            yield f"docs/method.md: {pattern if stated is None else name} is not found"
+        elif abs(number(stated.group(1)) - float(found.group(1))) > 1e-9:
+            yield f"docs/method.md: {stated.group(1)}, but {name} is {found.group(1)}"
+
+
+def main():
+    """Checks all pages."""
+    if "--words" in sys.argv:
+        sys.argv.remove("--words")
+        for name, text in pages(tree.parse_root(__doc__)).items():
+            print(f"{len(text.split()):6} {name}")
+        return
+    root = pathlib.Path(tree.parse_root(__doc__))
+    problems, total = [], 0
+    for name, text in pages(root).items():
+        count = len(text.split())
+        total += count
+        if count > MAX_PAGE_WORDS.get(name, MAX_WORDS):
+            problems.append(f"{name}: {count} words, of at most {MAX_PAGE_WORDS[name]}")
+        if name != "CHANGELOG.md":
+            problems += [*sentence_problems(name, text), *word_problems(name, text)]
+        if name == "docs/method.md":
+            problems += [*default_problems(root, text), *constant_problems(root, text)]
+    if total > MAX_WORDS:
+        problems.append(f"{total} words in all, of at most {MAX_WORDS}: scripts/checks/prose.py --words lists them")
+    tree.finish("prose", problems, f"{total} words")
+
+
+if __name__ == "__main__":
+    main()

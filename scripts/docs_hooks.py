@@ -1,0 +1,54 @@
+"""Hooks of MkDocs: adds the pages that stand outside docs/, and writes formulas as MathML, which needs no script."""
+
+import html
+import pathlib
+import re
+
+import latex2mathml.converter
+import ziamath
+from mkdocs.structure.files import File
+
+ROOT = pathlib.Path(__file__).resolve().parents[1]
+ROOT_PAGES = {"CONTRIBUTING.md": "contributing.md", "CHANGELOG.md": "changelog.md"}
+CELL = re.compile(r"<td>.*?</td>", re.DOTALL)
+CODE = re.compile(r"<code>[^<]*</code>")
+FORMULA = re.compile(r'<(span|div) class="arithmatex">\\[(\[](.*?)\\[)\]]</\1>', re.DOTALL)
+
+
+def on_files(files, config):
+    """Adds the pages at the project's root, with links as seen from docs/, and a font for formulas."""
+    for name, page in ROOT_PAGES.items():
+        text = (ROOT / name).read_text(encoding="utf-8")
+        for other, other_page in ROOT_PAGES.items():
+            text = text.replace(f"]({other}", f"]({other_page}")
+        files.append(File.generated(config, page, content=text.replace("](docs/", "](")))
+    font = pathlib.Path(ziamath.__file__).parent / "fonts" / "STIXTwoMath-Regular.ttf"
+    files.append(File.generated(config, "math.ttf", content=font.read_bytes()))
+    return files
+
+
+def on_page_markdown(markdown, **_):
+    """Makes links to the pages at the project's root lead to the site's pages."""
+    for name, page in ROOT_PAGES.items():
+        markdown = markdown.replace(f"](../{name}", f"]({page}")
+    return markdown
+
+
+def on_page_content(content, **_):
+    """Writes formulas as MathML, and lets long names in tables break after a dot or an underscore."""
+
+    def convert(match):
+        is_block = match.group(1) == "div"
+        formula = html.unescape(match.group(2))
+        text = latex2mathml.converter.convert(formula, display="block" if is_block else "inline")
+        return f'<div class="formula" tabindex="0">{text}</div>' if is_block else text
+
+    def break_names(cell):
+        return CODE.sub(lambda code: re.sub(r"([_./,])(?=\w)", r"\1<wbr>", code.group()), cell.group())
+
+    return CELL.sub(break_names, FORMULA.sub(convert, content))
+
+
+def on_post_page(output, **_):
+    """Names the dialog of the search for screen readers, which the theme leaves without a name."""
+    return output.replace('role="dialog">', 'role="dialog" aria-label="Search">')

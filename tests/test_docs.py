@@ -1,0 +1,66 @@
+"""Tests that the documentation's site builds without a broken link, and needs no network."""
+
+import re
+import shutil
+import subprocess
+
+import pytest
+from playwright.sync_api import sync_playwright
+
+from browser import ARGUMENTS, chromium_path
+from conftest import PROJECT_PATH
+
+LOADED = re.compile(r"<(?:script|img|link|iframe)\b[^>]*?(?:src|href)=\"?((?:https?:)?//[^\s\">]+)")
+
+
+def build(project, folder):
+    command = [project / "scripts" / "build_docs.sh", folder]
+    return subprocess.run(list(map(str, command)), capture_output=True, text=True, timeout=300)
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory):
+    done = build(PROJECT_PATH, tmp_path_factory.mktemp("site"))
+    assert done.returncode == 0, done.stderr
+    (page,) = done.stdout.splitlines()
+    assert page.endswith("/0.1.0/index.html")
+    return PROJECT_PATH.joinpath(page).parent
+
+
+def test_pages_load_nothing_from_the_network(site):
+    pages = sorted(site.rglob("*.html"))
+    assert len(pages) > 40
+    for page in pages:
+        assert LOADED.findall(page.read_text()) == [], page
+
+
+def test_formulas_are_mathml(site):
+    text = (site / "method.html").read_text()
+    assert text.count("<math") > 40 and "arithmatex" not in text and "\\frac" not in text
+
+
+def test_search_works_from_the_disk(site):
+    """Opens the site as a reader does, without a server, and searches for a status."""
+    problems = []
+    with sync_playwright() as playwright:
+        program = playwright.chromium.launch(executable_path=chromium_path(), args=ARGUMENTS)
+        page = program.new_page()
+        page.on("pageerror", lambda error: problems.append(str(error)))
+        page.on("request", lambda request: request.url.startswith("file:") or problems.append(request.url))
+        page.goto((site / "index.html").as_uri())
+        page.locator("input.md-search__input").click()
+        page.keyboard.type("DAMAGED_DATA")
+        page.locator("a.md-search-result__link[href*='statuses.html']").first.wait_for(timeout=30000)
+        program.close()
+    assert problems == []
+
+
+def test_broken_link_is_an_error(tmp_path):
+    """Copies what the site is built from, and breaks a link and an anchor."""
+    for name in ("docs", "scripts", "mkdocs.yml", "pyproject.toml", "CONTRIBUTING.md", "CHANGELOG.md"):
+        source = PROJECT_PATH / name
+        (shutil.copytree if source.is_dir() else shutil.copy)(source, tmp_path / name)
+    page = tmp_path / "docs" / "faq.md"
+    page.write_text(page.read_text() + "\n[a](nowhere.md) [b](method.md#nowhere)\n")
+    done = build(tmp_path, tmp_path / "site")
+    assert done.returncode == 1 and "nowhere.md" in done.stderr and "#nowhere" in done.stderr
