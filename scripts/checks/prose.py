@@ -35,7 +35,7 @@ CONSTANTS = {
     r"O_\{place\} = ([\d.]+)": "kPlaceOdds",
     r"\\frac\{([\d.]+)\}\{n\}": "kChanceNumPoints",
     r"\\frac\{h_\{ij\}\}\{([\d.]+)\}": "kReferenceDistance",
-    r"h_j = ([\d.]+)": "kHiddenNoisePx",
+    r"h = ([\d.]+)\\ ": "kHiddenNoisePx",
     r"exact with a probability of ([\d.]+ %)": "kExactProbability",
     r"wrong with a probability of ([\d.]+ %)": "kWrongGivenProbability",
     r"by more than (\d+) standard deviations": "kMaxRightErrorSigma",
