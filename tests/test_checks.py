@@ -144,7 +144,7 @@ def test_links_include_the_source_files_that_texts_name(write, check):
 
 METHOD = """# Method
 
-It takes `num_retrieved` = 20 images. $O_{place} = 0.43$, $\\frac{1.9}{n}$, $\\frac{h_{ij}}{0.2}$, h_j = 0.3.
+It takes `num_retrieved` = 20 images. $O_{place} = 0.43$, $\\frac{1.9}{n}$, $\\frac{h_{ij}}{0.2}$, h = 0.3\\ px.
 It is exact with a probability of 30 %, and wrong with a probability of 5 %.
 It is off by more than 5 standard deviations and by more than 0.5 % of the scene.
 """

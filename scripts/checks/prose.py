@@ -32,14 +32,14 @@ VOCABULARY = {
 }
 # Constants in the method's text, and their names in the code.
 CONSTANTS = {
-    r"O_\{place\} = ([\d.]+)": "kPlaceOdds",
-    r"\\frac\{([\d.]+)\}\{n\}": "kChanceNumPoints",
-    r"\\frac\{h_\{ij\}\}\{([\d.]+)\}": "kReferenceDistance",
-    r"h = ([\d.]+)\\ ": "kHiddenNoisePx",
-    r"exact with a probability of ([\d.]+ %)": "kExactProbability",
-    r"wrong with a probability of ([\d.]+ %)": "kWrongGivenProbability",
+    r"O_\{place\} = ([\d.]*\d)": "kPlaceOdds",
+    r"\\frac\{([\d.]*\d)\}\{n\}": "kChanceNumPoints",
+    r"\\frac\{h_\{ij\}\}\{([\d.]*\d)\}": "kReferenceDistance",
+    r"h = ([\d.]*\d)\\ ": "kHiddenNoisePx",
+    r"exact with a probability of ([\d.]*\d %)": "kExactProbability",
+    r"wrong with a probability of ([\d.]*\d %)": "kWrongGivenProbability",
     r"by more than (\d+) standard deviations": "kMaxRightErrorSigma",
-    r"by more than ([\d.]+ %) of the scene": "kMaxRightErrorRatio",
+    r"by more than ([\d.]*\d %) of the scene": "kMaxRightErrorRatio",
 }
 FENCE = re.compile(r"^ *(```|~~~).*?^ *\1\s*$", re.MULTILINE | re.DOTALL)
 GENERATED = {
