@@ -138,3 +138,12 @@ def test_a_query_without_a_pose_is_refused_and_not_wrong(colmap):
     refused = [outcome for outcome in outcomes if not outcome.has_pose]
     assert len(outcomes) == 4 and len(refused) >= 2
     assert all(outcome.confidence == 0 and not outcome.is_wrong for outcome in refused)
+
+
+def test_reliability_compares_stated_with_observed():
+    """Ten poses of 0.9, one of them wrong, and ten of 0.5, five of them wrong, are two bins that agree."""
+    confidences = [0.9] * 10 + [0.5] * 10
+    is_wrong = [True] + [False] * 9 + [True, False] * 5
+    bins = stress.reliability(confidences, is_wrong, num_bins=2)
+    assert [count for count, _, _ in bins] == [10, 10]
+    assert np.allclose([values for _, *values in bins], [[0.5, 0.5], [0.9, 0.9]])

@@ -185,6 +185,14 @@ def risk_coverage(confidences, is_wrong, coverages) -> list[tuple[float, float]]
     return [(confidences[order[n - 1]], float(np.mean(np.asarray(is_wrong)[order[:n]]))) for n in counts]
 
 
+def reliability(confidences, is_wrong, num_bins=10) -> list[tuple[int, float, float]]:
+    """Returns for bins of equally many poses their number, mean confidence and share of right poses."""
+    order = np.argsort(confidences, kind="stable")
+    bins = [chosen for chosen in np.array_split(order, num_bins) if len(chosen)]
+    confidences, is_right = np.asarray(confidences), ~np.asarray(is_wrong, bool)
+    return [(len(chosen), float(np.mean(confidences[chosen])), float(np.mean(is_right[chosen]))) for chosen in bins]
+
+
 def percent(ratio):
     return "–" if np.isnan(ratio) else f"{100 * ratio:.1f} %"
 
@@ -215,7 +223,10 @@ def report_row(pool, members: list[Outcome], min_confidence) -> str:
 
 
 def print_report(outcomes: list[Outcome], min_confidence: float):
-    """Prints the table per kind, and the risk-coverage table of all. The coverage is that of all queries."""
+    """Prints the table per kind, and of all the risk-coverage table and the reliability of the poses' confidences.
+
+    The coverage is that of all queries.
+    """
     kinds = list(dict.fromkeys(o.kind for o in outcomes))
     pools = {kind: [o for o in outcomes if o.kind == kind] for kind in kinds}
     for pool, is_real in (("all synthetic", False), ("all real", True)):
@@ -234,3 +245,7 @@ def print_report(outcomes: list[Outcome], min_confidence: float):
     points = risk_coverage(confidences, [o.is_wrong for o in outcomes], coverages)
     for coverage, (confidence, risk) in zip(coverages, points, strict=True):
         print(f"| {100 * coverage:.0f} % | {confidence:.3f} | {percent(risk)} |")
+    print("\n| poses | mean confidence | right |\n|---|---|---|")
+    posed = [o for o in outcomes if o.has_pose]
+    for count, stated, observed in reliability([o.confidence for o in posed], [o.is_wrong for o in posed]):
+        print(f"| {count} | {stated:.3f} | {observed:.3f} |")
