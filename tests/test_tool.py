@@ -13,12 +13,26 @@ from colmap_lazyloc import doctor
 from colmap_lazyloc.extras import EXTRAS
 from conftest import PROJECT_PATH, SCRIPTS_PATH
 
-WITHOUT = "import sys; {}; from colmap_lazyloc.__main__ import main; sys.exit(main(sys.argv[1:]))"
+WITHOUT = """
+import sys
+from importlib.machinery import PathFinder
+
+class Installed(PathFinder):
+    @classmethod
+    def find_spec(cls, name, path=None, target=None):
+        module = name.partition(".")[0]
+        return None if {is_missing} else super().find_spec(name, path, target)
+
+sys.meta_path[sys.meta_path.index(PathFinder)] = Installed
+from colmap_lazyloc.__main__ import main
+sys.exit(main(sys.argv[1:]))
+"""
+ALL_BUT_NUMPY = "module not in (*sys.stdlib_module_names, 'numpy', 'colmap_lazyloc')"
 
 
 def run_tool(*words, missing=()):
-    """Runs the tool in a process in which modules are missing."""
-    program = WITHOUT.format("; ".join(f"sys.modules['{module}'] = None" for module in missing) or "pass")
+    """Runs the tool in a process in which modules are missing; `missing`: their names, or an expression."""
+    program = WITHOUT.format(is_missing=missing if isinstance(missing, str) else f"module in {list(missing)}")
     environment = {**os.environ, "PYTHONPATH": str(PROJECT_PATH / "python")}
     command = [sys.executable, "-c", program, *map(str, words)]
     return subprocess.run(command, capture_output=True, text=True, env=environment, timeout=120)
@@ -73,9 +87,10 @@ def test_missing_extra_is_one_line(words, missing, extra, tmp_path):
     camera = '{"projection_type": "perspective", "width": 4, "height": 3, "focal": 1}'
     (tmp_path / "r.json").write_text(f'[{{"cameras": {{"c": {camera}}}, "shots": {{"a.jpg": {shot}}}}}]')
     (tmp_path / "a.csv").write_text("name,lat,lon,alt,qw,qx,qy,qz\na.jpg,47,8,400,1,0,0,0\n")
-    done = run_tool(*(word.format(tmp_path) for word in words), missing=[missing])
-    assert done.returncode == 1
-    assert done.stderr.count("\n") == 1 and f"pip install 'colmap-lazyloc[{extra}]'" in done.stderr, done.stderr
+    for modules in ([missing], ALL_BUT_NUMPY):
+        done = run_tool(*(word.format(tmp_path) for word in words), missing=modules)
+        assert done.returncode == 1
+        assert done.stderr.count("\n") == 1 and f"pip install 'colmap-lazyloc[{extra}]'" in done.stderr, done.stderr
 
 
 @pytest.mark.parametrize("module", ["hloc", "hloc_to_database"])

@@ -56,6 +56,8 @@ def parse_arguments(arguments) -> tuple[argparse.Namespace, list[str]]:
 @command(name="lazyloc cluster", extra="cluster")
 def main(arguments=None):
     options, words = parse_arguments(arguments)
+    import distributed  # noqa: F401, so that it is missed before the packages that it brings
+
     from colmap_lazyloc.cluster.engine import Engine
 
     program = options.program or shutil.which(find_colmap())
