@@ -5,7 +5,6 @@ import io
 
 import numpy as np
 
-from colmap_lazyloc.errors import InputError
 from colmap_lazyloc.report.run import Run
 
 FORMATS = ("png", "svg")
@@ -14,10 +13,8 @@ FORMATS = ("png", "svg")
 def plot_files(run: Run) -> dict[str, bytes]:
     """Returns the files by name: distributions of errors, if the truth is known, of standard deviations, and the
     risk-coverage curve of a leave-one-out run."""
-    try:
-        import matplotlib
-    except ImportError:
-        raise InputError("--plots: needs matplotlib, which is not installed here") from None
+    import matplotlib
+
     matplotlib.rcParams.update({"svg.hashsalt": "report", "savefig.dpi": 150, "figure.constrained_layout.use": True})
     files = {}
     position_errors, rotation_errors_deg = run.errors
