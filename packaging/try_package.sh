@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # Tries a Debian package or a wheel in a clean Debian without compiler and COLMAP: installs it, localizes photos of the
-# demo with it, and removes it. Needs root, debootstrap and the demo (scripts/demo.sh).
+# demo with it, follows what it prints about the report and about missing packages, and removes it. Needs root,
+# debootstrap and the demo (scripts/demo.sh).
 #
 #   packaging/try_package.sh RELEASE PACKAGE ROOT
 #
@@ -25,30 +26,56 @@ work=$root/tmp/try_package
 rm -rf "$work"
 mkdir "$work"
 cp "$package" examples/python/localize_photo.py "$work"
-cp -r "$demo"/{database.db,database_model,images} "$work"
-(cd "$work/images" && find . -name '*.jpg' -o -name '*.png' | sed 's|^\./||' | grep query | sort > "$work/queries.txt")
+cp -r "$demo"/{database.db,database_model,images,queries_with_intrinsics.txt} "$work"
 mkdir -p "$root/proc"
 mountpoint -q "$root/proc" || mount -t proc proc "$root/proc"
 trap 'umount "$root/proc"' EXIT
 
-inside() { env TMPDIR=/tmp HOME=/root LC_ALL=C.UTF-8 DEBIAN_FRONTEND=noninteractive chroot "$root" bash -euc "cd /tmp/try_package; $1"; }
+inside() {
+  env TMPDIR=/tmp HOME=/root LC_ALL=C.UTF-8 DEBIAN_FRONTEND=noninteractive PATH="/tmp/try_package/venv/bin:$PATH" \
+    chroot "$root" bash -euc "cd /tmp/try_package; $1" < /dev/null
+}
+
+# Runs the tool that is installed. Each missing package must be one line that says how to install it; $1 installs what
+# the report needs, and then the command that lazy_localizer has printed must work.
+try_tool() {
+  inside "
+    lazyloc doctor
+    lazy_localizer --database_path database.db --input_path database_model --image_path images \
+      --query_list_path queries_with_intrinsics.txt --output_path localized > lines.jsonl 2> words.txt
+    tail -n 12 words.txt
+    lazyloc report localized --output page.html
+    sed -n 's/^report: //p' words.txt > report.sh
+    touch video.mp4
+    fails() {
+      if \"\$@\" > /dev/null 2> error.txt; then echo \"no package is missing: \$*\"; exit 1; fi
+      cat error.txt
+      [ \$(wc -l < error.txt) = 1 ] && grep -q 'install ' error.txt
+    }
+    fails bash report.sh
+    fails lazyloc report localized --output page.html --plots plots
+    fails lazyloc demo --output_path demo
+    fails lazyloc retrieve --descriptors_path a.h5 --input_path database_model --output_path pairs.txt
+    fails lazyloc cluster --num_shards 2 --output_path sharded
+    fails lazyloc import exif images --output_path gps.txt
+    fails lazyloc run --database_images images/database --queries video.mp4 --output run
+    $1 > install.log 2>&1
+    bash report.sh"
+}
 
 try_deb() {
   inside "apt-get update -qq; apt-get install -y -qq --no-install-recommends colmap > apt.log 2>&1"
   inside "dpkg -V colmap; sha256sum \$(dpkg -L colmap | xargs -I{} find {} -maxdepth 0 -type f) > before; wc -l before"
   inside "time apt-get install -y -qq --no-install-recommends ./$(basename "$package") > apt2.log 2>&1
-    dpkg -s colmap-lazyloc | grep -E '^(Status|Installed-Size|Version)'
-    lazy_localizer --database_path database.db --input_path database_model --image_path images \
-      --query_list_path queries.txt --output_path localized 2>&1 | tail -n 12
-    lazyloc doctor
-    lazyloc report localized --output report.html
-    lazyloc run --database_images images/database --poses database_model --queries images/query --output run
+    dpkg -s colmap-lazyloc | grep -E '^(Status|Installed-Size|Version)'"
+  try_tool "apt-get install -y -qq --no-install-recommends python3-opencv"
+  inside "lazyloc run --database_images images/database --poses database_model --queries images/query --output run
     lazy_indexer --help | head -n 1
     colmap-lazyloc help | grep -m 1 COLMAP
     colmap help | grep -m 1 COLMAP
-    ! colmap help | grep lazy_localizer"
+    if colmap help | grep lazy_localizer; then exit 1; fi"
   inside "apt-get remove -y -qq colmap-lazyloc > apt3.log 2>&1
-    ! ls /usr/bin/*lazy* 2> /dev/null
+    if ls /usr/bin/*lazy* 2> /dev/null; then exit 1; fi
     sha256sum --quiet -c before && dpkg -V colmap && echo 'package colmap: as before'
     apt-get purge -y -qq --autoremove colmap > apt4.log 2>&1"
 }
@@ -56,11 +83,11 @@ try_deb() {
 try_wheel() {
   inside "if command -v gcc cc c++ colmap; then exit 1; fi
     python3 -m venv venv
-    time venv/bin/pip install --quiet ./$(basename "$package")
-    du -sh venv/lib/python3*/site-packages/colmap_lazyloc*
-    venv/bin/lazy_localizer --help | head -n 1
-    venv/bin/lazyloc doctor
-    time venv/bin/python localize_photo.py database.db database_model images/\$(head -n 1 queries.txt)"
+    time pip install --quiet ./$(basename "$package")
+    du -sh venv/lib/python3*/site-packages/colmap_lazyloc*"
+  try_tool "pip install --quiet 'colmap-lazyloc[report]'"
+  inside "read -r name intrinsics < queries_with_intrinsics.txt
+    time python localize_photo.py database.db database_model images/\$name"
 }
 
 ls -l "$package"

@@ -32,7 +32,7 @@ def all_options(colmap, command="lazy_localizer", flag="--help-all"):
 def test_wheel_holds_every_file_of_the_package(tmp_path):
     """Builds the wheel without its extension module, because the rules that choose its files are the same."""
     settings = ["wheel.cmake=false", "wheel.py-api=", f"build-dir={tmp_path / 'build'}"]
-    flags = [word for setting in settings for word in ("-C", setting)]
+    flags = [word for setting in settings for word in ("--config-settings", setting)]
     pip = [sys.executable, "-m", "pip", "wheel", "--quiet", "--no-deps", "--no-build-isolation", *flags]
     run(*pip, "--wheel-dir", tmp_path, PROJECT_PATH)
     (wheel,) = tmp_path.glob("*.whl")

@@ -9,16 +9,30 @@ import tomllib
 import pytest
 
 from colmap_lazyloc import __main__ as tool
-from colmap_lazyloc import doctor
+from colmap_lazyloc import doctor, extras
 from colmap_lazyloc.extras import EXTRAS
 from conftest import PROJECT_PATH, SCRIPTS_PATH
 
-WITHOUT = "import sys; {}; from colmap_lazyloc.__main__ import main; sys.exit(main(sys.argv[1:]))"
+WITHOUT = """
+import sys
+from importlib.machinery import PathFinder
+
+class Installed(PathFinder):
+    @classmethod
+    def find_spec(cls, name, path=None, target=None):
+        module = name.partition(".")[0]
+        return None if {is_missing} else super().find_spec(name, path, target)
+
+sys.meta_path[sys.meta_path.index(PathFinder)] = Installed
+from colmap_lazyloc.__main__ import main
+sys.exit(main(sys.argv[1:]))
+"""
+ALL_BUT_NUMPY = "module not in (*sys.stdlib_module_names, 'numpy', 'colmap_lazyloc')"
 
 
 def run_tool(*words, missing=()):
-    """Runs the tool in a process in which modules are missing."""
-    program = WITHOUT.format("; ".join(f"sys.modules['{module}'] = None" for module in missing) or "pass")
+    """Runs the tool in a process in which modules are missing; `missing`: their names, or an expression."""
+    program = WITHOUT.format(is_missing=missing if isinstance(missing, str) else f"module in {list(missing)}")
     environment = {**os.environ, "PYTHONPATH": str(PROJECT_PATH / "python")}
     command = [sys.executable, "-c", program, *map(str, words)]
     return subprocess.run(command, capture_output=True, text=True, env=environment, timeout=120)
@@ -64,6 +78,7 @@ def test_bad_options_end_with_exit_code_1(words, message, capsys, tmp_path, monk
         (["demo", "--output_path", "{}/demo"], "cv2", "demo"),
         (["retrieve", "--descriptors_path", "a.h5", "--input_path", "m", "--output_path", "p"], "faiss", "retrieval"),
         (["cluster", "--num_shards", "2", "--output_path", "{}/a"], "distributed", "cluster"),
+        (["run", "--database_images", "{}", "--queries", "{}/a.mp4", "--output", "{}/o"], "cv2", "run"),
         (["import", "opensfm", "{}/r.json", "--output_path", "{}/m"], "scipy", "import"),
         (["import", "csv", "{}/a.csv", "--output_path", "{}/m", "--camera", "PINHOLE 4 3 2 2 2 1"], "pyproj", "import"),
     ],
@@ -72,10 +87,12 @@ def test_missing_extra_is_one_line(words, missing, extra, tmp_path):
     shot = '{"rotation": [0, 0, 0], "translation": [0, 0, 0], "camera": "c"}'
     camera = '{"projection_type": "perspective", "width": 4, "height": 3, "focal": 1}'
     (tmp_path / "r.json").write_text(f'[{{"cameras": {{"c": {camera}}}, "shots": {{"a.jpg": {shot}}}}}]')
+    (tmp_path / "a.mp4").touch()
     (tmp_path / "a.csv").write_text("name,lat,lon,alt,qw,qx,qy,qz\na.jpg,47,8,400,1,0,0,0\n")
-    done = run_tool(*(word.format(tmp_path) for word in words), missing=[missing])
-    assert done.returncode == 1
-    assert done.stderr.count("\n") == 1 and f"pip install 'colmap-lazyloc[{extra}]'" in done.stderr, done.stderr
+    for modules in ([missing], ALL_BUT_NUMPY):
+        done = run_tool(*(word.format(tmp_path) for word in words), missing=modules)
+        assert done.returncode == 1
+        assert done.stderr.count("\n") == 1 and f"pip install 'colmap-lazyloc[{extra}]'" in done.stderr, done.stderr
 
 
 @pytest.mark.parametrize("module", ["hloc", "hloc_to_database"])
@@ -99,8 +116,9 @@ def test_report_without_opencv_is_one_line(exact, localize, tmp_path):
     for name in exact.scene.images:
         (tmp_path / "photos" / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / "photos" / name).touch()
-    done = run_tool(*words, "--image_path", tmp_path / "photos", missing=["cv2"])
-    assert done.returncode == 1 and "colmap-lazyloc[report]" in done.stderr and done.stderr.count("\n") == 1
+    for options, missing in (["--image_path", "photos"], "cv2"), (["--plots", "plots"], "matplotlib"):
+        done = run_tool(*words, options[0], tmp_path / options[1], missing=[missing])
+        assert done.returncode == 1 and "colmap-lazyloc[report]" in done.stderr and done.stderr.count("\n") == 1
 
 
 def test_script_of_the_checkout():
@@ -119,6 +137,14 @@ def test_doctor_says_what_is_missing(capsys, monkeypatch, colmap):
     printed = capsys.readouterr().out
     assert "program    not found" in printed
     assert "missing: pyproj; pip install 'colmap-lazyloc[import]' brings lazyloc import" in printed
+
+
+def test_debian_package_names_debian_packages(monkeypatch):
+    monkeypatch.setattr(extras, "IS_DEBIAN_PACKAGE", True)
+    assert extras.install_command("report", ["cv2", "matplotlib"]) == "apt install python3-opencv python3-matplotlib"
+    by_both = "apt install python3-h5py, and pip install pycolmap in a virtual environment"
+    assert extras.install_command("hloc", ["h5py", "pycolmap"]) == by_both
+    assert extras.install_command("hloc", ["pycolmap"]) == "pip install pycolmap in a virtual environment"
 
 
 def test_extras_are_those_of_the_package():

@@ -61,7 +61,12 @@ def missing_package(error: ImportError, preferred: str | None = None) -> str | N
 
 
 def install_command(name: str, modules: Sequence[str]) -> str:
-    """Returns the command that installs modules of an extra."""
-    if IS_DEBIAN_PACKAGE and not set(modules) & set(NOT_IN_DEBIAN):
-        return f"apt install {' '.join(DEBIAN_NAMES.get(module, f'python3-{module}') for module in modules)}"
-    return f"pip install 'colmap-lazyloc[{name}]'"
+    """Returns the command that installs modules of an extra; beside the Debian package there may be two."""
+    if not IS_DEBIAN_PACKAGE:
+        return f"pip install 'colmap-lazyloc[{name}]'"
+    by_apt = [DEBIAN_NAMES.get(module, f"python3-{module}") for module in modules if module not in NOT_IN_DEBIAN]
+    by_pip = [module for module in modules if module in NOT_IN_DEBIAN]
+    commands = [f"apt install {' '.join(by_apt)}"] if by_apt else []
+    # Name a virtual environment, because pip refuses to change Debian's own.
+    commands += [f"pip install {' '.join(by_pip)} in a virtual environment"] if by_pip else []
+    return ", and ".join(commands)

@@ -61,6 +61,8 @@ def parse_arguments(arguments: Sequence[str] | None) -> tuple[argparse.Namespace
 @command(name="lazyloc cluster", extra="cluster")
 def main(arguments: Sequence[str] | None = None) -> int:
     options, words = parse_arguments(arguments)
+    import distributed  # noqa: F401, so that it is missed before the packages that it brings
+
     from colmap_lazyloc.cluster.engine import Engine
 
     program = options.program or shutil.which(find_colmap())

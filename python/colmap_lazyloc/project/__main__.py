@@ -16,7 +16,7 @@ import sys
 from collections.abc import Sequence
 
 from colmap_lazyloc.errors import InputError, command, logger, positive_int
-from colmap_lazyloc.extras import is_installed
+from colmap_lazyloc.extras import install_command, is_installed
 from colmap_lazyloc.import_poses import add_source_options, make_source
 from colmap_lazyloc.model import Camera
 from colmap_lazyloc.pose_formats.posed_images import PosedImages
@@ -144,6 +144,8 @@ def _check(options: argparse.Namespace) -> None:
     for path in (options.database_images, options.queries):
         if options.output_path.resolve() == path.resolve():
             raise InputError(f"--output {options.output_path}: is a folder of photos")
+    if is_video(options.queries):
+        import cv2  # noqa: F401
 
 
 def _split(words: list[str]) -> tuple[list[str], list[str]]:
@@ -226,7 +228,7 @@ def _write_report(folder: Folder) -> None:
     if is_installed("cv2"):
         words += ["--image_path", str(folder.images)]
     else:
-        logger.warning("no photos in the report: pip install 'colmap-lazyloc[run]'")
+        logger.warning("no photos in the report: %s", install_command("run", ["cv2"]))
     logger.info("writing the report")
     if write_report(words) != 0:
         raise InputError(f"{folder.report}: the report was not written; the results are in {folder.localized}")

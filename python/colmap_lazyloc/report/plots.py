@@ -11,7 +11,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 from colmap_lazyloc.array_types import Array
-from colmap_lazyloc.errors import InputError
 from colmap_lazyloc.report.facts import METRE
 from colmap_lazyloc.report.run import Run
 from colmap_lazyloc.result_fields import RiskCoverageFields
@@ -22,10 +21,8 @@ FORMATS = ("png", "svg")
 def plot_files(run: Run) -> dict[str, bytes]:
     """Returns the files by name: distributions of errors, if the truth is known, of standard deviations, and the
     risk-coverage curve of a leave-one-out run."""
-    try:
-        import matplotlib
-    except ImportError:
-        raise InputError("--plots: needs matplotlib, which is not installed here") from None
+    import matplotlib
+
     matplotlib.rcParams.update({"svg.hashsalt": "report", "savefig.dpi": 150, "figure.constrained_layout.use": True})
     files: dict[str, bytes] = {}
     position_errors, rotation_errors_deg = run.errors
