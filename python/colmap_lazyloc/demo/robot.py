@@ -16,6 +16,7 @@ import pathlib
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from colmap_lazyloc.array_types import Array
 from colmap_lazyloc.demo.scene import View, build_scene, upright_pose, write_images
 from colmap_lazyloc.model import Camera
 from colmap_lazyloc.poses import Pose, write_poses
@@ -51,11 +52,11 @@ def make_robot_scene(output: pathlib.Path, seed: int) -> None:
     (output / "camera.txt").write_text(f"{CAMERA.text()}\n")
 
 
-def _steps(start: float, end: float) -> np.ndarray:
+def _steps(start: float, end: float) -> Array:
     return np.linspace(start, end, NUM_MAPPING)
 
 
-def _times(start: float, count: int) -> list:
+def _times(start: float, count: int) -> list[str]:
     return [f"{start + SECONDS_BETWEEN * index:.6f}" for index in range(count)]
 
 
@@ -64,13 +65,13 @@ def _pose(x: float, y: float, height: float, target_x: float) -> Pose:
     return upright_pose(np.array([x, y, height]), np.array([target_x, 5.0, 1.6]), roll_deg=0.0)
 
 
-def _disturb(rng, pose: Pose, noise: tuple) -> Pose:
+def _disturb(rng: np.random.Generator, pose: Pose, noise: tuple[float, float]) -> Pose:
     metres, degrees = noise
     turn = Rotation.from_rotvec(np.radians(degrees) * rng.standard_normal(3)).as_matrix()
     return Pose.from_centre(turn @ pose.rotation, pose.cam_in_world + metres * rng.standard_normal(3))
 
 
-def _odometry(rng, poses: list) -> list:
+def _odometry(rng: np.random.Generator, poses: list[Pose]) -> list[Pose]:
     """Returns the poses in a world that begins at the first one, with errors that add up from step to step."""
     found = [Pose.from_matrix(np.eye(3), np.zeros(3))]
     for before, pose in itertools.pairwise(poses):
@@ -81,7 +82,7 @@ def _odometry(rng, poses: list) -> list:
     return found
 
 
-def _write_trajectory(path: pathlib.Path, start: float, poses: list) -> None:
+def _write_trajectory(path: pathlib.Path, start: float, poses: list[Pose]) -> None:
     """Writes world_from_cam in TUM's form."""
     lines = []
     for time, pose in zip(_times(start, len(poses)), poses):

@@ -14,6 +14,7 @@ import pathlib
 import numpy as np
 from PIL import Image
 
+from colmap_lazyloc.array_types import Floats
 from colmap_lazyloc.demo.scene import BOXES, View, build_scene, write_images
 from colmap_lazyloc.model import Camera
 from colmap_lazyloc.pose_formats.geo import GeoOrigin
@@ -43,7 +44,7 @@ def make_survey(output: pathlib.Path, seed: int) -> None:
     (output / "camera.txt").write_text(f"{CAMERA.text()}\n")
 
 
-def _views(rng, places: list, prefix: str, spread: float) -> list:
+def _views(rng: np.random.Generator, places: list[tuple[float, float]], prefix: str, spread: float) -> list[View]:
     """Makes views that look down, at most a few degrees off, in the direction of the flight."""
     views = []
     for index, place in enumerate(places):
@@ -54,7 +55,7 @@ def _views(rng, places: list, prefix: str, spread: float) -> list:
     return views
 
 
-def _write_poses(path: pathlib.Path, views: list, rng) -> None:
+def _write_poses(path: pathlib.Path, views: list[View], rng: np.random.Generator) -> None:
     centres = np.array([view.pose.cam_in_world for view in views])
     places = ORIGIN.to_geodetic(centres + POSE_NOISE_M * rng.standard_normal(centres.shape))
     with path.open("w", newline="") as file:
@@ -65,7 +66,7 @@ def _write_poses(path: pathlib.Path, views: list, rng) -> None:
             writer.writerow([view.name, f"{latitude:.9f}", f"{longitude:.9f}", f"{height:.4f}", w, -x, -y, -z])
 
 
-def _write_gps(path: pathlib.Path, position: np.ndarray) -> None:
+def _write_gps(path: pathlib.Path, position: Floats) -> None:
     """Writes a position into the EXIF of a photo, without compressing it again."""
     latitude, longitude, height = ORIGIN.to_geodetic(position[None])[0]
     exif = Image.Exif()
@@ -76,13 +77,13 @@ def _write_gps(path: pathlib.Path, position: np.ndarray) -> None:
     path.write_bytes(photo[:2] + b"\xff\xe1" + (len(block) + 2).to_bytes(2, "big") + block + photo[2:])
 
 
-def _degrees(value: float) -> tuple:
+def _degrees(value: float) -> tuple[float, float, float]:
     minutes, seconds = divmod(round(value * 3600, 4), 60)
     degrees, minutes = divmod(minutes, 60)
     return degrees, minutes, round(seconds, 4)
 
 
-def _write_control_points(output: pathlib.Path, views: list, rng) -> None:
+def _write_control_points(output: pathlib.Path, views: list[View], rng: np.random.Generator) -> None:
     ground = [(-4.0, -3.0), (-2.9, 1.2), (-0.6, -2.6), (3.4, -2.0), (4.4, 1.4), (1.2, 2.4)]
     tops = [(*box.centre[:2], box.centre[2] + box.size[2]) for box in BOXES[3:6]]
     points = np.array([*((x, y, 0.0) for x, y in ground), *tops])
@@ -97,7 +98,7 @@ def _write_control_points(output: pathlib.Path, views: list, rng) -> None:
         writer = csv.writer(file)
         writer.writerow(["photo", "point", "x", "y"])
         for view in views:
-            for index, pixel in enumerate(camera.img_from_cam(view.pose(points))):
+            for index, pixel in enumerate(np.asarray(camera.img_from_cam(view.pose(points)))):
                 if np.all(pixel > 20) and pixel[0] < CAMERA.width - 20 and pixel[1] < CAMERA.height - 20:
                     x, y = pixel + MARK_NOISE_PX * rng.standard_normal(2)
                     writer.writerow([view.name, f"P{index + 1}", f"{x:.2f}", f"{y:.2f}"])
