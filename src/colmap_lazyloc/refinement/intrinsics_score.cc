@@ -151,7 +151,7 @@ class ScoreBuilder {
   }
 
   // Sets what shared errors add, by the factor of the poses' equations. Those of the score are measured where the
-  // correction that it asks for is made, because wrong intrinsics would else make the images disagree.
+  // correction that it suggests is made, because wrong intrinsics would else make the images disagree.
   void SetSharedErrors(const Eigen::LLT<Eigen::MatrixXd>& factor, const Eigen::MatrixXd& poses_from_correction,
                        int frame, const std::vector<size_t>& tracks) {
     const Eigen::Index row = kSize * place_of_frame_[frame];
