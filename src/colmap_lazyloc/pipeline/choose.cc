@@ -18,7 +18,7 @@ constexpr double kMaxConclusiveStddev = 0.01;
 // Standard deviation of the log of an estimate up to which it can confirm a given focal length.
 constexpr double kMaxConfirmingStddev = 0.02;
 // Factor between the odds of two poses being wrong up to which these count as equally credible.
-constexpr double kMaxDoubtRatio = 2;
+constexpr double kMaxOddsRatio = 2;
 
 // Functions for lone queries.
 
@@ -40,9 +40,6 @@ bool AreContradicted(const Solution& solution, const LocalizerOptions& options) 
 }
 
 double ConfidenceOf(const Solution& solution) { return Confidence(solution.measured.evidence.front()); }
-
-// Returns the odds that the pose is wrong.
-double DoubtOf(const Solution& solution) { return 1 / ConfidenceOf(solution) - 1; }
 
 // Returns a solution with a given focal length, and what an estimate says of it.
 Choice WithEstimate(const Solution& given, const IntrinsicsResult& estimate, IntrinsicsVerdict verdict,
@@ -83,7 +80,8 @@ Choice GivenOrEstimated(const Solution& given, const Solution& refined, const Lo
   const bool has_pose = HasPose(given, options);
   // A pose that leaves more doubt is not evidence against the stated focal length, because some focal length fits false
   // matches, and any fits images from straight above.
-  if (has_pose && DoubtOf(refined) > kMaxDoubtRatio * DoubtOf(given)) return AsSolved(given);
+  if (has_pose && OddsOfWrong(ConfidenceOf(refined)) > kMaxOddsRatio * OddsOfWrong(ConfidenceOf(given)))
+    return AsSolved(given);
   const IntrinsicsResult& estimate = IntrinsicsOf(refined);
   const bool is_wrong = Judge(estimate, options).wrong_probability > 0.5;
   // Nobody has stated intrinsics of another origin for this image, so that an estimate replaces them.

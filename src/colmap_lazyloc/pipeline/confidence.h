@@ -23,6 +23,9 @@ namespace lazyloc {
 // deviation is not finite.
 double Confidence(const PoseEvidence& evidence);
 
+// Returns the odds that a pose with this confidence is wrong.
+inline double OddsOfWrong(double confidence) { return 1 / confidence - 1; }
+
 // Returns the odds of the competing pose over the pose; 0 if no pairs agree on one.
 double OddsOfCompetingPose(const PoseEvidence& evidence);
 

@@ -6,6 +6,7 @@
 #include <Eigen/LU>
 
 namespace lazyloc {
+
 IntrinsicsScore::Matrix ScoreCovariance(const Refined& refined, int frame) {
   const IntrinsicsScore& score = refined.adjustment.intrinsics_scores[frame];
   IntrinsicsScore::Matrix covariance = refined.variance_factor * score.information + score.shared_errors;

@@ -178,8 +178,7 @@ void AddRunnerUp(const Choice& choice, int query, LocalizationResult* result) {
   }
   if (choice.runner_up == nullptr) return;
   const Solution& other = *choice.runner_up;
-  const double confidence = Confidence(other.measured.evidence[frame]);
-  const double odds = confidence / (1 - confidence) * (1 - *result->confidence) / *result->confidence;
+  const double odds = OddsOfWrong(*result->confidence) / OddsOfWrong(Confidence(other.measured.evidence[frame]));
   if (result->runner_up && result->runner_up->odds > odds) return;
   result->runner_up =
       RunnerUp{Explanation(other, solution), PoseInWorld(other.prepared->layout, other.checked.posed, query), odds};

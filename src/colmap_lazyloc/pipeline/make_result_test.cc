@@ -18,19 +18,10 @@ using ::testing::Pair;
 
 constexpr int kNumPoints = 30, kNumDatabaseImages = 4;
 
-SyntheticGroup MakeGroup(int num_frames, int num_sensors) {
-  SyntheticGroupOptions options;
-  options.num_frames = num_frames;
-  options.num_sensors = num_sensors;
-  options.num_points = kNumPoints;
-  options.num_database_images = kNumDatabaseImages;
-  return MakeSyntheticGroup(options);
-}
-
 // A group with the solution that has the true poses, and nothing else.
 struct SolvedGroup {
   SolvedGroup(int num_frames, int num_sensors)
-      : scene(MakeGroup(num_frames, num_sensors)),
+      : scene(MakeGroup(num_frames, num_sensors, kNumPoints, kNumDatabaseImages)),
         input(MakeStageInput(scene)),
         num_queries(scene.group.images.size()),
         prepared{scene.group,

@@ -13,19 +13,10 @@ namespace {
 
 constexpr int kNumPoints = 40, kNumDatabaseImages = 8;
 
-SyntheticGroup MakeGroup(int num_frames, int num_sensors) {
-  SyntheticGroupOptions options;
-  options.num_frames = num_frames;
-  options.num_sensors = num_sensors;
-  options.num_points = kNumPoints;
-  options.num_database_images = kNumDatabaseImages;
-  return MakeSyntheticGroup(options);
-}
-
 class MeasureEvidenceTest : public ::testing::Test {
  protected:
   void Make(int num_frames, int num_sensors) {
-    input_ = MakeStageInput(MakeGroup(num_frames, num_sensors));
+    input_ = MakeStageInput(MakeGroup(num_frames, num_sensors, kNumPoints, kNumDatabaseImages));
     estimates_.pairs = input_.pairs;
     estimates_.num_inliers.assign(input_.layout.num_queries, std::vector<int>(kNumDatabaseImages, kNumPoints));
     refined_.adjustment.posed = input_.truth;

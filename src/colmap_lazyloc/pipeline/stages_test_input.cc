@@ -40,6 +40,15 @@ std::vector<Track> TracksOfQuery(const SyntheticGroup& scene, const Layout& layo
 
 }  // namespace
 
+SyntheticGroup MakeGroup(int num_frames, int num_sensors, int num_points, int num_database_images) {
+  SyntheticGroupOptions options;
+  options.num_frames = num_frames;
+  options.num_sensors = num_sensors;
+  options.num_points = num_points;
+  options.num_database_images = num_database_images;
+  return MakeSyntheticGroup(options);
+}
+
 StageInput MakeStageInput(const SyntheticGroup& scene) {
   StageInput input;
   input.layout = MakeLayout(scene.group);

@@ -24,6 +24,8 @@ struct StageInput {
 
 StageInput MakeStageInput(const SyntheticGroup& scene);
 
+SyntheticGroup MakeGroup(int num_frames, int num_sensors, int num_points, int num_database_images);
+
 // Returns options that take database poses and given focal lengths as exact, so that covariances are those of the
 // keypoints alone.
 inline LocalizerOptions WithExactDatabase(LocalizerOptions options = {}) {

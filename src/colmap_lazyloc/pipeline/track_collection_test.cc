@@ -13,16 +13,7 @@ namespace {
 
 using ::testing::ElementsAre;
 
-constexpr int kNumPoints = 60;
-
-SyntheticGroup MakeGroup(int num_frames, int num_sensors) {
-  SyntheticGroupOptions options;
-  options.num_frames = num_frames;
-  options.num_sensors = num_sensors;
-  options.num_database_images = 3;
-  options.num_points = kNumPoints;
-  return MakeSyntheticGroup(options);
-}
+constexpr int kNumPoints = 60, kNumDatabaseImages = 3;
 
 // Counts the tracks by the query of their first observation.
 std::vector<int> NumTracksByQuery(const std::vector<Track>& tracks, int num_queries) {
@@ -40,7 +31,7 @@ std::set<std::pair<int, int>> FirstObservations(const std::vector<Track>& tracks
 }
 
 TEST(CollectTracks, EachKeypointHasATrackWithItsDatabaseImages) {
-  const SyntheticGroup scene = MakeGroup(2, 2);
+  const SyntheticGroup scene = MakeGroup(2, 2, kNumPoints, kNumDatabaseImages);
   const StageInput input = MakeStageInput(scene);
   const CandidateTracks candidates = CollectTracks(scene.group, input.layout, Refs(input.pairs), {});
   EXPECT_THAT(NumTracksByQuery(candidates.all, 4), ElementsAre(kNumPoints, kNumPoints, kNumPoints, kNumPoints));
@@ -61,7 +52,7 @@ TEST(CollectTracks, LimitsHoldForEachQuery) {
   options.max_num_tracks = 40;
   options.max_num_start_tracks = 10;
   for (const int num_sensors : {1, 3}) {
-    const SyntheticGroup scene = MakeGroup(1, num_sensors);
+    const SyntheticGroup scene = MakeGroup(1, num_sensors, kNumPoints, kNumDatabaseImages);
     const StageInput input = MakeStageInput(scene);
     const CandidateTracks candidates = CollectTracks(scene.group, input.layout, Refs(input.pairs), options);
     EXPECT_EQ(NumTracksByQuery(candidates.all, num_sensors), std::vector<int>(num_sensors, 40));
@@ -72,7 +63,7 @@ TEST(CollectTracks, LimitsHoldForEachQuery) {
 }
 
 TEST(CollectTracks, OnlyTheGivenPairsAreUsed) {
-  const SyntheticGroup scene = MakeGroup(1, 1);
+  const SyntheticGroup scene = MakeGroup(1, 1, kNumPoints, kNumDatabaseImages);
   const StageInput input = MakeStageInput(scene);
   const PairRefs pairs = {&input.pairs[0], &input.pairs[2]};
   const CandidateTracks candidates = CollectTracks(scene.group, input.layout, pairs, {});

@@ -100,6 +100,20 @@ void SetCovariances(const BundleSolver<kSize>& solver, BundleAdjustmentResult* r
   }
 }
 
+// Returns by image of a query what shared errors add to its covariance; zero for a frame without tracks.
+std::vector<Eigen::Matrix<double, 6, 6>> SharedErrorsOfQueries(const PosedImages& posed,
+                                                               const std::vector<IntrinsicsScore>& scores) {
+  std::vector<Eigen::Matrix<double, 6, 6>> shared_errors;
+  for (const Image& image : posed.images) {
+    const Frame& frame = posed.frames[image.frame];
+    if (frame.is_database) break;
+    const Eigen::MatrixXd& of_frame = scores[image.frame].frame_shared_errors;
+    shared_errors.emplace_back(Eigen::Matrix<double, 6, 6>::Zero());
+    if (of_frame.size() > 0) shared_errors.back() = ImageCovariance(image, frame.has_free_scale, of_frame);
+  }
+  return shared_errors;
+}
+
 template <int kSize>
 BundleAdjustmentResult Adjust(const PosedImages& posed, std::vector<Track> tracks,
                               const BundleAdjustmentOptions& options) {
@@ -114,13 +128,7 @@ BundleAdjustmentResult Adjust(const PosedImages& posed, std::vector<Track> track
   if (options.tests_intrinsics) {
     result.intrinsics_scores =
         ComputeIntrinsicsScores(solver, posed, result.tracks, RobustLoss(options.loss_scale_sigma));
-  }
-  for (const Image& image : result.posed.images) {
-    if (!options.tests_intrinsics || result.posed.frames[image.frame].is_database) break;
-    const Eigen::MatrixXd& of_frame = result.intrinsics_scores[image.frame].frame_shared_errors;
-    result.image_shared_errors.push_back(
-        of_frame.size() == 0 ? Eigen::Matrix<double, 6, 6>::Zero()
-                             : ImageCovariance(image, result.posed.frames[image.frame].has_free_scale, of_frame));
+    result.image_shared_errors = SharedErrorsOfQueries(result.posed, result.intrinsics_scores);
   }
   if (options.computes_covariances) SetCovariances(solver, &result);
   for (size_t track = 0; track < result.tracks.size(); ++track) {

@@ -30,35 +30,41 @@ TEST(PoseCovariance, PredictsTheSpreadOfAdjustedPoses) {
   for (int i = 0; i < 6; ++i) EXPECT_NEAR(sampled(i, i) / predicted(i, i), 1, 0.33) << i;
 }
 
-TEST(SharedErrors, AddTheSpreadThatShiftedPairsCause) {
-  // Moves the query's keypoints of the tracks of each database image together, as repeated structure does. Each point
-  // has two database images, of which the first names the pair.
+// Makes points of which each is seen by the query and two of twelve database images. The first names the pair.
+SyntheticTracks MakePairs(double noise_px) {
   SyntheticTracksOptions options;
   options.num_database = 12;
   options.num_points = 360;
-  options.noise_px = 0.3;
-  const double shift_px = 2;
-  const int num_trials = 100;
-  SyntheticTracks truth = MakeSyntheticTracks(options);
-  const std::vector<Rigid3d> exact = CamsFromWorld(truth.posed);
-  for (size_t i = 0; i < truth.tracks.size(); ++i) {
-    std::vector<TrackObservation>& observations = truth.tracks[i].observations;
+  options.noise_px = noise_px;
+  SyntheticTracks scene = MakeSyntheticTracks(options);
+  for (size_t i = 0; i < scene.tracks.size(); ++i) {
+    std::vector<TrackObservation>& observations = scene.tracks[i].observations;
     const size_t first = 1 + i % 11;
     observations = {observations[0], observations[first], observations[first + 1]};
   }
+  return scene;
+}
+
+TEST(SharedErrors, AddTheSpreadThatShiftedPairsCause) {
+  // Moves the query's keypoints of the tracks of each database image together, as repeated structure does.
+  const double noise_px = 0.3, shift_px = 2;
+  const int num_trials = 100;
+  const SyntheticTracks truth = MakePairs(noise_px);
+  const std::vector<Rigid3d> exact = CamsFromWorld(truth.posed);
   Random random(5);
   Matrix6d sampled = Matrix6d::Zero(), independent = sampled, shared = sampled;
   for (int trial = 0; trial < num_trials; ++trial) {
     std::vector<Eigen::Vector2d> shifts;
-    for (int image = 0; image <= options.num_database; ++image) {
+    for (size_t image = 0; image < exact.size(); ++image) {
       shifts.push_back(shift_px * RandomVector(&random).head<2>());
     }
     std::vector<Track> tracks = truth.tracks;
     for (Track& track : tracks) {
       for (TrackObservation& element : track.observations) {
-        Eigen::Vector2d offset = options.noise_px * RandomVector(&random).head<2>();
+        Eigen::Vector2d offset = noise_px * RandomVector(&random).head<2>();
         if (element.image == 0) offset += shifts[track.observations[1].image];
-        element.observation = ObserveAt(exact[element.image] * track.point_in_world, options.focal_length_px, offset);
+        element.observation =
+            ObserveAt(exact[element.image] * track.point_in_world, SyntheticTracksOptions().focal_length_px, offset);
       }
     }
     const BundleAdjustmentResult result = AdjustBundle(truth.posed, tracks, LeastSquares());
@@ -78,16 +84,7 @@ TEST(SharedErrors, AddTheSpreadThatShiftedPairsCause) {
 }
 
 TEST(SharedErrors, AreSmallForIndependentNoise) {
-  SyntheticTracksOptions options;
-  options.num_database = 12;
-  options.num_points = 360;
-  options.noise_px = 1;
-  SyntheticTracks scene = MakeSyntheticTracks(options);
-  for (size_t i = 0; i < scene.tracks.size(); ++i) {
-    std::vector<TrackObservation>& observations = scene.tracks[i].observations;
-    const size_t first = 1 + i % 11;
-    observations = {observations[0], observations[first], observations[first + 1]};
-  }
+  const SyntheticTracks scene = MakePairs(1);
   const BundleAdjustmentResult result = AdjustBundle(scene.posed, scene.tracks, LeastSquares());
   const Matrix6d sum = result.image_covariances[0] + result.image_shared_errors[0];
   for (int i = 0; i < 6; ++i) EXPECT_LE(sum(i, i), 3 * result.image_covariances[0](i, i)) << i;

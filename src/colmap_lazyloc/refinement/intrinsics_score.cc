@@ -76,9 +76,8 @@ class ScoreBuilder {
       const int frame = problem.free[i].frame;
       if (!is_asked_[frame]) continue;
       BundleError error;
-      if (!error.Evaluate(problem.free[i], state.frames[frame], state.points[track])) continue;
-      const double root_weight = std::sqrt(loss_.Weight(error.error.squaredNorm()));
-      error.Scale(root_weight);
+      const double root_weight = Evaluate(track, problem.free[i], &error);
+      if (root_weight == 0) continue;
       const Derivative derivative = NormalisedDerivative(track, problem.free[i], root_weight);
       const IntrinsicsScore::Matrix information = derivative.transpose() * derivative;
       score_.information += information;
@@ -111,9 +110,11 @@ class ScoreBuilder {
     score_.score += poses_from_correction.transpose() * rhs;
     score_.frame_from_correction = poses_from_correction.middleRows<6>(kSize * place_of_frame_[frame]);
     score_.prior_parts = PriorParts(poses_from_correction);
-    SetSharedErrors(factor, poses_from_correction, frame, tracks);
+    const Eigen::MatrixXd columns = factor.solve(
+        Eigen::MatrixXd::Identity(factor.rows(), factor.rows()).middleCols<kSize>(kSize * place_of_frame_[frame]));
+    SetSharedErrors(columns, poses_from_correction, frame, tracks);
     if (kSize > 6 && solver_.Problem().has_factor[frame] && !solver_.Problem().frames[frame].factor_is_scale) {
-      SetEstimatedFocalLength(factor, frame);
+      SetEstimatedFocalLength(columns.col(kSize - 1), frame);
     }
     for (const int place : places_) place_of_frame_[place] = -1;
     places_.clear();
@@ -134,6 +135,16 @@ class ScoreBuilder {
     return couplings_[place];
   }
 
+  // Evaluates the weighted error of an observation. Returns the root of its weight; 0 if the point lies behind the
+  // camera.
+  double Evaluate(size_t track, const FreeObservation& observation, BundleError* error) const {
+    const BundleState& state = solver_.Linearization();
+    if (!error->Evaluate(observation, state.frames[observation.frame], state.points[track])) return 0;
+    const double root_weight = std::sqrt(loss_.Weight(error->error.squaredNorm()));
+    error->Scale(root_weight);
+    return root_weight;
+  }
+
   // Returns the weighted derivative of a residual with respect to the corrections.
   Derivative NormalisedDerivative(size_t track, const FreeObservation& observation, double root_weight) const {
     const TrackObservation& element = tracks_[track].observations[observation.element];
@@ -150,13 +161,10 @@ class ScoreBuilder {
     return track.observations.back().image;
   }
 
-  // Sets what shared errors add, by the factor of the poses' equations. Those of the score are measured where the
-  // correction that it suggests is made, because wrong intrinsics would else make the images disagree.
-  void SetSharedErrors(const Eigen::LLT<Eigen::MatrixXd>& factor, const Eigen::MatrixXd& poses_from_correction,
-                       int frame, const std::vector<size_t>& tracks) {
-    const Eigen::Index row = kSize * place_of_frame_[frame];
-    const Eigen::MatrixXd columns =
-        factor.solve(Eigen::MatrixXd::Identity(factor.rows(), factor.rows()).middleCols<kSize>(row));
+  // Sets what shared errors add. Those of the score are measured where the correction that it suggests is made, because
+  // wrong intrinsics would else make the images disagree. columns: the frame's, of the inverse of the poses' equations.
+  void SetSharedErrors(const Eigen::MatrixXd& columns, const Eigen::MatrixXd& poses_from_correction, int frame,
+                       const std::vector<size_t>& tracks) {
     const IntrinsicsScore::Vector correction = score_.information.ldlt().solve(score_.score);
     ClusterCovariance<kSize> of_frame;
     ClusterCovariance<NUM_INTRINSICS_PARAMETERS> of_score;
@@ -166,7 +174,8 @@ class ScoreBuilder {
       of_frame.Add(Cluster(tracks_[track]), influence->frame);
       of_score.Add(Cluster(tracks_[track]), influence->score);
     }
-    score_.frame_shared_errors = of_frame.Excess(columns.middleRows<kSize>(row), kNumClusterParameters);
+    score_.frame_shared_errors =
+        of_frame.Excess(columns.middleRows<kSize>(kSize * place_of_frame_[frame]), kNumClusterParameters);
     score_.shared_errors = of_score.Excess(score_.information, kNumClusterParameters);
   }
 
@@ -176,7 +185,7 @@ class ScoreBuilder {
     IntrinsicsScore::Vector score = IntrinsicsScore::Vector::Zero();
   };
 
-  // columns: the frame's, of the inverse of the poses' equations. Returns nullopt for a track with depths.
+  // Returns nullopt for a track with depths.
   std::optional<TrackInfluence> Influence(size_t track, const Eigen::MatrixXd& columns,
                                           const Eigen::MatrixXd& poses_from_correction,
                                           const IntrinsicsScore::Vector& correction) const {
@@ -193,9 +202,8 @@ class ScoreBuilder {
       const int frame = problem.free[i].frame;
       if (problem.free[i].depth >= 0) return std::nullopt;
       BundleError error;
-      if (!error.Evaluate(problem.free[i], state.frames[frame], state.points[track])) continue;
-      const double root_weight = std::sqrt(loss_.Weight(error.error.squaredNorm()));
-      error.Scale(root_weight);
+      const double root_weight = Evaluate(track, problem.free[i], &error);
+      if (root_weight == 0) continue;
       const Eigen::Index place = kSize * place_of_frame_[frame];
       const Eigen::Matrix<double, kSize, 2> by_frame = error.ByFrame<kSize>();
       Derivative derivative = by_frame.transpose() * poses_from_correction.middleRows<kSize>(place);
@@ -235,10 +243,10 @@ class ScoreBuilder {
     return parts;
   }
 
-  // Replaces the equation of the focal length by that of its estimate.
-  void SetEstimatedFocalLength(const Eigen::LLT<Eigen::MatrixXd>& factor, int frame) {
+  // Replaces the equation of the focal length by that of its estimate. column: the factor's, of the inverse of the
+  // poses' equations.
+  void SetEstimatedFocalLength(const Eigen::VectorXd& column, int frame) {
     const Eigen::Index row = kSize * place_of_frame_[frame] + kSize - 1;
-    const Eigen::VectorXd column = factor.solve(Eigen::VectorXd::Unit(factor.rows(), row));
     score_.information.row(LOG_FOCAL_FACTOR).setZero();
     score_.information.col(LOG_FOCAL_FACTOR).setZero();
     score_.information(LOG_FOCAL_FACTOR, LOG_FOCAL_FACTOR) = 1 / column[row];
