@@ -14,7 +14,7 @@ HEADER_PATH = (
 MAX_KIND_WEIGHT = 60  # more queries of one kind do not count for more than this number
 NUM_FOLDS = 8
 # Bounds of pipeline/confidence.cc.
-MIN_ERROR_PX, MIN_SUPPORT, MIN_NUM_POINTS, MIN_ODDS = 0.3, 1e-3, 0.5, 1e-3
+MIN_SUPPORT, MIN_NUM_POINTS, MIN_ODDS = 1e-3, 0.5, 1e-3
 SINGLE_POINT_WEIGHT = 0.1
 
 
@@ -32,7 +32,7 @@ def odds_shapes(outcomes):
     explained = evidence_of(outcomes, "explained_ratio", 1.0)
     agreeing = evidence_of(outcomes, "agreeing_ratio", np.nan)
     support = np.where(np.isnan(agreeing), explained, (explained + agreeing) / 2).clip(MIN_SUPPORT, 1)
-    error_px = np.maximum(evidence_of(outcomes, "median_error_px", np.nan), MIN_ERROR_PX)
+    error_px = evidence_of(outcomes, "median_error_px", np.nan)
     num_common, num_single = (evidence_of(outcomes, f"num_{kind}_tracks", 0.0) for kind in ("common", "single"))
     num_points = np.maximum(num_common + SINGLE_POINT_WEIGHT * num_single, MIN_NUM_POINTS)
     return np.stack([(error_px * (1 - support) / support) ** 2, num_points**-1.5], axis=1)

@@ -9,8 +9,8 @@
 namespace lazyloc {
 namespace {
 
-// Error below which points fit as well as keypoints can, and bounds that keep the odds finite.
-constexpr double kMinErrorPx = 0.3, kMinSupport = 1e-3, kMinNumPoints = 0.5;
+// Bounds that keep the odds finite.
+constexpr double kMinSupport = 1e-3, kMinNumPoints = 0.5;
 // Weight of a point of a single database image, which confirms one coordinate of the pose's few.
 constexpr double kSinglePointWeight = 0.1;
 // Odds that remain with perfect evidence.
@@ -26,8 +26,7 @@ double Support(const PoseEvidence& evidence) {
 double OddsOfAnotherPlace(const PoseEvidence& evidence) {
   if (std::isnan(evidence.explained_ratio)) return 0;
   const double support = std::clamp(Support(evidence), kMinSupport, 1.0);
-  const double error_px = std::max(evidence.median_error_px, kMinErrorPx);
-  return kPlaceOdds * std::pow(error_px * (1 - support) / support, 2);
+  return kPlaceOdds * std::pow(evidence.median_error_px * (1 - support) / support, 2);
 }
 
 double OddsOfChance(const PoseEvidence& evidence) {
