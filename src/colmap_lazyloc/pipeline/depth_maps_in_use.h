@@ -4,8 +4,8 @@
 
 #include "colmap_lazyloc/pipeline/depth_scale.h"
 #include "colmap_lazyloc/pipeline/layout.h"
-#include "colmap_lazyloc/pipeline/motion_averaging.h"
 #include "colmap_lazyloc/pipeline/track_collection.h"
+#include "colmap_lazyloc/scene/pair_geometry.h"
 #include "colmap_lazyloc/structure/track_triangulation.h"
 
 namespace lazyloc {

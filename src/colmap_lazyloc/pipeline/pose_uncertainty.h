@@ -5,8 +5,8 @@
 #include <Eigen/Core>
 #include <Eigen/Geometry>
 
-#include "colmap_lazyloc/pipeline/motion_averaging.h"
 #include "colmap_lazyloc/pipeline/refinement_rounds.h"
+#include "colmap_lazyloc/scene/pair_geometry.h"
 
 namespace lazyloc {
 

@@ -3,9 +3,9 @@
 #include <optional>
 #include <vector>
 
+#include "colmap_lazyloc/pipeline/averaged.h"
 #include "colmap_lazyloc/pipeline/failure.h"
 #include "colmap_lazyloc/pipeline/layout.h"
-#include "colmap_lazyloc/pipeline/motion_averaging.h"
 #include "colmap_lazyloc/refinement/bundle_adjustment.h"
 
 namespace lazyloc {

@@ -3,7 +3,7 @@
 #include <Eigen/Core>
 #include <Eigen/Geometry>
 
-#include "colmap_lazyloc/pipeline/motion_averaging.h"
+#include "colmap_lazyloc/pipeline/averaged.h"
 #include "colmap_lazyloc/pipeline/pair_estimation.h"
 #include "colmap_lazyloc/scene/pose_evidence.h"
 

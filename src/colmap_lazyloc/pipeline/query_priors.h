@@ -3,8 +3,8 @@
 #include <vector>
 
 #include "colmap_lazyloc/pipeline/layout.h"
-#include "colmap_lazyloc/pipeline/motion_averaging.h"
 #include "colmap_lazyloc/pipeline/refinement_rounds.h"
+#include "colmap_lazyloc/scene/pair_geometry.h"
 
 namespace lazyloc {
 

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "colmap_lazyloc/pipeline/motion_averaging.h"
+#include "colmap_lazyloc/pipeline/averaged.h"
 #include "colmap_lazyloc/pipeline/pair_estimation.h"
 
 namespace lazyloc {

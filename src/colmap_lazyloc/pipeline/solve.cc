@@ -7,6 +7,7 @@
 #include "colmap_lazyloc/math/so3.h"
 #include "colmap_lazyloc/pipeline/depth_maps_in_use.h"
 #include "colmap_lazyloc/pipeline/focal_length.h"
+#include "colmap_lazyloc/pipeline/motion_averaging.h"
 #include "colmap_lazyloc/pipeline/position_ambiguity.h"
 #include "colmap_lazyloc/pipeline/prior_comparison.h"
 #include "colmap_lazyloc/pipeline/prior_fusion.h"

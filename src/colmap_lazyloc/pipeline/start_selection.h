@@ -4,7 +4,8 @@
 #include <optional>
 #include <vector>
 
-#include "colmap_lazyloc/pipeline/motion_averaging.h"
+#include "colmap_lazyloc/pipeline/averaged.h"
+#include "colmap_lazyloc/pipeline/layout.h"
 #include "colmap_lazyloc/structure/track_triangulation.h"
 
 namespace lazyloc {
