@@ -1,6 +1,6 @@
 #pragma once
 
-#include "colmap_lazyloc/pipeline/refinement_rounds.h"
+#include "colmap_lazyloc/pipeline/refined.h"
 #include "colmap_lazyloc/refinement/intrinsics_score.h"
 
 namespace lazyloc {

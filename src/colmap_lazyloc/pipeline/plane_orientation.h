@@ -3,7 +3,9 @@
 #include <optional>
 #include <vector>
 
-#include "colmap_lazyloc/pipeline/refinement_rounds.h"
+#include "colmap_lazyloc/pipeline/layout.h"
+#include "colmap_lazyloc/pipeline/refined.h"
+#include "colmap_lazyloc/scene/pair_geometry.h"
 
 namespace lazyloc {
 

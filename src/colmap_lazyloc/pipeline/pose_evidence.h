@@ -6,7 +6,7 @@
 #include "colmap_lazyloc/pipeline/layout.h"
 #include "colmap_lazyloc/pipeline/pair_estimation.h"
 #include "colmap_lazyloc/pipeline/pose_uncertainty.h"
-#include "colmap_lazyloc/pipeline/refinement_rounds.h"
+#include "colmap_lazyloc/pipeline/refined.h"
 #include "colmap_lazyloc/scene/pose_evidence.h"
 
 namespace lazyloc {

@@ -5,7 +5,9 @@
 #include <Eigen/Core>
 #include <Eigen/Geometry>
 
-#include "colmap_lazyloc/pipeline/refinement_rounds.h"
+#include "colmap_lazyloc/pipeline/layout.h"
+#include "colmap_lazyloc/pipeline/refined.h"
+#include "colmap_lazyloc/scene/localization_result.h"
 #include "colmap_lazyloc/scene/pair_geometry.h"
 
 namespace lazyloc {

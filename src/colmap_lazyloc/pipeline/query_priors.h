@@ -2,8 +2,9 @@
 
 #include <vector>
 
+#include "colmap_lazyloc/pipeline/focal_length.h"
 #include "colmap_lazyloc/pipeline/layout.h"
-#include "colmap_lazyloc/pipeline/refinement_rounds.h"
+#include "colmap_lazyloc/pipeline/refined.h"
 #include "colmap_lazyloc/scene/pair_geometry.h"
 
 namespace lazyloc {

@@ -175,13 +175,6 @@ double TriedRatio(const Layout& layout, const CandidateTracks& candidates) {
 
 }  // namespace
 
-void Refined::SetMissingVariances() {
-  missing_variances.clear();
-  ForEachMissingVariance(adjustment, variance_factor, [&](size_t group, size_t component, double variance) {
-    missing_variances.push_back({group, component, variance});
-  });
-}
-
 Refined Refine(const Layout& layout, const PosedImages& start, const SplitTracks& start_tracks,
                CandidateTracks candidates, const LocalizerOptions& options, StageTimer::Seconds* seconds,
                QueryCamera* camera) {

@@ -3,6 +3,7 @@
 #include <vector>
 
 #include "colmap_lazyloc/pipeline/query_priors.h"
+#include "colmap_lazyloc/pipeline/refinement_rounds.h"
 #include "colmap_lazyloc/scene/stage_timer.h"
 
 namespace lazyloc {
