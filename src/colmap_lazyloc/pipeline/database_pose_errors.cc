@@ -9,6 +9,7 @@
 #include "colmap_lazyloc/bridge/observation.h"
 #include "colmap_lazyloc/pipeline/database_priors.h"
 #include "colmap_lazyloc/refinement/epipolar_errors.h"
+#include "colmap_lazyloc/refinement/variance_estimate.h"
 
 namespace lazyloc {
 namespace {
@@ -120,11 +121,6 @@ bool AreStddevsStated(const LocalizerOptions& options) {
 }
 
 }  // namespace
-
-DatabasePoseNoise ExpectedPoseErrors::AsResult() const {
-  if (sizes.empty()) return {source, num_pairs};
-  return {source, num_pairs, sizes[0].median, sizes[1].median, sizes[2].median};
-}
 
 ExpectedPoseErrors ExpectPoseErrors(const LocalizerOptions& options) {
   if (AreStddevsStated(options)) return {{}, PoseNoiseSource::STATED};

@@ -3,21 +3,10 @@
 #include <vector>
 
 #include "colmap_lazyloc/pipeline/options.h"
-#include "colmap_lazyloc/refinement/variance_estimate.h"
 #include "colmap_lazyloc/scene/database_pose_noise.h"
 #include "colmap_lazyloc/scene/localization_problem.h"
 
 namespace lazyloc {
-
-// What is expected of the errors of database poses: the sizes in pixels of the part that changes with the viewpoint, of
-// independent rotations and of independent positions.
-struct ExpectedPoseErrors {
-  DatabasePoseNoise AsResult() const;
-
-  std::vector<ExpectedStddev> sizes;
-  PoseNoiseSource source = PoseNoiseSource::DEFAULT;
-  int num_pairs = 0;  // of database images that tell the sizes
-};
 
 // Returns the errors that the options state, or else those of a typical database.
 ExpectedPoseErrors ExpectPoseErrors(const LocalizerOptions& options);

@@ -5,6 +5,7 @@
 
 #include "colmap_lazyloc/math/median.h"
 #include "colmap_lazyloc/math/so3.h"
+#include "colmap_lazyloc/pipeline/database_pose_errors.h"
 
 namespace lazyloc {
 namespace {

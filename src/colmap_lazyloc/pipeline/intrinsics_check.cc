@@ -8,6 +8,7 @@
 #include "colmap_lazyloc/pipeline/intrinsics_estimate.h"
 #include "colmap_lazyloc/pipeline/intrinsics_judgement.h"
 #include "colmap_lazyloc/pipeline/uncalibrated_camera.h"
+#include "colmap_lazyloc/pipeline/viewpoint_errors.h"
 #include "colmap_lazyloc/refinement/covariance.h"
 
 namespace lazyloc {

@@ -1,9 +1,6 @@
 #include "colmap_lazyloc/pipeline/layout.h"
 
-#include <algorithm>
-
 #include "colmap_lazyloc/pipeline/database_frames.h"
-#include "colmap_lazyloc/pipeline/viewpoint_errors.h"
 
 namespace lazyloc {
 namespace {
@@ -67,19 +64,6 @@ Layout MakeLayout(const QueryGroup& group) {
   database_frames.MakeFrames();
   for (Image& image : layout.given.images) image.noise_px = kStartNoisePx;
   return layout;
-}
-
-PosedImages AsReported(const Layout& layout, const PosedImages& adjusted) {
-  PosedImages reported = adjusted;
-  MoveToGivenDatabase(layout, adjusted, &reported);
-  std::copy(layout.given.frames.begin() + layout.num_query_frames, layout.given.frames.end(),
-            reported.frames.begin() + layout.num_query_frames);
-  for (size_t i = 0; i < reported.images.size(); ++i) {
-    const Image& given = layout.given.images[i];
-    if (given.calibration < 0 || !layout.given.calibrations[given.calibration].is_stated_by_database) continue;
-    reported.images[i].cam_from_frame = given.cam_from_frame;
-  }
-  return reported;
 }
 
 Rigid3d PoseInWorld(const Layout& layout, const PosedImages& posed, int query) {

@@ -5,8 +5,8 @@
 
 #include <Eigen/Core>
 
-#include "colmap_lazyloc/pipeline/database_pose_errors.h"
 #include "colmap_lazyloc/pipeline/options.h"
+#include "colmap_lazyloc/scene/database_pose_noise.h"
 #include "colmap_lazyloc/scene/frame.h"
 #include "colmap_lazyloc/scene/localization_problem.h"
 #include "colmap_lazyloc/scene/track.h"
@@ -39,10 +39,6 @@ struct Layout {
 // Gives each query frame database images and frames of its own, even if frames share database images, because the
 // correction of a database pose depends on the query: it is relative to the pose error at the query's viewpoint.
 Layout MakeLayout(const QueryGroup& group);
-
-// Returns adjusted images with what the database states: its poses, and the calibration of its rigs, with which a
-// reader of a result compares it. Moves the other images of a query frame accordingly (viewpoint_errors.h).
-PosedImages AsReported(const Layout& layout, const PosedImages& adjusted);
 
 // Returns the pose of a query in the database's coordinates.
 Rigid3d PoseInWorld(const Layout& layout, const PosedImages& posed, int query);

@@ -183,20 +183,6 @@ TEST(MakeLayout, FramesOfUnknownScaleShareNoCalibration) {
   EXPECT_THAT(calibrations, testing::ElementsAre(-1, 0, 1, -1, 2, 3));
 }
 
-TEST(AsReported, RestoresDatabasePosesAndTheirCalibration) {
-  for (const bool has_rigs : {true, false}) {
-    const SyntheticGroup scene = has_rigs ? MakeGroupWithDatabaseRigs() : MakeGroup(1, 2, 6);
-    const Layout layout = MakeLayout(scene.group);
-    PosedImages adjusted = layout.given;
-    for (Frame& frame : adjusted.frames) frame.frame_from_world.translation.x() += 1;
-    for (Image& image : adjusted.images) image.cam_from_frame.translation.y() += 1;
-    const PosedImages reported = AsReported(layout, adjusted);
-    ExpectSameBits(reported.frames[0].frame_from_world, adjusted.frames[0].frame_from_world);
-    ExpectSameBits(reported.images[1].cam_from_frame, (has_rigs ? layout.given : adjusted).images[1].cam_from_frame);
-    ExpectSameDatabasePoses(reported, layout.given);
-  }
-}
-
 TEST(TracksByFrame, EachFrameHasATrackOnce) {
   const Layout layout = MakeLayout(MakeGroup(2, 2, 2).group);  // queries 0 1 | 2 3, database images 4 and above
   std::vector<Track> tracks(3);

@@ -9,6 +9,7 @@
 #include "colmap_lazyloc/math/so3.h"
 #include "colmap_lazyloc/pipeline/confidence.h"
 #include "colmap_lazyloc/pipeline/position_ambiguity.h"
+#include "colmap_lazyloc/pipeline/viewpoint_errors.h"
 #include "colmap_lazyloc/scene/format.h"
 
 namespace lazyloc {

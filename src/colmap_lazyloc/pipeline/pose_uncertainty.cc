@@ -5,6 +5,7 @@
 
 #include "colmap_lazyloc/math/so3.h"
 #include "colmap_lazyloc/pipeline/position_ambiguity.h"
+#include "colmap_lazyloc/pipeline/viewpoint_errors.h"
 #include "colmap_lazyloc/refinement/covariance.h"
 
 namespace lazyloc {

@@ -11,6 +11,7 @@
 #include "colmap_lazyloc/pipeline/position_ambiguity.h"
 #include "colmap_lazyloc/pipeline/prior_comparison.h"
 #include "colmap_lazyloc/pipeline/prior_fusion.h"
+#include "colmap_lazyloc/pipeline/viewpoint_errors.h"
 #include "colmap_lazyloc/refinement/covariance.h"
 
 namespace lazyloc {

@@ -1,5 +1,7 @@
 #include "colmap_lazyloc/pipeline/viewpoint_errors.h"
 
+#include <algorithm>
+
 #include "colmap_lazyloc/math/so3.h"
 #include "colmap_lazyloc/pipeline/database_priors.h"
 #include "colmap_lazyloc/refinement/pose_prior.h"
@@ -67,6 +69,19 @@ void MoveToGivenDatabase(const Layout& layout, const PosedImages& adjusted, Pose
     }
     if (!images.empty()) MoveFrame(adjusted, group, static_cast<int>(i), images, reported);
   }
+}
+
+PosedImages AsReported(const Layout& layout, const PosedImages& adjusted) {
+  PosedImages reported = adjusted;
+  MoveToGivenDatabase(layout, adjusted, &reported);
+  std::copy(layout.given.frames.begin() + layout.num_query_frames, layout.given.frames.end(),
+            reported.frames.begin() + layout.num_query_frames);
+  for (size_t i = 0; i < reported.images.size(); ++i) {
+    const Image& given = layout.given.images[i];
+    if (given.calibration < 0 || !layout.given.calibrations[given.calibration].is_stated_by_database) continue;
+    reported.images[i].cam_from_frame = given.cam_from_frame;
+  }
+  return reported;
 }
 
 }  // namespace lazyloc

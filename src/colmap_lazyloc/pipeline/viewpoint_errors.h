@@ -10,4 +10,8 @@ namespace lazyloc {
 // (DatabasePriors). Leaves out images whose calibration the database states, because its rig frames have one error.
 void MoveToGivenDatabase(const Layout& layout, const PosedImages& adjusted, PosedImages* reported);
 
+// Returns adjusted images with what the database states: its poses, and the calibration of its rigs, with which a
+// reader of a result compares it. Moves the other images of a query frame accordingly (MoveToGivenDatabase).
+PosedImages AsReported(const Layout& layout, const PosedImages& adjusted);
+
 }  // namespace lazyloc

@@ -4,6 +4,7 @@
 
 #include "colmap_lazyloc/math/so3.h"
 #include "colmap_lazyloc/pipeline/database_priors.h"
+#include "colmap_lazyloc/pipeline/stages_test_input.h"
 #include "colmap_lazyloc/refinement/pose_prior.h"
 
 namespace lazyloc {
@@ -80,6 +81,22 @@ TEST(MoveToGivenDatabase, StatedErrorsAndCalibrationsOfTheDatabaseLeaveImages) {
   scene.adjusted.calibrations.resize(1);
   scene.adjusted.calibrations[0].is_stated_by_database = true;
   EXPECT_EQ(scene.Moved().translation, adjusted.translation);
+}
+
+TEST(AsReported, RestoresDatabasePosesAndTheirCalibration) {
+  for (const bool has_rigs : {true, false}) {
+    SyntheticGroupOptions options;
+    options.num_database_images = 6;
+    options.has_database_rigs = has_rigs;
+    const Layout layout = MakeLayout(MakeSyntheticGroup(options).group);
+    PosedImages adjusted = layout.given;
+    for (Frame& frame : adjusted.frames) frame.frame_from_world.translation.x() += 1;
+    for (Image& image : adjusted.images) image.cam_from_frame.translation.y() += 1;
+    const PosedImages reported = AsReported(layout, adjusted);
+    ExpectSameBits(reported.frames[0].frame_from_world, adjusted.frames[0].frame_from_world);
+    ExpectSameBits(reported.images[1].cam_from_frame, (has_rigs ? layout.given : adjusted).images[1].cam_from_frame);
+    ExpectSameDatabasePoses(reported, layout.given);
+  }
 }
 
 }  // namespace

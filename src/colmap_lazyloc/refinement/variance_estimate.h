@@ -4,17 +4,10 @@
 #include <vector>
 
 #include "colmap_lazyloc/refinement/prior_fit.h"
+#include "colmap_lazyloc/scene/database_pose_noise.h"
 #include "colmap_lazyloc/scene/frame.h"
 
 namespace lazyloc {
-
-// What is expected of a component before the adjustment: the log of its standard deviation is normally distributed.
-struct ExpectedStddev {
-  double median = 1;
-  double log_stddev = 1;
-  double min = 0.01;
-  double first = 1;  // where the search for the maximum starts
-};
 
 // What images say of the deviations p of a group's frames: up to a constant, the log of their likelihood is
 // b^T p - p^T A p / 2. One coordinate of all frames after the other.
