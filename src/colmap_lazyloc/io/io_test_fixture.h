@@ -3,11 +3,9 @@
 #include <filesystem>
 #include <functional>
 #include <string>
-#include <vector>
 
 #include <gtest/gtest.h>
 
-#include "colmap_lazyloc/io/query_records.h"
 #include "colmap_lazyloc/scene/errors.h"
 #include "colmap_lazyloc/testing/test_folder.h"
 
@@ -21,16 +19,6 @@ class IoTest : public ::testing::Test {
     return folder_ / name;
   }
   static std::string ReadFile(const std::filesystem::path& path) { return ReadBytes(path); }
-
-  // Writes the records to a new file and returns them as a run reads them.
-  QueryRecords Stored(const std::vector<QueryRecord>& records) const {
-    std::filesystem::path path;
-    for (int i = 0; path.empty() || std::filesystem::exists(path); ++i) {
-      path = folder_ / ("records" + std::to_string(i) + ".bin");
-    }
-    RecordWriter(path).Append(PackGroup(0, records));
-    return QueryRecords({path});
-  }
 
   // Returns the message of the InputError that the action throws, without the test's folder at its front; empty if it
   // throws none.

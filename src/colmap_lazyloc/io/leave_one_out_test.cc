@@ -3,7 +3,7 @@
 #include <gmock/gmock.h>
 #include <nlohmann/json.hpp>
 
-#include "colmap_lazyloc/io/io_test_fixture.h"
+#include "colmap_lazyloc/io/records_test_fixture.h"
 #include "colmap_lazyloc/math/so3.h"
 
 namespace lazyloc {
@@ -11,7 +11,7 @@ namespace {
 
 using ::testing::HasSubstr;
 
-class LeaveOneOutTest : public IoTest {
+class LeaveOneOutTest : public RecordsTest {
  protected:
   // Adds an image of the model and its query, whose position is off along x.
   void Add(const std::string& name, double confidence, double error, QueryStatus status = QueryStatus::LOCALIZED) {

@@ -5,9 +5,9 @@
 #include <gmock/gmock.h>
 
 #include "colmap_lazyloc/files/binary_file.h"
-#include "colmap_lazyloc/io/io_test_fixture.h"
 #include "colmap_lazyloc/io/model_reader.h"
 #include "colmap_lazyloc/io/model_writer.h"
+#include "colmap_lazyloc/io/records_test_fixture.h"
 #include "colmap_lazyloc/testing/test_database.h"
 
 namespace lazyloc {
@@ -102,7 +102,7 @@ WrittenModel ReadWritten(const std::filesystem::path& folder) {
 
 // Images a (id 1 here, 11 in the database) and b (2, 12); queries q (database id 20) and r (21). The x of the keypoints
 // of an image is its id in the database.
-class MergeModelTest : public IoTest {
+class MergeModelTest : public RecordsTest {
  protected:
   WrittenModel Merge() const {
     std::vector<QueryRecord> records;

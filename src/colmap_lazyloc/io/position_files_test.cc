@@ -7,7 +7,7 @@
 #include <gmock/gmock.h>
 #include <nlohmann/json.hpp>
 
-#include "colmap_lazyloc/io/io_test_fixture.h"
+#include "colmap_lazyloc/io/records_test_fixture.h"
 
 namespace lazyloc {
 namespace {
@@ -31,7 +31,7 @@ QueryRecord Localized(const std::string& name) {
   return record;
 }
 
-class PositionFiles : public IoTest {
+class PositionFiles : public RecordsTest {
  protected:
   // Returns the cells of the table's second line as numbers; NaN for an empty one.
   std::vector<double> Numbers(const QueryRecord& record, const std::optional<GeodeticPoint>& origin) const {

@@ -4,7 +4,7 @@
 
 #include <gmock/gmock.h>
 
-#include "colmap_lazyloc/io/io_test_fixture.h"
+#include "colmap_lazyloc/io/records_test_fixture.h"
 
 namespace lazyloc {
 namespace {
@@ -47,7 +47,7 @@ QueryRecord FullRecord(const std::string& name) {
   return record;
 }
 
-class QueryRecordsTest : public IoTest {
+class QueryRecordsTest : public RecordsTest {
  protected:
   std::filesystem::path WriteGroups(const std::string& name,
                                     const std::vector<std::vector<QueryRecord>>& groups) const {

@@ -8,7 +8,7 @@
 #include <nlohmann/json.hpp>
 
 #include "colmap_lazyloc/bridge/camera_models.h"
-#include "colmap_lazyloc/io/io_test_fixture.h"
+#include "colmap_lazyloc/io/records_test_fixture.h"
 #include "colmap_lazyloc/math/so3.h"
 
 namespace lazyloc {
@@ -43,7 +43,7 @@ QueryRecord Failed() {
   return record;
 }
 
-class ResultText : public IoTest {
+class ResultText : public RecordsTest {
  protected:
   // Returns the lines that are not comments.
   std::vector<std::string> PoseLines(const std::vector<QueryRecord>& records) const {

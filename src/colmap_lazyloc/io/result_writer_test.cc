@@ -5,8 +5,8 @@
 
 #include <gmock/gmock.h>
 
-#include "colmap_lazyloc/io/io_test_fixture.h"
 #include "colmap_lazyloc/io/model_reader.h"
+#include "colmap_lazyloc/io/records_test_fixture.h"
 #include "colmap_lazyloc/testing/test_database.h"
 
 namespace lazyloc {
@@ -18,7 +18,7 @@ using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 using ::testing::StartsWith;
 
-class ResultWriterTest : public IoTest {
+class ResultWriterTest : public RecordsTest {
  protected:
   ResultWriterTest() : database_path_(folder_ / "database.db"), output_(folder_ / "out") {
     model_.cameras[1] = {1, 0, 640, 480, {500, 320, 240}, false};

@@ -1,8 +1,8 @@
 #include <gmock/gmock.h>
 
-#include "colmap_lazyloc/io/io_test_fixture.h"
 #include "colmap_lazyloc/io/model_reader.h"
 #include "colmap_lazyloc/io/model_writer.h"
+#include "colmap_lazyloc/io/records_test_fixture.h"
 #include "colmap_lazyloc/io/rig_merger.h"
 #include "colmap_lazyloc/testing/test_database.h"
 
@@ -21,7 +21,7 @@ constexpr char kImages[] = "10 1 0 0 0 0 0 0 1 left.jpg\n\n11 1 0 0 0 1 0 0 2 ri
 constexpr char kRigs[] = "# a comment\n5 3 CAMERA 1 CAMERA 2 1 0 0.6 0.8 0 1 2.5 3 IMU 7 0\n";
 constexpr char kFrames[] = "3 5 0.5 0.5 0.5 -0.5 0.1 0.2 0.3 3 CAMERA 1 10 CAMERA 2 11 IMU 7 99\n";
 
-class RigFilesTest : public IoTest {
+class RigFilesTest : public RecordsTest {
  protected:
   Model ReadText(const std::string& rigs, const std::string& frames) {
     WriteFile("cameras.txt", kCameras);

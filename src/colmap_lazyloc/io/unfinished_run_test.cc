@@ -3,6 +3,7 @@
 #include <gmock/gmock.h>
 
 #include "colmap_lazyloc/io/io_test_fixture.h"
+#include "colmap_lazyloc/io/query_records.h"
 #include "colmap_lazyloc/io/shard_folders.h"
 
 namespace lazyloc {
