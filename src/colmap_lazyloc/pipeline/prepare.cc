@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <vector>
 
-#include "colmap_lazyloc/pipeline/database_pose_errors.h"
+#include "colmap_lazyloc/noise/database_pose_errors.h"
 
 namespace lazyloc {
 namespace {

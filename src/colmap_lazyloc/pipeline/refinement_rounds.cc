@@ -5,12 +5,12 @@
 #include <string>
 #include <utility>
 
+#include "colmap_lazyloc/group/failure.h"
+#include "colmap_lazyloc/group/rig_check.h"
 #include "colmap_lazyloc/math/median.h"
-#include "colmap_lazyloc/pipeline/database_priors.h"
-#include "colmap_lazyloc/pipeline/failure.h"
-#include "colmap_lazyloc/pipeline/rig_check.h"
+#include "colmap_lazyloc/noise/database_priors.h"
+#include "colmap_lazyloc/noise/image_noise.h"
 #include "colmap_lazyloc/refinement/covariance.h"
-#include "colmap_lazyloc/refinement/image_noise.h"
 
 namespace lazyloc {
 namespace {

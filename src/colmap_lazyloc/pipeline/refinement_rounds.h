@@ -1,11 +1,11 @@
 #pragma once
 
-#include "colmap_lazyloc/pipeline/focal_length.h"
-#include "colmap_lazyloc/pipeline/layout.h"
-#include "colmap_lazyloc/pipeline/refined.h"
-#include "colmap_lazyloc/pipeline/track_collection.h"
+#include "colmap_lazyloc/group/layout.h"
+#include "colmap_lazyloc/group/track_collection.h"
+#include "colmap_lazyloc/intrinsics/focal_length.h"
 #include "colmap_lazyloc/scene/stage_timer.h"
 #include "colmap_lazyloc/structure/track_triangulation.h"
+#include "colmap_lazyloc/uncertainty/refined.h"
 
 namespace lazyloc {
 
