@@ -75,6 +75,27 @@ def test_layers_are_those_of_the_table(write, check, file, included, is_allowed)
     assert is_allowed or f"{file}:2: " in text
 
 
+def test_folders_have_at_most_2500_lines_without_tests(write, check):
+    write(f"{SOURCE}/noise/a.cc", "\n" * 1500)
+    write(f"{SOURCE}/noise/b.h", "\n" * 1000)
+    write(f"{SOURCE}/noise/a_test.cc", "\n" * 1000)
+    assert check("layers")[0] == 0
+    write(f"{SOURCE}/noise/c.h", "\n")
+    code, text = check("layers")
+    assert code == 1 and "noise/ has 2501 lines without tests, of at most 2500" in text
+
+
+def test_files_of_a_folder_include_each_other_on_at_most_8_levels(write, check):
+    write(f"{SOURCE}/noise/a.h", '#include "colmap_lazyloc/noise/a.h"\n')
+    for file, included in zip("bcdefgh", "abcdefg", strict=True):
+        write(f"{SOURCE}/noise/{file}.h", "")
+        write(f"{SOURCE}/noise/{file}.cc", f'#include "colmap_lazyloc/noise/{included}.h"\n')
+    assert check("layers")[0] == 0
+    write(f"{SOURCE}/noise/i.cc", '#include "colmap_lazyloc/noise/h.h"\n')
+    code, text = check("layers")
+    assert code == 1 and "noise/i includes files of noise/ on more than 8 levels" in text
+
+
 @pytest.mark.parametrize("file", [f"{SOURCE}/structure/a.cc", f"{SOURCE}/cli/a.cc", "benchmarks/runtime/a.cc"])
 def test_layers_keep_colmap_in_the_bridge(write, check, file):
     write(f"{SOURCE}/bridge/a.cc", "#include <colmap/scene/camera.h>\n")

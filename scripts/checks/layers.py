@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Checks the folders of src/colmap_lazyloc (CONTRIBUTING.md, "Layers"): who may include whom."""
+"""Checks the folders of src/colmap_lazyloc (CONTRIBUTING.md, "Layers"): who may include whom, how large one may be."""
 
 import re
 
@@ -50,6 +50,9 @@ MAY_INCLUDE = {
 # Only bridge/ may include COLMAP, because differences between its versions must stay in one place.
 COLMAP_FOLDER = "bridge"
 
+MAX_FOLDER_LINES = 2500  # without tests
+MAX_LEVELS = 8  # of files of a folder that include each other
+
 
 def is_test(path):
     """True if the file belongs to a unit test."""
@@ -81,15 +84,41 @@ def file_problems(path, relative):
     return problems
 
 
+def num_levels(unit, includes, above=()):
+    """Returns on how many levels files of a folder include each other, a source file being one with its header."""
+    others = includes.get(unit, set()) - {unit, *above}
+    return 1 + max((num_levels(other, includes, (*above, unit)) for other in others), default=0)
+
+
+def folder_problems(folder, paths):
+    """Returns how a folder exceeds what a reader can keep in mind."""
+    texts = {}
+    for path in paths:
+        if not is_test(path):
+            texts[path.stem] = texts.get(path.stem, "") + path.read_text(encoding="utf-8")
+    num_lines = sum(text.count("\n") for text in texts.values())
+    if num_lines > MAX_FOLDER_LINES:
+        yield f"{folder}/ has {num_lines} lines without tests, of at most {MAX_FOLDER_LINES}"
+    header = re.compile(rf'^#include "colmap_lazyloc/{folder}/(\w+)\.h"', re.MULTILINE)
+    includes = {unit: set(header.findall(text)) for unit, text in texts.items()}
+    for unit in includes:
+        if num_levels(unit, includes) > MAX_LEVELS:
+            yield f"{folder}/{unit} includes files of {folder}/ on more than {MAX_LEVELS} levels"
+
+
 def main():
     """Checks all C++ files."""
     root = tree.parse_root(__doc__)
     source = root / "src" / "colmap_lazyloc"
     files = tree.list_files(root, "*.h", "*.cc")
-    problems = []
+    problems, folders = [], {}
     for path in files:
         relative = path.relative_to(source) if path.is_relative_to(source) else None
         problems += file_problems(path, relative)
+        if relative and len(relative.parts) > 1:
+            folders.setdefault(relative.parts[0], []).append(path)
+    for folder, paths in folders.items():
+        problems += folder_problems(folder, paths)
     tree.finish("layers", problems, f"{len(files)} files")
 
 
