@@ -50,14 +50,21 @@ def function(num_lines, head="int Sum()"):
         ("math/a.h", "scene/b.h", False),
         ("pipeline/a.cc", "refinement/b.h", True),
         ("pipeline/a.cc", "ablation/b.h", True),
-        ("pipeline/a.cc", "io/b.h", False),
+        ("pipeline/a.cc", "priors/b.h", True),
+        ("priors/a.cc", "pipeline/b.h", False),
+        ("noise/a.cc", "uncertainty/b.h", False),
+        ("pipeline/a.cc", "loading/b.h", False),
         ("pipeline/a.cc", "files/b.h", False),
         ("matching/a.cc", "files/b.h", True),
         ("pipeline/a.cc", "cli/b.h", False),
-        ("io/a.cc", "cli/b.h", False),
+        ("loading/a.cc", "cli/b.h", False),
+        ("queries/a.cc", "loading/b.h", False),
+        ("runs/a.cc", "results/b.h", False),
         ("structure/a.cc", "testing/b.h", False),
         ("structure/a_test.cc", "testing/b.h", True),
         ("structure/a_test.cc", "pipeline/b.h", False),
+        ("priors/a_test.cc", "pipeline/b.h", True),
+        ("priors/a_test.cc", "loading/b.h", False),
         ("unheard_of/a.cc", "math/so3.h", False),
     ],
 )
@@ -66,6 +73,27 @@ def test_layers_are_those_of_the_table(write, check, file, included, is_allowed)
     code, text = check("layers")
     assert code == (0 if is_allowed else 1), text
     assert is_allowed or f"{file}:2: " in text
+
+
+def test_folders_have_at_most_2500_lines_without_tests(write, check):
+    write(f"{SOURCE}/noise/a.cc", "\n" * 1500)
+    write(f"{SOURCE}/noise/b.h", "\n" * 1000)
+    write(f"{SOURCE}/noise/a_test.cc", "\n" * 1000)
+    assert check("layers")[0] == 0
+    write(f"{SOURCE}/noise/c.h", "\n")
+    code, text = check("layers")
+    assert code == 1 and "noise/ has 2501 lines without tests, of at most 2500" in text
+
+
+def test_files_of_a_folder_include_each_other_on_at_most_8_levels(write, check):
+    write(f"{SOURCE}/noise/a.h", '#include "colmap_lazyloc/noise/a.h"\n')
+    for file, included in zip("bcdefgh", "abcdefg", strict=True):
+        write(f"{SOURCE}/noise/{file}.h", "")
+        write(f"{SOURCE}/noise/{file}.cc", f'#include "colmap_lazyloc/noise/{included}.h"\n')
+    assert check("layers")[0] == 0
+    write(f"{SOURCE}/noise/i.cc", '#include "colmap_lazyloc/noise/h.h"\n')
+    code, text = check("layers")
+    assert code == 1 and "noise/i includes files of noise/ on more than 8 levels" in text
 
 
 @pytest.mark.parametrize("file", [f"{SOURCE}/structure/a.cc", f"{SOURCE}/cli/a.cc", "benchmarks/runtime/a.cc"])

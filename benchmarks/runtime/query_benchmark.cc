@@ -11,7 +11,7 @@
 
 #include <benchmark/benchmark.h>
 
-#include "colmap_lazyloc/io/query_source.h"
+#include "colmap_lazyloc/loading/query_source.h"
 #include "colmap_lazyloc/pipeline/lazy_localizer.h"
 #include "colmap_lazyloc/testing/synthetic_scene.h"
 

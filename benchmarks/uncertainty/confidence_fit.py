@@ -1,4 +1,4 @@
-"""Fits the two factors of the confidence (pipeline/confidence_calibration.h) to positions with known errors."""
+"""Fits the two factors of the confidence (uncertainty/confidence_calibration.h) to positions with known errors."""
 
 import pathlib
 import re
@@ -9,11 +9,11 @@ from scipy.optimize import minimize
 from benchmarks.uncertainty.stress import auroc
 
 HEADER_PATH = (
-    pathlib.Path(__file__).resolve().parents[2] / "src" / "colmap_lazyloc" / "pipeline" / "confidence_calibration.h"
+    pathlib.Path(__file__).resolve().parents[2] / "src" / "colmap_lazyloc" / "uncertainty" / "confidence_calibration.h"
 )
 MAX_KIND_WEIGHT = 60  # more queries of one kind do not count for more than this number
 NUM_FOLDS = 8
-# Bounds of pipeline/confidence.cc.
+# Bounds of uncertainty/confidence.cc.
 MIN_SUPPORT, MIN_NUM_POINTS, MIN_ODDS = 1e-3, 0.5, 1e-3
 SINGLE_POINT_WEIGHT = 0.1
 
@@ -28,7 +28,7 @@ def odds_of_competing_pose(outcomes):
 
 
 def odds_shapes(outcomes):
-    """Returns the odds of another place and of chance for factors of one, as pipeline/confidence.cc computes them."""
+    """Returns the odds of another place and of chance for factors of one, as uncertainty/confidence.cc does."""
     explained = evidence_of(outcomes, "explained_ratio", 1.0)
     agreeing = evidence_of(outcomes, "agreeing_ratio", np.nan)
     support = np.where(np.isnan(agreeing), explained, (explained + agreeing) / 2).clip(MIN_SUPPORT, 1)

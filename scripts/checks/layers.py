@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Checks that data flows one way: which folder of src/colmap_lazyloc/ may include which (CONTRIBUTING.md, "Layers")."""
+"""Checks the folders of src/colmap_lazyloc (CONTRIBUTING.md, "Layers"): who may include whom, how large one may be."""
 
 import re
 
@@ -9,12 +9,16 @@ INCLUDE = re.compile(r'^\s*#\s*include\s*(?:"|<)(?P<path>[^">]+)', re.MULTILINE)
 
 TYPES = {"math", "scene"}  # plain types and pure functions, which every folder may include
 STAGES = {"two_view", "rotation", "translation", "structure", "refinement"}
+METHOD = TYPES | STAGES | {"bridge", "ablation"}  # what all parts of the method may include
+PARTS = {"group", "noise", "uncertainty", "starts", "depths", "intrinsics", "priors"}  # of the method, for pipeline/
+FILES = {"files", "database", "matching", "formats", "queries", "loading", "runs", "results"}
 
-# The other folders that a folder's files may include. Stages hand values to each other: only pipeline/ knows them all.
+# The other folders that a folder's files may include, all of them above it in this table, so that data flows one way.
+# Stages hand values to each other and never include one another.
 MAY_INCLUDE = {
     "math": set(),
     "scene": {"math"},
-    "files": TYPES,  # reads and writes files of any kind, for io/ and others with files of their own
+    "files": TYPES,  # reads and writes files of any kind
     "database": TYPES,
     "bridge": TYPES,
     "matching": TYPES | {"files", "bridge", "database"},
@@ -23,20 +27,41 @@ MAY_INCLUDE = {
     "translation": TYPES,
     "structure": TYPES | {"bridge"},  # COLMAP's triangulation
     "refinement": TYPES,
-    "ablation": TYPES | STAGES | {"bridge"},  # the paper's alternatives, used only by pipeline/
-    "pipeline": TYPES | STAGES | {"bridge", "ablation"},
-    "io": TYPES | {"files", "bridge", "database", "matching"},
-    "cli": TYPES | {"files", "bridge", "database", "matching", "pipeline", "io"},
-    "python": TYPES | {"bridge", "pipeline", "io", "cli", "database"},  # the extension module of the Python package
-    "testing": TYPES | {"bridge", "database", "refinement"},
+    "ablation": TYPES | STAGES | {"bridge"},  # the paper's alternatives
+    # The method:
+    "group": METHOD,
+    "noise": METHOD | {"group"},
+    "uncertainty": METHOD | {"group", "noise"},
+    "starts": METHOD | {"group", "uncertainty"},
+    "depths": METHOD | {"group"},
+    "intrinsics": METHOD | {"group", "noise", "starts", "uncertainty"},
+    "priors": METHOD | {"group", "noise", "intrinsics", "uncertainty"},
+    "pipeline": METHOD | PARTS,
+    # Queries from files and the database, and what is written of them:
+    "formats": TYPES | {"files", "bridge"},
+    "queries": TYPES | {"files", "bridge", "database", "formats"},
+    "loading": TYPES | {"files", "bridge", "database", "matching", "formats", "queries"},
+    "runs": TYPES | {"files", "queries"},
+    "results": TYPES | {"files", "bridge", "database", "formats", "runs"},
+    "cli": TYPES | FILES | {"bridge", "group", "noise", "pipeline"},
+    "python": TYPES | FILES | {"bridge", "pipeline", "cli"},  # the extension module of the Python package
+    "testing": TYPES | {"bridge", "database", "structure", "refinement", "group"},
 }
 # Only bridge/ may include COLMAP, because differences between its versions must stay in one place.
 COLMAP_FOLDER = "bridge"
 
+MAX_FOLDER_LINES = 2500  # without tests
+MAX_LEVELS = 8  # of files of a folder that include each other
+
 
 def is_test(path):
-    """True if the file belongs to a unit test, which may also include testing/."""
+    """True if the file belongs to a unit test."""
     return path.stem.endswith("_test") or "_test_" in path.stem
+
+
+def may_include_in_tests(folder):
+    """Returns what a folder's tests may include besides. Those of parts of the method may run all of it."""
+    return {"testing", "pipeline"} if folder in PARTS else {"testing"}
 
 
 def file_problems(path, relative):
@@ -51,7 +76,7 @@ def file_problems(path, relative):
             problems.append(f"{path}:{line}: only {COLMAP_FOLDER}/ may include COLMAP's headers")
         if parts[0] != "colmap_lazyloc" or folder is None or len(parts) < 3 or parts[1] == folder:
             continue
-        allowed = MAY_INCLUDE.get(folder, set()) | ({"testing"} if is_test(path) else set())
+        allowed = MAY_INCLUDE.get(folder, set()) | (may_include_in_tests(folder) if is_test(path) else set())
         if parts[1] not in allowed:
             problems.append(f"{path}:{line}: {folder}/ must not include {parts[1]}/")
     if folder is not None and folder not in MAY_INCLUDE and len(relative.parts) > 1:
@@ -59,15 +84,41 @@ def file_problems(path, relative):
     return problems
 
 
+def num_levels(unit, includes, above=()):
+    """Returns on how many levels files of a folder include each other, a source file being one with its header."""
+    others = includes.get(unit, set()) - {unit, *above}
+    return 1 + max((num_levels(other, includes, (*above, unit)) for other in others), default=0)
+
+
+def folder_problems(folder, paths):
+    """Returns how a folder exceeds what a reader can keep in mind."""
+    texts = {}
+    for path in paths:
+        if not is_test(path):
+            texts[path.stem] = texts.get(path.stem, "") + path.read_text(encoding="utf-8")
+    num_lines = sum(text.count("\n") for text in texts.values())
+    if num_lines > MAX_FOLDER_LINES:
+        yield f"{folder}/ has {num_lines} lines without tests, of at most {MAX_FOLDER_LINES}"
+    header = re.compile(rf'^#include "colmap_lazyloc/{folder}/(\w+)\.h"', re.MULTILINE)
+    includes = {unit: set(header.findall(text)) for unit, text in texts.items()}
+    for unit in includes:
+        if num_levels(unit, includes) > MAX_LEVELS:
+            yield f"{folder}/{unit} includes files of {folder}/ on more than {MAX_LEVELS} levels"
+
+
 def main():
     """Checks all C++ files."""
     root = tree.parse_root(__doc__)
     source = root / "src" / "colmap_lazyloc"
     files = tree.list_files(root, "*.h", "*.cc")
-    problems = []
+    problems, folders = [], {}
     for path in files:
         relative = path.relative_to(source) if path.is_relative_to(source) else None
         problems += file_problems(path, relative)
+        if relative and len(relative.parts) > 1:
+            folders.setdefault(relative.parts[0], []).append(path)
+    for folder, paths in folders.items():
+        problems += folder_problems(folder, paths)
     tree.finish("layers", problems, f"{len(files)} files")
 
 

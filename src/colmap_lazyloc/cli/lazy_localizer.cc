@@ -15,9 +15,9 @@
 #include "colmap_lazyloc/cli/report_command.h"
 #include "colmap_lazyloc/cli/run_command.h"
 #include "colmap_lazyloc/cli/run_results.h"
-#include "colmap_lazyloc/io/leave_one_out.h"
-#include "colmap_lazyloc/io/model_reader.h"
-#include "colmap_lazyloc/io/unfinished_run.h"
+#include "colmap_lazyloc/formats/model_reader.h"
+#include "colmap_lazyloc/results/leave_one_out.h"
+#include "colmap_lazyloc/runs/unfinished_run.h"
 
 #ifdef __GLIBC__
 #include <malloc.h>

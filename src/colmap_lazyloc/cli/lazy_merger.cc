@@ -11,9 +11,9 @@
 #include "colmap_lazyloc/cli/report_command.h"
 #include "colmap_lazyloc/cli/run_command.h"
 #include "colmap_lazyloc/cli/run_results.h"
-#include "colmap_lazyloc/io/leave_one_out.h"
-#include "colmap_lazyloc/io/model_reader.h"
-#include "colmap_lazyloc/io/shard_folders.h"
+#include "colmap_lazyloc/formats/model_reader.h"
+#include "colmap_lazyloc/results/leave_one_out.h"
+#include "colmap_lazyloc/runs/shard_folders.h"
 #include "colmap_lazyloc/scene/errors.h"
 
 namespace lazyloc {

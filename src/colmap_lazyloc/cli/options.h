@@ -4,9 +4,9 @@
 #include <utility>
 #include <vector>
 
-#include "colmap_lazyloc/io/query_source.h"
-#include "colmap_lazyloc/io/unfinished_run.h"
-#include "colmap_lazyloc/pipeline/options.h"
+#include "colmap_lazyloc/group/options.h"
+#include "colmap_lazyloc/loading/query_source.h"
+#include "colmap_lazyloc/runs/unfinished_run.h"
 
 namespace lazyloc {
 

@@ -7,7 +7,7 @@
 #include <set>
 #include <string>
 
-#include "colmap_lazyloc/io/query_records.h"
+#include "colmap_lazyloc/runs/query_records.h"
 #include "colmap_lazyloc/scene/model.h"
 
 namespace lazyloc {

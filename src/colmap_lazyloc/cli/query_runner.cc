@@ -5,7 +5,7 @@
 #include <utility>
 
 #include "colmap_lazyloc/math/parallel_for.h"
-#include "colmap_lazyloc/pipeline/database_pose_errors.h"
+#include "colmap_lazyloc/noise/database_pose_errors.h"
 #include "colmap_lazyloc/pipeline/lazy_localizer.h"
 
 namespace lazyloc {

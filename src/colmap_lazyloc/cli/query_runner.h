@@ -6,8 +6,8 @@
 #include <vector>
 
 #include "colmap_lazyloc/cli/options.h"
-#include "colmap_lazyloc/io/query_source.h"
-#include "colmap_lazyloc/pipeline/options.h"
+#include "colmap_lazyloc/group/options.h"
+#include "colmap_lazyloc/loading/query_source.h"
 
 namespace lazyloc {
 

@@ -6,11 +6,11 @@
 #include <vector>
 
 #include "colmap_lazyloc/cli/options.h"
-#include "colmap_lazyloc/io/leave_one_out.h"
-#include "colmap_lazyloc/io/query_records.h"
-#include "colmap_lazyloc/io/query_source.h"
-#include "colmap_lazyloc/io/result_writer.h"
-#include "colmap_lazyloc/io/run_manifest.h"
+#include "colmap_lazyloc/loading/query_source.h"
+#include "colmap_lazyloc/results/leave_one_out.h"
+#include "colmap_lazyloc/results/result_writer.h"
+#include "colmap_lazyloc/runs/query_records.h"
+#include "colmap_lazyloc/runs/run_manifest.h"
 
 namespace lazyloc {
 

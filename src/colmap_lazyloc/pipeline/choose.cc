@@ -5,8 +5,8 @@
 #include <optional>
 #include <string>
 
-#include "colmap_lazyloc/pipeline/confidence.h"
-#include "colmap_lazyloc/pipeline/intrinsics_judgement.h"
+#include "colmap_lazyloc/intrinsics/intrinsics_judgement.h"
+#include "colmap_lazyloc/uncertainty/confidence.h"
 
 namespace lazyloc {
 namespace {

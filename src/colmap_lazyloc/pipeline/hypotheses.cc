@@ -4,8 +4,8 @@
 #include <cmath>
 
 #include "colmap_lazyloc/bridge/camera_models.h"
+#include "colmap_lazyloc/intrinsics/focal_length.h"
 #include "colmap_lazyloc/pipeline/choose.h"
-#include "colmap_lazyloc/pipeline/focal_length.h"
 
 namespace lazyloc {
 namespace {

@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "colmap_lazyloc/pipeline/options.h"
+#include "colmap_lazyloc/group/options.h"
 #include "colmap_lazyloc/scene/localization_problem.h"
 
 namespace lazyloc {

@@ -4,10 +4,10 @@
 #include <optional>
 #include <utility>
 
+#include "colmap_lazyloc/group/group_partition.h"
+#include "colmap_lazyloc/intrinsics/focal_length.h"
 #include "colmap_lazyloc/math/median.h"
 #include "colmap_lazyloc/pipeline/choose.h"
-#include "colmap_lazyloc/pipeline/focal_length.h"
-#include "colmap_lazyloc/pipeline/group_partition.h"
 #include "colmap_lazyloc/pipeline/make_result.h"
 
 namespace lazyloc {

@@ -5,7 +5,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "colmap_lazyloc/pipeline/stages_test_input.h"
+#include "colmap_lazyloc/testing/stage_input.h"
 #include "colmap_lazyloc/testing/synthetic_scene.h"
 
 namespace lazyloc {

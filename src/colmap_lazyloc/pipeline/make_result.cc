@@ -7,9 +7,10 @@
 
 #include "colmap_lazyloc/bridge/camera_models.h"
 #include "colmap_lazyloc/math/so3.h"
-#include "colmap_lazyloc/pipeline/confidence.h"
-#include "colmap_lazyloc/pipeline/position_ambiguity.h"
+#include "colmap_lazyloc/noise/viewpoint_errors.h"
 #include "colmap_lazyloc/scene/format.h"
+#include "colmap_lazyloc/uncertainty/confidence.h"
+#include "colmap_lazyloc/uncertainty/position_ambiguity.h"
 
 namespace lazyloc {
 namespace {

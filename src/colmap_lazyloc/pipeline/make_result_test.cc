@@ -6,8 +6,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "colmap_lazyloc/pipeline/confidence.h"
-#include "colmap_lazyloc/pipeline/stages_test_input.h"
+#include "colmap_lazyloc/testing/stage_input.h"
+#include "colmap_lazyloc/uncertainty/confidence.h"
 
 namespace lazyloc {
 namespace {

@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <vector>
 
+#include "colmap_lazyloc/noise/database_pose_errors.h"
+
 namespace lazyloc {
 namespace {
 

@@ -6,9 +6,9 @@
 #include <string>
 #include <utility>
 
-#include "colmap_lazyloc/pipeline/failure.h"
+#include "colmap_lazyloc/group/failure.h"
+#include "colmap_lazyloc/group/pair_estimation.h"
 #include "colmap_lazyloc/pipeline/hypotheses.h"
-#include "colmap_lazyloc/pipeline/pair_estimation.h"
 
 namespace lazyloc {
 

@@ -6,7 +6,7 @@
 
 #include "colmap_lazyloc/bridge/camera_models.h"
 #include "colmap_lazyloc/pipeline/lazy_localizer.h"
-#include "colmap_lazyloc/pipeline/stages_test_input.h"
+#include "colmap_lazyloc/testing/stage_input.h"
 #include "colmap_lazyloc/testing/synthetic_group.h"
 #include "colmap_lazyloc/testing/synthetic_video.h"
 

@@ -5,12 +5,12 @@
 #include <string>
 #include <utility>
 
+#include "colmap_lazyloc/group/failure.h"
+#include "colmap_lazyloc/group/rig_check.h"
 #include "colmap_lazyloc/math/median.h"
-#include "colmap_lazyloc/pipeline/database_priors.h"
-#include "colmap_lazyloc/pipeline/failure.h"
-#include "colmap_lazyloc/pipeline/rig_check.h"
+#include "colmap_lazyloc/noise/database_priors.h"
+#include "colmap_lazyloc/noise/image_noise.h"
 #include "colmap_lazyloc/refinement/covariance.h"
-#include "colmap_lazyloc/refinement/image_noise.h"
 
 namespace lazyloc {
 namespace {
@@ -174,13 +174,6 @@ double TriedRatio(const Layout& layout, const CandidateTracks& candidates) {
 }
 
 }  // namespace
-
-void Refined::SetMissingVariances() {
-  missing_variances.clear();
-  ForEachMissingVariance(adjustment, variance_factor, [&](size_t group, size_t component, double variance) {
-    missing_variances.push_back({group, component, variance});
-  });
-}
 
 Refined Refine(const Layout& layout, const PosedImages& start, const SplitTracks& start_tracks,
                CandidateTracks candidates, const LocalizerOptions& options, StageTimer::Seconds* seconds,

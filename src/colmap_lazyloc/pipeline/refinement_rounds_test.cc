@@ -8,7 +8,7 @@
 
 #include "colmap_lazyloc/bridge/camera_models.h"
 #include "colmap_lazyloc/bridge/observation.h"
-#include "colmap_lazyloc/pipeline/stages_test_input.h"
+#include "colmap_lazyloc/testing/stage_input.h"
 
 namespace lazyloc {
 namespace {

@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <utility>
 
-#include "colmap_lazyloc/pipeline/plane_orientation.h"
-#include "colmap_lazyloc/pipeline/position_ambiguity.h"
+#include "colmap_lazyloc/priors/plane_orientation.h"
+#include "colmap_lazyloc/uncertainty/position_ambiguity.h"
 
 namespace lazyloc {
 namespace {

@@ -2,7 +2,8 @@
 
 #include <vector>
 
-#include "colmap_lazyloc/pipeline/query_priors.h"
+#include "colmap_lazyloc/pipeline/refinement_rounds.h"
+#include "colmap_lazyloc/priors/query_priors.h"
 #include "colmap_lazyloc/scene/stage_timer.h"
 
 namespace lazyloc {

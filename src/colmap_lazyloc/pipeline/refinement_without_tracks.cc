@@ -1,7 +1,7 @@
 #include "colmap_lazyloc/pipeline/refinement_without_tracks.h"
 
+#include "colmap_lazyloc/group/track_collection.h"
 #include "colmap_lazyloc/math/seed.h"
-#include "colmap_lazyloc/pipeline/track_collection.h"
 
 namespace lazyloc {
 namespace {

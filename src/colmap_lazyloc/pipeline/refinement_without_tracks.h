@@ -1,7 +1,7 @@
 #pragma once
 
-#include "colmap_lazyloc/pipeline/motion_averaging.h"
-#include "colmap_lazyloc/pipeline/pair_estimation.h"
+#include "colmap_lazyloc/group/averaged.h"
+#include "colmap_lazyloc/group/pair_estimation.h"
 
 namespace lazyloc {
 

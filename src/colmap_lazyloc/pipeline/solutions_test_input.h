@@ -3,7 +3,7 @@
 #include <utility>
 
 #include "colmap_lazyloc/pipeline/solve.h"
-#include "colmap_lazyloc/pipeline/stages_test_input.h"
+#include "colmap_lazyloc/testing/stage_input.h"
 
 namespace lazyloc {
 

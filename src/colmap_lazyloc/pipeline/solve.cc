@@ -4,18 +4,19 @@
 #include <limits>
 #include <utility>
 
+#include "colmap_lazyloc/depths/depth_maps_in_use.h"
+#include "colmap_lazyloc/intrinsics/focal_length.h"
 #include "colmap_lazyloc/math/so3.h"
-#include "colmap_lazyloc/pipeline/depth_maps_in_use.h"
-#include "colmap_lazyloc/pipeline/focal_length.h"
-#include "colmap_lazyloc/pipeline/position_ambiguity.h"
-#include "colmap_lazyloc/pipeline/prior_comparison.h"
-#include "colmap_lazyloc/pipeline/prior_fusion.h"
-#include "colmap_lazyloc/pipeline/pure_rotation.h"
-#include "colmap_lazyloc/pipeline/query_priors.h"
 #include "colmap_lazyloc/pipeline/refinement_with_priors.h"
 #include "colmap_lazyloc/pipeline/refinement_without_tracks.h"
+#include "colmap_lazyloc/priors/prior_comparison.h"
+#include "colmap_lazyloc/priors/prior_fusion.h"
+#include "colmap_lazyloc/priors/query_priors.h"
 #include "colmap_lazyloc/refinement/covariance.h"
 #include "colmap_lazyloc/refinement/query_prior_residual.h"
+#include "colmap_lazyloc/starts/motion_averaging.h"
+#include "colmap_lazyloc/starts/pure_rotation.h"
+#include "colmap_lazyloc/uncertainty/position_ambiguity.h"
 
 namespace lazyloc {
 namespace {

@@ -3,11 +3,11 @@
 #include <optional>
 #include <vector>
 
-#include "colmap_lazyloc/pipeline/depth_scale.h"
-#include "colmap_lazyloc/pipeline/intrinsics_check.h"
-#include "colmap_lazyloc/pipeline/pose_evidence.h"
+#include "colmap_lazyloc/depths/depth_scale.h"
+#include "colmap_lazyloc/intrinsics/intrinsics_check.h"
 #include "colmap_lazyloc/pipeline/prepare.h"
-#include "colmap_lazyloc/pipeline/start_selection.h"
+#include "colmap_lazyloc/starts/start_selection.h"
+#include "colmap_lazyloc/uncertainty/pose_evidence.h"
 
 namespace lazyloc {
 

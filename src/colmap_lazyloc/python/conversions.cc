@@ -3,9 +3,9 @@
 #include <memory>
 
 #include "colmap_lazyloc/bridge/camera_models.h"
-#include "colmap_lazyloc/io/model_formats.h"
-#include "colmap_lazyloc/io/result_text.h"
+#include "colmap_lazyloc/formats/model_formats.h"
 #include "colmap_lazyloc/math/so3.h"
+#include "colmap_lazyloc/results/result_text.h"
 #include "colmap_lazyloc/scene/errors.h"
 
 namespace lazyloc {

@@ -6,7 +6,7 @@
 #include <utility>
 
 #include "colmap_lazyloc/cli/query_runner.h"
-#include "colmap_lazyloc/io/model_reader.h"
+#include "colmap_lazyloc/formats/model_reader.h"
 #include "colmap_lazyloc/pipeline/lazy_localizer.h"
 #include "colmap_lazyloc/scene/errors.h"
 

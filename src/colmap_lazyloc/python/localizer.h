@@ -11,7 +11,7 @@
 #include <vector>
 
 #include "colmap_lazyloc/cli/options.h"
-#include "colmap_lazyloc/io/query_source.h"
+#include "colmap_lazyloc/loading/query_source.h"
 #include "colmap_lazyloc/math/parallel_for.h"
 
 namespace lazyloc {

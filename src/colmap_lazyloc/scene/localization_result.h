@@ -106,7 +106,8 @@ struct LocalizationResult {
   // Covariance of cam_from_world in its tangent: rotation w (rad, R <- exp(w) R), then translation (database units).
   Eigen::Matrix<double, 6, 6> covariance = Eigen::Matrix<double, 6, 6>::Zero();
   PoseSpread spread;  // by the covariance
-  // Probability that the position is right (pipeline/confidence.h), and what it is computed from; nullopt if unknown.
+  // Probability that the position is right (uncertainty/confidence.h), and what it is computed from; nullopt if
+  // unknown.
   std::optional<double> confidence;
   PoseEvidence evidence;
   std::optional<RunnerUp> runner_up;  // nullopt if nothing competes

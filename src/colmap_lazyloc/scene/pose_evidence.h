@@ -4,7 +4,8 @@
 
 namespace lazyloc {
 
-// What speaks for the pose of a frame, or against it. NaN if unknown. pipeline/confidence.h makes a probability of it.
+// What speaks for the pose of a frame, or against it. NaN if unknown. uncertainty/confidence.h makes a probability of
+// it.
 struct PoseEvidence {
   // Number of tracks with two or more other images, or with a depth, which fix the pose without its help.
   double num_common_tracks = 0;

@@ -1,0 +1,231 @@
+#include "colmap_lazyloc/depths/depth_maps_in_use.h"
+
+#include <algorithm>
+#include <cmath>
+#include <optional>
+#include <utility>
+
+#include "colmap_lazyloc/math/median.h"
+
+namespace lazyloc {
+namespace {
+
+// Minimum angle between two rays in rad (2 degrees) at which a pair tells how exact a depth is.
+constexpr double kMinAngleRad = 0.035;
+// Standard deviation of the log of a scale that only the adjusted tracks themselves tell.
+constexpr double kFreeScaleStddev = 3;
+
+// Minimum number of depths that tell the length of a pair's baseline.
+constexpr size_t kMinNumDepthsOfPair = 8;
+// Number of database images, with this number of points that database images triangulate in each, that determine a pose
+// so well that depth maps would only add their own errors.
+constexpr int kNumImagesEnough = 4;
+constexpr int kNumPointsEnough = 30;
+
+// A database image with a map, and the pair that has its depths.
+struct MapOfImage {
+  int query = -1;
+  int image = -1;  // index into PosedImages::images
+  const ImagePair* pair = nullptr;
+  DepthFit fit;
+};
+
+Eigen::Vector2d PlaceOf(const ImagePair& pair, int keypoint) {
+  const Eigen::Vector2d size(static_cast<double>(pair.other_camera.width),
+                             static_cast<double>(pair.other_camera.height));
+  return pair.other_keypoints[keypoint].cwiseQuotient(size);
+}
+
+// Adds a sample if the map knows the depth.
+void AddSample(const ImagePair& pair, int keypoint, double point_depth, std::vector<DepthSample>* samples) {
+  const double map_depth = pair.other_depths[keypoint];
+  if (map_depth > 0 && point_depth > 0) samples->push_back({map_depth, point_depth, PlaceOf(pair, keypoint)});
+}
+
+std::vector<DepthSample> SamplesOfPoints(const ImagePair& pair) {
+  std::vector<DepthSample> samples;
+  for (size_t i = 0; i < pair.other_point_depths.size(); ++i) {
+    AddSample(pair, static_cast<int>(i), pair.other_point_depths[i], &samples);
+  }
+  return samples;
+}
+
+std::vector<DepthSample> SamplesOfTracks(const MapOfImage& map, const PosedImages& given,
+                                         const std::vector<Track>& tracks) {
+  std::vector<DepthSample> samples;
+  for (const Track& track : tracks) {
+    for (const TrackObservation& element : track.observations) {
+      if (element.image != map.image) continue;
+      const Eigen::Vector3d point = CamFromWorld(given, map.image) * track.point_in_world;
+      AddSample(*map.pair, element.keypoint, point.z(), &samples);
+    }
+  }
+  return samples;
+}
+
+// Returns depths of the pair's own points in units of its baseline.
+std::vector<DepthSample> SamplesOfPair(const PairGeometry& geometry, const ImagePair& pair) {
+  std::vector<DepthSample> samples;
+  const Eigen::Matrix3d other_from_query = geometry.query_from_other.rotation.conjugate().toRotationMatrix();
+  const Eigen::Vector3d baseline = CamInWorld(geometry.query_from_other);
+  for (const ObservedMatch& match : geometry.inliers) {
+    const Eigen::Vector3d& ray = match.other.ray_in_cam;
+    const Eigen::Vector3d query_ray = other_from_query * match.query.ray_in_cam;
+    const Eigen::Vector3d normal = ray.cross(query_ray);
+    if (normal.norm() < kMinAngleRad) continue;
+    const double distance = baseline.cross(query_ray).dot(normal) / normal.squaredNorm();
+    AddSample(pair, static_cast<int>(match.match.other_point), distance * ray.z(), &samples);
+  }
+  return samples;
+}
+
+std::vector<DepthSample> SamplesOfPair(const MapOfImage& map, const PairRefs& pairs) {
+  for (const PairGeometry* pair : pairs) {
+    if (pair->query == map.query && pair->other == map.image) return SamplesOfPair(*pair, *map.pair);
+  }
+  return {};
+}
+
+// Returns the query's pose by a pair's relative pose and the distance that the depths tell; nullopt for too few depths.
+std::optional<Rigid3d> PoseOfPair(const PairGeometry& pair, const MapOfImage& map, const Layout& layout) {
+  std::vector<double> log_lengths;
+  for (const DepthSample& sample : SamplesOfPair(pair, *map.pair)) {
+    const double depth = sample.map_depth + map.fit.shift;
+    if (depth > 0) log_lengths.push_back(std::log(depth / sample.point_depth) + map.fit.log_scale);
+  }
+  if (log_lengths.size() < kMinNumDepthsOfPair) return std::nullopt;
+  Rigid3d query_from_other = pair.query_from_other;
+  query_from_other.translation *= std::exp(Median(std::move(log_lengths)));
+  return query_from_other * CamFromWorld(layout.given, pair.other);
+}
+
+DepthFit Fit(const MapOfImage& map, const Layout& layout, const PairRefs& pairs, const SplitTracks& tracks,
+             const DepthOptions& options) {
+  DepthFit fit = FitDepthMap(SamplesOfPoints(*map.pair), options);
+  const bool has_points = fit.verdict != DepthVerdict::NO_SCALE;
+  if (!has_points) fit = FitDepthMap(SamplesOfTracks(map, layout.given, tracks.from_database), options);
+  const bool has_tracks = !has_points && fit.verdict == DepthVerdict::USED;
+  if (options.is_metric) fit = FitMetricDepthMap(fit, FitDepthMap(SamplesOfPair(map, pairs), options), options);
+  if (!has_tracks) return fit;
+  // Adjustment must not count the tracks twice.
+  const double stddev = fit.is_metric ? options.metric_stddev_ratio : kFreeScaleStddev;
+  fit.scale_variance = stddev * stddev;
+  return fit;
+}
+
+// Returns the maps of the database images that queries have pairs in use with.
+std::vector<MapOfImage> MapsOf(const QueryGroup& group, const Layout& layout, const PairRefs& pairs_in_use) {
+  std::vector<MapOfImage> maps;
+  std::vector<bool> is_in_use(layout.given.images.size(), false);
+  for (const PairGeometry* pair : pairs_in_use) is_in_use[pair->other] = true;
+  for (int query = 0; query < layout.num_queries; ++query) {
+    const std::vector<ImagePair>& pairs = group.images[query].problem.pairs;
+    for (size_t i = 0; i < pairs.size(); ++i) {
+      const int image = layout.image_of_pair[query][i];
+      const bool is_known =
+          std::any_of(maps.begin(), maps.end(), [&](const MapOfImage& map) { return map.image == image; });
+      if (is_in_use[image] && !is_known && !pairs[i].other_depths.empty())
+        maps.push_back({query, image, &pairs[i], {}});
+    }
+  }
+  return maps;
+}
+
+// Sets the depths of the observations in images whose map is used. map_of_image: index into maps, or -1.
+void SetDepths(const std::vector<MapOfImage>& maps, const std::vector<int>& map_of_image, std::vector<Track>* tracks) {
+  for (Track& track : *tracks) {
+    for (TrackObservation& element : track.observations) {
+      if (map_of_image[element.image] < 0) continue;
+      const MapOfImage& map = maps[map_of_image[element.image]];
+      const double depth = map.pair->other_depths[element.keypoint];
+      if (depth > 0) element.depth = static_cast<float>(std::max(depth + map.fit.shift, 0.0));
+    }
+  }
+}
+
+// Returns for each query frame whether its images determine the pose well without depth.
+std::vector<bool> AreDetermined(const Layout& layout, const std::vector<Track>& from_database) {
+  const std::vector<TrackRefs> tracks_of = TracksByFrame(layout, from_database);
+  std::vector<bool> are_determined;
+  for (const TrackRefs& tracks : tracks_of) {
+    std::vector<int> num_points(layout.given.images.size(), 0);
+    for (const Track* track : tracks) {
+      for (const TrackObservation& element : track->observations) ++num_points[element.image];
+    }
+    const auto num_images = std::count_if(num_points.begin() + layout.num_queries, num_points.end(),
+                                          [](int num) { return num >= kNumPointsEnough; });
+    are_determined.push_back(num_images >= kNumImagesEnough);
+  }
+  return are_determined;
+}
+
+std::vector<int> CountDepths(const std::vector<Track>& tracks, size_t num_images) {
+  std::vector<int> counts(num_images, 0);
+  for (const Track& track : tracks) {
+    for (const TrackObservation& element : track.observations) counts[element.image] += element.depth > 0;
+  }
+  return counts;
+}
+
+DepthMapResult ResultOf(const MapOfImage& map) {
+  DepthMapResult result{map.pair->other_name, map.fit.verdict, map.fit.num_points};
+  result.depth_stddev = map.fit.spread;
+  if (map.fit.verdict != DepthVerdict::USED) return result;
+  result.scale = std::exp(map.fit.log_scale);
+  result.scale_stddev = std::sqrt(map.fit.scale_variance);
+  return result;
+}
+
+// Adds the result of a map to all queries that have a pair with its image.
+void AddResult(const MapOfImage& map, const Layout& layout, std::vector<DepthResult>* results) {
+  for (int query = 0; query < layout.num_queries; ++query) {
+    const std::vector<int>& images = layout.image_of_pair[query];
+    if (std::find(images.begin(), images.end(), map.image) == images.end()) continue;
+    (*results)[query].maps.push_back(ResultOf(map));
+  }
+}
+
+}  // namespace
+
+DepthMapsInUse UseDepthMaps(const QueryGroup& group, const Layout& layout, const PairRefs& pairs,
+                            const LocalizerOptions& options, CandidateTracks* candidates, SplitTracks* start_tracks,
+                            PosedImages* posed) {
+  std::vector<MapOfImage> maps = MapsOf(group, layout, pairs);
+  std::vector<int> map_of_image(posed->images.size(), -1);
+  DepthMapsInUse in_use;
+  in_use.results.resize(layout.num_queries);
+  in_use.starts.resize(layout.num_query_frames);
+  const std::vector<bool> are_determined = AreDetermined(layout, start_tracks->from_database);
+  for (size_t i = 0; i < maps.size(); ++i) {
+    if (are_determined[layout.FrameOf(maps[i].query)]) {
+      maps[i].fit.verdict = DepthVerdict::NOT_NEEDED;
+    } else {
+      maps[i].fit = Fit(maps[i], layout, pairs, *start_tracks, options.depth);
+    }
+    if (maps[i].fit.verdict == DepthVerdict::USED) map_of_image[maps[i].image] = static_cast<int>(i);
+    AddResult(maps[i], layout, &in_use.results);
+  }
+  for (std::vector<Track>* tracks :
+       {&candidates->all, &candidates->for_start, &start_tracks->from_database, &start_tracks->rest}) {
+    SetDepths(maps, map_of_image, tracks);
+  }
+  const std::vector<int> num_depths = CountDepths(candidates->all, posed->images.size());
+  for (size_t image = 0; image < posed->images.size(); ++image) {
+    if (map_of_image[image] < 0 || num_depths[image] == 0) continue;
+    const DepthFit& fit = maps[map_of_image[image]].fit;
+    // Adjustment takes errors as independent. Makes them as large as their mean then is uncertain.
+    const double stddev = std::sqrt(fit.pixel_variance + num_depths[image] * fit.common_variance);
+    posed->images[image].depth_scale = {fit.log_scale, fit.log_scale, std::sqrt(fit.scale_variance), stddev};
+  }
+  for (const PairGeometry* pair : pairs) {
+    const int map = map_of_image[pair->other];
+    if (map < 0) continue;
+    const std::optional<Rigid3d> query_from_world = PoseOfPair(*pair, maps[map], layout);
+    if (!query_from_world) continue;
+    const Rigid3d frame_from_cam = Inverse(layout.given.images[pair->query].cam_from_frame);
+    in_use.starts[layout.FrameOf(pair->query)].push_back(frame_from_cam * *query_from_world);
+  }
+  return in_use;
+}
+
+}  // namespace lazyloc

@@ -1,0 +1,16 @@
+#pragma once
+
+#include <filesystem>
+
+#include "colmap_lazyloc/scene/model.h"
+
+namespace lazyloc {
+
+// Reads the cameras and images of a COLMAP model folder (cameras.bin and images.bin, else the .txt files, as in
+// COLMAP), its rigs and frames if it has any, and its origin on Earth (formats/geo_file.h) if it has one. Skips image
+// points and points3D, which need not exist. Throws InputError naming the file if it is missing, truncated or not of
+// this format, and for a camera model that the linked COLMAP does not know, impossible parameters, a pose with NaN or a
+// zero quaternion, duplicate names or ids, an image whose camera is missing, and a model without a posed image.
+Model ReadModel(const std::filesystem::path& path);
+
+}  // namespace lazyloc

@@ -1,0 +1,84 @@
+#include "colmap_lazyloc/formats/query_files.h"
+
+#include <array>
+#include <cmath>
+#include <string_view>
+#include <utility>
+
+#include "colmap_lazyloc/bridge/camera_models.h"
+#include "colmap_lazyloc/files/text_file.h"
+#include "colmap_lazyloc/scene/errors.h"
+
+namespace lazyloc {
+namespace {
+
+// Parses `name MODEL width height params...`. Returns nullopt if the second word is not a camera model, because the
+// line is a name alone.
+std::optional<QueryListEntry> ParseEntryWithCamera(const TextFile& file) {
+  std::string_view rest = file.Line();
+  const std::string name(NextWord(&rest));
+  const std::optional<int> model_id = CameraModelId(std::string(NextWord(&rest)));
+  if (!model_id) return std::nullopt;
+
+  Camera camera;
+  camera.model_id = *model_id;
+  camera.width = file.ParseNumber<uint64_t>(NextWord(&rest));
+  camera.height = file.ParseNumber<uint64_t>(NextWord(&rest));
+  for (std::string_view word = NextWord(&rest); !word.empty(); word = NextWord(&rest)) {
+    camera.params.push_back(file.ParseNumber<double>(word));
+  }
+  camera.has_prior_focal_length = true;
+  if (const std::string problem = CameraProblem(camera); !problem.empty()) throw file.Error(problem);
+  return QueryListEntry{name, camera};
+}
+
+}  // namespace
+
+void ReadQueryList(const std::filesystem::path& path, const std::function<bool(QueryListEntry)>& add) {
+  TextFile file(path);
+  bool is_empty = true;
+  while (file.NextEntry()) {
+    std::optional<QueryListEntry> entry = ParseEntryWithCamera(file);
+    if (!entry) entry = QueryListEntry{std::string(file.Line()), std::nullopt};
+    const std::string name = entry->name;
+    if (!add(*std::move(entry))) throw file.Error("query '" + name + "' is listed twice");
+    is_empty = false;
+  }
+  if (is_empty) throw InputError(path.string() + ": contains no query");
+}
+
+void ReadPairs(const std::filesystem::path& path,
+               const std::function<void(const std::string&, const std::string&)>& add) {
+  TextFile file(path);
+  bool is_empty = true;
+  while (file.NextEntry()) {
+    std::string_view rest = file.Line();
+    const std::string name1(NextWord(&rest)), name2(NextWord(&rest));
+    if (name2.empty()) throw file.Error("expected two image names, found only '" + name1 + "'");
+    add(name1, name2);
+    is_empty = false;
+  }
+  if (is_empty) throw InputError(path.string() + ": contains no pair");
+}
+
+std::map<std::string, SearchRegion> ReadSearchRegions(const std::filesystem::path& path) {
+  TextFile file(path);
+  std::map<std::string, SearchRegion> priors;
+  while (file.NextEntry()) {
+    std::string_view rest = file.Line();
+    std::array<double, 4> numbers{};  // the last four words, because a name may hold spaces
+    for (size_t i = numbers.size(); i-- > 0;) {
+      const size_t blank = rest.find_last_of(" \t");
+      if (blank == std::string_view::npos) throw file.Error("expected `name x y z radius`");
+      numbers[i] = file.ParseNumber<double>(rest.substr(blank + 1));
+      if (!std::isfinite(numbers[i])) throw file.Error("a number is not finite");
+      rest = Trimmed(rest.substr(0, blank));
+    }
+    if (numbers[3] <= 0) throw file.Error("the radius is not positive");
+    const SearchRegion prior = {{numbers[0], numbers[1], numbers[2]}, numbers[3]};
+    if (!priors.emplace(rest, prior).second) throw file.Error("query '" + std::string(rest) + "' is listed twice");
+  }
+  return priors;
+}
+
+}  // namespace lazyloc

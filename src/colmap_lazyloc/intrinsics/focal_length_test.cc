@@ -1,0 +1,205 @@
+#include "colmap_lazyloc/intrinsics/focal_length.h"
+
+#include <limits>
+
+#include <Eigen/Geometry>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "colmap_lazyloc/bridge/camera_models.h"
+#include "colmap_lazyloc/pipeline/lazy_localizer.h"
+#include "colmap_lazyloc/testing/stage_input.h"
+#include "colmap_lazyloc/testing/synthetic_scene.h"
+
+namespace lazyloc {
+namespace {
+
+LocalizerOptions Seeking() {
+  LocalizerOptions options;
+  options.intrinsics = IntrinsicsMode::REFINE;
+  return options;
+}
+
+// Makes a scene whose query camera claims a focal length that is off by the factor.
+SyntheticScene MakeScene(const SyntheticSceneOptions& options, double factor) {
+  SyntheticScene scene = MakeSyntheticScene(options);
+  scene.problem.query_camera = WithFocalFactor(scene.problem.query_camera, factor);
+  return scene;
+}
+
+void ExpectFound(const SyntheticScene& scene, double factor, double max_focal_error, double max_position_error) {
+  const LocalizationResult result = LocalizeQuery(scene.problem, Seeking());
+  ASSERT_EQ(result.status, QueryStatus::LOCALIZED) << result.reason << ", factor " << factor;
+  EXPECT_TRUE(result.is_camera_refined);
+  for (const int idx : {0, 1}) {
+    const double truth = scene.problem.query_camera.params[idx] / factor;
+    EXPECT_NEAR(result.query_camera.params[idx] / truth, 1, max_focal_error) << "factor " << factor;
+  }
+  EXPECT_EQ(result.query_camera.params[2], scene.problem.query_camera.params[2]);
+  EXPECT_LE(PositionError(result.cam_from_world, scene.query_cam_from_world), max_position_error * scene.median_depth);
+  EXPECT_LE(RotationErrorDeg(result.cam_from_world, scene.query_cam_from_world), 0.01 + 20 * max_position_error);
+}
+
+class Factors : public testing::TestWithParam<double> {};
+
+TEST_P(Factors, NoiseFreeIsExact) {
+  SyntheticSceneOptions options;
+  for (options.seed = 0; options.seed < 3; ++options.seed) {
+    ExpectFound(MakeScene(options, GetParam()), GetParam(), 1e-5, 1e-5);
+  }
+}
+
+// Checks with relative poses that are as wrong as the focal length that COLMAP would have estimated them with.
+TEST_P(Factors, IsFoundWithNoiseAndOutliers) {
+  SyntheticSceneOptions options;
+  options.num_database_images = 15;
+  options.pixel_noise_px = 1;
+  options.outlier_match_ratio = 0.1;
+  options.outlier_pair_ratio = 0.2;
+  options.rotation_noise_deg = options.direction_noise_deg = 20;
+  for (options.seed = 0; options.seed < 3; ++options.seed) {
+    ExpectFound(MakeScene(options, GetParam()), GetParam(), 0.01, 0.01);
+  }
+}
+
+TEST_P(Factors, IsFoundFromRawMatches) {
+  SyntheticSceneOptions options;
+  options.has_geometry = false;
+  options.pixel_noise_px = 0.5;
+  options.outlier_match_ratio = 0.3;
+  ExpectFound(MakeScene(options, GetParam()), GetParam(), 0.01, 0.01);
+}
+
+INSTANTIATE_TEST_SUITE_P(FocalLength, Factors, testing::Values(0.5, 0.8, 1, 1.25, 2));
+
+TEST(FocalLength, DistortedCameraIsRefinedToo) {
+  SyntheticSceneOptions options;
+  SyntheticScene scene = MakeSyntheticScene(options);
+  Camera camera = scene.problem.query_camera;
+  camera.model_id = *CameraModelId("OPENCV");
+  camera.params = {900, 910, 640, 480, -0.2, 0.05, 1e-3, -1e-3};
+  for (Eigen::Vector2d& xy : scene.problem.query_keypoints) {
+    xy = *ImageFromCam(camera, *RayInCam(scene.problem.query_camera, xy));
+  }
+  scene.problem.query_camera = WithFocalFactor(camera, 1.5);
+  ExpectFound(scene, 1.5, 1e-5, 1e-5);
+}
+
+TEST(FocalLength, CovarianceMatchesTheErrorsSpread) {
+  // Expects 6, the degrees of freedom, as the mean of the squared errors normalised by their covariances. The standard
+  // deviation of the mean is sqrt(12 / 20) = 0.77.
+  SyntheticSceneOptions options;
+  options.pixel_noise_px = 1;
+  double sum = 0;
+  const int num_trials = 20;
+  for (options.seed = 0; options.seed < num_trials; ++options.seed) {
+    const SyntheticScene scene = MakeScene(options, 1.25);
+    const LocalizationResult result = LocalizeQuery(scene.problem, WithExactDatabase(Seeking()));
+    ASSERT_EQ(result.status, QueryStatus::LOCALIZED);
+    const Eigen::AngleAxisd rotation_error(scene.query_cam_from_world.rotation *
+                                           result.cam_from_world.rotation.conjugate());
+    Eigen::Matrix<double, 6, 1> error;
+    error << rotation_error.angle() * rotation_error.axis(),
+        scene.query_cam_from_world.translation - result.cam_from_world.translation;
+    sum += error.dot(result.covariance.ldlt().solve(error));
+  }
+  EXPECT_GT(sum / num_trials, 4);
+  EXPECT_LT(sum / num_trials, 9);
+}
+
+// Uses a plane that faces the query, because its image fits any focal length at some distance.
+TEST(FocalLength, FrontoParallelPlaneLeavesTheDistanceUnobservable) {
+  SyntheticScene scene = MakeSyntheticScene({});
+  Random random(1);
+  scene.query_cam_from_world = LookAt({0, 0, -8}, {0, 0, 100});
+  std::normal_distribution<double> noise(0, 0.5);
+  const auto project = [&](const Camera& camera, const Rigid3d& cam_from_world, const Eigen::Vector3d& point) {
+    return Eigen::Vector2d(*ImageFromCam(camera, cam_from_world * point) +
+                           Eigen::Vector2d(noise(random), noise(random)));
+  };
+  for (size_t i = 0; i < scene.problem.query_keypoints.size(); ++i) {
+    const Eigen::Vector3d point(std::remainder(0.37 * i, 5), std::remainder(0.61 * i, 4), 0);
+    scene.problem.query_keypoints[i] = project(scene.problem.query_camera, scene.query_cam_from_world, point);
+    for (ImagePair& pair : scene.problem.pairs) {
+      pair.other_keypoints[i] = project(pair.other_camera, pair.database_cam_from_world, point);
+    }
+  }
+  const LocalizationResult given = LocalizeQuery(scene.problem, LocalizerOptions());
+  EXPECT_TRUE(HasPose(given.status)) << given.reason;
+  EXPECT_EQ(given.intrinsics.verdict, IntrinsicsVerdict::UNOBSERVABLE);
+  const LocalizationResult result = LocalizeQuery(scene.problem, Seeking());
+  EXPECT_EQ(result.status, QueryStatus::UNKNOWN_CAMERA) << QueryStatusName(result.status);
+  EXPECT_THAT(result.reason, testing::HasSubstr("focal length"));
+  EXPECT_FALSE(result.is_camera_refined);
+}
+
+TEST(FocalLength, NoPointFromTheDatabaseIsReported) {
+  SyntheticSceneOptions options;
+  options.num_database_images = 1;
+  const LocalizationResult result = LocalizeQuery(MakeSyntheticScene(options).problem, Seeking());
+  EXPECT_EQ(result.status, QueryStatus::TOO_FEW_TRACKS);
+  EXPECT_THAT(result.reason, testing::HasSubstr("focal length"));
+}
+
+SyntheticGroup LoneQueryOfGroup() {
+  SyntheticGroupOptions options;
+  options.num_sensors = 1;
+  options.num_points = 60;
+  options.pixel_noise_px = 0.5;
+  return MakeSyntheticGroup(options);
+}
+
+// Allows an error of 8 %, because neighbours in the grid of focal lengths differ by that.
+TEST(ChooseFocalLengthAndPose, NearestOfTheGridIsFound) {
+  const SyntheticGroup scene = LoneQueryOfGroup();
+  const StageInput input = MakeStageInput(scene);
+  for (const double factor : {0.5, 1.0, 2.5}) {
+    LocalizationProblem problem = scene.group.images[0].problem;
+    problem.query_camera = WithFocalFactor(problem.query_camera, factor);
+    const FocalLengthAndPose found =
+        ChooseFocalLengthAndPose(input.layout, QueryCamera(problem), input.tracks, LocalizerOptions());
+    EXPECT_NEAR(found.factor * factor, 1, 0.08) << factor;
+    EXPECT_LE(PositionError(found.frame_from_world, input.truth.frames[0].frame_from_world), 1);
+    EXPECT_LE(RotationErrorDeg(found.frame_from_world, input.truth.frames[0].frame_from_world), 1);
+  }
+}
+
+TEST(ChooseFocalLengthAndPose, FactorIsOneForTheTruth) {
+  const SyntheticGroup scene = LoneQueryOfGroup();
+  const StageInput input = MakeStageInput(scene);
+  const QueryCamera camera(scene.group.images[0].problem);
+  EXPECT_EQ(ChooseFocalLengthAndPose(input.layout, camera, input.tracks, LocalizerOptions()).factor, 1);
+}
+
+TEST(ChooseFocalLengthAndPose, TooFewTracksAreReported) {
+  const SyntheticGroup scene = LoneQueryOfGroup();
+  StageInput input = MakeStageInput(scene);
+  input.tracks.resize(3);
+  const Failure failure = FailureOf(
+      [&] { ChooseFocalLengthAndPose(input.layout, QueryCamera(scene.group.images[0].problem), input.tracks, {}); });
+  EXPECT_EQ(failure.cause, QueryStatus::TOO_FEW_TRACKS);
+  EXPECT_THAT(failure.reason, testing::HasSubstr("3 points"));
+}
+
+TEST(QueryCamera, ObservesTheQueryByItsPresentFocalLength) {
+  SyntheticGroup scene = LoneQueryOfGroup();
+  const StageInput input = MakeStageInput(scene);
+  LocalizationProblem& problem = scene.group.images[0].problem;
+  problem.query_keypoints[5].x() = std::numeric_limits<double>::quiet_NaN();
+  QueryCamera camera(problem);
+  camera.ScaleFocalLength(2);
+  EXPECT_EQ(camera.Intrinsics().params[0], 1600);
+  const std::vector<Track> tracks = camera.Observe(input.tracks);
+  ASSERT_EQ(tracks.size(), input.tracks.size() - 1);
+  for (const Track& track : tracks) {
+    const TrackObservation& query = track.observations[0];
+    const Track& before = input.tracks[query.keypoint];
+    EXPECT_NE(query.keypoint, 5);
+    const Eigen::Vector2d before_xy = before.observations[0].observation.ray_in_cam.hnormalized();
+    EXPECT_LE((2 * query.observation.ray_in_cam.hnormalized() - before_xy).norm(), 1e-12);
+    EXPECT_EQ(track.observations[1].observation.ray_in_cam, before.observations[1].observation.ray_in_cam);
+  }
+}
+
+}  // namespace
+}  // namespace lazyloc

@@ -1,0 +1,91 @@
+#include "colmap_lazyloc/intrinsics/intrinsics_check.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "colmap_lazyloc/bridge/camera_models.h"
+#include "colmap_lazyloc/pipeline/lazy_localizer.h"
+#include "colmap_lazyloc/testing/synthetic_scene.h"
+
+namespace lazyloc {
+namespace {
+
+using ::testing::HasSubstr;
+
+SyntheticScene MakeScene(double factor, IntrinsicsOrigin origin) {
+  SyntheticSceneOptions options;
+  options.pixel_noise_px = 0.5;
+  options.num_database_images = 15;
+  SyntheticScene scene = MakeSyntheticScene(options);
+  scene.problem.query_camera = WithFocalFactor(scene.problem.query_camera, factor);
+  scene.problem.intrinsics_origin = origin;
+  return scene;
+}
+
+LocalizationResult Localize(const SyntheticScene& scene, IntrinsicsMode mode = IntrinsicsMode::AUTO) {
+  LocalizerOptions options;
+  options.intrinsics = mode;
+  return LocalizeQuery(scene.problem, options);
+}
+
+TEST(CheckIntrinsics, RightValueIsConfirmedWhateverItsOrigin) {
+  for (const IntrinsicsOrigin origin : {IntrinsicsOrigin::GIVEN, IntrinsicsOrigin::EXIF}) {
+    const LocalizationResult result = Localize(MakeScene(1, origin));
+    EXPECT_EQ(result.status, QueryStatus::LOCALIZED) << result.reason;
+    EXPECT_EQ(result.intrinsics.verdict, IntrinsicsVerdict::CONFIRMED);
+    EXPECT_NEAR(result.intrinsics.focal_factor, 1, 5 * result.intrinsics.focal_factor_stddev);
+    EXPECT_FALSE(result.is_camera_refined);
+  }
+}
+
+class WrongFactors : public testing::TestWithParam<double> {};
+
+TEST_P(WrongFactors, GivenValueIsRefusedAndTheRightOneNamed) {
+  const LocalizationResult result = Localize(MakeScene(GetParam(), IntrinsicsOrigin::GIVEN));
+  EXPECT_EQ(result.status, QueryStatus::INCONSISTENT_INTRINSICS);
+  EXPECT_THAT(result.reason, HasSubstr("focal length of"));
+  EXPECT_EQ(result.intrinsics.verdict, IntrinsicsVerdict::CONTRADICTED);
+  EXPECT_NEAR(result.intrinsics.focal_factor * GetParam(), 1, 0.01);
+}
+
+TEST_P(WrongFactors, ExifAndGuessAreRefined) {
+  for (const IntrinsicsOrigin origin : {IntrinsicsOrigin::EXIF, IntrinsicsOrigin::GUESS}) {
+    const SyntheticScene scene = MakeScene(GetParam(), origin);
+    const LocalizationResult result = Localize(scene);
+    ASSERT_EQ(result.status, QueryStatus::LOCALIZED) << result.reason;
+    EXPECT_EQ(result.intrinsics.verdict, IntrinsicsVerdict::REFINED);
+    EXPECT_TRUE(result.is_camera_refined);
+    EXPECT_LE(PositionError(result.cam_from_world, scene.query_cam_from_world), 0.01 * scene.median_depth);
+  }
+}
+
+TEST_P(WrongFactors, ModeGivenOnlyWarns) {
+  const LocalizationResult result = Localize(MakeScene(GetParam(), IntrinsicsOrigin::GIVEN), IntrinsicsMode::GIVEN);
+  EXPECT_TRUE(HasPose(result.status)) << result.reason;
+  EXPECT_THAT(result.intrinsics.contradiction, HasSubstr("focal length"));
+}
+
+INSTANTIATE_TEST_SUITE_P(CheckIntrinsics, WrongFactors, testing::Values(0.9, 1.05, 1.2));
+
+TEST(CheckIntrinsics, UncalibratedCameraIsLessCertain) {
+  const LocalizationResult given = Localize(MakeScene(1, IntrinsicsOrigin::GIVEN));
+  const LocalizationResult exif = Localize(MakeScene(1, IntrinsicsOrigin::EXIF));
+  ASSERT_EQ(exif.status, QueryStatus::LOCALIZED) << exif.reason;
+  EXPECT_EQ(exif.cam_from_world.translation, given.cam_from_world.translation);
+  EXPECT_GT(exif.spread.rotation_stddev_rad, given.spread.rotation_stddev_rad);
+}
+
+TEST(CheckIntrinsics, WrongDistortionIsNamed) {
+  SyntheticScene scene = MakeScene(1, IntrinsicsOrigin::GIVEN);
+  const Camera ideal = scene.problem.query_camera;
+  Camera distorted = ideal;
+  distorted.model_id = *CameraModelId("OPENCV");
+  distorted.params = {ideal.params[0], ideal.params[1], ideal.params[2], ideal.params[3], -0.3, 0, 0, 0};
+  for (Eigen::Vector2d& xy : scene.problem.query_keypoints) xy = *ImageFromCam(distorted, *RayInCam(ideal, xy));
+  const LocalizationResult result = Localize(scene);
+  EXPECT_EQ(result.status, QueryStatus::INCONSISTENT_INTRINSICS);
+  EXPECT_THAT(result.reason, HasSubstr("distortion"));
+}
+
+}  // namespace
+}  // namespace lazyloc

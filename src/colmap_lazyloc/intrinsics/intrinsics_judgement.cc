@@ -1,0 +1,134 @@
+#include "colmap_lazyloc/intrinsics/intrinsics_judgement.h"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <limits>
+
+#include "colmap_lazyloc/bridge/camera_models.h"
+#include "colmap_lazyloc/intrinsics/focal_length.h"
+#include "colmap_lazyloc/scene/format.h"
+
+namespace lazyloc {
+namespace {
+
+// Standard deviation of the log of a wrong focal length: EXIF is off by 2 to 50 %.
+constexpr double kWrongStddev = 0.2;
+// Minimum deviation of a right value in the judgement: adjustment is only exact to first order.
+constexpr double kMinRightStddev = 0.001;
+// Standard deviation and probability of a slightly wrong value, as of a lens that was focused anew or a photo that was
+// cut. It is no reason to refuse a value, but the covariance allows for it.
+constexpr double kSlightlyWrongStddev = 0.03;
+constexpr double kSlightlyWrongProbability = 0.2;
+// Probability that a value is wrong before the images are asked.
+constexpr double kWrongGivenProbability = 0.05;
+constexpr double kWrongSharedProbability = 0.1;
+constexpr double kWrongExifProbability = 0.5;
+// Standard deviation of the log focal length above which the images cannot tell whether a value is right.
+constexpr double kMaxObservableStddev = 0.02;
+// Significance, and displacement from which on principal point (as a fraction of the focal length) or distortion (at
+// the image's corners, of half the diagonal) count as contradicted. Rolling shutters ask for a distortion at 5
+// deviations.
+constexpr double kMinOtherSigma = 5;
+constexpr double kMinPrincipalPointShift = 0.02;
+constexpr double kMinDistortionShift = 0.015;
+
+double LogNormalDensity(double x, double variance) { return -(x * x / variance + std::log(variance)) / 2; }
+
+// Returns the expected square of a deviation with a normal prior.
+double MeanSquare(double prior_stddev, double measured, double variance) {
+  const double prior_variance = prior_stddev * prior_stddev;
+  const double gain = prior_variance / (prior_variance + variance);
+  return gain * gain * measured * measured + gain * variance;
+}
+
+// Returns what is wrong with principal point or distortion; empty if nothing is, or the focal length explains more.
+std::string OtherContradiction(const Camera& camera, const IntrinsicsEstimate& estimate, bool is_focal_length_wrong) {
+  const auto explains_more = [&](int parameter) {
+    return !is_focal_length_wrong || estimate.sigmas[parameter] > estimate.sigmas[LOG_FOCAL_FACTOR];
+  };
+  const double radius = HalfDiagonalPx(camera);
+  const double corner_px = estimate.joint[RADIAL_DISTORTION] * std::pow(radius / kRadialUnitPx, 3);
+  if (estimate.joint_sigmas[RADIAL_DISTORTION] > kMinOtherSigma && std::abs(corner_px) > kMinDistortionShift * radius &&
+      explains_more(RADIAL_DISTORTION)) {
+    return Format(
+        "the images contradict the given distortion: they ask for a radial displacement of the image's corners by "
+        "%.1f px",
+        corner_px);
+  }
+  const Eigen::Vector2d shift(estimate.joint[PRINCIPAL_POINT_X], estimate.joint[PRINCIPAL_POINT_Y]);
+  const Eigen::Vector2d given = PrincipalPoint(camera), asked = given + shift;
+  // Telephoto lenses do not determine the principal point: far from the image's centre, it only shows other errors.
+  const Eigen::Vector2d size(static_cast<double>(camera.width), static_cast<double>(camera.height));
+  const bool is_plausible = ((asked - size / 2).array().abs() < size.array() / 4).all();
+  const int axis = std::abs(shift.x()) > std::abs(shift.y()) ? PRINCIPAL_POINT_X : PRINCIPAL_POINT_Y;
+  if (is_plausible && estimate.joint_sigmas[axis] > kMinOtherSigma &&
+      shift.norm() > kMinPrincipalPointShift * MeanFocalLength(camera) && explains_more(axis)) {
+    return Format("the images contradict the given principal point (%.1f, %.1f): they ask for (%.1f, %.1f)", given.x(),
+                  given.y(), asked.x(), asked.y());
+  }
+  return "";
+}
+
+}  // namespace
+
+FocalLengthJudgement JudgeFocalLength(double log_factor, double stddev, IntrinsicsOrigin origin,
+                                      const LocalizerOptions& options) {
+  const double right_stddev = std::max(options.focal_length_stddev_ratio, kMinRightStddev);
+  const double variance = stddev * stddev;
+  const double prior = origin == IntrinsicsOrigin::GUESS    ? 1
+                       : origin == IntrinsicsOrigin::MODEL  ? 0
+                       : origin == IntrinsicsOrigin::EXIF   ? kWrongExifProbability
+                       : origin == IntrinsicsOrigin::SHARED ? kWrongSharedProbability
+                                                            : kWrongGivenProbability;
+  // Takes logs relative to the most probable case, because all densities of a strange measurement are zero.
+  const std::array<double, 3> stddevs = {right_stddev, kSlightlyWrongStddev, kWrongStddev};
+  std::array<double, 3> probabilities = {1 - prior, std::min(std::max(kSlightlyWrongProbability, prior), 1 - prior),
+                                         prior};
+  std::array<double, 3> log_densities;
+  double max_log_density = -std::numeric_limits<double>::infinity();
+  for (size_t i = 0; i < stddevs.size(); ++i) {
+    log_densities[i] = LogNormalDensity(log_factor, stddevs[i] * stddevs[i] + variance);
+    if (probabilities[i] > 0) max_log_density = std::max(max_log_density, log_densities[i]);
+  }
+  double sum = 0;
+  FocalLengthJudgement judgement;
+  for (size_t i = 0; i < stddevs.size(); ++i) {
+    probabilities[i] *= probabilities[i] > 0 ? std::exp(log_densities[i] - max_log_density) : 0;
+    sum += probabilities[i];
+    judgement.mean_square += probabilities[i] * MeanSquare(stddevs[i], log_factor, variance);
+  }
+  judgement.mean_square /= sum;
+  const double right = probabilities[0], wrong = probabilities[2];
+  judgement.wrong_probability = prior > 0 ? wrong / std::max(wrong + right, 1e-300) : 0;
+  if (options.focal_length_stddev_ratio == 0 && IsCalibrated(origin)) judgement.mean_square = 0;
+  return judgement;
+}
+
+void JudgeGiven(const Camera& camera, const IntrinsicsEstimate& estimate, const FocalLengthJudgement& focal_length,
+                IntrinsicsResult* result) {
+  const bool is_guess = result->origin == IntrinsicsOrigin::GUESS;
+  const bool is_wrong = focal_length.wrong_probability > 0.5 && !is_guess && HasFocalLength(camera);
+  if (result->origin != IntrinsicsOrigin::MODEL) {
+    result->contradiction = OtherContradiction(camera, estimate, is_wrong);
+  }
+  if (result->contradiction.empty() && is_wrong) {
+    result->contradiction = FocalLengthContradiction(camera, result->focal_factor, result->focal_factor_stddev);
+  }
+  result->verdict = !result->contradiction.empty()                                 ? IntrinsicsVerdict::CONTRADICTED
+                    : estimate.log_focal_stddev > kMaxObservableStddev || is_guess ? IntrinsicsVerdict::UNOBSERVABLE
+                                                                                   : IntrinsicsVerdict::CONFIRMED;
+}
+
+void JudgeRefined(const Camera& camera, const IntrinsicsEstimate& estimate, IntrinsicsResult* result) {
+  result->verdict = IntrinsicsVerdict::REFINED;
+  result->contradiction = OtherContradiction(camera, estimate, /*is_focal_length_wrong=*/false);
+}
+
+std::string FocalLengthContradiction(const Camera& camera, double factor, double factor_stddev) {
+  const double given_px = MeanFocalLength(camera);
+  return Format("the images contradict the given focal length of %.1f px: they ask for %.1f +- %.1f px", given_px,
+                factor * given_px, factor_stddev * given_px);
+}
+
+}  // namespace lazyloc

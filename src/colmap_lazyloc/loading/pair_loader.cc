@@ -1,0 +1,193 @@
+#include "colmap_lazyloc/loading/pair_loader.h"
+
+#include <algorithm>
+#include <cmath>
+#include <iterator>
+#include <map>
+#include <set>
+#include <tuple>
+#include <utility>
+
+#include "colmap_lazyloc/scene/errors.h"
+#include "colmap_lazyloc/scene/format.h"
+
+namespace lazyloc {
+namespace {
+
+// True if a geometry estimated with one camera holds for the other: they differ at most by the rounding of a text file.
+bool AgreeOnIntrinsics(const Camera& a, const Camera& b) {
+  if (a.model_id != b.model_id || a.params.size() != b.params.size()) return false;
+  for (size_t i = 0; i < a.params.size(); ++i) {
+    if (std::abs(a.params[i] - b.params[i]) > 1e-6 * (1e-3 + std::abs(a.params[i]))) return false;
+  }
+  return true;
+}
+
+// Throws DamagedRecordError if a match names a keypoint that its image does not have.
+void CheckMatches(const Matches& matches, const char* table, const LocalizationProblem& problem, const ImagePair& pair,
+                  const DatabaseReader& database) {
+  for (const Match& match : matches) {
+    if (match.query_point >= problem.query_keypoints.size() || match.other_point >= pair.other_keypoints.size()) {
+      throw DamagedRecordError(database.Path().string(),
+                               AsOneLine(std::string("table ") + table + ", pair of " + problem.query_name + " and " +
+                                         pair.other_name + ": a match names a keypoint that its image does not have"));
+    }
+  }
+}
+
+// Reads matches, geometry and the other image's keypoints into a pair. other_id: the other image's id in the database;
+// other_stored_camera: its camera there. Returns false if there are no matches, or verification left none. Throws
+// DamagedRecordError.
+bool ReadPair(const LocalizationProblem& problem, const StoredQuery& query, uint32_t other_id,
+              const Camera& other_stored_camera, const DatabaseReader& database, ImagePair* pair) {
+  const uint32_t query_id = query.image.image_id;
+  pair->geometry = database.ReadTwoViewGeometry(query_id, other_id);
+  if (pair->geometry && pair->geometry->inlier_matches.empty()) return false;
+  if (!pair->geometry) {
+    pair->matches = database.ReadMatches(query_id, other_id);
+    if (pair->matches.empty()) return false;
+  }
+  pair->other_keypoints = database.ReadKeypoints(other_id);
+  const bool has_other_intrinsics =
+      pair->geometry &&
+      (!AgreeOnIntrinsics(pair->geometry->query_camera.value_or(query.stored_camera), query.camera) ||
+       !AgreeOnIntrinsics(pair->geometry->other_camera.value_or(other_stored_camera), pair->other_camera));
+  if (has_other_intrinsics) ForgetIntrinsics(&*pair->geometry);
+  if (pair->geometry) {
+    CheckMatches(pair->geometry->inlier_matches, "two_view_geometries", problem, *pair, database);
+  }
+  CheckMatches(pair->matches, "matches", problem, *pair, database);
+  return true;
+}
+
+}  // namespace
+
+PairLoader::Candidates PairLoader::RankCandidates(const StoredQuery& query, const std::vector<PairSize>& sizes) const {
+  Candidates candidates;
+  for (const PairSize& size : sizes) {
+    const ModelImage* image = selection_.FindPosedImage(size.image_id, query.image.name);
+    if (image != nullptr) candidates.push_back({image, size.image_id, size.num_matches});
+  }
+  std::sort(candidates.begin(), candidates.end(), [](const Candidate& a, const Candidate& b) {
+    return std::tie(b.num_matches, a.image->name) < std::tie(a.num_matches, b.image->name);
+  });
+  return candidates;
+}
+
+void PairLoader::LoadPairs(const StoredQuery& query, const Candidates& candidates, size_t max_num_pairs,
+                           const DatabaseReader& database, LocalizationProblem* problem,
+                           std::vector<std::string>* damages) const {
+  for (const Candidate& candidate : candidates) {
+    if (problem->pairs.size() == max_num_pairs) return;
+    std::optional<ImagePair> pair = LoadPair(query, candidate, *problem, database, damages);
+    if (pair) problem->pairs.push_back(*std::move(pair));
+  }
+}
+
+std::optional<ImagePair> PairLoader::LoadPair(const StoredQuery& query, const Candidate& candidate,
+                                              const LocalizationProblem& problem, const DatabaseReader& database,
+                                              std::vector<std::string>* damages) const {
+  const DatabaseImage& stored = *selection_.FindInDatabase(candidate.image->name);
+  ImagePair pair = selection_.MakePair(*candidate.image);
+  try {
+    const Camera stored_camera = database.ReadCamera(stored.camera_id);
+    if (ReadPair(problem, query, stored.image_id, stored_camera, database, &pair)) return pair;
+  } catch (const DamagedRecordError& error) {
+    damages->push_back(error.Damage());
+  }
+  return std::nullopt;
+}
+
+void PairLoader::LoadBestPairs(const StoredQuery& query, const DatabaseReader& database, LocalizationProblem* problem,
+                               std::vector<std::string>* damages) const {
+  const std::vector<PairSize> verified = database.ReadInlierCounts(query.image.image_id, selection_.PosedImageIds());
+  LoadPairs(query, RankCandidates(query, verified), num_retrieved_, database, problem, damages);
+  if (problem->pairs.size() == num_retrieved_) return;
+  const std::vector<PairSize> raw = database.ReadMatchCounts(query.image.image_id, selection_.PosedImageIds());
+  std::vector<PairSize> unverified;
+  std::set_difference(raw.begin(), raw.end(), verified.begin(), verified.end(), std::back_inserter(unverified),
+                      [](const PairSize& a, const PairSize& b) { return a.image_id < b.image_id; });
+  const size_t max_num_pairs = problem->pairs.size() + 2 * num_retrieved_;
+  LoadPairs(query, RankCandidates(query, unverified), max_num_pairs, database, problem, damages);
+}
+
+LocalizationProblem PairLoader::Load(const StoredQuery& query, const DatabaseReader& database,
+                                     std::vector<std::string>* damages) const {
+  LocalizationProblem problem;
+  problem.query_name = query.image.name;
+  problem.query_camera = query.camera;
+  problem.intrinsics_origin = query.intrinsics_origin;
+  problem.alternative_camera = query.alternative_camera;
+  problem.query_keypoints = database.ReadKeypointsOnce(query.image.image_id);
+  if (problem.query_keypoints.empty()) return problem;
+  if (const auto listed_ids = selection_.ListedPairs(query)) {
+    std::vector<PairSize> listed;
+    for (const uint32_t image_id : *listed_ids) listed.push_back({image_id, 0});
+    LoadPairs(query, RankCandidates(query, listed), listed.size(), database, &problem, damages);
+  } else {
+    LoadBestPairs(query, database, &problem, damages);
+  }
+  std::sort(problem.pairs.begin(), problem.pairs.end(),
+            [](const ImagePair& a, const ImagePair& b) { return a.other_name < b.other_name; });
+  return problem;
+}
+
+// Returns those of other_ids (sorted) that the query may be paired with.
+std::vector<uint32_t> PairLoader::PairedImageIds(const StoredQuery& query, const std::vector<uint32_t>& other_ids,
+                                                 const DatabaseReader& database) const {
+  std::vector<uint32_t> image_ids;
+  if (const auto listed_ids = selection_.ListedPairs(query)) {
+    std::set_intersection(listed_ids->begin(), listed_ids->end(), other_ids.begin(), other_ids.end(),
+                          std::back_inserter(image_ids));
+  } else {
+    const uint32_t query_id = query.image.image_id;
+    for (const PairSize& size : database.ReadInlierCounts(query_id, other_ids)) image_ids.push_back(size.image_id);
+    for (const PairSize& size : database.ReadMatchCounts(query_id, other_ids)) image_ids.push_back(size.image_id);
+  }
+  return image_ids;
+}
+
+void PairLoader::LoadPairsWithQueries(int query_index, const std::map<uint32_t, int>& earlier_queries,
+                                      const DatabaseReader& database, LoadedGroup* loaded) const {
+  QueryGroup& group = loaded->group;
+  const LocalizationProblem& problem = group.images[query_index].problem;
+  const StoredQuery query = selection_.ReadStoredQuery(problem.query_name, database);
+  std::vector<uint32_t> earlier_ids;
+  for (const auto& [image_id, index] : earlier_queries) earlier_ids.push_back(image_id);
+  std::set<int> others;
+  for (const uint32_t image_id : PairedImageIds(query, earlier_ids, database)) {
+    others.insert(earlier_queries.at(image_id));
+  }
+  for (const int other_index : others) {
+    try {
+      const StoredQuery other = selection_.ReadStoredQuery(group.images[other_index].problem.query_name, database);
+      ImagePair pair;
+      pair.other_name = other.image.name;
+      pair.other_camera = other.camera;
+      if (!ReadPair(problem, query, other.image.image_id, other.stored_camera, database, &pair)) continue;
+      group.query_pairs.push_back({query_index, other_index, std::move(pair)});
+    } catch (const DamagedRecordError& error) {
+      loaded->records[query_index].damages.push_back(error.Damage());
+    }
+  }
+}
+
+void PairLoader::LoadQueryPairs(const DatabaseReader& database, LoadedGroup* loaded) const {
+  const std::vector<QueryImage>& images = loaded->group.images;
+  if (images.size() < 2) return;
+  std::map<uint32_t, int> earlier_queries;  // by id in the database
+  for (int query_index = 0; query_index < static_cast<int>(images.size()); ++query_index) {
+    const LocalizationProblem& problem = images[query_index].problem;
+    const std::optional<uint32_t> image_id = selection_.FindStoredQuery(problem.query_name);
+    // Skips photos, and queries without keypoints, because their matches name keypoints that do not exist.
+    if (!image_id || problem.query_keypoints.empty()) continue;
+    try {
+      LoadPairsWithQueries(query_index, earlier_queries, database, loaded);
+    } catch (const DamagedRecordError& error) {  // of the list of its pairs
+      loaded->records[query_index].damages.push_back(error.Damage());
+    }
+    earlier_queries.emplace(*image_id, query_index);
+  }
+}
+
+}  // namespace lazyloc

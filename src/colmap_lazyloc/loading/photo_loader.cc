@@ -1,0 +1,267 @@
+#include "colmap_lazyloc/loading/photo_loader.h"
+
+#include <algorithm>
+#include <filesystem>
+#include <functional>
+#include <set>
+#include <sstream>
+#include <utility>
+
+#include "colmap_lazyloc/bridge/camera_models.h"
+#include "colmap_lazyloc/math/median.h"
+#include "colmap_lazyloc/scene/errors.h"
+#include "colmap_lazyloc/scene/format.h"
+
+namespace lazyloc {
+namespace {
+
+// Number of database images whose keypoints tell the scales, because reading those of all images takes too long.
+constexpr size_t kNumSampledImages = 50;
+
+std::vector<double> ParseCameraParams(const std::string& text) {
+  std::vector<double> params;
+  std::istringstream stream(text);
+  for (std::string word; std::getline(stream, word, ',');) {
+    size_t length = 0;
+    try {
+      params.push_back(std::stod(word, &length));
+    } catch (const std::exception&) {
+    }
+    if (length == 0 || word.find_first_not_of(' ', length) != std::string::npos) {
+      throw InputError("option --ImageReader.camera_params: '" + word + "' is not a number");
+    }
+  }
+  return params;
+}
+
+DefaultCamera ParseDefaultCamera(const PhotoOptions& options) {
+  const std::optional<int> model_id = CameraModelId(options.camera_model);
+  if (!model_id) {
+    throw InputError("option --ImageReader.camera_model: unknown camera model " + options.camera_model);
+  }
+  DefaultCamera camera = {*model_id, ParseCameraParams(options.camera_params)};
+  const bool has_params = !camera.params.empty();
+  const std::vector<double> params = has_params ? camera.params : CameraFromFocalLength(*model_id, 1, 1, 1).params;
+  const std::string problem = CameraProblem({0, *model_id, 1, 1, params, true});
+  if (!problem.empty()) {
+    throw InputError(std::string("option --ImageReader.camera_") + (has_params ? "params: " : "model: ") + problem);
+  }
+  return camera;
+}
+
+std::string SizeText(uint64_t width, uint64_t height) { return std::to_string(width) + " x " + std::to_string(height); }
+
+size_t NumBytes(const Features& features) {
+  return features.keypoints.size() * sizeof(Keypoint) + static_cast<size_t>(features.descriptors.size());
+}
+
+void Measure(const char* stage, QueryRecord* record, const std::function<void()>& run) {
+  const StageTimer timer(stage, &record->seconds);
+  run();
+}
+
+std::nullopt_t Refuse(QueryStatus status, const std::string& reason, LocalizationResult* result) {
+  result->status = status;
+  result->reason = reason;
+  return std::nullopt;
+}
+
+}  // namespace
+
+bool PhotoOptions::CheckImagePath(std::string* error) const {
+  if (!image_path.empty()) return true;
+  for (const auto& [name, value] :
+       {std::pair{"retrieval_index_path", &retrieval_index_path}, std::pair{"query_prior_path", &query_prior_path},
+        std::pair{"matches_output_path", &matches_output_path}}) {
+    if (value->empty()) continue;
+    *error = std::string(name) + " needs --image_path, because it is for photos";
+    return false;
+  }
+  return true;
+}
+
+bool PhotoOptions::Check(std::string* error) const {
+  return matching.Check(error) && matching.extraction.Check(error) && matching.matching.Check(error) &&
+         retrieval.Check(error);
+}
+
+PhotoLoader::PhotoLoader(const DatabaseReader& database, const QuerySelection& selection, const PhotoOptions& options,
+                         int num_retrieved, const PairMatchingOptions& pair_options, int num_threads,
+                         bool has_more_photos)
+    : selection_(selection),
+      options_(options),
+      num_retrieved_(static_cast<size_t>(num_retrieved)),
+      pair_options_(pair_options),
+      default_camera_(ParseDefaultCamera(options)),
+      database_cameras_(selection.DatabaseModel(), options.image_path, selection.DatabaseExifFocalLengths()),
+      features_(static_cast<size_t>(std::min(options.matching.cache_gb * 1e9, 1e18)), NumBytes) {
+  if (!options.query_prior_path.empty()) search_regions_ = ReadSearchRegions(options.query_prior_path);
+  if (!options.matches_output_path.empty()) {
+    std::vector<std::string> names;
+    for (const auto& [name, photo] : selection.Photos()) names.push_back(name);
+    matches_output_ = std::make_unique<MatchesOutput>(options.matches_output_path, database, names);
+  }
+  std::vector<std::string> damages;
+  const FeatureReader features(database.Path());
+  const std::map<uint32_t, size_t> num_descriptors = features.ReadDescriptorCounts(&damages);
+  for (const std::string& damage : damages) {
+    warnings_.push_back(database.Path().string() + ": " + damage + ": leaving the image out");
+  }
+  for (const ModelImage& image : selection.DatabaseModel().images) {
+    const DatabaseImage* stored = selection.FindInDatabase(image.name);
+    if (stored == nullptr || num_descriptors.count(stored->image_id) == 0) continue;
+    candidates_.push_back({&image, stored->image_id});
+  }
+  if (candidates_.empty() && !damages.empty()) {
+    throw InputError(database.Path().string() + ": " + damages.front());  // for example, descriptors of another type
+  }
+  if (candidates_.empty()) {
+    throw InputError(database.Path().string() +
+                     ": no posed image has descriptors to match photos with (run COLMAP's feature_extractor)");
+  }
+  MeasureCandidates(num_descriptors, features);
+  const bool needs_index = (has_more_photos && NeedsRetrieval({})) ||
+                           std::any_of(selection.Photos().begin(), selection.Photos().end(),
+                                       [this](const auto& photo) { return NeedsRetrieval(photo.second); });
+  if (needs_index) {
+    index_ = std::make_unique<RetrievalIndex>(options.retrieval_index_path, database, options.retrieval,
+                                              pair_options.seed, num_threads);
+    warnings_.insert(warnings_.end(), index_->Warnings().begin(), index_->Warnings().end());
+  }
+}
+
+void PhotoLoader::MeasureCandidates(const std::map<uint32_t, size_t>& num_descriptors, const FeatureReader& reader) {
+  std::vector<size_t> counts;
+  std::vector<double> sizes, focal_lengths, scale_ratios;
+  const size_t step = std::max<size_t>(1, candidates_.size() / kNumSampledImages);
+  for (size_t i = 0; i < candidates_.size(); ++i) {
+    const Camera& camera = selection_.DatabaseModel().cameras.at(candidates_[i].image->camera_id);
+    counts.push_back(num_descriptors.at(candidates_[i].image_id));
+    sizes.push_back(static_cast<double>(std::max(camera.width, camera.height)));
+    focal_lengths.push_back(MeanFocalLength(camera));
+    if (i % step != 0) continue;
+    try {
+      for (const Keypoint& keypoint : reader.ReadKeypoints(candidates_[i].image_id)) {
+        scale_ratios.push_back(KeypointScale(keypoint) / focal_lengths.back());
+      }
+    } catch (const DamagedRecordError&) {
+      // A photo that is compared with the image reports it.
+    }
+  }
+  statistics_ = MeasureFeatures(std::move(counts), std::move(scale_ratios));
+  database_scale_ = {Median(sizes), Median(focal_lengths)};
+}
+
+std::string PhotoLoader::DescribeExtraction() const {
+  const SiftExtractionOptions chosen = ChooseExtraction(options_.matching.extraction, statistics_, database_scale_);
+  return Format("photos of %.0f pixels with a focal length of %.0f: at most %d features, first octave %d",
+                database_scale_.size_px, database_scale_.focal_length_px, chosen.max_num_features, chosen.first_octave);
+}
+
+bool PhotoLoader::NeedsRetrieval(const PhotoQuery& photo) const {
+  if (photo.paired_ids) return false;
+  return !options_.retrieval_index_path.empty() ||
+         AllowedCandidates(photo).size() > static_cast<size_t>(options_.matching.max_num_exhaustive);
+}
+
+PhotoLoader::Candidates PhotoLoader::AllowedCandidates(const PhotoQuery& photo) const {
+  const auto prior = search_regions_.find(photo.name);
+  Candidates allowed;
+  for (const Candidate& candidate : candidates_) {
+    const auto& listed = photo.paired_ids;
+    if (listed && !std::binary_search(listed->begin(), listed->end(), candidate.image_id)) continue;
+    if (prior != search_regions_.end()) {
+      const Eigen::Vector3d offset = CamInWorld(candidate.image->cam_from_world) - prior->second.position;
+      if (offset.norm() > prior->second.radius) continue;
+    }
+    allowed.push_back(&candidate);
+  }
+  return allowed;
+}
+
+PhotoLoader::Candidates PhotoLoader::ChooseCandidates(const PhotoQuery& photo, const Descriptors& descriptors,
+                                                      IdleThreads* idle_threads) const {
+  Candidates allowed = AllowedCandidates(photo);
+  if (!NeedsRetrieval(photo)) return allowed;
+  std::map<uint32_t, const Candidate*> candidate_of_id;
+  for (const Candidate* candidate : allowed) candidate_of_id.emplace(candidate->image_id, candidate);
+  Candidates chosen;
+  for (const uint32_t image_id : index_->Query(descriptors, idle_threads)) {
+    if (chosen.size() == num_retrieved_) break;
+    const auto candidate = candidate_of_id.find(image_id);
+    if (candidate != candidate_of_id.end()) chosen.push_back(candidate->second);
+  }
+  std::sort(chosen.begin(), chosen.end());  // by address and so by name, because candidates_ is sorted by name
+  return chosen;
+}
+
+PhotoCamera PhotoLoader::CameraOf(const PhotoQuery& photo, const PhotoProperties& properties) const {
+  if (photo.camera) return {*photo.camera, photo.source};
+  return ChoosePhotoCamera(properties, default_camera_, database_cameras_.OfSize(properties));
+}
+
+PhotoLoader::DatabaseFeatures PhotoLoader::LoadPairs(const Candidates& candidates, const FeatureReader& reader,
+                                                     LocalizationProblem* problem,
+                                                     std::vector<std::string>* damages) const {
+  DatabaseFeatures database_features;
+  for (const Candidate* candidate : candidates) {
+    const uint32_t image_id = candidate->image_id;
+    try {
+      database_features.push_back(features_.Get(image_id, [&] { return reader.Read(image_id); }));
+      problem->pairs.push_back(selection_.MakePair(*candidate->image));
+    } catch (const DamagedRecordError& error) {
+      damages->push_back(error.Damage());
+    }
+  }
+  return database_features;
+}
+
+std::optional<LocalizationProblem> PhotoLoader::Load(const PhotoQuery& photo, const FeatureReader& features,
+                                                     IdleThreads* idle_threads, QueryRecord* record) const {
+  const std::filesystem::path path =
+      std::filesystem::path(options_.image_path) / (photo.path.empty() ? photo.name : photo.path);
+  std::optional<PhotoFile> file = photo.file;
+  Measure("extraction", record, [&] { file = file ? file : PhotoFile::Read(path); });
+  if (!file) {
+    return Refuse(QueryStatus::UNREADABLE_IMAGE, path.string() + " does not exist or is not a readable image",
+                  &record->result);
+  }
+  const PhotoProperties& properties = file->Properties();
+  const PhotoCamera chosen = CameraOf(photo, properties);
+  record->intrinsics_source = chosen.source;
+  if (chosen.camera.width != properties.width || chosen.camera.height != properties.height) {
+    return Refuse(QueryStatus::INCONSISTENT_INTRINSICS,
+                  "the intrinsics are for " + SizeText(chosen.camera.width, chosen.camera.height) +
+                      " pixels, but the photo has " + SizeText(properties.width, properties.height),
+                  &record->result);
+  }
+  Features query_features;
+  Measure("extraction", record, [&] {
+    query_features = ExtractLikeDatabase(*file, MeanFocalLength(chosen.camera), options_.matching.extraction,
+                                         statistics_, idle_threads);
+  });
+  LocalizationProblem problem;
+  problem.query_name = photo.name;
+  problem.query_camera = chosen.camera;
+  problem.intrinsics_origin = chosen.Origin();
+  problem.alternative_camera = chosen.alternative;
+  problem.query_keypoints = record->keypoints = Positions(query_features.keypoints);
+  DatabaseFeatures database_features;
+  if (!problem.query_keypoints.empty()) {
+    Candidates candidates;
+    Measure("retrieval", record,
+            [&] { candidates = ChooseCandidates(photo, query_features.descriptors, idle_threads); });
+    Measure("load", record, [&] { database_features = LoadPairs(candidates, features, &problem, &record->damages); });
+    MatchPairs(query_features, database_features, pair_options_, idle_threads, &problem, &record->seconds);
+  }
+  if (matches_output_) {
+    Measure("matches_output", record, [&] { matches_output_->Write(problem, query_features, database_features); });
+  }
+  return problem;
+}
+
+void PhotoLoader::PublishMatches() const {
+  if (matches_output_) matches_output_->Publish();
+}
+
+}  // namespace lazyloc

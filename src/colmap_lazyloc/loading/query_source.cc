@@ -1,0 +1,169 @@
+#include "colmap_lazyloc/loading/query_source.h"
+
+#include <utility>
+
+#include "colmap_lazyloc/formats/model_reader.h"
+#include "colmap_lazyloc/scene/errors.h"
+#include "colmap_lazyloc/scene/options_check.h"
+
+namespace lazyloc {
+
+bool SourceOptions::Check(std::string* error) const {
+  OPTION_GE(num_retrieved, 1);
+  if (!photos.image_path.empty() && selection.leave_one_out) {
+    *error = "image_path excludes --LazyLocalizer.leave_one_out, whose queries are posed images of the database";
+    return false;
+  }
+  return selection.groups.Check(error) && photos.Check(error) && priors.Check(error) && depth.Check(error);
+}
+
+LoadedGroup LoadEach(const GroupInput& input, const LoadQueryFunction& load_query) {
+  LoadedGroup loaded;
+  loaded.group.has_rig_scale = input.has_rig_scale;
+  for (const GroupInput::Frame& frame : input.frames) {
+    const int frame_index = static_cast<int>(loaded.group.frame_names.size());
+    for (const GroupInput::Image& image : frame.images) {
+      QueryRecord record;
+      std::optional<LocalizationProblem> problem = load_query(image.query, &record);
+      if (problem) {
+        problem->prior = image.prior;
+        loaded.group.images.push_back({*std::move(problem), frame_index, image.cam_from_rig});
+        loaded.records.push_back(std::move(record));
+      } else {
+        record.result.priors = UntestedPriors(image.prior);
+        loaded.failures.push_back(std::move(record));
+      }
+    }
+    const bool has_images = !loaded.group.images.empty() && loaded.group.images.back().frame == frame_index;
+    if (has_images) loaded.group.frame_names.push_back(frame.name);
+  }
+  return loaded;
+}
+
+QuerySource::QuerySource(const SourceOptions& options, const TwoViewGeometryOptions& verification, int seed,
+                         int num_threads)
+    : QuerySource(options, ReadModel(options.input_path), verification, seed, num_threads) {}
+
+QuerySource::QuerySource(const SourceOptions& options, Model model, const TwoViewGeometryOptions& verification,
+                         int seed, int num_threads)
+    : options_(options),
+      pair_options_({options.photos.matching.matching, verification, seed}),
+      num_threads_(num_threads),
+      database_(options.database_path),
+      selection_(database_, std::move(model), options.selection, !options.photos.image_path.empty()),
+      pair_loader_(selection_, options.num_retrieved),
+      priors_(ReadQueryPriors(options.priors,
+                              [this](const std::string& name) { return selection_.FindGroup(name).has_value(); })),
+      neighbours_(selection_, verification.min_num_inliers),
+      depth_points_(selection_),
+      max_num_pairs_(options.selection.pairs_path.empty() ? options.num_retrieved : 0) {
+  if (!options.depth.depth_path.empty()) depth_maps_.emplace(options.depth);
+  if (!selection_.Photos().empty()) Photos();
+}
+
+const PhotoLoader& QuerySource::Photos() const {
+  std::call_once(photo_loader_is_made_, [this] {
+    photo_loader_ = std::make_unique<PhotoLoader>(database_, selection_, options_.photos, options_.num_retrieved,
+                                                  pair_options_, num_threads_, options_.selection.has_more_queries);
+  });
+  return *photo_loader_;
+}
+
+QuerySource::Session::Session(const QuerySource& source, IdleThreads* idle_threads)
+    : database_(source.database_.Path()), idle_threads_(idle_threads) {}
+
+std::optional<LocalizationProblem> QuerySource::LoadNamed(const std::string& name, Session* session,
+                                                          QueryRecord* record) const {
+  const auto photo = selection_.Photos().find(name);
+  if (photo != selection_.Photos().end()) return LoadPhoto(photo->second, session, record);
+  record->result.query_name = name;
+  const StageTimer timer("load", &record->seconds);
+  const StoredQuery query = selection_.ReadStoredQuery(name, session->database_);
+  record->intrinsics_source = query.source;
+  return pair_loader_.Load(query, session->database_, &record->damages);
+}
+
+std::optional<LocalizationProblem> QuerySource::LoadPhoto(const PhotoQuery& photo, Session* session,
+                                                          QueryRecord* record) const {
+  record->result.query_name = photo.name;
+  if (!photo.damage.empty()) throw DamagedRecordError(database_.Path().string(), photo.damage);
+  const PhotoLoader& photos = Photos();
+  if (!session->features_) session->features_ = std::make_unique<FeatureReader>(database_.Path());
+  return photos.Load(photo, *session->features_, session->idle_threads_, record);
+}
+
+LoadedGroup QuerySource::Load(size_t group, Session* session) const {
+  GroupInput input;
+  input.has_rig_scale = selection_.Groups().has_rig_scale;
+  for (const QueryFrame& frame : selection_.Groups().At(group)) {
+    input.frames.push_back({frame.name, {}});
+    for (const QueryFrame::Image& image : frame.images) {
+      input.frames.back().images.push_back({std::string(image.name), image.cam_from_rig});
+    }
+  }
+  return Load(input, session);
+}
+
+GroupInput QuerySource::WithPriors(GroupInput input) const {
+  if (priors_.empty()) return input;
+  for (GroupInput::Frame& frame : input.frames) {
+    for (GroupInput::Image& image : frame.images) {
+      const auto* name = std::get_if<std::string>(&image.query);
+      const auto prior = name == nullptr ? priors_.end() : priors_.find(*name);
+      if (prior == priors_.end()) continue;
+      if (!image.prior.position) image.prior.position = prior->second.position;
+      if (!image.prior.gravity) image.prior.gravity = prior->second.gravity;
+    }
+  }
+  return input;
+}
+
+LoadedGroup QuerySource::Load(const GroupInput& input, Session* session) const {
+  LoadedGroup loaded = LoadEach(
+      WithPriors(input), [&](const QueryInput& query, QueryRecord* record) -> std::optional<LocalizationProblem> {
+        try {
+          if (const auto* name = std::get_if<std::string>(&query)) return LoadNamed(*name, session, record);
+          if (const auto* photo = std::get_if<PhotoQuery>(&query)) return LoadPhoto(*photo, session, record);
+          return std::get<LocalizationProblem>(query);
+        } catch (const DamagedRecordError& error) {
+          record->result.status = QueryStatus::DAMAGED_DATA;
+          record->result.reason = error.Damage();
+          return std::nullopt;
+        }
+      });
+  pair_loader_.LoadQueryPairs(session->database_, &loaded);
+  AddDatabaseEvidence(session, &loaded);
+  return loaded;
+}
+
+void QuerySource::AddDatabaseEvidence(Session* session, LoadedGroup* loaded) const {
+  if (options_.reads_database_pairs) neighbours_.AddTo(session->database_, loaded);
+  if (!depth_maps_) return;
+  for (QueryImage& query : loaded->group.images) {
+    const StageTimer timer("depth", &loaded->records[&query - loaded->group.images.data()].seconds);
+    for (ImagePair& pair : query.problem.pairs) {
+      const DatabaseImage* image = selection_.FindInDatabase(pair.other_name);
+      if (image == nullptr) continue;
+      pair.other_depths =
+          depth_maps_->AtKeypoints(pair.other_name, image->image_id, pair.other_camera, pair.other_keypoints);
+      if (pair.other_depths.empty()) continue;
+      pair.other_point_depths =
+          depth_points_.AtKeypoints(pair.other_name, query.problem.query_name, session->database_);
+      // Leaves out points of other keypoints than the stored ones, which a caller may bring.
+      if (pair.other_point_depths.size() != pair.other_keypoints.size()) pair.other_point_depths.clear();
+    }
+  }
+}
+
+std::vector<std::string> QuerySource::Warnings() const {
+  std::vector<std::string> warnings = selection_.Warnings();
+  if (photo_loader_)
+    warnings.insert(warnings.end(), photo_loader_->Warnings().begin(), photo_loader_->Warnings().end());
+  return warnings;
+}
+
+void QuerySource::PublishMatches() const {
+  if (photo_loader_) photo_loader_->PublishMatches();
+}
+
+}  // namespace lazyloc

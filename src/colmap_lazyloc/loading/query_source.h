@@ -1,0 +1,138 @@
+#pragma once
+
+#include <functional>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <string>
+#include <variant>
+#include <vector>
+
+#include "colmap_lazyloc/bridge/two_view_geometry.h"
+#include "colmap_lazyloc/database/database_reader.h"
+#include "colmap_lazyloc/database/feature_reader.h"
+#include "colmap_lazyloc/formats/query_prior_files.h"
+#include "colmap_lazyloc/loading/database_neighbours.h"
+#include "colmap_lazyloc/loading/depth_maps.h"
+#include "colmap_lazyloc/loading/depth_points.h"
+#include "colmap_lazyloc/loading/pair_loader.h"
+#include "colmap_lazyloc/loading/photo_loader.h"
+#include "colmap_lazyloc/math/parallel_for.h"
+#include "colmap_lazyloc/queries/query_record.h"
+#include "colmap_lazyloc/queries/query_selection.h"
+
+namespace lazyloc {
+
+// Everything that says where queries come from and what they are localized against.
+struct SourceOptions {
+  std::string database_path, input_path;
+  int num_retrieved = 20;  // database images per query
+  QuerySelectionOptions selection;
+  PhotoOptions photos;
+  QueryPriorOptions priors;
+  DepthMapOptions depth;
+  // False if the errors of database poses are stated, so that pairs of database images need not tell them.
+  bool reads_database_pairs = true;
+
+  bool Check(std::string* error) const;
+};
+
+// A query: the name of one that the selection knows, a photo, or features and matches.
+using QueryInput = std::variant<std::string, PhotoQuery, LocalizationProblem>;
+
+// Queries that are localized together.
+struct GroupInput {
+  struct Image {
+    QueryInput query;
+    Rigid3d cam_from_rig;
+    QueryPrior prior = {};
+  };
+  struct Frame {
+    std::string name;
+    std::vector<Image> images;
+  };
+  std::vector<Frame> frames;
+  bool has_rig_scale = true;  // false if the unit of cam_from_rig is unknown
+};
+
+// Returns the problem of a query, or nullopt with status and reason in the record.
+using LoadQueryFunction = std::function<std::optional<LocalizationProblem>(const QueryInput&, QueryRecord*)>;
+// Loads the queries of a group, but no pairs among them.
+LoadedGroup LoadEach(const GroupInput& input, const LoadQueryFunction& load_query);
+
+// The queries of a run, in groups that are localized together. Whether a query is an image of the database or a photo,
+// it is loaded here.
+class QuerySource {
+ public:
+  // The readers of one thread.
+  class Session;
+
+  // verification, seed, num_threads: for photos, whose matches are verified and whose retrieval index is made here
+  // (num_threads: -1 for the number of cores). Throws InputError for files and options that cannot be used.
+  QuerySource(const SourceOptions& options, const TwoViewGeometryOptions& verification, int seed, int num_threads);
+  // Does the same with a model that is in memory instead of the one at input_path.
+  QuerySource(const SourceOptions& options, Model model, const TwoViewGeometryOptions& verification, int seed,
+              int num_threads);
+
+  const QuerySelection& Selection() const { return selection_; }
+  size_t NumGroups() const { return selection_.Groups().Size(); }
+  size_t NumQueries() const { return selection_.NumQueries(); }
+  // Returns the posed images that queries are localized against.
+  const Model& DatabaseModel() const { return selection_.DatabaseModel(); }
+  const DatabaseReader& Database() const { return database_; }
+  // Returns one line for each problem that does not end the run.
+  std::vector<std::string> Warnings() const;
+  // Returns one line on how the features of photos are extracted; empty without photos.
+  std::string DescribeExtraction() const { return photo_loader_ ? photo_loader_->DescribeExtraction() : ""; }
+  // Returns how many pairs of a query the localizer is to use of those that are loaded; 0 for all.
+  int MaxNumPairs() const { return max_num_pairs_; }
+  // Loads one group of the selection. Thread-safe with one session per thread. Throws InputError for a damaged
+  // file; damaged records become statuses (DAMAGED_DATA) or are left out.
+  LoadedGroup Load(size_t group, Session* session) const;
+  // Loads any group in the same way. The first photo may take long, because it makes the retrieval index.
+  LoadedGroup Load(const GroupInput& input, Session* session) const;
+  // Adds what the database images of the pairs tell by themselves, which Load does too: pairs with each other, and the
+  // depths of their keypoints.
+  void AddDatabaseEvidence(Session* session, LoadedGroup* loaded) const;
+  // Returns the depth maps of database images; null without a folder of maps.
+  const DepthMaps* Depths() const { return depth_maps_ ? &*depth_maps_ : nullptr; }
+  // Publishes the photos' features and matches, if they are kept.
+  void PublishMatches() const;
+
+ private:
+  // Returns the loader of photos, which the first call makes.
+  const PhotoLoader& Photos() const;
+  // Gives named queries the priors in files that they lack.
+  GroupInput WithPriors(GroupInput input) const;
+  std::optional<LocalizationProblem> LoadNamed(const std::string& name, Session* session, QueryRecord* record) const;
+  std::optional<LocalizationProblem> LoadPhoto(const PhotoQuery& photo, Session* session, QueryRecord* record) const;
+
+  const SourceOptions options_;
+  const PairMatchingOptions pair_options_;
+  const int num_threads_;
+  DatabaseReader database_;
+  QuerySelection selection_;
+  PairLoader pair_loader_;
+  std::map<std::string, QueryPrior> priors_;  // by query; those in files
+  std::optional<DepthMaps> depth_maps_;       // nullopt without a folder of maps
+  DatabaseNeighbours neighbours_;
+  DepthPoints depth_points_;
+  int max_num_pairs_ = 0;
+  mutable std::once_flag photo_loader_is_made_;
+  mutable std::unique_ptr<PhotoLoader> photo_loader_;  // null until a query is a photo
+};
+
+class QuerySource::Session {
+ public:
+  // idle_threads: help with the pairs of photos.
+  Session(const QuerySource& source, IdleThreads* idle_threads);
+
+ private:
+  friend class QuerySource;
+  DatabaseReader database_;
+  std::unique_ptr<FeatureReader> features_;  // null until a query is a photo
+  IdleThreads* idle_threads_;
+};
+
+}  // namespace lazyloc

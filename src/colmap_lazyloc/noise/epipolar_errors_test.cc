@@ -1,0 +1,110 @@
+#include "colmap_lazyloc/noise/epipolar_errors.h"
+
+#include <Eigen/Cholesky>
+#include <gtest/gtest.h>
+
+#include "colmap_lazyloc/math/so3.h"
+#include "colmap_lazyloc/testing/synthetic_scene.h"
+
+namespace lazyloc {
+namespace {
+
+constexpr double kFocalLengthPx = 500, kDistance = 6;
+using Vector6d = Eigen::Matrix<double, 6, 1>;
+
+// Returns the observation of a pinhole camera at a point in pixels relative to its principal point.
+Observation Observe(const Eigen::Vector2d& xy) {
+  Observation observation;
+  observation.ray_in_cam = (xy / kFocalLengthPx).homogeneous().normalized();
+  const Eigen::Vector3d& ray = observation.ray_in_cam;
+  observation.px_from_cam << 1, 0, -ray.x() / ray.z(), 0, 1, -ray.y() / ray.z();
+  observation.px_from_cam *= kFocalLengthPx / ray.z();
+  return observation;
+}
+
+// Two cameras side by side that look at points in a cube, and their matches.
+struct TwoCameras {
+  explicit TwoCameras(double baseline = 1.0, int num_points = 150, double noise_px = 0) {
+    cam_from_world = LookAt({0, 0, -kDistance}, {0, 0, 0});
+    other_from_world = LookAt({baseline, 0.1 * baseline, -kDistance}, {0.2, 0, 0});
+    std::normal_distribution<double> noise(0, 1);
+    for (int i = 0; i < num_points; ++i) {
+      const Eigen::Vector3d point = RandomVector(&random);
+      Eigen::Vector2d xy[2];
+      for (const int k : {0, 1}) {
+        const Eigen::Vector3d in_cam = (k == 0 ? cam_from_world : other_from_world) * point;
+        xy[k] = kFocalLengthPx * in_cam.hnormalized();
+        xy[k] += noise_px * Eigen::Vector2d(noise(random), noise(random));
+      }
+      matches.push_back({Observe(xy[0]), Observe(xy[1])});
+    }
+  }
+
+  Random random{7};
+  Rigid3d cam_from_world, other_from_world;
+  std::vector<MatchedRays> matches;
+};
+
+// Returns the pose whose deviation from it, in pixels, is that of `pose`.
+Rigid3d GivenPose(const Rigid3d& pose, const Vector6d& deviation_px) {
+  const Eigen::Vector3d turn = deviation_px.head<3>() / kFocalLengthPx;
+  const Eigen::Vector3d centre = CamInWorld(pose) - deviation_px.tail<3>() * kDistance / kFocalLengthPx;
+  return CamFromWorld((pose.rotation * ExpSO3(turn).conjugate()).normalized(), centre);
+}
+
+Vector6d MostLikely(const EpipolarFit& fit) {
+  Eigen::Matrix<double, 6, 6> equations = fit.information;
+  equations.diagonal().array() += 1e-6;
+  return equations.ldlt().solve(fit.rhs);
+}
+
+TEST(FitEpipolarErrors, FindsTheDeviationButForTheBaseline) {
+  const TwoCameras cameras;
+  const Vector6d deviation = (Vector6d() << 1, -2, 1.5, 0.1, -1, 2).finished();
+  const Rigid3d given = GivenPose(cameras.other_from_world, deviation);
+  const auto fit = FitEpipolarErrors(cameras.cam_from_world, given, cameras.matches);
+  ASSERT_TRUE(fit);
+  EXPECT_NEAR(fit->scale.focal_length_px, kFocalLengthPx, 0.05 * kFocalLengthPx);
+  EXPECT_NEAR(fit->scale.distance, kDistance, 0.1 * kDistance);
+  EXPECT_LT(fit->noise_px, 0.25);
+  const Eigen::Vector3d along = (CamInWorld(given) - CamInWorld(cameras.cam_from_world)).normalized();
+  EXPECT_LT((fit->information.bottomRightCorner<3, 3>() * along).norm(), 1e-6 * fit->information.norm());
+  Vector6d difference = MostLikely(*fit) - deviation;
+  difference.tail<3>() -= difference.tail<3>().dot(along) * along;
+  EXPECT_LT(difference.norm(), 0.3);
+}
+
+TEST(FitEpipolarErrors, IsNotLedAstrayByFalseMatches) {
+  TwoCameras cameras(1.0, 150, 0.5);
+  const auto clean = FitEpipolarErrors(cameras.cam_from_world, cameras.other_from_world, cameras.matches);
+  for (size_t i = 0; i < 30; ++i) std::swap(cameras.matches[i].observation, cameras.matches[i + 60].observation);
+  const auto fit = FitEpipolarErrors(cameras.cam_from_world, cameras.other_from_world, cameras.matches);
+  ASSERT_TRUE(clean && fit);
+  EXPECT_LT(clean->noise_px, 0.7);
+  EXPECT_GT(clean->noise_px, 0.3);
+  EXPECT_LT(fit->noise_px, 1.5);
+  EXPECT_LT(MostLikely(*fit).head<3>().norm(), 6);
+}
+
+TEST(FitEpipolarErrors, ManyMatchesAreNotMoreExactThanTheirCommonErrors) {
+  const TwoCameras few(1.0, 2000), many(1.0, 20000);
+  const auto fit = FitEpipolarErrors(few.cam_from_world, few.other_from_world, few.matches);
+  const auto more = FitEpipolarErrors(many.cam_from_world, many.other_from_world, many.matches);
+  ASSERT_TRUE(fit && more);
+  EXPECT_LT(more->information.trace(), 1.2 * fit->information.trace());
+}
+
+TEST(FitEpipolarErrors, NothingWithoutEvidence) {
+  const TwoCameras few(1.0, 20), near(0.1), none(0);
+  EXPECT_FALSE(FitEpipolarErrors(few.cam_from_world, few.other_from_world, few.matches));
+  EXPECT_FALSE(FitEpipolarErrors(near.cam_from_world, near.other_from_world, near.matches));
+  EXPECT_FALSE(FitEpipolarErrors(none.cam_from_world, none.cam_from_world, none.matches));
+  TwoCameras random;
+  for (size_t i = 0; i < random.matches.size(); ++i) {
+    random.matches[i].observation = random.matches[(7 * i + 3) % random.matches.size()].observation;
+  }
+  EXPECT_FALSE(FitEpipolarErrors(random.cam_from_world, random.other_from_world, random.matches));
+}
+
+}  // namespace
+}  // namespace lazyloc

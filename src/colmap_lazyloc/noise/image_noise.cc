@@ -1,0 +1,100 @@
+#include "colmap_lazyloc/noise/image_noise.h"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "colmap_lazyloc/math/median.h"
+
+namespace lazyloc {
+namespace {
+
+// Median of |r| for a two-dimensional normal distribution, in standard deviations per coordinate.
+constexpr double kMedianOfNorm = 1.17741;
+// Weight of the common noise in that of an image, in tracks.
+constexpr double kNumPriorTracks = 20;
+
+// Returns the ratio of median to mean of the chi-square distribution (Wilson and Hilferty 1931).
+double MedianOverMean(double degrees_of_freedom) { return std::pow(1 - 2 / (9 * degrees_of_freedom), 3); }
+
+// Shrinks an image's own noise towards the common noise.
+double ShrunkNoisePx(std::vector<double> errors_px, double common_px) {
+  if (errors_px.empty()) return common_px;
+  const double num_tracks = static_cast<double>(errors_px.size());
+  const double own_px = Median(std::move(errors_px)) / kMedianOfNorm;
+  return std::exp(
+      (num_tracks * std::log(std::max(own_px, 1e-9)) + kNumPriorTracks * std::log(std::max(common_px, 1e-9))) /
+      (num_tracks + kNumPriorTracks));
+}
+
+// Returns the common noise of images that have only tracks of two observations, from those with a depth: one degree of
+// freedom is left of each. Returns the present noise without such tracks.
+std::vector<double> EstimateNoiseByDepths(const PosedImages& posed, const std::vector<Track>& tracks,
+                                          double min_noise_px, std::vector<double> present_px) {
+  constexpr double kMedianOfSquare = 0.4549;  // of the chi-square distribution with one degree of freedom
+  const std::vector<Rigid3d> cams_from_world = CamsFromWorld(posed);
+  std::vector<double> squared_px;
+  for (const Track& track : tracks) {
+    double squared_error_px = 0;
+    bool has_depth = false;
+    for (const TrackObservation& element : track.observations) {
+      const Eigen::Vector3d point_in_cam = cams_from_world[element.image] * track.point_in_world;
+      squared_error_px += ReprojectionError(element.observation, point_in_cam).squaredNorm();
+      has_depth = has_depth || (element.depth > 0 && posed.images[element.image].depth_scale);
+    }
+    if (has_depth) squared_px.push_back(squared_error_px / (track.noise_ratio * track.noise_ratio));
+  }
+  if (squared_px.empty()) return present_px;
+  const double noise_px = std::sqrt(Median(std::move(squared_px)) / kMedianOfSquare);
+  return std::vector<double>(present_px.size(), std::max(noise_px, min_noise_px));
+}
+
+}  // namespace
+
+double MeasureSingleImageSpread(const PosedImages& posed, const std::vector<Track>& tracks) {
+  const std::vector<Rigid3d> cams_from_world = CamsFromWorld(posed);
+  std::vector<double> single, others;
+  for (const Track& track : tracks) {
+    double squared_error = 0;
+    for (const TrackObservation& element : track.observations) {
+      const Eigen::Vector3d point_in_cam = cams_from_world[element.image] * track.point_in_world;
+      squared_error += ReprojectionError(element.observation, point_in_cam).squaredNorm() /
+                       std::pow(posed.images[element.image].noise_px, 2);
+    }
+    const double degrees_of_freedom = 2.0 * static_cast<double>(track.observations.size()) - 3;
+    (HasSeveralDatabaseFrames(posed, track.observations) ? others : single)
+        .push_back(squared_error / (degrees_of_freedom * MedianOverMean(degrees_of_freedom)));
+  }
+  if (single.empty() || others.empty()) return 1;
+  const double num_tracks = static_cast<double>(single.size());
+  const double spread = Median(std::move(single)) / std::max(Median(std::move(others)), 1e-18);
+  return std::pow(std::max(spread, 1.0), num_tracks / (num_tracks + kNumPriorTracks));
+}
+
+std::vector<double> EstimateImageNoise(const PosedImages& posed, const std::vector<Track>& tracks,
+                                       double min_noise_px) {
+  const std::vector<Rigid3d> cams_from_world = CamsFromWorld(posed);
+  std::vector<std::vector<double>> errors_px(posed.images.size());
+  std::vector<double> all_px;
+  for (const Track& track : tracks) {
+    const double num_residuals = 2.0 * static_cast<double>(track.observations.size());
+    if (num_residuals <= 4) continue;  // the point takes up nearly all degrees of freedom
+    const double correction = std::sqrt(num_residuals / (num_residuals - 3)) / track.noise_ratio;
+    for (const TrackObservation& element : track.observations) {
+      const Eigen::Vector3d point_in_cam = cams_from_world[element.image] * track.point_in_world;
+      const double error_px = correction * ReprojectionError(element.observation, point_in_cam).norm();
+      errors_px[element.image].push_back(error_px);
+      if (posed.IsDatabase(element.image)) all_px.push_back(error_px);
+    }
+  }
+  std::vector<double> noise_px;
+  for (const Image& image : posed.images) noise_px.push_back(image.noise_px);
+  if (all_px.empty()) return EstimateNoiseByDepths(posed, tracks, min_noise_px, std::move(noise_px));
+  const double common_px = Median(std::move(all_px)) / kMedianOfNorm;
+  for (size_t image = 0; image < noise_px.size(); ++image) {
+    noise_px[image] = std::max(ShrunkNoisePx(std::move(errors_px[image]), common_px), min_noise_px);
+  }
+  return noise_px;
+}
+
+}  // namespace lazyloc

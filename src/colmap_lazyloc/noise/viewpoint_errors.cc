@@ -1,0 +1,87 @@
+#include "colmap_lazyloc/noise/viewpoint_errors.h"
+
+#include <algorithm>
+
+#include "colmap_lazyloc/math/so3.h"
+#include "colmap_lazyloc/noise/database_priors.h"
+#include "colmap_lazyloc/refinement/pose_prior.h"
+#include "colmap_lazyloc/refinement/prior_precision.h"
+
+namespace lazyloc {
+namespace {
+
+// Returns the expected errors at viewpoints, one per row: rotation, then displacement, in the priors' standard
+// deviations.
+Eigen::MatrixXd PredictErrors(const PosedImages& adjusted, const PriorGroup& group, const Rigid3d& first,
+                              const std::vector<Rigid3d>& viewpoints, double scene_distance) {
+  const auto size = static_cast<Eigen::Index>(group.frames.size());
+  const auto num_viewpoints = static_cast<Eigen::Index>(viewpoints.size());
+  std::vector<Rigid3d> poses;
+  Eigen::MatrixXd corrections(size, 6);
+  for (const int frame : group.frames) {
+    const PosePrior& prior = *adjusted.frames[frame].prior;
+    corrections.row(static_cast<Eigen::Index>(poses.size())) =
+        EvaluatePosePrior(prior, adjusted.frames[frame].frame_from_world).error;
+    poses.push_back(prior.frame_from_world);
+  }
+  poses.insert(poses.end(), viewpoints.begin(), viewpoints.end());
+  // Covariance of the errors at the viewpoints with those of the corrected frames. Only the part that changes with the
+  // viewpoint is common to both.
+  const Eigen::MatrixXd shared =
+      group.components[0].variance *
+      ViewpointErrorShape(poses, first, scene_distance).bottomLeftCorner(num_viewpoints, size);
+  const PriorPrecision precision = ComputePriorPrecision(group);
+  Eigen::MatrixXd errors(num_viewpoints, 6);
+  errors << shared * precision.rotation * corrections.leftCols<3>(),
+      shared * precision.position * corrections.rightCols<3>();
+  return errors;
+}
+
+void MoveFrame(const PosedImages& adjusted, const PriorGroup& group, int query_frame, const std::vector<int>& images,
+               PosedImages* reported) {
+  const Rigid3d& frame_from_world = adjusted.frames[query_frame].frame_from_world;
+  const PosePrior& unit = *adjusted.frames[group.frames.front()].prior;  // its standard deviations are common to all
+  std::vector<Rigid3d> viewpoints;
+  for (const int image : images) viewpoints.push_back(CamFromWorld(adjusted, image));
+  const Eigen::MatrixXd errors =
+      PredictErrors(adjusted, group, frame_from_world, viewpoints, unit.position_stddev / unit.rotation_stddev_rad);
+  for (size_t i = 0; i < images.size(); ++i) {
+    const Eigen::Matrix<double, 6, 1> error = errors.row(static_cast<Eigen::Index>(i));
+    const Rigid3d& pose = viewpoints[i];
+    const Rigid3d moved =
+        CamFromWorld((pose.rotation * ExpSO3(-unit.rotation_stddev_rad * error.head<3>())).normalized(),
+                     CamInWorld(pose) - unit.position_stddev * error.tail<3>());
+    reported->images[images[i]].cam_from_frame = moved * Inverse(frame_from_world);
+  }
+}
+
+}  // namespace
+
+void MoveToGivenDatabase(const Layout& layout, const PosedImages& adjusted, PosedImages* reported) {
+  for (size_t i = 0; i < adjusted.prior_groups.size(); ++i) {  // one per query frame
+    const PriorGroup& group = adjusted.prior_groups[i];
+    if (group.frames.empty() || group.components.size() < 2) continue;  // stated errors are independent
+    std::vector<int> images;
+    for (const int image : layout.QueriesOf(static_cast<int>(i))) {
+      const int calibration = adjusted.images[image].calibration;
+      const bool is_stated = calibration >= 0 && adjusted.calibrations[calibration].is_stated_by_database;
+      if (image != layout.QueriesOf(static_cast<int>(i)).front() && !is_stated) images.push_back(image);
+    }
+    if (!images.empty()) MoveFrame(adjusted, group, static_cast<int>(i), images, reported);
+  }
+}
+
+PosedImages AsReported(const Layout& layout, const PosedImages& adjusted) {
+  PosedImages reported = adjusted;
+  MoveToGivenDatabase(layout, adjusted, &reported);
+  std::copy(layout.given.frames.begin() + layout.num_query_frames, layout.given.frames.end(),
+            reported.frames.begin() + layout.num_query_frames);
+  for (size_t i = 0; i < reported.images.size(); ++i) {
+    const Image& given = layout.given.images[i];
+    if (given.calibration < 0 || !layout.given.calibrations[given.calibration].is_stated_by_database) continue;
+    reported.images[i].cam_from_frame = given.cam_from_frame;
+  }
+  return reported;
+}
+
+}  // namespace lazyloc

@@ -1,0 +1,70 @@
+#include "colmap_lazyloc/priors/prior_comparison.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include <Eigen/Cholesky>
+
+#include "colmap_lazyloc/math/so3.h"
+#include "colmap_lazyloc/refinement/covariance.h"
+
+namespace lazyloc {
+namespace {
+
+// Quantiles of the chi-square distribution with 2 and 3 degrees of freedom.
+struct Quantiles {
+  double suspicious;     // 95 %
+  double contradictory;  // 99.9 %
+};
+constexpr Quantiles kTwoDegrees = {5.991, kContradictionOfTwo}, kThreeDegrees = {7.815, kContradictionOfThree};
+
+// Compares a deviation with its covariance. Returns the factor on the prior's covariance: at least 1, more the more
+// suspicious the prior is.
+template <typename Vector, typename Matrix>
+double Compare(const Vector& deviation, const Matrix& covariance, const Quantiles& quantiles, PriorResult* result) {
+  const double squared_sigma = deviation.dot(covariance.ldlt().solve(deviation));
+  result->deviation = deviation.norm();
+  result->deviation_sigma = std::sqrt(squared_sigma);
+  result->verdict = squared_sigma <= quantiles.contradictory ? PriorVerdict::USED : PriorVerdict::CONTRADICTED;
+  return std::max(1.0, squared_sigma / quantiles.suspicious);
+}
+
+}  // namespace
+
+double ComparePosition(const PositionPrior& prior, const Rigid3d& cam_from_world,
+                       const Eigen::Matrix<double, 6, 6>& covariance, PriorResult* result) {
+  return Compare(Eigen::Vector3d(prior.position - CamInWorld(cam_from_world)),
+                 Eigen::Matrix3d(prior.covariance + PositionCovariance(cam_from_world, covariance)), kThreeDegrees,
+                 result);
+}
+
+double CompareGravity(const GravityPrior& prior, const Eigen::Quaterniond& cam_from_world_rotation,
+                      const Eigen::Matrix3d& covariance, PriorResult* result) {
+  const Eigen::Vector3d down = cam_from_world_rotation * prior.down_in_world;
+  const Eigen::Matrix<double, 3, 2> basis = TangentBasis(down);
+  // Turns opposite directions, whose cross product is zero, about any axis.
+  Eigen::Vector2d axis = basis.transpose() * down.cross(prior.down_in_cam);
+  axis = axis.isZero(1e-9) ? Eigen::Vector2d::UnitX() : Eigen::Vector2d(axis.normalized());
+  const Eigen::Matrix2d turn_covariance = basis.transpose() * covariance * basis;
+  return Compare(Eigen::Vector2d(AngleBetweenRad(down, prior.down_in_cam) * axis),
+                 Eigen::Matrix2d(turn_covariance + prior.stddev_rad * prior.stddev_rad * Eigen::Matrix2d::Identity()),
+                 kTwoDegrees, result);
+}
+
+PlaceOnRay CompareWithRay(const PositionPrior& prior, const Ray& ray, PriorResult* result) {
+  const Eigen::Vector3d& direction = ray.direction_in_world;
+  const Eigen::LDLT<Eigen::Matrix3d> covariance(prior.covariance);
+  const Eigen::Vector3d information = covariance.solve(direction);
+  const Eigen::Vector3d offset = prior.position - ray.from_in_world;
+  const double stddev_along = 1 / std::sqrt(information.dot(direction));
+  // A query is ahead of the database image, at a distance that is not certain to be zero.
+  const double distance = std::max(information.dot(offset) * stddev_along * stddev_along, stddev_along);
+  const double across = ray.stddev_rad * distance;
+  const Eigen::Matrix3d around = across * across * (Eigen::Matrix3d::Identity() - direction * direction.transpose());
+  PlaceOnRay place{ray.from_in_world + distance * direction};
+  place.factor = Compare(Eigen::Vector3d(offset - distance * direction), Eigen::Matrix3d(prior.covariance + around),
+                         kTwoDegrees, result);
+  return place;
+}
+
+}  // namespace lazyloc

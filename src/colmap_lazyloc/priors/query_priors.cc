@@ -1,0 +1,205 @@
+#include "colmap_lazyloc/priors/query_priors.h"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include <Eigen/Cholesky>
+
+#include "colmap_lazyloc/math/so3.h"
+#include "colmap_lazyloc/noise/viewpoint_errors.h"
+#include "colmap_lazyloc/priors/prior_comparison.h"
+#include "colmap_lazyloc/priors/prior_fusion.h"
+#include "colmap_lazyloc/refinement/covariance.h"
+#include "colmap_lazyloc/uncertainty/pose_uncertainty.h"
+#include "colmap_lazyloc/uncertainty/position_ambiguity.h"
+
+namespace lazyloc {
+namespace {
+
+// Minimum variance factor beside a prior: as few points as fix a pose fit it exactly, which says nothing of their
+// noise.
+constexpr double kMinVarianceFactor = 1e-3;
+// Minimum distance of points over the standard deviation of a position that is known by a prior alone.
+constexpr double kMinDistanceRatio = 1e-6;
+
+// The pose that the images give a query.
+struct ImagePose {
+  Rigid3d cam_from_world;
+  Eigen::Matrix<double, 6, 6> covariance;
+};
+
+// Judges the priors of one query.
+class Judge {
+ public:
+  // reported: the poses with what the database states (AsReported), because priors are of what is reported.
+  Judge(const Layout& layout, const Refined& refined, const PosedImages& reported, int query, PriorJudgement* judgement)
+      : layout_(layout), refined_(refined), query_(query), judgement_(*judgement) {
+    pose_ = {CamFromWorld(reported, query), TotalCovariance(refined, query)};
+  }
+
+  // Judges the priors of a query whose pose the images determine.
+  void Determined() {
+    const QueryPrior& given = layout_.priors[query_];
+    QueryPriorResult& result = judgement_.results[query_];
+    if (given.position) {
+      UsePosition(ComparePosition(*given.position, pose_.cam_from_world, pose_.covariance, &*result.position));
+    }
+    CompareGravityIfGiven();
+    AddUsed();
+  }
+
+  // Judges the priors of a lone image whose position the images leave open. partial: what they determine of it.
+  void Open(const PartialPose& partial) {
+    const QueryPrior& given = layout_.priors[query_];
+    if (!given.position) return;  // gravity does not fix a position
+    PriorResult& result = *judgement_.results[query_].position;
+    Eigen::Vector3d place;
+    if (partial.bearing) {
+      const Bearing& bearing = *partial.bearing;
+      const PlaceOnRay on_ray = CompareWithRay(
+          *given.position,
+          {CentreOf(bearing.database_name), bearing.dir_database_to_query_in_world, bearing.stddev_rad}, &result);
+      UsePosition(on_ray.factor);
+      place = on_ray.place_in_world;
+    } else {
+      UsePosition(ComparePosition(*given.position, pose_.cam_from_world, pose_.covariance, &result));
+      place = MostProbablePlace(*given.position);
+    }
+    if (result.verdict != PriorVerdict::USED) return;
+    result.fixes = PriorRole::DISTANCE;
+    judgement_.open_line = LineThrough(partial, *used_.position);
+    CompareGravityIfGiven();
+    AddUsed();
+    judgement_.moves_start = true;
+    judgement_.start.frames[layout_.FrameOf(query_)].frame_from_world =
+        CamFromWorld(pose_.cam_from_world.rotation, place);
+  }
+
+ private:
+  // Divides by the variance factor, because the covariance of the adjustment is multiplied by it.
+  double CovarianceFactor(double factor) const {
+    return factor / std::max(refined_.variance_factor, kMinVarianceFactor);
+  }
+
+  void UsePosition(double factor) {
+    if (judgement_.results[query_].position->verdict != PriorVerdict::USED) return;
+    used_.position = layout_.priors[query_].position;
+    used_.position->covariance *= CovarianceFactor(factor);
+    // Moves the prior to where adjustment has the image.
+    used_.position->position +=
+        CamInWorld(CamFromWorld(refined_.adjustment.posed, query_)) - CamInWorld(pose_.cam_from_world);
+  }
+
+  void CompareGravityIfGiven() {
+    const std::optional<GravityPrior>& gravity = layout_.priors[query_].gravity;
+    if (!gravity) return;
+    PriorResult& result = *judgement_.results[query_].gravity;
+    const double factor =
+        CompareGravity(*gravity, pose_.cam_from_world.rotation, pose_.covariance.topLeftCorner<3, 3>(), &result);
+    if (result.verdict != PriorVerdict::USED) return;
+    used_.gravity = gravity;
+    used_.gravity->stddev_rad *= std::sqrt(CovarianceFactor(factor));
+  }
+
+  void AddUsed() {
+    if (used_.position || used_.gravity) judgement_.used.push_back({query_, used_});
+  }
+
+  // Returns the line that the images leave open: that of the bearing, or the least certain axis.
+  OpenLine LineThrough(const PartialPose& partial, const PositionPrior& used) const {
+    const Eigen::Vector3d direction =
+        partial.bearing ? partial.bearing->dir_database_to_query_in_world
+                        : ComputePoseSpread(pose_.cam_from_world, pose_.covariance).weakest_direction_in_world;
+    const double information = direction.dot(used.covariance.ldlt().solve(direction));
+    return {direction, std::max(refined_.variance_factor, kMinVarianceFactor) / information};
+  }
+
+  Eigen::Vector3d CentreOf(const std::string& database_name) const {
+    const auto name = std::find(layout_.names.begin() + layout_.num_queries, layout_.names.end(), database_name);
+    return CamInWorld(CamFromWorld(layout_.given, static_cast<int>(name - layout_.names.begin())));
+  }
+
+  // Returns the position by the images and the prior together.
+  Eigen::Vector3d MostProbablePlace(const PositionPrior& prior) const {
+    const Eigen::Vector3d centre = CamInWorld(pose_.cam_from_world);
+    const Eigen::Matrix3d covariance = PositionCovariance(pose_.cam_from_world, pose_.covariance);
+    const Eigen::Matrix3d sum = covariance + prior.covariance;
+    return centre + covariance * sum.ldlt().solve(prior.position - centre);
+  }
+
+  const Layout& layout_;
+  const Refined& refined_;
+  const int query_;
+  PriorJudgement& judgement_;
+  ImagePose pose_;
+  QueryPrior used_;
+};
+
+}  // namespace
+
+PriorJudgement JudgePriors(const Layout& layout, const PairRefs& pairs, const Refined& refined,
+                           const LocalizerOptions& options) {
+  PriorJudgement judgement;
+  judgement.start = refined.adjustment.posed;
+  for (const QueryPrior& prior : layout.priors) judgement.results.push_back(UntestedPriors(prior));
+  const PosedImages reported = AsReported(layout, refined.adjustment.posed);
+  const std::vector<TrackRefs> tracks_of = TracksByFrame(layout, refined.adjustment.tracks);
+  for (int query = 0; query < layout.num_queries; ++query) {
+    if (!layout.priors[query].position && !layout.priors[query].gravity) continue;
+    const int frame = layout.FrameOf(query);
+    // Compares nothing with a pose that has too few tracks, because it will be refused.
+    if (static_cast<int>(tracks_of[frame].size()) < options.min_num_tracks) continue;
+    const AdjustedFrame adjusted{layout,
+                                 pairs,
+                                 refined.adjustment,
+                                 frame,
+                                 tracks_of[frame],
+                                 refined.variance_factor,
+                                 refined.has_one_orientation};
+    Judge judge(layout, refined, reported, query, &judgement);
+    if (!IsPositionOpen(adjusted, options)) {
+      if (!IsFused(layout, refined.adjustment.posed, query)) judge.Determined();
+    } else if (layout.num_queries == 1) {
+      const Failure failure = OpenPositionFailure(adjusted, refined.variance_factor);
+      const auto partial = failure.partial_poses.find(query);
+      if (partial != failure.partial_poses.end()) judge.Open(partial->second);
+    }
+  }
+  return judgement;
+}
+
+void AdjustWithPriors(const std::vector<ImagePrior>& priors, const LocalizerOptions& options, QueryCamera* camera,
+                      Refined* refined) {
+  PosedImages posed = refined->adjustment.posed;
+  posed.query_priors = priors;
+  BundleAdjustmentResult adjustment = AdjustBundle(posed, refined->adjustment.tracks, options.bundle_adjustment);
+  if (!adjustment.summary.success) return;
+  if (camera != nullptr) {
+    camera->ScaleFocalLength(std::exp(*adjustment.posed.images[0].log_focal_factor));
+    adjustment.posed.images[0].log_focal_factor = 0;
+    adjustment.tracks = camera->Observe(adjustment.tracks);
+  }
+  refined->adjustment = std::move(adjustment);
+  LimitVarianceFactor(refined);
+}
+
+void LimitVarianceFactor(Refined* refined) {
+  refined->variance_factor = std::max(refined->variance_factor, kMinVarianceFactor);
+  refined->SetMissingVariances();
+}
+
+bool AreReconciled(const PriorJudgement& judgement, const Refined& refined) {
+  const PosedImages& posed = refined.adjustment.posed;
+  return std::all_of(judgement.used.begin(), judgement.used.end(), [&](const ImagePrior& used) {
+    if (!used.prior.position) return true;
+    PositionPrior prior = *used.prior.position;
+    prior.covariance *= refined.variance_factor;
+    const Rigid3d pose = CamFromWorld(posed, used.image);
+    const Eigen::Vector3d deviation = prior.position - CamInWorld(pose);
+    if (!(deviation.dot(prior.covariance.ldlt().solve(deviation)) <= kContradictionOfThree)) return false;
+    return MedianDistance(pose, refined.adjustment.tracks) > kMinDistanceRatio * std::sqrt(prior.covariance.trace());
+  });
+}
+
+}  // namespace lazyloc

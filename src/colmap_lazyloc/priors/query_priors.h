@@ -1,0 +1,41 @@
+#pragma once
+
+#include <vector>
+
+#include "colmap_lazyloc/group/layout.h"
+#include "colmap_lazyloc/intrinsics/focal_length.h"
+#include "colmap_lazyloc/scene/pair_geometry.h"
+#include "colmap_lazyloc/uncertainty/refined.h"
+
+namespace lazyloc {
+
+// What the poses that the images give say of the priors of the queries.
+struct PriorJudgement {
+  std::vector<QueryPriorResult> results;  // by query
+  std::vector<ImagePrior> used;           // for PosedImages::query_priors of the adjustment
+  // Poses to start from: those that the images give, but those whose position they leave open are where the images and
+  // the prior put them.
+  PosedImages start;
+  bool moves_start = false;           // true if the priors fix what the images leave open
+  std::optional<OpenLine> open_line;  // then
+};
+
+// Compares the priors with poses that were refined without them (prior_comparison.h). A prior that these contradict is
+// not used. Of a lone image whose position the images leave open, only what they determine is compared. Leaves priors
+// untested that FusePriors uses (prior_fusion.h).
+PriorJudgement JudgePriors(const Layout& layout, const PairRefs& pairs, const Refined& refined,
+                           const LocalizerOptions& options);
+
+// Adjusts refined poses that the images determine once more, with the priors. camera: for a query of unknown focal
+// length; else null.
+void AdjustWithPriors(const std::vector<ImagePrior>& priors, const LocalizerOptions& options, QueryCamera* camera,
+                      Refined* refined);
+
+// Raises a variance factor so small that a prior beside the images would have no weight.
+void LimitVarianceFactor(Refined* refined);
+
+// Returns false if the priors that fix a position were not reconciled with the images: the adjusted position then
+// deviates from its prior as if contradicted, or all points have moved into the query's projection centre.
+bool AreReconciled(const PriorJudgement& judgement, const Refined& refined);
+
+}  // namespace lazyloc

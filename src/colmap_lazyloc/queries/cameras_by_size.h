@@ -1,0 +1,30 @@
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <utility>
+#include <vector>
+
+#include "colmap_lazyloc/queries/photo_camera.h"
+#include "colmap_lazyloc/scene/model.h"
+
+namespace lazyloc {
+
+// The cameras of posed images by their size, of which one may have taken a query. Makes and models are not known.
+class CamerasBySize {
+ public:
+  CamerasBySize() = default;
+  CamerasBySize(const Model& model, const ExifFocalLengths& exif_focal_lengths);
+
+  // Returns the cameras that have the size of `camera`, or that with its sides exchanged, most used ones first. There
+  // are at most 1,000, because a database may have a camera for each image.
+  const std::vector<DatabaseCamera>& OfSize(const Camera& camera) const;
+
+ private:
+  using Size = std::pair<uint64_t, uint64_t>;  // shorter side first
+  static Size SizeOf(const Camera& camera);
+
+  std::map<Size, std::vector<DatabaseCamera>> cameras_;
+};
+
+}  // namespace lazyloc

@@ -1,0 +1,170 @@
+#include "colmap_lazyloc/queries/photo_camera.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "colmap_lazyloc/bridge/camera_models.h"
+
+namespace lazyloc {
+namespace {
+
+// Maximum ratio of a camera's focal length to that of EXIF. EXIF is often off by some per cent, because it rounds or
+// does not know the crop; another lens or zoom differs by more.
+constexpr double kMaxExifRatio = 1.25;
+// Maximum ratio of focal lengths that agree: those of one lens in cameras that were calibrated separately.
+constexpr double kMaxAgreeingRatio = 1.05;
+// Maximum ratio of focal lengths in EXIF that are the same, which are rounded.
+constexpr double kMaxSameExifRatio = 1.005;
+
+bool Agree(double a, double b, double max_ratio) { return std::abs(std::log(a / b)) <= std::log(max_ratio); }
+
+bool HasSize(const PhotoProperties& photo, const Camera& camera) {
+  return camera.width == photo.width && camera.height == photo.height;
+}
+
+bool ContradictsExif(const PhotoProperties& photo, const DatabaseCamera& camera, double focal_length_px) {
+  if (!photo.exif_camera.empty() && !camera.exif_camera.empty() && photo.exif_camera != camera.exif_camera) return true;
+  return photo.exif_focal_length_px && !Agree(focal_length_px, *photo.exif_focal_length_px, kMaxExifRatio);
+}
+
+// Returns the cameras whose images have the focal length of the photo's EXIF.
+std::vector<DatabaseCamera> OfSameDevice(const PhotoProperties& photo, const std::vector<DatabaseCamera>& cameras) {
+  std::vector<DatabaseCamera> same;
+  for (const DatabaseCamera& camera : cameras) {
+    if (photo.exif_focal_length_px && camera.exif_focal_length_px &&
+        Agree(*photo.exif_focal_length_px, *camera.exif_focal_length_px, kMaxSameExifRatio)) {
+      same.push_back(camera);
+    }
+  }
+  return same;
+}
+
+struct Candidate {
+  const DatabaseCamera* camera = nullptr;
+  double focal_length_px = 0;
+};
+
+// Returns the cameras of exactly the photo's size, or (is_turned) of the size with its sides exchanged.
+std::vector<Candidate> FindCandidates(const PhotoProperties& photo, const std::vector<DatabaseCamera>& cameras,
+                                      bool is_turned) {
+  std::vector<Candidate> candidates;
+  for (const DatabaseCamera& camera : cameras) {
+    if (!HasSizeOf(photo, camera.camera) || HasSize(photo, camera.camera) == is_turned) continue;
+    const std::optional<double> focal_length_px = MeanFocalLengthPx(camera.camera);
+    if (!focal_length_px || ContradictsExif(photo, camera, *focal_length_px)) continue;
+    candidates.push_back({&camera, *focal_length_px});
+  }
+  return candidates;
+}
+
+// Returns the camera of the image with the median focal length; nullopt if no more than half of the images agree on its
+// focal length.
+std::optional<Camera> ChooseByMajority(std::vector<Candidate> candidates) {
+  std::stable_sort(candidates.begin(), candidates.end(),
+                   [](const Candidate& a, const Candidate& b) { return a.focal_length_px < b.focal_length_px; });
+  int num_images = 0;
+  for (const Candidate& candidate : candidates) num_images += candidate.camera->num_images;
+  int num_below = 0;
+  for (const Candidate& median : candidates) {
+    num_below += median.camera->num_images;
+    if (2 * num_below < num_images) continue;
+    int num_agreeing = 0;
+    for (const Candidate& other : candidates) {
+      if (Agree(other.focal_length_px, median.focal_length_px, kMaxAgreeingRatio)) {
+        num_agreeing += other.camera->num_images;
+      }
+    }
+    return 2 * num_agreeing > num_images ? std::make_optional(median.camera->camera) : std::nullopt;
+  }
+  return std::nullopt;
+}
+
+std::optional<Camera> ChooseDatabaseCamera(const PhotoProperties& photo, const std::vector<DatabaseCamera>& cameras) {
+  const std::vector<Candidate> upright = FindCandidates(photo, cameras, /*is_turned=*/false);
+  if (!upright.empty()) return ChooseByMajority(upright);
+  std::optional<Camera> turned = ChooseByMajority(FindCandidates(photo, cameras, /*is_turned=*/true));
+  if (turned) turned = Transposed(*turned);
+  return turned;
+}
+
+// Returns a camera of the database if there is one, else `own`, which has the focal length of EXIF or a guessed one.
+PhotoCamera ChooseBetween(const PhotoCamera& own, const PhotoProperties& photo,
+                          const std::vector<DatabaseCamera>& database_cameras) {
+  // Does not compare EXIF's focal length with the refined one of the same device, because EXIF may be far off.
+  PhotoProperties without_focal_length = photo;
+  without_focal_length.exif_focal_length_px.reset();
+  if (std::optional<Camera> same = ChooseDatabaseCamera(without_focal_length, OfSameDevice(photo, database_cameras))) {
+    same->camera_id = own.camera.camera_id;
+    return {*same, IntrinsicsSource::DATABASE_CAMERA, /*is_same_device=*/true};
+  }
+  std::optional<Camera> shared = ChooseDatabaseCamera(photo, database_cameras);
+  const bool is_alternative = !shared && photo.exif_focal_length_px;
+  if (is_alternative) shared = ChooseDatabaseCamera(without_focal_length, database_cameras);
+  if (!shared) return own;
+  shared->camera_id = own.camera.camera_id;  // the ids are those of the model, but the photo's camera is its own
+  PhotoCamera chosen = own;
+  if (is_alternative) {
+    chosen.alternative = CandidateCamera{*shared, IntrinsicsOrigin::SHARED};
+    return chosen;
+  }
+  chosen = {*shared, IntrinsicsSource::DATABASE_CAMERA};
+  if (photo.exif_focal_length_px) chosen.alternative = CandidateCamera{own.camera, IntrinsicsOrigin::EXIF};
+  return chosen;
+}
+
+}  // namespace
+
+void ExifFocalLengths::Add(uint32_t camera_id, const Camera& stored) {
+  if (OriginOfStoredCamera(stored) != IntrinsicsOrigin::EXIF) return;
+  if (const std::optional<double> focal_length_px = MeanFocalLengthPx(stored)) {
+    focal_lengths_px_.emplace(camera_id, *focal_length_px);
+  }
+}
+
+std::optional<double> ExifFocalLengths::Find(uint32_t camera_id) const {
+  const auto found = focal_lengths_px_.find(camera_id);
+  return found == focal_lengths_px_.end() ? std::nullopt : std::make_optional(found->second);
+}
+
+IntrinsicsOrigin PhotoCamera::Origin() const {
+  switch (source) {
+    case IntrinsicsSource::MODEL: return IntrinsicsOrigin::MODEL;
+    case IntrinsicsSource::DATABASE: return OriginOfStoredCamera(camera);
+    case IntrinsicsSource::DATABASE_CAMERA: return is_same_device ? IntrinsicsOrigin::MODEL : IntrinsicsOrigin::SHARED;
+    case IntrinsicsSource::EXIF: return IntrinsicsOrigin::EXIF;
+    case IntrinsicsSource::GUESS: return IntrinsicsOrigin::GUESS;
+    default: return IntrinsicsOrigin::GIVEN;
+  }
+}
+
+bool HasSizeOf(const PhotoProperties& photo, const Camera& camera) {
+  return HasSize(photo, camera) || (camera.width == photo.height && camera.height == photo.width);
+}
+
+PhotoCamera ChoosePhotoCamera(const PhotoProperties& photo, const DefaultCamera& default_camera,
+                              const std::vector<DatabaseCamera>& database_cameras) {
+  if (!default_camera.params.empty()) {
+    return {{0, default_camera.model_id, photo.width, photo.height, default_camera.params, true},
+            IntrinsicsSource::CAMERA_PARAMS};
+  }
+  const double guess_px = GuessFocalLengthPx(photo.width, photo.height);
+  PhotoCamera own;
+  own.source = photo.exif_focal_length_px ? IntrinsicsSource::EXIF : IntrinsicsSource::GUESS;
+  own.camera = CameraFromFocalLength(default_camera.model_id, photo.exif_focal_length_px.value_or(guess_px),
+                                     photo.width, photo.height);
+  own.camera.has_prior_focal_length = photo.exif_focal_length_px.has_value();
+  return ChooseBetween(own, photo, database_cameras);
+}
+
+PhotoCamera ChooseStoredCamera(const Camera& stored, const std::vector<DatabaseCamera>& database_cameras) {
+  const IntrinsicsOrigin origin = OriginOfStoredCamera(stored);
+  PhotoCamera own{stored, IntrinsicsSource::DATABASE};
+  if (origin != IntrinsicsOrigin::EXIF && origin != IntrinsicsOrigin::GUESS) return own;
+  PhotoProperties photo;
+  photo.width = stored.width;
+  photo.height = stored.height;
+  if (origin == IntrinsicsOrigin::EXIF) photo.exif_focal_length_px = MeanFocalLengthPx(stored);
+  return ChooseBetween(own, photo, database_cameras);
+}
+
+}  // namespace lazyloc

@@ -1,0 +1,70 @@
+#pragma once
+
+#include <cstdint>
+#include <map>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "colmap_lazyloc/bridge/feature_extraction.h"
+#include "colmap_lazyloc/queries/intrinsics_source.h"
+#include "colmap_lazyloc/scene/camera.h"
+
+namespace lazyloc {
+
+// Intrinsics of a photo and where they were found.
+struct PhotoCamera {
+  Camera camera;
+  IntrinsicsSource source = IntrinsicsSource::GUESS;
+  bool is_same_device = false;  // true if EXIF shows that a camera of the database is the photo's, with the same zoom
+  std::optional<CandidateCamera> alternative =
+      std::nullopt;  // the second of the choices 2 and 3 below, if there are both
+
+  // Returns how far the images may correct the intrinsics.
+  IntrinsicsOrigin Origin() const;
+};
+
+// A camera of posed images.
+struct DatabaseCamera {
+  Camera camera;
+  int num_images = 0;
+  std::string exif_camera;  // make and model; empty if unknown
+  // Focal length in the EXIF of its images, before the reconstruction refined it.
+  std::optional<double> exif_focal_length_px = std::nullopt;
+};
+
+// The focal lengths in pixels that COLMAP found in the EXIF of posed images, by the id of the model's camera. A model
+// has refined ones, but the database file keeps what its reconstruction started from.
+class ExifFocalLengths {
+ public:
+  void Add(uint32_t camera_id, const Camera& stored);
+  std::optional<double> Find(uint32_t camera_id) const;
+
+ private:
+  std::map<uint32_t, double> focal_lengths_px_;
+};
+
+// Camera model and parameters for all photos without a camera of their own.
+struct DefaultCamera {
+  int model_id = 0;
+  std::vector<double> params;  // empty if they are not given
+};
+
+// True if photos of this size may have been taken with the camera, also with the photo turned by 90 degrees.
+bool HasSizeOf(const PhotoProperties& photo, const Camera& camera);
+
+// Chooses the intrinsics of a photo without a camera of its own, from the first of these:
+// 1. the parameters of the default camera;
+// 2. a camera of the database with the photo's size (else, with its sides exchanged). It must not contradict the make,
+//    model and focal length of EXIF, and more than half of the images with such cameras must agree on its focal length.
+//    Those whose own EXIF has the photo's focal length are the same device and come first;
+// 3. the focal length in EXIF. A camera that contradicts nothing else is the alternative;
+// 4. COLMAP's guess of the focal length, 1.2 times the longer side.
+PhotoCamera ChoosePhotoCamera(const PhotoProperties& photo, const DefaultCamera& default_camera,
+                              const std::vector<DatabaseCamera>& database_cameras);
+
+// Chooses in the same way for an image with keypoints, whose camera COLMAP made from EXIF's or a guessed focal length.
+// Other cameras stay.
+PhotoCamera ChooseStoredCamera(const Camera& stored, const std::vector<DatabaseCamera>& database_cameras);
+
+}  // namespace lazyloc

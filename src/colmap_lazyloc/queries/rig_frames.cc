@@ -1,0 +1,98 @@
+#include "colmap_lazyloc/queries/rig_frames.h"
+
+#include <unordered_set>
+
+#include "colmap_lazyloc/formats/rig_config.h"
+#include "colmap_lazyloc/scene/errors.h"
+
+namespace lazyloc {
+namespace {
+
+bool StartsWith(std::string_view text, std::string_view prefix) { return text.compare(0, prefix.size(), prefix) == 0; }
+
+FramePlaces FramesFromDatabase(const std::vector<std::string_view>& image_names, const DatabaseReader& database,
+                               FrameProblems* problems) {
+  const std::vector<DatabaseRigImage> rig_images = database.ReadRigImages(&problems->damages);
+  if (rig_images.empty()) return {};
+  const std::unordered_set<std::string_view> wanted(image_names.begin(), image_names.end());
+  std::unordered_map<uint32_t, std::string> name_of_id;
+  for (const DatabaseImage& image : database.ReadImages()) {
+    if (wanted.count(image.name) > 0) name_of_id.emplace(image.image_id, image.name);
+  }
+  FramePlaces places;
+  for (const DatabaseRigImage& image : rig_images) {
+    const auto name = name_of_id.find(image.image_id);
+    if (name == name_of_id.end()) continue;
+    if (image.cam_from_rig) {
+      places[name->second] = {std::to_string(image.frame_id), *image.cam_from_rig};
+    } else {
+      problems->images_without_pose.push_back(name->second);
+    }
+  }
+  return places;
+}
+
+FramePlaces FramesFromModel(const std::vector<std::string_view>& image_names, const Model& model) {
+  if (model.frames.empty()) return {};
+  const std::unordered_set<std::string_view> wanted(image_names.begin(), image_names.end());
+  std::unordered_map<uint64_t, std::string> name_of_id;
+  for (const ModelImage& image : model.images) {
+    if (wanted.count(image.name) > 0) name_of_id.emplace(image.image_id, image.name);
+  }
+  FramePlaces places;
+  for (const auto& [frame_id, frame] : model.frames) {
+    const Rig& rig = model.rigs.at(frame.rig_id);
+    FramePlaces frame_places;
+    for (const FrameData& data : frame.data) {
+      const auto name = name_of_id.find(data.data_id);
+      if (data.sensor.type != SensorType::CAMERA || name == name_of_id.end()) continue;
+      const std::optional<Rigid3d> cam_from_rig = SensorFromRig(rig, data.sensor);
+      if (!cam_from_rig) continue;
+      frame_places[name->second] = {"model's " + std::to_string(frame_id),
+                                    {cam_from_rig->rotation.normalized(), cam_from_rig->translation}};
+    }
+    if (frame_places.size() > 1) places.merge(frame_places);
+  }
+  return places;
+}
+
+}  // namespace
+
+FramePlaces FramesFromConfig(const std::vector<std::string_view>& image_names,
+                             const std::filesystem::path& rig_config_path) {
+  const std::vector<RigCameras> rigs = ReadRigConfig(rig_config_path);
+  FramePlaces places;
+  for (const std::string_view name : image_names) {
+    for (size_t rig = 0; rig < rigs.size(); ++rig) {
+      for (const RigCamera& camera : rigs[rig]) {
+        if (!StartsWith(name, camera.image_prefix)) continue;
+        const std::string frame = (rigs.size() > 1 ? "rig " + std::to_string(rig + 1) + ": " : "") +
+                                  std::string(name.substr(camera.image_prefix.size()));
+        if (!places.emplace(name, FramePlace{frame, camera.cam_from_rig}).second) {
+          throw InputError(rig_config_path.string() + ": image " + std::string(name) +
+                           " matches the image_prefix of two cameras");
+        }
+      }
+    }
+  }
+  return places;
+}
+
+FramePlaces FramesFromColmap(const std::vector<std::string_view>& image_names, const DatabaseReader* database,
+                             const Model& model, FrameProblems* problems) {
+  FramePlaces places = FramesFromModel(image_names, model);
+  if (database != nullptr) places.merge(FramesFromDatabase(image_names, *database, problems));
+  return places;
+}
+
+FramePlaces SharedFrames(const FramePlaces& places) {
+  std::unordered_map<std::string, int> num_images;
+  for (const auto& [name, place] : places) ++num_images[place.frame_name];
+  FramePlaces shared;
+  for (const auto& [name, place] : places) {
+    if (num_images[place.frame_name] > 1) shared.emplace(name, place);
+  }
+  return shared;
+}
+
+}  // namespace lazyloc

@@ -1,0 +1,116 @@
+#include "colmap_lazyloc/results/point_merger.h"
+
+#include <optional>
+#include <unordered_map>
+#include <vector>
+
+#include "colmap_lazyloc/files/output_file.h"
+#include "colmap_lazyloc/scene/errors.h"
+
+namespace lazyloc {
+namespace {
+
+// Tells which keypoints observe a point already.
+class ObservedKeypoints {
+ public:
+  // Returns false if the keypoint was marked before.
+  bool Mark(uint32_t image_id, size_t keypoint) {
+    std::vector<bool>& marks = marks_[image_id];
+    if (marks.size() <= keypoint) marks.resize(keypoint + 1);
+    if (marks[keypoint]) return false;
+    return marks[keypoint] = true;
+  }
+  void Unmark(uint32_t image_id, size_t keypoint) { marks_.at(image_id)[keypoint] = false; }
+  void Forget(uint32_t image_id) { marks_.erase(image_id); }
+
+ private:
+  std::unordered_map<uint32_t, std::vector<bool>> marks_;  // by image
+};
+
+class PointWriter {
+ public:
+  PointWriter(const std::filesystem::path& path, const Model& model, const MergedModel& merged,
+              const QueryRecords& records, ExternalSorter<PointObservation>* observations)
+      : model_(model), merged_(merged), records_(records), observations_(*observations), file_(path) {
+    file_.WriteBinary<uint64_t>(0);  // the number of points, which is known at the end
+  }
+
+  void AddQuery(size_t index) {
+    const LocalizationResult query = records_.Read(index, RecordParts::ALL).result;
+    const uint32_t query_image = merged_.image_of_query[index];
+    std::vector<uint32_t> pair_images;
+    for (const PairResult& pair : query.pairs) pair_images.push_back(ImageOf(pair.database_name));
+    for (const PointResult& point : query.points) AddPoint(point, query_image, pair_images);
+    // Only the points of its own pairs observe an image that is not of the database.
+    if (FindByName(model_.images, query.query_name) == nullptr) observed_.Forget(query_image);
+  }
+
+  void Close() {
+    file_.Text().seekp(0);
+    file_.WriteBinary<uint64_t>(num_points_);
+    file_.Close();
+  }
+
+ private:
+  // Returns kNoImage if the merged model does not have the image.
+  uint32_t ImageOf(const std::string& name) const {
+    if (const std::optional<size_t> query = records_.Find(name)) return merged_.image_of_query[*query];
+    const ModelImage* image = FindByName(model_.images, name);
+    return image == nullptr ? MergedModel::kNoImage : image->image_id;
+  }
+
+  void AddPoint(const PointResult& point, uint32_t query_image, const std::vector<uint32_t>& pair_images) {
+    std::vector<PointObservation> track;
+    const auto observe = [&](uint32_t image_id, int keypoint) {
+      LAZYLOC_CHECK(keypoint >= 0);
+      if (!observed_.Mark(image_id, static_cast<size_t>(keypoint))) return;
+      track.push_back({image_id, static_cast<uint32_t>(keypoint), num_points_ + 1});
+    };
+    observe(query_image, point.query_point);
+    for (const auto& [pair_idx, keypoint] : point.observations) {
+      const uint32_t image_id = pair_images.at(static_cast<size_t>(pair_idx));
+      if (image_id != MergedModel::kNoImage) observe(image_id, keypoint);
+    }
+    if (track.size() < 2) {
+      for (const PointObservation& element : track) observed_.Unmark(element.image_id, element.keypoint);
+      return;
+    }
+    ++num_points_;
+    WritePoint(point, track);
+    for (const PointObservation& element : track) observations_.Add(element);
+  }
+
+  // Keeps the error of the whole track, even if an observation has gone to another point.
+  void WritePoint(const PointResult& point, const std::vector<PointObservation>& track) {
+    file_.WriteBinary<uint64_t>(num_points_);
+    for (const double coordinate : point.point_in_world) file_.WriteBinary<double>(coordinate);
+    for (int channel = 0; channel < 3; ++channel) file_.WriteBinary<uint8_t>(0);  // black: no image is read
+    file_.WriteBinary<double>(point.mean_reprojection_error_px);
+    file_.WriteBinary<uint64_t>(track.size());
+    for (const PointObservation& element : track) {
+      file_.WriteBinary<uint32_t>(element.image_id);
+      file_.WriteBinary<uint32_t>(element.keypoint);
+    }
+  }
+
+  const Model& model_;
+  const MergedModel& merged_;
+  const QueryRecords& records_;
+  ExternalSorter<PointObservation>& observations_;
+  OutputFile file_;
+  ObservedKeypoints observed_;
+  uint64_t num_points_ = 0;
+};
+
+}  // namespace
+
+void WritePoints(const std::filesystem::path& path, const Model& model, const MergedModel& merged,
+                 const QueryRecords& records, ExternalSorter<PointObservation>* observations) {
+  PointWriter writer(path, model, merged, records, observations);
+  for (size_t i = 0; i < records.Size(); ++i) {
+    if (merged.image_of_query[i] != MergedModel::kNoImage) writer.AddQuery(i);
+  }
+  writer.Close();
+}
+
+}  // namespace lazyloc

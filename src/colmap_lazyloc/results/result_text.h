@@ -1,0 +1,21 @@
+#pragma once
+
+#include <filesystem>
+#include <string>
+
+#include "colmap_lazyloc/runs/query_records.h"
+
+namespace lazyloc {
+
+// The functions that write throw InputError naming the file if it cannot be written.
+
+// Writes `name qw qx qy qz tx ty tz` of the localized queries, as hloc and visuallocalization.net read them.
+void WritePoses(const std::filesystem::path& path, const QueryRecords& records);
+
+// Returns the line of results.jsonl for a query, without the line break.
+std::string ResultLine(const QueryRecord& record);
+
+// Writes one JSON object a line for every query. A field without a value is null.
+void WriteResultsJson(const std::filesystem::path& path, const QueryRecords& records);
+
+}  // namespace lazyloc

@@ -1,0 +1,53 @@
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "colmap_lazyloc/queries/query_record.h"
+
+namespace lazyloc {
+
+// How much of a query's record is read; each part has those before it.
+enum class RecordParts { HEAD, KEYPOINTS, ALL };
+
+// The bytes of a record, in parts, because most readers need no points.
+struct RecordBytes {
+  std::string head, keypoints, points;
+};
+
+// Keep every bit of a record on every machine.
+RecordBytes ToBytes(const QueryRecord& record);
+// bytes: parts that are not wanted may be empty.
+QueryRecord FromBytes(const RecordBytes& bytes, RecordParts parts);
+
+// The queries of a group as one string: 8 bytes each for the group's index and the number of queries; then, for each
+// query, the sizes of its parts, 8 bytes each, and the parts.
+std::string PackGroup(uint64_t group, const std::vector<QueryRecord>& records);
+
+// A query in a packed group.
+struct PackedQuery {
+  std::string name;
+  uint64_t offset = 0;  // of the sizes of its parts
+};
+struct PackedGroup {
+  uint64_t group = 0;
+  std::vector<PackedQuery> queries;
+};
+PackedGroup UnpackGroup(const std::string& bytes);
+
+// The front of a packed group.
+struct PackedGroupHeader {
+  uint64_t group = 0, num_queries = 0;
+};
+inline constexpr size_t kPackedGroupHeaderSize = 16;
+PackedGroupHeader ReadPackedGroupHeader(const std::string& bytes);
+
+// The number of bytes of the sizes, and these.
+inline constexpr size_t kPartSizesSize = 24;
+struct PartSizes {
+  uint64_t head = 0, keypoints = 0, points = 0;
+};
+PartSizes ReadPartSizes(const std::string& bytes, size_t offset = 0);
+
+}  // namespace lazyloc

@@ -1,0 +1,111 @@
+#include "colmap_lazyloc/uncertainty/confidence.h"
+
+#include <limits>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+namespace lazyloc {
+namespace {
+
+using ::testing::HasSubstr;
+
+constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
+
+// Evidence of an ordinary right pose.
+PoseEvidence Good() {
+  PoseEvidence evidence;
+  evidence.num_common_tracks = 200;
+  evidence.explained_ratio = 0.8;
+  evidence.agreeing_ratio = 1;
+  evidence.median_error_px = 0.4;
+  evidence.position_stddev_ratio = 0.002;
+  evidence.scene_distance = 5;
+  return evidence;
+}
+
+PoseEvidence With(double PoseEvidence::*field, double value) {
+  PoseEvidence evidence = Good();
+  evidence.*field = value;
+  return evidence;
+}
+
+TEST(Confidence, IsHighForAnOrdinaryPose) {
+  EXPECT_GT(Confidence(Good()), 0.99);
+  EXPECT_LT(Confidence(Good()), 1);
+}
+
+TEST(Confidence, FallsWithEachObservableThatWorsens) {
+  using Field = double PoseEvidence::*;
+  struct Case {
+    Field field;
+    double worse, worst;
+  };
+  for (const auto& [field, worse, worst] :
+       {Case{&PoseEvidence::num_common_tracks, 10, 2}, Case{&PoseEvidence::explained_ratio, 0.4, 0.1},
+        Case{&PoseEvidence::agreeing_ratio, 0.6, 0.2}, Case{&PoseEvidence::median_error_px, 1.5, 4}}) {
+    EXPECT_LT(Confidence(With(field, worse)), Confidence(Good()));
+    EXPECT_LT(Confidence(With(field, worst)), Confidence(With(field, worse)));
+    EXPECT_GT(Confidence(With(field, worst)), 0);
+  }
+}
+
+TEST(Confidence, TwiceTheRatioOfMatchesAgainstThePoseMakesTheOddsFourTimesAsLarge) {
+  const auto odds = [](double support) {
+    PoseEvidence evidence = Good();
+    evidence.num_common_tracks = 1e9;
+    evidence.median_error_px = 1;
+    evidence.explained_ratio = evidence.agreeing_ratio = support;
+    return 1 / Confidence(evidence) - 1;
+  };
+  EXPECT_NEAR(odds(1.0 / 3) / odds(0.5), 4, 0.02);
+  EXPECT_NEAR(odds(0.2) / odds(1.0 / 3), 4, 0.02);
+}
+
+TEST(Confidence, CompetingPoseWithAsManyMatchesLeavesAnEvenChance) {
+  PoseEvidence evidence = Good();
+  evidence.explained_ratio = evidence.agreeing_ratio = evidence.competing_ratio = 0.5;
+  EXPECT_LT(Confidence(evidence), 0.5);
+  EXPECT_GT(Confidence(evidence), 0.4);
+  EXPECT_THAT(LowConfidenceReason(evidence, 0.4, 0.9), HasSubstr("50 % of the verified matches agree on one other"));
+  evidence.competing_ratio = 0.1;
+  EXPECT_GT(Confidence(evidence), 0.9);
+}
+
+TEST(Confidence, PointsOfSingleImagesCountLess) {
+  const PoseEvidence few = With(&PoseEvidence::num_common_tracks, 5);
+  PoseEvidence with_single = few;
+  with_single.num_single_tracks = 50;
+  EXPECT_GT(Confidence(with_single), Confidence(few));
+  EXPECT_EQ(Confidence(with_single), Confidence(With(&PoseEvidence::num_common_tracks, 10)));
+}
+
+TEST(Confidence, RestsOnTheExplainedMatchesWithoutRelativePoses) {
+  PoseEvidence evidence = With(&PoseEvidence::agreeing_ratio, kUnknown);
+  PoseEvidence same = With(&PoseEvidence::agreeing_ratio, evidence.explained_ratio);
+  EXPECT_EQ(Confidence(evidence), Confidence(same));
+  evidence.explained_ratio = kUnknown;
+  EXPECT_GT(Confidence(evidence), 0.99) << "a pose by depths without any verified match";
+}
+
+TEST(Confidence, IsFiniteWithoutAnyEvidence) {
+  PoseEvidence none;
+  none.explained_ratio = none.agreeing_ratio = 0;
+  EXPECT_GE(Confidence(none), 0);
+  EXPECT_LT(Confidence(none), 0.1);
+}
+
+TEST(Confidence, IsZeroWithoutAFiniteStandardDeviation) {
+  EXPECT_EQ(Confidence(With(&PoseEvidence::position_stddev_ratio, kUnknown)), 0);
+}
+
+TEST(LowConfidenceReason, NamesBothProbabilitiesAndTheStrongerDoubt) {
+  const std::string few_matches = LowConfidenceReason(With(&PoseEvidence::explained_ratio, 0.1), 0.25, 0.5);
+  EXPECT_THAT(few_matches, HasSubstr("only 0.25"));
+  EXPECT_THAT(few_matches, HasSubstr("0.50 is needed"));
+  EXPECT_THAT(few_matches, HasSubstr("only 55 % of the verified matches speak for the pose, within 0.4 px"));
+  EXPECT_THAT(LowConfidenceReason(With(&PoseEvidence::num_common_tracks, 3), 0.25, 0.5), HasSubstr("only 3 points"));
+}
+
+}  // namespace
+}  // namespace lazyloc

@@ -1,0 +1,168 @@
+#include "colmap_lazyloc/uncertainty/pose_evidence.h"
+
+#include <cmath>
+#include <utility>
+
+#include <gtest/gtest.h>
+
+#include "colmap_lazyloc/math/so3.h"
+#include "colmap_lazyloc/testing/stage_input.h"
+
+namespace lazyloc {
+namespace {
+
+constexpr int kNumPoints = 40, kNumDatabaseImages = 8;
+
+class MeasureEvidenceTest : public ::testing::Test {
+ protected:
+  void Make(int num_frames, int num_sensors) {
+    input_ = MakeStageInput(MakeGroup(num_frames, num_sensors, kNumPoints, kNumDatabaseImages));
+    estimates_.pairs = input_.pairs;
+    estimates_.num_inliers.assign(input_.layout.num_queries, std::vector<int>(kNumDatabaseImages, kNumPoints));
+    refined_.adjustment.posed = input_.truth;
+    refined_.adjustment.tracks = input_.tracks;
+    uncertainties_.assign(input_.layout.num_queries, {});
+    for (PoseUncertainty& uncertainty : uncertainties_) {
+      uncertainty.spread.position_stddevs = {0.3, 0.2, 0.1};
+    }
+  }
+  MeasuredEvidence MeasureAll(bool has_relative_poses = true) const {
+    return MeasureEvidence(input_.layout, estimates_, has_relative_poses, refined_, uncertainties_);
+  }
+  std::vector<PoseEvidence> Measure(bool has_relative_poses = true) const {
+    return MeasureAll(has_relative_poses).evidence;
+  }
+
+  StageInput input_;
+  PairEstimates estimates_;
+  Refined refined_;
+  std::vector<PoseUncertainty> uncertainties_;
+};
+
+TEST_F(MeasureEvidenceTest, OfTheTruthIsPerfect) {
+  Make(1, 1);
+  const PoseEvidence evidence = Measure().front();
+  EXPECT_EQ(evidence.num_common_tracks, kNumPoints);
+  EXPECT_EQ(evidence.explained_ratio, 1);
+  EXPECT_EQ(evidence.agreeing_ratio, 1);
+  EXPECT_EQ(evidence.competing_ratio, 0);
+  EXPECT_EQ(evidence.num_single_tracks, 0);
+  EXPECT_LE(evidence.median_error_px, 1e-6);
+  EXPECT_GT(evidence.scene_distance, 0);
+  EXPECT_NEAR(evidence.position_stddev_ratio, 0.3 / evidence.scene_distance, 1e-12);
+}
+
+TEST_F(MeasureEvidenceTest, CountsTheTracksAndMatchesThatAreLeft) {
+  Make(1, 1);
+  auto& tracks = refined_.adjustment.tracks;
+  tracks.resize(10);
+  for (Track& track : tracks) track.observations.resize(2);
+  tracks[0] = input_.tracks[0];
+  const PoseEvidence evidence = Measure().front();
+  EXPECT_EQ(evidence.num_common_tracks, 1);
+  EXPECT_EQ(evidence.num_single_tracks, 9);
+  EXPECT_DOUBLE_EQ(evidence.explained_ratio, (9.0 + kNumDatabaseImages) / (kNumPoints * kNumDatabaseImages));
+}
+
+// Sets the relative poses of the first pairs to those of a query that is turned by an angle about the y axis and moved.
+void Relocate(const StageInput& input, int num_pairs, double angle_rad, const Eigen::Vector3d& shift,
+              std::vector<PairGeometry>* pairs) {
+  const Rigid3d elsewhere = Rigid3d{ExpSO3({0, angle_rad, 0}), shift} * CamFromWorld(input.truth, 0);
+  for (int i = 0; i < num_pairs; ++i) {
+    PairGeometry& pair = (*pairs)[i];
+    pair.query_from_other = elsewhere * Inverse(CamFromWorld(input.layout.given, pair.other));
+    pair.query_from_other.translation.normalize();
+  }
+}
+
+TEST_F(MeasureEvidenceTest, PairsOfAnotherRotationOrDirectionDoNotAgree) {
+  for (const auto& [angle_rad, shift] : {std::pair{0.5, 0.0}, std::pair{0.0, 4.0}}) {
+    Make(1, 1);
+    refined_.adjustment.tracks.resize(1);  // so that hardly any match is in a track
+    Relocate(input_, 3, angle_rad, {shift, shift / 2, 0}, &estimates_.pairs);
+    EXPECT_DOUBLE_EQ(Measure().front().agreeing_ratio, (kNumDatabaseImages - 3.0) / kNumDatabaseImages);
+  }
+}
+
+TEST_F(MeasureEvidenceTest, ThreePairsThatAgreeOnAnotherPlaceCompete) {
+  Make(1, 1);
+  refined_.adjustment.tracks.resize(1);
+  Relocate(input_, 3, 0, {4, 2, 0}, &estimates_.pairs);
+  const MeasuredEvidence measured = MeasureAll();
+  EXPECT_DOUBLE_EQ(measured.evidence.front().competing_ratio, 3.0 / kNumDatabaseImages);
+  ASSERT_TRUE(measured.competing_poses.front());
+  Rigid3d elsewhere = CamFromWorld(input_.truth, 0);
+  elsewhere.translation += Eigen::Vector3d(4, 2, 0);
+  EXPECT_LE(PositionError(*measured.competing_poses.front(), elsewhere), 1e-6);
+  Relocate(input_, 1, 0, {-4, 1, 1}, &estimates_.pairs);
+  EXPECT_EQ(Measure().front().competing_ratio, 0) << "two rays nearly always cross somewhere";
+  EXPECT_FALSE(MeasureAll().competing_poses.front());
+}
+
+TEST_F(MeasureEvidenceTest, TwoPairsOfAnotherRotationCompete) {
+  Make(1, 1);
+  refined_.adjustment.tracks.resize(1);
+  Relocate(input_, 2, 0.5, {1, 0, 0}, &estimates_.pairs);
+  EXPECT_DOUBLE_EQ(Measure().front().competing_ratio, 2.0 / kNumDatabaseImages);
+}
+
+TEST_F(MeasureEvidenceTest, ScatteredPairsDoNotCompete) {
+  Make(1, 1);
+  refined_.adjustment.tracks.resize(1);
+  Random random(1);
+  for (PairGeometry& pair : estimates_.pairs) {
+    pair.query_from_other.rotation = Disturbed(pair.query_from_other.rotation, 60, &random);
+  }
+  const PoseEvidence evidence = Measure().front();
+  EXPECT_EQ(evidence.agreeing_ratio, 0);
+  EXPECT_EQ(evidence.competing_ratio, 0);
+}
+
+TEST_F(MeasureEvidenceTest, PairWithMostOfItsMatchesInTracksAgreesWhateverItsRelativePose) {
+  Make(1, 1);
+  Relocate(input_, 3, 0.5, {1, 0, 0}, &estimates_.pairs);
+  EXPECT_EQ(Measure().front().agreeing_ratio, 1);
+}
+
+TEST_F(MeasureEvidenceTest, SmallDifferencesAgree) {
+  Make(1, 1);
+  refined_.adjustment.tracks.resize(1);
+  Relocate(input_, 3, 0.05, {0.02, 0, 0}, &estimates_.pairs);
+  EXPECT_EQ(Measure().front().agreeing_ratio, 1);
+}
+
+TEST_F(MeasureEvidenceTest, MatchesThatNoTrackTriedDoNotCount) {
+  Make(1, 1);
+  refined_.adjustment.tracks.resize(10);
+  refined_.tried_ratio = 20.0 / kNumPoints;
+  EXPECT_DOUBLE_EQ(Measure().front().explained_ratio, 0.5);
+}
+
+TEST_F(MeasureEvidenceTest, SeparatesFrames) {
+  Make(2, 2);
+  for (PairGeometry& pair : estimates_.pairs) {
+    if (input_.layout.FrameOf(pair.query) == 1) pair.query_from_other.rotation = ExpSO3({0, 1, 0});
+  }
+  // Leaves the second frame few of its tracks, so that these do not make its pairs agree.
+  std::vector<Track> tracks;
+  int num_of_second = 0;
+  for (const Track& track : input_.tracks) {
+    const bool is_of_second = input_.layout.FrameOf(track.observations.front().image) == 1;
+    if (!is_of_second || ++num_of_second <= 4) tracks.push_back(track);
+  }
+  refined_.adjustment.tracks = tracks;
+  const std::vector<PoseEvidence> evidence = Measure();
+  ASSERT_EQ(evidence.size(), 2u);
+  EXPECT_EQ(evidence[0].agreeing_ratio, 1);
+  EXPECT_LT(evidence[1].agreeing_ratio, 0.1);
+}
+
+TEST_F(MeasureEvidenceTest, AgreementIsUnknownWithoutRelativePoses) {
+  Make(1, 1);
+  const PoseEvidence evidence = Measure(/*has_relative_poses=*/false).front();
+  EXPECT_TRUE(std::isnan(evidence.agreeing_ratio));
+  EXPECT_EQ(evidence.explained_ratio, 1);
+}
+
+}  // namespace
+}  // namespace lazyloc
