@@ -75,8 +75,8 @@ OpenPose MeasureOpenPose(const Layout& layout, const PairRefs& pairs, const Refi
   const QueryPrior& prior = layout.priors[0];
   if (prior.position && partial.bearing) {
     const Eigen::Vector3d from = CamInWorld(CamFromWorld(layout.given, pairs.front()->other));
-    CompareWithRay(*prior.position,
-                   {from, partial.bearing->dir_database_to_query_in_world, partial.bearing->stddev_rad}, &result);
+    CompareWithRay(*prior.position, {from, partial.bearing->dir_database_to_query_in_world},
+                   partial.bearing->stddev_rad, &result);
     add(result);
   }
   if (prior.gravity) {

@@ -51,17 +51,17 @@ double CompareGravity(const GravityPrior& prior, const Eigen::Quaterniond& cam_f
                  kTwoDegrees, result);
 }
 
-PlaceOnRay CompareWithRay(const PositionPrior& prior, const Ray& ray, PriorResult* result) {
-  const Eigen::Vector3d& direction = ray.direction_in_world;
+PlaceOnRay CompareWithRay(const PositionPrior& prior, const Ray& ray, double stddev_rad, PriorResult* result) {
+  const Eigen::Vector3d& direction = ray.dir;
   const Eigen::LDLT<Eigen::Matrix3d> covariance(prior.covariance);
   const Eigen::Vector3d information = covariance.solve(direction);
-  const Eigen::Vector3d offset = prior.position - ray.from_in_world;
+  const Eigen::Vector3d offset = prior.position - ray.origin;
   const double stddev_along = 1 / std::sqrt(information.dot(direction));
   // A query is ahead of the database image, at a distance that is not certain to be zero.
   const double distance = std::max(information.dot(offset) * stddev_along * stddev_along, stddev_along);
-  const double across = ray.stddev_rad * distance;
+  const double across = stddev_rad * distance;
   const Eigen::Matrix3d around = across * across * (Eigen::Matrix3d::Identity() - direction * direction.transpose());
-  PlaceOnRay place{ray.from_in_world + distance * direction};
+  PlaceOnRay place{ray.origin + distance * direction};
   place.factor = Compare(Eigen::Vector3d(offset - distance * direction), Eigen::Matrix3d(prior.covariance + around),
                          kTwoDegrees, result);
   return place;

@@ -4,6 +4,7 @@
 #include <Eigen/Geometry>
 
 #include "colmap_lazyloc/math/rigid3.h"
+#include "colmap_lazyloc/math/two_rays.h"
 #include "colmap_lazyloc/scene/query_prior.h"
 
 namespace lazyloc {
@@ -19,20 +20,14 @@ double ComparePosition(const PositionPrior& prior, const Rigid3d& cam_from_world
 double CompareGravity(const GravityPrior& prior, const Eigen::Quaterniond& cam_from_world_rotation,
                       const Eigen::Matrix3d& covariance, PriorResult* result);
 
-// Bearing of a query from a place, and its standard deviation.
-struct Ray {
-  Eigen::Vector3d from_in_world, direction_in_world;
-  double stddev_rad = 0;
-};
-
 // The place on a ray that agrees best with a position.
 struct PlaceOnRay {
   Eigen::Vector3d place_in_world;
   double factor = 1;  // on the prior's covariance
 };
 
-// Compares a position with a ray, across the ray. The deviation along it counts only if the position is behind the
-// place that the ray starts from.
-PlaceOnRay CompareWithRay(const PositionPrior& prior, const Ray& ray, PriorResult* result);
+// Compares a position with a ray in the world, across the ray. The deviation along it counts only if the position is
+// behind the place that the ray starts from. stddev_rad: of the ray's direction.
+PlaceOnRay CompareWithRay(const PositionPrior& prior, const Ray& ray, double stddev_rad, PriorResult* result);
 
 }  // namespace lazyloc

@@ -56,9 +56,9 @@ class Judge {
     Eigen::Vector3d place;
     if (partial.bearing) {
       const Bearing& bearing = *partial.bearing;
-      const PlaceOnRay on_ray = CompareWithRay(
-          *given.position,
-          {CentreOf(bearing.database_name), bearing.dir_database_to_query_in_world, bearing.stddev_rad}, &result);
+      const PlaceOnRay on_ray =
+          CompareWithRay(*given.position, {CentreOf(bearing.database_name), bearing.dir_database_to_query_in_world},
+                         bearing.stddev_rad, &result);
       UsePosition(on_ray.factor);
       place = on_ray.place_in_world;
     } else {

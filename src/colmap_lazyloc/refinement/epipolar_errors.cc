@@ -10,6 +10,7 @@
 
 #include "colmap_lazyloc/math/harmonic_mean.h"
 #include "colmap_lazyloc/math/median.h"
+#include "colmap_lazyloc/math/two_rays.h"
 #include "colmap_lazyloc/refinement/robust_loss.h"
 
 namespace lazyloc {
@@ -19,8 +20,8 @@ constexpr size_t kMinNumMatches = 30;
 // Minimum baseline over the distance of the points (2 degrees), because the direction of a shorter one changes by more
 // than a linearisation allows for.
 constexpr double kMinBaselineRatio = 0.035;
-// Minimum angle between two rays in rad (1 degree) whose point has a distance.
-constexpr double kMinAngleRad = 0.0175;
+// Minimum sine of the angle between two rays (1 degree) whose point has a distance.
+constexpr double kMinCrossingSine = 0.0175;
 // Standard deviation in pixels of deviations before the matches are known.
 constexpr double kMaxDeviationPx = 15;
 // Bounds of the keypoint noise. Errors that are larger after the fit are those of false matches.
@@ -42,16 +43,6 @@ struct EpipolarError {
 struct Rays {
   Eigen::Vector3d ray, other_ray;  // in world axes
 };
-
-// Returns the distance from the first camera of the point that is nearest to the first ray and the other one; 0 if the
-// rays are parallel or meet behind the cameras.
-double DistanceOfPoint(const Rays& rays, const Eigen::Vector3d& baseline) {
-  const Eigen::Vector3d normal = rays.ray.cross(rays.other_ray);
-  if (normal.norm() < kMinAngleRad) return 0;
-  const double distance = baseline.cross(rays.other_ray).dot(normal) / normal.squaredNorm();
-  const double other_distance = baseline.cross(rays.ray).dot(normal) / normal.squaredNorm();
-  return distance > 0 && other_distance > 0 ? distance : 0;
-}
 
 // Returns the derivative along in_cam of a ray's displacement, for a keypoint error of one pixel in any direction.
 double SlopePx(const Observation& observation, const Eigen::Vector3d& in_cam) {
@@ -93,8 +84,8 @@ std::optional<EpipolarErrors> MakeErrors(const Rigid3d& cam_from_world, const Ri
                     other_from_world.rotation.conjugate() * match.other_observation.ray_in_cam};
     result.errors.push_back(MakeError(match, rays, baseline, cam_from_world, other_from_world));
     focal_lengths_px.push_back(1 / RadFromPx(match.other_observation));
-    const double distance = DistanceOfPoint(rays, baseline);
-    if (distance > 0) distances.push_back(distance);
+    const auto nearest = FindNearestPoints(rays.ray, rays.other_ray, baseline, kMinCrossingSine);
+    if (nearest && nearest->AreAhead()) distances.push_back(nearest->distance1);
   }
   if (distances.size() < kMinNumMatches / 2) return std::nullopt;
   result.scale = {Median(std::move(focal_lengths_px)), HarmonicMean(distances)};
