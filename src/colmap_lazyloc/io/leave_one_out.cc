@@ -11,8 +11,8 @@
 #include "colmap_lazyloc/files/output_file.h"
 #include "colmap_lazyloc/io/model_merger.h"
 #include "colmap_lazyloc/io/valid_utf8.h"
-#include "colmap_lazyloc/math/median.h"
 #include "colmap_lazyloc/math/position_covariance.h"
+#include "colmap_lazyloc/math/robust_statistics.h"
 #include "colmap_lazyloc/math/so3.h"
 #include "colmap_lazyloc/scene/format.h"
 

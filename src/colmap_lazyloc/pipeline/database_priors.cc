@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "colmap_lazyloc/math/median.h"
+#include "colmap_lazyloc/math/robust_statistics.h"
 #include "colmap_lazyloc/math/so3.h"
 
 namespace lazyloc {

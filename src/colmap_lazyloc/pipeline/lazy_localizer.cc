@@ -4,7 +4,7 @@
 #include <optional>
 #include <utility>
 
-#include "colmap_lazyloc/math/median.h"
+#include "colmap_lazyloc/math/robust_statistics.h"
 #include "colmap_lazyloc/pipeline/choose.h"
 #include "colmap_lazyloc/pipeline/focal_length.h"
 #include "colmap_lazyloc/pipeline/group_partition.h"

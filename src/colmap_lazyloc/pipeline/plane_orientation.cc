@@ -8,7 +8,7 @@
 #include <Eigen/LU>
 
 #include "colmap_lazyloc/ablation/sampson_refinement.h"
-#include "colmap_lazyloc/math/median.h"
+#include "colmap_lazyloc/math/robust_statistics.h"
 #include "colmap_lazyloc/math/so3.h"
 #include "colmap_lazyloc/pipeline/pose_uncertainty.h"
 #include "colmap_lazyloc/pipeline/position_ambiguity.h"
@@ -139,13 +139,12 @@ double SumSquaredErrors(const Rigid3d& query_from_database, const std::vector<Tr
 }
 
 double EpipolarNoisePx(const Rigid3d& query_from_database, const std::vector<Track>& matches) {
-  constexpr double kMedianOfNormal = 0.6745;
   std::vector<double> errors_px;
   for (const Track& match : matches) {
     const EpipolarError error = ErrorOf(query_from_database, match);
     if (error.is_in_front) errors_px.push_back(std::sqrt(error.squared_px));
   }
-  return errors_px.empty() ? kMinNoisePx : std::max(Median(std::move(errors_px)) / kMedianOfNormal, kMinNoisePx);
+  return errors_px.empty() ? kMinNoisePx : std::max(StddevOfSizes(std::move(errors_px)), kMinNoisePx);
 }
 
 void ChooseOrientation(const Layout& layout, const PairRefs& pairs, const std::vector<Track>& matches, Refined other,

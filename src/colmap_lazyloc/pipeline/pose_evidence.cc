@@ -5,7 +5,7 @@
 #include <optional>
 #include <utility>
 
-#include "colmap_lazyloc/math/median.h"
+#include "colmap_lazyloc/math/robust_statistics.h"
 #include "colmap_lazyloc/math/so3.h"
 #include "colmap_lazyloc/math/two_rays.h"
 #include "colmap_lazyloc/pipeline/position_ambiguity.h"

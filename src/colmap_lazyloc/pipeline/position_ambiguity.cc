@@ -8,7 +8,7 @@
 #include <Eigen/Cholesky>
 #include <Eigen/SVD>
 
-#include "colmap_lazyloc/math/median.h"
+#include "colmap_lazyloc/math/robust_statistics.h"
 #include "colmap_lazyloc/math/so3.h"
 #include "colmap_lazyloc/refinement/covariance.h"
 #include "colmap_lazyloc/scene/format.h"

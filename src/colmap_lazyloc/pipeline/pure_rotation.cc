@@ -8,7 +8,7 @@
 
 #include <Eigen/Cholesky>
 
-#include "colmap_lazyloc/math/median.h"
+#include "colmap_lazyloc/math/robust_statistics.h"
 #include "colmap_lazyloc/math/so3.h"
 #include "colmap_lazyloc/refinement/linear_projection.h"
 #include "colmap_lazyloc/refinement/robust_loss.h"
@@ -20,8 +20,6 @@ constexpr int kNumIterations = 10;
 constexpr double kLossScaleSigma = 2;
 // Minimum noise of a match, and the error of rotations that all database images have in common, in pixels.
 constexpr double kMinNoisePx = 0.5, kHiddenNoisePx = 0.3;
-// Ratio of the median length of a normally distributed vector in the plane to its standard deviation per coordinate.
-constexpr double kMedianLength = 1.1774;
 // Maximum error of a match that agrees with the rotation, in standard deviations of its noise.
 constexpr double kMaxErrorSigma = 4;
 
@@ -84,10 +82,10 @@ double VarianceOfPairs(const Layout& layout, const PairRefs& pairs, const Eigen:
   return pairs.size() < 2 ? 0 : std::max(sum / num_free, 0.0);
 }
 
-double MedianErrorPx(const std::vector<DirectionMatch>& matches, const Eigen::Quaterniond& rotation) {
+std::vector<double> ErrorsPx(const std::vector<DirectionMatch>& matches, const Eigen::Quaterniond& rotation) {
   std::vector<double> errors_px;
   for (const DirectionMatch& match : matches) errors_px.push_back(match.ErrorPx(rotation));
-  return Median(std::move(errors_px));
+  return errors_px;
 }
 
 PoseEvidence MeasureRotationEvidence(const PairEstimates& estimates, const Averaged& averaged,
@@ -109,7 +107,7 @@ PoseEvidence MeasureRotationEvidence(const PairEstimates& estimates, const Avera
   evidence.explained_ratio = num_explained / num_matches;
   evidence.agreeing_ratio = num_agreeing / num_matches;
   evidence.competing_ratio = 1 - evidence.agreeing_ratio;  // as if all other pairs agreed on one other rotation
-  evidence.median_error_px = MedianErrorPx(matches, rotation);
+  evidence.median_error_px = Median(ErrorsPx(matches, rotation));
   evidence.scene_distance = std::numeric_limits<double>::quiet_NaN();
   return evidence;
 }
@@ -127,7 +125,7 @@ RotationFit FitRotation(const Layout& layout, const PairEstimates& estimates, co
   double noise_px = 0;
   Equations equations;
   for (int i = 0; i < kNumIterations; ++i) {
-    noise_px = std::max(MedianErrorPx(matches, rotation) / kMedianLength, kMinNoisePx);
+    noise_px = std::max(StddevOfLengths(ErrorsPx(matches, rotation)), kMinNoisePx);
     equations = BuildEquations(matches, rotation, noise_px);
     rotation = (ExpSO3(equations.Turn()) * rotation).normalized();
   }

@@ -5,7 +5,7 @@
 #include <string>
 #include <utility>
 
-#include "colmap_lazyloc/math/median.h"
+#include "colmap_lazyloc/math/robust_statistics.h"
 #include "colmap_lazyloc/pipeline/database_priors.h"
 #include "colmap_lazyloc/pipeline/failure.h"
 #include "colmap_lazyloc/pipeline/rig_check.h"

@@ -4,7 +4,7 @@
 #include <utility>
 
 #include "colmap_lazyloc/bridge/absolute_pose.h"
-#include "colmap_lazyloc/math/median.h"
+#include "colmap_lazyloc/math/robust_statistics.h"
 #include "colmap_lazyloc/math/seed.h"
 #include "colmap_lazyloc/math/so3.h"
 #include "colmap_lazyloc/pipeline/failure.h"

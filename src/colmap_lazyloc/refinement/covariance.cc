@@ -6,7 +6,7 @@
 
 #include <Eigen/Eigenvalues>
 
-#include "colmap_lazyloc/math/median.h"
+#include "colmap_lazyloc/math/robust_statistics.h"
 
 namespace lazyloc {
 

@@ -8,8 +8,7 @@
 #include <Eigen/Geometry>
 #include <Eigen/LU>
 
-#include "colmap_lazyloc/math/harmonic_mean.h"
-#include "colmap_lazyloc/math/median.h"
+#include "colmap_lazyloc/math/robust_statistics.h"
 #include "colmap_lazyloc/math/two_rays.h"
 #include "colmap_lazyloc/refinement/robust_loss.h"
 
@@ -31,7 +30,6 @@ constexpr double kMinNoisePx = 0.2, kMaxNoisePx = 4;
 constexpr double kCommonNoisePx = 0.2;
 constexpr double kNumAreas = 16;
 constexpr double kLossScale = 2;  // in standard deviations
-constexpr double kStddevOfMad = 1.4826;
 constexpr int kNumIterations = 6;
 
 // An epipolar error in pixels, and its derivative by a deviation in pixels.
@@ -105,7 +103,7 @@ void Reweight(const std::vector<EpipolarError>& errors, const Eigen::Matrix<doub
     remaining.push_back(error.error_px + error.slope.dot(deviation));
     sizes.push_back(std::abs(remaining.back()));
   }
-  fit->noise_px = std::max(kStddevOfMad * Median(std::move(sizes)), kMinNoisePx);
+  fit->noise_px = std::max(StddevOfSizes(std::move(sizes)), kMinNoisePx);
   fit->information.setZero();
   fit->rhs.setZero();
   const RobustLoss loss(kLossScale);
