@@ -9,6 +9,7 @@
 #include "colmap_lazyloc/pipeline/position_ambiguity.h"
 #include "colmap_lazyloc/pipeline/rig_check.h"
 #include "colmap_lazyloc/scene/epipolar_error.h"
+#include "colmap_lazyloc/scene/refs.h"
 
 namespace lazyloc {
 namespace {
@@ -195,8 +196,7 @@ bool CanDoWithoutAveraging(const Failure& failure, const Layout& layout) {
 
 Averaged AverageMotion(const Layout& layout, const std::vector<PairGeometry>& pairs, const LocalizerOptions& options,
                        StageTimer::Seconds* seconds) {
-  Averaged averaged{layout.given, {}, {}, {}};
-  for (const PairGeometry& pair : pairs) averaged.pairs.push_back(&pair);
+  Averaged averaged{layout.given, Refs(pairs), {}, {}};
   const auto run = [&](const char* stage, const auto& function) {
     const StageTimer timer(stage, seconds);
     function();

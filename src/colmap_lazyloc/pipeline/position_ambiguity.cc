@@ -5,13 +5,13 @@
 #include <limits>
 #include <utility>
 
-#include <Eigen/Cholesky>
 #include <Eigen/SVD>
 
 #include "colmap_lazyloc/math/robust_statistics.h"
 #include "colmap_lazyloc/math/so3.h"
 #include "colmap_lazyloc/refinement/covariance.h"
 #include "colmap_lazyloc/scene/format.h"
+#include "colmap_lazyloc/scene/plane_fit.h"
 
 namespace lazyloc {
 namespace {
@@ -59,29 +59,15 @@ bool AreOnOneLine(const AdjustedFrame& frame, double max_ratio) {
   return extents.size() < 2 || extents[1] <= max_ratio * extents[0];
 }
 
-double MedianDistance(const Rigid3d& cam_from_world, const TrackRefs& tracks) {
-  std::vector<double> distances;
-  for (const Track* track : tracks) distances.push_back((cam_from_world * track->point_in_world).norm());
-  return Median(std::move(distances));
-}
-
-// Returns true if the image noise does not distinguish the points from points of one plane, n . X = 1 in the frame's
-// axes, i.e. n . ray = 1 / distance. A deviation of a point's inverse distance from that moves its keypoint along the
-// epipolar line of an image at distance `baseline`, in rad.
+// Returns true if the image noise does not distinguish the points from points of one plane. A deviation of a point's
+// inverse distance from that of the plane moves its keypoint along the epipolar line of an image at distance
+// `baseline`, in rad.
 bool AreInOnePlane(const AdjustedFrame& frame, double baseline) {
   const Rigid3d& frame_from_world = frame.adjustment.posed.frames[frame.frame].frame_from_world;
   const double noise_px = frame.adjustment.posed.images[frame.layout.QueriesOf(frame.frame).front()].noise_px;
-  Eigen::MatrixX3d rays(frame.tracks.size(), 3);
-  Eigen::VectorXd inverse_distances(frame.tracks.size());
-  for (Eigen::Index i = 0; i < rays.rows(); ++i) {
-    const Eigen::Vector3d point = frame_from_world * frame.tracks[i]->point_in_world;
-    rays.row(i) = point.normalized();
-    inverse_distances[i] = 1 / point.norm();
-  }
-  const Eigen::Vector3d normal = (rays.transpose() * rays).ldlt().solve(rays.transpose() * inverse_distances);
-  const Eigen::ArrayXd shifts_rad = baseline * (rays * normal - inverse_distances).array().abs();
+  const Eigen::ArrayXd shifts_rad = baseline * FitPlane(frame_from_world, frame.tracks).errors.array().abs();
   std::vector<double> shifts_sigma;
-  for (Eigen::Index i = 0; i < rays.rows(); ++i) {
+  for (Eigen::Index i = 0; i < shifts_rad.size(); ++i) {
     const Observation& observation = frame.tracks[i]->observations.front().observation;
     shifts_sigma.push_back(shifts_rad[i] / (RadFromPx(observation) * noise_px));
   }

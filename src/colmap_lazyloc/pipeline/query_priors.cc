@@ -12,6 +12,7 @@
 #include "colmap_lazyloc/pipeline/prior_comparison.h"
 #include "colmap_lazyloc/pipeline/prior_fusion.h"
 #include "colmap_lazyloc/refinement/covariance.h"
+#include "colmap_lazyloc/scene/refs.h"
 
 namespace lazyloc {
 namespace {
@@ -197,7 +198,8 @@ bool AreReconciled(const PriorJudgement& judgement, const Refined& refined) {
     const Rigid3d pose = CamFromWorld(posed, used.image);
     const Eigen::Vector3d deviation = prior.position - CamInWorld(pose);
     if (!(deviation.dot(prior.covariance.ldlt().solve(deviation)) <= kContradictionOfThree)) return false;
-    return MedianDistance(pose, refined.adjustment.tracks) > kMinDistanceRatio * std::sqrt(prior.covariance.trace());
+    return MedianDistance(pose, Refs(refined.adjustment.tracks)) >
+           kMinDistanceRatio * std::sqrt(prior.covariance.trace());
   });
 }
 

@@ -16,6 +16,7 @@
 #include "colmap_lazyloc/pipeline/refinement_without_tracks.h"
 #include "colmap_lazyloc/refinement/covariance.h"
 #include "colmap_lazyloc/refinement/query_prior_residual.h"
+#include "colmap_lazyloc/scene/refs.h"
 
 namespace lazyloc {
 namespace {
@@ -155,10 +156,9 @@ class Solver {
 
   // Returns all pairs, without poses.
   Averaged WithAllPairs() {
-    Averaged averaged{layout_.given, {}, {}, Failure{QueryStatus::INCONSISTENT_ROTATIONS, "no start fits the matches"}};
-    for (const PairGeometry& pair : estimates_.pairs) averaged.pairs.push_back(&pair);
-    averaged.directions.resize(averaged.pairs.size());
-    return averaged;
+    const PairRefs pairs = Refs(estimates_.pairs);
+    return {layout_.given, pairs, std::vector<RelativeDirection>(pairs.size()),
+            Failure{QueryStatus::INCONSISTENT_ROTATIONS, "no start fits the matches"}};
   }
 
   CandidateTracks Collect(const PairRefs& pairs) { return CollectTracks(group_, layout_, pairs, options_); }

@@ -60,9 +60,9 @@ PoseSpread ComputePoseSpread(const Rigid3d& cam_from_world, const Eigen::Matrix<
   return spread;
 }
 
-double MedianDistance(const Rigid3d& cam_from_world, const std::vector<Track>& tracks) {
+double MedianDistance(const Rigid3d& cam_from_world, const TrackRefs& tracks) {
   std::vector<double> distances;
-  for (const Track& track : tracks) distances.push_back((cam_from_world * track.point_in_world).norm());
+  for (const Track* track : tracks) distances.push_back((cam_from_world * track->point_in_world).norm());
   return Median(std::move(distances));
 }
 

@@ -30,6 +30,6 @@ Eigen::Matrix<double, 6, 6> ImageCovariance(const Image& image, bool has_free_sc
 PoseSpread ComputePoseSpread(const Rigid3d& cam_from_world, const Eigen::Matrix<double, 6, 6>& covariance);
 
 // Returns the median distance of the tracks' points from a camera.
-double MedianDistance(const Rigid3d& cam_from_world, const std::vector<Track>& tracks);
+double MedianDistance(const Rigid3d& cam_from_world, const TrackRefs& tracks);
 
 }  // namespace lazyloc

@@ -6,6 +6,7 @@
 
 #include "colmap_lazyloc/math/so3.h"
 #include "colmap_lazyloc/refinement/bundle_adjustment.h"
+#include "colmap_lazyloc/scene/refs.h"
 #include "colmap_lazyloc/testing/sampled_covariance.h"
 #include "colmap_lazyloc/testing/synthetic_tracks.h"
 
@@ -160,7 +161,7 @@ TEST(MedianDistance, IsFromTheProjectionCentre) {
   SyntheticTracks scene = MakeSyntheticTracks({});
   const Rigid3d pose = CamFromWorld(scene.posed, 2);
   for (Track& track : scene.tracks) track.point_in_world = CamInWorld(pose) + Eigen::Vector3d(0, 3, 4);
-  EXPECT_NEAR(MedianDistance(pose, scene.tracks), 5, 1e-12);
+  EXPECT_NEAR(MedianDistance(pose, Refs(scene.tracks)), 5, 1e-12);
 }
 
 TEST(VarianceFactor, FindsTheNoise) {
