@@ -64,8 +64,8 @@ OpenPose MeasureOpenPose(const Layout& layout, const PairRefs& pairs, const Refi
     add(result);
   }
   if (prior.gravity) {
-    CompareGravity(*prior.gravity, partial.cam_from_world_rotation, TotalCovariance(refined, 0).topLeftCorner<3, 3>(),
-                   &result);
+    const PoseDistribution pose = DistributionOf(refined, 0, CamFromWorld(refined.adjustment.posed, 0));
+    CompareGravity(*prior.gravity, partial.cam_from_world_rotation, pose.RotationCovariance(), &result);
     add(result);
   }
   return open;

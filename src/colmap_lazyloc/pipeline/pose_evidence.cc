@@ -162,7 +162,7 @@ PairVotes CountVotes(const Layout& layout, const std::vector<PairGeometry>& pair
 }  // namespace
 
 MeasuredEvidence MeasureEvidence(const Layout& layout, const PairEstimates& estimates, bool has_relative_poses,
-                                 const Refined& refined, const std::vector<PoseUncertainty>& uncertainties) {
+                                 const Refined& refined, const std::vector<PoseDistribution>& poses) {
   const PosedImages& posed = refined.adjustment.posed;
   const std::vector<TrackRefs> tracks_of = TracksByFrame(layout, refined.adjustment.tracks);
   MeasuredEvidence measured;
@@ -185,7 +185,7 @@ MeasuredEvidence MeasureEvidence(const Layout& layout, const PairEstimates& esti
     }
     // Leaves out the axis that a prior alone fixes, because it says nothing of how well the images fit together.
     const int axis = refined.open_line ? 1 : 0;
-    const PoseSpread& spread = uncertainties[layout.QueriesOf(frame).front()].spread;
+    const PoseSpread spread = poses[layout.QueriesOf(frame).front()].Spread();
     evidence.back().position_stddev_ratio = spread.position_stddevs[axis] / evidence.back().scene_distance;
   }
   return measured;

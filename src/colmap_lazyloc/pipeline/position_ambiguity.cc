@@ -12,6 +12,7 @@
 #include "colmap_lazyloc/refinement/covariance.h"
 #include "colmap_lazyloc/scene/format.h"
 #include "colmap_lazyloc/scene/plane_fit.h"
+#include "colmap_lazyloc/scene/pose_distribution.h"
 
 namespace lazyloc {
 namespace {
@@ -135,7 +136,8 @@ bool IsPositionOpen(const AdjustedFrame& frame, const LocalizerOptions& options)
   // States the uncertainty of depths as it is, because unlike the images' noise it is not assumed too large.
   if (has_depth) variance_factor = std::min(frame.variance_factor, 1.0);
   const PoseSpread spread =
-      ComputePoseSpread(frame_from_world, variance_factor * frame.adjustment.frame_covariances[frame.frame]);
+      MakePoseDistribution(frame_from_world, variance_factor * frame.adjustment.frame_covariances[frame.frame])
+          .Spread();
   if (!(spread.rotation_stddev_rad <= options.max_position_stddev_ratio)) return true;
   if (has_prior) return false;
   const double distance = MedianDistance(frame_from_world, frame.tracks);
@@ -148,7 +150,8 @@ bool IsPositionOpen(const AdjustedFrame& frame, const LocalizerOptions& options)
 Failure OpenPositionFailure(const AdjustedFrame& frame, double variance_factor) {
   const BundleAdjustmentResult& adjustment = frame.adjustment;
   const Rigid3d& pose = adjustment.posed.frames[frame.frame].frame_from_world;
-  const PoseSpread spread = ComputePoseSpread(pose, variance_factor * adjustment.frame_covariances[frame.frame]);
+  const PoseSpread spread =
+      MakePoseDistribution(pose, variance_factor * adjustment.frame_covariances[frame.frame]).Spread();
   const std::vector<Eigen::Vector3d> centres = DatabaseCentres(frame.layout, frame.pairs, frame.frame);
   const bool is_one_place = !centres.empty() && AreOnePlace(centres);
   const auto leaves_two_orientations = [&] {
@@ -163,8 +166,9 @@ Failure OpenPositionFailure(const AdjustedFrame& frame, double variance_factor) 
   Failure failure{QueryStatus::DEGENERATE_BASELINE, ""};
   for (const int query : frame.layout.QueriesOf(frame.frame)) {
     const Rigid3d query_from_world = CamFromWorld(adjustment.posed, query);
-    const Eigen::Matrix<double, 6, 6> covariance = variance_factor * adjustment.image_covariances[query];
-    const Eigen::Matrix3d position_covariance = PositionCovariance(query_from_world, covariance);
+    const Eigen::Matrix3d position_covariance =
+        MakePoseDistribution(query_from_world, variance_factor * adjustment.image_covariances[query])
+            .PositionCovariance();
     failure.partial_poses[query] = {query_from_world.rotation, spread.rotation_stddev_rad,
                                     BestBearing(frame, query, query_from_world, position_covariance)};
   }

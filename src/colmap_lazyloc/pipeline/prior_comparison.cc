@@ -6,7 +6,6 @@
 #include <Eigen/Cholesky>
 
 #include "colmap_lazyloc/math/so3.h"
-#include "colmap_lazyloc/refinement/covariance.h"
 
 namespace lazyloc {
 namespace {
@@ -31,11 +30,9 @@ double Compare(const Vector& deviation, const Matrix& covariance, const Quantile
 
 }  // namespace
 
-double ComparePosition(const PositionPrior& prior, const Rigid3d& cam_from_world,
-                       const Eigen::Matrix<double, 6, 6>& covariance, PriorResult* result) {
-  return Compare(Eigen::Vector3d(prior.position - CamInWorld(cam_from_world)),
-                 Eigen::Matrix3d(prior.covariance + PositionCovariance(cam_from_world, covariance)), kThreeDegrees,
-                 result);
+double ComparePosition(const PositionPrior& prior, const PoseDistribution& pose, PriorResult* result) {
+  return Compare(Eigen::Vector3d(prior.position - CamInWorld(pose.cam_from_world)),
+                 Eigen::Matrix3d(prior.covariance + pose.PositionCovariance()), kThreeDegrees, result);
 }
 
 double CompareGravity(const GravityPrior& prior, const Eigen::Quaterniond& cam_from_world_rotation,

@@ -3,8 +3,8 @@
 #include <Eigen/Core>
 #include <Eigen/Geometry>
 
-#include "colmap_lazyloc/math/rigid3.h"
 #include "colmap_lazyloc/math/two_rays.h"
+#include "colmap_lazyloc/scene/pose_distribution.h"
 #include "colmap_lazyloc/scene/query_prior.h"
 
 namespace lazyloc {
@@ -15,8 +15,7 @@ inline constexpr double kContradictionOfTwo = 13.816, kContradictionOfThree = 16
 
 // Compare a prior with what the images say, and set its result: contradicted above these quantiles. Return the factor
 // on the prior's covariance: from the 95 % quantile on, a prior is used as if it were less certain.
-double ComparePosition(const PositionPrior& prior, const Rigid3d& cam_from_world,
-                       const Eigen::Matrix<double, 6, 6>& covariance, PriorResult* result);
+double ComparePosition(const PositionPrior& prior, const PoseDistribution& pose, PriorResult* result);
 double CompareGravity(const GravityPrior& prior, const Eigen::Quaterniond& cam_from_world_rotation,
                       const Eigen::Matrix3d& covariance, PriorResult* result);
 

@@ -138,15 +138,4 @@ RotationFit FitRotation(const Layout& layout, const PairEstimates& estimates, co
   return fit;
 }
 
-Eigen::Matrix<double, 6, 6> PoseCovariance(const Rigid3d& cam_from_world, const Eigen::Matrix3d& rotation_covariance,
-                                           const Eigen::Matrix3d& position_covariance) {
-  // t = -R C: dt = -Hat(t) w - R dC.
-  const Eigen::Matrix3d rotation = cam_from_world.rotation.toRotationMatrix();
-  Eigen::Matrix<double, 6, 3> by_turn;
-  by_turn << Eigen::Matrix3d::Identity(), -Hat(cam_from_world.translation);
-  Eigen::Matrix<double, 6, 6> covariance = by_turn * rotation_covariance * by_turn.transpose();
-  covariance.bottomRightCorner<3, 3>() += rotation * position_covariance * rotation.transpose();
-  return covariance;
-}
-
 }  // namespace lazyloc
