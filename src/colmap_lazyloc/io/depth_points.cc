@@ -19,7 +19,7 @@ constexpr size_t kCacheBytes = 32 << 20;
 constexpr size_t kMaxNumNeighbours = 6;
 // Minimum sine of the angle between two rays (3 degrees), because points of smaller angles are less exact than depth
 // maps.
-constexpr double kMinCrossingSine = 0.052;
+constexpr double kMinDepthSine = 0.052;
 constexpr double kMaxErrorPx = 4;
 
 // A posed image whose keypoints become rays.
@@ -46,7 +46,7 @@ std::optional<DepthAndAngle> TriangulateDepth(const PosedCamera& camera, const E
   const Eigen::Vector3d ray_a = camera.cam_from_world.rotation.conjugate() * a->ray_in_cam;
   const Eigen::Vector3d ray_b = other.cam_from_world.rotation.conjugate() * b->ray_in_cam;
   const Eigen::Vector3d centre = CamInWorld(camera.cam_from_world);
-  const auto nearest = FindNearestPoints(ray_a, ray_b, CamInWorld(other.cam_from_world) - centre, kMinCrossingSine);
+  const auto nearest = FindNearestPoints(ray_a, ray_b, CamInWorld(other.cam_from_world) - centre, kMinDepthSine);
   if (!nearest) return std::nullopt;
   // Takes the point of the camera's own ray.
   const Eigen::Vector3d in_b = other.cam_from_world * (centre + nearest->distance1 * ray_a);

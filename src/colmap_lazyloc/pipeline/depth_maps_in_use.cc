@@ -12,7 +12,7 @@ namespace lazyloc {
 namespace {
 
 // Minimum sine of the angle between two rays (2 degrees) at which a pair tells how exact a depth is.
-constexpr double kMinCrossingSine = 0.035;
+constexpr double kMinDepthSine = 0.035;
 // Standard deviation of the log of a scale that only the adjusted tracks themselves tell.
 constexpr double kFreeScaleStddev = 3;
 
@@ -71,7 +71,7 @@ std::vector<DepthSample> SamplesOfPair(const PairGeometry& geometry, const Image
   const Eigen::Vector3d baseline = CamInWorld(geometry.query_from_other);
   for (const ObservedMatch& match : geometry.inliers) {
     const Eigen::Vector3d& ray = match.other.ray_in_cam;
-    const auto nearest = FindNearestPoints(ray, other_from_query * match.query.ray_in_cam, baseline, kMinCrossingSine);
+    const auto nearest = FindNearestPoints(ray, other_from_query * match.query.ray_in_cam, baseline, kMinDepthSine);
     if (!nearest) continue;
     AddSample(pair, static_cast<int>(match.match.other_point), nearest->distance1 * ray.z(), &samples);
   }

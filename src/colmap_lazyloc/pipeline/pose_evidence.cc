@@ -22,8 +22,6 @@ const double kMaxCompetingDirectionRad = DegToRad(5), kMinCompetingRotationRad =
 constexpr double kMinCompetingDistanceRatio = 0.1;
 // Maximum number of pairs that may speak for a competing pose: the time grows with its third power.
 constexpr size_t kMaxNumCompetingPairs = 30;
-// Minimum sine of the angle at which two directions cross.
-constexpr double kMinCrossingSine = 0.02;
 
 // Pose of a query as one of its pairs measured it: rotation, and a ray on which its centre is.
 struct Vote {
@@ -60,7 +58,7 @@ bool Agrees(const Vote& vote, const Image& image, const Rigid3d& frame_from_worl
 std::optional<Rigid3d> CompetingPose(const Layout& layout, const Vote& a, const Vote& b) {
   if (a.query != b.query) return std::nullopt;
   if (AngularDistanceRad(a.cam_from_world_rotation, b.cam_from_world_rotation) > kMaxRotationRad) return std::nullopt;
-  const std::optional<Eigen::Vector3d> place = Crossing(a.ray, b.ray, kMinCrossingSine);
+  const std::optional<Eigen::Vector3d> place = Crossing(a.ray, b.ray);
   if (!place) return std::nullopt;
   return Inverse(layout.given.images[a.query].cam_from_frame) * CamFromWorld(a.cam_from_world_rotation, *place);
 }

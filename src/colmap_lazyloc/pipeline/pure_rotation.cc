@@ -18,8 +18,8 @@ namespace {
 
 constexpr int kNumIterations = 10;
 constexpr double kLossScaleSigma = 2;
-// Minimum noise of a match, and the error of rotations that all database images have in common, in pixels.
-constexpr double kMinNoisePx = 0.5, kHiddenNoisePx = 0.3;
+// Error of rotations that all database images have in common, in pixels.
+constexpr double kHiddenNoisePx = 0.3;
 // Maximum error of a match that agrees with the rotation, in standard deviations of its noise.
 constexpr double kMaxErrorSigma = 4;
 
@@ -125,7 +125,7 @@ RotationFit FitRotation(const Layout& layout, const PairEstimates& estimates, co
   double noise_px = 0;
   Equations equations;
   for (int i = 0; i < kNumIterations; ++i) {
-    noise_px = std::max(StddevOfLengths(ErrorsPx(matches, rotation)), kMinNoisePx);
+    noise_px = std::max(StddevOfLengths(ErrorsPx(matches, rotation)), kMinImageNoisePx);
     equations = BuildEquations(matches, rotation, noise_px);
     rotation = (ExpSO3(equations.Turn()) * rotation).normalized();
   }

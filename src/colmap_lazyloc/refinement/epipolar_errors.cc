@@ -17,8 +17,6 @@ constexpr size_t kMinNumMatches = 30;
 // Minimum baseline over the distance of the points (2 degrees), because the direction of a shorter one changes by more
 // than a linearisation allows for.
 constexpr double kMinBaselineRatio = 0.035;
-// Minimum sine of the angle between two rays (1 degree) whose point has a distance.
-constexpr double kMinCrossingSine = 0.0175;
 // Standard deviation in pixels of deviations before the matches are known.
 constexpr double kMaxDeviationPx = 15;
 // Bounds of the keypoint noise. Errors that are larger after the fit are those of false matches.
@@ -51,7 +49,7 @@ std::optional<LinearErrors> MakeErrors(const Eigen::Vector3d& baseline, const st
     const double error_px = SampsonError(match, baseline, &jacobian);
     result.errors.push_back({error_px, jacobian.transpose()});
     focal_lengths_px.push_back(1 / match.stddev2_rad);
-    const auto nearest = FindNearestPoints(match.ray1, match.ray2, baseline, kMinCrossingSine);
+    const auto nearest = FindNearestPoints(match.ray1, match.ray2, baseline);
     if (nearest && nearest->AreAhead()) distances.push_back(nearest->distance1);
   }
   if (distances.size() < kMinNumMatches / 2) return std::nullopt;

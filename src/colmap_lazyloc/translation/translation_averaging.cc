@@ -14,9 +14,6 @@ namespace {
 
 // Maximum angle between a start position and the direction of an edge that supports it.
 constexpr double kMaxVoteErrorDeg = 10;
-// Minimum sine of the angle at which two edges may cross to determine a start (1 degree), because nearly parallel ones
-// cross anywhere.
-const double kMinCrossingSine = std::sin(DegToRad(1));
 // Noise that is added in quadrature to that of each direction, for errors that the rays do not show (intrinsics,
 // database poses).
 constexpr double kMinDirectionStddevDeg = 0.1;
@@ -66,7 +63,7 @@ Start BestStart(const std::vector<Vote>& votes) {
   Start best;
   for (size_t a = 0; a < votes.size(); ++a) {
     for (size_t b = 0; b < a; ++b) {
-      const std::optional<Eigen::Vector3d> point = Crossing(votes[a].ray, votes[b].ray, kMinCrossingSine);
+      const std::optional<Eigen::Vector3d> point = Crossing(votes[a].ray, votes[b].ray);
       if (!point) continue;
       const double support = Support(*point, votes, max_error_rad);
       if (support > best.support) best = {*point, support, true};
