@@ -17,9 +17,6 @@
 namespace lazyloc {
 namespace {
 
-// Minimum variance factor beside a prior: as few points as fix a pose fit it exactly, which says nothing of their
-// noise.
-constexpr double kMinVarianceFactor = 1e-3;
 // Minimum distance of points over the standard deviation of a position that is known by a prior alone.
 constexpr double kMinDistanceRatio = 1e-6;
 
