@@ -5,11 +5,11 @@
 #include <optional>
 #include <random>
 
-#include <Eigen/Eigenvalues>
-
 #include "colmap_lazyloc/math/mean_rotation.h"
 #include "colmap_lazyloc/math/so3.h"
+#include "colmap_lazyloc/math/two_rays.h"
 #include "colmap_lazyloc/scene/options_check.h"
+#include "colmap_lazyloc/structure/ray_intersection.h"
 
 namespace lazyloc {
 namespace {
@@ -17,8 +17,7 @@ namespace {
 // Rotation of a query by an edge, and the line on which the edge puts its centre.
 struct Proposal {
   Eigen::Quaterniond cam_from_world_rotation;
-  Eigen::Vector3d database_in_world;
-  Eigen::Vector3d dir_database_to_query_in_world;
+  Ray ray;  // from the database image
 };
 
 struct Pose {
@@ -33,14 +32,14 @@ std::vector<Proposal> ProposalsFor(int query, std::vector<RelativePoseEdge> edge
     if (edge.query != query || edge.query_from_database.translation.isZero()) continue;
     const Rigid3d database_from_world = CamFromWorld(posed, edge.database);
     proposals.push_back({edge.query_from_database.rotation * database_from_world.rotation,
-                         CamInWorld(database_from_world),
-                         database_from_world.rotation.conjugate() * CamInWorld(edge.query_from_database).normalized()});
+                         {CamInWorld(database_from_world), database_from_world.rotation.conjugate() *
+                                                               CamInWorld(edge.query_from_database).normalized()}});
   }
   return proposals;
 }
 
 double ErrorRad(const Proposal& proposal, const Eigen::Vector3d& cam_in_world) {
-  return AngleBetweenRad(cam_in_world - proposal.database_in_world, proposal.dir_database_to_query_in_world);
+  return AngleBetweenRad(cam_in_world - proposal.ray.origin, proposal.ray.dir);
 }
 
 std::vector<Proposal> Agreeing(const std::vector<Proposal>& proposals, const Eigen::Vector3d& cam_in_world,
@@ -52,22 +51,17 @@ std::vector<Proposal> Agreeing(const std::vector<Proposal>& proposals, const Eig
   return agreeing;
 }
 
-// Returns nullopt if the lines are parallel, to less than a tenth of a degree for two.
+// Returns nullopt if the lines are parallel.
 std::optional<Pose> PoseFrom(const std::vector<Proposal>& proposals) {
   std::vector<WeightedRotation> rotations;
-  Eigen::Matrix3d normal = Eigen::Matrix3d::Zero();
-  Eigen::Vector3d rhs = Eigen::Vector3d::Zero();
+  RayIntersection intersection;
   for (const Proposal& proposal : proposals) {
-    const Eigen::Vector3d& dir = proposal.dir_database_to_query_in_world;
-    const Eigen::Matrix3d across = Eigen::Matrix3d::Identity() - dir * dir.transpose();
-    normal += across;
-    rhs += across * proposal.database_in_world;
+    intersection.Add(proposal.ray.origin, proposal.ray.dir);
     rotations.push_back({proposal.cam_from_world_rotation});
   }
-  const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen(normal);
-  if (!(eigen.eigenvalues()(0) > 1e-6)) return std::nullopt;
-  return Pose{MeanRotation(rotations), eigen.eigenvectors() * eigen.eigenvalues().cwiseInverse().asDiagonal() *
-                                           eigen.eigenvectors().transpose() * rhs};
+  const std::optional<Eigen::Vector3d> cam_in_world = intersection.Point();
+  if (!cam_in_world) return std::nullopt;
+  return Pose{MeanRotation(rotations), *cam_in_world};
 }
 
 // Keeps the best pose.

@@ -5,9 +5,9 @@
 
 #include <Eigen/Cholesky>
 
-#include "colmap_lazyloc/ablation/sampson_error.h"
 #include "colmap_lazyloc/math/robust_weights.h"
 #include "colmap_lazyloc/math/so3.h"
+#include "colmap_lazyloc/scene/epipolar_error.h"
 #include "colmap_lazyloc/scene/options_check.h"
 
 namespace lazyloc {
@@ -16,18 +16,26 @@ namespace {
 using Matrix6d = Eigen::Matrix<double, 6, 6>;
 using Vector6d = Eigen::Matrix<double, 6, 1>;
 
-std::vector<EpipolarMatch> MatchesOf(int query, const std::vector<Track>& tracks, const PosedImages& posed) {
-  std::vector<EpipolarMatch> matches;
+// A match between a database image, in the world, and a query, in the axes of its camera.
+struct DatabaseMatch {
+  RayMatch rays;
+  Eigen::Vector3d database_in_world;
+};
+
+std::vector<DatabaseMatch> MatchesOf(int query, const std::vector<Track>& tracks, const PosedImages& posed) {
+  std::vector<DatabaseMatch> matches;
   for (const Track& track : tracks) {
     const auto own = std::find_if(track.observations.begin(), track.observations.end(),
                                   [query](const TrackObservation& element) { return element.image == query; });
     if (own == track.observations.end()) continue;
-    const auto noisy = [&](const TrackObservation& element) {
-      return NoisyObservation{element.observation, track.noise_ratio * posed.images[element.image].noise_px};
-    };
     for (const TrackObservation& other : track.observations) {
       if (!posed.IsDatabase(other.image)) continue;
-      matches.push_back(MakeEpipolarMatch(CamFromWorld(posed, other.image), noisy(other), noisy(*own)));
+      const Rigid3d database_from_world = CamFromWorld(posed, other.image);
+      RayMatch rays = MakeRayMatch(database_from_world.rotation.conjugate().toRotationMatrix(), other.observation,
+                                   Eigen::Matrix3d::Identity(), own->observation);
+      rays.stddev1_rad *= track.noise_ratio * posed.images[other.image].noise_px;
+      rays.stddev2_rad *= track.noise_ratio * posed.images[query].noise_px;
+      matches.push_back({rays, CamInWorld(database_from_world)});
     }
   }
   return matches;
@@ -44,12 +52,15 @@ struct NormalEquations {
   Vector6d gradient = Vector6d::Zero();
 };
 
-NormalEquations Linearize(const std::vector<EpipolarMatch>& matches, const Pose& pose, double loss_scale) {
+NormalEquations Linearize(const std::vector<DatabaseMatch>& matches, const Pose& pose, double loss_scale) {
   NormalEquations equations;
-  const Eigen::Matrix3d rotation = pose.cam_from_world_rotation.toRotationMatrix();
+  const Eigen::Matrix3d world_from_cam = pose.cam_from_world_rotation.conjugate().toRotationMatrix();
   Eigen::Matrix<double, 1, 6> jacobian;
-  for (const EpipolarMatch& match : matches) {
-    const double error = SampsonError(match, rotation, pose.cam_in_world, &jacobian);
+  for (const DatabaseMatch& match : matches) {
+    RayMatch in_world = match.rays;
+    in_world.ray2 = world_from_cam * match.rays.ray2;
+    const double error = SampsonError(in_world, pose.cam_in_world - match.database_in_world, &jacobian);
+    jacobian.head<3>() *= world_from_cam;  // turns of the tangent are in the camera's axes
     const double weight = CauchyWeight(error * error, loss_scale);
     equations.cost += 0.5 * loss_scale * loss_scale * std::log1p(error * error / (loss_scale * loss_scale));
     equations.hessian.noalias() += weight * jacobian.transpose() * jacobian;
@@ -68,7 +79,7 @@ Pose Moved(const Pose& pose, const NormalEquations& equations, double damping) {
 }
 
 // Minimises by Levenberg-Marquardt. Returns false if the cost is not finite.
-bool Minimize(const SampsonRefinementOptions& options, const std::vector<EpipolarMatch>& matches, Pose* pose,
+bool Minimize(const SampsonRefinementOptions& options, const std::vector<DatabaseMatch>& matches, Pose* pose,
               StageSummary* summary) {
   NormalEquations current = Linearize(matches, *pose, options.loss_scale_sigma);
   if (!std::isfinite(current.cost)) return false;
@@ -109,7 +120,7 @@ SampsonRefinementResult RefineBySampsonError(const PosedImages& posed, const std
   };
   for (int image = 0; image < static_cast<int>(posed.images.size()); ++image) {
     if (posed.IsDatabase(image)) continue;
-    const std::vector<EpipolarMatch> matches = MatchesOf(image, tracks, posed);
+    const std::vector<DatabaseMatch> matches = MatchesOf(image, tracks, posed);
     if (matches.size() < kMinNumMatches) return fail("a query has less than six matches");
     Rigid3d& frame_from_world = result.posed.frames[posed.images[image].frame].frame_from_world;
     Pose pose = {frame_from_world.rotation, CamInWorld(frame_from_world)};

@@ -7,7 +7,6 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "colmap_lazyloc/ablation/sampson_error.h"
 #include "colmap_lazyloc/math/so3.h"
 #include "colmap_lazyloc/refinement/bundle_adjustment.h"
 #include "colmap_lazyloc/testing/jacobian_check.h"
@@ -77,52 +76,6 @@ TEST_P(SampsonContract, TrackOrderDoesNotMatter) {
 }
 
 INSTANTIATE_TEST_SUITE_P(SampsonRefinement, SampsonContract, testing::Values(1, 3));
-
-// Returns the match of a track between the query and a database image.
-EpipolarMatch MatchOf(const SyntheticTracks& scene, const Track& track, int database) {
-  return MakeEpipolarMatch(CamFromWorld(scene.posed, database),
-                           {track.observations[database].observation, scene.posed.images[database].noise_px},
-                           {track.observations[0].observation, scene.posed.images[0].noise_px});
-}
-
-TEST(SampsonError, JacobianIsThatOfFiniteDifferences) {
-  const SyntheticTracks scene = MakeScene(1, 2, 4);
-  const Rigid3d query = CamFromWorld(Start(scene, 1, 0.3), 0);
-  const Eigen::Vector3d centre = CamInWorld(query);
-  for (int i = 0; i < 10; ++i) {
-    const EpipolarMatch match = MatchOf(scene, scene.tracks[i], 2);
-    Eigen::Matrix<double, 1, 6> jacobian, ignored;
-    SampsonError(match, query.rotation.toRotationMatrix(), centre, &jacobian);
-    const auto error = [&](const Eigen::VectorXd& step) -> Eigen::VectorXd {
-      const Eigen::Matrix3d rotation = (ExpSO3(Eigen::Vector3d(step.head<3>())) * query.rotation).toRotationMatrix();
-      return Eigen::VectorXd::Constant(1, SampsonError(match, rotation, centre + step.tail<3>(), &ignored));
-    };
-    ExpectJacobian(error, jacobian);
-  }
-}
-
-// Expects a standard normal error at the true pose, for keypoints with the stated noise.
-TEST(SampsonError, CountsStandardDeviations) {
-  SyntheticTracks scene = MakeScene(1, 0.5, 5);
-  for (Image& image : scene.posed.images) image.noise_px = 0.5;
-  const Rigid3d pose = CamFromWorld(scene.posed, 0);
-  double sum = 0;
-  Eigen::Matrix<double, 1, 6> jacobian;
-  for (const Track& track : scene.tracks) {
-    const EpipolarMatch match = MatchOf(scene, track, 1);
-    sum += std::pow(SampsonError(match, pose.rotation.toRotationMatrix(), CamInWorld(pose), &jacobian), 2);
-  }
-  const double num_matches = static_cast<double>(scene.tracks.size());
-  EXPECT_NEAR(sum / num_matches, 1, 4 * std::sqrt(2 / num_matches));
-}
-
-TEST(SampsonError, WithoutBaselineIsZero) {
-  const SyntheticTracks scene = MakeScene(1, 0, 6);
-  const EpipolarMatch match = MatchOf(scene, scene.tracks[0], 1);
-  Eigen::Matrix<double, 1, 6> jacobian;
-  EXPECT_EQ(SampsonError(match, Eigen::Matrix3d::Identity(), match.database_in_world, &jacobian), 0);
-  EXPECT_TRUE(jacobian.isZero());
-}
 
 // Moves a tenth of the query's keypoints by 200 px. Cauchy's loss ignores them, up to three times the error of about
 // 0.015 units that the noise makes.

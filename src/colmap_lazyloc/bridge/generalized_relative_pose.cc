@@ -24,7 +24,7 @@ using Estimator = colmap::GR6PEstimator;
 
 }  // namespace
 
-std::optional<Rigid3d> EstimateGeneralizedRelativePose(const std::vector<RayMatch>& matches, double max_error_rad,
+std::optional<Rigid3d> EstimateGeneralizedRelativePose(const std::vector<PosedRayMatch>& matches, double max_error_rad,
                                                        uint32_t seed) {
   std::vector<Estimator::X_t> database(matches.size()), query(matches.size());
   for (size_t i = 0; i < matches.size(); ++i) {

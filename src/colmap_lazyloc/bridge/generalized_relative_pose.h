@@ -12,7 +12,7 @@ namespace lazyloc {
 
 // Ray of a query keypoint and ray of its match in a database image. Rays have unit length, in coordinates of their
 // camera.
-struct RayMatch {
+struct PosedRayMatch {
   Eigen::Vector3d query_ray_in_cam;
   Eigen::Vector3d database_ray_in_cam;
   Rigid3d database_cam_from_world;
@@ -25,7 +25,7 @@ struct RayMatch {
 //   max_error_rad: maximum Sampson error of an inlier.
 // Returns nullopt if no pose is found, for example if all images were taken from one place. The same seed gives the
 // same result.
-std::optional<Rigid3d> EstimateGeneralizedRelativePose(const std::vector<RayMatch>& matches, double max_error_rad,
+std::optional<Rigid3d> EstimateGeneralizedRelativePose(const std::vector<PosedRayMatch>& matches, double max_error_rad,
                                                        uint32_t seed);
 
 }  // namespace lazyloc

@@ -12,8 +12,8 @@
 #include <nlohmann/json.hpp>
 
 #include "colmap_lazyloc/cli/run_command.h"
-#include "colmap_lazyloc/math/median.h"
 #include "colmap_lazyloc/math/rigid3.h"
+#include "colmap_lazyloc/math/robust_statistics.h"
 #include "colmap_lazyloc/scene/errors.h"
 #include "colmap_lazyloc/scene/format.h"
 

@@ -5,13 +5,14 @@
 #include <optional>
 #include <utility>
 
-#include "colmap_lazyloc/math/median.h"
+#include "colmap_lazyloc/math/robust_statistics.h"
+#include "colmap_lazyloc/math/two_rays.h"
 
 namespace lazyloc {
 namespace {
 
-// Minimum angle between two rays in rad (2 degrees) at which a pair tells how exact a depth is.
-constexpr double kMinAngleRad = 0.035;
+// Minimum sine of the angle between two rays (2 degrees) at which a pair tells how exact a depth is.
+constexpr double kMinDepthSine = 0.035;
 // Standard deviation of the log of a scale that only the adjusted tracks themselves tell.
 constexpr double kFreeScaleStddev = 3;
 
@@ -70,11 +71,9 @@ std::vector<DepthSample> SamplesOfPair(const PairGeometry& geometry, const Image
   const Eigen::Vector3d baseline = CamInWorld(geometry.query_from_other);
   for (const ObservedMatch& match : geometry.inliers) {
     const Eigen::Vector3d& ray = match.other.ray_in_cam;
-    const Eigen::Vector3d query_ray = other_from_query * match.query.ray_in_cam;
-    const Eigen::Vector3d normal = ray.cross(query_ray);
-    if (normal.norm() < kMinAngleRad) continue;
-    const double distance = baseline.cross(query_ray).dot(normal) / normal.squaredNorm();
-    AddSample(pair, static_cast<int>(match.match.other_point), distance * ray.z(), &samples);
+    const auto nearest = FindNearestPoints(ray, other_from_query * match.query.ray_in_cam, baseline, kMinDepthSine);
+    if (!nearest) continue;
+    AddSample(pair, static_cast<int>(match.match.other_point), nearest->distance1 * ray.z(), &samples);
   }
   return samples;
 }

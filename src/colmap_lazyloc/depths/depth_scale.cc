@@ -7,7 +7,7 @@
 #include <tuple>
 #include <utility>
 
-#include "colmap_lazyloc/math/median.h"
+#include "colmap_lazyloc/math/robust_statistics.h"
 
 namespace lazyloc {
 namespace {
@@ -21,8 +21,6 @@ constexpr double kMaxSpreadRatio = 0.6;
 // minimum correlation coefficient, and minimum in standard deviations of that of independent depths.
 constexpr double kMinCorrelation = 0.3;
 constexpr double kMinCorrelationSigma = 3;
-// Standard deviations of the normal distribution per median absolute deviation.
-constexpr double kStddevOfMad = 1.4826;
 constexpr double kMaxDeviation = 3;  // in spreads; depths beyond it are outliers
 constexpr int kNumCells = 4;         // per side of the image, in which neighbouring errors are compared
 constexpr int kNumTrials = 100;      // for the shift
@@ -34,12 +32,6 @@ constexpr double kUntestedSpread = 3;
 constexpr double kUntestedNumAreas = 16;
 
 double Square(double x) { return x * x; }
-
-double RobustSpread(std::vector<double> values) {
-  const double middle = Median(values);
-  for (double& value : values) value = std::abs(value - middle);
-  return kStddevOfMad * Median(std::move(values));
-}
 
 std::vector<double> LogRatios(const std::vector<DepthSample>& samples, double shift) {
   std::vector<double> ratios;
@@ -53,7 +45,7 @@ std::vector<double> LogRatios(const std::vector<DepthSample>& samples, double sh
 // Returns the shift with the least spread among those that two samples give (least median of squares).
 double FitShift(const std::vector<DepthSample>& samples) {
   std::mt19937 random(static_cast<uint32_t>(samples.size()));
-  double best_shift = 0, best_spread = RobustSpread(LogRatios(samples, 0));
+  double best_shift = 0, best_spread = RobustStddev(LogRatios(samples, 0));
   for (int trial = 0; trial < kNumTrials; ++trial) {
     const DepthSample& a = samples[random() % samples.size()];
     const DepthSample& b = samples[random() % samples.size()];
@@ -62,7 +54,7 @@ double FitShift(const std::vector<DepthSample>& samples) {
     if (!(scale > 0) || !std::isfinite(shift)) continue;
     std::vector<double> ratios = LogRatios(samples, shift);
     if (ratios.size() < samples.size() * 0.9) continue;
-    const double spread = RobustSpread(std::move(ratios));
+    const double spread = RobustStddev(std::move(ratios));
     if (spread < best_spread) std::tie(best_shift, best_spread) = std::pair(shift, spread);
   }
   return best_shift;
@@ -134,9 +126,9 @@ DepthFit FitDepthMap(const std::vector<DepthSample>& samples, const DepthOptions
   std::vector<double> ratios = LogRatios(samples, fit.shift), log_depths;
   for (const DepthSample& sample : samples) log_depths.push_back(std::log(sample.point_depth));
   fit.log_scale = Median(ratios);
-  fit.spread = RobustSpread(std::move(ratios));
+  fit.spread = RobustStddev(std::move(ratios));
   const bool is_informative = fit.spread <= 2 * options.min_stddev_ratio ||
-                              fit.spread <= kMaxSpreadRatio * RobustSpread(std::move(log_depths)) ||
+                              fit.spread <= kMaxSpreadRatio * RobustStddev(std::move(log_depths)) ||
                               AreCorrelated(samples, fit);
   if (fit.spread > kMaxSpread || !is_informative) {
     fit.verdict = DepthVerdict::CONTRADICTED;

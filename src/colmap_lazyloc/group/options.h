@@ -49,6 +49,11 @@ inline constexpr std::array<const char*, 3> kEnumNames<IntrinsicsMode> = {"auto"
 // Image noise that the start and the first round assume, because motion averaging may be off by many pixels. Later
 // rounds estimate it for each image.
 inline constexpr double kStartNoisePx = 4;
+// Minimum of these estimates, because a few exact matches would otherwise outweigh all others.
+inline constexpr double kMinImageNoisePx = 0.5;
+// Minimum variance factor of the images in relation to priors: as few points as fix a pose fit it exactly, which says
+// nothing of their noise.
+inline constexpr double kMinVarianceFactor = 0.01;
 // Maximum error of a point in the query in the start and the first round: 8 standard deviations of that noise.
 inline constexpr double kMaxStartErrorSigma = 8;
 inline constexpr double kMaxStartErrorPx = kMaxStartErrorSigma * kStartNoisePx;

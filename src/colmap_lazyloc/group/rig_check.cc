@@ -5,7 +5,7 @@
 
 #include "colmap_lazyloc/bridge/absolute_pose.h"
 #include "colmap_lazyloc/group/failure.h"
-#include "colmap_lazyloc/math/median.h"
+#include "colmap_lazyloc/math/robust_statistics.h"
 #include "colmap_lazyloc/math/seed.h"
 #include "colmap_lazyloc/math/so3.h"
 

@@ -9,6 +9,7 @@
 #include "colmap_lazyloc/bridge/observation.h"
 #include "colmap_lazyloc/group/failure.h"
 #include "colmap_lazyloc/math/seed.h"
+#include "colmap_lazyloc/scene/refs.h"
 #include "colmap_lazyloc/starts/start_selection.h"
 
 namespace lazyloc {
@@ -59,8 +60,7 @@ FocalLengthAndPose ChooseFocalLengthAndPose(const Layout& layout, const QueryCam
     QueryCamera scaled = camera;
     scaled.ScaleFocalLength(factor);
     const std::vector<Track> tracks = scaled.Observe(tracks_from_database);
-    TrackRefs from_database;
-    for (const Track& track : tracks) from_database.push_back(&track);
+    const TrackRefs from_database = Refs(tracks);
     // Half the inliers of the best so far, because RANSAC need not search for a pose that does not win.
     const double min_inlier_ratio = std::max(0.1, 0.5 * best_score / num_tracks);
     const StartEvidence evidence{layout.given, from_database, no_other_tracks, max_error_px, min_inlier_ratio};

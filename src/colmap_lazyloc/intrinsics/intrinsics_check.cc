@@ -16,24 +16,12 @@ namespace {
 
 using PoseDerivatives = Eigen::Matrix<double, 6, NUM_INTRINSICS_PARAMETERS>;
 
-// Returns the derivatives of an image's pose in the world by those of its frame around the layout's origin.
-PoseDerivatives DerivativesInWorld(const Layout& layout, const PosedImages& posed, int query,
-                                   const PoseDerivatives& of_frame) {
+// Returns the derivatives of an image's pose around the camera by those of its frame around the layout's origin.
+PoseDerivatives DerivativesAroundCamera(const PosedImages& posed, int query, const PoseDerivatives& of_frame) {
   const Eigen::Matrix3d cam_from_frame = posed.images[query].cam_from_frame.rotation.toRotationMatrix();
   PoseDerivatives of_image;
   of_image << cam_from_frame * of_frame.topRows<3>(), cam_from_frame * of_frame.bottomRows<3>();
-  return TangentFromAround(layout.origin, CamFromWorld(posed, query).rotation) * of_image;
-}
-
-// Adds to the uncertainty of a pose.
-void AddCovariance(const Eigen::Matrix<double, 6, 6>& covariance, const Rigid3d& cam_from_world,
-                   PoseUncertainty* uncertainty) {
-  const Eigen::Matrix<double, 6, 6> sum = uncertainty->covariance + covariance;
-  uncertainty->covariance = (sum + sum.transpose()) / 2;
-  // Moves the origin to the camera, because the position's part would be lost in large coordinates.
-  const Eigen::Matrix<double, 6, 6> around_camera =
-      CovarianceFromAround(-CamInWorld(cam_from_world), cam_from_world.rotation, uncertainty->covariance);
-  uncertainty->spread = ComputePoseSpread({cam_from_world.rotation, Eigen::Vector3d::Zero()}, around_camera);
+  return AroundCamera(CamFromWorld(posed, query)) * of_image;
 }
 
 // Sets the verdict. Returns the expected square of the error of the log focal length that the covariance lacks.
@@ -53,14 +41,13 @@ double Judge(const Camera& camera, const IntrinsicsEstimate& estimate, bool is_r
 }  // namespace
 
 CheckedIntrinsics CheckIntrinsics(const QueryGroup& group, const Layout& layout, const Refined& refined,
-                                  std::vector<PoseUncertainty> uncertainties, const LocalizerOptions& options,
+                                  std::vector<PoseDistribution> poses, const LocalizerOptions& options,
                                   const QueryCamera* camera) {
   const PosedImages& adjusted = refined.adjustment.posed;
   CheckedIntrinsics checked;
   checked.results.resize(layout.num_queries);
-  checked.focal_errors.resize(layout.num_queries);
   checked.cameras.resize(layout.num_queries);
-  checked.uncertainties = std::move(uncertainties);
+  checked.poses = std::move(poses);
   checked.posed = AsReported(layout, adjusted);
   for (int frame = 0; frame < layout.num_query_frames; ++frame) {
     const IntrinsicsScore& score = refined.adjustment.intrinsics_scores[frame];
@@ -73,26 +60,17 @@ CheckedIntrinsics CheckIntrinsics(const QueryGroup& group, const Layout& layout,
       result.focal_factor = camera != nullptr ? camera->FocalFactor() : std::exp(estimate.log_focal_factor);
       result.focal_factor_stddev = result.focal_factor * estimate.log_focal_stddev;
 
-      const PoseDerivatives derivatives = DerivativesInWorld(layout, adjusted, query, score.frame_from_correction);
-      const Rigid3d pose = PoseInWorld(layout, adjusted, query);
       if (camera != nullptr) checked.cameras[query] = camera->Intrinsics();
-      PoseUncertainty& uncertainty = checked.uncertainties[query];
+      PoseDistribution& pose = checked.poses[query];
+      const PoseDerivatives derivatives = DerivativesAroundCamera(adjusted, query, score.frame_from_correction);
       const IntrinsicsScore::Matrix others =
           UncalibratedCovariance(score, score_covariance, problem.query_camera, result.origin);
-      AddCovariance(derivatives * others * derivatives.transpose(), pose, &uncertainty);
-
-      const double mean_square = Judge(problem.query_camera, estimate, camera != nullptr, options, &result);
-      checked.focal_errors[query] = {mean_square, derivatives.col(LOG_FOCAL_FACTOR)};
-      AddFocalLengthUncertainty(checked.focal_errors[query], pose, &uncertainty);
+      pose.of_images += derivatives * others * derivatives.transpose();
+      pose.by_log_focal = derivatives.col(LOG_FOCAL_FACTOR);
+      pose.log_focal_variance = Judge(problem.query_camera, estimate, camera != nullptr, options, &result);
     }
   }
   return checked;
-}
-
-void AddFocalLengthUncertainty(const FocalLengthError& error, const Rigid3d& cam_from_world,
-                               PoseUncertainty* uncertainty) {
-  const Eigen::Matrix<double, 6, 1>& derivative = error.pose_from_log_focal;
-  AddCovariance(error.mean_square * derivative * derivative.transpose(), cam_from_world, uncertainty);
 }
 
 }  // namespace lazyloc

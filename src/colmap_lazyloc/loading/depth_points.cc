@@ -7,6 +7,8 @@
 
 #include "colmap_lazyloc/bridge/observation.h"
 #include "colmap_lazyloc/loading/database_neighbours.h"
+#include "colmap_lazyloc/math/so3.h"
+#include "colmap_lazyloc/math/two_rays.h"
 #include "colmap_lazyloc/scene/errors.h"
 
 namespace lazyloc {
@@ -15,8 +17,9 @@ namespace {
 constexpr size_t kCacheBytes = 32 << 20;
 // Number of other images that an image is paired with: more would add few points.
 constexpr size_t kMaxNumNeighbours = 6;
-// Minimum angle between two rays in rad (3 degrees), because points of smaller angles are less exact than depth maps.
-constexpr double kMinAngleRad = 0.052;
+// Minimum sine of the angle between two rays (3 degrees), because points of smaller angles are less exact than depth
+// maps.
+constexpr double kMinDepthSine = 0.052;
 constexpr double kMaxErrorPx = 4;
 
 // A posed image whose keypoints become rays.
@@ -42,16 +45,14 @@ std::optional<DepthAndAngle> TriangulateDepth(const PosedCamera& camera, const E
   if (!a || !b) return std::nullopt;
   const Eigen::Vector3d ray_a = camera.cam_from_world.rotation.conjugate() * a->ray_in_cam;
   const Eigen::Vector3d ray_b = other.cam_from_world.rotation.conjugate() * b->ray_in_cam;
-  const Eigen::Vector3d normal = ray_a.cross(ray_b);
-  const double angle_rad = std::atan2(normal.norm(), ray_a.dot(ray_b));
-  if (angle_rad < kMinAngleRad) return std::nullopt;
-  // Takes the point of the camera's own ray that is nearest to the other one.
-  const Eigen::Vector3d baseline = CamInWorld(other.cam_from_world) - CamInWorld(camera.cam_from_world);
-  const double distance = baseline.cross(ray_b).dot(normal) / normal.squaredNorm();
-  const Eigen::Vector3d in_b = other.cam_from_world * (CamInWorld(camera.cam_from_world) + distance * ray_a);
-  const double depth = distance * a->ray_in_cam.z();
+  const Eigen::Vector3d centre = CamInWorld(camera.cam_from_world);
+  const auto nearest = FindNearestPoints(ray_a, ray_b, CamInWorld(other.cam_from_world) - centre, kMinDepthSine);
+  if (!nearest) return std::nullopt;
+  // Takes the point of the camera's own ray.
+  const Eigen::Vector3d in_b = other.cam_from_world * (centre + nearest->distance1 * ray_a);
+  const double depth = nearest->distance1 * a->ray_in_cam.z();
   if (!(depth > 0) || !IsInFront(*b, in_b) || ReprojectionError(*b, in_b).norm() > kMaxErrorPx) return std::nullopt;
-  return DepthAndAngle{depth, angle_rad};
+  return DepthAndAngle{depth, AngleBetweenRad(ray_a, ray_b)};
 }
 
 }  // namespace

@@ -8,7 +8,7 @@
 #include <utility>
 
 #include "colmap_lazyloc/bridge/camera_models.h"
-#include "colmap_lazyloc/math/median.h"
+#include "colmap_lazyloc/math/robust_statistics.h"
 #include "colmap_lazyloc/scene/errors.h"
 #include "colmap_lazyloc/scene/format.h"
 

@@ -10,6 +10,7 @@
 #include "colmap_lazyloc/refinement/pose_prior.h"
 #include "colmap_lazyloc/refinement/prior_fit.h"
 #include "colmap_lazyloc/refinement/prior_precision.h"
+#include "colmap_lazyloc/scene/pose_distribution.h"
 #include "colmap_lazyloc/testing/synthetic_tracks.h"
 
 namespace lazyloc {
@@ -102,7 +103,8 @@ TEST_P(DatabaseNoises, AreFoundAndExplainTheQuerysError) {
     for (int j : {0, 1, 2}) variances[j] += factor * components[j].variance / kNumTrials;
     const Rigid3d pose = CamFromWorld(result.posed, 0);
     const Eigen::Vector3d error = CamInWorld(pose) - CamInWorld(trial.query_truth);
-    const Eigen::Matrix3d covariance = PositionCovariance(pose, factor * result.image_covariances[0]);
+    const Eigen::Matrix3d covariance =
+        MakePoseDistribution(pose, factor * result.image_covariances[0]).PositionCovariance();
     squared_error += error.dot(covariance.llt().solve(error)) / kNumTrials;
   }
   // Allows for chance: 12 frames have 36 deviations of each kind, blurred by those of the walk and of the keypoints.

@@ -34,12 +34,14 @@ struct Star {
   std::vector<EpipolarFit> fits;  // by neighbour
 };
 
-std::vector<MatchedRays> ObserveMatches(const Observer& observe, const NeighbourPair& pair) {
+// Returns the matches in the world's axes. observe, world_from_cam: of the star's image.
+std::vector<RayMatch> ObserveMatches(const Observer& observe, const Eigen::Matrix3d& world_from_cam,
+                                     const NeighbourPair& pair, const Eigen::Matrix3d& world_from_other) {
   const Observer observe_other(pair.camera);
-  std::vector<MatchedRays> matches;
+  std::vector<RayMatch> matches;
   for (size_t i = 0; i < pair.points.size(); ++i) {
     const std::optional<Observation> observation = observe(pair.points[i]), other = observe_other(pair.other_points[i]);
-    if (observation && other) matches.push_back({*observation, *other});
+    if (observation && other) matches.push_back(MakeRayMatch(world_from_cam, *observation, world_from_other, *other));
   }
   return matches;
 }
@@ -48,10 +50,13 @@ Star MakeStar(const ImagePair& pair) {
   Star star{pair.database_cam_from_world, {}, {}};
   star.cam_from_world.rotation.normalize();
   const Observer observe(pair.other_camera);
+  const Eigen::Matrix3d world_from_cam = star.cam_from_world.rotation.conjugate().toRotationMatrix();
   for (const NeighbourPair& neighbour : pair.neighbours) {
     Rigid3d other_from_world = neighbour.cam_from_world;
     other_from_world.rotation.normalize();
-    const auto fit = FitEpipolarErrors(star.cam_from_world, other_from_world, ObserveMatches(observe, neighbour));
+    const Eigen::Matrix3d world_from_other = other_from_world.rotation.conjugate().toRotationMatrix();
+    const auto fit = FitEpipolarErrors(CamInWorld(other_from_world) - CamInWorld(star.cam_from_world),
+                                       ObserveMatches(observe, world_from_cam, neighbour, world_from_other));
     if (!fit) continue;
     star.others_from_world.push_back(other_from_world);
     star.fits.push_back(*fit);

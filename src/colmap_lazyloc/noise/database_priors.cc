@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "colmap_lazyloc/math/median.h"
+#include "colmap_lazyloc/math/robust_statistics.h"
 #include "colmap_lazyloc/math/so3.h"
 #include "colmap_lazyloc/noise/database_pose_errors.h"
 
@@ -14,8 +14,6 @@ namespace {
 // between that of a random walk (1) and that of errors which change steadily (2).
 constexpr double kReferenceDistance = 0.2;
 constexpr double kPower = 1.5;
-// Minimum variance factor, because without any noise of the images their information is infinite.
-constexpr double kMinVarianceFactor = 0.01;
 // What a covariance allows for beyond the estimate unless the poses are exact: errors in pixels that no adjustment
 // shows, because they are common to all images. Calibrated on real scenes (docs/method.md, section 9).
 constexpr double kHiddenNoisePx = 0.2;

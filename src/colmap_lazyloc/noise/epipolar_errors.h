@@ -5,16 +5,10 @@
 
 #include <Eigen/Core>
 
-#include "colmap_lazyloc/math/rigid3.h"
 #include "colmap_lazyloc/refinement/pose_prior.h"
-#include "colmap_lazyloc/scene/observation.h"
+#include "colmap_lazyloc/scene/epipolar_error.h"
 
 namespace lazyloc {
-
-// A match between two images whose poses are given.
-struct MatchedRays {
-  Observation observation, other_observation;
-};
 
 // What the matches of two images say of the deviation p of the second pose from the given one, relative to the first:
 // the log of their likelihood is rhs^T p - p^T information p / 2. The coordinates are those of PosePriorResidual for a
@@ -28,7 +22,8 @@ struct EpipolarFit {
 
 // Fits the epipolar errors of the matches by a deviation of the relative pose. nullopt if they do not tell it: too few
 // matches, a baseline that is too short beside the distance of the points, or errors that no deviation explains.
-std::optional<EpipolarFit> FitEpipolarErrors(const Rigid3d& cam_from_world, const Rigid3d& other_from_world,
-                                             const std::vector<MatchedRays>& matches);
+// matches: by the given rotations in the world's axes.
+std::optional<EpipolarFit> FitEpipolarErrors(const Eigen::Vector3d& baseline_1to2,
+                                             const std::vector<RayMatch>& matches);
 
 }  // namespace lazyloc

@@ -36,13 +36,24 @@ struct TwoCameras {
         xy[k] = kFocalLengthPx * in_cam.hnormalized();
         xy[k] += noise_px * Eigen::Vector2d(noise(random), noise(random));
       }
-      matches.push_back({Observe(xy[0]), Observe(xy[1])});
+      observations.push_back({Observe(xy[0]), Observe(xy[1])});
     }
   }
 
+  // Fits the errors of the matches by given poses.
+  std::optional<EpipolarFit> Fit(const Rigid3d& first_from_world, const Rigid3d& second_from_world) const {
+    std::vector<RayMatch> matches;
+    for (const auto& [first, second] : observations) {
+      matches.push_back(MakeRayMatch(first_from_world.rotation.conjugate().toRotationMatrix(), first,
+                                     second_from_world.rotation.conjugate().toRotationMatrix(), second));
+    }
+    return FitEpipolarErrors(CamInWorld(second_from_world) - CamInWorld(first_from_world), matches);
+  }
+  std::optional<EpipolarFit> Fit() const { return Fit(cam_from_world, other_from_world); }
+
   Random random{7};
   Rigid3d cam_from_world, other_from_world;
-  std::vector<MatchedRays> matches;
+  std::vector<std::pair<Observation, Observation>> observations;
 };
 
 // Returns the pose whose deviation from it, in pixels, is that of `pose`.
@@ -62,7 +73,7 @@ TEST(FitEpipolarErrors, FindsTheDeviationButForTheBaseline) {
   const TwoCameras cameras;
   const Vector6d deviation = (Vector6d() << 1, -2, 1.5, 0.1, -1, 2).finished();
   const Rigid3d given = GivenPose(cameras.other_from_world, deviation);
-  const auto fit = FitEpipolarErrors(cameras.cam_from_world, given, cameras.matches);
+  const auto fit = cameras.Fit(cameras.cam_from_world, given);
   ASSERT_TRUE(fit);
   EXPECT_NEAR(fit->scale.focal_length_px, kFocalLengthPx, 0.05 * kFocalLengthPx);
   EXPECT_NEAR(fit->scale.distance, kDistance, 0.1 * kDistance);
@@ -76,9 +87,9 @@ TEST(FitEpipolarErrors, FindsTheDeviationButForTheBaseline) {
 
 TEST(FitEpipolarErrors, IsNotLedAstrayByFalseMatches) {
   TwoCameras cameras(1.0, 150, 0.5);
-  const auto clean = FitEpipolarErrors(cameras.cam_from_world, cameras.other_from_world, cameras.matches);
-  for (size_t i = 0; i < 30; ++i) std::swap(cameras.matches[i].observation, cameras.matches[i + 60].observation);
-  const auto fit = FitEpipolarErrors(cameras.cam_from_world, cameras.other_from_world, cameras.matches);
+  const auto clean = cameras.Fit();
+  for (size_t i = 0; i < 30; ++i) std::swap(cameras.observations[i].first, cameras.observations[i + 60].first);
+  const auto fit = cameras.Fit();
   ASSERT_TRUE(clean && fit);
   EXPECT_LT(clean->noise_px, 0.7);
   EXPECT_GT(clean->noise_px, 0.3);
@@ -88,22 +99,22 @@ TEST(FitEpipolarErrors, IsNotLedAstrayByFalseMatches) {
 
 TEST(FitEpipolarErrors, ManyMatchesAreNotMoreExactThanTheirCommonErrors) {
   const TwoCameras few(1.0, 2000), many(1.0, 20000);
-  const auto fit = FitEpipolarErrors(few.cam_from_world, few.other_from_world, few.matches);
-  const auto more = FitEpipolarErrors(many.cam_from_world, many.other_from_world, many.matches);
+  const auto fit = few.Fit();
+  const auto more = many.Fit();
   ASSERT_TRUE(fit && more);
   EXPECT_LT(more->information.trace(), 1.2 * fit->information.trace());
 }
 
 TEST(FitEpipolarErrors, NothingWithoutEvidence) {
   const TwoCameras few(1.0, 20), near(0.1), none(0);
-  EXPECT_FALSE(FitEpipolarErrors(few.cam_from_world, few.other_from_world, few.matches));
-  EXPECT_FALSE(FitEpipolarErrors(near.cam_from_world, near.other_from_world, near.matches));
-  EXPECT_FALSE(FitEpipolarErrors(none.cam_from_world, none.cam_from_world, none.matches));
+  EXPECT_FALSE(few.Fit());
+  EXPECT_FALSE(near.Fit());
+  EXPECT_FALSE(none.Fit(none.cam_from_world, none.cam_from_world));
   TwoCameras random;
-  for (size_t i = 0; i < random.matches.size(); ++i) {
-    random.matches[i].observation = random.matches[(7 * i + 3) % random.matches.size()].observation;
+  for (size_t i = 0; i < random.observations.size(); ++i) {
+    random.observations[i].first = random.observations[(7 * i + 3) % random.observations.size()].first;
   }
-  EXPECT_FALSE(FitEpipolarErrors(random.cam_from_world, random.other_from_world, random.matches));
+  EXPECT_FALSE(random.Fit());
 }
 
 }  // namespace

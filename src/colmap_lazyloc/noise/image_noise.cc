@@ -4,13 +4,11 @@
 #include <cmath>
 #include <utility>
 
-#include "colmap_lazyloc/math/median.h"
+#include "colmap_lazyloc/math/robust_statistics.h"
 
 namespace lazyloc {
 namespace {
 
-// Median of |r| for a two-dimensional normal distribution, in standard deviations per coordinate.
-constexpr double kMedianOfNorm = 1.17741;
 // Weight of the common noise in that of an image, in tracks.
 constexpr double kNumPriorTracks = 20;
 
@@ -21,7 +19,7 @@ double MedianOverMean(double degrees_of_freedom) { return std::pow(1 - 2 / (9 * 
 double ShrunkNoisePx(std::vector<double> errors_px, double common_px) {
   if (errors_px.empty()) return common_px;
   const double num_tracks = static_cast<double>(errors_px.size());
-  const double own_px = Median(std::move(errors_px)) / kMedianOfNorm;
+  const double own_px = StddevOfLengths(std::move(errors_px));
   return std::exp(
       (num_tracks * std::log(std::max(own_px, 1e-9)) + kNumPriorTracks * std::log(std::max(common_px, 1e-9))) /
       (num_tracks + kNumPriorTracks));
@@ -31,9 +29,8 @@ double ShrunkNoisePx(std::vector<double> errors_px, double common_px) {
 // freedom is left of each. Returns the present noise without such tracks.
 std::vector<double> EstimateNoiseByDepths(const PosedImages& posed, const std::vector<Track>& tracks,
                                           double min_noise_px, std::vector<double> present_px) {
-  constexpr double kMedianOfSquare = 0.4549;  // of the chi-square distribution with one degree of freedom
   const std::vector<Rigid3d> cams_from_world = CamsFromWorld(posed);
-  std::vector<double> squared_px;
+  std::vector<double> errors_px;
   for (const Track& track : tracks) {
     double squared_error_px = 0;
     bool has_depth = false;
@@ -42,10 +39,10 @@ std::vector<double> EstimateNoiseByDepths(const PosedImages& posed, const std::v
       squared_error_px += ReprojectionError(element.observation, point_in_cam).squaredNorm();
       has_depth = has_depth || (element.depth > 0 && posed.images[element.image].depth_scale);
     }
-    if (has_depth) squared_px.push_back(squared_error_px / (track.noise_ratio * track.noise_ratio));
+    if (has_depth) errors_px.push_back(std::sqrt(squared_error_px) / track.noise_ratio);
   }
-  if (squared_px.empty()) return present_px;
-  const double noise_px = std::sqrt(Median(std::move(squared_px)) / kMedianOfSquare);
+  if (errors_px.empty()) return present_px;
+  const double noise_px = StddevOfSizes(std::move(errors_px));
   return std::vector<double>(present_px.size(), std::max(noise_px, min_noise_px));
 }
 
@@ -90,7 +87,7 @@ std::vector<double> EstimateImageNoise(const PosedImages& posed, const std::vect
   std::vector<double> noise_px;
   for (const Image& image : posed.images) noise_px.push_back(image.noise_px);
   if (all_px.empty()) return EstimateNoiseByDepths(posed, tracks, min_noise_px, std::move(noise_px));
-  const double common_px = Median(std::move(all_px)) / kMedianOfNorm;
+  const double common_px = StddevOfLengths(std::move(all_px));
   for (size_t image = 0; image < noise_px.size(); ++image) {
     noise_px[image] = std::max(ShrunkNoisePx(std::move(errors_px[image]), common_px), min_noise_px);
   }

@@ -56,7 +56,7 @@ Choice Kept(const Solution& given, const IntrinsicsResult& estimate, const Local
   Choice choice =
       WithEstimate(given, estimate, is_certain ? IntrinsicsVerdict::CONFIRMED : IntrinsicsVerdict::UNOBSERVABLE, "");
   choice.missing_mean_square =
-      Judge(choice.intrinsics.front(), options).mean_square - given.checked.focal_errors.front().mean_square;
+      Judge(choice.intrinsics.front(), options).mean_square - given.checked.poses.front().log_focal_variance;
   return choice;
 }
 

@@ -88,7 +88,7 @@ TEST_F(ChooseTest, FocalLengthOfExifIsReplacedOnlyIfItIsWrong) {
   EXPECT_EQ(Intrinsics().verdict, IntrinsicsVerdict::CONFIRMED);
   EXPECT_EQ(Intrinsics().focal_factor, 1.0005);
   EXPECT_GT(Chosen().missing_mean_square, 0) << "the estimate is off by half a standard deviation";
-  solutions_[0].checked.focal_errors[0].mean_square = 1;
+  solutions_[0].checked.poses[0].log_focal_variance = 1;
   EXPECT_LT(Chosen().missing_mean_square, 0) << "the covariance contains more already";
   estimate.checked.results[0].focal_factor_stddev = 0.1;
   EXPECT_EQ(Intrinsics().verdict, IntrinsicsVerdict::UNOBSERVABLE);

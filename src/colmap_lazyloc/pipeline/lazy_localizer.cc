@@ -6,7 +6,7 @@
 
 #include "colmap_lazyloc/group/group_partition.h"
 #include "colmap_lazyloc/intrinsics/focal_length.h"
-#include "colmap_lazyloc/math/median.h"
+#include "colmap_lazyloc/math/robust_statistics.h"
 #include "colmap_lazyloc/pipeline/choose.h"
 #include "colmap_lazyloc/pipeline/make_result.h"
 

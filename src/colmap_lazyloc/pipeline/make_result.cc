@@ -57,14 +57,10 @@ void AddPose(const Choice& choice, int query, LocalizationResult* result) {
     result->query_camera = *checked.cameras[query];
     result->is_camera_refined = true;
   }
-  PoseUncertainty uncertainty = checked.uncertainties[query];
-  if (choice.missing_mean_square > 0) {
-    FocalLengthError error = checked.focal_errors[query];
-    error.mean_square = choice.missing_mean_square;
-    AddFocalLengthUncertainty(error, result->cam_from_world, &uncertainty);
-  }
-  result->covariance = uncertainty.covariance;
-  result->spread = uncertainty.spread;
+  PoseDistribution pose = checked.poses[query];
+  pose.log_focal_variance += std::max(choice.missing_mean_square, 0.0);
+  result->covariance = pose.CovarianceAt(result->cam_from_world.translation);
+  result->spread = pose.Spread();
 }
 
 // Adds the deviations of the pairs' rotations and directions from the adjusted poses.

@@ -31,7 +31,7 @@ struct SolvedGroup {
     solution.priors.resize(num_queries);
     solution.checked.posed = input.truth;
     solution.checked.results.resize(num_queries);
-    solution.checked.uncertainties.resize(num_queries);
+    solution.checked.poses.resize(num_queries);
   }
 
   std::vector<LocalizationResult> Results(const LocalizerOptions& options = {},
@@ -128,13 +128,13 @@ TEST(MakeResults, ContradictedIntrinsicsAreRefusedUnlessTheyAreKept) {
 
 TEST(MakeResults, CovarianceAllowsForWhatAnEstimateOfTheFocalLengthAdds) {
   SolvedGroup group(1, 1);
-  group.solution.checked.uncertainties[0].covariance.setIdentity();
-  group.solution.checked.focal_errors.resize(1);
-  group.solution.checked.focal_errors[0].pose_from_log_focal[5] = 3;
+  PoseDistribution& pose = group.solution.checked.poses[0];
+  pose.of_images.setIdentity();
+  pose.by_log_focal[0] = 3;
   const Choice choice{&group.solution, group.solution.checked.results, 0.25};
   const LocalizationResult result = MakeResults(choice, {}, {}).front();
-  EXPECT_NEAR(result.covariance(5, 5), 1 + 0.25 * 9, 1e-12);
-  EXPECT_NEAR(result.covariance(4, 4), 1, 1e-12);
+  EXPECT_NEAR(result.covariance(0, 0), 1 + 0.25 * 9, 1e-12);
+  EXPECT_NEAR(result.covariance(1, 1), 1, 1e-12);
 }
 
 TEST(MakeResults, RunnerUpIsTheMoreProbableOfCompetingPoseAndOtherSolution) {
@@ -269,17 +269,16 @@ TEST(MakeResults, ATrackOfTwoQueriesCountsForBoth) {
 TEST(MakeResults, UncertaintiesAndCameraAreThoseOfTheQuery) {
   SolvedGroup group(1, 2);
   for (int query = 0; query < 2; ++query) {
-    PoseUncertainty& uncertainty = group.solution.checked.uncertainties[query];
-    uncertainty.covariance.setConstant(query + 1);
-    uncertainty.spread.rotation_stddev_rad = query + 1;
+    PoseDistribution& pose = group.solution.checked.poses[query];
+    pose.of_images = (query + 1) * PoseDistribution::Matrix::Identity();
   }
   Camera camera = group.scene.group.images[0].problem.query_camera;
   camera.params[0] = 500;
   group.solution.checked.cameras = {camera, std::nullopt};
   const std::vector<LocalizationResult> results = group.Results();
   for (int query = 0; query < 2; ++query) {
-    EXPECT_EQ(results[query].covariance(2, 3), query + 1);
-    EXPECT_EQ(results[query].spread.rotation_stddev_rad, query + 1);
+    EXPECT_EQ(results[query].covariance(1, 1), query + 1);
+    EXPECT_NEAR(results[query].spread.rotation_stddev_rad, std::sqrt(query + 1), 1e-12);
     EXPECT_EQ(results[query].is_camera_refined, query == 0);
   }
   EXPECT_EQ(results[0].query_camera.params[0], 500);

@@ -7,7 +7,7 @@
 
 #include "colmap_lazyloc/group/failure.h"
 #include "colmap_lazyloc/group/rig_check.h"
-#include "colmap_lazyloc/math/median.h"
+#include "colmap_lazyloc/math/robust_statistics.h"
 #include "colmap_lazyloc/noise/database_priors.h"
 #include "colmap_lazyloc/noise/image_noise.h"
 #include "colmap_lazyloc/refinement/covariance.h"
@@ -18,8 +18,6 @@ namespace {
 constexpr int kMaxNumEstimates = 8;
 // Factor on the convergence bound of all adjustments but the last, because another one follows.
 constexpr double kIntermediateConvergence = 5;
-// Minimum image noise, because a few exact matches would otherwise outweigh all others.
-constexpr double kMinNoisePx = 0.5;
 // Image noise in pixels above which database poses must be off, because no keypoint is found this badly.
 constexpr double kMaxKeypointNoisePx = 6;
 // Minimum variance factor by which depths are stated less certain beside images that count as too uncertain.
@@ -144,7 +142,7 @@ void Rounds::SetDepthScales(double noise_factor) {
 }
 
 void Rounds::EstimateNoise(bool is_first) {
-  const std::vector<double> noise_px = EstimateImageNoise(Posed(), adjustment_.tracks, kMinNoisePx);
+  const std::vector<double> noise_px = EstimateImageNoise(Posed(), adjustment_.tracks, kMinImageNoisePx);
   for (size_t image = 0; image < noise_px.size(); ++image) adjustment_.posed.images[image].noise_px = noise_px[image];
   if (!is_first) return;
   // If the images fit together so badly that keypoint noise cannot be the reason, the estimate of the database's noise

@@ -31,8 +31,7 @@ class MadeUpQuery {
       solution.priors.push_back(UntestedPriors(image.problem.prior));
       solution.checked.results.push_back({image.problem.intrinsics_origin, IntrinsicsVerdict::CONFIRMED, 1, 0.001, ""});
     }
-    solution.checked.focal_errors.resize(group_.images.size());
-    solution.checked.uncertainties.resize(group_.images.size());
+    solution.checked.poses.resize(group_.images.size());
     PoseEvidence evidence;
     evidence.num_common_tracks = 200;
     evidence.explained_ratio = evidence.agreeing_ratio = 1;

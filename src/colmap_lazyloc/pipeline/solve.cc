@@ -14,6 +14,7 @@
 #include "colmap_lazyloc/priors/query_priors.h"
 #include "colmap_lazyloc/refinement/covariance.h"
 #include "colmap_lazyloc/refinement/query_prior_residual.h"
+#include "colmap_lazyloc/scene/refs.h"
 #include "colmap_lazyloc/starts/motion_averaging.h"
 #include "colmap_lazyloc/starts/pure_rotation.h"
 #include "colmap_lazyloc/uncertainty/position_ambiguity.h"
@@ -133,9 +134,7 @@ class Solver {
     const Rigid3d pose = CamFromWorld(fit.cam_from_world_rotation, prior.position->position);
     solution_.checked.posed = layout_.given;
     solution_.checked.posed.frames[0].frame_from_world = pose;
-    const Eigen::Matrix<double, 6, 6> covariance = PoseCovariance(pose, fit.covariance, prior.position->covariance);
-    solution_.checked.uncertainties = {
-        {CovarianceFromAround(layout_.origin, pose.rotation, covariance), ComputePoseSpread(pose, covariance)}};
+    solution_.checked.poses = {MakePoseDistribution(pose, fit.covariance, prior.position->covariance)};
     solution_.measured = {{fit.evidence}, {std::nullopt}};
   }
 
@@ -147,8 +146,7 @@ class Solver {
     solution_.starts = {StartPose::MOTION_AVERAGING};
     solution_.checked.posed =
         Timed("refinement", seconds_, [&] { return RefineWithoutTracks(group_, layout_, averaged, options_); });
-    solution_.checked.uncertainties.resize(1);
-    solution_.checked.uncertainties[0].covariance.setConstant(kUnknown);
+    solution_.checked.poses.emplace_back().of_images.setConstant(kUnknown);
   }
 
  private:
@@ -156,10 +154,9 @@ class Solver {
 
   // Returns all pairs, without poses.
   Averaged WithAllPairs() {
-    Averaged averaged{layout_.given, {}, {}, Failure{QueryStatus::INCONSISTENT_ROTATIONS, "no start fits the matches"}};
-    for (const PairGeometry& pair : estimates_.pairs) averaged.pairs.push_back(&pair);
-    averaged.directions.resize(averaged.pairs.size());
-    return averaged;
+    const PairRefs pairs = Refs(estimates_.pairs);
+    return {layout_.given, pairs, std::vector<RelativeDirection>(pairs.size()),
+            Failure{QueryStatus::INCONSISTENT_ROTATIONS, "no start fits the matches"}};
   }
 
   CandidateTracks Collect(const PairRefs& pairs) { return CollectTracks(group_, layout_, pairs, options_); }
@@ -184,8 +181,7 @@ class Solver {
     }
     IgnoreContradictionsOfEvidence(layout_, refined, options_, &checked.results);
     solution_.measured = Timed("confidence", seconds_, [&] {
-      return MeasureEvidence(layout_, estimates_, /*has_relative_poses=*/camera == nullptr, refined,
-                             checked.uncertainties);
+      return MeasureEvidence(layout_, estimates_, /*has_relative_poses=*/camera == nullptr, refined, checked.poses);
     });
   }
 

@@ -4,21 +4,20 @@
 #include <cmath>
 #include <utility>
 
-#include <Eigen/Cholesky>
 #include <Eigen/LU>
 
 #include "colmap_lazyloc/ablation/sampson_refinement.h"
-#include "colmap_lazyloc/math/median.h"
+#include "colmap_lazyloc/math/robust_statistics.h"
 #include "colmap_lazyloc/math/so3.h"
 #include "colmap_lazyloc/priors/prior_comparison.h"
 #include "colmap_lazyloc/scene/epipolar_error.h"
+#include "colmap_lazyloc/scene/plane_fit.h"
 #include "colmap_lazyloc/uncertainty/pose_uncertainty.h"
 #include "colmap_lazyloc/uncertainty/position_ambiguity.h"
 
 namespace lazyloc {
 namespace {
 
-constexpr int kNumPlaneIterations = 5;
 constexpr double kMaxErrorSigma = 3;
 // Minimum noise of keypoints in pixels: smaller errors are chance.
 constexpr double kMinNoisePx = 0.3;
@@ -29,21 +28,6 @@ constexpr double kSharedErrorFactor = 10;
 constexpr double kMinDifference = 9.21;
 // Bearings that differ less are the same, in standard deviations and rad.
 constexpr double kMaxEqualSigma = 3, kMaxEqualRad = 0.01;
-
-// Fits n . X = 1 to points in front of a camera at the origin, by their inverse distances, whose errors are alike.
-Eigen::Vector3d FitPlane(const Eigen::MatrixX3d& rays, const Eigen::VectorXd& inverse_distances) {
-  Eigen::VectorXd weights = Eigen::VectorXd::Ones(rays.rows());
-  Eigen::Vector3d normal = Eigen::Vector3d::Zero();
-  for (int i = 0; i < kNumPlaneIterations; ++i) {
-    const Eigen::Matrix<double, 3, Eigen::Dynamic> weighted = rays.transpose() * weights.asDiagonal();
-    normal = (weighted * rays).ldlt().solve(weighted * inverse_distances);
-    const Eigen::VectorXd errors = rays * normal - inverse_distances;
-    const Eigen::VectorXd lengths = errors.cwiseAbs();
-    const double scale = 2 * Median({lengths.begin(), lengths.end()}) + 1e-12 * normal.norm();
-    weights = 1 / (1 + (errors / scale).array().square());
-  }
-  return normal;
-}
 
 EpipolarError ErrorOf(const Rigid3d& query_from_database, const Track& match) {
   return MeasureEpipolarError(query_from_database, match.observations.front().observation,
@@ -75,13 +59,13 @@ OpenPose MeasureOpenPose(const Layout& layout, const PairRefs& pairs, const Refi
   const QueryPrior& prior = layout.priors[0];
   if (prior.position && partial.bearing) {
     const Eigen::Vector3d from = CamInWorld(CamFromWorld(layout.given, pairs.front()->other));
-    CompareWithRay(*prior.position,
-                   {from, partial.bearing->dir_database_to_query_in_world, partial.bearing->stddev_rad}, &result);
+    CompareWithRay(*prior.position, {from, partial.bearing->dir_database_to_query_in_world},
+                   partial.bearing->stddev_rad, &result);
     add(result);
   }
   if (prior.gravity) {
-    CompareGravity(*prior.gravity, partial.cam_from_world_rotation, TotalCovariance(refined, 0).topLeftCorner<3, 3>(),
-                   &result);
+    const PoseDistribution pose = DistributionOf(refined, 0, CamFromWorld(refined.adjustment.posed, 0));
+    CompareGravity(*prior.gravity, partial.cam_from_world_rotation, pose.RotationCovariance(), &result);
     add(result);
   }
   return open;
@@ -98,23 +82,17 @@ Rigid3d SettledPose(const PairRefs& pairs, const Refined& refined, const std::ve
 
 std::optional<Rigid3d> OtherOrientation(const Rigid3d& query_from_world, const Rigid3d& database_from_world,
                                         const TrackRefs& tracks) {
-  Eigen::MatrixX3d rays(tracks.size(), 3);
-  Eigen::VectorXd inverse_distances(tracks.size());
-  for (Eigen::Index i = 0; i < rays.rows(); ++i) {
-    const Eigen::Vector3d point = query_from_world * tracks[i]->point_in_world;
-    rays.row(i) = point.normalized();
-    inverse_distances[i] = 1 / point.norm();
-  }
+  const PlaneFit plane = FitPlane(query_from_world, tracks);
   // The plane's homography is R (I + a b^T) with the relative pose (R, R a) and b the plane's normal over its distance.
   // Its square is I + b c^T + c b^T, in which b and c may change places.
   const Rigid3d database_from_query = database_from_world * Inverse(query_from_world);
   const Eigen::Matrix3d rotation = database_from_query.rotation.toRotationMatrix();
   const Eigen::Vector3d a = rotation.transpose() * database_from_query.translation;
-  const Eigen::Vector3d b = FitPlane(rays, inverse_distances);
+  const Eigen::Vector3d& b = plane.normal;
   const Eigen::Vector3d c = a + a.squaredNorm() / 2 * b;
   Eigen::Vector3d other_b = b.norm() / c.norm() * c;  // with this length, the other a is as long as a
   Eigen::Vector3d other_a = c.norm() / b.norm() * (b - a.squaredNorm() * b.squaredNorm() / (2 * c.squaredNorm()) * c);
-  const Eigen::VectorXd in_front = rays * other_b;
+  const Eigen::VectorXd in_front = plane.rays * other_b;
   if (!in_front.allFinite()) return std::nullopt;
   const Eigen::Index num_in_front = (in_front.array() > 0).count();
   if (2 * num_in_front < in_front.size()) {
@@ -139,13 +117,12 @@ double SumSquaredErrors(const Rigid3d& query_from_database, const std::vector<Tr
 }
 
 double EpipolarNoisePx(const Rigid3d& query_from_database, const std::vector<Track>& matches) {
-  constexpr double kMedianOfNormal = 0.6745;
   std::vector<double> errors_px;
   for (const Track& match : matches) {
     const EpipolarError error = ErrorOf(query_from_database, match);
     if (error.is_in_front) errors_px.push_back(std::sqrt(error.squared_px));
   }
-  return errors_px.empty() ? kMinNoisePx : std::max(Median(std::move(errors_px)) / kMedianOfNormal, kMinNoisePx);
+  return errors_px.empty() ? kMinNoisePx : std::max(StddevOfSizes(std::move(errors_px)), kMinNoisePx);
 }
 
 void ChooseOrientation(const Layout& layout, const PairRefs& pairs, const std::vector<Track>& matches, Refined other,

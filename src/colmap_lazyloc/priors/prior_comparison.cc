@@ -6,7 +6,6 @@
 #include <Eigen/Cholesky>
 
 #include "colmap_lazyloc/math/so3.h"
-#include "colmap_lazyloc/refinement/covariance.h"
 
 namespace lazyloc {
 namespace {
@@ -31,11 +30,9 @@ double Compare(const Vector& deviation, const Matrix& covariance, const Quantile
 
 }  // namespace
 
-double ComparePosition(const PositionPrior& prior, const Rigid3d& cam_from_world,
-                       const Eigen::Matrix<double, 6, 6>& covariance, PriorResult* result) {
-  return Compare(Eigen::Vector3d(prior.position - CamInWorld(cam_from_world)),
-                 Eigen::Matrix3d(prior.covariance + PositionCovariance(cam_from_world, covariance)), kThreeDegrees,
-                 result);
+double ComparePosition(const PositionPrior& prior, const PoseDistribution& pose, PriorResult* result) {
+  return Compare(Eigen::Vector3d(prior.position - CamInWorld(pose.cam_from_world)),
+                 Eigen::Matrix3d(prior.covariance + pose.PositionCovariance()), kThreeDegrees, result);
 }
 
 double CompareGravity(const GravityPrior& prior, const Eigen::Quaterniond& cam_from_world_rotation,
@@ -51,17 +48,17 @@ double CompareGravity(const GravityPrior& prior, const Eigen::Quaterniond& cam_f
                  kTwoDegrees, result);
 }
 
-PlaceOnRay CompareWithRay(const PositionPrior& prior, const Ray& ray, PriorResult* result) {
-  const Eigen::Vector3d& direction = ray.direction_in_world;
+PlaceOnRay CompareWithRay(const PositionPrior& prior, const Ray& ray, double stddev_rad, PriorResult* result) {
+  const Eigen::Vector3d& direction = ray.dir;
   const Eigen::LDLT<Eigen::Matrix3d> covariance(prior.covariance);
   const Eigen::Vector3d information = covariance.solve(direction);
-  const Eigen::Vector3d offset = prior.position - ray.from_in_world;
+  const Eigen::Vector3d offset = prior.position - ray.origin;
   const double stddev_along = 1 / std::sqrt(information.dot(direction));
   // A query is ahead of the database image, at a distance that is not certain to be zero.
   const double distance = std::max(information.dot(offset) * stddev_along * stddev_along, stddev_along);
-  const double across = ray.stddev_rad * distance;
+  const double across = stddev_rad * distance;
   const Eigen::Matrix3d around = across * across * (Eigen::Matrix3d::Identity() - direction * direction.transpose());
-  PlaceOnRay place{ray.from_in_world + distance * direction};
+  PlaceOnRay place{ray.origin + distance * direction};
   place.factor = Compare(Eigen::Vector3d(offset - distance * direction), Eigen::Matrix3d(prior.covariance + around),
                          kTwoDegrees, result);
   return place;

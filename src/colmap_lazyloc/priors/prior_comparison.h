@@ -3,7 +3,8 @@
 #include <Eigen/Core>
 #include <Eigen/Geometry>
 
-#include "colmap_lazyloc/math/rigid3.h"
+#include "colmap_lazyloc/math/two_rays.h"
+#include "colmap_lazyloc/scene/pose_distribution.h"
 #include "colmap_lazyloc/scene/query_prior.h"
 
 namespace lazyloc {
@@ -14,16 +15,9 @@ inline constexpr double kContradictionOfTwo = 13.816, kContradictionOfThree = 16
 
 // Compare a prior with what the images say, and set its result: contradicted above these quantiles. Return the factor
 // on the prior's covariance: from the 95 % quantile on, a prior is used as if it were less certain.
-double ComparePosition(const PositionPrior& prior, const Rigid3d& cam_from_world,
-                       const Eigen::Matrix<double, 6, 6>& covariance, PriorResult* result);
+double ComparePosition(const PositionPrior& prior, const PoseDistribution& pose, PriorResult* result);
 double CompareGravity(const GravityPrior& prior, const Eigen::Quaterniond& cam_from_world_rotation,
                       const Eigen::Matrix3d& covariance, PriorResult* result);
-
-// Bearing of a query from a place, and its standard deviation.
-struct Ray {
-  Eigen::Vector3d from_in_world, direction_in_world;
-  double stddev_rad = 0;
-};
 
 // The place on a ray that agrees best with a position.
 struct PlaceOnRay {
@@ -31,8 +25,8 @@ struct PlaceOnRay {
   double factor = 1;  // on the prior's covariance
 };
 
-// Compares a position with a ray, across the ray. The deviation along it counts only if the position is behind the
-// place that the ray starts from.
-PlaceOnRay CompareWithRay(const PositionPrior& prior, const Ray& ray, PriorResult* result);
+// Compares a position with a ray in the world, across the ray. The deviation along it counts only if the position is
+// behind the place that the ray starts from. stddev_rad: of the ray's direction.
+PlaceOnRay CompareWithRay(const PositionPrior& prior, const Ray& ray, double stddev_rad, PriorResult* result);
 
 }  // namespace lazyloc

@@ -12,13 +12,10 @@
 namespace lazyloc {
 namespace {
 
-using Matrix6 = Eigen::Matrix<double, 6, 6>;
-using Vector6 = Eigen::Matrix<double, 6, 1>;
-
 // Up to three residuals of a prior in its standard deviations, and their derivative by the tangent of the pose.
 struct Equations {
-  Vector6 errors = Vector6::Zero();
-  Matrix6 jacobian = Matrix6::Zero();
+  PoseDistribution::Vector errors = PoseDistribution::Vector::Zero();
+  PoseDistribution::Matrix jacobian = PoseDistribution::Matrix::Zero();
 
   void Set(int row, const QueryPriorResidual& residual) {
     errors.segment<3>(row) = residual.error;
@@ -26,23 +23,22 @@ struct Equations {
   }
 };
 
-// Compares the priors with a pose of this covariance, and returns the equations of those that are used. The camera is
-// at the origin, because small covariances of positions would be lost in large coordinates.
-Equations UsedEquations(QueryPrior prior, const Eigen::Quaterniond& rotation, const Matrix6& covariance,
-                        QueryPriorResult* result) {
-  const Rigid3d pose{rotation, Eigen::Vector3d::Zero()};
+// Compares the priors with a pose, and returns the equations of those that are used, around the camera.
+Equations UsedEquations(QueryPrior prior, const PoseDistribution& pose, QueryPriorResult* result) {
+  const Rigid3d around_camera{pose.cam_from_world.rotation, Eigen::Vector3d::Zero()};
   Equations equations;
   if (prior.position) {
-    prior.position->covariance *= ComparePosition(*prior.position, pose, covariance, &*result->position);
+    prior.position->covariance *= ComparePosition(*prior.position, pose, &*result->position);
+    prior.position->position -= CamInWorld(pose.cam_from_world);
     if (result->position->verdict == PriorVerdict::USED) {
-      equations.Set(0, EvaluatePositionPrior(*prior.position, {}, pose));
+      equations.Set(0, EvaluatePositionPrior(*prior.position, {}, around_camera));
     }
   }
   if (prior.gravity) {
     prior.gravity->stddev_rad *=
-        std::sqrt(CompareGravity(*prior.gravity, rotation, covariance.topLeftCorner<3, 3>(), &*result->gravity));
+        std::sqrt(CompareGravity(*prior.gravity, around_camera.rotation, pose.RotationCovariance(), &*result->gravity));
     if (result->gravity->verdict == PriorVerdict::USED) {
-      equations.Set(3, EvaluateGravityPrior(*prior.gravity, {}, pose));
+      equations.Set(3, EvaluateGravityPrior(*prior.gravity, {}, around_camera));
     }
   }
   return equations;
@@ -54,33 +50,11 @@ bool IsUntested(const QueryPriorResult& result) {
 }
 
 void FusePriorsOf(const Layout& layout, int query, QueryPriorResult* result, CheckedIntrinsics* checked) {
-  Rigid3d& pose = checked->posed.frames[layout.FrameOf(query)].frame_from_world;
-  PoseUncertainty& uncertainty = checked->uncertainties[query];
-  const Eigen::Vector3d centre = CamInWorld(pose);
-  const Matrix6 around_camera = TangentFromAround(-(centre + layout.origin), pose.rotation);
-  const Matrix6 covariance = around_camera * uncertainty.covariance * around_camera.transpose();
-  QueryPrior prior = layout.priors[query];
-  if (prior.position) prior.position->position -= centre;
-  const Equations equations = UsedEquations(prior, pose.rotation, covariance, result);
+  PoseDistribution& pose = checked->poses[query];
+  const Equations equations = UsedEquations(layout.priors[query], pose, result);
   if (equations.jacobian.isZero(0)) return;
-
-  FocalLengthError& focal = checked->focal_errors[query];
-  const Vector6 by_focal = around_camera * focal.pose_from_log_focal;
-  const Matrix6 of_focal = focal.mean_square * by_focal * by_focal.transpose();
-  const Matrix6 of_images = covariance - of_focal;
-  // The update of a Kalman filter. Priors that are not used have zero rows, to which the identity gives no weight.
-  const Matrix6 of_errors = equations.jacobian * of_images * equations.jacobian.transpose() + Matrix6::Identity();
-  const Matrix6 gain = of_errors.ldlt().solve(equations.jacobian * of_images).transpose();
-  const Vector6 step = -gain * equations.errors;
-  const Matrix6 kept = Matrix6::Identity() - gain * equations.jacobian;
-  const Eigen::Quaterniond rotation = (ExpSO3(step.head<3>()) * pose.rotation).normalized();
-  pose = CamFromWorld(rotation, centre - rotation.conjugate() * step.tail<3>());
-
-  const Matrix6 fused = kept * covariance * kept.transpose() + gain * gain.transpose();
-  const Eigen::Vector3d centre_in_world = CamInWorld(pose) + layout.origin;
-  uncertainty.covariance = CovarianceFromAround(centre_in_world, rotation, (fused + fused.transpose()) / 2);
-  uncertainty.spread = ComputePoseSpread({rotation, Eigen::Vector3d::Zero()}, fused);
-  focal.pose_from_log_focal = TangentFromAround(centre_in_world, rotation) * kept * by_focal;
+  pose.Update(equations.errors, equations.jacobian);
+  checked->posed.frames[layout.FrameOf(query)].frame_from_world = pose.cam_from_world;
 }
 
 }  // namespace

@@ -4,7 +4,7 @@
 
 #include "colmap_lazyloc/math/so3.h"
 #include "colmap_lazyloc/pipeline/lazy_localizer.h"
-#include "colmap_lazyloc/refinement/covariance.h"
+#include "colmap_lazyloc/scene/pose_distribution.h"
 #include "colmap_lazyloc/testing/synthetic_scene.h"
 
 namespace lazyloc {
@@ -28,7 +28,7 @@ SyntheticScene MakeScene(const Eigen::Vector3d& origin = Eigen::Vector3d::Zero()
 }
 
 Eigen::Matrix3d PositionCovariance(const LocalizationResult& result) {
-  return lazyloc::PositionCovariance(result.cam_from_world, result.covariance);
+  return MakePoseDistribution(result.cam_from_world, result.covariance).PositionCovariance();
 }
 
 // With the default noise model, whose covariance has parts that no adjustment knows, a position as certain as the pose

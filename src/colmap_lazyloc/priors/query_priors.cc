@@ -11,39 +11,33 @@
 #include "colmap_lazyloc/priors/prior_comparison.h"
 #include "colmap_lazyloc/priors/prior_fusion.h"
 #include "colmap_lazyloc/refinement/covariance.h"
+#include "colmap_lazyloc/scene/refs.h"
 #include "colmap_lazyloc/uncertainty/pose_uncertainty.h"
 #include "colmap_lazyloc/uncertainty/position_ambiguity.h"
 
 namespace lazyloc {
 namespace {
 
-// Minimum variance factor beside a prior: as few points as fix a pose fit it exactly, which says nothing of their
-// noise.
-constexpr double kMinVarianceFactor = 1e-3;
 // Minimum distance of points over the standard deviation of a position that is known by a prior alone.
 constexpr double kMinDistanceRatio = 1e-6;
-
-// The pose that the images give a query.
-struct ImagePose {
-  Rigid3d cam_from_world;
-  Eigen::Matrix<double, 6, 6> covariance;
-};
 
 // Judges the priors of one query.
 class Judge {
  public:
   // reported: the poses with what the database states (AsReported), because priors are of what is reported.
   Judge(const Layout& layout, const Refined& refined, const PosedImages& reported, int query, PriorJudgement* judgement)
-      : layout_(layout), refined_(refined), query_(query), judgement_(*judgement) {
-    pose_ = {CamFromWorld(reported, query), TotalCovariance(refined, query)};
-  }
+      : layout_(layout),
+        refined_(refined),
+        query_(query),
+        judgement_(*judgement),
+        pose_(DistributionOf(refined, query, CamFromWorld(reported, query))) {}
 
   // Judges the priors of a query whose pose the images determine.
   void Determined() {
     const QueryPrior& given = layout_.priors[query_];
     QueryPriorResult& result = judgement_.results[query_];
     if (given.position) {
-      UsePosition(ComparePosition(*given.position, pose_.cam_from_world, pose_.covariance, &*result.position));
+      UsePosition(ComparePosition(*given.position, pose_, &*result.position));
     }
     CompareGravityIfGiven();
     AddUsed();
@@ -57,13 +51,13 @@ class Judge {
     Eigen::Vector3d place;
     if (partial.bearing) {
       const Bearing& bearing = *partial.bearing;
-      const PlaceOnRay on_ray = CompareWithRay(
-          *given.position,
-          {CentreOf(bearing.database_name), bearing.dir_database_to_query_in_world, bearing.stddev_rad}, &result);
+      const PlaceOnRay on_ray =
+          CompareWithRay(*given.position, {CentreOf(bearing.database_name), bearing.dir_database_to_query_in_world},
+                         bearing.stddev_rad, &result);
       UsePosition(on_ray.factor);
       place = on_ray.place_in_world;
     } else {
-      UsePosition(ComparePosition(*given.position, pose_.cam_from_world, pose_.covariance, &result));
+      UsePosition(ComparePosition(*given.position, pose_, &result));
       place = MostProbablePlace(*given.position);
     }
     if (result.verdict != PriorVerdict::USED) return;
@@ -95,8 +89,7 @@ class Judge {
     const std::optional<GravityPrior>& gravity = layout_.priors[query_].gravity;
     if (!gravity) return;
     PriorResult& result = *judgement_.results[query_].gravity;
-    const double factor =
-        CompareGravity(*gravity, pose_.cam_from_world.rotation, pose_.covariance.topLeftCorner<3, 3>(), &result);
+    const double factor = CompareGravity(*gravity, pose_.cam_from_world.rotation, pose_.RotationCovariance(), &result);
     if (result.verdict != PriorVerdict::USED) return;
     used_.gravity = gravity;
     used_.gravity->stddev_rad *= std::sqrt(CovarianceFactor(factor));
@@ -109,8 +102,7 @@ class Judge {
   // Returns the line that the images leave open: that of the bearing, or the least certain axis.
   OpenLine LineThrough(const PartialPose& partial, const PositionPrior& used) const {
     const Eigen::Vector3d direction =
-        partial.bearing ? partial.bearing->dir_database_to_query_in_world
-                        : ComputePoseSpread(pose_.cam_from_world, pose_.covariance).weakest_direction_in_world;
+        partial.bearing ? partial.bearing->dir_database_to_query_in_world : pose_.Spread().weakest_direction_in_world;
     const double information = direction.dot(used.covariance.ldlt().solve(direction));
     return {direction, std::max(refined_.variance_factor, kMinVarianceFactor) / information};
   }
@@ -123,7 +115,7 @@ class Judge {
   // Returns the position by the images and the prior together.
   Eigen::Vector3d MostProbablePlace(const PositionPrior& prior) const {
     const Eigen::Vector3d centre = CamInWorld(pose_.cam_from_world);
-    const Eigen::Matrix3d covariance = PositionCovariance(pose_.cam_from_world, pose_.covariance);
+    const Eigen::Matrix3d covariance = pose_.PositionCovariance();
     const Eigen::Matrix3d sum = covariance + prior.covariance;
     return centre + covariance * sum.ldlt().solve(prior.position - centre);
   }
@@ -132,7 +124,7 @@ class Judge {
   const Refined& refined_;
   const int query_;
   PriorJudgement& judgement_;
-  ImagePose pose_;
+  const PoseDistribution pose_;  // by the images
   QueryPrior used_;
 };
 
@@ -198,7 +190,8 @@ bool AreReconciled(const PriorJudgement& judgement, const Refined& refined) {
     const Rigid3d pose = CamFromWorld(posed, used.image);
     const Eigen::Vector3d deviation = prior.position - CamInWorld(pose);
     if (!(deviation.dot(prior.covariance.ldlt().solve(deviation)) <= kContradictionOfThree)) return false;
-    return MedianDistance(pose, refined.adjustment.tracks) > kMinDistanceRatio * std::sqrt(prior.covariance.trace());
+    return MedianDistance(pose, Refs(refined.adjustment.tracks)) >
+           kMinDistanceRatio * std::sqrt(prior.covariance.trace());
   });
 }
 

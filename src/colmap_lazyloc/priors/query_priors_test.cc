@@ -5,6 +5,7 @@
 #include "colmap_lazyloc/math/so3.h"
 #include "colmap_lazyloc/pipeline/lazy_localizer.h"
 #include "colmap_lazyloc/refinement/covariance.h"
+#include "colmap_lazyloc/scene/pose_distribution.h"
 #include "colmap_lazyloc/testing/stage_input.h"
 #include "colmap_lazyloc/testing/synthetic_scene.h"
 
@@ -41,7 +42,8 @@ void AddGravity(double angle_deg, double stddev_deg, SyntheticScene* scene) {
 
 double PositionSigma(const LocalizationResult& result, const SyntheticScene& scene) {
   const Eigen::Vector3d error = CamInWorld(result.cam_from_world) - CamInWorld(scene.query_cam_from_world);
-  return std::sqrt(error.dot(PositionCovariance(result.cam_from_world, result.covariance).ldlt().solve(error)));
+  return std::sqrt(error.dot(
+      MakePoseDistribution(result.cam_from_world, result.covariance).PositionCovariance().ldlt().solve(error)));
 }
 
 // Expects a pose whose position a prior fixes, within four standard deviations.

@@ -4,9 +4,7 @@
 #include <cmath>
 #include <utility>
 
-#include <Eigen/Eigenvalues>
-
-#include "colmap_lazyloc/math/median.h"
+#include "colmap_lazyloc/math/robust_statistics.h"
 
 namespace lazyloc {
 
@@ -45,24 +43,9 @@ Eigen::Matrix<double, 6, 6> ImageCovariance(const Image& image, bool has_free_sc
   return jacobian * frame_covariance * jacobian.transpose();
 }
 
-PoseSpread ComputePoseSpread(const Rigid3d& cam_from_world, const Eigen::Matrix<double, 6, 6>& covariance) {
-  using Solver = Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>;
-  const Solver rotation(covariance.topLeftCorner<3, 3>(), Eigen::EigenvaluesOnly);
-  const Solver position(PositionCovariance(cam_from_world, covariance));
-  PoseSpread spread;
-  spread.rotation_stddev_rad = std::sqrt(rotation.eigenvalues()[2]);
-  spread.position_stddevs = position.eigenvalues().reverse().cwiseMax(0).cwiseSqrt();
-  spread.weakest_direction_in_world = position.eigenvectors().col(2);
-  // Chooses the sign that makes the largest coordinate positive, because both signs mean the same axis.
-  Eigen::Index largest;
-  spread.weakest_direction_in_world.cwiseAbs().maxCoeff(&largest);
-  if (spread.weakest_direction_in_world[largest] < 0) spread.weakest_direction_in_world *= -1;
-  return spread;
-}
-
-double MedianDistance(const Rigid3d& cam_from_world, const std::vector<Track>& tracks) {
+double MedianDistance(const Rigid3d& cam_from_world, const TrackRefs& tracks) {
   std::vector<double> distances;
-  for (const Track& track : tracks) distances.push_back((cam_from_world * track.point_in_world).norm());
+  for (const Track* track : tracks) distances.push_back((cam_from_world * track->point_in_world).norm());
   return Median(std::move(distances));
 }
 

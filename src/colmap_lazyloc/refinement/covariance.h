@@ -4,10 +4,8 @@
 
 #include <Eigen/Core>
 
-#include "colmap_lazyloc/math/position_covariance.h"
 #include "colmap_lazyloc/refinement/robust_loss.h"
 #include "colmap_lazyloc/scene/frame.h"
-#include "colmap_lazyloc/scene/localization_result.h"
 #include "colmap_lazyloc/scene/track.h"
 
 namespace lazyloc {
@@ -26,10 +24,7 @@ double VarianceFactor(const PosedImages& posed, const std::vector<Track>& tracks
 Eigen::Matrix<double, 6, 6> ImageCovariance(const Image& image, bool has_free_scale,
                                             const Eigen::MatrixXd& frame_covariance);
 
-// Returns the standard deviations of a pose in all directions.
-PoseSpread ComputePoseSpread(const Rigid3d& cam_from_world, const Eigen::Matrix<double, 6, 6>& covariance);
-
 // Returns the median distance of the tracks' points from a camera.
-double MedianDistance(const Rigid3d& cam_from_world, const std::vector<Track>& tracks);
+double MedianDistance(const Rigid3d& cam_from_world, const TrackRefs& tracks);
 
 }  // namespace lazyloc

@@ -9,6 +9,7 @@
 #include "colmap_lazyloc/refinement/bundle_adjustment.h"
 #include "colmap_lazyloc/refinement/bundle_problem.h"
 #include "colmap_lazyloc/refinement/covariance.h"
+#include "colmap_lazyloc/scene/pose_distribution.h"
 #include "colmap_lazyloc/testing/jacobian_check.h"
 #include "colmap_lazyloc/testing/pose_expectations.h"
 #include "colmap_lazyloc/testing/synthetic_tracks.h"
@@ -79,7 +80,7 @@ TEST(DepthsInAdjustment, ErrorOfAMapsScaleIsCommonToAllItsPoints) {
   const BundleAdjustmentResult result = AdjustBundle(scene.posed, scene.tracks, {});
   ASSERT_TRUE(result.summary.success) << result.summary.message;
   const Eigen::Matrix3d covariance =
-      PositionCovariance(result.posed.frames[0].frame_from_world, result.frame_covariances[0]);
+      MakePoseDistribution(result.posed.frames[0].frame_from_world, result.frame_covariances[0]).PositionCovariance();
   const Eigen::Vector3d baseline =
       CamInWorld(CamFromWorld(result.posed, 0)) - CamInWorld(CamFromWorld(result.posed, 1));
   const Eigen::Vector3d along = baseline.normalized();

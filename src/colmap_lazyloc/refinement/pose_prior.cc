@@ -3,8 +3,7 @@
 #include <cmath>
 #include <utility>
 
-#include "colmap_lazyloc/math/harmonic_mean.h"
-#include "colmap_lazyloc/math/median.h"
+#include "colmap_lazyloc/math/robust_statistics.h"
 #include "colmap_lazyloc/math/so3.h"
 
 namespace lazyloc {

@@ -2,7 +2,7 @@
 
 #include <gtest/gtest.h>
 
-#include "colmap_lazyloc/math/harmonic_mean.h"
+#include "colmap_lazyloc/math/robust_statistics.h"
 #include "colmap_lazyloc/math/so3.h"
 #include "colmap_lazyloc/testing/jacobian_check.h"
 #include "colmap_lazyloc/testing/synthetic_tracks.h"

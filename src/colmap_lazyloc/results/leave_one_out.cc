@@ -9,12 +9,12 @@
 #include <nlohmann/json.hpp>
 
 #include "colmap_lazyloc/files/output_file.h"
-#include "colmap_lazyloc/math/median.h"
-#include "colmap_lazyloc/math/position_covariance.h"
+#include "colmap_lazyloc/math/robust_statistics.h"
 #include "colmap_lazyloc/math/so3.h"
 #include "colmap_lazyloc/results/model_merger.h"
 #include "colmap_lazyloc/results/valid_utf8.h"
 #include "colmap_lazyloc/scene/format.h"
+#include "colmap_lazyloc/scene/pose_distribution.h"
 
 namespace lazyloc {
 namespace {
@@ -43,7 +43,8 @@ double SceneSize(const Model& model, const QueryRecords& records) {
 
 // Returns the length of an error of the position in standard deviations of its covariance.
 double ErrorSigma(const LocalizationResult& result, const Eigen::Vector3d& error) {
-  const Eigen::Matrix3d covariance = PositionCovariance(result.cam_from_world, result.covariance);
+  const Eigen::Matrix3d covariance =
+      MakePoseDistribution(result.cam_from_world, result.covariance).PositionCovariance();
   return std::sqrt(std::max(0.0, error.dot(covariance.ldlt().solve(error))));
 }
 

@@ -6,8 +6,8 @@
 #include <nlohmann/json.hpp>
 
 #include "colmap_lazyloc/files/output_file.h"
-#include "colmap_lazyloc/math/position_covariance.h"
 #include "colmap_lazyloc/results/valid_utf8.h"
+#include "colmap_lazyloc/scene/pose_distribution.h"
 
 namespace lazyloc {
 namespace {
@@ -25,7 +25,8 @@ std::string Cell(const std::string& text) {
 // Returns the standard deviations along the axes of the world; nothing if they are unknown.
 std::optional<Eigen::Vector3d> AxisStddevs(const LocalizationResult& result) {
   if (!result.covariance.allFinite()) return std::nullopt;
-  const Eigen::Matrix3d covariance = PositionCovariance(result.cam_from_world, result.covariance);
+  const Eigen::Matrix3d covariance =
+      MakePoseDistribution(result.cam_from_world, result.covariance).PositionCovariance();
   return covariance.diagonal().cwiseMax(0).cwiseSqrt().eval();
 }
 

@@ -8,6 +8,7 @@
 #include "colmap_lazyloc/group/rig_check.h"
 #include "colmap_lazyloc/math/so3.h"
 #include "colmap_lazyloc/scene/epipolar_error.h"
+#include "colmap_lazyloc/scene/refs.h"
 #include "colmap_lazyloc/uncertainty/position_ambiguity.h"
 
 namespace lazyloc {
@@ -93,9 +94,6 @@ void AverageRotation(const Layout& layout, const LocalizerOptions& options, Aver
   averaged->pairs = AgreeingPairs(layout, averaged->pairs, errors_rad, max_error_deg);
 }
 
-// Returns the standard deviation of the mean variance.
-double MeanStddev(double stddev1, double stddev2) { return std::sqrt((stddev1 * stddev1 + stddev2 * stddev2) / 2); }
-
 // Estimates each pair's direction of translation again, now that all rotations are known.
 std::vector<RelativeDirection> EstimateDirections(const Layout& layout, const Averaged& averaged) {
   std::vector<RelativeDirection> directions(averaged.pairs.size());
@@ -106,13 +104,12 @@ std::vector<RelativeDirection> EstimateDirections(const Layout& layout, const Av
       return CamFromWorld(averaged.posed, image).rotation.conjugate().toRotationMatrix();
     };
     const Eigen::Matrix3d world_from_query = world_from(pair.query), world_from_other = world_from(pair.other);
-    std::vector<RayPair> rays;
-    rays.reserve(pair.inliers.size());
+    std::vector<RayMatch> matches;
+    matches.reserve(pair.inliers.size());
     for (const ObservedMatch& inlier : pair.inliers) {
-      rays.push_back({world_from_other * inlier.other.ray_in_cam, world_from_query * inlier.query.ray_in_cam,
-                      MeanStddev(RadFromPx(inlier.other), RadFromPx(inlier.query))});
+      matches.push_back(MakeRayMatch(world_from_other, inlier.other, world_from_query, inlier.query));
     }
-    directions[k] = EstimateRelativeDirection(rays);
+    directions[k] = EstimateRelativeDirection(matches);
   }
   return directions;
 }
@@ -195,8 +192,7 @@ bool CanDoWithoutAveraging(const Failure& failure, const Layout& layout) {
 
 Averaged AverageMotion(const Layout& layout, const std::vector<PairGeometry>& pairs, const LocalizerOptions& options,
                        StageTimer::Seconds* seconds) {
-  Averaged averaged{layout.given, {}, {}, {}};
-  for (const PairGeometry& pair : pairs) averaged.pairs.push_back(&pair);
+  Averaged averaged{layout.given, Refs(pairs), {}, {}};
   const auto run = [&](const char* stage, const auto& function) {
     const StageTimer timer(stage, seconds);
     function();

@@ -8,7 +8,7 @@
 
 #include <Eigen/Cholesky>
 
-#include "colmap_lazyloc/math/median.h"
+#include "colmap_lazyloc/math/robust_statistics.h"
 #include "colmap_lazyloc/math/so3.h"
 #include "colmap_lazyloc/refinement/linear_projection.h"
 #include "colmap_lazyloc/refinement/robust_loss.h"
@@ -18,10 +18,8 @@ namespace {
 
 constexpr int kNumIterations = 10;
 constexpr double kLossScaleSigma = 2;
-// Minimum noise of a match, and the error of rotations that all database images have in common, in pixels.
-constexpr double kMinNoisePx = 0.5, kHiddenNoisePx = 0.3;
-// Ratio of the median length of a normally distributed vector in the plane to its standard deviation per coordinate.
-constexpr double kMedianLength = 1.1774;
+// Error of rotations that all database images have in common, in pixels.
+constexpr double kHiddenNoisePx = 0.3;
 // Maximum error of a match that agrees with the rotation, in standard deviations of its noise.
 constexpr double kMaxErrorSigma = 4;
 
@@ -84,10 +82,10 @@ double VarianceOfPairs(const Layout& layout, const PairRefs& pairs, const Eigen:
   return pairs.size() < 2 ? 0 : std::max(sum / num_free, 0.0);
 }
 
-double MedianErrorPx(const std::vector<DirectionMatch>& matches, const Eigen::Quaterniond& rotation) {
+std::vector<double> ErrorsPx(const std::vector<DirectionMatch>& matches, const Eigen::Quaterniond& rotation) {
   std::vector<double> errors_px;
   for (const DirectionMatch& match : matches) errors_px.push_back(match.ErrorPx(rotation));
-  return Median(std::move(errors_px));
+  return errors_px;
 }
 
 PoseEvidence MeasureRotationEvidence(const PairEstimates& estimates, const Averaged& averaged,
@@ -109,7 +107,7 @@ PoseEvidence MeasureRotationEvidence(const PairEstimates& estimates, const Avera
   evidence.explained_ratio = num_explained / num_matches;
   evidence.agreeing_ratio = num_agreeing / num_matches;
   evidence.competing_ratio = 1 - evidence.agreeing_ratio;  // as if all other pairs agreed on one other rotation
-  evidence.median_error_px = MedianErrorPx(matches, rotation);
+  evidence.median_error_px = Median(ErrorsPx(matches, rotation));
   evidence.scene_distance = std::numeric_limits<double>::quiet_NaN();
   return evidence;
 }
@@ -127,7 +125,7 @@ RotationFit FitRotation(const Layout& layout, const PairEstimates& estimates, co
   double noise_px = 0;
   Equations equations;
   for (int i = 0; i < kNumIterations; ++i) {
-    noise_px = std::max(MedianErrorPx(matches, rotation) / kMedianLength, kMinNoisePx);
+    noise_px = std::max(StddevOfLengths(ErrorsPx(matches, rotation)), kMinImageNoisePx);
     equations = BuildEquations(matches, rotation, noise_px);
     rotation = (ExpSO3(equations.Turn()) * rotation).normalized();
   }
@@ -138,17 +136,6 @@ RotationFit FitRotation(const Layout& layout, const PairEstimates& estimates, co
   fit.covariance = equations.information.inverse() + common_variance * Eigen::Matrix3d::Identity();
   fit.evidence = MeasureRotationEvidence(estimates, averaged, matches, rotation, noise_px);
   return fit;
-}
-
-Eigen::Matrix<double, 6, 6> PoseCovariance(const Rigid3d& cam_from_world, const Eigen::Matrix3d& rotation_covariance,
-                                           const Eigen::Matrix3d& position_covariance) {
-  // t = -R C: dt = -Hat(t) w - R dC.
-  const Eigen::Matrix3d rotation = cam_from_world.rotation.toRotationMatrix();
-  Eigen::Matrix<double, 6, 3> by_turn;
-  by_turn << Eigen::Matrix3d::Identity(), -Hat(cam_from_world.translation);
-  Eigen::Matrix<double, 6, 6> covariance = by_turn * rotation_covariance * by_turn.transpose();
-  covariance.bottomRightCorner<3, 3>() += rotation * position_covariance * rotation.transpose();
-  return covariance;
 }
 
 }  // namespace lazyloc

@@ -19,8 +19,4 @@ struct RotationFit {
 // Fits the rotation to the rays of all matches of the pairs that agree on it, as if their points were at infinity.
 RotationFit FitRotation(const Layout& layout, const PairEstimates& estimates, const Averaged& averaged);
 
-// Returns the covariance of cam_from_world for independent errors of the rotation and the projection centre.
-Eigen::Matrix<double, 6, 6> PoseCovariance(const Rigid3d& cam_from_world, const Eigen::Matrix3d& rotation_covariance,
-                                           const Eigen::Matrix3d& position_covariance);
-
 }  // namespace lazyloc

@@ -7,6 +7,7 @@
 #include "colmap_lazyloc/bridge/absolute_pose.h"
 #include "colmap_lazyloc/bridge/generalized_relative_pose.h"
 #include "colmap_lazyloc/math/seed.h"
+#include "colmap_lazyloc/scene/epipolar_error.h"
 
 namespace lazyloc {
 namespace {
@@ -16,15 +17,13 @@ constexpr size_t kFewTracks = 30;
 // Minimum score of a pose that motion averaging has not confirmed: more than chance gives a pose of wrong matches.
 constexpr double kMinUnconfirmedScore = 12;
 
-// Returns the distance of the query's keypoint from the epipolar line of the track's database observation; infinite
-// without baseline.
+// Returns the distance of the query's keypoint from the epipolar line of the track's database observation.
 double EpipolarErrorPx(const Rigid3d& cam_from_world, const Rigid3d& database_from_world, const Track& track) {
-  const Observation& query = track.observations.front().observation;
-  const Eigen::Vector3d baseline = CamInWorld(cam_from_world) - CamInWorld(database_from_world);
-  const Eigen::Vector3d database_ray =
-      database_from_world.rotation.conjugate() * track.observations.back().observation.ray_in_cam;
-  const Eigen::Vector3d normal = (cam_from_world.rotation * baseline.cross(database_ray)).normalized();
-  return std::abs(normal.dot(query.ray_in_cam)) / RadFromPx(query);
+  const auto world_from = [](const Rigid3d& pose) { return pose.rotation.conjugate().toRotationMatrix(); };
+  RayMatch match = MakeRayMatch(world_from(database_from_world), track.observations.back().observation,
+                                world_from(cam_from_world), track.observations.front().observation);
+  match.stddev1_rad = 0;
+  return std::abs(SampsonError(match, CamInWorld(cam_from_world) - CamInWorld(database_from_world)));
 }
 
 double TruncatedScore(double error_px, double max_error_px) {
@@ -120,7 +119,7 @@ std::optional<Rigid3d> DepthStart(const StartEvidence& evidence, uint32_t seed) 
 }
 
 std::optional<Rigid3d> GeneralizedRelativePoseStart(const StartEvidence& evidence, uint32_t seed) {
-  std::vector<RayMatch> matches;
+  std::vector<PosedRayMatch> matches;
   double max_error_rad = 0;
   for (const TrackRefs* tracks : {&evidence.from_database, &evidence.rest}) {
     VisitFrame(evidence, *tracks, [&](const Track& track, const TrackObservation& query) {

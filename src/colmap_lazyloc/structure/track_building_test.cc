@@ -6,6 +6,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "colmap_lazyloc/scene/refs.h"
+
 namespace lazyloc {
 namespace {
 
@@ -29,9 +31,7 @@ PairGeometry MatchEqual(int query, int other, const std::vector<uint32_t>& keypo
 }
 
 std::vector<Track> Build(const std::vector<PairGeometry>& pairs, const std::vector<int>& frame_of_query = {0}) {
-  PairRefs refs;
-  for (const PairGeometry& pair : pairs) refs.push_back(&pair);
-  return BuildTracks(refs, frame_of_query);
+  return BuildTracks(Refs(pairs), frame_of_query);
 }
 
 // Returns image and keypoint of each observation.

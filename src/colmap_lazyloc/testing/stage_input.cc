@@ -81,18 +81,6 @@ QueryGroup LoneQuery(const SyntheticScene& scene) {
   return group;
 }
 
-PairRefs Refs(const std::vector<PairGeometry>& pairs) {
-  PairRefs refs;
-  for (const PairGeometry& pair : pairs) refs.push_back(&pair);
-  return refs;
-}
-
-TrackRefs Refs(const std::vector<Track>& tracks) {
-  TrackRefs refs;
-  for (const Track& track : tracks) refs.push_back(&track);
-  return refs;
-}
-
 Rigid3d DisturbedPose(const Rigid3d& frame_from_world, double angle_deg, double distance, Random* random) {
   return CamFromWorld(Disturbed(frame_from_world.rotation, angle_deg, random),
                       CamInWorld(frame_from_world) + distance * RandomVector(random).normalized());

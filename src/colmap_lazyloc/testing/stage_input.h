@@ -7,6 +7,7 @@
 #include "colmap_lazyloc/group/failure.h"
 #include "colmap_lazyloc/group/layout.h"
 #include "colmap_lazyloc/scene/pair_geometry.h"
+#include "colmap_lazyloc/scene/refs.h"
 #include "colmap_lazyloc/structure/track_triangulation.h"
 #include "colmap_lazyloc/testing/pose_expectations.h"
 #include "colmap_lazyloc/testing/synthetic_group.h"
@@ -47,9 +48,6 @@ Failure FailureOf(const Stage& stage) {
   ADD_FAILURE() << "the stage throws no failure";
   return {QueryStatus::LOCALIZED, ""};
 }
-
-PairRefs Refs(const std::vector<PairGeometry>& pairs);
-TrackRefs Refs(const std::vector<Track>& tracks);
 
 // Moves a frame's pose by an angle and a distance in random directions.
 Rigid3d DisturbedPose(const Rigid3d& frame_from_world, double angle_deg, double distance, Random* random);

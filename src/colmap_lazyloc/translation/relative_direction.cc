@@ -7,6 +7,7 @@
 #include <Eigen/Eigenvalues>
 
 #include "colmap_lazyloc/math/robust_weights.h"
+#include "colmap_lazyloc/math/two_rays.h"
 
 namespace lazyloc {
 namespace {
@@ -14,53 +15,54 @@ namespace {
 constexpr int kNumIterations = 10;
 constexpr double kConvergenceSigma = 0.05;  // iterations end when the direction changes by fewer standard deviations
 
-// Returns the Geman-McClure weight of a pair's epipolar constraint and sets the variance of the constraint. The squared
-// error divided by the variance is the Sampson distance, to first order in the noise of the rays. The variance uses
+// Returns the Geman-McClure weight of a match's epipolar constraint and sets the variance of the constraint. The error
+// in standard deviations is SampsonError, here with the normal ray1 x ray2 computed once for all directions, and with
 // |dir x ray|^2 = 1 - (dir . ray)^2.
-double Weight(const RayPair& pair, const Eigen::Vector3d& normal, const Eigen::Vector3d& dir, double scale,
+double Weight(const RayMatch& match, const Eigen::Vector3d& normal, const Eigen::Vector3d& dir, double scale,
               double* variance) {
-  const double cos1 = dir.dot(pair.ray1_in_world), cos2 = dir.dot(pair.ray2_in_world), error = normal.dot(dir);
-  *variance = pair.stddev_rad * pair.stddev_rad * std::max(2 - cos1 * cos1 - cos2 * cos2, 1e-12);
+  const double cos1 = dir.dot(match.ray1), cos2 = dir.dot(match.ray2), error = normal.dot(dir);
+  *variance = match.stddev1_rad * match.stddev1_rad * std::max(1 - cos2 * cos2, 1e-12) +
+              match.stddev2_rad * match.stddev2_rad * std::max(1 - cos1 * cos1, 1e-12);
   return GemanMcClureWeight(error * error / *variance, scale);
 }
 
-// Returns the number of ray pairs that meet in front of both cameras minus the number that meet behind both, for
-// baseline `dir`.
-int CheiralityVote(const std::vector<RayPair>& rays, const std::vector<Eigen::Vector3d>& normals,
-                   const Eigen::Vector3d& dir) {
+// Returns the number of matches that meet in front of both cameras minus the number that meet behind both, for baseline
+// `dir`.
+int CheiralityVote(const std::vector<RayMatch>& matches, const Eigen::Vector3d& dir) {
   int vote = 0;
-  for (size_t i = 0; i < rays.size(); ++i) {
-    const double depth1 = dir.cross(rays[i].ray2_in_world).dot(normals[i]);
-    const double depth2 = dir.cross(rays[i].ray1_in_world).dot(normals[i]);
-    vote += (depth1 > 0 && depth2 > 0) - (depth1 < 0 && depth2 < 0);
+  for (const RayMatch& match : matches) {
+    const auto nearest = FindNearestPoints(match.ray1, match.ray2, dir, 0);
+    if (nearest) vote += nearest->AreAhead() - (nearest->distance1 < 0 && nearest->distance2 < 0);
   }
   return vote;
 }
 
-// True if more ray pairs have parallax than noise and a few outliers explain: at least 5 pairs and 5 %. Without
+// True if more matches have parallax than noise and a few outliers explain: at least 5 matches and 5 %. Without
 // parallax, the noise of the rays would determine the direction.
-bool HasParallax(const std::vector<RayPair>& rays, const std::vector<Eigen::Vector3d>& normals) {
+bool HasParallax(const std::vector<RayMatch>& matches, const std::vector<Eigen::Vector3d>& normals) {
   size_t num_with_parallax = 0;
-  for (size_t i = 0; i < rays.size(); ++i) num_with_parallax += normals[i].norm() > 4 * M_SQRT2 * rays[i].stddev_rad;
-  return num_with_parallax >= 5 && 20 * num_with_parallax >= rays.size();
+  for (size_t i = 0; i < matches.size(); ++i) {
+    num_with_parallax += normals[i].norm() > 4 * std::hypot(matches[i].stddev1_rad, matches[i].stddev2_rad);
+  }
+  return num_with_parallax >= 5 && 20 * num_with_parallax >= matches.size();
 }
 
-// Returns the direction that the largest number of ray pairs agrees with, among the directions that two ray pairs give
+// Returns the direction that the largest number of matches agrees with, among the directions that two matches give
 // each. The hypotheses are spread over the whole list in a fixed order, so that the same input gives the same start.
 // Returns zero if no hypothesis is valid.
-Eigen::Vector3d StartDirection(const std::vector<RayPair>& rays, const std::vector<Eigen::Vector3d>& normals) {
+Eigen::Vector3d StartDirection(const std::vector<RayMatch>& matches, const std::vector<Eigen::Vector3d>& normals) {
   constexpr size_t kNumHypotheses = 30, kNumVoters = 100;
-  const size_t num_rays = rays.size(), stride = std::max<size_t>(1, num_rays / kNumVoters);
+  const size_t num_matches = matches.size(), stride = std::max<size_t>(1, num_matches / kNumVoters);
   Eigen::Vector3d best = Eigen::Vector3d::Zero();
   double best_score = -1;
   for (size_t h = 0; h < kNumHypotheses; ++h) {
-    const size_t a = (h * num_rays) / kNumHypotheses, b = (a + num_rays / 2 + 7 * h) % num_rays;
+    const size_t a = (h * num_matches) / kNumHypotheses, b = (a + num_matches / 2 + 7 * h) % num_matches;
     const Eigen::Vector3d dir = normals[a].cross(normals[b]).normalized();
     if (!(dir.squaredNorm() > 0.5)) continue;
     double score = 0;
-    for (size_t i = 0; i < num_rays; i += stride) {
+    for (size_t i = 0; i < num_matches; i += stride) {
       double variance;
-      score += Weight(rays[i], normals[i], dir, 4.0, &variance);
+      score += Weight(matches[i], normals[i], dir, 4.0, &variance);
     }
     if (score > best_score) {
       best_score = score;
@@ -72,22 +74,22 @@ Eigen::Vector3d StartDirection(const std::vector<RayPair>& rays, const std::vect
 
 }  // namespace
 
-RelativeDirection EstimateRelativeDirection(const std::vector<RayPair>& rays) {
+RelativeDirection EstimateRelativeDirection(const std::vector<RayMatch>& matches) {
   RelativeDirection result;
-  if (rays.size() < 2) return result;
+  if (matches.size() < 2) return result;
   std::vector<Eigen::Vector3d> normals;
-  normals.reserve(rays.size());
-  for (const RayPair& pair : rays) normals.push_back(pair.ray1_in_world.cross(pair.ray2_in_world));
-  if (!HasParallax(rays, normals)) return result;
-  Eigen::Vector3d dir = StartDirection(rays, normals);
+  normals.reserve(matches.size());
+  for (const RayMatch& match : matches) normals.push_back(match.ray1.cross(match.ray2));
+  if (!HasParallax(matches, normals)) return result;
+  Eigen::Vector3d dir = StartDirection(matches, normals);
   if (dir.isZero()) return result;
   Eigen::Matrix3d system;
   Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> eigen;
   for (int i = 0; i < kNumIterations; ++i) {
     system.setZero();
-    for (size_t k = 0; k < rays.size(); ++k) {
+    for (size_t k = 0; k < matches.size(); ++k) {
       double variance;
-      const double weight = Weight(rays[k], normals[k], dir, 2.0, &variance);
+      const double weight = Weight(matches[k], normals[k], dir, 2.0, &variance);
       system += (weight / variance * normals[k]).lazyProduct(normals[k].transpose());
     }
     const Eigen::Vector3d previous = dir;
@@ -96,7 +98,7 @@ RelativeDirection EstimateRelativeDirection(const std::vector<RayPair>& rays) {
     // deviations.
     if (previous.cross(dir).squaredNorm() * eigen.eigenvalues()(1) < kConvergenceSigma * kConvergenceSigma) break;
   }
-  const int vote = CheiralityVote(rays, normals, dir);
+  const int vote = CheiralityVote(matches, dir);
   if (vote == 0) return result;
   result.dir_1to2_in_world = (vote > 0 ? 1.0 : -1.0) * dir.normalized();
   // Takes the second eigenvalue of the system, because it is the information in the worse direction of the tangent

@@ -4,14 +4,9 @@
 
 #include <Eigen/Core>
 
-namespace lazyloc {
+#include "colmap_lazyloc/scene/epipolar_error.h"
 
-// Pair of matched viewing rays, unit length, both rotated into the world frame.
-struct RayPair {
-  Eigen::Vector3d ray1_in_world;
-  Eigen::Vector3d ray2_in_world;
-  double stddev_rad = 1e-3;  // noise of each ray, per axis
-};
+namespace lazyloc {
 
 struct RelativeDirection {
   // Unit vector along cam2_in_world - cam1_in_world; zero if the rays do not determine it.
@@ -19,12 +14,12 @@ struct RelativeDirection {
   double stddev_rad = 0;  // of the worse of its two angles, from the noise of the rays
 };
 
-// Estimates the direction of the baseline between two cameras whose rotations are known. Every ray pair (f1, f2)
+// Estimates the direction of the baseline between two cameras whose rotations are known. Every match (f1, f2)
 // fulfils the epipolar constraint (f1 x f2) . dir = 0. Therefore dir is the eigenvector of sum w n n^T, n = f1 x f2,
 // with the smallest eigenvalue. The weight w normalises each constraint by its noise and down-weights outliers. The
-// iteration starts from the best of the directions that two ray pairs give each. The sign puts more points in front of
+// iteration starts from the best of the directions that two matches give each. The sign puts more points in front of
 // both cameras. LazyLoc (arXiv 2307.09981), section 3.2. For the noise of the constraint: Lee & Civera, Closed-Form
 // Optimal Two-View Triangulation Based on Angular Errors, ICCV 2019.
-RelativeDirection EstimateRelativeDirection(const std::vector<RayPair>& rays);
+RelativeDirection EstimateRelativeDirection(const std::vector<RayMatch>& matches);
 
 }  // namespace lazyloc

@@ -9,7 +9,7 @@ namespace lazyloc {
 namespace {
 
 struct Baseline {
-  std::vector<RayPair> rays;
+  std::vector<RayMatch> rays;
   Eigen::Vector3d direction;
 };
 
@@ -23,7 +23,7 @@ Baseline MakeBaseline(int num_rays, double noise_rad, double outlier_ratio, doub
     Eigen::Vector3d to_point = point - length * baseline.direction;
     if (i < outlier_ratio * num_rays) to_point = Eigen::Vector3d(0, 0, 10) + 3 * RandomVector(&random);
     const Eigen::Vector3d ray2 = (to_point + noise_rad * to_point.norm() * RandomVector(&random)).normalized();
-    baseline.rays.push_back({ray1, ray2, std::max(noise_rad, 1e-6)});
+    baseline.rays.push_back({ray1, ray2, std::max(noise_rad, 1e-6), std::max(noise_rad, 1e-6)});
   }
   return baseline;
 }

@@ -5,6 +5,7 @@
 #include <limits>
 
 #include "colmap_lazyloc/math/so3.h"
+#include "colmap_lazyloc/math/two_rays.h"
 #include "colmap_lazyloc/scene/errors.h"
 #include "colmap_lazyloc/translation/translation_methods.h"
 
@@ -13,55 +14,38 @@ namespace {
 
 // Maximum angle between a start position and the direction of an edge that supports it.
 constexpr double kMaxVoteErrorDeg = 10;
-// Minimum angle at which two edges may cross to determine a start, because nearly parallel ones cross anywhere.
-constexpr double kMinRayAngleDeg = 1;
 // Noise that is added in quadrature to that of each direction, for errors that the rays do not show (intrinsics,
 // database poses).
 constexpr double kMinDirectionStddevDeg = 0.1;
 
 // Ray on which an edge places an unknown node: from a known centre along a direction.
-struct Ray {
-  Eigen::Vector3d origin;
-  Eigen::Vector3d dir;
+struct Vote {
+  Ray ray;
   double weight;
 };
 
-// Returns one ray per edge (indices `edges`) whose other node is known.
-std::vector<Ray> RaysTo(int node, const std::vector<size_t>& edges, const TranslationAveragingProblem& problem,
-                        const TranslationAveragingResult& result) {
-  std::vector<Ray> rays;
+// Returns one vote per edge (indices `edges`) whose other node is known.
+std::vector<Vote> VotesFor(int node, const std::vector<size_t>& edges, const TranslationAveragingProblem& problem,
+                           const TranslationAveragingResult& result) {
+  std::vector<Vote> votes;
   for (const size_t i : edges) {
     const DirectionEdge& edge = problem.edges[i];
     const double weight = 1 / EdgeStddevRad(edge);
     if (edge.node2 == node && result.is_known[edge.node1]) {
-      rays.push_back({result.cams_in_world[edge.node1] - edge.offset_in_world, edge.dir_1to2_in_world, weight});
+      votes.push_back({{result.cams_in_world[edge.node1] - edge.offset_in_world, edge.dir_1to2_in_world}, weight});
     } else if (edge.node1 == node && result.is_known[edge.node2]) {
-      rays.push_back({result.cams_in_world[edge.node2] + edge.offset_in_world, -edge.dir_1to2_in_world, weight});
+      votes.push_back({{result.cams_in_world[edge.node2] + edge.offset_in_world, -edge.dir_1to2_in_world}, weight});
     }
   }
-  return rays;
-}
-
-// Computes the midpoint between the closest points of two rays. Returns false if the rays are parallel within
-// min_angle_rad or if a closest point is behind the ray's origin.
-bool Crossing(const Ray& a, const Ray& b, double min_angle_rad, Eigen::Vector3d* point) {
-  const Eigen::Vector3d normal = a.dir.cross(b.dir);
-  const double squared_sine = normal.squaredNorm();
-  if (squared_sine < std::pow(std::sin(min_angle_rad), 2)) return false;
-  const Eigen::Vector3d baseline = b.origin - a.origin;
-  const double along_a = baseline.cross(b.dir).dot(normal) / squared_sine;
-  const double along_b = baseline.cross(a.dir).dot(normal) / squared_sine;
-  if (along_a <= 0 || along_b <= 0) return false;
-  *point = (a.origin + along_a * a.dir + b.origin + along_b * b.dir) / 2;
-  return true;
+  return votes;
 }
 
 // Returns the weight of the rays near the point, falling linearly to zero at max_error_rad.
-double Support(const Eigen::Vector3d& point, const std::vector<Ray>& rays, double max_error_rad) {
+double Support(const Eigen::Vector3d& point, const std::vector<Vote>& votes, double max_error_rad) {
   double support = 0;
-  for (const Ray& ray : rays) {
-    const double error = AngleBetweenRad(point - ray.origin, ray.dir);
-    support += ray.weight * std::max(0.0, 1 - error / max_error_rad);
+  for (const Vote& vote : votes) {
+    const double error = AngleBetweenRad(point - vote.ray.origin, vote.ray.dir);
+    support += vote.weight * std::max(0.0, 1 - error / max_error_rad);
   }
   return support;
 }
@@ -74,23 +58,23 @@ struct Start {
 
 // Returns the crossing of two rays with the largest support. If no two rays cross, returns a point on the ray with the
 // largest weight, at a distance of the largest distance between its origin and another.
-Start BestStart(const std::vector<Ray>& rays) {
+Start BestStart(const std::vector<Vote>& votes) {
   const double max_error_rad = DegToRad(kMaxVoteErrorDeg);
   Start best;
-  for (size_t a = 0; a < rays.size(); ++a) {
+  for (size_t a = 0; a < votes.size(); ++a) {
     for (size_t b = 0; b < a; ++b) {
-      Eigen::Vector3d point;
-      if (!Crossing(rays[a], rays[b], DegToRad(kMinRayAngleDeg), &point)) continue;
-      const double support = Support(point, rays, max_error_rad);
-      if (support > best.support) best = {point, support, true};
+      const std::optional<Eigen::Vector3d> point = Crossing(votes[a].ray, votes[b].ray);
+      if (!point) continue;
+      const double support = Support(*point, votes, max_error_rad);
+      if (support > best.support) best = {*point, support, true};
     }
   }
-  if (best.is_determined || rays.empty()) return best;
-  const Ray& strongest =
-      *std::max_element(rays.begin(), rays.end(), [](const Ray& a, const Ray& b) { return a.weight < b.weight; });
+  if (best.is_determined || votes.empty()) return best;
+  const Vote& strongest =
+      *std::max_element(votes.begin(), votes.end(), [](const Vote& a, const Vote& b) { return a.weight < b.weight; });
   double extent = 0;
-  for (const Ray& ray : rays) extent = std::max(extent, (ray.origin - strongest.origin).norm());
-  best.point = strongest.origin + (extent > 0 ? extent : 1) * strongest.dir;
+  for (const Vote& vote : votes) extent = std::max(extent, (vote.ray.origin - strongest.ray.origin).norm());
+  best.point = strongest.ray.origin + (extent > 0 ? extent : 1) * strongest.ray.dir;
   best.support = strongest.weight;
   return best;
 }
@@ -107,7 +91,7 @@ void StartFromVotes(const TranslationAveragingProblem& problem, TranslationAvera
   const auto vote = [&](size_t node) {
     best_of[node] = Start();
     if (result->is_known[node]) return;
-    best_of[node] = BestStart(RaysTo(static_cast<int>(node), edges_of[node], problem, *result));
+    best_of[node] = BestStart(VotesFor(static_cast<int>(node), edges_of[node], problem, *result));
   };
   for (size_t node = 0; node < best_of.size(); ++node) vote(node);
   while (true) {
@@ -119,7 +103,7 @@ void StartFromVotes(const TranslationAveragingProblem& problem, TranslationAvera
     result->is_known[node] = true;
     result->is_determined[node] = best->is_determined;
     vote(node);
-    // Votes again for its neighbours only, because no other node has a new ray.
+    // Votes again for its neighbours only, because no other node has a new vote.
     for (const size_t edge : edges_of[node]) vote(problem.edges[edge].node1 + problem.edges[edge].node2 - node);
   }
 }

@@ -5,8 +5,9 @@
 #include <optional>
 #include <utility>
 
-#include "colmap_lazyloc/math/median.h"
+#include "colmap_lazyloc/math/robust_statistics.h"
 #include "colmap_lazyloc/math/so3.h"
+#include "colmap_lazyloc/math/two_rays.h"
 #include "colmap_lazyloc/uncertainty/position_ambiguity.h"
 
 namespace lazyloc {
@@ -21,14 +22,12 @@ const double kMaxCompetingDirectionRad = DegToRad(5), kMinCompetingRotationRad =
 constexpr double kMinCompetingDistanceRatio = 0.1;
 // Maximum number of pairs that may speak for a competing pose: the time grows with its third power.
 constexpr size_t kMaxNumCompetingPairs = 30;
-// Minimum sine of the angle at which two directions cross.
-constexpr double kMinCrossingSine = 0.02;
 
 // Pose of a query as one of its pairs measured it: rotation, and a ray on which its centre is.
 struct Vote {
   int query = -1, other = -1;
   Eigen::Quaterniond cam_from_world_rotation;
-  Eigen::Vector3d other_in_world, dir_other_to_query;  // the direction is zero for a pair without baseline
+  Ray ray;  // from the other image; its direction is zero for a pair without baseline
   double num_inliers = 0;
 };
 
@@ -38,8 +37,11 @@ std::vector<Vote> VotesOfFrame(const Layout& layout, const std::vector<PairGeome
     if (!layout.IsDatabase(pair.other) || layout.FrameOf(pair.query) != frame) continue;
     const Rigid3d other = CamFromWorld(layout.given, pair.other);
     const Eigen::Quaterniond rotation = pair.query_from_other.rotation * other.rotation;
-    votes.push_back({pair.query, pair.other, rotation, CamInWorld(other),
-                     rotation.conjugate() * -pair.query_from_other.translation, static_cast<double>(pair.num_inliers)});
+    votes.push_back({pair.query,
+                     pair.other,
+                     rotation,
+                     {CamInWorld(other), rotation.conjugate() * -pair.query_from_other.translation},
+                     static_cast<double>(pair.num_inliers)});
   }
   return votes;
 }
@@ -47,19 +49,8 @@ std::vector<Vote> VotesOfFrame(const Layout& layout, const std::vector<PairGeome
 bool Agrees(const Vote& vote, const Image& image, const Rigid3d& frame_from_world, double max_direction_rad) {
   const Rigid3d cam_from_world = CamFromWorld(image, frame_from_world);
   if (AngularDistanceRad(vote.cam_from_world_rotation, cam_from_world.rotation) > kMaxRotationRad) return false;
-  const Eigen::Vector3d offset = CamInWorld(cam_from_world) - vote.other_in_world;
-  return vote.dir_other_to_query.isZero() || AngleBetweenRad(vote.dir_other_to_query, offset) < max_direction_rad;
-}
-
-// Returns the point nearest to two rays; nullopt if they do not cross ahead of both cameras.
-std::optional<Eigen::Vector3d> Crossing(const Vote& a, const Vote& b) {
-  const Eigen::Vector3d normal = a.dir_other_to_query.cross(b.dir_other_to_query);
-  if (normal.norm() < kMinCrossingSine) return std::nullopt;
-  const Eigen::Vector3d offset = (b.other_in_world - a.other_in_world) / normal.squaredNorm();
-  const double along_a = offset.cross(b.dir_other_to_query).dot(normal);
-  const double along_b = offset.cross(a.dir_other_to_query).dot(normal);
-  if (along_a <= 0 || along_b <= 0) return std::nullopt;
-  return (a.other_in_world + along_a * a.dir_other_to_query + b.other_in_world + along_b * b.dir_other_to_query) / 2;
+  const Eigen::Vector3d offset = CamInWorld(cam_from_world) - vote.ray.origin;
+  return vote.ray.dir.isZero() || AngleBetweenRad(vote.ray.dir, offset) < max_direction_rad;
 }
 
 // Returns the frame's pose with the rotation of two pairs at the place where their directions cross; nullopt if their
@@ -67,7 +58,7 @@ std::optional<Eigen::Vector3d> Crossing(const Vote& a, const Vote& b) {
 std::optional<Rigid3d> CompetingPose(const Layout& layout, const Vote& a, const Vote& b) {
   if (a.query != b.query) return std::nullopt;
   if (AngularDistanceRad(a.cam_from_world_rotation, b.cam_from_world_rotation) > kMaxRotationRad) return std::nullopt;
-  const std::optional<Eigen::Vector3d> place = Crossing(a, b);
+  const std::optional<Eigen::Vector3d> place = Crossing(a.ray, b.ray);
   if (!place) return std::nullopt;
   return Inverse(layout.given.images[a.query].cam_from_frame) * CamFromWorld(a.cam_from_world_rotation, *place);
 }
@@ -144,7 +135,7 @@ PairVotes CountVotes(const Layout& layout, const std::vector<PairGeometry>& pair
     const bool is_explained = 2 * num_explained[vote.other] > vote.num_inliers;
     if (is_explained || Agrees(vote, layout.given.images[vote.query], frame_from_world, kMaxDirectionRad)) {
       result.num_agreeing += vote.num_inliers;
-    } else if (!vote.dir_other_to_query.isZero()) {
+    } else if (!vote.ray.dir.isZero()) {
       others.push_back(vote);
     }
   }
@@ -169,7 +160,7 @@ PairVotes CountVotes(const Layout& layout, const std::vector<PairGeometry>& pair
 }  // namespace
 
 MeasuredEvidence MeasureEvidence(const Layout& layout, const PairEstimates& estimates, bool has_relative_poses,
-                                 const Refined& refined, const std::vector<PoseUncertainty>& uncertainties) {
+                                 const Refined& refined, const std::vector<PoseDistribution>& poses) {
   const PosedImages& posed = refined.adjustment.posed;
   const std::vector<TrackRefs> tracks_of = TracksByFrame(layout, refined.adjustment.tracks);
   MeasuredEvidence measured;
@@ -192,7 +183,7 @@ MeasuredEvidence MeasureEvidence(const Layout& layout, const PairEstimates& esti
     }
     // Leaves out the axis that a prior alone fixes, because it says nothing of how well the images fit together.
     const int axis = refined.open_line ? 1 : 0;
-    const PoseSpread& spread = uncertainties[layout.QueriesOf(frame).front()].spread;
+    const PoseSpread spread = poses[layout.QueriesOf(frame).front()].Spread();
     evidence.back().position_stddev_ratio = spread.position_stddevs[axis] / evidence.back().scene_distance;
   }
   return measured;

@@ -5,6 +5,8 @@
 
 #include "colmap_lazyloc/group/layout.h"
 #include "colmap_lazyloc/group/pair_estimation.h"
+#include "colmap_lazyloc/pipeline/refinement_rounds.h"
+#include "colmap_lazyloc/scene/pose_distribution.h"
 #include "colmap_lazyloc/scene/pose_evidence.h"
 #include "colmap_lazyloc/uncertainty/pose_uncertainty.h"
 #include "colmap_lazyloc/uncertainty/refined.h"
@@ -20,6 +22,6 @@ struct MeasuredEvidence {
 // Measures the evidence of each query frame, from the stages' results. has_relative_poses: false if the pairs have
 // none.
 MeasuredEvidence MeasureEvidence(const Layout& layout, const PairEstimates& estimates, bool has_relative_poses,
-                                 const Refined& refined, const std::vector<PoseUncertainty>& uncertainties);
+                                 const Refined& refined, const std::vector<PoseDistribution>& poses);
 
 }  // namespace lazyloc

@@ -21,13 +21,15 @@ class MeasureEvidenceTest : public ::testing::Test {
     estimates_.num_inliers.assign(input_.layout.num_queries, std::vector<int>(kNumDatabaseImages, kNumPoints));
     refined_.adjustment.posed = input_.truth;
     refined_.adjustment.tracks = input_.tracks;
-    uncertainties_.assign(input_.layout.num_queries, {});
-    for (PoseUncertainty& uncertainty : uncertainties_) {
-      uncertainty.spread.position_stddevs = {0.3, 0.2, 0.1};
+    const Eigen::Matrix3d position_covariance = Eigen::Vector3d(0.09, 0.04, 0.01).asDiagonal();
+    poses_.clear();
+    for (int query = 0; query < input_.layout.num_queries; ++query) {
+      poses_.push_back(
+          MakePoseDistribution(CamFromWorld(input_.truth, query), Eigen::Matrix3d::Zero(), position_covariance));
     }
   }
   MeasuredEvidence MeasureAll(bool has_relative_poses = true) const {
-    return MeasureEvidence(input_.layout, estimates_, has_relative_poses, refined_, uncertainties_);
+    return MeasureEvidence(input_.layout, estimates_, has_relative_poses, refined_, poses_);
   }
   std::vector<PoseEvidence> Measure(bool has_relative_poses = true) const {
     return MeasureAll(has_relative_poses).evidence;
@@ -36,7 +38,7 @@ class MeasureEvidenceTest : public ::testing::Test {
   StageInput input_;
   PairEstimates estimates_;
   Refined refined_;
-  std::vector<PoseUncertainty> uncertainties_;
+  std::vector<PoseDistribution> poses_;
 };
 
 TEST_F(MeasureEvidenceTest, OfTheTruthIsPerfect) {

@@ -43,54 +43,38 @@ void CheckPositions(const Layout& layout, const PairRefs& pairs, const Refined& 
 
 // Raises the variance along a line that the images leave open to that of the prior. The query's own noise moves it off
 // a line of database images, where adjustment takes it for observable.
-void AddOpenLine(const OpenLine& line, const Rigid3d& cam_from_world, Eigen::Matrix<double, 6, 6>* covariance) {
-  const Eigen::Vector3d& direction = line.direction_in_world;
-  const double variance = direction.dot(PositionCovariance(cam_from_world, *covariance) * direction);
-  const Eigen::Vector3d direction_in_cam = cam_from_world.rotation * direction;
-  covariance->bottomRightCorner<3, 3>() +=
+void AddOpenLine(const OpenLine& line, PoseDistribution* pose) {
+  const double variance = line.direction_in_world.dot(pose->PositionCovariance() * line.direction_in_world);
+  const Eigen::Vector3d direction_in_cam = pose->cam_from_world.rotation * line.direction_in_world;
+  pose->of_images.bottomRightCorner<3, 3>() +=
       std::max(line.variance - variance, 0.0) * direction_in_cam * direction_in_cam.transpose();
 }
 
 }  // namespace
 
-Eigen::Matrix<double, 6, 6> TotalCovariance(const Refined& refined, int query) {
-  Eigen::Matrix<double, 6, 6> covariance = refined.variance_factor * refined.adjustment.image_covariances[query] +
-                                           refined.adjustment.image_shared_errors[query];
+PoseDistribution DistributionOf(const Refined& refined, int query, const Rigid3d& cam_from_world) {
+  PoseDistribution::Matrix covariance = refined.variance_factor * refined.adjustment.image_covariances[query] +
+                                        refined.adjustment.image_shared_errors[query];
   for (const auto& [group, component, variance] : refined.missing_variances) {
     covariance += variance * refined.adjustment.prior_fits[group].image_parts[component][query];
   }
-  if (refined.open_line) AddOpenLine(*refined.open_line, CamFromWorld(refined.adjustment.posed, query), &covariance);
-  return covariance;
+  PoseDistribution pose = MakePoseDistribution(cam_from_world, covariance);
+  if (refined.open_line) AddOpenLine(*refined.open_line, &pose);
+  return pose;
 }
 
-Eigen::Matrix<double, 6, 6> TangentFromAround(const Eigen::Vector3d& origin, const Eigen::Quaterniond& rotation) {
-  Eigen::Matrix<double, 6, 6> derivative = Eigen::Matrix<double, 6, 6>::Identity();
-  derivative.bottomLeftCorner<3, 3>() = Hat(rotation * origin);
-  return derivative;
-}
-
-Eigen::Matrix<double, 6, 6> CovarianceFromAround(const Eigen::Vector3d& origin, const Eigen::Quaterniond& rotation,
-                                                 const Eigen::Matrix<double, 6, 6>& covariance) {
-  const Eigen::Matrix<double, 6, 6> derivative = TangentFromAround(origin, rotation);
-  const Eigen::Matrix<double, 6, 6> moved = derivative * covariance * derivative.transpose();
-  return (moved + moved.transpose()) / 2;
-}
-
-std::vector<PoseUncertainty> EstimateUncertainties(const Layout& layout, const PairRefs& pairs, const Refined& refined,
-                                                   const LocalizerOptions& options) {
+std::vector<PoseDistribution> EstimateUncertainties(const Layout& layout, const PairRefs& pairs, const Refined& refined,
+                                                    const LocalizerOptions& options) {
   const BundleAdjustmentResult& adjustment = refined.adjustment;
   const std::vector<TrackRefs> tracks_of = TracksByFrame(layout, adjustment.tracks);
   CheckNumTracks(tracks_of, options.min_num_tracks);
   CheckPositions(layout, pairs, refined, tracks_of, options);
   const PosedImages reported = AsReported(layout, adjustment.posed);
-  std::vector<PoseUncertainty> uncertainties;
+  std::vector<PoseDistribution> poses;
   for (int query = 0; query < layout.num_queries; ++query) {
-    const Rigid3d pose = CamFromWorld(reported, query);
-    const Eigen::Matrix<double, 6, 6> covariance = TotalCovariance(refined, query);
-    uncertainties.push_back(
-        {CovarianceFromAround(layout.origin, pose.rotation, covariance), ComputePoseSpread(pose, covariance)});
+    poses.push_back(DistributionOf(refined, query, CamFromWorld(reported, query)));
   }
-  return uncertainties;
+  return poses;
 }
 
 }  // namespace lazyloc

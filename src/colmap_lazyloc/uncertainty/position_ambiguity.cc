@@ -5,13 +5,14 @@
 #include <limits>
 #include <utility>
 
-#include <Eigen/Cholesky>
 #include <Eigen/SVD>
 
-#include "colmap_lazyloc/math/median.h"
+#include "colmap_lazyloc/math/robust_statistics.h"
 #include "colmap_lazyloc/math/so3.h"
 #include "colmap_lazyloc/refinement/covariance.h"
 #include "colmap_lazyloc/scene/format.h"
+#include "colmap_lazyloc/scene/plane_fit.h"
+#include "colmap_lazyloc/scene/pose_distribution.h"
 
 namespace lazyloc {
 namespace {
@@ -59,29 +60,15 @@ bool AreOnOneLine(const AdjustedFrame& frame, double max_ratio) {
   return extents.size() < 2 || extents[1] <= max_ratio * extents[0];
 }
 
-double MedianDistance(const Rigid3d& cam_from_world, const TrackRefs& tracks) {
-  std::vector<double> distances;
-  for (const Track* track : tracks) distances.push_back((cam_from_world * track->point_in_world).norm());
-  return Median(std::move(distances));
-}
-
-// Returns true if the image noise does not distinguish the points from points of one plane, n . X = 1 in the frame's
-// axes, i.e. n . ray = 1 / distance. A deviation of a point's inverse distance from that moves its keypoint along the
-// epipolar line of an image at distance `baseline`, in rad.
+// Returns true if the image noise does not distinguish the points from points of one plane. A deviation of a point's
+// inverse distance from that of the plane moves its keypoint along the epipolar line of an image at distance
+// `baseline`, in rad.
 bool AreInOnePlane(const AdjustedFrame& frame, double baseline) {
   const Rigid3d& frame_from_world = frame.adjustment.posed.frames[frame.frame].frame_from_world;
   const double noise_px = frame.adjustment.posed.images[frame.layout.QueriesOf(frame.frame).front()].noise_px;
-  Eigen::MatrixX3d rays(frame.tracks.size(), 3);
-  Eigen::VectorXd inverse_distances(frame.tracks.size());
-  for (Eigen::Index i = 0; i < rays.rows(); ++i) {
-    const Eigen::Vector3d point = frame_from_world * frame.tracks[i]->point_in_world;
-    rays.row(i) = point.normalized();
-    inverse_distances[i] = 1 / point.norm();
-  }
-  const Eigen::Vector3d normal = (rays.transpose() * rays).ldlt().solve(rays.transpose() * inverse_distances);
-  const Eigen::ArrayXd shifts_rad = baseline * (rays * normal - inverse_distances).array().abs();
+  const Eigen::ArrayXd shifts_rad = baseline * FitPlane(frame_from_world, frame.tracks).errors.array().abs();
   std::vector<double> shifts_sigma;
-  for (Eigen::Index i = 0; i < rays.rows(); ++i) {
+  for (Eigen::Index i = 0; i < shifts_rad.size(); ++i) {
     const Observation& observation = frame.tracks[i]->observations.front().observation;
     shifts_sigma.push_back(shifts_rad[i] / (RadFromPx(observation) * noise_px));
   }
@@ -149,7 +136,8 @@ bool IsPositionOpen(const AdjustedFrame& frame, const LocalizerOptions& options)
   // States the uncertainty of depths as it is, because unlike the images' noise it is not assumed too large.
   if (has_depth) variance_factor = std::min(frame.variance_factor, 1.0);
   const PoseSpread spread =
-      ComputePoseSpread(frame_from_world, variance_factor * frame.adjustment.frame_covariances[frame.frame]);
+      MakePoseDistribution(frame_from_world, variance_factor * frame.adjustment.frame_covariances[frame.frame])
+          .Spread();
   if (!(spread.rotation_stddev_rad <= options.max_position_stddev_ratio)) return true;
   if (has_prior) return false;
   const double distance = MedianDistance(frame_from_world, frame.tracks);
@@ -162,7 +150,8 @@ bool IsPositionOpen(const AdjustedFrame& frame, const LocalizerOptions& options)
 Failure OpenPositionFailure(const AdjustedFrame& frame, double variance_factor) {
   const BundleAdjustmentResult& adjustment = frame.adjustment;
   const Rigid3d& pose = adjustment.posed.frames[frame.frame].frame_from_world;
-  const PoseSpread spread = ComputePoseSpread(pose, variance_factor * adjustment.frame_covariances[frame.frame]);
+  const PoseSpread spread =
+      MakePoseDistribution(pose, variance_factor * adjustment.frame_covariances[frame.frame]).Spread();
   const std::vector<Eigen::Vector3d> centres = DatabaseCentres(frame.layout, frame.pairs, frame.frame);
   const bool is_one_place = !centres.empty() && AreOnePlace(centres);
   const auto leaves_two_orientations = [&] {
@@ -177,8 +166,9 @@ Failure OpenPositionFailure(const AdjustedFrame& frame, double variance_factor) 
   Failure failure{QueryStatus::DEGENERATE_BASELINE, ""};
   for (const int query : frame.layout.QueriesOf(frame.frame)) {
     const Rigid3d query_from_world = CamFromWorld(adjustment.posed, query);
-    const Eigen::Matrix<double, 6, 6> covariance = variance_factor * adjustment.image_covariances[query];
-    const Eigen::Matrix3d position_covariance = PositionCovariance(query_from_world, covariance);
+    const Eigen::Matrix3d position_covariance =
+        MakePoseDistribution(query_from_world, variance_factor * adjustment.image_covariances[query])
+            .PositionCovariance();
     failure.partial_poses[query] = {query_from_world.rotation, spread.rotation_stddev_rad,
                                     BestBearing(frame, query, query_from_world, position_covariance)};
   }
