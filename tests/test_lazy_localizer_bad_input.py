@@ -287,7 +287,7 @@ BAD_VALUES = """
     LazyLocalizer.Advanced.max_rotation_error_deg=-5 LazyLocalizer.Advanced.min_triangulation_angle_deg=-1
     LazyLocalizer.Advanced.max_query_error_sigma=nan LazyLocalizer.Advanced.convergence_sigma=-1
     LazyLocalizer.Advanced.num_refinement_rounds=0 LazyLocalizer.Advanced.single_image_noise_ratio=0
-    LazyLocalizer.Advanced.max_num_start_tracks=-1 LazyLocalizer.Advanced.triangulation=points
+    LazyLocalizer.Advanced.max_num_start_tracks=-1 LazyLocalizer.Advanced.start_pose=points
     LazyLocalizer.Advanced.max_position_stddev_ratio=4px
 """
 for name, value in (word.split("=") for word in BAD_VALUES.split()):

@@ -32,8 +32,6 @@ void ForEachMethodOption(Options& o, const Add& add) {
   add("LazyLocalizer.Advanced.post_optimization", &o.post_optimization,
       "Stage after motion averaging: tracks (triangulation and bundle adjustment), or for comparison sampson, "
       "relative_pose_lo or none");
-  add("LazyLocalizer.Advanced.triangulation", &o.triangulation.method,
-      "Method of triangulation: rays (the point nearest to all rays) or colmap (COLMAP's triangulation)");
   add("LazyLocalizer.Advanced.min_triangulation_angle_deg", &o.triangulation.min_triangulation_angle_deg,
       "Minimum angle in degrees between the rays to a point");
   add("LazyLocalizer.Advanced.max_query_error_sigma", &o.triangulation.max_query_error_sigma,

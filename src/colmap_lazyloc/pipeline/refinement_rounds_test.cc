@@ -77,16 +77,6 @@ TEST_P(GroupsToRefine, StaysNearTheTruthWithNoise) {
 INSTANTIATE_TEST_SUITE_P(Refine, GroupsToRefine,
                          testing::Values(GroupSize{1, 1}, GroupSize{1, 3}, GroupSize{3, 1}, GroupSize{2, 2}));
 
-TEST(Refine, EitherTriangulationGivesTheSamePose) {
-  const StageInput input = MakeStageInput(MakeSyntheticGroup(Group(1, 1, 1)));
-  LocalizerOptions options;
-  const PosedImages rays = RefineFrom(DisturbedStart(input), input, options).adjustment.posed;
-  options.triangulation.method = TriangulationMethod::COLMAP;
-  const PosedImages colmap = RefineFrom(DisturbedStart(input), input, options).adjustment.posed;
-  ExpectNear({{colmap.images[0]}, colmap.frames, {}}, {{rays.images[0]}, rays.frames, {}}, 5e-3, 0.05);
-  ExpectNear(colmap, input.truth, 0.02, 0.2);
-}
-
 TEST(Refine, DatabasePosesOfTheLayoutAreTheCentresOfThePriors) {
   const StageInput input = MakeStageInput(MakeSyntheticGroup(Group(1, 1, 1)));
   const PosedImages given = input.layout.given;
