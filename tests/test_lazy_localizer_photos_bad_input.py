@@ -251,7 +251,6 @@ def test_failed_run_leaves_no_matches_output(scene, queries, localize, tmp_path,
         (["--LazyLocalizer.Advanced.cache_gb", "-1"], ["--LazyLocalizer.Advanced.cache_gb"]),
         (["--LazyIndexer.num_visual_words", "1"], ["--LazyIndexer.num_visual_words"]),
         (["--LazyLocalizer.leave_one_out", "1"], ["--image_path", "leave_one_out"]),
-        (["--LazyLocalizer.Advanced.query_prior_path", "/no/such/file"], ["/no/such/file"]),
     ],
 )
 def test_bad_options_are_refused(scene, queries, localize, options, words):
@@ -260,7 +259,7 @@ def test_bad_options_are_refused(scene, queries, localize, options, words):
 
 @pytest.mark.parametrize(
     "name",
-    ["retrieval_index_path", "LazyLocalizer.Advanced.query_prior_path", "LazyLocalizer.Advanced.matches_output_path"],
+    ["retrieval_index_path", "LazyLocalizer.Advanced.matches_output_path"],
 )
 def test_options_of_photos_need_image_path(exact, localize, name):
     assert_refused(localize(*exact.arguments, f"--{name}", "file"), name, "--image_path")

@@ -61,9 +61,6 @@ void ForEachSourceOption(Options& o, const Add& add) {
       "group");
   add("LazyLocalizer.Advanced.depth_png_unit", &o.depth.png_unit,
       "Depth in the unit of the model for a value of 1 in a PNG of --depth_path");
-  add("LazyLocalizer.Advanced.query_prior_path", &o.photos.query_prior_path,
-      "File with lines `name x y z radius`; a photo is matched only with database images within its radius",
-      OptionRole::INPUT);
   add("LazyLocalizer.Advanced.matches_output_path", &o.photos.matches_output_path,
       "New COLMAP database for the photos' features and matches; the file must not exist", OptionRole::OUTPUT);
   add("LazyLocalizer.Advanced.max_num_exhaustive", &o.photos.matching.max_num_exhaustive,

@@ -126,8 +126,8 @@ TEST_F(OptionsTest, ErrorsHaveTheFullNameOfTheOption) {
               "option --LazyLocalizer.Advanced.min_num_tracks must be");
   ExpectError({"--LazyIndexer.num_visual_words", "1"}, "option --LazyIndexer.num_visual_words must be");
   ExpectError({"--LazyIndexer.max_num_features", "0"}, "option --LazyIndexer.max_num_features must be >= 1, or -1");
-  ExpectError({"--LazyLocalizer.Advanced.query_prior_path", "x"},
-              "option --LazyLocalizer.Advanced.query_prior_path needs --image_path");
+  ExpectError({"--LazyLocalizer.Advanced.matches_output_path", "x"},
+              "option --LazyLocalizer.Advanced.matches_output_path needs --image_path");
   ExpectError({"--database_path", ""}, "database_path");
 }
 

@@ -70,9 +70,8 @@ std::nullopt_t Refuse(QueryStatus status, const std::string& reason, Localizatio
 
 bool PhotoOptions::CheckImagePath(std::string* error) const {
   if (!image_path.empty()) return true;
-  for (const auto& [name, value] :
-       {std::pair{"retrieval_index_path", &retrieval_index_path}, std::pair{"query_prior_path", &query_prior_path},
-        std::pair{"matches_output_path", &matches_output_path}}) {
+  for (const auto& [name, value] : {std::pair{"retrieval_index_path", &retrieval_index_path},
+                                    std::pair{"matches_output_path", &matches_output_path}}) {
     if (value->empty()) continue;
     *error = std::string(name) + " needs --image_path, because it is for photos";
     return false;
@@ -95,7 +94,6 @@ PhotoLoader::PhotoLoader(const DatabaseReader& database, const QuerySelection& s
       default_camera_(ParseDefaultCamera(options)),
       database_cameras_(selection.DatabaseModel(), options.image_path, selection.DatabaseExifFocalLengths()),
       features_(static_cast<size_t>(std::min(options.matching.cache_gb * 1e9, 1e18)), NumBytes) {
-  if (!options.query_prior_path.empty()) search_regions_ = ReadSearchRegions(options.query_prior_path);
   if (!options.matches_output_path.empty()) {
     std::vector<std::string> names;
     for (const auto& [name, photo] : selection.Photos()) names.push_back(name);
@@ -165,15 +163,10 @@ bool PhotoLoader::NeedsRetrieval(const PhotoQuery& photo) const {
 }
 
 PhotoLoader::Candidates PhotoLoader::AllowedCandidates(const PhotoQuery& photo) const {
-  const auto prior = search_regions_.find(photo.name);
   Candidates allowed;
   for (const Candidate& candidate : candidates_) {
     const auto& listed = photo.paired_ids;
     if (listed && !std::binary_search(listed->begin(), listed->end(), candidate.image_id)) continue;
-    if (prior != search_regions_.end()) {
-      const Eigen::Vector3d offset = CamInWorld(candidate.image->cam_from_world) - prior->second.position;
-      if (offset.norm() > prior->second.radius) continue;
-    }
     allowed.push_back(&candidate);
   }
   return allowed;

@@ -27,7 +27,6 @@ struct PhotoOptions {
   std::string camera_model = "SIMPLE_RADIAL";
   std::string camera_params;  // of all photos without a known camera; numbers separated by commas
   std::string retrieval_index_path;
-  std::string query_prior_path;
   std::string matches_output_path;
   PhotoMatchingOptions matching;
   RetrievalOptions retrieval;
@@ -72,7 +71,7 @@ class PhotoLoader {
   void MeasureCandidates(const std::map<uint32_t, size_t>& num_descriptors, const FeatureReader& reader);
   // Returns the photo's own intrinsics if it has any, or else chooses some.
   PhotoCamera CameraOf(const PhotoQuery& photo, const PhotoProperties& properties) const;
-  // Returns the candidates that the pairs file lists, or that the photo's prior allows.
+  // Returns the candidates that the pairs file lists, or all.
   Candidates AllowedCandidates(const PhotoQuery& photo) const;
   Candidates ChooseCandidates(const PhotoQuery& photo, const Descriptors& descriptors, IdleThreads* idle_threads) const;
   bool NeedsRetrieval(const PhotoQuery& photo) const;
@@ -87,7 +86,6 @@ class PhotoLoader {
   const DefaultCamera default_camera_;
   const DatabaseCameras database_cameras_;
   std::vector<Candidate> candidates_;  // posed images with descriptors, sorted by name
-  std::map<std::string, SearchRegion> search_regions_;
   std::unique_ptr<MatchesOutput> matches_output_;
   std::unique_ptr<RetrievalIndex> index_;
   FeatureStatistics statistics_;  // of the candidates
