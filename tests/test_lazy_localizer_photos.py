@@ -153,14 +153,6 @@ def test_index_does_not_depend_on_the_number_of_threads(colmap, scene, tmp_path)
     assert (tmp_path / "1").read_bytes() == (tmp_path / "3").read_bytes()
 
 
-def test_index_in_memory_where_there_are_many_images(scene, queries, localize):
-    run = localize(
-        *scene.arguments(queries, "--LazyLocalizer.Advanced.max_num_exhaustive", 5, "--LazyLocalizer.num_retrieved", 5)
-    )
-    scene.assert_localized(run)
-    assert {len(run.pair_names(name)) for name in scene.query_names} == {5}
-
-
 def test_index_follows_the_database(colmap, scene, queries, localize, tmp_path):
     grown = tmp_path / "database.db"
     shutil.copy(scene.database_path, grown)

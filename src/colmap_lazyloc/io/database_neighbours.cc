@@ -17,8 +17,8 @@ constexpr size_t kEnoughImages = 3;
 constexpr size_t kMaxNumNeighbours = 6;
 constexpr size_t kMaxNumMatches = 200;
 
-size_t NumMatches(const ImagePair& pair) {
-  return pair.geometry ? pair.geometry->inlier_matches.size() : pair.matches.size();
+int NumMatches(const ImagePair& pair) {
+  return static_cast<int>(pair.geometry ? pair.geometry->inlier_matches.size() : pair.matches.size());
 }
 
 // Reads the matches of two images, evenly chosen ones if there are many. nullopt if they cannot be used. points: the
@@ -59,10 +59,8 @@ std::vector<std::pair<uint32_t, const ModelImage*>> FindNeighbours(const QuerySe
   return neighbours;
 }
 
-DatabaseNeighbours::DatabaseNeighbours(const QuerySelection& selection, int min_num_inliers)
-    : selection_(selection),
-      min_num_inliers_(static_cast<size_t>(min_num_inliers)),
-      cache_(kCacheBytes, [](const std::vector<NeighbourPair>& pairs) {
+DatabaseNeighbours::DatabaseNeighbours(const QuerySelection& selection)
+    : selection_(selection), cache_(kCacheBytes, [](const std::vector<NeighbourPair>& pairs) {
         size_t num_points = 16;
         for (const NeighbourPair& pair : pairs) num_points += 16 + pair.points.size();
         return 2 * sizeof(Eigen::Vector2d) * num_points;
@@ -91,14 +89,14 @@ void DatabaseNeighbours::AddTo(const DatabaseReader& database, LoadedGroup* load
   std::vector<std::set<std::string>> names(loaded->group.frame_names.size());
   for (const QueryImage& query : loaded->group.images) {
     for (const ImagePair& pair : query.problem.pairs) {
-      if (NumMatches(pair) >= min_num_inliers_) names[query.frame].insert(pair.other_name);
+      if (NumMatches(pair) >= kMinNumInliers) names[query.frame].insert(pair.other_name);
     }
   }
   for (QueryImage& query : loaded->group.images) {
     if (names[query.frame].empty() || names[query.frame].size() >= kEnoughImages) continue;
     const StageTimer timer("database_pairs", &loaded->records[&query - loaded->group.images.data()].seconds);
     for (ImagePair& pair : query.problem.pairs) {
-      if (NumMatches(pair) >= min_num_inliers_) pair.neighbours = Find(pair, query.problem.query_name, database);
+      if (NumMatches(pair) >= kMinNumInliers) pair.neighbours = Find(pair, query.problem.query_name, database);
     }
   }
 }

@@ -24,8 +24,8 @@ std::vector<std::pair<uint32_t, const ModelImage*>> FindNeighbours(const QuerySe
 // reader per thread.
 class DatabaseNeighbours {
  public:
-  // The selection must outlive this. min_num_inliers: number of matches from which on the localizer uses an image.
-  DatabaseNeighbours(const QuerySelection& selection, int min_num_inliers);
+  // The selection must outlive this.
+  explicit DatabaseNeighbours(const QuerySelection& selection);
 
   // Adds the pairs of the database images to query frames with few of these.
   void AddTo(const DatabaseReader& database, LoadedGroup* loaded) const;
@@ -37,7 +37,6 @@ class DatabaseNeighbours {
                                   const DatabaseReader& database) const;
 
   const QuerySelection& selection_;
-  const size_t min_num_inliers_;
   mutable LruCache<std::vector<NeighbourPair>> cache_;
 };
 

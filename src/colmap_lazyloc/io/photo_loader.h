@@ -16,7 +16,6 @@
 #include "colmap_lazyloc/io/query_record.h"
 #include "colmap_lazyloc/io/query_selection.h"
 #include "colmap_lazyloc/matching/feature_statistics.h"
-#include "colmap_lazyloc/matching/options.h"
 #include "colmap_lazyloc/matching/pair_matching.h"
 #include "colmap_lazyloc/matching/retrieval_index.h"
 
@@ -28,8 +27,8 @@ struct PhotoOptions {
   std::string camera_params;  // of all photos without a known camera; numbers separated by commas
   std::string retrieval_index_path;
   std::string matches_output_path;
-  PhotoMatchingOptions matching;
-  RetrievalOptions retrieval;
+  SiftExtractionOptions extraction;
+  double cache_gb = 1;  // memory for the features of database images
 
   bool Check(std::string* error) const;
   // Returns false if files for photos are named although image_path is empty.
@@ -45,7 +44,7 @@ class PhotoLoader {
   // selection must outlive this. Throws InputError for files that cannot be used, and if no posed image has
   // descriptors.
   PhotoLoader(const DatabaseReader& database, const QuerySelection& selection, const PhotoOptions& options,
-              int num_retrieved, const PairMatchingOptions& pair_options, int num_threads, bool has_more_photos);
+              int num_retrieved, int seed, int num_threads, bool has_more_photos);
 
   // Adds keypoints and times to the record. Returns nullopt, with status and reason in the record, if the photo cannot
   // be used. Leaves out database images whose features are damaged, and says so in the record. Throws InputError for a
@@ -82,7 +81,7 @@ class PhotoLoader {
   const QuerySelection& selection_;
   const PhotoOptions options_;
   const size_t num_retrieved_;
-  const PairMatchingOptions pair_options_;
+  const int seed_;
   const DefaultCamera default_camera_;
   const DatabaseCameras database_cameras_;
   std::vector<Candidate> candidates_;  // posed images with descriptors, sorted by name

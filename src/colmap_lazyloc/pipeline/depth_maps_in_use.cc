@@ -101,14 +101,14 @@ std::optional<Rigid3d> PoseOfPair(const PairGeometry& pair, const MapOfImage& ma
 
 DepthFit Fit(const MapOfImage& map, const Layout& layout, const PairRefs& pairs, const SplitTracks& tracks,
              const DepthOptions& options) {
-  DepthFit fit = FitDepthMap(SamplesOfPoints(*map.pair), options);
+  DepthFit fit = FitDepthMap(SamplesOfPoints(*map.pair), options.has_shift);
   const bool has_points = fit.verdict != DepthVerdict::NO_SCALE;
-  if (!has_points) fit = FitDepthMap(SamplesOfTracks(map, layout.given, tracks.from_database), options);
+  if (!has_points) fit = FitDepthMap(SamplesOfTracks(map, layout.given, tracks.from_database), options.has_shift);
   const bool has_tracks = !has_points && fit.verdict == DepthVerdict::USED;
-  if (options.is_metric) fit = FitMetricDepthMap(fit, FitDepthMap(SamplesOfPair(map, pairs), options), options);
+  if (options.is_metric) fit = FitMetricDepthMap(fit, FitDepthMap(SamplesOfPair(map, pairs), options.has_shift));
   if (!has_tracks) return fit;
   // Adjustment must not count the tracks twice.
-  const double stddev = fit.is_metric ? options.metric_stddev_ratio : kFreeScaleStddev;
+  const double stddev = fit.is_metric ? kMetricScaleStddev : kFreeScaleStddev;
   fit.scale_variance = stddev * stddev;
   return fit;
 }

@@ -118,7 +118,7 @@ TEST(DepthMapsInUse, PointsTellTheScaleOfAMap) {
   ASSERT_TRUE(scale);
   EXPECT_NEAR(scale->log_scale, std::log(2), 1e-5);
   EXPECT_EQ(scale->stated_log_scale, scale->log_scale);
-  EXPECT_GE(scale->log_depth_stddev, maps.options.depth.min_stddev_ratio);
+  EXPECT_GE(scale->log_depth_stddev, kMinDepthStddev);
   const int num_points = static_cast<int>(maps.input.tracks.size());
   EXPECT_EQ(CountDepths(maps.candidates.all), num_points);
   EXPECT_EQ(CountDepths(maps.candidates.for_start), num_points);
@@ -139,7 +139,7 @@ TEST(DepthMapsInUse, AStatementTellsTheScale) {
   maps.Run();
   ASSERT_THAT(maps.Results(), Each(HasVerdict(DepthVerdict::USED)));
   EXPECT_EQ(maps.Results()[0].scale, 1);
-  EXPECT_NEAR(maps.Results()[0].scale_stddev, maps.options.depth.metric_stddev_ratio, 2e-3);
+  EXPECT_NEAR(maps.Results()[0].scale_stddev, kMetricScaleStddev, 2e-3);
   ExpectTrueStarts(maps, 1);
 }
 

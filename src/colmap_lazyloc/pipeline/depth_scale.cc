@@ -126,16 +126,16 @@ void SplitVariance(const std::vector<DepthSample>& samples, DepthFit* fit) {
 
 }  // namespace
 
-DepthFit FitDepthMap(const std::vector<DepthSample>& samples, const DepthOptions& options) {
+DepthFit FitDepthMap(const std::vector<DepthSample>& samples, bool has_shift) {
   DepthFit fit;
   fit.num_points = static_cast<int>(samples.size());
   if (fit.num_points < kMinNumPoints) return fit;
-  if (options.has_shift) fit.shift = FitShift(samples);
+  if (has_shift) fit.shift = FitShift(samples);
   std::vector<double> ratios = LogRatios(samples, fit.shift), log_depths;
   for (const DepthSample& sample : samples) log_depths.push_back(std::log(sample.point_depth));
   fit.log_scale = Median(ratios);
   fit.spread = RobustSpread(std::move(ratios));
-  const bool is_informative = fit.spread <= 2 * options.min_stddev_ratio ||
+  const bool is_informative = fit.spread <= 2 * kMinDepthStddev ||
                               fit.spread <= kMaxSpreadRatio * RobustSpread(std::move(log_depths)) ||
                               AreCorrelated(samples, fit);
   if (fit.spread > kMaxSpread || !is_informative) {
@@ -143,17 +143,17 @@ DepthFit FitDepthMap(const std::vector<DepthSample>& samples, const DepthOptions
     return fit;
   }
   fit.verdict = DepthVerdict::USED;
-  fit.spread = std::max(fit.spread, options.min_stddev_ratio);
+  fit.spread = std::max(fit.spread, kMinDepthStddev);
   SplitVariance(samples, &fit);
-  fit.pixel_variance = std::max(fit.pixel_variance, Square(options.min_stddev_ratio));
+  fit.pixel_variance = std::max(fit.pixel_variance, Square(kMinDepthStddev));
   fit.scale_variance =
-      Square(kMinScaleShare * options.min_stddev_ratio) + fit.common_variance + fit.pixel_variance / fit.num_points;
+      Square(kMinScaleShare * kMinDepthStddev) + fit.common_variance + fit.pixel_variance / fit.num_points;
   return fit;
 }
 
-DepthFit FitMetricDepthMap(const DepthFit& own, const DepthFit& relative, const DepthOptions& options) {
+DepthFit FitMetricDepthMap(const DepthFit& own, const DepthFit& relative) {
   if (own.verdict == DepthVerdict::CONTRADICTED) return own;
-  const double metric_variance = Square(options.metric_stddev_ratio);
+  const double metric_variance = Square(kMetricScaleStddev);
   DepthFit fit = own;
   if (own.verdict == DepthVerdict::USED) {
     // A map that points contradict in its scale is not metric, but has the scale that they tell.
@@ -166,7 +166,7 @@ DepthFit FitMetricDepthMap(const DepthFit& own, const DepthFit& relative, const 
   if (relative.verdict == DepthVerdict::CONTRADICTED) return relative;
   fit = relative;
   if (relative.verdict == DepthVerdict::NO_SCALE) {
-    fit.spread = kUntestedSpread * options.min_stddev_ratio;
+    fit.spread = kUntestedSpread * kMinDepthStddev;
     fit.pixel_variance = Square(fit.spread);
     fit.common_variance = fit.pixel_variance / kUntestedNumAreas;
   }

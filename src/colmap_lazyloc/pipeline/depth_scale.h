@@ -5,10 +5,13 @@
 
 #include <Eigen/Core>
 
-#include "colmap_lazyloc/pipeline/options.h"
 #include "colmap_lazyloc/scene/depth_result.h"
 
 namespace lazyloc {
+
+// Minimum relative standard deviation of a depth, and relative standard deviation of a metric map's scale, as
+// calibrated sensors have them.
+inline constexpr double kMinDepthStddev = 0.01, kMetricScaleStddev = 0.02;
 
 // A triangulated point in an image with a depth map.
 struct DepthSample {
@@ -33,10 +36,10 @@ struct DepthFit {
 
 // Fits the scale, and with has_shift the shift, of a map robustly. The verdict is NO_SCALE for too few points, and
 // CONTRADICTED if the depths scatter by more than a fifth, or hardly less around the map than around a constant.
-DepthFit FitDepthMap(const std::vector<DepthSample>& samples, const DepthOptions& options);
+DepthFit FitDepthMap(const std::vector<DepthSample>& samples, bool has_shift = false);
 
 // Returns the fit of a map that is stated to be metric. own: fit to points that database images triangulate; relative:
 // fit to points whose common scale is unknown, which tell only how exact the map is.
-DepthFit FitMetricDepthMap(const DepthFit& own, const DepthFit& relative, const DepthOptions& options);
+DepthFit FitMetricDepthMap(const DepthFit& own, const DepthFit& relative);
 
 }  // namespace lazyloc

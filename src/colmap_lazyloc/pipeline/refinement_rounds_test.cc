@@ -142,13 +142,11 @@ TEST(Refine, TracksThatDisagreeAreRemoved) {
 }
 
 // Displaces a keypoint by less than the bound of the first round (32 px), but more than the final one (16 px).
-TEST(Refine, TracksThatDisagreeWithTheResultAreRemovedAfterTheLastRound) {
+TEST(Refine, TracksThatDisagreeWithTheResultAreRemoved) {
   const SyntheticGroup scene = MakeSyntheticGroup(Group(1, 1));
   StageInput input = MakeStageInput(scene);
   DisplaceQuery(24, scene, &input.tracks[7]);
-  LocalizerOptions options;
-  options.num_refinement_rounds = 1;
-  const std::vector<Track> tracks = RefineFrom(input.truth, input, options).adjustment.tracks;
+  const std::vector<Track> tracks = RefineFrom(input.truth, input).adjustment.tracks;
   EXPECT_EQ(tracks.size(), input.tracks.size() - 1);
   for (const Track& track : tracks) EXPECT_NE(track.observations.front().keypoint, 7);
 }
