@@ -2,12 +2,6 @@
 
 namespace lazyloc {
 
-template <typename Options, typename Add>
-void ForEachDepthOption(Options& o, const Add& add) {
-  add("LazyLocalizer.Advanced.depth_has_shift", &o.depth.has_shift,
-      "Fit a constant that is added to all depths of a map, beside its scale");
-}
-
 // Calls `add(name, pointer to the value, help)` for the options of LocalizerOptions that few users need.
 template <typename Options, typename Add>
 void ForEachMethodOption(Options& o, const Add& add) {
@@ -31,7 +25,6 @@ void ForEachMethodOption(Options& o, const Add& add) {
       "constant, -1 for both estimates their errors for each query");
   add("LazyLocalizer.Advanced.focal_length_stddev_ratio", &o.focal_length_stddev_ratio,
       "Standard deviation of a given focal length, as a fraction of it; 0 leaves it out of the covariance");
-  ForEachDepthOption(o, add);
 }
 
 }  // namespace lazyloc

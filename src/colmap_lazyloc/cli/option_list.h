@@ -43,7 +43,7 @@ void ForEachBasicOption(Options& o, const Add& add) {
       "estimate the focal length)");
   add("LazyLocalizer.world_up", &o.source.priors.world_up,
       "Direction against gravity in the model, for example 0,0,1; needed for --query_gravity_path");
-  add("LazyLocalizer.depth_is_metric", &o.localizer.depth.is_metric,
+  add("LazyLocalizer.depth_is_metric", &o.localizer.depth_is_metric,
       "Take depths in --depth_path as lengths in the unit of the model, even if no triangulated points confirm their "
       "scale");
   add("LazyLocalizer.min_confidence", &o.localizer.min_confidence,

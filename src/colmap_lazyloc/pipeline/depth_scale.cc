@@ -3,8 +3,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <random>
-#include <tuple>
 #include <utility>
 
 #include "colmap_lazyloc/math/median.h"
@@ -25,7 +23,6 @@ constexpr double kMinCorrelationSigma = 3;
 constexpr double kStddevOfMad = 1.4826;
 constexpr double kMaxDeviation = 3;  // in spreads; depths beyond it are outliers
 constexpr int kNumCells = 4;         // per side of the image, in which neighbouring errors are compared
-constexpr int kNumTrials = 100;      // for the shift
 // Share of the minimum spread that is common to the whole map, whatever the points say.
 constexpr double kMinScaleShare = 0.1;
 // Spread, in minimum spreads, of a metric map that nothing could be compared with.
@@ -41,31 +38,10 @@ double RobustSpread(std::vector<double> values) {
   return kStddevOfMad * Median(std::move(values));
 }
 
-std::vector<double> LogRatios(const std::vector<DepthSample>& samples, double shift) {
+std::vector<double> LogRatios(const std::vector<DepthSample>& samples) {
   std::vector<double> ratios;
-  for (const DepthSample& sample : samples) {
-    const double depth = sample.map_depth + shift;
-    if (depth > 0) ratios.push_back(std::log(sample.point_depth / depth));
-  }
+  for (const DepthSample& sample : samples) ratios.push_back(std::log(sample.point_depth / sample.map_depth));
   return ratios;
-}
-
-// Returns the shift with the least spread among those that two samples give (least median of squares).
-double FitShift(const std::vector<DepthSample>& samples) {
-  std::mt19937 random(static_cast<uint32_t>(samples.size()));
-  double best_shift = 0, best_spread = RobustSpread(LogRatios(samples, 0));
-  for (int trial = 0; trial < kNumTrials; ++trial) {
-    const DepthSample& a = samples[random() % samples.size()];
-    const DepthSample& b = samples[random() % samples.size()];
-    const double scale = (a.point_depth - b.point_depth) / (a.map_depth - b.map_depth);
-    const double shift = a.point_depth / scale - a.map_depth;
-    if (!(scale > 0) || !std::isfinite(shift)) continue;
-    std::vector<double> ratios = LogRatios(samples, shift);
-    if (ratios.size() < samples.size() * 0.9) continue;
-    const double spread = RobustSpread(std::move(ratios));
-    if (spread < best_spread) std::tie(best_shift, best_spread) = std::pair(shift, spread);
-  }
-  return best_shift;
 }
 
 // Returns true if the map's depths grow with those of the points, outliers left out.
@@ -73,7 +49,7 @@ bool AreCorrelated(const std::vector<DepthSample>& samples, const DepthFit& fit)
   std::vector<Eigen::Vector2d> logs;
   Eigen::Vector2d mean = Eigen::Vector2d::Zero();
   for (const DepthSample& sample : samples) {
-    const Eigen::Vector2d log(std::log(sample.map_depth + fit.shift), std::log(sample.point_depth));
+    const Eigen::Vector2d log(std::log(sample.map_depth), std::log(sample.point_depth));
     if (!(std::abs(log.y() - log.x() - fit.log_scale) <= kMaxDeviation * fit.spread)) continue;
     logs.push_back(log);
     mean += log;
@@ -94,7 +70,7 @@ void SplitVariance(const std::vector<DepthSample>& samples, DepthFit* fit) {
   std::array<Cell, kNumCells * kNumCells> cells;
   const double bound = kMaxDeviation * fit->spread;
   for (const DepthSample& sample : samples) {
-    const double error = std::log(sample.point_depth / (sample.map_depth + fit->shift)) - fit->log_scale;
+    const double error = std::log(sample.point_depth / sample.map_depth) - fit->log_scale;
     if (!(std::abs(error) <= bound)) continue;
     const auto index = [](double place) { return std::clamp(static_cast<int>(kNumCells * place), 0, kNumCells - 1); };
     Cell& cell = cells[kNumCells * index(sample.place.y()) + index(sample.place.x())];
@@ -126,12 +102,11 @@ void SplitVariance(const std::vector<DepthSample>& samples, DepthFit* fit) {
 
 }  // namespace
 
-DepthFit FitDepthMap(const std::vector<DepthSample>& samples, bool has_shift) {
+DepthFit FitDepthMap(const std::vector<DepthSample>& samples) {
   DepthFit fit;
   fit.num_points = static_cast<int>(samples.size());
   if (fit.num_points < kMinNumPoints) return fit;
-  if (has_shift) fit.shift = FitShift(samples);
-  std::vector<double> ratios = LogRatios(samples, fit.shift), log_depths;
+  std::vector<double> ratios = LogRatios(samples), log_depths;
   for (const DepthSample& sample : samples) log_depths.push_back(std::log(sample.point_depth));
   fit.log_scale = Median(ratios);
   fit.spread = RobustSpread(std::move(ratios));
@@ -172,7 +147,7 @@ DepthFit FitMetricDepthMap(const DepthFit& own, const DepthFit& relative) {
   }
   fit.verdict = DepthVerdict::USED;
   fit.is_metric = true;
-  fit.shift = fit.log_scale = 0;
+  fit.log_scale = 0;
   fit.scale_variance = metric_variance + fit.common_variance;
   return fit;
 }

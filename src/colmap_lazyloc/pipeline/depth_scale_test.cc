@@ -78,17 +78,6 @@ TEST(FitDepthMap, FewPointsTellNothing) {
   EXPECT_EQ(FitDepthMap(samples).verdict, DepthVerdict::NO_SCALE);
 }
 
-TEST(FitDepthMap, FindsAShiftIfAsked) {
-  auto noise = Noise(0.01);
-  const auto samples = MakeSamples([&](double depth, const auto&) { return (depth * std::exp(noise()) - 1) / 2; });
-  EXPECT_NE(FitDepthMap(samples).verdict, DepthVerdict::NO_SCALE);
-  const DepthFit fit = FitDepthMap(samples, /*has_shift=*/true);
-  EXPECT_NEAR(fit.shift, 0.5, 0.05);
-  EXPECT_NEAR(fit.log_scale, std::log(2), 0.03);
-  EXPECT_LE(fit.spread, 0.02);
-  EXPECT_GE(FitDepthMap(samples).spread, 3 * fit.spread);
-}
-
 // Returns a fit of exact points to a map whose depths are too small by a factor.
 DepthFit OwnFit(double factor) {
   return FitDepthMap(MakeSamples([&](double depth, const auto&) { return depth / factor; }));

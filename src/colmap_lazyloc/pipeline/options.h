@@ -55,12 +55,6 @@ inline constexpr double kMaxStartErrorPx = kMaxStartErrorSigma * kStartNoisePx;
 // Minimum number of tracks for a pose: a few more than the six parameters need.
 inline constexpr int kMinNumTracks = 6;
 
-// How depth maps of database images are used.
-struct DepthOptions {
-  bool is_metric = false;  // true: depths are in database units, even if no triangulated point tells
-  bool has_shift = false;  // true: the maps are off by a constant, which is fitted like the scale
-};
-
 // Options of the method. The command's help and options.ini are generated from these defaults.
 struct LocalizerOptions {
   int seed = 0;  // of all random choices: the same seed gives the same result
@@ -87,7 +81,7 @@ struct LocalizerOptions {
   // units. 0: exact; -1: estimated for each query from how well the images fit together.
   double database_pose_stddev_deg = -1;
   double database_pose_stddev_length = -1;
-  DepthOptions depth;
+  bool depth_is_metric = false;  // true: depths are in database units, even if no triangulated point tells
   double min_confidence = 0.92;  // of a pose; a query below it is not LOCALIZED
   // Maximum standard deviation of a position over the distance to the scene; a query above it is not LOCALIZED.
   double max_position_stddev_ratio = 0.1;
