@@ -10,10 +10,9 @@
 namespace lazyloc {
 namespace {
 
-constexpr size_t kCacheBytes = 32 << 20;
 // Number of database images from which on the query's own tracks tell the size of the errors.
 constexpr size_t kEnoughImages = 3;
-// Number of other images that an image is paired with, and of matches of a pair that are used: more would tell little.
+// Maximum number of other images that an image is paired with, and of matches of a pair that are used.
 constexpr size_t kMaxNumNeighbours = 6;
 constexpr size_t kMaxNumMatches = 200;
 
@@ -44,7 +43,7 @@ std::optional<NeighbourPair> ReadNeighbour(const Model& model, uint32_t image_id
 }  // namespace
 
 std::vector<std::pair<uint32_t, const ModelImage*>> FindNeighbours(const QuerySelection& selection, uint32_t image_id,
-                                                                   const std::string& query_name, size_t max_num,
+                                                                   const std::string& query_name,
                                                                    const DatabaseReader& database) {
   std::vector<PairSize> sizes = database.ReadInlierCounts(image_id, selection.PosedImageIds());
   std::sort(sizes.begin(), sizes.end(), [](const PairSize& a, const PairSize& b) {
@@ -54,13 +53,13 @@ std::vector<std::pair<uint32_t, const ModelImage*>> FindNeighbours(const QuerySe
   for (const PairSize& size : sizes) {
     const ModelImage* neighbour = selection.FindPosedImage(size.image_id, query_name);
     if (neighbour != nullptr && size.image_id != image_id) neighbours.emplace_back(size.image_id, neighbour);
-    if (neighbours.size() == max_num) break;
+    if (neighbours.size() == kMaxNumNeighbours) break;
   }
   return neighbours;
 }
 
 DatabaseNeighbours::DatabaseNeighbours(const QuerySelection& selection)
-    : selection_(selection), cache_(kCacheBytes, [](const std::vector<NeighbourPair>& pairs) {
+    : selection_(selection), cache_(kNeighbourCacheBytes, [](const std::vector<NeighbourPair>& pairs) {
         size_t num_points = 16;
         for (const NeighbourPair& pair : pairs) num_points += 16 + pair.points.size();
         return 2 * sizeof(Eigen::Vector2d) * num_points;
@@ -72,7 +71,7 @@ std::vector<NeighbourPair> DatabaseNeighbours::Read(const ModelImage& image, uin
   const std::string frame_name = selection_.MakePair(image).database_frame_name;
   const std::vector<Eigen::Vector2d> points = database.ReadKeypoints(image_id);
   std::vector<NeighbourPair> pairs;
-  for (const auto& [other_id, other] : FindNeighbours(selection_, image_id, query_name, kMaxNumNeighbours, database)) {
+  for (const auto& [other_id, other] : FindNeighbours(selection_, image_id, query_name, database)) {
     // Leaves out images of the same rig frame, which share their error.
     if (!frame_name.empty() && selection_.MakePair(*other).database_frame_name == frame_name) continue;
     try {
