@@ -315,9 +315,9 @@ TEST(SourceOptions, CheckNamesTheOption) {
   SourceOptions options;
   std::string error;
   EXPECT_TRUE(options.Check(&error));
-  options.photos.query_prior_path = "priors.txt";
+  options.photos.matches_output_path = "kept.db";
   EXPECT_FALSE(options.photos.CheckImagePath(&error));
-  EXPECT_EQ(error, "query_prior_path needs --image_path, because it is for photos");
+  EXPECT_EQ(error, "matches_output_path needs --image_path, because it is for photos");
   options.photos.image_path = "photos";
   EXPECT_TRUE(options.photos.CheckImagePath(&error));
   EXPECT_TRUE(options.Check(&error));
