@@ -45,7 +45,7 @@ def function(num_lines, head="int Sum()"):
         ("rotation/a.cc", "translation/b.h", False),
         ("refinement/a.h", "structure/b.h", False),
         ("refinement/a.h", "ablation/b.h", False),
-        ("structure/a.cc", "bridge/triangulation.h", True),
+        ("two_view/a.cc", "bridge/two_view_geometry.h", True),
         ("scene/a.h", "scene/b.h", True),
         ("math/a.h", "scene/b.h", False),
         ("pipeline/a.cc", "refinement/b.h", True),

@@ -283,12 +283,9 @@ BAD_VALUES = """
     strict=perhaps LazyLocalizer.leave_one_out=7 LazyLocalizer.num_retrieved=many LazyLocalizer.num_retrieved=0
     LazyLocalizer.num_retrieved=99999999999 LazyLocalizer.num_retrieved=1.5 LazyLocalizer.num_threads=0
     LazyLocalizer.num_threads=-2 LazyLocalizer.seed=x1 LazyLocalizer.group_size=0
-    LazyLocalizer.Advanced.min_num_inliers=-1 LazyLocalizer.Advanced.max_two_view_error_px=0
-    LazyLocalizer.Advanced.max_rotation_error_deg=-5 LazyLocalizer.Advanced.min_triangulation_angle_deg=-1
-    LazyLocalizer.Advanced.max_query_error_sigma=nan LazyLocalizer.Advanced.convergence_sigma=-1
-    LazyLocalizer.Advanced.num_refinement_rounds=0 LazyLocalizer.Advanced.single_image_noise_ratio=0
-    LazyLocalizer.Advanced.max_num_start_tracks=-1 LazyLocalizer.Advanced.triangulation=points
-    LazyLocalizer.Advanced.max_position_stddev_ratio=4px
+    LazyLocalizer.Advanced.rig_noise_px=-1 LazyLocalizer.Advanced.database_pose_stddev_deg=-2
+    LazyLocalizer.Advanced.database_pose_stddev_length=nan LazyLocalizer.Advanced.focal_length_stddev_ratio=4px
+    LazyLocalizer.Advanced.start_pose=points
 """
 for name, value in (word.split("=") for word in BAD_VALUES.split()):
     CASES[f"{name.split('.')[-1]}_of_{value}"] = (lambda files, words=("--" + name, value): words), (name,)

@@ -200,7 +200,7 @@ def test_options_file_gives_the_same_run_again(localize, noisy):
         6,
         "--LazyLocalizer.seed",
         11,
-        "--LazyLocalizer.Advanced.convergence_sigma",
+        "--LazyLocalizer.Advanced.rig_noise_px",
         0.1 + 0.2,
         "--LazyLocalizer.num_threads",
         1,
@@ -221,7 +221,7 @@ def test_options_file_gives_the_same_run_again(localize, noisy):
     assert {
         "num_retrieved=6",
         "seed=11",
-        "convergence_sigma=0.30000000000000004",
+        "rig_noise_px=0.30000000000000004",
         "rotation_averaging=quaternion_mean",
         "translation_averaging=lud",
     } <= set(options(first))

@@ -153,14 +153,6 @@ def test_index_does_not_depend_on_the_number_of_threads(colmap, scene, tmp_path)
     assert (tmp_path / "1").read_bytes() == (tmp_path / "3").read_bytes()
 
 
-def test_index_in_memory_where_there_are_many_images(scene, queries, localize):
-    run = localize(
-        *scene.arguments(queries, "--LazyLocalizer.Advanced.max_num_exhaustive", 5, "--LazyLocalizer.num_retrieved", 5)
-    )
-    scene.assert_localized(run)
-    assert {len(run.pair_names(name)) for name in scene.query_names} == {5}
-
-
 def test_index_follows_the_database(colmap, scene, queries, localize, tmp_path):
     grown = tmp_path / "database.db"
     shutil.copy(scene.database_path, grown)
@@ -191,20 +183,6 @@ def test_index_follows_the_database(colmap, scene, queries, localize, tmp_path):
     )
     scene.assert_localized(run, scene.query_names[1:])
     assert run.pair_names(scene.query_names[1]) == scene.database_names[1:]
-
-
-def test_prior_restricts_the_images(scene, queries, localize, tmp_path):
-    name = scene.query_names[0]
-    centre = scene.poses[name].cam_in_world
-    distance = {
-        other: float(sum((scene.poses[other].cam_in_world - centre) ** 2) ** 0.5) for other in scene.database_names
-    }
-    radius = sorted(distance.values())[3] + 0.01
-    (tmp_path / "priors.txt").write_text(f"{name} {' '.join(map(str, centre))} {radius}\n")
-    run = localize(*scene.arguments(queries, "--LazyLocalizer.Advanced.query_prior_path", tmp_path / "priors.txt"))
-    scene.assert_localized(run)
-    assert run.pair_names(name) == [other for other in scene.database_names if distance[other] <= radius]
-    assert run.pair_names(scene.query_names[1]) == scene.database_names
 
 
 def test_kept_matches_are_a_database_that_localizes_alike(scene, queries, localize, exhaustive, tmp_path, colmap):

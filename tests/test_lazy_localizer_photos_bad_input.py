@@ -247,11 +247,8 @@ def test_failed_run_leaves_no_matches_output(scene, queries, localize, tmp_path,
         (["--ImageReader.camera_params", "400,241"], ["--ImageReader.camera_params", "takes 4"]),
         (["--ImageReader.camera_params", "400,241,x,0"], ["--ImageReader.camera_params", "'x'"]),
         (["--SiftExtraction.max_num_features", "0"], ["--SiftExtraction.max_num_features"]),
-        (["--SiftMatching.max_ratio", "1.5"], ["--SiftMatching.max_ratio"]),
         (["--LazyLocalizer.Advanced.cache_gb", "-1"], ["--LazyLocalizer.Advanced.cache_gb"]),
-        (["--LazyIndexer.num_visual_words", "1"], ["--LazyIndexer.num_visual_words"]),
         (["--LazyLocalizer.leave_one_out", "1"], ["--image_path", "leave_one_out"]),
-        (["--LazyLocalizer.Advanced.query_prior_path", "/no/such/file"], ["/no/such/file"]),
     ],
 )
 def test_bad_options_are_refused(scene, queries, localize, options, words):
@@ -260,7 +257,7 @@ def test_bad_options_are_refused(scene, queries, localize, options, words):
 
 @pytest.mark.parametrize(
     "name",
-    ["retrieval_index_path", "LazyLocalizer.Advanced.query_prior_path", "LazyLocalizer.Advanced.matches_output_path"],
+    ["retrieval_index_path", "LazyLocalizer.Advanced.matches_output_path"],
 )
 def test_options_of_photos_need_image_path(exact, localize, name):
     assert_refused(localize(*exact.arguments, f"--{name}", "file"), name, "--image_path")

@@ -163,8 +163,8 @@ def test_closed_generator_begins_no_further_query(noisy):
         {"num_retrieved": 4},
         {"LazyLocalizer.num_retrieved": "4"},
         {"LazyLocalizer": {"num_retrieved": np.int64(4)}},
-        {"LazyLocalizer": {"Advanced": {"triangulation": "colmap"}}},
-        {"leave_one_out": True, "LazyLocalizer": {"Advanced.max_num_tracks": 40}},
+        {"LazyLocalizer": {"Advanced": {"start_pose": "absolute_pose"}}},
+        {"leave_one_out": True, "LazyLocalizer": {"Advanced.use_rigs": 0}},
     ],
 )
 def test_options_mean_what_they_mean_to_the_program(localize, noisy, options):

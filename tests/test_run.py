@@ -89,7 +89,7 @@ def test_transforms_json(run, photos, tmp_path, capsys):
     run(poses, queries=photos.image_path / "query" / "1.png")  # a new photo needs no new features of the database
     printed = capsys.readouterr()
     assert "features" not in printed.err and "1 of 1 queries localized" in printed.out
-    assert run(poses, "--SiftExtraction.peak_threshold", "0.01", exit_code=1)
+    assert run(poses, "--SiftExtraction.max_num_features", "500", exit_code=1)
     assert "--overwrite" in capsys.readouterr().err
 
 

@@ -237,7 +237,7 @@ def _add_method_arguments(parser: argparse.ArgumentParser):
         nargs="+",
         default=[],
         metavar="KEY=VALUE",
-        help="further options of lazy_localizer, for example LazyLocalizer.Advanced.convergence_sigma=1e-6",
+        help="further options of lazy_localizer, for example LazyLocalizer.intrinsics=given",
     )
     methods.add_argument(
         "--num_retrieved",

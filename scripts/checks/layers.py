@@ -25,7 +25,7 @@ MAY_INCLUDE = {
     "two_view": TYPES | {"bridge"},  # COLMAP's two-view geometry
     "rotation": TYPES,
     "translation": TYPES,
-    "structure": TYPES | {"bridge"},  # COLMAP's triangulation
+    "structure": TYPES,
     "refinement": TYPES,
     "ablation": TYPES | STAGES | {"bridge"},  # the paper's alternatives
     # The method:

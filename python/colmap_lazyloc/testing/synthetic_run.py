@@ -310,7 +310,7 @@ def _write_options(path: pathlib.Path, folder: pathlib.Path) -> None:
         f"database_path={folder}/database.db\ninput_path={folder}/input\noutput_path={folder}\n"
         "query_list_path=\nimage_path=\nstrict=0\n"
         "[LazyLocalizer]\nnum_retrieved=20\nseed=7\nleave_one_out=0\nmin_confidence=0.94\n"
-        "[LazyLocalizer.Advanced]\ngroup_list_path=\nmax_two_view_error_px=4.0\n",
+        "[LazyLocalizer.Advanced]\ngroup_list_path=\nrig_noise_px=0.3\n",
         encoding="utf-8",
     )
 

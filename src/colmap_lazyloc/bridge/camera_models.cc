@@ -156,8 +156,4 @@ Camera Transposed(const Camera& camera) {
   return turned;
 }
 
-std::optional<Eigen::Vector3d> RayInCam(const Camera& camera, const Eigen::Vector2d& xy) {
-  return RaysInCam(camera)(xy);
-}
-
 }  // namespace lazyloc

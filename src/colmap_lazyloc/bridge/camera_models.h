@@ -45,10 +45,8 @@ Camera Transposed(const Camera& camera);
 
 // Returns the viewing ray (unit length, camera coordinates) of an image point in pixels. nullopt if the camera model
 // cannot be inverted at this point.
-std::optional<Eigen::Vector3d> RayInCam(const Camera& camera, const Eigen::Vector2d& xy);
 using RayInCamFunction = std::function<std::optional<Eigen::Vector3d>(const Eigen::Vector2d& xy)>;
-// Returns RayInCam as a function of the image point. Faster for many points, because it converts the camera to COLMAP's
-// type only once.
+// Returns this function of a camera, which is converted to COLMAP's type once for many points.
 RayInCamFunction RaysInCam(const Camera& camera);
 
 // Returns the image point (pixels) of a point in camera coordinates. nullopt if the camera model cannot project it, for

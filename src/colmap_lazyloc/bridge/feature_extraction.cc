@@ -30,8 +30,6 @@ bool SiftExtractionOptions::Check(std::string* error) const {
     return false;
   }
   OPTION_GE(first_octave, kOctaveLikeDatabase);
-  OPTION_GT(peak_threshold, 0);
-  OPTION_GT(edge_threshold, 0);
   return true;
 }
 

@@ -25,8 +25,6 @@ struct SiftExtractionOptions {
   int max_image_size = 3200;                      // in pixels, of the longer side; larger images are scaled down
   int max_num_features = kDefaultMaxNumFeatures;  // the features with the largest scales are kept
   int first_octave = -1;                          // -1: doubles the size of the image first
-  double peak_threshold = 0.02 / 3;
-  double edge_threshold = 10;
   bool estimate_affine_shape = false;
   bool domain_size_pooling = false;
   bool upright = false;

@@ -31,7 +31,7 @@ TEST_P(Models, ErrorIsPixelsToFirstOrder) {
     const std::optional<Observation> observation = observe(xy);
     ASSERT_TRUE(observation.has_value());
     for (const Eigen::Vector2d& offset : {Eigen::Vector2d(0, 0), Eigen::Vector2d(0.8, -0.6), Eigen::Vector2d(0, 2)}) {
-      const Eigen::Vector3d point = 7.5 * *RayInCam(camera, xy + offset);
+      const Eigen::Vector3d point = 7.5 * *RaysInCam(camera)(xy + offset);
       EXPECT_TRUE(IsInFront(*observation, point));
       EXPECT_LE((ReprojectionError(*observation, point) - offset).norm(), 1e-6 + 5e-3 * offset.norm());
       EXPECT_LE((*ImageFromCam(camera, point) - xy - offset).norm(), 1e-6);
@@ -104,7 +104,7 @@ TEST(CameraProblem, ModelOfANewerColmapIsNamedWithTheRemedy) {
     const std::string problem = CameraProblem(camera);
     if (problem.empty()) {
       const Eigen::Vector2d xy(300, 250);
-      EXPECT_LE((*ImageFromCam(camera, *RayInCam(camera, xy)) - xy).norm(), 1e-6) << models[i].name;
+      EXPECT_LE((*ImageFromCam(camera, *RaysInCam(camera)(xy)) - xy).norm(), 1e-6) << models[i].name;
     } else {
       EXPECT_NE(problem.find(std::string("does not know camera model ") + models[i].name), std::string::npos)
           << problem;

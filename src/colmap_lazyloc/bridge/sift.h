@@ -32,8 +32,6 @@ std::string ExifCameraName(const colmap::Bitmap& bitmap);
 inline void CopyOptions(const SiftExtractionOptions& options, colmap::SiftExtractionOptions* converted) {
   converted->max_num_features = options.max_num_features;
   converted->first_octave = options.first_octave;
-  converted->peak_threshold = options.peak_threshold;
-  converted->edge_threshold = options.edge_threshold;
   converted->estimate_affine_shape = options.estimate_affine_shape;
   converted->domain_size_pooling = options.domain_size_pooling;
   converted->upright = options.upright;

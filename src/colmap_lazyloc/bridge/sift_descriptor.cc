@@ -10,7 +10,6 @@
 namespace lazyloc {
 namespace {
 
-constexpr double kPi = 3.141592653589793;
 constexpr double kBinSizePerScale = 3;
 constexpr double kWindowStddev = 2;  // of the Gaussian window, in bins
 constexpr int kStripSize = 32;       // pixels that are computed together
@@ -49,7 +48,7 @@ struct Strip {
 };
 
 LAZYLOC_ALWAYS_INLINE inline float Positive(float angle) {
-  return angle < 0 ? angle + static_cast<float>(2 * kPi) : angle;
+  return angle < 0 ? angle + static_cast<float>(2 * M_PI) : angle;
 }
 
 // Computes the first `size` pixels of a strip. first_x, y: its first pixel, seen from the keypoint.
@@ -61,7 +60,7 @@ LAZYLOC_ALWAYS_INLINE inline void ComputeStrip(const float* gradients, const Fra
     strip->x[i] = static_cast<float>((frame.cosine * dx + frame.sine * dy) / frame.bin_size);
     strip->y[i] = static_cast<float>((-frame.sine * dx + frame.cosine * dy) / frame.bin_size);
     const float angle = Positive(static_cast<float>(gradients[2 * i + 1] - orientation));
-    strip->angle[i] = static_cast<float>(kNumAngularBins * angle / (2 * kPi));
+    strip->angle[i] = static_cast<float>(kNumAngularBins * angle / (2 * M_PI));
     strip->magnitude[i] = gradients[2 * i];
   }
 }

@@ -58,8 +58,6 @@ TEST(ExtractPlainSift, GivesColmapsFeatures) {
     options.upright = true;
     ExpectColmapsFeatures(bitmap, options, 0);
     options.first_octave = 1;
-    options.peak_threshold = 0.001;
-    options.edge_threshold = 20;
     ExpectColmapsFeatures(bitmap, options, 0);
   }
 }

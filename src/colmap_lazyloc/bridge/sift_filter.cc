@@ -12,6 +12,8 @@ namespace {
 
 constexpr int kNumOctaves = 4;       // COLMAP's default
 constexpr int kLevelsPerOctave = 3;  // COLMAP's default
+// Minimum contrast of a feature, and maximum ratio of its principal curvatures: COLMAP's defaults.
+constexpr double kPeakThreshold = 0.02 / 3, kEdgeThreshold = 10;
 
 // Sets the result, of `width` columns and `height` rows, to every step-th pixel of an image.
 void Subsample(const float* image, int image_width, int step, int width, int height, float* result) {
@@ -47,8 +49,8 @@ SiftFilter::SiftFilter(const std::vector<uint8_t>& grey, int width, int height, 
     : filter_(vl_sift_new(width, height, kNumOctaves, kLevelsPerOctave, options.first_octave), &vl_sift_delete),
       idle_threads_(idle_threads) {
   LAZYLOC_CHECK(filter_ != nullptr && grey.size() == static_cast<size_t>(width) * height);
-  vl_sift_set_peak_thresh(filter_.get(), options.peak_threshold);
-  vl_sift_set_edge_thresh(filter_.get(), options.edge_threshold);
+  vl_sift_set_peak_thresh(filter_.get(), kPeakThreshold);
+  vl_sift_set_edge_thresh(filter_.get(), kEdgeThreshold);
   image_.reserve(grey.size());
   for (const uint8_t value : grey) image_.push_back(static_cast<float>(value) / 255.0f);
 }

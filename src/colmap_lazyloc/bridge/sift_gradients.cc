@@ -11,7 +11,6 @@
 namespace lazyloc {
 namespace {
 
-constexpr double kPi = 3.141592653589793;
 constexpr int kRowsPerTask = 64;
 
 // The next two functions compute what VLFeat's inline functions do, in a form that the compiler vectorises.
@@ -34,10 +33,10 @@ LAZYLOC_ALWAYS_INLINE inline float Angle(float x, float y) {
   const float abs_x = std::abs(x), abs_y = std::abs(y) + FLT_EPSILON;
   const float difference = x >= 0 ? abs_x - abs_y : abs_y - abs_x;
   const float ratio = difference / (abs_x + abs_y);
-  const float middle = static_cast<float>(x >= 0 ? kPi / 4 : 3 * kPi / 4);
+  const float middle = static_cast<float>(x >= 0 ? M_PI / 4 : 3 * M_PI / 4);
   const float angle = middle + (0.1821f * ratio * ratio - 0.9675f) * ratio;
-  const auto turned = static_cast<float>((y < 0 ? -angle : angle) + 2 * kPi);
-  constexpr auto kTurn = static_cast<float>(2 * kPi);
+  const auto turned = static_cast<float>((y < 0 ? -angle : angle) + 2 * M_PI);
+  constexpr auto kTurn = static_cast<float>(2 * M_PI);
   return turned > kTurn ? turned - kTurn : turned;
 }
 

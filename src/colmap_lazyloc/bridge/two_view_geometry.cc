@@ -23,6 +23,9 @@ namespace {
 // intrinsics are known, so that these inliers are wrong matches, for example between similar windows.
 constexpr double kMinCalibratedInlierRatio = 0.5;
 
+// Maximum epipolar error of an inlier in pixels: COLMAP's default.
+constexpr double kMaxErrorPx = 4;
+
 // Maximum number of matches for the choice among the four poses of an essential matrix. COLMAP triangulates all matches
 // with each pose to find the one with points in front of both cameras; this takes longer than everything else, and so
 // many matches give the same answer.
@@ -68,18 +71,18 @@ Point ToEstimator(const Eigen::Vector3d& ray_in_cam) {
 
 TwoViewGeometry EstimateTwoViewGeometry(const Camera& other_camera, const std::vector<Eigen::Vector2d>& other_keypoints,
                                         const Camera& query_camera, const std::vector<Eigen::Vector2d>& query_keypoints,
-                                        const Matches& matches, const TwoViewGeometryOptions& options, uint32_t seed) {
+                                        const Matches& matches, bool is_query_calibrated, uint32_t seed) {
   colmap::TwoViewGeometryOptions colmap_options;
-  colmap_options.min_num_inliers = options.min_num_inliers;
-  colmap_options.ransac_options.max_error = options.max_error_px;
+  colmap_options.min_num_inliers = kMinNumInliers;
+  colmap_options.ransac_options.max_error = kMaxErrorPx;
   colmap_options.min_E_F_inlier_ratio = kMinCalibratedInlierRatio;
   SeedRandomNumbers(seed);
   const colmap::Camera camera1 = ToColmap(other_camera);
   colmap::Camera camera2 = ToColmap(query_camera);
-  camera2.has_prior_focal_length = options.is_query_calibrated;
+  camera2.has_prior_focal_length = is_query_calibrated;
   colmap::TwoViewGeometry geometry = colmap::EstimateTwoViewGeometry(camera1, other_keypoints, camera2, query_keypoints,
                                                                      ToColmap(matches), colmap_options);
-  if (!options.is_query_calibrated) return FromColmap(geometry);
+  if (!is_query_calibrated) return FromColmap(geometry);
   const bool has_pose =
       colmap::EstimateTwoViewGeometryPose(camera1, other_keypoints, camera2, query_keypoints, &geometry);
   TwoViewGeometry result = FromColmap(geometry);
@@ -91,7 +94,7 @@ TwoViewGeometry EstimateCalibratedGeometry(const Camera& other_camera,
                                            const std::vector<Eigen::Vector2d>& other_keypoints,
                                            const Camera& query_camera,
                                            const std::vector<Eigen::Vector2d>& query_keypoints,
-                                           const TwoViewGeometry& stored, double max_error_px, uint32_t seed) {
+                                           const TwoViewGeometry& stored, uint32_t seed) {
   using Estimator = colmap::EssentialMatrixFivePointEstimator;
   const RayInCamFunction other_ray = RaysInCam(other_camera), query_ray = RaysInCam(query_camera);
   std::vector<Estimator::X_t> other_points, query_points;
@@ -105,8 +108,8 @@ TwoViewGeometry EstimateCalibratedGeometry(const Camera& other_camera,
     with_rays.push_back(match);
   }
   colmap::RANSACOptions ransac_options;
-  ransac_options.max_error = (ToColmap(other_camera).CamFromImgThreshold(max_error_px) +
-                              ToColmap(query_camera).CamFromImgThreshold(max_error_px)) /
+  ransac_options.max_error = (ToColmap(other_camera).CamFromImgThreshold(kMaxErrorPx) +
+                              ToColmap(query_camera).CamFromImgThreshold(kMaxErrorPx)) /
                              2;
   ransac_options.min_inlier_ratio = kMinCalibratedInlierRatio;
   // Takes few trials, because local optimization mends the best one, and the matches are inliers of one geometry.

@@ -35,7 +35,7 @@ void ForEachFileOption(Options& o, const Add& add) {
       OptionRole::MACHINE);
   add("retrieval_index_path", &o.source.photos.retrieval_index_path,
       "Index of colmap lazy_indexer for finding the database images that look like a photo; made or updated if needed; "
-      "default: an index in memory if there are more than max_num_exhaustive database images",
+      "default: an index in memory if there are more than 50 database images",
       OptionRole::INPUT);
   add("rig_config_path", &o.source.selection.groups.rig_config_path,
       "Camera rigs of the images in the JSON format of COLMAP's rig_configurator; default: the rigs in the database or "

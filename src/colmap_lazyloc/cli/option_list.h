@@ -43,7 +43,7 @@ void ForEachBasicOption(Options& o, const Add& add) {
       "estimate the focal length)");
   add("LazyLocalizer.world_up", &o.source.priors.world_up,
       "Direction against gravity in the model, for example 0,0,1; needed for --query_gravity_path");
-  add("LazyLocalizer.depth_is_metric", &o.localizer.depth.is_metric,
+  add("LazyLocalizer.depth_is_metric", &o.localizer.depth_is_metric,
       "Take depths in --depth_path as lengths in the unit of the model, even if no triangulated points confirm their "
       "scale");
   add("LazyLocalizer.min_confidence", &o.localizer.min_confidence,
@@ -61,26 +61,16 @@ void ForEachSourceOption(Options& o, const Add& add) {
       "group");
   add("LazyLocalizer.Advanced.depth_png_unit", &o.depth.png_unit,
       "Depth in the unit of the model for a value of 1 in a PNG of --depth_path");
-  add("LazyLocalizer.Advanced.query_prior_path", &o.photos.query_prior_path,
-      "File with lines `name x y z radius`; a photo is matched only with database images within its radius",
-      OptionRole::INPUT);
   add("LazyLocalizer.Advanced.matches_output_path", &o.photos.matches_output_path,
       "New COLMAP database for the photos' features and matches; the file must not exist", OptionRole::OUTPUT);
-  add("LazyLocalizer.Advanced.max_num_exhaustive", &o.photos.matching.max_num_exhaustive,
-      "Match a photo with every database image if there are at most this many; else retrieve candidates first");
-  add("LazyLocalizer.Advanced.cache_gb", &o.photos.matching.cache_gb,
+  add("LazyLocalizer.Advanced.cache_gb", &o.photos.cache_gb,
       "Memory in gigabytes for the features of database images that photos are matched with", OptionRole::MACHINE);
 }
 
 template <typename Options, typename Add>
 void ForEachFeatureOption(Options& o, const Add& add) {
-  add("LazyIndexer.num_visual_words", &o.retrieval.num_visual_words,
-      "Maximum number of visual words in the retrieval index; a small database has fewer");
-  add("LazyIndexer.max_num_features", &o.retrieval.max_num_features,
-      "Maximum number of features of an image that is added to the retrieval index; those of the largest scales are "
-      "kept; -1 keeps all");
   add("ImageReader.camera_model", &o.camera_model, "Camera model of photos without a known camera");
-  auto& extraction = o.matching.extraction;
+  auto& extraction = o.extraction;
   add("SiftExtraction.max_image_size", &extraction.max_image_size,
       "Maximum size of a photo in pixels; a larger one is scaled down for extraction");
   add("SiftExtraction.max_num_features", &extraction.max_num_features,
@@ -89,18 +79,10 @@ void ForEachFeatureOption(Options& o, const Add& add) {
   add("SiftExtraction.first_octave", &extraction.first_octave,
       "First octave of the image pyramid; -1 doubles the size of a photo, 0 does not; -2: the first one that the scales of "
       "the database images' keypoints need");
-  add("SiftExtraction.peak_threshold", &extraction.peak_threshold, "Minimum contrast of a feature");
-  add("SiftExtraction.edge_threshold", &extraction.edge_threshold, "Maximum ratio of a feature's principal curvatures");
   add("SiftExtraction.estimate_affine_shape", &extraction.estimate_affine_shape,
       "Estimate ellipses instead of circles as feature shapes");
   add("SiftExtraction.domain_size_pooling", &extraction.domain_size_pooling, "Pool descriptors over several scales");
   add("SiftExtraction.upright", &extraction.upright, "Assume that photos are upright: fix the features' orientation");
-  add("SiftMatching.max_ratio", &o.matching.matching.max_ratio,
-      "Maximum ratio of the distances to the best and the second best match");
-  add("SiftMatching.max_distance", &o.matching.matching.max_distance,
-      "Maximum angle between matched descriptors in rad");
-  add("SiftMatching.cross_check", &o.matching.matching.cross_check,
-      "Keep only matches that are best in both directions");
 }
 
 template <typename Options, typename Add>

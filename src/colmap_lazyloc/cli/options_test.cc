@@ -63,38 +63,37 @@ class OptionsTest : public ::testing::Test {
 
 TEST_F(OptionsTest, AreParsedInPlace) {
   const CommandOptions options =
-      Parsed({"--LazyLocalizer.seed", "7", "--LazyLocalizer.Advanced.use_rigs", "0", "--SiftMatching.max_ratio", "0.75",
-              "--LazyLocalizer.Advanced.start_pose", "absolute_pose", "--pairs_path", "my pairs.txt"});
+      Parsed({"--LazyLocalizer.seed", "7", "--LazyLocalizer.Advanced.use_rigs", "0", "--LazyLocalizer.min_confidence",
+              "0.75", "--LazyLocalizer.Advanced.start_pose", "absolute_pose", "--pairs_path", "my pairs.txt"});
   EXPECT_EQ(options.source.database_path, "a.db");
   EXPECT_EQ(options.localizer.seed, 7);
   EXPECT_FALSE(options.source.selection.groups.use_rigs);
-  EXPECT_EQ(options.source.photos.matching.matching.max_ratio, 0.75);
+  EXPECT_EQ(options.localizer.min_confidence, 0.75);
   EXPECT_EQ(options.localizer.start_pose, StartPose::ABSOLUTE_POSE);
   EXPECT_EQ(options.source.selection.pairs_path, "my pairs.txt");
 }
 
 TEST_F(OptionsTest, IniFileOfARunIsReadAgain) {
-  const CommandOptions options = Parsed(
-      {"--LazyLocalizer.num_retrieved", "5", "--LazyLocalizer.Advanced.convergence_sigma", "0.30000000000000004",
-       "--LazyLocalizer.Advanced.rotation_averaging", "l1", "--ImageReader.camera_params", "1,2,3,4", "--strict", "1"});
+  const CommandOptions options = Parsed({"--LazyLocalizer.num_retrieved", "5", "--LazyLocalizer.Advanced.rig_noise_px",
+                                         "0.30000000000000004", "--LazyLocalizer.Advanced.rotation_averaging", "l1",
+                                         "--ImageReader.camera_params", "1,2,3,4", "--strict", "1"});
   const std::string ini = OptionsAsIni(options);
   EXPECT_THAT(ini, HasSubstr("\n[LazyLocalizer]\nnum_retrieved=5\n"));
   EXPECT_THAT(ini, HasSubstr("\n[LazyLocalizer.Advanced]\n"));
   EXPECT_EQ(ini.substr(0, ini.find('\n')),
             "# not defaults: database_path input_path output_path strict ImageReader.camera_params "
             "LazyLocalizer.num_retrieved LazyLocalizer.Advanced.rotation_averaging "
-            "LazyLocalizer.Advanced.convergence_sigma");
+            "LazyLocalizer.Advanced.rig_noise_px");
   CommandOptions again;
   EXPECT_TRUE(Parse({"--project_path", WriteIni(ini)}, &again));
   EXPECT_EQ(OptionsAsIni(again), ini);
-  EXPECT_EQ(again.localizer.bundle_adjustment.convergence_sigma, 0.30000000000000004);
+  EXPECT_EQ(again.localizer.rig_noise_px, 0.30000000000000004);
 }
 
 TEST_F(OptionsTest, IniFileMayHaveDottedNames) {
-  EXPECT_EQ(Parsed({"--project_path", WriteIni("LazyLocalizer.Advanced.min_num_tracks=9\n")}).localizer.min_num_tracks,
+  EXPECT_EQ(Parsed({"--project_path", WriteIni("LazyLocalizer.Advanced.rig_noise_px=9\n")}).localizer.rig_noise_px, 9);
+  EXPECT_EQ(Parsed({"--project_path", WriteIni("[LazyLocalizer]\nAdvanced.rig_noise_px=9\n")}).localizer.rig_noise_px,
             9);
-  EXPECT_EQ(
-      Parsed({"--project_path", WriteIni("[LazyLocalizer]\nAdvanced.min_num_tracks=9\n")}).localizer.min_num_tracks, 9);
 }
 
 TEST_F(OptionsTest, CommandLineWinsOverTheIniFile) {
@@ -122,12 +121,9 @@ TEST_F(OptionsTest, IntrinsicsAreAnEnum) {
 TEST_F(OptionsTest, ErrorsHaveTheFullNameOfTheOption) {
   ExpectError({"--LazyLocalizer.num_retrieved", "0"}, "option --LazyLocalizer.num_retrieved must be >= 1, but is 0");
   ExpectError({"--LazyLocalizer.num_threads", "0"}, "option --LazyLocalizer.num_threads must be >= 1, or -1");
-  ExpectError({"--LazyLocalizer.Advanced.min_num_tracks", "1"},
-              "option --LazyLocalizer.Advanced.min_num_tracks must be");
-  ExpectError({"--LazyIndexer.num_visual_words", "1"}, "option --LazyIndexer.num_visual_words must be");
-  ExpectError({"--LazyIndexer.max_num_features", "0"}, "option --LazyIndexer.max_num_features must be >= 1, or -1");
-  ExpectError({"--LazyLocalizer.Advanced.query_prior_path", "x"},
-              "option --LazyLocalizer.Advanced.query_prior_path needs --image_path");
+  ExpectError({"--LazyLocalizer.Advanced.rig_noise_px", "-1"}, "option --LazyLocalizer.Advanced.rig_noise_px must be");
+  ExpectError({"--LazyLocalizer.Advanced.matches_output_path", "x"},
+              "option --LazyLocalizer.Advanced.matches_output_path needs --image_path");
   ExpectError({"--database_path", ""}, "database_path");
 }
 

@@ -11,15 +11,13 @@
 namespace lazyloc {
 
 std::unique_ptr<QuerySource> MakeQuerySource(const CommandOptions& options, std::optional<Model> model) {
-  const RelativePoseOptions& relative_pose = options.localizer.relative_pose;
-  const TwoViewGeometryOptions verification = {relative_pose.min_num_inliers, relative_pose.max_two_view_error_px};
   const int seed = options.localizer.seed;
   SourceOptions source = options.source;
   // Reads no pairs if nothing corrects database poses, or if the options state their errors.
   source.reads_database_pairs = options.localizer.post_optimization == PostOptimization::TRACKS &&
                                 ExpectPoseErrors(options.localizer).source == PoseNoiseSource::DEFAULT;
-  if (!model) return std::make_unique<QuerySource>(source, verification, seed, options.num_threads);
-  return std::make_unique<QuerySource>(source, *std::move(model), verification, seed, options.num_threads);
+  if (!model) return std::make_unique<QuerySource>(source, seed, options.num_threads);
+  return std::make_unique<QuerySource>(source, *std::move(model), seed, options.num_threads);
 }
 
 std::vector<QueryRecord> LocalizeLoaded(LoadedGroup loaded, const LocalizerOptions& options) {

@@ -89,8 +89,7 @@ std::vector<DepthSample> SamplesOfPair(const MapOfImage& map, const PairRefs& pa
 std::optional<Rigid3d> PoseOfPair(const PairGeometry& pair, const MapOfImage& map, const Layout& layout) {
   std::vector<double> log_lengths;
   for (const DepthSample& sample : SamplesOfPair(pair, *map.pair)) {
-    const double depth = sample.map_depth + map.fit.shift;
-    if (depth > 0) log_lengths.push_back(std::log(depth / sample.point_depth) + map.fit.log_scale);
+    log_lengths.push_back(std::log(sample.map_depth / sample.point_depth) + map.fit.log_scale);
   }
   if (log_lengths.size() < kMinNumDepthsOfPair) return std::nullopt;
   Rigid3d query_from_other = pair.query_from_other;
@@ -99,15 +98,15 @@ std::optional<Rigid3d> PoseOfPair(const PairGeometry& pair, const MapOfImage& ma
 }
 
 DepthFit Fit(const MapOfImage& map, const Layout& layout, const PairRefs& pairs, const SplitTracks& tracks,
-             const DepthOptions& options) {
-  DepthFit fit = FitDepthMap(SamplesOfPoints(*map.pair), options);
+             const LocalizerOptions& options) {
+  DepthFit fit = FitDepthMap(SamplesOfPoints(*map.pair));
   const bool has_points = fit.verdict != DepthVerdict::NO_SCALE;
-  if (!has_points) fit = FitDepthMap(SamplesOfTracks(map, layout.given, tracks.from_database), options);
+  if (!has_points) fit = FitDepthMap(SamplesOfTracks(map, layout.given, tracks.from_database));
   const bool has_tracks = !has_points && fit.verdict == DepthVerdict::USED;
-  if (options.is_metric) fit = FitMetricDepthMap(fit, FitDepthMap(SamplesOfPair(map, pairs), options), options);
+  if (options.depth_is_metric) fit = FitMetricDepthMap(fit, FitDepthMap(SamplesOfPair(map, pairs)));
   if (!has_tracks) return fit;
   // Adjustment must not count the tracks twice.
-  const double stddev = fit.is_metric ? options.metric_stddev_ratio : kFreeScaleStddev;
+  const double stddev = fit.is_metric ? kMetricScaleStddev : kFreeScaleStddev;
   fit.scale_variance = stddev * stddev;
   return fit;
 }
@@ -137,7 +136,7 @@ void SetDepths(const std::vector<MapOfImage>& maps, const std::vector<int>& map_
       if (map_of_image[element.image] < 0) continue;
       const MapOfImage& map = maps[map_of_image[element.image]];
       const double depth = map.pair->other_depths[element.keypoint];
-      if (depth > 0) element.depth = static_cast<float>(std::max(depth + map.fit.shift, 0.0));
+      if (depth > 0) element.depth = static_cast<float>(depth);
     }
   }
 }
@@ -199,7 +198,7 @@ DepthMapsInUse UseDepthMaps(const QueryGroup& group, const Layout& layout, const
     if (are_determined[layout.FrameOf(maps[i].query)]) {
       maps[i].fit.verdict = DepthVerdict::NOT_NEEDED;
     } else {
-      maps[i].fit = Fit(maps[i], layout, pairs, *start_tracks, options.depth);
+      maps[i].fit = Fit(maps[i], layout, pairs, *start_tracks, options);
     }
     if (maps[i].fit.verdict == DepthVerdict::USED) map_of_image[maps[i].image] = static_cast<int>(i);
     AddResult(maps[i], layout, &in_use.results);

@@ -118,7 +118,7 @@ TEST(DepthMapsInUse, PointsTellTheScaleOfAMap) {
   ASSERT_TRUE(scale);
   EXPECT_NEAR(scale->log_scale, std::log(2), 1e-5);
   EXPECT_EQ(scale->stated_log_scale, scale->log_scale);
-  EXPECT_GE(scale->log_depth_stddev, maps.options.depth.min_stddev_ratio);
+  EXPECT_GE(scale->log_depth_stddev, kMinDepthStddev);
   const int num_points = static_cast<int>(maps.input.tracks.size());
   EXPECT_EQ(CountDepths(maps.candidates.all), num_points);
   EXPECT_EQ(CountDepths(maps.candidates.for_start), num_points);
@@ -135,17 +135,17 @@ TEST(DepthMapsInUse, AMapWithoutScaleIsNotUsed) {
 
 TEST(DepthMapsInUse, AStatementTellsTheScale) {
   MapsInUse maps(1, 1);
-  maps.options.depth.is_metric = true;
+  maps.options.depth_is_metric = true;
   maps.Run();
   ASSERT_THAT(maps.Results(), Each(HasVerdict(DepthVerdict::USED)));
   EXPECT_EQ(maps.Results()[0].scale, 1);
-  EXPECT_NEAR(maps.Results()[0].scale_stddev, maps.options.depth.metric_stddev_ratio, 2e-3);
+  EXPECT_NEAR(maps.Results()[0].scale_stddev, kMetricScaleStddev, 2e-3);
   ExpectTrueStarts(maps, 1);
 }
 
 TEST(DepthMapsInUse, ThePairsOwnPointsContradictAWrongMap) {
   MapsInUse maps(1, 1);
-  maps.options.depth.is_metric = true;
+  maps.options.depth_is_metric = true;
   maps.ChangePairs([](ImagePair* pair) { std::reverse(pair->other_depths.begin(), pair->other_depths.end()); });
   maps.Run();
   EXPECT_THAT(maps.Results(), Each(HasVerdict(DepthVerdict::CONTRADICTED)));
@@ -155,7 +155,7 @@ TEST(DepthMapsInUse, ThePairsOwnPointsContradictAWrongMap) {
 TEST(DepthMapsInUse, PointsContradictAWrongMapWhateverIsStated) {
   for (const bool is_metric : {false, true}) {
     MapsInUse maps(1, 1);
-    maps.options.depth.is_metric = is_metric;
+    maps.options.depth_is_metric = is_metric;
     maps.ChangePairs([](ImagePair* pair) {
       pair->other_point_depths = pair->other_depths;
       std::reverse(pair->other_depths.begin(), pair->other_depths.end());
@@ -190,7 +190,7 @@ TEST(DepthMapsInUse, ManyDatabaseImagesNeedNoMaps) {
 
 TEST(DepthMapsInUse, UnknownDepthsAreLeftOut) {
   MapsInUse maps(1, 1);
-  maps.options.depth.is_metric = true;
+  maps.options.depth_is_metric = true;
   maps.ChangePairs([](ImagePair* pair) { std::fill_n(pair->other_depths.begin(), 50, 0.F); });
   maps.Run();
   EXPECT_THAT(maps.Results(), Each(HasVerdict(DepthVerdict::USED)));
@@ -199,7 +199,7 @@ TEST(DepthMapsInUse, UnknownDepthsAreLeftOut) {
 
 TEST(DepthMapsInUse, AnImageWithoutKnownDepthsIsNotUsed) {
   MapsInUse maps(1, 1);
-  maps.options.depth.is_metric = true;
+  maps.options.depth_is_metric = true;
   maps.ChangePairs([](ImagePair* pair) { std::fill(pair->other_depths.begin(), pair->other_depths.end(), 0.F); });
   maps.Run();
   ExpectNoDepths(maps);
@@ -207,7 +207,7 @@ TEST(DepthMapsInUse, AnImageWithoutKnownDepthsIsNotUsed) {
 
 TEST(DepthMapsInUse, AnImageWithoutAPairInUseIsNotReported) {
   MapsInUse maps(2, 1);
-  maps.options.depth.is_metric = true;
+  maps.options.depth_is_metric = true;
   maps.input = MakeStageInput(maps.scene);
   maps.posed = maps.input.layout.given;
   maps.input.pairs.pop_back();
@@ -219,7 +219,7 @@ TEST(DepthMapsInUse, AnImageWithoutAPairInUseIsNotReported) {
 
 TEST(DepthMapsInUse, ImagesOfARigShareAMap) {
   MapsInUse maps(1, 2);
-  maps.options.depth.is_metric = true;
+  maps.options.depth_is_metric = true;
   maps.Run();
   ASSERT_EQ(maps.in_use.results.size(), 2u);
   for (const DepthResult& result : maps.in_use.results) {
@@ -232,7 +232,7 @@ TEST(DepthMapsInUse, ImagesOfARigShareAMap) {
 
 TEST(DepthMapsInUse, EachFrameOfAGroupHasItsStarts) {
   MapsInUse maps(2, 1, /*num_frames=*/3);
-  maps.options.depth.is_metric = true;
+  maps.options.depth_is_metric = true;
   maps.Run();
   ASSERT_EQ(maps.in_use.starts.size(), 3u);
   EXPECT_EQ(maps.Results().size(), 6u);

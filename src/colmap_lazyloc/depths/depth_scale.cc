@@ -3,8 +3,6 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
-#include <random>
-#include <tuple>
 #include <utility>
 
 #include "colmap_lazyloc/math/robust_statistics.h"
@@ -23,7 +21,6 @@ constexpr double kMinCorrelation = 0.3;
 constexpr double kMinCorrelationSigma = 3;
 constexpr double kMaxDeviation = 3;  // in spreads; depths beyond it are outliers
 constexpr int kNumCells = 4;         // per side of the image, in which neighbouring errors are compared
-constexpr int kNumTrials = 100;      // for the shift
 // Share of the minimum spread that is common to the whole map, whatever the points say.
 constexpr double kMinScaleShare = 0.1;
 // Spread, in minimum spreads, of a metric map that nothing could be compared with.
@@ -33,31 +30,10 @@ constexpr double kUntestedNumAreas = 16;
 
 double Square(double x) { return x * x; }
 
-std::vector<double> LogRatios(const std::vector<DepthSample>& samples, double shift) {
+std::vector<double> LogRatios(const std::vector<DepthSample>& samples) {
   std::vector<double> ratios;
-  for (const DepthSample& sample : samples) {
-    const double depth = sample.map_depth + shift;
-    if (depth > 0) ratios.push_back(std::log(sample.point_depth / depth));
-  }
+  for (const DepthSample& sample : samples) ratios.push_back(std::log(sample.point_depth / sample.map_depth));
   return ratios;
-}
-
-// Returns the shift with the least spread among those that two samples give (least median of squares).
-double FitShift(const std::vector<DepthSample>& samples) {
-  std::mt19937 random(static_cast<uint32_t>(samples.size()));
-  double best_shift = 0, best_spread = RobustStddev(LogRatios(samples, 0));
-  for (int trial = 0; trial < kNumTrials; ++trial) {
-    const DepthSample& a = samples[random() % samples.size()];
-    const DepthSample& b = samples[random() % samples.size()];
-    const double scale = (a.point_depth - b.point_depth) / (a.map_depth - b.map_depth);
-    const double shift = a.point_depth / scale - a.map_depth;
-    if (!(scale > 0) || !std::isfinite(shift)) continue;
-    std::vector<double> ratios = LogRatios(samples, shift);
-    if (ratios.size() < samples.size() * 0.9) continue;
-    const double spread = RobustStddev(std::move(ratios));
-    if (spread < best_spread) std::tie(best_shift, best_spread) = std::pair(shift, spread);
-  }
-  return best_shift;
 }
 
 // Returns true if the map's depths grow with those of the points, outliers left out.
@@ -65,7 +41,7 @@ bool AreCorrelated(const std::vector<DepthSample>& samples, const DepthFit& fit)
   std::vector<Eigen::Vector2d> logs;
   Eigen::Vector2d mean = Eigen::Vector2d::Zero();
   for (const DepthSample& sample : samples) {
-    const Eigen::Vector2d log(std::log(sample.map_depth + fit.shift), std::log(sample.point_depth));
+    const Eigen::Vector2d log(std::log(sample.map_depth), std::log(sample.point_depth));
     if (!(std::abs(log.y() - log.x() - fit.log_scale) <= kMaxDeviation * fit.spread)) continue;
     logs.push_back(log);
     mean += log;
@@ -86,7 +62,7 @@ void SplitVariance(const std::vector<DepthSample>& samples, DepthFit* fit) {
   std::array<Cell, kNumCells * kNumCells> cells;
   const double bound = kMaxDeviation * fit->spread;
   for (const DepthSample& sample : samples) {
-    const double error = std::log(sample.point_depth / (sample.map_depth + fit->shift)) - fit->log_scale;
+    const double error = std::log(sample.point_depth / sample.map_depth) - fit->log_scale;
     if (!(std::abs(error) <= bound)) continue;
     const auto index = [](double place) { return std::clamp(static_cast<int>(kNumCells * place), 0, kNumCells - 1); };
     Cell& cell = cells[kNumCells * index(sample.place.y()) + index(sample.place.x())];
@@ -118,16 +94,15 @@ void SplitVariance(const std::vector<DepthSample>& samples, DepthFit* fit) {
 
 }  // namespace
 
-DepthFit FitDepthMap(const std::vector<DepthSample>& samples, const DepthOptions& options) {
+DepthFit FitDepthMap(const std::vector<DepthSample>& samples) {
   DepthFit fit;
   fit.num_points = static_cast<int>(samples.size());
   if (fit.num_points < kMinNumPoints) return fit;
-  if (options.has_shift) fit.shift = FitShift(samples);
-  std::vector<double> ratios = LogRatios(samples, fit.shift), log_depths;
+  std::vector<double> ratios = LogRatios(samples), log_depths;
   for (const DepthSample& sample : samples) log_depths.push_back(std::log(sample.point_depth));
   fit.log_scale = Median(ratios);
   fit.spread = RobustStddev(std::move(ratios));
-  const bool is_informative = fit.spread <= 2 * options.min_stddev_ratio ||
+  const bool is_informative = fit.spread <= 2 * kMinDepthStddev ||
                               fit.spread <= kMaxSpreadRatio * RobustStddev(std::move(log_depths)) ||
                               AreCorrelated(samples, fit);
   if (fit.spread > kMaxSpread || !is_informative) {
@@ -135,17 +110,17 @@ DepthFit FitDepthMap(const std::vector<DepthSample>& samples, const DepthOptions
     return fit;
   }
   fit.verdict = DepthVerdict::USED;
-  fit.spread = std::max(fit.spread, options.min_stddev_ratio);
+  fit.spread = std::max(fit.spread, kMinDepthStddev);
   SplitVariance(samples, &fit);
-  fit.pixel_variance = std::max(fit.pixel_variance, Square(options.min_stddev_ratio));
+  fit.pixel_variance = std::max(fit.pixel_variance, Square(kMinDepthStddev));
   fit.scale_variance =
-      Square(kMinScaleShare * options.min_stddev_ratio) + fit.common_variance + fit.pixel_variance / fit.num_points;
+      Square(kMinScaleShare * kMinDepthStddev) + fit.common_variance + fit.pixel_variance / fit.num_points;
   return fit;
 }
 
-DepthFit FitMetricDepthMap(const DepthFit& own, const DepthFit& relative, const DepthOptions& options) {
+DepthFit FitMetricDepthMap(const DepthFit& own, const DepthFit& relative) {
   if (own.verdict == DepthVerdict::CONTRADICTED) return own;
-  const double metric_variance = Square(options.metric_stddev_ratio);
+  const double metric_variance = Square(kMetricScaleStddev);
   DepthFit fit = own;
   if (own.verdict == DepthVerdict::USED) {
     // A map that points contradict in its scale is not metric, but has the scale that they tell.
@@ -158,13 +133,13 @@ DepthFit FitMetricDepthMap(const DepthFit& own, const DepthFit& relative, const 
   if (relative.verdict == DepthVerdict::CONTRADICTED) return relative;
   fit = relative;
   if (relative.verdict == DepthVerdict::NO_SCALE) {
-    fit.spread = kUntestedSpread * options.min_stddev_ratio;
+    fit.spread = kUntestedSpread * kMinDepthStddev;
     fit.pixel_variance = Square(fit.spread);
     fit.common_variance = fit.pixel_variance / kUntestedNumAreas;
   }
   fit.verdict = DepthVerdict::USED;
   fit.is_metric = true;
-  fit.shift = fit.log_scale = 0;
+  fit.log_scale = 0;
   fit.scale_variance = metric_variance + fit.common_variance;
   return fit;
 }

@@ -10,6 +10,10 @@
 
 namespace lazyloc {
 
+// Minimum relative standard deviation of a depth, and relative standard deviation of a metric map's scale, as
+// calibrated sensors have them.
+inline constexpr double kMinDepthStddev = 0.01, kMetricScaleStddev = 0.02;
+
 // A triangulated point in an image with a depth map.
 struct DepthSample {
   double map_depth = 0;
@@ -17,10 +21,9 @@ struct DepthSample {
   Eigen::Vector2d place;  // keypoint over the size of the image, 0 to 1
 };
 
-// How the depths of a map differ from those of triangulated points: log(point) = log(map + shift) + log_scale + error.
+// How the depths of a map differ from those of triangulated points: log(point) = log(map) + log_scale + error.
 // The error has a part that neighbouring pixels share, and an independent one.
 struct DepthFit {
-  double shift = 0;
   double log_scale = 0;
   double spread = 0;           // robust standard deviation of the error
   double scale_variance = 0;   // of log_scale
@@ -31,12 +34,12 @@ struct DepthFit {
   bool is_metric = false;  // true if log_scale rests on a statement that the map is metric
 };
 
-// Fits the scale, and with has_shift the shift, of a map robustly. The verdict is NO_SCALE for too few points, and
+// Fits the scale of a map robustly. The verdict is NO_SCALE for too few points, and
 // CONTRADICTED if the depths scatter by more than a fifth, or hardly less around the map than around a constant.
-DepthFit FitDepthMap(const std::vector<DepthSample>& samples, const DepthOptions& options);
+DepthFit FitDepthMap(const std::vector<DepthSample>& samples);
 
 // Returns the fit of a map that is stated to be metric. own: fit to points that database images triangulate; relative:
 // fit to points whose common scale is unknown, which tell only how exact the map is.
-DepthFit FitMetricDepthMap(const DepthFit& own, const DepthFit& relative, const DepthOptions& options);
+DepthFit FitMetricDepthMap(const DepthFit& own, const DepthFit& relative);
 
 }  // namespace lazyloc

@@ -35,7 +35,7 @@ TEST(FitDepthMap, FindsScaleAndSpreadDespiteOutliers) {
   auto noise = Noise(0.05);
   int i = 0;
   const DepthFit fit = FitDepthMap(
-      MakeSamples([&](double depth, const auto&) { return ++i % 5 == 0 ? 1 : depth / 3 * std::exp(noise()); }), {});
+      MakeSamples([&](double depth, const auto&) { return ++i % 5 == 0 ? 1 : depth / 3 * std::exp(noise()); }));
   EXPECT_EQ(fit.verdict, DepthVerdict::USED);
   EXPECT_EQ(fit.num_points, kNumPoints);
   EXPECT_NEAR(fit.log_scale, std::log(3), 0.02);
@@ -44,32 +44,29 @@ TEST(FitDepthMap, FindsScaleAndSpreadDespiteOutliers) {
 
 TEST(FitDepthMap, ScaleOfIndependentErrorsIsMoreCertainThanOneDepth) {
   auto noise = Noise(0.05);
-  const DepthFit fit =
-      FitDepthMap(MakeSamples([&](double depth, const auto&) { return depth * std::exp(noise()); }), {});
+  const DepthFit fit = FitDepthMap(MakeSamples([&](double depth, const auto&) { return depth * std::exp(noise()); }));
   EXPECT_NEAR(std::sqrt(fit.pixel_variance), 0.05, 0.005);
   EXPECT_LE(std::sqrt(fit.scale_variance), 0.007);
   EXPECT_LE(std::abs(fit.log_scale), 3 * std::sqrt(fit.scale_variance));
 }
 
 TEST(FitDepthMap, ScaleOfSmoothErrorsIsHardlyMoreCertainThanOneDepth) {
-  const DepthFit fit = FitDepthMap(MakeSamples([](double depth, const Eigen::Vector2d& place) {
-                                     return depth * std::exp(0.1 * std::sin(6 * place.x()));
-                                   }),
-                                   {});
+  const DepthFit fit = FitDepthMap(MakeSamples(
+      [](double depth, const Eigen::Vector2d& place) { return depth * std::exp(0.1 * std::sin(6 * place.x())); }));
   EXPECT_EQ(fit.verdict, DepthVerdict::USED);
   EXPECT_GE(std::sqrt(fit.common_variance), 0.01);  // 0.07 over the root of 16 cells, in columns
   EXPECT_LE(fit.pixel_variance, 0.3 * fit.spread * fit.spread);
 }
 
 TEST(FitDepthMap, SpreadHasAMinimum) {
-  const DepthFit fit = FitDepthMap(MakeSamples([](double depth, const auto&) { return depth; }), {});
-  EXPECT_EQ(fit.spread, DepthOptions().min_stddev_ratio);
-  EXPECT_GE(std::sqrt(fit.scale_variance), 0.1 * DepthOptions().min_stddev_ratio);
+  const DepthFit fit = FitDepthMap(MakeSamples([](double depth, const auto&) { return depth; }));
+  EXPECT_EQ(fit.spread, kMinDepthStddev);
+  EXPECT_GE(std::sqrt(fit.scale_variance), 0.1 * kMinDepthStddev);
 }
 
 TEST(FitDepthMap, WrongMapsAreContradicted) {
   auto noise = Noise(0.5);
-  const auto verdict = [](const std::vector<DepthSample>& samples) { return FitDepthMap(samples, {}).verdict; };
+  const auto verdict = [](const std::vector<DepthSample>& samples) { return FitDepthMap(samples).verdict; };
   EXPECT_EQ(verdict(MakeSamples([&](double, const auto&) { return std::exp(noise()); })), DepthVerdict::CONTRADICTED);
   EXPECT_EQ(verdict(MakeSamples([](double depth, const auto&) { return 1 / depth; })), DepthVerdict::CONTRADICTED);
   EXPECT_EQ(verdict(MakeSamples([](double, const Eigen::Vector2d& place) { return 2 + place.y(); })),
@@ -78,48 +75,34 @@ TEST(FitDepthMap, WrongMapsAreContradicted) {
 
 TEST(FitDepthMap, FewPointsTellNothing) {
   const auto samples = MakeSamples([](double depth, const auto&) { return depth; }, /*num_points=*/9);
-  EXPECT_EQ(FitDepthMap(samples, {}).verdict, DepthVerdict::NO_SCALE);
-}
-
-TEST(FitDepthMap, FindsAShiftIfAsked) {
-  auto noise = Noise(0.01);
-  const auto samples = MakeSamples([&](double depth, const auto&) { return (depth * std::exp(noise()) - 1) / 2; });
-  EXPECT_NE(FitDepthMap(samples, {}).verdict, DepthVerdict::NO_SCALE);
-  DepthOptions options;
-  options.has_shift = true;
-  const DepthFit fit = FitDepthMap(samples, options);
-  EXPECT_NEAR(fit.shift, 0.5, 0.05);
-  EXPECT_NEAR(fit.log_scale, std::log(2), 0.03);
-  EXPECT_LE(fit.spread, 0.02);
-  EXPECT_GE(FitDepthMap(samples, {}).spread, 3 * fit.spread);
+  EXPECT_EQ(FitDepthMap(samples).verdict, DepthVerdict::NO_SCALE);
 }
 
 // Returns a fit of exact points to a map whose depths are too small by a factor.
 DepthFit OwnFit(double factor) {
-  return FitDepthMap(MakeSamples([&](double depth, const auto&) { return depth / factor; }), {});
+  return FitDepthMap(MakeSamples([&](double depth, const auto&) { return depth / factor; }));
 }
 
 TEST(FitMetricDepthMap, WithoutPointsTheStatementDecides) {
-  const DepthOptions options;
-  const DepthFit fit = FitMetricDepthMap({}, {}, options);
+  const DepthFit fit = FitMetricDepthMap({}, {});
   EXPECT_EQ(fit.verdict, DepthVerdict::USED);
   EXPECT_EQ(fit.log_scale, 0);
-  EXPECT_GE(std::sqrt(fit.scale_variance), options.metric_stddev_ratio);
+  EXPECT_GE(std::sqrt(fit.scale_variance), kMetricScaleStddev);
 }
 
 TEST(FitMetricDepthMap, PointsOfUnknownScaleTellTheSpread) {
   auto noise = Noise(0.1);
   const auto samples = MakeSamples([&](double depth, const auto&) { return depth / 7 * std::exp(noise()); });
-  const DepthFit fit = FitMetricDepthMap({}, FitDepthMap(samples, {}), {});
+  const DepthFit fit = FitMetricDepthMap({}, FitDepthMap(samples));
   EXPECT_EQ(fit.verdict, DepthVerdict::USED);
   EXPECT_EQ(fit.log_scale, 0);
   EXPECT_NEAR(fit.spread, 0.1, 0.02);
   const auto wrong = MakeSamples([](double depth, const auto&) { return 1 / depth; });
-  EXPECT_EQ(FitMetricDepthMap({}, FitDepthMap(wrong, {}), {}).verdict, DepthVerdict::CONTRADICTED);
+  EXPECT_EQ(FitMetricDepthMap({}, FitDepthMap(wrong)).verdict, DepthVerdict::CONTRADICTED);
 }
 
 TEST(FitMetricDepthMap, PointsContradictAScaleThatIsFarOff) {
-  const DepthFit near = FitMetricDepthMap(OwnFit(1.02), {}, {}), far = FitMetricDepthMap(OwnFit(3), {}, {});
+  const DepthFit near = FitMetricDepthMap(OwnFit(1.02), {}), far = FitMetricDepthMap(OwnFit(3), {});
   EXPECT_TRUE(near.is_metric);
   EXPECT_GT(near.log_scale, 0);
   EXPECT_LT(near.log_scale, std::log(1.02));

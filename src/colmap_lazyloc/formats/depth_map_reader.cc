@@ -13,8 +13,6 @@
 namespace lazyloc {
 namespace {
 
-constexpr uint64_t kMaxNumPixels = 1 << 28;
-
 float KnownDepth(double value) { return std::isfinite(value) && value > 0 ? static_cast<float>(value) : 0; }
 
 DepthMap ReadPng(const std::filesystem::path& path, double unit) {
@@ -29,7 +27,7 @@ DepthMap ReadPng(const std::filesystem::path& path, double unit) {
 
 // Makes an empty map of a size that a file states.
 DepthMap MakeMap(uint64_t width, uint64_t height, const BinaryFile& file) {
-  if (width == 0 || height == 0 || width > kMaxNumPixels / height) throw file.Error("has an impossible size");
+  if (width == 0 || height == 0 || width > kMaxNumDepthPixels / height) throw file.Error("has an impossible size");
   DepthMap map{static_cast<int>(width), static_cast<int>(height), {}};
   map.depths.reserve(width * height);
   return map;

@@ -12,8 +12,6 @@
 namespace lazyloc {
 namespace {
 
-constexpr size_t kMaxNumPixels = 1 << 28;
-
 void IgnoreWarning(png_structp, png_const_charp) {}
 
 // Keeps the message of an error and returns to where the reader was started, because libpng is C.
@@ -73,7 +71,7 @@ GreyPng ReadGreyPng(const std::filesystem::path& path) {
     throw error("not a depth map: it must have one channel of 16 bits");
   }
   const size_t width = static_cast<size_t>(image.width), height = static_cast<size_t>(image.height);
-  if (width > kMaxNumPixels / height) throw error("too large for a depth map");
+  if (width > kMaxNumDepthPixels / height) throw error("too large for a depth map");
   image.values.resize(width * height);
   std::vector<png_bytep> rows(height);
   for (size_t y = 0; y < height; ++y) rows[y] = reinterpret_cast<png_bytep>(&image.values[y * width]);

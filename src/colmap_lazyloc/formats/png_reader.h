@@ -6,6 +6,9 @@
 
 namespace lazyloc {
 
+// Maximum number of pixels of a depth map: a larger size is that of a damaged file.
+inline constexpr size_t kMaxNumDepthPixels = 1 << 28;
+
 // Pixels of a 16-bit grey PNG, row by row from the upper left.
 struct GreyPng {
   int width = 0;

@@ -1,7 +1,5 @@
 #include "colmap_lazyloc/formats/query_files.h"
 
-#include <array>
-#include <cmath>
 #include <string_view>
 #include <utility>
 
@@ -59,26 +57,6 @@ void ReadPairs(const std::filesystem::path& path,
     is_empty = false;
   }
   if (is_empty) throw InputError(path.string() + ": contains no pair");
-}
-
-std::map<std::string, SearchRegion> ReadSearchRegions(const std::filesystem::path& path) {
-  TextFile file(path);
-  std::map<std::string, SearchRegion> priors;
-  while (file.NextEntry()) {
-    std::string_view rest = file.Line();
-    std::array<double, 4> numbers{};  // the last four words, because a name may hold spaces
-    for (size_t i = numbers.size(); i-- > 0;) {
-      const size_t blank = rest.find_last_of(" \t");
-      if (blank == std::string_view::npos) throw file.Error("expected `name x y z radius`");
-      numbers[i] = file.ParseNumber<double>(rest.substr(blank + 1));
-      if (!std::isfinite(numbers[i])) throw file.Error("a number is not finite");
-      rest = Trimmed(rest.substr(0, blank));
-    }
-    if (numbers[3] <= 0) throw file.Error("the radius is not positive");
-    const SearchRegion prior = {{numbers[0], numbers[1], numbers[2]}, numbers[3]};
-    if (!priors.emplace(rest, prior).second) throw file.Error("query '" + std::string(rest) + "' is listed twice");
-  }
-  return priors;
 }
 
 }  // namespace lazyloc

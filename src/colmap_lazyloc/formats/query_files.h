@@ -2,12 +2,8 @@
 
 #include <filesystem>
 #include <functional>
-#include <map>
 #include <optional>
 #include <string>
-#include <vector>
-
-#include <Eigen/Core>
 
 #include "colmap_lazyloc/scene/camera.h"
 
@@ -30,15 +26,5 @@ void ReadQueryList(const std::filesystem::path& path, const std::function<bool(Q
 // than two names. add: takes the pairs one by one, because there may be millions.
 void ReadPairs(const std::filesystem::path& path,
                const std::function<void(const std::string&, const std::string&)>& add);
-
-// A sphere that a query was taken in, in the model's coordinates and unit.
-struct SearchRegion {
-  Eigen::Vector3d position = Eigen::Vector3d::Zero();
-  double radius = 0;
-};
-
-// Reads lines `name x y z radius`, whose name may hold spaces, and '#' comments. Returns the priors by name. Throws
-// InputError, `file:line: ...`, for a missing file, a name that is listed twice, or impossible numbers.
-std::map<std::string, SearchRegion> ReadSearchRegions(const std::filesystem::path& path);
 
 }  // namespace lazyloc

@@ -105,30 +105,5 @@ TEST_F(Pairs, MistakesAreNamed) {
   EXPECT_THAT(ErrorOf([&] { ReadFile(folder_ / "none.txt"); }), StartsWith("none.txt: cannot be opened"));
 }
 
-class SearchRegions : public IoTest {
- protected:
-  std::map<std::string, SearchRegion> Read(const std::string& content) {
-    return ReadSearchRegions(WriteFile("priors.txt", content));
-  }
-  std::string ErrorOfReading(const std::string& content) {
-    return ErrorOf([&] { Read(content); });
-  }
-};
-
-TEST_F(SearchRegions, LastFourWordsAreTheNumbers) {
-  const auto priors = Read("# name x y z radius\nmy photo 2.jpg 1 -2.5 3e2 10\nq.jpg 0 0 0 1\n");
-  ASSERT_EQ(priors.size(), 2);
-  EXPECT_EQ(priors.at("my photo 2.jpg").position, Eigen::Vector3d(1, -2.5, 300));
-  EXPECT_EQ(priors.at("my photo 2.jpg").radius, 10);
-}
-
-TEST_F(SearchRegions, MistakesAreNamedWithTheirLine) {
-  EXPECT_THAT(ErrorOfReading("a 1 2 3 4\n\na 1 2 3 4\n"), StartsWith("priors.txt:3: query 'a' is listed twice"));
-  EXPECT_THAT(ErrorOfReading("1 2 3 4\n"), StartsWith("priors.txt:1: expected"));
-  EXPECT_THAT(ErrorOfReading("a 1 2 x 4\n"), StartsWith("priors.txt:1: 'x' is not a number"));
-  EXPECT_THAT(ErrorOfReading("a 1 2 3 0\n"), StartsWith("priors.txt:1: the radius"));
-  EXPECT_THAT(ErrorOfReading("a 1 2 nan 4\n"), StartsWith("priors.txt:1: "));
-}
-
 }  // namespace
 }  // namespace lazyloc

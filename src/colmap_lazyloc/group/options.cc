@@ -6,17 +6,8 @@ namespace lazyloc {
 
 bool LocalizerOptions::Check(std::string* error) const {
   OPTION_GE(max_num_pairs, 0);
-  OPTION_GT(max_rotation_error_deg, 0);
-  OPTION_GE(num_refinement_rounds, 1);
-  OPTION_GE(min_num_tracks, 4);
-  OPTION_GE(max_num_tracks, 4);
-  OPTION_GE(max_num_start_tracks, 4);
   OPTION_GE(database_pose_stddev_deg, -1);
   OPTION_GE(database_pose_stddev_length, -1);
-  OPTION_GE(database_pose_noise_px, -1);
-  if (database_pose_noise_px != -1) {
-    OPTION_GT(database_pose_noise_px, 0);
-  }
   OPTION_GE(rig_noise_px, 0);
   OPTION_GE(focal_length_stddev_ratio, 0);
   OPTION_GE(min_confidence, 0);
@@ -26,8 +17,8 @@ bool LocalizerOptions::Check(std::string* error) const {
     *error = "intrinsics = refine needs post_optimization = tracks";
     return false;
   }
-  return relative_pose.Check(error) && triangulation.Check(error) && bundle_adjustment.Check(error) &&
-         sampson.Check(error) && relative_pose_lo.Check(error);
+  return triangulation.Check(error) && bundle_adjustment.Check(error) && sampson.Check(error) &&
+         relative_pose_lo.Check(error);
 }
 
 }  // namespace lazyloc

@@ -10,7 +10,6 @@
 #include "colmap_lazyloc/scene/enum_names.h"
 #include "colmap_lazyloc/structure/track_triangulation.h"
 #include "colmap_lazyloc/translation/translation_averaging.h"
-#include "colmap_lazyloc/two_view/relative_pose.h"
 
 namespace lazyloc {
 
@@ -58,21 +57,14 @@ inline constexpr double kMinVarianceFactor = 0.01;
 inline constexpr double kMaxStartErrorSigma = 8;
 inline constexpr double kMaxStartErrorPx = kMaxStartErrorSigma * kStartNoisePx;
 
-// How depth maps of database images are used.
-struct DepthOptions {
-  bool is_metric = false;  // true: depths are in database units, even if no triangulated point tells
-  bool has_shift = false;  // true: the maps are off by a constant, which is fitted like the scale
-  // Minimum relative standard deviation of a depth, and relative standard deviation of a metric map's scale.
-  double min_stddev_ratio = 0.01;
-  double metric_stddev_ratio = 0.02;
-};
+// Minimum number of tracks for a pose: a few more than the six parameters need.
+inline constexpr int kMinNumTracks = 6;
 
 // Options of the method. The command's help and options.ini are generated from these defaults.
 struct LocalizerOptions {
   int seed = 0;  // of all random choices: the same seed gives the same result
   // Maximum number of database images per query; those with most verified inliers are used. 0: no limit.
   int max_num_pairs = 0;
-  RelativePoseOptions relative_pose;
   RotationAveragingOptions rotation_averaging;
   TranslationAveragingOptions translation_averaging;
   TrackTriangulationOptions triangulation;
@@ -82,16 +74,6 @@ struct LocalizerOptions {
   StartPose start_pose = StartPose::BEST;
   PostOptimization post_optimization = PostOptimization::TRACKS;
 
-  // Maximum difference between the measured rotation of a pair and the averaged one; other pairs are dropped.
-  double max_rotation_error_deg = 5;
-  // Number of rounds of triangulation and adjustment. The first one starts from motion averaging, which may be off by
-  // many pixels.
-  int num_refinement_rounds = 3;
-  int min_num_tracks = 6;  // minimum number of tracks for a pose
-  // Maximum number of tracks in the last round, and in the start and all earlier rounds. Well distributed tracks with
-  // most observations are used.
-  int max_num_tracks = 1000000;
-  int max_num_start_tracks = 300;
   // Standard deviation of the calibration of a rig, and of the relative poses of a trajectory, as displacement of
   // keypoints by the rotation, and by the position, of each camera in its frame. 0: exact.
   double rig_noise_px = 0.3;
@@ -104,10 +86,7 @@ struct LocalizerOptions {
   // units. 0: exact; -1: estimated for each query from how well the images fit together.
   double database_pose_stddev_deg = -1;
   double database_pose_stddev_length = -1;
-  // Expected difference of pose errors at a viewpoint distance of 0.2 (database_priors.h), in pixels. -1: that of a
-  // typical database, or for queries with few database images what matches among these show.
-  double database_pose_noise_px = -1;
-  DepthOptions depth;
+  bool depth_is_metric = false;  // true: depths are in database units, even if no triangulated point tells
   double min_confidence = 0.92;  // of a pose; a query below it is not LOCALIZED
   // Maximum standard deviation of a position over the distance to the scene; a query above it is not LOCALIZED.
   double max_position_stddev_ratio = 0.1;

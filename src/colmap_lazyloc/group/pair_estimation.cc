@@ -18,8 +18,8 @@ struct VerifiedPair {
 };
 
 std::optional<RelativePose> InliersWithoutPose(const LocalizationProblem& problem, const ImagePair& pair,
-                                               const LocalizerOptions& options, uint32_t seed) {
-  Matches matches = FindInlierMatches(problem, pair, options.relative_pose, seed);
+                                               uint32_t seed) {
+  Matches matches = FindInlierMatches(problem, pair, seed);
   if (matches.empty()) return std::nullopt;
   return RelativePose{{}, std::move(matches)};
 }
@@ -40,8 +40,7 @@ std::vector<VerifiedPair> BestPairs(std::vector<VerifiedPair> pairs, size_t max_
 }
 
 // Throws for frames that no pair links to the database or to another frame.
-void CheckLinks(const QueryGroup& group, const Layout& layout, const std::vector<VerifiedPair>& pairs,
-                int min_num_inliers) {
+void CheckLinks(const QueryGroup& group, const Layout& layout, const std::vector<VerifiedPair>& pairs) {
   std::vector<size_t> num_listed(layout.num_query_frames, 0);
   std::vector<bool> is_linked(layout.num_query_frames, false);
   for (const QueryImage& query : group.images) num_listed[query.frame] += query.problem.pairs.size();
@@ -53,7 +52,7 @@ void CheckLinks(const QueryGroup& group, const Layout& layout, const std::vector
   }
   CheckFrames(layout.num_query_frames, QueryStatus::TOO_FEW_INLIERS, [&](int frame) {
     if (is_linked[frame]) return Reason();
-    return Reason("none of " + std::to_string(num_listed[frame]) + " pairs has " + std::to_string(min_num_inliers) +
+    return Reason("none of " + std::to_string(num_listed[frame]) + " pairs has " + std::to_string(kMinNumInliers) +
                   " verified inliers");
   });
 }
@@ -130,7 +129,7 @@ PairEstimates VerifyAndObserve(const QueryGroup& group, const Layout& layout, co
       std::move(of_query.begin(), of_query.end(), std::back_inserter(verified));
     }
     for (const QueryPair& pair : group.query_pairs) verify(pair.query, pair.other, pair.images, &verified);
-    CheckLinks(group, layout, verified, options.relative_pose.min_num_inliers);
+    CheckLinks(group, layout, verified);
   }
   const StageTimer timer("observations", seconds);
   KeypointObserver observer(group);
@@ -144,18 +143,12 @@ PairEstimates VerifyAndObserve(const QueryGroup& group, const Layout& layout, co
 
 PairEstimates EstimatePairs(const QueryGroup& group, const Layout& layout, const LocalizerOptions& options,
                             KnownRelativePoses* known, StageTimer::Seconds* seconds) {
-  const auto find = [&](const LocalizationProblem& problem, const ImagePair& pair, uint32_t seed) {
-    return FindRelativePose(problem, pair, options.relative_pose, seed);
-  };
-  return VerifyAndObserve(group, layout, options, find, known, seconds);
+  return VerifyAndObserve(group, layout, options, FindRelativePose, known, seconds);
 }
 
 PairEstimates FindInliers(const QueryGroup& query, const Layout& layout, const LocalizerOptions& options,
                           KnownRelativePoses* known, StageTimer::Seconds* seconds) {
-  const auto find = [&](const LocalizationProblem& problem, const ImagePair& pair, uint32_t seed) {
-    return InliersWithoutPose(problem, pair, options, seed);
-  };
-  return VerifyAndObserve(query, layout, options, find, known, seconds);
+  return VerifyAndObserve(query, layout, options, InliersWithoutPose, known, seconds);
 }
 
 }  // namespace lazyloc

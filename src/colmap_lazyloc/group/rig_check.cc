@@ -50,7 +50,7 @@ std::optional<double> MedianErrorPx(const Rigid3d& cam_from_world, const std::ve
 // gives it.
 bool FitsBetterAlone(const Layout& layout, const Rigid3d& cam_from_world, int query,
                      const std::vector<RayToPoint>& rays, const LocalizerOptions& options) {
-  if (static_cast<int>(rays.size()) < 2 * options.min_num_tracks) return false;
+  if (static_cast<int>(rays.size()) < 2 * kMinNumTracks) return false;
   // Takes half the bound of the start, because a good trajectory may still be off by some pixels.
   const double max_error_px = kMaxStartErrorPx / 2;
   std::vector<Eigen::Vector3d> rays_in_cam, points;

@@ -7,14 +7,16 @@
 
 namespace lazyloc {
 
+// Maximum number of tracks of a query for the start and for all rounds but the last: as many as a rough pose needs.
+inline constexpr int kMaxNumStartTracks = 300;
+
 // Tracks without points.
 struct CandidateTracks {
-  std::vector<Track> all;        // at most max_num_tracks for each query
-  std::vector<Track> for_start;  // at most max_num_start_tracks of these for each query: as many as a rough pose needs
+  std::vector<Track> all;        // of all queries
+  std::vector<Track> for_start;  // at most kMaxNumStartTracks of these for each query
 };
 
 // Builds the tracks of the queries' keypoints over the inliers of the pairs.
-CandidateTracks CollectTracks(const QueryGroup& group, const Layout& layout, const PairRefs& pairs,
-                              const LocalizerOptions& options);
+CandidateTracks CollectTracks(const QueryGroup& group, const Layout& layout, const PairRefs& pairs);
 
 }  // namespace lazyloc

@@ -33,7 +33,7 @@ std::set<std::pair<int, int>> FirstObservations(const std::vector<Track>& tracks
 TEST(CollectTracks, EachKeypointHasATrackWithItsDatabaseImages) {
   const SyntheticGroup scene = MakeGroup(2, 2, kNumPoints, kNumDatabaseImages);
   const StageInput input = MakeStageInput(scene);
-  const CandidateTracks candidates = CollectTracks(scene.group, input.layout, Refs(input.pairs), {});
+  const CandidateTracks candidates = CollectTracks(scene.group, input.layout, Refs(input.pairs));
   EXPECT_THAT(NumTracksByQuery(candidates.all, 4), ElementsAre(kNumPoints, kNumPoints, kNumPoints, kNumPoints));
   for (const Track& track : candidates.all) {
     const TrackObservation& query = track.observations.front();
@@ -47,16 +47,14 @@ TEST(CollectTracks, EachKeypointHasATrackWithItsDatabaseImages) {
   }
 }
 
-TEST(CollectTracks, LimitsHoldForEachQuery) {
-  LocalizerOptions options;
-  options.max_num_tracks = 40;
-  options.max_num_start_tracks = 10;
+TEST(CollectTracks, LimitOfTheStartHoldsForEachQuery) {
+  constexpr int kManyPoints = kMaxNumStartTracks + 50;
   for (const int num_sensors : {1, 3}) {
-    const SyntheticGroup scene = MakeGroup(1, num_sensors, kNumPoints, kNumDatabaseImages);
+    const SyntheticGroup scene = MakeGroup(1, num_sensors, kManyPoints, kNumDatabaseImages);
     const StageInput input = MakeStageInput(scene);
-    const CandidateTracks candidates = CollectTracks(scene.group, input.layout, Refs(input.pairs), options);
-    EXPECT_EQ(NumTracksByQuery(candidates.all, num_sensors), std::vector<int>(num_sensors, 40));
-    EXPECT_EQ(NumTracksByQuery(candidates.for_start, num_sensors), std::vector<int>(num_sensors, 10));
+    const CandidateTracks candidates = CollectTracks(scene.group, input.layout, Refs(input.pairs));
+    EXPECT_EQ(NumTracksByQuery(candidates.all, num_sensors), std::vector<int>(num_sensors, kManyPoints));
+    EXPECT_EQ(NumTracksByQuery(candidates.for_start, num_sensors), std::vector<int>(num_sensors, kMaxNumStartTracks));
     const auto all = FirstObservations(candidates.all), for_start = FirstObservations(candidates.for_start);
     EXPECT_TRUE(std::includes(all.begin(), all.end(), for_start.begin(), for_start.end()));
   }
@@ -66,7 +64,7 @@ TEST(CollectTracks, OnlyTheGivenPairsAreUsed) {
   const SyntheticGroup scene = MakeGroup(1, 1, kNumPoints, kNumDatabaseImages);
   const StageInput input = MakeStageInput(scene);
   const PairRefs pairs = {&input.pairs[0], &input.pairs[2]};
-  const CandidateTracks candidates = CollectTracks(scene.group, input.layout, pairs, {});
+  const CandidateTracks candidates = CollectTracks(scene.group, input.layout, pairs);
   ASSERT_EQ(candidates.all.size(), static_cast<size_t>(kNumPoints));
   EXPECT_EQ(candidates.for_start.size(), candidates.all.size());
   for (const Track& track : candidates.all) {

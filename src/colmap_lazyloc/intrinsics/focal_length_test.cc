@@ -79,7 +79,7 @@ TEST(FocalLength, DistortedCameraIsRefinedToo) {
   camera.model_id = *CameraModelId("OPENCV");
   camera.params = {900, 910, 640, 480, -0.2, 0.05, 1e-3, -1e-3};
   for (Eigen::Vector2d& xy : scene.problem.query_keypoints) {
-    xy = *ImageFromCam(camera, *RayInCam(scene.problem.query_camera, xy));
+    xy = *ImageFromCam(camera, *RaysInCam(scene.problem.query_camera)(xy));
   }
   scene.problem.query_camera = WithFocalFactor(camera, 1.5);
   ExpectFound(scene, 1.5, 1e-5, 1e-5);

@@ -81,7 +81,7 @@ TEST(CheckIntrinsics, WrongDistortionIsNamed) {
   Camera distorted = ideal;
   distorted.model_id = *CameraModelId("OPENCV");
   distorted.params = {ideal.params[0], ideal.params[1], ideal.params[2], ideal.params[3], -0.3, 0, 0, 0};
-  for (Eigen::Vector2d& xy : scene.problem.query_keypoints) xy = *ImageFromCam(distorted, *RayInCam(ideal, xy));
+  for (Eigen::Vector2d& xy : scene.problem.query_keypoints) xy = *ImageFromCam(distorted, *RaysInCam(ideal)(xy));
   const LocalizationResult result = Localize(scene);
   EXPECT_EQ(result.status, QueryStatus::INCONSISTENT_INTRINSICS);
   EXPECT_THAT(result.reason, HasSubstr("distortion"));

@@ -10,15 +10,14 @@
 namespace lazyloc {
 namespace {
 
-constexpr size_t kCacheBytes = 32 << 20;
 // Number of database images from which on the query's own tracks tell the size of the errors.
 constexpr size_t kEnoughImages = 3;
-// Number of other images that an image is paired with, and of matches of a pair that are used: more would tell little.
+// Maximum number of other images that an image is paired with, and of matches of a pair that are used.
 constexpr size_t kMaxNumNeighbours = 6;
 constexpr size_t kMaxNumMatches = 200;
 
-size_t NumMatches(const ImagePair& pair) {
-  return pair.geometry ? pair.geometry->inlier_matches.size() : pair.matches.size();
+int NumMatches(const ImagePair& pair) {
+  return static_cast<int>(pair.geometry ? pair.geometry->inlier_matches.size() : pair.matches.size());
 }
 
 // Reads the matches of two images, evenly chosen ones if there are many. nullopt if they cannot be used. points: the
@@ -44,7 +43,7 @@ std::optional<NeighbourPair> ReadNeighbour(const Model& model, uint32_t image_id
 }  // namespace
 
 std::vector<std::pair<uint32_t, const ModelImage*>> FindNeighbours(const QuerySelection& selection, uint32_t image_id,
-                                                                   const std::string& query_name, size_t max_num,
+                                                                   const std::string& query_name,
                                                                    const DatabaseReader& database) {
   std::vector<PairSize> sizes = database.ReadInlierCounts(image_id, selection.PosedImageIds());
   std::sort(sizes.begin(), sizes.end(), [](const PairSize& a, const PairSize& b) {
@@ -54,15 +53,13 @@ std::vector<std::pair<uint32_t, const ModelImage*>> FindNeighbours(const QuerySe
   for (const PairSize& size : sizes) {
     const ModelImage* neighbour = selection.FindPosedImage(size.image_id, query_name);
     if (neighbour != nullptr && size.image_id != image_id) neighbours.emplace_back(size.image_id, neighbour);
-    if (neighbours.size() == max_num) break;
+    if (neighbours.size() == kMaxNumNeighbours) break;
   }
   return neighbours;
 }
 
-DatabaseNeighbours::DatabaseNeighbours(const QuerySelection& selection, int min_num_inliers)
-    : selection_(selection),
-      min_num_inliers_(static_cast<size_t>(min_num_inliers)),
-      cache_(kCacheBytes, [](const std::vector<NeighbourPair>& pairs) {
+DatabaseNeighbours::DatabaseNeighbours(const QuerySelection& selection)
+    : selection_(selection), cache_(kNeighbourCacheBytes, [](const std::vector<NeighbourPair>& pairs) {
         size_t num_points = 16;
         for (const NeighbourPair& pair : pairs) num_points += 16 + pair.points.size();
         return 2 * sizeof(Eigen::Vector2d) * num_points;
@@ -74,7 +71,7 @@ std::vector<NeighbourPair> DatabaseNeighbours::Read(const ModelImage& image, uin
   const std::string frame_name = selection_.MakePair(image).database_frame_name;
   const std::vector<Eigen::Vector2d> points = database.ReadKeypoints(image_id);
   std::vector<NeighbourPair> pairs;
-  for (const auto& [other_id, other] : FindNeighbours(selection_, image_id, query_name, kMaxNumNeighbours, database)) {
+  for (const auto& [other_id, other] : FindNeighbours(selection_, image_id, query_name, database)) {
     // Leaves out images of the same rig frame, which share their error.
     if (!frame_name.empty() && selection_.MakePair(*other).database_frame_name == frame_name) continue;
     try {
@@ -91,14 +88,14 @@ void DatabaseNeighbours::AddTo(const DatabaseReader& database, LoadedGroup* load
   std::vector<std::set<std::string>> names(loaded->group.frame_names.size());
   for (const QueryImage& query : loaded->group.images) {
     for (const ImagePair& pair : query.problem.pairs) {
-      if (NumMatches(pair) >= min_num_inliers_) names[query.frame].insert(pair.other_name);
+      if (NumMatches(pair) >= kMinNumInliers) names[query.frame].insert(pair.other_name);
     }
   }
   for (QueryImage& query : loaded->group.images) {
     if (names[query.frame].empty() || names[query.frame].size() >= kEnoughImages) continue;
     const StageTimer timer("database_pairs", &loaded->records[&query - loaded->group.images.data()].seconds);
     for (ImagePair& pair : query.problem.pairs) {
-      if (NumMatches(pair) >= min_num_inliers_) pair.neighbours = Find(pair, query.problem.query_name, database);
+      if (NumMatches(pair) >= kMinNumInliers) pair.neighbours = Find(pair, query.problem.query_name, database);
     }
   }
 }

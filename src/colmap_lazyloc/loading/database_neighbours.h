@@ -13,10 +13,13 @@
 
 namespace lazyloc {
 
-// Returns the posed images that a posed image shares most verified matches with, and their ids in the database. A query
-// and the images of its group take no part.
+// Maximum memory for what neighbours tell of database images.
+inline constexpr size_t kNeighbourCacheBytes = 32 << 20;
+
+// Returns the six posed images that a posed image shares most verified matches with, because more would tell little,
+// and their ids in the database. A query and the images of its group take no part.
 std::vector<std::pair<uint32_t, const ModelImage*>> FindNeighbours(const QuerySelection& selection, uint32_t image_id,
-                                                                   const std::string& query_name, size_t max_num,
+                                                                   const std::string& query_name,
                                                                    const DatabaseReader& database);
 
 // Pairs of database images with each other, which tell how wrong database poses are. Only read for queries with less
@@ -24,8 +27,8 @@ std::vector<std::pair<uint32_t, const ModelImage*>> FindNeighbours(const QuerySe
 // reader per thread.
 class DatabaseNeighbours {
  public:
-  // The selection must outlive this. min_num_inliers: number of matches from which on the localizer uses an image.
-  DatabaseNeighbours(const QuerySelection& selection, int min_num_inliers);
+  // The selection must outlive this.
+  explicit DatabaseNeighbours(const QuerySelection& selection);
 
   // Adds the pairs of the database images to query frames with few of these.
   void AddTo(const DatabaseReader& database, LoadedGroup* loaded) const;
@@ -37,7 +40,6 @@ class DatabaseNeighbours {
                                   const DatabaseReader& database) const;
 
   const QuerySelection& selection_;
-  const size_t min_num_inliers_;
   mutable LruCache<std::vector<NeighbourPair>> cache_;
 };
 

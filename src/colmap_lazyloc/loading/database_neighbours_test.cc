@@ -46,7 +46,7 @@ class DatabaseNeighboursTest : public IoTest {
 
   // Returns the query's pairs.
   std::vector<ImagePair> Load(size_t group = 0) const {
-    const QuerySource source(options_, {}, /*seed=*/0, /*num_threads=*/1);
+    const QuerySource source(options_, /*seed=*/0, /*num_threads=*/1);
     IdleThreads idle_threads(0);
     QuerySource::Session session(source, &idle_threads);
     return source.Load(group, &session).group.images.at(0).problem.pairs;

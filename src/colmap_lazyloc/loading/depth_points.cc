@@ -14,9 +14,6 @@
 namespace lazyloc {
 namespace {
 
-constexpr size_t kCacheBytes = 32 << 20;
-// Number of other images that an image is paired with: more would add few points.
-constexpr size_t kMaxNumNeighbours = 6;
 // Minimum sine of the angle between two rays (3 degrees), because points of smaller angles are less exact than depth
 // maps.
 constexpr double kMinDepthSine = 0.052;
@@ -58,8 +55,9 @@ std::optional<DepthAndAngle> TriangulateDepth(const PosedCamera& camera, const E
 }  // namespace
 
 DepthPoints::DepthPoints(const QuerySelection& selection)
-    : selection_(selection),
-      cache_(kCacheBytes, [](const std::vector<float>& depths) { return sizeof(float) * (16 + depths.size()); }) {}
+    : selection_(selection), cache_(kNeighbourCacheBytes, [](const std::vector<float>& depths) {
+        return sizeof(float) * (16 + depths.size());
+      }) {}
 
 std::vector<float> DepthPoints::Triangulate(const ModelImage& image, uint32_t image_id, const std::string& query_name,
                                             const DatabaseReader& database) const {
@@ -67,8 +65,7 @@ std::vector<float> DepthPoints::Triangulate(const ModelImage& image, uint32_t im
   const PosedCamera camera(model, image);
   const std::vector<Eigen::Vector2d> keypoints = database.ReadKeypoints(image_id);
   std::vector<DepthAndAngle> best(keypoints.size());
-  for (const auto& [other_id, neighbour] :
-       FindNeighbours(selection_, image_id, query_name, kMaxNumNeighbours, database)) {
+  for (const auto& [other_id, neighbour] : FindNeighbours(selection_, image_id, query_name, database)) {
     try {
       const std::optional<TwoViewGeometry> geometry = database.ReadTwoViewGeometry(image_id, other_id);
       if (!geometry) continue;

@@ -11,12 +11,15 @@
 #include "colmap_lazyloc/math/robust_statistics.h"
 #include "colmap_lazyloc/scene/errors.h"
 #include "colmap_lazyloc/scene/format.h"
+#include "colmap_lazyloc/scene/options_check.h"
 
 namespace lazyloc {
 namespace {
 
 // Number of database images whose keypoints tell the scales, because reading those of all images takes too long.
 constexpr size_t kNumSampledImages = 50;
+// Maximum number of database images that a photo is matched with one by one: an index is faster only for more.
+constexpr size_t kMaxNumExhaustive = 50;
 
 std::vector<double> ParseCameraParams(const std::string& text) {
   std::vector<double> params;
@@ -70,9 +73,8 @@ std::nullopt_t Refuse(QueryStatus status, const std::string& reason, Localizatio
 
 bool PhotoOptions::CheckImagePath(std::string* error) const {
   if (!image_path.empty()) return true;
-  for (const auto& [name, value] :
-       {std::pair{"retrieval_index_path", &retrieval_index_path}, std::pair{"query_prior_path", &query_prior_path},
-        std::pair{"matches_output_path", &matches_output_path}}) {
+  for (const auto& [name, value] : {std::pair{"retrieval_index_path", &retrieval_index_path},
+                                    std::pair{"matches_output_path", &matches_output_path}}) {
     if (value->empty()) continue;
     *error = std::string(name) + " needs --image_path, because it is for photos";
     return false;
@@ -81,21 +83,19 @@ bool PhotoOptions::CheckImagePath(std::string* error) const {
 }
 
 bool PhotoOptions::Check(std::string* error) const {
-  return matching.Check(error) && matching.extraction.Check(error) && matching.matching.Check(error) &&
-         retrieval.Check(error);
+  OPTION_GE(cache_gb, 0);
+  return extraction.Check(error);
 }
 
 PhotoLoader::PhotoLoader(const DatabaseReader& database, const QuerySelection& selection, const PhotoOptions& options,
-                         int num_retrieved, const PairMatchingOptions& pair_options, int num_threads,
-                         bool has_more_photos)
+                         int num_retrieved, int seed, int num_threads, bool has_more_photos)
     : selection_(selection),
       options_(options),
       num_retrieved_(static_cast<size_t>(num_retrieved)),
-      pair_options_(pair_options),
+      seed_(seed),
       default_camera_(ParseDefaultCamera(options)),
       database_cameras_(selection.DatabaseModel(), options.image_path, selection.DatabaseExifFocalLengths()),
-      features_(static_cast<size_t>(std::min(options.matching.cache_gb * 1e9, 1e18)), NumBytes) {
-  if (!options.query_prior_path.empty()) search_regions_ = ReadSearchRegions(options.query_prior_path);
+      features_(static_cast<size_t>(std::min(options.cache_gb * 1e9, 1e18)), NumBytes) {
   if (!options.matches_output_path.empty()) {
     std::vector<std::string> names;
     for (const auto& [name, photo] : selection.Photos()) names.push_back(name);
@@ -124,8 +124,8 @@ PhotoLoader::PhotoLoader(const DatabaseReader& database, const QuerySelection& s
                            std::any_of(selection.Photos().begin(), selection.Photos().end(),
                                        [this](const auto& photo) { return NeedsRetrieval(photo.second); });
   if (needs_index) {
-    index_ = std::make_unique<RetrievalIndex>(options.retrieval_index_path, database, options.retrieval,
-                                              pair_options.seed, num_threads);
+    index_ =
+        std::make_unique<RetrievalIndex>(options.retrieval_index_path, database, RetrievalOptions(), seed, num_threads);
     warnings_.insert(warnings_.end(), index_->Warnings().begin(), index_->Warnings().end());
   }
 }
@@ -153,27 +153,21 @@ void PhotoLoader::MeasureCandidates(const std::map<uint32_t, size_t>& num_descri
 }
 
 std::string PhotoLoader::DescribeExtraction() const {
-  const SiftExtractionOptions chosen = ChooseExtraction(options_.matching.extraction, statistics_, database_scale_);
+  const SiftExtractionOptions chosen = ChooseExtraction(options_.extraction, statistics_, database_scale_);
   return Format("photos of %.0f pixels with a focal length of %.0f: at most %d features, first octave %d",
                 database_scale_.size_px, database_scale_.focal_length_px, chosen.max_num_features, chosen.first_octave);
 }
 
 bool PhotoLoader::NeedsRetrieval(const PhotoQuery& photo) const {
   if (photo.paired_ids) return false;
-  return !options_.retrieval_index_path.empty() ||
-         AllowedCandidates(photo).size() > static_cast<size_t>(options_.matching.max_num_exhaustive);
+  return !options_.retrieval_index_path.empty() || AllowedCandidates(photo).size() > kMaxNumExhaustive;
 }
 
 PhotoLoader::Candidates PhotoLoader::AllowedCandidates(const PhotoQuery& photo) const {
-  const auto prior = search_regions_.find(photo.name);
   Candidates allowed;
   for (const Candidate& candidate : candidates_) {
     const auto& listed = photo.paired_ids;
     if (listed && !std::binary_search(listed->begin(), listed->end(), candidate.image_id)) continue;
-    if (prior != search_regions_.end()) {
-      const Eigen::Vector3d offset = CamInWorld(candidate.image->cam_from_world) - prior->second.position;
-      if (offset.norm() > prior->second.radius) continue;
-    }
     allowed.push_back(&candidate);
   }
   return allowed;
@@ -237,8 +231,8 @@ std::optional<LocalizationProblem> PhotoLoader::Load(const PhotoQuery& photo, co
   }
   Features query_features;
   Measure("extraction", record, [&] {
-    query_features = ExtractLikeDatabase(*file, MeanFocalLength(chosen.camera), options_.matching.extraction,
-                                         statistics_, idle_threads);
+    query_features =
+        ExtractLikeDatabase(*file, MeanFocalLength(chosen.camera), options_.extraction, statistics_, idle_threads);
   });
   LocalizationProblem problem;
   problem.query_name = photo.name;
@@ -252,7 +246,7 @@ std::optional<LocalizationProblem> PhotoLoader::Load(const PhotoQuery& photo, co
     Measure("retrieval", record,
             [&] { candidates = ChooseCandidates(photo, query_features.descriptors, idle_threads); });
     Measure("load", record, [&] { database_features = LoadPairs(candidates, features, &problem, &record->damages); });
-    MatchPairs(query_features, database_features, pair_options_, idle_threads, &problem, &record->seconds);
+    MatchPairs(query_features, database_features, seed_, idle_threads, &problem, &record->seconds);
   }
   if (matches_output_) {
     Measure("matches_output", record, [&] { matches_output_->Write(problem, query_features, database_features); });

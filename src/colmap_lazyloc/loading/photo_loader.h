@@ -13,7 +13,6 @@
 #include "colmap_lazyloc/loading/database_cameras.h"
 #include "colmap_lazyloc/loading/matches_output.h"
 #include "colmap_lazyloc/matching/feature_statistics.h"
-#include "colmap_lazyloc/matching/options.h"
 #include "colmap_lazyloc/matching/pair_matching.h"
 #include "colmap_lazyloc/matching/retrieval_index.h"
 #include "colmap_lazyloc/queries/photo_camera.h"
@@ -27,10 +26,9 @@ struct PhotoOptions {
   std::string camera_model = "SIMPLE_RADIAL";
   std::string camera_params;  // of all photos without a known camera; numbers separated by commas
   std::string retrieval_index_path;
-  std::string query_prior_path;
   std::string matches_output_path;
-  PhotoMatchingOptions matching;
-  RetrievalOptions retrieval;
+  SiftExtractionOptions extraction;
+  double cache_gb = 1;  // memory for the features of database images
 
   bool Check(std::string* error) const;
   // Returns false if files for photos are named although image_path is empty.
@@ -46,7 +44,7 @@ class PhotoLoader {
   // selection must outlive this. Throws InputError for files that cannot be used, and if no posed image has
   // descriptors.
   PhotoLoader(const DatabaseReader& database, const QuerySelection& selection, const PhotoOptions& options,
-              int num_retrieved, const PairMatchingOptions& pair_options, int num_threads, bool has_more_photos);
+              int num_retrieved, int seed, int num_threads, bool has_more_photos);
 
   // Adds keypoints and times to the record. Returns nullopt, with status and reason in the record, if the photo cannot
   // be used. Leaves out database images whose features are damaged, and says so in the record. Throws InputError for a
@@ -72,7 +70,7 @@ class PhotoLoader {
   void MeasureCandidates(const std::map<uint32_t, size_t>& num_descriptors, const FeatureReader& reader);
   // Returns the photo's own intrinsics if it has any, or else chooses some.
   PhotoCamera CameraOf(const PhotoQuery& photo, const PhotoProperties& properties) const;
-  // Returns the candidates that the pairs file lists, or that the photo's prior allows.
+  // Returns the candidates that the pairs file lists, or all.
   Candidates AllowedCandidates(const PhotoQuery& photo) const;
   Candidates ChooseCandidates(const PhotoQuery& photo, const Descriptors& descriptors, IdleThreads* idle_threads) const;
   bool NeedsRetrieval(const PhotoQuery& photo) const;
@@ -83,11 +81,10 @@ class PhotoLoader {
   const QuerySelection& selection_;
   const PhotoOptions options_;
   const size_t num_retrieved_;
-  const PairMatchingOptions pair_options_;
+  const int seed_;
   const DefaultCamera default_camera_;
   const DatabaseCameras database_cameras_;
   std::vector<Candidate> candidates_;  // posed images with descriptors, sorted by name
-  std::map<std::string, SearchRegion> search_regions_;
   std::unique_ptr<MatchesOutput> matches_output_;
   std::unique_ptr<RetrievalIndex> index_;
   FeatureStatistics statistics_;  // of the candidates

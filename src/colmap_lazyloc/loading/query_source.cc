@@ -40,21 +40,19 @@ LoadedGroup LoadEach(const GroupInput& input, const LoadQueryFunction& load_quer
   return loaded;
 }
 
-QuerySource::QuerySource(const SourceOptions& options, const TwoViewGeometryOptions& verification, int seed,
-                         int num_threads)
-    : QuerySource(options, ReadModel(options.input_path), verification, seed, num_threads) {}
+QuerySource::QuerySource(const SourceOptions& options, int seed, int num_threads)
+    : QuerySource(options, ReadModel(options.input_path), seed, num_threads) {}
 
-QuerySource::QuerySource(const SourceOptions& options, Model model, const TwoViewGeometryOptions& verification,
-                         int seed, int num_threads)
+QuerySource::QuerySource(const SourceOptions& options, Model model, int seed, int num_threads)
     : options_(options),
-      pair_options_({options.photos.matching.matching, verification, seed}),
+      seed_(seed),
       num_threads_(num_threads),
       database_(options.database_path),
       selection_(database_, std::move(model), options.selection, !options.photos.image_path.empty()),
       pair_loader_(selection_, options.num_retrieved),
       priors_(ReadQueryPriors(options.priors,
                               [this](const std::string& name) { return selection_.FindGroup(name).has_value(); })),
-      neighbours_(selection_, verification.min_num_inliers),
+      neighbours_(selection_),
       depth_points_(selection_),
       max_num_pairs_(options.selection.pairs_path.empty() ? options.num_retrieved : 0) {
   if (!options.depth.depth_path.empty()) depth_maps_.emplace(options.depth);
@@ -63,8 +61,8 @@ QuerySource::QuerySource(const SourceOptions& options, Model model, const TwoVie
 
 const PhotoLoader& QuerySource::Photos() const {
   std::call_once(photo_loader_is_made_, [this] {
-    photo_loader_ = std::make_unique<PhotoLoader>(database_, selection_, options_.photos, options_.num_retrieved,
-                                                  pair_options_, num_threads_, options_.selection.has_more_queries);
+    photo_loader_ = std::make_unique<PhotoLoader>(database_, selection_, options_.photos, options_.num_retrieved, seed_,
+                                                  num_threads_, options_.selection.has_more_queries);
   });
   return *photo_loader_;
 }

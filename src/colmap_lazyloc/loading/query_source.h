@@ -9,7 +9,6 @@
 #include <variant>
 #include <vector>
 
-#include "colmap_lazyloc/bridge/two_view_geometry.h"
 #include "colmap_lazyloc/database/database_reader.h"
 #include "colmap_lazyloc/database/feature_reader.h"
 #include "colmap_lazyloc/formats/query_prior_files.h"
@@ -68,12 +67,11 @@ class QuerySource {
   // The readers of one thread.
   class Session;
 
-  // verification, seed, num_threads: for photos, whose matches are verified and whose retrieval index is made here
-  // (num_threads: -1 for the number of cores). Throws InputError for files and options that cannot be used.
-  QuerySource(const SourceOptions& options, const TwoViewGeometryOptions& verification, int seed, int num_threads);
+  // seed, num_threads: for photos, whose matches are verified and whose retrieval index is made here (num_threads: -1
+  // for the number of cores). Throws InputError for files and options that cannot be used.
+  QuerySource(const SourceOptions& options, int seed, int num_threads);
   // Does the same with a model that is in memory instead of the one at input_path.
-  QuerySource(const SourceOptions& options, Model model, const TwoViewGeometryOptions& verification, int seed,
-              int num_threads);
+  QuerySource(const SourceOptions& options, Model model, int seed, int num_threads);
 
   const QuerySelection& Selection() const { return selection_; }
   size_t NumGroups() const { return selection_.Groups().Size(); }
@@ -109,7 +107,7 @@ class QuerySource {
   std::optional<LocalizationProblem> LoadPhoto(const PhotoQuery& photo, Session* session, QueryRecord* record) const;
 
   const SourceOptions options_;
-  const PairMatchingOptions pair_options_;
+  const int seed_;
   const int num_threads_;
   DatabaseReader database_;
   QuerySelection selection_;

@@ -7,7 +7,6 @@
 #include "colmap_lazyloc/math/descriptor_products.h"
 #include "colmap_lazyloc/math/vectorized.h"
 #include "colmap_lazyloc/scene/errors.h"
-#include "colmap_lazyloc/scene/options_check.h"
 
 namespace lazyloc {
 namespace {
@@ -16,6 +15,8 @@ static_assert(kDescriptorDim == kFeatureType.num_columns);
 
 constexpr float kSquaredLength = 512 * 512;  // of every descriptor
 constexpr int kRowsPerChunk = 256;           // rows whose neighbours fit into a cache while all blocks pass
+// Maximum angle between matched descriptors, and maximum ratio of it to that of the second best: COLMAP's defaults.
+constexpr float kMaxAngleRad = 0.7f, kMaxRatio = 0.8f;
 constexpr int kVectorsPerBlock = kDescriptorBlock / kNumLanes;
 
 // In each lane: the largest and second largest product so far, and the place where the largest one was first.
@@ -61,12 +62,11 @@ struct Neighbour {
   }
 
   // Returns the index if the neighbour is near enough and clearly the nearest, else -1.
-  int Match(const SiftMatchingOptions& options) const {
+  int Match() const {
     if (index < 0) return -1;
     const float angle = std::acos(std::min(static_cast<float>(best) / kSquaredLength, 1.0f));
     const float second_angle = std::acos(std::min(static_cast<float>(second) / kSquaredLength, 1.0f));
-    const bool is_good = angle <= static_cast<float>(options.max_distance) &&
-                         angle < static_cast<float>(options.max_ratio) * second_angle;
+    const bool is_good = angle <= kMaxAngleRad && angle < kMaxRatio * second_angle;
     return is_good ? index : -1;
   }
 };
@@ -116,21 +116,14 @@ AllNeighbours FindNeighbours(const DescriptorRows& rows, const DescriptorBlocks&
 
 }  // namespace
 
-bool SiftMatchingOptions::Check(std::string* error) const {
-  OPTION_GT(max_ratio, 0);
-  OPTION_LE(max_ratio, 1);
-  OPTION_GT(max_distance, 0);
-  return true;
-}
-
-Matches MatchDescriptors(const Descriptors& query, const Descriptors& database, const SiftMatchingOptions& options) {
+Matches MatchDescriptors(const Descriptors& query, const Descriptors& database) {
   Matches matches;
   if (query.rows() == 0 || database.rows() == 0) return matches;
   LAZYLOC_CHECK(query.cols() == kDescriptorDim && database.cols() == kDescriptorDim);
   const AllNeighbours neighbours = FindNeighbours(DescriptorRows(query), DescriptorBlocks(database));
   for (int i = 0; i < query.rows(); ++i) {
-    const int other = neighbours.OfRow(i).Match(options);
-    if (other < 0 || (options.cross_check && neighbours.OfColumn(other).Match(options) != i)) continue;
+    const int other = neighbours.OfRow(i).Match();
+    if (other < 0 || neighbours.OfColumn(other).Match() != i) continue;
     matches.push_back({static_cast<uint32_t>(i), static_cast<uint32_t>(other)});
   }
   return matches;

@@ -1,24 +1,25 @@
 #include "colmap_lazyloc/matching/pair_matching.h"
 
+#include "colmap_lazyloc/bridge/two_view_geometry.h"
+#include "colmap_lazyloc/matching/descriptor_matching.h"
 #include "colmap_lazyloc/math/seed.h"
 #include "colmap_lazyloc/scene/errors.h"
 
 namespace lazyloc {
 namespace {
 
-TwoViewGeometry Verify(const LocalizationProblem& problem, const ImagePair& pair, const PairMatchingOptions& options) {
-  TwoViewGeometryOptions verification = options.verification;
+TwoViewGeometry Verify(const LocalizationProblem& problem, const ImagePair& pair, int seed) {
   // A wrong focal length loses right matches, so that one that nobody has stated must not choose them.
-  verification.is_query_calibrated = IsCalibrated(problem.intrinsics_origin);
+  const bool is_calibrated = IsCalibrated(problem.intrinsics_origin);
   TwoViewGeometry geometry;
-  if (static_cast<int>(pair.matches.size()) >= options.verification.min_num_inliers) {
-    geometry = EstimateTwoViewGeometry(pair.other_camera, pair.other_keypoints, problem.query_camera,
-                                       problem.query_keypoints, pair.matches, verification,
-                                       SeedFromNames(problem.query_name, pair.other_name, options.seed));
+  if (static_cast<int>(pair.matches.size()) >= kMinNumInliers) {
+    geometry =
+        EstimateTwoViewGeometry(pair.other_camera, pair.other_keypoints, problem.query_camera, problem.query_keypoints,
+                                pair.matches, is_calibrated, SeedFromNames(problem.query_name, pair.other_name, seed));
   }
   // Marks the pair as unusable, because nothing more can be found in these matches.
-  const bool is_usable = HoldsCalibrated(geometry.config) ||
-                         (!verification.is_query_calibrated && geometry.config == TwoViewConfig::UNCALIBRATED);
+  const bool is_usable =
+      HoldsCalibrated(geometry.config) || (!is_calibrated && geometry.config == TwoViewConfig::UNCALIBRATED);
   if (!is_usable) geometry.config = TwoViewConfig::DEGENERATE;
   return geometry;
 }
@@ -26,8 +27,7 @@ TwoViewGeometry Verify(const LocalizationProblem& problem, const ImagePair& pair
 }  // namespace
 
 void MatchPairs(const Features& query_features, const std::vector<std::shared_ptr<const Features>>& database_features,
-                const PairMatchingOptions& options, IdleThreads* idle_threads, LocalizationProblem* problem,
-                StageTimer::Seconds* seconds) {
+                int seed, IdleThreads* idle_threads, LocalizationProblem* problem, StageTimer::Seconds* seconds) {
   std::vector<ImagePair>& pairs = problem->pairs;
   LAZYLOC_CHECK(database_features.size() == pairs.size());
   {
@@ -36,14 +36,14 @@ void MatchPairs(const Features& query_features, const std::vector<std::shared_pt
         pairs.size(),
         [&](size_t i) {
           const Features& features = *database_features[i];
-          pairs[i].matches = MatchDescriptors(query_features.descriptors, features.descriptors, options.matching);
+          pairs[i].matches = MatchDescriptors(query_features.descriptors, features.descriptors);
           pairs[i].other_keypoints = Positions(features.keypoints);
         },
         idle_threads);
   }
   const StageTimer timer("verification", seconds);
   ParallelFor(
-      pairs.size(), [&](size_t i) { pairs[i].geometry = Verify(*problem, pairs[i], options); }, idle_threads);
+      pairs.size(), [&](size_t i) { pairs[i].geometry = Verify(*problem, pairs[i], seed); }, idle_threads);
 }
 
 }  // namespace lazyloc

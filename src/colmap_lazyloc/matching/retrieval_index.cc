@@ -11,6 +11,7 @@
 #include "colmap_lazyloc/files/staged_output.h"
 #include "colmap_lazyloc/math/descriptor_products.h"
 #include "colmap_lazyloc/scene/errors.h"
+#include "colmap_lazyloc/scene/options_check.h"
 
 namespace lazyloc {
 namespace {
@@ -88,6 +89,15 @@ Descriptors SampleDescriptors(const std::vector<DatabaseImage>& images, const Fe
 }
 
 }  // namespace
+
+bool RetrievalOptions::Check(std::string* error) const {
+  OPTION_GE(num_visual_words, 2);
+  if (max_num_features < 1 && max_num_features != -1) {
+    *error = "max_num_features must be >= 1, or -1";
+    return false;
+  }
+  return true;
+}
 
 std::string IndexEstimate::Text() const {
   const uint64_t num_megabytes = num_features * kBytesPerFeature / 1000000 + 1;

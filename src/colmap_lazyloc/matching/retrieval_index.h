@@ -11,9 +11,15 @@
 #include "colmap_lazyloc/bridge/visual_index.h"
 #include "colmap_lazyloc/database/database_reader.h"
 #include "colmap_lazyloc/database/feature_reader.h"
-#include "colmap_lazyloc/matching/options.h"
 
 namespace lazyloc {
+
+struct RetrievalOptions {
+  int num_visual_words = 16384;  // maximum; a small database has fewer, because too few descriptors make bad words
+  int max_num_features = -1;     // per image that is added: those of the largest scales; -1 for all
+
+  bool Check(std::string* error) const;
+};
 
 // What an index of all images of a database will take.
 struct IndexEstimate {

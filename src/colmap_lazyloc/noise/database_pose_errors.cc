@@ -129,12 +129,10 @@ bool AreStddevsStated(const LocalizerOptions& options) {
 
 ExpectedPoseErrors ExpectPoseErrors(const LocalizerOptions& options) {
   if (AreStddevsStated(options)) return {{}, PoseNoiseSource::STATED};
-  const bool is_stated = options.database_pose_noise_px >= 0;
-  const double viewpoint_px = is_stated ? options.database_pose_noise_px : kViewpointNoisePx;
-  return {{{viewpoint_px, kLogStddev, kMinViewpointNoisePx, kFirstViewpointNoisePx},
+  return {{{kViewpointNoisePx, kLogStddev, kMinViewpointNoisePx, kFirstViewpointNoisePx},
            {kIndependentNoisePx, kRotationLogStddev, kIndependentNoisePx, kFirstIndependentNoisePx},
            {kIndependentNoisePx, kLogStddev, kIndependentNoisePx, kFirstIndependentNoisePx}},
-          is_stated ? PoseNoiseSource::STATED : PoseNoiseSource::DEFAULT};
+          PoseNoiseSource::DEFAULT};
 }
 
 std::vector<ExpectedPoseErrors> MeasurePoseErrors(const QueryGroup& group, const LocalizerOptions& options) {

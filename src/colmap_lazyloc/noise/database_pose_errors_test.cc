@@ -83,11 +83,6 @@ TEST(MeasurePoseErrors, IsAsLargeAsTheErrorsOfTheDatabase) {
 TEST(MeasurePoseErrors, StatedSizesStay) {
   const QueryGroup group = MakeGroup(6, 0);
   LocalizerOptions options;
-  options.database_pose_noise_px = 0.7;
-  const ExpectedPoseErrors in_px = MeasurePoseErrors(group, options).at(0);
-  EXPECT_EQ(in_px.source, PoseNoiseSource::STATED);
-  EXPECT_EQ(in_px.AsResult().viewpoint_px, 0.7);
-  options = {};
   options.database_pose_stddev_deg = 0;
   EXPECT_EQ(MeasurePoseErrors(group, options).at(0).source, PoseNoiseSource::STATED);
   EXPECT_EQ(MeasurePoseErrors(group, options).at(0).AsResult().viewpoint_px, 0);

@@ -10,7 +10,7 @@
 namespace lazyloc {
 namespace {
 
-// Distance of viewpoints at which database_pose_noise_px is stated, and the power of it by which variances grow:
+// Distance of viewpoints at which the size of pose errors is expected, and the power of it by which variances grow:
 // between that of a random walk (1) and that of errors which change steadily (2).
 constexpr double kReferenceDistance = 0.2;
 constexpr double kPower = 1.5;

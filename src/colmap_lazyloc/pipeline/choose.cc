@@ -147,7 +147,7 @@ std::vector<int> FramesWithoutPose(const Choice& choice, const LocalizerOptions&
 bool OvercomesPairs(const Solution& other_starts, const LocalizerOptions& options) {
   if (!HasPose(other_starts, options) || IsDistanceByPrior(other_starts, options)) return false;
   // Accepts nothing that rests on epipolar constraints alone, because relative poses contradict each other.
-  return other_starts.measured.evidence.front().num_common_tracks >= options.min_num_tracks &&
+  return other_starts.measured.evidence.front().num_common_tracks >= kMinNumTracks &&
          ConfidenceOf(other_starts) >= options.min_confidence;
 }
 

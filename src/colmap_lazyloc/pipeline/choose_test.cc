@@ -47,7 +47,7 @@ TEST_F(ChooseTest, OtherStartsOvercomePairsOnlyWithPointsAndConfidence) {
   AddGiven().failure = Failure{QueryStatus::SCALE_UNOBSERVABLE, ""};
   Solution& other = Add(kOtherStarts);
   EXPECT_EQ(Index(), 1);
-  other.measured.evidence[0].num_common_tracks = options_.min_num_tracks - 1;
+  other.measured.evidence[0].num_common_tracks = kMinNumTracks - 1;
   options_.min_confidence = 0;
   EXPECT_EQ(Index(), 0) << "epipolar constraints alone";
   other.measured.evidence[0] = query_.Unlikely();

@@ -280,13 +280,9 @@ TEST(LocalizerOptions, DefaultsPassAndBadOnesAreNamed) {
   std::string error;
   EXPECT_TRUE(LocalizerOptions().Check(&error));
   LocalizerOptions options;
-  options.num_refinement_rounds = 0;
+  options.max_num_pairs = -1;
   EXPECT_FALSE(options.Check(&error));
-  EXPECT_THAT(error, testing::HasSubstr("num_refinement_rounds"));
-  options = {};
-  options.max_num_start_tracks = -1;
-  EXPECT_FALSE(options.Check(&error));
-  EXPECT_EQ(error, "max_num_start_tracks must be >= 4, but is -1");
+  EXPECT_EQ(error, "max_num_pairs must be >= 0, but is -1");
   options = {};
   options.bundle_adjustment.loss_scale_sigma = 0;
   EXPECT_FALSE(options.Check(&error));

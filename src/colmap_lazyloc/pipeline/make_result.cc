@@ -130,7 +130,7 @@ void AddTracks(const Layout& layout, const BundleAdjustmentResult& adjustment, R
 }
 
 // Adds what the last adjustment contributes beside the poses.
-void AddRefined(const Solution& solution, const LocalizerOptions& options, Results* results) {
+void AddRefined(const Solution& solution, Results* results) {
   const Layout& layout = solution.prepared->layout;
   const Refined& refined = *solution.refined;
   AddTracks(layout, refined.adjustment, results);
@@ -141,7 +141,7 @@ void AddRefined(const Solution& solution, const LocalizerOptions& options, Resul
     if (!result.depth) continue;
     const TrackRefs& tracks = tracks_of[layout.FrameOf(query)];
     result.depth->num_points = CountTracksWithDepth(refined.adjustment.posed, tracks);
-    result.depth->fixes_distance = FixDistance(refined.adjustment.posed, tracks, options);
+    result.depth->fixes_distance = FixDistance(refined.adjustment.posed, tracks);
   }
 }
 
@@ -232,7 +232,7 @@ Results MakeResults(const Choice& choice, const LocalizerOptions& options, const
     return results;
   }
   if (!solution.hypothesis.estimates_focal_length) AddPairErrors(solution, &results);
-  if (solution.refined) AddRefined(solution, options, &results);
+  if (solution.refined) AddRefined(solution, &results);
   return results;
 }
 

@@ -15,6 +15,8 @@
 namespace lazyloc {
 namespace {
 
+// Number of rounds: one from a rough start, one that estimates noise and priors, and one with these.
+constexpr int kNumRounds = 3;
 constexpr int kMaxNumEstimates = 8;
 // Factor on the convergence bound of all adjustments but the last, because another one follows.
 constexpr double kIntermediateConvergence = 5;
@@ -36,7 +38,7 @@ class Rounds {
 
   // Keeps the tracks from the database that fit the query, and triangulates the others with it.
   void SetTracks(SplitTracks split, double max_query_error_sigma);
-  void AdjustRoughly(bool is_last);
+  void AdjustRoughly();
   void AdjustWithEstimatedPriors();
   void AdjustFinally() { AdjustWithPriors(/*is_last=*/true); }
   // Estimates the image noise, after the first round also what the priors and tracks of one image are expected to be.
@@ -74,9 +76,9 @@ void Rounds::SetTracks(SplitTracks split, double max_query_error_sigma) {
   }
   const std::vector<TrackRefs> tracks_of = TracksByFrame(layout_, adjustment_.tracks);
   CheckFrames(layout_.num_query_frames, QueryStatus::TOO_FEW_TRACKS, [&](int frame) {
-    if (static_cast<int>(tracks_of[frame].size()) >= options_.min_num_tracks) return Reason();
+    if (static_cast<int>(tracks_of[frame].size()) >= kMinNumTracks) return Reason();
     return Reason(std::to_string(tracks_of[frame].size()) + " of " + std::to_string(num_candidates) +
-                  " tracks can be triangulated; " + std::to_string(options_.min_num_tracks) + " are needed");
+                  " tracks can be triangulated; " + std::to_string(kMinNumTracks) + " are needed");
   });
 }
 
@@ -105,9 +107,9 @@ CandidateTracks Rounds::Observe(CandidateTracks candidates) const {
 }
 
 // Adjusts without priors, because errors of a rough start would be taken for errors of the database.
-void Rounds::AdjustRoughly(bool is_last) {
+void Rounds::AdjustRoughly() {
   SetDepthScales(kStartNoisePx);
-  Adjust(is_last);
+  Adjust(/*is_last=*/false);
 }
 
 void Rounds::AdjustWithPriors(bool is_last) {
@@ -159,18 +161,6 @@ BundleAdjustmentResult Rounds::Finish() && {
   return std::move(adjustment_);
 }
 
-// Returns the share of the matches with database images that the tracks for the start hold.
-double TriedRatio(const Layout& layout, const CandidateTracks& candidates) {
-  const auto count = [&](const std::vector<Track>& tracks) {
-    double num_matches = 0;
-    for (const Track& track : tracks) {
-      for (const TrackObservation& element : track.observations) num_matches += layout.IsDatabase(element.image);
-    }
-    return num_matches;
-  };
-  return count(candidates.for_start) / std::max(count(candidates.all), 1.0);
-}
-
 }  // namespace
 
 Refined Refine(const Layout& layout, const PosedImages& start, const SplitTracks& start_tracks,
@@ -178,8 +168,8 @@ Refined Refine(const Layout& layout, const PosedImages& start, const SplitTracks
                QueryCamera* camera) {
   Refined refined;
   Rounds rounds(layout, start, options, camera);
-  for (int round = 0; round < options.num_refinement_rounds; ++round) {
-    const bool is_first = round == 0, is_last = round + 1 == options.num_refinement_rounds;
+  for (int round = 0; round < kNumRounds; ++round) {
+    const bool is_first = round == 0, is_last = round + 1 == kNumRounds;
     {
       const StageTimer timer("triangulation", seconds);
       const auto triangulate = [&] {
@@ -187,13 +177,12 @@ Refined Refine(const Layout& layout, const PosedImages& start, const SplitTracks
                                        options.triangulation);
       };
       SplitTracks split = is_first ? start_tracks : triangulate();
-      if (is_first && is_last) refined.tried_ratio = TriedRatio(layout, candidates);
       if (is_last) refined.rig_errors_px = CheckRigs(layout, rounds.Posed(), split.from_database, options);
       rounds.SetTracks(std::move(split), is_first ? kMaxStartErrorSigma : options.triangulation.max_query_error_sigma);
     }
     const StageTimer timer("adjustment", seconds);
     if (is_first) {
-      rounds.AdjustRoughly(is_last);
+      rounds.AdjustRoughly();
     } else if (is_last) {
       rounds.AdjustFinally();
     } else {

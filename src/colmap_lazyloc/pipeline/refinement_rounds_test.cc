@@ -77,16 +77,6 @@ TEST_P(GroupsToRefine, StaysNearTheTruthWithNoise) {
 INSTANTIATE_TEST_SUITE_P(Refine, GroupsToRefine,
                          testing::Values(GroupSize{1, 1}, GroupSize{1, 3}, GroupSize{3, 1}, GroupSize{2, 2}));
 
-TEST(Refine, EitherTriangulationGivesTheSamePose) {
-  const StageInput input = MakeStageInput(MakeSyntheticGroup(Group(1, 1, 1)));
-  LocalizerOptions options;
-  const PosedImages rays = RefineFrom(DisturbedStart(input), input, options).adjustment.posed;
-  options.triangulation.method = TriangulationMethod::COLMAP;
-  const PosedImages colmap = RefineFrom(DisturbedStart(input), input, options).adjustment.posed;
-  ExpectNear({{colmap.images[0]}, colmap.frames, {}}, {{rays.images[0]}, rays.frames, {}}, 5e-3, 0.05);
-  ExpectNear(colmap, input.truth, 0.02, 0.2);
-}
-
 TEST(Refine, DatabasePosesOfTheLayoutAreTheCentresOfThePriors) {
   const StageInput input = MakeStageInput(MakeSyntheticGroup(Group(1, 1, 1)));
   const PosedImages given = input.layout.given;
@@ -152,13 +142,11 @@ TEST(Refine, TracksThatDisagreeAreRemoved) {
 }
 
 // Displaces a keypoint by less than the bound of the first round (32 px), but more than the final one (16 px).
-TEST(Refine, TracksThatDisagreeWithTheResultAreRemovedAfterTheLastRound) {
+TEST(Refine, TracksThatDisagreeWithTheResultAreRemoved) {
   const SyntheticGroup scene = MakeSyntheticGroup(Group(1, 1));
   StageInput input = MakeStageInput(scene);
   DisplaceQuery(24, scene, &input.tracks[7]);
-  LocalizerOptions options;
-  options.num_refinement_rounds = 1;
-  const std::vector<Track> tracks = RefineFrom(input.truth, input, options).adjustment.tracks;
+  const std::vector<Track> tracks = RefineFrom(input.truth, input).adjustment.tracks;
   EXPECT_EQ(tracks.size(), input.tracks.size() - 1);
   for (const Track& track : tracks) EXPECT_NE(track.observations.front().keypoint, 7);
 }

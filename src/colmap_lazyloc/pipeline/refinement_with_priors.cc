@@ -44,7 +44,7 @@ class Refinement {
   void TryOtherOrientation(const PosedImages& start, Refined* refined) const {
     const BundleAdjustmentResult& adjustment = refined->adjustment;
     const TrackRefs tracks = TracksByFrame(layout_, adjustment.tracks)[0];
-    if (static_cast<int>(tracks.size()) < options_.min_num_tracks) return;
+    if (static_cast<int>(tracks.size()) < kMinNumTracks) return;
     if (!IsPositionOpen({layout_, pairs_, adjustment, 0, tracks, refined->variance_factor}, options_)) return;
     const std::optional<Rigid3d> pose = OtherOrientation(CamFromWorld(adjustment.posed, 0),
                                                          CamFromWorld(adjustment.posed, pairs_.front()->other), tracks);

@@ -26,7 +26,7 @@ PosedImages RefineWithoutTracks(const QueryGroup& query, const Layout& layout, c
                                 const LocalizerOptions& options) {
   switch (options.post_optimization) {
     case PostOptimization::SAMPSON: {
-      const CandidateTracks tracks = CollectTracks(query, layout, averaged.pairs, options);
+      const CandidateTracks tracks = CollectTracks(query, layout, averaged.pairs);
       return PosedOrFailure(RefineBySampsonError(averaged.posed, tracks.all, options.sampson));
     }
     case PostOptimization::RELATIVE_POSE_LO: return PosedOrFailure(RefineByRelativePoses(layout, averaged, options));

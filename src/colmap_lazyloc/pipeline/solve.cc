@@ -26,7 +26,7 @@ constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
 
 // Takes contradicted intrinsics for unobservable if depths or a prior alone fix the distance: their errors look like
 // those of intrinsics, and a single image hardly tells the focal length.
-void IgnoreContradictionsOfEvidence(const Layout& layout, const Refined& refined, const LocalizerOptions& options,
+void IgnoreContradictionsOfEvidence(const Layout& layout, const Refined& refined,
                                     std::vector<IntrinsicsResult>* intrinsics) {
   if (!layout.has_depths && !refined.open_line) return;
   const BundleAdjustmentResult& adjustment = refined.adjustment;
@@ -34,7 +34,7 @@ void IgnoreContradictionsOfEvidence(const Layout& layout, const Refined& refined
   for (int query = 0; query < layout.num_queries; ++query) {
     IntrinsicsResult& result = (*intrinsics)[query];
     if (result.verdict != IntrinsicsVerdict::CONTRADICTED) continue;
-    if (!refined.open_line && !FixDistance(adjustment.posed, tracks_of[layout.FrameOf(query)], options)) continue;
+    if (!refined.open_line && !FixDistance(adjustment.posed, tracks_of[layout.FrameOf(query)])) continue;
     result.verdict = IntrinsicsVerdict::UNOBSERVABLE;
     result.contradiction.clear();
   }
@@ -159,7 +159,7 @@ class Solver {
             Failure{QueryStatus::INCONSISTENT_ROTATIONS, "no start fits the matches"}};
   }
 
-  CandidateTracks Collect(const PairRefs& pairs) { return CollectTracks(group_, layout_, pairs, options_); }
+  CandidateTracks Collect(const PairRefs& pairs) { return CollectTracks(group_, layout_, pairs); }
 
   SplitTracks TriangulateStart(const CandidateTracks& candidates) {
     return TriangulateFromDatabase(layout_.given, candidates.for_start, options_.triangulation);
@@ -179,7 +179,7 @@ class Solver {
       Timed("priors", seconds_, [&] { FusePriors(layout_, &priors, &checked); });
       solution_.priors = std::move(priors);
     }
-    IgnoreContradictionsOfEvidence(layout_, refined, options_, &checked.results);
+    IgnoreContradictionsOfEvidence(layout_, refined, &checked.results);
     solution_.measured = Timed("confidence", seconds_, [&] {
       return MeasureEvidence(layout_, estimates_, /*has_relative_poses=*/camera == nullptr, refined, checked.poses);
     });

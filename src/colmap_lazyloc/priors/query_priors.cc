@@ -141,7 +141,7 @@ PriorJudgement JudgePriors(const Layout& layout, const PairRefs& pairs, const Re
     if (!layout.priors[query].position && !layout.priors[query].gravity) continue;
     const int frame = layout.FrameOf(query);
     // Compares nothing with a pose that has too few tracks, because it will be refused.
-    if (static_cast<int>(tracks_of[frame].size()) < options.min_num_tracks) continue;
+    if (static_cast<int>(tracks_of[frame].size()) < kMinNumTracks) continue;
     const AdjustedFrame adjusted{layout,
                                  pairs,
                                  refined.adjustment,

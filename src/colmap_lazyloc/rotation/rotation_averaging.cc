@@ -12,10 +12,6 @@
 namespace lazyloc {
 namespace {
 
-// Maximum angle between a start rotation and the proposal of an edge that supports it: the angle within which pairs are
-// later said to agree.
-constexpr double kVoteErrorDeg = 5;
-
 void AverageBy(RotationAveragingMethod method, const RotationAveragingProblem& problem,
                RotationAveragingResult* result) {
   switch (method) {
@@ -47,7 +43,7 @@ RotationAveragingResult AverageRotations(const RotationAveragingProblem& problem
     result.summary.message = "a relative rotation is not finite";
     return result;
   }
-  StartFromVotes(problem, DegToRad(kVoteErrorDeg), &result);
+  StartFromVotes(problem, DegToRad(kMaxRotationErrorDeg), &result);
   if (result.is_known == problem.is_fixed) {
     result.summary.message = "no unknown rotation is linked to a fixed one";
     return result;

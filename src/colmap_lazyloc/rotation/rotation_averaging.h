@@ -10,6 +10,9 @@
 
 namespace lazyloc {
 
+// Maximum angle between rotations that agree: several times the error of a good pair.
+inline constexpr double kMaxRotationErrorDeg = 5;
+
 // Measured relative rotation between two nodes: R_node2 = node2_from_node1 * R_node1, with R = cam_from_world.
 struct RotationEdge {
   int node1 = -1;

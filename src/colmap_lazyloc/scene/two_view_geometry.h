@@ -10,6 +10,9 @@
 
 namespace lazyloc {
 
+// Minimum number of verified matches of a pair that is used: COLMAP's default.
+inline constexpr int kMinNumInliers = 15;
+
 // COLMAP's TwoViewGeometry::ConfigurationType. The values are those of COLMAP 3.6 to 4.2.
 enum class TwoViewConfig {
   UNDEFINED = 0,

@@ -89,7 +89,7 @@ void AverageRotation(const Layout& layout, const LocalizerOptions& options, Aver
   for (size_t i = 0; i < errors_rad.size(); ++i) {
     if (edge_of_pair[i] >= 0) errors_rad[i] = result.edge_errors_rad[edge_of_pair[i]];
   }
-  const double max_error_deg = options.max_rotation_error_deg + 3 * std::max(0.0, options.database_pose_stddev_deg);
+  const double max_error_deg = kMaxRotationErrorDeg + 3 * std::max(0.0, options.database_pose_stddev_deg);
   CheckRigRotations(layout, averaged->pairs, errors_rad, max_error_deg, options);
   averaged->pairs = AgreeingPairs(layout, averaged->pairs, errors_rad, max_error_deg);
 }

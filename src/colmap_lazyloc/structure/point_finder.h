@@ -1,11 +1,9 @@
 #pragma once
 
-#include <memory>
 #include <optional>
 #include <vector>
 
 #include "colmap_lazyloc/structure/track_evaluator.h"
-#include "colmap_lazyloc/structure/track_triangulation.h"
 
 namespace lazyloc {
 
@@ -13,25 +11,34 @@ namespace lazyloc {
 // matches exceed it once in 3000.
 inline constexpr double kMaxDatabaseErrorSigma = 4;
 
-// Finds the points of tracks, one track after the other.
+// Finds the points of tracks, one track after the other, as the points nearest to all rays. Works in buffers that it
+// keeps.
 class PointFinder {
  public:
-  virtual ~PointFinder() = default;
+  // max_cos_angle: cosine of the minimum angle between two rays that tell a point. The evaluator must outlive this.
+  PointFinder(const TrackEvaluator& evaluator, double max_cos_angle)
+      : evaluator_(evaluator), max_cos_angle_(max_cos_angle) {}
 
   // Returns the point nearest to all used observations; nullopt if they have none.
-  virtual std::optional<Eigen::Vector3d> FindPoint(const std::vector<TrackObservation>& observations,
-                                                   const ObservationIndices& used) = 0;
+  std::optional<Eigen::Vector3d> FindPoint(const std::vector<TrackObservation>& observations,
+                                           const ObservationIndices& used) const;
 
   // Returns a point that the used observations fit within kMaxDatabaseErrorSigma, after removing from `used` those
-  // that disagree; nullopt if fewer than two agree.
-  virtual std::optional<Eigen::Vector3d> FindConsensus(const std::vector<TrackObservation>& observations,
-                                                       ObservationIndices* used) = 0;
-};
+  // that disagree: all but those that agree with the pair of observations that most others agree with. Returns nullopt
+  // if fewer than two agree.
+  std::optional<Eigen::Vector3d> FindConsensus(const std::vector<TrackObservation>& observations,
+                                               ObservationIndices* used);
 
-// Make the finders of TriangulationMethod. `evaluator` and `options` must outlive them.
-std::unique_ptr<PointFinder> MakeRayPointFinder(const TrackEvaluator& evaluator,
-                                                const TrackTriangulationOptions& options);
-std::unique_ptr<PointFinder> MakeColmapPointFinder(const TrackEvaluator& evaluator,
-                                                   const TrackTriangulationOptions& options);
+ private:
+  bool Agrees(const TrackObservation& element, const Eigen::Vector3d& point) const;
+  bool AllAgree(const std::vector<TrackObservation>& observations, const ObservationIndices& used,
+                const Eigen::Vector3d& point) const;
+  // Sets `best` to the candidates that agree with the pair of candidates that most others agree with.
+  void FindBestAgreeing(const std::vector<TrackObservation>& observations, ObservationIndices* best);
+
+  const TrackEvaluator& evaluator_;
+  const double max_cos_angle_;
+  ObservationIndices candidates_, agreeing_, pair_;
+};
 
 }  // namespace lazyloc

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <memory>
 #include <numeric>
 #include <optional>
 #include <utility>
@@ -14,12 +13,6 @@
 namespace lazyloc {
 namespace {
 
-std::unique_ptr<PointFinder> MakePointFinder(const TrackEvaluator& evaluator,
-                                             const TrackTriangulationOptions& options) {
-  return options.method == TriangulationMethod::COLMAP ? MakeColmapPointFinder(evaluator, options)
-                                                       : MakeRayPointFinder(evaluator, options);
-}
-
 // Triangulates one track after the other.
 class TrackTriangulator {
  public:
@@ -27,7 +20,7 @@ class TrackTriangulator {
       : evaluator_(posed),
         options_(options),
         max_cos_angle_(std::cos(DegToRad(options.min_triangulation_angle_deg))),
-        finder_(MakePointFinder(evaluator_, options)) {}
+        finder_(evaluator_, max_cos_angle_) {}
 
   // Sets the track's point from its database observations and removes those that disagree with it. Returns false if the
   // track has no such point.
@@ -39,7 +32,7 @@ class TrackTriangulator {
     }
     const size_t num_queries = observations.size() - used_.size();  // they come first
     if (used_.size() < 2) return false;
-    const std::optional<Eigen::Vector3d> point = finder_->FindConsensus(observations, &used_);
+    const std::optional<Eigen::Vector3d> point = finder_.FindConsensus(observations, &used_);
     if (!point || !evaluator_.IsSeenUnderAngle(observations, used_, *point, max_cos_angle_)) return false;
     track->point_in_world = *point;
     size_t num_kept = num_queries;
@@ -55,7 +48,7 @@ class TrackTriangulator {
     used_.resize(observations.size());
     std::iota(used_.begin(), used_.end(), 0);
     track->noise_ratio = options_.single_image_noise_ratio;
-    const std::optional<Eigen::Vector3d> point = finder_->FindPoint(observations, used_);
+    const std::optional<Eigen::Vector3d> point = finder_.FindPoint(observations, used_);
     if (!point || !evaluator_.IsSeenUnderAngle(observations, used_, *point, max_cos_angle_)) return FromDepth(track);
     track->point_in_world = *point;
     return FitsAll(*track);
@@ -94,7 +87,7 @@ class TrackTriangulator {
   const TrackEvaluator evaluator_;
   const TrackTriangulationOptions& options_;
   const double max_cos_angle_;
-  const std::unique_ptr<PointFinder> finder_;
+  PointFinder finder_;
   ObservationIndices used_;
 };
 

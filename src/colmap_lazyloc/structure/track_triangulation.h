@@ -1,24 +1,14 @@
 #pragma once
 
-#include <array>
 #include <string>
 #include <vector>
 
-#include "colmap_lazyloc/scene/enum_names.h"
 #include "colmap_lazyloc/scene/frame.h"
 #include "colmap_lazyloc/scene/track.h"
 
 namespace lazyloc {
 
-enum class TriangulationMethod {
-  RAYS,    // the point nearest to all rays (ray_intersection.h); outliers are found by trying pairs of images
-  COLMAP,  // COLMAP's robust multi-view triangulation (bridge/triangulation.h)
-};
-template <>
-inline constexpr std::array<const char*, 2> kEnumNames<TriangulationMethod> = {"rays", "colmap"};
-
 struct TrackTriangulationOptions {
-  TriangulationMethod method = TriangulationMethod::RAYS;
   // Maximum distance of a point from a keypoint in a query, in standard deviations of the image's noise. For database
   // images it is always four.
   double max_query_error_sigma = 4;

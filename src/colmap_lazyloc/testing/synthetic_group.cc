@@ -11,11 +11,9 @@
 namespace lazyloc {
 namespace {
 
-constexpr double kPi = 3.14159265358979323846;
-
 // Returns a pose on the ring that looks at the points. part: position along the ring, in [0, 1].
 Rigid3d RingPose(double part, double radius, Random* random) {
-  const double angle = 2 * kPi / 3 * part;
+  const double angle = 2 * M_PI / 3 * part;
   const Eigen::Vector3d centre(radius * std::sin(angle), 0, -radius * std::cos(angle));
   return LookAt(centre + 0.3 * RandomVector(random), 0.3 * RandomVector(random));
 }

@@ -1,7 +1,6 @@
 #include "colmap_lazyloc/two_view/relative_pose.h"
 
 #include "colmap_lazyloc/bridge/two_view_geometry.h"
-#include "colmap_lazyloc/scene/options_check.h"
 
 namespace lazyloc {
 namespace {
@@ -13,31 +12,23 @@ bool IsWorthEstimating(TwoViewConfig config) {
 }
 
 TwoViewGeometry Estimate(const LocalizationProblem& problem, const ImagePair& pair, const Matches& matches,
-                         const RelativePoseOptions& options, uint32_t seed, bool is_query_calibrated = true) {
+                         uint32_t seed, bool is_query_calibrated = true) {
   return EstimateTwoViewGeometry(pair.other_camera, pair.other_keypoints, problem.query_camera, problem.query_keypoints,
-                                 matches, {options.min_num_inliers, options.max_two_view_error_px, is_query_calibrated},
-                                 seed);
+                                 matches, is_query_calibrated, seed);
 }
 
 }  // namespace
 
-bool RelativePoseOptions::Check(std::string* error) const {
-  OPTION_GE(min_num_inliers, 5);
-  OPTION_GT(max_two_view_error_px, 0);
-  return true;
-}
-
-std::optional<RelativePose> FindRelativePose(const LocalizationProblem& problem, const ImagePair& pair,
-                                             const RelativePoseOptions& options, uint32_t seed) {
+std::optional<RelativePose> FindRelativePose(const LocalizationProblem& problem, const ImagePair& pair, uint32_t seed) {
   TwoViewGeometry geometry;
   if (!pair.geometry) {
-    geometry = Estimate(problem, pair, pair.matches, options, seed);
+    geometry = Estimate(problem, pair, pair.matches, seed);
   } else if (pair.geometry->config == TwoViewConfig::UNCALIBRATED) {
     geometry = EstimateCalibratedGeometry(pair.other_camera, pair.other_keypoints, problem.query_camera,
-                                          problem.query_keypoints, *pair.geometry, options.max_two_view_error_px, seed);
+                                          problem.query_keypoints, *pair.geometry, seed);
   } else if (IsWorthEstimating(pair.geometry->config)) {
     const Matches& matches = pair.matches.empty() ? pair.geometry->inlier_matches : pair.matches;
-    geometry = Estimate(problem, pair, matches, options, seed);
+    geometry = Estimate(problem, pair, matches, seed);
   } else {
     geometry = *pair.geometry;
     if (HoldsCalibrated(geometry.config) && !geometry.query_from_other) {
@@ -46,23 +37,22 @@ std::optional<RelativePose> FindRelativePose(const LocalizationProblem& problem,
     }
   }
   if (!HoldsCalibrated(geometry.config) || !geometry.query_from_other ||
-      static_cast<int>(geometry.inlier_matches.size()) < options.min_num_inliers) {
+      static_cast<int>(geometry.inlier_matches.size()) < kMinNumInliers) {
     return std::nullopt;
   }
   if (geometry.config == TwoViewConfig::PANORAMIC) geometry.query_from_other->translation.setZero();
   return RelativePose{*geometry.query_from_other, std::move(geometry.inlier_matches)};
 }
 
-Matches FindInlierMatches(const LocalizationProblem& problem, const ImagePair& pair, const RelativePoseOptions& options,
-                          uint32_t seed) {
+Matches FindInlierMatches(const LocalizationProblem& problem, const ImagePair& pair, uint32_t seed) {
   TwoViewGeometry geometry;
   if (pair.geometry) {
     geometry = *pair.geometry;
   } else {
-    geometry = Estimate(problem, pair, pair.matches, options, seed, /*is_query_calibrated=*/false);
+    geometry = Estimate(problem, pair, pair.matches, seed, /*is_query_calibrated=*/false);
   }
   const bool is_usable = geometry.config != TwoViewConfig::DEGENERATE && geometry.config != TwoViewConfig::WATERMARK &&
-                         static_cast<int>(geometry.inlier_matches.size()) >= options.min_num_inliers;
+                         static_cast<int>(geometry.inlier_matches.size()) >= kMinNumInliers;
   return is_usable ? std::move(geometry.inlier_matches) : Matches();
 }
 

@@ -1,21 +1,12 @@
 #pragma once
 
 #include <optional>
-#include <string>
 
 #include "colmap_lazyloc/math/rigid3.h"
 #include "colmap_lazyloc/scene/localization_problem.h"
 #include "colmap_lazyloc/scene/match.h"
 
 namespace lazyloc {
-
-struct RelativePoseOptions {
-  int min_num_inliers = 15;          // minimum number of inliers of a pair
-  double max_two_view_error_px = 4;  // maximum error of an inlier, used if COLMAP estimates the geometry
-
-  // Returns false and names the first invalid option in `error`.
-  bool Check(std::string* error) const;
-};
 
 // Pose of the query relative to another image, with the matches that are its inliers.
 struct RelativePose {
@@ -29,13 +20,11 @@ struct RelativePose {
 //   3. COLMAP's estimate with known intrinsics, from the stored matches, if no calibrated geometry is stored.
 // Returns nullopt if the pair has too few inliers, is degenerate or is a watermark. The same seed gives the same
 // result.
-std::optional<RelativePose> FindRelativePose(const LocalizationProblem& problem, const ImagePair& pair,
-                                             const RelativePoseOptions& options, uint32_t seed);
+std::optional<RelativePose> FindRelativePose(const LocalizationProblem& problem, const ImagePair& pair, uint32_t seed);
 
 // Returns the verified matches of a pair whose query has an unknown focal length: the stored inliers of any geometry,
 // or else the inliers of a fundamental matrix that COLMAP estimates. Empty if there are too few inliers, or if the pair
 // is degenerate or a watermark.
-Matches FindInlierMatches(const LocalizationProblem& problem, const ImagePair& pair, const RelativePoseOptions& options,
-                          uint32_t seed);
+Matches FindInlierMatches(const LocalizationProblem& problem, const ImagePair& pair, uint32_t seed);
 
 }  // namespace lazyloc

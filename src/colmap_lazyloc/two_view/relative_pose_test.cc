@@ -24,7 +24,7 @@ class RelativePoses : public testing::Test {
   void Make() { scene_ = MakeSyntheticScene(options_); }
   ImagePair& Pair() { return scene_.problem.pairs[3]; }
   Rigid3d Truth() { return scene_.query_cam_from_world * Inverse(Pair().database_cam_from_world); }
-  std::optional<RelativePose> Find(uint32_t seed = 1) { return FindRelativePose(scene_.problem, Pair(), {}, seed); }
+  std::optional<RelativePose> Find(uint32_t seed = 1) { return FindRelativePose(scene_.problem, Pair(), seed); }
   Errors ErrorsOf(const RelativePose& pose) {
     return {RotationErrorDeg(pose.query_from_other, Truth()),
             RadToDeg(AngleBetweenRad(pose.query_from_other.translation, Truth().translation))};
@@ -143,7 +143,7 @@ TEST_F(RelativePoses, DegenerateWatermarkAndSmallPairsAreNotUsed) {
 }
 
 TEST_F(RelativePoses, InlierMatchesNeedNoCalibration) {
-  const auto find = [&] { return FindInlierMatches(scene_.problem, Pair(), {}, /*seed=*/1); };
+  const auto find = [&] { return FindInlierMatches(scene_.problem, Pair(), /*seed=*/1); };
   Pair().geometry->config = TwoViewConfig::UNCALIBRATED;
   EXPECT_EQ(find(), Pair().geometry->inlier_matches);
   Pair().geometry->config = TwoViewConfig::WATERMARK;
@@ -158,7 +158,7 @@ TEST_F(RelativePoses, RawMatchesAreVerifiedWithoutTheFocalLength) {
   Make();
   scene_.problem.query_camera.params[0] *= 2.5;
   scene_.problem.query_camera.params[1] *= 2.5;
-  const Matches inliers = FindInlierMatches(scene_.problem, Pair(), {}, /*seed=*/1);
+  const Matches inliers = FindInlierMatches(scene_.problem, Pair(), /*seed=*/1);
   const auto is_right = [](const Match& match) { return match.query_point == match.other_point; };
   const auto num_right = std::count_if(inliers.begin(), inliers.end(), is_right);
   EXPECT_GE(num_right, 155) << "of 160 right ones";

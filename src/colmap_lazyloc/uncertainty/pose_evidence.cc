@@ -8,6 +8,7 @@
 #include "colmap_lazyloc/math/robust_statistics.h"
 #include "colmap_lazyloc/math/so3.h"
 #include "colmap_lazyloc/math/two_rays.h"
+#include "colmap_lazyloc/rotation/rotation_averaging.h"
 #include "colmap_lazyloc/uncertainty/position_ambiguity.h"
 
 namespace lazyloc {
@@ -15,7 +16,7 @@ namespace {
 
 // Maximum differences between a pair's relative pose and a pose that it agrees with. The direction of a short baseline
 // is much less certain than the rotation.
-const double kMaxRotationRad = DegToRad(5), kMaxDirectionRad = DegToRad(15);
+const double kMaxRotationRad = DegToRad(kMaxRotationErrorDeg), kMaxDirectionRad = DegToRad(15);
 // Maximum difference of direction from a competing pose, and minimum differences of that pose from the frame's: pairs
 // of short baselines scatter around the pose, and some of them agree with each other by chance.
 const double kMaxCompetingDirectionRad = DegToRad(5), kMinCompetingRotationRad = DegToRad(15);
@@ -172,7 +173,7 @@ MeasuredEvidence MeasureEvidence(const Layout& layout, const PairEstimates& esti
       const std::vector<int>& counts = estimates.num_inliers[query];
       num_matches += std::accumulate(counts.begin(), counts.end(), 0.0);
     }
-    evidence.push_back(MeasureTracks(layout, posed, frame, tracks_of[frame], refined.tried_ratio * num_matches));
+    evidence.push_back(MeasureTracks(layout, posed, frame, tracks_of[frame], num_matches));
     if (has_relative_poses && num_matches > 0) {
       const PairVotes votes =
           CountVotes(layout, estimates.pairs, frame, posed.frames[frame].frame_from_world,

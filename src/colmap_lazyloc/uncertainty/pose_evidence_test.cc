@@ -133,13 +133,6 @@ TEST_F(MeasureEvidenceTest, SmallDifferencesAgree) {
   EXPECT_EQ(Measure().front().agreeing_ratio, 1);
 }
 
-TEST_F(MeasureEvidenceTest, MatchesThatNoTrackTriedDoNotCount) {
-  Make(1, 1);
-  refined_.adjustment.tracks.resize(10);
-  refined_.tried_ratio = 20.0 / kNumPoints;
-  EXPECT_DOUBLE_EQ(Measure().front().explained_ratio, 0.5);
-}
-
 TEST_F(MeasureEvidenceTest, SeparatesFrames) {
   Make(2, 2);
   for (PairGeometry& pair : estimates_.pairs) {

@@ -11,11 +11,11 @@
 namespace lazyloc {
 namespace {
 
-void CheckNumTracks(const std::vector<TrackRefs>& tracks_of, int min_num_tracks) {
+void CheckNumTracks(const std::vector<TrackRefs>& tracks_of) {
   CheckFrames(static_cast<int>(tracks_of.size()), QueryStatus::TOO_FEW_TRACKS, [&](int frame) {
-    if (static_cast<int>(tracks_of[frame].size()) >= min_num_tracks) return Reason();
+    if (static_cast<int>(tracks_of[frame].size()) >= kMinNumTracks) return Reason();
     return Reason("only " + std::to_string(tracks_of[frame].size()) + " tracks agree with the refined pose; " +
-                  std::to_string(min_num_tracks) + " are needed");
+                  std::to_string(kMinNumTracks) + " are needed");
   });
 }
 
@@ -67,7 +67,7 @@ std::vector<PoseDistribution> EstimateUncertainties(const Layout& layout, const 
                                                     const LocalizerOptions& options) {
   const BundleAdjustmentResult& adjustment = refined.adjustment;
   const std::vector<TrackRefs> tracks_of = TracksByFrame(layout, adjustment.tracks);
-  CheckNumTracks(tracks_of, options.min_num_tracks);
+  CheckNumTracks(tracks_of);
   CheckPositions(layout, pairs, refined, tracks_of, options);
   const PosedImages reported = AsReported(layout, adjustment.posed);
   std::vector<PoseDistribution> poses;

@@ -395,10 +395,8 @@ TEST(EstimateUncertainties, OneDatabaseImageLeavesTheScaleUnobservable) {
 TEST(EstimateUncertainties, OnePlaceCountsAsALine) {
   const auto input = MakeUncertaintyInput();
   input->pairs.clear();
-  LocalizerOptions options;
-  options.min_num_tracks = kNumPoints;
   for (Track& track : input->refined.adjustment.tracks) track.observations.resize(2);
-  EXPECT_THAT(FailureOf([&] { input->Estimate(options); }).reason, HasSubstr("on one line"));
+  EXPECT_THAT(FailureOf([&] { input->Estimate(); }).reason, HasSubstr("on one line"));
 }
 
 }  // namespace

@@ -120,15 +120,14 @@ int CountTracksWithDepth(const PosedImages& posed, const TrackRefs& tracks) {
   }));
 }
 
-bool FixDistance(const PosedImages& posed, const TrackRefs& tracks, const LocalizerOptions& options) {
-  return CountTracksWithDepth(posed, tracks) >= options.min_num_tracks &&
-         CountCommonTracks(tracks) < options.min_num_tracks;
+bool FixDistance(const PosedImages& posed, const TrackRefs& tracks) {
+  return CountTracksWithDepth(posed, tracks) >= kMinNumTracks && CountCommonTracks(tracks) < kMinNumTracks;
 }
 
 bool IsPositionOpen(const AdjustedFrame& frame, const LocalizerOptions& options) {
   const Rigid3d& frame_from_world = frame.adjustment.posed.frames[frame.frame].frame_from_world;
-  const bool has_common = CountCommonTracks(frame.tracks) >= options.min_num_tracks;
-  const bool has_depth = CountTracksWithDepth(frame.adjustment.posed, frame.tracks) >= options.min_num_tracks;
+  const bool has_common = CountCommonTracks(frame.tracks) >= kMinNumTracks;
+  const bool has_depth = CountTracksWithDepth(frame.adjustment.posed, frame.tracks) >= kMinNumTracks;
   const bool has_prior = HasPositionPrior(frame);
   // The noise of points with one database image is stated larger than it is, because of false matches. If there are no
   // other points, only the variance factor tells the noise of the position.

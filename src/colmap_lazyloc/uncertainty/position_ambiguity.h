@@ -28,7 +28,7 @@ int CountCommonTracks(const TrackRefs& tracks);
 int CountTracksWithDepth(const PosedImages& posed, const TrackRefs& tracks);
 
 // Returns true if depths decide about a distance that nothing else tells.
-bool FixDistance(const PosedImages& posed, const TrackRefs& tracks, const LocalizerOptions& options);
+bool FixDistance(const PosedImages& posed, const TrackRefs& tracks);
 
 // Returns true if the pose is unobservable: its standard deviation exceeds max_position_stddev_ratio of the scene
 // distance, or all centres are collinear and too few tracks have three images. With a position prior in the adjustment,

@@ -33,9 +33,6 @@ struct Refined {
   std::optional<bool> has_one_orientation;           // of a lone query beside one database image (ChooseOrientation)
   std::vector<MissingVariance> missing_variances;    // ForEachMissingVariance
   std::vector<std::optional<double>> rig_errors_px;  // by query (rig_check.h)
-  // Share of the matches with database images that are in the candidates of the last round. It is below 1 if there is
-  // only one round, because the first round has only the tracks for the start.
-  double tried_ratio = 1;
 };
 
 }  // namespace lazyloc
