@@ -9,6 +9,8 @@ if(NOT source)
   set(source "${cache}/colmap_lazyloc/colmap-debian-13")
 endif()
 set(COLMAP_SOURCE_DIR "${source}" CACHE PATH "COLMAP source tree to build against")
+# Leaves out COLMAP's line detector, because its licence (AGPL) would hold for the whole wheel.
+set(LSD_ENABLED OFF CACHE BOOL "Option of COLMAP" FORCE)
 find_program(LAZYLOC_CCACHE ccache)
 if(LAZYLOC_CCACHE)
   set(CMAKE_C_COMPILER_LAUNCHER "${LAZYLOC_CCACHE}")

@@ -21,4 +21,4 @@ set_target_properties(lazyloc_python PROPERTIES
   CXX_VISIBILITY_PRESET hidden
   VISIBILITY_INLINES_HIDDEN ON
   LIBRARY_OUTPUT_DIRECTORY "${PROJECT_BINARY_DIR}/python")
-install(TARGETS lazyloc_python LIBRARY DESTINATION colmap_lazyloc COMPONENT python)
+install(TARGETS lazyloc_python LIBRARY DESTINATION colmap_lazyloc COMPONENT python EXCLUDE_FROM_ALL)

@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
-# Tries a Debian package or a wheel in a clean Debian without compiler and COLMAP: installs it, localizes photos of the
-# demo with it, follows what it prints about the report and about missing packages, and removes it. Needs root,
-# debootstrap and the demo (scripts/demo.sh).
+# Tries a Debian package or a wheel in a clean Debian without compiler and COLMAP: installs it, goes from photos of the
+# demo to the report with it, follows what it prints about the report and about missing packages, and removes it. Needs
+# root, debootstrap and the demo (scripts/demo.sh).
 #
 #   packaging/try_package.sh RELEASE PACKAGE ROOT
 #
@@ -41,6 +41,8 @@ inside() {
 try_tool() {
   inside "
     lazyloc doctor
+    lazyloc run --database_images images/database --poses database_model --queries images/query --output run
+    lazyloc report run/localized --output run.html
     lazy_localizer --database_path database.db --input_path database_model --image_path images \
       --query_list_path queries_with_intrinsics.txt --output_path localized > lines.jsonl 2> words.txt
     tail -n 12 words.txt
@@ -58,7 +60,7 @@ try_tool() {
     fails lazyloc retrieve --descriptors_path a.h5 --input_path database_model --output_path pairs.txt
     fails lazyloc cluster --num_shards 2 --output_path sharded
     fails lazyloc import exif images --output_path gps.txt
-    fails lazyloc run --database_images images/database --queries video.mp4 --output run
+    fails lazyloc run --database_images images/database --queries video.mp4 --output run2
     $1 > install.log 2>&1
     bash report.sh"
 }
@@ -69,8 +71,7 @@ try_deb() {
   inside "time apt-get install -y -qq --no-install-recommends ./$(basename "$package") > apt2.log 2>&1
     dpkg -s colmap-lazyloc | grep -E '^(Status|Installed-Size|Version)'"
   try_tool "apt-get install -y -qq --no-install-recommends python3-opencv"
-  inside "lazyloc run --database_images images/database --poses database_model --queries images/query --output run
-    lazy_indexer --help | head -n 1
+  inside "lazy_indexer --help | head -n 1
     colmap-lazyloc help | grep -m 1 COLMAP
     colmap help | grep -m 1 COLMAP
     if colmap help | grep lazy_localizer; then exit 1; fi"

@@ -24,9 +24,13 @@ STATIC_PACKAGES = (
     "nlohmann-json3-dev",
     "libboost-graph-dev",
 )
-# Files of COLMAP's source with the licences of what the extension module uses, and of what the program uses besides.
-COLMAP_LICENCES = {"colmap": "COPYING.txt", "vlfeat": "src/thirdparty/VLFeat/LICENSE"}
-PROGRAM_LICENCES = {"lsd": "src/thirdparty/LSD/LICENSE", "poisson_recon": "src/thirdparty/PoissonRecon/LICENSE"}
+# Files of COLMAP's source with the licences of what the wheel uses, and of what only the build's program uses.
+COLMAP_LICENCES = {
+    "colmap": "COPYING.txt",
+    "poisson_recon": "src/thirdparty/PoissonRecon/LICENSE",
+    "vlfeat": "src/thirdparty/VLFeat/LICENSE",
+}
+PROGRAM_LICENCES = {"lsd": "src/thirdparty/LSD/LICENSE"}
 
 
 def debian_package(library: str) -> str:

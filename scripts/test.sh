@@ -25,5 +25,11 @@ ctest --test-dir "$BUILD_DIR" --no-tests=error --output-on-failure --progress -j
   { tail -60 "$BUILD_DIR/ctest.log" >&2; exit 1; }
 tail -4 "$BUILD_DIR/ctest.log"
 
+dist=$BUILD_DIR/dist
+rm -rf "$dist"
+scripts/build_wheel.sh "$dist" > "$BUILD_DIR/wheel.log"
+LAZYLOC_WHEEL=$(echo "$dist"/*.whl)
+export LAZYLOC_WHEEL
+
 COLMAP=$COLMAP "$PYTHON" -m pytest -q -p no:cacheprovider --junitxml "$BUILD_DIR/pytest.xml" tests
 grep -o '"tests\.test_\w*' "$BUILD_DIR/pytest.xml" | sed 's|"tests\.\(.*\)|tests/\1.py|' | check_all_ran 'tests/test_*.py'

@@ -67,12 +67,20 @@ def find_colmap_in_script(folder, path):
 
 def test_colmap_is_the_installed_package_without_a_build(monkeypatch, tmp_path):
     monkeypatch.delenv("COLMAP", raising=False)
-    monkeypatch.setattr(program, "CHECKOUT_PATH", tmp_path)
+    monkeypatch.setattr(program, "PACKAGE_PATH", tmp_path / "python" / "colmap_lazyloc")
     monkeypatch.setenv("PATH", str(tmp_path))
     assert str(program.find_colmap()) == "colmap"
+    wheel = program.PACKAGE_PATH / "bin" / "colmap"
+    wheel.parent.mkdir(parents=True)
+    wheel.touch(mode=0o755)
+    assert program.find_colmap() == wheel
     installed = tmp_path / "colmap-lazyloc"
     installed.touch(mode=0o755)
     assert program.find_colmap() == installed
+    built = tmp_path / "build" / "bin" / "colmap"
+    built.parent.mkdir(parents=True)
+    built.touch(mode=0o755)
+    assert program.find_colmap() == built
     assert find_colmap_in_script(tmp_path, tmp_path) == str(installed)
     installed.unlink()
     if shutil.which("colmap-lazyloc", path="/usr/bin:/bin") is None:

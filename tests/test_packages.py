@@ -1,16 +1,23 @@
-"""Tests of what the packages hold: files of the wheel; man pages and completion of the Debian package."""
+"""Tests of the packages: files of the wheel, the wheel alone; man pages and completion of the Debian package."""
 
 import os
+import pathlib
 import re
 import shutil
 import subprocess
 import sys
+import venv
 import zipfile
 
+import numpy as np
 import pytest
 
+import photo_scene
+from colmap_lazyloc.poses import read_poses
 from conftest import PROJECT_PATH
 
+# Libraries of the system that the policy manylinux allows, among those in use.
+MANYLINUX = tuple(f"lib{name}.so" for name in ("c", "dl", "expat", "gcc_s", "m", "pthread", "rt", "stdc++", "z"))
 HELP_PAGES = PROJECT_PATH / "scripts" / "help_pages.py"
 COMPLETE = """
 source "$1"
@@ -41,6 +48,62 @@ def test_wheel_holds_every_file_of_the_package(tmp_path):
     names = {name.removeprefix("python/") for name in listed}
     assert packed == {name for name in names if not name.startswith("colmap_lazyloc/testing/")}
     assert len(packed) > 50
+
+
+@pytest.fixture(scope="module")
+def wheel():
+    """Returns the wheel that scripts/build_wheel.sh has made."""
+    path = os.environ.get("LAZYLOC_WHEEL")
+    if path is None:
+        pytest.skip("needs the wheel, which scripts/test.sh makes and names in LAZYLOC_WHEEL")
+    return pathlib.Path(path)
+
+
+@pytest.fixture(scope="module")
+def environment(wheel, tmp_path_factory):
+    """Makes a virtual environment that has nothing but the wheel and numpy."""
+    folder = tmp_path_factory.mktemp("wheel") / "venv"
+    venv.create(folder)
+    run(sys.executable, "-m", "pip", "--python", folder, "install", "--no-deps", "--no-index", "--quiet", wheel)
+    (packages,) = folder.glob("lib/python*/site-packages")
+    for path in pathlib.Path(np.__file__).parents[1].glob("numpy*"):
+        (packages / path.name).symlink_to(path)
+    return folder
+
+
+def test_wheel_alone_goes_from_photos_to_the_report(environment, photos, tmp_path):
+    def lazyloc(*words):
+        return run(environment / "bin" / "lazyloc", *words, cwd=tmp_path, env={"PATH": str(environment / "bin")})
+
+    printed = lazyloc("doctor")
+    for word in (r"program +{}/\S+/colmap_lazyloc/bin/colmap \(COLMAP 3", r"extension +{}/", "run +missing: opencv"):
+        assert re.search(word.format(environment), printed), printed
+    assert not (environment / "bin" / "colmap").exists()
+    words = ["--database_images", photos.image_path / "database", "--poses", photos.model_path]
+    lazyloc("run", *words, "--queries", photos.image_path / "query", "--output", "out", *photo_scene.SIFT)
+    poses = read_poses(tmp_path / "out" / "localized" / "poses.txt")
+    assert sorted(poses) == photos.query_names
+    for name, pose in poses.items():
+        position_error, rotation_error_deg = pose.errors(photos.poses[name])
+        assert position_error < 0.05 and rotation_error_deg < 0.3, name
+    lazyloc("report", "out/localized", "--output", "page.html")
+    for page in ("out/report.html", "page.html"):
+        assert (tmp_path / page).stat().st_size > 100000
+
+
+def test_wheel_names_the_licence_of_all_that_it_holds(environment, wheel):
+    names = zipfile.ZipFile(wheel).namelist()
+    licences = {name.rpartition("/")[2] for name in names if "/licenses/bundled/" in name}
+    assert {"colmap.txt", "poisson_recon.txt", "vlfeat.txt", "libceres-dev.txt"} <= licences
+    # The line detector's licence is the AGPL. Its errors begin with its name.
+    assert "lsd.txt" not in licences
+    (packages,) = environment.glob("lib/python*/site-packages")
+    programs = [packages / "colmap_lazyloc" / "bin" / "colmap", *packages.glob("colmap_lazyloc/_core*.so")]
+    assert len(programs) == 2
+    for program in programs:
+        assert b"LSD Error" not in program.read_bytes()
+        for library, path in re.findall(r"(\S+) => (\S+)", run("ldd", program)):
+            assert library.startswith(MANYLINUX) or "/colmap_lazyloc.libs/" in path, (library, path)
 
 
 def test_option_tables_are_those_of_the_program(colmap):

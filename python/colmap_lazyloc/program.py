@@ -21,16 +21,18 @@ from colmap_lazyloc.text_files import Path
 if TYPE_CHECKING:
     from colmap_lazyloc.model import Camera  # needs numpy, which this command must do without
 
-CHECKOUT_PATH = pathlib.Path(__file__).resolve().parents[2]
+PACKAGE_PATH = pathlib.Path(__file__).resolve().parent
 
 
 def find_colmap() -> pathlib.Path:
     """Returns the program that the environment variable COLMAP names, else the one built in the checkout, else that of
-    the Debian package, else `colmap`."""
+    the Debian package, else that of the wheel, else `colmap`."""
     if "COLMAP" in os.environ:
         return pathlib.Path(os.environ["COLMAP"])
-    built = CHECKOUT_PATH / "build" / "bin" / "colmap"
-    return built if built.exists() else pathlib.Path(shutil.which("colmap-lazyloc") or "colmap")
+    built = PACKAGE_PATH.parents[1] / "build" / "bin" / "colmap"
+    wheel = PACKAGE_PATH / "bin" / "colmap"
+    paths = (built, shutil.which("colmap-lazyloc"), wheel)
+    return next((pathlib.Path(path) for path in paths if path and pathlib.Path(path).exists()), pathlib.Path("colmap"))
 
 
 def run_colmap(colmap: Path, *arguments: object, log_path: pathlib.Path | None = None) -> str:

@@ -16,12 +16,12 @@ int Run(const IndexerOptions& options) {
   using Clock = std::chrono::steady_clock;
   const Clock::time_point start = Clock::now();
   const DatabaseReader database(options.database_path);
-  std::cout << options.database_path << ": " << EstimateIndex(database, options.retrieval).Text() << std::endl;
+  std::cerr << options.database_path << ": " << EstimateIndex(database, options.retrieval).Text() << std::endl;
   constexpr int kSeed = 0;  // the default of lazy_localizer
   const RetrievalIndex index(options.index_path, database, options.retrieval, kSeed, options.num_threads);
   for (const std::string& warning : index.Warnings()) PrintWarning(warning);
   const RetrievalIndex::Changes& changes = index.LastChanges();
-  std::cout << options.index_path << (changes.is_trained ? ": made" : ": up to date") << ", " << index.NumImages()
+  std::cerr << options.index_path << (changes.is_trained ? ": made" : ": up to date") << ", " << index.NumImages()
             << " images (" << changes.num_added << " added, " << changes.num_removed << " removed) in "
             << std::chrono::duration<double>(Clock::now() - start).count() << " s" << std::endl;
   return EXIT_SUCCESS;
