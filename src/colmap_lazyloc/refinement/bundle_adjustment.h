@@ -54,7 +54,7 @@ struct BundleAdjustmentResult {
 //
 // Levenberg-Marquardt with the points eliminated (Schur complement). Own code, because for a single query (many points,
 // few frames) it takes a small part of the time of a general solver; the tests compare it with Ceres
-// (docs/decisions.md).
+// (docs/decisions/bundle_adjustment.md).
 BundleAdjustmentResult AdjustBundle(const PosedImages& posed, std::vector<Track> tracks,
                                     const BundleAdjustmentOptions& options);
 
