@@ -11,8 +11,13 @@ from mkdocs.structure.files import File
 ROOT = pathlib.Path(__file__).resolve().parents[1]
 ROOT_PAGES = {"CONTRIBUTING.md": "contributing.md", "CHANGELOG.md": "changelog.md"}
 CELL = re.compile(r"<td>.*?</td>", re.DOTALL)
-CODE = re.compile(r"<code>[^<]*</code>")
+CODE = re.compile(r"(?<=<code>)[^<]*")
 FORMULA = re.compile(r'<(span|div) class="arithmatex">\\[(\[](.*?)\\[)\]]</\1>', re.DOTALL)
+
+
+def on_config(config):
+    """Leaves out the page for addresses that a server does not find, because the site opens from the disk."""
+    config.theme.static_templates.discard("404.html")
 
 
 def on_files(files, config):
