@@ -34,8 +34,8 @@ def render(table):
     """Returns the table as Markdown."""
     lines = [[*table["columns"], "measured"], ["---"] * (len(table["columns"]) + 1)]
     for row in table["rows"]:
-        age = "" if row["commit"] in PRESENT else ", earlier version"
-        lines.append([*row["cells"], f"{row['date']}, {row['commit'][:7]}, {row['machine']}{age}"])
+        age = "" if row["commit"] in PRESENT else ", earlier"
+        lines.append([*row["cells"], f"{row['date']} {row['commit'][:7]} {row['machine']}{age}"])
     return "".join(f"| {' | '.join(line)} |\n" for line in lines).replace("| --- |", "|---|").replace(" --- |", "---|")
 
 
