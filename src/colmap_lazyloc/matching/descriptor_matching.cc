@@ -18,7 +18,7 @@ constexpr float kSquaredLength = 512 * 512;  // of every descriptor
 constexpr int kRowsPerChunk = 256;           // rows whose neighbours fit into a cache while all blocks pass
 constexpr int kVectorsPerBlock = kDescriptorBlock / kNumLanes;
 
-// In each lane: the largest and second largest product so far, and the place where the largest one was first.
+// Largest and second largest product so far in each lane, and the place where the largest one was first.
 struct LaneNeighbours {
   Lanes best = {}, second = {}, place = {};
 

@@ -21,7 +21,7 @@ struct CheckedIntrinsics {
   std::vector<FocalLengthError> focal_errors;  // by query
   std::vector<PoseUncertainty> uncertainties;  // by query; with what the images leave open of the intrinsics
   PosedImages posed;                           // as reported
-  // By query: the camera that belongs to the pose; nullopt if it is the given one.
+  // Camera of each query that belongs to the pose; nullopt if it is the given one.
   std::vector<std::optional<Camera>> cameras;
 };
 

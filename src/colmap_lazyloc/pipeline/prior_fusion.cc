@@ -68,7 +68,7 @@ void FusePriorsOf(const Layout& layout, int query, QueryPriorResult* result, Che
   const Vector6 by_focal = around_camera * focal.pose_from_log_focal;
   const Matrix6 of_focal = focal.mean_square * by_focal * by_focal.transpose();
   const Matrix6 of_images = covariance - of_focal;
-  // The update of a Kalman filter. Priors that are not used have zero rows, to which the identity gives no weight.
+  // Update like a Kalman filter. Priors that are not used have zero rows, to which the identity gives no weight.
   const Matrix6 of_errors = equations.jacobian * of_images * equations.jacobian.transpose() + Matrix6::Identity();
   const Matrix6 gain = of_errors.ldlt().solve(equations.jacobian * of_images).transpose();
   const Vector6 step = -gain * equations.errors;
