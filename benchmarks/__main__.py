@@ -11,7 +11,10 @@ COMMANDS = {
     "retrieval": ("photos.retrieval", "what the retrieval index finds, its size and times"),
     "runtime": ("runtime.compare_with_local_triangulation", "seconds per query beside pycolmap's, on one core"),
     "streaming": ("streaming", "memory and time of one process over the number of queries"),
-    "sparse": ("localization.sparse", "one to four database images, with and without points in common; rivals beside"),
+    "sparse": (
+        "localization.sparse",
+        "one to four database images, with and without points in common; other methods beside",
+    ),
     "uncertainty": ("uncertainty.report", "reported covariances against true errors of synthetic scenes"),
     "reconstructions": (
         "uncertainty.reconstructions",

@@ -35,7 +35,9 @@ run scenes_noise --methods structure_based lazyloc lazyloc:exact_database lazylo
   --database_noise 0,0 1,0 5,0 10,0 0,1 0,5 0,10 1,5
 run scenes_seeds --methods lazyloc local_triangulation --seeds 0 1 2
 
-mkdir -p docs/benchmarks
-cp "$WORK"/scenes*.md "$WORK"/scenes*.svg "$WORK/scenes.csv" docs/benchmarks/
+for page in scenes scenes_top_k scenes_noise scenes_seeds; do
+  "$PYTHON" scripts/checks/tables.py --take "$WORK/$page.md"
+done
+cp "$WORK"/scenes*.svg docs/benchmarks/
 "$BENCHMARK_PYTHON" -m benchmarks compare "$WORK/scenes.csv" --methods lazyloc \
   --write_expected benchmarks/localization/expected/scenes.json

@@ -1,5 +1,6 @@
 #!/usr/bin/env bash
-# Checks the rules in CONTRIBUTING.md on the form of the code: layout, layers, sizes, Python, links, comments, prose.
+# Checks the rules in CONTRIBUTING.md on the form of the code: layout, layers, sizes, Python, links,
+# comments, prose, tables.
 # It takes a few seconds and builds nothing.
 set -euo pipefail
 cd "$(dirname "$0")/.."
@@ -31,7 +32,7 @@ check_layout() {
 }
 
 check layout check_layout
-for name in layers sizes links comments prose; do
+for name in layers sizes links comments prose tables; do
   check "$name" "$PYTHON" "scripts/checks/$name.py"
 done
 if configures ruff; then check ruff "$VENV_DIR/bin/ruff" check --quiet .; fi

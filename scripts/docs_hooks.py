@@ -10,9 +10,15 @@ from mkdocs.structure.files import File
 
 ROOT = pathlib.Path(__file__).resolve().parents[1]
 ROOT_PAGES = {"CONTRIBUTING.md": "contributing.md", "CHANGELOG.md": "changelog.md"}
-CELL = re.compile(r"<td>.*?</td>", re.DOTALL)
-CODE = re.compile(r"<code>[^<]*</code>")
+MAX_UNBROKEN = 20  # characters of a word in a line of text; longer ones may break
+MEASURED = re.compile(r"<td>(\d{4}-\d\d-\d\d \w+)")
+CODE = re.compile(r"<pre>.*?</pre>|<code>([^<]*)</code>", re.DOTALL)
 FORMULA = re.compile(r'<(span|div) class="arithmatex">\\[(\[](.*?)\\[)\]]</\1>', re.DOTALL)
+
+
+def on_config(config):
+    """Leaves out the page for addresses that a server does not find, because the site opens from the disk."""
+    config.theme.static_templates.discard("404.html")
 
 
 def on_files(files, config):
@@ -35,7 +41,7 @@ def on_page_markdown(markdown, **_):
 
 
 def on_page_content(content, **_):
-    """Writes formulas as MathML, and lets long names in tables break after a dot or an underscore."""
+    """Writes formulas as MathML, and lets code in the text break between words, long names after a dot, too."""
 
     def convert(match):
         is_block = match.group(1) == "div"
@@ -43,10 +49,16 @@ def on_page_content(content, **_):
         text = latex2mathml.converter.convert(formula, display="block" if is_block else "inline")
         return f'<div class="formula" tabindex="0">{text}</div>' if is_block else text
 
-    def break_names(cell):
-        return CODE.sub(lambda code: re.sub(r"([_./,])(?=\w)", r"\1<wbr>", code.group()), cell.group())
+    def break_word(word):
+        pieces = re.split(r"(?<=[_./,])(?=\w)", word) if len(html.unescape(word)) > MAX_UNBROKEN else [word]
+        return "<wbr>".join(f'<span class="word">{piece}</span>' if "-" in piece else piece for piece in pieces)
 
-    return CELL.sub(break_names, FORMULA.sub(convert, content))
+    def break_code(match):
+        words = match.group(1)
+        return match.group() if words is None else f"<code>{' '.join(map(break_word, words.split(' ')))}</code>"
+
+    content = MEASURED.sub(r'<td><span class="word">\1</span>', content)
+    return CODE.sub(break_code, FORMULA.sub(convert, content))
 
 
 def on_post_page(output, **_):

@@ -8,6 +8,7 @@ import pytest
 
 CHECKS_PATH = pathlib.Path(__file__).resolve().parents[1] / "scripts" / "checks"
 SOURCE = "src/colmap_lazyloc"
+IDENTITY = ("-c", "user.name=Test", "-c", "user.email=test@localhost")
 
 
 @pytest.fixture
@@ -333,3 +334,45 @@ def test_metrics_count(write, check):
     assert "lines of src/ without tests: 11\n" in text and "files of src/ without tests: 2\n" in text
     assert f"longest function: 2 lines, {SOURCE}/cli/options.cc: F\n" in text
     assert "options registered: 2\n" in text and "pipeline/*.h: 2 (A 2)" in text
+
+
+ROW = '{"date": "2026-01-02", "commit": "0123456789", "machine": "EPYC", "cells": ["1", "x"]}'
+RESULTS = f'{{"walls": {{"columns": ["a", ""], "rows": [{ROW}]}}}}'
+TABLE = """<!-- results: page/walls -->
+
+| a |  | measured |
+|---|---|---|
+| 1 | x | 2026-01-02 0123456 EPYC, earlier |
+"""
+
+
+@pytest.mark.parametrize(
+    ("page", "problem"),
+    [
+        (TABLE, None),
+        (TABLE.replace("| 1 |", "| 2 |"), "differs from its results"),
+        (TABLE.replace(", earlier", ""), "differs from its results"),
+        (TABLE.replace("walls", "doors"), "no results page/doors"),
+        (TABLE.split("|", maxsplit=1)[0], "without a table"),
+        ("Nothing.\n", "no page shows walls"),
+    ],
+)
+def test_tables_are_those_of_the_results(write, check, page, problem):
+    write("benchmarks/results/page.json", RESULTS)
+    write("docs/page.md", page)
+    code, text = check("tables")
+    assert (code, problem is None or problem in text) == (0 if problem is None else 1, True), text
+
+
+def test_tables_take_the_rows_of_a_run(write, tmp_path):
+    """Takes a run of which one row is in the results already: it is replaced, and others stay."""
+    write("docs/page.md", TABLE)
+    write("benchmarks/results/page.json", RESULTS)
+    write("run.md", "# Run\n\n## Walls\n\n| a | |\n|---|---|\n| 2 | z |\n")
+    for command in (["git", "init", "-q"], ["git", "add", "."], ["git", *IDENTITY, "commit", "-q", "-m", "x"]):
+        subprocess.run(command, cwd=tmp_path, check=True)
+    command = [sys.executable, CHECKS_PATH / "tables.py", "--root", tmp_path, "--take", tmp_path / "run.md"]
+    subprocess.run([*command, "--page", "page"], check=True)
+    rows = (tmp_path / "docs/page.md").read_text().splitlines()[4:]
+    assert rows[0] == "| 1 | x | 2026-01-02 0123456 EPYC, earlier |"
+    assert rows[1].startswith("| 2 | z | 20") and len(rows) == 2

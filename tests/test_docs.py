@@ -1,15 +1,17 @@
-"""Tests that the documentation's site builds without a broken link, and needs no network."""
+"""Tests that the documentation's site builds without a broken link, needs no network, and is accessible."""
 
 import re
 import shutil
 import subprocess
 
 import pytest
+from axe_playwright_python.sync_playwright import Axe
 from playwright.sync_api import sync_playwright
 
 from browser import ARGUMENTS, chromium_path
 from conftest import PROJECT_PATH
 
+SCHEMES = {"light": "default", "dark": "slate"}  # names of the theme
 LOADED = re.compile(r"<(?:script|img|link|iframe)\b[^>]*?(?:src|href)=\"?((?:https?:)?//[^\s\">]+)")
 
 
@@ -39,6 +41,7 @@ def test_formulas_are_mathml(site):
     assert text.count("<math") > 40 and "arithmatex" not in text and "\\frac" not in text
 
 
+@pytest.mark.skipif(chromium_path() is None, reason="chromium is missing; scripts/setup.sh browser")
 def test_search_works_from_the_disk(site):
     """Opens the site as a reader does, without a server, and searches for a status."""
     problems = []
@@ -53,6 +56,31 @@ def test_search_works_from_the_disk(site):
         page.locator("a.md-search-result__link[href*='statuses.html']").first.wait_for(timeout=30000)
         program.close()
     assert problems == []
+
+
+@pytest.mark.skipif(chromium_path() is None, reason="chromium is missing; scripts/setup.sh browser")
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_pages_are_accessible(site, scheme):
+    """Runs axe-core on each page; on a dark page, only the contrast of colours is another one."""
+    options = {"resultTypes": ["violations"]} | ({"runOnly": ["color-contrast"]} if scheme == "dark" else {})
+    found = []
+    with sync_playwright() as playwright:
+        program = playwright.chromium.launch(executable_path=chromium_path(), args=ARGUMENTS)
+        page = program.new_page(color_scheme=scheme)
+        for path in sorted(site.rglob("*.html")):
+            page.goto(path.as_uri())
+            assert page.locator("body").get_attribute("data-md-color-scheme") == SCHEMES[scheme]
+            for violation in Axe().run(page, options=options).response["violations"]:
+                if violation["impact"] in ("serious", "critical"):
+                    found.append(f"{path.name}: {violation['id']}: {violation['nodes'][0]['html']}")
+        program.close()
+    assert found == []
+
+
+def test_code_in_the_text_may_break_only_inside(site):
+    """The closing tag of a code has a slash and a letter, between which a break would swallow what follows."""
+    text = (site / "command_line.html").read_text()
+    assert re.search("[.]<wbr>[a-z]", text) and "</<wbr>" not in text
 
 
 def test_broken_link_is_an_error(tmp_path):

@@ -29,7 +29,7 @@ from colmap_lazyloc.program import find_colmap
 
 NUM_IMAGES = (1, 2, 3, 4)
 # Other methods. They need two images: with one, they search for a scale that the matches do not have.
-RIVALS = ("generalized_relative_pose", "poselib_generalized", "poselib_hybrid", "colmap_structureless")
+OTHER_METHODS = ("generalized_relative_pose", "poselib_generalized", "poselib_hybrid", "colmap_structureless")
 # Bounds of the confidence in the table that compares it with the share of right poses.
 CONFIDENCE_BOUNDS = (0, 0.5, 0.8, 0.9, 0.95, 0.98, 0.99, 1)
 
@@ -43,7 +43,7 @@ def run_scene(scene: Scene, arguments, cells: dict, reasons: dict[str, str]):
                 if not sparse.chosen:
                     continue
                 for method in arguments.methods:
-                    if num_images == 1 and method in RIVALS:
+                    if num_images == 1 and method in OTHER_METHODS:
                         continue
                     try:
                         records = run_method(method, sparse, pathlib.Path(folder), arguments, num_images, is_star)
@@ -130,7 +130,7 @@ def main(arguments=None):
     parser.add_argument("--colmap", type=pathlib.Path, default=find_colmap(), help="path of our colmap program")
     parser.add_argument("--output_path", type=pathlib.Path, required=True, help="Markdown file to write")
     parser.add_argument("--scenes", nargs="+", help="default: all")
-    parser.add_argument("--methods", nargs="+", default=[*PROGRAM_METHODS, *RIVALS], help="default: all")
+    parser.add_argument("--methods", nargs="+", default=[*PROGRAM_METHODS, *OTHER_METHODS], help="default: all")
     parser.add_argument("--max_num_queries", type=int, help="of a scene, evenly spread; default: all")
     parser.add_argument(
         "--truth_stddev", nargs="+", default=[], metavar="SCENE=LENGTH", help="of the true positions; default: 0"

@@ -95,7 +95,7 @@ def _size(scene: SparseScene, records: dict[str, dict]) -> float:
 
 
 def run_method(method, scene: SparseScene, folder, arguments, num_images: int, is_star: bool) -> list[Record]:
-    """Returns the records of all queries. Throws NotApplicable if a rival cannot run here."""
+    """Returns the records of all queries. Throws NotApplicable if another method cannot run here."""
     if method not in PROGRAM_METHODS:
         options = MethodOptions(folder / "method", arguments.colmap, num_retrieved=num_images)
         results = load_method(method)(scene, scene.query_names, options)

@@ -22,5 +22,5 @@ class Shard:
         return Shard(int(match[1]), int(match[2]))
 
     def holds(self, group_name: str) -> bool:
-        """True if a group belongs to the shard. A lone query is a group of its own name."""
+        """True if a group belongs to the shard. A single query is a group of its own name."""
         return zlib.crc32(group_name.encode(errors="surrogateescape")) % self.count == self.index - 1

@@ -12,7 +12,7 @@ namespace lazyloc {
 
 struct DepthMapsInUse {
   std::vector<DepthResult> results;  // by query
-  // By query frame: poses by relative poses of its pairs, whose distance the depths tell.
+  // Poses of each query frame, by relative poses of its pairs, whose distance the depths tell.
   std::vector<std::vector<Rigid3d>> starts;
 };
 

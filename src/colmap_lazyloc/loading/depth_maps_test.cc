@@ -109,7 +109,7 @@ TEST_F(DepthMapsTest, NamesTheFileThatCannotBeUsed) {
 }
 
 TEST(DepthAt, InterpolatesBetweenPixelsOfAnyResolution) {
-  // A plane whose inverse depth is 1 in the left pixel and 0.5 in the right one.
+  // Makes a plane whose inverse depth is 1 in the left pixel and 0.5 in the right one.
   const DepthMap map{2, 1, {1, 2}};
   const DepthMap wide{2, 2, {1, 1.05F, 1, 1.05F}};
   const Camera camera{1, 0, 8, 8, {}, true};
@@ -122,7 +122,7 @@ TEST(DepthAt, InterpolatesBetweenPixelsOfAnyResolution) {
 }
 
 TEST(DepthAt, KnowsNoDepthNextToAJump) {
-  // Two surfaces, columns 0 to 2 and 3 to 5.
+  // Makes two surfaces, columns 0 to 2 and 3 to 5.
   DepthMap map{6, 3, {}};
   for (int i = 0; i < 18; ++i) map.depths.push_back(i % 6 < 3 ? 1.0F : 1.3F);
   const Camera camera{1, 0, 6, 3, {}, true};

@@ -19,7 +19,7 @@ constexpr int kRowsPerChunk = 256;           // rows whose neighbours fit into a
 constexpr float kMaxAngleRad = 0.7f, kMaxRatio = 0.8f;
 constexpr int kVectorsPerBlock = kDescriptorBlock / kNumLanes;
 
-// In each lane: the largest and second largest product so far, and the place where the largest one was first.
+// Largest and second largest product so far in each lane, and the place where the largest one was first.
 struct LaneNeighbours {
   Lanes best = {}, second = {}, place = {};
 

@@ -70,7 +70,7 @@ class DescriptorBlocks {
  private:
   static constexpr int kBlockSize = kDescriptorBlock * kDescriptorDim;
 
-  // In each block, the first few values of each descriptor, then the next few, as many as are multiplied in one step:
+  // Holds, in each block, the first few values of each descriptor, then the next, as many as one step multiplies:
   // two with AVX2, four with VNNI, else all. With VNNI, all are less 128, because its second factor is signed.
   std::vector<uint8_t> values_;
   ProductInstructions instructions_;

@@ -25,7 +25,7 @@ Eigen::MatrixXd PredictErrors(const PosedImages& adjusted, const PriorGroup& gro
     poses.push_back(prior.frame_from_world);
   }
   poses.insert(poses.end(), viewpoints.begin(), viewpoints.end());
-  // Covariance of the errors at the viewpoints with those of the corrected frames. Only the part that changes with the
+  // Relate the errors at the viewpoints to those of the corrected frames. Only the part that changes with the
   // viewpoint is common to both.
   const Eigen::MatrixXd shared =
       group.components[0].variance *

@@ -33,7 +33,7 @@ struct BundleAdjustmentResult {
   // database units) for image noise as stated, with all points, other poses and factors unknown too. Zero for constant
   // frames. Unobservable directions get a large but finite variance. Empty without computes_covariances.
   std::vector<Eigen::Matrix<double, 6, 6>> frame_covariances, image_covariances;
-  // By image of a query: what errors that matches share add to image_covariances (IntrinsicsScore). Empty without
+  // What errors that matches share add to image_covariances, by image of a query (IntrinsicsScore). Empty without
   // tests_intrinsics.
   std::vector<Eigen::Matrix<double, 6, 6>> image_shared_errors;
   // How the frames of each prior group deviate from their priors. Empty without fits_priors, or for more frames than a
@@ -54,7 +54,7 @@ struct BundleAdjustmentResult {
 //
 // Levenberg-Marquardt with the points eliminated (Schur complement). Own code, because for a single query (many points,
 // few frames) it takes a small part of the time of a general solver; the tests compare it with Ceres
-// (docs/decisions.md).
+// (docs/decisions/bundle_adjustment.md).
 BundleAdjustmentResult AdjustBundle(const PosedImages& posed, std::vector<Track> tracks,
                                     const BundleAdjustmentOptions& options);
 

@@ -47,7 +47,7 @@ TEST(DepthError, PointsBehindTheImageHaveNone) {
   EXPECT_FALSE(error.Evaluate(depth, nullptr, 0, {0, 0, -1}));
 }
 
-// A query and one database image with a depth map whose scale is known up to kScaleStddev.
+// Returns a query and one database image with a depth map whose scale is known up to kScaleStddev.
 SyntheticTracks MakeScene(double noise_px, uint32_t seed = 0) {
   SyntheticTracksOptions options;
   options.num_database = 1;

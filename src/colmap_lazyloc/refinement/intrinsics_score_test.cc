@@ -30,7 +30,7 @@ SyntheticTracks MakeTracks(const IntrinsicsScore::Vector& corrections, int num_q
           corrections[LOG_ASPECT_RATIO] * Eigen::Vector2d(-0.5, 0.5).cwiseProduct(offset) +
           Eigen::Vector2d(corrections[PRINCIPAL_POINT_X], corrections[PRINCIPAL_POINT_Y]);
       const Eigen::Vector3d ray = moved.homogeneous().cwiseQuotient(Eigen::Vector3d(kFocalLengthPx, kFocalLengthPx, 1));
-      // The pixel derivative of a pinhole camera at the ray.
+      // Compute the pixel derivative of a pinhole camera at the ray.
       Eigen::Matrix<double, 2, 3> px_from_cam;
       px_from_cam << kFocalLengthPx, 0, -moved.x(), 0, kFocalLengthPx, -moved.y();
       observation.ray_in_cam = ray.normalized();

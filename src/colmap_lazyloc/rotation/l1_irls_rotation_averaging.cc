@@ -10,7 +10,7 @@ namespace lazyloc {
 void AverageByL1Irls(const RotationAveragingProblem& problem, RotationAveragingResult* result) {
   AverageByL1(problem, result);
   constexpr int kNumIterations = 20;
-  // Scale of the Geman-McClure loss: twice the error of a good pair, so that a pair that is off by 5 deg hardly counts.
+  // Take twice the error of a good pair as the loss's scale, so that a pair that is off by 5 deg hardly counts.
   constexpr double kScaleDeg = 2;
   const double scale_rad = DegToRad(kScaleDeg);
   ReweightedSolver(problem, result).Iterate(kNumIterations, DegToRad(kRotationConvergenceDeg), [=](double error) {

@@ -21,7 +21,7 @@ RecordBytes ToBytes(const QueryRecord& record);
 // bytes: parts that are not wanted may be empty.
 QueryRecord FromBytes(const RecordBytes& bytes, RecordParts parts);
 
-// The queries of a group as one string: 8 bytes each for the group's index and the number of queries; then, for each
+// Writes the queries of a group as one string: 8 bytes each for the group's index and number of queries; then, for each
 // query, the sizes of its parts, 8 bytes each, and the parts.
 std::string PackGroup(uint64_t group, const std::vector<QueryRecord>& records);
 

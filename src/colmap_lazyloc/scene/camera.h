@@ -26,7 +26,7 @@ inline double HalfDiagonalPx(const Camera& camera) {
   return std::sqrt(width * width + height * height) / 2;
 }
 
-// Where the intrinsics of a query come from, which decides how far the images may correct them.
+// Source of the intrinsics of a query, which decides how far the images may correct them.
 enum class IntrinsicsOrigin {
   GIVEN,   // somebody stated them: query list, option, or a camera of the database that looks calibrated
   MODEL,   // of an image that the model holds: their errors are those of the database poses, too

@@ -7,7 +7,7 @@
 
 namespace lazyloc {
 
-// Where the expected size of the errors of database poses comes from.
+// Source of the expected size of the errors of database poses.
 enum class PoseNoiseSource {
   DEFAULT,         // that of a typical database
   STATED,          // the options state it
@@ -20,7 +20,7 @@ inline constexpr std::array<const char*, 3> kEnumNames<PoseNoiseSource> = {"defa
 struct DatabasePoseNoise {
   PoseNoiseSource source = PoseNoiseSource::DEFAULT;
   int num_pairs = 0;  // of database images that show the size
-  // Of the part that changes with the viewpoint, between viewpoints 11.5 degrees apart; of independent rotations and
+  // Sizes of the part that changes between viewpoints 11.5 degrees apart, and of independent rotations and
   // positions. Zero if standard deviations of the poses are stated.
   double viewpoint_px = 0, rotation_px = 0, position_px = 0;
 };

@@ -9,13 +9,13 @@
 
 namespace lazyloc {
 
-// Where the camera of a query was, from GPS for example.
+// Position of the camera of a query, from GPS for example.
 struct PositionPrior {
   Eigen::Vector3d position = Eigen::Vector3d::Zero();  // of the projection centre in the world, in database units
   Eigen::Matrix3d covariance = Eigen::Matrix3d::Identity();
 };
 
-// Where down was, from an accelerometer for example.
+// Direction of gravity at a query, from an accelerometer for example.
 struct GravityPrior {
   Eigen::Vector3d down_in_cam = Eigen::Vector3d::UnitY();  // unit length
   Eigen::Vector3d down_in_world = -Eigen::Vector3d::UnitZ();

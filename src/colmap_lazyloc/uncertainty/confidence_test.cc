@@ -12,7 +12,7 @@ using ::testing::HasSubstr;
 
 constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
 
-// Evidence of an ordinary right pose.
+// Returns evidence of an ordinary right pose.
 PoseEvidence Good() {
   PoseEvidence evidence;
   evidence.num_common_tracks = 200;

@@ -4,13 +4,13 @@
 namespace lazyloc {
 namespace {
 
-// Chosen for COLMAP 4.1 and later, because spherical models have rays behind the image plane.
+// Serves COLMAP 4.1 and later, because spherical models have rays behind the image plane.
 template <typename ColmapCamera>
 auto RayOf(const ColmapCamera& camera, const Eigen::Vector2d& xy, int) -> decltype(camera.CamRayFromImg(xy)) {
   return camera.CamRayFromImg(xy);
 }
 
-// Chosen for COLMAP 4.0, because it has neither CamRayFromImg nor spherical models.
+// Serves COLMAP 4.0, because it has neither CamRayFromImg nor spherical models.
 template <typename ColmapCamera>
 std::optional<Eigen::Vector3d> RayOf(const ColmapCamera& camera, const Eigen::Vector2d& xy, long) {
   const std::optional<Eigen::Vector2d> normalized = camera.CamFromImg(xy);
