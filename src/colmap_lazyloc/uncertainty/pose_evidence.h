@@ -5,7 +5,6 @@
 
 #include "colmap_lazyloc/group/layout.h"
 #include "colmap_lazyloc/group/pair_estimation.h"
-#include "colmap_lazyloc/pipeline/refinement_rounds.h"
 #include "colmap_lazyloc/scene/pose_distribution.h"
 #include "colmap_lazyloc/scene/pose_evidence.h"
 #include "colmap_lazyloc/uncertainty/pose_uncertainty.h"

@@ -6,7 +6,6 @@
 #include <Eigen/Geometry>
 
 #include "colmap_lazyloc/group/layout.h"
-#include "colmap_lazyloc/pipeline/refinement_rounds.h"
 #include "colmap_lazyloc/scene/localization_result.h"
 #include "colmap_lazyloc/scene/pair_geometry.h"
 #include "colmap_lazyloc/scene/pose_distribution.h"
