@@ -6,10 +6,10 @@
 #include <Eigen/Geometry>
 
 namespace lazyloc {
-
-// Minimum sine of the angle between rays that determine a point (1 degree), because nearly parallel ones cross
+// Minimum sine of the angle between rays that determine a point (1.1 degrees), because nearly parallel ones cross
 // anywhere.
-inline constexpr double kMinCrossingSine = 0.0175;
+// anywhere.
+inline constexpr double kMinCrossingSine = 0.02;
 
 struct Ray {
   Eigen::Vector3d origin;
