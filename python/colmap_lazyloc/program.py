@@ -36,7 +36,7 @@ def find_colmap() -> pathlib.Path:
 
 
 def run_colmap(colmap: Path, *arguments: object, log_path: pathlib.Path | None = None) -> str:
-    """Runs a COLMAP command and returns its standard output; raises RuntimeError with the last line if it fails.
+    """Runs a COLMAP command and returns its words, the standard error output; raises RuntimeError if it fails.
 
     The command line and all output are written to `log_path`, if one is given.
     """
@@ -47,7 +47,7 @@ def run_colmap(colmap: Path, *arguments: object, log_path: pathlib.Path | None =
     if done.returncode != 0:
         last_line = (done.stderr.strip() or "no message").splitlines()[-1]
         raise RuntimeError(f"colmap {words[1]} ended with code {done.returncode}: {last_line}")
-    return done.stdout
+    return done.stderr
 
 
 def gpu_option(colmap: Path, command_name: str) -> str:

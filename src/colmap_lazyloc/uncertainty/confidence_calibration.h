@@ -4,8 +4,8 @@ namespace lazyloc {
 
 // Written by `scripts/python.sh -m benchmarks uncertainty fit`.
 // Odds of another place if half of the matches speak for the pose and its points fit within a pixel.
-inline constexpr double kPlaceOdds = 0.29;
+inline constexpr double kPlaceOdds = 0.34;
 // Number of points with which chance is as probable as the pose.
-inline constexpr double kChanceNumPoints = 2.3;
+inline constexpr double kChanceNumPoints = 2.0;
 
 }  // namespace lazyloc
