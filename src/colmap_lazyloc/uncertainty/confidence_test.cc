@@ -92,7 +92,7 @@ TEST(Confidence, IsFiniteWithoutAnyEvidence) {
   PoseEvidence none;
   none.explained_ratio = none.agreeing_ratio = 0;
   EXPECT_GE(Confidence(none), 0);
-  EXPECT_LT(Confidence(none), 0.1);
+  EXPECT_LT(Confidence(none), 0.2);
 }
 
 TEST(Confidence, IsZeroWithoutAFiniteStandardDeviation) {
