@@ -8,8 +8,8 @@
 #   BUILD_TARGETS       targets to build; default: all
 #
 # `setup.sh environment` stops before it fetches COLMAP and builds anything. `setup.sh browser` only installs what the
-# tests of the report page and of the tutorials need: a browser, its driver, npm and curl. `setup.sh deb` only installs the tools that make the
-# Debian package, `setup.sh docs` those that build the documentation's site.
+# tests of the report page and of the tutorials need: a browser, its driver, npm and curl. `setup.sh deb` only installs
+# the tools that make the Debian package, `setup.sh docs` those that build the documentation's site.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 source scripts/environment.sh

@@ -3,6 +3,7 @@
 #include <Eigen/LU>
 
 namespace lazyloc {
+
 Observer::Observer(const Camera& camera) : ray_in_cam_(RaysInCam(camera)), principal_point_(PrincipalPoint(camera)) {}
 
 std::optional<Observation> Observer::operator()(const Eigen::Vector2d& xy) const {

@@ -6,8 +6,8 @@
 #include <Eigen/Geometry>
 
 namespace lazyloc {
+
 // Minimum sine of the angle between rays that determine a point (1.1 degrees), because nearly parallel ones cross
-// anywhere.
 // anywhere.
 inline constexpr double kMinCrossingSine = 0.02;
 
