@@ -5,7 +5,6 @@
 
 #include <Eigen/Core>
 
-#include "colmap_lazyloc/group/options.h"
 #include "colmap_lazyloc/scene/depth_result.h"
 
 namespace lazyloc {

@@ -7,9 +7,7 @@
 #include "colmap_lazyloc/intrinsics/intrinsics_estimate.h"
 #include "colmap_lazyloc/intrinsics/intrinsics_judgement.h"
 #include "colmap_lazyloc/intrinsics/uncalibrated_camera.h"
-#include "colmap_lazyloc/math/so3.h"
 #include "colmap_lazyloc/noise/viewpoint_errors.h"
-#include "colmap_lazyloc/refinement/covariance.h"
 
 namespace lazyloc {
 namespace {

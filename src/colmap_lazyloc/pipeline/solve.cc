@@ -12,7 +12,6 @@
 #include "colmap_lazyloc/priors/prior_comparison.h"
 #include "colmap_lazyloc/priors/prior_fusion.h"
 #include "colmap_lazyloc/priors/query_priors.h"
-#include "colmap_lazyloc/refinement/covariance.h"
 #include "colmap_lazyloc/refinement/query_prior_residual.h"
 #include "colmap_lazyloc/scene/refs.h"
 #include "colmap_lazyloc/starts/motion_averaging.h"

@@ -2,11 +2,7 @@
 
 #include <cmath>
 
-#include <Eigen/Cholesky>
-
-#include "colmap_lazyloc/math/so3.h"
 #include "colmap_lazyloc/priors/prior_comparison.h"
-#include "colmap_lazyloc/refinement/covariance.h"
 #include "colmap_lazyloc/refinement/query_prior_residual.h"
 
 namespace lazyloc {

@@ -7,7 +7,6 @@
 #include "colmap_lazyloc/group/pair_estimation.h"
 #include "colmap_lazyloc/scene/pose_distribution.h"
 #include "colmap_lazyloc/scene/pose_evidence.h"
-#include "colmap_lazyloc/uncertainty/pose_uncertainty.h"
 #include "colmap_lazyloc/uncertainty/refined.h"
 
 namespace lazyloc {

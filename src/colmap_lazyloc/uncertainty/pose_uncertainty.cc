@@ -3,9 +3,7 @@
 #include <algorithm>
 #include <string>
 
-#include "colmap_lazyloc/math/so3.h"
 #include "colmap_lazyloc/noise/viewpoint_errors.h"
-#include "colmap_lazyloc/refinement/covariance.h"
 #include "colmap_lazyloc/uncertainty/position_ambiguity.h"
 
 namespace lazyloc {

@@ -2,9 +2,6 @@
 
 #include <vector>
 
-#include <Eigen/Core>
-#include <Eigen/Geometry>
-
 #include "colmap_lazyloc/group/layout.h"
 #include "colmap_lazyloc/scene/localization_result.h"
 #include "colmap_lazyloc/scene/pair_geometry.h"
