@@ -83,6 +83,17 @@ def test_code_in_the_text_may_break_only_inside(site):
     assert re.search("[.]<wbr>[a-z]", text) and "</<wbr>" not in text
 
 
+def test_pictures_of_the_pipeline_name_what_the_code_has():
+    """Compares the nodes of the pictures and the names in the text with the words of the sources."""
+    text = (PROJECT_PATH / "CONTRIBUTING.md").read_text().partition("## The pipeline")[2].partition("## Glossary")[0]
+    nodes = re.findall(r"^ +(\w+) -", text, re.MULTILINE) + re.findall(r"--> (\w+)$", text, re.MULTILINE)
+    names = {name for name in nodes if name[0].isupper()} | set(re.findall(r"`([A-Za-z_]+)`", text))
+    sources = PROJECT_PATH / "src" / "colmap_lazyloc"
+    paths = [*sources.rglob("*.h"), *(sources / "pipeline").glob("*.cc")]
+    words = {word for path in paths for word in re.findall(r"\w+", path.read_text())}
+    assert len(names) >= 30 and names - words == set()
+
+
 def test_broken_link_is_an_error(tmp_path):
     """Copies what the site is built from, and breaks a link and an anchor."""
     for name in ("docs", "scripts", "mkdocs.yml", "pyproject.toml", "CONTRIBUTING.md", "CHANGELOG.md"):

@@ -185,35 +185,34 @@ void AddResult(const MapOfImage& map, const Layout& layout, std::vector<DepthRes
 
 }  // namespace
 
-DepthMapsInUse UseDepthMaps(const QueryGroup& group, const Layout& layout, const PairRefs& pairs,
-                            const LocalizerOptions& options, CandidateTracks* candidates, SplitTracks* start_tracks,
-                            PosedImages* posed) {
+StartInput WithDepthMaps(const QueryGroup& group, const Layout& layout, const PairRefs& pairs,
+                         const LocalizerOptions& options, StartInput input) {
+  PosedImages& posed = input.posed;
   std::vector<MapOfImage> maps = MapsOf(group, layout, pairs);
-  std::vector<int> map_of_image(posed->images.size(), -1);
-  DepthMapsInUse in_use;
-  in_use.results.resize(layout.num_queries);
-  in_use.starts.resize(layout.num_query_frames);
-  const std::vector<bool> are_determined = AreDetermined(layout, start_tracks->from_database);
+  std::vector<int> map_of_image(posed.images.size(), -1);
+  input.depths.resize(layout.num_queries);
+  input.depth_starts.resize(layout.num_query_frames);
+  const std::vector<bool> are_determined = AreDetermined(layout, input.tracks.from_database);
   for (size_t i = 0; i < maps.size(); ++i) {
     if (are_determined[layout.FrameOf(maps[i].query)]) {
       maps[i].fit.verdict = DepthVerdict::NOT_NEEDED;
     } else {
-      maps[i].fit = Fit(maps[i], layout, pairs, *start_tracks, options);
+      maps[i].fit = Fit(maps[i], layout, pairs, input.tracks, options);
     }
     if (maps[i].fit.verdict == DepthVerdict::USED) map_of_image[maps[i].image] = static_cast<int>(i);
-    AddResult(maps[i], layout, &in_use.results);
+    AddResult(maps[i], layout, &input.depths);
   }
   for (std::vector<Track>* tracks :
-       {&candidates->all, &candidates->for_start, &start_tracks->from_database, &start_tracks->rest}) {
+       {&input.candidates.all, &input.candidates.for_start, &input.tracks.from_database, &input.tracks.rest}) {
     SetDepths(maps, map_of_image, tracks);
   }
-  const std::vector<int> num_depths = CountDepths(candidates->all, posed->images.size());
-  for (size_t image = 0; image < posed->images.size(); ++image) {
+  const std::vector<int> num_depths = CountDepths(input.candidates.all, posed.images.size());
+  for (size_t image = 0; image < posed.images.size(); ++image) {
     if (map_of_image[image] < 0 || num_depths[image] == 0) continue;
     const DepthFit& fit = maps[map_of_image[image]].fit;
     // Adjustment takes errors as independent. Makes them as large as their mean then is uncertain.
     const double stddev = std::sqrt(fit.pixel_variance + num_depths[image] * fit.common_variance);
-    posed->images[image].depth_scale = {fit.log_scale, fit.log_scale, std::sqrt(fit.scale_variance), stddev};
+    posed.images[image].depth_scale = {fit.log_scale, fit.log_scale, std::sqrt(fit.scale_variance), stddev};
   }
   for (const PairGeometry* pair : pairs) {
     const int map = map_of_image[pair->other];
@@ -221,9 +220,9 @@ DepthMapsInUse UseDepthMaps(const QueryGroup& group, const Layout& layout, const
     const std::optional<Rigid3d> query_from_world = PoseOfPair(*pair, maps[map], layout);
     if (!query_from_world) continue;
     const Rigid3d frame_from_cam = Inverse(layout.given.images[pair->query].cam_from_frame);
-    in_use.starts[layout.FrameOf(pair->query)].push_back(frame_from_cam * *query_from_world);
+    input.depth_starts[layout.FrameOf(pair->query)].push_back(frame_from_cam * *query_from_world);
   }
-  return in_use;
+  return input;
 }
 
 }  // namespace lazyloc

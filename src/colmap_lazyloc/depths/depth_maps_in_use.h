@@ -10,16 +10,19 @@
 
 namespace lazyloc {
 
-struct DepthMapsInUse {
-  std::vector<DepthResult> results;  // by query
+// Tracks and poses that a start is chosen from, and what depth maps add to them.
+struct StartInput {
+  CandidateTracks candidates;
+  SplitTracks tracks;  // the candidates for the start
+  PosedImages posed;
+  std::vector<DepthResult> depths;  // by query; empty without depth maps
   // Poses of each query frame, by relative poses of its pairs, whose distance the depths tell.
-  std::vector<std::vector<Rigid3d>> starts;
+  std::vector<std::vector<Rigid3d>> depth_starts;
 };
 
-// Compares the depth maps of a group with triangulated points. Gives the images whose map is used a scale, and their
-// observations the map's depths. pairs: those in use.
-DepthMapsInUse UseDepthMaps(const QueryGroup& group, const Layout& layout, const PairRefs& pairs,
-                            const LocalizerOptions& options, CandidateTracks* candidates, SplitTracks* start_tracks,
-                            PosedImages* posed);
+// Compares the depth maps of a group with triangulated points. Returns the input with a scale for the images whose map
+// is used, and the map's depths for their observations. pairs: those in use.
+StartInput WithDepthMaps(const QueryGroup& group, const Layout& layout, const PairRefs& pairs,
+                         const LocalizerOptions& options, StartInput input);
 
 }  // namespace lazyloc

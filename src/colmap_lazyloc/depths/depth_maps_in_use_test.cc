@@ -15,7 +15,7 @@ namespace {
 using ::testing::Each;
 using ::testing::IsEmpty;
 
-// A group with depth maps, and what UseDepthMaps takes and returns.
+// A group with depth maps, and what WithDepthMaps returns.
 struct MapsInUse {
   MapsInUse(int num_database_images, int num_sensors, int num_frames = 1) {
     SyntheticGroupOptions group;
@@ -48,16 +48,18 @@ struct MapsInUse {
   // num_from_database: tracks whose points database images triangulate.
   void Run(size_t num_from_database = 0) {
     input = MakeStageInput(scene);
-    posed = input.layout.given;
-    candidates = {input.tracks, input.tracks};
     const auto end = input.tracks.begin() + static_cast<std::ptrdiff_t>(num_from_database);
-    start_tracks = {{input.tracks.begin(), end}, {end, input.tracks.end()}};
-    in_use = UseDepthMaps(scene.group, input.layout, Refs(input.pairs), options, &candidates, &start_tracks, &posed);
+    const StartInput given{{input.tracks, input.tracks},
+                           {{input.tracks.begin(), end}, {end, input.tracks.end()}},
+                           input.layout.given,
+                           {},
+                           {}};
+    in_use = WithDepthMaps(scene.group, input.layout, Refs(input.pairs), options, given);
   }
 
   std::vector<DepthMapResult> Results() const {
     std::vector<DepthMapResult> results;
-    for (const DepthResult& result : in_use.results) {
+    for (const DepthResult& result : in_use.depths) {
       results.insert(results.end(), result.maps.begin(), result.maps.end());
     }
     return results;
@@ -66,10 +68,7 @@ struct MapsInUse {
   SyntheticGroup scene;
   LocalizerOptions options;
   StageInput input;
-  PosedImages posed;
-  CandidateTracks candidates;
-  SplitTracks start_tracks;
-  DepthMapsInUse in_use;
+  StartInput in_use;
 };
 
 auto HasVerdict(DepthVerdict verdict) { return ::testing::Field(&DepthMapResult::verdict, verdict); }
@@ -83,19 +82,19 @@ int CountDepths(const std::vector<Track>& tracks) {
 }
 
 void ExpectNoDepths(const MapsInUse& maps) {
-  for (const Image& image : maps.posed.images) EXPECT_FALSE(image.depth_scale);
-  for (const auto* tracks :
-       {&maps.candidates.all, &maps.candidates.for_start, &maps.start_tracks.from_database, &maps.start_tracks.rest}) {
+  for (const Image& image : maps.in_use.posed.images) EXPECT_FALSE(image.depth_scale);
+  for (const auto* tracks : {&maps.in_use.candidates.all, &maps.in_use.candidates.for_start,
+                             &maps.in_use.tracks.from_database, &maps.in_use.tracks.rest}) {
     EXPECT_EQ(CountDepths(*tracks), 0);
   }
-  EXPECT_THAT(maps.in_use.starts, Each(IsEmpty()));
+  EXPECT_THAT(maps.in_use.depth_starts, Each(IsEmpty()));
 }
 
 // Expects starts at the true poses for all frames that have any.
 void ExpectTrueStarts(const MapsInUse& maps, size_t num_starts) {
-  for (size_t frame = 0; frame < maps.in_use.starts.size(); ++frame) {
-    EXPECT_EQ(maps.in_use.starts[frame].size(), num_starts);
-    for (const Rigid3d& start : maps.in_use.starts[frame]) {
+  for (size_t frame = 0; frame < maps.in_use.depth_starts.size(); ++frame) {
+    EXPECT_EQ(maps.in_use.depth_starts[frame].size(), num_starts);
+    for (const Rigid3d& start : maps.in_use.depth_starts[frame]) {
       EXPECT_LE(PositionError(start, maps.input.truth.frames[frame].frame_from_world), 1e-3);
       EXPECT_LE(RotationErrorDeg(start, maps.input.truth.frames[frame].frame_from_world), 1e-3);
     }
@@ -114,15 +113,15 @@ TEST(DepthMapsInUse, PointsTellTheScaleOfAMap) {
   EXPECT_NEAR(maps.Results()[0].scale, 2, 1e-5);
   EXPECT_LE(maps.Results()[0].scale_stddev, 0.01);
   EXPECT_EQ(maps.Results()[0].num_points, static_cast<int>(maps.scene.points_in_world.size()));
-  const std::optional<DepthScale>& scale = maps.posed.images[1].depth_scale;
+  const std::optional<DepthScale>& scale = maps.in_use.posed.images[1].depth_scale;
   ASSERT_TRUE(scale);
   EXPECT_NEAR(scale->log_scale, std::log(2), 1e-5);
   EXPECT_EQ(scale->stated_log_scale, scale->log_scale);
   EXPECT_GE(scale->log_depth_stddev, kMinDepthStddev);
   const int num_points = static_cast<int>(maps.input.tracks.size());
-  EXPECT_EQ(CountDepths(maps.candidates.all), num_points);
-  EXPECT_EQ(CountDepths(maps.candidates.for_start), num_points);
-  EXPECT_EQ(CountDepths(maps.start_tracks.rest), num_points);
+  EXPECT_EQ(CountDepths(maps.in_use.candidates.all), num_points);
+  EXPECT_EQ(CountDepths(maps.in_use.candidates.for_start), num_points);
+  EXPECT_EQ(CountDepths(maps.in_use.tracks.rest), num_points);
   ExpectTrueStarts(maps, 1);
 }
 
@@ -194,7 +193,7 @@ TEST(DepthMapsInUse, UnknownDepthsAreLeftOut) {
   maps.ChangePairs([](ImagePair* pair) { std::fill_n(pair->other_depths.begin(), 50, 0.F); });
   maps.Run();
   EXPECT_THAT(maps.Results(), Each(HasVerdict(DepthVerdict::USED)));
-  EXPECT_EQ(CountDepths(maps.candidates.all), static_cast<int>(maps.input.tracks.size()) - 50);
+  EXPECT_EQ(CountDepths(maps.in_use.candidates.all), static_cast<int>(maps.input.tracks.size()) - 50);
 }
 
 TEST(DepthMapsInUse, AnImageWithoutKnownDepthsIsNotUsed) {
@@ -209,24 +208,25 @@ TEST(DepthMapsInUse, AnImageWithoutAPairInUseIsNotReported) {
   MapsInUse maps(2, 1);
   maps.options.depth_is_metric = true;
   maps.input = MakeStageInput(maps.scene);
-  maps.posed = maps.input.layout.given;
   maps.input.pairs.pop_back();
-  const DepthMapsInUse in_use = UseDepthMaps(maps.scene.group, maps.input.layout, Refs(maps.input.pairs), maps.options,
-                                             &maps.candidates, &maps.start_tracks, &maps.posed);
-  ASSERT_EQ(in_use.results[0].maps.size(), 1u);
-  EXPECT_EQ(in_use.results[0].maps[0].database_name, maps.scene.group.images[0].problem.pairs[0].other_name);
+  StartInput given;
+  given.posed = maps.input.layout.given;
+  const StartInput in_use =
+      WithDepthMaps(maps.scene.group, maps.input.layout, Refs(maps.input.pairs), maps.options, given);
+  ASSERT_EQ(in_use.depths[0].maps.size(), 1u);
+  EXPECT_EQ(in_use.depths[0].maps[0].database_name, maps.scene.group.images[0].problem.pairs[0].other_name);
 }
 
 TEST(DepthMapsInUse, ImagesOfARigShareAMap) {
   MapsInUse maps(1, 2);
   maps.options.depth_is_metric = true;
   maps.Run();
-  ASSERT_EQ(maps.in_use.results.size(), 2u);
-  for (const DepthResult& result : maps.in_use.results) {
+  ASSERT_EQ(maps.in_use.depths.size(), 2u);
+  for (const DepthResult& result : maps.in_use.depths) {
     ASSERT_EQ(result.maps.size(), 1u) << "each query says what its database images contribute";
     EXPECT_EQ(result.maps[0].verdict, DepthVerdict::USED);
   }
-  EXPECT_EQ(CountDepths(maps.candidates.all), static_cast<int>(maps.input.tracks.size()));
+  EXPECT_EQ(CountDepths(maps.in_use.candidates.all), static_cast<int>(maps.input.tracks.size()));
   ExpectTrueStarts(maps, 2);
 }
 
@@ -234,7 +234,7 @@ TEST(DepthMapsInUse, EachFrameOfAGroupHasItsStarts) {
   MapsInUse maps(2, 1, /*num_frames=*/3);
   maps.options.depth_is_metric = true;
   maps.Run();
-  ASSERT_EQ(maps.in_use.starts.size(), 3u);
+  ASSERT_EQ(maps.in_use.depth_starts.size(), 3u);
   EXPECT_EQ(maps.Results().size(), 6u);
   ExpectTrueStarts(maps, 2);
 }

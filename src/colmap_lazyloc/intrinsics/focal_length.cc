@@ -6,7 +6,6 @@
 #include <string>
 
 #include "colmap_lazyloc/bridge/camera_models.h"
-#include "colmap_lazyloc/bridge/observation.h"
 #include "colmap_lazyloc/group/failure.h"
 #include "colmap_lazyloc/math/seed.h"
 #include "colmap_lazyloc/scene/refs.h"
@@ -26,23 +25,6 @@ bool HasFocalLength(const Camera& camera) { return !SameIntrinsics(WithFocalFact
 bool IsFocalLengthUnknown(const LocalizationProblem& problem, const LocalizerOptions& options) {
   if (options.intrinsics == IntrinsicsMode::GIVEN || !HasFocalLength(problem.query_camera)) return false;
   return options.intrinsics == IntrinsicsMode::REFINE || problem.intrinsics_origin == IntrinsicsOrigin::GUESS;
-}
-
-void QueryCamera::ScaleFocalLength(double factor) {
-  camera_ = WithFocalFactor(camera_, factor);
-  focal_factor_ *= factor;
-}
-
-std::vector<Track> QueryCamera::Observe(const std::vector<Track>& tracks) const {
-  const Observer observe(camera_);
-  std::vector<Track> observed;
-  for (const Track& track : tracks) {
-    const std::optional<Observation> query = observe(problem_.query_keypoints[track.observations.front().keypoint]);
-    if (!query) continue;
-    observed.push_back(track);
-    observed.back().observations.front().observation = *query;
-  }
-  return observed;
 }
 
 FocalLengthAndPose ChooseFocalLengthAndPose(const Layout& layout, const QueryCamera& camera,

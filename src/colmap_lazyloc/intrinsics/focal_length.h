@@ -3,6 +3,7 @@
 #include <vector>
 
 #include "colmap_lazyloc/group/layout.h"
+#include "colmap_lazyloc/group/query_camera.h"
 #include "colmap_lazyloc/scene/localization_problem.h"
 
 namespace lazyloc {
@@ -11,25 +12,6 @@ namespace lazyloc {
 bool HasFocalLength(const Camera& camera);
 // Returns true if the focal length of the query is estimated whatever the images say of the given value.
 bool IsFocalLengthUnknown(const LocalizationProblem& problem, const LocalizerOptions& options);
-
-// The camera of a single query whose focal length is being estimated, and the tracks as it observes them.
-class QueryCamera {
- public:
-  explicit QueryCamera(const LocalizationProblem& problem) : problem_(problem), camera_(problem.query_camera) {}
-
-  const Camera& Intrinsics() const { return camera_; }
-  void ScaleFocalLength(double factor);
-  // Returns the factor on the focal length of the query's camera.
-  double FocalFactor() const { return focal_factor_; }
-  // Returns the tracks with their query observations (the first ones) computed again by the present camera, without
-  // those whose keypoint it cannot unproject.
-  std::vector<Track> Observe(const std::vector<Track>& tracks) const;
-
- private:
-  const LocalizationProblem& problem_;
-  Camera camera_;
-  double focal_factor_ = 1;
-};
 
 // A focal length, as a factor on that of the camera, and a pose that fits it.
 struct FocalLengthAndPose {

@@ -1,7 +1,5 @@
 #include "colmap_lazyloc/intrinsics/focal_length.h"
 
-#include <limits>
-
 #include <Eigen/Geometry>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -179,26 +177,6 @@ TEST(ChooseFocalLengthAndPose, TooFewTracksAreReported) {
       [&] { ChooseFocalLengthAndPose(input.layout, QueryCamera(scene.group.images[0].problem), input.tracks, {}); });
   EXPECT_EQ(failure.cause, QueryStatus::TOO_FEW_TRACKS);
   EXPECT_THAT(failure.reason, testing::HasSubstr("3 points"));
-}
-
-TEST(QueryCamera, ObservesTheQueryByItsPresentFocalLength) {
-  SyntheticGroup scene = LoneQueryOfGroup();
-  const StageInput input = MakeStageInput(scene);
-  LocalizationProblem& problem = scene.group.images[0].problem;
-  problem.query_keypoints[5].x() = std::numeric_limits<double>::quiet_NaN();
-  QueryCamera camera(problem);
-  camera.ScaleFocalLength(2);
-  EXPECT_EQ(camera.Intrinsics().params[0], 1600);
-  const std::vector<Track> tracks = camera.Observe(input.tracks);
-  ASSERT_EQ(tracks.size(), input.tracks.size() - 1);
-  for (const Track& track : tracks) {
-    const TrackObservation& query = track.observations[0];
-    const Track& before = input.tracks[query.keypoint];
-    EXPECT_NE(query.keypoint, 5);
-    const Eigen::Vector2d before_xy = before.observations[0].observation.ray_in_cam.hnormalized();
-    EXPECT_LE((2 * query.observation.ray_in_cam.hnormalized() - before_xy).norm(), 1e-12);
-    EXPECT_EQ(track.observations[1].observation.ray_in_cam, before.observations[1].observation.ray_in_cam);
-  }
 }
 
 }  // namespace

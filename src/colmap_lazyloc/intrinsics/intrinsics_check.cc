@@ -39,8 +39,8 @@ double Judge(const Camera& camera, const IntrinsicsEstimate& estimate, bool is_r
 }  // namespace
 
 CheckedIntrinsics CheckIntrinsics(const QueryGroup& group, const Layout& layout, const Refined& refined,
-                                  std::vector<PoseDistribution> poses, const LocalizerOptions& options,
-                                  const QueryCamera* camera) {
+                                  std::vector<PoseDistribution> poses, const LocalizerOptions& options) {
+  const std::optional<QueryCamera>& camera = refined.camera;
   const PosedImages& adjusted = refined.adjustment.posed;
   CheckedIntrinsics checked;
   checked.results.resize(layout.num_queries);
@@ -55,17 +55,17 @@ CheckedIntrinsics CheckIntrinsics(const QueryGroup& group, const Layout& layout,
       IntrinsicsResult& result = checked.results[query];
       result.origin = problem.intrinsics_origin;
       const IntrinsicsEstimate estimate = EstimateIntrinsics(score, score_covariance);
-      result.focal_factor = camera != nullptr ? camera->FocalFactor() : std::exp(estimate.log_focal_factor);
+      result.focal_factor = camera ? camera->FocalFactor() : std::exp(estimate.log_focal_factor);
       result.focal_factor_stddev = result.focal_factor * estimate.log_focal_stddev;
 
-      if (camera != nullptr) checked.cameras[query] = camera->Intrinsics();
+      if (camera) checked.cameras[query] = camera->Intrinsics();
       PoseDistribution& pose = checked.poses[query];
       const PoseDerivatives derivatives = DerivativesAroundCamera(adjusted, query, score.frame_from_correction);
       const IntrinsicsScore::Matrix others =
           UncalibratedCovariance(score, score_covariance, problem.query_camera, result.origin);
       pose.of_images += derivatives * others * derivatives.transpose();
       pose.by_log_focal = derivatives.col(LOG_FOCAL_FACTOR);
-      pose.log_focal_variance = Judge(problem.query_camera, estimate, camera != nullptr, options, &result);
+      pose.log_focal_variance = Judge(problem.query_camera, estimate, camera.has_value(), options, &result);
     }
   }
   return checked;

@@ -3,7 +3,7 @@
 #include <optional>
 #include <vector>
 
-#include "colmap_lazyloc/intrinsics/focal_length.h"
+#include "colmap_lazyloc/group/layout.h"
 #include "colmap_lazyloc/uncertainty/pose_uncertainty.h"
 
 namespace lazyloc {
@@ -18,10 +18,8 @@ struct CheckedIntrinsics {
 };
 
 // Tests the intrinsics of each query by the scores of the last adjustment (intrinsics_estimate.h), judges them
-// (intrinsics_judgement.h), and adds their uncertainty to that of the poses. camera: of a query whose focal length was
-// estimated; else null.
+// (intrinsics_judgement.h), and adds their uncertainty to that of the poses.
 CheckedIntrinsics CheckIntrinsics(const QueryGroup& group, const Layout& layout, const Refined& refined,
-                                  std::vector<PoseDistribution> poses, const LocalizerOptions& options,
-                                  const QueryCamera* camera = nullptr);
+                                  std::vector<PoseDistribution> poses, const LocalizerOptions& options);
 
 }  // namespace lazyloc

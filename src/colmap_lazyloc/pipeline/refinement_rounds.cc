@@ -28,8 +28,9 @@ constexpr double kMinDepthVarianceFactor = 1e-6;
 // The state of the rounds, of which each step replaces a part.
 class Rounds {
  public:
-  Rounds(const Layout& layout, const PosedImages& start, const LocalizerOptions& options, QueryCamera* camera)
-      : layout_(layout), options_(options), camera_(camera), priors_(layout, options) {
+  Rounds(const Layout& layout, const PosedImages& start, const LocalizerOptions& options,
+         std::optional<QueryCamera> camera)
+      : layout_(layout), options_(options), camera_(std::move(camera)), priors_(layout, options) {
     adjustment_.posed = start;
     for (const Image& image : start.images) depth_scales_.push_back(image.depth_scale);
   }
@@ -44,6 +45,7 @@ class Rounds {
   // Estimates the image noise, after the first round also what the priors and tracks of one image are expected to be.
   void EstimateNoise(bool is_first);
   CandidateTracks Observe(CandidateTracks candidates) const;
+  const std::optional<QueryCamera>& RefinedCamera() const { return camera_; }
   BundleAdjustmentResult Finish() &&;
 
  private:
@@ -54,7 +56,7 @@ class Rounds {
 
   const Layout& layout_;
   const LocalizerOptions& options_;
-  QueryCamera* const camera_;
+  std::optional<QueryCamera> camera_;
   BundleAdjustmentResult adjustment_;
   DatabasePriors priors_;
   std::vector<std::optional<DepthScale>> depth_scales_;  // by image, as fitted before the rounds
@@ -94,7 +96,7 @@ void Rounds::Adjust(bool is_last) {
   if (!adjustment_.summary.success || !is_finite) {
     throw Failure{QueryStatus::DIVERGED, "bundle adjustment failed: " + adjustment_.summary.message};
   }
-  if (camera_ == nullptr) return;
+  if (!camera_) return;
   std::optional<double>& log_focal_factor = adjustment_.posed.images[0].log_focal_factor;
   camera_->ScaleFocalLength(std::exp(*log_focal_factor));
   log_focal_factor = 0;
@@ -102,7 +104,7 @@ void Rounds::Adjust(bool is_last) {
 }
 
 CandidateTracks Rounds::Observe(CandidateTracks candidates) const {
-  if (camera_ == nullptr) return candidates;
+  if (!camera_) return candidates;
   return {camera_->Observe(candidates.all), camera_->Observe(candidates.for_start)};
 }
 
@@ -165,9 +167,9 @@ BundleAdjustmentResult Rounds::Finish() && {
 
 Refined Refine(const Layout& layout, const PosedImages& start, const SplitTracks& start_tracks,
                CandidateTracks candidates, const LocalizerOptions& options, StageTimer::Seconds* seconds,
-               QueryCamera* camera) {
+               std::optional<QueryCamera> camera) {
   Refined refined;
-  Rounds rounds(layout, start, options, camera);
+  Rounds rounds(layout, start, options, std::move(camera));
   for (int round = 0; round < kNumRounds; ++round) {
     const bool is_first = round == 0, is_last = round + 1 == kNumRounds;
     {
@@ -192,6 +194,7 @@ Refined Refine(const Layout& layout, const PosedImages& start, const SplitTracks
     candidates = rounds.Observe(std::move(candidates));
     rounds.EstimateNoise(is_first);
   }
+  refined.camera = rounds.RefinedCamera();
   refined.adjustment = std::move(rounds).Finish();
   refined.variance_factor = VarianceFactor(refined.adjustment.posed, refined.adjustment.tracks,
                                            RobustLoss(options.bundle_adjustment.loss_scale_sigma));

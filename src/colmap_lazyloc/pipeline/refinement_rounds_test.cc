@@ -38,9 +38,10 @@ PosedImages DisturbedStart(const StageInput& input) {
 }
 
 Refined RefineFrom(const PosedImages& start, const StageInput& input, const LocalizerOptions& options = {},
-                   QueryCamera* camera = nullptr) {
+                   std::optional<QueryCamera> camera = {}) {
   StageTimer::Seconds seconds;
-  return Refine(input.layout, start, {input.tracks, {}}, {input.tracks, input.tracks}, options, &seconds, camera);
+  return Refine(input.layout, start, {input.tracks, {}}, {input.tracks, input.tracks}, options, &seconds,
+                std::move(camera));
 }
 
 // Displaces the observation of a track's query.
@@ -196,12 +197,13 @@ TEST(Refine, FocalLengthOfTheCameraIsFound) {
   StageInput input = MakeStageInput(scene);
   LocalizationProblem problem = scene.group.images[0].problem;
   problem.query_camera = WithFocalFactor(problem.query_camera, 1.02);
-  QueryCamera camera(problem);
+  const QueryCamera camera(problem);
   input.tracks = camera.Observe(input.tracks);
   PosedImages start = DisturbedStart(input);
   start.images[0].log_focal_factor = 0;
-  const Refined refined = RefineFrom(start, input, {}, &camera);
-  EXPECT_NEAR(camera.Intrinsics().params[0], 800, 1e-3);
+  const Refined refined = RefineFrom(start, input, {}, camera);
+  ASSERT_TRUE(refined.camera);
+  EXPECT_NEAR(refined.camera->Intrinsics().params[0], 800, 1e-3);
   ExpectNear(refined.adjustment.posed, input.truth, 1e-5, 1e-4);
 }
 

@@ -40,46 +40,48 @@ class Refinement {
     return Refine(layout_, start, start_tracks_, candidates_, options, seconds_);
   }
 
-  // Refines from the other orientation too, if the images leave the position open.
-  void TryOtherOrientation(const PosedImages& start, Refined* refined) const {
-    const BundleAdjustmentResult& adjustment = refined->adjustment;
+  // Refines from the other orientation too, if the images leave the position open. Returns the better one.
+  Refined WithOtherOrientation(const PosedImages& start, Refined refined) const {
+    const BundleAdjustmentResult& adjustment = refined.adjustment;
     const TrackRefs tracks = TracksByFrame(layout_, adjustment.tracks)[0];
-    if (static_cast<int>(tracks.size()) < kMinNumTracks) return;
-    if (!IsPositionOpen({layout_, pairs_, adjustment, 0, tracks, refined->variance_factor}, options_)) return;
+    if (static_cast<int>(tracks.size()) < kMinNumTracks) return refined;
+    if (!IsPositionOpen({layout_, pairs_, adjustment, 0, tracks, refined.variance_factor}, options_)) return refined;
     const std::optional<Rigid3d> pose = OtherOrientation(CamFromWorld(adjustment.posed, 0),
                                                          CamFromWorld(adjustment.posed, pairs_.front()->other), tracks);
-    if (!pose) return;
+    if (!pose) return refined;
     PosedImages other_start = start;
     other_start.frames[0].frame_from_world = *pose;
     const std::vector<Track>& matches = start_tracks_.rest;
     try {
-      ChooseOrientation(layout_, pairs_, matches, From(other_start), refined);
+      return ChooseOrientation(layout_, pairs_, matches, refined, From(other_start));
     } catch (const Failure&) {
       const double num_matches = static_cast<double>(matches.size());
-      if (static_cast<double>(tracks.size()) > kMinTrackRatio * num_matches) refined->has_one_orientation = true;
+      if (static_cast<double>(tracks.size()) > kMinTrackRatio * num_matches) refined.has_one_orientation = true;
+      return refined;
     }
   }
 
-  // Refines a pose whose position the images leave open from where the priors put it. Keeps the pose as it is if that
+  // Refines a pose whose position the images leave open from where the priors put it. Returns the pose as it is if that
   // fails.
-  void Fix(const PosedImages& start, PriorJudgement* judgement, Refined* refined) const {
+  RefinedWithPriors Fixed(const PosedImages& start, const PriorJudgement& judgement, Refined refined) const {
     PosedImages moved = layout_.given;
-    moved.frames[0].frame_from_world = judgement->start.frames[0].frame_from_world;
-    moved.query_priors = judgement->used;
+    moved.frames[0].frame_from_world = judgement.start.frames[0].frame_from_world;
+    moved.query_priors = judgement.used;
+    RefinedWithPriors result{std::move(refined), judgement.results};
     for (size_t i = 0; i < moved.images.size(); ++i) moved.images[i].depth_scale = start.images[i].depth_scale;
     try {
-      Refined fixed = From(moved);
-      LimitVarianceFactor(&fixed);
-      if (AreReconciled(*judgement, fixed)) {
-        fixed.has_one_orientation = refined->has_one_orientation;
-        *refined = std::move(fixed);
-        refined->open_line = judgement->open_line;
+      Refined fixed = WithLimitedVarianceFactor(From(moved));
+      if (AreReconciled(judgement, fixed)) {
+        fixed.has_one_orientation = result.refined.has_one_orientation;
+        fixed.open_line = judgement.open_line;
+        result.refined = std::move(fixed);
       } else {
-        judgement->results[0].position->verdict = PriorVerdict::CONTRADICTED;
+        result.priors[0].position->verdict = PriorVerdict::CONTRADICTED;
       }
     } catch (const Failure&) {
-      judgement->results[0] = UntestedPriors(layout_.priors[0]);
+      result.priors[0] = UntestedPriors(layout_.priors[0]);
     }
+    return result;
   }
 
  private:
@@ -101,29 +103,25 @@ bool HavePriors(const Layout& layout) {
 RefinedWithPriors RefineWithPriors(const Layout& layout, const PairRefs& pairs, const PosedImages& start,
                                    const SplitTracks& start_tracks, CandidateTracks candidates,
                                    const LocalizerOptions& options, StageTimer::Seconds* seconds) {
-  RefinedWithPriors result;
-  for (const QueryPrior& prior : layout.priors) result.priors.push_back(UntestedPriors(prior));
+  std::vector<QueryPriorResult> untested;
+  for (const QueryPrior& prior : layout.priors) untested.push_back(UntestedPriors(prior));
   if (!HavePriors(layout) && !IsBesideOneImage(layout, pairs)) {
-    result.refined = Refine(layout, start, start_tracks, std::move(candidates), options, seconds);
-    return result;
+    return {Refine(layout, start, start_tracks, std::move(candidates), options, seconds), std::move(untested)};
   }
   const Refinement refinement(layout, pairs, start_tracks, std::move(candidates), options, seconds);
-  Refined& refined = result.refined;
-  refined = refinement.From(start);
-  if (IsBesideOneImage(layout, pairs)) refinement.TryOtherOrientation(start, &refined);
-  if (!HavePriors(layout)) return result;
+  Refined refined = refinement.From(start);
+  if (IsBesideOneImage(layout, pairs)) refined = refinement.WithOtherOrientation(start, std::move(refined));
+  if (!HavePriors(layout)) return {std::move(refined), std::move(untested)};
   PriorJudgement judgement = [&] {
     const StageTimer timer("priors", seconds);
     return JudgePriors(layout, pairs, refined, options);
   }();
-  if (judgement.moves_start) {
-    refinement.Fix(start, &judgement, &refined);
-  } else if (!judgement.used.empty()) {
+  if (judgement.moves_start) return refinement.Fixed(start, judgement, std::move(refined));
+  if (!judgement.used.empty()) {
     const StageTimer timer("priors", seconds);
-    AdjustWithPriors(judgement.used, options, nullptr, &refined);
+    refined = AdjustWithPriors(judgement.used, options, std::move(refined));
   }
-  result.priors = std::move(judgement.results);
-  return result;
+  return {std::move(refined), std::move(judgement.results)};
 }
 
 }  // namespace lazyloc

@@ -39,15 +39,14 @@ void IgnoreContradictionsOfEvidence(const Layout& layout, const Refined& refined
   }
 }
 
-// Adds a prior of gravity to a rotation that does not contradict it.
-void UseGravity(GravityPrior gravity, PriorResult* result, RotationFit* fit) {
-  gravity.stddev_rad *= std::sqrt(CompareGravity(gravity, fit->cam_from_world_rotation, fit->covariance, result));
-  if (result->verdict != PriorVerdict::USED) return;
-  const QueryPriorResidual residual = EvaluateGravityPrior(gravity, {}, {fit->cam_from_world_rotation, {}});
+// Returns a rotation with a prior of gravity that it does not contradict.
+RotationFit WithGravity(GravityPrior gravity, RotationFit fit) {
+  const QueryPriorResidual residual = EvaluateGravityPrior(gravity, {}, {fit.cam_from_world_rotation, {}});
   const Eigen::Matrix3d by_turn = residual.jacobian.leftCols<3>();
-  fit->covariance = (fit->covariance.inverse() + by_turn.transpose() * by_turn).inverse().eval();
-  const Eigen::Vector3d turn = -fit->covariance * by_turn.transpose() * residual.error;
-  fit->cam_from_world_rotation = ExpSO3(turn) * fit->cam_from_world_rotation;
+  fit.covariance = (fit.covariance.inverse() + by_turn.transpose() * by_turn).inverse().eval();
+  const Eigen::Vector3d turn = -fit.covariance * by_turn.transpose() * residual.error;
+  fit.cam_from_world_rotation = ExpSO3(turn) * fit.cam_from_world_rotation;
+  return fit;
 }
 
 // Runs a stage and adds its wall time.
@@ -72,23 +71,24 @@ class Solver {
   void SolveByTracks(bool averages_motion) {
     Averaged& averaged = solution_.averaged;
     averaged = averages_motion ? Average() : WithAllPairs();
-    CandidateTracks candidates = Timed("tracks", seconds_, [&] { return Collect(averaged.pairs); });
-    SplitTracks start_tracks = Timed("start", seconds_, [&] { return TriangulateStart(candidates); });
-    DepthMapsInUse depths;
+    StartInput input;
+    input.candidates = Timed("tracks", seconds_, [&] { return Collect(averaged.pairs); });
+    input.tracks = Timed("start", seconds_, [&] { return TriangulateStart(input.candidates); });
+    input.posed = averaged.posed;
     if (layout_.has_depths) {
-      depths = Timed("depth", seconds_, [&] {
-        return UseDepthMaps(group_, layout_, averaged.pairs, options_, &candidates, &start_tracks, &averaged.posed);
-      });
-      solution_.depths = depths.results;
+      input = Timed("depth", seconds_,
+                    [&] { return WithDepthMaps(group_, layout_, averaged.pairs, options_, std::move(input)); });
+      averaged.posed = input.posed;
+      solution_.depths = input.depths;
     }
-    const Start start =
-        Timed("start", seconds_, [&] { return ChooseStart(layout_, averaged, start_tracks, options_, depths.starts); });
+    const Start start = Timed(
+        "start", seconds_, [&] { return ChooseStart(layout_, averaged, input.tracks, options_, input.depth_starts); });
     solution_.starts = start.kinds;
-    RefinedWithPriors refined =
-        RefineWithPriors(layout_, averaged.pairs, start.posed, start_tracks, std::move(candidates), options_, seconds_);
+    RefinedWithPriors refined = RefineWithPriors(layout_, averaged.pairs, start.posed, input.tracks,
+                                                 std::move(input.candidates), options_, seconds_);
     solution_.refined = std::move(refined.refined);
     solution_.priors = refined.priors;
-    AddPoses(std::move(refined.priors), nullptr);
+    AddPoses(std::move(refined.priors));
   }
 
   // Estimates the focal length of a lone query.
@@ -109,17 +109,17 @@ class Solver {
       candidates = {camera.Observe(candidates.all), camera.Observe(candidates.for_start)};
     });
     solution_.starts = {StartPose::ABSOLUTE_POSE};
-    Refined refined = Refine(layout_, start, start_tracks, std::move(candidates), options_, seconds_, &camera);
+    Refined refined = Refine(layout_, start, start_tracks, std::move(candidates), options_, seconds_, camera);
     std::vector<QueryPriorResult> priors = solution_.priors;
     if (HavePriors(layout_)) {
       PriorJudgement judgement = JudgePriors(layout_, pairs, refined, options_);
       if (!judgement.moves_start) {
         priors = std::move(judgement.results);
-        AdjustWithPriors(judgement.used, options_, &camera, &refined);
+        refined = AdjustWithPriors(judgement.used, options_, std::move(refined));
       }
     }
     solution_.refined = std::move(refined);
-    AddPoses(std::move(priors), &camera);
+    AddPoses(std::move(priors));
   }
 
   // Takes the rotation from the images and the position from a prior, for a lone query without any baseline.
@@ -128,7 +128,13 @@ class Solver {
     const QueryPrior& prior = layout_.priors[0];
     QueryPriorResult& priors = solution_.priors[0];
     RotationFit fit = Timed("rotation", seconds_, [&] { return FitRotation(layout_, estimates_, solution_.averaged); });
-    if (prior.gravity) UseGravity(*prior.gravity, &*priors.gravity, &fit);
+    if (prior.gravity) {
+      const PriorComparison comparison = CompareGravity(*prior.gravity, fit.cam_from_world_rotation, fit.covariance);
+      priors.gravity = comparison.result;
+      GravityPrior gravity = *prior.gravity;
+      gravity.stddev_rad *= std::sqrt(comparison.factor);
+      if (comparison.result.verdict == PriorVerdict::USED) fit = WithGravity(gravity, std::move(fit));
+    }
     priors.position = PriorResult{PriorVerdict::USED, PriorRole::POSITION, kUnknown, kUnknown};
     const Rigid3d pose = CamFromWorld(fit.cam_from_world_rotation, prior.position->position);
     solution_.checked.posed = layout_.given;
@@ -164,24 +170,24 @@ class Solver {
     return TriangulateFromDatabase(layout_.given, candidates.for_start, options_.triangulation);
   }
 
-  // Adds the refined poses with their uncertainties, intrinsics and evidence. camera: of a query whose focal length was
-  // estimated; else null.
-  void AddPoses(std::vector<QueryPriorResult> priors, const QueryCamera* camera) {
+  // Adds the refined poses with their uncertainties, intrinsics and evidence.
+  void AddPoses(std::vector<QueryPriorResult> priors) {
     const Refined& refined = *solution_.refined;
-    CheckedIntrinsics& checked = solution_.checked;
-    checked = Timed("covariance", seconds_, [&] {
+    CheckedIntrinsics checked = Timed("covariance", seconds_, [&] {
       return CheckIntrinsics(group_, layout_, refined,
-                             EstimateUncertainties(layout_, solution_.averaged.pairs, refined, options_), options_,
-                             camera);
+                             EstimateUncertainties(layout_, solution_.averaged.pairs, refined, options_), options_);
     });
     if (HavePriors(layout_)) {
-      Timed("priors", seconds_, [&] { FusePriors(layout_, &priors, &checked); });
-      solution_.priors = std::move(priors);
+      FusedPriors fused =
+          Timed("priors", seconds_, [&] { return FusePriors(layout_, std::move(priors), std::move(checked)); });
+      checked = std::move(fused.checked);
+      solution_.priors = std::move(fused.results);
     }
     IgnoreContradictionsOfEvidence(layout_, refined, &checked.results);
     solution_.measured = Timed("confidence", seconds_, [&] {
-      return MeasureEvidence(layout_, estimates_, /*has_relative_poses=*/camera == nullptr, refined, checked.poses);
+      return MeasureEvidence(layout_, estimates_, /*has_relative_poses=*/!refined.camera, refined, checked.poses);
     });
+    solution_.checked = std::move(checked);
   }
 
   const QueryGroup& group_;

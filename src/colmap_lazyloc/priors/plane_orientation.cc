@@ -52,21 +52,19 @@ OpenPose MeasureOpenPose(const Layout& layout, const PairRefs& pairs, const Refi
                             /*has_one_orientation=*/true};
   const PartialPose partial = OpenPositionFailure(frame, refined.variance_factor).partial_poses.at(0);
   OpenPose open{partial.bearing ? partial.bearing->stddev_rad : 0};
-  const auto add = [&](const PriorResult& result) {
-    open.prior_error += std::min(std::pow(result.deviation_sigma, 2), kContradictionOfTwo);
+  const auto add = [&](const PriorComparison& comparison) {
+    open.prior_error += std::min(std::pow(comparison.result.deviation_sigma, 2), kContradictionOfTwo);
   };
-  PriorResult result;
   const QueryPrior& prior = layout.priors[0];
   if (prior.position && partial.bearing) {
     const Eigen::Vector3d from = CamInWorld(CamFromWorld(layout.given, pairs.front()->other));
-    CompareWithRay(*prior.position, {from, partial.bearing->dir_database_to_query_in_world},
-                   partial.bearing->stddev_rad, &result);
-    add(result);
+    add(CompareWithRay(*prior.position, {from, partial.bearing->dir_database_to_query_in_world},
+                       partial.bearing->stddev_rad)
+            .comparison);
   }
   if (prior.gravity) {
     const PoseDistribution pose = DistributionOf(refined, 0, CamFromWorld(refined.adjustment.posed, 0));
-    CompareGravity(*prior.gravity, partial.cam_from_world_rotation, pose.RotationCovariance(), &result);
-    add(result);
+    add(CompareGravity(*prior.gravity, partial.cam_from_world_rotation, pose.RotationCovariance()));
   }
   return open;
 }
@@ -125,20 +123,21 @@ double EpipolarNoisePx(const Rigid3d& query_from_database, const std::vector<Tra
   return errors_px.empty() ? kMinNoisePx : std::max(StddevOfSizes(std::move(errors_px)), kMinNoisePx);
 }
 
-void ChooseOrientation(const Layout& layout, const PairRefs& pairs, const std::vector<Track>& matches, Refined other,
-                       Refined* refined) {
-  const Rigid3d pose = SettledPose(pairs, *refined, matches), other_pose = SettledPose(pairs, other, matches);
-  const OpenPose open = MeasureOpenPose(layout, pairs, *refined), other_open = MeasureOpenPose(layout, pairs, other);
+Refined ChooseOrientation(const Layout& layout, const PairRefs& pairs, const std::vector<Track>& matches,
+                          Refined refined, Refined other) {
+  const Rigid3d pose = SettledPose(pairs, refined, matches), other_pose = SettledPose(pairs, other, matches);
+  const OpenPose open = MeasureOpenPose(layout, pairs, refined), other_open = MeasureOpenPose(layout, pairs, other);
   const double angle_rad = AngleBetweenRad(CamInWorld(pose), CamInWorld(other_pose));
   if (angle_rad <= std::max(kMaxEqualSigma * open.bearing_stddev_rad, kMaxEqualRad)) {
-    refined->has_one_orientation = true;
-    return;
+    refined.has_one_orientation = true;
+    return refined;
   }
   const double noise_px = std::min(EpipolarNoisePx(pose, matches), EpipolarNoisePx(other_pose, matches));
   const double by_matches = SumSquaredErrors(other_pose, matches, noise_px) - SumSquaredErrors(pose, matches, noise_px);
   const double difference = by_matches / kSharedErrorFactor + other_open.prior_error - open.prior_error;
-  if (difference < -kMinDifference) *refined = std::move(other);
-  refined->has_one_orientation = std::abs(difference) > kMinDifference;
+  if (difference < -kMinDifference) refined = std::move(other);
+  refined.has_one_orientation = std::abs(difference) > kMinDifference;
+  return refined;
 }
 
 }  // namespace lazyloc

@@ -23,9 +23,9 @@ double SumSquaredErrors(const Rigid3d& query_from_database, const std::vector<Tr
 double EpipolarNoisePx(const Rigid3d& query_from_database, const std::vector<Track>& matches);
 
 // Compares the refined pose of a lone query beside a single database image with `other`, the pose that was refined from
-// its other orientation, by the matches and the query's priors. Replaces it if the other one fits far better, and sets
+// its other orientation, by the matches and the query's priors. Returns the other one if it fits far better, with
 // has_one_orientation.
-void ChooseOrientation(const Layout& layout, const PairRefs& pairs, const std::vector<Track>& matches, Refined other,
-                       Refined* refined);
+Refined ChooseOrientation(const Layout& layout, const PairRefs& pairs, const std::vector<Track>& matches,
+                          Refined refined, Refined other);
 
 }  // namespace lazyloc

@@ -17,26 +17,27 @@ struct Quantiles {
 };
 constexpr Quantiles kTwoDegrees = {5.991, kContradictionOfTwo}, kThreeDegrees = {7.815, kContradictionOfThree};
 
-// Compares a deviation with its covariance. Returns the factor on the prior's covariance: at least 1, more the more
-// suspicious the prior is.
+// Compares a deviation with its covariance.
 template <typename Vector, typename Matrix>
-double Compare(const Vector& deviation, const Matrix& covariance, const Quantiles& quantiles, PriorResult* result) {
+PriorComparison Compare(const Vector& deviation, const Matrix& covariance, const Quantiles& quantiles) {
   const double squared_sigma = deviation.dot(covariance.ldlt().solve(deviation));
-  result->deviation = deviation.norm();
-  result->deviation_sigma = std::sqrt(squared_sigma);
-  result->verdict = squared_sigma <= quantiles.contradictory ? PriorVerdict::USED : PriorVerdict::CONTRADICTED;
-  return std::max(1.0, squared_sigma / quantiles.suspicious);
+  const bool is_used = squared_sigma <= quantiles.contradictory;
+  PriorComparison comparison;
+  comparison.result = {is_used ? PriorVerdict::USED : PriorVerdict::CONTRADICTED, PriorRole::NOTHING, deviation.norm(),
+                       std::sqrt(squared_sigma)};
+  comparison.factor = std::max(1.0, squared_sigma / quantiles.suspicious);
+  return comparison;
 }
 
 }  // namespace
 
-double ComparePosition(const PositionPrior& prior, const PoseDistribution& pose, PriorResult* result) {
+PriorComparison ComparePosition(const PositionPrior& prior, const PoseDistribution& pose) {
   return Compare(Eigen::Vector3d(prior.position - CamInWorld(pose.cam_from_world)),
-                 Eigen::Matrix3d(prior.covariance + pose.PositionCovariance()), kThreeDegrees, result);
+                 Eigen::Matrix3d(prior.covariance + pose.PositionCovariance()), kThreeDegrees);
 }
 
-double CompareGravity(const GravityPrior& prior, const Eigen::Quaterniond& cam_from_world_rotation,
-                      const Eigen::Matrix3d& covariance, PriorResult* result) {
+PriorComparison CompareGravity(const GravityPrior& prior, const Eigen::Quaterniond& cam_from_world_rotation,
+                               const Eigen::Matrix3d& covariance) {
   const Eigen::Vector3d down = cam_from_world_rotation * prior.down_in_world;
   const Eigen::Matrix<double, 3, 2> basis = TangentBasis(down);
   // Turns opposite directions, whose cross product is zero, about any axis.
@@ -45,10 +46,10 @@ double CompareGravity(const GravityPrior& prior, const Eigen::Quaterniond& cam_f
   const Eigen::Matrix2d turn_covariance = basis.transpose() * covariance * basis;
   return Compare(Eigen::Vector2d(AngleBetweenRad(down, prior.down_in_cam) * axis),
                  Eigen::Matrix2d(turn_covariance + prior.stddev_rad * prior.stddev_rad * Eigen::Matrix2d::Identity()),
-                 kTwoDegrees, result);
+                 kTwoDegrees);
 }
 
-PlaceOnRay CompareWithRay(const PositionPrior& prior, const Ray& ray, double stddev_rad, PriorResult* result) {
+PlaceOnRay CompareWithRay(const PositionPrior& prior, const Ray& ray, double stddev_rad) {
   const Eigen::Vector3d& direction = ray.dir;
   const Eigen::LDLT<Eigen::Matrix3d> covariance(prior.covariance);
   const Eigen::Vector3d information = covariance.solve(direction);
@@ -58,10 +59,8 @@ PlaceOnRay CompareWithRay(const PositionPrior& prior, const Ray& ray, double std
   const double distance = std::max(information.dot(offset) * stddev_along * stddev_along, stddev_along);
   const double across = stddev_rad * distance;
   const Eigen::Matrix3d around = across * across * (Eigen::Matrix3d::Identity() - direction * direction.transpose());
-  PlaceOnRay place{ray.origin + distance * direction};
-  place.factor = Compare(Eigen::Vector3d(offset - distance * direction), Eigen::Matrix3d(prior.covariance + around),
-                         kTwoDegrees, result);
-  return place;
+  return {ray.origin + distance * direction, Compare(Eigen::Vector3d(offset - distance * direction),
+                                                     Eigen::Matrix3d(prior.covariance + around), kTwoDegrees)};
 }
 
 }  // namespace lazyloc

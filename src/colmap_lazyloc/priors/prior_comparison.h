@@ -13,20 +13,24 @@ namespace lazyloc {
 // 99.9 % quantiles of the chi-square distribution with 2 and 3 degrees of freedom.
 inline constexpr double kContradictionOfTwo = 13.816, kContradictionOfThree = 16.266;
 
-// Compare a prior with what the images say, and set its result: contradicted above these quantiles. Return the factor
-// on the prior's covariance: from the 95 % quantile on, a prior is used as if it were less certain.
-double ComparePosition(const PositionPrior& prior, const PoseDistribution& pose, PriorResult* result);
-double CompareGravity(const GravityPrior& prior, const Eigen::Quaterniond& cam_from_world_rotation,
-                      const Eigen::Matrix3d& covariance, PriorResult* result);
+// What the images say of a prior: contradicted above these quantiles.
+struct PriorComparison {
+  PriorResult result;
+  double factor = 1;  // on the prior's covariance: from the 95 % quantile on, a prior is used as if less certain
+};
+
+PriorComparison ComparePosition(const PositionPrior& prior, const PoseDistribution& pose);
+PriorComparison CompareGravity(const GravityPrior& prior, const Eigen::Quaterniond& cam_from_world_rotation,
+                               const Eigen::Matrix3d& covariance);
 
 // The place on a ray that agrees best with a position.
 struct PlaceOnRay {
   Eigen::Vector3d place_in_world;
-  double factor = 1;  // on the prior's covariance
+  PriorComparison comparison;
 };
 
 // Compares a position with a ray in the world, across the ray. The deviation along it counts only if the position is
 // behind the place that the ray starts from. stddev_rad: of the ray's direction.
-PlaceOnRay CompareWithRay(const PositionPrior& prior, const Ray& ray, double stddev_rad, PriorResult* result);
+PlaceOnRay CompareWithRay(const PositionPrior& prior, const Ray& ray, double stddev_rad);
 
 }  // namespace lazyloc

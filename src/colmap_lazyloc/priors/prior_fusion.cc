@@ -1,6 +1,7 @@
 #include "colmap_lazyloc/priors/prior_fusion.h"
 
 #include <cmath>
+#include <utility>
 
 #include "colmap_lazyloc/priors/prior_comparison.h"
 #include "colmap_lazyloc/refinement/query_prior_residual.h"
@@ -19,38 +20,39 @@ struct Equations {
   }
 };
 
-// Compares the priors with a pose, and returns the equations of those that are used, around the camera.
-Equations UsedEquations(QueryPrior prior, const PoseDistribution& pose, QueryPriorResult* result) {
+// The priors of a query after their comparison with its pose.
+struct ComparedPriors {
+  QueryPriorResult result;
+  Equations equations;  // of those that are used, around the camera
+};
+
+ComparedPriors CompareWithPose(QueryPrior prior, const PoseDistribution& pose) {
   const Rigid3d around_camera{pose.cam_from_world.rotation, Eigen::Vector3d::Zero()};
-  Equations equations;
+  ComparedPriors compared;
   if (prior.position) {
-    prior.position->covariance *= ComparePosition(*prior.position, pose, &*result->position);
+    const PriorComparison comparison = ComparePosition(*prior.position, pose);
+    compared.result.position = comparison.result;
+    prior.position->covariance *= comparison.factor;
     prior.position->position -= CamInWorld(pose.cam_from_world);
-    if (result->position->verdict == PriorVerdict::USED) {
-      equations.Set(0, EvaluatePositionPrior(*prior.position, {}, around_camera));
+    if (comparison.result.verdict == PriorVerdict::USED) {
+      compared.equations.Set(0, EvaluatePositionPrior(*prior.position, {}, around_camera));
     }
   }
   if (prior.gravity) {
-    prior.gravity->stddev_rad *=
-        std::sqrt(CompareGravity(*prior.gravity, around_camera.rotation, pose.RotationCovariance(), &*result->gravity));
-    if (result->gravity->verdict == PriorVerdict::USED) {
-      equations.Set(3, EvaluateGravityPrior(*prior.gravity, {}, around_camera));
+    const PriorComparison comparison =
+        CompareGravity(*prior.gravity, around_camera.rotation, pose.RotationCovariance());
+    compared.result.gravity = comparison.result;
+    prior.gravity->stddev_rad *= std::sqrt(comparison.factor);
+    if (comparison.result.verdict == PriorVerdict::USED) {
+      compared.equations.Set(3, EvaluateGravityPrior(*prior.gravity, {}, around_camera));
     }
   }
-  return equations;
+  return compared;
 }
 
 bool IsUntested(const QueryPriorResult& result) {
   return (!result.position || result.position->verdict == PriorVerdict::NOT_TESTED) &&
          (!result.gravity || result.gravity->verdict == PriorVerdict::NOT_TESTED);
-}
-
-void FusePriorsOf(const Layout& layout, int query, QueryPriorResult* result, CheckedIntrinsics* checked) {
-  PoseDistribution& pose = checked->poses[query];
-  const Equations equations = UsedEquations(layout.priors[query], pose, result);
-  if (equations.jacobian.isZero(0)) return;
-  pose.Update(equations.errors, equations.jacobian);
-  checked->posed.frames[layout.FrameOf(query)].frame_from_world = pose.cam_from_world;
 }
 
 }  // namespace
@@ -60,13 +62,20 @@ bool IsFused(const Layout& layout, const PosedImages& posed, int query) {
   return layout.QueriesOf(frame).size() == 1 && !posed.images[query].log_focal_factor;
 }
 
-void FusePriors(const Layout& layout, std::vector<QueryPriorResult>* results, CheckedIntrinsics* checked) {
+FusedPriors FusePriors(const Layout& layout, std::vector<QueryPriorResult> results, CheckedIntrinsics checked) {
+  FusedPriors fused{std::move(checked), std::move(results)};
   for (int query = 0; query < layout.num_queries; ++query) {
     const QueryPrior& prior = layout.priors[query];
-    if ((!prior.position && !prior.gravity) || !IsFused(layout, checked->posed, query)) continue;
-    QueryPriorResult& result = (*results)[query];
-    if (IsUntested(result)) FusePriorsOf(layout, query, &result, checked);
+    if ((!prior.position && !prior.gravity) || !IsFused(layout, fused.checked.posed, query)) continue;
+    if (!IsUntested(fused.results[query])) continue;
+    PoseDistribution& pose = fused.checked.poses[query];
+    const ComparedPriors compared = CompareWithPose(prior, pose);
+    fused.results[query] = compared.result;
+    if (compared.equations.jacobian.isZero(0)) continue;
+    pose.Update(compared.equations.errors, compared.equations.jacobian);
+    fused.checked.posed.frames[layout.FrameOf(query)].frame_from_world = pose.cam_from_world;
   }
+  return fused;
 }
 
 }  // namespace lazyloc

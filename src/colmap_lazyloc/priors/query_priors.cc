@@ -35,10 +35,7 @@ class Judge {
   // Judges the priors of a query whose pose the images determine.
   void Determined() {
     const QueryPrior& given = layout_.priors[query_];
-    QueryPriorResult& result = judgement_.results[query_];
-    if (given.position) {
-      UsePosition(ComparePosition(*given.position, pose_, &*result.position));
-    }
+    if (given.position) UsePosition(ComparePosition(*given.position, pose_));
     CompareGravityIfGiven();
     AddUsed();
   }
@@ -47,21 +44,20 @@ class Judge {
   void Open(const PartialPose& partial) {
     const QueryPrior& given = layout_.priors[query_];
     if (!given.position) return;  // gravity does not fix a position
-    PriorResult& result = *judgement_.results[query_].position;
     Eigen::Vector3d place;
     if (partial.bearing) {
       const Bearing& bearing = *partial.bearing;
       const PlaceOnRay on_ray =
           CompareWithRay(*given.position, {CentreOf(bearing.database_name), bearing.dir_database_to_query_in_world},
-                         bearing.stddev_rad, &result);
-      UsePosition(on_ray.factor);
+                         bearing.stddev_rad);
+      UsePosition(on_ray.comparison);
       place = on_ray.place_in_world;
     } else {
-      UsePosition(ComparePosition(*given.position, pose_, &result));
+      UsePosition(ComparePosition(*given.position, pose_));
       place = MostProbablePlace(*given.position);
     }
-    if (result.verdict != PriorVerdict::USED) return;
-    result.fixes = PriorRole::DISTANCE;
+    if (!used_.position) return;
+    judgement_.results[query_].position->fixes = PriorRole::DISTANCE;
     judgement_.open_line = LineThrough(partial, *used_.position);
     CompareGravityIfGiven();
     AddUsed();
@@ -76,10 +72,11 @@ class Judge {
     return factor / std::max(refined_.variance_factor, kMinVarianceFactor);
   }
 
-  void UsePosition(double factor) {
-    if (judgement_.results[query_].position->verdict != PriorVerdict::USED) return;
+  void UsePosition(const PriorComparison& comparison) {
+    judgement_.results[query_].position = comparison.result;
+    if (comparison.result.verdict != PriorVerdict::USED) return;
     used_.position = layout_.priors[query_].position;
-    used_.position->covariance *= CovarianceFactor(factor);
+    used_.position->covariance *= CovarianceFactor(comparison.factor);
     // Moves the prior to where adjustment has the image.
     used_.position->position +=
         CamInWorld(CamFromWorld(refined_.adjustment.posed, query_)) - CamInWorld(pose_.cam_from_world);
@@ -88,11 +85,12 @@ class Judge {
   void CompareGravityIfGiven() {
     const std::optional<GravityPrior>& gravity = layout_.priors[query_].gravity;
     if (!gravity) return;
-    PriorResult& result = *judgement_.results[query_].gravity;
-    const double factor = CompareGravity(*gravity, pose_.cam_from_world.rotation, pose_.RotationCovariance(), &result);
-    if (result.verdict != PriorVerdict::USED) return;
+    const PriorComparison comparison =
+        CompareGravity(*gravity, pose_.cam_from_world.rotation, pose_.RotationCovariance());
+    judgement_.results[query_].gravity = comparison.result;
+    if (comparison.result.verdict != PriorVerdict::USED) return;
     used_.gravity = gravity;
-    used_.gravity->stddev_rad *= std::sqrt(CovarianceFactor(factor));
+    used_.gravity->stddev_rad *= std::sqrt(CovarianceFactor(comparison.factor));
   }
 
   void AddUsed() {
@@ -161,24 +159,24 @@ PriorJudgement JudgePriors(const Layout& layout, const PairRefs& pairs, const Re
   return judgement;
 }
 
-void AdjustWithPriors(const std::vector<ImagePrior>& priors, const LocalizerOptions& options, QueryCamera* camera,
-                      Refined* refined) {
-  PosedImages posed = refined->adjustment.posed;
+Refined AdjustWithPriors(const std::vector<ImagePrior>& priors, const LocalizerOptions& options, Refined refined) {
+  PosedImages posed = refined.adjustment.posed;
   posed.query_priors = priors;
-  BundleAdjustmentResult adjustment = AdjustBundle(posed, refined->adjustment.tracks, options.bundle_adjustment);
-  if (!adjustment.summary.success) return;
-  if (camera != nullptr) {
-    camera->ScaleFocalLength(std::exp(*adjustment.posed.images[0].log_focal_factor));
+  BundleAdjustmentResult adjustment = AdjustBundle(posed, refined.adjustment.tracks, options.bundle_adjustment);
+  if (!adjustment.summary.success) return refined;
+  if (refined.camera) {
+    refined.camera->ScaleFocalLength(std::exp(*adjustment.posed.images[0].log_focal_factor));
     adjustment.posed.images[0].log_focal_factor = 0;
-    adjustment.tracks = camera->Observe(adjustment.tracks);
+    adjustment.tracks = refined.camera->Observe(adjustment.tracks);
   }
-  refined->adjustment = std::move(adjustment);
-  LimitVarianceFactor(refined);
+  refined.adjustment = std::move(adjustment);
+  return WithLimitedVarianceFactor(std::move(refined));
 }
 
-void LimitVarianceFactor(Refined* refined) {
-  refined->variance_factor = std::max(refined->variance_factor, kMinVarianceFactor);
-  refined->SetMissingVariances();
+Refined WithLimitedVarianceFactor(Refined refined) {
+  refined.variance_factor = std::max(refined.variance_factor, kMinVarianceFactor);
+  refined.SetMissingVariances();
+  return refined;
 }
 
 bool AreReconciled(const PriorJudgement& judgement, const Refined& refined) {

@@ -3,7 +3,6 @@
 #include <vector>
 
 #include "colmap_lazyloc/group/layout.h"
-#include "colmap_lazyloc/intrinsics/focal_length.h"
 #include "colmap_lazyloc/scene/pair_geometry.h"
 #include "colmap_lazyloc/uncertainty/refined.h"
 
@@ -26,13 +25,11 @@ struct PriorJudgement {
 PriorJudgement JudgePriors(const Layout& layout, const PairRefs& pairs, const Refined& refined,
                            const LocalizerOptions& options);
 
-// Adjusts refined poses that the images determine once more, with the priors. camera: for a query of unknown focal
-// length; else null.
-void AdjustWithPriors(const std::vector<ImagePrior>& priors, const LocalizerOptions& options, QueryCamera* camera,
-                      Refined* refined);
+// Adjusts refined poses that the images determine once more, with the priors. Returns them as they are if that fails.
+Refined AdjustWithPriors(const std::vector<ImagePrior>& priors, const LocalizerOptions& options, Refined refined);
 
 // Raises a variance factor so small that a prior beside the images would have no weight.
-void LimitVarianceFactor(Refined* refined);
+Refined WithLimitedVarianceFactor(Refined refined);
 
 // Returns false if the priors that fix a position were not reconciled with the images: the adjusted position then
 // deviates from its prior as if contradicted, or all points have moved into the query's projection centre.

@@ -6,6 +6,7 @@
 
 #include <Eigen/Core>
 
+#include "colmap_lazyloc/group/query_camera.h"
 #include "colmap_lazyloc/refinement/bundle_adjustment.h"
 
 namespace lazyloc {
@@ -29,6 +30,7 @@ struct Refined {
 
   BundleAdjustmentResult adjustment;                 // the last one; its tracks are those that fit the result
   double variance_factor = 1;                        // of its images
+  std::optional<QueryCamera> camera;                 // of a query whose focal length was estimated
   std::optional<OpenLine> open_line;                 // if a prior fixes the place on it
   std::optional<bool> has_one_orientation;           // of a lone query beside one database image (ChooseOrientation)
   std::vector<MissingVariance> missing_variances;    // ForEachMissingVariance

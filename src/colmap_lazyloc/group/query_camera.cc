@@ -1,0 +1,27 @@
+#include "colmap_lazyloc/group/query_camera.h"
+
+#include <optional>
+
+#include "colmap_lazyloc/bridge/camera_models.h"
+#include "colmap_lazyloc/bridge/observation.h"
+
+namespace lazyloc {
+
+void QueryCamera::ScaleFocalLength(double factor) {
+  camera_ = WithFocalFactor(camera_, factor);
+  focal_factor_ *= factor;
+}
+
+std::vector<Track> QueryCamera::Observe(const std::vector<Track>& tracks) const {
+  const Observer observe(camera_);
+  std::vector<Track> observed;
+  for (const Track& track : tracks) {
+    const std::optional<Observation> query = observe(problem_->query_keypoints[track.observations.front().keypoint]);
+    if (!query) continue;
+    observed.push_back(track);
+    observed.back().observations.front().observation = *query;
+  }
+  return observed;
+}
+
+}  // namespace lazyloc
