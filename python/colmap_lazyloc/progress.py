@@ -2,18 +2,27 @@
 
 import sys
 from collections.abc import Iterable
-from typing import TypeVar
+from typing import Any, TypeVar
 
 Item = TypeVar("Item")
 
 
-def progress(items: Iterable[Item], text: str) -> Iterable[Item]:
-    """Returns the items, with a bar on a terminal if tqdm is installed."""
+def terminal_bar() -> Any:
+    """Returns the class tqdm, or None unless it is installed and there is a terminal.
+
+    Elsewhere not even a hidden bar is made, because an interrupt while it is made leaves a traceback.
+    """
     if not sys.stderr.isatty():
-        return items
+        return None
     try:
         from tqdm import tqdm
     except ImportError:
-        return items
-    bar: Iterable[Item] = tqdm(items, desc=text, leave=False)
-    return bar
+        return None
+    return tqdm
+
+
+def progress(items: Iterable[Item], text: str) -> Iterable[Item]:
+    """Returns the items, with a bar on a terminal if tqdm is installed."""
+    bar = terminal_bar()
+    shown: Iterable[Item] = items if bar is None else bar(items, desc=text, leave=False)
+    return shown

@@ -7,6 +7,7 @@ import subprocess
 from collections.abc import Sequence
 
 from colmap_lazyloc.errors import InputError, logger
+from colmap_lazyloc.progress import terminal_bar
 
 GLOG_PREFIX = re.compile(r"^[IWEF]\d{8} \S+ +\d+ \S+\] ")
 STACK_TRACE = re.compile(r"@ +0x|\*\*\* |PC: |terminate called|what\(\): ")  # what follows a failed check of COLMAP
@@ -57,12 +58,8 @@ class ProgressBar:
     def __init__(self, title: str):
         if title:
             logger.info(title)
-        try:
-            from tqdm import tqdm
-        except ImportError:
-            self._bar = None
-        else:
-            self._bar = tqdm(disable=None, leave=False)
+        bar = terminal_bar()
+        self._bar = None if bar is None else bar(leave=False)
 
     def read(self, line: str) -> None:
         """Reads a line of COLMAP, such as `Processed file [3/40]`, or a line of JSON of lazy_localizer."""

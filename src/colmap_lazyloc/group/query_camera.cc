@@ -1,5 +1,6 @@
 #include "colmap_lazyloc/group/query_camera.h"
 
+#include <cmath>
 #include <optional>
 
 #include "colmap_lazyloc/bridge/camera_models.h"
@@ -22,6 +23,14 @@ std::vector<Track> QueryCamera::Observe(const std::vector<Track>& tracks) const 
     observed.back().observations.front().observation = *query;
   }
   return observed;
+}
+
+BundleAdjustmentResult QueryCamera::Take(BundleAdjustmentResult adjustment) {
+  std::optional<double>& log_focal_factor = adjustment.posed.images[0].log_focal_factor;
+  ScaleFocalLength(std::exp(*log_focal_factor));
+  log_focal_factor = 0;
+  adjustment.tracks = Observe(adjustment.tracks);
+  return adjustment;
 }
 
 }  // namespace lazyloc

@@ -2,6 +2,7 @@
 
 #include <vector>
 
+#include "colmap_lazyloc/refinement/bundle_adjustment.h"
 #include "colmap_lazyloc/scene/localization_problem.h"
 #include "colmap_lazyloc/scene/track.h"
 
@@ -20,6 +21,8 @@ class QueryCamera {
   // Returns the tracks with their query observations (the first ones) computed again by the present camera, without
   // those whose keypoint it cannot unproject.
   std::vector<Track> Observe(const std::vector<Track>& tracks) const;
+  // Takes the focal length that adjustment has found, and returns the adjustment as observed by it.
+  BundleAdjustmentResult Take(BundleAdjustmentResult adjustment);
 
  private:
   const LocalizationProblem* problem_;

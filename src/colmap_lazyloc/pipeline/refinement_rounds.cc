@@ -96,11 +96,7 @@ void Rounds::Adjust(bool is_last) {
   if (!adjustment_.summary.success || !is_finite) {
     throw Failure{QueryStatus::DIVERGED, "bundle adjustment failed: " + adjustment_.summary.message};
   }
-  if (!camera_) return;
-  std::optional<double>& log_focal_factor = adjustment_.posed.images[0].log_focal_factor;
-  camera_->ScaleFocalLength(std::exp(*log_focal_factor));
-  log_focal_factor = 0;
-  adjustment_.tracks = camera_->Observe(adjustment_.tracks);
+  if (camera_) adjustment_ = camera_->Take(std::move(adjustment_));
 }
 
 CandidateTracks Rounds::Observe(CandidateTracks candidates) const {

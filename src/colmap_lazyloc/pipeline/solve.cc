@@ -74,12 +74,12 @@ class Solver {
     StartInput input;
     input.candidates = Timed("tracks", seconds_, [&] { return Collect(averaged.pairs); });
     input.tracks = Timed("start", seconds_, [&] { return TriangulateStart(input.candidates); });
-    input.posed = averaged.posed;
     if (layout_.has_depths) {
+      input.posed = std::move(averaged.posed);
       input = Timed("depth", seconds_,
                     [&] { return WithDepthMaps(group_, layout_, averaged.pairs, options_, std::move(input)); });
-      averaged.posed = input.posed;
-      solution_.depths = input.depths;
+      averaged.posed = std::move(input.posed);
+      solution_.depths = std::move(input.depths);
     }
     const Start start = Timed(
         "start", seconds_, [&] { return ChooseStart(layout_, averaged, input.tracks, options_, input.depth_starts); });

@@ -164,12 +164,7 @@ Refined AdjustWithPriors(const std::vector<ImagePrior>& priors, const LocalizerO
   posed.query_priors = priors;
   BundleAdjustmentResult adjustment = AdjustBundle(posed, refined.adjustment.tracks, options.bundle_adjustment);
   if (!adjustment.summary.success) return refined;
-  if (refined.camera) {
-    refined.camera->ScaleFocalLength(std::exp(*adjustment.posed.images[0].log_focal_factor));
-    adjustment.posed.images[0].log_focal_factor = 0;
-    adjustment.tracks = refined.camera->Observe(adjustment.tracks);
-  }
-  refined.adjustment = std::move(adjustment);
+  refined.adjustment = refined.camera ? refined.camera->Take(std::move(adjustment)) : std::move(adjustment);
   return WithLimitedVarianceFactor(std::move(refined));
 }
 
