@@ -3,6 +3,7 @@
 #include <string>
 #include <vector>
 
+#include "colmap_lazyloc/math/robust_statistics.h"
 #include "colmap_lazyloc/scene/frame.h"
 #include "colmap_lazyloc/scene/stage_summary.h"
 #include "colmap_lazyloc/scene/track.h"
@@ -10,7 +11,7 @@
 namespace lazyloc {
 
 struct SampsonRefinementOptions {
-  double loss_scale_sigma = 2;  // Cauchy scale, in standard deviations of the error
+  double loss_scale_sigma = kLossScaleSigma;  // Cauchy scale, in standard deviations of the error
   int max_num_iterations = 50;
   double function_tolerance = 1e-6;  // minimum relative decrease of the cost by a step that is not the last
 

@@ -13,6 +13,9 @@
 
 namespace lazyloc {
 
+// COLMAP's defaults, for what SiftExtractionOptions leaves out.
+inline const colmap::SiftExtractionOptions kColmapSift;
+
 // Extracts features by COLMAP's extractor, in pixels of the bitmap, without scaling it. Returns false if the bitmap is
 // too small for COLMAP.
 bool ExtractSift(const colmap::Bitmap& bitmap, const SiftExtractionOptions& options,

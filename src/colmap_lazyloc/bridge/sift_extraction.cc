@@ -5,12 +5,12 @@
 
 #include <colmap/feature/utils.h>
 
+#include "colmap_lazyloc/bridge/sift.h"
 #include "colmap_lazyloc/bridge/sift_filter.h"
 
 namespace lazyloc {
 namespace {
 
-constexpr int kMaxNumOrientations = 2;  // COLMAP's default
 constexpr size_t kKeypointsPerTask = 64;
 constexpr int kNumColumns = kFeatureType.num_columns;
 using DescriptorBytes = std::array<uint8_t, kNumColumns>;
@@ -41,7 +41,7 @@ DescriptorBytes ToBytes(const SiftHistogram& histogram) {
 
 KeypointFeatures Describe(const VlSiftKeypoint& keypoint, bool is_upright, const SiftFilter& filter) {
   const std::vector<double> orientations =
-      is_upright ? std::vector<double>{0.0} : filter.Orientations(keypoint, kMaxNumOrientations);
+      is_upright ? std::vector<double>{0.0} : filter.Orientations(keypoint, kColmapSift.max_num_orientations);
   KeypointFeatures features;
   for (const double orientation : orientations) {
     features.keypoints.emplace_back(keypoint.x + 0.5f, keypoint.y + 0.5f, keypoint.sigma,

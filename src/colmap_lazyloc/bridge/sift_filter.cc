@@ -3,17 +3,13 @@
 #include <algorithm>
 #include <cmath>
 
+#include "colmap_lazyloc/bridge/sift.h"
 #include "colmap_lazyloc/bridge/sift_gradients.h"
 #include "colmap_lazyloc/math/smoothing.h"
 #include "colmap_lazyloc/scene/errors.h"
 
 namespace lazyloc {
 namespace {
-
-constexpr int kNumOctaves = 4;       // COLMAP's default
-constexpr int kLevelsPerOctave = 3;  // COLMAP's default
-// Minimum contrast of a feature, and maximum ratio of its principal curvatures: COLMAP's defaults.
-constexpr double kPeakThreshold = 0.02 / 3, kEdgeThreshold = 10;
 
 // Sets the result, of `width` columns and `height` rows, to every step-th pixel of an image.
 void Subsample(const float* image, int image_width, int step, int width, int height, float* result) {
@@ -46,11 +42,12 @@ void Upsample(const float* image, int width, int height, float* result) {
 
 SiftFilter::SiftFilter(const std::vector<uint8_t>& grey, int width, int height, const SiftExtractionOptions& options,
                        IdleThreads* idle_threads)
-    : filter_(vl_sift_new(width, height, kNumOctaves, kLevelsPerOctave, options.first_octave), &vl_sift_delete),
+    : filter_(vl_sift_new(width, height, kColmapSift.num_octaves, kColmapSift.octave_resolution, options.first_octave),
+              &vl_sift_delete),
       idle_threads_(idle_threads) {
   LAZYLOC_CHECK(filter_ != nullptr && grey.size() == static_cast<size_t>(width) * height);
-  vl_sift_set_peak_thresh(filter_.get(), kPeakThreshold);
-  vl_sift_set_edge_thresh(filter_.get(), kEdgeThreshold);
+  vl_sift_set_peak_thresh(filter_.get(), kColmapSift.peak_threshold);
+  vl_sift_set_edge_thresh(filter_.get(), kColmapSift.edge_threshold);
   image_.reserve(grey.size());
   for (const uint8_t value : grey) image_.push_back(static_cast<float>(value) / 255.0f);
 }

@@ -24,8 +24,6 @@ constexpr double kSlightlyWrongProbability = 0.2;
 constexpr double kWrongGivenProbability = 0.05;
 constexpr double kWrongSharedProbability = 0.1;
 constexpr double kWrongExifProbability = 0.5;
-// Standard deviation of the log focal length above which the images cannot tell whether a value is right.
-constexpr double kMaxObservableStddev = 0.02;
 // Significance, and displacement from which on principal point (as a fraction of the focal length) or distortion (at
 // the image's corners, of half the diagonal) count as contradicted. Rolling shutters ask for a distortion at 5
 // deviations.

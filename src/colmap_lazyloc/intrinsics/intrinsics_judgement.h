@@ -8,6 +8,9 @@
 
 namespace lazyloc {
 
+// Standard deviation of the log focal length above which the images cannot tell whether a value is right.
+inline constexpr double kMaxObservableStddev = 0.02;
+
 // What a given focal length and an estimate by the images say together.
 struct FocalLengthJudgement {
   double wrong_probability = 0;  // that the given value is wrong: off by more than a calibration is

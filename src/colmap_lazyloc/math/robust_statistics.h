@@ -8,6 +8,9 @@
 
 namespace lazyloc {
 
+// Scale of the robust losses of all stages, in standard deviations of the error.
+inline constexpr double kLossScaleSigma = 2;
+
 // Returns the upper median. values: at least one.
 inline double Median(std::vector<double> values) {
   const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);

@@ -19,13 +19,12 @@ constexpr size_t kMinNumMatches = 30;
 constexpr double kMinBaselineRatio = 0.035;
 // Standard deviation in pixels of deviations before the matches are known.
 constexpr double kMaxDeviationPx = 15;
-// Bounds of the keypoint noise. Errors that are larger after the fit are those of false matches.
-constexpr double kMinNoisePx = 0.2, kMaxNoisePx = 4;
+// Maximum keypoint noise: larger errors after the fit are those of false matches.
+constexpr double kMaxNoisePx = 4;
 // Standard deviation in pixels of the errors that keypoints of an area of the image have in common, for example because
 // of distortion, and the number of areas: many matches do not tell a deviation more exactly than these allow.
 constexpr double kCommonNoisePx = 0.2;
 constexpr double kNumAreas = 16;
-constexpr double kLossScale = 2;  // in standard deviations
 constexpr int kNumIterations = 6;
 
 // An epipolar error in pixels, and its derivative by a deviation in pixels.
@@ -69,10 +68,10 @@ void Reweight(const std::vector<LinearError>& errors, const Eigen::Matrix<double
     remaining.push_back(error.error_px + error.slope.dot(deviation));
     sizes.push_back(std::abs(remaining.back()));
   }
-  fit->noise_px = std::max(StddevOfSizes(std::move(sizes)), kMinNoisePx);
+  fit->noise_px = std::max(StddevOfSizes(std::move(sizes)), kCommonNoisePx);
   fit->information.setZero();
   fit->rhs.setZero();
-  const RobustLoss loss(kLossScale);
+  const RobustLoss loss(kLossScaleSigma);
   for (size_t i = 0; i < errors.size(); ++i) {
     const double sigma = remaining[i] / fit->noise_px;
     const Eigen::Matrix<double, 6, 1> weighted = loss.Weight(sigma * sigma) * errors[i].slope;

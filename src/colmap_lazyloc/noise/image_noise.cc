@@ -12,9 +12,6 @@ namespace {
 // Weight of the common noise in that of an image, in tracks.
 constexpr double kNumPriorTracks = 20;
 
-// Returns the ratio of median to mean of the chi-square distribution (Wilson and Hilferty 1931).
-double MedianOverMean(double degrees_of_freedom) { return std::pow(1 - 2 / (9 * degrees_of_freedom), 3); }
-
 // Shrinks an image's own noise towards the common noise.
 double ShrunkNoisePx(std::vector<double> errors_px, double common_px) {
   if (errors_px.empty()) return common_px;
@@ -47,26 +44,6 @@ std::vector<double> EstimateNoiseByDepths(const PosedImages& posed, const std::v
 }
 
 }  // namespace
-
-double MeasureSingleImageSpread(const PosedImages& posed, const std::vector<Track>& tracks) {
-  const std::vector<Rigid3d> cams_from_world = CamsFromWorld(posed);
-  std::vector<double> single, others;
-  for (const Track& track : tracks) {
-    double squared_error = 0;
-    for (const TrackObservation& element : track.observations) {
-      const Eigen::Vector3d point_in_cam = cams_from_world[element.image] * track.point_in_world;
-      squared_error += ReprojectionError(element.observation, point_in_cam).squaredNorm() /
-                       std::pow(posed.images[element.image].noise_px, 2);
-    }
-    const double degrees_of_freedom = 2.0 * static_cast<double>(track.observations.size()) - 3;
-    (HasSeveralDatabaseFrames(posed, track.observations) ? others : single)
-        .push_back(squared_error / (degrees_of_freedom * MedianOverMean(degrees_of_freedom)));
-  }
-  if (single.empty() || others.empty()) return 1;
-  const double num_tracks = static_cast<double>(single.size());
-  const double spread = Median(std::move(single)) / std::max(Median(std::move(others)), 1e-18);
-  return std::pow(std::max(spread, 1.0), num_tracks / (num_tracks + kNumPriorTracks));
-}
 
 std::vector<double> EstimateImageNoise(const PosedImages& posed, const std::vector<Track>& tracks,
                                        double min_noise_px) {

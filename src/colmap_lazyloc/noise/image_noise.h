@@ -14,10 +14,4 @@ namespace lazyloc {
 // reconstruction by a fraction of one. Returns the present noise if no track has more than two observations.
 std::vector<double> EstimateImageNoise(const PosedImages& posed, const std::vector<Track>& tracks, double min_noise_px);
 
-// Returns the ratio of normalised residual variances: tracks with one database frame over tracks with several. At least
-// 1; shrunk towards 1 if there are few such tracks. False matches along epipolar lines (of repeated windows, for
-// example) are detected if several database frames see a point; if one does, they show in this ratio only. The images
-// of a rig frame count as one, because the error of its pose is common to them.
-double MeasureSingleImageSpread(const PosedImages& posed, const std::vector<Track>& tracks);
-
 }  // namespace lazyloc

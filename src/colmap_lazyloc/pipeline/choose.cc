@@ -15,8 +15,6 @@ namespace {
 // from which on its score is no evidence: far from the right value, the noise that adjustment estimates is too large.
 constexpr double kMinDoubt = 0.01;
 constexpr double kMaxConclusiveStddev = 0.01;
-// Standard deviation of the log of an estimate up to which it can confirm a given focal length.
-constexpr double kMaxConfirmingStddev = 0.02;
 // Factor between the odds of two poses being wrong up to which these count as equally credible.
 constexpr double kMaxOddsRatio = 2;
 
@@ -52,7 +50,7 @@ Choice WithEstimate(const Solution& given, const IntrinsicsResult& estimate, Int
 
 // Returns the solution with the given focal length if an estimate does not contradict it, even if its score did.
 Choice Kept(const Solution& given, const IntrinsicsResult& estimate, const LocalizerOptions& options) {
-  const bool is_certain = estimate.focal_factor_stddev <= kMaxConfirmingStddev * estimate.focal_factor;
+  const bool is_certain = estimate.focal_factor_stddev <= kMaxObservableStddev * estimate.focal_factor;
   Choice choice =
       WithEstimate(given, estimate, is_certain ? IntrinsicsVerdict::CONFIRMED : IntrinsicsVerdict::UNOBSERVABLE, "");
   choice.missing_mean_square =

@@ -42,7 +42,7 @@ class Rounds {
   void AdjustRoughly();
   void AdjustWithEstimatedPriors();
   void AdjustFinally() { AdjustWithPriors(/*is_last=*/true); }
-  // Estimates the image noise, after the first round also what the priors and tracks of one image are expected to be.
+  // Estimates the image noise, after the first round also what the priors are expected to be.
   void EstimateNoise(bool is_first);
   CandidateTracks Observe(CandidateTracks candidates) const;
   const std::optional<QueryCamera>& RefinedCamera() const { return camera_; }
@@ -61,15 +61,11 @@ class Rounds {
   DatabasePriors priors_;
   std::vector<std::optional<DepthScale>> depth_scales_;  // by image, as fitted before the rounds
   bool poses_are_far_off_ = false;                       // of the database, by far more than keypoint noise
-  double single_image_spread_ = 1;                       // MeasureSingleImageSpread
   double variance_factor_ = 1;                           // of the adjustment before the last one
 };
 
 void Rounds::SetTracks(SplitTracks split, double max_query_error_sigma) {
   TrackTriangulationOptions options = options_.triangulation;
-  // Uses the ratio of variances, not of deviations, because false matches do not only scatter: they also agree with the
-  // relative pose that chose them.
-  options.single_image_noise_ratio *= single_image_spread_;
   options.max_query_error_sigma = max_query_error_sigma;
   const size_t num_candidates = split.from_database.size() + split.rest.size();
   adjustment_.tracks = RemoveQueryOutliers(Posed(), std::move(split.from_database), max_query_error_sigma);
@@ -150,7 +146,6 @@ void Rounds::EstimateNoise(bool is_first) {
   const double median_px = Median({noise_px.begin() + layout_.num_queries, noise_px.end()});
   poses_are_far_off_ = median_px > kMaxKeypointNoisePx;
   if (poses_are_far_off_) priors_.Expect(median_px);
-  single_image_spread_ = MeasureSingleImageSpread(Posed(), adjustment_.tracks);
 }
 
 BundleAdjustmentResult Rounds::Finish() && {

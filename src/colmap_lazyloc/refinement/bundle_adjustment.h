@@ -5,6 +5,7 @@
 
 #include <Eigen/Core>
 
+#include "colmap_lazyloc/math/robust_statistics.h"
 #include "colmap_lazyloc/refinement/intrinsics_score.h"
 #include "colmap_lazyloc/refinement/prior_fit.h"
 #include "colmap_lazyloc/scene/frame.h"
@@ -14,7 +15,7 @@
 namespace lazyloc {
 
 struct BundleAdjustmentOptions {
-  double loss_scale_sigma = 2;  // Cauchy scale in standard deviations of the images' noise
+  double loss_scale_sigma = kLossScaleSigma;  // Cauchy scale in standard deviations of the images' noise
   int max_num_iterations = 50;
   // Bound on the last step, or on twice the next one, in standard deviations of the poses (root mean square).
   double convergence_sigma = 0.2;

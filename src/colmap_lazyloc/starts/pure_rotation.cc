@@ -17,7 +17,6 @@ namespace lazyloc {
 namespace {
 
 constexpr int kNumIterations = 10;
-constexpr double kLossScaleSigma = 2;
 // Error of rotations that all database images have in common, in pixels.
 constexpr double kHiddenNoisePx = 0.3;
 // Maximum error of a match that agrees with the rotation, in standard deviations of its noise.

@@ -1,12 +1,10 @@
 #include <ceres/ceres.h>
 
+#include "colmap_lazyloc/math/robust_statistics.h"
 #include "colmap_lazyloc/translation/translation_methods.h"
 
 namespace lazyloc {
 namespace {
-
-// Scale of the Cauchy loss in standard deviations of the directions.
-constexpr double kLossScaleSigma = 2;
 
 // Residual (u - dir) / sigma, with u = b / |b| and b = C2 - C1 + offset. Parameters: the centres C1 and C2.
 class ChordCost : public ceres::SizedCostFunction<3, 3, 3> {
