@@ -10,7 +10,7 @@ namespace lazyloc {
 namespace {
 
 // Weight of the common noise in that of an image, in tracks.
-constexpr double kNumPriorTracks = 20;
+constexpr double kNumShrinkageTracks = 20;
 
 // Returns the ratio of median to mean of the chi-square distribution (Wilson and Hilferty 1931).
 double MedianOverMean(double degrees_of_freedom) { return std::pow(1 - 2 / (9 * degrees_of_freedom), 3); }
@@ -21,8 +21,8 @@ double ShrunkNoisePx(std::vector<double> errors_px, double common_px) {
   const double num_tracks = static_cast<double>(errors_px.size());
   const double own_px = StddevOfLengths(std::move(errors_px));
   return std::exp(
-      (num_tracks * std::log(std::max(own_px, 1e-9)) + kNumPriorTracks * std::log(std::max(common_px, 1e-9))) /
-      (num_tracks + kNumPriorTracks));
+      (num_tracks * std::log(std::max(own_px, 1e-9)) + kNumShrinkageTracks * std::log(std::max(common_px, 1e-9))) /
+      (num_tracks + kNumShrinkageTracks));
 }
 
 // Returns the common noise of images that have only tracks of two observations, from those with a depth: one degree of
@@ -48,7 +48,7 @@ std::vector<double> EstimateNoiseByDepths(const PosedImages& posed, const std::v
 
 }  // namespace
 
-double MeasureSingleImageSpread(const PosedImages& posed, const std::vector<Track>& tracks) {
+double MeasureSingleImageNoiseRatio(const PosedImages& posed, const std::vector<Track>& tracks) {
   const std::vector<Rigid3d> cams_from_world = CamsFromWorld(posed);
   std::vector<double> single, others;
   for (const Track& track : tracks) {
@@ -64,8 +64,8 @@ double MeasureSingleImageSpread(const PosedImages& posed, const std::vector<Trac
   }
   if (single.empty() || others.empty()) return 1;
   const double num_tracks = static_cast<double>(single.size());
-  const double spread = Median(std::move(single)) / std::max(Median(std::move(others)), 1e-18);
-  return std::pow(std::max(spread, 1.0), num_tracks / (num_tracks + kNumPriorTracks));
+  const double ratio = Median(std::move(single)) / std::max(Median(std::move(others)), 1e-18);
+  return std::pow(std::max(ratio, 1.0), num_tracks / (num_tracks + kNumShrinkageTracks));
 }
 
 std::vector<double> EstimateImageNoise(const PosedImages& posed, const std::vector<Track>& tracks,

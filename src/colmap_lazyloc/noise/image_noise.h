@@ -18,6 +18,6 @@ std::vector<double> EstimateImageNoise(const PosedImages& posed, const std::vect
 // 1; shrunk towards 1 if there are few such tracks. False matches along epipolar lines (of repeated windows, for
 // example) are detected if several database frames see a point; if one does, they show in this ratio only. The images
 // of a rig frame count as one, because the error of its pose is common to them.
-double MeasureSingleImageSpread(const PosedImages& posed, const std::vector<Track>& tracks);
+double MeasureSingleImageNoiseRatio(const PosedImages& posed, const std::vector<Track>& tracks);
 
 }  // namespace lazyloc

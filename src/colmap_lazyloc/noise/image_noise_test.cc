@@ -61,9 +61,9 @@ TEST(ImageNoise, WithoutTracksIsThePresentNoise) {
   EXPECT_EQ(noise_px[1], 1);
 }
 
-// Returns the spread of tracks with noise_px = 1 and as many that only the query and a database image see, which have
-// another noise. has_rig: the other tracks have two images of one database frame.
-double SpreadOf(double single_image_noise_px, bool has_rig = false) {
+// Returns the noise ratio of tracks with noise_px = 1 and as many that only the query and a database image see, which
+// have another noise. has_rig: the other tracks have two images of one database frame.
+double NoiseRatioOf(double single_image_noise_px, bool has_rig = false) {
   SyntheticTracksOptions options;
   options.num_points = 600;
   options.noise_px = 1;
@@ -77,21 +77,21 @@ double SpreadOf(double single_image_noise_px, bool has_rig = false) {
   for (Image& image : scene.posed.images) image.noise_px = 1;
   const BundleAdjustmentResult adjusted = AdjustBundle(scene.posed, scene.tracks, {});
   EXPECT_TRUE(adjusted.summary.success);
-  return MeasureSingleImageSpread(adjusted.posed, adjusted.tracks);
+  return MeasureSingleImageNoiseRatio(adjusted.posed, adjusted.tracks);
 }
 
 TEST(SingleImageSpread, IsTheRatioOfVariances) {
-  EXPECT_NEAR(SpreadOf(1), 1, 0.25);
-  EXPECT_NEAR(SpreadOf(2), 4, 1);
-  EXPECT_EQ(SpreadOf(0.5), 1) << "better matches do not get a larger weight";
+  EXPECT_NEAR(NoiseRatioOf(1), 1, 0.25);
+  EXPECT_NEAR(NoiseRatioOf(2), 4, 1);
+  EXPECT_EQ(NoiseRatioOf(0.5), 1) << "better matches do not get a larger weight";
 }
 
-TEST(SingleImageSpread, CountsTheImagesOfADatabaseFrameAsOne) { EXPECT_NEAR(SpreadOf(2, /*has_rig=*/true), 4, 1); }
+TEST(SingleImageSpread, CountsTheImagesOfADatabaseFrameAsOne) { EXPECT_NEAR(NoiseRatioOf(2, /*has_rig=*/true), 4, 1); }
 
 TEST(SingleImageSpread, IsOneWithoutTracksToCompare) {
   const SyntheticTracks scene = MakeSyntheticTracks({});
-  EXPECT_EQ(MeasureSingleImageSpread(scene.posed, {}), 1);
-  EXPECT_EQ(MeasureSingleImageSpread(scene.posed, scene.tracks), 1);
+  EXPECT_EQ(MeasureSingleImageNoiseRatio(scene.posed, {}), 1);
+  EXPECT_EQ(MeasureSingleImageNoiseRatio(scene.posed, scene.tracks), 1);
 }
 
 }  // namespace

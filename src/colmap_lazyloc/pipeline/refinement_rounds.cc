@@ -61,7 +61,7 @@ class Rounds {
   DatabasePriors priors_;
   std::vector<std::optional<DepthScale>> depth_scales_;  // by image, as fitted before the rounds
   bool poses_are_far_off_ = false;                       // of the database, by far more than keypoint noise
-  double single_image_spread_ = 1;                       // MeasureSingleImageSpread
+  double single_image_noise_ratio_ = 1;                  // MeasureSingleImageNoiseRatio
   double variance_factor_ = 1;                           // of the adjustment before the last one
 };
 
@@ -69,7 +69,7 @@ void Rounds::SetTracks(SplitTracks split, double max_query_error_sigma) {
   TrackTriangulationOptions options = options_.triangulation;
   // Uses the ratio of variances, not of deviations, because false matches do not only scatter: they also agree with the
   // relative pose that chose them.
-  options.single_image_noise_ratio *= single_image_spread_;
+  options.single_image_noise_ratio *= single_image_noise_ratio_;
   options.max_query_error_sigma = max_query_error_sigma;
   const size_t num_candidates = split.from_database.size() + split.rest.size();
   adjustment_.tracks = RemoveQueryOutliers(Posed(), std::move(split.from_database), max_query_error_sigma);
@@ -150,7 +150,7 @@ void Rounds::EstimateNoise(bool is_first) {
   const double median_px = Median({noise_px.begin() + layout_.num_queries, noise_px.end()});
   poses_are_far_off_ = median_px > kMaxKeypointNoisePx;
   if (poses_are_far_off_) priors_.Expect(median_px);
-  single_image_spread_ = MeasureSingleImageSpread(Posed(), adjustment_.tracks);
+  single_image_noise_ratio_ = MeasureSingleImageNoiseRatio(Posed(), adjustment_.tracks);
 }
 
 BundleAdjustmentResult Rounds::Finish() && {
