@@ -1,6 +1,7 @@
 """Tests of scripts/checks: each fails on a tree that breaks its rule, names the place, and passes otherwise."""
 
 import pathlib
+import shutil
 import subprocess
 import sys
 
@@ -171,43 +172,30 @@ def test_links_include_the_source_files_that_texts_name(write, check):
     assert code == 1 and "a.md:2: no such source file: rotation/moved.cc" in text
 
 
-METHOD = """# Method
-
-It takes `num_retrieved` = 20 images. $O_{place} = 0.43$, $\\frac{1.9}{n}$, $\\frac{h_{ij}}{0.2}$, h = 0.3\\ px.
-It is exact with a probability of 30 %, and wrong with a probability of 5 %.
-It is off by more than 5 standard deviations and by more than 0.5 % of the scene.
-"""
-CODE = """constexpr double kPlaceOdds = 0.43, kChanceNumPoints = 1.9, kReferenceDistance = 0.2;
-constexpr double kHiddenNoisePx[] = {0.3};
-constexpr double kExactProbability = 0.3, kWrongGivenProbability = 0.05, kMaxRightErrorSigma = 5;
-constexpr double kMaxRightErrorRatio = 0.005;
-"""
-
-
 @pytest.mark.parametrize(
     ("file", "old", "new", "found"),
     [
         ("docs/method.md", "", "", None),
         ("docs/method.md", "= 20", "= 30", "the default is 20"),
-        ("src/colmap_lazyloc/a.h", "0.43", "0.44", "kPlaceOdds is 0.44"),
-        ("src/colmap_lazyloc/a.h", "kExactProbability", "kOther", "kExactProbability is not found"),
+        ("docs/faq.md", "short", "short: `--LazyLocalizer.num_retrieved` (30)", "the default is 20"),
+        (f"{SOURCE}/uncertainty/confidence_factors.h", "0.34", "0.44", "kPlaceOdds is 0.44"),
+        (f"{SOURCE}/noise/database_priors.cc", "kExactProbability", "kOther", "kExactProbability is not found"),
         ("docs/method.md", "0.5 %", "1 %", "kMaxRightErrorRatio is 0.005"),
+        ("docs/method.md", "exceeds 0.2,", "exceeds 0.3,", "kMaxStddev is 0.2"),
         ("docs/faq.md", "short", "short, " + "and a word " * 17, "words in a sentence"),
         ("docs/faq.md", "short", "a rival", "write competing pose"),
         ("README.md", "word", "word " * 900, "of at most 900"),
     ],
 )
-def test_prose_is_short_plain_and_true(write, check, file, old, new, found):
-    files = {
-        "docs/method.md": METHOD,
-        "docs/command_line.md": "| `--LazyLocalizer.num_retrieved` | 20 | Number |\n",
-        "docs/faq.md": "This is short.\n",
-        "README.md": "A word.\n",
-        f"{SOURCE}/a.h": CODE,
-    }
-    files[file] = files[file].replace(old, new) if old else files[file]
-    for name, text in files.items():
-        write(name, text)
+def test_prose_is_short_plain_and_true(write, check, tmp_path, file, old, new, found):
+    """Changes something in the project's own code, options and page on the method, or in two other pages."""
+    project = CHECKS_PATH.parents[1]
+    shutil.copytree(project / SOURCE, tmp_path / SOURCE)
+    for name in ("docs/method.md", "docs/command_line.md"):
+        write(name, (project / name).read_text(encoding="utf-8"))
+    write("docs/faq.md", "This is short.\n")
+    write("README.md", "A word.\n")
+    write(file, (tmp_path / file).read_text(encoding="utf-8").replace(old, new))
     code, text = check("prose")
     assert code == (found is not None) and (found or "") in text, text
 

@@ -51,7 +51,7 @@ def change_one_depth(path):
 
 @pytest.fixture(scope="module")
 def one_place(tmp_path_factory):
-    """Makes queries that only one database image sees: without depth, their common scale is open."""
+    """Makes queries that only one database image sees: without depth, their common scale is unobservable."""
     scene = synthetic.make_scene([[0.3, 0.2, -6]], synthetic.arc(3, radius=5, height=-0.7), noise_px=0.3)
     return write_scene(tmp_path_factory.mktemp("one_place"), scene)
 

@@ -1,4 +1,4 @@
-"""Positions and gravity of queries: they fix what the images leave open, and never override the images silently."""
+"""Positions and gravity of queries: they fix what images do not determine, and never override them silently."""
 
 import numpy as np
 import pytest

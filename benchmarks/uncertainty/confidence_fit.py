@@ -1,4 +1,4 @@
-"""Fits the two factors of the confidence (uncertainty/confidence_calibration.h) to positions with known errors."""
+"""Fits the two factors of the confidence (uncertainty/confidence_factors.h) to positions with known errors."""
 
 import pathlib
 import re
@@ -9,7 +9,7 @@ from scipy.optimize import minimize
 from benchmarks.uncertainty.stress import auroc
 
 HEADER_PATH = (
-    pathlib.Path(__file__).resolve().parents[2] / "src" / "colmap_lazyloc" / "uncertainty" / "confidence_calibration.h"
+    pathlib.Path(__file__).resolve().parents[2] / "src" / "colmap_lazyloc" / "uncertainty" / "confidence_factors.h"
 )
 MAX_KIND_WEIGHT = 60  # more queries of one kind do not count for more than this number
 NUM_FOLDS = 8
@@ -69,7 +69,7 @@ def cross_validate(outcomes, shapes, other_odds, is_right, weights):
 
 
 def write_header(place_odds, chance_num_points):
-    """Replaces the constants in confidence_calibration.h."""
+    """Replaces the constants in confidence_factors.h."""
     text = HEADER_PATH.read_text()
     for name, value in (("kPlaceOdds", place_odds), ("kChanceNumPoints", chance_num_points)):
         text = re.sub(rf"({name} = ).*?;", rf"\g<1>{value:.2g};", text)

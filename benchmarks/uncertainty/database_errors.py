@@ -34,7 +34,7 @@ def disturbed_depths(depths, rng):
 
 
 def write_scene(folder, seed, error_px):
-    """Writes a scene to a folder and returns it with the options of its evidence."""
+    """Writes a scene to a folder and returns it with the options of its further input."""
     rng = np.random.default_rng(seed)
     centres = synthetic.arc(NUM_DATABASE_IMAGES)
     queries = report.around(centres, NUM_QUERIES, 0.7, rng)
@@ -49,12 +49,12 @@ def write_scene(folder, seed, error_px):
         lines.append(f"{name} {' '.join(map(repr, position.tolist()))} {POSITION_STDDEV}\n")
     (folder / "position.txt").write_text("".join(lines))
     maps = synthetic.write_depth_maps(folder / "maps", scene, disturbed_depths, seed=seed)
-    evidence = {"": (), "depth": ("--depth_path", maps)}
-    evidence["position"] = "--query_position_path", folder / "position.txt"
-    return scene, evidence
+    extra = {"": (), "depth": ("--depth_path", maps)}
+    extra["position"] = "--query_position_path", folder / "position.txt"
+    return scene, extra
 
 
-def cell(colmap, scenes, num_retrieved, evidence, options):
+def cell(colmap, scenes, num_retrieved, extra, options):
     squares, num_localized = [], 0
     for folder, (scene, options_of) in scenes.items():
         with tempfile.TemporaryDirectory() as output:
@@ -64,7 +64,7 @@ def cell(colmap, scenes, num_retrieved, evidence, options):
                 folder / "model",
                 pathlib.Path(output) / "output",
                 *EXACT_INTRINSICS,
-                *("--LazyLocalizer.num_retrieved", num_retrieved, *options_of[evidence], *options),
+                *("--LazyLocalizer.num_retrieved", num_retrieved, *options_of[extra], *options),
             )
         for name, result in results.items():
             pose = unconfirmed_pose_of(result)
@@ -85,7 +85,7 @@ def main(arguments=None):
     parser.add_argument("--colmap", type=pathlib.Path, help="program; default: build/bin/colmap or $COLMAP")
     options, more = parser.parse_known_args(arguments)
     colmap = options.colmap or find_colmap()
-    titles = [f"{num}, {evidence}" if evidence else str(num) for num, evidence in CASES]
+    titles = [f"{num}, {extra}" if extra else str(num) for num, extra in CASES]
     print(f"| database poses off by | {' | '.join(titles)} |\n|---|{'---|' * len(CASES)}")
     for error_px in ERRORS_PX:
         with tempfile.TemporaryDirectory() as name:
@@ -94,7 +94,7 @@ def main(arguments=None):
                 folder = pathlib.Path(name) / str(seed)
                 folder.mkdir()
                 scenes[folder] = write_scene(folder, seed, error_px)
-            cells = [cell(colmap, scenes, num, evidence, more) for num, evidence in CASES]
+            cells = [cell(colmap, scenes, num, extra, more) for num, extra in CASES]
         print(f"| {error_px} px | {' | '.join(cells)} |", flush=True)
 
 

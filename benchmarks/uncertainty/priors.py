@@ -1,4 +1,4 @@
-"""The cases with unobservable motions, with positions and gravity of queries and depth maps as further evidence."""
+"""The cases with unobservable motions, with positions and gravity of queries and depth maps."""
 
 import collections
 import pathlib
@@ -63,7 +63,7 @@ def _write_priors(folder: pathlib.Path, scene, names) -> list:
 
 
 def _describe(results: dict, scene) -> str:
-    """Returns the statuses, what evidence fixes, and of poses the median error and that in standard deviations."""
+    """Returns the statuses, what these fix, and of poses the median error and that in standard deviations."""
     statuses = collections.Counter(result["status"] for result in results.values())
     text = ", ".join(f"`{status}` {count}" for status, count in sorted(statuses.items()))
     fixed = _names_of_fixed(results)

@@ -7,7 +7,7 @@ priors     the same scenes with positions and gravity of the queries: statuses, 
 stress     scenes in which a pose may be wrong (repetition, wrong intrinsics, wrong database poses, chance), and the
            scenes below --data_path: confidence against errors
 fit        fits the factors of the confidence to the scenes of `stress` and writes
-           uncertainty/confidence_calibration.h; build the program again after it
+           uncertainty/confidence_factors.h; build the program again after it
 
   python -m benchmarks uncertainty [quantiles | cases | priors | stress | fit]... [--data_path DATA]...
   python -m benchmarks uncertainty focal_length --help

@@ -1,9 +1,9 @@
 #!/usr/bin/env python3
-"""Checks the documentation's words: how many, how long sentences are, which are not used; and that constants are true.
+"""Checks the documentation's words: how many, how long sentences are, which are not used; and that numbers are true.
 
 Counted are README.md, CHANGELOG.md, CONTRIBUTING.md and docs/, without what is generated and without the tables of
-benchmarks. Defaults and constants of the method are compared with the tables of options and with the code. `--words`
-lists the words of each page.
+benchmarks. Defaults are compared with the tables of options, constants of the method with the code. `--words` lists the
+words of each page.
 """
 
 import pathlib
@@ -30,8 +30,39 @@ VOCABULARY = {
     r"\bin order to\b": "to",
     r"\ballows? to\b": "lets you",
 }
-# Constants in the method's text, and their names in the code.
+# Constants in the method's text, and their names in the code, after a file if others have the name, too.
 CONSTANTS = {
+    r"fewer than (\d+) inliers": "kMinNumInliers",
+    r"differ from the result by more than (\d+)°": "kMaxRotationErrorDeg",
+    r"Geman-McClure with (\d+)°": "kScaleDeg",
+    r"best of (\d+) directions": "kNumHypotheses",
+    r"at least ([\d.]+)°\. The start": "kMinDirectionStddevDeg",
+    r"use at most (\d+) tracks": "kMaxNumStartTracks",
+    r"from an (\d+)x8 grid": "track_selection.cc kNumCells",
+    r"see a track at ([\d.]+)° or more": "min_triangulation_angle_deg",
+    r"within (\d+) standard deviations of each keypoint": "kMaxDatabaseErrorSigma",
+    r"if there are fewer than (\d+) such points": "kFewTracks",
+    r"It is (\d+) px in the first round": "kStartNoisePx",
+    r"at least ([\d.]+) px later": "kMinImageNoisePx",
+    r"expected to be ([\d.]+) px at": "kViewpointNoisePx",
+    r"independent ones ([\d.]+) px": "kIndependentNoisePx",
+    r"common errors of ([\d.]+) px": "kCommonNoisePx",
+    r"in each of (\d+) areas": "kNumAreas",
+    r"misfit by more than (\d+) px": "kMaxKeypointNoisePx",
+    r"less than ([\d.]+) of their standard deviations": "bundle_adjustment.h convergence_sigma",
+    r"With fewer than (\d+) tracks": "kMinNumTracks",
+    r"With more than (\d+) frames": "kMaxNumDenseFrames",
+    r"If (\d+) or more database images": "kNumImagesEnough",
+    r"each share (\d+) or more": "kNumPointsEnough",
+    r"if \$s\$ exceeds ([\d.]+)": "depth_scale.cc kMaxStddev",
+    r"from 1/3 to (\d+) times": "kMaxFocalFactor",
+    r"is multiplied by (\d+), because": "kCommonErrorFactor",
+    r"wrong, then off by (\d+ %)": "kWrongStddev",
+    r"EXIF's of (\d+ %)": "kWrongExifProbability",
+    r"Above (\d+ %), or": "kMinWrongProbability",
+    r"the factor is at most (\d+)": "kMaxSmallSampleFactor",
+    r"exceeds ([\d.]+) of the distance": "max_position_stddev_ratio",
+    r"two queries with (\d+) tracks": "kNumEnough",
     r"O_\{place\} = ([\d.]*\d)": "kPlaceOdds",
     r"\\frac\{([\d.]*\d)\}\{n\}": "kChanceNumPoints",
     r"\\frac\{h_\{ij\}\}\{([\d.]*\d)\}": "kReferenceDistance",
@@ -47,7 +78,7 @@ GENERATED = {
     "docs/python.md": re.compile(r"^## Reference.*", re.MULTILINE | re.DOTALL),
 }
 DEFAULT = re.compile(r"^\| `--(?:[\w.]+\.)?(\w+)` \| (\S+) \|", re.MULTILINE)
-STATED = re.compile(r"`(?:--LazyLocalizer\.)?(\w+)` (?:= |\()(-?\d+(?:\.\d+)?(?: %)?)")
+STATED = re.compile(r"`(?:--[\w.]+\.)?(\w+)` (?:= |\()(-?\d+(?:\.\d+)?(?: %)?)")
 
 
 def pages(root):
@@ -105,21 +136,22 @@ def number(text):
     return float(text[:-1]) / 100 if text.endswith("%") else float(text)
 
 
-def default_problems(root, text):
-    """Returns the defaults in the method that are not those of the tables, which a test compares with --help."""
+def default_problems(root, page, text):
+    """Returns the stated defaults that are not those of the tables, which a test compares with --help."""
     defaults = dict(DEFAULT.findall((root / "docs/command_line.md").read_text(encoding="utf-8")))
     for name, value in STATED.findall(text):
         if name in defaults and abs(float(defaults[name]) - number(value)) > 1e-9:
-            yield f"docs/method.md: `{name}` is {value}, but the default is {defaults[name]}"
+            yield f"{page}: `{name}` is {value}, but the default is {defaults[name]}"
 
 
 def constant_problems(root, text):
     """Returns the constants in the method that are not those of the code."""
-    code = "\n".join(path.read_text(encoding="utf-8") for path in tree.list_files(root, "*.h", "*.cc"))
+    code = {path.name: path.read_text(encoding="utf-8") for path in tree.list_files(root, "*.h", "*.cc")}
     text = " ".join(text.split())
     for pattern, name in CONSTANTS.items():
         stated = re.search(pattern, text)
-        found = re.search(name + r"(?:\[\])? = \{?([\d.e-]+)", code)
+        file, _, name = name.rpartition(" ")
+        found = re.search(rf"\b{name}(?:\[\])? = \{{?([\d.e-]+)", code[file] if file else "\n".join(code.values()))
         if stated is None or found is None:
             yield f"docs/method.md: {pattern if stated is None else name} is not found"
         elif abs(number(stated.group(1)) - float(found.group(1))) > 1e-9:
@@ -142,8 +174,10 @@ def main():
             problems.append(f"{name}: {count} words, of at most {MAX_PAGE_WORDS[name]}")
         if name != "CHANGELOG.md":
             problems += [*sentence_problems(name, text), *word_problems(name, text)]
+        if not name.startswith(("docs/benchmarks", "docs/decisions")):  # which tell of earlier values, too
+            problems += default_problems(root, name, text)
         if name == "docs/method.md":
-            problems += [*default_problems(root, text), *constant_problems(root, text)]
+            problems += constant_problems(root, text)
     if total > MAX_WORDS:
         problems.append(f"{total} words in all, of at most {MAX_WORDS}: scripts/checks/prose.py --words lists them")
     tree.finish("prose", problems, f"{total} words")

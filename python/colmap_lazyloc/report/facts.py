@@ -36,8 +36,8 @@ _PRIOR_VERDICTS = {
     "not_tested": "not used, because the images give no pose to compare it with",
 }
 _PRIOR_ROLES = {
-    "distance": ": it fixes the place on the line on which the images put the query",
-    "position": ": it fixes the position, which the images leave open",
+    "distance": ": it fixes the place on the line along which the images do not determine it",
+    "position": ": it fixes the position, which the images do not determine",
 }
 
 
@@ -128,7 +128,7 @@ def _camera_rows(result: ResultFields) -> list[tuple[str, str]]:
         text = _VERDICTS.get(intrinsics["verdict"], intrinsics["verdict"])
         factor, stddev = intrinsics.get("focal_factor"), intrinsics.get("focal_factor_stddev")
         if factor is not None and stddev is not None:
-            text += f"; they ask for {100 * (factor - 1):+.2f} % ± {100 * stddev:.2f} % of its length"
+            text += f"; they suggest {100 * (factor - 1):+.2f} % ± {100 * stddev:.2f} % of its length"
         rows.append(("Focal length", text))
         rows.append(("Contradiction", intrinsics.get("contradiction") or ""))
     camera = result.get("camera")

@@ -131,7 +131,7 @@ def _contradicted_intrinsics(run: Run) -> tuple[str, str, list[Item]]:
         if contradiction or result["status"] == "INCONSISTENT_INTRINSICS":
             items.append(_item(result["name"], i, contradiction or result["reason"]))
     explanation = (
-        "The images ask for another focal length, distortion or principal point than was given. Was the photo scaled "
+        "The images suggest another focal length, distortion or principal point than was given. Was the photo scaled "
         "or cropped? --LazyLocalizer.intrinsics refine estimates the focal length."
     )
     return "Intrinsics that the images contradict", explanation, items
@@ -159,7 +159,7 @@ def _near_threshold(run: Run) -> tuple[str, str, list[Item]]:
         if confidence is not None and abs(confidence - minimum) <= THRESHOLD_SHARE * (1 - minimum):
             text = "accepted" if result["status"] == "LOCALIZED" else "refused"
             items.append(_item(result["name"], i, f"{text} with a confidence of {confidence:.3f}"))
-    explanation = f"Little more or less evidence would have decided otherwise: the minimum confidence is {minimum:g}."
+    explanation = f"A few more or fewer points would have changed the status: the minimum confidence is {minimum:g}."
     return "Queries near the threshold", explanation, items
 
 

@@ -55,7 +55,7 @@ export interface Queries {
   rotationErrorDeg: Float32Array;
   photo: Int32Array; // index of the photo, or -1
   isDrawn: Uint8Array; // 1 if there is a chunk "drawing/INDEX"
-  frame: Int32Array; // index into `frames`, or -1 for a lone image
+  frame: Int32Array; // index into `frames`, or -1 for an image without a rig
   frames: string[];
 }
 

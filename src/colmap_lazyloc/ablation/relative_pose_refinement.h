@@ -40,7 +40,7 @@ struct RelativePoseRefinementResult {
 // points sideways.
 //
 // The result depends on the seed, but not on the order of the edges, of which there is one per pair of images. Edges
-// without translation (panoramic pairs) are not used. Queries must be lone images. summary.success is false, and the
+// without translation (panoramic pairs) are not used. Queries must be single images. summary.success is false, and the
 // poses are those of the input, if a query has no two edges that agree and meet at an angle.
 RelativePoseRefinementResult RefineByRelativePoses(const PosedImages& posed, const std::vector<RelativePoseEdge>& edges,
                                                    const RelativePoseRefinementOptions& options, uint32_t seed);

@@ -20,7 +20,7 @@ struct Scene {
   std::vector<RelativePoseEdge> edges;
 };
 
-// Makes lone images with relative poses from the database images to the queries. Distances are about 5 units.
+// Makes single images with relative poses from the database images to the queries. Distances are about 5 units.
 Scene MakeScene(const SyntheticPoseGraphOptions& options) {
   const SyntheticPoseGraph graph = MakeSyntheticPoseGraph(options);
   Random random(options.seed + 1000);

@@ -30,7 +30,7 @@ struct SampsonRefinementResult {
 // k^2), k the loss scale, by Levenberg-Marquardt. Tracks need no points. Blind to false matches along the epipolar
 // line, and to the position along a line of collinear cameras.
 //
-// Queries must be lone images. summary.success is false, and the poses are those of the input, if a query has fewer
+// Queries must be single images. summary.success is false, and the poses are those of the input, if a query has fewer
 // than six matches or its cost is not finite.
 SampsonRefinementResult RefineBySampsonError(const PosedImages& posed, const std::vector<Track>& tracks,
                                              const SampsonRefinementOptions& options);

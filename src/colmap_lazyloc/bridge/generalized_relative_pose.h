@@ -16,7 +16,7 @@ struct PosedRayMatch {
   Eigen::Vector3d query_ray_in_cam;
   Eigen::Vector3d database_ray_in_cam;
   Rigid3d database_cam_from_world;
-  Rigid3d query_cam_from_reference;  // pose of the camera on its rig; identity for a lone query
+  Rigid3d query_cam_from_reference;  // pose of the camera on its rig; identity for a single query
 };
 
 // Estimates reference_from_world of the query, or of its rig's reference camera, from matches with several posed

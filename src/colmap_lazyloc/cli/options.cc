@@ -192,7 +192,7 @@ void PrintGroupedHelp(const Descriptions& descriptions) {
             << "--version the version.\n";
 }
 
-// Prints what one of the options --version, --help and --help-all asks for. Returns false if there is none of them.
+// Prints what one of the options --version, --help and --help-all requests. Returns false if there is none of them.
 bool PrintAnswer(const po::variables_map& values, const Descriptions& descriptions) {
   if (values.count("version") > 0) {
     std::cout << ProgramVersion() << std::endl;
@@ -210,7 +210,7 @@ bool PrintAnswer(const po::variables_map& values, const Descriptions& descriptio
   return true;
 }
 
-// Fills the variables that the descriptions name. Returns false if only the help or the version was asked for, which is
+// Fills the variables that the descriptions name. Returns false if only the help or the version was requested, which is
 // then printed.
 bool Parse(int argc, char** argv, const std::string& command, const Descriptions& descriptions) {
   const po::options_description all = descriptions.All();

@@ -38,7 +38,7 @@ struct MergerOptions {
 };
 
 // Parses the command line and the file that --project_path names (COLMAP's .ini format; the command line wins). Returns
-// false if only the help or the version was asked for, which is then printed. Throws InputError naming the option if it
+// false if only the help or the version was requested, which is then printed. Throws InputError naming the option if it
 // is unknown or missing or has an impossible value.
 bool ParseCommandLine(int argc, char** argv, CommandOptions* options);
 bool ParseCommandLine(int argc, char** argv, IndexerOptions* options);

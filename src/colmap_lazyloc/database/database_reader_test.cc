@@ -240,7 +240,7 @@ TEST_P(DatabaseReaderTest, CountsOfPairsOnBothSides) {
   database_.AddTwoViewGeometry(3, 1, geometry);
   database_.AddTwoViewGeometry(2147483646, 3, geometry);
   database_.AddTwoViewGeometry(1, 5, geometry);
-  database_.AddTwoViewGeometry(3, 4, geometry);  // not asked for
+  database_.AddTwoViewGeometry(3, 4, geometry);  // of a pair that is not read
   database_.AddTwoViewGeometry(2, 3, geometry);
   database_.AddMatches(5, 3, {{1, 1}, {2, 2}});
   const DatabaseReader reader(Path());

@@ -167,7 +167,7 @@ std::vector<int> CountDepths(const std::vector<Track>& tracks, size_t num_images
 
 DepthMapResult ResultOf(const MapOfImage& map) {
   DepthMapResult result{map.pair->other_name, map.fit.verdict, map.fit.num_points};
-  result.depth_stddev = map.fit.spread;
+  result.depth_stddev = map.fit.stddev;
   if (map.fit.verdict != DepthVerdict::USED) return result;
   result.scale = std::exp(map.fit.log_scale);
   result.scale_stddev = std::sqrt(map.fit.scale_variance);

@@ -11,20 +11,20 @@ namespace lazyloc {
 namespace {
 
 constexpr int kMinNumPoints = 30;
-// Maximum spread of the log of depths around a map that is used.
-constexpr double kMaxSpread = 0.2;
-// Maximum ratio of the spread around the map to that around a constant depth: a map of another scene has more than 1.
-constexpr double kMaxSpreadRatio = 0.6;
+// Maximum standard deviation of the log of depths around a map that is used.
+constexpr double kMaxStddev = 0.2;
+// Maximum ratio of that standard deviation to the one around a constant depth: a map of another scene has more than 1.
+constexpr double kMaxStddevRatio = 0.6;
 // In a flat scene, a constant is as good as a map. Then the map's depths must be correlated with those of the points:
 // minimum correlation coefficient, and minimum in standard deviations of that of independent depths.
 constexpr double kMinCorrelation = 0.3;
 constexpr double kMinCorrelationSigma = 3;
-constexpr double kMaxDeviation = 3;  // in spreads; depths beyond it are outliers
+constexpr double kMaxDeviation = 3;  // in standard deviations; depths beyond it are outliers
 constexpr int kNumCells = 4;         // per side of the image, in which neighbouring errors are compared
-// Share of the minimum spread that is common to the whole map, whatever the points say.
+// Share of the minimum standard deviation that is common to the whole map, whatever the points say.
 constexpr double kMinScaleShare = 0.1;
-// Spread, in minimum spreads, of a metric map that nothing could be compared with.
-constexpr double kUntestedSpread = 3;
+// Standard deviation, over the minimum, of a metric map that nothing could be compared with.
+constexpr double kUntestedRatio = 3;
 // Number of independent areas in a metric map that nothing could be compared with.
 constexpr double kUntestedNumAreas = 16;
 
@@ -42,7 +42,7 @@ bool AreCorrelated(const std::vector<DepthSample>& samples, const DepthFit& fit)
   Eigen::Vector2d mean = Eigen::Vector2d::Zero();
   for (const DepthSample& sample : samples) {
     const Eigen::Vector2d log(std::log(sample.map_depth), std::log(sample.point_depth));
-    if (!(std::abs(log.y() - log.x() - fit.log_scale) <= kMaxDeviation * fit.spread)) continue;
+    if (!(std::abs(log.y() - log.x() - fit.log_scale) <= kMaxDeviation * fit.stddev)) continue;
     logs.push_back(log);
     mean += log;
   }
@@ -60,7 +60,7 @@ void SplitVariance(const std::vector<DepthSample>& samples, DepthFit* fit) {
     double num = 0, sum = 0, square_sum = 0;
   };
   std::array<Cell, kNumCells * kNumCells> cells;
-  const double bound = kMaxDeviation * fit->spread;
+  const double bound = kMaxDeviation * fit->stddev;
   for (const DepthSample& sample : samples) {
     const double error = std::log(sample.point_depth / sample.map_depth) - fit->log_scale;
     if (!(std::abs(error) <= bound)) continue;
@@ -101,16 +101,16 @@ DepthFit FitDepthMap(const std::vector<DepthSample>& samples) {
   std::vector<double> ratios = LogRatios(samples), log_depths;
   for (const DepthSample& sample : samples) log_depths.push_back(std::log(sample.point_depth));
   fit.log_scale = Median(ratios);
-  fit.spread = RobustStddev(std::move(ratios));
-  const bool is_informative = fit.spread <= 2 * kMinDepthStddev ||
-                              fit.spread <= kMaxSpreadRatio * RobustStddev(std::move(log_depths)) ||
+  fit.stddev = RobustStddev(std::move(ratios));
+  const bool is_informative = fit.stddev <= 2 * kMinDepthStddev ||
+                              fit.stddev <= kMaxStddevRatio * RobustStddev(std::move(log_depths)) ||
                               AreCorrelated(samples, fit);
-  if (fit.spread > kMaxSpread || !is_informative) {
+  if (fit.stddev > kMaxStddev || !is_informative) {
     fit.verdict = DepthVerdict::CONTRADICTED;
     return fit;
   }
   fit.verdict = DepthVerdict::USED;
-  fit.spread = std::max(fit.spread, kMinDepthStddev);
+  fit.stddev = std::max(fit.stddev, kMinDepthStddev);
   SplitVariance(samples, &fit);
   fit.pixel_variance = std::max(fit.pixel_variance, Square(kMinDepthStddev));
   fit.scale_variance =
@@ -133,8 +133,8 @@ DepthFit FitMetricDepthMap(const DepthFit& own, const DepthFit& relative) {
   if (relative.verdict == DepthVerdict::CONTRADICTED) return relative;
   fit = relative;
   if (relative.verdict == DepthVerdict::NO_SCALE) {
-    fit.spread = kUntestedSpread * kMinDepthStddev;
-    fit.pixel_variance = Square(fit.spread);
+    fit.stddev = kUntestedRatio * kMinDepthStddev;
+    fit.pixel_variance = Square(fit.stddev);
     fit.common_variance = fit.pixel_variance / kUntestedNumAreas;
   }
   fit.verdict = DepthVerdict::USED;

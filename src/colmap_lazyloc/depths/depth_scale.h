@@ -21,13 +21,13 @@ struct DepthSample {
 };
 
 // How the depths of a map differ from those of triangulated points: log(point) = log(map) + log_scale + error.
-// The error has a part that neighbouring pixels share, and an independent one.
+// The error is the sum of one that neighbouring pixels share and an independent one.
 struct DepthFit {
   double log_scale = 0;
-  double spread = 0;           // robust standard deviation of the error
+  double stddev = 0;           // robust standard deviation of the error
   double scale_variance = 0;   // of log_scale
-  double pixel_variance = 0;   // of the independent part
-  double common_variance = 0;  // of the mean of the other part over the image
+  double pixel_variance = 0;   // of the independent error
+  double common_variance = 0;  // of the mean of the shared error over the image
   DepthVerdict verdict = DepthVerdict::NO_SCALE;
   int num_points = 0;
   bool is_metric = false;  // true if log_scale rests on a statement that the map is metric

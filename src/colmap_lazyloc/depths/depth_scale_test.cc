@@ -39,7 +39,7 @@ TEST(FitDepthMap, FindsScaleAndSpreadDespiteOutliers) {
   EXPECT_EQ(fit.verdict, DepthVerdict::USED);
   EXPECT_EQ(fit.num_points, kNumPoints);
   EXPECT_NEAR(fit.log_scale, std::log(3), 0.02);
-  EXPECT_NEAR(fit.spread, 0.06, 0.02);
+  EXPECT_NEAR(fit.stddev, 0.06, 0.02);
 }
 
 TEST(FitDepthMap, ScaleOfIndependentErrorsIsMoreCertainThanOneDepth) {
@@ -55,12 +55,12 @@ TEST(FitDepthMap, ScaleOfSmoothErrorsIsHardlyMoreCertainThanOneDepth) {
       [](double depth, const Eigen::Vector2d& place) { return depth * std::exp(0.1 * std::sin(6 * place.x())); }));
   EXPECT_EQ(fit.verdict, DepthVerdict::USED);
   EXPECT_GE(std::sqrt(fit.common_variance), 0.01);  // 0.07 over the root of 16 cells, in columns
-  EXPECT_LE(fit.pixel_variance, 0.3 * fit.spread * fit.spread);
+  EXPECT_LE(fit.pixel_variance, 0.3 * fit.stddev * fit.stddev);
 }
 
 TEST(FitDepthMap, SpreadHasAMinimum) {
   const DepthFit fit = FitDepthMap(MakeSamples([](double depth, const auto&) { return depth; }));
-  EXPECT_EQ(fit.spread, kMinDepthStddev);
+  EXPECT_EQ(fit.stddev, kMinDepthStddev);
   EXPECT_GE(std::sqrt(fit.scale_variance), 0.1 * kMinDepthStddev);
 }
 
@@ -96,7 +96,7 @@ TEST(FitMetricDepthMap, PointsOfUnknownScaleTellTheSpread) {
   const DepthFit fit = FitMetricDepthMap({}, FitDepthMap(samples));
   EXPECT_EQ(fit.verdict, DepthVerdict::USED);
   EXPECT_EQ(fit.log_scale, 0);
-  EXPECT_NEAR(fit.spread, 0.1, 0.02);
+  EXPECT_NEAR(fit.stddev, 0.1, 0.02);
   const auto wrong = MakeSamples([](double depth, const auto&) { return 1 / depth; });
   EXPECT_EQ(FitMetricDepthMap({}, FitDepthMap(wrong)).verdict, DepthVerdict::CONTRADICTED);
 }

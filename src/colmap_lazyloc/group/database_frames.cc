@@ -42,7 +42,7 @@ int DatabaseFrames::AddImage(int query_frame, const ImagePair& pair) {
   cam_from_world.translation += cam_from_world.rotation * layout_.origin;
   layout_.given.images.emplace_back();
   layout_.names.push_back(pair.other_name);
-  // The prefix keeps a lone image apart from a frame of the same name.
+  // The prefix keeps a single image apart from a frame of the same name.
   const std::string key =
       pair.database_frame_name.empty() ? "image " + pair.other_name : "frame " + pair.database_frame_name;
   members_of_frame_[{query_frame, key}].push_back({next, cam_from_world, pair.database_cam_from_rig, {}});

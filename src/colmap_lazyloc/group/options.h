@@ -79,7 +79,7 @@ struct LocalizerOptions {
   double rig_noise_px = 0.3;
   IntrinsicsMode intrinsics = IntrinsicsMode::AUTO;
   // Standard deviation of the log of a given focal length that is right; 0: exact, so that the covariance leaves it
-  // out. Calibrations of one camera agree within some tenths of a percent, and focusing changes the focal length by as
+  // out. Measurements of one camera agree within some tenths of a percent, and focusing changes the focal length by as
   // much.
   double focal_length_stddev_ratio = 0.004;
   // Standard deviation of database poses, per axis in degrees and per coordinate of the projection centre in database

@@ -84,7 +84,7 @@ std::vector<std::optional<double>> CheckRigs(const Layout& layout, const PosedIm
   std::vector<std::optional<double>> errors_px(layout.num_queries);
   Failure failure{QueryStatus::INCONSISTENT_RIG, ""};
   std::vector<std::vector<RayToPoint>> rays(layout.num_queries);
-  if (layout.num_query_frames == layout.num_queries) return errors_px;  // lone images
+  if (layout.num_query_frames == layout.num_queries) return errors_px;  // single images
   for (const Track& track : tracks_from_database) {
     for (const TrackObservation& element : track.observations) {
       if (layout.IsDatabase(element.image)) break;
@@ -110,7 +110,7 @@ std::vector<std::optional<double>> CheckRigs(const Layout& layout, const PosedIm
 
 void CheckRigRotations(const Layout& layout, const PairRefs& pairs, const std::vector<double>& rotation_errors_rad,
                        double max_error_deg, const LocalizerOptions& options) {
-  if (layout.num_query_frames == layout.num_queries) return;  // lone images
+  if (layout.num_query_frames == layout.num_queries) return;  // single images
   const double max_error_rad = DegToRad(max_error_deg);
   std::vector<RotationAveragingProblem> alone(layout.num_queries);
   std::vector<size_t> num_agreeing(layout.num_queries, 0);

@@ -45,10 +45,10 @@ FocalLengthAndPose ChooseFocalLengthAndPose(const Layout& layout, const QueryCam
     const TrackRefs from_database = Refs(tracks);
     // Half the inliers of the best so far, because RANSAC need not search for a pose that does not win.
     const double min_inlier_ratio = std::max(0.1, 0.5 * best_score / num_tracks);
-    const StartEvidence evidence{layout.given, from_database, no_other_tracks, max_error_px, min_inlier_ratio};
-    const std::optional<Rigid3d> pose = AbsolutePoseStart(evidence, seed);
+    const StartProblem problem{layout.given, from_database, no_other_tracks, max_error_px, min_inlier_ratio};
+    const std::optional<Rigid3d> pose = AbsolutePoseStart(problem, seed);
     if (!pose) continue;
-    const double score = ScoreStart(evidence, *pose);
+    const double score = ScoreStart(problem, *pose);
     if (score <= best_score) continue;
     best_score = score;
     best = {factor, *pose};

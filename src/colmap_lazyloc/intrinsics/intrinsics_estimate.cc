@@ -11,7 +11,7 @@ IntrinsicsScore::Matrix ScoreCovariance(const Refined& refined, int frame) {
   const IntrinsicsScore& score = refined.adjustment.intrinsics_scores[frame];
   IntrinsicsScore::Matrix covariance = refined.variance_factor * score.information + score.shared_errors;
   for (const auto& [group, component, variance] : refined.missing_variances) {
-    covariance += variance * score.prior_parts[group][component];
+    covariance += variance * score.component_covariances[group][component];
   }
   return kCommonErrorFactor * covariance;
 }

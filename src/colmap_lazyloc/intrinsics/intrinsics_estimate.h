@@ -11,7 +11,7 @@ inline constexpr double kCommonErrorFactor = 4;
 
 inline constexpr int kNumOthers = NUM_INTRINSICS_PARAMETERS - 1;  // corrections but the first, the focal length's
 
-// The corrections of a query's intrinsics that the images ask for.
+// The corrections of a query's intrinsics that the images suggest.
 struct IntrinsicsEstimate {
   IntrinsicsScore::Vector joint, joint_sigmas;  // of all together: in their units; over their standard deviations
   IntrinsicsScore::Vector sigmas;               // of each alone, over its standard deviation

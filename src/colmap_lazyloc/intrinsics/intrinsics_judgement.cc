@@ -20,12 +20,12 @@ constexpr double kMinRightStddev = 0.001;
 // cut. It is no reason to refuse a value, but the covariance allows for it.
 constexpr double kSlightlyWrongStddev = 0.03;
 constexpr double kSlightlyWrongProbability = 0.2;
-// Probability that a value is wrong before the images are asked.
+// Probability that a value is wrong before the images are used.
 constexpr double kWrongGivenProbability = 0.05;
 constexpr double kWrongSharedProbability = 0.1;
 constexpr double kWrongExifProbability = 0.5;
 // Significance, and displacement from which on principal point (as a fraction of the focal length) or distortion (at
-// the image's corners, of half the diagonal) count as contradicted. Rolling shutters ask for a distortion at 5
+// the image's corners, of half the diagonal) count as contradicted. Rolling shutters look like a distortion of 5
 // deviations.
 constexpr double kMinOtherSigma = 5;
 constexpr double kMinPrincipalPointShift = 0.02;
@@ -33,11 +33,11 @@ constexpr double kMinDistortionShift = 0.015;
 
 double LogNormalDensity(double x, double variance) { return -(x * x / variance + std::log(variance)) / 2; }
 
-// Returns the expected square of a deviation with a normal prior.
-double MeanSquare(double prior_stddev, double measured, double variance) {
-  const double prior_variance = prior_stddev * prior_stddev;
-  const double gain = prior_variance / (prior_variance + variance);
-  return gain * gain * measured * measured + gain * variance;
+// Returns the expected square of a normally distributed deviation after a measurement.
+double MeanSquare(double stddev, double measured, double measured_variance) {
+  const double variance = stddev * stddev;
+  const double gain = variance / (variance + measured_variance);
+  return gain * gain * measured * measured + gain * measured_variance;
 }
 
 // Returns what is wrong with principal point or distortion; empty if nothing is, or the focal length explains more.
@@ -50,20 +50,20 @@ std::string OtherContradiction(const Camera& camera, const IntrinsicsEstimate& e
   if (estimate.joint_sigmas[RADIAL_DISTORTION] > kMinOtherSigma && std::abs(corner_px) > kMinDistortionShift * radius &&
       explains_more(RADIAL_DISTORTION)) {
     return Format(
-        "the images contradict the given distortion: they ask for a radial displacement of the image's corners by "
+        "the images contradict the given distortion: they suggest a radial displacement of the image's corners by "
         "%.1f px",
         corner_px);
   }
   const Eigen::Vector2d shift(estimate.joint[PRINCIPAL_POINT_X], estimate.joint[PRINCIPAL_POINT_Y]);
-  const Eigen::Vector2d given = PrincipalPoint(camera), asked = given + shift;
+  const Eigen::Vector2d given = PrincipalPoint(camera), suggested = given + shift;
   // Telephoto lenses do not determine the principal point: far from the image's centre, it only shows other errors.
   const Eigen::Vector2d size(static_cast<double>(camera.width), static_cast<double>(camera.height));
-  const bool is_plausible = ((asked - size / 2).array().abs() < size.array() / 4).all();
+  const bool is_plausible = ((suggested - size / 2).array().abs() < size.array() / 4).all();
   const int axis = std::abs(shift.x()) > std::abs(shift.y()) ? PRINCIPAL_POINT_X : PRINCIPAL_POINT_Y;
   if (is_plausible && estimate.joint_sigmas[axis] > kMinOtherSigma &&
       shift.norm() > kMinPrincipalPointShift * MeanFocalLength(camera) && explains_more(axis)) {
-    return Format("the images contradict the given principal point (%.1f, %.1f): they ask for (%.1f, %.1f)", given.x(),
-                  given.y(), asked.x(), asked.y());
+    return Format("the images contradict the given principal point (%.1f, %.1f): they suggest (%.1f, %.1f)", given.x(),
+                  given.y(), suggested.x(), suggested.y());
   }
   return "";
 }
@@ -74,15 +74,15 @@ FocalLengthJudgement JudgeFocalLength(double log_factor, double stddev, Intrinsi
                                       const LocalizerOptions& options) {
   const double right_stddev = std::max(options.focal_length_stddev_ratio, kMinRightStddev);
   const double variance = stddev * stddev;
-  const double prior = origin == IntrinsicsOrigin::GUESS    ? 1
-                       : origin == IntrinsicsOrigin::MODEL  ? 0
-                       : origin == IntrinsicsOrigin::EXIF   ? kWrongExifProbability
-                       : origin == IntrinsicsOrigin::SHARED ? kWrongSharedProbability
-                                                            : kWrongGivenProbability;
+  const double p_wrong = origin == IntrinsicsOrigin::GUESS    ? 1
+                         : origin == IntrinsicsOrigin::MODEL  ? 0
+                         : origin == IntrinsicsOrigin::EXIF   ? kWrongExifProbability
+                         : origin == IntrinsicsOrigin::SHARED ? kWrongSharedProbability
+                                                              : kWrongGivenProbability;
   // Takes logs relative to the most probable case, because all densities of a strange measurement are zero.
   const std::array<double, 3> stddevs = {right_stddev, kSlightlyWrongStddev, kWrongStddev};
-  std::array<double, 3> probabilities = {1 - prior, std::min(std::max(kSlightlyWrongProbability, prior), 1 - prior),
-                                         prior};
+  std::array<double, 3> probabilities = {1 - p_wrong,
+                                         std::min(std::max(kSlightlyWrongProbability, p_wrong), 1 - p_wrong), p_wrong};
   std::array<double, 3> log_densities;
   double max_log_density = -std::numeric_limits<double>::infinity();
   for (size_t i = 0; i < stddevs.size(); ++i) {
@@ -98,7 +98,7 @@ FocalLengthJudgement JudgeFocalLength(double log_factor, double stddev, Intrinsi
   }
   judgement.mean_square /= sum;
   const double right = probabilities[0], wrong = probabilities[2];
-  judgement.wrong_probability = prior > 0 ? wrong / std::max(wrong + right, 1e-300) : 0;
+  judgement.wrong_probability = p_wrong > 0 ? wrong / std::max(wrong + right, 1e-300) : 0;
   if (options.focal_length_stddev_ratio == 0 && IsCalibrated(origin)) judgement.mean_square = 0;
   return judgement;
 }
@@ -125,7 +125,7 @@ void JudgeRefined(const Camera& camera, const IntrinsicsEstimate& estimate, Intr
 
 std::string FocalLengthContradiction(const Camera& camera, double factor, double factor_stddev) {
   const double given_px = MeanFocalLength(camera);
-  return Format("the images contradict the given focal length of %.1f px: they ask for %.1f +- %.1f px", given_px,
+  return Format("the images contradict the given focal length of %.1f px: they suggest %.1f +- %.1f px", given_px,
                 factor * given_px, factor_stddev * given_px);
 }
 

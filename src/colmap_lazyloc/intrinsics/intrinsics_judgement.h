@@ -13,12 +13,12 @@ inline constexpr double kMaxObservableStddev = 0.02;
 
 // What a given focal length and an estimate by the images say together.
 struct FocalLengthJudgement {
-  double wrong_probability = 0;  // that the given value is wrong: off by more than a calibration is
+  double wrong_probability = 0;  // that the given value is wrong: off by more than measured ones are
   double mean_square = 0;        // expected square of the log of its error
 };
 
-// Judges a focal length by the log of the factor that the images ask for and its standard deviation. A value is right
-// with some probability, which depends on its origin, and then off as calibrations are; else off by tens of percent.
+// Judges a focal length by the log of the factor that the images suggest and its standard deviation. A value is right
+// with some probability, which depends on its origin, and then off by tenths of a percent; else off by tens of percent.
 FocalLengthJudgement JudgeFocalLength(double log_factor, double stddev, IntrinsicsOrigin origin,
                                       const LocalizerOptions& options);
 
@@ -28,7 +28,7 @@ void JudgeGiven(const Camera& camera, const IntrinsicsEstimate& estimate, const 
 // Sets the verdict on intrinsics whose focal length was estimated, and the contradiction of the others.
 void JudgeRefined(const Camera& camera, const IntrinsicsEstimate& estimate, IntrinsicsResult* result);
 
-// Returns the sentence that names the given focal length and the one that the images ask for.
+// Returns the sentence that names the given focal length and the one that the images suggest.
 std::string FocalLengthContradiction(const Camera& camera, double factor, double factor_stddev);
 
 }  // namespace lazyloc

@@ -12,7 +12,7 @@ TEST(JudgeFocalLength, DoubtsWithSignificanceAndSize) {
     return JudgeFocalLength(log_factor, stddev, IntrinsicsOrigin::GIVEN, {});
   };
   EXPECT_LT(given(0, 0.001).wrong_probability, 0.01);
-  EXPECT_LT(given(0.005, 0.0001).wrong_probability, 0.05) << "as calibrations are off";
+  EXPECT_LT(given(0.005, 0.0001).wrong_probability, 0.05) << "as measured values are off";
   EXPECT_GT(given(0.02, 0.001).wrong_probability, 0.95);
   EXPECT_LT(given(0.02, 0.02).wrong_probability, 0.1) << "not significant";
   EXPECT_GT(given(0.2, 0.02).wrong_probability, 0.99);
@@ -23,7 +23,7 @@ TEST(JudgeFocalLength, DoubtsWithSignificanceAndSize) {
 TEST(JudgeFocalLength, NeverDoubtsThatOfTheModel) {
   const FocalLengthJudgement far = JudgeFocalLength(0.5, 0.001, IntrinsicsOrigin::MODEL, {});
   EXPECT_EQ(far.wrong_probability, 0);
-  EXPECT_GT(std::sqrt(far.mean_square), 0.1) << "but allows for what the images ask for";
+  EXPECT_GT(std::sqrt(far.mean_square), 0.1) << "but allows for what the images suggest";
   EXPECT_NEAR(std::sqrt(JudgeFocalLength(0, 0.1, IntrinsicsOrigin::MODEL, {}).mean_square), 0.014, 0.01);
 }
 
@@ -34,7 +34,7 @@ TEST(JudgeFocalLength, MeanSquareIsThatOfTheImagesOrOfTheOrigin) {
   EXPECT_NEAR(root(0, 0.0001, IntrinsicsOrigin::GIVEN), 0.0001, 1e-5) << "confirmed";
   EXPECT_NEAR(root(0.005, 0.0001, IntrinsicsOrigin::GIVEN), 0.005, 5e-4) << "off by so much";
   EXPECT_GT(root(0.02, 0.01, IntrinsicsOrigin::GIVEN), 0.005) << "perhaps slightly wrong";
-  EXPECT_LT(root(0, 0.1, IntrinsicsOrigin::GIVEN), 0.05) << "a calibration counts";
+  EXPECT_LT(root(0, 0.1, IntrinsicsOrigin::GIVEN), 0.05) << "a measured value counts";
   EXPECT_NEAR(root(0, 10, IntrinsicsOrigin::GUESS), 0.2, 0.01) << "nothing is known";
 }
 

@@ -32,10 +32,10 @@ IntrinsicsScore::Matrix UncalibratedCovariance(const IntrinsicsScore& score,
   const Eigen::Matrix<double, kNumOthers, 1> stddevs =
       (origin == IntrinsicsOrigin::SHARED ? kSharedCameraFactor : 1) *
       Eigen::Matrix<double, kNumOthers, 1>(shift, shift, kUncalibratedAspect, radial);
-  const Matrix prior = stddevs.cwiseAbs2().asDiagonal();
+  const Matrix expected = stddevs.cwiseAbs2().asDiagonal();
   const Matrix inverse = score.information.bottomRightCorner<kNumOthers, kNumOthers>().inverse();
   const Matrix variance = inverse * score_covariance.bottomRightCorner<kNumOthers, kNumOthers>() * inverse;
-  const Matrix gain = prior * (prior + variance).inverse();
+  const Matrix gain = expected * (expected + variance).inverse();
   // Takes the expected square of the corrections, not their variance, because the pose stays that of the given camera.
   const Eigen::Matrix<double, kNumOthers, 1> mean = gain * inverse * score.score.tail<kNumOthers>();
   covariance.bottomRightCorner<kNumOthers, kNumOthers>() = gain * variance + mean * mean.transpose();

@@ -5,8 +5,8 @@
 
 namespace lazyloc {
 
-// Returns the expected squares and products of the corrections but the focal length's of a camera that nobody has
-// calibrated: by a normal prior and the score. Zero for calibrated intrinsics.
+// Returns the expected squares and products of the corrections but the focal length's of a camera whose
+// intrinsics nobody has measured: by their usual sizes and the score. Zero for measured intrinsics.
 IntrinsicsScore::Matrix UncalibratedCovariance(const IntrinsicsScore& score,
                                                const IntrinsicsScore::Matrix& score_covariance, const Camera& camera,
                                                IntrinsicsOrigin origin);

@@ -130,11 +130,11 @@ LoadedGroup QuerySource::Load(const GroupInput& input, Session* session) const {
         }
       });
   pair_loader_.LoadQueryPairs(session->database_, &loaded);
-  AddDatabaseEvidence(session, &loaded);
+  AddDatabasePairsAndDepths(session, &loaded);
   return loaded;
 }
 
-void QuerySource::AddDatabaseEvidence(Session* session, LoadedGroup* loaded) const {
+void QuerySource::AddDatabasePairsAndDepths(Session* session, LoadedGroup* loaded) const {
   if (options_.reads_database_pairs) neighbours_.AddTo(session->database_, loaded);
   if (!depth_maps_) return;
   for (QueryImage& query : loaded->group.images) {

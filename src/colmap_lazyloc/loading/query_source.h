@@ -92,7 +92,7 @@ class QuerySource {
   LoadedGroup Load(const GroupInput& input, Session* session) const;
   // Adds what the database images of the pairs tell by themselves, which Load does too: pairs with each other, and the
   // depths of their keypoints.
-  void AddDatabaseEvidence(Session* session, LoadedGroup* loaded) const;
+  void AddDatabasePairsAndDepths(Session* session, LoadedGroup* loaded) const;
   // Returns the depth maps of database images; null without a folder of maps.
   const DepthMaps* Depths() const { return depth_maps_ ? &*depth_maps_ : nullptr; }
   // Publishes the photos' features and matches, if they are kept.

@@ -145,21 +145,21 @@ TEST(PriorFit, InformationIsThatOfTheImages) {
   }
 }
 
-// Checks the parts of the covariance against the difference that a component's variance makes.
+// Checks the covariances that components cause against the difference that a component's variance makes.
 TEST(PriorFit, PartsOfTheCovarianceAddUp) {
   const Trial trial = MakeTrial({1, 1, 1}, 1);
   const BundleAdjustmentResult result = AdjustBundle(trial.scene.posed, trial.scene.tracks, {});
   ASSERT_EQ(result.prior_fits.size(), 1u);
-  const auto& parts = result.prior_fits[0].image_parts;
-  ASSERT_EQ(parts.size(), 3u);
+  const auto& covariances = result.prior_fits[0].component_covariances;
+  ASSERT_EQ(covariances.size(), 3u);
   constexpr double kStep = 1e-4;
   for (int j : {0, 1, 2}) {
     SyntheticTracks changed{result.posed, result.tracks};
     changed.posed.prior_groups[0].components[j].variance += kStep;
     const Eigen::Matrix<double, 6, 6> change = AdjustBundle(changed.posed, changed.tracks, {}).image_covariances[0] -
                                                AdjustBundle(result.posed, result.tracks, {}).image_covariances[0];
-    EXPECT_LE((change / kStep - parts[j][0]).norm(), 0.02 * parts[j][0].norm());
-    EXPECT_TRUE(parts[j][1].isZero(0)) << "a database image";
+    EXPECT_LE((change / kStep - covariances[j][0]).norm(), 0.02 * covariances[j][0].norm());
+    EXPECT_TRUE(covariances[j][1].isZero(0)) << "a database image";
   }
 }
 

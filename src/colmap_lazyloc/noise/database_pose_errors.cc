@@ -22,8 +22,8 @@ constexpr double kIndependentNoisePx = 0.05;
 // Standard deviation of the log of an expected size: a factor of e.
 constexpr double kLogStddev = 1;
 // Standard deviations in pixels that the search for the estimate starts from. The likelihood can have two maxima,
-// because both parts may explain the same errors. The search starts from large independent errors, because if it
-// started from small ones, the other part would explain them all.
+// because either component may explain the same errors. The search starts from large independent errors, because if it
+// started from small ones, the other component would explain them all.
 constexpr double kFirstViewpointNoisePx = 0.1, kFirstIndependentNoisePx = 0.5;
 
 // A database image and those of its neighbours whose matches tell their relative pose.
@@ -77,7 +77,7 @@ std::vector<Star> MakeStars(const QueryGroup& group, int frame) {
   return stars;
 }
 
-// Estimates the variances of the three parts that the stars show. Each neighbour deviates from its star's image as
+// Estimates the variances of the three components from the stars. Each neighbour deviates from its star's image as
 // database images deviate from a query, but for the independent error of the star's image, which all its neighbours
 // have in common.
 VarianceEstimate EstimateFromStars(const std::vector<Star>& stars, Eigen::Index size,

@@ -23,12 +23,12 @@ constexpr double kMinStatedRatio = 0.1;
 // Displacement of keypoints by the flex of a rig.
 constexpr double kRigFlexPx = 0.02;
 
-// Probability that database poses are exact before the images are asked, as those of rendered images are.
+// Probability that database poses are exact before the images are used, as those of rendered images are.
 constexpr double kExactProbability = 0.3;
 // Minimum share of the variances that remains where poses are exact, because equations would be singular else.
 constexpr double kMinVarianceShare = 1e-3;
 
-constexpr int kNumComponents = 3;  // the part that changes with the viewpoint, independent rotations and positions
+constexpr int kNumComponents = 3;  // errors that change with the viewpoint, independent rotations, positions
 
 double ViewpointVariance(const Rigid3d& a, const Rigid3d& b, double scene_distance) {
   // Takes the chord 2 sin(angle / 2), because the covariances are positive definite for distances in a Euclidean space.
@@ -49,9 +49,9 @@ FrameScale CommonScale(const std::vector<int>& frames, const std::vector<FrameSc
   return {Median(std::move(focal_lengths_px)), Median(std::move(distances))};
 }
 
-// log_evidence: of errors of the database poses over none.
-double ExactProbability(double log_evidence) {
-  return 1 / (1 + (1 - kExactProbability) / kExactProbability * std::exp(log_evidence));
+// Returns the probability that database poses are exact. log_bayes_factor: of errors of these poses over none.
+double ExactProbability(double log_bayes_factor) {
+  return 1 / (1 + (1 - kExactProbability) / kExactProbability * std::exp(log_bayes_factor));
 }
 
 }  // namespace
@@ -141,7 +141,7 @@ double DatabasePriors::Estimate(const BundleAdjustmentResult& adjustment, double
   for (size_t i = 0; i < adjustment.prior_fits.size(); ++i) {
     const VarianceEstimate estimate = EstimateVariances(adjustment.posed.prior_groups[i], adjustment.prior_fits[i],
                                                         image_variance_factor_, expected_[i].sizes);
-    exact_probabilities_[i] = ExactProbability(estimate.log_evidence);
+    exact_probabilities_[i] = ExactProbability(estimate.log_bayes_factor);
     const double share = std::max(1 - exact_probabilities_[i], kMinVarianceShare);
     for (size_t j = 0; j < estimate.variances.size(); ++j) {
       const double variance = share * estimate.variances[j] / image_variance_factor_;

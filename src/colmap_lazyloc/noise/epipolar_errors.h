@@ -11,8 +11,8 @@
 namespace lazyloc {
 
 // What the matches of two images say of the deviation p of the second pose from the given one, relative to the first:
-// the log of their likelihood is rhs^T p - p^T information p / 2. The coordinates are those of PosePriorResidual for a
-// prior of one pixel. The place along the baseline is unobservable.
+// the log of their likelihood is rhs^T p - p^T information p / 2. The coordinates are those of PosePriorResidual for
+// standard deviations of one pixel. The place along the baseline is unobservable.
 struct EpipolarFit {
   Eigen::Matrix<double, 6, 6> information;
   Eigen::Matrix<double, 6, 1> rhs;

@@ -10,7 +10,7 @@ namespace lazyloc {
 namespace {
 
 // Weight of the common noise in that of an image, in tracks.
-constexpr double kNumPriorTracks = 20;
+constexpr double kNumShrinkageTracks = 20;
 
 // Shrinks an image's own noise towards the common noise.
 double ShrunkNoisePx(std::vector<double> errors_px, double common_px) {
@@ -18,8 +18,8 @@ double ShrunkNoisePx(std::vector<double> errors_px, double common_px) {
   const double num_tracks = static_cast<double>(errors_px.size());
   const double own_px = StddevOfLengths(std::move(errors_px));
   return std::exp(
-      (num_tracks * std::log(std::max(own_px, 1e-9)) + kNumPriorTracks * std::log(std::max(common_px, 1e-9))) /
-      (num_tracks + kNumPriorTracks));
+      (num_tracks * std::log(std::max(own_px, 1e-9)) + kNumShrinkageTracks * std::log(std::max(common_px, 1e-9))) /
+      (num_tracks + kNumShrinkageTracks));
 }
 
 // Returns the common noise of images that have only tracks of two observations, from those with a depth: one degree of

@@ -139,7 +139,7 @@ VarianceEstimate EstimateVariances(const PriorGroup& group, const DeviationLikel
     x = next;
     best = slope.log_likelihood;
     // Without any deviation, the log of the likelihood is zero.
-    estimate.log_evidence = best - slope.curvature.diagonal().array().max(1e-9).log().sum() / 2;
+    estimate.log_bayes_factor = best - slope.curvature.diagonal().array().max(1e-9).log().sum() / 2;
     step = StepWithin(expected, x, slope);
     if (step.cwiseAbs().maxCoeff() > kConvergence) continue;
     x += step;

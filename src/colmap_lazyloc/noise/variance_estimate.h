@@ -18,10 +18,10 @@ struct DeviationLikelihood {
 
 struct VarianceEstimate {
   std::vector<double> variances;  // by component
-  // Log of the evidence for such deviations over none: the factor by which images are more probable if the components
-  // have the expected sizes than if all deviations are zero (Laplace's approximation). Negative: none explain the
-  // images better, because components of the expected sizes would show.
-  double log_evidence = std::numeric_limits<double>::infinity();
+  // Log of the Bayes factor of such deviations over none: how many times more probable the images are if the components
+  // have the expected sizes than if all deviations are zero (Laplace's approximation). Negative if the images show that
+  // there are no deviations of these sizes.
+  double log_bayes_factor = std::numeric_limits<double>::infinity();
 };
 
 // Returns the variances of a group's components that are most likely by the images and the expectations. fit: of an

@@ -74,15 +74,15 @@ TEST(EstimateVariances, IsBetweenTheExpectationAndTheImages) {
 TEST(EstimateVariances, EvidenceTellsDeviationsFromNone) {
   const PriorGroup group = MakeGroup({{Identity(), 1}});
   const ExpectedStddev expected{1, 1, 0.01, 1};
-  const auto log_evidence = [&](double deviation, double information) {
+  const auto log_bayes_factor = [&](double deviation, double information) {
     const PriorFit fit = MakeFit(Eigen::MatrixXd::Constant(kNumFrames, 6, deviation), information);
-    return EstimateVariances(group, fit, 1, {expected}).log_evidence;
+    return EstimateVariances(group, fit, 1, {expected}).log_bayes_factor;
   };
-  EXPECT_GT(log_evidence(2, 100), 100);
+  EXPECT_GT(log_bayes_factor(2, 100), 100);
   // Of deviations as large as the noise, the expected sizes explain nothing that the noise does not.
-  EXPECT_LT(log_evidence(0.01, 1e4), -3);
-  EXPECT_LT(log_evidence(0.01, 1e4), log_evidence(0.1, 100)) << "less information rules out fewer sizes";
-  EXPECT_NEAR(log_evidence(0, 0), 0, 1e-6) << "images that say nothing";
+  EXPECT_LT(log_bayes_factor(0.01, 1e4), -3);
+  EXPECT_LT(log_bayes_factor(0.01, 1e4), log_bayes_factor(0.1, 100)) << "less information rules out fewer sizes";
+  EXPECT_NEAR(log_bayes_factor(0, 0), 0, 1e-6) << "images that say nothing";
 }
 
 }  // namespace

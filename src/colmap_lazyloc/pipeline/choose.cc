@@ -12,13 +12,13 @@ namespace lazyloc {
 namespace {
 
 // Probability that a focal length is wrong above which estimating it decides, and the standard deviation of its log
-// from which on its score is no evidence: far from the right value, the noise that adjustment estimates is too large.
-constexpr double kMinDoubt = 0.01;
+// from which on its score tells nothing: far from the right value, the noise that adjustment estimates is too large.
+constexpr double kMinWrongProbability = 0.01;
 constexpr double kMaxConclusiveStddev = 0.01;
 // Factor between the odds of two poses being wrong up to which these count as equally credible.
 constexpr double kMaxOddsRatio = 2;
 
-// Functions for lone queries.
+// The functions below are for groups of one query.
 
 const IntrinsicsResult& IntrinsicsOf(const Solution& solution) { return solution.checked.results.front(); }
 
@@ -76,7 +76,7 @@ Choice GivenOrEstimated(const Solution& given, const Solution& refined, const Lo
                                                               : AsSolved(given);
   }
   const bool has_pose = HasPose(given, options);
-  // A pose that leaves more doubt is not evidence against the stated focal length, because some focal length fits false
+  // A pose that is less probable does not speak against the stated focal length, because some focal length fits false
   // matches, and any fits images from straight above.
   if (has_pose && OddsOfWrong(ConfidenceOf(refined)) > kMaxOddsRatio * OddsOfWrong(ConfidenceOf(given)))
     return AsSolved(given);
@@ -154,12 +154,12 @@ bool IsDistanceByPrior(const Solution& solution, const LocalizerOptions& options
   return HasPose(solution, options) && position && position->fixes == PriorRole::DISTANCE;
 }
 
-bool IsFocalLengthInDoubt(const Solution& given, const LocalizerOptions& options) {
+bool IsFocalLengthUncertain(const Solution& given, const LocalizerOptions& options) {
   const IntrinsicsResult& intrinsics = IntrinsicsOf(given);
   if (AreContradicted(given, options)) return true;
   if (given.failure) return intrinsics.origin != IntrinsicsOrigin::GIVEN;
   return intrinsics.focal_factor_stddev > kMaxConclusiveStddev * intrinsics.focal_factor ||
-         Judge(intrinsics, options).wrong_probability > kMinDoubt;
+         Judge(intrinsics, options).wrong_probability > kMinWrongProbability;
 }
 
 }  // namespace lazyloc

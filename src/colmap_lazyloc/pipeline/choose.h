@@ -29,10 +29,10 @@ std::vector<int> FramesWithoutPose(const Choice& choice, const LocalizerOptions&
 // Returns true if other starts fix a pose although the pairs contradict each other.
 bool OvercomesPairs(const Solution& other_starts, const LocalizerOptions& options);
 
-// Returns true if a prior fixes the distance of a lone query's pose.
+// Returns true if a prior fixes the distance of a single query's pose.
 bool IsDistanceByPrior(const Solution& solution, const LocalizerOptions& options);
 
-// Returns true if the images leave so much doubt in a given focal length that estimating it decides.
-bool IsFocalLengthInDoubt(const Solution& given, const LocalizerOptions& options);
+// Returns true if the images show too little that a given focal length is right, so that it is estimated, too.
+bool IsFocalLengthUncertain(const Solution& given, const LocalizerOptions& options);
 
 }  // namespace lazyloc

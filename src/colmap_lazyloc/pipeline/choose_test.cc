@@ -12,7 +12,7 @@ using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
 
-// Makes up solutions of a lone query and chooses among them.
+// Makes up solutions of a single query and chooses among them.
 class ChooseTest : public testing::Test {
  protected:
   ChooseTest() { solutions_.reserve(8); }  // so that references stay valid
@@ -56,7 +56,7 @@ TEST_F(ChooseTest, OtherStartsOvercomePairsOnlyWithPointsAndConfidence) {
   options_.min_confidence = 0;
   EXPECT_EQ(Index(), 1);
   other.priors[0].position = PriorResult{PriorVerdict::USED, PriorRole::DISTANCE, 0, 0};
-  EXPECT_EQ(Index(), 0) << "the prior fixes what the pairs leave open, as it does without other starts";
+  EXPECT_EQ(Index(), 0) << "the prior fixes what the pairs do not determine, as it does without other starts";
   other.priors[0] = {};
   other.failure = Failure{QueryStatus::TOO_FEW_TRACKS, ""};
   EXPECT_EQ(Index(), 0);
@@ -175,19 +175,19 @@ TEST_F(ChooseTest, DoubtInAFocalLength) {
   Solution& given = AddGiven();
   IntrinsicsResult& intrinsics = given.checked.results[0];
   intrinsics.focal_factor_stddev = 0.001;
-  EXPECT_FALSE(IsFocalLengthInDoubt(given, options_));
+  EXPECT_FALSE(IsFocalLengthUncertain(given, options_));
   intrinsics.focal_factor_stddev = 0.02;
-  EXPECT_TRUE(IsFocalLengthInDoubt(given, options_)) << "its score is no evidence";
+  EXPECT_TRUE(IsFocalLengthUncertain(given, options_)) << "its score tells nothing";
   intrinsics.focal_factor_stddev = 0.001;
   intrinsics.focal_factor = 1.02;
-  EXPECT_TRUE(IsFocalLengthInDoubt(given, options_)) << "its score speaks against it";
+  EXPECT_TRUE(IsFocalLengthUncertain(given, options_)) << "its score speaks against it";
   intrinsics.focal_factor = 1;
   intrinsics.verdict = IntrinsicsVerdict::CONTRADICTED;
-  EXPECT_TRUE(IsFocalLengthInDoubt(given, options_)) << "something else is contradicted";
+  EXPECT_TRUE(IsFocalLengthUncertain(given, options_)) << "something else is contradicted";
   given.failure = Failure{QueryStatus::TOO_FEW_TRACKS, ""};
-  EXPECT_FALSE(IsFocalLengthInDoubt(given, options_)) << "somebody has stated it";
+  EXPECT_FALSE(IsFocalLengthUncertain(given, options_)) << "somebody has stated it";
   intrinsics.origin = IntrinsicsOrigin::EXIF;
-  EXPECT_TRUE(IsFocalLengthInDoubt(given, options_));
+  EXPECT_TRUE(IsFocalLengthUncertain(given, options_));
 }
 
 TEST(FramesWithoutPose, AreThoseThatFailOrContradictTheirIntrinsics) {

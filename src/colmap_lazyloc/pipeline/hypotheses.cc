@@ -17,7 +17,7 @@ bool FailsBy(const Solution& solution, QueryStatus cause) {
   return solution.failure && solution.failure->cause == cause;
 }
 
-// Returns the bearing of a query whose position is open; null without any.
+// Returns the bearing of a query whose position is unobservable; null without any.
 const Bearing* BearingOf(const Solution& solution) {
   if (!solution.failure || solution.failure->partial_poses.empty()) return nullptr;
   const PartialPose& partial = solution.failure->partial_poses.begin()->second;
@@ -71,7 +71,7 @@ std::optional<Hypothesis> AfterGiven(const Solution& given, const LocalizerOptio
   } else if (IsDistanceLeftToPrior(given)) {
     // Takes the one image with the best bearing, because images of one place do not triangulate points.
     next.only_database_image = BearingOf(given)->database_name;
-  } else if (can_estimate && IsFocalLengthInDoubt(given, options)) {
+  } else if (can_estimate && IsFocalLengthUncertain(given, options)) {
     next.estimates_focal_length = true;
   } else {
     return std::nullopt;
@@ -83,16 +83,16 @@ std::optional<Hypothesis> AfterGiven(const Solution& given, const LocalizerOptio
 
 std::optional<Hypothesis> NextHypothesis(const QueryGroup& group, const std::vector<Solution>& solutions,
                                          const LocalizerOptions& options) {
-  const bool is_lone = group.images.size() == 1;
+  const bool is_single = group.images.size() == 1;
   const LocalizationProblem& stated = group.images.front().problem;
   const bool has_tracks = options.post_optimization == PostOptimization::TRACKS;
   Hypothesis next;
   if (solutions.empty()) {
     if (!has_tracks) next.approach = Approach::WITHOUT_TRACKS;
-    next.estimates_focal_length = is_lone && has_tracks && IsFocalLengthUnknown(stated, options);
+    next.estimates_focal_length = is_single && has_tracks && IsFocalLengthUnknown(stated, options);
     return next;
   }
-  if (!is_lone || !has_tracks) return std::nullopt;
+  if (!is_single || !has_tracks) return std::nullopt;
   const Solution& last = solutions.back();
   if (solutions.front().hypothesis.estimates_focal_length) {
     // Tries the guess, because the scene may fix the pose even if it does not fix the focal length.

@@ -26,10 +26,10 @@ enum class Approach {
   WITHOUT_TRACKS,  // one of the paper's alternatives to adjustment over tracks
 };
 
-// What is assumed of a group of queries. All but the approach is for lone queries.
+// What is assumed of a group of queries. All but the approach is only for groups of one query.
 struct Hypothesis {
   CameraChoice camera = CameraChoice::STATED;
-  // True if the focal length is estimated. Motion averaging then has no part in the solution, because relative poses
+  // True if the focal length is estimated. Motion averaging is then left out, because relative poses
   // estimated with a wrong focal length must not decide.
   bool estimates_focal_length = false;
   std::string only_database_image = {};  // the one whose pair alone is used; empty: all

@@ -12,10 +12,11 @@ namespace lazyloc {
 // Returns a result for each image of the group. Uses one thread; the results depend on the group and the options only.
 // Never throws for a query that cannot be localized: its status says why.
 //
-// Frames that cannot be localized with the others are localized individually, and the others without them. Lone images
-// of unknown focal length, and all images if the options exclude adjustment over tracks, are localized individually
-// too. Without has_rig_scale, a frame's translations start from the scale that its images give when they are localized
-// individually, and adjustment refines it; if fewer than two can be localized, the images keep their own results.
+// Frames that cannot be localized with the others are localized individually, and the others without them. Single
+// images of unknown focal length, and all images if the options exclude adjustment over tracks, are localized
+// individually too. Without has_rig_scale, a frame's translations start from the scale that its images give when they
+// are localized individually, and adjustment refines it; if fewer than two can be localized, the images keep their own
+// results.
 std::vector<LocalizationResult> LocalizeGroup(const QueryGroup& group, const LocalizerOptions& options);
 
 // Localizes a single query: a group of one frame of one image.

@@ -150,7 +150,7 @@ std::string Explanation(const Solution& other, const Solution& chosen) {
   const IntrinsicsResult& intrinsics = other.checked.results.front();
   const Camera& camera = other.prepared->group.images.front().problem.query_camera;
   if (other.hypothesis.estimates_focal_length) {
-    return Format("the focal length is %.1f px, as the images ask for",
+    return Format("the focal length is %.1f px, as the images suggest",
                   intrinsics.focal_factor * MeanFocalLength(camera));
   }
   if (chosen.hypothesis.estimates_focal_length || other.hypothesis.camera != chosen.hypothesis.camera) {

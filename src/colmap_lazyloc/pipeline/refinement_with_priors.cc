@@ -19,7 +19,7 @@ bool IsBesideOneImage(const Layout& layout, const PairRefs& pairs) {
   return layout.num_queries == 1 && pairs.size() == 1 && layout.IsDatabase(pairs.front()->other);
 }
 
-// Refines a lone query from several starts.
+// Refines a single query from several starts.
 class Refinement {
  public:
   Refinement(const Layout& layout, const PairRefs& pairs, const SplitTracks& start_tracks, CandidateTracks candidates,
@@ -40,12 +40,13 @@ class Refinement {
     return Refine(layout_, start, start_tracks_, candidates_, options, seconds_);
   }
 
-  // Refines from the other orientation too, if the images leave the position open. Returns the better one.
+  // Refines from the other orientation too, if the position is unobservable. Returns the better one.
   Refined WithOtherOrientation(const PosedImages& start, Refined refined) const {
     const BundleAdjustmentResult& adjustment = refined.adjustment;
     const TrackRefs tracks = TracksByFrame(layout_, adjustment.tracks)[0];
     if (static_cast<int>(tracks.size()) < kMinNumTracks) return refined;
-    if (!IsPositionOpen({layout_, pairs_, adjustment, 0, tracks, refined.variance_factor}, options_)) return refined;
+    if (!IsPositionUnobservable({layout_, pairs_, adjustment, 0, tracks, refined.variance_factor}, options_))
+      return refined;
     const std::optional<Rigid3d> pose = OtherOrientation(CamFromWorld(adjustment.posed, 0),
                                                          CamFromWorld(adjustment.posed, pairs_.front()->other), tracks);
     if (!pose) return refined;
@@ -61,8 +62,8 @@ class Refinement {
     }
   }
 
-  // Refines a pose whose position the images leave open from where the priors put it. Returns the pose as it is if that
-  // fails.
+  // Refines a pose whose position is unobservable again, from where the priors put it. Returns the pose as it is if
+  // that fails.
   RefinedWithPriors Fixed(const PosedImages& start, const PriorJudgement& judgement, Refined refined) const {
     PosedImages moved = layout_.given;
     moved.frames[0].frame_from_world = judgement.start.frames[0].frame_from_world;
@@ -73,7 +74,7 @@ class Refinement {
       Refined fixed = WithLimitedVarianceFactor(From(moved));
       if (AreReconciled(judgement, fixed)) {
         fixed.has_one_orientation = result.refined.has_one_orientation;
-        fixed.open_line = judgement.open_line;
+        fixed.unobservable_line = judgement.unobservable_line;
         result.refined = std::move(fixed);
       } else {
         result.priors[0].position->verdict = PriorVerdict::CONTRADICTED;

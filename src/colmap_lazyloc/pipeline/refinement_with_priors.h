@@ -16,7 +16,7 @@ struct RefinedWithPriors {
 };
 
 // Refines by the images alone, compares the queries' priors with the result and refines with those that it does not
-// contradict. Starts poses that the images leave open again from where the priors put them. Beside a single database
+// contradict. Poses whose position is unobservable start again from where the priors put them. Beside a single database
 // image, chooses between the two orientations that a plane leaves (plane_orientation.h).
 RefinedWithPriors RefineWithPriors(const Layout& layout, const PairRefs& pairs, const PosedImages& start,
                                    const SplitTracks& start_tracks, CandidateTracks candidates,

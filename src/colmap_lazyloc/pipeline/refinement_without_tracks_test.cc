@@ -8,7 +8,7 @@
 namespace lazyloc {
 namespace {
 
-// A lone query with an averaged pose that is off by one degree and 0.1.
+// A single query with an averaged pose that is off by one degree and 0.1.
 struct Input {
   SyntheticGroup scene;
   StageInput stages;

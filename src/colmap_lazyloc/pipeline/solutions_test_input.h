@@ -7,7 +7,7 @@
 
 namespace lazyloc {
 
-// A group, a lone query by default, and solutions that nothing has solved.
+// A group, a single query by default, and solutions that nothing has solved.
 class MadeUpQuery {
  public:
   explicit MadeUpQuery(QueryGroup group = LoneQuery(MakeSyntheticScene({}))) : group_(std::move(group)) {

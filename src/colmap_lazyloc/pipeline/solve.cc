@@ -25,15 +25,15 @@ constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
 
 // Takes contradicted intrinsics for unobservable if depths or a prior alone fix the distance: their errors look like
 // those of intrinsics, and a single image hardly tells the focal length.
-void IgnoreContradictionsOfEvidence(const Layout& layout, const Refined& refined,
-                                    std::vector<IntrinsicsResult>* intrinsics) {
-  if (!layout.has_depths && !refined.open_line) return;
+void IgnoreContradictionsWithoutDistance(const Layout& layout, const Refined& refined,
+                                         std::vector<IntrinsicsResult>* intrinsics) {
+  if (!layout.has_depths && !refined.unobservable_line) return;
   const BundleAdjustmentResult& adjustment = refined.adjustment;
   const std::vector<TrackRefs> tracks_of = TracksByFrame(layout, adjustment.tracks);
   for (int query = 0; query < layout.num_queries; ++query) {
     IntrinsicsResult& result = (*intrinsics)[query];
     if (result.verdict != IntrinsicsVerdict::CONTRADICTED) continue;
-    if (!refined.open_line && !FixDistance(adjustment.posed, tracks_of[layout.FrameOf(query)])) continue;
+    if (!refined.unobservable_line && !FixDistance(adjustment.posed, tracks_of[layout.FrameOf(query)])) continue;
     result.verdict = IntrinsicsVerdict::UNOBSERVABLE;
     result.contradiction.clear();
   }
@@ -91,7 +91,7 @@ class Solver {
     AddPoses(std::move(refined.priors));
   }
 
-  // Estimates the focal length of a lone query.
+  // Estimates the focal length of a single query.
   void SolveWithUnknownFocalLength() {
     solution_.averaged = WithAllPairs();
     const PairRefs& pairs = solution_.averaged.pairs;
@@ -122,7 +122,7 @@ class Solver {
     AddPoses(std::move(priors));
   }
 
-  // Takes the rotation from the images and the position from a prior, for a lone query without any baseline.
+  // Takes the rotation from the images and the position from a prior, for a single query without any baseline.
   void SolveByRotation() {
     solution_.averaged = Average();
     const QueryPrior& prior = layout_.priors[0];
@@ -183,7 +183,7 @@ class Solver {
       checked = std::move(fused.checked);
       solution_.priors = std::move(fused.results);
     }
-    IgnoreContradictionsOfEvidence(layout_, refined, &checked.results);
+    IgnoreContradictionsWithoutDistance(layout_, refined, &checked.results);
     solution_.measured = Timed("confidence", seconds_, [&] {
       return MeasureEvidence(layout_, estimates_, /*has_relative_poses=*/!refined.camera, refined, checked.poses);
     });

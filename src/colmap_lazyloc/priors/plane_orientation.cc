@@ -34,14 +34,14 @@ EpipolarError ErrorOf(const Rigid3d& query_from_database, const Track& match) {
                               match.observations.back().observation);
 }
 
-// The standard deviation of the bearing that an open position leaves, if any, and how much the priors of a query
-// contradict the pose.
-struct OpenPose {
+// How well one of two orientations fits: the standard deviation of its bearing, if any, and how much the priors of a
+// query contradict it.
+struct OrientationFit {
   double bearing_stddev_rad = 0;
   double prior_error = 0;  // squared sigmas, truncated where a prior is left out
 };
 
-OpenPose MeasureOpenPose(const Layout& layout, const PairRefs& pairs, const Refined& refined) {
+OrientationFit MeasureOrientation(const Layout& layout, const PairRefs& pairs, const Refined& refined) {
   const std::vector<TrackRefs> tracks = TracksByFrame(layout, refined.adjustment.tracks);
   const AdjustedFrame frame{layout,
                             pairs,
@@ -50,10 +50,10 @@ OpenPose MeasureOpenPose(const Layout& layout, const PairRefs& pairs, const Refi
                             tracks[0],
                             refined.variance_factor,
                             /*has_one_orientation=*/true};
-  const PartialPose partial = OpenPositionFailure(frame, refined.variance_factor).partial_poses.at(0);
-  OpenPose open{partial.bearing ? partial.bearing->stddev_rad : 0};
+  const PartialPose partial = UnobservablePositionFailure(frame, refined.variance_factor).partial_poses.at(0);
+  OrientationFit fit{partial.bearing ? partial.bearing->stddev_rad : 0};
   const auto add = [&](const PriorComparison& comparison) {
-    open.prior_error += std::min(std::pow(comparison.result.deviation_sigma, 2), kContradictionOfTwo);
+    fit.prior_error += std::min(std::pow(comparison.result.deviation_sigma, 2), kContradictionOfTwo);
   };
   const QueryPrior& prior = layout.priors[0];
   if (prior.position && partial.bearing) {
@@ -66,7 +66,7 @@ OpenPose MeasureOpenPose(const Layout& layout, const PairRefs& pairs, const Refi
     const PoseDistribution pose = DistributionOf(refined, 0, CamFromWorld(refined.adjustment.posed, 0));
     add(CompareGravity(*prior.gravity, partial.cam_from_world_rotation, pose.RotationCovariance()));
   }
-  return open;
+  return fit;
 }
 
 // Returns the relative pose (query from database) that fits all matches best near a refined one, because refinement may
@@ -126,15 +126,16 @@ double EpipolarNoisePx(const Rigid3d& query_from_database, const std::vector<Tra
 Refined ChooseOrientation(const Layout& layout, const PairRefs& pairs, const std::vector<Track>& matches,
                           Refined refined, Refined other) {
   const Rigid3d pose = SettledPose(pairs, refined, matches), other_pose = SettledPose(pairs, other, matches);
-  const OpenPose open = MeasureOpenPose(layout, pairs, refined), other_open = MeasureOpenPose(layout, pairs, other);
+  const OrientationFit fit = MeasureOrientation(layout, pairs, refined),
+                       other_fit = MeasureOrientation(layout, pairs, other);
   const double angle_rad = AngleBetweenRad(CamInWorld(pose), CamInWorld(other_pose));
-  if (angle_rad <= std::max(kMaxEqualSigma * open.bearing_stddev_rad, kMaxEqualRad)) {
+  if (angle_rad <= std::max(kMaxEqualSigma * fit.bearing_stddev_rad, kMaxEqualRad)) {
     refined.has_one_orientation = true;
     return refined;
   }
   const double noise_px = std::min(EpipolarNoisePx(pose, matches), EpipolarNoisePx(other_pose, matches));
   const double by_matches = SumSquaredErrors(other_pose, matches, noise_px) - SumSquaredErrors(pose, matches, noise_px);
-  const double difference = by_matches / kSharedErrorFactor + other_open.prior_error - open.prior_error;
+  const double difference = by_matches / kSharedErrorFactor + other_fit.prior_error - fit.prior_error;
   if (difference < -kMinDifference) refined = std::move(other);
   refined.has_one_orientation = std::abs(difference) > kMinDifference;
   return refined;

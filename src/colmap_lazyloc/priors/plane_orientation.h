@@ -22,8 +22,8 @@ double SumSquaredErrors(const Rigid3d& query_from_database, const std::vector<Tr
 // Returns the median distance from the epipolar lines as a standard deviation.
 double EpipolarNoisePx(const Rigid3d& query_from_database, const std::vector<Track>& matches);
 
-// Compares the refined pose of a lone query beside a single database image with `other`, the pose that was refined from
-// its other orientation, by the matches and the query's priors. Returns the other one if it fits far better, with
+// Compares the refined pose of a single query beside a single database image with `other`, the pose that was refined
+// from its other orientation, by the matches and the query's priors. Returns the other one if it fits far better, with
 // has_one_orientation.
 Refined ChooseOrientation(const Layout& layout, const PairRefs& pairs, const std::vector<Track>& matches,
                           Refined refined, Refined other);

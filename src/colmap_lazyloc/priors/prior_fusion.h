@@ -19,8 +19,8 @@ struct FusedPriors {
 // Combines the priors of such queries with their poses: the most probable pose under the priors' covariances and the
 // pose's own. Adjustment does not know the latter, because it contains errors of the database poses that all images
 // share. The error of a given focal length is allowed for in the covariance, but a prior is not weighed against it,
-// because most calibrations are better than that. A prior that the images contradict is left out (prior_comparison.h).
-// Leaves queries alone whose priors have a verdict. results: by query.
+// because most given focal lengths are better than that. A prior that the images contradict is left out
+// (prior_comparison.h). Leaves queries alone whose priors have a verdict. results: by query.
 FusedPriors FusePriors(const Layout& layout, std::vector<QueryPriorResult> results, CheckedIntrinsics checked);
 
 }  // namespace lazyloc

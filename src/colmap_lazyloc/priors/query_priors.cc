@@ -40,8 +40,8 @@ class Judge {
     AddUsed();
   }
 
-  // Judges the priors of a lone image whose position the images leave open. partial: what they determine of it.
-  void Open(const PartialPose& partial) {
+  // Judges the priors of a single query whose position is unobservable. partial: what the images determine of its pose.
+  void Unobservable(const PartialPose& partial) {
     const QueryPrior& given = layout_.priors[query_];
     if (!given.position) return;  // gravity does not fix a position
     Eigen::Vector3d place;
@@ -58,7 +58,7 @@ class Judge {
     }
     if (!used_.position) return;
     judgement_.results[query_].position->fixes = PriorRole::DISTANCE;
-    judgement_.open_line = LineThrough(partial, *used_.position);
+    judgement_.unobservable_line = LineThrough(partial, *used_.position);
     CompareGravityIfGiven();
     AddUsed();
     judgement_.moves_start = true;
@@ -97,8 +97,8 @@ class Judge {
     if (used_.position || used_.gravity) judgement_.used.push_back({query_, used_});
   }
 
-  // Returns the line that the images leave open: that of the bearing, or the least certain axis.
-  OpenLine LineThrough(const PartialPose& partial, const PositionPrior& used) const {
+  // Returns the line along which the position is unobservable: that of the bearing, or the least certain axis.
+  UnobservableLine LineThrough(const PartialPose& partial, const PositionPrior& used) const {
     const Eigen::Vector3d direction =
         partial.bearing ? partial.bearing->dir_database_to_query_in_world : pose_.Spread().weakest_direction_in_world;
     const double information = direction.dot(used.covariance.ldlt().solve(direction));
@@ -148,12 +148,12 @@ PriorJudgement JudgePriors(const Layout& layout, const PairRefs& pairs, const Re
                                  refined.variance_factor,
                                  refined.has_one_orientation};
     Judge judge(layout, refined, reported, query, &judgement);
-    if (!IsPositionOpen(adjusted, options)) {
+    if (!IsPositionUnobservable(adjusted, options)) {
       if (!IsFused(layout, refined.adjustment.posed, query)) judge.Determined();
     } else if (layout.num_queries == 1) {
-      const Failure failure = OpenPositionFailure(adjusted, refined.variance_factor);
+      const Failure failure = UnobservablePositionFailure(adjusted, refined.variance_factor);
       const auto partial = failure.partial_poses.find(query);
-      if (partial != failure.partial_poses.end()) judge.Open(partial->second);
+      if (partial != failure.partial_poses.end()) judge.Unobservable(partial->second);
     }
   }
   return judgement;

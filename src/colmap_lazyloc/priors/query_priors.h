@@ -8,20 +8,20 @@
 
 namespace lazyloc {
 
-// What the poses that the images give say of the priors of the queries.
+// The comparison of the queries' priors with the poses that the images give.
 struct PriorJudgement {
   std::vector<QueryPriorResult> results;  // by query
   std::vector<ImagePrior> used;           // for PosedImages::query_priors of the adjustment
-  // Poses to start from: those that the images give, but those whose position they leave open are where the images and
-  // the prior put them.
+  // Poses to start from: those that the images give; if a position is unobservable, it is the most probable one under
+  // images and prior.
   PosedImages start;
-  bool moves_start = false;           // true if the priors fix what the images leave open
-  std::optional<OpenLine> open_line;  // then
+  bool moves_start = false;                           // true if the priors fix an unobservable position
+  std::optional<UnobservableLine> unobservable_line;  // then
 };
 
 // Compares the priors with poses that were refined without them (prior_comparison.h). A prior that these contradict is
-// not used. Of a lone image whose position the images leave open, only what they determine is compared. Leaves priors
-// untested that FusePriors uses (prior_fusion.h).
+// not used. If the position of a single query is unobservable, only what the images determine is compared. Leaves
+// priors untested that FusePriors uses (prior_fusion.h).
 PriorJudgement JudgePriors(const Layout& layout, const PairRefs& pairs, const Refined& refined,
                            const LocalizerOptions& options);
 

@@ -205,7 +205,7 @@ std::vector<Answer> Localizer::Localize(const GroupInput& input) {
   // Uses all pairs that a user gives, as colmap lazy_localizer does with a file of pairs.
   if (HasOnlyMatches(input)) {
     LoadedGroup loaded = LoadEach(input, CopyProblem);
-    if (source_) source_->AddDatabaseEvidence(call.Session(), &loaded);
+    if (source_) source_->AddDatabasePairsAndDepths(call.Session(), &loaded);
     return LocalizeLoadedGroup(std::move(loaded), /*max_num_pairs=*/0);
   }
   if (!source_) throw InputError("only queries with matches of their own can do without a database");

@@ -135,7 +135,7 @@ QueryGroups GroupByTrajectory(const std::vector<std::string_view>& query_names, 
   QueryGroups result;
   result.has_rig_scale = options.trajectory_has_scale;
   AddEach(JoinByTrajectory(GroupFrames(frames, options, group_size), trajectory), &result);
-  for (const std::string_view name : elsewhere) result.AddLone(name);
+  for (const std::string_view name : elsewhere) result.AddSingle(name);
   if (!elsewhere.empty()) {
     result.warnings.push_back(path + ": no pose for " + CountWithExample(elsewhere) + ": localizing " +
                               ItOrThem(elsewhere.size()) + " individually");
@@ -151,13 +151,13 @@ bool QueryGroupsOptions::Check(std::string* error) const {
 }
 
 QueryFrames QueryGroups::At(size_t group) const {
-  const std::string_view lone_query = lone_queries_[group];
-  return lone_query.empty() ? other_groups_.at(group) : QueryFrames{{"", {{lone_query, {}}}}};
+  const std::string_view single_query = single_queries_[group];
+  return single_query.empty() ? other_groups_.at(group) : QueryFrames{{"", {{single_query, {}}}}};
 }
 
 void QueryGroups::Add(QueryFrames frames) {
   other_groups_.emplace(Size(), std::move(frames));
-  lone_queries_.emplace_back();
+  single_queries_.emplace_back();
 }
 
 QueryGroups GroupQueries(const std::vector<std::string_view>& query_names, const DatabaseReader& database,
@@ -170,7 +170,7 @@ QueryGroups GroupQueries(const std::vector<std::string_view>& query_names, const
   }
   QueryGroups result;
   if (places.empty() && options.group_list_path.empty() && options.group_size == 1) {
-    for (const std::string_view name : query_names) result.AddLone(name);
+    for (const std::string_view name : query_names) result.AddSingle(name);
   } else {
     AddEach(GroupFrames(MakeFrames(query_names, places), options, options.group_size), &result);
   }

@@ -22,8 +22,8 @@ struct QueryGroupsOptions {
   bool Check(std::string* error) const;
 };
 
-// Queries that move as one rigid body. A lone query has an empty frame name; cam_from_rig is its camera's place in the
-// rig, the identity if it has none.
+// Queries that move as one rigid body. A single query has an empty frame name; cam_from_rig is its camera's place in
+// the rig, the identity if it has none.
 struct QueryFrame {
   struct Image {
     std::string_view name;
@@ -40,20 +40,20 @@ using QueryFrames = std::vector<QueryFrame>;
 // takes only a few bytes, because there may be millions.
 class QueryGroups {
  public:
-  size_t Size() const { return lone_queries_.size(); }
+  size_t Size() const { return single_queries_.size(); }
   QueryFrames At(size_t group) const;
   // Returns true for a group of one query without a place in a rig.
-  bool IsLone(size_t group) const { return !lone_queries_[group].empty(); }
+  bool IsSingle(size_t group) const { return !single_queries_[group].empty(); }
   void Add(QueryFrames frames);
   // Adds a query that has no place in a rig.
-  void AddLone(std::string_view query_name) { lone_queries_.push_back(query_name); }
+  void AddSingle(std::string_view query_name) { single_queries_.push_back(query_name); }
 
   bool has_rig_scale = true;  // false if the unit of cam_from_rig is unknown
   // One line for each problem that leaves queries without a place in a rig or trajectory.
   std::vector<std::string> warnings;
 
  private:
-  std::vector<std::string_view> lone_queries_;  // by group; empty if the group is in other_groups_
+  std::vector<std::string_view> single_queries_;  // by group; empty if the group is in other_groups_
   std::unordered_map<size_t, QueryFrames> other_groups_;
 };
 

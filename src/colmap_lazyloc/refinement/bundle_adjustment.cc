@@ -82,8 +82,8 @@ std::vector<PriorFit> FitAllPriors(const BundleSolver<kSize>& solver, const Pose
   for (size_t group = 0; group < posed.prior_groups.size(); ++group) {
     PriorFit& fit = fits.emplace_back(FitPriors(solver, group));
     if (!computes_parts) continue;
-    for (const auto& parts : FrameParts(solver, group, posed.prior_groups[group], needed_frames)) {
-      fit.image_parts.push_back(ImageCovariances(solver, posed, parts));
+    for (const auto& covariances : FrameComponentCovariances(solver, group, posed.prior_groups[group], needed_frames)) {
+      fit.component_covariances.push_back(ImageCovariances(solver, posed, covariances));
     }
   }
   return fits;

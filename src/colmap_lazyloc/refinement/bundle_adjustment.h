@@ -20,7 +20,7 @@ struct BundleAdjustmentOptions {
   // Bound on the last step, or on twice the next one, in standard deviations of the poses (root mean square).
   double convergence_sigma = 0.2;
   bool fits_priors = true;           // true to compute prior_fits
-  bool computes_covariances = true;  // true to compute covariances, and image_parts of prior_fits
+  bool computes_covariances = true;  // true to compute covariances, and component_covariances of prior_fits
   bool tests_intrinsics = true;      // true to compute intrinsics_scores
 
   bool Check(std::string* error) const;

@@ -115,7 +115,7 @@ struct BundleProblem {
   // Frames that move, then calibrations with a prior, then their images, then scales of depth maps.
   std::vector<BundleFrame> frames;
   std::vector<const PosePrior*> pose_priors;  // parallel to `frames`; nullptr if the pose has no prior
-  std::vector<BundlePriors> priors;           // those of posed.prior_groups in their order, then of lone frames
+  std::vector<BundlePriors> priors;           // those of posed.prior_groups in their order, then of single frames
   std::vector<int> index_of_calibration;      // by calibration of PosedImages; -1 if it has no prior
   std::vector<BundleFlex> flexes;
   std::vector<int> index_of_depth_map;  // by image, into `frames`; -1 for an image without a map

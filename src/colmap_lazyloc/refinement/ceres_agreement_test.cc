@@ -25,7 +25,7 @@ struct Setting {
   bool has_priors = false;             // all but two of the database frames have a prior instead of an exact pose
   bool has_rig = false;                // a frame of three query images is adjusted too
   bool has_free_scale = false;         // its rig's scale starts 10 % too large
-  bool has_free_focal_length = false;  // of the lone queries but the last of several
+  bool has_free_focal_length = false;  // of the single queries but the last of several
   std::vector<int> shared = {};        // database images that share a frame
 };
 
@@ -42,7 +42,7 @@ constexpr double kMaxCovarianceDifference = 5e-6;
 
 class Settings : public testing::TestWithParam<Setting> {
  protected:
-  // Makes the lone queries, the rig, then the database images.
+  // Makes the single queries, the rig, then the database images.
   SyntheticTracks MakeScene() const {
     SyntheticTracksOptions options;
     options.num_query = NumQueries();

@@ -109,7 +109,7 @@ class ScoreBuilder {
     score_.information += coupling.transpose() * poses_from_correction;
     score_.score += poses_from_correction.transpose() * rhs;
     score_.frame_from_correction = poses_from_correction.middleRows<6>(kSize * place_of_frame_[frame]);
-    score_.prior_parts = PriorParts(poses_from_correction);
+    score_.component_covariances = ComponentCovariancesOfScores(poses_from_correction);
     const Eigen::MatrixXd columns = factor.solve(
         Eigen::MatrixXd::Identity(factor.rows(), factor.rows()).middleCols<kSize>(kSize * place_of_frame_[frame]));
     SetSharedErrors(columns, poses_from_correction, frame, tracks);
@@ -224,8 +224,8 @@ class ScoreBuilder {
   }
 
   // Returns by prior group and component the covariance of the scores that unit variance causes. moves: of the poses.
-  std::vector<std::vector<IntrinsicsScore::Matrix>> PriorParts(const Eigen::MatrixXd& moves) const {
-    std::vector<std::vector<IntrinsicsScore::Matrix>> parts;
+  std::vector<std::vector<IntrinsicsScore::Matrix>> ComponentCovariancesOfScores(const Eigen::MatrixXd& moves) const {
+    std::vector<std::vector<IntrinsicsScore::Matrix>> covariances;
     for (size_t group = 0; group < posed_.prior_groups.size(); ++group) {
       const BundlePriors& priors = solver_.Problem().priors[group];
       Eigen::MatrixXd deviations = Eigen::MatrixXd::Zero(6 * priors.frames.size(), moves.cols());
@@ -235,12 +235,14 @@ class ScoreBuilder {
         deviations(Eigen::seqN(i, 6, priors.frames.size()), Eigen::all) =
             solver_.EvaluatePrior(frame, solver_.Linearization()).jacobian * moves.middleRows<6>(kSize * place);
       }
-      parts.emplace_back();
-      for (const Eigen::MatrixXd& part : PartsOfCovariance(posed_.prior_groups[group], priors.precision, deviations)) {
-        parts.back().emplace_back(IntrinsicsScore::Matrix::Zero()).topLeftCorner(moves.cols(), moves.cols()) = part;
+      covariances.emplace_back();
+      for (const Eigen::MatrixXd& covariance :
+           ComponentCovariances(posed_.prior_groups[group], priors.precision, deviations)) {
+        covariances.back().emplace_back(IntrinsicsScore::Matrix::Zero()).topLeftCorner(moves.cols(), moves.cols()) =
+            covariance;
       }
     }
-    return parts;
+    return covariances;
   }
 
   // Replaces the equation of the focal length by that of its estimate. column: the factor's, of the inverse of the
@@ -250,13 +252,13 @@ class ScoreBuilder {
     score_.information.row(LOG_FOCAL_FACTOR).setZero();
     score_.information.col(LOG_FOCAL_FACTOR).setZero();
     score_.information(LOG_FOCAL_FACTOR, LOG_FOCAL_FACTOR) = 1 / column[row];
-    const auto parts = PriorParts(column);
-    for (size_t group = 0; group < parts.size(); ++group) {
-      for (size_t j = 0; j < parts[group].size(); ++j) {
-        IntrinsicsScore::Matrix& part = score_.prior_parts[group][j];
-        part.row(LOG_FOCAL_FACTOR).setZero();
-        part.col(LOG_FOCAL_FACTOR).setZero();
-        part(LOG_FOCAL_FACTOR, LOG_FOCAL_FACTOR) = parts[group][j](0, 0) / (column[row] * column[row]);
+    const auto covariances = ComponentCovariancesOfScores(column);
+    for (size_t group = 0; group < covariances.size(); ++group) {
+      for (size_t j = 0; j < covariances[group].size(); ++j) {
+        IntrinsicsScore::Matrix& covariance = score_.component_covariances[group][j];
+        covariance.row(LOG_FOCAL_FACTOR).setZero();
+        covariance.col(LOG_FOCAL_FACTOR).setZero();
+        covariance(LOG_FOCAL_FACTOR, LOG_FOCAL_FACTOR) = covariances[group][j](0, 0) / (column[row] * column[row]);
       }
     }
     score_.shared_errors.row(LOG_FOCAL_FACTOR).setZero();

@@ -33,7 +33,7 @@ struct IntrinsicsScore {
   Matrix information = Matrix::Zero();
   Vector score = Vector::Zero();
   // Covariance of `score` that unit variance of a component causes, by prior group and component.
-  std::vector<std::vector<Matrix>> prior_parts;
+  std::vector<std::vector<Matrix>> component_covariances;
   // What errors that the matches with a database image share add to the covariance of `score`, and to that of the
   // frame's parameters: 6x6, or 7x7 with the factor (ClusterCovariance). Tracks with depths do not count.
   Matrix shared_errors = Matrix::Zero();

@@ -71,10 +71,10 @@ TEST_P(Priors, StepOfTheFocalLengthIsThatOfAnAdjustmentThatEstimatesIt) {
   EXPECT_NEAR(step, 0.003, 5 / std::sqrt(information));
   const double reference_information = reference.information(LOG_FOCAL_FACTOR, LOG_FOCAL_FACTOR);
   EXPECT_NEAR(reference_information / information, 1, 0.05);
-  ASSERT_EQ(score.prior_parts.size(), GetParam() ? 1u : 0u);
+  ASSERT_EQ(score.component_covariances.size(), GetParam() ? 1u : 0u);
   if (GetParam()) {
-    EXPECT_NEAR(reference.prior_parts[0][0](LOG_FOCAL_FACTOR, LOG_FOCAL_FACTOR) / reference_information,
-                score.prior_parts[0][0](LOG_FOCAL_FACTOR, LOG_FOCAL_FACTOR) / information, 0.02);
+    EXPECT_NEAR(reference.component_covariances[0][0](LOG_FOCAL_FACTOR, LOG_FOCAL_FACTOR) / reference_information,
+                score.component_covariances[0][0](LOG_FOCAL_FACTOR, LOG_FOCAL_FACTOR) / information, 0.02);
   }
   const Eigen::Matrix<double, 6, 1> move = step * score.frame_from_correction.col(LOG_FOCAL_FACTOR);
   const Rigid3d &before = fixed.posed.frames[0].frame_from_world, &after = estimated.posed.frames[0].frame_from_world;

@@ -60,11 +60,12 @@ PriorFit FitPriors(const BundleSolver<kSize>& solver, size_t group) {
 }
 
 template <int kSize>
-std::vector<std::vector<Eigen::MatrixXd>> FrameParts(const BundleSolver<kSize>& solver, size_t group,
-                                                     const PriorGroup& given, const std::vector<int>& needed_frames) {
+std::vector<std::vector<Eigen::MatrixXd>> FrameComponentCovariances(const BundleSolver<kSize>& solver, size_t group,
+                                                                    const PriorGroup& given,
+                                                                    const std::vector<int>& needed_frames) {
   const BundlePriors& priors = solver.Problem().priors[group];
-  std::vector<std::vector<Eigen::MatrixXd>> parts(given.components.size());
-  for (auto& by_frame : parts) by_frame.resize(solver.Problem().frames.size());
+  std::vector<std::vector<Eigen::MatrixXd>> covariances(given.components.size());
+  for (auto& by_frame : covariances) by_frame.resize(solver.Problem().frames.size());
   for (const int frame : needed_frames) {
     const Eigen::MatrixXd covariance = solver.Cameras().ColumnsOfInverse(frame);
     Eigen::MatrixXd with_deviations(6 * priors.frames.size(), kSize);
@@ -73,17 +74,19 @@ std::vector<std::vector<Eigen::MatrixXd>> FrameParts(const BundleSolver<kSize>& 
           solver.EvaluatePrior(priors.frames[i], solver.Solution()).jacobian *
           covariance.template middleRows<6>(kSize * priors.frames[i]);
     }
-    const std::vector<Eigen::MatrixXd> of_frame = PartsOfCovariance(given, priors.precision, with_deviations);
-    for (size_t j = 0; j < parts.size(); ++j) parts[j][frame] = of_frame[j];
+    const std::vector<Eigen::MatrixXd> of_frame = ComponentCovariances(given, priors.precision, with_deviations);
+    for (size_t j = 0; j < covariances.size(); ++j) covariances[j][frame] = of_frame[j];
   }
-  return parts;
+  return covariances;
 }
 
 template PriorFit FitPriors<6>(const BundleSolver<6>&, size_t);
 template PriorFit FitPriors<7>(const BundleSolver<7>&, size_t);
-template std::vector<std::vector<Eigen::MatrixXd>> FrameParts<6>(const BundleSolver<6>&, size_t, const PriorGroup&,
-                                                                 const std::vector<int>&);
-template std::vector<std::vector<Eigen::MatrixXd>> FrameParts<7>(const BundleSolver<7>&, size_t, const PriorGroup&,
-                                                                 const std::vector<int>&);
+template std::vector<std::vector<Eigen::MatrixXd>> FrameComponentCovariances<6>(const BundleSolver<6>&, size_t,
+                                                                                const PriorGroup&,
+                                                                                const std::vector<int>&);
+template std::vector<std::vector<Eigen::MatrixXd>> FrameComponentCovariances<7>(const BundleSolver<7>&, size_t,
+                                                                                const PriorGroup&,
+                                                                                const std::vector<int>&);
 
 }  // namespace lazyloc

@@ -20,19 +20,19 @@ PriorPrecision ComputePriorPrecision(const PriorGroup& group) {
   return {PrecisionOf(group, PosePart::ROTATION), PrecisionOf(group, PosePart::POSITION)};
 }
 
-std::vector<Eigen::MatrixXd> PartsOfCovariance(const PriorGroup& group, const PriorPrecision& precision,
-                                               const Eigen::MatrixXd& by_deviations) {
+std::vector<Eigen::MatrixXd> ComponentCovariances(const PriorGroup& group, const PriorPrecision& precision,
+                                                  const Eigen::MatrixXd& by_deviations) {
   const Eigen::Index size = precision.rotation.rows(), num_values = by_deviations.cols();
-  std::vector<Eigen::MatrixXd> parts(group.components.size(), Eigen::MatrixXd::Zero(num_values, num_values));
+  std::vector<Eigen::MatrixXd> covariances(group.components.size(), Eigen::MatrixXd::Zero(num_values, num_values));
   for (Eigen::Index coordinate = 0; coordinate < 6; ++coordinate) {
     const Eigen::MatrixXd weighted = precision.Of(coordinate) * by_deviations.middleRows(coordinate * size, size);
-    for (size_t j = 0; j < parts.size(); ++j) {
+    for (size_t j = 0; j < covariances.size(); ++j) {
       const VarianceComponent& component = group.components[j];
       if (!component.Moves(PriorPrecision::PartOf(coordinate))) continue;
-      parts[j] += weighted.transpose() * (component.shape * weighted);
+      covariances[j] += weighted.transpose() * (component.shape * weighted);
     }
   }
-  return parts;
+  return covariances;
 }
 
 }  // namespace lazyloc

@@ -31,7 +31,7 @@ PriorPrecision ComputePriorPrecision(const PriorGroup& group);
 // Returns for each component of a group the covariance of some values that unit variance of the component causes.
 // by_deviations: for each value a column, the value's derivative by the precision times the deviations: its covariance
 // with the deviations; for each deviation a row, one coordinate of all frames after the other.
-std::vector<Eigen::MatrixXd> PartsOfCovariance(const PriorGroup& group, const PriorPrecision& precision,
-                                               const Eigen::MatrixXd& by_deviations);
+std::vector<Eigen::MatrixXd> ComponentCovariances(const PriorGroup& group, const PriorPrecision& precision,
+                                                  const Eigen::MatrixXd& by_deviations);
 
 }  // namespace lazyloc

@@ -16,11 +16,11 @@ enum class PoseNoiseSource {
 template <>
 inline constexpr std::array<const char*, 3> kEnumNames<PoseNoiseSource> = {"default", "stated", "database_pairs"};
 
-// Errors of database poses as they are expected before the query's own images are asked, in pixels.
+// Errors of database poses as they are expected before the query's own images are used, in pixels.
 struct DatabasePoseNoise {
   PoseNoiseSource source = PoseNoiseSource::DEFAULT;
   int num_pairs = 0;  // of database images that show the size
-  // Sizes of the part that changes between viewpoints 11.5 degrees apart, and of independent rotations and
+  // Sizes of the errors that change between viewpoints 11.5 degrees apart, and of independent rotations and
   // positions. Zero if standard deviations of the poses are stated.
   double viewpoint_px = 0, rotation_px = 0, position_px = 0;
 };
@@ -34,7 +34,7 @@ struct ExpectedStddev {
   double first = 1;  // where the search for the maximum starts
 };
 
-// What is expected of the errors of database poses: the sizes in pixels of the part that changes with the viewpoint, of
+// What is expected of the errors of database poses: the sizes in pixels of those that change with the viewpoint, of
 // independent rotations and of independent positions.
 struct ExpectedPoseErrors {
   DatabasePoseNoise AsResult() const {

@@ -18,7 +18,7 @@ struct PosePrior {
   double position_stddev = 0;      // of each coordinate of the frame's origin, in database units
 };
 
-// A rig at one moment, or a lone image. Only frames have poses (COLMAP 4's words).
+// A rig at one moment, or a single image. Only frames have poses (COLMAP 4's words).
 struct Frame {
   Rigid3d frame_from_world;
   bool is_database = false;
@@ -49,8 +49,8 @@ struct Calibration {
 // adjustment estimates, plus an error.
 struct DepthScale {
   double log_scale = 0;         // estimated so far
-  double stated_log_scale = 0;  // by its prior
-  double log_scale_stddev = 1;  // of the prior
+  double stated_log_scale = 0;  // before adjustment
+  double log_scale_stddev = 1;  // of that
   double log_depth_stddev = 1;  // of a point's error
 };
 

@@ -15,7 +15,7 @@ Rigid3d PoseFromText(Random* random) {
   return pose;
 }
 
-// Makes two frames: a query rig of images 0 and 1, and a lone database image 2.
+// Makes two frames: a query rig of images 0 and 1, and a single database image 2.
 PosedImages MakeRigAndLoneImage() {
   Random random(3);
   PosedImages posed;

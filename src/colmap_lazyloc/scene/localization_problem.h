@@ -34,7 +34,7 @@ struct ImagePair {
   std::vector<float> other_depths, other_point_depths;
 
   // Database images only: the known pose, which no stage changes, and the rig frame that the image belongs to (empty
-  // for a lone image). Images of one frame have the same name.
+  // for a single image). Images of one frame have the same name.
   Rigid3d database_cam_from_world;
   std::string database_frame_name;
   Rigid3d database_cam_from_rig;  // of the image's camera in that frame's rig
@@ -70,9 +70,9 @@ struct QueryPair {
 };
 
 // Queries that are localized together. A frame is a set of images that move as one rigid body: a camera rig at one
-// moment, a piece of a known trajectory, or a lone image.
+// moment, a piece of a known trajectory, or a single image.
 struct QueryGroup {
-  std::vector<std::string> frame_names;  // empty string: a lone image
+  std::vector<std::string> frame_names;  // empty string: a single image
   std::vector<QueryImage> images;        // in ascending order of their frames; each frame has at least one
   std::vector<QueryPair> query_pairs;
   // True if the translations in cam_from_rig are in database units; else their scale is estimated for each frame.

@@ -61,7 +61,7 @@ enum class IntrinsicsVerdict {
   NOT_TESTED,    // no bundle adjustment came to an end
   CONFIRMED,     // they agree with the value
   UNOBSERVABLE,  // they cannot tell; the value was kept
-  CONTRADICTED,  // they ask for other intrinsics
+  CONTRADICTED,  // they suggest other intrinsics
   REFINED,       // the focal length was estimated
 };
 template <>
@@ -71,7 +71,8 @@ inline constexpr std::array<const char*, 5> kEnumNames<IntrinsicsVerdict> = {"no
 struct IntrinsicsResult {
   IntrinsicsOrigin origin = IntrinsicsOrigin::GIVEN;
   IntrinsicsVerdict verdict = IntrinsicsVerdict::NOT_TESTED;
-  // Factor on the focal length that the images ask for, of a refined one that was found, and its standard deviation.
+  // Factor on the focal length that the images suggest, or by which an estimated one was changed, and its standard
+  // deviation.
   double focal_factor = 1;
   double focal_factor_stddev = 0;
   std::string contradiction;  // one sentence; empty unless something is contradicted
@@ -94,7 +95,7 @@ struct LocalizationResult {
   IntrinsicsResult intrinsics;
   QueryPriorResult priors;
 
-  std::string frame_name;  // of a rig's frame; empty for a lone image
+  std::string frame_name;  // of a rig's frame; empty for a single image
   // Median reprojection error, in an image of a rig, of the points triangulated from the database, before outliers are
   // removed. A large one means that the calibration is wrong.
   std::optional<double> rig_error_px;

@@ -37,13 +37,13 @@ struct ImagePrior {
 // What the images say of a prior.
 enum class PriorVerdict {
   NOT_TESTED,    // the images give no pose that it could be compared with
-  USED,          // the images agree with it, or leave open what it says
+  USED,          // the images agree with it, or do not determine what it says
   CONTRADICTED,  // the images contradict it, and it was left out
 };
 template <>
 inline constexpr std::array<const char*, 3> kEnumNames<PriorVerdict> = {"not_tested", "used", "contradicted"};
 
-// What of the pose a prior fixes that the images leave open.
+// What a prior fixes of the pose because the images do not determine it.
 enum class PriorRole {
   NOTHING,   // the images determine the pose; the prior makes it more certain
   DISTANCE,  // the place on a line on which the images put the query
@@ -56,8 +56,8 @@ inline constexpr std::array<const char*, 3> kEnumNames<PriorRole> = {"nothing", 
 struct PriorResult {
   PriorVerdict verdict = PriorVerdict::NOT_TESTED;
   PriorRole fixes = PriorRole::NOTHING;
-  // How far the pose that the images give is from the prior, as far as they determine it: in database units or rad, and
-  // in standard deviations of the difference (Mahalanobis distance). Only if tested.
+  // Distance between the prior and the pose that the images give, along the directions that these determine: in
+  // database units or rad, and in standard deviations of the difference (Mahalanobis distance). Only if tested.
   double deviation = 0;
   double deviation_sigma = 0;
 };

@@ -9,7 +9,7 @@
 
 namespace lazyloc {
 
-// Rotation of a lone query without a baseline to any database image: a panorama, or a camera that turned on the spot.
+// Rotation of a single query without a baseline to any database image: a panorama, or a camera that turned on the spot.
 struct RotationFit {
   Eigen::Quaterniond cam_from_world_rotation;
   Eigen::Matrix3d covariance;  // of its tangent, R <- exp(w) R, in rad

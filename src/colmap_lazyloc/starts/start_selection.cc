@@ -46,57 +46,57 @@ double DepthStddevPx(const PosedImages& posed, const Track& track, const TrackOb
   return 0;
 }
 
-double MaxErrorRad(const StartEvidence& evidence, const Observation& observation) {
+double MaxErrorRad(const StartProblem& problem, const Observation& observation) {
   // Takes half the bound, because RANSAC counts all its inliers alike.
-  return evidence.max_error_px / 2 * RadFromPx(observation);
+  return problem.max_error_px / 2 * RadFromPx(observation);
 }
 
-// Calls visit(track, observation) for the observations in the evidence's frame.
+// Calls visit(track, observation) for the observations in the problem's frame.
 template <typename Visit>
-void VisitFrame(const StartEvidence& evidence, const TrackRefs& tracks, const Visit& visit) {
+void VisitFrame(const StartProblem& problem, const TrackRefs& tracks, const Visit& visit) {
   for (const Track* track : tracks) {
     for (const TrackObservation& element : track->observations) {
-      if (evidence.posed.images[element.image].frame == evidence.frame) visit(*track, element);
+      if (problem.posed.images[element.image].frame == problem.frame) visit(*track, element);
     }
   }
 }
 
 }  // namespace
 
-double ScoreStart(const StartEvidence& evidence, const Rigid3d& frame_from_world) {
-  const auto pose_of = [&](int image) { return CamFromWorld(evidence.posed.images[image], frame_from_world); };
+double ScoreStart(const StartProblem& problem, const Rigid3d& frame_from_world) {
+  const auto pose_of = [&](int image) { return CamFromWorld(problem.posed.images[image], frame_from_world); };
   const auto point_score = [&](const Track& track, const TrackObservation& element, double max_error_px) {
     const Eigen::Vector3d point_in_cam = pose_of(element.image) * track.point_in_world;
     if (!IsInFront(element.observation, point_in_cam)) return 0.0;
     return TruncatedScore(ReprojectionError(element.observation, point_in_cam).norm(), max_error_px);
   };
   double score = 0;
-  VisitFrame(evidence, evidence.from_database, [&](const Track& track, const TrackObservation& element) {
-    score += point_score(track, element, evidence.max_error_px);
+  VisitFrame(problem, problem.from_database, [&](const Track& track, const TrackObservation& element) {
+    score += point_score(track, element, problem.max_error_px);
   });
-  VisitFrame(evidence, evidence.rest, [&](const Track& track, const TrackObservation& element) {
+  VisitFrame(problem, problem.rest, [&](const Track& track, const TrackObservation& element) {
     const int other = track.observations.back().image;
-    if (track.observations.size() != 2 || !evidence.posed.IsDatabase(other)) return;
-    const double error_px = EpipolarErrorPx(pose_of(element.image), CamFromWorld(evidence.posed, other), track);
-    score += 0.5 * TruncatedScore(error_px, evidence.max_error_px);
+    if (track.observations.size() != 2 || !problem.posed.IsDatabase(other)) return;
+    const double error_px = EpipolarErrorPx(pose_of(element.image), CamFromWorld(problem.posed, other), track);
+    score += 0.5 * TruncatedScore(error_px, problem.max_error_px);
   });
-  VisitFrame(evidence, evidence.from_depth, [&](const Track& track, const TrackObservation& element) {
+  VisitFrame(problem, problem.from_depth, [&](const Track& track, const TrackObservation& element) {
     const double max_error_px =
-        std::hypot(evidence.max_error_px,
-                   kMaxStartErrorSigma * DepthStddevPx(evidence.posed, track, element, pose_of(element.image)));
+        std::hypot(problem.max_error_px,
+                   kMaxStartErrorSigma * DepthStddevPx(problem.posed, track, element, pose_of(element.image)));
     score += 0.5 * point_score(track, element, max_error_px);
   });
   return score;
 }
 
-std::optional<Rigid3d> AbsolutePoseStart(const StartEvidence& evidence, uint32_t seed) {
+std::optional<Rigid3d> AbsolutePoseStart(const StartProblem& problem, uint32_t seed) {
   std::vector<Eigen::Vector3d> rays, points;
   std::vector<Rigid3d> cams_from_frame;
   double max_error_rad = 0;
   bool is_rig = false;
-  VisitFrame(evidence, evidence.from_database, [&](const Track& track, const TrackObservation& element) {
-    if (rays.empty()) max_error_rad = MaxErrorRad(evidence, element.observation);
-    const Image& image = evidence.posed.images[element.image];
+  VisitFrame(problem, problem.from_database, [&](const Track& track, const TrackObservation& element) {
+    if (rays.empty()) max_error_rad = MaxErrorRad(problem, element.observation);
+    const Image& image = problem.posed.images[element.image];
     is_rig = is_rig || !HasFrameAxes(image);
     rays.push_back(element.observation.ray_in_cam);
     points.push_back(track.point_in_world);
@@ -104,31 +104,31 @@ std::optional<Rigid3d> AbsolutePoseStart(const StartEvidence& evidence, uint32_t
   });
   if (rays.size() < 4) return std::nullopt;
   if (is_rig) {
-    return EstimateRigAbsolutePose(rays, cams_from_frame, points, max_error_rad, seed, evidence.min_inlier_ratio);
+    return EstimateRigAbsolutePose(rays, cams_from_frame, points, max_error_rad, seed, problem.min_inlier_ratio);
   }
-  return EstimateAbsolutePose(rays, points, max_error_rad, seed, evidence.min_inlier_ratio);
+  return EstimateAbsolutePose(rays, points, max_error_rad, seed, problem.min_inlier_ratio);
 }
 
-std::optional<Rigid3d> DepthStart(const StartEvidence& evidence, uint32_t seed) {
-  if (evidence.from_depth.empty()) return std::nullopt;
-  TrackRefs tracks = evidence.from_database;
-  tracks.insert(tracks.end(), evidence.from_depth.begin(), evidence.from_depth.end());
-  const StartEvidence with_depth{
-      evidence.posed, tracks, evidence.rest, evidence.max_error_px, evidence.min_inlier_ratio, evidence.frame};
+std::optional<Rigid3d> DepthStart(const StartProblem& problem, uint32_t seed) {
+  if (problem.from_depth.empty()) return std::nullopt;
+  TrackRefs tracks = problem.from_database;
+  tracks.insert(tracks.end(), problem.from_depth.begin(), problem.from_depth.end());
+  const StartProblem with_depth{problem.posed, tracks, problem.rest, problem.max_error_px, problem.min_inlier_ratio,
+                                problem.frame};
   return AbsolutePoseStart(with_depth, seed);
 }
 
-std::optional<Rigid3d> GeneralizedRelativePoseStart(const StartEvidence& evidence, uint32_t seed) {
+std::optional<Rigid3d> GeneralizedRelativePoseStart(const StartProblem& problem, uint32_t seed) {
   std::vector<PosedRayMatch> matches;
   double max_error_rad = 0;
-  for (const TrackRefs* tracks : {&evidence.from_database, &evidence.rest}) {
-    VisitFrame(evidence, *tracks, [&](const Track& track, const TrackObservation& query) {
-      if (max_error_rad == 0) max_error_rad = MaxErrorRad(evidence, query.observation);
+  for (const TrackRefs* tracks : {&problem.from_database, &problem.rest}) {
+    VisitFrame(problem, *tracks, [&](const Track& track, const TrackObservation& query) {
+      if (max_error_rad == 0) max_error_rad = MaxErrorRad(problem, query.observation);
       for (const TrackObservation& element : track.observations) {
-        if (!evidence.posed.IsDatabase(element.image)) continue;
+        if (!problem.posed.IsDatabase(element.image)) continue;
         matches.push_back({query.observation.ray_in_cam, element.observation.ray_in_cam,
-                           CamFromWorld(evidence.posed, element.image),
-                           evidence.posed.images[query.image].cam_from_frame});
+                           CamFromWorld(problem.posed, element.image),
+                           problem.posed.images[query.image].cam_from_frame});
       }
     });
   }
@@ -144,13 +144,13 @@ struct FrameStart {
 };
 
 // Chooses the hypothesis with the best score for a frame. Throws Failure without any.
-FrameStart ChooseFrameStart(const StartEvidence& evidence, const Averaged& averaged, uint32_t seed,
+FrameStart ChooseFrameStart(const StartProblem& problem, const Averaged& averaged, uint32_t seed,
                             const LocalizerOptions& options, const std::vector<Rigid3d>& depth_starts) {
   std::optional<FrameStart> best;
   double best_score = -1;
   const auto consider = [&](StartPose kind, const std::optional<Rigid3d>& pose, double min_score) {
     if (!pose) return;
-    const double score = ScoreStart(evidence, *pose);
+    const double score = ScoreStart(problem, *pose);
     if (score <= best_score || score < min_score) return;
     best_score = score;
     best = FrameStart{*pose, kind};
@@ -160,23 +160,23 @@ FrameStart ChooseFrameStart(const StartEvidence& evidence, const Averaged& avera
   };
   const double min_score = averaged.failure ? kMinUnconfirmedScore : 0;
   if (is_wanted(StartPose::MOTION_AVERAGING) && !averaged.failure) {
-    consider(StartPose::MOTION_AVERAGING, averaged.posed.frames[evidence.frame].frame_from_world, 0);
+    consider(StartPose::MOTION_AVERAGING, averaged.posed.frames[problem.frame].frame_from_world, 0);
   }
   if (is_wanted(StartPose::ABSOLUTE_POSE)) {
-    consider(StartPose::ABSOLUTE_POSE, AbsolutePoseStart(evidence, seed), min_score);
+    consider(StartPose::ABSOLUTE_POSE, AbsolutePoseStart(problem, seed), min_score);
   }
   if (is_wanted(StartPose::DEPTH)) {
-    consider(StartPose::DEPTH, DepthStart(evidence, seed), min_score);
+    consider(StartPose::DEPTH, DepthStart(problem, seed), min_score);
     for (const Rigid3d& pose : depth_starts) consider(StartPose::DEPTH, pose, min_score);
   }
   if (options.start_pose == StartPose::GENERALIZED_RELATIVE_POSE ||
-      (options.start_pose == StartPose::BEST && evidence.from_database.size() < kFewTracks)) {
-    consider(StartPose::GENERALIZED_RELATIVE_POSE, GeneralizedRelativePoseStart(evidence, seed), min_score);
+      (options.start_pose == StartPose::BEST && problem.from_database.size() < kFewTracks)) {
+    consider(StartPose::GENERALIZED_RELATIVE_POSE, GeneralizedRelativePoseStart(problem, seed), min_score);
   }
   if (best) return *best;
   if (averaged.failure) throw Failure(*averaged.failure);
   throw Failure{
-      QueryStatus::TOO_FEW_TRACKS, "no start pose by " + std::string(EnumName(options.start_pose)), {evidence.frame}};
+      QueryStatus::TOO_FEW_TRACKS, "no start pose by " + std::string(EnumName(options.start_pose)), {problem.frame}};
 }
 
 // Returns the tracks that have a depth, with the points that the depths state.
@@ -204,11 +204,11 @@ Start ChooseStart(const Layout& layout, const Averaged& averaged, const SplitTra
   const std::vector<TrackRefs> from_depth = TracksByFrame(layout, with_depth);
   Start start{averaged.posed, {}};
   for (int frame = 0; frame < layout.num_query_frames; ++frame) {
-    StartEvidence evidence{averaged.posed, from_database[frame], rest[frame], kMaxStartErrorPx};
-    evidence.frame = frame;
-    evidence.from_depth = from_depth[frame];
+    StartProblem problem{averaged.posed, from_database[frame], rest[frame], kMaxStartErrorPx};
+    problem.frame = frame;
+    problem.from_depth = from_depth[frame];
     const uint32_t seed = SeedFromNames(layout.names[layout.QueriesOf(frame).front()], "", options.seed);
-    const FrameStart chosen = ChooseFrameStart(evidence, averaged, seed, options,
+    const FrameStart chosen = ChooseFrameStart(problem, averaged, seed, options,
                                                depth_starts.empty() ? std::vector<Rigid3d>() : depth_starts[frame]);
     start.posed.frames[frame].frame_from_world = chosen.frame_from_world;
     start.kinds.push_back(chosen.kind);

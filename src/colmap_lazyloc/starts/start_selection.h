@@ -10,8 +10,8 @@
 
 namespace lazyloc {
 
-// What the pose of a frame is judged by.
-struct StartEvidence {
+// What a start of a frame is found and scored by.
+struct StartProblem {
   const PosedImages& posed;        // database poses; the frame's own pose is not used
   const TrackRefs& from_database;  // tracks of the frame with points
   const TrackRefs& rest;           // the other tracks of the frame, without points
@@ -25,25 +25,25 @@ struct StartEvidence {
 // error is the reprojection error of a point triangulated from the database or, at half the weight because it
 // constrains one coordinate only, the distance from the epipolar line of the single database image of a track. Points
 // from depth maps add the other half by their reprojection errors.
-double ScoreStart(const StartEvidence& evidence, const Rigid3d& frame_from_world);
+double ScoreStart(const StartProblem& problem, const Rigid3d& frame_from_world);
 
-// Return hypotheses, or nullopt with too little evidence: P3P in RANSAC on the tracks from the database (generalized
+// Return starts, or nullopt with too few tracks: P3P in RANSAC on the tracks from the database (generalized
 // P3P for a rig), the same with those from depth maps too, and the generalized relative pose over all pairs.
-std::optional<Rigid3d> AbsolutePoseStart(const StartEvidence& evidence, uint32_t seed);
-std::optional<Rigid3d> DepthStart(const StartEvidence& evidence, uint32_t seed);
-std::optional<Rigid3d> GeneralizedRelativePoseStart(const StartEvidence& evidence, uint32_t seed);
+std::optional<Rigid3d> AbsolutePoseStart(const StartProblem& problem, uint32_t seed);
+std::optional<Rigid3d> DepthStart(const StartProblem& problem, uint32_t seed);
+std::optional<Rigid3d> GeneralizedRelativePoseStart(const StartProblem& problem, uint32_t seed);
 
 // Poses that adjustment starts from.
 struct Start {
   PosedImages posed;
-  std::vector<StartPose> kinds;  // by query frame: the hypothesis that was chosen
+  std::vector<StartPose> kinds;  // by query frame: the start that was chosen
 };
 
 // Chooses the start of each query frame by the score. Motion averaging gives a pose even if few points are seen twice;
 // an absolute pose even if database centres and query are collinear; a generalized relative pose is tried if few points
 // are seen twice and nothing else is certain. Throws Failure for frames without any.
 //
-// depth_starts: further hypotheses from depth maps, by query frame; empty without any.
+// depth_starts: further starts from depth maps, by query frame; empty without any.
 Start ChooseStart(const Layout& layout, const Averaged& averaged, const SplitTracks& tracks,
                   const LocalizerOptions& options, const std::vector<std::vector<Rigid3d>>& depth_starts = {});
 

@@ -8,7 +8,7 @@ namespace lazyloc {
 
 struct SyntheticGroupOptions {
   int num_frames = 1;
-  int num_sensors = 2;  // images of each frame; 1: lone images
+  int num_sensors = 2;  // images of each frame; 1: single images
   int num_database_images = 8;
   int num_points = 150;
   double pixel_noise_px = 0;

@@ -18,7 +18,7 @@ struct SyntheticTracksOptions {
   uint32_t seed = 0;
 };
 
-// Lone images around points, with exact poses: queries (images 0..num_query-1), then database images. Frame i carries
+// Single images around points, with exact poses: queries (images 0..num_query-1), then database images. Frame i carries
 // image i.
 struct SyntheticTracks {
   PosedImages posed;

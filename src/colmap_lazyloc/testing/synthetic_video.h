@@ -11,7 +11,7 @@ struct SyntheticVideoOptions {
   uint32_t seed = 0;
 };
 
-// Makes lone queries along a straight path at intervals of 0.5, looking sideways, and database images beside the path
+// Makes single queries along a straight path at intervals of 0.5, looking sideways, and database images beside the path
 // at intervals of 1. Each query shares matches with the database images within a distance of 2 and with the two queries
 // before it.
 SyntheticGroup MakeSyntheticVideo(const SyntheticVideoOptions& options);

@@ -4,7 +4,7 @@
 #include <cmath>
 
 #include "colmap_lazyloc/scene/format.h"
-#include "colmap_lazyloc/uncertainty/confidence_calibration.h"
+#include "colmap_lazyloc/uncertainty/confidence_factors.h"
 
 namespace lazyloc {
 namespace {

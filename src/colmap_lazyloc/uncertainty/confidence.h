@@ -6,11 +6,11 @@
 
 namespace lazyloc {
 
-// Returns the probability that the true position is where the pose's covariance says: the posterior of the pose against
-// three other explanations of the matches. How uncertain the position is there is the covariance's business.
+// Returns the probability that the position is not wrong: the posterior of the pose against three other explanations of
+// the matches. The covariance says how far a right position may be off.
 //
 //  another place  All matches that do not speak for the pose speak for one other place that looks alike. Matches of one
-//                 surface are not independent, so that the odds are no exponential of their number: they are the square
+//                 surface are not independent, so the odds are not exponential in their number: they are the square
 //                 of the ratio of the matches against to those for the pose, times the area of the image that the error
 //                 of its points covers.
 //  a competing    Pairs that disagree with the pose agree with each other on another one. With as many matches, it is
@@ -19,7 +19,7 @@ namespace lazyloc {
 //  chance         A few points fit any pose. The odds fall with the number of points that two or more other images see,
 //                 or whose depth is known, and a tenth of the others, to the power of 1.5.
 //
-// The factors are calibrated on positions with known errors (docs/method.md). Returns 0 if the position's standard
+// The factors are fitted to positions with known errors (docs/method.md). Returns 0 if the position's standard
 // deviation is not finite.
 double Confidence(const PoseEvidence& evidence);
 

@@ -183,7 +183,7 @@ MeasuredEvidence MeasureEvidence(const Layout& layout, const PairEstimates& esti
       measured.competing_poses.back() = votes.competing_pose;
     }
     // Leaves out the axis that a prior alone fixes, because it says nothing of how well the images fit together.
-    const int axis = refined.open_line ? 1 : 0;
+    const int axis = refined.unobservable_line ? 1 : 0;
     const PoseSpread spread = poses[layout.QueriesOf(frame).front()].Spread();
     evidence.back().position_stddev_ratio = spread.position_stddevs[axis] / evidence.back().scene_distance;
   }

@@ -25,8 +25,8 @@ void CheckPositions(const Layout& layout, const PairRefs& pairs, const Refined& 
   for (int i = 0; i < layout.num_query_frames; ++i) {
     const AdjustedFrame frame{
         layout, pairs, adjustment, i, tracks_of[i], refined.variance_factor, refined.has_one_orientation};
-    if (!IsPositionOpen(frame, options)) continue;
-    if (!first) first = OpenPositionFailure(frame, refined.variance_factor);
+    if (!IsPositionUnobservable(frame, options)) continue;
+    if (!first) first = UnobservablePositionFailure(frame, refined.variance_factor);
     first->frames.push_back(i);
   }
   if (!first) return;
@@ -39,9 +39,9 @@ void CheckPositions(const Layout& layout, const PairRefs& pairs, const Refined& 
   throw Failure(*first);
 }
 
-// Raises the variance along a line that the images leave open to that of the prior. The query's own noise moves it off
-// a line of database images, where adjustment takes it for observable.
-void AddOpenLine(const OpenLine& line, PoseDistribution* pose) {
+// Raises the variance along an unobservable line to that of the prior. The query's own noise moves it off a line of
+// database images, where adjustment takes its position for observable.
+void AddUnobservableLine(const UnobservableLine& line, PoseDistribution* pose) {
   const double variance = line.direction_in_world.dot(pose->PositionCovariance() * line.direction_in_world);
   const Eigen::Vector3d direction_in_cam = pose->cam_from_world.rotation * line.direction_in_world;
   pose->of_images.bottomRightCorner<3, 3>() +=
@@ -54,10 +54,10 @@ PoseDistribution DistributionOf(const Refined& refined, int query, const Rigid3d
   PoseDistribution::Matrix covariance = refined.variance_factor * refined.adjustment.image_covariances[query] +
                                         refined.adjustment.image_shared_errors[query];
   for (const auto& [group, component, variance] : refined.missing_variances) {
-    covariance += variance * refined.adjustment.prior_fits[group].image_parts[component][query];
+    covariance += variance * refined.adjustment.prior_fits[group].component_covariances[component][query];
   }
   PoseDistribution pose = MakePoseDistribution(cam_from_world, covariance);
-  if (refined.open_line) AddOpenLine(*refined.open_line, &pose);
+  if (refined.unobservable_line) AddUnobservableLine(*refined.unobservable_line, &pose);
   return pose;
 }
 

@@ -216,7 +216,7 @@ TEST(EstimateCovariance, TheWeakestDirectionIsNamed) {
   ASSERT_EQ(open.status, QueryStatus::DEGENERATE_BASELINE);
   const Eigen::Vector3d& direction = found.spread.weakest_direction_in_world;
   EXPECT_THAT(open.reason,
-              HasSubstr(Format("open along (%.2f, %.2f, %.2f)", direction.x(), direction.y(), direction.z())));
+              HasSubstr(Format("unobservable along (%.2f, %.2f, %.2f)", direction.x(), direction.y(), direction.z())));
   ExpectTruePartialPose(open, scene);
 }
 
@@ -242,7 +242,7 @@ TEST(EstimateCovariance, PositionStddevsAreThoseOfTheErrors) {
   EXPECT_LT(sum / 60, 1.6);
 }
 
-// Two lone queries at their true poses, and an adjustment with the covariances that a test sets.
+// Two single queries at their true poses, and an adjustment with the covariances that a test sets.
 struct UncertaintyInput {
   StageInput stages;
   Refined refined;
@@ -358,7 +358,7 @@ TEST(EstimateUncertainties, FramesWithUnobservablePositionsAreNamed) {
   const Failure failure = FailureOf([&] { input->Estimate(); });
   EXPECT_EQ(failure.cause, QueryStatus::DEGENERATE_BASELINE);
   EXPECT_THAT(failure.frames, testing::ElementsAre(1));
-  EXPECT_THAT(failure.reason, HasSubstr("open along"));
+  EXPECT_THAT(failure.reason, HasSubstr("unobservable along"));
   ASSERT_EQ(failure.partial_poses.count(1), 1u);
   EXPECT_EQ(failure.partial_poses.size(), 1u);
   EXPECT_EQ(failure.partial_poses.at(1).cam_from_world_rotation.coeffs(), truth.rotation.coeffs());

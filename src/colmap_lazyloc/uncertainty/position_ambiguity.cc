@@ -96,12 +96,12 @@ std::optional<Bearing> BestBearing(const AdjustedFrame& frame, int query, const 
   return best;
 }
 
-std::string OpenDirectionReason(const PoseSpread& spread, double distance) {
+std::string UnobservableDirectionReason(const PoseSpread& spread, double distance) {
   const double ratio = spread.position_stddevs[0] / distance;
   const Eigen::Vector3d& direction = spread.weakest_direction_in_world;
   return Format(
-      "the position is open along (%.2f, %.2f, %.2f) in the world: its standard deviation there is %s%.2g %% of "
-      "the distance to the points",
+      "the position is unobservable along (%.2f, %.2f, %.2f) in the world: its standard deviation there is %s%.2g %% "
+      "of the distance to the points",
       direction.x(), direction.y(), direction.z(), ratio > 1 ? "more than " : "", 100 * std::min(ratio, 1.0));
 }
 
@@ -124,7 +124,7 @@ bool FixDistance(const PosedImages& posed, const TrackRefs& tracks) {
   return CountTracksWithDepth(posed, tracks) >= kMinNumTracks && CountCommonTracks(tracks) < kMinNumTracks;
 }
 
-bool IsPositionOpen(const AdjustedFrame& frame, const LocalizerOptions& options) {
+bool IsPositionUnobservable(const AdjustedFrame& frame, const LocalizerOptions& options) {
   const Rigid3d& frame_from_world = frame.adjustment.posed.frames[frame.frame].frame_from_world;
   const bool has_common = CountCommonTracks(frame.tracks) >= kMinNumTracks;
   const bool has_depth = CountTracksWithDepth(frame.adjustment.posed, frame.tracks) >= kMinNumTracks;
@@ -146,7 +146,7 @@ bool IsPositionOpen(const AdjustedFrame& frame, const LocalizerOptions& options)
   return !has_depth && !has_common && AreOnOneLine(frame, 0.01);
 }
 
-Failure OpenPositionFailure(const AdjustedFrame& frame, double variance_factor) {
+Failure UnobservablePositionFailure(const AdjustedFrame& frame, double variance_factor) {
   const BundleAdjustmentResult& adjustment = frame.adjustment;
   const Rigid3d& pose = adjustment.posed.frames[frame.frame].frame_from_world;
   const PoseSpread spread =
@@ -159,8 +159,8 @@ Failure OpenPositionFailure(const AdjustedFrame& frame, double variance_factor) 
   };
   if (is_one_place && leaves_two_orientations()) {
     return {QueryStatus::SCALE_UNOBSERVABLE,
-            "only one database position is usable and all points lie in one plane: the distance is open, and two "
-            "orientations explain the matches alike"};
+            "only one database position is usable and all points lie in one plane: the distance is unobservable, "
+            "and two orientations explain the matches alike"};
   }
   Failure failure{QueryStatus::DEGENERATE_BASELINE, ""};
   for (const int query : frame.layout.QueriesOf(frame.frame)) {
@@ -179,7 +179,7 @@ Failure OpenPositionFailure(const AdjustedFrame& frame, double variance_factor) 
         "the database images and the query stand on one line, and too few points that two of the images see apart "
         "fix the position along it";
   } else {
-    failure.reason = OpenDirectionReason(spread, MedianDistance(pose, frame.tracks));
+    failure.reason = UnobservableDirectionReason(spread, MedianDistance(pose, frame.tracks));
   }
   return failure;
 }

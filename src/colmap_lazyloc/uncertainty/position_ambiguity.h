@@ -39,11 +39,11 @@ bool FixDistance(const PosedImages& posed, const TrackRefs& tracks);
 //         x
 //
 // With enough depths, the place on a line is known too, and the covariance tells how well.
-bool IsPositionOpen(const AdjustedFrame& frame, const LocalizerOptions& options);
+bool IsPositionUnobservable(const AdjustedFrame& frame, const LocalizerOptions& options);
 
 // Returns the failure of an adjusted frame whose position is unobservable: it names the reason, and has what is known
 // of the pose. variance_factor multiplies the adjustment's covariances.
-Failure OpenPositionFailure(const AdjustedFrame& frame, double variance_factor);
+Failure UnobservablePositionFailure(const AdjustedFrame& frame, double variance_factor);
 
 // Throws Failure for frames of one image with several database images, all of one place, and no other queries, because
 // no two of these images triangulate a point; not if there are depth maps. Its partial pose has the rotation and
