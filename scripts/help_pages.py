@@ -15,7 +15,7 @@ COMMANDS = ("lazy_localizer", "lazy_indexer", "lazy_merger")
 PROGRAM = "colmap-lazyloc"  # the name of the installed program; Debian's own is colmap
 TOOL = "lazyloc"
 OTHER_TOPICS = (  # of the options that --help leaves out, by the beginning of their names
-    ("Other options", r"(?!LazyLocalizer\.Advanced|SiftExtraction|ImageReader\.camera_model)"),
+    ("Other options", r"(?!LazyLocalizer\.Advanced|SiftExtraction|Aliked|FeatureMatching|ImageReader\.camera_model)"),
     ("Advanced options of the method", r"LazyLocalizer\."),
     ("Features of photos", r""),
 )

@@ -1,5 +1,6 @@
 #!/usr/bin/env bash
-# Installs the required packages, fetches COLMAP's source, makes the Python environment and builds the project.
+# Installs the required packages, fetches COLMAP's source and ONNX Runtime's headers, makes the Python environment and
+# builds the project.
 # You may run it again: each step does nothing and prints nothing if its work is done.
 #
 #   COLMAP_SOURCE_DIR   COLMAP source tree to build against (3.10 or 4.x); default: Debian's source package
@@ -34,14 +35,11 @@ install_packages() {
     > "$CACHE_DIR/apt.log" 2>&1 || { tail -20 "$CACHE_DIR/apt.log" >&2; return 1; }
 }
 
-# Fetches Debian 13's source package of COLMAP with a private apt configuration, because the machine's configuration
-# must not change. Uses the machine's archive and keyring, so that apt verifies signatures and checksums.
-fetch_colmap_source() {
-  [ ! -f "$COLMAP_SOURCE_DIR/CMakeLists.txt" ] || return 0
-  [ "$COLMAP_SOURCE_DIR" = "$DEBIAN_COLMAP_SOURCE_DIR" ] ||
-    { say "COLMAP_SOURCE_DIR=$COLMAP_SOURCE_DIR holds no CMakeLists.txt"; return 1; }
-  say "fetching COLMAP's source package"
-  local archive work
+# Makes a folder `work` and sets `private`, the options of apt-get that fetch from Debian 13 with a private configuration,
+# because the machine's configuration must not change. Uses the machine's archive and keyring, so that apt verifies
+# signatures and checksums. Argument: deb or deb-src.
+prepare_debian_13() {
+  local archive
   debian_archive() {
     apt-get indextargets --format '$(REPO_URI) $(CODENAME) $(ORIGIN)' 'Created-By: Packages' |
       awk '$3 == "Debian" && $2 !~ /-/ { print $1; exit }'
@@ -54,15 +52,36 @@ fetch_colmap_source() {
   [ -n "$archive" ] || { say "apt's sources name no Debian archive"; return 1; }
   work=$(mktemp -d "$CACHE_DIR/fetch.XXXXXX")
   mkdir -p "$work/lists/partial" "$work/sources.d" "$work/download"
-  echo "deb-src [signed-by=/usr/share/keyrings/debian-archive-keyring.gpg] $archive trixie main" > "$work/sources.list"
-  local private=(-q -o "Dir::Etc::sourcelist=$work/sources.list" -o "Dir::Etc::sourceparts=$work/sources.d"
-                 -o "Dir::State::Lists=$work/lists" -o "Dir::Cache=$work" -o "APT::Sandbox::User=$(id -un)")
-  apt-get "${private[@]}" update > "$work/log" 2>&1 &&
-    (cd "$work/download" && apt-get "${private[@]}" source --download-only --tar-only colmap >> "$work/log" 2>&1) ||
+  echo "$1 [signed-by=/usr/share/keyrings/debian-archive-keyring.gpg] $archive trixie main" > "$work/sources.list"
+  private=(-q -o "Dir::Etc::sourcelist=$work/sources.list" -o "Dir::Etc::sourceparts=$work/sources.d"
+           -o "Dir::State::Lists=$work/lists" -o "Dir::Cache=$work" -o "APT::Sandbox::User=$(id -un)")
+  apt-get "${private[@]}" update > "$work/log" 2>&1 || { cat "$work/log" >&2; return 1; }
+}
+
+# Fetches Debian 13's source package of COLMAP.
+fetch_colmap_source() {
+  [ ! -f "$COLMAP_SOURCE_DIR/CMakeLists.txt" ] || return 0
+  [ "$COLMAP_SOURCE_DIR" = "$DEBIAN_COLMAP_SOURCE_DIR" ] ||
+    { say "COLMAP_SOURCE_DIR=$COLMAP_SOURCE_DIR holds no CMakeLists.txt"; return 1; }
+  say "fetching COLMAP's source package"
+  prepare_debian_13 deb-src
+  (cd "$work/download" && apt-get "${private[@]}" source --download-only --tar-only colmap >> "$work/log" 2>&1) ||
     { cat "$work/log" >&2; return 1; }
   mkdir "$work/source"
   tar -xf "$work"/download/colmap_*.orig.tar.* -C "$work/source" --strip-components=1
   mv "$work/source" "$DEBIAN_COLMAP_SOURCE_DIR"
+  rm -rf "$work"
+}
+
+# Fetches the headers of ONNX Runtime, which Debian 12 lacks.
+fetch_onnxruntime_headers() {
+  [ ! -d "$ONNXRUNTIME_INCLUDE_DIR" ] || return 0
+  say "fetching the headers of ONNX Runtime"
+  prepare_debian_13 deb
+  (cd "$work/download" && apt-get "${private[@]}" download libonnxruntime-dev >> "$work/log" 2>&1) ||
+    { cat "$work/log" >&2; return 1; }
+  dpkg-deb -x "$work"/download/libonnxruntime-dev_*.deb "$work/package"
+  mv "$work/package/usr/include/onnxruntime" "$ONNXRUNTIME_INCLUDE_DIR"
   rm -rf "$work"
 }
 
@@ -84,6 +103,7 @@ build() {
   mkdir -p "$BUILD_DIR"
   cmake -S . -B "$BUILD_DIR" -G Ninja -DCMAKE_BUILD_TYPE="${CMAKE_BUILD_TYPE:-Release}" \
     -DCOLMAP_SOURCE_DIR="$COLMAP_SOURCE_DIR" -DLAZYLOC_PYTHON=ON -DPython_EXECUTABLE="$PYTHON" \
+    -DONNXRUNTIME_INCLUDE_DIR="$ONNXRUNTIME_INCLUDE_DIR" \
     -DCMAKE_CXX_COMPILER_LAUNCHER=ccache -DCMAKE_C_COMPILER_LAUNCHER=ccache \
     ${CMAKE_ARGS:-} > "$log" 2>&1 || { tail -30 "$log" >&2; return 1; }
   if ninja -C "$BUILD_DIR" -n ${BUILD_TARGETS:-} | grep -q 'no work to do'; then return 0; fi
@@ -110,4 +130,5 @@ install_packages scripts/packages.txt
 install_requirements scripts/requirements.txt
 [ "${1:-}" != environment ] || exit 0
 fetch_colmap_source
+fetch_onnxruntime_headers
 build

@@ -11,12 +11,14 @@ from types import ModuleType
 from typing import TYPE_CHECKING
 
 import colmap_lazyloc
+from colmap_lazyloc.onnx import offer_onnxruntime
 
 EXTENSION = "colmap_lazyloc._core"
 CHECKOUT_PATH = pathlib.Path(__file__).resolve().parents[2]
 
 
 def _load() -> ModuleType:
+    offer_onnxruntime()
     try:
         return importlib.import_module(EXTENSION)
     except ModuleNotFoundError:

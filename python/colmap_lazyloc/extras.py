@@ -29,6 +29,7 @@ EXTRAS = {
     ),
     "retrieval": Extra("lazyloc retrieve: global descriptors", {"faiss-cpu": "faiss", "h5py": "h5py"}),
     "cluster": Extra("lazyloc cluster: Dask", {"bokeh": "bokeh", "distributed": "distributed", **TQDM}),
+    "onnx": Extra("photos against databases of ALIKED features", {"onnxruntime": "onnxruntime"}),
     "hloc": Extra("files of hloc, projection of points", {"h5py": "h5py", "pycolmap": "pycolmap"}),
 }
 

@@ -125,7 +125,7 @@ class Localizer:
         position: PositionPrior | None = None,
         gravity: GravityPrior | None = None,
     ) -> Result:
-        """Extracts the SIFT features of a photo, matches them with the database's and localizes it.
+        """Extracts the features of a photo, matches them with the database's and localizes it.
 
         `image`: a file (below the option image_path, if it is set), or uint8 values, height x width (grey) or
         height x width x 3 (RGB). The database needs the descriptors of the posed images.

@@ -16,6 +16,7 @@ from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING
 
 from colmap_lazyloc.errors import InputError, command
+from colmap_lazyloc.onnx import offer_onnxruntime
 from colmap_lazyloc.text_files import Path
 
 if TYPE_CHECKING:
@@ -27,6 +28,7 @@ PACKAGE_PATH = pathlib.Path(__file__).resolve().parent
 def find_colmap() -> pathlib.Path:
     """Returns the program that the environment variable COLMAP names, else the one built in the checkout, else that of
     the Debian package, else that of the wheel, else `colmap`."""
+    offer_onnxruntime()
     if "COLMAP" in os.environ:
         return pathlib.Path(os.environ["COLMAP"])
     built = PACKAGE_PATH.parents[1] / "build" / "bin" / "colmap"

@@ -11,7 +11,7 @@ TYPES = {"math", "scene"}  # plain types and pure functions, which every folder 
 STAGES = {"two_view", "rotation", "translation", "structure", "refinement"}
 METHOD = TYPES | STAGES | {"bridge", "ablation"}  # what all parts of the method may include
 PARTS = {"group", "noise", "uncertainty", "starts", "depths", "intrinsics", "priors"}  # of the method, for pipeline/
-FILES = {"files", "database", "matching", "formats", "queries", "loading", "runs", "results"}
+FILES = {"files", "database", "learned", "matching", "formats", "queries", "loading", "runs", "results"}
 
 # The other folders that a folder's files may include, all of them above it in this table, so that data flows one way.
 # Stages hand values to each other and never include one another.
@@ -21,7 +21,8 @@ MAY_INCLUDE = {
     "files": TYPES,  # reads and writes files of any kind
     "database": TYPES,
     "bridge": TYPES,
-    "matching": TYPES | {"files", "bridge", "database"},
+    "learned": TYPES | {"bridge"},  # reads photos
+    "matching": TYPES | {"files", "bridge", "learned", "database"},
     "two_view": TYPES | {"bridge"},  # COLMAP's two-view geometry
     "rotation": TYPES,
     "translation": TYPES,
@@ -40,7 +41,7 @@ MAY_INCLUDE = {
     # Queries from files and the database, and what is written of them:
     "formats": TYPES | {"files", "bridge"},
     "queries": TYPES | {"files", "bridge", "database", "formats"},
-    "loading": TYPES | {"files", "bridge", "database", "matching", "formats", "queries"},
+    "loading": TYPES | {"files", "bridge", "learned", "database", "matching", "formats", "queries"},
     "runs": TYPES | {"files", "queries"},
     "results": TYPES | {"files", "bridge", "database", "formats", "runs"},
     "cli": TYPES | FILES | {"bridge", "group", "noise", "pipeline"},

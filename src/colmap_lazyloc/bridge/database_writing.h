@@ -12,7 +12,8 @@ namespace lazyloc {
 // Opens a COLMAP database for writing; creates the file if it does not exist.
 std::shared_ptr<colmap::Database> OpenDatabase(const std::filesystem::path& path);
 
-void WriteSiftDescriptors(uint32_t image_id, const Descriptors& descriptors, colmap::Database* database);
+bool CanWriteDescriptors(FeatureType type);
+void WriteDescriptors(uint32_t image_id, const Features& features, colmap::Database* database);
 
 // Write a rig of one camera, and a frame of one image, with the same id as the camera or image. They do nothing with
 // COLMAP 3, which has neither rigs nor frames.

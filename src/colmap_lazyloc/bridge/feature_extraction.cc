@@ -1,6 +1,7 @@
 #include "colmap_lazyloc/bridge/feature_extraction.h"
 
 #include <algorithm>
+#include <cmath>
 #include <utility>
 
 #include "colmap_lazyloc/bridge/sift.h"
@@ -39,9 +40,9 @@ std::string ExifMakeAndModel(const std::string& colmap_name) {
   return focal_length == std::string::npos ? "" : colmap_name.substr(0, focal_length);
 }
 
-std::optional<PhotoFile> PhotoFile::Read(const std::filesystem::path& path) {
+std::optional<PhotoFile> PhotoFile::Read(const std::filesystem::path& path, bool as_rgb) {
   auto bitmap = std::make_shared<colmap::Bitmap>();
-  if (!bitmap->Read(path.string(), /*as_rgb=*/false)) return std::nullopt;
+  if (!bitmap->Read(path.string(), as_rgb)) return std::nullopt;
   PhotoFile file;
   file.properties_ = {static_cast<uint64_t>(bitmap->Width()), static_cast<uint64_t>(bitmap->Height()),
                       ExifFocalLengthPx(*bitmap), ExifMakeAndModel(ExifCameraName(*bitmap))};
@@ -61,13 +62,13 @@ PhotoFile PhotoFile::FromPixels(const uint8_t* values, int width, int height, in
   PhotoFile file;
   file.properties_.width = static_cast<uint64_t>(width);
   file.properties_.height = static_cast<uint64_t>(height);
-  file.pixels_ = std::make_shared<const colmap::Bitmap>(is_rgb ? bitmap.CloneAsGrey() : std::move(bitmap));
+  file.pixels_ = std::make_shared<const colmap::Bitmap>(std::move(bitmap));
   return file;
 }
 
 Features PhotoFile::ExtractFeatures(const SiftExtractionOptions& options, IdleThreads* idle_threads) const {
   LAZYLOC_CHECK(options.max_num_features > 0 && options.first_octave >= -1);
-  colmap::Bitmap bitmap(*pixels_);
+  colmap::Bitmap bitmap = pixels_->IsRGB() ? pixels_->CloneAsGrey() : *pixels_;
   ScaleDown(options.max_image_size, &bitmap);
   Features features;
   colmap::FeatureKeypoints keypoints;
@@ -84,6 +85,17 @@ Features PhotoFile::ExtractFeatures(const SiftExtractionOptions& options, IdleTh
     features.keypoints.push_back({keypoint.x, keypoint.y, keypoint.a11, keypoint.a12, keypoint.a21, keypoint.a22});
   }
   return features;
+}
+
+RgbImage PhotoFile::ToRgb(int max_size) const {
+  colmap::Bitmap bitmap = pixels_->IsRGB() ? *pixels_ : pixels_->CloneAsRGB();
+  const int size = std::max(bitmap.Width(), bitmap.Height());
+  if (size > max_size) {
+    const double scale = static_cast<double>(max_size) / size;
+    bitmap.Rescale(std::max<int>(1, std::lround(bitmap.Width() * scale)),
+                   std::max<int>(1, std::lround(bitmap.Height() * scale)));
+  }
+  return {bitmap.Width(), bitmap.Height(), RgbValues(bitmap)};
 }
 
 }  // namespace lazyloc

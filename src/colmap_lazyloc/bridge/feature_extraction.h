@@ -5,6 +5,7 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "colmap_lazyloc/math/parallel_for.h"
 #include "colmap_lazyloc/scene/features.h"
@@ -40,11 +41,17 @@ struct PhotoProperties {
   std::string exif_camera;  // make and model; empty if unknown
 };
 
+// Pixels row by row, with three values each.
+struct RgbImage {
+  int width = 0, height = 0;
+  std::vector<uint8_t> values;
+};
+
 // An image file in memory. A copy shares the pixels.
 class PhotoFile {
  public:
-  // Returns nullopt if COLMAP cannot read the file as an image.
-  static std::optional<PhotoFile> Read(const std::filesystem::path& path);
+  // Returns nullopt if COLMAP cannot read the file as an image. Keeps colours only if asked to.
+  static std::optional<PhotoFile> Read(const std::filesystem::path& path, bool as_rgb = false);
   // Makes the file that COLMAP would read from a lossless image without EXIF. values: rows of pixels, of one (grey) or
   // three (RGB) values each.
   static PhotoFile FromPixels(const uint8_t* values, int width, int height, int num_channels);
@@ -54,6 +61,8 @@ class PhotoFile {
   // is too small. No option may follow the database. Thread-safe. Uses idle threads, too, except for affine shapes and
   // domain-size pooling.
   Features ExtractFeatures(const SiftExtractionOptions& options, IdleThreads* idle_threads) const;
+  // Returns the pixels, scaled down to a longer side of at most max_size like COLMAP 4's feature extraction.
+  RgbImage ToRgb(int max_size) const;
 
  private:
   PhotoProperties properties_;

@@ -15,6 +15,7 @@ struct MatchDatabase::Impl {
 
 MatchDatabase::MatchDatabase(const std::filesystem::path& path) : impl_(std::make_unique<Impl>(path)) {}
 MatchDatabase::~MatchDatabase() = default;
+bool MatchDatabase::CanHold(FeatureType type) { return CanWriteDescriptors(type); }
 
 void MatchDatabase::AddCamera(const Camera& camera) {
   const colmap::Camera converted = ToColmap(camera);
@@ -35,7 +36,7 @@ void MatchDatabase::AddImage(uint32_t image_id, uint32_t camera_id, const std::s
     keypoints.emplace_back(keypoint.x, keypoint.y, keypoint.a11, keypoint.a12, keypoint.a21, keypoint.a22);
   }
   impl_->database->WriteKeypoints(image_id, keypoints);
-  WriteSiftDescriptors(image_id, features.descriptors, impl_->database.get());
+  WriteDescriptors(image_id, features, impl_->database.get());
 }
 
 void MatchDatabase::AddPair(uint32_t database_id, uint32_t query_id, const Matches& matches,

@@ -18,6 +18,8 @@ class MatchDatabase {
  public:
   // path: a file that does not exist yet.
   explicit MatchDatabase(const std::filesystem::path& path);
+  // False for all but SIFT in a build against COLMAP 3.
+  static bool CanHold(FeatureType type);
   ~MatchDatabase();
   MatchDatabase(const MatchDatabase&) = delete;
   MatchDatabase& operator=(const MatchDatabase&) = delete;

@@ -23,6 +23,8 @@ bool ExtractSift(const colmap::Bitmap& bitmap, const SiftExtractionOptions& opti
 
 // Returns the values of a grey bitmap, row by row.
 std::vector<uint8_t> GreyValues(const colmap::Bitmap& bitmap);
+// Returns the values of a bitmap in colours, row by row: red, green and blue of each pixel.
+std::vector<uint8_t> RgbValues(const colmap::Bitmap& bitmap);
 
 // Returns a black bitmap.
 colmap::Bitmap AllocateBitmap(int width, int height, bool as_rgb);

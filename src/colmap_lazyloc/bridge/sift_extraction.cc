@@ -12,7 +12,7 @@ namespace lazyloc {
 namespace {
 
 constexpr size_t kKeypointsPerTask = 64;
-constexpr int kNumColumns = kFeatureType.num_columns;
+constexpr int kNumColumns = kDescriptorLength;
 using DescriptorBytes = std::array<uint8_t, kNumColumns>;
 using FloatDescriptor =
     Eigen::Matrix<float, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;  // COLMAP's, with one row

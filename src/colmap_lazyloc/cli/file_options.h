@@ -37,6 +37,8 @@ void ForEachFileOption(Options& o, const Add& add) {
       "Index of colmap lazy_indexer for finding the database images that look like a photo; made or updated if needed; "
       "default: an index in memory if there are more than 50 database images",
       OptionRole::INPUT);
+  add("onnx_path", &o.source.photos.aliked.onnx_path,
+      "Folder of COLMAP 4's ONNX models, for photos if the database has ALIKED features", OptionRole::MACHINE);
   add("rig_config_path", &o.source.selection.groups.rig_config_path,
       "Camera rigs of the images in the JSON format of COLMAP's rig_configurator; default: the rigs in the database or "
       "model",

@@ -13,7 +13,7 @@ struct HelpGroup {
 inline const HelpGroup kHelpGroups[] = {
     {"What you need", {"database_path", "input_path", "output_path"}},
     {"Queries", {"query_list_path", "pairs_path", "LazyLocalizer.leave_one_out", "LazyLocalizer.intrinsics"}},
-    {"Photos", {"image_path", "retrieval_index_path"}},
+    {"Photos", {"image_path", "retrieval_index_path", "onnx_path"}},
     {"Several at once", {"rig_config_path", "query_trajectory_path", "LazyLocalizer.group_size"}},
     {"Position, gravity, depth", {"query_position_path", "query_gravity_path", "depth_path"}},
     {"Output", {"LazyLocalizer.min_confidence", "LazyLocalizer.num_threads", "resume", "strict"}},

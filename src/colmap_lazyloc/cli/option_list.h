@@ -67,6 +67,32 @@ void ForEachSourceOption(Options& o, const Add& add) {
       "Memory in gigabytes for the features of database images that photos are matched with", OptionRole::MACHINE);
 }
 
+// The names are those of COLMAP 4.
+template <typename Options, typename Add>
+void ForEachAlikedOption(Options& o, const Add& add) {
+  add("AlikedExtraction.max_image_size", &o.max_image_size,
+      "Maximum size of a photo in pixels for ALIKED; a larger one is scaled down for extraction");
+  add("AlikedExtraction.max_num_features", &o.max_num_features,
+      "Maximum number of ALIKED features of a photo; those of the highest scores are kept");
+  add("AlikedExtraction.min_score", &o.min_score, "Minimum score of an ALIKED feature");
+  add("AlikedExtraction.n16rot_model_path", &o.n16rot_model_path,
+      "Model that extracts features of type ALIKED_N16ROT; default: aliked-n16rot.onnx in --onnx_path",
+      OptionRole::INPUT);
+  add("AlikedExtraction.n32_model_path", &o.n32_model_path,
+      "Model that extracts features of type ALIKED_N32; default: aliked-n32.onnx in --onnx_path", OptionRole::INPUT);
+  add("FeatureMatching.type", &o.matcher,
+      "How ALIKED features are matched: ALIKED_BRUTEFORCE, or ALIKED_LIGHTGLUE, which takes 20 times as long and bridges "
+      "larger changes of light and viewpoint");
+  add("AlikedMatching.brute_force_min_cossim", &o.brute_force_min_cossim, "Minimum cosine between matched descriptors");
+  add("AlikedMatching.brute_force_max_ratio", &o.brute_force_max_ratio,
+      "Maximum ratio of the distance of the nearest descriptor to that of the second nearest; 1 allows any");
+  add("AlikedMatching.bruteforce_model_path", &o.bruteforce_model_path,
+      "Model that matches by brute force; default: bruteforce-matcher.onnx in --onnx_path", OptionRole::INPUT);
+  add("AlikedMatching.lightglue_min_score", &o.lightglue_min_score, "Minimum score of a match of LightGlue");
+  add("AlikedMatching.lightglue_model_path", &o.lightglue_model_path,
+      "Model of LightGlue; default: aliked-lightglue.onnx in --onnx_path", OptionRole::INPUT);
+}
+
 template <typename Options, typename Add>
 void ForEachFeatureOption(Options& o, const Add& add) {
   add("ImageReader.camera_model", &o.camera_model, "Camera model of photos without a known camera");
@@ -83,6 +109,7 @@ void ForEachFeatureOption(Options& o, const Add& add) {
       "Estimate ellipses instead of circles as feature shapes");
   add("SiftExtraction.domain_size_pooling", &extraction.domain_size_pooling, "Pool descriptors over several scales");
   add("SiftExtraction.upright", &extraction.upright, "Assume that photos are upright: fix the features' orientation");
+  ForEachAlikedOption(o.aliked, add);
 }
 
 template <typename Options, typename Add>

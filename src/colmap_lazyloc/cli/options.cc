@@ -122,7 +122,7 @@ InputError OptionError(Options& options, const std::string& message) {
   const std::string field = message.substr(0, message.find(' '));
   std::string option = field;
   ForEachOption(options, [&](const std::string& name, const auto*, const char*, OptionRole = OptionRole::METHOD) {
-    if (name.substr(name.rfind('.') + 1) == field) option = name;
+    if (option == field && name.substr(name.rfind('.') + 1) == field) option = name;
   });
   return InputError("option --" + option + message.substr(field.size()));
 }

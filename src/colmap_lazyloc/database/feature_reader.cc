@@ -18,28 +18,33 @@ SqliteStatement PrepareDescriptors(const SqliteConnection& connection, const std
   if (names.empty()) {
     throw InputError(connection.File().Path().string() + ": is not a COLMAP database: it has no table descriptors");
   }
-  // Versions before COLMAP 4 know SIFT alone and have no column for the type.
+  // Versions before COLMAP 4 have no column for the type.
   const std::string type = names.count("type") > 0 ? "type" : "0";
   return connection.Prepare("descriptors", "SELECT " + columns + ", cols, " + type + " FROM descriptors " + condition);
 }
 
-void CheckType(const SqliteRows& row, int cols_column) {
-  const int64_t cols = row.Integer(cols_column, 0, kMaxInt);
-  const int64_t type = row.Integer(cols_column + 1, -1, kMaxInt);
-  if (cols != kFeatureType.num_columns || type != kFeatureType.colmap_type) {
-    row.Fail(std::string("descriptors are not ") + kFeatureType.name + "'s (type " + std::to_string(type) + ", " +
-             std::to_string(cols) + " columns): photos cannot be matched with them");
+// Reads the type from columns 2 (cols) and 3 (type).
+FeatureType ReadType(const SqliteRows& row) {
+  const int64_t cols = row.Integer(2, 0, kMaxInt);
+  const int64_t number = row.Integer(3, 0, static_cast<int64_t>(kEnumNames<FeatureType>.size()) - 1);
+  const auto type = static_cast<FeatureType>(number);
+  const bool has_known_length = type == FeatureType::SIFT || IsAliked(type);
+  const int64_t element_size = type == FeatureType::SIFT ? 1 : sizeof(float);
+  if (has_known_length ? cols != kDescriptorLength * element_size : cols % element_size != 0) {
+    row.Fail(std::string("descriptors are not ") + EnumName(type) + "'s: they have " + std::to_string(cols) +
+             " columns");
   }
+  return type;
 }
 
 Descriptors ReadDescriptors(const SqliteRows& row) {
   const ByteSpan data = row.Blob(1);
-  const int64_t num_rows = row.Integer(0, 0, kMaxInt);
-  if (data.size != static_cast<size_t>(num_rows * kFeatureType.num_columns)) {  // before memory is allocated for them
+  const int64_t num_rows = row.Integer(0, 0, kMaxInt), num_columns = row.Integer(2, 1, kMaxInt);
+  if (data.size / num_columns != static_cast<size_t>(num_rows) || data.size % num_columns != 0) {
     row.Fail("descriptors have " + std::to_string(data.size) + " bytes for " + std::to_string(num_rows) + " x " +
-             std::to_string(kFeatureType.num_columns) + " numbers");
+             std::to_string(num_columns));
   }
-  Descriptors descriptors(num_rows, kFeatureType.num_columns);
+  Descriptors descriptors(num_rows, num_columns);
   if (data.size > 0) std::memcpy(descriptors.data(), data.data, data.size);
   return descriptors;
 }
@@ -53,16 +58,22 @@ FeatureReader::FeatureReader(const std::filesystem::path& path)
       descriptors_(PrepareDescriptors(connection_, "rows, data", "WHERE image_id = ?1")),
       labels_(connection_) {}
 
-std::map<uint32_t, size_t> FeatureReader::ReadDescriptorCounts(std::vector<std::string>* damages) const {
-  std::map<uint32_t, size_t> counts;
+DescriptorCounts FeatureReader::ReadDescriptorCounts(std::vector<std::string>* damages) const {
+  DescriptorCounts counts;
   uint32_t image_id = 0;
   SqliteRows rows = counts_.Run({}, [&] { return labels_.Of(image_id); });
   while (rows.Next()) {
     try {
       image_id = 0;
       image_id = static_cast<uint32_t>(rows.Integer(0, 0, kMaxInt));
-      CheckType(rows, 2);
-      counts[image_id] = static_cast<size_t>(rows.Integer(1, 1, kMaxInt));
+      const FeatureType type = ReadType(rows);
+      const auto count = static_cast<size_t>(rows.Integer(1, 1, kMaxInt));
+      if (counts.of_image.empty()) counts.type = type;
+      if (type != counts.type) {
+        throw InputError(Path().string() + ": has features of types " + EnumName(counts.type) + " and " +
+                         EnumName(type) + ", but photos can be matched with one type only");
+      }
+      counts.of_image[image_id] = count;
     } catch (const DamagedRecordError& error) {
       if (damages != nullptr) damages->push_back(error.Damage());
     }
@@ -79,11 +90,10 @@ std::vector<Keypoint> FeatureReader::ReadKeypoints(uint32_t image_id) const {
 
 Features FeatureReader::Read(uint32_t image_id) const {
   Features features;
-  features.descriptors.resize(0, kFeatureType.num_columns);
   SqliteRows descriptor_rows = descriptors_.Run({image_id}, [this, image_id] { return labels_.Of(image_id); });
   while (descriptor_rows.Next()) {
     if (descriptor_rows.Integer(0, 0, kMaxInt) == 0) continue;
-    CheckType(descriptor_rows, 2);
+    features.type = ReadType(descriptor_rows);
     features.descriptors = ReadDescriptors(descriptor_rows);
   }
   if (features.descriptors.rows() == 0) return features;

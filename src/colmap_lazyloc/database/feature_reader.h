@@ -12,19 +12,25 @@
 
 namespace lazyloc {
 
-// Reads the SIFT features of a COLMAP database without writing, like DatabaseReader and with its errors. Has one
+// The number of descriptors by image, for images that have any.
+struct DescriptorCounts {
+  FeatureType type = FeatureType::SIFT;  // of all of them
+  std::map<uint32_t, size_t> of_image;
+};
+
+// Reads the features of a COLMAP database without writing, like DatabaseReader and with its errors. Has one
 // connection: use one reader per thread.
 class FeatureReader {
  public:
   explicit FeatureReader(const std::filesystem::path& path);
 
   const std::filesystem::path& Path() const { return connection_.File().Path(); }
-  // Returns the number of descriptors by image, for images that have any. Leaves out images whose descriptors are not
-  // SIFT's or whose number is damaged, and appends the damage to `damages` unless it is null. Reads no descriptor.
-  std::map<uint32_t, size_t> ReadDescriptorCounts(std::vector<std::string>* damages = nullptr) const;
+  // Counts the descriptors without reading them. Leaves out images whose record is damaged, and appends the damage to
+  // `damages` unless it is null. Throws InputError if there are descriptors of several types.
+  DescriptorCounts ReadDescriptorCounts(std::vector<std::string>* damages = nullptr) const;
   // Returns the keypoints of an image; empty if it has none.
   std::vector<Keypoint> ReadKeypoints(uint32_t image_id) const;
-  // Returns as many keypoints as descriptors (128 columns); both are empty if the image has none.
+  // Returns as many keypoints as descriptors; both are empty if the image has none.
   Features Read(uint32_t image_id) const;
 
  private:

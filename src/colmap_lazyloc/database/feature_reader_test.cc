@@ -42,7 +42,7 @@ TEST_P(FeatureReaderTest, ReadsFeaturesAndTheirNumbers) {
   }
   database_.AddDescriptors(9, Descriptors(0, 0));
   const FeatureReader reader(path_);
-  EXPECT_THAT(reader.ReadDescriptorCounts(),
+  EXPECT_THAT(reader.ReadDescriptorCounts().of_image,
               ::testing::ElementsAre(std::pair(2u, 5u), std::pair(4u, 5u), std::pair(6u, 5u)));
   for (const uint32_t image_id : {2, 4, 6}) {
     const Features features = reader.Read(image_id);
@@ -85,11 +85,11 @@ TEST_P(FeatureReaderTest, AnotherNumberOfKeypointsIsAnError) {
               ThrowsMessage<InputError>(HasSubstr("has 4 keypoints, but 3 descriptors")));
 }
 
-TEST_P(FeatureReaderTest, OtherDescriptorsThanSiftAreAnError) {
+TEST_P(FeatureReaderTest, DescriptorsOfAnotherLengthAreAnError) {
   database_.AddDescriptors(1, Descriptors::Zero(3, 256));
   const FeatureReader reader(path_);
   std::vector<std::string> damages;
-  EXPECT_THAT(reader.ReadDescriptorCounts(&damages), IsEmpty());
+  EXPECT_THAT(reader.ReadDescriptorCounts(&damages).of_image, IsEmpty());
   EXPECT_THAT(damages, ElementsAre(HasSubstr("not SIFT's")));
   EXPECT_THAT([&] { reader.Read(1); }, ThrowsMessage<InputError>(HasSubstr("256 columns")));
 }
@@ -104,19 +104,58 @@ TEST_P(FeatureReaderTest, DamagedDescriptorsAreAnError) {
               ThrowsMessage<DamagedRecordError>(HasSubstr("384 bytes for 2147483647 x 128")));
   database_.Execute("UPDATE descriptors SET rows = -1");
   std::vector<std::string> damages;
-  EXPECT_THAT(FeatureReader(path_).ReadDescriptorCounts(&damages), IsEmpty());
+  EXPECT_THAT(FeatureReader(path_).ReadDescriptorCounts(&damages).of_image, IsEmpty());
   EXPECT_THAT(damages, ElementsAre("table descriptors, image 1: rows is out of range: -1"));
 }
 
 INSTANTIATE_TEST_SUITE_P(Schemas, FeatureReaderTest, ::testing::Values(Schema::V3_8, Schema::V4_2));
 
-TEST(FeatureReader, LearnedDescriptorsAreNotSift) {
-  const TestFolder folder;
-  TestDatabase database(folder / "database.db", Schema::V4_2);
-  database.AddDescriptors(1, RandomDescriptors(3, 1), /*type=*/1);
+class FeatureTypes : public ::testing::Test {
+ protected:
+  void Add(uint32_t image_id, int num_columns, int type) {
+    database_.AddKeypoints(image_id, {{1, 2}, {3, 4}, {5, 6}});
+    database_.AddDescriptors(image_id, Descriptors::Constant(3, num_columns, 7), type);
+  }
+
+  TestFolder folder_;
+  std::filesystem::path path_ = folder_ / "database.db";
+  TestDatabase database_{path_, Schema::V4_2};
+};
+
+TEST_F(FeatureTypes, AreThoseOfTheDatabase) {
+  for (const auto& [type, num_columns] :
+       {std::pair(0, 128), std::pair(1, 512), std::pair(2, 512), std::pair(3, 1024)}) {
+    database_.Execute("DELETE FROM descriptors");
+    database_.Execute("DELETE FROM keypoints");
+    Add(1, num_columns, type);
+    Add(2, num_columns, type);
+    const FeatureReader reader(path_);
+    EXPECT_EQ(reader.ReadDescriptorCounts().type, static_cast<FeatureType>(type));
+    EXPECT_THAT(reader.ReadDescriptorCounts().of_image, ElementsAre(std::pair(1u, 3u), std::pair(2u, 3u)));
+    EXPECT_EQ(reader.Read(2).type, static_cast<FeatureType>(type));
+    EXPECT_EQ(reader.Read(2).descriptors, Descriptors::Constant(3, num_columns, 7));
+  }
+}
+
+TEST_F(FeatureTypes, SeveralAreAnError) {
+  Add(1, 128, 0);
+  Add(2, 512, 1);
+  EXPECT_THAT([&] { FeatureReader(path_).ReadDescriptorCounts(); },
+              ThrowsMessage<InputError>(HasSubstr("database.db: has features of types SIFT and ALIKED_N16ROT")));
+}
+
+TEST_F(FeatureTypes, DamageLeavesTheImageOut) {
+  Add(1, 512, 2);
+  Add(2, 512, 0);
+  Add(3, 128, 2);
+  Add(4, 512, 99);
   std::vector<std::string> damages;
-  EXPECT_THAT(FeatureReader(folder / "database.db").ReadDescriptorCounts(&damages), IsEmpty());
-  EXPECT_THAT(damages, ElementsAre(HasSubstr("type 1")));
+  const DescriptorCounts counts = FeatureReader(path_).ReadDescriptorCounts(&damages);
+  EXPECT_EQ(counts.type, FeatureType::ALIKED_N32);
+  EXPECT_THAT(counts.of_image, ElementsAre(std::pair(1u, 3u)));
+  EXPECT_THAT(damages, ElementsAre(HasSubstr("image 2: descriptors are not SIFT's: they have 512 columns"),
+                                   HasSubstr("image 3: descriptors are not ALIKED_N32's: they have 128 columns"),
+                                   HasSubstr("image 4: type is out of range: 99")));
 }
 
 }  // namespace

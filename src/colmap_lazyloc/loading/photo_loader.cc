@@ -84,7 +84,7 @@ bool PhotoOptions::CheckImagePath(std::string* error) const {
 
 bool PhotoOptions::Check(std::string* error) const {
   OPTION_GE(cache_gb, 0);
-  return extraction.Check(error);
+  return extraction.Check(error) && aliked.Check(error);
 }
 
 PhotoLoader::PhotoLoader(const DatabaseReader& database, const QuerySelection& selection, const PhotoOptions& options,
@@ -96,20 +96,15 @@ PhotoLoader::PhotoLoader(const DatabaseReader& database, const QuerySelection& s
       default_camera_(ParseDefaultCamera(options)),
       database_cameras_(selection.DatabaseModel(), options.image_path, selection.DatabaseExifFocalLengths()),
       features_(static_cast<size_t>(std::min(options.cache_gb * 1e9, 1e18)), NumBytes) {
-  if (!options.matches_output_path.empty()) {
-    std::vector<std::string> names;
-    for (const auto& [name, photo] : selection.Photos()) names.push_back(name);
-    matches_output_ = std::make_unique<MatchesOutput>(options.matches_output_path, database, names);
-  }
   std::vector<std::string> damages;
   const FeatureReader features(database.Path());
-  const std::map<uint32_t, size_t> num_descriptors = features.ReadDescriptorCounts(&damages);
+  const DescriptorCounts counts = features.ReadDescriptorCounts(&damages);
   for (const std::string& damage : damages) {
     warnings_.push_back(database.Path().string() + ": " + damage + ": leaving the image out");
   }
   for (const ModelImage& image : selection.DatabaseModel().images) {
     const DatabaseImage* stored = selection.FindInDatabase(image.name);
-    if (stored == nullptr || num_descriptors.count(stored->image_id) == 0) continue;
+    if (stored == nullptr || counts.of_image.count(stored->image_id) == 0) continue;
     candidates_.push_back({&image, stored->image_id});
   }
   if (candidates_.empty() && !damages.empty()) {
@@ -119,7 +114,13 @@ PhotoLoader::PhotoLoader(const DatabaseReader& database, const QuerySelection& s
     throw InputError(database.Path().string() +
                      ": no posed image has descriptors to match photos with (run COLMAP's feature_extractor)");
   }
-  MeasureCandidates(num_descriptors, features);
+  PrepareFor(counts.type, database.Path().string());
+  if (!options.matches_output_path.empty()) {
+    std::vector<std::string> names;
+    for (const auto& [name, photo] : selection.Photos()) names.push_back(name);
+    matches_output_ = std::make_unique<MatchesOutput>(options.matches_output_path, database, names);
+  }
+  MeasureCandidates(counts.of_image, features);
   const bool needs_index = (has_more_photos && NeedsRetrieval({})) ||
                            std::any_of(selection.Photos().begin(), selection.Photos().end(),
                                        [this](const auto& photo) { return NeedsRetrieval(photo.second); });
@@ -128,6 +129,18 @@ PhotoLoader::PhotoLoader(const DatabaseReader& database, const QuerySelection& s
         std::make_unique<RetrievalIndex>(options.retrieval_index_path, database, RetrievalOptions(), seed, num_threads);
     warnings_.insert(warnings_.end(), index_->Warnings().begin(), index_->Warnings().end());
   }
+}
+
+void PhotoLoader::PrepareFor(FeatureType type, const std::string& database_path) {
+  if (type == FeatureType::SIFT) return;
+  const std::string problem = database_path + ": has features of type " + EnumName(type);
+  if (!IsAliked(type)) throw InputError(problem + ", which cannot be extracted from photos: only SIFT and ALIKED can");
+  if (!options_.matches_output_path.empty() && !MatchDatabase::CanHold(type)) {
+    throw InputError(problem +
+                     ", which no database for --LazyLocalizer.Advanced.matches_output_path can hold, because "
+                     "this program was built against COLMAP 3");
+  }
+  aliked_ = std::make_unique<const Aliked>(type, options_.aliked);
 }
 
 void PhotoLoader::MeasureCandidates(const std::map<uint32_t, size_t>& num_descriptors, const FeatureReader& reader) {
@@ -153,6 +166,10 @@ void PhotoLoader::MeasureCandidates(const std::map<uint32_t, size_t>& num_descri
 }
 
 std::string PhotoLoader::DescribeExtraction() const {
+  if (aliked_) {
+    return Format("photos of at most %d pixels: at most %d features of ALIKED, matched by %s",
+                  options_.aliked.max_image_size, options_.aliked.max_num_features, EnumName(options_.aliked.matcher));
+  }
   const SiftExtractionOptions chosen = ChooseExtraction(options_.extraction, statistics_, database_scale_);
   return Format("photos of %.0f pixels with a focal length of %.0f: at most %d features, first octave %d",
                 database_scale_.size_px, database_scale_.focal_length_px, chosen.max_num_features, chosen.first_octave);
@@ -173,20 +190,25 @@ PhotoLoader::Candidates PhotoLoader::AllowedCandidates(const PhotoQuery& photo) 
   return allowed;
 }
 
-PhotoLoader::Candidates PhotoLoader::ChooseCandidates(const PhotoQuery& photo, const Descriptors& descriptors,
+PhotoLoader::Candidates PhotoLoader::ChooseCandidates(const PhotoQuery& photo, const Features& features,
                                                       IdleThreads* idle_threads) const {
   Candidates allowed = AllowedCandidates(photo);
   if (!NeedsRetrieval(photo)) return allowed;
   std::map<uint32_t, const Candidate*> candidate_of_id;
   for (const Candidate* candidate : allowed) candidate_of_id.emplace(candidate->image_id, candidate);
   Candidates chosen;
-  for (const uint32_t image_id : index_->Query(descriptors, idle_threads)) {
+  for (const uint32_t image_id : index_->Query(features, idle_threads)) {
     if (chosen.size() == num_retrieved_) break;
     const auto candidate = candidate_of_id.find(image_id);
     if (candidate != candidate_of_id.end()) chosen.push_back(candidate->second);
   }
   std::sort(chosen.begin(), chosen.end());  // by address and so by name, because candidates_ is sorted by name
   return chosen;
+}
+
+Features PhotoLoader::Extract(const PhotoFile& file, const Camera& camera, IdleThreads* idle_threads) const {
+  if (aliked_) return aliked_->Extract(file);
+  return ExtractLikeDatabase(file, MeanFocalLength(camera), options_.extraction, statistics_, idle_threads);
 }
 
 PhotoCamera PhotoLoader::CameraOf(const PhotoQuery& photo, const PhotoProperties& properties) const {
@@ -215,7 +237,7 @@ std::optional<LocalizationProblem> PhotoLoader::Load(const PhotoQuery& photo, co
   const std::filesystem::path path =
       std::filesystem::path(options_.image_path) / (photo.path.empty() ? photo.name : photo.path);
   std::optional<PhotoFile> file = photo.file;
-  Measure("extraction", record, [&] { file = file ? file : PhotoFile::Read(path); });
+  Measure("extraction", record, [&] { file = file ? file : PhotoFile::Read(path, /*as_rgb=*/aliked_ != nullptr); });
   if (!file) {
     return Refuse(QueryStatus::UNREADABLE_IMAGE, path.string() + " does not exist or is not a readable image",
                   &record->result);
@@ -230,10 +252,7 @@ std::optional<LocalizationProblem> PhotoLoader::Load(const PhotoQuery& photo, co
                   &record->result);
   }
   Features query_features;
-  Measure("extraction", record, [&] {
-    query_features =
-        ExtractLikeDatabase(*file, MeanFocalLength(chosen.camera), options_.extraction, statistics_, idle_threads);
-  });
+  Measure("extraction", record, [&] { query_features = Extract(*file, chosen.camera, idle_threads); });
   LocalizationProblem problem;
   problem.query_name = photo.name;
   problem.query_camera = chosen.camera;
@@ -243,10 +262,9 @@ std::optional<LocalizationProblem> PhotoLoader::Load(const PhotoQuery& photo, co
   DatabaseFeatures database_features;
   if (!problem.query_keypoints.empty()) {
     Candidates candidates;
-    Measure("retrieval", record,
-            [&] { candidates = ChooseCandidates(photo, query_features.descriptors, idle_threads); });
+    Measure("retrieval", record, [&] { candidates = ChooseCandidates(photo, query_features, idle_threads); });
     Measure("load", record, [&] { database_features = LoadPairs(candidates, features, &problem, &record->damages); });
-    MatchPairs(query_features, database_features, seed_, idle_threads, &problem, &record->seconds);
+    MatchPairs(query_features, database_features, aliked_.get(), seed_, idle_threads, &problem, &record->seconds);
   }
   if (matches_output_) {
     Measure("matches_output", record, [&] { matches_output_->Write(problem, query_features, database_features); });

@@ -28,6 +28,7 @@ struct PhotoOptions {
   std::string retrieval_index_path;
   std::string matches_output_path;
   SiftExtractionOptions extraction;
+  AlikedOptions aliked;
   double cache_gb = 1;  // memory for the features of database images
 
   bool Check(std::string* error) const;
@@ -41,8 +42,8 @@ class PhotoLoader {
  public:
   // num_retrieved: database images per photo, if they are retrieved. num_threads: for making the retrieval index, which
   // happens here if a photo needs it. has_more_photos: photos that the selection does not know may follow. The
-  // selection must outlive this. Throws InputError for files that cannot be used, and if no posed image has
-  // descriptors.
+  // selection must outlive this. Throws InputError for files that cannot be used, if no posed image has descriptors,
+  // and if photos cannot have such features.
   PhotoLoader(const DatabaseReader& database, const QuerySelection& selection, const PhotoOptions& options,
               int num_retrieved, int seed, int num_threads, bool has_more_photos);
 
@@ -66,13 +67,16 @@ class PhotoLoader {
   using Candidates = std::vector<const Candidate*>;
   using DatabaseFeatures = std::vector<std::shared_ptr<const Features>>;
 
+  // Sets what extracts and matches features of the database's type. Throws InputError if there is nothing.
+  void PrepareFor(FeatureType type, const std::string& database_path);
+  Features Extract(const PhotoFile& file, const Camera& camera, IdleThreads* idle_threads) const;
   // Sets the statistics of the candidates' features.
   void MeasureCandidates(const std::map<uint32_t, size_t>& num_descriptors, const FeatureReader& reader);
   // Returns the photo's own intrinsics if it has any, or else chooses some.
   PhotoCamera CameraOf(const PhotoQuery& photo, const PhotoProperties& properties) const;
   // Returns the candidates that the pairs file lists, or all.
   Candidates AllowedCandidates(const PhotoQuery& photo) const;
-  Candidates ChooseCandidates(const PhotoQuery& photo, const Descriptors& descriptors, IdleThreads* idle_threads) const;
+  Candidates ChooseCandidates(const PhotoQuery& photo, const Features& features, IdleThreads* idle_threads) const;
   bool NeedsRetrieval(const PhotoQuery& photo) const;
   // Adds pairs with the candidates to the problem, without matches; returns their features. Leaves out damaged ones.
   DatabaseFeatures LoadPairs(const Candidates& candidates, const FeatureReader& reader, LocalizationProblem* problem,
@@ -84,7 +88,8 @@ class PhotoLoader {
   const int seed_;
   const DefaultCamera default_camera_;
   const DatabaseCameras database_cameras_;
-  std::vector<Candidate> candidates_;  // posed images with descriptors, sorted by name
+  std::vector<Candidate> candidates_;     // posed images with descriptors, sorted by name
+  std::unique_ptr<const Aliked> aliked_;  // null for SIFT
   std::unique_ptr<MatchesOutput> matches_output_;
   std::unique_ptr<RetrievalIndex> index_;
   FeatureStatistics statistics_;  // of the candidates

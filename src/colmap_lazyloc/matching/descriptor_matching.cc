@@ -11,7 +11,7 @@
 namespace lazyloc {
 namespace {
 
-static_assert(kDescriptorDim == kFeatureType.num_columns);
+static_assert(kDescriptorDim == kDescriptorLength);
 
 constexpr float kSquaredLength = 512 * 512;  // of every descriptor
 constexpr int kRowsPerChunk = 256;           // rows whose neighbours fit into a cache while all blocks pass

@@ -27,7 +27,8 @@ TwoViewGeometry Verify(const LocalizationProblem& problem, const ImagePair& pair
 }  // namespace
 
 void MatchPairs(const Features& query_features, const std::vector<std::shared_ptr<const Features>>& database_features,
-                int seed, IdleThreads* idle_threads, LocalizationProblem* problem, StageTimer::Seconds* seconds) {
+                const Aliked* aliked, int seed, IdleThreads* idle_threads, LocalizationProblem* problem,
+                StageTimer::Seconds* seconds) {
   std::vector<ImagePair>& pairs = problem->pairs;
   LAZYLOC_CHECK(database_features.size() == pairs.size());
   {
@@ -36,7 +37,9 @@ void MatchPairs(const Features& query_features, const std::vector<std::shared_pt
         pairs.size(),
         [&](size_t i) {
           const Features& features = *database_features[i];
-          pairs[i].matches = MatchDescriptors(query_features.descriptors, features.descriptors);
+          pairs[i].matches =
+              aliked == nullptr ? MatchDescriptors(query_features.descriptors, features.descriptors)
+                                : aliked->Match(query_features, problem->query_camera, features, pairs[i].other_camera);
           pairs[i].other_keypoints = Positions(features.keypoints);
         },
         idle_threads);

@@ -3,6 +3,7 @@
 #include <memory>
 #include <vector>
 
+#include "colmap_lazyloc/learned/aliked.h"
 #include "colmap_lazyloc/math/parallel_for.h"
 #include "colmap_lazyloc/scene/features.h"
 #include "colmap_lazyloc/scene/localization_problem.h"
@@ -13,8 +14,10 @@ namespace lazyloc {
 // Matches the query with the database image of each of the problem's pairs and verifies the matches by COLMAP's
 // two-view geometry. The problem has names, cameras and the query's keypoints; this sets the pairs' other_keypoints,
 // raw matches and geometry, which is DEGENERATE if verification fails. database_features: one per pair. The result does
-// not depend on the number of threads. Adds the stages "matching" and "verification" to `seconds`.
+// not depend on the number of threads. Adds the stages "matching" and "verification" to `seconds`. aliked: matches
+// ALIKED features; null for SIFT.
 void MatchPairs(const Features& query_features, const std::vector<std::shared_ptr<const Features>>& database_features,
-                int seed, IdleThreads* idle_threads, LocalizationProblem* problem, StageTimer::Seconds* seconds);
+                const Aliked* aliked, int seed, IdleThreads* idle_threads, LocalizationProblem* problem,
+                StageTimer::Seconds* seconds);
 
 }  // namespace lazyloc

@@ -1,7 +1,9 @@
 #include "colmap_lazyloc/matching/retrieval_index.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <cstring>
 #include <fstream>
 #include <numeric>
 #include <random>
@@ -19,11 +21,14 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr char kMagic[] = "colmap_lazyloc retrieval index 1";
+constexpr int kMaxHeaderLength = 100;
 // Size of the sample that the vocabulary is learnt from: more descriptors per word make it slower, not better.
 constexpr size_t kDescriptorsPerWord = 32;
 constexpr size_t kMinDescriptorsPerWord = 8;
 // Size of a feature's entry in the inverted file: image, signature of 64 bits, geometry.
 constexpr uint64_t kBytesPerFeature = 32;
+// What numbers of a unit vector are multiplied by to become bytes: few exceed 0.35.
+constexpr float kByteScale = 360;
 
 template <typename T>
 void WriteNumber(T number, std::ofstream* file) {
@@ -42,10 +47,27 @@ size_t NumIndexed(size_t num_features, int max_num_features) {
   return max_num_features < 0 ? num_features : std::min<size_t>(num_features, max_num_features);
 }
 
+// Returns descriptors as bytes, which visual words are made of. Distances keep their order but for rounding.
+Descriptors AsBytes(const Features& features) {
+  if (features.type == FeatureType::SIFT) return features.descriptors;
+  LAZYLOC_CHECK(IsAliked(features.type));
+  Descriptors bytes(features.descriptors.rows(), kDescriptorDim);
+  for (Eigen::Index i = 0; i < bytes.rows(); ++i) {
+    std::array<float, kDescriptorDim> values;
+    std::memcpy(values.data(), features.descriptors.row(i).data(), sizeof(values));
+    for (int k = 0; k < kDescriptorDim; ++k) {
+      const float value = std::round(128 + kByteScale * values[static_cast<size_t>(k)]);
+      bytes(i, k) = value > 0 ? static_cast<uint8_t>(std::min(value, 255.0f)) : 0;  // 0 if it is not a number
+    }
+  }
+  return bytes;
+}
+
 // Returns the descriptors of the features that are indexed, in their order in the database.
-Descriptors IndexedDescriptors(Features features, int max_num_features) {
+Descriptors IndexedDescriptors(const Features& features, int max_num_features) {
   const size_t num_features = features.keypoints.size(), num_indexed = NumIndexed(num_features, max_num_features);
-  if (num_indexed == num_features) return std::move(features.descriptors);
+  Descriptors descriptors = AsBytes(features);
+  if (num_indexed == num_features) return descriptors;
   std::vector<double> areas;
   areas.reserve(num_features);
   for (const Keypoint& k : features.keypoints) areas.push_back(std::abs(double{k.a11} * k.a22 - double{k.a12} * k.a21));
@@ -54,7 +76,7 @@ Descriptors IndexedDescriptors(Features features, int max_num_features) {
   std::stable_sort(rows.begin(), rows.end(), [&](auto a, auto b) { return areas[a] > areas[b]; });
   rows.resize(num_indexed);
   std::sort(rows.begin(), rows.end());
-  return features.descriptors(rows, Eigen::all);
+  return descriptors(rows, Eigen::all);
 }
 
 // Returns the descriptors of an image that are indexed; none if they are damaged, and then sets `damage`.
@@ -107,7 +129,7 @@ std::string IndexEstimate::Text() const {
 
 IndexEstimate EstimateIndex(const DatabaseReader& database, const RetrievalOptions& options) {
   IndexEstimate estimate;
-  for (const auto& [image_id, count] : FeatureReader(database.Path()).ReadDescriptorCounts()) {
+  for (const auto& [image_id, count] : FeatureReader(database.Path()).ReadDescriptorCounts().of_image) {
     ++estimate.num_images;
     estimate.num_features += NumIndexed(count, options.max_num_features);
   }
@@ -118,16 +140,21 @@ RetrievalIndex::RetrievalIndex(const fs::path& path, const DatabaseReader& datab
                                int seed, int num_threads)
     : seed_(seed) {
   const FeatureReader features(database.Path());
-  const std::map<uint32_t, size_t> counts = features.ReadDescriptorCounts();
+  const DescriptorCounts counts = features.ReadDescriptorCounts();
+  type_ = counts.type;
   std::map<std::string, uint64_t> num_descriptors;
   std::vector<DatabaseImage> described;
   for (const DatabaseImage& image : database.ReadImages()) {
-    const auto count = counts.find(image.image_id);
-    if (count == counts.end()) continue;
+    const auto count = counts.of_image.find(image.image_id);
+    if (count == counts.of_image.end()) continue;
     num_descriptors[image.name] = count->second;
     described.push_back(image);
   }
   if (described.empty()) throw InputError(features.Path().string() + ": no descriptors to make an index from");
+  if (type_ != FeatureType::SIFT && !IsAliked(type_)) {
+    throw InputError(features.Path().string() + ": has features of type " + EnumName(type_) +
+                     ", but an index needs those of SIFT or ALIKED");
+  }
 
   std::error_code ignored;
   if (!path.empty() && fs::exists(path, ignored)) {
@@ -172,7 +199,7 @@ void RetrievalIndex::Train(const std::vector<DatabaseImage>& images, const Featu
   next_index_id_ = 1;
   changes_.is_trained = true;
   size_t num_available = 0;
-  for (const auto& [image_id, count] : features.ReadDescriptorCounts()) {
+  for (const auto& [image_id, count] : features.ReadDescriptorCounts().of_image) {
     num_available += NumIndexed(count, options.max_num_features);
   }
   const size_t num_words =
@@ -205,20 +232,26 @@ void RetrievalIndex::AddNewEntries(const std::vector<DatabaseImage>& images,
   visual_index_->Finalize();
 }
 
-std::vector<uint32_t> RetrievalIndex::Query(const Descriptors& query, IdleThreads* idle_threads) const {
+std::vector<uint32_t> RetrievalIndex::Query(const Features& query, IdleThreads* idle_threads) const {
+  LAZYLOC_CHECK(query.type == type_);
   std::vector<uint32_t> image_ids;
-  for (const auto& [index_id, score] : visual_index_->Query(query, idle_threads)) {
+  for (const auto& [index_id, score] : visual_index_->Query(AsBytes(query), idle_threads)) {
     const auto image = image_of_index_id_.find(index_id);
     if (image != image_of_index_id_.end()) image_ids.push_back(image->second);
   }
   return image_ids;
 }
 
+std::string RetrievalIndex::Header() const {
+  const std::string type = type_ == FeatureType::SIFT ? "" : std::string(" ") + EnumName(type_);
+  return std::string(kMagic) + ' ' + kVisualIndexFormat + type;
+}
+
 void RetrievalIndex::Write(const fs::path& path) const {
   StagedOutput staged(path.parent_path(), path);
   const std::string name = path.filename().string();
   std::ofstream file(staged / name, std::ios::binary | std::ios::trunc);
-  file << kMagic << ' ' << kVisualIndexFormat << '\n';
+  file << Header() << '\n';
   const std::streampos size_position = file.tellp();
   WriteNumber<uint64_t>(0, &file);
   WriteNumber<int32_t>(next_index_id_, &file);
@@ -244,11 +277,11 @@ void RetrievalIndex::Read(const fs::path& path) {
     throw InputError(path.string() + ": " + problem + " (delete it to make it again)");
   };
   std::ifstream file(path, std::ios::binary);
-  std::string header(sizeof(kMagic) + std::char_traits<char>::length(kVisualIndexFormat), ' ');
-  file.read(header.data(), static_cast<std::streamsize>(header.size()));
+  std::string header(kMaxHeaderLength, ' ');
+  file.getline(header.data(), kMaxHeaderLength);
+  header.resize(std::char_traits<char>::length(header.c_str()));
   if (!file || header.rfind(kMagic, 0) != 0) fail("is not a retrieval index of colmap lazy_indexer");
-  if (header != std::string(kMagic) + ' ' + kVisualIndexFormat) fail("is of another COLMAP generation");
-  file.get();
+  if (header != Header()) fail("is of another COLMAP generation or of another type of features");
   const auto size = ReadNumber<uint64_t>(&file);
   if (!file || size != fs::file_size(path, ignored)) fail("is truncated");
   next_index_id_ = ReadNumber<int32_t>(&file);

@@ -43,10 +43,11 @@ class RetrievalIndex {
   };
 
   // Reads the index and updates it to the database: compares images by name and number of descriptors, and reads only
-  // new and changed ones; leaves out images with damaged features. Makes the index if the file does not exist or the
-  // path is empty (then in memory only). Writes the file if anything changed, whole or not at all. num_threads: -1 for
-  // the number of cores. Throws InputError naming the file if it is not such an index, is damaged, belongs to another
-  // COLMAP generation or another database, or cannot be written.
+  // new and changed ones; leaves out images with damaged features. All features must be of SIFT or ALIKED. Makes the
+  // index if the file does not exist or the path is empty (then in memory only). Writes the file if anything changed,
+  // whole or not at all. num_threads: -1 for the number of cores. Throws InputError naming the file if it is not such
+  // an index, is damaged, belongs to another COLMAP generation, another type of features or another database, or cannot
+  // be written.
   RetrievalIndex(const std::filesystem::path& path, const DatabaseReader& database, const RetrievalOptions& options,
                  int seed, int num_threads);
 
@@ -55,7 +56,7 @@ class RetrievalIndex {
   const std::vector<std::string>& Warnings() const { return warnings_; }
   size_t NumImages() const { return entries_.size(); }
   // Returns the ids in the database of the images that look like the query, best first. Thread-safe.
-  std::vector<uint32_t> Query(const Descriptors& query, IdleThreads* idle_threads) const;
+  std::vector<uint32_t> Query(const Features& query, IdleThreads* idle_threads) const;
 
  private:
   struct Entry {
@@ -69,10 +70,13 @@ class RetrievalIndex {
   void RemoveStaleEntries(const std::map<std::string, uint64_t>& num_descriptors);
   void AddNewEntries(const std::vector<DatabaseImage>& images, const std::map<std::string, uint64_t>& num_descriptors,
                      const FeatureReader& features, int max_num_features, IdleThreads* idle_threads);
+  // Returns the first line of the file.
+  std::string Header() const;
   void Train(const std::vector<DatabaseImage>& images, const FeatureReader& features, const RetrievalOptions& options,
              IdleThreads* idle_threads);
 
   std::unique_ptr<VisualIndex> visual_index_;
+  FeatureType type_ = FeatureType::SIFT;
   int seed_ = 0;
   std::map<std::string, Entry> entries_;  // by image name
   int32_t next_index_id_ = 1;

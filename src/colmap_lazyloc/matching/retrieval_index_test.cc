@@ -1,5 +1,9 @@
 #include "colmap_lazyloc/matching/retrieval_index.h"
 
+#include <cmath>
+#include <cstring>
+#include <limits>
+#include <random>
 #include <string>
 #include <vector>
 
@@ -46,7 +50,7 @@ class RetrievalIndexTest : public ::testing::Test {
   void ExpectFinds(const RetrievalIndex& index, const std::vector<uint32_t>& image_ids) {
     for (const uint32_t id : image_ids) {
       const std::vector<uint32_t> found =
-          index.Query(WithNoise(RandomDescriptors(kNumDescriptors, id), 99), &idle_threads_);
+          index.Query({{}, WithNoise(RandomDescriptors(kNumDescriptors, id), 99)}, &idle_threads_);
       ASSERT_FALSE(found.empty());
       EXPECT_EQ(found.front(), id);
     }
@@ -72,7 +76,7 @@ TEST_F(RetrievalIndexTest, FindsImagesAndIsReadAgainAsItWasWritten) {
   EXPECT_EQ(read.LastChanges().num_added + read.LastChanges().num_removed, 0u);
   EXPECT_EQ(ReadBytes(folder_ / "index"), bytes);
   for (uint32_t id = 1; id <= 5; ++id) {
-    const Descriptors query = WithNoise(RandomDescriptors(kNumDescriptors, id), 7);
+    const Features query = {{}, WithNoise(RandomDescriptors(kNumDescriptors, id), 7)};
     EXPECT_EQ(read.Query(query, &idle_threads_), made.Query(query, &idle_threads_));
     EXPECT_EQ(read.Query(query, &idle_threads_), Open(database, "").Query(query, &idle_threads_));
   }
@@ -86,7 +90,7 @@ TEST_F(RetrievalIndexTest, AddedAndRemovedImagesNeedNoTraining) {
   EXPECT_EQ(index.LastChanges().num_added, 2u);
   EXPECT_EQ(index.LastChanges().num_removed, 1u);
   ExpectFinds(index, {2, 3, 4, 5, 6, 7});
-  for (const uint32_t id : index.Query(RandomDescriptors(kNumDescriptors, 1), &idle_threads_)) EXPECT_NE(id, 1u);
+  for (const uint32_t id : index.Query({{}, RandomDescriptors(kNumDescriptors, 1)}, &idle_threads_)) EXPECT_NE(id, 1u);
   EXPECT_EQ(Open(changed).LastChanges().num_added, 0u);
 }
 
@@ -104,7 +108,7 @@ TEST_F(RetrievalIndexTest, LargestFeaturesAreIndexedIfThereAreTooMany) {
   const std::filesystem::path path = folder_ / "a.db";
   TestDatabase database(path, TestDatabase::Schema::V3_10);
   for (uint32_t id = 1; id <= kNumImages; ++id) {
-    Descriptors descriptors(2 * kNumDescriptors, kFeatureType.num_columns);
+    Descriptors descriptors(2 * kNumDescriptors, kDescriptorLength);
     descriptors << features_of(id + kNumImages - 1), features_of(id);
     std::vector<Keypoint> keypoints(2 * kNumDescriptors);
     for (int i = kNumDescriptors; i < 2 * kNumDescriptors; ++i) keypoints[i].a11 = keypoints[i].a22 = 2;
@@ -119,7 +123,7 @@ TEST_F(RetrievalIndexTest, LargestFeaturesAreIndexedIfThereAreTooMany) {
   options.max_num_features = kNumDescriptors;
   const RetrievalIndex index("", reader, options, /*seed=*/0, /*num_threads=*/1);
   for (uint32_t id = 1; id <= kNumImages; ++id) {
-    EXPECT_EQ(index.Query(WithNoise(features_of(id), 99), &idle_threads_).front(), id);
+    EXPECT_EQ(index.Query({{}, WithNoise(features_of(id), 99)}, &idle_threads_).front(), id);
   }
   EXPECT_EQ(EstimateIndex(reader, options).num_features, 1000u);
   options.max_num_features = -1;
@@ -147,6 +151,70 @@ TEST_F(RetrievalIndexTest, BadFilesAreRefusedAndLeftAlone) {
 TEST_F(RetrievalIndexTest, DatabaseWithoutDescriptorsIsRefused) {
   const std::string database = WriteDatabase("a.db", {});
   EXPECT_THAT([&] { Open(database); }, ThrowsMessage<InputError>(HasSubstr("a.db: no descriptors")));
+}
+
+// Returns unit vectors of single precision, as bytes. noise: of each number.
+Descriptors RandomFloats(uint32_t seed, double noise) {
+  std::mt19937 directions(seed), errors(seed + 1);
+  const auto draw = [](std::mt19937* random) { return static_cast<double>((*random)()) / 2147483648.0 - 1; };
+  Descriptors descriptors(kNumDescriptors, kDescriptorLength * sizeof(float));
+  for (Eigen::Index i = 0; i < descriptors.rows(); ++i) {
+    Eigen::RowVectorXd values(kDescriptorLength);
+    for (double& value : values) value = draw(&directions);
+    values.normalize();
+    for (double& value : values) value += noise * draw(&errors);
+    const Eigen::RowVectorXf single = values.cast<float>();
+    std::memcpy(descriptors.row(i).data(), single.data(), kDescriptorLength * sizeof(float));
+  }
+  return descriptors;
+}
+
+class AlikedIndexTest : public RetrievalIndexTest {
+ protected:
+  std::string WriteTyped(const std::string& name, int type, const std::vector<uint32_t>& image_ids) {
+    TestDatabase database(folder_ / name, TestDatabase::Schema::V4_2);
+    for (const uint32_t id : image_ids) {
+      database.AddImage(id, 1, std::to_string(id) + ".jpg");
+      database.AddKeypoints(id, std::vector<Eigen::Vector2d>(kNumDescriptors, {1, 2}));
+      database.AddDescriptors(id, type == 0 ? RandomDescriptors(kNumDescriptors, id) : RandomFloats(id, 0), type);
+    }
+    database.Close();
+    return (folder_ / name).string();
+  }
+};
+
+TEST_F(AlikedIndexTest, FindsImagesAndIsReadAgain) {
+  const std::string database = WriteTyped("a.db", 1, {1, 2, 3, 4, 5});
+  for (const bool is_trained : {true, false}) {
+    const RetrievalIndex index = Open(database);
+    EXPECT_EQ(index.LastChanges().is_trained, is_trained);
+    for (uint32_t id = 1; id <= 5; ++id) {
+      const Features query = {{}, RandomFloats(id, 0.02), FeatureType::ALIKED_N16ROT};
+      EXPECT_EQ(index.Query(query, &idle_threads_).front(), id);
+    }
+  }
+}
+
+TEST_F(AlikedIndexTest, IsForOneTypeOfFeatures) {
+  Open(WriteTyped("a.db", 1, {1, 2, 3}));
+  ExpectRefused(WriteTyped("b.db", 2, {1, 2, 3}), "of another type of features");
+  ExpectRefused(WriteTyped("c.db", 0, {1, 2, 3}), "of another type of features");
+  std::filesystem::remove(folder_ / "index");
+  Open(folder_ / "c.db");
+  ExpectRefused(folder_ / "a.db", "of another type of features");
+}
+
+TEST_F(AlikedIndexTest, OtherLearnedFeaturesAreRefused) {
+  const std::string database = WriteTyped("a.db", 4, {1});
+  EXPECT_THAT([&] { Open(database); }, ThrowsMessage<InputError>(HasSubstr("a.db: has features of type LOMA_B128")));
+}
+
+TEST_F(AlikedIndexTest, NumbersThatAreNotFiniteAreHarmless) {
+  const std::string database = WriteTyped("a.db", 1, {1, 2, 3, 4, 5});
+  const float numbers[] = {std::nanf(""), std::numeric_limits<float>::infinity(), -1e30f};
+  Descriptors query = RandomFloats(2, 0);
+  for (Eigen::Index i = 0; i < 3; ++i) std::memcpy(query.row(i).data(), &numbers[i], sizeof(float));
+  EXPECT_EQ(Open(database).Query({{}, query, FeatureType::ALIKED_N16ROT}, &idle_threads_).front(), 2u);
 }
 
 }  // namespace

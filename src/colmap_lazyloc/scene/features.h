@@ -5,6 +5,8 @@
 
 #include <Eigen/Core>
 
+#include "colmap_lazyloc/scene/enum_names.h"
+
 namespace lazyloc {
 
 // COLMAP's keypoint: position (x, y) in pixels and affine shape (a11, a12; a21, a22).
@@ -13,21 +15,22 @@ struct Keypoint {
   float a11 = 1, a12 = 0, a21 = 0, a22 = 1;
 };
 
-// Type of the features that photos are matched by. Another type is described here, extracted in
-// bridge/feature_extraction.cc and compared in matching/descriptor_matching.cc.
-struct FeatureType {
-  const char* name;
-  int64_t colmap_type;  // in the `type` column of COLMAP 4's descriptors table
-  int num_columns;      // bytes of a descriptor
-};
-inline constexpr FeatureType kFeatureType = {"SIFT", 0, 128};
+// What features are, numbered as in the column `type` of COLMAP 4's table descriptors. Older versions know SIFT alone.
+enum class FeatureType { SIFT, ALIKED_N16ROT, ALIKED_N32, LOMA_B, LOMA_B128 };
+template <>
+inline constexpr std::array kEnumNames<FeatureType> = {"SIFT", "ALIKED_N16ROT", "ALIKED_N32", "LOMA_B", "LOMA_B128"};
 
-// Descriptors with one row per keypoint.
+inline bool IsAliked(FeatureType type) { return type == FeatureType::ALIKED_N16ROT || type == FeatureType::ALIKED_N32; }
+
+constexpr int kDescriptorLength = 128;  // numbers of a descriptor of SIFT or ALIKED
+
+// Descriptors with one row per keypoint: the numbers of SIFT, or the bytes of the other types' single-precision ones.
 using Descriptors = Eigen::Matrix<uint8_t, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 
 struct Features {
   std::vector<Keypoint> keypoints;
   Descriptors descriptors;
+  FeatureType type = FeatureType::SIFT;
 };
 
 // Returns the positions of keypoints, in pixels.

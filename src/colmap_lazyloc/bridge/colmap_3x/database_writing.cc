@@ -6,8 +6,10 @@ std::shared_ptr<colmap::Database> OpenDatabase(const std::filesystem::path& path
   return std::make_shared<colmap::Database>(path.string());
 }
 
-void WriteSiftDescriptors(uint32_t image_id, const Descriptors& descriptors, colmap::Database* database) {
-  database->WriteDescriptors(image_id, descriptors);
+bool CanWriteDescriptors(FeatureType type) { return type == FeatureType::SIFT; }
+
+void WriteDescriptors(uint32_t image_id, const Features& features, colmap::Database* database) {
+  database->WriteDescriptors(image_id, features.descriptors);
 }
 
 void WriteRigOf(const colmap::Camera&, colmap::Database*) {}

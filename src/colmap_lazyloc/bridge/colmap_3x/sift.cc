@@ -26,6 +26,19 @@ bool ExtractSift(const colmap::Bitmap& bitmap, const SiftExtractionOptions& opti
 
 std::vector<uint8_t> GreyValues(const colmap::Bitmap& bitmap) { return bitmap.ConvertToRowMajorArray(); }
 
+std::vector<uint8_t> RgbValues(const colmap::Bitmap& bitmap) {
+  std::vector<uint8_t> values;
+  values.reserve(static_cast<size_t>(3 * bitmap.Width()) * static_cast<size_t>(bitmap.Height()));
+  colmap::BitmapColor<uint8_t> color;
+  for (int y = 0; y < bitmap.Height(); ++y) {
+    for (int x = 0; x < bitmap.Width(); ++x) {
+      LAZYLOC_CHECK(bitmap.GetPixel(x, y, &color));
+      values.insert(values.end(), {color.r, color.g, color.b});
+    }
+  }
+  return values;
+}
+
 colmap::Bitmap AllocateBitmap(int width, int height, bool as_rgb) {
   colmap::Bitmap bitmap;
   LAZYLOC_CHECK(bitmap.Allocate(width, height, as_rgb));

@@ -6,8 +6,11 @@ std::shared_ptr<colmap::Database> OpenDatabase(const std::filesystem::path& path
   return colmap::Database::Open(path);
 }
 
-void WriteSiftDescriptors(uint32_t image_id, const Descriptors& descriptors, colmap::Database* database) {
-  database->WriteDescriptors(image_id, {colmap::FeatureExtractorType::SIFT, descriptors});
+bool CanWriteDescriptors(FeatureType) { return true; }
+
+void WriteDescriptors(uint32_t image_id, const Features& features, colmap::Database* database) {
+  database->WriteDescriptors(image_id,
+                             {static_cast<colmap::FeatureExtractorType>(features.type), features.descriptors});
 }
 
 void WriteRigOf(const colmap::Camera& camera, colmap::Database* database) {

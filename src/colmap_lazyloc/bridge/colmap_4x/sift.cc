@@ -23,6 +23,8 @@ bool ExtractSift(const colmap::Bitmap& bitmap, const SiftExtractionOptions& opti
 
 std::vector<uint8_t> GreyValues(const colmap::Bitmap& bitmap) { return bitmap.RowMajorData(); }
 
+std::vector<uint8_t> RgbValues(const colmap::Bitmap& bitmap) { return bitmap.RowMajorData(); }
+
 colmap::Bitmap AllocateBitmap(int width, int height, bool as_rgb) { return colmap::Bitmap(width, height, as_rgb); }
 
 std::optional<double> ExifFocalLengthPx(const colmap::Bitmap& bitmap) {

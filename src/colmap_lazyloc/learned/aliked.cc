@@ -1,0 +1,231 @@
+#include "colmap_lazyloc/learned/aliked.h"
+
+#include <algorithm>
+#include <cstring>
+#include <utility>
+
+#include "colmap_lazyloc/scene/errors.h"
+#include "colmap_lazyloc/scene/options_check.h"
+
+namespace lazyloc {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr double kMaxIndex = 1e9;
+constexpr int kSizeMultiple = 32;  // of the images that the extractor takes
+constexpr auto kFloat = OnnxNode::Type::FLOAT, kInteger = OnnxNode::Type::INTEGER;
+
+// Returns the path that an option names, or else that of the file in the folder of all models.
+fs::path FindModel(const std::string& given, const char* option, const std::string& folder, const char* file_name) {
+  const fs::path path = given.empty() && !folder.empty() ? fs::path(folder) / file_name : fs::path(given);
+  const std::string how =
+      std::string("give its path by --") + option + ", or the folder of " + file_name + " by --onnx_path";
+  if (path.empty()) throw InputError(std::string("photos need an ONNX model for ALIKED features: ") + how);
+  std::error_code ignored;
+  if (!fs::is_regular_file(path, ignored)) throw InputError(path.string() + ": is not a file: " + how);
+  return path;
+}
+
+OnnxModel LoadExtractor(FeatureType type, const AlikedOptions& options) {
+  const fs::path path =
+      type == FeatureType::ALIKED_N32
+          ? FindModel(options.n32_model_path, "AlikedExtraction.n32_model_path", options.onnx_path, "aliked-n32.onnx")
+          : FindModel(options.n16rot_model_path, "AlikedExtraction.n16rot_model_path", options.onnx_path,
+                      "aliked-n16rot.onnx");
+  return {path,
+          {{"image", kFloat, {-1, 3, -1, -1}}, {"max_keypoints", kInteger, {}}, {"min_score", kFloat, {}}},
+          {{"keypoints", kFloat, {-1, -1, 2}},
+           {"descriptors", kFloat, {-1, -1, kDescriptorLength}},
+           {"scores", kFloat, {-1, -1}}}};
+}
+
+OnnxModel LoadMatcher(const AlikedOptions& options) {
+  constexpr int kLength = kDescriptorLength;
+  if (options.matcher == AlikedMatcher::BRUTE_FORCE) {
+    return {FindModel(options.bruteforce_model_path, "AlikedMatching.bruteforce_model_path", options.onnx_path,
+                      "bruteforce-matcher.onnx"),
+            {{"descs1", kFloat, {-1, kLength}},
+             {"descs2", kFloat, {-1, kLength}},
+             {"min_cossim", kFloat, {}},
+             {"max_ratio", kFloat, {}},
+             {"cross_check", kInteger, {}}},
+            {{"idx0", kInteger, {-1}}, {"idx1", kInteger, {-1}}, {"scores", kFloat, {-1}}}};
+  }
+  return {FindModel(options.lightglue_model_path, "AlikedMatching.lightglue_model_path", options.onnx_path,
+                    "aliked-lightglue.onnx"),
+          {{"kpts0", kFloat, {-1, -1, 2}},
+           {"kpts1", kFloat, {-1, -1, 2}},
+           {"desc0", kFloat, {-1, -1, kLength}},
+           {"desc1", kFloat, {-1, -1, kLength}},
+           {"image_size0", kFloat, {-1, 2}},
+           {"image_size1", kFloat, {-1, 2}}},
+          {{"matches0", std::nullopt, {-1}}, {"mscores0", kFloat, {-1}}}};
+}
+
+int RoundUp(int size) { return (size + kSizeMultiple - 1) / kSizeMultiple * kSizeMultiple; }
+
+// Returns the colours from 0 to 1, one plane each, enlarged by repeating the last column and row.
+OnnxTensor ToTensor(const RgbImage& image) {
+  const int width = RoundUp(image.width), height = RoundUp(image.height);
+  std::vector<float> values;
+  values.reserve(size_t{3} * static_cast<size_t>(width) * static_cast<size_t>(height));
+  for (int channel = 0; channel < 3; ++channel) {
+    for (int y = 0; y < height; ++y) {
+      for (int x = 0; x < width; ++x) {
+        const int pixel = std::min(y, image.height - 1) * image.width + std::min(x, image.width - 1);
+        values.push_back(static_cast<float>(image.values[static_cast<size_t>(3 * pixel + channel)]) * (1.0f / 255));
+      }
+    }
+  }
+  return {{1, 3, height, width}, std::move(values)};
+}
+
+OnnxTensor Scalar(float value) { return {{}, std::vector<float>{value}}; }
+OnnxTensor Scalar(int64_t value) { return {{}, std::vector<int64_t>{value}}; }
+
+OnnxTensor DescriptorTensor(const Features& features, std::vector<int64_t> shape) {
+  LAZYLOC_CHECK(static_cast<size_t>(features.descriptors.cols()) == kDescriptorLength * sizeof(float));
+  std::vector<float> values(static_cast<size_t>(features.descriptors.size()) / sizeof(float));
+  std::memcpy(values.data(), features.descriptors.data(), values.size() * sizeof(float));
+  return {std::move(shape), std::move(values)};
+}
+
+// LightGlue's pixels begin in the centre of the first one, COLMAP's in its corner.
+OnnxTensor KeypointTensor(const Features& features) {
+  std::vector<float> values;
+  for (const Keypoint& keypoint : features.keypoints) {
+    values.insert(values.end(), {keypoint.x - 0.5f, keypoint.y - 0.5f});
+  }
+  return {{1, static_cast<int64_t>(features.keypoints.size()), 2}, std::move(values)};
+}
+
+OnnxTensor SizeTensor(const Camera& camera) {
+  return {{1, 2}, std::vector<float>{static_cast<float>(camera.width), static_cast<float>(camera.height)}};
+}
+
+}  // namespace
+
+bool AlikedOptions::Check(std::string* error) const {
+  for (const auto& [name, value] : {std::pair{"AlikedExtraction.max_image_size", max_image_size},
+                                    std::pair{"AlikedExtraction.max_num_features", max_num_features}}) {
+    if (value >= 1) continue;
+    *error = std::string(name) + " must be >= 1, but is " + std::to_string(value);
+    return false;
+  }
+  OPTION_GE(min_score, 0);
+  OPTION_LE(min_score, 1);
+  OPTION_GE(brute_force_min_cossim, -1);
+  OPTION_LE(brute_force_min_cossim, 1);
+  OPTION_GE(brute_force_max_ratio, 0);
+  OPTION_LE(brute_force_max_ratio, 1);
+  OPTION_GE(lightglue_min_score, 0);
+  OPTION_LE(lightglue_min_score, 1);
+  return true;
+}
+
+Aliked::Aliked(FeatureType type, const AlikedOptions& options)
+    : type_(type), options_(options), extractor_(LoadExtractor(type, options)), matcher_(LoadMatcher(options)) {
+  LAZYLOC_CHECK(IsAliked(type));
+}
+
+Features Aliked::Extract(const PhotoFile& photo) const {
+  const RgbImage image = photo.ToRgb(options_.max_image_size);
+  const auto min_score = static_cast<float>(options_.min_score);
+  const std::vector<OnnxTensor> outputs =
+      extractor_.Run({ToTensor(image), Scalar(int64_t{options_.max_num_features}), Scalar(min_score)});
+  const std::vector<float>&xys = outputs[0].Floats(), &descriptors = outputs[1].Floats(), &scores = outputs[2].Floats();
+  if (xys.size() != 2 * scores.size() || descriptors.size() != kDescriptorLength * scores.size()) {
+    extractor_.Fail("keypoints, descriptors and scores differ in number");
+  }
+  // Keypoints are from -1 to 1 between the centres of the first and the last pixel of the enlarged image.
+  const float scale_x = 0.5f * static_cast<float>(RoundUp(image.width) - 1);
+  const float scale_y = 0.5f * static_cast<float>(RoundUp(image.height) - 1);
+  const float file_scale_x = static_cast<float>(photo.Properties().width) / static_cast<float>(image.width);
+  const float file_scale_y = static_cast<float>(photo.Properties().height) / static_cast<float>(image.height);
+  Features features;
+  features.type = type_;
+  std::vector<float> kept;
+  for (size_t i = 0; i < scores.size(); ++i) {
+    const float x = (xys[2 * i] + 1) * scale_x + 0.5f, y = (xys[2 * i + 1] + 1) * scale_y + 0.5f;
+    const bool is_inside =
+        x >= 0 && y >= 0 && x < static_cast<float>(image.width) && y < static_cast<float>(image.height);
+    if (!is_inside || !(scores[i] >= min_score)) continue;
+    features.keypoints.push_back({x * file_scale_x, y * file_scale_y, file_scale_x, 0, 0, file_scale_y});
+    kept.insert(kept.end(), &descriptors[kDescriptorLength * i],
+                &descriptors[kDescriptorLength * i] + kDescriptorLength);
+  }
+  features.descriptors.resize(static_cast<Eigen::Index>(features.keypoints.size()), kDescriptorLength * sizeof(float));
+  if (!kept.empty()) std::memcpy(features.descriptors.data(), kept.data(), kept.size() * sizeof(float));
+  return features;
+}
+
+Matches Aliked::Match(const Features& query, const Camera& query_camera, const Features& database,
+                      const Camera& database_camera) const {
+  LAZYLOC_CHECK(query.type == type_ && database.type == type_);
+  // The brute-force model looks for a second neighbour.
+  if (query.keypoints.size() < 2 || database.keypoints.size() < 2) return {};
+  Matches matches = options_.matcher == AlikedMatcher::BRUTE_FORCE
+                        ? MatchByBruteForce(query, database)
+                        : MatchByLightGlue(query, query_camera, database, database_camera);
+  std::sort(matches.begin(), matches.end());
+  return matches;
+}
+
+Matches Aliked::MatchByBruteForce(const Features& query, const Features& database) const {
+  const auto tensor = [](const Features& features) {
+    return DescriptorTensor(features, {features.descriptors.rows(), kDescriptorLength});
+  };
+  const std::vector<OnnxTensor> outputs =
+      matcher_.Run({tensor(query), tensor(database), Scalar(static_cast<float>(options_.brute_force_min_cossim)),
+                    Scalar(static_cast<float>(options_.brute_force_max_ratio)), Scalar(int64_t{1})});
+  const std::vector<int64_t>&of_query = outputs[0].Integers(), &of_database = outputs[1].Integers();
+  if (of_query.size() != of_database.size()) matcher_.Fail("the two images differ in their number of matches");
+  Matches matches;
+  for (size_t i = 0; i < of_query.size(); ++i) {
+    matches.push_back(MakeMatch(of_query[i], of_database[i], query, database));
+  }
+  return matches;
+}
+
+Matches Aliked::MatchByLightGlue(const Features& query, const Camera& query_camera, const Features& database,
+                                 const Camera& database_camera) const {
+  const auto tensor = [](const Features& features) {
+    return DescriptorTensor(features, {1, features.descriptors.rows(), kDescriptorLength});
+  };
+  const std::vector<OnnxTensor> outputs =
+      matcher_.Run({KeypointTensor(query), KeypointTensor(database), tensor(query), tensor(database),
+                    SizeTensor(query_camera), SizeTensor(database_camera)});
+  // COLMAP's model may write the indices as floats. -1: no match.
+  std::vector<int64_t> neighbours;
+  const auto add = [&](const auto& values) {
+    for (const auto value : values) {
+      neighbours.push_back(value >= 0 ? static_cast<int64_t>(std::min<double>(static_cast<double>(value), kMaxIndex))
+                                      : -1);
+    }
+  };
+  std::visit(add, outputs[0].values);
+  const std::vector<float>& scores = outputs[1].Floats();
+  if (neighbours.size() != query.keypoints.size() || scores.size() != neighbours.size()) {
+    matcher_.Fail("there are not as many matches as keypoints");
+  }
+  const auto min_score = static_cast<float>(options_.lightglue_min_score);
+  Matches matches;
+  for (size_t i = 0; i < scores.size(); ++i) {
+    if (neighbours[i] < 0 || !(scores[i] >= min_score)) continue;
+    matches.push_back(MakeMatch(static_cast<int64_t>(i), neighbours[i], query, database));
+  }
+  return matches;
+}
+
+lazyloc::Match Aliked::MakeMatch(int64_t query_point, int64_t other_point, const Features& query,
+                                 const Features& database) const {
+  const auto has = [](const Features& features, int64_t point) {
+    return point >= 0 && point < static_cast<int64_t>(features.keypoints.size());
+  };
+  if (!has(query, query_point) || !has(database, other_point))
+    matcher_.Fail("a match names a keypoint that is not there");
+  return {static_cast<uint32_t>(query_point), static_cast<uint32_t>(other_point)};
+}
+
+}  // namespace lazyloc
