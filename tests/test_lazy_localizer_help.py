@@ -84,7 +84,7 @@ GROUPS = {
     "Queries": ["query_list_path", "pairs_path", "LazyLocalizer.leave_one_out", "LazyLocalizer.intrinsics"],
     "Photos": ["image_path", "retrieval_index_path"],
     "Several at once": ["rig_config_path", "query_trajectory_path", "LazyLocalizer.group_size"],
-    "Position, gravity, depth": ["query_position_path", "query_gravity_path", "depth_path"],
+    "Further measurements": ["query_position_path", "query_gravity_path", "depth_path"],
     "Output": ["LazyLocalizer.min_confidence", "LazyLocalizer.num_threads", "resume", "strict"],
 }
 MAX_NUM_LINES = 80  # two screens

@@ -15,7 +15,7 @@ inline const HelpGroup kHelpGroups[] = {
     {"Queries", {"query_list_path", "pairs_path", "LazyLocalizer.leave_one_out", "LazyLocalizer.intrinsics"}},
     {"Photos", {"image_path", "retrieval_index_path", "onnx_path"}},
     {"Several at once", {"rig_config_path", "query_trajectory_path", "LazyLocalizer.group_size"}},
-    {"Position, gravity, depth", {"query_position_path", "query_gravity_path", "depth_path"}},
+    {"Further measurements", {"query_position_path", "query_gravity_path", "depth_path"}},
     {"Output", {"LazyLocalizer.min_confidence", "LazyLocalizer.num_threads", "resume", "strict"}},
 };
 
