@@ -74,7 +74,6 @@ void ForEachAlikedOption(Options& o, const Add& add) {
       "Maximum size of a photo in pixels for ALIKED; a larger one is scaled down for extraction");
   add("AlikedExtraction.max_num_features", &o.max_num_features,
       "Maximum number of ALIKED features of a photo; those of the highest scores are kept");
-  add("AlikedExtraction.min_score", &o.min_score, "Minimum score of an ALIKED feature");
   add("AlikedExtraction.n16rot_model_path", &o.n16rot_model_path,
       "Model that extracts features of type ALIKED_N16ROT; default: aliked-n16rot.onnx in --onnx_path",
       OptionRole::INPUT);
@@ -83,12 +82,8 @@ void ForEachAlikedOption(Options& o, const Add& add) {
   add("FeatureMatching.type", &o.matcher,
       "How ALIKED features are matched: ALIKED_BRUTEFORCE, or ALIKED_LIGHTGLUE, which takes 20 times as long and bridges "
       "larger changes of light and viewpoint");
-  add("AlikedMatching.brute_force_min_cossim", &o.brute_force_min_cossim, "Minimum cosine between matched descriptors");
-  add("AlikedMatching.brute_force_max_ratio", &o.brute_force_max_ratio,
-      "Maximum ratio of the distance of the nearest descriptor to that of the second nearest; 1 allows any");
   add("AlikedMatching.bruteforce_model_path", &o.bruteforce_model_path,
       "Model that matches by brute force; default: bruteforce-matcher.onnx in --onnx_path", OptionRole::INPUT);
-  add("AlikedMatching.lightglue_min_score", &o.lightglue_min_score, "Minimum score of a match of LightGlue");
   add("AlikedMatching.lightglue_model_path", &o.lightglue_model_path,
       "Model of LightGlue; default: aliked-lightglue.onnx in --onnx_path", OptionRole::INPUT);
 }

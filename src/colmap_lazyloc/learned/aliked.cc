@@ -10,6 +10,10 @@
 namespace lazyloc {
 namespace {
 
+// COLMAP's defaults: minimum score of a feature; minimum cosine of matched descriptors and maximum ratio of the
+// distances of the nearest two, of which 1 allows any; minimum score of a match of LightGlue.
+constexpr float kMinScore = 0.2f, kMinCosine = 0.85f, kMaxRatio = 1, kMinMatchScore = 0.1f;
+
 namespace fs = std::filesystem;
 
 constexpr double kMaxIndex = 1e9;
@@ -113,14 +117,6 @@ bool AlikedOptions::Check(std::string* error) const {
     *error = std::string(name) + " must be >= 1, but is " + std::to_string(value);
     return false;
   }
-  OPTION_GE(min_score, 0);
-  OPTION_LE(min_score, 1);
-  OPTION_GE(brute_force_min_cossim, -1);
-  OPTION_LE(brute_force_min_cossim, 1);
-  OPTION_GE(brute_force_max_ratio, 0);
-  OPTION_LE(brute_force_max_ratio, 1);
-  OPTION_GE(lightglue_min_score, 0);
-  OPTION_LE(lightglue_min_score, 1);
   return true;
 }
 
@@ -131,9 +127,8 @@ Aliked::Aliked(FeatureType type, const AlikedOptions& options)
 
 Features Aliked::Extract(const PhotoFile& photo) const {
   const RgbImage image = photo.ToRgb(options_.max_image_size);
-  const auto min_score = static_cast<float>(options_.min_score);
   const std::vector<OnnxTensor> outputs =
-      extractor_.Run({ToTensor(image), Scalar(int64_t{options_.max_num_features}), Scalar(min_score)});
+      extractor_.Run({ToTensor(image), Scalar(int64_t{options_.max_num_features}), Scalar(kMinScore)});
   const std::vector<float>&xys = outputs[0].Floats(), &descriptors = outputs[1].Floats(), &scores = outputs[2].Floats();
   if (xys.size() != 2 * scores.size() || descriptors.size() != kDescriptorLength * scores.size()) {
     extractor_.Fail("keypoints, descriptors and scores differ in number");
@@ -150,7 +145,7 @@ Features Aliked::Extract(const PhotoFile& photo) const {
     const float x = (xys[2 * i] + 1) * scale_x + 0.5f, y = (xys[2 * i + 1] + 1) * scale_y + 0.5f;
     const bool is_inside =
         x >= 0 && y >= 0 && x < static_cast<float>(image.width) && y < static_cast<float>(image.height);
-    if (!is_inside || !(scores[i] >= min_score)) continue;
+    if (!is_inside || !(scores[i] >= kMinScore)) continue;
     features.keypoints.push_back({x * file_scale_x, y * file_scale_y, file_scale_x, 0, 0, file_scale_y});
     kept.insert(kept.end(), &descriptors[kDescriptorLength * i],
                 &descriptors[kDescriptorLength * i] + kDescriptorLength);
@@ -177,8 +172,7 @@ Matches Aliked::MatchByBruteForce(const Features& query, const Features& databas
     return DescriptorTensor(features, {features.descriptors.rows(), kDescriptorLength});
   };
   const std::vector<OnnxTensor> outputs =
-      matcher_.Run({tensor(query), tensor(database), Scalar(static_cast<float>(options_.brute_force_min_cossim)),
-                    Scalar(static_cast<float>(options_.brute_force_max_ratio)), Scalar(int64_t{1})});
+      matcher_.Run({tensor(query), tensor(database), Scalar(kMinCosine), Scalar(kMaxRatio), Scalar(int64_t{1})});
   const std::vector<int64_t>&of_query = outputs[0].Integers(), &of_database = outputs[1].Integers();
   if (of_query.size() != of_database.size()) matcher_.Fail("the two images differ in their number of matches");
   Matches matches;
@@ -209,10 +203,9 @@ Matches Aliked::MatchByLightGlue(const Features& query, const Camera& query_came
   if (neighbours.size() != query.keypoints.size() || scores.size() != neighbours.size()) {
     matcher_.Fail("there are not as many matches as keypoints");
   }
-  const auto min_score = static_cast<float>(options_.lightglue_min_score);
   Matches matches;
   for (size_t i = 0; i < scores.size(); ++i) {
-    if (neighbours[i] < 0 || !(scores[i] >= min_score)) continue;
+    if (neighbours[i] < 0 || !(scores[i] >= kMinMatchScore)) continue;
     matches.push_back(MakeMatch(static_cast<int64_t>(i), neighbours[i], query, database));
   }
   return matches;

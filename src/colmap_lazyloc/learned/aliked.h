@@ -14,16 +14,13 @@ enum class AlikedMatcher { BRUTE_FORCE, LIGHTGLUE };
 template <>
 inline constexpr std::array kEnumNames<AlikedMatcher> = {"ALIKED_BRUTEFORCE", "ALIKED_LIGHTGLUE"};
 
-// Options of COLMAP 4 for ALIKED features, with COLMAP's defaults.
+// Options for ALIKED features, with the names and defaults of COLMAP 4.
 struct AlikedOptions {
   std::string onnx_path;  // folder with models under COLMAP's names; the paths of single models precede it
   int max_image_size = 1600, max_num_features = 2048;
-  double min_score = 0.2;
   std::string n16rot_model_path, n32_model_path;
   AlikedMatcher matcher = AlikedMatcher::BRUTE_FORCE;
-  double brute_force_min_cossim = 0.85, brute_force_max_ratio = 1;
   std::string bruteforce_model_path;
-  double lightglue_min_score = 0.1;
   std::string lightglue_model_path;
 
   bool Check(std::string* error) const;
