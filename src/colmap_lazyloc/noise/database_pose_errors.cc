@@ -19,8 +19,9 @@ constexpr double kViewpointNoisePx = 0.7, kMinViewpointNoisePx = 0.02;
 // Expected and minimum independent error of a database pose, in pixels. It is estimated for rotations and positions
 // apart, because for example GPS and an inertial sensor measure them by different means.
 constexpr double kIndependentNoisePx = 0.05;
-// Standard deviation of the log of an expected size: a factor of e.
-constexpr double kLogStddev = 1;
+// Standard deviation of the log of an expected size: a factor of e, or of 1.35 for independent rotations. With a large
+// size, all rotations would turn together where images of one camera have an error in common, but not the positions.
+constexpr double kLogStddev = 1, kRotationLogStddev = 0.3;
 // Standard deviations in pixels that the search for the estimate starts from. The likelihood can have two maxima,
 // because either component may explain the same errors. The search starts from large independent errors, because if it
 // started from small ones, the other component would explain them all.
@@ -112,7 +113,10 @@ ExpectedPoseErrors MeasureFrame(const QueryGroup& group, int frame, ExpectedPose
   for (const Star& star : stars) errors.num_pairs += static_cast<int>(star.fits.size());
   if (errors.num_pairs == 0) return errors;
   errors.source = PoseNoiseSource::DATABASE_PAIRS;
-  const std::vector<double> variances = EstimateFromStars(stars, errors.num_pairs, errors.sizes).variances;
+  std::vector<ExpectedStddev> expected = errors.sizes;
+  // Lets rotations be as large as they are, because relative poses tell errors of intrinsics from those of rotations.
+  expected[1].log_stddev = kLogStddev;
+  const std::vector<double> variances = EstimateFromStars(stars, errors.num_pairs, expected).variances;
   for (size_t j = 0; j < variances.size(); ++j) errors.sizes[j].median = std::sqrt(variances[j]);
   return errors;
 }
@@ -126,7 +130,7 @@ bool AreStddevsStated(const LocalizerOptions& options) {
 ExpectedPoseErrors ExpectPoseErrors(const LocalizerOptions& options) {
   if (AreStddevsStated(options)) return {{}, PoseNoiseSource::STATED};
   return {{{kViewpointNoisePx, kLogStddev, kMinViewpointNoisePx, kFirstViewpointNoisePx},
-           {kIndependentNoisePx, kLogStddev, kIndependentNoisePx, kFirstIndependentNoisePx},
+           {kIndependentNoisePx, kRotationLogStddev, kIndependentNoisePx, kFirstIndependentNoisePx},
            {kIndependentNoisePx, kLogStddev, kIndependentNoisePx, kFirstIndependentNoisePx}},
           PoseNoiseSource::DEFAULT};
 }
