@@ -64,7 +64,7 @@ def run_tasks(
         for _ in threads:
             slots.release()
         for thread in threads:
-            if thread.ident is not None:
+            if thread.is_alive():  # one whose start an interrupt cut short ends by itself
                 thread.join()
         if bar is not None:
             bar.close()
