@@ -29,9 +29,8 @@ def odds_of_competing_pose(outcomes):
 
 def odds_shapes(outcomes):
     """Returns the odds of another place and of chance for factors of one, as uncertainty/confidence.cc does."""
-    explained = evidence_of(outcomes, "explained_ratio", 1.0)
-    agreeing = evidence_of(outcomes, "agreeing_ratio", np.nan)
-    support = np.where(np.isnan(agreeing), explained, (explained + agreeing) / 2).clip(MIN_SUPPORT, 1)
+    explained, agreeing = (evidence_of(outcomes, f"{kind}_ratio", 1.0) for kind in ("explained", "agreeing"))
+    support = ((explained + agreeing) / 2).clip(MIN_SUPPORT, 1)
     error_px = evidence_of(outcomes, "median_error_px", np.nan)
     num_common, num_single = (evidence_of(outcomes, f"num_{kind}_tracks", 0.0) for kind in ("common", "single"))
     num_points = np.maximum(num_common + SINGLE_POINT_WEIGHT * num_single, MIN_NUM_POINTS)

@@ -2,6 +2,7 @@
 
 #include <cmath>
 #include <optional>
+#include <utility>
 
 #include "colmap_lazyloc/bridge/camera_models.h"
 #include "colmap_lazyloc/bridge/observation.h"
@@ -23,6 +24,19 @@ std::vector<Track> QueryCamera::Observe(const std::vector<Track>& tracks) const 
     observed.back().observations.front().observation = *query;
   }
   return observed;
+}
+
+std::vector<PairGeometry> QueryCamera::Observe(std::vector<PairGeometry> pairs) const {
+  const Observer observe(camera_);
+  for (PairGeometry& pair : pairs) {
+    std::vector<ObservedMatch> inliers = std::move(pair.inliers);
+    pair.inliers.clear();
+    for (const ObservedMatch& inlier : inliers) {
+      const std::optional<Observation> query = observe(problem_->query_keypoints[inlier.match.query_point]);
+      if (query) pair.inliers.push_back({inlier.match, *query, inlier.other});
+    }
+  }
+  return pairs;
 }
 
 BundleAdjustmentResult QueryCamera::Take(BundleAdjustmentResult adjustment) {

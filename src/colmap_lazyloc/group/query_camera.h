@@ -4,6 +4,7 @@
 
 #include "colmap_lazyloc/refinement/bundle_adjustment.h"
 #include "colmap_lazyloc/scene/localization_problem.h"
+#include "colmap_lazyloc/scene/pair_geometry.h"
 #include "colmap_lazyloc/scene/track.h"
 
 namespace lazyloc {
@@ -21,6 +22,8 @@ class QueryCamera {
   // Returns the tracks with their query observations (the first ones) computed again by the present camera, without
   // those whose keypoint it cannot unproject.
   std::vector<Track> Observe(const std::vector<Track>& tracks) const;
+  // Does the same for the inliers of pairs.
+  std::vector<PairGeometry> Observe(std::vector<PairGeometry> pairs) const;
   // Takes the focal length that adjustment has found, and returns the adjustment as observed by it.
   BundleAdjustmentResult Take(BundleAdjustmentResult adjustment);
 

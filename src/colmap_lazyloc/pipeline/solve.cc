@@ -184,9 +184,8 @@ class Solver {
       solution_.priors = std::move(fused.results);
     }
     IgnoreContradictionsWithoutDistance(layout_, refined, &checked.results);
-    solution_.measured = Timed("confidence", seconds_, [&] {
-      return MeasureEvidence(layout_, estimates_, /*has_relative_poses=*/!refined.camera, refined, checked.poses);
-    });
+    solution_.measured =
+        Timed("confidence", seconds_, [&] { return MeasureEvidence(layout_, estimates_, refined, checked.poses); });
     solution_.checked = std::move(checked);
   }
 

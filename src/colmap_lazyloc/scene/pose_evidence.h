@@ -13,7 +13,7 @@ struct PoseEvidence {
   // Share of the verified matches with database images that are in tracks of the pose.
   double explained_ratio = std::numeric_limits<double>::quiet_NaN();
   // Share of these matches in pairs whose relative pose agrees with the pose, or most of whose matches are in its
-  // tracks.
+  // tracks; if the focal length was estimated, in pairs most of whose matches are near the pose's epipolar lines.
   double agreeing_ratio = std::numeric_limits<double>::quiet_NaN();
   // Share of these matches in pairs that agree with each other on one other pose.
   double competing_ratio = std::numeric_limits<double>::quiet_NaN();

@@ -5,6 +5,7 @@
 #include <string>
 #include <utility>
 
+#include "colmap_lazyloc/group/pair_fit.h"
 #include "colmap_lazyloc/group/rig_check.h"
 #include "colmap_lazyloc/math/so3.h"
 #include "colmap_lazyloc/scene/epipolar_error.h"
@@ -156,16 +157,6 @@ void AverageTranslation(const Layout& layout, const LocalizerOptions& options, A
   }
 }
 
-// Returns true if most matches of a pair are within two standard deviations of the epipolar lines of the poses.
-bool Fits(const PosedImages& posed, const PairGeometry& pair) {
-  constexpr double kMaxErrorPx = 2 * kStartNoisePx;
-  const Rigid3d query_from_other = CamFromWorld(posed, pair.query) * Inverse(CamFromWorld(posed, pair.other));
-  const auto num_near = std::count_if(pair.inliers.begin(), pair.inliers.end(), [&](const ObservedMatch& match) {
-    return MeasureEpipolarError(query_from_other, match.query, match.other).squared_px <= kMaxErrorPx * kMaxErrorPx;
-  });
-  return 2 * num_near > static_cast<std::ptrdiff_t>(pair.inliers.size());
-}
-
 // Adds the pairs that fit the averaged poses although their rotation does not: points of a plane leave relative poses
 // that are off by degrees.
 void AddFittingPairs(const std::vector<PairGeometry>& pairs, Averaged* averaged) {
@@ -174,7 +165,7 @@ void AddFittingPairs(const std::vector<PairGeometry>& pairs, Averaged* averaged)
   size_t next = 0;  // of those that agree, which are in the order of all
   for (const PairGeometry& pair : pairs) {
     const bool agrees = next < averaged->pairs.size() && averaged->pairs[next] == &pair;
-    if (!agrees && !Fits(averaged->posed, pair)) continue;
+    if (!agrees && !FitsPoses(averaged->posed, pair)) continue;
     fitting.push_back(&pair);
     directions.push_back(agrees ? averaged->directions[next++] : RelativeDirection());
   }

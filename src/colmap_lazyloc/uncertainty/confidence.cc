@@ -18,10 +18,7 @@ constexpr double kMinOdds = 1e-3;
 
 // Returns the share of the matches that speak for the pose: the mean of those in its points and those in pairs that
 // agree with it. In noisy databases few matches make points although all pairs agree.
-double Support(const PoseEvidence& evidence) {
-  if (std::isnan(evidence.agreeing_ratio)) return evidence.explained_ratio;
-  return (evidence.explained_ratio + evidence.agreeing_ratio) / 2;
-}
+double Support(const PoseEvidence& evidence) { return (evidence.explained_ratio + evidence.agreeing_ratio) / 2; }
 
 double OddsOfAnotherPlace(const PoseEvidence& evidence) {
   if (std::isnan(evidence.explained_ratio)) return 0;

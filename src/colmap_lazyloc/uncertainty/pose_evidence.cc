@@ -5,6 +5,7 @@
 #include <optional>
 #include <utility>
 
+#include "colmap_lazyloc/group/pair_fit.h"
 #include "colmap_lazyloc/math/robust_statistics.h"
 #include "colmap_lazyloc/math/so3.h"
 #include "colmap_lazyloc/math/two_rays.h"
@@ -158,10 +159,21 @@ PairVotes CountVotes(const Layout& layout, const std::vector<PairGeometry>& pair
   return result;
 }
 
+// Counts the votes for the pose of a query whose focal length was estimated: those of the pairs that fit it, because
+// relative poses with another focal length say nothing.
+PairVotes CountFittingPairs(const PosedImages& posed, const QueryCamera& camera,
+                            const std::vector<PairGeometry>& pairs) {
+  PairVotes result;
+  for (const PairGeometry& pair : camera.Observe(pairs)) {
+    if (FitsPoses(posed, pair)) result.num_agreeing += pair.num_inliers;
+  }
+  return result;
+}
+
 }  // namespace
 
-MeasuredEvidence MeasureEvidence(const Layout& layout, const PairEstimates& estimates, bool has_relative_poses,
-                                 const Refined& refined, const std::vector<PoseDistribution>& poses) {
+MeasuredEvidence MeasureEvidence(const Layout& layout, const PairEstimates& estimates, const Refined& refined,
+                                 const std::vector<PoseDistribution>& poses) {
   const PosedImages& posed = refined.adjustment.posed;
   const std::vector<TrackRefs> tracks_of = TracksByFrame(layout, refined.adjustment.tracks);
   MeasuredEvidence measured;
@@ -174,10 +186,12 @@ MeasuredEvidence MeasureEvidence(const Layout& layout, const PairEstimates& esti
       num_matches += std::accumulate(counts.begin(), counts.end(), 0.0);
     }
     evidence.push_back(MeasureTracks(layout, posed, frame, tracks_of[frame], num_matches));
-    if (has_relative_poses && num_matches > 0) {
+    if (num_matches > 0) {
       const PairVotes votes =
-          CountVotes(layout, estimates.pairs, frame, posed.frames[frame].frame_from_world,
-                     evidence.back().scene_distance, CountObservations(tracks_of[frame], posed.images.size()));
+          refined.camera
+              ? CountFittingPairs(posed, *refined.camera, estimates.pairs)
+              : CountVotes(layout, estimates.pairs, frame, posed.frames[frame].frame_from_world,
+                           evidence.back().scene_distance, CountObservations(tracks_of[frame], posed.images.size()));
       evidence.back().agreeing_ratio = votes.num_agreeing / num_matches;
       evidence.back().competing_ratio = votes.num_competing / num_matches;
       measured.competing_poses.back() = votes.competing_pose;

@@ -17,9 +17,8 @@ struct MeasuredEvidence {
   std::vector<std::optional<Rigid3d>> competing_poses;
 };
 
-// Measures the evidence of each query frame, from the stages' results. has_relative_poses: false if the pairs have
-// none.
-MeasuredEvidence MeasureEvidence(const Layout& layout, const PairEstimates& estimates, bool has_relative_poses,
-                                 const Refined& refined, const std::vector<PoseDistribution>& poses);
+// Measures the evidence of each query frame, from the stages' results.
+MeasuredEvidence MeasureEvidence(const Layout& layout, const PairEstimates& estimates, const Refined& refined,
+                                 const std::vector<PoseDistribution>& poses);
 
 }  // namespace lazyloc

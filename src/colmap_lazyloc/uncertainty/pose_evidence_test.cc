@@ -1,6 +1,5 @@
 #include "colmap_lazyloc/uncertainty/pose_evidence.h"
 
-#include <cmath>
 #include <utility>
 
 #include <gtest/gtest.h>
@@ -16,7 +15,8 @@ constexpr int kNumPoints = 40, kNumDatabaseImages = 8;
 class MeasureEvidenceTest : public ::testing::Test {
  protected:
   void Make(int num_frames, int num_sensors) {
-    input_ = MakeStageInput(MakeGroup(num_frames, num_sensors, kNumPoints, kNumDatabaseImages));
+    scene_ = MakeGroup(num_frames, num_sensors, kNumPoints, kNumDatabaseImages);
+    input_ = MakeStageInput(scene_);
     estimates_.pairs = input_.pairs;
     estimates_.num_inliers.assign(input_.layout.num_queries, std::vector<int>(kNumDatabaseImages, kNumPoints));
     refined_.adjustment.posed = input_.truth;
@@ -28,13 +28,10 @@ class MeasureEvidenceTest : public ::testing::Test {
           MakePoseDistribution(CamFromWorld(input_.truth, query), Eigen::Matrix3d::Zero(), position_covariance));
     }
   }
-  MeasuredEvidence MeasureAll(bool has_relative_poses = true) const {
-    return MeasureEvidence(input_.layout, estimates_, has_relative_poses, refined_, poses_);
-  }
-  std::vector<PoseEvidence> Measure(bool has_relative_poses = true) const {
-    return MeasureAll(has_relative_poses).evidence;
-  }
+  MeasuredEvidence MeasureAll() const { return MeasureEvidence(input_.layout, estimates_, refined_, poses_); }
+  std::vector<PoseEvidence> Measure() const { return MeasureAll().evidence; }
 
+  SyntheticGroup scene_;
   StageInput input_;
   PairEstimates estimates_;
   Refined refined_;
@@ -152,11 +149,15 @@ TEST_F(MeasureEvidenceTest, SeparatesFrames) {
   EXPECT_LT(evidence[1].agreeing_ratio, 0.1);
 }
 
-TEST_F(MeasureEvidenceTest, AgreementIsUnknownWithoutRelativePoses) {
+TEST_F(MeasureEvidenceTest, WithAnEstimatedFocalLengthThePairsThatFitAgree) {
   Make(1, 1);
-  const PoseEvidence evidence = Measure(/*has_relative_poses=*/false).front();
-  EXPECT_TRUE(std::isnan(evidence.agreeing_ratio));
-  EXPECT_EQ(evidence.explained_ratio, 1);
+  refined_.adjustment.tracks.resize(1);
+  Relocate(input_, kNumDatabaseImages, 0.5, {1, 0, 0}, &estimates_.pairs);
+  refined_.camera.emplace(scene_.group.images.front().problem);
+  EXPECT_EQ(Measure().front().agreeing_ratio, 1);
+  EXPECT_EQ(Measure().front().competing_ratio, 0);
+  refined_.camera->ScaleFocalLength(1.5);
+  EXPECT_LE(Measure().front().agreeing_ratio, 1.0 / kNumDatabaseImages);
 }
 
 }  // namespace
