@@ -86,17 +86,20 @@ def test_no_summary_without_leave_one_out(localize, noisy):
 
 def test_a_symmetric_object_is_not_trusted(colmap):
     """Half of the database images agree on the opposite side of a symmetric object."""
-    rng = np.random.default_rng(5)
-    world = stress_worlds.symmetric_object(rng, 2, num_unique=10)
-    matching = stress_scenes.Matching(keep_ratio=0.8, likeness=0.98)
-    scene = stress_scenes.make_scene(
-        world, stress_scenes.around_object(20, rng), stress_scenes.around_object(6, rng), rng, matching
-    )
-    outcomes = stress.run_case(
-        colmap, stress_scenes.Case("symmetric", scene, stress_scenes.true_poses(scene)), "symmetric"
-    )
-    assert sum(outcome.has_pose for outcome in outcomes) >= 4
-    assert max(outcome.confidence for outcome in outcomes if outcome.is_wrong) < 0.95
+    outcomes = []
+    for seed in range(5, 8):
+        rng = np.random.default_rng(seed)
+        world = stress_worlds.symmetric_object(rng, 2, num_unique=10)
+        matching = stress_scenes.Matching(keep_ratio=0.8, likeness=0.98)
+        scene = stress_scenes.make_scene(
+            world, stress_scenes.around_object(20, rng), stress_scenes.around_object(6, rng), rng, matching
+        )
+        case = stress_scenes.Case("symmetric", scene, stress_scenes.true_poses(scene))
+        outcomes += stress.run_case(colmap, case, "symmetric")
+    wrong = [outcome.confidence for outcome in outcomes if outcome.is_wrong]
+    assert sum(outcome.has_pose for outcome in outcomes) >= 12 and len(wrong) >= 6
+    # One side has up to two thirds of the matches by chance.
+    assert np.median(wrong) < 0.9 and max(wrong) < 0.98
 
 
 def test_noise_of_real_scenes_is_in_the_database_poses_alone(colmap, tmp_path):

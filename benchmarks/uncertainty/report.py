@@ -30,7 +30,7 @@ from colmap_lazyloc.program import find_colmap
 from colmap_lazyloc.results import pose_of
 from colmap_lazyloc.testing import synthetic
 
-MIN_CONFIDENCE = 0.92  # the program's default
+MIN_CONFIDENCE = 0.9  # the program's default
 FIT_SEEDS = 5000, 6000, 7000
 # Errors of the database poses that the fit adds to real scenes, so that it does not take noise for a wrong pose.
 FIT_NOISE_LEVELS = (0.3, 0), (1, 0), (0, 0.003), (0, 0.01), (1, 0.01)

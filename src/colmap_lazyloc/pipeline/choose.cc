@@ -37,7 +37,7 @@ bool AreContradicted(const Solution& solution, const LocalizerOptions& options) 
   return !solution.failure && !HasPose(solution, options);
 }
 
-double ConfidenceOf(const Solution& solution) { return Confidence(solution.measured.evidence.front()); }
+double ConfidenceOf(const Solution& solution) { return Confidence(solution.evidence.front()); }
 
 // Returns a solution with a given focal length, and what an estimate says of it.
 Choice WithEstimate(const Solution& given, const IntrinsicsResult& estimate, IntrinsicsVerdict verdict,
@@ -114,7 +114,7 @@ Choice Choose(const std::vector<Solution>& solutions, const LocalizerOptions& op
                             alternative->intrinsics.front().verdict == IntrinsicsVerdict::CONFIRMED;
   Choice choice = is_confirmed ? *alternative : *stated;
   for (const Solution& other : solutions) {
-    if (&other == choice.solution || other.measured.evidence.empty()) continue;
+    if (&other == choice.solution || other.evidence.empty()) continue;
     if (choice.runner_up == nullptr || ConfidenceOf(other) > ConfidenceOf(*choice.runner_up)) choice.runner_up = &other;
   }
   return choice;
@@ -145,7 +145,7 @@ std::vector<int> FramesWithoutPose(const Choice& choice, const LocalizerOptions&
 bool OvercomesPairs(const Solution& other_starts, const LocalizerOptions& options) {
   if (!HasPose(other_starts, options) || IsDistanceByPrior(other_starts, options)) return false;
   // Accepts nothing that rests on epipolar constraints alone, because relative poses contradict each other.
-  return other_starts.measured.evidence.front().num_common_tracks >= kMinNumTracks &&
+  return other_starts.evidence.front().num_common_tracks >= kMinNumTracks &&
          ConfidenceOf(other_starts) >= options.min_confidence;
 }
 

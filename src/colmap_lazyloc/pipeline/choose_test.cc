@@ -47,10 +47,10 @@ TEST_F(ChooseTest, OtherStartsOvercomePairsOnlyWithPointsAndConfidence) {
   AddGiven().failure = Failure{QueryStatus::SCALE_UNOBSERVABLE, ""};
   Solution& other = Add(kOtherStarts);
   EXPECT_EQ(Index(), 1);
-  other.measured.evidence[0].num_common_tracks = kMinNumTracks - 1;
+  other.evidence[0].num_common_tracks = kMinNumTracks - 1;
   options_.min_confidence = 0;
   EXPECT_EQ(Index(), 0) << "epipolar constraints alone";
-  other.measured.evidence[0] = query_.Unlikely();
+  other.evidence[0] = query_.Unlikely();
   options_.min_confidence = 0.5;
   EXPECT_EQ(Index(), 0) << "not credible";
   options_.min_confidence = 0;
@@ -130,7 +130,7 @@ TEST_F(ChooseTest, EstimateWithoutPoseIsNoEvidence) {
 
 TEST_F(ChooseTest, EstimateThatIsFarLessCredibleIsNoEvidence) {
   Solution& given = AddGiven(IntrinsicsOrigin::EXIF);
-  AddEstimate(IntrinsicsOrigin::EXIF, 1.1).measured.evidence[0] = query_.Unlikely();
+  AddEstimate(IntrinsicsOrigin::EXIF, 1.1).evidence[0] = query_.Unlikely();
   EXPECT_EQ(Index(), 0);
   given.checked.results[0].verdict = IntrinsicsVerdict::CONTRADICTED;
   EXPECT_EQ(Index(), 1) << "the given one has no pose";
@@ -164,10 +164,10 @@ TEST_F(ChooseTest, RunnerUpIsTheMostCredibleOfTheOthersWithPoses) {
   EXPECT_EQ(Chosen().runner_up, nullptr);
   Solution& estimate = AddEstimate(IntrinsicsOrigin::EXIF, 1.0005);
   EXPECT_EQ(Chosen().runner_up, &solutions_[1]);
-  estimate.measured.evidence[0].num_common_tracks = 50;
+  estimate.evidence[0].num_common_tracks = 50;
   Add(kAlternative).checked.results[0].verdict = IntrinsicsVerdict::UNOBSERVABLE;
   EXPECT_EQ(Chosen().runner_up, &solutions_[2]);
-  solutions_[2].measured = {};
+  solutions_[2].evidence.clear();
   EXPECT_EQ(Chosen().runner_up, &solutions_[1]);
 }
 

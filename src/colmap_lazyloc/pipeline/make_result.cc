@@ -165,17 +165,18 @@ std::string Explanation(const Solution& other, const Solution& chosen) {
 void AddRunnerUp(const Choice& choice, int query, LocalizationResult* result) {
   const Solution& solution = *choice.solution;
   const int frame = solution.prepared->group.images[query].frame;
-  const std::optional<Rigid3d>& competing_pose = solution.measured.competing_poses[frame];
+  const std::optional<Rigid3d>& competing_pose = solution.competing_poses[frame];
   if (competing_pose) {
     PosedImages posed = solution.checked.posed;
     posed.frames[frame].frame_from_world = *competing_pose;
     result->runner_up = RunnerUp{
-        Format("pairs with %.0f %% of the verified matches agree on this pose", 100 * result->evidence.competing_ratio),
+        Format("points that do not fit the pose agree on this one, with %.0f %% of its score",
+               100 * result->evidence.competing_ratio),
         PoseInWorld(solution.prepared->layout, posed, query), OddsOfCompetingPose(result->evidence)};
   }
   if (choice.runner_up == nullptr) return;
   const Solution& other = *choice.runner_up;
-  const double odds = OddsOfWrong(*result->confidence) / OddsOfWrong(Confidence(other.measured.evidence[frame]));
+  const double odds = OddsOfWrong(*result->confidence) / OddsOfWrong(Confidence(other.evidence[frame]));
   if (result->runner_up && result->runner_up->odds > odds) return;
   result->runner_up =
       RunnerUp{Explanation(other, solution), PoseInWorld(other.prepared->layout, other.checked.posed, query), odds};
@@ -185,8 +186,8 @@ void AddRunnerUp(const Choice& choice, int query, LocalizationResult* result) {
 void Conclude(const Choice& choice, int query, const LocalizerOptions& options, LocalizationResult* result) {
   const Solution& solution = *choice.solution;
   const int frame = solution.prepared->group.images[query].frame;
-  if (!solution.measured.evidence.empty()) {
-    result->evidence = solution.measured.evidence[frame];
+  if (!solution.evidence.empty()) {
+    result->evidence = solution.evidence[frame];
     result->confidence = Confidence(result->evidence);
     AddRunnerUp(choice, query, result);
   }

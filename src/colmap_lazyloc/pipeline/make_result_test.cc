@@ -92,7 +92,8 @@ TEST(MakeResults, QueriesBelowTheMinimumConfidenceAreNotLocalized) {
   good.explained_ratio = good.agreeing_ratio = 1;
   bad.num_common_tracks = 0;
   bad.median_error_px = bad.position_stddev_ratio = 1;
-  group.solution.measured = {{good, bad}, {std::nullopt, std::nullopt}};
+  group.solution.evidence = {good, bad};
+  group.solution.competing_poses.resize(2);
   LocalizerOptions options;
   options.min_confidence = 0.5;
   std::vector<LocalizationResult> results = group.Results(options);
@@ -139,34 +140,35 @@ TEST(MakeResults, CovarianceAllowsForWhatAnEstimateOfTheFocalLengthAdds) {
 
 TEST(MakeResults, RunnerUpIsTheMoreProbableOfCompetingPoseAndOtherSolution) {
   SolvedGroup group(1, 1);
-  PoseEvidence& evidence = group.solution.measured.evidence.emplace_back();
+  PoseEvidence& evidence = group.solution.evidence.emplace_back();
   evidence.num_common_tracks = 200;
   evidence.explained_ratio = evidence.agreeing_ratio = 0.8;
-  group.solution.measured.competing_poses = {std::nullopt};
+  group.solution.competing_poses = {std::nullopt};
   EXPECT_FALSE(group.Results().front().runner_up);
 
   Solution other = group.solution;
   other.hypothesis.approach = Approach::OTHER_STARTS;
-  other.measured.evidence[0].num_common_tracks = 5;
+  other.evidence[0].num_common_tracks = 5;
   const Choice choice{&group.solution, group.solution.checked.results, 0, &other};
   LocalizationResult result = MakeResults(choice, {}, {}).front();
   ASSERT_TRUE(result.runner_up);
-  const double confidence = Confidence(other.measured.evidence[0]);
+  const double confidence = Confidence(other.evidence[0]);
   EXPECT_NEAR(result.runner_up->odds, confidence / (1 - confidence) * (1 / *result.confidence - 1), 1e-12);
   EXPECT_THAT(result.runner_up->explanation, HasSubstr("relative poses of pairs are not"));
   EXPECT_LE(PositionError(result.runner_up->cam_from_world, group.scene.cam_from_world[0]), 1e-9);
 
   Random random(1);
   const Rigid3d& pose = group.input.truth.frames[0].frame_from_world;
-  group.solution.measured.competing_poses = {DisturbedPose(pose, 20, 1, &random)};
+  group.solution.competing_poses = {DisturbedPose(pose, 20, 1, &random)};
   evidence.competing_ratio = 0.1;
   result = MakeResults(choice, {}, {}).front();
   EXPECT_LT(result.runner_up->odds, 1);
-  EXPECT_THAT(result.runner_up->explanation, HasSubstr("are not")) << "few matches speak for the competing pose";
-  evidence.competing_ratio = other.measured.evidence[0].competing_ratio = 0.8;
+  EXPECT_THAT(result.runner_up->explanation, HasSubstr("are not")) << "few points speak for the competing pose";
+  evidence.competing_ratio = 1.5;
+  other.evidence[0].num_common_tracks = 1;
   result = MakeResults(choice, {}, {}).front();
-  EXPECT_EQ(result.runner_up->odds, 1) << "as many matches speak for either";
-  EXPECT_THAT(result.runner_up->explanation, HasSubstr("pairs with 80 %"));
+  EXPECT_EQ(result.runner_up->odds, OddsOfCompetingPose(evidence));
+  EXPECT_THAT(result.runner_up->explanation, HasSubstr("with 150 % of its score"));
   EXPECT_NEAR(PositionError(result.runner_up->cam_from_world, group.scene.cam_from_world[0]), 1, 1e-9);
 }
 

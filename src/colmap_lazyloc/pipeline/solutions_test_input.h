@@ -35,8 +35,8 @@ class MadeUpQuery {
     PoseEvidence evidence;
     evidence.num_common_tracks = 200;
     evidence.explained_ratio = evidence.agreeing_ratio = 1;
-    solution.measured.evidence.assign(group_.frame_names.size(), evidence);
-    solution.measured.competing_poses.resize(group_.frame_names.size());
+    solution.evidence.assign(group_.frame_names.size(), evidence);
+    solution.competing_poses.resize(group_.frame_names.size());
     return solution;
   }
 

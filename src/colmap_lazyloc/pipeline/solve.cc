@@ -14,6 +14,7 @@
 #include "colmap_lazyloc/priors/query_priors.h"
 #include "colmap_lazyloc/refinement/query_prior_residual.h"
 #include "colmap_lazyloc/scene/refs.h"
+#include "colmap_lazyloc/starts/competing_pose.h"
 #include "colmap_lazyloc/starts/motion_averaging.h"
 #include "colmap_lazyloc/starts/pure_rotation.h"
 #include "colmap_lazyloc/uncertainty/position_ambiguity.h"
@@ -140,7 +141,8 @@ class Solver {
     solution_.checked.posed = layout_.given;
     solution_.checked.posed.frames[0].frame_from_world = pose;
     solution_.checked.poses = {MakePoseDistribution(pose, fit.covariance, prior.position->covariance)};
-    solution_.measured = {{fit.evidence}, {std::nullopt}};
+    solution_.evidence = {fit.evidence};
+    solution_.competing_poses.resize(1);
   }
 
   // Refines by one of the paper's alternatives. The covariance is unknown (NaN).
@@ -184,9 +186,32 @@ class Solver {
       solution_.priors = std::move(fused.results);
     }
     IgnoreContradictionsWithoutDistance(layout_, refined, &checked.results);
-    solution_.measured =
-        Timed("confidence", seconds_, [&] { return MeasureEvidence(layout_, estimates_, refined, checked.poses); });
+    Timed("confidence", seconds_, [&] {
+      solution_.evidence = MeasureEvidence(layout_, estimates_, refined, checked.poses);
+      AddCompetingPoses(refined);
+    });
     solution_.checked = std::move(checked);
+  }
+
+  // Adds the poses that compete with those of frames that leave many matches unexplained. They come from all pairs,
+  // because averaging may have left out those that speak for another pose.
+  void AddCompetingPoses(const Refined& refined) {
+    solution_.competing_poses.resize(layout_.num_query_frames);
+    std::optional<SplitTracks> tracks;
+    for (int frame = 0; frame < layout_.num_query_frames; ++frame) {
+      PoseEvidence& evidence = solution_.evidence[frame];
+      if (!(evidence.explained_ratio < kEnoughExplained)) continue;
+      if (!tracks) {
+        CandidateTracks candidates = Collect(Refs(estimates_.pairs));
+        if (refined.camera) candidates.for_start = refined.camera->Observe(candidates.for_start);
+        tracks = TriangulateStart(candidates);
+      }
+      const Rigid3d& pose = refined.adjustment.posed.frames[frame].frame_from_world;
+      const std::optional<CompetingPose> competing = FindCompetingPose(layout_, *tracks, frame, pose, options_.seed);
+      if (!competing) continue;
+      evidence.competing_ratio = competing->score_ratio;
+      solution_.competing_poses[frame] = competing->frame_from_world;
+    }
   }
 
   const QueryGroup& group_;

@@ -24,7 +24,8 @@ struct Solution {
   std::vector<QueryPriorResult> priors;  // by query
   std::optional<Refined> refined;        // nullopt if nothing was adjusted over tracks
   CheckedIntrinsics checked;             // the poses as reported, with uncertainties and intrinsics
-  MeasuredEvidence measured;             // by query frame; empty if unknown
+  std::vector<PoseEvidence> evidence;    // by query frame; empty if unknown
+  std::vector<std::optional<Rigid3d>> competing_poses;  // by query frame, parallel to the evidence
 };
 
 // Solves a group under a hypothesis: the method, stage by stage. Adds the stages' wall times.

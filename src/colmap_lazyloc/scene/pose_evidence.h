@@ -15,8 +15,8 @@ struct PoseEvidence {
   // Share of these matches in pairs whose relative pose agrees with the pose, or most of whose matches are in its
   // tracks; if the focal length was estimated, in pairs most of whose matches are near the pose's epipolar lines.
   double agreeing_ratio = std::numeric_limits<double>::quiet_NaN();
-  // Share of these matches in pairs that agree with each other on one other pose.
-  double competing_ratio = std::numeric_limits<double>::quiet_NaN();
+  // Score of the pose that competes most over that of the pose (starts/competing_pose.h); 0 without any.
+  double competing_ratio = 0;
   double median_error_px = 0;        // reprojection error of the points in the query
   double position_stddev_ratio = 0;  // along the least certain axis, over scene_distance
   double scene_distance = 0;         // median distance of the points

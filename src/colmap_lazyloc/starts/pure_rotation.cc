@@ -105,7 +105,7 @@ PoseEvidence MeasureRotationEvidence(const PairEstimates& estimates, const Avera
                                         [](const auto& entry) { return entry.second > 1; }));
   evidence.explained_ratio = num_explained / num_matches;
   evidence.agreeing_ratio = num_agreeing / num_matches;
-  evidence.competing_ratio = 1 - evidence.agreeing_ratio;  // as if all other pairs agreed on one other rotation
+  evidence.competing_ratio = num_matches / num_agreeing - 1;  // as if all other pairs agreed on one other rotation
   evidence.median_error_px = Median(ErrorsPx(matches, rotation));
   evidence.scene_distance = std::numeric_limits<double>::quiet_NaN();
   return evidence;

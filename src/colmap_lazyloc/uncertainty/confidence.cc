@@ -34,8 +34,7 @@ double OddsOfChance(const PoseEvidence& evidence) {
 }  // namespace
 
 double OddsOfCompetingPose(const PoseEvidence& evidence) {
-  if (!(evidence.competing_ratio > 0)) return 0;
-  return std::pow(evidence.competing_ratio / std::max(evidence.agreeing_ratio, kMinSupport), 3);
+  return kCompetingOdds * std::pow(evidence.competing_ratio, 3);
 }
 
 double Confidence(const PoseEvidence& evidence) {
@@ -50,8 +49,8 @@ std::string LowConfidenceReason(const PoseEvidence& evidence, double confidence,
       chance > std::max(place, competing)
           ? Format("only %.0f points are seen by two or more other images", evidence.num_common_tracks)
       : competing > place
-          ? Format("pairs with %.0f %% of the verified matches agree on one other pose, with %.0f %% on this one",
-                   100 * evidence.competing_ratio, 100 * evidence.agreeing_ratio)
+          ? Format("points that do not fit this pose agree on another one, with %.0f %% of its score",
+                   100 * evidence.competing_ratio)
           : Format("only %.0f %% of the verified matches speak for the pose, within %.1f px", 100 * Support(evidence),
                    evidence.median_error_px);
   return Format("the pose is right with a probability of only %.2f, and %.2f is needed: %s", confidence, min_confidence,

@@ -13,9 +13,8 @@ namespace lazyloc {
 //                 surface are not independent, so the odds are not exponential in their number: they are the square
 //                 of the ratio of the matches against to those for the pose, times the area of the image that the error
 //                 of its points covers.
-//  a competing    Pairs that disagree with the pose agree with each other on another one. With as many matches, it is
-//  pose           as probable; the odds are the third power of the ratio of matches.
-//
+//  a competing    Points that do not fit the pose agree with each other on another one. The odds are the third power of
+//  pose           the ratio of the scores of both.
 //  chance         A few points fit any pose. The odds fall with the number of points that two or more other images see,
 //                 or whose depth is known, and a tenth of the others, to the power of 1.5.
 //
@@ -26,7 +25,7 @@ double Confidence(const PoseEvidence& evidence);
 // Returns the odds that a pose with this confidence is wrong.
 inline double OddsOfWrong(double confidence) { return 1 / confidence - 1; }
 
-// Returns the odds of the competing pose over the pose; 0 if no pairs agree on one.
+// Returns the odds of the competing pose over the pose; 0 without any.
 double OddsOfCompetingPose(const PoseEvidence& evidence);
 
 // Returns one sentence that names what lowers the confidence most.

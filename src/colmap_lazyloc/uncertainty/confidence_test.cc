@@ -5,6 +5,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "colmap_lazyloc/group/options.h"
+
 namespace lazyloc {
 namespace {
 
@@ -62,14 +64,16 @@ TEST(Confidence, TwiceTheRatioOfMatchesAgainstThePoseMakesTheOddsFourTimesAsLarg
   EXPECT_NEAR(odds(0.2) / odds(1.0 / 3), 4, 0.02);
 }
 
-TEST(Confidence, CompetingPoseWithAsManyMatchesLeavesAnEvenChance) {
-  PoseEvidence evidence = Good();
-  evidence.explained_ratio = evidence.agreeing_ratio = evidence.competing_ratio = 0.5;
-  EXPECT_LT(Confidence(evidence), 0.5);
-  EXPECT_GT(Confidence(evidence), 0.4);
-  EXPECT_THAT(LowConfidenceReason(evidence, 0.4, 0.9), HasSubstr("50 % of the verified matches agree on one other"));
-  evidence.competing_ratio = 0.1;
-  EXPECT_GT(Confidence(evidence), 0.9);
+TEST(Confidence, OddsOfACompetingPoseAreTheThirdPowerOfTheRatioOfScores) {
+  EXPECT_EQ(OddsOfCompetingPose(Good()), 0);
+  const double equal = OddsOfCompetingPose(With(&PoseEvidence::competing_ratio, 1));
+  EXPECT_NEAR(OddsOfCompetingPose(With(&PoseEvidence::competing_ratio, 2)), 8 * equal, 1e-12);
+  PoseEvidence half = With(&PoseEvidence::competing_ratio, 1);
+  half.explained_ratio = half.agreeing_ratio = 0.5;
+  EXPECT_LT(Confidence(half), LocalizerOptions().min_confidence) << "two places that look exactly alike";
+  half.competing_ratio = 0.2;
+  EXPECT_GT(Confidence(half), LocalizerOptions().min_confidence);
+  EXPECT_THAT(LowConfidenceReason(With(&PoseEvidence::competing_ratio, 1.5), 0.4, 0.9), HasSubstr("150 % of its score"));
 }
 
 TEST(Confidence, PointsOfSingleImagesCountLess) {

@@ -28,8 +28,7 @@ class MeasureEvidenceTest : public ::testing::Test {
           MakePoseDistribution(CamFromWorld(input_.truth, query), Eigen::Matrix3d::Zero(), position_covariance));
     }
   }
-  MeasuredEvidence MeasureAll() const { return MeasureEvidence(input_.layout, estimates_, refined_, poses_); }
-  std::vector<PoseEvidence> Measure() const { return MeasureAll().evidence; }
+  std::vector<PoseEvidence> Measure() const { return MeasureEvidence(input_.layout, estimates_, refined_, poses_); }
 
   SyntheticGroup scene_;
   StageInput input_;
@@ -44,7 +43,6 @@ TEST_F(MeasureEvidenceTest, OfTheTruthIsPerfect) {
   EXPECT_EQ(evidence.num_common_tracks, kNumPoints);
   EXPECT_EQ(evidence.explained_ratio, 1);
   EXPECT_EQ(evidence.agreeing_ratio, 1);
-  EXPECT_EQ(evidence.competing_ratio, 0);
   EXPECT_EQ(evidence.num_single_tracks, 0);
   EXPECT_LE(evidence.median_error_px, 1e-6);
   EXPECT_GT(evidence.scene_distance, 0);
@@ -83,38 +81,14 @@ TEST_F(MeasureEvidenceTest, PairsOfAnotherRotationOrDirectionDoNotAgree) {
   }
 }
 
-TEST_F(MeasureEvidenceTest, ThreePairsThatAgreeOnAnotherPlaceCompete) {
-  Make(1, 1);
-  refined_.adjustment.tracks.resize(1);
-  Relocate(input_, 3, 0, {4, 2, 0}, &estimates_.pairs);
-  const MeasuredEvidence measured = MeasureAll();
-  EXPECT_DOUBLE_EQ(measured.evidence.front().competing_ratio, 3.0 / kNumDatabaseImages);
-  ASSERT_TRUE(measured.competing_poses.front());
-  Rigid3d elsewhere = CamFromWorld(input_.truth, 0);
-  elsewhere.translation += Eigen::Vector3d(4, 2, 0);
-  EXPECT_LE(PositionError(*measured.competing_poses.front(), elsewhere), 1e-6);
-  Relocate(input_, 1, 0, {-4, 1, 1}, &estimates_.pairs);
-  EXPECT_EQ(Measure().front().competing_ratio, 0) << "two rays nearly always cross somewhere";
-  EXPECT_FALSE(MeasureAll().competing_poses.front());
-}
-
-TEST_F(MeasureEvidenceTest, TwoPairsOfAnotherRotationCompete) {
-  Make(1, 1);
-  refined_.adjustment.tracks.resize(1);
-  Relocate(input_, 2, 0.5, {1, 0, 0}, &estimates_.pairs);
-  EXPECT_DOUBLE_EQ(Measure().front().competing_ratio, 2.0 / kNumDatabaseImages);
-}
-
-TEST_F(MeasureEvidenceTest, ScatteredPairsDoNotCompete) {
+TEST_F(MeasureEvidenceTest, ScatteredPairsDoNotAgree) {
   Make(1, 1);
   refined_.adjustment.tracks.resize(1);
   Random random(1);
   for (PairGeometry& pair : estimates_.pairs) {
     pair.query_from_other.rotation = Disturbed(pair.query_from_other.rotation, 60, &random);
   }
-  const PoseEvidence evidence = Measure().front();
-  EXPECT_EQ(evidence.agreeing_ratio, 0);
-  EXPECT_EQ(evidence.competing_ratio, 0);
+  EXPECT_EQ(Measure().front().agreeing_ratio, 0);
 }
 
 TEST_F(MeasureEvidenceTest, PairWithMostOfItsMatchesInTracksAgreesWhateverItsRelativePose) {
@@ -155,7 +129,6 @@ TEST_F(MeasureEvidenceTest, WithAnEstimatedFocalLengthThePairsThatFitAgree) {
   Relocate(input_, kNumDatabaseImages, 0.5, {1, 0, 0}, &estimates_.pairs);
   refined_.camera.emplace(scene_.group.images.front().problem);
   EXPECT_EQ(Measure().front().agreeing_ratio, 1);
-  EXPECT_EQ(Measure().front().competing_ratio, 0);
   refined_.camera->ScaleFocalLength(1.5);
   EXPECT_LE(Measure().front().agreeing_ratio, 1.0 / kNumDatabaseImages);
 }
