@@ -68,8 +68,8 @@ RecordReader& QueryRecords::Reader(uint32_t file) const {
 QueryRecord QueryRecords::Read(size_t index, RecordParts parts) const {
   const Entry& entry = entries_.at(index);
   RecordReader& reader = Reader(entry.file);
-  const PartSizes sizes = ReadPartSizes(reader.ReadAt(entry.offset, kPartSizesSize));
-  uint64_t offset = entry.offset + kPartSizesSize;
+  const PartSizes sizes = ReadPartSizes(reader.ReadAt(entry.offset, sizeof(PartSizes)));
+  uint64_t offset = entry.offset + sizeof(PartSizes);
   RecordBytes bytes;
   bytes.head = reader.ReadAt(offset, sizes.head);
   offset += sizes.head;

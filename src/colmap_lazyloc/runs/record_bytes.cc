@@ -66,12 +66,12 @@ PackedGroup UnpackGroup(const std::string& bytes) {
   PackedGroup group;
   const PackedGroupHeader header = ReadPackedGroupHeader(bytes);
   group.group = header.group;
-  uint64_t offset = kPackedGroupHeaderSize;
+  uint64_t offset = sizeof(PackedGroupHeader);
   for (uint64_t i = 0; i < header.num_queries; ++i) {
     const PartSizes sizes = ReadPartSizes(bytes, offset);
-    const std::string head = bytes.substr(offset + kPartSizesSize, sizes.head);
+    const std::string head = bytes.substr(offset + sizeof(PartSizes), sizes.head);
     group.queries.push_back({FromBytes({head, "", ""}, RecordParts::HEAD).result.query_name, offset});
-    offset += kPartSizesSize + sizes.head + sizes.keypoints + sizes.points;
+    offset += sizeof(PartSizes) + sizes.head + sizes.keypoints + sizes.points;
   }
   LAZYLOC_CHECK(offset == bytes.size());
   return group;
