@@ -11,8 +11,7 @@
 namespace lazyloc {
 namespace {
 
-constexpr int kNumWordsOfDatabase = 1;  // nearest words that a database feature is entered under
-constexpr int kNumWordsOfQuery = 5;     // nearest words that a query feature is looked up under
+constexpr int kNumWordsOfQuery = 5;  // nearest words that a query feature is looked up under
 
 using InvertedIndex = colmap::retrieval::InvertedIndex<uint8_t, kDescriptorDim, /*kEmbeddingDim=*/64>;
 using WordId = std::remove_const_t<decltype(InvertedIndex::kInvalidWordId)>;  // 32 bits in COLMAP 3, 64 in COLMAP 4
@@ -45,11 +44,10 @@ VisualIndex VisualIndex::Train(const Descriptors& training, int num_words, uint3
 }
 
 void VisualIndex::Add(int image_id, const Descriptors& descriptors, IdleThreads* idle_threads) {
-  const auto word_ids = impl_->FindWords(descriptors, kNumWordsOfDatabase, idle_threads);
+  // Enters each feature under its nearest word.
+  const auto word_ids = impl_->FindWords(descriptors, 1, idle_threads);
   for (Eigen::Index i = 0; i < descriptors.rows(); ++i) {
-    for (Eigen::Index k = 0; k < word_ids.cols(); ++k) {
-      impl_->inverted_index.AddEntry(image_id, word_ids(i, k), i, descriptors.row(i), {});
-    }
+    impl_->inverted_index.AddEntry(image_id, word_ids(i, 0), i, descriptors.row(i), {});
   }
 }
 

@@ -18,9 +18,6 @@ namespace {
 // would else be a rounding error.
 constexpr double kRegularization = 1e-9;
 
-// Number of frames up to which the equations hold all of them, else those that observe common points with the query.
-constexpr size_t kMaxNumCoupled = 150;
-
 // Number of clusters that a pose uses up: half of its unknowns, because the errors that a cluster shares are
 // displacements in two coordinates.
 constexpr int kNumClusterParameters = 3;
@@ -61,7 +58,7 @@ class ScoreBuilder {
       if (posed_.images[image].frame == frame) is_asked_[problem.index_of_image[image]] = true;
     }
     CouplingWith(solver_.IndexOf(frame));
-    if (problem.frames.size() > kMaxNumCoupled) return;
+    if (!solver_.Cameras().IsDense()) return;
     for (size_t i = 0; i < problem.frames.size(); ++i) CouplingWith(static_cast<int>(i));
   }
 
