@@ -6,7 +6,7 @@
 
 #include <Eigen/LU>
 
-#include "colmap_lazyloc/ablation/sampson_refinement.h"
+#include "colmap_lazyloc/ablation/pose_refinement.h"
 #include "colmap_lazyloc/math/robust_statistics.h"
 #include "colmap_lazyloc/math/so3.h"
 #include "colmap_lazyloc/priors/prior_comparison.h"
@@ -72,7 +72,7 @@ OrientationFit MeasureOrientation(const Layout& layout, const PairRefs& pairs, c
 // Returns the relative pose (query from database) that fits all matches best near a refined one, because refinement may
 // end before that.
 Rigid3d SettledPose(const PairRefs& pairs, const Refined& refined, const std::vector<Track>& matches) {
-  const PosedImages posed = RefineBySampsonError(refined.adjustment.posed, matches, {}).posed;
+  const PosedImages posed = RefineBySampsonError(refined.adjustment.posed, matches).posed;
   return CamFromWorld(posed, 0) * Inverse(CamFromWorld(posed, pairs.front()->other));
 }
 

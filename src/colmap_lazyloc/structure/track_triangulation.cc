@@ -7,7 +7,6 @@
 #include <utility>
 
 #include "colmap_lazyloc/math/so3.h"
-#include "colmap_lazyloc/scene/options_check.h"
 #include "colmap_lazyloc/structure/point_finder.h"
 
 namespace lazyloc {
@@ -124,13 +123,6 @@ std::vector<Track> TracksThatFit(const PosedImages& posed, std::vector<Track> tr
 }
 
 }  // namespace
-
-bool TrackTriangulationOptions::Check(std::string* error) const {
-  OPTION_GT(max_query_error_sigma, 0);
-  OPTION_GE(min_triangulation_angle_deg, 0);
-  OPTION_GT(single_image_noise_ratio, 0);
-  return true;
-}
 
 SplitTracks TriangulateFromDatabase(const PosedImages& posed, std::vector<Track> tracks,
                                     const TrackTriangulationOptions& options) {
