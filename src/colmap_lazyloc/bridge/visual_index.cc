@@ -13,7 +13,7 @@ namespace {
 
 constexpr int kNumWordsOfQuery = 5;  // nearest words that a query feature is looked up under
 
-using InvertedIndex = colmap::retrieval::InvertedIndex<uint8_t, kDescriptorDim, /*kEmbeddingDim=*/64>;
+using InvertedIndex = colmap::retrieval::InvertedIndex<uint8_t, kDescriptorLength, /*kEmbeddingDim=*/64>;
 using WordId = std::remove_const_t<decltype(InvertedIndex::kInvalidWordId)>;  // 32 bits in COLMAP 3, 64 in COLMAP 4
 
 }  // namespace
@@ -34,7 +34,7 @@ VisualIndex::~VisualIndex() = default;
 VisualIndex::VisualIndex(VisualIndex&&) noexcept = default;
 
 VisualIndex VisualIndex::Train(const Descriptors& training, int num_words, uint32_t seed, IdleThreads* idle_threads) {
-  LAZYLOC_CHECK(training.rows() > 0 && training.cols() == kDescriptorDim);
+  LAZYLOC_CHECK(training.rows() > 0 && training.cols() == kDescriptorLength);
   auto impl = std::make_unique<Impl>(ClusterWords(training, num_words, seed));
   impl->inverted_index.Initialize(static_cast<int>(impl->words.Words().rows()));
   SeedRandomNumbers(seed);
@@ -75,7 +75,7 @@ void VisualIndex::Write(std::ofstream* file) const {
 VisualIndex VisualIndex::Read(std::ifstream* file) {
   uint64_t num_words = 0;
   file->read(reinterpret_cast<char*>(&num_words), sizeof(num_words));
-  Descriptors words(static_cast<Eigen::Index>(num_words), kDescriptorDim);
+  Descriptors words(static_cast<Eigen::Index>(num_words), kDescriptorLength);
   file->read(reinterpret_cast<char*>(words.data()), words.size());
   auto impl = std::make_unique<Impl>(std::move(words));
   impl->inverted_index.Read(file);
