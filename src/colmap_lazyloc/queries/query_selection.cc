@@ -286,9 +286,7 @@ std::optional<uint32_t> QuerySelection::FindStoredQuery(const std::string& name)
 }
 
 const DatabaseImage* QuerySelection::FindInDatabase(const std::string& name) const {
-  const auto image = std::lower_bound(database_images_.begin(), database_images_.end(), name,
-                                      [](const DatabaseImage& a, const std::string& b) { return a.name < b; });
-  return image == database_images_.end() || image->name != name ? nullptr : &*image;
+  return FindByName(database_images_, name);
 }
 
 const ModelImage* QuerySelection::FindPosedImage(uint32_t image_id, const std::string& query_name) const {

@@ -17,7 +17,7 @@ PosedImages MovedTo(const BundleSolver<kSize>& solver, PosedImages posed) {
   for (size_t i = 0; i < posed.frames.size(); ++i) {
     const int index = solver.IndexOf(static_cast<int>(i));
     if (index < 0) continue;
-    const BundleFrame& solution = solver.Solution().frames[index];
+    const ParameterBlock& solution = solver.Solution().frames[index];
     posed.frames[i].frame_from_world = solution.frame_from_world;
     log_factors[i] = solution.log_factor;
     if (posed.frames[i].has_free_scale) posed.frames[i].scale *= std::exp(solution.log_factor);

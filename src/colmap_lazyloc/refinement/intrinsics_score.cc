@@ -110,7 +110,7 @@ class ScoreBuilder {
     const Eigen::MatrixXd columns = factor.solve(
         Eigen::MatrixXd::Identity(factor.rows(), factor.rows()).middleCols<kSize>(kSize * place_of_frame_[frame]));
     SetSharedErrors(columns, poses_from_correction, frame, tracks);
-    if (kSize > 6 && solver_.Problem().has_factor[frame] && !solver_.Problem().frames[frame].factor_is_scale) {
+    if (solver_.Problem().frames[frame].kind == BlockKind::POSE_AND_FOCAL_LENGTH) {
       SetEstimatedFocalLength(columns.col(kSize - 1), frame);
     }
     for (const int place : places_) place_of_frame_[place] = -1;

@@ -17,14 +17,13 @@ std::string Format(const char* format, ...) {
 }
 
 std::string AsOneLine(const std::string& text) {
-  constexpr char kHexDigits[] = "0123456789abcdef";
   std::string line;
   for (const char c : text) {
     const auto byte = static_cast<unsigned char>(c);
     if (c == '\n') {
       line += "\\n";
     } else if (byte < ' ' || byte == 0x7f) {
-      line += {'\\', 'x', kHexDigits[byte / 16], kHexDigits[byte % 16]};
+      line += Format("\\x%02x", byte);
     } else {
       line += c;
     }
