@@ -200,7 +200,9 @@ StoredQuery QuerySelection::ReadStoredQuery(const std::string& name, const Datab
     // Leaves the cameras of a rig, because they may have the same size and different lenses.
     const std::vector<DatabaseCamera> none;
     const PhotoCamera chosen = ChooseStoredCamera(
-        query.stored_camera, groups_.IsSingle(role.group) ? database_cameras_.OfSize(query.stored_camera) : none);
+        query.stored_camera, groups_.IsSingle(role.group)
+                                 ? database_cameras_.OfSize(query.stored_camera.width, query.stored_camera.height)
+                                 : none);
     query.camera = chosen.camera;
     query.source = chosen.source;
     query.intrinsics_origin = chosen.Origin();

@@ -3,6 +3,8 @@
 #include <cstdarg>
 #include <cstdio>
 
+#include <boost/locale/utf.hpp>
+
 namespace lazyloc {
 
 std::string Format(const char* format, ...) {
@@ -29,6 +31,21 @@ std::string AsOneLine(const std::string& text) {
     }
   }
   return line;
+}
+
+std::string ValidUtf8(std::string_view text) {
+  namespace utf = boost::locale::utf;
+  std::string valid;
+  for (auto next = text.begin(); next != text.end();) {
+    const auto begin = next;
+    if (utf::is_valid_codepoint(utf::utf_traits<char>::decode(next, text.end()))) {
+      valid.append(begin, next);
+    } else {
+      valid += Format("\\x%02x", static_cast<unsigned char>(*begin));
+      next = begin + 1;
+    }
+  }
+  return valid;
 }
 
 }  // namespace lazyloc
