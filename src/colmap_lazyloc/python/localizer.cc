@@ -83,13 +83,14 @@ class Localizer::Call {
 Localizer::Localizer(const CommandOptions& options, std::optional<Model> model)
     : options_(options), idle_threads_(EffectiveNumThreads(options.num_threads)), process_(getpid()) {
   options_.source.selection.has_more_queries = true;
+  Model read = model ? *std::move(model) : ReadModel(options_.source.input_path);
   if (options_.source.database_path.empty()) {
     if (!options_.source.depth.depth_path.empty()) throw InputError("option depth_path needs a database");
-    model_ = model ? *std::move(model) : ReadModel(options_.source.input_path);
+    model_ = std::move(read);
     frames_ = DatabaseFramePlaces(model_, nullptr, options_.source.selection.groups);
     return;
   }
-  source_ = MakeQuerySource(options_, std::move(model));
+  source_ = MakeQuerySource(options_, std::move(read));
 }
 
 std::vector<std::string> Localizer::Warnings() const {

@@ -36,7 +36,7 @@ struct BundleAdjustmentResult {
   // How the frames of each prior group deviate from their priors. Empty for more frames than a dense matrix
   // solves.
   std::vector<PriorFit> prior_fits;
-  // By frame, zero for database frames; empty without computes_covariances.
+  // Scores by frame, zero for database frames; empty without computes_covariances.
   std::vector<IntrinsicsScore> intrinsics_scores;
 };
 

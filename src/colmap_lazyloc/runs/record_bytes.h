@@ -30,11 +30,7 @@ struct PackedQuery {
   std::string name;
   uint64_t offset = 0;  // of the sizes of its parts
 };
-struct PackedGroup {
-  uint64_t group = 0;
-  std::vector<PackedQuery> queries;
-};
-PackedGroup UnpackGroup(const std::string& bytes);
+std::vector<PackedQuery> UnpackGroup(const std::string& bytes);
 
 // The front of a packed group.
 struct PackedGroupHeader {
