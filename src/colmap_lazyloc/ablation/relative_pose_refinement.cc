@@ -1,18 +1,19 @@
-#include "colmap_lazyloc/ablation/relative_pose_refinement.h"
-
 #include <algorithm>
 #include <cmath>
 #include <optional>
 #include <random>
 
+#include "colmap_lazyloc/ablation/pose_refinement.h"
 #include "colmap_lazyloc/math/mean_rotation.h"
 #include "colmap_lazyloc/math/so3.h"
 #include "colmap_lazyloc/math/two_rays.h"
-#include "colmap_lazyloc/scene/options_check.h"
 #include "colmap_lazyloc/structure/ray_intersection.h"
 
 namespace lazyloc {
 namespace {
+
+constexpr double kMaxDirectionErrorDeg = 5;  // of an edge that agrees with a pose
+constexpr int kNumSamples = 10;              // subsets of the edges that agree
 
 // Rotation of a query by an edge, and the line on which the edge puts its centre.
 struct Proposal {
@@ -80,10 +81,9 @@ struct Best {
   }
 };
 
-Best Optimize(const RelativePoseRefinementOptions& options, const std::vector<Proposal>& proposals,
-              const Eigen::Vector3d& start_in_world, std::mt19937* random) {
+Best Optimize(const std::vector<Proposal>& proposals, const Eigen::Vector3d& start_in_world, std::mt19937* random) {
   constexpr size_t kMaxSampleSize = 14, kMinSampleSize = 3;
-  const double max_error_rad = DegToRad(options.max_direction_error_deg);
+  const double max_error_rad = DegToRad(kMaxDirectionErrorDeg);
   Best best;
   const std::optional<Pose> base = PoseFrom(Agreeing(proposals, start_in_world, M_SQRT2 * max_error_rad));
   if (!base) return best;
@@ -91,7 +91,7 @@ Best Optimize(const RelativePoseRefinementOptions& options, const std::vector<Pr
   std::vector<Proposal> sample = Agreeing(proposals, base->cam_in_world, max_error_rad);
   const size_t sample_size = std::min(kMaxSampleSize, sample.size() / 2);
   if (sample_size < kMinSampleSize) return best;
-  for (int i = 0; i < options.num_samples; ++i) {
+  for (int i = 0; i < kNumSamples; ++i) {
     std::shuffle(sample.begin(), sample.end(), *random);
     best.Try(PoseFrom({sample.begin(), sample.begin() + static_cast<std::ptrdiff_t>(sample_size)}), proposals,
              max_error_rad);
@@ -101,24 +101,18 @@ Best Optimize(const RelativePoseRefinementOptions& options, const std::vector<Pr
 
 }  // namespace
 
-bool RelativePoseRefinementOptions::Check(std::string* error) const {
-  OPTION_GT(max_direction_error_deg, 0);
-  OPTION_GE(num_samples, 0);
-  return true;
-}
-
-RelativePoseRefinementResult RefineByRelativePoses(const PosedImages& posed, const std::vector<RelativePoseEdge>& edges,
-                                                   const RelativePoseRefinementOptions& options, uint32_t seed) {
-  RelativePoseRefinementResult result = {{true, "refined", 0, 0}, posed};
+PoseRefinementResult RefineByRelativePoses(const PosedImages& posed, const std::vector<RelativePoseEdge>& edges,
+                                           uint32_t seed) {
+  PoseRefinementResult result = {{true, "refined", 0, 0}, posed};
   std::mt19937 random(seed);
   for (int image = 0; image < static_cast<int>(posed.images.size()); ++image) {
     if (posed.IsDatabase(image)) continue;
     Rigid3d& frame_from_world = result.posed.frames[posed.images[image].frame].frame_from_world;
-    const Best best = Optimize(options, ProposalsFor(image, edges, posed), CamInWorld(frame_from_world), &random);
+    const Best best = Optimize(ProposalsFor(image, edges, posed), CamInWorld(frame_from_world), &random);
     if (!best.pose) return {{false, "no two relative poses of a query agree on its position", 0, 0}, posed};
     frame_from_world = CamFromWorld(best.pose->cam_from_world_rotation, best.pose->cam_in_world);
     result.summary.cost += best.error_rad;
-    result.summary.iterations += options.num_samples;
+    result.summary.iterations += kNumSamples;
   }
   return result;
 }

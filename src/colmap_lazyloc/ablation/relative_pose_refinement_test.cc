@@ -1,5 +1,3 @@
-#include "colmap_lazyloc/ablation/relative_pose_refinement.h"
-
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -7,6 +5,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "colmap_lazyloc/ablation/pose_refinement.h"
 #include "colmap_lazyloc/math/so3.h"
 #include "colmap_lazyloc/testing/pose_expectations.h"
 #include "colmap_lazyloc/testing/synthetic_pose_graph.h"
@@ -77,7 +76,7 @@ class RelativePoseContract : public testing::TestWithParam<int> {
 
 TEST_P(RelativePoseContract, NoiseFreeIsExact) {
   const Scene scene = MakeScene(GraphOptions(0));
-  const RelativePoseRefinementResult result = RefineByRelativePoses(scene.start, scene.edges, {}, 0);
+  const PoseRefinementResult result = RefineByRelativePoses(scene.start, scene.edges, 0);
   ASSERT_TRUE(result.summary.success) << result.summary.message;
   EXPECT_LE(MaxPositionError(result.posed, scene.truth), 5 * 1e-8);
   EXPECT_LE(MaxRotationErrorDeg(result.posed, scene.truth), RadToDeg(1e-8));
@@ -91,7 +90,7 @@ TEST_P(RelativePoseContract, WithstandsNoiseAndOutliers) {
   double error_sum = 0;
   for (options.seed = 0; options.seed < 20; ++options.seed) {
     const Scene scene = MakeScene(options);
-    const RelativePoseRefinementResult result = RefineByRelativePoses(scene.start, scene.edges, {}, 0);
+    const PoseRefinementResult result = RefineByRelativePoses(scene.start, scene.edges, 0);
     ASSERT_TRUE(result.summary.success);
     error_sum += MaxPositionError(result.posed, scene.truth);
     EXPECT_LE(MaxRotationErrorDeg(result.posed, scene.truth), 5 / std::sqrt(14)) << "seed " << options.seed;
@@ -101,7 +100,7 @@ TEST_P(RelativePoseContract, WithstandsNoiseAndOutliers) {
 
 TEST_P(RelativePoseContract, KeepsDatabasePosesBitwise) {
   const Scene scene = MakeScene(GraphOptions(1));
-  const RelativePoseRefinementResult result = RefineByRelativePoses(scene.start, scene.edges, {}, 0);
+  const PoseRefinementResult result = RefineByRelativePoses(scene.start, scene.edges, 0);
   ASSERT_TRUE(result.summary.success);
   for (size_t i = 0; i < scene.truth.frames.size(); ++i) {
     if (!scene.truth.frames[i].is_database) continue;
@@ -111,10 +110,10 @@ TEST_P(RelativePoseContract, KeepsDatabasePosesBitwise) {
 
 TEST_P(RelativePoseContract, EdgeOrderDoesNotMatterButTheSeedMay) {
   Scene scene = MakeScene(GraphOptions(2));
-  const RelativePoseRefinementResult straight = RefineByRelativePoses(scene.start, scene.edges, {}, 0);
-  const RelativePoseRefinementResult reseeded = RefineByRelativePoses(scene.start, scene.edges, {}, 1);
+  const PoseRefinementResult straight = RefineByRelativePoses(scene.start, scene.edges, 0);
+  const PoseRefinementResult reseeded = RefineByRelativePoses(scene.start, scene.edges, 1);
   std::reverse(scene.edges.begin(), scene.edges.end());
-  const RelativePoseRefinementResult reversed = RefineByRelativePoses(scene.start, scene.edges, {}, 0);
+  const PoseRefinementResult reversed = RefineByRelativePoses(scene.start, scene.edges, 0);
   ASSERT_TRUE(straight.summary.success && reseeded.summary.success && reversed.summary.success);
   EXPECT_EQ(MaxPositionError(straight.posed, reversed.posed), 0);
   EXPECT_EQ(MaxRotationErrorDeg(straight.posed, reversed.posed), 0);
@@ -130,7 +129,7 @@ TEST(RelativePoseRefinement, WrongDirectionsAreLeftOutWithTheirRotations) {
   Scene scene = MakeScene(options);
   Rigid3d& wrong = scene.edges[2].query_from_database;
   wrong = CamFromWorld(ExpSO3({0.3, 0, 0}) * wrong.rotation, -CamInWorld(wrong));
-  const RelativePoseRefinementResult result = RefineByRelativePoses(scene.start, scene.edges, {}, 0);
+  const PoseRefinementResult result = RefineByRelativePoses(scene.start, scene.edges, 0);
   ASSERT_TRUE(result.summary.success);
   EXPECT_LE(MaxRotationErrorDeg(result.posed, scene.truth), RadToDeg(1e-8));
 }
@@ -140,7 +139,7 @@ TEST(RelativePoseRefinement, DegenerateInputFailsAndChangesNothing) {
   options.num_database = 3;
   const Scene scene = MakeScene(options);
   const auto fails = [&](const std::vector<RelativePoseEdge>& edges) {
-    const RelativePoseRefinementResult result = RefineByRelativePoses(scene.start, edges, {}, 0);
+    const PoseRefinementResult result = RefineByRelativePoses(scene.start, edges, 0);
     if (result.summary.success) return false;
     ExpectSameBits(result.posed.frames.back().frame_from_world, scene.start.frames.back().frame_from_world);
     return true;
@@ -169,18 +168,9 @@ TEST(RelativePoseRefinement, ParallelLinesFail) {
     posed.images.push_back(image);
   }
   const Rigid3d ahead = CamFromWorld(Eigen::Quaterniond::Identity(), {1, 0, 0});
-  const StageSummary summary = RefineByRelativePoses(posed, {{0, 2, ahead}, {1, 2, ahead}}, {}, 0).summary;
+  const StageSummary summary = RefineByRelativePoses(posed, {{0, 2, ahead}, {1, 2, ahead}}, 0).summary;
   EXPECT_FALSE(summary.success);
   EXPECT_THAT(summary.message, testing::HasSubstr("agree"));
-}
-
-TEST(RelativePoseRefinementOptions, NamesTheInvalidField) {
-  RelativePoseRefinementOptions options;
-  std::string error;
-  EXPECT_TRUE(options.Check(&error));
-  options.max_direction_error_deg = 0;
-  EXPECT_FALSE(options.Check(&error));
-  EXPECT_THAT(error, testing::HasSubstr("max_direction_error_deg"));
 }
 
 }  // namespace

@@ -1,14 +1,13 @@
-#include "colmap_lazyloc/ablation/sampson_refinement.h"
-
 #include <algorithm>
 #include <cmath>
 
 #include <Eigen/Cholesky>
 
+#include "colmap_lazyloc/ablation/pose_refinement.h"
+#include "colmap_lazyloc/math/robust_statistics.h"
 #include "colmap_lazyloc/math/robust_weights.h"
 #include "colmap_lazyloc/math/so3.h"
 #include "colmap_lazyloc/scene/epipolar_error.h"
-#include "colmap_lazyloc/scene/options_check.h"
 
 namespace lazyloc {
 namespace {
@@ -52,7 +51,7 @@ struct NormalEquations {
   Vector6d gradient = Vector6d::Zero();
 };
 
-NormalEquations Linearize(const std::vector<DatabaseMatch>& matches, const Pose& pose, double loss_scale) {
+NormalEquations Linearize(const std::vector<DatabaseMatch>& matches, const Pose& pose) {
   NormalEquations equations;
   const Eigen::Matrix3d world_from_cam = pose.cam_from_world_rotation.conjugate().toRotationMatrix();
   Eigen::Matrix<double, 1, 6> jacobian;
@@ -61,8 +60,9 @@ NormalEquations Linearize(const std::vector<DatabaseMatch>& matches, const Pose&
     in_world.ray2 = world_from_cam * match.rays.ray2;
     const double error = SampsonError(in_world, pose.cam_in_world - match.database_in_world, &jacobian);
     jacobian.head<3>() *= world_from_cam;  // turns of the tangent are in the camera's axes
-    const double weight = CauchyWeight(error * error, loss_scale);
-    equations.cost += 0.5 * loss_scale * loss_scale * std::log1p(error * error / (loss_scale * loss_scale));
+    const double weight = CauchyWeight(error * error, kLossScaleSigma);
+    equations.cost +=
+        0.5 * kLossScaleSigma * kLossScaleSigma * std::log1p(error * error / (kLossScaleSigma * kLossScaleSigma));
     equations.hessian.noalias() += weight * jacobian.transpose() * jacobian;
     equations.gradient.noalias() += weight * error * jacobian.transpose();
   }
@@ -79,15 +79,15 @@ Pose Moved(const Pose& pose, const NormalEquations& equations, double damping) {
 }
 
 // Minimises by Levenberg-Marquardt. Returns false if the cost is not finite.
-bool Minimize(const SampsonRefinementOptions& options, const std::vector<DatabaseMatch>& matches, Pose* pose,
-              StageSummary* summary) {
-  NormalEquations current = Linearize(matches, *pose, options.loss_scale_sigma);
+bool Minimize(double function_tolerance, const std::vector<DatabaseMatch>& matches, Pose* pose, StageSummary* summary) {
+  constexpr int kMaxNumIterations = 50;
+  NormalEquations current = Linearize(matches, *pose);
   if (!std::isfinite(current.cost)) return false;
   double damping = 1e-4;
-  for (int i = 0; i < options.max_num_iterations && damping <= 1e8; ++i) {
+  for (int i = 0; i < kMaxNumIterations && damping <= 1e8; ++i) {
     ++summary->iterations;
     const Pose next_pose = Moved(*pose, current, damping);
-    const NormalEquations next = Linearize(matches, next_pose, options.loss_scale_sigma);
+    const NormalEquations next = Linearize(matches, next_pose);
     if (!(next.cost < current.cost)) {
       damping *= 10;
       continue;
@@ -96,7 +96,7 @@ bool Minimize(const SampsonRefinementOptions& options, const std::vector<Databas
     *pose = next_pose;
     current = next;
     damping = std::max(damping / 10, 1e-12);
-    if (relative_decrease < options.function_tolerance) break;
+    if (relative_decrease < function_tolerance) break;
   }
   summary->cost += current.cost;
   return true;
@@ -104,27 +104,19 @@ bool Minimize(const SampsonRefinementOptions& options, const std::vector<Databas
 
 }  // namespace
 
-bool SampsonRefinementOptions::Check(std::string* error) const {
-  OPTION_GT(loss_scale_sigma, 0);
-  OPTION_GE(max_num_iterations, 1);
-  OPTION_GE(function_tolerance, 0);
-  return true;
-}
-
-SampsonRefinementResult RefineBySampsonError(const PosedImages& posed, const std::vector<Track>& tracks,
-                                             const SampsonRefinementOptions& options) {
-  constexpr size_t kMinNumMatches = 6;
-  SampsonRefinementResult result = {{true, "refined", 0, 0}, posed};
+PoseRefinementResult RefineBySampsonError(const PosedImages& posed, const std::vector<Track>& tracks,
+                                          double function_tolerance) {
+  PoseRefinementResult result = {{true, "refined", 0, 0}, posed};
   const auto fail = [&](const char* message) {
-    return SampsonRefinementResult{{false, message, result.summary.iterations, 0}, posed};
+    return PoseRefinementResult{{false, message, result.summary.iterations, 0}, posed};
   };
   for (int image = 0; image < static_cast<int>(posed.images.size()); ++image) {
     if (posed.IsDatabase(image)) continue;
     const std::vector<DatabaseMatch> matches = MatchesOf(image, tracks, posed);
-    if (matches.size() < kMinNumMatches) return fail("a query has less than six matches");
+    if (matches.size() < Vector6d::SizeAtCompileTime) return fail("a query has less than six matches");
     Rigid3d& frame_from_world = result.posed.frames[posed.images[image].frame].frame_from_world;
     Pose pose = {frame_from_world.rotation, CamInWorld(frame_from_world)};
-    if (!Minimize(options, matches, &pose, &result.summary)) return fail("the cost is not finite");
+    if (!Minimize(function_tolerance, matches, &pose, &result.summary)) return fail("the cost is not finite");
     frame_from_world = CamFromWorld(pose.cam_from_world_rotation, pose.cam_in_world);
   }
   return result;

@@ -1,12 +1,10 @@
-#include "colmap_lazyloc/ablation/sampson_refinement.h"
-
 #include <algorithm>
 #include <cmath>
 #include <limits>
 
-#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "colmap_lazyloc/ablation/pose_refinement.h"
 #include "colmap_lazyloc/math/so3.h"
 #include "colmap_lazyloc/refinement/bundle_adjustment.h"
 #include "colmap_lazyloc/testing/jacobian_check.h"
@@ -36,17 +34,12 @@ SyntheticTracks MakeScene(int num_query, double noise_px, uint32_t seed) {
   return MakeSyntheticTracks(options);
 }
 
-SampsonRefinementOptions Precise() {
-  SampsonRefinementOptions options;
-  options.function_tolerance = 0;
-  return options;
-}
-
 class SampsonContract : public testing::TestWithParam<int> {};
 
 TEST_P(SampsonContract, NoiseFreeIsExact) {
   const SyntheticTracks scene = MakeScene(GetParam(), 0, 1);
-  const SampsonRefinementResult result = RefineBySampsonError(Start(scene, 1, 0.2), scene.tracks, Precise());
+  const PoseRefinementResult result =
+      RefineBySampsonError(Start(scene, 1, 0.2), scene.tracks, /*function_tolerance=*/0);
   ASSERT_TRUE(result.summary.success) << result.summary.message;
   for (int query = 0; query < GetParam(); ++query) {
     const Rigid3d refined = CamFromWorld(result.posed, query), truth = CamFromWorld(scene.posed, query);
@@ -57,7 +50,7 @@ TEST_P(SampsonContract, NoiseFreeIsExact) {
 
 TEST_P(SampsonContract, KeepsDatabasePosesBitwise) {
   const SyntheticTracks scene = MakeScene(GetParam(), 1, 2);
-  const SampsonRefinementResult result = RefineBySampsonError(Start(scene, 1, 0.2), scene.tracks, {});
+  const PoseRefinementResult result = RefineBySampsonError(Start(scene, 1, 0.2), scene.tracks);
   ASSERT_TRUE(result.summary.success);
   for (size_t i = GetParam(); i < result.posed.frames.size(); ++i) {
     ExpectSameBits(result.posed.frames[i].frame_from_world, scene.posed.frames[i].frame_from_world);
@@ -67,9 +60,9 @@ TEST_P(SampsonContract, KeepsDatabasePosesBitwise) {
 TEST_P(SampsonContract, TrackOrderDoesNotMatter) {
   SyntheticTracks scene = MakeScene(GetParam(), 1, 3);
   const PosedImages start = Start(scene, 1, 0.2);
-  const PosedImages straight = RefineBySampsonError(start, scene.tracks, Precise()).posed;
+  const PosedImages straight = RefineBySampsonError(start, scene.tracks, /*function_tolerance=*/0).posed;
   std::reverse(scene.tracks.begin(), scene.tracks.end());
-  const PosedImages reversed = RefineBySampsonError(start, scene.tracks, Precise()).posed;
+  const PosedImages reversed = RefineBySampsonError(start, scene.tracks, /*function_tolerance=*/0).posed;
   for (int query = 0; query < GetParam(); ++query) {
     EXPECT_LE(PositionError(CamFromWorld(straight, query), CamFromWorld(reversed, query)), 8 * 1e-8);
   }
@@ -89,8 +82,8 @@ TEST(SampsonRefinement, WithstandsOutliers) {
     }
     for (Image& image : scene.posed.images) image.noise_px = 0.5;
     const PosedImages start = Start(scene, 0.5, 0.1);
-    const SampsonRefinementResult with = RefineBySampsonError(start, scene.tracks, {});
-    const SampsonRefinementResult without = RefineBySampsonError(start, good, {});
+    const PoseRefinementResult with = RefineBySampsonError(start, scene.tracks);
+    const PoseRefinementResult without = RefineBySampsonError(start, good);
     ASSERT_TRUE(with.summary.success && without.summary.success);
     EXPECT_LE(PositionError(CamFromWorld(with.posed, 0), CamFromWorld(without.posed, 0)), 0.045) << "seed " << seed;
   }
@@ -112,7 +105,7 @@ TEST(SampsonRefinement, IsBlindAlongTheLineOfAllCamerasButTracksAreNot) {
   const Rigid3d truth = CamFromWorld(scene.posed, 0);
   PosedImages start = scene.posed;
   start.frames[0].frame_from_world = CamFromWorld(truth.rotation, CamInWorld(truth) + Eigen::Vector3d(0.3, 0, 0));
-  const SampsonRefinementResult by_sampson = RefineBySampsonError(start, scene.tracks, Precise());
+  const PoseRefinementResult by_sampson = RefineBySampsonError(start, scene.tracks, /*function_tolerance=*/0);
   const BundleAdjustmentResult by_tracks = AdjustBundle(start, scene.tracks, {});
   ASSERT_TRUE(by_sampson.summary.success && by_tracks.summary.success);
   EXPECT_NEAR(PositionError(CamFromWorld(by_sampson.posed, 0), truth), 0.3, 1e-3);
@@ -123,7 +116,7 @@ TEST(SampsonRefinement, DegenerateInputFailsAndChangesNothing) {
   SyntheticTracks scene = MakeScene(1, 0, 7);
   const PosedImages start = Start(scene, 1, 0.2);
   const auto expect_failure = [&](const std::vector<Track>& tracks) {
-    const SampsonRefinementResult result = RefineBySampsonError(start, tracks, {});
+    const PoseRefinementResult result = RefineBySampsonError(start, tracks);
     EXPECT_FALSE(result.summary.success);
     ExpectSameBits(CamFromWorld(result.posed, 0), CamFromWorld(start, 0));
   };
@@ -137,21 +130,13 @@ TEST(SampsonRefinement, OneDatabaseImageGivesABearing) {
   SyntheticTracksOptions options;
   options.num_database = 1;
   const SyntheticTracks scene = MakeSyntheticTracks(options);
-  const SampsonRefinementResult result = RefineBySampsonError(Start(scene, 1, 0.2), scene.tracks, Precise());
+  const PoseRefinementResult result =
+      RefineBySampsonError(Start(scene, 1, 0.2), scene.tracks, /*function_tolerance=*/0);
   ASSERT_TRUE(result.summary.success);
   const Eigen::Vector3d database = CamInWorld(CamFromWorld(scene.posed, 1));
   EXPECT_LE(AngleBetweenRad(CamInWorld(CamFromWorld(result.posed, 0)) - database,
                             CamInWorld(CamFromWorld(scene.posed, 0)) - database),
             1e-6);
-}
-
-TEST(SampsonRefinementOptions, NamesTheInvalidField) {
-  SampsonRefinementOptions options;
-  std::string error;
-  EXPECT_TRUE(options.Check(&error));
-  options.max_num_iterations = 0;
-  EXPECT_FALSE(options.Check(&error));
-  EXPECT_THAT(error, testing::HasSubstr("max_num_iterations"));
 }
 
 }  // namespace

@@ -11,7 +11,6 @@
 namespace lazyloc {
 namespace {
 
-constexpr size_t kKeypointsPerTask = 64;
 constexpr int kNumColumns = kDescriptorLength;
 using DescriptorBytes = std::array<uint8_t, kNumColumns>;
 using FloatDescriptor =
@@ -57,14 +56,12 @@ KeypointFeatures Describe(const VlSiftKeypoint& keypoint, bool is_upright, const
 void AppendLevels(bool is_upright, const SiftFilter& filter, IdleThreads* idle_threads, std::vector<Level>* levels) {
   const std::vector<VlSiftKeypoint> keypoints = filter.Keypoints();
   std::vector<KeypointFeatures> features(keypoints.size());
-  ParallelFor((keypoints.size() + kKeypointsPerTask - 1) / kKeypointsPerTask,
-              [&](size_t task) {
-                const size_t end = std::min((task + 1) * kKeypointsPerTask, keypoints.size());
-                for (size_t i = task * kKeypointsPerTask; i < end; ++i) {
-                  features[i] = Describe(keypoints[i], is_upright, filter);
-                }
-              },
-              idle_threads);
+  ParallelForRanges(
+      keypoints.size(),
+      [&](size_t begin, size_t end) {
+        for (size_t i = begin; i < end; ++i) features[i] = Describe(keypoints[i], is_upright, filter);
+      },
+      idle_threads);
   for (size_t i = 0; i < keypoints.size(); ++i) {
     if (i == 0 || keypoints[i].is != keypoints[i - 1].is) levels->emplace_back();
     levels->back().push_back(std::move(features[i]));

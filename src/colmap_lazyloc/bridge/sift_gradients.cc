@@ -11,8 +11,6 @@
 namespace lazyloc {
 namespace {
 
-constexpr int kRowsPerTask = 64;
-
 // The next two functions compute what VLFeat's inline functions do, in a form that the compiler vectorises.
 
 // Takes two steps of Newton's method for the reciprocal square root, which begins with half of the negative exponent.
@@ -60,13 +58,11 @@ LAZYLOC_ALWAYS_INLINE inline void ComputeRow(const float* __restrict row, const 
 }  // namespace
 
 void ComputeGradients(const float* image, int width, int height, IdleThreads* idle_threads, float* gradients) {
-  ParallelFor(
-      static_cast<size_t>((height + kRowsPerTask - 1) / kRowsPerTask),
-      [&](size_t task) {
-        const int begin = static_cast<int>(task) * kRowsPerTask;
-        const int end = std::min(begin + kRowsPerTask, height);
+  ParallelForRanges(
+      static_cast<size_t>(height),
+      [&](size_t begin, size_t end) {
         RunVectorized([&]() LAZYLOC_ALWAYS_INLINE {
-          for (int y = begin; y < end; ++y) {
+          for (int y = static_cast<int>(begin); y < static_cast<int>(end); ++y) {
             const auto row = [&](int v) { return image + static_cast<size_t>(std::clamp(v, 0, height - 1)) * width; };
             const float step_y = y > 0 && y < height - 1 ? 0.5f : 1;
             ComputeRow(row(y), row(y - 1), row(y + 1), step_y, width, gradients + 2 * static_cast<size_t>(y) * width);

@@ -23,9 +23,6 @@ namespace {
 // intrinsics are known, so that these inliers are wrong matches, for example between similar windows.
 constexpr double kMinCalibratedInlierRatio = 0.5;
 
-// Maximum epipolar error of an inlier in pixels: COLMAP's default.
-constexpr double kMaxErrorPx = 4;
-
 // Maximum number of matches for the choice among the four poses of an essential matrix. COLMAP triangulates all matches
 // with each pose to find the one with points in front of both cameras; this takes longer than everything else, and so
 // many matches give the same answer.
@@ -74,7 +71,6 @@ TwoViewGeometry EstimateTwoViewGeometry(const Camera& other_camera, const std::v
                                         const Matches& matches, bool is_query_calibrated, uint32_t seed) {
   colmap::TwoViewGeometryOptions colmap_options;
   colmap_options.min_num_inliers = kMinNumInliers;
-  colmap_options.ransac_options.max_error = kMaxErrorPx;
   colmap_options.min_E_F_inlier_ratio = kMinCalibratedInlierRatio;
   SeedRandomNumbers(seed);
   const colmap::Camera camera1 = ToColmap(other_camera);
@@ -108,8 +104,9 @@ TwoViewGeometry EstimateCalibratedGeometry(const Camera& other_camera,
     with_rays.push_back(match);
   }
   colmap::RANSACOptions ransac_options;
-  ransac_options.max_error = (ToColmap(other_camera).CamFromImgThreshold(kMaxErrorPx) +
-                              ToColmap(query_camera).CamFromImgThreshold(kMaxErrorPx)) /
+  const double max_error_px = colmap::TwoViewGeometryOptions().ransac_options.max_error;
+  ransac_options.max_error = (ToColmap(other_camera).CamFromImgThreshold(max_error_px) +
+                              ToColmap(query_camera).CamFromImgThreshold(max_error_px)) /
                              2;
   ransac_options.min_inlier_ratio = kMinCalibratedInlierRatio;
   // Takes few trials, because local optimization mends the best one, and the matches are inliers of one geometry.

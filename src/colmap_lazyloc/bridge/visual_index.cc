@@ -11,10 +11,9 @@
 namespace lazyloc {
 namespace {
 
-constexpr int kNumWordsOfDatabase = 1;  // nearest words that a database feature is entered under
-constexpr int kNumWordsOfQuery = 5;     // nearest words that a query feature is looked up under
+constexpr int kNumWordsOfQuery = 5;  // nearest words that a query feature is looked up under
 
-using InvertedIndex = colmap::retrieval::InvertedIndex<uint8_t, kDescriptorDim, /*kEmbeddingDim=*/64>;
+using InvertedIndex = colmap::retrieval::InvertedIndex<uint8_t, kDescriptorLength, /*kEmbeddingDim=*/64>;
 using WordId = std::remove_const_t<decltype(InvertedIndex::kInvalidWordId)>;  // 32 bits in COLMAP 3, 64 in COLMAP 4
 
 }  // namespace
@@ -35,7 +34,7 @@ VisualIndex::~VisualIndex() = default;
 VisualIndex::VisualIndex(VisualIndex&&) noexcept = default;
 
 VisualIndex VisualIndex::Train(const Descriptors& training, int num_words, uint32_t seed, IdleThreads* idle_threads) {
-  LAZYLOC_CHECK(training.rows() > 0 && training.cols() == kDescriptorDim);
+  LAZYLOC_CHECK(training.rows() > 0 && training.cols() == kDescriptorLength);
   auto impl = std::make_unique<Impl>(ClusterWords(training, num_words, seed));
   impl->inverted_index.Initialize(static_cast<int>(impl->words.Words().rows()));
   SeedRandomNumbers(seed);
@@ -45,11 +44,10 @@ VisualIndex VisualIndex::Train(const Descriptors& training, int num_words, uint3
 }
 
 void VisualIndex::Add(int image_id, const Descriptors& descriptors, IdleThreads* idle_threads) {
-  const auto word_ids = impl_->FindWords(descriptors, kNumWordsOfDatabase, idle_threads);
+  // Enters each feature under its nearest word.
+  const auto word_ids = impl_->FindWords(descriptors, 1, idle_threads);
   for (Eigen::Index i = 0; i < descriptors.rows(); ++i) {
-    for (Eigen::Index k = 0; k < word_ids.cols(); ++k) {
-      impl_->inverted_index.AddEntry(image_id, word_ids(i, k), i, descriptors.row(i), {});
-    }
+    impl_->inverted_index.AddEntry(image_id, word_ids(i, 0), i, descriptors.row(i), {});
   }
 }
 
@@ -77,7 +75,7 @@ void VisualIndex::Write(std::ofstream* file) const {
 VisualIndex VisualIndex::Read(std::ifstream* file) {
   uint64_t num_words = 0;
   file->read(reinterpret_cast<char*>(&num_words), sizeof(num_words));
-  Descriptors words(static_cast<Eigen::Index>(num_words), kDescriptorDim);
+  Descriptors words(static_cast<Eigen::Index>(num_words), kDescriptorLength);
   file->read(reinterpret_cast<char*>(words.data()), words.size());
   auto impl = std::make_unique<Impl>(std::move(words));
   impl->inverted_index.Read(file);

@@ -12,7 +12,6 @@
 namespace lazyloc {
 namespace {
 
-constexpr Eigen::Index kDescriptorsPerTask = 256;
 constexpr int32_t kFar = std::numeric_limits<int32_t>::max();
 
 // Nearest words of one descriptor among the words added so far.
@@ -58,13 +57,10 @@ VisualWords::VisualWords(Descriptors words)
 
 Eigen::MatrixXi VisualWords::Find(const Descriptors& descriptors, int num_neighbors, IdleThreads* idle_threads) const {
   Eigen::MatrixXi ids(descriptors.rows(), std::min<int>(num_neighbors, words_.rows()));
-  const Eigen::Index num_tasks = (descriptors.rows() + kDescriptorsPerTask - 1) / kDescriptorsPerTask;
-  ParallelFor(
-      num_tasks,
-      [&](size_t task) {
-        const Eigen::Index begin = static_cast<Eigen::Index>(task) * kDescriptorsPerTask;
-        const Eigen::Index size = std::min(kDescriptorsPerTask, descriptors.rows() - begin);
-        FindOnOneThread(descriptors.middleRows(begin, size), ids.middleRows(begin, size));
+  ParallelForRanges(
+      static_cast<size_t>(descriptors.rows()),
+      [&](size_t begin, size_t end) {
+        FindOnOneThread(descriptors.middleRows(begin, end - begin), ids.middleRows(begin, end - begin));
       },
       idle_threads);
   return ids;

@@ -29,6 +29,8 @@ class VisualWords {
   std::vector<int32_t> squared_norms_;  // one entry per word in blocks_
 };
 
+constexpr int kNumClusterings = 11;  // iterations of k-means, as many as COLMAP's
+
 // Clusters descriptors with the library that COLMAP uses (FLANN or faiss). Returns at most max(num_words, 2) words. The
 // same input gives the same words.
 Descriptors ClusterWords(const Descriptors& descriptors, int num_words, uint32_t seed);

@@ -1,9 +1,8 @@
-#include "colmap_lazyloc/cli/lazy_indexer.h"
-
 #include <chrono>
 #include <cstdlib>
 #include <iostream>
 
+#include "colmap_lazyloc/cli/commands.h"
 #include "colmap_lazyloc/cli/options.h"
 #include "colmap_lazyloc/cli/run_command.h"
 #include "colmap_lazyloc/matching/retrieval_index.h"

@@ -1,5 +1,3 @@
-#include "colmap_lazyloc/cli/lazy_localizer.h"
-
 #include <algorithm>
 #include <csignal>
 #include <cstdlib>
@@ -9,6 +7,7 @@
 #include <utility>
 #include <vector>
 
+#include "colmap_lazyloc/cli/commands.h"
 #include "colmap_lazyloc/cli/options.h"
 #include "colmap_lazyloc/cli/progress.h"
 #include "colmap_lazyloc/cli/query_runner.h"

@@ -1,11 +1,10 @@
-#include "colmap_lazyloc/cli/lazy_merger.h"
-
 #include <algorithm>
 #include <cstdlib>
 #include <iostream>
 #include <string>
 #include <utility>
 
+#include "colmap_lazyloc/cli/commands.h"
 #include "colmap_lazyloc/cli/options.h"
 #include "colmap_lazyloc/cli/progress.h"
 #include "colmap_lazyloc/cli/report_command.h"

@@ -4,10 +4,8 @@
 #include <sstream>
 #include <string>
 
-#include "colmap_lazyloc/bridge/logging.h"
-#include "colmap_lazyloc/cli/lazy_indexer.h"
-#include "colmap_lazyloc/cli/lazy_localizer.h"
-#include "colmap_lazyloc/cli/lazy_merger.h"
+#include "colmap_lazyloc/bridge/colmap_program.h"
+#include "colmap_lazyloc/cli/commands.h"
 
 int ColmapUpstreamMain(int argc, char** argv);
 

@@ -5,9 +5,9 @@ namespace lazyloc {
 // Calls `add(name, pointer to the value, help)` for the options of LocalizerOptions that few users need.
 template <typename Options, typename Add>
 void ForEachMethodOption(Options& o, const Add& add) {
-  add("LazyLocalizer.Advanced.rotation_averaging", &o.rotation_averaging.method,
+  add("LazyLocalizer.Advanced.rotation_averaging", &o.rotation_averaging,
       "Method of rotation averaging: l1_irls, or for comparison l1 or quaternion_mean");
-  add("LazyLocalizer.Advanced.translation_averaging", &o.translation_averaging.method,
+  add("LazyLocalizer.Advanced.translation_averaging", &o.translation_averaging,
       "Method of translation averaging: angular, or for comparison lud (least unsquared deviations)");
   add("LazyLocalizer.Advanced.start_pose", &o.start_pose,
       "Start of bundle adjustment: best, motion_averaging, absolute_pose, "

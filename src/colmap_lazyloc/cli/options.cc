@@ -236,10 +236,7 @@ bool Parse(int argc, char** argv, const std::string& command, const Descriptions
     }
     po::notify(values);
   } catch (const po::error& error) {
-    const std::string message = error.what();
-    const bool is_old = message.find("refine_focal_length") != std::string::npos;
-    throw InputError(command + ": " + message + (is_old ? ", use --LazyLocalizer.intrinsics refine" : "") + " (see " +
-                     command + " -h)");
+    throw InputError(command + ": " + error.what() + " (see " + command + " -h)");
   }
   return true;
 }

@@ -113,7 +113,6 @@ TEST_F(OptionsTest, IntrinsicsAreAnEnum) {
   EXPECT_EQ(Parsed({}).localizer.intrinsics, IntrinsicsMode::AUTO);
   EXPECT_EQ(Parsed({"--LazyLocalizer.intrinsics", "given"}).localizer.intrinsics, IntrinsicsMode::GIVEN);
   ExpectError({"--LazyLocalizer.intrinsics", "exif"}, "must be one of auto, given, refine, but is 'exif'");
-  ExpectError({"--LazyLocalizer.refine_focal_length", "1"}, "use --LazyLocalizer.intrinsics refine");
   ExpectError({"--LazyLocalizer.intrinsics", "refine", "--LazyLocalizer.Advanced.post_optimization", "none"},
               "option --LazyLocalizer.intrinsics = refine needs");
 }

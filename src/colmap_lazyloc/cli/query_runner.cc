@@ -10,14 +10,13 @@
 
 namespace lazyloc {
 
-std::unique_ptr<QuerySource> MakeQuerySource(const CommandOptions& options, std::optional<Model> model) {
+std::unique_ptr<QuerySource> MakeQuerySource(const CommandOptions& options, Model model) {
   const int seed = options.localizer.seed;
   SourceOptions source = options.source;
   // Reads no pairs if nothing corrects database poses, or if the options state their errors.
   source.reads_database_pairs = options.localizer.post_optimization == PostOptimization::TRACKS &&
                                 ExpectPoseErrors(options.localizer).source == PoseNoiseSource::DEFAULT;
-  if (!model) return std::make_unique<QuerySource>(source, seed, options.num_threads);
-  return std::make_unique<QuerySource>(source, *std::move(model), seed, options.num_threads);
+  return std::make_unique<QuerySource>(source, std::move(model), seed, options.num_threads);
 }
 
 std::vector<QueryRecord> LocalizeLoaded(LoadedGroup loaded, const LocalizerOptions& options) {

@@ -11,8 +11,8 @@
 
 namespace lazyloc {
 
-// Returns the source of the queries that the options name; with a model, instead of the one at input_path.
-std::unique_ptr<QuerySource> MakeQuerySource(const CommandOptions& options, std::optional<Model> model = std::nullopt);
+// Returns the source of the queries that the options name. model: the one at input_path.
+std::unique_ptr<QuerySource> MakeQuerySource(const CommandOptions& options, Model model);
 
 // Localizes the queries of a group that has been loaded. options: with the maximum number of pairs of its source.
 std::vector<QueryRecord> LocalizeLoaded(LoadedGroup loaded, const LocalizerOptions& options);

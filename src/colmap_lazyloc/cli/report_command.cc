@@ -7,7 +7,7 @@
 #include <iostream>
 #include <sstream>
 
-#include "colmap_lazyloc/bridge/colmap_version.h"
+#include "colmap_lazyloc/bridge/colmap_program.h"
 
 namespace lazyloc {
 namespace {

@@ -24,8 +24,7 @@ constexpr int64_t kMaxInt = std::numeric_limits<int>::max();
 constexpr int64_t kMaxInt64 = std::numeric_limits<int64_t>::max();
 constexpr int64_t kMaxCameraId = std::numeric_limits<uint32_t>::max();
 
-using Points = std::vector<Eigen::Vector2f>;                                     // in pixels, as COLMAP stores them
-constexpr size_t kMaxNumCachedKeypoints = (16 << 20) / sizeof(Eigen::Vector2f);  // 16 MiB
+using Points = std::vector<Eigen::Vector2f>;  // in pixels, as COLMAP stores them
 
 int64_t PairId(uint32_t image_id1, uint32_t image_id2) {
   LAZYLOC_CHECK(image_id1 != image_id2);
@@ -178,7 +177,7 @@ struct DatabaseReader::Impl {
   SqliteStatement images, camera, keypoints, matches, two_view_geometry;
   PairSizeStatements match_counts, inlier_counts;
   ImageLabels labels;
-  LruCache<Points> keypoint_cache{kMaxNumCachedKeypoints, [](const Points& points) { return points.size(); }};
+  LruCache<Points> keypoint_cache{[](const Points& points) { return sizeof(Eigen::Vector2f) * points.size(); }};
 };
 
 DatabaseReader::DatabaseReader(const std::filesystem::path& path) : impl_(std::make_unique<Impl>(path)) {}

@@ -65,7 +65,7 @@ class DatabaseReader {
   // Returns a camera with finite parameters as it is stored; the caller checks its model and parameters.
   Camera ReadCamera(uint32_t camera_id) const;
   // Return all keypoints of an image, xy in pixels; empty if the image has none. ReadKeypoints keeps those of the last
-  // images in up to 16 MiB; the other function does not, because a query is read only once.
+  // images in up to 32 MiB; the other function does not, because a query is read only once.
   std::vector<Eigen::Vector2d> ReadKeypoints(uint32_t image_id) const;
   std::vector<Eigen::Vector2d> ReadKeypointsOnce(uint32_t image_id) const;
 

@@ -20,6 +20,7 @@ class LruCache {
 
   // The sizes of all values add up to at most max_size; a larger value is not kept.
   LruCache(size_t max_size, Size size) : max_size_(max_size), size_(std::move(size)) {}
+  explicit LruCache(Size num_bytes) : LruCache(kDefaultBytes, std::move(num_bytes)) {}
 
   // Returns the kept value, or the one that `read` returns. Two threads may read the same value at once.
   std::shared_ptr<const Value> Get(uint32_t image_id, const std::function<Value()>& read) {
@@ -39,6 +40,8 @@ class LruCache {
   }
 
  private:
+  static constexpr size_t kDefaultBytes = 32 << 20;
+
   using Entries = std::list<std::pair<uint32_t, std::shared_ptr<const Value>>>;
 
   std::shared_ptr<const Value> Find(uint32_t image_id) {

@@ -6,6 +6,7 @@
 #include <system_error>
 
 #include "colmap_lazyloc/scene/errors.h"
+#include "colmap_lazyloc/scene/format.h"
 
 namespace lazyloc {
 namespace {
@@ -85,17 +86,15 @@ void SqliteFile::CheckNoHotJournal() const {
 bool SqliteFile::HasPendingWal() const { return wal_.size > kWalHeaderSize; }
 
 std::string SqliteFile::Uri() const {
-  constexpr char kHex[] = "0123456789ABCDEF";
   const std::string path = real_path_.generic_u8string();
   std::string uri = path.front() == '/' ? "file://" : "file:///";
   for (const char c : path) {
-    const auto byte = static_cast<unsigned char>(c);
     const bool is_plain = (c >= 'a' && c <= 'z') || (c >= 'A' && c <= 'Z') || (c >= '0' && c <= '9') ||
                           std::strchr("/:._-~", c) != nullptr;
     if (is_plain) {
       uri += c;
     } else {
-      uri += {'%', kHex[byte >> 4], kHex[byte & 15]};
+      uri += Format("%%%02X", static_cast<unsigned char>(c));
     }
   }
   return uri;

@@ -4,11 +4,6 @@
 #include <system_error>
 
 namespace lazyloc {
-namespace {
-
-constexpr size_t kMaxNameLength = 1 << 16;  // far above what file systems allow
-
-}  // namespace
 
 BinaryFile::BinaryFile(const std::filesystem::path& path) : path_(path) {
   std::error_code error;
@@ -28,17 +23,13 @@ void BinaryFile::ReadBytes(unsigned char* bytes, uint64_t num_bytes) {
 
 std::string BinaryFile::ReadName() {
   std::string name;
-  for (char c = Read<char>(); c != '\0'; c = Read<char>()) {
-    if (name.size() == kMaxNameLength)
-      throw Error("contains an endless name: damaged, or not of COLMAP's binary format");
-    name.push_back(c);
-  }
+  for (char c = Read<char>(); c != '\0'; c = Read<char>()) name.push_back(c);
   return name;
 }
 
-uint64_t BinaryFile::ReadCount(uint64_t min_record_bytes) {
+uint64_t BinaryFile::ReadCount() {
   const uint64_t count = Read<uint64_t>();
-  if (count > num_bytes_left_ / min_record_bytes) {
+  if (count > num_bytes_left_) {
     throw Error("announces " + std::to_string(count) +
                 " entries, but is too short for them: truncated, or not of COLMAP's binary format");
   }

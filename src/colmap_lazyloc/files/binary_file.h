@@ -21,8 +21,8 @@ class BinaryFile {
   T Read();
   // Reads up to and including the terminating zero byte.
   std::string ReadName();
-  // Reads the number of records that follow; each has at least `min_record_bytes`.
-  uint64_t ReadCount(uint64_t min_record_bytes);
+  // Reads the number of records that follow.
+  uint64_t ReadCount();
   void Skip(uint64_t num_bytes);
   void CheckEnd() const;
 

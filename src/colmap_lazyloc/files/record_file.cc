@@ -18,7 +18,7 @@
 namespace lazyloc {
 namespace {
 
-constexpr size_t kLengthSize = 8, kHeaderSize = kLengthSize + 4;
+constexpr size_t kLengthSize = sizeof(uint64_t), kHeaderSize = kLengthSize + sizeof(uint32_t);
 
 // Returns the length and the checksum of length and record. The checksum of a header of zeros is not zero, because a
 // file system may leave zeros after a power cut.

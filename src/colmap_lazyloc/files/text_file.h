@@ -4,6 +4,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <fstream>
+#include <optional>
 #include <string>
 #include <string_view>
 #include <type_traits>
@@ -16,6 +17,14 @@ namespace lazyloc {
 // blanks.
 std::string_view NextWord(std::string_view* rest);
 std::string_view Trimmed(std::string_view text);
+
+// Returns the whole word as a number, whatever the locale; nullopt if it is not one.
+template <typename T>
+std::optional<T> NumberFrom(std::string_view word) {
+  T number{};
+  const auto [end, error] = std::from_chars(word.data(), word.data() + word.size(), number);
+  return error == std::errc() && end == word.data() + word.size() ? std::make_optional(number) : std::nullopt;
+}
 
 // Reads a text file line by line; its errors say `file:line: what is wrong`.
 class TextFile {
@@ -48,13 +57,12 @@ class TextFile {
 template <typename T>
 T TextFile::ParseNumber(std::string_view word) const {
   if (word.empty()) throw Error("the line ends too early");
-  T number{};
-  const auto [end, error] = std::from_chars(word.data(), word.data() + word.size(), number);
-  if (error != std::errc() || end != word.data() + word.size()) {
+  const std::optional<T> number = NumberFrom<T>(word);
+  if (!number) {
     throw Error("'" + std::string(word) +
                 (std::is_integral_v<T> ? "' is not a valid whole number" : "' is not a number"));
   }
-  return number;
+  return *number;
 }
 
 }  // namespace lazyloc

@@ -36,9 +36,8 @@ std::optional<GeodeticPoint> ReadGeoFile(const std::filesystem::path& path) {
     const Json json = Json::parse(file);
     CheckWord(json, "frame", "ENU");
     CheckWord(json, "ellipsoid", "WGS84");
-    constexpr double kMaxHeight = 1e7;
     return GeodeticPoint{ReadNumber(json, "latitude_deg", 90), ReadNumber(json, "longitude_deg", 360),
-                         ReadNumber(json, "height_m", kMaxHeight)};
+                         json.at("height_m").get<double>()};
   } catch (const Json::exception& error) {
     throw InputError(path.string() + ": is not the origin of geographic coordinates: " + error.what());
   } catch (const InputError& error) {

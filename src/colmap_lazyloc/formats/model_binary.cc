@@ -1,15 +1,10 @@
 #include "colmap_lazyloc/bridge/camera_models.h"
 #include "colmap_lazyloc/files/binary_file.h"
+#include "colmap_lazyloc/files/paths.h"
 #include "colmap_lazyloc/formats/model_formats.h"
 
 namespace lazyloc {
 namespace {
-
-constexpr uint64_t kMinCameraBytes = 4 + 4 + 8 + 8;
-constexpr uint64_t kMinImageBytes = 4 + 7 * 8 + 4 + 1 + 8;
-constexpr uint64_t kPointBytes = 3 * 8;
-constexpr uint64_t kMinRigBytes = 4 + 4;
-constexpr uint64_t kMinFrameBytes = 4 + 4 + 7 * 8 + 4;
 
 Camera ReadCamera(BinaryFile* file) {
   Camera camera;
@@ -71,46 +66,26 @@ ModelImage ReadImage(BinaryFile* file) {
   image.cam_from_world = ReadPose(file);
   image.camera_id = file->Read<uint32_t>();
   image.name = file->ReadName();
-  file->Skip(file->ReadCount(kPointBytes) * kPointBytes);
+  file->Skip(file->ReadCount() * (2 * sizeof(double) + sizeof(uint64_t)));  // points: x, y and id
   return image;
+}
+
+template <typename Record>
+void ReadRecords(const std::filesystem::path& path, Record (*read)(BinaryFile*), ModelBuilder* builder) {
+  BinaryFile file(path);
+  for (uint64_t i = file.ReadCount(); i > 0; --i) {
+    if (const std::string problem = builder->Add(read(&file)); !problem.empty()) throw file.Error(problem);
+  }
+  file.CheckEnd();
 }
 
 }  // namespace
 
-void ReadCamerasBinary(const std::filesystem::path& path, ModelBuilder* builder) {
-  BinaryFile file(path);
-  const uint64_t num_cameras = file.ReadCount(kMinCameraBytes);
-  for (uint64_t i = 0; i < num_cameras; ++i) {
-    if (const std::string problem = builder->AddCamera(ReadCamera(&file)); !problem.empty()) throw file.Error(problem);
-  }
-  file.CheckEnd();
-}
-
-void ReadRigsBinary(const std::filesystem::path& path, ModelBuilder* builder) {
-  BinaryFile file(path);
-  const uint64_t num_rigs = file.ReadCount(kMinRigBytes);
-  for (uint64_t i = 0; i < num_rigs; ++i) {
-    if (const std::string problem = builder->AddRig(ReadRig(&file)); !problem.empty()) throw file.Error(problem);
-  }
-  file.CheckEnd();
-}
-
-void ReadFramesBinary(const std::filesystem::path& path, ModelBuilder* builder) {
-  BinaryFile file(path);
-  const uint64_t num_frames = file.ReadCount(kMinFrameBytes);
-  for (uint64_t i = 0; i < num_frames; ++i) {
-    if (const std::string problem = builder->AddFrame(ReadFrame(&file)); !problem.empty()) throw file.Error(problem);
-  }
-  file.CheckEnd();
-}
-
-void ReadImagesBinary(const std::filesystem::path& path, ModelBuilder* builder) {
-  BinaryFile file(path);
-  const uint64_t num_images = file.ReadCount(kMinImageBytes);
-  for (uint64_t i = 0; i < num_images; ++i) {
-    if (const std::string problem = builder->AddImage(ReadImage(&file)); !problem.empty()) throw file.Error(problem);
-  }
-  file.CheckEnd();
+void ReadBinaryModel(const std::filesystem::path& folder, ModelBuilder* builder) {
+  ReadRecords(folder / "cameras.bin", ReadCamera, builder);
+  if (IsTaken(folder / "rigs.bin")) ReadRecords(folder / "rigs.bin", ReadRig, builder);
+  if (IsTaken(folder / "frames.bin")) ReadRecords(folder / "frames.bin", ReadFrame, builder);
+  ReadRecords(folder / "images.bin", ReadImage, builder);
 }
 
 }  // namespace lazyloc

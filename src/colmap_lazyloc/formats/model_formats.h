@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <string>
+#include <string_view>
 #include <unordered_map>
 #include <unordered_set>
 
@@ -10,16 +11,17 @@
 
 namespace lazyloc {
 
+class TextFile;
+
 // Collects a model while it is read, and refuses impossible parts of it in either format.
 class ModelBuilder {
  public:
   // Return why the part was refused; empty if it was added. Cameras come first, then rigs, frames and images.
-  std::string AddCamera(Camera camera);
-  std::string AddRig(Rig rig);
-  std::string AddFrame(ModelFrame frame);
-  std::string AddImage(ModelImage image);
-
-  // Returns the model with its images sorted by name. The builder is empty afterwards.
+  std::string Add(Camera camera);
+  std::string Add(Rig rig);
+  std::string Add(ModelFrame frame);
+  std::string Add(ModelImage image);
+  // Returns the model with its images sorted by name. Call it once, at the end.
   Model Take();
 
  private:
@@ -29,14 +31,12 @@ class ModelBuilder {
   std::unordered_set<std::string> names_;
 };
 
-// Read one file each of COLMAP's two formats. They throw InputError naming the file, and in text files the line.
-void ReadCamerasBinary(const std::filesystem::path& path, ModelBuilder* builder);
-void ReadRigsBinary(const std::filesystem::path& path, ModelBuilder* builder);
-void ReadFramesBinary(const std::filesystem::path& path, ModelBuilder* builder);
-void ReadImagesBinary(const std::filesystem::path& path, ModelBuilder* builder);
-void ReadCamerasText(const std::filesystem::path& path, ModelBuilder* builder);
-void ReadRigsText(const std::filesystem::path& path, ModelBuilder* builder);
-void ReadFramesText(const std::filesystem::path& path, ModelBuilder* builder);
-void ReadImagesText(const std::filesystem::path& path, ModelBuilder* builder);
+// Read the files of a folder in one of COLMAP's two formats. They throw InputError naming the file, and in text files
+// the line.
+void ReadBinaryModel(const std::filesystem::path& folder, ModelBuilder* builder);
+void ReadTextModel(const std::filesystem::path& folder, ModelBuilder* builder);
+
+// Parses the rest of a line, `width height params...`, for a camera of a model.
+Camera ParseCamera(int model_id, std::string_view rest, const TextFile& file);
 
 }  // namespace lazyloc

@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "colmap_lazyloc/bridge/camera_models.h"
+#include "colmap_lazyloc/files/paths.h"
 #include "colmap_lazyloc/formats/geo_file.h"
 #include "colmap_lazyloc/formats/model_formats.h"
 #include "colmap_lazyloc/scene/errors.h"
@@ -17,11 +18,6 @@ bool IsUsablePose(const Rigid3d& pose) {
   return std::isfinite(norm) && norm > 0 && pose.translation.allFinite();
 }
 
-bool Exists(const std::filesystem::path& path) {
-  std::error_code ignored;
-  return std::filesystem::exists(path, ignored);
-}
-
 std::vector<Sensor> SensorsOf(const Rig& rig) {
   std::vector<Sensor> sensors;
   if (rig.reference) sensors.push_back(*rig.reference);
@@ -31,7 +27,7 @@ std::vector<Sensor> SensorsOf(const Rig& rig) {
 
 }  // namespace
 
-std::string ModelBuilder::AddCamera(Camera camera) {
+std::string ModelBuilder::Add(Camera camera) {
   const std::string label = "camera " + std::to_string(camera.camera_id);
   if (const std::string problem = CameraProblem(camera); !problem.empty()) return label + ": " + problem;
   const uint32_t camera_id = camera.camera_id;
@@ -39,7 +35,7 @@ std::string ModelBuilder::AddCamera(Camera camera) {
   return "";
 }
 
-std::string ModelBuilder::AddRig(Rig rig) {
+std::string ModelBuilder::Add(Rig rig) {
   const std::string label = "rig " + std::to_string(rig.rig_id);
   for (const Sensor& sensor : SensorsOf(rig)) {
     if (sensor.type == SensorType::CAMERA && model_.cameras.count(sensor.sensor_id) == 0) {
@@ -56,7 +52,7 @@ std::string ModelBuilder::AddRig(Rig rig) {
   return "";
 }
 
-std::string ModelBuilder::AddFrame(ModelFrame frame) {
+std::string ModelBuilder::Add(ModelFrame frame) {
   const std::string label = "frame " + std::to_string(frame.frame_id);
   if (!IsUsablePose(frame.rig_from_world)) return label + ": the pose is not finite, or its quaternion is zero";
   const auto rig = model_.rigs.find(frame.rig_id);
@@ -75,7 +71,7 @@ std::string ModelBuilder::AddFrame(ModelFrame frame) {
   return "";
 }
 
-std::string ModelBuilder::AddImage(ModelImage image) {
+std::string ModelBuilder::Add(ModelImage image) {
   const std::string label = "image " + std::to_string(image.image_id) + " ('" + image.name + "')";
   if (image.name.empty()) return label + " has no name";
   if (!IsUsablePose(image.cam_from_world)) return label + ": the pose is not finite, or its quaternion is zero";
@@ -97,32 +93,27 @@ std::string ModelBuilder::AddImage(ModelImage image) {
 Model ModelBuilder::Take() {
   std::sort(model_.images.begin(), model_.images.end(),
             [](const ModelImage& a, const ModelImage& b) { return a.name < b.name; });
-  Model model = std::exchange(model_, {});
-  camera_of_framed_image_.clear();
-  image_ids_.clear();
-  names_.clear();
-  return model;
+  return std::move(model_);
 }
 
 Model ReadModel(const std::filesystem::path& path) {
+  const auto has = [&](const char* cameras, const char* images) {
+    return IsTaken(path / cameras) && IsTaken(path / images);
+  };
   ModelBuilder builder;
-  std::filesystem::path images_path;
-  if (Exists(path / "cameras.bin") && Exists(images_path = path / "images.bin")) {
-    ReadCamerasBinary(path / "cameras.bin", &builder);
-    if (Exists(path / "rigs.bin")) ReadRigsBinary(path / "rigs.bin", &builder);
-    if (Exists(path / "frames.bin")) ReadFramesBinary(path / "frames.bin", &builder);
-    ReadImagesBinary(images_path, &builder);
-  } else if (Exists(path / "cameras.txt") && Exists(images_path = path / "images.txt")) {
-    ReadCamerasText(path / "cameras.txt", &builder);
-    if (Exists(path / "rigs.txt")) ReadRigsText(path / "rigs.txt", &builder);
-    if (Exists(path / "frames.txt")) ReadFramesText(path / "frames.txt", &builder);
-    ReadImagesText(images_path, &builder);
+  const bool is_binary = has("cameras.bin", "images.bin");
+  if (is_binary) {
+    ReadBinaryModel(path, &builder);
+  } else if (has("cameras.txt", "images.txt")) {
+    ReadTextModel(path, &builder);
   } else {
     throw InputError(path.string() +
                      ": holds no COLMAP model: neither cameras.bin and images.bin nor cameras.txt and images.txt");
   }
   Model model = builder.Take();
-  if (model.images.empty()) throw InputError(images_path.string() + ": contains no posed image");
+  if (model.images.empty()) {
+    throw InputError((path / (is_binary ? "images.bin" : "images.txt")).string() + ": contains no posed image");
+  }
   model.geographic_origin = ReadGeoFile(path / kGeoFile);
   return model;
 }

@@ -1,25 +1,22 @@
 #include <string_view>
+#include <type_traits>
 
 #include "colmap_lazyloc/bridge/camera_models.h"
+#include "colmap_lazyloc/files/paths.h"
 #include "colmap_lazyloc/files/text_file.h"
 #include "colmap_lazyloc/formats/model_formats.h"
 
 namespace lazyloc {
 namespace {
 
-Camera ParseCamera(const TextFile& file) {
+Camera ParseCameraLine(const TextFile& file) {
   std::string_view rest = file.Line();
-  Camera camera;
-  camera.camera_id = file.ParseNumber<uint32_t>(NextWord(&rest));
+  const auto camera_id = file.ParseNumber<uint32_t>(NextWord(&rest));
   const std::string model_name(NextWord(&rest));
   const std::optional<int> model_id = CameraModelId(model_name);
   if (!model_id) throw file.Error("unknown camera model '" + model_name + "'");
-  camera.model_id = *model_id;
-  camera.width = file.ParseNumber<uint64_t>(NextWord(&rest));
-  camera.height = file.ParseNumber<uint64_t>(NextWord(&rest));
-  for (std::string_view word = NextWord(&rest); !word.empty(); word = NextWord(&rest)) {
-    camera.params.push_back(file.ParseNumber<double>(word));
-  }
+  Camera camera = ParseCamera(*model_id, rest, file);
+  camera.camera_id = camera_id;
   return camera;
 }
 
@@ -87,39 +84,37 @@ bool IsPointsLine(std::string_view line) {
   return num_words % 3 == 0 && last_word.find_first_not_of("-0123456789") == std::string_view::npos;
 }
 
-}  // namespace
-
-void ReadCamerasText(const std::filesystem::path& path, ModelBuilder* builder) {
+template <typename Record>
+void ReadEntries(const std::filesystem::path& path, Record (*parse)(const TextFile&), ModelBuilder* builder) {
   TextFile file(path);
   while (file.NextEntry()) {
-    if (const std::string problem = builder->AddCamera(ParseCamera(file)); !problem.empty()) throw file.Error(problem);
-  }
-}
-
-void ReadRigsText(const std::filesystem::path& path, ModelBuilder* builder) {
-  TextFile file(path);
-  while (file.NextEntry()) {
-    if (const std::string problem = builder->AddRig(ParseRig(file)); !problem.empty()) throw file.Error(problem);
-  }
-}
-
-void ReadFramesText(const std::filesystem::path& path, ModelBuilder* builder) {
-  TextFile file(path);
-  while (file.NextEntry()) {
-    if (const std::string problem = builder->AddFrame(ParseFrame(file)); !problem.empty()) throw file.Error(problem);
-  }
-}
-
-void ReadImagesText(const std::filesystem::path& path, ModelBuilder* builder) {
-  TextFile file(path);
-  while (file.NextEntry()) {
-    if (const std::string problem = builder->AddImage(ParseImage(file)); !problem.empty()) throw file.Error(problem);
+    if (const std::string problem = builder->Add(parse(file)); !problem.empty()) throw file.Error(problem);
     // Checks the second line of each image, which has its points or is empty, because a file without these lines would
     // silently lose every other image.
-    if (file.NextLine() && !IsPointsLine(file.Line())) {
+    if (std::is_same_v<Record, ModelImage> && file.NextLine() && !IsPointsLine(file.Line())) {
       throw file.Error("expected the points of the image above (X Y POINT3D_ID ..., or an empty line)");
     }
   }
+}
+
+}  // namespace
+
+void ReadTextModel(const std::filesystem::path& folder, ModelBuilder* builder) {
+  ReadEntries(folder / "cameras.txt", ParseCameraLine, builder);
+  if (IsTaken(folder / "rigs.txt")) ReadEntries(folder / "rigs.txt", ParseRig, builder);
+  if (IsTaken(folder / "frames.txt")) ReadEntries(folder / "frames.txt", ParseFrame, builder);
+  ReadEntries(folder / "images.txt", ParseImage, builder);
+}
+
+Camera ParseCamera(int model_id, std::string_view rest, const TextFile& file) {
+  Camera camera;
+  camera.model_id = model_id;
+  camera.width = file.ParseNumber<uint64_t>(NextWord(&rest));
+  camera.height = file.ParseNumber<uint64_t>(NextWord(&rest));
+  for (std::string_view word = NextWord(&rest); !word.empty(); word = NextWord(&rest)) {
+    camera.params.push_back(file.ParseNumber<double>(word));
+  }
+  return camera;
 }
 
 }  // namespace lazyloc

@@ -5,6 +5,7 @@
 
 #include "colmap_lazyloc/bridge/camera_models.h"
 #include "colmap_lazyloc/files/text_file.h"
+#include "colmap_lazyloc/formats/model_formats.h"
 #include "colmap_lazyloc/scene/errors.h"
 
 namespace lazyloc {
@@ -18,13 +19,7 @@ std::optional<QueryListEntry> ParseEntryWithCamera(const TextFile& file) {
   const std::optional<int> model_id = CameraModelId(std::string(NextWord(&rest)));
   if (!model_id) return std::nullopt;
 
-  Camera camera;
-  camera.model_id = *model_id;
-  camera.width = file.ParseNumber<uint64_t>(NextWord(&rest));
-  camera.height = file.ParseNumber<uint64_t>(NextWord(&rest));
-  for (std::string_view word = NextWord(&rest); !word.empty(); word = NextWord(&rest)) {
-    camera.params.push_back(file.ParseNumber<double>(word));
-  }
+  Camera camera = ParseCamera(*model_id, rest, file);
   camera.has_prior_focal_length = true;
   if (const std::string problem = CameraProblem(camera); !problem.empty()) throw file.Error(problem);
   return QueryListEntry{name, camera};

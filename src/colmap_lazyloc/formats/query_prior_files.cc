@@ -86,14 +86,9 @@ std::optional<Eigen::Vector3d> ParseDirection(std::string text) {
   std::string_view rest = text;
   Eigen::Vector3d direction;
   for (double& number : direction) {
-    const std::string word(NextWord(&rest));
-    size_t end = 0;
-    try {
-      number = std::stod(word, &end);
-    } catch (const std::logic_error&) {
-      return std::nullopt;
-    }
-    if (end != word.size()) return std::nullopt;
+    const std::optional<double> parsed = NumberFrom<double>(NextWord(&rest));
+    if (!parsed) return std::nullopt;
+    number = *parsed;
   }
   if (!NextWord(&rest).empty() || !direction.allFinite() || direction.isZero()) return std::nullopt;
   return direction.normalized();

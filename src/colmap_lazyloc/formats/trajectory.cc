@@ -1,6 +1,5 @@
 #include "colmap_lazyloc/formats/trajectory.h"
 
-#include <charconv>
 #include <optional>
 
 #include "colmap_lazyloc/files/text_file.h"
@@ -10,16 +9,9 @@
 namespace lazyloc {
 namespace {
 
-std::optional<double> NumberFrom(const std::string& word) {
-  double number = 0;
-  const auto [end, error] = std::from_chars(word.data(), word.data() + word.size(), number);
-  const bool is_number = error == std::errc() && end == word.data() + word.size();
-  return is_number ? std::make_optional(number) : std::nullopt;
-}
-
 // Returns an image's file name, without folders and extension, as a number; nullopt if it is not one.
 std::optional<double> Timestamp(const std::string& image_name) {
-  return NumberFrom(std::filesystem::path(image_name).stem().string());
+  return NumberFrom<double>(std::filesystem::path(image_name).stem().string());
 }
 
 Rigid3d PoseOf(const TextFile& file, const Eigen::Quaterniond& rotation, const Eigen::Vector3d& translation) {
@@ -57,7 +49,7 @@ std::map<std::string, Rigid3d> ReadTrajectory(const std::filesystem::path& path,
     double v[7];
     for (double& number : v) number = file.ParseNumber<double>(NextWord(&rest));
     if (!NextWord(&rest).empty()) throw file.Error("more than eight words");
-    const std::optional<double> timestamp = NumberFrom(first);
+    const std::optional<double> timestamp = NumberFrom<double>(first);
     if (!timestamp) {
       add(file, first, PoseOf(file, {v[0], v[1], v[2], v[3]}, {v[4], v[5], v[6]}));
       continue;

@@ -3,8 +3,6 @@
 #include <array>
 #include <string>
 
-#include "colmap_lazyloc/ablation/relative_pose_refinement.h"
-#include "colmap_lazyloc/ablation/sampson_refinement.h"
 #include "colmap_lazyloc/refinement/bundle_adjustment.h"
 #include "colmap_lazyloc/rotation/rotation_averaging.h"
 #include "colmap_lazyloc/scene/enum_names.h"
@@ -65,12 +63,10 @@ struct LocalizerOptions {
   int seed = 0;  // of all random choices: the same seed gives the same result
   // Maximum number of database images per query; those with most verified inliers are used. 0: no limit.
   int max_num_pairs = 0;
-  RotationAveragingOptions rotation_averaging;
-  TranslationAveragingOptions translation_averaging;
+  RotationAveragingMethod rotation_averaging = RotationAveragingMethod::L1_IRLS;
+  TranslationAveragingMethod translation_averaging = TranslationAveragingMethod::ANGULAR;
   TrackTriangulationOptions triangulation;
   BundleAdjustmentOptions bundle_adjustment;
-  SampsonRefinementOptions sampson;
-  RelativePoseRefinementOptions relative_pose_lo;
   StartPose start_pose = StartPose::BEST;
   PostOptimization post_optimization = PostOptimization::TRACKS;
 

@@ -19,8 +19,8 @@ std::vector<Track> SelectTracksOfEach(const QueryGroup& group, const std::vector
   for (const Track& track : tracks) tracks_of_query[track.observations.front().image].push_back(track);
   std::vector<Track> selected;
   for (size_t query = 0; query < group.images.size(); ++query) {
-    std::vector<Track> of_query = SelectTracks(std::move(tracks_of_query[query]),
-                                               group.images[query].problem.query_keypoints, kMaxNumStartTracks);
+    std::vector<Track> of_query =
+        SelectTracks(tracks_of_query[query], group.images[query].problem.query_keypoints, kMaxNumStartTracks);
     std::move(of_query.begin(), of_query.end(), std::back_inserter(selected));
   }
   return selected;

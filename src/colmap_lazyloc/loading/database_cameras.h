@@ -6,8 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "colmap_lazyloc/queries/photo_camera.h"
-#include "colmap_lazyloc/scene/model.h"
+#include "colmap_lazyloc/queries/cameras_by_size.h"
 
 namespace lazyloc {
 
@@ -18,20 +17,16 @@ class DatabaseCameras {
   DatabaseCameras(const Model& model, const std::filesystem::path& image_path,
                   const ExifFocalLengths& exif_focal_lengths);
 
-  // Returns the cameras that have the photo's size (HasSizeOf), most used ones first; with their makes and models if
-  // the photo's are known. Thread-safe; the result depends only on the input.
+  // Returns the cameras that have the photo's size, as CamerasBySize does, with their makes and models if the photo's
+  // are known. Thread-safe; the result depends only on the input.
   std::vector<DatabaseCamera> OfSize(const PhotoProperties& photo) const;
 
  private:
-  struct Entry {
-    DatabaseCamera camera;
-    std::vector<std::string> image_names;
-  };
-
-  std::string ExifCamera(const Entry& entry) const;
+  std::string ExifCamera(uint32_t camera_id) const;
 
   const std::filesystem::path image_path_;
-  std::vector<Entry> entries_;  // most used ones first
+  const CamerasBySize cameras_;
+  std::map<uint32_t, std::vector<std::string>> image_names_;  // by camera
   mutable std::mutex mutex_;
   mutable std::map<uint32_t, std::string> exif_camera_of_id_;  // those that were read
 };

@@ -59,7 +59,7 @@ std::vector<std::pair<uint32_t, const ModelImage*>> FindNeighbours(const QuerySe
 }
 
 DatabaseNeighbours::DatabaseNeighbours(const QuerySelection& selection)
-    : selection_(selection), cache_(kNeighbourCacheBytes, [](const std::vector<NeighbourPair>& pairs) {
+    : selection_(selection), cache_([](const std::vector<NeighbourPair>& pairs) {
         size_t num_points = 16;
         for (const NeighbourPair& pair : pairs) num_points += 16 + pair.points.size();
         return 2 * sizeof(Eigen::Vector2d) * num_points;

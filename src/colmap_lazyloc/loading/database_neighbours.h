@@ -1,6 +1,5 @@
 #pragma once
 
-#include <cstddef>
 #include <cstdint>
 #include <string>
 #include <utility>
@@ -12,9 +11,6 @@
 #include "colmap_lazyloc/queries/query_selection.h"
 
 namespace lazyloc {
-
-// Maximum memory for what neighbours tell of database images.
-inline constexpr size_t kNeighbourCacheBytes = 32 << 20;
 
 // Returns the six posed images that a posed image shares most verified matches with, because more would tell little,
 // and their ids in the database. A query and the images of its group take no part.

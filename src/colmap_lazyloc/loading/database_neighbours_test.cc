@@ -2,6 +2,7 @@
 
 #include <gmock/gmock.h>
 
+#include "colmap_lazyloc/formats/model_reader.h"
 #include "colmap_lazyloc/loading/query_source.h"
 #include "colmap_lazyloc/testing/io_test.h"
 #include "colmap_lazyloc/testing/test_database.h"
@@ -46,7 +47,7 @@ class DatabaseNeighboursTest : public IoTest {
 
   // Returns the query's pairs.
   std::vector<ImagePair> Load(size_t group = 0) const {
-    const QuerySource source(options_, /*seed=*/0, /*num_threads=*/1);
+    const QuerySource source(options_, ReadModel(options_.input_path), /*seed=*/0, /*num_threads=*/1);
     IdleThreads idle_threads(0);
     QuerySource::Session session(source, &idle_threads);
     return source.Load(group, &session).group.images.at(0).problem.pairs;

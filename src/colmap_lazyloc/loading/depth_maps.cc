@@ -15,7 +15,6 @@
 namespace lazyloc {
 namespace {
 
-constexpr size_t kCacheBytes = 64 << 20;
 // Maximum relative difference of the aspect ratios of map and image: a small map has a rounded size.
 constexpr double kMaxAspectDifference = 0.03;
 // A jump is a gap between neighbouring depths by more than this ratio that makes up most of their range.
@@ -95,9 +94,8 @@ float DepthAt(const DepthMap& map, const Camera& camera, const Eigen::Vector2d& 
 }
 
 DepthMaps::DepthMaps(const DepthMapOptions& options)
-    : options_(options), cache_(kCacheBytes, [](const Sampled& sampled) {
-        return sizeof(Sampled) + sizeof(float) * sampled.depths.size();
-      }) {
+    : options_(options),
+      cache_([](const Sampled& sampled) { return sizeof(Sampled) + sizeof(float) * sampled.depths.size(); }) {
   std::error_code error;
   if (!std::filesystem::is_directory(options.depth_path, error)) {
     throw InputError("depth_path " + options.depth_path + " is not a folder");

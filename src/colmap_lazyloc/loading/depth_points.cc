@@ -55,9 +55,8 @@ std::optional<DepthAndAngle> TriangulateDepth(const PosedCamera& camera, const E
 }  // namespace
 
 DepthPoints::DepthPoints(const QuerySelection& selection)
-    : selection_(selection), cache_(kNeighbourCacheBytes, [](const std::vector<float>& depths) {
-        return sizeof(float) * (16 + depths.size());
-      }) {}
+    : selection_(selection),
+      cache_([](const std::vector<float>& depths) { return sizeof(float) * (16 + depths.size()); }) {}
 
 std::vector<float> DepthPoints::Triangulate(const ModelImage& image, uint32_t image_id, const std::string& query_name,
                                             const DatabaseReader& database) const {

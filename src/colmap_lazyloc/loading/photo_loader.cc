@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "colmap_lazyloc/bridge/camera_models.h"
+#include "colmap_lazyloc/files/text_file.h"
 #include "colmap_lazyloc/math/robust_statistics.h"
 #include "colmap_lazyloc/scene/errors.h"
 #include "colmap_lazyloc/scene/format.h"
@@ -25,14 +26,9 @@ std::vector<double> ParseCameraParams(const std::string& text) {
   std::vector<double> params;
   std::istringstream stream(text);
   for (std::string word; std::getline(stream, word, ',');) {
-    size_t length = 0;
-    try {
-      params.push_back(std::stod(word, &length));
-    } catch (const std::exception&) {
-    }
-    if (length == 0 || word.find_first_not_of(' ', length) != std::string::npos) {
-      throw InputError("option --ImageReader.camera_params: '" + word + "' is not a number");
-    }
+    const std::optional<double> param = NumberFrom<double>(Trimmed(word));
+    if (!param) throw InputError("option --ImageReader.camera_params: '" + word + "' is not a number");
+    params.push_back(*param);
   }
   return params;
 }

@@ -2,7 +2,6 @@
 
 #include <utility>
 
-#include "colmap_lazyloc/formats/model_reader.h"
 #include "colmap_lazyloc/scene/errors.h"
 #include "colmap_lazyloc/scene/options_check.h"
 
@@ -39,9 +38,6 @@ LoadedGroup LoadEach(const GroupInput& input, const LoadQueryFunction& load_quer
   }
   return loaded;
 }
-
-QuerySource::QuerySource(const SourceOptions& options, int seed, int num_threads)
-    : QuerySource(options, ReadModel(options.input_path), seed, num_threads) {}
 
 QuerySource::QuerySource(const SourceOptions& options, Model model, int seed, int num_threads)
     : options_(options),

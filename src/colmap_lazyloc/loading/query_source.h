@@ -67,10 +67,9 @@ class QuerySource {
   // The readers of one thread.
   class Session;
 
-  // seed, num_threads: for photos, whose matches are verified and whose retrieval index is made here (num_threads: -1
-  // for the number of cores). Throws InputError for files and options that cannot be used.
-  QuerySource(const SourceOptions& options, int seed, int num_threads);
-  // Does the same with a model that is in memory instead of the one at input_path.
+  // model: the one at input_path. seed, num_threads: for photos, whose matches are verified and whose retrieval index
+  // is made here (num_threads: -1 for the number of cores). Throws InputError for files and options that cannot be
+  // used.
   QuerySource(const SourceOptions& options, Model model, int seed, int num_threads);
 
   const QuerySelection& Selection() const { return selection_; }

@@ -2,6 +2,7 @@
 
 #include <gmock/gmock.h>
 
+#include "colmap_lazyloc/formats/model_reader.h"
 #include "colmap_lazyloc/testing/io_test.h"
 #include "colmap_lazyloc/testing/random_descriptors.h"
 #include "colmap_lazyloc/testing/test_database.h"
@@ -58,7 +59,7 @@ class QuerySourceTest : public IoTest {
   void SetQueries(const std::string& list) { options_.selection.query_list_path = WriteFile("queries.txt", list); }
 
   LoadedGroup Load(size_t group = 0) const {
-    const QuerySource source(options_, /*seed=*/0, /*num_threads=*/1);
+    const QuerySource source(options_, ReadModel(options_.input_path), /*seed=*/0, /*num_threads=*/1);
     IdleThreads idle_threads(0);
     QuerySource::Session session(source, &idle_threads);
     return source.Load(group, &session);
@@ -106,7 +107,7 @@ TEST_F(QuerySourceTest, LoadsAQueryWithItsPairs) {
 TEST_F(QuerySourceTest, KeepsThePairsWithTheMostInliers) {
   options_.num_retrieved = 2;
   EXPECT_THAT(PairNames(Load()), ElementsAre("left/1.png", "right/1.png"));
-  EXPECT_EQ(QuerySource(options_, 0, 1).MaxNumPairs(), 2);
+  EXPECT_EQ(QuerySource(options_, ReadModel(options_.input_path), 0, 1).MaxNumPairs(), 2);
 }
 
 TEST_F(QuerySourceTest, LoadsTwiceAsManyUnverifiedPairsAsAreMissing) {
@@ -119,7 +120,7 @@ TEST_F(QuerySourceTest, PairsFileReplacesRetrieval) {
   options_.num_retrieved = 1;
   options_.selection.pairs_path = WriteFile("pairs.txt", "q.png right/2.png\nleft/2.png q.png\nq.png x\nq.png r.png\n");
   EXPECT_THAT(PairNames(Load()), ElementsAre("left/2.png", "right/2.png"));
-  const QuerySource source(options_, 0, 1);
+  const QuerySource source(options_, ReadModel(options_.input_path), 0, 1);
   EXPECT_EQ(source.MaxNumPairs(), 0) << "all of them are used";
   EXPECT_THAT(source.Warnings(),
               ElementsAre(HasSubstr("ignoring images that are not in the database: 1, for example x")));
@@ -159,7 +160,7 @@ TEST_F(QuerySourceTest, LeaveOneOutLeavesOutTheWholeGroup) {
   EXPECT_THAT(PairNames(Load()), ElementsAre("left/1.png", "left/2.png", "right/1.png"));
   options_.selection.groups.group_size = 2;
   EXPECT_THAT(PairNames(Load()), ElementsAre("left/1.png", "right/1.png"));
-  EXPECT_EQ(QuerySource(options_, 0, 1).DatabaseModel().images.size(), 4u);
+  EXPECT_EQ(QuerySource(options_, ReadModel(options_.input_path), 0, 1).DatabaseModel().images.size(), 4u);
 }
 
 TEST_F(QuerySourceTest, ListedQueryIsNotADatabaseImage) {
@@ -289,7 +290,7 @@ TEST_F(QuerySourceTest, PhotoThatCannotBeReadIsAFailureAndTheOthersStay) {
 TEST_F(QuerySourceTest, QueriesByValueNeedNoQueryInTheFiles) {
   SetQueries("q.png\n");
   options_.selection.has_more_queries = true;
-  const QuerySource source(options_, 0, 1);
+  const QuerySource source(options_, ReadModel(options_.input_path), 0, 1);
   EXPECT_EQ(source.Selection().FindGroup("q.png"), std::make_optional<size_t>(0));
   EXPECT_EQ(source.Selection().FindGroup("r.png"), std::nullopt);
   IdleThreads idle_threads(0);

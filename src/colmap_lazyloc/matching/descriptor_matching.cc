@@ -11,8 +11,6 @@
 namespace lazyloc {
 namespace {
 
-static_assert(kDescriptorDim == kDescriptorLength);
-
 constexpr float kSquaredLength = 512 * 512;  // of every descriptor
 constexpr int kRowsPerChunk = 256;           // rows whose neighbours fit into a cache while all blocks pass
 // Maximum angle between matched descriptors, and maximum ratio of it to that of the second best: COLMAP's defaults.
@@ -119,7 +117,7 @@ AllNeighbours FindNeighbours(const DescriptorRows& rows, const DescriptorBlocks&
 Matches MatchDescriptors(const Descriptors& query, const Descriptors& database) {
   Matches matches;
   if (query.rows() == 0 || database.rows() == 0) return matches;
-  LAZYLOC_CHECK(query.cols() == kDescriptorDim && database.cols() == kDescriptorDim);
+  LAZYLOC_CHECK(query.cols() == kDescriptorLength && database.cols() == kDescriptorLength);
   const AllNeighbours neighbours = FindNeighbours(DescriptorRows(query), DescriptorBlocks(database));
   for (int i = 0; i < query.rows(); ++i) {
     const int other = neighbours.OfRow(i).Match();

@@ -8,8 +8,7 @@
 namespace lazyloc {
 namespace {
 
-constexpr double kNumFeaturesQuantile = 0.95;
-constexpr double kScaleQuantile = 0.05;
+constexpr double kShare = 0.95;      // of the images or keypoints, as feature_statistics.h says
 constexpr double kFirstScale = 1.6;  // smallest scale of a keypoint in octave 0, in pixels
 constexpr int kMaxFirstOctave = 2;
 
@@ -48,7 +47,7 @@ float KeypointScale(const Keypoint& keypoint) {
 }
 
 FeatureStatistics MeasureFeatures(std::vector<size_t> num_features, std::vector<double> scale_ratios) {
-  return {Quantile(std::move(num_features), kNumFeaturesQuantile), Quantile(std::move(scale_ratios), kScaleQuantile)};
+  return {Quantile(std::move(num_features), kShare), Quantile(std::move(scale_ratios), 1 - kShare)};
 }
 
 SiftExtractionOptions ChooseExtraction(const SiftExtractionOptions& options, const FeatureStatistics& database,

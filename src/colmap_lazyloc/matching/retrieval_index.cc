@@ -21,7 +21,6 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr char kMagic[] = "colmap_lazyloc retrieval index 1";
-constexpr int kMaxHeaderLength = 100;
 // Size of the sample that the vocabulary is learnt from: more descriptors per word make it slower, not better.
 constexpr size_t kDescriptorsPerWord = 32;
 constexpr size_t kMinDescriptorsPerWord = 8;
@@ -51,11 +50,11 @@ size_t NumIndexed(size_t num_features, int max_num_features) {
 Descriptors AsBytes(const Features& features) {
   if (features.type == FeatureType::SIFT) return features.descriptors;
   LAZYLOC_CHECK(IsAliked(features.type));
-  Descriptors bytes(features.descriptors.rows(), kDescriptorDim);
+  Descriptors bytes(features.descriptors.rows(), kDescriptorLength);
   for (Eigen::Index i = 0; i < bytes.rows(); ++i) {
-    std::array<float, kDescriptorDim> values;
+    std::array<float, kDescriptorLength> values;
     std::memcpy(values.data(), features.descriptors.row(i).data(), sizeof(values));
-    for (int k = 0; k < kDescriptorDim; ++k) {
+    for (int k = 0; k < kDescriptorLength; ++k) {
       const float value = std::round(128 + kByteScale * values[static_cast<size_t>(k)]);
       bytes(i, k) = value > 0 ? static_cast<uint8_t>(std::min(value, 255.0f)) : 0;  // 0 if it is not a number
     }
@@ -86,7 +85,7 @@ Descriptors ReadIndexedDescriptors(const FeatureReader& reader, uint32_t image_i
     return IndexedDescriptors(reader.Read(image_id), max_num_features);
   } catch (const DamagedRecordError& error) {
     *damage = error.what();
-    return Descriptors(0, kDescriptorDim);
+    return Descriptors(0, kDescriptorLength);
   }
 }
 
@@ -96,7 +95,7 @@ Descriptors SampleDescriptors(const std::vector<DatabaseImage>& images, const Fe
   const double ratio = std::min(1.0, static_cast<double>(num_wanted) / static_cast<double>(num_available));
   std::mt19937 random(static_cast<uint32_t>(seed));
   Descriptors sample(static_cast<Eigen::Index>(std::min(num_available, num_wanted + num_wanted / 8 + 1000)),
-                     kDescriptorDim);
+                     kDescriptorLength);
   Eigen::Index num_rows = 0;
   std::string ignored;  // AddNewEntries reports it
   for (const DatabaseImage& image : images) {
@@ -277,9 +276,8 @@ void RetrievalIndex::Read(const fs::path& path) {
     throw InputError(path.string() + ": " + problem + " (delete it to make it again)");
   };
   std::ifstream file(path, std::ios::binary);
-  std::string header(kMaxHeaderLength, ' ');
-  file.getline(header.data(), kMaxHeaderLength);
-  header.resize(std::char_traits<char>::length(header.c_str()));
+  std::string header;
+  std::getline(file, header);
   if (!file || header.rfind(kMagic, 0) != 0) fail("is not a retrieval index of colmap lazy_indexer");
   if (header != Header()) fail("is of another COLMAP generation or of another type of features");
   const auto size = ReadNumber<uint64_t>(&file);

@@ -21,7 +21,7 @@ constexpr int NumTogether(ProductInstructions instructions) {
     case ProductInstructions::AVX512_VNNI:
     case ProductInstructions::AVX_VNNI: return 4;
     case ProductInstructions::AVX2: return 2;
-    default: return kDescriptorDim;
+    default: return kDescriptorLength;
   }
 }
 
@@ -31,13 +31,13 @@ size_t PaddedSize(Eigen::Index num_rows, int multiple) {
 
 // Adds up 16-bit products in a loop over all rows, because the compiler then loads a column only once.
 void MultiplyPlainly(const uint8_t* __restrict rows, const uint8_t* __restrict block, ProductTile* products) {
-  int16_t wide_rows[kDescriptorRows * kDescriptorDim];
-  for (int k = 0; k < kDescriptorRows * kDescriptorDim; ++k) wide_rows[k] = rows[k];
+  int16_t wide_rows[kDescriptorRows * kDescriptorLength];
+  for (int k = 0; k < kDescriptorRows * kDescriptorLength; ++k) wide_rows[k] = rows[k];
   for (int j = 0; j < kDescriptorBlock; ++j) {
     int32_t sums[kDescriptorRows] = {};
-    for (int k = 0; k < kDescriptorDim; ++k) {
+    for (int k = 0; k < kDescriptorLength; ++k) {
       for (int i = 0; i < kDescriptorRows; ++i) {
-        sums[i] += wide_rows[i * kDescriptorDim + k] * static_cast<int16_t>(block[j * kDescriptorDim + k]);
+        sums[i] += wide_rows[i * kDescriptorLength + k] * static_cast<int16_t>(block[j * kDescriptorLength + k]);
       }
     }
     for (int i = 0; i < kDescriptorRows; ++i) products->rows[i][j / kNumLanes].values[j % kNumLanes] = sums[i];
@@ -50,18 +50,18 @@ void MultiplyPlainly(const uint8_t* __restrict rows, const uint8_t* __restrict b
 __attribute__((target("avx2"))) void MultiplyWithAvx2(const uint8_t* rows, const uint8_t* block,
                                                       ProductTile* products) {
   constexpr int kTogether = NumTogether(ProductInstructions::AVX2);
-  int16_t wide_rows[kDescriptorRows * kDescriptorDim];
-  for (int k = 0; k < kDescriptorRows * kDescriptorDim; ++k) wide_rows[k] = rows[k];
+  int16_t wide_rows[kDescriptorRows * kDescriptorLength];
+  for (int k = 0; k < kDescriptorRows * kDescriptorLength; ++k) wide_rows[k] = rows[k];
   for (int j = 0; j < kDescriptorBlock; j += kNumLanes) {
     __m256i sums[kDescriptorRows][2] = {};
 #pragma GCC unroll 4  // because the sums are else copied from register to register in each step
-    for (int k = 0; k < kDescriptorDim; k += kTogether) {
+    for (int k = 0; k < kDescriptorLength; k += kTogether) {
       const auto* values = reinterpret_cast<const __m128i*>(block + k * kDescriptorBlock + j * kTogether);
       const __m256i columns[2] = {_mm256_cvtepu8_epi16(_mm_loadu_si128(values)),
                                   _mm256_cvtepu8_epi16(_mm_loadu_si128(values + 1))};
       for (int i = 0; i < kDescriptorRows; ++i) {
         int32_t pair;
-        std::memcpy(&pair, wide_rows + i * kDescriptorDim + k, sizeof(pair));
+        std::memcpy(&pair, wide_rows + i * kDescriptorLength + k, sizeof(pair));
         const __m256i row = _mm256_set1_epi32(pair);
         for (int v = 0; v < 2; ++v) sums[i][v] = _mm256_add_epi32(sums[i][v], _mm256_madd_epi16(row, columns[v]));
       }
@@ -78,12 +78,12 @@ __attribute__((target("avxvnni"))) void MultiplyWithVnni(const uint8_t* rows, co
   for (int j = 0; j < kDescriptorBlock; j += kNumLanes) {
     __m256i sums[kDescriptorRows][2];
     for (int i = 0; i < kDescriptorRows; ++i) sums[i][0] = sums[i][1] = _mm256_set1_epi32(kOffset * row_sums[i]);
-    for (int k = 0; k < kDescriptorDim; k += kTogether) {
+    for (int k = 0; k < kDescriptorLength; k += kTogether) {
       const auto* values = reinterpret_cast<const __m256i*>(block + k * kDescriptorBlock + j * kTogether);
       const __m256i columns[2] = {_mm256_loadu_si256(values), _mm256_loadu_si256(values + 1)};
       for (int i = 0; i < kDescriptorRows; ++i) {
         int32_t values_of_row;
-        std::memcpy(&values_of_row, rows + i * kDescriptorDim + k, sizeof(values_of_row));
+        std::memcpy(&values_of_row, rows + i * kDescriptorLength + k, sizeof(values_of_row));
         const __m256i row = _mm256_set1_epi32(values_of_row);
         for (int v = 0; v < 2; ++v) sums[i][v] = _mm256_dpbusd_avx_epi32(sums[i][v], row, columns[v]);
       }
@@ -100,14 +100,14 @@ __attribute__((target("avx512f,avx512vnni"))) void MultiplyWithAvx512(const uint
   for (int i = 0; i < kDescriptorRows; ++i) {
     for (__m512i& sum : sums[i]) sum = _mm512_set1_epi32(kOffset * row_sums[i]);
   }
-  for (int k = 0; k < kDescriptorDim; k += kTogether) {
+  for (int k = 0; k < kDescriptorLength; k += kTogether) {
     __m512i columns[kNumVectors];
     for (int v = 0; v < kNumVectors; ++v) {
       columns[v] = _mm512_loadu_si512(block + k * kDescriptorBlock + v * static_cast<int>(sizeof(__m512i)));
     }
     for (int i = 0; i < kDescriptorRows; ++i) {
       int32_t values;
-      std::memcpy(&values, rows + i * kDescriptorDim + k, sizeof(values));
+      std::memcpy(&values, rows + i * kDescriptorLength + k, sizeof(values));
       const __m512i row = _mm512_set1_epi32(values);
       for (int v = 0; v < kNumVectors; ++v) sums[i][v] = _mm512_dpbusd_epi32(sums[i][v], row, columns[v]);
     }
@@ -134,27 +134,27 @@ ProductInstructions FastestProductInstructions() {
   return fastest;
 }
 
-DescriptorRows::DescriptorRows(const DescriptorMatrix& descriptors)
-    : values_(PaddedSize(descriptors.rows(), kDescriptorRows) * kDescriptorDim),
+DescriptorRows::DescriptorRows(const Descriptors& descriptors)
+    : values_(PaddedSize(descriptors.rows(), kDescriptorRows) * kDescriptorLength),
       sums_(PaddedSize(descriptors.rows(), kDescriptorRows)) {
   std::copy(descriptors.data(), descriptors.data() + descriptors.size(), values_.begin());
   for (int i = 0; i < NumRows(); ++i) {
-    sums_[static_cast<size_t>(i)] = std::accumulate(Row(i), Row(i) + kDescriptorDim, 0);
+    sums_[static_cast<size_t>(i)] = std::accumulate(Row(i), Row(i) + kDescriptorLength, 0);
   }
 }
 
-DescriptorBlocks::DescriptorBlocks(const DescriptorMatrix& descriptors, ProductInstructions instructions)
-    : values_(PaddedSize(descriptors.rows(), kDescriptorBlock) * kDescriptorDim), instructions_(instructions) {
+DescriptorBlocks::DescriptorBlocks(const Descriptors& descriptors, ProductInstructions instructions)
+    : values_(PaddedSize(descriptors.rows(), kDescriptorBlock) * kDescriptorLength), instructions_(instructions) {
   std::copy(descriptors.data(), descriptors.data() + descriptors.size(), values_.begin());
   const int num_together = NumTogether(instructions);
   const int offset = num_together == NumTogether(ProductInstructions::AVX_VNNI) ? kOffset : 0;
   std::array<uint8_t, kBlockSize> block;
   for (size_t begin = 0; begin < values_.size(); begin += kBlockSize) {
     std::copy_n(&values_[begin], kBlockSize, block.begin());
-    for (int k = 0; k < kDescriptorDim; ++k) {
+    for (int k = 0; k < kDescriptorLength; ++k) {
       uint8_t* step = &values_[begin + static_cast<size_t>(k / num_together * num_together * kDescriptorBlock)];
       for (int j = 0; j < kDescriptorBlock; ++j) {
-        const uint8_t value = block[static_cast<size_t>(j * kDescriptorDim + k)];
+        const uint8_t value = block[static_cast<size_t>(j * kDescriptorLength + k)];
         step[j * num_together + k % num_together] = static_cast<uint8_t>(value - offset);
       }
     }

@@ -9,12 +9,13 @@
 // sums are integers, so that they are exact and the same on every processor.
 namespace lazyloc {
 
-constexpr int kDescriptorDim = 128;
-constexpr int kDescriptorRows = 4;  // number of rows in a tile of products
+constexpr int kDescriptorLength = 128;  // numbers of a descriptor of SIFT or ALIKED
+constexpr int kDescriptorRows = 4;      // number of rows in a tile of products
 constexpr int kDescriptorBlock =
     64;  // number of columns in a tile; a block is 8 KiB, which fits into a first-level cache
 
-using DescriptorMatrix = Eigen::Matrix<uint8_t, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
+// One row per keypoint: the numbers of SIFT, or the bytes of the other types' single-precision ones.
+using Descriptors = Eigen::Matrix<uint8_t, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 
 // Integers that loops over all of them keep in vector registers.
 constexpr int kNumLanes = 16;
@@ -44,10 +45,10 @@ ProductInstructions FastestProductInstructions();
 class DescriptorRows {
  public:
   // descriptors: n x 128. Appends zero rows up to a multiple of kDescriptorRows.
-  explicit DescriptorRows(const DescriptorMatrix& descriptors);
+  explicit DescriptorRows(const Descriptors& descriptors);
 
   int NumRows() const { return static_cast<int>(sums_.size()); }
-  const uint8_t* Row(int row) const { return &values_[static_cast<size_t>(row) * kDescriptorDim]; }
+  const uint8_t* Row(int row) const { return &values_[static_cast<size_t>(row) * kDescriptorLength]; }
   // Returns the sum of a row's values.
   const int32_t* Sum(int row) const { return &sums_[static_cast<size_t>(row)]; }
 
@@ -60,7 +61,7 @@ class DescriptorRows {
 class DescriptorBlocks {
  public:
   // descriptors: n x 128. Appends zero rows up to a multiple of kDescriptorBlock.
-  explicit DescriptorBlocks(const DescriptorMatrix& descriptors,
+  explicit DescriptorBlocks(const Descriptors& descriptors,
                             ProductInstructions instructions = FastestProductInstructions());
 
   int NumBlocks() const { return static_cast<int>(values_.size()) / kBlockSize; }
@@ -68,7 +69,7 @@ class DescriptorBlocks {
   void Multiply(const DescriptorRows& rows, int first_row, int block, ProductTile* products) const;
 
  private:
-  static constexpr int kBlockSize = kDescriptorBlock * kDescriptorDim;
+  static constexpr int kBlockSize = kDescriptorBlock * kDescriptorLength;
 
   // Holds, in each block, the first few values of each descriptor, then the next, as many as one step multiplies:
   // two with AVX2, four with VNNI, else all. With VNNI, all are less 128, because its second factor is signed.

@@ -12,16 +12,15 @@ using ::testing::AllOf;
 using ::testing::Ge;
 using ::testing::Le;
 
-DescriptorMatrix RandomBytes(int num_rows, uint32_t seed) {
+Descriptors RandomBytes(int num_rows, uint32_t seed) {
   std::mt19937 random(seed);
-  DescriptorMatrix bytes(num_rows, kDescriptorDim);
+  Descriptors bytes(num_rows, kDescriptorLength);
   for (Eigen::Index i = 0; i < bytes.size(); ++i) bytes.data()[i] = static_cast<uint8_t>(random());
   return bytes;
 }
 
 // Checks all products, and that padding has the product 0.
-void ExpectExactProducts(const DescriptorMatrix& left, const DescriptorMatrix& right,
-                         ProductInstructions instructions) {
+void ExpectExactProducts(const Descriptors& left, const Descriptors& right, ProductInstructions instructions) {
   const DescriptorRows rows(left);
   const DescriptorBlocks blocks(right, instructions);
   ASSERT_THAT(rows.NumRows(), AllOf(Ge(left.rows()), Le(left.rows() + kDescriptorRows - 1)));
@@ -42,16 +41,16 @@ TEST(DescriptorProducts, AreExactWithAllInstructions) {
   for (const ProductInstructions instructions : AvailableProductInstructions()) {
     ExpectExactProducts(RandomBytes(9, 1), RandomBytes(130, 2), instructions);
     ExpectExactProducts(RandomBytes(1, 3), RandomBytes(64, 4), instructions);
-    ExpectExactProducts(DescriptorMatrix::Constant(4, kDescriptorDim, 255),
-                        DescriptorMatrix::Constant(65, kDescriptorDim, 255), instructions);
-    ExpectExactProducts(DescriptorMatrix::Constant(1, kDescriptorDim, 255),
-                        DescriptorMatrix::Constant(1, kDescriptorDim, 0), instructions);
+    ExpectExactProducts(Descriptors::Constant(4, kDescriptorLength, 255),
+                        Descriptors::Constant(65, kDescriptorLength, 255), instructions);
+    ExpectExactProducts(Descriptors::Constant(1, kDescriptorLength, 255),
+                        Descriptors::Constant(1, kDescriptorLength, 0), instructions);
   }
 }
 
 TEST(DescriptorProducts, NothingHasNoBlocks) {
-  EXPECT_EQ(DescriptorRows(DescriptorMatrix(0, kDescriptorDim)).NumRows(), 0);
-  EXPECT_EQ(DescriptorBlocks(DescriptorMatrix(0, kDescriptorDim)).NumBlocks(), 0);
+  EXPECT_EQ(DescriptorRows(Descriptors(0, kDescriptorLength)).NumRows(), 0);
+  EXPECT_EQ(DescriptorBlocks(Descriptors(0, kDescriptorLength)).NumBlocks(), 0);
 }
 
 }  // namespace

@@ -26,6 +26,13 @@ void ParallelFor(size_t num_tasks, const IndexedTask& task, IdleThreads* idle_th
       num_tasks, [&]() -> IndexedTask { return std::cref(task); }, idle_threads);
 }
 
+void ParallelForRanges(size_t size, const std::function<void(size_t begin, size_t end)>& task,
+                       IdleThreads* idle_threads) {
+  constexpr size_t kRangeSize = 64;
+  ParallelFor((size + kRangeSize - 1) / kRangeSize,
+              [&](size_t i) { task(i * kRangeSize, std::min((i + 1) * kRangeSize, size)); }, idle_threads);
+}
+
 void ParallelForByThread(size_t num_tasks, const std::function<IndexedTask()>& make_task, IdleThreads* idle_threads) {
   if (num_tasks == 0) return;
   std::atomic<size_t> next_task = 0;

@@ -30,8 +30,13 @@ using IndexedTask = std::function<void(size_t)>;
 // failed is rethrown when the others have ended.
 void ParallelFor(size_t num_tasks, const IndexedTask& task, IdleThreads* idle_threads);
 
-// Does the same with one task object per thread, which make_task makes there: for tasks that need something of their
-// own, for example a connection to a database. An exception of make_task counts after those of all tasks.
+// Runs task(begin, end) for ranges of 0 .. size - 1 that are worth a task each.
+void ParallelForRanges(size_t size, const std::function<void(size_t begin, size_t end)>& task,
+                       IdleThreads* idle_threads);
+
+// Does the same as ParallelFor with one task object per thread, which make_task makes there: for tasks that need
+// something of their own, for example a connection to a database. An exception of make_task counts after those of all
+// tasks.
 void ParallelForByThread(size_t num_tasks, const std::function<IndexedTask()>& make_task, IdleThreads* idle_threads);
 
 }  // namespace lazyloc

@@ -9,7 +9,6 @@
 namespace lazyloc {
 namespace {
 
-constexpr int kRowsPerTask = 64;
 constexpr int kNumVectors = 4;  // sums that are computed together
 constexpr int kVectorSize = 8;
 using Vector = float __attribute__((vector_size(kVectorSize * sizeof(float))));
@@ -81,12 +80,12 @@ std::vector<float> GaussianWeights(double stddev_px) {
 
 void Smooth(const float* image, int width, int height, const std::vector<float>& weights, IdleThreads* idle_threads,
             float* smoothed) {
-  ParallelFor(
-      static_cast<size_t>((height + kRowsPerTask - 1) / kRowsPerTask),
-      [&](size_t task) {
-        const int begin = static_cast<int>(task) * kRowsPerTask;
-        const int end = std::min(begin + kRowsPerTask, height);
-        RunVectorized([&]() LAZYLOC_ALWAYS_INLINE { SmoothRows(image, width, height, weights, begin, end, smoothed); });
+  ParallelForRanges(
+      static_cast<size_t>(height),
+      [&](size_t begin, size_t end) {
+        RunVectorized([&]() LAZYLOC_ALWAYS_INLINE {
+          SmoothRows(image, width, height, weights, static_cast<int>(begin), static_cast<int>(end), smoothed);
+        });
       },
       idle_threads);
 }

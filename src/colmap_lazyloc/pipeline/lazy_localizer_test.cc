@@ -280,13 +280,13 @@ TEST(LocalizerOptions, DefaultsPassAndBadOnesAreNamed) {
   std::string error;
   EXPECT_TRUE(LocalizerOptions().Check(&error));
   LocalizerOptions options;
-  options.max_num_pairs = -1;
+  options.rig_noise_px = -1;
   EXPECT_FALSE(options.Check(&error));
-  EXPECT_EQ(error, "max_num_pairs must be >= 0, but is -1");
+  EXPECT_EQ(error, "rig_noise_px must be >= 0, but is -1");
   options = {};
-  options.bundle_adjustment.loss_scale_sigma = 0;
+  options.min_confidence = 2;
   EXPECT_FALSE(options.Check(&error));
-  EXPECT_THAT(error, testing::HasSubstr("loss_scale_sigma"));
+  EXPECT_EQ(error, "min_confidence must be <= 1, but is 2");
 }
 
 // Returns a scene of two database images, of which one pair has a wrong relative rotation and fewer inliers, as a pair

@@ -82,7 +82,7 @@ void Rounds::SetTracks(SplitTracks split, double max_query_error_sigma) {
 
 void Rounds::Adjust(bool is_last) {
   BundleAdjustmentOptions options = options_.bundle_adjustment;
-  options.computes_covariances = options.tests_intrinsics = is_last;
+  options.computes_covariances = is_last;
   if (!is_last) options.convergence_sigma *= kIntermediateConvergence;
   adjustment_ = AdjustBundle(Posed(), std::move(adjustment_.tracks), options);
   const bool is_finite = std::all_of(Posed().frames.begin(), Posed().frames.end(), [](const Frame& frame) {

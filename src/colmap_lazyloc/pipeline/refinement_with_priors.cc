@@ -1,6 +1,7 @@
 #include "colmap_lazyloc/pipeline/refinement_with_priors.h"
 
 #include <algorithm>
+#include <optional>
 #include <utility>
 
 #include "colmap_lazyloc/priors/plane_orientation.h"
@@ -53,13 +54,15 @@ class Refinement {
     PosedImages other_start = start;
     other_start.frames[0].frame_from_world = *pose;
     const std::vector<Track>& matches = start_tracks_.rest;
+    std::optional<Refined> other;
     try {
-      return ChooseOrientation(layout_, pairs_, matches, refined, From(other_start));
+      other = From(other_start);
     } catch (const Failure&) {
       const double num_matches = static_cast<double>(matches.size());
       if (static_cast<double>(tracks.size()) > kMinTrackRatio * num_matches) refined.has_one_orientation = true;
       return refined;
     }
+    return ChooseOrientation(layout_, pairs_, matches, std::move(refined), *std::move(other));
   }
 
   // Refines a pose whose position is unobservable again, from where the priors put it. Returns the pose as it is if

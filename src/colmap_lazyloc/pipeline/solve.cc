@@ -41,7 +41,7 @@ void IgnoreContradictionsWithoutDistance(const Layout& layout, const Refined& re
 }
 
 // Returns a rotation with a prior of gravity that it does not contradict.
-RotationFit WithGravity(GravityPrior gravity, RotationFit fit) {
+RotationFit WithGravity(const GravityPrior& gravity, RotationFit fit) {
   const QueryPriorResidual residual = EvaluateGravityPrior(gravity, {}, {fit.cam_from_world_rotation, {}});
   const Eigen::Matrix3d by_turn = residual.jacobian.leftCols<3>();
   fit.covariance = (fit.covariance.inverse() + by_turn.transpose() * by_turn).inverse().eval();
@@ -132,9 +132,9 @@ class Solver {
     if (prior.gravity) {
       const PriorComparison comparison = CompareGravity(*prior.gravity, fit.cam_from_world_rotation, fit.covariance);
       priors.gravity = comparison.result;
-      GravityPrior gravity = *prior.gravity;
-      gravity.stddev_rad *= std::sqrt(comparison.factor);
-      if (comparison.result.verdict == PriorVerdict::USED) fit = WithGravity(gravity, std::move(fit));
+      if (comparison.result.verdict == PriorVerdict::USED) {
+        fit = WithGravity(Scaled(*prior.gravity, comparison.factor), std::move(fit));
+      }
     }
     priors.position = PriorResult{PriorVerdict::USED, PriorRole::POSITION, kUnknown, kUnknown};
     const Rigid3d pose = CamFromWorld(fit.cam_from_world_rotation, prior.position->position);

@@ -6,7 +6,7 @@
 
 #include <Eigen/LU>
 
-#include "colmap_lazyloc/ablation/sampson_refinement.h"
+#include "colmap_lazyloc/ablation/pose_refinement.h"
 #include "colmap_lazyloc/math/robust_statistics.h"
 #include "colmap_lazyloc/math/so3.h"
 #include "colmap_lazyloc/priors/prior_comparison.h"
@@ -18,6 +18,7 @@
 namespace lazyloc {
 namespace {
 
+// Errors of more standard deviations are not chance; bearings that differ by less are the same.
 constexpr double kMaxErrorSigma = 3;
 // Minimum noise of keypoints in pixels: smaller errors are chance.
 constexpr double kMinNoisePx = 0.3;
@@ -26,8 +27,8 @@ constexpr double kMinNoisePx = 0.3;
 constexpr double kSharedErrorFactor = 10;
 // Minimum difference of the squared errors, in standard deviations, that excludes a pose: odds of 100 to 1.
 constexpr double kMinDifference = 9.21;
-// Bearings that differ less are the same, in standard deviations and rad.
-constexpr double kMaxEqualSigma = 3, kMaxEqualRad = 0.01;
+// Bearings that differ by less are the same however exact they are, in rad.
+constexpr double kMaxEqualRad = 0.01;
 
 EpipolarError ErrorOf(const Rigid3d& query_from_database, const Track& match) {
   return MeasureEpipolarError(query_from_database, match.observations.front().observation,
@@ -72,7 +73,7 @@ OrientationFit MeasureOrientation(const Layout& layout, const PairRefs& pairs, c
 // Returns the relative pose (query from database) that fits all matches best near a refined one, because refinement may
 // end before that.
 Rigid3d SettledPose(const PairRefs& pairs, const Refined& refined, const std::vector<Track>& matches) {
-  const PosedImages posed = RefineBySampsonError(refined.adjustment.posed, matches, {}).posed;
+  const PosedImages posed = RefineBySampsonError(refined.adjustment.posed, matches).posed;
   return CamFromWorld(posed, 0) * Inverse(CamFromWorld(posed, pairs.front()->other));
 }
 
@@ -129,7 +130,7 @@ Refined ChooseOrientation(const Layout& layout, const PairRefs& pairs, const std
   const OrientationFit fit = MeasureOrientation(layout, pairs, refined),
                        other_fit = MeasureOrientation(layout, pairs, other);
   const double angle_rad = AngleBetweenRad(CamInWorld(pose), CamInWorld(other_pose));
-  if (angle_rad <= std::max(kMaxEqualSigma * fit.bearing_stddev_rad, kMaxEqualRad)) {
+  if (angle_rad <= std::max(kMaxErrorSigma * fit.bearing_stddev_rad, kMaxEqualRad)) {
     refined.has_one_orientation = true;
     return refined;
   }

@@ -26,25 +26,24 @@ struct ComparedPriors {
   Equations equations;  // of those that are used, around the camera
 };
 
-ComparedPriors CompareWithPose(QueryPrior prior, const PoseDistribution& pose) {
+ComparedPriors CompareWithPose(const QueryPrior& prior, const PoseDistribution& pose) {
   const Rigid3d around_camera{pose.cam_from_world.rotation, Eigen::Vector3d::Zero()};
   ComparedPriors compared;
   if (prior.position) {
     const PriorComparison comparison = ComparePosition(*prior.position, pose);
     compared.result.position = comparison.result;
-    prior.position->covariance *= comparison.factor;
-    prior.position->position -= CamInWorld(pose.cam_from_world);
     if (comparison.result.verdict == PriorVerdict::USED) {
-      compared.equations.Set(0, EvaluatePositionPrior(*prior.position, {}, around_camera));
+      PositionPrior used = Scaled(*prior.position, comparison.factor);
+      used.position -= CamInWorld(pose.cam_from_world);
+      compared.equations.Set(0, EvaluatePositionPrior(used, {}, around_camera));
     }
   }
   if (prior.gravity) {
     const PriorComparison comparison =
         CompareGravity(*prior.gravity, around_camera.rotation, pose.RotationCovariance());
     compared.result.gravity = comparison.result;
-    prior.gravity->stddev_rad *= std::sqrt(comparison.factor);
     if (comparison.result.verdict == PriorVerdict::USED) {
-      compared.equations.Set(3, EvaluateGravityPrior(*prior.gravity, {}, around_camera));
+      compared.equations.Set(3, EvaluateGravityPrior(Scaled(*prior.gravity, comparison.factor), {}, around_camera));
     }
   }
   return compared;

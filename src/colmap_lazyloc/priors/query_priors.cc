@@ -75,8 +75,7 @@ class Judge {
   void UsePosition(const PriorComparison& comparison) {
     judgement_.results[query_].position = comparison.result;
     if (comparison.result.verdict != PriorVerdict::USED) return;
-    used_.position = layout_.priors[query_].position;
-    used_.position->covariance *= CovarianceFactor(comparison.factor);
+    used_.position = Scaled(*layout_.priors[query_].position, CovarianceFactor(comparison.factor));
     // Moves the prior to where adjustment has the image.
     used_.position->position +=
         CamInWorld(CamFromWorld(refined_.adjustment.posed, query_)) - CamInWorld(pose_.cam_from_world);
@@ -89,8 +88,7 @@ class Judge {
         CompareGravity(*gravity, pose_.cam_from_world.rotation, pose_.RotationCovariance());
     judgement_.results[query_].gravity = comparison.result;
     if (comparison.result.verdict != PriorVerdict::USED) return;
-    used_.gravity = gravity;
-    used_.gravity->stddev_rad *= std::sqrt(CovarianceFactor(comparison.factor));
+    used_.gravity = Scaled(*gravity, CovarianceFactor(comparison.factor));
   }
 
   void AddUsed() {
@@ -178,8 +176,7 @@ bool AreReconciled(const PriorJudgement& judgement, const Refined& refined) {
   const PosedImages& posed = refined.adjustment.posed;
   return std::all_of(judgement.used.begin(), judgement.used.end(), [&](const ImagePrior& used) {
     if (!used.prior.position) return true;
-    PositionPrior prior = *used.prior.position;
-    prior.covariance *= refined.variance_factor;
+    const PositionPrior prior = Scaled(*used.prior.position, refined.variance_factor);
     const Rigid3d pose = CamFromWorld(posed, used.image);
     const Eigen::Vector3d deviation = prior.position - CamInWorld(pose);
     if (!(deviation.dot(prior.covariance.ldlt().solve(deviation)) <= kContradictionOfThree)) return false;

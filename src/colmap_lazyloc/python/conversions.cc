@@ -102,11 +102,11 @@ Model MakeModel(const std::vector<Camera>& cameras, const std::vector<Text>& nam
   for (size_t i = 0; i < cameras.size(); ++i) {
     Camera camera = cameras[i];
     camera.camera_id = static_cast<uint32_t>(i) + 1;
-    ThrowIf(builder.AddCamera(std::move(camera)));
+    ThrowIf(builder.Add(std::move(camera)));
   }
   for (size_t i = 0; i < names.size(); ++i) {
     const auto camera_id = static_cast<uint32_t>(camera_of_image[i]) + 1;
-    ThrowIf(builder.AddImage({static_cast<uint32_t>(i) + 1, camera_id, names[i].bytes, ToPose(&poses(i, 0))}));
+    ThrowIf(builder.Add(ModelImage{static_cast<uint32_t>(i) + 1, camera_id, names[i].bytes, ToPose(&poses(i, 0))}));
   }
   Model model = builder.Take();
   if (model.images.empty()) throw InputError("model: contains no posed image");

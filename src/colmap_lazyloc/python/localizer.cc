@@ -13,13 +13,6 @@
 namespace lazyloc {
 namespace {
 
-// Returns null if the model has no image of this name.
-const ModelImage* FindImage(const Model& model, const std::string& name) {
-  const auto image = std::lower_bound(model.images.begin(), model.images.end(), name,
-                                      [](const ModelImage& a, const std::string& b) { return a.name < b; });
-  return image == model.images.end() || image->name != name ? nullptr : &*image;
-}
-
 void CheckFinite(const std::vector<Eigen::Vector2d>& keypoints, const std::string& owner) {
   for (size_t i = 0; i < keypoints.size(); ++i) {
     if (!keypoints[i].allFinite()) throw InputError(owner + ": keypoint " + std::to_string(i) + " is not finite");
@@ -90,13 +83,14 @@ class Localizer::Call {
 Localizer::Localizer(const CommandOptions& options, std::optional<Model> model)
     : options_(options), idle_threads_(EffectiveNumThreads(options.num_threads)), process_(getpid()) {
   options_.source.selection.has_more_queries = true;
+  Model read = model ? *std::move(model) : ReadModel(options_.source.input_path);
   if (options_.source.database_path.empty()) {
     if (!options_.source.depth.depth_path.empty()) throw InputError("option depth_path needs a database");
-    model_ = model ? *std::move(model) : ReadModel(options_.source.input_path);
+    model_ = std::move(read);
     frames_ = DatabaseFramePlaces(model_, nullptr, options_.source.selection.groups);
     return;
   }
-  source_ = MakeQuerySource(options_, std::move(model));
+  source_ = MakeQuerySource(options_, std::move(read));
 }
 
 std::vector<std::string> Localizer::Warnings() const {
@@ -128,7 +122,7 @@ std::vector<std::vector<std::string>> Localizer::Groups() const {
 size_t Localizer::FindGroup(const std::string& query_name) const {
   if (!source_) throw InputError("query " + query_name + " needs a database, but the Localizer has none");
   if (const std::optional<size_t> group = source_->Selection().FindGroup(query_name)) return *group;
-  if (FindImage(DatabaseModel(), query_name) != nullptr) {
+  if (FindByName(DatabaseModel().images, query_name) != nullptr) {
     throw InputError("query " + query_name + " has a pose in the model (see LazyLocalizer.leave_one_out)");
   }
   if (source_->Selection().FindInDatabase(query_name) != nullptr) {
@@ -154,7 +148,7 @@ LocalizationProblem Localizer::MakeProblem(const std::string& name, const Camera
   problem.query_keypoints = std::move(keypoints);
   for (const GivenPair& given : pairs) {
     const std::string owner = "pair with " + given.database_name;
-    const ModelImage* image = FindImage(DatabaseModel(), given.database_name);
+    const ModelImage* image = FindByName(DatabaseModel().images, given.database_name);
     if (image == nullptr) throw InputError(owner + ": the model has no posed image of this name");
     ImagePair pair = MakeDatabasePair(*image, DatabaseModel(), DatabaseFrames());
     pair.other_keypoints = given.keypoints ? *given.keypoints : StoredKeypoints(given.database_name);

@@ -6,10 +6,8 @@
 #include <nanobind/stl/tuple.h>
 #include <nanobind/stl/vector.h>
 
-#include "colmap_lazyloc/bridge/logging.h"
-#include "colmap_lazyloc/cli/lazy_indexer.h"
-#include "colmap_lazyloc/cli/lazy_localizer.h"
-#include "colmap_lazyloc/cli/lazy_merger.h"
+#include "colmap_lazyloc/bridge/colmap_program.h"
+#include "colmap_lazyloc/cli/commands.h"
 #include "colmap_lazyloc/python/conversions.h"
 #include "colmap_lazyloc/python/localizer.h"
 #include "colmap_lazyloc/scene/errors.h"

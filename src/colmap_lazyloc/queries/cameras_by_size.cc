@@ -9,14 +9,13 @@ constexpr size_t kMaxNumCameras = 1000;
 
 }  // namespace
 
-CamerasBySize::Size CamerasBySize::SizeOf(const Camera& camera) { return std::minmax({camera.width, camera.height}); }
-
 CamerasBySize::CamerasBySize(const Model& model, const ExifFocalLengths& exif_focal_lengths) {
   std::map<uint32_t, int> num_images;
   for (const ModelImage& image : model.images) ++num_images[image.camera_id];
   for (const auto& [camera_id, count] : num_images) {
     const Camera& camera = model.cameras.at(camera_id);
-    cameras_[SizeOf(camera)].push_back({camera, count, "", exif_focal_lengths.Find(camera_id)});
+    cameras_[std::minmax({camera.width, camera.height})].push_back(
+        {camera, count, "", exif_focal_lengths.Find(camera_id)});
   }
   for (auto& [size, cameras] : cameras_) {
     std::stable_sort(cameras.begin(), cameras.end(),
@@ -25,9 +24,9 @@ CamerasBySize::CamerasBySize(const Model& model, const ExifFocalLengths& exif_fo
   }
 }
 
-const std::vector<DatabaseCamera>& CamerasBySize::OfSize(const Camera& camera) const {
+const std::vector<DatabaseCamera>& CamerasBySize::OfSize(uint64_t width, uint64_t height) const {
   static const std::vector<DatabaseCamera>* const kNone = new std::vector<DatabaseCamera>();
-  const auto found = cameras_.find(SizeOf(camera));
+  const auto found = cameras_.find(std::minmax({width, height}));
   return found == cameras_.end() ? *kNone : found->second;
 }
 

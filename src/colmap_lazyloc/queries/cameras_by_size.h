@@ -16,14 +16,12 @@ class CamerasBySize {
   CamerasBySize() = default;
   CamerasBySize(const Model& model, const ExifFocalLengths& exif_focal_lengths);
 
-  // Returns the cameras that have the size of `camera`, or that with its sides exchanged, most used ones first. There
+  // Returns the cameras that have this size, or that with its sides exchanged, most used ones first. There
   // are at most 1,000, because a database may have a camera for each image.
-  const std::vector<DatabaseCamera>& OfSize(const Camera& camera) const;
+  const std::vector<DatabaseCamera>& OfSize(uint64_t width, uint64_t height) const;
 
  private:
   using Size = std::pair<uint64_t, uint64_t>;  // shorter side first
-  static Size SizeOf(const Camera& camera);
-
   std::map<Size, std::vector<DatabaseCamera>> cameras_;
 };
 

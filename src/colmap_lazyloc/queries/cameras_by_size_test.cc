@@ -22,7 +22,7 @@ class CamerasBySizeTest : public ::testing::Test {
   std::vector<uint32_t> IdsOfSize(uint64_t width, uint64_t height) const {
     const CamerasBySize cameras(model_, {});
     std::vector<uint32_t> ids;
-    for (const DatabaseCamera& camera : cameras.OfSize({0, kPinhole, width, height, {}, false})) {
+    for (const DatabaseCamera& camera : cameras.OfSize(width, height)) {
       ids.push_back(camera.camera.camera_id);
     }
     return ids;
@@ -40,7 +40,7 @@ TEST_F(CamerasBySizeTest, MostUsedOnesComeFirst) {
   EXPECT_THAT(IdsOfSize(640, 480), ::testing::ElementsAre(2, 3, 1)) << "without an image, nothing tells of a camera";
   EXPECT_EQ(IdsOfSize(480, 640), IdsOfSize(640, 480));
   EXPECT_THAT(IdsOfSize(640, 482), ::testing::IsEmpty());
-  EXPECT_EQ(CamerasBySize(model_, {}).OfSize(model_.cameras.at(2)).front().num_images, 3);
+  EXPECT_EQ(CamerasBySize(model_, {}).OfSize(640, 480).front().num_images, 3);
 }
 
 TEST_F(CamerasBySizeTest, ThereAreAtMostAThousand) {

@@ -200,7 +200,9 @@ StoredQuery QuerySelection::ReadStoredQuery(const std::string& name, const Datab
     // Leaves the cameras of a rig, because they may have the same size and different lenses.
     const std::vector<DatabaseCamera> none;
     const PhotoCamera chosen = ChooseStoredCamera(
-        query.stored_camera, groups_.IsSingle(role.group) ? database_cameras_.OfSize(query.stored_camera) : none);
+        query.stored_camera, groups_.IsSingle(role.group)
+                                 ? database_cameras_.OfSize(query.stored_camera.width, query.stored_camera.height)
+                                 : none);
     query.camera = chosen.camera;
     query.source = chosen.source;
     query.intrinsics_origin = chosen.Origin();
@@ -286,9 +288,7 @@ std::optional<uint32_t> QuerySelection::FindStoredQuery(const std::string& name)
 }
 
 const DatabaseImage* QuerySelection::FindInDatabase(const std::string& name) const {
-  const auto image = std::lower_bound(database_images_.begin(), database_images_.end(), name,
-                                      [](const DatabaseImage& a, const std::string& b) { return a.name < b; });
-  return image == database_images_.end() || image->name != name ? nullptr : &*image;
+  return FindByName(database_images_, name);
 }
 
 const ModelImage* QuerySelection::FindPosedImage(uint32_t image_id, const std::string& query_name) const {

@@ -6,7 +6,6 @@
 
 #include "colmap_lazyloc/refinement/bundle_solver.h"
 #include "colmap_lazyloc/refinement/covariance.h"
-#include "colmap_lazyloc/scene/options_check.h"
 
 namespace lazyloc {
 namespace {
@@ -18,7 +17,7 @@ PosedImages MovedTo(const BundleSolver<kSize>& solver, PosedImages posed) {
   for (size_t i = 0; i < posed.frames.size(); ++i) {
     const int index = solver.IndexOf(static_cast<int>(i));
     if (index < 0) continue;
-    const BundleFrame& solution = solver.Solution().frames[index];
+    const ParameterBlock& solution = solver.Solution().frames[index];
     posed.frames[i].frame_from_world = solution.frame_from_world;
     log_factors[i] = solution.log_factor;
     if (posed.frames[i].has_free_scale) posed.frames[i].scale *= std::exp(solution.log_factor);
@@ -124,13 +123,13 @@ BundleAdjustmentResult Adjust(const PosedImages& posed, std::vector<Track> track
   result.tracks = std::move(tracks);
   if (!result.summary.success) return result;
   result.posed = MovedTo(solver, posed);
-  if (options.fits_priors) result.prior_fits = FitAllPriors(solver, result.posed, options.computes_covariances);
-  if (options.tests_intrinsics) {
+  result.prior_fits = FitAllPriors(solver, result.posed, options.computes_covariances);
+  if (options.computes_covariances) {
     result.intrinsics_scores =
         ComputeIntrinsicsScores(solver, posed, result.tracks, RobustLoss(options.loss_scale_sigma));
     result.image_shared_errors = SharedErrorsOfQueries(result.posed, result.intrinsics_scores);
+    SetCovariances(solver, &result);
   }
-  if (options.computes_covariances) SetCovariances(solver, &result);
   for (size_t track = 0; track < result.tracks.size(); ++track) {
     result.tracks[track].point_in_world = solver.Solution().points[track];
   }
@@ -138,13 +137,6 @@ BundleAdjustmentResult Adjust(const PosedImages& posed, std::vector<Track> track
 }
 
 }  // namespace
-
-bool BundleAdjustmentOptions::Check(std::string* error) const {
-  OPTION_GT(loss_scale_sigma, 0);
-  OPTION_GE(max_num_iterations, 1);
-  OPTION_GE(convergence_sigma, 0);
-  return true;
-}
 
 BundleAdjustmentResult AdjustBundle(const PosedImages& posed, std::vector<Track> tracks,
                                     const BundleAdjustmentOptions& options) {

@@ -19,11 +19,7 @@ struct BundleAdjustmentOptions {
   int max_num_iterations = 50;
   // Bound on the last step, or on twice the next one, in standard deviations of the poses (root mean square).
   double convergence_sigma = 0.2;
-  bool fits_priors = true;           // true to compute prior_fits
-  bool computes_covariances = true;  // true to compute covariances, and component_covariances of prior_fits
-  bool tests_intrinsics = true;      // true to compute intrinsics_scores
-
-  bool Check(std::string* error) const;
+  bool computes_covariances = true;  // true to compute them, component_covariances of prior_fits, and intrinsics_scores
 };
 
 struct BundleAdjustmentResult {
@@ -35,12 +31,13 @@ struct BundleAdjustmentResult {
   // frames. Unobservable directions get a large but finite variance. Empty without computes_covariances.
   std::vector<Eigen::Matrix<double, 6, 6>> frame_covariances, image_covariances;
   // What errors that matches share add to image_covariances, by image of a query (IntrinsicsScore). Empty without
-  // tests_intrinsics.
+  // computes_covariances.
   std::vector<Eigen::Matrix<double, 6, 6>> image_shared_errors;
-  // How the frames of each prior group deviate from their priors. Empty without fits_priors, or for more frames than a
-  // dense matrix solves.
+  // How the frames of each prior group deviate from their priors. Empty for more frames than a dense matrix
+  // solves.
   std::vector<PriorFit> prior_fits;
-  std::vector<IntrinsicsScore> intrinsics_scores;  // by frame, zero for database frames; empty without tests_intrinsics
+  // Scores by frame, zero for database frames; empty without computes_covariances.
+  std::vector<IntrinsicsScore> intrinsics_scores;
 };
 
 // Minimises over the poses of all frames that are not constant, the focal lengths and rig scales that are estimated,

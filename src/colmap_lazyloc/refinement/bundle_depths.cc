@@ -17,7 +17,7 @@ template <int kSize>
 bool BundleSolver<kSize>::Evaluate(const BundleState& state, const FreeObservation& coupling, size_t track,
                                    DepthError* error) const {
   const DepthObservation& depth = problem_.depths[coupling.depth];
-  const BundleFrame* frame = depth.frame < 0 ? nullptr : &state.frames[depth.frame];
+  const ParameterBlock* frame = depth.frame < 0 ? nullptr : &state.frames[depth.frame];
   return error->Evaluate(depth, frame, state.frames[coupling.frame].log_factor, state.points[track]);
 }
 

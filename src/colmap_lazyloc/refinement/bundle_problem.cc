@@ -10,13 +10,6 @@
 namespace lazyloc {
 namespace {
 
-BundleFrame MakeBundleFrame(const Frame& frame) {
-  BundleFrame bundle_frame;
-  bundle_frame.MoveTo(frame.frame_from_world);
-  bundle_frame.factor_is_scale = frame.has_free_scale;
-  return bundle_frame;
-}
-
 // Returns the projection of points in the frame's axes. Most images have these axes: they need no rotation.
 LinearProjection ProjectionInFrame(const Observation& observation, const Image& image, bool has_frame_axes) {
   return has_frame_axes ? ProjectionInCam(observation) : ProjectionInWorld(observation, image.cam_from_frame);
@@ -43,10 +36,8 @@ BundleProblem::BundleProblem(const PosedImages& posed, const std::vector<Track>&
   for (size_t i = 0; i < posed.frames.size(); ++i) {
     const Frame& frame = posed.frames[i];
     if (IsConstant(frame)) continue;
-    index_of_frame[i] = static_cast<int>(frames.size());
-    pose_priors.push_back(frame.prior ? &*frame.prior : nullptr);
-    frames.push_back(MakeBundleFrame(frame));
-    has_factor.push_back(frame.has_free_scale);
+    index_of_frame[i] = AddPose(frame.frame_from_world, frame.prior ? &*frame.prior : nullptr);
+    if (frame.has_free_scale) frames.back().kind = BlockKind::POSE_AND_RIG_SCALE;
   }
   AddCalibrations(posed);
   AddDepthMaps(posed);
@@ -58,9 +49,9 @@ BundleProblem::BundleProblem(const PosedImages& posed, const std::vector<Track>&
     has_frame_axes.push_back(HasFrameAxes(image) || index_of_image[i] != index_of_frame[image.frame]);
     if (!image.log_focal_factor) continue;
     const int frame = index_of_image[i];
-    LAZYLOC_CHECK(frame >= 0 && !has_factor[frame]);
+    LAZYLOC_CHECK(frame >= 0 && frames[frame].kind == BlockKind::POSE);
     frames[frame].log_factor = *image.log_focal_factor;
-    has_factor[frame] = true;
+    frames[frame].kind = BlockKind::POSE_AND_FOCAL_LENGTH;
   }
   const std::vector<Rigid3d> cams_from_world = CamsFromWorld(posed);
   size_t num_observations = 0;
@@ -115,7 +106,7 @@ void BundleProblem::AddDepthMaps(const PosedImages& posed) {
     index_of_depth_map.push_back(-1);
     if (!image.depth_scale) continue;
     index_of_depth_map.back() = AddPose({}, nullptr);
-    frames.back().is_depth_map = true;
+    frames.back().kind = BlockKind::DEPTH_SCALE;
     frames.back().log_factor = image.depth_scale->log_scale;
     depth_maps.push_back(
         {index_of_depth_map.back(), image.depth_scale->stated_log_scale, image.depth_scale->log_scale_stddev});
@@ -163,7 +154,6 @@ void BundleProblem::AddQueryPriors(const PosedImages& posed) {
 int BundleProblem::AddPose(const Rigid3d& pose, const PosePrior* prior) {
   frames.emplace_back().MoveTo(pose);
   pose_priors.push_back(prior);
-  has_factor.push_back(false);
   return static_cast<int>(frames.size()) - 1;
 }
 

@@ -5,9 +5,9 @@
 
 #include <Eigen/Core>
 
-#include "colmap_lazyloc/refinement/bundle_frame.h"
 #include "colmap_lazyloc/refinement/depth_residual.h"
 #include "colmap_lazyloc/refinement/linear_projection.h"
+#include "colmap_lazyloc/refinement/parameter_block.h"
 #include "colmap_lazyloc/refinement/prior_precision.h"
 #include "colmap_lazyloc/scene/frame.h"
 #include "colmap_lazyloc/scene/track.h"
@@ -37,10 +37,10 @@ struct BundleError {
     error = projection.Error(point, &by_point);
     return true;
   }
-  bool Evaluate(const FreeObservation& observation, const BundleFrame& frame, const Eigen::Vector3d& point) {
+  bool Evaluate(const FreeObservation& observation, const ParameterBlock& frame, const Eigen::Vector3d& point) {
     rotated_point = frame.rotation.lazyProduct(point);
     const Eigen::Vector3d point_in_frame = rotated_point + frame.frame_from_world.translation;
-    if (frame.factor_is_scale) {
+    if (frame.HasRigScale()) {
       const LinearProjection scaled = observation.projection.WithOffset(std::exp(frame.log_factor));
       if (!Evaluate(scaled, point_in_frame)) return false;
       by_log_factor = scaled.DerivativeByLogOffset(point_in_frame, error);
@@ -64,7 +64,7 @@ struct BundleError {
     if (kSize > 6) by_frame.row(kSize - 1) = by_log_factor.transpose();
     return by_frame;
   }
-  Eigen::Matrix<double, 2, 3> ByPointInWorld(const BundleFrame& frame) const {
+  Eigen::Matrix<double, 2, 3> ByPointInWorld(const ParameterBlock& frame) const {
     return by_point.lazyProduct(frame.rotation);
   }
 
@@ -113,7 +113,7 @@ struct BundleProblem {
   std::vector<int> index_of_frame;  // by frame of PosedImages, into `frames`; -1 for constant frames
   std::vector<int> index_of_image;  // by image: its own index if its calibration has a prior, else its frame's
   // Frames that move, then calibrations with a prior, then their images, then scales of depth maps.
-  std::vector<BundleFrame> frames;
+  std::vector<ParameterBlock> frames;
   std::vector<const PosePrior*> pose_priors;  // parallel to `frames`; nullptr if the pose has no prior
   std::vector<BundlePriors> priors;           // those of posed.prior_groups in their order, then of single frames
   std::vector<int> index_of_calibration;      // by calibration of PosedImages; -1 if it has no prior
@@ -122,7 +122,6 @@ struct BundleProblem {
   std::vector<BundleDepthMap> depth_maps;
   std::vector<DepthObservation> depths;
   std::vector<BundleQueryPrior> query_priors;
-  std::vector<bool> has_factor;                // parallel to `frames`: true if its log_factor is estimated
   std::vector<Eigen::Vector3d> points;         // by track
   std::vector<LinearProjection> fixed;         // observations in constant frames, of the points in the world
   std::vector<FreeObservation> free;           // observations in frames that move

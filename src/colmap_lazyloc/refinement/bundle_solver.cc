@@ -119,8 +119,8 @@ bool BundleSolver<kSize>::Build(const BundleState& state, double damping) {
   }
   for (size_t frame = 0; frame < state.frames.size(); ++frame) {
     // Gives a factor that is not estimated a unit weight, which keeps it constant.
-    if (kSize > 6 && !problem_.has_factor[frame]) hessians[frame](kSize - 1, kSize - 1) = 1;
-    if (state.frames[frame].is_depth_map) hessians[frame].diagonal().tail(kSize - 1).setOnes();
+    if (kSize > 6 && state.frames[frame].kind == BlockKind::POSE) hessians[frame](kSize - 1, kSize - 1) = 1;
+    if (state.frames[frame].kind == BlockKind::DEPTH_SCALE) hessians[frame].diagonal().tail(kSize - 1).setOnes();
     hessians[frame].diagonal() *= 1 + damping;
     camera_system_.Block(frame, frame, &system_.reduced) += hessians[frame];
   }
@@ -159,7 +159,7 @@ double BundleSolver<kSize>::Cost(const BundleState& state) const {
         loss.Add(depth_error.error * depth_error.error);
         continue;
       }
-      const BundleFrame& frame = state.frames[problem_.free[i].frame];
+      const ParameterBlock& frame = state.frames[problem_.free[i].frame];
       if (!error.Evaluate(problem_.free[i], frame, state.points[track])) return kInfinity;
       loss.Add(error.error.squaredNorm());
     }
@@ -201,8 +201,8 @@ void BundleSolver<kSize>::AddPriors(const BundleState& state, std::vector<FrameM
 
 template <int kSize>
 RigFlexResidual BundleSolver<kSize>::Evaluate(const BundleFlex& flex, const BundleState& state) {
-  const BundleFrame& frame = state.frames[flex.frame];
-  return EvaluateRigFlex(*flex.given, state.frames[flex.calibration].frame_from_world, frame.LogScale(),
+  const ParameterBlock& frame = state.frames[flex.frame];
+  return EvaluateRigFlex(*flex.given, state.frames[flex.calibration].frame_from_world, frame.LogRigScale(),
                          state.frames[flex.cam].frame_from_world, frame.frame_from_world);
 }
 
@@ -229,9 +229,9 @@ template <int kSize>
 template <typename Visit>
 void BundleSolver<kSize>::VisitQueryPriors(const BundleState& state, const Visit& visit) const {
   for (const BundleQueryPrior& image : problem_.query_priors) {
-    const BundleFrame& frame = state.frames[image.frame];
+    const ParameterBlock& frame = state.frames[image.frame];
     Rigid3d cam_from_frame = image.cam_from_frame;
-    if (frame.factor_is_scale) cam_from_frame.translation *= std::exp(frame.log_factor);
+    if (frame.HasRigScale()) cam_from_frame.translation *= std::exp(frame.log_factor);
     const auto& [position, gravity] = image.prior;
     if (position) visit(image.frame, EvaluatePositionPrior(*position, cam_from_frame, frame.frame_from_world));
     if (gravity) visit(image.frame, EvaluateGravityPrior(*gravity, cam_from_frame, frame.frame_from_world));
@@ -243,7 +243,7 @@ void BundleSolver<kSize>::AddQueryPriors(const BundleState& state, std::vector<F
   VisitQueryPriors(state, [&](int frame, const QueryPriorResidual& prior) {
     Eigen::Matrix<double, 3, kSize> jacobian = prior.jacobian.template leftCols<kSize>();
     // Keeps a focal length apart, because only a rig's scale moves the projection centre.
-    if (kSize > 6 && !state.frames[frame].factor_is_scale) jacobian.col(kSize - 1).setZero();
+    if (kSize > 6 && !state.frames[frame].HasRigScale()) jacobian.col(kSize - 1).setZero();
     system_.cost += 0.5 * prior.error.squaredNorm();
     system_.rhs.template segment<kSize>(kSize * frame) -= jacobian.transpose() * prior.error;
     (*frame_hessians)[frame] += jacobian.transpose() * jacobian;
@@ -276,7 +276,7 @@ bool BundleSolver<kSize>::AddTrack(const BundleState& state, size_t track, doubl
       AddDepth(depth_error, i, track, frame_hessians);
       continue;
     }
-    const BundleFrame& frame = state.frames[problem_.free[i].frame];
+    const ParameterBlock& frame = state.frames[problem_.free[i].frame];
     if (!error.Evaluate(problem_.free[i], frame, point)) return false;
     weigh();
     const Eigen::Matrix<double, 2, 3> by_point = error.ByPointInWorld(frame);
@@ -322,7 +322,7 @@ double BundleSolver<kSize>::Step(BundleState* next) {
   const Eigen::VectorXd step = camera_system_.Solve(system_.rhs);
   for (size_t frame = 0; frame < state_.frames.size(); ++frame) {
     const FrameVector move = step.segment<kSize>(kSize * frame);
-    if (state_.frames[frame].is_depth_map) {
+    if (state_.frames[frame].kind == BlockKind::DEPTH_SCALE) {
       next->frames[frame].log_factor = state_.frames[frame].log_factor + move(0);
       continue;
     }

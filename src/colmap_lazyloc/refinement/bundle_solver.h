@@ -16,7 +16,7 @@ namespace lazyloc {
 
 // Unknowns of bundle adjustment.
 struct BundleState {
-  std::vector<BundleFrame> frames;
+  std::vector<ParameterBlock> frames;
   std::vector<Eigen::Vector3d> points;  // by track
 };
 

@@ -4,7 +4,7 @@
 
 #include <Eigen/Core>
 
-#include "colmap_lazyloc/refinement/bundle_frame.h"
+#include "colmap_lazyloc/refinement/parameter_block.h"
 
 namespace lazyloc {
 
@@ -28,7 +28,7 @@ struct DepthError {
   Eigen::Matrix<double, 6, 1> by_frame;  // only if the frame is not constant
 
   // frame: null for a constant one. Returns false if the point lies behind the image.
-  bool Evaluate(const DepthObservation& depth, const BundleFrame* frame, double log_scale,
+  bool Evaluate(const DepthObservation& depth, const ParameterBlock* frame, double log_scale,
                 const Eigen::Vector3d& point) {
     const Eigen::Vector3d rotated = frame == nullptr ? point : Eigen::Vector3d(frame->rotation * point);
     const Eigen::Vector3d in_frame =

@@ -22,7 +22,7 @@ constexpr double kScaleStddev = 0.03;
 TEST(DepthError, Derivatives) {
   const Eigen::Vector3d point(0.3, -0.2, 0.5);
   const DepthObservation depth{0, Eigen::Vector3d(0.1, 0.2, 1).normalized(), 0.3, std::log(4.0), 20};
-  BundleFrame frame;
+  ParameterBlock frame;
   frame.MoveTo({ExpSO3(Eigen::Vector3d(0.2, 0.5, -0.3)), Eigen::Vector3d(0.1, -0.4, 5)});
   DepthError error;
   ASSERT_TRUE(error.Evaluate(depth, &frame, 0.1, point));
@@ -30,7 +30,7 @@ TEST(DepthError, Derivatives) {
   jacobian << error.by_frame.transpose(), error.by_point_in_world.transpose(), error.by_log_scale;
   ExpectJacobian(
       [&](const Eigen::VectorXd& step) {
-        BundleFrame moved;
+        ParameterBlock moved;
         const Rigid3d& pose = frame.frame_from_world;
         moved.MoveTo({ExpSO3(step.head<3>()) * pose.rotation, pose.translation + step.segment<3>(3)});
         DepthError at;

@@ -18,9 +18,6 @@ namespace {
 // would else be a rounding error.
 constexpr double kRegularization = 1e-9;
 
-// Number of frames up to which the equations hold all of them, else those that observe common points with the query.
-constexpr size_t kMaxNumCoupled = 150;
-
 // Number of clusters that a pose uses up: half of its unknowns, because the errors that a cluster shares are
 // displacements in two coordinates.
 constexpr int kNumClusterParameters = 3;
@@ -61,7 +58,7 @@ class ScoreBuilder {
       if (posed_.images[image].frame == frame) is_asked_[problem.index_of_image[image]] = true;
     }
     CouplingWith(solver_.IndexOf(frame));
-    if (problem.frames.size() > kMaxNumCoupled) return;
+    if (!solver_.Cameras().IsDense()) return;
     for (size_t i = 0; i < problem.frames.size(); ++i) CouplingWith(static_cast<int>(i));
   }
 
@@ -113,7 +110,7 @@ class ScoreBuilder {
     const Eigen::MatrixXd columns = factor.solve(
         Eigen::MatrixXd::Identity(factor.rows(), factor.rows()).middleCols<kSize>(kSize * place_of_frame_[frame]));
     SetSharedErrors(columns, poses_from_correction, frame, tracks);
-    if (kSize > 6 && solver_.Problem().has_factor[frame] && !solver_.Problem().frames[frame].factor_is_scale) {
+    if (solver_.Problem().frames[frame].kind == BlockKind::POSE_AND_FOCAL_LENGTH) {
       SetEstimatedFocalLength(columns.col(kSize - 1), frame);
     }
     for (const int place : places_) place_of_frame_[place] = -1;

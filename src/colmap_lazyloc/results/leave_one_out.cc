@@ -12,7 +12,6 @@
 #include "colmap_lazyloc/math/robust_statistics.h"
 #include "colmap_lazyloc/math/so3.h"
 #include "colmap_lazyloc/results/model_merger.h"
-#include "colmap_lazyloc/results/valid_utf8.h"
 #include "colmap_lazyloc/scene/format.h"
 #include "colmap_lazyloc/scene/pose_distribution.h"
 

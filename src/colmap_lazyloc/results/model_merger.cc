@@ -14,13 +14,6 @@
 namespace lazyloc {
 namespace {
 
-template <typename Image>
-const Image* FindSorted(const std::vector<Image>& images, std::string_view name) {
-  const auto image = std::lower_bound(images.begin(), images.end(), name,
-                                      [](const Image& a, std::string_view b) { return a.name < b; });
-  return image == images.end() || image->name != name ? nullptr : &*image;
-}
-
 // Returns equal values for equal intrinsics.
 size_t HashOfIntrinsics(const Camera& camera) {
   size_t hash = std::hash<uint64_t>()(camera.width * 65536 + camera.height) + static_cast<size_t>(camera.model_id);
@@ -125,14 +118,6 @@ void AddQueryImages(const Model& model, const QueryRecords& records, const std::
 }
 
 }  // namespace
-
-const ModelImage* FindByName(const std::vector<ModelImage>& images, std::string_view name) {
-  return FindSorted(images, name);
-}
-
-const DatabaseImage* FindByName(const std::vector<DatabaseImage>& images, std::string_view name) {
-  return FindSorted(images, name);
-}
 
 MergedModel MergeModel(const Model& model, const QueryRecords& records,
                        const std::vector<DatabaseImage>& database_images) {

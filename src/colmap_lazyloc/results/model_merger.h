@@ -3,7 +3,6 @@
 #include <cstdint>
 #include <limits>
 #include <map>
-#include <string_view>
 #include <utility>
 #include <vector>
 
@@ -50,9 +49,5 @@ struct MergedModel {
 // database_images: sorted by name.
 MergedModel MergeModel(const Model& model, const QueryRecords& records,
                        const std::vector<DatabaseImage>& database_images);
-
-// Return the image of a name, of a list sorted by name; null if there is none.
-const ModelImage* FindByName(const std::vector<ModelImage>& images, std::string_view name);
-const DatabaseImage* FindByName(const std::vector<DatabaseImage>& images, std::string_view name);
 
 }  // namespace lazyloc

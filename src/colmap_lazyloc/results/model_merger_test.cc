@@ -59,7 +59,7 @@ struct WrittenModel {
 };
 
 void ReadKeypoints(BinaryFile* file, WrittenImage* image) {
-  const uint64_t num_keypoints = file->ReadCount(24);
+  const uint64_t num_keypoints = file->ReadCount();
   for (uint32_t i = 0; i < num_keypoints; ++i) {
     const double x = file->Read<double>(), y = file->Read<double>();
     image->keypoints.emplace_back(x, y);
@@ -74,7 +74,7 @@ WrittenModel ReadWritten(const std::filesystem::path& folder) {
   const Model posed = ReadModel(folder);
   model.cameras = posed.cameras;
   BinaryFile images(folder / "images.bin");
-  for (uint64_t i = images.ReadCount(64); i > 0; --i) {
+  for (uint64_t i = images.ReadCount(); i > 0; --i) {
     const auto image_id = images.Read<uint32_t>();
     images.Skip(7 * 8 + 4);
     const ModelImage* image = FindByName(posed.images, images.ReadName());
@@ -84,13 +84,13 @@ WrittenModel ReadWritten(const std::filesystem::path& folder) {
   }
   images.CheckEnd();
   BinaryFile points(folder / "points3D.bin");
-  for (uint64_t i = points.ReadCount(43); i > 0; --i) {
+  for (uint64_t i = points.ReadCount(); i > 0; --i) {
     WrittenPoint point;
     EXPECT_EQ(points.Read<uint64_t>(), model.points.size() + 1);
     for (double& coordinate : point.point_in_world) coordinate = points.Read<double>();
     points.Skip(3);
     point.mean_reprojection_error_px = points.Read<double>();
-    for (uint64_t k = points.ReadCount(8); k > 0; --k) {
+    for (uint64_t k = points.ReadCount(); k > 0; --k) {
       const auto image_id = points.Read<uint32_t>();
       point.track.emplace_back(image_id, points.Read<uint32_t>());
     }

@@ -6,7 +6,7 @@
 #include <nlohmann/json.hpp>
 
 #include "colmap_lazyloc/files/output_file.h"
-#include "colmap_lazyloc/results/valid_utf8.h"
+#include "colmap_lazyloc/scene/format.h"
 #include "colmap_lazyloc/scene/pose_distribution.h"
 
 namespace lazyloc {

@@ -8,7 +8,7 @@
 #include "colmap_lazyloc/bridge/camera_models.h"
 #include "colmap_lazyloc/files/output_file.h"
 #include "colmap_lazyloc/math/so3.h"
-#include "colmap_lazyloc/results/valid_utf8.h"
+#include "colmap_lazyloc/scene/format.h"
 
 namespace lazyloc {
 namespace {

@@ -31,8 +31,7 @@ void ComputeEdgeErrors(const RotationAveragingProblem& problem, RotationAveragin
 
 }  // namespace
 
-RotationAveragingResult AverageRotations(const RotationAveragingProblem& problem,
-                                         const RotationAveragingOptions& options) {
+RotationAveragingResult AverageRotations(const RotationAveragingProblem& problem, RotationAveragingMethod method) {
   LAZYLOC_CHECK(problem.rotations.size() == problem.is_fixed.size());
   RotationAveragingResult result;
   result.rotations = problem.rotations;
@@ -48,7 +47,7 @@ RotationAveragingResult AverageRotations(const RotationAveragingProblem& problem
     result.summary.message = "no unknown rotation is linked to a fixed one";
     return result;
   }
-  AverageBy(options.method, problem, &result);
+  AverageBy(method, problem, &result);
   ComputeEdgeErrors(problem, &result);
   result.summary.success = true;
   result.summary.message = "averaged";

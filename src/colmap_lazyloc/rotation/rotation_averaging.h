@@ -37,10 +37,6 @@ enum class RotationAveragingMethod {
 template <>
 inline constexpr std::array<const char*, 3> kEnumNames<RotationAveragingMethod> = {"l1_irls", "l1", "quaternion_mean"};
 
-struct RotationAveragingOptions {
-  RotationAveragingMethod method = RotationAveragingMethod::L1_IRLS;
-};
-
 struct RotationAveragingResult {
   std::vector<Eigen::Quaterniond> rotations;
   std::vector<bool> is_known;           // true: fixed, or connected to a fixed node
@@ -53,7 +49,6 @@ struct RotationAveragingResult {
 // reweighted least squares in the Lie algebra, with columns for the unknown nodes only: Chatterjee & Govindu, Efficient
 // and Robust Large-Scale Rotation Averaging, ICCV 2013; LazyLoc (arXiv 2307.09981), section 3.1. summary.success is
 // false if no unknown node is connected to a fixed one or if a measurement is not finite.
-RotationAveragingResult AverageRotations(const RotationAveragingProblem& problem,
-                                         const RotationAveragingOptions& options);
+RotationAveragingResult AverageRotations(const RotationAveragingProblem& problem, RotationAveragingMethod method);
 
 }  // namespace lazyloc

@@ -42,17 +42,11 @@ double MaxErrorDeg(const RotationAveragingResult& result, const SyntheticPoseGra
   return MaxErrorDeg(result.rotations, truth);
 }
 
-RotationAveragingOptions OptionsOf(Method method) {
-  RotationAveragingOptions options;
-  options.method = method;
-  return options;
-}
-
 // Contract of the methods. Parameters: the method and the number of queries.
 class RotationAveragingContract : public testing::TestWithParam<std::tuple<Method, int>> {
  protected:
   RotationAveragingResult Average(const RotationAveragingProblem& problem) const {
-    return AverageRotations(problem, OptionsOf(std::get<0>(GetParam())));
+    return AverageRotations(problem, std::get<0>(GetParam()));
   }
 
   SyntheticPoseGraphOptions GraphOptions(double rotation_noise_deg) const {
@@ -193,9 +187,7 @@ TEST(RotationAveraging, MethodsDifferByWhatOutliersDo) {
   double irls_sum = 0, l1_sum = 0, mean_sum = 0;
   for (options.seed = 0; options.seed < 20; ++options.seed) {
     const SyntheticPoseGraph graph = MakeSyntheticPoseGraph(options);
-    const auto error = [&](Method method) {
-      return MaxErrorDeg(AverageRotations(ProblemOf(graph), OptionsOf(method)), graph);
-    };
+    const auto error = [&](Method method) { return MaxErrorDeg(AverageRotations(ProblemOf(graph), method), graph); };
     irls_sum += error(Method::L1_IRLS);
     l1_sum += error(Method::L1);
     mean_sum += error(Method::QUATERNION_MEAN);

@@ -15,41 +15,12 @@ namespace lazyloc {
 
 namespace fs = std::filesystem;
 
-template <typename Archive>
-void serialize(Archive& archive, ModelImage& image) {
-  auto& [image_id, camera_id, name, cam_from_world] = image;
-  archive(image_id, camera_id, name, cam_from_world);
-}
-
-template <typename Archive>
-void serialize(Archive& archive, Sensor& sensor) {
-  auto& [type, sensor_id] = sensor;
-  archive(type, sensor_id);
-}
-
-template <typename Archive>
-void serialize(Archive& archive, RigSensor& sensor) {
-  auto& [own_sensor, sensor_from_rig] = sensor;
-  archive(own_sensor, sensor_from_rig);
-}
-
-template <typename Archive>
-void serialize(Archive& archive, Rig& rig) {
-  auto& [rig_id, reference, others] = rig;
-  archive(rig_id, reference, others);
-}
-
-template <typename Archive>
-void serialize(Archive& archive, FrameData& data) {
-  auto& [sensor, data_id] = data;
-  archive(sensor, data_id);
-}
-
-template <typename Archive>
-void serialize(Archive& archive, ModelFrame& frame) {
-  auto& [frame_id, rig_id, rig_from_world, data] = frame;
-  archive(frame_id, rig_id, rig_from_world, data);
-}
+LAZYLOC_ARCHIVE(ModelImage, image_id, camera_id, name, cam_from_world)
+LAZYLOC_ARCHIVE(Sensor, type, sensor_id)
+LAZYLOC_ARCHIVE(RigSensor, own_sensor, sensor_from_rig)
+LAZYLOC_ARCHIVE(Rig, rig_id, reference, others)
+LAZYLOC_ARCHIVE(FrameData, sensor, data_id)
+LAZYLOC_ARCHIVE(ModelFrame, frame_id, rig_id, rig_from_world, data)
 
 namespace {
 

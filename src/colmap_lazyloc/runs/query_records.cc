@@ -28,7 +28,7 @@ QueryRecords::QueryRecords(std::vector<std::filesystem::path> paths)
 void QueryRecords::AddFile(uint32_t file) {
   RecordReader reader(paths_[file]);
   while (reader.Next()) {
-    for (const PackedQuery& query : UnpackGroup(reader.Record()).queries) {
+    for (const PackedQuery& query : UnpackGroup(reader.Record())) {
       auto* name = static_cast<char*>(names_.allocate(query.name.size() + 1, 1));
       std::memcpy(name, query.name.c_str(), query.name.size() + 1);
       entries_.push_back({name, reader.Offset() + query.offset, file});
@@ -68,8 +68,8 @@ RecordReader& QueryRecords::Reader(uint32_t file) const {
 QueryRecord QueryRecords::Read(size_t index, RecordParts parts) const {
   const Entry& entry = entries_.at(index);
   RecordReader& reader = Reader(entry.file);
-  const PartSizes sizes = ReadPartSizes(reader.ReadAt(entry.offset, kPartSizesSize));
-  uint64_t offset = entry.offset + kPartSizesSize;
+  const PartSizes sizes = ReadPartSizes(reader.ReadAt(entry.offset, sizeof(PartSizes)));
+  uint64_t offset = entry.offset + sizeof(PartSizes);
   RecordBytes bytes;
   bytes.head = reader.ReadAt(offset, sizes.head);
   offset += sizes.head;

@@ -8,8 +8,15 @@
 
 #include "colmap_lazyloc/queries/query_record.h"
 
-// How cereal reads and writes what a QueryRecord holds. Each function names all members of its type, so that one that
-// is added does not compile before it is named here too.
+// How cereal reads and writes what a QueryRecord holds. Names all members of each type, so that one that is added does
+// not compile before it is named here too.
+#define LAZYLOC_ARCHIVE(Type, ...)                \
+  template <typename Archive>                     \
+  void serialize(Archive& archive, Type& value) { \
+    auto& [__VA_ARGS__] = value;                  \
+    archive(__VA_ARGS__);                         \
+  }
+
 namespace cereal {
 
 template <typename Archive, int kRows, int kCols>
@@ -26,94 +33,26 @@ void serialize(Archive& archive, Eigen::Quaterniond& rotation) {
 
 namespace lazyloc {
 
-template <typename Archive>
-void serialize(Archive& archive, Rigid3d& pose) {
-  auto& [rotation, translation] = pose;
-  archive(rotation, translation);
-}
-
-template <typename Archive>
-void serialize(Archive& archive, Camera& camera) {
-  auto& [camera_id, model_id, width, height, params, has_prior_focal_length] = camera;
-  archive(camera_id, model_id, width, height, params, has_prior_focal_length);
-}
-
-template <typename Archive>
-void serialize(Archive& archive, PairResult& pair) {
-  auto& [database_name, num_inliers, rotation_error_deg, direction_error_deg] = pair;
-  archive(database_name, num_inliers, rotation_error_deg, direction_error_deg);
-}
-
-template <typename Archive>
-void serialize(Archive& archive, PointResult& point) {
-  auto& [point_in_world, query_point, observations, mean_reprojection_error_px] = point;
-  archive(point_in_world, query_point, observations, mean_reprojection_error_px);
-}
-
-template <typename Archive>
-void serialize(Archive& archive, PoseSpread& spread) {
-  auto& [rotation_stddev_rad, position_stddevs, weakest_direction_in_world] = spread;
-  archive(rotation_stddev_rad, position_stddevs, weakest_direction_in_world);
-}
-
-template <typename Archive>
-void serialize(Archive& archive, Bearing& bearing) {
-  auto& [database_name, dir_database_to_query_in_world, stddev_rad] = bearing;
-  archive(database_name, dir_database_to_query_in_world, stddev_rad);
-}
-
-template <typename Archive>
-void serialize(Archive& archive, PartialPose& pose) {
-  auto& [cam_from_world_rotation, rotation_stddev_rad, bearing] = pose;
-  archive(cam_from_world_rotation, rotation_stddev_rad, bearing);
-}
-
-template <typename Archive>
-void serialize(Archive& archive, PriorResult& prior) {
-  auto& [verdict, fixes, deviation, deviation_sigma] = prior;
-  archive(verdict, fixes, deviation, deviation_sigma);
-}
-
-template <typename Archive>
-void serialize(Archive& archive, QueryPriorResult& priors) {
-  auto& [position, gravity] = priors;
-  archive(position, gravity);
-}
-
-template <typename Archive>
-void serialize(Archive& archive, IntrinsicsResult& intrinsics) {
-  auto& [origin, verdict, focal_factor, focal_factor_stddev, contradiction] = intrinsics;
-  archive(origin, verdict, focal_factor, focal_factor_stddev, contradiction);
-}
+LAZYLOC_ARCHIVE(Rigid3d, rotation, translation)
+LAZYLOC_ARCHIVE(Camera, camera_id, model_id, width, height, params, has_prior_focal_length)
+LAZYLOC_ARCHIVE(PairResult, database_name, num_inliers, rotation_error_deg, direction_error_deg)
+LAZYLOC_ARCHIVE(PointResult, point_in_world, query_point, observations, mean_reprojection_error_px)
+LAZYLOC_ARCHIVE(PoseSpread, rotation_stddev_rad, position_stddevs, weakest_direction_in_world)
+LAZYLOC_ARCHIVE(Bearing, database_name, dir_database_to_query_in_world, stddev_rad)
+LAZYLOC_ARCHIVE(PartialPose, cam_from_world_rotation, rotation_stddev_rad, bearing)
+LAZYLOC_ARCHIVE(PriorResult, verdict, fixes, deviation, deviation_sigma)
+LAZYLOC_ARCHIVE(QueryPriorResult, position, gravity)
+LAZYLOC_ARCHIVE(IntrinsicsResult, origin, verdict, focal_factor, focal_factor_stddev, contradiction)
 
 template <typename Archive>
 void serialize(Archive& archive, PoseEvidence& evidence) {
   ForEachEvidence(evidence, [&](const char*, double* value) { archive(*value); });
 }
 
-template <typename Archive>
-void serialize(Archive& archive, RunnerUp& runner_up) {
-  auto& [explanation, cam_from_world, odds] = runner_up;
-  archive(explanation, cam_from_world, odds);
-}
-
-template <typename Archive>
-void serialize(Archive& archive, DepthMapResult& map) {
-  auto& [database_name, verdict, num_points, scale, scale_stddev, depth_stddev] = map;
-  archive(database_name, verdict, num_points, scale, scale_stddev, depth_stddev);
-}
-
-template <typename Archive>
-void serialize(Archive& archive, DepthResult& depth) {
-  auto& [maps, num_points, fixes_distance] = depth;
-  archive(maps, num_points, fixes_distance);
-}
-
-template <typename Archive>
-void serialize(Archive& archive, DatabasePoseNoise& noise) {
-  auto& [source, num_pairs, viewpoint_px, rotation_px, position_px] = noise;
-  archive(source, num_pairs, viewpoint_px, rotation_px, position_px);
-}
+LAZYLOC_ARCHIVE(RunnerUp, explanation, cam_from_world, odds)
+LAZYLOC_ARCHIVE(DepthMapResult, database_name, verdict, num_points, scale, scale_stddev, depth_stddev)
+LAZYLOC_ARCHIVE(DepthResult, maps, num_points, fixes_distance)
+LAZYLOC_ARCHIVE(DatabasePoseNoise, source, num_pairs, viewpoint_px, rotation_px, position_px)
 
 // Leaves the points out, which are a part of their own.
 template <typename Archive>

@@ -62,19 +62,18 @@ std::string PackGroup(uint64_t group, const std::vector<QueryRecord>& records) {
   return bytes;
 }
 
-PackedGroup UnpackGroup(const std::string& bytes) {
-  PackedGroup group;
+std::vector<PackedQuery> UnpackGroup(const std::string& bytes) {
   const PackedGroupHeader header = ReadPackedGroupHeader(bytes);
-  group.group = header.group;
-  uint64_t offset = kPackedGroupHeaderSize;
+  std::vector<PackedQuery> queries;
+  uint64_t offset = sizeof(PackedGroupHeader);
   for (uint64_t i = 0; i < header.num_queries; ++i) {
     const PartSizes sizes = ReadPartSizes(bytes, offset);
-    const std::string head = bytes.substr(offset + kPartSizesSize, sizes.head);
-    group.queries.push_back({FromBytes({head, "", ""}, RecordParts::HEAD).result.query_name, offset});
-    offset += kPartSizesSize + sizes.head + sizes.keypoints + sizes.points;
+    const std::string head = bytes.substr(offset + sizeof(PartSizes), sizes.head);
+    queries.push_back({FromBytes({head, "", ""}, RecordParts::HEAD).result.query_name, offset});
+    offset += sizeof(PartSizes) + sizes.head + sizes.keypoints + sizes.points;
   }
   LAZYLOC_CHECK(offset == bytes.size());
-  return group;
+  return queries;
 }
 
 PackedGroupHeader ReadPackedGroupHeader(const std::string& bytes) {

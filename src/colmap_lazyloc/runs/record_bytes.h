@@ -30,21 +30,15 @@ struct PackedQuery {
   std::string name;
   uint64_t offset = 0;  // of the sizes of its parts
 };
-struct PackedGroup {
-  uint64_t group = 0;
-  std::vector<PackedQuery> queries;
-};
-PackedGroup UnpackGroup(const std::string& bytes);
+std::vector<PackedQuery> UnpackGroup(const std::string& bytes);
 
 // The front of a packed group.
 struct PackedGroupHeader {
   uint64_t group = 0, num_queries = 0;
 };
-inline constexpr size_t kPackedGroupHeaderSize = 16;
 PackedGroupHeader ReadPackedGroupHeader(const std::string& bytes);
 
-// The number of bytes of the sizes, and these.
-inline constexpr size_t kPartSizesSize = 24;
+// The sizes of the parts of a record in bytes.
 struct PartSizes {
   uint64_t head = 0, keypoints = 0, points = 0;
 };

@@ -1,11 +1,12 @@
 #include "colmap_lazyloc/runs/run_manifest.h"
 
-#include <charconv>
+#include <algorithm>
 #include <fstream>
 
 #include <nlohmann/json.hpp>
 
 #include "colmap_lazyloc/files/checksum.h"
+#include "colmap_lazyloc/files/text_file.h"
 #include "colmap_lazyloc/scene/errors.h"
 
 namespace lazyloc {
@@ -56,14 +57,11 @@ std::string ChangeOfInputs(const std::map<std::string, RunManifest::Input>& now,
 bool Shard::Has(const std::string& group_name) const { return Crc32(group_name) % count == index - 1; }
 
 std::optional<Shard> ParseShard(const std::string& text) {
-  Shard shard;
-  const char* const end = text.data() + text.size();
-  const auto [slash, error] = std::from_chars(text.data(), end, shard.index);
-  if (error != std::errc() || slash == end || *slash != '/') return std::nullopt;
-  const auto [last, count_error] = std::from_chars(slash + 1, end, shard.count);
-  if (count_error != std::errc() || last != end) return std::nullopt;
-  if (shard.index < 1 || shard.index > shard.count) return std::nullopt;
-  return shard;
+  const size_t slash = std::min(text.find('/'), text.size());
+  const auto index = NumberFrom<uint32_t>(std::string_view(text).substr(0, slash));
+  const auto count = NumberFrom<uint32_t>(std::string_view(text).substr(std::min(slash + 1, text.size())));
+  if (!index || !count || *index < 1 || *index > *count) return std::nullopt;
+  return Shard{*index, *count};
 }
 
 std::string RunManifest::ChangeSince(const RunManifest& earlier) const {

@@ -20,7 +20,7 @@ void Rename(const fs::path& from, const fs::path& to) {
 
 uint64_t CountQueries(const fs::path& records_path) {
   uint64_t num_queries = 0;
-  RecordReader reader(records_path, kPackedGroupHeaderSize);
+  RecordReader reader(records_path, sizeof(PackedGroupHeader));
   while (reader.Next()) num_queries += ReadPackedGroupHeader(reader.Record()).num_queries;
   return num_queries;
 }

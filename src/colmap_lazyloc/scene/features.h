@@ -5,6 +5,7 @@
 
 #include <Eigen/Core>
 
+#include "colmap_lazyloc/math/descriptor_products.h"
 #include "colmap_lazyloc/scene/enum_names.h"
 
 namespace lazyloc {
@@ -21,11 +22,6 @@ template <>
 inline constexpr std::array kEnumNames<FeatureType> = {"SIFT", "ALIKED_N16ROT", "ALIKED_N32", "LOMA_B", "LOMA_B128"};
 
 inline bool IsAliked(FeatureType type) { return type == FeatureType::ALIKED_N16ROT || type == FeatureType::ALIKED_N32; }
-
-constexpr int kDescriptorLength = 128;  // numbers of a descriptor of SIFT or ALIKED
-
-// Descriptors with one row per keypoint: the numbers of SIFT, or the bytes of the other types' single-precision ones.
-using Descriptors = Eigen::Matrix<uint8_t, Eigen::Dynamic, Eigen::Dynamic, Eigen::RowMajor>;
 
 struct Features {
   std::vector<Keypoint> keypoints;

@@ -3,6 +3,8 @@
 #include <cstdarg>
 #include <cstdio>
 
+#include <boost/locale/utf.hpp>
+
 namespace lazyloc {
 
 std::string Format(const char* format, ...) {
@@ -17,19 +19,33 @@ std::string Format(const char* format, ...) {
 }
 
 std::string AsOneLine(const std::string& text) {
-  constexpr char kHexDigits[] = "0123456789abcdef";
   std::string line;
   for (const char c : text) {
     const auto byte = static_cast<unsigned char>(c);
     if (c == '\n') {
       line += "\\n";
     } else if (byte < ' ' || byte == 0x7f) {
-      line += {'\\', 'x', kHexDigits[byte / 16], kHexDigits[byte % 16]};
+      line += Format("\\x%02x", byte);
     } else {
       line += c;
     }
   }
   return line;
+}
+
+std::string ValidUtf8(std::string_view text) {
+  namespace utf = boost::locale::utf;
+  std::string valid;
+  for (auto next = text.begin(); next != text.end();) {
+    const auto begin = next;
+    if (utf::is_valid_codepoint(utf::utf_traits<char>::decode(next, text.end()))) {
+      valid.append(begin, next);
+    } else {
+      valid += Format("\\x%02x", static_cast<unsigned char>(*begin));
+      next = begin + 1;
+    }
+  }
+  return valid;
 }
 
 }  // namespace lazyloc

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <string>
+#include <string_view>
 
 namespace lazyloc {
 
@@ -9,5 +10,9 @@ namespace lazyloc {
 
 // Replaces control characters by escape sequences (for example a newline by \n), because names from files may hold any.
 std::string AsOneLine(const std::string& text);
+
+// Returns the text with each byte that is not part of UTF-8 as "\xNN", as Python's backslashreplace does. Names of
+// files may have such bytes, but JSON must not.
+std::string ValidUtf8(std::string_view text);
 
 }  // namespace lazyloc

@@ -1,9 +1,11 @@
 #pragma once
 
+#include <algorithm>
 #include <cstdint>
 #include <map>
 #include <optional>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "colmap_lazyloc/math/geodetic.h"
@@ -33,5 +35,13 @@ struct Model {
   // Origin of the axes, which are then east, north and up, in metres; nullopt if the place on Earth is unknown.
   std::optional<GeodeticPoint> geographic_origin;
 };
+
+// Returns the image of a name, of a list sorted by name; null if there is none.
+template <typename Image>
+const Image* FindByName(const std::vector<Image>& images, std::string_view name) {
+  const auto image = std::lower_bound(images.begin(), images.end(), name,
+                                      [](const Image& a, std::string_view b) { return a.name < b; });
+  return image == images.end() || image->name != name ? nullptr : &*image;
+}
 
 }  // namespace lazyloc

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <array>
+#include <cmath>
 #include <optional>
 
 #include <Eigen/Core>
@@ -21,6 +22,16 @@ struct GravityPrior {
   Eigen::Vector3d down_in_world = -Eigen::Vector3d::UnitZ();
   double stddev_rad = 0;  // of the direction, about each axis across it
 };
+
+// Return a prior whose covariance is multiplied by a factor.
+inline PositionPrior Scaled(PositionPrior prior, double factor) {
+  prior.covariance *= factor;
+  return prior;
+}
+inline GravityPrior Scaled(GravityPrior prior, double factor) {
+  prior.stddev_rad *= std::sqrt(factor);
+  return prior;
+}
 
 // What is known of a query's pose beside its matches.
 struct QueryPrior {

@@ -25,9 +25,6 @@ class TrackEvaluator {
   }
 
   bool IsDatabase(const TrackObservation& element) const { return posed_.IsDatabase(element.image); }
-  bool HasSeveralDatabaseFrames(const std::vector<TrackObservation>& observations) const {
-    return lazyloc::HasSeveralDatabaseFrames(posed_, observations);
-  }
   const Image& ImageOf(const TrackObservation& element) const { return posed_.images[element.image]; }
   const Rigid3d& CamFromWorldOf(const TrackObservation& element) const { return poses_[element.image]; }
   const Eigen::Vector3d& CamInWorldOf(const TrackObservation& element) const { return cams_in_world_[element.image]; }

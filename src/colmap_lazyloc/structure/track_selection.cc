@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <numeric>
-#include <utility>
 
 namespace lazyloc {
 namespace {
@@ -46,12 +45,6 @@ std::vector<Track> SelectTracks(const std::vector<Track>& tracks, const std::vec
   std::vector<Track> selected;
   for (const size_t track : order) selected.push_back(tracks[track]);
   return selected;
-}
-
-std::vector<Track> SelectTracks(std::vector<Track>&& tracks, const std::vector<Eigen::Vector2d>& keypoints,
-                                int max_num_tracks) {
-  if (static_cast<int>(tracks.size()) <= max_num_tracks) return std::move(tracks);
-  return SelectTracks(std::as_const(tracks), keypoints, max_num_tracks);
 }
 
 }  // namespace lazyloc

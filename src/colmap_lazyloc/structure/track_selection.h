@@ -13,8 +13,4 @@ namespace lazyloc {
 // has the first observation of each track.
 std::vector<Track> SelectTracks(const std::vector<Track>& tracks, const std::vector<Eigen::Vector2d>& keypoints,
                                 int max_num_tracks);
-// Does the same without a copy if none is left out.
-std::vector<Track> SelectTracks(std::vector<Track>&& tracks, const std::vector<Eigen::Vector2d>& keypoints,
-                                int max_num_tracks);
-
 }  // namespace lazyloc

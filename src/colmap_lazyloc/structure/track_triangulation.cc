@@ -7,7 +7,6 @@
 #include <utility>
 
 #include "colmap_lazyloc/math/so3.h"
-#include "colmap_lazyloc/scene/options_check.h"
 #include "colmap_lazyloc/structure/point_finder.h"
 
 namespace lazyloc {
@@ -17,7 +16,8 @@ namespace {
 class TrackTriangulator {
  public:
   TrackTriangulator(const PosedImages& posed, const TrackTriangulationOptions& options)
-      : evaluator_(posed),
+      : posed_(posed),
+        evaluator_(posed),
         options_(options),
         max_cos_angle_(std::cos(DegToRad(options.min_triangulation_angle_deg))),
         finder_(evaluator_, max_cos_angle_) {}
@@ -77,13 +77,14 @@ class TrackTriangulator {
 
   // Returns true if the track constrains a query's pose, but its database observations alone have no point.
   bool NeedsQueryPoses(const std::vector<TrackObservation>& observations) const {
-    if (evaluator_.HasSeveralDatabaseFrames(observations)) return false;
+    if (HasSeveralDatabaseFrames(posed_, observations)) return false;
     const int first_frame = evaluator_.ImageOf(observations.front()).frame;
     return std::any_of(observations.begin(), observations.end(), [&](const TrackObservation& element) {
       return evaluator_.ImageOf(element).frame != first_frame;
     });
   }
 
+  const PosedImages& posed_;
   const TrackEvaluator evaluator_;
   const TrackTriangulationOptions& options_;
   const double max_cos_angle_;
@@ -124,13 +125,6 @@ std::vector<Track> TracksThatFit(const PosedImages& posed, std::vector<Track> tr
 }
 
 }  // namespace
-
-bool TrackTriangulationOptions::Check(std::string* error) const {
-  OPTION_GT(max_query_error_sigma, 0);
-  OPTION_GE(min_triangulation_angle_deg, 0);
-  OPTION_GT(single_image_noise_ratio, 0);
-  return true;
-}
 
 SplitTracks TriangulateFromDatabase(const PosedImages& posed, std::vector<Track> tracks,
                                     const TrackTriangulationOptions& options) {

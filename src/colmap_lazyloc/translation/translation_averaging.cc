@@ -123,7 +123,7 @@ double EdgeStddevRad(const DirectionEdge& edge) {
 }
 
 TranslationAveragingResult AverageTranslations(const TranslationAveragingProblem& problem,
-                                               const TranslationAveragingOptions& options) {
+                                               TranslationAveragingMethod method) {
   LAZYLOC_CHECK(problem.cams_in_world.size() == problem.is_fixed.size());
   TranslationAveragingResult result;
   result.cams_in_world = problem.cams_in_world;
@@ -139,7 +139,7 @@ TranslationAveragingResult AverageTranslations(const TranslationAveragingProblem
     result.summary.message = "no unknown position is linked to a fixed one";
     return result;
   }
-  AverageBy(options.method, problem, &result);
+  AverageBy(method, problem, &result);
   for (size_t i = 0; i < problem.edges.size(); ++i) {
     const DirectionEdge& edge = problem.edges[i];
     if (!result.is_known[edge.node1] || !result.is_known[edge.node2]) continue;

@@ -38,10 +38,6 @@ enum class TranslationAveragingMethod {
 template <>
 inline constexpr std::array<const char*, 2> kEnumNames<TranslationAveragingMethod> = {"angular", "lud"};
 
-struct TranslationAveragingOptions {
-  TranslationAveragingMethod method = TranslationAveragingMethod::ANGULAR;
-};
-
 struct TranslationAveragingResult {
   std::vector<Eigen::Vector3d> cams_in_world;
   std::vector<bool> is_known;           // true: fixed, or connected to a fixed node
@@ -61,6 +57,6 @@ struct TranslationAveragingResult {
 // summary.success is false if no unknown node is connected to a fixed one, if a measurement is not finite, or if the
 // solver fails.
 TranslationAveragingResult AverageTranslations(const TranslationAveragingProblem& problem,
-                                               const TranslationAveragingOptions& options);
+                                               TranslationAveragingMethod method);
 
 }  // namespace lazyloc

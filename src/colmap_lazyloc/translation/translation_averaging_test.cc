@@ -42,17 +42,11 @@ double MaxError(const TranslationAveragingResult& result, const SyntheticPoseGra
   return MaxError(result.cams_in_world, truth);
 }
 
-TranslationAveragingOptions OptionsOf(Method method) {
-  TranslationAveragingOptions options;
-  options.method = method;
-  return options;
-}
-
 // Contract that every method must fulfil. Parameters: the method and the number of queries.
 class EveryMethod : public testing::TestWithParam<std::tuple<Method, int>> {
  protected:
   TranslationAveragingResult Average(const TranslationAveragingProblem& problem) const {
-    return AverageTranslations(problem, OptionsOf(std::get<0>(GetParam())));
+    return AverageTranslations(problem, std::get<0>(GetParam()));
   }
 
   SyntheticPoseGraphOptions GraphOptions(double direction_noise_deg) const {
@@ -186,7 +180,7 @@ TEST(TranslationAveraging, AnglesWithstandManyOutliers) {
     options.num_query = num_query;
     for (options.seed = 0; options.seed < 20; ++options.seed) {
       const SyntheticPoseGraph graph = MakeSyntheticPoseGraph(options);
-      const TranslationAveragingResult result = AverageTranslations(ProblemOf(graph, 1), OptionsOf(Method::ANGULAR));
+      const TranslationAveragingResult result = AverageTranslations(ProblemOf(graph, 1), Method::ANGULAR);
       ASSERT_TRUE(result.summary.success);
       EXPECT_LE(MaxError(result, graph), 7 * 0.03) << "seed " << options.seed;
     }
@@ -199,7 +193,7 @@ TEST(TranslationAveraging, LudIsExactDespiteFewOutliers) {
   options.outlier_edge_ratio = 0.1;
   for (options.seed = 0; options.seed < 20; ++options.seed) {
     const SyntheticPoseGraph graph = MakeSyntheticPoseGraph(options);
-    const TranslationAveragingResult result = AverageTranslations(ProblemOf(graph, 0), OptionsOf(Method::LUD));
+    const TranslationAveragingResult result = AverageTranslations(ProblemOf(graph, 0), Method::LUD);
     EXPECT_LE(MaxError(result, graph), 1e-7 * 5) << "seed " << options.seed;
   }
 }
@@ -214,8 +208,8 @@ TEST(TranslationAveraging, LudYieldsToManyOutliers) {
   double angular_sum = 0, lud_sum = 0;
   for (options.seed = 0; options.seed < 20; ++options.seed) {
     const SyntheticPoseGraph graph = MakeSyntheticPoseGraph(options);
-    angular_sum += MaxError(AverageTranslations(ProblemOf(graph, 1), OptionsOf(Method::ANGULAR)), graph);
-    lud_sum += MaxError(AverageTranslations(ProblemOf(graph, 1), OptionsOf(Method::LUD)), graph);
+    angular_sum += MaxError(AverageTranslations(ProblemOf(graph, 1), Method::ANGULAR), graph);
+    lud_sum += MaxError(AverageTranslations(ProblemOf(graph, 1), Method::LUD), graph);
   }
   EXPECT_GT(lud_sum, 3 * angular_sum);
 }
@@ -236,8 +230,8 @@ TEST(TranslationAveraging, LudLosesToAnglesWhereDistancesDiffer) {
       const Eigen::Vector3d dir = DisturbedDirection(-problem.cams_in_world[node].normalized(), 1, &random);
       problem.edges.push_back({node, 0, node % 10 == 0 ? RandomVector(&random).normalized() : dir, DegToRad(1)});
     }
-    angular_sum += AverageTranslations(problem, OptionsOf(Method::ANGULAR)).cams_in_world[0].norm();
-    lud_sum += AverageTranslations(problem, OptionsOf(Method::LUD)).cams_in_world[0].norm();
+    angular_sum += AverageTranslations(problem, Method::ANGULAR).cams_in_world[0].norm();
+    lud_sum += AverageTranslations(problem, Method::LUD).cams_in_world[0].norm();
   }
   EXPECT_LE(angular_sum / 50, 2 * DegToRad(1)) << "six good directions from one unit away";
   EXPECT_GT(lud_sum, 3 * angular_sum);

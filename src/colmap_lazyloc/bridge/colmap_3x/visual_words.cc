@@ -15,11 +15,10 @@ const char* const kVisualIndexFormat = "COLMAP-3";
 namespace {
 
 constexpr int kBranching = 32;  // children of a node in the tree of clusters
-constexpr int kNumIterations = 11;
 
 // Casts const away because FLANN, which only reads the descriptors, takes no const data.
 flann::Matrix<uint8_t> ToFlann(const Descriptors& descriptors) {
-  return {const_cast<uint8_t*>(descriptors.data()), static_cast<size_t>(descriptors.rows()), kDescriptorDim};
+  return {const_cast<uint8_t*>(descriptors.data()), static_cast<size_t>(descriptors.rows()), kDescriptorLength};
 }
 
 }  // namespace
@@ -31,9 +30,9 @@ Descriptors ClusterWords(const Descriptors& descriptors, int num_words, uint32_t
   static std::mutex mutex;
   const std::lock_guard<std::mutex> lock(mutex);
   std::srand(seed);
-  Eigen::Matrix<float, Eigen::Dynamic, kDescriptorDim, Eigen::RowMajor> centres(num_words, kDescriptorDim);
-  flann::Matrix<float> flann_centres(centres.data(), centres.rows(), kDescriptorDim);
-  flann::KMeansIndexParams params(std::min(kBranching, num_words), kNumIterations, flann::FLANN_CENTERS_KMEANSPP);
+  Eigen::Matrix<float, Eigen::Dynamic, kDescriptorLength, Eigen::RowMajor> centres(num_words, kDescriptorLength);
+  flann::Matrix<float> flann_centres(centres.data(), centres.rows(), kDescriptorLength);
+  flann::KMeansIndexParams params(std::min(kBranching, num_words), kNumClusterings, flann::FLANN_CENTERS_KMEANSPP);
   const int num_centres =
       flann::hierarchicalClustering<flann::L2<uint8_t>>(ToFlann(descriptors), flann_centres, params);
   return centres.topRows(num_centres).array().round().cast<uint8_t>();

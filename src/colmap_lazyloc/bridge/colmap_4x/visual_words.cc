@@ -13,22 +13,20 @@ const char* const kVisualIndexFormat = "COLMAP-4";
 
 namespace {
 
-constexpr int kNumIterations = 11;
-
-using FloatDescriptors = Eigen::Matrix<float, Eigen::Dynamic, kDescriptorDim, Eigen::RowMajor>;
+using FloatDescriptors = Eigen::Matrix<float, Eigen::Dynamic, kDescriptorLength, Eigen::RowMajor>;
 
 }  // namespace
 
 Descriptors ClusterWords(const Descriptors& descriptors, int num_words, uint32_t seed) {
   faiss::ClusteringParameters params;
-  params.niter = kNumIterations;
+  params.niter = kNumClusterings;
   params.seed = static_cast<int>(seed);
   params.min_points_per_centroid = 1;  // keeps faiss from printing a warning
-  faiss::Clustering clustering(kDescriptorDim, std::min<int>(num_words, descriptors.rows()), params);
-  faiss::IndexFlatL2 index(kDescriptorDim);
+  faiss::Clustering clustering(kDescriptorLength, std::min<int>(num_words, descriptors.rows()), params);
+  faiss::IndexFlatL2 index(kDescriptorLength);
   const FloatDescriptors points = descriptors.cast<float>();
   clustering.train(points.rows(), points.data(), index);
-  const Eigen::Map<const FloatDescriptors> centres(clustering.centroids.data(), clustering.k, kDescriptorDim);
+  const Eigen::Map<const FloatDescriptors> centres(clustering.centroids.data(), clustering.k, kDescriptorLength);
   return centres.array().round().cast<uint8_t>();
 }
 
