@@ -10,8 +10,9 @@ set -euo pipefail
 target=$(realpath -m "${1:-dist}")
 cd "$(dirname "$0")/.."
 source scripts/environment.sh
+source scripts/apt.sh
 BUILD_TARGETS=${BUILD_TARGETS:-program} scripts/setup.sh
-scripts/setup.sh deb
+install_packages scripts/deb_packages.txt
 
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
