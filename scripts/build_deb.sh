@@ -5,7 +5,7 @@
 #
 #   scripts/build_deb.sh [FOLDER]
 #
-# Ends with an error if lintian finds one.
+# Ends with an error if a component is under the GPL or AGPL, or if lintian finds an error.
 set -euo pipefail
 target=$(realpath -m "${1:-dist}")
 cd "$(dirname "$0")/.."
@@ -36,8 +36,8 @@ git ls-files -z python/colmap_lazyloc ':!python/colmap_lazyloc/testing' | xargs 
 chmod -R a-x,a+X "$stage/python"
 cp packaging/bash_completion "$stage/completions/colmap-lazyloc"
 "$PYTHON" scripts/help_pages.py man "$COLMAP" "$stage/man"
-COLMAP_SOURCE_DIR=$COLMAP_SOURCE_DIR "$PYTHON" scripts/licences.py program "$stage/licences"
-cp LICENSE "$stage/licences/colmap_lazyloc.txt"
+"$PYTHON" scripts/licences.py program "$BUILD_DIR" "$stage/licences"
+"$PYTHON" scripts/licences.py check "$stage/licences/colmap-lazyloc.cdx.json"
 
 # The version is that of the project; the part after the tilde tells the packages for several Debians apart.
 version=$(sed -n 's/^project(colmap_lazyloc VERSION \([0-9.]*\).*/\1/p' CMakeLists.txt)
