@@ -30,15 +30,16 @@ endfunction()
 
 if(COLMAP_SOURCE_DIR)
   if(NOT EXISTS "${COLMAP_SOURCE_DIR}/src/colmap/exe/colmap.cc")
-    message(FATAL_ERROR "COLMAP_SOURCE_DIR='${COLMAP_SOURCE_DIR}' contains no COLMAP source tree; "
-      "scripts/setup.sh fetches one")
+    # Begins with a blank, because CMake would break the line.
+    message(FATAL_ERROR " COLMAP_SOURCE_DIR='${COLMAP_SOURCE_DIR}' contains no COLMAP source tree; 'scripts/setup.sh source' "
+      "fetches one")
   endif()
   file(STRINGS "${COLMAP_SOURCE_DIR}/CMakeLists.txt" version_line REGEX "^set\\(COLMAP_VERSION ")
   string(REGEX MATCH "[0-9]+\\.[0-9]+[^\"]*" version "${version_line}")
   lazyloc_select_interface("${version}" "COLMAP_SOURCE_DIR='${COLMAP_SOURCE_DIR}'")
   # Changes the defaults of COLMAP's options, because a localizer does not need these features. -D on the command line
   # wins.
-  foreach(feature CUDA GUI OPENGL CGAL TESTS UNINSTALL CCACHE ONNX DOWNLOAD)
+  foreach(feature CUDA GUI OPENGL CGAL LSD TESTS UNINSTALL CCACHE ONNX DOWNLOAD)
     set(${feature}_ENABLED OFF CACHE BOOL "Option of COLMAP")
   endforeach()
   add_subdirectory("${COLMAP_SOURCE_DIR}" "${PROJECT_BINARY_DIR}/colmap" EXCLUDE_FROM_ALL)

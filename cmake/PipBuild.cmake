@@ -11,8 +11,6 @@ if(NOT source)
 endif()
 set(COLMAP_SOURCE_DIR "${source}" CACHE PATH "COLMAP source tree to build against")
 find_path(ONNXRUNTIME_INCLUDE_DIR onnxruntime_c_api.h HINTS "${cache}/colmap_lazyloc/onnxruntime-headers")
-# Leaves out COLMAP's line detector, because its licence (AGPL) would hold for the whole wheel.
-set(LSD_ENABLED OFF CACHE BOOL "Option of COLMAP" FORCE)
 find_program(LAZYLOC_CCACHE ccache)
 if(LAZYLOC_CCACHE)
   set(CMAKE_C_COMPILER_LAUNCHER "${LAZYLOC_CCACHE}")

@@ -6,7 +6,7 @@
 #   packaging/try_package.sh RELEASE PACKAGE ROOT
 #
 #   RELEASE   bookworm or trixie
-#   PACKAGE   a file that scripts/build_deb.sh or scripts/build_wheel.sh has made
+#   PACKAGE   a file that scripts/build_deb.sh (colmap-lazyloc_*.deb) or scripts/build_wheel.sh has made
 #   ROOT      folder for the system; an existing one is used again
 set -euo pipefail
 [ $# -eq 3 ] || { sed -n '2,/^set/s/^# \{0,1\}//p' "$0" >&2; exit 1; }
@@ -26,6 +26,7 @@ work=$root/tmp/try_package
 rm -rf "$work"
 mkdir "$work"
 cp "$package" examples/python/localize_photo.py "$work"
+[[ $package != *.deb ]] || cp "$(dirname "$package")/python3-$(basename "$package")" "$work"
 cp -r "$demo"/{database.db,database_model,images,queries_with_intrinsics.txt} "$work"
 mkdir -p "$root/proc"
 mountpoint -q "$root/proc" || mount -t proc proc "$root/proc"
@@ -68,10 +69,12 @@ try_tool() {
 try_deb() {
   inside "apt-get update -qq; apt-get install -y -qq --no-install-recommends colmap > apt.log 2>&1"
   inside "dpkg -V colmap; sha256sum \$(dpkg -L colmap | xargs -I{} find {} -maxdepth 0 -type f) > before; wc -l before"
-  inside "time apt-get install -y -qq --no-install-recommends ./$(basename "$package") > apt2.log 2>&1
+  inside "time apt-get install -y -qq --no-install-recommends ./*.deb > apt2.log 2>&1
     dpkg -s colmap-lazyloc | grep -E '^(Status|Installed-Size|Version)'"
   try_tool "apt-get install -y -qq --no-install-recommends python3-opencv"
-  inside "lazy_indexer --help | head -n 1
+  inside "read -r name intrinsics < queries_with_intrinsics.txt
+    python3 localize_photo.py database.db database_model images/\$name
+    lazy_indexer --help | head -n 1
     colmap-lazyloc help | grep -m 1 COLMAP
     colmap help | grep -m 1 COLMAP
     if colmap help | grep lazy_localizer; then exit 1; fi"

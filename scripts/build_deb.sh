@@ -1,17 +1,21 @@
 #!/usr/bin/env bash
-# Builds the Debian package colmap-lazyloc and puts it into a folder (default: dist). The package holds the program that
-# scripts/setup.sh has built, with man pages and bash completion made from the program's help. It is for the Debian that
-# builds it, and the tool lazyloc. It can be installed beside Debian's package colmap.
+# Builds the Debian packages colmap-lazyloc (the program) and python3-colmap-lazyloc (the tool lazyloc and the Python
+# package) and puts them into a folder (default: dist). They hold what scripts/setup.sh has built, with man pages and bash
+# completion made from the program's help. They are for the Debian that builds them, and can be installed beside Debian's
+# package colmap.
 #
 #   scripts/build_deb.sh [FOLDER]
 #
-# Ends with an error if lintian finds one.
+#   DEBFULLNAME, DEBEMAIL   who answers for the packages: their maintainer; default: the author of the last commit
+#
+# Ends with an error if a component is under the GPL or AGPL, or if lintian finds an error.
 set -euo pipefail
 target=$(realpath -m "${1:-dist}")
 cd "$(dirname "$0")/.."
 source scripts/environment.sh
-BUILD_TARGETS=${BUILD_TARGETS:-program} scripts/setup.sh
-scripts/setup.sh deb
+source scripts/apt.sh
+BUILD_TARGETS=${BUILD_TARGETS:-program lazyloc_python} scripts/setup.sh
+install_packages scripts/deb_packages.txt
 
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
@@ -24,32 +28,30 @@ for command in lazy_indexer lazy_localizer lazy_merger; do
   chmod +x "$stage/$command"
   ln -s colmap-lazyloc "$stage/completions/$command"
 done
-# The tool's package is not in Python's path, because its extension module is only in the wheel.
-cat > "$stage/lazyloc" << 'END'
-#!/bin/sh
-PYTHONPATH=/usr/share/colmap-lazyloc${PYTHONPATH:+:$PYTHONPATH} exec python3 -m colmap_lazyloc "$@"
-END
+printf '#!/bin/sh\nexec python3 -m colmap_lazyloc "$@"\n' > "$stage/lazyloc"
 chmod +x "$stage/lazyloc"
 ln -s colmap-lazyloc "$stage/completions/lazyloc"
 git ls-files -z python/colmap_lazyloc ':!python/colmap_lazyloc/testing' | xargs -0 cp --parents -t "$stage"
 chmod -R a-x,a+X "$stage/python"
+cp "$BUILD_DIR"/python/_core.*.so "$stage/python/colmap_lazyloc"
 cp packaging/bash_completion "$stage/completions/colmap-lazyloc"
 "$PYTHON" scripts/help_pages.py man "$COLMAP" "$stage/man"
-COLMAP_SOURCE_DIR=$COLMAP_SOURCE_DIR "$PYTHON" scripts/licences.py program "$stage/licences"
-cp LICENSE "$stage/licences/colmap_lazyloc.txt"
+"$PYTHON" scripts/licences.py program "$BUILD_DIR" "$stage/licences"
+"$PYTHON" scripts/licences.py check "$stage/licences/colmap-lazyloc.cdx.json"
 
 # The version is that of the project; the part after the tilde tells the packages for several Debians apart.
 version=$(sed -n 's/^project(colmap_lazyloc VERSION \([0-9.]*\).*/\1/p' CMakeLists.txt)
+maintainer="${DEBFULLNAME:-$(git log -1 --format=%an)} <${DEBEMAIL:-$(git log -1 --format=%ae)}>"
+sed -i "s/@MAINTAINER@/$maintainer/" "$stage/debian/control"
 source /etc/os-release
 cat > "$stage/debian/changelog" << END
 colmap-lazyloc ($version~deb$VERSION_ID) $VERSION_CODENAME; urgency=medium
 
   * $(git log -1 --format=%h): CHANGELOG.md of the project lists the changes.
 
- -- $(sed -n 's/^Maintainer: //p' packaging/debian/control)  $(git log -1 --format=%cD)
+ -- $maintainer  $(git log -1 --format=%cD)
 END
 (cd "$stage" && dpkg-buildpackage --build=binary --no-sign) > "$work/log" 2>&1 || { tail -20 "$work/log" >&2; exit 1; }
-package=$(echo "$work"/*.deb)
-lintian --allow-root --fail-on error "$package"
-cp "$package" "$target"
-echo "$target/$(basename "$package")"
+lintian --allow-root --fail-on error "$work"/*.deb
+cp "$work"/*.deb "$target"
+ls "$target"/*"_$version~deb$VERSION_ID"_*.deb

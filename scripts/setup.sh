@@ -8,55 +8,15 @@
 #   CMAKE_ARGS          further arguments of the CMake configuration
 #   BUILD_TARGETS       targets to build; default: all
 #
-# `setup.sh environment` stops before it fetches COLMAP and builds anything. `setup.sh browser` only installs what the
-# tests of the report page and of the tutorials need: a browser, its driver, npm and curl. `setup.sh deb` only installs
-# the tools that make the Debian package, `setup.sh docs` those that build the documentation's site.
+# `setup.sh environment` stops before it fetches COLMAP and builds anything, `setup.sh source` before it builds.
+# `setup.sh browser` only installs what the tests of the report page and of the tutorials need: a browser, its driver, npm
+# and curl, `setup.sh docs` what builds the documentation's site. `setup.sh colmap TARBALL SHA256` only unpacks an archive
+# of COLMAP's source, which builds then take in place of Debian's source package.
 set -euo pipefail
+tarball=$(realpath -m "${2:-/dev/null}")
 cd "$(dirname "$0")/.."
 source scripts/environment.sh
-
-say() { echo "setup: $*" >&2; }
-
-as_root() {
-  if [ "$(id -u)" = 0 ]; then "$@"; else sudo "$@"; fi
-}
-
-# Installs the Debian packages that a file lists.
-install_packages() {
-  local packages missing=()
-  packages=$(sed 's/#.*//' "$1")
-  for package in $packages; do
-    dpkg-query -W -f '${Status}' "$package" 2>/dev/null | grep -q 'ok installed' || missing+=("$package")
-  done
-  [ ${#missing[@]} -gt 0 ] || return 0
-  say "installing ${#missing[@]} Debian packages"
-  as_root apt-get update -qq
-  as_root env DEBIAN_FRONTEND=noninteractive apt-get install -y -qq --no-install-recommends "${missing[@]}" \
-    > "$CACHE_DIR/apt.log" 2>&1 || { tail -20 "$CACHE_DIR/apt.log" >&2; return 1; }
-}
-
-# Makes a folder `work` and sets `private`, the options of apt-get that fetch from Debian 13 with a private configuration,
-# because the machine's configuration must not change. Uses the machine's archive and keyring, so that apt verifies
-# signatures and checksums. Argument: deb or deb-src.
-prepare_debian_13() {
-  local archive
-  debian_archive() {
-    apt-get indextargets --format '$(REPO_URI) $(CODENAME) $(ORIGIN)' 'Created-By: Packages' |
-      awk '$3 == "Debian" && $2 !~ /-/ { print $1; exit }'
-  }
-  archive=$(debian_archive)
-  if [ -z "$archive" ]; then
-    as_root apt-get update -qq
-    archive=$(debian_archive)
-  fi
-  [ -n "$archive" ] || { say "apt's sources name no Debian archive"; return 1; }
-  work=$(mktemp -d "$CACHE_DIR/fetch.XXXXXX")
-  mkdir -p "$work/lists/partial" "$work/sources.d" "$work/download"
-  echo "$1 [signed-by=/usr/share/keyrings/debian-archive-keyring.gpg] $archive trixie main" > "$work/sources.list"
-  private=(-q -o "Dir::Etc::sourcelist=$work/sources.list" -o "Dir::Etc::sourceparts=$work/sources.d"
-           -o "Dir::State::Lists=$work/lists" -o "Dir::Cache=$work" -o "APT::Sandbox::User=$(id -un)")
-  apt-get "${private[@]}" update > "$work/log" 2>&1 || { cat "$work/log" >&2; return 1; }
-}
+source scripts/apt.sh
 
 # Fetches Debian 13's source package of COLMAP.
 fetch_colmap_source() {
@@ -64,20 +24,28 @@ fetch_colmap_source() {
   [ "$COLMAP_SOURCE_DIR" = "$DEBIAN_COLMAP_SOURCE_DIR" ] ||
     { say "COLMAP_SOURCE_DIR=$COLMAP_SOURCE_DIR holds no CMakeLists.txt"; return 1; }
   say "fetching COLMAP's source package"
-  prepare_debian_13 deb-src
-  (cd "$work/download" && apt-get "${private[@]}" source --download-only --tar-only colmap >> "$work/log" 2>&1) ||
-    { cat "$work/log" >&2; return 1; }
-  mkdir "$work/source"
-  tar -xf "$work"/download/colmap_*.orig.tar.* -C "$work/source" --strip-components=1
-  mv "$work/source" "$DEBIAN_COLMAP_SOURCE_DIR"
+  fetch_source_package trixie colmap --download-only --tar-only ||
+    { say "COLMAP's source can also be that of COLMAP_SOURCE_DIR, or of 'setup.sh colmap TARBALL SHA256'"; return 1; }
+  unpack_colmap_source "$work"/download/colmap_*.orig.tar.*
   rm -rf "$work"
+}
+
+# Unpacks a release of COLMAP to where builds look for its source.
+unpack_colmap_source() {
+  local folder
+  folder=$(mktemp -d "$CACHE_DIR/colmap.XXXXXX")
+  tar -xf "$1" -C "$folder" --strip-components=1
+  [ -f "$folder/src/colmap/exe/colmap.cc" ] || { rm -rf "$folder"; say "$1 holds no source of COLMAP"; return 1; }
+  chmod 755 "$folder"
+  rm -rf "$DEBIAN_COLMAP_SOURCE_DIR"
+  mv -T "$folder" "$DEBIAN_COLMAP_SOURCE_DIR"
 }
 
 # Fetches the headers of ONNX Runtime, which Debian 12 lacks.
 fetch_onnxruntime_headers() {
   [ ! -d "$ONNXRUNTIME_INCLUDE_DIR" ] || return 0
   say "fetching the headers of ONNX Runtime"
-  prepare_debian_13 deb
+  prepare_debian deb trixie
   (cd "$work/download" && apt-get "${private[@]}" download libonnxruntime-dev >> "$work/log" 2>&1) ||
     { cat "$work/log" >&2; return 1; }
   dpkg-deb -x "$work"/download/libonnxruntime-dev_*.deb "$work/package"
@@ -112,14 +80,14 @@ build() {
     { grep -E 'FAILED|error|Error' "$log" | head -40 >&2; say "the build failed; see $log"; return 1; }
 }
 
-mkdir -p "$CACHE_DIR"
+if [ "${1:-}" = colmap ]; then
+  [ "$(sha256sum < "$tarball")" = "${3:-}  -" ] || { say "$2 has another SHA-256 than '${3:-}'"; exit 1; }
+  unpack_colmap_source "$tarball"
+  exit 0
+fi
 if [ "${1:-}" = browser ]; then
   install_packages scripts/browser_packages.txt
   install_requirements scripts/browser_requirements.txt
-  exit 0
-fi
-if [ "${1:-}" = deb ]; then
-  install_packages scripts/deb_packages.txt
   exit 0
 fi
 if [ "${1:-}" = docs ]; then
@@ -131,4 +99,4 @@ install_requirements scripts/requirements.txt
 [ "${1:-}" != environment ] || exit 0
 fetch_colmap_source
 fetch_onnxruntime_headers
-build
+[ "${1:-}" = source ] || build

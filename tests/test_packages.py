@@ -1,11 +1,14 @@
 """Tests of the packages: files of the wheel, the wheel alone; man pages and completion of the Debian package."""
 
+import hashlib
+import json
 import os
 import pathlib
 import re
 import shutil
 import subprocess
 import sys
+import tarfile
 import venv
 import zipfile
 
@@ -18,6 +21,7 @@ from conftest import PROJECT_PATH
 
 # Libraries of the system that the policy manylinux allows, among those in use.
 MANYLINUX = tuple(f"lib{name}.so" for name in ("c", "dl", "expat", "gcc_s", "m", "pthread", "rt", "stdc++", "z"))
+LICENCES = PROJECT_PATH / "scripts" / "licences.py"
 HELP_PAGES = PROJECT_PATH / "scripts" / "help_pages.py"
 COMPLETE = """
 source "$1"
@@ -48,6 +52,21 @@ def test_wheel_holds_every_file_of_the_package(tmp_path):
     names = {name.removeprefix("python/") for name in listed}
     assert packed == {name for name in names if not name.startswith("colmap_lazyloc/testing/")}
     assert len(packed) > 50
+
+
+def test_source_distribution_needs_the_source_of_colmap(tmp_path):
+    """Makes a source distribution, which has the files of the build, and builds it where COLMAP is missing."""
+    make = f"from scikit_build_core.build import build_sdist; build_sdist({str(tmp_path)!r})"
+    run(sys.executable, "-c", make, cwd=PROJECT_PATH)
+    (archive,) = tmp_path.glob("*.tar.gz")
+    with tarfile.open(archive) as files:
+        names = {name.partition("/")[2] for name in files.getnames()}
+    assert names >= set(run("git", "ls-files", "src", "cmake", "python/colmap_lazyloc", "scripts").splitlines())
+    environment = {**os.environ, "COLMAP_SOURCE_DIR": str(tmp_path)}
+    pip = [sys.executable, "-m", "pip", "wheel", "--quiet", "--no-deps", "--no-build-isolation"]
+    done = subprocess.run([*pip, archive], cwd=tmp_path, env=environment, capture_output=True, text=True, check=False)
+    expected = f"COLMAP_SOURCE_DIR='{tmp_path}' contains no COLMAP source tree; 'scripts/setup.sh source' fetches one"
+    assert done.returncode != 0 and expected in done.stdout + done.stderr
 
 
 @pytest.fixture(scope="module")
@@ -91,19 +110,63 @@ def test_wheel_alone_goes_from_photos_to_the_report(environment, photos, tmp_pat
         assert (tmp_path / page).stat().st_size > 100000
 
 
-def test_wheel_names_the_licence_of_all_that_it_holds(environment, wheel):
-    names = zipfile.ZipFile(wheel).namelist()
-    licences = {name.rpartition("/")[2] for name in names if "/licenses/bundled/" in name}
-    assert {"colmap.txt", "poisson_recon.txt", "vlfeat.txt", "libceres-dev.txt"} <= licences
-    # The line detector's licence is the AGPL. Its errors begin with its name.
-    assert "lsd.txt" not in licences
+@pytest.fixture
+def components(wheel, tmp_path):
+    """Returns a function that writes the wheel's components, but for those of some names, to a list of their own."""
+
+    def write(*left_out):
+        with zipfile.ZipFile(wheel) as files:
+            (name,) = (name for name in files.namelist() if name.endswith("/sboms/colmap-lazyloc.cdx.json"))
+            listed = json.loads(files.read(name))
+        listed["components"] = [found for found in listed["components"] if found["name"] not in left_out]
+        path = tmp_path / "components.json"
+        path.write_text(json.dumps(listed))
+        return path, {found["name"]: found for found in listed["components"]}
+
+    return write
+
+
+def check_licences(path):
+    return subprocess.run([sys.executable, LICENCES, "check", path], capture_output=True, text=True, check=False)
+
+
+def test_wheel_lists_all_that_it_holds(environment, wheel, components):
+    _, listed = components()
+    assert {"ceres-solver", "colmap", "eigen3", "freeimage", "nanobind", "tiff", "VLFeat"} <= set(listed)
+    with zipfile.ZipFile(wheel) as files:
+        bundled = {name.rpartition("/")[2]: files.read(name) for name in files.namelist() if ".libs/lib" in name}
+        texts = {pathlib.Path(name).stem for name in files.namelist() if "/licenses/bundled/" in name}
+        (metadata,) = (files.read(name).decode() for name in files.namelist() if name.endswith("/METADATA"))
+    digests = {
+        file["name"]: file["hashes"][0]["content"] for found in listed.values() for file in found.get("components", ())
+    }
+    assert digests == {name: hashlib.sha256(content).hexdigest() for name, content in bundled.items()}
+    assert texts == set(listed)
+    stated = set(re.search(r"^License-Expression: (.*)$", metadata, re.MULTILINE)[1].split(" AND "))
+    licences = {licence for found in listed.values() for licence in found["licenses"][0]["expression"].split(" AND ")}
+    assert stated == licences | {"BSD-3-Clause"}
+    # Functions of CHOLMOD and JBIG-KIT, and an error message of COLMAP's line detector, which is under the AGPL.
     (packages,) = environment.glob("lib/python*/site-packages")
     programs = [packages / "colmap_lazyloc" / "bin" / "colmap", *packages.glob("colmap_lazyloc/_core*.so")]
     assert len(programs) == 2
+    contents = [*bundled.values(), *(program.read_bytes() for program in programs)]
+    for word, name in ((b"cholmod_", "suitesparse"), (b"jbg_dec", "jbigkit"), (b"LSD Error", "LSD")):
+        assert any(word in content for content in contents) == (name in listed), name
     for program in programs:
-        assert b"LSD Error" not in program.read_bytes()
         for library, path in re.findall(r"(\S+) => (\S+)", run("ldd", program)):
             assert library.startswith(MANYLINUX) or "/colmap_lazyloc.libs/" in path, (library, path)
+
+
+def test_check_of_licences_fails_on_the_gpl(wheel, components):
+    gpl = {"jbigkit", "suitesparse"} & set(components()[1])
+    done = check_licences(wheel)
+    assert set(re.findall(r"(\w+) \(", done.stderr)) == gpl and done.returncode == bool(gpl)
+    path, listed = components(*gpl)
+    assert check_licences(path).returncode == 0
+    listed["VLFeat"]["licenses"] = [{"expression": "MIT AND AGPL-3.0-or-later"}]
+    path.write_text(json.dumps({"components": list(listed.values())}))
+    done = check_licences(path)
+    assert done.returncode == 1 and done.stderr.endswith("contains VLFeat (MIT AND AGPL-3.0-or-later)\n")
 
 
 def test_option_tables_are_those_of_the_program(colmap):

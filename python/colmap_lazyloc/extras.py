@@ -35,7 +35,7 @@ EXTRAS = {
 
 
 # The folder of the Debian package, whose users install other packages with apt.
-IS_DEBIAN_PACKAGE = pathlib.Path(__file__).is_relative_to("/usr/share/colmap-lazyloc")
+IS_DEBIAN_PACKAGE = pathlib.Path(__file__).is_relative_to("/usr/lib/python3/dist-packages")
 DEBIAN_NAMES = {"cv2": "python3-opencv", "PIL": "python3-pil"}
 NOT_IN_DEBIAN = ("bokeh", "pycolmap")
 

@@ -7,6 +7,11 @@
 
 #if defined(__x86_64__)
 #include <immintrin.h>
+#elif defined(__aarch64__) && defined(__linux__)
+#include <sys/auxv.h>
+
+#include <arm_neon.h>
+#define LAZYLOC_DOT_PRODUCT
 #endif
 
 namespace lazyloc {
@@ -19,7 +24,8 @@ constexpr int kOffset = 128;
 constexpr int NumTogether(ProductInstructions instructions) {
   switch (instructions) {
     case ProductInstructions::AVX512_VNNI:
-    case ProductInstructions::AVX_VNNI: return 4;
+    case ProductInstructions::AVX_VNNI:
+    case ProductInstructions::DOT_PRODUCT: return 4;
     case ProductInstructions::AVX2: return 2;
     default: return kDescriptorLength;
   }
@@ -115,6 +121,26 @@ __attribute__((target("avx512f,avx512vnni"))) void MultiplyWithAvx512(const uint
   static_assert(sizeof(sums) == sizeof(*products));
   std::memcpy(products, sums, sizeof(sums));
 }
+#elif defined(LAZYLOC_DOT_PRODUCT)
+// Computes four registers of four columns at once, which together with their factors fit into the 32 registers.
+__attribute__((target("arch=armv8.2-a+dotprod"))) void MultiplyWithDotProduct(const uint8_t* rows, const uint8_t* block,
+                                                                              ProductTile* products) {
+  constexpr int kTogether = NumTogether(ProductInstructions::DOT_PRODUCT);
+  for (int j = 0; j < kDescriptorBlock; j += kNumLanes) {
+    uint32x4_t sums[kDescriptorRows][4] = {};
+    for (int k = 0; k < kDescriptorDim; k += kTogether) {
+      const uint8x16x4_t columns = vld1q_u8_x4(block + k * kDescriptorBlock + j * kTogether);
+      for (int i = 0; i < kDescriptorRows; ++i) {
+        uint32_t values;
+        std::memcpy(&values, rows + i * kDescriptorDim + k, sizeof(values));
+        const uint8x16_t row = vreinterpretq_u8_u32(vdupq_n_u32(values));
+        for (int v = 0; v < 4; ++v) sums[i][v] = vdotq_u32(sums[i][v], row, columns.val[v]);
+      }
+    }
+    static_assert(sizeof(sums[0]) == sizeof(Lanes));
+    for (int i = 0; i < kDescriptorRows; ++i) std::memcpy(&products->rows[i][j / kNumLanes], sums[i], sizeof(Lanes));
+  }
+}
 #endif
 
 }  // namespace
@@ -125,6 +151,8 @@ std::vector<ProductInstructions> AvailableProductInstructions() {
   if (__builtin_cpu_supports("avx2")) available.push_back(ProductInstructions::AVX2);
   if (__builtin_cpu_supports("avxvnni")) available.push_back(ProductInstructions::AVX_VNNI);
   if (__builtin_cpu_supports("avx512vnni")) available.push_back(ProductInstructions::AVX512_VNNI);
+#elif defined(LAZYLOC_DOT_PRODUCT)
+  if (getauxval(AT_HWCAP) & HWCAP_ASIMDDP) available.push_back(ProductInstructions::DOT_PRODUCT);
 #endif
   return available;
 }
@@ -147,7 +175,9 @@ DescriptorBlocks::DescriptorBlocks(const Descriptors& descriptors, ProductInstru
     : values_(PaddedSize(descriptors.rows(), kDescriptorBlock) * kDescriptorLength), instructions_(instructions) {
   std::copy(descriptors.data(), descriptors.data() + descriptors.size(), values_.begin());
   const int num_together = NumTogether(instructions);
-  const int offset = num_together == NumTogether(ProductInstructions::AVX_VNNI) ? kOffset : 0;
+  const bool is_vnni =
+      instructions == ProductInstructions::AVX_VNNI || instructions == ProductInstructions::AVX512_VNNI;
+  const int offset = is_vnni ? kOffset : 0;
   std::array<uint8_t, kBlockSize> block;
   for (size_t begin = 0; begin < values_.size(); begin += kBlockSize) {
     std::copy_n(&values_[begin], kBlockSize, block.begin());
@@ -171,6 +201,8 @@ void DescriptorBlocks::Multiply(const DescriptorRows& rows, int first_row, int b
     case ProductInstructions::AVX_VNNI:
       return MultiplyWithVnni(row_values, rows.Sum(first_row), block_values, products);
     case ProductInstructions::AVX2: return MultiplyWithAvx2(row_values, block_values, products);
+#elif defined(LAZYLOC_DOT_PRODUCT)
+    case ProductInstructions::DOT_PRODUCT: return MultiplyWithDotProduct(row_values, block_values, products);
 #endif
     default: MultiplyPlainly(row_values, block_values, products);
   }

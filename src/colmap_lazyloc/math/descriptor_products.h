@@ -35,6 +35,7 @@ enum class ProductInstructions {
   AVX2,         // x86
   AVX_VNNI,     // x86: products of 8-bit integers
   AVX512_VNNI,  // the same in registers of twice the size
+  DOT_PRODUCT,  // ARM: products of 8-bit integers
 };
 
 // Returns those that this processor has, the fastest one last.
@@ -72,7 +73,8 @@ class DescriptorBlocks {
   static constexpr int kBlockSize = kDescriptorBlock * kDescriptorLength;
 
   // Holds, in each block, the first few values of each descriptor, then the next, as many as one step multiplies:
-  // two with AVX2, four with VNNI, else all. With VNNI, all are less 128, because its second factor is signed.
+  // two with AVX2, four with VNNI and DOT_PRODUCT, else all. With VNNI, all are less 128, because its second factor is
+  // signed.
   std::vector<uint8_t> values_;
   ProductInstructions instructions_;
 };
