@@ -6,8 +6,11 @@ FORMAT is one of the following; `auto` tells by the content of FILE.
 
 FORMATS
 The format `exif` reads GPS positions of the photos in the folder FILE instead, and writes a text file for
-`colmap lazy_localizer --query_position_path`. Geographic coordinates become a local frame in metres: x east, y north,
-z up. Its origin is in geo.json beside the model.
+`colmap lazy_localizer --query_position_path`. The format `panoramas` cuts the equirectangular photos in the folder FILE
+into perspective faces, and writes rig.json and queries.txt beside them.
+
+Geographic coordinates become a local frame in metres: x east, y north, z up. Its origin is in geo.json beside the
+model.
 """
 
 import argparse
@@ -16,6 +19,7 @@ import sys
 from collections.abc import Callable, Sequence
 from typing import Any
 
+from colmap_lazyloc import panoramas
 from colmap_lazyloc.errors import InputError, command, logger
 from colmap_lazyloc.model import Camera, Image, write_model
 from colmap_lazyloc.pose_formats import exif_gps
@@ -23,7 +27,7 @@ from colmap_lazyloc.pose_formats.geo import FILE_NAME, GeoOrigin
 from colmap_lazyloc.pose_formats.posed_images import Photos, PosedImages, Source
 from colmap_lazyloc.pose_formats.registry import FORMATS, read_posed_images
 
-AUTO, EXIF = "auto", "exif"
+AUTO, EXIF, PANORAMAS = "auto", "exif", "panoramas"
 MODEL_FILES = ("cameras", "images", "points3D", "rigs", "frames")
 
 
@@ -92,9 +96,9 @@ def parse_arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     add = parser.add_argument
-    add("format", metavar="FORMAT", choices=[AUTO, *FORMATS, EXIF], help="the format of FILE")
-    add("file", metavar="FILE", type=pathlib.Path, help="file of poses; for colmap and exif a folder")
-    add("--output_path", type=pathlib.Path, required=True, help="folder of the model; for exif the text file")
+    add("format", metavar="FORMAT", choices=[AUTO, *FORMATS, EXIF, PANORAMAS], help="the format of FILE")
+    add("file", metavar="FILE", type=pathlib.Path, help="file of poses; for colmap, exif and panoramas a folder")
+    add("--output_path", type=pathlib.Path, required=True, help="folder of the model or of the faces; for exif a file")
     add(
         "--image_path",
         type=pathlib.Path,
@@ -107,6 +111,12 @@ def parse_arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
         help="for exif, the model whose coordinates (geo.json) the positions shall have; default: the mean position of "
         "the photos is the origin",
     )
+    add(
+        "--poses",
+        type=pathlib.Path,
+        metavar="FILE",
+        help="for panoramas, a file of their poses in any of the formats: the model of their faces is written, too",
+    )
     add_source_options(add)
     return parser.parse_args(arguments)
 
@@ -116,6 +126,9 @@ def main(arguments: Sequence[str] | None = None) -> None:
     options = parse_arguments(arguments)
     if options.format == EXIF:
         _write_gps(options)
+        return
+    if options.format == PANORAMAS:
+        _cut_panoramas(options)
         return
     source = make_source(options.file, options.image_path, options)
     posed = read_posed_images(source, None if options.format == AUTO else options.format)
@@ -142,6 +155,23 @@ def _write_gps(options: argparse.Namespace) -> None:
     print(f"{options.output_path}: {len(positions)} positions")
     if options.model is None:
         origin.write(options.output_path.parent)
+
+
+def _cut_panoramas(options: argparse.Namespace) -> None:
+    """Writes the faces of panoramas, their rig and a list of queries; with poses also the model of the faces."""
+    paths, output = panoramas.list_panoramas(options.file), options.output_path
+    widths = panoramas.find_widths(paths)
+    posed = None
+    if options.poses is not None:
+        posed = panoramas.read_face_poses(make_source(options.poses, options.file, options), widths, None)
+    panoramas.write_faces(paths, output / "images")
+    panoramas.write_rig(output / "rig.json")
+    cameras = panoramas.face_cameras(widths)
+    lines = (f"{name} {camera.text()}\n" for name, camera in sorted(cameras.items()))
+    (output / "queries.txt").write_text("".join(lines), encoding="utf-8")
+    if posed is not None:
+        write_posed_images(output / "model", posed, options.binary)
+    print(f"{output}: {len(widths)} panoramas, {len(cameras)} faces")
 
 
 if __name__ == "__main__":

@@ -8,7 +8,7 @@ Writes below --output_path:
   queries_with_intrinsics.txt                 `name MODEL width height params...`
   ground_truth/poses.txt                      `name qw qx qy qz tx ty tz` of the queries, cam_from_world
   scene.json                                  parameters and size of the scene; written last
---scene robot and --scene survey write other files: see robot.py and survey.py.
+Other scenes write other files: see robot.py, survey.py and panoramas.py.
 The same parameters give the same files. If scene.json shows that the scene is complete, nothing is rendered.
 """
 
@@ -285,9 +285,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--output_path", type=pathlib.Path, required=True, help="folder to write the scene to")
     parser.add_argument(
         "--scene",
-        choices=("courtyard", "robot", "survey"),
+        choices=("courtyard", "robot", "survey", "panoramas"),
         default="courtyard",
-        help="courtyard (default); robot: a stereo camera with SLAM and odometry; survey: drone photos with GPS",
+        help="courtyard (default); robot: a stereo camera with SLAM and odometry; survey: drone photos with GPS; "
+        "panoramas: photos of a 360° camera",
     )
     parser.add_argument("--seed", type=_at_least(0), default=0, help="seed of all random choices")
     parser.add_argument("--num_database_images", type=_at_least(1), default=40, help="default: 40")
@@ -302,5 +303,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
         from colmap_lazyloc.demo.survey import make_survey
 
         make_survey(options.output_path, options.seed)
+        return
+    if options.scene == "panoramas":
+        from colmap_lazyloc.demo.panoramas import make_panoramas
+
+        make_panoramas(options.output_path, options.seed)
         return
     make_scene(options.output_path, options.seed, options.num_database_images, options.num_query_images)

@@ -19,16 +19,19 @@ from colmap_lazyloc.errors import InputError, command, logger, positive_int
 from colmap_lazyloc.extras import install_command, is_installed
 from colmap_lazyloc.import_poses import add_source_options, make_source
 from colmap_lazyloc.model import Camera
+from colmap_lazyloc.panoramas import REFERENCE, face_cameras, read_face_poses
 from colmap_lazyloc.pose_formats.posed_images import PosedImages
 from colmap_lazyloc.pose_formats.registry import FORMATS, read_posed_images
 from colmap_lazyloc.project import steps
 from colmap_lazyloc.project.colmap_runner import ColmapRunner
 from colmap_lazyloc.project.folder import DATABASE, QUERY, Folder, Steps, fingerprint, link_photos
 from colmap_lazyloc.project.frames import is_video, write_frames
+from colmap_lazyloc.project.panoramas import cut_panoramas, write_project_rig
 from colmap_lazyloc.results import pose_of, read_results
 
 OWN_OPTIONS = ("database_path", "input_path", "query_list_path", "image_path", "resume", "shard")
 GROUP_SIZE = 5
+PANORAMA_ROLES = {DATABASE: [DATABASE], "queries": [QUERY], "all": [DATABASE, QUERY]}
 MAX_NUM_LINES = 20  # of queries that are printed
 
 
@@ -70,6 +73,11 @@ def _add_more(parser: argparse.ArgumentParser) -> None:
         metavar="DIR",
         help="folder of masks: NAME.png for the photo NAME, black where features are not wanted; those of database "
         "images and queries may be in folders `database` and `query`",
+    )
+    add(
+        "--panoramas",
+        choices=(*PANORAMA_ROLES,),
+        help="which photos are equirectangular panoramas; they are cut into perspective faces",
     )
     add("--frames_per_second", type=_positive, default=2.0, help="of a video; default: %(default)s")
     add(
@@ -114,21 +122,33 @@ def main(arguments: Sequence[str] | None = None) -> None:
         options.masks is not None,
         sift_options,
     )
-    posed = None
+    photos, posed = options.database_images, None
+    widths: dict[str, int] = {}
+    if DATABASE in _panorama_roles(options):
+        photos, widths = cut_panoramas(project, DATABASE, photos)
     if options.poses is not None:
         source = make_source(options.poses, options.database_images, options)
-        posed = read_posed_images(source, options.poses_format)
-    names = link_photos(folder, DATABASE, options.database_images, options.masks)
+        posed = (
+            read_face_poses(source, widths, options.poses_format)
+            if widths
+            else read_posed_images(source, options.poses_format)
+        )
+    names = link_photos(folder, DATABASE, photos, options.masks)
     if posed is not None:
         posed = _rename(posed, names)
         num_left = len(names) - len(posed.images)
         if num_left > 0:
             logger.warning("%d of %d photos have no pose and are not used", num_left, len(names))
-    steps.make_database(project, list(names.values()), posed, options.num_neighbors)
-    steps.make_model(project, posed)
+    cameras = face_cameras(widths)
+    steps.make_database(project, {names[name]: cameras.get(name) for name in names}, posed, options.num_neighbors)
+    steps.make_model(project, posed, refines_cameras=not widths)
     queries = _add_queries(project, options, localizer_options, posed)
     _write_report(folder)
     _print_results(folder, queries)
+
+
+def _panorama_roles(options: argparse.Namespace) -> list[str]:
+    return PANORAMA_ROLES.get(options.panoramas, [])
 
 
 def _check(options: argparse.Namespace) -> None:
@@ -141,6 +161,12 @@ def _check(options: argparse.Namespace) -> None:
         raise InputError(f"--masks {options.masks}: is not a folder")
     if options.query_camera is not None:
         Camera.parse("--query_camera", options.query_camera)
+    if options.panoramas is not None and (options.masks is not None or options.sequence is not None):
+        raise InputError("--panoramas excludes --masks and --sequence")
+    if QUERY in _panorama_roles(options) and options.query_camera is not None:
+        raise InputError(
+            "--query_camera is that of perspective photos, but --panoramas says that queries are panoramas"
+        )
     for path in (options.database_images, options.queries):
         if options.output_path.resolve() == path.resolve():
             raise InputError(f"--output {options.output_path}: is a folder of photos")
@@ -162,7 +188,7 @@ def _split(words: list[str]) -> tuple[list[str], list[str]]:
 
 def _remove(folder: Folder) -> None:
     """Removes the files of an earlier run, and no others."""
-    for path in (folder.images, folder.masks, folder.frames, folder.model, folder.sparse, folder.lists):
+    for path in (folder.images, folder.masks, folder.frames, folder.faces, folder.model, folder.sparse, folder.lists):
         shutil.rmtree(path, ignore_errors=True)
     for path in (folder.steps, folder.index, folder.vocab_tree, folder.report, folder.log):
         path.unlink(missing_ok=True)
@@ -182,8 +208,8 @@ def _rename(posed: PosedImages, names: dict[str, str]) -> PosedImages:
 
 def _add_queries(
     project: steps.Project, options: argparse.Namespace, words: list[str], posed: PosedImages | None
-) -> list[str]:
-    """Localizes the queries and returns their names."""
+) -> dict[str, str]:
+    """Localizes the queries; returns what they are called, by name: a panorama by the name of its first face."""
     folder, source = project.folder, options.queries
     if is_video(source):
         key = fingerprint(options.frames_per_second, files=[source])
@@ -193,7 +219,13 @@ def _add_queries(
             logger.info("%d frames of %s", count, source)
             project.steps.finish("frames", key)
         source = folder.frames
-    queries = sorted(link_photos(folder, QUERY, source, options.masks).values())
+    widths: dict[str, int] = {}
+    if QUERY in _panorama_roles(options):
+        source, widths = cut_panoramas(project, QUERY, source)
+        rigs = [QUERY, *([DATABASE] if posed is not None and DATABASE in _panorama_roles(options) else [])]
+        words = [*words, "--rig_config_path", str(write_project_rig(project, rigs))]
+    names = link_photos(folder, QUERY, source, options.masks)
+    queries = sorted(names.values())
     camera = None if options.query_camera is None else Camera.parse("--query_camera", options.query_camera)
     if options.sequence is not None:
         camera = camera or _camera_of_size(folder, queries[0], posed)
@@ -203,9 +235,13 @@ def _add_queries(
         steps.add_queries(
             project, queries, database or steps.database_names(folder), camera, options.sequence is not None
         )
-    lines = [name if camera is None else f"{name} {camera.text()}" for name in queries]
+    cameras = dict.fromkeys(queries, camera) | {names[name]: face for name, face in face_cameras(widths).items()}
+    lines = [f"{name} {own.text()}" if (own := cameras[name]) else name for name in queries]
     steps.localize(project, lines, queries, words)
-    return queries
+    if not widths:
+        return {name: name for name in queries}
+    faces = sorted(names[f"{REFERENCE}/{name}"] for name in widths)
+    return {face: face.replace(f"/{REFERENCE}/", "/", 1) for face in faces}
 
 
 def _camera_of_size(folder: Folder, name: str, posed: PosedImages | None) -> Camera:
@@ -234,10 +270,13 @@ def _write_report(folder: Folder) -> None:
         raise InputError(f"{folder.report}: the report was not written; the results are in {folder.localized}")
 
 
-def _print_results(folder: Folder, queries: list[str]) -> None:
-    """Prints where the queries are, in the coordinates of the model."""
-    results = read_results(folder.localized / "results.jsonl")
-    poses = {name: pose for name in results if (pose := pose_of(results[name])) is not None}
+def _print_results(folder: Folder, shown: dict[str, str]) -> None:
+    """Prints where the queries are, in the coordinates of the model; `shown`: what they are called, by name."""
+    results = {
+        shown.get(name, name): result for name, result in read_results(folder.localized / "results.jsonl").items()
+    }
+    queries = list(shown.values())
+    poses = {name: pose for name in queries if name in results and (pose := pose_of(results[name])) is not None}
     width = max(map(len, queries))
     for name in queries[:MAX_NUM_LINES]:
         if name in poses:

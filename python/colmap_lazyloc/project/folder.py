@@ -24,6 +24,7 @@ class Folder:
     images = property(lambda self: self.path / "images")
     masks = property(lambda self: self.path / "masks")
     frames = property(lambda self: self.path / "frames")
+    faces = property(lambda self: self.path / "faces")
     database = property(lambda self: self.path / "database.db")
     model = property(lambda self: self.path / "model")
     sparse = property(lambda self: self.path / "sparse")

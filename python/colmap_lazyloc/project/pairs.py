@@ -8,6 +8,7 @@ import numpy as np
 from colmap_lazyloc.pose_formats.posed_images import PosedImage
 
 MAX_ANGLE_DEG = 90.0  # between viewing directions
+SAME_PLACE = 1e-9  # of the extent of all
 BLOCK = 512  # images whose distances to all others are computed at once
 
 
@@ -19,16 +20,18 @@ def pairs_by_viewpoint(images: Sequence[PosedImage], num_neighbors: int) -> list
     """
     centres = np.array([image.cam_from_world.cam_in_world for image in images])
     axes = np.array([image.cam_from_world.rotation[2] for image in images])
+    extent = float(np.linalg.norm(np.ptp(centres, axis=0)))
     near = min(num_neighbors, len(images) - 1)
     pairs = set()
     for begin in range(0, len(images), BLOCK):
         rows = np.arange(begin, min(begin + BLOCK, len(images)))
         displacement = np.linalg.norm(centres[rows, None] - centres, axis=2)
-        scale = np.partition(displacement, near, axis=1)[:, near : near + 1]
+        # Leave out the image itself, and faces of the same panorama, because they see no point apart.
+        displacement[displacement <= SAME_PLACE * extent] = np.inf
+        scale = np.minimum(np.partition(displacement, near - 1, axis=1)[:, near - 1 : near], extent)
         cosine = np.clip(axes[rows] @ axes.T, -1, 1)
         distance = 2 - 2 * cosine + (displacement / np.maximum(scale, np.finfo(float).tiny)) ** 2
         distance[cosine < np.cos(np.radians(MAX_ANGLE_DEG))] = np.inf
-        distance[np.arange(len(rows)), rows] = np.inf
         for row, order in zip(rows, np.argsort(distance, axis=1, kind="stable")[:, :near]):
             pairs |= {
                 (min(row, other), max(row, other)) for other in order if np.isfinite(distance[row - begin, other])

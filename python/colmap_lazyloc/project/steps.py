@@ -86,10 +86,14 @@ class Project:
             )
 
 
-def make_database(project: Project, names: Sequence[str], posed: PosedImages | None, num_neighbors: int) -> None:
-    """Makes the database with the features of the database images and the matches among them."""
+def make_database(
+    project: Project, cameras: Mapping[str, Camera | None], posed: PosedImages | None, num_neighbors: int
+) -> None:
+    """Makes the database with the features of the database images and the matches among them.
+
+    `cameras`: those that are known without poses, by image name.
+    """
     folder = project.folder
-    cameras: dict[str, Camera | None] = dict.fromkeys(names)
     if posed is not None:
         cameras = {f"{DATABASE}/{image.name}": image.camera for image in posed.images}
     used = sorted(cameras)
@@ -118,7 +122,7 @@ def make_database(project: Project, names: Sequence[str], posed: PosedImages | N
         project.steps.finish("matches", key)
 
 
-def make_model(project: Project, posed: PosedImages | None) -> None:
+def make_model(project: Project, posed: PosedImages | None, refines_cameras: bool) -> None:
     """Writes the model of the poses, or lets COLMAP's mapper make it."""
     folder = project.folder
     if posed is not None:
@@ -131,6 +135,8 @@ def make_model(project: Project, posed: PosedImages | None) -> None:
     words = [project.colmap, "mapper", "--database_path", folder.database, "--image_path", folder.images]
     words += ["--image_list_path", folder.write_list("mapped", database_names(folder))]
     words += ["--output_path", folder.sparse, "--Mapper.min_model_size", MIN_MODEL_SIZE]
+    if not refines_cameras:
+        words += ["--Mapper.ba_refine_focal_length", 0]
     project.runner.run(words, "mapping, because there are no poses")
     models = {path: len(read_model(path).images) for path in folder.sparse.iterdir() if path.is_dir()}
     if not models:

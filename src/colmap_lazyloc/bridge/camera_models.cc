@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "colmap_lazyloc/bridge/convert.h"
+#include "colmap_lazyloc/scene/equirectangular.h"
 #include "colmap_lazyloc/scene/format.h"
 
 namespace lazyloc {
@@ -16,13 +17,8 @@ namespace {
 // Models that COLMAP 4 added, in the order of their ids from kFirstModelOfColmap4. Listed here because error messages
 // name them even if the linked COLMAP does not know them.
 constexpr int kFirstModelOfColmap4 = 11;
-const std::array<std::string, 7> kModelsOfColmap4 = {"RAD_TAN_THIN_PRISM_FISHEYE",
-                                                     "SIMPLE_DIVISION",
-                                                     "DIVISION",
-                                                     "SIMPLE_FISHEYE",
-                                                     "FISHEYE",
-                                                     "EUCM",
-                                                     "EQUIRECTANGULAR"};
+const std::array<std::string, 7> kModelsOfColmap4 = {
+    "RAD_TAN_THIN_PRISM_FISHEYE", "SIMPLE_DIVISION", "DIVISION", "SIMPLE_FISHEYE", "FISHEYE", "EUCM", kEquirectangular};
 
 // Default of COLMAP's --ImageReader.default_focal_length_factor.
 constexpr double kDefaultFocalLengthFactor = 1.2;
@@ -37,7 +33,15 @@ const std::map<std::string, std::vector<size_t>> kDirectedParams = {
     {"RAD_TAN_THIN_PRISM_FISHEYE", {10, 11, 12, 13, 14, 15}},
 };
 
-bool IsKnown(int model_id) { return colmap::ExistsCameraModelWithId(static_cast<colmap::CameraModelId>(model_id)); }
+bool IsColmaps(int model_id) { return colmap::ExistsCameraModelWithId(static_cast<colmap::CameraModelId>(model_id)); }
+
+// Returns the indices of the parameters that are focal lengths.
+std::vector<size_t> FocalLengthIdxs(const Camera& camera) {
+  if (IsEquirectangular(camera)) return {};
+  const colmap::Camera converted = ToColmap(camera);
+  const auto idxs = converted.FocalLengthIdxs();
+  return {idxs.begin(), idxs.end()};
+}
 
 }  // namespace
 
@@ -49,23 +53,24 @@ std::optional<int> CameraModelId(const std::string& model_name) {
 }
 
 std::string CameraModelName(int model_id) {
-  if (IsKnown(model_id)) return colmap::CameraModelIdToName(static_cast<colmap::CameraModelId>(model_id));
+  if (IsColmaps(model_id)) return colmap::CameraModelIdToName(static_cast<colmap::CameraModelId>(model_id));
   const size_t idx = model_id - kFirstModelOfColmap4;
   return model_id >= kFirstModelOfColmap4 && idx < kModelsOfColmap4.size() ? kModelsOfColmap4[idx] : "";
 }
 
 size_t CameraModelNumParams(int model_id) {
-  return IsKnown(model_id) ? colmap::CameraModelNumParams(static_cast<colmap::CameraModelId>(model_id)) : 0;
+  if (model_id == kEquirectangularId) return 2;
+  return IsColmaps(model_id) ? colmap::CameraModelNumParams(static_cast<colmap::CameraModelId>(model_id)) : 0;
 }
 
 std::string CameraProblem(const Camera& camera) {
   const std::string name = CameraModelName(camera.model_id);
   if (name.empty()) return "unknown camera model " + std::to_string(camera.model_id);
-  if (!IsKnown(camera.model_id)) {
+  const size_t num_params = CameraModelNumParams(camera.model_id);
+  if (num_params == 0) {
     return "the COLMAP that this program was built against does not know camera model " + name +
            ": build against a newer COLMAP 4 (docs/installation.md)";
   }
-  const size_t num_params = CameraModelNumParams(camera.model_id);
   if (camera.params.size() != num_params) {
     return "camera model " + name + " takes " + std::to_string(num_params) + " parameters, not " +
            std::to_string(camera.params.size());
@@ -74,9 +79,11 @@ std::string CameraProblem(const Camera& camera) {
     if (!std::isfinite(param)) return "a camera parameter is not a finite number";
   }
   if (camera.width == 0 || camera.height == 0) return "the camera's image size is zero";
-  const colmap::Camera converted = ToColmap(camera);
+  if (IsEquirectangular(camera) && !(camera.params[0] > 0 && camera.params[1] > 0)) {
+    return "a parameter of the camera, its width or height, is not positive";
+  }
   const double size = static_cast<double>(std::max(camera.width, camera.height));
-  for (const size_t idx : converted.FocalLengthIdxs()) {
+  for (const size_t idx : FocalLengthIdxs(camera)) {
     const double focal_length = camera.params[idx];
     if (focal_length <= 0) return "the camera's focal length is not positive";
     // Refuses what no lens has, because squares of it overflow in COLMAP's estimators.
@@ -99,17 +106,14 @@ double GuessFocalLengthPx(uint64_t width, uint64_t height) {
 }
 
 double MeanFocalLength(const Camera& camera) {
-  const colmap::Camera converted = ToColmap(camera);
-  double sum = 0;
-  for (const size_t idx : converted.FocalLengthIdxs()) sum += camera.params[idx];
-  return sum / static_cast<double>(std::max<size_t>(converted.FocalLengthIdxs().size(), 1));
+  return IsEquirectangular(camera) ? EquirectangularPxPerRad(camera) : MeanFocalLengthPx(camera).value_or(0);
 }
 
 Eigen::Vector2d PrincipalPoint(const Camera& camera) {
+  const Eigen::Vector2d centre(0.5 * static_cast<double>(camera.width), 0.5 * static_cast<double>(camera.height));
+  if (IsEquirectangular(camera)) return centre;
   const colmap::Camera converted = ToColmap(camera);
-  if (converted.PrincipalPointIdxs().size() != 2) {
-    return {0.5 * static_cast<double>(camera.width), 0.5 * static_cast<double>(camera.height)};
-  }
+  if (converted.PrincipalPointIdxs().size() != 2) return centre;
   return {converted.PrincipalPointX(), converted.PrincipalPointY()};
 }
 
@@ -117,10 +121,10 @@ IntrinsicsOrigin OriginOfStoredCamera(const Camera& camera) {
   const auto is_made_with = [&](double focal_length_px) {
     return SameIntrinsics(camera, CameraFromFocalLength(camera.model_id, focal_length_px, camera.width, camera.height));
   };
-  const auto focal_idxs = ToColmap(camera).FocalLengthIdxs();
-  if (focal_idxs.size() == 0) return IntrinsicsOrigin::GIVEN;
+  const std::vector<size_t> focal_idxs = FocalLengthIdxs(camera);
+  if (focal_idxs.empty()) return IntrinsicsOrigin::GIVEN;
   if (camera.has_prior_focal_length) {
-    return is_made_with(camera.params[*focal_idxs.begin()]) ? IntrinsicsOrigin::EXIF : IntrinsicsOrigin::GIVEN;
+    return is_made_with(camera.params[focal_idxs.front()]) ? IntrinsicsOrigin::EXIF : IntrinsicsOrigin::GIVEN;
   }
   return is_made_with(GuessFocalLengthPx(camera.width, camera.height)) ? IntrinsicsOrigin::GUESS
                                                                        : IntrinsicsOrigin::GIVEN;
@@ -128,20 +132,22 @@ IntrinsicsOrigin OriginOfStoredCamera(const Camera& camera) {
 
 Camera WithFocalFactor(const Camera& camera, double factor) {
   Camera scaled = camera;
-  const colmap::Camera converted = ToColmap(camera);
-  for (const size_t idx : converted.FocalLengthIdxs()) scaled.params[idx] *= factor;
+  for (const size_t idx : FocalLengthIdxs(camera)) scaled.params[idx] *= factor;
   return scaled;
 }
 
 std::optional<double> MeanFocalLengthPx(const Camera& camera) {
-  const colmap::Camera converted = ToColmap(camera);
-  if (converted.FocalLengthIdxs().size() == 0) return std::nullopt;
-  return converted.MeanFocalLength();
+  const std::vector<size_t> idxs = FocalLengthIdxs(camera);
+  if (idxs.empty()) return std::nullopt;
+  double sum = 0;
+  for (const size_t idx : idxs) sum += camera.params[idx];
+  return sum / static_cast<double>(idxs.size());
 }
 
 Camera Transposed(const Camera& camera) {
   Camera turned = camera;
   std::swap(turned.width, turned.height);
+  if (IsEquirectangular(camera)) return turned;
   const colmap::Camera converted = ToColmap(camera);
   const auto focal = converted.FocalLengthIdxs();
   if (focal.size() == 2) std::swap(turned.params[focal[0]], turned.params[focal[1]]);

@@ -16,15 +16,15 @@ namespace lazyloc {
 std::optional<int> CameraModelId(const std::string& model_name);
 // Returns the name of a camera model of COLMAP up to 4.2, an empty string for any other id.
 std::string CameraModelName(int model_id);
-// Returns the number of parameters, 0 if the linked COLMAP does not know the model.
+// Returns the number of parameters, 0 if neither we nor the linked COLMAP know the model.
 size_t CameraModelNumParams(int model_id);
-// Returns why the camera cannot be used: a model that the linked COLMAP does not know, a wrong number of parameters, a
+// Returns why the camera cannot be used: a model that neither we nor COLMAP know, a wrong number of parameters, a
 // parameter that is not finite, a focal length that is not positive, or an image of size zero. Empty if it can be used.
 std::string CameraProblem(const Camera& camera);
 
 // Returns a camera of the model with the principal point in the image centre and no distortion.
 Camera CameraFromFocalLength(int model_id, double focal_length_px, uint64_t width, uint64_t height);
-// Returns the mean of the model's focal lengths in pixels; 0 for a model without one.
+// Returns the mean of the model's focal lengths in pixels; the pixels per radian of a spherical model.
 double MeanFocalLength(const Camera& camera);
 // Returns the principal point; the image's centre for a model without one.
 Eigen::Vector2d PrincipalPoint(const Camera& camera);

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <optional>
+#include <type_traits>
 
 #include <colmap/feature/types.h>
 #include <colmap/geometry/rigid3.h>
@@ -41,6 +42,17 @@ inline colmap::FeatureMatches ToColmap(const Matches& matches) {
   converted.reserve(matches.size());
   for (const Match& match : matches) converted.emplace_back(match.other_point, match.query_point);
   return converted;
+}
+
+// Converts a ray to the type of estimators of essential matrices: its point in the plane z = 1 in COLMAP 3, the ray
+// itself in COLMAP 4.
+template <typename Point>
+Point ToEstimator(const Eigen::Vector3d& ray_in_cam) {
+  if constexpr (std::is_same_v<Point, Eigen::Vector2d>) {
+    return ray_in_cam.hnormalized();
+  } else {
+    return ray_in_cam;
+  }
 }
 
 // Returns cam2_from_cam1 of a geometry, nullopt if COLMAP has not set it or if it is not finite.

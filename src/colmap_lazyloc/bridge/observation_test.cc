@@ -62,6 +62,30 @@ INSTANTIATE_TEST_SUITE_P(Observation, Models,
                                          ModelCase{"FOV", {400, 400, 320, 240, 0.7}}),
                          [](const auto& param_info) { return param_info.param.name; });
 
+// Looks to all sides of a spherical camera, and across the border of its image.
+TEST(Equirectangular, RaysAndDerivativesHoldOnTheWholeSphere) {
+  const Camera camera{1, *CameraModelId("EQUIRECTANGULAR"), 1000, 500, {1000, 500}, false};
+  EXPECT_EQ(CameraProblem(camera), "");
+  EXPECT_FALSE(MeanFocalLengthPx(camera).has_value());
+  EXPECT_LT(((*RaysInCam(camera)({500, 250})) - Eigen::Vector3d::UnitZ()).norm(), 1e-12);
+  EXPECT_LT(((*RaysInCam(camera)({750, 250})) - Eigen::Vector3d::UnitX()).norm(), 1e-12);
+  EXPECT_LT(((*RaysInCam(camera)({500, 500})) - Eigen::Vector3d::UnitY()).norm(), 1e-12);
+  const Observer observe(camera);
+  for (const double x : {0.02, 130.0, 400.0, 730.0, 999.97}) {
+    for (const double y : {20.0, 140.0, 250.0, 410.0, 480.0}) {
+      const Eigen::Vector2d xy(x, y), shift(0.03, -0.04);
+      const std::optional<Observation> observation = observe(xy);
+      ASSERT_TRUE(observation.has_value());
+      const Eigen::Vector3d point = 3 * *RaysInCam(camera)(xy + shift);
+      EXPECT_TRUE(IsInFront(*observation, point));
+      EXPECT_FALSE(IsInFront(*observation, -point));
+      EXPECT_LT((ReprojectionError(*observation, point) - shift).norm(), 0.01) << xy.transpose();
+      const Eigen::Vector2d again = *ImageFromCam(camera, 7 * observation->ray_in_cam);
+      EXPECT_LT((again - xy).norm(), 1e-8);
+    }
+  }
+}
+
 TEST(WithFocalFactor, ScalesTheFocalLengthsAlone) {
   Camera camera;
   camera.model_id = *CameraModelId("OPENCV");
@@ -95,8 +119,7 @@ TEST(CameraProblem, ModelOfANewerColmapIsNamedWithTheRemedy) {
       {"DIVISION", {500, 500, 320, 240, 0.01}},
       {"SIMPLE_FISHEYE", {300, 320, 240}},
       {"FISHEYE", {300, 300, 320, 240}},
-      {"EUCM", {300, 300, 320, 240, 0.5, 1}},
-      {"EQUIRECTANGULAR", {640, 480}}};
+      {"EUCM", {300, 300, 320, 240, 0.5, 1}}};
   for (size_t i = 0; i < models.size(); ++i) {
     Camera camera{1, *CameraModelId(models[i].name), 640, 480, models[i].params, false};
     EXPECT_EQ(camera.model_id, 11 + i);

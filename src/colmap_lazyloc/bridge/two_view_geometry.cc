@@ -1,7 +1,6 @@
 #include "colmap_lazyloc/bridge/two_view_geometry.h"
 
 #include <cmath>
-#include <type_traits>
 
 #if __has_include(<colmap/estimators/solvers/essential_matrix.h>)
 #include <colmap/estimators/solvers/essential_matrix.h>  // COLMAP 4
@@ -14,6 +13,8 @@
 #include "colmap_lazyloc/bridge/camera_models.h"
 #include "colmap_lazyloc/bridge/convert.h"
 #include "colmap_lazyloc/bridge/random_numbers.h"
+#include "colmap_lazyloc/bridge/ray_geometry.h"
+#include "colmap_lazyloc/scene/equirectangular.h"
 
 namespace lazyloc {
 namespace {
@@ -54,21 +55,15 @@ TwoViewGeometry FromColmap(const colmap::TwoViewGeometry& geometry) {
   return converted;
 }
 
-// Converts a ray to the estimator's type: its point in the plane z = 1 in COLMAP 3, the ray itself in COLMAP 4.
-template <typename Point>
-Point ToEstimator(const Eigen::Vector3d& ray_in_cam) {
-  if constexpr (std::is_same_v<Point, Eigen::Vector2d>) {
-    return ray_in_cam.hnormalized();
-  } else {
-    return ray_in_cam;
-  }
-}
-
 }  // namespace
 
 TwoViewGeometry EstimateTwoViewGeometry(const Camera& other_camera, const std::vector<Eigen::Vector2d>& other_keypoints,
                                         const Camera& query_camera, const std::vector<Eigen::Vector2d>& query_keypoints,
                                         const Matches& matches, bool is_query_calibrated, uint32_t seed) {
+  if (IsEquirectangular(other_camera) || IsEquirectangular(query_camera)) {
+    return EstimateRayGeometry(other_camera, other_keypoints, query_camera, query_keypoints, matches, kMaxErrorPx,
+                               seed);
+  }
   colmap::TwoViewGeometryOptions colmap_options;
   colmap_options.min_num_inliers = kMinNumInliers;
   colmap_options.min_E_F_inlier_ratio = kMinCalibratedInlierRatio;

@@ -1,5 +1,6 @@
 #include "colmap_lazyloc/group/rig_check.h"
 
+#include <algorithm>
 #include <limits>
 #include <utility>
 
@@ -66,6 +67,11 @@ bool FitsBetterAlone(const Layout& layout, const Rigid3d& cam_from_world, int qu
   return 2 * num_alone >= rays.size() && 2 * NumFitting(cam_from_world, rays, max_error_px) < num_alone;
 }
 
+bool AreAtOnePoint(const Layout& layout, const std::vector<int>& queries) {
+  return std::all_of(queries.begin(), queries.end(),
+                     [&](int query) { return CamInWorld(layout.given.images[query].cam_from_frame).isZero(); });
+}
+
 // Returns true if the image's own pairs agree with each other on a rotation.
 bool AgreeAlone(const RotationAveragingProblem& alone, double max_error_rad, const LocalizerOptions& options) {
   if (alone.edges.size() < 2) return false;
@@ -130,7 +136,9 @@ void CheckRigRotations(const Layout& layout, const PairRefs& pairs, const std::v
   }
   CheckFrames(layout.num_query_frames, QueryStatus::INCONSISTENT_RIG, [&](int frame) {
     const std::vector<int> queries = layout.QueriesOf(frame);
-    if (queries.size() == 1) return Reason();
+    // Leaves out faces of a panorama: their calibration is right, but a plane may have a wrong rotation in several
+    // pairs.
+    if (queries.size() == 1 || AreAtOnePoint(layout, queries)) return Reason();
     for (const int query : queries) {
       if (num_agreeing[query] == 0 && AgreeAlone(alone[query], max_error_rad, options)) {
         return Reason(MisfitReason(layout, query));

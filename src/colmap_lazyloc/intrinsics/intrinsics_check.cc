@@ -4,6 +4,7 @@
 #include <utility>
 
 #include "colmap_lazyloc/group/failure.h"
+#include "colmap_lazyloc/intrinsics/focal_length.h"
 #include "colmap_lazyloc/intrinsics/intrinsics_estimate.h"
 #include "colmap_lazyloc/intrinsics/intrinsics_judgement.h"
 #include "colmap_lazyloc/intrinsics/uncalibrated_camera.h"
@@ -54,6 +55,7 @@ CheckedIntrinsics CheckIntrinsics(const QueryGroup& group, const Layout& layout,
       const LocalizationProblem& problem = group.images[query].problem;
       IntrinsicsResult& result = checked.results[query];
       result.origin = problem.intrinsics_origin;
+      if (!HasFocalLength(problem.query_camera)) continue;  // a spherical camera has no intrinsics to test
       const IntrinsicsEstimate estimate = EstimateIntrinsics(score, score_covariance);
       result.focal_factor = camera ? camera->FocalFactor() : std::exp(estimate.log_focal_factor);
       result.focal_factor_stddev = result.focal_factor * estimate.log_focal_stddev;

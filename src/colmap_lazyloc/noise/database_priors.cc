@@ -162,6 +162,8 @@ void SetCalibrationPriors(const Layout& layout, const std::vector<FrameScale>& s
     const FrameScale& scale = scales[image.frame];
     if (calibration.prior || scale.distance == 0) continue;
     Rigid3d given = layout.given.calibrations[image.calibration].cam_from_frame;
+    // Takes cameras at one point as exact: they are the faces of a panorama, because no real lenses are that near.
+    if (CamInWorld(given).isZero()) continue;
     given.translation *= posed->frames[image.frame].scale;
     calibration.prior = MakePosePrior(given, noise_px, scale);
     const PosePrior flex = MakePosePrior(given, kRigFlexPx, scale);

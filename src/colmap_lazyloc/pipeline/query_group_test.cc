@@ -108,6 +108,42 @@ TEST(QueryGroup, RigResolvesTheScaleOfOneDatabaseImage) {
   ExpectNearTruth(MakeSyntheticGroup(options), 0.2, 0.5);
 }
 
+// Uses a rig like the faces of a panorama.
+TEST(QueryGroup, CamerasAtOnePointAreAnExactRig) {
+  SyntheticGroupOptions options;
+  options.has_common_centre = true;
+  options.num_sensors = 4;
+  ExpectNearTruth(MakeSyntheticGroup(options), 1e-7, 1e-6);
+  options.pixel_noise_px = 1;
+  for (const bool has_database_rigs : {false, true}) {
+    options.has_database_rigs = has_database_rigs;
+    const SyntheticGroup scene = MakeSyntheticGroup(options);
+    LocalizerOptions exact;
+    exact.rig_noise_px = 0;
+    const auto recognized = Localize(scene), stated = Localize(scene, exact);
+    for (size_t i = 0; i < recognized.size(); ++i) {
+      ASSERT_EQ(recognized[i].status, QueryStatus::LOCALIZED) << recognized[i].reason;
+      EXPECT_EQ(recognized[i].cam_from_world.translation, stated[i].cam_from_world.translation);
+      EXPECT_EQ(recognized[i].covariance, stated[i].covariance);
+    }
+  }
+}
+
+TEST(QueryGroup, CamerasAtOnePointDoNotResolveTheScaleOfOneDatabasePlace) {
+  SyntheticGroupOptions options;
+  options.has_common_centre = true;
+  for (const bool has_database_rigs : {false, true}) {
+    options.has_database_rigs = has_database_rigs;
+    options.num_database_images = has_database_rigs ? 2 : 1;  // one place
+    for (const double noise_px : {0.0, 0.5}) {
+      options.pixel_noise_px = noise_px;
+      for (const LocalizationResult& result : Localize(MakeSyntheticGroup(options))) {
+        EXPECT_EQ(result.status, QueryStatus::SCALE_UNOBSERVABLE) << result.reason;
+      }
+    }
+  }
+}
+
 TEST(QueryGroup, OthersResolveTheScaleOfAQueryWithOneDatabaseImage) {
   SyntheticGroupOptions options;
   options.num_frames = 4;

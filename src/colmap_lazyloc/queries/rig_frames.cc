@@ -10,6 +10,30 @@ namespace {
 
 bool StartsWith(std::string_view text, std::string_view prefix) { return text.compare(0, prefix.size(), prefix) == 0; }
 
+// Returns the folder that the image prefixes of a rig's cameras have in common.
+std::string CommonFolder(const RigCameras& cameras) {
+  std::string folder = cameras.front().image_prefix;
+  for (const RigCamera& camera : cameras) {
+    while (!StartsWith(camera.image_prefix, folder)) folder.pop_back();
+  }
+  return folder.substr(0, folder.rfind('/') + 1);
+}
+
+// Returns what the names of each rig's frames begin with: the rig's folder, and its number if folders do not tell the
+// rigs apart.
+std::vector<std::string> FrameLabels(const std::vector<RigCameras>& rigs) {
+  std::vector<std::string> labels;
+  for (const RigCameras& rig : rigs) labels.push_back(CommonFolder(rig));
+  bool are_distinct = true;
+  for (size_t i = 0; i < rigs.size(); ++i) {
+    for (size_t j = 0; j < rigs.size(); ++j)
+      are_distinct = are_distinct && (i == j || !StartsWith(labels[i], labels[j]));
+  }
+  for (size_t i = 0; i < rigs.size() && !are_distinct; ++i)
+    labels[i] = "rig " + std::to_string(i + 1) + ": " + labels[i];
+  return labels;
+}
+
 FramePlaces FramesFromDatabase(const std::vector<std::string_view>& image_names, const DatabaseReader& database,
                                FrameProblems* problems) {
   const std::vector<DatabaseRigImage> rig_images = database.ReadRigImages(&problems->damages);
@@ -61,13 +85,13 @@ FramePlaces FramesFromModel(const std::vector<std::string_view>& image_names, co
 FramePlaces FramesFromConfig(const std::vector<std::string_view>& image_names,
                              const std::filesystem::path& rig_config_path) {
   const std::vector<RigCameras> rigs = ReadRigConfig(rig_config_path);
+  const std::vector<std::string> labels = FrameLabels(rigs);
   FramePlaces places;
   for (const std::string_view name : image_names) {
     for (size_t rig = 0; rig < rigs.size(); ++rig) {
       for (const RigCamera& camera : rigs[rig]) {
         if (!StartsWith(name, camera.image_prefix)) continue;
-        const std::string frame = (rigs.size() > 1 ? "rig " + std::to_string(rig + 1) + ": " : "") +
-                                  std::string(name.substr(camera.image_prefix.size()));
+        const std::string frame = labels[rig] + std::string(name.substr(camera.image_prefix.size()));
         if (!places.emplace(name, FramePlace{frame, camera.cam_from_rig}).second) {
           throw InputError(rig_config_path.string() + ": image " + std::string(name) +
                            " matches the image_prefix of two cameras");

@@ -23,8 +23,21 @@ class RigFramesTest : public IoTest {
 TEST_F(RigFramesTest, FramesOfSeveralRigsHaveDifferentNames) {
   const FramePlaces places = FramesFromConfig({"a/1.png", "b/1.png", "c/1.png"}, WriteConfig("a/", "b/"));
   ASSERT_EQ(places.size(), 2u);
-  EXPECT_EQ(places.at("a/1.png").frame_name, "rig 1: 1.png");
-  EXPECT_EQ(places.at("b/1.png").frame_name, "rig 2: 1.png");
+  EXPECT_EQ(places.at("a/1.png").frame_name, "a/1.png");
+  EXPECT_EQ(places.at("b/1.png").frame_name, "b/1.png");
+  const FramePlaces numbered = FramesFromConfig({"a1.png", "b1.png"}, WriteConfig("a", "b"));
+  EXPECT_EQ(numbered.at("a1.png").frame_name, "rig 1: 1.png");
+  EXPECT_EQ(numbered.at("b1.png").frame_name, "rig 2: 1.png");
+}
+
+TEST_F(RigFramesTest, FrameIsNamedFromTheFolderOfItsCameras) {
+  const std::filesystem::path path = WriteFile("rigs.json", R"([{"cameras": [
+      {"image_prefix": "query/left/", "ref_sensor": true},
+      {"image_prefix": "query/lower/", "cam_from_rig_rotation": [1, 0, 0, 0], "cam_from_rig_translation": [0, 1, 0]}
+      ]}])");
+  const FramePlaces places = FramesFromConfig({"query/left/1.png", "query/lower/1.png"}, path);
+  EXPECT_EQ(places.at("query/left/1.png").frame_name, "query/1.png");
+  EXPECT_EQ(places.at("query/lower/1.png").frame_name, "query/1.png");
 }
 
 TEST_F(RigFramesTest, ImageOfTwoCamerasIsAnError) {

@@ -1,6 +1,7 @@
 #include "colmap_lazyloc/results/result_text.h"
 
 #include <cmath>
+#include <map>
 #include <string>
 
 #include <nlohmann/json.hpp>
@@ -23,10 +24,22 @@ constexpr char kPosesHeader[] =
     "# A name may hold blanks: the pose is the last seven words.\n"
     "# Covariances are in results.jsonl: 6x6, rotation w (rad, R <- exp(w) R) first, then t.\n";
 
+constexpr char kRigPosesHeader[] =
+    "# Poses of rig frames with a localized query, one line each:\n"
+    "#   name qw qx qy qz tx ty tz\n"
+    "# rig_from_world, otherwise as in poses.txt.\n";
+
 // Returns the quaternion scalar first, with the sign that makes w >= 0.
 Eigen::Vector4d Qvec(const Eigen::Quaterniond& rotation) {
   const Eigen::Vector4d qvec(rotation.w(), rotation.x(), rotation.y(), rotation.z());
   return std::signbit(qvec[0]) ? Eigen::Vector4d(-qvec) : qvec;
+}
+
+void WritePoseLine(const std::string& name, const Rigid3d& pose, OutputFile* file) {
+  file->Text() << name;
+  for (const double number : Qvec(pose.rotation)) file->Text() << ' ' << number;
+  for (const double number : pose.translation) file->Text() << ' ' << number;
+  file->Text() << '\n';
 }
 
 template <typename Vector>
@@ -209,13 +222,24 @@ void WritePoses(const std::filesystem::path& path, const QueryRecords& records) 
   file.Text() << kPosesHeader;
   records.ForEach([&](const QueryRecord& record) {
     const LocalizationResult& result = record.result;
-    if (result.status != QueryStatus::LOCALIZED) return;
-    file.Text() << result.query_name;
-    for (const double number : Qvec(result.cam_from_world.rotation)) file.Text() << ' ' << number;
-    for (const double number : result.cam_from_world.translation) file.Text() << ' ' << number;
-    file.Text() << '\n';
+    if (result.status == QueryStatus::LOCALIZED) WritePoseLine(result.query_name, result.cam_from_world, &file);
   });
   file.Close();
+}
+
+bool WriteRigPoses(const std::filesystem::path& path, const QueryRecords& records) {
+  std::map<std::string, Rigid3d> rigs_from_world;
+  records.ForEach([&](const QueryRecord& record) {
+    const LocalizationResult& result = record.result;
+    if (result.status != QueryStatus::LOCALIZED || result.frame_name.empty()) return;
+    rigs_from_world.emplace(result.frame_name, result.rig_from_world);
+  });
+  if (rigs_from_world.empty()) return false;
+  OutputFile file(path);
+  file.Text() << kRigPosesHeader;
+  for (const auto& [name, pose] : rigs_from_world) WritePoseLine(name, pose, &file);
+  file.Close();
+  return true;
 }
 
 std::string ResultLine(const QueryRecord& record) {

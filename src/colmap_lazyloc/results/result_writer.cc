@@ -16,6 +16,7 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr char kLeaveOneOutFile[] = "leave_one_out.json";
+constexpr char kRigPosesFile[] = "rig_poses.txt";
 constexpr char kGeojsonFile[] = "positions.geojson";
 
 void MakeFolder(const fs::path& path) {
@@ -69,6 +70,8 @@ void ResultWriter::Write(const Model& model, const QueryRecords& records, const 
   options_file.Text() << options_ini;
   options_file.Close();
   std::vector<std::string> entries = {"poses.txt", "results.jsonl", "positions.csv", "options.ini", "model"};
+  const bool has_rig_poses = WriteRigPoses(staged / kRigPosesFile, records);
+  if (has_rig_poses) entries.emplace_back(kRigPosesFile);
   if (leave_one_out != nullptr) {
     WriteLeaveOneOut(staged / kLeaveOneOutFile, *leave_one_out);
     entries.emplace_back(kLeaveOneOutFile);
@@ -80,6 +83,7 @@ void ResultWriter::Write(const Model& model, const QueryRecords& records, const 
   staged.Publish(entries);
   std::error_code ignored;
   // Removes what an earlier run has left and this one does not replace.
+  if (!has_rig_poses) fs::remove(output_path_ / kRigPosesFile, ignored);
   if (leave_one_out == nullptr) fs::remove(output_path_ / kLeaveOneOutFile, ignored);
   if (!model.geographic_origin) fs::remove(output_path_ / kGeojsonFile, ignored);
   made_folders_.clear();

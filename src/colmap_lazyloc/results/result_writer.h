@@ -11,8 +11,8 @@
 
 namespace lazyloc {
 
-// Writes poses.txt, results.jsonl, positions.csv, model/, options.ini, leave_one_out.json and positions.geojson into a
-// folder, all or none, over what an earlier run left.
+// Writes poses.txt, results.jsonl, positions.csv, model/, options.ini, rig_poses.txt, leave_one_out.json and
+// positions.geojson into a folder, all or none, over what an earlier run left.
 class ResultWriter {
  public:
   // Makes the folder if it does not exist and tries to write into it, so that a run fails before its work is done.
@@ -25,10 +25,10 @@ class ResultWriter {
 
   // model: the database images; they keep ids and bits. An image that was a query appears in model/ only with the pose
   // that it was localized at.
-  // leave_one_out: is written as leave_one_out.json; null if the run has none. positions.geojson is written if the
-  // model has an origin on Earth. staging_parent: folder on the same disk for the files until they are complete; empty:
-  // the output folder. Reads records and keypoints one image at a time. Throws InputError naming the path that cannot
-  // be written; the folder is then as it was before.
+  // leave_one_out: is written as leave_one_out.json; null if the run has none. rig_poses.txt is written if a query of a
+  // rig was localized, positions.geojson if the model has an origin on Earth. staging_parent: folder on the same disk
+  // for the files until they are complete; empty: the output folder. Reads records and keypoints one image at a time.
+  // Throws InputError naming the path that cannot be written; the folder is then as it was before.
   void Write(const Model& model, const QueryRecords& records, const DatabaseContent& database,
              const std::string& options_ini, const LeaveOneOutSummary* leave_one_out,
              const std::filesystem::path& staging_parent = {});

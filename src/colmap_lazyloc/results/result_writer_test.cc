@@ -152,6 +152,22 @@ TEST_F(ResultWriterTest, MapIsThatOfTheLastRun) {
   EXPECT_FALSE(ReadModel(output_ / "model").geographic_origin.has_value());
 }
 
+TEST_F(ResultWriterTest, PhotoWithoutKeypointsMayBeLocalizedByItsRig) {
+  records_[1].result.query_name = "sky.jpg";
+  records_[1].result.points.clear();
+  Write();
+  EXPECT_THAT(ReadFile(output_ / "model" / "images.bin"), ::testing::HasSubstr("sky.jpg"));
+}
+
+TEST_F(ResultWriterTest, PosesOfRigsAreThoseOfTheLastRun) {
+  records_[1].result.frame_name = "moment 1";
+  Write();
+  EXPECT_TRUE(fs::exists(output_ / "rig_poses.txt"));
+  records_[1].result.frame_name.clear();
+  Write();
+  EXPECT_FALSE(fs::exists(output_ / "rig_poses.txt"));
+}
+
 TEST_F(ResultWriterTest, LeavesFilesOfTheUserAlone) {
   fs::create_directory(output_);
   std::ofstream(output_ / "notes.md") << "mine";

@@ -69,6 +69,7 @@ class GroupMaker {
   void MakeSensors() {
     for (int i = 1; i < options_.num_sensors; ++i) {
       cams_from_rig_.push_back({Disturbed(Eigen::Quaterniond::Identity(), 5, &random_), 0.4 * RandomVector(&random_)});
+      if (options_.has_common_centre) cams_from_rig_.back().translation.setZero();
     }
   }
 

@@ -20,6 +20,7 @@ struct SyntheticGroupOptions {
   // True if each num_sensors database images are a frame of the queries' rig. Its stated poses have the error of the
   // calibration.
   bool has_database_rigs = false;
+  bool has_common_centre = false;  // all sensors of the rig at one point
   uint32_t seed = 0;
 };
 

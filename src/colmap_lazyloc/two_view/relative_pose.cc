@@ -1,14 +1,19 @@
 #include "colmap_lazyloc/two_view/relative_pose.h"
 
 #include "colmap_lazyloc/bridge/two_view_geometry.h"
+#include "colmap_lazyloc/scene/equirectangular.h"
 
 namespace lazyloc {
 namespace {
 
-// True if COLMAP may find a calibrated geometry in the matches, although the stored configuration gives no relative
-// pose.
-bool IsWorthEstimating(TwoViewConfig config) {
-  return config == TwoViewConfig::MULTIPLE || config == TwoViewConfig::UNDEFINED;
+// True if a calibrated geometry may be found in the matches, although the stored one gives no relative pose.
+bool IsWorthEstimating(const LocalizationProblem& problem, const ImagePair& pair) {
+  const TwoViewConfig config = pair.geometry->config;
+  if (config == TwoViewConfig::MULTIPLE || config == TwoViewConfig::UNDEFINED) return true;
+  // Decompositions of stored matrices are for points in front of the image plane.
+  const bool is_spherical = IsEquirectangular(problem.query_camera) || IsEquirectangular(pair.other_camera);
+  return is_spherical && !pair.geometry->query_from_other && config != TwoViewConfig::DEGENERATE &&
+         config != TwoViewConfig::WATERMARK;
 }
 
 TwoViewGeometry Estimate(const LocalizationProblem& problem, const ImagePair& pair, const Matches& matches,
@@ -23,12 +28,12 @@ std::optional<RelativePose> FindRelativePose(const LocalizationProblem& problem,
   TwoViewGeometry geometry;
   if (!pair.geometry) {
     geometry = Estimate(problem, pair, pair.matches, seed);
+  } else if (IsWorthEstimating(problem, pair)) {
+    const Matches& matches = pair.matches.empty() ? pair.geometry->inlier_matches : pair.matches;
+    geometry = Estimate(problem, pair, matches, seed);
   } else if (pair.geometry->config == TwoViewConfig::UNCALIBRATED) {
     geometry = EstimateCalibratedGeometry(pair.other_camera, pair.other_keypoints, problem.query_camera,
                                           problem.query_keypoints, *pair.geometry, seed);
-  } else if (IsWorthEstimating(pair.geometry->config)) {
-    const Matches& matches = pair.matches.empty() ? pair.geometry->inlier_matches : pair.matches;
-    geometry = Estimate(problem, pair, matches, seed);
   } else {
     geometry = *pair.geometry;
     if (HoldsCalibrated(geometry.config) && !geometry.query_from_other) {
