@@ -9,6 +9,10 @@ COMMANDS = {
     "groups": ("localization.groups", "queries localized jointly, as frames of a rig, as pieces of a trajectory"),
     "photos": ("photos.compare_with_database", "queries that are only photos against queries of the database"),
     "retrieval": ("photos.retrieval", "what the retrieval index finds, its size and times"),
+    "photometric_stress": (
+        "photos.photometric_stress",
+        "photos in the dark, out of focus, in haze, by SIFT and ALIKED",
+    ),
     "runtime": ("runtime.compare_with_local_triangulation", "seconds per query beside pycolmap's, on one core"),
     "streaming": ("streaming", "memory and time of one process over the number of queries"),
     "sparse": (

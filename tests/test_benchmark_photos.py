@@ -3,6 +3,8 @@
 import pytest
 
 from benchmarks import __main__ as benchmarks
+from benchmarks.photos import photometric_stress
+from conftest import DATA_PATH
 
 
 def run(command, photos, colmap, work_path, capsys, *options):
@@ -34,6 +36,17 @@ def test_index_finds_the_images_and_follows_the_database(photos, colmap, work_pa
     (recall,) = [row for row in rows if row[0] == "4"]
     assert recall[1:] == ["100.0 %"] * 4  # the database has four images
     assert [len(row) for row in rows if row[0] in "59"] == [6, 6]
+
+
+@pytest.mark.skipif(not (DATA_PATH.parent / "models").is_dir(), reason=f"{DATA_PATH.parent}/models is missing")
+def test_aliked_features_see_through_haze(photos, colmap, tmp_path, capsys, monkeypatch):
+    pytest.importorskip("onnxruntime")
+    monkeypatch.setattr(photometric_stress, "STRENGTHS", {"haze": (40,)})
+    options = ["--onnx_path", DATA_PATH.parent / "models"]
+    _, rows = run("photometric_stress", photos, colmap, tmp_path, capsys, *options)
+    shares = {row[0]: row[1:] for row in rows if "%" in row[-1]}
+    assert shares["as taken"] == ["2", *["100 % [34, 100], 0"] * 3]
+    assert shares["haze, 40"] == ["2", "0 % [0, 66], 0", "100 % [34, 100], 0", "100 % [34, 100], 0"]
 
 
 def test_unknown_benchmark_lists_those_that_there_are(capsys):

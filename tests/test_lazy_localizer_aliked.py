@@ -113,6 +113,7 @@ def test_photos_are_localized_and_nothing_is_touched(scene, queries, localize, f
     scene.photos.assert_localized(runs[0])
     assert runs[0].poses_bytes == runs[1].poses_bytes
     assert f"at most {MAX_NUM_FEATURES} features of ALIKED" in runs[0].stderr
+    assert {result["matching_type"] for result in runs[0].results.values()} == {"ALIKED_BRUTEFORCE"}
     assert fingerprint(scene.database_path.parent) == before
 
 
@@ -187,7 +188,7 @@ def test_kept_matches_are_a_database_of_colmap_4(scene, queries, localize, tmp_p
     [
         ("UPDATE descriptors SET type = 0, cols = 128, rows = rows * 4 WHERE image_id = 2", ["ALIKED_N16ROT and SIFT"]),
         ("UPDATE descriptors SET type = 3", ["LOMA_B", "only SIFT and ALIKED"]),
-        ("UPDATE descriptors SET type = 2", ["n32.onnx", "--AlikedExtraction.n32_model_path"]),
+        ("UPDATE descriptors SET type = 2", ["n32.onnx", "--onnx_path"]),
         ("UPDATE descriptors SET cols = 256", ["not ALIKED_N16ROT's", "256"]),
     ],
 )
@@ -203,11 +204,25 @@ def test_unusable_types_are_refused(scene, queries, localize, changed_database, 
 def test_missing_models_and_library_are_one_line(scene, queries, localize, tmp_path):
     without = scene.arguments(queries)
     without = without[: without.index("--onnx_path")]
-    assert_refused(localize(*without), "--AlikedExtraction.n16rot_model_path", "--onnx_path")
-    assert_refused(localize(*scene.arguments(queries, models=tmp_path)), tmp_path / EXTRACTOR, "is not a file")
+    assert_refused(localize(*without), EXTRACTOR, "--onnx_path")
+    assert_refused(localize(*scene.arguments(queries, models=tmp_path)), "--onnx_path", tmp_path, EXTRACTOR)
     for library in (tmp_path / "libonnxruntime.so", sqlite3.__file__):
         environment = {**os.environ, LIBRARY_VARIABLE: str(library)}
         assert_refused(localize(*scene.arguments(queries), env=environment), library, "ONNX Runtime")
+
+
+@pytest.fixture
+def models_with(tmp_path):
+    """Makes a folder of the models in which one has other bytes."""
+
+    def make(changed, content):
+        folder = tmp_path / "models"
+        folder.mkdir()
+        for name in (EXTRACTOR, BRUTE_FORCE, LIGHTGLUE):
+            (folder / name).write_bytes(content) if name == changed else (folder / name).symlink_to(MODELS_PATH / name)
+        return folder
+
+    return make
 
 
 def bad_models():
@@ -224,42 +239,46 @@ def bad_models():
 
 
 @pytest.mark.parametrize("name", list(bad_models()))
-def test_damaged_model_is_one_line(scene, queries, localize, tmp_path, name):
-    path = tmp_path / "model.onnx"
-    path.write_bytes(bad_models()[name])
-    assert_refused(localize(*scene.arguments(queries, "--AlikedExtraction.n16rot_model_path", path)), path)
+def test_damaged_model_is_one_line(scene, queries, localize, models_with, name):
+    models = models_with(EXTRACTOR, bad_models()[name])
+    assert_refused(localize(*scene.arguments(queries, models=models)), models / EXTRACTOR)
 
 
 @pytest.mark.parametrize(
-    "option, other, more",
+    "changed, other, matcher",
     [
-        ("AlikedExtraction.n16rot_model_path", LIGHTGLUE, []),
-        ("AlikedMatching.bruteforce_model_path", LIGHTGLUE, []),
-        ("AlikedMatching.lightglue_model_path", BRUTE_FORCE, ["--FeatureMatching.type", "ALIKED_LIGHTGLUE"]),
+        (EXTRACTOR, LIGHTGLUE, "AUTO"),
+        (BRUTE_FORCE, LIGHTGLUE, "ALIKED_BRUTEFORCE"),
+        (LIGHTGLUE, BRUTE_FORCE, "ALIKED_LIGHTGLUE"),
+        (LIGHTGLUE, BRUTE_FORCE, "AUTO"),
     ],
 )
-def test_another_model_is_one_line(scene, queries, localize, option, other, more):
-    run = localize(*scene.arguments(queries, f"--{option}", MODELS_PATH / other, *more))
-    assert_refused(run, MODELS_PATH / other, "instead of")
+def test_another_model_is_one_line(scene, queries, localize, models_with, changed, other, matcher):
+    models = models_with(changed, (MODELS_PATH / other).read_bytes())
+    run = localize(*scene.arguments(queries, "--FeatureMatching.type", matcher, models=models))
+    assert_refused(run, models / changed, "instead of")
+
+
+def test_sift_does_not_match_aliked_features(scene, queries, localize):
+    run = localize(*scene.arguments(queries, "--FeatureMatching.type", "SIFT_BRUTEFORCE"))
+    assert_refused(run, scene.database_path, "ALIKED_N16ROT", "--FeatureMatching.type")
 
 
 @pytest.mark.parametrize("seed", range(8))
-def test_mutated_model_is_one_line_or_a_result(scene, localize, tmp_path, seed):
+def test_mutated_model_is_one_line_or_a_result(scene, localize, tmp_path, models_with, seed):
     random = np.random.default_rng(seed)
     content = bytearray((MODELS_PATH / EXTRACTOR).read_bytes())
     for place in random.integers(0, len(content), 200):
         content[place] = random.integers(0, 256)
-    path = tmp_path / "model.onnx"
-    path.write_bytes(content)
+    models = models_with(EXTRACTOR, content)
     query = scene.photos.write_queries(tmp_path / "query.txt", scene.photos.query_names[:1])
-    run = localize(*scene.arguments(query, "--AlikedExtraction.n16rot_model_path", path))
+    run = localize(*scene.arguments(query, models=models))
     if run.exit_code == 0:
         assert set(run.results) == set(scene.photos.query_names[:1])
     else:
-        assert_refused(run, path)
+        assert_refused(run, models / EXTRACTOR)
 
 
-@pytest.mark.parametrize("option", ["max_image_size", "max_num_features"])
-def test_impossible_options_are_named(scene, queries, localize, option):
-    run = localize(*scene.arguments(queries)[:-4], "--onnx_path", MODELS_PATH, f"--AlikedExtraction.{option}", 0)
-    assert_refused(run, f"option --AlikedExtraction.{option} must be >= 1, but is 0")
+def test_impossible_option_is_named(scene, queries, localize):
+    run = localize(*scene.arguments(queries)[:-4], "--onnx_path", MODELS_PATH, "--AlikedExtraction.max_num_features", 0)
+    assert_refused(run, "option --AlikedExtraction.max_num_features must be >= 1, but is 0")

@@ -88,7 +88,7 @@ GROUPS = {
     "Output": ["LazyLocalizer.min_confidence", "LazyLocalizer.num_threads", "resume", "strict"],
 }
 MAX_NUM_LINES = 80  # two screens
-MAX_NUM_OPTIONS = 57  # 7 of them for ALIKED have the names of COLMAP 4
+MAX_NUM_OPTIONS = 52
 
 
 def explained_options(help_text):

@@ -68,12 +68,16 @@ class Fold:
         )
 
 
-def make_fold(scene_path: pathlib.Path, first: int, work_path: pathlib.Path, colmap: pathlib.Path) -> Fold:
+def make_fold(
+    scene_path: pathlib.Path, first: int, work_path: pathlib.Path, colmap: pathlib.Path, *, is_matched: bool = True
+) -> Fold:
+    """Makes the databases of a fold, unless they are there. Without `is_matched`, only the one of photos."""
     scene = load_scene(scene_path)
     names = sorted(scene.images)
     query_names = names[first::QUERY_STEP]
     database_names = [name for name in names if name not in query_names]
-    fold = Fold(scene, work_path / scene.name / str(first), query_names, database_names, colmap)
+    folder = str(first) if is_matched else f"{first}_photos"
+    fold = Fold(scene, work_path / scene.name / folder, query_names, database_names, colmap)
     if (fold.work_path / "done").exists():
         return fold
     shutil.rmtree(fold.work_path, ignore_errors=True)
@@ -82,9 +86,18 @@ def make_fold(scene_path: pathlib.Path, first: int, work_path: pathlib.Path, col
     features_path = extract_scene_features(scene, fold.work_path.parent, colmap)
     shutil.copyfile(features_path, fold.photo_path)
     remove_queries(fold)
+    if is_matched:
+        match_queries(fold, features_path)
+    (fold.work_path / "done").touch()
+    return fold
+
+
+def match_queries(fold: Fold, features_path: pathlib.Path):
+    """Matches the queries with all database images."""
+    colmap = fold.colmap
     shutil.copyfile(features_path, fold.matched_path)
     pairs_path = fold.work_path / "pairs.txt"
-    pairs_path.write_text("".join(f"{query} {name}\n" for query in query_names for name in database_names))
+    pairs_path.write_text("".join(f"{query} {name}\n" for query in fold.query_names for name in fold.database_names))
     run_colmap(
         colmap,
         "matches_importer",
@@ -95,8 +108,6 @@ def make_fold(scene_path: pathlib.Path, first: int, work_path: pathlib.Path, col
         gpu_option(colmap, "matches_importer"),
         0,
     )
-    (fold.work_path / "done").touch()
-    return fold
 
 
 def extract_scene_features(scene: Scene, work_path: pathlib.Path, colmap: pathlib.Path) -> pathlib.Path:

@@ -141,6 +141,7 @@ class ResultFields(TypedDict):
     depth: NotRequired[DepthFields]
     intrinsics: IntrinsicsFields
     intrinsics_source: str | None
+    matching_type: NotRequired[str]
     priors: NotRequired[PriorsFields]
     num_tracks: int
     num_observations: int

@@ -21,6 +21,11 @@ _SOURCES = {
     "exif": "EXIF data of the photo",
     "guess": "a guess: 1.2 times the image's longer side",
 }
+_MATCHING_TYPES = {
+    "SIFT_BRUTEFORCE": "SIFT features",
+    "ALIKED_BRUTEFORCE": "ALIKED features",
+    "ALIKED_LIGHTGLUE": "ALIKED features, matched by LightGlue",
+}
 _VERDICTS = {
     "confirmed": "the images agree with it",
     "unobservable": "the images cannot tell, so it was kept",
@@ -72,7 +77,8 @@ def _certainty_rows(result: ResultFields, unit: str) -> list[tuple[str, str]]:
 
 def _evidence_rows(result: ResultFields, unit: str) -> list[tuple[str, str]]:
     num_tracks, num_observations = result.get("num_tracks", 0), result.get("num_observations", 0)
-    rows = []
+    matching = result.get("matching_type") or ""
+    rows = [("Matched by", _MATCHING_TYPES.get(matching, matching))]
     if num_tracks > 0:
         rows.append(
             ("Points", f"{num_tracks} points, seen {num_observations} times in the query and in database images")

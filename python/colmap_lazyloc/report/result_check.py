@@ -11,7 +11,7 @@ Check = Callable[[object], bool]
 # Fields that every result has; others are missing in runs of older versions.
 _REQUIRED = ("name", "status", "reason", "cam_from_world", "pairs", "seconds")
 _TEXTS = ("name", "status", "reason")
-_OPTIONAL_TEXTS = ("start", "frame", "intrinsics_source")
+_OPTIONAL_TEXTS = ("start", "frame", "intrinsics_source", "matching_type")
 _NUMBERS = ("confidence", "rotation_stddev_deg", "mean_reprojection_error_px", "rig_error_px", "rig_scale")
 _COUNTS = ("num_tracks", "num_observations")
 _VECTORS = {"position_stddevs": 3, "weakest_direction": 3, "rotation": 4}

@@ -180,6 +180,7 @@ def _result(i: int, query: _Image, database: list[_Image], shape: RunShape, rng:
             "contradiction": None,
         },
         "intrinsics_source": None if status == "UNREADABLE_IMAGE" else "query_list",
+        "matching_type": "SIFT_BRUTEFORCE",
         "num_tracks": shape.num_points // shape.num_queries if has_pose else 0,
         "num_observations": 3 * shape.num_points // shape.num_queries if has_pose else 0,
         "mean_reprojection_error_px": rng.uniform(0.2, 1.0) if has_pose else None,

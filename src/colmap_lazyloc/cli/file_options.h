@@ -38,7 +38,9 @@ void ForEachFileOption(Options& o, const Add& add) {
       "default: an index in memory if there are more than 50 database images",
       OptionRole::INPUT);
   add("onnx_path", &o.source.photos.aliked.onnx_path,
-      "Folder of COLMAP 4's ONNX models, for photos if the database has ALIKED features", OptionRole::MACHINE);
+      "Folder of COLMAP 4's ONNX models: photos are matched by ALIKED features if the database has these, or if its own do "
+      "not localize them (at night, for example)",
+      OptionRole::INPUT);
   add("rig_config_path", &o.source.selection.groups.rig_config_path,
       "Camera rigs of the images in the JSON format of COLMAP's rig_configurator; default: the rigs in the database or "
       "model",

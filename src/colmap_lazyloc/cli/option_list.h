@@ -67,27 +67,6 @@ void ForEachSourceOption(Options& o, const Add& add) {
       "Memory in gigabytes for the features of database images that photos are matched with", OptionRole::MACHINE);
 }
 
-// The names are those of COLMAP 4.
-template <typename Options, typename Add>
-void ForEachAlikedOption(Options& o, const Add& add) {
-  add("AlikedExtraction.max_image_size", &o.max_image_size,
-      "Maximum size of a photo in pixels for ALIKED; a larger one is scaled down for extraction");
-  add("AlikedExtraction.max_num_features", &o.max_num_features,
-      "Maximum number of ALIKED features of a photo; those of the highest scores are kept");
-  add("AlikedExtraction.n16rot_model_path", &o.n16rot_model_path,
-      "Model that extracts features of type ALIKED_N16ROT; default: aliked-n16rot.onnx in --onnx_path",
-      OptionRole::INPUT);
-  add("AlikedExtraction.n32_model_path", &o.n32_model_path,
-      "Model that extracts features of type ALIKED_N32; default: aliked-n32.onnx in --onnx_path", OptionRole::INPUT);
-  add("FeatureMatching.type", &o.matcher,
-      "How ALIKED features are matched: ALIKED_BRUTEFORCE, or ALIKED_LIGHTGLUE, which takes 20 times as long and bridges "
-      "larger changes of light and viewpoint");
-  add("AlikedMatching.bruteforce_model_path", &o.bruteforce_model_path,
-      "Model that matches by brute force; default: bruteforce-matcher.onnx in --onnx_path", OptionRole::INPUT);
-  add("AlikedMatching.lightglue_model_path", &o.lightglue_model_path,
-      "Model of LightGlue; default: aliked-lightglue.onnx in --onnx_path", OptionRole::INPUT);
-}
-
 template <typename Options, typename Add>
 void ForEachFeatureOption(Options& o, const Add& add) {
   add("ImageReader.camera_model", &o.camera_model, "Camera model of photos without a known camera");
@@ -104,7 +83,12 @@ void ForEachFeatureOption(Options& o, const Add& add) {
       "Estimate ellipses instead of circles as feature shapes");
   add("SiftExtraction.domain_size_pooling", &extraction.domain_size_pooling, "Pool descriptors over several scales");
   add("SiftExtraction.upright", &extraction.upright, "Assume that photos are upright: fix the features' orientation");
-  ForEachAlikedOption(o.aliked, add);
+  add("AlikedExtraction.max_num_features", &o.aliked.max_num_features,
+      "Maximum number of ALIKED features of a photo; those of the highest scores are kept");
+  add("FeatureMatching.type", &o.matcher,
+      "How photos are matched: SIFT_BRUTEFORCE, ALIKED_BRUTEFORCE or ALIKED_LIGHTGLUE, which takes seconds per pair and "
+      "bridges larger changes of light and viewpoint; AUTO: the database's features by brute force, and photos that this "
+      "does not localize again by ALIKED_LIGHTGLUE if --onnx_path is given");
 }
 
 template <typename Options, typename Add>

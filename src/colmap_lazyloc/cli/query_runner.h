@@ -14,8 +14,14 @@ namespace lazyloc {
 // Returns the source of the queries that the options name. model: the one at input_path.
 std::unique_ptr<QuerySource> MakeQuerySource(const CommandOptions& options, Model model);
 
-// Localizes the queries of a group that has been loaded. options: with the maximum number of pairs of its source.
-std::vector<QueryRecord> LocalizeLoaded(LoadedGroup loaded, const LocalizerOptions& options);
+// Localizes the queries of a group. options: with the maximum number of pairs of its source.
+std::vector<LocalizationResult> LocalizeLoaded(const LoadedGroup& loaded, const LocalizerOptions& options);
+
+// Loads a group and localizes its queries. If some are not localized, does so by a second attempt, too; returns the
+// results of the one that localizes more queries, and sets `loaded` to what it has loaded.
+std::vector<LocalizationResult> LoadAndLocalize(const QuerySource& source, const GroupInput& input,
+                                                const LocalizerOptions& options, QuerySource::Session* session,
+                                                LoadedGroup* loaded);
 
 // Localizes groups of the source's queries, one per task, on num_threads threads (-1: the number of cores). Threads
 // without a group help with the pairs of photos. Calls `finish` for each group that is done, never from two threads at

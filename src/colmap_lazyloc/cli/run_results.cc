@@ -61,9 +61,10 @@ RunManifest MakeManifest(const CommandOptions& options, const QuerySource& sourc
   manifest.other_options = OtherOptions(options);
   for (const auto& [name, path] : InputOptions(options)) {
     if (path.empty()) continue;
-    manifest.inputs[name] = {path, name == "input_path"   ? model
-                                   : name == "depth_path" ? FingerprintOfTree(path)
-                                                          : FingerprintOf(path)};
+    const bool is_large = name == "depth_path" || name == "onnx_path";
+    manifest.inputs[name] = {path, name == "input_path" ? model
+                                   : is_large           ? FingerprintOfTree(path)
+                                                        : FingerprintOf(path)};
   }
   manifest.num_groups = source.NumGroups();
   manifest.num_queries = source.NumQueries();

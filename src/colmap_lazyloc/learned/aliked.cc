@@ -4,7 +4,9 @@
 #include <cstring>
 #include <utility>
 
+#include "colmap_lazyloc/learned/contrast.h"
 #include "colmap_lazyloc/scene/errors.h"
+#include "colmap_lazyloc/scene/format.h"
 #include "colmap_lazyloc/scene/options_check.h"
 
 namespace lazyloc {
@@ -20,35 +22,51 @@ constexpr double kMaxIndex = 1e9;
 constexpr int kSizeMultiple = 32;  // of the images that the extractor takes
 constexpr auto kFloat = OnnxNode::Type::FLOAT, kInteger = OnnxNode::Type::INTEGER;
 
-// Returns the path that an option names, or else that of the file in the folder of all models.
-fs::path FindModel(const std::string& given, const char* option, const std::string& folder, const char* file_name) {
-  const fs::path path = given.empty() && !folder.empty() ? fs::path(folder) / file_name : fs::path(given);
-  const std::string how =
-      std::string("give its path by --") + option + ", or the folder of " + file_name + " by --onnx_path";
-  if (path.empty()) throw InputError(std::string("photos need an ONNX model for ALIKED features: ") + how);
+// Returns the file of a folder whose name ends with this one, because COLMAP puts a checksum in front of the names of
+// the models that it downloads; the file of this very name if there is one. Returns an empty path if there is none.
+fs::path FindModel(const std::string& folder, const std::string& name) {
   std::error_code ignored;
-  if (!fs::is_regular_file(path, ignored)) throw InputError(path.string() + ": is not a file: " + how);
+  fs::path found;
+  for (const fs::directory_entry& entry : fs::directory_iterator(folder, ignored)) {
+    const std::string file_name = entry.path().filename().string();
+    const bool has_name =
+        file_name.size() >= name.size() && file_name.compare(file_name.size() - name.size(), name.size(), name) == 0;
+    if (!has_name || !entry.is_regular_file(ignored)) continue;
+    if (file_name == name) return entry.path();
+    found = found.empty() ? entry.path() : std::min(found, entry.path());
+  }
+  return found;
+}
+
+fs::path NeedModel(const std::string& folder, const std::string& name) {
+  if (folder.empty()) {
+    throw InputError("photos need the ONNX models of ALIKED features: name the folder that has " + name +
+                     " by --onnx_path");
+  }
+  const fs::path path = FindModel(folder, name);
+  if (path.empty()) throw InputError("option --onnx_path: " + folder + " has no file " + name);
   return path;
 }
 
+const char* NameOf(MatcherType matcher) {
+  LAZYLOC_CHECK(matcher == MatcherType::ALIKED_BRUTEFORCE || matcher == MatcherType::ALIKED_LIGHTGLUE);
+  return matcher == MatcherType::ALIKED_BRUTEFORCE ? "bruteforce-matcher.onnx" : "aliked-lightglue.onnx";
+}
+
 OnnxModel LoadExtractor(FeatureType type, const AlikedOptions& options) {
-  const fs::path path =
-      type == FeatureType::ALIKED_N32
-          ? FindModel(options.n32_model_path, "AlikedExtraction.n32_model_path", options.onnx_path, "aliked-n32.onnx")
-          : FindModel(options.n16rot_model_path, "AlikedExtraction.n16rot_model_path", options.onnx_path,
-                      "aliked-n16rot.onnx");
-  return {path,
+  LAZYLOC_CHECK(IsAliked(type));
+  return {NeedModel(options.onnx_path, type == FeatureType::ALIKED_N32 ? "aliked-n32.onnx" : "aliked-n16rot.onnx"),
           {{"image", kFloat, {-1, 3, -1, -1}}, {"max_keypoints", kInteger, {}}, {"min_score", kFloat, {}}},
           {{"keypoints", kFloat, {-1, -1, 2}},
            {"descriptors", kFloat, {-1, -1, kDescriptorLength}},
            {"scores", kFloat, {-1, -1}}}};
 }
 
-OnnxModel LoadMatcher(const AlikedOptions& options) {
+OnnxModel LoadMatcher(MatcherType matcher, const AlikedOptions& options) {
   constexpr int kLength = kDescriptorLength;
-  if (options.matcher == AlikedMatcher::BRUTE_FORCE) {
-    return {FindModel(options.bruteforce_model_path, "AlikedMatching.bruteforce_model_path", options.onnx_path,
-                      "bruteforce-matcher.onnx"),
+  const fs::path path = NeedModel(options.onnx_path, NameOf(matcher));
+  if (matcher == MatcherType::ALIKED_BRUTEFORCE) {
+    return {path,
             {{"descs1", kFloat, {-1, kLength}},
              {"descs2", kFloat, {-1, kLength}},
              {"min_cossim", kFloat, {}},
@@ -56,8 +74,7 @@ OnnxModel LoadMatcher(const AlikedOptions& options) {
              {"cross_check", kInteger, {}}},
             {{"idx0", kInteger, {-1}}, {"idx1", kInteger, {-1}}, {"scores", kFloat, {-1}}}};
   }
-  return {FindModel(options.lightglue_model_path, "AlikedMatching.lightglue_model_path", options.onnx_path,
-                    "aliked-lightglue.onnx"),
+  return {path,
           {{"kpts0", kFloat, {-1, -1, 2}},
            {"kpts1", kFloat, {-1, -1, 2}},
            {"desc0", kFloat, {-1, -1, kLength}},
@@ -70,15 +87,18 @@ OnnxModel LoadMatcher(const AlikedOptions& options) {
 int RoundUp(int size) { return (size + kSizeMultiple - 1) / kSizeMultiple * kSizeMultiple; }
 
 // Returns the colours from 0 to 1, one plane each, enlarged by repeating the last column and row.
-OnnxTensor ToTensor(const RgbImage& image) {
+OnnxTensor ToTensor(const RgbImage& image, const Contrast& contrast) {
   const int width = RoundUp(image.width), height = RoundUp(image.height);
+  const float scale = 1.0f / static_cast<float>(contrast.white - contrast.black);
   std::vector<float> values;
   values.reserve(size_t{3} * static_cast<size_t>(width) * static_cast<size_t>(height));
   for (int channel = 0; channel < 3; ++channel) {
     for (int y = 0; y < height; ++y) {
       for (int x = 0; x < width; ++x) {
         const int pixel = std::min(y, image.height - 1) * image.width + std::min(x, image.width - 1);
-        values.push_back(static_cast<float>(image.values[static_cast<size_t>(3 * pixel + channel)]) * (1.0f / 255));
+        const int value = image.values[static_cast<size_t>(3 * pixel + channel)];
+        values.push_back(static_cast<float>(std::clamp(value, contrast.black, contrast.white) - contrast.black) *
+                         scale);
       }
     }
   }
@@ -111,24 +131,32 @@ OnnxTensor SizeTensor(const Camera& camera) {
 }  // namespace
 
 bool AlikedOptions::Check(std::string* error) const {
-  for (const auto& [name, value] : {std::pair{"AlikedExtraction.max_image_size", max_image_size},
-                                    std::pair{"AlikedExtraction.max_num_features", max_num_features}}) {
-    if (value >= 1) continue;
-    *error = std::string(name) + " must be >= 1, but is " + std::to_string(value);
-    return false;
-  }
-  return true;
+  if (max_num_features >= 1) return true;
+  *error = "AlikedExtraction.max_num_features must be >= 1, but is " + std::to_string(max_num_features);
+  return false;
 }
 
-Aliked::Aliked(FeatureType type, const AlikedOptions& options)
-    : type_(type), options_(options), extractor_(LoadExtractor(type, options)), matcher_(LoadMatcher(options)) {
-  LAZYLOC_CHECK(IsAliked(type));
+bool HasMatcher(MatcherType matcher, const AlikedOptions& options) {
+  return !FindModel(options.onnx_path, NameOf(matcher)).empty();
+}
+
+Aliked::Aliked(FeatureType type, MatcherType matcher, const AlikedOptions& options)
+    : type_(type),
+      matcher_type_(matcher),
+      options_(options),
+      extractor_(LoadExtractor(type, options)),
+      matcher_(LoadMatcher(matcher, options)) {}
+
+std::string Aliked::Describe() const {
+  return Format("at most %d features of ALIKED in at most %d pixels, matched by %s", options_.max_num_features,
+                options_.max_image_size, EnumName(matcher_type_));
 }
 
 Features Aliked::Extract(const PhotoFile& photo) const {
   const RgbImage image = photo.ToRgb(options_.max_image_size);
+  const Contrast contrast = options_.has_full_contrast ? FullContrast(image.values) : Contrast();
   const std::vector<OnnxTensor> outputs =
-      extractor_.Run({ToTensor(image), Scalar(int64_t{options_.max_num_features}), Scalar(kMinScore)});
+      extractor_.Run({ToTensor(image, contrast), Scalar(int64_t{options_.max_num_features}), Scalar(kMinScore)});
   const std::vector<float>&xys = outputs[0].Floats(), &descriptors = outputs[1].Floats(), &scores = outputs[2].Floats();
   if (xys.size() != 2 * scores.size() || descriptors.size() != kDescriptorLength * scores.size()) {
     extractor_.Fail("keypoints, descriptors and scores differ in number");
@@ -160,7 +188,7 @@ Matches Aliked::Match(const Features& query, const Camera& query_camera, const F
   LAZYLOC_CHECK(query.type == type_ && database.type == type_);
   // The brute-force model looks for a second neighbour.
   if (query.keypoints.size() < 2 || database.keypoints.size() < 2) return {};
-  Matches matches = options_.matcher == AlikedMatcher::BRUTE_FORCE
+  Matches matches = matcher_type_ == MatcherType::ALIKED_BRUTEFORCE
                         ? MatchByBruteForce(query, database)
                         : MatchByLightGlue(query, query_camera, database, database_camera);
   std::sort(matches.begin(), matches.end());

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <filesystem>
 #include <string>
 
 #include "colmap_lazyloc/bridge/feature_extraction.h"
@@ -7,32 +8,38 @@
 #include "colmap_lazyloc/scene/camera.h"
 #include "colmap_lazyloc/scene/features.h"
 #include "colmap_lazyloc/scene/match.h"
+#include "colmap_lazyloc/scene/matcher_type.h"
 
 namespace lazyloc {
 
-enum class AlikedMatcher { BRUTE_FORCE, LIGHTGLUE };
-template <>
-inline constexpr std::array kEnumNames<AlikedMatcher> = {"ALIKED_BRUTEFORCE", "ALIKED_LIGHTGLUE"};
-
-// Options for ALIKED features, with the names and defaults of COLMAP 4.
+// How ALIKED features are extracted, with the names and defaults of COLMAP 4.
 struct AlikedOptions {
-  std::string onnx_path;  // folder with models under COLMAP's names; the paths of single models precede it
-  int max_image_size = 1600, max_num_features = 2048;
-  std::string n16rot_model_path, n32_model_path;
-  AlikedMatcher matcher = AlikedMatcher::BRUTE_FORCE;
-  std::string bruteforce_model_path;
-  std::string lightglue_model_path;
+  std::string onnx_path;      // folder with models, whose names end with COLMAP's
+  int max_image_size = 1600;  // in pixels, of the longer side; larger photos are scaled down
+  int max_num_features = 2048;
+  // Spreads a photo's values from black to white, because the network sees little in haze or at night; COLMAP does not.
+  bool has_full_contrast = false;
 
   bool Check(std::string* error) const;
 };
+
+// True if the folder has the model of this matcher, which is one for ALIKED.
+bool HasMatcher(MatcherType matcher, const AlikedOptions& options);
 
 // Extracts and matches ALIKED features by COLMAP 4's ONNX models. Zhao et al., ALIKED: A Lighter Keypoint and
 // Descriptor Extraction Network via Deformable Transformation, TIM 2023. Lindenberger et al., LightGlue: Local Feature
 // Matching at Light Speed, ICCV 2023.
 class Aliked {
  public:
-  // type: one of ALIKED. Throws InputError naming the option or file if a model is missing or another one.
-  Aliked(FeatureType type, const AlikedOptions& options);
+  // type, matcher: those of ALIKED. Throws InputError naming the option or file if a model is missing or another one.
+  Aliked(FeatureType type, MatcherType matcher, const AlikedOptions& options);
+
+  FeatureType Type() const { return type_; }
+  MatcherType Matcher() const { return matcher_type_; }
+  const AlikedOptions& Options() const { return options_; }
+  // Returns a line for the user on how photos are extracted and matched.
+  std::string Describe() const;
+  const std::filesystem::path& ExtractorPath() const { return extractor_.Path(); }
 
   // Return the features, with keypoints in pixels of the file, and the sorted matches. Throw InputError naming the file
   // if a model's output makes no sense. Thread-safe; use the calling thread alone.
@@ -50,6 +57,7 @@ class Aliked {
                            const Features& database) const;
 
   const FeatureType type_;
+  const MatcherType matcher_type_;
   const AlikedOptions options_;
   const OnnxModel extractor_, matcher_;
 };

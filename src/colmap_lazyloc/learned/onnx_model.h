@@ -39,6 +39,7 @@ class OnnxModel {
             const std::vector<OnnxNode>& outputs);
   ~OnnxModel();
 
+  const std::filesystem::path& Path() const { return path_; }
   // Returns the outputs, of the types and shapes that were asked for. Throws InputError naming the file if the model
   // fails. Thread-safe; uses the calling thread alone, so that the result depends only on the inputs.
   std::vector<OnnxTensor> Run(const std::vector<OnnxTensor>& inputs) const;

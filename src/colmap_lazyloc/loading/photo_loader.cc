@@ -67,22 +67,6 @@ std::nullopt_t Refuse(QueryStatus status, const std::string& reason, Localizatio
 
 }  // namespace
 
-bool PhotoOptions::CheckImagePath(std::string* error) const {
-  if (!image_path.empty()) return true;
-  for (const auto& [name, value] : {std::pair{"retrieval_index_path", &retrieval_index_path},
-                                    std::pair{"matches_output_path", &matches_output_path}}) {
-    if (value->empty()) continue;
-    *error = std::string(name) + " needs --image_path, because it is for photos";
-    return false;
-  }
-  return true;
-}
-
-bool PhotoOptions::Check(std::string* error) const {
-  OPTION_GE(cache_gb, 0);
-  return extraction.Check(error) && aliked.Check(error);
-}
-
 PhotoLoader::PhotoLoader(const DatabaseReader& database, const QuerySelection& selection, const PhotoOptions& options,
                          int num_retrieved, int seed, int num_threads, bool has_more_photos)
     : selection_(selection),
@@ -91,7 +75,7 @@ PhotoLoader::PhotoLoader(const DatabaseReader& database, const QuerySelection& s
       seed_(seed),
       default_camera_(ParseDefaultCamera(options)),
       database_cameras_(selection.DatabaseModel(), options.image_path, selection.DatabaseExifFocalLengths()),
-      features_(static_cast<size_t>(std::min(options.cache_gb * 1e9, 1e18)), NumBytes) {
+      features_(options.CacheBytes(), NumBytes) {
   std::vector<std::string> damages;
   const FeatureReader features(database.Path());
   const DescriptorCounts counts = features.ReadDescriptorCounts(&damages);
@@ -128,15 +112,33 @@ PhotoLoader::PhotoLoader(const DatabaseReader& database, const QuerySelection& s
 }
 
 void PhotoLoader::PrepareFor(FeatureType type, const std::string& database_path) {
-  if (type == FeatureType::SIFT) return;
   const std::string problem = database_path + ": has features of type " + EnumName(type);
-  if (!IsAliked(type)) throw InputError(problem + ", which cannot be extracted from photos: only SIFT and ALIKED can");
-  if (!options_.matches_output_path.empty() && !MatchDatabase::CanHold(type)) {
+  const bool is_aliked = IsAliked(type), is_auto = options_.matcher == MatcherType::AUTO;
+  if (!is_aliked && type != FeatureType::SIFT) {
+    throw InputError(problem + ", which cannot be extracted from photos: only SIFT and ALIKED can");
+  }
+  if (is_aliked && options_.matcher == MatcherType::SIFT_BRUTEFORCE) {
+    throw InputError(problem + ", which --FeatureMatching.type SIFT_BRUTEFORCE does not match");
+  }
+  if (is_aliked && !options_.matches_output_path.empty() && !MatchDatabase::CanHold(type)) {
     throw InputError(problem +
                      ", which no database for --LazyLocalizer.Advanced.matches_output_path can hold, because "
                      "this program was built against COLMAP 3");
   }
-  aliked_ = std::make_unique<const Aliked>(type, options_.aliked);
+  const std::string& models = options_.aliked.onnx_path;
+  if (is_aliked) {
+    const MatcherType matcher = is_auto ? MatcherType::ALIKED_BRUTEFORCE : options_.matcher;
+    aliked_ = std::make_unique<const Aliked>(type, matcher, options_.aliked);
+    if (!is_auto || !HasMatcher(MatcherType::ALIKED_LIGHTGLUE, options_.aliked)) return;
+  } else if (options_.matcher == MatcherType::SIFT_BRUTEFORCE || (is_auto && models.empty())) {
+    return;
+  }
+  second_ = std::make_unique<const SecondAttempt>(selection_, options_, type, seed_);
+  is_always_second_ = !is_auto;
+  const auto has_file = [this](const Candidate& candidate) { return second_->HasFile(candidate); };
+  if (std::any_of(candidates_.begin(), candidates_.end(), has_file)) return;
+  warnings_.push_back("none of the database images is below --image_path " + options_.image_path +
+                      ": photos are not matched by ALIKED features");
 }
 
 void PhotoLoader::MeasureCandidates(const std::map<uint32_t, size_t>& num_descriptors, const FeatureReader& reader) {
@@ -162,13 +164,14 @@ void PhotoLoader::MeasureCandidates(const std::map<uint32_t, size_t>& num_descri
 }
 
 std::string PhotoLoader::DescribeExtraction() const {
-  if (aliked_) {
-    return Format("photos of at most %d pixels: at most %d features of ALIKED, matched by %s",
-                  options_.aliked.max_image_size, options_.aliked.max_num_features, EnumName(options_.aliked.matcher));
-  }
+  if (is_always_second_) return "photos: " + second_->Describe();
+  const std::string second = second_ ? "; photos that these do not localize: " + second_->Describe() : "";
+  if (aliked_) return "photos: " + aliked_->Describe() + second;
   const SiftExtractionOptions chosen = ChooseExtraction(options_.extraction, statistics_, database_scale_);
   return Format("photos of %.0f pixels with a focal length of %.0f: at most %d features, first octave %d",
-                database_scale_.size_px, database_scale_.focal_length_px, chosen.max_num_features, chosen.first_octave);
+                database_scale_.size_px, database_scale_.focal_length_px, chosen.max_num_features,
+                chosen.first_octave) +
+         second;
 }
 
 bool PhotoLoader::NeedsRetrieval(const PhotoQuery& photo) const {
@@ -212,9 +215,8 @@ PhotoCamera PhotoLoader::CameraOf(const PhotoQuery& photo, const PhotoProperties
   return ChoosePhotoCamera(properties, default_camera_, database_cameras_.OfSize(properties));
 }
 
-PhotoLoader::DatabaseFeatures PhotoLoader::LoadPairs(const Candidates& candidates, const FeatureReader& reader,
-                                                     LocalizationProblem* problem,
-                                                     std::vector<std::string>* damages) const {
+DatabaseFeatures PhotoLoader::LoadPairs(const Candidates& candidates, const FeatureReader& reader,
+                                        LocalizationProblem* problem, std::vector<std::string>* damages) const {
   DatabaseFeatures database_features;
   for (const Candidate* candidate : candidates) {
     const uint32_t image_id = candidate->image_id;
@@ -228,16 +230,22 @@ PhotoLoader::DatabaseFeatures PhotoLoader::LoadPairs(const Candidates& candidate
   return database_features;
 }
 
-std::optional<LocalizationProblem> PhotoLoader::Load(const PhotoQuery& photo, const FeatureReader& features,
-                                                     IdleThreads* idle_threads, QueryRecord* record) const {
+std::optional<PhotoFile> PhotoLoader::ReadFile(const PhotoQuery& photo, bool as_rgb, QueryRecord* record) const {
   const std::filesystem::path path =
       std::filesystem::path(options_.image_path) / (photo.path.empty() ? photo.name : photo.path);
   std::optional<PhotoFile> file = photo.file;
-  Measure("extraction", record, [&] { file = file ? file : PhotoFile::Read(path, /*as_rgb=*/aliked_ != nullptr); });
+  Measure("extraction", record, [&] { file = file ? file : PhotoFile::Read(path, as_rgb); });
   if (!file) {
-    return Refuse(QueryStatus::UNREADABLE_IMAGE, path.string() + " does not exist or is not a readable image",
-                  &record->result);
+    Refuse(QueryStatus::UNREADABLE_IMAGE, path.string() + " does not exist or is not a readable image",
+           &record->result);
   }
+  return file;
+}
+
+std::optional<LocalizationProblem> PhotoLoader::Load(const PhotoQuery& photo, const FeatureReader& features,
+                                                     IdleThreads* idle_threads, QueryRecord* record) const {
+  const std::optional<PhotoFile> file = ReadFile(photo, /*as_rgb=*/aliked_ != nullptr, record);
+  if (!file) return std::nullopt;
   const PhotoProperties& properties = file->Properties();
   const PhotoCamera chosen = CameraOf(photo, properties);
   record->intrinsics_source = chosen.source;
@@ -249,6 +257,7 @@ std::optional<LocalizationProblem> PhotoLoader::Load(const PhotoQuery& photo, co
   }
   Features query_features;
   Measure("extraction", record, [&] { query_features = Extract(*file, chosen.camera, idle_threads); });
+  record->matcher = aliked_ ? aliked_->Matcher() : MatcherType::SIFT_BRUTEFORCE;
   LocalizationProblem problem;
   problem.query_name = photo.name;
   problem.query_camera = chosen.camera;
@@ -265,7 +274,24 @@ std::optional<LocalizationProblem> PhotoLoader::Load(const PhotoQuery& photo, co
   if (matches_output_) {
     Measure("matches_output", record, [&] { matches_output_->Write(problem, query_features, database_features); });
   }
-  return problem;
+  return is_always_second_ ? LoadAgain(photo, problem, features, idle_threads, record) : problem;
+}
+
+std::optional<LocalizationProblem> PhotoLoader::LoadAgain(const PhotoQuery& photo, const LocalizationProblem& first,
+                                                          const FeatureReader& features, IdleThreads* idle_threads,
+                                                          QueryRecord* record) const {
+  const std::optional<PhotoFile> file = ReadFile(photo, /*as_rgb=*/true, record);
+  if (!file) return std::nullopt;
+  Candidates candidates;
+  for (const ImagePair& pair : first.pairs) {
+    candidates.push_back(&*std::lower_bound(
+        candidates_.begin(), candidates_.end(), pair.other_name,
+        [](const Candidate& candidate, const std::string& name) { return candidate.image->name < name; }));
+  }
+  // Takes all images, if they are few, for a photo without any features of the first attempt.
+  if (candidates.empty()) candidates = AllowedCandidates(photo);
+  if (first.pairs.empty() && candidates.size() > kMaxNumExhaustive) candidates.clear();
+  return second_->Load(*file, first, candidates, features, idle_threads, record);
 }
 
 void PhotoLoader::PublishMatches() const {

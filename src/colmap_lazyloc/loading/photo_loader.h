@@ -12,6 +12,8 @@
 #include "colmap_lazyloc/formats/query_files.h"
 #include "colmap_lazyloc/loading/database_cameras.h"
 #include "colmap_lazyloc/loading/matches_output.h"
+#include "colmap_lazyloc/loading/photo_options.h"
+#include "colmap_lazyloc/loading/second_attempt.h"
 #include "colmap_lazyloc/matching/feature_statistics.h"
 #include "colmap_lazyloc/matching/pair_matching.h"
 #include "colmap_lazyloc/matching/retrieval_index.h"
@@ -21,23 +23,8 @@
 
 namespace lazyloc {
 
-struct PhotoOptions {
-  std::string image_path;  // folder of the photos; empty: no query is a photo
-  std::string camera_model = "SIMPLE_RADIAL";
-  std::string camera_params;  // of all photos without a known camera; numbers separated by commas
-  std::string retrieval_index_path;
-  std::string matches_output_path;
-  SiftExtractionOptions extraction;
-  AlikedOptions aliked;
-  double cache_gb = 1;  // memory for the features of database images
-
-  bool Check(std::string* error) const;
-  // Returns false if files for photos are named although image_path is empty.
-  bool CheckImagePath(std::string* error) const;
-};
-
-// Makes the localization problem of a photo in memory: extracts features, chooses database images, matches and
-// verifies.
+// Makes the localization problem of a photo in memory: extracts features like the database's, chooses database images,
+// matches and verifies. A photo that this does not localize can be loaded again, by a second attempt.
 class PhotoLoader {
  public:
   // num_retrieved: database images per photo, if they are retrieved. num_threads: for making the retrieval index, which
@@ -52,6 +39,16 @@ class PhotoLoader {
   // damaged file. Thread-safe with one reader per thread; the result depends only on the input.
   std::optional<LocalizationProblem> Load(const PhotoQuery& photo, const FeatureReader& features,
                                           IdleThreads* idle_threads, QueryRecord* record) const;
+  // True if photos that are not localized can be loaded again.
+  bool HasSecondAttempt() const { return second_ && !is_always_second_; }
+  // Loads a photo by the second attempt. first: what Load has returned; seconds add up in the record.
+  std::optional<LocalizationProblem> LoadAgain(const PhotoQuery& photo, const LocalizationProblem& first,
+                                               const FeatureReader& features, IdleThreads* idle_threads,
+                                               QueryRecord* record) const;
+  // True if the keypoints of the database images of a photo are those of the database.
+  bool HasStoredKeypoints(const QueryRecord& record) const {
+    return !second_ || second_->HasStoredKeypoints() || record.matcher == MatcherType::SIFT_BRUTEFORCE;
+  }
   // Returns one line for each problem that does not end the run.
   const std::vector<std::string>& Warnings() const { return warnings_; }
   // Returns how the features of photos are extracted, for a photo like the database images.
@@ -60,15 +57,13 @@ class PhotoLoader {
   void PublishMatches() const;
 
  private:
-  struct Candidate {
-    const ModelImage* image = nullptr;
-    uint32_t image_id = 0;  // in the database
-  };
-  using Candidates = std::vector<const Candidate*>;
-  using DatabaseFeatures = std::vector<std::shared_ptr<const Features>>;
+  using Candidate = DatabaseCandidate;
+  using Candidates = DatabaseCandidates;
 
-  // Sets what extracts and matches features of the database's type. Throws InputError if there is nothing.
+  // Sets what extracts and matches features beside a database of this type. Throws InputError if there is nothing.
   void PrepareFor(FeatureType type, const std::string& database_path);
+  // Returns nullopt, with status and reason in the record, if the file is not a readable image.
+  std::optional<PhotoFile> ReadFile(const PhotoQuery& photo, bool as_rgb, QueryRecord* record) const;
   Features Extract(const PhotoFile& file, const Camera& camera, IdleThreads* idle_threads) const;
   // Sets the statistics of the candidates' features.
   void MeasureCandidates(const std::map<uint32_t, size_t>& num_descriptors, const FeatureReader& reader);
@@ -88,8 +83,10 @@ class PhotoLoader {
   const int seed_;
   const DefaultCamera default_camera_;
   const DatabaseCameras database_cameras_;
-  std::vector<Candidate> candidates_;     // posed images with descriptors, sorted by name
-  std::unique_ptr<const Aliked> aliked_;  // null for SIFT
+  std::vector<Candidate> candidates_;            // posed images with descriptors, sorted by name
+  std::unique_ptr<const Aliked> aliked_;         // null for SIFT
+  std::unique_ptr<const SecondAttempt> second_;  // null if there is none
+  bool is_always_second_ = false;
   std::unique_ptr<MatchesOutput> matches_output_;
   std::unique_ptr<RetrievalIndex> index_;
   FeatureStatistics statistics_;  // of the candidates

@@ -68,8 +68,6 @@ QuerySource::Session::Session(const QuerySource& source, IdleThreads* idle_threa
 
 std::optional<LocalizationProblem> QuerySource::LoadNamed(const std::string& name, Session* session,
                                                           QueryRecord* record) const {
-  const auto photo = selection_.Photos().find(name);
-  if (photo != selection_.Photos().end()) return LoadPhoto(photo->second, session, record);
   record->result.query_name = name;
   const StageTimer timer("load", &record->seconds);
   const StoredQuery query = selection_.ReadStoredQuery(name, session->database_);
@@ -86,7 +84,7 @@ std::optional<LocalizationProblem> QuerySource::LoadPhoto(const PhotoQuery& phot
   return photos.Load(photo, *session->features_, session->idle_threads_, record);
 }
 
-LoadedGroup QuerySource::Load(size_t group, Session* session) const {
+GroupInput QuerySource::Group(size_t group) const {
   GroupInput input;
   input.has_rig_scale = selection_.Groups().has_rig_scale;
   for (const QueryFrame& frame : selection_.Groups().At(group)) {
@@ -95,7 +93,14 @@ LoadedGroup QuerySource::Load(size_t group, Session* session) const {
       input.frames.back().images.push_back({std::string(image.name), image.cam_from_rig});
     }
   }
-  return Load(input, session);
+  return input;
+}
+
+const PhotoQuery* QuerySource::FindPhoto(const QueryInput& query) const {
+  const auto* const name = std::get_if<std::string>(&query);
+  if (name == nullptr) return std::get_if<PhotoQuery>(&query);
+  const auto photo = selection_.Photos().find(*name);
+  return photo == selection_.Photos().end() ? nullptr : &photo->second;
 }
 
 GroupInput QuerySource::WithPriors(GroupInput input) const {
@@ -116,8 +121,8 @@ LoadedGroup QuerySource::Load(const GroupInput& input, Session* session) const {
   LoadedGroup loaded = LoadEach(
       WithPriors(input), [&](const QueryInput& query, QueryRecord* record) -> std::optional<LocalizationProblem> {
         try {
+          if (const PhotoQuery* photo = FindPhoto(query)) return LoadPhoto(*photo, session, record);
           if (const auto* name = std::get_if<std::string>(&query)) return LoadNamed(*name, session, record);
-          if (const auto* photo = std::get_if<PhotoQuery>(&query)) return LoadPhoto(*photo, session, record);
           return std::get<LocalizationProblem>(query);
         } catch (const DamagedRecordError& error) {
           record->result.status = QueryStatus::DAMAGED_DATA;
@@ -130,11 +135,34 @@ LoadedGroup QuerySource::Load(const GroupInput& input, Session* session) const {
   return loaded;
 }
 
+std::optional<LoadedGroup> QuerySource::LoadAgain(const GroupInput& input, const LoadedGroup& first,
+                                                  Session* session) const {
+  LoadedGroup loaded = first;
+  size_t num_loaded = 0;
+  for (const GroupInput::Frame& frame : input.frames) {
+    for (const GroupInput::Image& image : frame.images) {
+      const PhotoQuery* const photo = FindPhoto(image.query);
+      if (photo == nullptr || !Photos().HasSecondAttempt()) return std::nullopt;
+      if (num_loaded == loaded.records.size()) break;
+      LocalizationProblem& problem = loaded.group.images[num_loaded].problem;
+      if (problem.query_name != photo->name) continue;  // it could not be loaded
+      QueryRecord& record = loaded.records[num_loaded++];
+      auto second = Photos().LoadAgain(*photo, problem, *session->features_, session->idle_threads_, &record);
+      if (!second) return std::nullopt;
+      problem = *std::move(second);
+    }
+  }
+  AddDatabasePairsAndDepths(session, &loaded);
+  return loaded;
+}
+
 void QuerySource::AddDatabasePairsAndDepths(Session* session, LoadedGroup* loaded) const {
   if (options_.reads_database_pairs) neighbours_.AddTo(session->database_, loaded);
   if (!depth_maps_) return;
   for (QueryImage& query : loaded->group.images) {
-    const StageTimer timer("depth", &loaded->records[&query - loaded->group.images.data()].seconds);
+    QueryRecord& record = loaded->records[&query - loaded->group.images.data()];
+    const bool has_stored_keypoints = !record.matcher || Photos().HasStoredKeypoints(record);
+    const StageTimer timer("depth", &record.seconds);
     for (ImagePair& pair : query.problem.pairs) {
       const DatabaseImage* image = selection_.FindInDatabase(pair.other_name);
       if (image == nullptr) continue;
@@ -143,8 +171,10 @@ void QuerySource::AddDatabasePairsAndDepths(Session* session, LoadedGroup* loade
       if (pair.other_depths.empty()) continue;
       pair.other_point_depths =
           depth_points_.AtKeypoints(pair.other_name, query.problem.query_name, session->database_);
-      // Leaves out points of other keypoints than the stored ones, which a caller may bring.
-      if (pair.other_point_depths.size() != pair.other_keypoints.size()) pair.other_point_depths.clear();
+      // Leaves out points of other keypoints than the stored ones, which a caller or a second attempt may bring.
+      if (!has_stored_keypoints || pair.other_point_depths.size() != pair.other_keypoints.size()) {
+        pair.other_point_depths.clear();
+      }
     }
   }
 }

@@ -84,11 +84,15 @@ class QuerySource {
   std::string DescribeExtraction() const { return photo_loader_ ? photo_loader_->DescribeExtraction() : ""; }
   // Returns how many pairs of a query the localizer is to use of those that are loaded; 0 for all.
   int MaxNumPairs() const { return max_num_pairs_; }
-  // Loads one group of the selection. Thread-safe with one session per thread. Throws InputError for a damaged
-  // file; damaged records become statuses (DAMAGED_DATA) or are left out.
-  LoadedGroup Load(size_t group, Session* session) const;
-  // Loads any group in the same way. The first photo may take long, because it makes the retrieval index.
+  // Returns one group of the selection.
+  GroupInput Group(size_t group) const;
+  // Loads a group. Thread-safe with one session per thread. Throws InputError for a damaged file; damaged records
+  // become statuses (DAMAGED_DATA) or are left out. The first photo may take long, because it makes the retrieval
+  // index.
   LoadedGroup Load(const GroupInput& input, Session* session) const;
+  // Loads a group of photos again, by a second attempt. first: what Load has returned. Returns nullopt if there is no
+  // second attempt, if a query is not a photo, or if its file cannot be read again.
+  std::optional<LoadedGroup> LoadAgain(const GroupInput& input, const LoadedGroup& first, Session* session) const;
   // Adds what the database images of the pairs tell by themselves, which Load does too: pairs with each other, and the
   // depths of their keypoints.
   void AddDatabasePairsAndDepths(Session* session, LoadedGroup* loaded) const;
@@ -104,6 +108,8 @@ class QuerySource {
   GroupInput WithPriors(GroupInput input) const;
   std::optional<LocalizationProblem> LoadNamed(const std::string& name, Session* session, QueryRecord* record) const;
   std::optional<LocalizationProblem> LoadPhoto(const PhotoQuery& photo, Session* session, QueryRecord* record) const;
+  // Returns null if the query is not a photo.
+  const PhotoQuery* FindPhoto(const QueryInput& query) const;
 
   const SourceOptions options_;
   const int seed_;

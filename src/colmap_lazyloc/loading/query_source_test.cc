@@ -62,7 +62,7 @@ class QuerySourceTest : public IoTest {
     const QuerySource source(options_, ReadModel(options_.input_path), /*seed=*/0, /*num_threads=*/1);
     IdleThreads idle_threads(0);
     QuerySource::Session session(source, &idle_threads);
-    return source.Load(group, &session);
+    return source.Load(source.Group(group), &session);
   }
   std::string Error() const {
     return ErrorOf([&] { Load(); });

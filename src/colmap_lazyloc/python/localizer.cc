@@ -41,6 +41,16 @@ std::optional<LocalizationProblem> CopyProblem(const QueryInput& query, QueryRec
   return std::get<LocalizationProblem>(query);
 }
 
+std::vector<Answer> ToAnswers(LoadedGroup loaded, std::vector<LocalizationResult> results) {
+  std::vector<std::vector<Eigen::Vector2d>> keypoints;
+  for (const QueryRecord& failure : loaded.failures) keypoints.push_back(failure.keypoints);
+  for (const QueryImage& image : loaded.group.images) keypoints.push_back(image.problem.query_keypoints);
+  std::vector<QueryRecord> records = FinishRecords(std::move(loaded), std::move(results));
+  std::vector<Answer> answers;
+  for (size_t i = 0; i < records.size(); ++i) answers.push_back({std::move(records[i]), std::move(keypoints[i])});
+  return answers;
+}
+
 }  // namespace
 
 // A call of a thread: counts the thread as busy and lends it a session.
@@ -163,16 +173,10 @@ LocalizationProblem Localizer::MakeProblem(const std::string& name, const Camera
   return problem;
 }
 
-std::vector<Answer> Localizer::LocalizeLoadedGroup(LoadedGroup loaded, int max_num_pairs) const {
-  std::vector<std::vector<Eigen::Vector2d>> keypoints;
-  for (const QueryRecord& failure : loaded.failures) keypoints.push_back(failure.keypoints);
-  for (const QueryImage& image : loaded.group.images) keypoints.push_back(image.problem.query_keypoints);
+LocalizerOptions Localizer::OptionsWith(int max_num_pairs) const {
   LocalizerOptions options = options_.localizer;
   options.max_num_pairs = max_num_pairs;
-  std::vector<QueryRecord> records = LocalizeLoaded(std::move(loaded), options);
-  std::vector<Answer> answers;
-  for (size_t i = 0; i < records.size(); ++i) answers.push_back({std::move(records[i]), std::move(keypoints[i])});
-  return answers;
+  return options;
 }
 
 QueryPrior Localizer::MakePrior(const std::vector<double>& position, const std::vector<double>& gravity) const {
@@ -183,27 +187,30 @@ QueryPrior Localizer::MakePrior(const std::vector<double>& position, const std::
 }
 
 std::vector<Answer> Localizer::Localize(size_t group, const std::map<std::string, QueryPrior>& priors) {
-  Call call(this);
-  LoadedGroup loaded = source_->Load(group, call.Session());
-  for (QueryImage& image : loaded.group.images) {
-    const auto given = priors.find(image.problem.query_name);
-    if (given == priors.end()) continue;
-    if (given->second.position) image.problem.prior.position = given->second.position;
-    if (given->second.gravity) image.problem.prior.gravity = given->second.gravity;
+  GroupInput input = source_->Group(group);
+  for (GroupInput::Frame& frame : input.frames) {
+    for (GroupInput::Image& image : frame.images) {
+      const auto given = priors.find(std::get<std::string>(image.query));
+      if (given != priors.end()) image.prior = given->second;
+    }
   }
-  return LocalizeLoadedGroup(std::move(loaded), source_->MaxNumPairs());
+  return Localize(input);
 }
 
 std::vector<Answer> Localizer::Localize(const GroupInput& input) {
   Call call(this);
-  // Uses all pairs that a user gives, as colmap lazy_localizer does with a file of pairs.
+  LoadedGroup loaded;
+  std::vector<LocalizationResult> results;
   if (HasOnlyMatches(input)) {
-    LoadedGroup loaded = LoadEach(input, CopyProblem);
+    loaded = LoadEach(input, CopyProblem);
     if (source_) source_->AddDatabasePairsAndDepths(call.Session(), &loaded);
-    return LocalizeLoadedGroup(std::move(loaded), /*max_num_pairs=*/0);
+    // Uses all pairs that a user gives, as colmap lazy_localizer does with a file of pairs.
+    results = LocalizeLoaded(loaded, OptionsWith(/*max_num_pairs=*/0));
+  } else {
+    if (!source_) throw InputError("only queries with matches of their own can do without a database");
+    results = LoadAndLocalize(*source_, input, OptionsWith(source_->MaxNumPairs()), call.Session(), &loaded);
   }
-  if (!source_) throw InputError("only queries with matches of their own can do without a database");
-  return LocalizeLoadedGroup(source_->Load(input, call.Session()), source_->MaxNumPairs());
+  return ToAnswers(std::move(loaded), std::move(results));
 }
 
 }  // namespace lazyloc

@@ -60,7 +60,7 @@ class Localizer {
  private:
   class Call;
 
-  std::vector<Answer> LocalizeLoadedGroup(LoadedGroup loaded, int max_num_pairs) const;
+  LocalizerOptions OptionsWith(int max_num_pairs) const;
   const Model& DatabaseModel() const { return source_ ? source_->DatabaseModel() : model_; }
   const FramePlaces& DatabaseFrames() const { return source_ ? source_->Selection().DatabaseFrames() : frames_; }
   std::vector<Eigen::Vector2d> StoredKeypoints(const std::string& database_name);

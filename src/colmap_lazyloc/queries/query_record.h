@@ -9,6 +9,7 @@
 #include "colmap_lazyloc/queries/intrinsics_source.h"
 #include "colmap_lazyloc/scene/localization_problem.h"
 #include "colmap_lazyloc/scene/localization_result.h"
+#include "colmap_lazyloc/scene/matcher_type.h"
 #include "colmap_lazyloc/scene/stage_timer.h"
 
 namespace lazyloc {
@@ -20,6 +21,7 @@ struct QueryRecord {
   StageTimer::Seconds seconds;             // wall time by stage, loading first
   double total_seconds = 0;                // wall time of the whole group, divided by the number of its queries
   std::optional<IntrinsicsSource> intrinsics_source = std::nullopt;  // nullopt if none were looked for
+  std::optional<MatcherType> matcher = std::nullopt;  // of a photo whose features were extracted; never AUTO
   // Damaged records of the database that were left out, with what is wrong, as in DamagedRecordError.
   std::vector<std::string> damages = {};
 };

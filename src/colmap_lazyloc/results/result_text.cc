@@ -196,6 +196,7 @@ Json RecordToJson(const QueryRecord& record) {
   if (result.depth) json["depth"] = DepthToJson(*result.depth);
   json["intrinsics"] = IntrinsicsToJson(result.intrinsics);
   json["intrinsics_source"] = record.intrinsics_source ? Json(EnumName(*record.intrinsics_source)) : Json();
+  if (record.matcher) json["matching_type"] = EnumName(*record.matcher);
   if (result.priors.position || result.priors.gravity) json["priors"] = PriorsToJson(result.priors);
   json["num_tracks"] = result.num_tracks;
   json["num_observations"] = result.num_observations;

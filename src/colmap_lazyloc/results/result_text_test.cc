@@ -32,6 +32,7 @@ QueryRecord Localized() {
   record.seconds = {{"rotation", 0.5}, {"refinement", 1}};
   record.total_seconds = 1.75;
   record.intrinsics_source = IntrinsicsSource::DATABASE_CAMERA;
+  record.matcher = MatcherType::ALIKED_LIGHTGLUE;
   return record;
 }
 
@@ -107,6 +108,7 @@ TEST_F(ResultText, JsonHoldsEverything) {
   EXPECT_EQ(json["rotation_stddev_deg"], 0.25);
   EXPECT_TRUE(json["rotation"].is_null() && json["bearing"].is_null());
   EXPECT_EQ(json["intrinsics_source"], "database_camera");
+  EXPECT_EQ(json["matching_type"], "ALIKED_LIGHTGLUE");
   EXPECT_EQ(json["num_tracks"], 3);
   EXPECT_EQ(json["num_observations"], 9);
   EXPECT_EQ(json["mean_reprojection_error_px"], 0.75);

@@ -44,6 +44,7 @@ QueryRecord FullRecord(const std::string& name) {
   record.seconds = {{"load", 0.25}, {"rotation", 0.5}};
   record.total_seconds = 1.75;
   record.intrinsics_source = IntrinsicsSource::EXIF;
+  record.matcher = MatcherType::SIFT_BRUTEFORCE;
   return record;
 }
 

@@ -70,9 +70,9 @@ void serialize(Archive& archive, LocalizationResult& result) {
 // Leaves the keypoints out, which are a part of their own.
 template <typename Archive>
 void serialize(Archive& archive, QueryRecord& record) {
-  auto& [result, keypoints, seconds, total_seconds, intrinsics_source, damages] = record;
+  auto& [result, keypoints, seconds, total_seconds, intrinsics_source, matcher, damages] = record;
   static_cast<void>(keypoints);
-  archive(result, seconds, total_seconds, intrinsics_source, damages);
+  archive(result, seconds, total_seconds, intrinsics_source, matcher, damages);
 }
 
 }  // namespace lazyloc

@@ -1,0 +1,28 @@
+#include "colmap_lazyloc/loading/photo_options.h"
+
+#include <algorithm>
+#include <utility>
+
+#include "colmap_lazyloc/scene/options_check.h"
+
+namespace lazyloc {
+
+bool PhotoOptions::CheckImagePath(std::string* error) const {
+  if (!image_path.empty()) return true;
+  for (const auto& [name, value] : {std::pair{"retrieval_index_path", &retrieval_index_path},
+                                    std::pair{"matches_output_path", &matches_output_path}}) {
+    if (value->empty()) continue;
+    *error = std::string(name) + " needs --image_path, because it is for photos";
+    return false;
+  }
+  return true;
+}
+
+bool PhotoOptions::Check(std::string* error) const {
+  OPTION_GE(cache_gb, 0);
+  return extraction.Check(error) && aliked.Check(error);
+}
+
+size_t PhotoOptions::CacheBytes() const { return static_cast<size_t>(std::min(cache_gb * 1e9, 1e18)); }
+
+}  // namespace lazyloc

@@ -1,0 +1,29 @@
+#pragma once
+
+#include <cstddef>
+#include <string>
+
+#include "colmap_lazyloc/bridge/feature_extraction.h"
+#include "colmap_lazyloc/learned/aliked.h"
+#include "colmap_lazyloc/scene/matcher_type.h"
+
+namespace lazyloc {
+
+struct PhotoOptions {
+  std::string image_path;  // folder of the photos; empty: no query is a photo
+  std::string camera_model = "SIMPLE_RADIAL";
+  std::string camera_params;  // of all photos without a known camera; numbers separated by commas
+  std::string retrieval_index_path;
+  std::string matches_output_path;
+  SiftExtractionOptions extraction;
+  AlikedOptions aliked;
+  MatcherType matcher = MatcherType::AUTO;
+  double cache_gb = 1;  // memory for the features of database images
+
+  size_t CacheBytes() const;
+  bool Check(std::string* error) const;
+  // Returns false if files for photos are named although image_path is empty.
+  bool CheckImagePath(std::string* error) const;
+};
+
+}  // namespace lazyloc
