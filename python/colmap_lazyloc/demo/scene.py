@@ -8,7 +8,7 @@ Writes below --output_path:
   queries_with_intrinsics.txt                 `name MODEL width height params...`
   ground_truth/poses.txt                      `name qw qx qy qz tx ty tz` of the queries, cam_from_world
   scene.json                                  parameters and size of the scene; written last
---scene robot and --scene survey write other files: see robot.py and survey.py.
+--scene robot and --scene survey write other files, which the tutorials of the documentation explain.
 The same parameters give the same files. If scene.json shows that the scene is complete, nothing is rendered.
 """
 
