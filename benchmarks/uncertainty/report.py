@@ -235,7 +235,7 @@ def print_scenes(colmap, data_paths):
                 turn = Rotation.from_matrix(pose.rotation @ true_pose.rotation.T).as_rotvec()
                 of_rotation = turn @ np.linalg.solve(np.array(result["covariance"])[:3, :3], turn)
                 rows.append((*pose.errors(true_pose), sigma**2, of_rotation))
-            position, rotation, *squared = np.median(rows, axis=0)
+            position, rotation, *squared = np.median(rows, axis=0) if rows else [np.nan] * 4
             print(
                 f"| {scene_path.name} | {num_retrieved} | {len(rows)} of {len(results)} "
                 f"| {100 * position:.2f} / {rotation:.3f} | {squared[0]:.1f} | {squared[1]:.1f} |",
