@@ -50,7 +50,7 @@ def on_page_content(content, **_):
         return f'<div class="formula" tabindex="0">{text}</div>' if is_block else text
 
     def break_word(word):
-        pieces = re.split(r"(?<=[_./,])(?=\w)", word) if len(html.unescape(word)) > MAX_UNBROKEN else [word]
+        pieces = re.split(r"(?<=[_./,=:])(?=[\w'])", word) if len(html.unescape(word)) > MAX_UNBROKEN else [word]
         return "<wbr>".join(f'<span class="word">{piece}</span>' if "-" in piece else piece for piece in pieces)
 
     def break_code(match):

@@ -353,14 +353,17 @@ def test_tables_are_those_of_the_results(write, check, page, problem):
 
 
 def test_tables_take_the_rows_of_a_run(write, tmp_path):
-    """Takes a run of which one row is in the results already: it is replaced, and others stay."""
+    """Takes a run of a new row: the row that is in the results stays. A table that the page lacks is left out."""
     write("docs/page.md", TABLE)
     write("benchmarks/results/page.json", RESULTS)
-    write("run.md", "# Run\n\n## Walls\n\n| a | |\n|---|---|\n| 2 | z |\n")
+    walls = "## Walls\n\n| a | |\n|---|---|\n| 2 | z |\n| PoseLib | y |\n"
+    write("run.md", f"# Run\n\n{walls}\n## Doors\n\n| a |\n|---|\n| 1 |\n")
     for command in (["git", "init", "-q"], ["git", "add", "."], ["git", *IDENTITY, "commit", "-q", "-m", "x"]):
         subprocess.run(command, cwd=tmp_path, check=True)
     command = [sys.executable, CHECKS_PATH / "tables.py", "--root", tmp_path, "--take", tmp_path / "run.md"]
     subprocess.run([*command, "--page", "page"], check=True)
     rows = (tmp_path / "docs/page.md").read_text().splitlines()[4:]
     assert rows[0] == "| 1 | x | 2026-01-02 0123456 EPYC, earlier |"
-    assert rows[1].startswith("| 2 | z | 20") and len(rows) == 2
+    assert rows[1].startswith("| 2 | z | 20") and rows[1].endswith(", earlier |")
+    assert rows[2].startswith("| PoseLib | y | 20") and not rows[2].endswith(", earlier |")
+    assert len(rows) == 3 and "doors" not in (tmp_path / "benchmarks/results/page.json").read_text()

@@ -235,6 +235,18 @@ def test_poses_between_two_times(photos, tmp_path):
     assert angle_deg == pytest.approx(10, abs=1e-3)
 
 
+def test_photos_of_two_cameras_at_one_time_are_refused(tmp_path):
+    """They would all get the pose of one camera."""
+    for side in ("left", "right"):
+        (tmp_path / "rig" / side).mkdir(parents=True)
+        PIL.Image.new("L", pose_files.SIZE).save(tmp_path / "rig" / side / "100.5.png")
+    path = pose_files.write(tmp_path, "t.txt", "100.5 1 0 0 0 0 0 1\n")
+    with pytest.raises(InputError, match="left/100.5.png and right/100.5.png have the same time"):
+        read(path, tmp_path / "rig", needs_camera=True)
+    images, _ = read(path, tmp_path / "rig" / "left", needs_camera=True)
+    assert np.allclose(images["100.5.png"].cam_from_world.cam_in_world, (1, 0, 0))
+
+
 def write_gps(path, latitude, longitude, altitude):
     photo = PIL.Image.new("L", (32, 24))
     exif = photo.getexif()

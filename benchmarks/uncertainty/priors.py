@@ -26,6 +26,7 @@ EVIDENCE = {
 
 def print_priors(colmap, cases, localize):
     """cases: pairs of a name and a scene; localize: runs the program and returns results by name."""
+    print("## Degenerate cases with other evidence\n")
     print("| case, 10 queries | " + " | ".join(EVIDENCE) + " |\n|---|" + "---|" * len(EVIDENCE))
     for case, scene in cases:
         cells = []

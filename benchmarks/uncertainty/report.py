@@ -4,12 +4,13 @@ quantiles  quantiles of the squared errors, normalized by the reported covarianc
            chi-square distribution with 6 degrees of freedom
 cases      scenes with unobservable motions: statuses, reasons, reported standard deviations, true errors
 priors     the same scenes with positions and gravity of the queries: statuses, what these fix, true errors
+scenes     the scenes below --data_path, leave-one-out: errors, and medians of the normalized squared errors
 stress     scenes in which a pose may be wrong (repetition, wrong intrinsics, wrong database poses, chance), and the
            scenes below --data_path: confidence against errors
 fit        fits the factors of the confidence to the scenes of `stress` and writes
            uncertainty/confidence_factors.h; build the program again after it
 
-  python -m benchmarks uncertainty [quantiles | cases | priors | stress | fit]... [--data_path DATA]...
+  python -m benchmarks uncertainty [quantiles | cases | priors | scenes | stress | fit]... [--data_path DATA]...
   python -m benchmarks uncertainty focal_length --help
 """
 
@@ -25,6 +26,7 @@ from scipy.spatial.transform import Rotation
 
 from benchmarks.uncertainty import confidence_fit, focal_length, localizer, priors, stress
 from colmap_lazyloc.errors import command
+from colmap_lazyloc.model import read_model
 from colmap_lazyloc.poses import Pose
 from colmap_lazyloc.program import find_colmap
 from colmap_lazyloc.results import pose_of
@@ -34,7 +36,7 @@ MIN_CONFIDENCE = 0.9  # the program's default
 FIT_SEEDS = 5000, 6000, 7000
 # Errors of the database poses that the fit adds to real scenes, so that it does not take noise for a wrong pose.
 FIT_NOISE_LEVELS = (0.3, 0), (1, 0), (0, 0.003), (0, 0.01), (1, 0.01)
-PERCENTS = 10, 25, 50, 75, 90, 95
+PERCENTS = 10, 50, 90
 EXACT = (
     "--LazyLocalizer.Advanced.database_pose_stddev_deg",
     0,
@@ -94,19 +96,20 @@ def print_quantiles(colmap):
     Poses of any confidence count, because refusing uncertain ones would select small errors.
     """
     expected = scipy.stats.chi2.ppf(np.array(PERCENTS) / 100, 6)
-    print("| database cameras | keypoint noise | database poses |", " | ".join(f"{p} %" for p in PERCENTS), "| mean |")
-    print("|---" * (4 + len(PERCENTS)) + "|")
-    print("| chi-square, 6 degrees | | |", " | ".join(f"{q:.2f}" for q in expected), "| 6.00 |")
+    print("## Synthetic scenes\n")
+    print("| database cameras | database poses |", " | ".join(f"{p} %" for p in PERCENTS), "| mean |")
+    print("|---" * (3 + len(PERCENTS)) + "|")
+    print("| chi-square, 6 degrees | |", " | ".join(f"{q:.2f}" for q in expected), "| 6.00 |")
     layouts = {"9 on an arc": synthetic.arc(9), "4 on an arc": synthetic.arc(4), "6 on a line": line(6)}
-    rows = [(layout, noise_px, "exact, so stated", 0) for layout in layouts for noise_px in (0.3, 1, 2)]
-    rows += [(layout, 1, "exact, estimated", 0) for layout in layouts]
-    rows += [("9 on an arc", 1, f"off by {px} px, estimated", px) for px in (0.3, 1, 3)]
-    rows += [(layout, 1, "off by 1 px, estimated", 1) for layout in ("4 on an arc", "6 on a line")]
-    for layout, noise_px, database, database_noise_px in rows:
+    rows = [(layout, "exact, so stated", 0) for layout in layouts]
+    rows += [(layout, "exact, estimated", 0) for layout in layouts]
+    rows += [("9 on an arc", f"off by {px} px, estimated", px) for px in (1, 3)]
+    rows += [(layout, "off by 1 px, estimated", 1) for layout in ("4 on an arc", "6 on a line")]
+    for layout, database, database_noise_px in rows:
         errors = []
         for seed in range(8):
             rng = np.random.default_rng(seed)
-            scene = synthetic.make_scene(layouts[layout], around(layouts[layout], 40, 0.7, rng), noise_px, seed=seed)
+            scene = synthetic.make_scene(layouts[layout], around(layouts[layout], 40, 0.7, rng), noise_px=1, seed=seed)
             # Convert pixels with the focal length of 520 px and the distance of 6 units.
             noise_rad = database_noise_px / 520
             given = with_disturbed_database(scene, np.degrees(noise_rad), 6 * noise_rad, rng)
@@ -119,7 +122,7 @@ def print_quantiles(colmap):
                 if results[name]["status"] == "LOCALIZED"
             ]
         observed = " | ".join(f"{q:.2f}" for q in np.percentile(errors, PERCENTS))
-        print(f"| {layout} | {noise_px} px | {database} | {observed} | {np.mean(errors):.2f} |", flush=True)
+        print(f"| {layout} | {database} | {observed} | {np.mean(errors):.2f} |", flush=True)
 
 
 # Cases
@@ -172,7 +175,7 @@ def pair_of(stddevs, errors, unit):
 
 
 def print_cases(colmap):
-    print("| case, 10 queries | status | position | rotation | bearing |\n|---|---|---|---|---|")
+    print("## Degenerate cases\n\n| case, 10 queries | status | position | rotation | bearing |\n|---|---|---|---|---|")
     reasons = collections.OrderedDict()
     for case, scene in cases():
         results = localize(colmap, scene)
@@ -211,13 +214,42 @@ def print_cases(colmap):
         print(f"- {case}, `{status}`: {reason}")
 
 
+# Scenes
+
+
+def print_scenes(colmap, data_paths):
+    """Prints medians of the errors of each scene's localized images, with 20 and with 4 database images."""
+    print("## Leave one out\n\n| scene | K | localized | median cm / ° | position (2.4) | rotation (2.4) |")
+    print("|---|---|---|---|---|---|")
+    for scene_path in sorted(path.parent for data_path in data_paths for path in data_path.glob("*/database.db")):
+        truth = {name: image.cam_from_world for name, image in read_model(scene_path / "model").images.items()}
+        for num_retrieved in (20, 4):
+            option = "--LazyLocalizer.num_retrieved", num_retrieved
+            results = stress.leave_one_out(colmap, scene_path, scene_path / "model", *option)
+            rows = []
+            for result in results.values():
+                if result["status"] != "LOCALIZED":
+                    continue
+                pose, true_pose = pose_of(result), truth[result["name"]]
+                sigma = localizer.position_error(pose, result["covariance"], true_pose.cam_in_world)[1]
+                turn = Rotation.from_matrix(pose.rotation @ true_pose.rotation.T).as_rotvec()
+                of_rotation = turn @ np.linalg.solve(np.array(result["covariance"])[:3, :3], turn)
+                rows.append((*pose.errors(true_pose), sigma**2, of_rotation))
+            position, rotation, *squared = np.median(rows, axis=0) if rows else [np.nan] * 4
+            print(
+                f"| {scene_path.name} | {num_retrieved} | {len(rows)} of {len(results)} "
+                f"| {100 * position:.2f} / {rotation:.3f} | {squared[0]:.1f} | {squared[1]:.1f} |",
+                flush=True,
+            )
+
+
 @command
 def main(arguments=None):
     arguments = sys.argv[1:] if arguments is None else arguments
     if arguments[:1] == ["focal_length"]:
         return focal_length.main(arguments[1:])
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    tables = ["quantiles", "cases", "priors", "stress", "fit"]
+    tables = ["quantiles", "cases", "priors", "scenes", "stress", "fit"]
     parser.add_argument("tables", nargs="*", choices=[*tables, []], help="default: quantiles and cases")
     parser.add_argument("--colmap", type=pathlib.Path, default=find_colmap(), help="path of our colmap program")
     parser.add_argument(
@@ -225,8 +257,8 @@ def main(arguments=None):
         type=pathlib.Path,
         action="append",
         default=[],
-        help="folder of scenes (SCENE/database.db, SCENE/model, optionally SCENE/queries.txt), for stress and fit; may "
-        "be repeated",
+        help="folder of scenes (SCENE/database.db, SCENE/model, optionally SCENE/queries.txt), for scenes, stress and "
+        "fit; may be repeated",
     )
     parser.add_argument(
         "--truth_stddev",
@@ -247,6 +279,8 @@ def main(arguments=None):
             {"quantiles": print_quantiles, "cases": print_cases}[table](arguments.colmap)
         elif table == "priors":
             priors.print_priors(arguments.colmap, cases(), localize)
+        elif table == "scenes":
+            print_scenes(arguments.colmap, arguments.data_path)
         else:
             # Fit other scenes than `stress` shows, because factors do best on what they were fitted to.
             outcomes = []

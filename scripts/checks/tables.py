@@ -2,14 +2,16 @@
 """Checks that the tables of measurements in docs/ are those of the result files in benchmarks/results/.
 
 A result file PAGE.json has the tables of a page by name: columns, and rows with date, commit, machine and cells. In the
-page, the line `<!-- results: PAGE/NAME -->` stands before each table. The last column says when a row was measured.
+page, the line `<!-- results: PAGE/NAME -->` stands before each table. The last column says when a row was measured, and
+whether by an earlier version of the program; rows of other programs do not depend on it.
 
 `--write` writes the tables into the pages. `--take RUN.md --page PAGE` first takes the tables of a benchmark's output
 into PAGE.json, as measured today, with the commit and on the machine at hand: a table is named after its heading, and
-rows that begin alike are replaced.
+rows that begin alike are replaced. If the page has tables already, others are left out.
 """
 
 import argparse
+import collections
 import datetime
 import json
 import pathlib
@@ -19,7 +21,8 @@ import subprocess
 import tree
 
 # Commits whose figures the present program has too. A change of the method empties this list.
-PRESENT = ("8636cde57e",)
+PRESENT = ("8636cde57e", "ddd3a605db")
+OTHER_PROGRAM = re.compile(r"map|structure_based|local[_ i]|colmap|poselib|generalized_|relative_pose_r", re.I)
 MARKER = re.compile(r"^<!-- results: ([\w-]+)/([\w.-]+) -->\n\n((?:\|.*\n)+)", re.MULTILINE)
 ANY_MARKER = re.compile(r"<!-- results: ([\w-]+)/([\w.-]+) -->")
 HEADING_OR_TABLE = re.compile(r"^#+ (.*)$|^((?:\|.*\n?)+)", re.MULTILINE)
@@ -34,7 +37,8 @@ def render(table):
     """Returns the table as Markdown."""
     lines = [[*table["columns"], "measured"], ["---"] * (len(table["columns"]) + 1)]
     for row in table["rows"]:
-        age = "" if row["commit"] in PRESENT else ", earlier"
+        is_present = row["commit"] in PRESENT or OTHER_PROGRAM.match(row["cells"][0].strip("*`"))
+        age = "" if is_present else ", earlier"
         lines.append([*row["cells"], f"{row['date']} {row['commit'][:7]} {row['machine']}{age}"])
     return "".join(f"| {' | '.join(line)} |\n" for line in lines).replace("| --- |", "|---|").replace(" --- |", "---|")
 
@@ -60,7 +64,7 @@ def take(root, run_path, page):
     """Takes the tables of a run into the result file of a page."""
     path = root / "benchmarks" / "results" / f"{page}.json"
     tables = json.loads(path.read_text("utf-8")) if path.exists() else {}
-    source = measured_here(root)
+    source, shown = measured_here(root), shown_tables(root)
     heading, taken = "", {}
     for match in HEADING_OR_TABLE.finditer(run_path.read_text("utf-8")):
         if match.group(2) is None:
@@ -69,9 +73,20 @@ def take(root, run_path, page):
         lines = [cells_of(line) for line in match.group(2).splitlines()]
         taken[heading] = taken.get(heading, 0) + 1
         name = heading if taken[heading] == 1 else f"{heading}-{taken[heading]}"
+        if page in shown and name not in shown[page]:
+            continue
         rows = [{**source, "cells": cells} for cells in lines[2:]]
         tables[name] = {"columns": lines[0], "rows": merge(tables.get(name), lines[0], rows)}
     write_results(path, tables)
+
+
+def shown_tables(root):
+    """Returns the names of the tables that the documentation has, by the page of their results."""
+    shown = collections.defaultdict(set)
+    for path in tree.list_files(root, "docs/*.md"):
+        for page, name in ANY_MARKER.findall(path.read_text("utf-8")):
+            shown[page].add(name)
+    return shown
 
 
 def merge(old, columns, rows):

@@ -113,6 +113,17 @@ def _numeric_rows(source: Source, parsers: dict[int, Callable[[list[float]], Row
     return [parsers[count]([float(word) for word in row]) for row in rows]
 
 
+def _check_one_camera(source: Source, times: dict[str, float]) -> None:
+    """Refuses photos of two cameras at the same time, because all photos get the poses of one."""
+    names: dict[float, str] = {}
+    for name, time in times.items():
+        if names.setdefault(time, name) != name:
+            raise InputError(
+                f"--image_path {source.photos.folder}: {names[time]} and {name} have the same time, but the trajectory "
+                "is that of one camera: give the folder of its photos"
+            )
+
+
 def _posed(source: Source, rows: list[Row], is_opengl: bool) -> PosedImages:
     """Returns the images of the rows, each with the row of its name, or with a pose at its time."""
     if not rows:
@@ -125,6 +136,7 @@ def _posed(source: Source, rows: list[Row], is_opengl: bool) -> PosedImages:
             raise InputError(f"{source.path}: has neither names of photos nor times")
         names = photo_times(source)
         bodies = interpolate(names, [row.time or 0.0 for row in rows], centres, rotations) if names else {}
+        _check_one_camera(source, {name: names[name] for name in bodies})
     if not bodies:
         return PosedImages([])
     camera, cam_from_body = read_calibration(source, next(iter(bodies)))
