@@ -9,3 +9,5 @@ PYTHON=$VENV_DIR/bin/python
 COLMAP=$BUILD_DIR/bin/colmap
 # Use the package of this checkout, because several checkouts share the Python environment.
 export PYTHONPATH=$PWD/python${PYTHONPATH:+:$PYTHONPATH}
+# Let ccache serve what another checkout has compiled.
+export CCACHE_BASEDIR=$PWD CCACHE_NOHASHDIR=1

@@ -23,7 +23,7 @@ def evidence_of(outcomes, name, unknown):
 
 
 def odds_shapes(outcomes):
-    """Returns the odds of another place, of a competing pose and of chance for factors of one, as confidence.cc does."""
+    """Returns the odds of another place, a competing pose and chance for factors of one, as confidence.cc does."""
     explained, agreeing = (evidence_of(outcomes, f"{kind}_ratio", 1.0) for kind in ("explained", "agreeing"))
     support = ((explained + agreeing) / 2).clip(MIN_SUPPORT, 1)
     error_px = evidence_of(outcomes, "median_error_px", np.nan)

@@ -83,7 +83,7 @@ struct LocalizerOptions {
   double database_pose_stddev_deg = -1;
   double database_pose_stddev_length = -1;
   bool depth_is_metric = false;  // true: depths are in database units, even if no triangulated point tells
-  double min_confidence = 0.9;  // of a pose; a query below it is not LOCALIZED
+  double min_confidence = 0.9;   // of a pose; a query below it is not LOCALIZED
   // Maximum standard deviation of a position over the distance to the scene; a query above it is not LOCALIZED.
   double max_position_stddev_ratio = 0.1;
 

@@ -169,10 +169,10 @@ void AddRunnerUp(const Choice& choice, int query, LocalizationResult* result) {
   if (competing_pose) {
     PosedImages posed = solution.checked.posed;
     posed.frames[frame].frame_from_world = *competing_pose;
-    result->runner_up = RunnerUp{
-        Format("points that do not fit the pose agree on this one, with %.0f %% of its score",
-               100 * result->evidence.competing_ratio),
-        PoseInWorld(solution.prepared->layout, posed, query), OddsOfCompetingPose(result->evidence)};
+    result->runner_up =
+        RunnerUp{Format("points that do not fit the pose agree on this one, with %.0f %% of its score",
+                        100 * result->evidence.competing_ratio),
+                 PoseInWorld(solution.prepared->layout, posed, query), OddsOfCompetingPose(result->evidence)};
   }
   if (choice.runner_up == nullptr) return;
   const Solution& other = *choice.runner_up;

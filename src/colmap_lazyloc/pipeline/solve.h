@@ -18,13 +18,13 @@ struct Solution {
   const Prepared* prepared = nullptr;
   std::optional<Failure> failure;  // nullopt if there are poses
 
-  Averaged averaged;                     // pairs in use
-  std::vector<StartPose> starts;         // by query frame; empty without any
-  std::vector<DepthResult> depths;       // by query; empty without depth maps
-  std::vector<QueryPriorResult> priors;  // by query
-  std::optional<Refined> refined;        // nullopt if nothing was adjusted over tracks
-  CheckedIntrinsics checked;             // the poses as reported, with uncertainties and intrinsics
-  std::vector<PoseEvidence> evidence;    // by query frame; empty if unknown
+  Averaged averaged;                                    // pairs in use
+  std::vector<StartPose> starts;                        // by query frame; empty without any
+  std::vector<DepthResult> depths;                      // by query; empty without depth maps
+  std::vector<QueryPriorResult> priors;                 // by query
+  std::optional<Refined> refined;                       // nullopt if nothing was adjusted over tracks
+  CheckedIntrinsics checked;                            // the poses as reported, with uncertainties and intrinsics
+  std::vector<PoseEvidence> evidence;                   // by query frame; empty if unknown
   std::vector<std::optional<Rigid3d>> competing_poses;  // by query frame, parallel to the evidence
 };
 

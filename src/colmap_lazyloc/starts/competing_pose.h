@@ -18,8 +18,8 @@ struct CompetingPose {
 };
 
 // Returns the best absolute pose by the points from the database that a query frame's pose does not explain; nullopt
-// without any. The scores are those over all tracks, with the database poses as given, so that neither pose profits from
-// their corrections, which can explain wrong matches.
+// without any. The scores are those over all tracks, with the database poses as given, so that neither pose profits
+// from their corrections, which can explain wrong matches.
 std::optional<CompetingPose> FindCompetingPose(const Layout& layout, const SplitTracks& tracks, int frame,
                                                const Rigid3d& frame_from_world, int seed);
 

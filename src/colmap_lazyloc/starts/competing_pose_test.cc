@@ -10,7 +10,8 @@ namespace {
 constexpr int kNumPoints = 60;
 
 // Moves the points of the first tracks of a frame to where it would see them from another pose.
-void Relocate(const StageInput& input, int frame, int num_tracks, const Rigid3d& other_from_world, SplitTracks* tracks) {
+void Relocate(const StageInput& input, int frame, int num_tracks, const Rigid3d& other_from_world,
+              SplitTracks* tracks) {
   const Rigid3d moved = Inverse(other_from_world) * input.truth.frames[frame].frame_from_world;
   for (Track& track : tracks->from_database) {
     if (input.layout.FrameOf(track.observations.front().image) != frame || num_tracks-- <= 0) continue;

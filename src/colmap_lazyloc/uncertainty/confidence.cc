@@ -48,11 +48,10 @@ std::string LowConfidenceReason(const PoseEvidence& evidence, double confidence,
   const std::string cause =
       chance > std::max(place, competing)
           ? Format("only %.0f points are seen by two or more other images", evidence.num_common_tracks)
-      : competing > place
-          ? Format("points that do not fit this pose agree on another one, with %.0f %% of its score",
-                   100 * evidence.competing_ratio)
-          : Format("only %.0f %% of the verified matches speak for the pose, within %.1f px", 100 * Support(evidence),
-                   evidence.median_error_px);
+      : competing > place ? Format("points that do not fit this pose agree on another one, with %.0f %% of its score",
+                                   100 * evidence.competing_ratio)
+                          : Format("only %.0f %% of the verified matches speak for the pose, within %.1f px",
+                                   100 * Support(evidence), evidence.median_error_px);
   return Format("the pose is right with a probability of only %.2f, and %.2f is needed: %s", confidence, min_confidence,
                 cause.c_str());
 }

@@ -73,7 +73,8 @@ TEST(Confidence, OddsOfACompetingPoseAreTheThirdPowerOfTheRatioOfScores) {
   EXPECT_LT(Confidence(half), LocalizerOptions().min_confidence) << "two places that look exactly alike";
   half.competing_ratio = 0.2;
   EXPECT_GT(Confidence(half), LocalizerOptions().min_confidence);
-  EXPECT_THAT(LowConfidenceReason(With(&PoseEvidence::competing_ratio, 1.5), 0.4, 0.9), HasSubstr("150 % of its score"));
+  EXPECT_THAT(LowConfidenceReason(With(&PoseEvidence::competing_ratio, 1.5), 0.4, 0.9),
+              HasSubstr("150 % of its score"));
 }
 
 TEST(Confidence, PointsOfSingleImagesCountLess) {

@@ -72,8 +72,8 @@ double CountAgreeing(const Layout& layout, const std::vector<PairGeometry>& pair
   return num_agreeing;
 }
 
-// Returns the number for a query whose focal length was estimated: that of the pairs that fit the pose, because relative
-// poses with another focal length say nothing.
+// Returns the number for a query whose focal length was estimated: that of the pairs that fit the pose, because
+// relative poses with another focal length say nothing.
 double CountFitting(const PosedImages& posed, const QueryCamera& camera, const std::vector<PairGeometry>& pairs) {
   double num_agreeing = 0;
   for (const PairGeometry& pair : camera.Observe(pairs)) {
