@@ -55,13 +55,16 @@ TwoViewGeometry FromColmap(const colmap::TwoViewGeometry& geometry) {
   return converted;
 }
 
+// Returns COLMAP's maximum epipolar error of an inlier in pixels.
+double MaxErrorPx() { return colmap::TwoViewGeometryOptions().ransac_options.max_error; }
+
 }  // namespace
 
 TwoViewGeometry EstimateTwoViewGeometry(const Camera& other_camera, const std::vector<Eigen::Vector2d>& other_keypoints,
                                         const Camera& query_camera, const std::vector<Eigen::Vector2d>& query_keypoints,
                                         const Matches& matches, bool is_query_calibrated, uint32_t seed) {
   if (IsEquirectangular(other_camera) || IsEquirectangular(query_camera)) {
-    return EstimateRayGeometry(other_camera, other_keypoints, query_camera, query_keypoints, matches, kMaxErrorPx,
+    return EstimateRayGeometry(other_camera, other_keypoints, query_camera, query_keypoints, matches, MaxErrorPx(),
                                seed);
   }
   colmap::TwoViewGeometryOptions colmap_options;
@@ -99,7 +102,7 @@ TwoViewGeometry EstimateCalibratedGeometry(const Camera& other_camera,
     with_rays.push_back(match);
   }
   colmap::RANSACOptions ransac_options;
-  const double max_error_px = colmap::TwoViewGeometryOptions().ransac_options.max_error;
+  const double max_error_px = MaxErrorPx();
   ransac_options.max_error = (ToColmap(other_camera).CamFromImgThreshold(max_error_px) +
                               ToColmap(query_camera).CamFromImgThreshold(max_error_px)) /
                              2;
