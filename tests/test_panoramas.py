@@ -94,11 +94,11 @@ def run_lazyloc(colmap, monkeypatch, *words):
     return main([str(word) for word in ["run", *words, *photo_scene.SIFT]])
 
 
-def assert_near(poses, truth, max_position_error=MAX_POSITION_ERROR):
+def assert_near(poses, truth, max_position_error=MAX_POSITION_ERROR, max_rotation_error_deg=0.3):
     assert sorted(poses) == sorted(truth)
     for name, pose in poses.items():
         position_error, rotation_error_deg = pose.errors(truth[name])
-        assert position_error < max_position_error and rotation_error_deg < 0.3, name
+        assert position_error < max_position_error and rotation_error_deg < max_rotation_error_deg, name
 
 
 def test_panoramas_in_panoramas(colmap, tour, monkeypatch, tmp_path, capsys):
@@ -139,8 +139,9 @@ def test_photos_in_panoramas(colmap, tour, photos, monkeypatch, tmp_path):
     words += ["--queries", photos.image_path / "query", "--query_camera", photo_scene.CAMERA.text()]
     assert run_lazyloc(colmap, monkeypatch, *words, "--output", tmp_path / "out") == 0
     truth = {name: photos.poses[name] for name in photos.query_names}
-    # The panoramas are three times as coarse as the photos, so that few features match.
-    assert_near(read_poses(tmp_path / "out" / "localized" / "poses.txt"), truth, max_position_error=0.15)
+    # The panoramas are three times as coarse as the photos, so that few features match: allow for two of their pixels.
+    poses = read_poses(tmp_path / "out" / "localized" / "poses.txt")
+    assert_near(poses, truth, max_position_error=0.15, max_rotation_error_deg=0.6)
     assert not (tmp_path / "out" / "localized" / "rig_poses.txt").exists()
 
 
