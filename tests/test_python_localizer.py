@@ -301,7 +301,7 @@ def test_rig_has_the_bytes_of_the_program(localize, noisy, localizer, tmp_path):
     rig[noisy.scene.query_names[0]] = Pose(np.array([1.0, 0, 0, 0]), np.zeros(3))
     (tmp_path / "rig.json").write_text(json.dumps([{"cameras": cameras}]))
     run = localize(*noisy.arguments, "--rig_config_path", tmp_path / "rig.json")
-    results = localizer.localize_rig(rig, name=".jpg")
+    results = localizer.localize_rig(rig, name="query/.jpg")
     assert_same_poses(list(results.values()), run)
     for name, result in results.items():
         assert without_times(result.as_dict()) == without_times(run.results[name])
