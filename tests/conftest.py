@@ -27,6 +27,15 @@ MAX_SECONDS = 300  # a run that takes longer hangs
 signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
+def assert_refused(run, *words):
+    """Checks that a run ended with one line of error that has these words, and wrote nothing."""
+    assert run.exit_code == 1, run.stderr
+    assert run.stderr.startswith("ERROR: ") and run.stderr.count("\n") == 1, run.stderr
+    for word in words:
+        assert str(word) in run.stderr, run.stderr
+    assert not run.output_path.exists()
+
+
 def split_summary(stderr):
     """Splits the standard error output of a run before the summary that ends it."""
     match = re.search(r"^\n\d+ of \d+ queries done$", stderr, re.MULTILINE)

@@ -12,7 +12,7 @@ import pytest
 
 import colmap_lazyloc as ll
 from colmap_lazyloc.onnx import LIBRARY_VARIABLE
-from conftest import DATA_PATH
+from conftest import DATA_PATH, assert_refused
 
 onnxruntime = pytest.importorskip("onnxruntime")
 pycolmap = pytest.importorskip("pycolmap", minversion="4")
@@ -97,14 +97,6 @@ def changed_database(scene, tmp_path):
         return path
 
     return change
-
-
-def assert_refused(run, *words):
-    assert run.exit_code == 1, run.stderr
-    assert run.stderr.startswith("ERROR: ") and run.stderr.count("\n") == 1, run.stderr
-    for word in words:
-        assert str(word) in run.stderr, run.stderr
-    assert not run.output_path.exists()
 
 
 def test_photos_are_localized_and_nothing_is_touched(scene, queries, localize, fingerprint):

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import photo_scene
+from conftest import assert_refused
 
 
 @pytest.fixture(scope="module")
@@ -36,14 +37,6 @@ def changed_database(scene, tmp_path):
         return path
 
     return change
-
-
-def assert_refused(run, *words):
-    assert run.exit_code == 1
-    assert run.stderr.startswith("ERROR: ") and run.stderr.count("\n") == 1, run.stderr
-    for word in words:
-        assert str(word) in run.stderr
-    assert not run.output_path.exists()
 
 
 def test_bad_photos_have_a_status_and_the_good_one_is_localized(scene, localize, tmp_path):

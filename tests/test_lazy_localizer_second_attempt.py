@@ -11,7 +11,7 @@ import pytest
 
 import colmap_lazyloc as ll
 from benchmarks.photos.degraded_photos import haze
-from conftest import DATA_PATH
+from conftest import DATA_PATH, assert_refused
 
 pytest.importorskip("onnxruntime")
 
@@ -85,14 +85,6 @@ def without_seconds(run):
     return {
         name: {key: value for key, value in result.items() if key != "seconds"} for name, result in run.results.items()
     }
-
-
-def assert_refused(run, *words):
-    assert run.exit_code == 1, run.stderr
-    assert run.stderr.startswith("ERROR: ") and run.stderr.count("\n") == 1, run.stderr
-    for word in words:
-        assert str(word) in run.stderr, run.stderr
-    assert not run.output_path.exists()
 
 
 def test_aliked_features_localize_what_sift_does_not(scene, localize, with_models, fingerprint):

@@ -197,19 +197,22 @@ class Solver {
   // because averaging may have left out those that speak for another pose.
   void AddCompetingPoses(const Refined& refined) {
     solution_.competing_poses.resize(layout_.num_query_frames);
-    std::optional<SplitTracks> tracks;
+    std::vector<int> frames;
     for (int frame = 0; frame < layout_.num_query_frames; ++frame) {
-      PoseEvidence& evidence = solution_.evidence[frame];
-      if (!(evidence.explained_ratio < kEnoughExplained)) continue;
-      if (!tracks) {
-        CandidateTracks candidates = Collect(Refs(estimates_.pairs));
-        if (refined.camera) candidates.for_start = refined.camera->Observe(candidates.for_start);
-        tracks = TriangulateStart(candidates);
-      }
-      const Rigid3d& pose = refined.adjustment.posed.frames[frame].frame_from_world;
-      const std::optional<CompetingPose> competing = FindCompetingPose(layout_, *tracks, frame, pose, options_.seed);
+      if (solution_.evidence[frame].explained_ratio < kEnoughExplained) frames.push_back(frame);
+    }
+    if (frames.empty()) return;
+    CandidateTracks candidates = Collect(Refs(estimates_.pairs));
+    if (refined.camera) candidates.for_start = refined.camera->Observe(candidates.for_start);
+    const SplitTracks tracks = TriangulateStart(candidates);
+    const std::vector<TrackRefs> from_database = TracksByFrame(layout_, tracks.from_database),
+                                 rest = TracksByFrame(layout_, tracks.rest);
+    for (const int frame : frames) {
+      const std::optional<CompetingPose> competing =
+          FindCompetingPose(layout_, from_database[frame], rest[frame], frame,
+                            refined.adjustment.posed.frames[frame].frame_from_world, options_.seed);
       if (!competing) continue;
-      evidence.competing_ratio = competing->score_ratio;
+      solution_.evidence[frame].competing_ratio = competing->score_ratio;
       solution_.competing_poses[frame] = competing->frame_from_world;
     }
   }

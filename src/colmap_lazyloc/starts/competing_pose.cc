@@ -7,10 +7,9 @@
 
 namespace lazyloc {
 
-std::optional<CompetingPose> FindCompetingPose(const Layout& layout, const SplitTracks& tracks, int frame,
-                                               const Rigid3d& frame_from_world, int seed) {
-  const TrackRefs from_database = TracksByFrame(layout, tracks.from_database)[frame],
-                  rest = TracksByFrame(layout, tracks.rest)[frame];
+std::optional<CompetingPose> FindCompetingPose(const Layout& layout, const TrackRefs& from_database,
+                                               const TrackRefs& rest, int frame, const Rigid3d& frame_from_world,
+                                               int seed) {
   const auto problem_of = [&](const TrackRefs& points, const TrackRefs& others) {
     StartProblem problem{layout.given, points, others, kMaxStartErrorPx};
     problem.frame = frame;

@@ -3,7 +3,7 @@
 #include <optional>
 
 #include "colmap_lazyloc/group/layout.h"
-#include "colmap_lazyloc/structure/track_triangulation.h"
+#include "colmap_lazyloc/scene/track.h"
 
 namespace lazyloc {
 
@@ -18,9 +18,11 @@ struct CompetingPose {
 };
 
 // Returns the best absolute pose by the points from the database that a query frame's pose does not explain; nullopt
-// without any. The scores are those over all tracks, with the database poses as given, so that neither pose profits
-// from their corrections, which can explain wrong matches.
-std::optional<CompetingPose> FindCompetingPose(const Layout& layout, const SplitTracks& tracks, int frame,
-                                               const Rigid3d& frame_from_world, int seed);
+// without any. from_database, rest: the tracks of the frame, with points and without. The scores are those over all
+// tracks, with the database poses as given, so that neither pose profits from their corrections, which can explain
+// wrong matches.
+std::optional<CompetingPose> FindCompetingPose(const Layout& layout, const TrackRefs& from_database,
+                                               const TrackRefs& rest, int frame, const Rigid3d& frame_from_world,
+                                               int seed);
 
 }  // namespace lazyloc

@@ -27,7 +27,8 @@ class CompetingPoseTest : public ::testing::Test {
 
   const Rigid3d& Truth(int frame) const { return input_.truth.frames[frame].frame_from_world; }
   std::optional<CompetingPose> Find(int frame) const {
-    return FindCompetingPose(input_.layout, tracks_, frame, Truth(frame), /*seed=*/0);
+    const TrackRefs from_database = TracksByFrame(input_.layout, tracks_.from_database)[frame];
+    return FindCompetingPose(input_.layout, from_database, {}, frame, Truth(frame), /*seed=*/0);
   }
 
   StageInput input_;
