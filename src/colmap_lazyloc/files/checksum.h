@@ -1,27 +1,15 @@
 #pragma once
 
+#include <zlib.h>
+
 #include <cstdint>
 #include <string_view>
 
-#include <boost/crc.hpp>
-
 namespace lazyloc {
 
-// Returns the CRC-32 of some bytes, the one of zlib.
-inline uint32_t Crc32(std::string_view bytes) {
-  boost::crc_32_type crc;
-  crc.process_bytes(bytes.data(), bytes.size());
-  return crc.checksum();
+// Returns the CRC-32 of bytes that follow those with the CRC-32 `before`.
+inline uint32_t Crc32(std::string_view bytes, uint32_t before = 0) {
+  return static_cast<uint32_t>(crc32_z(before, reinterpret_cast<const Bytef*>(bytes.data()), bytes.size()));
 }
-
-// Adds up the CRC-64 (ECMA-182) of a stream of bytes.
-class Crc64 {
- public:
-  void Add(std::string_view bytes) { crc_.process_bytes(bytes.data(), bytes.size()); }
-  uint64_t Value() const { return crc_.checksum(); }
-
- private:
-  boost::crc_optimal<64, 0x42F0E1EBA9EA3693ULL, 0, 0, false, false> crc_;
-};
 
 }  // namespace lazyloc

@@ -26,10 +26,7 @@ std::array<char, kHeaderSize> MakeHeader(const std::string& record) {
   std::array<char, kHeaderSize> header;
   auto* const bytes = reinterpret_cast<unsigned char*>(header.data());
   boost::endian::store_little_u64(bytes, record.size());
-  boost::crc_32_type crc;
-  crc.process_bytes(header.data(), kLengthSize);
-  crc.process_bytes(record.data(), record.size());
-  boost::endian::store_little_u32(bytes + kLengthSize, crc.checksum());
+  boost::endian::store_little_u32(bytes + kLengthSize, Crc32(record, Crc32({header.data(), kLengthSize})));
   return header;
 }
 

@@ -23,11 +23,7 @@ constexpr size_t kDescriptorBytes = kDescriptorLength * sizeof(float);
 constexpr size_t kFeatureBytes = sizeof(Keypoint) + kDescriptorBytes;
 static_assert(std::is_trivially_copyable_v<Keypoint>);
 
-std::string Checksum(const std::string& bytes) {
-  Crc64 crc;
-  crc.Add(bytes);
-  return Format("%016llx", static_cast<unsigned long long>(crc.Value()));
-}
+std::string Checksum(const std::string& bytes) { return Format("%08x", Crc32(bytes)); }
 
 std::string ChecksumOfFile(const fs::path& path) {
   std::ifstream file(path, std::ios::binary);

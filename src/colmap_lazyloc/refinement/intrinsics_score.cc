@@ -40,6 +40,8 @@ Derivative KeypointDerivative(const Observation& observation) {
 template <int kSize>
 class ScoreBuilder {
   using Coupling = Eigen::Matrix<double, kSize, NUM_INTRINSICS_PARAMETERS>;
+  using FrameColumns = Eigen::Matrix<double, Eigen::Dynamic, kSize>;
+  using Moves = Eigen::Matrix<double, Eigen::Dynamic, NUM_INTRINSICS_PARAMETERS>;
 
  public:
   ScoreBuilder(const BundleSolver<kSize>& solver, const PosedImages& posed, const std::vector<Track>& tracks,
@@ -96,18 +98,18 @@ class ScoreBuilder {
   // Eliminates the poses and returns the score of the frame. tracks: those that were added.
   IntrinsicsScore Finish(int frame, const std::vector<size_t>& tracks) {
     const Eigen::LLT<Eigen::MatrixXd> factor(solver_.Cameras().EquationsOf(places_, solver_.Equations().reduced));
-    Eigen::MatrixXd coupling(kSize * places_.size(), static_cast<Eigen::Index>(NUM_INTRINSICS_PARAMETERS));
+    Moves coupling(kSize * places_.size(), static_cast<Eigen::Index>(NUM_INTRINSICS_PARAMETERS));
     Eigen::VectorXd rhs(coupling.rows());
     for (size_t i = 0; i < places_.size(); ++i) {
-      coupling.middleRows<kSize>(kSize * i) = couplings_[i];
+      coupling.template middleRows<kSize>(kSize * i) = couplings_[i];
       rhs.segment<kSize>(kSize * i) = solver_.Equations().rhs.template segment<kSize>(kSize * places_[i]);
     }
-    const Eigen::MatrixXd poses_from_correction = -factor.solve(coupling);
+    const Moves poses_from_correction = -factor.solve(coupling);
     score_.information += coupling.transpose() * poses_from_correction;
     score_.score += poses_from_correction.transpose() * rhs;
-    score_.frame_from_correction = poses_from_correction.middleRows<6>(kSize * place_of_frame_[frame]);
+    score_.frame_from_correction = poses_from_correction.template middleRows<6>(kSize * place_of_frame_[frame]);
     score_.component_covariances = ComponentCovariancesOfScores(poses_from_correction);
-    const Eigen::MatrixXd columns = factor.solve(
+    const FrameColumns columns = factor.solve(
         Eigen::MatrixXd::Identity(factor.rows(), factor.rows()).middleCols<kSize>(kSize * place_of_frame_[frame]));
     SetSharedErrors(columns, poses_from_correction, frame, tracks);
     if (solver_.Problem().frames[frame].kind == BlockKind::POSE_AND_FOCAL_LENGTH) {
@@ -160,7 +162,7 @@ class ScoreBuilder {
 
   // Sets what shared errors add. Those of the score are measured where the correction that it suggests is made, because
   // wrong intrinsics would else make the images disagree. columns: the frame's, of the inverse of the poses' equations.
-  void SetSharedErrors(const Eigen::MatrixXd& columns, const Eigen::MatrixXd& poses_from_correction, int frame,
+  void SetSharedErrors(const FrameColumns& columns, const Moves& poses_from_correction, int frame,
                        const std::vector<size_t>& tracks) {
     const IntrinsicsScore::Vector correction = score_.information.ldlt().solve(score_.score);
     ClusterCovariance<kSize> of_frame;
@@ -172,7 +174,7 @@ class ScoreBuilder {
       of_score.Add(Cluster(tracks_[track]), influence->score);
     }
     score_.frame_shared_errors =
-        of_frame.Excess(columns.middleRows<kSize>(kSize * place_of_frame_[frame]), kNumClusterParameters);
+        of_frame.Excess(columns.template middleRows<kSize>(kSize * place_of_frame_[frame]), kNumClusterParameters);
     score_.shared_errors = of_score.Excess(score_.information, kNumClusterParameters);
   }
 
@@ -183,8 +185,8 @@ class ScoreBuilder {
   };
 
   // Returns nullopt for a track with depths.
-  std::optional<TrackInfluence> Influence(size_t track, const Eigen::MatrixXd& columns,
-                                          const Eigen::MatrixXd& poses_from_correction,
+  std::optional<TrackInfluence> Influence(size_t track, const FrameColumns& columns,
+                                          const Moves& poses_from_correction,
                                           const IntrinsicsScore::Vector& correction) const {
     const BundleProblem& problem = solver_.Problem();
     const BundleState& state = solver_.Linearization();
@@ -203,9 +205,9 @@ class ScoreBuilder {
       if (root_weight == 0) continue;
       const Eigen::Index place = kSize * place_of_frame_[frame];
       const Eigen::Matrix<double, kSize, 2> by_frame = error.ByFrame<kSize>();
-      Derivative derivative = by_frame.transpose() * poses_from_correction.middleRows<kSize>(place);
+      Derivative derivative = by_frame.transpose() * poses_from_correction.template middleRows<kSize>(place);
       if (is_asked_[frame]) derivative += NormalisedDerivative(track, problem.free[i], root_weight);
-      influence.frame -= columns.middleRows<kSize>(place).transpose() * (by_frame * error.error);
+      influence.frame -= columns.template middleRows<kSize>(place).transpose() * (by_frame * error.error);
       const Eigen::Matrix<double, 2, 3> by_point_in_world = error.ByPointInWorld(state.frames[frame]);
       const Eigen::Vector2d change = derivative * correction;
       influence.score -= derivative.transpose() * (error.error + change);
@@ -214,7 +216,7 @@ class ScoreBuilder {
     }
     for (size_t i = range.begin; i < range.end; ++i) {
       const Eigen::Index place = kSize * place_of_frame_[problem.free[i].frame];
-      influence.frame += columns.middleRows<kSize>(place).transpose() * (equations.eliminated[i] * point.gradient);
+      influence.frame += columns.template middleRows<kSize>(place).transpose() * (equations.eliminated[i] * point.gradient);
     }
     influence.score += by_point * point.inverse.transpose() * point_gradient;
     return influence;

@@ -27,10 +27,10 @@ namespace {
 constexpr uint64_t kMaxNumBytesRead = 16 << 20, kPieceSize = 64 << 10;
 constexpr uint64_t kTreePieceSize = 4 << 10;
 
-std::string Hex(uint64_t value) { return Format("%016llx", static_cast<unsigned long long>(value)); }
+std::string Hex(uint32_t value) { return Format("%08x", value); }
 
 // Adds the bytes of a file of at most max_bytes, or of evenly spaced pieces of a larger one. Returns its size.
-uint64_t AddFile(const fs::path& path, uint64_t piece_size, uint64_t max_bytes, Crc64* crc) {
+uint64_t AddFile(const fs::path& path, uint64_t piece_size, uint64_t max_bytes, uint32_t* crc) {
   std::ifstream file(path, std::ios::binary);
   std::error_code error;
   const uint64_t size = fs::file_size(path, error);
@@ -41,7 +41,7 @@ uint64_t AddFile(const fs::path& path, uint64_t piece_size, uint64_t max_bytes, 
   for (uint64_t offset = 0; offset < size; offset += step) {
     file.seekg(static_cast<std::streamoff>(offset));
     file.read(piece.data(), static_cast<std::streamsize>(std::min(piece_size, size - offset)));
-    crc->Add({piece.data(), static_cast<size_t>(file.gcount())});
+    *crc = Crc32({piece.data(), static_cast<size_t>(file.gcount())}, *crc);
   }
   return size;
 }
@@ -55,11 +55,11 @@ void AddState(const fs::path& path, Fingerprint* fingerprint) {
 }
 
 template <typename T>
-void AddValue(const T& value, Crc64* crc) {
+void AddValue(const T& value, uint32_t* crc) {
   std::ostringstream stream;
   cereal::PortableBinaryOutputArchive archive(stream);
   archive(value);
-  crc->Add(stream.str());
+  *crc = Crc32(stream.str(), *crc);
 }
 
 }  // namespace
@@ -81,7 +81,7 @@ Fingerprint FingerprintOf(const fs::path& path) {
   } else if (fs::exists(path.string() + "-wal", ignored)) {
     files.emplace_back(path.string() + "-wal");
   }
-  Crc64 crc;
+  uint32_t crc = 0;
   Fingerprint fingerprint;
   uint64_t num_bytes = 0;
   for (const fs::path& file : files) {
@@ -89,7 +89,7 @@ Fingerprint FingerprintOf(const fs::path& path) {
     num_bytes += size;
     if (size > kMaxNumBytesRead) AddState(file, &fingerprint);
   }
-  fingerprint.content = std::to_string(num_bytes) + " bytes, " + Hex(crc.Value());
+  fingerprint.content = std::to_string(num_bytes) + " bytes, " + Hex(crc);
   return fingerprint;
 }
 
@@ -101,7 +101,7 @@ Fingerprint FingerprintOfTree(const fs::path& folder) {
   }
   if (files.empty()) return {};
   std::sort(files.begin(), files.end());
-  Crc64 crc, identity, modified;
+  uint32_t crc = 0, identity = 0, modified = 0;
   uint64_t num_bytes = 0;
   for (const fs::path& file : files) {
     AddValue(fs::path(file).lexically_relative(folder).string(), &crc);
@@ -110,19 +110,19 @@ Fingerprint FingerprintOfTree(const fs::path& folder) {
     num_bytes += size;
     Fingerprint state;
     AddState(file, &state);
-    identity.Add(state.identity);
-    modified.Add(state.modified);
+    identity = Crc32(state.identity, identity);
+    modified = Crc32(state.modified, modified);
   }
-  return {std::to_string(num_bytes) + " bytes, " + Hex(crc.Value()), Hex(identity.Value()), Hex(modified.Value())};
+  return {std::to_string(num_bytes) + " bytes, " + Hex(crc), Hex(identity), Hex(modified)};
 }
 
 Fingerprint FingerprintOf(const Model& model) {
-  Crc64 crc;
+  uint32_t crc = 0;
   for (const auto& [camera_id, camera] : model.cameras) AddValue(camera, &crc);
   for (const ModelImage& image : model.images) AddValue(image, &crc);
   for (const auto& [rig_id, rig] : model.rigs) AddValue(rig, &crc);
   for (const auto& [frame_id, frame] : model.frames) AddValue(frame, &crc);
-  return {std::to_string(model.images.size()) + " images, " + Hex(crc.Value()), "", ""};
+  return {std::to_string(model.images.size()) + " images, " + Hex(crc), "", ""};
 }
 
 }  // namespace lazyloc
