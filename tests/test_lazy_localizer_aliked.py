@@ -242,7 +242,6 @@ def test_damaged_model_is_one_line(scene, queries, localize, models_with, name):
         (EXTRACTOR, LIGHTGLUE, "AUTO"),
         (BRUTE_FORCE, LIGHTGLUE, "ALIKED_BRUTEFORCE"),
         (LIGHTGLUE, BRUTE_FORCE, "ALIKED_LIGHTGLUE"),
-        (LIGHTGLUE, BRUTE_FORCE, "AUTO"),
     ],
 )
 def test_another_model_is_one_line(scene, queries, localize, models_with, changed, other, matcher):

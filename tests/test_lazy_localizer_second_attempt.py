@@ -178,13 +178,17 @@ def test_without_database_images_there_is_a_warning(scene, localize, tmp_path):
 
 
 @pytest.mark.parametrize("damaged", [EXTRACTOR, LIGHTGLUE])
-def test_unusable_models_are_one_line_although_sift_may_suffice(scene, localize, models, damaged):
+def test_unusable_models_are_one_line_where_they_are_needed(scene, localize, models, damaged):
     content = (models / damaged).read_bytes()
     (models / damaged).unlink()
     (models / damaged).write_bytes(content[: len(content) // 2])
     run = localize(*scene.arguments("--onnx_path", models))
-    assert_refused(run, models / damaged, "is not the ONNX model that is needed here")
-    assert localize(*scene.arguments("--onnx_path", models, "--FeatureMatching.type", FIRST)).exit_code == 0
+    assert run.exit_code == 1
+    (error,) = (line for line in run.stderr.splitlines() if line.startswith("ERROR: "))
+    assert f"{models / damaged}: is not the ONNX model that is needed here" in error
+    clear = scene.photos.write_queries(scene.query_list_path.with_name("clear.txt"), [scene.clear])
+    run = localize(*dataclasses.replace(scene, query_list_path=clear).arguments("--onnx_path", models))
+    assert run.statuses == {scene.clear: "LOCALIZED"}
 
 
 def test_missing_models_are_one_line(scene, localize, models, tmp_path):

@@ -147,6 +147,11 @@ Aliked::Aliked(FeatureType type, MatcherType matcher, const AlikedOptions& optio
       extractor_(LoadExtractor(type, options)),
       matcher_(LoadMatcher(matcher, options)) {}
 
+void Aliked::LoadModels() const {
+  extractor_.Load();
+  matcher_.Load();
+}
+
 std::string Aliked::Describe() const {
   return Format("at most %d features of ALIKED in at most %d pixels, matched by %s", options_.max_num_features,
                 options_.max_image_size, EnumName(matcher_type_));

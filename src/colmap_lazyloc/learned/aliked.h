@@ -31,8 +31,10 @@ bool HasMatcher(MatcherType matcher, const AlikedOptions& options);
 // Matching at Light Speed, ICCV 2023.
 class Aliked {
  public:
-  // type, matcher: those of ALIKED. Throws InputError naming the option or file if a model is missing or another one.
+  // type, matcher: those of ALIKED. Throws InputError naming the option if a model is missing.
   Aliked(FeatureType type, MatcherType matcher, const AlikedOptions& options);
+  // Loads the models now rather than with the first photo. Throws InputError naming the file of another model.
+  void LoadModels() const;
 
   FeatureType Type() const { return type_; }
   MatcherType Matcher() const { return matcher_type_; }

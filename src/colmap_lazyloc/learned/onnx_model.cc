@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <cstdlib>
+#include <mutex>
 #include <optional>
 #include <utility>
 
@@ -134,8 +135,9 @@ std::vector<Number> Copy(OrtValue* value, size_t count) {
 }  // namespace
 
 struct OnnxModel::Impl {
-  Owned<OrtSession> session{nullptr, nullptr};
   std::vector<OnnxNode> inputs, outputs;
+  Owned<OrtSession> session{nullptr, nullptr};
+  std::once_flag is_loaded;
 
   // Checks all inputs or all outputs, whose functions these are.
   template <typename GetCount, typename GetName, typename GetType>
@@ -163,7 +165,11 @@ struct OnnxModel::Impl {
 
 OnnxModel::OnnxModel(const std::filesystem::path& path, const std::vector<OnnxNode>& inputs,
                      const std::vector<OnnxNode>& outputs)
-    : path_(path), impl_(new Impl{{nullptr, nullptr}, inputs, outputs}) {
+    : path_(path), impl_(new Impl{inputs, outputs, {nullptr, nullptr}, {}}) {
+  Api();  // fails at once without ONNX Runtime
+}
+
+void OnnxModel::CreateSession() const {
   const OrtApi& api = Api();
   try {
     const auto options = Make<OrtSessionOptions>(api.ReleaseSessionOptions, api.CreateSessionOptions);
@@ -174,9 +180,10 @@ OnnxModel::OnnxModel(const std::filesystem::path& path, const std::vector<OnnxNo
     Check(api.DisableCpuMemArena(options.get()));
     Check(api.DisableMemPattern(options.get()));
     impl_->session =
-        Make<OrtSession>(api.ReleaseSession, api.CreateSession, Environment(), path.c_str(), options.get());
-    impl_->CheckNodes(inputs, api.SessionGetInputCount, api.SessionGetInputName, api.SessionGetInputTypeInfo);
-    impl_->CheckNodes(outputs, api.SessionGetOutputCount, api.SessionGetOutputName, api.SessionGetOutputTypeInfo);
+        Make<OrtSession>(api.ReleaseSession, api.CreateSession, Environment(), path_.c_str(), options.get());
+    impl_->CheckNodes(impl_->inputs, api.SessionGetInputCount, api.SessionGetInputName, api.SessionGetInputTypeInfo);
+    impl_->CheckNodes(impl_->outputs, api.SessionGetOutputCount, api.SessionGetOutputName,
+                      api.SessionGetOutputTypeInfo);
   } catch (const std::exception& error) {
     Fail(std::string("is not the ONNX model that is needed here: ") + error.what());
   }
@@ -184,8 +191,13 @@ OnnxModel::OnnxModel(const std::filesystem::path& path, const std::vector<OnnxNo
 
 OnnxModel::~OnnxModel() = default;
 
+void OnnxModel::Load() const {
+  std::call_once(impl_->is_loaded, [this] { CreateSession(); });
+}
+
 std::vector<OnnxTensor> OnnxModel::Run(const std::vector<OnnxTensor>& inputs) const {
   LAZYLOC_CHECK(inputs.size() == impl_->inputs.size());
+  Load();
   const OrtApi& api = Api();
   std::vector<const char*> input_names, output_names;
   for (const OnnxNode& node : impl_->inputs) input_names.push_back(node.name.c_str());
@@ -236,6 +248,8 @@ OnnxModel::OnnxModel(const std::filesystem::path& path, const std::vector<OnnxNo
 }
 
 OnnxModel::~OnnxModel() = default;
+
+void OnnxModel::Load() const {}
 
 std::vector<OnnxTensor> OnnxModel::Run(const std::vector<OnnxTensor>&) const { return {}; }
 

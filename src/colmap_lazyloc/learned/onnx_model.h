@@ -30,24 +30,27 @@ struct OnnxNode {
 };
 
 // A network in an ONNX file. ONNX Runtime is loaded with the first model, so that the program does without it
-// otherwise.
+// otherwise; the file is loaded when it is needed, because photos that SIFT localizes need none.
 class OnnxModel {
  public:
-  // inputs, outputs: in the order of the file. Throws InputError naming the file if it is not such a model, and
-  // InputError if ONNX Runtime is missing.
+  // inputs, outputs: in the order of the file. Throws InputError if ONNX Runtime is missing.
   OnnxModel(const std::filesystem::path& path, const std::vector<OnnxNode>& inputs,
             const std::vector<OnnxNode>& outputs);
   ~OnnxModel();
 
   const std::filesystem::path& Path() const { return path_; }
-  // Returns the outputs, of the types and shapes that were asked for. Throws InputError naming the file if the model
-  // fails. Thread-safe; uses the calling thread alone, so that the result depends only on the inputs.
+  // Loads the file unless it is loaded. Throws InputError naming it if it is not such a model. Thread-safe.
+  void Load() const;
+  // Returns the outputs, of the types and shapes that were asked for. Throws InputError naming the file if it is not
+  // such a model, or fails. Thread-safe; uses the calling thread alone, so that the result depends only on the inputs.
   std::vector<OnnxTensor> Run(const std::vector<OnnxTensor>& inputs) const;
   // Throws InputError naming the file.
   [[noreturn]] void Fail(const std::string& problem) const;
 
  private:
   struct Impl;
+  void CreateSession() const;
+
   const std::filesystem::path path_;
   std::unique_ptr<Impl> impl_;
 };

@@ -129,12 +129,14 @@ void PhotoLoader::PrepareFor(FeatureType type, const std::string& database_path)
   if (is_aliked) {
     const MatcherType matcher = is_auto ? MatcherType::ALIKED_BRUTEFORCE : options_.matcher;
     aliked_ = std::make_unique<const Aliked>(type, matcher, options_.aliked);
+    aliked_->LoadModels();
     if (!is_auto || !HasMatcher(MatcherType::ALIKED_LIGHTGLUE, options_.aliked)) return;
   } else if (options_.matcher == MatcherType::SIFT_BRUTEFORCE || (is_auto && models.empty())) {
     return;
   }
   second_ = std::make_unique<const SecondAttempt>(selection_, options_, type, seed_);
   is_always_second_ = !is_auto;
+  if (is_always_second_) second_->LoadModels();
   const auto has_file = [this](const Candidate& candidate) { return second_->HasFile(candidate); };
   if (std::any_of(candidates_.begin(), candidates_.end(), has_file)) return;
   warnings_.push_back("none of the database images is below --image_path " + options_.image_path +

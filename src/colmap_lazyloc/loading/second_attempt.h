@@ -27,10 +27,11 @@ using DatabaseFeatures = std::vector<std::shared_ptr<const Features>>;
 // database are extracted from their files.
 class SecondAttempt {
  public:
-  // database_type: SIFT or one of ALIKED. The selection must outlive this. Throws InputError if a model is missing or
-  // damaged.
+  // database_type: SIFT or one of ALIKED. The selection must outlive this. Throws InputError if a model is missing.
   SecondAttempt(const QuerySelection& selection, const PhotoOptions& options, FeatureType database_type, int seed);
 
+  // Loads the models now rather than with the first photo. Throws InputError if one is damaged.
+  void LoadModels() const { aliked_.LoadModels(); }
   // Returns the problem of a photo, and sets keypoints and times of the record. first: the problem of the first
   // attempt, whose intrinsics and priors are kept. candidates: sorted by name; those whose file is not at hand or whose
   // record is damaged are left out. Thread-safe with one reader per thread; the result depends only on the input.
