@@ -6,6 +6,7 @@
 #include <colmap/estimators/solvers/essential_matrix.h>  // COLMAP 4
 #else
 #include <colmap/estimators/essential_matrix.h>
+#include <colmap/estimators/utils.h>
 #endif
 #include <colmap/estimators/two_view_geometry.h>
 #include <colmap/optim/loransac.h>
@@ -28,6 +29,14 @@ constexpr double kMinCalibratedInlierRatio = 0.5;
 // with each pose to find the one with points in front of both cameras; this takes longer than everything else, and so
 // many matches give the same answer.
 constexpr size_t kNumMatchesForSigns = 50;
+
+// Adds the squared Sampson errors, which COLMAP 4.2 has no longer in its solver.
+struct FivePoints : colmap::EssentialMatrixFivePointEstimator {
+  static void Residuals(const std::vector<X_t>& other_points, const std::vector<Y_t>& query_points, const M_t& E,
+                        std::vector<double>* squared_errors) {
+    colmap::ComputeSquaredSampsonError(other_points, query_points, E, squared_errors);
+  }
+};
 
 // Returns at most max_num of the matches, evenly spaced in their order.
 Matches Some(const Matches& matches, size_t max_num) {
@@ -89,16 +98,15 @@ TwoViewGeometry EstimateCalibratedGeometry(const Camera& other_camera,
                                            const Camera& query_camera,
                                            const std::vector<Eigen::Vector2d>& query_keypoints,
                                            const TwoViewGeometry& stored, uint32_t seed) {
-  using Estimator = colmap::EssentialMatrixFivePointEstimator;
   const RayInCamFunction other_ray = RaysInCam(other_camera), query_ray = RaysInCam(query_camera);
-  std::vector<Estimator::X_t> other_points, query_points;
+  std::vector<FivePoints::X_t> other_points, query_points;
   Matches with_rays;
   for (const Match& match : stored.inlier_matches) {
     const std::optional<Eigen::Vector3d> ray1 = other_ray(other_keypoints[match.other_point]),
                                          ray2 = query_ray(query_keypoints[match.query_point]);
     if (!ray1 || !ray2) continue;
-    other_points.push_back(ToEstimator<Estimator::X_t>(*ray1));
-    query_points.push_back(ToEstimator<Estimator::X_t>(*ray2));
+    other_points.push_back(ToEstimator<FivePoints::X_t>(*ray1));
+    query_points.push_back(ToEstimator<FivePoints::X_t>(*ray2));
     with_rays.push_back(match);
   }
   colmap::RANSACOptions ransac_options;
@@ -115,7 +123,7 @@ TwoViewGeometry EstimateCalibratedGeometry(const Camera& other_camera,
   // Takes an essential matrix if it has enough inliers.
   const auto take = [&](const Eigen::Matrix3d& E) {
     std::vector<double> squared_errors;
-    Estimator::Residuals(other_points, query_points, E, &squared_errors);
+    FivePoints::Residuals(other_points, query_points, E, &squared_errors);
     geometry.E = E;
     geometry.inlier_matches.clear();
     for (size_t i = 0; i < with_rays.size(); ++i) {
@@ -125,7 +133,7 @@ TwoViewGeometry EstimateCalibratedGeometry(const Camera& other_camera,
   };
   if (!stored.E || !take(*stored.E)) {
     SeedRandomNumbers(seed);
-    const auto report = colmap::LORANSAC<Estimator, Estimator>(ransac_options).Estimate(other_points, query_points);
+    const auto report = colmap::LORANSAC<FivePoints, FivePoints>(ransac_options).Estimate(other_points, query_points);
     if (!report.success || !take(report.model)) return {};
   }
   geometry.config = TwoViewConfig::CALIBRATED;
