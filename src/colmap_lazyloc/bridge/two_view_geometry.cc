@@ -4,6 +4,7 @@
 
 #if __has_include(<colmap/estimators/solvers/essential_matrix.h>)
 #include <colmap/estimators/solvers/essential_matrix.h>  // COLMAP 4
+#include <colmap/geometry/essential_matrix.h>
 #else
 #include <colmap/estimators/essential_matrix.h>
 #include <colmap/estimators/utils.h>
