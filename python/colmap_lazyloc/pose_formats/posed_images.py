@@ -43,11 +43,13 @@ class Photos:
     """The photos that poses belong to; without a folder, names are taken as they are in the file of poses."""
 
     folder: pathlib.Path | None
+    prefix: str = ""  # of the names of those that are used
 
     @functools.cached_property
     def names(self) -> list[str]:
-        """The names of all photos below the folder, sorted."""
-        return [] if self.folder is None else list_images(self.folder)
+        """The names of the photos below the folder, sorted."""
+        names = [] if self.folder is None else list_images(self.folder)
+        return [name for name in names if name.startswith(self.prefix)]
 
     def find(self, text: object) -> str | None:
         """Returns the name of a photo; None if there is none, or several that it may be.
