@@ -16,6 +16,7 @@ from colmap_lazyloc.pose_formats.geo import GeoOrigin
 from colmap_lazyloc.poses import Pose
 
 IMAGE_SUFFIXES = (".bmp", ".jpeg", ".jpg", ".pgm", ".png", ".ppm", ".tif", ".tiff")
+UNREADABLE_SUFFIXES = (".avif", ".heic", ".heif")  # of photos that COLMAP cannot read, as many phones make them
 # Turns the axes of OpenGL's cameras (x right, y up, z backward) into COLMAP's (x right, y down, z forward).
 OPENGL_FROM_COLMAP = np.diag([1.0, -1.0, -1.0])
 MAX_ROTATION_ERROR = 0.01  # of an element of a rotation in a file, which may have few digits
@@ -106,7 +107,7 @@ class Source:
         return self.photos.find(text)
 
 
-def list_images(folder: pathlib.Path) -> list[str]:
+def list_images(folder: pathlib.Path, suffixes: tuple[str, ...] = IMAGE_SUFFIXES) -> list[str]:
     """Returns the names of the image files below a folder, sorted; follows links."""
     if not folder.is_dir():
         raise InputError(f"{folder}: is not a folder")
@@ -117,7 +118,7 @@ def list_images(folder: pathlib.Path) -> list[str]:
         for directory, _, files in os.walk(folder, followlinks=True)
         for name in files
     )
-    return sorted(name for name in names if name.lower().endswith(IMAGE_SUFFIXES))
+    return sorted(name for name in names if name.lower().endswith(suffixes))
 
 
 def pose_of_camera(world_from_cam: ArrayLike, is_opengl: bool = False) -> Pose:
