@@ -11,7 +11,10 @@ from mkdocs.structure.files import File
 ROOT = pathlib.Path(__file__).resolve().parents[1]
 ROOT_PAGES = {"CONTRIBUTING.md": "contributing.md", "CHANGELOG.md": "changelog.md"}
 MAX_UNBROKEN = 20  # characters of a word in a line of text; longer ones may break
-MEASURED = re.compile(r"<td>(\d{4}-\d\d-\d\d \w+)")
+STACKED = re.compile(
+    r"<table>\s*<thead>\s*<tr>\s*<th>(option|status)</th>\s*<th>(?:default|meaning)</th>.*?</table>", re.DOTALL
+)
+FIGURES = re.compile(r"<td>(\d{4}-\d\d-\d\d|[\d.]+ / [\d.]+)")
 CODE = re.compile(r"<pre>.*?</pre>|<code>([^<]*)</code>", re.DOTALL)
 FORMULA = re.compile(r'<(span|div) class="arithmatex">\\[(\[](.*?)\\[)\]]</\1>', re.DOTALL)
 
@@ -57,7 +60,8 @@ def on_page_content(content, **_):
         words = match.group(1)
         return match.group() if words is None else f"<code>{' '.join(map(break_word, words.split(' ')))}</code>"
 
-    content = MEASURED.sub(r'<td><span class="word">\1</span>', content)
+    content = STACKED.sub(r'<div class="stacked \g<1>">\g<0></div>', content)
+    content = FIGURES.sub(r'<td><span class="word">\1</span>', content)
     return CODE.sub(break_code, FORMULA.sub(convert, content))
 
 

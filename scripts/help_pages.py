@@ -70,8 +70,10 @@ def make_tables(program: pathlib.Path) -> str:
     options = {option.name: option for section in everything.values() for option in section}
     lines: list[str] = []
     for title, names in read_topics(program, list(options)):
-        lines += ["", f"### {title}", "", "| option | default | |", "|---|---|---|"]
-        lines += [f"| `--{name}` | {options[name].default} | {options[name].text} |" for name in names]
+        lines += ["", f"### {title}", "", "| option | default | effect |", "|---|---|---|"]
+        for name in names:
+            text = re.sub(r"(?<![`\w-])--\w[\w.]*\w", r"`\g<0>`", options[name].text)
+            lines.append(f"| `--{name}` | {options[name].default} | {text} |")
     return "\n".join(lines).lstrip() + "\n"
 
 

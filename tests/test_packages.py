@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 
 import photo_scene
+import tutorials
 from colmap_lazyloc.poses import read_poses
 from conftest import PROJECT_PATH
 
@@ -108,6 +109,20 @@ def test_wheel_alone_goes_from_photos_to_the_report(environment, photos, tmp_pat
     lazyloc("report", "out/localized", "--output", "page.html")
     for page in ("out/report.html", "page.html"):
         assert (tmp_path / page).stat().st_size > 100000
+
+
+def test_commands_that_the_tutorials_need(environment):
+    """Types what their first page says about the wheel; packages of others are not installed here."""
+    commands, _ = tutorials.read_setup()
+    pip = f'pip() {{ "{sys.executable}" -m pip --python "{environment}" "$@" --no-deps --no-index; }}'
+    words = ["bash", "-euc", f"{pip}\n{commands}\ncommand -v colmap lazyloc python"]
+    own = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
+    own["PATH"] = f"{environment / 'bin'}:{own['PATH']}"
+    done = subprocess.run(words, capture_output=True, text=True, env=own, check=True)
+    assert "does not provide" not in done.stdout + done.stderr
+    *_, colmap, lazyloc, python = done.stdout.splitlines()
+    assert colmap.startswith(str(environment)) and colmap.endswith("colmap_lazyloc/bin/colmap")
+    assert [lazyloc, python] == [str(environment / "bin" / name) for name in ("lazyloc", "python")]
 
 
 @pytest.fixture

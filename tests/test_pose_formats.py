@@ -247,6 +247,54 @@ def test_photos_of_two_cameras_at_one_time_are_refused(tmp_path):
     assert np.allclose(images["100.5.png"].cam_from_world.cam_in_world, (1, 0, 0))
 
 
+RIG = [
+    {"image_prefix": "left/", "ref_sensor": True},
+    {
+        "image_prefix": "right/",
+        "cam_from_rig_rotation": [math.sqrt(0.5), 0, 0, math.sqrt(0.5)],
+        "cam_from_rig_translation": [-0.5, 0, 0],
+        "camera_model_name": "SIMPLE_PINHOLE",
+        "camera_params": [20, 16, 12],
+    },
+]
+
+
+def import_rig(tmp_path, rigs, form="tum", text="100.5 1 0 0 0 0 0 1\n101 2 0 0 0 0 0 1\n"):
+    for name in ("left/100.5.png", "right/100.5.png", "left/101.png", "right/102.png"):
+        (tmp_path / "rig" / name).parent.mkdir(parents=True, exist_ok=True)
+        PIL.Image.new("L", (32, 24)).save(tmp_path / "rig" / name)
+    path = pose_files.write(tmp_path, "poses.txt", text)
+    (tmp_path / "rig.json").write_text(json.dumps(rigs))
+    words = [form, str(path), "--image_path", str(tmp_path / "rig"), "--output_path", str(tmp_path / "model")]
+    return import_poses.main(
+        [*words, "--rig_config_path", str(tmp_path / "rig.json"), "--camera", "PINHOLE 32 24 9 9 16 12"]
+    )
+
+
+@pytest.mark.parametrize("form", ["tum", "kitti"])
+def test_all_cameras_of_a_rig_get_poses(form, tmp_path, capsys):
+    """The trajectory is that of the left camera; a photo at a time without a left one has no pose."""
+    kitti = "1 0 0 1 0 1 0 0 0 0 1 0\n1 0 0 2 0 1 0 0 0 0 1 0\n"
+    assert import_rig(tmp_path, [{"cameras": RIG}], form, *([kitti] if form == "kitti" else [])) == 0
+    model = read_model(tmp_path / "model")
+    assert sorted(model.images) == ["left/100.5.png", "left/101.png", "right/100.5.png"]
+    right = model.images["right/100.5.png"]
+    assert np.allclose(model.images["left/100.5.png"].pose.cam_in_world, (1, 0, 0))
+    # The right camera is rolled by 90 degrees about the viewing direction, and 0.5 away from the left one.
+    assert np.allclose(right.pose.rotation, [[0, -1, 0], [1, 0, 0], [0, 0, 1]])
+    assert np.allclose(right.pose.cam_in_world, (1, -0.5, 0))
+    assert model.cameras[right.camera_id].text() == "SIMPLE_PINHOLE 32 24 20.0 16.0 12.0"
+    assert model.cameras[model.images["left/101.png"].camera_id].model == "PINHOLE"
+    assert "1 of 4 photos have no pose" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("rigs", [[], {}, [{"cameras": RIG[1:]}], [{"cameras": RIG[:1] * 2}], [{"cameras": RIG}] * 2])
+def test_bad_rig_is_one_line(rigs, tmp_path, capsys):
+    assert import_rig(tmp_path, rigs) == 1
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1 and "--rig_config_path" in error and "one rig with one ref_sensor" in error
+
+
 def write_gps(path, latitude, longitude, altitude):
     photo = PIL.Image.new("L", (32, 24))
     exif = photo.getexif()

@@ -14,11 +14,13 @@ import photo_scene
 from colmap_lazyloc.__main__ import main
 from colmap_lazyloc.database import DatabaseReader
 from colmap_lazyloc.demo.renderer import RayGrid
+from colmap_lazyloc.errors import InputError
 from colmap_lazyloc.model import read_model
 from colmap_lazyloc.pose_formats.geo import GeoOrigin
 from colmap_lazyloc.pose_formats.posed_images import OPENGL_FROM_COLMAP, PosedImage
 from colmap_lazyloc.poses import read_poses
 from colmap_lazyloc.project import steps
+from colmap_lazyloc.project.folder import QUERY, Folder, link_photos
 from colmap_lazyloc.project.pairs import pairs_by_viewpoint, pairs_in_sequence
 
 MAX_POSITION_ERROR = 0.05  # in a courtyard of 20 m
@@ -235,6 +237,17 @@ def test_video_that_is_none(run, photos, tmp_path, capfd):
     (tmp_path / "walk.mp4").write_bytes(b"no video")
     run(photos.model_path, queries=tmp_path / "walk.mp4", exit_code=1)
     assert "walk.mp4: is not a video" in capfd.readouterr().err
+
+
+def test_photos_that_colmap_cannot_read(tmp_path, caplog):
+    """Phones make such files: all of them are an error, some of them a warning."""
+    (tmp_path / "photos").mkdir()
+    (tmp_path / "photos" / "IMG_1.HEIC").touch()
+    with pytest.raises(InputError, match=r"cannot read IMG_1.HEIC: convert photos of this kind to JPEG"):
+        link_photos(Folder(tmp_path / "out"), QUERY, tmp_path / "photos", None)
+    (tmp_path / "photos" / "IMG_2.JPG").touch()
+    linked = link_photos(Folder(tmp_path / "out"), QUERY, tmp_path / "photos", None)
+    assert linked == {"IMG_2.JPG": "query/IMG_2.JPG"} and "IMG_1.HEIC" in caplog.text
 
 
 def test_pairs_by_viewpoint_are_near_and_look_the_same_way():

@@ -116,9 +116,12 @@ def test_report_without_opencv_is_one_line(exact, localize, tmp_path):
     for name in exact.scene.images:
         (tmp_path / "photos" / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / "photos" / name).touch()
-    for options, missing in (["--image_path", "photos"], "cv2"), (["--plots", "plots"], "matplotlib"):
+    for options, missing, extra in (
+        (["--image_path", "photos"], "cv2", "report"),
+        (["--plots", "p"], "matplotlib", "plots"),
+    ):
         done = run_tool(*words, options[0], tmp_path / options[1], missing=[missing])
-        assert done.returncode == 1 and "colmap-lazyloc[report]" in done.stderr and done.stderr.count("\n") == 1
+        assert done.returncode == 1 and f"colmap-lazyloc[{extra}]" in done.stderr and done.stderr.count("\n") == 1
 
 
 def test_script_of_the_checkout():
@@ -137,11 +140,17 @@ def test_doctor_says_what_is_missing(capsys, monkeypatch, colmap):
     printed = capsys.readouterr().out
     assert "program    not found" in printed
     assert "missing: pyproj; pip install 'colmap-lazyloc[import]' brings lazyloc import" in printed
+    monkeypatch.setattr(doctor, "is_installed", lambda module: module != "matplotlib")
+    assert doctor.main([]) == 0
+    missing = [line for line in capsys.readouterr().out.splitlines() if "missing" in line]
+    assert missing == [
+        "  plots      missing: matplotlib; pip install 'colmap-lazyloc[plots]' brings lazyloc report --plots"
+    ]
 
 
 def test_debian_package_names_debian_packages(monkeypatch):
     monkeypatch.setattr(extras, "IS_DEBIAN_PACKAGE", True)
-    assert extras.install_command("report", ["cv2", "matplotlib"]) == "apt install python3-opencv python3-matplotlib"
+    assert extras.install_command("report", ["cv2", "tqdm"]) == "apt install python3-opencv python3-tqdm"
     by_both = "apt install python3-h5py, and pip install pycolmap in a virtual environment"
     assert extras.install_command("hloc", ["h5py", "pycolmap"]) == by_both
     assert extras.install_command("hloc", ["pycolmap"]) == "pip install pycolmap in a virtual environment"

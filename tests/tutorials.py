@@ -2,8 +2,8 @@
 
 In docs/tutorials/, a block of `sh` is run, and a block of `python` with a title is written to the file of that name. A
 block of `text` right after a block of `sh` is what it prints: each of its lines must be printed, in this order. Numbers
-with a decimal point may differ, because other processors round differently; `...` stands for any lines. Other blocks
-are only shown.
+with a decimal point may differ, because other processors round differently; `...` stands for any lines. The blocks of
+`console` on the first page set up the commands, in a wheel's environment and in a checkout.
 """
 
 import dataclasses
@@ -52,6 +52,27 @@ def read_blocks(path):
 def is_next(text, match, following):
     """True if only a short sentence stands between two blocks."""
     return len(text[match.end() : following.start()].split()) <= 12
+
+
+def find_unused(blocks):
+    """Returns the blocks of a page that no test runs or compares."""
+    typed = "".join(block.text for block in blocks if block.language == "sh")
+    printed = [block.output for block in blocks if block.language == "sh"]
+    return [
+        block
+        for block in blocks
+        if not (
+            block.language == "sh"
+            or (block.language == "text" and block.text in printed)
+            or (block.language == "python" and block.title and f"python {block.title}" in typed)
+        )
+    ]
+
+
+def read_setup():
+    """Returns what the first page tells the reader to type before the tutorials: after the wheel, and in a checkout."""
+    with_wheel, in_checkout = (block.text for block in read_blocks(list_pages()[0]) if block.language == "console")
+    return with_wheel, in_checkout
 
 
 def run_block(block, folder, environment):

@@ -22,7 +22,8 @@ EXTRAS = {
         "lazyloc import: sizes and GPS of photos, geographic coordinates, calibration files, angles",
         {"pillow": "PIL", "pyproj": "pyproj", "pyyaml": "yaml", "scipy": "scipy"},
     ),
-    "report": Extra("lazyloc report: photos, plots, progress", {"matplotlib": "matplotlib", **OPENCV, **TQDM}),
+    "report": Extra("lazyloc report: photos, progress", {**OPENCV, **TQDM}),
+    "plots": Extra("lazyloc report --plots", {"matplotlib": "matplotlib"}),
     "demo": Extra(
         "lazyloc demo: rendering",
         {**OPENCV, "pillow": "PIL", "pycolmap": "pycolmap", "pyproj": "pyproj", "scipy": "scipy"},

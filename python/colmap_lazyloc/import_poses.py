@@ -14,6 +14,7 @@ model.
 """
 
 import argparse
+import dataclasses
 import pathlib
 import sys
 from collections.abc import Callable, Sequence
@@ -26,6 +27,7 @@ from colmap_lazyloc.pose_formats import exif_gps
 from colmap_lazyloc.pose_formats.geo import FILE_NAME, GeoOrigin
 from colmap_lazyloc.pose_formats.posed_images import Photos, PosedImages, Source
 from colmap_lazyloc.pose_formats.registry import FORMATS, read_posed_images
+from colmap_lazyloc.pose_formats.rigs import Rig
 
 AUTO, EXIF, PANORAMAS = "auto", "exif", "panoramas"
 MODEL_FILES = ("cameras", "images", "points3D", "rigs", "frames")
@@ -112,6 +114,12 @@ def parse_arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
         "the photos is the origin",
     )
     add(
+        "--rig_config_path",
+        type=pathlib.Path,
+        metavar="FILE",
+        help="calibration of a rig, whose reference camera FILE has the poses of: the other cameras get theirs, too",
+    )
+    add(
         "--poses",
         type=pathlib.Path,
         metavar="FILE",
@@ -130,16 +138,28 @@ def main(arguments: Sequence[str] | None = None) -> None:
     if options.format == PANORAMAS:
         _cut_panoramas(options)
         return
-    source = make_source(options.file, options.image_path, options)
-    posed = read_posed_images(source, None if options.format == AUTO else options.format)
+    posed = _read(options)
     if options.output_path.resolve() == options.file.resolve():
         raise InputError(f"--output_path {options.output_path}: is the folder of the poses")
     write_posed_images(options.output_path, posed, options.binary)
     num_cameras = len({image.camera for image in posed.images})
     print(f"{options.output_path}: {len(posed.images)} images, {num_cameras} camera{'s' * (num_cameras > 1)}")
-    if source.photos.folder is not None and len(posed.images) < len(source.photos.names):
-        missing = len(source.photos.names) - len(posed.images)
-        logger.warning("%d of %d photos have no pose in %s", missing, len(source.photos.names), options.file)
+    num_photos = len(Photos(options.image_path).names)
+    if len(posed.images) < num_photos:
+        logger.warning("%d of %d photos have no pose in %s", num_photos - len(posed.images), num_photos, options.file)
+
+
+def _read(options: argparse.Namespace) -> PosedImages:
+    """Reads the poses, of a rig those of its reference camera, from which those of the others follow."""
+    source = make_source(options.file, options.image_path, options)
+    form = None if options.format == AUTO else options.format
+    if options.rig_config_path is None:
+        return read_posed_images(source, form)
+    if options.image_path is None:
+        raise InputError("--rig_config_path needs --image_path, which has the photos of all cameras")
+    rig = Rig.read(options.rig_config_path)
+    photos = Photos(options.image_path, rig.reference)
+    return rig.add_cameras(read_posed_images(dataclasses.replace(source, photos=photos), form), source.photos)
 
 
 def _write_gps(options: argparse.Namespace) -> None:

@@ -1,5 +1,7 @@
 """Localizes queries in this process; the index, features and caches stay loaded between calls."""
 
+from __future__ import annotations  # help() then has the names of types instead of all that they may be
+
 import os
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -88,7 +90,7 @@ class Localizer:
         """Closes the database and frees the memory as soon as calls in other threads have ended."""
         self._core = None
 
-    def __enter__(self) -> "Localizer":
+    def __enter__(self) -> Localizer:
         return self
 
     def __exit__(self, *exception: object) -> None:
@@ -206,7 +208,7 @@ class Localizer:
         num_queries = len(inputs) + sum(map(len, names_of_group.values()))
         return run_tasks(tasks, num_threads if num_threads > 0 else os.cpu_count() or 1, num_queries, progress)
 
-    def _open(self) -> "_core.Localizer":
+    def _open(self) -> _core.Localizer:
         if self._core is None:
             raise InputError("the Localizer is closed")
         return self._core
@@ -247,18 +249,18 @@ def _to_results(answers: Iterable[Answer]) -> list[Result]:
     return [Result(*answer) for answer in answers]
 
 
-def _group_task(localizer: "_core.Localizer", group: int, names: set[str]) -> Callable[[], list[Result]]:
+def _group_task(localizer: _core.Localizer, group: int, names: set[str]) -> Callable[[], list[Result]]:
     def localize() -> list[Result]:
         return [result for result in _to_results(localizer.localize_group(group, "", [], [])) if result.name in names]
 
     return localize
 
 
-def _input_task(localizer: "_core.Localizer", query: "_core.Query") -> Callable[[], list[Result]]:
+def _input_task(localizer: _core.Localizer, query: _core.Query) -> Callable[[], list[Result]]:
     return lambda: _to_results(localizer.localize_frame([query], arrays.to_poses([IDENTITY]), "", True))
 
 
-def _to_input(localizer: "_core.Localizer", query: Query) -> "tuple[str, _core.Query]":
+def _to_input(localizer: _core.Localizer, query: Query) -> tuple[str, _core.Query]:
     """Returns a query's name and the extension module's query."""
     if isinstance(query, str):
         localizer.find_group(_check_name(query))  # raises InputError for an unknown one
@@ -271,11 +273,11 @@ def _to_input(localizer: "_core.Localizer", query: Query) -> "tuple[str, _core.Q
     raise InputError(f"a query must be a name, a Photo or a Matches, but is of type {type(query).__name__}")
 
 
-def _with_prior(localizer: "_core.Localizer", plain: "_core.Query", query: Photo | Matches) -> "_core.Query":
+def _with_prior(localizer: _core.Localizer, plain: _core.Query, query: Photo | Matches) -> _core.Query:
     return localizer.with_prior(plain, arrays.to_position(query.position), arrays.to_gravity(query.gravity))
 
 
-def _to_photo(photo: Photo) -> "tuple[str, _core.Query]":
+def _to_photo(photo: Photo) -> tuple[str, _core.Query]:
     camera = None if photo.camera is None else arrays.to_camera(photo.camera)
     path, pixels = "", None
     if isinstance(photo.image, str | os.PathLike):
@@ -287,7 +289,7 @@ def _to_photo(photo: Photo) -> "tuple[str, _core.Query]":
     return name, core.photo(name, path, pixels, camera)
 
 
-def _to_matches(localizer: "_core.Localizer", query: Matches) -> "_core.Query":
+def _to_matches(localizer: _core.Localizer, query: Matches) -> _core.Query:
     if not isinstance(query.pairs, Mapping):
         raise InputError("pairs: must be a dict with the name of a posed image for each pair")
     pairs = []

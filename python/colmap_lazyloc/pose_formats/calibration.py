@@ -79,7 +79,7 @@ def _pose(matrix: NDArray[np.float64]) -> Pose:
 def _read_kitti(path: pathlib.Path, source: Source, first_image: str) -> tuple[Camera, Pose]:
     """Reads the projection of the camera whose number ends the photos' folder (image_2), else of camera 0."""
     rows = {key.strip(): text for key, _, text in (line.partition(":") for _, line in read_entries(path))}
-    folder = re.search(r"image_0?(\d)", str(source.photos.folder))
+    folder = re.search(r".*image_0?(\d)/", f"{source.photos.folder}/{first_image}")
     key = f"P{folder.group(1) if folder else 0}"
     projection = np.reshape(numbers(rows[key if key in rows else "P_rect_0" + key[1:]], 12), (3, 4))
     matrix = projection[:, :3]

@@ -16,6 +16,7 @@ from colmap_lazyloc.pose_formats.geo import GeoOrigin
 from colmap_lazyloc.poses import Pose
 
 IMAGE_SUFFIXES = (".bmp", ".jpeg", ".jpg", ".pgm", ".png", ".ppm", ".tif", ".tiff")
+UNREADABLE_SUFFIXES = (".avif", ".heic", ".heif")  # of photos that COLMAP cannot read, as many phones make them
 # Turns the axes of OpenGL's cameras (x right, y up, z backward) into COLMAP's (x right, y down, z forward).
 OPENGL_FROM_COLMAP = np.diag([1.0, -1.0, -1.0])
 MAX_ROTATION_ERROR = 0.01  # of an element of a rotation in a file, which may have few digits
@@ -43,11 +44,13 @@ class Photos:
     """The photos that poses belong to; without a folder, names are taken as they are in the file of poses."""
 
     folder: pathlib.Path | None
+    prefix: str = ""  # of the names of those that are used
 
     @functools.cached_property
     def names(self) -> list[str]:
-        """The names of all photos below the folder, sorted."""
-        return [] if self.folder is None else list_images(self.folder)
+        """The names of the photos below the folder, sorted."""
+        names = [] if self.folder is None else list_images(self.folder)
+        return [name for name in names if name.startswith(self.prefix)]
 
     def find(self, text: object) -> str | None:
         """Returns the name of a photo; None if there is none, or several that it may be.
@@ -104,7 +107,7 @@ class Source:
         return self.photos.find(text)
 
 
-def list_images(folder: pathlib.Path) -> list[str]:
+def list_images(folder: pathlib.Path, suffixes: tuple[str, ...] = IMAGE_SUFFIXES) -> list[str]:
     """Returns the names of the image files below a folder, sorted; follows links."""
     if not folder.is_dir():
         raise InputError(f"{folder}: is not a folder")
@@ -115,7 +118,7 @@ def list_images(folder: pathlib.Path) -> list[str]:
         for directory, _, files in os.walk(folder, followlinks=True)
         for name in files
     )
-    return sorted(name for name in names if name.lower().endswith(IMAGE_SUFFIXES))
+    return sorted(name for name in names if name.lower().endswith(suffixes))
 
 
 def pose_of_camera(world_from_cam: ArrayLike, is_opengl: bool = False) -> Pose:

@@ -120,7 +120,7 @@ def _check_one_camera(source: Source, times: dict[str, float]) -> None:
         if names.setdefault(time, name) != name:
             raise InputError(
                 f"--image_path {source.photos.folder}: {names[time]} and {name} have the same time, but the trajectory "
-                "is that of one camera: give the folder of its photos"
+                "is that of one camera: give the folder of its photos, or the rig (lazyloc import --rig_config_path)"
             )
 
 

@@ -9,8 +9,8 @@ import shutil
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from colmap_lazyloc.errors import InputError
-from colmap_lazyloc.pose_formats.posed_images import list_images
+from colmap_lazyloc.errors import InputError, logger
+from colmap_lazyloc.pose_formats.posed_images import UNREADABLE_SUFFIXES, list_images
 
 DATABASE, QUERY = "database", "query"  # folders of the names of images
 
@@ -49,8 +49,12 @@ def link_photos(folder: Folder, role: str, source: pathlib.Path, masks: pathlib.
     by those of the photos. Blanks become underscores, because COLMAP's lists of pairs cannot hold them."""
     names = [source.name] if source.is_file() else list_images(source)
     root = source.parent if source.is_file() else source
+    unreadable = [] if source.is_file() else list_images(source, UNREADABLE_SUFFIXES)
+    hint = f"COLMAP cannot read {unreadable[0]}: convert photos of this kind to JPEG" if unreadable else ""
     if not names:
-        raise InputError(f"{source}: holds no image file")
+        raise InputError(f"{source}: {hint or 'holds no image file'}")
+    if hint:
+        logger.warning("%s: %s (%d left out)", source, hint, len(unreadable))
     linked = {name: role + "/" + re.sub(r"\s", "_", name) for name in names}
     if len(set(linked.values())) < len(linked):
         raise InputError(f"{source}: two names of photos differ only in blanks and underscores")

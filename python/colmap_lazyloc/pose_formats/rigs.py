@@ -1,0 +1,79 @@
+"""Gives poses to all cameras of a rig, if a file has those of one: from rig.json of COLMAP's rig_configurator."""
+
+import dataclasses
+import json
+import pathlib
+from collections.abc import Mapping
+from typing import Any
+
+from colmap_lazyloc.errors import InputError
+from colmap_lazyloc.model import Camera
+from colmap_lazyloc.pose_formats.calibration import IDENTITY
+from colmap_lazyloc.pose_formats.posed_images import Photos, PosedImage, PosedImages, numbers, quaternion_rotation
+from colmap_lazyloc.poses import Pose
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class RigCamera:
+    """A camera of a rig; without a model, its intrinsics are those of the reference."""
+
+    cam_from_rig: Pose
+    model: str | None
+    params: tuple[float, ...]
+
+    def intrinsics(self, size: tuple[int, int]) -> Camera:
+        """Returns the intrinsics for photos of this size."""
+        if self.model is None:
+            raise InputError("a camera of the rig has no intrinsics")
+        return Camera(self.model, *size, self.params)
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Rig:
+    """The cameras of a rig by the prefix of their photos' names; the reference is the one whose poses a file has."""
+
+    reference: str
+    cameras: Mapping[str, RigCamera]
+
+    @staticmethod
+    def read(path: pathlib.Path) -> "Rig":
+        """Reads a file with one rig."""
+        try:
+            rigs = json.loads(path.read_text(encoding="utf-8"))
+        except OSError as error:
+            raise InputError(f"--rig_config_path {path}: cannot be read: {error.strerror}") from None
+        except ValueError as error:
+            raise InputError(f"--rig_config_path {path}: is not JSON: {error}") from None
+        try:
+            (rig,) = rigs
+            (reference,) = (entry["image_prefix"] for entry in rig["cameras"] if entry.get("ref_sensor"))
+            return Rig(reference, {entry["image_prefix"]: _read_camera(entry) for entry in rig["cameras"]})
+        except (AttributeError, KeyError, TypeError, ValueError) as error:
+            raise InputError(f"--rig_config_path {path}: is not one rig with one ref_sensor: {error}") from None
+
+    def add_cameras(self, posed: PosedImages, photos: Photos) -> PosedImages:
+        """Adds the images of the other cameras, whose names differ in the prefix only; they must exist as photos."""
+        names, images = set(photos.names), []
+        for image in posed.images:
+            for prefix, camera in self.cameras.items():
+                name = prefix + image.name.removeprefix(self.reference)
+                if name in names:
+                    own = image.camera if camera.model is None else camera.intrinsics(photos.size(name))
+                    images.append(PosedImage(name, own, _compose(camera.cam_from_rig, image.cam_from_world)))
+        return dataclasses.replace(posed, images=images)
+
+
+def _read_camera(entry: Mapping[str, Any]) -> RigCamera:
+    pose = IDENTITY
+    if not entry.get("ref_sensor"):
+        rotation = quaternion_rotation(*numbers(entry["cam_from_rig_rotation"], 4))
+        pose = Pose.from_matrix(rotation, numbers(entry["cam_from_rig_translation"], 3))
+    return RigCamera(pose, entry.get("camera_model_name"), tuple(map(float, entry.get("camera_params", ()))))
+
+
+def _compose(cam_from_rig: Pose, rig_from_world: Pose) -> Pose:
+    """Returns cam_from_world; that of the reference keeps every bit."""
+    if cam_from_rig is IDENTITY:
+        return rig_from_world
+    rotation = cam_from_rig.rotation @ rig_from_world.rotation
+    return Pose.from_matrix(rotation, cam_from_rig.rotation @ rig_from_world.tvec + cam_from_rig.tvec)
