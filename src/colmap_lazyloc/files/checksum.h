@@ -1,9 +1,9 @@
 #pragma once
 
-#include <zlib.h>
-
 #include <cstdint>
 #include <string_view>
+
+#include <zlib.h>
 
 namespace lazyloc {
 

@@ -185,8 +185,7 @@ class ScoreBuilder {
   };
 
   // Returns nullopt for a track with depths.
-  std::optional<TrackInfluence> Influence(size_t track, const FrameColumns& columns,
-                                          const Moves& poses_from_correction,
+  std::optional<TrackInfluence> Influence(size_t track, const FrameColumns& columns, const Moves& poses_from_correction,
                                           const IntrinsicsScore::Vector& correction) const {
     const BundleProblem& problem = solver_.Problem();
     const BundleState& state = solver_.Linearization();
@@ -216,7 +215,8 @@ class ScoreBuilder {
     }
     for (size_t i = range.begin; i < range.end; ++i) {
       const Eigen::Index place = kSize * place_of_frame_[problem.free[i].frame];
-      influence.frame += columns.template middleRows<kSize>(place).transpose() * (equations.eliminated[i] * point.gradient);
+      influence.frame +=
+          columns.template middleRows<kSize>(place).transpose() * (equations.eliminated[i] * point.gradient);
     }
     influence.score += by_point * point.inverse.transpose() * point_gradient;
     return influence;
