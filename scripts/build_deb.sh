@@ -40,7 +40,7 @@ cp packaging/bash_completion "$stage/completions/colmap-lazyloc"
 "$PYTHON" scripts/licences.py check "$stage/licences/colmap-lazyloc.cdx.json"
 
 # The version is that of the project; the part after the tilde tells the packages for several Debians apart.
-version=$(sed -n 's/^project(colmap_lazyloc VERSION \([0-9.]*\).*/\1/p' CMakeLists.txt)
+version=$PROJECT_VERSION
 maintainer="${DEBFULLNAME:-$(git log -1 --format=%an)} <${DEBEMAIL:-$(git log -1 --format=%ae)}>"
 sed -i "s/@MAINTAINER@/$maintainer/" "$stage/debian/control"
 source /etc/os-release
