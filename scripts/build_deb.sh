@@ -1,57 +1,67 @@
 #!/usr/bin/env bash
 # Builds the Debian packages colmap-lazyloc (the program) and python3-colmap-lazyloc (the tool lazyloc and the Python
-# package) and puts them into a folder (default: dist). They hold what scripts/setup.sh has built, with man pages and bash
-# completion made from the program's help. They are for the Debian that builds them, and can be installed beside Debian's
-# package colmap.
+# package) from a source package, and puts all of them into a folder (default: dist). The source package contains what
+# Debian lacks, COLMAP's source without its parts under restrictive licences for example. The packages are for the Debian
+# that builds them, and can be installed beside Debian's package colmap.
 #
 #   scripts/build_deb.sh [FOLDER]
 #
 #   DEBFULLNAME, DEBEMAIL   who answers for the packages: their maintainer; default: the author of the last commit
+#   RELEASE_URL             where the packages' source will lie; default: http://localhost:8000
+#   DEB_BUILD_OPTIONS       default: nocheck (no unit tests) noautodbgsym (no packages of debugging symbols)
 #
-# Ends with an error if a component is under the GPL or AGPL, or if lintian finds an error.
+# Ends with an error if a component is under the GPL or AGPL, or if lintian finds an error. After scripts/setup.sh, it takes
+# a few minutes. In the source package, `dpkg-buildpackage` compiles with Debian's own flags.
 set -euo pipefail
 target=$(realpath -m "${1:-dist}")
 cd "$(dirname "$0")/.."
 source scripts/environment.sh
 source scripts/apt.sh
-BUILD_TARGETS=${BUILD_TARGETS:-program lazyloc_python} scripts/setup.sh
+scripts/setup.sh source
 install_packages scripts/deb_packages.txt
 
-work=$(mktemp -d)
-trap 'rm -rf "$work"' EXIT
-stage=$work/stage
-mkdir -p "$stage/completions" "$target"
-cp -r packaging/debian README.md docs "$stage"
-cp "$COLMAP" "$stage/colmap-lazyloc"
-for command in lazy_indexer lazy_localizer lazy_merger; do
-  printf '#!/bin/sh\nexec colmap-lazyloc %s "$@"\n' "$command" > "$stage/$command"
-  chmod +x "$stage/$command"
-  ln -s colmap-lazyloc "$stage/completions/$command"
-done
-printf '#!/bin/sh\nexec python3 -m colmap_lazyloc "$@"\n' > "$stage/lazyloc"
-chmod +x "$stage/lazyloc"
-ln -s colmap-lazyloc "$stage/completions/lazyloc"
-git ls-files -z python/colmap_lazyloc ':!python/colmap_lazyloc/testing' | xargs -0 cp --parents -t "$stage"
-chmod -R a-x,a+X "$stage/python"
-cp "$BUILD_DIR"/python/_core.*.so "$stage/python/colmap_lazyloc"
-cp packaging/bash_completion "$stage/completions/colmap-lazyloc"
-"$PYTHON" scripts/help_pages.py man "$COLMAP" "$stage/man"
-"$PYTHON" scripts/licences.py program "$BUILD_DIR" "$stage/licences"
-"$PYTHON" scripts/licences.py check "$stage/licences/colmap-lazyloc.cdx.json"
-
-# The version is that of the project; the part after the tilde tells the packages for several Debians apart.
-version=$(sed -n 's/^project(colmap_lazyloc VERSION \([0-9.]*\).*/\1/p' CMakeLists.txt)
-maintainer="${DEBFULLNAME:-$(git log -1 --format=%an)} <${DEBEMAIL:-$(git log -1 --format=%ae)}>"
-sed -i "s/@MAINTAINER@/$maintainer/" "$stage/debian/control"
+# The part of the version after the tilde tells the packages for several Debians apart.
 source /etc/os-release
-cat > "$stage/debian/changelog" << END
-colmap-lazyloc ($version~deb$VERSION_ID) $VERSION_CODENAME; urgency=medium
+version=$PROJECT_VERSION-1~deb$VERSION_ID
+maintainer="${DEBFULLNAME:-$(git log -1 --format=%an)} <${DEBEMAIL:-$(git log -1 --format=%ae)}>"
+work=$BUILD_DIR/deb
+source=$work/colmap-lazyloc-$PROJECT_VERSION
+vendored=$work/vendored
+rm -rf "$work"
+mkdir -p "$source" "$vendored/python" "$target"
+git archive HEAD | tar -x -C "$source" --exclude=packaging/debian
+mkdir "$vendored/colmap"
+cp -r "$COLMAP_SOURCE_DIR"/{CMakeLists.txt,COPYING.txt,cmake,src} "$vendored/colmap"
+rm -r "$vendored"/colmap/src/thirdparty/{LSD,SiftGPU}
+cp -r "$ONNXRUNTIME_INCLUDE_DIR" "$vendored/onnxruntime"
+cp -r "$VENV_DIR"/lib/python3*/site-packages/nanobind{,-*} "$vendored/python"
+find "$vendored" -name __pycache__ -prune -exec rm -r {} +
+
+# Packs a folder of $work into a tarball that depends on nothing but its files.
+pack() {
+  tar -cJf "$work/colmap-lazyloc_$PROJECT_VERSION.$1.tar.xz" -C "$work" --sort=name --owner=0 --group=0 --numeric-owner \
+    --mtime="@$(git log -1 --format=%ct)" "$2"
+}
+pack orig "colmap-lazyloc-$PROJECT_VERSION"
+pack orig-vendored vendored
+mv "$vendored" "$source"
+cp -r packaging/debian "$source"
+sed -i "s/@MAINTAINER@/$maintainer/; s|@URL@|${RELEASE_URL:-http://localhost:8000}|" "$source"/debian/{control,watch}
+cat > "$source/debian/changelog" << END
+colmap-lazyloc ($version) $VERSION_CODENAME; urgency=medium
 
   * $(git log -1 --format=%h): CHANGELOG.md of the project lists the changes.
 
  -- $maintainer  $(git log -1 --format=%cD)
 END
-(cd "$stage" && dpkg-buildpackage --build=binary --no-sign) > "$work/log" 2>&1 || { tail -20 "$work/log" >&2; exit 1; }
-lintian --allow-root --fail-on error "$work"/*.deb
-cp "$work"/*.deb "$target"
-ls "$target"/*"_$version~deb$VERSION_ID"_*.deb
+# Compiles like scripts/setup.sh, so that ccache serves what that has compiled; a distribution sets its own flags.
+# heeds LC_ALL and HOME, which debhelper sets.
+export DEB_CFLAGS_SET='' DEB_CXXFLAGS_SET='' DEB_CPPFLAGS_SET='' CCACHE_BASEDIR=$source
+export CCACHE_DIR=${CCACHE_DIR:-$(ccache --get-config cache_dir)}
+export CMAKE_C_COMPILER_LAUNCHER='env;-u;LC_ALL;ccache' CMAKE_CXX_COMPILER_LAUNCHER='env;-u;LC_ALL;ccache'
+export COLMAP_SOURCE_DIR ONNXRUNTIME_INCLUDE_DIR DEB_BUILD_OPTIONS=${DEB_BUILD_OPTIONS:-nocheck noautodbgsym}
+(cd "$source" && dpkg-buildpackage --no-sign) > "$work/log" 2>&1 ||
+  { tail -20 "$work/log" | cut -c 1-300 >&2; exit 1; }
+lintian --allow-root --fail-on error "$work"/*.changes
+mv "$work"/*.{deb,dsc,changes,buildinfo,tar.*} "$target"
+ls "$target"/*"_${version}_"*.deb

@@ -7,8 +7,7 @@ set -euo pipefail
 cd "$(dirname "$0")/.."
 source scripts/environment.sh
 scripts/setup.sh docs
-version=$(sed -n 's/^version = "\(.*\)"/\1/p' pyproject.toml)
-site=$(realpath -m "${1:-$BUILD_DIR/site}")/$version
+site=$(realpath -m "${1:-$BUILD_DIR/site}")/$PROJECT_VERSION
 # The variable keeps the theme from announcing its successor. Warnings count as errors only if they are not silenced.
 log=$(NO_MKDOCS_2_WARNING=1 "$PYTHON" -m mkdocs build --strict --clean --site-dir "$site" 2>&1) ||
   { echo "$log" >&2; exit 1; }

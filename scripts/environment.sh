@@ -6,6 +6,7 @@ ONNXRUNTIME_INCLUDE_DIR=$CACHE_DIR/onnxruntime-headers
 BUILD_DIR=${BUILD_DIR:-$PWD/build}
 VENV_DIR=$CACHE_DIR/venv
 PYTHON=$VENV_DIR/bin/python
+PROJECT_VERSION=$(sed -n 's/^__version__ = "\(.*\)"/\1/p' python/colmap_lazyloc/__init__.py)
 COLMAP=$BUILD_DIR/bin/colmap
 # Use the package of this checkout, because several checkouts share the Python environment.
 export PYTHONPATH=$PWD/python${PYTHONPATH:+:$PYTHONPATH}

@@ -160,11 +160,13 @@ class Origins:
         self.colmap = pathlib.Path(self.variables["COLMAP_SOURCE_DIR"]).resolve()
         ceres = pathlib.Path(self.variables["Ceres_DIR"]).resolve()
         self.libraries = next((path for path in ceres.parents if (path / "components").is_dir()), None)
-        self.own = [pathlib.Path(self.variables["CMAKE_HOME_DIRECTORY"]).resolve(), build.resolve()]
+        source = pathlib.Path(self.variables["CMAKE_HOME_DIRECTORY"]).resolve()
+        self.own, self.vendored = [source, build.resolve()], source / "vendored"  # see scripts/build_deb.sh
 
     def components_of(self, paths: set[pathlib.Path]) -> list[Component]:
         """Returns the components that the files belong to, without the system's."""
-        paths = {path for path in paths if not any(path.is_relative_to(own) for own in self.own)}
+        own = {path for path in paths if any(path.is_relative_to(folder) for folder in self.own)}
+        paths = paths - {path for path in own if not path.is_relative_to(self.vendored)}
         packages = packages_of(sorted(paths))
         found = [debian_component(package) for package in sorted(set(packages.values()))]
         found += [self.other_component(path) for path in sorted(paths - set(packages))]

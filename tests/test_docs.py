@@ -8,6 +8,7 @@ import pytest
 from axe_playwright_python.sync_playwright import Axe
 from playwright.sync_api import sync_playwright
 
+import colmap_lazyloc
 from browser import ARGUMENTS, chromium_path
 from conftest import PROJECT_PATH
 
@@ -25,7 +26,7 @@ def site(tmp_path_factory):
     done = build(PROJECT_PATH, tmp_path_factory.mktemp("site"))
     assert done.returncode == 0, done.stderr
     (page,) = done.stdout.splitlines()
-    assert page.endswith("/0.1.0/index.html")
+    assert page.endswith(f"/{colmap_lazyloc.__version__}/index.html")
     return PROJECT_PATH.joinpath(page).parent
 
 

@@ -128,17 +128,20 @@ __attribute__((target("arch=armv8.2-a+dotprod"))) void MultiplyWithDotProduct(co
   constexpr int kTogether = NumTogether(ProductInstructions::DOT_PRODUCT);
   for (int j = 0; j < kDescriptorBlock; j += kNumLanes) {
     uint32x4_t sums[kDescriptorRows][4] = {};
-    for (int k = 0; k < kDescriptorDim; k += kTogether) {
+    for (int k = 0; k < kDescriptorLength; k += kTogether) {
       const uint8x16x4_t columns = vld1q_u8_x4(block + k * kDescriptorBlock + j * kTogether);
       for (int i = 0; i < kDescriptorRows; ++i) {
         uint32_t values;
-        std::memcpy(&values, rows + i * kDescriptorDim + k, sizeof(values));
+        std::memcpy(&values, rows + i * kDescriptorLength + k, sizeof(values));
         const uint8x16_t row = vreinterpretq_u8_u32(vdupq_n_u32(values));
         for (int v = 0; v < 4; ++v) sums[i][v] = vdotq_u32(sums[i][v], row, columns.val[v]);
       }
     }
-    static_assert(sizeof(sums[0]) == sizeof(Lanes));
-    for (int i = 0; i < kDescriptorRows; ++i) std::memcpy(&products->rows[i][j / kNumLanes], sums[i], sizeof(Lanes));
+    // Stores registers, because GCC would keep sums in memory that are copied from there.
+    for (int i = 0; i < kDescriptorRows; ++i) {
+      int32_t* values = products->rows[i][j / kNumLanes].values;
+      for (int v = 0; v < 4; ++v) vst1q_s32(values + 4 * v, vreinterpretq_s32_u32(sums[i][v]));
+    }
   }
 }
 #endif
