@@ -1,5 +1,6 @@
 """Tests that the documentation's site builds without a broken link, needs no network, and is accessible."""
 
+import pathlib
 import re
 import shutil
 import subprocess
@@ -100,6 +101,9 @@ def test_broken_link_is_an_error(tmp_path):
     for name in ("docs", "scripts", "mkdocs.yml", "pyproject.toml", "CONTRIBUTING.md", "CHANGELOG.md"):
         source = PROJECT_PATH / name
         (shutil.copytree if source.is_dir() else shutil.copy)(source, tmp_path / name)
+    version = pathlib.Path("python", "colmap_lazyloc", "__init__.py")
+    (tmp_path / version).parent.mkdir(parents=True)
+    shutil.copy(PROJECT_PATH / version, tmp_path / version)
     page = tmp_path / "docs" / "faq.md"
     page.write_text(page.read_text() + "\n[a](nowhere.md) [b](method.md#nowhere)\n")
     done = build(tmp_path, tmp_path / "site")
