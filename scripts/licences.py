@@ -165,8 +165,11 @@ class Origins:
 
     def components_of(self, paths: set[pathlib.Path]) -> list[Component]:
         """Returns the components that the files belong to, without the system's."""
-        own = {path for path in paths if any(path.is_relative_to(folder) for folder in self.own)}
-        paths = paths - {path for path in own if not path.is_relative_to(self.vendored)}
+        paths = {
+            path
+            for path in paths
+            if path.is_relative_to(self.vendored) or not any(path.is_relative_to(folder) for folder in self.own)
+        }
         packages = packages_of(sorted(paths))
         found = [debian_component(package) for package in sorted(set(packages.values()))]
         found += [self.other_component(path) for path in sorted(paths - set(packages))]

@@ -138,20 +138,20 @@ def main(arguments: Sequence[str] | None = None) -> None:
     if options.format == PANORAMAS:
         _cut_panoramas(options)
         return
-    posed = _read(options)
+    source = make_source(options.file, options.image_path, options)
+    posed = _read(source, options)
     if options.output_path.resolve() == options.file.resolve():
         raise InputError(f"--output_path {options.output_path}: is the folder of the poses")
     write_posed_images(options.output_path, posed, options.binary)
     num_cameras = len({image.camera for image in posed.images})
     print(f"{options.output_path}: {len(posed.images)} images, {num_cameras} camera{'s' * (num_cameras > 1)}")
-    num_photos = len(Photos(options.image_path).names)
+    num_photos = len(source.photos.names)
     if len(posed.images) < num_photos:
         logger.warning("%d of %d photos have no pose in %s", num_photos - len(posed.images), num_photos, options.file)
 
 
-def _read(options: argparse.Namespace) -> PosedImages:
+def _read(source: Source, options: argparse.Namespace) -> PosedImages:
     """Reads the poses, of a rig those of its reference camera, from which those of the others follow."""
-    source = make_source(options.file, options.image_path, options)
     form = None if options.format == AUTO else options.format
     if options.rig_config_path is None:
         return read_posed_images(source, form)

@@ -1,7 +1,6 @@
 """Gives poses to all cameras of a rig, if a file has those of one: from rig.json of COLMAP's rig_configurator."""
 
 import dataclasses
-import json
 import pathlib
 from collections.abc import Mapping
 from typing import Any
@@ -10,6 +9,7 @@ from colmap_lazyloc.errors import InputError
 from colmap_lazyloc.model import Camera
 from colmap_lazyloc.pose_formats.calibration import IDENTITY
 from colmap_lazyloc.pose_formats.posed_images import Photos, PosedImage, PosedImages, numbers, quaternion_rotation
+from colmap_lazyloc.pose_formats.text import read_json
 from colmap_lazyloc.poses import Pose
 
 
@@ -20,12 +20,6 @@ class RigCamera:
     cam_from_rig: Pose
     model: str | None
     params: tuple[float, ...]
-
-    def intrinsics(self, size: tuple[int, int]) -> Camera:
-        """Returns the intrinsics for photos of this size."""
-        if self.model is None:
-            raise InputError("a camera of the rig has no intrinsics")
-        return Camera(self.model, *size, self.params)
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -38,12 +32,7 @@ class Rig:
     @staticmethod
     def read(path: pathlib.Path) -> "Rig":
         """Reads a file with one rig."""
-        try:
-            rigs = json.loads(path.read_text(encoding="utf-8"))
-        except OSError as error:
-            raise InputError(f"--rig_config_path {path}: cannot be read: {error.strerror}") from None
-        except ValueError as error:
-            raise InputError(f"--rig_config_path {path}: is not JSON: {error}") from None
+        rigs = read_json(path)
         try:
             (rig,) = rigs
             (reference,) = (entry["image_prefix"] for entry in rig["cameras"] if entry.get("ref_sensor"))
@@ -58,7 +47,9 @@ class Rig:
             for prefix, camera in self.cameras.items():
                 name = prefix + image.name.removeprefix(self.reference)
                 if name in names:
-                    own = image.camera if camera.model is None else camera.intrinsics(photos.size(name))
+                    own = image.camera
+                    if camera.model is not None:
+                        own = Camera(camera.model, *photos.size(name), camera.params)
                     images.append(PosedImage(name, own, _compose(camera.cam_from_rig, image.cam_from_world)))
         return dataclasses.replace(posed, images=images)
 
