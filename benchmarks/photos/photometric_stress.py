@@ -2,12 +2,13 @@
 
     python -m benchmarks photometric_stress --help
 
-Every fourth image of a scene is left out of the database, and --num_queries of them are photos. COLMAP extracts SIFT
-features of the database images. Three values of --FeatureMatching.type are compared: SIFT_BRUTEFORCE, ALIKED_LIGHTGLUE,
-and AUTO, which takes LightGlue for what SIFT does not localize.
+Every fourth image of a scene is left out of the database, and is a photo; --num_queries of them are made worse. COLMAP
+extracts SIFT features of the database images. Values of --FeatureMatching.type are compared: AUTO takes LightGlue for
+what SIFT does not localize.
 
 Prints tables: the share of photos that are LOCALIZED, with the interval of 95 % (Wilson), and how many of these are
-wrong; and the core-seconds of a photo that has not been made worse. A scene is a folder as for benchmarks/localization,
+wrong; for photos that have not been made worse, their position errors over SIFT's (geometric mean, with its interval of
+95 % by Student's t) and core-seconds. A scene is a folder as for benchmarks/localization,
 with images/ beside the model; it is only read. Databases, photos and features are kept in --work_path.
 """
 
@@ -16,6 +17,7 @@ import pathlib
 
 import cv2
 import numpy as np
+from scipy.stats import t as student_t
 
 from benchmarks.localization.environment import describe_environment
 from benchmarks.photos import degraded_photos, photo_scenes
@@ -27,7 +29,7 @@ from colmap_lazyloc.results import read_results
 
 STRENGTHS = {"darken": (256, 1024), "blur": (4, 8), "haze": (8, 32)}
 AS_TAKEN = ("as taken", 1)
-METHODS = ("SIFT_BRUTEFORCE", "ALIKED_LIGHTGLUE", "AUTO")
+METHODS = ("SIFT_BRUTEFORCE", "ALIKED_BRUTEFORCE", "ALIKED_LIGHTGLUE", "AUTO")
 NORMAL_QUANTILE = 1.96
 
 
@@ -39,7 +41,7 @@ class StressScene:
         self._options = options
         self._image_path = self.fold.work_path / "photos"
         step = max(1, len(self.fold.query_names) // options.num_queries)
-        self._names = self.fold.query_names[::step][: options.num_queries]
+        names_made_worse = self.fold.query_names[::step][: options.num_queries]
         # The program finds the images of the database below the folder of the photos.
         for name in self.fold.database_names:
             path = self._image_path / name
@@ -49,14 +51,15 @@ class StressScene:
         # The index is made before anything is measured.
         index_options = ("--database_path", self.fold.photo_path, "--index_path", self.fold.index_path)
         run_colmap(options.colmap, "lazy_indexer", *index_options)
-        self._taken = self._write_photos([AS_TAKEN])
-        self._worse = self._write_photos([(kind, strength) for kind in STRENGTHS for strength in STRENGTHS[kind]])
+        kinds = [(kind, strength) for kind in STRENGTHS for strength in STRENGTHS[kind]]
+        self._taken = self._write_photos([AS_TAKEN], self.fold.query_names)
+        self._worse = self._write_photos(kinds, names_made_worse)
 
-    def _write_photos(self, kinds) -> dict[str, tuple[str, tuple[str, int]]]:
+    def _write_photos(self, kinds, names) -> dict[str, tuple[str, tuple[str, int]]]:
         """Writes photos; returns the original and the kind of each by name."""
         photos = {}
         for kind in kinds:
-            for index, name in enumerate(self._names):
+            for index, name in enumerate(names):
                 photo_name = f"{kind[0]} {kind[1]}/{name}.png".replace(" ", "_")
                 photos[photo_name] = (name, kind)
                 path = self._image_path / photo_name
@@ -119,26 +122,43 @@ def share_text(outcomes: list[stress.Outcome]) -> str:
     return f"{100 * found / count:.0f} % [{low:.0f}, {high:.0f}], {wrong}"
 
 
+def error_text(outcomes: list[stress.Outcome], sift_outcomes: list[stress.Outcome]) -> str:
+    """Returns the geometric mean of errors over SIFT's, its interval, and the number of photos that both localize."""
+    pairs = zip(outcomes, sift_outcomes, strict=True)
+    logs = [np.log(a.error / b.error) for a, b in pairs if a.status == b.status == "LOCALIZED"]
+    if len(logs) < 2:
+        return f"-, {len(logs)}"
+    half = student_t.ppf(0.975, len(logs) - 1) * np.std(logs, ddof=1) / np.sqrt(len(logs))
+    mean, low, high = np.exp(np.mean(logs) + half * np.array([0, -1, 1]))
+    return f"{mean:.2f} [{low:.2f}, {high:.2f}], {len(logs)}"
+
+
 @command
 def main(arguments=None):
     options = parse(arguments)
     print(*describe_environment(), "", sep="\n")
     outcomes: dict[str, list[stress.Outcome]] = {method: [] for method in METHODS}
+    taken: dict[str, dict[str, list[stress.Outcome]]] = {}
     time_rows = []
     for path in options.scene_path:
         scene = StressScene(path, options)
-        seconds = {}
+        name, seconds = scene.fold.scene.name, {}
+        taken[name] = {}
         for method in METHODS:
-            taken, seconds[method] = scene.localize(method, is_worse=False)
+            taken[name][method], seconds[method] = scene.localize(method, is_worse=False)
             worse, _ = scene.localize(method, is_worse=True)
-            outcomes[method] += taken + worse
-        time_rows.append(f"| {scene.fold.scene.name} | " + " | ".join(f"{seconds[m]:.2f}" for m in METHODS) + " |")
+            outcomes[method] += taken[name][method] + worse
+        time_rows.append(f"| {name} | " + " | ".join(f"{seconds[m]:.2f}" for m in METHODS) + " |")
+    taken["all"] = {method: [o for of in taken.values() for o in of[method]] for method in METHODS}
     head = " | ".join(METHODS)
     print("## Stress\n", f"| | photos | {head} |", "|---|---|" + "---|" * len(METHODS), sep="\n")
     for kind in dict.fromkeys(outcome.kind for outcome in outcomes["AUTO"]):
         of_kind = {method: [o for o in outcomes[method] if o.kind == kind] for method in METHODS}
         label = kind[0] if kind == AS_TAKEN else f"{kind[0]}, {kind[1]}"
         print(f"| {label} | {len(of_kind['AUTO'])} | {' | '.join(map(share_text, of_kind.values()))} |")
+    print("\n## Stress errors\n", f"| | {' | '.join(METHODS[1:])} |", "|---|" + "---|" * len(METHODS[1:]), sep="\n")
+    for name, of in taken.items():
+        print(f"| {name} | {' | '.join(error_text(of[m], of[METHODS[0]]) for m in METHODS[1:])} |")
     print("\n## Stress time\n", f"| | {head} |", "|---|" + "---|" * len(METHODS), *time_rows, sep="\n")
 
 
