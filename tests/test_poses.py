@@ -34,6 +34,13 @@ def test_centre_is_mapped_to_the_origin():
     np.testing.assert_allclose(pose(np.array([[3.0, -2.0, 1.5]])), np.zeros((1, 3)), atol=1e-15)
 
 
+def test_product_transforms_one_after_the_other():
+    b_from_a, a_from_world = (Pose.from_matrix(turned(angle), [angle, -1.0, 2.0]) for angle in (20, 70))
+    points = np.random.default_rng(0).normal(size=(4, 3))
+    np.testing.assert_allclose((b_from_a @ a_from_world)(points), b_from_a(a_from_world(points)), atol=1e-13)
+    np.testing.assert_allclose(b_from_a.inverse()(b_from_a(points)), points, atol=1e-13)
+
+
 @pytest.mark.parametrize("angle_deg", [1e-7, 1e-3, 90, 179.999])
 def test_rotation_error_is_exact_for_small_and_large_angles(angle_deg):
     truth = Pose.from_matrix(turned(0), np.zeros(3))

@@ -112,6 +112,11 @@ def face_cameras(widths: Mapping[str, int]) -> dict[str, Camera]:
     return {f"{face}/{name}": face_camera(width) for face in FACES for name, width in widths.items()}
 
 
+def face_from_rig(face: str) -> Pose:
+    """Returns the pose of a face in its panorama."""
+    return Pose.from_matrix(rotation_of_angles(*FACES[face]), np.zeros(3))
+
+
 def read_face_poses(source: Source, widths: Mapping[str, int], format_name: str | None) -> PosedImages:
     """Reads the poses of panoramas; returns those of their faces."""
     # Needs no intrinsics in the file, because a panorama has none but its size.
@@ -119,10 +124,8 @@ def read_face_poses(source: Source, widths: Mapping[str, int], format_name: str 
     images = []
     for image in posed.images:
         pose, camera = image.cam_from_world, face_camera(widths[image.name])
-        for face, angles in FACES.items():
-            rotation = rotation_of_angles(*angles)
-            face_pose = Pose.from_matrix(rotation @ pose.rotation, rotation @ pose.tvec)
-            images.append(PosedImage(f"{face}/{image.name}", camera, face_pose))
+        for face in FACES:
+            images.append(PosedImage(f"{face}/{image.name}", camera, face_from_rig(face) @ pose))
     return PosedImages(images, posed.origin)
 
 
@@ -131,12 +134,12 @@ def write_rig(path: pathlib.Path, folders: Sequence[str] = ("",)) -> None:
     rigs = []
     for folder in folders:
         cameras = []
-        for face, angles in FACES.items():
+        for face in FACES:
             camera: dict[str, object] = {"image_prefix": f"{folder}{face}/"}
             if face == REFERENCE:
                 camera["ref_sensor"] = True
             else:
-                pose = Pose.from_matrix(rotation_of_angles(*angles), np.zeros(3))
+                pose = face_from_rig(face)
                 camera["cam_from_rig_rotation"] = pose.qvec.tolist()
                 camera["cam_from_rig_translation"] = pose.tvec.tolist()
             cameras.append(camera)

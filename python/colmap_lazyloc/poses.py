@@ -74,6 +74,14 @@ class Pose:
         """Returns the projection centre."""
         return -self.rotation.T @ self.tvec
 
+    def inverse(self) -> "Pose":
+        """Returns world_from_cam."""
+        return Pose.from_matrix(self.rotation.T, self.cam_in_world)
+
+    def __matmul__(self, first: "Pose") -> "Pose":
+        """Returns b_from_world of b_from_a @ a_from_world."""
+        return Pose.from_matrix(self.rotation @ first.rotation, self.rotation @ first.tvec + self.tvec)
+
     def __call__(self, points_in_world: Floats) -> Floats:
         """Transforms n x 3 points into the camera's frame."""
         return points_in_world @ self.rotation.T + self.tvec

@@ -75,10 +75,8 @@ def _odometry(rng: np.random.Generator, poses: list[Pose]) -> list[Pose]:
     """Returns the poses in a world that begins at the first one, with errors that add up from step to step."""
     found = [Pose.from_matrix(np.eye(3), np.zeros(3))]
     for before, pose in itertools.pairwise(poses):
-        rotation = pose.rotation @ before.rotation.T
-        step = _disturb(rng, Pose.from_matrix(rotation, pose.tvec - rotation @ before.tvec), ODOMETRY_NOISE)
-        last = found[-1]
-        found.append(Pose.from_matrix(step.rotation @ last.rotation, step.rotation @ last.tvec + step.tvec))
+        step = _disturb(rng, pose @ before.inverse(), ODOMETRY_NOISE)
+        found.append(step @ found[-1])
     return found
 
 

@@ -7,7 +7,6 @@ from typing import Any
 
 from colmap_lazyloc.errors import InputError
 from colmap_lazyloc.model import Camera
-from colmap_lazyloc.pose_formats.calibration import IDENTITY
 from colmap_lazyloc.pose_formats.posed_images import Photos, PosedImage, PosedImages, numbers, quaternion_rotation
 from colmap_lazyloc.pose_formats.text import read_json
 from colmap_lazyloc.poses import Pose
@@ -15,9 +14,9 @@ from colmap_lazyloc.poses import Pose
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class RigCamera:
-    """A camera of a rig; without a model, its intrinsics are those of the reference."""
+    """A camera of a rig; without a pose, it is the reference; without a model, its intrinsics are the reference's."""
 
-    cam_from_rig: Pose
+    cam_from_rig: Pose | None
     model: str | None
     params: tuple[float, ...]
 
@@ -47,24 +46,18 @@ class Rig:
             for prefix, camera in self.cameras.items():
                 name = prefix + image.name.removeprefix(self.reference)
                 if name in names:
-                    own = image.camera
+                    own, pose = image.camera, image.cam_from_world
                     if camera.model is not None:
                         own = Camera(camera.model, *photos.size(name), camera.params)
-                    images.append(PosedImage(name, own, _compose(camera.cam_from_rig, image.cam_from_world)))
+                    if camera.cam_from_rig is not None:
+                        pose = camera.cam_from_rig @ pose
+                    images.append(PosedImage(name, own, pose))
         return dataclasses.replace(posed, images=images)
 
 
 def _read_camera(entry: Mapping[str, Any]) -> RigCamera:
-    pose = IDENTITY
+    pose = None
     if not entry.get("ref_sensor"):
         rotation = quaternion_rotation(*numbers(entry["cam_from_rig_rotation"], 4))
         pose = Pose.from_matrix(rotation, numbers(entry["cam_from_rig_translation"], 3))
     return RigCamera(pose, entry.get("camera_model_name"), tuple(map(float, entry.get("camera_params", ()))))
-
-
-def _compose(cam_from_rig: Pose, rig_from_world: Pose) -> Pose:
-    """Returns cam_from_world; that of the reference keeps every bit."""
-    if cam_from_rig is IDENTITY:
-        return rig_from_world
-    rotation = cam_from_rig.rotation @ rig_from_world.rotation
-    return Pose.from_matrix(rotation, cam_from_rig.rotation @ rig_from_world.tvec + cam_from_rig.tvec)

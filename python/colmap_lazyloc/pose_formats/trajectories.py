@@ -148,7 +148,5 @@ def _posed(source: Source, rows: list[Row], is_opengl: bool) -> PosedImages:
         own = camera or (camera_of_entry(entries[name]) if name in entries else None)
         if own is None:
             raise InputError(f"{source.path}: has no intrinsics: give them as --camera or --calibration")
-        cam_from_world = cam_from_body.rotation @ rotation.T
-        tvec = cam_from_body.tvec - cam_from_world @ centre
-        images.append(PosedImage(name, own, Pose.from_matrix(cam_from_world, tvec)))
+        images.append(PosedImage(name, own, cam_from_body @ Pose.from_centre(rotation.T, centre)))
     return PosedImages(images)
