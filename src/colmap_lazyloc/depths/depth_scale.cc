@@ -13,10 +13,8 @@ namespace {
 constexpr int kMinNumPoints = 30;
 // Maximum standard deviation of the log of depths around a map that is used.
 constexpr double kMaxStddev = 0.2;
-// Maximum ratio of that standard deviation to the one around a constant depth: a map of another scene has more than 1.
-constexpr double kMaxStddevRatio = 0.6;
-// In a flat scene, a constant is as good as a map. Then the map's depths must be correlated with those of the points:
-// minimum correlation coefficient, and minimum in standard deviations of that of independent depths.
+// Depths of a map of this scene are correlated with those of the points: minimum correlation coefficient, and minimum in
+// standard deviations of that of independent depths.
 constexpr double kMinCorrelation = 0.3;
 constexpr double kMinCorrelationSigma = 3;
 constexpr double kMaxDeviation = 3;  // in standard deviations; depths beyond it are outliers
@@ -98,13 +96,10 @@ DepthFit FitDepthMap(const std::vector<DepthSample>& samples) {
   DepthFit fit;
   fit.num_points = static_cast<int>(samples.size());
   if (fit.num_points < kMinNumPoints) return fit;
-  std::vector<double> ratios = LogRatios(samples), log_depths;
-  for (const DepthSample& sample : samples) log_depths.push_back(std::log(sample.point_depth));
+  std::vector<double> ratios = LogRatios(samples);
   fit.log_scale = Median(ratios);
   fit.stddev = RobustStddev(std::move(ratios));
-  const bool is_informative = fit.stddev <= 2 * kMinDepthStddev ||
-                              fit.stddev <= kMaxStddevRatio * RobustStddev(std::move(log_depths)) ||
-                              AreCorrelated(samples, fit);
+  const bool is_informative = fit.stddev <= 2 * kMinDepthStddev || AreCorrelated(samples, fit);
   if (fit.stddev > kMaxStddev || !is_informative) {
     fit.verdict = DepthVerdict::CONTRADICTED;
     return fit;

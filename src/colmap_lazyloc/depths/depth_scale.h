@@ -34,7 +34,7 @@ struct DepthFit {
 };
 
 // Fits the scale of a map robustly. The verdict is NO_SCALE for too few points, and
-// CONTRADICTED if the depths scatter by more than a fifth, or hardly less around the map than around a constant.
+// CONTRADICTED if the depths scatter by more than a fifth, or are not correlated with those of the points.
 DepthFit FitDepthMap(const std::vector<DepthSample>& samples);
 
 // Returns the fit of a map that is stated to be metric. own: fit to points that database images triangulate; relative:

@@ -22,7 +22,6 @@ constexpr double kSlightlyWrongStddev = 0.03;
 constexpr double kSlightlyWrongProbability = 0.2;
 // Probability that a value is wrong before the images are used.
 constexpr double kWrongGivenProbability = 0.05;
-constexpr double kWrongSharedProbability = 0.1;
 constexpr double kWrongExifProbability = 0.5;
 // Significance, and displacement from which on principal point (as a fraction of the focal length) or distortion (at
 // the image's corners, of half the diagonal) count as contradicted. Rolling shutters look like a distortion of 5
@@ -74,11 +73,10 @@ FocalLengthJudgement JudgeFocalLength(double log_factor, double stddev, Intrinsi
                                       const LocalizerOptions& options) {
   const double right_stddev = std::max(options.focal_length_stddev_ratio, kMinRightStddev);
   const double variance = stddev * stddev;
-  const double p_wrong = origin == IntrinsicsOrigin::GUESS    ? 1
-                         : origin == IntrinsicsOrigin::MODEL  ? 0
-                         : origin == IntrinsicsOrigin::EXIF   ? kWrongExifProbability
-                         : origin == IntrinsicsOrigin::SHARED ? kWrongSharedProbability
-                                                              : kWrongGivenProbability;
+  const double p_wrong = origin == IntrinsicsOrigin::GUESS   ? 1
+                         : origin == IntrinsicsOrigin::MODEL ? 0
+                         : origin == IntrinsicsOrigin::EXIF  ? kWrongExifProbability
+                                                             : kWrongGivenProbability;
   // Takes logs relative to the most probable case, because all densities of a strange measurement are zero.
   const std::array<double, 3> stddevs = {right_stddev, kSlightlyWrongStddev, kWrongStddev};
   std::array<double, 3> probabilities = {1 - p_wrong,
