@@ -12,7 +12,7 @@ ROOT = pathlib.Path(__file__).resolve().parents[1]
 ROOT_PAGES = {"CONTRIBUTING.md": "contributing.md", "CHANGELOG.md": "changelog.md"}
 MAX_UNBROKEN = 20  # characters of a word in a line of text; longer ones may break
 STACKED = re.compile(
-    r"<table>\s*<thead>\s*<tr>\s*<th>(option|status)</th>\s*<th>(?:default|meaning)</th>.*?</table>", re.DOTALL
+    r"<table>\s*<thead>\s*<tr>\s*<th>(option|status|format)</th>(?:\s*<th>[^<]*</th>){2}.*?</table>", re.DOTALL
 )
 FIGURES = re.compile(r"<td>(\d{4}-\d\d-\d\d|[\d.]+ / [\d.]+)")
 CODE = re.compile(r"<pre>.*?</pre>|<code>([^<]*)</code>", re.DOTALL)
