@@ -13,8 +13,8 @@ namespace {
 constexpr int kMinNumPoints = 30;
 // Maximum standard deviation of the log of depths around a map that is used.
 constexpr double kMaxStddev = 0.2;
-// Depths of a map of this scene are correlated with those of the points: minimum correlation coefficient, and minimum in
-// standard deviations of that of independent depths.
+// Depths of a map of this scene are correlated with those of the points: minimum correlation coefficient, and minimum
+// in standard deviations of that of independent depths.
 constexpr double kMinCorrelation = 0.3;
 constexpr double kMinCorrelationSigma = 3;
 constexpr double kMaxDeviation = 3;  // in standard deviations; depths beyond it are outliers
