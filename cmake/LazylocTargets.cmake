@@ -7,10 +7,6 @@ set(LAZYLOC_WARNINGS -Wall -Wextra -Wshadow -Wpedantic -Werror -Wno-maybe-uninit
 function(lazyloc_set_properties target)
   target_compile_features(${target} PUBLIC cxx_std_17)
   target_compile_options(${target} PRIVATE ${LAZYLOC_WARNINGS})
-  if(NOT CMAKE_SYSTEM_PROCESSOR STREQUAL "x86_64")
-    # Rounds a product before it is added, as x86-64 does, so that results agree.
-    target_compile_options(${target} PRIVATE -ffp-contract=off)
-  endif()
   target_include_directories(${target} PUBLIC
     "$<BUILD_INTERFACE:${PROJECT_SOURCE_DIR}/src>" "$<INSTALL_INTERFACE:${CMAKE_INSTALL_INCLUDEDIR}>")
   if(LAZYLOC_SANITIZERS)

@@ -21,7 +21,7 @@ if [ $# = 0 ] && ! podman image exists "$base"; then
   rm -rf "$work"/root/var/{lib/apt/lists,cache/apt}/* "$work"/root/usr/share/{doc,locale,man}/*
   tar -c -C "$work/root" . | podman import --quiet - "$base" > /dev/null
 fi
-time podman build --quiet --file packaging/Containerfile --build-arg BASE="$base" --tag colmap-lazyloc . > /dev/null
+time podman build --no-cache --quiet --file packaging/Containerfile --build-arg BASE="$base" --tag colmap-lazyloc . > /dev/null
 say "$(podman image inspect --format '{{.Size}}' colmap-lazyloc) bytes"
 
 cp -r "$demo"/{database.db,database_model,images,queries_with_intrinsics.txt} "$work"

@@ -10,8 +10,8 @@
 #   RELEASE_URL             where the packages' source will lie; default: http://localhost:8000
 #   DEB_BUILD_OPTIONS       default: nocheck (no unit tests) noautodbgsym (no packages of debugging symbols)
 #
-# Ends with an error if a component is under the GPL or AGPL, or if lintian finds an error. After scripts/setup.sh, it takes
-# a few minutes. In the source package, `dpkg-buildpackage` compiles with Debian's own flags.
+# Ends with an error if a component is under the GPL or AGPL, or if lintian finds an error. It compiles with
+# Debian's hardening flags, COLMAP too; ccache has the objects next time.
 set -euo pipefail
 target=$(realpath -m "${1:-dist}")
 cd "$(dirname "$0")/.."
@@ -54,12 +54,10 @@ colmap-lazyloc ($version) $VERSION_CODENAME; urgency=medium
 
  -- $maintainer  $(git log -1 --format=%cD)
 END
-# Compiles like scripts/setup.sh, so that ccache serves what that has compiled; a distribution sets its own flags.
-# heeds LC_ALL and HOME, which debhelper sets.
-export DEB_CFLAGS_SET='' DEB_CXXFLAGS_SET='' DEB_CPPFLAGS_SET='' CCACHE_BASEDIR=$source
+# Debugging symbols would be thrown away. ccache must not follow HOME, which debhelper sets.
+export DEB_CFLAGS_APPEND=-g0 DEB_CXXFLAGS_APPEND=-g0 DEB_BUILD_OPTIONS=${DEB_BUILD_OPTIONS-nocheck noautodbgsym}
+export CMAKE_C_COMPILER_LAUNCHER=ccache CMAKE_CXX_COMPILER_LAUNCHER=ccache
 export CCACHE_DIR=${CCACHE_DIR:-$(ccache --get-config cache_dir)}
-export CMAKE_C_COMPILER_LAUNCHER='env;-u;LC_ALL;ccache' CMAKE_CXX_COMPILER_LAUNCHER='env;-u;LC_ALL;ccache'
-export COLMAP_SOURCE_DIR ONNXRUNTIME_INCLUDE_DIR DEB_BUILD_OPTIONS=${DEB_BUILD_OPTIONS:-nocheck noautodbgsym}
 (cd "$source" && dpkg-buildpackage --no-sign) > "$work/log" 2>&1 ||
   { tail -20 "$work/log" | cut -c 1-300 >&2; exit 1; }
 lintian --allow-root --fail-on error "$work"/*.changes
