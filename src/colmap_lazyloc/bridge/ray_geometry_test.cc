@@ -21,7 +21,7 @@ std::vector<Eigen::Vector3d> PointsAround(int num_points, std::mt19937* random) 
   std::normal_distribution<double> normal;
   std::vector<Eigen::Vector3d> points;
   for (int i = 0; i < num_points; ++i) {
-    const Eigen::Vector3d direction(normal(*random), normal(*random), normal(*random));
+    const Eigen::Vector3d direction{normal(*random), normal(*random), normal(*random)};
     points.push_back((4 + normal(*random) / 2) * direction.normalized());
   }
   return points;
@@ -43,8 +43,8 @@ struct Pair {
                  query = ImageFromCam(query_camera, query_from_other * point);
       if (!other || !query) continue;
       const uint32_t index = static_cast<uint32_t>(matches.size());
-      other_keypoints.emplace_back(*other + Eigen::Vector2d(noise(random), noise(random)));
-      query_keypoints.emplace_back(*query + Eigen::Vector2d(noise(random), noise(random)));
+      other_keypoints.emplace_back(*other + Eigen::Vector2d{noise(random), noise(random)});
+      query_keypoints.emplace_back(*query + Eigen::Vector2d{noise(random), noise(random)});
       if (index % outlier_step == 0) query_keypoints.back() = {anywhere(random), anywhere(random)};
       matches.push_back({index, index});
     }

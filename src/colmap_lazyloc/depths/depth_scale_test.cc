@@ -19,7 +19,7 @@ std::vector<DepthSample> MakeSamples(const MapDepth& map_depth, int num_points =
   std::vector<DepthSample> samples;
   for (int i = 0; i < num_points; ++i) {
     const double depth = 2 + 4 * uniform(random);
-    const Eigen::Vector2d place(uniform(random), uniform(random));
+    const Eigen::Vector2d place{uniform(random), uniform(random)};
     samples.push_back({map_depth(depth, place), depth, place});
   }
   return samples;

@@ -113,7 +113,7 @@ TEST(FocalLength, FrontoParallelPlaneLeavesTheDistanceUnobservable) {
   std::normal_distribution<double> noise(0, 0.5);
   const auto project = [&](const Camera& camera, const Rigid3d& cam_from_world, const Eigen::Vector3d& point) {
     return Eigen::Vector2d(*ImageFromCam(camera, cam_from_world * point) +
-                           Eigen::Vector2d(noise(random), noise(random)));
+                           Eigen::Vector2d{noise(random), noise(random)});
   };
   for (size_t i = 0; i < scene.problem.query_keypoints.size(); ++i) {
     const Eigen::Vector3d point(std::remainder(0.37 * i, 5), std::remainder(0.61 * i, 4), 0);

@@ -78,7 +78,7 @@ TEST(ClusterCovariance, DoesNotDependOnUnits) {
   ClusterCovariance<2> clusters, scaled;
   Eigen::Matrix2d independent = Eigen::Matrix2d::Zero();
   for (int i = 0; i < 60; ++i) {
-    const Eigen::Vector2d influence(normal(generator) + i % 10, normal(generator));
+    const Eigen::Vector2d influence{normal(generator) + i % 10, normal(generator)};
     clusters.Add(i % 10, influence);
     scaled.Add(i % 10, units.cwiseProduct(influence));
     independent += influence * influence.transpose();

@@ -41,7 +41,8 @@ TEST(RobustStddev, IsThatOfNormallyDistributedErrors) {
   for (int i = 0; i < 100000; ++i) {
     values.push_back(50 + normal(random));
     sizes.push_back(std::abs(normal(random)));
-    lengths.push_back(std::hypot(normal(random), normal(random)));
+    const double x = normal(random), y = normal(random);
+    lengths.push_back(std::hypot(x, y));
   }
   EXPECT_NEAR(RobustStddev(values), kStddev, 0.02 * kStddev);
   EXPECT_NEAR(StddevOfSizes(sizes), kStddev, 0.02 * kStddev);

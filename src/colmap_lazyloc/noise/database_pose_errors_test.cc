@@ -41,7 +41,7 @@ QueryGroup MakeGroup(double error_px, uint32_t seed) {
     for (int i = 0; i < 150; ++i) {
       const Eigen::Vector3d point = RandomVector(&random);
       const auto project = [&](const Rigid3d& pose) -> Eigen::Vector2d {
-        const Eigen::Vector2d error(noise(random), noise(random));
+        const Eigen::Vector2d error{noise(random), noise(random)};
         return kFocalLengthPx * (pose * point).hnormalized() + Eigen::Vector2d(320, 240) + error;
       };
       neighbour.points.push_back(project(OnArc(0)));

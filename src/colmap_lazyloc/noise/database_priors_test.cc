@@ -35,7 +35,8 @@ TEST(ViewpointErrorShape, IsACovarianceForAllAngles) {
   Random random(2);
   std::vector<Rigid3d> frames;
   for (int i = 0; i < 40; ++i) {
-    frames.push_back(CamFromWorld(ExpSO3(2 * RandomVector(&random)), 3 * RandomVector(&random)));
+    const Eigen::Quaterniond rotation = ExpSO3(2 * RandomVector(&random));
+    frames.push_back(CamFromWorld(rotation, 3 * RandomVector(&random)));
   }
   const Eigen::MatrixXd shape = ViewpointErrorShape(frames, PoseAt({0, 0, 0}, 0), 1);
   const Eigen::VectorXd values = Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(shape).eigenvalues();

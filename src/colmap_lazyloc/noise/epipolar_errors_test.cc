@@ -34,7 +34,7 @@ struct TwoCameras {
       for (const int k : {0, 1}) {
         const Eigen::Vector3d in_cam = (k == 0 ? cam_from_world : other_from_world) * point;
         xy[k] = kFocalLengthPx * in_cam.hnormalized();
-        xy[k] += noise_px * Eigen::Vector2d(noise(random), noise(random));
+        xy[k] += noise_px * Eigen::Vector2d{noise(random), noise(random)};
       }
       observations.push_back({Observe(xy[0]), Observe(xy[1])});
     }

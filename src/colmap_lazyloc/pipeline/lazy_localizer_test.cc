@@ -195,8 +195,8 @@ TEST(LazyLocalizer, DatabasePosesThatAreOffAreCorrectedForTheQuery) {
     Random random(scene_options.seed);
     for (ImagePair& pair : scene.problem.pairs) {
       Rigid3d& pose = pair.database_cam_from_world;
-      pose = CamFromWorld(Disturbed(pose.rotation, 0.4, &random),
-                          CamInWorld(pose) + 0.004 * scene.median_depth * RandomVector(&random));
+      const Eigen::Vector3d cam_in_world = CamInWorld(pose) + 0.004 * scene.median_depth * RandomVector(&random);
+      pose = CamFromWorld(Disturbed(pose.rotation, 0.4, &random), cam_in_world);
     }
     const LocalizationResult estimated = Localize(scene), taken_as_exact = LocalizeQuery(scene.problem, exact);
     ASSERT_TRUE(HasPose(estimated.status)) << estimated.reason;

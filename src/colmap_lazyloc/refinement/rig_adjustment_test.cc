@@ -18,7 +18,8 @@ namespace {
 void DisturbWithPrior(int frame, PosedImages* posed) {
   Random random(frame);
   Rigid3d& pose = posed->frames[frame].frame_from_world;
-  pose = CamFromWorld(Disturbed(pose.rotation, 0.5, &random), CamInWorld(pose) + 0.05 * RandomVector(&random));
+  const Eigen::Quaterniond rotation = Disturbed(pose.rotation, 0.5, &random);
+  pose = CamFromWorld(rotation, CamInWorld(pose) + 0.05 * RandomVector(&random));
   posed->frames[frame].prior = PosePrior{pose, DegToRad(0.5), 0.05};
 }
 

@@ -82,8 +82,8 @@ QueryGroup LoneQuery(const SyntheticScene& scene) {
 }
 
 Rigid3d DisturbedPose(const Rigid3d& frame_from_world, double angle_deg, double distance, Random* random) {
-  return CamFromWorld(Disturbed(frame_from_world.rotation, angle_deg, random),
-                      CamInWorld(frame_from_world) + distance * RandomVector(random).normalized());
+  const Eigen::Quaterniond rotation = Disturbed(frame_from_world.rotation, angle_deg, random);
+  return CamFromWorld(rotation, CamInWorld(frame_from_world) + distance * RandomVector(random).normalized());
 }
 
 void ExpectSameDatabasePoses(const PosedImages& a, const PosedImages& b) {

@@ -15,7 +15,8 @@ namespace {
 Rigid3d RingPose(double part, double radius, Random* random) {
   const double angle = 2 * M_PI / 3 * part;
   const Eigen::Vector3d centre(radius * std::sin(angle), 0, -radius * std::cos(angle));
-  return LookAt(centre + 0.3 * RandomVector(random), 0.3 * RandomVector(random));
+  const Eigen::Vector3d cam_in_world = centre + 0.3 * RandomVector(random);
+  return LookAt(cam_in_world, 0.3 * RandomVector(random));
 }
 
 class GroupMaker {

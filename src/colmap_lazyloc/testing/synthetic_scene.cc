@@ -64,7 +64,7 @@ std::vector<Eigen::Vector2d> Project(const std::vector<Eigen::Vector3d>& points,
   for (const Eigen::Vector3d& point : points) {
     const std::optional<Eigen::Vector2d> xy = ImageFromCam(camera, cam_from_world * point);
     LAZYLOC_CHECK(xy.has_value());
-    keypoints.push_back(*xy + noise_px * Eigen::Vector2d(noise(*random), noise(*random)));
+    keypoints.push_back(*xy + noise_px * Eigen::Vector2d{noise(*random), noise(*random)});
   }
   return keypoints;
 }
