@@ -22,9 +22,6 @@ struct KeypointFeatures {
   std::vector<DescriptorBytes> descriptors;
 };
 
-// The features of one level of the scale space.
-using Level = std::vector<KeypointFeatures>;
-
 // Returns the bytes of COLMAP's descriptors: normalized, and with the orientations in the other sense of rotation.
 DescriptorBytes ToBytes(const SiftHistogram& histogram) {
   FloatDescriptor values = Eigen::Map<const Eigen::RowVectorXf>(histogram.data(), kNumColumns);
@@ -52,30 +49,15 @@ KeypointFeatures Describe(const VlSiftKeypoint& keypoint, bool is_upright, const
   return features;
 }
 
-// Appends the levels of the filter's octave that have keypoints.
-void AppendLevels(bool is_upright, const SiftFilter& filter, IdleThreads* idle_threads, std::vector<Level>* levels) {
-  const std::vector<VlSiftKeypoint> keypoints = filter.Keypoints();
-  std::vector<KeypointFeatures> features(keypoints.size());
-  ParallelForRanges(
-      keypoints.size(),
-      [&](size_t begin, size_t end) {
-        for (size_t i = begin; i < end; ++i) features[i] = Describe(keypoints[i], is_upright, filter);
-      },
-      idle_threads);
-  for (size_t i = 0; i < keypoints.size(); ++i) {
-    if (i == 0 || keypoints[i].is != keypoints[i - 1].is) levels->emplace_back();
-    levels->back().push_back(std::move(features[i]));
-  }
-}
+bool AreOnOneLevel(const VlSiftKeypoint& a, const VlSiftKeypoint& b) { return a.o == b.o && a.is == b.is; }
 
-// Returns the first of the coarsest levels that together exceed the maximum number of keypoints, or 0.
-size_t FirstLevelToKeep(const std::vector<Level>& levels, int max_num_features) {
-  size_t num_features = 0;
-  for (size_t i = levels.size(); i > 0; --i) {
-    num_features += levels[i - 1].size();
-    if (num_features > static_cast<size_t>(max_num_features)) return i - 1;
-  }
-  return 0;
+// Returns the keypoints of the coarsest levels that together exceed the maximum number, or all. They are sorted.
+std::vector<VlSiftKeypoint> KeepCoarsest(const std::vector<VlSiftKeypoint>& keypoints, int max_num_features) {
+  const auto max_num = static_cast<size_t>(max_num_features);
+  if (keypoints.size() <= max_num) return keypoints;
+  size_t begin = keypoints.size() - max_num - 1;
+  while (begin > 0 && AreOnOneLevel(keypoints[begin - 1], keypoints[begin])) --begin;
+  return {keypoints.begin() + static_cast<std::ptrdiff_t>(begin), keypoints.end()};
 }
 
 }  // namespace
@@ -83,17 +65,27 @@ size_t FirstLevelToKeep(const std::vector<Level>& levels, int max_num_features) 
 void ExtractPlainSift(const std::vector<uint8_t>& grey, int width, int height, const SiftExtractionOptions& options,
                       IdleThreads* idle_threads, colmap::FeatureKeypoints* keypoints, Descriptors* descriptors) {
   SiftFilter filter(grey, width, height, options, idle_threads);
-  std::vector<Level> levels;
-  while (filter.DetectNextOctave()) AppendLevels(options.upright, filter, idle_threads, &levels);
-  levels.erase(levels.begin(),
-               levels.begin() + static_cast<std::ptrdiff_t>(FirstLevelToKeep(levels, options.max_num_features)));
+  // Detects all before any is described, because the finest levels are the largest and often not kept.
+  const std::vector<VlSiftKeypoint> kept_keypoints = KeepCoarsest(filter.Detect(), options.max_num_features);
+  std::vector<KeypointFeatures> features_of(kept_keypoints.size());
+  for (size_t begin = 0, end = 0; begin < kept_keypoints.size(); begin = end) {
+    const int octave = kept_keypoints[begin].o;
+    while (end < kept_keypoints.size() && kept_keypoints[end].o == octave) ++end;
+    filter.PrepareToDescribe(octave, kept_keypoints[begin].is);
+    ParallelForRanges(
+        end - begin,
+        [&](size_t first, size_t last) {
+          for (size_t i = begin + first; i < begin + last; ++i) {
+            features_of[i] = Describe(kept_keypoints[i], options.upright, filter);
+          }
+        },
+        idle_threads);
+  }
   std::vector<DescriptorBytes> kept;
   keypoints->clear();
-  for (const Level& level : levels) {
-    for (const KeypointFeatures& features : level) {
-      keypoints->insert(keypoints->end(), features.keypoints.begin(), features.keypoints.end());
-      kept.insert(kept.end(), features.descriptors.begin(), features.descriptors.end());
-    }
+  for (const KeypointFeatures& features : features_of) {
+    keypoints->insert(keypoints->end(), features.keypoints.begin(), features.keypoints.end());
+    kept.insert(kept.end(), features.descriptors.begin(), features.descriptors.end());
   }
   descriptors->resize(static_cast<Eigen::Index>(kept.size()), kNumColumns);
   for (size_t i = 0; i < kept.size(); ++i) {

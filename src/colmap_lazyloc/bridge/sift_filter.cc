@@ -46,21 +46,31 @@ SiftFilter::SiftFilter(const std::vector<uint8_t>& grey, int width, int height, 
               &vl_sift_delete),
       idle_threads_(idle_threads) {
   LAZYLOC_CHECK(filter_ != nullptr && grey.size() == static_cast<size_t>(width) * height);
+  vl_free(filter_->octave);
+  filter_->octave = nullptr;
   vl_sift_set_peak_thresh(filter_.get(), kColmapSift.peak_threshold);
   vl_sift_set_edge_thresh(filter_.get(), kColmapSift.edge_threshold);
   image_.reserve(grey.size());
   for (const uint8_t value : grey) image_.push_back(static_cast<float>(value) / 255.0f);
 }
 
-void SiftFilter::BeginOctave(int octave) {
+SiftFilter::~SiftFilter() { filter_->octave = nullptr; }
+
+void SiftFilter::GoTo(int octave) {
   filter_->o_cur = octave;
   filter_->octave_width = octave < 0 ? filter_->width << -octave : filter_->width >> octave;
   filter_->octave_height = octave < 0 ? filter_->height << -octave : filter_->height >> octave;
+  const auto index = static_cast<size_t>(octave - filter_->o_min);
+  if (index == octaves_.size()) {
+    const auto num_levels = static_cast<size_t>(filter_->s_max - filter_->s_min + 1);
+    octaves_.emplace_back(new float[num_levels * filter_->octave_width * filter_->octave_height]);
+  }
+  filter_->octave = octaves_[index].get();
 }
 
 void SiftFilter::FillFirstLevel() {
   const int octave = filter_->o_min;
-  BeginOctave(octave);
+  GoTo(octave);
   if (octave < 0) {
     Upsample(image_.data(), filter_->width, filter_->height, filter_->temp);
   } else {
@@ -77,30 +87,40 @@ void SiftFilter::SmoothTo(int level, const float* image, double stddev_px) {
          vl_sift_get_octave(filter_.get(), level));
 }
 
-bool SiftFilter::DetectNextOctave() {
-  if (!has_octave_) {
-    FillFirstLevel();
-    has_octave_ = true;
-  } else {
-    if (filter_->o_cur == filter_->o_min + filter_->O - 1) return false;
-    // This level has the smoothing of the next octave's first one. It is read before its place is written.
-    const float* level = vl_sift_get_octave(filter_.get(), filter_->s_min + filter_->S);
-    const int width = filter_->octave_width;
-    BeginOctave(filter_->o_cur + 1);
-    Subsample(level, width, 2, filter_->octave_width, filter_->octave_height,
-              vl_sift_get_octave(filter_.get(), filter_->s_min));
-  }
+void SiftFilter::FillOtherLevels() {
   for (int level = filter_->s_min + 1; level <= filter_->s_max; ++level) {
     SmoothTo(level, vl_sift_get_octave(filter_.get(), level - 1), filter_->dsigma0 * std::pow(filter_->sigmak, level));
   }
-  vl_sift_detect(filter_.get());
-  if (vl_sift_get_nkeypoints(filter_.get()) > 0) ComputeGradients();
-  return true;
 }
 
-std::vector<VlSiftKeypoint> SiftFilter::Keypoints() const {
-  const VlSiftKeypoint* keypoints = vl_sift_get_keypoints(filter_.get());
-  return {keypoints, keypoints + vl_sift_get_nkeypoints(filter_.get())};
+std::vector<VlSiftKeypoint> SiftFilter::Detect() {
+  std::vector<VlSiftKeypoint> keypoints;
+  for (int octave = filter_->o_min; octave < filter_->o_min + filter_->O; ++octave) {
+    if (octave == filter_->o_min) {
+      FillFirstLevel();
+    } else {
+      // This level has the smoothing of the next octave's first one.
+      const float* level = vl_sift_get_octave(filter_.get(), filter_->s_min + filter_->S);
+      const int width = filter_->octave_width;
+      GoTo(octave);
+      Subsample(level, width, 2, filter_->octave_width, filter_->octave_height,
+                vl_sift_get_octave(filter_.get(), filter_->s_min));
+    }
+    FillOtherLevels();
+    vl_sift_detect(filter_.get());
+    const VlSiftKeypoint* detected = vl_sift_get_keypoints(filter_.get());
+    keypoints.insert(keypoints.end(), detected, detected + vl_sift_get_nkeypoints(filter_.get()));
+  }
+  return keypoints;
+}
+
+void SiftFilter::PrepareToDescribe(int octave, int first_level) {
+  GoTo(octave);
+  for (int level = first_level; level <= filter_->s_max - 2; ++level) {
+    ComputeGradients(vl_sift_get_octave(filter_.get(), level), filter_->octave_width, filter_->octave_height,
+                     idle_threads_, const_cast<float*>(Gradients(level).values));
+  }
+  filter_->grad_o = filter_->o_cur;  // tells VLFeat that it need not compute them
 }
 
 std::vector<double> SiftFilter::Orientations(const VlSiftKeypoint& keypoint, int max_num) const {
@@ -113,14 +133,6 @@ GradientImage SiftFilter::Gradients(int level) const {
   const int width = filter_->octave_width, height = filter_->octave_height;
   const auto place = static_cast<size_t>(level - filter_->s_min - 1);  // the first level has no gradients
   return {filter_->grad + 2 * place * width * height, width, height};
-}
-
-void SiftFilter::ComputeGradients() {
-  for (int level = filter_->s_min + 1; level <= filter_->s_max - 2; ++level) {
-    lazyloc::ComputeGradients(vl_sift_get_octave(filter_.get(), level), filter_->octave_width, filter_->octave_height,
-                              idle_threads_, const_cast<float*>(Gradients(level).values));
-  }
-  filter_->grad_o = filter_->o_cur;  // tells VLFeat that it need not compute them
 }
 
 bool SiftFilter::Describe(const VlSiftKeypoint& keypoint, double orientation, SiftHistogram* descriptor) const {

@@ -11,34 +11,35 @@
 
 namespace lazyloc {
 
-// VLFeat's SIFT of one image, octave by octave. VLFeat detects the keypoints and finds their orientations. What takes
-// longest is our own: smoothing, gradients and descriptors are made by the same steps, but several pixels at a time.
+// VLFeat's SIFT of one image. VLFeat detects the keypoints and finds their orientations. What takes longest is our own:
+// smoothing, gradients and descriptors are made by the same steps, but several pixels at a time.
 class SiftFilter {
  public:
   // grey: width * height values, row by row.
   SiftFilter(const std::vector<uint8_t>& grey, int width, int height, const SiftExtractionOptions& options,
              IdleThreads* idle_threads);
+  ~SiftFilter();
 
-  // Goes to the first or next octave and detects its keypoints. Returns false if there is none.
-  bool DetectNextOctave();
-  // Returns the keypoints in the octave, level by level.
-  std::vector<VlSiftKeypoint> Keypoints() const;
-  // Returns at most max_num orientations of a keypoint in the octave. Thread-safe, like Describe.
+  // Returns the keypoints of all octaves, level by level from the finest on. Called once, before what follows.
+  std::vector<VlSiftKeypoint> Detect();
+  // Goes to an octave whose keypoints, from this level on, are to be described.
+  void PrepareToDescribe(int octave, int first_level);
+  // Returns at most max_num orientations of a keypoint. Thread-safe, like Describe.
   std::vector<double> Orientations(const VlSiftKeypoint& keypoint, int max_num) const;
   // Returns false if the keypoint is too near to the lower border.
   bool Describe(const VlSiftKeypoint& keypoint, double orientation, SiftHistogram* descriptor) const;
 
  private:
-  void BeginOctave(int octave);
+  void GoTo(int octave);
   void FillFirstLevel();
-  void ComputeGradients();
+  void FillOtherLevels();
   GradientImage Gradients(int level) const;
   void SmoothTo(int level, const float* image, double stddev_px);
 
   std::unique_ptr<VlSiftFilt, void (*)(VlSiftFilt*)> filter_;
+  std::vector<std::unique_ptr<float[]>> octaves_;  // the smoothed levels of each, in place of VLFeat's own
   std::vector<float> image_;
   IdleThreads* idle_threads_;
-  bool has_octave_ = false;
 };
 
 }  // namespace lazyloc
