@@ -51,13 +51,34 @@ KeypointFeatures Describe(const VlSiftKeypoint& keypoint, bool is_upright, const
 
 bool AreOnOneLevel(const VlSiftKeypoint& a, const VlSiftKeypoint& b) { return a.o == b.o && a.is == b.is; }
 
-// Returns the keypoints of the coarsest levels that together exceed the maximum number, or all. They are sorted.
-std::vector<VlSiftKeypoint> KeepCoarsest(const std::vector<VlSiftKeypoint>& keypoints, int max_num_features) {
+// Removes the finest levels while the others together exceed the maximum number. Takes the keypoints as Detect gives
+// them.
+std::vector<VlSiftKeypoint> KeepCoarsest(std::vector<VlSiftKeypoint> keypoints, int max_num_features) {
   const auto max_num = static_cast<size_t>(max_num_features);
   if (keypoints.size() <= max_num) return keypoints;
-  size_t begin = keypoints.size() - max_num - 1;
-  while (begin > 0 && AreOnOneLevel(keypoints[begin - 1], keypoints[begin])) --begin;
-  return {keypoints.begin() + static_cast<std::ptrdiff_t>(begin), keypoints.end()};
+  auto begin = keypoints.end() - static_cast<std::ptrdiff_t>(max_num) - 1;
+  while (begin != keypoints.begin() && AreOnOneLevel(*(begin - 1), *begin)) --begin;
+  keypoints.erase(keypoints.begin(), begin);
+  return keypoints;
+}
+
+// Returns the features of each keypoint, octave by octave.
+std::vector<KeypointFeatures> DescribeAll(const std::vector<VlSiftKeypoint>& keypoints, bool is_upright,
+                                          IdleThreads* idle_threads, SiftFilter* filter) {
+  std::vector<KeypointFeatures> features(keypoints.size());
+  for (size_t begin = 0, end = 0; begin < keypoints.size(); begin = end) {
+    while (end < keypoints.size() && keypoints[end].o == keypoints[begin].o) ++end;
+    filter->PrepareToDescribe(keypoints[begin].o, keypoints[begin].is);
+    ParallelForRanges(
+        end - begin,
+        [&](size_t first, size_t last) {
+          for (size_t i = begin + first; i < begin + last; ++i) {
+            features[i] = Describe(keypoints[i], is_upright, *filter);
+          }
+        },
+        idle_threads);
+  }
+  return features;
 }
 
 }  // namespace
@@ -66,30 +87,16 @@ void ExtractPlainSift(const std::vector<uint8_t>& grey, int width, int height, c
                       IdleThreads* idle_threads, colmap::FeatureKeypoints* keypoints, Descriptors* descriptors) {
   SiftFilter filter(grey, width, height, options, idle_threads);
   // Detects all before any is described, because the finest levels are the largest and often not kept.
-  const std::vector<VlSiftKeypoint> kept_keypoints = KeepCoarsest(filter.Detect(), options.max_num_features);
-  std::vector<KeypointFeatures> features_of(kept_keypoints.size());
-  for (size_t begin = 0, end = 0; begin < kept_keypoints.size(); begin = end) {
-    const int octave = kept_keypoints[begin].o;
-    while (end < kept_keypoints.size() && kept_keypoints[end].o == octave) ++end;
-    filter.PrepareToDescribe(octave, kept_keypoints[begin].is);
-    ParallelForRanges(
-        end - begin,
-        [&](size_t first, size_t last) {
-          for (size_t i = begin + first; i < begin + last; ++i) {
-            features_of[i] = Describe(kept_keypoints[i], options.upright, filter);
-          }
-        },
-        idle_threads);
-  }
-  std::vector<DescriptorBytes> kept;
+  const std::vector<KeypointFeatures> features_of =
+      DescribeAll(KeepCoarsest(filter.Detect(), options.max_num_features), options.upright, idle_threads, &filter);
   keypoints->clear();
   for (const KeypointFeatures& features : features_of) {
     keypoints->insert(keypoints->end(), features.keypoints.begin(), features.keypoints.end());
-    kept.insert(kept.end(), features.descriptors.begin(), features.descriptors.end());
   }
-  descriptors->resize(static_cast<Eigen::Index>(kept.size()), kNumColumns);
-  for (size_t i = 0; i < kept.size(); ++i) {
-    std::copy(kept[i].begin(), kept[i].end(), descriptors->row(static_cast<Eigen::Index>(i)).data());
+  descriptors->resize(static_cast<Eigen::Index>(keypoints->size()), kNumColumns);
+  uint8_t* row = descriptors->data();
+  for (const KeypointFeatures& features : features_of) {
+    for (const DescriptorBytes& bytes : features.descriptors) row = std::copy(bytes.begin(), bytes.end(), row);
   }
 }
 

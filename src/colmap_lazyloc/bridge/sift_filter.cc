@@ -38,23 +38,26 @@ void Upsample(const float* image, int width, int height, float* result) {
   }
 }
 
+// Deletes all but the levels, which SiftFilter owns.
+void Delete(VlSiftFilt* filter) {
+  filter->octave = nullptr;
+  vl_sift_delete(filter);
+}
+
 }  // namespace
 
 SiftFilter::SiftFilter(const std::vector<uint8_t>& grey, int width, int height, const SiftExtractionOptions& options,
                        IdleThreads* idle_threads)
     : filter_(vl_sift_new(width, height, kColmapSift.num_octaves, kColmapSift.octave_resolution, options.first_octave),
-              &vl_sift_delete),
+              &Delete),
       idle_threads_(idle_threads) {
   LAZYLOC_CHECK(filter_ != nullptr && grey.size() == static_cast<size_t>(width) * height);
-  vl_free(filter_->octave);
-  filter_->octave = nullptr;
+  vl_free(filter_->octave);  // has room for one octave only
   vl_sift_set_peak_thresh(filter_.get(), kColmapSift.peak_threshold);
   vl_sift_set_edge_thresh(filter_.get(), kColmapSift.edge_threshold);
   image_.reserve(grey.size());
   for (const uint8_t value : grey) image_.push_back(static_cast<float>(value) / 255.0f);
 }
-
-SiftFilter::~SiftFilter() { filter_->octave = nullptr; }
 
 void SiftFilter::GoTo(int octave) {
   filter_->o_cur = octave;

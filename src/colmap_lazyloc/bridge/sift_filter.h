@@ -18,7 +18,6 @@ class SiftFilter {
   // grey: width * height values, row by row.
   SiftFilter(const std::vector<uint8_t>& grey, int width, int height, const SiftExtractionOptions& options,
              IdleThreads* idle_threads);
-  ~SiftFilter();
 
   // Returns the keypoints of all octaves, level by level from the finest on. Called once, before what follows.
   std::vector<VlSiftKeypoint> Detect();
