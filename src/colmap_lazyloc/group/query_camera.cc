@@ -1,5 +1,6 @@
 #include "colmap_lazyloc/group/query_camera.h"
 
+#include <algorithm>
 #include <cmath>
 #include <optional>
 #include <utility>
@@ -8,6 +9,16 @@
 #include "colmap_lazyloc/bridge/observation.h"
 
 namespace lazyloc {
+namespace {
+
+// Number of iterations after which observations are linearised anew. With more of them, a focal length that the images
+// hardly determine moves to where the linearisation no longer holds, and back in the next adjustment.
+constexpr int kMaxNumIterations = 5;
+// Change of the log of the focal length up to which it has settled, and the number of adjustments it gets for that.
+constexpr double kMaxLogFocalChange = 1e-3;
+constexpr int kMaxNumAdjustments = 20;
+
+}  // namespace
 
 void QueryCamera::ScaleFocalLength(double factor) {
   camera_ = WithFocalFactor(camera_, factor);
@@ -39,12 +50,38 @@ std::vector<PairGeometry> QueryCamera::Observe(std::vector<PairGeometry> pairs) 
   return pairs;
 }
 
-BundleAdjustmentResult QueryCamera::Take(BundleAdjustmentResult adjustment) {
-  std::optional<double>& log_focal_factor = adjustment.posed.images[0].log_focal_factor;
-  ScaleFocalLength(std::exp(*log_focal_factor));
-  log_focal_factor = 0;
-  adjustment.tracks = Observe(adjustment.tracks);
-  return adjustment;
+std::vector<Track> QueryCamera::ObserveAtPoints(const PosedImages& posed, std::vector<Track> tracks) const {
+  const Observer observe(camera_);
+  const Rigid3d cam_from_world = CamFromWorld(posed, 0);
+  for (Track& track : tracks) {
+    TrackObservation& query = track.observations.front();
+    const std::optional<Eigen::Vector2d> projection = ImageFromCam(camera_, cam_from_world * track.point_in_world);
+    std::optional<Observation> observation = projection ? observe(*projection) : std::nullopt;
+    if (!observation) continue;
+    const Eigen::Vector2d error = *projection - problem_->query_keypoints[query.keypoint];
+    observation->px_from_cam += error * observation->ray_in_cam.transpose();
+    query.observation = *observation;
+  }
+  return tracks;
+}
+
+BundleAdjustmentResult QueryCamera::Adjust(PosedImages posed, std::vector<Track> tracks,
+                                           BundleAdjustmentOptions options) {
+  options.max_num_iterations = std::min(options.max_num_iterations, kMaxNumIterations);
+  BundleAdjustmentResult result;
+  result.posed = std::move(posed);
+  result.tracks = ObserveAtPoints(result.posed, std::move(tracks));
+  double change = 0;
+  int num_adjustments = 0;
+  do {
+    result = AdjustBundle(result.posed, std::move(result.tracks), options);
+    if (!result.summary.success) return result;
+    change = *result.posed.images[0].log_focal_factor;
+    ScaleFocalLength(std::exp(change));
+    result.posed.images[0].log_focal_factor = 0;
+    result.tracks = ObserveAtPoints(result.posed, Observe(result.tracks));
+  } while (std::abs(change) > kMaxLogFocalChange && ++num_adjustments < kMaxNumAdjustments);
+  return result;
 }
 
 }  // namespace lazyloc

@@ -24,10 +24,15 @@ class QueryCamera {
   std::vector<Track> Observe(const std::vector<Track>& tracks) const;
   // Does the same for the inliers of pairs.
   std::vector<PairGeometry> Observe(std::vector<PairGeometry> pairs) const;
-  // Takes the focal length that adjustment has found, and returns the adjustment as observed by it.
-  BundleAdjustmentResult Take(BundleAdjustmentResult adjustment);
+  // Adjusts poses, points and the focal length, which the camera takes.
+  BundleAdjustmentResult Adjust(PosedImages posed, std::vector<Track> tracks, BundleAdjustmentOptions options);
 
  private:
+  // Returns the tracks with their query observations linearised at the points' projections instead of the keypoints.
+  // There the derivatives of the errors are exact. Those at a keypoint lack the error itself: errors would shrink as
+  // focal length and distance grow together, so that where these are hard to tell apart, both would grow.
+  std::vector<Track> ObserveAtPoints(const PosedImages& posed, std::vector<Track> tracks) const;
+
   const LocalizationProblem* problem_;
   Camera camera_;
   double focal_factor_ = 1;

@@ -1,5 +1,6 @@
 #include "colmap_lazyloc/pipeline/choose.h"
 
+#include <algorithm>
 #include <cmath>
 #include <numeric>
 #include <optional>
@@ -15,8 +16,6 @@ namespace {
 // from which on its score tells nothing: far from the right value, the noise that adjustment estimates is too large.
 constexpr double kMinWrongProbability = 0.01;
 constexpr double kMaxConclusiveStddev = 0.01;
-// Factor between the odds of two poses being wrong up to which these count as equally credible.
-constexpr double kMaxOddsRatio = 2;
 
 // The functions below are for groups of one query.
 
@@ -76,10 +75,9 @@ Choice GivenOrEstimated(const Solution& given, const Solution& refined, const Lo
                                                               : AsSolved(given);
   }
   const bool has_pose = HasPose(given, options);
-  // A pose that is less probable does not speak against the stated focal length, because some focal length fits false
-  // matches, and any fits images from straight above.
-  if (has_pose && OddsOfWrong(ConfidenceOf(refined)) > kMaxOddsRatio * OddsOfWrong(ConfidenceOf(given)))
-    return AsSolved(given);
+  // A pose that would be refused does not speak against one that is more probable, because some focal length fits false
+  // matches.
+  if (has_pose && ConfidenceOf(refined) < std::min(ConfidenceOf(given), options.min_confidence)) return AsSolved(given);
   const IntrinsicsResult& estimate = IntrinsicsOf(refined);
   const bool is_wrong = Judge(estimate, options).wrong_probability > 0.5;
   // Nobody has stated intrinsics of another origin for this image, so that an estimate replaces them.

@@ -84,7 +84,8 @@ void Rounds::Adjust(bool is_last) {
   BundleAdjustmentOptions options = options_.bundle_adjustment;
   options.computes_covariances = is_last;
   if (!is_last) options.convergence_sigma *= kIntermediateConvergence;
-  adjustment_ = AdjustBundle(Posed(), std::move(adjustment_.tracks), options);
+  adjustment_ = camera_ ? camera_->Adjust(Posed(), std::move(adjustment_.tracks), options)
+                        : AdjustBundle(Posed(), std::move(adjustment_.tracks), options);
   const bool is_finite = std::all_of(Posed().frames.begin(), Posed().frames.end(), [](const Frame& frame) {
     const Rigid3d& pose = frame.frame_from_world;
     return frame.is_database || (pose.rotation.coeffs().allFinite() && pose.translation.allFinite());
@@ -92,7 +93,6 @@ void Rounds::Adjust(bool is_last) {
   if (!adjustment_.summary.success || !is_finite) {
     throw Failure{QueryStatus::DIVERGED, "bundle adjustment failed: " + adjustment_.summary.message};
   }
-  if (camera_) adjustment_ = camera_->Take(std::move(adjustment_));
 }
 
 CandidateTracks Rounds::Observe(CandidateTracks candidates) const {

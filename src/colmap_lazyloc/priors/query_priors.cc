@@ -160,9 +160,13 @@ PriorJudgement JudgePriors(const Layout& layout, const PairRefs& pairs, const Re
 Refined AdjustWithPriors(const std::vector<ImagePrior>& priors, const LocalizerOptions& options, Refined refined) {
   PosedImages posed = refined.adjustment.posed;
   posed.query_priors = priors;
-  BundleAdjustmentResult adjustment = AdjustBundle(posed, refined.adjustment.tracks, options.bundle_adjustment);
+  std::optional<QueryCamera> camera = refined.camera;
+  BundleAdjustmentResult adjustment =
+      camera ? camera->Adjust(std::move(posed), refined.adjustment.tracks, options.bundle_adjustment)
+             : AdjustBundle(posed, refined.adjustment.tracks, options.bundle_adjustment);
   if (!adjustment.summary.success) return refined;
-  refined.adjustment = refined.camera ? refined.camera->Take(std::move(adjustment)) : std::move(adjustment);
+  refined.adjustment = std::move(adjustment);
+  refined.camera = std::move(camera);
   return WithLimitedVarianceFactor(std::move(refined));
 }
 

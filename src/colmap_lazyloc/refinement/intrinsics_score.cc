@@ -24,9 +24,9 @@ constexpr int kNumClusterParameters = 3;
 
 using Derivative = Eigen::Matrix<double, 2, NUM_INTRINSICS_PARAMETERS>;
 
-// Returns the derivative of a fixed ray's keypoint with respect to the corrections.
-Derivative KeypointDerivative(const Observation& observation) {
-  const Eigen::Vector2d& offset = observation.px_from_log_focal;
+// Returns the derivative of a point's projection with respect to the corrections. offset: of the projection from the
+// principal point.
+Derivative ProjectionDerivative(const Eigen::Vector2d& offset) {
   Derivative derivative;
   derivative.col(LOG_FOCAL_FACTOR) = offset;
   derivative.col(PRINCIPAL_POINT_X) = Eigen::Vector2d::UnitX();
@@ -77,7 +77,7 @@ class ScoreBuilder {
       BundleError error;
       const double root_weight = Evaluate(track, problem.free[i], &error);
       if (root_weight == 0) continue;
-      const Derivative derivative = NormalisedDerivative(track, problem.free[i], root_weight);
+      const Derivative derivative = NormalisedDerivative(track, problem.free[i], root_weight, error);
       const IntrinsicsScore::Matrix information = derivative.transpose() * derivative;
       score_.information += information;
       score_.information.diagonal() += kRegularization * information.diagonal();
@@ -144,11 +144,16 @@ class ScoreBuilder {
     return root_weight;
   }
 
-  // Returns the weighted derivative of a residual with respect to the corrections.
-  Derivative NormalisedDerivative(size_t track, const FreeObservation& observation, double root_weight) const {
+  // Returns the weighted derivative of a weighted error with respect to the corrections, where the point is seen: that
+  // of the keypoint lacks the error, and the sum of these products is no longer small beside a weak score.
+  Derivative NormalisedDerivative(size_t track, const FreeObservation& observation, double root_weight,
+                                  const BundleError& error) const {
     const TrackObservation& element = tracks_[track].observations[observation.element];
-    return root_weight * ResidualFromPx(posed_.images[element.image], tracks_[track]) *
-           KeypointDerivative(element.observation);
+    const Image& image = posed_.images[element.image];
+    const double from_px = root_weight * ResidualFromPx(image, tracks_[track]);
+    Eigen::Vector2d offset = element.observation.px_from_log_focal;
+    if (!image.log_focal_factor) offset += error.error / from_px;  // else that of the projection (QueryCamera::Adjust)
+    return from_px * ProjectionDerivative(offset);
   }
 
   // Returns the first database image of a track, whose pose and repeated structures its matches share; in a group the
@@ -205,7 +210,7 @@ class ScoreBuilder {
       const Eigen::Index place = kSize * place_of_frame_[frame];
       const Eigen::Matrix<double, kSize, 2> by_frame = error.ByFrame<kSize>();
       Derivative derivative = by_frame.transpose() * poses_from_correction.template middleRows<kSize>(place);
-      if (is_asked_[frame]) derivative += NormalisedDerivative(track, problem.free[i], root_weight);
+      if (is_asked_[frame]) derivative += NormalisedDerivative(track, problem.free[i], root_weight, error);
       influence.frame -= columns.template middleRows<kSize>(place).transpose() * (by_frame * error.error);
       const Eigen::Matrix<double, 2, 3> by_point_in_world = error.ByPointInWorld(state.frames[frame]);
       const Eigen::Vector2d change = derivative * correction;
