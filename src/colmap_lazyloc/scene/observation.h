@@ -17,7 +17,8 @@ namespace lazyloc {
 // there. X lies in front of the camera where ray . X > 0.
 struct Observation {
   Eigen::Vector3d ray_in_cam = Eigen::Vector3d::Zero();                           // unit length
-  Eigen::Matrix<double, 2, 3> px_from_cam = Eigen::Matrix<double, 2, 3>::Zero();  // annihilates the ray
+  // Annihilates the ray, unless this is not the keypoint's but that of an adjusted point (QueryCamera::Adjust).
+  Eigen::Matrix<double, 2, 3> px_from_cam = Eigen::Matrix<double, 2, 3>::Zero();
   // The keypoint relative to the principal point. Every camera model projects a ray to its principal point plus focal
   // length times a function of the ray, so that this is the derivative of a fixed ray's keypoint with respect to the
   // log of the focal length.
