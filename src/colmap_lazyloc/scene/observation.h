@@ -16,7 +16,7 @@ namespace lazyloc {
 // i.e. X's displacement from the ray in the plane perpendicular to it, scaled to pixels by the model's derivative
 // there. X lies in front of the camera where ray . X > 0.
 struct Observation {
-  Eigen::Vector3d ray_in_cam = Eigen::Vector3d::Zero();                           // unit length
+  Eigen::Vector3d ray_in_cam = Eigen::Vector3d::Zero();  // unit length
   // Annihilates the ray, unless this is not the keypoint's but that of an adjusted point (QueryCamera::Adjust).
   Eigen::Matrix<double, 2, 3> px_from_cam = Eigen::Matrix<double, 2, 3>::Zero();
   // The keypoint relative to the principal point. Every camera model projects a ray to its principal point plus focal
