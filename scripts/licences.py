@@ -122,18 +122,18 @@ def compiled_files(build: pathlib.Path) -> set[pathlib.Path]:
 
 
 def packages_of(paths: list[pathlib.Path]) -> dict[pathlib.Path, str]:
-    """Returns the Debian package of each file that a package contains."""
+    """Returns the Debian package of each file that a package contains, with the architecture if it can have several."""
     # The database may name a file below /lib that is below /usr/lib.
     names = [name for path in paths for name in (str(path), str(path).removeprefix("/usr"))]
     listed = subprocess.run(["dpkg-query", "-S", *names], capture_output=True, text=True, check=False).stdout
-    found = dict(re.findall(r"^([^:,\s]+).*?: (/.*)$", line)[0][::-1] for line in listed.splitlines() if ": /" in line)
+    found = {path: package for package, path in re.findall(r"^(\S+?)(?:, .*)?: (/.*)$", listed, re.MULTILINE)}
     packages = {path: found.get(str(path)) or found.get(str(path).removeprefix("/usr")) for path in paths}
     return {path: package for path, package in packages.items() if package}
 
 
 def debian_component(package: str) -> Component:
     name, version = run("dpkg-query", "-W", "-f", "${source:Package} ${source:Version}", package).split()
-    return Component(name, version, read_text(pathlib.Path("/usr/share/doc", package, "copyright")))
+    return Component(name, version, read_text(pathlib.Path("/usr/share/doc", package.partition(":")[0], "copyright")))
 
 
 def nanobind_component() -> Component:
