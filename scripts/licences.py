@@ -69,7 +69,7 @@ LICENCES = {
 }
 FORBIDDEN = re.compile(r"A?GPL-(?!.* WITH GCC-exception-3\.1$)")
 # Debian's source packages whose headers are interfaces of the system. ONNX Runtime is loaded when the program runs.
-SYSTEM = re.compile(r"glibc$|linux$|onnxruntime$|python3")
+SYSTEM = re.compile(r"cross-toolchain-base$|glibc$|linux$|onnxruntime$|python3")
 ROOT = pathlib.Path(__file__).resolve().parents[1]
 TARGETS = ("program", "lazyloc_python")
 SBOM = "colmap-lazyloc.cdx.json"
@@ -86,7 +86,7 @@ class Component:
 
     @property
     def licence(self) -> str:
-        licence = LICENCES.get(self.name) or LICENCES.get(re.sub(r"-?[\d.]+$", "", self.name))
+        licence = LICENCES.get(self.name) or LICENCES.get(re.sub(r"-?[\d.]+(-cross)?$", "", self.name))
         return licence or fail(f"{self.name}: scripts/licences.py does not know the licence of this component")
 
     def as_dict(self) -> dict:
