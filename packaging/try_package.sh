@@ -81,7 +81,7 @@ try_deb() {
   inside "apt-get remove -y -qq colmap-lazyloc > apt3.log 2>&1
     if ls /usr/bin/*lazy* 2> /dev/null; then exit 1; fi
     sha256sum --quiet -c before && dpkg -V colmap && echo 'package colmap: as before'
-    apt-get purge -y -qq --autoremove colmap > apt4.log 2>&1"
+    apt-get purge -y -qq --autoremove colmap python3-opencv > apt4.log 2>&1"
 }
 
 try_wheel() {

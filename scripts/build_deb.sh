@@ -29,12 +29,17 @@ source=$work/colmap-lazyloc-$PROJECT_VERSION
 vendored=$work/vendored
 rm -rf "$work"
 mkdir -p "$source" "$vendored/python" "$target"
-git archive HEAD | tar -x -C "$source" --exclude=packaging/debian
+git archive HEAD | tar -x -C "$source" --exclude=packaging/debian --exclude=report/viewer.js
 mkdir "$vendored/colmap"
 cp -r "$COLMAP_SOURCE_DIR"/{CMakeLists.txt,COPYING.txt,cmake,src} "$vendored/colmap"
 rm -r "$vendored"/colmap/src/thirdparty/{LSD,SiftGPU}
 cp -r "$ONNXRUNTIME_INCLUDE_DIR" "$vendored/onnxruntime"
 cp -r "$VENV_DIR"/lib/python3*/site-packages/nanobind{,-*} "$vendored/python"
+# The packages' build makes the viewer of the report page from its source and that of three.js.
+cp -r "$source/python/viewer" "$work"
+(cd "$work/viewer" && PATH=$PATH:$VENV_DIR/bin npm ci --ignore-scripts --no-audit --no-fund --loglevel=error > "$work/log")
+mkdir "$vendored/three"
+cp -r "$work"/viewer/node_modules/three/{LICENSE,package.json,src} "$vendored/three"
 find "$vendored" -name __pycache__ -prune -exec rm -r {} +
 
 # Packs a folder of $work into a tarball that depends on nothing but its files.

@@ -69,7 +69,7 @@ LICENCES = {
 }
 FORBIDDEN = re.compile(r"A?GPL-(?!.* WITH GCC-exception-3\.1$)")
 # Debian's source packages whose headers are interfaces of the system. ONNX Runtime is loaded when the program runs.
-SYSTEM = re.compile(r"glibc$|linux$|onnxruntime$|python3")
+SYSTEM = re.compile(r"cross-toolchain-base$|glibc$|linux$|onnxruntime$|python3")
 ROOT = pathlib.Path(__file__).resolve().parents[1]
 TARGETS = ("program", "lazyloc_python")
 SBOM = "colmap-lazyloc.cdx.json"
@@ -86,7 +86,7 @@ class Component:
 
     @property
     def licence(self) -> str:
-        licence = LICENCES.get(self.name) or LICENCES.get(re.sub(r"-?[\d.]+$", "", self.name))
+        licence = LICENCES.get(self.name) or LICENCES.get(re.sub(r"-?[\d.]+(-cross)?$", "", self.name))
         return licence or fail(f"{self.name}: scripts/licences.py does not know the licence of this component")
 
     def as_dict(self) -> dict:
@@ -122,18 +122,18 @@ def compiled_files(build: pathlib.Path) -> set[pathlib.Path]:
 
 
 def packages_of(paths: list[pathlib.Path]) -> dict[pathlib.Path, str]:
-    """Returns the Debian package of each file that a package contains."""
+    """Returns the Debian package of each file that a package contains, with the architecture if it can have several."""
     # The database may name a file below /lib that is below /usr/lib.
     names = [name for path in paths for name in (str(path), str(path).removeprefix("/usr"))]
     listed = subprocess.run(["dpkg-query", "-S", *names], capture_output=True, text=True, check=False).stdout
-    found = dict(re.findall(r"^([^:,\s]+).*?: (/.*)$", line)[0][::-1] for line in listed.splitlines() if ": /" in line)
+    found = {path: package for package, path in re.findall(r"^(\S+?)(?:, .*)?: (/.*)$", listed, re.MULTILINE)}
     packages = {path: found.get(str(path)) or found.get(str(path).removeprefix("/usr")) for path in paths}
     return {path: package for path, package in packages.items() if package}
 
 
 def debian_component(package: str) -> Component:
     name, version = run("dpkg-query", "-W", "-f", "${source:Package} ${source:Version}", package).split()
-    return Component(name, version, read_text(pathlib.Path("/usr/share/doc", package, "copyright")))
+    return Component(name, version, read_text(pathlib.Path("/usr/share/doc", package.partition(":")[0], "copyright")))
 
 
 def nanobind_component() -> Component:

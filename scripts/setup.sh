@@ -9,7 +9,7 @@
 #   BUILD_TARGETS       targets to build; default: all
 #
 # `setup.sh environment` stops before it fetches COLMAP and builds anything, `setup.sh source` before it builds.
-# `setup.sh browser` only installs what the tests of the report page and of the tutorials need: a browser, its driver, npm
+# `setup.sh browser` only installs what the tests of the report page and of the tutorials need: a browser, its driver
 # and curl, `setup.sh docs` what builds the documentation's site. `setup.sh colmap TARBALL SHA256` only unpacks an archive
 # of COLMAP's source, which builds then take in place of Debian's source package.
 set -euo pipefail
