@@ -18,6 +18,7 @@ cd "$(dirname "$0")/.."
 source scripts/environment.sh
 source scripts/apt.sh
 scripts/setup.sh source
+scripts/setup.sh npm
 install_packages scripts/deb_packages.txt
 
 # The part of the version after the tilde tells the packages for several Debians apart.

@@ -5,7 +5,7 @@
 set -eu
 root=$(cd "$(dirname "$0")/.." && pwd)
 report=$root/python/colmap_lazyloc/report
-# Use the npm that scripts/setup.sh installs where the machine has none.
+# Use the npm that `scripts/setup.sh npm` installs where the machine has none.
 PATH=$PATH:${XDG_CACHE_HOME:-$HOME/.cache}/colmap_lazyloc/venv/bin
 
 if ! command -v npm > /dev/null; then

@@ -9,9 +9,9 @@
 #   BUILD_TARGETS       targets to build; default: all
 #
 # `setup.sh environment` stops before it fetches COLMAP and builds anything, `setup.sh source` before it builds.
-# `setup.sh browser` only installs what the tests of the report page and of the tutorials need: a browser, its driver
-# and curl, `setup.sh docs` what builds the documentation's site. `setup.sh colmap TARBALL SHA256` only unpacks an archive
-# of COLMAP's source, which builds then take in place of Debian's source package.
+# `setup.sh browser` only installs what the tests of the report page and of the tutorials need: a browser, its driver, npm
+# and curl, `setup.sh npm` only npm, `setup.sh docs` what builds the documentation's site. `setup.sh colmap TARBALL SHA256`
+# only unpacks an archive of COLMAP's source, which builds then take in place of Debian's source package.
 set -euo pipefail
 tarball=$(realpath -m "${2:-/dev/null}")
 cd "$(dirname "$0")/.."
@@ -88,6 +88,11 @@ fi
 if [ "${1:-}" = browser ]; then
   install_packages scripts/browser_packages.txt
   install_requirements scripts/browser_requirements.txt
+  install_requirements scripts/npm_requirements.txt
+  exit 0
+fi
+if [ "${1:-}" = npm ]; then
+  install_requirements scripts/npm_requirements.txt
   exit 0
 fi
 if [ "${1:-}" = docs ]; then
