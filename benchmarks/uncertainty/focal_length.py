@@ -1,13 +1,14 @@
 """Localizes the queries of scenes with focal lengths that are too long, and prints a Markdown table.
 
-Each query's focal length is multiplied by 1, 1.02, 1.05, 1.1, 1.2 and 1.5: as given in a query list, and as EXIF's in a
-copy of the database (principal point at the centre, prior flag set, relative poses of the pairs forgotten). The copy's
-keypoints are shifted as if all principal points were at the centre, so that only the focal length is wrong, and the
-pixels' aspect ratio where that of the scene is not 1. Scenes with distortion have no EXIF-like input. Columns:
-statuses; median position error; median standard deviation of the position; median and largest error in standard
-deviations of its direction.
+Each query's focal length is multiplied by factors: as given in a query list, and as EXIF's in a
+copy of the database (principal point at the centre, prior flag set, relative poses of the pairs forgotten), beside the
+scene's cameras and beside cameras of another size, which no photo shares ("EXIF alone"). The copy's keypoints are
+shifted as if all principal points were at the centre, so that only the focal length is wrong, and the pixels' aspect
+ratio where that of the scene is not 1. Scenes with distortion have no EXIF-like input. Columns: statuses; median
+position error; median standard deviation of the position; median and largest error in standard deviations of its
+direction.
 
-  python -m benchmarks uncertainty focal_length --data_path DATA [--scenes SCENE...] [--colmap COLMAP]
+  python -m benchmarks uncertainty focal_length --data_path DATA [--scenes SCENE...] [--factors FACTOR...]
 """
 
 import argparse
@@ -52,6 +53,11 @@ def centred(camera):
     return dataclasses.replace(camera, params=(*camera.params[:2], camera.width / 2, camera.height / 2))
 
 
+def of_another_size(camera):
+    """Returns the centred pinhole camera of images that are 2 pixels wider."""
+    return centred(dataclasses.replace(camera, width=camera.width + 2))
+
+
 def shift_keypoints(connection, image_id, offset):
     row = connection.execute("SELECT rows, cols, data FROM keypoints WHERE image_id = ?", (image_id,)).fetchone()
     if row is None or not row[0]:
@@ -90,22 +96,26 @@ def write_exif(scene, factor, folder):
     return path, {name: f"{name}\n" for name in scene.query_names}
 
 
-INPUTS = {"given": write_given, "EXIF": write_exif}
+# How the input is written, and what becomes of the model's cameras.
+INPUTS = {
+    "given": (write_given, lambda camera: camera),
+    "EXIF": (write_exif, centred),
+    "EXIF alone": (write_exif, of_another_size),
+}
 
 
-def localize(colmap, scene, write_input, factor, arguments):
+def localize(colmap, scene, origin, factor, arguments):
     """Returns the results of the scene's queries.
 
     In leave-one-out, each query has a run of its own with a model without it, because else its camera would be the
     model's.
     """
     results = {}
+    write_input, change = INPUTS[origin]
+    cameras = {camera_id: change(camera) for camera_id, camera in scene.cameras.items()}
     with tempfile.TemporaryDirectory() as folder:
         folder = pathlib.Path(folder)
         database_path, lines = write_input(scene, factor, folder)
-        cameras = scene.cameras
-        if write_input is write_exif:
-            cameras = {camera_id: centred(camera) for camera_id, camera in cameras.items()}
         names = scene.query_names
         for group in [[name] for name in names] if scene.protocol.leave_one_out else [names]:
             known = [scene.images[name] for name in scene.database_names(group[0])]
@@ -137,12 +147,12 @@ def errors_of(scene, results):
     return np.array(rows).reshape(-1, 3)
 
 
-def print_scene(colmap, scene, arguments):
-    for origin, write_input in INPUTS.items():
-        if write_input is write_exif and any(camera.model != "PINHOLE" for camera in scene.cameras.values()):
+def print_scene(colmap, scene, factors, arguments):
+    for origin in INPUTS:
+        if origin != "given" and any(camera.model != "PINHOLE" for camera in scene.cameras.values()):
             continue  # keypoints would have to be undistorted
-        for factor in FACTORS:
-            results = localize(colmap, scene, write_input, factor, arguments)
+        for factor in factors:
+            results = localize(colmap, scene, origin, factor, arguments)
             statuses = collections.Counter(result["status"] for result in results.values())
             rows = errors_of(scene, results)
             text = ", ".join(f"`{status}` {count}" for status, count in sorted(statuses.items()))
@@ -158,10 +168,11 @@ def main(arguments=None):
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--data_path", type=pathlib.Path, required=True, help="folder of the scenes")
     parser.add_argument("--scenes", nargs="*", help="names of scenes; default: all")
+    parser.add_argument("--factors", type=float, nargs="+", default=FACTORS, help="factors on the focal lengths")
     parser.add_argument("--colmap", type=pathlib.Path, default=find_colmap(), help="path of our colmap program")
     parser.add_argument("--options", nargs=argparse.REMAINDER, default=[], help="further options of the program")
     arguments = parser.parse_args(arguments)
     print("| scene | input | factor | statuses | median error | median σ | median error / σ | largest |")
     print("|---|---|---|---|---|---|---|---|")
     for name in arguments.scenes or find_scenes(arguments.data_path):
-        print_scene(arguments.colmap, load_scene(arguments.data_path / name), arguments.options)
+        print_scene(arguments.colmap, load_scene(arguments.data_path / name), arguments.factors, arguments.options)

@@ -38,9 +38,9 @@ void ForEachBasicOption(Options& o, const Add& add) {
   add("LazyLocalizer.leave_one_out", &o.source.selection.leave_one_out,
       "Localize each posed image (or each of --query_list_path) against all others");
   add("LazyLocalizer.intrinsics", &o.localizer.intrinsics,
-      "Intrinsics of queries: auto (estimate the focal length if it is a guess, or EXIF's and the images contradict it; "
-      "refuse a query whose given intrinsics they contradict), given (keep them and only warn) or refine (always "
-      "estimate the focal length)");
+      "Intrinsics of queries: auto (estimate a focal length that is a guess, EXIF's or another image's; refuse a query "
+      "whose given intrinsics the images contradict), given (keep them and only warn) or refine (always estimate the "
+      "focal length)");
   add("LazyLocalizer.world_up", &o.source.priors.world_up,
       "Direction against gravity in the model, for example 0,0,1; needed for --query_gravity_path");
   add("LazyLocalizer.depth_is_metric", &o.localizer.depth_is_metric,

@@ -36,8 +36,8 @@ inline constexpr std::array<const char*, 4> kEnumNames<PostOptimization> = {"tra
 
 // How the intrinsics of queries are treated. All modes compare them with the images.
 enum class IntrinsicsMode {
-  AUTO,    // refines guesses, and EXIF's if the images contradict it; refuses a query whose given ones they contradict
-  GIVEN,   // keeps them; only warns
+  AUTO,   // estimates focal lengths that nobody has stated or shares; refuses a query whose given ones are contradicted
+  GIVEN,  // keeps them; only warns
   REFINE,  // always estimates the focal length
 };
 template <>

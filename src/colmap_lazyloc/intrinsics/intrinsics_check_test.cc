@@ -28,8 +28,8 @@ LocalizationResult Localize(const SyntheticScene& scene, IntrinsicsMode mode = I
   return LocalizeQuery(scene.problem, options);
 }
 
-TEST(CheckIntrinsics, RightValueIsConfirmedWhateverItsOrigin) {
-  for (const IntrinsicsOrigin origin : {IntrinsicsOrigin::GIVEN, IntrinsicsOrigin::EXIF}) {
+TEST(CheckIntrinsics, RightValueOfAWholeCameraIsConfirmed) {
+  for (const IntrinsicsOrigin origin : {IntrinsicsOrigin::GIVEN, IntrinsicsOrigin::SHARED}) {
     const LocalizationResult result = Localize(MakeScene(1, origin));
     EXPECT_EQ(result.status, QueryStatus::LOCALIZED) << result.reason;
     EXPECT_EQ(result.intrinsics.verdict, IntrinsicsVerdict::CONFIRMED);
@@ -69,10 +69,10 @@ INSTANTIATE_TEST_SUITE_P(CheckIntrinsics, WrongFactors, testing::Values(0.9, 1.0
 
 TEST(CheckIntrinsics, UncalibratedCameraIsLessCertain) {
   const LocalizationResult given = Localize(MakeScene(1, IntrinsicsOrigin::GIVEN));
-  const LocalizationResult exif = Localize(MakeScene(1, IntrinsicsOrigin::EXIF));
-  ASSERT_EQ(exif.status, QueryStatus::LOCALIZED) << exif.reason;
-  EXPECT_EQ(exif.cam_from_world.translation, given.cam_from_world.translation);
-  EXPECT_GT(exif.spread.rotation_stddev_rad, given.spread.rotation_stddev_rad);
+  const LocalizationResult shared = Localize(MakeScene(1, IntrinsicsOrigin::SHARED));
+  ASSERT_EQ(shared.status, QueryStatus::LOCALIZED) << shared.reason;
+  EXPECT_EQ(shared.cam_from_world.translation, given.cam_from_world.translation);
+  EXPECT_GT(shared.spread.rotation_stddev_rad, given.spread.rotation_stddev_rad);
 }
 
 TEST(CheckIntrinsics, WrongDistortionIsNamed) {

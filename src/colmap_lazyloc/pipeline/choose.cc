@@ -12,9 +12,10 @@
 namespace lazyloc {
 namespace {
 
-// Probability that a focal length is wrong above which estimating it decides, and the standard deviation of its log
-// from which on its score tells nothing: far from the right value, the noise that adjustment estimates is too large.
+// Probability that a focal length is wrong above which estimating it decides.
 constexpr double kMinWrongProbability = 0.01;
+// Standard deviation of its log from which on its score tells nothing, because far from the right value, the noise that
+// adjustment estimates is too large; and from which on an approximate one may be as good as an estimate.
 constexpr double kMaxConclusiveStddev = 0.01;
 
 // The functions below are for groups of one query.
@@ -24,6 +25,15 @@ const IntrinsicsResult& IntrinsicsOf(const Solution& solution) { return solution
 FocalLengthJudgement Judge(const IntrinsicsResult& intrinsics, const LocalizerOptions& options) {
   return JudgeFocalLength(std::log(intrinsics.focal_factor), intrinsics.focal_factor_stddev / intrinsics.focal_factor,
                           intrinsics.origin, options);
+}
+
+// Returns true if the focal length is off by percents, though it may be near the right one.
+bool IsApproximate(IntrinsicsOrigin origin) {
+  return origin == IntrinsicsOrigin::SIMILAR || origin == IntrinsicsOrigin::EXIF;
+}
+
+bool IsConclusive(const IntrinsicsResult& intrinsics) {
+  return intrinsics.focal_factor_stddev <= kMaxConclusiveStddev * intrinsics.focal_factor;
 }
 
 Choice AsSolved(const Solution& solution) { return {&solution, solution.checked.results, 0}; }
@@ -80,9 +90,11 @@ Choice GivenOrEstimated(const Solution& given, const Solution& refined, const Lo
   if (has_pose && ConfidenceOf(refined) < std::min(ConfidenceOf(given), options.min_confidence)) return AsSolved(given);
   const IntrinsicsResult& estimate = IntrinsicsOf(refined);
   const bool is_wrong = Judge(estimate, options).wrong_probability > 0.5;
+  const IntrinsicsOrigin origin = IntrinsicsOf(given).origin;
   // Nobody has stated intrinsics of another origin for this image, so that an estimate replaces them.
-  if (IntrinsicsOf(given).origin != IntrinsicsOrigin::GIVEN) {
-    return has_pose && !is_wrong ? Kept(given, estimate, options) : AsSolved(refined);
+  if (origin != IntrinsicsOrigin::GIVEN) {
+    const bool is_worse = is_wrong || (IsApproximate(origin) && IsConclusive(estimate));
+    return has_pose && !is_worse ? Kept(given, estimate, options) : AsSolved(refined);
   }
   // Contradicted intrinsics that somebody has stated are for them to mend.
   return is_wrong || !estimate.contradiction.empty() ? Contradicted(given, estimate) : Kept(given, estimate, options);
@@ -156,7 +168,7 @@ bool IsFocalLengthUncertain(const Solution& given, const LocalizerOptions& optio
   const IntrinsicsResult& intrinsics = IntrinsicsOf(given);
   if (AreContradicted(given, options)) return true;
   if (given.failure) return intrinsics.origin != IntrinsicsOrigin::GIVEN;
-  return intrinsics.focal_factor_stddev > kMaxConclusiveStddev * intrinsics.focal_factor ||
+  return IsApproximate(intrinsics.origin) || !IsConclusive(intrinsics) ||
          Judge(intrinsics, options).wrong_probability > kMinWrongProbability;
 }
 

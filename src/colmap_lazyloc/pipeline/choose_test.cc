@@ -79,9 +79,9 @@ TEST_F(ChooseTest, GuessOfAFocalLengthIsTakenOnlyWithAPose) {
   EXPECT_EQ(Index(), 0);
 }
 
-TEST_F(ChooseTest, FocalLengthOfExifIsReplacedOnlyIfItIsWrong) {
-  AddGiven(IntrinsicsOrigin::EXIF);
-  Solution& estimate = AddEstimate(IntrinsicsOrigin::EXIF, 1.1);
+TEST_F(ChooseTest, FocalLengthOfASharedCameraIsReplacedOnlyIfItIsWrong) {
+  AddGiven(IntrinsicsOrigin::SHARED);
+  Solution& estimate = AddEstimate(IntrinsicsOrigin::SHARED, 1.1);
   EXPECT_EQ(Index(), 1);
   estimate.checked.results[0].focal_factor = 1.0005;
   EXPECT_EQ(Index(), 0);
@@ -94,6 +94,21 @@ TEST_F(ChooseTest, FocalLengthOfExifIsReplacedOnlyIfItIsWrong) {
   EXPECT_EQ(Intrinsics().verdict, IntrinsicsVerdict::UNOBSERVABLE);
   solutions_[0].failure = Failure{QueryStatus::TOO_FEW_TRACKS, ""};
   EXPECT_EQ(Index(), 1) << "the given one has no pose";
+}
+
+TEST_F(ChooseTest, ApproximateFocalLengthIsReplacedByACertainEstimate) {
+  for (const IntrinsicsOrigin origin : {IntrinsicsOrigin::EXIF, IntrinsicsOrigin::SIMILAR}) {
+    solutions_.clear();
+    Solution& given = AddGiven(origin);
+    EXPECT_TRUE(IsFocalLengthUncertain(given, options_));
+    Solution& estimate = AddEstimate(origin, 1.0005);
+    EXPECT_EQ(Index(), 1);
+    estimate.checked.results[0].focal_factor_stddev = 0.015;
+    EXPECT_EQ(Index(), 0);
+    EXPECT_EQ(Intrinsics().verdict, IntrinsicsVerdict::CONFIRMED);
+    estimate.checked.results[0].focal_factor = 1.1;
+    EXPECT_EQ(Index(), 1) << "it is wrong";
+  }
 }
 
 TEST_F(ChooseTest, StatedFocalLengthIsContradictedByAnEstimateOnly) {
@@ -160,9 +175,9 @@ TEST_F(ChooseTest, AlternativeCameraHasItsOwnEstimate) {
 }
 
 TEST_F(ChooseTest, RunnerUpIsTheMostCredibleOfTheOthersWithPoses) {
-  AddGiven(IntrinsicsOrigin::EXIF);
+  AddGiven(IntrinsicsOrigin::SHARED);
   EXPECT_EQ(Chosen().runner_up, nullptr);
-  Solution& estimate = AddEstimate(IntrinsicsOrigin::EXIF, 1.0005);
+  Solution& estimate = AddEstimate(IntrinsicsOrigin::SHARED, 1.0005);
   EXPECT_EQ(Chosen().runner_up, &solutions_[1]);
   estimate.evidence[0].num_common_tracks = 50;
   Add(kAlternative).checked.results[0].verdict = IntrinsicsVerdict::UNOBSERVABLE;

@@ -54,7 +54,7 @@ bool IsDistanceLeftToPrior(const Solution& solution) {
 bool IsNearAlternative(const LocalizationProblem& problem, const Choice& choice) {
   const IntrinsicsResult& estimate = choice.intrinsics.front();
   if (!problem.alternative_camera || estimate.verdict != IntrinsicsVerdict::REFINED) return false;
-  const Camera& other = problem.alternative_camera->camera;
+  const Camera& other = *problem.alternative_camera;
   if (!HasFocalLength(other)) return false;
   const double factor = estimate.focal_factor * MeanFocalLength(problem.query_camera) / MeanFocalLength(other);
   return std::abs(std::log(factor)) < std::log(kMaxAlternativeFactor);

@@ -18,7 +18,7 @@ SyntheticScene MakeSceneWithAlternative() {
   options.pixel_noise_px = 0.5;
   SyntheticScene scene = MakeSyntheticScene(options);
   LocalizationProblem& problem = scene.problem;
-  problem.alternative_camera = CandidateCamera{problem.query_camera, IntrinsicsOrigin::GIVEN};
+  problem.alternative_camera = problem.query_camera;
   problem.query_camera = WithFocalFactor(problem.query_camera, 1.03);
   problem.intrinsics_origin = IntrinsicsOrigin::EXIF;
   for (ImagePair& pair : problem.pairs) {
@@ -32,7 +32,7 @@ TEST(NextHypothesis, AlternativeCameraReplacesAContradictedOne) {
   const SyntheticScene scene = MakeSceneWithAlternative();
   const LocalizationResult result = LocalizeQuery(scene.problem, {});
   ASSERT_EQ(result.status, QueryStatus::LOCALIZED) << result.reason;
-  EXPECT_EQ(result.query_camera.params, scene.problem.alternative_camera->camera.params);
+  EXPECT_EQ(result.query_camera.params, scene.problem.alternative_camera->params);
   EXPECT_LE(PositionError(result.cam_from_world, scene.query_cam_from_world), 2e-3 * scene.median_depth);
 }
 
@@ -159,7 +159,7 @@ TEST(NextHypothesis, AlternativeCameraIsTriedIfAnEstimateIsNearIt) {
   MadeUpQuery query;
   LocalizationProblem& problem = query.Problem();
   problem.intrinsics_origin = IntrinsicsOrigin::EXIF;
-  problem.alternative_camera = CandidateCamera{WithFocalFactor(problem.query_camera, 1.3), IntrinsicsOrigin::GIVEN};
+  problem.alternative_camera = WithFocalFactor(problem.query_camera, 1.3);
   Solution given = query.Solved({});
   given.checked.results[0].focal_factor = 1.25;
   Solution estimate = query.Solved(Next(query, {given}));
@@ -172,7 +172,7 @@ TEST(NextHypothesis, AlternativeCameraIsTriedIfAnEstimateIsNearIt) {
     EXPECT_EQ(next->camera, CameraChoice::ALTERNATIVE);
     EXPECT_FALSE(next->estimates_focal_length);
     Solution alternative = query.Solved(*next);
-    alternative.checked.results[0].origin = IntrinsicsOrigin::GIVEN;
+    alternative.checked.results[0].origin = IntrinsicsOrigin::SHARED;
     EXPECT_FALSE(NextHypothesis(query.Group(), {given, estimate, alternative}, {}));
   }
 }

@@ -30,8 +30,8 @@ void CheckInput(const QueryGroup& group) {
 
 // Gives the query its alternative camera. The pairs keep their matches, but not relative poses, which depend on it.
 void TakeAlternativeCamera(LocalizationProblem* problem) {
-  problem->query_camera = problem->alternative_camera->camera;
-  problem->intrinsics_origin = problem->alternative_camera->origin;
+  problem->query_camera = *problem->alternative_camera;
+  problem->intrinsics_origin = IntrinsicsOrigin::SHARED;
   for (ImagePair& pair : problem->pairs) {
     if (!pair.geometry) continue;
     const TwoViewConfig config = pair.geometry->config;

@@ -59,7 +59,7 @@ std::vector<Candidate> FindCandidates(const PhotoProperties& photo, const std::v
 
 // Returns the camera of the image with the median focal length; nullopt if no more than half of the images agree on its
 // focal length.
-std::optional<Camera> ChooseByMajority(std::vector<Candidate> candidates) {
+std::optional<DatabaseCamera> ChooseByMajority(std::vector<Candidate> candidates) {
   std::stable_sort(candidates.begin(), candidates.end(),
                    [](const Candidate& a, const Candidate& b) { return a.focal_length_px < b.focal_length_px; });
   int num_images = 0;
@@ -74,41 +74,51 @@ std::optional<Camera> ChooseByMajority(std::vector<Candidate> candidates) {
         num_agreeing += other.camera->num_images;
       }
     }
-    return 2 * num_agreeing > num_images ? std::make_optional(median.camera->camera) : std::nullopt;
+    return 2 * num_agreeing > num_images ? std::make_optional(*median.camera) : std::nullopt;
   }
   return std::nullopt;
 }
 
-std::optional<Camera> ChooseDatabaseCamera(const PhotoProperties& photo, const std::vector<DatabaseCamera>& cameras) {
+std::optional<DatabaseCamera> ChooseDatabaseCamera(const PhotoProperties& photo,
+                                                   const std::vector<DatabaseCamera>& cameras) {
   const std::vector<Candidate> upright = FindCandidates(photo, cameras, /*is_turned=*/false);
   if (!upright.empty()) return ChooseByMajority(upright);
-  std::optional<Camera> turned = ChooseByMajority(FindCandidates(photo, cameras, /*is_turned=*/true));
-  if (turned) turned = Transposed(*turned);
+  std::optional<DatabaseCamera> turned = ChooseByMajority(FindCandidates(photo, cameras, /*is_turned=*/true));
+  if (turned) turned->camera = Transposed(turned->camera);
   return turned;
+}
+
+// is_same_device: true if EXIF shows that the photo's camera is this one, with the same zoom. Each of its images may
+// still have a camera of its own, as COLMAP makes them by default; none of these is the photo's.
+IntrinsicsOrigin OriginOf(const DatabaseCamera& camera, bool is_same_device) {
+  if (camera.num_images == 1) return IntrinsicsOrigin::SIMILAR;
+  return is_same_device ? IntrinsicsOrigin::MODEL : IntrinsicsOrigin::SHARED;
 }
 
 // Returns a camera of the database if there is one, else `own`, which has the focal length of EXIF or a guessed one.
 PhotoCamera ChooseBetween(const PhotoCamera& own, const PhotoProperties& photo,
                           const std::vector<DatabaseCamera>& database_cameras) {
+  // Keeps the photo's id, because that of the model is another camera's.
+  const auto choose = [&own](const PhotoProperties& properties, const std::vector<DatabaseCamera>& cameras) {
+    std::optional<DatabaseCamera> chosen = ChooseDatabaseCamera(properties, cameras);
+    if (chosen) chosen->camera.camera_id = own.camera.camera_id;
+    return chosen;
+  };
   // Does not compare EXIF's focal length with the refined one of the same device, because EXIF may be far off.
   PhotoProperties without_focal_length = photo;
   without_focal_length.exif_focal_length_px.reset();
-  if (std::optional<Camera> same = ChooseDatabaseCamera(without_focal_length, OfSameDevice(photo, database_cameras))) {
-    same->camera_id = own.camera.camera_id;
-    return {*same, IntrinsicsSource::DATABASE_CAMERA, /*is_same_device=*/true};
+  if (const auto same = choose(without_focal_length, OfSameDevice(photo, database_cameras))) {
+    return {same->camera, IntrinsicsSource::DATABASE_CAMERA, OriginOf(*same, /*is_same_device=*/true)};
   }
-  std::optional<Camera> shared = ChooseDatabaseCamera(photo, database_cameras);
-  const bool is_alternative = !shared && photo.exif_focal_length_px;
-  if (is_alternative) shared = ChooseDatabaseCamera(without_focal_length, database_cameras);
-  if (!shared) return own;
-  shared->camera_id = own.camera.camera_id;  // the ids are those of the model, but the photo's camera is its own
+  if (const auto other = choose(photo, database_cameras)) {
+    return {other->camera, IntrinsicsSource::DATABASE_CAMERA, OriginOf(*other, /*is_same_device=*/false)};
+  }
   PhotoCamera chosen = own;
-  if (is_alternative) {
-    chosen.alternative = CandidateCamera{*shared, IntrinsicsOrigin::SHARED};
-    return chosen;
-  }
-  chosen = {*shared, IntrinsicsSource::DATABASE_CAMERA};
-  if (photo.exif_focal_length_px) chosen.alternative = CandidateCamera{own.camera, IntrinsicsOrigin::EXIF};
+  if (!photo.exif_focal_length_px) return chosen;
+  // EXIF may be so far off that it contradicts the right camera.
+  const auto other = choose(without_focal_length, database_cameras);
+  if (other && OriginOf(*other, /*is_same_device=*/false) == IntrinsicsOrigin::SHARED)
+    chosen.alternative = other->camera;
   return chosen;
 }
 
@@ -130,7 +140,7 @@ IntrinsicsOrigin PhotoCamera::Origin() const {
   switch (source) {
     case IntrinsicsSource::MODEL: return IntrinsicsOrigin::MODEL;
     case IntrinsicsSource::DATABASE: return OriginOfStoredCamera(camera);
-    case IntrinsicsSource::DATABASE_CAMERA: return is_same_device ? IntrinsicsOrigin::MODEL : IntrinsicsOrigin::SHARED;
+    case IntrinsicsSource::DATABASE_CAMERA: return database_origin;
     case IntrinsicsSource::EXIF: return IntrinsicsOrigin::EXIF;
     case IntrinsicsSource::GUESS: return IntrinsicsOrigin::GUESS;
     default: return IntrinsicsOrigin::GIVEN;

@@ -66,6 +66,19 @@ TEST_F(PhotoCameraTest, SameFocalLengthInExifMeansTheSameDevice) {
   EXPECT_EQ(Choose().source, IntrinsicsSource::EXIF) << "another zoom";
 }
 
+TEST_F(PhotoCameraTest, CameraOfASingleImageIsOnlySimilar) {
+  cameras_ = {MakeDatabaseCamera(690, 1), MakeDatabaseCamera(700, 1), MakeDatabaseCamera(705, 1)};
+  const PhotoCamera chosen = Choose();
+  EXPECT_EQ(chosen.source, IntrinsicsSource::DATABASE_CAMERA);
+  EXPECT_EQ(chosen.Origin(), IntrinsicsOrigin::SIMILAR);
+  EXPECT_EQ(chosen.camera.params[0], 700);
+  photo_.exif_focal_length_px = 650;
+  for (DatabaseCamera& camera : cameras_) camera.exif_focal_length_px = 650;
+  EXPECT_EQ(Choose().Origin(), IntrinsicsOrigin::SIMILAR) << "of the same device, which each image calibrates anew";
+  cameras_[1].num_images = 2;
+  EXPECT_EQ(Choose().Origin(), IntrinsicsOrigin::MODEL);
+}
+
 TEST(ExifFocalLengths, HoldsThoseThatColmapFoundInExif) {
   Camera stored = CameraFromFocalLength(kSimpleRadial, 650, 640, 480);
   stored.has_prior_focal_length = true;
@@ -117,19 +130,16 @@ TEST_F(PhotoCameraTest, ExifChoosesTheLens) {
   EXPECT_EQ(Choose().source, IntrinsicsSource::EXIF) << "another lens or zoom";
 }
 
-TEST_F(PhotoCameraTest, CameraOfTheDatabaseAndExifAreAlternatives) {
+TEST_F(PhotoCameraTest, CameraThatExifContradictsIsTheAlternative) {
   cameras_ = {MakeDatabaseCamera(700, 5)};
-  EXPECT_FALSE(Choose().alternative) << "a guess is no alternative";
-  photo_.exif_focal_length_px = 650;
-  std::optional<CandidateCamera> alternative = Choose().alternative;
-  ASSERT_TRUE(alternative);
-  EXPECT_EQ(alternative->origin, IntrinsicsOrigin::EXIF);
-  EXPECT_EQ(alternative->camera.params[0], 650);
   photo_.exif_focal_length_px = 1500;
-  alternative = Choose().alternative;
-  ASSERT_TRUE(alternative);
-  EXPECT_EQ(alternative->origin, IntrinsicsOrigin::SHARED);
-  EXPECT_TRUE(SameIntrinsics(alternative->camera, cameras_[0].camera));
+  const PhotoCamera chosen = Choose();
+  EXPECT_EQ(chosen.source, IntrinsicsSource::EXIF);
+  ASSERT_TRUE(chosen.alternative);
+  EXPECT_TRUE(SameIntrinsics(*chosen.alternative, cameras_[0].camera));
+  cameras_[0].num_images = 1;
+  EXPECT_FALSE(Choose().alternative) << "that of another image is no better than an estimate";
+  cameras_[0].num_images = 5;
   photo_.exif_camera = "Maker-One";
   cameras_[0].exif_camera = "Maker-Two";
   EXPECT_FALSE(Choose().alternative) << "another camera";
@@ -144,8 +154,6 @@ TEST(ChooseStoredCamera, ReplacesCamerasThatNobodyCalibrated) {
   EXPECT_EQ(chosen.Origin(), IntrinsicsOrigin::SHARED);
   EXPECT_EQ(chosen.camera.params[0], 700);
   EXPECT_EQ(chosen.camera.camera_id, 3u);
-  ASSERT_TRUE(chosen.alternative);
-  EXPECT_TRUE(SameIntrinsics(chosen.alternative->camera, stored));
   chosen = ChooseStoredCamera(stored, {});
   EXPECT_EQ(chosen.source, IntrinsicsSource::DATABASE);
   EXPECT_EQ(chosen.Origin(), IntrinsicsOrigin::EXIF);
@@ -157,7 +165,6 @@ TEST(ChooseStoredCamera, ReplacesCamerasThatNobodyCalibrated) {
   stored.has_prior_focal_length = false;
   chosen = ChooseStoredCamera(stored, database_cameras);
   EXPECT_EQ(chosen.camera.params[0], 700);
-  EXPECT_FALSE(chosen.alternative);
 }
 
 TEST_F(PhotoCameraTest, MostImagesDecideAmongSeveralCameras) {

@@ -28,26 +28,21 @@ inline double HalfDiagonalPx(const Camera& camera) {
 
 // Source of the intrinsics of a query, which decides how far the images may correct them.
 enum class IntrinsicsOrigin {
-  GIVEN,   // somebody stated them: query list, option, or a camera of the database that looks calibrated
-  MODEL,   // of an image that the model holds: their errors are those of the database poses, too
-  SHARED,  // a calibrated camera of the database that has the photo's size; lens or zoom may differ
-  EXIF,    // a focal length from EXIF, which may be off by tens of percent; principal point at the centre
-  GUESS,   // COLMAP's focal length for a photo without EXIF: 1.2 times the longer side
+  GIVEN,    // somebody stated them: query list, option, or a camera of the database that looks calibrated
+  MODEL,    // of an image that the model holds: their errors are those of the database poses, too
+  SHARED,   // a camera of several posed images that has the photo's size; lens or zoom may differ
+  SIMILAR,  // the camera of a single other image that has the photo's size
+  EXIF,     // a focal length from EXIF, which may be off by tens of percent; principal point at the centre
+  GUESS,    // COLMAP's focal length for a photo without EXIF: 1.2 times the longer side
 };
 template <>
-inline constexpr std::array<const char*, 5> kEnumNames<IntrinsicsOrigin> = {"given", "model", "shared", "exif",
-                                                                            "guess"};
+inline constexpr std::array<const char*, 6> kEnumNames<IntrinsicsOrigin> = {"given",   "model", "shared",
+                                                                            "similar", "exif",  "guess"};
 
 // Returns true if the images do not correct the intrinsics, because somebody or the reconstruction has calibrated them.
 inline bool IsCalibrated(IntrinsicsOrigin origin) {
   return origin == IntrinsicsOrigin::GIVEN || origin == IntrinsicsOrigin::MODEL;
 }
-
-// A camera that may have taken an image.
-struct CandidateCamera {
-  Camera camera;
-  IntrinsicsOrigin origin = IntrinsicsOrigin::EXIF;
-};
 
 // True if both cameras map rays to the same pixels; ignores ids and prior flags.
 inline bool SameIntrinsics(const Camera& a, const Camera& b) {
