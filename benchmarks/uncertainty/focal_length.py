@@ -1,12 +1,11 @@
 """Localizes the queries of scenes with focal lengths that are too long, and prints a Markdown table.
 
-Each query's focal length is multiplied by factors: as given in a query list, and as EXIF's in a
-copy of the database (principal point at the centre, prior flag set, relative poses of the pairs forgotten), beside the
-scene's cameras and beside cameras of another size, which no photo shares ("EXIF alone"). The copy's keypoints are
-shifted as if all principal points were at the centre, so that only the focal length is wrong, and the pixels' aspect
-ratio where that of the scene is not 1. Scenes with distortion have no EXIF-like input. Columns: statuses; median
-position error; median standard deviation of the position; median and largest error in standard deviations of its
-direction.
+Each query's focal length is multiplied by factors: as given in a query list, and as EXIF's in a copy of the database
+(principal point at the centre, prior flag set, relative poses of the pairs forgotten), beside the scene's cameras and
+beside cameras of another size, which no photo shares ("EXIF alone"). The copy's keypoints are shifted as if all
+principal points were at the centre, so that only the focal length is wrong, and the pixels' aspect ratio where that of the scene
+is not 1. Scenes with distortion have no EXIF-like input. Columns: statuses; median position error; median standard
+deviation of the position; median and largest error in standard deviations of its direction.
 
   python -m benchmarks uncertainty focal_length --data_path DATA [--scenes SCENE...] [--factors FACTOR...]
 """
@@ -54,8 +53,8 @@ def centred(camera):
 
 
 def of_another_size(camera):
-    """Returns the centred pinhole camera of images that are 2 pixels wider."""
-    return centred(dataclasses.replace(camera, width=camera.width + 2))
+    """Returns the centred pinhole camera as if of images that are 2 pixels wider."""
+    return dataclasses.replace(centred(camera), width=camera.width + 2)
 
 
 def shift_keypoints(connection, image_id, offset):

@@ -207,6 +207,23 @@ TEST(LazyLocalizer, DatabasePosesThatAreOffAreCorrectedForTheQuery) {
   EXPECT_LE(estimated_sum, 0.95 * exact_sum);
 }
 
+// Checks that points which are off as far as the database poses are no outliers of a query without noise of its own.
+TEST(LazyLocalizer, DatabasePosesThatAreOffLeaveThePointsOfAPreciseQuery) {
+  SyntheticSceneOptions scene_options;
+  scene_options.num_database_images = 12;
+  scene_options.pixel_noise_px = 0.5;
+  SyntheticScene scene = MakeSyntheticScene(scene_options);
+  Random random(0);
+  for (ImagePair& pair : scene.problem.pairs) {
+    Rigid3d& pose = pair.database_cam_from_world;
+    const Eigen::Quaterniond rotation = Disturbed(pose.rotation, 0.4, &random);
+    pose = CamFromWorld(rotation, CamInWorld(pose) + 0.004 * scene.median_depth * RandomVector(&random));
+  }
+  const LocalizationResult result = Localize(scene);
+  ASSERT_TRUE(HasPose(result.status)) << result.reason;
+  EXPECT_LE(PositionError(result.cam_from_world, scene.query_cam_from_world), 0.01 * scene.median_depth);
+}
+
 // Moves the images of a database frame together, so that one correction for the frame is at least as good as one for
 // each image.
 TEST(LazyLocalizer, NoKeypointsIsReported) {

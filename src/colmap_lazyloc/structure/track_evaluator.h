@@ -34,9 +34,12 @@ class TrackEvaluator {
 
   // Returns true if a point lies in front of an image and within max_error_sigma standard deviations of its keypoint.
   bool Fits(const TrackObservation& element, const Eigen::Vector3d& point_in_world, double max_error_sigma) const {
+    return IsNear(element, point_in_world, max_error_sigma * ImageOf(element).noise_px);
+  }
+
+  bool IsNear(const TrackObservation& element, const Eigen::Vector3d& point_in_world, double max_error_px) const {
     const Eigen::Matrix<double, 3, 4>& cam_from_world = cams_from_world_[element.image];
     const Eigen::Vector3d point_in_cam = cam_from_world.leftCols<3>() * point_in_world + cam_from_world.col(3);
-    const double max_error_px = max_error_sigma * ImageOf(element).noise_px;
     return IsInFront(element.observation, point_in_cam) &&
            ReprojectionError(element.observation, point_in_cam).squaredNorm() <= max_error_px * max_error_px;
   }

@@ -94,15 +94,31 @@ class TrackTriangulator {
 
 enum class CheckedImages { QUERIES, ALL };
 
+// Returns the root mean square of the noise of a track's database images; 0 if there are none.
+double DatabaseNoisePx(const TrackEvaluator& evaluator, const std::vector<TrackObservation>& observations) {
+  double sum = 0;
+  int num_images = 0;
+  for (const TrackObservation& element : observations) {
+    if (!evaluator.IsDatabase(element)) continue;
+    const double noise_px = evaluator.ImageOf(element).noise_px;
+    sum += noise_px * noise_px;
+    ++num_images;
+  }
+  return num_images > 0 ? std::sqrt(sum / num_images) : 0;
+}
+
 // Removes a track's observations that its point does not fit in the checked images. Returns false if the track is then
 // of no use: a database image contradicts it, or no query observes it.
 bool RemoveMisfits(const TrackEvaluator& evaluator, double max_error_sigma, CheckedImages checked, Track* track) {
   std::vector<TrackObservation>& observations = track->observations;
+  // A point from database images whose poses are not yet corrected is no more certain than these.
+  const double min_noise_px = checked == CheckedImages::QUERIES ? DatabaseNoisePx(evaluator, observations) : 0;
   size_t num_kept = 0;
   for (size_t i = 0; i < observations.size(); ++i) {
     const bool is_database = evaluator.IsDatabase(observations[i]);
     const bool is_checked = checked == CheckedImages::ALL || !is_database;
-    if (!is_checked || evaluator.Fits(observations[i], track->point_in_world, max_error_sigma)) {
+    const double noise_px = std::max(evaluator.ImageOf(observations[i]).noise_px, min_noise_px);
+    if (!is_checked || evaluator.IsNear(observations[i], track->point_in_world, max_error_sigma * noise_px)) {
       if (num_kept < i) observations[num_kept] = observations[i];
       ++num_kept;
     } else if (is_database) {

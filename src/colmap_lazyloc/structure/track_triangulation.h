@@ -37,10 +37,11 @@ std::vector<Track> TriangulateWithQuery(const PosedImages& posed, std::vector<Tr
                                         const TrackTriangulationOptions& options);
 
 // Removes observations in queries whose points lie behind the camera or farther away than max_error_sigma standard
-// deviations, and tracks that are left without observations in queries or with a single one. Keeps the order.
+// deviations of the query or of the track's database images, whichever are larger. Removes tracks that are left without
+// observations in queries or with a single one. Keeps the order.
 std::vector<Track> RemoveQueryOutliers(const PosedImages& posed, std::vector<Track> tracks, double max_error_sigma);
 
-// Does the same, and removes tracks with such an observation in a database image.
+// Does the same by each image's own noise, and removes tracks with such an observation in a database image.
 std::vector<Track> RemoveOutliers(const PosedImages& posed, std::vector<Track> tracks, double max_error_sigma);
 
 }  // namespace lazyloc

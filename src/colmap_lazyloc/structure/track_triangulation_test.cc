@@ -211,5 +211,16 @@ TEST(RemoveQueryOutliers, KeepsTheOrderAndIgnoresDatabaseImages) {
   EXPECT_THAT(ImagesOf(tracks[3]), ElementsAre(0, 1, 2, 3, 4));
 }
 
+// Displaces keypoints of queries by 5 standard deviations, which are less than 4 of noisier database images.
+TEST(RemoveQueryOutliers, PointsAreNoMoreCertainThanTheirDatabaseImages) {
+  SyntheticTracks scene = MakeTracksWithOutliers();
+  for (const int image : {3, 4}) scene.posed.images[image].noise_px *= 1.2;
+  EXPECT_EQ(RemoveQueryOutliers(scene.posed, scene.tracks, 4).size(), 5);
+  scene.posed.images[4].noise_px *= 1.2;
+  const std::vector<Track> tracks = RemoveQueryOutliers(scene.posed, scene.tracks, 4);
+  ASSERT_THAT(KeypointsOf(tracks), ElementsAre(0, 1, 2, 3, 4, 6)) << "track 5 has no database image";
+  EXPECT_THAT(ImagesOf(tracks[4]), ElementsAre(0, 1, 2, 3, 4));
+}
+
 }  // namespace
 }  // namespace lazyloc
