@@ -3,9 +3,9 @@
 Each query's focal length is multiplied by factors: as given in a query list, and as EXIF's in a copy of the database
 (principal point at the centre, prior flag set, relative poses of the pairs forgotten), beside the scene's cameras and
 beside cameras of another size, which no photo shares ("EXIF alone"). The copy's keypoints are shifted as if all
-principal points were at the centre, so that only the focal length is wrong, and the pixels' aspect ratio where that of the scene
-is not 1. Scenes with distortion have no EXIF-like input. Columns: statuses; median position error; median standard
-deviation of the position; median and largest error in standard deviations of its direction.
+principal points were at the centre, so that only the focal length is wrong, and the pixels' aspect ratio where that of
+the scene is not 1. Scenes with distortion have no EXIF-like input. Columns: statuses; median position error; median
+standard deviation of the position; median and largest error in standard deviations of its direction.
 
   python -m benchmarks uncertainty focal_length --data_path DATA [--scenes SCENE...] [--factors FACTOR...]
 """
