@@ -20,6 +20,7 @@ from colmap_lazyloc.pose_formats.geo import GeoOrigin
 from colmap_lazyloc.pose_formats.posed_images import OPENGL_FROM_COLMAP, PosedImage
 from colmap_lazyloc.poses import read_poses
 from colmap_lazyloc.project import steps
+from colmap_lazyloc.project.colmap_runner import ColmapRunner
 from colmap_lazyloc.project.folder import QUERY, Folder, link_photos
 from colmap_lazyloc.project.pairs import pairs_by_viewpoint, pairs_in_sequence
 
@@ -237,6 +238,15 @@ def test_video_that_is_none(run, photos, tmp_path, capfd):
     (tmp_path / "walk.mp4").write_bytes(b"no video")
     run(photos.model_path, queries=tmp_path / "walk.mp4", exit_code=1)
     assert "walk.mp4: is not a video" in capfd.readouterr().err
+
+
+def test_cause_of_a_failed_command_is_named_without_colours(tmp_path):
+    colmap = tmp_path / "colmap"
+    printed = r"\033[0;31mE20261125 12:00:00.000000  1 a.cc:2] no such option\n\033[m\n"
+    colmap.write_text(f"#!/bin/sh\nprintf '{printed}'\nexit 1\n")
+    colmap.chmod(0o755)
+    with pytest.raises(InputError, match=r"^colmap mapper failed: no such option \(log: "):
+        ColmapRunner(tmp_path / "log.txt").run([colmap, "mapper"])
 
 
 def test_photos_that_colmap_cannot_read(tmp_path, caplog):

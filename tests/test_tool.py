@@ -133,7 +133,7 @@ def test_doctor_says_what_is_missing(capsys, monkeypatch, colmap):
     monkeypatch.setenv("COLMAP", str(colmap))
     assert doctor.main([]) == 0
     printed = capsys.readouterr().out
-    assert str(colmap) in printed and "COLMAP 3" in printed and "missing" not in printed
+    assert str(colmap) in printed and re.search(r"COLMAP \d", printed) and "missing" not in printed
     monkeypatch.setattr(doctor, "is_installed", lambda module: module != "pyproj")
     monkeypatch.setenv("COLMAP", "/none/colmap")
     assert doctor.main([]) == 0

@@ -22,6 +22,7 @@ from colmap_lazyloc.text_files import Path
 if TYPE_CHECKING:
     from colmap_lazyloc.model import Camera  # needs numpy, which this command must do without
 
+COLOUR = re.compile(r"\x1b\[[\d;]*m")  # in which COLMAP 4 prints errors
 PACKAGE_PATH = pathlib.Path(__file__).resolve().parent
 
 
@@ -47,7 +48,7 @@ def run_colmap(colmap: Path, *arguments: object, log_path: pathlib.Path | None =
     if log_path is not None:
         log_path.write_text(f"{' '.join(words)}\n{done.stdout}{done.stderr}")
     if done.returncode != 0:
-        last_line = (done.stderr.strip() or "no message").splitlines()[-1]
+        last_line = (COLOUR.sub("", done.stderr).strip() or "no message").splitlines()[-1]
         raise RuntimeError(f"colmap {words[1]} ended with code {done.returncode}: {last_line}")
     return done.stderr
 

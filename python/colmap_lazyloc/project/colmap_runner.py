@@ -7,6 +7,7 @@ import subprocess
 from collections.abc import Sequence
 
 from colmap_lazyloc.errors import InputError, logger
+from colmap_lazyloc.program import COLOUR
 from colmap_lazyloc.progress import terminal_bar
 
 GLOG_PREFIX = re.compile(r"^[IWEF]\d{8} \S+ +\d+ \S+\] ")
@@ -38,8 +39,9 @@ class ColmapRunner:
                 for line in process.stdout:
                     log.write(line)
                     bar.read(line)
-                    if line.strip() and not STACK_TRACE.match(line.strip()):
-                        last_line = line.strip()
+                    text = COLOUR.sub("", line).strip()
+                    if text and not STACK_TRACE.match(text):
+                        last_line = text
                 code = process.wait()
             except BaseException:
                 process.terminate()

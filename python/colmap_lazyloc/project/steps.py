@@ -133,7 +133,9 @@ def make_model(project: Project, posed: PosedImages | None, refines_cameras: boo
     shutil.rmtree(folder.sparse, ignore_errors=True)
     folder.sparse.mkdir()
     words = [project.colmap, "mapper", "--database_path", folder.database, "--image_path", folder.images]
-    words += ["--image_list_path", folder.write_list("mapped", database_names(folder))]
+    # COLMAP 4.1 calls it --Mapper.image_list_path.
+    list_option = next(name for name in option_names(project.colmap, "mapper") if name.endswith("image_list_path"))
+    words += [f"--{list_option}", folder.write_list("mapped", database_names(folder))]
     words += ["--output_path", folder.sparse, "--Mapper.min_model_size", MIN_MODEL_SIZE]
     if not refines_cameras:
         words += ["--Mapper.ba_refine_focal_length", 0]
