@@ -84,6 +84,8 @@ def test_runner_up_is_one_window_to_the_side(localize, tmp_path, write_scene_fil
         assert "agree on this one" in runner_up.explanation
         assert 0.03 < runner_up.odds < 1
         np.testing.assert_allclose(runner_up.pose.cam_in_world, result["runner_up"]["position"])
-        offset = runner_up.pose.cam_in_world - result["position"]  # which of the two is wrong does not matter here
+        offset = runner_up.pose.cam_in_world - result["position"]
+        truth = scene.images[name].pose.cam_in_world
+        assert min(np.linalg.norm(truth - place) for place in (runner_up.pose.cam_in_world, result["position"])) < 0.5
         # A quarter of the window, because the pose is not refined.
         np.testing.assert_allclose([abs(offset[0]), *offset[1:]], [PERIOD, 0, 0], atol=0.5)

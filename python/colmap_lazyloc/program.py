@@ -55,11 +55,7 @@ def run_colmap(colmap: Path, *arguments: object, log_path: pathlib.Path | None =
 
 def gpu_option(colmap: Path, command_name: str) -> str:
     """Returns the option that switches the GPU; its name differs between COLMAP 3 and COLMAP 4."""
-    done = subprocess.run([str(colmap), command_name, "-h"], capture_output=True, text=True, check=False)
-    match = re.search(r"--(Sift|Feature)(Extraction|Matching)\.use_gpu", done.stdout + done.stderr)
-    if match is None:
-        raise InputError(f"{colmap} {command_name}: has no option that switches the GPU")
-    return match.group()
+    return find_option(colmap, command_name, r"(Sift|Feature)(Extraction|Matching)\.use_gpu", "that switches the GPU")
 
 
 def has_command(colmap: Path, command_name: str) -> bool:
@@ -72,6 +68,14 @@ def option_names(colmap: Path, command_name: str, flag: str = "--help") -> list[
     """Returns the names of a command's options, without dashes."""
     done = subprocess.run([str(colmap), command_name, flag], capture_output=True, text=True, check=False)
     return re.findall(r"^ +(?:-h \[ )?--([\w.]+)", done.stdout + done.stderr, re.MULTILINE)
+
+
+def find_option(colmap: Path, command_name: str, pattern: str, purpose: str) -> str:
+    """Returns the option, with dashes, whose name is another one in other versions of COLMAP: the first that fits."""
+    for name in option_names(colmap, command_name):
+        if re.fullmatch(pattern, name):
+            return f"--{name}"
+    raise InputError(f"{colmap} {command_name}: has no option {purpose}")
 
 
 def extract_features(

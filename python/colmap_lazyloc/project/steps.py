@@ -12,7 +12,7 @@ from colmap_lazyloc.errors import InputError
 from colmap_lazyloc.import_poses import write_posed_images
 from colmap_lazyloc.model import Camera, read_model
 from colmap_lazyloc.pose_formats.posed_images import PosedImage, PosedImages
-from colmap_lazyloc.program import find_colmap, gpu_option, has_command, option_names
+from colmap_lazyloc.program import find_colmap, find_option, gpu_option, has_command, option_names
 from colmap_lazyloc.project.colmap_runner import ColmapRunner
 from colmap_lazyloc.project.folder import DATABASE, Folder, Steps, fingerprint
 from colmap_lazyloc.project.pairs import all_pairs, pairs_by_viewpoint, pairs_in_sequence
@@ -133,9 +133,8 @@ def make_model(project: Project, posed: PosedImages | None, refines_cameras: boo
     shutil.rmtree(folder.sparse, ignore_errors=True)
     folder.sparse.mkdir()
     words = [project.colmap, "mapper", "--database_path", folder.database, "--image_path", folder.images]
-    # COLMAP 4.1 calls it --Mapper.image_list_path.
-    list_option = next(name for name in option_names(project.colmap, "mapper") if name.endswith("image_list_path"))
-    words += [f"--{list_option}", folder.write_list("mapped", database_names(folder))]
+    list_option = find_option(project.colmap, "mapper", r"(Mapper\.)?image_list_path", "that lists the images")
+    words += [list_option, folder.write_list("mapped", database_names(folder))]
     words += ["--output_path", folder.sparse, "--Mapper.min_model_size", MIN_MODEL_SIZE]
     if not refines_cameras:
         words += ["--Mapper.ba_refine_focal_length", 0]

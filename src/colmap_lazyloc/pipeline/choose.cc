@@ -22,9 +22,12 @@ constexpr double kMaxConclusiveStddev = 0.01;
 
 const IntrinsicsResult& IntrinsicsOf(const Solution& solution) { return solution.checked.results.front(); }
 
+double LogFocalStddev(const IntrinsicsResult& intrinsics) {
+  return intrinsics.focal_factor_stddev / intrinsics.focal_factor;
+}
+
 FocalLengthJudgement Judge(const IntrinsicsResult& intrinsics, const LocalizerOptions& options) {
-  return JudgeFocalLength(std::log(intrinsics.focal_factor), intrinsics.focal_factor_stddev / intrinsics.focal_factor,
-                          intrinsics.origin, options);
+  return JudgeFocalLength(std::log(intrinsics.focal_factor), LogFocalStddev(intrinsics), intrinsics.origin, options);
 }
 
 // Returns true if the focal length is off by percents, though it may be near the right one.
@@ -32,9 +35,7 @@ bool IsApproximate(IntrinsicsOrigin origin) {
   return origin == IntrinsicsOrigin::SIMILAR || origin == IntrinsicsOrigin::EXIF;
 }
 
-bool IsConclusive(const IntrinsicsResult& intrinsics) {
-  return intrinsics.focal_factor_stddev <= kMaxConclusiveStddev * intrinsics.focal_factor;
-}
+bool IsConclusive(const IntrinsicsResult& intrinsics) { return LogFocalStddev(intrinsics) <= kMaxConclusiveStddev; }
 
 Choice AsSolved(const Solution& solution) { return {&solution, solution.checked.results, 0}; }
 
@@ -59,7 +60,7 @@ Choice WithEstimate(const Solution& given, const IntrinsicsResult& estimate, Int
 
 // Returns the solution with the given focal length if an estimate does not contradict it, even if its score did.
 Choice Kept(const Solution& given, const IntrinsicsResult& estimate, const LocalizerOptions& options) {
-  const bool is_certain = estimate.focal_factor_stddev <= kMaxObservableStddev * estimate.focal_factor;
+  const bool is_certain = LogFocalStddev(estimate) <= kMaxObservableStddev;
   Choice choice =
       WithEstimate(given, estimate, is_certain ? IntrinsicsVerdict::CONFIRMED : IntrinsicsVerdict::UNOBSERVABLE, "");
   choice.missing_mean_square =

@@ -117,8 +117,7 @@ PhotoCamera ChooseBetween(const PhotoCamera& own, const PhotoProperties& photo,
   if (!photo.exif_focal_length_px) return chosen;
   // EXIF may be so far off that it contradicts the right camera.
   const auto other = choose(without_focal_length, database_cameras);
-  if (other && OriginOf(*other, /*is_same_device=*/false) == IntrinsicsOrigin::SHARED)
-    chosen.alternative = other->camera;
+  if (other && other->num_images > 1) chosen.alternative = other->camera;
   return chosen;
 }
 

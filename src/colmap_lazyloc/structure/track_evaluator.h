@@ -37,6 +37,7 @@ class TrackEvaluator {
     return IsNear(element, point_in_world, max_error_sigma * ImageOf(element).noise_px);
   }
 
+  // Does the same with a bound in pixels.
   bool IsNear(const TrackObservation& element, const Eigen::Vector3d& point_in_world, double max_error_px) const {
     const Eigen::Matrix<double, 3, 4>& cam_from_world = cams_from_world_[element.image];
     const Eigen::Vector3d point_in_cam = cam_from_world.leftCols<3>() * point_in_world + cam_from_world.col(3);
