@@ -57,6 +57,12 @@ TEST(EstimateVariances, TellsSharedFromIndependentDeviations) {
   EXPECT_NEAR(variances[1], 0.25 * kNumFrames / (kNumFrames - 1), 0.03);
 }
 
+TEST(EstimateVariances, FindsTheErrorsOfGps) {
+  const PriorGroup group = MakeGroup({{Identity(), 1}});
+  const PriorFit fit = MakeFit(Eigen::MatrixXd::Constant(kNumFrames, 6, 50), 1e6);
+  EXPECT_NEAR(std::sqrt(EstimateVariances(group, fit, 1, {kAnything}).variances[0]), 50, 1);
+}
+
 TEST(EstimateVariances, WithoutInformationIsTheExpectation) {
   const PriorGroup group = MakeGroup({{Identity(), 4}});
   const PriorFit fit = MakeFit(Eigen::MatrixXd::Zero(kNumFrames, 6), 0);

@@ -21,7 +21,7 @@ constexpr int kMaxNumEstimates = 8;
 // Factor on the convergence bound of all adjustments but the last, because another one follows.
 constexpr double kIntermediateConvergence = 5;
 // Image noise in pixels above which database poses must be off, because no keypoint is found this badly.
-constexpr double kMaxKeypointNoisePx = 6;
+constexpr double kMaxKeypointNoisePx = 5;
 // Minimum variance factor by which depths are stated less certain beside images that count as too uncertain.
 constexpr double kMinDepthVarianceFactor = 1e-6;
 
