@@ -224,6 +224,7 @@ def test_names_with_blanks(run, photos, tmp_path):
         (["--masks", "none"], "--masks none"),
         (["--query_camera", "PINHOLE"], "--query_camera"),
         (["--no_such_option", "1"], "--no_such_option"),
+        (["--onnx_path", "none"], "--onnx_path: none has no file"),
         (["--LazyLocalizer.no_such_option", "1"], "no_such_option"),
     ],
 )

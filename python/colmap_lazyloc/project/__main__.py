@@ -4,8 +4,8 @@
 
 --poses is a COLMAP model, or a file of another program, as for `lazyloc import`. Without it, COLMAP's mapper makes the
 poses first. The photos' features and matches are made by COLMAP's commands in database.db in the output folder.
-Given again, the command skips the steps that are done. Other options, such as --LazyLocalizer.num_retrieved 40, are
-those of `colmap lazy_localizer`; those of --SiftExtraction apply to all photos.
+Given again, the command skips the steps that are done. --onnx_path and other options with a dot, such as
+--LazyLocalizer.num_retrieved 40, are those of `colmap lazy_localizer`; those of --SiftExtraction apply to all photos.
 """
 
 import argparse
@@ -29,7 +29,6 @@ from colmap_lazyloc.project.frames import is_video, write_frames
 from colmap_lazyloc.project.panoramas import cut_panoramas, write_project_rig
 from colmap_lazyloc.results import pose_of, read_results
 
-OWN_OPTIONS = ("database_path", "input_path", "query_list_path", "image_path", "resume", "shard")
 GROUP_SIZE = 5
 PANORAMA_ROLES = {DATABASE: [DATABASE], "queries": [QUERY], "all": [DATABASE, QUERY]}
 MAX_NUM_LINES = 20  # of queries that are printed
@@ -54,7 +53,7 @@ def parse_arguments(arguments: Sequence[str] | None) -> tuple[argparse.Namespace
     options, words = parser.parse_known_args(arguments)
     for word in words:
         name = word.removeprefix("--").split("=")[0]
-        if word.startswith("--") and ("." not in name or name in OWN_OPTIONS):
+        if word.startswith("--") and "." not in name and name != "onnx_path":
             raise InputError(f"unknown option {word}")
     return options, words
 
