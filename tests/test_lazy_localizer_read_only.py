@@ -48,11 +48,16 @@ def pending_wal(exact):
 
 
 def as_other_user(colmap, folder):
-    """Runs the program as nobody, because root may write everywhere: a copy, because it may be below root's home."""
+    """Runs the program as nobody, because root may write everywhere: a copy if nobody may not enter its folder, root's
+    home for example. Elsewhere it may need libraries beside it, as that of a wheel does."""
     if os.geteuid() != 0:
         return {}
-    copy = shutil.copy(colmap, folder / "colmap")
-    return {"user": NOBODY, "group": NOBODY, "extra_groups": [], "executable": copy}
+    options = {"user": NOBODY, "group": NOBODY, "extra_groups": []}
+    try:
+        subprocess.run([colmap, "help"], capture_output=True, check=True, **options)
+    except (OSError, subprocess.CalledProcessError):
+        colmap = shutil.copy(colmap, folder / "colmap")
+    return {**options, "executable": colmap}
 
 
 def read_only_mount(folder):
