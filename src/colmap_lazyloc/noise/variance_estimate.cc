@@ -13,7 +13,7 @@ namespace {
 
 // Maximum standard deviation of a component, because the images alone determine the deviations only up to a common
 // motion and scale: without a prior, A + Q is singular.
-constexpr double kMaxStddev = 100;
+constexpr double kMaxStddev = 30;
 constexpr int kMaxNumSteps = 12;
 // Maximum step of the logarithm of a standard deviation, and the step below which the search has converged: the error
 // that remains is about its square.
