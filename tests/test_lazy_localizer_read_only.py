@@ -48,14 +48,17 @@ def pending_wal(exact):
 
 
 def as_other_user(colmap, folder):
-    """Runs the program as nobody, because root may write everywhere: a copy if nobody may not enter its folder, root's
-    home for example. Elsewhere it may need libraries beside it, as that of a wheel does."""
+    """Runs the program as nobody, because root may write everywhere.
+
+    Takes a copy if the program's folder, root's home for example, is closed to that user. Elsewhere the program runs in
+    place, because that of a wheel needs libraries beside it.
+    """
     if os.geteuid() != 0:
         return {}
     options = {"user": NOBODY, "group": NOBODY, "extra_groups": []}
     try:
-        subprocess.run([colmap, "help"], capture_output=True, check=True, **options)
-    except (OSError, subprocess.CalledProcessError):
+        subprocess.run([colmap, "help"], capture_output=True, check=False, **options)
+    except PermissionError:
         colmap = shutil.copy(colmap, folder / "colmap")
     return {**options, "executable": colmap}
 

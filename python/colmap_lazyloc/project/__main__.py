@@ -4,7 +4,7 @@
 
 --poses is a COLMAP model, or a file of another program, as for `lazyloc import`. Without it, COLMAP's mapper makes the
 poses first. The photos' features and matches are made by COLMAP's commands in database.db in the output folder.
-Given again, the command skips the steps that are done. --onnx_path and other options with a dot, such as
+Given again, the command skips the steps that are done. --onnx_path, and further options whose names have a dot, such as
 --LazyLocalizer.num_retrieved 40, are those of `colmap lazy_localizer`; those of --SiftExtraction apply to all photos.
 """
 
