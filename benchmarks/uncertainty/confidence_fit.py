@@ -14,7 +14,7 @@ HEADER_PATH = (
 MAX_KIND_WEIGHT = 60  # more queries of one kind do not count for more than this number
 NUM_FOLDS = 8
 # Bounds of uncertainty/confidence.cc.
-MIN_SUPPORT, MIN_NUM_POINTS, MIN_ODDS = 1e-3, 0.5, 1e-3
+MIN_EXPLAINED, MIN_NUM_POINTS, MIN_ODDS = 1e-3, 0.5, 1e-3
 SINGLE_POINT_WEIGHT = 0.1
 
 
@@ -24,13 +24,12 @@ def evidence_of(outcomes, name, unknown):
 
 def odds_shapes(outcomes):
     """Returns the odds of another place, a competing pose and chance for factors of one, as confidence.cc does."""
-    explained, agreeing = (evidence_of(outcomes, f"{kind}_ratio", 1.0) for kind in ("explained", "agreeing"))
-    support = ((explained + agreeing) / 2).clip(MIN_SUPPORT, 1)
+    explained = evidence_of(outcomes, "explained_ratio", 1.0).clip(MIN_EXPLAINED, 1)
     error_px = evidence_of(outcomes, "median_error_px", np.nan)
     num_common, num_single = (evidence_of(outcomes, f"num_{kind}_tracks", 0.0) for kind in ("common", "single"))
     num_points = np.maximum(num_common + SINGLE_POINT_WEIGHT * num_single, MIN_NUM_POINTS)
     competing = evidence_of(outcomes, "competing_ratio", 0.0) ** 3
-    return np.stack([(error_px * (1 - support) / support) ** 2, competing, num_points**-1.5], axis=1)
+    return np.stack([(error_px * (1 - explained) / explained) ** 2, competing, num_points**-1.5], axis=1)
 
 
 def fit(shapes, is_right, weights):

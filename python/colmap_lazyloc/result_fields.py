@@ -42,7 +42,6 @@ class EvidenceFields(TypedDict):
     num_common_tracks: float | None
     num_single_tracks: float | None
     explained_ratio: float | None
-    agreeing_ratio: float | None
     competing_ratio: float | None
     median_error_px: float | None
     position_stddev_ratio: float | None

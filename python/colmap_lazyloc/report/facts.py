@@ -94,7 +94,6 @@ def _evidence_rows(result: ResultFields, unit: str) -> list[tuple[str, str]]:
             "Matches that the pose explains",
             lambda value: f"{100 * value:.0f} % of the verified ones",
         ),
-        ("agreeing_ratio", "Matches in pairs that agree with the pose", lambda value: f"{100 * value:.0f} %"),
         ("scene_distance", "Distance of the points", lambda value: f"{format_length(value, unit)} (median)"),
     )
     for name, label, text in texts:

@@ -37,19 +37,6 @@ std::vector<Track> QueryCamera::Observe(const std::vector<Track>& tracks) const 
   return observed;
 }
 
-std::vector<PairGeometry> QueryCamera::Observe(std::vector<PairGeometry> pairs) const {
-  const Observer observe(camera_);
-  for (PairGeometry& pair : pairs) {
-    std::vector<ObservedMatch> inliers = std::move(pair.inliers);
-    pair.inliers.clear();
-    for (const ObservedMatch& inlier : inliers) {
-      const std::optional<Observation> query = observe(problem_->query_keypoints[inlier.match.query_point]);
-      if (query) pair.inliers.push_back({inlier.match, *query, inlier.other});
-    }
-  }
-  return pairs;
-}
-
 std::vector<Track> QueryCamera::ObserveAtPoints(const PosedImages& posed, std::vector<Track> tracks) const {
   const Observer observe(camera_);
   const Rigid3d cam_from_world = CamFromWorld(posed, 0);

@@ -4,7 +4,6 @@
 
 #include "colmap_lazyloc/refinement/bundle_adjustment.h"
 #include "colmap_lazyloc/scene/localization_problem.h"
-#include "colmap_lazyloc/scene/pair_geometry.h"
 #include "colmap_lazyloc/scene/track.h"
 
 namespace lazyloc {
@@ -22,8 +21,6 @@ class QueryCamera {
   // Returns the tracks with their query observations (the first ones) computed again by the present camera, without
   // those whose keypoint it cannot unproject.
   std::vector<Track> Observe(const std::vector<Track>& tracks) const;
-  // Does the same for the inliers of pairs.
-  std::vector<PairGeometry> Observe(std::vector<PairGeometry> pairs) const;
   // Adjusts poses, points and the focal length, which the camera takes.
   BundleAdjustmentResult Adjust(PosedImages posed, std::vector<Track> tracks, BundleAdjustmentOptions options);
 

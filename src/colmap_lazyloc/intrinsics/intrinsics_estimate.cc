@@ -19,10 +19,9 @@ IntrinsicsScore::Matrix ScoreCovariance(const Refined& refined, int frame) {
 IntrinsicsEstimate EstimateIntrinsics(const IntrinsicsScore& score, const IntrinsicsScore::Matrix& score_covariance) {
   IntrinsicsEstimate estimate;
   const IntrinsicsScore::Matrix inverse = score.information.inverse();
-  estimate.joint = inverse * score.score;
-  estimate.joint_sigmas = estimate.joint.cwiseAbs().cwiseQuotient(
+  estimate.corrections = inverse * score.score;
+  estimate.sigmas = estimate.corrections.cwiseAbs().cwiseQuotient(
       (inverse * score_covariance * inverse).diagonal().cwiseMax(1e-30).cwiseSqrt());
-  estimate.sigmas = score.score.cwiseAbs().cwiseQuotient(score_covariance.diagonal().cwiseMax(1e-30).cwiseSqrt());
   const double information = std::max(score.information(LOG_FOCAL_FACTOR, LOG_FOCAL_FACTOR), 1e-30);
   estimate.log_focal_factor = score.score[LOG_FOCAL_FACTOR] / information;
   estimate.log_focal_stddev = std::sqrt(score_covariance(LOG_FOCAL_FACTOR, LOG_FOCAL_FACTOR)) / information;

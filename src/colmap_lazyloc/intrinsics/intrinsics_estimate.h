@@ -13,8 +13,7 @@ inline constexpr int kNumOthers = NUM_INTRINSICS_PARAMETERS - 1;  // corrections
 
 // The corrections of a query's intrinsics that the images suggest.
 struct IntrinsicsEstimate {
-  IntrinsicsScore::Vector joint, joint_sigmas;  // of all together: in their units; over their standard deviations
-  IntrinsicsScore::Vector sigmas;               // of each alone, over its standard deviation
+  IntrinsicsScore::Vector corrections, sigmas;  // all together: in their units; over their standard deviations
   double log_focal_factor = 0, log_focal_stddev = 0;
 };
 

@@ -6,7 +6,6 @@
 #include <limits>
 
 #include "colmap_lazyloc/bridge/camera_models.h"
-#include "colmap_lazyloc/intrinsics/focal_length.h"
 #include "colmap_lazyloc/scene/format.h"
 
 namespace lazyloc {
@@ -14,8 +13,6 @@ namespace {
 
 // Standard deviation of the log of a wrong focal length: EXIF is off by 2 to 50 %.
 constexpr double kWrongStddev = 0.2;
-// Minimum deviation of a right value in the judgement: adjustment is only exact to first order.
-constexpr double kMinRightStddev = 0.001;
 // Standard deviation and probability of a slightly wrong value, as of a lens that was focused anew or a photo that was
 // cut. It is no reason to refuse a value, but the covariance allows for it.
 constexpr double kSlightlyWrongStddev = 0.03;
@@ -39,28 +36,24 @@ double MeanSquare(double stddev, double measured, double measured_variance) {
   return gain * gain * measured * measured + gain * measured_variance;
 }
 
-// Returns what is wrong with principal point or distortion; empty if nothing is, or the focal length explains more.
-std::string OtherContradiction(const Camera& camera, const IntrinsicsEstimate& estimate, bool is_focal_length_wrong) {
-  const auto explains_more = [&](int parameter) {
-    return !is_focal_length_wrong || estimate.sigmas[parameter] > estimate.sigmas[LOG_FOCAL_FACTOR];
-  };
+// Returns what is wrong with principal point or distortion; empty if nothing is.
+std::string OtherContradiction(const Camera& camera, const IntrinsicsEstimate& estimate) {
   const double radius = HalfDiagonalPx(camera);
-  const double corner_px = estimate.joint[RADIAL_DISTORTION] * std::pow(radius / kRadialUnitPx, 3);
-  if (estimate.joint_sigmas[RADIAL_DISTORTION] > kMinOtherSigma && std::abs(corner_px) > kMinDistortionShift * radius &&
-      explains_more(RADIAL_DISTORTION)) {
+  const double corner_px = estimate.corrections[RADIAL_DISTORTION] * std::pow(radius / kRadialUnitPx, 3);
+  if (estimate.sigmas[RADIAL_DISTORTION] > kMinOtherSigma && std::abs(corner_px) > kMinDistortionShift * radius) {
     return Format(
         "the images contradict the given distortion: they suggest a radial displacement of the image's corners by "
         "%.1f px",
         corner_px);
   }
-  const Eigen::Vector2d shift(estimate.joint[PRINCIPAL_POINT_X], estimate.joint[PRINCIPAL_POINT_Y]);
+  const Eigen::Vector2d shift(estimate.corrections[PRINCIPAL_POINT_X], estimate.corrections[PRINCIPAL_POINT_Y]);
   const Eigen::Vector2d given = PrincipalPoint(camera), suggested = given + shift;
   // Telephoto lenses do not determine the principal point: far from the image's centre, it only shows other errors.
   const Eigen::Vector2d size(static_cast<double>(camera.width), static_cast<double>(camera.height));
   const bool is_plausible = ((suggested - size / 2).array().abs() < size.array() / 4).all();
   const int axis = std::abs(shift.x()) > std::abs(shift.y()) ? PRINCIPAL_POINT_X : PRINCIPAL_POINT_Y;
-  if (is_plausible && estimate.joint_sigmas[axis] > kMinOtherSigma &&
-      shift.norm() > kMinPrincipalPointShift * MeanFocalLength(camera) && explains_more(axis)) {
+  if (is_plausible && estimate.sigmas[axis] > kMinOtherSigma &&
+      shift.norm() > kMinPrincipalPointShift * MeanFocalLength(camera)) {
     return Format("the images contradict the given principal point (%.1f, %.1f): they suggest (%.1f, %.1f)", given.x(),
                   given.y(), suggested.x(), suggested.y());
   }
@@ -71,14 +64,13 @@ std::string OtherContradiction(const Camera& camera, const IntrinsicsEstimate& e
 
 FocalLengthJudgement JudgeFocalLength(double log_factor, double stddev, IntrinsicsOrigin origin,
                                       const LocalizerOptions& options) {
-  const double right_stddev = std::max(options.focal_length_stddev_ratio, kMinRightStddev);
   const double variance = stddev * stddev;
   const double p_wrong = origin == IntrinsicsOrigin::GUESS   ? 1
                          : origin == IntrinsicsOrigin::MODEL ? 0
                          : origin == IntrinsicsOrigin::EXIF  ? kWrongExifProbability
                                                              : kWrongGivenProbability;
   // Takes logs relative to the most probable case, because all densities of a strange measurement are zero.
-  const std::array<double, 3> stddevs = {right_stddev, kSlightlyWrongStddev, kWrongStddev};
+  const std::array<double, 3> stddevs = {options.focal_length_stddev_ratio, kSlightlyWrongStddev, kWrongStddev};
   std::array<double, 3> probabilities = {1 - p_wrong,
                                          std::min(std::max(kSlightlyWrongProbability, p_wrong), 1 - p_wrong), p_wrong};
   std::array<double, 3> log_densities;
@@ -104,10 +96,8 @@ FocalLengthJudgement JudgeFocalLength(double log_factor, double stddev, Intrinsi
 void JudgeGiven(const Camera& camera, const IntrinsicsEstimate& estimate, const FocalLengthJudgement& focal_length,
                 IntrinsicsResult* result) {
   const bool is_guess = result->origin == IntrinsicsOrigin::GUESS;
-  const bool is_wrong = focal_length.wrong_probability > 0.5 && !is_guess && HasFocalLength(camera);
-  if (result->origin != IntrinsicsOrigin::MODEL) {
-    result->contradiction = OtherContradiction(camera, estimate, is_wrong);
-  }
+  const bool is_wrong = focal_length.wrong_probability > 0.5 && !is_guess;
+  if (result->origin != IntrinsicsOrigin::MODEL) result->contradiction = OtherContradiction(camera, estimate);
   if (result->contradiction.empty() && is_wrong) {
     result->contradiction = FocalLengthContradiction(camera, result->focal_factor, result->focal_factor_stddev);
   }
@@ -118,7 +108,7 @@ void JudgeGiven(const Camera& camera, const IntrinsicsEstimate& estimate, const 
 
 void JudgeRefined(const Camera& camera, const IntrinsicsEstimate& estimate, IntrinsicsResult* result) {
   result->verdict = IntrinsicsVerdict::REFINED;
-  result->contradiction = OtherContradiction(camera, estimate, /*is_focal_length_wrong=*/false);
+  result->contradiction = OtherContradiction(camera, estimate);
 }
 
 std::string FocalLengthContradiction(const Camera& camera, double factor, double factor_stddev) {

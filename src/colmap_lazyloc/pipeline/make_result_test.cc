@@ -89,7 +89,7 @@ TEST(MakeResults, QueriesBelowTheMinimumConfidenceAreNotLocalized) {
   SolvedGroup group(2, 2);
   PoseEvidence good, bad;
   good.num_common_tracks = 200;
-  good.explained_ratio = good.agreeing_ratio = 1;
+  good.explained_ratio = 1;
   bad.num_common_tracks = 0;
   bad.median_error_px = bad.position_stddev_ratio = 1;
   group.solution.evidence = {good, bad};
@@ -142,7 +142,7 @@ TEST(MakeResults, RunnerUpIsTheMoreProbableOfCompetingPoseAndOtherSolution) {
   SolvedGroup group(1, 1);
   PoseEvidence& evidence = group.solution.evidence.emplace_back();
   evidence.num_common_tracks = 200;
-  evidence.explained_ratio = evidence.agreeing_ratio = 0.8;
+  evidence.explained_ratio = 0.8;
   group.solution.competing_poses = {std::nullopt};
   EXPECT_FALSE(group.Results().front().runner_up);
 

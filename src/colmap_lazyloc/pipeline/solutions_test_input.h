@@ -34,7 +34,7 @@ class MadeUpQuery {
     solution.checked.poses.resize(group_.images.size());
     PoseEvidence evidence;
     evidence.num_common_tracks = 200;
-    evidence.explained_ratio = evidence.agreeing_ratio = 1;
+    evidence.explained_ratio = 1;
     solution.evidence.assign(group_.frame_names.size(), evidence);
     solution.competing_poses.resize(group_.frame_names.size());
     return solution;
@@ -44,7 +44,7 @@ class MadeUpQuery {
   static PoseEvidence Unlikely() {
     PoseEvidence evidence;
     evidence.num_common_tracks = 20;
-    evidence.explained_ratio = evidence.agreeing_ratio = 0.02;
+    evidence.explained_ratio = 0.02;
     evidence.median_error_px = 2;
     return evidence;
   }

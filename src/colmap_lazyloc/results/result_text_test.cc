@@ -146,6 +146,7 @@ TEST_F(ResultText, PoseOfLowConfidenceIsNotOneToRelyOn) {
   QueryRecord record = Localized();
   record.result.confidence = 0.25;
   record.result.evidence.explained_ratio = 0.125;
+  record.result.evidence.scene_distance = std::numeric_limits<double>::quiet_NaN();
   EXPECT_EQ(JsonOf(record)["confidence"], 0.25);
   EXPECT_TRUE(JsonOf(record)["unconfirmed_cam_from_world"].is_null());
   record.result.status = QueryStatus::LOW_CONFIDENCE;
@@ -155,7 +156,7 @@ TEST_F(ResultText, PoseOfLowConfidenceIsNotOneToRelyOn) {
   EXPECT_EQ(json["position_stddevs"], Json({0.3, 0.2, 0.1}));
   EXPECT_EQ(json["confidence"], 0.25);
   EXPECT_EQ(json["evidence"]["explained_ratio"], 0.125);
-  EXPECT_TRUE(json["evidence"]["agreeing_ratio"].is_null()) << "unknown";
+  EXPECT_TRUE(json["evidence"]["scene_distance"].is_null()) << "unknown";
   EXPECT_EQ(PoseLines({record}).size(), 0);
 }
 

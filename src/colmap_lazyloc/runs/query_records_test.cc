@@ -30,7 +30,7 @@ QueryRecord FullRecord(const std::string& name) {
   for (int i = 0; i < 36; ++i) result.covariance(i / 6, i % 6) = i / 7.0;
   result.spread = {0.25, {3, 2, 1}, {0, 1, 0}};
   result.confidence = 0.75;
-  result.evidence.agreeing_ratio = 0.5;
+  result.evidence.explained_ratio = 0.5;
   result.runner_up = RunnerUp{"another place", {Eigen::Quaterniond(1, 2, 3, 4), {1, 2, 3}}, 0.5};
   result.partial_pose = PartialPose{Eigen::Quaterniond(1, 2, 3, 4), 0.5, Bearing{"from", {0, 0, 1}, 0.1}};
   result.start = "motion_averaging";

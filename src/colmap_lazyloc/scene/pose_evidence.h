@@ -12,9 +12,6 @@ struct PoseEvidence {
   double num_single_tracks = 0;  // the others, with a single other image
   // Share of the verified matches with database images that are in tracks of the pose.
   double explained_ratio = std::numeric_limits<double>::quiet_NaN();
-  // Share of these matches in pairs whose relative pose agrees with the pose, or most of whose matches are in its
-  // tracks; if the focal length was estimated, in pairs most of whose matches are near the pose's epipolar lines.
-  double agreeing_ratio = std::numeric_limits<double>::quiet_NaN();
   // Score of the pose that competes most over that of the pose (starts/competing_pose.h); 0 without any.
   double competing_ratio = 0;
   double median_error_px = 0;        // reprojection error of the points in the query
@@ -28,7 +25,6 @@ void ForEachEvidence(Evidence& e, const Visit& visit) {
   visit("num_common_tracks", &e.num_common_tracks);
   visit("num_single_tracks", &e.num_single_tracks);
   visit("explained_ratio", &e.explained_ratio);
-  visit("agreeing_ratio", &e.agreeing_ratio);
   visit("competing_ratio", &e.competing_ratio);
   visit("median_error_px", &e.median_error_px);
   visit("position_stddev_ratio", &e.position_stddev_ratio);

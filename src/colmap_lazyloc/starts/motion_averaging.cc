@@ -5,7 +5,6 @@
 #include <string>
 #include <utility>
 
-#include "colmap_lazyloc/group/pair_fit.h"
 #include "colmap_lazyloc/group/rig_check.h"
 #include "colmap_lazyloc/math/so3.h"
 #include "colmap_lazyloc/scene/epipolar_error.h"
@@ -155,6 +154,17 @@ void AverageTranslation(const Layout& layout, const LocalizerOptions& options, A
     Rigid3d& frame_from_world = posed.frames[frame].frame_from_world;
     frame_from_world = CamFromWorld(frame_from_world.rotation, result.cams_in_world[frame]);
   }
+}
+
+// Returns true if most matches of a pair are near the epipolar lines of the poses: within two standard deviations of
+// the noise that stages start with.
+bool FitsPoses(const PosedImages& posed, const PairGeometry& pair) {
+  constexpr double kMaxErrorPx = 2 * kStartNoisePx;
+  const Rigid3d query_from_other = CamFromWorld(posed, pair.query) * Inverse(CamFromWorld(posed, pair.other));
+  const auto num_near = std::count_if(pair.inliers.begin(), pair.inliers.end(), [&](const ObservedMatch& match) {
+    return MeasureEpipolarError(query_from_other, match.query, match.other).squared_px <= kMaxErrorPx * kMaxErrorPx;
+  });
+  return 2 * num_near > static_cast<std::ptrdiff_t>(pair.inliers.size());
 }
 
 // Adds the pairs that fit the averaged poses although their rotation does not: points of a plane leave relative poses

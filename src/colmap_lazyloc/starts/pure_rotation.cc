@@ -104,7 +104,6 @@ PoseEvidence MeasureRotationEvidence(const PairEstimates& estimates, const Avera
       static_cast<double>(std::count_if(num_images_of_keypoint.begin(), num_images_of_keypoint.end(),
                                         [](const auto& entry) { return entry.second > 1; }));
   evidence.explained_ratio = num_explained / num_matches;
-  evidence.agreeing_ratio = num_agreeing / num_matches;
   evidence.competing_ratio = num_matches / num_agreeing - 1;  // as if all other pairs agreed on one other rotation
   evidence.median_error_px = Median(ErrorsPx(matches, rotation));
   evidence.scene_distance = std::numeric_limits<double>::quiet_NaN();

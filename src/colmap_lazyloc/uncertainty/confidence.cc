@@ -10,20 +10,16 @@ namespace lazyloc {
 namespace {
 
 // Bounds that keep the odds finite.
-constexpr double kMinSupport = 1e-3, kMinNumPoints = 0.5;
+constexpr double kMinExplained = 1e-3, kMinNumPoints = 0.5;
 // Weight of a point of a single database image, which confirms one coordinate of the pose's few.
 constexpr double kSinglePointWeight = 0.1;
 // Odds that remain with perfect evidence.
 constexpr double kMinOdds = 1e-3;
 
-// Returns the share of the matches that speak for the pose: the mean of those in its points and those in pairs that
-// agree with it. In noisy databases few matches make points although all pairs agree.
-double Support(const PoseEvidence& evidence) { return (evidence.explained_ratio + evidence.agreeing_ratio) / 2; }
-
 double OddsOfAnotherPlace(const PoseEvidence& evidence) {
   if (std::isnan(evidence.explained_ratio)) return 0;
-  const double support = std::clamp(Support(evidence), kMinSupport, 1.0);
-  return kPlaceOdds * std::pow(evidence.median_error_px * (1 - support) / support, 2);
+  const double explained = std::clamp(evidence.explained_ratio, kMinExplained, 1.0);
+  return kPlaceOdds * std::pow(evidence.median_error_px * (1 - explained) / explained, 2);
 }
 
 double OddsOfChance(const PoseEvidence& evidence) {
@@ -50,8 +46,8 @@ std::string LowConfidenceReason(const PoseEvidence& evidence, double confidence,
           ? Format("only %.0f points are seen by two or more other images", evidence.num_common_tracks)
       : competing > place ? Format("points that do not fit this pose agree on another one, with %.0f %% of its score",
                                    100 * evidence.competing_ratio)
-                          : Format("only %.0f %% of the verified matches speak for the pose, within %.1f px",
-                                   100 * Support(evidence), evidence.median_error_px);
+                          : Format("the pose explains only %.0f %% of the verified matches, within %.1f px",
+                                   100 * evidence.explained_ratio, evidence.median_error_px);
   return Format("the pose is right with a probability of only %.2f, and %.2f is needed: %s", confidence, min_confidence,
                 cause.c_str());
 }

@@ -9,7 +9,7 @@ namespace lazyloc {
 // Returns the probability that the position is not wrong: the posterior of the pose against three other explanations of
 // the matches. The covariance says how far a right position may be off.
 //
-//  another place  All matches that do not speak for the pose speak for one other place that looks alike. Matches of one
+//  another place  All matches that the pose does not explain speak for one other place that looks alike. Matches of one
 //                 surface are not independent, so the odds are not exponential in their number: they are the square
 //                 of the ratio of the matches against to those for the pose, times the area of the image that the error
 //                 of its points covers.

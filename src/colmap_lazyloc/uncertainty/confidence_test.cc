@@ -19,7 +19,6 @@ PoseEvidence Good() {
   PoseEvidence evidence;
   evidence.num_common_tracks = 200;
   evidence.explained_ratio = 0.8;
-  evidence.agreeing_ratio = 1;
   evidence.median_error_px = 0.4;
   evidence.position_stddev_ratio = 0.002;
   evidence.scene_distance = 5;
@@ -45,19 +44,19 @@ TEST(Confidence, FallsWithEachObservableThatWorsens) {
   };
   for (const auto& [field, worse, worst] :
        {Case{&PoseEvidence::num_common_tracks, 10, 2}, Case{&PoseEvidence::explained_ratio, 0.4, 0.1},
-        Case{&PoseEvidence::agreeing_ratio, 0.6, 0.2}, Case{&PoseEvidence::median_error_px, 1.5, 4}}) {
+        Case{&PoseEvidence::median_error_px, 1.5, 4}}) {
     EXPECT_LT(Confidence(With(field, worse)), Confidence(Good()));
     EXPECT_LT(Confidence(With(field, worst)), Confidence(With(field, worse)));
     EXPECT_GT(Confidence(With(field, worst)), 0);
   }
 }
 
-TEST(Confidence, TwiceTheRatioOfMatchesAgainstThePoseMakesTheOddsFourTimesAsLarge) {
-  const auto odds = [](double support) {
+TEST(Confidence, TwiceTheRatioOfUnexplainedMatchesMakesTheOddsFourTimesAsLarge) {
+  const auto odds = [](double explained_ratio) {
     PoseEvidence evidence = Good();
     evidence.num_common_tracks = 1e9;
     evidence.median_error_px = 1;
-    evidence.explained_ratio = evidence.agreeing_ratio = support;
+    evidence.explained_ratio = explained_ratio;
     return 1 / Confidence(evidence) - 1;
   };
   EXPECT_NEAR(odds(1.0 / 3) / odds(0.5), 4, 0.02);
@@ -69,7 +68,7 @@ TEST(Confidence, OddsOfACompetingPoseAreTheThirdPowerOfTheRatioOfScores) {
   const double equal = OddsOfCompetingPose(With(&PoseEvidence::competing_ratio, 1));
   EXPECT_NEAR(OddsOfCompetingPose(With(&PoseEvidence::competing_ratio, 2)), 8 * equal, 1e-12);
   PoseEvidence half = With(&PoseEvidence::competing_ratio, 1);
-  half.explained_ratio = half.agreeing_ratio = 0.5;
+  half.explained_ratio = 0.5;
   EXPECT_LT(Confidence(half), LocalizerOptions().min_confidence) << "two places that look exactly alike";
   half.competing_ratio = 0.2;
   EXPECT_GT(Confidence(half), LocalizerOptions().min_confidence);
@@ -86,14 +85,12 @@ TEST(Confidence, PointsOfSingleImagesCountLess) {
 }
 
 TEST(Confidence, NeedsNoVerifiedMatch) {
-  PoseEvidence evidence = With(&PoseEvidence::agreeing_ratio, kUnknown);
-  evidence.explained_ratio = kUnknown;
-  EXPECT_GT(Confidence(evidence), 0.99) << "a pose by depths";
+  EXPECT_GT(Confidence(With(&PoseEvidence::explained_ratio, kUnknown)), 0.99) << "a pose by depths";
 }
 
 TEST(Confidence, IsFiniteWithoutAnyEvidence) {
   PoseEvidence none;
-  none.explained_ratio = none.agreeing_ratio = 0;
+  none.explained_ratio = 0;
   EXPECT_GE(Confidence(none), 0);
   EXPECT_LT(Confidence(none), 0.2);
 }
@@ -106,7 +103,7 @@ TEST(LowConfidenceReason, NamesBothProbabilitiesAndTheStrongerDoubt) {
   const std::string few_matches = LowConfidenceReason(With(&PoseEvidence::explained_ratio, 0.1), 0.25, 0.5);
   EXPECT_THAT(few_matches, HasSubstr("only 0.25"));
   EXPECT_THAT(few_matches, HasSubstr("0.50 is needed"));
-  EXPECT_THAT(few_matches, HasSubstr("only 55 % of the verified matches speak for the pose, within 0.4 px"));
+  EXPECT_THAT(few_matches, HasSubstr("explains only 10 % of the verified matches, within 0.4 px"));
   EXPECT_THAT(LowConfidenceReason(With(&PoseEvidence::num_common_tracks, 3), 0.25, 0.5), HasSubstr("only 3 points"));
 }
 

@@ -3,28 +3,11 @@
 #include <numeric>
 #include <utility>
 
-#include "colmap_lazyloc/group/pair_fit.h"
 #include "colmap_lazyloc/math/robust_statistics.h"
-#include "colmap_lazyloc/math/so3.h"
-#include "colmap_lazyloc/rotation/rotation_averaging.h"
 #include "colmap_lazyloc/uncertainty/position_ambiguity.h"
 
 namespace lazyloc {
 namespace {
-
-// Maximum differences between a pair's relative pose and a pose that it agrees with. The direction of a short baseline
-// is much less certain than the rotation.
-const double kMaxRotationRad = DegToRad(kMaxRotationErrorDeg), kMaxDirectionRad = DegToRad(15);
-
-// Returns true if a pair's relative pose agrees with its frame's pose; without baseline, if the rotations do.
-bool Agrees(const PosedImages& given, const PairGeometry& pair, const Rigid3d& frame_from_world) {
-  const Rigid3d other = CamFromWorld(given, pair.other),
-                query = CamFromWorld(given.images[pair.query], frame_from_world);
-  const Eigen::Quaterniond rotation = pair.query_from_other.rotation * other.rotation;
-  if (AngularDistanceRad(rotation, query.rotation) > kMaxRotationRad) return false;
-  const Eigen::Vector3d direction = rotation.conjugate() * -pair.query_from_other.translation;
-  return direction.isZero() || AngleBetweenRad(direction, CamInWorld(query) - CamInWorld(other)) < kMaxDirectionRad;
-}
 
 // Returns what the tracks of a frame say. num_matches: of its verified pairs with database images.
 PoseEvidence MeasureTracks(const Layout& layout, const PosedImages& posed, int frame, const TrackRefs& tracks,
@@ -49,39 +32,6 @@ PoseEvidence MeasureTracks(const Layout& layout, const PosedImages& posed, int f
   return evidence;
 }
 
-// Returns the number of observations of each image.
-std::vector<int> CountObservations(const TrackRefs& tracks, size_t num_images) {
-  std::vector<int> counts(num_images, 0);
-  for (const Track* track : tracks) {
-    for (const TrackObservation& element : track->observations) ++counts[element.image];
-  }
-  return counts;
-}
-
-// Returns the number of matches in pairs that agree with a frame's pose. num_explained: by image, the number of matches
-// that the tracks of the pose hold. A pair with most of its matches there agrees whatever its relative pose, because a
-// plane leaves two.
-double CountAgreeing(const Layout& layout, const std::vector<PairGeometry>& pairs, int frame,
-                     const Rigid3d& frame_from_world, const std::vector<int>& num_explained) {
-  double num_agreeing = 0;
-  for (const PairGeometry& pair : pairs) {
-    if (!layout.IsDatabase(pair.other) || layout.FrameOf(pair.query) != frame) continue;
-    const bool is_explained = 2 * num_explained[pair.other] > pair.num_inliers;
-    if (is_explained || Agrees(layout.given, pair, frame_from_world)) num_agreeing += pair.num_inliers;
-  }
-  return num_agreeing;
-}
-
-// Returns the number for a query whose focal length was estimated: that of the pairs that fit the pose, because
-// relative poses with another focal length say nothing.
-double CountFitting(const PosedImages& posed, const QueryCamera& camera, const std::vector<PairGeometry>& pairs) {
-  double num_agreeing = 0;
-  for (const PairGeometry& pair : camera.Observe(pairs)) {
-    if (FitsPoses(posed, pair)) num_agreeing += pair.num_inliers;
-  }
-  return num_agreeing;
-}
-
 }  // namespace
 
 std::vector<PoseEvidence> MeasureEvidence(const Layout& layout, const PairEstimates& estimates, const Refined& refined,
@@ -96,13 +46,6 @@ std::vector<PoseEvidence> MeasureEvidence(const Layout& layout, const PairEstima
       num_matches += std::accumulate(counts.begin(), counts.end(), 0.0);
     }
     PoseEvidence evidence = MeasureTracks(layout, posed, frame, tracks_of[frame], num_matches);
-    if (num_matches > 0) {
-      const double num_agreeing =
-          refined.camera ? CountFitting(posed, *refined.camera, estimates.pairs)
-                         : CountAgreeing(layout, estimates.pairs, frame, posed.frames[frame].frame_from_world,
-                                         CountObservations(tracks_of[frame], posed.images.size()));
-      evidence.agreeing_ratio = num_agreeing / num_matches;
-    }
     // Leaves out the axis that a prior alone fixes, because it says nothing of how well the images fit together.
     const int axis = refined.unobservable_line ? 1 : 0;
     const PoseSpread spread = poses[layout.QueriesOf(frame).front()].Spread();
