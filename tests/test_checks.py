@@ -178,7 +178,7 @@ def test_links_include_the_source_files_that_texts_name(write, check):
         ("docs/method.md", "", "", None),
         ("docs/method.md", "= 20", "= 30", "the default is 20"),
         ("docs/faq.md", "short", "short: `--LazyLocalizer.num_retrieved` (30)", "the default is 20"),
-        (f"{SOURCE}/uncertainty/confidence_factors.h", "0.26", "0.36", "kPlaceOdds is 0.36"),
+        (f"{SOURCE}/uncertainty/confidence_factors.h", "0.24", "0.34", "kPlaceOdds is 0.34"),
         (f"{SOURCE}/noise/database_priors.cc", "kExactProbability", "kOther", "kExactProbability is not found"),
         ("docs/method.md", "0.5 %", "1 %", "kMaxRightErrorRatio is 0.005"),
         ("docs/method.md", "exceeds 0.2,", "exceeds 0.3,", "kMaxStddev is 0.2"),
