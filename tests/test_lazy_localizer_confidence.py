@@ -21,7 +21,7 @@ def test_good_poses_have_high_confidence(localize, noisy):
         assert result["status"] == "LOCALIZED"
         assert 0.95 <= result["confidence"] <= 1
         assert result["unconfirmed_cam_from_world"] is None
-        assert result["evidence"]["num_common_tracks"] > 20
+        assert result["evidence"]["explained_ratio"] > 0.9 and result["evidence"]["num_common_tracks"] > 20
 
 
 def test_minimum_confidence_decides_about_the_status_alone(localize, noisy):
