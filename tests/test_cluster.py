@@ -77,9 +77,17 @@ def slow(colmap, folder):
     return script
 
 
+def read(path):
+    """Returns a file of /proc; nothing if its process has ended."""
+    try:
+        return path.read_bytes()
+    except (FileNotFoundError, ProcessLookupError):
+        return b""
+
+
 def children(process_id):
     """Returns the ids of the child processes."""
-    lists = (path.read_text() for path in pathlib.Path(f"/proc/{process_id}/task").glob("*/children"))
+    lists = (read(path) for path in pathlib.Path(f"/proc/{process_id}/task").glob("*/children"))
     return [int(word) for text in lists for word in text.split()]
 
 
@@ -89,7 +97,7 @@ def wait_for_program(process):
     while time.monotonic() < deadline and process.poll() is None:
         for worker in children(process.pid):
             for program in children(worker):
-                if b"lazy_localizer" in pathlib.Path(f"/proc/{program}/cmdline").read_bytes():
+                if b"lazy_localizer" in read(pathlib.Path(f"/proc/{program}/cmdline")):
                     return worker, program
         time.sleep(0.05)
     raise AssertionError("no worker has started")
