@@ -13,6 +13,8 @@ namespace {
 
 // Standard deviation of the log of a wrong focal length: EXIF is off by 2 to 50 %.
 constexpr double kWrongStddev = 0.2;
+// Minimum deviation of a right value in the judgement: adjustment is only exact to first order.
+constexpr double kMinRightStddev = 0.001;
 // Standard deviation and probability of a slightly wrong value, as of a lens that was focused anew or a photo that was
 // cut. It is no reason to refuse a value, but the covariance allows for it.
 constexpr double kSlightlyWrongStddev = 0.03;
@@ -64,13 +66,14 @@ std::string OtherContradiction(const Camera& camera, const IntrinsicsEstimate& e
 
 FocalLengthJudgement JudgeFocalLength(double log_factor, double stddev, IntrinsicsOrigin origin,
                                       const LocalizerOptions& options) {
+  const double right_stddev = std::max(options.focal_length_stddev_ratio, kMinRightStddev);
   const double variance = stddev * stddev;
   const double p_wrong = origin == IntrinsicsOrigin::GUESS   ? 1
                          : origin == IntrinsicsOrigin::MODEL ? 0
                          : origin == IntrinsicsOrigin::EXIF  ? kWrongExifProbability
                                                              : kWrongGivenProbability;
   // Takes logs relative to the most probable case, because all densities of a strange measurement are zero.
-  const std::array<double, 3> stddevs = {options.focal_length_stddev_ratio, kSlightlyWrongStddev, kWrongStddev};
+  const std::array<double, 3> stddevs = {right_stddev, kSlightlyWrongStddev, kWrongStddev};
   std::array<double, 3> probabilities = {1 - p_wrong,
                                          std::min(std::max(kSlightlyWrongProbability, p_wrong), 1 - p_wrong), p_wrong};
   std::array<double, 3> log_densities;

@@ -20,6 +20,13 @@ TEST(JudgeFocalLength, DoubtsWithSignificanceAndSize) {
             given(0.02, 0.01).wrong_probability);
 }
 
+// An estimate from images without noise differs from an exact value only because adjustment is linearised.
+TEST(JudgeFocalLength, DoesNotDoubtAnExactValueByTheErrorOfLinearisation) {
+  LocalizerOptions options;
+  options.focal_length_stddev_ratio = 0;
+  EXPECT_LT(JudgeFocalLength(1e-6, 1e-8, IntrinsicsOrigin::GIVEN, options).wrong_probability, 0.01);
+}
+
 TEST(JudgeFocalLength, NeverDoubtsThatOfTheModel) {
   const FocalLengthJudgement far = JudgeFocalLength(0.5, 0.001, IntrinsicsOrigin::MODEL, {});
   EXPECT_EQ(far.wrong_probability, 0);
