@@ -187,7 +187,7 @@ class Solver {
     }
     IgnoreContradictionsWithoutDistance(layout_, refined, &checked.results);
     Timed("confidence", seconds_, [&] {
-      solution_.evidence = MeasureEvidence(layout_, estimates_, refined, checked.poses);
+      solution_.evidence = MeasureEvidence(layout_, estimates_.num_inliers, refined, checked.poses);
       AddCompetingPoses(refined);
     });
     solution_.checked = std::move(checked);

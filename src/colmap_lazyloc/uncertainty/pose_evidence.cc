@@ -34,16 +34,15 @@ PoseEvidence MeasureTracks(const Layout& layout, const PosedImages& posed, int f
 
 }  // namespace
 
-std::vector<PoseEvidence> MeasureEvidence(const Layout& layout, const PairEstimates& estimates, const Refined& refined,
-                                          const std::vector<PoseDistribution>& poses) {
+std::vector<PoseEvidence> MeasureEvidence(const Layout& layout, const std::vector<std::vector<int>>& num_inliers,
+                                          const Refined& refined, const std::vector<PoseDistribution>& poses) {
   const PosedImages& posed = refined.adjustment.posed;
   const std::vector<TrackRefs> tracks_of = TracksByFrame(layout, refined.adjustment.tracks);
   std::vector<PoseEvidence> measured;
   for (int frame = 0; frame < layout.num_query_frames; ++frame) {
     double num_matches = 0;
     for (const int query : layout.QueriesOf(frame)) {
-      const std::vector<int>& counts = estimates.num_inliers[query];
-      num_matches += std::accumulate(counts.begin(), counts.end(), 0.0);
+      num_matches += std::accumulate(num_inliers[query].begin(), num_inliers[query].end(), 0.0);
     }
     PoseEvidence evidence = MeasureTracks(layout, posed, frame, tracks_of[frame], num_matches);
     // Leaves out the axis that a prior alone fixes, because it says nothing of how well the images fit together.

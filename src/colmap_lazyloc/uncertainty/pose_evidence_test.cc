@@ -1,10 +1,9 @@
 #include "colmap_lazyloc/uncertainty/pose_evidence.h"
 
-#include <utility>
+#include <vector>
 
 #include <gtest/gtest.h>
 
-#include "colmap_lazyloc/math/so3.h"
 #include "colmap_lazyloc/testing/stage_input.h"
 
 namespace lazyloc {
@@ -15,10 +14,8 @@ constexpr int kNumPoints = 40, kNumDatabaseImages = 8;
 class MeasureEvidenceTest : public ::testing::Test {
  protected:
   void Make(int num_frames, int num_sensors) {
-    scene_ = MakeGroup(num_frames, num_sensors, kNumPoints, kNumDatabaseImages);
-    input_ = MakeStageInput(scene_);
-    estimates_.pairs = input_.pairs;
-    estimates_.num_inliers.assign(input_.layout.num_queries, std::vector<int>(kNumDatabaseImages, kNumPoints));
+    input_ = MakeStageInput(MakeGroup(num_frames, num_sensors, kNumPoints, kNumDatabaseImages));
+    num_inliers_.assign(input_.layout.num_queries, std::vector<int>(kNumDatabaseImages, kNumPoints));
     refined_.adjustment.posed = input_.truth;
     refined_.adjustment.tracks = input_.tracks;
     const Eigen::Matrix3d position_covariance = Eigen::Vector3d(0.09, 0.04, 0.01).asDiagonal();
@@ -28,11 +25,10 @@ class MeasureEvidenceTest : public ::testing::Test {
           MakePoseDistribution(CamFromWorld(input_.truth, query), Eigen::Matrix3d::Zero(), position_covariance));
     }
   }
-  std::vector<PoseEvidence> Measure() const { return MeasureEvidence(input_.layout, estimates_, refined_, poses_); }
+  std::vector<PoseEvidence> Measure() const { return MeasureEvidence(input_.layout, num_inliers_, refined_, poses_); }
 
-  SyntheticGroup scene_;
   StageInput input_;
-  PairEstimates estimates_;
+  std::vector<std::vector<int>> num_inliers_;
   Refined refined_;
   std::vector<PoseDistribution> poses_;
 };
