@@ -76,14 +76,15 @@ def test_points_of_database_images_tell_the_scale(localize, noisy, tmp_path, fac
 
 
 def test_depth_with_several_images_does_no_harm(localize, noisy, maps, tmp_path):
-    without = errors(localize(*noisy.arguments), noisy.scene)
-    right = localize(*noisy.arguments, "--depth_path", str(maps))
-    assert np.array_equal(errors(right, noisy.scene), without)
-    assert all(result["depth"]["fixes"] == "nothing" for result in right.results.values())
     few = "--LazyLocalizer.num_retrieved", "3"
+    for options in ((), few, (*few, "--LazyLocalizer.intrinsics", "refine")):
+        without = errors(localize(*noisy.arguments, *options), noisy.scene)
+        right = localize(*noisy.arguments, *options, "--depth_path", str(maps))
+        assert np.all(errors(right, noisy.scene) <= 1.1 * without + (2e-3, 0.01)), options
+        for name in noisy.scene.query_names:
+            assert right.results[name]["depth"]["fixes"] == "nothing"
+            assert {entry["verdict"] for entry in depth_maps_of(right, name).values()} == {"used"}
     without = errors(localize(*noisy.arguments, *few), noisy.scene)
-    right = localize(*noisy.arguments, *few, "--depth_path", str(maps))
-    assert np.all(errors(right, noisy.scene) <= 1.1 * without + (2e-3, 0.01))
     for kind, disturb in WRONG.items():
         folder = synthetic.write_depth_maps(tmp_path / kind, noisy.scene, disturb)
         wrong = localize(*noisy.arguments, *few, "--depth_path", str(folder), *METRIC)

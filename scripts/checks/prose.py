@@ -52,8 +52,6 @@ CONSTANTS = {
     r"less than ([\d.]+) of their standard deviations": "bundle_adjustment.h convergence_sigma",
     r"With fewer than (\d+) tracks": "kMinNumTracks",
     r"With more than (\d+) frames": "kMaxNumDenseFrames",
-    r"If (\d+) or more database images": "kNumImagesEnough",
-    r"each share (\d+) or more": "kNumPointsEnough",
     r"if \$s\$ exceeds ([\d.]+)": "depth_scale.cc kMaxStddev",
     r"from 1/3 to (\d+) times": "kMaxFocalFactor",
     r"is multiplied by (\d+), because": "kCommonErrorFactor",

@@ -18,10 +18,6 @@ constexpr double kFreeScaleStddev = 3;
 
 // Minimum number of depths that tell the length of a pair's baseline.
 constexpr size_t kMinNumDepthsOfPair = 8;
-// Number of database images, with this number of points that database images triangulate in each, that determine a pose
-// so well that depth maps would only add their own errors.
-constexpr int kNumImagesEnough = 4;
-constexpr int kNumPointsEnough = 30;
 
 // A database image with a map, and the pair that has its depths.
 struct MapOfImage {
@@ -141,22 +137,6 @@ void SetDepths(const std::vector<MapOfImage>& maps, const std::vector<int>& map_
   }
 }
 
-// Returns for each query frame whether its images determine the pose well without depth.
-std::vector<bool> AreDetermined(const Layout& layout, const std::vector<Track>& from_database) {
-  const std::vector<TrackRefs> tracks_of = TracksByFrame(layout, from_database);
-  std::vector<bool> are_determined;
-  for (const TrackRefs& tracks : tracks_of) {
-    std::vector<int> num_points(layout.given.images.size(), 0);
-    for (const Track* track : tracks) {
-      for (const TrackObservation& element : track->observations) ++num_points[element.image];
-    }
-    const auto num_images = std::count_if(num_points.begin() + layout.num_queries, num_points.end(),
-                                          [](int num) { return num >= kNumPointsEnough; });
-    are_determined.push_back(num_images >= kNumImagesEnough);
-  }
-  return are_determined;
-}
-
 std::vector<int> CountDepths(const std::vector<Track>& tracks, size_t num_images) {
   std::vector<int> counts(num_images, 0);
   for (const Track& track : tracks) {
@@ -192,13 +172,8 @@ StartInput WithDepthMaps(const QueryGroup& group, const Layout& layout, const Pa
   std::vector<int> map_of_image(posed.images.size(), -1);
   input.depths.resize(layout.num_queries);
   input.depth_starts.resize(layout.num_query_frames);
-  const std::vector<bool> are_determined = AreDetermined(layout, input.tracks.from_database);
   for (size_t i = 0; i < maps.size(); ++i) {
-    if (are_determined[layout.FrameOf(maps[i].query)]) {
-      maps[i].fit.verdict = DepthVerdict::NOT_NEEDED;
-    } else {
-      maps[i].fit = Fit(maps[i], layout, pairs, input.tracks, options);
-    }
+    maps[i].fit = Fit(maps[i], layout, pairs, input.tracks, options);
     if (maps[i].fit.verdict == DepthVerdict::USED) map_of_image[maps[i].image] = static_cast<int>(i);
     AddResult(maps[i], layout, &input.depths);
   }

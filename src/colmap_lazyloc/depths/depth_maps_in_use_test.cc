@@ -179,14 +179,6 @@ TEST(DepthMapsInUse, TracksThatAdjustmentUsesLeaveTheScaleToIt) {
   }
 }
 
-TEST(DepthMapsInUse, ManyDatabaseImagesNeedNoMaps) {
-  MapsInUse maps(6, 1);
-  maps.Run(/*num_from_database=*/60);
-  EXPECT_EQ(maps.Results().size(), 6u);
-  EXPECT_THAT(maps.Results(), Each(HasVerdict(DepthVerdict::NOT_NEEDED)));
-  ExpectNoDepths(maps);
-}
-
 TEST(DepthMapsInUse, UnknownDepthsAreLeftOut) {
   MapsInUse maps(1, 1);
   maps.options.depth_is_metric = true;

@@ -72,16 +72,8 @@ class Solver {
   void SolveByTracks(bool averages_motion) {
     Averaged& averaged = solution_.averaged;
     averaged = averages_motion ? Average() : WithAllPairs();
-    StartInput input;
-    input.candidates = Timed("tracks", seconds_, [&] { return Collect(averaged.pairs); });
-    input.tracks = Timed("start", seconds_, [&] { return TriangulateStart(input.candidates); });
-    if (layout_.has_depths) {
-      input.posed = std::move(averaged.posed);
-      input = Timed("depth", seconds_,
-                    [&] { return WithDepthMaps(group_, layout_, averaged.pairs, options_, std::move(input)); });
-      averaged.posed = std::move(input.posed);
-      solution_.depths = std::move(input.depths);
-    }
+    StartInput input = MakeStartInput();
+    averaged.posed = std::move(input.posed);
     const Start start = Timed(
         "start", seconds_, [&] { return ChooseStart(layout_, averaged, input.tracks, options_, input.depth_starts); });
     solution_.starts = start.kinds;
@@ -97,20 +89,18 @@ class Solver {
     solution_.averaged = WithAllPairs();
     const PairRefs& pairs = solution_.averaged.pairs;
     QueryCamera camera(group_.images.front().problem);
-    CandidateTracks candidates = Timed("tracks", seconds_, [&] { return Collect(pairs); });
-    SplitTracks start_tracks;
-    PosedImages start = layout_.given;
+    StartInput input = MakeStartInput();
     Timed("start", seconds_, [&] {
-      start_tracks = TriangulateStart(candidates);
-      const FocalLengthAndPose found = ChooseFocalLengthAndPose(layout_, camera, start_tracks.from_database, options_);
+      const FocalLengthAndPose found = ChooseFocalLengthAndPose(layout_, camera, input.tracks.from_database, options_);
       camera.ScaleFocalLength(found.factor);
-      start.frames[0].frame_from_world = found.frame_from_world;
-      start.images[0].log_focal_factor = 0;
-      start_tracks = {camera.Observe(start_tracks.from_database), camera.Observe(start_tracks.rest)};
-      candidates = {camera.Observe(candidates.all), camera.Observe(candidates.for_start)};
+      input.posed.frames[0].frame_from_world = found.frame_from_world;
+      input.posed.images[0].log_focal_factor = 0;
+      input.tracks = {camera.Observe(input.tracks.from_database), camera.Observe(input.tracks.rest)};
+      input.candidates = {camera.Observe(input.candidates.all), camera.Observe(input.candidates.for_start)};
     });
     solution_.starts = {StartPose::ABSOLUTE_POSE};
-    Refined refined = Refine(layout_, start, start_tracks, std::move(candidates), options_, seconds_, camera);
+    Refined refined =
+        Refine(layout_, input.posed, input.tracks, std::move(input.candidates), options_, seconds_, camera);
     std::vector<QueryPriorResult> priors = solution_.priors;
     if (HavePriors(layout_)) {
       PriorJudgement judgement = JudgePriors(layout_, pairs, refined, options_);
@@ -164,6 +154,20 @@ class Solver {
     const PairRefs pairs = Refs(estimates_.pairs);
     return {layout_.given, pairs, std::vector<RelativeDirection>(pairs.size()),
             Failure{QueryStatus::INCONSISTENT_ROTATIONS, "no start fits the matches"}};
+  }
+
+  // Returns the tracks of the pairs in use, triangulated, with the depths that maps give.
+  StartInput MakeStartInput() {
+    const Averaged& averaged = solution_.averaged;
+    StartInput input;
+    input.candidates = Timed("tracks", seconds_, [&] { return Collect(averaged.pairs); });
+    input.tracks = Timed("start", seconds_, [&] { return TriangulateStart(input.candidates); });
+    input.posed = averaged.posed;
+    if (!layout_.has_depths) return input;
+    input = Timed("depth", seconds_,
+                  [&] { return WithDepthMaps(group_, layout_, averaged.pairs, options_, std::move(input)); });
+    solution_.depths = std::move(input.depths);
+    return input;
   }
 
   CandidateTracks Collect(const PairRefs& pairs) { return CollectTracks(group_, layout_, pairs); }

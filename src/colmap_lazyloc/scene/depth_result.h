@@ -11,13 +11,11 @@ namespace lazyloc {
 // What became of the depth map of a database image.
 enum class DepthVerdict {
   USED,
-  NOT_NEEDED,    // enough database images see common points: they tell more than any map
   NO_SCALE,      // it is not stated to be metric, and too few triangulated points tell its scale
   CONTRADICTED,  // triangulated points contradict it: their depths scatter too much around it
 };
 template <>
-inline constexpr std::array<const char*, 4> kEnumNames<DepthVerdict> = {"used", "not_needed", "no_scale",
-                                                                        "contradicted"};
+inline constexpr std::array<const char*, 3> kEnumNames<DepthVerdict> = {"used", "no_scale", "contradicted"};
 
 struct DepthMapResult {
   std::string database_name;
