@@ -24,7 +24,7 @@ bool HasFocalLength(const Camera& camera) { return !SameIntrinsics(WithFocalFact
 
 bool IsFocalLengthUnknown(const LocalizationProblem& problem, const LocalizerOptions& options) {
   if (options.intrinsics == IntrinsicsMode::GIVEN || !HasFocalLength(problem.query_camera)) return false;
-  return options.intrinsics == IntrinsicsMode::REFINE || problem.intrinsics_origin == IntrinsicsOrigin::GUESS;
+  return options.intrinsics == IntrinsicsMode::REFINE || !IsOfThisCamera(problem.intrinsics_origin);
 }
 
 FocalLengthAndPose ChooseFocalLengthAndPose(const Layout& layout, const QueryCamera& camera,

@@ -15,7 +15,7 @@ namespace {
 // Probability that a focal length is wrong above which estimating it decides.
 constexpr double kMinWrongProbability = 0.01;
 // Standard deviation of its log from which on its score tells nothing, because far from the right value, the noise that
-// adjustment estimates is too large; and from which on an approximate one may be as good as an estimate.
+// adjustment estimates is too large.
 constexpr double kMaxConclusiveStddev = 0.01;
 
 // The functions below are for groups of one query.
@@ -28,11 +28,6 @@ double LogFocalStddev(const IntrinsicsResult& intrinsics) {
 
 FocalLengthJudgement Judge(const IntrinsicsResult& intrinsics, const LocalizerOptions& options) {
   return JudgeFocalLength(std::log(intrinsics.focal_factor), LogFocalStddev(intrinsics), intrinsics.origin, options);
-}
-
-// Returns true if the focal length is off by percents, though it may be near the right one.
-bool IsApproximate(IntrinsicsOrigin origin) {
-  return origin == IntrinsicsOrigin::SIMILAR || origin == IntrinsicsOrigin::EXIF;
 }
 
 bool IsConclusive(const IntrinsicsResult& intrinsics) { return LogFocalStddev(intrinsics) <= kMaxConclusiveStddev; }
@@ -79,23 +74,24 @@ Choice Contradicted(const Solution& given, const IntrinsicsResult& estimate) {
 
 // Decides between the given intrinsics and an estimated focal length.
 Choice GivenOrEstimated(const Solution& given, const Solution& refined, const LocalizerOptions& options) {
+  const bool has_pose = HasPose(given, options);
+  const IntrinsicsOrigin origin = IntrinsicsOf(given).origin;
   if (refined.failure) {
+    // A failure with a guess says nothing.
+    if (!has_pose && origin == IntrinsicsOrigin::GUESS) return AsSolved(refined);
     // A contradiction that comes from telling focal length and distance apart is none if the images cannot.
     const bool is_unobservable = refined.failure->cause == QueryStatus::UNKNOWN_CAMERA;
     return is_unobservable && AreContradicted(given, options) ? Kept(given, IntrinsicsOf(given), options)
                                                               : AsSolved(given);
   }
-  const bool has_pose = HasPose(given, options);
   // A pose that would be refused does not speak against one that is more probable, because some focal length fits false
   // matches.
   if (has_pose && ConfidenceOf(refined) < std::min(ConfidenceOf(given), options.min_confidence)) return AsSolved(given);
   const IntrinsicsResult& estimate = IntrinsicsOf(refined);
   const bool is_wrong = Judge(estimate, options).wrong_probability > 0.5;
-  const IntrinsicsOrigin origin = IntrinsicsOf(given).origin;
   // Nobody has stated intrinsics of another origin for this image, so that an estimate replaces them.
   if (origin != IntrinsicsOrigin::GIVEN) {
-    const bool is_worse = is_wrong || (IsApproximate(origin) && IsConclusive(estimate));
-    return has_pose && !is_worse ? Kept(given, estimate, options) : AsSolved(refined);
+    return has_pose && !is_wrong ? Kept(given, estimate, options) : AsSolved(refined);
   }
   // Contradicted intrinsics that somebody has stated are for them to mend.
   return is_wrong || !estimate.contradiction.empty() ? Contradicted(given, estimate) : Kept(given, estimate, options);
@@ -104,10 +100,9 @@ Choice GivenOrEstimated(const Solution& given, const Solution& refined, const Lo
 // Compares the choice among solutions with one camera with the next one.
 Choice Better(const Choice& choice, const Solution& next, const LocalizerOptions& options) {
   const Solution& chosen = *choice.solution;
-  // Among an unknown focal length and its guess, the guess is taken only if it has a pose.
-  if (chosen.hypothesis.estimates_focal_length) return HasPose(next, options) ? AsSolved(next) : choice;
   if (next.hypothesis.estimates_focal_length) return GivenOrEstimated(chosen, next, options);
   if (next.hypothesis.approach == Approach::OTHER_STARTS && !OvercomesPairs(next, options)) return choice;
+  if (chosen.hypothesis.estimates_focal_length) return GivenOrEstimated(next, chosen, options);
   // Others are tried if nothing else is left for the position: rotations alone, or the pair of one database image.
   return AsSolved(next);
 }
@@ -165,12 +160,15 @@ bool IsDistanceByPrior(const Solution& solution, const LocalizerOptions& options
   return HasPose(solution, options) && position && position->fixes == PriorRole::DISTANCE;
 }
 
+bool IsRefused(const Solution& solution, const LocalizerOptions& options) {
+  return !HasPose(solution, options) || ConfidenceOf(solution) < options.min_confidence;
+}
+
 bool IsFocalLengthUncertain(const Solution& given, const LocalizerOptions& options) {
   const IntrinsicsResult& intrinsics = IntrinsicsOf(given);
   if (AreContradicted(given, options)) return true;
   if (given.failure) return intrinsics.origin != IntrinsicsOrigin::GIVEN;
-  return IsApproximate(intrinsics.origin) || !IsConclusive(intrinsics) ||
-         Judge(intrinsics, options).wrong_probability > kMinWrongProbability;
+  return !IsConclusive(intrinsics) || Judge(intrinsics, options).wrong_probability > kMinWrongProbability;
 }
 
 }  // namespace lazyloc

@@ -32,6 +32,9 @@ bool OvercomesPairs(const Solution& other_starts, const LocalizerOptions& option
 // Returns true if a prior fixes the distance of a single query's pose.
 bool IsDistanceByPrior(const Solution& solution, const LocalizerOptions& options);
 
+// Returns true if a single query has no pose by the solution, or one that is less credible than the options ask for.
+bool IsRefused(const Solution& solution, const LocalizerOptions& options);
+
 // Returns true if the images show too little that a given focal length is right, so that it is estimated, too.
 bool IsFocalLengthUncertain(const Solution& given, const LocalizerOptions& options);
 

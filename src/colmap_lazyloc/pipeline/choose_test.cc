@@ -96,19 +96,16 @@ TEST_F(ChooseTest, FocalLengthOfASharedCameraIsReplacedOnlyIfItIsWrong) {
   EXPECT_EQ(Index(), 1) << "the given one has no pose";
 }
 
-TEST_F(ChooseTest, ApproximateFocalLengthIsReplacedByACertainEstimate) {
-  for (const IntrinsicsOrigin origin : {IntrinsicsOrigin::EXIF, IntrinsicsOrigin::SIMILAR}) {
-    solutions_.clear();
-    Solution& given = AddGiven(origin);
-    EXPECT_TRUE(IsFocalLengthUncertain(given, options_));
-    Solution& estimate = AddEstimate(origin, 1.0005);
-    EXPECT_EQ(Index(), 1);
-    estimate.checked.results[0].focal_factor_stddev = 0.015;
-    EXPECT_EQ(Index(), 0);
-    EXPECT_EQ(Intrinsics().verdict, IntrinsicsVerdict::CONFIRMED);
-    estimate.checked.results[0].focal_factor = 1.1;
-    EXPECT_EQ(Index(), 1) << "it is wrong";
-  }
+TEST_F(ChooseTest, FocalLengthOfExifReplacesAnEstimateThatIsLessCredible) {
+  Solution& estimate = AddEstimate(IntrinsicsOrigin::EXIF, 1.1);
+  Solution& given = AddGiven(IntrinsicsOrigin::EXIF);
+  EXPECT_EQ(Index(), 0) << "it is wrong";
+  estimate.evidence[0] = query_.Unlikely();
+  EXPECT_EQ(Index(), 1);
+  given.failure = Failure{QueryStatus::SCALE_UNOBSERVABLE, ""};
+  EXPECT_EQ(Index(), 0);
+  estimate.failure = Failure{QueryStatus::TOO_FEW_TRACKS, ""};
+  EXPECT_EQ(Index(), 1) << "its failure says more";
 }
 
 TEST_F(ChooseTest, StatedFocalLengthIsContradictedByAnEstimateOnly) {
@@ -131,9 +128,9 @@ TEST_F(ChooseTest, StatedFocalLengthIsContradictedByAnEstimateOnly) {
 }
 
 TEST_F(ChooseTest, EstimateWithoutPoseIsNoEvidence) {
-  Solution& given = AddGiven(IntrinsicsOrigin::EXIF);
+  Solution& given = AddGiven(IntrinsicsOrigin::SHARED);
   given.checked.results[0].verdict = IntrinsicsVerdict::CONTRADICTED;
-  Solution& estimate = AddEstimate(IntrinsicsOrigin::EXIF, 1.1);
+  Solution& estimate = AddEstimate(IntrinsicsOrigin::SHARED, 1.1);
   estimate.failure = Failure{QueryStatus::TOO_FEW_TRACKS, ""};
   EXPECT_EQ(Index(), 0);
   EXPECT_EQ(Intrinsics().verdict, IntrinsicsVerdict::CONTRADICTED);
@@ -144,33 +141,31 @@ TEST_F(ChooseTest, EstimateWithoutPoseIsNoEvidence) {
 }
 
 TEST_F(ChooseTest, EstimateThatIsFarLessCredibleIsNoEvidence) {
-  Solution& given = AddGiven(IntrinsicsOrigin::EXIF);
-  AddEstimate(IntrinsicsOrigin::EXIF, 1.1).evidence[0] = query_.Unlikely();
+  Solution& given = AddGiven(IntrinsicsOrigin::SHARED);
+  AddEstimate(IntrinsicsOrigin::SHARED, 1.1).evidence[0] = query_.Unlikely();
   EXPECT_EQ(Index(), 0);
   given.checked.results[0].verdict = IntrinsicsVerdict::CONTRADICTED;
   EXPECT_EQ(Index(), 1) << "the given one has no pose";
 }
 
 TEST_F(ChooseTest, AlternativeCameraMustBeConfirmed) {
-  AddGiven(IntrinsicsOrigin::EXIF);
   AddEstimate(IntrinsicsOrigin::EXIF, 1.1);
   Solution& alternative = Add(kAlternative);
   alternative.checked.results[0].verdict = IntrinsicsVerdict::CONFIRMED;
-  EXPECT_EQ(Index(), 2);
+  EXPECT_EQ(Index(), 1);
   alternative.checked.results[0].verdict = IntrinsicsVerdict::UNOBSERVABLE;
-  EXPECT_EQ(Index(), 1);
+  EXPECT_EQ(Index(), 0);
   alternative.failure = Failure{QueryStatus::TOO_FEW_TRACKS, ""};
-  EXPECT_EQ(Index(), 1);
+  EXPECT_EQ(Index(), 0);
 }
 
 TEST_F(ChooseTest, AlternativeCameraHasItsOwnEstimate) {
-  AddGiven(IntrinsicsOrigin::EXIF);
   AddEstimate(IntrinsicsOrigin::EXIF, 1.1);
   Add(kAlternative).checked.results[0].verdict = IntrinsicsVerdict::CONTRADICTED;
   Hypothesis hypothesis = kAlternative;
   hypothesis.estimates_focal_length = true;
   Add(hypothesis).checked.results[0] = {IntrinsicsOrigin::GIVEN, IntrinsicsVerdict::REFINED, 1, 0.001, ""};
-  EXPECT_EQ(Index(), 2);
+  EXPECT_EQ(Index(), 1);
   EXPECT_EQ(Intrinsics().verdict, IntrinsicsVerdict::CONFIRMED);
 }
 
@@ -201,7 +196,7 @@ TEST_F(ChooseTest, DoubtInAFocalLength) {
   EXPECT_TRUE(IsFocalLengthUncertain(given, options_)) << "something else is contradicted";
   given.failure = Failure{QueryStatus::TOO_FEW_TRACKS, ""};
   EXPECT_FALSE(IsFocalLengthUncertain(given, options_)) << "somebody has stated it";
-  intrinsics.origin = IntrinsicsOrigin::EXIF;
+  intrinsics.origin = IntrinsicsOrigin::SHARED;
   EXPECT_TRUE(IsFocalLengthUncertain(given, options_));
 }
 

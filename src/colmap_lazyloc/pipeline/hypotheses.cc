@@ -51,20 +51,35 @@ bool IsDistanceLeftToPrior(const Solution& solution) {
 
 // Returns true if an estimated focal length is near that of the alternative camera, which may then be the right one.
 // The bound is wide, because false matches can pull an estimate by more than its standard deviation.
-bool IsNearAlternative(const LocalizationProblem& problem, const Choice& choice) {
-  const IntrinsicsResult& estimate = choice.intrinsics.front();
-  if (!problem.alternative_camera || estimate.verdict != IntrinsicsVerdict::REFINED) return false;
+bool IsNearAlternative(const LocalizationProblem& problem, const Solution& estimate) {
+  if (!problem.alternative_camera || estimate.failure) return false;
   const Camera& other = *problem.alternative_camera;
   if (!HasFocalLength(other)) return false;
-  const double factor = estimate.focal_factor * MeanFocalLength(problem.query_camera) / MeanFocalLength(other);
+  const double factor = estimate.checked.results.front().focal_factor * MeanFocalLength(problem.query_camera) /
+                        MeanFocalLength(other);
   return std::abs(std::log(factor)) < std::log(kMaxAlternativeFactor);
+}
+
+// Returns the hypothesis after a solution with an estimated focal length.
+std::optional<Hypothesis> AfterEstimate(const LocalizationProblem& stated, const std::vector<Solution>& solutions,
+                                        const LocalizerOptions& options) {
+  const Solution& estimate = solutions.back();
+  if (solutions.size() > 1 || options.intrinsics == IntrinsicsMode::REFINE) return std::nullopt;
+  Hypothesis next;
+  if (IsNearAlternative(stated, estimate)) {
+    next.camera = CameraChoice::ALTERNATIVE;
+    return next;
+  }
+  // Tries the stated value, because the scene may fix the pose even if it does not fix the focal length.
+  return IsRefused(estimate, options) ? std::make_optional(next) : std::nullopt;
 }
 
 // Returns the hypothesis after a solution with given intrinsics that other starts do not replace.
 std::optional<Hypothesis> AfterGiven(const Solution& given, const LocalizerOptions& options) {
   const LocalizationProblem& problem = given.prepared->group.images.front().problem;
   const bool can_estimate = options.intrinsics == IntrinsicsMode::AUTO && HasFocalLength(problem.query_camera) &&
-                            problem.intrinsics_origin != IntrinsicsOrigin::MODEL;
+                            problem.intrinsics_origin != IntrinsicsOrigin::MODEL &&
+                            IsOfThisCamera(problem.intrinsics_origin);
   Hypothesis next = given.hypothesis;
   if (IsPositionLeftToPrior(given)) {
     next.approach = Approach::ROTATION;
@@ -94,19 +109,8 @@ std::optional<Hypothesis> NextHypothesis(const QueryGroup& group, const std::vec
   }
   if (!is_single || !has_tracks) return std::nullopt;
   const Solution& last = solutions.back();
-  if (solutions.front().hypothesis.estimates_focal_length) {
-    // Tries the guess, because the scene may fix the pose even if it does not fix the focal length.
-    if (solutions.size() > 1 || !last.failure || options.intrinsics == IntrinsicsMode::REFINE) return std::nullopt;
-    return next;
-  }
+  if (last.hypothesis.estimates_focal_length) return AfterEstimate(stated, solutions, options);
   next = last.hypothesis;
-  if (next.estimates_focal_length) {
-    if (next.camera == CameraChoice::ALTERNATIVE) return std::nullopt;
-    if (!IsNearAlternative(stated, Choose(solutions, options))) return std::nullopt;
-    next.camera = CameraChoice::ALTERNATIVE;
-    next.estimates_focal_length = false;
-    return next;
-  }
   if (next.approach == Approach::ROTATION) return std::nullopt;
   if (next.approach == Approach::OTHER_STARTS) {
     if (OvercomesPairs(last, options)) return std::nullopt;

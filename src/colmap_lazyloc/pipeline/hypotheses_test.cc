@@ -99,21 +99,30 @@ TEST(NextHypothesis, WithoutTracksThereIsOne) {
   EXPECT_FALSE(NextHypothesis(query.Group(), {failed}, options));
 }
 
-TEST(NextHypothesis, UnknownFocalLengthIsEstimatedBeforeItsGuessIsTried) {
+TEST(NextHypothesis, FocalLengthOfAnotherCameraIsEstimatedBeforeItIsTried) {
   MadeUpQuery query;
-  query.Problem().intrinsics_origin = IntrinsicsOrigin::GUESS;
-  LocalizerOptions options;
-  const Hypothesis first = Next(query, {}, options);
-  EXPECT_TRUE(first.estimates_focal_length);
-  EXPECT_FALSE(NextHypothesis(query.Group(), {query.Solved(first)}, options));
-  std::vector<Solution> solutions = {Failed(query, first, {QueryStatus::UNKNOWN_CAMERA, ""})};
-  const Hypothesis guess = Next(query, solutions, options);
-  EXPECT_FALSE(guess.estimates_focal_length);
-  options.intrinsics = IntrinsicsMode::REFINE;
-  EXPECT_FALSE(NextHypothesis(query.Group(), solutions, options)) << "the focal length must be estimated";
-  options.intrinsics = IntrinsicsMode::AUTO;
-  solutions.push_back(Failed(query, guess, {QueryStatus::TOO_FEW_TRACKS, ""}));
-  EXPECT_FALSE(NextHypothesis(query.Group(), solutions, options));
+  for (const IntrinsicsOrigin origin :
+       {IntrinsicsOrigin::GUESS, IntrinsicsOrigin::EXIF, IntrinsicsOrigin::SIMILAR}) {
+    query.Problem().intrinsics_origin = origin;
+    LocalizerOptions options;
+    const Hypothesis first = Next(query, {}, options);
+    EXPECT_TRUE(first.estimates_focal_length);
+    Solution estimate = query.Solved(first);
+    EXPECT_FALSE(NextHypothesis(query.Group(), {estimate}, options));
+    estimate.evidence[0] = query.Unlikely();
+    EXPECT_FALSE(Next(query, {estimate}, options).estimates_focal_length);
+    std::vector<Solution> solutions = {Failed(query, first, {QueryStatus::UNKNOWN_CAMERA, ""})};
+    const Hypothesis stated = Next(query, solutions, options);
+    EXPECT_FALSE(stated.estimates_focal_length);
+    options.intrinsics = IntrinsicsMode::REFINE;
+    EXPECT_FALSE(NextHypothesis(query.Group(), solutions, options)) << "the focal length must be estimated";
+    options.intrinsics = IntrinsicsMode::AUTO;
+    solutions.push_back(Failed(query, stated, {QueryStatus::TOO_FEW_TRACKS, ""}));
+    EXPECT_FALSE(NextHypothesis(query.Group(), solutions, options));
+    solutions.back() = query.Solved(stated);
+    solutions.back().checked.results[0].focal_factor = 1.1;
+    EXPECT_FALSE(NextHypothesis(query.Group(), solutions, options)) << "it has been estimated";
+  }
 }
 
 TEST(NextHypothesis, OtherStartsAreTriedIfOnePairIsLeftOfSeveral) {
@@ -160,20 +169,17 @@ TEST(NextHypothesis, AlternativeCameraIsTriedIfAnEstimateIsNearIt) {
   LocalizationProblem& problem = query.Problem();
   problem.intrinsics_origin = IntrinsicsOrigin::EXIF;
   problem.alternative_camera = WithFocalFactor(problem.query_camera, 1.3);
-  Solution given = query.Solved({});
-  given.checked.results[0].focal_factor = 1.25;
-  Solution estimate = query.Solved(Next(query, {given}));
-  estimate.checked.results[0].verdict = IntrinsicsVerdict::REFINED;
+  Solution estimate = query.Solved(Next(query, {}));
   for (const double factor : {1.1, 1.25}) {
     estimate.checked.results[0].focal_factor = factor;
-    const std::optional<Hypothesis> next = NextHypothesis(query.Group(), {given, estimate}, {});
+    const std::optional<Hypothesis> next = NextHypothesis(query.Group(), {estimate}, {});
     ASSERT_EQ(next.has_value(), factor == 1.25);
     if (!next) continue;
     EXPECT_EQ(next->camera, CameraChoice::ALTERNATIVE);
     EXPECT_FALSE(next->estimates_focal_length);
     Solution alternative = query.Solved(*next);
     alternative.checked.results[0].origin = IntrinsicsOrigin::SHARED;
-    EXPECT_FALSE(NextHypothesis(query.Group(), {given, estimate, alternative}, {}));
+    EXPECT_FALSE(NextHypothesis(query.Group(), {estimate, alternative}, {}));
   }
 }
 

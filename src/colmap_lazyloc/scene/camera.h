@@ -44,6 +44,11 @@ inline bool IsCalibrated(IntrinsicsOrigin origin) {
   return origin == IntrinsicsOrigin::GIVEN || origin == IntrinsicsOrigin::MODEL;
 }
 
+// Returns true if the intrinsics are those of the photo's own camera, though they may be wrong.
+inline bool IsOfThisCamera(IntrinsicsOrigin origin) {
+  return IsCalibrated(origin) || origin == IntrinsicsOrigin::SHARED;
+}
+
 // True if both cameras map rays to the same pixels; ignores ids and prior flags.
 inline bool SameIntrinsics(const Camera& a, const Camera& b) {
   return a.model_id == b.model_id && a.width == b.width && a.height == b.height && a.params == b.params;
