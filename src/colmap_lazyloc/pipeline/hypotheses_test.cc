@@ -101,8 +101,7 @@ TEST(NextHypothesis, WithoutTracksThereIsOne) {
 
 TEST(NextHypothesis, FocalLengthOfAnotherCameraIsEstimatedBeforeItIsTried) {
   MadeUpQuery query;
-  for (const IntrinsicsOrigin origin :
-       {IntrinsicsOrigin::GUESS, IntrinsicsOrigin::EXIF, IntrinsicsOrigin::SIMILAR}) {
+  for (const IntrinsicsOrigin origin : {IntrinsicsOrigin::GUESS, IntrinsicsOrigin::EXIF, IntrinsicsOrigin::SIMILAR}) {
     query.Problem().intrinsics_origin = origin;
     LocalizerOptions options;
     const Hypothesis first = Next(query, {}, options);
