@@ -55,8 +55,8 @@ bool IsNearAlternative(const LocalizationProblem& problem, const Solution& estim
   if (!problem.alternative_camera || estimate.failure) return false;
   const Camera& other = *problem.alternative_camera;
   if (!HasFocalLength(other)) return false;
-  const double factor = estimate.checked.results.front().focal_factor * MeanFocalLength(problem.query_camera) /
-                        MeanFocalLength(other);
+  const double factor =
+      estimate.checked.results.front().focal_factor * MeanFocalLength(problem.query_camera) / MeanFocalLength(other);
   return std::abs(std::log(factor)) < std::log(kMaxAlternativeFactor);
 }
 
