@@ -149,10 +149,9 @@ std::vector<int> FramesWithoutPose(const Choice& choice, const LocalizerOptions&
 }
 
 bool OvercomesPairs(const Solution& other_starts, const LocalizerOptions& options) {
-  if (!HasPose(other_starts, options) || IsDistanceByPrior(other_starts, options)) return false;
   // Accepts nothing that rests on epipolar constraints alone, because relative poses contradict each other.
-  return other_starts.evidence.front().num_common_tracks >= kMinNumTracks &&
-         ConfidenceOf(other_starts) >= options.min_confidence;
+  return !IsRefused(other_starts, options) && !IsDistanceByPrior(other_starts, options) &&
+         other_starts.evidence.front().num_common_tracks >= kMinNumTracks;
 }
 
 bool IsDistanceByPrior(const Solution& solution, const LocalizerOptions& options) {
