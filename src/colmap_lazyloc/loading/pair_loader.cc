@@ -117,7 +117,6 @@ LocalizationProblem PairLoader::Load(const StoredQuery& query, const DatabaseRea
   problem.query_name = query.image.name;
   problem.query_camera = query.camera;
   problem.intrinsics_origin = query.intrinsics_origin;
-  problem.alternative_camera = query.alternative_camera;
   problem.query_keypoints = database.ReadKeypointsOnce(query.image.image_id);
   if (problem.query_keypoints.empty()) return problem;
   if (const auto listed_ids = selection_.ListedPairs(query)) {

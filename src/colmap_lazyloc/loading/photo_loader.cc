@@ -264,7 +264,6 @@ std::optional<LocalizationProblem> PhotoLoader::Load(const PhotoQuery& photo, co
   problem.query_name = photo.name;
   problem.query_camera = chosen.camera;
   problem.intrinsics_origin = chosen.Origin();
-  problem.alternative_camera = chosen.alternative;
   problem.query_keypoints = record->keypoints = Positions(query_features.keypoints);
   DatabaseFeatures database_features;
   if (!problem.query_keypoints.empty()) {

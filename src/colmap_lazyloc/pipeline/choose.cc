@@ -97,7 +97,7 @@ Choice GivenOrEstimated(const Solution& given, const Solution& refined, const Lo
   return is_wrong || !estimate.contradiction.empty() ? Contradicted(given, estimate) : Kept(given, estimate, options);
 }
 
-// Compares the choice among solutions with one camera with the next one.
+// Compares the choice among the solutions so far with the next one.
 Choice Better(const Choice& choice, const Solution& next, const LocalizerOptions& options) {
   const Solution& chosen = *choice.solution;
   if (next.hypothesis.estimates_focal_length) return GivenOrEstimated(chosen, next, options);
@@ -110,15 +110,8 @@ Choice Better(const Choice& choice, const Solution& next, const LocalizerOptions
 }  // namespace
 
 Choice Choose(const std::vector<Solution>& solutions, const LocalizerOptions& options) {
-  std::optional<Choice> stated, alternative;
-  for (const Solution& solution : solutions) {
-    std::optional<Choice>& choice = solution.hypothesis.camera == CameraChoice::STATED ? stated : alternative;
-    choice = choice ? Better(*choice, solution, options) : AsSolved(solution);
-  }
-  // Takes the alternative camera only if the images confirm it, because an estimated focal length led to it.
-  const bool is_confirmed = alternative && FramesWithoutPose(*alternative, options).empty() &&
-                            alternative->intrinsics.front().verdict == IntrinsicsVerdict::CONFIRMED;
-  Choice choice = is_confirmed ? *alternative : *stated;
+  Choice choice = AsSolved(solutions.front());
+  for (size_t i = 1; i < solutions.size(); ++i) choice = Better(choice, solutions[i], options);
   for (const Solution& other : solutions) {
     if (&other == choice.solution || other.evidence.empty()) continue;
     if (choice.runner_up == nullptr || ConfidenceOf(other) > ConfidenceOf(*choice.runner_up)) choice.runner_up = &other;

@@ -35,9 +35,8 @@ class ChooseTest : public testing::Test {
   int Index() const { return static_cast<int>(Chosen().solution - solutions_.data()); }
   IntrinsicsResult Intrinsics() const { return Chosen().intrinsics.front(); }
 
-  const Hypothesis kEstimated{CameraChoice::STATED, true};
-  const Hypothesis kOtherStarts{CameraChoice::STATED, false, "", Approach::OTHER_STARTS};
-  const Hypothesis kAlternative{CameraChoice::ALTERNATIVE};
+  const Hypothesis kEstimated{true};
+  const Hypothesis kOtherStarts{false, "", Approach::OTHER_STARTS};
   const MadeUpQuery query_;
   LocalizerOptions options_;
   std::vector<Solution> solutions_;
@@ -64,9 +63,9 @@ TEST_F(ChooseTest, OtherStartsOvercomePairsOnlyWithPointsAndConfidence) {
 
 TEST_F(ChooseTest, WhatIsTriedForAnOpenPositionReplacesIt) {
   AddGiven().failure = Failure{QueryStatus::DEGENERATE_BASELINE, ""};
-  Add({CameraChoice::STATED, false, "", Approach::ROTATION});
+  Add({false, "", Approach::ROTATION});
   EXPECT_EQ(Index(), 1);
-  Add({CameraChoice::STATED, false, "a.jpg"}).failure = Failure{QueryStatus::SCALE_UNOBSERVABLE, ""};
+  Add({false, "a.jpg"}).failure = Failure{QueryStatus::SCALE_UNOBSERVABLE, ""};
   EXPECT_EQ(Index(), 2) << "its failure says more";
 }
 
@@ -148,34 +147,13 @@ TEST_F(ChooseTest, EstimateThatIsFarLessCredibleIsNoEvidence) {
   EXPECT_EQ(Index(), 1) << "the given one has no pose";
 }
 
-TEST_F(ChooseTest, AlternativeCameraMustBeConfirmed) {
-  AddEstimate(IntrinsicsOrigin::EXIF, 1.1);
-  Solution& alternative = Add(kAlternative);
-  alternative.checked.results[0].verdict = IntrinsicsVerdict::CONFIRMED;
-  EXPECT_EQ(Index(), 1);
-  alternative.checked.results[0].verdict = IntrinsicsVerdict::UNOBSERVABLE;
-  EXPECT_EQ(Index(), 0);
-  alternative.failure = Failure{QueryStatus::TOO_FEW_TRACKS, ""};
-  EXPECT_EQ(Index(), 0);
-}
-
-TEST_F(ChooseTest, AlternativeCameraHasItsOwnEstimate) {
-  AddEstimate(IntrinsicsOrigin::EXIF, 1.1);
-  Add(kAlternative).checked.results[0].verdict = IntrinsicsVerdict::CONTRADICTED;
-  Hypothesis hypothesis = kAlternative;
-  hypothesis.estimates_focal_length = true;
-  Add(hypothesis).checked.results[0] = {IntrinsicsOrigin::GIVEN, IntrinsicsVerdict::REFINED, 1, 0.001, ""};
-  EXPECT_EQ(Index(), 1);
-  EXPECT_EQ(Intrinsics().verdict, IntrinsicsVerdict::CONFIRMED);
-}
-
 TEST_F(ChooseTest, RunnerUpIsTheMostCredibleOfTheOthersWithPoses) {
   AddGiven(IntrinsicsOrigin::SHARED);
   EXPECT_EQ(Chosen().runner_up, nullptr);
   Solution& estimate = AddEstimate(IntrinsicsOrigin::SHARED, 1.0005);
   EXPECT_EQ(Chosen().runner_up, &solutions_[1]);
   estimate.evidence[0].num_common_tracks = 50;
-  Add(kAlternative).checked.results[0].verdict = IntrinsicsVerdict::UNOBSERVABLE;
+  AddEstimate(IntrinsicsOrigin::SHARED, 1.0005);
   EXPECT_EQ(Chosen().runner_up, &solutions_[2]);
   solutions_[2].evidence.clear();
   EXPECT_EQ(Chosen().runner_up, &solutions_[1]);

@@ -1,17 +1,12 @@
 #include "colmap_lazyloc/pipeline/hypotheses.h"
 
 #include <algorithm>
-#include <cmath>
 
-#include "colmap_lazyloc/bridge/camera_models.h"
 #include "colmap_lazyloc/intrinsics/focal_length.h"
 #include "colmap_lazyloc/pipeline/choose.h"
 
 namespace lazyloc {
 namespace {
-
-// Maximum factor between an estimated focal length and that of the alternative camera.
-constexpr double kMaxAlternativeFactor = 1.1;
 
 bool FailsBy(const Solution& solution, QueryStatus cause) {
   return solution.failure && solution.failure->cause == cause;
@@ -49,29 +44,11 @@ bool IsDistanceLeftToPrior(const Solution& solution) {
          solution.prepared->group.images.front().problem.pairs.size() > 1 && HasUntestedPosition(solution);
 }
 
-// Returns true if an estimated focal length is near that of the alternative camera, which may then be the right one.
-// The bound is wide, because false matches can pull an estimate by more than its standard deviation.
-bool IsNearAlternative(const LocalizationProblem& problem, const Solution& estimate) {
-  if (!problem.alternative_camera || estimate.failure) return false;
-  const Camera& other = *problem.alternative_camera;
-  if (!HasFocalLength(other)) return false;
-  const double factor =
-      estimate.checked.results.front().focal_factor * MeanFocalLength(problem.query_camera) / MeanFocalLength(other);
-  return std::abs(std::log(factor)) < std::log(kMaxAlternativeFactor);
-}
-
-// Returns the hypothesis after a solution with an estimated focal length.
-std::optional<Hypothesis> AfterEstimate(const LocalizationProblem& stated, const std::vector<Solution>& solutions,
-                                        const LocalizerOptions& options) {
-  const Solution& estimate = solutions.back();
-  if (solutions.size() > 1 || options.intrinsics == IntrinsicsMode::REFINE) return std::nullopt;
-  Hypothesis next;
-  if (IsNearAlternative(stated, estimate)) {
-    next.camera = CameraChoice::ALTERNATIVE;
-    return next;
-  }
-  // Tries the stated value, because the scene may fix the pose even if it does not fix the focal length.
-  return IsRefused(estimate, options) ? std::make_optional(next) : std::nullopt;
+// Returns the hypothesis after a solution with an estimated focal length: the stated value, because the scene may fix
+// the pose even if it does not fix the focal length.
+std::optional<Hypothesis> AfterEstimate(const std::vector<Solution>& solutions, const LocalizerOptions& options) {
+  const bool may_be_stated = solutions.size() == 1 && options.intrinsics != IntrinsicsMode::REFINE;
+  return may_be_stated && IsRefused(solutions.back(), options) ? std::make_optional(Hypothesis()) : std::nullopt;
 }
 
 // Returns the hypothesis after a solution with given intrinsics that other starts do not replace.
@@ -109,7 +86,7 @@ std::optional<Hypothesis> NextHypothesis(const QueryGroup& group, const std::vec
   }
   if (!is_single || !has_tracks) return std::nullopt;
   const Solution& last = solutions.back();
-  if (last.hypothesis.estimates_focal_length) return AfterEstimate(stated, solutions, options);
+  if (last.hypothesis.estimates_focal_length) return AfterEstimate(solutions, options);
   next = last.hypothesis;
   if (next.approach == Approach::ROTATION) return std::nullopt;
   if (next.approach == Approach::OTHER_STARTS) {

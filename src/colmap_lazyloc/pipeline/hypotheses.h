@@ -11,12 +11,6 @@ namespace lazyloc {
 
 struct Solution;
 
-// Camera that a query is taken to have.
-enum class CameraChoice {
-  STATED,       // the problem's
-  ALTERNATIVE,  // the problem's alternative camera
-};
-
 // Method that gives the pose.
 enum class Approach {
   TRACKS,          // adjustment over tracks, from the start that fits the matches best, motion averaging's among them
@@ -28,7 +22,6 @@ enum class Approach {
 
 // What is assumed of a group of queries. All but the approach is only for groups of one query.
 struct Hypothesis {
-  CameraChoice camera = CameraChoice::STATED;
   // True if the focal length is estimated. Motion averaging is then left out, because relative poses
   // estimated with a wrong focal length must not decide.
   bool estimates_focal_length = false;

@@ -144,7 +144,7 @@ class GroupLocalizer {
   }
 
   const LocalizerOptions& options_;
-  RelativePosesByCamera known_;
+  RelativePoses known_;
 };
 
 }  // namespace

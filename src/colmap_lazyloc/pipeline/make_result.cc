@@ -153,7 +153,7 @@ std::string Explanation(const Solution& other, const Solution& chosen) {
     return Format("the focal length is %.1f px, as the images suggest",
                   intrinsics.focal_factor * MeanFocalLength(camera));
   }
-  if (chosen.hypothesis.estimates_focal_length || other.hypothesis.camera != chosen.hypothesis.camera) {
+  if (chosen.hypothesis.estimates_focal_length) {
     return Format("the focal length is %.1f px (origin: %s)", MeanFocalLength(camera), EnumName(intrinsics.origin));
   }
   return other.hypothesis.approach == Approach::OTHER_STARTS

@@ -28,46 +28,29 @@ void CheckInput(const QueryGroup& group) {
   });
 }
 
-// Gives the query its alternative camera. The pairs keep their matches, but not relative poses, which depend on it.
-void TakeAlternativeCamera(LocalizationProblem* problem) {
-  problem->query_camera = *problem->alternative_camera;
-  problem->intrinsics_origin = IntrinsicsOrigin::SHARED;
-  for (ImagePair& pair : problem->pairs) {
-    if (!pair.geometry) continue;
-    const TwoViewConfig config = pair.geometry->config;
-    if (HoldsCalibrated(config) || config == TwoViewConfig::UNCALIBRATED) ForgetIntrinsics(&*pair.geometry);
-  }
-}
-
 void KeepPairWith(const std::string& database_name, std::vector<ImagePair>* pairs) {
   const auto is_other = [&](const ImagePair& pair) { return pair.other_name != database_name; };
   pairs->erase(std::remove_if(pairs->begin(), pairs->end(), is_other), pairs->end());
-}
-
-bool SameGroup(const Hypothesis& a, const Hypothesis& b) {
-  return a.camera == b.camera && a.only_database_image == b.only_database_image;
 }
 
 }  // namespace
 
 const Prepared& Preparations::For(const Hypothesis& hypothesis) {
   for (const auto& [other, prepared] : prepared_) {
-    const bool is_same = hypothesis.estimates_focal_length == other.estimates_focal_length;
-    if (is_same && SameGroup(hypothesis, other)) return prepared;
+    if (hypothesis.estimates_focal_length == other.estimates_focal_length &&
+        hypothesis.only_database_image == other.only_database_image) {
+      return prepared;
+    }
   }
   return prepared_.emplace_back(hypothesis, Prepare(hypothesis)).second;
 }
 
 const QueryGroup& Preparations::GroupOf(const Hypothesis& hypothesis) {
-  if (SameGroup(hypothesis, {})) return group_;
-  for (const auto& [other, group] : other_groups_) {
-    if (SameGroup(hypothesis, other)) return group;
-  }
-  QueryGroup& group = other_groups_.emplace_back(hypothesis, group_).second;
-  LocalizationProblem& problem = group.images.front().problem;
-  if (hypothesis.camera == CameraChoice::ALTERNATIVE) TakeAlternativeCamera(&problem);
-  if (!hypothesis.only_database_image.empty()) KeepPairWith(hypothesis.only_database_image, &problem.pairs);
-  return group;
+  const std::string& only_database_image = hypothesis.only_database_image;
+  if (only_database_image.empty()) return group_;
+  const auto [entry, is_new] = groups_of_one_pair_.try_emplace(only_database_image, group_);
+  if (is_new) KeepPairWith(only_database_image, &entry->second.images.front().problem.pairs);
+  return entry->second;
 }
 
 Layout Preparations::LayoutOf(const QueryGroup& group) const {
@@ -85,7 +68,7 @@ Layout Preparations::LayoutOf(const QueryGroup& group) const {
 Prepared Preparations::Prepare(const Hypothesis& hypothesis) {
   const QueryGroup& group = GroupOf(hypothesis);
   Prepared prepared{group, {}, {}};
-  KnownRelativePoses* known = &(*known_)[{hypothesis.camera, hypothesis.estimates_focal_length}];
+  KnownRelativePoses* known = &(*known_)[hypothesis.estimates_focal_length];
   try {
     CheckInput(group);
     prepared.layout = LayoutOf(group);

@@ -12,7 +12,7 @@
 
 namespace lazyloc {
 
-// What all hypotheses with the same camera and pairs are solved from.
+// What all hypotheses with the same pairs are solved from, whose focal length is stated or estimated.
 struct Prepared {
   const QueryGroup& group;
   Layout layout;
@@ -20,14 +20,14 @@ struct Prepared {
   std::optional<Failure> failure{};  // nullopt if the group can be solved
 };
 
-// The relative poses of pairs by camera: the stated and the alternative one, each as it is and of unknown focal length.
-using RelativePosesByCamera = std::map<std::pair<CameraChoice, bool>, KnownRelativePoses>;
+// The relative poses of pairs, by whether the focal length is estimated.
+using RelativePoses = std::map<bool, KnownRelativePoses>;
 
 // Prepares a group for hypotheses, once for those that share it.
 class Preparations {
  public:
   // Uses and adds to the relative poses that are known.
-  Preparations(const QueryGroup& group, const LocalizerOptions& options, RelativePosesByCamera* known,
+  Preparations(const QueryGroup& group, const LocalizerOptions& options, RelativePoses* known,
                StageTimer::Seconds* seconds)
       : group_(group), options_(options), known_(known), seconds_(seconds) {}
 
@@ -35,16 +35,16 @@ class Preparations {
   const Prepared& For(const Hypothesis& hypothesis);
 
  private:
-  // Returns the group with the camera and the pairs of a hypothesis.
+  // Returns the group with the pairs of a hypothesis.
   const QueryGroup& GroupOf(const Hypothesis& hypothesis);
   Layout LayoutOf(const QueryGroup& group) const;
   Prepared Prepare(const Hypothesis& hypothesis);
 
   const QueryGroup& group_;
   const LocalizerOptions& options_;
-  RelativePosesByCamera* const known_;
+  RelativePoses* const known_;
   StageTimer::Seconds* const seconds_;
-  std::list<std::pair<Hypothesis, QueryGroup>> other_groups_;
+  std::map<std::string, QueryGroup> groups_of_one_pair_;  // by database image
   std::list<std::pair<Hypothesis, Prepared>> prepared_;
 };
 

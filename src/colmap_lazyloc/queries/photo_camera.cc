@@ -113,12 +113,7 @@ PhotoCamera ChooseBetween(const PhotoCamera& own, const PhotoProperties& photo,
   if (const auto other = choose(photo, database_cameras)) {
     return {other->camera, IntrinsicsSource::DATABASE_CAMERA, OriginOf(*other, /*is_same_device=*/false)};
   }
-  PhotoCamera chosen = own;
-  if (!photo.exif_focal_length_px) return chosen;
-  // EXIF may be so far off that it contradicts the right camera.
-  const auto other = choose(without_focal_length, database_cameras);
-  if (other && other->num_images > 1) chosen.alternative = other->camera;
-  return chosen;
+  return own;
 }
 
 }  // namespace

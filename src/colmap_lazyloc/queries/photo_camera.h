@@ -17,7 +17,6 @@ struct PhotoCamera {
   Camera camera;
   IntrinsicsSource source = IntrinsicsSource::GUESS;
   IntrinsicsOrigin database_origin = IntrinsicsOrigin::SHARED;  // if a camera of the database was chosen
-  std::optional<Camera> alternative = std::nullopt;             // as in LocalizationProblem
 
   // Returns how far the images may correct the intrinsics.
   IntrinsicsOrigin Origin() const;
@@ -57,7 +56,7 @@ bool HasSizeOf(const PhotoProperties& photo, const Camera& camera);
 // 2. a camera of the database with the photo's size (else, with its sides exchanged). It must not contradict the make,
 //    model and focal length of EXIF, and more than half of the images with such cameras must agree on its focal length.
 //    Those whose own EXIF has the photo's focal length are the same device and come first;
-// 3. the focal length in EXIF. A camera of several images that contradicts nothing else is the alternative;
+// 3. the focal length in EXIF;
 // 4. COLMAP's guess of the focal length, 1.2 times the longer side.
 PhotoCamera ChoosePhotoCamera(const PhotoProperties& photo, const DefaultCamera& default_camera,
                               const std::vector<DatabaseCamera>& database_cameras);

@@ -57,7 +57,6 @@ TEST_F(PhotoCameraTest, SameFocalLengthInExifMeansTheSameDevice) {
   EXPECT_EQ(chosen.source, IntrinsicsSource::DATABASE_CAMERA);
   EXPECT_EQ(chosen.Origin(), IntrinsicsOrigin::MODEL) << "EXIF is far off for both in the same way";
   EXPECT_EQ(chosen.camera.params[0], 700);
-  EXPECT_FALSE(chosen.alternative);
   photo_.exif_camera = "Maker-One";
   cameras_[1].exif_camera = "Maker-Two";
   EXPECT_NE(Choose().Origin(), IntrinsicsOrigin::MODEL) << "another make";
@@ -128,21 +127,6 @@ TEST_F(PhotoCameraTest, ExifChoosesTheLens) {
   EXPECT_EQ(SharedFocalLength(), 700);
   photo_.exif_focal_length_px = 1500;
   EXPECT_EQ(Choose().source, IntrinsicsSource::EXIF) << "another lens or zoom";
-}
-
-TEST_F(PhotoCameraTest, CameraThatExifContradictsIsTheAlternative) {
-  cameras_ = {MakeDatabaseCamera(700, 5)};
-  photo_.exif_focal_length_px = 1500;
-  const PhotoCamera chosen = Choose();
-  EXPECT_EQ(chosen.source, IntrinsicsSource::EXIF);
-  ASSERT_TRUE(chosen.alternative);
-  EXPECT_TRUE(SameIntrinsics(*chosen.alternative, cameras_[0].camera));
-  cameras_[0].num_images = 1;
-  EXPECT_FALSE(Choose().alternative) << "that of another image is no better than an estimate";
-  cameras_[0].num_images = 5;
-  photo_.exif_camera = "Maker-One";
-  cameras_[0].exif_camera = "Maker-Two";
-  EXPECT_FALSE(Choose().alternative) << "another camera";
 }
 
 TEST(ChooseStoredCamera, ReplacesCamerasThatNobodyCalibrated) {

@@ -206,7 +206,6 @@ StoredQuery QuerySelection::ReadStoredQuery(const std::string& name, const Datab
     query.camera = chosen.camera;
     query.source = chosen.source;
     query.intrinsics_origin = chosen.Origin();
-    query.alternative_camera = chosen.alternative;
   }
   return query;
 }

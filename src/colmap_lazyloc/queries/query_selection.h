@@ -32,7 +32,6 @@ struct StoredQuery {
   Camera camera;
   IntrinsicsOrigin intrinsics_origin = IntrinsicsOrigin::GIVEN;  // of `camera`
   IntrinsicsSource source = IntrinsicsSource::QUERY_LIST;        // of `camera`
-  std::optional<Camera> alternative_camera;                      // as in LocalizationProblem
   Camera stored_camera;  // as in the database, whose two-view geometries were estimated with it
 };
 

@@ -48,10 +48,8 @@ struct LocalizationProblem {
   std::string query_name;
   Camera query_camera;
   IntrinsicsOrigin intrinsics_origin = IntrinsicsOrigin::GIVEN;  // of query_camera
-  // Tried if the images contradict query_camera, which has EXIF's focal length: a camera of the database (SHARED).
-  std::optional<Camera> alternative_camera;
-  std::vector<Eigen::Vector2d> query_keypoints;  // xy in pixels
-  std::vector<ImagePair> pairs;                  // with database images, sorted by other_name
+  std::vector<Eigen::Vector2d> query_keypoints;                  // xy in pixels
+  std::vector<ImagePair> pairs;                                  // with database images, sorted by other_name
   QueryPrior prior;
 };
 
