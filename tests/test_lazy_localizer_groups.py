@@ -186,10 +186,28 @@ def test_bad_file_is_one_clear_error(localize, exact, tmp_path, option):
         assert not run.output_path.exists()
 
 
+needs_kitti1 = pytest.mark.skipif(
+    not (DATA_PATH / "kitti1" / "database.db").exists(),
+    reason=f"{DATA_PATH / 'kitti1'} is missing; LAZYLOC_SHARED_DATA names the folder of the real scenes",
+)
+
+
+@needs_kitti1
+def test_stereo_rig_tells_its_distance_from_one_database_image(localize, tmp_path):
+    """Pairs both images of a frame with the left database image before it: most points are seen at less than 1.5°."""
+    truth = true_poses("kitti1")
+    names = (DATA_PATH / "kitti1" / "queries.txt").read_text().split()
+    pairs = "".join(f"{name} left/{int(name[-10:-4]) // 3 * 3:06d}.png\n" for name in names)
+    run = localize(*arguments_of("kitti1"), "--pairs_path", write(tmp_path / "pairs.txt", pairs))
+    assert set(run.statuses.values()) == {"LOCALIZED"}
+    position_errors, rotation_errors_deg = np.transpose([run.poses[name].errors(truth[name]) for name in names])
+    assert np.median(position_errors) <= 0.05 and max(position_errors) <= 0.2
+    assert max(rotation_errors_deg) <= 0.4
+
+
+@needs_kitti1
 def test_stereo_rig_is_well_below_single_images(localize, tmp_path):
     """Localizes kitti1 with the database's rig, with the same rig from a configuration file, and with a wrong rig."""
-    if not (DATA_PATH / "kitti1" / "database.db").exists():
-        pytest.skip(f"{DATA_PATH / 'kitti1'} is missing; LAZYLOC_SHARED_DATA names the folder of the real scenes")
     truth = true_poses("kitti1")
     names = evaluated_names("kitti1", truth)
     config_path = DATA_PATH / "kitti1" / "rig_config.json"

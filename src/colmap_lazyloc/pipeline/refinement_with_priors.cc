@@ -16,9 +16,14 @@ constexpr double kMinTrackRatio = 0.5;
 // Factor on the minimum triangulation angle beside a single database image.
 constexpr double kSmallAngleRatio = 0.2;
 
-bool IsBesideOneImage(const Layout& layout, const PairRefs& pairs) {
-  return layout.num_queries == 1 && pairs.size() == 1 && layout.IsDatabase(pairs.front()->other);
+// Returns true if all pairs are with the same database image.
+bool AreBesideOneImage(const Layout& layout, const PairRefs& pairs) {
+  return std::all_of(pairs.begin(), pairs.end(), [&](const PairGeometry* pair) {
+    return layout.IsDatabase(pair->other) && pair->other == pairs.front()->other;
+  });
 }
+
+bool IsOnePair(const Layout& layout, const PairRefs& pairs) { return layout.num_queries == 1 && pairs.size() == 1; }
 
 // Refines a single query from several starts.
 class Refinement {
@@ -35,7 +40,7 @@ class Refinement {
   // Beside a single image, uses points of smaller angles, because it sees them no better.
   Refined From(const PosedImages& start) const {
     LocalizerOptions options = options_;
-    if (IsBesideOneImage(layout_, pairs_) && !layout_.has_depths) {
+    if (AreBesideOneImage(layout_, pairs_)) {
       options.triangulation.min_triangulation_angle_deg *= kSmallAngleRatio;
     }
     return Refine(layout_, start, start_tracks_, candidates_, options, seconds_);
@@ -109,12 +114,9 @@ RefinedWithPriors RefineWithPriors(const Layout& layout, const PairRefs& pairs, 
                                    const LocalizerOptions& options, StageTimer::Seconds* seconds) {
   std::vector<QueryPriorResult> untested;
   for (const QueryPrior& prior : layout.priors) untested.push_back(UntestedPriors(prior));
-  if (!HavePriors(layout) && !IsBesideOneImage(layout, pairs)) {
-    return {Refine(layout, start, start_tracks, std::move(candidates), options, seconds), std::move(untested)};
-  }
   const Refinement refinement(layout, pairs, start_tracks, std::move(candidates), options, seconds);
   Refined refined = refinement.From(start);
-  if (IsBesideOneImage(layout, pairs)) refined = refinement.WithOtherOrientation(start, std::move(refined));
+  if (IsOnePair(layout, pairs)) refined = refinement.WithOtherOrientation(start, std::move(refined));
   if (!HavePriors(layout)) return {std::move(refined), std::move(untested)};
   PriorJudgement judgement = [&] {
     const StageTimer timer("priors", seconds);

@@ -40,10 +40,11 @@ bool HasPositionPrior(const AdjustedFrame& frame) {
   });
 }
 
+bool AreOnePlace(const Eigen::Vector3d& a, const Eigen::Vector3d& b) { return (a - b).norm() <= 1e-9 * (1 + a.norm()); }
+
 bool AreOnePlace(const std::vector<Eigen::Vector3d>& centres) {
-  return std::all_of(centres.begin(), centres.end(), [&](const Eigen::Vector3d& centre) {
-    return (centre - centres.front()).norm() <= 1e-9 * (1 + centre.norm());
-  });
+  return std::all_of(centres.begin(), centres.end(),
+                     [&](const Eigen::Vector3d& centre) { return AreOnePlace(centre, centres.front()); });
 }
 
 // Returns true if the deviation of the frame's centres and its database images' from their best line is less than
@@ -107,9 +108,19 @@ std::string UnobservableDirectionReason(const PoseSpread& spread, double distanc
 
 }  // namespace
 
-int CountCommonTracks(const TrackRefs& tracks) {
-  return static_cast<int>(
-      std::count_if(tracks.begin(), tracks.end(), [](const Track* track) { return track->observations.size() > 2; }));
+int CountCommonTracks(const PosedImages& posed, const TrackRefs& tracks) {
+  std::vector<Eigen::Vector3d> centres;  // by image
+  for (const Rigid3d& cam_from_world : CamsFromWorld(posed)) centres.push_back(CamInWorld(cam_from_world));
+  return static_cast<int>(std::count_if(tracks.begin(), tracks.end(), [&](const Track* track) {
+    std::vector<Eigen::Vector3d> places;
+    for (const TrackObservation& element : track->observations) {
+      const Eigen::Vector3d& centre = centres[element.image];
+      const bool is_new = std::none_of(places.begin(), places.end(),
+                                       [&](const Eigen::Vector3d& place) { return AreOnePlace(centre, place); });
+      if (is_new) places.push_back(centre);
+    }
+    return places.size() > 2;
+  }));
 }
 
 int CountTracksWithDepth(const PosedImages& posed, const TrackRefs& tracks) {
@@ -121,28 +132,23 @@ int CountTracksWithDepth(const PosedImages& posed, const TrackRefs& tracks) {
 }
 
 bool FixDistance(const PosedImages& posed, const TrackRefs& tracks) {
-  return CountTracksWithDepth(posed, tracks) >= kMinNumTracks && CountCommonTracks(tracks) < kMinNumTracks;
+  return CountTracksWithDepth(posed, tracks) >= kMinNumTracks && CountCommonTracks(posed, tracks) < kMinNumTracks;
 }
 
 bool IsPositionUnobservable(const AdjustedFrame& frame, const LocalizerOptions& options) {
   const Rigid3d& frame_from_world = frame.adjustment.posed.frames[frame.frame].frame_from_world;
-  const bool has_common = CountCommonTracks(frame.tracks) >= kMinNumTracks;
+  const bool has_common = CountCommonTracks(frame.adjustment.posed, frame.tracks) >= kMinNumTracks;
   const bool has_depth = CountTracksWithDepth(frame.adjustment.posed, frame.tracks) >= kMinNumTracks;
   const bool has_prior = HasPositionPrior(frame);
-  // The noise of points with one database image is stated larger than it is, because of false matches. If there are no
-  // other points, only the variance factor tells the noise of the position.
-  double variance_factor = !has_common || has_prior ? frame.variance_factor : 1;
-  // States the uncertainty of depths as it is, because unlike the images' noise it is not assumed too large.
-  if (has_depth) variance_factor = std::min(frame.variance_factor, 1.0);
   const PoseSpread spread =
-      MakePoseDistribution(frame_from_world, variance_factor * frame.adjustment.frame_covariances[frame.frame])
+      MakePoseDistribution(frame_from_world, frame.variance_factor * frame.adjustment.frame_covariances[frame.frame])
           .Spread();
   if (!(spread.rotation_stddev_rad <= options.max_position_stddev_ratio)) return true;
   if (has_prior) return false;
   const double distance = MedianDistance(frame_from_world, frame.tracks);
   if (!(spread.position_stddevs[0] <= options.max_position_stddev_ratio * distance)) return true;
-  // On a line, only points of two database images, or of one and two queries, fix the position along it. Without them
-  // the position may have moved onto a database image, where the covariance no longer shows that it can move.
+  // On a line, only points that are seen from two other places fix the position along it. Without them the position may
+  // have moved onto a database image, where the covariance no longer shows that it can move.
   return !has_depth && !has_common && AreOnOneLine(frame, 0.01);
 }
 

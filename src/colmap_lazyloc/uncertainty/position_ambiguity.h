@@ -23,8 +23,8 @@ struct AdjustedFrame {
   std::optional<bool> has_one_orientation = {};
 };
 
-// Return the number of tracks with more than two images, and of those with a depth.
-int CountCommonTracks(const TrackRefs& tracks);
+// Return the number of tracks that images of more than two places see, and of those with a depth.
+int CountCommonTracks(const PosedImages& posed, const TrackRefs& tracks);
 int CountTracksWithDepth(const PosedImages& posed, const TrackRefs& tracks);
 
 // Returns true if depths decide about a distance that nothing else tells.
