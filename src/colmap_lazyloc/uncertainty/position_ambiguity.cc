@@ -136,20 +136,19 @@ bool FixDistance(const PosedImages& posed, const TrackRefs& tracks) {
 }
 
 bool IsPositionUnobservable(const AdjustedFrame& frame, const LocalizerOptions& options) {
-  const Rigid3d& frame_from_world = frame.adjustment.posed.frames[frame.frame].frame_from_world;
-  const bool has_common = CountCommonTracks(frame.adjustment.posed, frame.tracks) >= kMinNumTracks;
-  const bool has_depth = CountTracksWithDepth(frame.adjustment.posed, frame.tracks) >= kMinNumTracks;
-  const bool has_prior = HasPositionPrior(frame);
+  const PosedImages& posed = frame.adjustment.posed;
+  const Rigid3d& frame_from_world = posed.frames[frame.frame].frame_from_world;
   const PoseSpread spread =
       MakePoseDistribution(frame_from_world, frame.variance_factor * frame.adjustment.frame_covariances[frame.frame])
           .Spread();
   if (!(spread.rotation_stddev_rad <= options.max_position_stddev_ratio)) return true;
-  if (has_prior) return false;
+  if (HasPositionPrior(frame)) return false;
   const double distance = MedianDistance(frame_from_world, frame.tracks);
   if (!(spread.position_stddevs[0] <= options.max_position_stddev_ratio * distance)) return true;
-  // On a line, only points that are seen from two other places fix the position along it. Without them the position may
-  // have moved onto a database image, where the covariance no longer shows that it can move.
-  return !has_depth && !has_common && AreOnOneLine(frame, 0.01);
+  // On a line, only depths, or points that are seen from two other places, fix the position along it. Without them the
+  // position may have moved onto a database image, where the covariance no longer shows that it can move.
+  return AreOnOneLine(frame, 0.01) && CountTracksWithDepth(posed, frame.tracks) < kMinNumTracks &&
+         CountCommonTracks(posed, frame.tracks) < kMinNumTracks;
 }
 
 Failure UnobservablePositionFailure(const AdjustedFrame& frame, double variance_factor) {
