@@ -101,7 +101,6 @@ Choice GivenOrEstimated(const Solution& given, const Solution& refined, const Lo
 Choice Better(const Choice& choice, const Solution& next, const LocalizerOptions& options) {
   const Solution& chosen = *choice.solution;
   if (next.hypothesis.estimates_focal_length) return GivenOrEstimated(chosen, next, options);
-  if (next.hypothesis.approach == Approach::OTHER_STARTS && !OvercomesPairs(next, options)) return choice;
   if (chosen.hypothesis.estimates_focal_length) return GivenOrEstimated(next, chosen, options);
   // Others are tried if nothing else is left for the position: rotations alone, or the pair of one database image.
   return AsSolved(next);
@@ -139,17 +138,6 @@ std::vector<int> FramesWithoutPose(const Choice& choice, const LocalizerOptions&
     }
   }
   return frames;
-}
-
-bool OvercomesPairs(const Solution& other_starts, const LocalizerOptions& options) {
-  // Accepts nothing that rests on epipolar constraints alone, because relative poses contradict each other.
-  return !IsRefused(other_starts, options) && !IsDistanceByPrior(other_starts, options) &&
-         other_starts.evidence.front().num_common_tracks >= kMinNumTracks;
-}
-
-bool IsDistanceByPrior(const Solution& solution, const LocalizerOptions& options) {
-  const std::optional<PriorResult>& position = solution.priors.front().position;
-  return HasPose(solution, options) && position && position->fixes == PriorRole::DISTANCE;
 }
 
 bool IsRefused(const Solution& solution, const LocalizerOptions& options) {

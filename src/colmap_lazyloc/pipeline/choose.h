@@ -26,12 +26,6 @@ const IntrinsicsResult* RefusedIntrinsics(const Layout& layout, const std::vecto
 // Returns the frames without a pose, or with contradicted intrinsics. All frames if the failure is the whole group's.
 std::vector<int> FramesWithoutPose(const Choice& choice, const LocalizerOptions& options);
 
-// Returns true if other starts fix a pose although the pairs contradict each other.
-bool OvercomesPairs(const Solution& other_starts, const LocalizerOptions& options);
-
-// Returns true if a prior fixes the distance of a single query's pose.
-bool IsDistanceByPrior(const Solution& solution, const LocalizerOptions& options);
-
 // Returns true if a single query has no pose by the solution, or one that is less credible than the options ask for.
 bool IsRefused(const Solution& solution, const LocalizerOptions& options);
 

@@ -36,30 +36,10 @@ class ChooseTest : public testing::Test {
   IntrinsicsResult Intrinsics() const { return Chosen().intrinsics.front(); }
 
   const Hypothesis kEstimated{true};
-  const Hypothesis kOtherStarts{false, "", Approach::OTHER_STARTS};
   const MadeUpQuery query_;
   LocalizerOptions options_;
   std::vector<Solution> solutions_;
 };
-
-TEST_F(ChooseTest, OtherStartsOvercomePairsOnlyWithPointsAndConfidence) {
-  AddGiven().failure = Failure{QueryStatus::SCALE_UNOBSERVABLE, ""};
-  Solution& other = Add(kOtherStarts);
-  EXPECT_EQ(Index(), 1);
-  other.evidence[0].num_common_tracks = kMinNumTracks - 1;
-  options_.min_confidence = 0;
-  EXPECT_EQ(Index(), 0) << "epipolar constraints alone";
-  other.evidence[0] = query_.Unlikely();
-  options_.min_confidence = 0.5;
-  EXPECT_EQ(Index(), 0) << "not credible";
-  options_.min_confidence = 0;
-  EXPECT_EQ(Index(), 1);
-  other.priors[0].position = PriorResult{PriorVerdict::USED, PriorRole::DISTANCE, 0, 0};
-  EXPECT_EQ(Index(), 0) << "the prior fixes what the pairs do not determine, as it does without other starts";
-  other.priors[0] = {};
-  other.failure = Failure{QueryStatus::TOO_FEW_TRACKS, ""};
-  EXPECT_EQ(Index(), 0);
-}
 
 TEST_F(ChooseTest, WhatIsTriedForAnOpenPositionReplacesIt) {
   AddGiven().failure = Failure{QueryStatus::DEGENERATE_BASELINE, ""};

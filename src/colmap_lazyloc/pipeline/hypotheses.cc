@@ -24,14 +24,6 @@ bool HasUntestedPosition(const Solution& solution) {
   return position && position->verdict == PriorVerdict::NOT_TESTED;
 }
 
-// Returns true if motion averaging may have left a single one of several pairs, because their relative poses contradict
-// it.
-bool MayBeOnePairLeft(const Solution& solution, const LocalizerOptions& options) {
-  if (!FailsBy(solution, QueryStatus::SCALE_UNOBSERVABLE) && !IsDistanceByPrior(solution, options)) return false;
-  const std::vector<int>& num_inliers = solution.prepared->estimates.num_inliers.front();
-  return std::count_if(num_inliers.begin(), num_inliers.end(), [](int count) { return count > 0; }) > 1;
-}
-
 // Returns true if the images give a rotation and nothing of the position, which a prior gives.
 bool IsPositionLeftToPrior(const Solution& solution) {
   return FailsBy(solution, QueryStatus::DEGENERATE_BASELINE) && !solution.failure->partial_poses.empty() &&
@@ -51,7 +43,7 @@ std::optional<Hypothesis> AfterEstimate(const std::vector<Solution>& solutions, 
   return may_be_stated && IsRefused(solutions.back(), options) ? std::make_optional(Hypothesis()) : std::nullopt;
 }
 
-// Returns the hypothesis after a solution with given intrinsics that other starts do not replace.
+// Returns the hypothesis after a solution with given intrinsics.
 std::optional<Hypothesis> AfterGiven(const Solution& given, const LocalizerOptions& options) {
   const LocalizationProblem& problem = given.prepared->group.images.front().problem;
   const bool can_estimate = options.intrinsics == IntrinsicsMode::AUTO && HasFocalLength(problem.query_camera) &&
@@ -87,15 +79,7 @@ std::optional<Hypothesis> NextHypothesis(const QueryGroup& group, const std::vec
   if (!is_single || !has_tracks) return std::nullopt;
   const Solution& last = solutions.back();
   if (last.hypothesis.estimates_focal_length) return AfterEstimate(solutions, options);
-  next = last.hypothesis;
-  if (next.approach == Approach::ROTATION) return std::nullopt;
-  if (next.approach == Approach::OTHER_STARTS) {
-    if (OvercomesPairs(last, options)) return std::nullopt;
-    return AfterGiven(solutions[solutions.size() - 2], options);
-  }
-  if (!MayBeOnePairLeft(last, options)) return AfterGiven(last, options);
-  next.approach = Approach::OTHER_STARTS;
-  return next;
+  return last.hypothesis.approach == Approach::ROTATION ? std::nullopt : AfterGiven(last, options);
 }
 
 }  // namespace lazyloc

@@ -14,8 +14,6 @@ struct Solution;
 // Method that gives the pose.
 enum class Approach {
   TRACKS,          // adjustment over tracks, from the start that fits the matches best, motion averaging's among them
-  OTHER_STARTS,    // the same, without motion averaging and with the matches of all pairs: points that two database
-                   // images triangulate may fix a pose although relative poses are wrong
   ROTATION,        // rotations alone; a prior is the position
   WITHOUT_TRACKS,  // one of the paper's alternatives to adjustment over tracks
 };

@@ -77,19 +77,14 @@ TEST(NextHypothesis, FocalLengthOfAnotherCameraIsEstimatedBeforeItIsTried) {
   }
 }
 
-TEST(NextHypothesis, OtherStartsAreTriedIfOnePairIsLeftOfSeveral) {
+TEST(NextHypothesis, OneImageOfAPlaceIsTriedIfAPriorMayGiveTheDistance) {
   MadeUpQuery query;
+  const Failure failure = FailureWithBearing(QueryStatus::SCALE_UNOBSERVABLE, "database0001.jpg");
+  EXPECT_FALSE(NextHypothesis(query.Group(), {Failed(query, {}, failure)}, {})) << "there is no prior";
   query.Problem().prior.position.emplace();
-  std::vector<Solution> solutions = {
-      Failed(query, {}, FailureWithBearing(QueryStatus::SCALE_UNOBSERVABLE, "database0001.jpg"))};
-  const Hypothesis other = Next(query, solutions);
-  EXPECT_EQ(other.approach, Approach::OTHER_STARTS);
-  solutions.push_back(query.Solved(other));
-  EXPECT_FALSE(NextHypothesis(query.Group(), solutions, {}));
-  solutions.back().failure = Failure{QueryStatus::TOO_FEW_TRACKS, ""};
-  const Hypothesis one_image = Next(query, solutions);
+  const Hypothesis one_image = Next(query, {Failed(query, {}, failure)});
   EXPECT_EQ(one_image.approach, Approach::TRACKS);
-  EXPECT_EQ(one_image.only_database_image, "database0001.jpg") << "the prior may give the distance from there";
+  EXPECT_EQ(one_image.only_database_image, "database0001.jpg");
 }
 
 TEST(NextHypothesis, RotationIsTriedIfAPriorIsAllThatIsKnownOfThePosition) {

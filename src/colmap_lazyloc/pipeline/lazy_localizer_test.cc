@@ -339,7 +339,7 @@ TEST(LocalizeQuery, PointsOfTwoImagesPrecedeAPosition) {
   EXPECT_LE(PositionError(result.cam_from_world, scene.query_cam_from_world), 0.05);
 }
 
-TEST(LocalizeQuery, MatchesOfContradictoryPairsWithoutCommonPointsLocalizeNothing) {
+TEST(LocalizeQuery, MatchesOfContradictoryPairsLocalizeWithoutCommonPoints) {
   SyntheticScene scene = MakeContradictoryScene();
   for (size_t i = 0; i < 2; ++i) {
     Matches kept;
@@ -349,7 +349,9 @@ TEST(LocalizeQuery, MatchesOfContradictoryPairsWithoutCommonPointsLocalizeNothin
     scene.problem.pairs[i].geometry->inlier_matches = kept;
   }
   const LocalizationResult result = LocalizeQuery(scene.problem, {});
-  EXPECT_EQ(result.status, QueryStatus::SCALE_UNOBSERVABLE) << result.reason;
+  ASSERT_EQ(result.status, QueryStatus::LOCALIZED) << result.reason;
+  EXPECT_EQ(result.start, EnumName(StartPose::GENERALIZED_RELATIVE_POSE));
+  EXPECT_LE(PositionError(result.cam_from_world, scene.query_cam_from_world), 0.05);
 }
 
 }  // namespace

@@ -145,20 +145,15 @@ void AddRefined(const Solution& solution, Results* results) {
   }
 }
 
-// Returns what a solution assumes that the chosen one does not.
-std::string Explanation(const Solution& other, const Solution& chosen) {
+// Returns what a solution assumes that the chosen one, with the other kind of focal length, does not.
+std::string Explanation(const Solution& other) {
   const IntrinsicsResult& intrinsics = other.checked.results.front();
   const Camera& camera = other.prepared->group.images.front().problem.query_camera;
   if (other.hypothesis.estimates_focal_length) {
     return Format("the focal length is %.1f px, as the images suggest",
                   intrinsics.focal_factor * MeanFocalLength(camera));
   }
-  if (chosen.hypothesis.estimates_focal_length) {
-    return Format("the focal length is %.1f px (origin: %s)", MeanFocalLength(camera), EnumName(intrinsics.origin));
-  }
-  return other.hypothesis.approach == Approach::OTHER_STARTS
-             ? "points that database images triangulate are right, relative poses of pairs are not"
-             : "relative poses of pairs are right";
+  return Format("the focal length is %.1f px (origin: %s)", MeanFocalLength(camera), EnumName(intrinsics.origin));
 }
 
 // Adds the more probable of the competing pose and the other solution.
@@ -179,7 +174,7 @@ void AddRunnerUp(const Choice& choice, int query, LocalizationResult* result) {
   const double odds = OddsOfWrong(*result->confidence) / OddsOfWrong(Confidence(other.evidence[frame]));
   if (result->runner_up && result->runner_up->odds > odds) return;
   result->runner_up =
-      RunnerUp{Explanation(other, solution), PoseInWorld(other.prepared->layout, other.checked.posed, query), odds};
+      RunnerUp{Explanation(other), PoseInWorld(other.prepared->layout, other.checked.posed, query), odds};
 }
 
 // Sets the confidence with the runner-up, the status and its reason.

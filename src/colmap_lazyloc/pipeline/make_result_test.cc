@@ -147,14 +147,14 @@ TEST(MakeResults, RunnerUpIsTheMoreProbableOfCompetingPoseAndOtherSolution) {
   EXPECT_FALSE(group.Results().front().runner_up);
 
   Solution other = group.solution;
-  other.hypothesis.approach = Approach::OTHER_STARTS;
+  other.hypothesis.estimates_focal_length = true;
   other.evidence[0].num_common_tracks = 5;
   const Choice choice{&group.solution, group.solution.checked.results, 0, &other};
   LocalizationResult result = MakeResults(choice, {}, {}).front();
   ASSERT_TRUE(result.runner_up);
   const double confidence = Confidence(other.evidence[0]);
   EXPECT_NEAR(result.runner_up->odds, confidence / (1 - confidence) * (1 / *result.confidence - 1), 1e-12);
-  EXPECT_THAT(result.runner_up->explanation, HasSubstr("relative poses of pairs are not"));
+  EXPECT_THAT(result.runner_up->explanation, HasSubstr("as the images suggest"));
   EXPECT_LE(PositionError(result.runner_up->cam_from_world, group.scene.cam_from_world[0]), 1e-9);
 
   Random random(1);
@@ -163,7 +163,8 @@ TEST(MakeResults, RunnerUpIsTheMoreProbableOfCompetingPoseAndOtherSolution) {
   evidence.competing_ratio = 0.1;
   result = MakeResults(choice, {}, {}).front();
   EXPECT_LT(result.runner_up->odds, 1);
-  EXPECT_THAT(result.runner_up->explanation, HasSubstr("are not")) << "few points speak for the competing pose";
+  EXPECT_THAT(result.runner_up->explanation, HasSubstr("as the images suggest"))
+      << "few points speak for the competing pose";
   evidence.competing_ratio = 1.5;
   other.evidence[0].num_common_tracks = 1;
   result = MakeResults(choice, {}, {}).front();

@@ -68,10 +68,10 @@ class Solver {
         seconds_(seconds),
         solution_(*solution) {}
 
-  // Adjusts over tracks. averages_motion: false if all pairs are used and other starts are tried.
-  void SolveByTracks(bool averages_motion) {
+  // Adjusts over tracks.
+  void SolveByTracks() {
     Averaged& averaged = solution_.averaged;
-    averaged = averages_motion ? Average() : WithAllPairs();
+    averaged = Average();
     StartInput input = MakeStartInput();
     averaged.posed = std::move(input.posed);
     const Start start = Timed(
@@ -250,7 +250,7 @@ Solution Solve(const Prepared& prepared, const Hypothesis& hypothesis, const Loc
     } else if (hypothesis.approach == Approach::WITHOUT_TRACKS) {
       solver.SolveWithoutTracks();
     } else {
-      solver.SolveByTracks(/*averages_motion=*/hypothesis.approach == Approach::TRACKS);
+      solver.SolveByTracks();
     }
   } catch (const Failure& failure) {
     solution.failure = failure;

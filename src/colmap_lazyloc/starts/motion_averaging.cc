@@ -21,32 +21,22 @@ bool IsWithinFrame(const Layout& layout, const PairGeometry& pair) {
 // Returns the pairs whose rotation error is within the bound. Throws for frames whose pairs contradict each other.
 PairRefs AgreeingPairs(const Layout& layout, const PairRefs& pairs, const std::vector<double>& rotation_errors_rad,
                        double max_error_deg) {
-  struct Count {
-    size_t num_pairs = 0, num_agreeing = 0, num_inliers = 0, num_agreeing_inliers = 0;
-  };
-  std::vector<Count> counts(layout.num_query_frames);
+  std::vector<size_t> num_pairs(layout.num_query_frames, 0), num_agreeing(layout.num_query_frames, 0);
   const auto agrees = [&](size_t i) { return rotation_errors_rad[i] <= DegToRad(max_error_deg); };
   PairRefs agreeing;
   for (size_t i = 0; i < pairs.size(); ++i) {
     const PairGeometry& pair = *pairs[i];
-    const size_t num_inliers = static_cast<size_t>(pair.num_inliers);
     std::vector<int> frames = {layout.FrameOf(pair.query)};
     if (!layout.IsDatabase(pair.other) && !IsWithinFrame(layout, pair)) frames.push_back(layout.FrameOf(pair.other));
     for (const int frame : frames) {
-      ++counts[frame].num_pairs;
-      counts[frame].num_inliers += num_inliers;
-      counts[frame].num_agreeing += agrees(i);
-      counts[frame].num_agreeing_inliers += agrees(i) ? num_inliers : 0;
+      ++num_pairs[frame];
+      num_agreeing[frame] += agrees(i);
     }
     if (agrees(i)) agreeing.push_back(&pair);
   }
   CheckFrames(layout.num_query_frames, QueryStatus::INCONSISTENT_ROTATIONS, [&](int frame) {
-    // A single agreeing pair is accepted only if it has most of the inliers, because nothing else confirms it.
-    const Count& count = counts[frame];
-    if (count.num_pairs <= 1 || count.num_agreeing >= 2 || 2 * count.num_agreeing_inliers > count.num_inliers) {
-      return Reason();
-    }
-    return Reason("no two of " + std::to_string(count.num_pairs) + " pairs agree on the query's rotation within " +
+    if (num_agreeing[frame] >= std::min<size_t>(num_pairs[frame], 2)) return Reason();
+    return Reason("no two of " + std::to_string(num_pairs[frame]) + " pairs agree on the query's rotation within " +
                   std::to_string(max_error_deg) + " deg");
   });
   return agreeing;

@@ -2,7 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <set>
 #include <string>
+#include <utility>
 
 #include "colmap_lazyloc/bridge/absolute_pose.h"
 #include "colmap_lazyloc/bridge/generalized_relative_pose.h"
@@ -14,7 +16,8 @@ namespace {
 
 // Minimum number of tracks from the database with which a generalized relative pose is not worth its time.
 constexpr size_t kFewTracks = 30;
-// Minimum score of a pose that motion averaging has not confirmed: more than chance gives a pose of wrong matches.
+// Minimum score of a pose that motion averaging has not confirmed: more than chance gives a pose of wrong matches. Such
+// a pose localizes nothing, but its failure says less than that of averaging.
 constexpr double kMinUnconfirmedScore = 12;
 
 // Returns the distance of the query's keypoint from the epipolar line of the track's database observation.
@@ -120,19 +123,21 @@ std::optional<Rigid3d> DepthStart(const StartProblem& problem, uint32_t seed) {
 
 std::optional<Rigid3d> GeneralizedRelativePoseStart(const StartProblem& problem, uint32_t seed) {
   std::vector<PosedRayMatch> matches;
+  std::set<std::pair<int, int>> image_pairs;
   double max_error_rad = 0;
   for (const TrackRefs* tracks : {&problem.from_database, &problem.rest}) {
     VisitFrame(problem, *tracks, [&](const Track& track, const TrackObservation& query) {
       if (max_error_rad == 0) max_error_rad = MaxErrorRad(problem, query.observation);
       for (const TrackObservation& element : track.observations) {
         if (!problem.posed.IsDatabase(element.image)) continue;
+        image_pairs.emplace(query.image, element.image);
         matches.push_back({query.observation.ray_in_cam, element.observation.ray_in_cam,
                            CamFromWorld(problem.posed, element.image),
                            problem.posed.images[query.image].cam_from_frame});
       }
     });
   }
-  if (matches.size() < 16) return std::nullopt;
+  if (matches.size() < 16 || image_pairs.size() < 2) return std::nullopt;  // one pair tells no distance
   return EstimateGeneralizedRelativePose(matches, max_error_rad, seed);
 }
 

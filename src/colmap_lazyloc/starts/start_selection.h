@@ -28,7 +28,7 @@ struct StartProblem {
 double ScoreStart(const StartProblem& problem, const Rigid3d& frame_from_world);
 
 // Return starts, or nullopt with too few tracks: P3P in RANSAC on the tracks from the database (generalized
-// P3P for a rig), the same with those from depth maps too, and the generalized relative pose over all pairs.
+// P3P for a rig), the same with those from depth maps too, and the generalized relative pose over two or more pairs.
 std::optional<Rigid3d> AbsolutePoseStart(const StartProblem& problem, uint32_t seed);
 std::optional<Rigid3d> DepthStart(const StartProblem& problem, uint32_t seed);
 std::optional<Rigid3d> GeneralizedRelativePoseStart(const StartProblem& problem, uint32_t seed);
