@@ -17,28 +17,11 @@
 #include "colmap_lazyloc/starts/competing_pose.h"
 #include "colmap_lazyloc/starts/motion_averaging.h"
 #include "colmap_lazyloc/starts/pure_rotation.h"
-#include "colmap_lazyloc/uncertainty/position_ambiguity.h"
 
 namespace lazyloc {
 namespace {
 
 constexpr double kUnknown = std::numeric_limits<double>::quiet_NaN();
-
-// Takes contradicted intrinsics for unobservable if depths or a prior alone fix the distance: their errors look like
-// those of intrinsics, and a single image hardly tells the focal length.
-void IgnoreContradictionsWithoutDistance(const Layout& layout, const Refined& refined,
-                                         std::vector<IntrinsicsResult>* intrinsics) {
-  if (!layout.has_depths && !refined.unobservable_line) return;
-  const BundleAdjustmentResult& adjustment = refined.adjustment;
-  const std::vector<TrackRefs> tracks_of = TracksByFrame(layout, adjustment.tracks);
-  for (int query = 0; query < layout.num_queries; ++query) {
-    IntrinsicsResult& result = (*intrinsics)[query];
-    if (result.verdict != IntrinsicsVerdict::CONTRADICTED) continue;
-    if (!refined.unobservable_line && !FixDistance(adjustment.posed, tracks_of[layout.FrameOf(query)])) continue;
-    result.verdict = IntrinsicsVerdict::UNOBSERVABLE;
-    result.contradiction.clear();
-  }
-}
 
 // Returns a rotation with a prior of gravity that it does not contradict.
 RotationFit WithGravity(const GravityPrior& gravity, RotationFit fit) {
@@ -189,7 +172,6 @@ class Solver {
       checked = std::move(fused.checked);
       solution_.priors = std::move(fused.results);
     }
-    IgnoreContradictionsWithoutDistance(layout_, refined, &checked.results);
     Timed("confidence", seconds_, [&] {
       solution_.evidence = MeasureEvidence(layout_, estimates_.num_inliers, refined, checked.poses);
       AddCompetingPoses(refined);
