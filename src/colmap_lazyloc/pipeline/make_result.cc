@@ -145,7 +145,7 @@ void AddRefined(const Solution& solution, Results* results) {
   }
 }
 
-// Returns what a solution assumes that the chosen one, with the other kind of focal length, does not.
+// Returns what the solution beside the chosen one assumes of the focal length.
 std::string Explanation(const Solution& other) {
   const IntrinsicsResult& intrinsics = other.checked.results.front();
   const Camera& camera = other.prepared->group.images.front().problem.query_camera;

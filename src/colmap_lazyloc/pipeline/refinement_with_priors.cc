@@ -23,6 +23,13 @@ bool AreBesideOneImage(const Layout& layout, const PairRefs& pairs) {
   });
 }
 
+// Returns the options of refinement. Beside a single image, points of smaller angles are used, because it sees them no
+// better.
+LocalizerOptions RefinementOptions(const Layout& layout, const PairRefs& pairs, LocalizerOptions options) {
+  if (AreBesideOneImage(layout, pairs)) options.triangulation.min_triangulation_angle_deg *= kSmallAngleRatio;
+  return options;
+}
+
 bool IsOnePair(const Layout& layout, const PairRefs& pairs) { return layout.num_queries == 1 && pairs.size() == 1; }
 
 // Refines a single query from several starts.
@@ -37,13 +44,8 @@ class Refinement {
         options_(options),
         seconds_(seconds) {}
 
-  // Beside a single image, uses points of smaller angles, because it sees them no better.
   Refined From(const PosedImages& start) const {
-    LocalizerOptions options = options_;
-    if (AreBesideOneImage(layout_, pairs_)) {
-      options.triangulation.min_triangulation_angle_deg *= kSmallAngleRatio;
-    }
-    return Refine(layout_, start, start_tracks_, candidates_, options, seconds_);
+    return Refine(layout_, start, start_tracks_, candidates_, options_, seconds_);
   }
 
   // Refines from the other orientation too, if the position is unobservable. Returns the better one.
@@ -114,7 +116,12 @@ RefinedWithPriors RefineWithPriors(const Layout& layout, const PairRefs& pairs, 
                                    const LocalizerOptions& options, StageTimer::Seconds* seconds) {
   std::vector<QueryPriorResult> untested;
   for (const QueryPrior& prior : layout.priors) untested.push_back(UntestedPriors(prior));
-  const Refinement refinement(layout, pairs, start_tracks, std::move(candidates), options, seconds);
+  const LocalizerOptions refinement_options = RefinementOptions(layout, pairs, options);
+  if (!HavePriors(layout) && !IsOnePair(layout, pairs)) {
+    return {Refine(layout, start, start_tracks, std::move(candidates), refinement_options, seconds),
+            std::move(untested)};
+  }
+  const Refinement refinement(layout, pairs, start_tracks, std::move(candidates), refinement_options, seconds);
   Refined refined = refinement.From(start);
   if (IsOnePair(layout, pairs)) refined = refinement.WithOtherOrientation(start, std::move(refined));
   if (!HavePriors(layout)) return {std::move(refined), std::move(untested)};
