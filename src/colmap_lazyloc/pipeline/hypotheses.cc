@@ -1,7 +1,5 @@
 #include "colmap_lazyloc/pipeline/hypotheses.h"
 
-#include <algorithm>
-
 #include "colmap_lazyloc/intrinsics/focal_length.h"
 #include "colmap_lazyloc/pipeline/choose.h"
 
@@ -68,13 +66,13 @@ std::optional<Hypothesis> AfterGiven(const Solution& given, const LocalizerOptio
 std::optional<Hypothesis> NextHypothesis(const QueryGroup& group, const std::vector<Solution>& solutions,
                                          const LocalizerOptions& options) {
   const bool is_single = group.images.size() == 1;
-  const LocalizationProblem& stated = group.images.front().problem;
   const bool has_tracks = options.post_optimization == PostOptimization::TRACKS;
-  Hypothesis next;
   if (solutions.empty()) {
-    if (!has_tracks) next.approach = Approach::WITHOUT_TRACKS;
-    next.estimates_focal_length = is_single && has_tracks && IsFocalLengthUnknown(stated, options);
-    return next;
+    Hypothesis first;
+    if (!has_tracks) first.approach = Approach::WITHOUT_TRACKS;
+    first.estimates_focal_length =
+        is_single && has_tracks && IsFocalLengthUnknown(group.images.front().problem, options);
+    return first;
   }
   if (!is_single || !has_tracks) return std::nullopt;
   const Solution& last = solutions.back();

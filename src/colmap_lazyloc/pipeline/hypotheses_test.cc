@@ -3,10 +3,7 @@
 #include <Eigen/Core>
 #include <gtest/gtest.h>
 
-#include "colmap_lazyloc/bridge/camera_models.h"
-#include "colmap_lazyloc/pipeline/lazy_localizer.h"
 #include "colmap_lazyloc/pipeline/solutions_test_input.h"
-#include "colmap_lazyloc/testing/synthetic_scene.h"
 
 namespace lazyloc {
 namespace {

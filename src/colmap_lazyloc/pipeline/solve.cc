@@ -135,8 +135,7 @@ class Solver {
   // Returns all pairs, without poses.
   Averaged WithAllPairs() {
     const PairRefs pairs = Refs(estimates_.pairs);
-    return {layout_.given, pairs, std::vector<RelativeDirection>(pairs.size()),
-            Failure{QueryStatus::INCONSISTENT_ROTATIONS, "no start fits the matches"}};
+    return {layout_.given, pairs, std::vector<RelativeDirection>(pairs.size()), {}};
   }
 
   // Returns the tracks of the pairs in use, triangulated, with the depths that maps give.
