@@ -33,13 +33,6 @@ RotationFit WithGravity(const GravityPrior& gravity, RotationFit fit) {
   return fit;
 }
 
-// Runs a stage and adds its wall time.
-template <typename Stage>
-auto Timed(const char* name, StageTimer::Seconds* seconds, const Stage& stage) {
-  const StageTimer timer(name, seconds);
-  return stage();
-}
-
 // Solves one hypothesis; each method fills the solution as far as its stages come.
 class Solver {
  public:

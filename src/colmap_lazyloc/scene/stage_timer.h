@@ -38,4 +38,11 @@ class StageTimer {
   const std::chrono::steady_clock::time_point start_ = std::chrono::steady_clock::now();
 };
 
+// Runs a stage and adds its wall time.
+template <typename Stage>
+auto Timed(const char* name, StageTimer::Seconds* seconds, const Stage& stage) {
+  const StageTimer timer(name, seconds);
+  return stage();
+}
+
 }  // namespace lazyloc

@@ -184,14 +184,10 @@ bool CanDoWithoutAveraging(const Failure& failure, const Layout& layout) {
 Averaged AverageMotion(const Layout& layout, const std::vector<PairGeometry>& pairs, const LocalizerOptions& options,
                        StageTimer::Seconds* seconds) {
   Averaged averaged{layout.given, Refs(pairs), {}, {}};
-  const auto run = [&](const char* stage, const auto& function) {
-    const StageTimer timer(stage, seconds);
-    function();
-  };
   try {
-    run("rotation", [&] { AverageRotation(layout, options, &averaged); });
-    run("directions", [&] { averaged.directions = EstimateDirections(layout, averaged); });
-    run("translation", [&] { AverageTranslation(layout, options, &averaged); });
+    Timed("rotation", seconds, [&] { AverageRotation(layout, options, &averaged); });
+    Timed("directions", seconds, [&] { averaged.directions = EstimateDirections(layout, averaged); });
+    Timed("translation", seconds, [&] { AverageTranslation(layout, options, &averaged); });
     AddFittingPairs(pairs, &averaged);
   } catch (const Failure& failure) {
     if (!CanDoWithoutAveraging(failure, layout)) throw;
