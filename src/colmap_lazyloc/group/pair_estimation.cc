@@ -17,8 +17,9 @@ struct VerifiedPair {
   const RelativePose* relative_pose = nullptr;
 };
 
-std::optional<RelativePose> InliersWithoutPose(const LocalizationProblem& problem, const ImagePair& pair,
-                                               uint32_t seed) {
+std::optional<RelativePose> Find(bool uses_focal_length, const LocalizationProblem& problem, const ImagePair& pair,
+                                 uint32_t seed) {
+  if (uses_focal_length) return FindRelativePose(problem, pair, seed);
   Matches matches = FindInlierMatches(problem, pair, seed);
   if (matches.empty()) return std::nullopt;
   return RelativePose{{}, std::move(matches)};
@@ -98,10 +99,10 @@ class KeypointObserver {
   std::vector<std::vector<std::optional<std::optional<Observation>>>> cache_;
 };
 
-// Verifies all pairs by find(problem, pair, seed), which returns an optional RelativePose, and observes their inliers.
-template <typename Find>
-PairEstimates VerifyAndObserve(const QueryGroup& group, const Layout& layout, const LocalizerOptions& options,
-                               const Find& find, KnownRelativePoses* known, StageTimer::Seconds* seconds) {
+}  // namespace
+
+PairEstimates EstimatePairs(const QueryGroup& group, const Layout& layout, bool uses_focal_length,
+                            const LocalizerOptions& options, KnownRelativePoses* known, StageTimer::Seconds* seconds) {
   PairEstimates estimates;
   std::vector<VerifiedPair> verified;
   {
@@ -109,10 +110,11 @@ PairEstimates VerifyAndObserve(const QueryGroup& group, const Layout& layout, co
     const auto verify = [&](int query, int other, const ImagePair& images, std::vector<VerifiedPair>* pairs) {
       const LocalizationProblem& problem = group.images[query].problem;
       const auto [entry, is_new] =
-          known->try_emplace({problem.query_name, !layout.IsDatabase(other), images.other_name});
+          known->try_emplace({uses_focal_length, problem.query_name, !layout.IsDatabase(other), images.other_name});
       std::optional<RelativePose>& relative_pose = entry->second;
       if (is_new) {
-        relative_pose = find(problem, images, SeedFromNames(problem.query_name, images.other_name, options.seed));
+        relative_pose = Find(uses_focal_length, problem, images,
+                             SeedFromNames(problem.query_name, images.other_name, options.seed));
       }
       if (!relative_pose) return 0;
       pairs->push_back({query, other, &images, &*relative_pose});
@@ -137,18 +139,6 @@ PairEstimates VerifyAndObserve(const QueryGroup& group, const Layout& layout, co
     estimates.pairs.push_back(observer.Observe(pair, layout.IsDatabase(pair.other)));
   }
   return estimates;
-}
-
-}  // namespace
-
-PairEstimates EstimatePairs(const QueryGroup& group, const Layout& layout, const LocalizerOptions& options,
-                            KnownRelativePoses* known, StageTimer::Seconds* seconds) {
-  return VerifyAndObserve(group, layout, options, FindRelativePose, known, seconds);
-}
-
-PairEstimates FindInliers(const QueryGroup& query, const Layout& layout, const LocalizerOptions& options,
-                          KnownRelativePoses* known, StageTimer::Seconds* seconds) {
-  return VerifyAndObserve(query, layout, options, InliersWithoutPose, known, seconds);
 }
 
 }  // namespace lazyloc

@@ -14,9 +14,10 @@
 
 namespace lazyloc {
 
-// Relative poses and inliers that were found before for the same cameras, so that no pair is estimated twice. By the
-// name of the query, whether the other image is a query, and its name; nullopt for pairs without geometry.
-using KnownRelativePoses = std::map<std::tuple<std::string, bool, std::string>, std::optional<RelativePose>>;
+// Relative poses and inliers that were found before for the same cameras, so that no pair is estimated twice. By
+// whether the focal length is used, the name of the query, whether the other image is a query, and its name; nullopt
+// for pairs without geometry.
+using KnownRelativePoses = std::map<std::tuple<bool, std::string, bool, std::string>, std::optional<RelativePose>>;
 
 struct PairEstimates {
   // Verified pairs of queries with database images (of each query the max_num_pairs with most inliers), then of queries
@@ -27,13 +28,9 @@ struct PairEstimates {
 
 // Finds the relative pose and the inliers of each pair (stored, or estimated by COLMAP), and unprojects the inliers'
 // keypoints: the first box of LazyLoc's figure. Adds them to those that are known. Throws Failure for frames without
-// any pair.
-PairEstimates EstimatePairs(const QueryGroup& group, const Layout& layout, const LocalizerOptions& options,
-                            KnownRelativePoses* known, StageTimer::Seconds* seconds);
-
-// Does the same for a query of unknown focal length, whose relative poses nothing can tell: query_from_other is not
-// set. The observations have their derivative with respect to the focal length.
-PairEstimates FindInliers(const QueryGroup& query, const Layout& layout, const LocalizerOptions& options,
-                          KnownRelativePoses* known, StageTimer::Seconds* seconds);
+// any pair. uses_focal_length: false for a query of unknown focal length, whose relative poses nothing can tell, so
+// that query_from_other is not set.
+PairEstimates EstimatePairs(const QueryGroup& group, const Layout& layout, bool uses_focal_length,
+                            const LocalizerOptions& options, KnownRelativePoses* known, StageTimer::Seconds* seconds);
 
 }  // namespace lazyloc

@@ -28,17 +28,13 @@ void SetNumInliers(const std::vector<size_t>& num_inliers, LocalizationProblem* 
   for (size_t i = 0; i < num_inliers.size(); ++i) problem->pairs[i].geometry->inlier_matches.resize(num_inliers[i]);
 }
 
-PairEstimates Estimate(const QueryGroup& group, const LocalizerOptions& options = {}) {
+PairEstimates Estimate(const QueryGroup& group, const LocalizerOptions& options = {}, bool uses_focal_length = true) {
   StageTimer::Seconds seconds;
   KnownRelativePoses known;
-  return EstimatePairs(group, MakeLayout(group), options, &known, &seconds);
+  return EstimatePairs(group, MakeLayout(group), uses_focal_length, options, &known, &seconds);
 }
 
-PairEstimates FindInliers(const QueryGroup& group) {
-  StageTimer::Seconds seconds;
-  KnownRelativePoses known;
-  return FindInliers(group, MakeLayout(group), {}, &known, &seconds);
-}
+PairEstimates FindInliers(const QueryGroup& group) { return Estimate(group, {}, /*uses_focal_length=*/false); }
 
 std::vector<int> OthersOf(const PairEstimates& estimates) {
   std::vector<int> others;

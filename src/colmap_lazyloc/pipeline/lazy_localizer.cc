@@ -144,7 +144,7 @@ class GroupLocalizer {
   }
 
   const LocalizerOptions& options_;
-  RelativePoses known_;
+  KnownRelativePoses known_;
 };
 
 }  // namespace

@@ -36,49 +36,35 @@ void KeepPairWith(const std::string& database_name, std::vector<ImagePair>* pair
 }  // namespace
 
 const Prepared& Preparations::For(const Hypothesis& hypothesis) {
+  const Prepared* with_same_pairs = nullptr;
   for (const auto& [other, prepared] : prepared_) {
-    if (hypothesis.estimates_focal_length == other.estimates_focal_length &&
-        hypothesis.only_database_image == other.only_database_image) {
-      return prepared;
-    }
+    if (hypothesis.only_database_image != other.only_database_image) continue;
+    if (hypothesis.estimates_focal_length == other.estimates_focal_length) return prepared;
+    with_same_pairs = &prepared;
   }
-  return prepared_.emplace_back(hypothesis, Prepare(hypothesis)).second;
-}
-
-const QueryGroup& Preparations::GroupOf(const Hypothesis& hypothesis) {
-  const std::string& only_database_image = hypothesis.only_database_image;
-  if (only_database_image.empty()) return group_;
-  const auto [entry, is_new] = groups_of_one_pair_.try_emplace(only_database_image, group_);
-  if (is_new) KeepPairWith(only_database_image, &entry->second.images.front().problem.pairs);
-  return entry->second;
-}
-
-Layout Preparations::LayoutOf(const QueryGroup& group) const {
-  for (const auto& [hypothesis, prepared] : prepared_) {
-    if (&prepared.group == &group) return prepared.layout;
+  if (!with_same_pairs && !hypothesis.only_database_image.empty()) {
+    group_of_one_pair_ = group_;
+    KeepPairWith(hypothesis.only_database_image, &group_of_one_pair_.images.front().problem.pairs);
   }
-  Layout layout = MakeLayout(group);
-  if (options_.post_optimization == PostOptimization::TRACKS) {
-    const StageTimer timer("database_poses", seconds_);
-    layout.expected_pose_errors = MeasurePoseErrors(group, options_);
-  }
-  return layout;
-}
-
-Prepared Preparations::Prepare(const Hypothesis& hypothesis) {
-  const QueryGroup& group = GroupOf(hypothesis);
-  Prepared prepared{group, {}, {}};
-  KnownRelativePoses* known = &(*known_)[hypothesis.estimates_focal_length];
+  const QueryGroup& group = hypothesis.only_database_image.empty() ? group_ : group_of_one_pair_;
+  Prepared& prepared = prepared_.emplace_back(hypothesis, Prepared{group, {}, {}}).second;
   try {
     CheckInput(group);
-    prepared.layout = LayoutOf(group);
-    prepared.estimates = hypothesis.estimates_focal_length
-                             ? FindInliers(group, prepared.layout, options_, known, seconds_)
-                             : EstimatePairs(group, prepared.layout, options_, known, seconds_);
+    prepared.layout = with_same_pairs ? with_same_pairs->layout : MakeLayoutWithPoseErrors(group);
+    prepared.estimates =
+        EstimatePairs(group, prepared.layout, !hypothesis.estimates_focal_length, options_, known_, seconds_);
   } catch (const Failure& failure) {
     prepared.failure = failure;
   }
   return prepared;
+}
+
+Layout Preparations::MakeLayoutWithPoseErrors(const QueryGroup& group) const {
+  Layout layout = MakeLayout(group);
+  if (options_.post_optimization == PostOptimization::TRACKS) {
+    layout.expected_pose_errors = Timed("database_poses", seconds_, [&] { return MeasurePoseErrors(group, options_); });
+  }
+  return layout;
 }
 
 }  // namespace lazyloc

@@ -1,9 +1,7 @@
 #pragma once
 
 #include <list>
-#include <map>
 #include <optional>
-#include <string>
 #include <utility>
 
 #include "colmap_lazyloc/group/failure.h"
@@ -20,14 +18,11 @@ struct Prepared {
   std::optional<Failure> failure{};  // nullopt if the group can be solved
 };
 
-// The relative poses of pairs, by whether the focal length is estimated.
-using RelativePoses = std::map<bool, KnownRelativePoses>;
-
 // Prepares a group for hypotheses, once for those that share it.
 class Preparations {
  public:
   // Uses and adds to the relative poses that are known.
-  Preparations(const QueryGroup& group, const LocalizerOptions& options, RelativePoses* known,
+  Preparations(const QueryGroup& group, const LocalizerOptions& options, KnownRelativePoses* known,
                StageTimer::Seconds* seconds)
       : group_(group), options_(options), known_(known), seconds_(seconds) {}
 
@@ -35,16 +30,13 @@ class Preparations {
   const Prepared& For(const Hypothesis& hypothesis);
 
  private:
-  // Returns the group with the pairs of a hypothesis.
-  const QueryGroup& GroupOf(const Hypothesis& hypothesis);
-  Layout LayoutOf(const QueryGroup& group) const;
-  Prepared Prepare(const Hypothesis& hypothesis);
+  Layout MakeLayoutWithPoseErrors(const QueryGroup& group) const;
 
   const QueryGroup& group_;
   const LocalizerOptions& options_;
-  RelativePoses* const known_;
+  KnownRelativePoses* const known_;
   StageTimer::Seconds* const seconds_;
-  std::map<std::string, QueryGroup> groups_of_one_pair_;  // by database image
+  QueryGroup group_of_one_pair_;  // that of a hypothesis with only_database_image, of which there is at most one
   std::list<std::pair<Hypothesis, Prepared>> prepared_;
 };
 
