@@ -3,17 +3,6 @@
 #include <algorithm>
 
 namespace lazyloc {
-namespace {
-
-std::vector<int> ImagesWhere(const QueryGroup& group, const std::vector<int>& frames, bool is_listed) {
-  std::vector<int> images;
-  for (int i = 0; i < static_cast<int>(group.images.size()); ++i) {
-    if ((std::count(frames.begin(), frames.end(), group.images[i].frame) > 0) == is_listed) images.push_back(i);
-  }
-  return images;
-}
-
-}  // namespace
 
 QueryGroup SelectImages(const QueryGroup& group, const std::vector<int>& images) {
   QueryGroup selected;
@@ -41,12 +30,12 @@ QueryGroup SelectImages(const QueryGroup& group, const std::vector<int>& images)
   return selected;
 }
 
-std::vector<int> ImagesOfFrames(const QueryGroup& group, const std::vector<int>& frames) {
-  return ImagesWhere(group, frames, true);
-}
-
-std::vector<int> ImagesOfOtherFrames(const QueryGroup& group, const std::vector<int>& frames) {
-  return ImagesWhere(group, frames, false);
+std::vector<int> ImagesOfFrames(const QueryGroup& group, const std::vector<int>& frames, bool are_listed) {
+  std::vector<int> images;
+  for (int i = 0; i < static_cast<int>(group.images.size()); ++i) {
+    if ((std::count(frames.begin(), frames.end(), group.images[i].frame) > 0) == are_listed) images.push_back(i);
+  }
+  return images;
 }
 
 }  // namespace lazyloc

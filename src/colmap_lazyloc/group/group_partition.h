@@ -10,8 +10,7 @@ namespace lazyloc {
 // alone in its frame becomes a single image.
 QueryGroup SelectImages(const QueryGroup& group, const std::vector<int>& images);
 
-// Returns the images of the given frames, or of all others.
-std::vector<int> ImagesOfFrames(const QueryGroup& group, const std::vector<int>& frames);
-std::vector<int> ImagesOfOtherFrames(const QueryGroup& group, const std::vector<int>& frames);
+// Returns the images of the listed frames, or of all others.
+std::vector<int> ImagesOfFrames(const QueryGroup& group, const std::vector<int>& frames, bool are_listed = true);
 
 }  // namespace lazyloc

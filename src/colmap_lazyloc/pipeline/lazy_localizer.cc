@@ -112,7 +112,7 @@ class GroupLocalizer {
         const std::vector<int> of_frame = ImagesOfFrames(*together, {frame});
         Store(LocalizeTogether(SelectImages(*together, of_frame)).results, in_group(of_frame), &results);
       }
-      const std::vector<int> others = ImagesOfOtherFrames(*together, answer.frames_without_pose);
+      const std::vector<int> others = ImagesOfFrames(*together, answer.frames_without_pose, /*are_listed=*/false);
       if (others.empty()) return results;
       QueryGroup next = SelectImages(*together, others);
       images = in_group(others);
