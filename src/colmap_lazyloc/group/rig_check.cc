@@ -25,32 +25,21 @@ struct RayToPoint {
   Eigen::Vector3d point_in_world;
 };
 
-size_t NumFitting(const Rigid3d& cam_from_world, const std::vector<RayToPoint>& rays, double max_error_px) {
-  size_t num_fitting = 0;
-  for (const auto& [observation, point] : rays) {
-    const Eigen::Vector3d point_in_cam = cam_from_world * point;
-    num_fitting +=
-        IsInFront(observation, point_in_cam) && ReprojectionError(observation, point_in_cam).norm() <= max_error_px;
-  }
-  return num_fitting;
-}
-
-// Returns the median reprojection error; nullopt without points.
-std::optional<double> MedianErrorPx(const Rigid3d& cam_from_world, const std::vector<RayToPoint>& rays) {
+// Returns the reprojection errors; infinity for points behind the image.
+std::vector<double> ErrorsPx(const Rigid3d& cam_from_world, const std::vector<RayToPoint>& rays) {
   std::vector<double> errors_px;
   for (const auto& [observation, point] : rays) {
     const Eigen::Vector3d point_in_cam = cam_from_world * point;
     errors_px.push_back(IsInFront(observation, point_in_cam) ? ReprojectionError(observation, point_in_cam).norm()
                                                              : std::numeric_limits<double>::infinity());
   }
-  if (errors_px.empty()) return std::nullopt;
-  return Median(std::move(errors_px));
+  return errors_px;
 }
 
 // Returns true if most of the points fit some pose of the image, and less than half as many the pose that its frame
-// gives it.
-bool FitsBetterAlone(const Layout& layout, const Rigid3d& cam_from_world, int query,
-                     const std::vector<RayToPoint>& rays, const LocalizerOptions& options) {
+// gives it. errors_px: by that.
+bool FitsBetterAlone(const Layout& layout, int query, const std::vector<RayToPoint>& rays,
+                     const std::vector<double>& errors_px, const LocalizerOptions& options) {
   if (static_cast<int>(rays.size()) < 2 * kMinNumTracks) return false;
   // Takes half the bound of the start, because a good trajectory may still be off by some pixels.
   const double max_error_px = kMaxStartErrorPx / 2;
@@ -63,8 +52,11 @@ bool FitsBetterAlone(const Layout& layout, const Rigid3d& cam_from_world, int qu
   const std::optional<Rigid3d> alone =
       EstimateAbsolutePose(rays_in_cam, points, max_error_px / 2 * RadFromPx(rays.front().observation), seed, 0.1);
   if (!alone) return false;
-  const size_t num_alone = NumFitting(*alone, rays, max_error_px);
-  return 2 * num_alone >= rays.size() && 2 * NumFitting(cam_from_world, rays, max_error_px) < num_alone;
+  const auto num_fitting = [&](const std::vector<double>& errors) {
+    return std::count_if(errors.begin(), errors.end(), [&](double error_px) { return error_px <= max_error_px; });
+  };
+  const auto num_alone = num_fitting(ErrorsPx(*alone, rays));
+  return 2 * num_alone >= static_cast<std::ptrdiff_t>(rays.size()) && 2 * num_fitting(errors_px) < num_alone;
 }
 
 bool AreAtOnePoint(const Layout& layout, const std::vector<int>& queries) {
@@ -101,9 +93,9 @@ std::vector<std::optional<double>> CheckRigs(const Layout& layout, const PosedIm
     const std::vector<int> queries = layout.QueriesOf(frame);
     if (queries.size() == 1) continue;
     for (const int query : queries) {
-      const Rigid3d cam_from_world = CamFromWorld(posed, query);
-      errors_px[query] = MedianErrorPx(cam_from_world, rays[query]);
-      if (!FitsBetterAlone(layout, cam_from_world, query, rays[query], options)) continue;
+      const std::vector<double> of_query_px = ErrorsPx(CamFromWorld(posed, query), rays[query]);
+      if (!of_query_px.empty()) errors_px[query] = Median(of_query_px);
+      if (!FitsBetterAlone(layout, query, rays[query], of_query_px, options)) continue;
       failure.reason = MisfitReason(layout, query);
       failure.frames.push_back(frame);
       break;
