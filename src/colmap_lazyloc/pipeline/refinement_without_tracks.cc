@@ -5,32 +5,20 @@
 #include "colmap_lazyloc/math/seed.h"
 
 namespace lazyloc {
-namespace {
-
-PoseRefinementResult RefineByRelativePoses(const Layout& layout, const Averaged& averaged,
-                                           const LocalizerOptions& options) {
-  std::vector<RelativePoseEdge> edges;
-  for (const PairGeometry* pair : averaged.pairs) edges.push_back({pair->other, pair->query, pair->query_from_other});
-  return RefineByRelativePoses(averaged.posed, edges, SeedFromNames(layout.names[0], "", options.seed));
-}
-
-PosedImages PosedOrFailure(const PoseRefinementResult& result) {
-  if (!result.summary.success) throw Failure{QueryStatus::DIVERGED, result.summary.message};
-  return result.posed;
-}
-
-}  // namespace
-
 PosedImages RefineWithoutTracks(const QueryGroup& query, const Layout& layout, const Averaged& averaged,
                                 const LocalizerOptions& options) {
-  switch (options.post_optimization) {
-    case PostOptimization::SAMPSON: {
-      const CandidateTracks tracks = CollectTracks(query, layout, averaged.pairs);
-      return PosedOrFailure(RefineBySampsonError(averaged.posed, tracks.all));
-    }
-    case PostOptimization::RELATIVE_POSE_LO: return PosedOrFailure(RefineByRelativePoses(layout, averaged, options));
-    default: return averaged.posed;
+  PoseRefinementResult result;
+  if (options.post_optimization == PostOptimization::SAMPSON) {
+    result = RefineBySampsonError(averaged.posed, CollectTracks(query, layout, averaged.pairs).all);
+  } else if (options.post_optimization == PostOptimization::RELATIVE_POSE_LO) {
+    std::vector<RelativePoseEdge> edges;
+    for (const PairGeometry* pair : averaged.pairs) edges.push_back({pair->other, pair->query, pair->query_from_other});
+    result = RefineByRelativePoses(averaged.posed, edges, SeedFromNames(layout.names[0], "", options.seed));
+  } else {
+    return averaged.posed;
   }
+  if (!result.summary.success) throw Failure{QueryStatus::DIVERGED, result.summary.message};
+  return result.posed;
 }
 
 }  // namespace lazyloc
