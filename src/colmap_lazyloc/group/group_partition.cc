@@ -30,10 +30,10 @@ QueryGroup SelectImages(const QueryGroup& group, const std::vector<int>& images)
   return selected;
 }
 
-std::vector<int> ImagesOfFrames(const QueryGroup& group, const std::vector<int>& frames, bool are_listed) {
+std::vector<int> ImagesOfFrames(const QueryGroup& group, const std::vector<int>& frames) {
   std::vector<int> images;
   for (int i = 0; i < static_cast<int>(group.images.size()); ++i) {
-    if ((std::count(frames.begin(), frames.end(), group.images[i].frame) > 0) == are_listed) images.push_back(i);
+    if (std::count(frames.begin(), frames.end(), group.images[i].frame) > 0) images.push_back(i);
   }
   return images;
 }

@@ -10,7 +10,7 @@ namespace lazyloc {
 // alone in its frame becomes a single image.
 QueryGroup SelectImages(const QueryGroup& group, const std::vector<int>& images);
 
-// Returns the images of the listed frames, or of all others.
-std::vector<int> ImagesOfFrames(const QueryGroup& group, const std::vector<int>& frames, bool are_listed = true);
+// Returns the images of the given frames.
+std::vector<int> ImagesOfFrames(const QueryGroup& group, const std::vector<int>& frames);
 
 }  // namespace lazyloc

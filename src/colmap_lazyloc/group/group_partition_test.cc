@@ -64,12 +64,10 @@ TEST(SelectImages, KeepsWhatIsKnownOfFrames) {
   }
 }
 
-TEST(GroupPartition, FramesAndOthersAreAllImages) {
+TEST(ImagesOfFrames, AreInAscendingOrder) {
   const QueryGroup group = ThreeRigs();
   EXPECT_THAT(ImagesOfFrames(group, {0, 2}), ElementsAre(0, 1, 4, 5));
-  EXPECT_THAT(ImagesOfFrames(group, {0, 2}, /*are_listed=*/false), ElementsAre(2, 3));
   EXPECT_THAT(ImagesOfFrames(group, {}), IsEmpty());
-  EXPECT_THAT(ImagesOfFrames(group, {0, 1, 2}, /*are_listed=*/false), IsEmpty());
 }
 
 }  // namespace

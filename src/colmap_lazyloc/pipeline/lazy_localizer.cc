@@ -1,5 +1,6 @@
 #include "colmap_lazyloc/pipeline/lazy_localizer.h"
 
+#include <algorithm>
 #include <numeric>
 #include <optional>
 #include <utility>
@@ -14,6 +15,13 @@ namespace lazyloc {
 namespace {
 
 using Results = std::vector<LocalizationResult>;
+
+// Returns the numbers from 0 to num - 1.
+std::vector<int> Indices(size_t num) {
+  std::vector<int> indices(num);
+  std::iota(indices.begin(), indices.end(), 0);
+  return indices;
+}
 
 struct Answer {
   Results results;                       // by image of the group
@@ -96,27 +104,25 @@ class GroupLocalizer {
   // Localizes the frames together; those that fail leave the group, one by one, and are localized individually.
   Results LocalizeFrames(const QueryGroup& group) {
     Results results(group.images.size());
-    std::vector<int> images(group.images.size());  // those that are still together
-    std::iota(images.begin(), images.end(), 0);
+    std::vector<int> frames = Indices(group.frame_names.size());  // those that are still together
     QueryGroup rest;
     for (const QueryGroup* together = &group;; together = &rest) {
       Answer answer = LocalizeTogether(*together);
-      Store(std::move(answer.results), images, &results);
-      if (answer.frames_without_pose.empty() || together->frame_names.size() == 1) return results;
-      const auto in_group = [&](const std::vector<int>& selected) {
-        std::vector<int> indices;
-        for (const int i : selected) indices.push_back(images[i]);
-        return indices;
-      };
-      for (const int frame : answer.frames_without_pose) {
-        const std::vector<int> of_frame = ImagesOfFrames(*together, {frame});
-        Store(LocalizeTogether(SelectImages(*together, of_frame)).results, in_group(of_frame), &results);
+      Store(std::move(answer.results), ImagesOfFrames(group, frames), &results);
+      const std::vector<int>& lost = answer.frames_without_pose;
+      if (lost.empty() || frames.size() == 1) return results;
+      std::vector<int> others;
+      for (int i = 0; i < static_cast<int>(frames.size()); ++i) {
+        if (std::count(lost.begin(), lost.end(), i) == 0) {
+          others.push_back(frames[i]);
+          continue;
+        }
+        const std::vector<int> images = ImagesOfFrames(group, {frames[i]});
+        Store(LocalizeTogether(SelectImages(group, images)).results, images, &results);
       }
-      const std::vector<int> others = ImagesOfFrames(*together, answer.frames_without_pose, /*are_listed=*/false);
       if (others.empty()) return results;
-      QueryGroup next = SelectImages(*together, others);
-      images = in_group(others);
-      rest = std::move(next);
+      frames = std::move(others);
+      rest = SelectImages(group, ImagesOfFrames(group, frames));
     }
   }
 
@@ -136,9 +142,7 @@ class GroupLocalizer {
       scales.push_back(*scale);
     }
     for (QueryImage& image : group.images) image.cam_from_rig.translation *= scales[image.frame];
-    std::vector<int> all(group.images.size());
-    std::iota(all.begin(), all.end(), 0);
-    Store(LocalizeFrames(group), all, &results);
+    Store(LocalizeFrames(group), Indices(group.images.size()), &results);
     for (size_t i = 0; i < results.size(); ++i) results[i].rig_scale *= scales[group.images[i].frame];
     return results;
   }
