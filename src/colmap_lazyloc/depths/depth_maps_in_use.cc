@@ -27,23 +27,18 @@ struct MapOfImage {
   DepthFit fit;
 };
 
-Eigen::Vector2d PlaceOf(const ImagePair& pair, int keypoint) {
+// Adds a sample if the map knows the depth.
+void AddSample(const ImagePair& pair, size_t keypoint, double point_depth, std::vector<DepthSample>* samples) {
+  const double map_depth = pair.other_depths[keypoint];
+  if (!(map_depth > 0 && point_depth > 0)) return;
   const Eigen::Vector2d size(static_cast<double>(pair.other_camera.width),
                              static_cast<double>(pair.other_camera.height));
-  return pair.other_keypoints[keypoint].cwiseQuotient(size);
-}
-
-// Adds a sample if the map knows the depth.
-void AddSample(const ImagePair& pair, int keypoint, double point_depth, std::vector<DepthSample>* samples) {
-  const double map_depth = pair.other_depths[keypoint];
-  if (map_depth > 0 && point_depth > 0) samples->push_back({map_depth, point_depth, PlaceOf(pair, keypoint)});
+  samples->push_back({map_depth, point_depth, pair.other_keypoints[keypoint].cwiseQuotient(size)});
 }
 
 std::vector<DepthSample> SamplesOfPoints(const ImagePair& pair) {
   std::vector<DepthSample> samples;
-  for (size_t i = 0; i < pair.other_point_depths.size(); ++i) {
-    AddSample(pair, static_cast<int>(i), pair.other_point_depths[i], &samples);
-  }
+  for (size_t i = 0; i < pair.other_point_depths.size(); ++i) AddSample(pair, i, pair.other_point_depths[i], &samples);
   return samples;
 }
 
@@ -69,7 +64,7 @@ std::vector<DepthSample> SamplesOfPair(const PairGeometry& geometry, const Image
     const Eigen::Vector3d& ray = match.other.ray_in_cam;
     const auto nearest = FindNearestPoints(ray, other_from_query * match.query.ray_in_cam, baseline, kMinDepthSine);
     if (!nearest) continue;
-    AddSample(pair, static_cast<int>(match.match.other_point), nearest->distance1 * ray.z(), &samples);
+    AddSample(pair, match.match.other_point, nearest->distance1 * ray.z(), &samples);
   }
   return samples;
 }
@@ -110,16 +105,15 @@ DepthFit Fit(const MapOfImage& map, const Layout& layout, const PairRefs& pairs,
 // Returns the maps of the database images that queries have pairs in use with.
 std::vector<MapOfImage> MapsOf(const QueryGroup& group, const Layout& layout, const PairRefs& pairs_in_use) {
   std::vector<MapOfImage> maps;
-  std::vector<bool> is_in_use(layout.given.images.size(), false);
-  for (const PairGeometry* pair : pairs_in_use) is_in_use[pair->other] = true;
+  std::vector<bool> is_wanted(layout.given.images.size(), false);
+  for (const PairGeometry* pair : pairs_in_use) is_wanted[pair->other] = true;
   for (int query = 0; query < layout.num_queries; ++query) {
     const std::vector<ImagePair>& pairs = group.images[query].problem.pairs;
     for (size_t i = 0; i < pairs.size(); ++i) {
       const int image = layout.image_of_pair[query][i];
-      const bool is_known =
-          std::any_of(maps.begin(), maps.end(), [&](const MapOfImage& map) { return map.image == image; });
-      if (is_in_use[image] && !is_known && !pairs[i].other_depths.empty())
-        maps.push_back({query, image, &pairs[i], {}});
+      if (!is_wanted[image] || pairs[i].other_depths.empty()) continue;
+      is_wanted[image] = false;
+      maps.push_back({query, image, &pairs[i], {}});
     }
   }
   return maps;
@@ -145,21 +139,17 @@ std::vector<int> CountDepths(const std::vector<Track>& tracks, size_t num_images
   return counts;
 }
 
-DepthMapResult ResultOf(const MapOfImage& map) {
-  DepthMapResult result{map.pair->other_name, map.fit.verdict, map.fit.num_points};
-  result.depth_stddev = map.fit.stddev;
-  if (map.fit.verdict != DepthVerdict::USED) return result;
-  result.scale = std::exp(map.fit.log_scale);
-  result.scale_stddev = std::sqrt(map.fit.scale_variance);
-  return result;
-}
-
 // Adds the result of a map to all queries that have a pair with its image.
 void AddResult(const MapOfImage& map, const Layout& layout, std::vector<DepthResult>* results) {
+  DepthMapResult result{map.pair->other_name, map.fit.verdict, map.fit.num_points};
+  result.depth_stddev = map.fit.stddev;
+  if (map.fit.verdict == DepthVerdict::USED) {
+    result.scale = std::exp(map.fit.log_scale);
+    result.scale_stddev = std::sqrt(map.fit.scale_variance);
+  }
   for (int query = 0; query < layout.num_queries; ++query) {
     const std::vector<int>& images = layout.image_of_pair[query];
-    if (std::find(images.begin(), images.end(), map.image) == images.end()) continue;
-    (*results)[query].maps.push_back(ResultOf(map));
+    if (std::count(images.begin(), images.end(), map.image) > 0) (*results)[query].maps.push_back(result);
   }
 }
 

@@ -20,33 +20,28 @@ struct Equations {
   }
 };
 
-// The priors of a query after their comparison with its pose.
-struct ComparedPriors {
-  QueryPriorResult result;
-  Equations equations;  // of those that are used, around the camera
-};
-
-ComparedPriors CompareWithPose(const QueryPrior& prior, const PoseDistribution& pose) {
+// Compares the priors of a query with its pose. Returns the equations of those that are used, around the camera.
+Equations CompareWithPose(const QueryPrior& prior, const PoseDistribution& pose, QueryPriorResult* result) {
   const Rigid3d around_camera{pose.cam_from_world.rotation, Eigen::Vector3d::Zero()};
-  ComparedPriors compared;
+  Equations equations;
   if (prior.position) {
     const PriorComparison comparison = ComparePosition(*prior.position, pose);
-    compared.result.position = comparison.result;
+    result->position = comparison.result;
     if (comparison.result.verdict == PriorVerdict::USED) {
       PositionPrior used = Scaled(*prior.position, comparison.factor);
       used.position -= CamInWorld(pose.cam_from_world);
-      compared.equations.Set(0, EvaluatePositionPrior(used, {}, around_camera));
+      equations.Set(0, EvaluatePositionPrior(used, {}, around_camera));
     }
   }
   if (prior.gravity) {
     const PriorComparison comparison =
         CompareGravity(*prior.gravity, around_camera.rotation, pose.RotationCovariance());
-    compared.result.gravity = comparison.result;
+    result->gravity = comparison.result;
     if (comparison.result.verdict == PriorVerdict::USED) {
-      compared.equations.Set(3, EvaluateGravityPrior(Scaled(*prior.gravity, comparison.factor), {}, around_camera));
+      equations.Set(3, EvaluateGravityPrior(Scaled(*prior.gravity, comparison.factor), {}, around_camera));
     }
   }
-  return compared;
+  return equations;
 }
 
 bool IsUntested(const QueryPriorResult& result) {
@@ -68,10 +63,9 @@ FusedPriors FusePriors(const Layout& layout, std::vector<QueryPriorResult> resul
     if ((!prior.position && !prior.gravity) || !IsFused(layout, fused.checked.posed, query)) continue;
     if (!IsUntested(fused.results[query])) continue;
     PoseDistribution& pose = fused.checked.poses[query];
-    const ComparedPriors compared = CompareWithPose(prior, pose);
-    fused.results[query] = compared.result;
-    if (compared.equations.jacobian.isZero(0)) continue;
-    pose.Update(compared.equations.errors, compared.equations.jacobian);
+    const Equations equations = CompareWithPose(prior, pose, &fused.results[query]);
+    if (equations.jacobian.isZero(0)) continue;
+    pose.Update(equations.errors, equations.jacobian);
     fused.checked.posed.frames[layout.FrameOf(query)].frame_from_world = pose.cam_from_world;
   }
   return fused;
