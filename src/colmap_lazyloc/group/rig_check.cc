@@ -90,7 +90,7 @@ std::vector<std::optional<double>> CheckRigs(const Layout& layout, const PosedIm
     }
   }
   for (int frame = 0; frame < layout.num_query_frames; ++frame) {
-    const std::vector<int> queries = layout.QueriesOf(frame);
+    const std::vector<int>& queries = layout.QueriesOf(frame);
     if (queries.size() == 1) continue;
     for (const int query : queries) {
       const std::vector<double> of_query_px = ErrorsPx(CamFromWorld(posed, query), rays[query]);
@@ -127,7 +127,7 @@ void CheckRigRotations(const Layout& layout, const PairRefs& pairs, const std::v
     problem.is_fixed.push_back(true);
   }
   CheckFrames(layout.num_query_frames, QueryStatus::INCONSISTENT_RIG, [&](int frame) {
-    const std::vector<int> queries = layout.QueriesOf(frame);
+    const std::vector<int>& queries = layout.QueriesOf(frame);
     // Leaves out faces of a panorama: their calibration is right, but a plane may have a wrong rotation in several
     // pairs.
     if (queries.size() == 1 || AreAtOnePoint(layout, queries)) return Reason();

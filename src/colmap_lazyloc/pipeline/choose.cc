@@ -29,8 +29,6 @@ FocalLengthJudgement Judge(const IntrinsicsResult& intrinsics, const LocalizerOp
   return JudgeFocalLength(std::log(intrinsics.focal_factor), LogFocalStddev(intrinsics), intrinsics.origin, options);
 }
 
-bool IsConclusive(const IntrinsicsResult& intrinsics) { return LogFocalStddev(intrinsics) <= kMaxConclusiveStddev; }
-
 Choice AsSolved(const Solution& solution) { return {&solution, solution.checked.results, 0}; }
 
 bool HasPose(const Solution& solution, const LocalizerOptions& options) {
@@ -147,7 +145,8 @@ bool IsFocalLengthUncertain(const Solution& given, const LocalizerOptions& optio
   const IntrinsicsResult& intrinsics = IntrinsicsOf(given);
   if (AreContradicted(given, options)) return true;
   if (given.failure) return intrinsics.origin != IntrinsicsOrigin::GIVEN;
-  return !IsConclusive(intrinsics) || Judge(intrinsics, options).wrong_probability > kMinWrongProbability;
+  return !(LogFocalStddev(intrinsics) <= kMaxConclusiveStddev) ||
+         Judge(intrinsics, options).wrong_probability > kMinWrongProbability;
 }
 
 }  // namespace lazyloc

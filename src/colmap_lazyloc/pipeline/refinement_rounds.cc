@@ -148,11 +148,10 @@ Refined Refine(const Layout& layout, const PosedImages& start, const SplitTracks
     const bool is_first = round == 0, is_last = round + 1 == kNumRounds;
     {
       const StageTimer timer("triangulation", seconds);
-      const auto triangulate = [&] {
-        return TriangulateFromDatabase(rounds.Posed(), is_last ? std::move(candidates.all) : candidates.for_start,
-                                       options.triangulation);
-      };
-      SplitTracks split = is_first ? start_tracks : triangulate();
+      SplitTracks split =
+          is_first ? start_tracks
+                   : TriangulateFromDatabase(rounds.Posed(), is_last ? std::move(candidates.all) : candidates.for_start,
+                                             options.triangulation);
       if (is_last) refined.rig_errors_px = CheckRigs(layout, rounds.Posed(), split.from_database, options);
       rounds.SetTracks(std::move(split), is_first ? kMaxStartErrorSigma : options.triangulation.max_query_error_sigma);
     }

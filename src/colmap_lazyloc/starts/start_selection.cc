@@ -64,6 +64,62 @@ void VisitFrame(const StartProblem& problem, const TrackRefs& tracks, const Visi
   }
 }
 
+struct FrameStart {
+  Rigid3d frame_from_world;
+  StartPose kind = StartPose::BEST;
+};
+
+// Chooses the hypothesis with the best score for a frame. Throws Failure without any.
+FrameStart ChooseFrameStart(const StartProblem& problem, const Averaged& averaged, uint32_t seed,
+                            const LocalizerOptions& options, const std::vector<Rigid3d>& depth_starts) {
+  std::optional<FrameStart> best;
+  double best_score = -1;
+  const auto consider = [&](StartPose kind, const std::optional<Rigid3d>& pose, double min_score) {
+    if (!pose) return;
+    const double score = ScoreStart(problem, *pose);
+    if (score <= best_score || score < min_score) return;
+    best_score = score;
+    best = FrameStart{*pose, kind};
+  };
+  const auto is_wanted = [&](StartPose kind) {
+    return options.start_pose == StartPose::BEST || options.start_pose == kind;
+  };
+  const double min_score = averaged.failure ? kMinUnconfirmedScore : 0;
+  if (is_wanted(StartPose::MOTION_AVERAGING) && !averaged.failure) {
+    consider(StartPose::MOTION_AVERAGING, averaged.posed.frames[problem.frame].frame_from_world, 0);
+  }
+  if (is_wanted(StartPose::ABSOLUTE_POSE)) {
+    consider(StartPose::ABSOLUTE_POSE, AbsolutePoseStart(problem, seed), min_score);
+  }
+  if (is_wanted(StartPose::DEPTH)) {
+    consider(StartPose::DEPTH, DepthStart(problem, seed), min_score);
+    for (const Rigid3d& pose : depth_starts) consider(StartPose::DEPTH, pose, min_score);
+  }
+  if (options.start_pose == StartPose::GENERALIZED_RELATIVE_POSE ||
+      (options.start_pose == StartPose::BEST && problem.from_database.size() < kFewTracks)) {
+    consider(StartPose::GENERALIZED_RELATIVE_POSE, GeneralizedRelativePoseStart(problem, seed), min_score);
+  }
+  if (best) return *best;
+  if (averaged.failure) throw Failure(*averaged.failure);
+  throw Failure{
+      QueryStatus::TOO_FEW_TRACKS, "no start pose by " + std::string(EnumName(options.start_pose)), {problem.frame}};
+}
+
+// Returns the tracks that have a depth, with the points that the depths state.
+std::vector<Track> TracksFromDepth(const PosedImages& posed, const std::vector<Track>& tracks) {
+  std::vector<Track> from_depth;
+  for (const Track& track : tracks) {
+    for (const TrackObservation& element : track.observations) {
+      const auto point = PointByDepth(posed.images[element.image], CamFromWorld(posed, element.image), element);
+      if (!point) continue;
+      from_depth.push_back(track);
+      from_depth.back().point_in_world = *point;
+      break;
+    }
+  }
+  return from_depth;
+}
+
 }  // namespace
 
 double ScoreStart(const StartProblem& problem, const Rigid3d& frame_from_world) {
@@ -140,66 +196,6 @@ std::optional<Rigid3d> GeneralizedRelativePoseStart(const StartProblem& problem,
   if (matches.size() < 16 || image_pairs.size() < 2) return std::nullopt;  // one pair tells no distance
   return EstimateGeneralizedRelativePose(matches, max_error_rad, seed);
 }
-
-namespace {
-
-struct FrameStart {
-  Rigid3d frame_from_world;
-  StartPose kind = StartPose::BEST;
-};
-
-// Chooses the hypothesis with the best score for a frame. Throws Failure without any.
-FrameStart ChooseFrameStart(const StartProblem& problem, const Averaged& averaged, uint32_t seed,
-                            const LocalizerOptions& options, const std::vector<Rigid3d>& depth_starts) {
-  std::optional<FrameStart> best;
-  double best_score = -1;
-  const auto consider = [&](StartPose kind, const std::optional<Rigid3d>& pose, double min_score) {
-    if (!pose) return;
-    const double score = ScoreStart(problem, *pose);
-    if (score <= best_score || score < min_score) return;
-    best_score = score;
-    best = FrameStart{*pose, kind};
-  };
-  const auto is_wanted = [&](StartPose kind) {
-    return options.start_pose == StartPose::BEST || options.start_pose == kind;
-  };
-  const double min_score = averaged.failure ? kMinUnconfirmedScore : 0;
-  if (is_wanted(StartPose::MOTION_AVERAGING) && !averaged.failure) {
-    consider(StartPose::MOTION_AVERAGING, averaged.posed.frames[problem.frame].frame_from_world, 0);
-  }
-  if (is_wanted(StartPose::ABSOLUTE_POSE)) {
-    consider(StartPose::ABSOLUTE_POSE, AbsolutePoseStart(problem, seed), min_score);
-  }
-  if (is_wanted(StartPose::DEPTH)) {
-    consider(StartPose::DEPTH, DepthStart(problem, seed), min_score);
-    for (const Rigid3d& pose : depth_starts) consider(StartPose::DEPTH, pose, min_score);
-  }
-  if (options.start_pose == StartPose::GENERALIZED_RELATIVE_POSE ||
-      (options.start_pose == StartPose::BEST && problem.from_database.size() < kFewTracks)) {
-    consider(StartPose::GENERALIZED_RELATIVE_POSE, GeneralizedRelativePoseStart(problem, seed), min_score);
-  }
-  if (best) return *best;
-  if (averaged.failure) throw Failure(*averaged.failure);
-  throw Failure{
-      QueryStatus::TOO_FEW_TRACKS, "no start pose by " + std::string(EnumName(options.start_pose)), {problem.frame}};
-}
-
-// Returns the tracks that have a depth, with the points that the depths state.
-std::vector<Track> TracksFromDepth(const PosedImages& posed, const std::vector<Track>& tracks) {
-  std::vector<Track> from_depth;
-  for (const Track& track : tracks) {
-    for (const TrackObservation& element : track.observations) {
-      const auto point = PointByDepth(posed.images[element.image], CamFromWorld(posed, element.image), element);
-      if (!point) continue;
-      from_depth.push_back(track);
-      from_depth.back().point_in_world = *point;
-      break;
-    }
-  }
-  return from_depth;
-}
-
-}  // namespace
 
 Start ChooseStart(const Layout& layout, const Averaged& averaged, const SplitTracks& tracks,
                   const LocalizerOptions& options, const std::vector<std::vector<Rigid3d>>& depth_starts) {
