@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <limits>
-#include <utility>
 
 #include "colmap_lazyloc/bridge/absolute_pose.h"
 #include "colmap_lazyloc/group/failure.h"

@@ -1,6 +1,5 @@
 #include "colmap_lazyloc/group/track_collection.h"
 
-#include <algorithm>
 #include <set>
 
 #include <gmock/gmock.h>

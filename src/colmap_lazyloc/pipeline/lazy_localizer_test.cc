@@ -1,7 +1,5 @@
 #include "colmap_lazyloc/pipeline/lazy_localizer.h"
 
-#include <algorithm>
-
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 

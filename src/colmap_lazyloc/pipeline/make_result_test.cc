@@ -1,7 +1,6 @@
 #include "colmap_lazyloc/pipeline/make_result.h"
 
 #include <cmath>
-#include <utility>
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,6 +1,5 @@
 #include "colmap_lazyloc/pipeline/solve.h"
 
-#include <cmath>
 #include <limits>
 #include <utility>
 

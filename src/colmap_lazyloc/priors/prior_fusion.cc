@@ -1,6 +1,5 @@
 #include "colmap_lazyloc/priors/prior_fusion.h"
 
-#include <cmath>
 #include <utility>
 
 #include "colmap_lazyloc/priors/prior_comparison.h"

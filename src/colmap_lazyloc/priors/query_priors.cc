@@ -6,7 +6,6 @@
 
 #include <Eigen/Cholesky>
 
-#include "colmap_lazyloc/math/so3.h"
 #include "colmap_lazyloc/noise/viewpoint_errors.h"
 #include "colmap_lazyloc/priors/prior_comparison.h"
 #include "colmap_lazyloc/priors/prior_fusion.h"

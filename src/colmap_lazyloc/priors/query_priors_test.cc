@@ -4,7 +4,6 @@
 
 #include "colmap_lazyloc/math/so3.h"
 #include "colmap_lazyloc/pipeline/lazy_localizer.h"
-#include "colmap_lazyloc/refinement/covariance.h"
 #include "colmap_lazyloc/scene/pose_distribution.h"
 #include "colmap_lazyloc/testing/stage_input.h"
 #include "colmap_lazyloc/testing/synthetic_scene.h"

@@ -1,7 +1,6 @@
 #include "colmap_lazyloc/starts/motion_averaging.h"
 
 #include <algorithm>
-#include <cmath>
 #include <string>
 #include <utility>
 
