@@ -59,7 +59,7 @@ Refined WithOtherOrientation(const Layout& layout, const PairRefs& pairs, const 
 RefinedWithPriors Fixed(const Layout& layout, const PosedImages& start, const Refinement& refine_from,
                         PriorJudgement judgement, Refined refined) {
   PosedImages moved = layout.given;
-  moved.frames[0].frame_from_world = judgement.start.frames[0].frame_from_world;
+  moved.frames[0].frame_from_world = *judgement.start;
   moved.query_priors = judgement.used;
   for (size_t i = 0; i < moved.images.size(); ++i) moved.images[i].depth_scale = start.images[i].depth_scale;
   RefinedWithPriors result{std::move(refined), std::move(judgement.results)};
@@ -102,7 +102,7 @@ RefinedWithPriors RefineWithPriors(const Layout& layout, const PairRefs& pairs, 
   }
   if (!have_priors) return {std::move(refined), std::vector<QueryPriorResult>(layout.num_queries)};
   PriorJudgement judgement = Timed("priors", seconds, [&] { return JudgePriors(layout, pairs, refined, options); });
-  if (judgement.moves_start) return Fixed(layout, start, refine_from, std::move(judgement), std::move(refined));
+  if (judgement.start) return Fixed(layout, start, refine_from, std::move(judgement), std::move(refined));
   if (!judgement.used.empty()) {
     refined = Timed("priors", seconds, [&] { return AdjustWithPriors(judgement.used, options, std::move(refined)); });
   }

@@ -79,7 +79,7 @@ class Solver {
     std::vector<QueryPriorResult> priors = solution_.priors;
     if (HavePriors(layout_)) {
       PriorJudgement judgement = JudgePriors(layout_, pairs, refined, options_);
-      if (!judgement.moves_start) {
+      if (!judgement.start) {
         priors = std::move(judgement.results);
         refined = AdjustWithPriors(judgement.used, options_, std::move(refined));
       }

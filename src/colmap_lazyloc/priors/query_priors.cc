@@ -60,9 +60,7 @@ class Judge {
     judgement_.unobservable_line = LineThrough(partial, *used_.position);
     CompareGravityIfGiven();
     AddUsed();
-    judgement_.moves_start = true;
-    judgement_.start.frames[layout_.FrameOf(query_)].frame_from_world =
-        CamFromWorld(pose_.cam_from_world.rotation, place);
+    judgement_.start = CamFromWorld(pose_.cam_from_world.rotation, place);
   }
 
  private:
@@ -128,7 +126,6 @@ class Judge {
 PriorJudgement JudgePriors(const Layout& layout, const PairRefs& pairs, const Refined& refined,
                            const LocalizerOptions& options) {
   PriorJudgement judgement;
-  judgement.start = refined.adjustment.posed;
   for (const QueryPrior& prior : layout.priors) judgement.results.push_back(UntestedPriors(prior));
   const PosedImages reported = AsReported(layout, refined.adjustment.posed);
   const std::vector<TrackRefs> tracks_of = TracksByFrame(layout, refined.adjustment.tracks);

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <optional>
 #include <vector>
 
 #include "colmap_lazyloc/group/layout.h"
@@ -12,10 +13,8 @@ namespace lazyloc {
 struct PriorJudgement {
   std::vector<QueryPriorResult> results;  // by query
   std::vector<ImagePrior> used;           // for PosedImages::query_priors of the adjustment
-  // Poses to start from: those that the images give; if a position is unobservable, it is the most probable one under
-  // images and prior.
-  PosedImages start;
-  bool moves_start = false;                           // true if the priors fix an unobservable position
+  // Most probable pose under images and prior, to start from, if the priors fix an unobservable position.
+  std::optional<Rigid3d> start;
   std::optional<UnobservableLine> unobservable_line;  // then
 };
 
