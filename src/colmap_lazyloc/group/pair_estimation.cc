@@ -58,46 +58,41 @@ void CheckLinks(const QueryGroup& group, const Layout& layout, const std::vector
   });
 }
 
-// Unprojects keypoints, those of queries once for all pairs.
-class KeypointObserver {
- public:
-  explicit KeypointObserver(const QueryGroup& group) : group_(group) {
-    for (const QueryImage& query : group.images) {
-      observers_.emplace_back(query.problem.query_camera);
-      cache_.emplace_back(query.problem.query_keypoints.size());
-    }
+// Unprojects the keypoints of inliers, those of queries once for all pairs.
+std::vector<PairGeometry> ObservePairs(const QueryGroup& group, const Layout& layout,
+                                       const std::vector<VerifiedPair>& verified) {
+  std::vector<Observer> observers;  // by query
+  // Filled as needed [query][keypoint]. Outer nullopt: not computed yet; inner: the keypoint cannot be unprojected.
+  std::vector<std::vector<std::optional<std::optional<Observation>>>> known;
+  for (const QueryImage& query : group.images) {
+    observers.emplace_back(query.problem.query_camera);
+    known.emplace_back(query.problem.query_keypoints.size());
   }
-
-  PairGeometry Observe(const VerifiedPair& pair, bool is_database_pair) {
+  const auto observe_query = [&](int query, uint32_t keypoint) -> const std::optional<Observation>& {
+    std::optional<std::optional<Observation>>& observation = known[query][keypoint];
+    if (!observation) observation = observers[query](group.images[query].problem.query_keypoints[keypoint]);
+    return *observation;
+  };
+  std::vector<PairGeometry> pairs;
+  for (const VerifiedPair& pair : verified) {
     const Observer observe_database(pair.images->other_camera);
-    PairGeometry geometry;
+    const Matches& matches = pair.relative_pose->inlier_matches;
+    PairGeometry& geometry = pairs.emplace_back();
     geometry.query = pair.query;
     geometry.other = pair.other;
     geometry.query_from_other = pair.relative_pose->query_from_other;
-    geometry.num_inliers = static_cast<int>(pair.relative_pose->inlier_matches.size());
-    geometry.inliers.reserve(pair.relative_pose->inlier_matches.size());
-    for (const Match& match : pair.relative_pose->inlier_matches) {
-      const std::optional<Observation>& query = ObserveQuery(pair.query, match.query_point);
-      const std::optional<Observation> other = is_database_pair
+    geometry.num_inliers = static_cast<int>(matches.size());
+    geometry.inliers.reserve(matches.size());
+    for (const Match& match : matches) {
+      const std::optional<Observation>& query = observe_query(pair.query, match.query_point);
+      const std::optional<Observation> other = layout.IsDatabase(pair.other)
                                                    ? observe_database(pair.images->other_keypoints[match.other_point])
-                                                   : ObserveQuery(pair.other, match.other_point);
+                                                   : observe_query(pair.other, match.other_point);
       if (query && other) geometry.inliers.push_back({match, *query, *other});
     }
-    return geometry;
   }
-
- private:
-  const std::optional<Observation>& ObserveQuery(int query, uint32_t keypoint) {
-    std::optional<std::optional<Observation>>& observation = cache_[query][keypoint];
-    if (!observation) observation = observers_[query](group_.images[query].problem.query_keypoints[keypoint]);
-    return *observation;
-  }
-
-  const QueryGroup& group_;
-  std::vector<Observer> observers_;  // by query
-  // Lazily filled cache [query][keypoint]. Outer nullopt: not computed yet; inner: the keypoint cannot be unprojected.
-  std::vector<std::vector<std::optional<std::optional<Observation>>>> cache_;
-};
+  return pairs;
+}
 
 }  // namespace
 
@@ -133,11 +128,7 @@ PairEstimates EstimatePairs(const QueryGroup& group, const Layout& layout, bool 
     for (const QueryPair& pair : group.query_pairs) verify(pair.query, pair.other, pair.images, &verified);
     CheckLinks(group, layout, verified);
   }
-  const StageTimer timer("observations", seconds);
-  KeypointObserver observer(group);
-  for (const VerifiedPair& pair : verified) {
-    estimates.pairs.push_back(observer.Observe(pair, layout.IsDatabase(pair.other)));
-  }
+  estimates.pairs = Timed("observations", seconds, [&] { return ObservePairs(group, layout, verified); });
   return estimates;
 }
 
