@@ -131,14 +131,6 @@ void SetDepths(const std::vector<MapOfImage>& maps, const std::vector<int>& map_
   }
 }
 
-std::vector<int> CountDepths(const std::vector<Track>& tracks, size_t num_images) {
-  std::vector<int> counts(num_images, 0);
-  for (const Track& track : tracks) {
-    for (const TrackObservation& element : track.observations) counts[element.image] += element.depth > 0;
-  }
-  return counts;
-}
-
 // Adds the result of a map to all queries that have a pair with its image.
 void AddResult(const MapOfImage& map, const Layout& layout, std::vector<DepthResult>* results) {
   DepthMapResult result{map.pair->other_name, map.fit.verdict, map.fit.num_points};
@@ -171,7 +163,10 @@ StartInput WithDepthMaps(const QueryGroup& group, const Layout& layout, const Pa
        {&input.candidates.all, &input.candidates.for_start, &input.tracks.from_database, &input.tracks.rest}) {
     SetDepths(maps, map_of_image, tracks);
   }
-  const std::vector<int> num_depths = CountDepths(input.candidates.all, posed.images.size());
+  std::vector<int> num_depths(posed.images.size(), 0);
+  for (const Track& track : input.candidates.all) {
+    for (const TrackObservation& element : track.observations) num_depths[element.image] += element.depth > 0;
+  }
   for (size_t image = 0; image < posed.images.size(); ++image) {
     if (map_of_image[image] < 0 || num_depths[image] == 0) continue;
     const DepthFit& fit = maps[map_of_image[image]].fit;

@@ -28,12 +28,6 @@ constexpr double kUntestedNumAreas = 16;
 
 double Square(double x) { return x * x; }
 
-std::vector<double> LogRatios(const std::vector<DepthSample>& samples) {
-  std::vector<double> ratios;
-  for (const DepthSample& sample : samples) ratios.push_back(std::log(sample.point_depth / sample.map_depth));
-  return ratios;
-}
-
 // Returns true if the map's depths grow with those of the points, outliers left out.
 bool AreCorrelated(const std::vector<DepthSample>& samples, const DepthFit& fit) {
   std::vector<Eigen::Vector2d> logs;
@@ -96,7 +90,8 @@ DepthFit FitDepthMap(const std::vector<DepthSample>& samples) {
   DepthFit fit;
   fit.num_points = static_cast<int>(samples.size());
   if (fit.num_points < kMinNumPoints) return fit;
-  std::vector<double> ratios = LogRatios(samples);
+  std::vector<double> ratios;
+  for (const DepthSample& sample : samples) ratios.push_back(std::log(sample.point_depth / sample.map_depth));
   fit.log_scale = Median(ratios);
   fit.stddev = RobustStddev(std::move(ratios));
   const bool is_informative = fit.stddev <= 2 * kMinDepthStddev || AreCorrelated(samples, fit);
