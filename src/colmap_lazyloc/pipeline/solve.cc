@@ -61,8 +61,8 @@ class Solver {
 
   // Estimates the focal length of a single query.
   void SolveWithUnknownFocalLength() {
-    solution_.averaged = WithAllPairs();
-    const PairRefs& pairs = solution_.averaged.pairs;
+    const PairRefs pairs = Refs(estimates_.pairs);
+    solution_.averaged = {layout_.given, pairs, std::vector<RelativeDirection>(pairs.size()), {}};
     QueryCamera camera(group_.images.front().problem);
     StartInput input = MakeStartInput();
     Timed("start", seconds_, [&] {
@@ -96,10 +96,8 @@ class Solver {
     RotationFit fit = Timed("rotation", seconds_, [&] { return FitRotation(layout_, estimates_, solution_.averaged); });
     if (prior.gravity) {
       const PriorComparison comparison = CompareGravity(*prior.gravity, fit.cam_from_world_rotation, fit.covariance);
-      priors.gravity = comparison.result;
-      if (comparison.result.verdict == PriorVerdict::USED) {
-        fit = WithGravity(Scaled(*prior.gravity, comparison.factor), std::move(fit));
-      }
+      const auto used = UsedPrior(*prior.gravity, comparison, &priors.gravity);
+      if (used) fit = WithGravity(*used, std::move(fit));
     }
     priors.position = PriorResult{PriorVerdict::USED, PriorRole::POSITION, kUnknown, kUnknown};
     const Rigid3d pose = CamFromWorld(fit.cam_from_world_rotation, prior.position->position);
@@ -123,12 +121,6 @@ class Solver {
 
  private:
   Averaged Average() { return AverageMotion(layout_, estimates_.pairs, options_, seconds_); }
-
-  // Returns all pairs, without poses.
-  Averaged WithAllPairs() {
-    const PairRefs pairs = Refs(estimates_.pairs);
-    return {layout_.given, pairs, std::vector<RelativeDirection>(pairs.size()), {}};
-  }
 
   // Returns the tracks of the pairs in use, triangulated, with the depths that maps give.
   StartInput MakeStartInput() {

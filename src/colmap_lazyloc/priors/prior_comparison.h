@@ -1,5 +1,7 @@
 #pragma once
 
+#include <optional>
+
 #include <Eigen/Core>
 #include <Eigen/Geometry>
 
@@ -22,6 +24,16 @@ struct PriorComparison {
 PriorComparison ComparePosition(const PositionPrior& prior, const PoseDistribution& pose);
 PriorComparison CompareGravity(const GravityPrior& prior, const Eigen::Quaterniond& cam_from_world_rotation,
                                const Eigen::Matrix3d& covariance);
+
+// Sets the result of a prior. Returns the prior as certain as it is used, its covariance over variance_factor; nullopt
+// if the images contradict it.
+template <typename Prior>
+std::optional<Prior> UsedPrior(const Prior& prior, const PriorComparison& comparison,
+                               std::optional<PriorResult>* result, double variance_factor = 1) {
+  *result = comparison.result;
+  if (comparison.result.verdict != PriorVerdict::USED) return std::nullopt;
+  return Scaled(prior, comparison.factor / variance_factor);
+}
 
 // The place on a ray that agrees best with a position.
 struct PlaceOnRay {

@@ -24,21 +24,17 @@ Equations CompareWithPose(const QueryPrior& prior, const PoseDistribution& pose,
   const Rigid3d around_camera{pose.cam_from_world.rotation, Eigen::Vector3d::Zero()};
   Equations equations;
   if (prior.position) {
-    const PriorComparison comparison = ComparePosition(*prior.position, pose);
-    result->position = comparison.result;
-    if (comparison.result.verdict == PriorVerdict::USED) {
-      PositionPrior used = Scaled(*prior.position, comparison.factor);
-      used.position -= CamInWorld(pose.cam_from_world);
-      equations.Set(0, EvaluatePositionPrior(used, {}, around_camera));
+    auto used = UsedPrior(*prior.position, ComparePosition(*prior.position, pose), &result->position);
+    if (used) {
+      used->position -= CamInWorld(pose.cam_from_world);
+      equations.Set(0, EvaluatePositionPrior(*used, {}, around_camera));
     }
   }
   if (prior.gravity) {
     const PriorComparison comparison =
         CompareGravity(*prior.gravity, around_camera.rotation, pose.RotationCovariance());
-    result->gravity = comparison.result;
-    if (comparison.result.verdict == PriorVerdict::USED) {
-      equations.Set(3, EvaluateGravityPrior(Scaled(*prior.gravity, comparison.factor), {}, around_camera));
-    }
+    const auto used = UsedPrior(*prior.gravity, comparison, &result->gravity);
+    if (used) equations.Set(3, EvaluateGravityPrior(*used, {}, around_camera));
   }
   return equations;
 }

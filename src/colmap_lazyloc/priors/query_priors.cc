@@ -29,6 +29,7 @@ class Judge {
         refined_(refined),
         query_(query),
         judgement_(*judgement),
+        variance_factor_(std::max(refined.variance_factor, kMinVarianceFactor)),
         pose_(DistributionOf(refined, query, CamFromWorld(reported, query))) {}
 
   // Judges the priors of a query whose pose the images determine.
@@ -64,15 +65,10 @@ class Judge {
   }
 
  private:
-  // Divides by the variance factor, because the covariance of the adjustment is multiplied by it.
-  double CovarianceFactor(double factor) const {
-    return factor / std::max(refined_.variance_factor, kMinVarianceFactor);
-  }
-
   void UsePosition(const PriorComparison& comparison) {
-    judgement_.results[query_].position = comparison.result;
-    if (comparison.result.verdict != PriorVerdict::USED) return;
-    used_.position = Scaled(*layout_.priors[query_].position, CovarianceFactor(comparison.factor));
+    used_.position =
+        UsedPrior(*layout_.priors[query_].position, comparison, &judgement_.results[query_].position, variance_factor_);
+    if (!used_.position) return;
     // Moves the prior to where adjustment has the image.
     used_.position->position +=
         CamInWorld(CamFromWorld(refined_.adjustment.posed, query_)) - CamInWorld(pose_.cam_from_world);
@@ -83,9 +79,7 @@ class Judge {
     if (!gravity) return;
     const PriorComparison comparison =
         CompareGravity(*gravity, pose_.cam_from_world.rotation, pose_.RotationCovariance());
-    judgement_.results[query_].gravity = comparison.result;
-    if (comparison.result.verdict != PriorVerdict::USED) return;
-    used_.gravity = Scaled(*gravity, CovarianceFactor(comparison.factor));
+    used_.gravity = UsedPrior(*gravity, comparison, &judgement_.results[query_].gravity, variance_factor_);
   }
 
   void AddUsed() {
@@ -97,7 +91,7 @@ class Judge {
     const Eigen::Vector3d direction =
         partial.bearing ? partial.bearing->dir_database_to_query_in_world : pose_.Spread().weakest_direction_in_world;
     const double information = direction.dot(used.covariance.ldlt().solve(direction));
-    return {direction, std::max(refined_.variance_factor, kMinVarianceFactor) / information};
+    return {direction, variance_factor_ / information};
   }
 
   Eigen::Vector3d CentreOf(const std::string& database_name) const {
@@ -117,7 +111,8 @@ class Judge {
   const Refined& refined_;
   const int query_;
   PriorJudgement& judgement_;
-  const PoseDistribution pose_;  // by the images
+  const double variance_factor_;  // by which the covariance of the adjustment is multiplied
+  const PoseDistribution pose_;   // by the images
   QueryPrior used_;
 };
 
