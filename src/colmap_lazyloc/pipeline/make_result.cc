@@ -200,14 +200,6 @@ void Conclude(const Choice& choice, int query, const LocalizerOptions& options, 
   }
 }
 
-// Adds what is known of queries that cannot be localized.
-void AddFailure(const Failure& failure, Results* results) {
-  for (size_t query = 0; query < results->size(); ++query) {
-    if (!failure.rig_errors_px.empty()) (*results)[query].rig_error_px = failure.rig_errors_px[query];
-  }
-  for (const auto& [query, partial_pose] : failure.partial_poses) (*results)[query].partial_pose = partial_pose;
-}
-
 }  // namespace
 
 Results MakeResults(const Choice& choice, const LocalizerOptions& options, const StageTimer::Seconds& seconds) {
@@ -224,7 +216,11 @@ Results MakeResults(const Choice& choice, const LocalizerOptions& options, const
     }
   }
   if (solution.failure) {
-    AddFailure(*solution.failure, &results);
+    const Failure& failure = *solution.failure;
+    for (size_t query = 0; query < failure.rig_errors_px.size(); ++query) {
+      results[query].rig_error_px = failure.rig_errors_px[query];
+    }
+    for (const auto& [query, partial_pose] : failure.partial_poses) results[query].partial_pose = partial_pose;
     return results;
   }
   if (!solution.hypothesis.estimates_focal_length) AddPairErrors(solution, &results);
