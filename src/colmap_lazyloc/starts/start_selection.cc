@@ -64,42 +64,35 @@ void VisitFrame(const StartProblem& problem, const TrackRefs& tracks, const Visi
   }
 }
 
-struct FrameStart {
-  Rigid3d frame_from_world;
-  StartPose kind = StartPose::BEST;
-};
-
-// Chooses the hypothesis with the best score for a frame. Throws Failure without any.
-FrameStart ChooseFrameStart(const StartProblem& problem, const Averaged& averaged, uint32_t seed,
-                            const LocalizerOptions& options, const std::vector<Rigid3d>& depth_starts) {
-  std::optional<FrameStart> best;
+// Sets the start of the problem's frame to the hypothesis with the best score. Throws Failure without any.
+void SetFrameStart(const StartProblem& problem, const Averaged& averaged, uint32_t seed,
+                   const LocalizerOptions& options, const std::vector<Rigid3d>& depth_starts, Start* start) {
+  const double min_score = averaged.failure ? kMinUnconfirmedScore : 0;
   double best_score = -1;
-  const auto consider = [&](StartPose kind, const std::optional<Rigid3d>& pose, double min_score) {
+  const auto consider = [&](StartPose kind, const std::optional<Rigid3d>& pose) {
     if (!pose) return;
     const double score = ScoreStart(problem, *pose);
     if (score <= best_score || score < min_score) return;
     best_score = score;
-    best = FrameStart{*pose, kind};
+    start->posed.frames[problem.frame].frame_from_world = *pose;
+    start->kinds[problem.frame] = kind;
   };
   const auto is_wanted = [&](StartPose kind) {
     return options.start_pose == StartPose::BEST || options.start_pose == kind;
   };
-  const double min_score = averaged.failure ? kMinUnconfirmedScore : 0;
   if (is_wanted(StartPose::MOTION_AVERAGING) && !averaged.failure) {
-    consider(StartPose::MOTION_AVERAGING, averaged.posed.frames[problem.frame].frame_from_world, 0);
+    consider(StartPose::MOTION_AVERAGING, averaged.posed.frames[problem.frame].frame_from_world);
   }
-  if (is_wanted(StartPose::ABSOLUTE_POSE)) {
-    consider(StartPose::ABSOLUTE_POSE, AbsolutePoseStart(problem, seed), min_score);
-  }
+  if (is_wanted(StartPose::ABSOLUTE_POSE)) consider(StartPose::ABSOLUTE_POSE, AbsolutePoseStart(problem, seed));
   if (is_wanted(StartPose::DEPTH)) {
-    consider(StartPose::DEPTH, DepthStart(problem, seed), min_score);
-    for (const Rigid3d& pose : depth_starts) consider(StartPose::DEPTH, pose, min_score);
+    consider(StartPose::DEPTH, DepthStart(problem, seed));
+    for (const Rigid3d& pose : depth_starts) consider(StartPose::DEPTH, pose);
   }
   if (options.start_pose == StartPose::GENERALIZED_RELATIVE_POSE ||
       (options.start_pose == StartPose::BEST && problem.from_database.size() < kFewTracks)) {
-    consider(StartPose::GENERALIZED_RELATIVE_POSE, GeneralizedRelativePoseStart(problem, seed), min_score);
+    consider(StartPose::GENERALIZED_RELATIVE_POSE, GeneralizedRelativePoseStart(problem, seed));
   }
-  if (best) return *best;
+  if (best_score >= 0) return;
   if (averaged.failure) throw Failure(*averaged.failure);
   throw Failure{
       QueryStatus::TOO_FEW_TRACKS, "no start pose by " + std::string(EnumName(options.start_pose)), {problem.frame}};
@@ -203,16 +196,14 @@ Start ChooseStart(const Layout& layout, const Averaged& averaged, const SplitTra
                                rest = TracksByFrame(layout, tracks.rest);
   const std::vector<Track> with_depth = TracksFromDepth(averaged.posed, tracks.rest);
   const std::vector<TrackRefs> from_depth = TracksByFrame(layout, with_depth);
-  Start start{averaged.posed, {}};
+  Start start{averaged.posed, std::vector<StartPose>(layout.num_query_frames)};
   for (int frame = 0; frame < layout.num_query_frames; ++frame) {
     StartProblem problem{averaged.posed, from_database[frame], rest[frame], kMaxStartErrorPx};
     problem.frame = frame;
     problem.from_depth = from_depth[frame];
     const uint32_t seed = SeedFromNames(layout.names[layout.QueriesOf(frame).front()], "", options.seed);
-    const FrameStart chosen = ChooseFrameStart(problem, averaged, seed, options,
-                                               depth_starts.empty() ? std::vector<Rigid3d>() : depth_starts[frame]);
-    start.posed.frames[frame].frame_from_world = chosen.frame_from_world;
-    start.kinds.push_back(chosen.kind);
+    SetFrameStart(problem, averaged, seed, options, depth_starts.empty() ? std::vector<Rigid3d>() : depth_starts[frame],
+                  &start);
   }
   return start;
 }
