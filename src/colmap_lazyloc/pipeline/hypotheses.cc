@@ -34,13 +34,6 @@ bool IsDistanceLeftToPrior(const Solution& solution) {
          solution.prepared->group.images.front().problem.pairs.size() > 1 && HasUntestedPosition(solution);
 }
 
-// Returns the hypothesis after a solution with an estimated focal length: the stated value, because the scene may fix
-// the pose even if it does not fix the focal length.
-std::optional<Hypothesis> AfterEstimate(const std::vector<Solution>& solutions, const LocalizerOptions& options) {
-  const bool may_be_stated = solutions.size() == 1 && options.intrinsics != IntrinsicsMode::REFINE;
-  return may_be_stated && IsRefused(solutions.back(), options) ? std::make_optional(Hypothesis()) : std::nullopt;
-}
-
 // Returns the hypothesis after a solution with given intrinsics.
 std::optional<Hypothesis> AfterGiven(const Solution& given, const LocalizerOptions& options) {
   const LocalizationProblem& problem = given.prepared->group.images.front().problem;
@@ -76,7 +69,11 @@ std::optional<Hypothesis> NextHypothesis(const QueryGroup& group, const std::vec
   }
   if (!is_single || !has_tracks) return std::nullopt;
   const Solution& last = solutions.back();
-  if (last.hypothesis.estimates_focal_length) return AfterEstimate(solutions, options);
+  if (last.hypothesis.estimates_focal_length) {
+    // Tries the stated value too, because the scene may fix the pose even if it does not fix the focal length.
+    const bool may_be_stated = solutions.size() == 1 && options.intrinsics != IntrinsicsMode::REFINE;
+    return may_be_stated && IsRefused(last, options) ? std::make_optional(Hypothesis()) : std::nullopt;
+  }
   return last.hypothesis.approach == Approach::ROTATION ? std::nullopt : AfterGiven(last, options);
 }
 

@@ -28,11 +28,6 @@ void CheckInput(const QueryGroup& group) {
   });
 }
 
-void KeepPairWith(const std::string& database_name, std::vector<ImagePair>* pairs) {
-  const auto is_other = [&](const ImagePair& pair) { return pair.other_name != database_name; };
-  pairs->erase(std::remove_if(pairs->begin(), pairs->end(), is_other), pairs->end());
-}
-
 }  // namespace
 
 const Prepared& Preparations::For(const Hypothesis& hypothesis) {
@@ -44,7 +39,9 @@ const Prepared& Preparations::For(const Hypothesis& hypothesis) {
   }
   if (!with_same_pairs && !hypothesis.only_database_image.empty()) {
     group_of_one_pair_ = group_;
-    KeepPairWith(hypothesis.only_database_image, &group_of_one_pair_.images.front().problem.pairs);
+    std::vector<ImagePair>& pairs = group_of_one_pair_.images.front().problem.pairs;
+    const auto is_other = [&](const ImagePair& pair) { return pair.other_name != hypothesis.only_database_image; };
+    pairs.erase(std::remove_if(pairs.begin(), pairs.end(), is_other), pairs.end());
   }
   const QueryGroup& group = hypothesis.only_database_image.empty() ? group_ : group_of_one_pair_;
   Prepared& prepared = prepared_.emplace_back(hypothesis, Prepared{group, {}, {}}).second;
