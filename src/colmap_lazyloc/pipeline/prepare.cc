@@ -47,21 +47,17 @@ const Prepared& Preparations::For(const Hypothesis& hypothesis) {
   Prepared& prepared = prepared_.emplace_back(hypothesis, Prepared{group, {}, {}}).second;
   try {
     CheckInput(group);
-    prepared.layout = with_same_pairs ? with_same_pairs->layout : MakeLayoutWithPoseErrors(group);
+    prepared.layout = with_same_pairs ? with_same_pairs->layout : MakeLayout(group);
+    if (!with_same_pairs && options_.post_optimization == PostOptimization::TRACKS) {
+      prepared.layout.expected_pose_errors =
+          Timed("database_poses", seconds_, [&] { return MeasurePoseErrors(group, options_); });
+    }
     prepared.estimates =
         EstimatePairs(group, prepared.layout, !hypothesis.estimates_focal_length, options_, known_, seconds_);
   } catch (const Failure& failure) {
     prepared.failure = failure;
   }
   return prepared;
-}
-
-Layout Preparations::MakeLayoutWithPoseErrors(const QueryGroup& group) const {
-  Layout layout = MakeLayout(group);
-  if (options_.post_optimization == PostOptimization::TRACKS) {
-    layout.expected_pose_errors = Timed("database_poses", seconds_, [&] { return MeasurePoseErrors(group, options_); });
-  }
-  return layout;
 }
 
 }  // namespace lazyloc

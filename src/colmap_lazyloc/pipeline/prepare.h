@@ -30,8 +30,6 @@ class Preparations {
   const Prepared& For(const Hypothesis& hypothesis);
 
  private:
-  Layout MakeLayoutWithPoseErrors(const QueryGroup& group) const;
-
   const QueryGroup& group_;
   const LocalizerOptions& options_;
   KnownRelativePoses* const known_;
