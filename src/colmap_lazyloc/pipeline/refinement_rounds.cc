@@ -15,8 +15,6 @@
 namespace lazyloc {
 namespace {
 
-// Number of rounds: one from a rough start, one that estimates noise and priors, and one with these.
-constexpr int kNumRounds = 3;
 constexpr int kMaxNumEstimates = 8;
 // Factor on the convergence bound of all adjustments but the last, because another one follows.
 constexpr double kIntermediateConvergence = 5;
@@ -144,31 +142,33 @@ Refined Refine(const Layout& layout, const PosedImages& start, const SplitTracks
                std::optional<QueryCamera> camera) {
   Refined refined;
   Rounds rounds(layout, start, options, std::move(camera));
-  for (int round = 0; round < kNumRounds; ++round) {
-    const bool is_first = round == 0, is_last = round + 1 == kNumRounds;
-    {
-      const StageTimer timer("triangulation", seconds);
-      SplitTracks split =
-          is_first ? start_tracks
-                   : TriangulateFromDatabase(rounds.Posed(), is_last ? std::move(candidates.all) : candidates.for_start,
-                                             options.triangulation);
-      if (is_last) refined.rig_errors_px = CheckRigs(layout, rounds.Posed(), split.from_database, options);
-      rounds.SetTracks(std::move(split), is_first ? kMaxStartErrorSigma : options.triangulation.max_query_error_sigma);
-    }
-    const StageTimer timer("adjustment", seconds);
-    if (is_first) {
-      rounds.AdjustRoughly();
-    } else if (is_last) {
-      rounds.AdjustWithPriors(is_last);
-    } else {
-      rounds.AdjustWithEstimatedPriors();
-    }
-    if (is_last) break;
+  const double max_query_error_sigma = options.triangulation.max_query_error_sigma;
+  const auto triangulate = [&](std::vector<Track> tracks) {
+    return TriangulateFromDatabase(rounds.Posed(), std::move(tracks), options.triangulation);
+  };
+  const auto estimate_noise = [&](bool is_first) {
     if (const std::optional<QueryCamera>& now = rounds.RefinedCamera()) {
       candidates = {now->Observe(candidates.all), now->Observe(candidates.for_start)};
     }
     rounds.EstimateNoise(is_first);
-  }
+  };
+  // The first round is from a rough start, the second estimates noise and priors, and the last has these.
+  Timed("triangulation", seconds, [&] { rounds.SetTracks(start_tracks, kMaxStartErrorSigma); });
+  Timed("adjustment", seconds, [&] {
+    rounds.AdjustRoughly();
+    estimate_noise(/*is_first=*/true);
+  });
+  Timed("triangulation", seconds, [&] { rounds.SetTracks(triangulate(candidates.for_start), max_query_error_sigma); });
+  Timed("adjustment", seconds, [&] {
+    rounds.AdjustWithEstimatedPriors();
+    estimate_noise(/*is_first=*/false);
+  });
+  Timed("triangulation", seconds, [&] {
+    SplitTracks split = triangulate(std::move(candidates.all));
+    refined.rig_errors_px = CheckRigs(layout, rounds.Posed(), split.from_database, options);
+    rounds.SetTracks(std::move(split), max_query_error_sigma);
+  });
+  Timed("adjustment", seconds, [&] { rounds.AdjustWithPriors(/*is_last=*/true); });
   refined.camera = rounds.RefinedCamera();
   refined.adjustment = std::move(rounds).Finish();
   refined.variance_factor = VarianceFactor(refined.adjustment.posed, refined.adjustment.tracks,
