@@ -62,7 +62,7 @@ void CheckLinks(const QueryGroup& group, const Layout& layout, const std::vector
 std::vector<PairGeometry> ObservePairs(const QueryGroup& group, const Layout& layout,
                                        const std::vector<VerifiedPair>& verified) {
   std::vector<Observer> observers;  // by query
-  // Filled as needed [query][keypoint]. Outer nullopt: not computed yet; inner: the keypoint cannot be unprojected.
+  // Holds [query][keypoint], as needed. Outer nullopt: not computed yet; inner: the keypoint cannot be unprojected.
   std::vector<std::vector<std::optional<std::optional<Observation>>>> known;
   for (const QueryImage& query : group.images) {
     observers.emplace_back(query.problem.query_camera);

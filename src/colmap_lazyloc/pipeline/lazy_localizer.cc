@@ -111,14 +111,13 @@ class GroupLocalizer {
       Store(std::move(answer.results), ImagesOfFrames(group, frames), &results);
       const std::vector<int>& lost = answer.frames_without_pose;
       if (lost.empty() || frames.size() == 1) return results;
+      for (const int lost_frame : lost) {
+        const std::vector<int> images = ImagesOfFrames(group, {frames[lost_frame]});
+        Store(LocalizeTogether(SelectImages(group, images)).results, images, &results);
+      }
       std::vector<int> others;
       for (int i = 0; i < static_cast<int>(frames.size()); ++i) {
-        if (std::count(lost.begin(), lost.end(), i) == 0) {
-          others.push_back(frames[i]);
-          continue;
-        }
-        const std::vector<int> images = ImagesOfFrames(group, {frames[i]});
-        Store(LocalizeTogether(SelectImages(group, images)).results, images, &results);
+        if (std::count(lost.begin(), lost.end(), i) == 0) others.push_back(frames[i]);
       }
       if (others.empty()) return results;
       frames = std::move(others);

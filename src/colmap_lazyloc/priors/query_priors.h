@@ -13,7 +13,7 @@ namespace lazyloc {
 struct PriorJudgement {
   std::vector<QueryPriorResult> results;  // by query
   std::vector<ImagePrior> used;           // for PosedImages::query_priors of the adjustment
-  // Most probable pose under images and prior, to start from, if the priors fix an unobservable position.
+  // The most probable pose under images and priors, to start from, if the priors fix an unobservable position.
   std::optional<Rigid3d> start;
   std::optional<UnobservableLine> unobservable_line;  // then
 };
