@@ -4,32 +4,17 @@
 #include <limits>
 
 #include "colmap_lazyloc/math/so3.h"
-#include "colmap_lazyloc/rotation/reweighted_solver.h"
 #include "colmap_lazyloc/rotation/rotation_methods.h"
 #include "colmap_lazyloc/rotation/rotation_proposals.h"
 #include "colmap_lazyloc/scene/errors.h"
 
 namespace lazyloc {
-namespace {
 
-void AverageBy(RotationAveragingMethod method, const RotationAveragingProblem& problem,
-               RotationAveragingResult* result) {
-  switch (method) {
-    case RotationAveragingMethod::L1_IRLS: return AverageByL1Irls(problem, result);
-    case RotationAveragingMethod::L1: return AverageByL1(problem, result);
-    case RotationAveragingMethod::QUATERNION_MEAN: return AverageByQuaternionMean(problem, result);
-  }
+Eigen::Vector3d EdgeErrorInWorld(const RotationEdge& edge, const std::vector<Eigen::Quaterniond>& rotations) {
+  const Eigen::Quaterniond world_from_node2_measured =
+      rotations[edge.node1].conjugate() * edge.node2_from_node1.conjugate();
+  return LogSO3(world_from_node2_measured * rotations[edge.node2]);
 }
-
-void ComputeEdgeErrors(const RotationAveragingProblem& problem, RotationAveragingResult* result) {
-  for (size_t i = 0; i < problem.edges.size(); ++i) {
-    const RotationEdge& edge = problem.edges[i];
-    if (!result->is_known[edge.node1] || !result->is_known[edge.node2]) continue;
-    result->edge_errors_rad[i] = EdgeErrorInWorld(edge, result->rotations).norm();
-  }
-}
-
-}  // namespace
 
 RotationAveragingResult AverageRotations(const RotationAveragingProblem& problem, RotationAveragingMethod method) {
   LAZYLOC_CHECK(problem.rotations.size() == problem.is_fixed.size());
@@ -42,13 +27,21 @@ RotationAveragingResult AverageRotations(const RotationAveragingProblem& problem
     result.summary.message = "a relative rotation is not finite";
     return result;
   }
-  StartFromVotes(problem, DegToRad(kMaxRotationErrorDeg), &result);
+  StartFromVotes(problem, &result);
   if (result.is_known == problem.is_fixed) {
     result.summary.message = "no unknown rotation is linked to a fixed one";
     return result;
   }
-  AverageBy(method, problem, &result);
-  ComputeEdgeErrors(problem, &result);
+  switch (method) {
+    case RotationAveragingMethod::L1_IRLS: AverageByL1Irls(problem, &result); break;
+    case RotationAveragingMethod::L1: AverageByL1(problem, &result); break;
+    case RotationAveragingMethod::QUATERNION_MEAN: AverageByQuaternionMean(problem, &result); break;
+  }
+  for (size_t i = 0; i < problem.edges.size(); ++i) {
+    const RotationEdge& edge = problem.edges[i];
+    if (!result.is_known[edge.node1] || !result.is_known[edge.node2]) continue;
+    result.edge_errors_rad[i] = EdgeErrorInWorld(edge, result.rotations).norm();
+  }
   result.summary.success = true;
   result.summary.message = "averaged";
   return result;

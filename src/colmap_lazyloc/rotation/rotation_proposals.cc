@@ -7,15 +7,17 @@
 namespace lazyloc {
 namespace {
 
-// Returns the weight of all proposals near one of them, falling linearly to zero at max_error_rad.
-double Support(const WeightedRotation& proposal, const std::vector<WeightedRotation>& all, double max_error_rad) {
+// Returns the weight of all proposals near one of them, falling linearly to zero at kMaxRotationErrorDeg.
+double Support(const WeightedRotation& proposal, const std::vector<WeightedRotation>& all) {
   double support = 0;
   for (const WeightedRotation& other : all) {
     const double error = AngularDistanceRad(proposal.rotation, other.rotation);
-    support += other.weight * std::max(0.0, 1 - error / max_error_rad);
+    support += other.weight * std::max(0.0, 1 - error / DegToRad(kMaxRotationErrorDeg));
   }
   return support;
 }
+
+}  // namespace
 
 std::vector<std::vector<size_t>> EdgesByNode(const RotationAveragingProblem& problem) {
   std::vector<std::vector<size_t>> edges_of(problem.is_fixed.size());
@@ -26,10 +28,9 @@ std::vector<std::vector<size_t>> EdgesByNode(const RotationAveragingProblem& pro
   return edges_of;
 }
 
-// Returns one proposal per edge (indices `edges`) whose other node is known.
-std::vector<WeightedRotation> Proposals(int node, const std::vector<size_t>& edges,
-                                        const RotationAveragingProblem& problem,
-                                        const RotationAveragingResult& result) {
+std::vector<WeightedRotation> ProposalsFor(int node, const std::vector<size_t>& edges,
+                                           const RotationAveragingProblem& problem,
+                                           const RotationAveragingResult& result) {
   std::vector<WeightedRotation> proposals;
   for (const size_t i : edges) {
     const RotationEdge& edge = problem.edges[i];
@@ -42,22 +43,16 @@ std::vector<WeightedRotation> Proposals(int node, const std::vector<size_t>& edg
   return proposals;
 }
 
-}  // namespace
-
-std::vector<WeightedRotation> ProposalsFor(int node, const RotationAveragingProblem& problem,
-                                           const RotationAveragingResult& result) {
-  return Proposals(node, EdgesByNode(problem)[node], problem, result);
-}
-
-void StartFromVotes(const RotationAveragingProblem& problem, double max_error_rad, RotationAveragingResult* result) {
+void StartFromVotes(const RotationAveragingProblem& problem, RotationAveragingResult* result) {
   const std::vector<std::vector<size_t>> edges_of = EdgesByNode(problem);
   std::vector<WeightedRotation> best_of(problem.is_fixed.size());  // best proposal of each node; weight: its support
   const auto vote = [&](size_t node) {
     best_of[node].weight = 0;
     if (result->is_known[node]) return;
-    const std::vector<WeightedRotation> proposals = Proposals(static_cast<int>(node), edges_of[node], problem, *result);
+    const std::vector<WeightedRotation> proposals =
+        ProposalsFor(static_cast<int>(node), edges_of[node], problem, *result);
     for (const WeightedRotation& proposal : proposals) {
-      const double support = Support(proposal, proposals, max_error_rad);
+      const double support = Support(proposal, proposals);
       if (support > best_of[node].weight) best_of[node] = {proposal.rotation, support};
     }
   };
