@@ -4,6 +4,9 @@
 #include <cmath>
 #include <utility>
 
+#include <Eigen/Cholesky>
+#include <Eigen/LU>
+
 #include "colmap_lazyloc/refinement/bundle_solver.h"
 #include "colmap_lazyloc/refinement/covariance.h"
 
@@ -15,7 +18,7 @@ template <int kSize>
 PosedImages MovedTo(const BundleSolver<kSize>& solver, PosedImages posed) {
   std::vector<double> log_factors(posed.frames.size(), 0);
   for (size_t i = 0; i < posed.frames.size(); ++i) {
-    const int index = solver.IndexOf(static_cast<int>(i));
+    const int index = solver.Problem().index_of_frame[i];
     if (index < 0) continue;
     const ParameterBlock& solution = solver.Solution().frames[index];
     posed.frames[i].frame_from_world = solution.frame_from_world;
@@ -29,14 +32,14 @@ PosedImages MovedTo(const BundleSolver<kSize>& solver, PosedImages posed) {
   }
   for (size_t i = 0; i < posed.calibrations.size(); ++i) {
     Rigid3d& cam_from_frame = posed.calibrations[i].cam_from_frame;
-    const int index = solver.IndexOfCalibration(static_cast<int>(i));
+    const int index = solver.Problem().index_of_calibration[i];
     if (index >= 0) cam_from_frame = solver.Solution().frames[index].frame_from_world;
     cam_from_frame.translation *= calibration_scales[i];
   }
   for (size_t i = 0; i < posed.images.size(); ++i) {
     Image& image = posed.images[i];
-    const int index = solver.IndexOfImage(static_cast<int>(i));
-    if (index != solver.IndexOf(image.frame)) {
+    const int index = solver.Problem().index_of_image[i];
+    if (index != solver.Problem().index_of_frame[image.frame]) {
       image.cam_from_frame =
           solver.Solution().frames[index].frame_from_world * Inverse(posed.frames[image.frame].frame_from_world);
     } else if (posed.frames[image.frame].has_free_scale && !HasFrameAxes(image)) {
@@ -54,16 +57,87 @@ template <int kSize, typename FrameMatrix>
 std::vector<Eigen::Matrix<double, 6, 6>> ImageCovariances(const BundleSolver<kSize>& solver, const PosedImages& posed,
                                                           const std::vector<FrameMatrix>& frame_covariances) {
   std::vector<Eigen::Matrix<double, 6, 6>> covariances(posed.images.size(), Eigen::Matrix<double, 6, 6>::Zero());
-  if (frame_covariances.empty()) return covariances;
   for (size_t i = 0; i < posed.images.size(); ++i) {
     const Image& image = posed.images[i];
-    const int index = solver.IndexOfImage(static_cast<int>(i));
+    const int index = solver.Problem().index_of_image[i];
     if (index < 0 || frame_covariances[index].size() == 0) continue;
-    if (index != solver.IndexOf(image.frame)) {
+    if (index != solver.Problem().index_of_frame[image.frame]) {
       covariances[i] = frame_covariances[index].template topLeftCorner<6, 6>();
       continue;
     }
     covariances[i] = ImageCovariance(image, posed.frames[image.frame].has_free_scale, frame_covariances[index]);
+  }
+  return covariances;
+}
+
+// Returns the equations of a group's frames with the frames of no group eliminated: the lower triangle.
+template <int kSize>
+Eigen::MatrixXd EquationsOfGroup(const BundleSolver<kSize>& solver, size_t group) {
+  const BundleProblem& problem = solver.Problem();
+  std::vector<bool> is_grouped(problem.frames.size(), false);
+  for (const BundlePriors& priors : problem.priors) {
+    for (const int frame : priors.frames) is_grouped[frame] = true;
+  }
+  std::vector<int> frames;
+  for (size_t frame = 0; frame < is_grouped.size(); ++frame) {
+    if (!is_grouped[frame]) frames.push_back(static_cast<int>(frame));
+  }
+  const auto num_eliminated = static_cast<Eigen::Index>(kSize * frames.size());
+  frames.insert(frames.end(), problem.priors[group].frames.begin(), problem.priors[group].frames.end());
+  const Eigen::MatrixXd all = solver.Cameras().EquationsOf(frames, solver.Equations().reduced);
+  const Eigen::Index num_kept = all.rows() - num_eliminated;
+  Eigen::MatrixXd kept = all.bottomRightCorner(num_kept, num_kept);
+  const Eigen::LLT<Eigen::MatrixXd> factor(all.topLeftCorner(num_eliminated, num_eliminated));
+  const Eigen::MatrixXd half = factor.matrixL().solve(all.bottomLeftCorner(num_kept, num_eliminated).transpose());
+  kept.template selfadjointView<Eigen::Lower>().rankUpdate(half.transpose(), -1);
+  return kept;
+}
+
+// Fits a prior group after the minimum of an adjustment that solves a dense system; without component_covariances.
+template <int kSize>
+PriorFit FitPriors(const BundleSolver<kSize>& solver, size_t group) {
+  const BundlePriors& priors = solver.Problem().priors[group];
+  const auto size = static_cast<Eigen::Index>(priors.frames.size());
+  PriorFit fit{Eigen::MatrixXd(size, 6), Eigen::MatrixXd(6 * size, 6 * size)};
+  std::vector<Eigen::Matrix<double, 6, 6>> pose_from_deviation;
+  for (Eigen::Index i = 0; i < size; ++i) {
+    const PosePriorResidual residual = solver.EvaluatePrior(priors.frames[i], solver.Solution());
+    fit.deviations.row(i) = residual.error;
+    pose_from_deviation.push_back(residual.jacobian.inverse());
+  }
+  const Eigen::MatrixXd equations = EquationsOfGroup(solver, group);
+  for (Eigen::Index i = 0; i < size; ++i) {
+    for (Eigen::Index j = 0; j <= i; ++j) {
+      Eigen::Matrix<double, 6, 6> block = equations.template block<6, 6>(kSize * i, kSize * j);
+      if (i == j) block = block.template selfadjointView<Eigen::Lower>();
+      Eigen::Matrix<double, 6, 6> information = pose_from_deviation[i].transpose() * block * pose_from_deviation[j];
+      information.diagonal() -= priors.precision.Between(i, j);
+      fit.information(Eigen::seqN(i, 6, size), Eigen::seqN(j, 6, size)) = information;
+      fit.information(Eigen::seqN(j, 6, size), Eigen::seqN(i, 6, size)) = information.transpose();
+    }
+  }
+  return fit;
+}
+
+// Returns by component and frame of the problem the covariance of the frame's parameters that unit variance of the
+// component causes; empty for frames that are not in needed_frames.
+template <int kSize>
+std::vector<std::vector<Eigen::MatrixXd>> FrameComponentCovariances(const BundleSolver<kSize>& solver, size_t group,
+                                                                    const PriorGroup& given,
+                                                                    const std::vector<int>& needed_frames) {
+  const BundlePriors& priors = solver.Problem().priors[group];
+  std::vector<std::vector<Eigen::MatrixXd>> covariances(given.components.size());
+  for (auto& by_frame : covariances) by_frame.resize(solver.Problem().frames.size());
+  for (const int frame : needed_frames) {
+    const Eigen::MatrixXd covariance = solver.Cameras().ColumnsOfInverse(frame);
+    Eigen::MatrixXd with_deviations(6 * priors.frames.size(), kSize);
+    for (size_t i = 0; i < priors.frames.size(); ++i) {
+      with_deviations(Eigen::seqN(i, 6, priors.frames.size()), Eigen::all) =
+          solver.EvaluatePrior(priors.frames[i], solver.Solution()).jacobian *
+          covariance.template middleRows<6>(kSize * priors.frames[i]);
+    }
+    const std::vector<Eigen::MatrixXd> of_frame = ComponentCovariances(given, priors.precision, with_deviations);
+    for (size_t j = 0; j < covariances.size(); ++j) covariances[j][frame] = of_frame[j];
   }
   return covariances;
 }
@@ -75,8 +149,7 @@ std::vector<PriorFit> FitAllPriors(const BundleSolver<kSize>& solver, const Pose
   if (!solver.Cameras().IsDense()) return fits;
   std::vector<int> needed_frames;
   for (size_t image = 0; image < posed.images.size(); ++image) {
-    if (!posed.IsDatabase(static_cast<int>(image)))
-      needed_frames.push_back(solver.IndexOfImage(static_cast<int>(image)));
+    if (!posed.IsDatabase(static_cast<int>(image))) needed_frames.push_back(solver.Problem().index_of_image[image]);
   }
   for (size_t group = 0; group < posed.prior_groups.size(); ++group) {
     PriorFit& fit = fits.emplace_back(FitPriors(solver, group));
@@ -94,7 +167,7 @@ void SetCovariances(const BundleSolver<kSize>& solver, BundleAdjustmentResult* r
   result->image_covariances = ImageCovariances(solver, result->posed, covariances);
   result->frame_covariances.assign(result->posed.frames.size(), Eigen::Matrix<double, 6, 6>::Zero());
   for (size_t frame = 0; frame < result->frame_covariances.size(); ++frame) {
-    const int index = solver.IndexOf(static_cast<int>(frame));
+    const int index = solver.Problem().index_of_frame[frame];
     if (index >= 0) result->frame_covariances[frame] = covariances[index].template topLeftCorner<6, 6>();
   }
 }

@@ -54,13 +54,6 @@ class BundleSolver {
   const System& Equations() const { return system_; }
   const CameraSystem<kSize>& Cameras() const { return camera_system_; }
   const BundleState& Linearization() const { return before_last_step_ ? *before_last_step_ : state_; }
-  // Returns the index of a frame of PosedImages; -1 for a constant one.
-  int IndexOf(int frame) const { return problem_.index_of_frame[frame]; }
-  // Returns the index of an image whose calibration has a prior; of any other image, that of its frame.
-  int IndexOfImage(int image) const { return problem_.index_of_image[image]; }
-  // Returns the index of a calibration of PosedImages; -1 for one without a prior.
-  int IndexOfCalibration(int calibration) const { return problem_.index_of_calibration[calibration]; }
-
   // Returns the covariances of the frames' parameters, at the minimum or the last step before it, which is as short
   // as convergence means.
   std::vector<FrameMatrix> Covariances() const;
@@ -109,8 +102,5 @@ class BundleSolver {
   std::optional<BundleState> before_last_step_;  // if system_ was built there
   System system_;
 };
-
-extern template class BundleSolver<6>;
-extern template class BundleSolver<7>;
 
 }  // namespace lazyloc
