@@ -202,7 +202,8 @@ void BundleSolver<kSize>::AddPriors(const BundleState& state, std::vector<FrameM
 template <int kSize>
 RigFlexResidual BundleSolver<kSize>::Evaluate(const BundleFlex& flex, const BundleState& state) {
   const ParameterBlock& frame = state.frames[flex.frame];
-  return EvaluateRigFlex(*flex.given, state.frames[flex.calibration].frame_from_world, frame.LogRigScale(),
+  return EvaluateRigFlex(*flex.given, state.frames[flex.calibration].frame_from_world,
+                         frame.HasRigScale() ? std::optional(frame.log_factor) : std::nullopt,
                          state.frames[flex.cam].frame_from_world, frame.frame_from_world);
 }
 
