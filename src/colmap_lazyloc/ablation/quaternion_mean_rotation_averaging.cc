@@ -2,7 +2,6 @@
 
 #include "colmap_lazyloc/math/so3.h"
 #include "colmap_lazyloc/rotation/rotation_methods.h"
-#include "colmap_lazyloc/rotation/rotation_proposals.h"
 
 namespace lazyloc {
 

@@ -1,5 +1,6 @@
 #pragma once
 
+#include "colmap_lazyloc/math/mean_rotation.h"
 #include "colmap_lazyloc/rotation/rotation_averaging.h"
 
 namespace lazyloc {
@@ -11,6 +12,14 @@ inline constexpr double kRotationConvergenceDeg = 1e-10;
 // both nodes change by S <- exp(w) S, the error becomes error + w1 - w2 to first order. The error is expressed in the
 // world frame because its Jacobian is then the incidence matrix of the graph, for all rotations.
 Eigen::Vector3d EdgeErrorInWorld(const RotationEdge& edge, const std::vector<Eigen::Quaterniond>& rotations);
+
+// Returns the indices of each node's edges.
+std::vector<std::vector<size_t>> EdgesByNode(const RotationAveragingProblem& problem);
+
+// Returns the rotations that a node's edges (indices `edges`) propose for it, one per edge whose other node is known.
+std::vector<WeightedRotation> ProposalsFor(int node, const std::vector<size_t>& edges,
+                                           const RotationAveragingProblem& problem,
+                                           const RotationAveragingResult& result);
 
 // Methods of AverageRotations. They change the rotations of known nodes that are not fixed, starting from
 // result->rotations.
