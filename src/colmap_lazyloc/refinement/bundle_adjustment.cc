@@ -13,6 +13,8 @@
 namespace lazyloc {
 namespace {
 
+using Matrix6d = Eigen::Matrix<double, 6, 6>;
+
 // Moves the frames, and the images that depend on the estimated factors, to the solution.
 template <int kSize>
 PosedImages MovedTo(const BundleSolver<kSize>& solver, PosedImages posed) {
@@ -52,22 +54,12 @@ PosedImages MovedTo(const BundleSolver<kSize>& solver, PosedImages posed) {
   return posed;
 }
 
-// Returns the covariances of all images by those of the frames' parameters; zero for constant ones.
-template <int kSize, typename FrameMatrix>
-std::vector<Eigen::Matrix<double, 6, 6>> ImageCovariances(const BundleSolver<kSize>& solver, const PosedImages& posed,
-                                                          const std::vector<FrameMatrix>& frame_covariances) {
-  std::vector<Eigen::Matrix<double, 6, 6>> covariances(posed.images.size(), Eigen::Matrix<double, 6, 6>::Zero());
-  for (size_t i = 0; i < posed.images.size(); ++i) {
-    const Image& image = posed.images[i];
-    const int index = solver.Problem().index_of_image[i];
-    if (index < 0 || frame_covariances[index].size() == 0) continue;
-    if (index != solver.Problem().index_of_frame[image.frame]) {
-      covariances[i] = frame_covariances[index].template topLeftCorner<6, 6>();
-      continue;
-    }
-    covariances[i] = ImageCovariance(image, posed.frames[image.frame].has_free_scale, frame_covariances[index]);
-  }
-  return covariances;
+// Returns the covariance of an image by that of the parameters of its pose.
+Matrix6d CovarianceOf(const PosedImages& posed, size_t image, const BundleProblem& problem,
+                      const Eigen::MatrixXd& of_parameters) {
+  const int frame = posed.images[image].frame;
+  if (problem.index_of_image[image] != problem.index_of_frame[frame]) return of_parameters.topLeftCorner<6, 6>();
+  return ImageCovariance(posed.images[image], posed.frames[frame].has_free_scale, of_parameters);
 }
 
 // Returns the equations of a group's frames with the frames of no group eliminated: the lower triangle.
@@ -99,7 +91,7 @@ PriorFit FitPriors(const BundleSolver<kSize>& solver, size_t group) {
   const BundlePriors& priors = solver.Problem().priors[group];
   const auto size = static_cast<Eigen::Index>(priors.frames.size());
   PriorFit fit{Eigen::MatrixXd(size, 6), Eigen::MatrixXd(6 * size, 6 * size)};
-  std::vector<Eigen::Matrix<double, 6, 6>> pose_from_deviation;
+  std::vector<Matrix6d> pose_from_deviation;
   for (Eigen::Index i = 0; i < size; ++i) {
     const PosePriorResidual residual = solver.EvaluatePrior(priors.frames[i], solver.Solution());
     fit.deviations.row(i) = residual.error;
@@ -108,9 +100,9 @@ PriorFit FitPriors(const BundleSolver<kSize>& solver, size_t group) {
   const Eigen::MatrixXd equations = EquationsOfGroup(solver, group);
   for (Eigen::Index i = 0; i < size; ++i) {
     for (Eigen::Index j = 0; j <= i; ++j) {
-      Eigen::Matrix<double, 6, 6> block = equations.template block<6, 6>(kSize * i, kSize * j);
+      Matrix6d block = equations.template block<6, 6>(kSize * i, kSize * j);
       if (i == j) block = block.template selfadjointView<Eigen::Lower>();
-      Eigen::Matrix<double, 6, 6> information = pose_from_deviation[i].transpose() * block * pose_from_deviation[j];
+      Matrix6d information = pose_from_deviation[i].transpose() * block * pose_from_deviation[j];
       information.diagonal() -= priors.precision.Between(i, j);
       fit.information(Eigen::seqN(i, 6, size), Eigen::seqN(j, 6, size)) = information;
       fit.information(Eigen::seqN(j, 6, size), Eigen::seqN(i, 6, size)) = information.transpose();
@@ -119,27 +111,19 @@ PriorFit FitPriors(const BundleSolver<kSize>& solver, size_t group) {
   return fit;
 }
 
-// Returns by component and frame of the problem the covariance of the frame's parameters that unit variance of the
-// component causes; empty for frames that are not in needed_frames.
+// Returns by component the covariance of a frame's parameters that unit variance of the component causes.
 template <int kSize>
-std::vector<std::vector<Eigen::MatrixXd>> FrameComponentCovariances(const BundleSolver<kSize>& solver, size_t group,
-                                                                    const PriorGroup& given,
-                                                                    const std::vector<int>& needed_frames) {
+std::vector<Eigen::MatrixXd> ComponentCovariancesOfFrame(const BundleSolver<kSize>& solver, size_t group,
+                                                         const PriorGroup& given, int frame) {
   const BundlePriors& priors = solver.Problem().priors[group];
-  std::vector<std::vector<Eigen::MatrixXd>> covariances(given.components.size());
-  for (auto& by_frame : covariances) by_frame.resize(solver.Problem().frames.size());
-  for (const int frame : needed_frames) {
-    const Eigen::MatrixXd covariance = solver.Cameras().ColumnsOfInverse(frame);
-    Eigen::MatrixXd with_deviations(6 * priors.frames.size(), kSize);
-    for (size_t i = 0; i < priors.frames.size(); ++i) {
-      with_deviations(Eigen::seqN(i, 6, priors.frames.size()), Eigen::all) =
-          solver.EvaluatePrior(priors.frames[i], solver.Solution()).jacobian *
-          covariance.template middleRows<6>(kSize * priors.frames[i]);
-    }
-    const std::vector<Eigen::MatrixXd> of_frame = ComponentCovariances(given, priors.precision, with_deviations);
-    for (size_t j = 0; j < covariances.size(); ++j) covariances[j][frame] = of_frame[j];
+  const Eigen::MatrixXd covariance = solver.Cameras().ColumnsOfInverse(frame);
+  Eigen::MatrixXd with_deviations(6 * priors.frames.size(), kSize);
+  for (size_t i = 0; i < priors.frames.size(); ++i) {
+    with_deviations(Eigen::seqN(i, 6, priors.frames.size()), Eigen::all) =
+        solver.EvaluatePrior(priors.frames[i], solver.Solution()).jacobian *
+        covariance.template middleRows<6>(kSize * priors.frames[i]);
   }
-  return covariances;
+  return ComponentCovariances(given, priors.precision, with_deviations);
 }
 
 // Fits all prior groups; none if there are too many frames.
@@ -147,15 +131,19 @@ template <int kSize>
 std::vector<PriorFit> FitAllPriors(const BundleSolver<kSize>& solver, const PosedImages& posed, bool computes_parts) {
   std::vector<PriorFit> fits;
   if (!solver.Cameras().IsDense()) return fits;
-  std::vector<int> needed_frames;
-  for (size_t image = 0; image < posed.images.size(); ++image) {
-    if (!posed.IsDatabase(static_cast<int>(image))) needed_frames.push_back(solver.Problem().index_of_image[image]);
-  }
   for (size_t group = 0; group < posed.prior_groups.size(); ++group) {
     PriorFit& fit = fits.emplace_back(FitPriors(solver, group));
     if (!computes_parts) continue;
-    for (const auto& covariances : FrameComponentCovariances(solver, group, posed.prior_groups[group], needed_frames)) {
-      fit.component_covariances.push_back(ImageCovariances(solver, posed, covariances));
+    const PriorGroup& given = posed.prior_groups[group];
+    fit.component_covariances.assign(given.components.size(),
+                                     std::vector<Matrix6d>(posed.images.size(), Matrix6d::Zero()));
+    for (size_t image = 0; image < posed.images.size(); ++image) {
+      if (posed.IsDatabase(static_cast<int>(image))) continue;
+      const std::vector<Eigen::MatrixXd> of_frame =
+          ComponentCovariancesOfFrame(solver, group, given, solver.Problem().index_of_image[image]);
+      for (size_t j = 0; j < of_frame.size(); ++j) {
+        fit.component_covariances[j][image] = CovarianceOf(posed, image, solver.Problem(), of_frame[j]);
+      }
     }
   }
   return fits;
@@ -163,24 +151,29 @@ std::vector<PriorFit> FitAllPriors(const BundleSolver<kSize>& solver, const Pose
 
 template <int kSize>
 void SetCovariances(const BundleSolver<kSize>& solver, BundleAdjustmentResult* result) {
+  const PosedImages& posed = result->posed;
+  const BundleProblem& problem = solver.Problem();
   const std::vector<Eigen::Matrix<double, kSize, kSize>> covariances = solver.Covariances();
-  result->image_covariances = ImageCovariances(solver, result->posed, covariances);
-  result->frame_covariances.assign(result->posed.frames.size(), Eigen::Matrix<double, 6, 6>::Zero());
-  for (size_t frame = 0; frame < result->frame_covariances.size(); ++frame) {
-    const int index = solver.Problem().index_of_frame[frame];
+  result->image_covariances.assign(posed.images.size(), Matrix6d::Zero());
+  for (size_t image = 0; image < posed.images.size(); ++image) {
+    const int index = problem.index_of_image[image];
+    if (index >= 0) result->image_covariances[image] = CovarianceOf(posed, image, problem, covariances[index]);
+  }
+  result->frame_covariances.assign(posed.frames.size(), Matrix6d::Zero());
+  for (size_t frame = 0; frame < posed.frames.size(); ++frame) {
+    const int index = problem.index_of_frame[frame];
     if (index >= 0) result->frame_covariances[frame] = covariances[index].template topLeftCorner<6, 6>();
   }
 }
 
 // Returns by image of a query what shared errors add to its covariance; zero for a frame without tracks.
-std::vector<Eigen::Matrix<double, 6, 6>> SharedErrorsOfQueries(const PosedImages& posed,
-                                                               const std::vector<IntrinsicsScore>& scores) {
-  std::vector<Eigen::Matrix<double, 6, 6>> shared_errors;
+std::vector<Matrix6d> SharedErrorsOfQueries(const PosedImages& posed, const std::vector<IntrinsicsScore>& scores) {
+  std::vector<Matrix6d> shared_errors;
   for (const Image& image : posed.images) {
     const Frame& frame = posed.frames[image.frame];
     if (frame.is_database) break;
     const Eigen::MatrixXd& of_frame = scores[image.frame].frame_shared_errors;
-    shared_errors.emplace_back(Eigen::Matrix<double, 6, 6>::Zero());
+    shared_errors.emplace_back(Matrix6d::Zero());
     if (of_frame.size() > 0) shared_errors.back() = ImageCovariance(image, frame.has_free_scale, of_frame);
   }
   return shared_errors;

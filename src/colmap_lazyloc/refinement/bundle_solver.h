@@ -9,7 +9,6 @@
 #include "colmap_lazyloc/refinement/bundle_problem.h"
 #include "colmap_lazyloc/refinement/camera_system.h"
 #include "colmap_lazyloc/refinement/pose_prior.h"
-#include "colmap_lazyloc/refinement/rig_flex.h"
 #include "colmap_lazyloc/refinement/robust_loss.h"
 
 namespace lazyloc {
@@ -57,7 +56,6 @@ class BundleSolver {
   // Returns the covariances of the frames' parameters, at the minimum or the last step before it, which is as short
   // as convergence means.
   std::vector<FrameMatrix> Covariances() const;
-  // Evaluates the prior of a frame.
   PosePriorResidual EvaluatePrior(int frame, const BundleState& state) const {
     return EvaluatePosePrior(*problem_.pose_priors[frame], state.frames[frame].frame_from_world);
   }
@@ -67,23 +65,14 @@ class BundleSolver {
   bool Build(const BundleState& state, double damping);
   // Returns the cost of a state without building its system; infinite if a point lies behind one of its cameras.
   double Cost(const BundleState& state) const;
-  // Adds the priors of the frames' poses.
   void AddPriors(const BundleState& state, std::vector<FrameMatrix>* frame_hessians);
-  // Returns the deviations of a group's frames from their priors.
-  std::vector<PosePriorResidual> EvaluatePriors(const BundlePriors& priors, const BundleState& state) const;
-  // Evaluates how far an image's place in its frame deviates from its calibration.
-  static RigFlexResidual Evaluate(const BundleFlex& flex, const BundleState& state);
   void AddFlex(const BundleState& state, const BundleFlex& flex, std::vector<FrameMatrix>* frame_hessians);
-  // Adds the scales' priors of the depth maps.
   void AddDepthMapPriors(const BundleState& state, std::vector<FrameMatrix>* frame_hessians);
   // Evaluates the depth of a track's point that a coupling stands for. Returns false if the point lies behind its
   // image.
   bool Evaluate(const BundleState& state, const FreeObservation& coupling, size_t track, DepthError* error) const;
   // Adds the derivatives of this depth by frame and scale; the error is weighted.
   void AddDepth(const DepthError& error, size_t coupling, size_t track, std::vector<FrameMatrix>* frame_hessians);
-  // Calls visit(frame, residual) for the priors of queries.
-  template <typename Visit>
-  void VisitQueryPriors(const BundleState& state, const Visit& visit) const;
   void AddQueryPriors(const BundleState& state, std::vector<FrameMatrix>* frame_hessians);
   // Adds a track's derivatives and eliminates its point, in one pass. Returns false if the point lies behind a camera.
   bool AddTrack(const BundleState& state, size_t track, double damping, std::vector<FrameMatrix>* frame_hessians);

@@ -54,9 +54,7 @@ class CameraSystem {
   bool HasFactor() const { return (IsDense() ? dense_.info() : sparse_.info()) == Eigen::Success; }
 
   Eigen::VectorXd Solve(const Eigen::VectorXd& rhs) const;
-  // Returns a frame's columns of the inverse.
   Eigen::MatrixXd ColumnsOfInverse(int frame) const;
-  // Returns the diagonal blocks of the inverse.
   std::vector<Matrix> DiagonalOfInverse() const;
 
  private:
