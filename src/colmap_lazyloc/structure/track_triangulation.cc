@@ -161,7 +161,6 @@ class TrackTriangulator {
   // Sets used_ to the candidates that agree with the pair of candidates that most others agree with.
   void FindBestAgreeing(const std::vector<TrackObservation>& observations) {
     used_.clear();
-    pair_.resize(2);
     for (size_t a = 0; a < candidates_.size(); ++a) {
       for (size_t b = 0; b < a && used_.size() < candidates_.size(); ++b) {
         pair_ = {candidates_[a], candidates_[b]};
