@@ -9,30 +9,22 @@
 namespace lazyloc {
 namespace {
 
-// Returns the first of the three rows of each centre in the linear system, -1 for a centre that is fixed or not known.
-std::vector<int> Offsets(const TranslationAveragingProblem& problem, const TranslationAveragingResult& result) {
-  std::vector<int> offsets(problem.is_fixed.size(), -1);
-  int size = 0;
-  for (size_t node = 0; node < offsets.size(); ++node) {
-    if (!result.is_known[node] || problem.is_fixed[node]) continue;
-    offsets[node] = size;
-    size += 3;
-  }
-  return offsets;
-}
-
 // Iteratively reweighted least squares for least unsquared deviations (LUD).
 class LudSolver {
  public:
   LudSolver(const TranslationAveragingProblem& problem, const TranslationAveragingResult& result)
-      : offsets_(Offsets(problem, result)), centres_(result.cams_in_world) {
+      : offsets_(problem.is_fixed.size(), -1), centres_(result.cams_in_world) {
+    for (size_t node = 0; node < offsets_.size(); ++node) {
+      if (!result.is_known[node] || problem.is_fixed[node]) continue;
+      offsets_[node] = size_;
+      size_ += 3;
+    }
     for (const DirectionEdge& edge : problem.edges) {
       const bool is_known = result.is_known[edge.node1] && result.is_known[edge.node2];
       if (!is_known || (problem.is_fixed[edge.node1] && problem.is_fixed[edge.node2])) continue;
       edges_.push_back(edge);
       length_ += Baseline(edge, centres_).norm() / static_cast<double>(problem.edges.size());
     }
-    size_ = 3 * std::count_if(offsets_.begin(), offsets_.end(), [](int offset) { return offset >= 0; });
   }
 
   StageSummary Minimize(int max_num_iterations) {
@@ -105,8 +97,8 @@ class LudSolver {
     return centres;
   }
 
-  const std::vector<int> offsets_;
-  Eigen::Index size_ = 0;
+  std::vector<int> offsets_;  // first of a centre's three rows in the linear system; -1 if it is fixed or not known
+  int size_ = 0;              // of the linear system
   std::vector<DirectionEdge> edges_;  // edges with at least one centre that is not fixed
   std::vector<Eigen::Vector3d> centres_;
   double length_ = 0;  // typical baseline; unit of the convergence threshold and of the floor of deviations

@@ -81,22 +81,23 @@ struct Best {
   }
 };
 
-Best Optimize(const std::vector<Proposal>& proposals, const Eigen::Vector3d& start_in_world, std::mt19937* random) {
+std::optional<Pose> Optimize(const std::vector<Proposal>& proposals, const Eigen::Vector3d& start_in_world,
+                             std::mt19937* random) {
   constexpr size_t kMaxSampleSize = 14, kMinSampleSize = 3;
   const double max_error_rad = DegToRad(kMaxDirectionErrorDeg);
   Best best;
   const std::optional<Pose> base = PoseFrom(Agreeing(proposals, start_in_world, M_SQRT2 * max_error_rad));
-  if (!base) return best;
+  if (!base) return std::nullopt;
   best.Try(base, proposals, max_error_rad);
   std::vector<Proposal> sample = Agreeing(proposals, base->cam_in_world, max_error_rad);
   const size_t sample_size = std::min(kMaxSampleSize, sample.size() / 2);
-  if (sample_size < kMinSampleSize) return best;
+  if (sample_size < kMinSampleSize) return best.pose;
   for (int i = 0; i < kNumSamples; ++i) {
     std::shuffle(sample.begin(), sample.end(), *random);
     best.Try(PoseFrom({sample.begin(), sample.begin() + static_cast<std::ptrdiff_t>(sample_size)}), proposals,
              max_error_rad);
   }
-  return best;
+  return best.pose;
 }
 
 }  // namespace
@@ -108,11 +109,9 @@ PoseRefinementResult RefineByRelativePoses(const PosedImages& posed, const std::
   for (int image = 0; image < static_cast<int>(posed.images.size()); ++image) {
     if (posed.IsDatabase(image)) continue;
     Rigid3d& frame_from_world = result.posed.frames[posed.images[image].frame].frame_from_world;
-    const Best best = Optimize(ProposalsFor(image, edges, posed), CamInWorld(frame_from_world), &random);
-    if (!best.pose) return {{false, "no two relative poses of a query agree on its position", 0, 0}, posed};
-    frame_from_world = CamFromWorld(best.pose->cam_from_world_rotation, best.pose->cam_in_world);
-    result.summary.cost += best.error_rad;
-    result.summary.iterations += kNumSamples;
+    const std::optional<Pose> best = Optimize(ProposalsFor(image, edges, posed), CamInWorld(frame_from_world), &random);
+    if (!best) return {{false, "no two relative poses of a query agree on its position", 0, 0}, posed};
+    frame_from_world = CamFromWorld(best->cam_from_world_rotation, best->cam_in_world);
   }
   return result;
 }

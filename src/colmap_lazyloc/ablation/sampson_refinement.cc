@@ -5,7 +5,6 @@
 
 #include "colmap_lazyloc/ablation/pose_refinement.h"
 #include "colmap_lazyloc/math/robust_statistics.h"
-#include "colmap_lazyloc/math/robust_weights.h"
 #include "colmap_lazyloc/math/so3.h"
 #include "colmap_lazyloc/scene/epipolar_error.h"
 
@@ -60,9 +59,8 @@ NormalEquations Linearize(const std::vector<DatabaseMatch>& matches, const Pose&
     in_world.ray2 = world_from_cam * match.rays.ray2;
     const double error = SampsonError(in_world, pose.cam_in_world - match.database_in_world, &jacobian);
     jacobian.head<3>() *= world_from_cam;  // turns of the tangent are in the camera's axes
-    const double weight = CauchyWeight(error * error, kLossScaleSigma);
-    equations.cost +=
-        0.5 * kLossScaleSigma * kLossScaleSigma * std::log1p(error * error / (kLossScaleSigma * kLossScaleSigma));
+    const double in_scale = error * error / (kLossScaleSigma * kLossScaleSigma), weight = 1 / (1 + in_scale);
+    equations.cost += 0.5 * kLossScaleSigma * kLossScaleSigma * std::log1p(in_scale);
     equations.hessian.noalias() += weight * jacobian.transpose() * jacobian;
     equations.gradient.noalias() += weight * error * jacobian.transpose();
   }
@@ -79,13 +77,12 @@ Pose Moved(const Pose& pose, const NormalEquations& equations, double damping) {
 }
 
 // Minimises by Levenberg-Marquardt. Returns false if the cost is not finite.
-bool Minimize(double function_tolerance, const std::vector<DatabaseMatch>& matches, Pose* pose, StageSummary* summary) {
+bool Minimize(double function_tolerance, const std::vector<DatabaseMatch>& matches, Pose* pose) {
   constexpr int kMaxNumIterations = 50;
   NormalEquations current = Linearize(matches, *pose);
   if (!std::isfinite(current.cost)) return false;
   double damping = 1e-4;
   for (int i = 0; i < kMaxNumIterations && damping <= 1e8; ++i) {
-    ++summary->iterations;
     const Pose next_pose = Moved(*pose, current, damping);
     const NormalEquations next = Linearize(matches, next_pose);
     if (!(next.cost < current.cost)) {
@@ -98,7 +95,6 @@ bool Minimize(double function_tolerance, const std::vector<DatabaseMatch>& match
     damping = std::max(damping / 10, 1e-12);
     if (relative_decrease < function_tolerance) break;
   }
-  summary->cost += current.cost;
   return true;
 }
 
@@ -107,16 +103,14 @@ bool Minimize(double function_tolerance, const std::vector<DatabaseMatch>& match
 PoseRefinementResult RefineBySampsonError(const PosedImages& posed, const std::vector<Track>& tracks,
                                           double function_tolerance) {
   PoseRefinementResult result = {{true, "refined", 0, 0}, posed};
-  const auto fail = [&](const char* message) {
-    return PoseRefinementResult{{false, message, result.summary.iterations, 0}, posed};
-  };
+  const auto fail = [&](const char* message) { return PoseRefinementResult{{false, message, 0, 0}, posed}; };
   for (int image = 0; image < static_cast<int>(posed.images.size()); ++image) {
     if (posed.IsDatabase(image)) continue;
     const std::vector<DatabaseMatch> matches = MatchesOf(image, tracks, posed);
     if (matches.size() < Vector6d::SizeAtCompileTime) return fail("a query has less than six matches");
     Rigid3d& frame_from_world = result.posed.frames[posed.images[image].frame].frame_from_world;
     Pose pose = {frame_from_world.rotation, CamInWorld(frame_from_world)};
-    if (!Minimize(function_tolerance, matches, &pose, &result.summary)) return fail("the cost is not finite");
+    if (!Minimize(function_tolerance, matches, &pose)) return fail("the cost is not finite");
     frame_from_world = CamFromWorld(pose.cam_from_world_rotation, pose.cam_in_world);
   }
   return result;

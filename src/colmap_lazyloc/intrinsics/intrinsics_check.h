@@ -17,8 +17,8 @@ struct CheckedIntrinsics {
   std::vector<std::optional<Camera>> cameras;
 };
 
-// Tests the intrinsics of each query by the scores of the last adjustment (intrinsics_estimate.h), judges them
-// (intrinsics_judgement.h), and adds their uncertainty to that of the poses.
+// Tests the intrinsics of each query by the scores of the last adjustment, judges them (intrinsics_judgement.h), and
+// adds their uncertainty to that of the poses.
 CheckedIntrinsics CheckIntrinsics(const QueryGroup& group, const Layout& layout, const Refined& refined,
                                   std::vector<PoseDistribution> poses, const LocalizerOptions& options);
 

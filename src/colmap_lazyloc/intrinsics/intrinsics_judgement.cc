@@ -96,8 +96,16 @@ FocalLengthJudgement JudgeFocalLength(double log_factor, double stddev, Intrinsi
   return judgement;
 }
 
-void JudgeGiven(const Camera& camera, const IntrinsicsEstimate& estimate, const FocalLengthJudgement& focal_length,
-                IntrinsicsResult* result) {
+double JudgeIntrinsics(const Camera& camera, const IntrinsicsEstimate& estimate, bool is_refined,
+                       const LocalizerOptions& options, IntrinsicsResult* result) {
+  if (is_refined) {
+    result->verdict = IntrinsicsVerdict::REFINED;
+    result->contradiction = OtherContradiction(camera, estimate);
+    // Returns what the adjustment does not know of the estimate's error.
+    return (1 - 1 / kCommonErrorFactor) * std::pow(estimate.log_focal_stddev, 2);
+  }
+  const FocalLengthJudgement focal_length =
+      JudgeFocalLength(estimate.log_focal_factor, estimate.log_focal_stddev, result->origin, options);
   const bool is_guess = result->origin == IntrinsicsOrigin::GUESS;
   const bool is_wrong = focal_length.wrong_probability > 0.5 && !is_guess;
   if (result->origin != IntrinsicsOrigin::MODEL) result->contradiction = OtherContradiction(camera, estimate);
@@ -107,11 +115,7 @@ void JudgeGiven(const Camera& camera, const IntrinsicsEstimate& estimate, const 
   result->verdict = !result->contradiction.empty()                                 ? IntrinsicsVerdict::CONTRADICTED
                     : estimate.log_focal_stddev > kMaxObservableStddev || is_guess ? IntrinsicsVerdict::UNOBSERVABLE
                                                                                    : IntrinsicsVerdict::CONFIRMED;
-}
-
-void JudgeRefined(const Camera& camera, const IntrinsicsEstimate& estimate, IntrinsicsResult* result) {
-  result->verdict = IntrinsicsVerdict::REFINED;
-  result->contradiction = OtherContradiction(camera, estimate);
+  return focal_length.mean_square;
 }
 
 std::string FocalLengthContradiction(const Camera& camera, double factor, double factor_stddev) {

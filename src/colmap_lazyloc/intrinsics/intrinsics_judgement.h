@@ -3,13 +3,23 @@
 #include <string>
 
 #include "colmap_lazyloc/group/options.h"
-#include "colmap_lazyloc/intrinsics/intrinsics_estimate.h"
+#include "colmap_lazyloc/refinement/intrinsics_score.h"
 #include "colmap_lazyloc/scene/localization_result.h"
 
 namespace lazyloc {
 
 // Standard deviation of the log focal length above which the images cannot tell whether a value is right.
 inline constexpr double kMaxObservableStddev = 0.02;
+
+// Factor on the variances of a score, because errors common to all database images, as of rolling shutters, pretend
+// other intrinsics without making the images disagree.
+inline constexpr double kCommonErrorFactor = 4;
+
+// The corrections of a query's intrinsics that the images suggest.
+struct IntrinsicsEstimate {
+  IntrinsicsScore::Vector corrections, sigmas;  // all together: in their units; over their standard deviations
+  double log_focal_factor = 0, log_focal_stddev = 0;
+};
 
 // What a given focal length and an estimate by the images say together.
 struct FocalLengthJudgement {
@@ -22,11 +32,10 @@ struct FocalLengthJudgement {
 FocalLengthJudgement JudgeFocalLength(double log_factor, double stddev, IntrinsicsOrigin origin,
                                       const LocalizerOptions& options);
 
-// Sets the verdict on intrinsics that were taken as given, and the contradiction.
-void JudgeGiven(const Camera& camera, const IntrinsicsEstimate& estimate, const FocalLengthJudgement& focal_length,
-                IntrinsicsResult* result);
-// Sets the verdict on intrinsics whose focal length was estimated, and the contradiction of the others.
-void JudgeRefined(const Camera& camera, const IntrinsicsEstimate& estimate, IntrinsicsResult* result);
+// Sets the verdict and the contradiction. is_refined: true if the focal length was estimated. Returns the expected
+// square of the error of the log focal length that the covariance lacks.
+double JudgeIntrinsics(const Camera& camera, const IntrinsicsEstimate& estimate, bool is_refined,
+                       const LocalizerOptions& options, IntrinsicsResult* result);
 
 // Returns the sentence that names the given focal length and the one that the images suggest.
 std::string FocalLengthContradiction(const Camera& camera, double factor, double factor_stddev);

@@ -17,7 +17,4 @@ inline double GemanMcClureWeight(double squared_norm, double scale) {
   return quotient * quotient;
 }
 
-// Returns the weight of rho = scale^2 / 2 * log(1 + r^2 / scale^2).
-inline double CauchyWeight(double squared_norm, double scale) { return 1 / (1 + squared_norm / (scale * scale)); }
-
 }  // namespace lazyloc

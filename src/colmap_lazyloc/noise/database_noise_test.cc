@@ -8,7 +8,6 @@
 #include "colmap_lazyloc/refinement/bundle_adjustment.h"
 #include "colmap_lazyloc/refinement/covariance.h"
 #include "colmap_lazyloc/refinement/pose_prior.h"
-#include "colmap_lazyloc/refinement/prior_fit.h"
 #include "colmap_lazyloc/refinement/prior_precision.h"
 #include "colmap_lazyloc/scene/pose_distribution.h"
 #include "colmap_lazyloc/testing/synthetic_tracks.h"

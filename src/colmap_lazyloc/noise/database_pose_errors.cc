@@ -121,14 +121,12 @@ ExpectedPoseErrors MeasureFrame(const QueryGroup& group, int frame, ExpectedPose
   return errors;
 }
 
-bool AreStddevsStated(const LocalizerOptions& options) {
-  return options.database_pose_stddev_deg >= 0 || options.database_pose_stddev_length >= 0;
-}
-
 }  // namespace
 
 ExpectedPoseErrors ExpectPoseErrors(const LocalizerOptions& options) {
-  if (AreStddevsStated(options)) return {{}, PoseNoiseSource::STATED};
+  if (options.database_pose_stddev_deg >= 0 || options.database_pose_stddev_length >= 0) {
+    return {{}, PoseNoiseSource::STATED};
+  }
   return {{{kViewpointNoisePx, kLogStddev, kMinViewpointNoisePx, kFirstViewpointNoisePx},
            {kIndependentNoisePx, kRotationLogStddev, kIndependentNoisePx, kFirstIndependentNoisePx},
            {kIndependentNoisePx, kLogStddev, kIndependentNoisePx, kFirstIndependentNoisePx}},

@@ -185,4 +185,16 @@ std::vector<double> VariancesForCovariance(const PriorGroup& group, const PriorF
   return variances;
 }
 
+std::vector<MissingVariance> MissingVariances(const BundleAdjustmentResult& adjustment, double variance_factor) {
+  std::vector<MissingVariance> missing;
+  for (size_t i = 0; i < adjustment.prior_fits.size(); ++i) {
+    const PriorGroup& group = adjustment.posed.prior_groups[i];
+    const std::vector<double> variances = VariancesForCovariance(group, adjustment.prior_fits[i], variance_factor);
+    for (size_t j = 0; j < variances.size(); ++j) {
+      missing.push_back({i, j, variances[j] - variance_factor * group.components[j].variance});
+    }
+  }
+  return missing;
+}
+
 }  // namespace lazyloc

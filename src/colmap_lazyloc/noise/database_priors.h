@@ -62,17 +62,15 @@ Eigen::MatrixXd ViewpointErrorShape(const std::vector<Rigid3d>& frames, const Ri
 // shows, but unless the poses are exact at least what poses and intrinsics of real databases are wrong by.
 std::vector<double> VariancesForCovariance(const PriorGroup& group, const PriorFit& fit, double variance_factor);
 
-// Calls add(group, component, difference) for the variances that the covariance of an adjustment lacks:
-// VariancesForCovariance less those that it took for granted, times the variance factor of the images.
-template <typename Add>
-void ForEachMissingVariance(const BundleAdjustmentResult& adjustment, double variance_factor, const Add& add) {
-  for (size_t i = 0; i < adjustment.prior_fits.size(); ++i) {
-    const PriorGroup& group = adjustment.posed.prior_groups[i];
-    const std::vector<double> variances = VariancesForCovariance(group, adjustment.prior_fits[i], variance_factor);
-    for (size_t j = 0; j < variances.size(); ++j) {
-      add(i, j, variances[j] - variance_factor * group.components[j].variance);
-    }
-  }
-}
+// Variance of a component of a prior group that the covariance of an adjustment does not contain, because the
+// adjustment took the component to be smaller than its result shows.
+struct MissingVariance {
+  size_t group, component;
+  double variance;
+};
+
+// Returns VariancesForCovariance less those that the adjustment took for granted, times the variance factor of the
+// images.
+std::vector<MissingVariance> MissingVariances(const BundleAdjustmentResult& adjustment, double variance_factor);
 
 }  // namespace lazyloc

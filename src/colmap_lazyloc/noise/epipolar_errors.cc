@@ -33,32 +33,28 @@ struct LinearError {
   Eigen::Matrix<double, 6, 1> slope;
 };
 
-// The errors of two images' matches, and their scale.
-struct LinearErrors {
+// Returns the errors of two images' matches, and sets their scale. Returns none if too few matches have a distance, or
+// the baseline is too short.
+std::vector<LinearError> MakeErrors(const Eigen::Vector3d& baseline, const std::vector<RayMatch>& matches,
+                                    FrameScale* scale) {
   std::vector<LinearError> errors;
-  FrameScale scale;
-};
-
-// Returns nullopt if too few matches have a distance, or the baseline is too short.
-std::optional<LinearErrors> MakeErrors(const Eigen::Vector3d& baseline, const std::vector<RayMatch>& matches) {
-  LinearErrors result;
   std::vector<double> distances, focal_lengths_px;
   Eigen::Matrix<double, 1, 6> jacobian;
   for (const RayMatch& match : matches) {
     const double error_px = SampsonError(match, baseline, &jacobian);
-    result.errors.push_back({error_px, jacobian.transpose()});
+    errors.push_back({error_px, jacobian.transpose()});
     focal_lengths_px.push_back(1 / match.stddev2_rad);
     const auto nearest = FindNearestPoints(match.ray1, match.ray2, baseline);
     if (nearest && nearest->AreAhead()) distances.push_back(nearest->distance1);
   }
-  if (distances.size() < kMinNumMatches / 2) return std::nullopt;
-  result.scale = {Median(std::move(focal_lengths_px)), HarmonicMean(distances)};
-  if (!(baseline.norm() >= kMinBaselineRatio * result.scale.distance)) return std::nullopt;
-  for (LinearError& error : result.errors) {
-    error.slope.head<3>() /= result.scale.focal_length_px;
-    error.slope.tail<3>() *= result.scale.distance / result.scale.focal_length_px;
+  if (distances.size() < kMinNumMatches / 2) return {};
+  *scale = {Median(std::move(focal_lengths_px)), HarmonicMean(distances)};
+  if (!(baseline.norm() >= kMinBaselineRatio * scale->distance)) return {};
+  for (LinearError& error : errors) {
+    error.slope.head<3>() /= scale->focal_length_px;
+    error.slope.tail<3>() *= scale->distance / scale->focal_length_px;
   }
-  return result;
+  return errors;
 }
 
 // Sets the noise and the likelihood by the errors that remain after a deviation.
@@ -89,13 +85,12 @@ void Reweight(const std::vector<LinearError>& errors, const Eigen::Matrix<double
 std::optional<EpipolarFit> FitEpipolarErrors(const Eigen::Vector3d& baseline_1to2,
                                              const std::vector<RayMatch>& matches) {
   if (matches.size() < kMinNumMatches) return std::nullopt;
-  const std::optional<LinearErrors> made = MakeErrors(baseline_1to2, matches);
-  if (!made) return std::nullopt;
   EpipolarFit fit;
-  fit.scale = made->scale;
+  const std::vector<LinearError> errors = MakeErrors(baseline_1to2, matches, &fit.scale);
+  if (errors.empty()) return std::nullopt;
   Eigen::Matrix<double, 6, 1> deviation = Eigen::Matrix<double, 6, 1>::Zero();
   for (int i = 0; i < kNumIterations; ++i) {
-    Reweight(made->errors, deviation, &fit);
+    Reweight(errors, deviation, &fit);
     Eigen::Matrix<double, 6, 6> equations = fit.information;
     equations.diagonal().array() += 1 / (kMaxDeviationPx * kMaxDeviationPx);
     deviation = equations.ldlt().solve(fit.rhs);

@@ -3,7 +3,7 @@
 #include <limits>
 #include <vector>
 
-#include "colmap_lazyloc/refinement/prior_fit.h"
+#include "colmap_lazyloc/refinement/bundle_adjustment.h"
 #include "colmap_lazyloc/scene/database_pose_noise.h"
 #include "colmap_lazyloc/scene/frame.h"
 

@@ -57,7 +57,8 @@ void MoveFrame(const PosedImages& adjusted, const PriorGroup& group, int query_f
 
 }  // namespace
 
-void MoveToGivenDatabase(const Layout& layout, const PosedImages& adjusted, PosedImages* reported) {
+PosedImages AsReported(const Layout& layout, const PosedImages& adjusted) {
+  PosedImages reported = adjusted;
   for (size_t i = 0; i < adjusted.prior_groups.size(); ++i) {  // one per query frame
     const PriorGroup& group = adjusted.prior_groups[i];
     if (group.frames.empty() || group.components.size() < 2) continue;  // stated errors are independent
@@ -67,13 +68,8 @@ void MoveToGivenDatabase(const Layout& layout, const PosedImages& adjusted, Pose
       const bool is_stated = calibration >= 0 && adjusted.calibrations[calibration].is_stated_by_database;
       if (image != layout.QueriesOf(static_cast<int>(i)).front() && !is_stated) images.push_back(image);
     }
-    if (!images.empty()) MoveFrame(adjusted, group, static_cast<int>(i), images, reported);
+    if (!images.empty()) MoveFrame(adjusted, group, static_cast<int>(i), images, &reported);
   }
-}
-
-PosedImages AsReported(const Layout& layout, const PosedImages& adjusted) {
-  PosedImages reported = adjusted;
-  MoveToGivenDatabase(layout, adjusted, &reported);
   std::copy(layout.given.frames.begin() + layout.num_query_frames, layout.given.frames.end(),
             reported.frames.begin() + layout.num_query_frames);
   for (size_t i = 0; i < reported.images.size(); ++i) {

@@ -39,16 +39,16 @@ struct Scene {
                               {{ViewpointErrorShape(poses, poses[0], kDistance), 1},
                                {identity, 1e-6, PosePart::ROTATION},
                                {identity, 1e-6, PosePart::POSITION}}}};
+    layout.given = adjusted;
   }
   Rigid3d Moved() const {
-    PosedImages reported = adjusted;
-    MoveToGivenDatabase(layout, adjusted, &reported);
+    const PosedImages reported = AsReported(layout, adjusted);
     EXPECT_TRUE(HasFrameAxes(reported.images[0])) << "corrections are relative to the first image";
     return CamFromWorld(reported, 1);
   }
 };
 
-TEST(MoveToGivenDatabase, AnImageMovesBackAsTheDatabaseFrameAtItsViewpoint) {
+TEST(AsReported, AnImageMovesBackAsTheDatabaseFrameAtItsViewpoint) {
   Scene scene;
   Rigid3d& corrected = scene.adjusted.frames[2].frame_from_world;
   corrected = CamFromWorld(corrected.rotation * ExpSO3({0.001, 0, 0.002}),
@@ -58,7 +58,7 @@ TEST(MoveToGivenDatabase, AnImageMovesBackAsTheDatabaseFrameAtItsViewpoint) {
   EXPECT_LT((CamInWorld(scene.Moved()) - CamInWorld(expected)).norm(), 1e-4);
 }
 
-TEST(MoveToGivenDatabase, IndependentErrorsStayWithTheirDatabaseFrame) {
+TEST(AsReported, IndependentErrorsStayWithTheirDatabaseFrame) {
   Scene scene;
   Rigid3d& corrected = scene.adjusted.frames[2].frame_from_world;
   corrected = CamFromWorld(corrected.rotation * ExpSO3({0.001, 0, 0.002}),
@@ -69,7 +69,7 @@ TEST(MoveToGivenDatabase, IndependentErrorsStayWithTheirDatabaseFrame) {
   EXPECT_LT((CamInWorld(scene.Moved()) - CamInWorld(both.Moved())).norm(), 1e-5);
 }
 
-TEST(MoveToGivenDatabase, StatedErrorsAndCalibrationsOfTheDatabaseLeaveImages) {
+TEST(AsReported, StatedErrorsAndCalibrationsOfTheDatabaseLeaveImages) {
   Scene scene;
   scene.adjusted.frames[2].frame_from_world.translation.y() += 0.02;
   const Rigid3d adjusted = CamFromWorld(scene.adjusted, 1);

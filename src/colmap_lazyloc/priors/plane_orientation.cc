@@ -51,7 +51,7 @@ OrientationFit MeasureOrientation(const Layout& layout, const PairRefs& pairs, c
                             tracks[0],
                             refined.variance_factor,
                             /*has_one_orientation=*/true};
-  const PartialPose partial = UnobservablePositionFailure(frame, refined.variance_factor).partial_poses.at(0);
+  const PartialPose partial = UnobservablePositionFailure(frame).partial_poses.at(0);
   OrientationFit fit{partial.bearing ? partial.bearing->stddev_rad : 0};
   const auto add = [&](const PriorComparison& comparison) {
     fit.prior_error += std::min(std::pow(comparison.result.deviation_sigma, 2), kContradictionOfTwo);

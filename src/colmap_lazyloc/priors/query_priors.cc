@@ -140,7 +140,7 @@ PriorJudgement JudgePriors(const Layout& layout, const PairRefs& pairs, const Re
     if (!IsPositionUnobservable(adjusted, options)) {
       if (!IsFused(layout, refined.adjustment.posed, query)) judge.Determined();
     } else if (layout.num_queries == 1) {
-      const Failure failure = UnobservablePositionFailure(adjusted, refined.variance_factor);
+      const Failure failure = UnobservablePositionFailure(adjusted);
       const auto partial = failure.partial_poses.find(query);
       if (partial != failure.partial_poses.end()) judge.Unobservable(partial->second);
     }

@@ -4,18 +4,23 @@
 #include <cmath>
 #include <utility>
 
+#include <Eigen/Cholesky>
+#include <Eigen/LU>
+
 #include "colmap_lazyloc/refinement/bundle_solver.h"
 #include "colmap_lazyloc/refinement/covariance.h"
 
 namespace lazyloc {
 namespace {
 
+using Matrix6d = Eigen::Matrix<double, 6, 6>;
+
 // Moves the frames, and the images that depend on the estimated factors, to the solution.
 template <int kSize>
 PosedImages MovedTo(const BundleSolver<kSize>& solver, PosedImages posed) {
   std::vector<double> log_factors(posed.frames.size(), 0);
   for (size_t i = 0; i < posed.frames.size(); ++i) {
-    const int index = solver.IndexOf(static_cast<int>(i));
+    const int index = solver.Problem().index_of_frame[i];
     if (index < 0) continue;
     const ParameterBlock& solution = solver.Solution().frames[index];
     posed.frames[i].frame_from_world = solution.frame_from_world;
@@ -29,14 +34,14 @@ PosedImages MovedTo(const BundleSolver<kSize>& solver, PosedImages posed) {
   }
   for (size_t i = 0; i < posed.calibrations.size(); ++i) {
     Rigid3d& cam_from_frame = posed.calibrations[i].cam_from_frame;
-    const int index = solver.IndexOfCalibration(static_cast<int>(i));
+    const int index = solver.Problem().index_of_calibration[i];
     if (index >= 0) cam_from_frame = solver.Solution().frames[index].frame_from_world;
     cam_from_frame.translation *= calibration_scales[i];
   }
   for (size_t i = 0; i < posed.images.size(); ++i) {
     Image& image = posed.images[i];
-    const int index = solver.IndexOfImage(static_cast<int>(i));
-    if (index != solver.IndexOf(image.frame)) {
+    const int index = solver.Problem().index_of_image[i];
+    if (index != solver.Problem().index_of_frame[image.frame]) {
       image.cam_from_frame =
           solver.Solution().frames[index].frame_from_world * Inverse(posed.frames[image.frame].frame_from_world);
     } else if (posed.frames[image.frame].has_free_scale && !HasFrameAxes(image)) {
@@ -49,23 +54,76 @@ PosedImages MovedTo(const BundleSolver<kSize>& solver, PosedImages posed) {
   return posed;
 }
 
-// Returns the covariances of all images by those of the frames' parameters; zero for constant ones.
-template <int kSize, typename FrameMatrix>
-std::vector<Eigen::Matrix<double, 6, 6>> ImageCovariances(const BundleSolver<kSize>& solver, const PosedImages& posed,
-                                                          const std::vector<FrameMatrix>& frame_covariances) {
-  std::vector<Eigen::Matrix<double, 6, 6>> covariances(posed.images.size(), Eigen::Matrix<double, 6, 6>::Zero());
-  if (frame_covariances.empty()) return covariances;
-  for (size_t i = 0; i < posed.images.size(); ++i) {
-    const Image& image = posed.images[i];
-    const int index = solver.IndexOfImage(static_cast<int>(i));
-    if (index < 0 || frame_covariances[index].size() == 0) continue;
-    if (index != solver.IndexOf(image.frame)) {
-      covariances[i] = frame_covariances[index].template topLeftCorner<6, 6>();
-      continue;
-    }
-    covariances[i] = ImageCovariance(image, posed.frames[image.frame].has_free_scale, frame_covariances[index]);
+// Returns the covariance of an image by that of the parameters of its pose.
+Matrix6d CovarianceOf(const PosedImages& posed, size_t image, const BundleProblem& problem,
+                      const Eigen::MatrixXd& of_parameters) {
+  const int frame = posed.images[image].frame;
+  if (problem.index_of_image[image] != problem.index_of_frame[frame]) return of_parameters.topLeftCorner<6, 6>();
+  return ImageCovariance(posed.images[image], posed.frames[frame].has_free_scale, of_parameters);
+}
+
+// Returns the equations of a group's frames with the frames of no group eliminated: the lower triangle.
+template <int kSize>
+Eigen::MatrixXd EquationsOfGroup(const BundleSolver<kSize>& solver, size_t group) {
+  const BundleProblem& problem = solver.Problem();
+  std::vector<bool> is_grouped(problem.frames.size(), false);
+  for (const BundlePriors& priors : problem.priors) {
+    for (const int frame : priors.frames) is_grouped[frame] = true;
   }
-  return covariances;
+  std::vector<int> frames;
+  for (size_t frame = 0; frame < is_grouped.size(); ++frame) {
+    if (!is_grouped[frame]) frames.push_back(static_cast<int>(frame));
+  }
+  const auto num_eliminated = static_cast<Eigen::Index>(kSize * frames.size());
+  frames.insert(frames.end(), problem.priors[group].frames.begin(), problem.priors[group].frames.end());
+  const Eigen::MatrixXd all = solver.Cameras().EquationsOf(frames, solver.Equations().reduced);
+  const Eigen::Index num_kept = all.rows() - num_eliminated;
+  Eigen::MatrixXd kept = all.bottomRightCorner(num_kept, num_kept);
+  const Eigen::LLT<Eigen::MatrixXd> factor(all.topLeftCorner(num_eliminated, num_eliminated));
+  const Eigen::MatrixXd half = factor.matrixL().solve(all.bottomLeftCorner(num_kept, num_eliminated).transpose());
+  kept.template selfadjointView<Eigen::Lower>().rankUpdate(half.transpose(), -1);
+  return kept;
+}
+
+// Fits a prior group after the minimum of an adjustment that solves a dense system; without component_covariances.
+template <int kSize>
+PriorFit FitPriors(const BundleSolver<kSize>& solver, size_t group) {
+  const BundlePriors& priors = solver.Problem().priors[group];
+  const auto size = static_cast<Eigen::Index>(priors.frames.size());
+  PriorFit fit{Eigen::MatrixXd(size, 6), Eigen::MatrixXd(6 * size, 6 * size)};
+  std::vector<Matrix6d> pose_from_deviation;
+  for (Eigen::Index i = 0; i < size; ++i) {
+    const PosePriorResidual residual = solver.EvaluatePrior(priors.frames[i], solver.Solution());
+    fit.deviations.row(i) = residual.error;
+    pose_from_deviation.push_back(residual.jacobian.inverse());
+  }
+  const Eigen::MatrixXd equations = EquationsOfGroup(solver, group);
+  for (Eigen::Index i = 0; i < size; ++i) {
+    for (Eigen::Index j = 0; j <= i; ++j) {
+      Matrix6d block = equations.template block<6, 6>(kSize * i, kSize * j);
+      if (i == j) block = block.template selfadjointView<Eigen::Lower>();
+      Matrix6d information = pose_from_deviation[i].transpose() * block * pose_from_deviation[j];
+      information.diagonal() -= priors.precision.Between(i, j);
+      fit.information(Eigen::seqN(i, 6, size), Eigen::seqN(j, 6, size)) = information;
+      fit.information(Eigen::seqN(j, 6, size), Eigen::seqN(i, 6, size)) = information.transpose();
+    }
+  }
+  return fit;
+}
+
+// Returns by component the covariance of a frame's parameters that unit variance of the component causes.
+template <int kSize>
+std::vector<Eigen::MatrixXd> ComponentCovariancesOfFrame(const BundleSolver<kSize>& solver, size_t group,
+                                                         const PriorGroup& given, int frame) {
+  const BundlePriors& priors = solver.Problem().priors[group];
+  const Eigen::MatrixXd covariance = solver.Cameras().ColumnsOfInverse(frame);
+  Eigen::MatrixXd with_deviations(6 * priors.frames.size(), kSize);
+  for (size_t i = 0; i < priors.frames.size(); ++i) {
+    with_deviations(Eigen::seqN(i, 6, priors.frames.size()), Eigen::all) =
+        solver.EvaluatePrior(priors.frames[i], solver.Solution()).jacobian *
+        covariance.template middleRows<6>(kSize * priors.frames[i]);
+  }
+  return ComponentCovariances(given, priors.precision, with_deviations);
 }
 
 // Fits all prior groups; none if there are too many frames.
@@ -73,16 +131,19 @@ template <int kSize>
 std::vector<PriorFit> FitAllPriors(const BundleSolver<kSize>& solver, const PosedImages& posed, bool computes_parts) {
   std::vector<PriorFit> fits;
   if (!solver.Cameras().IsDense()) return fits;
-  std::vector<int> needed_frames;
-  for (size_t image = 0; image < posed.images.size(); ++image) {
-    if (!posed.IsDatabase(static_cast<int>(image)))
-      needed_frames.push_back(solver.IndexOfImage(static_cast<int>(image)));
-  }
   for (size_t group = 0; group < posed.prior_groups.size(); ++group) {
     PriorFit& fit = fits.emplace_back(FitPriors(solver, group));
     if (!computes_parts) continue;
-    for (const auto& covariances : FrameComponentCovariances(solver, group, posed.prior_groups[group], needed_frames)) {
-      fit.component_covariances.push_back(ImageCovariances(solver, posed, covariances));
+    const PriorGroup& given = posed.prior_groups[group];
+    fit.component_covariances.assign(given.components.size(),
+                                     std::vector<Matrix6d>(posed.images.size(), Matrix6d::Zero()));
+    for (size_t image = 0; image < posed.images.size(); ++image) {
+      if (posed.IsDatabase(static_cast<int>(image))) continue;
+      const std::vector<Eigen::MatrixXd> of_frame =
+          ComponentCovariancesOfFrame(solver, group, given, solver.Problem().index_of_image[image]);
+      for (size_t j = 0; j < of_frame.size(); ++j) {
+        fit.component_covariances[j][image] = CovarianceOf(posed, image, solver.Problem(), of_frame[j]);
+      }
     }
   }
   return fits;
@@ -90,24 +151,29 @@ std::vector<PriorFit> FitAllPriors(const BundleSolver<kSize>& solver, const Pose
 
 template <int kSize>
 void SetCovariances(const BundleSolver<kSize>& solver, BundleAdjustmentResult* result) {
+  const PosedImages& posed = result->posed;
+  const BundleProblem& problem = solver.Problem();
   const std::vector<Eigen::Matrix<double, kSize, kSize>> covariances = solver.Covariances();
-  result->image_covariances = ImageCovariances(solver, result->posed, covariances);
-  result->frame_covariances.assign(result->posed.frames.size(), Eigen::Matrix<double, 6, 6>::Zero());
-  for (size_t frame = 0; frame < result->frame_covariances.size(); ++frame) {
-    const int index = solver.IndexOf(static_cast<int>(frame));
+  result->image_covariances.assign(posed.images.size(), Matrix6d::Zero());
+  for (size_t image = 0; image < posed.images.size(); ++image) {
+    const int index = problem.index_of_image[image];
+    if (index >= 0) result->image_covariances[image] = CovarianceOf(posed, image, problem, covariances[index]);
+  }
+  result->frame_covariances.assign(posed.frames.size(), Matrix6d::Zero());
+  for (size_t frame = 0; frame < posed.frames.size(); ++frame) {
+    const int index = problem.index_of_frame[frame];
     if (index >= 0) result->frame_covariances[frame] = covariances[index].template topLeftCorner<6, 6>();
   }
 }
 
 // Returns by image of a query what shared errors add to its covariance; zero for a frame without tracks.
-std::vector<Eigen::Matrix<double, 6, 6>> SharedErrorsOfQueries(const PosedImages& posed,
-                                                               const std::vector<IntrinsicsScore>& scores) {
-  std::vector<Eigen::Matrix<double, 6, 6>> shared_errors;
+std::vector<Matrix6d> SharedErrorsOfQueries(const PosedImages& posed, const std::vector<IntrinsicsScore>& scores) {
+  std::vector<Matrix6d> shared_errors;
   for (const Image& image : posed.images) {
     const Frame& frame = posed.frames[image.frame];
     if (frame.is_database) break;
     const Eigen::MatrixXd& of_frame = scores[image.frame].frame_shared_errors;
-    shared_errors.emplace_back(Eigen::Matrix<double, 6, 6>::Zero());
+    shared_errors.emplace_back(Matrix6d::Zero());
     if (of_frame.size() > 0) shared_errors.back() = ImageCovariance(image, frame.has_free_scale, of_frame);
   }
   return shared_errors;

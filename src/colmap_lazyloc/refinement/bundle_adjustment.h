@@ -1,13 +1,11 @@
 #pragma once
 
-#include <string>
 #include <vector>
 
 #include <Eigen/Core>
 
 #include "colmap_lazyloc/math/robust_statistics.h"
 #include "colmap_lazyloc/refinement/intrinsics_score.h"
-#include "colmap_lazyloc/refinement/prior_fit.h"
 #include "colmap_lazyloc/scene/frame.h"
 #include "colmap_lazyloc/scene/stage_summary.h"
 #include "colmap_lazyloc/scene/track.h"
@@ -20,6 +18,18 @@ struct BundleAdjustmentOptions {
   // Bound on the last step, or on twice the next one, in standard deviations of the poses (root mean square).
   double convergence_sigma = 0.2;
   bool computes_covariances = true;  // true to compute them, component_covariances of prior_fits, and intrinsics_scores
+};
+
+// What an adjustment says of the deviations p of a prior group's frames.
+struct PriorFit {
+  Eigen::Matrix<double, Eigen::Dynamic, 6> deviations;  // p, by frame of the group
+  // Information of the images on p, without the priors: for image noise as stated, with all points, query poses,
+  // calibrations and factors unknown too. One coordinate of all frames after the other. The frames of other prior
+  // groups count as constant, because else the equations of all queries would have to be solved for each.
+  Eigen::MatrixXd information;
+  // Covariance of cam_from_world that unit variance of a component causes, by component and image. Zero for database
+  // images.
+  std::vector<std::vector<Eigen::Matrix<double, 6, 6>>> component_covariances = {};
 };
 
 struct BundleAdjustmentResult {

@@ -10,23 +10,12 @@
 namespace lazyloc {
 namespace {
 
-// Returns the projection of points in the frame's axes. Most images have these axes: they need no rotation.
-LinearProjection ProjectionInFrame(const Observation& observation, const Image& image, bool has_frame_axes) {
-  return has_frame_axes ? ProjectionInCam(observation) : ProjectionInWorld(observation, image.cam_from_frame);
-}
-
 // Sorts a track's observations by their frames, because a block of the camera system is stored by the larger index. The
 // images of a frame need not stand together.
 void SortByFrame(size_t begin, std::vector<FreeObservation>* free) {
   const auto first = free->begin() + static_cast<std::ptrdiff_t>(begin);
   const auto by_frame = [](const FreeObservation& a, const FreeObservation& b) { return a.frame < b.frame; };
   if (!std::is_sorted(first, free->end(), by_frame)) std::stable_sort(first, free->end(), by_frame);
-}
-
-double MinNoiseRatio(const std::vector<Track>& tracks) {
-  double min_ratio = std::numeric_limits<double>::infinity();
-  for (const Track& track : tracks) min_ratio = std::min(min_ratio, track.noise_ratio);
-  return min_ratio;
 }
 
 }  // namespace
@@ -43,20 +32,20 @@ BundleProblem::BundleProblem(const PosedImages& posed, const std::vector<Track>&
   AddDepthMaps(posed);
   AddPriors(posed);
   AddQueryPriors(posed);
-  std::vector<bool> has_frame_axes;
   for (size_t i = 0; i < posed.images.size(); ++i) {
     const Image& image = posed.images[i];
-    has_frame_axes.push_back(HasFrameAxes(image) || index_of_image[i] != index_of_frame[image.frame]);
     if (!image.log_focal_factor) continue;
     const int frame = index_of_image[i];
     LAZYLOC_CHECK(frame >= 0 && frames[frame].kind == BlockKind::POSE);
     frames[frame].log_factor = *image.log_focal_factor;
     frames[frame].kind = BlockKind::POSE_AND_FOCAL_LENGTH;
   }
-  const std::vector<Rigid3d> cams_from_world = CamsFromWorld(posed);
   size_t num_observations = 0;
-  for (const Track& track : tracks) num_observations += track.observations.size();
-  const double min_noise_ratio = MinNoiseRatio(tracks);
+  double min_noise_ratio = std::numeric_limits<double>::infinity();
+  for (const Track& track : tracks) {
+    num_observations += track.observations.size();
+    min_noise_ratio = std::min(min_noise_ratio, track.noise_ratio);
+  }
   free.reserve(num_observations);
   for (const Track& track : tracks) {
     const size_t fixed_begin = fixed.size(), free_begin = free.size();
@@ -64,16 +53,15 @@ BundleProblem::BundleProblem(const PosedImages& posed, const std::vector<Track>&
       const TrackObservation& element = track.observations[k];
       const Image& image = posed.images[element.image];
       const double residual_from_px = ResidualFromPx(image, track);
+      const LinearProjection projection =
+          ProjectionInWorld(element.observation, cams_from_axes[element.image]).Scaled(residual_from_px);
       const int frame = index_of_image[element.image];
       if (frame < 0) {
-        fixed.push_back(
-            ProjectionInWorld(element.observation, cams_from_world[element.image]).Scaled(residual_from_px));
+        fixed.push_back(projection);
         continue;
       }
-      const LinearProjection projection = ProjectionInFrame(element.observation, image, has_frame_axes[element.image]);
       const double factor_from_px = image.log_focal_factor ? residual_from_px : 0;  // zero: no such parameter
-      free.push_back({frame, projection.Scaled(residual_from_px),
-                      factor_from_px * element.observation.px_from_log_focal, static_cast<int>(k)});
+      free.push_back({frame, projection, factor_from_px * element.observation.px_from_log_focal, static_cast<int>(k)});
     }
     SortByFrame(free_begin, &free);
     AddDepths(posed, track, track.noise_ratio / min_noise_ratio);
@@ -120,19 +108,13 @@ void BundleProblem::AddDepths(const PosedImages& posed, const Track& track, doub
   for (const TrackObservation& element : track.observations) {
     const int map = index_of_depth_map[element.image];
     if (map < 0 || !(element.depth > 0)) continue;
-    const Image& image = posed.images[element.image];
     DepthObservation depth;
     depth.frame = index_of_image[element.image];
-    Rigid3d cam_from_axes;  // of the frame, or of the world
-    if (depth.frame < 0) {
-      cam_from_axes = CamFromWorld(posed, element.image);
-    } else if (depth.frame == index_of_frame[image.frame]) {
-      cam_from_axes = image.cam_from_frame;
-    }
+    const Rigid3d& cam_from_axes = cams_from_axes[element.image];
     depth.axis = cam_from_axes.rotation.conjugate() * Eigen::Vector3d::UnitZ();
     depth.offset = cam_from_axes.translation.z();
     depth.log_depth = std::log(element.depth);
-    depth.residual_from_log = 1 / (noise_ratio * image.depth_scale->log_depth_stddev);
+    depth.residual_from_log = 1 / (noise_ratio * posed.images[element.image].depth_scale->log_depth_stddev);
     FreeObservation coupling{};
     coupling.frame = map;
     coupling.depth = static_cast<int>(depths.size());
@@ -143,11 +125,9 @@ void BundleProblem::AddDepths(const PosedImages& posed, const Track& track, doub
 
 void BundleProblem::AddQueryPriors(const PosedImages& posed) {
   for (const ImagePrior& prior : posed.query_priors) {
-    const Image& image = posed.images[prior.image];
     const int index = index_of_image[prior.image];
     LAZYLOC_CHECK(index >= 0);
-    const bool moves_by_itself = index != index_of_frame[image.frame];
-    query_priors.push_back({index, moves_by_itself ? Rigid3d() : image.cam_from_frame, prior.prior});
+    query_priors.push_back({index, cams_from_axes[prior.image], prior.prior});
   }
 }
 
@@ -165,9 +145,12 @@ void BundleProblem::AddCalibrations(const PosedImages& posed) {
     const Image& image = posed.images[i];
     const int frame = index_of_frame[image.frame];
     const int calibration = image.calibration < 0 ? -1 : index_of_calibration[image.calibration];
+    const Rigid3d cam_from_world = CamFromWorld(posed, static_cast<int>(i));
     index_of_image.push_back(frame);
+    cams_from_axes.push_back(frame < 0 ? cam_from_world : image.cam_from_frame);
     if (frame < 0 || calibration < 0) continue;
-    index_of_image.back() = AddPose(CamFromWorld(posed, static_cast<int>(i)), nullptr);
+    index_of_image.back() = AddPose(cam_from_world, nullptr);
+    cams_from_axes.back() = Rigid3d();
     flexes.push_back({frame, calibration, index_of_image.back(), &posed.calibrations[image.calibration]});
   }
 }

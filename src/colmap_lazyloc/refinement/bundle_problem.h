@@ -112,6 +112,8 @@ struct BundleProblem {
 
   std::vector<int> index_of_frame;  // by frame of PosedImages, into `frames`; -1 for constant frames
   std::vector<int> index_of_image;  // by image: its own index if its calibration has a prior, else its frame's
+  std::vector<Rigid3d>
+      cams_from_axes;  // by image, from the axes of the pose at that index, or of the world if constant
   // Frames that move, then calibrations with a prior, then their images, then scales of depth maps.
   std::vector<ParameterBlock> frames;
   std::vector<const PosePrior*> pose_priors;  // parallel to `frames`; nullptr if the pose has no prior

@@ -9,8 +9,8 @@
 
 #include "colmap_lazyloc/math/cholesky3.h"
 #include "colmap_lazyloc/math/so3.h"
-#include "colmap_lazyloc/refinement/pose_prior.h"
 #include "colmap_lazyloc/refinement/query_prior_residual.h"
+#include "colmap_lazyloc/refinement/rig_flex.h"
 
 namespace lazyloc {
 namespace {
@@ -28,6 +28,35 @@ void SubtractProduct(const Eigen::Matrix<double, kSize, 3>& a, const Eigen::Matr
                      Eigen::Matrix<double, kSize, kSize>* block) {
   for (int col = 0; col < kSize; ++col) {
     block->col(col) -= a.col(0) * b(col, 0) + a.col(1) * b(col, 1) + a.col(2) * b(col, 2);
+  }
+}
+
+std::vector<PosePriorResidual> EvaluatePriors(const BundleProblem& problem, const BundlePriors& priors,
+                                              const BundleState& state) {
+  std::vector<PosePriorResidual> residuals;
+  for (const int frame : priors.frames) {
+    residuals.push_back(EvaluatePosePrior(*problem.pose_priors[frame], state.frames[frame].frame_from_world));
+  }
+  return residuals;
+}
+
+RigFlexResidual EvaluateFlex(const BundleFlex& flex, const BundleState& state) {
+  const ParameterBlock& frame = state.frames[flex.frame];
+  return EvaluateRigFlex(*flex.given, state.frames[flex.calibration].frame_from_world,
+                         frame.HasRigScale() ? std::optional(frame.log_factor) : std::nullopt,
+                         state.frames[flex.cam].frame_from_world, frame.frame_from_world);
+}
+
+// Calls visit(frame, residual) for the priors of queries.
+template <typename Visit>
+void VisitQueryPriors(const BundleProblem& problem, const BundleState& state, const Visit& visit) {
+  for (const BundleQueryPrior& image : problem.query_priors) {
+    const ParameterBlock& frame = state.frames[image.frame];
+    Rigid3d cam_from_frame = image.cam_from_frame;
+    if (frame.HasRigScale()) cam_from_frame.translation *= std::exp(frame.log_factor);
+    const auto& [position, gravity] = image.prior;
+    if (position) visit(image.frame, EvaluatePositionPrior(*position, cam_from_frame, frame.frame_from_world));
+    if (gravity) visit(image.frame, EvaluateGravityPrior(*gravity, cam_from_frame, frame.frame_from_world));
   }
 }
 
@@ -132,18 +161,19 @@ double BundleSolver<kSize>::Cost(const BundleState& state) const {
   constexpr double kInfinity = std::numeric_limits<double>::infinity();
   double cost = 0;
   for (const BundlePriors& priors : problem_.priors) {
-    const std::vector<PosePriorResidual> residuals = EvaluatePriors(priors, state);
+    const std::vector<PosePriorResidual> residuals = EvaluatePriors(problem_, priors, state);
     for (size_t a = 0; a < residuals.size(); ++a) {
       for (size_t b = 0; b < residuals.size(); ++b) {
         cost += 0.5 * residuals[a].error.dot(priors.precision.Between(a, b).cwiseProduct(residuals[b].error));
       }
     }
   }
-  for (const BundleFlex& flex : problem_.flexes) cost += 0.5 * Evaluate(flex, state).error.squaredNorm();
+  for (const BundleFlex& flex : problem_.flexes) cost += 0.5 * EvaluateFlex(flex, state).error.squaredNorm();
   for (const BundleDepthMap& map : problem_.depth_maps) {
     cost += 0.5 * std::pow((state.frames[map.frame].log_factor - map.log_scale) / map.stddev, 2);
   }
-  VisitQueryPriors(state, [&](int, const QueryPriorResidual& prior) { cost += 0.5 * prior.error.squaredNorm(); });
+  VisitQueryPriors(problem_, state,
+                   [&](int, const QueryPriorResidual& prior) { cost += 0.5 * prior.error.squaredNorm(); });
   BundleError error;
   DepthError depth_error;
   for (size_t track = 0; track < state.points.size(); ++track) {
@@ -169,18 +199,9 @@ double BundleSolver<kSize>::Cost(const BundleState& state) const {
 }
 
 template <int kSize>
-std::vector<PosePriorResidual> BundleSolver<kSize>::EvaluatePriors(const BundlePriors& priors,
-                                                                   const BundleState& state) const {
-  std::vector<PosePriorResidual> residuals;
-  residuals.reserve(priors.frames.size());
-  for (const int frame : priors.frames) residuals.push_back(EvaluatePrior(frame, state));
-  return residuals;
-}
-
-template <int kSize>
 void BundleSolver<kSize>::AddPriors(const BundleState& state, std::vector<FrameMatrix>* frame_hessians) {
   for (const BundlePriors& priors : problem_.priors) {
-    const std::vector<PosePriorResidual> residuals = EvaluatePriors(priors, state);
+    const std::vector<PosePriorResidual> residuals = EvaluatePriors(problem_, priors, state);
     for (size_t a = 0; a < residuals.size(); ++a) {
       const int frame = priors.frames[a];
       Eigen::Matrix<double, 6, 1> weighted = Eigen::Matrix<double, 6, 1>::Zero();
@@ -200,16 +221,9 @@ void BundleSolver<kSize>::AddPriors(const BundleState& state, std::vector<FrameM
 }
 
 template <int kSize>
-RigFlexResidual BundleSolver<kSize>::Evaluate(const BundleFlex& flex, const BundleState& state) {
-  const ParameterBlock& frame = state.frames[flex.frame];
-  return EvaluateRigFlex(*flex.given, state.frames[flex.calibration].frame_from_world, frame.LogRigScale(),
-                         state.frames[flex.cam].frame_from_world, frame.frame_from_world);
-}
-
-template <int kSize>
 void BundleSolver<kSize>::AddFlex(const BundleState& state, const BundleFlex& flex,
                                   std::vector<FrameMatrix>* frame_hessians) {
-  const RigFlexResidual residual = Evaluate(flex, state);
+  const RigFlexResidual residual = EvaluateFlex(flex, state);
   system_.cost += 0.5 * residual.error.squaredNorm();
   const std::array<std::pair<int, const Eigen::Matrix<double, 6, 7>*>, 3> parts = {
       {{flex.frame, &residual.by_frame}, {flex.calibration, &residual.by_calibration}, {flex.cam, &residual.by_cam}}};
@@ -226,21 +240,8 @@ void BundleSolver<kSize>::AddFlex(const BundleState& state, const BundleFlex& fl
 }
 
 template <int kSize>
-template <typename Visit>
-void BundleSolver<kSize>::VisitQueryPriors(const BundleState& state, const Visit& visit) const {
-  for (const BundleQueryPrior& image : problem_.query_priors) {
-    const ParameterBlock& frame = state.frames[image.frame];
-    Rigid3d cam_from_frame = image.cam_from_frame;
-    if (frame.HasRigScale()) cam_from_frame.translation *= std::exp(frame.log_factor);
-    const auto& [position, gravity] = image.prior;
-    if (position) visit(image.frame, EvaluatePositionPrior(*position, cam_from_frame, frame.frame_from_world));
-    if (gravity) visit(image.frame, EvaluateGravityPrior(*gravity, cam_from_frame, frame.frame_from_world));
-  }
-}
-
-template <int kSize>
 void BundleSolver<kSize>::AddQueryPriors(const BundleState& state, std::vector<FrameMatrix>* frame_hessians) {
-  VisitQueryPriors(state, [&](int frame, const QueryPriorResidual& prior) {
+  VisitQueryPriors(problem_, state, [&](int frame, const QueryPriorResidual& prior) {
     Eigen::Matrix<double, 3, kSize> jacobian = prior.jacobian.template leftCols<kSize>();
     // Keeps a focal length apart, because only a rig's scale moves the projection centre.
     if (kSize > 6 && !state.frames[frame].HasRigScale()) jacobian.col(kSize - 1).setZero();

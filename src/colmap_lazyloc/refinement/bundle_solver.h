@@ -9,7 +9,6 @@
 #include "colmap_lazyloc/refinement/bundle_problem.h"
 #include "colmap_lazyloc/refinement/camera_system.h"
 #include "colmap_lazyloc/refinement/pose_prior.h"
-#include "colmap_lazyloc/refinement/rig_flex.h"
 #include "colmap_lazyloc/refinement/robust_loss.h"
 
 namespace lazyloc {
@@ -54,17 +53,9 @@ class BundleSolver {
   const System& Equations() const { return system_; }
   const CameraSystem<kSize>& Cameras() const { return camera_system_; }
   const BundleState& Linearization() const { return before_last_step_ ? *before_last_step_ : state_; }
-  // Returns the index of a frame of PosedImages; -1 for a constant one.
-  int IndexOf(int frame) const { return problem_.index_of_frame[frame]; }
-  // Returns the index of an image whose calibration has a prior; of any other image, that of its frame.
-  int IndexOfImage(int image) const { return problem_.index_of_image[image]; }
-  // Returns the index of a calibration of PosedImages; -1 for one without a prior.
-  int IndexOfCalibration(int calibration) const { return problem_.index_of_calibration[calibration]; }
-
   // Returns the covariances of the frames' parameters, at the minimum or the last step before it, which is as short
   // as convergence means.
   std::vector<FrameMatrix> Covariances() const;
-  // Evaluates the prior of a frame.
   PosePriorResidual EvaluatePrior(int frame, const BundleState& state) const {
     return EvaluatePosePrior(*problem_.pose_priors[frame], state.frames[frame].frame_from_world);
   }
@@ -74,23 +65,14 @@ class BundleSolver {
   bool Build(const BundleState& state, double damping);
   // Returns the cost of a state without building its system; infinite if a point lies behind one of its cameras.
   double Cost(const BundleState& state) const;
-  // Adds the priors of the frames' poses.
   void AddPriors(const BundleState& state, std::vector<FrameMatrix>* frame_hessians);
-  // Returns the deviations of a group's frames from their priors.
-  std::vector<PosePriorResidual> EvaluatePriors(const BundlePriors& priors, const BundleState& state) const;
-  // Evaluates how far an image's place in its frame deviates from its calibration.
-  static RigFlexResidual Evaluate(const BundleFlex& flex, const BundleState& state);
   void AddFlex(const BundleState& state, const BundleFlex& flex, std::vector<FrameMatrix>* frame_hessians);
-  // Adds the scales' priors of the depth maps.
   void AddDepthMapPriors(const BundleState& state, std::vector<FrameMatrix>* frame_hessians);
   // Evaluates the depth of a track's point that a coupling stands for. Returns false if the point lies behind its
   // image.
   bool Evaluate(const BundleState& state, const FreeObservation& coupling, size_t track, DepthError* error) const;
   // Adds the derivatives of this depth by frame and scale; the error is weighted.
   void AddDepth(const DepthError& error, size_t coupling, size_t track, std::vector<FrameMatrix>* frame_hessians);
-  // Calls visit(frame, residual) for the priors of queries.
-  template <typename Visit>
-  void VisitQueryPriors(const BundleState& state, const Visit& visit) const;
   void AddQueryPriors(const BundleState& state, std::vector<FrameMatrix>* frame_hessians);
   // Adds a track's derivatives and eliminates its point, in one pass. Returns false if the point lies behind a camera.
   bool AddTrack(const BundleState& state, size_t track, double damping, std::vector<FrameMatrix>* frame_hessians);
@@ -109,8 +91,5 @@ class BundleSolver {
   std::optional<BundleState> before_last_step_;  // if system_ was built there
   System system_;
 };
-
-extern template class BundleSolver<6>;
-extern template class BundleSolver<7>;
 
 }  // namespace lazyloc

@@ -37,7 +37,6 @@ template <int kSize>
 bool CameraSystem<kSize>::Factorize(const Blocks& blocks) {
   if (IsDense()) {
     dense_.compute(Dense(blocks));
-    root_.resize(0, 0);
     return dense_.info() == Eigen::Success;
   }
   const Eigen::SparseMatrix<double> matrix = Sparse(blocks);
@@ -83,19 +82,13 @@ template <int kSize>
 std::vector<typename CameraSystem<kSize>::Matrix> CameraSystem<kSize>::DiagonalOfInverse() const {
   if (!IsDense()) return DiagonalOfSparseInverse();
   std::vector<Matrix> diagonal(columns_of_row_.size());
-  const Eigen::MatrixXd& root = RootOfInverse();
+  const Eigen::Index size = kSize * NumFrames();
+  const Eigen::MatrixXd root = dense_.matrixL().solve(Eigen::MatrixXd::Identity(size, size));  // inverse: root^T root
   for (size_t a = 0; a < diagonal.size(); ++a) {
     const auto columns = root.template middleCols<kSize>(kSize * a);
     diagonal[a] = columns.transpose() * columns;
   }
   return diagonal;
-}
-
-template <int kSize>
-const Eigen::MatrixXd& CameraSystem<kSize>::RootOfInverse() const {
-  const Eigen::Index size = kSize * NumFrames();
-  if (root_.rows() != size) root_ = dense_.matrixL().solve(Eigen::MatrixXd::Identity(size, size));
-  return root_;
 }
 
 template <int kSize>

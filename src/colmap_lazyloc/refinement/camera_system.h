@@ -54,17 +54,13 @@ class CameraSystem {
   bool HasFactor() const { return (IsDense() ? dense_.info() : sparse_.info()) == Eigen::Success; }
 
   Eigen::VectorXd Solve(const Eigen::VectorXd& rhs) const;
-  // Returns a frame's columns of the inverse.
   Eigen::MatrixXd ColumnsOfInverse(int frame) const;
-  // Returns the diagonal blocks of the inverse.
   std::vector<Matrix> DiagonalOfInverse() const;
 
  private:
   static constexpr Eigen::Index kMaxNumDenseFrames = 150;
 
   Eigen::Index NumFrames() const { return static_cast<Eigen::Index>(columns_of_row_.size()); }
-  // Returns R with the inverse R^T R. R is a lower triangle.
-  const Eigen::MatrixXd& RootOfInverse() const;
   // Return the lower triangle of the matrix.
   Eigen::MatrixXd Dense(const Blocks& blocks) const;
   Eigen::SparseMatrix<double> Sparse(const Blocks& blocks) const;
@@ -74,12 +70,8 @@ class CameraSystem {
   std::vector<size_t> first_block_of_row_;
   size_t num_blocks_ = 0;
   Eigen::LLT<Eigen::MatrixXd> dense_;
-  mutable Eigen::MatrixXd root_;  // cache of RootOfInverse
   Eigen::SimplicialLLT<Eigen::SparseMatrix<double>> sparse_;
   bool is_analyzed_ = false;
 };
-
-extern template class CameraSystem<6>;
-extern template class CameraSystem<7>;
 
 }  // namespace lazyloc

@@ -23,7 +23,6 @@ struct DepthObservation {
 struct DepthError {
   double error = 0;
   double by_log_scale = 0;
-  Eigen::Vector3d by_point;  // in the axes of the frame
   Eigen::Vector3d by_point_in_world;
   Eigen::Matrix<double, 6, 1> by_frame;  // only if the frame is not constant
 
@@ -37,7 +36,7 @@ struct DepthError {
     if (!(along_axis > 0)) return false;
     error = depth.residual_from_log * (std::log(along_axis) - depth.log_depth - log_scale);
     by_log_scale = -depth.residual_from_log;
-    by_point = depth.residual_from_log / along_axis * depth.axis;
+    const Eigen::Vector3d by_point = depth.residual_from_log / along_axis * depth.axis;
     by_point_in_world = by_point;
     if (frame == nullptr) return true;
     by_point_in_world = frame->rotation.transpose() * by_point;

@@ -36,30 +36,30 @@ Derivative ProjectionDerivative(const Eigen::Vector2d& offset) {
   return derivative;
 }
 
-// The equations of one query frame at a time, over the frames that observe common points with it.
+// The equations of a query frame, over the frames that observe common points with it.
 template <int kSize>
 class ScoreBuilder {
   using Coupling = Eigen::Matrix<double, kSize, NUM_INTRINSICS_PARAMETERS>;
   using FrameColumns = Eigen::Matrix<double, Eigen::Dynamic, kSize>;
   using Moves = Eigen::Matrix<double, Eigen::Dynamic, NUM_INTRINSICS_PARAMETERS>;
+  using ByPoint = Eigen::Matrix<double, NUM_INTRINSICS_PARAMETERS, 3>;
 
  public:
+  // frame: of `posed`.
   ScoreBuilder(const BundleSolver<kSize>& solver, const PosedImages& posed, const std::vector<Track>& tracks,
-               const RobustLoss& loss)
+               const RobustLoss& loss, int frame)
       : solver_(solver),
         posed_(posed),
         tracks_(tracks),
         loss_(loss),
-        place_of_frame_(solver.Problem().frames.size(), -1) {}
-
-  // Starts the equations of a frame of `posed`.
-  void Start(int frame) {
+        frame_(solver.Problem().index_of_frame[frame]),
+        is_asked_(solver.Problem().frames.size(), false),
+        place_of_frame_(solver.Problem().frames.size(), -1) {
     const BundleProblem& problem = solver_.Problem();
-    is_asked_.assign(problem.frames.size(), false);
     for (size_t image = 0; image < posed_.images.size(); ++image) {
       if (posed_.images[image].frame == frame) is_asked_[problem.index_of_image[image]] = true;
     }
-    CouplingWith(solver_.IndexOf(frame));
+    CouplingWith(frame_);
     if (!solver_.Cameras().IsDense()) return;
     for (size_t i = 0; i < problem.frames.size(); ++i) CouplingWith(static_cast<int>(i));
   }
@@ -69,8 +69,7 @@ class ScoreBuilder {
     const BundleProblem& problem = solver_.Problem();
     const BundleState& state = solver_.Linearization();
     const Range& range = problem.free_range[track];
-    Eigen::Matrix<double, NUM_INTRINSICS_PARAMETERS, 3> by_point;
-    by_point.setZero();
+    ByPoint by_point = ByPoint::Zero();
     for (size_t i = range.begin; i < range.end; ++i) {
       const int frame = problem.free[i].frame;
       if (!is_asked_[frame]) continue;
@@ -86,8 +85,7 @@ class ScoreBuilder {
       by_point += derivative.transpose() * error.ByPointInWorld(state.frames[frame]);
     }
     const auto& equations = solver_.Equations();
-    const Eigen::Matrix<double, NUM_INTRINSICS_PARAMETERS, 3> eliminated =
-        by_point * equations.point_factors[track].inverse.transpose();
+    const ByPoint eliminated = by_point * equations.point_factors[track].inverse.transpose();
     score_.information -= eliminated * eliminated.transpose();
     score_.score += eliminated * equations.point_factors[track].gradient;
     for (size_t i = range.begin; i < range.end; ++i) {
@@ -96,7 +94,7 @@ class ScoreBuilder {
   }
 
   // Eliminates the poses and returns the score of the frame. tracks: those that were added.
-  IntrinsicsScore Finish(int frame, const std::vector<size_t>& tracks) {
+  IntrinsicsScore Finish(const std::vector<size_t>& tracks) {
     const Eigen::LLT<Eigen::MatrixXd> factor(solver_.Cameras().EquationsOf(places_, solver_.Equations().reduced));
     Moves coupling(kSize * places_.size(), static_cast<Eigen::Index>(NUM_INTRINSICS_PARAMETERS));
     Eigen::VectorXd rhs(coupling.rows());
@@ -107,20 +105,15 @@ class ScoreBuilder {
     const Moves poses_from_correction = -factor.solve(coupling);
     score_.information += coupling.transpose() * poses_from_correction;
     score_.score += poses_from_correction.transpose() * rhs;
-    score_.frame_from_correction = poses_from_correction.template middleRows<6>(kSize * place_of_frame_[frame]);
+    score_.frame_from_correction = poses_from_correction.template topRows<6>();
     score_.component_covariances = ComponentCovariancesOfScores(poses_from_correction);
-    const FrameColumns columns = factor.solve(
-        Eigen::MatrixXd::Identity(factor.rows(), factor.rows()).middleCols<kSize>(kSize * place_of_frame_[frame]));
-    SetSharedErrors(columns, poses_from_correction, frame, tracks);
-    if (solver_.Problem().frames[frame].kind == BlockKind::POSE_AND_FOCAL_LENGTH) {
-      SetEstimatedFocalLength(columns.col(kSize - 1), frame);
+    const FrameColumns columns =
+        factor.solve(Eigen::MatrixXd::Identity(factor.rows(), factor.rows()).leftCols<kSize>());
+    SetSharedErrors(columns, poses_from_correction, tracks);
+    if (solver_.Problem().frames[frame_].kind == BlockKind::POSE_AND_FOCAL_LENGTH) {
+      SetEstimatedFocalLength(columns.col(kSize - 1));
     }
-    for (const int place : places_) place_of_frame_[place] = -1;
-    places_.clear();
-    couplings_.clear();
-    IntrinsicsScore score;
-    std::swap(score, score_);
-    return score;
+    return std::move(score_);
   }
 
  private:
@@ -167,7 +160,7 @@ class ScoreBuilder {
 
   // Sets what shared errors add. Those of the score are measured where the correction that it suggests is made, because
   // wrong intrinsics would else make the images disagree. columns: the frame's, of the inverse of the poses' equations.
-  void SetSharedErrors(const FrameColumns& columns, const Moves& poses_from_correction, int frame,
+  void SetSharedErrors(const FrameColumns& columns, const Moves& poses_from_correction,
                        const std::vector<size_t>& tracks) {
     const IntrinsicsScore::Vector correction = score_.information.ldlt().solve(score_.score);
     ClusterCovariance<kSize> of_frame;
@@ -178,8 +171,7 @@ class ScoreBuilder {
       of_frame.Add(Cluster(tracks_[track]), influence->frame);
       of_score.Add(Cluster(tracks_[track]), influence->score);
     }
-    score_.frame_shared_errors =
-        of_frame.Excess(columns.template middleRows<kSize>(kSize * place_of_frame_[frame]), kNumClusterParameters);
+    score_.frame_shared_errors = of_frame.Excess(columns.template topRows<kSize>(), kNumClusterParameters);
     score_.shared_errors = of_score.Excess(score_.information, kNumClusterParameters);
   }
 
@@ -198,8 +190,7 @@ class ScoreBuilder {
     const auto& point = equations.point_factors[track];
     TrackInfluence influence;
     Eigen::Vector3d point_gradient = point.gradient;  // after the correction
-    Eigen::Matrix<double, NUM_INTRINSICS_PARAMETERS, 3> by_point;
-    by_point.setZero();
+    ByPoint by_point = ByPoint::Zero();
     const Range& range = problem.free_range[track];
     for (size_t i = range.begin; i < range.end; ++i) {
       const int frame = problem.free[i].frame;
@@ -251,36 +242,33 @@ class ScoreBuilder {
 
   // Replaces the equation of the focal length by that of its estimate. column: the factor's, of the inverse of the
   // poses' equations.
-  void SetEstimatedFocalLength(const Eigen::VectorXd& column, int frame) {
-    const Eigen::Index row = kSize * place_of_frame_[frame] + kSize - 1;
-    score_.information.row(LOG_FOCAL_FACTOR).setZero();
-    score_.information.col(LOG_FOCAL_FACTOR).setZero();
-    score_.information(LOG_FOCAL_FACTOR, LOG_FOCAL_FACTOR) = 1 / column[row];
+  void SetEstimatedFocalLength(const Eigen::VectorXd& column) {
+    const double variance = column[kSize - 1];
+    const auto replace = [](IntrinsicsScore::Matrix* matrix, double value) {
+      matrix->row(LOG_FOCAL_FACTOR).setZero();
+      matrix->col(LOG_FOCAL_FACTOR).setZero();
+      (*matrix)(LOG_FOCAL_FACTOR, LOG_FOCAL_FACTOR) = value;
+    };
+    replace(&score_.information, 1 / variance);
     const auto covariances = ComponentCovariancesOfScores(column);
     for (size_t group = 0; group < covariances.size(); ++group) {
       for (size_t j = 0; j < covariances[group].size(); ++j) {
-        IntrinsicsScore::Matrix& covariance = score_.component_covariances[group][j];
-        covariance.row(LOG_FOCAL_FACTOR).setZero();
-        covariance.col(LOG_FOCAL_FACTOR).setZero();
-        covariance(LOG_FOCAL_FACTOR, LOG_FOCAL_FACTOR) = covariances[group][j](0, 0) / (column[row] * column[row]);
+        replace(&score_.component_covariances[group][j], covariances[group][j](0, 0) / (variance * variance));
       }
     }
-    score_.shared_errors.row(LOG_FOCAL_FACTOR).setZero();
-    score_.shared_errors.col(LOG_FOCAL_FACTOR).setZero();
-    score_.shared_errors(LOG_FOCAL_FACTOR, LOG_FOCAL_FACTOR) =
-        score_.frame_shared_errors(kSize - 1, kSize - 1) / (column[row] * column[row]);
+    replace(&score_.shared_errors, score_.frame_shared_errors(kSize - 1, kSize - 1) / (variance * variance));
     score_.score[LOG_FOCAL_FACTOR] = 0;
-    score_.frame_from_correction.col(LOG_FOCAL_FACTOR) =
-        column.segment<6>(kSize * place_of_frame_[frame]) / column[row];
+    score_.frame_from_correction.col(LOG_FOCAL_FACTOR) = column.head<6>() / variance;
   }
 
   const BundleSolver<kSize>& solver_;
   const PosedImages& posed_;
   const std::vector<Track>& tracks_;
   const RobustLoss& loss_;
+  const int frame_;  // of the problem
   IntrinsicsScore score_;
   std::vector<bool> is_asked_;       // by frame of the problem: true for the poses of the query's images
-  std::vector<int> places_;          // frames in the order of the equations
+  std::vector<int> places_;          // frames in the order of the equations; first, the frame in question
   std::vector<int> place_of_frame_;  // -1 for others
   std::vector<Coupling> couplings_;  // parallel to places_
 };
@@ -301,12 +289,11 @@ std::vector<IntrinsicsScore> ComputeIntrinsicsScores(const BundleSolver<kSize>& 
     }
   }
   std::vector<IntrinsicsScore> scores(posed.frames.size());
-  ScoreBuilder<kSize> builder(solver, posed, tracks, loss);
   for (size_t frame = 0; frame < scores.size(); ++frame) {
     if (tracks_of_frame[frame].empty()) continue;
-    builder.Start(static_cast<int>(frame));
+    ScoreBuilder<kSize> builder(solver, posed, tracks, loss, static_cast<int>(frame));
     for (const size_t track : tracks_of_frame[frame]) builder.AddTrack(track);
-    scores[frame] = builder.Finish(solver.IndexOf(static_cast<int>(frame)), tracks_of_frame[frame]);
+    scores[frame] = builder.Finish(tracks_of_frame[frame]);
   }
   return scores;
 }

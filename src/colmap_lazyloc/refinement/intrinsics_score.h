@@ -51,9 +51,4 @@ template <int kSize>
 std::vector<IntrinsicsScore> ComputeIntrinsicsScores(const BundleSolver<kSize>& solver, const PosedImages& posed,
                                                      const std::vector<Track>& tracks, const RobustLoss& loss);
 
-extern template std::vector<IntrinsicsScore> ComputeIntrinsicsScores<6>(const BundleSolver<6>&, const PosedImages&,
-                                                                        const std::vector<Track>&, const RobustLoss&);
-extern template std::vector<IntrinsicsScore> ComputeIntrinsicsScores<7>(const BundleSolver<7>&, const PosedImages&,
-                                                                        const std::vector<Track>&, const RobustLoss&);
-
 }  // namespace lazyloc

@@ -1,7 +1,5 @@
 #pragma once
 
-#include <optional>
-
 #include <Eigen/Core>
 #include <Eigen/Geometry>
 
@@ -21,7 +19,6 @@ struct ParameterBlock {
   }
   // Returns true if the factor is one on the translations within the rig.
   bool HasRigScale() const { return kind == BlockKind::POSE_AND_RIG_SCALE; }
-  std::optional<double> LogRigScale() const { return HasRigScale() ? std::optional(log_factor) : std::nullopt; }
 
   BlockKind kind = BlockKind::POSE;
   Rigid3d frame_from_world;

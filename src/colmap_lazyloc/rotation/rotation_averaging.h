@@ -1,6 +1,5 @@
 #pragma once
 
-#include <string>
 #include <vector>
 
 #include <Eigen/Geometry>
@@ -45,7 +44,7 @@ struct RotationAveragingResult {
 };
 
 // Averages rotations. Starts each unknown node at the proposal of one of its edges, the one that agrees with the
-// largest weight of its other edges, and then minimises the edges' errors with options.method. L1 and IRLS are
+// largest weight of its other edges, and then minimises the edges' errors by the method. L1 and IRLS are
 // reweighted least squares in the Lie algebra, with columns for the unknown nodes only: Chatterjee & Govindu, Efficient
 // and Robust Large-Scale Rotation Averaging, ICCV 2013; LazyLoc (arXiv 2307.09981), section 3.1. summary.success is
 // false if no unknown node is connected to a fixed one or if a measurement is not finite.

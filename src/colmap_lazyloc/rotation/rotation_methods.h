@@ -1,5 +1,6 @@
 #pragma once
 
+#include "colmap_lazyloc/math/mean_rotation.h"
 #include "colmap_lazyloc/rotation/rotation_averaging.h"
 
 namespace lazyloc {
@@ -7,8 +8,21 @@ namespace lazyloc {
 // Iterations end when no rotation changes by more: far below any measurement's noise, because an iteration is cheap.
 inline constexpr double kRotationConvergenceDeg = 1e-10;
 
-// Methods of AverageRotations, each in its own file. They change the rotations of known nodes that are not fixed,
-// starting from result->rotations, and set result->summary.iterations.
+// Returns the error of an edge in the world frame, as a rotation vector in rad. If the world_from_cam rotations S of
+// both nodes change by S <- exp(w) S, the error becomes error + w1 - w2 to first order. The error is expressed in the
+// world frame because its Jacobian is then the incidence matrix of the graph, for all rotations.
+Eigen::Vector3d EdgeErrorInWorld(const RotationEdge& edge, const std::vector<Eigen::Quaterniond>& rotations);
+
+// Returns the indices of each node's edges.
+std::vector<std::vector<size_t>> EdgesByNode(const RotationAveragingProblem& problem);
+
+// Returns the rotations that a node's edges (indices `edges`) propose for it, one per edge whose other node is known.
+std::vector<WeightedRotation> ProposalsFor(int node, const std::vector<size_t>& edges,
+                                           const RotationAveragingProblem& problem,
+                                           const RotationAveragingResult& result);
+
+// Methods of AverageRotations. They change the rotations of known nodes that are not fixed, starting from
+// result->rotations.
 
 void AverageByL1Irls(const RotationAveragingProblem& problem, RotationAveragingResult* result);
 void AverageByL1(const RotationAveragingProblem& problem, RotationAveragingResult* result);

@@ -7,20 +7,77 @@
 #include <utility>
 
 #include "colmap_lazyloc/math/so3.h"
-#include "colmap_lazyloc/structure/point_finder.h"
+#include "colmap_lazyloc/structure/ray_intersection.h"
 
 namespace lazyloc {
 namespace {
 
-// Triangulates one track after the other.
+// Maximum distance of a point from a keypoint in a database image, in standard deviations of the image's noise: true
+// matches exceed it once in 3000.
+constexpr double kMaxDatabaseErrorSigma = 4;
+
+// Indices of a track's observations, ascending.
+using ObservationIndices = std::vector<size_t>;
+
+// Checks points of tracks against their images. Holds the poses as matrices, because the inner loops are faster with
+// them.
+class TrackEvaluator {
+ public:
+  explicit TrackEvaluator(const PosedImages& posed) : posed_(posed) {
+    for (const Rigid3d& cam_from_world : CamsFromWorld(posed)) {
+      cams_from_world_.emplace_back();
+      cams_from_world_.back() << cam_from_world.rotation.toRotationMatrix(), cam_from_world.translation;
+      cams_in_world_.push_back(CamInWorld(cam_from_world));
+    }
+  }
+
+  bool IsDatabase(const TrackObservation& element) const { return posed_.IsDatabase(element.image); }
+  const Image& ImageOf(const TrackObservation& element) const { return posed_.images[element.image]; }
+  const Eigen::Vector3d& CamInWorldOf(const TrackObservation& element) const { return cams_in_world_[element.image]; }
+  Eigen::Vector3d RayInWorld(const TrackObservation& element) const {
+    return cams_from_world_[element.image].leftCols<3>().transpose().lazyProduct(element.observation.ray_in_cam);
+  }
+
+  // Returns true if a point lies in front of an image and within max_error_sigma standard deviations of its keypoint.
+  bool Fits(const TrackObservation& element, const Eigen::Vector3d& point_in_world, double max_error_sigma) const {
+    return IsNear(element, point_in_world, max_error_sigma * ImageOf(element).noise_px);
+  }
+
+  // Does the same with a bound in pixels.
+  bool IsNear(const TrackObservation& element, const Eigen::Vector3d& point_in_world, double max_error_px) const {
+    const Eigen::Matrix<double, 3, 4>& cam_from_world = cams_from_world_[element.image];
+    const Eigen::Vector3d point_in_cam = cam_from_world.leftCols<3>() * point_in_world + cam_from_world.col(3);
+    return IsInFront(element.observation, point_in_cam) &&
+           ReprojectionError(element.observation, point_in_cam).squaredNorm() <= max_error_px * max_error_px;
+  }
+
+  // Returns true if two of the rays to a point meet at an angle whose cosine is less than max_cos_angle.
+  bool IsSeenUnderAngle(const std::vector<TrackObservation>& observations, const ObservationIndices& indices,
+                        const Eigen::Vector3d& point, double max_cos_angle) const {
+    for (size_t a = 0; a < indices.size(); ++a) {
+      const Eigen::Vector3d ray_a = (point - CamInWorldOf(observations[indices[a]])).normalized();
+      for (size_t b = 0; b < a; ++b) {
+        const Eigen::Vector3d ray_b = (point - CamInWorldOf(observations[indices[b]])).normalized();
+        if (ray_a.dot(ray_b) < max_cos_angle) return true;
+      }
+    }
+    return false;
+  }
+
+ private:
+  const PosedImages& posed_;
+  std::vector<Eigen::Matrix<double, 3, 4>> cams_from_world_;
+  std::vector<Eigen::Vector3d> cams_in_world_;
+};
+
+// Triangulates one track after the other. Works in buffers that it keeps.
 class TrackTriangulator {
  public:
   TrackTriangulator(const PosedImages& posed, const TrackTriangulationOptions& options)
       : posed_(posed),
         evaluator_(posed),
         options_(options),
-        max_cos_angle_(std::cos(DegToRad(options.min_triangulation_angle_deg))),
-        finder_(evaluator_, max_cos_angle_) {}
+        max_cos_angle_(std::cos(DegToRad(options.min_triangulation_angle_deg))) {}
 
   // Sets the track's point from its database observations and removes those that disagree with it. Returns false if the
   // track has no such point.
@@ -32,7 +89,7 @@ class TrackTriangulator {
     }
     const size_t num_queries = observations.size() - used_.size();  // they come first
     if (used_.size() < 2) return false;
-    const std::optional<Eigen::Vector3d> point = finder_.FindConsensus(observations, &used_);
+    const std::optional<Eigen::Vector3d> point = FindConsensus(observations);
     if (!point || !evaluator_.IsSeenUnderAngle(observations, used_, *point, max_cos_angle_)) return false;
     track->point_in_world = *point;
     size_t num_kept = num_queries;
@@ -48,7 +105,7 @@ class TrackTriangulator {
     used_.resize(observations.size());
     std::iota(used_.begin(), used_.end(), 0);
     track->noise_ratio = options_.single_image_noise_ratio;
-    const std::optional<Eigen::Vector3d> point = finder_.FindPoint(observations, used_);
+    const std::optional<Eigen::Vector3d> point = FindPoint(observations, used_);
     if (!point || !evaluator_.IsSeenUnderAngle(observations, used_, *point, max_cos_angle_)) return FromDepth(track);
     track->point_in_world = *point;
     return FitsAll(*track);
@@ -59,7 +116,7 @@ class TrackTriangulator {
   bool FromDepth(Track* track) {
     for (const TrackObservation& element : track->observations) {
       const std::optional<Eigen::Vector3d> point =
-          PointByDepth(evaluator_.ImageOf(element), evaluator_.CamFromWorldOf(element), element);
+          PointByDepth(evaluator_.ImageOf(element), CamFromWorld(posed_, element.image), element);
       if (!point) continue;
       track->noise_ratio = options_.single_image_noise_ratio;
       track->point_in_world = *point;
@@ -69,6 +126,55 @@ class TrackTriangulator {
   }
 
  private:
+  // Returns the point nearest to the rays of all used observations; nullopt if they have none.
+  std::optional<Eigen::Vector3d> FindPoint(const std::vector<TrackObservation>& observations,
+                                           const ObservationIndices& used) const {
+    RayIntersection intersection;
+    for (const size_t i : used) {
+      intersection.Add(evaluator_.CamInWorldOf(observations[i]), evaluator_.RayInWorld(observations[i]));
+    }
+    return intersection.Point();
+  }
+
+  // Returns a point that the used observations fit within kMaxDatabaseErrorSigma, after removing from used_ those that
+  // disagree: all but those that agree with the pair of observations that most others agree with. Returns nullopt if
+  // fewer than two agree.
+  std::optional<Eigen::Vector3d> FindConsensus(const std::vector<TrackObservation>& observations) {
+    const std::optional<Eigen::Vector3d> point = FindPoint(observations, used_);
+    if (!point || AllAgree(observations, *point)) return point;
+    if (used_.size() == 2) return std::nullopt;  // their only pair has just failed
+    used_.swap(candidates_);
+    FindBestAgreeing(observations);
+    if (used_.size() < 2) return std::nullopt;
+    const std::optional<Eigen::Vector3d> consensus = FindPoint(observations, used_);
+    return consensus && AllAgree(observations, *consensus) ? consensus : std::nullopt;
+  }
+
+  bool Agrees(const TrackObservation& element, const Eigen::Vector3d& point) const {
+    return evaluator_.Fits(element, point, kMaxDatabaseErrorSigma);
+  }
+
+  bool AllAgree(const std::vector<TrackObservation>& observations, const Eigen::Vector3d& point) const {
+    return std::all_of(used_.begin(), used_.end(), [&](size_t i) { return Agrees(observations[i], point); });
+  }
+
+  // Sets used_ to the candidates that agree with the pair of candidates that most others agree with.
+  void FindBestAgreeing(const std::vector<TrackObservation>& observations) {
+    used_.clear();
+    for (size_t a = 0; a < candidates_.size(); ++a) {
+      for (size_t b = 0; b < a && used_.size() < candidates_.size(); ++b) {
+        pair_ = {candidates_[a], candidates_[b]};
+        const std::optional<Eigen::Vector3d> point = FindPoint(observations, pair_);
+        if (!point || !evaluator_.IsSeenUnderAngle(observations, pair_, *point, max_cos_angle_)) continue;
+        agreeing_.clear();
+        for (const size_t i : candidates_) {
+          if (Agrees(observations[i], *point)) agreeing_.push_back(i);
+        }
+        if (agreeing_.size() > used_.size()) used_.swap(agreeing_);
+      }
+    }
+  }
+
   bool FitsAll(const Track& track) const {
     return std::all_of(track.observations.begin(), track.observations.end(), [&](const TrackObservation& element) {
       return evaluator_.Fits(element, track.point_in_world, options_.max_query_error_sigma);
@@ -88,8 +194,7 @@ class TrackTriangulator {
   const TrackEvaluator evaluator_;
   const TrackTriangulationOptions& options_;
   const double max_cos_angle_;
-  PointFinder finder_;
-  ObservationIndices used_;
+  ObservationIndices used_, candidates_, agreeing_, pair_;
 };
 
 enum class CheckedImages { QUERIES, ALL };
@@ -129,12 +234,12 @@ bool RemoveMisfits(const TrackEvaluator& evaluator, double max_error_sigma, Chec
   return num_kept >= 2 && !evaluator.IsDatabase(observations.front());
 }
 
-std::vector<Track> TracksThatFit(const PosedImages& posed, std::vector<Track> tracks, double max_error_sigma,
-                                 CheckedImages checked) {
-  const TrackEvaluator evaluator(posed);
+// Keeps the tracks for which keep(track) is true, in their order.
+template <typename Keep>
+std::vector<Track> KeepIf(std::vector<Track> tracks, const Keep& keep) {
   size_t num_kept = 0;
   for (Track& track : tracks) {
-    if (RemoveMisfits(evaluator, max_error_sigma, checked, &track)) std::swap(tracks[num_kept++], track);
+    if (keep(&track)) std::swap(tracks[num_kept++], track);
   }
   tracks.resize(num_kept);
   return tracks;
@@ -146,36 +251,30 @@ SplitTracks TriangulateFromDatabase(const PosedImages& posed, std::vector<Track>
                                     const TrackTriangulationOptions& options) {
   TrackTriangulator triangulator(posed, options);
   SplitTracks split;
-  size_t num_kept = 0;
-  for (Track& track : tracks) {
-    if (triangulator.FromDatabase(&track)) {
-      std::swap(tracks[num_kept++], track);
-    } else {
-      split.rest.push_back(std::move(track));
-    }
-  }
-  tracks.resize(num_kept);
-  split.from_database = std::move(tracks);
+  split.from_database = KeepIf(std::move(tracks), [&](Track* track) {
+    const bool has_point = triangulator.FromDatabase(track);
+    if (!has_point) split.rest.push_back(std::move(*track));
+    return has_point;
+  });
   return split;
 }
 
 std::vector<Track> TriangulateWithQuery(const PosedImages& posed, std::vector<Track> tracks,
                                         const TrackTriangulationOptions& options) {
   TrackTriangulator triangulator(posed, options);
-  size_t num_kept = 0;
-  for (Track& track : tracks) {
-    if (triangulator.WithQuery(&track)) std::swap(tracks[num_kept++], track);
-  }
-  tracks.resize(num_kept);
-  return tracks;
+  return KeepIf(std::move(tracks), [&](Track* track) { return triangulator.WithQuery(track); });
 }
 
 std::vector<Track> RemoveQueryOutliers(const PosedImages& posed, std::vector<Track> tracks, double max_error_sigma) {
-  return TracksThatFit(posed, std::move(tracks), max_error_sigma, CheckedImages::QUERIES);
+  const TrackEvaluator evaluator(posed);
+  return KeepIf(std::move(tracks),
+                [&](Track* track) { return RemoveMisfits(evaluator, max_error_sigma, CheckedImages::QUERIES, track); });
 }
 
 std::vector<Track> RemoveOutliers(const PosedImages& posed, std::vector<Track> tracks, double max_error_sigma) {
-  return TracksThatFit(posed, std::move(tracks), max_error_sigma, CheckedImages::ALL);
+  const TrackEvaluator evaluator(posed);
+  return KeepIf(std::move(tracks),
+                [&](Track* track) { return RemoveMisfits(evaluator, max_error_sigma, CheckedImages::ALL, track); });
 }
 
 }  // namespace lazyloc

@@ -64,8 +64,6 @@ void AverageByAngles(const TranslationAveragingProblem& problem, TranslationAver
   ceres::Solve(solver_options, &ceres_problem, &summary);
   result->summary.success = summary.IsSolutionUsable();
   result->summary.message = summary.message;
-  result->summary.iterations = static_cast<int>(summary.iterations.size());
-  result->summary.cost = summary.final_cost;
 }
 
 }  // namespace lazyloc

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
 
 #include "colmap_lazyloc/math/so3.h"
 #include "colmap_lazyloc/math/two_rays.h"
@@ -53,7 +52,6 @@ double Support(const Eigen::Vector3d& point, const std::vector<Vote>& votes, dou
 struct Start {
   Eigen::Vector3d point = Eigen::Vector3d::Zero();
   double support = 0;
-  bool is_determined = false;
 };
 
 // Returns the crossing of two rays with the largest support. If no two rays cross, returns a point on the ray with the
@@ -66,10 +64,10 @@ Start BestStart(const std::vector<Vote>& votes) {
       const std::optional<Eigen::Vector3d> point = Crossing(votes[a].ray, votes[b].ray);
       if (!point) continue;
       const double support = Support(*point, votes, max_error_rad);
-      if (support > best.support) best = {*point, support, true};
+      if (support > best.support) best = {*point, support};
     }
   }
-  if (best.is_determined || votes.empty()) return best;
+  if (best.support > 0 || votes.empty()) return best;
   const Vote& strongest =
       *std::max_element(votes.begin(), votes.end(), [](const Vote& a, const Vote& b) { return a.weight < b.weight; });
   double extent = 0;
@@ -101,18 +99,9 @@ void StartFromVotes(const TranslationAveragingProblem& problem, TranslationAvera
     const size_t node = best - best_of.begin();
     result->cams_in_world[node] = best->point;
     result->is_known[node] = true;
-    result->is_determined[node] = best->is_determined;
     vote(node);
     // Votes again for its neighbours only, because no other node has a new vote.
     for (const size_t edge : edges_of[node]) vote(problem.edges[edge].node1 + problem.edges[edge].node2 - node);
-  }
-}
-
-void AverageBy(TranslationAveragingMethod method, const TranslationAveragingProblem& problem,
-               TranslationAveragingResult* result) {
-  switch (method) {
-    case TranslationAveragingMethod::ANGULAR: return AverageByAngles(problem, result);
-    case TranslationAveragingMethod::LUD: return AverageByLeastUnsquaredDeviations(problem, result);
   }
 }
 
@@ -127,8 +116,7 @@ TranslationAveragingResult AverageTranslations(const TranslationAveragingProblem
   LAZYLOC_CHECK(problem.cams_in_world.size() == problem.is_fixed.size());
   TranslationAveragingResult result;
   result.cams_in_world = problem.cams_in_world;
-  result.is_known = result.is_determined = problem.is_fixed;
-  result.edge_errors_rad.assign(problem.edges.size(), std::numeric_limits<double>::quiet_NaN());
+  result.is_known = problem.is_fixed;
   const auto is_finite = [](const DirectionEdge& edge) { return edge.dir_1to2_in_world.allFinite(); };
   if (!std::all_of(problem.edges.begin(), problem.edges.end(), is_finite)) {
     result.summary.message = "a direction is not finite";
@@ -139,11 +127,9 @@ TranslationAveragingResult AverageTranslations(const TranslationAveragingProblem
     result.summary.message = "no unknown position is linked to a fixed one";
     return result;
   }
-  AverageBy(method, problem, &result);
-  for (size_t i = 0; i < problem.edges.size(); ++i) {
-    const DirectionEdge& edge = problem.edges[i];
-    if (!result.is_known[edge.node1] || !result.is_known[edge.node2]) continue;
-    result.edge_errors_rad[i] = AngleBetweenRad(Baseline(edge, result.cams_in_world), edge.dir_1to2_in_world);
+  switch (method) {
+    case TranslationAveragingMethod::ANGULAR: AverageByAngles(problem, &result); break;
+    case TranslationAveragingMethod::LUD: AverageByLeastUnsquaredDeviations(problem, &result); break;
   }
   return result;
 }

@@ -1,6 +1,5 @@
 #pragma once
 
-#include <string>
 #include <vector>
 
 #include <Eigen/Core>
@@ -24,7 +23,7 @@ struct DirectionEdge {
 // Translation averaging with fixed nodes 0..n-1, each with a projection centre. The centres of fixed nodes are known
 // and are returned unchanged. An edge constrains two of the three coordinates of an unknown node. There is no gauge
 // freedom if each unknown node has two fixed neighbours in directions that are not parallel. A node with a single fixed
-// neighbour, or on the line through its fixed neighbours, is unobservable along this line (see `is_determined`).
+// neighbour, or on the line through its fixed neighbours, is unobservable along this line.
 struct TranslationAveragingProblem {
   std::vector<Eigen::Vector3d> cams_in_world;  // of n nodes; ignored for nodes that are not fixed
   std::vector<bool> is_fixed;
@@ -40,14 +39,12 @@ inline constexpr std::array<const char*, 2> kEnumNames<TranslationAveragingMetho
 
 struct TranslationAveragingResult {
   std::vector<Eigen::Vector3d> cams_in_world;
-  std::vector<bool> is_known;           // true: fixed, or connected to a fixed node
-  std::vector<bool> is_determined;      // true: fixed, or started at a crossing of two edges
-  std::vector<double> edge_errors_rad;  // angle between measured and averaged; NaN if a node is not known
+  std::vector<bool> is_known;  // true: fixed, or connected to a fixed node
   StageSummary summary;
 };
 
 // Averages translations. Starts each unknown node at the crossing of two of its edges with the largest weight of other
-// edges that agree, and then minimises the cost of options.method over the unknown centres.
+// edges that agree, and then minimises the cost of the method over the unknown centres.
 //   ANGULAR: solved by Ceres with the Cauchy loss rho. The chord between two unit vectors equals their angle up to
 //     third order and increases with it up to 180 degrees. Wilson & Snavely, Robust Global Translations with 1DSfM,
 //     ECCV 2014, eq. 2; LazyLoc (arXiv 2307.09981), section 3.2.

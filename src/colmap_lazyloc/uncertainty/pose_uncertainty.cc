@@ -26,7 +26,7 @@ void CheckPositions(const Layout& layout, const PairRefs& pairs, const Refined& 
     const AdjustedFrame frame{
         layout, pairs, adjustment, i, tracks_of[i], refined.variance_factor, refined.has_one_orientation};
     if (!IsPositionUnobservable(frame, options)) continue;
-    if (!first) first = UnobservablePositionFailure(frame, refined.variance_factor);
+    if (!first) first = UnobservablePositionFailure(frame);
     first->frames.push_back(i);
   }
   if (!first) return;

@@ -251,10 +251,7 @@ struct UncertaintyInput {
   std::vector<PoseDistribution> Estimate(const LocalizerOptions& options = {}) const {
     Refined complete = refined;
     complete.variance_factor = VarianceFactor();
-    ForEachMissingVariance(refined.adjustment, complete.variance_factor,
-                           [&](size_t group, size_t component, double variance) {
-                             complete.missing_variances.push_back({group, component, variance});
-                           });
+    complete.SetMissingVariances();
     return EstimateUncertainties(stages.layout, pairs, complete, options);
   }
   double VarianceFactor() const {

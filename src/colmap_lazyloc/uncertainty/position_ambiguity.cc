@@ -22,6 +22,13 @@ constexpr char kOnePlaceReason[] =
 // Maximum standard deviation of a bearing that is worth reporting.
 constexpr double kMaxBearingStddevRad = 0.5;
 
+PoseSpread SpreadOf(const AdjustedFrame& frame) {
+  const BundleAdjustmentResult& adjustment = frame.adjustment;
+  return MakePoseDistribution(adjustment.posed.frames[frame.frame].frame_from_world,
+                              frame.variance_factor * adjustment.frame_covariances[frame.frame])
+      .Spread();
+}
+
 // Returns the centres of the database images that a query frame has pairs with, one per pair.
 std::vector<Eigen::Vector3d> DatabaseCentres(const Layout& layout, const PairRefs& pairs, int frame) {
   std::vector<Eigen::Vector3d> centres;
@@ -138,9 +145,7 @@ bool FixDistance(const PosedImages& posed, const TrackRefs& tracks) {
 bool IsPositionUnobservable(const AdjustedFrame& frame, const LocalizerOptions& options) {
   const PosedImages& posed = frame.adjustment.posed;
   const Rigid3d& frame_from_world = posed.frames[frame.frame].frame_from_world;
-  const PoseSpread spread =
-      MakePoseDistribution(frame_from_world, frame.variance_factor * frame.adjustment.frame_covariances[frame.frame])
-          .Spread();
+  const PoseSpread spread = SpreadOf(frame);
   if (!(spread.rotation_stddev_rad <= options.max_position_stddev_ratio)) return true;
   if (HasPositionPrior(frame)) return false;
   const double distance = MedianDistance(frame_from_world, frame.tracks);
@@ -151,11 +156,10 @@ bool IsPositionUnobservable(const AdjustedFrame& frame, const LocalizerOptions& 
          CountCommonTracks(posed, frame.tracks) < kMinNumTracks;
 }
 
-Failure UnobservablePositionFailure(const AdjustedFrame& frame, double variance_factor) {
+Failure UnobservablePositionFailure(const AdjustedFrame& frame) {
   const BundleAdjustmentResult& adjustment = frame.adjustment;
   const Rigid3d& pose = adjustment.posed.frames[frame.frame].frame_from_world;
-  const PoseSpread spread =
-      MakePoseDistribution(pose, variance_factor * adjustment.frame_covariances[frame.frame]).Spread();
+  const PoseSpread spread = SpreadOf(frame);
   const std::vector<Eigen::Vector3d> centres = DatabaseCentres(frame.layout, frame.pairs, frame.frame);
   const bool is_one_place = !centres.empty() && AreOnePlace(centres);
   const auto leaves_two_orientations = [&] {
@@ -171,7 +175,7 @@ Failure UnobservablePositionFailure(const AdjustedFrame& frame, double variance_
   for (const int query : frame.layout.QueriesOf(frame.frame)) {
     const Rigid3d query_from_world = CamFromWorld(adjustment.posed, query);
     const Eigen::Matrix3d position_covariance =
-        MakePoseDistribution(query_from_world, variance_factor * adjustment.image_covariances[query])
+        MakePoseDistribution(query_from_world, frame.variance_factor * adjustment.image_covariances[query])
             .PositionCovariance();
     failure.partial_poses[query] = {query_from_world.rotation, spread.rotation_stddev_rad,
                                     BestBearing(frame, query, query_from_world, position_covariance)};

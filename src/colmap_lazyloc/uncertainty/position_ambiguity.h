@@ -16,8 +16,8 @@ struct AdjustedFrame {
   const PairRefs& pairs;
   const BundleAdjustmentResult& adjustment;
   int frame = 0;
-  const TrackRefs& tracks;  // those that the frame observes
-  double variance_factor = 1;
+  const TrackRefs& tracks;     // those that the frame observes
+  double variance_factor = 1;  // multiplies the adjustment's covariances
   // False if matches and priors do not exclude the other orientation that points of one plane leave beside a single
   // database image; nullopt if they were not compared (plane_orientation.h).
   std::optional<bool> has_one_orientation = {};
@@ -42,8 +42,8 @@ bool FixDistance(const PosedImages& posed, const TrackRefs& tracks);
 bool IsPositionUnobservable(const AdjustedFrame& frame, const LocalizerOptions& options);
 
 // Returns the failure of an adjusted frame whose position is unobservable: it names the reason, and has what is known
-// of the pose. variance_factor multiplies the adjustment's covariances.
-Failure UnobservablePositionFailure(const AdjustedFrame& frame, double variance_factor);
+// of the pose.
+Failure UnobservablePositionFailure(const AdjustedFrame& frame);
 
 // Throws Failure for frames of one image with several database images, all of one place, and no other queries, because
 // no two of these images triangulate a point; not if there are depth maps. Its partial pose has the rotation and
