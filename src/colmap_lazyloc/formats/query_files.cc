@@ -5,7 +5,7 @@
 
 #include "colmap_lazyloc/bridge/camera_models.h"
 #include "colmap_lazyloc/files/text_file.h"
-#include "colmap_lazyloc/formats/model_formats.h"
+#include "colmap_lazyloc/formats/model_reader.h"
 #include "colmap_lazyloc/scene/errors.h"
 
 namespace lazyloc {

@@ -3,7 +3,7 @@
 #include <memory>
 
 #include "colmap_lazyloc/bridge/camera_models.h"
-#include "colmap_lazyloc/formats/model_formats.h"
+#include "colmap_lazyloc/formats/model_builder.h"
 #include "colmap_lazyloc/math/so3.h"
 #include "colmap_lazyloc/results/result_text.h"
 #include "colmap_lazyloc/scene/errors.h"

@@ -1,17 +1,13 @@
 #pragma once
 
 #include <cstdint>
-#include <filesystem>
 #include <string>
-#include <string_view>
 #include <unordered_map>
 #include <unordered_set>
 
 #include "colmap_lazyloc/scene/model.h"
 
 namespace lazyloc {
-
-class TextFile;
 
 // Collects a model while it is read, and refuses impossible parts of it in either format.
 class ModelBuilder {
@@ -30,13 +26,5 @@ class ModelBuilder {
   std::unordered_set<uint32_t> image_ids_;
   std::unordered_set<std::string> names_;
 };
-
-// Read the files of a folder in one of COLMAP's two formats. They throw InputError naming the file, and in text files
-// the line.
-void ReadBinaryModel(const std::filesystem::path& folder, ModelBuilder* builder);
-void ReadTextModel(const std::filesystem::path& folder, ModelBuilder* builder);
-
-// Parses the rest of a line, `width height params...`, for a camera of a model.
-Camera ParseCamera(int model_id, std::string_view rest, const TextFile& file);
 
 }  // namespace lazyloc
