@@ -29,8 +29,8 @@ OutputRows ToRows(const std::vector<Eigen::Vector2d>& points) {
   return ToNumpy<OutputRows>(std::move(values), {points.size(), 2});
 }
 
-OutputAnswer ToOutput(const Answer& answer) {
-  const std::vector<PointResult>& points = answer.record.result.points;
+OutputAnswer ToOutput(const QueryRecord& record) {
+  const std::vector<PointResult>& points = record.result.points;
   std::vector<double> positions;
   std::vector<int32_t> indices, observations;
   for (const PointResult& point : points) {
@@ -42,9 +42,9 @@ OutputAnswer ToOutput(const Answer& answer) {
     }
   }
   const size_t num_observations = observations.size() / 3;
-  return {Text{answer.record.result.query_name},
-          ResultLine(answer.record),
-          ToRows(answer.keypoints),
+  return {Text{record.result.query_name},
+          ResultLine(record),
+          ToRows(record.keypoints),
           ToNumpy<OutputRows>(std::move(positions), {points.size(), 3}),
           ToNumpy<OutputIndices>(std::move(indices), {points.size()}),
           ToNumpy<OutputIndexRows>(std::move(observations), {num_observations, 3})};
@@ -113,9 +113,9 @@ Model MakeModel(const std::vector<Camera>& cameras, const std::vector<Text>& nam
   return model;
 }
 
-std::vector<OutputAnswer> ToOutput(const std::vector<Answer>& answers) {
+std::vector<OutputAnswer> ToOutput(const std::vector<QueryRecord>& records) {
   std::vector<OutputAnswer> outputs;
-  for (const Answer& answer : answers) outputs.push_back(ToOutput(answer));
+  for (const QueryRecord& record : records) outputs.push_back(ToOutput(record));
   return outputs;
 }
 

@@ -51,6 +51,6 @@ Model MakeModel(const std::vector<Camera>& cameras, const std::vector<Text>& nam
 // keypoint of each; their observations in database images, k x 3: index of the point, index into `pairs` of the line,
 // keypoint of the database image.
 using OutputAnswer = std::tuple<Text, std::string, OutputRows, OutputRows, OutputIndices, OutputIndexRows>;
-std::vector<OutputAnswer> ToOutput(const std::vector<Answer>& answers);
+std::vector<OutputAnswer> ToOutput(const std::vector<QueryRecord>& records);
 
 }  // namespace lazyloc

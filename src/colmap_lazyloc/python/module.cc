@@ -81,23 +81,25 @@ Query WithPrior(const Localizer& localizer, Query query, const std::vector<doubl
   return query;
 }
 
-// Warns of depth maps that could not be used, once of each.
-void WarnOfDepthMaps(Localizer* localizer) {
-  for (const std::string& problem : localizer->TakeDepthProblems()) {
+// Localizes queries, and warns of depth maps that could not be used, once of each.
+template <typename... Arguments>
+std::vector<OutputAnswer> Localize(Localizer& localizer, const Arguments&... arguments) {
+  std::vector<QueryRecord> records;
+  {
+    const nb::gil_scoped_release release;
+    records = localizer.Localize(arguments...);
+  }
+  for (const std::string& problem : localizer.TakeDepthProblems()) {
     if (PyErr_WarnEx(PyExc_UserWarning, AsOneLine(problem).c_str(), 1) != 0) throw nb::python_error();
   }
+  return ToOutput(records);
 }
 
 // Localizes a group. name, position, gravity: a query of it and its prior.
 std::vector<OutputAnswer> LocalizeStoredGroup(Localizer& localizer, size_t group, const Text& name,
                                               const std::vector<double>& position, const std::vector<double>& gravity) {
-  std::vector<Answer> answers;
-  {
-    const nb::gil_scoped_release release;
-    answers = localizer.Localize(group, {{name.bytes, localizer.MakePrior(position, gravity)}});
-  }
-  WarnOfDepthMaps(&localizer);
-  return ToOutput(answers);
+  return Localize(localizer, group,
+                  std::map<std::string, QueryPrior>{{name.bytes, localizer.MakePrior(position, gravity)}});
 }
 
 // Localizes queries as one frame. poses: cam_from_rig of each.
@@ -111,13 +113,7 @@ std::vector<OutputAnswer> LocalizeFrame(Localizer& localizer, const std::vector<
   for (size_t i = 0; i < queries.size(); ++i) {
     input.frames[0].images.push_back({queries[i].input, cams_from_rig[i], queries[i].prior});
   }
-  std::vector<Answer> answers;
-  {
-    const nb::gil_scoped_release release;
-    answers = localizer.Localize(input);
-  }
-  WarnOfDepthMaps(&localizer);
-  return ToOutput(answers);
+  return Localize(localizer, input);
 }
 
 std::vector<std::tuple<std::string, std::string, std::string>> ListOfSettings() {
@@ -165,13 +161,13 @@ NB_MODULE(_core, module) {
       .def("localize_group", &LocalizeStoredGroup, "group"_a, "name"_a, "position"_a, "gravity"_a)
       .def("localize_frame", &LocalizeFrame, "queries"_a, "poses"_a, "frame_name"_a, "has_scale"_a);
   module.def("settings", &ListOfSettings);
-  module.def(
-      "run_lazy_localizer", [](const std::vector<Text>& a) { return RunAsCommand(RunLazyLocalizer, a); },
-      "arguments"_a);
-  module.def(
-      "run_lazy_indexer", [](const std::vector<Text>& a) { return RunAsCommand(RunLazyIndexer, a); }, "arguments"_a);
-  module.def(
-      "run_lazy_merger", [](const std::vector<Text>& a) { return RunAsCommand(RunLazyMerger, a); }, "arguments"_a);
+  const auto add_command = [&](const char* name, int (*run)(int, char**)) {
+    module.def(
+        name, [run](const std::vector<Text>& arguments) { return RunAsCommand(run, arguments); }, "arguments"_a);
+  };
+  add_command("run_lazy_localizer", RunLazyLocalizer);
+  add_command("run_lazy_indexer", RunLazyIndexer);
+  add_command("run_lazy_merger", RunLazyMerger);
 }
 
 }  // namespace lazyloc
