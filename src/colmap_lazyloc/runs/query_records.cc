@@ -67,16 +67,7 @@ RecordReader& QueryRecords::Reader(uint32_t file) const {
 
 QueryRecord QueryRecords::Read(size_t index, RecordParts parts) const {
   const Entry& entry = entries_.at(index);
-  RecordReader& reader = Reader(entry.file);
-  const PartSizes sizes = ReadPartSizes(reader.ReadAt(entry.offset, sizeof(PartSizes)));
-  uint64_t offset = entry.offset + sizeof(PartSizes);
-  RecordBytes bytes;
-  bytes.head = reader.ReadAt(offset, sizes.head);
-  offset += sizes.head;
-  if (parts != RecordParts::HEAD) bytes.keypoints = reader.ReadAt(offset, sizes.keypoints);
-  offset += sizes.keypoints;
-  if (parts == RecordParts::ALL) bytes.points = reader.ReadAt(offset, sizes.points);
-  return FromBytes(bytes, parts);
+  return ReadRecord(entry.offset, parts, &Reader(entry.file));
 }
 
 void QueryRecords::ForEach(const Visit& visit) const {

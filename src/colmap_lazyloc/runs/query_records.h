@@ -27,7 +27,6 @@ class QueryRecords {
   explicit QueryRecords(std::vector<std::filesystem::path> paths);
 
   size_t Size() const { return entries_.size(); }
-  std::string_view Name(size_t index) const { return entries_[index].name; }
   // Returns how many records each file has.
   std::vector<size_t> CountByFile() const;
   std::optional<size_t> Find(std::string_view name) const;
