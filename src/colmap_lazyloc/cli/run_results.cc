@@ -57,9 +57,9 @@ RunManifest MakeManifest(const CommandOptions& options, const QuerySource& sourc
                          const std::vector<size_t>& groups) {
   RunManifest manifest;
   manifest.program = ProgramVersion();
-  manifest.options = MethodOptions(options);
-  manifest.other_options = OtherOptions(options);
-  for (const auto& [name, path] : InputOptions(options)) {
+  manifest.options = OptionsWith(options, {OptionRole::METHOD});
+  manifest.other_options = OptionsWith(options, {OptionRole::MACHINE, OptionRole::OUTPUT});
+  for (const auto& [name, path] : OptionsWith(options, {OptionRole::INPUT})) {
     if (path.empty()) continue;
     const bool is_large = name == "depth_path" || name == "onnx_path";
     manifest.inputs[name] = {path, name == "input_path" ? model

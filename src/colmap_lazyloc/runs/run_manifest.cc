@@ -17,19 +17,19 @@ using Json = nlohmann::ordered_json;
 // Raised when the meaning of the file of records or of the manifest changes.
 constexpr int kFormat = 1;
 
-Json ToJson(const RunManifest::Options& options) {
+Json ToJson(const OptionTexts& options) {
   Json json = Json::object();
   for (const auto& [name, value] : options) json[name] = value;
   return json;
 }
 
-RunManifest::Options OptionsFrom(const Json& json) {
-  RunManifest::Options options;
+OptionTexts OptionsFrom(const Json& json) {
+  OptionTexts options;
   for (const auto& [name, value] : json.items()) options.emplace_back(name, value.get<std::string>());
   return options;
 }
 
-std::string ChangeOfOptions(const RunManifest::Options& now, const RunManifest::Options& earlier) {
+std::string ChangeOfOptions(const OptionTexts& now, const OptionTexts& earlier) {
   for (size_t i = 0; i < now.size() && i < earlier.size(); ++i) {
     if (now[i] == earlier[i]) continue;
     return "option --" + now[i].first + " is '" + now[i].second + "' and was '" + earlier[i].second + "'";
