@@ -129,10 +129,6 @@ Json PriorToJson(const std::optional<PriorResult>& prior, double deviation_unit)
           {"deviation_sigma", is_tested ? Json(prior->deviation_sigma) : Json()}};
 }
 
-Json PriorsToJson(const QueryPriorResult& priors) {
-  return {{"position", PriorToJson(priors.position, 1)}, {"gravity", PriorToJson(priors.gravity, DegToRad(1))}};
-}
-
 Json PairsToJson(const std::vector<PairResult>& pairs) {
   Json json = Json::array();
   for (const PairResult& pair : pairs) {
@@ -197,7 +193,10 @@ Json RecordToJson(const QueryRecord& record) {
   json["intrinsics"] = IntrinsicsToJson(result.intrinsics);
   json["intrinsics_source"] = record.intrinsics_source ? Json(EnumName(*record.intrinsics_source)) : Json();
   if (record.matcher) json["matching_type"] = EnumName(*record.matcher);
-  if (result.priors.position || result.priors.gravity) json["priors"] = PriorsToJson(result.priors);
+  if (const QueryPriorResult& priors = result.priors; priors.position || priors.gravity) {
+    json["priors"] = {{"position", PriorToJson(priors.position, 1)},
+                      {"gravity", PriorToJson(priors.gravity, DegToRad(1))}};
+  }
   json["num_tracks"] = result.num_tracks;
   json["num_observations"] = result.num_observations;
   json["mean_reprojection_error_px"] = result.num_observations > 0 ? Json(result.mean_reprojection_error_px) : Json();
