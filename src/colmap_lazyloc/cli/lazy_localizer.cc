@@ -50,12 +50,6 @@ void KeepFreedMemory() {
 #endif
 }
 
-bool AllLocalized(const QueryRecords& records) {
-  bool all = true;
-  records.ForEach([&](const QueryRecord& record) { all = all && record.result.status == QueryStatus::LOCALIZED; });
-  return all;
-}
-
 // True if the folder has this shard, finished, which a job that is started again need not do again.
 bool IsFinishedShard(const CommandOptions& options, const RunManifest& manifest) {
   const std::optional<RunManifest> finished = UnfinishedRun::FinishedShard(options.output_path);
@@ -63,10 +57,6 @@ bool IsFinishedShard(const CommandOptions& options, const RunManifest& manifest)
   if (!manifest.ChangeSince(*finished).empty()) return false;
   std::cerr << options.output_path << ": shard " << manifest.shard->Text() << " is finished" << std::endl;
   return true;
-}
-
-RunSize SizeOf(const RunManifest& manifest, const UnfinishedRun& run) {
-  return {manifest.num_own_queries, run.NumQueriesDone(), manifest.num_queries - manifest.num_own_queries};
 }
 
 // Localizes the queries that are not done. Ends early if it is interrupted.
@@ -102,7 +92,9 @@ int Run(const std::string& own_path, const CommandOptions& options) {
   if (options.resume && IsFinishedShard(options, manifest)) return EXIT_SUCCESS;
   if (!manifest.extraction.empty()) std::cerr << manifest.extraction << std::endl;
   UnfinishedRun run(options.output_path, manifest, options.Start());
-  Progress progress(SizeOf(manifest, run), options.log_path, options.resume);
+  const RunSize size = {manifest.num_own_queries, run.NumQueriesDone(),
+                        manifest.num_queries - manifest.num_own_queries};
+  Progress progress(size, options.log_path, options.resume);
   LocalizeRest(source, groups, options, &run, &progress);
 
   const QueryRecords records({run.RecordsPath()});
@@ -113,14 +105,14 @@ int Run(const std::string& own_path, const CommandOptions& options) {
   const bool is_finished = records.Size() == manifest.num_own_queries;
   if (is_finished) run.Finish();
   HandleInterruptsBy(SIG_DFL);
-  progress.PrintSummary(records);
+  const bool all_localized = progress.PrintSummary(records);
   if (leave_one_out) std::cerr << FormatLeaveOneOut(*leave_one_out);
   PrintReportCommand(own_path, options);
   if (!is_finished) {
     std::cerr << "partial: --resume 1 goes on" << std::endl;
     return kExitSignal + interrupted;
   }
-  return options.strict && !AllLocalized(records) ? kExitNotAllLocalized : EXIT_SUCCESS;
+  return options.strict && !all_localized ? kExitNotAllLocalized : EXIT_SUCCESS;
 }
 
 }  // namespace
