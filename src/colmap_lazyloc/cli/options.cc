@@ -275,12 +275,12 @@ bool ParseCommandLine(int argc, char** argv, MergerOptions* options) {
                        options);
 }
 
-std::vector<OptionDescription> ListSettings() {
-  std::vector<OptionDescription> settings;
+std::vector<std::tuple<std::string, std::string, std::string>> ListSettings() {
+  std::vector<std::tuple<std::string, std::string, std::string>> settings;
   CommandOptions defaults;
   ForEachOption(defaults, [&](const std::string& name, const auto* value, const char* help,
                               OptionRole role = OptionRole::METHOD) {
-    if (role != OptionRole::OUTPUT && role != OptionRole::START) settings.push_back({name, AsText(*value), help});
+    if (role != OptionRole::OUTPUT && role != OptionRole::START) settings.emplace_back(name, AsText(*value), help);
   });
   return settings;
 }

@@ -2,6 +2,7 @@
 
 #include <set>
 #include <string>
+#include <tuple>
 #include <vector>
 
 #include "colmap_lazyloc/group/options.h"
@@ -44,14 +45,9 @@ bool ParseCommandLine(int argc, char** argv, CommandOptions* options);
 bool ParseCommandLine(int argc, char** argv, IndexerOptions* options);
 bool ParseCommandLine(int argc, char** argv, MergerOptions* options);
 
-// An option as the help shows it.
-struct OptionDescription {
-  std::string name, default_text, help;
-};
-
-// Returns the options that say how queries are localized: those of colmap lazy_localizer without the ones for its
-// output. A program that localizes by itself takes them by ParseSettings.
-std::vector<OptionDescription> ListSettings();
+// Returns the options that say how queries are localized, each with its default and help: those of colmap
+// lazy_localizer without the ones for its output. A program that localizes by itself takes them by ParseSettings.
+std::vector<std::tuple<std::string, std::string, std::string>> ListSettings();
 // Parses options by name and text like the command line. Throws InputError like ParseCommandLine, but requires none.
 void ParseSettings(const OptionTexts& settings, CommandOptions* options);
 

@@ -116,14 +116,6 @@ std::vector<OutputAnswer> LocalizeFrame(Localizer& localizer, const std::vector<
   return Localize(localizer, input);
 }
 
-std::vector<std::tuple<std::string, std::string, std::string>> ListOfSettings() {
-  std::vector<std::tuple<std::string, std::string, std::string>> settings;
-  for (const OptionDescription& option : ListSettings()) {
-    settings.emplace_back(option.name, option.default_text, option.help);
-  }
-  return settings;
-}
-
 // Runs a command of the program; arguments[0] is its name. Returns its exit code.
 int RunAsCommand(int (*run)(int, char**), std::vector<Text> arguments) {
   const nb::gil_scoped_release release;
@@ -160,7 +152,7 @@ NB_MODULE(_core, module) {
       .def("with_prior", &WithPrior, "query"_a, "position"_a, "gravity"_a)
       .def("localize_group", &LocalizeStoredGroup, "group"_a, "name"_a, "position"_a, "gravity"_a)
       .def("localize_frame", &LocalizeFrame, "queries"_a, "poses"_a, "frame_name"_a, "has_scale"_a);
-  module.def("settings", &ListOfSettings);
+  module.def("settings", &ListSettings);
   const auto add_command = [&](const char* name, int (*run)(int, char**)) {
     module.def(
         name, [run](const std::vector<Text>& arguments) { return RunAsCommand(run, arguments); }, "arguments"_a);

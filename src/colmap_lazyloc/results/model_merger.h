@@ -44,8 +44,7 @@ struct MergedModel {
 //   its own id if that is free, or a new one. A camera that was refined for the query also gets a new id if other
 //   images of the database share it.
 // - Rigs and frames of the model stay, without images that are no longer in it (results/rig_merger.h); each query gets
-// a
-//   frame of its own.
+//   a frame of its own.
 // database_images: sorted by name.
 MergedModel MergeModel(const Model& model, const QueryRecords& records,
                        const std::vector<DatabaseImage>& database_images);

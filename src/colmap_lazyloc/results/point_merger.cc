@@ -10,23 +10,6 @@
 namespace lazyloc {
 namespace {
 
-// Tells which keypoints observe a point already.
-class ObservedKeypoints {
- public:
-  // Returns false if the keypoint was marked before.
-  bool Mark(uint32_t image_id, size_t keypoint) {
-    std::vector<bool>& marks = marks_[image_id];
-    if (marks.size() <= keypoint) marks.resize(keypoint + 1);
-    if (marks[keypoint]) return false;
-    return marks[keypoint] = true;
-  }
-  void Unmark(uint32_t image_id, size_t keypoint) { marks_.at(image_id)[keypoint] = false; }
-  void Forget(uint32_t image_id) { marks_.erase(image_id); }
-
- private:
-  std::unordered_map<uint32_t, std::vector<bool>> marks_;  // by image
-};
-
 class PointWriter {
  public:
   PointWriter(const std::filesystem::path& path, const Model& model, const MergedModel& merged,
@@ -42,7 +25,7 @@ class PointWriter {
     for (const PairResult& pair : query.pairs) pair_images.push_back(ImageOf(pair.database_name));
     for (const PointResult& point : query.points) AddPoint(point, query_image, pair_images);
     // Only the points of its own pairs observe an image that is not of the database.
-    if (FindByName(model_.images, query.query_name) == nullptr) observed_.Forget(query_image);
+    if (FindByName(model_.images, query.query_name) == nullptr) is_observed_.erase(query_image);
   }
 
   void Close() {
@@ -63,8 +46,12 @@ class PointWriter {
     std::vector<PointObservation> track;
     const auto observe = [&](uint32_t image_id, int keypoint) {
       LAZYLOC_CHECK(keypoint >= 0);
-      if (!observed_.Mark(image_id, static_cast<size_t>(keypoint))) return;
-      track.push_back({image_id, static_cast<uint32_t>(keypoint), num_points_ + 1});
+      const auto index = static_cast<uint32_t>(keypoint);
+      std::vector<bool>& is_observed = is_observed_[image_id];
+      if (is_observed.size() <= index) is_observed.resize(index + 1);
+      if (is_observed[index]) return;
+      is_observed[index] = true;
+      track.push_back({image_id, index, num_points_ + 1});
     };
     observe(query_image, point.query_point);
     for (const auto& [pair_idx, keypoint] : point.observations) {
@@ -72,7 +59,7 @@ class PointWriter {
       if (image_id != MergedModel::kNoImage) observe(image_id, keypoint);
     }
     if (track.size() < 2) {
-      for (const PointObservation& element : track) observed_.Unmark(element.image_id, element.keypoint);
+      for (const PointObservation& element : track) is_observed_[element.image_id][element.keypoint] = false;
       return;
     }
     ++num_points_;
@@ -98,7 +85,7 @@ class PointWriter {
   const QueryRecords& records_;
   ExternalSorter<PointObservation>& observations_;
   OutputFile file_;
-  ObservedKeypoints observed_;
+  std::unordered_map<uint32_t, std::vector<bool>> is_observed_;  // keypoints that observe a point already, by image
   uint64_t num_points_ = 0;
 };
 
