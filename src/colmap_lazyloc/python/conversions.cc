@@ -42,7 +42,7 @@ OutputAnswer ToOutput(const QueryRecord& record) {
     }
   }
   const size_t num_observations = observations.size() / 3;
-  return {Text{record.result.query_name},
+  return {record.result.query_name,
           ResultLine(record),
           ToRows(record.keypoints),
           ToNumpy<OutputRows>(std::move(positions), {points.size(), 3}),
@@ -87,15 +87,15 @@ PhotoFile ToPhotoFile(const InputPixels& pixels) {
                                static_cast<int>(pixels.shape(2)));
 }
 
-Camera MakeCamera(const Text& model, uint64_t width, uint64_t height, const std::vector<double>& params) {
-  const std::optional<int> model_id = CameraModelId(model.bytes);
-  if (!model_id) throw InputError("unknown camera model '" + model.bytes + "'");
+Camera MakeCamera(const std::string& model, uint64_t width, uint64_t height, const std::vector<double>& params) {
+  const std::optional<int> model_id = CameraModelId(model);
+  if (!model_id) throw InputError("unknown camera model '" + model + "'");
   Camera camera = {0, *model_id, width, height, params, /*has_prior_focal_length=*/true};
   if (const std::string problem = CameraProblem(camera); !problem.empty()) throw InputError("camera: " + problem);
   return camera;
 }
 
-Model MakeModel(const std::vector<Camera>& cameras, const std::vector<Text>& names, const InputPoses& poses,
+Model MakeModel(const std::vector<Camera>& cameras, const std::vector<std::string>& names, const InputPoses& poses,
                 const std::vector<size_t>& camera_of_image) {
   LAZYLOC_CHECK(names.size() == poses.shape(0) && names.size() == camera_of_image.size());
   ModelBuilder builder;
@@ -106,7 +106,7 @@ Model MakeModel(const std::vector<Camera>& cameras, const std::vector<Text>& nam
   }
   for (size_t i = 0; i < names.size(); ++i) {
     const auto camera_id = static_cast<uint32_t>(camera_of_image[i]) + 1;
-    ThrowIf(builder.Add(ModelImage{static_cast<uint32_t>(i) + 1, camera_id, names[i].bytes, ToPose(&poses(i, 0))}));
+    ThrowIf(builder.Add(ModelImage{static_cast<uint32_t>(i) + 1, camera_id, names[i], ToPose(&poses(i, 0))}));
   }
   Model model = builder.Take();
   if (model.images.empty()) throw InputError("model: contains no posed image");
