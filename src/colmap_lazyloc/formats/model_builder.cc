@@ -14,24 +14,16 @@ bool IsUsablePose(const Rigid3d& pose) {
   return std::isfinite(norm) && norm > 0 && pose.translation.allFinite();
 }
 
-std::vector<Sensor> SensorsOf(const Rig& rig) {
-  std::vector<Sensor> sensors;
-  if (rig.reference) sensors.push_back(*rig.reference);
-  for (const RigSensor& other : rig.others) sensors.push_back(other.sensor);
-  return sensors;
-}
-
 }  // namespace
 
-std::string ModelBuilder::Add(Camera camera) {
+std::string ModelBuilder::Add(const Camera& camera) {
   const std::string label = "camera " + std::to_string(camera.camera_id);
   if (const std::string problem = CameraProblem(camera); !problem.empty()) return label + ": " + problem;
-  const uint32_t camera_id = camera.camera_id;
-  if (!model_.cameras.emplace(camera_id, std::move(camera)).second) return label + " appears twice";
+  if (!model_.cameras.emplace(camera.camera_id, camera).second) return label + " appears twice";
   return "";
 }
 
-std::string ModelBuilder::Add(Rig rig) {
+std::string ModelBuilder::Add(const Rig& rig) {
   const std::string label = "rig " + std::to_string(rig.rig_id);
   for (const Sensor& sensor : SensorsOf(rig)) {
     if (sensor.type == SensorType::CAMERA && model_.cameras.count(sensor.sensor_id) == 0) {
@@ -43,12 +35,11 @@ std::string ModelBuilder::Add(Rig rig) {
       return label + ": the pose of a sensor is not finite, or its quaternion is zero";
     }
   }
-  const uint32_t rig_id = rig.rig_id;
-  if (!model_.rigs.emplace(rig_id, std::move(rig)).second) return label + " appears twice";
+  if (!model_.rigs.emplace(rig.rig_id, rig).second) return label + " appears twice";
   return "";
 }
 
-std::string ModelBuilder::Add(ModelFrame frame) {
+std::string ModelBuilder::Add(const ModelFrame& frame) {
   const std::string label = "frame " + std::to_string(frame.frame_id);
   if (!IsUsablePose(frame.rig_from_world)) return label + ": the pose is not finite, or its quaternion is zero";
   const auto rig = model_.rigs.find(frame.rig_id);
@@ -62,8 +53,7 @@ std::string ModelBuilder::Add(ModelFrame frame) {
     }
     if (!camera_of_framed_image_.emplace(data.data_id, data.sensor.sensor_id).second) return image + " appears twice";
   }
-  const uint32_t frame_id = frame.frame_id;
-  if (!model_.frames.emplace(frame_id, std::move(frame)).second) return label + " appears twice";
+  if (!model_.frames.emplace(frame.frame_id, frame).second) return label + " appears twice";
   return "";
 }
 

@@ -13,9 +13,9 @@ namespace lazyloc {
 class ModelBuilder {
  public:
   // Return why the part was refused; empty if it was added. Cameras come first, then rigs, frames and images.
-  std::string Add(Camera camera);
-  std::string Add(Rig rig);
-  std::string Add(ModelFrame frame);
+  std::string Add(const Camera& camera);
+  std::string Add(const Rig& rig);
+  std::string Add(const ModelFrame& frame);
   std::string Add(ModelImage image);
   // Returns the model with its images sorted by name. Call it once, at the end.
   Model Take();

@@ -227,19 +227,18 @@ void WritePoses(const std::filesystem::path& path, const QueryRecords& records) 
   file.Close();
 }
 
-bool WriteRigPoses(const std::filesystem::path& path, const QueryRecords& records) {
+void WriteRigPoses(const std::filesystem::path& path, const QueryRecords& records) {
   std::map<std::string, Rigid3d> rigs_from_world;
   records.ForEach([&](const QueryRecord& record) {
     const LocalizationResult& result = record.result;
     if (result.status != QueryStatus::LOCALIZED || result.frame_name.empty()) return;
     rigs_from_world.emplace(result.frame_name, result.rig_from_world);
   });
-  if (rigs_from_world.empty()) return false;
+  if (rigs_from_world.empty()) return;
   OutputFile file(path);
   file.Text() << kRigPosesHeader;
   for (const auto& [name, pose] : rigs_from_world) WritePoseLine(name, pose, &file);
   file.Close();
-  return true;
 }
 
 std::string ResultLine(const QueryRecord& record) {

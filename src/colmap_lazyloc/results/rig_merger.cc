@@ -10,13 +10,11 @@ namespace {
 
 // Notes the cameras of a rig whose pose on it is known, unless an earlier rig has them.
 void NoteCameras(const Rig& rig, MergedModel* merged) {
-  const auto note = [&](const Sensor& sensor) {
+  for (const Sensor& sensor : SensorsOf(rig)) {
     if (sensor.type == SensorType::CAMERA && SensorFromRig(rig, sensor)) {
       merged->rig_of_camera.emplace(sensor.sensor_id, rig.rig_id);
     }
-  };
-  if (rig.reference) note(*rig.reference);
-  for (const RigSensor& other : rig.others) note(other.sensor);
+  }
 }
 
 }  // namespace
