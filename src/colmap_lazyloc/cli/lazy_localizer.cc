@@ -2,7 +2,6 @@
 #include <csignal>
 #include <cstdlib>
 #include <iostream>
-#include <memory>
 #include <optional>
 #include <utility>
 #include <vector>
@@ -83,8 +82,7 @@ int Run(const std::string& own_path, const CommandOptions& options) {
   ResultWriter writer(options.output_path);
   Model model = ReadModel(options.source.input_path);
   const Fingerprint model_fingerprint = FingerprintOf(model);
-  const std::unique_ptr<const QuerySource> source_of_options = MakeQuerySource(options, std::move(model));
-  const QuerySource& source = *source_of_options;
+  const QuerySource source = MakeQuerySource(options, std::move(model));
   for (const std::string& warning : source.Warnings()) PrintWarning(warning);
   KeepFreedMemory();
   const std::vector<size_t> groups = GroupsOfShard(source, ParseShard(options.shard));

@@ -19,13 +19,12 @@ size_t CountLocalized(const std::vector<LocalizationResult>& results) {
 
 }  // namespace
 
-std::unique_ptr<QuerySource> MakeQuerySource(const CommandOptions& options, Model model) {
-  const int seed = options.localizer.seed;
+QuerySource MakeQuerySource(const CommandOptions& options, Model model) {
   SourceOptions source = options.source;
   // Reads no pairs if nothing corrects database poses, or if the options state their errors.
   source.reads_database_pairs = options.localizer.post_optimization == PostOptimization::TRACKS &&
                                 ExpectPoseErrors(options.localizer).source == PoseNoiseSource::DEFAULT;
-  return std::make_unique<QuerySource>(source, std::move(model), seed, options.num_threads);
+  return QuerySource(source, std::move(model), options.localizer.seed, options.num_threads);
 }
 
 std::vector<LocalizationResult> LocalizeLoaded(const LoadedGroup& loaded, const LocalizerOptions& options) {

@@ -1,7 +1,6 @@
 #pragma once
 
 #include <functional>
-#include <memory>
 #include <optional>
 #include <vector>
 
@@ -12,7 +11,7 @@
 namespace lazyloc {
 
 // Returns the source of the queries that the options name. model: the one at input_path.
-std::unique_ptr<QuerySource> MakeQuerySource(const CommandOptions& options, Model model);
+QuerySource MakeQuerySource(const CommandOptions& options, Model model);
 
 // Localizes the queries of a group. options: with the maximum number of pairs of its source.
 std::vector<LocalizationResult> LocalizeLoaded(const LoadedGroup& loaded, const LocalizerOptions& options);

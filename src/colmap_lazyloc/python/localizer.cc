@@ -90,7 +90,7 @@ Localizer::Localizer(const CommandOptions& options, std::optional<Model> model)
     frames_ = DatabaseFramePlaces(model_, nullptr, options_.source.selection.groups);
     return;
   }
-  source_ = MakeQuerySource(options_, std::move(read));
+  source_.reset(new QuerySource(MakeQuerySource(options_, std::move(read))));
 }
 
 std::vector<std::string> Localizer::Warnings() const {
@@ -170,12 +170,11 @@ QueryPrior Localizer::MakePrior(const std::vector<double>& position, const std::
   return prior;
 }
 
-std::vector<QueryRecord> Localizer::Localize(size_t group, const std::map<std::string, QueryPrior>& priors) {
+std::vector<QueryRecord> Localizer::Localize(size_t group, const std::string& name, const QueryPrior& prior) {
   GroupInput input = source_->Group(group);
   for (GroupInput::Frame& frame : input.frames) {
     for (GroupInput::Image& image : frame.images) {
-      const auto given = priors.find(std::get<std::string>(image.query));
-      if (given != priors.end()) image.prior = given->second;
+      if (std::get<std::string>(image.query) == name) image.prior = prior;
     }
   }
   return Localize(input);

@@ -2,7 +2,6 @@
 
 #include <sys/types.h>
 
-#include <map>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -47,8 +46,8 @@ class Localizer {
   // for impossible numbers.
   QueryPrior MakePrior(const std::vector<double>& position, const std::vector<double>& gravity) const;
   // Localize one group and return a record per query, with the keypoints of each. Throw InputError for a damaged file.
-  // priors: by query; they replace those in files.
-  std::vector<QueryRecord> Localize(size_t group, const std::map<std::string, QueryPrior>& priors);
+  // prior: of the query of this name, in place of the one in files.
+  std::vector<QueryRecord> Localize(size_t group, const std::string& name, const QueryPrior& prior);
   std::vector<QueryRecord> Localize(const GroupInput& input);
 
  private:

@@ -89,7 +89,7 @@ std::vector<OutputAnswer> Localize(Localizer& localizer, const Arguments&... arg
 // Localizes a group. name, position, gravity: a query of it and its prior.
 std::vector<OutputAnswer> LocalizeStoredGroup(Localizer& localizer, size_t group, const std::string& name,
                                               const std::vector<double>& position, const std::vector<double>& gravity) {
-  return Localize(localizer, group, std::map<std::string, QueryPrior>{{name, localizer.MakePrior(position, gravity)}});
+  return Localize(localizer, group, name, localizer.MakePrior(position, gravity));
 }
 
 // Localizes queries as one frame. poses: cam_from_rig of each.
