@@ -1,6 +1,7 @@
 #include "colmap_lazyloc/formats/model_reader.h"
 
 #include <string>
+#include <type_traits>
 #include <utility>
 
 #include "colmap_lazyloc/bridge/camera_models.h"
@@ -13,46 +14,6 @@
 namespace lazyloc {
 namespace {
 
-// Reads the parts of a model from a binary file, number by number.
-class BinaryParts {
- public:
-  static constexpr char kEnding[] = ".bin";
-
-  explicit BinaryParts(const std::filesystem::path& path) : file_(path), num_left_(file_.ReadCount()) {}
-
-  // Goes to the next part. Returns false at the end of the file.
-  bool Next() {
-    if (num_left_ == 0) file_.CheckEnd();
-    return num_left_-- > 0;
-  }
-  template <typename Number>
-  void Read(Number* number) {
-    *number = file_.Read<Number>();
-  }
-  void Read(bool* flag) { *flag = file_.Read<uint8_t>() != 0; }
-  void Read(SensorType* type) {
-    const auto number = file_.Read<int32_t>();
-    *type = static_cast<SensorType>(number);
-    if (*type == SensorType::CAMERA || *type == SensorType::IMU) return;
-    throw file_.Error("unknown sensor type " + std::to_string(number));
-  }
-  void ReadIntrinsics(Camera* camera) {
-    camera->model_id = file_.Read<int32_t>();
-    camera->width = file_.Read<uint64_t>();
-    camera->height = file_.Read<uint64_t>();
-    camera->params.resize(CameraModelNumParams(camera->model_id));  // the format does not store their number
-    for (double& param : camera->params) Read(&param);
-  }
-  std::string ReadName() { return file_.ReadName(); }
-  void SkipPoints() { file_.Skip(file_.ReadCount() * (2 * sizeof(double) + sizeof(uint64_t))); }  // x, y and id
-
- protected:
-  BinaryFile file_;
-
- private:
-  uint64_t num_left_;
-};
-
 // True if the line can be an image's points, `X Y POINT3D_ID` each.
 bool IsPointsLine(std::string_view line) {
   size_t num_words = 0;
@@ -64,73 +25,84 @@ bool IsPointsLine(std::string_view line) {
   return num_words % 3 == 0 && last_word.find_first_not_of("-0123456789") == std::string_view::npos;
 }
 
-// Reads the parts of a model from the lines of a text file, in the same way.
-class TextParts {
+// Reads the parts of a model from one of its files, number by number.
+template <typename File>
+class PartReader {
  public:
-  static constexpr char kEnding[] = ".txt";
-
-  explicit TextParts(const std::filesystem::path& path) : file_(path) {}
-
-  bool Next() {
-    // Checks the second line of each image, which has its points or is empty, because a file without these lines would
-    // silently lose every other image.
-    if (is_before_points_ && file_.NextLine() && !IsPointsLine(file_.Line())) {
-      throw file_.Error("expected the points of the image above (X Y POINT3D_ID ..., or an empty line)");
-    }
-    const bool has_entry = file_.NextEntry();
-    rest_ = file_.Line();
-    return has_entry;
+  explicit PartReader(const std::filesystem::path& path) : file_(path) {
+    if constexpr (!kIsText) num_left_ = file_.ReadCount();
   }
-  template <typename Number>
-  void Read(Number* number) {
-    *number = file_.ParseNumber<Number>(NextWord(&rest_));
-  }
-  void Read(bool* flag) { *flag = file_.ParseNumber<int>(NextWord(&rest_)) != 0; }
-  void Read(SensorType* type) {
-    const std::string word(NextWord(&rest_));
-    if (word != "CAMERA" && word != "IMU") throw file_.Error("unknown sensor type '" + word + "'");
-    *type = word == "CAMERA" ? SensorType::CAMERA : SensorType::IMU;
-  }
-  void ReadIntrinsics(Camera* camera) {
-    const std::string model_name(NextWord(&rest_));
-    const std::optional<int> model_id = CameraModelId(model_name);
-    if (!model_id) throw file_.Error("unknown camera model '" + model_name + "'");
-    *camera = ParseCamera(*model_id, rest_, file_);
-  }
-  std::string ReadName() const { return std::string(Trimmed(rest_)); }  // may hold spaces
-  void SkipPoints() { is_before_points_ = true; }
-
- protected:
-  TextFile file_;
-
- private:
-  std::string_view rest_;  // of the line
-  bool is_before_points_ = false;
-};
-
-// Reads the parts of a model from a file of either format.
-template <typename Parts>
-class PartReader : private Parts {
- public:
-  explicit PartReader(const std::filesystem::path& path) : Parts(path) {}
 
   template <typename Part>
   void ReadAll(ModelBuilder* builder) {
-    while (Parts::Next()) {
+    while (Next()) {
       Part part;
       Read(&part);
-      if (const std::string problem = builder->Add(std::move(part)); !problem.empty())
-        throw Parts::file_.Error(problem);
+      if (const std::string problem = builder->Add(std::move(part)); !problem.empty()) throw file_.Error(problem);
+      // Checks the second line of each image, which has its points or is empty, because a file without these lines
+      // would silently lose every other image.
+      if constexpr (kIsText && std::is_same_v<Part, ModelImage>) {
+        if (file_.NextLine() && !IsPointsLine(file_.Line())) {
+          throw file_.Error("expected the points of the image above (X Y POINT3D_ID ..., or an empty line)");
+        }
+      }
     }
   }
 
  private:
-  using Parts::Read;
+  static constexpr bool kIsText = std::is_same_v<File, TextFile>;
 
+  // Goes to the next part. Returns false at the end of the file.
+  bool Next() {
+    if constexpr (kIsText) {
+      const bool has_entry = file_.NextEntry();
+      rest_ = file_.Line();
+      return has_entry;
+    } else {
+      if (num_left_ == 0) file_.CheckEnd();
+      return num_left_-- > 0;
+    }
+  }
+  template <typename Number>
+  void Read(Number* number) {
+    if constexpr (kIsText) {
+      *number = file_.template ParseNumber<Number>(NextWord(&rest_));
+    } else {
+      *number = file_.template Read<Number>();
+    }
+  }
+  void Read(bool* flag) {
+    std::conditional_t<kIsText, int, uint8_t> number;
+    Read(&number);
+    *flag = number != 0;
+  }
+  void Read(SensorType* type) {
+    if constexpr (kIsText) {
+      const std::string word(NextWord(&rest_));
+      if (word != "CAMERA" && word != "IMU") throw file_.Error("unknown sensor type '" + word + "'");
+      *type = word == "CAMERA" ? SensorType::CAMERA : SensorType::IMU;
+    } else {
+      const auto number = file_.template Read<int32_t>();
+      *type = static_cast<SensorType>(number);
+      if (*type == SensorType::CAMERA || *type == SensorType::IMU) return;
+      throw file_.Error("unknown sensor type " + std::to_string(number));
+    }
+  }
   void Read(Camera* camera) {
     uint32_t camera_id = 0;
     Read(&camera_id);
-    Parts::ReadIntrinsics(camera);
+    if constexpr (kIsText) {
+      const std::string model_name(NextWord(&rest_));
+      const std::optional<int> model_id = CameraModelId(model_name);
+      if (!model_id) throw file_.Error("unknown camera model '" + model_name + "'");
+      *camera = ParseCamera(*model_id, rest_, file_);
+    } else {
+      Read(&camera->model_id);
+      Read(&camera->width);
+      Read(&camera->height);
+      camera->params.resize(CameraModelNumParams(camera->model_id));  // the format does not store their number
+      for (double& param : camera->params) Read(&param);
+    }
     camera->camera_id = camera_id;
   }
   void Read(Rigid3d* pose) {
@@ -172,19 +144,27 @@ class PartReader : private Parts {
     Read(&image->image_id);
     Read(&image->cam_from_world);
     Read(&image->camera_id);
-    image->name = Parts::ReadName();
-    Parts::SkipPoints();
+    if constexpr (kIsText) {
+      image->name = Trimmed(rest_);  // the rest of the line, because a name may hold spaces
+    } else {
+      image->name = file_.ReadName();
+      file_.Skip(file_.ReadCount() * (2 * sizeof(double) + sizeof(uint64_t)));  // points: x, y and id
+    }
   }
+
+  File file_;
+  std::string_view rest_;  // of a line of text
+  uint64_t num_left_ = 0;  // parts of a binary file
 };
 
-template <typename Parts>
-Model ReadFiles(const std::filesystem::path& folder) {
-  const auto path = [&](const std::string& name) { return folder / (name + Parts::kEnding); };
+template <typename File>
+Model ReadFiles(const std::filesystem::path& folder, const std::string& ending) {
+  const auto path = [&](const std::string& name) { return folder / (name + ending); };
   ModelBuilder builder;
-  PartReader<Parts>(path("cameras")).template ReadAll<Camera>(&builder);
-  if (IsTaken(path("rigs"))) PartReader<Parts>(path("rigs")).template ReadAll<Rig>(&builder);
-  if (IsTaken(path("frames"))) PartReader<Parts>(path("frames")).template ReadAll<ModelFrame>(&builder);
-  PartReader<Parts>(path("images")).template ReadAll<ModelImage>(&builder);
+  PartReader<File>(path("cameras")).template ReadAll<Camera>(&builder);
+  if (IsTaken(path("rigs"))) PartReader<File>(path("rigs")).template ReadAll<Rig>(&builder);
+  if (IsTaken(path("frames"))) PartReader<File>(path("frames")).template ReadAll<ModelFrame>(&builder);
+  PartReader<File>(path("images")).template ReadAll<ModelImage>(&builder);
   Model model = builder.Take();
   if (model.images.empty()) throw InputError(path("images").string() + ": contains no posed image");
   return model;
@@ -201,7 +181,7 @@ Model ReadModel(const std::filesystem::path& path) {
     throw InputError(path.string() +
                      ": holds no COLMAP model: neither cameras.bin and images.bin nor cameras.txt and images.txt");
   }
-  Model model = is_binary ? ReadFiles<BinaryParts>(path) : ReadFiles<TextParts>(path);
+  Model model = is_binary ? ReadFiles<BinaryFile>(path, ".bin") : ReadFiles<TextFile>(path, ".txt");
   model.geographic_origin = ReadGeoFile(path / kGeoFile);
   return model;
 }
