@@ -37,10 +37,6 @@ bool HasOnlyMatches(const GroupInput& input) {
   return true;
 }
 
-std::optional<LocalizationProblem> CopyProblem(const QueryInput& query, QueryRecord*) {
-  return std::get<LocalizationProblem>(query);
-}
-
 }  // namespace
 
 // A call of a thread: counts the thread as busy and lends it a session.
@@ -186,7 +182,8 @@ std::vector<QueryRecord> Localizer::Localize(const GroupInput& input) {
   std::vector<LocalizationResult> results;
   LocalizerOptions options = options_.localizer;
   if (HasOnlyMatches(input)) {
-    loaded = LoadEach(input, CopyProblem);
+    loaded =
+        LoadEach(input, [](const QueryInput& query, QueryRecord*) { return std::get<LocalizationProblem>(query); });
     if (source_) source_->AddDatabasePairsAndDepths(call.Session(), &loaded);
     // Uses all pairs that a user gives, as colmap lazy_localizer does with a file of pairs.
     options.max_num_pairs = 0;

@@ -1,11 +1,9 @@
 #pragma once
 
 #include <cstdint>
-#include <deque>
 #include <filesystem>
 #include <functional>
 #include <memory>
-#include <memory_resource>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -36,17 +34,15 @@ class QueryRecords {
 
  private:
   struct Entry {
-    const char* name = nullptr;  // in names_
-    uint64_t offset = 0;         // place in the file
+    std::string name;
+    uint64_t offset = 0;  // place in the file
     uint32_t file = 0;
   };
   void AddFile(uint32_t file);
   RecordReader& Reader(uint32_t file) const;
 
   const std::vector<std::filesystem::path> paths_;
-  // Grow without being copied, because there may be millions of queries.
-  std::pmr::monotonic_buffer_resource names_;  // each with a zero byte behind it
-  std::deque<Entry> entries_;
+  std::vector<Entry> entries_;
   mutable std::vector<std::unique_ptr<RecordReader>> readers_;  // null if the file is not open
   mutable size_t num_open_ = 0;
 };
