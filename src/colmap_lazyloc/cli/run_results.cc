@@ -18,12 +18,6 @@ std::string GroupName(const QueryFrames& group) {
   return std::string(first);
 }
 
-size_t NumQueries(const QueryFrames& group) {
-  size_t num_queries = 0;
-  for (const QueryFrame& frame : group) num_queries += frame.images.size();
-  return num_queries;
-}
-
 // Warns once of the depth maps that were not used.
 void WarnOfDepthMaps(const QueryRecords& records) {
   std::set<std::string> contradicted, without_scale;
@@ -70,7 +64,11 @@ RunManifest MakeManifest(const CommandOptions& options, const QuerySource& sourc
   manifest.num_queries = source.NumQueries();
   manifest.extraction = source.DescribeExtraction();
   manifest.shard = ParseShard(options.shard);
-  for (const size_t group : groups) manifest.num_own_queries += NumQueries(source.Selection().Groups().At(group));
+  for (const size_t group : groups) {
+    for (const QueryFrame& frame : source.Selection().Groups().At(group)) {
+      manifest.num_own_queries += frame.images.size();
+    }
+  }
   return manifest;
 }
 

@@ -7,7 +7,6 @@
 #include <unordered_map>
 #include <unordered_set>
 
-#include "colmap_lazyloc/results/rig_merger.h"
 #include "colmap_lazyloc/scene/free_ids.h"
 
 namespace lazyloc {

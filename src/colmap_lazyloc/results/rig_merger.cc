@@ -1,7 +1,6 @@
-#include "colmap_lazyloc/results/rig_merger.h"
-
 #include <algorithm>
 
+#include "colmap_lazyloc/results/model_merger.h"
 #include "colmap_lazyloc/scene/free_ids.h"
 
 namespace lazyloc {

@@ -25,9 +25,9 @@ QueryRecords::QueryRecords(std::vector<std::filesystem::path> paths)
 void QueryRecords::AddFile(uint32_t file) {
   RecordReader reader(paths_[file]);
   while (reader.Next()) {
-    for (PackedQuery& query : UnpackGroup(reader.Record())) {
-      entries_.push_back({std::move(query.name), reader.Offset() + query.offset, file});
-    }
+    VisitGroup(reader.Record(), [&](const std::string& name, uint64_t offset) {
+      entries_.push_back({name, reader.Offset() + offset, file});
+    });
   }
   if (reader.NumIntactBytes() != reader.NumBytes()) {
     throw InputError(paths_[file].string() + ": is damaged from byte " + std::to_string(reader.NumIntactBytes()) +

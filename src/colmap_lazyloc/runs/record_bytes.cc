@@ -42,19 +42,17 @@ std::string PackGroup(uint64_t group, const std::vector<QueryRecord>& records) {
   return bytes;
 }
 
-std::vector<PackedQuery> UnpackGroup(const std::string& bytes) {
+void VisitGroup(const std::string& bytes, const std::function<void(const std::string& name, uint64_t offset)>& visit) {
   const PackedGroupHeader header = ReadPackedGroupHeader(bytes);
-  std::vector<PackedQuery> queries;
   uint64_t offset = sizeof(PackedGroupHeader);
   for (uint64_t i = 0; i < header.num_queries; ++i) {
     QueryRecord record;
     Unpack(bytes.substr(offset + kNumSizesBytes, ReadNumber(bytes, offset)), &record);
-    queries.push_back({record.result.query_name, offset});
+    visit(record.result.query_name, offset);
     const uint64_t sizes = ReadNumber(bytes, offset) + ReadNumber(bytes, offset + 8) + ReadNumber(bytes, offset + 16);
     offset += kNumSizesBytes + sizes;
   }
   LAZYLOC_CHECK(offset == bytes.size());
-  return queries;
 }
 
 PackedGroupHeader ReadPackedGroupHeader(const std::string& bytes) {

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -17,12 +18,8 @@ enum class RecordParts { HEAD, KEYPOINTS, ALL };
 // need not all of them.
 std::string PackGroup(uint64_t group, const std::vector<QueryRecord>& records);
 
-// A query in a packed group.
-struct PackedQuery {
-  std::string name;
-  uint64_t offset = 0;  // of the sizes of its parts
-};
-std::vector<PackedQuery> UnpackGroup(const std::string& bytes);
+// Visits the queries in a packed group. offset: of the sizes of a query's parts.
+void VisitGroup(const std::string& bytes, const std::function<void(const std::string& name, uint64_t offset)>& visit);
 
 // The front of a packed group.
 struct PackedGroupHeader {
