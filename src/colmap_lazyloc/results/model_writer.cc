@@ -100,12 +100,13 @@ class ImageWriter {
     const MergedImage& image = *next_image_++;
     if (image.is_query) {
       const QueryRecord record = records_.Read(image.index, RecordParts::KEYPOINTS);
-      WriteImage(image.image_id, image.camera_id, record.result.query_name, record.result.cam_from_world);
-      WriteImagePoints(record.keypoints.empty() ? ReadKeypoints(record.result.query_name) : record.keypoints);
+      const std::string& name = record.result.query_name;
+      WriteImage(image, name, record.result.cam_from_world,
+                 record.keypoints.empty() ? ReadKeypoints(name) : record.keypoints);
     } else {
       const ModelImage& posed = model_.images[image.index];
-      WriteImage(image.image_id, image.camera_id, posed.name, posed.cam_from_world);
-      WriteImagePoints(observations_.empty() ? std::vector<Eigen::Vector2d>() : ReadKeypoints(posed.name));
+      WriteImage(image, posed.name, posed.cam_from_world,
+                 observations_.empty() ? std::vector<Eigen::Vector2d>() : ReadKeypoints(posed.name));
     }
     observations_.clear();
   }
@@ -117,14 +118,12 @@ class ImageWriter {
     return database_.reader.ReadKeypointsOnce(image->image_id);
   }
 
-  void WriteImage(uint32_t image_id, uint32_t camera_id, const std::string& name, const Rigid3d& cam_from_world) {
-    file_.WriteBinary<uint32_t>(image_id);
+  void WriteImage(const MergedImage& image, const std::string& name, const Rigid3d& cam_from_world,
+                  const std::vector<Eigen::Vector2d>& keypoints) {
+    file_.WriteBinary<uint32_t>(image.image_id);
     WritePose(cam_from_world, &file_);
-    file_.WriteBinary<uint32_t>(camera_id);
+    file_.WriteBinary<uint32_t>(image.camera_id);
     file_.Text() << name << '\0';
-  }
-
-  void WriteImagePoints(const std::vector<Eigen::Vector2d>& keypoints) {
     LAZYLOC_CHECK(observations_.empty() || observations_.back().keypoint < keypoints.size());
     file_.WriteBinary<uint64_t>(keypoints.size());
     size_t next = 0;

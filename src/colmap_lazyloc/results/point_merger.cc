@@ -62,21 +62,16 @@ class PointWriter {
       for (const PointObservation& element : track) is_observed_[element.image_id][element.keypoint] = false;
       return;
     }
-    ++num_points_;
-    WritePoint(point, track);
-    for (const PointObservation& element : track) observations_.Add(element);
-  }
-
-  // Keeps the error of the whole track, even if an observation has gone to another point.
-  void WritePoint(const PointResult& point, const std::vector<PointObservation>& track) {
-    file_.WriteBinary<uint64_t>(num_points_);
+    file_.WriteBinary<uint64_t>(++num_points_);
     for (const double coordinate : point.point_in_world) file_.WriteBinary<double>(coordinate);
     for (int channel = 0; channel < 3; ++channel) file_.WriteBinary<uint8_t>(0);  // black: no image is read
+    // Keeps the error of the whole track, even if an observation has gone to another point.
     file_.WriteBinary<double>(point.mean_reprojection_error_px);
     file_.WriteBinary<uint64_t>(track.size());
     for (const PointObservation& element : track) {
       file_.WriteBinary<uint32_t>(element.image_id);
       file_.WriteBinary<uint32_t>(element.keypoint);
+      observations_.Add(element);
     }
   }
 

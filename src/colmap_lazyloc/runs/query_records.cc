@@ -65,7 +65,7 @@ QueryRecord QueryRecords::Read(size_t index, RecordParts parts) const {
   return ReadRecord(entry.offset, parts, &Reader(entry.file));
 }
 
-void QueryRecords::ForEach(const Visit& visit) const {
+void QueryRecords::ForEach(const std::function<void(const QueryRecord&)>& visit) const {
   for (size_t i = 0; i < Size(); ++i) visit(Read(i, RecordParts::HEAD));
 }
 

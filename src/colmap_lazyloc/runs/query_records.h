@@ -18,8 +18,6 @@ namespace lazyloc {
 // memory grows only with the names. Every function throws InputError naming a file that cannot be read.
 class QueryRecords {
  public:
-  using Visit = std::function<void(const QueryRecord&)>;
-
   // paths: files of packed groups (runs/record_bytes.h). Throws InputError for a damaged record, and for a query that
   // has two.
   explicit QueryRecords(std::vector<std::filesystem::path> paths);
@@ -30,7 +28,7 @@ class QueryRecords {
   std::optional<size_t> Find(std::string_view name) const;
   QueryRecord Read(size_t index, RecordParts parts) const;
   // Visits all records, without keypoints and points.
-  void ForEach(const Visit& visit) const;
+  void ForEach(const std::function<void(const QueryRecord&)>& visit) const;
 
  private:
   struct Entry {
