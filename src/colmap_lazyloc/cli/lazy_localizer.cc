@@ -69,7 +69,7 @@ void LocalizeRest(const QuerySource& source, std::vector<size_t> groups, const C
     run->Append(group, records);
     for (const QueryRecord& record : records) progress->Report(record);
   };
-  RunQueries(source, groups, options.localizer, options.num_threads, finish, [] { return interrupted != 0; });
+  RunQueries(source, groups, options, finish, [] { return interrupted != 0; });
   run->Sync();
   if (source.Depths() == nullptr) return;
   for (const std::string& problem : source.Depths()->Problems()) PrintWarning(problem);

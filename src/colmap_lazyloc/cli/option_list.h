@@ -9,7 +9,8 @@
 namespace lazyloc {
 
 template <typename Options, typename Add>
-void ForEachRunOption(Options& o, const Add& add) {
+void ForEachBasicOption(Options& o, const Add& add) {
+  ForEachFileOption(o, add);
   add("strict", &o.strict, "Exit with code 2 if a query was not localized", OptionRole::OUTPUT);
   add("resume", &o.resume, "Go on with an unfinished run in --output_path, or begin one", OptionRole::START);
   add("overwrite", &o.overwrite, "Remove an unfinished run in --output_path and start anew", OptionRole::START);
@@ -18,12 +19,6 @@ void ForEachRunOption(Options& o, const Add& add) {
       OptionRole::OUTPUT);
   add("log_path", &o.log_path, "File for one line of JSON for each finished query; --resume 1 appends to it",
       OptionRole::OUTPUT);
-}
-
-template <typename Options, typename Add>
-void ForEachBasicOption(Options& o, const Add& add) {
-  ForEachFileOption(o, add);
-  ForEachRunOption(o, add);
   add("ImageReader.camera_params", &o.source.photos.camera_params,
       "Parameters of the camera model of photos without a camera of their own, separated by commas; default: a camera of "
       "the database with the photo's size, else the focal length in EXIF, else a guess");

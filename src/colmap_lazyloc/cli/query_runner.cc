@@ -54,14 +54,13 @@ std::vector<LocalizationResult> LoadAndLocalize(const QuerySource& source, const
   return second;
 }
 
-void RunQueries(const QuerySource& source, const std::vector<size_t>& groups, const LocalizerOptions& options,
-                int num_threads,
+void RunQueries(const QuerySource& source, const std::vector<size_t>& groups, const CommandOptions& options,
                 const std::function<void(size_t group, const std::vector<QueryRecord>& records)>& finish,
                 const std::function<bool()>& should_stop) {
   std::mutex finish_mutex;
-  LocalizerOptions localizer = options;
+  LocalizerOptions localizer = options.localizer;
   localizer.max_num_pairs = source.MaxNumPairs();
-  IdleThreads idle_threads(EffectiveNumThreads(num_threads) - 1);
+  IdleThreads idle_threads(EffectiveNumThreads(options.num_threads) - 1);
   const auto make_task = [&]() -> IndexedTask {
     return [&, session = std::make_shared<QuerySource::Session>(source, &idle_threads)](size_t index) {
       if (should_stop()) return;

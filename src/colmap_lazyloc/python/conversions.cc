@@ -23,7 +23,7 @@ Array ToNumpy(std::vector<Value> values, std::initializer_list<size_t> shape) {
   return Array(data, shape, owner);
 }
 
-OutputRows ToRows(const std::vector<Eigen::Vector2d>& points) {
+OutputRows PointsToNumpy(const std::vector<Eigen::Vector2d>& points) {
   std::vector<double> values;
   for (const Eigen::Vector2d& point : points) values.insert(values.end(), point.begin(), point.end());
   return ToNumpy<OutputRows>(std::move(values), {points.size(), 2});
@@ -44,7 +44,7 @@ OutputAnswer ToOutput(const QueryRecord& record) {
   const size_t num_observations = observations.size() / 3;
   return {record.result.query_name,
           ResultLine(record),
-          ToRows(record.keypoints),
+          PointsToNumpy(record.keypoints),
           ToNumpy<OutputRows>(std::move(positions), {points.size(), 3}),
           ToNumpy<OutputIndices>(std::move(indices), {points.size()}),
           ToNumpy<OutputIndexRows>(std::move(observations), {num_observations, 3})};
@@ -58,18 +58,6 @@ Rigid3d ToPose(const double* v) { return {{v[0], v[1], v[2], v[3]}, {v[4], v[5],
 
 }  // namespace
 
-std::vector<Eigen::Vector2d> ToPoints(const InputPoints& points) {
-  std::vector<Eigen::Vector2d> result(points.shape(0));
-  for (size_t i = 0; i < result.size(); ++i) result[i] = {points(i, 0), points(i, 1)};
-  return result;
-}
-
-Matches ToMatches(const InputMatches& matches) {
-  Matches result(matches.shape(0));
-  for (size_t i = 0; i < result.size(); ++i) result[i] = {matches(i, 0), matches(i, 1)};
-  return result;
-}
-
 std::vector<Rigid3d> ToPoses(const InputPoses& poses) {
   std::vector<Rigid3d> result;
   for (size_t i = 0; i < poses.shape(0); ++i) {
@@ -80,11 +68,6 @@ std::vector<Rigid3d> ToPoses(const InputPoses& poses) {
     result.push_back({pose.rotation.normalized(), pose.translation});
   }
   return result;
-}
-
-PhotoFile ToPhotoFile(const InputPixels& pixels) {
-  return PhotoFile::FromPixels(pixels.data(), static_cast<int>(pixels.shape(1)), static_cast<int>(pixels.shape(0)),
-                               static_cast<int>(pixels.shape(2)));
 }
 
 Camera MakeCamera(const std::string& model, uint64_t width, uint64_t height, const std::vector<double>& params) {

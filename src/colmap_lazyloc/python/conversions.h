@@ -11,10 +11,8 @@
 #include <nanobind/nanobind.h>
 #include <nanobind/ndarray.h>
 
-#include "colmap_lazyloc/bridge/feature_extraction.h"
 #include "colmap_lazyloc/python/localizer.h"
 #include "colmap_lazyloc/scene/camera.h"
-#include "colmap_lazyloc/scene/match.h"
 #include "colmap_lazyloc/scene/model.h"
 
 // Conversions between C++ and what crosses the border to Python: numpy arrays, numbers and strings. The Python package
@@ -33,11 +31,15 @@ using OutputRows = nanobind::ndarray<nanobind::numpy, double, nanobind::ndim<2>>
 using OutputIndices = nanobind::ndarray<nanobind::numpy, int32_t, nanobind::ndim<1>>;
 using OutputIndexRows = nanobind::ndarray<nanobind::numpy, int32_t, nanobind::ndim<2>>;
 
-std::vector<Eigen::Vector2d> ToPoints(const InputPoints& points);
-Matches ToMatches(const InputMatches& matches);
+// Returns rows of two numbers: points or matches.
+template <typename Row, typename Rows>
+std::vector<Row> ToRows(const Rows& rows) {
+  std::vector<Row> result(rows.shape(0));
+  for (size_t i = 0; i < result.size(); ++i) result[i] = {rows(i, 0), rows(i, 1)};
+  return result;
+}
 // Throws InputError if a pose is not finite or its quaternion is not of unit length.
 std::vector<Rigid3d> ToPoses(const InputPoses& poses);
-PhotoFile ToPhotoFile(const InputPixels& pixels);
 
 // Throws InputError if the camera cannot be used.
 Camera MakeCamera(const std::string& model, uint64_t width, uint64_t height, const std::vector<double>& params);

@@ -6,6 +6,7 @@
 #include <nanobind/stl/vector.h>
 
 #include "colmap_lazyloc/bridge/colmap_program.h"
+#include "colmap_lazyloc/bridge/feature_extraction.h"
 #include "colmap_lazyloc/cli/commands.h"
 #include "colmap_lazyloc/python/conversions.h"
 #include "colmap_lazyloc/python/localizer.h"
@@ -48,11 +49,11 @@ Query MakeMatchesQuery(Localizer& localizer, const std::string& name, const Came
                        const InputPoints& keypoints, const std::vector<PairInput>& pairs) {
   std::vector<GivenPair> given;
   for (const auto& [database_name, database_keypoints, matches] : pairs) {
-    GivenPair pair = {database_name, std::nullopt, ToMatches(matches)};
-    if (database_keypoints) pair.keypoints = ToPoints(*database_keypoints);
+    GivenPair pair = {database_name, std::nullopt, ToRows<Match>(matches)};
+    if (database_keypoints) pair.keypoints = ToRows<Eigen::Vector2d>(*database_keypoints);
     given.push_back(std::move(pair));
   }
-  return {localizer.MakeProblem(name, camera, ToPoints(keypoints), given)};
+  return {localizer.MakeProblem(name, camera, ToRows<Eigen::Vector2d>(keypoints), given)};
 }
 
 Query MakePhotoQuery(const std::string& name, const std::string& path, const std::optional<InputPixels>& pixels,
@@ -61,7 +62,8 @@ Query MakePhotoQuery(const std::string& name, const std::string& path, const std
   photo.name = name;
   photo.path = path;
   photo.camera = camera;
-  if (pixels) photo.file = ToPhotoFile(*pixels);
+  const auto size = [&](size_t axis) { return static_cast<int>(pixels->shape(axis)); };
+  if (pixels) photo.file = PhotoFile::FromPixels(pixels->data(), size(1), size(0), size(2));
   return {photo};
 }
 

@@ -18,6 +18,16 @@ class PointWriter {
     file_.WriteBinary<uint64_t>(0);  // the number of points, which is known at the end
   }
 
+  void WriteAll() {
+    for (size_t i = 0; i < records_.Size(); ++i) {
+      if (merged_.image_of_query[i] != MergedModel::kNoImage) AddQuery(i);
+    }
+    file_.Text().seekp(0);
+    file_.WriteBinary<uint64_t>(num_points_);
+    file_.Close();
+  }
+
+ private:
   void AddQuery(size_t index) {
     const LocalizationResult query = records_.Read(index, RecordParts::ALL).result;
     const uint32_t query_image = merged_.image_of_query[index];
@@ -28,13 +38,6 @@ class PointWriter {
     if (FindByName(model_.images, query.query_name) == nullptr) is_observed_.erase(query_image);
   }
 
-  void Close() {
-    file_.Text().seekp(0);
-    file_.WriteBinary<uint64_t>(num_points_);
-    file_.Close();
-  }
-
- private:
   // Returns kNoImage if the merged model does not have the image.
   uint32_t ImageOf(const std::string& name) const {
     if (const std::optional<size_t> query = records_.Find(name)) return merged_.image_of_query[*query];
@@ -88,11 +91,7 @@ class PointWriter {
 
 void WritePoints(const std::filesystem::path& path, const Model& model, const MergedModel& merged,
                  const QueryRecords& records, ExternalSorter<PointObservation>* observations) {
-  PointWriter writer(path, model, merged, records, observations);
-  for (size_t i = 0; i < records.Size(); ++i) {
-    if (merged.image_of_query[i] != MergedModel::kNoImage) writer.AddQuery(i);
-  }
-  writer.Close();
+  PointWriter(path, model, merged, records, observations).WriteAll();
 }
 
 }  // namespace lazyloc
