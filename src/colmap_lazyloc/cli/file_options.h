@@ -5,15 +5,6 @@
 // The options that name files and folders of a run, as option_list.h says.
 namespace lazyloc {
 
-// What an option does to the results, which decides whether a run can go on with another value.
-enum class OptionRole {
-  METHOD,   // changes them by its value
-  INPUT,    // names a file or folder whose content changes them
-  MACHINE,  // says where things are and what the machine has, which does not change them
-  OUTPUT,   // says which files a run writes
-  START,    // says how a run begins; is not in options.ini, because it does not describe the run
-};
-
 template <typename Options, typename Add>
 void ForEachFileOption(Options& o, const Add& add) {
   add("database_path", &o.source.database_path, "COLMAP database with keypoints and matches; opened read-only",

@@ -2,7 +2,6 @@
 #include <csignal>
 #include <cstdlib>
 #include <iostream>
-#include <memory>
 #include <optional>
 #include <utility>
 #include <vector>
@@ -50,12 +49,6 @@ void KeepFreedMemory() {
 #endif
 }
 
-bool AllLocalized(const QueryRecords& records) {
-  bool all = true;
-  records.ForEach([&](const QueryRecord& record) { all = all && record.result.status == QueryStatus::LOCALIZED; });
-  return all;
-}
-
 // True if the folder has this shard, finished, which a job that is started again need not do again.
 bool IsFinishedShard(const CommandOptions& options, const RunManifest& manifest) {
   const std::optional<RunManifest> finished = UnfinishedRun::FinishedShard(options.output_path);
@@ -63,10 +56,6 @@ bool IsFinishedShard(const CommandOptions& options, const RunManifest& manifest)
   if (!manifest.ChangeSince(*finished).empty()) return false;
   std::cerr << options.output_path << ": shard " << manifest.shard->Text() << " is finished" << std::endl;
   return true;
-}
-
-RunSize SizeOf(const RunManifest& manifest, const UnfinishedRun& run) {
-  return {manifest.num_own_queries, run.NumQueriesDone(), manifest.num_queries - manifest.num_own_queries};
 }
 
 // Localizes the queries that are not done. Ends early if it is interrupted.
@@ -80,7 +69,7 @@ void LocalizeRest(const QuerySource& source, std::vector<size_t> groups, const C
     run->Append(group, records);
     for (const QueryRecord& record : records) progress->Report(record);
   };
-  RunQueries(source, groups, options.localizer, options.num_threads, finish, [] { return interrupted != 0; });
+  RunQueries(source, groups, options, finish, [] { return interrupted != 0; });
   run->Sync();
   if (source.Depths() == nullptr) return;
   for (const std::string& problem : source.Depths()->Problems()) PrintWarning(problem);
@@ -93,8 +82,7 @@ int Run(const std::string& own_path, const CommandOptions& options) {
   ResultWriter writer(options.output_path);
   Model model = ReadModel(options.source.input_path);
   const Fingerprint model_fingerprint = FingerprintOf(model);
-  const std::unique_ptr<const QuerySource> source_of_options = MakeQuerySource(options, std::move(model));
-  const QuerySource& source = *source_of_options;
+  const QuerySource source = MakeQuerySource(options, std::move(model));
   for (const std::string& warning : source.Warnings()) PrintWarning(warning);
   KeepFreedMemory();
   const std::vector<size_t> groups = GroupsOfShard(source, ParseShard(options.shard));
@@ -102,7 +90,9 @@ int Run(const std::string& own_path, const CommandOptions& options) {
   if (options.resume && IsFinishedShard(options, manifest)) return EXIT_SUCCESS;
   if (!manifest.extraction.empty()) std::cerr << manifest.extraction << std::endl;
   UnfinishedRun run(options.output_path, manifest, options.Start());
-  Progress progress(SizeOf(manifest, run), options.log_path, options.resume);
+  const RunSize size = {manifest.num_own_queries, run.NumQueriesDone(),
+                        manifest.num_queries - manifest.num_own_queries};
+  Progress progress(size, options.log_path, options.resume);
   LocalizeRest(source, groups, options, &run, &progress);
 
   const QueryRecords records({run.RecordsPath()});
@@ -113,14 +103,14 @@ int Run(const std::string& own_path, const CommandOptions& options) {
   const bool is_finished = records.Size() == manifest.num_own_queries;
   if (is_finished) run.Finish();
   HandleInterruptsBy(SIG_DFL);
-  progress.PrintSummary(records);
+  const bool all_localized = progress.PrintSummary(records);
   if (leave_one_out) std::cerr << FormatLeaveOneOut(*leave_one_out);
   PrintReportCommand(own_path, options);
   if (!is_finished) {
     std::cerr << "partial: --resume 1 goes on" << std::endl;
     return kExitSignal + interrupted;
   }
-  return options.strict && !AllLocalized(records) ? kExitNotAllLocalized : EXIT_SUCCESS;
+  return options.strict && !all_localized ? kExitNotAllLocalized : EXIT_SUCCESS;
 }
 
 }  // namespace

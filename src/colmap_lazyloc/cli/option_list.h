@@ -1,7 +1,6 @@
 #pragma once
 
 #include "colmap_lazyloc/cli/file_options.h"
-#include "colmap_lazyloc/cli/method_options.h"
 #include "colmap_lazyloc/cli/options.h"
 
 // The one list of the options of colmap lazy_localizer: parsing, help, options.ini and the manifest of a run are made
@@ -10,7 +9,8 @@
 namespace lazyloc {
 
 template <typename Options, typename Add>
-void ForEachRunOption(Options& o, const Add& add) {
+void ForEachBasicOption(Options& o, const Add& add) {
+  ForEachFileOption(o, add);
   add("strict", &o.strict, "Exit with code 2 if a query was not localized", OptionRole::OUTPUT);
   add("resume", &o.resume, "Go on with an unfinished run in --output_path, or begin one", OptionRole::START);
   add("overwrite", &o.overwrite, "Remove an unfinished run in --output_path and start anew", OptionRole::START);
@@ -19,12 +19,6 @@ void ForEachRunOption(Options& o, const Add& add) {
       OptionRole::OUTPUT);
   add("log_path", &o.log_path, "File for one line of JSON for each finished query; --resume 1 appends to it",
       OptionRole::OUTPUT);
-}
-
-template <typename Options, typename Add>
-void ForEachBasicOption(Options& o, const Add& add) {
-  ForEachFileOption(o, add);
-  ForEachRunOption(o, add);
   add("ImageReader.camera_params", &o.source.photos.camera_params,
       "Parameters of the camera model of photos without a camera of their own, separated by commas; default: a camera of "
       "the database with the photo's size, else the focal length in EXIF, else a guess");
@@ -65,6 +59,30 @@ void ForEachSourceOption(Options& o, const Add& add) {
       "New COLMAP database for the photos' features and matches; the file must not exist", OptionRole::OUTPUT);
   add("LazyLocalizer.Advanced.cache_gb", &o.photos.cache_gb,
       "Memory in gigabytes for the features of database images that photos are matched with", OptionRole::MACHINE);
+}
+
+template <typename Options, typename Add>
+void ForEachMethodOption(Options& o, const Add& add) {
+  add("LazyLocalizer.Advanced.rotation_averaging", &o.rotation_averaging,
+      "Method of rotation averaging: l1_irls, or for comparison l1 or quaternion_mean");
+  add("LazyLocalizer.Advanced.translation_averaging", &o.translation_averaging,
+      "Method of translation averaging: angular, or for comparison lud (least unsquared deviations)");
+  add("LazyLocalizer.Advanced.start_pose", &o.start_pose,
+      "Start of bundle adjustment: best, motion_averaging, absolute_pose, "
+      "generalized_relative_pose or depth");
+  add("LazyLocalizer.Advanced.post_optimization", &o.post_optimization,
+      "Stage after motion averaging: tracks (triangulation and bundle adjustment), or for comparison sampson, "
+      "relative_pose_lo or none");
+  add("LazyLocalizer.Advanced.rig_noise_px", &o.rig_noise_px,
+      "Expected error of the relative poses of a rig or trajectory, as displacement of keypoints. 0: exact");
+  add("LazyLocalizer.Advanced.database_pose_stddev_deg", &o.database_pose_stddev_deg,
+      "Standard deviation of the database images' rotations in degrees; 0 for both deviations keeps the poses constant, "
+      "-1 for both estimates their errors for each query");
+  add("LazyLocalizer.Advanced.database_pose_stddev_length", &o.database_pose_stddev_length,
+      "Standard deviation of the database images' positions in database units; 0 for both deviations keeps the poses "
+      "constant, -1 for both estimates their errors for each query");
+  add("LazyLocalizer.Advanced.focal_length_stddev_ratio", &o.focal_length_stddev_ratio,
+      "Standard deviation of a given focal length, as a fraction of it; 0 leaves it out of the covariance");
 }
 
 template <typename Options, typename Add>

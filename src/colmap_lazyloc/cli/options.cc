@@ -10,7 +10,6 @@
 #include <boost/program_options.hpp>
 #include <nlohmann/json.hpp>
 
-#include "colmap_lazyloc/cli/help_groups.h"
 #include "colmap_lazyloc/cli/option_list.h"
 #include "colmap_lazyloc/cli/report_command.h"
 #include "colmap_lazyloc/scene/enum_names.h"
@@ -83,12 +82,6 @@ constexpr const char* kStrayArguments = "stray-arguments";
 struct Descriptions {
   const char* summary;
   po::options_description basic, advanced;
-
-  po::options_description All() const {
-    po::options_description all;
-    all.add(basic).add(advanced);
-    return all;
-  }
 };
 
 template <typename Options>
@@ -127,17 +120,6 @@ InputError OptionError(Options& options, const std::string& message) {
   return InputError("option --" + option + message.substr(field.size()));
 }
 
-// Returns the options with a role, by name and text.
-template <typename HasRole>
-OptionTexts OptionsWith(const CommandOptions& options, const HasRole& has_role) {
-  OptionTexts texts;
-  ForEachOption(options,
-                [&](const std::string& name, const auto* value, const char*, OptionRole role = OptionRole::METHOD) {
-                  if (has_role(role)) texts.emplace_back(name, AsText(*value));
-                });
-  return texts;
-}
-
 void CheckValues(CommandOptions* options) {
   std::string error;
   if (options->num_threads < 1 && options->num_threads != -1) error = "num_threads must be >= 1, or -1";
@@ -173,6 +155,28 @@ void CheckOptions(IndexerOptions* options) {
 void CheckOptions(MergerOptions* options) {
   CheckRequired({{"input_path", &options->input_path}, {"output_path", &options->output_path}});
 }
+
+// Options that --help shows; --help-all shows all.
+struct HelpGroup {
+  const char* title;
+  std::vector<const char*> options;
+};
+
+const HelpGroup kHelpGroups[] = {
+    {"What you need", {"database_path", "input_path", "output_path"}},
+    {"Queries", {"query_list_path", "pairs_path", "LazyLocalizer.leave_one_out", "LazyLocalizer.intrinsics"}},
+    {"Photos", {"image_path", "retrieval_index_path", "onnx_path"}},
+    {"Several at once", {"rig_config_path", "query_trajectory_path", "LazyLocalizer.group_size"}},
+    {"Further measurements", {"query_position_path", "query_gravity_path", "depth_path"}},
+    {"Output", {"LazyLocalizer.min_confidence", "LazyLocalizer.num_threads", "resume", "strict"}},
+};
+
+constexpr char kExamples[] =
+    R"(Examples:
+  colmap lazy_localizer --database_path database.db --input_path model --output_path localized
+  colmap lazy_localizer --database_path database.db --input_path model --output_path localized \
+      --image_path photos --query_list_path queries.txt
+)";
 
 // Prints the options that most users of colmap lazy_localizer need, in groups.
 void PrintGroupedHelp(const Descriptions& descriptions) {
@@ -213,7 +217,8 @@ bool PrintAnswer(const po::variables_map& values, const Descriptions& descriptio
 // Fills the variables that the descriptions name. Returns false if only the help or the version was requested, which is
 // then printed.
 bool Parse(int argc, char** argv, const std::string& command, const Descriptions& descriptions) {
-  const po::options_description all = descriptions.All();
+  po::options_description all;
+  all.add(descriptions.basic).add(descriptions.advanced);
   po::options_description with_stray_arguments(all);
   with_stray_arguments.add_options()(kStrayArguments, po::value<std::vector<std::string>>());
   po::variables_map values;
@@ -270,12 +275,12 @@ bool ParseCommandLine(int argc, char** argv, MergerOptions* options) {
                        options);
 }
 
-std::vector<OptionDescription> ListSettings() {
-  std::vector<OptionDescription> settings;
+std::vector<std::tuple<std::string, std::string, std::string>> ListSettings() {
+  std::vector<std::tuple<std::string, std::string, std::string>> settings;
   CommandOptions defaults;
   ForEachOption(defaults, [&](const std::string& name, const auto* value, const char* help,
                               OptionRole role = OptionRole::METHOD) {
-    if (role != OptionRole::OUTPUT && role != OptionRole::START) settings.push_back({name, AsText(*value), help});
+    if (role != OptionRole::OUTPUT && role != OptionRole::START) settings.emplace_back(name, AsText(*value), help);
   });
   return settings;
 }
@@ -293,23 +298,18 @@ void ParseSettings(const OptionTexts& settings, CommandOptions* options) {
   CheckValues(options);
 }
 
-OptionTexts MethodOptions(const CommandOptions& options) {
-  return OptionsWith(options, [](OptionRole role) { return role == OptionRole::METHOD; });
-}
-
-OptionTexts InputOptions(const CommandOptions& options) {
-  return OptionsWith(options, [](OptionRole role) { return role == OptionRole::INPUT; });
-}
-
-OptionTexts OtherOptions(const CommandOptions& options) {
-  return OptionsWith(options,
-                     [](OptionRole role) { return role == OptionRole::MACHINE || role == OptionRole::OUTPUT; });
+OptionTexts OptionsWith(const CommandOptions& options, const std::set<OptionRole>& roles) {
+  OptionTexts texts;
+  ForEachOption(options,
+                [&](const std::string& name, const auto* value, const char*, OptionRole role = OptionRole::METHOD) {
+                  if (roles.count(role) > 0) texts.emplace_back(name, AsText(*value));
+                });
+  return texts;
 }
 
 std::string OptionsAsIni(const CommandOptions& options) {
-  const auto describes_run = [](OptionRole role) { return role != OptionRole::START; };
-  const OptionTexts texts = OptionsWith(options, describes_run),
-                    defaults = OptionsWith(CommandOptions(), describes_run);
+  const std::set<OptionRole> roles = {OptionRole::METHOD, OptionRole::INPUT, OptionRole::MACHINE, OptionRole::OUTPUT};
+  const OptionTexts texts = OptionsWith(options, roles), defaults = OptionsWith(CommandOptions(), roles);
   std::string changed;
   std::vector<std::pair<std::string, std::string>> sections = {{"", ""}};  // name and lines
   for (size_t i = 0; i < texts.size(); ++i) {

@@ -1,7 +1,8 @@
 #pragma once
 
+#include <set>
 #include <string>
-#include <utility>
+#include <tuple>
 #include <vector>
 
 #include "colmap_lazyloc/group/options.h"
@@ -44,24 +45,23 @@ bool ParseCommandLine(int argc, char** argv, CommandOptions* options);
 bool ParseCommandLine(int argc, char** argv, IndexerOptions* options);
 bool ParseCommandLine(int argc, char** argv, MergerOptions* options);
 
-using OptionTexts = std::vector<std::pair<std::string, std::string>>;  // name and value
-
-// An option as the help shows it.
-struct OptionDescription {
-  std::string name, default_text, help;
-};
-
-// Returns the options that say how queries are localized: those of colmap lazy_localizer without the ones for its
-// output. A program that localizes by itself takes them by ParseSettings.
-std::vector<OptionDescription> ListSettings();
+// Returns the options that say how queries are localized, each with its default and help: those of colmap
+// lazy_localizer without the ones for its output. A program that localizes by itself takes them by ParseSettings.
+std::vector<std::tuple<std::string, std::string, std::string>> ListSettings();
 // Parses options by name and text like the command line. Throws InputError like ParseCommandLine, but requires none.
 void ParseSettings(const OptionTexts& settings, CommandOptions* options);
 
-// Return the options of a run: those whose values change the results, the paths of input files, and
-// the others without those that say how a run begins.
-OptionTexts MethodOptions(const CommandOptions& options);
-OptionTexts InputOptions(const CommandOptions& options);
-OptionTexts OtherOptions(const CommandOptions& options);
+// What an option does to the results, which decides whether a run can go on with another value.
+enum class OptionRole {
+  METHOD,   // changes them by its value
+  INPUT,    // names a file or folder whose content changes them
+  MACHINE,  // says where things are and what the machine has, which does not change them
+  OUTPUT,   // says which files a run writes
+  START,    // says how a run begins; is not in options.ini, because it does not describe the run
+};
+
+// Returns the options of a run that have one of the roles.
+OptionTexts OptionsWith(const CommandOptions& options, const std::set<OptionRole>& roles);
 
 // Returns all options in COLMAP's .ini format, which --project_path reads. A comment before them names those that
 // differ from their defaults.

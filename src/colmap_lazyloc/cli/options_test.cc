@@ -137,7 +137,7 @@ TEST_F(OptionsTest, SettingsAreThoseOfTheCommandLineWithoutItsOutput) {
       },
       ThrowsMessage<InputError>(HasSubstr("option --LazyLocalizer.num_retrieved must be >= 1, but is 0")));
   std::set<std::string> names;
-  for (const OptionDescription& setting : ListSettings()) names.insert(setting.name);
+  for (const auto& [name, text, help] : ListSettings()) names.insert(name);
   EXPECT_EQ(names.count("LazyLocalizer.num_retrieved"), 1u);
   EXPECT_EQ(names.count("output_path"), 0u);
 }

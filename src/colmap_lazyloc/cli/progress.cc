@@ -115,7 +115,7 @@ void Progress::Report(const QueryRecord& record) {
             << DurationText(SecondsLeft()) << " left" << std::flush;
 }
 
-void Progress::PrintSummary(const QueryRecords& records) const {
+bool Progress::PrintSummary(const QueryRecords& records) const {
   const std::chrono::duration<double> elapsed = std::chrono::steady_clock::now() - start_;
   std::map<std::string, size_t> count_of_status;
   std::vector<double> seconds, errors, tracks;
@@ -141,6 +141,7 @@ void Progress::PrintSummary(const QueryRecords& records) const {
   const double rate = static_cast<double>(num_done_ - size_.num_done) / elapsed.count();
   if (rate > 0) PrintRow("rate", rate, "queries/s");
   if (rate > 0 && num_left > 0) PrintRest(num_left, rate);
+  return errors.size() == records.Size();
 }
 
 }  // namespace lazyloc

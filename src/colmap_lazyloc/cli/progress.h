@@ -31,8 +31,9 @@ class Progress {
   Progress(const RunSize& size, const std::filesystem::path& log_path, bool append_log);
   // Throws InputError if the log cannot be written.
   void Report(const QueryRecord& record);
-  // Prints the table that ends a run to the standard error output, and how long what is left would take.
-  void PrintSummary(const QueryRecords& records) const;
+  // Prints the table that ends a run to the standard error output, and how long what is left would take. Returns true
+  // if all of the records are of localized queries.
+  bool PrintSummary(const QueryRecords& records) const;
 
  private:
   void WarnOfDamages(const QueryRecord& record);

@@ -19,13 +19,12 @@ size_t CountLocalized(const std::vector<LocalizationResult>& results) {
 
 }  // namespace
 
-std::unique_ptr<QuerySource> MakeQuerySource(const CommandOptions& options, Model model) {
-  const int seed = options.localizer.seed;
+QuerySource MakeQuerySource(const CommandOptions& options, Model model) {
   SourceOptions source = options.source;
   // Reads no pairs if nothing corrects database poses, or if the options state their errors.
   source.reads_database_pairs = options.localizer.post_optimization == PostOptimization::TRACKS &&
                                 ExpectPoseErrors(options.localizer).source == PoseNoiseSource::DEFAULT;
-  return std::make_unique<QuerySource>(source, std::move(model), seed, options.num_threads);
+  return QuerySource(source, std::move(model), options.localizer.seed, options.num_threads);
 }
 
 std::vector<LocalizationResult> LocalizeLoaded(const LoadedGroup& loaded, const LocalizerOptions& options) {
@@ -55,14 +54,13 @@ std::vector<LocalizationResult> LoadAndLocalize(const QuerySource& source, const
   return second;
 }
 
-void RunQueries(const QuerySource& source, const std::vector<size_t>& groups, const LocalizerOptions& options,
-                int num_threads,
+void RunQueries(const QuerySource& source, const std::vector<size_t>& groups, const CommandOptions& options,
                 const std::function<void(size_t group, const std::vector<QueryRecord>& records)>& finish,
                 const std::function<bool()>& should_stop) {
   std::mutex finish_mutex;
-  LocalizerOptions localizer = options;
+  LocalizerOptions localizer = options.localizer;
   localizer.max_num_pairs = source.MaxNumPairs();
-  IdleThreads idle_threads(EffectiveNumThreads(num_threads) - 1);
+  IdleThreads idle_threads(EffectiveNumThreads(options.num_threads) - 1);
   const auto make_task = [&]() -> IndexedTask {
     return [&, session = std::make_shared<QuerySource::Session>(source, &idle_threads)](size_t index) {
       if (should_stop()) return;

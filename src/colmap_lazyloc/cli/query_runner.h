@@ -1,7 +1,6 @@
 #pragma once
 
 #include <functional>
-#include <memory>
 #include <optional>
 #include <vector>
 
@@ -12,7 +11,7 @@
 namespace lazyloc {
 
 // Returns the source of the queries that the options name. model: the one at input_path.
-std::unique_ptr<QuerySource> MakeQuerySource(const CommandOptions& options, Model model);
+QuerySource MakeQuerySource(const CommandOptions& options, Model model);
 
 // Localizes the queries of a group. options: with the maximum number of pairs of its source.
 std::vector<LocalizationResult> LocalizeLoaded(const LoadedGroup& loaded, const LocalizerOptions& options);
@@ -23,12 +22,11 @@ std::vector<LocalizationResult> LoadAndLocalize(const QuerySource& source, const
                                                 const LocalizerOptions& options, QuerySource::Session* session,
                                                 LoadedGroup* loaded);
 
-// Localizes groups of the source's queries, one per task, on num_threads threads (-1: the number of cores). Threads
+// Localizes groups of the source's queries, one per task, on the threads of the options. Threads
 // without a group help with the pairs of photos. Calls `finish` for each group that is done, never from two threads at
 // once. Begins no new group once should_stop returns true. Throws InputError for damaged input, after the groups that
 // run have ended.
-void RunQueries(const QuerySource& source, const std::vector<size_t>& groups, const LocalizerOptions& options,
-                int num_threads,
+void RunQueries(const QuerySource& source, const std::vector<size_t>& groups, const CommandOptions& options,
                 const std::function<void(size_t group, const std::vector<QueryRecord>& records)>& finish,
                 const std::function<bool()>& should_stop);
 

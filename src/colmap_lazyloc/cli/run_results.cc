@@ -18,12 +18,6 @@ std::string GroupName(const QueryFrames& group) {
   return std::string(first);
 }
 
-size_t NumQueries(const QueryFrames& group) {
-  size_t num_queries = 0;
-  for (const QueryFrame& frame : group) num_queries += frame.images.size();
-  return num_queries;
-}
-
 // Warns once of the depth maps that were not used.
 void WarnOfDepthMaps(const QueryRecords& records) {
   std::set<std::string> contradicted, without_scale;
@@ -57,9 +51,9 @@ RunManifest MakeManifest(const CommandOptions& options, const QuerySource& sourc
                          const std::vector<size_t>& groups) {
   RunManifest manifest;
   manifest.program = ProgramVersion();
-  manifest.options = MethodOptions(options);
-  manifest.other_options = OtherOptions(options);
-  for (const auto& [name, path] : InputOptions(options)) {
+  manifest.options = OptionsWith(options, {OptionRole::METHOD});
+  manifest.other_options = OptionsWith(options, {OptionRole::MACHINE, OptionRole::OUTPUT});
+  for (const auto& [name, path] : OptionsWith(options, {OptionRole::INPUT})) {
     if (path.empty()) continue;
     const bool is_large = name == "depth_path" || name == "onnx_path";
     manifest.inputs[name] = {path, name == "input_path" ? model
@@ -70,7 +64,11 @@ RunManifest MakeManifest(const CommandOptions& options, const QuerySource& sourc
   manifest.num_queries = source.NumQueries();
   manifest.extraction = source.DescribeExtraction();
   manifest.shard = ParseShard(options.shard);
-  for (const size_t group : groups) manifest.num_own_queries += NumQueries(source.Selection().Groups().At(group));
+  for (const size_t group : groups) {
+    for (const QueryFrame& frame : source.Selection().Groups().At(group)) {
+      manifest.num_own_queries += frame.images.size();
+    }
+  }
   return manifest;
 }
 

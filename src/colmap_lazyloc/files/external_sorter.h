@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <cstddef>
-#include <cstdio>
 #include <filesystem>
 #include <fstream>
 #include <functional>
@@ -10,6 +9,9 @@
 #include <type_traits>
 #include <utility>
 #include <vector>
+
+#include <boost/interprocess/file_mapping.hpp>
+#include <boost/interprocess/mapped_region.hpp>
 
 #include "colmap_lazyloc/scene/errors.h"
 
@@ -32,81 +34,55 @@ class ExternalSorter {
 
   // Visits all values in ascending order; they are gone then.
   void Visit(const std::function<void(const T&)>& visit) {
-    if (runs_.empty()) {
+    if (!file_.is_open()) {
       std::sort(values_.begin(), values_.end());
       for (const T& value : values_) visit(value);
       return;
     }
-    if (!values_.empty()) WriteRun();
+    WriteRun();
     std::vector<T>().swap(values_);
-    file_.flush();
+    file_.close();
+    CheckFile();
     Merge(visit);
   }
 
  private:
-  // Values num_read..num_values of a sorted run, of which some are in memory.
-  struct Run {
-    size_t first = 0, num_values = 0;
-    std::vector<T> buffer;
-    size_t next = 0;  // in the buffer
-  };
-
   void CheckFile() const {
     if (!file_) throw InputError(path_.string() + ": cannot be written (is the disk full?)");
   }
 
   void WriteRun() {
-    if (runs_.empty()) {
-      file_.open(path_, std::ios::binary | std::ios::trunc | std::ios::in | std::ios::out);
-      values_.reserve(max_num_in_memory_);
-    }
+    if (!file_.is_open()) file_.open(path_, std::ios::binary);
     std::sort(values_.begin(), values_.end());
     file_.write(reinterpret_cast<const char*>(values_.data()),
                 static_cast<std::streamsize>(values_.size() * sizeof(T)));
     CheckFile();
-    Run run;
-    run.first = num_written_;
-    run.num_values = values_.size();
     num_written_ += values_.size();
-    runs_.push_back(std::move(run));
     values_.clear();
   }
 
-  // Reads the next values of a run. Returns false at its end.
-  bool Fill(Run* run) {
-    const size_t num = std::min(run->num_values, std::max<size_t>(1, max_num_in_memory_ / runs_.size()));
-    run->buffer.resize(num);
-    run->next = 0;
-    if (num == 0) return false;
-    file_.seekg(static_cast<std::streamoff>(run->first * sizeof(T)));
-    file_.read(reinterpret_cast<char*>(run->buffer.data()), static_cast<std::streamsize>(num * sizeof(T)));
-    CheckFile();
-    run->first += num;
-    run->num_values -= num;
-    return true;
-  }
-
   void Merge(const std::function<void(const T&)>& visit) {
-    const auto is_later = [this](size_t a, size_t b) { return Front(runs_[b]) < Front(runs_[a]); };
-    std::priority_queue<size_t, std::vector<size_t>, decltype(is_later)> order(is_later);
-    for (size_t i = 0; i < runs_.size(); ++i) {
-      if (Fill(&runs_[i])) order.push(i);
+    namespace ipc = boost::interprocess;
+    const ipc::mapped_region region(ipc::file_mapping(path_.c_str(), ipc::read_only), ipc::read_private);
+    const T* const values = static_cast<const T*>(region.get_address());
+    using Run = std::pair<const T*, const T*>;  // its next value and its end
+    const auto is_later = [](const Run& a, const Run& b) { return *b.first < *a.first; };
+    std::priority_queue<Run, std::vector<Run>, decltype(is_later)> runs(is_later);
+    for (size_t begin = 0; begin < num_written_; begin += max_num_in_memory_) {
+      runs.emplace(values + begin, values + std::min(begin + max_num_in_memory_, num_written_));
     }
-    while (!order.empty()) {
-      const size_t i = order.top();
-      order.pop();
-      visit(Front(runs_[i]));
-      if (++runs_[i].next < runs_[i].buffer.size() || Fill(&runs_[i])) order.push(i);
+    while (!runs.empty()) {
+      Run run = runs.top();
+      runs.pop();
+      visit(*run.first++);
+      if (run.first != run.second) runs.push(run);
     }
   }
-
-  static const T& Front(const Run& run) { return run.buffer[run.next]; }
 
   const std::filesystem::path path_;
   const size_t max_num_in_memory_;
   std::vector<T> values_;
-  std::fstream file_;
-  std::vector<Run> runs_;
+  std::ofstream file_;  // runs of max_num_in_memory_ values; the last one may be shorter
   size_t num_written_ = 0;
 };
 

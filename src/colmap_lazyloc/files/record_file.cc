@@ -5,7 +5,6 @@
 #include <unistd.h>
 
 #include <algorithm>
-#include <array>
 #include <cerrno>
 #include <system_error>
 #include <utility>
@@ -22,8 +21,8 @@ constexpr size_t kLengthSize = sizeof(uint64_t), kHeaderSize = kLengthSize + siz
 
 // Returns the length and the checksum of length and record. The checksum of a header of zeros is not zero, because a
 // file system may leave zeros after a power cut.
-std::array<char, kHeaderSize> MakeHeader(const std::string& record) {
-  std::array<char, kHeaderSize> header;
+std::string MakeHeader(const std::string& record) {
+  std::string header(kHeaderSize, '\0');
   auto* const bytes = reinterpret_cast<unsigned char*>(header.data());
   boost::endian::store_little_u64(bytes, record.size());
   boost::endian::store_little_u32(bytes + kLengthSize, Crc32(record, Crc32({header.data(), kLengthSize})));
@@ -50,8 +49,7 @@ bool RecordReader::Next() {
   const uint64_t length = boost::endian::load_little_u64(reinterpret_cast<const unsigned char*>(header.data()));
   if (length > num_bytes_ - end_ - kHeaderSize) return false;
   std::string record = ReadAt(end_ + kHeaderSize, std::min(length, max_num_bytes_));
-  const std::array<char, kHeaderSize> expected = MakeHeader(record);
-  if (record.size() == length && header != std::string(expected.data(), expected.size())) return false;
+  if (record.size() == length && header != MakeHeader(record)) return false;
   record_ = std::move(record);
   offset_ = end_ + kHeaderSize;
   end_ = offset_ + length;
@@ -95,8 +93,7 @@ void RecordWriter::Clear() {
 }
 
 void RecordWriter::Append(const std::string& record) {
-  const std::array<char, kHeaderSize> header = MakeHeader(record);
-  const std::string bytes = std::string(header.data(), header.size()) + record;
+  const std::string bytes = MakeHeader(record) + record;
   for (size_t num_written = 0; num_written < bytes.size();) {
     const ssize_t result = write(descriptor_, bytes.data() + num_written, bytes.size() - num_written);
     if (result < 0 && errno != EINTR) Fail();

@@ -25,18 +25,15 @@ DepthMap ReadPng(const std::filesystem::path& path, double unit) {
   return map;
 }
 
-// Makes an empty map of a size that a file states.
-DepthMap MakeMap(uint64_t width, uint64_t height, const BinaryFile& file) {
+// Reads the depths of a map of a size that the file states, up to its end.
+template <typename Read>
+DepthMap ReadDepths(uint64_t width, uint64_t height, const Read& read, const BinaryFile& file) {
   if (width == 0 || height == 0 || width > kMaxNumDepthPixels / height) throw file.Error("has an impossible size");
   DepthMap map{static_cast<int>(width), static_cast<int>(height), {}};
   map.depths.reserve(width * height);
+  for (uint64_t i = 0; i < width * height; ++i) map.depths.push_back(KnownDepth(read()));
+  file.CheckEnd();
   return map;
-}
-
-template <typename Read>
-void ReadDepths(const Read& read, DepthMap* map) {
-  const size_t num_pixels = static_cast<size_t>(map->width) * map->height;
-  for (size_t i = 0; i < num_pixels; ++i) map->depths.push_back(KnownDepth(read()));
 }
 
 // Reads COLMAP's format: `width&height&1&` as text, then float32 values.
@@ -52,51 +49,33 @@ DepthMap ReadColmap(const std::filesystem::path& path) {
     }
   }
   if (sizes[2] != 1) throw file.Error("not a depth map of COLMAP: it has " + std::to_string(sizes[2]) + " channels");
-  DepthMap map = MakeMap(sizes[0], sizes[1], file);
-  ReadDepths([&] { return static_cast<double>(file.Read<float>()); }, &map);
-  file.CheckEnd();
-  return map;
+  return ReadDepths(
+      sizes[0], sizes[1], [&] { return file.Read<float>(); }, file);
 }
 
-// What the header of a NumPy file says.
-struct NumpyHeader {
-  std::string type;  // f2, f4 or f8
-  uint64_t height = 0, width = 0;
-};
-
-NumpyHeader ReadNumpyHeader(BinaryFile* file) {
+DepthMap ReadNumpy(const std::filesystem::path& path) {
+  BinaryFile file(path);
   for (const char expected : {'\x93', 'N', 'U', 'M', 'P', 'Y'}) {
-    if (file->Read<char>() != expected) throw file->Error("not a NumPy file");
+    if (file.Read<char>() != expected) throw file.Error("not a NumPy file");
   }
-  const uint8_t version = file->Read<uint8_t>();
-  file->Read<uint8_t>();
-  const uint32_t size = version == 1 ? file->Read<uint16_t>() : file->Read<uint32_t>();
+  const uint8_t version = file.Read<uint8_t>();
+  file.Read<uint8_t>();
+  const uint32_t size = version == 1 ? file.Read<uint16_t>() : file.Read<uint32_t>();
   std::string text;
-  for (uint32_t i = 0; i < size; ++i) text.push_back(file->Read<char>());
+  for (uint32_t i = 0; i < size; ++i) text.push_back(file.Read<char>());
   // The shape may have axes of length 1 around rows and columns.
   static const std::regex kDescription(
       R"(.*'descr': *'<(f[248])'.*'fortran_order': *False.*'shape': *\((?:1, *)?(\d{1,9}), *(\d{1,9})(?:, *1)?,?\).*)");
   std::smatch found;
   while (!text.empty() && (text.back() == '\n' || text.back() == ' ')) text.pop_back();
   if (!std::regex_match(text, found, kDescription)) {
-    throw file->Error("not a depth map: it must be an array of rows and columns of float16, float32 or float64");
+    throw file.Error("not a depth map: it must be an array of rows and columns of float16, float32 or float64");
   }
-  return {found[1], std::stoull(found[2]), std::stoull(found[3])};
-}
-
-DepthMap ReadNumpy(const std::filesystem::path& path) {
-  BinaryFile file(path);
-  const NumpyHeader header = ReadNumpyHeader(&file);
-  DepthMap map = MakeMap(header.width, header.height, file);
-  if (header.type == "f2") {
-    ReadDepths([&] { return static_cast<float>(Eigen::numext::bit_cast<Eigen::half>(file.Read<uint16_t>())); }, &map);
-  } else if (header.type == "f4") {
-    ReadDepths([&] { return static_cast<double>(file.Read<float>()); }, &map);
-  } else {
-    ReadDepths([&] { return file.Read<double>(); }, &map);
-  }
-  file.CheckEnd();
-  return map;
+  const auto read = [&, type = found[1].str()]() -> double {
+    if (type == "f2") return static_cast<float>(Eigen::numext::bit_cast<Eigen::half>(file.Read<uint16_t>()));
+    return type == "f4" ? file.Read<float>() : file.Read<double>();
+  };
+  return ReadDepths(std::stoull(found[3]), std::stoull(found[2]), read, file);
 }
 
 }  // namespace

@@ -1,121 +1,200 @@
 #include "colmap_lazyloc/formats/model_reader.h"
 
-#include <algorithm>
-#include <cmath>
+#include <string>
+#include <type_traits>
 #include <utility>
 
 #include "colmap_lazyloc/bridge/camera_models.h"
+#include "colmap_lazyloc/files/binary_file.h"
 #include "colmap_lazyloc/files/paths.h"
+#include "colmap_lazyloc/files/text_file.h"
 #include "colmap_lazyloc/formats/geo_file.h"
-#include "colmap_lazyloc/formats/model_formats.h"
-#include "colmap_lazyloc/scene/errors.h"
+#include "colmap_lazyloc/formats/model_builder.h"
 
 namespace lazyloc {
 namespace {
 
-bool IsUsablePose(const Rigid3d& pose) {
-  const double norm = pose.rotation.norm();
-  return std::isfinite(norm) && norm > 0 && pose.translation.allFinite();
+// True if the line can be an image's points, `X Y POINT3D_ID` each.
+bool IsPointsLine(std::string_view line) {
+  size_t num_words = 0;
+  std::string_view last_word;
+  for (std::string_view word = NextWord(&line); !word.empty(); word = NextWord(&line)) {
+    last_word = word;
+    ++num_words;
+  }
+  return num_words % 3 == 0 && last_word.find_first_not_of("-0123456789") == std::string_view::npos;
 }
 
-std::vector<Sensor> SensorsOf(const Rig& rig) {
-  std::vector<Sensor> sensors;
-  if (rig.reference) sensors.push_back(*rig.reference);
-  for (const RigSensor& other : rig.others) sensors.push_back(other.sensor);
-  return sensors;
+// Reads the parts of a model from one of its files, number by number.
+template <typename File>
+class PartReader {
+ public:
+  explicit PartReader(const std::filesystem::path& path) : file_(path) {
+    if constexpr (!kIsText) num_left_ = file_.ReadCount();
+  }
+
+  template <typename Part>
+  void ReadAll(ModelBuilder* builder) {
+    while (Next()) {
+      Part part;
+      Read(&part);
+      if (const std::string problem = builder->Add(std::move(part)); !problem.empty()) throw file_.Error(problem);
+      // Checks the second line of each image, which has its points or is empty, because a file without these lines
+      // would silently lose every other image.
+      if constexpr (kIsText && std::is_same_v<Part, ModelImage>) {
+        if (file_.NextLine() && !IsPointsLine(file_.Line())) {
+          throw file_.Error("expected the points of the image above (X Y POINT3D_ID ..., or an empty line)");
+        }
+      }
+    }
+  }
+
+ private:
+  static constexpr bool kIsText = std::is_same_v<File, TextFile>;
+
+  // Goes to the next part. Returns false at the end of the file.
+  bool Next() {
+    if constexpr (kIsText) {
+      const bool has_entry = file_.NextEntry();
+      rest_ = file_.Line();
+      return has_entry;
+    } else {
+      if (num_left_ == 0) file_.CheckEnd();
+      return num_left_-- > 0;
+    }
+  }
+  template <typename Number>
+  void Read(Number* number) {
+    if constexpr (kIsText) {
+      *number = file_.template ParseNumber<Number>(NextWord(&rest_));
+    } else {
+      *number = file_.template Read<Number>();
+    }
+  }
+  void Read(bool* flag) {
+    std::conditional_t<kIsText, int, uint8_t> number;
+    Read(&number);
+    *flag = number != 0;
+  }
+  void Read(SensorType* type) {
+    if constexpr (kIsText) {
+      const std::string word(NextWord(&rest_));
+      if (word != "CAMERA" && word != "IMU") throw file_.Error("unknown sensor type '" + word + "'");
+      *type = word == "CAMERA" ? SensorType::CAMERA : SensorType::IMU;
+    } else {
+      const auto number = file_.template Read<int32_t>();
+      *type = static_cast<SensorType>(number);
+      if (*type == SensorType::CAMERA || *type == SensorType::IMU) return;
+      throw file_.Error("unknown sensor type " + std::to_string(number));
+    }
+  }
+  void Read(Camera* camera) {
+    uint32_t camera_id = 0;
+    Read(&camera_id);
+    if constexpr (kIsText) {
+      const std::string model_name(NextWord(&rest_));
+      const std::optional<int> model_id = CameraModelId(model_name);
+      if (!model_id) throw file_.Error("unknown camera model '" + model_name + "'");
+      *camera = ParseCamera(*model_id, rest_, file_);
+    } else {
+      Read(&camera->model_id);
+      Read(&camera->width);
+      Read(&camera->height);
+      camera->params.resize(CameraModelNumParams(camera->model_id));  // the format does not store their number
+      for (double& param : camera->params) Read(&param);
+    }
+    camera->camera_id = camera_id;
+  }
+  void Read(Rigid3d* pose) {
+    for (double* number : {&pose->rotation.w(), &pose->rotation.x(), &pose->rotation.y(), &pose->rotation.z(),
+                           &pose->translation.x(), &pose->translation.y(), &pose->translation.z()}) {
+      Read(number);
+    }
+  }
+  void Read(Sensor* sensor) {
+    Read(&sensor->type);
+    Read(&sensor->sensor_id);
+  }
+  void Read(Rig* rig) {
+    uint32_t num_sensors = 0;
+    Read(&rig->rig_id);
+    Read(&num_sensors);
+    if (num_sensors > 0) Read(&rig->reference.emplace());
+    for (uint32_t i = 1; i < num_sensors; ++i) {
+      RigSensor& other = rig->others.emplace_back();
+      bool has_pose = false;
+      Read(&other.sensor);
+      Read(&has_pose);
+      if (has_pose) Read(&other.sensor_from_rig.emplace());
+    }
+  }
+  void Read(ModelFrame* frame) {
+    uint32_t num_data = 0;
+    Read(&frame->frame_id);
+    Read(&frame->rig_id);
+    Read(&frame->rig_from_world);
+    Read(&num_data);
+    for (uint32_t i = 0; i < num_data; ++i) {
+      FrameData& data = frame->data.emplace_back();
+      Read(&data.sensor);
+      Read(&data.data_id);
+    }
+  }
+  void Read(ModelImage* image) {
+    Read(&image->image_id);
+    Read(&image->cam_from_world);
+    Read(&image->camera_id);
+    if constexpr (kIsText) {
+      image->name = Trimmed(rest_);  // the rest of the line, because a name may hold spaces
+    } else {
+      image->name = file_.ReadName();
+      file_.Skip(file_.ReadCount() * (2 * sizeof(double) + sizeof(uint64_t)));  // points: x, y and id
+    }
+  }
+
+  File file_;
+  std::string_view rest_;  // of a line of text
+  uint64_t num_left_ = 0;  // parts of a binary file
+};
+
+template <typename File>
+Model ReadFiles(const std::filesystem::path& folder, const std::string& ending) {
+  const auto path = [&](const std::string& name) { return folder / (name + ending); };
+  ModelBuilder builder;
+  PartReader<File>(path("cameras")).template ReadAll<Camera>(&builder);
+  if (IsTaken(path("rigs"))) PartReader<File>(path("rigs")).template ReadAll<Rig>(&builder);
+  if (IsTaken(path("frames"))) PartReader<File>(path("frames")).template ReadAll<ModelFrame>(&builder);
+  PartReader<File>(path("images")).template ReadAll<ModelImage>(&builder);
+  Model model = builder.Take();
+  if (model.images.empty()) throw InputError(path("images").string() + ": contains no posed image");
+  return model;
 }
 
 }  // namespace
-
-std::string ModelBuilder::Add(Camera camera) {
-  const std::string label = "camera " + std::to_string(camera.camera_id);
-  if (const std::string problem = CameraProblem(camera); !problem.empty()) return label + ": " + problem;
-  const uint32_t camera_id = camera.camera_id;
-  if (!model_.cameras.emplace(camera_id, std::move(camera)).second) return label + " appears twice";
-  return "";
-}
-
-std::string ModelBuilder::Add(Rig rig) {
-  const std::string label = "rig " + std::to_string(rig.rig_id);
-  for (const Sensor& sensor : SensorsOf(rig)) {
-    if (sensor.type == SensorType::CAMERA && model_.cameras.count(sensor.sensor_id) == 0) {
-      return label + ": its camera " + std::to_string(sensor.sensor_id) + " is missing";
-    }
-  }
-  for (const RigSensor& other : rig.others) {
-    if (other.sensor_from_rig && !IsUsablePose(*other.sensor_from_rig)) {
-      return label + ": the pose of a sensor is not finite, or its quaternion is zero";
-    }
-  }
-  const uint32_t rig_id = rig.rig_id;
-  if (!model_.rigs.emplace(rig_id, std::move(rig)).second) return label + " appears twice";
-  return "";
-}
-
-std::string ModelBuilder::Add(ModelFrame frame) {
-  const std::string label = "frame " + std::to_string(frame.frame_id);
-  if (!IsUsablePose(frame.rig_from_world)) return label + ": the pose is not finite, or its quaternion is zero";
-  const auto rig = model_.rigs.find(frame.rig_id);
-  if (rig == model_.rigs.end()) return label + ": its rig " + std::to_string(frame.rig_id) + " is missing";
-  const std::vector<Sensor> sensors = SensorsOf(rig->second);
-  for (const FrameData& data : frame.data) {
-    if (data.sensor.type != SensorType::CAMERA) continue;
-    const std::string image = label + ": image " + std::to_string(data.data_id);
-    if (std::find(sensors.begin(), sensors.end(), data.sensor) == sensors.end()) {
-      return image + " is of camera " + std::to_string(data.sensor.sensor_id) + ", which is not of the frame's rig";
-    }
-    if (!camera_of_framed_image_.emplace(data.data_id, data.sensor.sensor_id).second) return image + " appears twice";
-  }
-  const uint32_t frame_id = frame.frame_id;
-  if (!model_.frames.emplace(frame_id, std::move(frame)).second) return label + " appears twice";
-  return "";
-}
-
-std::string ModelBuilder::Add(ModelImage image) {
-  const std::string label = "image " + std::to_string(image.image_id) + " ('" + image.name + "')";
-  if (image.name.empty()) return label + " has no name";
-  if (!IsUsablePose(image.cam_from_world)) return label + ": the pose is not finite, or its quaternion is zero";
-  if (model_.cameras.count(image.camera_id) == 0) {
-    return label + ": its camera " + std::to_string(image.camera_id) + " is missing";
-  }
-  const auto framed = camera_of_framed_image_.find(image.image_id);
-  if (!(model_.rigs.empty() && model_.frames.empty()) &&
-      (framed == camera_of_framed_image_.end() || framed->second != image.camera_id)) {
-    return label + " is in no frame with its camera " + std::to_string(image.camera_id) +
-           ": the files of rigs and frames beside it are of another model; without them it can be read";
-  }
-  if (!image_ids_.insert(image.image_id).second) return label + ": its id appears twice";
-  if (!names_.insert(image.name).second) return label + ": its name appears twice";
-  model_.images.push_back(std::move(image));
-  return "";
-}
-
-Model ModelBuilder::Take() {
-  std::sort(model_.images.begin(), model_.images.end(),
-            [](const ModelImage& a, const ModelImage& b) { return a.name < b.name; });
-  return std::move(model_);
-}
 
 Model ReadModel(const std::filesystem::path& path) {
   const auto has = [&](const char* cameras, const char* images) {
     return IsTaken(path / cameras) && IsTaken(path / images);
   };
-  ModelBuilder builder;
   const bool is_binary = has("cameras.bin", "images.bin");
-  if (is_binary) {
-    ReadBinaryModel(path, &builder);
-  } else if (has("cameras.txt", "images.txt")) {
-    ReadTextModel(path, &builder);
-  } else {
+  if (!is_binary && !has("cameras.txt", "images.txt")) {
     throw InputError(path.string() +
                      ": holds no COLMAP model: neither cameras.bin and images.bin nor cameras.txt and images.txt");
   }
-  Model model = builder.Take();
-  if (model.images.empty()) {
-    throw InputError((path / (is_binary ? "images.bin" : "images.txt")).string() + ": contains no posed image");
-  }
+  Model model = is_binary ? ReadFiles<BinaryFile>(path, ".bin") : ReadFiles<TextFile>(path, ".txt");
   model.geographic_origin = ReadGeoFile(path / kGeoFile);
   return model;
+}
+
+Camera ParseCamera(int model_id, std::string_view rest, const TextFile& file) {
+  Camera camera;
+  camera.model_id = model_id;
+  camera.width = file.ParseNumber<uint64_t>(NextWord(&rest));
+  camera.height = file.ParseNumber<uint64_t>(NextWord(&rest));
+  for (std::string_view word = NextWord(&rest); !word.empty(); word = NextWord(&rest)) {
+    camera.params.push_back(file.ParseNumber<double>(word));
+  }
+  return camera;
 }
 
 }  // namespace lazyloc

@@ -1,10 +1,13 @@
 #pragma once
 
 #include <filesystem>
+#include <string_view>
 
 #include "colmap_lazyloc/scene/model.h"
 
 namespace lazyloc {
+
+class TextFile;
 
 // Reads the cameras and images of a COLMAP model folder (cameras.bin and images.bin, else the .txt files, as in
 // COLMAP), its rigs and frames if it has any, and its origin on Earth (formats/geo_file.h) if it has one. Skips image
@@ -12,5 +15,8 @@ namespace lazyloc {
 // this format, and for a camera model that the linked COLMAP does not know, impossible parameters, a pose with NaN or a
 // zero quaternion, duplicate names or ids, an image whose camera is missing, and a model without a posed image.
 Model ReadModel(const std::filesystem::path& path);
+
+// Parses the rest of a line, `width height params...`, for a camera of a model.
+Camera ParseCamera(int model_id, std::string_view rest, const TextFile& file);
 
 }  // namespace lazyloc

@@ -12,8 +12,6 @@
 namespace lazyloc {
 namespace {
 
-void IgnoreWarning(png_structp, png_const_charp) {}
-
 // Keeps the message of an error and returns to where the reader was started, because libpng is C.
 [[noreturn]] void KeepError(png_structp png, png_const_charp message) {
   *static_cast<std::string*>(png_get_error_ptr(png)) = message;
@@ -22,7 +20,8 @@ void IgnoreWarning(png_structp, png_const_charp) {}
 
 // The objects of libpng, which a jump must not skip the destructor of.
 struct Reader {
-  Reader() : png(png_create_read_struct(PNG_LIBPNG_VER_STRING, &error, KeepError, IgnoreWarning)) {
+  Reader()
+      : png(png_create_read_struct(PNG_LIBPNG_VER_STRING, &error, KeepError, [](png_structp, png_const_charp) {})) {
     if (png != nullptr) info = png_create_info_struct(png);
   }
   ~Reader() { png_destroy_read_struct(&png, &info, nullptr); }

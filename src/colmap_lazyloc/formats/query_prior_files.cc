@@ -54,25 +54,25 @@ Line ParseLine(const TextFile& file, const std::vector<size_t>& num_numbers, con
   throw file.Error("'" + (name.empty() ? first : name) + "' is not the name of a query; expected " + form);
 }
 
-// Calls read(entry, line) for each line of a file.
-template <typename Read>
+// Reads the priors of one kind from the lines of a file, if there is one.
+template <typename Prior, typename Make>
 void ReadPriorFile(const std::string& path, const std::vector<size_t>& num_numbers, const char* form,
-                   const std::function<bool(const std::string&)>& is_query, const Read& read) {
+                   const std::function<bool(const std::string&)>& is_query, std::optional<Prior> QueryPrior::*kind,
+                   const Make& make, std::map<std::string, QueryPrior>* priors) {
   if (path.empty()) return;
   TextFile file(path);
-  bool is_empty = true;
-  while (file.NextEntry()) {
-    is_empty = false;
+  if (!file.NextEntry()) throw InputError(path + ": contains no query");
+  do {
     const Line line = ParseLine(file, num_numbers, form, is_query);
-    bool is_new = false;
+    std::optional<Prior>& prior = (*priors)[line.name].*kind;
+    const bool is_new = !prior;
     try {
-      is_new = read(line);
+      prior = make(line.numbers);
     } catch (const InputError& error) {
       throw file.Error(error.what());
     }
     if (!is_new) throw file.Error("query '" + line.name + "' is listed twice");
-  }
-  if (is_empty) throw InputError(path + ": contains no query");
+  } while (file.NextEntry());
 }
 
 void CheckFinite(const std::vector<double>& numbers) {
@@ -144,18 +144,12 @@ std::map<std::string, QueryPrior> ReadQueryPriors(const QueryPriorOptions& optio
   std::map<std::string, QueryPrior> priors;
   ReadPriorFile(options.position_path, {4, 6, 9},
                 "`name x y z` and one or three standard deviations, or six numbers of a covariance", is_query,
-                [&](const Line& line) {
-                  std::optional<PositionPrior>& position = priors[line.name].position;
-                  const bool is_new = !position;
-                  position = MakePositionPrior(line.numbers);
-                  return is_new;
-                });
-  ReadPriorFile(options.gravity_path, {4}, "`name gx gy gz stddev_deg`", is_query, [&](const Line& line) {
-    std::optional<GravityPrior>& gravity = priors[line.name].gravity;
-    const bool is_new = !gravity;
-    gravity = MakeGravityPrior(line.numbers, options.world_up);
-    return is_new;
-  });
+                &QueryPrior::position, MakePositionPrior, &priors);
+  const auto make_gravity = [&](const std::vector<double>& numbers) {
+    return MakeGravityPrior(numbers, options.world_up);
+  };
+  ReadPriorFile(options.gravity_path, {4}, "`name gx gy gz stddev_deg`", is_query, &QueryPrior::gravity, make_gravity,
+                &priors);
   return priors;
 }
 

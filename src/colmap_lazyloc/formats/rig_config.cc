@@ -13,18 +13,16 @@ namespace {
 using Json = nlohmann::json;
 
 Rigid3d ReadSensorPose(const Json& camera, const std::string& label) {
-  if (camera.contains("cam_from_rig_rotation") && camera.contains("cam_from_rig_translation")) {
-    const auto q = camera["cam_from_rig_rotation"].get<std::vector<double>>();
-    const auto t = camera["cam_from_rig_translation"].get<std::vector<double>>();
-    if (q.size() != 4) throw InputError(label + ": cam_from_rig_rotation must be four numbers (w, x, y, z)");
-    if (t.size() != 3) throw InputError(label + ": cam_from_rig_translation must be three numbers");
-    const Eigen::Quaterniond rotation(q[0], q[1], q[2], q[3]);
-    if (!IsUnitQuaternion(rotation)) {
-      throw InputError(label + ": cam_from_rig_rotation is not a unit quaternion");
-    }
-    return {rotation.normalized(), {t[0], t[1], t[2]}};
+  if (!camera.contains("cam_from_rig_rotation") || !camera.contains("cam_from_rig_translation")) {
+    throw InputError(label + ": has no pose in the rig (cam_from_rig_rotation and cam_from_rig_translation)");
   }
-  throw InputError(label + ": has no pose in the rig (cam_from_rig_rotation and cam_from_rig_translation)");
+  const auto q = camera["cam_from_rig_rotation"].get<std::vector<double>>();
+  const auto t = camera["cam_from_rig_translation"].get<std::vector<double>>();
+  if (q.size() != 4) throw InputError(label + ": cam_from_rig_rotation must be four numbers (w, x, y, z)");
+  if (t.size() != 3) throw InputError(label + ": cam_from_rig_translation must be three numbers");
+  const Eigen::Quaterniond rotation(q[0], q[1], q[2], q[3]);
+  if (!IsUnitQuaternion(rotation)) throw InputError(label + ": cam_from_rig_rotation is not a unit quaternion");
+  return {rotation.normalized(), {t[0], t[1], t[2]}};
 }
 
 RigCameras ReadRig(const Json& rig, const std::string& label) {

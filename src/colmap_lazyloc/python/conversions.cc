@@ -3,7 +3,7 @@
 #include <memory>
 
 #include "colmap_lazyloc/bridge/camera_models.h"
-#include "colmap_lazyloc/formats/model_formats.h"
+#include "colmap_lazyloc/formats/model_builder.h"
 #include "colmap_lazyloc/math/so3.h"
 #include "colmap_lazyloc/results/result_text.h"
 #include "colmap_lazyloc/scene/errors.h"
@@ -23,14 +23,14 @@ Array ToNumpy(std::vector<Value> values, std::initializer_list<size_t> shape) {
   return Array(data, shape, owner);
 }
 
-OutputRows ToRows(const std::vector<Eigen::Vector2d>& points) {
+OutputRows PointsToNumpy(const std::vector<Eigen::Vector2d>& points) {
   std::vector<double> values;
   for (const Eigen::Vector2d& point : points) values.insert(values.end(), point.begin(), point.end());
   return ToNumpy<OutputRows>(std::move(values), {points.size(), 2});
 }
 
-OutputAnswer ToOutput(const Answer& answer) {
-  const std::vector<PointResult>& points = answer.record.result.points;
+OutputAnswer ToOutput(const QueryRecord& record) {
+  const std::vector<PointResult>& points = record.result.points;
   std::vector<double> positions;
   std::vector<int32_t> indices, observations;
   for (const PointResult& point : points) {
@@ -42,9 +42,9 @@ OutputAnswer ToOutput(const Answer& answer) {
     }
   }
   const size_t num_observations = observations.size() / 3;
-  return {Text{answer.record.result.query_name},
-          ResultLine(answer.record),
-          ToRows(answer.keypoints),
+  return {record.result.query_name,
+          ResultLine(record),
+          PointsToNumpy(record.keypoints),
           ToNumpy<OutputRows>(std::move(positions), {points.size(), 3}),
           ToNumpy<OutputIndices>(std::move(indices), {points.size()}),
           ToNumpy<OutputIndexRows>(std::move(observations), {num_observations, 3})};
@@ -58,18 +58,6 @@ Rigid3d ToPose(const double* v) { return {{v[0], v[1], v[2], v[3]}, {v[4], v[5],
 
 }  // namespace
 
-std::vector<Eigen::Vector2d> ToPoints(const InputPoints& points) {
-  std::vector<Eigen::Vector2d> result(points.shape(0));
-  for (size_t i = 0; i < result.size(); ++i) result[i] = {points(i, 0), points(i, 1)};
-  return result;
-}
-
-Matches ToMatches(const InputMatches& matches) {
-  Matches result(matches.shape(0));
-  for (size_t i = 0; i < result.size(); ++i) result[i] = {matches(i, 0), matches(i, 1)};
-  return result;
-}
-
 std::vector<Rigid3d> ToPoses(const InputPoses& poses) {
   std::vector<Rigid3d> result;
   for (size_t i = 0; i < poses.shape(0); ++i) {
@@ -82,20 +70,15 @@ std::vector<Rigid3d> ToPoses(const InputPoses& poses) {
   return result;
 }
 
-PhotoFile ToPhotoFile(const InputPixels& pixels) {
-  return PhotoFile::FromPixels(pixels.data(), static_cast<int>(pixels.shape(1)), static_cast<int>(pixels.shape(0)),
-                               static_cast<int>(pixels.shape(2)));
-}
-
-Camera MakeCamera(const Text& model, uint64_t width, uint64_t height, const std::vector<double>& params) {
-  const std::optional<int> model_id = CameraModelId(model.bytes);
-  if (!model_id) throw InputError("unknown camera model '" + model.bytes + "'");
+Camera MakeCamera(const std::string& model, uint64_t width, uint64_t height, const std::vector<double>& params) {
+  const std::optional<int> model_id = CameraModelId(model);
+  if (!model_id) throw InputError("unknown camera model '" + model + "'");
   Camera camera = {0, *model_id, width, height, params, /*has_prior_focal_length=*/true};
   if (const std::string problem = CameraProblem(camera); !problem.empty()) throw InputError("camera: " + problem);
   return camera;
 }
 
-Model MakeModel(const std::vector<Camera>& cameras, const std::vector<Text>& names, const InputPoses& poses,
+Model MakeModel(const std::vector<Camera>& cameras, const std::vector<std::string>& names, const InputPoses& poses,
                 const std::vector<size_t>& camera_of_image) {
   LAZYLOC_CHECK(names.size() == poses.shape(0) && names.size() == camera_of_image.size());
   ModelBuilder builder;
@@ -106,16 +89,16 @@ Model MakeModel(const std::vector<Camera>& cameras, const std::vector<Text>& nam
   }
   for (size_t i = 0; i < names.size(); ++i) {
     const auto camera_id = static_cast<uint32_t>(camera_of_image[i]) + 1;
-    ThrowIf(builder.Add(ModelImage{static_cast<uint32_t>(i) + 1, camera_id, names[i].bytes, ToPose(&poses(i, 0))}));
+    ThrowIf(builder.Add(ModelImage{static_cast<uint32_t>(i) + 1, camera_id, names[i], ToPose(&poses(i, 0))}));
   }
   Model model = builder.Take();
   if (model.images.empty()) throw InputError("model: contains no posed image");
   return model;
 }
 
-std::vector<OutputAnswer> ToOutput(const std::vector<Answer>& answers) {
+std::vector<OutputAnswer> ToOutput(const std::vector<QueryRecord>& records) {
   std::vector<OutputAnswer> outputs;
-  for (const Answer& answer : answers) outputs.push_back(ToOutput(answer));
+  for (const QueryRecord& record : records) outputs.push_back(ToOutput(record));
   return outputs;
 }
 

@@ -11,11 +11,8 @@
 #include <nanobind/nanobind.h>
 #include <nanobind/ndarray.h>
 
-#include "colmap_lazyloc/bridge/feature_extraction.h"
 #include "colmap_lazyloc/python/localizer.h"
-#include "colmap_lazyloc/python/text.h"
 #include "colmap_lazyloc/scene/camera.h"
-#include "colmap_lazyloc/scene/match.h"
 #include "colmap_lazyloc/scene/model.h"
 
 // Conversions between C++ and what crosses the border to Python: numpy arrays, numbers and strings. The Python package
@@ -34,23 +31,27 @@ using OutputRows = nanobind::ndarray<nanobind::numpy, double, nanobind::ndim<2>>
 using OutputIndices = nanobind::ndarray<nanobind::numpy, int32_t, nanobind::ndim<1>>;
 using OutputIndexRows = nanobind::ndarray<nanobind::numpy, int32_t, nanobind::ndim<2>>;
 
-std::vector<Eigen::Vector2d> ToPoints(const InputPoints& points);
-Matches ToMatches(const InputMatches& matches);
+// Returns rows of two numbers: points or matches.
+template <typename Row, typename Rows>
+std::vector<Row> ToRows(const Rows& rows) {
+  std::vector<Row> result(rows.shape(0));
+  for (size_t i = 0; i < result.size(); ++i) result[i] = {rows(i, 0), rows(i, 1)};
+  return result;
+}
 // Throws InputError if a pose is not finite or its quaternion is not of unit length.
 std::vector<Rigid3d> ToPoses(const InputPoses& poses);
-PhotoFile ToPhotoFile(const InputPixels& pixels);
 
 // Throws InputError if the camera cannot be used.
-Camera MakeCamera(const Text& model, uint64_t width, uint64_t height, const std::vector<double>& params);
+Camera MakeCamera(const std::string& model, uint64_t width, uint64_t height, const std::vector<double>& params);
 // Makes a model without points. camera_of_image: index into `cameras`. Throws InputError for data that a model cannot
 // have.
-Model MakeModel(const std::vector<Camera>& cameras, const std::vector<Text>& names, const InputPoses& poses,
+Model MakeModel(const std::vector<Camera>& cameras, const std::vector<std::string>& names, const InputPoses& poses,
                 const std::vector<size_t>& camera_of_image);
 
 // The query's name; its line of results.jsonl; its keypoints, n x 2; the points that it observes, m x 3, and the
 // keypoint of each; their observations in database images, k x 3: index of the point, index into `pairs` of the line,
 // keypoint of the database image.
-using OutputAnswer = std::tuple<Text, std::string, OutputRows, OutputRows, OutputIndices, OutputIndexRows>;
-std::vector<OutputAnswer> ToOutput(const std::vector<Answer>& answers);
+using OutputAnswer = std::tuple<std::string, std::string, OutputRows, OutputRows, OutputIndices, OutputIndexRows>;
+std::vector<OutputAnswer> ToOutput(const std::vector<QueryRecord>& records);
 
 }  // namespace lazyloc

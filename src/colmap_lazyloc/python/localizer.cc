@@ -37,20 +37,6 @@ bool HasOnlyMatches(const GroupInput& input) {
   return true;
 }
 
-std::optional<LocalizationProblem> CopyProblem(const QueryInput& query, QueryRecord*) {
-  return std::get<LocalizationProblem>(query);
-}
-
-std::vector<Answer> ToAnswers(LoadedGroup loaded, std::vector<LocalizationResult> results) {
-  std::vector<std::vector<Eigen::Vector2d>> keypoints;
-  for (const QueryRecord& failure : loaded.failures) keypoints.push_back(failure.keypoints);
-  for (const QueryImage& image : loaded.group.images) keypoints.push_back(image.problem.query_keypoints);
-  std::vector<QueryRecord> records = FinishRecords(std::move(loaded), std::move(results));
-  std::vector<Answer> answers;
-  for (size_t i = 0; i < records.size(); ++i) answers.push_back({std::move(records[i]), std::move(keypoints[i])});
-  return answers;
-}
-
 }  // namespace
 
 // A call of a thread: counts the thread as busy and lends it a session.
@@ -100,7 +86,7 @@ Localizer::Localizer(const CommandOptions& options, std::optional<Model> model)
     frames_ = DatabaseFramePlaces(model_, nullptr, options_.source.selection.groups);
     return;
   }
-  source_ = MakeQuerySource(options_, std::move(read));
+  source_.reset(new QuerySource(MakeQuerySource(options_, std::move(read))));
 }
 
 std::vector<std::string> Localizer::Warnings() const {
@@ -173,12 +159,6 @@ LocalizationProblem Localizer::MakeProblem(const std::string& name, const Camera
   return problem;
 }
 
-LocalizerOptions Localizer::OptionsWith(int max_num_pairs) const {
-  LocalizerOptions options = options_.localizer;
-  options.max_num_pairs = max_num_pairs;
-  return options;
-}
-
 QueryPrior Localizer::MakePrior(const std::vector<double>& position, const std::vector<double>& gravity) const {
   QueryPrior prior;
   if (!position.empty()) prior.position = MakePositionPrior(position);
@@ -186,31 +166,37 @@ QueryPrior Localizer::MakePrior(const std::vector<double>& position, const std::
   return prior;
 }
 
-std::vector<Answer> Localizer::Localize(size_t group, const std::map<std::string, QueryPrior>& priors) {
+std::vector<QueryRecord> Localizer::Localize(size_t group, const std::string& name, const QueryPrior& prior) {
   GroupInput input = source_->Group(group);
   for (GroupInput::Frame& frame : input.frames) {
     for (GroupInput::Image& image : frame.images) {
-      const auto given = priors.find(std::get<std::string>(image.query));
-      if (given != priors.end()) image.prior = given->second;
+      if (std::get<std::string>(image.query) == name) image.prior = prior;
     }
   }
   return Localize(input);
 }
 
-std::vector<Answer> Localizer::Localize(const GroupInput& input) {
+std::vector<QueryRecord> Localizer::Localize(const GroupInput& input) {
   Call call(this);
   LoadedGroup loaded;
   std::vector<LocalizationResult> results;
+  LocalizerOptions options = options_.localizer;
   if (HasOnlyMatches(input)) {
-    loaded = LoadEach(input, CopyProblem);
+    loaded =
+        LoadEach(input, [](const QueryInput& query, QueryRecord*) { return std::get<LocalizationProblem>(query); });
     if (source_) source_->AddDatabasePairsAndDepths(call.Session(), &loaded);
     // Uses all pairs that a user gives, as colmap lazy_localizer does with a file of pairs.
-    results = LocalizeLoaded(loaded, OptionsWith(/*max_num_pairs=*/0));
+    options.max_num_pairs = 0;
+    results = LocalizeLoaded(loaded, options);
   } else {
     if (!source_) throw InputError("only queries with matches of their own can do without a database");
-    results = LoadAndLocalize(*source_, input, OptionsWith(source_->MaxNumPairs()), call.Session(), &loaded);
+    options.max_num_pairs = source_->MaxNumPairs();
+    results = LoadAndLocalize(*source_, input, options, call.Session(), &loaded);
   }
-  return ToAnswers(std::move(loaded), std::move(results));
+  for (size_t i = 0; i < results.size(); ++i) {
+    loaded.records[i].keypoints = std::move(loaded.group.images[i].problem.query_keypoints);
+  }
+  return FinishRecords(std::move(loaded), std::move(results));
 }
 
 }  // namespace lazyloc

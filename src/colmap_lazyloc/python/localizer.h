@@ -2,7 +2,6 @@
 
 #include <sys/types.h>
 
-#include <map>
 #include <memory>
 #include <mutex>
 #include <optional>
@@ -15,12 +14,6 @@
 #include "colmap_lazyloc/math/parallel_for.h"
 
 namespace lazyloc {
-
-// What the Python package gets for a query.
-struct Answer {
-  QueryRecord record;
-  std::vector<Eigen::Vector2d> keypoints;  // of the query, xy in pixels
-};
 
 // Matches with a database image, as a user gives them.
 struct GivenPair {
@@ -52,15 +45,14 @@ class Localizer {
   // Makes a prior of numbers as in the lines of the files (query_prior_files.h); none of empty ones. Throws InputError
   // for impossible numbers.
   QueryPrior MakePrior(const std::vector<double>& position, const std::vector<double>& gravity) const;
-  // Localize one group and return an answer per query. Throw InputError for a damaged file. priors: by query; they
-  // replace those in files.
-  std::vector<Answer> Localize(size_t group, const std::map<std::string, QueryPrior>& priors);
-  std::vector<Answer> Localize(const GroupInput& input);
+  // Localize one group and return a record per query, with the keypoints of each. Throw InputError for a damaged file.
+  // prior: of the query of this name, in place of the one in files.
+  std::vector<QueryRecord> Localize(size_t group, const std::string& name, const QueryPrior& prior);
+  std::vector<QueryRecord> Localize(const GroupInput& input);
 
  private:
   class Call;
 
-  LocalizerOptions OptionsWith(int max_num_pairs) const;
   const Model& DatabaseModel() const { return source_ ? source_->DatabaseModel() : model_; }
   const FramePlaces& DatabaseFrames() const { return source_ ? source_->Selection().DatabaseFrames() : frames_; }
   std::vector<Eigen::Vector2d> StoredKeypoints(const std::string& database_name);

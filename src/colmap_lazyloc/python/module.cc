@@ -2,14 +2,15 @@
 #include <nanobind/nanobind.h>
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/pair.h>
-#include <nanobind/stl/string.h>
 #include <nanobind/stl/tuple.h>
 #include <nanobind/stl/vector.h>
 
 #include "colmap_lazyloc/bridge/colmap_program.h"
+#include "colmap_lazyloc/bridge/feature_extraction.h"
 #include "colmap_lazyloc/cli/commands.h"
 #include "colmap_lazyloc/python/conversions.h"
 #include "colmap_lazyloc/python/localizer.h"
+#include "colmap_lazyloc/python/text.h"
 #include "colmap_lazyloc/scene/errors.h"
 #include "colmap_lazyloc/scene/format.h"
 
@@ -19,20 +20,13 @@ using nb::literals::operator""_a;
 namespace lazyloc {
 namespace {
 
-using Settings = std::vector<std::pair<Text, Text>>;
-using PairInput = std::tuple<Text, std::optional<InputPoints>, InputMatches>;
+using PairInput = std::tuple<std::string, std::optional<InputPoints>, InputMatches>;
 
 // A query of any kind, which Python only hands on.
 struct Query {
   QueryInput input;
   QueryPrior prior = {};
 };
-
-std::vector<Text> ToTexts(const std::vector<std::string>& strings) {
-  std::vector<Text> texts;
-  for (const std::string& bytes : strings) texts.push_back({bytes});
-  return texts;
-}
 
 // Raises errors in the input as the package's InputError.
 void TranslateInputError(const std::exception_ptr& error, void*) {
@@ -44,33 +38,32 @@ void TranslateInputError(const std::exception_ptr& error, void*) {
   }
 }
 
-Localizer* MakeLocalizer(const Settings& settings, const std::optional<Model>& model) {
+Localizer* MakeLocalizer(const OptionTexts& settings, const std::optional<Model>& model) {
   const nb::gil_scoped_release release;
-  std::vector<std::pair<std::string, std::string>> texts;
-  for (const auto& [name, value] : settings) texts.emplace_back(name.bytes, value.bytes);
   CommandOptions options;
-  ParseSettings(texts, &options);
+  ParseSettings(settings, &options);
   return new Localizer(options, model);
 }
 
-Query MakeMatchesQuery(Localizer& localizer, const Text& name, const Camera& camera, const InputPoints& keypoints,
-                       const std::vector<PairInput>& pairs) {
+Query MakeMatchesQuery(Localizer& localizer, const std::string& name, const Camera& camera,
+                       const InputPoints& keypoints, const std::vector<PairInput>& pairs) {
   std::vector<GivenPair> given;
   for (const auto& [database_name, database_keypoints, matches] : pairs) {
-    GivenPair pair = {database_name.bytes, std::nullopt, ToMatches(matches)};
-    if (database_keypoints) pair.keypoints = ToPoints(*database_keypoints);
+    GivenPair pair = {database_name, std::nullopt, ToRows<Match>(matches)};
+    if (database_keypoints) pair.keypoints = ToRows<Eigen::Vector2d>(*database_keypoints);
     given.push_back(std::move(pair));
   }
-  return {localizer.MakeProblem(name.bytes, camera, ToPoints(keypoints), given)};
+  return {localizer.MakeProblem(name, camera, ToRows<Eigen::Vector2d>(keypoints), given)};
 }
 
-Query MakePhotoQuery(const Text& name, const Text& path, const std::optional<InputPixels>& pixels,
+Query MakePhotoQuery(const std::string& name, const std::string& path, const std::optional<InputPixels>& pixels,
                      const std::optional<Camera>& camera) {
   PhotoQuery photo;
-  photo.name = name.bytes;
-  photo.path = path.bytes;
+  photo.name = name;
+  photo.path = path;
   photo.camera = camera;
-  if (pixels) photo.file = ToPhotoFile(*pixels);
+  const auto size = [&](size_t axis) { return static_cast<int>(pixels->shape(axis)); };
+  if (pixels) photo.file = PhotoFile::FromPixels(pixels->data(), size(1), size(0), size(2));
   return {photo};
 }
 
@@ -81,58 +74,45 @@ Query WithPrior(const Localizer& localizer, Query query, const std::vector<doubl
   return query;
 }
 
-// Warns of depth maps that could not be used, once of each.
-void WarnOfDepthMaps(Localizer* localizer) {
-  for (const std::string& problem : localizer->TakeDepthProblems()) {
+// Localizes queries, and warns of depth maps that could not be used, once of each.
+template <typename... Arguments>
+std::vector<OutputAnswer> Localize(Localizer& localizer, const Arguments&... arguments) {
+  std::vector<QueryRecord> records;
+  {
+    const nb::gil_scoped_release release;
+    records = localizer.Localize(arguments...);
+  }
+  for (const std::string& problem : localizer.TakeDepthProblems()) {
     if (PyErr_WarnEx(PyExc_UserWarning, AsOneLine(problem).c_str(), 1) != 0) throw nb::python_error();
   }
+  return ToOutput(records);
 }
 
 // Localizes a group. name, position, gravity: a query of it and its prior.
-std::vector<OutputAnswer> LocalizeStoredGroup(Localizer& localizer, size_t group, const Text& name,
+std::vector<OutputAnswer> LocalizeStoredGroup(Localizer& localizer, size_t group, const std::string& name,
                                               const std::vector<double>& position, const std::vector<double>& gravity) {
-  std::vector<Answer> answers;
-  {
-    const nb::gil_scoped_release release;
-    answers = localizer.Localize(group, {{name.bytes, localizer.MakePrior(position, gravity)}});
-  }
-  WarnOfDepthMaps(&localizer);
-  return ToOutput(answers);
+  return Localize(localizer, group, name, localizer.MakePrior(position, gravity));
 }
 
 // Localizes queries as one frame. poses: cam_from_rig of each.
 std::vector<OutputAnswer> LocalizeFrame(Localizer& localizer, const std::vector<Query>& queries,
-                                        const InputPoses& poses, const Text& frame_name, bool has_scale) {
+                                        const InputPoses& poses, const std::string& frame_name, bool has_scale) {
   LAZYLOC_CHECK(queries.size() == poses.shape(0));
   GroupInput input;
   input.has_rig_scale = has_scale;
-  input.frames.push_back({frame_name.bytes, {}});
+  input.frames.push_back({frame_name, {}});
   const std::vector<Rigid3d> cams_from_rig = ToPoses(poses);
   for (size_t i = 0; i < queries.size(); ++i) {
     input.frames[0].images.push_back({queries[i].input, cams_from_rig[i], queries[i].prior});
   }
-  std::vector<Answer> answers;
-  {
-    const nb::gil_scoped_release release;
-    answers = localizer.Localize(input);
-  }
-  WarnOfDepthMaps(&localizer);
-  return ToOutput(answers);
-}
-
-std::vector<std::tuple<std::string, std::string, std::string>> ListOfSettings() {
-  std::vector<std::tuple<std::string, std::string, std::string>> settings;
-  for (const OptionDescription& option : ListSettings()) {
-    settings.emplace_back(option.name, option.default_text, option.help);
-  }
-  return settings;
+  return Localize(localizer, input);
 }
 
 // Runs a command of the program; arguments[0] is its name. Returns its exit code.
-int RunAsCommand(int (*run)(int, char**), std::vector<Text> arguments) {
+int RunAsCommand(int (*run)(int, char**), std::vector<std::string> arguments) {
   const nb::gil_scoped_release release;
   std::vector<char*> argv;
-  for (Text& argument : arguments) argv.push_back(argument.bytes.data());
+  for (std::string& argument : arguments) argv.push_back(argument.data());
   return run(static_cast<int>(argv.size()), argv.data());
 }
 
@@ -146,32 +126,25 @@ NB_MODULE(_core, module) {
   nb::class_<Model>(module, "Model").def(nb::new_(&MakeModel), "cameras"_a, "names"_a, "poses"_a, "camera_of_image"_a);
   nb::class_<Query>(module, "Query");
   module.def(
-      "named", [](const Text& name) { return Query{name.bytes}; }, "name"_a);
+      "named", [](const std::string& name) { return Query{name}; }, "name"_a);
   module.def("photo", &MakePhotoQuery, "name"_a, "path"_a, "pixels"_a.none(), "camera"_a.none());
   nb::class_<Localizer>(module, "Localizer")
       .def(nb::new_(&MakeLocalizer), "settings"_a, "model"_a.none())
-      .def("warnings", [](const Localizer& localizer) { return ToTexts(localizer.Warnings()); })
-      .def("groups",
-           [](const Localizer& localizer) {
-             std::vector<std::vector<Text>> groups;
-             for (const auto& names : localizer.Groups()) groups.push_back(ToTexts(names));
-             return groups;
-           })
-      .def(
-          "find_group", [](const Localizer& localizer, const Text& name) { return localizer.FindGroup(name.bytes); },
-          "query_name"_a)
+      .def("warnings", &Localizer::Warnings)
+      .def("groups", &Localizer::Groups)
+      .def("find_group", &Localizer::FindGroup, "query_name"_a)
       .def("matches", &MakeMatchesQuery, "name"_a, "camera"_a, "keypoints"_a, "pairs"_a)
       .def("with_prior", &WithPrior, "query"_a, "position"_a, "gravity"_a)
       .def("localize_group", &LocalizeStoredGroup, "group"_a, "name"_a, "position"_a, "gravity"_a)
       .def("localize_frame", &LocalizeFrame, "queries"_a, "poses"_a, "frame_name"_a, "has_scale"_a);
-  module.def("settings", &ListOfSettings);
-  module.def(
-      "run_lazy_localizer", [](const std::vector<Text>& a) { return RunAsCommand(RunLazyLocalizer, a); },
-      "arguments"_a);
-  module.def(
-      "run_lazy_indexer", [](const std::vector<Text>& a) { return RunAsCommand(RunLazyIndexer, a); }, "arguments"_a);
-  module.def(
-      "run_lazy_merger", [](const std::vector<Text>& a) { return RunAsCommand(RunLazyMerger, a); }, "arguments"_a);
+  module.def("settings", &ListSettings);
+  const auto add_command = [&](const char* name, int (*run)(int, char**)) {
+    module.def(
+        name, [run](const std::vector<std::string>& arguments) { return RunAsCommand(run, arguments); }, "arguments"_a);
+  };
+  add_command("run_lazy_localizer", RunLazyLocalizer);
+  add_command("run_lazy_indexer", RunLazyIndexer);
+  add_command("run_lazy_merger", RunLazyMerger);
 }
 
 }  // namespace lazyloc

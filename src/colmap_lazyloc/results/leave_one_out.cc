@@ -40,19 +40,14 @@ double SceneSize(const Model& model, const QueryRecords& records) {
   return box.isEmpty() ? 0 : box.diagonal().norm();
 }
 
-// Returns the length of an error of the position in standard deviations of its covariance.
-double ErrorSigma(const LocalizationResult& result, const Eigen::Vector3d& error) {
-  const Eigen::Matrix3d covariance =
-      MakePoseDistribution(result.cam_from_world, result.covariance).PositionCovariance();
-  return std::sqrt(std::max(0.0, error.dot(covariance.ldlt().solve(error))));
-}
-
 CheckedPose CheckPose(const LocalizationResult& result, const Rigid3d& true_pose, double scene_size) {
   CheckedPose checked{result.query_name, result.status == QueryStatus::LOCALIZED, *result.confidence};
   const Eigen::Vector3d error = CamInWorld(result.cam_from_world) - CamInWorld(true_pose);
   checked.position_error = error.norm();
   checked.rotation_error_deg = RadToDeg(AngularDistanceRad(result.cam_from_world.rotation, true_pose.rotation));
-  checked.position_error_sigma = ErrorSigma(result, error);
+  const Eigen::Matrix3d covariance =
+      MakePoseDistribution(result.cam_from_world, result.covariance).PositionCovariance();
+  checked.position_error_sigma = std::sqrt(std::max(0.0, error.dot(covariance.ldlt().solve(error))));
   checked.is_wrong =
       checked.position_error_sigma > kMaxRightErrorSigma && checked.position_error > kMaxRightErrorRatio * scene_size;
   return checked;
@@ -88,21 +83,19 @@ std::optional<double> Auroc(const std::vector<CheckedPose>& poses) {
   return num_pairs == 0 ? std::nullopt : std::make_optional(num_ordered_pairs / num_pairs);
 }
 
-// Returns the median over the accepted poses; nullopt without any.
-std::optional<double> MedianOfAccepted(const LeaveOneOutSummary& summary, double CheckedPose::*field) {
+// Returns the median over the accepted poses; NaN without any, which JSON writes as null.
+double MedianOfAccepted(const LeaveOneOutSummary& summary, double CheckedPose::*field) {
   std::vector<double> values;
   for (const CheckedPose& pose : summary.poses) {
     if (pose.is_accepted) values.push_back(pose.*field);
   }
-  return values.empty() ? std::nullopt : std::make_optional(Median(std::move(values)));
+  return values.empty() ? NAN : Median(std::move(values));
 }
 
 size_t NumAccepted(const LeaveOneOutSummary& summary, bool only_wrong) {
   return std::count_if(summary.poses.begin(), summary.poses.end(),
                        [&](const CheckedPose& pose) { return pose.is_accepted && (pose.is_wrong || !only_wrong); });
 }
-
-Json OrNull(const std::optional<double>& value) { return value ? Json(*value) : Json(); }
 
 }  // namespace
 
@@ -130,12 +123,12 @@ void WriteLeaveOneOut(const std::filesystem::path& path, const LeaveOneOutSummar
   json["num_queries"] = summary.num_queries;
   json["num_by_status"] = summary.num_by_status;
   json["scene_size"] = summary.scene_size;
-  json["median_position_error"] = OrNull(MedianOfAccepted(summary, &CheckedPose::position_error));
-  json["median_position_error_sigma"] = OrNull(MedianOfAccepted(summary, &CheckedPose::position_error_sigma));
-  json["median_rotation_error_deg"] = OrNull(MedianOfAccepted(summary, &CheckedPose::rotation_error_deg));
+  json["median_position_error"] = MedianOfAccepted(summary, &CheckedPose::position_error);
+  json["median_position_error_sigma"] = MedianOfAccepted(summary, &CheckedPose::position_error_sigma);
+  json["median_rotation_error_deg"] = MedianOfAccepted(summary, &CheckedPose::rotation_error_deg);
   json["num_accepted"] = NumAccepted(summary, false);
   json["num_accepted_and_wrong"] = NumAccepted(summary, true);
-  json["auroc"] = OrNull(summary.auroc);
+  json["auroc"] = summary.auroc.value_or(NAN);
   json["risk_coverage"] = Json::array();
   for (const RiskPoint& point : summary.risk_coverage) {
     json["risk_coverage"].push_back(
@@ -157,16 +150,15 @@ void WriteLeaveOneOut(const std::filesystem::path& path, const LeaveOneOutSummar
 }
 
 std::string FormatLeaveOneOut(const LeaveOneOutSummary& summary) {
-  const size_t num_accepted = NumAccepted(summary, false);
   std::string text = "\nDatabase images localized against the others\n";
   text += Format("  %-34s%10.3f (size of the scene: %.3g)\n", "median position error",
-                 MedianOfAccepted(summary, &CheckedPose::position_error).value_or(NAN), summary.scene_size);
-  text += Format("  %-34s%10.3f standard deviations\n", "",
-                 MedianOfAccepted(summary, &CheckedPose::position_error_sigma).value_or(NAN));
+                 MedianOfAccepted(summary, &CheckedPose::position_error), summary.scene_size);
+  text +=
+      Format("  %-34s%10.3f standard deviations\n", "", MedianOfAccepted(summary, &CheckedPose::position_error_sigma));
   text += Format("  %-34s%10.3f deg\n", "median rotation error",
-                 MedianOfAccepted(summary, &CheckedPose::rotation_error_deg).value_or(NAN));
+                 MedianOfAccepted(summary, &CheckedPose::rotation_error_deg));
   text += Format("  %-34s%6zu of %zu (off by more than %.0f standard deviations and %.1f %% of the scene)\n",
-                 "localized but wrong", NumAccepted(summary, true), num_accepted, kMaxRightErrorSigma,
+                 "localized but wrong", NumAccepted(summary, true), NumAccepted(summary, false), kMaxRightErrorSigma,
                  100 * kMaxRightErrorRatio);
   if (summary.auroc)
     text += Format("  %-34s%10.3f (1: each right pose has more confidence than each wrong one)\n",

@@ -43,11 +43,17 @@ struct MergedModel {
 // - A query's camera is one of the model with the same intrinsics, if possible of the same id; else it is added under
 //   its own id if that is free, or a new one. A camera that was refined for the query also gets a new id if other
 //   images of the database share it.
-// - Rigs and frames of the model stay, without images that are no longer in it (results/rig_merger.h); each query gets
-// a
-//   frame of its own.
+// - Rigs and frames of the model stay, without images that are no longer in it; each query gets
+//   a frame of its own.
 // database_images: sorted by name.
 MergedModel MergeModel(const Model& model, const QueryRecords& records,
                        const std::vector<DatabaseImage>& database_images);
+
+// Copies the model's rigs and frames, bit for bit, but without images that are not in `merged` (sorted by id) and
+// without frames that have no image left, because COLMAP 4 refuses frames whose images are missing.
+void KeepRigs(const Model& model, MergedModel* merged);
+// Gives an image a frame of its own in the rig of its camera, or in a new rig of this camera alone if no rig has a pose
+// for it. The new ids are the image's and the camera's if these are free.
+void AddFrameOfOneImage(const ModelImage& image, MergedModel* merged);
 
 }  // namespace lazyloc

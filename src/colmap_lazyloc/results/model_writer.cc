@@ -86,38 +86,29 @@ class ImageWriter {
   }
 
   void Add(const PointObservation& observation) {
-    if (!observations_.empty() && observations_.front().image_id != observation.image_id) WriteObservedImage();
+    while (next_image_->image_id != observation.image_id) WriteNextImage();
     observations_.push_back(observation);
   }
 
   void Close() {
-    if (!observations_.empty()) WriteObservedImage();
     while (next_image_ != merged_.images.end()) WriteNextImage();
     file_.Close();
   }
 
  private:
-  // Writes all images up to the one that has the observations.
-  void WriteObservedImage() {
-    const uint32_t image_id = observations_.front().image_id;
-    while (next_image_->image_id != image_id) WriteNextImage();
-    WriteNextImage();
-    observations_.clear();
-  }
-
   void WriteNextImage() {
     const MergedImage& image = *next_image_++;
-    const bool is_observed = !observations_.empty() && observations_.front().image_id == image.image_id;
     if (image.is_query) {
       const QueryRecord record = records_.Read(image.index, RecordParts::KEYPOINTS);
-      WriteImage(image.image_id, image.camera_id, record.result.query_name, record.result.cam_from_world);
-      const bool is_photo = !record.keypoints.empty();
-      WriteImagePoints(is_photo ? record.keypoints : ReadKeypoints(record.result.query_name), is_observed);
+      const std::string& name = record.result.query_name;
+      WriteImage(image, name, record.result.cam_from_world,
+                 record.keypoints.empty() ? ReadKeypoints(name) : record.keypoints);
     } else {
       const ModelImage& posed = model_.images[image.index];
-      WriteImage(image.image_id, image.camera_id, posed.name, posed.cam_from_world);
-      WriteImagePoints(is_observed ? ReadKeypoints(posed.name) : std::vector<Eigen::Vector2d>(), is_observed);
+      WriteImage(image, posed.name, posed.cam_from_world,
+                 observations_.empty() ? std::vector<Eigen::Vector2d>() : ReadKeypoints(posed.name));
     }
+    observations_.clear();
   }
 
   // Returns none for a photo without keypoints, which other images of its rig have localized.
@@ -127,17 +118,15 @@ class ImageWriter {
     return database_.reader.ReadKeypointsOnce(image->image_id);
   }
 
-  void WriteImage(uint32_t image_id, uint32_t camera_id, const std::string& name, const Rigid3d& cam_from_world) {
-    file_.WriteBinary<uint32_t>(image_id);
+  void WriteImage(const MergedImage& image, const std::string& name, const Rigid3d& cam_from_world,
+                  const std::vector<Eigen::Vector2d>& keypoints) {
+    file_.WriteBinary<uint32_t>(image.image_id);
     WritePose(cam_from_world, &file_);
-    file_.WriteBinary<uint32_t>(camera_id);
+    file_.WriteBinary<uint32_t>(image.camera_id);
     file_.Text() << name << '\0';
-  }
-
-  void WriteImagePoints(const std::vector<Eigen::Vector2d>& keypoints, bool is_observed) {
-    LAZYLOC_CHECK(!is_observed || observations_.back().keypoint < keypoints.size());
+    LAZYLOC_CHECK(observations_.empty() || observations_.back().keypoint < keypoints.size());
     file_.WriteBinary<uint64_t>(keypoints.size());
-    size_t next = is_observed ? 0 : observations_.size();
+    size_t next = 0;
     for (uint32_t i = 0; i < keypoints.size(); ++i) {
       file_.WriteBinary<double>(keypoints[i].x());
       file_.WriteBinary<double>(keypoints[i].y());
@@ -151,7 +140,7 @@ class ImageWriter {
   const QueryRecords& records_;
   const DatabaseContent database_;
   std::vector<MergedImage>::const_iterator next_image_;
-  std::vector<PointObservation> observations_;  // of one image, by keypoint
+  std::vector<PointObservation> observations_;  // of the next image, by keypoint
   OutputFile file_;
 };
 

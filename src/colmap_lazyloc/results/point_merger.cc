@@ -10,23 +10,6 @@
 namespace lazyloc {
 namespace {
 
-// Tells which keypoints observe a point already.
-class ObservedKeypoints {
- public:
-  // Returns false if the keypoint was marked before.
-  bool Mark(uint32_t image_id, size_t keypoint) {
-    std::vector<bool>& marks = marks_[image_id];
-    if (marks.size() <= keypoint) marks.resize(keypoint + 1);
-    if (marks[keypoint]) return false;
-    return marks[keypoint] = true;
-  }
-  void Unmark(uint32_t image_id, size_t keypoint) { marks_.at(image_id)[keypoint] = false; }
-  void Forget(uint32_t image_id) { marks_.erase(image_id); }
-
- private:
-  std::unordered_map<uint32_t, std::vector<bool>> marks_;  // by image
-};
-
 class PointWriter {
  public:
   PointWriter(const std::filesystem::path& path, const Model& model, const MergedModel& merged,
@@ -35,6 +18,16 @@ class PointWriter {
     file_.WriteBinary<uint64_t>(0);  // the number of points, which is known at the end
   }
 
+  void WriteAll() {
+    for (size_t i = 0; i < records_.Size(); ++i) {
+      if (merged_.image_of_query[i] != MergedModel::kNoImage) AddQuery(i);
+    }
+    file_.Text().seekp(0);
+    file_.WriteBinary<uint64_t>(num_points_);
+    file_.Close();
+  }
+
+ private:
   void AddQuery(size_t index) {
     const LocalizationResult query = records_.Read(index, RecordParts::ALL).result;
     const uint32_t query_image = merged_.image_of_query[index];
@@ -42,16 +35,9 @@ class PointWriter {
     for (const PairResult& pair : query.pairs) pair_images.push_back(ImageOf(pair.database_name));
     for (const PointResult& point : query.points) AddPoint(point, query_image, pair_images);
     // Only the points of its own pairs observe an image that is not of the database.
-    if (FindByName(model_.images, query.query_name) == nullptr) observed_.Forget(query_image);
+    if (FindByName(model_.images, query.query_name) == nullptr) is_observed_.erase(query_image);
   }
 
-  void Close() {
-    file_.Text().seekp(0);
-    file_.WriteBinary<uint64_t>(num_points_);
-    file_.Close();
-  }
-
- private:
   // Returns kNoImage if the merged model does not have the image.
   uint32_t ImageOf(const std::string& name) const {
     if (const std::optional<size_t> query = records_.Find(name)) return merged_.image_of_query[*query];
@@ -63,8 +49,12 @@ class PointWriter {
     std::vector<PointObservation> track;
     const auto observe = [&](uint32_t image_id, int keypoint) {
       LAZYLOC_CHECK(keypoint >= 0);
-      if (!observed_.Mark(image_id, static_cast<size_t>(keypoint))) return;
-      track.push_back({image_id, static_cast<uint32_t>(keypoint), num_points_ + 1});
+      const auto index = static_cast<uint32_t>(keypoint);
+      std::vector<bool>& is_observed = is_observed_[image_id];
+      if (is_observed.size() <= index) is_observed.resize(index + 1);
+      if (is_observed[index]) return;
+      is_observed[index] = true;
+      track.push_back({image_id, index, num_points_ + 1});
     };
     observe(query_image, point.query_point);
     for (const auto& [pair_idx, keypoint] : point.observations) {
@@ -72,24 +62,19 @@ class PointWriter {
       if (image_id != MergedModel::kNoImage) observe(image_id, keypoint);
     }
     if (track.size() < 2) {
-      for (const PointObservation& element : track) observed_.Unmark(element.image_id, element.keypoint);
+      for (const PointObservation& element : track) is_observed_[element.image_id][element.keypoint] = false;
       return;
     }
-    ++num_points_;
-    WritePoint(point, track);
-    for (const PointObservation& element : track) observations_.Add(element);
-  }
-
-  // Keeps the error of the whole track, even if an observation has gone to another point.
-  void WritePoint(const PointResult& point, const std::vector<PointObservation>& track) {
-    file_.WriteBinary<uint64_t>(num_points_);
+    file_.WriteBinary<uint64_t>(++num_points_);
     for (const double coordinate : point.point_in_world) file_.WriteBinary<double>(coordinate);
     for (int channel = 0; channel < 3; ++channel) file_.WriteBinary<uint8_t>(0);  // black: no image is read
+    // Keeps the error of the whole track, even if an observation has gone to another point.
     file_.WriteBinary<double>(point.mean_reprojection_error_px);
     file_.WriteBinary<uint64_t>(track.size());
     for (const PointObservation& element : track) {
       file_.WriteBinary<uint32_t>(element.image_id);
       file_.WriteBinary<uint32_t>(element.keypoint);
+      observations_.Add(element);
     }
   }
 
@@ -98,7 +83,7 @@ class PointWriter {
   const QueryRecords& records_;
   ExternalSorter<PointObservation>& observations_;
   OutputFile file_;
-  ObservedKeypoints observed_;
+  std::unordered_map<uint32_t, std::vector<bool>> is_observed_;  // keypoints that observe a point already, by image
   uint64_t num_points_ = 0;
 };
 
@@ -106,11 +91,7 @@ class PointWriter {
 
 void WritePoints(const std::filesystem::path& path, const Model& model, const MergedModel& merged,
                  const QueryRecords& records, ExternalSorter<PointObservation>* observations) {
-  PointWriter writer(path, model, merged, records, observations);
-  for (size_t i = 0; i < records.Size(); ++i) {
-    if (merged.image_of_query[i] != MergedModel::kNoImage) writer.AddQuery(i);
-  }
-  writer.Close();
+  PointWriter(path, model, merged, records, observations).WriteAll();
 }
 
 }  // namespace lazyloc

@@ -32,24 +32,20 @@ std::optional<Eigen::Vector3d> AxisStddevs(const LocalizationResult& result) {
 
 std::string Row(const LocalizationResult& result, const std::optional<GeodeticPoint>& origin) {
   std::string row = Cell(ValidUtf8(result.query_name)) + ',' + QueryStatusName(result.status);
-  const bool is_localized = result.status == QueryStatus::LOCALIZED;
   const auto add = [&](const std::optional<Eigen::Vector3d>& numbers) {
     for (int i = 0; i < 3; ++i) row += ',' + (numbers ? Json((*numbers)[i]).dump() : "");
   };
   std::optional<Eigen::Vector3d> position, stddevs, place;
-  if (is_localized) {
+  if (result.status == QueryStatus::LOCALIZED) {
     position = CamInWorld(result.cam_from_world);
     stddevs = AxisStddevs(result);
+    const GeodeticPoint point = origin ? GeodeticFromEnu(*origin, *position) : GeodeticPoint();
+    place = {point.latitude_deg, point.longitude_deg, point.height_m};
   }
   add(position);
   add(stddevs);
   row += ',' + (result.confidence ? Json(*result.confidence).dump() : "");
-  if (!origin) return row;
-  if (position) {
-    const GeodeticPoint point = GeodeticFromEnu(*origin, *position);
-    place = {point.latitude_deg, point.longitude_deg, point.height_m};
-  }
-  add(place);
+  if (origin) add(place);
   return row;
 }
 

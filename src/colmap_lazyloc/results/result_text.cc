@@ -129,10 +129,6 @@ Json PriorToJson(const std::optional<PriorResult>& prior, double deviation_unit)
           {"deviation_sigma", is_tested ? Json(prior->deviation_sigma) : Json()}};
 }
 
-Json PriorsToJson(const QueryPriorResult& priors) {
-  return {{"position", PriorToJson(priors.position, 1)}, {"gravity", PriorToJson(priors.gravity, DegToRad(1))}};
-}
-
 Json PairsToJson(const std::vector<PairResult>& pairs) {
   Json json = Json::array();
   for (const PairResult& pair : pairs) {
@@ -197,7 +193,10 @@ Json RecordToJson(const QueryRecord& record) {
   json["intrinsics"] = IntrinsicsToJson(result.intrinsics);
   json["intrinsics_source"] = record.intrinsics_source ? Json(EnumName(*record.intrinsics_source)) : Json();
   if (record.matcher) json["matching_type"] = EnumName(*record.matcher);
-  if (result.priors.position || result.priors.gravity) json["priors"] = PriorsToJson(result.priors);
+  if (const QueryPriorResult& priors = result.priors; priors.position || priors.gravity) {
+    json["priors"] = {{"position", PriorToJson(priors.position, 1)},
+                      {"gravity", PriorToJson(priors.gravity, DegToRad(1))}};
+  }
   json["num_tracks"] = result.num_tracks;
   json["num_observations"] = result.num_observations;
   json["mean_reprojection_error_px"] = result.num_observations > 0 ? Json(result.mean_reprojection_error_px) : Json();
@@ -228,19 +227,18 @@ void WritePoses(const std::filesystem::path& path, const QueryRecords& records) 
   file.Close();
 }
 
-bool WriteRigPoses(const std::filesystem::path& path, const QueryRecords& records) {
+void WriteRigPoses(const std::filesystem::path& path, const QueryRecords& records) {
   std::map<std::string, Rigid3d> rigs_from_world;
   records.ForEach([&](const QueryRecord& record) {
     const LocalizationResult& result = record.result;
     if (result.status != QueryStatus::LOCALIZED || result.frame_name.empty()) return;
     rigs_from_world.emplace(result.frame_name, result.rig_from_world);
   });
-  if (rigs_from_world.empty()) return false;
+  if (rigs_from_world.empty()) return;
   OutputFile file(path);
   file.Text() << kRigPosesHeader;
   for (const auto& [name, pose] : rigs_from_world) WritePoseLine(name, pose, &file);
   file.Close();
-  return true;
 }
 
 std::string ResultLine(const QueryRecord& record) {

@@ -13,8 +13,8 @@ namespace lazyloc {
 void WritePoses(const std::filesystem::path& path, const QueryRecords& records);
 
 // Writes rig_from_world of the frames with a localized query, each as its first such query states it, in the same form.
-// Returns false and writes nothing if there is none.
-bool WriteRigPoses(const std::filesystem::path& path, const QueryRecords& records);
+// Writes nothing if there is none.
+void WriteRigPoses(const std::filesystem::path& path, const QueryRecords& records);
 
 // Returns the line of results.jsonl for a query, without the line break.
 std::string ResultLine(const QueryRecord& record);

@@ -69,23 +69,17 @@ void ResultWriter::Write(const Model& model, const QueryRecords& records, const 
   OutputFile options_file(staged / "options.ini");
   options_file.Text() << options_ini;
   options_file.Close();
-  std::vector<std::string> entries = {"poses.txt", "results.jsonl", "positions.csv", "options.ini", "model"};
-  const bool has_rig_poses = WriteRigPoses(staged / kRigPosesFile, records);
-  if (has_rig_poses) entries.emplace_back(kRigPosesFile);
-  if (leave_one_out != nullptr) {
-    WriteLeaveOneOut(staged / kLeaveOneOutFile, *leave_one_out);
-    entries.emplace_back(kLeaveOneOutFile);
-  }
-  if (model.geographic_origin) {
-    WritePositionsGeojson(staged / kGeojsonFile, records, *model.geographic_origin);
-    entries.emplace_back(kGeojsonFile);
+  WriteRigPoses(staged / kRigPosesFile, records);
+  if (leave_one_out != nullptr) WriteLeaveOneOut(staged / kLeaveOneOutFile, *leave_one_out);
+  if (model.geographic_origin) WritePositionsGeojson(staged / kGeojsonFile, records, *model.geographic_origin);
+  std::vector<std::string> entries = {"poses.txt", "results.jsonl", "positions.csv", "options.ini", "model"}, stale;
+  for (const char* name : {kRigPosesFile, kLeaveOneOutFile, kGeojsonFile}) {
+    (IsTaken(staged / name) ? entries : stale).emplace_back(name);
   }
   staged.Publish(entries);
   std::error_code ignored;
   // Removes what an earlier run has left and this one does not replace.
-  if (!has_rig_poses) fs::remove(output_path_ / kRigPosesFile, ignored);
-  if (leave_one_out == nullptr) fs::remove(output_path_ / kLeaveOneOutFile, ignored);
-  if (!model.geographic_origin) fs::remove(output_path_ / kGeojsonFile, ignored);
+  for (const std::string& name : stale) fs::remove(output_path_ / name, ignored);
   made_folders_.clear();
 }
 

@@ -23,11 +23,10 @@ class ResultWriter {
   ResultWriter(const ResultWriter&) = delete;
   ResultWriter& operator=(const ResultWriter&) = delete;
 
-  // model: the database images; they keep ids and bits. An image that was a query appears in model/ only with the pose
-  // that it was localized at.
-  // leave_one_out: is written as leave_one_out.json; null if the run has none. rig_poses.txt is written if a query of a
-  // rig was localized, positions.geojson if the model has an origin on Earth. staging_parent: folder on the same disk
-  // for the files until they are complete; empty: the output folder. Reads records and keypoints one image at a time.
+  // model: the database images (results/model_merger.h). leave_one_out: null if the run has none. rig_poses.txt is
+  // written if a query of a rig was localized, positions.geojson if the model has an origin on Earth. staging_parent:
+  // folder on the same disk for the files until they are complete; empty: the output folder. Reads records and
+  // keypoints one image at a time.
   // Throws InputError naming the path that cannot be written; the folder is then as it was before.
   void Write(const Model& model, const QueryRecords& records, const DatabaseContent& database,
              const std::string& options_ini, const LeaveOneOutSummary* leave_one_out,

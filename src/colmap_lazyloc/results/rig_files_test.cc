@@ -2,7 +2,6 @@
 
 #include "colmap_lazyloc/formats/model_reader.h"
 #include "colmap_lazyloc/results/model_writer.h"
-#include "colmap_lazyloc/results/rig_merger.h"
 #include "colmap_lazyloc/runs/records_test_fixture.h"
 #include "colmap_lazyloc/testing/test_database.h"
 

@@ -1,7 +1,6 @@
-#include "colmap_lazyloc/results/rig_merger.h"
-
 #include <algorithm>
 
+#include "colmap_lazyloc/results/model_merger.h"
 #include "colmap_lazyloc/scene/free_ids.h"
 
 namespace lazyloc {
@@ -10,13 +9,11 @@ namespace {
 
 // Notes the cameras of a rig whose pose on it is known, unless an earlier rig has them.
 void NoteCameras(const Rig& rig, MergedModel* merged) {
-  const auto note = [&](const Sensor& sensor) {
+  for (const Sensor& sensor : SensorsOf(rig)) {
     if (sensor.type == SensorType::CAMERA && SensorFromRig(rig, sensor)) {
       merged->rig_of_camera.emplace(sensor.sensor_id, rig.rig_id);
     }
-  };
-  if (rig.reference) note(*rig.reference);
-  for (const RigSensor& other : rig.others) note(other.sensor);
+  }
 }
 
 }  // namespace

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <fstream>
-#include <sstream>
 #include <system_error>
 
 #include "colmap_lazyloc/files/checksum.h"
@@ -56,10 +55,7 @@ void AddState(const fs::path& path, Fingerprint* fingerprint) {
 
 template <typename T>
 void AddValue(const T& value, uint32_t* crc) {
-  std::ostringstream stream;
-  cereal::PortableBinaryOutputArchive archive(stream);
-  archive(value);
-  *crc = Crc32(stream.str(), *crc);
+  *crc = Crc32(Pack(value), *crc);
 }
 
 }  // namespace

@@ -1,8 +1,6 @@
 #include "colmap_lazyloc/runs/query_records.h"
 
 #include <algorithm>
-#include <cstring>
-#include <limits>
 #include <utility>
 
 #include "colmap_lazyloc/scene/errors.h"
@@ -15,24 +13,21 @@ constexpr size_t kMaxNumOpen = 500;
 QueryRecords::QueryRecords(std::vector<std::filesystem::path> paths)
     : paths_(std::move(paths)), readers_(paths_.size()) {
   for (size_t file = 0; file < paths_.size(); ++file) AddFile(static_cast<uint32_t>(file));
-  const auto name = [](const Entry& entry) { return std::string_view(entry.name); };
-  std::sort(entries_.begin(), entries_.end(), [&](const Entry& a, const Entry& b) { return name(a) < name(b); });
-  const auto has_same_name = [&](const Entry& a, const Entry& b) { return name(a) == name(b); };
-  const auto doubled = std::adjacent_find(entries_.begin(), entries_.end(), has_same_name);
+  std::sort(entries_.begin(), entries_.end(), [](const Entry& a, const Entry& b) { return a.name < b.name; });
+  const auto doubled = std::adjacent_find(entries_.begin(), entries_.end(),
+                                          [](const Entry& a, const Entry& b) { return a.name == b.name; });
   if (doubled != entries_.end()) {
-    throw InputError(paths_[doubled->file].string() + ": query " + std::string(name(*doubled)) +
-                     " has two records, the other in " + paths_[(doubled + 1)->file].string());
+    throw InputError(paths_[doubled->file].string() + ": query " + doubled->name + " has two records, the other in " +
+                     paths_[(doubled + 1)->file].string());
   }
 }
 
 void QueryRecords::AddFile(uint32_t file) {
   RecordReader reader(paths_[file]);
   while (reader.Next()) {
-    for (const PackedQuery& query : UnpackGroup(reader.Record())) {
-      auto* name = static_cast<char*>(names_.allocate(query.name.size() + 1, 1));
-      std::memcpy(name, query.name.c_str(), query.name.size() + 1);
-      entries_.push_back({name, reader.Offset() + query.offset, file});
-    }
+    VisitGroup(reader.Record(), [&](const std::string& name, uint64_t offset) {
+      entries_.push_back({name, reader.Offset() + offset, file});
+    });
   }
   if (reader.NumIntactBytes() != reader.NumBytes()) {
     throw InputError(paths_[file].string() + ": is damaged from byte " + std::to_string(reader.NumIntactBytes()) +
@@ -48,7 +43,7 @@ std::vector<size_t> QueryRecords::CountByFile() const {
 
 std::optional<size_t> QueryRecords::Find(std::string_view name) const {
   const auto entry = std::lower_bound(entries_.begin(), entries_.end(), name,
-                                      [](const Entry& a, std::string_view b) { return std::string_view(a.name) < b; });
+                                      [](const Entry& a, std::string_view b) { return a.name < b; });
   if (entry == entries_.end() || entry->name != name) return std::nullopt;
   return static_cast<size_t>(entry - entries_.begin());
 }
@@ -67,19 +62,10 @@ RecordReader& QueryRecords::Reader(uint32_t file) const {
 
 QueryRecord QueryRecords::Read(size_t index, RecordParts parts) const {
   const Entry& entry = entries_.at(index);
-  RecordReader& reader = Reader(entry.file);
-  const PartSizes sizes = ReadPartSizes(reader.ReadAt(entry.offset, sizeof(PartSizes)));
-  uint64_t offset = entry.offset + sizeof(PartSizes);
-  RecordBytes bytes;
-  bytes.head = reader.ReadAt(offset, sizes.head);
-  offset += sizes.head;
-  if (parts != RecordParts::HEAD) bytes.keypoints = reader.ReadAt(offset, sizes.keypoints);
-  offset += sizes.keypoints;
-  if (parts == RecordParts::ALL) bytes.points = reader.ReadAt(offset, sizes.points);
-  return FromBytes(bytes, parts);
+  return ReadRecord(entry.offset, parts, &Reader(entry.file));
 }
 
-void QueryRecords::ForEach(const Visit& visit) const {
+void QueryRecords::ForEach(const std::function<void(const QueryRecord&)>& visit) const {
   for (size_t i = 0; i < Size(); ++i) visit(Read(i, RecordParts::HEAD));
 }
 

@@ -1,11 +1,9 @@
 #pragma once
 
 #include <cstdint>
-#include <deque>
 #include <filesystem>
 #include <functional>
 #include <memory>
-#include <memory_resource>
 #include <optional>
 #include <string>
 #include <string_view>
@@ -20,34 +18,29 @@ namespace lazyloc {
 // memory grows only with the names. Every function throws InputError naming a file that cannot be read.
 class QueryRecords {
  public:
-  using Visit = std::function<void(const QueryRecord&)>;
-
   // paths: files of packed groups (runs/record_bytes.h). Throws InputError for a damaged record, and for a query that
   // has two.
   explicit QueryRecords(std::vector<std::filesystem::path> paths);
 
   size_t Size() const { return entries_.size(); }
-  std::string_view Name(size_t index) const { return entries_[index].name; }
   // Returns how many records each file has.
   std::vector<size_t> CountByFile() const;
   std::optional<size_t> Find(std::string_view name) const;
   QueryRecord Read(size_t index, RecordParts parts) const;
   // Visits all records, without keypoints and points.
-  void ForEach(const Visit& visit) const;
+  void ForEach(const std::function<void(const QueryRecord&)>& visit) const;
 
  private:
   struct Entry {
-    const char* name = nullptr;  // in names_
-    uint64_t offset = 0;         // place in the file
+    std::string name;
+    uint64_t offset = 0;  // place in the file
     uint32_t file = 0;
   };
   void AddFile(uint32_t file);
   RecordReader& Reader(uint32_t file) const;
 
   const std::vector<std::filesystem::path> paths_;
-  // Grow without being copied, because there may be millions of queries.
-  std::pmr::monotonic_buffer_resource names_;  // each with a zero byte behind it
-  std::deque<Entry> entries_;
+  std::vector<Entry> entries_;
   mutable std::vector<std::unique_ptr<RecordReader>> readers_;  // null if the file is not open
   mutable size_t num_open_ = 0;
 };

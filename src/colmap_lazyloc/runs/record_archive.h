@@ -1,5 +1,8 @@
 #pragma once
 
+#include <sstream>
+#include <string>
+
 #include <cereal/archives/portable_binary.hpp>
 #include <cereal/types/optional.hpp>
 #include <cereal/types/string.hpp>
@@ -73,6 +76,15 @@ void serialize(Archive& archive, QueryRecord& record) {
   auto& [result, keypoints, seconds, total_seconds, intrinsics_source, matcher, damages] = record;
   static_cast<void>(keypoints);
   archive(result, seconds, total_seconds, intrinsics_source, matcher, damages);
+}
+
+// Returns the bytes of a value, the same on every machine.
+template <typename T>
+std::string Pack(const T& value) {
+  std::ostringstream stream;
+  cereal::PortableBinaryOutputArchive archive(stream);
+  archive(value);
+  return stream.str();
 }
 
 }  // namespace lazyloc

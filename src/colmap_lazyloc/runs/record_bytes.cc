@@ -1,7 +1,5 @@
 #include "colmap_lazyloc/runs/record_bytes.h"
 
-#include <sstream>
-
 #include <boost/endian/conversion.hpp>
 
 #include "colmap_lazyloc/runs/record_archive.h"
@@ -10,13 +8,7 @@
 namespace lazyloc {
 namespace {
 
-template <typename T>
-std::string Pack(const T& value) {
-  std::ostringstream stream;
-  cereal::PortableBinaryOutputArchive archive(stream);
-  archive(value);
-  return stream.str();
-}
+constexpr uint64_t kNumSizesBytes = 3 * sizeof(uint64_t);  // of the sizes of a record's parts
 
 template <typename T>
 void Unpack(const std::string& bytes, T* value) {
@@ -38,50 +30,48 @@ uint64_t ReadNumber(const std::string& bytes, size_t offset) {
 
 }  // namespace
 
-RecordBytes ToBytes(const QueryRecord& record) {
-  return {Pack(record), Pack(record.keypoints), Pack(record.result.points)};
-}
-
-QueryRecord FromBytes(const RecordBytes& bytes, RecordParts parts) {
-  QueryRecord record;
-  Unpack(bytes.head, &record);
-  if (parts != RecordParts::HEAD) Unpack(bytes.keypoints, &record.keypoints);
-  if (parts == RecordParts::ALL) Unpack(bytes.points, &record.result.points);
-  return record;
-}
-
 std::string PackGroup(uint64_t group, const std::vector<QueryRecord>& records) {
   std::string bytes;
   AppendNumber(group, &bytes);
   AppendNumber(records.size(), &bytes);
   for (const QueryRecord& record : records) {
-    const RecordBytes parts = ToBytes(record);
-    for (const std::string* part : {&parts.head, &parts.keypoints, &parts.points}) AppendNumber(part->size(), &bytes);
-    bytes += parts.head + parts.keypoints + parts.points;
+    const std::string parts[] = {Pack(record), Pack(record.keypoints), Pack(record.result.points)};
+    for (const std::string& part : parts) AppendNumber(part.size(), &bytes);
+    for (const std::string& part : parts) bytes += part;
   }
   return bytes;
 }
 
-std::vector<PackedQuery> UnpackGroup(const std::string& bytes) {
+void VisitGroup(const std::string& bytes, const std::function<void(const std::string& name, uint64_t offset)>& visit) {
   const PackedGroupHeader header = ReadPackedGroupHeader(bytes);
-  std::vector<PackedQuery> queries;
   uint64_t offset = sizeof(PackedGroupHeader);
   for (uint64_t i = 0; i < header.num_queries; ++i) {
-    const PartSizes sizes = ReadPartSizes(bytes, offset);
-    const std::string head = bytes.substr(offset + sizeof(PartSizes), sizes.head);
-    queries.push_back({FromBytes({head, "", ""}, RecordParts::HEAD).result.query_name, offset});
-    offset += sizeof(PartSizes) + sizes.head + sizes.keypoints + sizes.points;
+    QueryRecord record;
+    Unpack(bytes.substr(offset + kNumSizesBytes, ReadNumber(bytes, offset)), &record);
+    visit(record.result.query_name, offset);
+    const uint64_t sizes = ReadNumber(bytes, offset) + ReadNumber(bytes, offset + 8) + ReadNumber(bytes, offset + 16);
+    offset += kNumSizesBytes + sizes;
   }
   LAZYLOC_CHECK(offset == bytes.size());
-  return queries;
 }
 
 PackedGroupHeader ReadPackedGroupHeader(const std::string& bytes) {
   return {ReadNumber(bytes, 0), ReadNumber(bytes, 8)};
 }
 
-PartSizes ReadPartSizes(const std::string& bytes, size_t offset) {
-  return {ReadNumber(bytes, offset), ReadNumber(bytes, offset + 8), ReadNumber(bytes, offset + 16)};
+QueryRecord ReadRecord(uint64_t offset, RecordParts parts, RecordReader* file) {
+  const std::string sizes = file->ReadAt(offset, kNumSizesBytes);
+  offset += kNumSizesBytes;
+  const auto read = [&](size_t part, auto* value) {
+    const uint64_t size = ReadNumber(sizes, part * sizeof(uint64_t));
+    Unpack(file->ReadAt(offset, size), value);
+    offset += size;
+  };
+  QueryRecord record;
+  read(0, &record);
+  if (parts != RecordParts::HEAD) read(1, &record.keypoints);
+  if (parts == RecordParts::ALL) read(2, &record.result.points);
+  return record;
 }
 
 }  // namespace lazyloc

@@ -17,19 +17,13 @@ using Json = nlohmann::ordered_json;
 // Raised when the meaning of the file of records or of the manifest changes.
 constexpr int kFormat = 1;
 
-Json ToJson(const RunManifest::Options& options) {
-  Json json = Json::object();
-  for (const auto& [name, value] : options) json[name] = value;
-  return json;
-}
-
-RunManifest::Options OptionsFrom(const Json& json) {
-  RunManifest::Options options;
+OptionTexts OptionsFrom(const Json& json) {
+  OptionTexts options;
   for (const auto& [name, value] : json.items()) options.emplace_back(name, value.get<std::string>());
   return options;
 }
 
-std::string ChangeOfOptions(const RunManifest::Options& now, const RunManifest::Options& earlier) {
+std::string ChangeOfOptions(const OptionTexts& now, const OptionTexts& earlier) {
   for (size_t i = 0; i < now.size() && i < earlier.size(); ++i) {
     if (now[i] == earlier[i]) continue;
     return "option --" + now[i].first + " is '" + now[i].second + "' and was '" + earlier[i].second + "'";
@@ -81,7 +75,7 @@ std::string RunManifest::ToJson() const {
   json["num_own_queries"] = num_own_queries;
   json["num_queries"] = num_queries;
   json["num_groups"] = num_groups;
-  json["options"] = lazyloc::ToJson(options);
+  json["options"] = Json::object_t(options.begin(), options.end());
   json["inputs"] = Json::object();
   for (const auto& [name, input] : inputs) {
     const Fingerprint& fingerprint = input.fingerprint;
@@ -91,7 +85,7 @@ std::string RunManifest::ToJson() const {
                             {"modified", fingerprint.modified}};
   }
   json["extraction"] = extraction;
-  json["other_options"] = lazyloc::ToJson(other_options);
+  json["other_options"] = Json::object_t(other_options.begin(), other_options.end());
   // Replaces bytes of paths that are not UTF-8, which are only shown.
   return json.dump(1, ' ', false, Json::error_handler_t::replace) + '\n';
 }

@@ -39,18 +39,19 @@ struct Shard {
 // Returns nullopt unless the text is `index/count` with 1 <= index <= count.
 std::optional<Shard> ParseShard(const std::string& text);
 
+using OptionTexts = std::vector<std::pair<std::string, std::string>>;  // name and value
+
 // What the results of a run depend on.
 struct RunManifest {
   struct Input {
     std::string path;
     Fingerprint fingerprint;
   };
-  using Options = std::vector<std::pair<std::string, std::string>>;
 
   std::string program;                  // version
-  Options options;                      // that change results by their values
+  OptionTexts options;                  // that change results by their values
   std::map<std::string, Input> inputs;  // by the option that names the file; without those that are not used
-  Options other_options;
+  OptionTexts other_options;
   std::string extraction;                    // which features photos may have, in one line; empty without photos
   uint64_t num_groups = 0, num_queries = 0;  // of all shards
   std::optional<Shard> shard;

@@ -73,7 +73,11 @@ void UnfinishedRun::Begin(RunStart start) {
     Recover();
   } else {
     records_->Clear();
-    WriteManifest();
+    const fs::path new_path = folder_ / "manifest.json.new";
+    OutputFile file(new_path);
+    file.Text() << manifest_.ToJson();
+    file.Close();
+    Rename(new_path, folder_ / kManifestFile);
   }
 }
 
@@ -82,8 +86,6 @@ UnfinishedRun::~UnfinishedRun() {
   std::error_code ignored;
   fs::remove_all(folder_, ignored);
 }
-
-fs::path UnfinishedRun::RecordsPath() const { return folder_ / kRecordsFile; }
 
 void UnfinishedRun::Recover() {
   const RunManifest earlier = ReadManifest(folder_ / kManifestFile);
@@ -103,20 +105,10 @@ void UnfinishedRun::Recover() {
   });
 }
 
-void UnfinishedRun::WriteManifest() const {
-  const fs::path path = folder_ / kManifestFile, new_path = folder_ / "manifest.json.new";
-  OutputFile file(new_path);
-  file.Text() << manifest_.ToJson();
-  file.Close();
-  Rename(new_path, path);
-}
-
 void UnfinishedRun::Append(size_t group, const std::vector<QueryRecord>& records) {
   records_->Append(PackGroup(group, records));
   is_empty_ = false;
 }
-
-void UnfinishedRun::Sync() { records_->Sync(); }
 
 void UnfinishedRun::Finish() {
   is_empty_ = false;

@@ -20,6 +20,12 @@ enum class RunStart {
   OVERWRITE,  // removes it
 };
 
+// The names of the folders and files of a shard.
+inline constexpr char kUnfinishedFolder[] = "unfinished";
+inline constexpr char kShardFolder[] = "shard";
+inline constexpr char kManifestFile[] = "manifest.json";
+inline constexpr char kRecordsFile[] = "records.bin";
+
 // What a run has finished, as files in its output folder. In `unfinished/`, until the run ends:
 // - manifest.json: what the results depend on (runs/run_manifest.h)
 // - records.bin: a record for each finished group (files/record_file.h, PackGroup)
@@ -40,7 +46,7 @@ class UnfinishedRun {
   UnfinishedRun& operator=(const UnfinishedRun&) = delete;
 
   const std::filesystem::path& Folder() const { return folder_; }
-  std::filesystem::path RecordsPath() const;
+  std::filesystem::path RecordsPath() const { return folder_ / kRecordsFile; }
   // Tells which groups an earlier process has finished, and how many queries they have.
   bool IsDone(size_t group) const { return is_done_[group]; }
   size_t NumQueriesDone() const { return num_queries_done_; }
@@ -48,14 +54,13 @@ class UnfinishedRun {
   // Adds a finished group.
   void Append(size_t group, const std::vector<QueryRecord>& records);
   // Waits until the disk has what was appended.
-  void Sync();
+  void Sync() { records_->Sync(); }
   // Ends the run, whose results are written: removes the folder, or keeps it if the run is a shard.
   void Finish();
 
  private:
   void Begin(RunStart start);
   void Recover();
-  void WriteManifest() const;
 
   const std::filesystem::path output_path_, folder_;
   const RunManifest manifest_;
@@ -64,11 +69,5 @@ class UnfinishedRun {
   bool is_empty_ = true;  // true if no group was finished
   std::unique_ptr<RecordWriter> records_;
 };
-
-// The names of the folders and files of a shard.
-inline constexpr char kUnfinishedFolder[] = "unfinished";
-inline constexpr char kShardFolder[] = "shard";
-inline constexpr char kManifestFile[] = "manifest.json";
-inline constexpr char kRecordsFile[] = "records.bin";
 
 }  // namespace lazyloc

@@ -32,6 +32,13 @@ struct Rig {
   std::vector<RigSensor> others;
 };
 
+inline std::vector<Sensor> SensorsOf(const Rig& rig) {
+  std::vector<Sensor> sensors;
+  if (rig.reference) sensors.push_back(*rig.reference);
+  for (const RigSensor& other : rig.others) sensors.push_back(other.sensor);
+  return sensors;
+}
+
 // Returns the pose of a sensor on its rig, with the bytes of the file: normalise the rotation before computing with it.
 // Returns nullopt if the sensor is not on the rig or not calibrated.
 inline std::optional<Rigid3d> SensorFromRig(const Rig& rig, const Sensor& sensor) {

@@ -1,9 +1,7 @@
 #pragma once
 
 #include <cstdint>
-#include <filesystem>
 #include <string>
-#include <string_view>
 #include <unordered_map>
 #include <unordered_set>
 
@@ -11,15 +9,13 @@
 
 namespace lazyloc {
 
-class TextFile;
-
 // Collects a model while it is read, and refuses impossible parts of it in either format.
 class ModelBuilder {
  public:
   // Return why the part was refused; empty if it was added. Cameras come first, then rigs, frames and images.
-  std::string Add(Camera camera);
-  std::string Add(Rig rig);
-  std::string Add(ModelFrame frame);
+  std::string Add(const Camera& camera);
+  std::string Add(const Rig& rig);
+  std::string Add(const ModelFrame& frame);
   std::string Add(ModelImage image);
   // Returns the model with its images sorted by name. Call it once, at the end.
   Model Take();
@@ -30,13 +26,5 @@ class ModelBuilder {
   std::unordered_set<uint32_t> image_ids_;
   std::unordered_set<std::string> names_;
 };
-
-// Read the files of a folder in one of COLMAP's two formats. They throw InputError naming the file, and in text files
-// the line.
-void ReadBinaryModel(const std::filesystem::path& folder, ModelBuilder* builder);
-void ReadTextModel(const std::filesystem::path& folder, ModelBuilder* builder);
-
-// Parses the rest of a line, `width height params...`, for a camera of a model.
-Camera ParseCamera(int model_id, std::string_view rest, const TextFile& file);
 
 }  // namespace lazyloc
