@@ -103,9 +103,7 @@ RefinedWithPriors RefineWithPriors(const Layout& layout, const PairRefs& pairs, 
   if (!have_priors) return {std::move(refined), std::vector<QueryPriorResult>(layout.num_queries)};
   PriorJudgement judgement = Timed("priors", seconds, [&] { return JudgePriors(layout, pairs, refined, options); });
   if (judgement.start) return Fixed(layout, start, refine_from, std::move(judgement), std::move(refined));
-  if (!judgement.used.empty()) {
-    refined = Timed("priors", seconds, [&] { return AdjustWithPriors(judgement.used, options, std::move(refined)); });
-  }
+  refined = Timed("priors", seconds, [&] { return AdjustWithPriors(judgement.used, options, std::move(refined)); });
   return {std::move(refined), std::move(judgement.results)};
 }
 

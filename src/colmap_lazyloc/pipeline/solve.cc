@@ -55,8 +55,8 @@ class Solver {
     RefinedWithPriors refined = RefineWithPriors(layout_, averaged.pairs, start.posed, input.tracks,
                                                  std::move(input.candidates), options_, seconds_);
     solution_.refined = std::move(refined.refined);
-    solution_.priors = refined.priors;
-    AddPoses(std::move(refined.priors));
+    solution_.priors = std::move(refined.priors);
+    AddPoses();
   }
 
   // Estimates the focal length of a single query.
@@ -76,16 +76,15 @@ class Solver {
     solution_.starts = {StartPose::ABSOLUTE_POSE};
     Refined refined =
         Refine(layout_, input.posed, input.tracks, std::move(input.candidates), options_, seconds_, camera);
-    std::vector<QueryPriorResult> priors = solution_.priors;
     if (HavePriors(layout_)) {
       PriorJudgement judgement = JudgePriors(layout_, pairs, refined, options_);
       if (!judgement.start) {
-        priors = std::move(judgement.results);
+        solution_.priors = std::move(judgement.results);
         refined = AdjustWithPriors(judgement.used, options_, std::move(refined));
       }
     }
     solution_.refined = std::move(refined);
-    AddPoses(std::move(priors));
+    AddPoses();
   }
 
   // Takes the rotation from the images and the position from a prior, for a single query without any baseline.
@@ -143,7 +142,7 @@ class Solver {
   }
 
   // Adds the refined poses with their uncertainties, intrinsics and evidence.
-  void AddPoses(std::vector<QueryPriorResult> priors) {
+  void AddPoses() {
     const Refined& refined = *solution_.refined;
     CheckedIntrinsics checked = Timed("covariance", seconds_, [&] {
       return CheckIntrinsics(group_, layout_, refined,
@@ -151,7 +150,7 @@ class Solver {
     });
     if (HavePriors(layout_)) {
       FusedPriors fused =
-          Timed("priors", seconds_, [&] { return FusePriors(layout_, std::move(priors), std::move(checked)); });
+          Timed("priors", seconds_, [&] { return FusePriors(layout_, solution_.priors, std::move(checked)); });
       checked = std::move(fused.checked);
       solution_.priors = std::move(fused.results);
     }

@@ -149,6 +149,7 @@ PriorJudgement JudgePriors(const Layout& layout, const PairRefs& pairs, const Re
 }
 
 Refined AdjustWithPriors(const std::vector<ImagePrior>& priors, const LocalizerOptions& options, Refined refined) {
+  if (priors.empty()) return refined;
   PosedImages posed = refined.adjustment.posed;
   posed.query_priors = priors;
   std::optional<QueryCamera> camera = refined.camera;

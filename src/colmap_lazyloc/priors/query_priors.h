@@ -24,7 +24,8 @@ struct PriorJudgement {
 PriorJudgement JudgePriors(const Layout& layout, const PairRefs& pairs, const Refined& refined,
                            const LocalizerOptions& options);
 
-// Adjusts refined poses that the images determine once more, with the priors. Returns them as they are if that fails.
+// Adjusts refined poses that the images determine once more, with the priors. Returns them as they are without any
+// prior, or if that fails.
 Refined AdjustWithPriors(const std::vector<ImagePrior>& priors, const LocalizerOptions& options, Refined refined);
 
 // Raises a variance factor so small that a prior beside the images would have no weight.

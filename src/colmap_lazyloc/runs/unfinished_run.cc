@@ -40,7 +40,9 @@ void UnfinishedRun::CheckStart(const fs::path& output_path, RunStart start) {
 std::optional<RunManifest> UnfinishedRun::FinishedShard(const fs::path& output_path) {
   const fs::path manifest_path = output_path / kShardFolder / kManifestFile;
   if (IsTaken(output_path / kUnfinishedFolder) || !IsTaken(manifest_path)) return std::nullopt;
-  return ReadManifest(manifest_path);
+  RunManifest manifest = ReadManifest(manifest_path);
+  if (!manifest.shard) throw InputError(manifest_path.string() + ": is the manifest of a run without shards");
+  return manifest;
 }
 
 UnfinishedRun::UnfinishedRun(const fs::path& output_path, const RunManifest& manifest, RunStart start)

@@ -124,6 +124,13 @@ TEST_F(UnfinishedRunTest, ShardKeepsItsRecords) {
   EXPECT_TRUE(fs::exists(output_ / "shard" / "records.bin"));
 }
 
+TEST_F(UnfinishedRunTest, ManifestOfAShardMustNameIt) {
+  fs::create_directories(output_ / "shard");
+  WriteFile("out/shard/manifest.json", manifest_.ToJson());
+  EXPECT_THAT(ErrorOf([&] { UnfinishedRun::FinishedShard(output_); }),
+              StartsWith("out/shard/manifest.json: is the manifest of a run without shards"));
+}
+
 TEST(ParseShard, TakesTwoNumbersFromOne) {
   EXPECT_EQ(ParseShard("17/256")->Text(), "17/256");
   for (const char* text : {"", "1", "0/3", "4/3", "1/", "/3", "1/3x", "-1/3", "1/3/4", " 1/3"}) {
