@@ -6,9 +6,10 @@
 #include <cstring>
 #include <initializer_list>
 #include <limits>
-#include <string>
 
 #include <Eigen/Geometry>
+
+#include "colmap_lazyloc/scene/errors.h"
 
 namespace lazyloc {
 namespace {
@@ -79,6 +80,18 @@ bool HasFiniteShape(const Keypoint& keypoint) {
 }
 
 }  // namespace
+
+std::string ImageLabel(const SqliteConnection& connection, uint32_t image_id) {
+  std::string label = "image " + std::to_string(image_id);
+  try {
+    const SqliteStatement name = connection.Prepare("images", "SELECT name FROM images WHERE image_id = ?1");
+    SqliteRows rows = name.Run({image_id});
+    if (rows.Next()) label += " (" + rows.Text(0) + ")";
+  } catch (const DamagedRecordError&) {
+    // The label is for a message about another record.
+  }
+  return label;
+}
 
 std::vector<double> ReadCameraParams(const SqliteRows& row, int column) { return Doubles(row, row.Blob(column)); }
 

@@ -1,6 +1,8 @@
 #pragma once
 
+#include <cstdint>
 #include <optional>
+#include <string>
 #include <vector>
 
 #include <Eigen/Core>
@@ -15,6 +17,9 @@ namespace lazyloc {
 
 // Functions that decode the values of COLMAP's columns, 3.6 to 4.2. They call SqliteRows::Fail if a value does not have
 // the form of its column.
+
+// Returns `image <id> (<name>)` for messages; without the name if that is unknown or damaged.
+std::string ImageLabel(const SqliteConnection& connection, uint32_t image_id);
 
 std::vector<double> ReadCameraParams(const SqliteRows& row, int column);
 
