@@ -13,10 +13,9 @@ constexpr size_t kMaxNumFiles = 20;
 
 }  // namespace
 
-DatabaseCameras::DatabaseCameras(const Model& model, const std::filesystem::path& image_path,
-                                 const ExifFocalLengths& exif_focal_lengths)
-    : image_path_(image_path), cameras_(model, exif_focal_lengths) {
-  for (const ModelImage& image : model.images) image_names_[image.camera_id].push_back(image.name);
+DatabaseCameras::DatabaseCameras(const QuerySelection& selection, const std::filesystem::path& image_path)
+    : image_path_(image_path), cameras_(selection.PosedCameras()) {
+  for (const ModelImage& image : selection.DatabaseModel().images) image_names_[image.camera_id].push_back(image.name);
 }
 
 std::vector<DatabaseCamera> DatabaseCameras::OfSize(const PhotoProperties& photo) const {

@@ -74,7 +74,7 @@ PhotoLoader::PhotoLoader(const DatabaseReader& database, const QuerySelection& s
       num_retrieved_(static_cast<size_t>(num_retrieved)),
       seed_(seed),
       default_camera_(ParseDefaultCamera(options)),
-      database_cameras_(selection.DatabaseModel(), options.image_path, selection.DatabaseExifFocalLengths()),
+      database_cameras_(selection, options.image_path),
       features_(options.CacheBytes(), NumBytes) {
   std::vector<std::string> damages;
   const FeatureReader features(database.Path());

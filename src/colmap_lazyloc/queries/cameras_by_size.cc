@@ -9,13 +9,14 @@ constexpr size_t kMaxNumCameras = 1000;
 
 }  // namespace
 
-CamerasBySize::CamerasBySize(const Model& model, const ExifFocalLengths& exif_focal_lengths) {
+CamerasBySize::CamerasBySize(const Model& model, const std::map<uint32_t, double>& exif_focal_lengths_px) {
   std::map<uint32_t, int> num_images;
   for (const ModelImage& image : model.images) ++num_images[image.camera_id];
   for (const auto& [camera_id, count] : num_images) {
     const Camera& camera = model.cameras.at(camera_id);
+    const auto exif = exif_focal_lengths_px.find(camera_id);
     cameras_[std::minmax({camera.width, camera.height})].push_back(
-        {camera, count, "", exif_focal_lengths.Find(camera_id)});
+        {camera, count, "", exif == exif_focal_lengths_px.end() ? std::nullopt : std::make_optional(exif->second)});
   }
   for (auto& [size, cameras] : cameras_) {
     std::stable_sort(cameras.begin(), cameras.end(),
@@ -24,10 +25,9 @@ CamerasBySize::CamerasBySize(const Model& model, const ExifFocalLengths& exif_fo
   }
 }
 
-const std::vector<DatabaseCamera>& CamerasBySize::OfSize(uint64_t width, uint64_t height) const {
-  static const std::vector<DatabaseCamera>* const kNone = new std::vector<DatabaseCamera>();
+std::vector<DatabaseCamera> CamerasBySize::OfSize(uint64_t width, uint64_t height) const {
   const auto found = cameras_.find(std::minmax({width, height}));
-  return found == cameras_.end() ? *kNone : found->second;
+  return found == cameras_.end() ? std::vector<DatabaseCamera>() : found->second;
 }
 
 }  // namespace lazyloc

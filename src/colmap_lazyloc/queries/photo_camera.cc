@@ -18,10 +18,6 @@ constexpr double kMaxSameExifRatio = 1.005;
 
 bool Agree(double a, double b, double max_ratio) { return std::abs(std::log(a / b)) <= std::log(max_ratio); }
 
-bool HasSize(const PhotoProperties& photo, const Camera& camera) {
-  return camera.width == photo.width && camera.height == photo.height;
-}
-
 bool ContradictsExif(const PhotoProperties& photo, const DatabaseCamera& camera, double focal_length_px) {
   if (!photo.exif_camera.empty() && !camera.exif_camera.empty() && photo.exif_camera != camera.exif_camera) return true;
   return photo.exif_focal_length_px && !Agree(focal_length_px, *photo.exif_focal_length_px, kMaxExifRatio);
@@ -48,8 +44,9 @@ struct Candidate {
 std::vector<Candidate> FindCandidates(const PhotoProperties& photo, const std::vector<DatabaseCamera>& cameras,
                                       bool is_turned) {
   std::vector<Candidate> candidates;
+  const auto width = is_turned ? photo.height : photo.width, height = is_turned ? photo.width : photo.height;
   for (const DatabaseCamera& camera : cameras) {
-    if (!HasSizeOf(photo, camera.camera) || HasSize(photo, camera.camera) == is_turned) continue;
+    if (camera.camera.width != width || camera.camera.height != height) continue;
     const std::optional<double> focal_length_px = MeanFocalLengthPx(camera.camera);
     if (!focal_length_px || ContradictsExif(photo, camera, *focal_length_px)) continue;
     candidates.push_back({&camera, *focal_length_px});
@@ -118,16 +115,8 @@ PhotoCamera ChooseBetween(const PhotoCamera& own, const PhotoProperties& photo,
 
 }  // namespace
 
-void ExifFocalLengths::Add(uint32_t camera_id, const Camera& stored) {
-  if (OriginOfStoredCamera(stored) != IntrinsicsOrigin::EXIF) return;
-  if (const std::optional<double> focal_length_px = MeanFocalLengthPx(stored)) {
-    focal_lengths_px_.emplace(camera_id, *focal_length_px);
-  }
-}
-
-std::optional<double> ExifFocalLengths::Find(uint32_t camera_id) const {
-  const auto found = focal_lengths_px_.find(camera_id);
-  return found == focal_lengths_px_.end() ? std::nullopt : std::make_optional(found->second);
+std::optional<double> FocalLengthOfExifPx(const Camera& stored) {
+  return OriginOfStoredCamera(stored) == IntrinsicsOrigin::EXIF ? MeanFocalLengthPx(stored) : std::nullopt;
 }
 
 IntrinsicsOrigin PhotoCamera::Origin() const {
@@ -139,10 +128,6 @@ IntrinsicsOrigin PhotoCamera::Origin() const {
     case IntrinsicsSource::GUESS: return IntrinsicsOrigin::GUESS;
     default: return IntrinsicsOrigin::GIVEN;
   }
-}
-
-bool HasSizeOf(const PhotoProperties& photo, const Camera& camera) {
-  return HasSize(photo, camera) || (camera.width == photo.height && camera.height == photo.width);
 }
 
 PhotoCamera ChoosePhotoCamera(const PhotoProperties& photo, const DefaultCamera& default_camera,
@@ -167,7 +152,7 @@ PhotoCamera ChooseStoredCamera(const Camera& stored, const std::vector<DatabaseC
   PhotoProperties photo;
   photo.width = stored.width;
   photo.height = stored.height;
-  if (origin == IntrinsicsOrigin::EXIF) photo.exif_focal_length_px = MeanFocalLengthPx(stored);
+  photo.exif_focal_length_px = FocalLengthOfExifPx(stored);
   return ChooseBetween(own, photo, database_cameras);
 }
 

@@ -1,7 +1,5 @@
 #pragma once
 
-#include <cstdint>
-#include <map>
 #include <optional>
 #include <string>
 #include <vector>
@@ -31,25 +29,15 @@ struct DatabaseCamera {
   std::optional<double> exif_focal_length_px = std::nullopt;
 };
 
-// The focal lengths in pixels that COLMAP found in the EXIF of posed images, by the id of the model's camera. A model
-// has refined ones, but the database file keeps what its reconstruction started from.
-class ExifFocalLengths {
- public:
-  void Add(uint32_t camera_id, const Camera& stored);
-  std::optional<double> Find(uint32_t camera_id) const;
-
- private:
-  std::map<uint32_t, double> focal_lengths_px_;
-};
-
 // Camera model and parameters for all photos without a camera of their own.
 struct DefaultCamera {
   int model_id = 0;
   std::vector<double> params;  // empty if they are not given
 };
 
-// True if photos of this size may have been taken with the camera, also with the photo turned by 90 degrees.
-bool HasSizeOf(const PhotoProperties& photo, const Camera& camera);
+// Returns the focal length in pixels that COLMAP found in the EXIF of images with a stored camera; nullopt if there was
+// none. A model has refined ones, but the database file keeps what its reconstruction started from.
+std::optional<double> FocalLengthOfExifPx(const Camera& stored);
 
 // Chooses the intrinsics of a photo without a camera of its own, from the first of these:
 // 1. the parameters of the default camera;

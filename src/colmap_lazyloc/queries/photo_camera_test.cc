@@ -78,15 +78,12 @@ TEST_F(PhotoCameraTest, CameraOfASingleImageIsOnlySimilar) {
   EXPECT_EQ(Choose().Origin(), IntrinsicsOrigin::MODEL);
 }
 
-TEST(ExifFocalLengths, HoldsThoseThatColmapFoundInExif) {
+TEST(FocalLengthOfExif, IsThatWhichColmapFoundInExif) {
   Camera stored = CameraFromFocalLength(kSimpleRadial, 650, 640, 480);
   stored.has_prior_focal_length = true;
-  ExifFocalLengths focal_lengths;
-  focal_lengths.Add(3, stored);
+  EXPECT_EQ(FocalLengthOfExifPx(stored), 650);
   stored.has_prior_focal_length = false;
-  focal_lengths.Add(4, stored);
-  EXPECT_EQ(focal_lengths.Find(3), 650);
-  EXPECT_EQ(focal_lengths.Find(4), std::nullopt);
+  EXPECT_EQ(FocalLengthOfExifPx(stored), std::nullopt);
 }
 
 TEST_F(PhotoCameraTest, CameraOfTheSameSizeComesBeforeExif) {

@@ -44,8 +44,7 @@ QuerySelection::QuerySelection(const DatabaseReader& database, Model model, cons
     posed_of_database_id_.emplace(stored->image_id, &image);
   }
   std::sort(posed_ids_.begin(), posed_ids_.end());
-  ReadExifFocalLengths(database);
-  database_cameras_ = CamerasBySize(model_, exif_focal_lengths_);
+  database_cameras_.emplace(model_, ReadExifFocalLengths(database));
   frame_of_database_image_ = DatabaseFramePlaces(model_, &database, options_.groups);
   if (!options_.pairs_path.empty()) ReadPairsFile();
 }
@@ -64,18 +63,22 @@ void QuerySelection::ReadImages(const DatabaseReader& database) {
   }
 }
 
-void QuerySelection::ReadExifFocalLengths(const DatabaseReader& database) {
+std::map<uint32_t, double> QuerySelection::ReadExifFocalLengths(const DatabaseReader& database) const {
+  std::map<uint32_t, double> focal_lengths_px;
   std::set<uint32_t> camera_ids;
   for (const ModelImage& image : model_.images) {
     const DatabaseImage* stored = FindInDatabase(image.name);
     if (stored == nullptr || !camera_ids.insert(image.camera_id).second) continue;
     try {
       const Camera camera = database.ReadCamera(stored->camera_id);
-      if (CameraProblem(camera).empty()) exif_focal_lengths_.Add(image.camera_id, camera);
+      if (!CameraProblem(camera).empty()) continue;
+      if (const auto focal_length_px = FocalLengthOfExifPx(camera))
+        focal_lengths_px[image.camera_id] = *focal_length_px;
     } catch (const DamagedRecordError&) {
       // Leaves a damaged camera out, because the model's is used.
     }
   }
+  return focal_lengths_px;
 }
 
 std::string QuerySelection::DamageOf(const std::string& name) const {
@@ -198,11 +201,11 @@ StoredQuery QuerySelection::ReadStoredQuery(const std::string& name, const Datab
   } else {
     CheckUsable(query.stored_camera, database);
     // Leaves the cameras of a rig, because they may have the same size and different lenses.
-    const std::vector<DatabaseCamera> none;
-    const PhotoCamera chosen = ChooseStoredCamera(
-        query.stored_camera, groups_.IsSingle(role.group)
-                                 ? database_cameras_.OfSize(query.stored_camera.width, query.stored_camera.height)
-                                 : none);
+    std::vector<DatabaseCamera> cameras;
+    if (groups_.IsSingle(role.group)) {
+      cameras = database_cameras_->OfSize(query.stored_camera.width, query.stored_camera.height);
+    }
+    const PhotoCamera chosen = ChooseStoredCamera(query.stored_camera, cameras);
     query.camera = chosen.camera;
     query.source = chosen.source;
     query.intrinsics_origin = chosen.Origin();

@@ -72,7 +72,7 @@ class QuerySelection {
   StoredQuery ReadStoredQuery(const std::string& name, const DatabaseReader& database) const;
   // Returns the posed images without the queries; with leave_one_out all posed images.
   const Model& DatabaseModel() const { return model_; }
-  const ExifFocalLengths& DatabaseExifFocalLengths() const { return exif_focal_lengths_; }
+  const CamerasBySize& PosedCameras() const { return *database_cameras_; }
   // Returns the rig frames of the posed images that share their frame with another one.
   const FramePlaces& DatabaseFrames() const { return frame_of_database_image_; }
   // Returns the images of the database, sorted by name, without those whose row is damaged.
@@ -107,7 +107,8 @@ class QuerySelection {
   const ImageRole& RoleOf(const DatabaseImage& image) const { return roles_[&image - database_images_.data()]; }
   ImageRole& RoleOf(const DatabaseImage& image) { return roles_[&image - database_images_.data()]; }
   void ReadImages(const DatabaseReader& database);
-  void ReadExifFocalLengths(const DatabaseReader& database);
+  // Returns the focal lengths in the EXIF of the posed images, by the model's camera.
+  std::map<uint32_t, double> ReadExifFocalLengths(const DatabaseReader& database) const;
   // Returns the damage of the row of an image; empty if the row is not damaged.
   std::string DamageOf(const std::string& name) const;
   // Returns the names of the queries in their order, in the memory of this class.
@@ -131,8 +132,7 @@ class QuerySelection {
   std::vector<Camera> listed_cameras_;                            // of the query list
   std::unordered_map<std::string, std::string> damage_of_image_;  // by name; images whose row is damaged
   std::string damage_of_unknown_image_;                           // of a row without a readable name; may be empty
-  ExifFocalLengths exif_focal_lengths_;                           // of the posed images
-  CamerasBySize database_cameras_;
+  std::optional<CamerasBySize> database_cameras_;                 // of the posed images
   std::vector<uint32_t> posed_ids_;
   std::unordered_map<uint32_t, const ModelImage*> posed_of_database_id_;
   FramePlaces frame_of_database_image_;                   // by name; rig frames of several images only
