@@ -49,7 +49,6 @@ QuerySource::QuerySource(const SourceOptions& options, Model model, int seed, in
       priors_(ReadQueryPriors(options.priors,
                               [this](const std::string& name) { return selection_.FindGroup(name).has_value(); })),
       neighbours_(selection_),
-      depth_points_(selection_),
       max_num_pairs_(options.selection.pairs_path.empty() ? options.num_retrieved : 0) {
   if (!options.depth.depth_path.empty()) depth_maps_.emplace(options.depth);
   if (!selection_.Photos().empty()) Photos();
@@ -169,8 +168,7 @@ void QuerySource::AddDatabasePairsAndDepths(Session* session, LoadedGroup* loade
       pair.other_depths =
           depth_maps_->AtKeypoints(pair.other_name, image->image_id, pair.other_camera, pair.other_keypoints);
       if (pair.other_depths.empty()) continue;
-      pair.other_point_depths =
-          depth_points_.AtKeypoints(pair.other_name, query.problem.query_name, session->database_);
+      pair.other_point_depths = neighbours_.PointDepths(pair.other_name, query.problem.query_name, session->database_);
       // Leaves out points of other keypoints than the stored ones, which a caller or a second attempt may bring.
       if (!has_stored_keypoints || pair.other_point_depths.size() != pair.other_keypoints.size()) {
         pair.other_point_depths.clear();

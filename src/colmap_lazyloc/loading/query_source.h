@@ -14,7 +14,6 @@
 #include "colmap_lazyloc/formats/query_prior_files.h"
 #include "colmap_lazyloc/loading/database_neighbours.h"
 #include "colmap_lazyloc/loading/depth_maps.h"
-#include "colmap_lazyloc/loading/depth_points.h"
 #include "colmap_lazyloc/loading/pair_loader.h"
 #include "colmap_lazyloc/loading/photo_loader.h"
 #include "colmap_lazyloc/math/parallel_for.h"
@@ -120,7 +119,6 @@ class QuerySource {
   std::map<std::string, QueryPrior> priors_;  // by query; those in files
   std::optional<DepthMaps> depth_maps_;       // nullopt without a folder of maps
   DatabaseNeighbours neighbours_;
-  DepthPoints depth_points_;
   int max_num_pairs_ = 0;
   mutable std::once_flag photo_loader_is_made_;
   mutable std::unique_ptr<PhotoLoader> photo_loader_;  // null until a query is a photo
