@@ -101,10 +101,9 @@ PhotoLoader::PhotoLoader(const DatabaseReader& database, const QuerySelection& s
     matches_output_ = std::make_unique<MatchesOutput>(options.matches_output_path, database, names);
   }
   MeasureCandidates(counts.of_image, features);
-  const bool needs_index = (has_more_photos && NeedsRetrieval({})) ||
-                           std::any_of(selection.Photos().begin(), selection.Photos().end(),
-                                       [this](const auto& photo) { return NeedsRetrieval(photo.second); });
-  if (needs_index) {
+  if ((has_more_photos && NeedsRetrieval({})) ||
+      std::any_of(selection.Photos().begin(), selection.Photos().end(),
+                  [this](const auto& photo) { return NeedsRetrieval(photo.second); })) {
     index_ =
         std::make_unique<RetrievalIndex>(options.retrieval_index_path, database, RetrievalOptions(), seed, num_threads);
     warnings_.insert(warnings_.end(), index_->Warnings().begin(), index_->Warnings().end());
@@ -177,8 +176,7 @@ std::string PhotoLoader::DescribeExtraction() const {
 }
 
 bool PhotoLoader::NeedsRetrieval(const PhotoQuery& photo) const {
-  if (photo.paired_ids) return false;
-  return !options_.retrieval_index_path.empty() || AllowedCandidates(photo).size() > kMaxNumExhaustive;
+  return !photo.paired_ids && (!options_.retrieval_index_path.empty() || candidates_.size() > kMaxNumExhaustive);
 }
 
 PhotoLoader::Candidates PhotoLoader::AllowedCandidates(const PhotoQuery& photo) const {
@@ -193,10 +191,9 @@ PhotoLoader::Candidates PhotoLoader::AllowedCandidates(const PhotoQuery& photo) 
 
 PhotoLoader::Candidates PhotoLoader::ChooseCandidates(const PhotoQuery& photo, const Features& features,
                                                       IdleThreads* idle_threads) const {
-  Candidates allowed = AllowedCandidates(photo);
-  if (!NeedsRetrieval(photo)) return allowed;
+  if (!NeedsRetrieval(photo)) return AllowedCandidates(photo);
   std::map<uint32_t, const Candidate*> candidate_of_id;
-  for (const Candidate* candidate : allowed) candidate_of_id.emplace(candidate->image_id, candidate);
+  for (const Candidate& candidate : candidates_) candidate_of_id.emplace(candidate.image_id, &candidate);
   Candidates chosen;
   for (const uint32_t image_id : index_->Query(features, idle_threads)) {
     if (chosen.size() == num_retrieved_) break;
@@ -205,16 +202,6 @@ PhotoLoader::Candidates PhotoLoader::ChooseCandidates(const PhotoQuery& photo, c
   }
   std::sort(chosen.begin(), chosen.end());  // by address and so by name, because candidates_ is sorted by name
   return chosen;
-}
-
-Features PhotoLoader::Extract(const PhotoFile& file, const Camera& camera, IdleThreads* idle_threads) const {
-  if (aliked_) return aliked_->Extract(file);
-  return ExtractLikeDatabase(file, MeanFocalLength(camera), options_.extraction, statistics_, idle_threads);
-}
-
-PhotoCamera PhotoLoader::CameraOf(const PhotoQuery& photo, const PhotoProperties& properties) const {
-  if (photo.camera) return {*photo.camera, photo.source};
-  return ChoosePhotoCamera(properties, default_camera_, database_cameras_.OfSize(properties));
 }
 
 DatabaseFeatures PhotoLoader::LoadPairs(const Candidates& candidates, const FeatureReader& reader,
@@ -249,7 +236,9 @@ std::optional<LocalizationProblem> PhotoLoader::Load(const PhotoQuery& photo, co
   const std::optional<PhotoFile> file = ReadFile(photo, /*as_rgb=*/aliked_ != nullptr, record);
   if (!file) return std::nullopt;
   const PhotoProperties& properties = file->Properties();
-  const PhotoCamera chosen = CameraOf(photo, properties);
+  const PhotoCamera chosen = photo.camera
+                                 ? PhotoCamera{*photo.camera, photo.source}
+                                 : ChoosePhotoCamera(properties, default_camera_, database_cameras_.OfSize(properties));
   record->intrinsics_source = chosen.source;
   if (chosen.camera.width != properties.width || chosen.camera.height != properties.height) {
     return Refuse(QueryStatus::INCONSISTENT_INTRINSICS,
@@ -258,7 +247,11 @@ std::optional<LocalizationProblem> PhotoLoader::Load(const PhotoQuery& photo, co
                   &record->result);
   }
   Features query_features;
-  Measure("extraction", record, [&] { query_features = Extract(*file, chosen.camera, idle_threads); });
+  Measure("extraction", record, [&] {
+    query_features = aliked_ ? aliked_->Extract(*file)
+                             : ExtractLikeDatabase(*file, MeanFocalLength(chosen.camera), options_.extraction,
+                                                   statistics_, idle_threads);
+  });
   record->matcher = aliked_ ? aliked_->Matcher() : MatcherType::SIFT_BRUTEFORCE;
   LocalizationProblem problem;
   problem.query_name = photo.name;
@@ -293,10 +286,6 @@ std::optional<LocalizationProblem> PhotoLoader::LoadAgain(const PhotoQuery& phot
   if (candidates.empty()) candidates = AllowedCandidates(photo);
   if (first.pairs.empty() && candidates.size() > kMaxNumExhaustive) candidates.clear();
   return second_->Load(*file, first, candidates, features, idle_threads, record);
-}
-
-void PhotoLoader::PublishMatches() const {
-  if (matches_output_) matches_output_->Publish();
 }
 
 }  // namespace lazyloc

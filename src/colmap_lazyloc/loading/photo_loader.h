@@ -54,7 +54,9 @@ class PhotoLoader {
   // Returns how the features of photos are extracted, for a photo like the database images.
   std::string DescribeExtraction() const;
   // Publishes the database at matches_output_path, if there is one.
-  void PublishMatches() const;
+  void PublishMatches() const {
+    if (matches_output_) matches_output_->Publish();
+  }
 
  private:
   using Candidate = DatabaseCandidate;
@@ -64,11 +66,8 @@ class PhotoLoader {
   void PrepareFor(FeatureType type, const std::string& database_path);
   // Returns nullopt, with status and reason in the record, if the file is not a readable image.
   std::optional<PhotoFile> ReadFile(const PhotoQuery& photo, bool as_rgb, QueryRecord* record) const;
-  Features Extract(const PhotoFile& file, const Camera& camera, IdleThreads* idle_threads) const;
   // Sets the statistics of the candidates' features.
   void MeasureCandidates(const std::map<uint32_t, size_t>& num_descriptors, const FeatureReader& reader);
-  // Returns the photo's own intrinsics if it has any, or else chooses some.
-  PhotoCamera CameraOf(const PhotoQuery& photo, const PhotoProperties& properties) const;
   // Returns the candidates that the pairs file lists, or all.
   Candidates AllowedCandidates(const PhotoQuery& photo) const;
   Candidates ChooseCandidates(const PhotoQuery& photo, const Features& features, IdleThreads* idle_threads) const;

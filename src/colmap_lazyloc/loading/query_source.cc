@@ -48,8 +48,7 @@ QuerySource::QuerySource(const SourceOptions& options, Model model, int seed, in
       pair_loader_(selection_, options.num_retrieved),
       priors_(ReadQueryPriors(options.priors,
                               [this](const std::string& name) { return selection_.FindGroup(name).has_value(); })),
-      neighbours_(selection_),
-      max_num_pairs_(options.selection.pairs_path.empty() ? options.num_retrieved : 0) {
+      neighbours_(selection_) {
   if (!options.depth.depth_path.empty()) depth_maps_.emplace(options.depth);
   if (!selection_.Photos().empty()) Photos();
 }
@@ -64,24 +63,6 @@ const PhotoLoader& QuerySource::Photos() const {
 
 QuerySource::Session::Session(const QuerySource& source, IdleThreads* idle_threads)
     : database_(source.database_.Path()), idle_threads_(idle_threads) {}
-
-std::optional<LocalizationProblem> QuerySource::LoadNamed(const std::string& name, Session* session,
-                                                          QueryRecord* record) const {
-  record->result.query_name = name;
-  const StageTimer timer("load", &record->seconds);
-  const StoredQuery query = selection_.ReadStoredQuery(name, session->database_);
-  record->intrinsics_source = query.source;
-  return pair_loader_.Load(query, session->database_, &record->damages);
-}
-
-std::optional<LocalizationProblem> QuerySource::LoadPhoto(const PhotoQuery& photo, Session* session,
-                                                          QueryRecord* record) const {
-  record->result.query_name = photo.name;
-  if (!photo.damage.empty()) throw DamagedRecordError(database_.Path().string(), photo.damage);
-  const PhotoLoader& photos = Photos();
-  if (!session->features_) session->features_ = std::make_unique<FeatureReader>(database_.Path());
-  return photos.Load(photo, *session->features_, session->idle_threads_, record);
-}
 
 GroupInput QuerySource::Group(size_t group) const {
   GroupInput input;
@@ -116,19 +97,34 @@ GroupInput QuerySource::WithPriors(GroupInput input) const {
   return input;
 }
 
+std::optional<LocalizationProblem> QuerySource::LoadQuery(const QueryInput& query, Session* session,
+                                                          QueryRecord* record) const {
+  try {
+    if (const PhotoQuery* photo = FindPhoto(query)) {
+      record->result.query_name = photo->name;
+      if (!photo->damage.empty()) throw DamagedRecordError(database_.Path().string(), photo->damage);
+      const PhotoLoader& photos = Photos();
+      if (!session->features_) session->features_ = std::make_unique<FeatureReader>(database_.Path());
+      return photos.Load(*photo, *session->features_, session->idle_threads_, record);
+    }
+    const auto* name = std::get_if<std::string>(&query);
+    if (name == nullptr) return std::get<LocalizationProblem>(query);
+    record->result.query_name = *name;
+    const StageTimer timer("load", &record->seconds);
+    const StoredQuery stored = selection_.ReadStoredQuery(*name, session->database_);
+    record->intrinsics_source = stored.source;
+    return pair_loader_.Load(stored, session->database_, &record->damages);
+  } catch (const DamagedRecordError& error) {
+    record->result.status = QueryStatus::DAMAGED_DATA;
+    record->result.reason = error.Damage();
+    return std::nullopt;
+  }
+}
+
 LoadedGroup QuerySource::Load(const GroupInput& input, Session* session) const {
-  LoadedGroup loaded = LoadEach(
-      WithPriors(input), [&](const QueryInput& query, QueryRecord* record) -> std::optional<LocalizationProblem> {
-        try {
-          if (const PhotoQuery* photo = FindPhoto(query)) return LoadPhoto(*photo, session, record);
-          if (const auto* name = std::get_if<std::string>(&query)) return LoadNamed(*name, session, record);
-          return std::get<LocalizationProblem>(query);
-        } catch (const DamagedRecordError& error) {
-          record->result.status = QueryStatus::DAMAGED_DATA;
-          record->result.reason = error.Damage();
-          return std::nullopt;
-        }
-      });
+  LoadedGroup loaded = LoadEach(WithPriors(input), [&](const QueryInput& query, QueryRecord* record) {
+    return LoadQuery(query, session, record);
+  });
   pair_loader_.LoadQueryPairs(session->database_, &loaded);
   AddDatabasePairsAndDepths(session, &loaded);
   return loaded;

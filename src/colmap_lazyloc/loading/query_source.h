@@ -82,7 +82,7 @@ class QuerySource {
   // Returns one line on how the features of photos are extracted; empty without photos.
   std::string DescribeExtraction() const { return photo_loader_ ? photo_loader_->DescribeExtraction() : ""; }
   // Returns how many pairs of a query the localizer is to use of those that are loaded; 0 for all.
-  int MaxNumPairs() const { return max_num_pairs_; }
+  int MaxNumPairs() const { return options_.selection.pairs_path.empty() ? options_.num_retrieved : 0; }
   // Returns one group of the selection.
   GroupInput Group(size_t group) const;
   // Loads a group. Thread-safe with one session per thread. Throws InputError for a damaged file; damaged records
@@ -105,8 +105,7 @@ class QuerySource {
   const PhotoLoader& Photos() const;
   // Gives named queries the priors in files that they lack.
   GroupInput WithPriors(GroupInput input) const;
-  std::optional<LocalizationProblem> LoadNamed(const std::string& name, Session* session, QueryRecord* record) const;
-  std::optional<LocalizationProblem> LoadPhoto(const PhotoQuery& photo, Session* session, QueryRecord* record) const;
+  std::optional<LocalizationProblem> LoadQuery(const QueryInput& query, Session* session, QueryRecord* record) const;
   // Returns null if the query is not a photo.
   const PhotoQuery* FindPhoto(const QueryInput& query) const;
 
@@ -119,7 +118,6 @@ class QuerySource {
   std::map<std::string, QueryPrior> priors_;  // by query; those in files
   std::optional<DepthMaps> depth_maps_;       // nullopt without a folder of maps
   DatabaseNeighbours neighbours_;
-  int max_num_pairs_ = 0;
   mutable std::once_flag photo_loader_is_made_;
   mutable std::unique_ptr<PhotoLoader> photo_loader_;  // null until a query is a photo
 };
