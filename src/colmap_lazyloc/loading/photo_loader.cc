@@ -75,7 +75,7 @@ PhotoLoader::PhotoLoader(const DatabaseReader& database, const QuerySelection& s
       seed_(seed),
       default_camera_(ParseDefaultCamera(options)),
       database_cameras_(selection, options.image_path),
-      features_(options.CacheBytes(), NumBytes) {
+      features_(NumBytes, options.CacheBytes()) {
   std::vector<std::string> damages;
   const FeatureReader features(database.Path());
   const DescriptorCounts counts = features.ReadDescriptorCounts(&damages);

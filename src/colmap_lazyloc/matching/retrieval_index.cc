@@ -5,12 +5,12 @@
 #include <cmath>
 #include <cstring>
 #include <fstream>
-#include <numeric>
 #include <random>
 #include <system_error>
 #include <type_traits>
 
 #include "colmap_lazyloc/files/staged_output.h"
+#include "colmap_lazyloc/matching/feature_statistics.h"
 #include "colmap_lazyloc/math/descriptor_products.h"
 #include "colmap_lazyloc/scene/errors.h"
 #include "colmap_lazyloc/scene/options_check.h"
@@ -68,14 +68,8 @@ Descriptors IndexedDescriptors(const Features& features, int max_num_features) {
   Descriptors descriptors = AsBytes(features);
   if (num_indexed == num_features) return descriptors;
   std::vector<double> areas;
-  areas.reserve(num_features);
   for (const Keypoint& k : features.keypoints) areas.push_back(std::abs(double{k.a11} * k.a22 - double{k.a12} * k.a21));
-  std::vector<Eigen::Index> rows(num_features);
-  std::iota(rows.begin(), rows.end(), 0);
-  std::stable_sort(rows.begin(), rows.end(), [&](auto a, auto b) { return areas[a] > areas[b]; });
-  rows.resize(num_indexed);
-  std::sort(rows.begin(), rows.end());
-  return descriptors(rows, Eigen::all);
+  return descriptors(IndicesOfLargest(areas, num_indexed), Eigen::all);
 }
 
 // Returns the descriptors of an image that are indexed; none if they are damaged, and then sets `damage`.
@@ -164,7 +158,12 @@ RetrievalIndex::RetrievalIndex(const fs::path& path, const DatabaseReader& datab
           path.string() +
           ": none of its images is in the database: it belongs to another one (delete it to make it again)");
     }
-    RemoveStaleEntries(num_descriptors);
+    for (auto entry = entries_.begin(); entry != entries_.end();) {
+      const auto current = num_descriptors.find(entry->first);
+      const bool is_stale = current == num_descriptors.end() || current->second != entry->second.num_descriptors;
+      changes_.num_removed += is_stale;
+      entry = is_stale ? entries_.erase(entry) : std::next(entry);
+    }
   }
   IdleThreads idle_threads(EffectiveNumThreads(num_threads) - 1);
   if (!visual_index_ || IsOutgrown(described.size())) Train(described, features, options, &idle_threads);
@@ -181,15 +180,6 @@ RetrievalIndex::RetrievalIndex(const fs::path& path, const DatabaseReader& datab
 bool RetrievalIndex::IsOutgrown(size_t num_images) const {
   const size_t num_unused = static_cast<size_t>(next_index_id_ - 1) - entries_.size();
   return num_unused > entries_.size() || num_images > 8 * entries_.size();
-}
-
-void RetrievalIndex::RemoveStaleEntries(const std::map<std::string, uint64_t>& num_descriptors) {
-  for (auto entry = entries_.begin(); entry != entries_.end();) {
-    const auto current = num_descriptors.find(entry->first);
-    const bool is_stale = current == num_descriptors.end() || current->second != entry->second.num_descriptors;
-    changes_.num_removed += is_stale;
-    entry = is_stale ? entries_.erase(entry) : std::next(entry);
-  }
 }
 
 void RetrievalIndex::Train(const std::vector<DatabaseImage>& images, const FeatureReader& features,

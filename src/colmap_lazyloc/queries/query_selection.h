@@ -78,7 +78,7 @@ class QuerySelection {
   // Returns the images of the database, sorted by name, without those whose row is damaged.
   const std::vector<DatabaseImage>& DatabaseImages() const { return database_images_; }
   // Returns null if the database file does not hold an image of this name, or its row is damaged.
-  const DatabaseImage* FindInDatabase(const std::string& name) const;
+  const DatabaseImage* FindInDatabase(const std::string& name) const { return FindByName(database_images_, name); }
   // Returns the ids of the posed images in the database, sorted.
   const std::vector<uint32_t>& PosedImageIds() const { return posed_ids_; }
   // Returns the posed image with an id of the database; null if the image has no pose or is in the query's own group.
@@ -117,8 +117,6 @@ class QuerySelection {
   std::string_view AddStoredQuery(QueryListEntry entry, const ModelImage* posed, const DatabaseReader& database);
   std::string_view AddPhoto(const QueryListEntry& entry, const ModelImage* posed, const DatabaseReader& database);
   bool IsPhoto(const std::string& name, const DatabaseReader& database) const;
-  bool IsQuery(const std::string& name) const { return FindStoredQuery(name) || photos_.count(name) > 0; }
-  void SetGroup(const std::string& query_name, size_t group);
   void GroupAll(const std::vector<std::string_view>& query_names, const DatabaseReader& database);
   void ReadPairsFile();
   // Adds an image of the database to a query's pairs. Does nothing if there is no such query or image.
