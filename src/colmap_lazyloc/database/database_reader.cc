@@ -235,7 +235,7 @@ Camera DatabaseReader::ReadCamera(uint32_t camera_id) const {
     camera->width = static_cast<uint64_t>(rows.Integer(1, 0, kMaxInt64));
     camera->height = static_cast<uint64_t>(rows.Integer(2, 0, kMaxInt64));
     camera->has_prior_focal_length = rows.Integer(3, 0, kMaxInt64) != 0;
-    camera->params = ReadCameraParams(rows, 4);
+    camera->params = ReadCameraParams(rows, rows.Blob(4));
     for (const double param : camera->params) {
       if (!std::isfinite(param)) rows.Fail("a camera parameter is not a finite number");
     }

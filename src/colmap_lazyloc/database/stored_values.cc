@@ -24,13 +24,6 @@ T NumberAt(const ByteSpan& blob, size_t offset) {
   return value;
 }
 
-std::vector<double> Doubles(const SqliteRows& row, const ByteSpan& blob) {
-  if (blob.size % sizeof(double) != 0) row.Fail("camera parameters of " + std::to_string(blob.size) + " bytes");
-  std::vector<double> values(blob.size / sizeof(double));
-  for (size_t i = 0; i < values.size(); ++i) values[i] = NumberAt<double>(blob, i * sizeof(double));
-  return values;
-}
-
 // A table of four-byte numbers, stored in the columns rows, cols and data (0 to 2 of the statement).
 struct NumberTable {
   size_t num_rows = 0;
@@ -93,7 +86,12 @@ std::string ImageLabel(const SqliteConnection& connection, uint32_t image_id) {
   return label;
 }
 
-std::vector<double> ReadCameraParams(const SqliteRows& row, int column) { return Doubles(row, row.Blob(column)); }
+std::vector<double> ReadCameraParams(const SqliteRows& row, const ByteSpan& blob) {
+  if (blob.size % sizeof(double) != 0) row.Fail("camera parameters of " + std::to_string(blob.size) + " bytes");
+  std::vector<double> values(blob.size / sizeof(double));
+  for (size_t i = 0; i < values.size(); ++i) values[i] = NumberAt<double>(blob, i * sizeof(double));
+  return values;
+}
 
 std::vector<Keypoint> ReadStoredKeypoints(const SqliteRows& row) {
   const NumberTable table = ReadNumberTable(row, {2, 4, 6});
@@ -171,7 +169,7 @@ std::optional<Camera> ReadSerializedCamera(const SqliteRows& row, int column) {
   camera.width = NumberAt<uint64_t>(blob, 8);
   camera.height = NumberAt<uint64_t>(blob, 16);
   camera.has_prior_focal_length = NumberAt<uint8_t>(blob, 24) != 0;
-  camera.params = Doubles(row, {blob.data + kParamsOffset, blob.size - kParamsOffset});
+  camera.params = ReadCameraParams(row, {blob.data + kParamsOffset, blob.size - kParamsOffset});
   return camera;
 }
 

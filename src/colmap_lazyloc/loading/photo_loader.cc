@@ -5,6 +5,7 @@
 #include <functional>
 #include <set>
 #include <sstream>
+#include <system_error>
 #include <utility>
 
 #include "colmap_lazyloc/bridge/camera_models.h"
@@ -21,6 +22,8 @@ namespace {
 constexpr size_t kNumSampledImages = 50;
 // Maximum number of database images that a photo is matched with one by one: an index is faster only for more.
 constexpr size_t kMaxNumExhaustive = 50;
+// Maximum number of image files that are read for a photo of a new size, because each takes as long as the photo.
+constexpr size_t kMaxNumFiles = 20;
 
 std::vector<double> ParseCameraParams(const std::string& text) {
   std::vector<double> params;
@@ -74,8 +77,8 @@ PhotoLoader::PhotoLoader(const DatabaseReader& database, const QuerySelection& s
       num_retrieved_(static_cast<size_t>(num_retrieved)),
       seed_(seed),
       default_camera_(ParseDefaultCamera(options)),
-      database_cameras_(selection, options.image_path),
-      features_(NumBytes, options.CacheBytes()) {
+      features_(NumBytes, options.CacheBytes()),
+      exif_cameras_([](const std::string& camera) { return sizeof(camera) + camera.size(); }) {
   std::vector<std::string> damages;
   const FeatureReader features(database.Path());
   const DescriptorCounts counts = features.ReadDescriptorCounts(&damages);
@@ -204,6 +207,28 @@ PhotoLoader::Candidates PhotoLoader::ChooseCandidates(const PhotoQuery& photo, c
   return chosen;
 }
 
+std::vector<DatabaseCamera> PhotoLoader::CamerasLike(const PhotoProperties& photo) const {
+  std::vector<DatabaseCamera> cameras = selection_.PosedCameras().OfSize(photo.width, photo.height);
+  if (photo.exif_camera.empty()) return cameras;
+  for (size_t i = 0; i < std::min(cameras.size(), kMaxNumFiles); ++i) {
+    const uint32_t camera_id = cameras[i].camera.camera_id;
+    cameras[i].exif_camera = *exif_cameras_.Get(camera_id, [&] { return ReadExifCamera(camera_id); });
+  }
+  return cameras;
+}
+
+std::string PhotoLoader::ReadExifCamera(uint32_t camera_id) const {
+  for (const ModelImage& image : selection_.DatabaseModel().images) {
+    if (image.camera_id != camera_id) continue;
+    const std::filesystem::path path = std::filesystem::path(options_.image_path) / image.name;
+    std::error_code error;
+    if (!std::filesystem::is_regular_file(path, error)) continue;
+    const std::optional<PhotoFile> file = PhotoFile::Read(path);
+    return file ? file->Properties().exif_camera : "";
+  }
+  return "";
+}
+
 DatabaseFeatures PhotoLoader::LoadPairs(const Candidates& candidates, const FeatureReader& reader,
                                         LocalizationProblem* problem, std::vector<std::string>* damages) const {
   DatabaseFeatures database_features;
@@ -236,9 +261,8 @@ std::optional<LocalizationProblem> PhotoLoader::Load(const PhotoQuery& photo, co
   const std::optional<PhotoFile> file = ReadFile(photo, /*as_rgb=*/aliked_ != nullptr, record);
   if (!file) return std::nullopt;
   const PhotoProperties& properties = file->Properties();
-  const PhotoCamera chosen = photo.camera
-                                 ? PhotoCamera{*photo.camera, photo.source}
-                                 : ChoosePhotoCamera(properties, default_camera_, database_cameras_.OfSize(properties));
+  const PhotoCamera chosen = photo.camera ? PhotoCamera{*photo.camera, photo.source}
+                                          : ChoosePhotoCamera(properties, default_camera_, CamerasLike(properties));
   record->intrinsics_source = chosen.source;
   if (chosen.camera.width != properties.width || chosen.camera.height != properties.height) {
     return Refuse(QueryStatus::INCONSISTENT_INTRINSICS,

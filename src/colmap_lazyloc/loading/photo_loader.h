@@ -10,7 +10,6 @@
 #include "colmap_lazyloc/database/feature_reader.h"
 #include "colmap_lazyloc/database/lru_cache.h"
 #include "colmap_lazyloc/formats/query_files.h"
-#include "colmap_lazyloc/loading/database_cameras.h"
 #include "colmap_lazyloc/loading/matches_output.h"
 #include "colmap_lazyloc/loading/photo_options.h"
 #include "colmap_lazyloc/loading/second_attempt.h"
@@ -66,6 +65,10 @@ class PhotoLoader {
   void PrepareFor(FeatureType type, const std::string& database_path);
   // Returns nullopt, with status and reason in the record, if the file is not a readable image.
   std::optional<PhotoFile> ReadFile(const PhotoQuery& photo, bool as_rgb, QueryRecord* record) const;
+  // Returns the cameras that have the photo's size, of which one may have taken it, with their makes and models if the
+  // photo's are known. If posed images are in the folder of the photos, their EXIF tells these.
+  std::vector<DatabaseCamera> CamerasLike(const PhotoProperties& photo) const;
+  std::string ReadExifCamera(uint32_t camera_id) const;
   // Sets the statistics of the candidates' features.
   void MeasureCandidates(const std::map<uint32_t, size_t>& num_descriptors, const FeatureReader& reader);
   // Returns the candidates that the pairs file lists, or all.
@@ -81,7 +84,6 @@ class PhotoLoader {
   const size_t num_retrieved_;
   const int seed_;
   const DefaultCamera default_camera_;
-  const DatabaseCameras database_cameras_;
   std::vector<Candidate> candidates_;            // posed images with descriptors, sorted by name
   std::unique_ptr<const Aliked> aliked_;         // null for SIFT
   std::unique_ptr<const SecondAttempt> second_;  // null if there is none
@@ -92,6 +94,7 @@ class PhotoLoader {
   PhotoScale database_scale_;     // medians over the candidates
   std::vector<std::string> warnings_;
   mutable LruCache<Features> features_;
+  mutable LruCache<std::string> exif_cameras_;  // by the id of the camera
 };
 
 }  // namespace lazyloc

@@ -63,8 +63,14 @@ LoadedGroup LoadEach(const GroupInput& input, const LoadQueryFunction& load_quer
 // it is loaded here.
 class QuerySource {
  public:
-  // The readers of one thread.
-  class Session;
+  // The readers of one thread. idle_threads: help with the pairs of photos.
+  struct Session {
+    Session(const QuerySource& source, IdleThreads* threads);
+
+    DatabaseReader database;
+    std::unique_ptr<FeatureReader> features;  // null until a query is a photo
+    IdleThreads* idle_threads;
+  };
 
   // model: the one at input_path. seed, num_threads: for photos, whose matches are verified and whose retrieval index
   // is made here (num_threads: -1 for the number of cores). Throws InputError for files and options that cannot be
@@ -120,18 +126,6 @@ class QuerySource {
   DatabaseNeighbours neighbours_;
   mutable std::once_flag photo_loader_is_made_;
   mutable std::unique_ptr<PhotoLoader> photo_loader_;  // null until a query is a photo
-};
-
-class QuerySource::Session {
- public:
-  // idle_threads: help with the pairs of photos.
-  Session(const QuerySource& source, IdleThreads* idle_threads);
-
- private:
-  friend class QuerySource;
-  DatabaseReader database_;
-  std::unique_ptr<FeatureReader> features_;  // null until a query is a photo
-  IdleThreads* idle_threads_;
 };
 
 }  // namespace lazyloc
