@@ -23,40 +23,30 @@ bool AgreeOnIntrinsics(const Camera& a, const Camera& b) {
   return true;
 }
 
-// Throws DamagedRecordError if a match names a keypoint that its image does not have.
-void CheckMatches(const Matches& matches, const char* table, const LocalizationProblem& problem, const ImagePair& pair,
-                  const DatabaseReader& database) {
-  for (const Match& match : matches) {
-    if (match.query_point >= problem.query_keypoints.size() || match.other_point >= pair.other_keypoints.size()) {
-      throw DamagedRecordError(database.Path().string(),
-                               AsOneLine(std::string("table ") + table + ", pair of " + problem.query_name + " and " +
-                                         pair.other_name + ": a match names a keypoint that its image does not have"));
-    }
-  }
-}
-
 // Reads matches, geometry and the other image's keypoints into a pair. other_id: the other image's id in the database;
 // other_stored_camera: its camera there. Returns false if there are no matches, or verification left none. Throws
-// DamagedRecordError.
+// DamagedRecordError, also if a match names a keypoint that its image does not have.
 bool ReadPair(const LocalizationProblem& problem, const StoredQuery& query, uint32_t other_id,
               const Camera& other_stored_camera, const DatabaseReader& database, ImagePair* pair) {
   const uint32_t query_id = query.image.image_id;
   pair->geometry = database.ReadTwoViewGeometry(query_id, other_id);
-  if (pair->geometry && pair->geometry->inlier_matches.empty()) return false;
-  if (!pair->geometry) {
-    pair->matches = database.ReadMatches(query_id, other_id);
-    if (pair->matches.empty()) return false;
-  }
+  if (!pair->geometry) pair->matches = database.ReadMatches(query_id, other_id);
+  const Matches& matches = pair->geometry ? pair->geometry->inlier_matches : pair->matches;
+  if (matches.empty()) return false;
   pair->other_keypoints = database.ReadKeypoints(other_id);
-  const bool has_other_intrinsics =
-      pair->geometry &&
+  if (pair->geometry &&
       (!AgreeOnIntrinsics(pair->geometry->query_camera.value_or(query.stored_camera), query.camera) ||
-       !AgreeOnIntrinsics(pair->geometry->other_camera.value_or(other_stored_camera), pair->other_camera));
-  if (has_other_intrinsics) ForgetIntrinsics(&*pair->geometry);
-  if (pair->geometry) {
-    CheckMatches(pair->geometry->inlier_matches, "two_view_geometries", problem, *pair, database);
+       !AgreeOnIntrinsics(pair->geometry->other_camera.value_or(other_stored_camera), pair->other_camera))) {
+    ForgetIntrinsics(&*pair->geometry);
   }
-  CheckMatches(pair->matches, "matches", problem, *pair, database);
+  const std::string table = pair->geometry ? "two_view_geometries" : "matches";
+  for (const Match& match : matches) {
+    if (match.query_point >= problem.query_keypoints.size() || match.other_point >= pair->other_keypoints.size()) {
+      throw DamagedRecordError(database.Path().string(),
+                               AsOneLine("table " + table + ", pair of " + problem.query_name + " and " +
+                                         pair->other_name + ": a match names a keypoint that its image does not have"));
+    }
+  }
   return true;
 }
 

@@ -229,21 +229,6 @@ std::string PhotoLoader::ReadExifCamera(uint32_t camera_id) const {
   return "";
 }
 
-DatabaseFeatures PhotoLoader::LoadPairs(const Candidates& candidates, const FeatureReader& reader,
-                                        LocalizationProblem* problem, std::vector<std::string>* damages) const {
-  DatabaseFeatures database_features;
-  for (const Candidate* candidate : candidates) {
-    const uint32_t image_id = candidate->image_id;
-    try {
-      database_features.push_back(features_.Get(image_id, [&] { return reader.Read(image_id); }));
-      problem->pairs.push_back(selection_.MakePair(*candidate->image));
-    } catch (const DamagedRecordError& error) {
-      damages->push_back(error.Damage());
-    }
-  }
-  return database_features;
-}
-
 std::optional<PhotoFile> PhotoLoader::ReadFile(const PhotoQuery& photo, bool as_rgb, QueryRecord* record) const {
   const std::filesystem::path path =
       std::filesystem::path(options_.image_path) / (photo.path.empty() ? photo.name : photo.path);
@@ -286,7 +271,17 @@ std::optional<LocalizationProblem> PhotoLoader::Load(const PhotoQuery& photo, co
   if (!problem.query_keypoints.empty()) {
     Candidates candidates;
     Measure("retrieval", record, [&] { candidates = ChooseCandidates(photo, query_features, idle_threads); });
-    Measure("load", record, [&] { database_features = LoadPairs(candidates, features, &problem, &record->damages); });
+    Measure("load", record, [&] {
+      for (const Candidate* candidate : candidates) {
+        try {
+          database_features.push_back(
+              features_.Get(candidate->image_id, [&] { return features.Read(candidate->image_id); }));
+          problem.pairs.push_back(selection_.MakePair(*candidate->image));
+        } catch (const DamagedRecordError& error) {
+          record->damages.push_back(error.Damage());
+        }
+      }
+    });
     MatchPairs(query_features, database_features, aliked_.get(), seed_, idle_threads, &problem, &record->seconds);
   }
   if (matches_output_) {

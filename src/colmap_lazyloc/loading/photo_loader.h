@@ -75,9 +75,6 @@ class PhotoLoader {
   Candidates AllowedCandidates(const PhotoQuery& photo) const;
   Candidates ChooseCandidates(const PhotoQuery& photo, const Features& features, IdleThreads* idle_threads) const;
   bool NeedsRetrieval(const PhotoQuery& photo) const;
-  // Adds pairs with the candidates to the problem, without matches; returns their features. Leaves out damaged ones.
-  DatabaseFeatures LoadPairs(const Candidates& candidates, const FeatureReader& reader, LocalizationProblem* problem,
-                             std::vector<std::string>* damages) const;
 
   const QuerySelection& selection_;
   const PhotoOptions options_;

@@ -166,7 +166,10 @@ RetrievalIndex::RetrievalIndex(const fs::path& path, const DatabaseReader& datab
     }
   }
   IdleThreads idle_threads(EffectiveNumThreads(num_threads) - 1);
-  if (!visual_index_ || IsOutgrown(described.size())) Train(described, features, options, &idle_threads);
+  // Removed images stay in the inverted files, unused, and a vocabulary learnt from few images does not suit many.
+  const size_t num_unused = static_cast<size_t>(next_index_id_ - 1) - entries_.size();
+  const bool is_outgrown = num_unused > entries_.size() || described.size() > 8 * entries_.size();
+  if (!visual_index_ || is_outgrown) Train(described, features, options, &idle_threads);
   AddNewEntries(described, num_descriptors, features, options.max_num_features, &idle_threads);
   for (const DatabaseImage& image : described) {
     const auto entry = entries_.find(image.name);
@@ -174,12 +177,6 @@ RetrievalIndex::RetrievalIndex(const fs::path& path, const DatabaseReader& datab
   }
   const bool has_changed = changes_.is_trained || changes_.num_added > 0 || changes_.num_removed > 0;
   if (!path.empty() && has_changed) Write(path);
-}
-
-// Removed images stay in the inverted files, unused, and a vocabulary learnt from few images does not suit many.
-bool RetrievalIndex::IsOutgrown(size_t num_images) const {
-  const size_t num_unused = static_cast<size_t>(next_index_id_ - 1) - entries_.size();
-  return num_unused > entries_.size() || num_images > 8 * entries_.size();
 }
 
 void RetrievalIndex::Train(const std::vector<DatabaseImage>& images, const FeatureReader& features,
