@@ -37,6 +37,8 @@ inline std::optional<Rigid3d> FiniteRigid(const Eigen::Matrix<double, 3, 4>& mat
   return Rigid3d{rotation.normalized(), translation};
 }
 
+inline std::optional<Rigid3d> FiniteRigid(const colmap::Rigid3d& pose) { return FiniteRigid(pose.ToMatrix()); }
+
 // Converts matches; COLMAP's first image is the other one, its second image is the query.
 inline colmap::FeatureMatches ToColmap(const Matches& matches) {
   colmap::FeatureMatches converted;

@@ -138,7 +138,7 @@ void PhotoLoader::PrepareFor(FeatureType type, const std::string& database_path)
   }
   second_ = std::make_unique<const SecondAttempt>(selection_, options_, type, seed_);
   is_always_second_ = !is_auto;
-  if (is_always_second_) second_->LoadModels();
+  if (is_always_second_) second_->Method().LoadModels();
   const auto has_file = [this](const Candidate& candidate) { return second_->HasFile(candidate); };
   if (std::any_of(candidates_.begin(), candidates_.end(), has_file)) return;
   warnings_.push_back("none of the database images is below --image_path " + options_.image_path +
@@ -168,8 +168,8 @@ void PhotoLoader::MeasureCandidates(const std::map<uint32_t, size_t>& num_descri
 }
 
 std::string PhotoLoader::DescribeExtraction() const {
-  if (is_always_second_) return "photos: " + second_->Describe();
-  const std::string second = second_ ? "; photos that these do not localize: " + second_->Describe() : "";
+  if (is_always_second_) return "photos: " + second_->Method().Describe();
+  const std::string second = second_ ? "; photos that these do not localize: " + second_->Method().Describe() : "";
   if (aliked_) return "photos: " + aliked_->Describe() + second;
   const SiftExtractionOptions chosen = ChooseExtraction(options_.extraction, statistics_, database_scale_);
   return Format("photos of %.0f pixels with a focal length of %.0f: at most %d features, first octave %d",

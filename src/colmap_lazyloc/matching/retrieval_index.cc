@@ -62,25 +62,23 @@ Descriptors AsBytes(const Features& features) {
   return bytes;
 }
 
-// Returns the descriptors of the features that are indexed, in their order in the database.
-Descriptors IndexedDescriptors(const Features& features, int max_num_features) {
+// Returns the descriptors of an image that are indexed, in their order in the database; none if they are damaged, and
+// then sets `damage`.
+Descriptors ReadIndexedDescriptors(const FeatureReader& reader, uint32_t image_id, int max_num_features,
+                                   std::string* damage) {
+  Features features;
+  try {
+    features = reader.Read(image_id);
+  } catch (const DamagedRecordError& error) {
+    *damage = error.what();
+    return Descriptors(0, kDescriptorLength);
+  }
   const size_t num_features = features.keypoints.size(), num_indexed = NumIndexed(num_features, max_num_features);
   Descriptors descriptors = AsBytes(features);
   if (num_indexed == num_features) return descriptors;
   std::vector<double> areas;
   for (const Keypoint& k : features.keypoints) areas.push_back(std::abs(double{k.a11} * k.a22 - double{k.a12} * k.a21));
   return descriptors(IndicesOfLargest(areas, num_indexed), Eigen::all);
-}
-
-// Returns the descriptors of an image that are indexed; none if they are damaged, and then sets `damage`.
-Descriptors ReadIndexedDescriptors(const FeatureReader& reader, uint32_t image_id, int max_num_features,
-                                   std::string* damage) {
-  try {
-    return IndexedDescriptors(reader.Read(image_id), max_num_features);
-  } catch (const DamagedRecordError& error) {
-    *damage = error.what();
-    return Descriptors(0, kDescriptorLength);
-  }
 }
 
 // Returns the descriptors that the vocabulary is learnt from, drawn evenly from all images.

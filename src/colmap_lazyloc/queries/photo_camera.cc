@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 
 #include "colmap_lazyloc/bridge/camera_models.h"
 
@@ -28,12 +29,10 @@ bool ContradictsExif(const PhotoProperties& photo, const DatabaseCamera& camera,
 // Returns the cameras whose images have the focal length of the photo's EXIF.
 std::vector<DatabaseCamera> OfSameDevice(const PhotoProperties& photo, const std::vector<DatabaseCamera>& cameras) {
   std::vector<DatabaseCamera> same;
-  for (const DatabaseCamera& camera : cameras) {
-    if (photo.exif_focal_length_px && camera.exif_focal_length_px &&
-        Agree(*photo.exif_focal_length_px, *camera.exif_focal_length_px, kMaxSameExifRatio)) {
-      same.push_back(camera);
-    }
-  }
+  std::copy_if(cameras.begin(), cameras.end(), std::back_inserter(same), [&](const DatabaseCamera& camera) {
+    return photo.exif_focal_length_px && camera.exif_focal_length_px &&
+           Agree(*photo.exif_focal_length_px, *camera.exif_focal_length_px, kMaxSameExifRatio);
+  });
   return same;
 }
 

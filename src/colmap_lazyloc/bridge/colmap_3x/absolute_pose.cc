@@ -6,9 +6,7 @@
 #include <colmap/estimators/absolute_pose.h>
 #include <colmap/optim/loransac.h>
 
-#include "colmap_lazyloc/bridge/convert.h"
-#include "colmap_lazyloc/bridge/random_numbers.h"
-#include "colmap_lazyloc/bridge/ransac_options.h"
+#include "colmap_lazyloc/bridge/absolute_pose_ransac.h"
 
 namespace lazyloc {
 
@@ -28,12 +26,8 @@ std::optional<Rigid3d> EstimateAbsolutePose(const std::vector<Eigen::Vector3d>& 
   }
   std::vector<Eigen::Vector2d> normalized(rays_in_cam.size());
   for (size_t i = 0; i < normalized.size(); ++i) normalized[i] = rays_in_cam[i].hnormalized();
-  SeedRandomNumbers(seed);
-  colmap::LORANSAC<colmap::P3PEstimator, colmap::EPNPEstimator> ransac(
-      AbsolutePoseRansacOptions(max_error_rad, min_inlier_ratio));
-  const auto report = ransac.Estimate(normalized, points_in_world);
-  if (!report.success) return std::nullopt;
-  return FiniteRigid(report.model);
+  using Ransac = colmap::LORANSAC<colmap::P3PEstimator, colmap::EPNPEstimator>;
+  return EstimateByRansac<Ransac>(normalized, points_in_world, max_error_rad, seed, min_inlier_ratio);
 }
 
 }  // namespace lazyloc
