@@ -8,7 +8,6 @@
 #include <cstdlib>
 #include <mutex>
 #include <optional>
-#include <utility>
 
 #define ORT_API_MANUAL_INIT  // because the library is loaded at run time
 #include <dlfcn.h>

@@ -4,7 +4,6 @@
 #include <map>
 #include <set>
 #include <unordered_map>
-#include <unordered_set>
 
 #include "colmap_lazyloc/files/text_file.h"
 #include "colmap_lazyloc/formats/trajectory.h"
