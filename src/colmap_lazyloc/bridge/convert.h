@@ -2,6 +2,7 @@
 
 #include <optional>
 #include <type_traits>
+#include <vector>
 
 #include <colmap/feature/types.h>
 #include <colmap/geometry/rigid3.h>
@@ -36,6 +37,8 @@ inline std::optional<Rigid3d> FiniteRigid(const Eigen::Matrix<double, 3, 4>& mat
   return Rigid3d{rotation.normalized(), translation};
 }
 
+inline std::optional<Rigid3d> FiniteRigid(const colmap::Rigid3d& pose) { return FiniteRigid(pose.ToMatrix()); }
+
 // Converts matches; COLMAP's first image is the other one, its second image is the query.
 inline colmap::FeatureMatches ToColmap(const Matches& matches) {
   colmap::FeatureMatches converted;
@@ -44,15 +47,19 @@ inline colmap::FeatureMatches ToColmap(const Matches& matches) {
   return converted;
 }
 
-// Converts a ray to the type of estimators of essential matrices: its point in the plane z = 1 in COLMAP 3, the ray
-// itself in COLMAP 4.
+// Converts rays to the type of estimators of essential matrices: points in the plane z = 1 in COLMAP 3, the rays
+// themselves in COLMAP 4.
 template <typename Point>
-Point ToEstimator(const Eigen::Vector3d& ray_in_cam) {
-  if constexpr (std::is_same_v<Point, Eigen::Vector2d>) {
-    return ray_in_cam.hnormalized();
-  } else {
-    return ray_in_cam;
+std::vector<Point> ToEstimator(const std::vector<Eigen::Vector3d>& rays_in_cam) {
+  std::vector<Point> points;
+  for (const Eigen::Vector3d& ray : rays_in_cam) {
+    if constexpr (std::is_same_v<Point, Eigen::Vector2d>) {
+      points.push_back(ray.hnormalized());
+    } else {
+      points.push_back(ray);
+    }
   }
+  return points;
 }
 
 // Returns cam2_from_cam1 of a geometry, nullopt if COLMAP has not set it or if it is not finite.

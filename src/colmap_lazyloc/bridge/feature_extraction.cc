@@ -5,20 +5,19 @@
 #include <utility>
 
 #include "colmap_lazyloc/bridge/sift.h"
-#include "colmap_lazyloc/bridge/sift_extraction.h"
 #include "colmap_lazyloc/scene/errors.h"
 #include "colmap_lazyloc/scene/options_check.h"
 
 namespace lazyloc {
 namespace {
 
-// Rounds the new size down like COLMAP's feature extraction, so that keypoints are the same.
-void ScaleDown(int max_size, colmap::Bitmap* bitmap) {
+// round: rounds the new size like COLMAP's feature extraction, so that keypoints are the same.
+void ScaleDown(int max_size, double (*round)(double), colmap::Bitmap* bitmap) {
   const int size = std::max(bitmap->Width(), bitmap->Height());
   if (size <= max_size) return;
   const double scale = static_cast<double>(max_size) / size;
-  bitmap->Rescale(std::max(1, static_cast<int>(bitmap->Width() * scale)),
-                  std::max(1, static_cast<int>(bitmap->Height() * scale)));
+  bitmap->Rescale(std::max(1, static_cast<int>(round(bitmap->Width() * scale))),
+                  std::max(1, static_cast<int>(round(bitmap->Height() * scale))));
 }
 
 }  // namespace
@@ -69,7 +68,7 @@ PhotoFile PhotoFile::FromPixels(const uint8_t* values, int width, int height, in
 Features PhotoFile::ExtractFeatures(const SiftExtractionOptions& options, IdleThreads* idle_threads) const {
   LAZYLOC_CHECK(options.max_num_features > 0 && options.first_octave >= -1);
   colmap::Bitmap bitmap = pixels_->IsRGB() ? pixels_->CloneAsGrey() : *pixels_;
-  ScaleDown(options.max_image_size, &bitmap);
+  ScaleDown(options.max_image_size, &std::trunc, &bitmap);
   Features features;
   colmap::FeatureKeypoints keypoints;
   if (!options.estimate_affine_shape && !options.domain_size_pooling) {
@@ -89,12 +88,7 @@ Features PhotoFile::ExtractFeatures(const SiftExtractionOptions& options, IdleTh
 
 RgbImage PhotoFile::ToRgb(int max_size) const {
   colmap::Bitmap bitmap = pixels_->IsRGB() ? *pixels_ : pixels_->CloneAsRGB();
-  const int size = std::max(bitmap.Width(), bitmap.Height());
-  if (size > max_size) {
-    const double scale = static_cast<double>(max_size) / size;
-    bitmap.Rescale(std::max<int>(1, std::lround(bitmap.Width() * scale)),
-                   std::max<int>(1, std::lround(bitmap.Height() * scale)));
-  }
+  ScaleDown(max_size, &std::round, &bitmap);
   return {bitmap.Width(), bitmap.Height(), RgbValues(bitmap)};
 }
 

@@ -38,8 +38,7 @@ std::optional<Rigid3d> EstimateGeneralizedRelativePose(const std::vector<PosedRa
   options.max_num_trials = 500;
   SeedRandomNumbers(seed);
   const auto report = colmap::RANSAC<Estimator>(options).Estimate(database, query);
-  if (!report.success) return std::nullopt;
-  return FiniteRigid(report.model.ToMatrix());
+  return report.success ? FiniteRigid(report.model) : std::nullopt;
 }
 
 }  // namespace lazyloc

@@ -13,7 +13,6 @@
 #include "colmap_lazyloc/bridge/camera_models.h"
 #include "colmap_lazyloc/bridge/convert.h"
 #include "colmap_lazyloc/bridge/random_numbers.h"
-#include "colmap_lazyloc/math/ray_pose.h"
 
 namespace lazyloc {
 namespace {
@@ -32,10 +31,7 @@ struct FivePoints {
     models->clear();
     const auto is_flat = [](const Eigen::Vector3d& ray) { return std::abs(ray.z()) < kMinDepth; };
     if (std::any_of(other.begin(), other.end(), is_flat) || std::any_of(query.begin(), query.end(), is_flat)) return;
-    std::vector<Solver::X_t> other_points, query_points;
-    for (const Eigen::Vector3d& ray : other) other_points.push_back(ToEstimator<Solver::X_t>(ray));
-    for (const Eigen::Vector3d& ray : query) query_points.push_back(ToEstimator<Solver::X_t>(ray));
-    Solver::Estimate(other_points, query_points, models);
+    Solver::Estimate(ToEstimator<Solver::X_t>(other), ToEstimator<Solver::X_t>(query), models);
   }
   static void Residuals(const Rays& other, const Rays& query, const M_t& E, std::vector<double>* residuals) {
     *residuals = SquaredEpipolarErrors(other, query, E);
@@ -51,25 +47,29 @@ struct AllPoints : FivePoints {
 
 }  // namespace
 
-TwoViewGeometry EstimateRayGeometry(const Camera& other_camera, const std::vector<Eigen::Vector2d>& other_keypoints,
-                                    const Camera& query_camera, const std::vector<Eigen::Vector2d>& query_keypoints,
-                                    const Matches& matches, double max_error_px, uint32_t seed) {
-  const RayInCamFunction other_ray = RaysInCam(other_camera), query_ray = RaysInCam(query_camera);
-  Rays other, query;
-  Matches with_rays;
+MatchedRays RaysOfMatches(const LocalizationProblem& problem, const ImagePair& pair, const Matches& matches) {
+  const RayInCamFunction other_ray = RaysInCam(pair.other_camera), query_ray = RaysInCam(problem.query_camera);
+  MatchedRays rays;
   for (const Match& match : matches) {
-    const std::optional<Eigen::Vector3d> ray1 = other_ray(other_keypoints[match.other_point]),
-                                         ray2 = query_ray(query_keypoints[match.query_point]);
-    if (!ray1 || !ray2) continue;
-    other.push_back(*ray1);
-    query.push_back(*ray2);
-    with_rays.push_back(match);
+    const std::optional<Eigen::Vector3d> other = other_ray(pair.other_keypoints[match.other_point]),
+                                         query = query_ray(problem.query_keypoints[match.query_point]);
+    if (!other || !query) continue;
+    rays.other.push_back(*other);
+    rays.query.push_back(*query);
+    rays.matches.push_back(match);
   }
+  return rays;
+}
+
+TwoViewGeometry EstimateRayGeometry(const LocalizationProblem& problem, const ImagePair& pair, const Matches& matches,
+                                    double max_error_px, uint32_t seed) {
+  const auto [with_rays, other, query] = RaysOfMatches(problem, pair, matches);
   TwoViewGeometry geometry;
   geometry.config = TwoViewConfig::DEGENERATE;
   if (static_cast<int>(with_rays.size()) < kMinNumInliers) return geometry;
   colmap::RANSACOptions options;
-  options.max_error = max_error_px * (1 / MeanFocalLength(other_camera) + 1 / MeanFocalLength(query_camera)) / 2;
+  options.max_error =
+      max_error_px * (1 / MeanFocalLength(pair.other_camera) + 1 / MeanFocalLength(problem.query_camera)) / 2;
   options.min_inlier_ratio = 0.25;
   options.confidence = 0.999;
   SeedRandomNumbers(seed);

@@ -51,8 +51,13 @@ struct Pair {
     }
   }
   TwoViewGeometry Estimate(bool is_calibrated = true) const {
-    return EstimateTwoViewGeometry(other_camera, other_keypoints, query_camera, query_keypoints, matches, is_calibrated,
-                                   /*seed=*/3);
+    LocalizationProblem problem;
+    problem.query_camera = query_camera;
+    problem.query_keypoints = query_keypoints;
+    ImagePair pair;
+    pair.other_camera = other_camera;
+    pair.other_keypoints = other_keypoints;
+    return EstimateTwoViewGeometry(problem, pair, matches, is_calibrated, /*seed=*/3);
   }
 };
 

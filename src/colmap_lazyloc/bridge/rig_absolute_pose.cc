@@ -7,11 +7,8 @@
 #else
 #include <colmap/estimators/generalized_absolute_pose.h>
 #endif
-#include <colmap/optim/ransac.h>
 
-#include "colmap_lazyloc/bridge/convert.h"
-#include "colmap_lazyloc/bridge/random_numbers.h"
-#include "colmap_lazyloc/bridge/ransac_options.h"
+#include "colmap_lazyloc/bridge/absolute_pose_ransac.h"
 
 namespace lazyloc {
 namespace {
@@ -43,12 +40,9 @@ std::optional<Rigid3d> EstimateRigAbsolutePose(const std::vector<Eigen::Vector3d
                                                double max_error_rad, uint32_t seed, double min_inlier_ratio) {
   std::vector<GP3PEstimator::X_t> rays(rays_in_cam.size());
   for (size_t i = 0; i < rays.size(); ++i) rays[i] = RigRay(cams_from_reference[i], rays_in_cam[i]);
-  SeedRandomNumbers(seed);
   // Converts the bound, because the estimator's residual is (1 - cos(angle))^2.
-  colmap::RANSAC<RepeatableEstimator> ransac(AbsolutePoseRansacOptions(1 - std::cos(max_error_rad), min_inlier_ratio));
-  const auto report = ransac.Estimate(rays, points_in_world);
-  if (!report.success) return std::nullopt;
-  return FiniteRigid(report.model.ToMatrix());
+  return EstimateByRansac<colmap::RANSAC<RepeatableEstimator>>(rays, points_in_world, 1 - std::cos(max_error_rad), seed,
+                                                               min_inlier_ratio);
 }
 
 }  // namespace lazyloc

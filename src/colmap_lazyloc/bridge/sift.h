@@ -10,6 +10,7 @@
 #include <colmap/sensor/bitmap.h>
 
 #include "colmap_lazyloc/bridge/feature_extraction.h"
+#include "colmap_lazyloc/math/parallel_for.h"
 
 namespace lazyloc {
 
@@ -20,6 +21,12 @@ inline const colmap::SiftExtractionOptions kColmapSift;
 // too small for COLMAP.
 bool ExtractSift(const colmap::Bitmap& bitmap, const SiftExtractionOptions& options,
                  colmap::FeatureKeypoints* keypoints, Descriptors* descriptors);
+
+// Extracts the features that COLMAP extracts without affine shapes and domain-size pooling, faster. grey: width *
+// height values, row by row. Keypoints are in pixels of the image. Uses idle threads, too; the result does not depend
+// on them.
+void ExtractPlainSift(const std::vector<uint8_t>& grey, int width, int height, const SiftExtractionOptions& options,
+                      IdleThreads* idle_threads, colmap::FeatureKeypoints* keypoints, Descriptors* descriptors);
 
 // Returns the values of a grey bitmap, row by row.
 std::vector<uint8_t> GreyValues(const colmap::Bitmap& bitmap);

@@ -2,6 +2,8 @@
 
 #include <array>
 
+#include "colmap_lazyloc/math/parallel_for.h"
+
 namespace lazyloc {
 
 // Gradients of an image: magnitude and angle in [0, 2 pi] of each pixel, row by row.
@@ -16,6 +18,10 @@ struct SiftKeypoint {
   double scale = 0;
   double orientation_rad = 0;
 };
+
+// Sets magnitude and angle of each pixel's gradient, with VLFeat's approximations of the square root and the arc
+// tangent. image: width * height values, row by row; gradients: as in GradientImage. Uses idle threads, too.
+void ComputeGradients(const float* image, int width, int height, IdleThreads* idle_threads, float* gradients);
 
 constexpr int kNumSpatialBins = 4, kNumAngularBins = 8;
 using SiftHistogram = std::array<float, kNumSpatialBins * kNumSpatialBins * kNumAngularBins>;

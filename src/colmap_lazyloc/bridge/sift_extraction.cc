@@ -1,5 +1,3 @@
-#include "colmap_lazyloc/bridge/sift_extraction.h"
-
 #include <algorithm>
 #include <array>
 
@@ -49,15 +47,13 @@ KeypointFeatures Describe(const VlSiftKeypoint& keypoint, bool is_upright, const
   return features;
 }
 
-bool AreOnOneLevel(const VlSiftKeypoint& a, const VlSiftKeypoint& b) { return a.o == b.o && a.is == b.is; }
-
 // Removes the finest levels while the others together exceed the maximum number. Takes the keypoints as Detect gives
 // them.
 std::vector<VlSiftKeypoint> KeepCoarsest(std::vector<VlSiftKeypoint> keypoints, int max_num_features) {
   const auto max_num = static_cast<size_t>(max_num_features);
   if (keypoints.size() <= max_num) return keypoints;
   auto begin = keypoints.end() - static_cast<std::ptrdiff_t>(max_num) - 1;
-  while (begin != keypoints.begin() && AreOnOneLevel(*(begin - 1), *begin)) --begin;
+  while (begin != keypoints.begin() && (begin - 1)->o == begin->o && (begin - 1)->is == begin->is) --begin;
   keypoints.erase(keypoints.begin(), begin);
   return keypoints;
 }

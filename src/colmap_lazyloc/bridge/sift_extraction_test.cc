@@ -1,5 +1,3 @@
-#include "colmap_lazyloc/bridge/sift_extraction.h"
-
 #include <algorithm>
 #include <random>
 

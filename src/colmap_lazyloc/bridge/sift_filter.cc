@@ -4,7 +4,6 @@
 #include <cmath>
 
 #include "colmap_lazyloc/bridge/sift.h"
-#include "colmap_lazyloc/bridge/sift_gradients.h"
 #include "colmap_lazyloc/math/smoothing.h"
 #include "colmap_lazyloc/scene/errors.h"
 
@@ -90,12 +89,6 @@ void SiftFilter::SmoothTo(int level, const float* image, double stddev_px) {
          vl_sift_get_octave(filter_.get(), level));
 }
 
-void SiftFilter::FillOtherLevels() {
-  for (int level = filter_->s_min + 1; level <= filter_->s_max; ++level) {
-    SmoothTo(level, vl_sift_get_octave(filter_.get(), level - 1), filter_->dsigma0 * std::pow(filter_->sigmak, level));
-  }
-}
-
 std::vector<VlSiftKeypoint> SiftFilter::Detect() {
   std::vector<VlSiftKeypoint> keypoints;
   for (int octave = filter_->o_min; octave < filter_->o_min + filter_->O; ++octave) {
@@ -109,7 +102,10 @@ std::vector<VlSiftKeypoint> SiftFilter::Detect() {
       Subsample(level, width, 2, filter_->octave_width, filter_->octave_height,
                 vl_sift_get_octave(filter_.get(), filter_->s_min));
     }
-    FillOtherLevels();
+    for (int level = filter_->s_min + 1; level <= filter_->s_max; ++level) {
+      const double stddev_px = filter_->dsigma0 * std::pow(filter_->sigmak, level);
+      SmoothTo(level, vl_sift_get_octave(filter_.get(), level - 1), stddev_px);
+    }
     vl_sift_detect(filter_.get());
     const VlSiftKeypoint* detected = vl_sift_get_keypoints(filter_.get());
     keypoints.insert(keypoints.end(), detected, detected + vl_sift_get_nkeypoints(filter_.get()));

@@ -31,7 +31,6 @@ class SiftFilter {
  private:
   void GoTo(int octave);
   void FillFirstLevel();
-  void FillOtherLevels();
   GradientImage Gradients(int level) const;
   void SmoothTo(int level, const float* image, double stddev_px);
 

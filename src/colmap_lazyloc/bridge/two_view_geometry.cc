@@ -12,7 +12,6 @@
 #include <colmap/estimators/two_view_geometry.h>
 #include <colmap/optim/loransac.h>
 
-#include "colmap_lazyloc/bridge/camera_models.h"
 #include "colmap_lazyloc/bridge/convert.h"
 #include "colmap_lazyloc/bridge/random_numbers.h"
 #include "colmap_lazyloc/bridge/ray_geometry.h"
@@ -53,67 +52,49 @@ std::optional<Eigen::Matrix3d> IfSet(std::optional<Eigen::Matrix3d> matrix) {
   return matrix;
 }
 
-TwoViewGeometry FromColmap(const colmap::TwoViewGeometry& geometry) {
-  TwoViewGeometry converted;
-  converted.config = static_cast<TwoViewConfig>(geometry.config);
-  converted.E = IfSet(geometry.E);
-  converted.F = IfSet(geometry.F);
-  converted.H = IfSet(geometry.H);
-  for (const colmap::FeatureMatch& match : geometry.inlier_matches) {
-    converted.inlier_matches.push_back({match.point2D_idx2, match.point2D_idx1});
-  }
-  return converted;
-}
-
 // Returns COLMAP's maximum epipolar error of an inlier in pixels.
 double MaxErrorPx() { return colmap::TwoViewGeometryOptions().ransac_options.max_error; }
 
 }  // namespace
 
-TwoViewGeometry EstimateTwoViewGeometry(const Camera& other_camera, const std::vector<Eigen::Vector2d>& other_keypoints,
-                                        const Camera& query_camera, const std::vector<Eigen::Vector2d>& query_keypoints,
+TwoViewGeometry EstimateTwoViewGeometry(const LocalizationProblem& problem, const ImagePair& pair,
                                         const Matches& matches, bool is_query_calibrated, uint32_t seed) {
-  if (IsEquirectangular(other_camera) || IsEquirectangular(query_camera)) {
-    return EstimateRayGeometry(other_camera, other_keypoints, query_camera, query_keypoints, matches, MaxErrorPx(),
-                               seed);
+  if (IsEquirectangular(pair.other_camera) || IsEquirectangular(problem.query_camera)) {
+    return EstimateRayGeometry(problem, pair, matches, MaxErrorPx(), seed);
   }
   colmap::TwoViewGeometryOptions colmap_options;
   colmap_options.min_num_inliers = kMinNumInliers;
   colmap_options.min_E_F_inlier_ratio = kMinCalibratedInlierRatio;
   SeedRandomNumbers(seed);
-  const colmap::Camera camera1 = ToColmap(other_camera);
-  colmap::Camera camera2 = ToColmap(query_camera);
+  const colmap::Camera camera1 = ToColmap(pair.other_camera);
+  colmap::Camera camera2 = ToColmap(problem.query_camera);
   camera2.has_prior_focal_length = is_query_calibrated;
-  colmap::TwoViewGeometry geometry = colmap::EstimateTwoViewGeometry(camera1, other_keypoints, camera2, query_keypoints,
-                                                                     ToColmap(matches), colmap_options);
-  if (!is_query_calibrated) return FromColmap(geometry);
+  colmap::TwoViewGeometry geometry = colmap::EstimateTwoViewGeometry(
+      camera1, pair.other_keypoints, camera2, problem.query_keypoints, ToColmap(matches), colmap_options);
+  TwoViewGeometry result;
   const bool has_pose =
-      colmap::EstimateTwoViewGeometryPose(camera1, other_keypoints, camera2, query_keypoints, &geometry);
-  TwoViewGeometry result = FromColmap(geometry);
+      is_query_calibrated &&
+      colmap::EstimateTwoViewGeometryPose(camera1, pair.other_keypoints, camera2, problem.query_keypoints, &geometry);
+  result.config = static_cast<TwoViewConfig>(geometry.config);
+  result.E = IfSet(geometry.E);
+  result.F = IfSet(geometry.F);
+  result.H = IfSet(geometry.H);
+  for (const colmap::FeatureMatch& match : geometry.inlier_matches) {
+    result.inlier_matches.push_back({match.point2D_idx2, match.point2D_idx1});
+  }
   if (has_pose) result.query_from_other = RelativePose(geometry);
   return result;
 }
 
-TwoViewGeometry EstimateCalibratedGeometry(const Camera& other_camera,
-                                           const std::vector<Eigen::Vector2d>& other_keypoints,
-                                           const Camera& query_camera,
-                                           const std::vector<Eigen::Vector2d>& query_keypoints,
-                                           const TwoViewGeometry& stored, uint32_t seed) {
-  const RayInCamFunction other_ray = RaysInCam(other_camera), query_ray = RaysInCam(query_camera);
-  std::vector<FivePoints::X_t> other_points, query_points;
-  Matches with_rays;
-  for (const Match& match : stored.inlier_matches) {
-    const std::optional<Eigen::Vector3d> ray1 = other_ray(other_keypoints[match.other_point]),
-                                         ray2 = query_ray(query_keypoints[match.query_point]);
-    if (!ray1 || !ray2) continue;
-    other_points.push_back(ToEstimator<FivePoints::X_t>(*ray1));
-    query_points.push_back(ToEstimator<FivePoints::X_t>(*ray2));
-    with_rays.push_back(match);
-  }
+TwoViewGeometry EstimateCalibratedGeometry(const LocalizationProblem& problem, const ImagePair& pair, uint32_t seed) {
+  const TwoViewGeometry& stored = *pair.geometry;
+  const MatchedRays rays = RaysOfMatches(problem, pair, stored.inlier_matches);
+  const auto other_points = ToEstimator<FivePoints::X_t>(rays.other),
+             query_points = ToEstimator<FivePoints::X_t>(rays.query);
   colmap::RANSACOptions ransac_options;
   const double max_error_px = MaxErrorPx();
-  ransac_options.max_error = (ToColmap(other_camera).CamFromImgThreshold(max_error_px) +
-                              ToColmap(query_camera).CamFromImgThreshold(max_error_px)) /
+  ransac_options.max_error = (ToColmap(pair.other_camera).CamFromImgThreshold(max_error_px) +
+                              ToColmap(problem.query_camera).CamFromImgThreshold(max_error_px)) /
                              2;
   ransac_options.min_inlier_ratio = kMinCalibratedInlierRatio;
   // Takes few trials, because local optimization mends the best one, and the matches are inliers of one geometry.
@@ -127,8 +108,9 @@ TwoViewGeometry EstimateCalibratedGeometry(const Camera& other_camera,
     FivePoints::Residuals(other_points, query_points, E, &squared_errors);
     geometry.E = E;
     geometry.inlier_matches.clear();
-    for (size_t i = 0; i < with_rays.size(); ++i) {
-      if (squared_errors[i] <= std::pow(ransac_options.max_error, 2)) geometry.inlier_matches.push_back(with_rays[i]);
+    for (size_t i = 0; i < rays.matches.size(); ++i) {
+      if (squared_errors[i] <= std::pow(ransac_options.max_error, 2))
+        geometry.inlier_matches.push_back(rays.matches[i]);
     }
     return geometry.inlier_matches.size() >= kMinCalibratedInlierRatio * stored.inlier_matches.size();
   };
@@ -138,25 +120,21 @@ TwoViewGeometry EstimateCalibratedGeometry(const Camera& other_camera,
     if (!report.success || !take(report.model)) return {};
   }
   geometry.config = TwoViewConfig::CALIBRATED;
-  EstimateRelativePose(other_camera, other_keypoints, query_camera, query_keypoints, &geometry);
+  EstimateRelativePose(problem, pair, &geometry);
   return geometry;
 }
 
-void EstimateRelativePose(const Camera& other_camera, const std::vector<Eigen::Vector2d>& other_keypoints,
-                          const Camera& query_camera, const std::vector<Eigen::Vector2d>& query_keypoints,
-                          TwoViewGeometry* geometry) {
+void EstimateRelativePose(const LocalizationProblem& problem, const ImagePair& pair, TwoViewGeometry* geometry) {
+  const bool is_calibrated = geometry->config == TwoViewConfig::CALIBRATED;
+  if (!(is_calibrated ? geometry->E : geometry->H)) return;
   colmap::TwoViewGeometry converted;
   converted.config = static_cast<colmap::TwoViewGeometry::ConfigurationType>(geometry->config);
-  const bool has_model =
-      geometry->config == TwoViewConfig::CALIBRATED ? geometry->E.has_value() : geometry->H.has_value();
-  if (!has_model) return;
   if (geometry->E) converted.E = *geometry->E;
   if (geometry->H) converted.H = *geometry->H;
   converted.inlier_matches =
-      ToColmap(geometry->config == TwoViewConfig::CALIBRATED ? Some(geometry->inlier_matches, kNumMatchesForSigns)
-                                                             : geometry->inlier_matches);
-  if (!colmap::EstimateTwoViewGeometryPose(ToColmap(other_camera), other_keypoints, ToColmap(query_camera),
-                                           query_keypoints, &converted)) {
+      ToColmap(is_calibrated ? Some(geometry->inlier_matches, kNumMatchesForSigns) : geometry->inlier_matches);
+  if (!colmap::EstimateTwoViewGeometryPose(ToColmap(pair.other_camera), pair.other_keypoints,
+                                           ToColmap(problem.query_camera), problem.query_keypoints, &converted)) {
     return;
   }
   const std::optional<Rigid3d> pose = RelativePose(converted);

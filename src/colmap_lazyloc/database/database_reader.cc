@@ -6,7 +6,6 @@
 #include <set>
 #include <utility>
 
-#include "colmap_lazyloc/database/image_labels.h"
 #include "colmap_lazyloc/database/lru_cache.h"
 #include "colmap_lazyloc/database/sqlite.h"
 #include "colmap_lazyloc/database/stored_values.h"
@@ -38,10 +37,8 @@ std::vector<Eigen::Vector2d> InDouble(const Points& points) {
   return in_double;
 }
 
-using TwoViewColumns = std::set<std::string>;
-
 // Checks that the tables and columns of every version exist. Returns the columns of two_view_geometries.
-TwoViewColumns CheckTables(const SqliteConnection& connection) {
+std::set<std::string> CheckTables(const SqliteConnection& connection) {
   const std::pair<std::string, std::vector<std::string>> required_columns[] = {
       {"cameras", {"camera_id", "model", "width", "height", "params", "prior_focal_length"}},
       {"images", {"image_id", "name", "camera_id"}},
@@ -49,7 +46,7 @@ TwoViewColumns CheckTables(const SqliteConnection& connection) {
       {"matches", {"pair_id", "rows", "cols", "data"}},
       {"two_view_geometries", {"pair_id", "rows", "cols", "data", "config"}},
   };
-  TwoViewColumns columns;
+  std::set<std::string> columns;
   for (const auto& [table, required] : required_columns) {
     columns = connection.ColumnNames(table);
     const std::string prefix = connection.File().Path().string() + ": is not a COLMAP database: ";
@@ -61,7 +58,8 @@ TwoViewColumns CheckTables(const SqliteConnection& connection) {
   return columns;
 }
 
-SqliteStatement PrepareTwoViewGeometry(const SqliteConnection& connection, const TwoViewColumns& columns) {
+SqliteStatement PrepareTwoViewGeometry(const SqliteConnection& connection) {
+  const std::set<std::string> columns = CheckTables(connection);
   std::string sql = "SELECT rows, cols, data, config";
   for (const std::string column : {"E", "F", "H", "qvec", "tvec", "camera1", "camera2"}) {
     sql += ", " + (columns.count(column) > 0 ? column : "NULL");
@@ -84,21 +82,16 @@ struct PairSizeStatements {
   SqliteStatement with_image_first, with_image_second;
 };
 
+// begin, end: at least one id.
 std::string AsJson(std::vector<uint32_t>::const_iterator begin, std::vector<uint32_t>::const_iterator end) {
-  std::string json = "[";
-  for (auto id = begin; id != end; ++id) {
-    if (id != begin) json += ',';
-    json += std::to_string(*id);
-  }
+  std::string json;
+  for (auto id = begin; id != end; ++id) json += (id == begin ? '[' : ',') + std::to_string(*id);
   return json + "]";
 }
 
 // A row of the table images.
-struct ImageRow {
-  uint32_t image_id = 0;
-  uint32_t camera_id = 0;
-  std::string name;    // empty if it cannot be read
-  std::string damage;  // empty if the row can be used
+struct ImageRow : DatabaseImage {  // without a name if that cannot be read
+  std::string damage;              // empty if the row can be used
 };
 
 // image_id: receives the id, for messages.
@@ -124,25 +117,24 @@ ImageRow ReadImageRow(const SqliteRows& row, int64_t* image_id) {
 struct DatabaseReader::Impl {
   explicit Impl(const std::filesystem::path& path)
       : connection(path),
-        two_view_columns(CheckTables(connection)),
+        two_view_geometry(PrepareTwoViewGeometry(connection)),  // checks the tables first
         images(connection.Prepare("images", "SELECT image_id, camera_id, name FROM images")),
         camera(connection.Prepare("cameras",
                                   "SELECT model, width, height, prior_focal_length, params FROM cameras"
                                   " WHERE camera_id = ?1")),
         keypoints(connection.Prepare("keypoints", "SELECT rows, cols, data FROM keypoints WHERE image_id = ?1")),
         matches(connection.Prepare("matches", "SELECT rows, cols, data FROM matches WHERE pair_id = ?1")),
-        two_view_geometry(PrepareTwoViewGeometry(connection, two_view_columns)),
         match_counts(connection, "matches"),
-        inlier_counts(connection, "two_view_geometries"),
-        labels(connection) {}
+        inlier_counts(connection, "two_view_geometries") {}
 
   SqliteRows FindPair(const SqliteStatement& statement, uint32_t image_id1, uint32_t image_id2) const {
-    return statement.Run({PairId(image_id1, image_id2)},
-                         [=] { return "pair of " + labels.Of(image_id1) + " and " + labels.Of(image_id2); });
+    return statement.Run({PairId(image_id1, image_id2)}, [=] {
+      return "pair of " + ImageLabel(connection, image_id1) + " and " + ImageLabel(connection, image_id2);
+    });
   }
 
   Points ReadKeypoints(uint32_t image_id) const {
-    SqliteRows rows = keypoints.Run({image_id}, [=] { return labels.Of(image_id); });
+    SqliteRows rows = keypoints.Run({image_id}, [=] { return ImageLabel(connection, image_id); });
     Points points;
     while (rows.Next()) {
       points.clear();
@@ -161,7 +153,7 @@ struct DatabaseReader::Impl {
         sizes.push_back({other_id, static_cast<int>(rows.IntegerOrNothing(1, 1, kMaxInt).value_or(1))});
       }
     };
-    const auto label = [=] { return "the pairs of " + labels.Of(image_id); };
+    const auto label = [=] { return "the pairs of " + ImageLabel(connection, image_id); };
     const auto smaller_end = std::lower_bound(other_ids.begin(), other_ids.end(), image_id);
     if (smaller_end != other_ids.begin()) {
       add_wanted(
@@ -173,17 +165,13 @@ struct DatabaseReader::Impl {
   }
 
   SqliteConnection connection;
-  TwoViewColumns two_view_columns;
-  SqliteStatement images, camera, keypoints, matches, two_view_geometry;
+  SqliteStatement two_view_geometry, images, camera, keypoints, matches;
   PairSizeStatements match_counts, inlier_counts;
-  ImageLabels labels;
   LruCache<Points> keypoint_cache{[](const Points& points) { return sizeof(Eigen::Vector2f) * points.size(); }};
 };
 
 DatabaseReader::DatabaseReader(const std::filesystem::path& path) : impl_(std::make_unique<Impl>(path)) {}
 DatabaseReader::~DatabaseReader() = default;
-DatabaseReader::DatabaseReader(DatabaseReader&&) noexcept = default;
-DatabaseReader& DatabaseReader::operator=(DatabaseReader&&) noexcept = default;
 
 const std::filesystem::path& DatabaseReader::Path() const { return impl_->connection.File().Path(); }
 
@@ -201,7 +189,7 @@ std::vector<DatabaseImage> DatabaseReader::ReadImages(std::vector<DamagedImage>*
     if (row.damage.empty() && has_twin)
       row.damage = AsOneLine("table images: several images have the name " + row.name);
     if (row.damage.empty()) {
-      images.push_back({row.image_id, row.camera_id, row.name});
+      images.push_back(row);
     } else if (damaged != nullptr) {
       damaged->push_back({row.name, row.damage});
     }
@@ -222,7 +210,7 @@ std::vector<DatabaseRigImage> DatabaseReader::ReadRigImages(std::vector<std::str
       " WHERE d.sensor_type = 0 ORDER BY d.frame_id, d.data_id");
   std::vector<DatabaseRigImage> images;
   uint32_t image_id = 0;
-  SqliteRows rows = statement.Run({}, [&] { return impl_->labels.Of(image_id); });
+  SqliteRows rows = statement.Run({}, [&] { return ImageLabel(impl_->connection, image_id); });
   while (rows.Next()) {
     try {
       image_id = 0;
@@ -247,7 +235,7 @@ Camera DatabaseReader::ReadCamera(uint32_t camera_id) const {
     camera->width = static_cast<uint64_t>(rows.Integer(1, 0, kMaxInt64));
     camera->height = static_cast<uint64_t>(rows.Integer(2, 0, kMaxInt64));
     camera->has_prior_focal_length = rows.Integer(3, 0, kMaxInt64) != 0;
-    camera->params = ReadCameraParams(rows, 4);
+    camera->params = ReadCameraParams(rows, rows.Blob(4));
     for (const double param : camera->params) {
       if (!std::isfinite(param)) rows.Fail("a camera parameter is not a finite number");
     }
@@ -301,9 +289,7 @@ std::optional<TwoViewGeometry> DatabaseReader::ReadTwoViewGeometry(uint32_t quer
   if (!geometry) return std::nullopt;
   if (query_id < other_id) geometry = Inverted(*geometry);
   std::sort(geometry->inlier_matches.begin(), geometry->inlier_matches.end());
-  if (geometry->query_from_other) {
-    geometry->query_from_other = CanonicalRelativePose(*geometry->query_from_other);
-  }
+  if (geometry->query_from_other) geometry->query_from_other = CanonicalRelativePose(*geometry->query_from_other);
   return geometry;
 }
 

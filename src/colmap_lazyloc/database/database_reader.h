@@ -51,8 +51,6 @@ class DatabaseReader {
  public:
   explicit DatabaseReader(const std::filesystem::path& path);
   ~DatabaseReader();
-  DatabaseReader(DatabaseReader&&) noexcept;
-  DatabaseReader& operator=(DatabaseReader&&) noexcept;
 
   const std::filesystem::path& Path() const;
 

@@ -447,14 +447,6 @@ TEST(DatabaseReader, ReadsOnAfterABadRow) {
   EXPECT_EQ(reader.ReadKeypoints(2).size(), 1u);
 }
 
-TEST(DatabaseReader, IsMovable) {
-  const TestFolder folder;
-  TestDatabase(folder / "a.db", Schema::V3_10).AddKeypoints(2, {{1, 2}});
-  DatabaseReader reader(folder / "a.db");
-  const DatabaseReader moved = std::move(reader);
-  EXPECT_EQ(moved.ReadKeypoints(2).size(), 1u);
-}
-
 // Makes a database of COLMAP 4.2 with 11 images.
 TEST(DatabaseReader, RealDatabase) {
   const char* data = std::getenv("LAZYLOC_SHARED_DATA");

@@ -55,13 +55,12 @@ FeatureReader::FeatureReader(const std::filesystem::path& path)
     : connection_(path),
       counts_(PrepareDescriptors(connection_, "image_id, rows", "WHERE rows IS NOT 0")),
       keypoints_(connection_.Prepare("keypoints", "SELECT rows, cols, data FROM keypoints WHERE image_id = ?1")),
-      descriptors_(PrepareDescriptors(connection_, "rows, data", "WHERE image_id = ?1")),
-      labels_(connection_) {}
+      descriptors_(PrepareDescriptors(connection_, "rows, data", "WHERE image_id = ?1")) {}
 
 DescriptorCounts FeatureReader::ReadDescriptorCounts(std::vector<std::string>* damages) const {
   DescriptorCounts counts;
   uint32_t image_id = 0;
-  SqliteRows rows = counts_.Run({}, [&] { return labels_.Of(image_id); });
+  SqliteRows rows = counts_.Run({}, [&] { return ImageLabel(connection_, image_id); });
   while (rows.Next()) {
     try {
       image_id = 0;
@@ -82,7 +81,7 @@ DescriptorCounts FeatureReader::ReadDescriptorCounts(std::vector<std::string>* d
 }
 
 std::vector<Keypoint> FeatureReader::ReadKeypoints(uint32_t image_id) const {
-  SqliteRows rows = keypoints_.Run({image_id}, [this, image_id] { return labels_.Of(image_id); });
+  SqliteRows rows = keypoints_.Run({image_id}, [this, image_id] { return ImageLabel(connection_, image_id); });
   std::vector<Keypoint> keypoints;
   while (rows.Next()) keypoints = ReadStoredKeypoints(rows);
   return keypoints;
@@ -90,7 +89,8 @@ std::vector<Keypoint> FeatureReader::ReadKeypoints(uint32_t image_id) const {
 
 Features FeatureReader::Read(uint32_t image_id) const {
   Features features;
-  SqliteRows descriptor_rows = descriptors_.Run({image_id}, [this, image_id] { return labels_.Of(image_id); });
+  SqliteRows descriptor_rows =
+      descriptors_.Run({image_id}, [this, image_id] { return ImageLabel(connection_, image_id); });
   while (descriptor_rows.Next()) {
     if (descriptor_rows.Integer(0, 0, kMaxInt) == 0) continue;
     features.type = ReadType(descriptor_rows);

@@ -6,7 +6,6 @@
 #include <string>
 #include <vector>
 
-#include "colmap_lazyloc/database/image_labels.h"
 #include "colmap_lazyloc/database/sqlite.h"
 #include "colmap_lazyloc/scene/features.h"
 
@@ -36,7 +35,6 @@ class FeatureReader {
  private:
   SqliteConnection connection_;
   SqliteStatement counts_, keypoints_, descriptors_;
-  ImageLabels labels_;
 };
 
 }  // namespace lazyloc

@@ -18,13 +18,19 @@ class LruCache {
  public:
   using Size = std::function<size_t(const Value&)>;
 
-  // The sizes of all values add up to at most max_size; a larger value is not kept.
-  LruCache(size_t max_size, Size size) : max_size_(max_size), size_(std::move(size)) {}
-  explicit LruCache(Size num_bytes) : LruCache(kDefaultBytes, std::move(num_bytes)) {}
+  // The sizes of all values add up to at most max_size, 32 MiB by default; a larger value is not kept.
+  explicit LruCache(Size size, size_t max_size = 32 << 20) : max_size_(max_size), size_(std::move(size)) {}
 
   // Returns the kept value, or the one that `read` returns. Two threads may read the same value at once.
   std::shared_ptr<const Value> Get(uint32_t image_id, const std::function<Value()>& read) {
-    if (auto kept = Find(image_id)) return kept;
+    {
+      const std::lock_guard<std::mutex> lock(mutex_);
+      const auto entry = entry_of_image_.find(image_id);
+      if (entry != entry_of_image_.end()) {
+        entries_.splice(entries_.begin(), entries_, entry->second);
+        return entry->second->second;
+      }
+    }
     auto value = std::make_shared<const Value>(read());
     const std::lock_guard<std::mutex> lock(mutex_);
     if (entry_of_image_.count(image_id) > 0) return value;  // another thread was faster
@@ -40,17 +46,7 @@ class LruCache {
   }
 
  private:
-  static constexpr size_t kDefaultBytes = 32 << 20;
-
   using Entries = std::list<std::pair<uint32_t, std::shared_ptr<const Value>>>;
-
-  std::shared_ptr<const Value> Find(uint32_t image_id) {
-    const std::lock_guard<std::mutex> lock(mutex_);
-    const auto entry = entry_of_image_.find(image_id);
-    if (entry == entry_of_image_.end()) return nullptr;
-    entries_.splice(entries_.begin(), entries_, entry->second);
-    return entry->second->second;
-  }
 
   const size_t max_size_;
   const Size size_;

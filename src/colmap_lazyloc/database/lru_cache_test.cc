@@ -23,7 +23,7 @@ class LruCacheTest : public ::testing::Test {
     return num_reads_ == before;
   }
 
-  LruCache<std::string> cache_{10, [](const std::string& text) { return text.size(); }};
+  LruCache<std::string> cache_{[](const std::string& text) { return text.size(); }, 10};
   int num_reads_ = 0;
 };
 

@@ -21,8 +21,6 @@ bool IsDamage(int code) { return code == SQLITE_CORRUPT || code == SQLITE_TOOBIG
 
 }  // namespace
 
-void SqliteConnection::Close::operator()(sqlite3* connection) const { sqlite3_close(connection); }
-
 // Opens the file without leaving a trace, although COLMAP leaves databases in WAL mode, in which even a reader creates
 // -wal and -shm files. Without a pending WAL, `immutable` reads the file alone. With one, exclusive mode keeps the
 // index of the WAL in memory instead of in -shm. Its lock would need write access and disturb others; therefore a VFS
@@ -33,7 +31,7 @@ SqliteConnection::SqliteConnection(const std::filesystem::path& path) : file_(pa
   sqlite3* connection = nullptr;
   const int flags = SQLITE_OPEN_READONLY | SQLITE_OPEN_URI | SQLITE_OPEN_NOMUTEX;
   const int code = sqlite3_open_v2(uri.c_str(), &connection, flags, has_wal ? kVfsWithoutLocks : nullptr);
-  connection_.reset(connection);
+  connection_.reset(connection, &sqlite3_close);
   if (code != SQLITE_OK) ThrowSqliteError("");
   // Maps no memory, because that would grow with the database and crash if another program truncates the file.
   std::string pragmas = "PRAGMA mmap_size=0;";
@@ -69,10 +67,8 @@ SqliteStatement SqliteConnection::Prepare(const std::string& table, const std::s
   return {*this, table, statement};
 }
 
-void SqliteStatement::Finalize::operator()(sqlite3_stmt* statement) const { sqlite3_finalize(statement); }
-
 SqliteStatement::SqliteStatement(const SqliteConnection& connection, std::string table, sqlite3_stmt* statement)
-    : connection_(&connection), table_(std::move(table)), statement_(statement) {}
+    : connection_(&connection), table_(std::move(table)), statement_(statement, &sqlite3_finalize) {}
 
 SqliteRows SqliteStatement::Run(std::initializer_list<int64_t> values, std::function<std::string()> row_label,
                                 const std::string& text) const {

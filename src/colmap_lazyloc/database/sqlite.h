@@ -41,11 +41,8 @@ class SqliteConnection {
   [[noreturn]] void ThrowSqliteError(const std::string& table) const;
 
  private:
-  struct Close {
-    void operator()(sqlite3* connection) const;
-  };
   SqliteFile file_;
-  std::unique_ptr<sqlite3, Close> connection_;
+  std::shared_ptr<sqlite3> connection_;
 };
 
 // Visits the rows of one execution. The last call of Next checks that the file did not change meanwhile. If SQLite
@@ -87,14 +84,11 @@ class SqliteStatement {
  private:
   friend class SqliteConnection;
   friend class SqliteRows;
-  struct Finalize {
-    void operator()(sqlite3_stmt* statement) const;
-  };
   SqliteStatement(const SqliteConnection& connection, std::string table, sqlite3_stmt* statement);
 
   const SqliteConnection* connection_;
   std::string table_;
-  std::unique_ptr<sqlite3_stmt, Finalize> statement_;
+  std::shared_ptr<sqlite3_stmt> statement_;
 };
 
 }  // namespace lazyloc

@@ -6,9 +6,10 @@
 #include <cstring>
 #include <initializer_list>
 #include <limits>
-#include <string>
 
 #include <Eigen/Geometry>
+
+#include "colmap_lazyloc/scene/errors.h"
 
 namespace lazyloc {
 namespace {
@@ -21,13 +22,6 @@ T NumberAt(const ByteSpan& blob, size_t offset) {
   T value;
   std::memcpy(&value, blob.data + offset, sizeof(T));
   return value;
-}
-
-std::vector<double> Doubles(const SqliteRows& row, const ByteSpan& blob) {
-  if (blob.size % sizeof(double) != 0) row.Fail("camera parameters of " + std::to_string(blob.size) + " bytes");
-  std::vector<double> values(blob.size / sizeof(double));
-  for (size_t i = 0; i < values.size(); ++i) values[i] = NumberAt<double>(blob, i * sizeof(double));
-  return values;
 }
 
 // A table of four-byte numbers, stored in the columns rows, cols and data (0 to 2 of the statement).
@@ -80,7 +74,24 @@ bool HasFiniteShape(const Keypoint& keypoint) {
 
 }  // namespace
 
-std::vector<double> ReadCameraParams(const SqliteRows& row, int column) { return Doubles(row, row.Blob(column)); }
+std::string ImageLabel(const SqliteConnection& connection, uint32_t image_id) {
+  std::string label = "image " + std::to_string(image_id);
+  try {
+    const SqliteStatement name = connection.Prepare("images", "SELECT name FROM images WHERE image_id = ?1");
+    SqliteRows rows = name.Run({image_id});
+    if (rows.Next()) label += " (" + rows.Text(0) + ")";
+  } catch (const DamagedRecordError&) {
+    // The label is for a message about another record.
+  }
+  return label;
+}
+
+std::vector<double> ReadCameraParams(const SqliteRows& row, const ByteSpan& blob) {
+  if (blob.size % sizeof(double) != 0) row.Fail("camera parameters of " + std::to_string(blob.size) + " bytes");
+  std::vector<double> values(blob.size / sizeof(double));
+  for (size_t i = 0; i < values.size(); ++i) values[i] = NumberAt<double>(blob, i * sizeof(double));
+  return values;
+}
 
 std::vector<Keypoint> ReadStoredKeypoints(const SqliteRows& row) {
   const NumberTable table = ReadNumberTable(row, {2, 4, 6});
@@ -158,7 +169,7 @@ std::optional<Camera> ReadSerializedCamera(const SqliteRows& row, int column) {
   camera.width = NumberAt<uint64_t>(blob, 8);
   camera.height = NumberAt<uint64_t>(blob, 16);
   camera.has_prior_focal_length = NumberAt<uint8_t>(blob, 24) != 0;
-  camera.params = Doubles(row, {blob.data + kParamsOffset, blob.size - kParamsOffset});
+  camera.params = ReadCameraParams(row, {blob.data + kParamsOffset, blob.size - kParamsOffset});
   return camera;
 }
 

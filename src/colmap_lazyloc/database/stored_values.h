@@ -1,6 +1,8 @@
 #pragma once
 
+#include <cstdint>
 #include <optional>
+#include <string>
 #include <vector>
 
 #include <Eigen/Core>
@@ -16,7 +18,11 @@ namespace lazyloc {
 // Functions that decode the values of COLMAP's columns, 3.6 to 4.2. They call SqliteRows::Fail if a value does not have
 // the form of its column.
 
-std::vector<double> ReadCameraParams(const SqliteRows& row, int column);
+// Returns `image <id> (<name>)` for messages; without the name if that is unknown or damaged.
+std::string ImageLabel(const SqliteConnection& connection, uint32_t image_id);
+
+// blob: a column of the row, or a part of one.
+std::vector<double> ReadCameraParams(const SqliteRows& row, const ByteSpan& blob);
 
 // Decode a table of numbers in the statement's columns 0 to 2 (rows, cols, data). Keypoints have two columns (x, y),
 // four (with scale and orientation) or six (with an affine shape). Matches are stored as (image_id1, image_id2) and

@@ -1,7 +1,6 @@
 #include "colmap_lazyloc/database/two_view_orientation.h"
 
 #include <cmath>
-#include <utility>
 
 #include <Eigen/LU>
 

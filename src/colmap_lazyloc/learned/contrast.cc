@@ -4,13 +4,9 @@
 #include <cstddef>
 
 namespace lazyloc {
-namespace {
-
-constexpr double kClippedRatio = 0.01;  // at either end: a few pixels may be far from all others
-
-}  // namespace
 
 Contrast FullContrast(std::vector<uint8_t> values) {
+  constexpr double kClippedRatio = 0.01;  // at either end: a few pixels may be far from all others
   const auto value_at = [&](std::ptrdiff_t rank) {
     std::nth_element(values.begin(), values.begin() + rank, values.end());
     return int{values[static_cast<size_t>(rank)]};

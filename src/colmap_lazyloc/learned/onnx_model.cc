@@ -8,10 +8,10 @@
 #include <cstdlib>
 #include <mutex>
 #include <optional>
-#include <utility>
 
+#define ORT_API_MANUAL_INIT  // because the library is loaded at run time
 #include <dlfcn.h>
-#include <onnxruntime_c_api.h>
+#include <onnxruntime_cxx_api.h>
 
 namespace lazyloc {
 namespace {
@@ -48,57 +48,28 @@ const OrtApi* LoadApi() {
   return api;
 }
 
-const OrtApi& Api() {
-  static const OrtApi* const api = LoadApi();
-  return *api;
+// Returns the environment of all models, which lives as long as the program. The first call loads ONNX Runtime.
+const Ort::Env& Environment() {
+  static const Ort::Env* const environment = [] {
+    Ort::InitApi(LoadApi());
+    return new Ort::Env(ORT_LOGGING_LEVEL_FATAL, "colmap_lazyloc");
+  }();
+  return *environment;
 }
 
-void Check(OrtStatus* status) {
-  if (status == nullptr) return;
-  const std::string message = Api().GetErrorMessage(status);
-  Api().ReleaseStatus(status);
-  throw std::runtime_error(message);
+// Returns nullopt for another type.
+std::optional<OnnxNode::Type> TypeOf(ONNXTensorElementDataType type) {
+  if (type == ONNX_TENSOR_ELEMENT_DATA_TYPE_FLOAT) return OnnxNode::Type::FLOAT;
+  if (type == ONNX_TENSOR_ELEMENT_DATA_TYPE_INT64) return OnnxNode::Type::INTEGER;
+  return std::nullopt;
 }
 
-template <typename T>
-using Owned = std::unique_ptr<T, void (*)(T*)>;
-
-// Calls `create` with its arguments and the place for a new object.
-template <typename T, typename Create, typename... Arguments>
-Owned<T> Make(void (*release)(T*), Create create, const Arguments&... arguments) {
-  T* made = nullptr;
-  Check(create(arguments..., &made));
-  return {made, release};
-}
-
-// Returns the environment of all models, which lives as long as the program.
-const OrtEnv* Environment() {
-  static const OrtEnv* const environment =
-      Make<OrtEnv>(Api().ReleaseEnv, Api().CreateEnv, ORT_LOGGING_LEVEL_FATAL, "colmap_lazyloc").release();
-  return environment;
-}
-
-struct TensorType {
-  std::optional<OnnxNode::Type> type;  // nullopt if it is another one
-  std::vector<int64_t> shape;
-};
-
-TensorType TypeOf(const OrtTensorTypeAndShapeInfo* info) {
-  TensorType result;
-  ONNXTensorElementDataType type = ONNX_TENSOR_ELEMENT_DATA_TYPE_UNDEFINED;
-  size_t num_dims = 0;
-  Check(Api().GetTensorElementType(info, &type));
-  Check(Api().GetDimensionsCount(info, &num_dims));
-  if (type == ONNX_TENSOR_ELEMENT_DATA_TYPE_FLOAT) result.type = OnnxNode::Type::FLOAT;
-  if (type == ONNX_TENSOR_ELEMENT_DATA_TYPE_INT64) result.type = OnnxNode::Type::INTEGER;
-  result.shape.resize(num_dims);
-  Check(Api().GetDimensions(info, result.shape.data(), num_dims));
-  return result;
-}
-
-bool Fits(const TensorType& actual, const OnnxNode& wanted) {
-  return actual.type && actual.type == wanted.type.value_or(*actual.type) &&
-         std::equal(actual.shape.begin(), actual.shape.end(), wanted.shape.begin(), wanted.shape.end(),
+template <typename Info>
+bool Fits(const Info& actual, const OnnxNode& wanted) {
+  const std::optional<OnnxNode::Type> type = TypeOf(actual.GetElementType());
+  const std::vector<int64_t> shape = actual.GetShape();
+  return type && type == wanted.type.value_or(*type) &&
+         std::equal(shape.begin(), shape.end(), wanted.shape.begin(), wanted.shape.end(),
                     [](int64_t a, int64_t b) { return a == b || a < 0 || b < 0; });
 }
 
@@ -108,27 +79,22 @@ std::string Text(const OnnxNode& node) {
   return text + ")";
 }
 
-Owned<OrtValue> ToValue(const OnnxTensor& tensor) {
+Ort::Value ToValue(const OnnxTensor& tensor) {
   // Is not copied: the value must not outlive the tensor, whose values ONNX Runtime does not change.
-  const auto memory =
-      Make<OrtMemoryInfo>(Api().ReleaseMemoryInfo, Api().CreateCpuMemoryInfo, OrtDeviceAllocator, OrtMemTypeCPU);
+  static const Ort::MemoryInfo* const memory =
+      new Ort::MemoryInfo(Ort::MemoryInfo::CreateCpu(OrtDeviceAllocator, OrtMemTypeCPU));
   return std::visit(
       [&](const auto& values) {
         using Number = std::decay_t<decltype(values[0])>;
-        constexpr auto kType =
-            std::is_same_v<Number, float> ? ONNX_TENSOR_ELEMENT_DATA_TYPE_FLOAT : ONNX_TENSOR_ELEMENT_DATA_TYPE_INT64;
-        return Make<OrtValue>(Api().ReleaseValue, Api().CreateTensorWithDataAsOrtValue, memory.get(),
-                              const_cast<Number*>(values.data()), values.size() * sizeof(Number), tensor.shape.data(),
-                              tensor.shape.size(), kType);
+        return Ort::Value::CreateTensor<Number>(*memory, const_cast<Number*>(values.data()), values.size(),
+                                                tensor.shape.data(), tensor.shape.size());
       },
       tensor.values);
 }
 
 template <typename Number>
-std::vector<Number> Copy(OrtValue* value, size_t count) {
-  void* data = nullptr;
-  Check(Api().GetTensorMutableData(value, &data));
-  const auto* numbers = static_cast<const Number*>(data);
+std::vector<Number> Copy(const Ort::Value& value, size_t count) {
+  const Number* numbers = value.GetTensorData<Number>();
   return std::vector<Number>(numbers, numbers + count);
 }
 
@@ -136,27 +102,20 @@ std::vector<Number> Copy(OrtValue* value, size_t count) {
 
 struct OnnxModel::Impl {
   std::vector<OnnxNode> inputs, outputs;
-  Owned<OrtSession> session{nullptr, nullptr};
+  Ort::Session session{nullptr};
   std::once_flag is_loaded;
 
   // Checks all inputs or all outputs, whose functions these are.
-  template <typename GetCount, typename GetName, typename GetType>
-  void CheckNodes(const std::vector<OnnxNode>& wanted, GetCount get_count, GetName get_name, GetType get_type) const {
-    size_t count = 0;
-    Check(get_count(session.get(), &count));
-    OrtAllocator* allocator = nullptr;
-    Check(Api().GetAllocatorWithDefaultOptions(&allocator));
+  template <typename GetName, typename GetType>
+  void CheckNodes(const std::vector<OnnxNode>& wanted, size_t count, GetName get_name, GetType get_type) const {
+    Ort::AllocatorWithDefaultOptions allocator;
     for (size_t i = 0; i < std::max(count, wanted.size()); ++i) {
       if (i >= wanted.size()) throw std::runtime_error("it has more inputs or outputs");
       if (i >= count) throw std::runtime_error("it lacks " + Text(wanted[i]));
-      char* text = nullptr;
-      Check(get_name(session.get(), i, allocator, &text));
-      const std::string name = text;
-      Check(Api().AllocatorFree(allocator, text));
-      const auto info = Make<OrtTypeInfo>(Api().ReleaseTypeInfo, get_type, session.get(), i);
-      const OrtTensorTypeAndShapeInfo* tensor = nullptr;
-      Check(Api().CastTypeInfoToTensorInfo(info.get(), &tensor));
-      if (tensor == nullptr || name != wanted[i].name || !Fits(TypeOf(tensor), wanted[i])) {
+      const std::string name = (session.*get_name)(i, allocator).get();
+      const Ort::TypeInfo info = (session.*get_type)(i);
+      const Ort::ConstTensorTypeAndShapeInfo tensor = info.GetTensorTypeAndShapeInfo();
+      if (tensor == nullptr || name != wanted[i].name || !Fits(tensor, wanted[i])) {
         throw std::runtime_error("instead of " + Text(wanted[i]) + " it has " + name);
       }
     }
@@ -165,25 +124,24 @@ struct OnnxModel::Impl {
 
 OnnxModel::OnnxModel(const std::filesystem::path& path, const std::vector<OnnxNode>& inputs,
                      const std::vector<OnnxNode>& outputs)
-    : path_(path), impl_(new Impl{inputs, outputs, {nullptr, nullptr}, {}}) {
-  Api();  // fails at once without ONNX Runtime
+    : path_(path) {
+  Environment();  // fails at once without ONNX Runtime
+  impl_.reset(new Impl{inputs, outputs, Ort::Session(nullptr), {}});
 }
 
 void OnnxModel::CreateSession() const {
-  const OrtApi& api = Api();
+  using Session = Ort::Session;
   try {
-    const auto options = Make<OrtSessionOptions>(api.ReleaseSessionOptions, api.CreateSessionOptions);
-    Check(api.SetIntraOpNumThreads(options.get(), 1));
-    Check(api.SetInterOpNumThreads(options.get(), 1));
-    Check(api.SetSessionLogSeverityLevel(options.get(), ORT_LOGGING_LEVEL_FATAL));
+    Ort::SessionOptions options;
+    options.SetIntraOpNumThreads(1).SetInterOpNumThreads(1).SetLogSeverityLevel(ORT_LOGGING_LEVEL_FATAL);
     // Gives memory back after each run, because a large image needs gigabytes.
-    Check(api.DisableCpuMemArena(options.get()));
-    Check(api.DisableMemPattern(options.get()));
-    impl_->session =
-        Make<OrtSession>(api.ReleaseSession, api.CreateSession, Environment(), path_.c_str(), options.get());
-    impl_->CheckNodes(impl_->inputs, api.SessionGetInputCount, api.SessionGetInputName, api.SessionGetInputTypeInfo);
-    impl_->CheckNodes(impl_->outputs, api.SessionGetOutputCount, api.SessionGetOutputName,
-                      api.SessionGetOutputTypeInfo);
+    options.DisableCpuMemArena().DisableMemPattern();
+    impl_->session = Session(Environment(), path_.c_str(), options);
+    const Session& session = impl_->session;
+    impl_->CheckNodes(impl_->inputs, session.GetInputCount(), &Session::GetInputNameAllocated,
+                      &Session::GetInputTypeInfo);
+    impl_->CheckNodes(impl_->outputs, session.GetOutputCount(), &Session::GetOutputNameAllocated,
+                      &Session::GetOutputTypeInfo);
   } catch (const std::exception& error) {
     Fail(std::string("is not the ONNX model that is needed here: ") + error.what());
   }
@@ -198,36 +156,23 @@ void OnnxModel::Load() const {
 std::vector<OnnxTensor> OnnxModel::Run(const std::vector<OnnxTensor>& inputs) const {
   LAZYLOC_CHECK(inputs.size() == impl_->inputs.size());
   Load();
-  const OrtApi& api = Api();
   std::vector<const char*> input_names, output_names;
   for (const OnnxNode& node : impl_->inputs) input_names.push_back(node.name.c_str());
   for (const OnnxNode& node : impl_->outputs) output_names.push_back(node.name.c_str());
   std::vector<OnnxTensor> outputs;
   try {
-    std::vector<Owned<OrtValue>> input_values, output_values;
-    std::vector<const OrtValue*> input_pointers;
-    for (const OnnxTensor& tensor : inputs) {
-      input_values.push_back(ToValue(tensor));
-      input_pointers.push_back(input_values.back().get());
-    }
-    std::vector<OrtValue*> made(output_names.size());
-    OrtStatus* const status =
-        api.Run(impl_->session.get(), /*run_options=*/nullptr, input_names.data(), input_pointers.data(),
-                input_pointers.size(), output_names.data(), output_names.size(), made.data());
-    for (OrtValue* value : made) output_values.emplace_back(value, api.ReleaseValue);
-    Check(status);
+    std::vector<Ort::Value> values;
+    for (const OnnxTensor& tensor : inputs) values.push_back(ToValue(tensor));
+    const std::vector<Ort::Value> made = impl_->session.Run(Ort::RunOptions(nullptr), input_names.data(), values.data(),
+                                                            values.size(), output_names.data(), output_names.size());
     for (size_t i = 0; i < made.size(); ++i) {
-      const auto info =
-          Make<OrtTensorTypeAndShapeInfo>(api.ReleaseTensorTypeAndShapeInfo, api.GetTensorTypeAndShape, made[i]);
-      const TensorType type = TypeOf(info.get());
-      if (!Fits(type, impl_->outputs[i])) throw std::runtime_error("its output is not " + Text(impl_->outputs[i]));
-      size_t count = 0;
-      Check(api.GetTensorShapeElementCount(info.get(), &count));
-      OnnxTensor& output = outputs.emplace_back(OnnxTensor{type.shape, {}});
-      if (*type.type == OnnxNode::Type::FLOAT) {
-        output.values = Copy<float>(made[i], count);
+      const Ort::TensorTypeAndShapeInfo info = made[i].GetTensorTypeAndShapeInfo();
+      if (!Fits(info, impl_->outputs[i])) throw std::runtime_error("its output is not " + Text(impl_->outputs[i]));
+      OnnxTensor& output = outputs.emplace_back(OnnxTensor{info.GetShape(), {}});
+      if (info.GetElementType() == ONNX_TENSOR_ELEMENT_DATA_TYPE_FLOAT) {
+        output.values = Copy<float>(made[i], info.GetElementCount());
       } else {
-        output.values = Copy<int64_t>(made[i], count);
+        output.values = Copy<int64_t>(made[i], info.GetElementCount());
       }
     }
   } catch (const std::exception& error) {

@@ -1,9 +1,14 @@
 #include "colmap_lazyloc/loading/database_neighbours.h"
 
 #include <algorithm>
+#include <optional>
 #include <set>
 #include <tuple>
+#include <utility>
 
+#include "colmap_lazyloc/bridge/observation.h"
+#include "colmap_lazyloc/math/so3.h"
+#include "colmap_lazyloc/math/two_rays.h"
 #include "colmap_lazyloc/scene/errors.h"
 #include "colmap_lazyloc/scene/stage_timer.h"
 
@@ -13,57 +18,80 @@ namespace {
 // Number of database images from which on the query's own tracks tell the size of the errors.
 constexpr size_t kEnoughImages = 3;
 // Maximum number of other images that an image is paired with, and of matches of a pair that are used.
-constexpr size_t kMaxNumNeighbours = 6;
+constexpr int kMaxNumNeighbours = 6;
 constexpr size_t kMaxNumMatches = 200;
+// Minimum sine of the angle between two rays (3 degrees), because points of smaller angles are less exact than depth
+// maps.
+constexpr double kMinDepthSine = 0.052;
+constexpr double kMaxErrorPx = 4;
 
 int NumMatches(const ImagePair& pair) {
   return static_cast<int>(pair.geometry ? pair.geometry->inlier_matches.size() : pair.matches.size());
 }
 
-// Reads the matches of two images, evenly chosen ones if there are many. nullopt if they cannot be used. points: the
-// keypoints of the first image.
-std::optional<NeighbourPair> ReadNeighbour(const Model& model, uint32_t image_id,
-                                           const std::vector<Eigen::Vector2d>& points, uint32_t other_id,
-                                           const ModelImage& other, const DatabaseReader& database) {
-  const std::optional<TwoViewGeometry> geometry = database.ReadTwoViewGeometry(image_id, other_id);
-  if (!geometry || geometry->inlier_matches.empty()) return std::nullopt;
-  const std::vector<Eigen::Vector2d> other_points = database.ReadKeypoints(other_id);
-  NeighbourPair pair{model.cameras.at(other.camera_id), other.cam_from_world, {}, {}};
-  const Matches& matches = geometry->inlier_matches;
-  const size_t num = std::min(matches.size(), kMaxNumMatches);
-  for (size_t i = 0; i < num; ++i) {
-    const Match& match = matches[i * matches.size() / num];
-    if (match.query_point >= points.size() || match.other_point >= other_points.size()) return std::nullopt;
-    pair.points.push_back(points[match.query_point]);
-    pair.other_points.push_back(other_points[match.other_point]);
+// A posed image whose keypoints become rays.
+struct PosedCamera {
+  PosedCamera(const Model& model, const ModelImage& image)
+      : observe(model.cameras.at(image.camera_id)), cam_from_world(image.cam_from_world) {
+    cam_from_world.rotation.normalize();
   }
-  return pair;
+
+  Observer observe;
+  Rigid3d cam_from_world;
+};
+
+// The point of two keypoints, as a camera sees it.
+struct DepthAndAngle {
+  double depth = 0;
+  double angle_rad = 0;
+};
+
+std::optional<DepthAndAngle> TriangulateDepth(const PosedCamera& camera, const Eigen::Vector2d& xy,
+                                              const PosedCamera& other, const Eigen::Vector2d& other_xy) {
+  const std::optional<Observation> a = camera.observe(xy), b = other.observe(other_xy);
+  if (!a || !b) return std::nullopt;
+  const Eigen::Vector3d ray_a = camera.cam_from_world.rotation.conjugate() * a->ray_in_cam;
+  const Eigen::Vector3d ray_b = other.cam_from_world.rotation.conjugate() * b->ray_in_cam;
+  const Eigen::Vector3d centre = CamInWorld(camera.cam_from_world);
+  const auto nearest = FindNearestPoints(ray_a, ray_b, CamInWorld(other.cam_from_world) - centre, kMinDepthSine);
+  if (!nearest) return std::nullopt;
+  // Takes the point of the camera's own ray.
+  const Eigen::Vector3d in_b = other.cam_from_world * (centre + nearest->distance1 * ray_a);
+  const double depth = nearest->distance1 * a->ray_in_cam.z();
+  if (!(depth > 0) || !IsInFront(*b, in_b) || ReprojectionError(*b, in_b).norm() > kMaxErrorPx) return std::nullopt;
+  return DepthAndAngle{depth, AngleBetweenRad(ray_a, ray_b)};
 }
 
 }  // namespace
 
-std::vector<std::pair<uint32_t, const ModelImage*>> FindNeighbours(const QuerySelection& selection, uint32_t image_id,
-                                                                   const std::string& query_name,
-                                                                   const DatabaseReader& database) {
-  std::vector<PairSize> sizes = database.ReadInlierCounts(image_id, selection.PosedImageIds());
-  std::sort(sizes.begin(), sizes.end(), [](const PairSize& a, const PairSize& b) {
-    return std::tie(b.num_matches, a.image_id) < std::tie(a.num_matches, b.image_id);
-  });
-  std::vector<std::pair<uint32_t, const ModelImage*>> neighbours;
-  for (const PairSize& size : sizes) {
-    const ModelImage* neighbour = selection.FindPosedImage(size.image_id, query_name);
-    if (neighbour != nullptr && size.image_id != image_id) neighbours.emplace_back(size.image_id, neighbour);
-    if (neighbours.size() == kMaxNumNeighbours) break;
-  }
-  return neighbours;
-}
-
 DatabaseNeighbours::DatabaseNeighbours(const QuerySelection& selection)
-    : selection_(selection), cache_([](const std::vector<NeighbourPair>& pairs) {
+    : selection_(selection),
+      pairs_([](const std::vector<NeighbourPair>& pairs) {
         size_t num_points = 16;
         for (const NeighbourPair& pair : pairs) num_points += 16 + pair.points.size();
         return 2 * sizeof(Eigen::Vector2d) * num_points;
-      }) {}
+      }),
+      depths_([](const std::vector<float>& depths) { return sizeof(float) * (16 + depths.size()); }) {}
+
+void DatabaseNeighbours::ForEachNeighbour(uint32_t image_id, const std::string& query_name,
+                                          const DatabaseReader& database, const VisitNeighbour& visit) const {
+  std::vector<PairSize> sizes = database.ReadInlierCounts(image_id, selection_.PosedImageIds());
+  std::sort(sizes.begin(), sizes.end(), [](const PairSize& a, const PairSize& b) {
+    return std::tie(b.num_matches, a.image_id) < std::tie(a.num_matches, b.image_id);
+  });
+  int num_neighbours = 0;
+  for (const PairSize& size : sizes) {
+    const ModelImage* other = selection_.FindPosedImage(size.image_id, query_name);
+    if (other == nullptr || size.image_id == image_id) continue;
+    if (num_neighbours++ == kMaxNumNeighbours) return;
+    try {
+      const std::optional<TwoViewGeometry> geometry = database.ReadTwoViewGeometry(image_id, size.image_id);
+      if (geometry) visit(*other, geometry->inlier_matches, database.ReadKeypoints(size.image_id));
+    } catch (const DamagedRecordError&) {
+      continue;  // goes on without the pair, as for queries
+    }
+  }
+}
 
 std::vector<NeighbourPair> DatabaseNeighbours::Read(const ModelImage& image, uint32_t image_id,
                                                     const std::string& query_name,
@@ -71,17 +99,56 @@ std::vector<NeighbourPair> DatabaseNeighbours::Read(const ModelImage& image, uin
   const std::string frame_name = selection_.MakePair(image).database_frame_name;
   const std::vector<Eigen::Vector2d> points = database.ReadKeypoints(image_id);
   std::vector<NeighbourPair> pairs;
-  for (const auto& [other_id, other] : FindNeighbours(selection_, image_id, query_name, database)) {
-    // Leaves out images of the same rig frame, which share their error.
-    if (!frame_name.empty() && selection_.MakePair(*other).database_frame_name == frame_name) continue;
-    try {
-      auto pair = ReadNeighbour(selection_.DatabaseModel(), image_id, points, other_id, *other, database);
-      if (pair) pairs.push_back(*std::move(pair));
-    } catch (const DamagedRecordError&) {
-      continue;  // goes on without the pair, as for queries
-    }
-  }
+  ForEachNeighbour(
+      image_id, query_name, database, [&](const auto& other, const auto& matches, const auto& other_points) {
+        // Leaves out images of the same rig frame, which share their error.
+        const ImagePair with_other = selection_.MakePair(other);
+        if (matches.empty() || (!frame_name.empty() && with_other.database_frame_name == frame_name)) return;
+        NeighbourPair pair{with_other.other_camera, other.cam_from_world, {}, {}};
+        const size_t num = std::min(matches.size(), kMaxNumMatches);  // evenly chosen ones if there are more
+        for (size_t i = 0; i < num; ++i) {
+          const Match& match = matches[i * matches.size() / num];
+          if (match.query_point >= points.size() || match.other_point >= other_points.size()) return;
+          pair.points.push_back(points[match.query_point]);
+          pair.other_points.push_back(other_points[match.other_point]);
+        }
+        pairs.push_back(std::move(pair));
+      });
   return pairs;
+}
+
+std::vector<float> DatabaseNeighbours::Triangulate(const ModelImage& image, uint32_t image_id,
+                                                   const std::string& query_name,
+                                                   const DatabaseReader& database) const {
+  const Model& model = selection_.DatabaseModel();
+  const PosedCamera camera(model, image);
+  const std::vector<Eigen::Vector2d> points = database.ReadKeypoints(image_id);
+  std::vector<DepthAndAngle> best(points.size());
+  ForEachNeighbour(
+      image_id, query_name, database, [&](const auto& other, const auto& matches, const auto& other_points) {
+        const PosedCamera other_camera(model, other);
+        for (const Match& match : matches) {
+          if (match.query_point >= points.size() || match.other_point >= other_points.size()) continue;
+          const auto found =
+              TriangulateDepth(camera, points[match.query_point], other_camera, other_points[match.other_point]);
+          if (found && found->angle_rad > best[match.query_point].angle_rad) best[match.query_point] = *found;
+        }
+      });
+  std::vector<float> depths;
+  for (const DepthAndAngle& point : best) depths.push_back(static_cast<float>(point.depth));
+  return depths;
+}
+
+template <typename Value, typename Find>
+std::vector<Value> DatabaseNeighbours::FindOnce(const std::string& image_name, const std::string& query_name,
+                                                const DatabaseReader& database, LruCache<std::vector<Value>>* cache,
+                                                Find find) const {
+  const DatabaseImage* stored = selection_.FindInDatabase(image_name);
+  const ModelImage* image = stored == nullptr ? nullptr : selection_.FindPosedImage(stored->image_id, query_name);
+  if (image == nullptr) return {};
+  const auto find_now = [&] { return (this->*find)(*image, stored->image_id, query_name, database); };
+  // A query that is itself a posed image takes no part, so that what is found is its own.
+  return selection_.HasPosedQueries() ? find_now() : *cache->Get(stored->image_id, find_now);
 }
 
 void DatabaseNeighbours::AddTo(const DatabaseReader& database, LoadedGroup* loaded) const {
@@ -95,23 +162,20 @@ void DatabaseNeighbours::AddTo(const DatabaseReader& database, LoadedGroup* load
     if (names[query.frame].empty() || names[query.frame].size() >= kEnoughImages) continue;
     const StageTimer timer("database_pairs", &loaded->records[&query - loaded->group.images.data()].seconds);
     for (ImagePair& pair : query.problem.pairs) {
-      if (NumMatches(pair) >= kMinNumInliers) pair.neighbours = Find(pair, query.problem.query_name, database);
+      if (NumMatches(pair) < kMinNumInliers) continue;
+      try {
+        pair.neighbours =
+            FindOnce(pair.other_name, query.problem.query_name, database, &pairs_, &DatabaseNeighbours::Read);
+      } catch (const DamagedRecordError&) {
+        pair.neighbours.clear();  // the list of the image's pairs is damaged
+      }
     }
   }
 }
 
-std::vector<NeighbourPair> DatabaseNeighbours::Find(const ImagePair& pair, const std::string& query_name,
-                                                    const DatabaseReader& database) const {
-  const DatabaseImage* stored = selection_.FindInDatabase(pair.other_name);
-  const ModelImage* image = stored == nullptr ? nullptr : selection_.FindPosedImage(stored->image_id, query_name);
-  if (image == nullptr) return {};
-  try {
-    const auto read = [&] { return Read(*image, stored->image_id, query_name, database); };
-    // A query that is itself a posed image takes no part, so that its neighbours are its own.
-    return selection_.HasPosedQueries() ? read() : *cache_.Get(stored->image_id, read);
-  } catch (const DamagedRecordError&) {
-    return {};  // the list of the image's pairs is damaged
-  }
+std::vector<float> DatabaseNeighbours::PointDepths(const std::string& image_name, const std::string& query_name,
+                                                   const DatabaseReader& database) const {
+  return FindOnce(image_name, query_name, database, &depths_, &DatabaseNeighbours::Triangulate);
 }
 
 }  // namespace lazyloc

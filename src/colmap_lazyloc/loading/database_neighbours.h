@@ -1,8 +1,8 @@
 #pragma once
 
 #include <cstdint>
+#include <functional>
 #include <string>
-#include <utility>
 #include <vector>
 
 #include "colmap_lazyloc/database/database_reader.h"
@@ -12,31 +12,40 @@
 
 namespace lazyloc {
 
-// Returns the six posed images that a posed image shares most verified matches with, because more would tell little,
-// and their ids in the database. A query and the images of its group take no part.
-std::vector<std::pair<uint32_t, const ModelImage*>> FindNeighbours(const QuerySelection& selection, uint32_t image_id,
-                                                                   const std::string& query_name,
-                                                                   const DatabaseReader& database);
-
-// Pairs of database images with each other, which tell how wrong database poses are. Only read for queries with less
-// than three database images, because more tell it by themselves. Damaged records are left out. Thread-safe with one
-// reader per thread.
+// What database images tell together with others: each is paired with the six posed images that it shares most verified
+// matches with, because more would tell little. A query and the images of its group take no part. Damaged records are
+// left out. Thread-safe with one reader per thread.
 class DatabaseNeighbours {
  public:
   // The selection must outlive this.
   explicit DatabaseNeighbours(const QuerySelection& selection);
 
-  // Adds the pairs of the database images to query frames with few of these.
+  // Adds the pairs of the database images, which tell how wrong database poses are, to query frames with less than
+  // three database images, because more tell it by themselves.
   void AddTo(const DatabaseReader& database, LoadedGroup* loaded) const;
+  // Returns the depths of the points that a database image triangulates with its neighbours, at its keypoints, for
+  // comparison with its depth map; 0 where there is none.
+  std::vector<float> PointDepths(const std::string& image_name, const std::string& query_name,
+                                 const DatabaseReader& database) const;
 
  private:
-  std::vector<NeighbourPair> Find(const ImagePair& pair, const std::string& query_name,
-                                  const DatabaseReader& database) const;
+  using VisitNeighbour = std::function<void(const ModelImage& other, const Matches& matches,
+                                            const std::vector<Eigen::Vector2d>& other_points)>;
+  void ForEachNeighbour(uint32_t image_id, const std::string& query_name, const DatabaseReader& database,
+                        const VisitNeighbour& visit) const;
   std::vector<NeighbourPair> Read(const ModelImage& image, uint32_t image_id, const std::string& query_name,
                                   const DatabaseReader& database) const;
+  std::vector<float> Triangulate(const ModelImage& image, uint32_t image_id, const std::string& query_name,
+                                 const DatabaseReader& database) const;
+  // Returns what `find` finds for a database image, which is kept unless a query may have a part in it; nothing for an
+  // image without a pose.
+  template <typename Value, typename Find>
+  std::vector<Value> FindOnce(const std::string& image_name, const std::string& query_name,
+                              const DatabaseReader& database, LruCache<std::vector<Value>>* cache, Find find) const;
 
   const QuerySelection& selection_;
-  mutable LruCache<std::vector<NeighbourPair>> cache_;
+  mutable LruCache<std::vector<NeighbourPair>> pairs_;
+  mutable LruCache<std::vector<float>> depths_;
 };
 
 }  // namespace lazyloc

@@ -6,7 +6,6 @@
 #include <optional>
 #include <string_view>
 #include <system_error>
-#include <utility>
 
 #include "colmap_lazyloc/scene/errors.h"
 #include "colmap_lazyloc/scene/format.h"
@@ -69,9 +68,9 @@ void CheckSize(const DepthMap& map, const Camera& camera, const std::filesystem:
   const double ratio = static_cast<double>(map.width) * static_cast<double>(camera.height) /
                        (static_cast<double>(map.height) * static_cast<double>(camera.width));
   if (std::abs(std::log(ratio)) <= kMaxAspectDifference) return;
-  throw InputError(path.string() + ": measures " + std::to_string(map.width) + " x " + std::to_string(map.height) +
-                   " pixels, which is not the aspect ratio of its image with " + std::to_string(camera.width) + " x " +
-                   std::to_string(camera.height));
+  throw InputError(path.string() + Format(": measures %d x %d pixels, which is not the aspect ratio of its image with "
+                                          "%zu x %zu",
+                                          map.width, map.height, size_t{camera.width}, size_t{camera.height}));
 }
 
 }  // namespace

@@ -30,17 +30,14 @@ std::string ChecksumOfFile(const fs::path& path) {
   return Checksum({std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>()});
 }
 
-// Returns the first record of a file; an empty one if there is none.
+// Returns the first record of a file; an empty one if there is none, or if the disk is damaged.
 std::string ReadRecord(const fs::path& path) {
-  std::error_code ignored;
-  if (!fs::is_regular_file(path, ignored)) return "";
   try {
     RecordReader reader(path);
-    if (reader.Next()) return reader.Record();
+    return reader.Next() ? reader.Record() : "";
   } catch (const InputError&) {
-    // Another process has replaced it, or the disk is damaged.
+    return "";
   }
-  return "";
 }
 
 }  // namespace

@@ -23,92 +23,59 @@ bool AgreeOnIntrinsics(const Camera& a, const Camera& b) {
   return true;
 }
 
-// Throws DamagedRecordError if a match names a keypoint that its image does not have.
-void CheckMatches(const Matches& matches, const char* table, const LocalizationProblem& problem, const ImagePair& pair,
-                  const DatabaseReader& database) {
-  for (const Match& match : matches) {
-    if (match.query_point >= problem.query_keypoints.size() || match.other_point >= pair.other_keypoints.size()) {
-      throw DamagedRecordError(database.Path().string(),
-                               AsOneLine(std::string("table ") + table + ", pair of " + problem.query_name + " and " +
-                                         pair.other_name + ": a match names a keypoint that its image does not have"));
-    }
-  }
-}
-
 // Reads matches, geometry and the other image's keypoints into a pair. other_id: the other image's id in the database;
 // other_stored_camera: its camera there. Returns false if there are no matches, or verification left none. Throws
-// DamagedRecordError.
+// DamagedRecordError, also if a match names a keypoint that its image does not have.
 bool ReadPair(const LocalizationProblem& problem, const StoredQuery& query, uint32_t other_id,
               const Camera& other_stored_camera, const DatabaseReader& database, ImagePair* pair) {
   const uint32_t query_id = query.image.image_id;
   pair->geometry = database.ReadTwoViewGeometry(query_id, other_id);
-  if (pair->geometry && pair->geometry->inlier_matches.empty()) return false;
-  if (!pair->geometry) {
-    pair->matches = database.ReadMatches(query_id, other_id);
-    if (pair->matches.empty()) return false;
-  }
+  if (!pair->geometry) pair->matches = database.ReadMatches(query_id, other_id);
+  const Matches& matches = pair->geometry ? pair->geometry->inlier_matches : pair->matches;
+  if (matches.empty()) return false;
   pair->other_keypoints = database.ReadKeypoints(other_id);
-  const bool has_other_intrinsics =
-      pair->geometry &&
+  if (pair->geometry &&
       (!AgreeOnIntrinsics(pair->geometry->query_camera.value_or(query.stored_camera), query.camera) ||
-       !AgreeOnIntrinsics(pair->geometry->other_camera.value_or(other_stored_camera), pair->other_camera));
-  if (has_other_intrinsics) ForgetIntrinsics(&*pair->geometry);
-  if (pair->geometry) {
-    CheckMatches(pair->geometry->inlier_matches, "two_view_geometries", problem, *pair, database);
+       !AgreeOnIntrinsics(pair->geometry->other_camera.value_or(other_stored_camera), pair->other_camera))) {
+    ForgetIntrinsics(&*pair->geometry);
   }
-  CheckMatches(pair->matches, "matches", problem, *pair, database);
+  const std::string table = pair->geometry ? "two_view_geometries" : "matches";
+  for (const Match& match : matches) {
+    if (match.query_point >= problem.query_keypoints.size() || match.other_point >= pair->other_keypoints.size()) {
+      throw DamagedRecordError(database.Path().string(),
+                               AsOneLine("table " + table + ", pair of " + problem.query_name + " and " +
+                                         pair->other_name + ": a match names a keypoint that its image does not have"));
+    }
+  }
   return true;
 }
 
 }  // namespace
 
-PairLoader::Candidates PairLoader::RankCandidates(const StoredQuery& query, const std::vector<PairSize>& sizes) const {
-  Candidates candidates;
-  for (const PairSize& size : sizes) {
-    const ModelImage* image = selection_.FindPosedImage(size.image_id, query.image.name);
-    if (image != nullptr) candidates.push_back({image, size.image_id, size.num_matches});
-  }
-  std::sort(candidates.begin(), candidates.end(), [](const Candidate& a, const Candidate& b) {
-    return std::tie(b.num_matches, a.image->name) < std::tie(a.num_matches, b.image->name);
-  });
-  return candidates;
-}
-
-void PairLoader::LoadPairs(const StoredQuery& query, const Candidates& candidates, size_t max_num_pairs,
+void PairLoader::LoadPairs(const StoredQuery& query, const std::vector<PairSize>& sizes, size_t max_num_pairs,
                            const DatabaseReader& database, LocalizationProblem* problem,
                            std::vector<std::string>* damages) const {
-  for (const Candidate& candidate : candidates) {
+  using Candidate = std::pair<const ModelImage*, int>;
+  std::vector<Candidate> candidates;  // with the number of matches
+  for (const PairSize& size : sizes) {
+    const ModelImage* image = selection_.FindPosedImage(size.image_id, query.image.name);
+    if (image != nullptr) candidates.emplace_back(image, size.num_matches);
+  }
+  std::sort(candidates.begin(), candidates.end(), [](const Candidate& a, const Candidate& b) {
+    return std::tie(b.second, a.first->name) < std::tie(a.second, b.first->name);
+  });
+  for (const auto& [image, num_matches] : candidates) {
     if (problem->pairs.size() == max_num_pairs) return;
-    std::optional<ImagePair> pair = LoadPair(query, candidate, *problem, database, damages);
-    if (pair) problem->pairs.push_back(*std::move(pair));
+    const DatabaseImage& stored = *selection_.FindInDatabase(image->name);
+    ImagePair pair = selection_.MakePair(*image);
+    try {
+      const Camera stored_camera = database.ReadCamera(stored.camera_id);
+      if (!ReadPair(*problem, query, stored.image_id, stored_camera, database, &pair)) continue;
+      problem->pairs.push_back(std::move(pair));
+    } catch (const DamagedRecordError& error) {
+      damages->push_back(error.Damage());
+    }
   }
-}
-
-std::optional<ImagePair> PairLoader::LoadPair(const StoredQuery& query, const Candidate& candidate,
-                                              const LocalizationProblem& problem, const DatabaseReader& database,
-                                              std::vector<std::string>* damages) const {
-  const DatabaseImage& stored = *selection_.FindInDatabase(candidate.image->name);
-  ImagePair pair = selection_.MakePair(*candidate.image);
-  try {
-    const Camera stored_camera = database.ReadCamera(stored.camera_id);
-    if (ReadPair(problem, query, stored.image_id, stored_camera, database, &pair)) return pair;
-  } catch (const DamagedRecordError& error) {
-    damages->push_back(error.Damage());
-  }
-  return std::nullopt;
-}
-
-void PairLoader::LoadBestPairs(const StoredQuery& query, const DatabaseReader& database, LocalizationProblem* problem,
-                               std::vector<std::string>* damages) const {
-  const std::vector<PairSize> verified = database.ReadInlierCounts(query.image.image_id, selection_.PosedImageIds());
-  LoadPairs(query, RankCandidates(query, verified), num_retrieved_, database, problem, damages);
-  if (problem->pairs.size() == num_retrieved_) return;
-  const std::vector<PairSize> raw = database.ReadMatchCounts(query.image.image_id, selection_.PosedImageIds());
-  std::vector<PairSize> unverified;
-  std::set_difference(raw.begin(), raw.end(), verified.begin(), verified.end(), std::back_inserter(unverified),
-                      [](const PairSize& a, const PairSize& b) { return a.image_id < b.image_id; });
-  const size_t max_num_pairs = problem->pairs.size() + 2 * num_retrieved_;
-  LoadPairs(query, RankCandidates(query, unverified), max_num_pairs, database, problem, damages);
 }
 
 LocalizationProblem PairLoader::Load(const StoredQuery& query, const DatabaseReader& database,
@@ -119,31 +86,27 @@ LocalizationProblem PairLoader::Load(const StoredQuery& query, const DatabaseRea
   problem.intrinsics_origin = query.intrinsics_origin;
   problem.query_keypoints = database.ReadKeypointsOnce(query.image.image_id);
   if (problem.query_keypoints.empty()) return problem;
+  const auto load = [&](const std::vector<PairSize>& sizes, size_t max_num_pairs) {
+    LoadPairs(query, sizes, max_num_pairs, database, &problem, damages);
+  };
   if (const auto listed_ids = selection_.ListedPairs(query)) {
     std::vector<PairSize> listed;
     for (const uint32_t image_id : *listed_ids) listed.push_back({image_id, 0});
-    LoadPairs(query, RankCandidates(query, listed), listed.size(), database, &problem, damages);
+    load(listed, listed.size());
   } else {
-    LoadBestPairs(query, database, &problem, damages);
+    const std::vector<PairSize> verified = database.ReadInlierCounts(query.image.image_id, selection_.PosedImageIds());
+    load(verified, num_retrieved_);
+    if (problem.pairs.size() < num_retrieved_) {
+      const std::vector<PairSize> raw = database.ReadMatchCounts(query.image.image_id, selection_.PosedImageIds());
+      std::vector<PairSize> unverified;
+      std::set_difference(raw.begin(), raw.end(), verified.begin(), verified.end(), std::back_inserter(unverified),
+                          [](const PairSize& a, const PairSize& b) { return a.image_id < b.image_id; });
+      load(unverified, problem.pairs.size() + 2 * num_retrieved_);
+    }
   }
   std::sort(problem.pairs.begin(), problem.pairs.end(),
             [](const ImagePair& a, const ImagePair& b) { return a.other_name < b.other_name; });
   return problem;
-}
-
-// Returns those of other_ids (sorted) that the query may be paired with.
-std::vector<uint32_t> PairLoader::PairedImageIds(const StoredQuery& query, const std::vector<uint32_t>& other_ids,
-                                                 const DatabaseReader& database) const {
-  std::vector<uint32_t> image_ids;
-  if (const auto listed_ids = selection_.ListedPairs(query)) {
-    std::set_intersection(listed_ids->begin(), listed_ids->end(), other_ids.begin(), other_ids.end(),
-                          std::back_inserter(image_ids));
-  } else {
-    const uint32_t query_id = query.image.image_id;
-    for (const PairSize& size : database.ReadInlierCounts(query_id, other_ids)) image_ids.push_back(size.image_id);
-    for (const PairSize& size : database.ReadMatchCounts(query_id, other_ids)) image_ids.push_back(size.image_id);
-  }
-  return image_ids;
 }
 
 void PairLoader::LoadPairsWithQueries(int query_index, const std::map<uint32_t, int>& earlier_queries,
@@ -151,11 +114,19 @@ void PairLoader::LoadPairsWithQueries(int query_index, const std::map<uint32_t, 
   QueryGroup& group = loaded->group;
   const LocalizationProblem& problem = group.images[query_index].problem;
   const StoredQuery query = selection_.ReadStoredQuery(problem.query_name, database);
-  std::vector<uint32_t> earlier_ids;
-  for (const auto& [image_id, index] : earlier_queries) earlier_ids.push_back(image_id);
   std::set<int> others;
-  for (const uint32_t image_id : PairedImageIds(query, earlier_ids, database)) {
-    others.insert(earlier_queries.at(image_id));
+  if (const auto listed_ids = selection_.ListedPairs(query)) {
+    for (const auto& [image_id, index] : earlier_queries) {
+      if (std::binary_search(listed_ids->begin(), listed_ids->end(), image_id)) others.insert(index);
+    }
+  } else {
+    std::vector<uint32_t> earlier_ids;
+    for (const auto& [image_id, index] : earlier_queries) earlier_ids.push_back(image_id);
+    const uint32_t query_id = query.image.image_id;
+    for (const auto& sizes :
+         {database.ReadInlierCounts(query_id, earlier_ids), database.ReadMatchCounts(query_id, earlier_ids)}) {
+      for (const PairSize& size : sizes) others.insert(earlier_queries.at(size.image_id));
+    }
   }
   for (const int other_index : others) {
     try {

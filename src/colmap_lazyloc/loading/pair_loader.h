@@ -1,7 +1,6 @@
 #pragma once
 
 #include <map>
-#include <optional>
 #include <string>
 #include <vector>
 
@@ -31,29 +30,13 @@ class PairLoader {
   void LoadQueryPairs(const DatabaseReader& database, LoadedGroup* loaded) const;
 
  private:
-  struct Candidate {
-    const ModelImage* image = nullptr;
-    uint32_t image_id = 0;  // in the database
-    int num_matches = 0;    // verified or raw
-  };
-  using Candidates = std::vector<Candidate>;
-
-  // Returns the posed images among `sizes`, the one with the most matches first.
-  Candidates RankCandidates(const StoredQuery& query, const std::vector<PairSize>& sizes) const;
-  // Adds pairs with the candidates to the problem until it has max_num_pairs.
-  void LoadPairs(const StoredQuery& query, const Candidates& candidates, size_t max_num_pairs,
+  // Adds pairs with the posed images among `sizes`, the one with the most matches first, to the problem until it has
+  // max_num_pairs. Leaves out pairs without matches, and damaged ones, whose damage is appended to `damages`.
+  void LoadPairs(const StoredQuery& query, const std::vector<PairSize>& sizes, size_t max_num_pairs,
                  const DatabaseReader& database, LocalizationProblem* problem, std::vector<std::string>* damages) const;
-  void LoadBestPairs(const StoredQuery& query, const DatabaseReader& database, LocalizationProblem* problem,
-                     std::vector<std::string>* damages) const;
-  // Returns nullopt if there is no such pair with matches, or it is damaged, which is then appended to `damages`.
-  std::optional<ImagePair> LoadPair(const StoredQuery& query, const Candidate& candidate,
-                                    const LocalizationProblem& problem, const DatabaseReader& database,
-                                    std::vector<std::string>* damages) const;
   // Adds the pairs of one query with earlier queries of its group, which are given by their id in the database.
   void LoadPairsWithQueries(int query_index, const std::map<uint32_t, int>& earlier_queries,
                             const DatabaseReader& database, LoadedGroup* loaded) const;
-  std::vector<uint32_t> PairedImageIds(const StoredQuery& query, const std::vector<uint32_t>& other_ids,
-                                       const DatabaseReader& database) const;
 
   const QuerySelection& selection_;
   const size_t num_retrieved_;

@@ -3,8 +3,8 @@
 #include <algorithm>
 #include <filesystem>
 #include <functional>
-#include <set>
 #include <sstream>
+#include <system_error>
 #include <utility>
 
 #include "colmap_lazyloc/bridge/camera_models.h"
@@ -21,6 +21,8 @@ namespace {
 constexpr size_t kNumSampledImages = 50;
 // Maximum number of database images that a photo is matched with one by one: an index is faster only for more.
 constexpr size_t kMaxNumExhaustive = 50;
+// Maximum number of image files that are read for a photo of a new size, because each takes as long as the photo.
+constexpr size_t kMaxNumFiles = 20;
 
 std::vector<double> ParseCameraParams(const std::string& text) {
   std::vector<double> params;
@@ -74,8 +76,8 @@ PhotoLoader::PhotoLoader(const DatabaseReader& database, const QuerySelection& s
       num_retrieved_(static_cast<size_t>(num_retrieved)),
       seed_(seed),
       default_camera_(ParseDefaultCamera(options)),
-      database_cameras_(selection.DatabaseModel(), options.image_path, selection.DatabaseExifFocalLengths()),
-      features_(options.CacheBytes(), NumBytes) {
+      features_(NumBytes, options.CacheBytes()),
+      exif_cameras_([](const std::string& camera) { return sizeof(camera) + camera.size(); }) {
   std::vector<std::string> damages;
   const FeatureReader features(database.Path());
   const DescriptorCounts counts = features.ReadDescriptorCounts(&damages);
@@ -101,10 +103,9 @@ PhotoLoader::PhotoLoader(const DatabaseReader& database, const QuerySelection& s
     matches_output_ = std::make_unique<MatchesOutput>(options.matches_output_path, database, names);
   }
   MeasureCandidates(counts.of_image, features);
-  const bool needs_index = (has_more_photos && NeedsRetrieval({})) ||
-                           std::any_of(selection.Photos().begin(), selection.Photos().end(),
-                                       [this](const auto& photo) { return NeedsRetrieval(photo.second); });
-  if (needs_index) {
+  if ((has_more_photos && NeedsRetrieval({})) ||
+      std::any_of(selection.Photos().begin(), selection.Photos().end(),
+                  [this](const auto& photo) { return NeedsRetrieval(photo.second); })) {
     index_ =
         std::make_unique<RetrievalIndex>(options.retrieval_index_path, database, RetrievalOptions(), seed, num_threads);
     warnings_.insert(warnings_.end(), index_->Warnings().begin(), index_->Warnings().end());
@@ -136,7 +137,7 @@ void PhotoLoader::PrepareFor(FeatureType type, const std::string& database_path)
   }
   second_ = std::make_unique<const SecondAttempt>(selection_, options_, type, seed_);
   is_always_second_ = !is_auto;
-  if (is_always_second_) second_->LoadModels();
+  if (is_always_second_) second_->Method().LoadModels();
   const auto has_file = [this](const Candidate& candidate) { return second_->HasFile(candidate); };
   if (std::any_of(candidates_.begin(), candidates_.end(), has_file)) return;
   warnings_.push_back("none of the database images is below --image_path " + options_.image_path +
@@ -166,8 +167,8 @@ void PhotoLoader::MeasureCandidates(const std::map<uint32_t, size_t>& num_descri
 }
 
 std::string PhotoLoader::DescribeExtraction() const {
-  if (is_always_second_) return "photos: " + second_->Describe();
-  const std::string second = second_ ? "; photos that these do not localize: " + second_->Describe() : "";
+  if (is_always_second_) return "photos: " + second_->Method().Describe();
+  const std::string second = second_ ? "; photos that these do not localize: " + second_->Method().Describe() : "";
   if (aliked_) return "photos: " + aliked_->Describe() + second;
   const SiftExtractionOptions chosen = ChooseExtraction(options_.extraction, statistics_, database_scale_);
   return Format("photos of %.0f pixels with a focal length of %.0f: at most %d features, first octave %d",
@@ -177,8 +178,7 @@ std::string PhotoLoader::DescribeExtraction() const {
 }
 
 bool PhotoLoader::NeedsRetrieval(const PhotoQuery& photo) const {
-  if (photo.paired_ids) return false;
-  return !options_.retrieval_index_path.empty() || AllowedCandidates(photo).size() > kMaxNumExhaustive;
+  return !photo.paired_ids && (!options_.retrieval_index_path.empty() || candidates_.size() > kMaxNumExhaustive);
 }
 
 PhotoLoader::Candidates PhotoLoader::AllowedCandidates(const PhotoQuery& photo) const {
@@ -193,10 +193,9 @@ PhotoLoader::Candidates PhotoLoader::AllowedCandidates(const PhotoQuery& photo) 
 
 PhotoLoader::Candidates PhotoLoader::ChooseCandidates(const PhotoQuery& photo, const Features& features,
                                                       IdleThreads* idle_threads) const {
-  Candidates allowed = AllowedCandidates(photo);
-  if (!NeedsRetrieval(photo)) return allowed;
+  if (!NeedsRetrieval(photo)) return AllowedCandidates(photo);
   std::map<uint32_t, const Candidate*> candidate_of_id;
-  for (const Candidate* candidate : allowed) candidate_of_id.emplace(candidate->image_id, candidate);
+  for (const Candidate& candidate : candidates_) candidate_of_id.emplace(candidate.image_id, &candidate);
   Candidates chosen;
   for (const uint32_t image_id : index_->Query(features, idle_threads)) {
     if (chosen.size() == num_retrieved_) break;
@@ -207,29 +206,26 @@ PhotoLoader::Candidates PhotoLoader::ChooseCandidates(const PhotoQuery& photo, c
   return chosen;
 }
 
-Features PhotoLoader::Extract(const PhotoFile& file, const Camera& camera, IdleThreads* idle_threads) const {
-  if (aliked_) return aliked_->Extract(file);
-  return ExtractLikeDatabase(file, MeanFocalLength(camera), options_.extraction, statistics_, idle_threads);
-}
-
-PhotoCamera PhotoLoader::CameraOf(const PhotoQuery& photo, const PhotoProperties& properties) const {
-  if (photo.camera) return {*photo.camera, photo.source};
-  return ChoosePhotoCamera(properties, default_camera_, database_cameras_.OfSize(properties));
-}
-
-DatabaseFeatures PhotoLoader::LoadPairs(const Candidates& candidates, const FeatureReader& reader,
-                                        LocalizationProblem* problem, std::vector<std::string>* damages) const {
-  DatabaseFeatures database_features;
-  for (const Candidate* candidate : candidates) {
-    const uint32_t image_id = candidate->image_id;
-    try {
-      database_features.push_back(features_.Get(image_id, [&] { return reader.Read(image_id); }));
-      problem->pairs.push_back(selection_.MakePair(*candidate->image));
-    } catch (const DamagedRecordError& error) {
-      damages->push_back(error.Damage());
-    }
+std::vector<DatabaseCamera> PhotoLoader::CamerasLike(const PhotoProperties& photo) const {
+  std::vector<DatabaseCamera> cameras = selection_.PosedCameras().OfSize(photo.width, photo.height);
+  if (photo.exif_camera.empty()) return cameras;
+  for (size_t i = 0; i < std::min(cameras.size(), kMaxNumFiles); ++i) {
+    const uint32_t camera_id = cameras[i].camera.camera_id;
+    cameras[i].exif_camera = *exif_cameras_.Get(camera_id, [&] { return ReadExifCamera(camera_id); });
   }
-  return database_features;
+  return cameras;
+}
+
+std::string PhotoLoader::ReadExifCamera(uint32_t camera_id) const {
+  for (const ModelImage& image : selection_.DatabaseModel().images) {
+    if (image.camera_id != camera_id) continue;
+    const std::filesystem::path path = std::filesystem::path(options_.image_path) / image.name;
+    std::error_code error;
+    if (!std::filesystem::is_regular_file(path, error)) continue;
+    const std::optional<PhotoFile> file = PhotoFile::Read(path);
+    return file ? file->Properties().exif_camera : "";
+  }
+  return "";
 }
 
 std::optional<PhotoFile> PhotoLoader::ReadFile(const PhotoQuery& photo, bool as_rgb, QueryRecord* record) const {
@@ -249,7 +245,8 @@ std::optional<LocalizationProblem> PhotoLoader::Load(const PhotoQuery& photo, co
   const std::optional<PhotoFile> file = ReadFile(photo, /*as_rgb=*/aliked_ != nullptr, record);
   if (!file) return std::nullopt;
   const PhotoProperties& properties = file->Properties();
-  const PhotoCamera chosen = CameraOf(photo, properties);
+  const PhotoCamera chosen = photo.camera ? PhotoCamera{*photo.camera, photo.source}
+                                          : ChoosePhotoCamera(properties, default_camera_, CamerasLike(properties));
   record->intrinsics_source = chosen.source;
   if (chosen.camera.width != properties.width || chosen.camera.height != properties.height) {
     return Refuse(QueryStatus::INCONSISTENT_INTRINSICS,
@@ -258,7 +255,11 @@ std::optional<LocalizationProblem> PhotoLoader::Load(const PhotoQuery& photo, co
                   &record->result);
   }
   Features query_features;
-  Measure("extraction", record, [&] { query_features = Extract(*file, chosen.camera, idle_threads); });
+  Measure("extraction", record, [&] {
+    query_features = aliked_ ? aliked_->Extract(*file)
+                             : ExtractLikeDatabase(*file, MeanFocalLength(chosen.camera), options_.extraction,
+                                                   statistics_, idle_threads);
+  });
   record->matcher = aliked_ ? aliked_->Matcher() : MatcherType::SIFT_BRUTEFORCE;
   LocalizationProblem problem;
   problem.query_name = photo.name;
@@ -269,7 +270,17 @@ std::optional<LocalizationProblem> PhotoLoader::Load(const PhotoQuery& photo, co
   if (!problem.query_keypoints.empty()) {
     Candidates candidates;
     Measure("retrieval", record, [&] { candidates = ChooseCandidates(photo, query_features, idle_threads); });
-    Measure("load", record, [&] { database_features = LoadPairs(candidates, features, &problem, &record->damages); });
+    Measure("load", record, [&] {
+      for (const Candidate* candidate : candidates) {
+        try {
+          database_features.push_back(
+              features_.Get(candidate->image_id, [&] { return features.Read(candidate->image_id); }));
+          problem.pairs.push_back(selection_.MakePair(*candidate->image));
+        } catch (const DamagedRecordError& error) {
+          record->damages.push_back(error.Damage());
+        }
+      }
+    });
     MatchPairs(query_features, database_features, aliked_.get(), seed_, idle_threads, &problem, &record->seconds);
   }
   if (matches_output_) {
@@ -293,10 +304,6 @@ std::optional<LocalizationProblem> PhotoLoader::LoadAgain(const PhotoQuery& phot
   if (candidates.empty()) candidates = AllowedCandidates(photo);
   if (first.pairs.empty() && candidates.size() > kMaxNumExhaustive) candidates.clear();
   return second_->Load(*file, first, candidates, features, idle_threads, record);
-}
-
-void PhotoLoader::PublishMatches() const {
-  if (matches_output_) matches_output_->Publish();
 }
 
 }  // namespace lazyloc

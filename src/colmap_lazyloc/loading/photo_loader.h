@@ -10,7 +10,6 @@
 #include "colmap_lazyloc/database/feature_reader.h"
 #include "colmap_lazyloc/database/lru_cache.h"
 #include "colmap_lazyloc/formats/query_files.h"
-#include "colmap_lazyloc/loading/database_cameras.h"
 #include "colmap_lazyloc/loading/matches_output.h"
 #include "colmap_lazyloc/loading/photo_options.h"
 #include "colmap_lazyloc/loading/second_attempt.h"
@@ -54,7 +53,9 @@ class PhotoLoader {
   // Returns how the features of photos are extracted, for a photo like the database images.
   std::string DescribeExtraction() const;
   // Publishes the database at matches_output_path, if there is one.
-  void PublishMatches() const;
+  void PublishMatches() const {
+    if (matches_output_) matches_output_->Publish();
+  }
 
  private:
   using Candidate = DatabaseCandidate;
@@ -64,25 +65,22 @@ class PhotoLoader {
   void PrepareFor(FeatureType type, const std::string& database_path);
   // Returns nullopt, with status and reason in the record, if the file is not a readable image.
   std::optional<PhotoFile> ReadFile(const PhotoQuery& photo, bool as_rgb, QueryRecord* record) const;
-  Features Extract(const PhotoFile& file, const Camera& camera, IdleThreads* idle_threads) const;
+  // Returns the cameras that have the photo's size, of which one may have taken it, with their makes and models if the
+  // photo's are known. If posed images are in the folder of the photos, their EXIF tells these.
+  std::vector<DatabaseCamera> CamerasLike(const PhotoProperties& photo) const;
+  std::string ReadExifCamera(uint32_t camera_id) const;
   // Sets the statistics of the candidates' features.
   void MeasureCandidates(const std::map<uint32_t, size_t>& num_descriptors, const FeatureReader& reader);
-  // Returns the photo's own intrinsics if it has any, or else chooses some.
-  PhotoCamera CameraOf(const PhotoQuery& photo, const PhotoProperties& properties) const;
   // Returns the candidates that the pairs file lists, or all.
   Candidates AllowedCandidates(const PhotoQuery& photo) const;
   Candidates ChooseCandidates(const PhotoQuery& photo, const Features& features, IdleThreads* idle_threads) const;
   bool NeedsRetrieval(const PhotoQuery& photo) const;
-  // Adds pairs with the candidates to the problem, without matches; returns their features. Leaves out damaged ones.
-  DatabaseFeatures LoadPairs(const Candidates& candidates, const FeatureReader& reader, LocalizationProblem* problem,
-                             std::vector<std::string>* damages) const;
 
   const QuerySelection& selection_;
   const PhotoOptions options_;
   const size_t num_retrieved_;
   const int seed_;
   const DefaultCamera default_camera_;
-  const DatabaseCameras database_cameras_;
   std::vector<Candidate> candidates_;            // posed images with descriptors, sorted by name
   std::unique_ptr<const Aliked> aliked_;         // null for SIFT
   std::unique_ptr<const SecondAttempt> second_;  // null if there is none
@@ -93,6 +91,7 @@ class PhotoLoader {
   PhotoScale database_scale_;     // medians over the candidates
   std::vector<std::string> warnings_;
   mutable LruCache<Features> features_;
+  mutable LruCache<std::string> exif_cameras_;  // by the id of the camera
 };
 
 }  // namespace lazyloc

@@ -1,21 +1,16 @@
 #include "colmap_lazyloc/loading/photo_options.h"
 
 #include <algorithm>
-#include <utility>
 
 #include "colmap_lazyloc/scene/options_check.h"
 
 namespace lazyloc {
 
 bool PhotoOptions::CheckImagePath(std::string* error) const {
-  if (!image_path.empty()) return true;
-  for (const auto& [name, value] : {std::pair{"retrieval_index_path", &retrieval_index_path},
-                                    std::pair{"matches_output_path", &matches_output_path}}) {
-    if (value->empty()) continue;
-    *error = std::string(name) + " needs --image_path, because it is for photos";
-    return false;
-  }
-  return true;
+  if (!image_path.empty() || (retrieval_index_path.empty() && matches_output_path.empty())) return true;
+  *error = std::string(retrieval_index_path.empty() ? "matches_output_path" : "retrieval_index_path") +
+           " needs --image_path, because it is for photos";
+  return false;
 }
 
 bool PhotoOptions::Check(std::string* error) const {

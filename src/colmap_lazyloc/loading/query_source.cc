@@ -48,9 +48,7 @@ QuerySource::QuerySource(const SourceOptions& options, Model model, int seed, in
       pair_loader_(selection_, options.num_retrieved),
       priors_(ReadQueryPriors(options.priors,
                               [this](const std::string& name) { return selection_.FindGroup(name).has_value(); })),
-      neighbours_(selection_),
-      depth_points_(selection_),
-      max_num_pairs_(options.selection.pairs_path.empty() ? options.num_retrieved : 0) {
+      neighbours_(selection_) {
   if (!options.depth.depth_path.empty()) depth_maps_.emplace(options.depth);
   if (!selection_.Photos().empty()) Photos();
 }
@@ -63,26 +61,8 @@ const PhotoLoader& QuerySource::Photos() const {
   return *photo_loader_;
 }
 
-QuerySource::Session::Session(const QuerySource& source, IdleThreads* idle_threads)
-    : database_(source.database_.Path()), idle_threads_(idle_threads) {}
-
-std::optional<LocalizationProblem> QuerySource::LoadNamed(const std::string& name, Session* session,
-                                                          QueryRecord* record) const {
-  record->result.query_name = name;
-  const StageTimer timer("load", &record->seconds);
-  const StoredQuery query = selection_.ReadStoredQuery(name, session->database_);
-  record->intrinsics_source = query.source;
-  return pair_loader_.Load(query, session->database_, &record->damages);
-}
-
-std::optional<LocalizationProblem> QuerySource::LoadPhoto(const PhotoQuery& photo, Session* session,
-                                                          QueryRecord* record) const {
-  record->result.query_name = photo.name;
-  if (!photo.damage.empty()) throw DamagedRecordError(database_.Path().string(), photo.damage);
-  const PhotoLoader& photos = Photos();
-  if (!session->features_) session->features_ = std::make_unique<FeatureReader>(database_.Path());
-  return photos.Load(photo, *session->features_, session->idle_threads_, record);
-}
+QuerySource::Session::Session(const QuerySource& source, IdleThreads* threads)
+    : database(source.database_.Path()), idle_threads(threads) {}
 
 GroupInput QuerySource::Group(size_t group) const {
   GroupInput input;
@@ -117,20 +97,35 @@ GroupInput QuerySource::WithPriors(GroupInput input) const {
   return input;
 }
 
+std::optional<LocalizationProblem> QuerySource::LoadQuery(const QueryInput& query, Session* session,
+                                                          QueryRecord* record) const {
+  try {
+    if (const PhotoQuery* photo = FindPhoto(query)) {
+      record->result.query_name = photo->name;
+      if (!photo->damage.empty()) throw DamagedRecordError(database_.Path().string(), photo->damage);
+      const PhotoLoader& photos = Photos();
+      if (!session->features) session->features = std::make_unique<FeatureReader>(database_.Path());
+      return photos.Load(*photo, *session->features, session->idle_threads, record);
+    }
+    const auto* name = std::get_if<std::string>(&query);
+    if (name == nullptr) return std::get<LocalizationProblem>(query);
+    record->result.query_name = *name;
+    const StageTimer timer("load", &record->seconds);
+    const StoredQuery stored = selection_.ReadStoredQuery(*name, session->database);
+    record->intrinsics_source = stored.source;
+    return pair_loader_.Load(stored, session->database, &record->damages);
+  } catch (const DamagedRecordError& error) {
+    record->result.status = QueryStatus::DAMAGED_DATA;
+    record->result.reason = error.Damage();
+    return std::nullopt;
+  }
+}
+
 LoadedGroup QuerySource::Load(const GroupInput& input, Session* session) const {
-  LoadedGroup loaded = LoadEach(
-      WithPriors(input), [&](const QueryInput& query, QueryRecord* record) -> std::optional<LocalizationProblem> {
-        try {
-          if (const PhotoQuery* photo = FindPhoto(query)) return LoadPhoto(*photo, session, record);
-          if (const auto* name = std::get_if<std::string>(&query)) return LoadNamed(*name, session, record);
-          return std::get<LocalizationProblem>(query);
-        } catch (const DamagedRecordError& error) {
-          record->result.status = QueryStatus::DAMAGED_DATA;
-          record->result.reason = error.Damage();
-          return std::nullopt;
-        }
-      });
-  pair_loader_.LoadQueryPairs(session->database_, &loaded);
+  LoadedGroup loaded = LoadEach(WithPriors(input), [&](const QueryInput& query, QueryRecord* record) {
+    return LoadQuery(query, session, record);
+  });
+  pair_loader_.LoadQueryPairs(session->database, &loaded);
   AddDatabasePairsAndDepths(session, &loaded);
   return loaded;
 }
@@ -147,7 +142,7 @@ std::optional<LoadedGroup> QuerySource::LoadAgain(const GroupInput& input, const
       LocalizationProblem& problem = loaded.group.images[num_loaded].problem;
       if (problem.query_name != photo->name) continue;  // it could not be loaded
       QueryRecord& record = loaded.records[num_loaded++];
-      auto second = Photos().LoadAgain(*photo, problem, *session->features_, session->idle_threads_, &record);
+      auto second = Photos().LoadAgain(*photo, problem, *session->features, session->idle_threads, &record);
       if (!second) return std::nullopt;
       problem = *std::move(second);
     }
@@ -157,7 +152,7 @@ std::optional<LoadedGroup> QuerySource::LoadAgain(const GroupInput& input, const
 }
 
 void QuerySource::AddDatabasePairsAndDepths(Session* session, LoadedGroup* loaded) const {
-  if (options_.reads_database_pairs) neighbours_.AddTo(session->database_, loaded);
+  if (options_.reads_database_pairs) neighbours_.AddTo(session->database, loaded);
   if (!depth_maps_) return;
   for (QueryImage& query : loaded->group.images) {
     QueryRecord& record = loaded->records[&query - loaded->group.images.data()];
@@ -169,8 +164,7 @@ void QuerySource::AddDatabasePairsAndDepths(Session* session, LoadedGroup* loade
       pair.other_depths =
           depth_maps_->AtKeypoints(pair.other_name, image->image_id, pair.other_camera, pair.other_keypoints);
       if (pair.other_depths.empty()) continue;
-      pair.other_point_depths =
-          depth_points_.AtKeypoints(pair.other_name, query.problem.query_name, session->database_);
+      pair.other_point_depths = neighbours_.PointDepths(pair.other_name, query.problem.query_name, session->database);
       // Leaves out points of other keypoints than the stored ones, which a caller or a second attempt may bring.
       if (!has_stored_keypoints || pair.other_point_depths.size() != pair.other_keypoints.size()) {
         pair.other_point_depths.clear();

@@ -14,7 +14,6 @@
 #include "colmap_lazyloc/formats/query_prior_files.h"
 #include "colmap_lazyloc/loading/database_neighbours.h"
 #include "colmap_lazyloc/loading/depth_maps.h"
-#include "colmap_lazyloc/loading/depth_points.h"
 #include "colmap_lazyloc/loading/pair_loader.h"
 #include "colmap_lazyloc/loading/photo_loader.h"
 #include "colmap_lazyloc/math/parallel_for.h"
@@ -64,8 +63,14 @@ LoadedGroup LoadEach(const GroupInput& input, const LoadQueryFunction& load_quer
 // it is loaded here.
 class QuerySource {
  public:
-  // The readers of one thread.
-  class Session;
+  // The readers of one thread. idle_threads: help with the pairs of photos.
+  struct Session {
+    Session(const QuerySource& source, IdleThreads* threads);
+
+    DatabaseReader database;
+    std::unique_ptr<FeatureReader> features;  // null until a query is a photo
+    IdleThreads* idle_threads;
+  };
 
   // model: the one at input_path. seed, num_threads: for photos, whose matches are verified and whose retrieval index
   // is made here (num_threads: -1 for the number of cores). Throws InputError for files and options that cannot be
@@ -83,7 +88,7 @@ class QuerySource {
   // Returns one line on how the features of photos are extracted; empty without photos.
   std::string DescribeExtraction() const { return photo_loader_ ? photo_loader_->DescribeExtraction() : ""; }
   // Returns how many pairs of a query the localizer is to use of those that are loaded; 0 for all.
-  int MaxNumPairs() const { return max_num_pairs_; }
+  int MaxNumPairs() const { return options_.selection.pairs_path.empty() ? options_.num_retrieved : 0; }
   // Returns one group of the selection.
   GroupInput Group(size_t group) const;
   // Loads a group. Thread-safe with one session per thread. Throws InputError for a damaged file; damaged records
@@ -106,8 +111,7 @@ class QuerySource {
   const PhotoLoader& Photos() const;
   // Gives named queries the priors in files that they lack.
   GroupInput WithPriors(GroupInput input) const;
-  std::optional<LocalizationProblem> LoadNamed(const std::string& name, Session* session, QueryRecord* record) const;
-  std::optional<LocalizationProblem> LoadPhoto(const PhotoQuery& photo, Session* session, QueryRecord* record) const;
+  std::optional<LocalizationProblem> LoadQuery(const QueryInput& query, Session* session, QueryRecord* record) const;
   // Returns null if the query is not a photo.
   const PhotoQuery* FindPhoto(const QueryInput& query) const;
 
@@ -120,22 +124,8 @@ class QuerySource {
   std::map<std::string, QueryPrior> priors_;  // by query; those in files
   std::optional<DepthMaps> depth_maps_;       // nullopt without a folder of maps
   DatabaseNeighbours neighbours_;
-  DepthPoints depth_points_;
-  int max_num_pairs_ = 0;
   mutable std::once_flag photo_loader_is_made_;
   mutable std::unique_ptr<PhotoLoader> photo_loader_;  // null until a query is a photo
-};
-
-class QuerySource::Session {
- public:
-  // idle_threads: help with the pairs of photos.
-  Session(const QuerySource& source, IdleThreads* idle_threads);
-
- private:
-  friend class QuerySource;
-  DatabaseReader database_;
-  std::unique_ptr<FeatureReader> features_;  // null until a query is a photo
-  IdleThreads* idle_threads_;
 };
 
 }  // namespace lazyloc

@@ -72,7 +72,7 @@ SecondAttempt::SecondAttempt(const QuerySelection& selection, const PhotoOptions
       seed_(seed),
       aliked_(IsAliked(database_type) ? database_type : FeatureType::ALIKED_N16ROT, ChooseMatcher(options),
               ExtractionOptions(options.aliked, database_type)),
-      features_(options.CacheBytes(), NumBytes) {
+      features_(NumBytes, options.CacheBytes()) {
   if (IsAliked(database_type)) return;
   const std::string& index_path = options.retrieval_index_path;
   extracted_.emplace(aliked_, options.image_path, index_path.empty() ? "" : index_path + ".aliked");

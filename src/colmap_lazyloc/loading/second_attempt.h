@@ -2,7 +2,6 @@
 
 #include <memory>
 #include <optional>
-#include <string>
 #include <vector>
 
 #include "colmap_lazyloc/database/feature_reader.h"
@@ -30,8 +29,8 @@ class SecondAttempt {
   // database_type: SIFT or one of ALIKED. The selection must outlive this. Throws InputError if a model is missing.
   SecondAttempt(const QuerySelection& selection, const PhotoOptions& options, FeatureType database_type, int seed);
 
-  // Loads the models now rather than with the first photo. Throws InputError if one is damaged.
-  void LoadModels() const { aliked_.LoadModels(); }
+  // Returns what extracts and matches the features.
+  const Aliked& Method() const { return aliked_; }
   // Returns the problem of a photo, and sets keypoints and times of the record. first: the problem of the first
   // attempt, whose intrinsics and priors are kept. candidates: sorted by name; those whose file is not at hand or whose
   // record is damaged are left out. Thread-safe with one reader per thread; the result depends only on the input.
@@ -43,8 +42,6 @@ class SecondAttempt {
   bool HasFile(const DatabaseCandidate& candidate) const {
     return !extracted_ || extracted_->HasFile(candidate.image->name);
   }
-  // Returns how features are extracted and matched, for the user.
-  std::string Describe() const { return aliked_.Describe(); }
 
  private:
   // Returns null for images without usable features.

@@ -2,8 +2,6 @@
 
 #include <algorithm>
 #include <cmath>
-#include <limits>
-#include <numeric>
 
 namespace lazyloc {
 namespace {
@@ -22,22 +20,13 @@ Value Quantile(std::vector<Value> values, double share) {
 }
 
 void KeepLargestScales(size_t max_num_features, Features* features) {
-  const size_t num_features = features->keypoints.size();
-  if (num_features <= max_num_features) return;
-  std::vector<size_t> order(num_features);
-  std::iota(order.begin(), order.end(), 0);
-  std::stable_sort(order.begin(), order.end(), [&](size_t a, size_t b) {
-    return KeypointScale(features->keypoints[a]) > KeypointScale(features->keypoints[b]);
-  });
-  order.resize(max_num_features);
-  std::sort(order.begin(), order.end());
-  for (size_t i = 0; i < order.size(); ++i) {  // order[i] >= i
-    features->keypoints[i] = features->keypoints[order[i]];
-    features->descriptors.row(static_cast<Eigen::Index>(i)) =
-        features->descriptors.row(static_cast<Eigen::Index>(order[i])).eval();
-  }
-  features->keypoints.resize(order.size());
-  features->descriptors.conservativeResize(static_cast<Eigen::Index>(order.size()), Eigen::NoChange);
+  if (features->keypoints.size() <= max_num_features) return;
+  std::vector<float> scales;
+  for (const Keypoint& keypoint : features->keypoints) scales.push_back(KeypointScale(keypoint));
+  const std::vector<size_t> kept = IndicesOfLargest(scales, max_num_features);
+  features->descriptors = Descriptors(features->descriptors(kept, Eigen::all));
+  for (size_t i = 0; i < kept.size(); ++i) features->keypoints[i] = features->keypoints[kept[i]];  // kept[i] >= i
+  features->keypoints.resize(kept.size());
 }
 
 }  // namespace

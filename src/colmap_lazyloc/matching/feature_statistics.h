@@ -1,6 +1,8 @@
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
+#include <numeric>
 #include <vector>
 
 #include "colmap_lazyloc/bridge/feature_extraction.h"
@@ -23,6 +25,17 @@ struct PhotoScale {
 
 // Returns the scale of a keypoint in pixels.
 float KeypointScale(const Keypoint& keypoint);
+
+// Returns the indices of the largest values in ascending order; of equal values, those with the smaller indices.
+template <typename Value>
+std::vector<size_t> IndicesOfLargest(const std::vector<Value>& values, size_t max_num) {
+  std::vector<size_t> indices(values.size());
+  std::iota(indices.begin(), indices.end(), 0);
+  std::stable_sort(indices.begin(), indices.end(), [&](size_t a, size_t b) { return values[a] > values[b]; });
+  indices.resize(std::min(indices.size(), max_num));
+  std::sort(indices.begin(), indices.end());
+  return indices;
+}
 
 // Returns the statistics of database images. num_features: of each image. scale_ratios: of keypoints.
 FeatureStatistics MeasureFeatures(std::vector<size_t> num_features, std::vector<double> scale_ratios);

@@ -13,9 +13,8 @@ TwoViewGeometry Verify(const LocalizationProblem& problem, const ImagePair& pair
   const bool is_calibrated = IsCalibrated(problem.intrinsics_origin);
   TwoViewGeometry geometry;
   if (static_cast<int>(pair.matches.size()) >= kMinNumInliers) {
-    geometry =
-        EstimateTwoViewGeometry(pair.other_camera, pair.other_keypoints, problem.query_camera, problem.query_keypoints,
-                                pair.matches, is_calibrated, SeedFromNames(problem.query_name, pair.other_name, seed));
+    geometry = EstimateTwoViewGeometry(problem, pair, pair.matches, is_calibrated,
+                                       SeedFromNames(problem.query_name, pair.other_name, seed));
   }
   // Marks the pair as unusable, because nothing more can be found in these matches.
   const bool is_usable =

@@ -5,12 +5,12 @@
 #include <cmath>
 #include <cstring>
 #include <fstream>
-#include <numeric>
 #include <random>
 #include <system_error>
 #include <type_traits>
 
 #include "colmap_lazyloc/files/staged_output.h"
+#include "colmap_lazyloc/matching/feature_statistics.h"
 #include "colmap_lazyloc/math/descriptor_products.h"
 #include "colmap_lazyloc/scene/errors.h"
 #include "colmap_lazyloc/scene/options_check.h"
@@ -62,31 +62,23 @@ Descriptors AsBytes(const Features& features) {
   return bytes;
 }
 
-// Returns the descriptors of the features that are indexed, in their order in the database.
-Descriptors IndexedDescriptors(const Features& features, int max_num_features) {
-  const size_t num_features = features.keypoints.size(), num_indexed = NumIndexed(num_features, max_num_features);
-  Descriptors descriptors = AsBytes(features);
-  if (num_indexed == num_features) return descriptors;
-  std::vector<double> areas;
-  areas.reserve(num_features);
-  for (const Keypoint& k : features.keypoints) areas.push_back(std::abs(double{k.a11} * k.a22 - double{k.a12} * k.a21));
-  std::vector<Eigen::Index> rows(num_features);
-  std::iota(rows.begin(), rows.end(), 0);
-  std::stable_sort(rows.begin(), rows.end(), [&](auto a, auto b) { return areas[a] > areas[b]; });
-  rows.resize(num_indexed);
-  std::sort(rows.begin(), rows.end());
-  return descriptors(rows, Eigen::all);
-}
-
-// Returns the descriptors of an image that are indexed; none if they are damaged, and then sets `damage`.
+// Returns the descriptors of an image that are indexed, in their order in the database; none if they are damaged, and
+// then sets `damage`.
 Descriptors ReadIndexedDescriptors(const FeatureReader& reader, uint32_t image_id, int max_num_features,
                                    std::string* damage) {
+  Features features;
   try {
-    return IndexedDescriptors(reader.Read(image_id), max_num_features);
+    features = reader.Read(image_id);
   } catch (const DamagedRecordError& error) {
     *damage = error.what();
     return Descriptors(0, kDescriptorLength);
   }
+  const size_t num_features = features.keypoints.size(), num_indexed = NumIndexed(num_features, max_num_features);
+  Descriptors descriptors = AsBytes(features);
+  if (num_indexed == num_features) return descriptors;
+  std::vector<double> areas;
+  for (const Keypoint& k : features.keypoints) areas.push_back(std::abs(double{k.a11} * k.a22 - double{k.a12} * k.a21));
+  return descriptors(IndicesOfLargest(areas, num_indexed), Eigen::all);
 }
 
 // Returns the descriptors that the vocabulary is learnt from, drawn evenly from all images.
@@ -164,10 +156,18 @@ RetrievalIndex::RetrievalIndex(const fs::path& path, const DatabaseReader& datab
           path.string() +
           ": none of its images is in the database: it belongs to another one (delete it to make it again)");
     }
-    RemoveStaleEntries(num_descriptors);
+    for (auto entry = entries_.begin(); entry != entries_.end();) {
+      const auto current = num_descriptors.find(entry->first);
+      const bool is_stale = current == num_descriptors.end() || current->second != entry->second.num_descriptors;
+      changes_.num_removed += is_stale;
+      entry = is_stale ? entries_.erase(entry) : std::next(entry);
+    }
   }
   IdleThreads idle_threads(EffectiveNumThreads(num_threads) - 1);
-  if (!visual_index_ || IsOutgrown(described.size())) Train(described, features, options, &idle_threads);
+  // Removed images stay in the inverted files, unused, and a vocabulary learnt from few images does not suit many.
+  const size_t num_unused = static_cast<size_t>(next_index_id_ - 1) - entries_.size();
+  const bool is_outgrown = num_unused > entries_.size() || described.size() > 8 * entries_.size();
+  if (!visual_index_ || is_outgrown) Train(described, features, options, &idle_threads);
   AddNewEntries(described, num_descriptors, features, options.max_num_features, &idle_threads);
   for (const DatabaseImage& image : described) {
     const auto entry = entries_.find(image.name);
@@ -175,21 +175,6 @@ RetrievalIndex::RetrievalIndex(const fs::path& path, const DatabaseReader& datab
   }
   const bool has_changed = changes_.is_trained || changes_.num_added > 0 || changes_.num_removed > 0;
   if (!path.empty() && has_changed) Write(path);
-}
-
-// Removed images stay in the inverted files, unused, and a vocabulary learnt from few images does not suit many.
-bool RetrievalIndex::IsOutgrown(size_t num_images) const {
-  const size_t num_unused = static_cast<size_t>(next_index_id_ - 1) - entries_.size();
-  return num_unused > entries_.size() || num_images > 8 * entries_.size();
-}
-
-void RetrievalIndex::RemoveStaleEntries(const std::map<std::string, uint64_t>& num_descriptors) {
-  for (auto entry = entries_.begin(); entry != entries_.end();) {
-    const auto current = num_descriptors.find(entry->first);
-    const bool is_stale = current == num_descriptors.end() || current->second != entry->second.num_descriptors;
-    changes_.num_removed += is_stale;
-    entry = is_stale ? entries_.erase(entry) : std::next(entry);
-  }
 }
 
 void RetrievalIndex::Train(const std::vector<DatabaseImage>& images, const FeatureReader& features,

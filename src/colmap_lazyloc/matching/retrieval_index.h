@@ -66,8 +66,6 @@ class RetrievalIndex {
 
   void Read(const std::filesystem::path& path);
   void Write(const std::filesystem::path& path) const;
-  bool IsOutgrown(size_t num_images) const;
-  void RemoveStaleEntries(const std::map<std::string, uint64_t>& num_descriptors);
   void AddNewEntries(const std::vector<DatabaseImage>& images, const std::map<std::string, uint64_t>& num_descriptors,
                      const FeatureReader& features, int max_num_features, IdleThreads* idle_threads);
   // Returns the first line of the file.

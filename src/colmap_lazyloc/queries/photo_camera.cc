@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 
 #include "colmap_lazyloc/bridge/camera_models.h"
 
@@ -16,11 +17,9 @@ constexpr double kMaxAgreeingRatio = 1.05;
 // Maximum ratio of focal lengths in EXIF that are the same, which are rounded.
 constexpr double kMaxSameExifRatio = 1.005;
 
-bool Agree(double a, double b, double max_ratio) { return std::abs(std::log(a / b)) <= std::log(max_ratio); }
+constexpr size_t kMaxNumCameras = 1000;  // of one size
 
-bool HasSize(const PhotoProperties& photo, const Camera& camera) {
-  return camera.width == photo.width && camera.height == photo.height;
-}
+bool Agree(double a, double b, double max_ratio) { return std::abs(std::log(a / b)) <= std::log(max_ratio); }
 
 bool ContradictsExif(const PhotoProperties& photo, const DatabaseCamera& camera, double focal_length_px) {
   if (!photo.exif_camera.empty() && !camera.exif_camera.empty() && photo.exif_camera != camera.exif_camera) return true;
@@ -30,12 +29,10 @@ bool ContradictsExif(const PhotoProperties& photo, const DatabaseCamera& camera,
 // Returns the cameras whose images have the focal length of the photo's EXIF.
 std::vector<DatabaseCamera> OfSameDevice(const PhotoProperties& photo, const std::vector<DatabaseCamera>& cameras) {
   std::vector<DatabaseCamera> same;
-  for (const DatabaseCamera& camera : cameras) {
-    if (photo.exif_focal_length_px && camera.exif_focal_length_px &&
-        Agree(*photo.exif_focal_length_px, *camera.exif_focal_length_px, kMaxSameExifRatio)) {
-      same.push_back(camera);
-    }
-  }
+  std::copy_if(cameras.begin(), cameras.end(), std::back_inserter(same), [&](const DatabaseCamera& camera) {
+    return photo.exif_focal_length_px && camera.exif_focal_length_px &&
+           Agree(*photo.exif_focal_length_px, *camera.exif_focal_length_px, kMaxSameExifRatio);
+  });
   return same;
 }
 
@@ -48,8 +45,9 @@ struct Candidate {
 std::vector<Candidate> FindCandidates(const PhotoProperties& photo, const std::vector<DatabaseCamera>& cameras,
                                       bool is_turned) {
   std::vector<Candidate> candidates;
+  const auto width = is_turned ? photo.height : photo.width, height = is_turned ? photo.width : photo.height;
   for (const DatabaseCamera& camera : cameras) {
-    if (!HasSizeOf(photo, camera.camera) || HasSize(photo, camera.camera) == is_turned) continue;
+    if (camera.camera.width != width || camera.camera.height != height) continue;
     const std::optional<double> focal_length_px = MeanFocalLengthPx(camera.camera);
     if (!focal_length_px || ContradictsExif(photo, camera, *focal_length_px)) continue;
     candidates.push_back({&camera, *focal_length_px});
@@ -118,16 +116,29 @@ PhotoCamera ChooseBetween(const PhotoCamera& own, const PhotoProperties& photo,
 
 }  // namespace
 
-void ExifFocalLengths::Add(uint32_t camera_id, const Camera& stored) {
-  if (OriginOfStoredCamera(stored) != IntrinsicsOrigin::EXIF) return;
-  if (const std::optional<double> focal_length_px = MeanFocalLengthPx(stored)) {
-    focal_lengths_px_.emplace(camera_id, *focal_length_px);
+CamerasBySize::CamerasBySize(const Model& model, const std::map<uint32_t, double>& exif_focal_lengths_px) {
+  std::map<uint32_t, int> num_images;
+  for (const ModelImage& image : model.images) ++num_images[image.camera_id];
+  for (const auto& [camera_id, count] : num_images) {
+    const Camera& camera = model.cameras.at(camera_id);
+    const auto exif = exif_focal_lengths_px.find(camera_id);
+    cameras_[std::minmax({camera.width, camera.height})].push_back(
+        {camera, count, "", exif == exif_focal_lengths_px.end() ? std::nullopt : std::make_optional(exif->second)});
+  }
+  for (auto& [size, cameras] : cameras_) {
+    std::stable_sort(cameras.begin(), cameras.end(),
+                     [](const DatabaseCamera& a, const DatabaseCamera& b) { return a.num_images > b.num_images; });
+    if (cameras.size() > kMaxNumCameras) cameras.resize(kMaxNumCameras);
   }
 }
 
-std::optional<double> ExifFocalLengths::Find(uint32_t camera_id) const {
-  const auto found = focal_lengths_px_.find(camera_id);
-  return found == focal_lengths_px_.end() ? std::nullopt : std::make_optional(found->second);
+std::vector<DatabaseCamera> CamerasBySize::OfSize(uint64_t width, uint64_t height) const {
+  const auto found = cameras_.find(std::minmax({width, height}));
+  return found == cameras_.end() ? std::vector<DatabaseCamera>() : found->second;
+}
+
+std::optional<double> FocalLengthOfExifPx(const Camera& stored) {
+  return OriginOfStoredCamera(stored) == IntrinsicsOrigin::EXIF ? MeanFocalLengthPx(stored) : std::nullopt;
 }
 
 IntrinsicsOrigin PhotoCamera::Origin() const {
@@ -139,10 +150,6 @@ IntrinsicsOrigin PhotoCamera::Origin() const {
     case IntrinsicsSource::GUESS: return IntrinsicsOrigin::GUESS;
     default: return IntrinsicsOrigin::GIVEN;
   }
-}
-
-bool HasSizeOf(const PhotoProperties& photo, const Camera& camera) {
-  return HasSize(photo, camera) || (camera.width == photo.height && camera.height == photo.width);
 }
 
 PhotoCamera ChoosePhotoCamera(const PhotoProperties& photo, const DefaultCamera& default_camera,
@@ -167,7 +174,7 @@ PhotoCamera ChooseStoredCamera(const Camera& stored, const std::vector<DatabaseC
   PhotoProperties photo;
   photo.width = stored.width;
   photo.height = stored.height;
-  if (origin == IntrinsicsOrigin::EXIF) photo.exif_focal_length_px = MeanFocalLengthPx(stored);
+  photo.exif_focal_length_px = FocalLengthOfExifPx(stored);
   return ChooseBetween(own, photo, database_cameras);
 }
 

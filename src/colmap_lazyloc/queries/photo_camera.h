@@ -4,11 +4,13 @@
 #include <map>
 #include <optional>
 #include <string>
+#include <utility>
 #include <vector>
 
 #include "colmap_lazyloc/bridge/feature_extraction.h"
 #include "colmap_lazyloc/queries/intrinsics_source.h"
 #include "colmap_lazyloc/scene/camera.h"
+#include "colmap_lazyloc/scene/model.h"
 
 namespace lazyloc {
 
@@ -31,15 +33,19 @@ struct DatabaseCamera {
   std::optional<double> exif_focal_length_px = std::nullopt;
 };
 
-// The focal lengths in pixels that COLMAP found in the EXIF of posed images, by the id of the model's camera. A model
-// has refined ones, but the database file keeps what its reconstruction started from.
-class ExifFocalLengths {
+// The cameras of posed images by their size, of which one may have taken a query. Makes and models are not known.
+class CamerasBySize {
  public:
-  void Add(uint32_t camera_id, const Camera& stored);
-  std::optional<double> Find(uint32_t camera_id) const;
+  // exif_focal_lengths_px: those that are known, by camera id.
+  CamerasBySize(const Model& model, const std::map<uint32_t, double>& exif_focal_lengths_px);
+
+  // Returns the cameras that have this size, or that with its sides exchanged, most used ones first. There
+  // are at most 1,000, because a database may have a camera for each image.
+  std::vector<DatabaseCamera> OfSize(uint64_t width, uint64_t height) const;
 
  private:
-  std::map<uint32_t, double> focal_lengths_px_;
+  using Size = std::pair<uint64_t, uint64_t>;  // shorter side first
+  std::map<Size, std::vector<DatabaseCamera>> cameras_;
 };
 
 // Camera model and parameters for all photos without a camera of their own.
@@ -48,8 +54,9 @@ struct DefaultCamera {
   std::vector<double> params;  // empty if they are not given
 };
 
-// True if photos of this size may have been taken with the camera, also with the photo turned by 90 degrees.
-bool HasSizeOf(const PhotoProperties& photo, const Camera& camera);
+// Returns the focal length in pixels that COLMAP found in the EXIF of images with a stored camera; nullopt if there was
+// none. A model has refined ones, but the database file keeps what its reconstruction started from.
+std::optional<double> FocalLengthOfExifPx(const Camera& stored);
 
 // Chooses the intrinsics of a photo without a camera of its own, from the first of these:
 // 1. the parameters of the default camera;

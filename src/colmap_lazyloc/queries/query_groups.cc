@@ -4,7 +4,6 @@
 #include <map>
 #include <set>
 #include <unordered_map>
-#include <unordered_set>
 
 #include "colmap_lazyloc/files/text_file.h"
 #include "colmap_lazyloc/formats/trajectory.h"
@@ -68,15 +67,6 @@ std::vector<QueryFrames> GroupByList(const QueryFrames& frames, const std::files
   return groups;
 }
 
-std::vector<QueryFrames> GroupBySize(const QueryFrames& frames, size_t group_size) {
-  std::vector<QueryFrames> groups;
-  for (const QueryFrame& frame : frames) {
-    if (groups.empty() || groups.back().size() == group_size) groups.emplace_back();
-    groups.back().push_back(frame);
-  }
-  return groups;
-}
-
 // Makes each group one frame, whose images have their places on the trajectory.
 std::vector<QueryFrames> JoinByTrajectory(const std::vector<QueryFrames>& groups,
                                           const std::map<std::string, Rigid3d>& trajectory) {
@@ -111,8 +101,13 @@ FramePlaces FindFrames(const std::vector<std::string_view>& names, const Databas
 }
 
 std::vector<QueryFrames> GroupFrames(const QueryFrames& frames, const QueryGroupsOptions& options, size_t group_size) {
-  return options.group_list_path.empty() ? GroupBySize(frames, group_size)
-                                         : GroupByList(frames, options.group_list_path);
+  if (!options.group_list_path.empty()) return GroupByList(frames, options.group_list_path);
+  std::vector<QueryFrames> groups;
+  for (const QueryFrame& frame : frames) {
+    if (groups.empty() || groups.back().size() == group_size) groups.emplace_back();
+    groups.back().push_back(frame);
+  }
+  return groups;
 }
 
 void AddEach(std::vector<QueryFrames> groups, QueryGroups* result) {

@@ -34,7 +34,9 @@ QuerySelection::QuerySelection(const DatabaseReader& database, Model model, cons
   num_queries_ = query_names.size();
   if (!query_names.empty()) GroupAll(query_names, database);
   if (!options_.leave_one_out) {
-    const auto is_query = [this](const ModelImage& image) { return IsQuery(image.name); };
+    const auto is_query = [this](const ModelImage& image) {
+      return FindStoredQuery(image.name) || photos_.count(image.name) > 0;
+    };
     model_.images.erase(std::remove_if(model_.images.begin(), model_.images.end(), is_query), model_.images.end());
   }
   for (const ModelImage& image : model_.images) {
@@ -44,8 +46,7 @@ QuerySelection::QuerySelection(const DatabaseReader& database, Model model, cons
     posed_of_database_id_.emplace(stored->image_id, &image);
   }
   std::sort(posed_ids_.begin(), posed_ids_.end());
-  ReadExifFocalLengths(database);
-  database_cameras_ = CamerasBySize(model_, exif_focal_lengths_);
+  database_cameras_.emplace(model_, ReadExifFocalLengths(database));
   frame_of_database_image_ = DatabaseFramePlaces(model_, &database, options_.groups);
   if (!options_.pairs_path.empty()) ReadPairsFile();
 }
@@ -64,18 +65,22 @@ void QuerySelection::ReadImages(const DatabaseReader& database) {
   }
 }
 
-void QuerySelection::ReadExifFocalLengths(const DatabaseReader& database) {
+std::map<uint32_t, double> QuerySelection::ReadExifFocalLengths(const DatabaseReader& database) const {
+  std::map<uint32_t, double> focal_lengths_px;
   std::set<uint32_t> camera_ids;
   for (const ModelImage& image : model_.images) {
     const DatabaseImage* stored = FindInDatabase(image.name);
     if (stored == nullptr || !camera_ids.insert(image.camera_id).second) continue;
     try {
       const Camera camera = database.ReadCamera(stored->camera_id);
-      if (CameraProblem(camera).empty()) exif_focal_lengths_.Add(image.camera_id, camera);
+      if (!CameraProblem(camera).empty()) continue;
+      if (const auto focal_length_px = FocalLengthOfExifPx(camera))
+        focal_lengths_px[image.camera_id] = *focal_length_px;
     } catch (const DamagedRecordError&) {
       // Leaves a damaged camera out, because the model's is used.
     }
   }
+  return focal_lengths_px;
 }
 
 std::string QuerySelection::DamageOf(const std::string& name) const {
@@ -198,11 +203,11 @@ StoredQuery QuerySelection::ReadStoredQuery(const std::string& name, const Datab
   } else {
     CheckUsable(query.stored_camera, database);
     // Leaves the cameras of a rig, because they may have the same size and different lenses.
-    const std::vector<DatabaseCamera> none;
-    const PhotoCamera chosen = ChooseStoredCamera(
-        query.stored_camera, groups_.IsSingle(role.group)
-                                 ? database_cameras_.OfSize(query.stored_camera.width, query.stored_camera.height)
-                                 : none);
+    std::vector<DatabaseCamera> cameras;
+    if (groups_.IsSingle(role.group)) {
+      cameras = database_cameras_->OfSize(query.stored_camera.width, query.stored_camera.height);
+    }
+    const PhotoCamera chosen = ChooseStoredCamera(query.stored_camera, cameras);
     query.camera = chosen.camera;
     query.source = chosen.source;
     query.intrinsics_origin = chosen.Origin();
@@ -215,34 +220,30 @@ void QuerySelection::GroupAll(const std::vector<std::string_view>& query_names, 
   warnings_.insert(warnings_.end(), groups_.warnings.begin(), groups_.warnings.end());
   for (size_t group = 0; group < groups_.Size(); ++group) {
     for (const QueryFrame& frame : groups_.At(group)) {
-      for (const QueryFrame::Image& image : frame.images) SetGroup(std::string(image.name), group);
+      for (const QueryFrame::Image& query : frame.images) {
+        const std::string name(query.name);
+        const auto photo = photos_.find(name);
+        if (photo != photos_.end()) {
+          photo->second.group = group;
+        } else if (const DatabaseImage* image = FindInDatabase(name)) {
+          RoleOf(*image).group = static_cast<uint32_t>(group);
+        } else {
+          group_of_damaged_query_.at(name) = group;
+        }
+      }
     }
   }
 }
 
-void QuerySelection::SetGroup(const std::string& query_name, size_t group) {
-  const auto photo = photos_.find(query_name);
-  if (photo != photos_.end()) {
-    photo->second.group = group;
-  } else if (const DatabaseImage* image = FindInDatabase(query_name)) {
-    RoleOf(*image).group = static_cast<uint32_t>(group);
-  } else {
-    group_of_damaged_query_.at(query_name) = group;
-  }
-}
-
 void QuerySelection::ReadPairsFile() {
-  const auto is_known = [this](const std::string& name) {
-    return FindInDatabase(name) != nullptr || photos_.count(name) > 0;
-  };
   std::set<std::string> unknown_names;
   bool has_known_names = false;
   for (auto& [name, photo] : photos_) photo.paired_ids.emplace();
   ReadPairs(options_.pairs_path, [&](const std::string& name1, const std::string& name2) {
     for (const std::string& name : {name1, name2}) {
-      const bool is_known_name = is_known(name);
-      has_known_names = has_known_names || is_known_name;
-      if (!is_known_name) unknown_names.insert(name);
+      const bool is_known = FindInDatabase(name) != nullptr || photos_.count(name) > 0;
+      has_known_names = has_known_names || is_known;
+      if (!is_known) unknown_names.insert(name);
     }
     if (name1 == name2) return;  // retrieval tools list an image as its own neighbour
     AddListedPair(name1, name2);
@@ -284,10 +285,6 @@ std::optional<size_t> QuerySelection::FindGroup(const std::string& query_name) c
 std::optional<uint32_t> QuerySelection::FindStoredQuery(const std::string& name) const {
   const DatabaseImage* image = FindInDatabase(name);
   return image != nullptr && RoleOf(*image).is_query ? std::make_optional(image->image_id) : std::nullopt;
-}
-
-const DatabaseImage* QuerySelection::FindInDatabase(const std::string& name) const {
-  return FindByName(database_images_, name);
 }
 
 const ModelImage* QuerySelection::FindPosedImage(uint32_t image_id, const std::string& query_name) const {

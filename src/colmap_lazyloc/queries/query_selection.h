@@ -10,8 +10,8 @@
 #include "colmap_lazyloc/bridge/feature_extraction.h"
 #include "colmap_lazyloc/database/database_reader.h"
 #include "colmap_lazyloc/formats/query_files.h"
-#include "colmap_lazyloc/queries/cameras_by_size.h"
 #include "colmap_lazyloc/queries/intrinsics_source.h"
+#include "colmap_lazyloc/queries/photo_camera.h"
 #include "colmap_lazyloc/queries/query_groups.h"
 #include "colmap_lazyloc/scene/localization_problem.h"
 #include "colmap_lazyloc/scene/model.h"
@@ -72,13 +72,13 @@ class QuerySelection {
   StoredQuery ReadStoredQuery(const std::string& name, const DatabaseReader& database) const;
   // Returns the posed images without the queries; with leave_one_out all posed images.
   const Model& DatabaseModel() const { return model_; }
-  const ExifFocalLengths& DatabaseExifFocalLengths() const { return exif_focal_lengths_; }
+  const CamerasBySize& PosedCameras() const { return *database_cameras_; }
   // Returns the rig frames of the posed images that share their frame with another one.
   const FramePlaces& DatabaseFrames() const { return frame_of_database_image_; }
   // Returns the images of the database, sorted by name, without those whose row is damaged.
   const std::vector<DatabaseImage>& DatabaseImages() const { return database_images_; }
   // Returns null if the database file does not hold an image of this name, or its row is damaged.
-  const DatabaseImage* FindInDatabase(const std::string& name) const;
+  const DatabaseImage* FindInDatabase(const std::string& name) const { return FindByName(database_images_, name); }
   // Returns the ids of the posed images in the database, sorted.
   const std::vector<uint32_t>& PosedImageIds() const { return posed_ids_; }
   // Returns the posed image with an id of the database; null if the image has no pose or is in the query's own group.
@@ -107,7 +107,8 @@ class QuerySelection {
   const ImageRole& RoleOf(const DatabaseImage& image) const { return roles_[&image - database_images_.data()]; }
   ImageRole& RoleOf(const DatabaseImage& image) { return roles_[&image - database_images_.data()]; }
   void ReadImages(const DatabaseReader& database);
-  void ReadExifFocalLengths(const DatabaseReader& database);
+  // Returns the focal lengths in the EXIF of the posed images, by the model's camera.
+  std::map<uint32_t, double> ReadExifFocalLengths(const DatabaseReader& database) const;
   // Returns the damage of the row of an image; empty if the row is not damaged.
   std::string DamageOf(const std::string& name) const;
   // Returns the names of the queries in their order, in the memory of this class.
@@ -116,8 +117,6 @@ class QuerySelection {
   std::string_view AddStoredQuery(QueryListEntry entry, const ModelImage* posed, const DatabaseReader& database);
   std::string_view AddPhoto(const QueryListEntry& entry, const ModelImage* posed, const DatabaseReader& database);
   bool IsPhoto(const std::string& name, const DatabaseReader& database) const;
-  bool IsQuery(const std::string& name) const { return FindStoredQuery(name) || photos_.count(name) > 0; }
-  void SetGroup(const std::string& query_name, size_t group);
   void GroupAll(const std::vector<std::string_view>& query_names, const DatabaseReader& database);
   void ReadPairsFile();
   // Adds an image of the database to a query's pairs. Does nothing if there is no such query or image.
@@ -131,8 +130,7 @@ class QuerySelection {
   std::vector<Camera> listed_cameras_;                            // of the query list
   std::unordered_map<std::string, std::string> damage_of_image_;  // by name; images whose row is damaged
   std::string damage_of_unknown_image_;                           // of a row without a readable name; may be empty
-  ExifFocalLengths exif_focal_lengths_;                           // of the posed images
-  CamerasBySize database_cameras_;
+  std::optional<CamerasBySize> database_cameras_;                 // of the posed images
   std::vector<uint32_t> posed_ids_;
   std::unordered_map<uint32_t, const ModelImage*> posed_of_database_id_;
   FramePlaces frame_of_database_image_;                   // by name; rig frames of several images only

@@ -34,15 +34,23 @@ std::vector<std::string> FrameLabels(const std::vector<RigCameras>& rigs) {
   return labels;
 }
 
+// Returns the names of the images that are among these, by id.
+template <typename Image>
+std::unordered_map<uint64_t, std::string> NamesById(const std::vector<Image>& images,
+                                                    const std::vector<std::string_view>& image_names) {
+  const std::unordered_set<std::string_view> wanted(image_names.begin(), image_names.end());
+  std::unordered_map<uint64_t, std::string> name_of_id;
+  for (const Image& image : images) {
+    if (wanted.count(image.name) > 0) name_of_id.emplace(image.image_id, image.name);
+  }
+  return name_of_id;
+}
+
 FramePlaces FramesFromDatabase(const std::vector<std::string_view>& image_names, const DatabaseReader& database,
                                FrameProblems* problems) {
   const std::vector<DatabaseRigImage> rig_images = database.ReadRigImages(&problems->damages);
   if (rig_images.empty()) return {};
-  const std::unordered_set<std::string_view> wanted(image_names.begin(), image_names.end());
-  std::unordered_map<uint32_t, std::string> name_of_id;
-  for (const DatabaseImage& image : database.ReadImages()) {
-    if (wanted.count(image.name) > 0) name_of_id.emplace(image.image_id, image.name);
-  }
+  const auto name_of_id = NamesById(database.ReadImages(), image_names);
   FramePlaces places;
   for (const DatabaseRigImage& image : rig_images) {
     const auto name = name_of_id.find(image.image_id);
@@ -58,11 +66,7 @@ FramePlaces FramesFromDatabase(const std::vector<std::string_view>& image_names,
 
 FramePlaces FramesFromModel(const std::vector<std::string_view>& image_names, const Model& model) {
   if (model.frames.empty()) return {};
-  const std::unordered_set<std::string_view> wanted(image_names.begin(), image_names.end());
-  std::unordered_map<uint64_t, std::string> name_of_id;
-  for (const ModelImage& image : model.images) {
-    if (wanted.count(image.name) > 0) name_of_id.emplace(image.image_id, image.name);
-  }
+  const auto name_of_id = NamesById(model.images, image_names);
   FramePlaces places;
   for (const auto& [frame_id, frame] : model.frames) {
     const Rig& rig = model.rigs.at(frame.rig_id);

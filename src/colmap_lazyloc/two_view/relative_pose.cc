@@ -16,30 +16,20 @@ bool IsWorthEstimating(const LocalizationProblem& problem, const ImagePair& pair
          config != TwoViewConfig::WATERMARK;
 }
 
-TwoViewGeometry Estimate(const LocalizationProblem& problem, const ImagePair& pair, const Matches& matches,
-                         uint32_t seed, bool is_query_calibrated = true) {
-  return EstimateTwoViewGeometry(pair.other_camera, pair.other_keypoints, problem.query_camera, problem.query_keypoints,
-                                 matches, is_query_calibrated, seed);
-}
-
 }  // namespace
 
 std::optional<RelativePose> FindRelativePose(const LocalizationProblem& problem, const ImagePair& pair, uint32_t seed) {
   TwoViewGeometry geometry;
   if (!pair.geometry) {
-    geometry = Estimate(problem, pair, pair.matches, seed);
+    geometry = EstimateTwoViewGeometry(problem, pair, pair.matches, /*is_query_calibrated=*/true, seed);
   } else if (IsWorthEstimating(problem, pair)) {
     const Matches& matches = pair.matches.empty() ? pair.geometry->inlier_matches : pair.matches;
-    geometry = Estimate(problem, pair, matches, seed);
+    geometry = EstimateTwoViewGeometry(problem, pair, matches, /*is_query_calibrated=*/true, seed);
   } else if (pair.geometry->config == TwoViewConfig::UNCALIBRATED) {
-    geometry = EstimateCalibratedGeometry(pair.other_camera, pair.other_keypoints, problem.query_camera,
-                                          problem.query_keypoints, *pair.geometry, seed);
+    geometry = EstimateCalibratedGeometry(problem, pair, seed);
   } else {
     geometry = *pair.geometry;
-    if (HoldsCalibrated(geometry.config) && !geometry.query_from_other) {
-      EstimateRelativePose(pair.other_camera, pair.other_keypoints, problem.query_camera, problem.query_keypoints,
-                           &geometry);
-    }
+    if (HoldsCalibrated(geometry.config) && !geometry.query_from_other) EstimateRelativePose(problem, pair, &geometry);
   }
   if (!HoldsCalibrated(geometry.config) || !geometry.query_from_other ||
       static_cast<int>(geometry.inlier_matches.size()) < kMinNumInliers) {
@@ -50,12 +40,9 @@ std::optional<RelativePose> FindRelativePose(const LocalizationProblem& problem,
 }
 
 Matches FindInlierMatches(const LocalizationProblem& problem, const ImagePair& pair, uint32_t seed) {
-  TwoViewGeometry geometry;
-  if (pair.geometry) {
-    geometry = *pair.geometry;
-  } else {
-    geometry = Estimate(problem, pair, pair.matches, seed, /*is_query_calibrated=*/false);
-  }
+  TwoViewGeometry geometry =
+      pair.geometry ? *pair.geometry
+                    : EstimateTwoViewGeometry(problem, pair, pair.matches, /*is_query_calibrated=*/false, seed);
   const bool is_usable = geometry.config != TwoViewConfig::DEGENERATE && geometry.config != TwoViewConfig::WATERMARK &&
                          static_cast<int>(geometry.inlier_matches.size()) >= kMinNumInliers;
   return is_usable ? std::move(geometry.inlier_matches) : Matches();

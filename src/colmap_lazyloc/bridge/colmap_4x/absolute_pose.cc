@@ -4,9 +4,7 @@
 #include <colmap/estimators/solvers/absolute_pose.h>
 #include <colmap/optim/loransac.h>
 
-#include "colmap_lazyloc/bridge/convert.h"
-#include "colmap_lazyloc/bridge/random_numbers.h"
-#include "colmap_lazyloc/bridge/ransac_options.h"
+#include "colmap_lazyloc/bridge/absolute_pose_ransac.h"
 
 namespace lazyloc {
 namespace {
@@ -35,12 +33,8 @@ std::optional<Rigid3d> EstimateAbsolutePose(const std::vector<Eigen::Vector3d>& 
                                             uint32_t seed, double min_inlier_ratio) {
   std::vector<colmap::Point2DWithRay> rays(rays_in_cam.size());
   for (size_t i = 0; i < rays.size(); ++i) rays[i] = {rays_in_cam[i].hnormalized(), rays_in_cam[i]};
-  SeedRandomNumbers(seed);
-  colmap::LORANSAC<OnRays<colmap::P3PEstimator>, OnRays<colmap::EPNPEstimator>> ransac(
-      AbsolutePoseRansacOptions(max_error_rad, min_inlier_ratio));
-  const auto report = ransac.Estimate(rays, points_in_world);
-  if (!report.success) return std::nullopt;
-  return FiniteRigid(report.model);
+  using Ransac = colmap::LORANSAC<OnRays<colmap::P3PEstimator>, OnRays<colmap::EPNPEstimator>>;
+  return EstimateByRansac<Ransac>(rays, points_in_world, max_error_rad, seed, min_inlier_ratio);
 }
 
 }  // namespace lazyloc
