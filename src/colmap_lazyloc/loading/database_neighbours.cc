@@ -147,8 +147,12 @@ std::vector<Value> DatabaseNeighbours::FindOnce(const std::string& image_name, c
   const ModelImage* image = stored == nullptr ? nullptr : selection_.FindPosedImage(stored->image_id, query_name);
   if (image == nullptr) return {};
   const auto find_now = [&] { return (this->*find)(*image, stored->image_id, query_name, database); };
-  // A query that is itself a posed image takes no part, so that what is found is its own.
-  return selection_.HasPosedQueries() ? find_now() : *cache->Get(stored->image_id, find_now);
+  try {
+    // A query that is itself a posed image takes no part, so that what is found is its own.
+    return selection_.HasPosedQueries() ? find_now() : *cache->Get(stored->image_id, find_now);
+  } catch (const DamagedRecordError&) {
+    return {};  // the list of the image's pairs is damaged
+  }
 }
 
 void DatabaseNeighbours::AddTo(const DatabaseReader& database, LoadedGroup* loaded) const {
@@ -163,12 +167,8 @@ void DatabaseNeighbours::AddTo(const DatabaseReader& database, LoadedGroup* load
     const StageTimer timer("database_pairs", &loaded->records[&query - loaded->group.images.data()].seconds);
     for (ImagePair& pair : query.problem.pairs) {
       if (NumMatches(pair) < kMinNumInliers) continue;
-      try {
-        pair.neighbours =
-            FindOnce(pair.other_name, query.problem.query_name, database, &pairs_, &DatabaseNeighbours::Read);
-      } catch (const DamagedRecordError&) {
-        pair.neighbours.clear();  // the list of the image's pairs is damaged
-      }
+      pair.neighbours =
+          FindOnce(pair.other_name, query.problem.query_name, database, &pairs_, &DatabaseNeighbours::Read);
     }
   }
 }

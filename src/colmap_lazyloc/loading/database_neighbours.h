@@ -38,7 +38,7 @@ class DatabaseNeighbours {
   std::vector<float> Triangulate(const ModelImage& image, uint32_t image_id, const std::string& query_name,
                                  const DatabaseReader& database) const;
   // Returns what `find` finds for a database image, which is kept unless a query may have a part in it; nothing for an
-  // image without a pose.
+  // image without a pose, or whose list of pairs is damaged.
   template <typename Value, typename Find>
   std::vector<Value> FindOnce(const std::string& image_name, const std::string& query_name,
                               const DatabaseReader& database, LruCache<std::vector<Value>>* cache, Find find) const;

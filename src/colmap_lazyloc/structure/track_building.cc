@@ -11,24 +11,38 @@ namespace {
 // A query with this many tracks of its own (rule 1) does not need other queries.
 constexpr int kNumEnough = 100;
 
+// Counts how often each keypoint is matched within a pair. A flat vector, because keypoint indices are dense.
+class UseCounter {
+ public:
+  void Add(uint32_t keypoint) {
+    if (keypoint >= uses_.size()) uses_.resize(keypoint + 1, 0);
+    ++uses_[keypoint];
+  }
+  int operator[](uint32_t keypoint) const { return uses_[keypoint]; }
+  void Clear(uint32_t keypoint) { uses_[keypoint] = 0; }
+
+ private:
+  std::vector<int> uses_;
+};
+
 // Returns the indices of each pair's matches whose keypoints are matched once.
 std::vector<std::vector<size_t>> UnambiguousMatches(const PairRefs& pairs) {
   std::vector<std::vector<size_t>> unambiguous(pairs.size());
-  const auto count = [](uint32_t keypoint, std::vector<int>* uses) {
-    if (keypoint >= uses->size()) uses->resize(keypoint + 1, 0);
-    ++(*uses)[keypoint];
-  };
+  UseCounter query, other;
   for (size_t pair = 0; pair < pairs.size(); ++pair) {
     const std::vector<ObservedMatch>& inliers = pairs[pair]->inliers;
-    std::vector<int> query_uses, other_uses;  // by keypoint
     for (const ObservedMatch& inlier : inliers) {
-      count(inlier.match.query_point, &query_uses);
-      count(inlier.match.other_point, &other_uses);
+      query.Add(inlier.match.query_point);
+      other.Add(inlier.match.other_point);
     }
     unambiguous[pair].reserve(inliers.size());
     for (size_t i = 0; i < inliers.size(); ++i) {
       const Match& match = inliers[i].match;
-      if (query_uses[match.query_point] == 1 && other_uses[match.other_point] == 1) unambiguous[pair].push_back(i);
+      if (query[match.query_point] == 1 && other[match.other_point] == 1) unambiguous[pair].push_back(i);
+    }
+    for (const ObservedMatch& inlier : inliers) {
+      query.Clear(inlier.match.query_point);
+      other.Clear(inlier.match.other_point);
     }
   }
   return unambiguous;
@@ -38,19 +52,32 @@ std::vector<std::vector<size_t>> UnambiguousMatches(const PairRefs& pairs) {
 // less time.
 std::vector<Track> TracksOfOneQuery(const PairRefs& pairs) {
   const std::vector<std::vector<size_t>> unambiguous = UnambiguousMatches(pairs);
-  std::vector<Track> tracks;  // by query keypoint
+  std::vector<int> num_matches;  // by query keypoint
+  for (size_t pair = 0; pair < pairs.size(); ++pair) {
+    for (const size_t i : unambiguous[pair]) {
+      const uint32_t query_point = pairs[pair]->inliers[i].match.query_point;
+      if (query_point >= num_matches.size()) num_matches.resize(query_point + 1, 0);
+      ++num_matches[query_point];
+    }
+  }
+  std::vector<Track> tracks(num_matches.size() - std::count(num_matches.begin(), num_matches.end(), 0));
+  std::vector<Track*> track_of_query_point(num_matches.size(), nullptr);
+  auto next = tracks.begin();
+  for (size_t query_point = 0; query_point < num_matches.size(); ++query_point) {
+    if (num_matches[query_point] == 0) continue;
+    next->observations.reserve(num_matches[query_point] + 1);
+    track_of_query_point[query_point] = &*next++;
+  }
   for (size_t pair = 0; pair < pairs.size(); ++pair) {
     for (const size_t i : unambiguous[pair]) {
       const ObservedMatch& inlier = pairs[pair]->inliers[i];
-      const uint32_t query_point = inlier.match.query_point;
-      if (query_point >= tracks.size()) tracks.resize(query_point + 1);
-      std::vector<TrackObservation>& observations = tracks[query_point].observations;
-      if (observations.empty()) observations.push_back({0, static_cast<int>(query_point), inlier.query});
+      std::vector<TrackObservation>& observations = track_of_query_point[inlier.match.query_point]->observations;
+      if (observations.empty()) {
+        observations.push_back({0, static_cast<int>(inlier.match.query_point), inlier.query});
+      }
       observations.push_back({pairs[pair]->other, static_cast<int>(inlier.match.other_point), inlier.other});
     }
   }
-  const auto is_empty = [](const Track& track) { return track.observations.empty(); };
-  tracks.erase(std::remove_if(tracks.begin(), tracks.end(), is_empty), tracks.end());
   return tracks;
 }
 
