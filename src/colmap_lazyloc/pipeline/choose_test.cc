@@ -135,6 +135,7 @@ TEST_F(ChooseTest, RunnerUpIsTheMostCredibleOfTheOthersWithPoses) {
   estimate.evidence[0].num_common_tracks = 50;
   AddEstimate(IntrinsicsOrigin::SHARED, 1.0005);
   EXPECT_EQ(Chosen().runner_up, &solutions_[2]);
+  solutions_[2].failure = Failure{QueryStatus::TOO_FEW_TRACKS, ""};
   solutions_[2].evidence.clear();
   EXPECT_EQ(Chosen().runner_up, &solutions_[1]);
 }
