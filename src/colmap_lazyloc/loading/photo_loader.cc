@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <filesystem>
-#include <functional>
 #include <sstream>
 #include <system_error>
 #include <utility>
@@ -54,11 +53,6 @@ std::string SizeText(uint64_t width, uint64_t height) { return std::to_string(wi
 
 size_t NumBytes(const Features& features) {
   return features.keypoints.size() * sizeof(Keypoint) + static_cast<size_t>(features.descriptors.size());
-}
-
-void Measure(const char* stage, QueryRecord* record, const std::function<void()>& run) {
-  const StageTimer timer(stage, &record->seconds);
-  run();
 }
 
 std::nullopt_t Refuse(QueryStatus status, const std::string& reason, LocalizationResult* result) {
@@ -232,7 +226,7 @@ std::optional<PhotoFile> PhotoLoader::ReadFile(const PhotoQuery& photo, bool as_
   const std::filesystem::path path =
       std::filesystem::path(options_.image_path) / (photo.path.empty() ? photo.name : photo.path);
   std::optional<PhotoFile> file = photo.file;
-  Measure("extraction", record, [&] { file = file ? file : PhotoFile::Read(path, as_rgb); });
+  Timed("extraction", &record->seconds, [&] { file = file ? file : PhotoFile::Read(path, as_rgb); });
   if (!file) {
     Refuse(QueryStatus::UNREADABLE_IMAGE, path.string() + " does not exist or is not a readable image",
            &record->result);
@@ -255,7 +249,7 @@ std::optional<LocalizationProblem> PhotoLoader::Load(const PhotoQuery& photo, co
                   &record->result);
   }
   Features query_features;
-  Measure("extraction", record, [&] {
+  Timed("extraction", &record->seconds, [&] {
     query_features = aliked_ ? aliked_->Extract(*file)
                              : ExtractLikeDatabase(*file, MeanFocalLength(chosen.camera), options_.extraction,
                                                    statistics_, idle_threads);
@@ -269,8 +263,8 @@ std::optional<LocalizationProblem> PhotoLoader::Load(const PhotoQuery& photo, co
   DatabaseFeatures database_features;
   if (!problem.query_keypoints.empty()) {
     Candidates candidates;
-    Measure("retrieval", record, [&] { candidates = ChooseCandidates(photo, query_features, idle_threads); });
-    Measure("load", record, [&] {
+    Timed("retrieval", &record->seconds, [&] { candidates = ChooseCandidates(photo, query_features, idle_threads); });
+    Timed("load", &record->seconds, [&] {
       for (const Candidate* candidate : candidates) {
         try {
           database_features.push_back(
@@ -284,7 +278,8 @@ std::optional<LocalizationProblem> PhotoLoader::Load(const PhotoQuery& photo, co
     MatchPairs(query_features, database_features, aliked_.get(), seed_, idle_threads, &problem, &record->seconds);
   }
   if (matches_output_) {
-    Measure("matches_output", record, [&] { matches_output_->Write(problem, query_features, database_features); });
+    Timed("matches_output", &record->seconds,
+          [&] { matches_output_->Write(problem, query_features, database_features); });
   }
   return is_always_second_ ? LoadAgain(photo, problem, features, idle_threads, record) : problem;
 }
