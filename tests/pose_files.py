@@ -10,7 +10,9 @@ import math
 import numpy as np
 import PIL.Image
 
+from colmap_lazyloc.model import Camera
 from colmap_lazyloc.pose_formats.posed_images import Photos, Source
+from colmap_lazyloc.pose_formats.registry import read_posed_images
 
 CENTRE = np.array([10.0, 20.0, 5.0])
 SIZE = WIDTH, HEIGHT = 640, 480
@@ -18,16 +20,22 @@ FOCAL, K1 = 500.0, -0.05
 CENTRE_PX = 310.0, 250.0
 NAME = "a/photo 1.jpg"
 OTHER = "a/photo 2.jpg"  # its pose is the same, but it stands 2 m further east
+TIMES = 1700000100, 1700000200
+TIMED = tuple(f"a/{time}.jpg" for time in TIMES)  # photos that are named by their times
 ROOT = math.sqrt(0.5)
 ORIGIN = 47.0, 8.0, 400.0  # latitude, longitude, height of the frames that are geographic
+CAMERA = Camera("PINHOLE", WIDTH, HEIGHT, (500.0, 510.0, 310.0, 250.0))  # that of pose_writers
 TEXT_CAMERA = f"OPENCV {WIDTH} {HEIGHT} {FOCAL} {FOCAL} {CENTRE_PX[0]} {CENTRE_PX[1]} {K1} 0 0 0"
 
 
 def write_photos(folder):
-    for name in (NAME, OTHER, "a/100.jpg", "a/200.jpg"):
-        path = folder / name
-        path.parent.mkdir(parents=True, exist_ok=True)
-        PIL.Image.new("L", SIZE).save(path)
+    return write_named(folder, (NAME, OTHER, *TIMED))
+
+
+def write_named(folder, names, size=SIZE):
+    for name in names:
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        PIL.Image.new("L", size).save(folder / name)
     return folder
 
 
@@ -50,16 +58,18 @@ def polycam(folder):
 
 def arkit(folder):
     """The logger ios_logger: timestamp, position, quaternion w x y z of the camera's axes right, up, backward."""
-    return write(folder, "ARposes.txt", f"100.0,10,20,5,{ROOT},{ROOT},0,0\n200.0,12,20,5,{ROOT},{ROOT},0,0\n")
+    return write(
+        folder, "ARposes.txt", f"{TIMES[0]}.0,10,20,5,{ROOT},{ROOT},0,0\n{TIMES[1]}.0,12,20,5,{ROOT},{ROOT},0,0\n"
+    )
 
 
 def arkit_matrix(folder):
-    rows = [f"{time},1,0,0,{east},0,0,-1,20,0,1,0,5\n" for time, east in ((100, 10), (200, 12))]
+    rows = [f"{time},1,0,0,{east},0,0,-1,20,0,1,0,5\n" for time, east in zip(TIMES, (10, 12))]
     return write(folder, "ARKit_camera_pose.txt", "".join(rows))
 
 
 def arcore(folder):
-    rows = [f"{time}000000000 {ROOT} 0 0 {ROOT} {east} 20 5\n" for time, east in ((100, 10), (200, 12))]
+    rows = [f"{time}000000000 {ROOT} 0 0 {ROOT} {east} 20 5\n" for time, east in zip(TIMES, (10, 12))]
     return write(folder, "ARCore_camera_pose.txt", "".join(rows))
 
 
@@ -102,7 +112,7 @@ def opensfm(folder):
 
 
 def tum(folder):
-    rows = [f"{time}.0 {east} 20 5 {-ROOT} 0 0 {ROOT}\n" for time, east in ((100, 10), (200, 12))]
+    rows = [f"{time}.0 {east} 20 5 {-ROOT} 0 0 {ROOT}\n" for time, east in zip(TIMES, (10, 12))]
     return write(folder, "trajectory.txt", "# timestamp tx ty tz qx qy qz qw\n" + "".join(rows))
 
 
@@ -146,6 +156,17 @@ FILES = {
 
 
 def source_of(path, photos, needs_camera):
-    from colmap_lazyloc.model import Camera
-
     return Source(path, Photos(photos), Camera.parse("camera", TEXT_CAMERA) if needs_camera else None)
+
+
+def read(path, folder=None, camera=CAMERA, form=None, **options):
+    return read_posed_images(Source(path, Photos(folder), camera, **options), form)
+
+
+def assert_poses(posed, truth, tolerance=1e-8, rotation_tolerance=1e-9):
+    found = {image.name.removeprefix("images/"): image for image in posed.images}
+    assert set(found) == set(truth)
+    for name, image in found.items():
+        rotation, centre = truth[name]
+        assert np.abs(image.cam_from_world.rotation.T - rotation).max() < rotation_tolerance, name
+        assert np.linalg.norm(image.cam_from_world.cam_in_world - centre) < tolerance, name

@@ -2,7 +2,7 @@
 
     lazyloc import FORMAT FILE --output_path MODEL --image_path photos
 
-FORMAT is one of the following; `auto` tells by the content of FILE.
+FORMAT is one of the following; `auto` recognizes FILE by its content.
 
 FORMATS
 The format `exif` reads GPS positions of the photos in the folder FILE instead, and writes a text file for
@@ -21,15 +21,25 @@ from collections.abc import Callable, Sequence
 from typing import Any
 
 from colmap_lazyloc import panoramas
+from colmap_lazyloc.agreement.check import add_accept_option, check_photos
 from colmap_lazyloc.errors import InputError, command, logger
 from colmap_lazyloc.model import Camera, Image, write_model
 from colmap_lazyloc.pose_formats import exif_gps
+from colmap_lazyloc.pose_formats.assembly import some_of
+from colmap_lazyloc.pose_formats.conventions import CAMERA_AXES, DIRECTIONS, QUATERNION_ORDERS
 from colmap_lazyloc.pose_formats.geo import FILE_NAME, GeoOrigin
 from colmap_lazyloc.pose_formats.posed_images import Photos, PosedImages, Source
 from colmap_lazyloc.pose_formats.registry import FORMATS, read_posed_images
 from colmap_lazyloc.pose_formats.rigs import Rig
 
 AUTO, EXIF, PANORAMAS = "auto", "exif", "panoramas"
+CONVENTION_OPTIONS = ("camera", "calibration", "crs", "pose_direction", "camera_axes", "quaternion_order")
+# Options that would have no effect, by what is made; panoramas without poses use none of the options of a source.
+UNUSED = {
+    EXIF: (*CONVENTION_OPTIONS, "image_path", "rig_config_path", "poses", "binary"),
+    PANORAMAS: ("image_path", "rig_config_path", "model"),
+    AUTO: ("model", "poses"),
+}
 MODEL_FILES = ("cameras", "images", "points3D", "rigs", "frames")
 
 
@@ -64,17 +74,35 @@ def add_source_options(add: Callable[..., Any]) -> None:
         "--calibration",
         type=pathlib.Path,
         metavar="FILE",
-        help="intrinsics of the camera, and its pose on the body whose trajectory FILE has: sensor.yaml of EuRoC, "
-        "camchain.yaml of Kalibr, or calib.txt of KITTI",
+        help="intrinsics of the camera and its mounting on the body, if FILE has the trajectory of a body: sensor.yaml "
+        "of EuRoC, camchain.yaml of Kalibr, calib.txt of KITTI, or calib_cam_to_pose.txt of KITTI-360",
     )
     add(
         "--crs",
-        help="coordinate reference system of x, y, z in a CSV file, for example EPSG:32632; default: a local frame",
+        help="coordinate reference system of the positions, for example EPSG:32632; default: what the file says, or a "
+        "local frame",
     )
     add(
         "--geo_origin",
         metavar="LAT,LON,HEIGHT",
         help="origin of the local frame for geographic coordinates; default: the mean of the cameras",
+    )
+    add(
+        "--pose_direction",
+        choices=DIRECTIONS,
+        help="direction of the poses in FILE, if it is not that of the format: cam_from_world is x_cam = R x_world + t",
+    )
+    add(
+        "--camera_axes",
+        choices=list(CAMERA_AXES),
+        help="axes of the cameras in FILE, if they are not those of the format: opencv (x right, y down, z forward), "
+        "opengl (x right, y up, z backward), body (x forward, y left, z up), frd (x forward, y right, z down), rfu (x "
+        "right, y forward, z up)",
+    )
+    add(
+        "--quaternion_order",
+        choices=QUATERNION_ORDERS,
+        help="order of the numbers of a quaternion in FILE, if it is not that of the format",
     )
 
 
@@ -87,6 +115,9 @@ def make_source(path: pathlib.Path, image_path: pathlib.Path | None, options: ar
         options.calibration,
         options.crs,
         None if options.geo_origin is None else GeoOrigin.parse(options.geo_origin),
+        options.pose_direction,
+        options.camera_axes,
+        options.quaternion_order,
     )
 
 
@@ -99,7 +130,12 @@ def parse_arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
     )
     add = parser.add_argument
     add("format", metavar="FORMAT", choices=[AUTO, *FORMATS, EXIF, PANORAMAS], help="the format of FILE")
-    add("file", metavar="FILE", type=pathlib.Path, help="file of poses; for colmap, exif and panoramas a folder")
+    add(
+        "file",
+        metavar="FILE",
+        type=pathlib.Path,
+        help="file of poses, or a folder (colmap, polycam, matrices, exif, panoramas)",
+    )
     add("--output_path", type=pathlib.Path, required=True, help="folder of the model or of the faces; for exif a file")
     add(
         "--image_path",
@@ -117,7 +153,7 @@ def parse_arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
         "--rig_config_path",
         type=pathlib.Path,
         metavar="FILE",
-        help="calibration of a rig, whose reference camera FILE has the poses of: the other cameras get theirs, too",
+        help="rig calibration; FILE has the poses of its reference camera, from which the others are computed",
     )
     add(
         "--poses",
@@ -126,12 +162,14 @@ def parse_arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
         help="for panoramas, a file of their poses in any of the formats: the model of their faces is written, too",
     )
     add_source_options(add)
+    add_accept_option(add)
     return parser.parse_args(arguments)
 
 
 @command(name="lazyloc import", extra="import")
 def main(arguments: Sequence[str] | None = None) -> None:
     options = parse_arguments(arguments)
+    _refuse_unused(options)
     if options.format == EXIF:
         _write_gps(options)
         return
@@ -142,12 +180,28 @@ def main(arguments: Sequence[str] | None = None) -> None:
     posed = _read(source, options)
     if options.output_path.resolve() == options.file.resolve():
         raise InputError(f"--output_path {options.output_path}: is the folder of the poses")
+    if options.image_path is not None:
+        check_photos(posed, options.image_path, str(options.file), options.accept_poses)
     write_posed_images(options.output_path, posed, options.binary)
     num_cameras = len({image.camera for image in posed.images})
     print(f"{options.output_path}: {len(posed.images)} images, {num_cameras} camera{'s' * (num_cameras > 1)}")
-    num_photos = len(source.photos.names)
-    if len(posed.images) < num_photos:
-        logger.warning("%d of %d photos have no pose in %s", num_photos - len(posed.images), num_photos, options.file)
+    photos, posed_names = source.photos.names, {image.name for image in posed.images}
+    missing = [name for name in photos if name not in posed_names]
+    if missing:
+        logger.warning(
+            "%d of %d photos have no pose in %s: %s", len(missing), len(photos), options.file, some_of(missing)
+        )
+    _check_sizes(source, posed)
+
+
+def _refuse_unused(options: argparse.Namespace) -> None:
+    """Refuses options that the format does not use."""
+    names = UNUSED.get(options.format, UNUSED[AUTO])
+    if options.format == PANORAMAS and options.poses is None:
+        names += (*CONVENTION_OPTIONS, "geo_origin", "binary")
+    for name in names:
+        if getattr(options, name):
+            raise InputError(f"--{name}: has no effect with the format {options.format}")
 
 
 def _read(source: Source, options: argparse.Namespace) -> PosedImages:
@@ -162,10 +216,32 @@ def _read(source: Source, options: argparse.Namespace) -> PosedImages:
     return rig.add_cameras(read_posed_images(dataclasses.replace(source, photos=photos), form), source.photos)
 
 
+def _check_sizes(source: Source, posed: PosedImages) -> None:
+    """Names a photo of each camera that has another size, whose intrinsics are those of other pixels."""
+    if source.photos.folder is None:
+        return
+    for camera, name in {image.camera: image.name for image in posed.images}.items():
+        try:
+            size = source.photos.size(name)
+        except InputError as error:
+            logger.warning("%s", error)
+            continue
+        if size != (camera.width, camera.height):
+            logger.warning(
+                "%s has %d x %d pixels, but its camera %d x %d: give intrinsics of this size (--camera)",
+                source.photos.folder / name,
+                *size,
+                camera.width,
+                camera.height,
+            )
+
+
 def _write_gps(options: argparse.Namespace) -> None:
     """Writes the positions of photos with GPS, and geo.json if no model says the origin."""
     given = None if options.geo_origin is None else GeoOrigin.parse(options.geo_origin)
     if options.model is not None:
+        if given is not None:
+            raise InputError("--geo_origin: the origin is that of --model")
         given = GeoOrigin.read(options.model)
         if given is None:
             raise InputError(f"--model {options.model}: has no {FILE_NAME}, so that it is not geographic")

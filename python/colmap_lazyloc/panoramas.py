@@ -97,14 +97,16 @@ def write_faces(paths: Mapping[str, pathlib.Path], output: pathlib.Path) -> None
 
     for name, path in paths.items():
         # Ignores EXIF's orientation, as COLMAP does.
-        panorama = cv2.imread(str(path), cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION)
+        data = np.fromfile(path, np.uint8)  # because OpenCV opens no file whose name is not UTF-8
+        panorama = cv2.imdecode(data, cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION) if len(data) > 0 else None
         if panorama is None:
             raise InputError(f"{path}: is not a photo that can be read")
         for face, pixels in cut(panorama):
             face_path = output / face / name
             face_path.parent.mkdir(parents=True, exist_ok=True)
-            if not cv2.imwrite(str(face_path), pixels, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY]):
-                raise InputError(f"{face_path}: cannot be written")
+            # COLMAP tells the format by the content: what OpenCV cannot write becomes JPEG.
+            suffix = path.suffix if cv2.haveImageWriter(f"face{path.suffix}") else ".jpg"
+            face_path.write_bytes(cv2.imencode(suffix, pixels, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])[1].tobytes())
 
 
 def face_cameras(widths: Mapping[str, int]) -> dict[str, Camera]:
@@ -119,14 +121,17 @@ def face_from_rig(face: str) -> Pose:
 
 def read_face_poses(source: Source, widths: Mapping[str, int], format_name: str | None) -> PosedImages:
     """Reads the poses of panoramas; returns those of their faces."""
-    # Needs no intrinsics in the file, because a panorama has none but its size.
+    if source.camera is not None:
+        raise InputError("--camera: panoramas have no intrinsics but their size")
     posed = read_posed_images(dataclasses.replace(source, camera=PANORAMA), format_name)
     images = []
     for image in posed.images:
+        if image.name not in widths:  # a panorama that cannot be read
+            continue
         pose, camera = image.cam_from_world, face_camera(widths[image.name])
         for face in FACES:
             images.append(PosedImage(f"{face}/{image.name}", camera, face_from_rig(face) @ pose))
-    return PosedImages(images, posed.origin)
+    return dataclasses.replace(posed, images=images)
 
 
 def write_rig(path: pathlib.Path, folders: Sequence[str] = ("",)) -> None:

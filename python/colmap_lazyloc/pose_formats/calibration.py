@@ -14,25 +14,30 @@ from numpy.typing import NDArray
 from colmap_lazyloc.errors import InputError
 from colmap_lazyloc.model import Camera
 from colmap_lazyloc.pose_formats.cameras import brown_camera, fisheye_camera
-from colmap_lazyloc.pose_formats.posed_images import Source, nearest_rotation, numbers
+from colmap_lazyloc.pose_formats.conventions import nearest_rotation
+from colmap_lazyloc.pose_formats.posed_images import Source
+from colmap_lazyloc.pose_formats.raw_poses import DAMAGE, matrix_parts
+from colmap_lazyloc.pose_formats.text import numbers
 from colmap_lazyloc.poses import Pose
 from colmap_lazyloc.text_files import read_entries
 
-IDENTITY = Pose(np.array([1.0, 0, 0, 0]), np.zeros(3))
 COLMAP_FROM_CENTRES = 0.5  # pixels
 
 
-def read_calibration(source: Source, first_image: str) -> tuple[Camera | None, Pose | None]:
+def read_calibration(source: Source) -> tuple[Camera | None, Pose | None]:
     """Returns the camera and cam_from_body; None for what is not known."""
     path = source.calibration_path
     if path is None:
         return source.camera, None
+    if not source.photos.names:
+        raise InputError(f"--calibration {path}: needs photos (--image_path)")
+    camera: Camera | None
     try:
         if path.suffix.lower() in (".yaml", ".yml"):
             camera, cam_from_body = _read_yaml(path)
         else:
-            camera, cam_from_body = _read_kitti(path, source, first_image)
-    except (KeyError, TypeError, ValueError, IndexError, AttributeError, np.linalg.LinAlgError) as error:
+            camera, cam_from_body = _read_kitti(path, source, source.photos.names[0])
+    except DAMAGE as error:
         if isinstance(error, InputError):
             raise
         raise InputError(f"--calibration {path}: is not of EuRoC, Kalibr or KITTI: {error}") from None
@@ -73,14 +78,18 @@ def _camera(data: dict[str, Any], coefficients: str) -> Camera:
 
 
 def _pose(matrix: NDArray[np.float64]) -> Pose:
-    return Pose.from_matrix(nearest_rotation(matrix[:3, :3]), matrix[:3, 3])
+    return Pose.from_matrix(nearest_rotation(matrix[:3, :3])[0], matrix[:3, 3])
 
 
-def _read_kitti(path: pathlib.Path, source: Source, first_image: str) -> tuple[Camera, Pose]:
+def _read_kitti(path: pathlib.Path, source: Source, first_image: str) -> tuple[Camera | None, Pose]:
     """Reads the projection of the camera whose number ends the photos' folder (image_2), else of camera 0."""
     rows = {key.strip(): text for key, _, text in (line.partition(":") for _, line in read_entries(path))}
     folder = re.search(r".*image_0?(\d)/", f"{source.photos.folder}/{first_image}")
-    key = f"P{folder.group(1) if folder else 0}"
+    number = folder.group(1) if folder else 0
+    if f"image_0{number}" in rows:  # calib_cam_to_pose.txt of KITTI-360
+        rotation, centre = matrix_parts(numbers(rows[f"image_0{number}"], 12))
+        return source.camera, Pose.from_centre(nearest_rotation(rotation)[0].T, centre)
+    key = f"P{number}"
     projection = np.reshape(numbers(rows[key if key in rows else "P_rect_0" + key[1:]], 12), (3, 4))
     matrix = projection[:, :3]
     size = source.photos.size(first_image)

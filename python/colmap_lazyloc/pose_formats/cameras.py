@@ -1,6 +1,16 @@
 """Makes COLMAP's cameras from the coefficients of other programs."""
 
-from colmap_lazyloc.model import Camera
+import math
+import re
+from collections.abc import Mapping
+from typing import Any
+
+from colmap_lazyloc.model import CAMERA_MODELS, Camera
+
+MAX_IMAGE_SIZE = 1 << 20  # pixels; more is a mistake
+COEFFICIENT = re.compile(r"[bkpst]\d|s[xy]\d+|skew|xi")
+PERSPECTIVE = ("OPENCV", "FULL_OPENCV", "PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL", "PERSPECTIVE")
+FISHEYE = ("OPENCV_FISHEYE", "SIMPLE_RADIAL_FISHEYE", "RADIAL_FISHEYE", "FISHEYE", "SIMPLE_FISHEYE")
 
 
 def brown_camera(
@@ -23,8 +33,78 @@ def brown_camera(
 
 
 def fisheye_camera(
-    size: tuple[int, int], focal: tuple[float, float], centre: tuple[float, float], radial: tuple[float, ...] = ()
+    size: tuple[int, int],
+    focal: tuple[float, float],
+    centre: tuple[float, float],
+    radial: tuple[float, ...] = (),
+    tangential: tuple[float, float] = (0.0, 0.0),
 ) -> Camera:
-    """Returns an equidistant camera: k1 to k4 in OpenCV's order."""
+    """Returns an equidistant camera: k1 to k4 and p1, p2 in OpenCV's order."""
     k1, k2, k3, k4 = (*radial, 0.0, 0.0, 0.0, 0.0)[:4]
+    if any(tangential):
+        return Camera("THIN_PRISM_FISHEYE", *size, (*focal, *centre, k1, k2, *tangential, k3, k4, 0.0, 0.0))
     return Camera("OPENCV_FISHEYE", *size, (*focal, *centre, k1, k2, k3, k4))
+
+
+def spherical_camera(size: tuple[int, int]) -> Camera:
+    return Camera("EQUIRECTANGULAR", *size, (float(size[0]), float(size[1])))
+
+
+def named_camera(values: Mapping[str, Any], size: tuple[int, int]) -> Camera:
+    """Makes a camera of values with the names of transforms.json, without their underscores, for photos of a size."""
+    focal_x = _focal(values, "x", size[0])
+    focal_y = _focal(values, "y", size[1]) or focal_x
+    focal_x = focal_x or focal_y
+    if focal_x is None or focal_y is None:
+        raise ValueError("there is no focal length (fl_x, fx or camera_angle_x)")
+    focal, centre = (focal_x, focal_y), (number(values, "cx", size[0] / 2), number(values, "cy", size[1] / 2))
+    model = str(values.get("cameramodel") or "OPENCV").upper()
+    k1, k2, k3, k4, k5, k6 = (number(values, f"k{index}") for index in range(1, 7))
+    tangential = number(values, "p1"), number(values, "p2")
+    refuse_others(values, {"k1", "k2", "k3", "k4", "p1", "p2"} | ({"k5", "k6"} if model == "FULL_OPENCV" else set()))
+    if model in FISHEYE or str(values.get("isfisheye")).lower() in ("true", "1"):
+        return fisheye_camera(size, focal, centre, (k1, k2, k3, k4), tangential)
+    if model == "FULL_OPENCV" and any((k4, k5, k6)):
+        return Camera(model, *size, (*focal, *centre, k1, k2, *tangential, k3, k4, k5, k6))
+    if model not in PERSPECTIVE:
+        raise ValueError(f"the camera model {model} is not supported")
+    return brown_camera(size, focal, centre, (k1, k2, k3, k4), tangential)
+
+
+def size_of(values: Mapping[str, Any]) -> tuple[int, int] | None:
+    """Returns the width and height among named values; None if they are missing."""
+    width, height = (number(values, name, 0) for name in ("w", "h"))
+    return (round(width), round(height)) if width and height else None
+
+
+def number(values: Mapping[str, Any], name: str, default: float = 0.0) -> float:
+    """Returns a value as a number; the default if there is none."""
+    value = values.get(name)
+    return default if value is None else float(value)
+
+
+def refuse_others(values: Mapping[str, Any], known: set[str]) -> None:
+    """Refuses a camera with a coefficient that would be dropped; `known`: those that are used."""
+    for name in values:
+        if name not in known and COEFFICIENT.fullmatch(name) and number(values, name) != 0:
+            raise ValueError(f"a camera has a coefficient {name}, which COLMAP's camera models lack or name otherwise")
+
+
+def check_camera(camera: Camera) -> None:
+    """Refuses a camera that cannot be."""
+    num_params = dict(CAMERA_MODELS).get(camera.model)
+    if num_params != len(camera.params):
+        raise ValueError(f"there are {len(camera.params)} parameters for the camera model {camera.model}")
+    if not (0 < camera.width <= MAX_IMAGE_SIZE and 0 < camera.height <= MAX_IMAGE_SIZE):
+        raise ValueError(f"the size is {camera.width} x {camera.height}")
+    if not all(map(math.isfinite, camera.params)) or not camera.params[0] > 0:
+        raise ValueError("the focal length or the distortion cannot be")
+
+
+def _focal(values: Mapping[str, Any], axis: str, length: float) -> float | None:
+    """Returns the focal length in pixels along an axis; None if it is not given."""
+    for name in (f"fl{axis}", f"f{axis}"):
+        if values.get(name) is not None:
+            return float(values[name])
+    angle = values.get(f"cameraangle{axis}")
+    return None if angle is None else length / (2 * math.tan(float(angle) / 2))

@@ -1,15 +1,38 @@
-"""Reads a COLMAP model, text or binary; its poses keep every bit."""
+"""Reads COLMAP models, text or binary, and lists of poses; poses keep every bit."""
 
-from colmap_lazyloc.model import read_model
+import numpy as np
+
+from colmap_lazyloc.model import Image, read_model
+from colmap_lazyloc.pose_formats.conventions import MAX_ROTATION_ERROR
+from colmap_lazyloc.pose_formats.frames import Frame
 from colmap_lazyloc.pose_formats.geo import GeoOrigin
-from colmap_lazyloc.pose_formats.posed_images import PosedImage, PosedImages, Source
+from colmap_lazyloc.pose_formats.posed_images import Source
+from colmap_lazyloc.pose_formats.raw_poses import RawPose, RawPoses, each
+from colmap_lazyloc.pose_formats.text import numbers
+from colmap_lazyloc.text_files import read_entries
 
 
-def read(source: Source) -> PosedImages:
+def parse(source: Source) -> RawPoses:
     model = read_model(source.path)
-    images = []
-    for image in model.images.values():
-        name = source.find_photo(image.name)
-        if name is not None and image.cam_from_world is not None:
-            images.append(PosedImage(name, source.camera or model.cameras[image.camera_id], image.cam_from_world))
-    return PosedImages(images, GeoOrigin.read(source.path))
+
+    def parse_image(image: Image) -> RawPose:
+        camera = source.camera or model.cameras[image.camera_id]
+        qvec, norm = image.pose.qvec, float(np.linalg.norm(image.pose.qvec))
+        # As COLMAP, accepts quaternions of any length; units keep every bit.
+        unit = qvec if abs(norm - 1) < MAX_ROTATION_ERROR else qvec / norm
+        return RawPose(unit, image.pose.tvec, image.name, camera=camera)
+
+    posed = [image for image in model.images.values() if image.cam_from_world is not None]
+    poses = each(posed, parse_image, lambda image: image.name)
+    return RawPoses(poses, Frame(origin=GeoOrigin.read(source.path)))
+
+
+def parse_poses(source: Source) -> RawPoses:
+    """Reads poses.txt of this program and of hloc: lines `name qw qx qy qz tx ty tz`, whose names may have blanks."""
+
+    def parse_line(entry: tuple[int, str]) -> RawPose:
+        name, *words = entry[1].rsplit(maxsplit=7)
+        values = numbers(words, 7)
+        return RawPose(values[:4], values[4:], name, camera=source.camera)
+
+    return RawPoses(each(read_entries(source.path), parse_line, lambda entry: f"line {entry[0]}"))

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from colmap_lazyloc.errors import InputError
+from colmap_lazyloc.errors import InputError, logger
 from colmap_lazyloc.pose_formats.geo import GeoOrigin
 from colmap_lazyloc.pose_formats.posed_images import list_images
 
@@ -16,6 +16,7 @@ GPS_IFD = 0x8825
 LATITUDE_REF, LATITUDE, LONGITUDE_REF, LONGITUDE, ALTITUDE_REF, ALTITUDE, ERROR = 1, 2, 3, 4, 5, 6, 31
 BELOW_SEA_LEVEL = (1, b"\x01")
 DEFAULT_STDDEV_M = 5.0
+MAX_STDDEV_M = 1e5  # larger ones, such as 999999, say that it is not known
 # EXIF's altitudes are above the sea, which differs from the ellipsoid by up to 100 m.
 HEIGHT_STDDEV_M = 50.0
 
@@ -32,8 +33,12 @@ class GpsPosition:
 
 
 def read_positions(folder: pathlib.Path) -> list[GpsPosition]:
-    """Reads the positions of the photos below a folder; those without GPS are left out."""
-    return [position for name in list_images(folder) if (position := _read_photo(folder, name)) is not None]
+    """Reads the positions of the photos below a folder; those without GPS are left out, and counted."""
+    names = list_images(folder)
+    positions = [position for name in names if (position := _read_photo(folder, name)) is not None]
+    if positions and len(positions) < len(names):
+        logger.warning("%d of %d photos have no GPS", len(names) - len(positions), len(names))
+    return positions
 
 
 def write_positions(path: pathlib.Path, positions: Sequence[GpsPosition], origin: GeoOrigin | None) -> GeoOrigin:
@@ -64,16 +69,26 @@ def _read_photo(folder: pathlib.Path, name: str) -> GpsPosition | None:
             gps: dict[int, Any] = dict(photo.getexif().get_ifd(GPS_IFD))
         latitude = _degrees(gps[LATITUDE]) * (-1 if _text(gps[LATITUDE_REF]) == "S" else 1)
         longitude = _degrees(gps[LONGITUDE]) * (-1 if _text(gps[LONGITUDE_REF]) == "W" else 1)
-        altitude = float(gps[ALTITUDE]) if ALTITUDE in gps else None
-        if altitude is not None and gps.get(ALTITUDE_REF) in BELOW_SEA_LEVEL:
-            altitude = -altitude
-        stddev = float(gps.get(ERROR, DEFAULT_STDDEV_M))
     except Exception:  # Pillow's errors for damaged files are of many types
         return None
-    values = latitude, longitude, altitude or 0.0, stddev
-    if not (all(map(math.isfinite, values)) and abs(latitude) <= 90 and abs(longitude) <= 180):
+    # Without a fix, cameras write 0, 0.
+    if not (abs(latitude) <= 90 and abs(longitude) <= 180) or (latitude, longitude) == (0, 0):
         return None
-    return GpsPosition(name, latitude, longitude, altitude, stddev if stddev > 0 else DEFAULT_STDDEV_M)
+    altitude = _number(gps.get(ALTITUDE))
+    if altitude is not None and gps.get(ALTITUDE_REF) in BELOW_SEA_LEVEL:
+        altitude = -altitude
+    stddev = _number(gps.get(ERROR))
+    is_known = stddev is not None and 0 < stddev < MAX_STDDEV_M
+    return GpsPosition(name, latitude, longitude, altitude, stddev if stddev and is_known else DEFAULT_STDDEV_M)
+
+
+def _number(value: Any) -> float | None:
+    """Returns a number; None for what cameras write if they do not know it, such as 0/0."""
+    try:
+        number = float(value)
+    except (ArithmeticError, TypeError, ValueError):
+        return None
+    return number if math.isfinite(number) else None
 
 
 def _degrees(values: Any) -> float:

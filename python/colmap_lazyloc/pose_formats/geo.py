@@ -1,6 +1,7 @@
 """Geographic coordinates: a local frame of the model, x east, y north, z up, in metres. Needs pyproj."""
 
 import dataclasses
+import functools
 import json
 import math
 import pathlib
@@ -40,6 +41,14 @@ class GeoOrigin:
             raise InputError(f"expected LATITUDE,LONGITUDE,HEIGHT, found '{text}'") from None
         return GeoOrigin(latitude, longitude, height)
 
+    @staticmethod
+    def in_the_middle(points: Array) -> "GeoOrigin":
+        """Returns the mean of geocentric points, n x 3, with degrees rounded to a millimetre."""
+        latitudes, longitudes, heights = to_geodetic(find_crs("EPSG:4978"), points).T
+        # Use the mean direction, because longitudes jump at 180 degrees.
+        longitude = np.degrees(np.angle(np.exp(1j * np.radians(longitudes)).mean()))
+        return GeoOrigin(*(round(float(value), 8) for value in (latitudes.mean(), longitude, heights.mean())))
+
     def write(self, folder: pathlib.Path) -> None:
         """Writes geo.json beside a model."""
         content = {**dataclasses.asdict(self), "frame": "ENU", "ellipsoid": "WGS84"}
@@ -71,10 +80,6 @@ class GeoOrigin:
         """Returns geocentric points (ECEF) in the local frame, n x 3."""
         return _transform(self._transformer("+proj=pipeline"), *points.T)
 
-    def axes(self) -> Array:
-        """Returns the rotation from the geocentric frame to the local one."""
-        return local_axes(self.latitude_deg, self.longitude_deg)
-
     def _transformer(self, steps: str) -> Any:
         import pyproj
 
@@ -82,23 +87,54 @@ class GeoOrigin:
         return pyproj.Transformer.from_pipeline(f"{steps} +step +proj=topocentric +ellps=WGS84 {origin}")
 
 
-def local_axes(latitude_deg: float, longitude_deg: float) -> Array:
-    """Returns the rotation from the geocentric frame to the frame east, north, up at a point."""
-    latitude, longitude = math.radians(latitude_deg), math.radians(longitude_deg)
+def local_axes(origin: GeoOrigin) -> Array:
+    """Returns the rotation from the geocentric frame to the local one."""
+    latitude, longitude = math.radians(origin.latitude_deg), math.radians(origin.longitude_deg)
     east = [-math.sin(longitude), math.cos(longitude), 0.0]
     up = [math.cos(latitude) * math.cos(longitude), math.cos(latitude) * math.sin(longitude), math.sin(latitude)]
     return np.stack([east, np.cross(up, east), up])
 
 
-def to_geodetic(crs: str, points: Array) -> Array:
-    """Returns points of a coordinate reference system as latitude, longitude and height on WGS 84, n x 3."""
+@functools.lru_cache
+def find_crs(text: str) -> Any:
+    """Returns the coordinate reference system of a name, such as EPSG:32632."""
     import pyproj
 
     try:
-        transformer = pyproj.Transformer.from_crs(pyproj.CRS.from_user_input(crs), WGS84_3D, always_xy=True)
-        return _transform(transformer, *points.T, errcheck=True)[:, [1, 0, 2]]
+        return pyproj.CRS.from_user_input(text)
     except pyproj.exceptions.ProjError as error:
-        raise InputError(f"--crs {crs[:40]}: {str(error).splitlines()[0][:120]}") from None
+        raise InputError(f"--crs {text[:40]}: {str(error).splitlines()[0][:120]}") from None
+
+
+def to_geodetic(crs: Any, points: Array) -> Array:
+    """Returns latitude, longitude and height on WGS 84 of points of a reference system, n x 3. The first coordinate of
+    points is the longitude or east. The result is not finite where a point is outside of the system."""
+    import pyproj
+
+    try:
+        transformer = pyproj.Transformer.from_crs(crs, WGS84_3D, always_xy=True)
+        geodetic = _transform(transformer, *points.T)[:, [1, 0, 2]]
+    except pyproj.exceptions.ProjError as error:
+        raise InputError(f"--crs {str(crs)[:40]}: {str(error).splitlines()[0][:120]}") from None
+    outside = (np.abs(geodetic[:, 0]) > 90) | (np.abs(geodetic[:, 1]) > 360)
+    geodetic[outside] = np.nan
+    return geodetic
+
+
+def from_geodetic(crs: Any, geodetic: Array) -> Array:
+    """Returns points of a reference system, n x 3: the inverse of to_geodetic."""
+    import pyproj
+
+    latitudes, longitudes, heights = geodetic.T
+    return _transform(pyproj.Transformer.from_crs(WGS84_3D, crs, always_xy=True), longitudes, latitudes, heights)
+
+
+def to_geocentric(geodetic: Array) -> Array:
+    """Returns geocentric points of latitudes, longitudes and heights, n x 3."""
+    import pyproj
+
+    latitudes, longitudes, heights = geodetic.T
+    return _transform(pyproj.Transformer.from_pipeline(_STEP), longitudes, latitudes, heights)
 
 
 def _transform(transformer: Any, *columns: ArrayLike, **options: Any) -> Array:
@@ -106,34 +142,3 @@ def _transform(transformer: Any, *columns: ArrayLike, **options: Any) -> Array:
     # Give lists, because pyproj takes arrays of one element for numbers, which numpy will refuse.
     lists = [np.atleast_1d(column).tolist() for column in columns]
     return np.stack([np.asarray(column, float) for column in transformer.transform(*lists, **options)], axis=1)
-
-
-class Georeference:
-    """Turns positions and axes of a file into a local frame: those of a coordinate reference system, or geographic
-    ones if `crs` is None."""
-
-    def __init__(self, positions: Array, crs: str | None, origin: GeoOrigin | None):
-        """`positions`: x, y, z in the reference system, or latitude, longitude, height; one row for each image."""
-        self._crs, self._positions = crs, positions
-        self._geodetic = positions if crs is None else to_geodetic(crs, positions)
-        for row in self._geodetic:
-            GeoOrigin(*row.tolist())  # checks the ranges
-        self.origin = origin or GeoOrigin(*(round(value, 8) for value in self._mean().tolist()))
-        self.positions = self.origin.from_geodetic(*self._geodetic.T)
-
-    def axes(self, index: int) -> Array:
-        """Returns the rotation from the file's axes at an image to the local frame: east, north and up there, or the
-        axes of the grid, which may be turned against north by some degrees."""
-        if self._crs is None:
-            latitude, longitude, _ = self._geodetic[index].tolist()
-            return self.origin.axes() @ local_axes(latitude, longitude).T
-        steps = self._positions[index] + np.concatenate([np.eye(3), -np.eye(3)])
-        points = self.origin.from_geodetic(*to_geodetic(self._crs, steps).T)
-        u, _, vt = np.linalg.svd((points[:3] - points[3:]).T)
-        return np.asarray(u @ vt)
-
-    def _mean(self) -> Array:
-        longitudes = np.radians(self._geodetic[:, 1])
-        # Use the mean direction, because longitudes jump at 180 degrees.
-        longitude = math.degrees(math.atan2(np.sin(longitudes).mean(), np.cos(longitudes).mean()))
-        return np.array([self._geodetic[:, 0].mean(), longitude, self._geodetic[:, 2].mean()])

@@ -1,114 +1,94 @@
 """Reads the XML file of cameras that Metashape exports.
 
-Poses are world_from_cam with COLMAP's axes, in a frame of the chunk. The transform of the component or of the chunk
-leads from there to local coordinates, or to geocentric ones (ECEF) if the reference is geographic or projected.
+Poses are in a frame of the chunk. The transform of the component or of the chunk leads from there to local coordinates,
+or to geocentric ones (ECEF) if the reference is geographic or projected.
 """
 
-import dataclasses
-import pathlib
 import xml.etree.ElementTree as ET
+from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import NDArray
 
-from colmap_lazyloc.errors import InputError
+from colmap_lazyloc.errors import InputError, logger
 from colmap_lazyloc.model import Camera
-from colmap_lazyloc.pose_formats.cameras import brown_camera, fisheye_camera
-from colmap_lazyloc.pose_formats.geo import GeoOrigin, to_geodetic
-from colmap_lazyloc.pose_formats.posed_images import (
-    PosedImage,
-    PosedImages,
-    Source,
-    nearest_rotation,
-    numbers,
-)
-from colmap_lazyloc.poses import Pose
+from colmap_lazyloc.pose_formats.cameras import brown_camera, fisheye_camera, number, refuse_others, spherical_camera
+from colmap_lazyloc.pose_formats.conventions import nearest_rotation
+from colmap_lazyloc.pose_formats.frames import GEOCENTRIC, Frame, Similarity
+from colmap_lazyloc.pose_formats.posed_images import Source
+from colmap_lazyloc.pose_formats.raw_poses import RawPose, RawPoses, each, matrix_parts
+from colmap_lazyloc.pose_formats.text import numbers, read_xml
 
-GEOCENTRIC = "EPSG:4978"
 MAX_SKEW_PX = 1.0  # of b2, which COLMAP's camera models lack; it moves pixels at the border by less than half of it
+FISHEYE = ("fisheye", "equidistant_fisheye")  # the second since version 2.1
+COEFFICIENTS = {"k1", "k2", "k3", "k4", "p1", "p2", "b1", "b2"}
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
-class Similarity:
-    """A transform to the world: x -> scale rotation x + translation."""
+def parse(source: Source) -> RawPoses:
+    root = read_xml(source.path)
+    chunks = [chunk for chunk in root.iter("chunk") if chunk.find(".//camera/transform") is not None]
+    if not chunks:
+        raise InputError(f"{source.path}: has no chunk with aligned cameras: export the cameras as 'Agisoft XML'")
+    if len(chunks) > 1:
+        logger.warning("%s: has %d chunks: only the first is read", source.path, len(chunks))
+    chunk = chunks[0]
+    sensors = {sensor.get("id"): sensor for sensor in chunk.findall("sensors/sensor")}
+    cameras = {camera.get("id"): camera for camera in chunk.iter("camera")}
+    of_chunk = _similarity(chunk.find("transform"))
+    of_parts = {part.get("id"): _similarity(part.find("transform")) for part in chunk.findall("components/component")}
+    intrinsics: dict[str | None, Camera] = {}
 
-    scale: float
-    rotation: NDArray[np.float64]
-    translation: NDArray[np.float64]
+    def parse_camera(camera: ET.Element) -> RawPose:
+        sensor_id = camera.get("sensor_id")
+        rotation, centre = matrix_parts(_matrix(camera, sensors, cameras))
+        if sensor_id not in intrinsics:
+            intrinsics[sensor_id] = source.camera or _camera(sensors[sensor_id])
+        label, part = camera.attrib["label"], camera.get("component_id")
+        similarity = of_parts.get(part) or of_chunk
+        return RawPose(rotation, centre, label, camera=intrinsics[sensor_id], similarity=similarity)
 
-
-def read(source: Source) -> PosedImages:
-    chunk = _read_chunk(source.path)
-    cameras = {sensor.get("id"): sensor for sensor in chunk.findall("sensors/sensor")}
-    transforms = {part.get("id"): _similarity(part.find("transform")) for part in chunk.findall("components/component")}
-    chunk_transform = _similarity(chunk.find("transform"))
-    poses, intrinsics = {}, {}
-    for camera in chunk.iter("camera"):
-        matrix, name = camera.find("transform"), source.find_photo(camera.get("label"))
-        if matrix is None or name is None:
-            continue
-        world_from_chunk = transforms.get(camera.get("component_id")) or chunk_transform
-        poses[name] = _in_world(np.reshape(numbers(matrix.text, 16), (4, 4)), world_from_chunk)
-        if camera.get("sensor_id") not in intrinsics:
-            intrinsics[camera.get("sensor_id")] = source.camera or _camera(cameras[camera.get("sensor_id")])
-    sensor_ids = {source.find_photo(camera.get("label")): camera.get("sensor_id") for camera in chunk.iter("camera")}
-    origin = None
-    if poses and _is_geocentric(chunk) and any(part is not None for part in (chunk_transform, *transforms.values())):
-        origin, poses = _to_local(poses, source.origin)
-    images = [
-        PosedImage(name, intrinsics[sensor_ids[name]], Pose.from_centre(rotation.T, centre))
-        for name, (rotation, centre) in poses.items()
-    ]
-    return PosedImages(images, origin)
+    # Cameras without a transform are not aligned, but for those that a rig's master leads.
+    aligned = [camera for camera in cameras.values() if _is_aligned(camera, cameras)]
+    poses = each(aligned, parse_camera, lambda camera: camera.get("label"))
+    is_on_earth = _has_reference(chunk) and (of_chunk or any(of_parts.values()))
+    return RawPoses(poses, Frame(GEOCENTRIC) if is_on_earth else Frame())
 
 
-_Pose = tuple[NDArray[np.float64], NDArray[np.float64]]  # world_from_cam and the centre
+def _is_aligned(camera: ET.Element, cameras: Mapping[str | None, ET.Element]) -> bool:
+    master = cameras.get(camera.get("master_id"))
+    return any(one is not None and one.find("transform") is not None for one in (camera, master))
 
 
-def _read_chunk(path: pathlib.Path) -> ET.Element:
-    try:
-        chunk = ET.fromstring(path.read_bytes()).find(".//chunk")
-    except (ET.ParseError, ValueError, LookupError) as error:
-        raise InputError(f"{path}: is not XML: {error}") from None
-    if chunk is None:
-        raise InputError(f"{path}: has no chunk: export the cameras as 'Agisoft XML'")
-    return chunk
+def _matrix(
+    camera: ET.Element, sensors: Mapping[str | None, ET.Element], cameras: Mapping[str | None, ET.Element]
+) -> NDArray[np.float64]:
+    """Returns the 4x4 matrix of a camera: its own, or in a multi-camera system that of its master with the place of its
+    sensor beside the master's."""
+    own = camera.findtext("transform")
+    if own is not None:
+        return np.reshape(numbers(own, 16), (4, 4))
+    sensor = sensors[camera.get("sensor_id")]
+    if sensor.find("rotation") is None or sensor.find("translation") is None:
+        raise ValueError("it is a camera of a rig (master_id), whose sensor has no rotation and translation")
+    beside = np.eye(4)
+    beside[:3, :3] = np.reshape(numbers(sensor.findtext("rotation"), 9), (3, 3))
+    beside[:3, 3] = numbers(sensor.findtext("translation"), 3)
+    return np.reshape(numbers(cameras[camera.get("master_id")].findtext("transform"), 16), (4, 4)) @ beside
 
 
 def _similarity(element: ET.Element | None) -> Similarity | None:
     """Returns a transform; None if there is none."""
     if element is None or element.find("rotation") is None:
         return None
-    rotation = nearest_rotation(np.reshape(numbers(element.findtext("rotation"), 9), (3, 3)))
+    rotation, _ = nearest_rotation(numbers(element.findtext("rotation"), 9))
     translation = np.array(numbers(element.findtext("translation", "0 0 0"), 3))
-    return Similarity(float(element.findtext("scale", "1")), rotation, translation)
+    return Similarity(float(element.findtext("scale", "1")) * rotation, translation)
 
 
-def _in_world(matrix: NDArray[np.float64], world_from_chunk: Similarity | None) -> _Pose:
-    rotation, centre = nearest_rotation(matrix[:3, :3]), matrix[:3, 3]
-    if world_from_chunk is None:
-        return rotation, centre
-    similarity = world_from_chunk
-    return (
-        similarity.rotation @ rotation,
-        similarity.scale * (similarity.rotation @ centre) + similarity.translation,
-    )
-
-
-def _is_geocentric(chunk: ET.Element) -> bool:
+def _has_reference(chunk: ET.Element) -> bool:
     """True if the chunk has a reference on the Earth, not just local coordinates."""
     reference = (chunk.findtext("reference") or "").strip()
     return bool(reference) and not reference.startswith("LOCAL_CS")
-
-
-def _to_local(poses: dict[str, _Pose], origin: GeoOrigin | None) -> tuple[GeoOrigin, dict[str, _Pose]]:
-    """Turns geocentric poses into a local frame."""
-    centres = np.array([centre for _, centre in poses.values()])
-    if origin is None:
-        mean = to_geodetic(GEOCENTRIC, centres.mean(axis=0)[None])[0]
-        origin = GeoOrigin(*(round(value, 8) for value in mean.tolist()))
-    axes, local = origin.axes(), origin.from_geocentric(centres)
-    return origin, {name: (axes @ rotation, centre) for (name, (rotation, _)), centre in zip(poses.items(), local)}
 
 
 def _camera(sensor: ET.Element) -> Camera:
@@ -116,27 +96,27 @@ def _camera(sensor: ET.Element) -> Camera:
     calibrations = sensor.findall("calibration")
     label = sensor.get("label")
     if not calibrations:
-        raise InputError(f"sensor '{label}' has no calibration")
+        raise ValueError(f"sensor '{label}' has no calibration")
     calibration = next((item for item in calibrations if item.get("class") == "adjusted"), calibrations[0])
     resolution = calibration.find("resolution")
+    resolution = sensor.find("resolution") if resolution is None else resolution
     if resolution is None:
-        resolution = sensor.find("resolution")
-    if resolution is None:
-        raise InputError(f"sensor '{label}' has no resolution")
-    width, height = int(resolution.get("width", "")), int(resolution.get("height", ""))
-
-    def value(tag: str) -> float:
-        return float(calibration.findtext(tag, "0"))
-
-    if abs(value("b2")) > MAX_SKEW_PX:
-        raise InputError(f"sensor '{label}' has a skew b2, which COLMAP's camera models lack: calibrate it without b2")
-    size, focal = (width, height), (value("f") + value("b1"), value("f"))
-    centre = width / 2 + value("cx"), height / 2 + value("cy")
-    radial = value("k1"), value("k2"), value("k3"), value("k4")
-    kind = calibration.get("type", "frame")
-    if kind == "fisheye":
-        return fisheye_camera(size, focal, centre, radial)
-    if kind != "frame":
-        raise InputError(f"sensor '{label}' is of the type {kind}, which is not supported")
+        raise ValueError(f"sensor '{label}' has no resolution")
+    width, height = size = int(resolution.get("width", "")), int(resolution.get("height", ""))
+    values = {child.tag: child.text for child in calibration}
+    refuse_others(values, COEFFICIENTS)
+    if abs(number(values, "b2")) > MAX_SKEW_PX:
+        raise ValueError(f"sensor '{label}' has a skew b2, which COLMAP's camera models lack: calibrate it without b2")
+    if number(values, "b2") != 0:
+        logger.warning("sensor '%s': its skew b2 of %s pixels is left out", label, values["b2"])
+    focal = number(values, "f") + number(values, "b1"), number(values, "f")
+    centre = width / 2 + number(values, "cx"), height / 2 + number(values, "cy")
+    radial = tuple(number(values, name) for name in ("k1", "k2", "k3", "k4"))
     # Metashape's p1 is OpenCV's p2, and the other way round.
-    return brown_camera(size, focal, centre, radial, (value("p2"), value("p1")))
+    tangential = number(values, "p2"), number(values, "p1")
+    kind = calibration.get("type") or sensor.get("type") or "frame"
+    if kind == "spherical":
+        return spherical_camera(size)
+    if kind not in ("frame", *FISHEYE):
+        raise ValueError(f"sensor '{label}' is of the type {kind}, which is not supported")
+    return (fisheye_camera if kind in FISHEYE else brown_camera)(size, focal, centre, radial, tangential)

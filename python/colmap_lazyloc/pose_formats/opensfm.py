@@ -1,65 +1,152 @@
-"""Reads reconstruction.json of OpenSfM and OpenDroneMap.
+"""Reads reconstruction.json of OpenSfM and OpenDroneMap, and shots.geojson of OpenDroneMap.
 
-Rotations are axis-angle vectors, cam_from_world. Lengths of the image are relative to its longer side, from its centre.
-The world is a local frame at `reference_lla`.
+Lengths of the image are relative to its longer side, from its centre.
 """
 
+import pathlib
 from typing import Any
 
-from colmap_lazyloc.errors import InputError
+import numpy as np
+
+from colmap_lazyloc.errors import InputError, logger
 from colmap_lazyloc.model import Camera
-from colmap_lazyloc.pose_formats.cameras import brown_camera, fisheye_camera
-from colmap_lazyloc.pose_formats.geo import GeoOrigin
-from colmap_lazyloc.pose_formats.posed_images import PosedImage, PosedImages, Source, numbers
-from colmap_lazyloc.pose_formats.text import read_json
-from colmap_lazyloc.poses import Pose
+from colmap_lazyloc.pose_formats.cameras import brown_camera, fisheye_camera, number, refuse_others, spherical_camera
+from colmap_lazyloc.pose_formats.frames import Frame, Similarity
+from colmap_lazyloc.pose_formats.geo import GeoOrigin, find_crs, from_geodetic
+from colmap_lazyloc.pose_formats.posed_images import Source
+from colmap_lazyloc.pose_formats.raw_poses import RawPose, RawPoses, each
+from colmap_lazyloc.pose_formats.text import numbers, read_json
+from colmap_lazyloc.text_files import read_lines
+
+TOPOCENTRIC = "reconstruction.topocentric.json"
+MAX_NUM_TRIED = 5  # photos, for the zone of UTM
+MAX_GRID_ERROR_M = 5.0  # between the two positions of a photo in shots.geojson
 
 
-def read(source: Source) -> PosedImages:
-    reconstructions = read_json(source.path)
+def parse(source: Source) -> RawPoses:
+    path = source.path
+    if path.name == "reconstruction.json" and path.with_name(TOPOCENTRIC).is_file():
+        path = path.with_name(TOPOCENTRIC)
+        logger.info("%s: is projected; %s beside it is read", source.path, TOPOCENTRIC)
+    parts = read_json(path)
     # Take the largest, because parts that are not connected have coordinates of their own.
-    reconstruction = max(reconstructions, key=lambda part: len(part["shots"]))
-    cameras = {key: _camera(value) for key, value in reconstruction["cameras"].items()}
-    images = []
-    for key, shot in reconstruction["shots"].items():
-        name = source.find_photo(key)
-        if name is not None:
-            images.append(PosedImage(name, source.camera or _known(cameras[shot["camera"]], key), _pose(shot)))
-    reference = reconstruction.get("reference_lla")
+    largest = max(parts, key=lambda part: len(part["shots"]))
+    if len(parts) > 1:
+        count = sum(len(part["shots"]) for part in parts if part is not largest)
+        logger.warning("%s: %d photos of %d other parts are left out", path, count, len(parts) - 1)
+    frame, similarity = _frame(path, largest.get("reference_lla"), source)
+
+    def parse_shot(shot: tuple[str, dict[str, Any]]) -> RawPose:
+        name, values = shot
+        camera = source.camera or _camera(largest["cameras"][values["camera"]])
+        rotation, translation = numbers(values["rotation"], 3), numbers(values["translation"], 3)
+        return RawPose(rotation, translation, name, camera=camera, similarity=similarity)
+
+    return RawPoses(each(largest["shots"].items(), parse_shot, lambda shot: shot[0]), frame)
+
+
+def _frame(path: pathlib.Path, reference: dict[str, Any] | None, source: Source) -> tuple[Frame, Similarity | None]:
+    """Returns the frame at the reference; OpenDroneMap replaces the coordinates in it by those of a grid, minus whole
+    metres, and leaves the reference."""
     if reference is None:
-        return PosedImages(images)
-    return PosedImages(images, GeoOrigin(*(float(reference[key]) for key in ("latitude", "longitude", "altitude"))))
+        return Frame(), None
+    origin = GeoOrigin(*(float(reference[key]) for key in ("latitude", "longitude", "altitude")))
+    project = path.absolute().parent.parent
+    coords = project / "odm_georeferencing" / "coords.txt"
+    if path.name == TOPOCENTRIC or not (coords.is_file() or path.absolute().parent.name == "opensfm"):
+        return Frame(origin=origin), None
+    if coords.is_file():
+        return Frame(origin=origin), _from_grid(origin, coords)
+    if source.crs is not None:
+        raise InputError(f"--crs {source.crs}: OpenDroneMap's offset is missing: keep odm_georeferencing/coords.txt")
+    logger.warning(
+        "%s: OpenDroneMap may have replaced its coordinates by those of a grid, so that they are taken for those of no "
+        "known place: keep %s beside it, or odm_georeferencing/coords.txt",
+        path,
+        TOPOCENTRIC,
+    )
+    return Frame(), None
 
 
-def _pose(shot: dict[str, Any]) -> Pose:
-    from scipy.spatial.transform import Rotation
+def _from_grid(origin: GeoOrigin, coords: pathlib.Path) -> Similarity:
+    """Returns the transform to the local frame from the grid of coords.txt, which has its name and its offset.
 
-    rotation = Rotation.from_rotvec(numbers(shot["rotation"], 3)).as_matrix()
-    return Pose.from_matrix(rotation, numbers(shot["translation"], 3))
+    OpenDroneMap makes the coordinates by a linear transform, that of the grid at the origin: this is its inverse.
+    """
+    name, offset = read_lines(coords)[:2]
+    crs = find_crs(_grid_name(name))
+    x, y = numbers(offset, 2)
+    corners = origin.to_geodetic(np.concatenate([np.zeros((1, 3)), np.eye(3)]))
+    zero, *units = from_geodetic(crs, corners)
+    matrix = np.linalg.inv(np.stack([unit - zero for unit in units], axis=1))
+    return Similarity(matrix, -matrix @ (zero - (x, y, 0.0)))
 
 
-def _known(camera: Camera | str, key: str) -> Camera:
-    if isinstance(camera, str):
-        raise InputError(f"'{key}' was taken by a camera of the type {camera}, which is not supported")
-    return camera
+def _grid_name(text: str) -> str:
+    """Returns the name of a grid for pyproj; OpenDroneMap writes `WGS84 UTM 32N`."""
+    words = text.split()
+    if words[:2] == ["WGS84", "UTM"]:
+        return f"EPSG:{326 if words[2].endswith('N') else 327}{int(words[2][:-1]):02}"
+    return text.strip()
 
 
-def _camera(values: dict[str, Any]) -> Camera | str:
-    """Returns a camera, or its type if it is not supported."""
+def _camera(values: dict[str, Any]) -> Camera:
     kind = values.get("projection_type", "perspective")
-    width, height = int(values["width"]), int(values["height"])
-    longer = max(width, height)
-    focal_x = float(values.get("focal_x", values.get("focal", 0))) * longer
-    focal_y = float(values.get("focal_y", values.get("focal", 0))) * longer
-    centre = width / 2 + float(values.get("c_x", 0)) * longer, height / 2 + float(values.get("c_y", 0)) * longer
-    k1, k2, k3, k4, p1, p2 = (float(values.get(key, 0)) for key in ("k1", "k2", "k3", "k4", "p1", "p2"))
-    size, focal = (width, height), (focal_x, focal_y)
-    if kind in ("perspective", "simple_radial", "radial"):
-        return brown_camera(size, focal, centre, (k1, k2))
-    if kind == "brown":
-        return brown_camera(size, focal, centre, (k1, k2, k3), (p1, p2))
-    if kind == "fisheye":
-        return fisheye_camera(size, focal, centre, (k1, k2))
-    if kind == "fisheye_opencv":
-        return fisheye_camera(size, focal, centre, (k1, k2, k3, k4))
-    return str(kind)
+    width, height = size = int(values["width"]), int(values["height"])
+    longer = max(size)
+    focal_x, focal_y = (number(values, name, number(values, "focal")) * longer for name in ("focal_x", "focal_y"))
+    centre = width / 2 + number(values, "c_x") * longer, height / 2 + number(values, "c_y") * longer
+    k1, k2, k3, k4, p1, p2 = (number(values, key) for key in ("k1", "k2", "k3", "k4", "p1", "p2"))
+    refuse_others(values, {"k1", "k2", "k3", "k4", "p1", "p2"})
+    if kind in ("perspective", "simple_radial", "radial", "brown"):
+        return brown_camera(size, (focal_x, focal_y), centre, (k1, k2, k3, k4), (p1, p2))
+    if kind in ("fisheye", "fisheye_opencv"):
+        return fisheye_camera(size, (focal_x, focal_y), centre, (k1, k2, k3, k4), (p1, p2))
+    if kind in ("spherical", "equirectangular"):
+        return spherical_camera(size)
+    raise InputError(f"the camera type {kind} is not supported")
+
+
+def parse_shots(source: Source) -> RawPoses:
+    """Reads shots.geojson. Positions (centres) and rotations are in a grid, whose zone follows from the coordinates."""
+    features = read_json(source.path)["features"]
+    grid = next((found for feature in features[:MAX_NUM_TRIED] if (found := _grid_of(feature)) is not None), None)
+    if grid is None:
+        logger.warning("%s: its translations are not in UTM, so that they belong to no known place", source.path)
+    camera_of_all = source.camera or _only_camera(source.path)
+
+    def parse_feature(feature: dict[str, Any]) -> RawPose:
+        values = feature["properties"]
+        camera = camera_of_all or _camera(values)
+        return RawPose(values["rotation"], values["translation"], str(values["filename"]), camera=camera)
+
+    return RawPoses(each(features, parse_feature), Frame(grid))
+
+
+def _only_camera(path: pathlib.Path) -> Camera | None:
+    """Returns the camera of cameras.json in the project, because shots.geojson has no distortion; None if not known."""
+    for folder in (path.absolute().parent, path.absolute().parent.parent):
+        if (folder / "cameras.json").is_file():
+            cameras = list(read_json(folder / "cameras.json").values())
+            if len(cameras) == 1:
+                return _camera(cameras[0])
+    logger.warning(
+        "%s: has no distortion of the lens: give --camera, or keep cameras.json of one camera beside it", path
+    )
+    return None
+
+
+def _grid_of(feature: dict[str, Any]) -> str | None:
+    """Returns the zone of UTM in which a photo's geographic coordinates are its translation."""
+    try:
+        longitude, latitude, height = numbers(feature["geometry"]["coordinates"], 3)
+        position = np.array(numbers(feature["properties"]["translation"], 3))
+    except (KeyError, TypeError, ValueError):
+        return None
+    middle = int((longitude + 180) // 6) + 1
+    for zone in (middle, middle - 1, middle + 1):
+        grid = f"EPSG:{326 if latitude >= 0 else 327}{(zone - 1) % 60 + 1:02}"
+        (found,) = from_geodetic(find_crs(grid), np.array([[latitude, longitude, height]]))
+        if np.linalg.norm(found - position) < MAX_GRID_ERROR_M:
+            return grid
+    return None

@@ -1,49 +1,262 @@
-"""The formats by name, how a file's format is found, and one line about a bad file."""
+"""The formats by name: each is one row. Options, help and the table in docs/own_data.md follow from these rows."""
 
 import dataclasses
-import math
+import functools
 import pathlib
 from collections.abc import Callable
 
-import numpy as np
-
 from colmap_lazyloc.errors import InputError
-from colmap_lazyloc.model import CAMERA_MODELS, is_model
+from colmap_lazyloc.model import is_model
 from colmap_lazyloc.pose_formats import (
+    blocks_exchange,
+    bundler,
     colmap,
+    json_lists,
     metashape,
     opensfm,
-    reality_capture,
     table,
     trajectories,
     transforms_json,
 )
-from colmap_lazyloc.pose_formats.posed_images import MAX_ROTATION_ERROR, PosedImage, PosedImages, Source
+from colmap_lazyloc.pose_formats.assembly import assemble
+from colmap_lazyloc.pose_formats.conventions import COLMAP, Convention
+from colmap_lazyloc.pose_formats.posed_images import PosedImages, Source
+from colmap_lazyloc.pose_formats.raw_poses import DAMAGE, RawPoses, reason_of
+from colmap_lazyloc.pose_formats.signatures import Head, foreign
 
-HEAD_BYTES = 1 << 16
-MAX_IMAGE_SIZE = 1 << 20  # pixels; more is a mistake
+TO_WORLD, FROM_WORLD = "world_from_cam", "cam_from_world"
 
 
 @dataclasses.dataclass(frozen=True)
 class Format:
-    """A format: what it is, and the function that reads it."""
+    """A format: what it is, how its files are known, what their numbers mean, and the function that reads them.
+
+    `world`, `cameras`, `photos`: where the coordinates are, which intrinsics are read, and how photos are found.
+    `is_trajectory`: poses are those of a body, on which a calibration may say where the camera is.
+    """
 
     title: str
-    read: Callable[[Source], PosedImages]
+    parse: Callable[[Source], RawPoses]
+    is_one: Callable[[Head], bool]
+    convention: Convention
+    world: str = "the file's"
+    cameras: str = "--camera"
+    photos: str = "name"
+    is_trajectory: bool = False
 
 
-FORMATS = {
-    "colmap": Format("COLMAP model", colmap.read),
-    "transforms": Format("transforms.json of nerfstudio, instant-ngp or Polycam", transforms_json.read),
-    "arkit": Format("table of ARKit poses", trajectories.read_arkit),
-    "arcore": Format("table of ARCore poses", trajectories.read_arcore),
-    "metashape": Format("XML file of Metashape's cameras", metashape.read),
-    "realitycapture": Format("CSV file of RealityCapture's cameras", reality_capture.read),
-    "opensfm": Format("reconstruction.json of OpenSfM or OpenDroneMap", opensfm.read),
-    "tum": Format("trajectory of TUM's format", trajectories.read_tum),
-    "kitti": Format("trajectory of KITTI's format", trajectories.read_kitti),
-    "csv": Format("table of names, positions and rotations", table.read),
+def _trajectory(
+    title: str,
+    layouts: tuple[str, ...],
+    is_one: Callable[[Head], bool],
+    convention: Convention,
+    photos: str = "time",
+    reader: Callable[..., RawPoses] = trajectories.parse,
+) -> Format:
+    """Returns the row of a table whose columns have names, or a layout."""
+    parse = functools.partial(reader, layouts=layouts, convention=convention)
+    cameras = "--camera or --calibration"
+    return Format(title, parse, is_one, convention, cameras=cameras, photos=photos, is_trajectory=True)
+
+
+FORMATS: dict[str, Format] = {
+    "colmap": Format(
+        "COLMAP: the folder of a model, text or binary",
+        colmap.parse,
+        lambda f: f.is_model,
+        COLMAP,
+        "that of geo.json, if it is beside the model",
+        "all",
+    ),
+    "poses": Format(
+        "poses.txt of this program and of hloc: name qw qx qy qz tx ty tz",
+        colmap.parse_poses,
+        lambda f: _has_names_and(7, f),
+        COLMAP,
+    ),
+    "transforms": Format(
+        "transforms.json of nerfstudio, instant-ngp, Polycam, NeRF's synthetic scenes",
+        transforms_json.parse,
+        lambda f: f.json("frames"),
+        Convention(TO_WORLD, "opengl", "matrix"),
+        cameras="fl_x, fl_y, cx, cy, w, h, camera_angle_x, k1 to k6, p1, p2, camera_model; of the file or of a frame",
+    ),
+    "arkit": _trajectory(
+        "Tables of ARKit: Polycam's columns t_00 ... t_23, ios_logger, ARKit Data Logger",
+        trajectories.ARKIT,
+        lambda f: any(word in f.name for word in ("arkit", "arposes")) or f.has("t00|m00"),
+        Convention(TO_WORLD, "opengl"),
+        "name, or time",
+    ),
+    "arcore": _trajectory(
+        "Tables of ARCore's Camera.getPose()",
+        trajectories.ARCORE,
+        lambda f: "arcore" in f.name,
+        Convention(TO_WORLD, "opengl", quaternion="xyzw"),
+        "name, or time",
+    ),
+    "strayscanner": _trajectory(
+        "Stray Scanner: odometry.csv",
+        (),
+        lambda f: f.has(*trajectories.STRAY_SCANNER),
+        Convention(TO_WORLD, quaternion="xyzw"),
+        "number of the frame",
+    ),
+    "euroc": _trajectory(
+        "EuRoC: data.csv of the ground truth, of the body; needs --calibration",
+        (),
+        lambda f: f.has("prsrx"),
+        Convention(TO_WORLD, "body"),
+        reader=trajectories.parse_of_body,
+    ),
+    "metashape": Format(
+        "Metashape: Export Cameras, Agisoft XML",
+        metashape.parse,
+        lambda f: f.xml("<chunk"),
+        Convention(TO_WORLD, rotation="matrix"),
+        "local, or on the Earth if the chunk has a reference",
+        "frame, fisheye, spherical: f, cx, cy, k1 to k4, p1, p2, b1",
+    ),
+    "blocksexchange": Format(
+        "ContextCapture, iTwin Capture, Metashape: BlocksExchange XML",
+        blocks_exchange.parse,
+        lambda f: f.xml("<BlocksExchange"),
+        blocks_exchange.CONVENTION,
+        "local, or the block's projected reference system",
+        "Perspective: focal length, PrincipalPoint, K1 to K3, P1, P2",
+    ),
+    "realitycapture": Format(
+        "RealityCapture, RealityScan 2: Internal/External camera parameters, CSV",
+        table.parse_reality_capture,
+        lambda f: (
+            f.has("pitch", "roll", "heading|yaw")
+            and (f.has("f35mm|pxnorm") or f.has("f", "t1|px") or (f.starts("#") and f.has("alt", "heading")))
+        ),
+        Convention(TO_WORLD, "opengl", "yaw, pitch, roll", vector="centre"),
+        "the file's; with --crs on the Earth, and headings are from true north",
+        "f (35 mm film), px, py, k1 to k3, t1, t2; needs --image_path",
+    ),
+    "pix4d": Format(
+        "Pix4D: calibrated_external_camera_parameters.txt",
+        table.parse,
+        lambda f: f.has("imagename", *table.ANGLES),
+        Convention(TO_WORLD, "opengl", "omega, phi, kappa", vector="centre"),
+        "the file's; with --crs on the Earth",
+    ),
+    "opensfm": Format(
+        "OpenSfM, OpenDroneMap: reconstruction.json",
+        opensfm.parse,
+        lambda f: f.starts("[") and f.json("shots|cameras"),
+        Convention(FROM_WORLD, rotation="rotation vector"),
+        "local frame at reference_lla",
+        "perspective, radial, brown, fisheye, spherical",
+    ),
+    "odmshots": Format(
+        "OpenDroneMap: odm_report/shots.geojson",
+        opensfm.parse_shots,
+        lambda f: f.json("features", "rotation", "filename"),
+        Convention(FROM_WORLD, rotation="rotation vector", vector="centre"),
+        "UTM, in the zone of the coordinates",
+        "those of cameras.json, or focal without distortion",
+    ),
+    "bundler": Format(
+        "Bundler: bundle.out with list.txt",
+        bundler.parse,
+        lambda f: f.starts("# Bundle file"),
+        Convention(FROM_WORLD, "opengl", "matrix"),
+        cameras="focal length, k1, k2",
+    ),
+    "nvm": Format(
+        "VisualSFM: NVM_V3",
+        bundler.parse_nvm,
+        lambda f: f.starts("NVM_V3"),
+        Convention(FROM_WORLD, vector="centre"),
+        cameras="focal length, distortion, FixedK",
+    ),
+    "cambridge": Format(
+        "Cambridge Landmarks: dataset_train.txt",
+        bundler.parse_cambridge,
+        lambda f: f.starts("Visual Landmark Dataset"),
+        Convention(FROM_WORLD, vector="centre"),
+    ),
+    "record3d": Format(
+        "Record3D: metadata.json",
+        json_lists.parse_record3d,
+        lambda f: f.json("poses", "K"),
+        Convention(TO_WORLD, "opengl", quaternion="xyzw"),
+        cameras="K, perFrameIntrinsicCoeffs",
+        photos="number of the frame",
+    ),
+    "polycam": Format(
+        "Polycam's raw data: the folder of keyframes, corrected_cameras",
+        json_lists.parse_polycam,
+        lambda f: f.is_folder and any(Head(path).json("t_00") for path in sorted(f.path.glob("*.json"))[:1]),
+        Convention(TO_WORLD, "opengl", "matrix"),
+        cameras="fx, fy, cx, cy, width, height",
+    ),
+    "splatting": Format(
+        "3D Gaussian Splatting: cameras.json",
+        json_lists.parse_splatting,
+        lambda f: f.json("img_name", "position", "rotation"),
+        Convention(TO_WORLD, rotation="matrix", vector="centre"),
+        cameras="fx, fy",
+    ),
+    "rtabmap": _trajectory(
+        "RTAB-Map: poses with ids, ..._camera_poses.txt; those of the robot need --calibration",
+        trajectories.RTABMAP,
+        lambda f: f.num_numbers == 9,
+        Convention(TO_WORLD, quaternion="xyzw"),
+        "number (the id), or time",
+        trajectories.parse_of_body,
+    ),
+    "tum": _trajectory(
+        "Trajectories of SLAM, as TUM has them: timestamp tx ty tz qx qy qz qw",
+        trajectories.TUM,
+        lambda f: f.num_numbers == 8 or (f.has("timestamp|time", "x|tx|px", "qw") and not f.has("|".join(table.NAME))),
+        Convention(TO_WORLD, quaternion="xyzw"),
+        "time, or number",
+        functools.partial(trajectories.parse, takes_names=False),
+    ),
+    "kitti": _trajectory(
+        "KITTI odometry: a 3 x 4 matrix per line",
+        trajectories.KITTI,
+        lambda f: f.num_numbers == 12,
+        Convention(TO_WORLD, rotation="matrix"),
+        "order",
+    ),
+    "kitti360": _trajectory(
+        "KITTI-360: a frame and a matrix per line, cam0_to_world.txt; poses.txt is of the body and needs --calibration",
+        trajectories.KITTI360,
+        lambda f: f.num_numbers in (13, 17) and f.first_row[0].isdecimal(),
+        Convention(TO_WORLD, rotation="matrix"),
+        "number of the frame",
+        trajectories.parse_of_body,
+    ),
+    "matrices": Format(
+        "4 x 4 matrices: one per line, one per four lines, or a folder with one per file (ScanNet, 7 Scenes, Open3D)",
+        trajectories.parse_matrices,
+        lambda f: f.has_matrices,
+        Convention(TO_WORLD, rotation="matrix"),
+        photos="number, or order",
+        is_trajectory=True,
+    ),
+    "csv": Format(
+        "A table of your own",
+        table.parse,
+        lambda f: f.is_table,
+        Convention(TO_WORLD, vector="centre"),
+        "the file's; on the Earth with latitude and longitude, or --crs",
+        "width, height, fx, fy, cx, cy, k1 to k6, p1, p2, camera_model",
+    ),
 }
+
+
+def _has_names_and(count: int, head: Head) -> bool:
+    """True if the first line is a name and numbers, separated by blanks."""
+    words = head.first_line.rsplit(maxsplit=count)
+    if len(words) != count + 1 or head.count_numbers(words[1:]) != count:
+        return False
+    return head.count_numbers(words[0].split()) == 0 or head.has("name", "qw", "tx")
 
 
 def read_posed_images(source: Source, format_name: str | None = None) -> PosedImages:
@@ -51,83 +264,36 @@ def read_posed_images(source: Source, format_name: str | None = None) -> PosedIm
     if not source.path.exists():
         raise InputError(f"{source.path}: does not exist")
     form = FORMATS[format_name or find_format(source.path)]
+    if source.calibration_path is not None and not form.is_trajectory:
+        raise InputError(f"--calibration {source.calibration_path}: is for trajectories; {source.path} has names")
     try:
-        posed = form.read(source)
-        _check(posed)
-    except KeyError as error:
-        raise InputError(f"{source.path}: is not a {form.title}: it lacks {error}") from None
-    except (ArithmeticError, AttributeError, IndexError, OSError, TypeError, ValueError) as error:
-        text = str(error)
-        if isinstance(error, InputError) and text.startswith((str(source.path), "--")):
+        raw = form.parse(source)
+        return assemble(raw, raw.convention or form.convention, source)
+    except (*DAMAGE, OSError) as error:
+        text = reason_of(error)
+        if isinstance(error, InputError) and text.startswith(str(source.path)):
             raise
-        joint = "" if isinstance(error, InputError) else f"is not a {form.title}: "
+        joint = "" if isinstance(error, InputError) else f"is no file of the format {form.title}: "
         raise InputError(f"{source.path}: {joint}{text}") from None
-    if not posed.images:
-        where = f" is in {source.photos.folder}" if source.photos.folder else " has a pose"
-        raise InputError(f"{source.path}: no photo that it names{where}")
-    return posed
 
 
 def find_format(path: pathlib.Path) -> str:
     """Returns the name of a file's format by its content."""
-    if path.is_dir():
-        if is_model(path):
-            return "colmap"
-        raise InputError(f"{path}: holds no COLMAP model (no images.bin or images.txt)")
     try:
-        with path.open("rb") as file:
-            head = file.read(HEAD_BYTES).decode("utf-8", "replace")
+        head = Head(path)
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror}") from None
-    name = _format_of_text(path, head)
-    if name is None:
-        raise InputError(f"{path}: its format is not known; name it: {', '.join(FORMATS)}")
-    return name
-
-
-def _format_of_text(path: pathlib.Path, head: str) -> str | None:
-    start = head.lstrip("\ufeff \t\r\n")
-    if start.startswith(("{", "[")):
-        return "opensfm" if start.startswith("[") else "transforms"
-    if start.startswith("<"):
-        return "metashape"
-    if "heading" in start and "alt" in start and start.startswith("#"):
-        return "realitycapture"
-    if any(name in path.name.lower() for name in ("arkit", "arposes")):
-        return "arkit"
-    if "arcore" in path.name.lower():
-        return "arcore"
-    lines = [line for line in start.splitlines() if line.strip()]
-    body = [line for line in lines if not line.startswith("#")]
-    try:
-        count = len([float(word) for word in body[0].split()]) if body else 0
-    except ValueError:
-        return "csv" if any(separator in lines[0] for separator in ",;\t") else None
-    return {8: "tum", 12: "kitti"}.get(count)
-
-
-def _check(posed: PosedImages) -> None:
-    """Checks what all formats must give."""
-    names = set()
-    for image in posed.images:
-        if image.name in names:
-            raise InputError(f"two poses belong to '{image.name}'")
-        names.add(image.name)
-        if not image.name.isprintable() or not image.name:
-            raise InputError(f"a photo has the name {image.name!r}")
-        _check_image(image)
-
-
-def _check_image(image: PosedImage) -> None:
-    camera, pose = image.camera, image.cam_from_world
-    num_params = dict(CAMERA_MODELS).get(camera.model)
-    if num_params != len(camera.params):
-        raise InputError(f"'{image.name}' has {len(camera.params)} parameters for the camera model {camera.model}")
-    if not (0 < camera.width <= MAX_IMAGE_SIZE and 0 < camera.height <= MAX_IMAGE_SIZE):
-        raise InputError(f"'{image.name}' has the size {camera.width} x {camera.height}")
-    if not all(map(math.isfinite, camera.params)) or not camera.params[0] > 0:
-        raise InputError(f"'{image.name}' has a focal length or a distortion that cannot be")
-    if not np.all(np.isfinite([*pose.qvec, *pose.tvec])):
-        raise InputError(f"'{image.name}' has a pose that is not finite")
-    if abs(float(np.linalg.norm(pose.qvec)) - 1) > MAX_ROTATION_ERROR:
-        raise InputError(f"'{image.name}' has a rotation that is not one")
+    *names, last = FORMATS  # the last is found by the little that a table has
+    name = next((name for name in names if FORMATS[name].is_one(head)), None)
+    if name is not None:
+        return name
+    other = foreign(head)
+    if other is not None:
+        raise InputError(f"{path}: {other}")
+    if FORMATS[last].is_one(head):
+        return last
+    if path.is_dir():
+        inside = next((folder for folder in sorted(path.iterdir()) if is_model(folder)), None)
+        hint = f"; give {inside}" if inside else ""
+        raise InputError(f"{path}: holds no COLMAP model (no images.bin or images.txt){hint}")
+    raise InputError(f"{path}: its format is not known; name it: {', '.join(FORMATS)}")

@@ -5,10 +5,11 @@ import pathlib
 from collections.abc import Mapping
 from typing import Any
 
-from colmap_lazyloc.errors import InputError
+from colmap_lazyloc.errors import InputError, logger
 from colmap_lazyloc.model import Camera
-from colmap_lazyloc.pose_formats.posed_images import Photos, PosedImage, PosedImages, numbers, quaternion_rotation
-from colmap_lazyloc.pose_formats.text import read_json
+from colmap_lazyloc.pose_formats.conventions import quaternion_rotation
+from colmap_lazyloc.pose_formats.posed_images import Photos, PosedImage, PosedImages
+from colmap_lazyloc.pose_formats.text import numbers, read_json
 from colmap_lazyloc.poses import Pose
 
 
@@ -52,12 +53,15 @@ class Rig:
                     if camera.cam_from_rig is not None:
                         pose = camera.cam_from_rig @ pose
                     images.append(PosedImage(name, own, pose))
+        for prefix in self.cameras:
+            if not any(image.name.startswith(prefix) for image in images):
+                logger.warning("camera %s of the rig has no photo beside one of %s", prefix, self.reference)
         return dataclasses.replace(posed, images=images)
 
 
 def _read_camera(entry: Mapping[str, Any]) -> RigCamera:
     pose = None
     if not entry.get("ref_sensor"):
-        rotation = quaternion_rotation(*numbers(entry["cam_from_rig_rotation"], 4))
+        rotation = quaternion_rotation(numbers(entry["cam_from_rig_rotation"], 4))
         pose = Pose.from_matrix(rotation, numbers(entry["cam_from_rig_translation"], 3))
     return RigCamera(pose, entry.get("camera_model_name"), tuple(map(float, entry.get("camera_params", ()))))

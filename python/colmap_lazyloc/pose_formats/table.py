@@ -1,77 +1,134 @@
-"""Reads a table with a row for each photo: its name, where the camera was, how it was turned, and its intrinsics.
+"""Reads tables with a row for each photo: its name, where the camera was, how it was turned, and its intrinsics."""
 
-Positions are x, y, z or latitude, longitude, height. Rotations are quaternions of the camera's axes in the world
-(world_from_cam), or yaw (clockwise from north), pitch (up from the horizon, -90 looks down) and roll in degrees.
-"""
+import dataclasses
+import functools
 
-import numpy as np
-from numpy.typing import NDArray
-
-from colmap_lazyloc.errors import InputError
+from colmap_lazyloc.errors import logger
 from colmap_lazyloc.model import Camera
-from colmap_lazyloc.pose_formats.angles import LEVEL_CAMERA, rotation_of_angles
-from colmap_lazyloc.pose_formats.cameras import brown_camera
-from colmap_lazyloc.pose_formats.geo import Georeference
-from colmap_lazyloc.pose_formats.posed_images import PosedImage, PosedImages, Source, quaternion_rotation
-from colmap_lazyloc.pose_formats.text import Entry, Table
-from colmap_lazyloc.poses import Pose
+from colmap_lazyloc.pose_formats.cameras import brown_camera, named_camera, number, refuse_others, size_of
+from colmap_lazyloc.pose_formats.conventions import COLMAP, Convention
+from colmap_lazyloc.pose_formats.frames import GEOGRAPHIC, Frame
+from colmap_lazyloc.pose_formats.posed_images import Source
+from colmap_lazyloc.pose_formats.raw_poses import CameraOfSize, RawPose, RawPoses, each
+from colmap_lazyloc.pose_formats.text import Names, Row, Table
 
-NAME = ("name", "image", "image_name", "file", "filename", "file_name", "label", "sourcefile", "photo")
+NAME = (
+    *("name", "image", "image_name", "imagefile", "file", "filename", "file_name", "file_path", "label"),
+    *("sourcefile", "photo"),
+)
 LATITUDE = ("latitude", "lat", "gpslatitude")
 LONGITUDE = ("longitude", "lon", "lng", "long", "gpslongitude")
 HEIGHT = ("height_m", "altitude", "alt", "elevation", "ellipsoidal_height", "gpsaltitude", "z")
+CENTRE = (("x", "px", "easting"), ("y", "py", "northing"), ("z", "pz"))
+TRANSLATION = ("tx", "ty", "tz")
+QUATERNION = ("qw", "qx", "qy", "qz")
 YAW = ("yaw", "heading", "azimuth", "gimbalyawdegree", "yaw_deg")
 PITCH = ("pitch", "gimbalpitchdegree", "pitch_deg")
 ROLL = ("roll", "gimbalrolldegree", "roll_deg")
-X, Y, Z = (("x", "tx", "px"), ("y", "ty", "py"), ("z", "tz", "pz"))
+ANGLES = ("omega", "phi", "kappa")
+EXPECTED = (
+    "name; x, y, z (the centre) or latitude, longitude, altitude or tx, ty, tz (cam_from_world, as COLMAP's); qw, qx, "
+    "qy, qz or yaw, pitch, roll or omega, phi, kappa"
+)
+FILM_MM = 36.0
+FILM_COEFFICIENTS = ("k1", "k2", "k3", "k4", "t1", "t2")
+ALIASES = {"width": "w", "height": "h", "heightpx": "h", "f": "fx", "model": "cameramodel"}
+CAMERA_COLUMNS = (
+    *("w", "h", "fx", "fy", "flx", "fly", "cx", "cy", "cameraanglex", "cameraangley", "cameramodel", "isfisheye"),
+    *("k1", "k2", "k3", "k4", "k5", "k6", "p1", "p2", *ALIASES),
+)
 
 
-def read(source: Source) -> PosedImages:
+def parse(source: Source) -> RawPoses:
+    """Reads a table of one's own."""
     table = Table(source.path)
-    if not table.columns:
-        raise InputError(f"{source.path}: has no row with the names of its columns")
-    rows = [(source.find_photo(entry.text(*NAME)), entry) for entry in table.entries()]
-    found = [(name, entry) for name, entry in rows if name is not None]
-    if not found:
-        return PosedImages([])
-    is_geographic = found[0][1].has(LATITUDE, LONGITUDE)
-    # Beside a width, the height is that of the image.
-    heights = HEIGHT if found[0][1].has("width") else (*HEIGHT, "height")
-    columns = (LATITUDE, LONGITUDE, heights) if is_geographic else (X, Y, Z)
-    positions = np.array([[entry.number(*names) for names in columns] for _, entry in found])
-    place = None
-    if is_geographic or source.crs is not None:
-        place = Georeference(positions, None if is_geographic else source.crs, source.origin)
-        positions = place.positions
-    images = []
-    for index, (name, entry) in enumerate(found):
-        camera = source.camera or camera_of_entry(entry) or _missing_camera(source)
-        images.append(PosedImage(name, camera, Pose.from_centre(_rotation(entry, place, index).T, positions[index])))
-    return PosedImages(images, None if place is None else place.origin)
+    vector, frame, convention = _position(table)
+    rotation, convention = _rotation(table, convention)
+    table.require(EXPECTED, NAME, *vector, *rotation)
+
+    def parse_row(row: Row) -> RawPose:
+        turn = row.numbers(*rotation)
+        turn += [0.0] * (3 - len(turn))  # without a column for roll
+        camera = None if source.camera is not None else camera_of_row(row)
+        return RawPose(turn, row.numbers(*vector), row.text(NAME), camera=camera)
+
+    poses = each(table.rows(), parse_row, lambda row: row.label)
+    table.report_unused(CAMERA_COLUMNS)
+    if vector == TRANSLATION:
+        logger.info("%s: tx, ty, tz are taken as COLMAP's cam_from_world (x, y, z would be the centre)", source.path)
+    return RawPoses(poses, frame, convention)
 
 
-def camera_of_entry(entry: Entry) -> Camera | None:
+def _position(table: Table) -> tuple[tuple[Names, ...], Frame, Convention]:
+    """Returns the columns of the positions, and what they are."""
+    of_centre = Convention("world_from_cam", vector="centre")
+    if table.has(LATITUDE, LONGITUDE):
+        # Beside a width, the height is that of the image.
+        heights = HEIGHT if table.has("width") else (*HEIGHT, "height")
+        return (LONGITUDE, LATITUDE, heights), Frame(GEOGRAPHIC), of_centre
+    if table.has(*TRANSLATION) and not table.has(*CENTRE):
+        return TRANSLATION, Frame(), COLMAP
+    return CENTRE, Frame(), of_centre
+
+
+def _rotation(table: Table, convention: Convention) -> tuple[tuple[Names, ...], Convention]:
+    """Returns the columns of the rotations, and what they are."""
+    if table.has(*QUATERNION) or convention == COLMAP:
+        return quaternion_columns(table, convention)
+    if table.has(*ANGLES):
+        return ANGLES, dataclasses.replace(convention, camera_axes="opengl", rotation="omega, phi, kappa")
+    roll = (ROLL,) if table.has(ROLL) else ()
+    return (YAW, PITCH, *roll), dataclasses.replace(convention, camera_axes="rfu", rotation="yaw, pitch, roll")
+
+
+def quaternion_columns(
+    table: Table, convention: Convention, names: tuple[str, ...] = QUATERNION
+) -> tuple[tuple[Names, ...], Convention]:
+    """Returns the columns of a quaternion in the order in which the table has them."""
+    places = [table.find(name) for name in names]
+    if places[0] is not None and places[1] is not None and places[0] > places[1]:
+        return (*names[1:], names[0]), dataclasses.replace(convention, rotation="quaternion", quaternion="xyzw")
+    return names, dataclasses.replace(convention, rotation="quaternion", quaternion="wxyz")
+
+
+def camera_of_row(row: Row) -> Camera | CameraOfSize | None:
     """Returns the intrinsics in the row of a table; None if it has none."""
-    if not entry.has(("width", "w"), ("height_px", "height", "h"), ("fx", "fl_x", "f")):
+    values = {ALIASES.get(name, name): value for name, value in row.values.items()}
+    if not {"fx", "flx", "cameraanglex"} & set(values):
         return None
-    width, height = entry.number("width", "w"), entry.number("height_px", "height", "h")
-    focal_x = entry.number("fx", "fl_x", "f")
-    focal = focal_x, entry.number("fy", "fl_y", default=focal_x)
-    centre = entry.number("cx", default=width / 2), entry.number("cy", default=height / 2)
-    k1, k2, k3, p1, p2 = (entry.number(key, default=0) for key in ("k1", "k2", "k3", "p1", "p2"))
-    return brown_camera((int(width), int(height)), focal, centre, (k1, k2, k3), (p1, p2))
+    size = size_of(values)
+    return functools.partial(named_camera, values) if size is None else named_camera(values, size)
 
 
-def _rotation(entry: Entry, place: Georeference | None, index: int) -> NDArray[np.float64]:
-    """Returns the camera's axes in the world."""
-    if entry.has("qw", "qx", "qy", "qz"):
-        return quaternion_rotation(*entry.numbers("qw qx qy qz"))
-    if not entry.has(YAW, PITCH):
-        raise InputError("there is neither a quaternion (qw, qx, qy, qz) nor yaw, pitch and roll")
-    angles = entry.number(*YAW), entry.number(*PITCH), entry.number(*ROLL, default=0)
-    rotation = rotation_of_angles(*angles) @ LEVEL_CAMERA
-    return rotation if place is None else np.asarray(place.axes(index) @ rotation)
+def parse_reality_capture(source: Source) -> RawPoses:
+    """Reads "Internal/External camera parameters" of RealityCapture, and of RealityScan 2, which has other names.
+
+    At heading, pitch and roll 0 a camera looks down, with the top of its image to the north.
+    """
+    table = Table(source.path)
+    position: tuple[Names, ...] = ("x", "y", ("alt", "z"))
+    angles: tuple[Names, ...] = (("heading", "yaw"), "pitch", "roll")
+    table.require("name, x, y, alt, heading (or yaw), pitch, roll", "name", *position, *angles)
+
+    def parse_row(row: Row) -> RawPose:
+        camera = None if source.camera is not None else functools.partial(_film_camera, row.values)
+        return RawPose(row.numbers(*angles), row.numbers(*position), row.text("name"), camera=camera)
+
+    poses = each(table.rows(), parse_row, lambda row: row.label)
+    table.report_unused(("f", "f35mm", "px", "py", "pxnorm", "pynorm", *FILM_COEFFICIENTS))
+    return RawPoses(poses, Frame(true_north=True))
 
 
-def _missing_camera(source: Source) -> Camera:
-    raise InputError(f"{source.path}: has no intrinsics (columns width, height, fx, fy, cx, cy): give them as --camera")
+def _film_camera(values: dict[str, str], size: tuple[int, int]) -> Camera:
+    """Returns a camera with the focal length of a film 36 mm wide, and the principal point relative to the longer side
+    of the photo, from its middle."""
+    if not {"f", "f35mm"} & set(values):
+        raise ValueError("there are no intrinsics: give them as --camera")
+    longer = max(size)
+    focal = number(values, "f35mm" if "f35mm" in values else "f") / FILM_MM * longer
+    px, py = (number(values, name if name in values else f"{name}norm") for name in ("px", "py"))
+    k1, k2, k3, k4, t1, t2 = (number(values, name) for name in FILM_COEFFICIENTS)
+    refuse_others(values, set(FILM_COEFFICIENTS))
+    # t1 and t2 are OpenCV's p2 and p1.
+    centre = size[0] / 2 + px * longer, size[1] / 2 + py * longer
+    return brown_camera(size, (focal, focal), centre, (k1, k2, k3, k4), (t2, t1))

@@ -1,14 +1,20 @@
-"""Reads JSON files and tables."""
+"""Reads JSON, XML and tables."""
 
 import csv
 import json
 import pathlib
 import re
-from collections.abc import Mapping, Sequence
+import xml.etree.ElementTree as ET
+from collections.abc import Sequence
 from typing import Any
 
-from colmap_lazyloc.errors import InputError
+from colmap_lazyloc.errors import InputError, logger
 from colmap_lazyloc.text_files import read_lines
+
+_PLACEHOLDERS = "nan -nan inf -inf null none n/a na -"  # how programs write that a value is missing
+MISSING = ("", *_PLACEHOLDERS.split())
+
+Names = str | Sequence[str]  # of a column: any one of several
 
 
 def read_json(path: pathlib.Path) -> Any:
@@ -21,70 +27,117 @@ def read_json(path: pathlib.Path) -> Any:
         raise InputError(f"{path}: is not JSON: it is damaged or cut off") from None
 
 
-class Table:
-    """The rows of a file with columns separated by commas, semicolons or blanks, and the columns' names if it has any.
+def read_xml(path: pathlib.Path) -> ET.Element:
+    """Reads a file of XML, without the prefixes of its names."""
+    try:
+        root = ET.fromstring(path.read_bytes())
+    except (ET.ParseError, ValueError, LookupError) as error:
+        raise InputError(f"{path}: is not XML: it is damaged or cut off: {error}") from None
+    for element in root.iter():
+        element.tag = element.tag.rpartition("}")[2]
+    return root
 
-    Names are compared without case, blanks, underscores and units in brackets.
+
+class Table:
+    """The rows of a file with columns separated by commas, semicolons, tabs or blanks, by the names of their columns.
+
+    Names of columns are compared without case, blanks, underscores and units in brackets.
     """
 
-    def __init__(self, path: pathlib.Path):
+    def __init__(self, path: pathlib.Path, layouts: Sequence[str] = ()):
+        """`layouts`: names of the columns of a file that has no row with names, one for each number of columns."""
+        self.path = path
         lines = [line.strip().removeprefix("\ufeff") for line in read_lines(path)]
-        lines = [line for line in lines if line and not re.match(r"#\s*cameras\b", line)]
-        header = next((line for line in lines if re.search(r"[a-df-zA-DF-Z]{2}", line)), "")
-        is_header = bool(lines) and lines[0] == header and not _is_number(_split(header)[-1])
-        self.columns = [simple_name(word) for word in _split(header.lstrip("# "))] if is_header else []
-        body = [line for line in lines[is_header:] if not line.startswith("#")]
-        self.rows = [_split(line, header if is_header else line) for line in body]
-        width = len(self.columns) if is_header else max(map(len, self.rows), default=0)
-        for row in self.rows:
-            if len(row) != width:
-                raise InputError(f"{path}: a row has {len(row)} columns instead of {width}: '{' '.join(row)[:60]}'")
-        if not self.rows:
+        body = [(number, line) for number, line in enumerate(lines, 1) if line and not line.startswith("#")]
+        heads = [line for line in lines[: body[0][0] if body else None] if line]
+        head = next((line for line in reversed(heads) if _is_header(line)), None)
+        like = head if head is not None and separator_of(head) else body[0][1] if body else ""
+        self._rows = [(number, split(line, like)) for number, line in body if line != head]
+        if not self._rows:
             raise InputError(f"{path}: has no rows")
+        self.titles = [] if head is None else split(head.lstrip("# "), like)
+        count = len(self._rows[0][1])
+        known = {"qw", "m00", "r00", *(word for layout in layouts for word in layout.split())}
+        # A comment may have as many words as there are columns.
+        if layouts and (len(self.titles) != count or known.isdisjoint(map(simple_name, self.titles))):
+            self.titles = next((words for layout in layouts if len(words := layout.split()) == count), [])
+            if not self.titles:
+                counts = " or ".join(str(len(layout.split())) for layout in layouts)
+                raise InputError(f"{path}: has {count} columns instead of {counts}")
+        if not self.titles:
+            raise InputError(f"{path}: has no row with the names of its columns")
+        self.columns = [simple_name(title) for title in self.titles]
+        twice = next((name for name in self.columns if name and self.columns.count(name) > 1), None)
+        if twice is not None:
+            raise InputError(f"{path}: has two columns '{twice}'")
+        self._used: set[str] = set()
 
-    def entries(self) -> list["Entry"]:
-        """Returns the rows with the names of their columns."""
-        return [Entry(dict(zip(self.columns, row))) for row in self.rows]
+    def rows(self) -> list["Row"]:
+        return [Row(self, number, words) for number, words in self._rows]
+
+    def has(self, *names: Names) -> bool:
+        """True if there is a column for each of the names."""
+        return all(self.find(name) is not None for name in names)
+
+    def find(self, names: Names) -> int | None:
+        """Returns the place of the first column that has one of these names."""
+        for name in (names,) if isinstance(names, str) else names:
+            if simple_name(name) in self.columns:
+                self._used.add(simple_name(name))
+                return self.columns.index(simple_name(name))
+        return None
+
+    def require(self, expected: str, *names: Names) -> None:
+        """Refuses a table without one of these columns."""
+        if not self.has(*names):
+            raise InputError(f"{self.path}: has the columns {', '.join(self.titles)[:300]}; expected are {expected}")
+
+    def report_unused(self, used: Sequence[str] = ()) -> None:
+        """Names the columns that nobody has looked for, and that are not among those used."""
+        known = self._used.union(used)
+        unused = [title for title, column in zip(self.titles, self.columns) if column and column not in known]
+        if unused:
+            logger.warning("%s: columns that are not used: %s", self.path, ", ".join(unused)[:300])
 
 
-class Entry:
+class Row:
     """A row of a table by the names of its columns."""
 
-    def __init__(self, values: Mapping[str, str]):
-        self._values = values
+    def __init__(self, table: Table, line_number: int, words: list[str]):
+        self.label = f"line {line_number}"
+        self._table, self._words = table, words
 
-    def has(self, *names: str | Sequence[str]) -> bool:
-        """True if the row has a value for each of the names; a list of names means any of these."""
-        return all(self._find(name) is not None for name in names)
+    @property
+    def values(self) -> dict[str, str]:
+        """The values by the simple names of their columns, without those that are missing."""
+        self._check()
+        pairs = zip(self._table.columns, self._words)
+        return {name: word for name, word in pairs if word.lower() not in MISSING}
 
-    def text(self, *names: str) -> str:
-        """Returns the first of the values that the row has."""
-        value = self._find(names)
-        if value is None:
-            raise InputError(f"there is no column '{names[0]}'")
-        return value
+    def text(self, names: Names) -> str:
+        """Returns the value of a column."""
+        self._check()
+        place = self._table.find(names)
+        title = names if isinstance(names, str) else names[0]
+        if place is None or self._words[place].lower() in MISSING:
+            raise ValueError(f"there is no {title}")
+        return self._words[place]
 
-    def number(self, *names: str, default: float | None = None) -> float:
-        """Returns the first of the values that the row has as a number."""
-        value = self._find(names)
-        if value is None and default is not None:
-            return default
-        text = self.text(*names)
+    def number(self, names: Names) -> float:
+        """Returns the value of a column as a number."""
+        text = self.text(names)
         try:
             return float(text)
         except ValueError:
-            raise InputError(f"column '{names[0]}': expected a number, found '{text[:40]}'") from None
+            raise ValueError(f"expected a number, found '{text[:40]}'") from None
 
-    def numbers(self, names: str) -> list[float]:
-        """Returns the values of several columns, whose names are separated by blanks."""
-        return [self.number(name) for name in names.split()]
+    def numbers(self, *names: Names) -> list[float]:
+        """Returns the values of several columns."""
+        return [self.number(name) for name in names]
 
-    def _find(self, names: str | Sequence[str]) -> str | None:
-        for name in (names,) if isinstance(names, str) else names:
-            value = self._values.get(simple_name(name), "")
-            if value != "":
-                return value
-        return None
+    def _check(self) -> None:
+        if len(self._words) != len(self._table.columns):
+            raise ValueError(f"there are {len(self._words)} columns instead of {len(self._table.columns)}")
 
 
 def simple_name(text: str) -> str:
@@ -92,21 +145,34 @@ def simple_name(text: str) -> str:
     return re.sub(r"\[.*?\]|\(.*?\)|[\s_#\"]", "", text).lower()
 
 
-def _split(line: str, like: str | None = None) -> list[str]:
-    """Splits a line at the separator that it has, or that another line has."""
-    like = like or line
-    separator = next((separator for separator in (",", ";", "\t") if separator in like), None)
+def separator_of(line: str) -> str | None:
+    """Returns what separates the columns of a line; None for blanks."""
+    return next((separator for separator in (";", ",", "\t") if separator in line), None)
+
+
+def split(line: str, like: str) -> list[str]:
+    """Splits a line at the separator that another line has."""
+    separator = separator_of(like)
     if separator is None:
         return line.split()
     try:
-        return [word.strip() for word in next(csv.reader([line], delimiter=separator))]
-    except csv.Error:
+        words = [word.strip() for word in next(csv.reader([line], delimiter=separator))]
+    except (csv.Error, StopIteration):
         return [line]
+    if separator == ";":  # numbers may have decimal commas
+        words = [re.sub(r"^(-?\d+),(\d+)$", r"\1.\2", word) for word in words]
+    return words
 
 
-def _is_number(word: str) -> bool:
-    try:
-        float(word)
-    except ValueError:
-        return False
-    return True
+def numbers(values: Any, count: int) -> list[float]:
+    """Returns `count` numbers of a list, or of the words of a text."""
+    found = [float(value) for value in (values.split() if isinstance(values, str) else values)]
+    if len(found) != count:
+        raise ValueError(f"there are {len(found)} numbers instead of {count}")
+    return found
+
+
+def _is_header(line: str) -> bool:
+    """True for a line with names: the last word of it is no number."""
+    words = [word for word in split(line.lstrip("# "), line) if word]
+    return len(words) > 1 and re.match(r"[-+.\d]*\d", words[-1]) is None and words[-1].lower() not in MISSING

@@ -1,70 +1,69 @@
 """Finds the poses of photos by time."""
 
 import pathlib
-import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from colmap_lazyloc.errors import InputError
+from colmap_lazyloc.pose_formats.naming import Names
 from colmap_lazyloc.pose_formats.posed_images import Source
 from colmap_lazyloc.text_files import read_entries
 
 MAX_GAP_SECONDS = 0.2  # between the poses before and after a photo
 EXACT_SECONDS = 1e-4  # a pose as near as this is taken as it is
 UNITS = (1.0, 1e-3, 1e-6, 1e-9)  # of times, in seconds
-IMAGE_LISTS = ("rgb.txt", "images.txt", "timestamps.txt")  # beside a trajectory, with lines `time name`
+# Lists beside a trajectory, or beside the photos as EuRoC has them: lines `time name`, or a time for each photo.
+IMAGE_LISTS = ("rgb.txt", "images.txt", "timestamps.txt", "times.txt", "data.csv")
 
 Array = NDArray[np.float64]
 
 
-def photo_times(source: Source) -> dict[str, float]:
-    """Returns the times of photos by name: of a list beside the trajectory, or else the numbers at their ends."""
-    if source.photos.folder is None:
-        raise InputError("--image_path is needed, because the file names no photos")
+def listed_times(source: Source) -> dict[str, float]:
+    """Returns the times of photos by name from a list beside the trajectory or the photos; empty if there is none."""
+    assert source.photos.folder is not None
     for folder in (source.path.parent, source.photos.folder, source.photos.folder.parent):
         for path in (folder / name for name in IMAGE_LISTS):
             times = _read_list(path, source) if path.is_file() and path != source.path else {}
             if times:
                 return times
-    ends = {name: re.search(r"\d+(\.\d+)?$", pathlib.PurePosixPath(name).stem) for name in source.photos.names}
-    return {name: float(match.group()) for name, match in ends.items() if match}
+    return {}
 
 
-def interpolate(
-    names: Mapping[str, float], times: Sequence[float], centres: Array, rotations: Array
-) -> dict[str, tuple[Array, Array]]:
-    """Returns rotation and centre of each photo between the poses around its time, by name; those in a gap have none.
+def places_between(
+    photos: Sequence[float], known: Sequence[float]
+) -> tuple[list[tuple[int, int, float] | None], float]:
+    """Returns for each photo two poses and how far it is between them in time, 0 to 1; None for one in a gap. Also
+    returns how far photos are from the nearest pose in the median, in seconds.
 
-    Times of both sides may have different units.
+    `known`: the times of the poses. Times of both sides may have different units.
     """
-    from scipy.spatial.transform import Rotation, Slerp
-
-    order = np.argsort(times, kind="stable")
-    _, first = np.unique(np.asarray(times, float)[order], return_index=True)
+    order = np.argsort(known, kind="stable")
+    times, first = np.unique(np.asarray(known, float)[order], return_index=True)
     order = order[first]
-    known = np.asarray(times, float)[order]
-    known, wanted = _in_seconds(known, np.array(list(names.values()), float))
-    spline = Slerp(known, Rotation.from_matrix(rotations[order])) if len(known) > 1 else None
-    poses = {}
-    for name, time in zip(names, wanted):
-        after = int(np.searchsorted(known, time))
-        near = [index for index in (after - 1, after) if 0 <= index < len(known)]
-        nearest = min(near, key=lambda index: abs(known[index] - time))
-        if abs(known[nearest] - time) <= EXACT_SECONDS:
-            poses[name] = rotations[order[nearest]], centres[order[nearest]]
-        elif len(near) == 2 and spline is not None and known[after] - known[after - 1] <= MAX_GAP_SECONDS:
-            weight = (time - known[after - 1]) / (known[after] - known[after - 1])
-            centre = (1 - weight) * centres[order[after - 1]] + weight * centres[order[after]]
-            poses[name] = np.asarray(spline(time).as_matrix()), centre
-    return poses
+    times, wanted = _in_seconds(times, np.asarray(photos, float))
+    places: list[tuple[int, int, float] | None] = []
+    distances = []
+    for time in wanted.tolist():
+        after = int(np.searchsorted(times, time))
+        near = [index for index in (after - 1, after) if 0 <= index < len(times)]
+        nearest = min(near, key=lambda index: abs(times[index] - time))
+        place = None
+        if abs(times[nearest] - time) <= EXACT_SECONDS:
+            place = int(order[nearest]), int(order[nearest]), 0.0
+        elif len(near) == 2 and times[after] - times[after - 1] <= MAX_GAP_SECONDS:
+            weight = (time - times[after - 1]) / (times[after] - times[after - 1])
+            place = int(order[after - 1]), int(order[after]), float(weight)
+        places.append(place)
+        if place is not None:
+            distances.append(abs(float(times[nearest]) - time))
+    return places, float(np.median(distances)) if distances else np.inf
 
 
 def _in_seconds(known: Array, wanted: Array) -> tuple[Array, Array]:
     """Returns both in seconds, from the first pose on, with the units for which they overlap the most.
 
-    Seconds are tried first, because names may have times in nanoseconds, but trajectories rarely do.
+    The same unit is taken if they overlap with it at all: with others, times from 0 on overlap always.
     """
     best = None
     for unit in UNITS:
@@ -75,7 +74,7 @@ def _in_seconds(known: Array, wanted: Array) -> tuple[Array, Array]:
             count = int(np.sum((photos >= -EXACT_SECONDS) & (photos <= seconds[-1] + EXACT_SECONDS)))
             # A video or walk has at least a pose every ten seconds, and at most one in 0.1 ms.
             step = seconds[-1] / max(len(known) - 1, 1)
-            key = (1e-4 <= step <= 10 or len(known) == 1, count)
+            key = (1e-4 <= step <= 10 or len(known) == 1, unit == other and count > 0, count)
             if best is None or key > best[0]:
                 best = key, seconds, photos
     assert best is not None
@@ -83,15 +82,25 @@ def _in_seconds(known: Array, wanted: Array) -> tuple[Array, Array]:
 
 
 def _read_list(path: pathlib.Path, source: Source) -> dict[str, float]:
-    """Reads lines `time name`; empty if the file has another form, as images.txt of a COLMAP model has."""
-    times = {}
-    for _, line in read_entries(path):
-        words = line.replace(",", " ").split()
-        name = source.find_photo(words[1]) if len(words) == 2 else None
-        try:
-            time = float(words[0])
-        except ValueError:
-            return {}
-        if name is not None:
-            times[name] = time
-    return times
+    """Reads lines `time name` or `name time`, or a time for each photo; empty if the file has another form."""
+    rows = [line.replace(",", " ").split() for _, line in read_entries(path)]
+    try:
+        if all(len(row) == 1 for row in rows):
+            same = len(rows) == len(source.photos.names)
+            return {name: float(row[0]) for name, row in zip(source.photos.names, rows)} if same else {}
+        rows = [row for row in rows if len(row) == 2]
+        time = 0 if all(_is_number(row[0]) for row in rows) else 1
+        times = {row[1 - time]: float(row[time]) for row in rows}
+    except ValueError:
+        return {}
+    found = Names.match(list(times), source.photos)
+    values = list(times.values())
+    return {name: values[index] for index, name in found.photos.items()}
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True

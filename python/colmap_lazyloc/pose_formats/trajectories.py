@@ -1,152 +1,109 @@
-"""Reads trajectories without names of photos: of TUM, KITTI, and tables of ARKit and ARCore.
+"""Reads trajectories: tables and lists of poses whose photos are found by time, number or order.
 
-They say where a body was, world_from_body. The body is the camera itself, with COLMAP's axes (TUM, KITTI) or OpenGL's
-(ARKit, ARCore), unless a calibration gives the camera's pose on the body.
+They say where a body was, world_from_body. The body is the camera itself, unless a calibration gives the camera's pose
+on the body.
 """
 
 import dataclasses
-from collections.abc import Callable
-
-import numpy as np
-from numpy.typing import NDArray
+import functools
+import pathlib
+from collections.abc import Sequence
 
 from colmap_lazyloc.errors import InputError
-from colmap_lazyloc.pose_formats.calibration import IDENTITY, read_calibration
-from colmap_lazyloc.pose_formats.posed_images import (
-    OPENGL_FROM_COLMAP,
-    PosedImage,
-    PosedImages,
-    Source,
-    nearest_rotation,
-    quaternion_rotation,
-)
-from colmap_lazyloc.pose_formats.table import NAME, camera_of_entry
-from colmap_lazyloc.pose_formats.text import Entry, Table
-from colmap_lazyloc.pose_formats.times import interpolate, photo_times
-from colmap_lazyloc.poses import Pose
+from colmap_lazyloc.pose_formats.conventions import Convention
+from colmap_lazyloc.pose_formats.naming import last_number
+from colmap_lazyloc.pose_formats.posed_images import Source
+from colmap_lazyloc.pose_formats.raw_poses import RawPose, RawPoses, each, matrix_parts
+from colmap_lazyloc.pose_formats.table import CAMERA_COLUMNS, NAME, QUATERNION, camera_of_row, quaternion_columns
+from colmap_lazyloc.pose_formats.text import Names, Row, Table, numbers
+from colmap_lazyloc.text_files import read_entries, read_lines
 
-Array = NDArray[np.float64]
+MATRIX = tuple(f"t{row}{column}" for row in range(3) for column in range(4))
+LAST_ROW = "t30 t31 t32 t33"
 TIME = ("timestamp", "time", "t")
+FRAME = ("frame", "frameid", "id")
+CENTRE = (("x", "tx", "px", "prsrx"), ("y", "ty", "py", "prsry"), ("z", "tz", "pz", "prsrz"))
+EXPECTED = "timestamp, frame or name; x, y, z; qw, qx, qy, qz, or a matrix t_00 to t_23"
+# The columns of files without their names.
+TUM = ("time x y z qx qy qz qw",)
+KITTI = (" ".join(MATRIX),)
+KITTI360 = (f"frame {KITTI[0]}", f"frame {KITTI[0]} {LAST_ROW}")
+RTABMAP = ("time x y z qx qy qz qw id",)
+ARKIT = ("time x y z qw qx qy qz", f"time {KITTI[0]}")
+ARCORE = ("time qx qy qz qw x y z",)
+# Columns of EuRoC's ground truth that are no poses: velocities and biases of the body.
+VELOCITIES = tuple(f"{name}{axis}" for name in ("vrsr", "bwrss", "barss") for axis in "xyz")
+STRAY_SCANNER = {"timestamp", "frame", "x", "y", "z", "qx", "qy", "qz", "qw"}
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
-class Row:
-    """A row of a trajectory: world_from_body, and its time or its photo if the row says so."""
-
-    rotation: Array
-    centre: Array
-    time: float | None = None
-    name: str | None = None
-    entry: Entry | None = None
-
-
-def read_tum(source: Source) -> PosedImages:
-    """Reads `timestamp tx ty tz qx qy qz qw`."""
-
-    def parse(v: list[float]) -> Row:
-        return Row(quaternion_rotation(v[7], *v[4:7]), np.array(v[1:4]), v[0])
-
-    return _posed(source, _numeric_rows(source, {8: parse}), is_opengl=False)
-
-
-def read_kitti(source: Source) -> PosedImages:
-    """Reads a 3 x 4 matrix per row; the rows belong to the photos in the order of their names."""
-    rows = _numeric_rows(source, {12: lambda v: _matrix_row(v, None)})
-    names = source.photos.names
-    if not names:
-        raise InputError("--image_path is needed, because the file names no photos")
-    if len(names) != len(rows):
-        raise InputError(f"{source.path}: has {len(rows)} poses, but {source.photos.folder} has {len(names)} photos")
-    return _posed(source, [dataclasses.replace(row, name=name) for row, name in zip(rows, names)], is_opengl=False)
-
-
-def read_arkit(source: Source) -> PosedImages:
-    """Reads a table with names of columns, or `timestamp tx ty tz qw qx qy qz`, or a timestamp and a 3 x 4 matrix."""
-
-    def parse(v: list[float]) -> Row:
-        return Row(quaternion_rotation(*v[4:8]), np.array(v[1:4]), v[0])
-
-    return _read_phone(source, {8: parse, 13: lambda v: _matrix_row(v[1:], v[0])})
-
-
-def read_arcore(source: Source) -> PosedImages:
-    """Reads a table with names of columns, or `timestamp qx qy qz qw tx ty tz`."""
-
-    def parse(v: list[float]) -> Row:
-        return Row(quaternion_rotation(v[4], *v[1:4]), np.array(v[5:8]), v[0])
-
-    return _read_phone(source, {8: parse})
-
-
-def _read_phone(source: Source, parsers: dict[int, Callable[[list[float]], Row]]) -> PosedImages:
-    table = Table(source.path)
-    rows = [_named_row(entry, source) for entry in table.entries()] if table.columns else _numeric_rows(source, parsers)
-    return _posed(source, [row for row in rows if row is not None], is_opengl=True)
-
-
-def _named_row(entry: Entry, source: Source) -> Row | None:
-    """Returns a row of a table with names of columns; None if its photo is not there."""
-    time = entry.number(*TIME) if entry.has(TIME) else None
-    name = source.find_photo(entry.text(*NAME)) if entry.has(NAME) else None
-    if entry.has(NAME) and name is None:
-        return None
-    if entry.has("t_00"):  # Polycam
-        values = [entry.number(f"t_{row}{column}") for row in range(3) for column in range(4)]
-        return dataclasses.replace(_matrix_row(values, time), name=name, entry=entry)
-    if entry.has("m00"):
-        values = [entry.number(f"m{row}{column}") for row in range(3) for column in range(4)]
-        return dataclasses.replace(_matrix_row(values, time), name=name, entry=entry)
-    centre = np.array([entry.number("tx", "x", "px"), entry.number("ty", "y", "py"), entry.number("tz", "z", "pz")])
-    return Row(quaternion_rotation(*entry.numbers("qw qx qy qz")), centre, time, name, entry)
-
-
-def _matrix_row(values: list[float], time: float | None) -> Row:
-    matrix = np.reshape(values, (3, 4))
-    return Row(nearest_rotation(matrix[:, :3]), matrix[:, 3], time)
-
-
-def _numeric_rows(source: Source, parsers: dict[int, Callable[[list[float]], Row]]) -> list[Row]:
-    rows = Table(source.path).rows
-    count = len(rows[0])
-    if count not in parsers:
-        raise InputError(f"{source.path}: has {count} columns instead of {' or '.join(map(str, parsers))}")
-    return [parsers[count]([float(word) for word in row]) for row in rows]
-
-
-def _check_one_camera(source: Source, times: dict[str, float]) -> None:
-    """Refuses photos of two cameras at the same time, because all photos get the poses of one."""
-    names: dict[float, str] = {}
-    for name, time in times.items():
-        if names.setdefault(time, name) != name:
-            raise InputError(
-                f"--image_path {source.photos.folder}: {names[time]} and {name} have the same time, but the trajectory "
-                "is that of one camera: give the folder of its photos, or the rig (lazyloc import --rig_config_path)"
-            )
-
-
-def _posed(source: Source, rows: list[Row], is_opengl: bool) -> PosedImages:
-    """Returns the images of the rows, each with the row of its name, or with a pose at its time."""
-    if not rows:
-        return PosedImages([])
-    if all(row.name is not None for row in rows):
-        bodies = {str(row.name): (row.rotation, row.centre) for row in rows}
+def parse(source: Source, layouts: Sequence[str], convention: Convention, takes_names: bool = True) -> RawPoses:
+    """Reads a table by the names of its columns, or by a layout if it has none."""
+    table = Table(source.path, layouts)
+    if table.has(NAME) and not takes_names:
+        raise InputError(f"{source.path}: has a column with names, so that it is no trajectory: give csv or poses")
+    matrix, quaternion = _matrix_columns(table), QUATERNION
+    if table.has("qrsw"):  # EuRoC
+        quaternion = ("qrsw", "qrsx", "qrsy", "qrsz")
+    if matrix is None:
+        table.require(EXPECTED, *CENTRE, *quaternion)
+        columns, convention = quaternion_columns(table, convention, quaternion)
     else:
-        centres, rotations = np.array([row.centre for row in rows]), np.array([row.rotation for row in rows])
-        if any(row.time is None for row in rows):
-            raise InputError(f"{source.path}: has neither names of photos nor times")
-        names = photo_times(source)
-        bodies = interpolate(names, [row.time or 0.0 for row in rows], centres, rotations) if names else {}
-        _check_one_camera(source, {name: names[name] for name in bodies})
-    if not bodies:
-        return PosedImages([])
-    camera, cam_from_body = read_calibration(source, next(iter(bodies)))
-    if cam_from_body is None:
-        cam_from_body = Pose.from_matrix(OPENGL_FROM_COLMAP, np.zeros(3)) if is_opengl else IDENTITY
-    entries = {row.name: row.entry for row in rows if row.name is not None and row.entry is not None}
-    images = []
-    for name, (rotation, centre) in bodies.items():
-        own = camera or (camera_of_entry(entries[name]) if name in entries else None)
-        if own is None:
-            raise InputError(f"{source.path}: has no intrinsics: give them as --camera or --calibration")
-        images.append(PosedImage(name, own, cam_from_body @ Pose.from_centre(rotation.T, centre)))
-    return PosedImages(images)
+        columns, convention = matrix, dataclasses.replace(convention, rotation="matrix")
+    if set(table.columns) >= STRAY_SCANNER:
+        convention = dataclasses.replace(convention, camera_axes="opencv")
+    keys = [table.has(names) for names in (NAME, FRAME, TIME)]
+
+    def parse_row(row: Row) -> RawPose:
+        values = row.numbers(*columns)
+        turn, vector = (values, row.numbers(*CENTRE)) if matrix is None else matrix_parts(values)
+        return RawPose(
+            turn,
+            vector,
+            row.text(NAME) if keys[0] else None,
+            int(row.number(FRAME)) if keys[1] else None,
+            row.number(TIME) if keys[2] else None,
+            None if source.camera is not None else camera_of_row(row),
+        )
+
+    poses = each(table.rows(), parse_row, lambda row: row.label)
+    table.report_unused((*CAMERA_COLUMNS, *LAST_ROW.split(), *VELOCITIES))
+    return RawPoses(poses, convention=convention)
+
+
+def _matrix_columns(table: Table) -> tuple[Names, ...] | None:
+    names: tuple[Names, ...] = tuple((name, name.replace("t", "m"), name.replace("t", "r")) for name in MATRIX)
+    return names if table.has(*names) else None
+
+
+def parse_of_body(source: Source, layouts: Sequence[str], convention: Convention) -> RawPoses:
+    """Reads poses of a robot or of an inertial unit, which say nothing of cameras without a calibration.
+
+    Poses of cameras have files with other names: cam0_to_world.txt of KITTI-360, ..._camera_poses.txt of RTAB-Map.
+    """
+    is_camera = source.calibration_path is not None or source.camera_axes is not None
+    if not is_camera and "cam" not in source.path.name.lower():
+        raise InputError(
+            f"{source.path}: its poses are those of the body: give --calibration, which says how the camera is "
+            "mounted, or --camera_axes opencv if they are those of the camera"
+        )
+    return parse(source, layouts, convention)
+
+
+def parse_matrices(source: Source) -> RawPoses:
+    """Reads 4x4 matrices: one in each line, one in each four lines, or one in each text file of a folder."""
+    if source.path.is_dir():
+        paths = sorted(path for path in source.path.iterdir() if path.suffix == ".txt")
+        return RawPoses(each(paths, functools.partial(_read_matrix, source), lambda path: path.name))
+    rows = [line.replace(",", " ").split() for _, line in read_entries(source.path)]
+    if all(len(row) == 4 for row in rows if len(row) != 3):  # Open3D writes three whole numbers before each matrix
+        rows = [row for row in rows if len(row) != 3]
+        rows = [[word for row in rows[start : start + 4] for word in row] for start in range(0, len(rows), 4)]
+    return RawPoses(each(rows, lambda row: RawPose(*matrix_parts(numbers(row, 16)))))
+
+
+def _read_matrix(source: Source, path: pathlib.Path) -> RawPose:
+    number = last_number(path.name)
+    values = numbers(" ".join(read_lines(path)).replace(",", " "), 16)
+    if number is None:
+        return RawPose(*matrix_parts(values), name=path.stem)
+    return RawPose(*matrix_parts(values), frame=int(float(number)))

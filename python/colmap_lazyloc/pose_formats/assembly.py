@@ -1,0 +1,150 @@
+"""Makes posed images of what a reader returns. What is bad is left out, and named in one line."""
+
+import dataclasses
+from collections.abc import Sequence
+
+import numpy as np
+
+from colmap_lazyloc.errors import InputError, logger
+from colmap_lazyloc.model import Camera
+from colmap_lazyloc.pose_formats.association import Association, associate
+from colmap_lazyloc.pose_formats.calibration import read_calibration
+from colmap_lazyloc.pose_formats.cameras import check_camera
+from colmap_lazyloc.pose_formats.conventions import Convention, pose_of
+from colmap_lazyloc.pose_formats.frames import Frame, apply
+from colmap_lazyloc.pose_formats.geo import GeoOrigin
+from colmap_lazyloc.pose_formats.posed_images import PosedImage, PosedImages, Source
+from colmap_lazyloc.pose_formats.raw_poses import DAMAGE, BadPose, RawPose, RawPoses, reason_of
+from colmap_lazyloc.poses import Pose
+
+MAX_NUM_NAMED = 3  # of what is left out
+
+Poses = dict[int, Pose]  # by index in the file
+
+
+def assemble(raw: RawPoses, convention: Convention, source: Source) -> PosedImages:
+    """Returns the images of the poses of a file, which has this convention unless options say otherwise."""
+    convention = convention.with_options(source.pose_direction, source.camera_axes, source.quaternion_order)
+    camera, cam_from_body = read_calibration(source)
+    if cam_from_body is not None:
+        if source.camera_axes is not None:
+            raise InputError(f"--camera_axes {source.camera_axes}: --calibration says how the camera is mounted")
+        convention = dataclasses.replace(convention, camera_axes="opencv")  # leaves the body's axes as they are
+    left_out = {index: item.reason for index, item in enumerate(raw.poses) if isinstance(item, BadPose)}
+    poses = _convert(raw, convention, left_out)
+    poses, origin = _to_local(poses, _frame(raw.frame, source), source.origin, left_out)
+    found = associate(raw.poses, source) if poses else Association({})
+    left_out |= found.ambiguous
+    images = []
+    for name, (first, second, weight) in sorted(found.places.items()):
+        if first not in poses or second not in poses:
+            continue
+        try:
+            pose = _between(poses[first], poses[second], weight)
+            own = camera or _camera(raw.poses[first], name, source)
+            images.append(_checked(PosedImage(name, own, pose if cam_from_body is None else cam_from_body @ pose)))
+        except DAMAGE as error:
+            left_out[first] = reason_of(error)
+    _report(raw, found, left_out, bool(images), source)
+    return PosedImages(images, origin, convention)
+
+
+def _convert(raw: RawPoses, convention: Convention, left_out: dict[int, str]) -> Poses:
+    """Returns the poses that are ones."""
+    poses = {}
+    for index, item in enumerate(raw.poses):
+        if isinstance(item, RawPose):
+            try:
+                pose = pose_of(item.rotation, item.vector, convention)
+                poses[index] = pose if item.similarity is None else apply(item.similarity, pose)
+            except DAMAGE as error:
+                left_out[index] = reason_of(error)
+    return poses
+
+
+def _frame(frame: Frame, source: Source) -> Frame:
+    """Returns the frame of a file by the options, each of which is used or refused."""
+    if source.crs is not None:
+        if frame.is_geographic:
+            raise InputError(f"--crs {source.crs}: {source.path} says itself where on the Earth its coordinates are")
+        return dataclasses.replace(frame, crs=source.crs)
+    if source.origin is not None and not frame.is_geographic:
+        raise InputError(f"--geo_origin: {source.path} does not say where on the Earth its coordinates are: give --crs")
+    return frame
+
+
+def _to_local(
+    poses: Poses, frame: Frame, origin: GeoOrigin | None, left_out: dict[int, str]
+) -> tuple[Poses, GeoOrigin | None]:
+    """Returns the poses that are on the Earth in the local frame, and its origin."""
+    if not poses:
+        return poses, origin
+    moved, origin = frame.to_local(list(poses.values()), origin)
+    for index, pose in zip(poses, moved):
+        if pose is None:
+            left_out[index] = "its position is missing, or outside of the reference system"
+    return {index: pose for index, pose in zip(poses, moved) if pose is not None}, origin
+
+
+def _between(first: Pose, second: Pose, weight: float) -> Pose:
+    """Returns the pose that is between two poses; `weight`: 0 at the first, 1 at the second."""
+    if weight == 0:
+        return first
+    from scipy.spatial.transform import Rotation
+
+    start = Rotation.from_matrix(first.rotation.T)
+    turn = (start.inv() * Rotation.from_matrix(second.rotation.T)).as_rotvec()
+    rotation = (start * Rotation.from_rotvec(weight * turn)).as_matrix()
+    return Pose.from_centre(rotation.T, (1 - weight) * first.cam_in_world + weight * second.cam_in_world)
+
+
+def _camera(item: RawPose | BadPose, name: str, source: Source) -> Camera:
+    """Returns the intrinsics that the file has for a photo."""
+    assert isinstance(item, RawPose)
+    if item.camera is None:
+        raise ValueError("there are no intrinsics: give them as --camera")
+    return item.camera if isinstance(item.camera, Camera) else item.camera(source.photos.size(name))
+
+
+def _checked(image: PosedImage) -> PosedImage:
+    """Returns an image that can be written and used."""
+    if not image.name.isprintable() or not image.name:
+        raise ValueError(f"a photo has the name {image.name!r}")
+    check_camera(image.camera)
+    if not np.all(np.isfinite([*image.cam_from_world.qvec, *image.cam_from_world.tvec])):
+        raise ValueError("a pose has a value that is not finite")
+    return image
+
+
+def _report(raw: RawPoses, found: Association, left_out: dict[int, str], is_any: bool, source: Source) -> None:
+    """Says how photos were found, and what was left out; it is an error if nothing is left."""
+    path, folder = source.path, source.photos.folder
+    named = some_of([f"{_label(raw, index)}: {left_out[index][:200]}" for index in sorted(left_out)])
+    if not is_any:
+        where = f"is in {folder}" if folder else "has a pose"
+        raise InputError(f"{path}: {f'no pose can be used: {named}' if named else f'no photo that it names {where}'}")
+    if found.how:
+        logger.info("%s: poses belong to photos %s", path, found.how)
+    unused = set(range(len(raw.poses))).difference(left_out, *(place[:2] for place in found.places.values()))
+    names = some_of([_label(raw, index) for index in sorted(unused)])
+    if folder and unused and not found.is_by_time:
+        logger.warning("%s: %d of %d poses have no photo in %s: %s", path, len(unused), len(raw.poses), folder, names)
+    if left_out:
+        verb = "is" if len(left_out) == 1 else "are"
+        logger.warning("%s: %d of %d poses %s left out: %s", path, len(left_out), len(raw.poses), verb, named)
+
+
+def _label(raw: RawPoses, index: int) -> str:
+    """Returns what a pose is called in messages."""
+    item = raw.poses[index]
+    if isinstance(item, BadPose):
+        return item.label
+    if item.name is not None:
+        return item.name[:80]
+    return f"pose {index + 1}" if item.frame is None else f"frame {item.frame}"
+
+
+def some_of(texts: Sequence[str]) -> str:
+    """Returns the first of some texts, and how many more there are."""
+    more = len(texts) - MAX_NUM_NAMED
+    return "; ".join(texts[:MAX_NUM_NAMED]) + (f"; and {more} more" if more > 0 else "")

@@ -1,0 +1,81 @@
+"""Reads BlocksExchange, the XML of ContextCapture (iTwin Capture), which Metashape and others write, too."""
+
+import dataclasses
+import xml.etree.ElementTree as ET
+
+from colmap_lazyloc.errors import InputError
+from colmap_lazyloc.model import Camera
+from colmap_lazyloc.pose_formats.cameras import brown_camera
+from colmap_lazyloc.pose_formats.conventions import Convention
+from colmap_lazyloc.pose_formats.frames import Frame
+from colmap_lazyloc.pose_formats.geo import find_crs
+from colmap_lazyloc.pose_formats.posed_images import Source
+from colmap_lazyloc.pose_formats.raw_poses import RawPose, RawPoses, each
+from colmap_lazyloc.pose_formats.text import read_xml
+
+CONVENTION = Convention("cam_from_world", rotation="matrix", vector="centre")
+ORIENTATIONS = {"XRightYDown": "opencv", "XRightYUp": "opengl"}
+MATRIX = [f"M_{row}{column}" for row in range(3) for column in range(3)]
+
+
+def parse(source: Source) -> RawPoses:
+    root = read_xml(source.path)
+    groups = list(root.iter("Photogroup"))
+    photos = [
+        (group, photo) for group in groups for photo in group.iter("Photo") if photo.find("Pose/Center") is not None
+    ]
+    if not photos:
+        raise InputError(f"{source.path}: has no photo with a pose")
+    orientation = _orientation(photos[0][0])
+
+    def parse_photo(item: tuple[ET.Element, ET.Element]) -> RawPose:
+        group, photo = item
+        if _orientation(group) != orientation:
+            raise ValueError(f"its CameraOrientation is not {orientation}, as that of the first photo")
+        rotation = [_number(photo, f"Pose/Rotation/{name}") for name in MATRIX]
+        centre = [_number(photo, f"Pose/Center/{axis}") for axis in "xyz"]
+        name = photo.findtext("ImagePath") or ""
+        return RawPose(rotation, centre, name, camera=source.camera or _camera(group))
+
+    poses = each(photos, parse_photo, lambda item: item[1].findtext("ImagePath"))
+    convention = dataclasses.replace(CONVENTION, camera_axes=ORIENTATIONS[orientation])
+    return RawPoses(poses, _frame(root), convention)
+
+
+def _number(element: ET.Element, path: str, default: float | None = None) -> float:
+    text = element.findtext(path)
+    if text is None and default is None:
+        raise ValueError(f"there is no {path}")
+    return float(text) if text is not None else float(default or 0)
+
+
+def _orientation(group: ET.Element) -> str:
+    orientation = group.findtext("CameraOrientation", "XRightYDown")
+    if orientation not in ORIENTATIONS:
+        raise ValueError(f"the CameraOrientation {orientation} is not supported: export XRightYDown")
+    return orientation
+
+
+def _frame(root: ET.Element) -> Frame:
+    """Returns the reference system of the block."""
+    names = {srs.findtext("Id"): srs.findtext("Definition", "") for srs in root.iter("SRS")}
+    name = names.get(root.findtext("Block/SRSId"), "").strip()
+    if not name or name.upper().startswith("LOCAL"):
+        return Frame()
+    if not find_crs(name).is_projected:
+        raise InputError(f"the reference system {name[:60]} is not supported: export a projected one, or a local one")
+    return Frame(name)
+
+
+def _camera(group: ET.Element) -> Camera:
+    if group.findtext("CameraModelType", "Perspective") != "Perspective":
+        raise ValueError("only the CameraModelType Perspective is supported")
+    if _number(group, "AspectRatio", 1) != 1 or _number(group, "Skew", 0) != 0:
+        raise ValueError("a camera has an AspectRatio or a Skew, which is not supported: calibrate it without")
+    width, height = size = tuple(int(_number(group, f"ImageDimensions/{name}")) for name in ("Width", "Height"))
+    focal = _number(group, "FocalLengthPixels", 0)
+    focal = focal or _number(group, "FocalLength") / _number(group, "SensorSize") * max(size)
+    centre = _number(group, "PrincipalPoint/x", width / 2), _number(group, "PrincipalPoint/y", height / 2)
+    k1, k2, k3, p1, p2 = (_number(group, f"Distortion/{name}", 0) for name in ("K1", "K2", "K3", "P1", "P2"))
+    # As in Metashape, P1 is OpenCV's p2, and the other way round.
+    return brown_camera((width, height), (focal, focal), centre, (k1, k2, k3), (p2, p1))

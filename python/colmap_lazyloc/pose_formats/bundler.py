@@ -1,0 +1,75 @@
+"""Reads lists of cameras of Bundler, VisualSFM and Cambridge Landmarks."""
+
+import functools
+from collections.abc import Sequence
+
+from colmap_lazyloc.errors import InputError
+from colmap_lazyloc.model import Camera
+from colmap_lazyloc.pose_formats.cameras import brown_camera
+from colmap_lazyloc.pose_formats.posed_images import Source
+from colmap_lazyloc.pose_formats.raw_poses import RawPose, RawPoses, each
+from colmap_lazyloc.pose_formats.text import numbers
+from colmap_lazyloc.text_files import read_entries
+
+
+def parse(source: Source) -> RawPoses:
+    """Reads bundle.out, with names in list.txt beside it: focal length, k1, k2, rotation and translation of each."""
+    lists = [source.path.with_name(name) for name in ("list.txt", f"{source.path.stem}.list.txt")]
+    path = next((path for path in lists if path.is_file()), None)
+    if path is None:
+        raise InputError(f"{source.path}: list.txt with the names of its photos must be beside it")
+    names = [line.split()[0] for _, line in read_entries(path)]
+    lines = [line for _, line in read_entries(source.path)]
+    count = int(lines[0].split()[0])
+    if count != len(names):
+        raise InputError(f"{source.path}: has {count} cameras, but {path} has {len(names)} names")
+
+    def parse_camera(index: int) -> RawPose:
+        (focal, k1, k2), *rows = (numbers(line, 3) for line in lines[1 + 5 * index : 6 + 5 * index])
+        if focal == 0:
+            raise ValueError("it is not registered")
+        camera = functools.partial(_camera, (focal, focal), (k1, k2))
+        return RawPose(rows[:3], rows[3], names[index], camera=source.camera or camera)
+
+    return RawPoses(each(range(count), parse_camera, lambda index: names[index]))
+
+
+def parse_nvm(source: Source) -> RawPoses:
+    """Reads a model of VisualSFM: name, focal length, quaternion, centre, and a coefficient of each camera."""
+    head, *lines = (line for _, line in read_entries(source.path))
+    words = head.split()
+    fixed = numbers(words[2:], 5) if words[1:2] == ["FixedK"] else None
+
+    def parse_camera(line: str) -> RawPose:
+        name, *values = line.rsplit(maxsplit=10)
+        focal, w, x, y, z, *centre, r, _ = numbers(values, 10)
+        fx, cx, fy, cy, r = fixed or (focal, None, focal, None, r)
+        camera = functools.partial(_camera_of_visual_sfm, (fx, fy), (cx, cy), r)
+        # VisualSFM writes quotes for blanks in names.
+        return RawPose((w, x, y, z), centre, name.replace('"', " "), camera=source.camera or camera)
+
+    return RawPoses(each(lines[1 : 1 + int(lines[0])], parse_camera, lambda line: line.split()[0]))
+
+
+def parse_cambridge(source: Source) -> RawPoses:
+    """Reads dataset_train.txt: lines with name, centre and quaternion, after three lines of a head."""
+
+    def parse_line(line: str) -> RawPose:
+        name, *words = line.rsplit(maxsplit=7)
+        values = numbers(words, 7)
+        return RawPose(values[3:], values[:3], name, camera=source.camera)
+
+    lines = [line for _, line in read_entries(source.path)][2:]
+    return RawPoses(each(lines, parse_line, lambda line: line.split()[0]))
+
+
+def _camera(focal: tuple[float, float], radial: Sequence[float], size: tuple[int, int]) -> Camera:
+    return brown_camera(size, focal, (size[0] / 2, size[1] / 2), tuple(radial))
+
+
+def _camera_of_visual_sfm(
+    focal: tuple[float, float], centre: tuple[float | None, float | None], r: float, size: tuple[int, int]
+) -> Camera:
+    """Returns a camera whose distortion undistorts: x_undistorted = x (1 + r |x|^2). Its inverse is a series in r."""
+    cx, cy = (length / 2 if value is None else value for value, length in zip(centre, size))
+    return brown_camera(size, focal, (cx, cy), (-r, 3 * r**2, -12 * r**3))

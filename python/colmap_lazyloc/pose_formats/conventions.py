@@ -1,0 +1,130 @@
+"""How files write poses. `pose_of` is the one place where a pose in a file becomes a pose with COLMAP's axes."""
+
+import dataclasses
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from colmap_lazyloc.errors import InputError
+from colmap_lazyloc.pose_formats.angles import LEVEL_CAMERA, omega_phi_kappa, yaw_pitch_roll
+from colmap_lazyloc.poses import Pose
+
+Array = NDArray[np.float64]
+
+DIRECTIONS = ("cam_from_world", "world_from_cam")
+QUATERNION_ORDERS = ("wxyz", "xyzw")
+# The axes of cameras by name. Columns: COLMAP's axes right, down and forward, in the axes of that name.
+CAMERA_AXES: dict[str, Array] = {
+    "opencv": np.eye(3),  # x right, y down, z forward: COLMAP's
+    "opengl": np.diag([1.0, -1.0, -1.0]),  # x right, y up, z backward
+    "body": np.array([[0.0, 0, 1], [-1, 0, 0], [0, -1, 0]]),  # x forward, y left, z up: of robots
+    "frd": np.array([[0.0, 0, 1], [1, 0, 0], [0, 1, 0]]),  # x forward, y right, z down: of aircraft
+    "rfu": LEVEL_CAMERA,  # x right, y forward, z up
+}
+MAX_ROTATION_ERROR = 0.01  # of an element of a rotation in a file, which may have few digits
+
+
+@dataclasses.dataclass(frozen=True)
+class Convention:
+    """How a file writes a pose.
+
+    `rotation`: what it is written as, a key of ROTATIONS; `quaternion`: the order of its numbers, if it is one.
+    `vector`: a translation in the pose's direction, or the centre of the camera in the world.
+    """
+
+    direction: str = "cam_from_world"
+    camera_axes: str = "opencv"
+    rotation: str = "quaternion"
+    quaternion: str = "wxyz"
+    vector: str = "translation"
+
+    def with_options(self, direction: str | None, camera_axes: str | None, quaternion: str | None) -> "Convention":
+        """Returns the convention that the options of the command line give, where they are not None."""
+        if quaternion is not None and self.rotation != "quaternion":
+            raise InputError(f"--quaternion_order {quaternion}: the file has no quaternions")
+        convention = self
+        if direction is not None:  # of rotation and vector
+            convention = dataclasses.replace(self, direction=direction, vector="translation")
+        return dataclasses.replace(
+            convention,
+            camera_axes=camera_axes or self.camera_axes,
+            quaternion=quaternion or self.quaternion,
+        )
+
+
+COLMAP = Convention()
+
+
+def pose_of(rotation: Any, vector: Any, convention: Convention) -> Pose:
+    """Returns the pose cam_from_world, with COLMAP's axes, of what a file has; a pose of COLMAP keeps every bit."""
+    vector = finite(vector, 3)
+    if convention == COLMAP:
+        return Pose(_unit(rotation), vector)
+    written, scale = _rotation(rotation, convention)
+    axes = CAMERA_AXES[convention.camera_axes]
+    if convention.direction == "world_from_cam":
+        return Pose.from_centre((written @ axes).T, vector)
+    if convention.vector == "centre":
+        return Pose.from_centre(axes.T @ written, vector)
+    return Pose.from_matrix(axes.T @ written, axes.T @ vector / scale)
+
+
+def finite(values: Any, count: int) -> Array:
+    """Returns `count` finite numbers of a sequence of any shape."""
+    found = np.array(values, float).ravel()
+    if len(found) != count:
+        raise ValueError(f"there are {len(found)} numbers instead of {count}")
+    if not np.all(np.isfinite(found)):
+        raise ValueError("a pose has a value that is not finite")
+    return found
+
+
+def nearest_rotation(matrix: ArrayLike) -> tuple[Array, float]:
+    """Returns the rotation nearest to a 3x3 matrix, which must be one up to rounding and a scale, and the scale."""
+    values = finite(matrix, 9).reshape(3, 3)
+    u, lengths, vt = np.linalg.svd(values)
+    rotation: Array = u @ vt
+    scale = float(lengths.mean())
+    if not scale > 0 or np.linalg.det(rotation) < 0 or np.abs(values / scale - rotation).max() > MAX_ROTATION_ERROR:
+        raise ValueError("a matrix is not a rotation")
+    return rotation, scale
+
+
+def quaternion_rotation(wxyz: ArrayLike) -> Array:
+    """Returns the rotation of a quaternion, which is a unit up to rounding."""
+    return Pose(_unit(wxyz), np.zeros(3)).rotation
+
+
+def _unit(quaternion: ArrayLike) -> Array:
+    """Returns the four numbers of a quaternion as they are, which is a unit up to rounding."""
+    numbers = finite(quaternion, 4)
+    norm = float(np.linalg.norm(numbers))
+    if abs(norm - 1) > MAX_ROTATION_ERROR:
+        raise ValueError(f"a quaternion's norm is {norm:g}, not 1")
+    return numbers
+
+
+def _rotation_vector(vector: ArrayLike) -> Array:
+    from scipy.spatial.transform import Rotation
+
+    return np.asarray(Rotation.from_rotvec(vector).as_matrix())
+
+
+# Rotations that are neither matrices nor quaternions: three angles.
+ROTATIONS: dict[str, Callable[[ArrayLike], Array]] = {
+    "rotation vector": _rotation_vector,  # axis times angle in radians
+    "yaw, pitch, roll": yaw_pitch_roll,
+    "omega, phi, kappa": omega_phi_kappa,
+}
+
+
+def _rotation(values: Any, convention: Convention) -> tuple[Array, float]:
+    """Returns a rotation as it is written, and the scale of its axes."""
+    if convention.rotation == "matrix":
+        return nearest_rotation(values)
+    if convention.rotation == "quaternion":
+        quaternion = finite(values, 4)
+        return quaternion_rotation(np.roll(quaternion, 1) if convention.quaternion == "xyzw" else quaternion), 1.0
+    return ROTATIONS[convention.rotation](finite(values, 3)), 1.0

@@ -1,0 +1,53 @@
+"""Reads cameras in JSON: of Record3D, Polycam and 3D Gaussian Splatting."""
+
+import pathlib
+from typing import Any
+
+import numpy as np
+
+from colmap_lazyloc.model import Camera
+from colmap_lazyloc.pose_formats.cameras import brown_camera, named_camera
+from colmap_lazyloc.pose_formats.posed_images import Source
+from colmap_lazyloc.pose_formats.raw_poses import RawPose, RawPoses, each, matrix_parts
+from colmap_lazyloc.pose_formats.text import numbers, read_json, simple_name
+
+
+def parse_record3d(source: Source) -> RawPoses:
+    """Reads metadata.json of Record3D: quaternions and positions of the frames; a matrix K by columns."""
+    data = read_json(source.path)
+    size = round(float(data["w"])), round(float(data["h"]))
+    k = np.reshape(numbers(data["K"], 9), (3, 3)).T
+    of_all = [k[0, 0], k[1, 1], k[0, 2], k[1, 2]]
+    of_frames = data.get("perFrameIntrinsicCoeffs") or [of_all] * len(data["poses"])
+
+    def parse_pose(index: int) -> RawPose:
+        values = numbers(data["poses"][index], 7)
+        fx, fy, cx, cy = numbers(of_frames[index], 4)
+        camera = source.camera or brown_camera(size, (fx, fy), (cx, cy))
+        return RawPose(values[:4], values[4:], frame=index, camera=camera)
+
+    return RawPoses(each(range(len(data["poses"])), parse_pose))
+
+
+def parse_polycam(source: Source) -> RawPoses:
+    """Reads a folder of keyframes, which have the names of their photos."""
+
+    def parse_keyframe(path: pathlib.Path) -> RawPose:
+        values = {simple_name(name): value for name, value in read_json(path).items()}
+        matrix = [values[f"t{row}{column}"] for row in range(3) for column in range(4)]
+        size = int(values["width"]), int(values["height"])
+        return RawPose(*matrix_parts(matrix), path.stem, camera=source.camera or named_camera(values, size))
+
+    return RawPoses(each(sorted(source.path.glob("*.json")), parse_keyframe, lambda path: path.name))
+
+
+def parse_splatting(source: Source) -> RawPoses:
+    """Reads cameras.json of 3D Gaussian Splatting, whose cameras have no distortion."""
+
+    def parse_camera(values: dict[str, Any]) -> RawPose:
+        size = int(values["width"]), int(values["height"])
+        focal = float(values["fx"]), float(values["fy"])
+        camera: Camera = source.camera or brown_camera(size, focal, (size[0] / 2, size[1] / 2))
+        return RawPose(values["rotation"], values["position"], str(values["img_name"]), camera=camera)
+
+    return RawPoses(each(read_json(source.path), parse_camera))

@@ -1,0 +1,82 @@
+"""What the reader of a format returns: the poses as the file has them."""
+
+import dataclasses
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any, TypeVar
+
+import numpy as np
+
+from colmap_lazyloc.errors import InputError
+from colmap_lazyloc.model import Camera
+from colmap_lazyloc.pose_formats.conventions import Convention
+from colmap_lazyloc.pose_formats.frames import NO_FRAME, Frame, Similarity
+
+# What damaged values lead to, in a reader that takes them to be right.
+DAMAGE = (ArithmeticError, AttributeError, LookupError, TypeError, ValueError)
+
+T = TypeVar("T")
+CameraOfSize = Callable[[tuple[int, int]], Camera]  # from the width and height of a photo in pixels
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class RawPose:
+    """A pose as a file has it; a convention says what its rotation and vector mean.
+
+    Its photo is found by `name`, or the number `frame` in the photo's name, or `time`, or else its place in the file.
+    `camera`: its intrinsics, or a function if these depend on the photo's size. `similarity`: from the pose's world to
+    the frame of the file.
+    """
+
+    rotation: Any
+    vector: Any
+    name: str | None = None
+    frame: int | None = None
+    time: float | None = None
+    camera: Camera | CameraOfSize | None = None
+    similarity: Similarity | None = None
+
+
+@dataclasses.dataclass(frozen=True)
+class BadPose:
+    """An item of a file that is no pose, and why."""
+
+    label: str
+    reason: str
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class RawPoses:
+    """What a reader returns; `convention`: that of the file, if the format's own leaves something open."""
+
+    poses: Sequence[RawPose | BadPose]
+    frame: Frame = NO_FRAME
+    convention: Convention | None = None
+
+
+def each(items: Iterable[T], parse: Callable[[T], RawPose], label: Callable[[T], object] | None = None) -> list[Any]:
+    """Parses each item; one that is damaged becomes a BadPose, so that it does not end the others."""
+    poses: list[RawPose | BadPose] = []
+    for index, item in enumerate(items, start=1):
+        try:
+            poses.append(parse(item))
+        except DAMAGE as error:
+            poses.append(BadPose(f"pose {index}" if label is None else str(label(item)), reason_of(error)))
+    return poses
+
+
+def reason_of(error: Exception) -> str:
+    """Returns why an item could not be read; options that are missing or wrong concern all items, and are raised."""
+    if isinstance(error, InputError) and str(error).startswith("--"):
+        raise error
+    return f"it lacks {error}" if isinstance(error, KeyError) else str(error)
+
+
+def matrix_parts(matrix: Any) -> tuple[Any, Any]:
+    """Returns the rotation and the vector of a 3x4 or 4x4 matrix, which may be a list of its numbers, row by row."""
+    rows = np.array(matrix, float)
+    if rows.size not in (12, 16):
+        raise ValueError(f"a pose has {rows.size} numbers, not those of a 3 x 4 or 4 x 4 matrix")
+    rows = rows.reshape(-1, 4)
+    if len(rows) == 4 and np.all(np.isfinite(rows)) and not np.allclose(rows[3], (0, 0, 0, 1), atol=1e-6):
+        raise ValueError("the last row of a 4 x 4 matrix is not 0 0 0 1, so that it may be transposed")
+    return rows[:3, :3], rows[:3, 3]

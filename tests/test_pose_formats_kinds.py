@@ -1,0 +1,435 @@
+"""Kinds of files and situations that used to go wrong: each gives right poses, or a line that names what is wrong."""
+
+import json
+
+import numpy as np
+import PIL.Image
+import PIL.TiffImagePlugin
+import pyproj
+import pytest
+from scipy.spatial.transform import Rotation
+
+import pose_writers
+from colmap_lazyloc import import_poses
+from colmap_lazyloc.errors import InputError
+from colmap_lazyloc.model import read_model
+from colmap_lazyloc.pose_formats.geo import GeoOrigin
+from colmap_lazyloc.pose_formats.registry import find_format
+from pose_files import assert_poses, read, write_named
+from pose_writers import make_poses, save, table, xyzw
+
+ORIGIN = GeoOrigin(47.1, 11.8, 812.0)
+UTM = "EPSG:32632"
+
+
+# ---------------------------------------------------------------- frames
+
+
+def to_geodetic(points, origin=ORIGIN):
+    """Returns longitude, latitude and height of points in the local frame at an origin, not by the project's code."""
+    steps = f"+proj=topocentric +ellps=WGS84 +lat_0={origin.latitude_deg} +lon_0={origin.longitude_deg}"
+    steps = f"+proj=pipeline +step +inv {steps} +h_0={origin.height_m} +step +inv +proj=cart +ellps=WGS84"
+    steps += " +step +proj=unitconvert +xy_in=rad +xy_out=deg"
+    return np.stack(pyproj.Transformer.from_pipeline(steps).transform(*np.asarray(points, float).T.tolist()), axis=1)
+
+
+def to_grid(points, origin=ORIGIN, crs=UTM):
+    transformer = pyproj.Transformer.from_crs("EPSG:4979", crs, always_xy=True)
+    return np.stack(transformer.transform(*to_geodetic(points, origin).T.tolist()), axis=1)
+
+
+def in_grid(poses, origin=ORIGIN, crs=UTM):
+    """Returns poses in the axes of a grid: each is turned by the grid's axes at its place."""
+    turned = {}
+    for name, (rotation, centre) in poses.items():
+        steps = to_grid([centre, *(centre + np.eye(3))], origin, crs)
+        u, _, vt = np.linalg.svd((steps[1:] - steps[0]).T)
+        turned[name] = u @ vt @ rotation, steps[0]
+    return turned
+
+
+GRID_WRITERS = {
+    "csv": pose_writers.csv_quaternion,
+    "angles": pose_writers.csv_angles,
+    "translation": pose_writers.csv_translation,
+    "pix4d": pose_writers.pix4d,
+    "tum": pose_writers.tum,
+    "transforms": pose_writers.transforms,
+    "nvm": pose_writers.nvm,
+    "colmap": pose_writers.colmap,
+}
+
+
+@pytest.mark.parametrize("kind", GRID_WRITERS)
+def test_rotations_are_turned_with_positions(kind, tmp_path):
+    """The grid is turned by 2 degrees against north here."""
+    truth = make_poses([f"{index}.jpg" for index in range(4)])
+    path = GRID_WRITERS[kind](tmp_path, in_grid(truth))
+    folder = write_named(tmp_path / "photos", truth) if kind in ("tum", "nvm") else None
+    posed = read(path, folder, crs=UTM, origin=ORIGIN)
+    assert_poses(posed, truth, 1e-6, 1e-6)
+    assert posed.origin == ORIGIN
+
+
+def test_block_with_a_reference_system(tmp_path):
+    truth = make_poses(["a.jpg", "b.jpg"])
+    path = pose_writers.blocks_exchange(tmp_path, in_grid(truth), UTM, pose_writers.OPENGL, "XRightYUp")
+    folder = write_named(tmp_path / "photos", truth)
+    assert_poses(read(path, folder, origin=ORIGIN), truth, 1e-6, 1e-6)
+    with pytest.raises(InputError, match="--crs EPSG:32633.*says itself"):
+        read(path, folder, crs="EPSG:32633")
+
+
+def test_angles_of_reality_capture_are_from_true_north(tmp_path):
+    """Positions are in the grid, rotations in the frame east, north, up in the middle of the cameras."""
+    truth = make_poses(["a.jpg", "b.jpg"])
+    centres = to_grid([centre for _, centre in truth.values()])
+    mixed = {name: (rotation, centre) for (name, (rotation, _)), centre in zip(truth.items(), centres, strict=True)}
+    path = pose_writers.reality_capture(tmp_path, mixed)
+    posed = read(path, write_named(tmp_path / "photos", truth), crs=UTM, origin=ORIGIN)
+    assert_poses(posed, truth, 1e-6, 1e-5)
+
+
+@pytest.mark.parametrize("beside", ["topocentric", "coords", "nothing"])
+def test_projected_reconstruction_of_opendronemap(beside, tmp_path, caplog):
+    """OpenDroneMap keeps reference_lla beside coordinates in UTM, minus whole metres."""
+    reference = GeoOrigin(47.1, 11.8, 0.0)
+    truth = make_poses([f"{index}.jpg" for index in range(4)])
+    offset = np.array([*np.floor(to_grid([(0, 0, 0)], reference)[0, :2]), 0]) + (2, -3, 0)
+    projected = {name: (r, c - offset) for name, (r, c) in in_grid(truth, reference).items()}
+    lla = (47.1, 11.8, 0.0)
+    path = pose_writers.opensfm(tmp_path, projected, lla, "opensfm/reconstruction.json")
+    if beside == "topocentric":
+        pose_writers.opensfm(tmp_path, truth, lla, "opensfm/reconstruction.topocentric.json")
+    if beside == "coords":
+        save(tmp_path, "odm_georeferencing/coords.txt", f"WGS84 UTM 32N\n{offset[0]:.0f} {offset[1]:.0f}\n")
+    posed = read(path)
+    if beside == "nothing":
+        assert posed.origin is None and "no known place" in caplog.text
+        assert_poses(posed, projected)
+    else:
+        assert posed.origin == reference
+        assert_poses(posed, truth, 1e-4, 1e-5)  # the transform of OpenDroneMap is linear
+
+
+@pytest.mark.parametrize(("latitude", "hemisphere"), [(47.1, "6"), (-33.5, "7")])
+def test_shots_of_opendronemap_are_in_the_zone_of_their_coordinates(latitude, hemisphere, tmp_path):
+    origin = GeoOrigin(latitude, 11.8, 300.0)
+    truth = make_poses(["a.jpg", "b.jpg"])
+    coordinates = dict(zip(truth, to_geodetic([c for _, c in truth.values()], origin).tolist(), strict=True))
+    path = pose_writers.odm_shots(tmp_path, in_grid(truth, origin, f"EPSG:32{hemisphere}32"), coordinates)
+    assert_poses(read(path, origin=origin), truth, 1e-6, 1e-6)
+
+
+def test_origin_moves_every_local_frame(tmp_path):
+    """Two surveys get one frame."""
+    truth = make_poses(["a.jpg", "b.jpg"])
+    path = pose_writers.opensfm(tmp_path, truth, (47.101, 11.801, 400.0))
+    posed = read(path, origin=ORIGIN)
+    place = to_geodetic([c for _, c in truth.values()], GeoOrigin(47.101, 11.801, 400.0))
+    found = to_geodetic([image.cam_from_world.cam_in_world for image in posed.images])
+    assert posed.origin == ORIGIN and np.allclose(place, found, atol=1e-9)
+    model = pose_writers.colmap(tmp_path, truth)
+    with pytest.raises(InputError, match="--geo_origin.*give --crs"):
+        read(model, origin=ORIGIN)
+    ORIGIN.write(model)
+    assert read(model).origin == ORIGIN
+    assert read(model, origin=GeoOrigin(47.2, 11.8, 0.0)).origin == GeoOrigin(47.2, 11.8, 0.0)
+
+
+def test_model_keeps_every_bit(tmp_path):
+    """Reads a quaternion with rounding errors and a point far away; one of length 2 is read as by COLMAP."""
+    path = pose_writers.colmap(tmp_path, make_poses(["a.jpg"]))
+    line = "0.9999 0.001 0.003 1e-17 5200000.123456789 1 2 1 a.jpg"
+    save(tmp_path, "model/images.txt", f"1 {line}\n\n2 2 0 0 0 0 0 0 1 b.jpg\n\n")
+    first, second = read(path, camera=None).images
+    assert first.cam_from_world.qvec.tolist() == [0.9999, 0.001, 0.003, 1e-17]
+    assert first.cam_from_world.tvec.tolist() == [5200000.123456789, 1, 2]
+    assert second.cam_from_world.qvec.tolist() == [1, 0, 0, 0]
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "message"),
+    [
+        ("sfm_data.json", '{"sfm_data_version": "0.3", "views": []}', "openMVG: convert it by openMVG_main_openMVG2"),
+        ("cameras.sfm", '{"version": ["1"], "views": [], "intrinsics": [], "poses": []}', "Meshroom: export"),
+        ("17.json", '{"t_00": 1, "fx": 500, "timestamp": 1}', "keyframe of Polycam: give the folder"),
+        ("a.xmp", "<x:xmpmeta xmlns:x='adobe:ns:meta/'/>", "a photo's XMP"),
+        ("geo.txt", "EPSG:4326\na.jpg 8.5 47.3 408.0\n", "positions of OpenDroneMap"),
+        ("a.txt", "+proj=utm +zone=32\na.jpg 8.5 47.3 408.0\n", "positions of OpenDroneMap"),
+        (
+            "r.csv",
+            "#CoordinateSystem: WGS 84\n#Label,X/Longitude,Y/Latitude\na.jpg,8,47\n",
+            "reference table of Metashape",
+        ),
+        (
+            "r.csv",
+            "Label,X/East,Y/North,Z/Altitude,Yaw,Pitch,Roll\na.jpg,1,2,3,4,5,6\n",
+            "reference table of Metashape",
+        ),
+        ("database.db", b"SQLite format 3\0...", "database of COLMAP"),
+        ("points.ply", "ply\nformat ascii 1.0\n", "point cloud or mesh"),
+        ("cloud.las", b"LASF\0\0", "point cloud"),
+        ("scan.usdz", b"PK\x03\x04", "USDZ or zip"),
+        ("poses_bounds.npy", b"\x93NUMPY\x01", "array of numpy"),
+        ("poses.pkl", b"\x80\x04\x95", "pickle"),
+        ("graph.g2o", "VERTEX_SE3:QUAT 0 0 0 0 0 0 0 1\n", "g2o"),
+        ("images.txt", "1 1 0 0 0 0 0 0 1 a.jpg\n\n", "give the folder of the model"),
+        ("IMG_1.JPG", b"\xff\xd8\xff\xe0", "a photo"),
+        ("table.csv", "name,x".encode("utf-16"), "UTF-16"),
+        ("other.json", '{"a": 1, "b": 2}', "JSON of an unknown kind"),
+        ("track.gpx", "<gpx><trk/></gpx>", "XML of an unknown kind"),
+        ("data.bin", b"\1\2\0\3", "binary file"),
+        ("data.csv", "#timestamp,p_RS_R_x [m],q_RS_w []\n1,2,1\n", "give --calibration"),
+        ("notes.txt", "hello\n", "its format is not known"),
+    ],
+)
+def test_files_of_other_programs_are_named(name, content, message, tmp_path):
+    path = tmp_path / name
+    path.write_bytes(content if isinstance(content, bytes) else content.encode())
+    with pytest.raises(InputError, match=message) as error:
+        read(path)
+    assert str(path) in str(error.value)
+
+
+def test_folder_above_a_model_is_named(tmp_path):
+    model = pose_writers.colmap(tmp_path, make_poses(["a.jpg"]))
+    with pytest.raises(InputError, match=f"holds no COLMAP model.*; give {model}"):
+        read(tmp_path)
+
+
+# ---------------------------------------------------------------- columns
+
+
+@pytest.mark.parametrize(
+    ("header", "message"),
+    [
+        ("photo_id,a,b,c,d,e,f,g", "has the columns photo_id, a, b, c, d, e, f, g; expected are name"),
+        ("name,x,y,height,qw,qx,qy,qz", "expected are name"),
+        ("name,tx,ty,tz,yaw,pitch,roll,a", "expected are name"),
+        ("name,x,y,z,rx,ry,rz,rw", "expected are name"),
+        ("1,2,3,4,5,6,7,a.jpg", "expected are name"),
+        ("name,x,y,z,qw,qx,qy,X", "has two columns 'x'"),
+    ],
+)
+def test_columns_that_are_not_understood_are_named(header, message, tmp_path):
+    path = save(tmp_path, "a.csv", f"{header}\na.jpg,1,2,3,1,0,0,0\n")
+    with pytest.raises(InputError, match=message):
+        read(path)
+
+
+def test_columns_that_are_not_used_are_named(tmp_path, caplog):
+    path = table(tmp_path, "a.csv", "name,x,y,z,qw,qx,qy,qz,score,iso", [("a.jpg", [1, 2, 3, 1, 0, 0, 0, 9, 100])])
+    assert len(read(path).images) == 1 and "columns that are not used: score, iso" in caplog.text
+
+
+def test_trailing_separators(tmp_path):
+    path = save(tmp_path, "a.csv", "name,x,y,z,yaw,pitch,roll,\na.jpg,1,2,3,0,0,0,\n")
+    assert np.allclose(read(path).images[0].cam_from_world.cam_in_world, (1, 2, 3))
+
+
+def test_decimal_commas(tmp_path):
+    path = save(tmp_path, "a.csv", "name;x;y;z;yaw;pitch;roll\na.jpg;1,5;-2,25;3;0;0;0\n")
+    assert np.allclose(read(path).images[0].cam_from_world.cam_in_world, (1.5, -2.25, 3))
+
+
+def test_poses_of_this_program_and_a_trajectory_are_told_apart(tmp_path):
+    truth = make_poses(["my photo.jpg", "b.jpg"])
+    path = pose_writers.poses_txt(tmp_path, truth)
+    assert_poses(read(path), truth)
+    path.write_text("# name qw qx qy qz tx ty tz\n" + path.read_text().replace("my photo", "1"))
+    assert find_format(path) == "poses"
+    with pytest.raises(InputError, match="column with names"):
+        read(path, form="tum")
+
+
+# ---------------------------------------------------------------- what is given is used or refused
+
+
+@pytest.mark.parametrize("kind", ["fisheye", "equidistant_fisheye"])
+def test_tangential_coefficients_of_a_fisheye(kind, tmp_path):
+    path = pose_writers.metashape(tmp_path, make_poses(["a.jpg"]), kind, "<k1>0.01</k1><p1>0.002</p1><p2>-0.001</p2>")
+    camera = read(path, camera=None).images[0].camera
+    assert camera.model == "THIN_PRISM_FISHEYE"
+    assert camera.params == (500, 510, 310, 250, 0.01, 0, -0.001, 0.002, 0, 0, 0, 0)
+
+
+def test_tangential_coefficients_of_reality_capture(tmp_path):
+    path = pose_writers.reality_capture(tmp_path, make_poses(["a.jpg"]))
+    path.write_text(path.read_text().replace(",0.0,0.0,0.0,0.0,0.0,0.0\n", ",-0.05,0.02,0.0,0.0,0.001,-0.002\n"))
+    camera = read(path, write_named(tmp_path / "photos", ["a.jpg"]), camera=None).images[0].camera
+    assert camera.params == (500, 500, 310, 250, -0.05, 0.02, -0.002, 0.001)
+
+
+@pytest.mark.parametrize(("key", "message"), [("k4", "k4"), ("k5", "k5"), ("s1", "s1"), ("skew", "skew"), ("p3", "p3")])
+def test_coefficients_that_would_be_dropped_are_refused(key, message, tmp_path):
+    transforms = pose_writers.transforms(tmp_path, make_poses(["a.jpg"]))
+    transforms.write_text(json.dumps({**json.loads(transforms.read_text()), key: 0.1}))
+    own = pose_writers.csv_quaternion(tmp_path, make_poses(["a.jpg"]))
+    own.write_text(own.read_text().replace(",cy", f",cy,{key}").replace("250.0\n", "250.0,0.1\n"))
+    metashape = pose_writers.metashape(tmp_path, make_poses(["a.jpg"]), more=f"<{key}>0.1</{key}>")
+    for path in (transforms, own, metashape):
+        with pytest.raises(InputError, match=message):
+            read(path, camera=None)
+        read(path)  # --camera replaces the intrinsics
+
+
+def test_spherical_cameras(tmp_path):
+    metashape = pose_writers.metashape(tmp_path, make_poses(["a.jpg"]), "spherical")
+    opensfm = pose_writers.opensfm(tmp_path, make_poses(["a.jpg"]))
+    opensfm.write_text(opensfm.read_text().replace('"brown"', '"spherical"'))
+    for path in (metashape, opensfm):
+        assert read(path, camera=None).images[0].camera.text() == "EQUIRECTANGULAR 640 480 640.0 480.0"
+
+
+def test_rational_distortion(tmp_path):
+    path = pose_writers.transforms(tmp_path, make_poses(["a.jpg"]))
+    more = {"camera_model": "FULL_OPENCV", "k1": 0.1, "k4": 0.4, "k5": 0.5, "k6": 0.6, "p1": 0.01}
+    path.write_text(json.dumps({**json.loads(path.read_text()), **more}))
+    camera = read(path, camera=None).images[0].camera
+    assert camera.params == (500, 510, 310, 250, 0.1, 0, 0.01, 0, 0, 0.4, 0.5, 0.6)
+
+
+@pytest.mark.parametrize("has_place", [True, False])
+def test_rig_of_metashape(has_place, tmp_path, caplog):
+    """The cameras of the second sensor have a master, and the sensor a place beside the master's."""
+    masters = make_poses(["a_1.jpg", "b_1.jpg"])
+    path = pose_writers.metashape(tmp_path, masters)
+    turn, vector = Rotation.from_euler("y", 30, degrees=True).as_matrix(), np.array([0.2, 0, 0.1])
+    place = (
+        f"<rotation>{pose_writers.row(turn.ravel())}</rotation><translation>{pose_writers.row(vector)}</translation>"
+    )
+    text = path.read_text()
+    sensor = text[text.index('<sensor id="0"') : text.index("</sensors>")]
+    slave = sensor.replace('id="0"', 'id="1" master_id="0"').replace("</sensor>", place * has_place + "</sensor>")
+    slaves = "".join(f'<camera id="{10 + i}" sensor_id="1" master_id="{i}" label="{n}_2"/>' for i, n in enumerate("ab"))
+    path.write_text(text.replace("</sensors>", f"{slave}</sensors>").replace("</cameras>", f"{slaves}</cameras>"))
+    truth = dict(masters)
+    if has_place:
+        truth |= {f"{n}_2.jpg": (r @ turn, c + r @ vector) for n, (r, c) in zip("ab", masters.values(), strict=True)}
+    assert_poses(read(path, write_named(tmp_path / "p", ["a_1.jpg", "a_2.jpg", "b_1.jpg", "b_2.jpg"])), truth)
+    assert ("master_id" in caplog.text) != has_place
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"quaternion_order": "xyzw"}, "--quaternion_order xyzw: the file has no quaternions"),
+        ({"crs": UTM}, "--crs EPSG:32632.*says itself"),
+        ({"calibration_path": "x.yaml"}, "--calibration x.yaml: is for trajectories"),
+    ],
+)
+def test_options_without_effect_are_refused(options, message, tmp_path):
+    path = pose_writers.opensfm(tmp_path, make_poses(["a.jpg"]), (47, 8, 0))
+    with pytest.raises(InputError, match=message):
+        read(path, **options)
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["exif", "--crs", UTM],
+        ["exif", "--camera_axes", "opengl"],
+        ["panoramas", "--crs", UTM],
+        ["transforms", "--model", "m"],
+        ["transforms", "--poses", "p"],
+    ],
+)
+def test_options_of_other_formats_are_refused(words, tmp_path, capsys):
+    form, *more = words
+    assert import_poses.main([form, str(tmp_path), "--output_path", str(tmp_path / "out"), *more]) == 1
+    error = capsys.readouterr().err
+    assert error.count("\n") == 1 and f"{more[0]}: has no effect with the format {form}" in error
+
+
+@pytest.mark.parametrize("written", ["cam_from_world", "opencv", "xyzw"])
+def test_options_mend_a_file_that_is_written_otherwise(written, tmp_path):
+    truth = make_poses(["a.jpg", "b.jpg"])
+    if written == "cam_from_world":
+        inverse = {name: (r.T, -r.T @ c) for name, (r, c) in truth.items()}
+        path = pose_writers.transforms(tmp_path, {n: (r @ pose_writers.OPENGL, c) for n, (r, c) in inverse.items()})
+        posed = read(path, pose_direction="cam_from_world", camera_axes="opencv")
+    elif written == "opencv":
+        path = pose_writers.transforms(tmp_path, {n: (r @ pose_writers.OPENGL, c) for n, (r, c) in truth.items()})
+        posed = read(path, camera_axes="opencv")
+    else:
+        rows = [(name, c, xyzw(r)) for name, (r, c) in truth.items()]
+        posed = read(table(tmp_path, "a.csv", "name,x,y,z,qw,qx,qy,qz", rows), quaternion_order="xyzw")
+    assert_poses(posed, truth)
+
+
+# ---------------------------------------------------------------- placeholders and single bad items
+
+
+def test_axes_with_a_scale(tmp_path):
+    """The scale of axes has no meaning; that of a whole matrix cam_from_world is one of the world."""
+    truth = make_poses(["a.jpg", "b.jpg"])
+    path = pose_writers.transforms(tmp_path, truth)
+    data = json.loads(path.read_text())
+    matrix = np.array(data["frames"][0]["transform_matrix"])
+    data["frames"][0]["transform_matrix"] = (matrix @ np.diag([0.25, 0.25, 0.25, 1])).tolist()
+    path.write_text(json.dumps(data))
+    assert_poses(read(path), truth)
+
+
+@pytest.mark.parametrize("value", ["", "nan", "-inf", "null", "N/A"])
+def test_missing_values_of_a_row(value, tmp_path, caplog):
+    path = save(
+        tmp_path, "a.csv", f"name,lat,lon,alt,yaw,pitch,roll\na.jpg,47,8,400,1,2,3\nb.jpg,47,{value},400,1,2,3\n"
+    )
+    posed = read(path)
+    assert [image.name for image in posed.images] == ["a.jpg"] and posed.origin == GeoOrigin(47, 8, 400)
+    assert "1 of 2 poses is left out: line 3: there is no longitude" in caplog.text
+
+
+def test_position_without_a_fix(tmp_path, caplog):
+    text = "name,lat,lon,alt,yaw,pitch,roll\na.jpg,47,8,400,1,2,3\nb.jpg,0,0,0,1,2,3\nc.jpg,95,8,0,1,2,3\n"
+    posed = read(save(tmp_path, "a.csv", text))
+    assert [image.name for image in posed.images] == ["a.jpg"] and posed.origin == GeoOrigin(47, 8, 400)
+    assert "2 of 3 poses are left out: b.jpg: its position is missing" in caplog.text
+
+
+def write_gps(path, **values):
+    """Writes a photo with GPS; `values`: those that are not ordinary, by the numbers of EXIF's fields."""
+    exif = PIL.Image.Exif()
+    gps = {1: "N", 2: (47, 22, 36.84), 3: "E", 4: (8, 32, 30.12), 5: b"\0", 6: 408.0}
+    exif.get_ifd(0x8825).update({**gps, **{int(key[1:]): value for key, value in values.items()}})
+    exif[0x8825] = exif.get_ifd(0x8825)
+    path.parent.mkdir(exist_ok=True)
+    PIL.Image.new("L", (32, 24)).save(path, exif=exif)
+
+
+def test_placeholders_in_exif(tmp_path, capsys):
+    unknown = PIL.TiffImagePlugin.IFDRational(0, 0)
+    folder = tmp_path / "photos"
+    write_gps(folder / "a.jpg")
+    write_gps(folder / "altitude.jpg", f6=unknown)
+    write_gps(folder / "accuracy.jpg", f31=unknown)
+    write_gps(folder / "far.jpg", f31=999999.0)
+    write_gps(folder / "no_fix.jpg", f2=(0, 0, 0), f4=(0, 0, 0))
+    write_gps(folder / "nan.jpg", f2=(unknown, unknown, unknown))
+    words = ["exif", str(folder), "--output_path", str(tmp_path / "gps.txt")]
+    assert import_poses.main(words) == 0
+    lines = [line.split() for line in (tmp_path / "gps.txt").read_text().splitlines()]
+    assert [line[0] for line in lines] == ["a.jpg", "accuracy.jpg", "altitude.jpg", "far.jpg"]
+    assert all(line[4:] == ["5", "5", "50"] and abs(float(line[3])) < 1e-6 for line in lines)
+    assert "2 of 6 photos have no GPS" in capsys.readouterr().err
+
+
+def test_what_is_left_out_is_one_line(tmp_path, capsys):
+    """One frame has lost tracking, as phones write it; the others are written."""
+    names = [f"IMG_{index:04}.jpg" for index in range(5)]
+    truth = make_poses(names)
+    path = pose_writers.transforms(tmp_path, truth)
+    data = json.loads(path.read_text())
+    data["frames"][2]["transform_matrix"] = [[float("-inf")] * 4] * 4
+    data["frames"][3] = None
+    path.write_text(json.dumps(data))
+    assert import_poses.main(["auto", str(path), "--output_path", str(tmp_path / "model")]) == 0
+    assert sorted(read_model(tmp_path / "model").images) == [f"images/{names[index]}" for index in (0, 1, 4)]
+    error = capsys.readouterr().err
+    assert (
+        error.count("\n") == 1
+        and "2 of 5 poses are left out: " in error
+        and "IMG_0002.jpg: a pose has a value" in error
+    )
