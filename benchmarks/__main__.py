@@ -13,6 +13,7 @@ COMMANDS = {
         "photos.photometric_stress",
         "photos in the dark, out of focus, in haze, by SIFT and ALIKED",
     ),
+    "poses": ("corrupted_poses", "poses that are wrong in the ways of people's files: are they named?"),
     "runtime": ("runtime.compare_with_local_triangulation", "seconds per query beside pycolmap's, on one core"),
     "streaming": ("streaming", "memory and time of one process over the number of queries"),
     "sparse": (

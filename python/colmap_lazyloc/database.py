@@ -66,6 +66,62 @@ def add_images(path: pathlib.Path, cameras: Mapping[str, Camera]) -> None:
                 _insert(connection, "frame_data", _FRAME_DATA_COLUMNS, data)
 
 
+def copy_database(source: pathlib.Path, target: pathlib.Path) -> None:
+    """Copies a database, with what its write-ahead log still holds."""
+    with contextlib.closing(connect(source)) as database, contextlib.closing(connect(target, "rwc")) as copy:
+        database.backup(copy)
+
+
+def remove_matches(path: pathlib.Path) -> None:
+    """Removes the matches of all images, and the geometries of their pairs."""
+    with contextlib.closing(connect(path, "rw")) as connection, connection:
+        for table in ("matches", "two_view_geometries"):
+            connection.execute(f"DELETE FROM {table}")
+
+
+def tidy_images(path: pathlib.Path) -> None:
+    """Removes images without keypoints, and numbers the others in the order of their names.
+
+    COLMAP's retrieval fails if an image has no keypoints, because its photo could not be used. It numbers the images
+    that it adds in the order in which its threads finish them: another one each time. Images whose number changes must
+    not have matches.
+    """
+    with contextlib.closing(connect(path, "rw")) as connection, connection:
+        without = connection.execute("SELECT image_id FROM images EXCEPT SELECT image_id FROM keypoints").fetchall()
+        remove_images(connection, [image_id for (image_id,) in without])
+        tables = [table for (table,) in connection.execute("SELECT name FROM sqlite_master WHERE type = 'table'")]
+        if "frame_data" in tables:
+            ids = f"sensor_type = {CAMERA_SENSOR} AND data_id NOT IN (SELECT image_id FROM images)"
+            connection.execute(f"DELETE FROM frame_data WHERE {ids}")
+            connection.execute("DELETE FROM frames WHERE frame_id NOT IN (SELECT frame_id FROM frame_data)")
+        _number_images(connection, tables)
+
+
+def _number_images(connection: sqlite3.Connection, tables: Sequence[str]) -> None:
+    """Numbers images in the order of their names."""
+    ids = [image_id for (image_id,) in connection.execute("SELECT image_id FROM images ORDER BY name")]
+    connection.execute("CREATE TEMP TABLE numbers (old INTEGER PRIMARY KEY, new)")
+    connection.executemany("INSERT INTO numbers VALUES (?, ?)", zip(ids, range(1, len(ids) + 1)))
+    connection.execute("DELETE FROM numbers WHERE old = new")
+    for table in tables:
+        columns = {row[1] for row in connection.execute(f"PRAGMA table_info({table})")}
+        for column in _IMAGE_ID_COLUMNS.keys() & columns:
+            # Goes through numbers that no image has, because ids are unique at every moment.
+            number = f"(SELECT new FROM numbers WHERE old = {table}.{column})"
+            rows = f"{_IMAGE_ID_COLUMNS[column]} AND {column} IN (SELECT old FROM numbers)"
+            connection.execute(f"UPDATE {table} SET {column} = {_UNUSED} + {number} WHERE {rows}")
+            rows = f"{_IMAGE_ID_COLUMNS[column]} AND {column} > {_UNUSED}"
+            connection.execute(f"UPDATE {table} SET {column} = {column} - {_UNUSED} WHERE {rows}")
+    connection.execute("DROP TABLE numbers")
+
+
+# The columns that hold ids of images, in the tables of COLMAP 3 and of COLMAP 4, and the rows for which they do.
+_IMAGE_ID_COLUMNS = {
+    "image_id": "TRUE",
+    "data_id": f"sensor_type = {CAMERA_SENSOR}",
+    "corr_data_id": f"corr_sensor_type = {CAMERA_SENSOR}",
+}
+_UNUSED = MAX_NUM_IMAGES // 2
 _CAMERA_COLUMNS = ("model", "width", "height", "params", "prior_focal_length")
 _RIG_COLUMNS = ("ref_sensor_id", "ref_sensor_type")
 _FRAME_DATA_COLUMNS = ("frame_id", "data_id", "sensor_id", "sensor_type")
@@ -100,6 +156,16 @@ class DatabaseReader:
     def num_inliers(self, name1: str, name2: str) -> int:
         """Returns the number of verified matches of two images."""
         return self._num_inliers.get(self._pair_id(name1, name2), 0)
+
+    def matched_pairs(self, min_num_inliers: int) -> list[tuple[str, str, int]]:
+        """Returns the names of matched images, and the numbers of their verified matches, of at least a number."""
+        names = {image_id: name for name, image_id in self.image_ids.items()}
+        rows = ((*divmod(pair, MAX_NUM_IMAGES), count) for pair, count in self._num_inliers.items())
+        return [
+            (names[first], names[second], count)
+            for first, second, count in rows
+            if count >= min_num_inliers and first in names and second in names
+        ]
 
     def has_keypoints(self, name: str) -> bool:
         """True if features of the image were extracted, even if none were found."""

@@ -1,5 +1,7 @@
 #include "colmap_lazyloc/python/conversions.h"
 
+#include <algorithm>
+#include <limits>
 #include <memory>
 
 #include "colmap_lazyloc/bridge/camera_models.h"
@@ -23,10 +25,11 @@ Array ToNumpy(std::vector<Value> values, std::initializer_list<size_t> shape) {
   return Array(data, shape, owner);
 }
 
-OutputRows PointsToNumpy(const std::vector<Eigen::Vector2d>& points) {
+template <int num_columns>
+OutputRows PointsToNumpy(const std::vector<Eigen::Vector<double, num_columns>>& points) {
   std::vector<double> values;
-  for (const Eigen::Vector2d& point : points) values.insert(values.end(), point.begin(), point.end());
-  return ToNumpy<OutputRows>(std::move(values), {points.size(), 2});
+  for (const auto& point : points) values.insert(values.end(), point.begin(), point.end());
+  return ToNumpy<OutputRows>(std::move(values), {points.size(), num_columns});
 }
 
 OutputAnswer ToOutput(const QueryRecord& record) {
@@ -78,6 +81,14 @@ Camera MakeCamera(const std::string& model, uint64_t width, uint64_t height, con
   return camera;
 }
 
+OutputRows ToRays(const Camera& camera, const InputPoints& points) {
+  const RayInCamFunction ray_in_cam = RaysInCam(camera);
+  const Eigen::Vector3d none = Eigen::Vector3d::Constant(std::numeric_limits<double>::quiet_NaN());
+  std::vector<Eigen::Vector3d> rays;
+  for (const Eigen::Vector2d& point : ToRows<Eigen::Vector2d>(points)) rays.push_back(ray_in_cam(point).value_or(none));
+  return PointsToNumpy(rays);
+}
+
 Model MakeModel(const std::vector<Camera>& cameras, const std::vector<std::string>& names, const InputPoses& poses,
                 const std::vector<size_t>& camera_of_image) {
   LAZYLOC_CHECK(names.size() == poses.shape(0) && names.size() == camera_of_image.size());
@@ -94,6 +105,28 @@ Model MakeModel(const std::vector<Camera>& cameras, const std::vector<std::strin
   Model model = builder.Take();
   if (model.images.empty()) throw InputError("model: contains no posed image");
   return model;
+}
+
+OutputModel ToOutput(const ModelOnDisk& read) {
+  std::vector<OutputCamera> cameras;
+  for (const auto& [camera_id, camera] : read.model.cameras) {
+    cameras.emplace_back(camera_id, CameraModelName(camera.model_id), camera.width, camera.height, camera.params);
+  }
+  std::vector<std::pair<PointsPlace, const ModelImage*>> images;
+  for (const ModelImage& image : read.model.images) images.emplace_back(read.points.at(image.image_id), &image);
+  std::sort(images.begin(), images.end(), [](const auto& a, const auto& b) { return a.first.offset < b.first.offset; });
+  std::vector<nb::bytes> names;
+  std::vector<uint64_t> numbers;
+  std::vector<double> poses;
+  for (const auto& [place, image] : images) {
+    names.emplace_back(image->name.data(), image->name.size());
+    numbers.insert(numbers.end(), {image->image_id, image->camera_id, place.offset, place.num_bytes});
+    const auto& [rotation, translation] = image->cam_from_world;
+    poses.insert(poses.end(), {rotation.w(), rotation.x(), rotation.y(), rotation.z()});
+    poses.insert(poses.end(), translation.begin(), translation.end());
+  }
+  return {std::move(cameras), std::move(names), ToNumpy<OutputNumbers>(std::move(numbers), {images.size(), 4}),
+          ToNumpy<OutputRows>(std::move(poses), {images.size(), 7}), read.images_path.string()};
 }
 
 std::vector<OutputAnswer> ToOutput(const std::vector<QueryRecord>& records) {

@@ -11,6 +11,7 @@
 #include <nanobind/nanobind.h>
 #include <nanobind/ndarray.h>
 
+#include "colmap_lazyloc/formats/model_reader.h"
 #include "colmap_lazyloc/python/localizer.h"
 #include "colmap_lazyloc/scene/camera.h"
 #include "colmap_lazyloc/scene/model.h"
@@ -43,10 +44,20 @@ std::vector<Rigid3d> ToPoses(const InputPoses& poses);
 
 // Throws InputError if the camera cannot be used.
 Camera MakeCamera(const std::string& model, uint64_t width, uint64_t height, const std::vector<double>& params);
+// Returns the viewing rays of points in pixels, n x 3, of unit length; NaN where the camera model has none.
+OutputRows ToRays(const Camera& camera, const InputPoints& points);
 // Makes a model without points. camera_of_image: index into `cameras`. Throws InputError for data that a model cannot
 // have.
 Model MakeModel(const std::vector<Camera>& cameras, const std::vector<std::string>& names, const InputPoses& poses,
                 const std::vector<size_t>& camera_of_image);
+
+// A model's cameras: id, model, width, height and parameters of each. Its images in the order of their file: the name;
+// image id, camera id, place and length of the points in the file; the pose. The file of the images.
+using OutputCamera = std::tuple<uint32_t, std::string, uint64_t, uint64_t, std::vector<double>>;
+using OutputNumbers = nanobind::ndarray<nanobind::numpy, uint64_t, nanobind::ndim<2>>;
+using OutputModel =
+    std::tuple<std::vector<OutputCamera>, std::vector<nanobind::bytes>, OutputNumbers, OutputRows, std::string>;
+OutputModel ToOutput(const ModelOnDisk& read);
 
 // The query's name; its line of results.jsonl; its keypoints, n x 2; the points that it observes, m x 3, and the
 // keypoint of each; their observations in database images, k x 3: index of the point, index into `pairs` of the line,

@@ -42,7 +42,7 @@ bool HasOnlyMatches(const GroupInput& input) {
 // A call of a thread: counts the thread as busy and lends it a session.
 class Localizer::Call {
  public:
-  explicit Call(Localizer* localizer) : localizer_(*localizer), num_taken_(localizer_.idle_threads_.Take(1)) {
+  explicit Call(Localizer* localizer) : localizer_(*localizer), busy_(&localizer_.idle_threads_) {
     if (!localizer_.source_) return;
     {
       const std::lock_guard<std::mutex> lock(localizer_.sessions_mutex_);
@@ -60,7 +60,6 @@ class Localizer::Call {
     if (!session_) session_ = std::make_unique<QuerySource::Session>(*localizer_.source_, &localizer_.idle_threads_);
   }
   ~Call() {
-    localizer_.idle_threads_.GiveBack(num_taken_);
     if (!session_) return;
     const std::lock_guard<std::mutex> lock(localizer_.sessions_mutex_);
     localizer_.sessions_.push_back(std::move(session_));
@@ -72,7 +71,7 @@ class Localizer::Call {
 
  private:
   Localizer& localizer_;
-  const int num_taken_;
+  const BusyThread busy_;                          // gives the thread back if no session can be opened, too
   std::unique_ptr<QuerySource::Session> session_;  // null without a database
 };
 

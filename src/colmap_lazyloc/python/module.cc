@@ -108,6 +108,15 @@ std::vector<OutputAnswer> LocalizeFrame(Localizer& localizer, const std::vector<
   return Localize(localizer, input);
 }
 
+OutputModel ReadModelForPython(const std::string& path) {
+  ModelOnDisk read;
+  {
+    const nb::gil_scoped_release release;
+    read = ReadModelWithPoints(path);
+  }
+  return ToOutput(read);
+}
+
 // Runs a command of the program; arguments[0] is its name. Returns its exit code.
 int RunAsCommand(int (*run)(int, char**), std::vector<std::string> arguments) {
   const nb::gil_scoped_release release;
@@ -123,7 +132,9 @@ NB_MODULE(_core, module) {
   nb::set_leak_warnings(false);
   nb::register_exception_translator(TranslateInputError);
   nb::class_<Camera>(module, "Camera").def(nb::new_(&MakeCamera), "model"_a, "width"_a, "height"_a, "params"_a);
+  module.def("rays", &ToRays, "camera"_a, "points"_a);
   nb::class_<Model>(module, "Model").def(nb::new_(&MakeModel), "cameras"_a, "names"_a, "poses"_a, "camera_of_image"_a);
+  module.def("read_model", &ReadModelForPython, "path"_a);
   nb::class_<Query>(module, "Query");
   module.def(
       "named", [](const std::string& name) { return Query{name}; }, "name"_a);

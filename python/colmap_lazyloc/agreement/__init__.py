@@ -1,0 +1,1 @@
+"""Compares poses with photos, and finds out what is wrong with those that do not fit."""

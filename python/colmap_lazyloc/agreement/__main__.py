@@ -1,0 +1,67 @@
+"""Says whether the poses of a model agree with the matches in a database.
+
+    lazyloc check database.db model
+
+Compares verified matches of at most 60 pairs with the given poses. If they do not agree, tries what people's poses turn
+out to be: other camera axes, the other direction, another order of the photos, and more. Names images whose poses
+contradict those of the others. An error of the scale or a shift of all poses cannot be seen in pairs.
+The exit code is 2 if the poses are wrong.
+"""
+
+import argparse
+import pathlib
+import sqlite3
+import sys
+from collections.abc import Sequence
+
+from colmap_lazyloc.agreement.check import describe, explain_images, is_wrong, warn_of_images
+from colmap_lazyloc.agreement.pairs import MAX_NUM_PAIRS, pairs_of_database
+from colmap_lazyloc.database import DatabaseReader
+from colmap_lazyloc.errors import InputError, command
+from colmap_lazyloc.model import read_model
+from colmap_lazyloc.pose_formats.geo import GeoOrigin
+from colmap_lazyloc.pose_formats.posed_images import PosedImage
+
+PAIRS_OF_AN_IMAGE = 3  # that are looked at, to name images whose poses are wrong
+MAX_NUM_IMAGE_PAIRS = 3000
+WRONG_POSES = 2  # exit code
+
+
+def parse_arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
+    parser = argparse.ArgumentParser(
+        prog="lazyloc check", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("database", type=pathlib.Path, metavar="DATABASE", help="COLMAP database with verified matches")
+    parser.add_argument("model", type=pathlib.Path, metavar="MODEL", help="folder of a COLMAP model")
+    return parser.parse_args(arguments)
+
+
+@command(name="lazyloc check", extra="import")
+def main(arguments: Sequence[str] | None = None) -> int:
+    options = parse_arguments(arguments)
+    model = read_model(options.model)
+    images = [
+        PosedImage(image.name, model.cameras[image.camera_id], image.pose)
+        for image in sorted(model.images.values(), key=lambda image: image.name)
+        if image.cam_from_world is not None
+    ]
+    if not options.database.is_file():
+        raise InputError(f"{options.database}: does not exist")
+    try:
+        with DatabaseReader(options.database) as database:
+            count = min(MAX_NUM_IMAGE_PAIRS, max(MAX_NUM_PAIRS, PAIRS_OF_AN_IMAGE * len(images)))
+            pairs = pairs_of_database(database, images, count)
+    except sqlite3.Error as error:
+        raise InputError(f"{options.database}: is not a readable COLMAP database: {error}") from None
+    explanation = explain_images(pairs[:MAX_NUM_PAIRS], images)
+    if explanation is None:
+        raise InputError(f"{options.database}: matches only {len(pairs)} pairs of images of {options.model}: too few")
+    print(describe(explanation, "units" if GeoOrigin.read(options.model) is None else "m"))
+    if is_wrong(explanation):
+        return WRONG_POSES
+    warn_of_images(pairs, images)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

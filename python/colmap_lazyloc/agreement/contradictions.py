@@ -1,0 +1,34 @@
+"""Images whose poses contradict those of most others."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from colmap_lazyloc.agreement.explain import AGREEING_PX
+from colmap_lazyloc.array_types import Floats
+
+MIN_NUM_PAIRS = 2  # that contradict an image
+MIN_SHARE = 0.6  # of an image's pairs
+TYPICAL_RATIO = 5.0  # of an error to the median one, above which a pair disagrees
+
+
+def contradicted_images(pairs: Sequence[tuple[int, int]], px: Floats) -> list[int]:
+    """Returns the images, by index, whose own poses explain why pairs disagree, the worst first.
+
+    `px`: the errors of the pairs in pixels.
+    """
+    rows = np.array(pairs, int).reshape(-1, 2)
+    disagrees = px > max(AGREEING_PX, TYPICAL_RATIO * float(np.median(px)) if len(px) else 0.0)
+    found: list[int] = []
+    is_left = np.ones(len(rows), bool)
+    # The image with the most pairs that disagree comes first; without its pairs, its neighbours are no longer suspect.
+    while np.any(is_left & disagrees):
+        all_of = np.bincount(rows[is_left].ravel())
+        bad_of = np.bincount(rows[is_left & disagrees].ravel(), minlength=len(all_of))
+        is_suspect = (bad_of >= MIN_NUM_PAIRS) & (bad_of >= MIN_SHARE * all_of)
+        if not is_suspect.any():
+            break
+        worst = int(np.argmax(np.where(is_suspect, bad_of + bad_of / np.maximum(all_of, 1), 0)))
+        found.append(worst)
+        is_left &= ~np.any(rows == worst, axis=1)
+    return found

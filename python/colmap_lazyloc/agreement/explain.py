@@ -1,0 +1,206 @@
+"""Do poses fit the photos, and if not, what are they?
+
+`explain` compares the given poses with matched pairs of images. Then it reads the same numbers in the other ways that
+`readings` lists; the first of these by which the pairs agree explains what is wrong.
+"""
+
+import dataclasses
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from colmap_lazyloc.agreement.pairs import MatchedPair
+from colmap_lazyloc.agreement.poses import Matches, Poses, errors_px, medians_by_pair
+from colmap_lazyloc.agreement.readings import Reading, all_readings, other_focal_length, turned_world
+from colmap_lazyloc.agreement.relative import RelativePoses
+from colmap_lazyloc.array_types import Array, Floats
+from colmap_lazyloc.pose_formats.conventions import Convention
+
+AGREEING_PX = 4.0  # at most, the median error of the matches of a pair that agrees
+MIN_NUM_PAIRS = 6  # fewer say nothing
+CLEARLY = 2.0  # the factor between errors that counts
+MOVED_PX, MOVED_DEG = 2.0, 3.0  # errors of a pair below these need no explanation
+MIN_MENDED_SHARE = 0.6  # of the pairs that disagree, which a reading must mend
+MIN_MENDED_OF_ALL = 0.15  # of all pairs
+MIN_NUM_MENDED = 5
+MAX_SPOILT_SHARE = 0.1  # of all pairs
+MAX_TURN_DEG = 3.0  # readings whose rotations are worse than the best ones by this are not looked at further
+NUM_QUICK_MATCHES = 12  # of a pair, for the first comparison of readings
+NUM_CANDIDATES = 40  # readings that are compared by all matches
+FOCAL_STEPS = (1.2, 1.04, 1.008)  # of factors of the focal length, coarse to fine: from 1/4 to 4
+NUM_FOCAL_CANDIDATES = 5  # readings that are tried with other focal lengths, too
+MAX_NUM_STEPS = 15  # of the refinement of a turn
+MAX_ROTATION_DEG, MAX_DIRECTION_DEG = 15.0, 45.0  # errors of the relative poses above which poses are of no use
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Fit:
+    """How far each pair is from fitting poses: the median of its matches in pixels, and its relative rotation in
+    degrees. NaN where an image has no pose, or the matches determine no rotation."""
+
+    px: Floats
+    rotation_deg: Floats
+
+    @property
+    def num_agreeing(self) -> int:
+        return int(np.count_nonzero(self.px <= AGREEING_PX))
+
+    @property
+    def agrees(self) -> bool:
+        """True if half of the pairs that have poses agree."""
+        return 2 * self.num_agreeing >= np.count_nonzero(np.isfinite(self.px)) > 0
+
+    @property
+    def score(self) -> float:
+        """The mean log error of the pairs that have poses; infinite if fewer than half do."""
+        known = self.px[np.isfinite(self.px)]
+        if 2 * len(known) < len(self.px):
+            return np.inf
+        return round(float(np.mean(np.log(np.clip(known, 0.5, 1000)))), 2)  # smaller differences mean nothing
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Explanation:
+    """What pairs say about poses.
+
+    `given`: how the poses fit as they were given. `reading`: what they are instead, and `mended`: how they fit so; None
+    if they are what they are said to be, or nobody knows. `is_hopeless`: they are as far off as poses of other photos.
+    `position_error`: of the relative poses in the median, in the unit of the poses; NaN if unknown.
+    """
+
+    pairs: Sequence[MatchedPair]
+    given: Fit
+    reading: Reading | None
+    mended: Fit | None
+    is_hopeless: bool
+    position_error: float
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class _Evidence:
+    """Pairs, and the poses to compare with them; `used`: indices of the images of pairs."""
+
+    matches: Matches
+    relative: RelativePoses
+    poses: Poses
+    used: Array
+
+    def fit(self, variants: Sequence[Poses]) -> Fit:
+        """Compares poses; of several variants, each pair takes those that fit it best."""
+        combinations = [(first, second) for first in variants for second in variants]
+        px = [medians_by_pair(self.matches, errors_px(self.matches, *both)) for both in combinations]
+        return Fit(np.min(px, axis=0), self.rotation_errors_deg(variants))
+
+    def rotation_errors_deg(self, variants: Sequence[Poses]) -> Floats:
+        errors = [self.relative.rotation_errors_deg(first, second) for first in variants for second in variants]
+        smallest: Floats = np.min(errors, axis=0)
+        return smallest
+
+    def read(self, reading: Reading) -> Sequence[Poses]:
+        return reading.apply(self.poses, self.used)
+
+    def quick(self) -> "_Evidence":
+        """Returns the same with fewer matches."""
+        return dataclasses.replace(self, matches=Matches.of(self.matches.pairs, NUM_QUICK_MATCHES))
+
+
+def explain(
+    pairs: Sequence[MatchedPair], names: Sequence[str], poses: Poses, convention: Convention
+) -> Explanation | None:
+    """Compares poses of images by name with matched pairs of these; None if there are too few pairs."""
+    if len(pairs) < MIN_NUM_PAIRS:
+        return None
+    used, places = np.unique([(pair.first, pair.second) for pair in pairs], return_inverse=True)
+    local = [
+        dataclasses.replace(pair, first=int(first), second=int(second))
+        for pair, (first, second) in zip(pairs, places.reshape(-1, 2))
+    ]
+    evidence = _Evidence(Matches.of(local), RelativePoses.of(local), poses, used)
+    own = poses.take(used)
+    given = evidence.fit([own])
+    reading, mended = _find_reading(evidence, given, all_readings(names, convention))
+    is_hopeless = reading is None and _is_hopeless(evidence, [own], given)
+    position_error = float(np.median(evidence.relative.position_errors(own)))
+    return Explanation(pairs, given, reading, mended, is_hopeless, position_error)
+
+
+def _find_reading(evidence: _Evidence, given: Fit, readings: Sequence[Reading]) -> tuple[Reading | None, Fit | None]:
+    """Returns the reading that explains the pairs and how it fits them, if there is one."""
+    turned = np.array([np.nanmedian(evidence.rotation_errors_deg(evidence.read(reading))) for reading in readings])
+    likely = [readings[index] for index in np.flatnonzero(turned <= CLEARLY * turned.min() + MAX_TURN_DEG)]
+    quick = evidence.quick()
+    likely = sorted(likely, key=lambda reading: quick.fit(quick.read(reading)).score + reading.rarity)[:NUM_CANDIDATES]
+    likely += _fitted_readings(quick, likely[:NUM_FOCAL_CANDIDATES])
+    fits = [evidence.fit(evidence.read(reading)) for reading in likely]
+    for index in np.argsort([fit.score + reading.rarity for fit, reading in zip(fits, likely)], kind="stable"):
+        reading, fit = likely[index], fits[index]
+        # A number that was fitted to the pairs must make them agree, because it mends errors of any kind a little.
+        is_plain = fit.agrees or not reading.is_fitted
+        if is_plain and _mends(fit, given) and not _is_hopeless(evidence, evidence.read(reading), fit):
+            return reading, fit
+    return None, None
+
+
+def _fitted_readings(evidence: _Evidence, readings: Sequence[Reading]) -> Iterator[Reading]:
+    """Yields the readings with a number that the pairs determine: a turn of the world for the given poses, and a factor
+    of the focal length for these and for other readings."""
+    own = evidence.poses.take(evidence.used)
+    turn = evidence.relative.turn_of_world(own)
+    if turn is not None:
+        yield turned_world(_refine_turn(evidence.matches, own, turn))
+    for reading in [Reading("", ""), *readings]:
+        variants, factor = evidence.read(reading), 1.0
+        for step in FOCAL_STEPS:
+            factors = factor * step ** np.arange(-8, 9)
+            scores = [
+                evidence.fit([dataclasses.replace(poses, focal_factor=value) for poses in variants]).score
+                for value in factors.tolist()
+            ]
+            factor = float(factors[np.argmin(scores)])
+        yield other_focal_length(reading, factor)
+
+
+def _refine_turn(matches: Matches, poses: Poses, turn: Floats) -> Floats:
+    """Returns the turn of the world that fits the matches best, from one that fits the directions of pairs."""
+    from scipy.optimize import least_squares
+    from scipy.spatial.transform import Rotation
+
+    def turned(vector: Floats) -> Floats:
+        return np.asarray(Rotation.from_rotvec(vector).as_matrix()) @ turn
+
+    def residuals(vector: Floats) -> Floats:
+        (each,) = turned_world(turned(vector)).transform(poses)
+        return errors_px(matches, each, each)
+
+    return turned(least_squares(residuals, np.zeros(3), loss="soft_l1", max_nfev=MAX_NUM_STEPS).x)
+
+
+def _mends(fit: Fit, given: Fit) -> bool:
+    """True if a reading mends most of the pairs that disagree, by their matches or their rotations, and spoils hardly
+    any."""
+    known = np.isfinite(fit.px)
+    disagrees, mended, spoilt = np.zeros((3, len(known)), bool)
+    for new, old, small in ((fit.px, given.px, MOVED_PX), (fit.rotation_deg, given.rotation_deg, MOVED_DEG)):
+        disagrees |= known & (old > small)
+        mended |= known & (old > small) & (new * CLEARLY < old)
+        spoilt |= known & (new > small * CLEARLY) & (new > old * CLEARLY)
+    num_mended, num_known = np.count_nonzero(mended & ~spoilt), np.count_nonzero(known)
+    return bool(
+        num_mended >= MIN_MENDED_SHARE * np.count_nonzero(disagrees)
+        and num_mended >= max(MIN_NUM_MENDED, MIN_MENDED_OF_ALL * num_known)
+        and np.count_nonzero(spoilt) <= MAX_SPOILT_SHARE * num_known
+    )
+
+
+def _is_hopeless(evidence: _Evidence, variants: Sequence[Poses], fit: Fit) -> bool:
+    """True if the poses are as far off as those of other photos would be."""
+    if fit.agrees:
+        return False
+    if np.nanmedian(fit.rotation_deg) > MAX_ROTATION_DEG:
+        return True
+    combinations = [(first, second) for first in variants for second in variants]
+    directions = np.min([evidence.relative.direction_errors_deg(*both) for both in combinations], axis=0)
+    # Of near images, even the direction between right positions is not known.
+    lengths = evidence.relative.lengths(*combinations[0])
+    is_far = np.isfinite(directions) & (lengths >= np.nanmedian(lengths))
+    return bool(np.median(directions[is_far]) > MAX_DIRECTION_DEG) if is_far.any() else False

@@ -1,0 +1,161 @@
+"""Matches some of the photos of posed images, coarsely and without their poses. Needs OpenCV."""
+
+import concurrent.futures
+import dataclasses
+import itertools
+import pathlib
+from collections.abc import Sequence
+
+import numpy as np
+
+from colmap_lazyloc.agreement.pairs import (
+    MAX_NUM_PAIRS,
+    MIN_NUM_MATCHES,
+    SEED,
+    MatchedPair,
+    focal_length_px,
+    rays_of,
+)
+from colmap_lazyloc.array_types import Array, Floats
+from colmap_lazyloc.pose_formats.naming import natural_key
+from colmap_lazyloc.pose_formats.posed_images import PosedImage
+
+NUM_PLACES = 10  # in the order of the names, at which neighbours are matched
+NUM_FOLLOWING = 2  # photos after one that are its neighbours by name
+NUM_NEAREST = 2  # photos that are its neighbours by the given poses
+NUM_RANDOM = 120  # further pairs that are tried
+MAX_SIZE_PX = 640  # of a photo, to which larger ones are reduced
+MAX_NUM_FEATURES = 800
+MAX_RATIO = 0.8  # of distances to the best and the second-best match
+MAX_NUM_TRIALS = 500  # of RANSAC
+MAX_ERROR_PX = 3.0  # from epipolar lines, in the reduced photo
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Features:
+    """Keypoints in pixels of the camera, and SIFT descriptors; `scale`: pixels of the camera per one that was seen."""
+
+    points: Floats
+    descriptors: Array
+    scale: float
+
+
+def pairs_of_photos(folder: pathlib.Path, images: Sequence[PosedImage], num_threads: int = 2) -> list[MatchedPair]:
+    """Returns pairs of photos that match, half of neighbours, half at random; leaves out photos that cannot be read."""
+    near = _neighbours(images)
+    seen = sorted({index for pair in near for index in pair})
+    with concurrent.futures.ThreadPoolExecutor(num_threads) as pool:
+        features = dict(zip(seen, pool.map(lambda index: _extract(folder / images[index].name, images[index]), seen)))
+        random = np.random.default_rng(SEED)
+        others = [pair for pair in itertools.combinations(seen, 2) if pair not in set(near)]
+        order = random.permutation(len(others))[:NUM_RANDOM]
+        tried = [*near, *(others[index] for index in order)]
+        found = list(pool.map(lambda pair: _match(images, features, *pair), tried))
+    neighbours = [pair for pair in found[: len(near)] if pair is not None]
+    distant = [pair for pair in found[len(near) :] if pair is not None]
+    return [*neighbours[: MAX_NUM_PAIRS - min(len(distant), MAX_NUM_PAIRS // 2)], *distant][:MAX_NUM_PAIRS]
+
+
+def _neighbours(images: Sequence[PosedImage]) -> list[tuple[int, int]]:
+    """Returns pairs of photos that follow each other by name, and of those that are near by their poses."""
+    order = sorted(range(len(images)), key=lambda index: natural_key(images[index].name))
+    centres = np.array([image.cam_from_world.cam_in_world for image in images])
+    axes = np.array([image.cam_from_world.rotation[2] for image in images])
+    pairs: dict[tuple[int, int], None] = {}
+    for place in np.unique(np.linspace(0, len(order) - 1, NUM_PLACES).astype(int)).tolist():
+        index = order[place]
+        distances = np.linalg.norm(centres - centres[index], axis=1)
+        # Photos in other directions come last: they see something else.
+        distances += (axes @ axes[index] < 0.5) * (distances.max() + 1)
+        distances[index] = np.inf
+        nearest = np.argsort(distances, kind="stable")[: min(NUM_NEAREST, len(images) - 1)].tolist()
+        for other in [*order[place + 1 : place + 1 + NUM_FOLLOWING], *nearest]:
+            pairs[min(index, other), max(index, other)] = None
+    return list(pairs)
+
+
+def _extract(path: pathlib.Path, image: PosedImage) -> Features | None:
+    """Returns the features of a photo; None if it cannot be read or is not of its camera's shape."""
+    import cv2
+
+    camera = image.camera
+    longer = max(camera.width, camera.height)
+    flag = next((flag for size, flag in _REDUCED if longer >= size * MAX_SIZE_PX), "IMREAD_GRAYSCALE")
+    try:
+        data = np.fromfile(path, np.uint8)  # names that are not ASCII
+        photo = cv2.imdecode(data, getattr(cv2, flag) | cv2.IMREAD_IGNORE_ORIENTATION) if data.size else None
+    except (OSError, cv2.error):
+        photo = None
+    if photo is None:
+        return None
+    height, width = photo.shape
+    if abs(width * camera.height - height * camera.width) > 0.02 * width * camera.height:
+        return None
+    factor = min(1.0, MAX_SIZE_PX / max(width, height))
+    if factor < 1:
+        photo = cv2.resize(photo, None, fx=factor, fy=factor, interpolation=cv2.INTER_AREA)
+    keypoints, descriptors = cv2.SIFT_create(MAX_NUM_FEATURES).detectAndCompute(photo, None)
+    if descriptors is None or len(keypoints) < MIN_NUM_MATCHES:
+        return None
+    # In COLMAP's pixels, centres are at 0.5, in OpenCV's at 0.
+    points = (cv2.KeyPoint.convert(keypoints).astype(float) + 0.5) * [
+        camera.width / photo.shape[1],
+        camera.height / photo.shape[0],
+    ]
+    # Of square roots, the product says how alike two descriptors are; it is 1 of the same ones.
+    roots = np.sqrt(descriptors / np.maximum(descriptors.sum(axis=1, keepdims=True), 1))
+    return Features(points, roots, camera.width / photo.shape[1])
+
+
+_REDUCED = ((8, "IMREAD_REDUCED_GRAYSCALE_8"), (4, "IMREAD_REDUCED_GRAYSCALE_4"), (2, "IMREAD_REDUCED_GRAYSCALE_2"))
+
+
+def _match(
+    images: Sequence[PosedImage], features: dict[int, Features | None], first: int, second: int
+) -> MatchedPair | None:
+    """Returns the matches of two photos that fit a fundamental matrix; None if they are too few."""
+    import cv2
+
+    one, other = features[first], features[second]
+    if one is None or other is None:
+        return None
+    good = _match_descriptors(one.descriptors, other.descriptors)
+    if len(good) < MIN_NUM_MATCHES:
+        return None
+    cameras = images[first].camera, images[second].camera
+    points = one.points[good[:, 0]], other.points[good[:, 1]]
+    focal_px = min(map(focal_length_px, cameras))
+    flat = [focal_px * _without_distortion(rays_of(camera, part)) for camera, part in zip(cameras, points)]
+    known = np.flatnonzero(np.isfinite(flat[0]).all(axis=1) & np.isfinite(flat[1]).all(axis=1))
+    if len(known) < MIN_NUM_MATCHES:
+        return None
+    threshold_px = MAX_ERROR_PX * max(one.scale, other.scale)
+    cv2.setRNGSeed(SEED)
+    # A fundamental matrix needs no focal length, which may be what is wrong.
+    _, mask = cv2.findFundamentalMat(flat[0][known], flat[1][known], cv2.FM_RANSAC, threshold_px, 0.999, MAX_NUM_TRIALS)
+    inliers = known[mask.ravel() > 0] if mask is not None else known[:0]
+    if len(inliers) < MIN_NUM_MATCHES:
+        return None
+    pair = MatchedPair.of((first, second), cameras, (points[0][inliers], points[1][inliers]))
+    # Keypoints are as exact as the pixels that were seen.
+    return dataclasses.replace(pair, focal_px=pair.focal_px / max(one.scale, other.scale))
+
+
+def _match_descriptors(one: Array, other: Array) -> Array:
+    """Returns mutual nearest neighbours that are clearly nearer than the second nearest, m x 2."""
+    products = one @ other.T
+    best = products.argmax(axis=1)
+    rows = np.arange(len(one))
+    nearest = np.arccos(np.minimum(products[rows, best], 1))
+    is_mutual = products.argmax(axis=0)[best] == rows
+    products[rows, best] = -1
+    second = np.arccos(np.minimum(products.max(axis=1), 1))
+    is_good = is_mutual & (nearest < MAX_RATIO * second)
+    return np.stack([rows, best], axis=1)[is_good]
+
+
+def _without_distortion(rays: Floats) -> Floats:
+    """Returns where rays meet the plane at distance 1; NaN if they do not, or far outside."""
+    forward: Floats = np.where(rays[:, 2:] > 0.1, rays[:, 2:], np.nan)
+    points: Floats = rays[:, :2] / forward
+    return points

@@ -1,0 +1,366 @@
+"""What people's files of poses turn out to be: other ways to read the same numbers, each with a name and a remedy.
+
+The first of the readings that fit is taken, so that the more common ones come first.
+"""
+
+import dataclasses
+import itertools
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any
+
+import numpy as np
+
+from colmap_lazyloc.agreement.poses import Poses
+from colmap_lazyloc.array_types import Array, Floats
+from colmap_lazyloc.pose_formats.angles import LEVEL_CAMERA
+from colmap_lazyloc.pose_formats.conventions import CAMERA_AXES, DIRECTIONS, Convention
+from colmap_lazyloc.pose_formats.naming import natural_key
+
+MAX_SHIFT = 10  # images by which poses are early or late
+MAX_PART_SHIFT = 3  # images, for times that are off by parts of the time between two images
+PARTS = 4
+PART_RARITY = 0.7
+FOCAL_RARITY = 0.7
+EULER_ORDERS = ("ZYX", "ZXY", "YXZ", "YZX", "XYZ", "XZY")
+ORDER_REMEDY = "give poses with names or times, or name the photos so that both have the same order"
+ANGLE_REMEDY = "write the angles as docs/own_data.md describes them, or quaternions"
+FILE_REMEDY = "mend what wrote the file"
+
+Transform = Callable[[Poses], Sequence[Poses]]
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Reading:
+    """A way to read given poses.
+
+    `title` completes "as poses ..."; `remedy`: options of `lazyloc import` and `lazyloc run`, or what to do.
+    `source`: which pose each image takes; default: its own. `transform` is applied to each pose; it returns several if
+    an image may have any one of them.
+    """
+
+    title: str
+    remedy: str
+    transform: Transform = lambda poses: [poses]
+    rarity: float = 0.0
+    source: "Source | None" = None
+    is_fitted: bool = False  # by a number that was estimated of the pairs
+
+    def apply(self, poses: Poses, used: Array) -> Sequence[Poses]:
+        """Returns the poses of the images with these indices as this reading has them."""
+        return self.transform(poses.take(used) if self.source is None else self.source.take(poses, used))
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Source:
+    """Which pose each image takes: that at its place in an order of the poses. Between two places, poses are
+    interpolated; outside of the order there is none."""
+
+    order: Array  # indices of poses
+    places: Floats  # for each image
+
+    def take(self, poses: Poses, used: Array) -> Poses:
+        from scipy.spatial.transform import Rotation
+
+        places = self.places[used]
+        low = np.clip(np.floor(places), 0, len(self.order) - 1).astype(int)
+        high = np.clip(np.ceil(places), 0, len(self.order) - 1).astype(int)
+        before, after = poses.take(self.order[low]), poses.take(self.order[high])
+        weights = (places - low)[:, None]
+        turns = Rotation.from_matrix(after.rotations @ _swap(before.rotations)).as_rotvec()
+        rotations = np.asarray(Rotation.from_rotvec(weights * turns).as_matrix()) @ before.rotations
+        centres = (1 - weights) * before.centres + weights * after.centres
+        is_outside = (places < 0) | (places > len(self.order) - 1)
+        return Poses(rotations, np.where(is_outside[:, None], np.nan, centres))
+
+
+def all_readings(names: Sequence[str], convention: Convention) -> list[Reading]:
+    """Returns the readings of the poses of images by name, which were read by a convention."""
+    families = (
+        (0.0, _axes(convention)),
+        (0.1, _quaternions(convention)),
+        (0.1, _orders(names)),
+        (0.2, _vectors()),
+        (0.2, _mirrored()),
+        (0.3, _worlds()),
+        (1.2, _angles()),
+    )
+    return [
+        dataclasses.replace(reading, rarity=rarity + reading.rarity)
+        for rarity, family in families
+        for reading in family
+    ]
+
+
+def _signed_permutations() -> list[Floats]:
+    """Returns the 24 rotations that turn axes into axes, the identity first."""
+    matrices = [
+        np.diag(signs)[:, order]
+        for order in itertools.permutations(range(3))
+        for signs in itertools.product((1.0, -1.0), repeat=3)
+    ]
+    return [matrix for matrix in matrices if np.linalg.det(matrix) > 0]
+
+
+def _swap(rotations: Floats) -> Floats:
+    return np.swapaxes(rotations, 1, 2)
+
+
+def _times(rotations: Floats, vectors: Floats) -> Floats:
+    products: Floats = np.einsum("nij,nj->ni", rotations, vectors)
+    return products
+
+
+def _translations(poses: Poses) -> Floats:
+    return -_times(poses.rotations, poses.centres)
+
+
+def _inverse(poses: Poses) -> Poses:
+    return Poses(_swap(poses.rotations), _translations(poses))
+
+
+def _axes(convention: Convention) -> Iterator[Reading]:
+    """Other camera axes, and the other direction with any camera axes."""
+    read = CAMERA_AXES[convention.camera_axes]
+    named = [(name, axes.T @ read) for name, axes in CAMERA_AXES.items()]
+    others = [turn for turn in _signed_permutations() if not any(np.allclose(turn, axes) for _, axes in named)]
+    (other,) = (direction for direction in DIRECTIONS if direction != convention.direction)
+    for direction in (convention.direction, other):
+        words = [] if direction == convention.direction else [f"--pose_direction {direction}"]
+        start = "" if direction == convention.direction else f"read as {direction} "
+
+        def transform(poses: Poses, turn: Floats, is_inverse: bool = direction == other) -> list[Poses]:
+            poses = _inverse(poses) if is_inverse else poses
+            return [Poses(turn @ poses.rotations, poses.centres)]
+
+        for name, turn in named:
+            options = words + ([] if name == convention.camera_axes else [f"--camera_axes {name}"])
+            if options:
+                title = start if name == convention.camera_axes else f"{start}with camera axes of {name}"
+                yield Reading(title.strip(), " ".join(options), lambda poses, turn=turn, do=transform: do(poses, turn))
+        for turn in others:
+            title, remedy = _name_turn(turn)
+            yield Reading(start + title, remedy, lambda poses, turn=turn, do=transform: do(poses, turn))
+
+
+def _name_turn(turn: Floats) -> tuple[str, str]:
+    """Returns title and remedy of a turn of the camera's axes."""
+    if turn[2, 2] == 1:
+        degrees = round(np.degrees(np.arctan2(turn[1, 0], turn[0, 0]))) % 360
+        return (
+            f"of photos that are turned by {degrees} degrees, as by EXIF's orientation",
+            "give photos that are stored as they are shown, or poses and intrinsics of the photos as they are stored",
+        )
+    return f"with camera axes {_axes_text(turn.T)}", FILE_REMEDY
+
+
+def _axes_text(matrix: Floats) -> str:
+    """Returns the axes that a signed permutation makes of x, y, z, such as `y, -x, z`."""
+    return ", ".join("-" * bool(row.sum() < 0) + "xyz"[int(np.argmax(np.abs(row)))] for row in matrix)
+
+
+def _quaternions(convention: Convention) -> Iterator[Reading]:
+    """Quaternions whose real part is at the other end."""
+    from scipy.spatial.transform import Rotation
+
+    axes_of_read = dict.fromkeys((convention.camera_axes, "opencv", "opengl"))
+    choices = itertools.product(
+        sorted(DIRECTIONS, key=lambda direction: direction != convention.direction),
+        sorted(DIRECTIONS, key=lambda direction: direction != convention.direction),
+        axes_of_read,
+        (1, -1),
+    )
+    for meant, read, axes, shift in choices:
+
+        def transform(
+            poses: Poses, meant: str = meant, read: str = read, axes: str = axes, shift: int = shift
+        ) -> list[Poses]:
+            turn = CAMERA_AXES[axes]
+            rotations, vectors = turn @ poses.rotations, _translations(poses) @ turn.T
+            if read == "world_from_cam":
+                rotations, vectors = _swap(rotations), poses.centres
+            quaternions = np.roll(Rotation.from_matrix(rotations).as_quat(), shift, axis=1)
+            rotations = np.asarray(Rotation.from_quat(quaternions).as_matrix())
+            if meant == "world_from_cam":
+                return [Poses(turn.T @ _swap(rotations), vectors)]
+            return [Poses(turn.T @ rotations, -_times(_swap(rotations), vectors))]
+
+        order = "xyzw" if convention.quaternion == "wxyz" else "wxyz"
+        is_read = convention.rotation == "quaternion" and (read, axes) == (convention.direction, convention.camera_axes)
+        options = f"--quaternion_order {order}"
+        if meant != convention.direction:
+            options += f" --pose_direction {meant}"
+        title = "with quaternions in the other order" + (f", as {meant}" if meant != read else "")
+        yield Reading(title, options if is_read else FILE_REMEDY, transform)
+
+
+def _vectors() -> Iterator[Reading]:
+    """Centres for translations, and rotations of the other direction beside right centres."""
+    opengl = CAMERA_AXES["opengl"]
+    for turn in (np.eye(3), opengl):
+
+        def centre_is_translation(poses: Poses, turn: Floats = turn) -> list[Poses]:
+            return [Poses(poses.rotations, -_times(_swap(poses.rotations), poses.centres @ turn))]
+
+        def translation_is_centre(poses: Poses, turn: Floats = turn) -> list[Poses]:
+            return [Poses(poses.rotations, _translations(poses) @ turn.T)]
+
+        yield Reading("whose positions are translations (cam_from_world)", FILE_REMEDY, centre_is_translation)
+        yield Reading("whose translations are positions of the camera", FILE_REMEDY, translation_is_centre)
+    for turn in (np.eye(3), opengl):
+
+        def inverse_rotations(poses: Poses, turn: Floats = turn) -> list[Poses]:
+            return [Poses(turn @ _swap(poses.rotations), poses.centres)]
+
+        def inverse_beside_translations(poses: Poses, turn: Floats = turn) -> list[Poses]:
+            rotations = turn @ _swap(poses.rotations)
+            return [Poses(rotations, -_times(_swap(rotations), _translations(poses) @ turn.T))]
+
+        for transform in (inverse_rotations, inverse_beside_translations):
+            yield Reading("whose rotations are inverse, but not their positions", FILE_REMEDY, transform)
+
+
+def _orders(names: Sequence[str]) -> Iterator[Reading]:
+    """Poses that belong to other photos of the same set."""
+    count = len(names)
+    natural = np.array(sorted(range(count), key=lambda index: natural_key(names[index])), int)
+    lexical = np.array(sorted(range(count), key=lambda index: names[index]), int)
+    orders = [natural] if np.array_equal(natural, lexical) else [natural, lexical]
+    if len(orders) > 1:
+        title = "in the order 1, 2, 10 of numbers, where the photos have 1, 10, 2"
+        yield Reading(title, ORDER_REMEDY, source=Source(natural, np.argsort(lexical)))
+        title = "in the order 1, 10, 2 of letters, where the photos have 1, 2, 10"
+        yield Reading(title, ORDER_REMEDY, source=Source(lexical, np.argsort(natural)))
+    shifts = [*range(1, MAX_SHIFT + 1), *(part / PARTS for part in range(1, PARTS * MAX_PART_SHIFT) if part % PARTS)]
+    for order in orders:
+        places = np.argsort(order).astype(float)
+        yield Reading("in reverse order", ORDER_REMEDY, source=Source(order, count - 1 - places))
+        for shift, (sign, word) in itertools.product(shifts, ((1, "later"), (-1, "earlier"))):
+            title = f"shifted: each is that of the photo {shift:g} place{'s' * (shift != 1)} {word}"
+            rarity = 0.0 if shift == int(shift) else PART_RARITY
+            yield Reading(title, ORDER_REMEDY, rarity=rarity, source=Source(order, places - sign * shift))
+
+
+def _mirrored() -> Iterator[Reading]:
+    """A left-handed world, with any camera axes."""
+    turns = _signed_permutations()
+    for turn in sorted(turns, key=lambda turn: np.count_nonzero(turn - np.diag(np.diag(turn)))):
+
+        def transform(poses: Poses, turn: Floats = turn) -> list[Poses]:
+            # Mirroring an axis of the world differs from mirroring all three in a rotation, which no pair sees.
+            return [Poses(turn @ poses.rotations, -poses.centres)]
+
+        yield Reading("of a left-handed world (mirrored axes)", "mirror an axis of the world in the file", transform)
+
+
+def _worlds() -> Iterator[Reading]:
+    """Positions with other axes of the world than the rotations."""
+    for turn, sign in itertools.product(_signed_permutations(), (1, -1)):
+        if not np.array_equal(sign * turn, np.eye(3)):
+            title = f"with positions {_axes_text(sign * turn)} beside the same rotations"
+            remedy = "give positions and rotations with the same axes of the world"
+            moved = sign * turn.T
+            yield Reading(title, remedy, lambda poses, moved=moved: [Poses(poses.rotations, poses.centres @ moved)])
+
+
+def turned_world(turn: Floats) -> Reading:
+    """Positions whose world is turned against that of the rotations; `turn`: from the rotations' world to the
+    positions'."""
+    from scipy.spatial.transform import Rotation
+
+    vector = np.degrees(Rotation.from_matrix(turn).as_rotvec())
+    angle = float(np.linalg.norm(vector))
+    axis = ", ".join(f"{value:.2f}" for value in vector / max(angle, np.finfo(float).tiny))
+    return Reading(
+        f"with rotations turned by {angle:.3g} degrees about ({axis}), as axes of a grid are against north",
+        "give positions and rotations in the same reference system",
+        lambda poses: [dataclasses.replace(poses, rotations=poses.rotations @ turn.T)],
+        is_fitted=True,
+    )
+
+
+def other_focal_length(reading: Reading, factor: float) -> Reading:
+    """A reading with focal lengths that are multiplied by a factor."""
+    return dataclasses.replace(
+        reading,
+        rarity=reading.rarity + FOCAL_RARITY,
+        is_fitted=True,
+        title=f"{reading.title} with focal lengths times {factor:.2g}".strip(),
+        remedy=f"{reading.remedy}, and give the intrinsics of photos of this size (--camera)".removeprefix(", and "),
+        transform=lambda poses: [dataclasses.replace(each, focal_factor=factor) for each in reading.transform(poses)],
+    )
+
+
+# How angles turn a camera: from cam_from_world to the rotation that is composed of angles, and back.
+_COMPOSED: Sequence[tuple[Callable[[Floats], Floats], Callable[[Floats], Floats]]] = (
+    (lambda r: _swap(r) @ LEVEL_CAMERA.T, lambda r: _swap(r @ LEVEL_CAMERA)),
+    (_swap, _swap),
+    (lambda r: r, lambda r: r),
+)
+
+
+def _angles() -> Iterator[Reading]:
+    """Angles in radians for degrees, in another order, or with other signs."""
+    from scipy.spatial.transform import Rotation
+
+    def scaled(rotation: Rotation) -> Rotation:
+        return Rotation.from_rotvec(np.degrees(rotation.as_rotvec()))
+
+    title = "whose angles are radians, not degrees"
+    remedy = "write the angles in degrees"
+    yield Reading(title, remedy, _of_rotations(_COMPOSED[2], lambda rotation: [scaled(rotation)]))
+    for composed, order in itertools.product(_COMPOSED, EULER_ORDERS):
+        yield Reading(
+            title,
+            remedy,
+            _of_rotations(
+                composed,
+                lambda rotation, order=order: [Rotation.from_euler(order, np.degrees(rotation.as_euler(order)))],
+            ),
+        )
+    for composed, read, meant, columns in itertools.product(
+        _COMPOSED, EULER_ORDERS, EULER_ORDERS, itertools.permutations(range(3))
+    ):
+        if read == meant and columns == (0, 1, 2):
+            continue
+        title = f"whose angles are in another order ({meant} for {read})"
+        yield Reading(
+            title,
+            ANGLE_REMEDY,
+            _of_rotations(
+                composed,
+                lambda rotation, read=read, meant=meant, columns=list(columns): [
+                    Rotation.from_euler(meant, angles[:, columns]) for angles in _both_angles(rotation.as_euler(read))
+                ],
+            ),
+        )
+    for composed, order, signs in itertools.product(_COMPOSED, EULER_ORDERS, itertools.product((1, -1), repeat=3)):
+        if signs != (1, 1, 1):
+            axes = ", ".join(axis.lower() for axis, sign in zip(order, signs) if sign < 0)
+            yield Reading(
+                f"whose angles about {axes} have the other sign",
+                ANGLE_REMEDY,
+                _of_rotations(
+                    composed,
+                    lambda rotation, order=order, signs=signs: [
+                        Rotation.from_euler(order, rotation.as_euler(order) * signs)
+                    ],
+                ),
+            )
+
+
+def _both_angles(angles: Floats) -> list[Floats]:
+    """Returns the two sets of Euler angles of each rotation, because a file may have either."""
+    return [angles, np.stack([angles[:, 0] + np.pi, np.pi - angles[:, 1], angles[:, 2] + np.pi], axis=1)]
+
+
+def _of_rotations(composed: tuple[Callable[[Floats], Floats], Callable[[Floats], Floats]], turn: Any) -> Transform:
+    """Returns a transform of rotations that are composed of angles; centres stay."""
+    from scipy.spatial.transform import Rotation
+
+    to_composed, from_composed = composed
+
+    def transform(poses: Poses) -> list[Poses]:
+        turned = turn(Rotation.from_matrix(to_composed(poses.rotations)))
+        return [Poses(from_composed(np.asarray(rotation.as_matrix())), poses.centres) for rotation in turned]
+
+    return transform

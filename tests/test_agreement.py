@@ -1,0 +1,135 @@
+"""Poses that the photos contradict: they are found and named; right ones and inexact ones are not."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from benchmarks.corrupted_poses import CORRUPTIONS, Scene, disturb, shifted
+from colmap_lazyloc.agreement.check import describe, is_wrong
+from colmap_lazyloc.agreement.contradictions import contradicted_images
+from colmap_lazyloc.agreement.explain import explain
+from colmap_lazyloc.agreement.pairs import MatchedPair
+from colmap_lazyloc.agreement.poses import Matches, Poses, errors_px, medians_by_pair
+from colmap_lazyloc.pose_formats.conventions import COLMAP, Convention
+from colmap_lazyloc.poses import look_at
+
+FOCAL_PX = 600.0
+NOISE_PX = 0.5
+
+
+@pytest.fixture(scope="module")
+def scene():
+    """Cameras on an uneven walk around points, with noisy rays of pairs that are at most three apart or at random."""
+    random = np.random.default_rng(3)
+    count = 40
+    points = random.uniform(-3, 3, (400, 3)) * [1, 1, 0.5]
+    angles = np.cumsum(random.uniform(0.04, 0.16, count))
+    radii = random.uniform(6, 9, count)
+    centres = np.stack([radii * np.cos(angles), radii * np.sin(angles), random.uniform(-1.5, 2.5, count)], axis=1)
+    rotations = np.array(
+        [look_at(centre, random.uniform(-1, 1, 3), (0, 0, -1), random.uniform(-15, 15)) for centre in centres]
+    )
+
+    def rays(camera, chosen):
+        inside = (points[chosen] - centres[camera]) @ rotations[camera].T
+        inside = inside / inside[:, 2:] + np.pad(
+            random.normal(0, NOISE_PX / FOCAL_PX, (len(chosen), 2)), ((0, 0), (0, 1))
+        )
+        return inside / np.linalg.norm(inside, axis=1, keepdims=True)
+
+    pairs = []
+    near = [(first, first + random.integers(1, 4)) for first in range(0, count - 3)]
+    for first, second in [*near[:30], *random.choice(count, (30, 2), replace=True).tolist()]:
+        if first != second:
+            chosen = random.choice(len(points), 40, replace=False)
+            pairs.append(MatchedPair(int(first), int(second), rays(first, chosen), rays(second, chosen), FOCAL_PX))
+    return Scene([f"image_{index:03d}.jpg" for index in range(count)], Poses(rotations, centres), pairs)
+
+
+def explain_scene(scene, convention=COLMAP):
+    return explain(scene.pairs, scene.names, scene.poses, convention)
+
+
+def test_errors_are_the_noise_of_the_keypoints(scene):
+    matches = Matches.of(scene.pairs)
+    errors = medians_by_pair(matches, errors_px(matches, scene.poses, scene.poses))
+    assert 0.2 < np.median(errors) < 1.0
+
+
+def test_points_behind_a_camera_do_not_fit(scene):
+    # Epipolar lines are the same if all positions are mirrored at a point, but all depths are negative.
+    mirrored = dataclasses.replace(scene.poses, centres=-scene.poses.centres)
+    matches = Matches.of(scene.pairs)
+    errors = medians_by_pair(matches, errors_px(matches, mirrored, mirrored))
+    assert np.median(errors) > 50
+
+
+def test_images_from_one_place_need_parallel_rays():
+    rays = np.array([[0.0, 0, 1], [0.6, 0, 0.8]])
+    matches = Matches.of([MatchedPair(0, 1, rays, rays, FOCAL_PX)])
+    poses = Poses(np.array([np.eye(3)] * 2), np.zeros((2, 3)))
+    assert np.allclose(errors_px(matches, poses, poses), 0)
+    turned = dataclasses.replace(poses, rotations=np.array([np.eye(3), Rotation.from_euler("z", 0.1).as_matrix()]))
+    assert errors_px(matches, turned, turned)[1] == pytest.approx(FOCAL_PX * 0.06, rel=0.01)
+
+
+@pytest.mark.parametrize("name", CORRUPTIONS)
+def test_corruption_is_named(scene, name):
+    corrupt, title = CORRUPTIONS[name]
+    explanation = explain_scene(corrupt(scene))
+    assert is_wrong(explanation)
+    assert title in describe(explanation, "units")
+
+
+@pytest.mark.parametrize("name", ["OpenGL's axes", "inverse poses", "quaternion order", "mirrored axes", "another set"])
+def test_corruption_of_inexact_poses_is_named(scene, name):
+    corrupt, title = CORRUPTIONS[name]
+    explanation = explain_scene(corrupt(disturb(scene, degrees=2, share=0.03)))
+    assert title in describe(explanation, "units")
+
+
+def test_right_poses_agree(scene):
+    explanation = explain_scene(scene)
+    assert not is_wrong(explanation)
+    assert describe(explanation, "m").startswith(
+        f"poses agree with the photos: {len(scene.pairs)} of {len(scene.pairs)}"
+    )
+
+
+@pytest.mark.parametrize(("degrees", "share"), [(0.5, 0.005), (2, 0.03), (5, 0.1)])
+def test_inexact_poses_agree_within_their_errors(scene, degrees, share):
+    explanation = explain_scene(disturb(scene, degrees, share))
+    assert not is_wrong(explanation)
+    # Two poses with this error differ by 1.4 times as much.
+    assert np.median(explanation.given.rotation_deg) == pytest.approx(1.4 * degrees, rel=0.4, abs=0.5)
+
+
+def test_remedy_is_an_option_that_changes_the_convention(scene):
+    corrupt, _ = CORRUPTIONS["OpenGL's axes"]
+    as_opengl = Convention(direction="world_from_cam", camera_axes="opengl", rotation="matrix")
+    assert explain_scene(corrupt(scene), as_opengl).reading.remedy == "--camera_axes opencv"
+    assert explain_scene(CORRUPTIONS["inverse poses"][0](scene), as_opengl).reading.remedy.startswith(
+        "--pose_direction cam_from_world"
+    )
+
+
+def test_poses_of_images_that_are_late(scene):
+    for number in (1, -3):
+        explanation = explain_scene(shifted(number)(scene))
+        assert f"{abs(number)} place" in explanation.reading.title
+
+
+def test_too_few_pairs_say_nothing(scene):
+    assert explain_scene(dataclasses.replace(scene, pairs=scene.pairs[:4])) is None
+
+
+def test_displaced_images_are_named_and_no_others(scene):
+    centres = scene.poses.centres.copy()
+    centres[[5, 20]] += [0, 0, 1.0]
+    displaced = dataclasses.replace(scene, poses=dataclasses.replace(scene.poses, centres=centres))
+    assert not is_wrong(explain_scene(displaced))
+    matches = Matches.of(scene.pairs)
+    errors = medians_by_pair(matches, errors_px(matches, displaced.poses, displaced.poses))
+    assert sorted(contradicted_images([(pair.first, pair.second) for pair in scene.pairs], errors)) == [5, 20]
