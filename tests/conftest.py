@@ -11,7 +11,7 @@ import subprocess
 
 import pytest
 
-from colmap_lazyloc.model import read_images_binary
+from colmap_lazyloc.model import read_model
 from colmap_lazyloc.poses import read_poses
 from colmap_lazyloc.program import find_colmap
 from colmap_lazyloc.results import read_results
@@ -83,9 +83,7 @@ class Run:
     @functools.cached_property
     def model_images(self):
         """Returns the images of the written model by name, bit for bit as in the file."""
-        images = read_images_binary(self.output_path / "model" / "images.bin")
-        assert len({image.name for image in images}) == len(images), "an image appears twice"
-        return {image.name: image for image in images}
+        return read_model(self.output_path / "model").images
 
     def pair_names(self, query_name):
         """Returns the database images that the query was compared with."""

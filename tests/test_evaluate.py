@@ -238,7 +238,7 @@ def test_folder_without_a_readable_model_is_one_line(write, fails, tmp_path):
     (tmp_path / "empty").mkdir()
     assert "holds no COLMAP model" in fails(estimated, "--ground_truth", str(tmp_path / "empty"))
     write("half/images.txt", "1 1 0 0 0 0 0 0 1 a\n\n")
-    assert "no readable COLMAP model" in fails(estimated, "--ground_truth", str(tmp_path / "half"))
+    assert "holds no COLMAP model" in fails(estimated, "--ground_truth", str(tmp_path / "half"))
 
 
 @pytest.mark.parametrize("threshold", ["0.25", "a,b", "1,2,3", "-1,2", "nan,2"])

@@ -1,5 +1,7 @@
 """Tests of reading COLMAP models and lists of names as COLMAP and pycolmap write them."""
 
+import re
+
 import numpy as np
 import pycolmap
 import pytest
@@ -24,6 +26,37 @@ def test_camera_models_are_those_of_colmap():
     for model_id, (name, num_params) in enumerate(CAMERA_MODELS):
         camera = pycolmap.Camera.create_from_model_id(1, pycolmap.CameraModelId(model_id), 500, 640, 480)
         assert (camera.model.name, len(camera.params)) == (name, num_params)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("PINHOL 640 480 500 500 320 240", "unknown camera model 'PINHOL'; the nearest is PINHOLE"),
+        ("opencv 640 480 500 500 320 240 0 0 0 0", "unknown camera model 'opencv'; the nearest is OPENCV"),
+        ("XYZ 640 480 500", "unknown camera model 'XYZ'; expected one of SIMPLE_PINHOLE, PINHOLE"),
+        ("PINHOLE 640 480 500 320 240", "camera model PINHOLE takes 4 parameters, not 3"),
+        ("PINHOLE 640 0 500 500 320 240", "expected an image size in pixels, found 640 x 0"),
+        ("PINHOLE 640 -480 500 500 320 240", "expected `MODEL width height params...`"),
+        ("PINHOLE 640 480 500 -500 320 240", "expected a positive focal length, found -500"),
+        ("SIMPLE_RADIAL 640 480 0 320 240 -0.1", "expected a positive focal length, found 0"),
+        ("RADIAL 640 480 nan 320 240 -0.1 0", "a camera parameter is not a finite number"),
+    ],
+)
+def test_cameras_that_cannot_be_are_one_line(text, message):
+    with pytest.raises(InputError, match=f"^--camera: {re.escape(message)}"):
+        Camera.parse("--camera", text)
+
+
+def test_cameras_of_every_model_are_parsed():
+    for model_id, (name, _) in enumerate(CAMERA_MODELS):
+        made = pycolmap.Camera.create_from_model_id(1, pycolmap.CameraModelId(model_id), 500, 640, 480)
+        camera = Camera(name, 640, 480, tuple(made.params))
+        assert Camera.parse("--camera", camera.text()) == camera
+        focal_lengths = made.focal_length_idxs() if name != "EQUIRECTANGULAR" else range(2)
+        for i in focal_lengths:
+            params = tuple(-1.0 if j == i else param for j, param in enumerate(made.params))
+            with pytest.raises(InputError, match="a positive focal length, found -1"):
+                Camera.parse("--camera", Camera(name, 640, 480, params).text())
 
 
 @pytest.mark.parametrize("binary", [True, False])
@@ -60,11 +93,45 @@ def test_damaged_models_are_one_error(tmp_path):
         content = path.read_bytes()
         for damaged in (b"", content[:-3], content[:50], content + b"x" * 9, b"\xff" * 40 + content[40:]):
             path.write_bytes(damaged)
-            if path.name == "cameras.bin" and damaged[: len(content)] == content:
-                continue  # the reader ignores bytes after the cameras
-            with pytest.raises(InputError, match="no readable COLMAP model"):
+            with pytest.raises(InputError, match=f"^{path}: "):
                 read_model(tmp_path / "model")
         path.write_bytes(content)
+
+
+CAMERA_LINE = "1 PINHOLE 640 480 500 500 320 240\n"
+IMAGE_LINE = "1 1 0 0 0 0 0 0 1 a.jpg\n\n"
+
+
+@pytest.mark.parametrize(
+    ("cameras", "images", "message"),
+    [
+        (CAMERA_LINE, IMAGE_LINE + "2 1 0 0 0 0 0 0 7 b.jpg\n\n", "images.txt:3: image 2 ('b.jpg'): its camera 7"),
+        (CAMERA_LINE, IMAGE_LINE + "2 1 0 0 0 0 0 0 1 a.jpg\n\n", "images.txt:3: image 2 ('a.jpg'): its name appears"),
+        (CAMERA_LINE, IMAGE_LINE.replace(" 1 0 0 0 ", " 0 0 0 0 "), "its quaternion is zero"),
+        (CAMERA_LINE, IMAGE_LINE.replace(" 1 0 0 0 ", " nan 0 0 0 "), "the pose is not finite"),
+        (CAMERA_LINE, IMAGE_LINE.strip() + "\n2 1 0 0 0 0 0 0 1 b.jpg\n", "expected the points of the image above"),
+        (CAMERA_LINE.replace("PINHOLE", "PINHOL"), IMAGE_LINE, "cameras.txt:1: unknown camera model 'PINHOL'"),
+        (CAMERA_LINE.replace(" 240", ""), IMAGE_LINE, "cameras.txt:1: camera 1: camera model PINHOLE takes 4"),
+    ],
+)
+def test_errors_are_those_of_the_program(localize, tmp_path, cameras, images, message):
+    (tmp_path / "cameras.txt").write_text(cameras)
+    (tmp_path / "images.txt").write_text(images)
+    with pytest.raises(InputError, match=re.escape(message)) as error:
+        read_model(tmp_path)
+    run = localize("--database_path", tmp_path / "none.db", "--input_path", tmp_path)
+    assert run.exit_code == 1 and str(error.value) in run.stderr
+
+
+def test_quaternions_of_any_length_and_a_byte_order_mark_are_read(tmp_path):
+    (tmp_path / "cameras.txt").write_text("\ufeff" + CAMERA_LINE, encoding="utf-8")
+    (tmp_path / "images.txt").write_text("\ufeff" + IMAGE_LINE.replace(" 1 0 0 0 ", " 2 0 0 1e-3 "), encoding="utf-8")
+    image = read_model(tmp_path).images["a.jpg"]
+    assert image.pose.qvec.tolist() == [2, 0, 0, 1e-3]
+
+
+def test_a_model_may_have_no_images(tmp_path):
+    assert read_model(write_model(tmp_path, CAMERAS, [])).images == {}
 
 
 def test_pairs_are_the_first_two_names_of_a_line(tmp_path):

@@ -1,10 +1,12 @@
 """Tests of `lazyloc report` with bad input: one clear line, exit code 1, nothing written."""
 
+import contextlib
 import json
 import os
 import pathlib
 import shutil
 import signal
+import sqlite3
 import subprocess
 import sys
 
@@ -155,18 +157,44 @@ def test_not_a_run(tmp_path, capsys):
 # Photos, database, truth
 
 
-def test_missing_photos(run_path, capsys):
-    (run_path / "images" / LOCALIZED).unlink()
-    (run_path / "images" / "database" / "000007.jpg").unlink()
-    arguments = (run_path, "--image_path", run_path / "images", "--output", run_path / "page.html")
-    assert_refused(capsys, "lacks 2 of the", *arguments)
+def make_page(run_path, capsys, *options):
+    """Makes a page in spite of gaps; returns it and what the command wrote to the standard error output."""
+    page_path = run_path / "page.html"
+    assert report.main([str(word) for word in (run_path, "--output", page_path, *options)]) == 0
+    return ReportPage(page_path), capsys.readouterr().err
 
 
-@pytest.mark.parametrize("content", [b"", b"not a photo"])
-def test_damaged_photos(run_path, capsys, content):
-    (run_path / "images" / LOCALIZED).write_bytes(content)
-    arguments = (run_path, "--image_path", run_path / "images", "--output", run_path / "page.html")
-    assert_refused(capsys, f"{LOCALIZED}: is not a photo", *arguments)
+PHOTO_GAPS = "Photos that are missing or unreadable"
+RECORD_GAPS = "Images whose stored matches cannot be drawn"
+
+
+def cut_off(content):
+    return content[: len(content) // 2]
+
+
+@pytest.mark.parametrize("change", [None, cut_off, lambda _: b"", lambda _: b"not a photo"])
+def test_a_photo_that_cannot_be_read_is_a_gap(run_path, capsys, change):
+    whole, _ = make_page(run_path, capsys, "--image_path", run_path / "images")
+    for name in (LOCALIZED, "database/000007.jpg"):
+        path = run_path / "images" / name
+        content = path.read_bytes()
+        path.unlink()
+        if change:
+            path.write_bytes(change(content))
+    page, errors = make_page(run_path, capsys, "--image_path", run_path / "images")
+    assert page.warning(PHOTO_GAPS) == [LOCALIZED, "database/000007.jpg"] and whole.warning(PHOTO_GAPS) == []
+    assert page.queries["photo"][page.index(LOCALIZED)] == -1 and len(page.photos) == len(whole.photos) - 2
+    others = [i for i in range(len(page.queries["names"])) if i != page.index(LOCALIZED)]
+    for i in others:  # each has its own photo still
+        assert page.photos.get(page.queries["photo"][i]) == whole.photos.get(whole.queries["photo"][i])
+    assert errors.startswith(f"lazyloc report: photos that the page lacks: 2; the first is '{LOCALIZED}': ")
+    assert errors.count("\n") == 1
+
+
+def test_a_folder_without_the_photos_gives_a_page_without_photos(run_path, capsys, tmp_path):
+    (tmp_path / "empty").mkdir()
+    page, errors = make_page(run_path, capsys, "--image_path", tmp_path / "empty")
+    assert page.photos == {} and "is missing" in errors
 
 
 def test_a_photo_that_the_run_could_not_read_may_be_missing(run_path):
@@ -191,10 +219,51 @@ def test_unreadable_database(run_path, capsys, content):
     assert_refused(capsys, f"--database_path {database_path}: is not a", *arguments)
 
 
-def test_database_of_another_run(localize, exact, noisy, capsys, tmp_path):
+def test_database_of_another_run_gives_a_page_without_its_matches(localize, exact, noisy, capsys, tmp_path):
     run_path = localize(*exact.arguments).output_path
-    arguments = (run_path, "--database_path", noisy.database_path, "--output", tmp_path / "page.html")
-    assert_refused(capsys, "has other keypoints of", *arguments)
+    plain, _ = make_page(run_path, capsys)
+    page, errors = make_page(run_path, capsys, "--database_path", noisy.database_path)
+    assert "that --database_path has not as in the run: " in errors and "has other keypoints than in the run" in errors
+    name = exact.scene.query_names[0]
+    np.testing.assert_array_equal(page.drawing(name)["inlierXy"], plain.drawing(name)["inlierXy"])
+    assert len(page.drawing(name)["rejectedXy"]) == 0 and name in page.warning(RECORD_GAPS)
+
+
+@pytest.mark.parametrize(
+    ("statement", "problem"),
+    [
+        ("DELETE FROM images WHERE image_id = {id}", "is not in the database"),
+        ("DELETE FROM keypoints WHERE image_id = {id}", "has no keypoints"),
+        ("UPDATE keypoints SET data = x'00' WHERE image_id = {id}", "its keypoints cannot be read"),
+        ("UPDATE keypoints SET rows = 'x' WHERE image_id = {id}", "its keypoints cannot be read"),
+        ("UPDATE keypoints SET data = NULL WHERE image_id = {id}", "its keypoints cannot be read"),
+    ],
+)
+def test_a_damaged_record_of_the_database_is_a_gap(localize, noisy, capsys, tmp_path, statement, problem):
+    run_path = localize(*noisy.arguments).output_path
+    database_path = tmp_path / "database.db"
+    shutil.copy(noisy.database_path, database_path)
+    whole, _ = make_page(run_path, capsys, "--database_path", database_path)
+    name, other = noisy.scene.query_names[:2]
+    with contextlib.closing(sqlite3.connect(database_path)) as connection, connection:
+        (image_id,) = connection.execute("SELECT image_id FROM images WHERE name = ?", (name,)).fetchone()
+        connection.execute(statement.format(id=image_id))
+    page, errors = make_page(run_path, capsys, "--database_path", database_path)
+    assert page.warning(RECORD_GAPS) == [name] and f"the first is '{name}': {problem}" in errors
+    assert len(page.drawing(name)["inlierXy"]) > 0 and len(page.drawing(name)["rejectedXy"]) == 0
+    np.testing.assert_array_equal(page.drawing(other)["rejectedXy"], whole.drawing(other)["rejectedXy"])
+
+
+def test_damaged_matches_and_frames_are_gaps(localize, noisy, capsys, tmp_path):
+    run_path = localize(*noisy.arguments).output_path
+    database_path = tmp_path / "database.db"
+    shutil.copy(noisy.database_path, database_path)
+    with contextlib.closing(sqlite3.connect(database_path)) as connection, connection:
+        connection.execute("UPDATE two_view_geometries SET data = x'00' WHERE rows > 0")
+        connection.execute("DROP TABLE IF EXISTS frame_data")
+        connection.execute("CREATE TABLE frame_data (frame_id INTEGER)")
+    page, errors = make_page(run_path, capsys, "--database_path", database_path)
+    assert "table frame_data" in page.warning(RECORD_GAPS) and "cannot be read" in errors
 
 
 def test_truth_of_other_images(run_path, capsys, tmp_path):

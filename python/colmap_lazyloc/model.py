@@ -1,7 +1,10 @@
 """Reads and writes cameras and poses of COLMAP models, text and binary."""
 
 import dataclasses
+import difflib
+import math
 import mmap
+import os
 import pathlib
 import struct
 from collections.abc import Iterable, Mapping
@@ -12,7 +15,7 @@ from numpy.typing import NDArray
 
 from colmap_lazyloc.errors import InputError
 from colmap_lazyloc.poses import Pose, PosedLike, PoseLike, find_pose
-from colmap_lazyloc.text_files import Path, parse_numbers, read_entries, read_lines
+from colmap_lazyloc.text_files import Path, parse_numbers
 
 # COLMAP's camera models in the order of their ids: name and number of parameters.
 CAMERA_MODELS = (
@@ -103,7 +106,29 @@ class Camera:
         words = text.split(maxsplit=3)
         if len(words) < 4 or not (words[1].isdecimal() and words[2].isdecimal()):
             raise InputError(f"{path}: expected `MODEL width height params...`, found '{text}'")
-        return Camera(words[0], int(words[1]), int(words[2]), tuple(parse_numbers(path, words[3])))
+        camera = Camera(words[0], int(words[1]), int(words[2]), tuple(parse_numbers(path, words[3])))
+        if problem := camera._problem():
+            raise InputError(f"{path}: {problem}")
+        return camera
+
+    def _problem(self) -> str:
+        """Returns why this is no camera, empty if it is one."""
+        if self.model not in CAMERA_MODEL_IDS:
+            near = difflib.get_close_matches(self.model.upper(), CAMERA_MODEL_IDS, 1)
+            return f"unknown camera model '{self.model}'; " + (
+                f"the nearest is {near[0]}" if near else f"expected one of {', '.join(CAMERA_MODEL_IDS)}"
+            )
+        num_params = CAMERA_MODELS[CAMERA_MODEL_IDS[self.model]][1]
+        if len(self.params) != num_params:
+            return f"camera model {self.model} takes {num_params} parameters, not {len(self.params)}"
+        if not all(map(math.isfinite, self.params)):
+            return "a camera parameter is not a finite number"
+        if self.width == 0 or self.height == 0:
+            return f"expected an image size in pixels, found {self.width} x {self.height}"
+        num_focal_lengths = 1 if self.model.startswith(("SIMPLE_", "RADIAL")) else 2  # EQUIRECTANGULAR: width, height
+        if min(self.params[:num_focal_lengths]) <= 0:
+            return f"expected a positive focal length, found {min(self.params[:num_focal_lengths]):g}"
+        return ""
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -167,83 +192,32 @@ def is_model(path: Path) -> bool:
 
 def read_model(path: Path) -> Model:
     """Reads the cameras and images of a COLMAP model; prefers binary files to text files, as COLMAP does."""
-    path = pathlib.Path(path)
-    if not is_model(path):
-        raise InputError(f"{path}: holds no COLMAP model (no images.bin or images.txt)")
-    is_binary = (path / "images.bin").exists()
-    try:
-        if is_binary:
-            cameras, images = _read_cameras_binary(path / "cameras.bin"), read_images_binary(path / "images.bin")
+    # Let the program's reader do it, so that both read the same files and refuse the others with the same line. Import
+    # it here, because few users of this module read models.
+    from colmap_lazyloc.extension import core
+
+    cameras, names, numbers, poses, images_path = core.read_model(os.fspath(path))
+    data: mmap.mmap | bytes = b""
+    if numbers[:, 3].any():
+        with pathlib.Path(images_path).open("rb") as file:
+            data = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)  # mapped, because points may take gigabytes
+    images: dict[str, Image] = {}
+    rows = zip(names, numbers.tolist(), poses[:, :4], poses[:, 4:], strict=True)
+    for name, (image_id, camera_id, offset, num_bytes), qvec, tvec in rows:
+        text = name.decode(errors="backslashreplace")
+        if images_path.endswith(".bin"):
+            points = np.frombuffer(data, POINT2D, num_bytes // POINT2D.itemsize, offset) if num_bytes > 0 else NO_POINTS
         else:
-            cameras, images = _read_cameras(path / "cameras.txt"), _read_images(path / "images.txt")
-    except (InputError, OSError, ValueError, IndexError, struct.error) as error:
-        raise InputError(f"{path}: no readable COLMAP model: {error}") from None
-    by_name = {image.name: image for image in images}
-    if len(by_name) < len(images):
-        raise InputError(f"{path}: two images have the same name")
-    return Model(cameras, by_name)
+            points = _points_of_text(data[offset : offset + num_bytes])
+        images[text] = Image(text, camera_id, Pose(qvec, tvec), image_id, points)
+    by_id = {
+        camera_id: Camera(model, width, height, tuple(params)) for camera_id, model, width, height, params in cameras
+    }
+    return Model(by_id, images)
 
 
-def _read_cameras(path: pathlib.Path) -> dict[int, Camera]:
-    cameras = {}
-    for line_number, line in read_entries(path):
-        camera_id, _, text = line.partition(" ")
-        cameras[int(camera_id)] = Camera.parse(f"{path}:{line_number}", text)
-    return cameras
-
-
-def _read_images(path: pathlib.Path) -> list[Image]:
-    images = []
-    lines = iter(read_lines(path))
-    for line in lines:
-        if not line.strip() or line.startswith("#"):
-            continue
-        words = line.strip().split(maxsplit=9)
-        if len(words) != 10:
-            raise InputError(f"{path}: not a line of an image: {line}")
-        numbers = np.array(parse_numbers(path, " ".join(words[1:8])))
-        points = np.array(parse_numbers(path, next(lines, ""))).reshape(-1, 3)
-        images.append(
-            Image(
-                words[9],
-                int(words[8]),
-                Pose(numbers[:4], numbers[4:]),
-                int(words[0]),
-                np.array([tuple(point) for point in points], POINT2D),
-            )
-        )
-    return images
-
-
-def _read_cameras_binary(path: pathlib.Path) -> dict[int, Camera]:
-    data = path.read_bytes()
-    (num_cameras,), offset = struct.unpack_from("<Q", data), 8
-    cameras = {}
-    for _ in range(num_cameras):
-        camera_id, model_id, width, height = struct.unpack_from("<IiQQ", data, offset)
-        name, num_params = CAMERA_MODELS[model_id]
-        cameras[camera_id] = Camera(name, width, height, struct.unpack_from(f"<{num_params}d", data, offset + 24))
-        offset += 24 + 8 * num_params
-    return cameras
-
-
-def read_images_binary(path: pathlib.Path) -> list[Image]:
-    """Reads images.bin; poses are bit-identical to the file."""
-    with path.open("rb") as file:
-        data = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)  # mapped, because points may take gigabytes
-    (num_images,), offset = struct.unpack_from("<Q", data), 8
-    images = []
-    for _ in range(num_images):
-        image_id, *numbers, camera_id = struct.unpack_from("<I7dI", data, offset)
-        end = data.find(b"\0", offset + 64)
-        name = data[offset + 64 : end].decode(errors="backslashreplace")
-        (num_points,), offset = struct.unpack_from("<Q", data, end + 1), end + 9
-        points = np.frombuffer(data, POINT2D, num_points, offset)
-        offset += points.nbytes
-        images.append(Image(name, camera_id, Pose(np.array(numbers[:4]), np.array(numbers[4:])), image_id, points))
-    if offset != len(data):
-        raise InputError(f"{path}: holds more than its images")
-    return images
+def _points_of_text(line: bytes) -> NDArray[np.void]:
+    return np.array([tuple(point) for point in np.array(line.split(), float).reshape(-1, 3)], POINT2D)
 
 
 def write_model(

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Checks the folders of src/colmap_lazyloc (CONTRIBUTING.md, "Layers"): who may include whom, how large one may be."""
+"""Checks the folders of src/colmap_lazyloc (CONTRIBUTING.md, "Layers"): who may include whom, on how many levels."""
 
 import re
 
@@ -51,7 +51,6 @@ MAY_INCLUDE = {
 # Only bridge/ may include COLMAP, because differences between its versions must stay in one place.
 COLMAP_FOLDER = "bridge"
 
-MAX_FOLDER_LINES = 2500  # without tests
 MAX_LEVELS = 8  # of files of a folder that include each other
 
 
@@ -92,14 +91,11 @@ def num_levels(unit, includes, above=()):
 
 
 def folder_problems(folder, paths):
-    """Returns how a folder exceeds what a reader can keep in mind."""
+    """Returns the files of a folder that include each other on too many levels."""
     texts = {}
     for path in paths:
         if not is_test(path):
             texts[path.stem] = texts.get(path.stem, "") + path.read_text(encoding="utf-8")
-    num_lines = sum(text.count("\n") for text in texts.values())
-    if num_lines > MAX_FOLDER_LINES:
-        yield f"{folder}/ has {num_lines} lines without tests, of at most {MAX_FOLDER_LINES}"
     header = re.compile(rf'^#include "colmap_lazyloc/{folder}/(\w+)\.h"', re.MULTILINE)
     includes = {unit: set(header.findall(text)) for unit, text in texts.items()}
     for unit in includes:

@@ -1,19 +1,15 @@
 #!/usr/bin/env python3
-"""Checks the documentation's words: how many, how long sentences are, which are not used; and that numbers are true.
+"""Checks the documentation's words: how long sentences are, which words are not used; and that numbers are true.
 
-Counted are README.md, CHANGELOG.md, CONTRIBUTING.md and docs/, without what is generated and without the tables of
-benchmarks. Defaults are compared with the tables of options, constants of the method with the code. `--words` lists the
-words of each page.
+Checked are README.md, CHANGELOG.md, CONTRIBUTING.md and docs/, without what is generated and without the tables of
+benchmarks. Defaults are compared with the tables of options, constants of the method with the code.
 """
 
 import pathlib
 import re
-import sys
 
 import tree
 
-MAX_WORDS = 40_000
-MAX_PAGE_WORDS = {"README.md": 900, "docs/method.md": 5000}
 MAX_MEAN_SENTENCE = 18  # words of the sentences of a page, in the mean
 MAX_SENTENCE = 50  # words of a sentence
 
@@ -158,26 +154,16 @@ def constant_problems(root, text):
 
 def main():
     """Checks all pages."""
-    if "--words" in sys.argv:
-        sys.argv.remove("--words")
-        for name, text in pages(tree.parse_root(__doc__)).items():
-            print(f"{len(text.split()):6} {name}")
-        return
     root = pathlib.Path(tree.parse_root(__doc__))
     problems, total = [], 0
     for name, text in pages(root).items():
-        count = len(text.split())
-        total += count
-        if count > MAX_PAGE_WORDS.get(name, MAX_WORDS):
-            problems.append(f"{name}: {count} words, of at most {MAX_PAGE_WORDS[name]}")
+        total += len(text.split())
         if name != "CHANGELOG.md":
             problems += [*sentence_problems(name, text), *word_problems(name, text)]
         if not name.startswith(("docs/benchmarks", "docs/decisions")):  # which tell of earlier values, too
             problems += default_problems(root, name, text)
         if name == "docs/method.md":
             problems += constant_problems(root, text)
-    if total > MAX_WORDS:
-        problems.append(f"{total} words in all, of at most {MAX_WORDS}: scripts/checks/prose.py --words lists them")
     tree.finish("prose", problems, f"{total} words")
 
 

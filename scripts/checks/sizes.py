@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Checks the length of files and functions, C++ and Python, in physical lines."""
+"""Checks the length of functions, C++ and Python, in physical lines."""
 
 import ast
 import sys
@@ -7,20 +7,10 @@ import sys
 import tree
 from cpp_source import Source
 
-MAX_HEADER_LINES = 150
-MAX_SOURCE_LINES = 350
-MAX_TEST_LINES = 500
 MAX_FUNCTION_LINES = 50  # between the braces, or below the line with `def`
 
-# Maps "path" or "path:function" to the reason why it may be longer.
+# Maps "path:function" to the reason why it may be longer.
 EXCEPTIONS = {}
-
-
-def max_file_lines(path):
-    """Returns the maximum number of lines of a file, which depends on its kind."""
-    if path.stem.endswith("_test") or path.stem.startswith("test_") or "tests" in path.parts:
-        return MAX_TEST_LINES
-    return MAX_HEADER_LINES if path.suffix == ".h" else MAX_SOURCE_LINES
 
 
 def cpp_functions(text):
@@ -37,12 +27,9 @@ def python_functions(text):
 
 
 def file_problems(path, relative):
-    """Returns (key, message) of everything in a file that is too long."""
-    text = path.read_text(encoding="utf-8")
-    num_lines, max_lines = text.count("\n"), max_file_lines(relative)
-    if num_lines > max_lines:
-        yield str(relative), f"{relative}:1: {num_lines} lines, of at most {max_lines}"
-    for name, line, length in (python_functions if path.suffix == ".py" else cpp_functions)(text):
+    """Returns (key, message) of each function of a file that is too long."""
+    functions = (python_functions if path.suffix == ".py" else cpp_functions)(path.read_text(encoding="utf-8"))
+    for name, line, length in functions:
         if length > MAX_FUNCTION_LINES:
             yield f"{relative}:{name}", f"{relative}:{line}: {name} has {length} lines, of at most {MAX_FUNCTION_LINES}"
 

@@ -2,7 +2,6 @@
 
 import dataclasses
 import pathlib
-import sqlite3
 
 import numpy as np
 
@@ -15,6 +14,7 @@ from colmap_lazyloc.report import photos
 from colmap_lazyloc.report.chunk import pack
 from colmap_lazyloc.report.details import DETAILS_PER_BLOCK, detail_chunk
 from colmap_lazyloc.report.drawing import can_project, drawing_chunk
+from colmap_lazyloc.report.gaps import BAD_RECORD, Gaps
 from colmap_lazyloc.report.repeat import RepeatCommands
 from colmap_lazyloc.report.run import Run
 from colmap_lazyloc.report.scene import scene_chunk
@@ -42,33 +42,36 @@ def build_page(run: Run, sources: Sources) -> tuple[dict[str, bytes], list[bytes
     if not path.is_file():
         raise InputError(f"--database_path {path}: is not a file")
     try:
-        with DatabaseReader(path) as database:
-            return _build(run, sources, database)
-    except (sqlite3.Error, ValueError, TypeError) as error:
+        database = DatabaseReader(path)
+    except BAD_RECORD as error:
         raise InputError(f"--database_path {path}: is not a readable COLMAP database: {error}") from None
+    with database:
+        return _build(run, sources, database)
 
 
 def _build(run: Run, sources: Sources, database: DatabaseReader | None) -> tuple[dict[str, bytes], list[bytes]]:
     chosen = photos.choose_queries(len(run.queries), sources.max_num_images)
     lines, listed = _query_list(run)
-    cameras = _query_cameras(run, listed, database)
+    gaps = Gaps()
+    cameras = _query_cameras(run, listed, database, gaps)
     points = choose_points(run, sources.max_num_points)
     shown = photos.no_photos(run)
     if sources.image_path is not None:
-        shown = photos.read_photos(run, sources.image_path, chosen)
+        shown = photos.read_photos(run, sources.image_path, chosen, gaps)
         points = dataclasses.replace(points, colors=photos.point_colors(run, sources.image_path, points))
     drawings = {
-        query: pack(*drawing_chunk(run, query, cameras[query], database, shown))
+        query: pack(*drawing_chunk(run, query, cameras[query], database, shown, gaps))
         for query in progress(chosen, "drawings")
         if run.queries[query]["pairs"]
     }
     is_drawn = np.zeros(len(run.queries), bool)
     is_drawn[list(drawings)] = True
-    scene, scene_arrays, size = scene_chunk(run, cameras, points, [] if database is None else database.frames())
+    scene, scene_arrays, size = scene_chunk(run, cameras, points, _frames(database, gaps))
+    gaps.log()
     num_shown = {"points": len(points.xyz), "photos": len(shown.files)}
     notes = _notes(run, sources, num_shown, bool(lines))
     chunks = {
-        "summary": pack(summary_chunk(run, num_shown, find_warnings(run, size), notes), {}),
+        "summary": pack(summary_chunk(run, num_shown, find_warnings(run, size, database, gaps), notes), {}),
         "queries": pack(*query_chunk(run, shown.of_query, is_drawn)),
         "scene": pack(scene, scene_arrays),
     }
@@ -87,7 +90,9 @@ def _query_list(run: Run) -> tuple[dict[str, str], dict[str, Camera | None]]:
         return {}, {}
 
 
-def _query_cameras(run: Run, listed: dict[str, Camera | None], database: DatabaseReader | None) -> list[Camera | None]:
+def _query_cameras(
+    run: Run, listed: dict[str, Camera | None], database: DatabaseReader | None, gaps: Gaps
+) -> list[Camera | None]:
     """Returns the queries' intrinsics, as far as they are known: those of the model, because they may have been
     estimated, or else those that the run was given."""
     cameras = []
@@ -98,9 +103,21 @@ def _query_cameras(run: Run, listed: dict[str, Camera | None], database: Databas
         elif camera is None and name in run.database.images:
             camera = run.database.cameras[run.database.images[name].camera_id]
         elif camera is None and database is not None and name in database.image_ids:
-            camera = database.camera(name)
+            try:
+                camera = database.camera(name)
+            except BAD_RECORD as error:
+                gaps.records[name] = f"its camera cannot be read: {error}"
         cameras.append(camera)
     return cameras
+
+
+def _frames(database: DatabaseReader | None, gaps: Gaps) -> list[list[str]]:
+    """Returns the names of the database images of each frame."""
+    try:
+        return [] if database is None else database.frames()
+    except BAD_RECORD as error:
+        gaps.records["table frame_data"] = f"cannot be read: {error}"
+        return []
 
 
 def _notes(run: Run, sources: Sources, num_shown: dict[str, int], has_list: bool) -> list[str]:

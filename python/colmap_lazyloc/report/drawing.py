@@ -6,9 +6,9 @@ import numpy as np
 
 from colmap_lazyloc.array_types import Array
 from colmap_lazyloc.database import DatabaseReader
-from colmap_lazyloc.errors import InputError
 from colmap_lazyloc.model import NO_POINTS, Camera, Model
 from colmap_lazyloc.report.chunk import Values
+from colmap_lazyloc.report.gaps import BAD_RECORD, Gaps
 from colmap_lazyloc.report.photos import Photos, useful_images
 from colmap_lazyloc.report.run import Run
 
@@ -22,7 +22,7 @@ def can_project() -> bool:
 
 
 def drawing_chunk(
-    run: Run, query: int, camera: Camera | None, database: DatabaseReader | None, photos: Photos
+    run: Run, query: int, camera: Camera | None, database: DatabaseReader | None, photos: Photos, gaps: Gaps
 ) -> tuple[Values, dict[str, Array]]:
     """Returns the values and arrays of a chunk; `camera`: the query's intrinsics, if they are known."""
     name = run.names[query]
@@ -40,9 +40,11 @@ def drawing_chunk(
             for image in images
         ],
     }
+    if database is not None and name not in database.image_ids and run.queries[query].get("matching_type"):
+        database = None  # because the run has matched a photo, which no database needs to have
     inliers, rejected = _Lines(), _Lines()
     for k, image in enumerate(images):
-        found, refused = _matches_with(run, query, image, database)
+        found, refused = _matches_with(run, query, image, database, gaps)
         inliers.add(k, *found)
         rejected.add(k, *_thinned(refused, query))
     residual_xy, residuals = _residuals(run, name)
@@ -85,7 +87,9 @@ def _database_camera(run: Run, image: int) -> Camera:
     return run.database.cameras[run.database_images[image].camera_id]
 
 
-def _matches_with(run: Run, query: int, image: int, database: DatabaseReader | None) -> tuple[tuple[Array, Array], ...]:
+def _matches_with(
+    run: Run, query: int, image: int, database: DatabaseReader | None, gaps: Gaps
+) -> tuple[tuple[Array, Array], ...]:
     """Returns the inliers and the rejected matches with a database image, each as (pixels in the query, pixels in the
     database image)."""
     names = run.names[query], run.database_images[image].name
@@ -96,13 +100,13 @@ def _matches_with(run: Run, query: int, image: int, database: DatabaseReader | N
     inliers = np.stack([first, second], axis=1)
     rejected: Array = np.empty((0, 2), np.int64)
     xy = [np.stack([points["x"], points["y"]], axis=1) for points in keypoints]
-    if database is not None and all(name in database.image_ids for name in names):
-        xy = [_stored_keypoints(run, database, name, known) for name, known in zip(names, xy)]
-        matches = database.inlier_matches(*names)
-        if run.queries[query]["status"] == "LOCALIZED" and np.all(ids[0] == -1):
-            inliers = matches  # because the pose rests on relative poses alone
-        elif len(matches) == 0:
-            matches = database.raw_matches(*names)
+    # If the pose rests on relative poses alone, all verified matches are inliers.
+    has_no_points = run.queries[query]["status"] == "LOCALIZED" and bool(np.all(ids[0] == -1))
+    stored = None if database is None else _stored(database, names, xy, has_no_points, gaps)
+    if stored is not None:
+        xy, matches = stored
+        if has_no_points:
+            inliers = matches
         is_known = np.isin(_keys(matches), _keys(inliers))
         is_inlier, is_open = _explained(run, names, matches[~is_known], xy)
         inliers = np.concatenate([inliers, matches[~is_known][is_inlier]])
@@ -115,12 +119,37 @@ def _keypoints(run: Run, name: str) -> Array:
     return run.model.images[name].points2d if name in run.model.images else NO_POINTS
 
 
-def _stored_keypoints(run: Run, database: DatabaseReader, name: str, known: Array) -> Array:
-    """Returns the database's keypoints, which must be those of the run."""
-    stored = database.keypoints(name)
-    if len(known) > 0 and not (len(known) == len(stored) and np.allclose(known, stored)):
-        raise InputError(f"{database.path}: has other keypoints of '{name}' than the run")
-    return stored
+def _stored(
+    database: DatabaseReader, names: tuple[str, str], known: list[Array], only_verified: bool, gaps: Gaps
+) -> tuple[list[Array], Array] | None:
+    """Returns the keypoints of two images, and their verified matches, or the raw ones if none are; None, and a gap, if
+    the database does not have what the run had."""
+    keypoints = []
+    for name, of_run in zip(names, known):
+        try:
+            stored = database.keypoints(name)
+        except KeyError:
+            gaps.records[name] = "is not in the database"
+            return None
+        except BAD_RECORD as error:
+            gaps.records[name] = f"its keypoints cannot be read: {error}"
+            return None
+        if len(of_run) > 0 and not (len(of_run) == len(stored) and np.allclose(of_run, stored)):
+            gaps.records[name] = "has other keypoints than in the run" if len(stored) > 0 else "has no keypoints"
+            return None
+        keypoints.append(stored)
+    try:
+        matches = database.inlier_matches(*names)
+        if len(matches) == 0 and not only_verified:
+            matches = database.raw_matches(*names)
+    except BAD_RECORD as error:
+        gaps.records[names[1]] = f"its matches with '{names[0]}' cannot be read: {error}"
+        return None
+    for name, stored, indices in zip(names, keypoints, matches.T):
+        if len(indices) > 0 and indices.max() >= len(stored):
+            gaps.records[name] = "lacks keypoints that its matches name"
+            return None
+    return keypoints, matches
 
 
 def _keys(matches: Array) -> Array:

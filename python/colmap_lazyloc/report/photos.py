@@ -6,8 +6,8 @@ import pathlib
 import numpy as np
 
 from colmap_lazyloc.array_types import Array
-from colmap_lazyloc.errors import InputError
 from colmap_lazyloc.progress import progress
+from colmap_lazyloc.report.gaps import Gaps
 from colmap_lazyloc.report.run import Run
 from colmap_lazyloc.report.scene_points import ScenePoints
 
@@ -51,24 +51,26 @@ def no_photos(run: Run) -> Photos:
     return Photos([], np.full(len(run.queries), -1), {}, {})
 
 
-def read_photos(run: Run, image_path: pathlib.Path, chosen: list[int]) -> Photos:
-    """Reads the photos of the chosen queries and of their most useful database images."""
+def read_photos(run: Run, image_path: pathlib.Path, chosen: list[int], gaps: Gaps) -> Photos:
+    """Reads the photos of the chosen queries and of their most useful database images; those that cannot be read become
+    gaps."""
     queries = [i for i in chosen if run.queries[i]["status"] != "UNREADABLE_IMAGE"]
     images = sorted({image for query in queries for image in useful_images(run, query)})
     names = list(dict.fromkeys([*(run.names[i] for i in queries), *(run.database_images[i].name for i in images)]))
-    _check_exist(image_path, names)
     files: list[bytes] = []
     sizes: dict[str, tuple[int, int]] = {}
     for name in progress(names, "photos"):
-        pixels = _read(image_path / name, 1)
+        path = image_path / name
+        pixels = _read(path, 1)
         if pixels is None:
-            raise InputError(f"{image_path / name}: is not a photo that OpenCV can read")
+            gaps.photos[name] = f"{path} " + ("is cut off or damaged" if path.is_file() else "is missing")
+            continue
         sizes[name] = (pixels.shape[1], pixels.shape[0])
         files.append(_scaled_jpeg(pixels))
     of_query = np.full(len(run.queries), -1)
-    index = {name: i for i, name in enumerate(names)}
-    of_query[queries] = [index[run.names[i]] for i in queries]
-    return Photos(files, of_query, {i: index[run.database_images[i].name] for i in images}, sizes)
+    index = {name: i for i, name in enumerate(sizes)}
+    of_query[queries] = [index.get(run.names[i], -1) for i in queries]
+    return Photos(files, of_query, {i: index.get(run.database_images[i].name, -1) for i in images}, sizes)
 
 
 def point_colors(run: Run, image_path: pathlib.Path, points: ScenePoints) -> Array:
@@ -97,25 +99,16 @@ def point_colors(run: Run, image_path: pathlib.Path, points: ScenePoints) -> Arr
     return colors
 
 
-def _check_exist(image_path: pathlib.Path, names: list[str]) -> None:
-    missing = [name for name in names if not (image_path / name).is_file()]
-    if missing:
-        raise InputError(
-            f"--image_path {image_path}: lacks {len(missing)} of the {len(names)} photos to show; "
-            f"the first is '{missing[0]}'"
-        )
-
-
 def _read(path: pathlib.Path, scale: int) -> Array | None:
-    """Reads a photo as it is stored, without turning it as EXIF says, because COLMAP does not turn it either."""
+    """Reads a photo as it is stored, without turning it as EXIF says, because COLMAP does not turn it either; None if
+    it cannot be read."""
     import cv2
 
-    try:
-        content = np.fromfile(path, np.uint8)
-    except OSError:
-        return None
     color = {1: cv2.IMREAD_COLOR, COLOR_SCALE: cv2.IMREAD_REDUCED_COLOR_4}[scale]
-    return cv2.imdecode(content, color | cv2.IMREAD_IGNORE_ORIENTATION) if len(content) > 0 else None
+    try:
+        return cv2.imdecode(np.fromfile(path, np.uint8), color | cv2.IMREAD_IGNORE_ORIENTATION)
+    except (OSError, ValueError, cv2.error):  # ValueError: of a name that no file can have
+        return None
 
 
 def _scaled_jpeg(pixels: Array) -> bytes:

@@ -4,7 +4,12 @@ from typing import TypedDict
 
 import numpy as np
 
-from colmap_lazyloc.report.facts import format_length
+from colmap_lazyloc.agreement.check import NEEDED, judge_database
+from colmap_lazyloc.database import DatabaseReader
+from colmap_lazyloc.extras import is_installed
+from colmap_lazyloc.pose_formats.posed_images import PosedImage
+from colmap_lazyloc.report.facts import METRE, format_length
+from colmap_lazyloc.report.gaps import BAD_RECORD, Gaps
 from colmap_lazyloc.report.run import Run
 from colmap_lazyloc.result_fields import ResultFields
 
@@ -40,10 +45,15 @@ SAME_PLACE_RATIO = 1e-6  # of the scene's size
 MIN_FAILURE_SHARE = 0.1  # of the queries that fail in the same way
 
 
-def find_warnings(run: Run, size: float) -> list[ReportWarning]:
+def find_warnings(run: Run, size: float, database: DatabaseReader | None, gaps: Gaps) -> list[ReportWarning]:
     """Returns the warnings that have items; `size`: that of the scene."""
     finders = (_wrong, _contradicting_images, _contradicted_intrinsics, _rig_errors, _near_threshold, _failures)
-    found = [*(find(run) for find in finders), _same_place(run, size)]
+    found = [
+        _contradicted_poses(run, database),
+        *(find(run) for find in finders),
+        _same_place(run, size),
+        *_gaps(run, gaps),
+    ]
     return [
         {"title": title, "explanation": explanation, "items": items[:MAX_NUM_ITEMS], "numItems": len(items)}
         for title, explanation, items in found
@@ -53,6 +63,25 @@ def find_warnings(run: Run, size: float) -> list[ReportWarning]:
 
 def _item(name: str, query: int, text: str) -> Item:
     return {"name": name, "query": query, "text": text}
+
+
+def _contradicted_poses(run: Run, database: DatabaseReader | None) -> tuple[str, str, list[Item]]:
+    """Finds what `lazyloc check` finds: database poses that are not what they are said to be, or single wrong ones."""
+    title = "Database images whose poses contradict the photos"
+    explanation = "Their matches with other database images do not fit the given poses."
+    if database is None or not all(map(is_installed, NEEDED)):
+        return title, explanation, []
+    cameras = run.database.cameras
+    images = [PosedImage(image.name, cameras[image.camera_id], image.pose) for image in run.database_images]
+    try:
+        found = judge_database(database, images, run.unit == METRE)
+    except BAD_RECORD:
+        found = None
+    if found is None:
+        return title, explanation, []
+    if found.is_wrong:
+        return title, explanation, [_item("all images", -1, found.line)]
+    return title, explanation, [_item(name, -1, "contradicts the others") for name in found.contradicted]
 
 
 def _wrong(run: Run) -> tuple[str, str, list[Item]]:
@@ -218,3 +247,20 @@ def _same_place(run: Run, size: float) -> tuple[str, str, list[Item]]:
         "poses are wrong or the images are copies."
     )
     return "Database images at the same place", explanation, items
+
+
+def _gaps(run: Run, gaps: Gaps) -> list[tuple[str, str, list[Item]]]:
+    """Finds images of which the page lacks something."""
+    queries = {name: i for i, name in enumerate(run.names)}
+    return [
+        (title, explanation, [_item(name, queries.get(name, -1), text) for name, text in found.items()])
+        for found, title, explanation in (
+            (gaps.photos, "Photos that are missing or unreadable", "The page shows these images without their photos."),
+            (
+                gaps.records,
+                "Images whose stored matches cannot be drawn",
+                "The page shows them as far as the run's own files have them. Is --database_path the database of the "
+                "run, as it was?",
+            ),
+        )
+    ]

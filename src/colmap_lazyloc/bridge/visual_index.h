@@ -21,7 +21,7 @@ class VisualIndex {
  public:
   // Clusters the descriptors `training` (at least one row, 128 columns) into a vocabulary of at most num_words words.
   static VisualIndex Train(const Descriptors& training, int num_words, uint32_t seed, IdleThreads* idle_threads);
-  // Reads what Write has written. The caller must make sure that the file is complete.
+  // Reads what Write has written. The caller must make sure that the file is complete and not damaged.
   static VisualIndex Read(std::ifstream* file);
   ~VisualIndex();
   VisualIndex(VisualIndex&&) noexcept;

@@ -100,6 +100,13 @@ std::string SqliteFile::Uri() const {
   return uri;
 }
 
+std::string SqliteFile::StateText() const {
+  const auto text = [](const State& state) {
+    return std::to_string(state.size) + " bytes " + std::to_string(state.modified.time_since_epoch().count());
+  };
+  return text(main_) + ", " + text(HasPendingWal() ? wal_ : State());
+}
+
 void SqliteFile::CheckUnchanged() const {
   const auto is_same = [](const State& a, const State& b) { return a.size == b.size && a.modified == b.modified; };
   // Ignores a WAL that appears later: nothing was read from it, and merging it into the file changes the file.

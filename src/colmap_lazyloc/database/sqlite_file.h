@@ -20,6 +20,9 @@ class SqliteFile {
   bool HasPendingWal() const;
   // Returns the `file:` URI of the file, with symbolic links resolved and without parameters.
   std::string Uri() const;
+  // Returns the size and the time of the last change, of a WAL as well: equal if and only if nothing was written,
+  // unless somebody has set the time back. A copy has another time.
+  std::string StateText() const;
   // Throws InputError if another process has written to the file since it was opened, because no lock is held and what
   // was read could be a mixture of old and new.
   void CheckUnchanged() const;

@@ -7,7 +7,7 @@ namespace lazyloc {
 
 BinaryFile::BinaryFile(const std::filesystem::path& path) : path_(path) {
   std::error_code error;
-  num_bytes_left_ = std::filesystem::file_size(path, error);  // fails for a folder
+  num_bytes_ = num_bytes_left_ = std::filesystem::file_size(path, error);  // fails for a folder
   if (error) throw Error("cannot be opened: " + error.message());
   errno = 0;
   file_.open(path, std::ios::binary);
@@ -15,7 +15,7 @@ BinaryFile::BinaryFile(const std::filesystem::path& path) : path_(path) {
 }
 
 void BinaryFile::ReadBytes(unsigned char* bytes, uint64_t num_bytes) {
-  if (num_bytes > num_bytes_left_) throw Error("ends too early: truncated, or not of COLMAP's binary format");
+  if (num_bytes > num_bytes_left_) Truncated();
   file_.read(reinterpret_cast<char*>(bytes), static_cast<std::streamsize>(num_bytes));
   if (!file_) throw Error("cannot be read");
   num_bytes_left_ -= num_bytes;
@@ -23,7 +23,9 @@ void BinaryFile::ReadBytes(unsigned char* bytes, uint64_t num_bytes) {
 
 std::string BinaryFile::ReadName() {
   std::string name;
-  for (char c = Read<char>(); c != '\0'; c = Read<char>()) name.push_back(c);
+  std::getline(file_, name, '\0');
+  if (file_.eof() || name.size() >= num_bytes_left_) Truncated();
+  num_bytes_left_ -= name.size() + 1;
   return name;
 }
 
@@ -37,10 +39,17 @@ uint64_t BinaryFile::ReadCount() {
 }
 
 void BinaryFile::Skip(uint64_t num_bytes) {
-  if (num_bytes > num_bytes_left_) throw Error("ends too early: truncated, or not of COLMAP's binary format");
-  file_.seekg(static_cast<std::streamoff>(num_bytes), std::ios::cur);
+  if (num_bytes > num_bytes_left_) Truncated();
+  constexpr uint64_t kMaxNumRead = 4096;  // a seek empties the stream's buffer
+  if (num_bytes <= kMaxNumRead) {
+    file_.ignore(static_cast<std::streamsize>(num_bytes));
+  } else {
+    file_.seekg(static_cast<std::streamoff>(num_bytes), std::ios::cur);
+  }
   num_bytes_left_ -= num_bytes;
 }
+
+void BinaryFile::Truncated() const { throw Error("ends too early: truncated, or not of COLMAP's binary format"); }
 
 void BinaryFile::CheckEnd() const {
   if (num_bytes_left_ > 0) {

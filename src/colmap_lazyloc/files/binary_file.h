@@ -26,15 +26,19 @@ class BinaryFile {
   void Skip(uint64_t num_bytes);
   void CheckEnd() const;
 
+  // Returns the number of bytes in front of the next one.
+  uint64_t Offset() const { return num_bytes_ - num_bytes_left_; }
+
   // Returns an error about this file, to be thrown.
   InputError Error(const std::string& problem) const;
 
  private:
   void ReadBytes(unsigned char* bytes, uint64_t num_bytes);
+  [[noreturn]] void Truncated() const;
 
   std::filesystem::path path_;
   std::ifstream file_;
-  uint64_t num_bytes_left_ = 0;
+  uint64_t num_bytes_ = 0, num_bytes_left_ = 0;
 };
 
 template <typename T>

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cerrno>
 #include <system_error>
+#include <utility>
 
 namespace lazyloc {
 namespace {
@@ -39,6 +40,7 @@ bool TextFile::NextLine() {
     return false;
   }
   line_ = buffer_;
+  line_offset_ = std::exchange(next_offset_, next_offset_ + buffer_.size() + 1);
   if (++line_number_ == 1 && line_.substr(0, kUtf8ByteOrderMark.size()) == kUtf8ByteOrderMark) {
     line_.remove_prefix(kUtf8ByteOrderMark.size());
   }

@@ -38,6 +38,9 @@ class TextFile {
   bool NextEntry();
   // Returns the current line; valid until the next one is read.
   std::string_view Line() const { return line_; }
+  // Return where the current line is in the file, with its blanks.
+  uint64_t LineOffset() const { return line_offset_; }
+  uint64_t LineSize() const { return buffer_.size(); }
 
   // Returns an error about the current line, to be thrown.
   InputError Error(const std::string& problem) const;
@@ -52,6 +55,7 @@ class TextFile {
   std::string buffer_;
   std::string_view line_;
   int64_t line_number_ = 0;
+  uint64_t line_offset_ = 0, next_offset_ = 0;
 };
 
 template <typename T>

@@ -58,20 +58,20 @@ std::string ModelBuilder::Add(const ModelFrame& frame) {
 }
 
 std::string ModelBuilder::Add(ModelImage image) {
-  const std::string label = "image " + std::to_string(image.image_id) + " ('" + image.name + "')";
-  if (image.name.empty()) return label + " has no name";
-  if (!IsUsablePose(image.cam_from_world)) return label + ": the pose is not finite, or its quaternion is zero";
+  const auto label = [&] { return "image " + std::to_string(image.image_id) + " ('" + image.name + "')"; };
+  if (image.name.empty()) return label() + " has no name";
+  if (!IsUsablePose(image.cam_from_world)) return label() + ": the pose is not finite, or its quaternion is zero";
   if (model_.cameras.count(image.camera_id) == 0) {
-    return label + ": its camera " + std::to_string(image.camera_id) + " is missing";
+    return label() + ": its camera " + std::to_string(image.camera_id) + " is missing";
   }
   const auto framed = camera_of_framed_image_.find(image.image_id);
   if (!(model_.rigs.empty() && model_.frames.empty()) &&
       (framed == camera_of_framed_image_.end() || framed->second != image.camera_id)) {
-    return label + " is in no frame with its camera " + std::to_string(image.camera_id) +
+    return label() + " is in no frame with its camera " + std::to_string(image.camera_id) +
            ": the files of rigs and frames beside it are of another model; without them it can be read";
   }
-  if (!image_ids_.insert(image.image_id).second) return label + ": its id appears twice";
-  if (!names_.insert(image.name).second) return label + ": its name appears twice";
+  if (!image_ids_.insert(image.image_id).second) return label() + ": its id appears twice";
+  if (!names_.insert(image.name).second) return label() + ": its name appears twice";
   model_.images.push_back(std::move(image));
   return "";
 }

@@ -38,16 +38,13 @@ class PartReader {
     while (Next()) {
       Part part;
       Read(&part);
+      if constexpr (std::is_same_v<Part, ModelImage>) image_id_ = part.image_id;
       if (const std::string problem = builder->Add(std::move(part)); !problem.empty()) throw file_.Error(problem);
-      // Checks the second line of each image, which has its points or is empty, because a file without these lines
-      // would silently lose every other image.
-      if constexpr (kIsText && std::is_same_v<Part, ModelImage>) {
-        if (file_.NextLine() && !IsPointsLine(file_.Line())) {
-          throw file_.Error("expected the points of the image above (X Y POINT3D_ID ..., or an empty line)");
-        }
-      }
+      if constexpr (std::is_same_v<Part, ModelImage>) points_.emplace(image_id_, SkipPoints());
     }
   }
+
+  PointsPlaces TakePoints() { return std::move(points_); }
 
  private:
   static constexpr bool kIsText = std::is_same_v<File, TextFile>;
@@ -61,6 +58,20 @@ class PartReader {
     } else {
       if (num_left_ == 0) file_.CheckEnd();
       return num_left_-- > 0;
+    }
+  }
+  PointsPlace SkipPoints() {
+    if constexpr (kIsText) {
+      // Checks the second line of each image, which has its points or is empty, because a file without these lines
+      // would silently lose every other image.
+      if (!file_.NextLine()) return {file_.LineOffset(), 0};
+      if (IsPointsLine(file_.Line())) return {file_.LineOffset(), file_.LineSize()};
+      throw file_.Error("expected the points of the image above (X Y POINT3D_ID ..., or an empty line)");
+    } else {
+      const uint64_t num_bytes = file_.ReadCount() * (2 * sizeof(double) + sizeof(uint64_t));
+      const PointsPlace place = {file_.Offset(), num_bytes};
+      file_.Skip(num_bytes);
+      return place;
     }
   }
   template <typename Number>
@@ -148,31 +159,38 @@ class PartReader {
       image->name = Trimmed(rest_);  // the rest of the line, because a name may hold spaces
     } else {
       image->name = file_.ReadName();
-      file_.Skip(file_.ReadCount() * (2 * sizeof(double) + sizeof(uint64_t)));  // points: x, y and id
     }
   }
 
   File file_;
+  uint32_t image_id_ = 0;  // of the current image
+  PointsPlaces points_;
   std::string_view rest_;  // of a line of text
   uint64_t num_left_ = 0;  // parts of a binary file
 };
 
 template <typename File>
-Model ReadFiles(const std::filesystem::path& folder, const std::string& ending) {
+ModelOnDisk ReadFiles(const std::filesystem::path& folder, const std::string& ending) {
   const auto path = [&](const std::string& name) { return folder / (name + ending); };
   ModelBuilder builder;
   PartReader<File>(path("cameras")).template ReadAll<Camera>(&builder);
   if (IsTaken(path("rigs"))) PartReader<File>(path("rigs")).template ReadAll<Rig>(&builder);
   if (IsTaken(path("frames"))) PartReader<File>(path("frames")).template ReadAll<ModelFrame>(&builder);
-  PartReader<File>(path("images")).template ReadAll<ModelImage>(&builder);
-  Model model = builder.Take();
-  if (model.images.empty()) throw InputError(path("images").string() + ": contains no posed image");
-  return model;
+  PartReader<File> images(path("images"));
+  images.template ReadAll<ModelImage>(&builder);
+  return {builder.Take(), path("images"), images.TakePoints()};
 }
 
 }  // namespace
 
 Model ReadModel(const std::filesystem::path& path) {
+  ModelOnDisk read = ReadModelWithPoints(path);
+  if (read.model.images.empty()) throw InputError(read.images_path.string() + ": contains no posed image");
+  read.model.geographic_origin = ReadGeoFile(path / kGeoFile);
+  return std::move(read.model);
+}
+
+ModelOnDisk ReadModelWithPoints(const std::filesystem::path& path) {
   const auto has = [&](const char* cameras, const char* images) {
     return IsTaken(path / cameras) && IsTaken(path / images);
   };
@@ -181,9 +199,7 @@ Model ReadModel(const std::filesystem::path& path) {
     throw InputError(path.string() +
                      ": holds no COLMAP model: neither cameras.bin and images.bin nor cameras.txt and images.txt");
   }
-  Model model = is_binary ? ReadFiles<BinaryFile>(path, ".bin") : ReadFiles<TextFile>(path, ".txt");
-  model.geographic_origin = ReadGeoFile(path / kGeoFile);
-  return model;
+  return is_binary ? ReadFiles<BinaryFile>(path, ".bin") : ReadFiles<TextFile>(path, ".txt");
 }
 
 Camera ParseCamera(int model_id, std::string_view rest, const TextFile& file) {

@@ -65,6 +65,35 @@ void ExpectPoseBits(const Rigid3d& pose, const std::vector<double>& expected) {
               ::testing::ElementsAreArray(expected));
 }
 
+TEST_F(ReadModelTest, PlacesOfPointsAreThoseOfTheFile) {
+  WriteFile("cameras.txt", kCameras);
+  const std::string images =
+      "\xEF\xBB\xBF# images\n\n3 1 0 0 0 0 0 0 7 b.jpg\n 1 2 -1  \r\n1 1 0 0 0 0 0 0 7 a.jpg\n\n2 1 0 0 0 0 0 0 7 c.jpg";
+  const ModelOnDisk text = [&] {
+    WriteFile("images.txt", images);
+    return ReadModelWithPoints(folder_);
+  }();
+  EXPECT_EQ(text.images_path, folder_ / "images.txt");
+  EXPECT_EQ(images.substr(text.points.at(3).offset, text.points.at(3).num_bytes), " 1 2 -1  \r");
+  EXPECT_EQ(text.points.at(1).num_bytes, 0u);
+  EXPECT_EQ(text.points.at(2).num_bytes, 0u);
+  EXPECT_GT(text.points.at(2).offset, text.points.at(1).offset);
+  WriteFile("cameras.bin", cameras_bytes_);
+  const std::string bytes = Bytes<uint64_t>(2) + ImageBytes(3, pose_, "b", 5) + ImageBytes(1, pose_, "a", 2);
+  WriteFile("images.bin", bytes);
+  const ModelOnDisk binary = ReadModelWithPoints(folder_);
+  EXPECT_EQ(binary.model.images.front().name, "a");
+  for (const auto& [image_id, num_points] : {std::pair(3u, 5u), std::pair(1u, 2u)}) {
+    const PointsPlace place = binary.points.at(image_id);
+    EXPECT_EQ(bytes.substr(place.offset, place.num_bytes), std::string(24 * num_points, 'p'));
+  }
+}
+
+TEST_F(ReadModelTest, OnlyQueriesNeedAnImage) {
+  EXPECT_THAT(ErrorOfText(kCameras, "# none\n"), StartsWith("images.txt: contains no posed image"));
+  EXPECT_TRUE(ReadModelWithPoints(folder_).model.images.empty());
+}
+
 TEST_F(ReadModelTest, TextIsReadExactlyAndSortedByName) {
   const Model model = ReadText(kCameras,
                                "# images\n"

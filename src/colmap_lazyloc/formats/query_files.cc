@@ -10,11 +10,24 @@
 namespace lazyloc {
 namespace {
 
+// True if `rest` can be what follows a camera model: at least four numbers, up to the end of the line.
+bool IsLikeIntrinsics(std::string_view rest) {
+  int num_numbers = 0;
+  for (std::string_view word = NextWord(&rest); !word.empty(); word = NextWord(&rest)) {
+    if (!NumberFrom<double>(word)) return false;
+    ++num_numbers;
+  }
+  return num_numbers >= 4;
+}
+
 // Parses `name MODEL width height params...`, or a name alone if the second word is not a camera model.
 QueryListEntry ParseEntry(const TextFile& file) {
   std::string_view rest = file.Line();
-  const std::string name(NextWord(&rest));
-  const std::optional<int> model_id = CameraModelId(std::string(NextWord(&rest)));
+  const std::string name(NextWord(&rest)), model_name(NextWord(&rest));
+  const std::optional<int> model_id = CameraModelId(model_name);
+  if (!model_id && !NumberFrom<double>(model_name) && IsLikeIntrinsics(rest)) {
+    throw file.Error("unknown camera model '" + model_name + "' (expected: name MODEL width height params...)");
+  }
   if (!model_id) return {std::string(file.Line()), std::nullopt};
 
   Camera camera = ParseCamera(*model_id, rest, file);

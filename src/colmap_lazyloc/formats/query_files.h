@@ -17,7 +17,7 @@ struct QueryListEntry {
 // Reads a query list: one name a line, or hloc's `name MODEL width height params...`. Skips empty lines and comments
 // (first character '#'). A name may hold spaces, unless the line is in hloc's format, which is one whose second word is
 // a camera model of COLMAP. Throws InputError, `file:line: ...`, for a missing or empty list, a name that is listed
-// twice, a wrong number of parameters, or impossible numbers.
+// twice, a wrong number of parameters, impossible numbers, or numbers after a word that is not a camera model.
 // add: takes the entries one by one, because there may be millions; returns false if it has had the name before.
 void ReadQueryList(const std::filesystem::path& path, const std::function<bool(QueryListEntry)>& add);
 

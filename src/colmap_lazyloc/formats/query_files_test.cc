@@ -85,6 +85,17 @@ TEST_F(QueryList, MistakesAreNamedWithTheirLine) {
   EXPECT_THAT(ErrorOfReading("a PINHOLE 640 480 0 500 320 240\n"), HasSubstr("focal length"));
   EXPECT_THAT(ErrorOfReading("a PINHOLE 640 480 nan 500 320 240\n"), HasSubstr("finite"));
   EXPECT_THAT(ErrorOfReading("a PINHOLE\n"), StartsWith("list.txt:1: the line ends too early"));
+  EXPECT_THAT(ErrorOfReading("b\na PINHOL 640 480 500 500 320 240\n"),
+              StartsWith("list.txt:2: unknown camera model 'PINHOL'"));
+  EXPECT_THAT(ErrorOfReading("a pinhole 640 480 500 500 320 240\n"), HasSubstr("'pinhole'"));
+}
+
+TEST_F(QueryList, NamesMayEndInNumbers) {
+  for (const std::string name : {"scan 2024 01 02 03 04 05", "room at 640 480 500", "a PINHOL 640 480 500 500 b.jpg"}) {
+    const auto entries = Read(name);
+    ASSERT_EQ(entries.size(), 1);
+    EXPECT_EQ(entries[0].name, name);
+  }
 }
 
 TEST_F(QueryList, EmptyOrMissingFileIsRefused) {

@@ -16,6 +16,17 @@ struct Failure {
   std::vector<int> frames = {};                           // indices of the frames; empty means the whole group
   std::map<int, PartialPose> partial_poses = {};          // by query, if the rotation is known
   std::vector<std::optional<double>> rig_errors_px = {};  // by query, if they were measured
+  std::map<int, std::string> reasons = {};                // of frames that have one of their own
+
+  void Add(int frame, const std::string& reason_of_frame) {
+    reason = reason_of_frame;
+    reasons[frame] = reason_of_frame;
+    frames.push_back(frame);
+  }
+  const std::string& ReasonOf(int frame) const {
+    const auto own = reasons.find(frame);
+    return own == reasons.end() ? reason : own->second;
+  }
 };
 
 using Reason = std::optional<std::string>;
@@ -25,10 +36,7 @@ template <typename ReasonOf>
 void CheckFrames(int num_frames, QueryStatus cause, const ReasonOf& reason_of) {
   Failure failure{cause, ""};
   for (int frame = 0; frame < num_frames; ++frame) {
-    const Reason reason = reason_of(frame);
-    if (!reason) continue;
-    failure.reason = *reason;
-    failure.frames.push_back(frame);
+    if (const Reason reason = reason_of(frame)) failure.Add(frame, *reason);
   }
   if (!failure.frames.empty()) throw failure;
 }

@@ -95,8 +95,7 @@ std::vector<std::optional<double>> CheckRigs(const Layout& layout, const PosedIm
       const std::vector<double> of_query_px = ErrorsPx(CamFromWorld(posed, query), rays[query]);
       if (!of_query_px.empty()) errors_px[query] = Median(of_query_px);
       if (!FitsBetterAlone(layout, query, rays[query], of_query_px, options)) continue;
-      failure.reason = MisfitReason(layout, query);
-      failure.frames.push_back(frame);
+      failure.Add(frame, MisfitReason(layout, query));
       break;
     }
   }

@@ -1,8 +1,7 @@
 #include "colmap_lazyloc/loading/extracted_features.h"
 
+#include <cinttypes>
 #include <cstring>
-#include <fstream>
-#include <iterator>
 #include <system_error>
 #include <type_traits>
 #include <utility>
@@ -23,11 +22,10 @@ constexpr size_t kDescriptorBytes = kDescriptorLength * sizeof(float);
 constexpr size_t kFeatureBytes = sizeof(Keypoint) + kDescriptorBytes;
 static_assert(std::is_trivially_copyable_v<Keypoint>);
 
-std::string Checksum(const std::string& bytes) { return Format("%08x", Crc32(bytes)); }
-
-std::string ChecksumOfFile(const fs::path& path) {
-  std::ifstream file(path, std::ios::binary);
-  return Checksum({std::istreambuf_iterator<char>(file), std::istreambuf_iterator<char>()});
+// Returns the size and the checksum of a file.
+std::string ContentOf(const fs::path& path) {
+  std::error_code ignored;
+  return Format("%ju bytes %08x", fs::file_size(path, ignored), Crc32OfFile(path));
 }
 
 // Returns the first record of a file; an empty one if there is none, or if the disk is damaged.
@@ -46,7 +44,7 @@ ExtractedFeatures::ExtractedFeatures(const Aliked& aliked, fs::path image_path, 
     : aliked_(aliked), image_path_(std::move(image_path)), folder_(std::move(folder)) {
   const AlikedOptions& options = aliked.Options();
   extractor_ = Format("%s %d %d %d %s", EnumName(aliked.Type()), options.max_image_size, options.max_num_features,
-                      static_cast<int>(options.has_full_contrast), ChecksumOfFile(aliked.ExtractorPath()).c_str());
+                      static_cast<int>(options.has_full_contrast), ContentOf(aliked.ExtractorPath()).c_str());
 }
 
 bool ExtractedFeatures::HasFile(const std::string& image_name) const {
@@ -56,9 +54,9 @@ bool ExtractedFeatures::HasFile(const std::string& image_name) const {
 
 std::optional<Features> ExtractedFeatures::Get(const std::string& image_name, const Camera& camera) const {
   if (!HasFile(image_name)) return std::nullopt;
-  const fs::path image_path = image_path_ / image_name, path = folder_ / Checksum(image_name);
+  const fs::path image_path = image_path_ / image_name, path = folder_ / Format("%016" PRIx64, Hash64(image_name));
   const std::string key = Format("%s %zu x %zu ", extractor_.c_str(), size_t{camera.width}, size_t{camera.height}) +
-                          ChecksumOfFile(image_path) + '\n';
+                          ContentOf(image_path) + '\n';
   if (std::optional<Features> kept = folder_.empty() ? std::nullopt : ReadKept(path, key)) return kept;
   const std::optional<PhotoFile> file = PhotoFile::Read(image_path, /*as_rgb=*/true);
   if (!file || file->Properties().width != camera.width || file->Properties().height != camera.height) {

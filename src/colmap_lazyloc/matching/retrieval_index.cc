@@ -5,14 +5,18 @@
 #include <cmath>
 #include <cstring>
 #include <fstream>
+#include <optional>
 #include <random>
 #include <system_error>
 #include <type_traits>
 
+#include "colmap_lazyloc/database/sqlite_file.h"
+#include "colmap_lazyloc/files/checksum.h"
 #include "colmap_lazyloc/files/staged_output.h"
 #include "colmap_lazyloc/matching/feature_statistics.h"
 #include "colmap_lazyloc/math/descriptor_products.h"
 #include "colmap_lazyloc/scene/errors.h"
+#include "colmap_lazyloc/scene/model.h"
 #include "colmap_lazyloc/scene/options_check.h"
 
 namespace lazyloc {
@@ -20,7 +24,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr char kMagic[] = "colmap_lazyloc retrieval index 1";
+constexpr char kMagic[] = "colmap_lazyloc retrieval index ", kVersion[] = "2";
 // Size of the sample that the vocabulary is learnt from: more descriptors per word make it slower, not better.
 constexpr size_t kDescriptorsPerWord = 32;
 constexpr size_t kMinDescriptorsPerWord = 8;
@@ -35,11 +39,22 @@ void WriteNumber(T number, std::ofstream* file) {
   file->write(reinterpret_cast<const char*>(&number), sizeof(number));
 }
 
+void WriteText(const std::string& text, std::ofstream* file) {
+  WriteNumber<uint64_t>(text.size(), file);
+  *file << text;
+}
+
 template <typename T>
 T ReadNumber(std::ifstream* file) {
   T number{};
   file->read(reinterpret_cast<char*>(&number), sizeof(number));
   return number;
+}
+
+std::string ReadText(std::ifstream* file) {
+  std::string text(ReadNumber<uint64_t>(file), ' ');
+  file->read(text.data(), static_cast<std::streamsize>(text.size()));
+  return text;
 }
 
 size_t NumIndexed(size_t num_features, int max_num_features) {
@@ -62,17 +77,22 @@ Descriptors AsBytes(const Features& features) {
   return bytes;
 }
 
-// Returns the descriptors of an image that are indexed, in their order in the database; none if they are damaged, and
-// then sets `damage`.
-Descriptors ReadIndexedDescriptors(const FeatureReader& reader, uint32_t image_id, int max_num_features,
-                                   std::string* damage) {
-  Features features;
+uint32_t ChecksumOf(const Descriptors& descriptors) {
+  return Crc32({reinterpret_cast<const char*>(descriptors.data()), static_cast<size_t>(descriptors.size())});
+}
+
+// Returns nullopt if the features are damaged, and then sets `damage`.
+std::optional<Features> ReadFeatures(const FeatureReader& reader, uint32_t image_id, std::string* damage) {
   try {
-    features = reader.Read(image_id);
+    return reader.Read(image_id);
   } catch (const DamagedRecordError& error) {
     *damage = error.what();
-    return Descriptors(0, kDescriptorLength);
+    return std::nullopt;
   }
+}
+
+// Returns the descriptors of an image that are indexed, in their order in the database.
+Descriptors ChooseDescriptors(const Features& features, int max_num_features) {
   const size_t num_features = features.keypoints.size(), num_indexed = NumIndexed(num_features, max_num_features);
   Descriptors descriptors = AsBytes(features);
   if (num_indexed == num_features) return descriptors;
@@ -91,7 +111,9 @@ Descriptors SampleDescriptors(const std::vector<DatabaseImage>& images, const Fe
   Eigen::Index num_rows = 0;
   std::string ignored;  // AddNewEntries reports it
   for (const DatabaseImage& image : images) {
-    const Descriptors descriptors = ReadIndexedDescriptors(features, image.image_id, max_num_features, &ignored);
+    const std::optional<Features> read = ReadFeatures(features, image.image_id, &ignored);
+    if (!read) continue;
+    const Descriptors descriptors = ChooseDescriptors(*read, max_num_features);
     for (Eigen::Index i = 0; i < descriptors.rows() && num_rows < sample.rows(); ++i) {
       // Uses the generator's own numbers, because distributions differ between standard libraries.
       if (static_cast<double>(random()) < ratio * 4294967296.0) sample.row(num_rows++) = descriptors.row(i);
@@ -130,16 +152,13 @@ IndexEstimate EstimateIndex(const DatabaseReader& database, const RetrievalOptio
 RetrievalIndex::RetrievalIndex(const fs::path& path, const DatabaseReader& database, const RetrievalOptions& options,
                                int seed, int num_threads)
     : seed_(seed) {
+  const std::string state = SqliteFile(database.Path()).StateText();  // before anything is read
   const FeatureReader features(database.Path());
   const DescriptorCounts counts = features.ReadDescriptorCounts();
   type_ = counts.type;
-  std::map<std::string, uint64_t> num_descriptors;
   std::vector<DatabaseImage> described;
   for (const DatabaseImage& image : database.ReadImages()) {
-    const auto count = counts.of_image.find(image.image_id);
-    if (count == counts.of_image.end()) continue;
-    num_descriptors[image.name] = count->second;
-    described.push_back(image);
+    if (counts.of_image.count(image.image_id) > 0) described.push_back(image);
   }
   if (described.empty()) throw InputError(features.Path().string() + ": no descriptors to make an index from");
   if (type_ != FeatureType::SIFT && !IsAliked(type_)) {
@@ -150,31 +169,49 @@ RetrievalIndex::RetrievalIndex(const fs::path& path, const DatabaseReader& datab
   std::error_code ignored;
   if (!path.empty() && fs::exists(path, ignored)) {
     Read(path);
-    const auto is_known = [&](const auto& entry) { return num_descriptors.count(entry.first) > 0; };
+    const auto is_known = [&](const auto& entry) { return FindByName(described, entry.first) != nullptr; };
     if (std::none_of(entries_.begin(), entries_.end(), is_known)) {
       throw InputError(
           path.string() +
           ": none of its images is in the database: it belongs to another one (delete it to make it again)");
     }
-    for (auto entry = entries_.begin(); entry != entries_.end();) {
-      const auto current = num_descriptors.find(entry->first);
-      const bool is_stale = current == num_descriptors.end() || current->second != entry->second.num_descriptors;
-      changes_.num_removed += is_stale;
-      entry = is_stale ? entries_.erase(entry) : std::next(entry);
-    }
+    RemoveStale(described, counts, features, /*reads_descriptors=*/state != database_state_);
   }
   IdleThreads idle_threads(EffectiveNumThreads(num_threads) - 1);
   // Removed images stay in the inverted files, unused, and a vocabulary learnt from few images does not suit many.
   const size_t num_unused = static_cast<size_t>(next_index_id_ - 1) - entries_.size();
   const bool is_outgrown = num_unused > entries_.size() || described.size() > 8 * entries_.size();
   if (!visual_index_ || is_outgrown) Train(described, features, options, &idle_threads);
-  AddNewEntries(described, num_descriptors, features, options.max_num_features, &idle_threads);
+  AddNewEntries(described, features, options.max_num_features, &idle_threads);
   for (const DatabaseImage& image : described) {
     const auto entry = entries_.find(image.name);
     if (entry != entries_.end()) image_of_index_id_[entry->second.index_id] = image.image_id;
   }
   const bool has_changed = changes_.is_trained || changes_.num_added > 0 || changes_.num_removed > 0;
-  if (!path.empty() && has_changed) Write(path);
+  if (path.empty() || (!has_changed && state == database_state_)) return;
+  database_state_ = state;
+  try {
+    Write(path);
+  } catch (const InputError&) {
+    if (has_changed) throw;  // else the next run only takes longer
+  }
+}
+
+void RetrievalIndex::RemoveStale(const std::vector<DatabaseImage>& images, const DescriptorCounts& counts,
+                                 const FeatureReader& features, bool reads_descriptors) {
+  std::string ignored;  // AddNewEntries reports it
+  const auto is_current = [&](const std::string& name, const Entry& entry) {
+    const DatabaseImage* image = FindByName(images, name);
+    if (image == nullptr || counts.of_image.at(image->image_id) != entry.num_descriptors) return false;
+    if (!reads_descriptors) return true;
+    const std::optional<Features> read = ReadFeatures(features, image->image_id, &ignored);
+    return read && ChecksumOf(read->descriptors) == entry.checksum;
+  };
+  for (auto entry = entries_.begin(); entry != entries_.end();) {
+    const bool is_stale = !is_current(entry->first, entry->second);
+    changes_.num_removed += is_stale;
+    entry = is_stale ? entries_.erase(entry) : std::next(entry);
+  }
 }
 
 void RetrievalIndex::Train(const std::vector<DatabaseImage>& images, const FeatureReader& features,
@@ -197,19 +234,19 @@ void RetrievalIndex::Train(const std::vector<DatabaseImage>& images, const Featu
       VisualIndex::Train(sample, static_cast<int>(num_words), static_cast<uint32_t>(seed_), idle_threads));
 }
 
-void RetrievalIndex::AddNewEntries(const std::vector<DatabaseImage>& images,
-                                   const std::map<std::string, uint64_t>& num_descriptors,
-                                   const FeatureReader& features, int max_num_features, IdleThreads* idle_threads) {
+void RetrievalIndex::AddNewEntries(const std::vector<DatabaseImage>& images, const FeatureReader& features,
+                                   int max_num_features, IdleThreads* idle_threads) {
   for (const DatabaseImage& image : images) {
     if (entries_.count(image.name) > 0) continue;
     std::string damage;
-    const Descriptors descriptors = ReadIndexedDescriptors(features, image.image_id, max_num_features, &damage);
-    if (!damage.empty()) {
+    const std::optional<Features> read = ReadFeatures(features, image.image_id, &damage);
+    if (!read) {
       warnings_.push_back(damage + ": leaving the image out");
       continue;
     }
-    const Entry entry = {next_index_id_++, num_descriptors.at(image.name)};
-    visual_index_->Add(entry.index_id, descriptors, idle_threads);
+    const Entry entry = {next_index_id_++, static_cast<uint64_t>(read->descriptors.rows()),
+                         ChecksumOf(read->descriptors)};
+    visual_index_->Add(entry.index_id, ChooseDescriptors(*read, max_num_features), idle_threads);
     entries_.emplace(image.name, entry);
     ++changes_.num_added;
   }
@@ -228,7 +265,7 @@ std::vector<uint32_t> RetrievalIndex::Query(const Features& query, IdleThreads* 
 
 std::string RetrievalIndex::Header() const {
   const std::string type = type_ == FeatureType::SIFT ? "" : std::string(" ") + EnumName(type_);
-  return std::string(kMagic) + ' ' + kVisualIndexFormat + type;
+  return std::string(kMagic) + kVersion + ' ' + kVisualIndexFormat + type;
 }
 
 void RetrievalIndex::Write(const fs::path& path) const {
@@ -236,20 +273,18 @@ void RetrievalIndex::Write(const fs::path& path) const {
   const std::string name = path.filename().string();
   std::ofstream file(staged / name, std::ios::binary | std::ios::trunc);
   file << Header() << '\n';
-  const std::streampos size_position = file.tellp();
-  WriteNumber<uint64_t>(0, &file);
+  WriteText(database_state_, &file);
   WriteNumber<int32_t>(next_index_id_, &file);
   WriteNumber<uint64_t>(entries_.size(), &file);
   for (const auto& [image_name, entry] : entries_) {
     WriteNumber(entry.index_id, &file);
     WriteNumber(entry.num_descriptors, &file);
-    WriteNumber<uint64_t>(image_name.size(), &file);
-    file << image_name;
+    WriteNumber(entry.checksum, &file);
+    WriteText(image_name, &file);
   }
   if (file) visual_index_->Write(&file);
-  const auto size = static_cast<uint64_t>(file.tellp());
-  file.seekp(size_position);
-  WriteNumber(size, &file);
+  file.flush();
+  WriteNumber(Crc32OfFile(staged / name), &file);
   file.close();
   if (!file) throw InputError(path.string() + ": the retrieval index cannot be written");
   staged.Publish({name});
@@ -264,20 +299,22 @@ void RetrievalIndex::Read(const fs::path& path) {
   std::string header;
   std::getline(file, header);
   if (!file || header.rfind(kMagic, 0) != 0) fail("is not a retrieval index of colmap lazy_indexer");
-  if (header != Header()) fail("is of another COLMAP generation or of another type of features");
-  const auto size = ReadNumber<uint64_t>(&file);
-  if (!file || size != fs::file_size(path, ignored)) fail("is truncated");
+  if (header != Header()) fail("is of another COLMAP generation, of another type of features or of another version");
+  // Checks everything before it is used, because a damaged length could ask for any amount of memory.
+  const uint64_t num_bytes = fs::file_size(path, ignored) - sizeof(uint32_t);
+  const std::streampos begin = file.tellg();
+  file.seekg(static_cast<std::streamoff>(num_bytes));
+  if (ReadNumber<uint32_t>(&file) != Crc32OfFile(path, num_bytes) || !file) fail("is truncated or damaged");
+  file.seekg(begin);
+  database_state_ = ReadText(&file);
   next_index_id_ = ReadNumber<int32_t>(&file);
   const auto num_entries = ReadNumber<uint64_t>(&file);
   for (uint64_t i = 0; i < num_entries && file; ++i) {
     Entry entry;
     entry.index_id = ReadNumber<int32_t>(&file);
     entry.num_descriptors = ReadNumber<uint64_t>(&file);
-    const auto length = ReadNumber<uint64_t>(&file);
-    if (!file || length > size) fail("is damaged");
-    std::string name(length, ' ');
-    file.read(name.data(), static_cast<std::streamsize>(length));
-    entries_.emplace(std::move(name), entry);
+    entry.checksum = ReadNumber<uint32_t>(&file);
+    entries_.emplace(ReadText(&file), entry);
   }
   visual_index_ = std::make_unique<VisualIndex>(VisualIndex::Read(&file));
   if (!file) fail("is damaged");

@@ -42,12 +42,13 @@ class RetrievalIndex {
     bool is_trained = false;  // true if the index was made from scratch
   };
 
-  // Reads the index and updates it to the database: compares images by name and number of descriptors, and reads only
-  // new and changed ones; leaves out images with damaged features. All features must be of SIFT or ALIKED. Makes the
-  // index if the file does not exist or the path is empty (then in memory only). Writes the file if anything changed,
-  // whole or not at all. num_threads: -1 for the number of cores. Throws InputError naming the file if it is not such
-  // an index, is damaged, belongs to another COLMAP generation, another type of features or another database, or cannot
-  // be written.
+  // Reads the index and updates it to the database. Enters an image again if its descriptors have another number or
+  // CRC-32 than those that were entered; leaves out images with damaged features. Reads descriptors for this only if
+  // the database file has another size or time of its last change than at the last comparison, because it takes half a
+  // second per million. All features must be of SIFT or ALIKED. Makes the index if the file does not exist or the path
+  // is empty (then in memory only). Writes the file if anything changed, whole or not at all. num_threads: -1 for the
+  // number of cores. Throws InputError naming the file if it is not such an index, is damaged, belongs to another
+  // version, COLMAP generation, type of features or database, or cannot be written.
   RetrievalIndex(const std::filesystem::path& path, const DatabaseReader& database, const RetrievalOptions& options,
                  int seed, int num_threads);
 
@@ -62,12 +63,17 @@ class RetrievalIndex {
   struct Entry {
     int32_t index_id = 0;  // id in the visual index, never used again
     uint64_t num_descriptors = 0;
+    uint32_t checksum = 0;  // of the descriptors
   };
 
+  // Removes the entries of images that are gone or have other descriptors. reads_descriptors: false if those of the
+  // same number are known to be the same.
+  void RemoveStale(const std::vector<DatabaseImage>& images, const DescriptorCounts& counts,
+                   const FeatureReader& features, bool reads_descriptors);
   void Read(const std::filesystem::path& path);
   void Write(const std::filesystem::path& path) const;
-  void AddNewEntries(const std::vector<DatabaseImage>& images, const std::map<std::string, uint64_t>& num_descriptors,
-                     const FeatureReader& features, int max_num_features, IdleThreads* idle_threads);
+  void AddNewEntries(const std::vector<DatabaseImage>& images, const FeatureReader& features, int max_num_features,
+                     IdleThreads* idle_threads);
   // Returns the first line of the file.
   std::string Header() const;
   void Train(const std::vector<DatabaseImage>& images, const FeatureReader& features, const RetrievalOptions& options,
@@ -76,6 +82,7 @@ class RetrievalIndex {
   std::unique_ptr<VisualIndex> visual_index_;
   FeatureType type_ = FeatureType::SIFT;
   int seed_ = 0;
+  std::string database_state_;            // of the database file with which the entries were compared
   std::map<std::string, Entry> entries_;  // by image name
   int32_t next_index_id_ = 1;
   Changes changes_;

@@ -26,15 +26,17 @@ constexpr int kNumDescriptors = 200;
 // Image i has descriptors of its own, which a query of the same number shares but for noise.
 class RetrievalIndexTest : public ::testing::Test {
  protected:
+  // swaps: image 1 has the descriptors of image 2, and the reverse.
   std::string WriteDatabase(const std::string& name, const std::vector<uint32_t>& image_ids,
-                            int num_descriptors = kNumDescriptors) {
+                            int num_descriptors = kNumDescriptors, bool swaps = false) {
     const std::filesystem::path path = folder_ / name;
     std::filesystem::remove(path);
     TestDatabase database(path, TestDatabase::Schema::V3_10);
     for (const uint32_t id : image_ids) {
       database.AddImage(id, 1, std::to_string(id) + ".jpg");
       database.AddKeypoints(id, std::vector<Eigen::Vector2d>(num_descriptors, {1, 2}));
-      database.AddDescriptors(id, RandomDescriptors(kNumDescriptors, id).topRows(num_descriptors));
+      const uint32_t seed = swaps && id <= 2 ? 3 - id : id;
+      database.AddDescriptors(id, RandomDescriptors(kNumDescriptors, seed).topRows(num_descriptors));
     }
     database.Close();
     return path.string();
@@ -101,6 +103,42 @@ TEST_F(RetrievalIndexTest, ImagesWithOtherFeaturesAreEnteredAgain) {
   ExpectFinds(index, {1, 2, 3});
 }
 
+// As if photos had been replaced under the same names.
+TEST_F(RetrievalIndexTest, ImagesWithAsManyOtherFeaturesAreEnteredAgain) {
+  Open(WriteDatabase("a.db", {1, 2, 3, 4, 5}));
+  const RetrievalIndex index = Open(WriteDatabase("a.db", {1, 2, 3, 4, 5}, kNumDescriptors, /*swaps=*/true));
+  EXPECT_FALSE(index.LastChanges().is_trained);
+  EXPECT_EQ(index.LastChanges().num_removed, 2u);
+  EXPECT_EQ(index.LastChanges().num_added, 2u);
+  for (const uint32_t id : {1, 2}) {
+    EXPECT_EQ(index.Query({{}, RandomDescriptors(kNumDescriptors, 3 - id)}, &idle_threads_).front(), id);
+  }
+}
+
+TEST_F(RetrievalIndexTest, CopyOfTheDatabaseIsComparedOnce) {
+  Open(WriteDatabase("a.db", {1, 2, 3}));
+  const std::string bytes = ReadBytes(folder_ / "index");
+  std::filesystem::copy(folder_ / "a.db", folder_ / "b.db");
+  const RetrievalIndex index = Open(folder_ / "b.db");
+  EXPECT_EQ(index.LastChanges().num_added + index.LastChanges().num_removed, 0u);
+  const std::string noted = ReadBytes(folder_ / "index");
+  EXPECT_NE(noted, bytes);
+  Open(folder_ / "b.db");
+  EXPECT_EQ(ReadBytes(folder_ / "index"), noted);
+}
+
+TEST_F(RetrievalIndexTest, FlippedBitsAreOneError) {
+  const std::string database = WriteDatabase("a.db", {1, 2, 3});
+  Open(database);
+  const std::string bytes = ReadBytes(folder_ / "index");
+  for (size_t i = 0; i < bytes.size(); i += i < 300 ? 1 : bytes.size() / 200) {
+    std::string flipped = bytes;
+    flipped[i] = static_cast<char>(flipped[i] ^ (1 << (i % 8)));
+    WriteBytes(folder_ / "index", flipped);
+    ExpectRefused(database, "delete it to make it again");
+  }
+}
+
 TEST_F(RetrievalIndexTest, LargestFeaturesAreIndexedIfThereAreTooMany) {
   // Each image has small features that are the large ones of the image before it.
   constexpr uint32_t kNumImages = 5;
@@ -136,14 +174,18 @@ TEST_F(RetrievalIndexTest, BadFilesAreRefusedAndLeftAlone) {
   const std::string bytes = ReadBytes(folder_ / "index");
   ExpectRefused(WriteDatabase("b.db", {11, 12}), "belongs to another");
   EXPECT_EQ(ReadBytes(folder_ / "index"), bytes);
-  WriteBytes(folder_ / "index", bytes.substr(0, bytes.size() - 1));
-  ExpectRefused(database, "is truncated");
+  for (const size_t size : {bytes.size() - 1, bytes.find('\n') + 1}) {
+    WriteBytes(folder_ / "index", bytes.substr(0, size));
+    ExpectRefused(database, "is truncated or damaged");
+  }
   WriteBytes(folder_ / "index", "SQLite format 3");
   ExpectRefused(database, "is not a retrieval index");
   std::string other = bytes;
   other[other.find("COLMAP-") + 7] = '9';
   WriteBytes(folder_ / "index", other);
   ExpectRefused(database, "another COLMAP generation");
+  WriteBytes(folder_ / "index", "colmap_lazyloc retrieval index 1 COLMAP-3\n" + std::string(100, '\0'));
+  ExpectRefused(database, "of another version");
   WriteBytes(folder_ / "index", bytes);
   Open(database);
 }

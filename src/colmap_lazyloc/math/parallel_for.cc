@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <exception>
 #include <mutex>
+#include <system_error>
 #include <thread>
 #include <vector>
 
@@ -56,7 +57,13 @@ void ParallelForByThread(size_t num_tasks, const std::function<IndexedTask()>& m
   };
   std::vector<std::thread> helpers;
   const int num_helpers = idle_threads->Take(static_cast<int>(num_tasks) - 1);
-  for (int i = 0; i < num_helpers; ++i) helpers.emplace_back(work);
+  helpers.reserve(num_helpers);
+  try {
+    while (static_cast<int>(helpers.size()) < num_helpers) helpers.emplace_back(work);
+  } catch (const std::system_error&) {
+    // Goes on with fewer threads, because the system has no more, for example in a container.
+    idle_threads->GiveBack(num_helpers - static_cast<int>(helpers.size()));
+  }
   work();
   for (std::thread& helper : helpers) helper.join();
   idle_threads->GiveBack(-1);  // the calling thread goes on

@@ -23,6 +23,19 @@ class IdleThreads {
   std::atomic<int> count_;
 };
 
+// Holds an idle thread, if there is one, as long as it lives.
+class BusyThread {
+ public:
+  explicit BusyThread(IdleThreads* idle_threads) : idle_threads_(*idle_threads), count_(idle_threads->Take(1)) {}
+  ~BusyThread() { idle_threads_.GiveBack(count_); }
+  BusyThread(const BusyThread&) = delete;
+  BusyThread& operator=(const BusyThread&) = delete;
+
+ private:
+  IdleThreads& idle_threads_;
+  const int count_;
+};
+
 using IndexedTask = std::function<void(size_t)>;
 
 // Runs task(0) .. task(num_tasks - 1), each once, on the calling thread and on idle ones. A thread that finds no task

@@ -7,6 +7,7 @@
 #include <vector>
 
 #include <gtest/gtest.h>
+#include <pthread.h>
 
 namespace lazyloc {
 namespace {
@@ -33,6 +34,33 @@ TEST(ParallelFor, IdleThreadsHelp) {
         while (num_running < 2) std::this_thread::yield();
       },
       &idle_threads);
+}
+
+#ifdef __GLIBC__
+TEST(ParallelFor, GoesOnWithoutThreadsThatTheSystemDoesNotGive) {
+  pthread_attr_t usual, huge;
+  ASSERT_EQ(pthread_getattr_default_np(&usual), 0);
+  ASSERT_EQ(pthread_attr_init(&huge), 0);
+  ASSERT_EQ(pthread_attr_setstacksize(&huge, size_t{1} << 46), 0);  // no address space has room for such a stack
+  ASSERT_EQ(pthread_setattr_default_np(&huge), 0);
+  IdleThreads idle_threads(3);
+  std::atomic<int> num_runs = 0;
+  ParallelFor(
+      20, [&](size_t) { ++num_runs; }, &idle_threads);
+  EXPECT_EQ(num_runs, 20);
+  EXPECT_EQ(idle_threads.Take(100), 3);
+  ASSERT_EQ(pthread_setattr_default_np(&usual), 0);
+}
+#endif
+
+TEST(BusyThread, IsGivenBack) {
+  IdleThreads idle_threads(1);
+  for (int i = 0; i < 2; ++i) {
+    const BusyThread busy(&idle_threads);
+    const BusyThread none(&idle_threads);
+    EXPECT_EQ(idle_threads.Take(1), 0);
+  }
+  EXPECT_EQ(idle_threads.Take(100), 1);
 }
 
 TEST(ParallelFor, NothingToDoRunsNothing) {

@@ -146,7 +146,11 @@ VarianceEstimate EstimateVariances(const PriorGroup& group, const DeviationLikel
     x += step;
     break;
   }
-  for (Eigen::Index j = 0; j < x.size(); ++j) estimate.variances.push_back(std::exp(2 * x[j]));
+  // If the likelihood cannot be computed, nothing is known but what was expected.
+  const bool is_known = best > -std::numeric_limits<double>::infinity();
+  for (Eigen::Index j = 0; j < x.size(); ++j) {
+    estimate.variances.push_back(is_known ? std::exp(2 * x[j]) : expected[j].median * expected[j].median);
+  }
   return estimate;
 }
 

@@ -1,6 +1,7 @@
 #include "colmap_lazyloc/noise/variance_estimate.h"
 
 #include <cmath>
+#include <limits>
 #include <numeric>
 
 #include <gtest/gtest.h>
@@ -67,6 +68,14 @@ TEST(EstimateVariances, WithoutInformationIsTheExpectation) {
   const PriorGroup group = MakeGroup({{Identity(), 4}});
   const PriorFit fit = MakeFit(Eigen::MatrixXd::Zero(kNumFrames, 6), 0);
   EXPECT_NEAR(EstimateVariances(group, fit, 1, {{3, 1, 0.1, 1}}).variances[0], 9, 1e-6);
+}
+
+TEST(EstimateVariances, WithoutAValidLikelihoodIsTheExpectation) {
+  const PriorGroup group = MakeGroup({{Identity(), 4}});
+  for (const double information : {-1e9, std::numeric_limits<double>::quiet_NaN()}) {
+    const PriorFit fit = MakeFit(Eigen::MatrixXd::Zero(kNumFrames, 6), information);
+    EXPECT_NEAR(EstimateVariances(group, fit, 1, {{3, 1, 0.1, 1}}).variances[0], 9, 1e-9);
+  }
 }
 
 TEST(EstimateVariances, IsBetweenTheExpectationAndTheImages) {

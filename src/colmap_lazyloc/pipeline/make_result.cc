@@ -188,7 +188,7 @@ void Conclude(const Choice& choice, int query, const LocalizerOptions& options, 
   }
   if (solution.failure) {
     result->status = solution.failure->cause;
-    result->reason = solution.failure->reason;
+    result->reason = solution.failure->ReasonOf(frame);
   } else if (const auto* refused = RefusedIntrinsics(solution.prepared->layout, choice.intrinsics, frame, options)) {
     result->status = QueryStatus::INCONSISTENT_INTRINSICS;
     result->reason = refused->contradiction;

@@ -22,13 +22,20 @@ class RobustLoss {
     double Add(double squared_error) {
       const double factor = loss_.Factor(squared_error);
       product_ *= factor;
+      if (product_ > kMaxProduct) {
+        log_ += std::log(product_);
+        product_ = 1;
+      }
       return 1 / factor;
     }
-    double Value() const { return 0.5 * loss_.squared_scale_ * std::log(product_); }
+    double Value() const { return 0.5 * loss_.squared_scale_ * (log_ + std::log(product_)); }
 
    private:
+    static constexpr double kMaxProduct = 1e250;  // that of 441 errors of 4 standard deviations would overflow
+
     const RobustLoss& loss_;
     double product_ = 1;
+    double log_ = 0;  // of the factors that are not in the product
   };
 
  private:

@@ -364,6 +364,16 @@ TEST(EstimateUncertainties, FramesWithUnobservablePositionsAreNamed) {
   EXPECT_EQ(input->Estimate(options).size(), 2u);
 }
 
+TEST(EstimateUncertainties, LimitOfThePositionIsNotThatOfTheRotation) {
+  const auto input = MakeUncertaintyInput();
+  Eigen::Matrix<double, 6, 6> covariance = 1e-10 * Eigen::Matrix<double, 6, 6>::Identity();
+  covariance.topLeftCorner<3, 3>().diagonal().setConstant(0.3 * 0.3);
+  input->SetCovariance(1, covariance);
+  LocalizerOptions options;
+  options.max_position_stddev_ratio = 1e9;
+  EXPECT_THAT(FailureOf([&] { input->Estimate(options); }).frames, testing::ElementsAre(1));
+}
+
 TEST(EstimateUncertainties, BearingIsThatOfTheBestDatabaseImage) {
   const auto input = MakeUncertaintyInput();
   const Rigid3d truth = CamFromWorld(input->stages.truth, 0);

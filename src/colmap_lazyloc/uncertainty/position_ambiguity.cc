@@ -19,6 +19,8 @@ namespace {
 
 constexpr char kOnePlaceReason[] =
     "only one database position is usable: the direction from there is known, the distance is not";
+// Maximum standard deviation of the rotation of a pose that is observable.
+constexpr double kMaxRotationStddevRad = 0.1;
 // Maximum standard deviation of a bearing that is worth reporting.
 constexpr double kMaxBearingStddevRad = 0.5;
 
@@ -146,7 +148,7 @@ bool IsPositionUnobservable(const AdjustedFrame& frame, const LocalizerOptions& 
   const PosedImages& posed = frame.adjustment.posed;
   const Rigid3d& frame_from_world = posed.frames[frame.frame].frame_from_world;
   const PoseSpread spread = SpreadOf(frame);
-  if (!(spread.rotation_stddev_rad <= options.max_position_stddev_ratio)) return true;
+  if (!(spread.rotation_stddev_rad <= kMaxRotationStddevRad)) return true;
   if (HasPositionPrior(frame)) return false;
   const double distance = MedianDistance(frame_from_world, frame.tracks);
   if (!(spread.position_stddevs[0] <= options.max_position_stddev_ratio * distance)) return true;
@@ -229,10 +231,9 @@ void CheckBaselines(const Layout& layout, const Averaged& averaged, const std::v
     for (const int query : layout.QueriesOf(frame)) {
       failure.partial_poses[query] = {CamFromWorld(averaged.posed, query).rotation, std::nullopt, std::nullopt};
     }
-    failure.reason = "the query has no baseline to any of " +
-                     std::to_string(DatabaseCentres(layout, averaged.pairs, frame).size()) +
-                     " database images: its rotation is known, its position is not";
-    failure.frames.push_back(frame);
+    failure.Add(frame, "the query has no baseline to any of " +
+                           std::to_string(DatabaseCentres(layout, averaged.pairs, frame).size()) +
+                           " database images: its rotation is known, its position is not");
   }
   if (!failure.frames.empty()) throw failure;
 }

@@ -30,9 +30,10 @@ int CountTracksWithDepth(const PosedImages& posed, const TrackRefs& tracks);
 // Returns true if depths decide about a distance that nothing else tells.
 bool FixDistance(const PosedImages& posed, const TrackRefs& tracks);
 
-// Returns true if the pose is unobservable: its standard deviation exceeds max_position_stddev_ratio of the scene
-// distance, or all centres are collinear and too few tracks have three images. With a position prior in the adjustment,
-// the covariance tells how certain the position is, and only the rotation may be unobservable.
+// Returns true if the pose is unobservable: the standard deviation of its rotation exceeds 0.1 rad or that of its
+// position max_position_stddev_ratio of the scene distance, or all centres are collinear and too few tracks have three
+// images. With a position prior in the adjustment, the covariance tells how certain the position is, and only the
+// rotation may be unobservable.
 //
 //      o-----o-----o-----q     database centres o and query q on one line: each pair tells the direction of the line
 //       \   /                  only; a point that two database images see apart fixes the place on it
