@@ -23,7 +23,7 @@ from colmap_lazyloc.agreement.poses import Matches, Poses, errors_px, medians_by
 from colmap_lazyloc.database import DatabaseReader
 from colmap_lazyloc.model import read_model
 from colmap_lazyloc.pose_formats.angles import LEVEL_CAMERA
-from colmap_lazyloc.pose_formats.conventions import CAMERA_AXES, COLMAP
+from colmap_lazyloc.pose_formats.conventions import CAMERA_AXES, COLMAP, Convention
 from colmap_lazyloc.pose_formats.naming import natural_key
 from colmap_lazyloc.pose_formats.posed_images import PosedImage
 
@@ -118,18 +118,7 @@ def grid(degrees):
 def focal_length(factor):
     """Intrinsics of photos of another size: the given focal length is right times the factor."""
 
-    def corrupt(scene):
-        def rays(given):
-            scaled = given * [1, 1, 1 / factor]
-            return scaled / np.linalg.norm(scaled, axis=1, keepdims=True)
-
-        pairs = [
-            dataclasses.replace(pair, rays1=rays(pair.rays1), rays2=rays(pair.rays2), focal_px=pair.focal_px / factor)
-            for pair in scene.pairs
-        ]
-        return dataclasses.replace(scene, pairs=pairs)
-
-    return corrupt
+    return lambda scene: dataclasses.replace(scene, pairs=[pair.with_focal_factor(1 / factor) for pair in scene.pairs])
 
 
 # Each corruption, and a word of the title that names it.
@@ -145,7 +134,7 @@ CORRUPTIONS: dict[str, tuple[Callable[[Scene], Scene], str]] = {
     "shift of 2": (shifted(2), "2 places"),
     "another set": (of_another_set, "other photos"),
     "grid of 2 degrees": (grid(2.05), "rotations turned by"),
-    "half the focal length": (focal_length(2.0), "focal lengths times 2"),
+    "half the focal length": (focal_length(2.0), "focal lengths times"),
     "EXIF's orientation": (with_turned_camera(Rotation.from_euler("z", 90, degrees=True).as_matrix()), "turned by"),
 }
 
@@ -175,6 +164,10 @@ def disturb(scene: Scene, degrees: float, share: float) -> Scene:
     return scene.with_poses(turns @ scene.poses.rotations, centres)
 
 
+def explain_scene(scene: Scene, convention: Convention = COLMAP) -> Explanation | None:
+    return explain(scene.pairs, scene.names, scene.poses, convention)
+
+
 def errors_of(scene: Scene):
     matches = Matches.of(scene.pairs)
     return medians_by_pair(matches, errors_px(matches, scene.poses, scene.poses))
@@ -202,14 +195,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if options.noise:
             scene = disturb(scene, *options.noise)
         before = errors_of(scene)
-        explanation = explain(scene.pairs, scene.names, scene.poses, COLMAP)
+        explanation = explain_scene(scene)
         is_quiet = explanation is not None and explanation.reading is None and not explanation.is_hopeless
         rows = {"as it is": "quiet" if is_quiet else "FALSE ALARM"}
         start = time.process_time()
         for name, (corrupt, title) in CORRUPTIONS.items():
             corrupted = corrupt(scene)
             moved_px = float(np.max(np.abs(errors_of(corrupted) - before)))
-            explanation = explain(corrupted.pairs, corrupted.names, corrupted.poses, COLMAP)
+            explanation = explain_scene(corrupted)
             rows[name] = judge(explanation, title, moved_px)
         seconds = (time.process_time() - start) / len(CORRUPTIONS)
         print(f"{folder.name}: {len(scene.names)} images, {len(scene.pairs)} pairs, median {np.median(before):.2f} px,"

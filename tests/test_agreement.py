@@ -6,13 +6,12 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from benchmarks.corrupted_poses import CORRUPTIONS, Scene, disturb, shifted
-from colmap_lazyloc.agreement.check import describe, is_wrong
+from benchmarks.corrupted_poses import CORRUPTIONS, Scene, disturb, explain_scene, shifted
+from colmap_lazyloc.agreement.check import describe
 from colmap_lazyloc.agreement.contradictions import contradicted_images
-from colmap_lazyloc.agreement.explain import explain
 from colmap_lazyloc.agreement.pairs import MatchedPair
 from colmap_lazyloc.agreement.poses import Matches, Poses, errors_px, medians_by_pair
-from colmap_lazyloc.pose_formats.conventions import COLMAP, Convention
+from colmap_lazyloc.pose_formats.conventions import Convention
 from colmap_lazyloc.poses import look_at
 
 FOCAL_PX = 600.0
@@ -48,10 +47,6 @@ def scene():
     return Scene([f"image_{index:03d}.jpg" for index in range(count)], Poses(rotations, centres), pairs)
 
 
-def explain_scene(scene, convention=COLMAP):
-    return explain(scene.pairs, scene.names, scene.poses, convention)
-
-
 def test_errors_are_the_noise_of_the_keypoints(scene):
     matches = Matches.of(scene.pairs)
     errors = medians_by_pair(matches, errors_px(matches, scene.poses, scene.poses))
@@ -73,6 +68,10 @@ def test_images_from_one_place_need_parallel_rays():
     assert np.allclose(errors_px(matches, poses, poses), 0)
     turned = dataclasses.replace(poses, rotations=np.array([np.eye(3), Rotation.from_euler("z", 0.1).as_matrix()]))
     assert errors_px(matches, turned, turned)[1] == pytest.approx(FOCAL_PX * 0.06, rel=0.01)
+
+
+def is_wrong(explanation):
+    return explanation.reading is not None or explanation.is_hopeless
 
 
 @pytest.mark.parametrize("name", CORRUPTIONS)

@@ -43,7 +43,7 @@ UNUSED = {
 MODEL_FILES = ("cameras", "images", "points3D", "rigs", "frames")
 
 
-def write_posed_images(folder: pathlib.Path, posed: PosedImages, binary: bool = False, prefix: str = "") -> None:
+def write_posed_images(folder: pathlib.Path, posed: PosedImages, binary: bool = False) -> None:
     """Writes a COLMAP model, with a camera for each set of intrinsics; replaces an earlier model in the folder."""
     images = sorted(posed.images, key=lambda image: image.name)
     camera_ids: dict[Camera, int] = {}
@@ -54,7 +54,7 @@ def write_posed_images(folder: pathlib.Path, posed: PosedImages, binary: bool = 
             (folder / (name + suffix)).unlink(missing_ok=True)
     (folder / FILE_NAME).unlink(missing_ok=True)
     records = [
-        Image(prefix + image.name, camera_ids[image.camera], image.cam_from_world, image_id)
+        Image(image.name, camera_ids[image.camera], image.cam_from_world, image_id)
         for image_id, image in enumerate(images, start=1)
     ]
     write_model(folder, {camera_id: camera for camera, camera_id in camera_ids.items()}, records, binary)

@@ -14,16 +14,13 @@ import sqlite3
 import sys
 from collections.abc import Sequence
 
-from colmap_lazyloc.agreement.check import describe, explain_images, is_wrong, warn_of_images
-from colmap_lazyloc.agreement.pairs import MAX_NUM_PAIRS, pairs_of_database
+from colmap_lazyloc.agreement.check import judge_database
 from colmap_lazyloc.database import DatabaseReader
 from colmap_lazyloc.errors import InputError, command
 from colmap_lazyloc.model import read_model
 from colmap_lazyloc.pose_formats.geo import GeoOrigin
 from colmap_lazyloc.pose_formats.posed_images import PosedImage
 
-PAIRS_OF_AN_IMAGE = 3  # that are looked at, to name images whose poses are wrong
-MAX_NUM_IMAGE_PAIRS = 3000
 WRONG_POSES = 2  # exit code
 
 
@@ -49,18 +46,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
         raise InputError(f"{options.database}: does not exist")
     try:
         with DatabaseReader(options.database) as database:
-            count = min(MAX_NUM_IMAGE_PAIRS, max(MAX_NUM_PAIRS, PAIRS_OF_AN_IMAGE * len(images)))
-            pairs = pairs_of_database(database, images, count)
+            found = judge_database(database, images, GeoOrigin.read(options.model) is not None)
     except sqlite3.Error as error:
         raise InputError(f"{options.database}: is not a readable COLMAP database: {error}") from None
-    explanation = explain_images(pairs[:MAX_NUM_PAIRS], images)
-    if explanation is None:
-        raise InputError(f"{options.database}: matches only {len(pairs)} pairs of images of {options.model}: too few")
-    print(describe(explanation, "units" if GeoOrigin.read(options.model) is None else "m"))
-    if is_wrong(explanation):
-        return WRONG_POSES
-    warn_of_images(pairs, images)
-    return 0
+    if found is None:
+        raise InputError(f"{options.database}: too few pairs of images of {options.model} are matched")
+    print("\n".join(found.lines()))
+    return WRONG_POSES if found.is_wrong else 0
 
 
 if __name__ == "__main__":

@@ -29,6 +29,8 @@ NUM_QUICK_MATCHES = 12  # of a pair, for the first comparison of readings
 NUM_CANDIDATES = 40  # readings that are compared by all matches
 FOCAL_STEPS = (1.2, 1.04, 1.008)  # of factors of the focal length, coarse to fine: from 1/4 to 4
 NUM_FOCAL_CANDIDATES = 5  # readings that are tried with other focal lengths, too
+FOCAL_FACTORS = (0.25, 0.35, 0.5, 0.7, 0.85, 1.2, 1.4, 2.0, 2.8, 4.0)  # that are tried by rotations alone
+NUM_FOCAL_PAIRS = 20
 MAX_NUM_STEPS = 15  # of the refinement of a turn
 MAX_ROTATION_DEG, MAX_DIRECTION_DEG = 15.0, 45.0  # errors of the relative poses above which poses are of no use
 
@@ -119,6 +121,8 @@ def explain(
     own = poses.take(used)
     given = evidence.fit([own])
     reading, mended = _find_reading(evidence, given, all_readings(names, convention))
+    if reading is None and not given.agrees:
+        reading, mended = _find_focal_length(evidence, own, given)
     is_hopeless = reading is None and _is_hopeless(evidence, [own], given)
     position_error = float(np.median(evidence.relative.position_errors(own)))
     return Explanation(pairs, given, reading, mended, is_hopeless, position_error)
@@ -139,6 +143,24 @@ def _find_reading(evidence: _Evidence, given: Fit, readings: Sequence[Reading]) 
         if is_plain and _mends(fit, given) and not _is_hopeless(evidence, evidence.read(reading), fit):
             return reading, fit
     return None, None
+
+
+def _find_focal_length(evidence: _Evidence, poses: Poses, given: Fit) -> tuple[Reading | None, Fit | None]:
+    """Returns the reading with another focal length for which the matches give the rotations of the poses, if there is
+    one. Inexact positions do not matter for rotations."""
+
+    def rotations_by(factor: float, pairs: Sequence[MatchedPair]) -> Floats:
+        relative = RelativePoses.of([pair.with_focal_factor(factor) for pair in pairs])
+        return relative.rotation_errors_deg(poses, poses)
+
+    some = evidence.matches.pairs[:NUM_FOCAL_PAIRS]
+    factor = min(FOCAL_FACTORS, key=lambda value: float(np.nanmedian(rotations_by(value, some))))
+    rotation_deg = rotations_by(factor, evidence.matches.pairs)
+    before, after = float(np.nanmedian(given.rotation_deg)), float(np.nanmedian(rotation_deg))
+    if before < MOVED_DEG or after * CLEARLY > before or after > MAX_ROTATION_DEG:
+        return None, None
+    reading = other_focal_length(Reading("", ""), factor)
+    return reading, Fit(evidence.fit(reading.transform(poses)).px, rotation_deg)
 
 
 def _fitted_readings(evidence: _Evidence, readings: Sequence[Reading]) -> Iterator[Reading]:

@@ -40,6 +40,18 @@ class MatchedPair:
         focal_px = (focal_length_px(cameras[0]) + focal_length_px(cameras[1])) / 2
         return MatchedPair(*indices, rays1[is_usable], rays2[is_usable], focal_px)
 
+    def with_focal_factor(self, factor: float) -> "MatchedPair":
+        """Returns the pair of cameras whose focal lengths are multiplied by a factor."""
+        rays1, rays2 = (scale_rays(rays, factor) for rays in (self.rays1, self.rays2))
+        return dataclasses.replace(self, rays1=rays1, rays2=rays2, focal_px=self.focal_px * factor)
+
+
+def scale_rays(rays: Array, factor: float) -> Array:
+    """Returns the rays of the same pixels if the focal length is multiplied by a factor."""
+    scaled = rays * [1, 1, factor]
+    units: Array = scaled / np.linalg.norm(scaled, axis=1, keepdims=True)
+    return units
+
 
 def rays_of(camera: Camera, points: Array) -> Array:
     """Returns the viewing rays of points in pixels, n x 3, of unit length; NaN where the camera model has none."""

@@ -94,17 +94,15 @@ def _extract(path: pathlib.Path, image: PosedImage) -> Features | None:
     factor = min(1.0, MAX_SIZE_PX / max(width, height))
     if factor < 1:
         photo = cv2.resize(photo, None, fx=factor, fy=factor, interpolation=cv2.INTER_AREA)
-    keypoints, descriptors = cv2.SIFT_create(MAX_NUM_FEATURES).detectAndCompute(photo, None)
+    keypoints, descriptors = cv2.SIFT.create(MAX_NUM_FEATURES).detectAndCompute(photo, np.empty(0, np.uint8))
     if descriptors is None or len(keypoints) < MIN_NUM_MATCHES:
         return None
     # In COLMAP's pixels, centres are at 0.5, in OpenCV's at 0.
-    points = (cv2.KeyPoint.convert(keypoints).astype(float) + 0.5) * [
-        camera.width / photo.shape[1],
-        camera.height / photo.shape[0],
-    ]
+    scales = [camera.width / photo.shape[1], camera.height / photo.shape[0]]
+    points = (np.array(cv2.KeyPoint.convert(keypoints), float) + 0.5) * scales
     # Of square roots, the product says how alike two descriptors are; it is 1 of the same ones.
     roots = np.sqrt(descriptors / np.maximum(descriptors.sum(axis=1, keepdims=True), 1))
-    return Features(points, roots, camera.width / photo.shape[1])
+    return Features(points, roots, scales[0])
 
 
 _REDUCED = ((8, "IMREAD_REDUCED_GRAYSCALE_8"), (4, "IMREAD_REDUCED_GRAYSCALE_4"), (2, "IMREAD_REDUCED_GRAYSCALE_2"))
@@ -151,7 +149,8 @@ def _match_descriptors(one: Array, other: Array) -> Array:
     products[rows, best] = -1
     second = np.arccos(np.minimum(products.max(axis=1), 1))
     is_good = is_mutual & (nearest < MAX_RATIO * second)
-    return np.stack([rows, best], axis=1)[is_good]
+    matches: Array = np.stack([rows, best], axis=1)[is_good]
+    return matches
 
 
 def _without_distortion(rays: Floats) -> Floats:

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from colmap_lazyloc.agreement.pairs import MatchedPair
+from colmap_lazyloc.agreement.pairs import MatchedPair, scale_rays
 from colmap_lazyloc.array_types import Array, Floats
 
 
@@ -60,7 +60,7 @@ def errors_px(matches: Matches, poses: Poses, second_poses: Poses) -> Floats:
     The error is the angle between a ray and the epipolar plane of the other, in pixels, the mean of both images. If the
     rays meet behind a camera, the nearest rays that fit are parallel, so that the angle between them counts as well.
     """
-    rays1, rays2 = (_with_focal_factor(rays, poses.focal_factor) for rays in (matches.rays1, matches.rays2))
+    rays1, rays2 = (scale_rays(rays, poses.focal_factor) for rays in (matches.rays1, matches.rays2))
     rotations1, rotations2 = poses.rotations[matches.first], second_poses.rotations[matches.second]
     baselines = _unit(second_poses.centres[matches.second] - poses.centres[matches.first])[matches.pair]
     world1 = np.einsum("mji,mj->mi", rotations1[matches.pair], rays1)
@@ -88,10 +88,6 @@ def medians_by_pair(matches: Matches, values: Floats) -> Floats:
     starts = np.cumsum(counts) - counts
     medians: Floats = values[order][starts + (counts - 1) // 2]
     return medians
-
-
-def _with_focal_factor(rays: Floats, factor: float) -> Floats:
-    return rays if factor == 1 else _unit(rays * [1, 1, factor])
 
 
 def _unit(vectors: Floats) -> Floats:

@@ -4,7 +4,9 @@ The first of the readings that fit is taken, so that the more common ones come f
 """
 
 import dataclasses
+import functools
 import itertools
+import warnings
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
@@ -20,6 +22,7 @@ MAX_SHIFT = 10  # images by which poses are early or late
 MAX_PART_SHIFT = 3  # images, for times that are off by parts of the time between two images
 PARTS = 4
 PART_RARITY = 0.7
+TURN_RARITY = 0.4
 FOCAL_RARITY = 0.7
 EULER_ORDERS = ("ZYX", "ZXY", "YXZ", "YZX", "XYZ", "XZY")
 ORDER_REMEDY = "give poses with names or times, or name the photos so that both have the same order"
@@ -82,6 +85,7 @@ def all_readings(names: Sequence[str], convention: Convention) -> list[Reading]:
         (0.2, _vectors()),
         (0.2, _mirrored()),
         (0.3, _worlds()),
+        (0.3, _radians()),
         (1.2, _angles()),
     )
     return [
@@ -125,21 +129,27 @@ def _axes(convention: Convention) -> Iterator[Reading]:
     others = [turn for turn in _signed_permutations() if not any(np.allclose(turn, axes) for _, axes in named)]
     (other,) = (direction for direction in DIRECTIONS if direction != convention.direction)
     for direction in (convention.direction, other):
-        words = [] if direction == convention.direction else [f"--pose_direction {direction}"]
-        start = "" if direction == convention.direction else f"read as {direction} "
-
-        def transform(poses: Poses, turn: Floats, is_inverse: bool = direction == other) -> list[Poses]:
-            poses = _inverse(poses) if is_inverse else poses
-            return [Poses(turn @ poses.rotations, poses.centres)]
-
+        is_inverse = direction == other
+        words = [f"--pose_direction {direction}"] if is_inverse else []
+        start = f"read as {direction} " if is_inverse else ""
         for name, turn in named:
             options = words + ([] if name == convention.camera_axes else [f"--camera_axes {name}"])
             if options:
                 title = start if name == convention.camera_axes else f"{start}with camera axes of {name}"
-                yield Reading(title.strip(), " ".join(options), lambda poses, turn=turn, do=transform: do(poses, turn))
+                yield Reading(title.strip(), " ".join(options), _with_axes(turn, is_inverse))
         for turn in others:
             title, remedy = _name_turn(turn)
-            yield Reading(start + title, remedy, lambda poses, turn=turn, do=transform: do(poses, turn))
+            yield Reading(start + title, remedy, _with_axes(turn, is_inverse))
+
+
+def _with_axes(turn: Floats, is_inverse: bool) -> Transform:
+    """Returns the transform to other camera axes, of the inverse poses if they were read in the wrong direction."""
+
+    def transform(poses: Poses) -> list[Poses]:
+        poses = _inverse(poses) if is_inverse else poses
+        return [Poses(turn @ poses.rotations, poses.centres)]
+
+    return transform
 
 
 def _name_turn(turn: Floats) -> tuple[str, str]:
@@ -227,17 +237,22 @@ def _orders(names: Sequence[str]) -> Iterator[Reading]:
     orders = [natural] if np.array_equal(natural, lexical) else [natural, lexical]
     if len(orders) > 1:
         title = "in the order 1, 2, 10 of numbers, where the photos have 1, 10, 2"
-        yield Reading(title, ORDER_REMEDY, source=Source(natural, np.argsort(lexical)))
+        yield Reading(title, ORDER_REMEDY, source=Source(natural, _places(lexical)))
         title = "in the order 1, 10, 2 of letters, where the photos have 1, 2, 10"
-        yield Reading(title, ORDER_REMEDY, source=Source(lexical, np.argsort(natural)))
+        yield Reading(title, ORDER_REMEDY, source=Source(lexical, _places(natural)))
     shifts = [*range(1, MAX_SHIFT + 1), *(part / PARTS for part in range(1, PARTS * MAX_PART_SHIFT) if part % PARTS)]
     for order in orders:
-        places = np.argsort(order).astype(float)
+        places = _places(order)
         yield Reading("in reverse order", ORDER_REMEDY, source=Source(order, count - 1 - places))
         for shift, (sign, word) in itertools.product(shifts, ((1, "later"), (-1, "earlier"))):
             title = f"shifted: each is that of the photo {shift:g} place{'s' * (shift != 1)} {word}"
             rarity = 0.0 if shift == int(shift) else PART_RARITY
             yield Reading(title, ORDER_REMEDY, rarity=rarity, source=Source(order, places - sign * shift))
+
+
+def _places(order: Array) -> Floats:
+    """Returns the place of each index in an order."""
+    return np.argsort(order).astype(float)
 
 
 def _mirrored() -> Iterator[Reading]:
@@ -258,8 +273,11 @@ def _worlds() -> Iterator[Reading]:
         if not np.array_equal(sign * turn, np.eye(3)):
             title = f"with positions {_axes_text(sign * turn)} beside the same rotations"
             remedy = "give positions and rotations with the same axes of the world"
-            moved = sign * turn.T
-            yield Reading(title, remedy, lambda poses, moved=moved: [Poses(poses.rotations, poses.centres @ moved)])
+
+            def transform(poses: Poses, moved: Floats = sign * turn.T) -> list[Poses]:
+                return [Poses(poses.rotations, poses.centres @ moved)]
+
+            yield Reading(title, remedy, transform)
 
 
 def turned_world(turn: Floats) -> Reading:
@@ -274,6 +292,7 @@ def turned_world(turn: Floats) -> Reading:
         f"with rotations turned by {angle:.3g} degrees about ({axis}), as axes of a grid are against north",
         "give positions and rotations in the same reference system",
         lambda poses: [dataclasses.replace(poses, rotations=poses.rotations @ turn.T)],
+        rarity=TURN_RARITY,
         is_fitted=True,
     )
 
@@ -298,25 +317,30 @@ _COMPOSED: Sequence[tuple[Callable[[Floats], Floats], Callable[[Floats], Floats]
 )
 
 
-def _angles() -> Iterator[Reading]:
-    """Angles in radians for degrees, in another order, or with other signs."""
+def _radians() -> Iterator[Reading]:
+    """Angles, or rotation vectors, in radians that were read as degrees."""
     from scipy.spatial.transform import Rotation
 
-    def scaled(rotation: Rotation) -> Rotation:
-        return Rotation.from_rotvec(np.degrees(rotation.as_rotvec()))
+    def of_vector(rotation: Rotation) -> list[Rotation]:
+        return [Rotation.from_rotvec(np.degrees(rotation.as_rotvec()))]
 
-    title = "whose angles are radians, not degrees"
-    remedy = "write the angles in degrees"
-    yield Reading(title, remedy, _of_rotations(_COMPOSED[2], lambda rotation: [scaled(rotation)]))
-    for composed, order in itertools.product(_COMPOSED, EULER_ORDERS):
-        yield Reading(
-            title,
-            remedy,
-            _of_rotations(
-                composed,
-                lambda rotation, order=order: [Rotation.from_euler(order, np.degrees(rotation.as_euler(order)))],
-            ),
-        )
+    def of_angles(rotation: Rotation, order: str) -> list[Rotation]:
+        return [Rotation.from_euler(order, np.degrees(rotation.as_euler(order)))]
+
+    turns = [(_COMPOSED[2], of_vector)]
+    turns += [
+        (composed, functools.partial(of_angles, order=order))
+        for composed, order in itertools.product(_COMPOSED, EULER_ORDERS)
+    ]
+    for composed, turn in turns:
+        transform = _of_rotations(composed, turn)
+        yield Reading("whose angles are radians, not degrees", "write the angles in degrees", transform)
+
+
+def _angles() -> Iterator[Reading]:
+    """Angles in another order, or with other signs."""
+    from scipy.spatial.transform import Rotation
+
     for composed, read, meant, columns in itertools.product(
         _COMPOSED, EULER_ORDERS, EULER_ORDERS, itertools.permutations(range(3))
     ):
@@ -360,7 +384,9 @@ def _of_rotations(composed: tuple[Callable[[Floats], Floats], Callable[[Floats],
     to_composed, from_composed = composed
 
     def transform(poses: Poses) -> list[Poses]:
-        turned = turn(Rotation.from_matrix(to_composed(poses.rotations)))
+        with warnings.catch_warnings():
+            warnings.filterwarnings("ignore", "Gimbal lock")  # then any of the angles do
+            turned = turn(Rotation.from_matrix(to_composed(poses.rotations)))
         return [Poses(from_composed(np.asarray(rotation.as_matrix())), poses.centres) for rotation in turned]
 
     return transform

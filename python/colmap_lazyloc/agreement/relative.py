@@ -60,8 +60,9 @@ class RelativePoses:
         """Returns the distances of second cameras from the measured lines through first ones, where there is one."""
         lengths, angles = self.lengths(poses, poses), self.direction_errors_deg(poses, poses)
         # A camera that lies behind is as far off as its distance.
-        errors: Floats = lengths * np.sin(np.radians(np.minimum(angles, 90)))
-        return errors[np.isfinite(errors)]
+        distances = lengths * np.sin(np.radians(np.minimum(angles, 90)))
+        errors: Floats = distances[np.isfinite(distances)]
+        return errors
 
     def turn_of_world(self, poses: Poses) -> Floats | None:
         """Returns the rotation that turns the measured directions, in the world of the poses' rotations, onto those
@@ -100,4 +101,5 @@ def _estimate(pair: MatchedPair) -> tuple[Floats, Floats]:
     count, rotation, translation, _ = cv2.recoverPose(essential, points1, points2, np.eye(3), mask=mask)
     if count < 8:
         return nothing
-    return rotation, -(rotation.T @ translation)[:, 0]
+    turn = np.array(rotation, float)
+    return turn, -turn.T @ np.array(translation, float)[:, 0]

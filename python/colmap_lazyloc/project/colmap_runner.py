@@ -1,11 +1,14 @@
 """Runs COLMAP's commands with a progress bar and a log."""
 
+import ctypes
 import json
 import pathlib
 import re
+import signal
 import subprocess
 from collections.abc import Sequence
 
+from colmap_lazyloc.cluster.task import PR_SET_PDEATHSIG
 from colmap_lazyloc.errors import InputError, logger
 from colmap_lazyloc.program import COLOUR
 from colmap_lazyloc.progress import terminal_bar
@@ -24,12 +27,19 @@ class ColmapRunner:
         """Runs a command; raises InputError with its last line, or the one before a stack trace, if it fails."""
         texts = [str(word) for word in words]
         last_line = ""
-        with self._log_path.open("a", encoding="utf-8") as log:
+        prctl = getattr(ctypes.CDLL(None), "prctl", None)  # of Linux
+        with self._log_path.open("a", encoding="utf-8", errors="backslashreplace") as log:
             log.write(f"$ {' '.join(texts)}\n")
             log.flush()
             try:
                 process = subprocess.Popen(
-                    texts, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, errors="backslashreplace"
+                    texts,
+                    stdout=subprocess.PIPE,
+                    stderr=subprocess.STDOUT,
+                    text=True,
+                    errors="backslashreplace",
+                    # End the command with this process, because the next run works on the same database.
+                    preexec_fn=lambda: prctl and prctl(PR_SET_PDEATHSIG, signal.SIGKILL),
                 )
             except OSError as error:
                 raise InputError(f"{texts[0]}: cannot be run: {error.strerror}") from None

@@ -1,18 +1,38 @@
-"""The folder of a project: its files, links to photos and masks, and which steps are done."""
+"""The folder of a project: its files, and which steps are done, with what."""
 
 import dataclasses
 import hashlib
 import json
 import pathlib
-import re
 import shutil
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from typing import Any
 
-from colmap_lazyloc.errors import InputError, logger
-from colmap_lazyloc.pose_formats.posed_images import UNREADABLE_SUFFIXES, list_images
+from colmap_lazyloc.errors import InputError
 
 DATABASE, QUERY = "database", "query"  # folders of the names of images
+SQLITE = (
+    "",
+    "-wal",
+    "-shm",
+    "-journal",
+)  # endings of a database's files: a journal would be played back into a new one
+# The files of each step. The first one is there when the step is done.
+FILES = {
+    "frames": ("frames",),
+    f"{DATABASE} faces": (f"faces/{DATABASE}",),
+    f"{QUERY} faces": (f"faces/{QUERY}",),
+    "index": ("database.index",),
+    "features": (*(f"database.db{end}" for end in SQLITE), "vocab_tree.bin", "database.index", "database.index.aliked"),
+    "check": (),
+    "matches": (),
+    "model": ("model", "sparse"),
+    "queries": tuple(f"queries.db{end}" for end in SQLITE),
+    "localized": ("localized/results.jsonl", "localized", "report.html"),
+}
+CHAIN = ("features", "matches", "model", "queries", "localized")  # steps that each work on what those before have made
+RECORD = "steps.json"  # of the steps that are done
+OTHER_FILES = ("images", "masks", "lists")  # written in each run
 
 
 @dataclasses.dataclass(frozen=True)
@@ -26,6 +46,7 @@ class Folder:
     frames = property(lambda self: self.path / "frames")
     faces = property(lambda self: self.path / "faces")
     database = property(lambda self: self.path / "database.db")
+    query_database = property(lambda self: self.path / "queries.db")  # with the queries, for masks and for sequences
     model = property(lambda self: self.path / "model")
     sparse = property(lambda self: self.path / "sparse")
     index = property(lambda self: self.path / "database.index")
@@ -34,7 +55,13 @@ class Folder:
     localized = property(lambda self: self.path / "localized")
     report = property(lambda self: self.path / "report.html")
     log = property(lambda self: self.path / "log.txt")
-    steps = property(lambda self: self.path / "steps.json")
+    steps = property(lambda self: self.path / RECORD)
+
+    @property
+    def reserved(self) -> list[pathlib.Path]:
+        """The files and folders that a run replaces, so that they must hold nothing else."""
+        names = {name.partition("/")[0] for names in FILES.values() for name in names}
+        return [self.path / name for name in sorted(names.union(OTHER_FILES))]
 
     def write_list(self, name: str, lines: Iterable[str]) -> pathlib.Path:
         """Writes a text file for a command of COLMAP."""
@@ -44,69 +71,91 @@ class Folder:
         return path
 
 
-def link_photos(folder: Folder, role: str, source: pathlib.Path, masks: pathlib.Path | None) -> dict[str, str]:
-    """Links the photos of a folder, or a single one, and their masks into the project; returns the names of the images
-    by those of the photos. Blanks become underscores, because COLMAP's lists of pairs cannot hold them."""
-    names = [source.name] if source.is_file() else list_images(source)
-    root = source.parent if source.is_file() else source
-    unreadable = [] if source.is_file() else list_images(source, UNREADABLE_SUFFIXES)
-    hint = f"COLMAP cannot read {unreadable[0]}: convert photos of this kind to JPEG" if unreadable else ""
-    if not names:
-        raise InputError(f"{source}: {hint or 'holds no image file'}")
-    if hint:
-        logger.warning("%s: %s (%d left out)", source, hint, len(unreadable))
-    linked = {name: role + "/" + re.sub(r"\s", "_", name) for name in names}
-    if len(set(linked.values())) < len(linked):
-        raise InputError(f"{source}: two names of photos differ only in blanks and underscores")
-    _replace_links(folder.images, role, {linked[name]: root / name for name in names})
-    mask_root = None if masks is None else next((path for path in (masks / role, masks) if path.is_dir()), masks)
-    if mask_root is not None:
-        found = {f"{linked[name]}.png": mask_root / f"{name}.png" for name in names}
-        _replace_links(folder.masks, role, {name: path for name, path in found.items() if path.is_file()})
-    return linked
+def fingerprint(*values: Any) -> str:
+    """Returns a hash of values."""
+    return hashlib.sha256(json.dumps(values, default=str).encode()).hexdigest()[:32]
 
 
-def _replace_links(folder: pathlib.Path, role: str, targets: Mapping[str, pathlib.Path]) -> None:
-    shutil.rmtree(folder / role, ignore_errors=True)
-    (folder / role).mkdir(parents=True)
-    for name, target in targets.items():
-        path = folder / name
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.symlink_to(target.resolve())
-
-
-def fingerprint(*values: Any, files: Iterable[pathlib.Path] = ()) -> str:
-    """Returns a hash of values, and of the sizes and times of files."""
-    states = [(str(path), stat.st_size, stat.st_mtime_ns) for path in files for stat in [path.stat()]]
-    return hashlib.sha256(json.dumps([values, states], default=str).encode()).hexdigest()[:16]
+def content(path: pathlib.Path) -> str:
+    """Returns a hash of what a file holds, or a folder, and of nothing else; if it cannot be read, the reason."""
+    if path.is_dir():
+        files = sorted(file for file in path.rglob("*") if file.is_file())
+        return fingerprint([(str(file.relative_to(path)), content(file)) for file in files])
+    try:
+        with path.open("rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
+    except OSError as error:
+        return str(error.strerror)
 
 
 class Steps:
-    """Remembers in a file which steps are done, and with what."""
+    """Remembers which steps are done, each with a key: a hash of everything that its output follows from.
 
-    def __init__(self, path: pathlib.Path):
-        self._path = path
+    A step with another key is done anew, from scratch. Before it begins, it is forgotten with all steps of the chain
+    after it: first in the record, then on the disk. So nothing is left that was made of other input, and nothing
+    unfinished counts as done, whenever a run is interrupted.
+    """
+
+    def __init__(self, folder: Folder, version: str):
+        """`version`: that of the programs, which is part of every key."""
+        self._folder, self._version = folder, version
+        if not folder.steps.exists():
+            foreign = [path for path in folder.reserved if path.exists()]
+            if foreign:
+                raise InputError(f"--output {folder.path}: {foreign[0].name} is in it, not made by `lazyloc run`")
         try:
-            self._done: dict[str, str] = json.loads(path.read_text()) if path.exists() else {}
+            record = json.loads(folder.steps.read_text()) if folder.steps.exists() else {}
         except (OSError, ValueError):
-            raise InputError(f"{path}: is damaged; delete it to do all steps again") from None
+            record = None
+        self._keys: dict[str, str] = record if isinstance(record, dict) else {}
+        self._write()
 
-    def is_done(self, name: str, key: str) -> bool:
-        """True if the step was finished with this fingerprint."""
-        return self._done.get(name) == key
+    def begin(self, name: str, key: str, resumes: bool = False) -> bool:
+        """Returns False if the step is done with this key. Else forgets it and what follows, and returns True.
 
-    def differs(self, name: str, key: str) -> bool:
-        """True if the step was begun or finished with another fingerprint."""
-        return self._done.get(name, key).removesuffix(" begun") != key
-
-    def begin(self, name: str, key: str) -> None:
-        self._write(name, f"{key} begun")
+        `resumes`: keeps what the step has made if it was begun with this key and not finished.
+        """
+        key, files = self._version + key, FILES[name]
+        if self._keys.get(name) == key and all((self._folder.path / file).exists() for file in files[:1]):
+            return False
+        is_begun = resumes and self._keys.get(name) == f"{key} begun"
+        following = CHAIN[CHAIN.index(name) + 1 :] if name in CHAIN else ()
+        self.forget(*following, *([] if is_begun else [name]))
+        self._keys[name] = f"{key} begun"
+        self._write()
+        return True
 
     def finish(self, name: str, key: str) -> None:
-        self._write(name, key)
+        """Notes that the step is done."""
+        self._keys[name] = self._version + key
+        self._write()
 
-    def _write(self, name: str, text: str) -> None:
-        self._done[name] = text
-        staged = self._path.with_suffix(".tmp")
-        staged.write_text(json.dumps(self._done, indent=2) + "\n")
-        staged.replace(self._path)
+    def forget(self, *names: str) -> None:
+        """Removes the files of steps, and their keys before: a step without a key counts as not done."""
+        for name in names:
+            self._keys.pop(name, None)
+        self._write()
+        for name in names:
+            # The first file goes last, because journals without their database do no harm.
+            for file in reversed(FILES[name]):
+                remove(self._folder.path / file)
+
+    def forget_all(self) -> None:
+        """Removes all that earlier runs have left."""
+        self.forget(*FILES)
+        for name in OTHER_FILES:
+            remove(self._folder.path / name)
+        remove(self._folder.log)
+
+    def _write(self) -> None:
+        staged = self._folder.steps.with_suffix(".tmp")
+        staged.write_text(json.dumps(self._keys, indent=2) + "\n")
+        staged.replace(self._folder.steps)
+
+
+def remove(path: pathlib.Path) -> None:
+    """Removes a file, a link, or a folder with what it holds, if there is one."""
+    if path.is_dir() and not path.is_symlink():
+        shutil.rmtree(path)
+    else:
+        path.unlink(missing_ok=True)

@@ -3,21 +3,24 @@
 import pathlib
 
 from colmap_lazyloc.errors import InputError
-from colmap_lazyloc.pose_formats.posed_images import IMAGE_SUFFIXES
+from colmap_lazyloc.pose_formats.posed_images import IMAGE_SUFFIXES, UNREADABLE_SUFFIXES
 
 JPEG_QUALITY = 95
 
 
 def is_video(path: pathlib.Path) -> bool:
     """True if the path names a file that is not a photo."""
-    return path.is_file() and path.suffix.lower() not in IMAGE_SUFFIXES
+    return path.is_file() and not path.name.lower().endswith((*IMAGE_SUFFIXES, *UNREADABLE_SUFFIXES))
 
 
 def write_frames(video: pathlib.Path, folder: pathlib.Path, frames_per_second: float) -> int:
     """Writes frames as 000123.jpg, with their numbers in the video; returns how many."""
     import cv2
 
-    capture = cv2.VideoCapture(str(video))
+    try:
+        capture = cv2.VideoCapture(str(video))
+    except UnicodeError:
+        raise InputError(f"{video}: OpenCV opens no video whose name is not UTF-8: rename it") from None
     if not capture.isOpened():
         raise InputError(f"{video}: is not a video that OpenCV can read")
     folder.mkdir(parents=True, exist_ok=True)

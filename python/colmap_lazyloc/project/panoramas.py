@@ -1,26 +1,46 @@
 """Cuts the panoramas of a project into faces, and states their rig."""
 
 import pathlib
-import shutil
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
-from colmap_lazyloc.errors import logger
-from colmap_lazyloc.panoramas import find_widths, list_panoramas, write_faces, write_rig
-from colmap_lazyloc.project.folder import fingerprint
+from colmap_lazyloc.errors import InputError, logger
+from colmap_lazyloc.panoramas import REFERENCE, find_widths, write_faces, write_rig
+from colmap_lazyloc.project.folder import content, fingerprint
+from colmap_lazyloc.project.photos import MAX_NUM_NAMED
 from colmap_lazyloc.project.steps import Project
 
 
-def cut_panoramas(project: Project, role: str, source: pathlib.Path) -> tuple[pathlib.Path, dict[str, int]]:
-    """Cuts the panoramas of a folder, or a single one; returns the folder of their faces, and their widths by name."""
-    paths = list_panoramas(source)
-    widths = find_widths(paths)
+def cut_panoramas(
+    project: Project, role: str, paths: Mapping[str, pathlib.Path]
+) -> tuple[pathlib.Path, dict[str, int]]:
+    """Cuts panoramas into faces; returns the folder of the faces, and the widths by name of the panoramas.
+
+    Panoramas that cannot be used are left out.
+    """
     output, step = project.folder.faces / role, f"{role} faces"
-    key = fingerprint(files=paths.values())
-    if not project.steps.is_done(step, key):
+    key = fingerprint([(name, content(path)) for name, path in paths.items()])
+    is_new = project.steps.begin(step, key)
+    if is_new:
         logger.info("faces of %d panoramas", len(paths))
-        shutil.rmtree(output, ignore_errors=True)
-        write_faces(paths, output)
-        project.steps.finish(step, key)
+    widths: dict[str, int] = {}
+    errors = []
+    for name, path in paths.items():
+        try:
+            width = find_widths({name: path})
+            if is_new:
+                write_faces({name: path}, output)
+        except InputError as error:
+            errors.append(str(error))
+            continue
+        if (output / REFERENCE / name).exists():
+            widths |= width
+    project.steps.finish(step, key)
+    num_left_out = len(paths) - len(widths)
+    text = "; ".join(errors[:MAX_NUM_NAMED]) or "they cannot be read"
+    if not widths:
+        raise InputError(text)
+    if num_left_out > 0:
+        logger.warning("%d of %d panoramas are left out: %s", num_left_out, len(paths), text)
     return output, widths
 
 

@@ -3,19 +3,21 @@
 import dataclasses
 import difflib
 import pathlib
+import re
 import shutil
 from collections.abc import Mapping, Sequence
 
 from colmap_lazyloc.cluster.task import command_line
-from colmap_lazyloc.database import DatabaseReader, add_images
+from colmap_lazyloc.database import DatabaseReader, add_images, copy_database, remove_matches, tidy_images
 from colmap_lazyloc.errors import InputError
 from colmap_lazyloc.import_poses import write_posed_images
 from colmap_lazyloc.model import Camera, read_model
-from colmap_lazyloc.pose_formats.posed_images import PosedImage, PosedImages
+from colmap_lazyloc.pose_formats.posed_images import PosedImages
 from colmap_lazyloc.program import find_colmap, find_option, gpu_option, has_command, option_names
 from colmap_lazyloc.project.colmap_runner import ColmapRunner
-from colmap_lazyloc.project.folder import DATABASE, Folder, Steps, fingerprint
+from colmap_lazyloc.project.folder import Folder, Steps, content, fingerprint
 from colmap_lazyloc.project.pairs import all_pairs, pairs_by_viewpoint, pairs_in_sequence
+from colmap_lazyloc.project.photos import contents, has_bad_mask, warn_left_out
 
 MAX_NUM_EXHAUSTIVE = 50  # images; more are retrieved by a vocabulary tree
 NUM_RETRIEVED = 30
@@ -37,104 +39,115 @@ class Project:
     has_masks: bool
     sift_options: Sequence[str]  # for extraction in the database, and of photos
 
-    def extract(self, cameras: Mapping[str, Camera | None], one_camera: bool = False) -> None:
+    def extract(self, database: pathlib.Path, cameras: Mapping[str, Camera | None]) -> None:
         """Extracts the features of images by name; without a camera, COLMAP guesses it or takes EXIF's focal length."""
-        if not self.folder.database.exists():
-            words = [self.colmap, "database_creator", "--database_path", self.folder.database]
-            self.runner.run(words)
-        add_images(self.folder.database, {name: camera for name, camera in cameras.items() if camera is not None})
-        words = [self.colmap, "feature_extractor", "--database_path", self.folder.database]
+        if not database.exists():
+            self.runner.run([self.colmap, "database_creator", "--database_path", database])
+        add_images(database, {name: camera for name, camera in cameras.items() if camera is not None})
+        words = [self.colmap, "feature_extractor", "--database_path", database]
         words += ["--image_path", self.folder.images, "--image_list_path", self.folder.write_list("images", cameras)]
         words += [gpu_option(self.colmap, "feature_extractor"), int(self.use_gpu), *self.sift_options]
         if self.has_masks:
             words += ["--ImageReader.mask_path", self.folder.masks]
-        if one_camera:
-            words += ["--ImageReader.single_camera_per_folder", 1]
         self.runner.run(words, f"features of {len(cameras)} images")
-        self._check_features(list(cameras))
+        tidy_images(database)
 
-    def match(self, pairs: Sequence[tuple[str, str]]) -> None:
+    def match(self, database: pathlib.Path, pairs: Sequence[tuple[str, str]]) -> None:
         """Matches pairs and verifies the matches; those in the database are kept."""
         path = self.folder.write_list("pairs", (f"{first} {second}" for first, second in pairs))
-        words = [self.colmap, "matches_importer", "--database_path", self.folder.database, "--match_type", "pairs"]
+        words = [self.colmap, "matches_importer", "--database_path", database, "--match_type", "pairs"]
         words += ["--match_list_path", path, gpu_option(self.colmap, "matches_importer"), int(self.use_gpu)]
         self.runner.run(words, f"matching {len(pairs)} pairs")
 
-    def match_retrieved(self, names: Sequence[str]) -> None:
-        """Matches images with those that look alike, by a vocabulary tree of this database."""
-        tree = self.folder.vocab_tree
-        if not tree.exists():
-            with DatabaseReader(self.folder.database) as database:
-                num_words = min(MAX_NUM_WORDS, database.num_descriptors() // MIN_FEATURES_PER_WORD)
-            words = [self.colmap, "vocab_tree_builder", "--database_path", self.folder.database]
-            words += ["--vocab_tree_path", tree, "--num_visual_words", max(1, num_words)]
-            self.runner.run(words, "vocabulary tree for retrieval")
-        words = [self.colmap, "vocab_tree_matcher", "--database_path", self.folder.database]
-        words += ["--VocabTreeMatching.vocab_tree_path", tree, "--VocabTreeMatching.num_images", NUM_RETRIEVED]
+    def match_retrieved(self, database: pathlib.Path, names: Sequence[str]) -> None:
+        """Matches images with those that look alike, by a vocabulary tree of the database images."""
+        words = [self.colmap, "vocab_tree_matcher", "--database_path", database]
+        words += ["--VocabTreeMatching.vocab_tree_path", self._vocabulary_tree()]
+        words += ["--VocabTreeMatching.num_images", NUM_RETRIEVED]
         words += ["--VocabTreeMatching.match_list_path", self.folder.write_list("retrieved", names)]
         words += [gpu_option(self.colmap, "vocab_tree_matcher"), int(self.use_gpu)]
         self.runner.run(words, f"matching {len(names)} images with those that look alike")
 
-    def _check_features(self, names: Sequence[str]) -> None:
-        """Checks that COLMAP has taken all images, because it only logs why it leaves one out."""
-        with DatabaseReader(self.folder.database) as database:
-            missing = [name for name in names if not database.has_keypoints(name)]
-        if missing:
-            raise InputError(
-                f"{self.folder.images / missing[0]}: COLMAP could not use the photo, nor {len(missing) - 1} others: "
-                f"it cannot be read, or its size is not that of its camera (log: {self.folder.log})"
-            )
+    def _vocabulary_tree(self) -> pathlib.Path:
+        """Returns the file of the tree, which goes with the features that it is made of."""
+        tree: pathlib.Path = self.folder.vocab_tree
+        if not tree.exists():
+            with DatabaseReader(self.folder.database) as database:
+                num_words = min(MAX_NUM_WORDS, database.num_descriptors() // MIN_FEATURES_PER_WORD)
+            staged = tree.with_suffix(".tmp")
+            words = [self.colmap, "vocab_tree_builder", "--database_path", self.folder.database]
+            words += ["--vocab_tree_path", staged, "--num_visual_words", max(1, num_words)]
+            self.runner.run(words, "vocabulary tree for retrieval")
+            staged.replace(tree)
+        return tree
 
 
-def make_database(
-    project: Project, cameras: Mapping[str, Camera | None], posed: PosedImages | None, num_neighbors: int
-) -> None:
-    """Makes the database with the features of the database images and the matches among them.
+def make_features(project: Project, cameras: Mapping[str, Camera | None]) -> list[str]:
+    """Makes the database with the features of the database images; returns their names.
 
-    `cameras`: those that are known without poses, by image name.
+    `cameras`: by image name, as far as they are known. Images that COLMAP cannot use are left out.
     """
-    folder = project.folder
+    folder, steps = project.folder, project.steps
+    names = sorted(cameras)
+    key = fingerprint(_extraction(project, cameras))
+    # COLMAP gives photos of the same camera one camera, if it has to guess it, but only those of the same run.
+    if steps.begin("features", key, resumes=None not in cameras.values()):
+        project.extract(folder.database, cameras)
+        steps.finish("features", key)
+    used = _with_features(folder.database, names)
+    warn_left_out(folder, cameras, sorted(set(names).difference(used)))
+    return used
+
+
+def match_database(project: Project, used: Sequence[str], posed: PosedImages | None, num_neighbors: int) -> None:
+    """Matches the database images with each other, always all of them, because COLMAP keeps earlier matches."""
+    folder, steps = project.folder, project.steps
     if posed is not None:
-        cameras = {f"{DATABASE}/{image.name}": image.camera for image in posed.images}
-    used = sorted(cameras)
-    files = [folder.images / name for name in used]
-    key = fingerprint([str(cameras[name]) for name in used], project.sift_options, project.has_masks, files=files)
-    if project.steps.differs("features", key):
-        raise InputError(
-            f"{folder.path}: its database was made of other photos, cameras, masks or features; take another folder, "
-            "or --overwrite"
-        )
-    if not project.steps.is_done("features", key):
-        project.steps.begin("features", key)
-        project.extract(cameras)
-        project.steps.finish("features", key)
-    if posed is not None:
-        images = [PosedImage(f"{DATABASE}/{image.name}", image.camera, image.cam_from_world) for image in posed.images]
-        pairs = pairs_by_viewpoint(images, num_neighbors) if len(images) > 1 else []
+        pairs = pairs_by_viewpoint(posed.images, num_neighbors) if len(posed.images) > 1 else []
     else:
         pairs = all_pairs(used) if len(used) <= MAX_NUM_EXHAUSTIVE else []
-    key = fingerprint(key, pairs)
-    if not project.steps.is_done("matches", key):
+    is_retrieved = posed is None and not pairs
+    key = fingerprint(pairs, project.use_gpu, NUM_RETRIEVED if is_retrieved else None)
+    if steps.begin("matches", key):
+        remove_matches(folder.database)
         if pairs:
-            project.match(pairs)
-        elif posed is None:
-            project.match_retrieved(used)
-        project.steps.finish("matches", key)
+            project.match(folder.database, pairs)
+        elif is_retrieved:
+            project.match_retrieved(folder.database, used)
+        steps.finish("matches", key)
 
 
-def make_model(project: Project, posed: PosedImages | None, refines_cameras: bool) -> None:
-    """Writes the model of the poses, or lets COLMAP's mapper make it."""
-    folder = project.folder
+def _extraction(project: Project, cameras: Mapping[str, Camera | None]) -> list[object]:
+    """Returns all that the features of images follow from."""
+    held = contents(project.folder, cameras)
+    return [sorted((name, str(cameras[name]), held[name]) for name in cameras), project.sift_options, project.use_gpu]
+
+
+def _with_features(path: pathlib.Path, names: Sequence[str]) -> list[str]:
+    with DatabaseReader(path) as database:
+        return [name for name in names if database.has_keypoints(name)]
+
+
+def make_model(project: Project, used: Sequence[str], posed: PosedImages | None, refines_cameras: bool) -> None:
+    """Writes the model of the poses, or lets COLMAP's mapper make it. `used`: the images in the database."""
+    poses = [(image.name, str(image.camera), image.cam_from_world.text()) for image in posed.images] if posed else []
+    key = fingerprint(poses, posed.origin if posed else "mapper", refines_cameras)
+    if not project.steps.begin("model", key):
+        return
     if posed is not None:
-        write_posed_images(folder.model, posed, prefix=f"{DATABASE}/")
-        return
-    if (folder.model / "images.bin").exists() and project.steps.is_done("mapper", "mapper"):
-        return
-    shutil.rmtree(folder.sparse, ignore_errors=True)
+        write_posed_images(project.folder.model, posed)
+    else:
+        _map(project, used, refines_cameras)
+    project.steps.finish("model", key)
+
+
+def _map(project: Project, used: Sequence[str], refines_cameras: bool) -> None:
+    """Lets COLMAP's mapper make models, and takes the largest."""
+    folder = project.folder
     folder.sparse.mkdir()
     words = [project.colmap, "mapper", "--database_path", folder.database, "--image_path", folder.images]
     list_option = find_option(project.colmap, "mapper", r"(Mapper\.)?image_list_path", "that lists the images")
-    words += [list_option, folder.write_list("mapped", database_names(folder))]
+    words += [list_option, folder.write_list("mapped", used)]
     words += ["--output_path", folder.sparse, "--Mapper.min_model_size", MIN_MODEL_SIZE]
     if not refines_cameras:
         words += ["--Mapper.ba_refine_focal_length", 0]
@@ -142,59 +155,67 @@ def make_model(project: Project, posed: PosedImages | None, refines_cameras: boo
     models = {path: len(read_model(path).images) for path in folder.sparse.iterdir() if path.is_dir()}
     if not models:
         raise InputError(f"{folder.path}: COLMAP's mapper found no poses: the photos overlap too little")
-    best = max(sorted(models), key=lambda path: models[path])
-    shutil.rmtree(folder.model, ignore_errors=True)
-    shutil.copytree(best, folder.model)
-    project.steps.finish("mapper", "mapper")
+    shutil.copytree(max(sorted(models), key=lambda path: models[path]), folder.model)
 
 
 def add_queries(
-    project: Project, queries: Sequence[str], database: Sequence[str], camera: Camera | None, is_sequence: bool
+    project: Project, queries: Sequence[str], used: Sequence[str], camera: Camera | None, is_sequence: bool
+) -> list[str]:
+    """Makes a database that has the queries, too, which is needed for masks and for sequences; returns the queries.
+
+    It is a copy of the database of database images, so that it follows from these queries alone: earlier ones leave
+    neither features nor ids. Queries whose masks cannot be read are left out.
+    """
+    folder, steps = project.folder, project.steps
+    cameras = dict.fromkeys(queries, camera)
+    key = fingerprint(used, _extraction(project, cameras), is_sequence)
+    if steps.begin("queries", key):
+        copy_database(folder.database, folder.query_database)
+        project.extract(folder.query_database, cameras)
+        found = _with_features(folder.query_database, queries)
+        pairs = pairs_in_sequence(found, SEQUENCE_REACH) if is_sequence else []
+        if len(used) <= MAX_NUM_EXHAUSTIVE:
+            pairs += all_pairs(found, used)
+        elif found:
+            project.match_retrieved(folder.query_database, found)
+        if pairs:
+            project.match(folder.query_database, pairs)
+        steps.finish("queries", key)
+    missing = set(queries).difference(_with_features(folder.query_database, queries))
+    left_out = sorted(name for name in missing if has_bad_mask(folder, name))
+    warn_left_out(folder, cameras, left_out)
+    return [name for name in queries if name not in left_out]
+
+
+def localize(
+    project: Project, query_lines: Mapping[str, str], num_database_images: int, options: Sequence[str], is_stored: bool
 ) -> None:
-    """Adds queries with features and matches to the database, which is needed for masks and for sequences."""
-    files = [project.folder.images / name for name in queries]
-    key = fingerprint(database, queries, str(camera), is_sequence, project.has_masks, files=files)
-    if project.steps.is_done("queries", key):
-        return
-    project.extract(dict.fromkeys(queries, camera), one_camera=is_sequence)
-    pairs = pairs_in_sequence(queries, SEQUENCE_REACH) if is_sequence else []
-    if len(database) <= MAX_NUM_EXHAUSTIVE:
-        pairs += all_pairs(queries, database)
-    else:
-        project.match_retrieved(queries)
-    if pairs:
-        project.match(pairs)
-    project.steps.finish("queries", key)
+    """Localizes queries with `colmap lazy_localizer`, as photos, or as they are stored in the database.
 
-
-def localize(project: Project, query_lines: Sequence[str], queries: Sequence[str], options: Sequence[str]) -> None:
-    """Localizes the queries with `colmap lazy_localizer`; as photos, if the database does not have them."""
-    folder = project.folder
-    files = [folder.images / name for name in queries]
-    files += sorted(path for path in folder.model.iterdir() if path.is_file())
-    # Leave out the model's times, because it is written anew each time.
-    model = [path.read_bytes().hex() for path in files if path.parent == folder.model]
-    key = fingerprint(query_lines, options, project.sift_options, model, files=files[: len(queries)])
-    if project.steps.is_done("localized", key) and (folder.localized / "results.jsonl").exists():
+    `query_lines`: what the list of queries has of each, by name.
+    """
+    folder, steps = project.folder, project.steps
+    values = [word.rpartition("=")[2] for word in options]
+    held = [content(pathlib.Path(value)) for value in values if value and pathlib.Path(value).exists()]
+    key = fingerprint(query_lines, contents(folder, query_lines), options, held, project.sift_options, is_stored)
+    if not steps.begin("localized", key, resumes=True):
         return
     has_localizer = has_command(project.colmap, "lazy_localizer")
     words: list[object] = [*command_line(str(project.colmap) if has_localizer else None, "lazy_localizer")]
-    words += ["--database_path", folder.database, "--input_path", folder.model, "--image_path", folder.images]
-    words += ["--query_list_path", folder.write_list("queries", query_lines), "--output_path", folder.localized]
-    if len(database_names(folder)) > MAX_NUM_EXHAUSTIVE:
+    words += ["--database_path", folder.query_database if is_stored else folder.database]
+    words += ["--input_path", folder.model, "--image_path", folder.images]
+    if num_database_images > MAX_NUM_EXHAUSTIVE and not is_stored:
+        # The index follows from the features, with which it is forgotten, and from the seed.
+        index_key = fingerprint(re.findall(r"--LazyLocalizer\.seed[= ](\S+)", " ".join(options)))
+        if steps.begin("index", index_key):
+            steps.finish("index", index_key)
         words += ["--retrieval_index_path", folder.index]
-    # Go on with an unfinished run of the same queries, but not with one of others.
-    words += ["--resume" if project.steps.is_done("localizing", key) else "--overwrite", 1]
-    project.steps.finish("localizing", key)
+    words += ["--query_list_path", folder.write_list("queries", query_lines.values())]
+    # Goes on with an unfinished run of the same queries.
+    words += ["--output_path", folder.localized, "--resume" if folder.localized.exists() else "--overwrite", 1]
     words += [*project.sift_options, *options]
-    project.runner.run(words, f"localizing {len(queries)} queries")
-    project.steps.finish("localized", key)
-
-
-def database_names(folder: Folder) -> list[str]:
-    """Returns the names of the database images in the database."""
-    with DatabaseReader(folder.database) as database:
-        return sorted(name for name in database.image_ids if name.startswith(f"{DATABASE}/"))
+    project.runner.run(words, f"localizing {len(query_lines)} queries")
+    steps.finish("localized", key)
 
 
 def check_localizer_options(colmap: pathlib.Path, words: Sequence[str]) -> None:

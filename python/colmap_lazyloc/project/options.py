@@ -1,0 +1,171 @@
+"""The options of `lazyloc run`: what they are, and whether each can have its effect."""
+
+import argparse
+import pathlib
+from collections.abc import Sequence
+
+from colmap_lazyloc.agreement.check import add_accept_option
+from colmap_lazyloc.errors import InputError, logger, positive_int
+from colmap_lazyloc.import_poses import CONVENTION_OPTIONS, add_source_options, make_source
+from colmap_lazyloc.model import Camera
+from colmap_lazyloc.pose_formats.registry import FORMATS
+from colmap_lazyloc.project.folder import DATABASE, QUERY, Folder
+from colmap_lazyloc.project.frames import is_video
+
+GROUP_SIZE = 5
+PANORAMA_ROLES = {DATABASE: [DATABASE], "queries": [QUERY], "all": [DATABASE, QUERY]}
+FRAMES_PER_SECOND = 2.0
+NUM_NEIGHBORS = 10
+
+
+def parse_arguments(description: str | None, arguments: Sequence[str] | None) -> tuple[argparse.Namespace, list[str]]:
+    """Returns our options, and the words for lazy_localizer."""
+    parser = argparse.ArgumentParser(
+        prog="lazyloc run",
+        description=description,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        allow_abbrev=False,
+    )
+    add = parser.add_argument
+    add("--database_images", type=pathlib.Path, required=True, metavar="DIR", help="folder of the database images")
+    add("--queries", type=pathlib.Path, required=True, metavar="PATH", help="folder of photos, a photo, or a video")
+    add("--output", "--output_path", dest="output_path", type=pathlib.Path, required=True, metavar="DIR")
+    add("--poses", type=pathlib.Path, metavar="PATH", help="poses of the database images; default: COLMAP's mapper")
+    add("--poses_format", choices=list(FORMATS), help="format of --poses; default: by its content")
+    of_poses = parser.add_argument_group("poses").add_argument
+    add_source_options(of_poses)
+    add_accept_option(of_poses)
+    _add_more(parser)
+    options, words = parser.parse_known_args(arguments)
+    is_value = False  # of an option
+    for word in words:
+        name = word.removeprefix("--").split("=")[0]
+        is_option = word.startswith("--")
+        if (is_option and "." not in name and name != "onnx_path") or not (is_option or is_value):
+            raise InputError(f"unknown option {word}")
+        is_value = is_option and "=" not in word
+    return options, words
+
+
+def _add_more(parser: argparse.ArgumentParser) -> None:
+    add = parser.add_argument_group("photos").add_argument
+    add(
+        "--query_camera",
+        metavar="'MODEL W H PARAMS...'",
+        help="intrinsics of the queries; default: those of a database image of the same size, EXIF, or a guess, "
+        "corrected by the images",
+    )
+    add(
+        "--masks",
+        type=pathlib.Path,
+        metavar="DIR",
+        help="folder of masks: NAME.png for the photo NAME, black where features are not wanted; those of database "
+        "images and queries may be in folders `database` and `query`",
+    )
+    add(
+        "--panoramas",
+        choices=(*PANORAMA_ROLES,),
+        help="which photos are equirectangular panoramas; they are cut into perspective faces",
+    )
+    add("--frames_per_second", type=_positive, help=f"of a video; default: {FRAMES_PER_SECOND}")
+    add(
+        "--sequence",
+        type=positive_int,
+        nargs="?",
+        const=GROUP_SIZE,
+        metavar="N",
+        help="localize N consecutive queries together, matched with each other; without a number "
+        f"{GROUP_SIZE}; default: each alone",
+    )
+    add = parser.add_argument_group("steps").add_argument
+    add(
+        "--num_neighbors",
+        type=positive_int,
+        help=f"database images that each is matched with, by the poses; default: {NUM_NEIGHBORS}",
+    )
+    add("--use_gpu", type=int, choices=(0, 1), default=0, help="use COLMAP's GPU features and matching; default: 0")
+    add("--overwrite", action="store_true", help="remove all that earlier runs have left in the output folder")
+
+
+def _positive(text: str) -> float:
+    value = float(text)
+    if not 0 < value < float("inf"):
+        raise argparse.ArgumentTypeError(f"must be positive, but is '{text}'")
+    return value
+
+
+def panorama_roles(options: argparse.Namespace) -> list[str]:
+    """Returns which photos are panoramas: database images, queries, both or none."""
+    return PANORAMA_ROLES.get(options.panoramas, [])
+
+
+def has_stored_queries(options: argparse.Namespace) -> bool:
+    """True if the queries are in the database, which masks and sequences need; else they are photos in memory."""
+    return options.masks is not None or options.sequence is not None
+
+
+def split(words: Sequence[str]) -> tuple[list[str], list[str]]:
+    """Returns the options of feature extraction, and the others."""
+    sift: list[str] = []
+    other: list[str] = []
+    current = other
+    for word in words:
+        if word.startswith("--"):
+            current = sift if word.startswith("--SiftExtraction.") else other
+        current.append(word)
+    return sift, other
+
+
+def check(options: argparse.Namespace, words: Sequence[str]) -> None:
+    """Checks what costs no time: paths, values, and that no option is without effect."""
+    _check_paths(options)
+    if options.query_camera is not None:
+        Camera.parse("--query_camera", options.query_camera)
+    if options.poses is not None:
+        make_source(options.poses, options.database_images, options)
+    roles = panorama_roles(options)
+    if roles and (options.masks is not None or options.sequence is not None):
+        raise InputError("--panoramas excludes --masks and --sequence")
+    if QUERY in roles and options.query_camera is not None:
+        raise InputError(
+            "--query_camera is that of perspective photos, but --panoramas says that queries are panoramas"
+        )
+    if DATABASE in roles and options.camera is not None:
+        raise InputError(
+            "--camera is that of perspective photos, but --panoramas says that database images are panoramas"
+        )
+    for name in ("poses_format", "geo_origin", "accept_poses", *CONVENTION_OPTIONS):
+        if options.poses is None and getattr(options, name):
+            raise InputError(f"--{name} has no effect without --poses")
+    if options.poses is None and options.num_neighbors is not None:
+        logger.warning("--num_neighbors has no effect without --poses, from which neighbours are known")
+    if options.frames_per_second is not None and not is_video(options.queries):
+        raise InputError(f"--frames_per_second has no effect, because --queries {options.queries} is not a video")
+    names = {word.partition("=")[0] for word in words}
+    if has_stored_queries(options) and "--onnx_path" in names:
+        raise InputError("--onnx_path has no effect with --masks and --sequence")
+    if options.sequence is not None and "--LazyLocalizer.group_size" in names:
+        raise InputError("--LazyLocalizer.group_size: is given by --sequence")
+    if is_video(options.queries):
+        import cv2  # noqa: F401
+
+
+def _check_paths(options: argparse.Namespace) -> None:
+    if not options.database_images.is_dir():
+        raise InputError(f"--database_images {options.database_images}: is not a folder")
+    if options.masks is not None and not options.masks.is_dir():
+        raise InputError(f"--masks {options.masks}: is not a folder")
+    for name in ("queries", "poses", "calibration"):
+        path = getattr(options, name)
+        if path is not None and not path.exists():
+            raise InputError(f"--{name} {path}: does not exist")
+    output = options.output_path.resolve()
+    reserved = [path.resolve() for path in Folder(output).reserved]
+    for name in ("database_images", "queries", "masks", "poses"):
+        path = getattr(options, name)
+        if path is None:
+            continue
+        if path.resolve() == output:
+            raise InputError(f"--output {options.output_path}: is also --{name}")
+        if any(path.resolve().is_relative_to(folder) for folder in reserved):
+            raise InputError(f"--{name} {path}: is in the output folder, among the files that a run replaces")

@@ -1,0 +1,123 @@
+"""The photos of a project: which files are used, what they are called, and what they hold."""
+
+import pathlib
+import re
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+
+from colmap_lazyloc.errors import InputError, logger
+from colmap_lazyloc.model import Camera
+from colmap_lazyloc.pose_formats.posed_images import IMAGE_SUFFIXES, UNREADABLE_SUFFIXES, list_images
+from colmap_lazyloc.project.folder import Folder, content, fingerprint, remove
+
+# Characters that COLMAP's lists and databases cannot hold: blanks, control characters, bytes that are not UTF-8, and
+# the backslash, which COLMAP takes for a slash.
+UNSAFE = re.compile(r"[\s\\\x00-\x1f\x7f-\x9f\ud800-\udfff]")
+MAX_NUM_NAMED = 5  # of photos that are left out
+
+
+def find_photos(source: pathlib.Path, excluded: Sequence[pathlib.Path]) -> dict[str, pathlib.Path]:
+    """Returns the paths by name of the photos in a folder, or of a single one. `excluded`: folders of other images."""
+    if source.is_file():
+        root, every = source.parent, [source.name]
+    else:
+        root, every = source, list_images(source, (*IMAGE_SUFFIXES, *UNREADABLE_SUFFIXES), excluded)
+    unreadable = [name for name in every if name.lower().endswith(UNREADABLE_SUFFIXES)]
+    names = sorted(set(every).difference(unreadable))
+    hint = _describe(unreadable) if unreadable else ""
+    if not names:
+        raise InputError(f"{source}: {hint or 'holds no image file'}")
+    if hint:
+        logger.warning("%s: %s", source, hint)
+    return {name: root / name for name in names}
+
+
+def _describe(names: Sequence[str]) -> str:
+    counts = Counter(pathlib.PurePath(name).suffix.lower() for name in names)
+    kinds = ", ".join(f"{count} {suffix}" for suffix, count in sorted(counts.items()))
+    files, them = ("1 file is", "it") if len(names) == 1 else (f"{len(names)} files are", "them")
+    return f"{files} left out: {kinds} (COLMAP cannot read {them}: convert to JPEG)"
+
+
+def safe_names(names: Iterable[str]) -> dict[str, str]:
+    """Returns names without unsafe characters, each another one; those that are safe stay as they are."""
+    safe: dict[str, str] = {}
+    taken: set[str] = set()
+    for name in sorted(names, key=lambda name: (UNSAFE.search(name) is not None, name)):
+        path = pathlib.PurePosixPath(UNSAFE.sub("_", name))
+        while str(path) in taken:
+            path = path.with_stem(f"{path.stem}_")
+        taken.add(str(path))
+        safe[name] = str(path)
+    return safe
+
+
+def link_photos(folder: Folder, role: str, paths: Mapping[str, pathlib.Path]) -> dict[str, str]:
+    """Links photos into the project; returns the names of the images by those of the photos."""
+    linked = {name: f"{role}/{safe}" for name, safe in safe_names(paths).items()}
+    _replace_links(folder.images, role, {linked[name]: path for name, path in paths.items()})
+    return linked
+
+
+def link_masks(folder: Folder, role: str, linked: Mapping[str, str], masks: pathlib.Path | None) -> int:
+    """Links the masks of photos into the project; returns how many there are."""
+    remove(folder.masks / role)  # of an earlier run
+    if masks is None:
+        return 0
+    root = masks / role if (masks / role).is_dir() else masks
+    found = {f"{image}.png": root / f"{name}.png" for name, image in linked.items()}
+    found = {name: path for name, path in found.items() if path.is_file()}
+    _replace_links(folder.masks, role, found)
+    return len(found)
+
+
+def _replace_links(folder: pathlib.Path, role: str, targets: Mapping[str, pathlib.Path]) -> None:
+    remove(folder / role)
+    (folder / role).mkdir(parents=True)
+    for name, target in targets.items():
+        path = folder / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.symlink_to(target.resolve())
+
+
+def contents(folder: Folder, names: Iterable[str]) -> dict[str, str]:
+    """Returns hashes by name of what images and their masks hold."""
+    return {name: fingerprint(content(folder.images / name), content(folder.masks / f"{name}.png")) for name in names}
+
+
+def photo_size(path: pathlib.Path) -> tuple[int, int] | None:
+    """Returns the width and height of a photo in pixels; None if it cannot be read."""
+    import PIL.Image
+
+    try:
+        with PIL.Image.open(path) as photo:
+            return photo.size
+    except (OSError, ValueError, PIL.Image.DecompressionBombError):
+        return None
+
+
+def has_bad_mask(folder: Folder, name: str) -> bool:
+    """True if an image has a mask that cannot be read."""
+    mask = folder.masks / f"{name}.png"
+    return mask.is_file() and photo_size(mask) is None
+
+
+def warn_left_out(folder: Folder, cameras: Mapping[str, Camera | None], names: Sequence[str]) -> None:
+    """Names images that COLMAP could not use, because it only logs which, and why."""
+    if not names:
+        return
+    causes = [f"{name} ({_cause(folder, name, cameras[name])})" for name in names[:MAX_NUM_NAMED]]
+    more = f", and {len(names) - MAX_NUM_NAMED} others" if len(names) > MAX_NUM_NAMED else ""
+    text = f"{len(names)} of {len(cameras)} photos are left out: {', '.join(causes)}{more} (log: {folder.log})"
+    if len(names) == len(cameras):
+        raise InputError(text)
+    logger.warning("%s", text)
+
+
+def _cause(folder: Folder, name: str, camera: Camera | None) -> str:
+    size = photo_size(folder.images / name)
+    if size is None:
+        return "cannot be read"
+    if camera is not None and size != (camera.width, camera.height):
+        return f"has {size[0]} x {size[1]} pixels, its camera {camera.width} x {camera.height}"
+    return "its mask cannot be read" if has_bad_mask(folder, name) else "COLMAP cannot use it"
