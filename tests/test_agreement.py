@@ -1,6 +1,7 @@
 """Poses that the photos contradict: they are found and named; right ones and inexact ones are not."""
 
 import dataclasses
+import itertools
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ from colmap_lazyloc.agreement.check import describe
 from colmap_lazyloc.agreement.contradictions import contradicted_images
 from colmap_lazyloc.agreement.pairs import MatchedPair
 from colmap_lazyloc.agreement.poses import Matches, Poses, errors_px, medians_by_pair
-from colmap_lazyloc.pose_formats.conventions import Convention
+from colmap_lazyloc.pose_formats.conventions import CAMERA_AXES, DIRECTIONS, Convention, pose_of
 from colmap_lazyloc.poses import look_at
 
 FOCAL_PX = 600.0
@@ -105,13 +106,27 @@ def test_inexact_poses_agree_within_their_errors(scene, degrees, share):
     assert np.median(explanation.given.rotation_deg) == pytest.approx(1.4 * degrees, rel=0.4, abs=0.5)
 
 
-def test_remedy_is_an_option_that_changes_the_convention(scene):
-    corrupt, _ = CORRUPTIONS["OpenGL's axes"]
-    as_opengl = Convention(direction="world_from_cam", camera_axes="opengl", rotation="matrix")
-    assert explain_scene(corrupt(scene), as_opengl).reading.remedy == "--camera_axes opencv"
-    assert explain_scene(CORRUPTIONS["inverse poses"][0](scene), as_opengl).reading.remedy.startswith(
-        "--pose_direction cam_from_world"
-    )
+CONVENTIONS = [
+    Convention(direction, axes, rotation="matrix")
+    for direction, axes in itertools.product(DIRECTIONS, ("opencv", "opengl", "body"))
+]
+
+
+@pytest.mark.parametrize("written", CONVENTIONS, ids=str)
+def test_remedy_is_what_the_file_was_written_by(scene, written):
+    axes, rotations = CAMERA_AXES[written.camera_axes], scene.poses.rotations
+    matrices, vectors = axes @ rotations, -np.einsum("nij,nj->ni", axes @ rotations, scene.poses.centres)
+    if written.direction == "world_from_cam":
+        matrices, vectors = np.swapaxes(axes @ rotations, 1, 2), scene.poses.centres
+    for read in (CONVENTIONS[0], CONVENTIONS[4]):
+        if read == written:
+            continue
+        poses = [pose_of(*raw, read) for raw in zip(matrices, vectors)]
+        given = scene.with_poses(np.array([p.rotation for p in poses]), np.array([p.cam_in_world for p in poses]))
+        words = explain_scene(given, read).reading.remedy.removeprefix("give ").split()
+        options = dict(zip(words[::2], words[1::2]))
+        assert options.get("--pose_direction", read.direction) == written.direction
+        assert options.get("--camera_axes", read.camera_axes) == written.camera_axes
 
 
 def test_poses_of_images_that_are_late(scene):

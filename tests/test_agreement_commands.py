@@ -39,7 +39,7 @@ def test_import_names_axes_of_opencv_and_writes_nothing(photos, tmp_path, capsys
     assert import_poses(photos, path) == 1
     error = capsys.readouterr().err
     assert f"{path}: the poses do not fit the photos: 0 of " in error
-    assert "as poses with camera axes of opencv" in error and "--camera_axes opencv; --accept_poses" in error
+    assert "as poses with camera axes of opencv" in error and "give --camera_axes opencv, or --accept_poses" in error
     assert not (tmp_path / "model").exists()
     assert import_poses(photos, path, "--camera_axes", "opencv") == 0
     assert "poses agree with the photos: " in capsys.readouterr().err
@@ -93,7 +93,11 @@ def test_check_of_right_and_of_inverse_poses(photos, colmap, model_of, tmp_path,
     assert check(database_path, model_of(lambda name, pose: pose)) == 0
     assert capsys.readouterr().out.startswith("poses agree with the photos: ")
     assert check(database_path, model_of(lambda name, pose: pose.inverse())) == 2
-    assert "--pose_direction world_from_cam" in capsys.readouterr().out
+    printed = capsys.readouterr().out
+    assert "read as world_from_cam" in printed
+    words = printed.partition("to mend them: lazyloc ")[2].split()
+    assert main([str(tmp_path / "mended") if word == "MENDED" else word for word in words]) == 0
+    assert check(database_path, tmp_path / "mended") == 0
 
 
 def test_check_of_bad_input(photos, model_of, tmp_path, capsys):

@@ -17,10 +17,13 @@ class Extra:
 OPENCV = {"opencv-python-headless": "cv2"}
 TQDM = {"tqdm": "tqdm"}
 EXTRAS = {
-    "run": Extra("lazyloc run: videos, photos in the report, progress", {**OPENCV, "pillow": "PIL", **TQDM}),
+    "run": Extra(
+        "lazyloc run: videos, check of the poses, photos in the report, progress",
+        {**OPENCV, "pillow": "PIL", "scipy": "scipy", **TQDM},
+    ),
     "import": Extra(
-        "lazyloc import: sizes and GPS of photos, geographic coordinates, calibration files, angles",
-        {"pillow": "PIL", "pyproj": "pyproj", "pyyaml": "yaml", "scipy": "scipy"},
+        "lazyloc import: sizes and GPS of photos, geographic coordinates, calibration files, angles, check of poses",
+        {**OPENCV, "pillow": "PIL", "pyproj": "pyproj", "pyyaml": "yaml", "scipy": "scipy"},
     ),
     "report": Extra("lazyloc report: photos, progress", {**OPENCV, **TQDM}),
     "plots": Extra("lazyloc report --plots", {"matplotlib": "matplotlib"}),

@@ -39,7 +39,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     model = read_model(options.model)
     images = [
         PosedImage(image.name, model.cameras[image.camera_id], image.pose)
-        for image in sorted(model.images.values(), key=lambda image: image.name)
+        for image in sorted(model.images.values(), key=lambda image: image.image_id)
         if image.cam_from_world is not None
     ]
     if not options.database.is_file():
@@ -52,6 +52,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if found is None:
         raise InputError(f"{options.database}: too few pairs of images of {options.model} are matched")
     print("\n".join(found.lines()))
+    if found.options:
+        print(f"to mend them: lazyloc import colmap {options.model} {found.options} --output_path MENDED")
     return WRONG_POSES if found.is_wrong else 0
 
 

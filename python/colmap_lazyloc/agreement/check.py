@@ -3,6 +3,7 @@
 import dataclasses
 import logging
 import pathlib
+import re
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -31,11 +32,13 @@ def add_accept_option(add: Callable[..., Any]) -> None:
 
 @dataclasses.dataclass(frozen=True)
 class Judgement:
-    """What photos say about poses: in a line, whether the poses are not what they are said to be, and the names of
-    images whose poses contradict those of the others."""
+    """What photos say about poses: in a line, whether the poses are not what they are said to be, the options of
+    `lazyloc import` that mend them (empty if there are none), and the names of images whose poses contradict those of
+    the others."""
 
     line: str
     is_wrong: bool
+    options: str
     contradicted: list[str]
 
     def lines(self) -> list[str]:
@@ -44,7 +47,7 @@ class Judgement:
             return [self.line]
         more = len(self.contradicted) - MAX_NUM_NAMED
         names = ", ".join(self.contradicted[:MAX_NUM_NAMED]) + (f" and {more} more" if more > 0 else "")
-        return [self.line, f"poses that contradict the others: {names}"]
+        return [self.line, f"but these contradict the others, by their poses or by wrong matches: {names}"]
 
 
 def check_photos(posed: PosedImages, folder: pathlib.Path, label: str, accepts: bool) -> None:
@@ -58,9 +61,12 @@ def check_photos(posed: PosedImages, folder: pathlib.Path, label: str, accepts: 
     pairs = pairs_of_photos(folder, posed.images)
     found = judge(pairs, posed.images, posed.convention, posed.origin is not None)
     if found is None:
-        logger.info("the poses cannot be compared with the photos: only %d pairs of photos match", len(pairs))
+        logger.info(
+            "the poses cannot be compared with the photos: %s",
+            f"only {len(pairs)} pairs match" if pairs else "none match",
+        )
     elif found.is_wrong and not accepts:
-        raise InputError(f"{label}: {found.line}; --accept_poses goes on all the same")
+        raise InputError(f"{label}: {found.line}, or --accept_poses to go on all the same")
     else:
         for text in found.lines():
             logger.log(logging.WARNING if found.is_wrong or text != found.line else logging.INFO, text)
@@ -87,7 +93,10 @@ def judge(
         px = medians_by_pair(matches, errors_px(matches, poses, poses))
         contradicted = contradicted_images([(pair.first, pair.second) for pair in pairs], px)
     line = describe(explanation, "m" if is_metric else "units")
-    return Judgement(line, is_wrong, [images[index].name for index in contradicted])
+    remedy = "" if explanation.reading is None else explanation.reading.remedy
+    options = remedy.removeprefix("give ")
+    options = options if re.fullmatch(r"(--\w+ \w+ ?)+", options) else ""
+    return Judgement(line, is_wrong, options, [images[index].name for index in contradicted])
 
 
 def poses_of(images: Sequence[PosedImage]) -> Poses:
@@ -101,17 +110,16 @@ def describe(explanation: Explanation, unit: str) -> str:
     """Returns one line; `unit`: that of the poses."""
     given, reading, mended = explanation.given, explanation.reading, explanation.mended
     agreeing = f"{given.num_agreeing} of {len(given.px)} pairs"
-    turned = f"{np.nanmedian(given.rotation_deg):.1f} degrees"
+    errors = f"{np.nanmedian(given.rotation_deg):.1f} degrees and {explanation.position_error:.2g} {unit} in the median"
     if reading is not None and mended is not None:
-        num_posed = np.count_nonzero(np.isfinite(mended.px))
-        after = f"{mended.num_agreeing} of {num_posed} agree"
+        after = f"{mended.num_agreeing} of {np.count_nonzero(np.isfinite(mended.px))} do"
         if not mended.agrees:
-            after = f"they are off by {np.nanmedian(mended.rotation_deg):.1f} degrees, not {turned}"
+            after = f"they do within {np.nanmedian(mended.rotation_deg):.1f} degrees"
         return f"the poses do not fit the photos: {agreeing} agree; as poses {reading.title}, {after}: {reading.remedy}"
     if explanation.is_hopeless:
         return (
-            f"the poses do not fit the photos: {agreeing} agree, and relative poses are off by {turned}, as those of "
-            "other photos would be: do the poses belong to these photos?"
+            f"the poses do not fit the photos: {agreeing} agree, and relative poses are off by {errors}, as those of "
+            "other photos would be: give the poses of these photos"
         )
     if given.agrees:
         px = float(np.median(given.px))
@@ -119,5 +127,5 @@ def describe(explanation: Explanation, unit: str) -> str:
         return f"poses agree with the photos: {agreeing}, median {px:.1f} px, {degrees:.2f} degrees"
     return (
         f"poses agree with the photos within their errors: {agreeing} within {AGREEING_PX:g} px; relative poses are "
-        f"off by {turned} and {explanation.position_error:.2g} {unit} in the median"
+        f"off by {errors}"
     )

@@ -24,6 +24,7 @@ MIN_MENDED_SHARE = 0.6  # of the pairs that disagree, which a reading must mend
 MIN_MENDED_OF_ALL = 0.15  # of all pairs
 MIN_NUM_MENDED = 5
 MAX_SPOILT_SHARE = 0.1  # of all pairs
+MIN_IMPROVED_SHARE, MIN_IMPROVEMENT = 0.7, 0.35  # of pairs, and of the mean log error, by a number that was fitted
 MAX_TURN_DEG = 3.0  # readings whose rotations are worse than the best ones by this are not looked at further
 NUM_QUICK_MATCHES = 12  # of a pair, for the first comparison of readings
 NUM_CANDIDATES = 40  # readings that are compared by all matches
@@ -31,8 +32,9 @@ FOCAL_STEPS = (1.2, 1.04, 1.008)  # of factors of the focal length, coarse to fi
 NUM_FOCAL_CANDIDATES = 5  # readings that are tried with other focal lengths, too
 FOCAL_FACTORS = (0.25, 0.35, 0.5, 0.7, 0.85, 1.2, 1.4, 2.0, 2.8, 4.0)  # that are tried by rotations alone
 NUM_FOCAL_PAIRS = 20
+MAX_FOCAL_ROTATION_DEG = 5.0  # errors of the rotations that these leave, at most
 MAX_NUM_STEPS = 15  # of the refinement of a turn
-MAX_ROTATION_DEG, MAX_DIRECTION_DEG = 15.0, 45.0  # errors of the relative poses above which poses are of no use
+MAX_ROTATION_DEG, MAX_DIRECTION_DEG = 10.0, 45.0  # errors of the relative poses above which poses are of no use
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -139,8 +141,10 @@ def _find_reading(evidence: _Evidence, given: Fit, readings: Sequence[Reading]) 
     for index in np.argsort([fit.score + reading.rarity for fit, reading in zip(fits, likely)], kind="stable"):
         reading, fit = likely[index], fits[index]
         # A number that was fitted to the pairs must make them agree, because it mends errors of any kind a little.
-        is_plain = fit.agrees or not reading.is_fitted
-        if is_plain and _mends(fit, given) and not _is_hopeless(evidence, evidence.read(reading), fit):
+        mends = (
+            fit.agrees and (_mends(fit, given) or _improves(fit, given)) if reading.is_fitted else _mends(fit, given)
+        )
+        if mends and not _is_hopeless(evidence, evidence.read(reading), fit):
             return reading, fit
     return None, None
 
@@ -157,7 +161,7 @@ def _find_focal_length(evidence: _Evidence, poses: Poses, given: Fit) -> tuple[R
     factor = min(FOCAL_FACTORS, key=lambda value: float(np.nanmedian(rotations_by(value, some))))
     rotation_deg = rotations_by(factor, evidence.matches.pairs)
     before, after = float(np.nanmedian(given.rotation_deg)), float(np.nanmedian(rotation_deg))
-    if before < MOVED_DEG or after * CLEARLY > before or after > MAX_ROTATION_DEG:
+    if before < MOVED_DEG or after * CLEARLY > before or after > MAX_FOCAL_ROTATION_DEG:
         return None, None
     reading = other_focal_length(Reading("", ""), factor)
     return reading, Fit(evidence.fit(reading.transform(poses)).px, rotation_deg)
@@ -212,6 +216,12 @@ def _mends(fit: Fit, given: Fit) -> bool:
         and num_mended >= max(MIN_NUM_MENDED, MIN_MENDED_OF_ALL * num_known)
         and np.count_nonzero(spoilt) <= MAX_SPOILT_SHARE * num_known
     )
+
+
+def _improves(fit: Fit, given: Fit) -> bool:
+    """True if a fitted number makes the errors of most pairs smaller, even if these are small."""
+    is_better = float(np.mean(fit.px < given.px)) >= MIN_IMPROVED_SHARE
+    return is_better and given.score - fit.score >= MIN_IMPROVEMENT and float(np.median(given.px)) > MOVED_PX
 
 
 def _is_hopeless(evidence: _Evidence, variants: Sequence[Poses], fit: Fit) -> bool:

@@ -124,22 +124,24 @@ def _inverse(poses: Poses) -> Poses:
 
 def _axes(convention: Convention) -> Iterator[Reading]:
     """Other camera axes, and the other direction with any camera axes."""
-    read = CAMERA_AXES[convention.camera_axes]
-    named = [(name, axes.T @ read) for name, axes in CAMERA_AXES.items()]
-    others = [turn for turn in _signed_permutations() if not any(np.allclose(turn, axes) for _, axes in named)]
     (other,) = (direction for direction in DIRECTIONS if direction != convention.direction)
     for direction in (convention.direction, other):
         is_inverse = direction == other
+        # The axes by which inverse poses were read have turned the world, which no pair sees.
+        read = np.eye(3) if is_inverse else CAMERA_AXES[convention.camera_axes]
         words = [f"--pose_direction {direction}"] if is_inverse else []
         start = f"read as {direction} " if is_inverse else ""
+        names = sorted(CAMERA_AXES, key=lambda name: name != convention.camera_axes)
+        named = [(name, CAMERA_AXES[name].T @ read) for name in names]
         for name, turn in named:
             options = words + ([] if name == convention.camera_axes else [f"--camera_axes {name}"])
             if options:
                 title = start if name == convention.camera_axes else f"{start}with camera axes of {name}"
-                yield Reading(title.strip(), " ".join(options), _with_axes(turn, is_inverse))
-        for turn in others:
-            title, remedy = _name_turn(turn)
-            yield Reading(start + title, remedy, _with_axes(turn, is_inverse))
+                yield Reading(title.strip(), "give " + " ".join(options), _with_axes(turn, is_inverse))
+        for turn in _signed_permutations():
+            if not any(np.allclose(turn, axes) for _, axes in named):
+                title, remedy = _name_turn(turn)
+                yield Reading(start + title, remedy, _with_axes(turn, is_inverse))
 
 
 def _with_axes(turn: Floats, is_inverse: bool) -> Transform:
@@ -196,11 +198,18 @@ def _quaternions(convention: Convention) -> Iterator[Reading]:
 
         order = "xyzw" if convention.quaternion == "wxyz" else "wxyz"
         is_read = convention.rotation == "quaternion" and (read, axes) == (convention.direction, convention.camera_axes)
-        options = f"--quaternion_order {order}"
+        options = f"give --quaternion_order {order}"
         if meant != convention.direction:
             options += f" --pose_direction {meant}"
         title = "with quaternions in the other order" + (f", as {meant}" if meant != read else "")
         yield Reading(title, options if is_read else FILE_REMEDY, transform)
+        if read == meant == "cam_from_world":
+            yield Reading(f"{title}, beside positions", FILE_REMEDY, _beside_positions(transform))
+
+
+def _beside_positions(transform: Transform) -> Transform:
+    """Returns the transform of rotations alone, whose positions are right."""
+    return lambda poses: [dataclasses.replace(each, centres=poses.centres) for each in transform(poses)]
 
 
 def _vectors() -> Iterator[Reading]:
@@ -230,16 +239,21 @@ def _vectors() -> Iterator[Reading]:
 
 
 def _orders(names: Sequence[str]) -> Iterator[Reading]:
-    """Poses that belong to other photos of the same set."""
+    """Poses that belong to other photos of the same set; `names`: in the order of the file of poses."""
     count = len(names)
     natural = np.array(sorted(range(count), key=lambda index: natural_key(names[index])), int)
     lexical = np.array(sorted(range(count), key=lambda index: names[index]), int)
-    orders = [natural] if np.array_equal(natural, lexical) else [natural, lexical]
-    if len(orders) > 1:
-        title = "in the order 1, 2, 10 of numbers, where the photos have 1, 10, 2"
-        yield Reading(title, ORDER_REMEDY, source=Source(natural, _places(lexical)))
-        title = "in the order 1, 10, 2 of letters, where the photos have 1, 2, 10"
-        yield Reading(title, ORDER_REMEDY, source=Source(lexical, _places(natural)))
+    by_numbers = "in the order 1, 2, 10 of numbers, where the photos have 1, 10, 2"
+    by_letters = "in the order 1, 10, 2 of letters, where the photos have 1, 2, 10"
+    if not np.array_equal(natural, lexical):
+        yield Reading(by_numbers, ORDER_REMEDY, source=Source(natural, _places(lexical)))
+        yield Reading(by_letters, ORDER_REMEDY, source=Source(lexical, _places(natural)))
+    orders = {order.tobytes(): order for order in (natural, lexical, np.arange(count))}.values()
+    for order, start in itertools.product(orders, (0, 1)):
+        # What sorts numbers without leading zeros as words makes this order of photos that are numbered.
+        counted = order[sorted(range(count), key=lambda index: str(index + start))]
+        yield Reading(by_letters, ORDER_REMEDY, source=Source(order, _places(counted)))
+        yield Reading(by_numbers, ORDER_REMEDY, source=Source(counted, _places(order)))
     shifts = [*range(1, MAX_SHIFT + 1), *(part / PARTS for part in range(1, PARTS * MAX_PART_SHIFT) if part % PARTS)]
     for order in orders:
         places = _places(order)
@@ -304,7 +318,7 @@ def other_focal_length(reading: Reading, factor: float) -> Reading:
         rarity=reading.rarity + FOCAL_RARITY,
         is_fitted=True,
         title=f"{reading.title} with focal lengths times {factor:.2g}".strip(),
-        remedy=f"{reading.remedy}, and give the intrinsics of photos of this size (--camera)".removeprefix(", and "),
+        remedy=f"{reading.remedy}, and give the intrinsics of these photos (--camera)".removeprefix(", and "),
         transform=lambda poses: [dataclasses.replace(each, focal_factor=factor) for each in reading.transform(poses)],
     )
 
