@@ -12,10 +12,11 @@ from scipy.spatial.transform import Rotation
 import pose_writers
 from colmap_lazyloc import import_poses
 from colmap_lazyloc.errors import InputError
-from colmap_lazyloc.model import read_model
+from colmap_lazyloc.model import Camera, read_model
 from colmap_lazyloc.pose_formats.geo import GeoOrigin
 from colmap_lazyloc.pose_formats.registry import find_format
-from pose_files import assert_poses, read, write_named
+from colmap_lazyloc.project import options as run_options
+from pose_files import CAMERA, assert_poses, read, write_named
 from pose_writers import make_poses, save, table, xyzw
 
 ORIGIN = GeoOrigin(47.1, 11.8, 812.0)
@@ -241,6 +242,135 @@ def test_poses_of_this_program_and_a_trajectory_are_told_apart(tmp_path):
     assert find_format(path) == "poses"
     with pytest.raises(InputError, match="column with names"):
         read(path, form="tum")
+
+
+@pytest.mark.parametrize("form", [None, "poses", "csv"])
+@pytest.mark.parametrize("comment", ["# ", "#", "", "# made by a walk\n# "])
+@pytest.mark.parametrize(
+    ("columns", "format_name"),
+    [
+        ("name qw qx qy qz tx ty tz", "poses"),
+        ("name qx qy qz qw tx ty tz", "csv"),
+        ("name tx ty tz qw qx qy qz", "csv"),
+        ("name tx ty tz qx qy qz qw", "csv"),
+        ("name qw qx qy qz x y z", "csv"),
+        ("image_name x y z qx qy qz qw", "csv"),
+        ("qw qx qy qz tx ty tz name", "csv"),
+        ("name, qx, qy, qz, qw, tx, ty, tz", "csv"),
+    ],
+)
+def test_columns_separated_by_blanks_go_by_their_header(columns, format_name, comment, form, tmp_path):
+    if "," in columns and not comment:
+        pytest.skip("a row with names is separated as the others are")
+    truth = make_poses(["1.jpg", "2.jpg"])
+    lines = []
+    for name, (rotation, centre) in truth.items():
+        # Beside the centre, quaternions are world_from_cam.
+        x, y, z, w = xyzw(rotation.T if "tx" in columns else rotation)
+        numbers = (w, x, y, z, *(-rotation.T @ centre), *centre)
+        values = dict(zip(("qw", "qx", "qy", "qz", "tx", "ty", "tz", "x", "y", "z"), numbers, strict=True))
+        words = {"name": name, "image_name": name} | {key: repr(float(value)) for key, value in values.items()}
+        lines.append(" ".join(words[column] for column in columns.replace(",", "").split()) + "\n")
+    path = save(tmp_path, "walk.txt", f"{comment}{columns}\n{''.join(lines)}")
+    assert find_format(path) == format_name
+    assert_poses(read(path, form=form), truth)
+
+
+@pytest.mark.parametrize("columns", ["name a b c d e f g", "name rw rx ry rz px py pz", "name qw qx qy qz tx ty tw"])
+@pytest.mark.parametrize("comment", ["# ", ""])
+@pytest.mark.parametrize("form", [None, "poses"])
+def test_header_separated_by_blanks_that_is_not_understood(columns, comment, form, tmp_path):
+    path = save(tmp_path, "walk.txt", f"{comment}{columns}\na.jpg 1 0 0 0 1 2 3\n")
+    with pytest.raises(InputError, match=f"has the columns {columns.replace(' ', ', ')}; expected are name"):
+        read(path, form=form)
+
+
+@pytest.mark.parametrize(
+    ("values", "message"),
+    [
+        ({"cx": 0.5}, "the principal point's cx is 0.5 pixels for an image of 640 x 480 pixels"),
+        ({"cy": -3}, "the principal point's cy is -3 pixels"),
+        ({"cx": 5000}, "the principal point's cx is 5000 pixels"),
+        ({"fl_x": 1e30}, r"the focal length is 1e\+30 pixels"),
+        ({"fl_y": 1.2}, "the focal length is 1.2 pixels"),
+        ({"fl_x": None, "fl_y": None, "camera_angle_x": 65.2}, "camera_angle_x is 65.2, .* is it in degrees?"),
+        ({"fl_x": None, "fl_y": None, "camera_angle_x": 0}, "camera_angle_x is 0, "),
+    ],
+)
+def test_intrinsics_that_cannot_be_are_refused(values, message, tmp_path):
+    path = pose_writers.transforms(tmp_path, make_poses(["a.jpg"]))
+    path.write_text(json.dumps({**json.loads(path.read_text()), **values}))
+    with pytest.raises(InputError, match=message):
+        read(path, camera=None)
+
+
+@pytest.mark.parametrize(
+    "camera",
+    [
+        Camera("SIMPLE_RADIAL", 640, 480, (40, 20, 460, 0.1)),
+        Camera("FISHEYE", 640, 480, (200, 200, 320, 240)),
+        Camera("EUCM", 640, 480, (200, 200, 320, 240, 0.5, 1)),
+        Camera("EQUIRECTANGULAR", 640, 320, (640, 320)),
+        Camera("DIVISION", 640, 480, (30000, 30000, 320, 240, 0)),
+    ],
+)
+def test_unusual_intrinsics_are_taken(camera, tmp_path):
+    path = pose_writers.poses_txt(tmp_path, make_poses(["a.jpg"]))
+    assert read(path, camera=camera).images[0].camera == camera
+
+
+@pytest.mark.parametrize("origin", ["-33.0,151,0", "-.5,-151,-3"])
+def test_origin_in_the_south(origin, tmp_path):
+    latitude, longitude, height = map(float, origin.split(","))
+    path = table(
+        tmp_path, "a.csv", "name,lat,lon,alt,yaw,pitch,roll", [("a.jpg", [latitude, longitude, height, 0, 0, 0])]
+    )
+    words = ["csv", str(path), "--output_path", str(tmp_path / "model"), "--camera", CAMERA.text()]
+    assert import_poses.main([*words, "--geo_origin", origin]) == 0
+    assert GeoOrigin.read(tmp_path / "model") == GeoOrigin(latitude, longitude, height)
+    words = ["--database_images", "a", "--queries", "b", "--output", "c", "--geo_origin", origin]
+    assert run_options.parse_arguments(None, words)[0].geo_origin == origin
+
+
+@pytest.mark.parametrize(
+    ("form", "text", "message"),
+    [
+        ("transforms", '{"frames": null}', "there is null instead of a list of poses"),
+        ("transforms", '{"frames": {"a": 1}}', "there is an object instead of a list of poses"),
+        ("transforms", '{"frames": ["a", "b"]}', "all 2: there is a text where another value is expected"),
+        ("transforms", '{"frames": []}', "no photo that it names"),
+        ("transforms", '{"frames": [{"file_path": "a", "transform_matrix": [["x"]]}]}', "expected a number, found 'x'"),
+        ("transforms", '{"frames": [{"file_path": "a", "transform_matrix": [[1], 2]}]}', "not those of a matrix"),
+        ("transforms", "[]", "there is a list where another value is expected"),
+        ("opensfm", "[]", "has no reconstruction"),
+        ("opensfm", '[{"shots": []}]', "there is a list where another value is expected"),
+        ("record3d", '{"poses": [[1]], "perFrameIntrinsicCoeffs": [], "w": 1, "h": 1, "K": 1}', "a number where"),
+        ("nvm", "NVM_V3\n", "it has too few"),
+        *((form, "", "a.txt: is empty$") for form in (None, "transforms", "csv", "tum", "metashape", "poses")),
+        ("poses", " \n\n", "a.txt: is empty$"),
+        ("poses", "a.jpg 0 0 0 0 1 2 3\nb.jpg 0 0 0 0 1 2 3\n", "no pose can be used: all 2: "),
+    ],
+)
+def test_what_is_wrong_is_said_in_the_words_of_the_file(form, text, message, tmp_path):
+    with pytest.raises(InputError, match=message):
+        read(save(tmp_path, "a.txt", text), form=form)
+
+
+@pytest.mark.parametrize("num_places", [0, 1, 2])
+@pytest.mark.parametrize("chunk", ["", "<transform><rotation>1 0 0 0 1 0 0 0 1</rotation><scale>1</scale></transform>"])
+def test_components_of_metashape_without_a_transform_are_left_out(num_places, chunk, tmp_path, caplog):
+    truth = make_poses(["a.jpg", "b.jpg", "c.jpg", "d.jpg", "e.jpg"])
+    path = pose_writers.metashape(tmp_path, truth)
+    place = "<transform><rotation>1 0 0 0 1 0 0 0 1</rotation><translation>0 0 0</translation></transform>"
+    parts = "".join(f'<component id="{i}">{place if i >= 2 - num_places else ""}</component>' for i in range(2))
+    text = path.read_text().replace("<cameras>", f"{chunk}<components>{parts}</components><cameras>")
+    for index in range(5):
+        text = text.replace(f'<camera id="{index}"', f'<camera id="{index}" component_id="{int(index > 2)}"')
+    path.write_text(text)
+    names = list(truth)
+    kept = {0: names[:3], 1: names[3:], 2: names}[num_places]
+    assert_poses(read(path), {name[:-4]: truth[name] for name in kept})
+    assert (f"{5 - len(kept)} photos of 1 other components are left out" in caplog.text) == (num_places < 2)
 
 
 # ---------------------------------------------------------------- what is given is used or refused

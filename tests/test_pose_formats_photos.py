@@ -1,5 +1,6 @@
 """Tests which pose belongs to which photo: by names, numbers of frames, times, or an order."""
 
+import json
 import unicodedata
 
 import numpy as np
@@ -116,6 +117,18 @@ def test_lists_of_times(name, text, tmp_path):
     assert np.allclose(images["1.jpg"].cam_in_world, (truth["1.jpg"][1] + truth["2.jpg"][1]) / 2)
 
 
+def test_times_without_names_are_in_the_order_of_numbers(tmp_path, caplog):
+    names = [f"{index}.png" for index in range(12)]
+    truth = make_poses(names)
+    times = [10 + index / 10 for index in range(12)]
+    path = pose_writers.tum(tmp_path, truth, times)
+    save(tmp_path, "times.txt", "".join(f"{time}\n" for time in times))
+    assert_poses(read(path, write_named(tmp_path / "images", names)), truth)
+    save(tmp_path, "times.txt", "".join(f"{time}\n" for time in times[1:]))
+    read(path, tmp_path / "images")
+    assert "times.txt: is not used, because it has 11 times for 12 photos" in caplog.text
+
+
 @pytest.mark.parametrize("form", [None, "arkit", "strayscanner"])
 @pytest.mark.parametrize("missing", [[], [0, 3]])
 def test_frames_of_stray_scanner(form, missing, tmp_path):
@@ -155,6 +168,41 @@ def test_order_is_that_of_numbers(tmp_path):
     names = [f"{index}.png" for index in range(12)]
     truth = make_poses(names)
     assert_poses(read(pose_writers.kitti(tmp_path, truth), write_named(tmp_path / "images", names)), truth)
+
+
+def test_depth_images_of_7_scenes_are_no_photos(tmp_path, capsys):
+    """Poses, colour and depth images are in one folder."""
+    truth = make_poses([f"frame-{index:06}.color.png" for index in range(3)])
+    folder = write_named(tmp_path / "seq", [*truth, *(name.replace("color", "depth") for name in truth)])
+    for name, (rotation, centre) in truth.items():
+        rows = np.vstack([np.column_stack([rotation, centre]), (0, 0, 0, 1)])
+        save(
+            folder, name.replace("color.png", "pose.txt"), "\n".join(" ".join(map(repr, row)) for row in rows.tolist())
+        )
+    assert_poses(read(folder, folder), truth)
+    write_named(folder, ["frame-000007.depth.png"])  # beside no other image
+    assert len(read(folder, folder).images) == 3
+
+
+@pytest.mark.parametrize("kind", ["transforms", "poses", "csv_quaternion", "strayscanner"])
+def test_pose_that_is_given_twice_counts_once(kind, tmp_path, caplog):
+    names = [f"frame_{index}.jpg" for index in range(3)]
+    truth = make_poses(names)
+    if kind == "strayscanner":
+        header = "timestamp, frame, x, y, z, qx, qy, qz, qw\n"
+        rows = [(10 + i, i, *centre, *pose_writers.xyzw(turn)) for i, (turn, centre) in enumerate(truth.values())]
+        text = "".join(", ".join(str(float(v)) if i > 1 else str(v) for i, v in enumerate(row)) + "\n" for row in rows)
+        path = save(tmp_path, "odometry.csv", header + text)
+    else:
+        path = pose_writers.WRITERS[kind].write(tmp_path, truth)
+    if kind == "transforms":
+        data = json.loads(path.read_text())
+        data["frames"].append(data["frames"][1])
+        path.write_text(json.dumps(data))
+    else:
+        path.write_text(path.read_text() + path.read_text().splitlines()[-1] + "\n")
+    assert_poses(read(path, write_named(tmp_path / "images", names)), truth)
+    assert "poses" not in caplog.text
 
 
 def test_what_has_no_partner_is_named_on_both_sides(tmp_path, caplog, capsys):

@@ -16,6 +16,7 @@ model.
 import argparse
 import dataclasses
 import pathlib
+import re
 import sys
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -106,6 +107,18 @@ def add_source_options(add: Callable[..., Any]) -> None:
     )
 
 
+def join_values(arguments: Sequence[str] | None) -> list[str]:
+    """Returns the words of a command line, in which a southern --geo_origin is joined with its option: argparse takes
+    -33.0,151,0 for an option."""
+    words: list[str] = []
+    for word in sys.argv[1:] if arguments is None else arguments:
+        if words and words[-1] == "--geo_origin" and re.match(r"-[\d.]", word):
+            words[-1] += f"={word}"
+        else:
+            words.append(word)
+    return words
+
+
 def make_source(path: pathlib.Path, image_path: pathlib.Path | None, options: argparse.Namespace) -> Source:
     """Returns a file with what the options say about it."""
     return Source(
@@ -163,7 +176,7 @@ def parse_arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
     )
     add_source_options(add)
     add_accept_option(add)
-    return parser.parse_args(arguments)
+    return parser.parse_args(join_values(arguments))
 
 
 @command(name="lazyloc import", extra="import")

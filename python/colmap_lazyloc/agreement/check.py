@@ -50,15 +50,20 @@ class Judgement:
         return [self.line, f"but these contradict the others, by their poses or by wrong matches: {names}"]
 
 
-def check_photos(posed: PosedImages, folder: pathlib.Path, label: str, accepts: bool) -> None:
-    """Compares poses with the photos below a folder; raises InputError that begins with the label if they are wrong."""
+def check_photos(
+    posed: PosedImages, folder: pathlib.Path, label: str, accepts: bool, masks: pathlib.Path | None = None
+) -> None:
+    """Compares poses with the photos below a folder; raises InputError that begins with the label if they are wrong.
+
+    `masks`: folder of masks, NAME.png for the photo NAME.
+    """
     missing = [module for module in NEEDED if not is_installed(module)]
     if missing:
         logger.warning("the poses are not compared with the photos: %s", install_command("import", missing))
         return
     from colmap_lazyloc.agreement.photo_pairs import pairs_of_photos
 
-    pairs = pairs_of_photos(folder, posed.images)
+    pairs = pairs_of_photos(folder, posed.images, masks)
     found = judge(pairs, posed.images, posed.convention, posed.origin is not None)
     if found is None:
         logger.info(

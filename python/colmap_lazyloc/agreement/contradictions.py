@@ -4,12 +4,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from colmap_lazyloc.agreement.explain import AGREEING_PX
 from colmap_lazyloc.array_types import Floats
 
 MIN_NUM_PAIRS = 2  # that contradict an image
 MIN_SHARE = 0.6  # of an image's pairs
-TYPICAL_RATIO = 5.0  # of an error to the median one, above which a pair disagrees
+MIN_PX, TYPICAL_RATIO = 1.5, 8.0  # errors of a pair that disagrees: in pixels, and over the median one
 
 
 def contradicted_images(pairs: Sequence[tuple[int, int]], px: Floats) -> list[int]:
@@ -18,7 +17,7 @@ def contradicted_images(pairs: Sequence[tuple[int, int]], px: Floats) -> list[in
     `px`: the errors of the pairs in pixels.
     """
     rows = np.array(pairs, int).reshape(-1, 2)
-    disagrees = px > max(AGREEING_PX, TYPICAL_RATIO * float(np.median(px)) if len(px) else 0.0)
+    disagrees = px > max(MIN_PX, TYPICAL_RATIO * float(np.median(px)) if len(px) else 0.0)
     found: list[int] = []
     is_left = np.ones(len(rows), bool)
     # The image with the most pairs that disagree comes first; without its pairs, its neighbours are no longer suspect.

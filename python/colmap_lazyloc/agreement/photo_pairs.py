@@ -20,14 +20,17 @@ from colmap_lazyloc.array_types import Array, Floats
 from colmap_lazyloc.pose_formats.naming import natural_key
 from colmap_lazyloc.pose_formats.posed_images import PosedImage
 
+NUM_THREADS = 2
 NUM_PLACES = 10  # in the order of the names, at which neighbours are matched
 NUM_FOLLOWING = 2  # photos after one that are its neighbours by name
 NUM_NEAREST = 2  # photos that are its neighbours by the given poses
 NUM_RANDOM = 120  # further pairs that are tried
 MAX_SIZE_PX = 640  # of a photo, to which larger ones are reduced
 MAX_NUM_FEATURES = 800
+MIN_DISPLACEMENT_PX = 2.0  # of a match in the reduced photo: what does not move is a bonnet, a time stamp, a watermark
 MAX_RATIO = 0.8  # of distances to the best and the second-best match
 MAX_NUM_TRIALS = 500  # of RANSAC
+MAX_SHAPE = 0.02  # by which the aspect ratio of a photo may differ from that of its camera
 MAX_ERROR_PX = 3.0  # from epipolar lines, in the reduced photo
 
 
@@ -40,15 +43,24 @@ class Features:
     scale: float
 
 
-def pairs_of_photos(folder: pathlib.Path, images: Sequence[PosedImage], num_threads: int = 2) -> list[MatchedPair]:
-    """Returns pairs of photos that match, half of neighbours, half at random; leaves out photos that cannot be read."""
+def pairs_of_photos(
+    folder: pathlib.Path, images: Sequence[PosedImage], masks: pathlib.Path | None = None
+) -> list[MatchedPair]:
+    """Returns pairs of photos that match, half of neighbours, half at random; leaves out photos that cannot be read.
+
+    `masks`: folder of masks, NAME.png for the photo NAME, black where features are not wanted.
+    """
+
+    def extract(index: int) -> Features | None:
+        name = images[index].name
+        return _extract(folder / name, images[index], None if masks is None else masks / f"{name}.png")
+
     near = _neighbours(images)
     seen = sorted({index for pair in near for index in pair})
-    with concurrent.futures.ThreadPoolExecutor(num_threads) as pool:
-        features = dict(zip(seen, pool.map(lambda index: _extract(folder / images[index].name, images[index]), seen)))
-        random = np.random.default_rng(SEED)
-        others = [pair for pair in itertools.combinations(seen, 2) if pair not in set(near)]
-        order = random.permutation(len(others))[:NUM_RANDOM]
+    with concurrent.futures.ThreadPoolExecutor(NUM_THREADS) as pool:
+        features = dict(zip(seen, pool.map(extract, seen)))
+        others = sorted(set(itertools.combinations(seen, 2)).difference(near))
+        order = np.random.default_rng(SEED).permutation(len(others))[:NUM_RANDOM]
         tried = [*near, *(others[index] for index in order)]
         found = list(pool.map(lambda pair: _match(images, features, *pair), tried))
     neighbours = [pair for pair in found[: len(near)] if pair is not None]
@@ -74,35 +86,43 @@ def _neighbours(images: Sequence[PosedImage]) -> list[tuple[int, int]]:
     return list(pairs)
 
 
-def _extract(path: pathlib.Path, image: PosedImage) -> Features | None:
+def _extract(path: pathlib.Path, image: PosedImage, mask_path: pathlib.Path | None) -> Features | None:
     """Returns the features of a photo; None if it cannot be read or is not of its camera's shape."""
     import cv2
 
     camera = image.camera
-    longer = max(camera.width, camera.height)
-    flag = next((flag for size, flag in _REDUCED if longer >= size * MAX_SIZE_PX), "IMREAD_GRAYSCALE")
-    try:
-        data = np.fromfile(path, np.uint8)  # names that are not ASCII
-        photo = cv2.imdecode(data, getattr(cv2, flag) | cv2.IMREAD_IGNORE_ORIENTATION) if data.size else None
-    except (OSError, cv2.error):
-        photo = None
-    if photo is None:
+    photo = _read(path, max(camera.width, camera.height))
+    if photo is None or abs(photo.shape[1] * camera.height - photo.shape[0] * camera.width) > MAX_SHAPE * photo.size:
         return None
-    height, width = photo.shape
-    if abs(width * camera.height - height * camera.width) > 0.02 * width * camera.height:
-        return None
-    factor = min(1.0, MAX_SIZE_PX / max(width, height))
+    factor = min(1.0, MAX_SIZE_PX / max(photo.shape))
     if factor < 1:
         photo = cv2.resize(photo, None, fx=factor, fy=factor, interpolation=cv2.INTER_AREA)
     keypoints, descriptors = cv2.SIFT.create(MAX_NUM_FEATURES).detectAndCompute(photo, np.empty(0, np.uint8))
     if descriptors is None or len(keypoints) < MIN_NUM_MATCHES:
         return None
+    xy = np.array(cv2.KeyPoint.convert(keypoints), float)
+    mask = None if mask_path is None else _read(mask_path, 0)
+    if mask is not None:
+        columns, rows = (xy * [mask.shape[1] / photo.shape[1], mask.shape[0] / photo.shape[0]]).astype(int).T
+        is_wanted = mask[rows, columns] > 0
+        xy, descriptors = xy[is_wanted], descriptors[is_wanted]
     # In COLMAP's pixels, centres are at 0.5, in OpenCV's at 0.
     scales = [camera.width / photo.shape[1], camera.height / photo.shape[0]]
-    points = (np.array(cv2.KeyPoint.convert(keypoints), float) + 0.5) * scales
     # Of square roots, the product says how alike two descriptors are; it is 1 of the same ones.
     roots = np.sqrt(descriptors / np.maximum(descriptors.sum(axis=1, keepdims=True), 1))
-    return Features(points, roots, scales[0])
+    return Features((xy + 0.5) * scales, roots, scales[0])
+
+
+def _read(path: pathlib.Path, size: int) -> Array | None:
+    """Returns a grey picture, reduced if it is large (`size`: of the longer side); None if it cannot be read."""
+    import cv2
+
+    flag = next((flag for factor, flag in _REDUCED if size >= factor * MAX_SIZE_PX), "IMREAD_GRAYSCALE")
+    try:
+        data = np.fromfile(path, np.uint8)  # names that are not ASCII
+        return cv2.imdecode(data, getattr(cv2, flag) | cv2.IMREAD_IGNORE_ORIENTATION) if data.size else None
+    except (OSError, cv2.error):
+        return None
 
 
 _REDUCED = ((8, "IMREAD_REDUCED_GRAYSCALE_8"), (4, "IMREAD_REDUCED_GRAYSCALE_4"), (2, "IMREAD_REDUCED_GRAYSCALE_2"))
@@ -118,6 +138,8 @@ def _match(
     if one is None or other is None:
         return None
     good = _match_descriptors(one.descriptors, other.descriptors)
+    moved = np.linalg.norm(one.points[good[:, 0]] / one.scale - other.points[good[:, 1]] / other.scale, axis=1)
+    good = good[moved >= MIN_DISPLACEMENT_PX]
     if len(good) < MIN_NUM_MATCHES:
         return None
     cameras = images[first].camera, images[second].camera

@@ -1,7 +1,9 @@
 """Makes posed images of what a reader returns. What is bad is left out, and named in one line."""
 
 import dataclasses
-from collections.abc import Sequence
+import functools
+from collections.abc import Hashable, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -13,11 +15,13 @@ from colmap_lazyloc.pose_formats.cameras import check_camera
 from colmap_lazyloc.pose_formats.conventions import Convention, pose_of
 from colmap_lazyloc.pose_formats.frames import Frame, apply
 from colmap_lazyloc.pose_formats.geo import GeoOrigin
+from colmap_lazyloc.pose_formats.naming import clean
 from colmap_lazyloc.pose_formats.posed_images import PosedImage, PosedImages, Source
 from colmap_lazyloc.pose_formats.raw_poses import DAMAGE, BadPose, RawPose, RawPoses, reason_of
 from colmap_lazyloc.poses import Pose
 
 MAX_NUM_NAMED = 3  # of what is left out
+MAX_REPEATED_ERROR = 1e-9  # of the numbers of two poses that are the same
 
 Poses = dict[int, Pose]  # by index in the file
 
@@ -30,8 +34,7 @@ def assemble(raw: RawPoses, convention: Convention, source: Source) -> PosedImag
         if source.camera_axes is not None:
             raise InputError(f"--camera_axes {source.camera_axes}: --calibration says how the camera is mounted")
         convention = dataclasses.replace(convention, camera_axes="opencv")  # leaves the body's axes as they are
-    left_out = {index: item.reason for index, item in enumerate(raw.poses) if isinstance(item, BadPose)}
-    poses = _convert(raw, convention, left_out)
+    raw, poses, left_out = _without_repeated(raw, convention)
     poses, origin = _to_local(poses, _frame(raw.frame, source), source.origin, left_out)
     found = associate(raw.poses, source) if poses else Association({})
     left_out |= found.ambiguous
@@ -47,6 +50,41 @@ def assemble(raw: RawPoses, convention: Convention, source: Source) -> PosedImag
             left_out[first] = reason_of(error)
     _report(raw, found, left_out, bool(images), source)
     return PosedImages(images, origin, convention)
+
+
+def _without_repeated(raw: RawPoses, convention: Convention) -> tuple[RawPoses, Poses, dict[int, str]]:
+    """Returns the poses, of which those that a file has twice for a name or a frame are there once, and why others are
+    none."""
+    left_out = {index: item.reason for index, item in enumerate(raw.poses) if isinstance(item, BadPose)}
+    poses = _convert(raw, convention, left_out)
+    first_by_key: dict[Hashable, int] = {}
+    repeated = set()
+    for index, pose in poses.items():
+        item = raw.poses[index]
+        assert isinstance(item, RawPose)
+        if item.name is None and item.frame is None:
+            continue
+        first = first_by_key.setdefault((item.name and clean(item.name), item.frame, item.time), index)
+        if first != index and _is_same(pose, poses[first]) and _intrinsics(item) == _intrinsics(raw.poses[first]):
+            repeated.add(index)
+    if not repeated:
+        return raw, poses, left_out
+    kept = [index for index in range(len(raw.poses)) if index not in repeated]
+    raw = dataclasses.replace(raw, poses=[raw.poses[index] for index in kept])
+    places = {old: new for new, old in enumerate(kept)}
+    poses = {places[index]: pose for index, pose in poses.items() if index in places}
+    return raw, poses, {places[index]: reason for index, reason in left_out.items()}
+
+
+def _is_same(first: Pose, second: Pose) -> bool:
+    pairs = (first.rotation, second.rotation), (first.tvec, second.tvec)
+    return all(np.allclose(a, b, MAX_REPEATED_ERROR, MAX_REPEATED_ERROR) for a, b in pairs)
+
+
+def _intrinsics(item: RawPose | BadPose) -> Any:
+    """Returns what is equal for two poses with the same intrinsics."""
+    camera = None if isinstance(item, BadPose) else item.camera
+    return (camera.func, camera.args) if isinstance(camera, functools.partial) else camera
 
 
 def _convert(raw: RawPoses, convention: Convention, left_out: dict[int, str]) -> Poses:
@@ -120,6 +158,9 @@ def _report(raw: RawPoses, found: Association, left_out: dict[int, str], is_any:
     """Says how photos were found, and what was left out; it is an error if nothing is left."""
     path, folder = source.path, source.photos.folder
     named = some_of([f"{_label(raw, index)}: {left_out[index][:200]}" for index in sorted(left_out)])
+    reasons = set(left_out.values())
+    if not is_any and len(reasons) == 1 and len(left_out) > 1:
+        named = f"all {len(left_out)}: {reasons.pop()[:200]}"
     if not is_any:
         where = f"is in {folder}" if folder else "has a pose"
         raise InputError(f"{path}: {f'no pose can be used: {named}' if named else f'no photo that it names {where}'}")

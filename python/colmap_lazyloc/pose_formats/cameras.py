@@ -8,6 +8,9 @@ from typing import Any
 from colmap_lazyloc.model import CAMERA_MODELS, Camera
 
 MAX_IMAGE_SIZE = 1 << 20  # pixels; more is a mistake
+# What real cameras have; a photo that is a part of another one has its principal point far from its middle.
+FOCAL_LENGTHS = 0.05, 50.0  # relative to the longer side
+PRINCIPAL_POINTS = 0.02, 0.98  # relative to the width and the height
 COEFFICIENT = re.compile(r"[bkpst]\d|s[xy]\d+|skew|xi")
 PERSPECTIVE = ("OPENCV", "FULL_OPENCV", "PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL", "PERSPECTIVE")
 FISHEYE = ("OPENCV_FISHEYE", "SIMPLE_RADIAL_FISHEYE", "RADIAL_FISHEYE", "FISHEYE", "SIMPLE_FISHEYE")
@@ -99,6 +102,22 @@ def check_camera(camera: Camera) -> None:
         raise ValueError(f"the size is {camera.width} x {camera.height}")
     if not all(map(math.isfinite, camera.params)) or not camera.params[0] > 0:
         raise ValueError("the focal length or the distortion cannot be")
+    if camera.model != "EQUIRECTANGULAR":
+        _check_pinhole(camera)
+
+
+def _check_pinhole(camera: Camera) -> None:
+    """Refuses focal lengths and principal points that are not in pixels of the photo."""
+    has_one = camera.model.startswith("SIMPLE_") or camera.model in ("RADIAL", "RADIAL_FISHEYE")
+    num_focal = 1 if has_one else 2
+    longer = max(camera.width, camera.height)
+    size = f"an image of {camera.width} x {camera.height} pixels"
+    for focal in camera.params[:num_focal]:
+        if not FOCAL_LENGTHS[0] * longer <= focal <= FOCAL_LENGTHS[1] * longer:
+            raise ValueError(f"the focal length is {focal:.6g} pixels for {size}")
+    for name, value, length in zip(("cx", "cy"), camera.params[num_focal:], (camera.width, camera.height)):
+        if not PRINCIPAL_POINTS[0] * length <= value <= PRINCIPAL_POINTS[1] * length:
+            raise ValueError(f"the principal point's {name} is {value:.6g} pixels for {size}")
 
 
 def _focal(values: Mapping[str, Any], axis: str, length: float) -> float | None:
@@ -106,5 +125,9 @@ def _focal(values: Mapping[str, Any], axis: str, length: float) -> float | None:
     for name in (f"fl{axis}", f"f{axis}"):
         if values.get(name) is not None:
             return float(values[name])
-    angle = values.get(f"cameraangle{axis}")
-    return None if angle is None else length / (2 * math.tan(float(angle) / 2))
+    if values.get(f"cameraangle{axis}") is None:
+        return None
+    angle = float(values[f"cameraangle{axis}"])
+    if not 0 < angle < math.pi:
+        raise ValueError(f"camera_angle_{axis} is {angle:.6g}, but must be between 0 and pi: is it in degrees?")
+    return length / (2 * math.tan(angle / 2))

@@ -5,7 +5,8 @@ or to geocentric ones (ECEF) if the reference is geographic or projected.
 """
 
 import xml.etree.ElementTree as ET
-from collections.abc import Mapping
+from collections import Counter
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,6 +37,9 @@ def parse(source: Source) -> RawPoses:
     cameras = {camera.get("id"): camera for camera in chunk.iter("camera")}
     of_chunk = _similarity(chunk.find("transform"))
     of_parts = {part.get("id"): _similarity(part.find("transform")) for part in chunk.findall("components/component")}
+    # Cameras without a transform are not aligned, but for those that a rig's master leads.
+    aligned = [camera for camera in cameras.values() if _is_aligned(camera, cameras)]
+    aligned = _of_one_world(aligned, cameras, of_parts, source)
     intrinsics: dict[str | None, Camera] = {}
 
     def parse_camera(camera: ET.Element) -> RawPose:
@@ -43,12 +47,10 @@ def parse(source: Source) -> RawPoses:
         rotation, centre = matrix_parts(_matrix(camera, sensors, cameras))
         if sensor_id not in intrinsics:
             intrinsics[sensor_id] = source.camera or _camera(sensors[sensor_id])
-        label, part = camera.attrib["label"], camera.get("component_id")
-        similarity = of_parts.get(part) or of_chunk
+        label = camera.attrib["label"]
+        similarity = of_parts.get(_part_of(camera, cameras)) or of_chunk
         return RawPose(rotation, centre, label, camera=intrinsics[sensor_id], similarity=similarity)
 
-    # Cameras without a transform are not aligned, but for those that a rig's master leads.
-    aligned = [camera for camera in cameras.values() if _is_aligned(camera, cameras)]
     poses = each(aligned, parse_camera, lambda camera: camera.get("label"))
     is_on_earth = _has_reference(chunk) and (of_chunk or any(of_parts.values()))
     return RawPoses(poses, Frame(GEOCENTRIC) if is_on_earth else Frame())
@@ -57,6 +59,34 @@ def parse(source: Source) -> RawPoses:
 def _is_aligned(camera: ET.Element, cameras: Mapping[str | None, ET.Element]) -> bool:
     master = cameras.get(camera.get("master_id"))
     return any(one is not None and one.find("transform") is not None for one in (camera, master))
+
+
+def _part_of(camera: ET.Element, cameras: Mapping[str | None, ET.Element]) -> str | None:
+    """Returns the component that a camera belongs to, or that its rig's master does."""
+    master = cameras.get(camera.get("master_id"))
+    own = camera.get("component_id")
+    return own if own is not None or master is None else master.get("component_id")
+
+
+def _of_one_world(
+    aligned: Sequence[ET.Element],
+    cameras: Mapping[str | None, ET.Element],
+    of_parts: Mapping[str | None, Similarity | None],
+    source: Source,
+) -> list[ET.Element]:
+    """Returns the cameras of the components with a transform, or else of the largest: coordinates of one without a
+    transform are its own."""
+    count = Counter(_part_of(camera, cameras) for camera in aligned)
+    if len(count) < 2 or len(count.keys() - {None}) < 2 or all(of_parts.get(part) for part in count):
+        return list(aligned)
+    kept = {part for part in count if of_parts.get(part)} or {max(count, key=lambda part: count[part])}
+    logger.warning(
+        "%s: %d photos of %d other components are left out, because they have no transform to the same coordinates",
+        source.path,
+        sum(number for part, number in count.items() if part not in kept),
+        len(count) - len(kept),
+    )
+    return [camera for camera in aligned if _part_of(camera, cameras) in kept]
 
 
 def _matrix(

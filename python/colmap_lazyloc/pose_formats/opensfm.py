@@ -29,6 +29,8 @@ def parse(source: Source) -> RawPoses:
         path = path.with_name(TOPOCENTRIC)
         logger.info("%s: is projected; %s beside it is read", source.path, TOPOCENTRIC)
     parts = read_json(path)
+    if not parts:
+        raise InputError(f"{path}: has no reconstruction")
     # Take the largest, because parts that are not connected have coordinates of their own.
     largest = max(parts, key=lambda part: len(part["shots"]))
     if len(parts) > 1:

@@ -3,6 +3,7 @@
 import dataclasses
 import functools
 import pathlib
+import re
 from collections.abc import Sequence
 
 from colmap_lazyloc.errors import InputError
@@ -19,6 +20,8 @@ _UNREADABLE = """.avif .avifs .heic .heics .heif .hif .jxl
 .3fr .arw .cr2 .cr3 .crw .dcr .dng .erf .fff .gpr .iiq .kdc .mef .mos .mrw .nef .nrw .orf .pef .raf .raw .rw2 .rwl .sr2
 .srf .srw .x3f
 .apng .dds .eps .exr .hdr .icns .ico .jpf .jpx .jxr .pcd .pcx .pfm .psb .psd .qoi .ras .sgi .svg .xbm .xpm"""
+# Depth images beside colour ones, as 7 Scenes has them: frame-000000.color.png and frame-000000.depth.png.
+_DEPTH, _COLOUR = re.compile(r"([._-])depth(?=\.\w+$)", re.IGNORECASE), ("color", "colour", "rgb")
 IMAGE_SUFFIXES, UNREADABLE_SUFFIXES = tuple(_READABLE.split()), tuple(_UNREADABLE.split())
 
 
@@ -53,9 +56,14 @@ class Photos:
 
     @functools.cached_property
     def names(self) -> list[str]:
-        """The names of the photos below the folder, sorted."""
+        """The names of the photos below the folder, sorted; without depth images beside them."""
         names = [] if self.folder is None else list_images(self.folder, excluded=self.excluded)
-        return [name for name in names if name.startswith(self.prefix)]
+        photos = {name.rpartition(".")[0].lower() for name in names if not _DEPTH.search(name)}
+
+        def is_depth(name: str) -> bool:
+            return any(_DEPTH.sub(rf"\1{word}", name).rpartition(".")[0].lower() in photos for word in _COLOUR)
+
+        return [name for name in names if name.startswith(self.prefix) and not (_DEPTH.search(name) and is_depth(name))]
 
     def size(self, name: str) -> tuple[int, int]:
         """Returns the width and the height of a photo in pixels, as it is stored."""

@@ -1,6 +1,7 @@
 """What the reader of a format returns: the poses as the file has them."""
 
 import dataclasses
+import re
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any, TypeVar
 
@@ -13,6 +14,21 @@ from colmap_lazyloc.pose_formats.frames import NO_FRAME, Frame, Similarity
 
 # What damaged values lead to, in a reader that takes them to be right.
 DAMAGE = (ArithmeticError, AttributeError, LookupError, TypeError, ValueError)
+
+# Values of JSON by the names of their types in Python, and what Python says of wrong ones in the words of a file.
+_KINDS = {"str": "a text", "NoneType": "null", "list": "a list", "dict": "an object", "bool": "true or false"}
+_KINDS |= {"int": "a number", "float": "a number"}
+_WORDS = (
+    (r"could not convert string to float: (.*)", r"expected a number, found \1"),
+    (r"invalid literal for int\(\) with base 10: (.*)", r"expected a whole number, found \1"),
+    (r"(?:setting an array element with a sequence|cannot reshape array).*", "its numbers are not those of a matrix"),
+    (r"cannot convert float (?:NaN|infinity) to integer", "a number is not finite"),
+    (
+        r".*(?:index out of range|out of bounds|not enough values|too many values).*",
+        "it has too few or too many values",
+    ),
+    (r".*\barg(?:ument)? is an empty sequence|max\(\) iterable argument is empty", "it is empty"),
+)
 
 T = TypeVar("T")
 CameraOfSize = Callable[[tuple[int, int]], Camera]  # from the width and height of a photo in pixels
@@ -55,6 +71,8 @@ class RawPoses:
 
 def each(items: Iterable[T], parse: Callable[[T], RawPose], label: Callable[[T], object] | None = None) -> list[Any]:
     """Parses each item; one that is damaged becomes a BadPose, so that it does not end the others."""
+    if items is None or isinstance(items, (str, dict, float, int)):
+        raise ValueError(f"there is {_KINDS.get(type(items).__name__)} instead of a list of poses")
     poses: list[RawPose | BadPose] = []
     for index, item in enumerate(items, start=1):
         try:
@@ -68,7 +86,16 @@ def reason_of(error: Exception) -> str:
     """Returns why an item could not be read; options that are missing or wrong concern all items, and are raised."""
     if isinstance(error, InputError) and str(error).startswith("--"):
         raise error
-    return f"it lacks {error}" if isinstance(error, KeyError) else str(error)
+    if isinstance(error, KeyError):
+        return f"it lacks {error}"
+    text = str(error)
+    if isinstance(error, InputError):
+        return text
+    if isinstance(error, (TypeError, AttributeError)):
+        text = re.sub(r"^(list|str)(ing)? ind.*", r"'\1'", text)  # list indices must be integers
+        kinds = [kind for name in re.findall(r"'(\w+)'", text) if (kind := _KINDS.get(name))]
+        return f"there is {kinds[0]} where another value is expected" if kinds else "a value is of another kind"
+    return next((re.sub(pattern, words, text) for pattern, words in _WORDS if re.fullmatch(pattern, text)), text)
 
 
 def matrix_parts(matrix: Any) -> tuple[Any, Any]:

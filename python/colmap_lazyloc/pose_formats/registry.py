@@ -212,7 +212,10 @@ FORMATS: dict[str, Format] = {
     "tum": _trajectory(
         "Trajectories of SLAM, as TUM has them: timestamp tx ty tz qx qy qz qw",
         trajectories.TUM,
-        lambda f: f.num_numbers == 8 or (f.has("timestamp|time", "x|tx|px", "qw") and not f.has("|".join(table.NAME))),
+        lambda f: (
+            (f.num_numbers == 8 and f.columns[:1] != ["name"])
+            or (f.has("timestamp|time", "x|tx|px", "qw") and not f.has("|".join(table.NAME)))
+        ),
         Convention(TO_WORLD, quaternion="xyzw"),
         "time, or number",
         functools.partial(trajectories.parse, takes_names=False),
@@ -252,17 +255,20 @@ FORMATS: dict[str, Format] = {
 
 
 def _has_names_and(count: int, head: Head) -> bool:
-    """True if the first line is a name and numbers, separated by blanks."""
-    words = head.first_line.rsplit(maxsplit=count)
+    """True if the first line is a name and numbers, separated by blanks, and a header does not say otherwise."""
+    words = head.first_data_line.rsplit(maxsplit=count)
     if len(words) != count + 1 or head.count_numbers(words[1:]) != count:
         return False
-    return head.count_numbers(words[0].split()) == 0 or head.has("name", "qw", "tx")
+    if head.columns:
+        return colmap.is_header_of_poses_txt(head.columns)
+    return head.count_numbers(words[0].split()) == 0
 
 
 def read_posed_images(source: Source, format_name: str | None = None) -> PosedImages:
     """Reads a file of any format; each error is an InputError that names the file."""
     if not source.path.exists():
         raise InputError(f"{source.path}: does not exist")
+    _refuse_empty(source.path)
     form = FORMATS[format_name or find_format(source.path)]
     if source.calibration_path is not None and not form.is_trajectory:
         raise InputError(f"--calibration {source.calibration_path}: is for trajectories; {source.path} has names")
@@ -275,6 +281,16 @@ def read_posed_images(source: Source, format_name: str | None = None) -> PosedIm
             raise
         joint = "" if isinstance(error, InputError) else f"is no file of the format {form.title}: "
         raise InputError(f"{source.path}: {joint}{text}") from None
+
+
+def _refuse_empty(path: pathlib.Path) -> None:
+    """Refuses a file without any content, in which no format is at fault."""
+    try:
+        is_empty = path.is_file() and not Head(path).data.strip()
+    except OSError:
+        return  # the reader says why it cannot be read
+    if is_empty:
+        raise InputError(f"{path}: is empty")
 
 
 def find_format(path: pathlib.Path) -> str:

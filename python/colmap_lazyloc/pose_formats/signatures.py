@@ -5,7 +5,7 @@ import re
 from collections.abc import Callable, Sequence
 
 from colmap_lazyloc.model import is_model
-from colmap_lazyloc.pose_formats.text import separator_of, simple_name, split
+from colmap_lazyloc.pose_formats.text import column_names, header_of, separator_of, simple_name, split
 
 HEAD_BYTES = 1 << 16
 
@@ -30,6 +30,9 @@ class Head:
         # Names of columns stand in a comment, or in the first other line.
         heads = [line for line in lines[:5] if line.startswith("#") or line == self.first_line]
         self.names = {simple_name(word) for line in heads for word in split(line.lstrip("# "), like)}
+        above = lines[: lines.index(self.first_line)] if self.body else lines
+        head, self.first_data_line = header_of(above, self.body)
+        self.columns = [] if head is None else column_names(head)  # the simple names of a header
 
     @property
     def is_model(self) -> bool:
@@ -48,8 +51,9 @@ class Head:
 
     @property
     def is_table(self) -> bool:
-        """True if the first line has a separator of columns, and a name."""
-        return separator_of(self.first_line or self.text[:200]) is not None and self.num_numbers == 0
+        """True if the first line has a separator of columns, and a name; or if there is a header."""
+        has_separator = separator_of(self.first_line or self.text[:200]) is not None
+        return bool(self.columns) or (has_separator and self.num_numbers == 0)
 
     @staticmethod
     def count_numbers(words: Sequence[str]) -> int:
@@ -123,7 +127,10 @@ FOREIGN: Sequence[tuple[str, Callable[[Head], bool], str]] = (
     ("an HDF5 file", lambda f: f.starts(b"\x89HDF"), "write the poses as CSV"),
     (
         "a file of a COLMAP model",
-        lambda f: f.name in ("images.txt", "images.bin", "cameras.txt", "cameras.bin", "points3d.txt", "points3d.bin"),
+        lambda f: (
+            f.name in ("images.txt", "images.bin", "cameras.txt", "cameras.bin", "points3d.txt", "points3d.bin")
+            or f.has("imageid", "cameraid")
+        ),
         "give the folder of the model",
     ),
     ("JSON of an unknown kind", lambda f: f.text[:1] in ("{", "["), f"{_READABLE}: transforms.json, for example"),

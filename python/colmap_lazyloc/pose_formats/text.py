@@ -14,6 +14,11 @@ from colmap_lazyloc.text_files import read_lines
 _PLACEHOLDERS = "nan -nan inf -inf null none n/a na -"  # how programs write that a value is missing
 MISSING = ("", *_PLACEHOLDERS.split())
 
+# Columns of poses, in their simple names: positions, quaternions and angles. A line with as many of them is a header.
+_OF_POSES = re.compile(r"q?[wxyz]|[tpcr][xyz]|rw|lat(itude)?|lon(gitude)?|alt(itude)?|yaw|pitch|roll|omega|phi|kappa")
+MIN_NUM_OF_POSES = 6
+_OF_NAMES = ("name", "imagename", "image", "filename", "file", "photo", "label")
+
 Names = str | Sequence[str]  # of a column: any one of several
 
 
@@ -50,9 +55,13 @@ class Table:
         lines = [line.strip().removeprefix("\ufeff") for line in read_lines(path)]
         body = [(number, line) for number, line in enumerate(lines, 1) if line and not line.startswith("#")]
         heads = [line for line in lines[: body[0][0] if body else None] if line]
-        head = next((line for line in reversed(heads) if _is_header(line)), None)
+        found = [line for line in reversed(heads) if _is_header(line)]
+        head = next((line for line in found if is_header_of_poses(line)), found[0] if found else None)
         like = head if head is not None and separator_of(head) else body[0][1] if body else ""
-        self._rows = [(number, split(line, like)) for number, line in body if line != head]
+        # A comment may have commas where the rows have blanks.
+        first = next((line for _, line in body if line != head), "")
+        like_row = like if separator_of(like) in (None, separator_of(first)) else first
+        self._rows = [(number, split(line, like_row)) for number, line in body if line != head]
         if not self._rows:
             raise InputError(f"{path}: has no rows")
         self.titles = [] if head is None else split(head.lstrip("# "), like)
@@ -150,6 +159,33 @@ def separator_of(line: str) -> str | None:
     return next((separator for separator in (";", ",", "\t") if separator in line), None)
 
 
+def is_header_of_poses(line: str) -> bool:
+    """True for a line with the names of columns of poses, which may be a comment."""
+    return sum(_OF_POSES.fullmatch(name) is not None for name in column_names(line)) >= MIN_NUM_OF_POSES
+
+
+def header_of(comments: Sequence[str], body: Sequence[str]) -> tuple[str | None, str]:
+    """Returns the line that names the columns, if there is one, and the first of the other lines that are no comment.
+
+    It is the first line or a comment above it: one with columns of poses, or else one with as many words as the rows,
+    the first of which is that of a name.
+    """
+    lines = [*comments, *body[:1]]
+    head = next((line for line in reversed(lines) if is_header_of_poses(line)), None)
+    row = next((line for line in body[:2] if line != head), "")
+    if head is None and body:
+        rows = body[1:2] if _is_named(body[0]) else body[:1]
+        count = len(split(rows[0], rows[0])) if rows else 0
+        head = next((line for line in reversed(lines) if _is_named(line) and len(column_names(line)) == count), None)
+        row = rows[0] if head is not None and rows else body[0]
+    return head, row
+
+
+def column_names(line: str) -> list[str]:
+    """Returns the simple names of the columns in a header."""
+    return [simple_name(word) for word in split(line.lstrip("# "), line)]
+
+
 def split(line: str, like: str) -> list[str]:
     """Splits a line at the separator that another line has."""
     separator = separator_of(like)
@@ -170,6 +206,12 @@ def numbers(values: Any, count: int) -> list[float]:
     if len(found) != count:
         raise ValueError(f"there are {len(found)} numbers instead of {count}")
     return found
+
+
+def _is_named(line: str) -> bool:
+    """True for words, the first of which is that of a column with names, and none of which is a number."""
+    names = column_names(line)
+    return names[:1] != [] and names[0] in _OF_NAMES and not any(re.match(r"[-+.\d]", name) for name in names)
 
 
 def _is_header(line: str) -> bool:

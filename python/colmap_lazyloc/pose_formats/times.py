@@ -6,7 +6,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from colmap_lazyloc.pose_formats.naming import Names
+from colmap_lazyloc.errors import logger
+from colmap_lazyloc.pose_formats.naming import Names, natural_key
 from colmap_lazyloc.pose_formats.posed_images import Source
 from colmap_lazyloc.text_files import read_entries
 
@@ -86,8 +87,18 @@ def _read_list(path: pathlib.Path, source: Source) -> dict[str, float]:
     rows = [line.replace(",", " ").split() for _, line in read_entries(path)]
     try:
         if all(len(row) == 1 for row in rows):
-            same = len(rows) == len(source.photos.names)
-            return {name: float(row[0]) for name, row in zip(source.photos.names, rows)} if same else {}
+            values = [float(row[0]) for row in rows]
+            photos = sorted(source.photos.names, key=natural_key)
+            if len(values) != len(photos):
+                logger.warning(
+                    "%s: is not used, because it has %d times for %d photos in %s",
+                    path,
+                    len(values),
+                    len(photos),
+                    source.photos.folder,
+                )
+                return {}
+            return dict(zip(photos, values))
         rows = [row for row in rows if len(row) == 2]
         time = 0 if all(_is_number(row[0]) for row in rows) else 1
         times = {row[1 - time]: float(row[time]) for row in rows}

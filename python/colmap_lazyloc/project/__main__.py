@@ -154,7 +154,8 @@ def _check_poses(project: steps.Project, options: argparse.Namespace, posed: Pos
     poses = [(image.name, image.camera.text(), image.cam_from_world.text()) for image in posed.images]
     key = fingerprint(photos, poses, options.accept_poses)
     if project.steps.begin("check", key):
-        check_photos(posed, project.folder.images, f"--poses {options.poses}", options.accept_poses)
+        folder, label = project.folder, f"--poses {options.poses}"
+        check_photos(posed, folder.images, label, options.accept_poses, folder.masks)
         project.steps.finish("check", key)
 
 

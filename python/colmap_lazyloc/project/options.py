@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from colmap_lazyloc.agreement.check import add_accept_option
 from colmap_lazyloc.errors import InputError, logger, positive_int
-from colmap_lazyloc.import_poses import CONVENTION_OPTIONS, add_source_options, make_source
+from colmap_lazyloc.import_poses import CONVENTION_OPTIONS, add_source_options, join_values, make_source
 from colmap_lazyloc.model import Camera
 from colmap_lazyloc.pose_formats.registry import FORMATS
 from colmap_lazyloc.project.folder import DATABASE, QUERY, Folder
@@ -36,7 +36,7 @@ def parse_arguments(description: str | None, arguments: Sequence[str] | None) ->
     add_source_options(of_poses)
     add_accept_option(of_poses)
     _add_more(parser)
-    options, words = parser.parse_known_args(arguments)
+    options, words = parser.parse_known_args(join_values(arguments))
     is_value = False  # of an option
     for word in words:
         name = word.removeprefix("--").split("=")[0]
