@@ -3,14 +3,17 @@
 import json
 import shutil
 
+import cv2
 import numpy as np
 import pytest
 
 import photo_scene
 from benchmarks.corrupted_poses import CORRUPTIONS, explain_scene, judge, read_scene
 from colmap_lazyloc.__main__ import main
+from colmap_lazyloc.agreement.photo_pairs import pairs_of_photos
 from colmap_lazyloc.model import Camera, Image, read_model, write_model
 from colmap_lazyloc.pose_formats.conventions import CAMERA_AXES
+from colmap_lazyloc.pose_formats.posed_images import PosedImage
 from conftest import DATA_PATH
 
 SCENES = ("herzjesu", "skull", "headset")
@@ -53,6 +56,18 @@ def test_import_accepts_wrong_poses_if_asked_to(photos, tmp_path, capsys):
     assert import_poses(photos, path, "--accept_poses") == 0
     assert "the poses do not fit the photos" in capsys.readouterr().err
     assert (tmp_path / "model").exists()
+
+
+def test_masks_hide_features(photos, tmp_path):
+    model = photo_scene.CAMERA
+    camera = Camera(model.model, model.width, model.height, tuple(model.params))
+    images = [PosedImage(name, camera, photos.poses[name]) for name in photos.database_names]
+    assert len(pairs_of_photos(photos.image_path, images, tmp_path)) > 6  # there are no masks
+    for name in photos.database_names[1:]:
+        path = tmp_path / f"{name}.png"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        cv2.imwrite(str(path), np.zeros((camera.height, camera.width), np.uint8))
+    assert pairs_of_photos(photos.image_path, images, tmp_path) == []
 
 
 def test_run_stops_before_anything_is_made(photos, colmap, monkeypatch, tmp_path, capsys):

@@ -98,7 +98,7 @@ def _extract(path: pathlib.Path, image: PosedImage, mask_path: pathlib.Path | No
     if factor < 1:
         photo = cv2.resize(photo, None, fx=factor, fy=factor, interpolation=cv2.INTER_AREA)
     keypoints, descriptors = cv2.SIFT.create(MAX_NUM_FEATURES).detectAndCompute(photo, np.empty(0, np.uint8))
-    if descriptors is None or len(keypoints) < MIN_NUM_MATCHES:
+    if descriptors is None:
         return None
     xy = np.array(cv2.KeyPoint.convert(keypoints), float)
     mask = None if mask_path is None else _read(mask_path, 0)
@@ -106,6 +106,8 @@ def _extract(path: pathlib.Path, image: PosedImage, mask_path: pathlib.Path | No
         columns, rows = (xy * [mask.shape[1] / photo.shape[1], mask.shape[0] / photo.shape[0]]).astype(int).T
         is_wanted = mask[rows, columns] > 0
         xy, descriptors = xy[is_wanted], descriptors[is_wanted]
+    if len(xy) < MIN_NUM_MATCHES:
+        return None
     # In COLMAP's pixels, centres are at 0.5, in OpenCV's at 0.
     scales = [camera.width / photo.shape[1], camera.height / photo.shape[0]]
     # Of square roots, the product says how alike two descriptors are; it is 1 of the same ones.
