@@ -157,12 +157,12 @@ class DatabaseReader:
         """Returns the number of verified matches of two images."""
         return self._num_inliers.get(self._pair_id(name1, name2), 0)
 
-    def matched_pairs(self, min_num_inliers: int) -> list[tuple[str, str, int]]:
-        """Returns the names of matched images, and the numbers of their verified matches, of at least a number."""
+    def matched_pairs(self, min_num_inliers: int) -> list[tuple[str, str]]:
+        """Returns the names of the images of pairs with at least a number of verified matches."""
         names = {image_id: name for name, image_id in self.image_ids.items()}
         rows = ((*divmod(pair, MAX_NUM_IMAGES), count) for pair, count in self._num_inliers.items())
         return [
-            (names[first], names[second], count)
+            (names[first], names[second])
             for first, second, count in rows
             if count >= min_num_inliers and first in names and second in names
         ]

@@ -50,6 +50,11 @@ class Fit:
         return int(np.count_nonzero(self.px <= AGREEING_PX))
 
     @property
+    def disagrees(self) -> Array:
+        """Which pairs are far enough off to need an explanation, by their matches or their rotations."""
+        return (self.px > MOVED_PX) | (self.rotation_deg > MOVED_DEG)
+
+    @property
     def agrees(self) -> bool:
         """True if half of the pairs that have poses agree."""
         return 2 * self.num_agreeing >= np.count_nonzero(np.isfinite(self.px)) > 0
@@ -132,6 +137,8 @@ def explain(
 
 def _find_reading(evidence: _Evidence, given: Fit, readings: Sequence[Reading]) -> tuple[Reading | None, Fit | None]:
     """Returns the reading that explains the pairs and how it fits them, if there is one."""
+    if np.count_nonzero(given.disagrees) < MIN_NUM_MENDED and float(np.median(given.px)) <= MOVED_PX:
+        return None, None  # nothing that a reading could mend or improve
     turned = np.array([np.nanmedian(evidence.rotation_errors_deg(evidence.read(reading))) for reading in readings])
     likely = [readings[index] for index in np.flatnonzero(turned <= CLEARLY * turned.min() + MAX_TURN_DEG)]
     quick = evidence.quick()
@@ -205,14 +212,13 @@ def _mends(fit: Fit, given: Fit) -> bool:
     """True if a reading mends most of the pairs that disagree, by their matches or their rotations, and spoils hardly
     any."""
     known = np.isfinite(fit.px)
-    disagrees, mended, spoilt = np.zeros((3, len(known)), bool)
+    mended, spoilt = np.zeros((2, len(known)), bool)
     for new, old, small in ((fit.px, given.px, MOVED_PX), (fit.rotation_deg, given.rotation_deg, MOVED_DEG)):
-        disagrees |= known & (old > small)
         mended |= known & (old > small) & (new * CLEARLY < old)
         spoilt |= known & (new > small * CLEARLY) & (new > old * CLEARLY)
     num_mended, num_known = np.count_nonzero(mended & ~spoilt), np.count_nonzero(known)
     return bool(
-        num_mended >= MIN_MENDED_SHARE * np.count_nonzero(disagrees)
+        num_mended >= MIN_MENDED_SHARE * np.count_nonzero(known & given.disagrees)
         and num_mended >= max(MIN_NUM_MENDED, MIN_MENDED_OF_ALL * num_known)
         and np.count_nonzero(spoilt) <= MAX_SPOILT_SHARE * num_known
     )

@@ -63,6 +63,7 @@ def rays_of(camera: Camera, points: Array) -> Array:
     return rays
 
 
+@functools.cache  # for each pair of a few cameras
 def focal_length_px(camera: Camera) -> float:
     """Returns the mean focal length; that of a camera without one is its pixels per radian in the middle."""
     centre = np.array([camera.width / 2, camera.height / 2])
@@ -78,7 +79,7 @@ def pairs_of_database(
     index = {image.name: position for position, image in enumerate(images)}
     matched = sorted(
         (min(index[first], index[second]), max(index[first], index[second]))
-        for first, second, _ in database.matched_pairs(MIN_NUM_MATCHES)
+        for first, second in database.matched_pairs(MIN_NUM_MATCHES)
         if first in index and second in index
     )
     centres = np.array([image.cam_from_world.cam_in_world for image in images]).reshape(-1, 3)

@@ -130,25 +130,26 @@ def _by_order(indices: Sequence[int], source: Source, how: str) -> Association:
 def _photo_numbers(photos: Photos) -> dict[str, int]:
     """Returns the numbers in the names of photos; refuses photos with the same number."""
     numbers = {name: int(text) for name in photos.names if (text := last_number(name) or "").isdecimal()}
-    names: dict[int, str] = {}
-    for name, number in numbers.items():
-        if names.setdefault(number, name) != name:
-            raise InputError(
-                f"--image_path {photos.folder}: {names[number]} and {name} have the same number, but the poses are "
-                "those of one camera: give the folder of its photos"
-            )
+    _refuse_twins(numbers, photos, "number, but the poses are those of one camera: give the folder of its photos")
     return numbers
 
 
 def _check_one_camera(times: Mapping[str, float], source: Source) -> None:
     """Refuses photos of two cameras at the same time, because all photos get the poses of one."""
+    _refuse_twins(
+        times,
+        source.photos,
+        "time, but the trajectory is that of one camera: give the folder of its photos, or the rig (lazyloc import "
+        "--rig_config_path)",
+    )
+
+
+def _refuse_twins(values: Mapping[str, float], photos: Photos, text: str) -> None:
+    """Refuses photos with the same value; `text`: what it is, and what to do."""
     names: dict[float, str] = {}
-    for name, time in times.items():
-        if names.setdefault(time, name) != name:
-            raise InputError(
-                f"--image_path {source.photos.folder}: {names[time]} and {name} have the same time, but the trajectory "
-                "is that of one camera: give the folder of its photos, or the rig (lazyloc import --rig_config_path)"
-            )
+    for name, value in values.items():
+        if names.setdefault(value, name) != name:
+            raise InputError(f"--image_path {photos.folder}: {names[value]} and {name} have the same {text}")
 
 
 def _counts(text: str) -> bool:

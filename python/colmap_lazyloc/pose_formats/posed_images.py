@@ -69,14 +69,10 @@ class Photos:
         """Returns the width and the height of a photo in pixels, as it is stored."""
         if self.folder is None:
             raise InputError("--image_path is needed, because the file does not say how large the photos are")
-        import PIL.Image
-
-        path = self.folder / name
-        try:
-            with PIL.Image.open(path) as photo:
-                return photo.size
-        except (OSError, ValueError, PIL.Image.DecompressionBombError):
-            raise InputError(f"{path}: is not a photo that can be read") from None
+        size = photo_size(self.folder / name)
+        if size is None:
+            raise InputError(f"{self.folder / name}: is not a photo that can be read")
+        return size
 
 
 @dataclasses.dataclass(frozen=True)
@@ -93,6 +89,17 @@ class Source:
     pose_direction: str | None = None
     camera_axes: str | None = None
     quaternion_order: str | None = None
+
+
+def photo_size(path: pathlib.Path) -> tuple[int, int] | None:
+    """Returns the width and height of a photo in pixels, as it is stored; None if it cannot be read."""
+    import PIL.Image
+
+    try:
+        with PIL.Image.open(path) as photo:
+            return photo.size
+    except (OSError, ValueError, PIL.Image.DecompressionBombError):
+        return None
 
 
 def list_images(

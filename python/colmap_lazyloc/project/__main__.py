@@ -22,7 +22,7 @@ from colmap_lazyloc.extras import install_command, is_installed
 from colmap_lazyloc.import_poses import make_source
 from colmap_lazyloc.model import Camera
 from colmap_lazyloc.panoramas import REFERENCE, face_cameras, read_face_poses
-from colmap_lazyloc.pose_formats.posed_images import Photos, PosedImages
+from colmap_lazyloc.pose_formats.posed_images import Photos, PosedImages, photo_size
 from colmap_lazyloc.pose_formats.registry import read_posed_images
 from colmap_lazyloc.project import steps
 from colmap_lazyloc.project.colmap_runner import ColmapRunner
@@ -38,7 +38,7 @@ from colmap_lazyloc.project.options import (
     split,
 )
 from colmap_lazyloc.project.panoramas import cut_panoramas, write_project_rig
-from colmap_lazyloc.project.photos import contents, find_photos, link_masks, link_photos, photo_size
+from colmap_lazyloc.project.photos import contents, find_photos, link_masks, link_photos
 from colmap_lazyloc.results import pose_of, read_results
 
 MAX_NUM_LINES = 20  # of queries that are printed

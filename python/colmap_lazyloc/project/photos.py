@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 
 from colmap_lazyloc.errors import InputError, logger
 from colmap_lazyloc.model import Camera
-from colmap_lazyloc.pose_formats.posed_images import IMAGE_SUFFIXES, UNREADABLE_SUFFIXES, list_images
+from colmap_lazyloc.pose_formats.posed_images import IMAGE_SUFFIXES, UNREADABLE_SUFFIXES, list_images, photo_size
 from colmap_lazyloc.project.folder import Folder, content, fingerprint, remove
 
 # Characters that COLMAP's lists and databases cannot hold: blanks, control characters, bytes that are not UTF-8, and
@@ -83,17 +83,6 @@ def _replace_links(folder: pathlib.Path, role: str, targets: Mapping[str, pathli
 def contents(folder: Folder, names: Iterable[str]) -> dict[str, str]:
     """Returns hashes by name of what images and their masks hold."""
     return {name: fingerprint(content(folder.images / name), content(folder.masks / f"{name}.png")) for name in names}
-
-
-def photo_size(path: pathlib.Path) -> tuple[int, int] | None:
-    """Returns the width and height of a photo in pixels; None if it cannot be read."""
-    import PIL.Image
-
-    try:
-        with PIL.Image.open(path) as photo:
-            return photo.size
-    except (OSError, ValueError, PIL.Image.DecompressionBombError):
-        return None
 
 
 def has_bad_mask(folder: Folder, name: str) -> bool:
