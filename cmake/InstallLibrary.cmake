@@ -2,7 +2,7 @@
 # headers and a CMake package only if COLMAP is an installed one, because that package depends on COLMAP's package.
 set(LAZYLOC_LIBRARY_FOLDERS
   math scene bridge two_view rotation translation structure refinement ablation
-  group noise uncertainty starts depths intrinsics priors pipeline)
+  group noise uncertainty initialization depths intrinsics priors pipeline)
 list(TRANSFORM LAZYLOC_LIBRARY_FOLDERS PREPEND lazyloc_ OUTPUT_VARIABLE library_targets)
 
 add_library(colmap_lazyloc INTERFACE)

@@ -16,11 +16,16 @@ function(lazyloc_set_properties target)
   endif()
 endfunction()
 
-# Makes the library of a folder, for example: lazyloc_library(rotation SOURCES a.cc b.cc LINK lazyloc_math)
+# Makes the library of a folder, for example: lazyloc_library(rotation LINK lazyloc_math). Its sources are all of the
+# folder, and those in SOURCES, but neither tests nor those in EXCEPT.
 function(lazyloc_library folder)
-  cmake_parse_arguments(ARG "" "" "SOURCES;LINK" ${ARGN})
-  list(TRANSFORM ARG_SOURCES PREPEND "${folder}/")
-  add_library(lazyloc_${folder} STATIC ${ARG_SOURCES})
+  cmake_parse_arguments(ARG "" "" "SOURCES;EXCEPT;LINK" ${ARGN})
+  file(GLOB sources CONFIGURE_DEPENDS RELATIVE "${CMAKE_CURRENT_SOURCE_DIR}/${folder}" "${folder}/*.cc")
+  list(FILTER sources EXCLUDE REGEX "_test\\.cc$")
+  list(REMOVE_ITEM sources "" ${ARG_EXCEPT})
+  list(APPEND sources ${ARG_SOURCES})
+  list(TRANSFORM sources PREPEND "${folder}/")
+  add_library(lazyloc_${folder} STATIC ${sources})
   target_link_libraries(lazyloc_${folder} PUBLIC ${ARG_LINK} Eigen3::Eigen)
   lazyloc_set_properties(lazyloc_${folder})
   # Lets the Python module contain the library without exporting its symbols.
@@ -28,15 +33,15 @@ function(lazyloc_library folder)
     POSITION_INDEPENDENT_CODE ON CXX_VISIBILITY_PRESET hidden VISIBILITY_INLINES_HIDDEN ON)
 endfunction()
 
-# Makes the test program of a folder, for example: lazyloc_tests(rotation SOURCES a_test.cc LINK lazyloc_testing). The
-# name of a test in ctest is rotation/Suite.Name.
+# Makes the test program of a folder, for example: lazyloc_tests(rotation LINK lazyloc_testing). Its sources are all
+# tests of the folder. The name of a test in ctest is rotation/Suite.Name.
 function(lazyloc_tests folder)
   if(NOT LAZYLOC_TESTS)
     return()
   endif()
-  cmake_parse_arguments(ARG "" "" "SOURCES;LINK" ${ARGN})
-  list(TRANSFORM ARG_SOURCES PREPEND "${folder}/")
-  add_executable(lazyloc_${folder}_test ${ARG_SOURCES})
+  cmake_parse_arguments(ARG "" "" "LINK" ${ARGN})
+  file(GLOB sources CONFIGURE_DEPENDS "${folder}/*_test.cc")
+  add_executable(lazyloc_${folder}_test ${sources})
   target_link_libraries(lazyloc_${folder}_test PRIVATE lazyloc_${folder} ${ARG_LINK} GTest::gmock_main)
   lazyloc_set_properties(lazyloc_${folder}_test)
   gtest_discover_tests(lazyloc_${folder}_test TEST_PREFIX "${folder}/" DISCOVERY_TIMEOUT 60)

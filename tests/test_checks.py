@@ -57,7 +57,7 @@ def function(num_lines, head="int Sum()"):
         ("noise/a.cc", "uncertainty/b.h", False),
         ("pipeline/a.cc", "loading/b.h", False),
         ("pipeline/a.cc", "files/b.h", False),
-        ("matching/a.cc", "files/b.h", True),
+        ("features/a.cc", "files/b.h", True),
         ("pipeline/a.cc", "cli/b.h", False),
         ("loading/a.cc", "cli/b.h", False),
         ("queries/a.cc", "loading/b.h", False),

@@ -11,6 +11,7 @@
 
 #include <benchmark/benchmark.h>
 
+#include "colmap_lazyloc/formats/model_reader.h"
 #include "colmap_lazyloc/loading/query_source.h"
 #include "colmap_lazyloc/pipeline/lazy_localizer.h"
 #include "colmap_lazyloc/testing/synthetic_scene.h"
@@ -64,12 +65,13 @@ void RegisterQueryBenchmark(const std::filesystem::path& scene_path) {
   options.database_path = scene_path / "database.db";
   options.input_path = scene_path / "model";
   options.selection.leave_one_out = true;
-  const QuerySource source(options, {}, /*seed=*/0, /*num_threads=*/1);
+  const QuerySource source(options, ReadModel(options.input_path), /*seed=*/0, /*num_threads=*/1);
   IdleThreads idle_threads(0);
   QuerySource::Session session(source, &idle_threads);
   const auto problems = std::make_shared<Problems>();
   for (size_t group = 0; group < source.NumGroups(); ++group) {
-    for (QueryImage& image : source.Load(group, &session).group.images) problems->push_back(std::move(image.problem));
+    LoadedGroup loaded = source.Load(source.Group(group), source.FirstAttempt(), nullptr, &session);
+    for (QueryImage& image : loaded.group.images) problems->push_back(std::move(image.problem));
   }
   const std::string label =
       "BM_LocalizeQueries/" + scene_path.filename().string() + "/queries:" + std::to_string(problems->size());

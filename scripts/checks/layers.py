@@ -10,8 +10,8 @@ INCLUDE = re.compile(r'^\s*#\s*include\s*(?:"|<)(?P<path>[^">]+)', re.MULTILINE)
 TYPES = {"math", "scene"}  # plain types and pure functions, which every folder may include
 STAGES = {"two_view", "rotation", "translation", "structure", "refinement"}
 METHOD = TYPES | STAGES | {"bridge", "ablation"}  # what all parts of the method may include
-PARTS = {"group", "noise", "uncertainty", "starts", "depths", "intrinsics", "priors"}  # of the method, for pipeline/
-FILES = {"files", "database", "learned", "matching", "formats", "queries", "loading", "runs", "results"}
+PARTS = {"group", "noise", "uncertainty", "initialization", "depths", "intrinsics", "priors"}  # of the method, for pipeline/
+FILES = {"files", "database", "onnx", "features", "formats", "queries", "loading", "runs", "results"}
 
 # The other folders that a folder's files may include, all of them above it in this table, so that data flows one way.
 # Stages hand values to each other and never include one another.
@@ -21,8 +21,8 @@ MAY_INCLUDE = {
     "files": TYPES,  # reads and writes files of any kind
     "database": TYPES,
     "bridge": TYPES,
-    "learned": TYPES | {"bridge"},  # reads photos
-    "matching": TYPES | {"files", "bridge", "learned", "database"},
+    "onnx": TYPES,
+    "features": TYPES | {"files", "bridge", "onnx", "database"},  # of photos
     "two_view": TYPES | {"bridge"},  # COLMAP's two-view geometry
     "rotation": TYPES,
     "translation": TYPES,
@@ -33,19 +33,22 @@ MAY_INCLUDE = {
     "group": METHOD,
     "noise": METHOD | {"group"},
     "uncertainty": METHOD | {"group", "noise"},
-    "starts": METHOD | {"group", "uncertainty"},
+    "initialization": METHOD | {"group", "uncertainty"},
     "depths": METHOD | {"group"},
-    "intrinsics": METHOD | {"group", "noise", "starts", "uncertainty"},
+    "intrinsics": METHOD | {"group", "noise", "initialization", "uncertainty"},
     "priors": METHOD | {"group", "noise", "intrinsics", "uncertainty"},
     "pipeline": METHOD | PARTS,
     # Queries from files and the database, and what is written of them:
     "formats": TYPES | {"files", "bridge"},
     "queries": TYPES | {"files", "bridge", "database", "formats"},
-    "loading": TYPES | {"files", "bridge", "learned", "database", "matching", "formats", "queries"},
+    "loading": TYPES | {"files", "bridge", "database", "features", "formats", "queries"},
     "runs": TYPES | {"files", "queries"},
     "results": TYPES | {"files", "bridge", "database", "formats", "runs"},
-    "cli": TYPES | FILES | {"bridge", "group", "noise", "pipeline"},
-    "python": TYPES | FILES | {"bridge", "pipeline", "cli"},  # the extension module of the Python package
+    # The doors:
+    "localizer": TYPES | {"group", "noise", "pipeline", "loading"},  # what happens to a query
+    "options": TYPES | {"bridge", "group", "features", "formats", "loading", "runs"},
+    "cli": TYPES | FILES | {"bridge", "localizer", "options"},
+    "python": TYPES | FILES | {"bridge", "localizer", "options", "cli"},  # runs the commands, too
     "testing": TYPES | {"bridge", "database", "structure", "refinement", "group"},
 }
 # Only bridge/ may include COLMAP, because differences between its versions must stay in one place.

@@ -3,9 +3,9 @@
 #include <iostream>
 
 #include "colmap_lazyloc/cli/commands.h"
-#include "colmap_lazyloc/cli/options.h"
 #include "colmap_lazyloc/cli/run_command.h"
-#include "colmap_lazyloc/matching/retrieval_index.h"
+#include "colmap_lazyloc/features/retrieval_index.h"
+#include "colmap_lazyloc/options/options.h"
 #include "colmap_lazyloc/scene/errors.h"
 
 namespace lazyloc {

@@ -2,18 +2,19 @@
 #include <csignal>
 #include <cstdlib>
 #include <iostream>
+#include <mutex>
 #include <optional>
 #include <utility>
 #include <vector>
 
 #include "colmap_lazyloc/cli/commands.h"
-#include "colmap_lazyloc/cli/options.h"
 #include "colmap_lazyloc/cli/progress.h"
-#include "colmap_lazyloc/cli/query_runner.h"
 #include "colmap_lazyloc/cli/report_command.h"
 #include "colmap_lazyloc/cli/run_command.h"
 #include "colmap_lazyloc/cli/run_results.h"
 #include "colmap_lazyloc/formats/model_reader.h"
+#include "colmap_lazyloc/localizer/localizer.h"
+#include "colmap_lazyloc/options/options.h"
 #include "colmap_lazyloc/results/leave_one_out.h"
 #include "colmap_lazyloc/runs/unfinished_run.h"
 
@@ -58,18 +59,23 @@ bool IsFinishedShard(const CommandOptions& options, const RunManifest& manifest)
   return true;
 }
 
-// Localizes the queries that are not done. Ends early if it is interrupted.
-void LocalizeRest(const QuerySource& source, std::vector<size_t> groups, const CommandOptions& options,
-                  UnfinishedRun* run, Progress* progress) {
+// Localizes the queries that are not done, one group per task. Begins no new group if it is interrupted.
+void LocalizeRest(const Localizer& localizer, std::vector<size_t> groups, IdleThreads* idle_threads, UnfinishedRun* run,
+                  Progress* progress) {
+  const QuerySource& source = *localizer.Source();
   groups.erase(std::remove_if(groups.begin(), groups.end(), [&](size_t group) { return run->IsDone(group); }),
                groups.end());
   interrupted = 0;
   HandleInterruptsBy(HandleInterrupt);
-  const auto finish = [&](size_t group, const std::vector<QueryRecord>& records) {
-    run->Append(group, records);
+  std::mutex finish_mutex;
+  const auto localize = [&](size_t index) {
+    if (interrupted != 0) return;
+    const std::vector<QueryRecord> records = localizer.Localize(source.Group(groups[index]));
+    const std::lock_guard<std::mutex> lock(finish_mutex);
+    run->Append(groups[index], records);
     for (const QueryRecord& record : records) progress->Report(record);
   };
-  RunQueries(source, groups, options, finish, [] { return interrupted != 0; });
+  ParallelFor(groups.size(), localize, idle_threads);
   run->Sync();
   if (source.Depths() == nullptr) return;
   for (const std::string& problem : source.Depths()->Problems()) PrintWarning(problem);
@@ -82,7 +88,9 @@ int Run(const std::string& own_path, const CommandOptions& options) {
   ResultWriter writer(options.output_path);
   Model model = ReadModel(options.source.input_path);
   const Fingerprint model_fingerprint = FingerprintOf(model);
-  const QuerySource source = MakeQuerySource(options, std::move(model));
+  IdleThreads idle_threads(EffectiveNumThreads(options.num_threads) - 1);
+  const Localizer localizer(options.source, options.localizer, std::move(model), options.num_threads, &idle_threads);
+  const QuerySource& source = *localizer.Source();
   for (const std::string& warning : source.Warnings()) PrintWarning(warning);
   KeepFreedMemory();
   const std::vector<size_t> groups = GroupsOfShard(source, ParseShard(options.shard));
@@ -93,7 +101,7 @@ int Run(const std::string& own_path, const CommandOptions& options) {
   const RunSize size = {manifest.num_own_queries, run.NumQueriesDone(),
                         manifest.num_queries - manifest.num_own_queries};
   Progress progress(size, options.log_path, options.resume);
-  LocalizeRest(source, groups, options, &run, &progress);
+  LocalizeRest(localizer, groups, &idle_threads, &run, &progress);
 
   const QueryRecords records({run.RecordsPath()});
   const auto leave_one_out =

@@ -5,12 +5,12 @@
 #include <utility>
 
 #include "colmap_lazyloc/cli/commands.h"
-#include "colmap_lazyloc/cli/options.h"
 #include "colmap_lazyloc/cli/progress.h"
 #include "colmap_lazyloc/cli/report_command.h"
 #include "colmap_lazyloc/cli/run_command.h"
 #include "colmap_lazyloc/cli/run_results.h"
 #include "colmap_lazyloc/formats/model_reader.h"
+#include "colmap_lazyloc/options/options.h"
 #include "colmap_lazyloc/results/leave_one_out.h"
 #include "colmap_lazyloc/runs/shard_folders.h"
 #include "colmap_lazyloc/scene/errors.h"

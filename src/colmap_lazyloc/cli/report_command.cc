@@ -7,7 +7,6 @@
 #include <iostream>
 #include <sstream>
 
-#include "colmap_lazyloc/bridge/colmap_program.h"
 
 namespace lazyloc {
 namespace {
@@ -62,7 +61,5 @@ std::string ReportCommand(const std::string& lazyloc, const CommandOptions& opti
   command += " --database_path " + ShellWord(options.source.database_path);
   return command + " --output " + ShellWord(page.string());
 }
-
-std::string ProgramVersion() { return "colmap_lazyloc " LAZYLOC_VERSION ", " + ColmapVersion(); }
 
 }  // namespace lazyloc

@@ -2,7 +2,7 @@
 
 #include <string>
 
-#include "colmap_lazyloc/cli/options.h"
+#include "colmap_lazyloc/options/options.h"
 
 namespace lazyloc {
 
@@ -16,8 +16,5 @@ std::string FindLazyloc(const std::string& own_path);
 
 // Returns the shell command that makes a report page of a finished run. lazyloc: FindLazyloc.
 std::string ReportCommand(const std::string& lazyloc, const CommandOptions& options);
-
-// Returns the versions of this program and of COLMAP, for example "colmap_lazyloc 0.1.0, COLMAP 3.10".
-std::string ProgramVersion();
 
 }  // namespace lazyloc

@@ -5,8 +5,8 @@
 #include <string>
 #include <vector>
 
-#include "colmap_lazyloc/cli/options.h"
 #include "colmap_lazyloc/loading/query_source.h"
+#include "colmap_lazyloc/options/options.h"
 #include "colmap_lazyloc/results/leave_one_out.h"
 #include "colmap_lazyloc/results/result_writer.h"
 #include "colmap_lazyloc/runs/query_records.h"

@@ -2,10 +2,12 @@
 
 #include <algorithm>
 #include <cstdint>
+#include <cstdio>
 #include <filesystem>
 #include <fstream>
 #include <string>
 #include <string_view>
+#include <system_error>
 
 #include <zlib.h>
 
@@ -28,6 +30,15 @@ inline uint32_t Crc32OfFile(const std::filesystem::path& path, uint64_t num_byte
     num_bytes -= num_read;
   }
   return crc;
+}
+
+// Returns the size and the checksum of a file as text.
+inline std::string FileContent(const std::filesystem::path& path) {
+  std::error_code ignored;
+  char text[64];
+  std::snprintf(text, sizeof(text), "%ju bytes %08x", static_cast<uintmax_t>(std::filesystem::file_size(path, ignored)),
+                Crc32OfFile(path));
+  return text;
 }
 
 // Returns the FNV-1a hash. Millions of names have different ones, which 32 bits would not give.

@@ -61,8 +61,6 @@ inline constexpr int kMinNumTracks = 6;
 // Options of the method. The command's help and options.ini are generated from these defaults.
 struct LocalizerOptions {
   int seed = 0;  // of all random choices: the same seed gives the same result
-  // Maximum number of database images per query; those with most verified inliers are used. 0: no limit.
-  int max_num_pairs = 0;
   RotationAveragingMethod rotation_averaging = RotationAveragingMethod::L1_IRLS;
   TranslationAveragingMethod translation_averaging = TranslationAveragingMethod::ANGULAR;
   TrackTriangulationOptions triangulation;

@@ -122,7 +122,7 @@ PairEstimates EstimatePairs(const QueryGroup& group, const Layout& layout, bool 
       for (size_t i = 0; i < pairs.size(); ++i) {
         estimates.num_inliers.back().push_back(verify(query, layout.image_of_pair[query][i], pairs[i], &of_query));
       }
-      of_query = BestPairs(std::move(of_query), static_cast<size_t>(options.max_num_pairs));
+      of_query = BestPairs(std::move(of_query), static_cast<size_t>(group.images[query].problem.max_num_pairs));
       std::move(of_query.begin(), of_query.end(), std::back_inserter(verified));
     }
     for (const QueryPair& pair : group.query_pairs) verify(pair.query, pair.other, pair.images, &verified);

@@ -45,12 +45,12 @@ std::vector<int> OthersOf(const PairEstimates& estimates) {
 TEST(EstimatePairs, KeepsThePairsWithMostInliersInTheirOrder) {
   SyntheticGroup scene = MakeGroup(1, 6, false);
   SetNumInliers({40, 100, 60, 100, 60, 5}, &scene.group.images[0].problem);
-  LocalizerOptions options;
-  options.max_num_pairs = 3;
+  const LocalizerOptions options;
+  scene.group.images[0].problem.max_num_pairs = 3;
   const PairEstimates estimates = Estimate(scene.group, options);
   EXPECT_THAT(OthersOf(estimates), ElementsAre(2, 3, 4));  // image 0 is the query; the first of equal pairs is kept
   EXPECT_THAT(estimates.num_inliers, ElementsAre(ElementsAre(40, 100, 60, 100, 60, 0)));
-  options.max_num_pairs = 0;
+  scene.group.images[0].problem.max_num_pairs = 0;
   EXPECT_THAT(OthersOf(Estimate(scene.group, options)), ElementsAre(1, 2, 3, 4, 5));
 }
 

@@ -7,9 +7,9 @@
 
 #include "colmap_lazyloc/bridge/camera_models.h"
 #include "colmap_lazyloc/group/failure.h"
+#include "colmap_lazyloc/initialization/start_selection.h"
 #include "colmap_lazyloc/math/seed.h"
 #include "colmap_lazyloc/scene/refs.h"
-#include "colmap_lazyloc/starts/start_selection.h"
 
 namespace lazyloc {
 namespace {

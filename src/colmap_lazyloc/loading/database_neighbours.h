@@ -7,7 +7,7 @@
 
 #include "colmap_lazyloc/database/database_reader.h"
 #include "colmap_lazyloc/database/lru_cache.h"
-#include "colmap_lazyloc/queries/query_record.h"
+#include "colmap_lazyloc/loading/loaded_group.h"
 #include "colmap_lazyloc/queries/query_selection.h"
 
 namespace lazyloc {

@@ -50,7 +50,7 @@ class DatabaseNeighboursTest : public IoTest {
     const QuerySource source(options_, ReadModel(options_.input_path), /*seed=*/0, /*num_threads=*/1);
     IdleThreads idle_threads(0);
     QuerySource::Session session(source, &idle_threads);
-    return source.Load(source.Group(group), &session).group.images.at(0).problem.pairs;
+    return source.Load(source.Group(group), source.FirstAttempt(), nullptr, &session).group.images.at(0).problem.pairs;
   }
   // Returns the ids of the neighbours of a pair's database image.
   static std::vector<double> Ids(const ImagePair& pair) {

@@ -78,8 +78,9 @@ void PairLoader::LoadPairs(const StoredQuery& query, const std::vector<PairSize>
   }
 }
 
-LocalizationProblem PairLoader::Load(const StoredQuery& query, const DatabaseReader& database,
+LocalizationProblem PairLoader::Load(const StoredQuery& query, int num_retrieved, const DatabaseReader& database,
                                      std::vector<std::string>* damages) const {
+  const auto max_num_verified = static_cast<size_t>(num_retrieved);
   LocalizationProblem problem;
   problem.query_name = query.image.name;
   problem.query_camera = query.camera;
@@ -95,13 +96,13 @@ LocalizationProblem PairLoader::Load(const StoredQuery& query, const DatabaseRea
     load(listed, listed.size());
   } else {
     const std::vector<PairSize> verified = database.ReadInlierCounts(query.image.image_id, selection_.PosedImageIds());
-    load(verified, num_retrieved_);
-    if (problem.pairs.size() < num_retrieved_) {
+    load(verified, max_num_verified);
+    if (problem.pairs.size() < max_num_verified) {
       const std::vector<PairSize> raw = database.ReadMatchCounts(query.image.image_id, selection_.PosedImageIds());
       std::vector<PairSize> unverified;
       std::set_difference(raw.begin(), raw.end(), verified.begin(), verified.end(), std::back_inserter(unverified),
                           [](const PairSize& a, const PairSize& b) { return a.image_id < b.image_id; });
-      load(unverified, problem.pairs.size() + 2 * num_retrieved_);
+      load(unverified, problem.pairs.size() + 2 * max_num_verified);
     }
   }
   std::sort(problem.pairs.begin(), problem.pairs.end(),
@@ -148,7 +149,9 @@ void PairLoader::LoadQueryPairs(const DatabaseReader& database, LoadedGroup* loa
   std::map<uint32_t, int> earlier_queries;  // by id in the database
   for (int query_index = 0; query_index < static_cast<int>(images.size()); ++query_index) {
     const LocalizationProblem& problem = images[query_index].problem;
-    const std::optional<uint32_t> image_id = selection_.FindStoredQuery(problem.query_name);
+    const bool is_from_files = loaded->records[query_index].intrinsics_source.has_value();  // not given by the caller
+    const std::optional<uint32_t> image_id =
+        is_from_files ? selection_.FindStoredQuery(problem.query_name) : std::nullopt;
     // Skips photos, and queries without keypoints, because their matches name keypoints that do not exist.
     if (!image_id || problem.query_keypoints.empty()) continue;
     try {

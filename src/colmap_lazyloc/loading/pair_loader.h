@@ -5,7 +5,7 @@
 #include <vector>
 
 #include "colmap_lazyloc/database/database_reader.h"
-#include "colmap_lazyloc/queries/query_record.h"
+#include "colmap_lazyloc/loading/loaded_group.h"
 #include "colmap_lazyloc/queries/query_selection.h"
 #include "colmap_lazyloc/scene/localization_problem.h"
 
@@ -15,15 +15,14 @@ namespace lazyloc {
 // per thread. Pairs whose records are damaged are left out. Every function throws InputError for a damaged file.
 class PairLoader {
  public:
-  // num_retrieved: database images per query, unless a pairs file lists them. The selection must outlive this.
-  PairLoader(const QuerySelection& selection, int num_retrieved)
-      : selection_(selection), num_retrieved_(static_cast<size_t>(num_retrieved)) {}
+  // The selection must outlive this.
+  explicit PairLoader(const QuerySelection& selection) : selection_(selection) {}
 
   // Loads the pairs of the pairs file, or else the num_retrieved pairs with the most verified inliers. If the database
   // has fewer of those, adds up to twice num_retrieved unverified pairs, those with the most raw matches; the localizer
   // keeps the best num_retrieved of all after it has verified them. Appends the damage of pairs that are left out to
   // `damages`. Throws DamagedRecordError if the query's own records are damaged.
-  LocalizationProblem Load(const StoredQuery& query, const DatabaseReader& database,
+  LocalizationProblem Load(const StoredQuery& query, int num_retrieved, const DatabaseReader& database,
                            std::vector<std::string>* damages) const;
   // Adds the pairs among the queries of a group: all that the database has matches for, or those of the pairs file.
   // Photos have none.
@@ -39,7 +38,6 @@ class PairLoader {
                             const DatabaseReader& database, LoadedGroup* loaded) const;
 
   const QuerySelection& selection_;
-  const size_t num_retrieved_;
 };
 
 }  // namespace lazyloc

@@ -55,19 +55,12 @@ size_t NumBytes(const Features& features) {
   return features.keypoints.size() * sizeof(Keypoint) + static_cast<size_t>(features.descriptors.size());
 }
 
-std::nullopt_t Refuse(QueryStatus status, const std::string& reason, LocalizationResult* result) {
-  result->status = status;
-  result->reason = reason;
-  return std::nullopt;
-}
-
 }  // namespace
 
 PhotoLoader::PhotoLoader(const DatabaseReader& database, const QuerySelection& selection, const PhotoOptions& options,
-                         int num_retrieved, int seed, int num_threads, bool has_more_photos)
+                         int seed, int num_threads, bool has_more_photos)
     : selection_(selection),
       options_(options),
-      num_retrieved_(static_cast<size_t>(num_retrieved)),
       seed_(seed),
       default_camera_(ParseDefaultCamera(options)),
       features_(NumBytes, options.CacheBytes()),
@@ -90,13 +83,13 @@ PhotoLoader::PhotoLoader(const DatabaseReader& database, const QuerySelection& s
     throw InputError(database.Path().string() +
                      ": no posed image has descriptors to match photos with (run COLMAP's feature_extractor)");
   }
-  PrepareFor(counts.type, database.Path().string());
+  MeasureCandidates(counts.of_image, features);
+  ChooseMethods(counts.type, database.Path().string());
   if (!options.matches_output_path.empty()) {
     std::vector<std::string> names;
     for (const auto& [name, photo] : selection.Photos()) names.push_back(name);
     matches_output_ = std::make_unique<MatchesOutput>(options.matches_output_path, database, names);
   }
-  MeasureCandidates(counts.of_image, features);
   if ((has_more_photos && NeedsRetrieval({})) ||
       std::any_of(selection.Photos().begin(), selection.Photos().end(),
                   [this](const auto& photo) { return NeedsRetrieval(photo.second); })) {
@@ -106,36 +99,19 @@ PhotoLoader::PhotoLoader(const DatabaseReader& database, const QuerySelection& s
   }
 }
 
-void PhotoLoader::PrepareFor(FeatureType type, const std::string& database_path) {
-  const std::string problem = database_path + ": has features of type " + EnumName(type);
-  const bool is_aliked = IsAliked(type), is_auto = options_.matcher == MatcherType::AUTO;
-  if (!is_aliked && type != FeatureType::SIFT) {
-    throw InputError(problem + ", which cannot be extracted from photos: only SIFT and ALIKED can");
-  }
-  if (is_aliked && options_.matcher == MatcherType::SIFT_BRUTEFORCE) {
-    throw InputError(problem + ", which --FeatureMatching.type SIFT_BRUTEFORCE does not match");
-  }
-  if (is_aliked && !options_.matches_output_path.empty() && !MatchDatabase::CanHold(type)) {
-    throw InputError(problem +
+void PhotoLoader::ChooseMethods(FeatureType type, const std::string& database_path) {
+  methods_ = MakeFeatureMethods(type, statistics_, database_scale_, database_path, options_.features);
+  if (type != FeatureType::SIFT && !options_.matches_output_path.empty() && !MatchDatabase::CanHold(type)) {
+    throw InputError(database_path + ": has features of type " + EnumName(type) +
                      ", which no database for --LazyLocalizer.Advanced.matches_output_path can hold, because "
                      "this program was built against COLMAP 3");
   }
-  const std::string& models = options_.aliked.onnx_path;
-  if (is_aliked) {
-    const MatcherType matcher = is_auto ? MatcherType::ALIKED_BRUTEFORCE : options_.matcher;
-    aliked_ = std::make_unique<const Aliked>(type, matcher, options_.aliked);
-    aliked_->LoadModels();
-    if (!is_auto || !HasMatcher(MatcherType::ALIKED_LIGHTGLUE, options_.aliked)) return;
-  } else if (options_.matcher == MatcherType::SIFT_BRUTEFORCE || (is_auto && models.empty())) {
-    return;
-  }
-  second_ = std::make_unique<const SecondAttempt>(selection_, options_, type, seed_);
-  is_always_second_ = !is_auto;
-  if (is_always_second_) second_->Method().LoadModels();
-  const auto has_file = [this](const Candidate& candidate) { return second_->HasFile(candidate); };
+  if (!methods_.fallback) return;
+  fallback_ = std::make_unique<const FallbackFeatures>(selection_, options_, *methods_.fallback, type, seed_);
+  const auto has_file = [this](const Candidate& candidate) { return fallback_->HasFile(candidate); };
   if (std::any_of(candidates_.begin(), candidates_.end(), has_file)) return;
   warnings_.push_back("none of the database images is below --image_path " + options_.image_path +
-                      ": photos are not matched by ALIKED features");
+                      ": photos are not matched by " + EnumName(methods_.fallback->Type()) + " features");
 }
 
 void PhotoLoader::MeasureCandidates(const std::map<uint32_t, size_t>& num_descriptors, const FeatureReader& reader) {
@@ -161,14 +137,9 @@ void PhotoLoader::MeasureCandidates(const std::map<uint32_t, size_t>& num_descri
 }
 
 std::string PhotoLoader::DescribeExtraction() const {
-  if (is_always_second_) return "photos: " + second_->Method().Describe();
-  const std::string second = second_ ? "; photos that these do not localize: " + second_->Method().Describe() : "";
-  if (aliked_) return "photos: " + aliked_->Describe() + second;
-  const SiftExtractionOptions chosen = ChooseExtraction(options_.extraction, statistics_, database_scale_);
-  return Format("photos of %.0f pixels with a focal length of %.0f: at most %d features, first octave %d",
-                database_scale_.size_px, database_scale_.focal_length_px, chosen.max_num_features,
-                chosen.first_octave) +
-         second;
+  if (methods_.is_fallback_first) return "photos" + methods_.fallback->Describe();
+  return "photos" + methods_.database->Describe() +
+         (fallback_ ? "; photos that these do not localize" + methods_.fallback->Describe() : "");
 }
 
 bool PhotoLoader::NeedsRetrieval(const PhotoQuery& photo) const {
@@ -186,13 +157,13 @@ PhotoLoader::Candidates PhotoLoader::AllowedCandidates(const PhotoQuery& photo) 
 }
 
 PhotoLoader::Candidates PhotoLoader::ChooseCandidates(const PhotoQuery& photo, const Features& features,
-                                                      IdleThreads* idle_threads) const {
+                                                      size_t num_retrieved, IdleThreads* idle_threads) const {
   if (!NeedsRetrieval(photo)) return AllowedCandidates(photo);
   std::map<uint32_t, const Candidate*> candidate_of_id;
   for (const Candidate& candidate : candidates_) candidate_of_id.emplace(candidate.image_id, &candidate);
   Candidates chosen;
   for (const uint32_t image_id : index_->Query(features, idle_threads)) {
-    if (chosen.size() == num_retrieved_) break;
+    if (chosen.size() == num_retrieved) break;
     const auto candidate = candidate_of_id.find(image_id);
     if (candidate != candidate_of_id.end()) chosen.push_back(candidate->second);
   }
@@ -222,39 +193,33 @@ std::string PhotoLoader::ReadExifCamera(uint32_t camera_id) const {
   return "";
 }
 
-std::optional<PhotoFile> PhotoLoader::ReadFile(const PhotoQuery& photo, bool as_rgb, QueryRecord* record) const {
+PhotoFile PhotoLoader::ReadFile(const PhotoQuery& photo, const FeatureMethod& method, QueryRecord* record) const {
+  if (photo.file) return *photo.file;
   const std::filesystem::path path =
       std::filesystem::path(options_.image_path) / (photo.path.empty() ? photo.name : photo.path);
-  std::optional<PhotoFile> file = photo.file;
-  Timed("extraction", &record->seconds, [&] { file = file ? file : PhotoFile::Read(path, as_rgb); });
-  if (!file) {
-    Refuse(QueryStatus::UNREADABLE_IMAGE, path.string() + " does not exist or is not a readable image",
-           &record->result);
-  }
-  return file;
+  const std::optional<PhotoFile> file =
+      Timed("extraction", &record->seconds, [&] { return PhotoFile::Read(path, method.NeedsColours()); });
+  if (file) return *file;
+  throw Refusal{QueryStatus::UNREADABLE_IMAGE, path.string() + " does not exist or is not a readable image"};
 }
 
-std::optional<LocalizationProblem> PhotoLoader::Load(const PhotoQuery& photo, const FeatureReader& features,
-                                                     IdleThreads* idle_threads, QueryRecord* record) const {
-  const std::optional<PhotoFile> file = ReadFile(photo, /*as_rgb=*/aliked_ != nullptr, record);
-  if (!file) return std::nullopt;
-  const PhotoProperties& properties = file->Properties();
+LocalizationProblem PhotoLoader::Load(const PhotoQuery& photo, int num_retrieved, const FeatureReader& features,
+                                      IdleThreads* idle_threads, QueryRecord* record) const {
+  const FeatureMethod& method = *methods_.database;
+  const PhotoFile file = ReadFile(photo, method, record);
+  const PhotoProperties& properties = file.Properties();
   const PhotoCamera chosen = photo.camera ? PhotoCamera{*photo.camera, photo.source}
                                           : ChoosePhotoCamera(properties, default_camera_, CamerasLike(properties));
   record->intrinsics_source = chosen.source;
   if (chosen.camera.width != properties.width || chosen.camera.height != properties.height) {
-    return Refuse(QueryStatus::INCONSISTENT_INTRINSICS,
+    throw Refusal{QueryStatus::INCONSISTENT_INTRINSICS,
                   "the intrinsics are for " + SizeText(chosen.camera.width, chosen.camera.height) +
-                      " pixels, but the photo has " + SizeText(properties.width, properties.height),
-                  &record->result);
+                      " pixels, but the photo has " + SizeText(properties.width, properties.height)};
   }
-  Features query_features;
-  Timed("extraction", &record->seconds, [&] {
-    query_features = aliked_ ? aliked_->Extract(*file)
-                             : ExtractLikeDatabase(*file, MeanFocalLength(chosen.camera), options_.extraction,
-                                                   statistics_, idle_threads);
+  const Features query_features = Timed("extraction", &record->seconds, [&] {
+    return method.Extract(file, MeanFocalLength(chosen.camera), idle_threads);
   });
-  record->matcher = aliked_ ? aliked_->Matcher() : MatcherType::SIFT_BRUTEFORCE;
+  record->matcher = method.Matcher();
   LocalizationProblem problem;
   problem.query_name = photo.name;
   problem.query_camera = chosen.camera;
@@ -262,8 +227,9 @@ std::optional<LocalizationProblem> PhotoLoader::Load(const PhotoQuery& photo, co
   problem.query_keypoints = record->keypoints = Positions(query_features.keypoints);
   DatabaseFeatures database_features;
   if (!problem.query_keypoints.empty()) {
-    Candidates candidates;
-    Timed("retrieval", &record->seconds, [&] { candidates = ChooseCandidates(photo, query_features, idle_threads); });
+    const Candidates candidates = Timed("retrieval", &record->seconds, [&] {
+      return ChooseCandidates(photo, query_features, static_cast<size_t>(num_retrieved), idle_threads);
+    });
     Timed("load", &record->seconds, [&] {
       for (const Candidate* candidate : candidates) {
         try {
@@ -275,20 +241,22 @@ std::optional<LocalizationProblem> PhotoLoader::Load(const PhotoQuery& photo, co
         }
       }
     });
-    MatchPairs(query_features, database_features, aliked_.get(), seed_, idle_threads, &problem, &record->seconds);
+    const bool needs_matches = !methods_.is_fallback_first || matches_output_;
+    if (needs_matches) {
+      MatchPairs(method, query_features, database_features, seed_, idle_threads, &problem, &record->seconds);
+    }
   }
   if (matches_output_) {
     Timed("matches_output", &record->seconds,
           [&] { matches_output_->Write(problem, query_features, database_features); });
   }
-  return is_always_second_ ? LoadAgain(photo, problem, features, idle_threads, record) : problem;
+  return methods_.is_fallback_first ? LoadFallback(photo, problem, features, idle_threads, record) : problem;
 }
 
-std::optional<LocalizationProblem> PhotoLoader::LoadAgain(const PhotoQuery& photo, const LocalizationProblem& first,
-                                                          const FeatureReader& features, IdleThreads* idle_threads,
-                                                          QueryRecord* record) const {
-  const std::optional<PhotoFile> file = ReadFile(photo, /*as_rgb=*/true, record);
-  if (!file) return std::nullopt;
+LocalizationProblem PhotoLoader::LoadFallback(const PhotoQuery& photo, const LocalizationProblem& first,
+                                              const FeatureReader& features, IdleThreads* idle_threads,
+                                              QueryRecord* record) const {
+  const PhotoFile file = ReadFile(photo, *methods_.fallback, record);
   Candidates candidates;
   for (const ImagePair& pair : first.pairs) {
     candidates.push_back(&*std::lower_bound(
@@ -298,7 +266,7 @@ std::optional<LocalizationProblem> PhotoLoader::LoadAgain(const PhotoQuery& phot
   // Takes all images, if they are few, for a photo without any features of the first attempt.
   if (candidates.empty()) candidates = AllowedCandidates(photo);
   if (first.pairs.empty() && candidates.size() > kMaxNumExhaustive) candidates.clear();
-  return second_->Load(*file, first, candidates, features, idle_threads, record);
+  return fallback_->Load(file, first, candidates, features, idle_threads, record);
 }
 
 }  // namespace lazyloc

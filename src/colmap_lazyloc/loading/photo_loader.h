@@ -9,44 +9,43 @@
 #include "colmap_lazyloc/database/database_reader.h"
 #include "colmap_lazyloc/database/feature_reader.h"
 #include "colmap_lazyloc/database/lru_cache.h"
+#include "colmap_lazyloc/features/feature_statistics.h"
+#include "colmap_lazyloc/features/pair_matching.h"
+#include "colmap_lazyloc/features/retrieval_index.h"
 #include "colmap_lazyloc/formats/query_files.h"
+#include "colmap_lazyloc/loading/fallback_features.h"
 #include "colmap_lazyloc/loading/matches_output.h"
 #include "colmap_lazyloc/loading/photo_options.h"
-#include "colmap_lazyloc/loading/second_attempt.h"
-#include "colmap_lazyloc/matching/feature_statistics.h"
-#include "colmap_lazyloc/matching/pair_matching.h"
-#include "colmap_lazyloc/matching/retrieval_index.h"
 #include "colmap_lazyloc/queries/photo_camera.h"
-#include "colmap_lazyloc/queries/query_record.h"
 #include "colmap_lazyloc/queries/query_selection.h"
+#include "colmap_lazyloc/scene/query_record.h"
 
 namespace lazyloc {
 
 // Makes the localization problem of a photo in memory: extracts features like the database's, chooses database images,
-// matches and verifies. A photo that this does not localize can be loaded again, by a second attempt.
+// matches and verifies. A photo that this does not localize can be loaded once more, with fallback features.
 class PhotoLoader {
  public:
-  // num_retrieved: database images per photo, if they are retrieved. num_threads: for making the retrieval index, which
-  // happens here if a photo needs it. has_more_photos: photos that the selection does not know may follow. The
-  // selection must outlive this. Throws InputError for files that cannot be used, if no posed image has descriptors,
-  // and if photos cannot have such features.
-  PhotoLoader(const DatabaseReader& database, const QuerySelection& selection, const PhotoOptions& options,
-              int num_retrieved, int seed, int num_threads, bool has_more_photos);
+  // num_threads: for making the retrieval index, which happens here if a photo needs it. has_more_photos: photos that
+  // the selection does not know may follow. The selection must outlive this. Throws InputError for files that cannot be
+  // used, if no posed image has descriptors, and if photos cannot have such features.
+  PhotoLoader(const DatabaseReader& database, const QuerySelection& selection, const PhotoOptions& options, int seed,
+              int num_threads, bool has_more_photos);
 
-  // Adds keypoints and times to the record. Returns nullopt, with status and reason in the record, if the photo cannot
-  // be used. Leaves out database images whose features are damaged, and says so in the record. Throws InputError for a
-  // damaged file. Thread-safe with one reader per thread; the result depends only on the input.
-  std::optional<LocalizationProblem> Load(const PhotoQuery& photo, const FeatureReader& features,
-                                          IdleThreads* idle_threads, QueryRecord* record) const;
-  // True if photos that are not localized can be loaded again.
-  bool HasSecondAttempt() const { return second_ && !is_always_second_; }
-  // Loads a photo by the second attempt. first: what Load has returned; seconds add up in the record.
-  std::optional<LocalizationProblem> LoadAgain(const PhotoQuery& photo, const LocalizationProblem& first,
-                                               const FeatureReader& features, IdleThreads* idle_threads,
-                                               QueryRecord* record) const;
+  // Adds keypoints and times to the record. Throws Refusal if the photo cannot be used. Leaves out database images
+  // whose features are damaged, and says so in the record. num_retrieved: database images, if they are retrieved.
+  // Throws InputError for a damaged file. Thread-safe with one reader per thread; the result depends only on the input.
+  LocalizationProblem Load(const PhotoQuery& photo, int num_retrieved, const FeatureReader& features,
+                           IdleThreads* idle_threads, QueryRecord* record) const;
+  // True if photos that are not localized can be loaded once more.
+  bool HasFallback() const { return fallback_ && !methods_.is_fallback_first; }
+  // Loads a photo with fallback features. first: what Load has returned; seconds add up in the record.
+  LocalizationProblem LoadFallback(const PhotoQuery& photo, const LocalizationProblem& first,
+                                   const FeatureReader& features, IdleThreads* idle_threads,
+                                   QueryRecord* record) const;
   // True if the keypoints of the database images of a photo are those of the database.
   bool HasStoredKeypoints(const QueryRecord& record) const {
-    return !second_ || second_->HasStoredKeypoints() || record.matcher == MatcherType::SIFT_BRUTEFORCE;
+    return !fallback_ || fallback_->HasStoredKeypoints() || record.matcher == methods_.database->Matcher();
   }
   // Returns one line for each problem that does not end the run.
   const std::vector<std::string>& Warnings() const { return warnings_; }
@@ -61,10 +60,10 @@ class PhotoLoader {
   using Candidate = DatabaseCandidate;
   using Candidates = DatabaseCandidates;
 
-  // Sets what extracts and matches features beside a database of this type. Throws InputError if there is nothing.
-  void PrepareFor(FeatureType type, const std::string& database_path);
-  // Returns nullopt, with status and reason in the record, if the file is not a readable image.
-  std::optional<PhotoFile> ReadFile(const PhotoQuery& photo, bool as_rgb, QueryRecord* record) const;
+  // Sets what extracts and matches features like those of the database.
+  void ChooseMethods(FeatureType type, const std::string& database_path);
+  // Throws Refusal if the file is not a readable image.
+  PhotoFile ReadFile(const PhotoQuery& photo, const FeatureMethod& method, QueryRecord* record) const;
   // Returns the cameras that have the photo's size, of which one may have taken it, with their makes and models if the
   // photo's are known. If posed images are in the folder of the photos, their EXIF tells these.
   std::vector<DatabaseCamera> CamerasLike(const PhotoProperties& photo) const;
@@ -73,18 +72,17 @@ class PhotoLoader {
   void MeasureCandidates(const std::map<uint32_t, size_t>& num_descriptors, const FeatureReader& reader);
   // Returns the candidates that the pairs file lists, or all.
   Candidates AllowedCandidates(const PhotoQuery& photo) const;
-  Candidates ChooseCandidates(const PhotoQuery& photo, const Features& features, IdleThreads* idle_threads) const;
+  Candidates ChooseCandidates(const PhotoQuery& photo, const Features& features, size_t num_retrieved,
+                              IdleThreads* idle_threads) const;
   bool NeedsRetrieval(const PhotoQuery& photo) const;
 
   const QuerySelection& selection_;
   const PhotoOptions options_;
-  const size_t num_retrieved_;
   const int seed_;
   const DefaultCamera default_camera_;
-  std::vector<Candidate> candidates_;            // posed images with descriptors, sorted by name
-  std::unique_ptr<const Aliked> aliked_;         // null for SIFT
-  std::unique_ptr<const SecondAttempt> second_;  // null if there is none
-  bool is_always_second_ = false;
+  std::vector<Candidate> candidates_;  // posed images with descriptors, sorted by name
+  FeatureMethods methods_;
+  std::unique_ptr<const FallbackFeatures> fallback_;  // null without methods_.fallback
   std::unique_ptr<MatchesOutput> matches_output_;
   std::unique_ptr<RetrievalIndex> index_;
   FeatureStatistics statistics_;  // of the candidates

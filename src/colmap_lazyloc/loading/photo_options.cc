@@ -15,7 +15,7 @@ bool PhotoOptions::CheckImagePath(std::string* error) const {
 
 bool PhotoOptions::Check(std::string* error) const {
   OPTION_GE(cache_gb, 0);
-  return extraction.Check(error) && aliked.Check(error);
+  return features.Check(error);
 }
 
 size_t PhotoOptions::CacheBytes() const { return static_cast<size_t>(std::min(cache_gb * 1e9, 1e18)); }

@@ -3,9 +3,7 @@
 #include <cstddef>
 #include <string>
 
-#include "colmap_lazyloc/bridge/feature_extraction.h"
-#include "colmap_lazyloc/learned/aliked.h"
-#include "colmap_lazyloc/scene/matcher_type.h"
+#include "colmap_lazyloc/features/feature_methods.h"
 
 namespace lazyloc {
 
@@ -15,9 +13,7 @@ struct PhotoOptions {
   std::string camera_params;  // of all photos without a known camera; numbers separated by commas
   std::string retrieval_index_path;
   std::string matches_output_path;
-  SiftExtractionOptions extraction;
-  AlikedOptions aliked;
-  MatcherType matcher = MatcherType::AUTO;
+  FeatureOptions features;
   double cache_gb = 1;  // memory for the features of database images
 
   size_t CacheBytes() const;

@@ -23,14 +23,14 @@ LoadedGroup LoadEach(const GroupInput& input, const LoadQueryFunction& load_quer
     const int frame_index = static_cast<int>(loaded.group.frame_names.size());
     for (const GroupInput::Image& image : frame.images) {
       QueryRecord record;
-      std::optional<LocalizationProblem> problem = load_query(image.query, &record);
-      if (problem) {
-        problem->prior = image.prior;
-        loaded.group.images.push_back({*std::move(problem), frame_index, image.cam_from_rig});
+      try {
+        LocalizationProblem problem = load_query(image.query, &record);
+        problem.prior = image.prior;
+        loaded.group.images.push_back({std::move(problem), frame_index, image.cam_from_rig});
         loaded.records.push_back(std::move(record));
-      } else {
+      } catch (const Refusal& refusal) {
         record.result.priors = UntestedPriors(image.prior);
-        loaded.failures.push_back(std::move(record));
+        loaded.refused.push_back({std::move(record), refusal});
       }
     }
     const bool has_images = !loaded.group.images.empty() && loaded.group.images.back().frame == frame_index;
@@ -45,7 +45,7 @@ QuerySource::QuerySource(const SourceOptions& options, Model model, int seed, in
       num_threads_(num_threads),
       database_(options.database_path),
       selection_(database_, std::move(model), options.selection, !options.photos.image_path.empty()),
-      pair_loader_(selection_, options.num_retrieved),
+      pair_loader_(selection_),
       priors_(ReadQueryPriors(options.priors,
                               [this](const std::string& name) { return selection_.FindGroup(name).has_value(); })),
       neighbours_(selection_) {
@@ -55,8 +55,8 @@ QuerySource::QuerySource(const SourceOptions& options, Model model, int seed, in
 
 const PhotoLoader& QuerySource::Photos() const {
   std::call_once(photo_loader_is_made_, [this] {
-    photo_loader_ = std::make_unique<PhotoLoader>(database_, selection_, options_.photos, options_.num_retrieved, seed_,
-                                                  num_threads_, options_.selection.has_more_queries);
+    photo_loader_ = std::make_unique<PhotoLoader>(database_, selection_, options_.photos, seed_, num_threads_,
+                                                  options_.selection.has_more_queries);
   });
   return *photo_loader_;
 }
@@ -97,57 +97,74 @@ GroupInput QuerySource::WithPriors(GroupInput input) const {
   return input;
 }
 
-std::optional<LocalizationProblem> QuerySource::LoadQuery(const QueryInput& query, Session* session,
-                                                          QueryRecord* record) const {
+LocalizationProblem QuerySource::LoadQuery(const QueryInput& query, int num_retrieved, Session* session,
+                                           QueryRecord* record) const {
+  if (const auto* problem = std::get_if<LocalizationProblem>(&query)) return *problem;
+  LocalizationProblem problem;
   try {
     if (const PhotoQuery* photo = FindPhoto(query)) {
       record->result.query_name = photo->name;
       if (!photo->damage.empty()) throw DamagedRecordError(database_.Path().string(), photo->damage);
       const PhotoLoader& photos = Photos();
       if (!session->features) session->features = std::make_unique<FeatureReader>(database_.Path());
-      return photos.Load(*photo, *session->features, session->idle_threads, record);
+      problem = photos.Load(*photo, num_retrieved, *session->features, session->idle_threads, record);
+    } else {
+      record->result.query_name = std::get<std::string>(query);
+      const StageTimer timer("load", &record->seconds);
+      const StoredQuery stored = selection_.ReadStoredQuery(record->result.query_name, session->database);
+      record->intrinsics_source = stored.source;
+      problem = pair_loader_.Load(stored, num_retrieved, session->database, &record->damages);
     }
-    const auto* name = std::get_if<std::string>(&query);
-    if (name == nullptr) return std::get<LocalizationProblem>(query);
-    record->result.query_name = *name;
-    const StageTimer timer("load", &record->seconds);
-    const StoredQuery stored = selection_.ReadStoredQuery(*name, session->database);
-    record->intrinsics_source = stored.source;
-    return pair_loader_.Load(stored, session->database, &record->damages);
   } catch (const DamagedRecordError& error) {
-    record->result.status = QueryStatus::DAMAGED_DATA;
-    record->result.reason = error.Damage();
-    return std::nullopt;
+    throw Refusal{QueryStatus::DAMAGED_DATA, error.Damage()};
   }
+  // All pairs of a file are used.
+  if (options_.selection.pairs_path.empty()) problem.max_num_pairs = num_retrieved;
+  return problem;
 }
 
-LoadedGroup QuerySource::Load(const GroupInput& input, Session* session) const {
-  LoadedGroup loaded = LoadEach(WithPriors(input), [&](const QueryInput& query, QueryRecord* record) {
-    return LoadQuery(query, session, record);
-  });
-  pair_loader_.LoadQueryPairs(session->database, &loaded);
+bool QuerySource::HasFallback(const GroupInput& input) const {
+  for (const GroupInput::Frame& frame : input.frames) {
+    for (const GroupInput::Image& image : frame.images) {
+      if (FindPhoto(image.query) == nullptr || !Photos().HasFallback()) return false;
+    }
+  }
+  return true;
+}
+
+LoadedGroup QuerySource::Load(const GroupInput& input, const Attempt& attempt, const LoadedGroup* first,
+                              Session* session) const {
+  LoadedGroup loaded;
+  if (attempt.uses_fallback_features) {
+    loaded = LoadFallback(input, *first, session);
+  } else {
+    loaded = LoadEach(WithPriors(input), [&](const QueryInput& query, QueryRecord* record) {
+      return LoadQuery(query, attempt.num_retrieved, session, record);
+    });
+    pair_loader_.LoadQueryPairs(session->database, &loaded);
+  }
   AddDatabasePairsAndDepths(session, &loaded);
   return loaded;
 }
 
-std::optional<LoadedGroup> QuerySource::LoadAgain(const GroupInput& input, const LoadedGroup& first,
-                                                  Session* session) const {
+LoadedGroup QuerySource::LoadFallback(const GroupInput& input, const LoadedGroup& first, Session* session) const {
   LoadedGroup loaded = first;
   size_t num_loaded = 0;
   for (const GroupInput::Frame& frame : input.frames) {
     for (const GroupInput::Image& image : frame.images) {
-      const PhotoQuery* const photo = FindPhoto(image.query);
-      if (photo == nullptr || !Photos().HasSecondAttempt()) return std::nullopt;
+      const PhotoQuery& photo = *FindPhoto(image.query);
       if (num_loaded == loaded.records.size()) break;
       LocalizationProblem& problem = loaded.group.images[num_loaded].problem;
-      if (problem.query_name != photo->name) continue;  // it could not be loaded
+      if (problem.query_name != photo.name) continue;  // it was refused
       QueryRecord& record = loaded.records[num_loaded++];
-      auto second = Photos().LoadAgain(*photo, problem, *session->features, session->idle_threads, &record);
-      if (!second) return std::nullopt;
-      problem = *std::move(second);
+      record.seconds.clear();
+      try {
+        problem = Photos().LoadFallback(photo, problem, *session->features, session->idle_threads, &record);
+      } catch (const Refusal&) {
+        problem.pairs.clear();  // its file is gone since the first attempt
+      }
     }
   }
-  AddDatabasePairsAndDepths(session, &loaded);
   return loaded;
 }
 
@@ -165,7 +182,7 @@ void QuerySource::AddDatabasePairsAndDepths(Session* session, LoadedGroup* loade
           depth_maps_->AtKeypoints(pair.other_name, image->image_id, pair.other_camera, pair.other_keypoints);
       if (pair.other_depths.empty()) continue;
       pair.other_point_depths = neighbours_.PointDepths(pair.other_name, query.problem.query_name, session->database);
-      // Leaves out points of other keypoints than the stored ones, which a caller or a second attempt may bring.
+      // Leaves out points of other keypoints than the stored ones, which a caller or fallback features may bring.
       if (!has_stored_keypoints || pair.other_point_depths.size() != pair.other_keypoints.size()) {
         pair.other_point_depths.clear();
       }

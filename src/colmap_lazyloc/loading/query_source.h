@@ -12,12 +12,13 @@
 #include "colmap_lazyloc/database/database_reader.h"
 #include "colmap_lazyloc/database/feature_reader.h"
 #include "colmap_lazyloc/formats/query_prior_files.h"
+#include "colmap_lazyloc/loading/attempt.h"
 #include "colmap_lazyloc/loading/database_neighbours.h"
 #include "colmap_lazyloc/loading/depth_maps.h"
+#include "colmap_lazyloc/loading/loaded_group.h"
 #include "colmap_lazyloc/loading/pair_loader.h"
 #include "colmap_lazyloc/loading/photo_loader.h"
 #include "colmap_lazyloc/math/parallel_for.h"
-#include "colmap_lazyloc/queries/query_record.h"
 #include "colmap_lazyloc/queries/query_selection.h"
 
 namespace lazyloc {
@@ -54,8 +55,8 @@ struct GroupInput {
   bool has_rig_scale = true;  // false if the unit of cam_from_rig is unknown
 };
 
-// Returns the problem of a query, or nullopt with status and reason in the record.
-using LoadQueryFunction = std::function<std::optional<LocalizationProblem>(const QueryInput&, QueryRecord*)>;
+// Returns the problem of a query, and adds to its record. Throws Refusal if the query cannot be used.
+using LoadQueryFunction = std::function<LocalizationProblem(const QueryInput&, QueryRecord*)>;
 // Loads the queries of a group, but no pairs among them.
 LoadedGroup LoadEach(const GroupInput& input, const LoadQueryFunction& load_query);
 
@@ -87,17 +88,17 @@ class QuerySource {
   std::vector<std::string> Warnings() const;
   // Returns one line on how the features of photos are extracted; empty without photos.
   std::string DescribeExtraction() const { return photo_loader_ ? photo_loader_->DescribeExtraction() : ""; }
-  // Returns how many pairs of a query the localizer is to use of those that are loaded; 0 for all.
-  int MaxNumPairs() const { return options_.selection.pairs_path.empty() ? options_.num_retrieved : 0; }
   // Returns one group of the selection.
   GroupInput Group(size_t group) const;
-  // Loads a group. Thread-safe with one session per thread. Throws InputError for a damaged file; damaged records
-  // become statuses (DAMAGED_DATA) or are left out. The first photo may take long, because it makes the retrieval
+  // Returns the first attempt at any group.
+  Attempt FirstAttempt() const { return {options_.num_retrieved, false}; }
+  // True if a group can be loaded with fallback features: all of its queries are photos.
+  bool HasFallback(const GroupInput& input) const;
+  // Loads a group. first: what the first attempt has loaded, which fallback features start from; null for that attempt
+  // itself. Thread-safe with one session per thread. Throws InputError for a damaged file; damaged records are left
+  // out, and queries that cannot be used are refused. The first photo may take long, because it makes the retrieval
   // index.
-  LoadedGroup Load(const GroupInput& input, Session* session) const;
-  // Loads a group of photos again, by a second attempt. first: what Load has returned. Returns nullopt if there is no
-  // second attempt, if a query is not a photo, or if its file cannot be read again.
-  std::optional<LoadedGroup> LoadAgain(const GroupInput& input, const LoadedGroup& first, Session* session) const;
+  LoadedGroup Load(const GroupInput& input, const Attempt& attempt, const LoadedGroup* first, Session* session) const;
   // Adds what the database images of the pairs tell by themselves, which Load does too: pairs with each other, and the
   // depths of their keypoints.
   void AddDatabasePairsAndDepths(Session* session, LoadedGroup* loaded) const;
@@ -111,7 +112,10 @@ class QuerySource {
   const PhotoLoader& Photos() const;
   // Gives named queries the priors in files that they lack.
   GroupInput WithPriors(GroupInput input) const;
-  std::optional<LocalizationProblem> LoadQuery(const QueryInput& query, Session* session, QueryRecord* record) const;
+  LocalizationProblem LoadQuery(const QueryInput& query, int num_retrieved, Session* session,
+                                QueryRecord* record) const;
+  // Returns a group that was loaded with what fallback features see.
+  LoadedGroup LoadFallback(const GroupInput& input, const LoadedGroup& first, Session* session) const;
   // Returns null if the query is not a photo.
   const PhotoQuery* FindPhoto(const QueryInput& query) const;
 

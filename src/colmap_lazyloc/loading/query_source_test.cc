@@ -62,7 +62,7 @@ class QuerySourceTest : public IoTest {
     const QuerySource source(options_, ReadModel(options_.input_path), /*seed=*/0, /*num_threads=*/1);
     IdleThreads idle_threads(0);
     QuerySource::Session session(source, &idle_threads);
-    return source.Load(source.Group(group), &session);
+    return source.Load(source.Group(group), source.FirstAttempt(), nullptr, &session);
   }
   std::string Error() const {
     return ErrorOf([&] { Load(); });
@@ -107,7 +107,7 @@ TEST_F(QuerySourceTest, LoadsAQueryWithItsPairs) {
 TEST_F(QuerySourceTest, KeepsThePairsWithTheMostInliers) {
   options_.num_retrieved = 2;
   EXPECT_THAT(PairNames(Load()), ElementsAre("left/1.png", "right/1.png"));
-  EXPECT_EQ(QuerySource(options_, ReadModel(options_.input_path), 0, 1).MaxNumPairs(), 2);
+  EXPECT_EQ(Load().group.images[0].problem.max_num_pairs, 2);
 }
 
 TEST_F(QuerySourceTest, LoadsTwiceAsManyUnverifiedPairsAsAreMissing) {
@@ -121,7 +121,7 @@ TEST_F(QuerySourceTest, PairsFileReplacesRetrieval) {
   options_.selection.pairs_path = WriteFile("pairs.txt", "q.png right/2.png\nleft/2.png q.png\nq.png x\nq.png r.png\n");
   EXPECT_THAT(PairNames(Load()), ElementsAre("left/2.png", "right/2.png"));
   const QuerySource source(options_, ReadModel(options_.input_path), 0, 1);
-  EXPECT_EQ(source.MaxNumPairs(), 0) << "all of them are used";
+  EXPECT_EQ(Load().group.images[0].problem.max_num_pairs, 0) << "all of them are used";
   EXPECT_THAT(source.Warnings(),
               ElementsAre(HasSubstr("ignoring images that are not in the database: 1, for example x")));
   options_.selection.pairs_path = WriteFile("pairs.txt", "q.png q.png\nx y\n");
@@ -200,10 +200,10 @@ TEST_F(QuerySourceTest, DamagedRecordsOfAQueryAreItsStatusAndTheOthersStay) {
                   "table images, image 5: camera_id is not an integer"}}) {
     database_.Execute(sql);
     const LoadedGroup loaded = Load();
-    ASSERT_EQ(loaded.failures.size(), 1u) << sql;
-    EXPECT_EQ(loaded.failures[0].result.query_name, "q.png");
-    EXPECT_EQ(loaded.failures[0].result.status, QueryStatus::DAMAGED_DATA);
-    EXPECT_THAT(loaded.failures[0].result.reason, ::testing::StartsWith(damage));
+    ASSERT_EQ(loaded.refused.size(), 1u) << sql;
+    EXPECT_EQ(loaded.refused[0].record.result.query_name, "q.png");
+    EXPECT_EQ(loaded.refused[0].refusal.status, QueryStatus::DAMAGED_DATA);
+    EXPECT_THAT(loaded.refused[0].refusal.reason, ::testing::StartsWith(damage));
     ASSERT_EQ(loaded.group.images.size(), 1u);
     EXPECT_EQ(loaded.group.images[0].problem.query_name, "r.png");
   }
@@ -213,8 +213,8 @@ TEST_F(QuerySourceTest, ListedQueryMayBeTheImageWhoseNameCannotBeRead) {
   database_.Execute("UPDATE images SET name = x'00' WHERE image_id = 5");
   SetQueries("q.png\n");
   const LoadedGroup loaded = Load();
-  ASSERT_EQ(loaded.failures.size(), 1u);
-  EXPECT_EQ(loaded.failures[0].result.reason, "table images, image 5: name is not text");
+  ASSERT_EQ(loaded.refused.size(), 1u);
+  EXPECT_EQ(loaded.refused[0].refusal.reason, "table images, image 5: name is not text");
 }
 
 TEST_F(QuerySourceTest, DamagedPairOfTwoQueriesIsLeftOut) {
@@ -278,11 +278,11 @@ TEST_F(QuerySourceTest, PhotoThatCannotBeReadIsAFailureAndTheOthersStay) {
   options_.photos.image_path = folder_;
   options_.selection.groups.group_size = 2;
   const LoadedGroup loaded = Load();
-  ASSERT_EQ(loaded.failures.size(), 1u);
-  EXPECT_EQ(loaded.failures[0].result.query_name, "photo.jpg");
-  EXPECT_EQ(loaded.failures[0].result.status, QueryStatus::UNREADABLE_IMAGE);
-  EXPECT_THAT(loaded.failures[0].result.reason, HasSubstr("photo.jpg does not exist or is not a readable image"));
-  EXPECT_THAT(loaded.failures[0].seconds, ElementsAre(::testing::Pair("extraction", ::testing::Ge(0))));
+  ASSERT_EQ(loaded.refused.size(), 1u);
+  EXPECT_EQ(loaded.refused[0].record.result.query_name, "photo.jpg");
+  EXPECT_EQ(loaded.refused[0].refusal.status, QueryStatus::UNREADABLE_IMAGE);
+  EXPECT_THAT(loaded.refused[0].refusal.reason, HasSubstr("photo.jpg does not exist or is not a readable image"));
+  EXPECT_THAT(loaded.refused[0].record.seconds, ElementsAre(::testing::Pair("extraction", ::testing::Ge(0))));
   ASSERT_EQ(loaded.group.images.size(), 1u);
   EXPECT_EQ(loaded.records[0].result.query_name, "q.png");
 }
@@ -299,7 +299,7 @@ TEST_F(QuerySourceTest, QueriesByValueNeedNoQueryInTheFiles) {
   own.query_name = "own.png";
   GroupInput input;
   input.frames = {{"frame", {{QueryInput("q.png"), {}}, {QueryInput(own), {}}}}};
-  const LoadedGroup loaded = source.Load(input, &session);
+  const LoadedGroup loaded = source.Load(input, source.FirstAttempt(), nullptr, &session);
   EXPECT_THAT(loaded.group.frame_names, ElementsAre("frame"));
   ASSERT_EQ(loaded.group.images.size(), 2u);
   EXPECT_THAT(PairNames(loaded), ElementsAre("left/1.png", "left/2.png", "right/1.png", "right/2.png"));

@@ -21,7 +21,7 @@ constexpr double kHiddenNoisePx = 0.2;
 // Minimum error of database poses over the stated one.
 constexpr double kMinStatedRatio = 0.1;
 // Displacement of keypoints by the flex of a rig.
-constexpr double kRigFlexPx = 0.02;
+constexpr double kRigTolerancePx = 0.02;
 
 // Probability that database poses are exact before the images are used, as those of rendered images are.
 constexpr double kExactProbability = 0.3;
@@ -166,7 +166,7 @@ void SetCalibrationPriors(const Layout& layout, const std::vector<FrameScale>& s
     if (CamInWorld(given).isZero()) continue;
     given.translation *= posed->frames[image.frame].scale;
     calibration.prior = MakePosePrior(given, noise_px, scale);
-    const PosePrior flex = MakePosePrior(given, kRigFlexPx, scale);
+    const PosePrior flex = MakePosePrior(given, kRigTolerancePx, scale);
     calibration.flex_rad = flex.rotation_stddev_rad;
     calibration.flex_length = flex.position_stddev;
   }

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <optional>
 #include <string>
+#include <utility>
 
 #include "colmap_lazyloc/intrinsics/intrinsics_judgement.h"
 #include "colmap_lazyloc/uncertainty/confidence.h"
@@ -27,6 +28,16 @@ double LogFocalStddev(const IntrinsicsResult& intrinsics) {
 
 FocalLengthJudgement Judge(const IntrinsicsResult& intrinsics, const LocalizerOptions& options) {
   return JudgeFocalLength(std::log(intrinsics.focal_factor), LogFocalStddev(intrinsics), intrinsics.origin, options);
+}
+
+// Returns the contradiction for which a frame is refused; null if there is none. In IntrinsicsMode::GIVEN, a
+// contradiction is no reason to refuse a pose.
+const IntrinsicsResult* RefusedIntrinsics(const Choice& choice, int frame, const LocalizerOptions& options) {
+  if (options.intrinsics == IntrinsicsMode::GIVEN) return nullptr;
+  for (const int query : choice.solution->prepared->layout.QueriesOf(frame)) {
+    if (choice.intrinsics[query].verdict == IntrinsicsVerdict::CONTRADICTED) return &choice.intrinsics[query];
+  }
+  return nullptr;
 }
 
 Choice AsSolved(const Solution& solution) { return {&solution, solution.checked.results, 0}; }
@@ -55,7 +66,7 @@ Choice Kept(const Solution& given, const IntrinsicsResult& estimate, const Local
   const bool is_certain = LogFocalStddev(estimate) <= kMaxObservableStddev;
   Choice choice =
       WithEstimate(given, estimate, is_certain ? IntrinsicsVerdict::CONFIRMED : IntrinsicsVerdict::UNOBSERVABLE, "");
-  choice.missing_mean_square =
+  choice.extra_log_focal_variance =
       Judge(choice.intrinsics.front(), options).mean_square - given.checked.poses.front().log_focal_variance;
   return choice;
 }
@@ -115,13 +126,27 @@ Choice Choose(const std::vector<Solution>& solutions, const LocalizerOptions& op
   return choice;
 }
 
-const IntrinsicsResult* RefusedIntrinsics(const Layout& layout, const std::vector<IntrinsicsResult>& intrinsics,
-                                          int frame, const LocalizerOptions& options) {
-  if (options.intrinsics == IntrinsicsMode::GIVEN) return nullptr;
-  for (const int query : layout.QueriesOf(frame)) {
-    if (intrinsics[query].verdict == IntrinsicsVerdict::CONTRADICTED) return &intrinsics[query];
+std::optional<Refusal> RefusalOf(const Choice& choice, int query, const LocalizerOptions& options) {
+  const Solution& solution = *choice.solution;
+  const int frame = solution.prepared->group.images[query].frame;
+  if (solution.failure) return Refusal{solution.failure->cause, solution.failure->ReasonOf(frame)};
+  if (const IntrinsicsResult* refused = RefusedIntrinsics(choice, frame, options)) {
+    return Refusal{QueryStatus::INCONSISTENT_INTRINSICS, refused->contradiction};
   }
-  return nullptr;
+  if (solution.evidence.empty()) return std::nullopt;
+  const PoseEvidence& evidence = solution.evidence[frame];
+  const double confidence = Confidence(evidence);
+  if (!(confidence < options.min_confidence)) return std::nullopt;
+  return Refusal{QueryStatus::LOW_CONFIDENCE, LowConfidenceReason(evidence, confidence, options.min_confidence)};
+}
+
+ImageChoice Better(ImageChoice earlier, ImageChoice later, const LocalizerOptions& options) {
+  const auto is_refused = [&](const ImageChoice& image) { return RefusalOf(*image.choice, image.query, options); };
+  const bool is_later_better = is_refused(earlier) && !is_refused(later);
+  for (const auto& [stage, elapsed] : later.seconds) StageTimer::Add(stage, elapsed, &earlier.seconds);
+  if (!is_later_better) return earlier;
+  later.seconds = std::move(earlier.seconds);
+  return later;
 }
 
 std::vector<int> FramesWithoutPose(const Choice& choice, const LocalizerOptions& options) {
@@ -130,7 +155,7 @@ std::vector<int> FramesWithoutPose(const Choice& choice, const LocalizerOptions&
   std::vector<int> frames;
   if (failure && !failure->frames.empty()) return failure->frames;
   for (int frame = 0; frame < static_cast<int>(prepared.group.frame_names.size()); ++frame) {
-    if (failure || RefusedIntrinsics(prepared.layout, choice.intrinsics, frame, options) != nullptr) {
+    if (failure || RefusedIntrinsics(choice, frame, options) != nullptr) {
       frames.push_back(frame);
     }
   }

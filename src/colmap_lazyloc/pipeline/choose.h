@@ -1,27 +1,39 @@
 #pragma once
 
+#include <memory>
+#include <optional>
 #include <vector>
 
 #include "colmap_lazyloc/pipeline/solve.h"
+#include "colmap_lazyloc/scene/query_status.h"
 
 namespace lazyloc {
 
 // The solution that explains the images best, and what the others say of it.
 struct Choice {
   const Solution* solution = nullptr;
-  std::vector<IntrinsicsResult> intrinsics;  // by query: as all solutions leave them
-  // What the covariances lack of the expected square of the error of the log focal length; none if negative.
-  double missing_mean_square = 0;
+  std::vector<IntrinsicsResult> intrinsics;  // by query: after all solutions were compared
+  // Extra variance of the log focal length to add to the reported covariance; none if negative.
+  double extra_log_focal_variance = 0;
   const Solution* runner_up = nullptr;  // the most credible of the other solutions with poses; null without any
 };
 
 // Chooses among the solutions of a group, which are in the order of NextHypothesis. There is at least one.
 Choice Choose(const std::vector<Solution>& solutions, const LocalizerOptions& options);
 
-// Returns the contradiction for which a frame is refused; null if there is none. In IntrinsicsMode::GIVEN, a
-// contradiction is no reason to refuse a pose.
-const IntrinsicsResult* RefusedIntrinsics(const Layout& layout, const std::vector<IntrinsicsResult>& intrinsics,
-                                          int frame, const LocalizerOptions& options);
+// What is chosen for one image of a group.
+struct ImageChoice {
+  std::shared_ptr<const Choice> choice;  // shared by the images that were solved together
+  int query = 0;                         // the image's index in the solution
+  StageTimer::Seconds seconds;           // the image's share of all solves that it took part in
+};
+
+// Returns what is chosen for an image that was tried twice with different matches: the later attempt if only that one
+// localizes the image. Adds up the seconds.
+ImageChoice Better(ImageChoice earlier, ImageChoice later, const LocalizerOptions& options);
+
+// Returns why a query of the chosen solution is not LOCALIZED; nullopt if it is.
+std::optional<Refusal> RefusalOf(const Choice& choice, int query, const LocalizerOptions& options);
 
 // Returns the frames without a pose, or with contradicted intrinsics. All frames if the failure is the whole group's.
 std::vector<int> FramesWithoutPose(const Choice& choice, const LocalizerOptions& options);

@@ -1,5 +1,8 @@
 #include "colmap_lazyloc/pipeline/choose.h"
 
+#include <memory>
+#include <vector>
+
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -66,9 +69,9 @@ TEST_F(ChooseTest, FocalLengthOfASharedCameraIsReplacedOnlyIfItIsWrong) {
   EXPECT_EQ(Index(), 0);
   EXPECT_EQ(Intrinsics().verdict, IntrinsicsVerdict::CONFIRMED);
   EXPECT_EQ(Intrinsics().focal_factor, 1.0005);
-  EXPECT_GT(Chosen().missing_mean_square, 0) << "the estimate is off by half a standard deviation";
+  EXPECT_GT(Chosen().extra_log_focal_variance, 0) << "the estimate is off by half a standard deviation";
   solutions_[0].checked.poses[0].log_focal_variance = 1;
-  EXPECT_LT(Chosen().missing_mean_square, 0) << "the covariance contains more already";
+  EXPECT_LT(Chosen().extra_log_focal_variance, 0) << "the covariance contains more already";
   estimate.checked.results[0].focal_factor_stddev = 0.1;
   EXPECT_EQ(Intrinsics().verdict, IntrinsicsVerdict::UNOBSERVABLE);
   solutions_[0].failure = Failure{QueryStatus::TOO_FEW_TRACKS, ""};
@@ -157,6 +160,34 @@ TEST_F(ChooseTest, DoubtInAFocalLength) {
   EXPECT_FALSE(IsFocalLengthUncertain(given, options_)) << "somebody has stated it";
   intrinsics.origin = IntrinsicsOrigin::SHARED;
   EXPECT_TRUE(IsFocalLengthUncertain(given, options_));
+}
+
+TEST(Better, LaterAttemptIsTakenPerImageAndOnlyIfItAloneLocalizesTheImage) {
+  SyntheticGroupOptions synthetic;
+  synthetic.num_frames = 5;
+  synthetic.num_sensors = 1;
+  const MadeUpQuery group(MakeSyntheticGroup(synthetic).group);
+  // The first attempt localizes images 0 to 2, the later one 1 to 4.
+  const auto attempt = [&](std::vector<int> unlikely) {
+    auto solution = std::make_shared<Solution>(group.Solved({}));
+    for (const int frame : unlikely) solution->evidence[frame] = MadeUpQuery::Unlikely();
+    return solution;
+  };
+  const auto earlier = attempt({3, 4}), later = attempt({0});
+  const auto choice = [](const Solution& solution, int query, double seconds) {
+    return ImageChoice{std::make_shared<Choice>(Choice{&solution, solution.checked.results}), query, {{"a", seconds}}};
+  };
+  std::vector<bool> is_later;
+  for (int query = 0; query < 5; ++query) {
+    const ImageChoice better = Better(choice(*earlier, query, 1), choice(*later, query, 2), {});
+    is_later.push_back(better.choice->solution == later.get());
+    EXPECT_EQ(better.query, query);
+    EXPECT_EQ(better.seconds.front().second, 3);
+  }
+  EXPECT_THAT(is_later, ElementsAre(false, false, false, true, true));
+  LocalizerOptions lenient;
+  lenient.min_confidence = 0;
+  EXPECT_EQ(Better(choice(*earlier, 4, 1), choice(*later, 4, 2), lenient).choice->solution, earlier.get());
 }
 
 TEST(FramesWithoutPose, AreThoseThatFailOrContradictTheirIntrinsics) {

@@ -30,7 +30,8 @@ void CheckInput(const QueryGroup& group) {
 
 }  // namespace
 
-const Prepared& Preparations::For(const Hypothesis& hypothesis) {
+const Prepared& Preparations::For(const Hypothesis& hypothesis, const LocalizerOptions& options,
+                                  KnownRelativePoses* known, StageTimer::Seconds* seconds) {
   const Prepared* with_same_pairs = nullptr;
   for (const auto& [other, prepared] : prepared_) {
     if (hypothesis.only_database_image != other.only_database_image) continue;
@@ -48,12 +49,12 @@ const Prepared& Preparations::For(const Hypothesis& hypothesis) {
   try {
     CheckInput(group);
     prepared.layout = with_same_pairs ? with_same_pairs->layout : MakeLayout(group);
-    if (!with_same_pairs && options_.post_optimization == PostOptimization::TRACKS) {
+    if (!with_same_pairs && options.post_optimization == PostOptimization::TRACKS) {
       prepared.layout.expected_pose_errors =
-          Timed("database_poses", seconds_, [&] { return MeasurePoseErrors(group, options_); });
+          Timed("database_poses", seconds, [&] { return MeasurePoseErrors(group, options); });
     }
     prepared.estimates =
-        EstimatePairs(group, prepared.layout, !hypothesis.estimates_focal_length, options_, known_, seconds_);
+        EstimatePairs(group, prepared.layout, !hypothesis.estimates_focal_length, options, known, seconds);
   } catch (const Failure& failure) {
     prepared.failure = failure;
   }

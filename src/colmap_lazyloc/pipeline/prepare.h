@@ -10,7 +10,7 @@
 
 namespace lazyloc {
 
-// What all hypotheses with the same pairs are solved from, whose focal length is stated or estimated.
+// Input shared by hypotheses that use the same pairs and treat the focal length alike.
 struct Prepared {
   const QueryGroup& group;
   Layout layout;
@@ -18,22 +18,19 @@ struct Prepared {
   std::optional<Failure> failure{};  // nullopt if the group can be solved
 };
 
-// Prepares a group for hypotheses, once for those that share it.
+// Prepares a group for hypotheses, once for those that share it. The group must outlive this.
 class Preparations {
  public:
-  // Uses and adds to the relative poses that are known.
-  Preparations(const QueryGroup& group, const LocalizerOptions& options, KnownRelativePoses* known,
-               StageTimer::Seconds* seconds)
-      : group_(group), options_(options), known_(known), seconds_(seconds) {}
+  explicit Preparations(const QueryGroup& group) : group_(group) {}
+  Preparations(const Preparations&) = delete;
+  Preparations& operator=(const Preparations&) = delete;
 
-  // Returns a reference that stays valid.
-  const Prepared& For(const Hypothesis& hypothesis);
+  // Returns a reference that stays valid. Uses and adds to the relative poses that are known.
+  const Prepared& For(const Hypothesis& hypothesis, const LocalizerOptions& options, KnownRelativePoses* known,
+                      StageTimer::Seconds* seconds);
 
  private:
   const QueryGroup& group_;
-  const LocalizerOptions& options_;
-  KnownRelativePoses* const known_;
-  StageTimer::Seconds* const seconds_;
   QueryGroup group_of_one_pair_;  // that of a hypothesis with only_database_image, of which there is at most one
   std::list<std::pair<Hypothesis, Prepared>> prepared_;
 };

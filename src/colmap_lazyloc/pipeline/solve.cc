@@ -4,6 +4,9 @@
 #include <utility>
 
 #include "colmap_lazyloc/depths/depth_maps_in_use.h"
+#include "colmap_lazyloc/initialization/competing_pose.h"
+#include "colmap_lazyloc/initialization/motion_averaging.h"
+#include "colmap_lazyloc/initialization/pure_rotation.h"
 #include "colmap_lazyloc/intrinsics/focal_length.h"
 #include "colmap_lazyloc/math/so3.h"
 #include "colmap_lazyloc/pipeline/refinement_with_priors.h"
@@ -13,9 +16,6 @@
 #include "colmap_lazyloc/priors/query_priors.h"
 #include "colmap_lazyloc/refinement/query_prior_residual.h"
 #include "colmap_lazyloc/scene/refs.h"
-#include "colmap_lazyloc/starts/competing_pose.h"
-#include "colmap_lazyloc/starts/motion_averaging.h"
-#include "colmap_lazyloc/starts/pure_rotation.h"
 
 namespace lazyloc {
 namespace {

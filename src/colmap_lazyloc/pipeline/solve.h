@@ -4,9 +4,9 @@
 #include <vector>
 
 #include "colmap_lazyloc/depths/depth_scale.h"
+#include "colmap_lazyloc/initialization/start_selection.h"
 #include "colmap_lazyloc/intrinsics/intrinsics_check.h"
 #include "colmap_lazyloc/pipeline/prepare.h"
-#include "colmap_lazyloc/starts/start_selection.h"
 #include "colmap_lazyloc/uncertainty/pose_evidence.h"
 
 namespace lazyloc {

@@ -1,17 +1,14 @@
 #pragma once
 
-#include <sys/types.h>
-
-#include <memory>
 #include <mutex>
 #include <optional>
 #include <set>
 #include <string>
 #include <vector>
 
-#include "colmap_lazyloc/cli/options.h"
-#include "colmap_lazyloc/loading/query_source.h"
+#include "colmap_lazyloc/localizer/localizer.h"
 #include "colmap_lazyloc/math/parallel_for.h"
+#include "colmap_lazyloc/options/options.h"
 
 namespace lazyloc {
 
@@ -22,13 +19,11 @@ struct GivenPair {
   Matches matches;
 };
 
-// Localizes queries one group at a time with the objects of colmap lazy_localizer. The index, features and caches stay
-// loaded between calls. Thread-safe, also after a fork, because each process opens the database anew.
-class Localizer {
+// A Localizer as Python uses it: with queries that a caller makes, and problems that are told once. Thread-safe.
+class PythonLocalizer {
  public:
-  // model: instead of the one at input_path. Without database_path, only queries with features and matches of their own
-  // can be localized. Throws InputError for files that cannot be used.
-  Localizer(const CommandOptions& options, std::optional<Model> model);
+  // model: instead of the one at input_path. Throws like Localizer.
+  PythonLocalizer(const CommandOptions& options, std::optional<Model> model);
 
   // Returns one line for each problem of the files that is not an error.
   std::vector<std::string> Warnings() const;
@@ -51,21 +46,18 @@ class Localizer {
   std::vector<QueryRecord> Localize(const GroupInput& input);
 
  private:
-  class Call;
-
-  const Model& DatabaseModel() const { return source_ ? source_->DatabaseModel() : model_; }
-  const FramePlaces& DatabaseFrames() const { return source_ ? source_->Selection().DatabaseFrames() : frames_; }
+  const Model& DatabaseModel() const { return localizer_.DatabaseModel(); }
+  const FramePlaces& DatabaseFrames() const {
+    return localizer_.Source() ? localizer_.Source()->Selection().DatabaseFrames() : frames_;
+  }
   std::vector<Eigen::Vector2d> StoredKeypoints(const std::string& database_name);
 
-  CommandOptions options_;
-  std::unique_ptr<QuerySource> source_;  // null without a database
-  Model model_;                          // without a database
-  FramePlaces frames_;                   // without a database
-  IdleThreads idle_threads_;             // threads that no call uses
-  std::mutex sessions_mutex_;
-  std::vector<std::unique_ptr<QuerySource::Session>> sessions_;  // that no call uses
+  const QueryPriorOptions priors_;
+  IdleThreads idle_threads_;  // threads that no call uses
+  const Localizer localizer_;
+  const FramePlaces frames_;  // without a database
+  std::mutex mutex_;
   std::set<std::string> told_depth_problems_;
-  pid_t process_;  // that has made the sessions
 };
 
 }  // namespace lazyloc

@@ -38,14 +38,14 @@ void TranslateInputError(const std::exception_ptr& error, void*) {
   }
 }
 
-Localizer* MakeLocalizer(const OptionTexts& settings, const std::optional<Model>& model) {
+PythonLocalizer* MakeLocalizer(const OptionTexts& settings, const std::optional<Model>& model) {
   const nb::gil_scoped_release release;
   CommandOptions options;
   ParseSettings(settings, &options);
-  return new Localizer(options, model);
+  return new PythonLocalizer(options, model);
 }
 
-Query MakeMatchesQuery(Localizer& localizer, const std::string& name, const Camera& camera,
+Query MakeMatchesQuery(PythonLocalizer& localizer, const std::string& name, const Camera& camera,
                        const InputPoints& keypoints, const std::vector<PairInput>& pairs) {
   std::vector<GivenPair> given;
   for (const auto& [database_name, database_keypoints, matches] : pairs) {
@@ -68,7 +68,7 @@ Query MakePhotoQuery(const std::string& name, const std::string& path, const std
 }
 
 // Returns the query with a prior of numbers as in the lines of a file.
-Query WithPrior(const Localizer& localizer, Query query, const std::vector<double>& position,
+Query WithPrior(const PythonLocalizer& localizer, Query query, const std::vector<double>& position,
                 const std::vector<double>& gravity) {
   query.prior = localizer.MakePrior(position, gravity);
   return query;
@@ -76,7 +76,7 @@ Query WithPrior(const Localizer& localizer, Query query, const std::vector<doubl
 
 // Localizes queries, and warns of depth maps that could not be used, once of each.
 template <typename... Arguments>
-std::vector<OutputAnswer> Localize(Localizer& localizer, const Arguments&... arguments) {
+std::vector<OutputAnswer> Localize(PythonLocalizer& localizer, const Arguments&... arguments) {
   std::vector<QueryRecord> records;
   {
     const nb::gil_scoped_release release;
@@ -89,13 +89,13 @@ std::vector<OutputAnswer> Localize(Localizer& localizer, const Arguments&... arg
 }
 
 // Localizes a group. name, position, gravity: a query of it and its prior.
-std::vector<OutputAnswer> LocalizeStoredGroup(Localizer& localizer, size_t group, const std::string& name,
+std::vector<OutputAnswer> LocalizeStoredGroup(PythonLocalizer& localizer, size_t group, const std::string& name,
                                               const std::vector<double>& position, const std::vector<double>& gravity) {
   return Localize(localizer, group, name, localizer.MakePrior(position, gravity));
 }
 
 // Localizes queries as one frame. poses: cam_from_rig of each.
-std::vector<OutputAnswer> LocalizeFrame(Localizer& localizer, const std::vector<Query>& queries,
+std::vector<OutputAnswer> LocalizeFrame(PythonLocalizer& localizer, const std::vector<Query>& queries,
                                         const InputPoses& poses, const std::string& frame_name, bool has_scale) {
   LAZYLOC_CHECK(queries.size() == poses.shape(0));
   GroupInput input;
@@ -139,11 +139,11 @@ NB_MODULE(_core, module) {
   module.def(
       "named", [](const std::string& name) { return Query{name}; }, "name"_a);
   module.def("photo", &MakePhotoQuery, "name"_a, "path"_a, "pixels"_a.none(), "camera"_a.none());
-  nb::class_<Localizer>(module, "Localizer")
+  nb::class_<PythonLocalizer>(module, "Localizer")
       .def(nb::new_(&MakeLocalizer), "settings"_a, "model"_a.none())
-      .def("warnings", &Localizer::Warnings)
-      .def("groups", &Localizer::Groups)
-      .def("find_group", &Localizer::FindGroup, "query_name"_a)
+      .def("warnings", &PythonLocalizer::Warnings)
+      .def("groups", &PythonLocalizer::Groups)
+      .def("find_group", &PythonLocalizer::FindGroup, "query_name"_a)
       .def("matches", &MakeMatchesQuery, "name"_a, "camera"_a, "keypoints"_a, "pairs"_a)
       .def("with_prior", &WithPrior, "query"_a, "position"_a, "gravity"_a)
       .def("localize_group", &LocalizeStoredGroup, "group"_a, "name"_a, "position"_a, "gravity"_a)

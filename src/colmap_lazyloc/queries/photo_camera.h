@@ -8,8 +8,8 @@
 #include <vector>
 
 #include "colmap_lazyloc/bridge/feature_extraction.h"
-#include "colmap_lazyloc/queries/intrinsics_source.h"
 #include "colmap_lazyloc/scene/camera.h"
+#include "colmap_lazyloc/scene/intrinsics_source.h"
 #include "colmap_lazyloc/scene/model.h"
 
 namespace lazyloc {

@@ -10,9 +10,9 @@
 #include "colmap_lazyloc/bridge/feature_extraction.h"
 #include "colmap_lazyloc/database/database_reader.h"
 #include "colmap_lazyloc/formats/query_files.h"
-#include "colmap_lazyloc/queries/intrinsics_source.h"
 #include "colmap_lazyloc/queries/photo_camera.h"
 #include "colmap_lazyloc/queries/query_groups.h"
+#include "colmap_lazyloc/scene/intrinsics_source.h"
 #include "colmap_lazyloc/scene/localization_problem.h"
 #include "colmap_lazyloc/scene/model.h"
 

@@ -10,7 +10,7 @@
 #include "colmap_lazyloc/math/cholesky3.h"
 #include "colmap_lazyloc/math/so3.h"
 #include "colmap_lazyloc/refinement/query_prior_residual.h"
-#include "colmap_lazyloc/refinement/rig_flex.h"
+#include "colmap_lazyloc/refinement/rig_tolerance.h"
 
 namespace lazyloc {
 namespace {
@@ -40,9 +40,9 @@ std::vector<PosePriorResidual> EvaluatePriors(const BundleProblem& problem, cons
   return residuals;
 }
 
-RigFlexResidual EvaluateFlex(const BundleFlex& flex, const BundleState& state) {
+RigToleranceResidual EvaluateFlex(const BundleFlex& flex, const BundleState& state) {
   const ParameterBlock& frame = state.frames[flex.frame];
-  return EvaluateRigFlex(*flex.given, state.frames[flex.calibration].frame_from_world,
+  return EvaluateRigTolerance(*flex.given, state.frames[flex.calibration].frame_from_world,
                          frame.HasRigScale() ? std::optional(frame.log_factor) : std::nullopt,
                          state.frames[flex.cam].frame_from_world, frame.frame_from_world);
 }
@@ -223,7 +223,7 @@ void BundleSolver<kSize>::AddPriors(const BundleState& state, std::vector<FrameM
 template <int kSize>
 void BundleSolver<kSize>::AddFlex(const BundleState& state, const BundleFlex& flex,
                                   std::vector<FrameMatrix>* frame_hessians) {
-  const RigFlexResidual residual = EvaluateFlex(flex, state);
+  const RigToleranceResidual residual = EvaluateFlex(flex, state);
   system_.cost += 0.5 * residual.error.squaredNorm();
   const std::array<std::pair<int, const Eigen::Matrix<double, 6, 7>*>, 3> parts = {
       {{flex.frame, &residual.by_frame}, {flex.calibration, &residual.by_calibration}, {flex.cam, &residual.by_cam}}};

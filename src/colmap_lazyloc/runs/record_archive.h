@@ -9,7 +9,7 @@
 #include <cereal/types/utility.hpp>
 #include <cereal/types/vector.hpp>
 
-#include "colmap_lazyloc/queries/query_record.h"
+#include "colmap_lazyloc/scene/query_record.h"
 
 // How cereal reads and writes what a QueryRecord holds. Names all members of each type, so that one that is added does
 // not compile before it is named here too.

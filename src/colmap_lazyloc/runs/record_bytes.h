@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "colmap_lazyloc/files/record_file.h"
-#include "colmap_lazyloc/queries/query_record.h"
+#include "colmap_lazyloc/scene/query_record.h"
 
 namespace lazyloc {
 

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <vector>
 
@@ -20,6 +21,13 @@ struct Keypoint {
 enum class FeatureType { SIFT, ALIKED_N16ROT, ALIKED_N32, LOMA_B, LOMA_B128 };
 template <>
 inline constexpr std::array kEnumNames<FeatureType> = {"SIFT", "ALIKED_N16ROT", "ALIKED_N32", "LOMA_B", "LOMA_B128"};
+
+// How photos are matched, by COLMAP 4's names of features and method. AUTO: the database's features by brute force, and
+// photos that this does not localize once more with ALIKED features by LightGlue.
+enum class MatcherType { AUTO, SIFT_BRUTEFORCE, ALIKED_BRUTEFORCE, ALIKED_LIGHTGLUE };
+template <>
+inline constexpr std::array kEnumNames<MatcherType> = {"AUTO", "SIFT_BRUTEFORCE", "ALIKED_BRUTEFORCE",
+                                                       "ALIKED_LIGHTGLUE"};
 
 inline bool IsAliked(FeatureType type) { return type == FeatureType::ALIKED_N16ROT || type == FeatureType::ALIKED_N32; }
 

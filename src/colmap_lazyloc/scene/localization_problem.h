@@ -50,6 +50,7 @@ struct LocalizationProblem {
   IntrinsicsOrigin intrinsics_origin = IntrinsicsOrigin::GIVEN;  // of query_camera
   std::vector<Eigen::Vector2d> query_keypoints;                  // xy in pixels
   std::vector<ImagePair> pairs;                                  // with database images, sorted by other_name
+  int max_num_pairs = 0;  // that are used: those with the most verified inliers; 0: all
   QueryPrior prior;
 };
 
@@ -58,6 +59,7 @@ struct QueryImage {
   LocalizationProblem problem;
   int frame = 0;         // index into QueryGroup::frame_names
   Rigid3d cam_from_rig;  // identity if the rig is unknown
+  double rig_scale = 1;  // that the translation of cam_from_rig has been multiplied with
 };
 
 // Two queries of a group that share matches.

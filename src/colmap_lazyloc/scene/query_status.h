@@ -1,6 +1,7 @@
 #pragma once
 
 #include <array>
+#include <string>
 
 #include "colmap_lazyloc/scene/enum_names.h"
 
@@ -39,6 +40,13 @@ inline constexpr std::array<const char*, 15> kEnumNames<QueryStatus> = {"LOCALIZ
                                                                         "TOO_FEW_TRACKS",
                                                                         "DIVERGED",
                                                                         "LOW_CONFIDENCE"};
+
+// Why a query is not LOCALIZED.
+struct Refusal {
+  QueryStatus status;
+  std::string reason;  // one sentence
+};
+
 // Returns true if the query has a pose, even if it is not to be relied on.
 inline bool HasPose(QueryStatus status) {
   return status == QueryStatus::LOCALIZED || status == QueryStatus::LOW_CONFIDENCE;

@@ -1,0 +1,21 @@
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "colmap_lazyloc/features/feature_method.h"
+#include "colmap_lazyloc/math/parallel_for.h"
+#include "colmap_lazyloc/scene/localization_problem.h"
+#include "colmap_lazyloc/scene/stage_timer.h"
+
+namespace lazyloc {
+
+// Matches the query with the database image of each of the problem's pairs and verifies the matches by COLMAP's
+// two-view geometry. The problem has names, cameras and the query's keypoints; this sets the pairs' other_keypoints,
+// raw matches and geometry, which is DEGENERATE if verification fails. database_features: one per pair. The result does
+// not depend on the number of threads. Adds the stages "matching" and "verification" to `seconds`.
+void MatchPairs(const FeatureMethod& method, const Features& query_features,
+                const std::vector<std::shared_ptr<const Features>>& database_features, int seed,
+                IdleThreads* idle_threads, LocalizationProblem* problem, StageTimer::Seconds* seconds);
+
+}  // namespace lazyloc

@@ -1,0 +1,137 @@
+#include "colmap_lazyloc/localizer/localizer.h"
+
+#include <unistd.h>
+
+#include <algorithm>
+#include <chrono>
+#include <utility>
+
+#include "colmap_lazyloc/localizer/attempts.h"
+#include "colmap_lazyloc/noise/database_pose_errors.h"
+#include "colmap_lazyloc/pipeline/make_record.h"
+#include "colmap_lazyloc/pipeline/solve_group.h"
+#include "colmap_lazyloc/scene/errors.h"
+
+namespace lazyloc {
+namespace {
+
+// A group as one attempt has loaded it, and what is chosen for each of its images.
+struct Tried {
+  LoadedGroup loaded;
+  std::vector<ImageChoice> choices;
+};
+
+bool AreAllLocalized(const std::vector<ImageChoice>& choices, const LocalizerOptions& options) {
+  return std::none_of(choices.begin(), choices.end(), [&](const ImageChoice& image) {
+    return RefusalOf(*image.choice, image.query, options).has_value();
+  });
+}
+
+// Keeps the better attempt at each image, and the seconds of both.
+void KeepBetter(Tried* later, Tried* tried, const LocalizerOptions& options) {
+  for (size_t i = 0; i < tried->choices.size(); ++i) {
+    QueryRecord& record = tried->loaded.records[i];
+    QueryRecord& later_record = later->loaded.records[i];
+    StageTimer::Seconds seconds = std::move(record.seconds);
+    for (const auto& [stage, elapsed] : later_record.seconds) StageTimer::Add(stage, elapsed, &seconds);
+    const std::shared_ptr<const Choice> later_choice = later->choices[i].choice;
+    tried->choices[i] = Better(std::move(tried->choices[i]), std::move(later->choices[i]), options);
+    if (tried->choices[i].choice == later_choice) record = std::move(later_record);
+    record.seconds = std::move(seconds);
+  }
+}
+
+}  // namespace
+
+// A session that a call uses alone.
+class Localizer::BorrowedSession {
+ public:
+  explicit BorrowedSession(const Localizer& localizer) : localizer_(localizer) {
+    if (!localizer.source_) return;
+    {
+      const std::lock_guard<std::mutex> lock(localizer_.sessions_mutex_);
+      if (localizer_.process_ != getpid()) {
+        // Leaves the parent's connections alone, because SQLite must not even close them in a forked process.
+        for (auto& session : localizer_.sessions_) static_cast<void>(session.release());
+        localizer_.sessions_.clear();
+        localizer_.process_ = getpid();
+      }
+      if (!localizer_.sessions_.empty()) {
+        session_ = std::move(localizer_.sessions_.back());
+        localizer_.sessions_.pop_back();
+      }
+    }
+    if (!session_) session_ = std::make_unique<QuerySource::Session>(*localizer_.source_, localizer_.idle_threads_);
+  }
+  ~BorrowedSession() {
+    if (!session_) return;
+    const std::lock_guard<std::mutex> lock(localizer_.sessions_mutex_);
+    localizer_.sessions_.push_back(std::move(session_));
+  }
+  BorrowedSession(const BorrowedSession&) = delete;
+  BorrowedSession& operator=(const BorrowedSession&) = delete;
+
+  QuerySource::Session* Get() { return session_.get(); }
+
+ private:
+  const Localizer& localizer_;
+  std::unique_ptr<QuerySource::Session> session_;  // null without a database
+};
+
+Localizer::Localizer(const SourceOptions& source, const LocalizerOptions& options, Model model, int num_threads,
+                     IdleThreads* idle_threads)
+    : options_(options), idle_threads_(idle_threads), process_(getpid()) {
+  if (source.database_path.empty()) {
+    if (!source.depth.depth_path.empty()) throw InputError("option depth_path needs a database");
+    model_ = std::move(model);
+    return;
+  }
+  SourceOptions with_pairs = source;
+  // Reads no pairs of database images if nothing corrects database poses, or if the options state their errors.
+  with_pairs.reads_database_pairs = options.post_optimization == PostOptimization::TRACKS &&
+                                    ExpectPoseErrors(options).source == PoseNoiseSource::DEFAULT;
+  source_ = std::make_unique<QuerySource>(with_pairs, std::move(model), options.seed, num_threads);
+}
+
+LoadedGroup Localizer::Load(const GroupInput& input, const Attempt& attempt, const LoadedGroup* first,
+                            QuerySource::Session* session) const {
+  if (source_) return source_->Load(input, attempt, first, session);
+  return LoadEach(input, [](const QueryInput& query, QueryRecord*) {
+    if (const auto* problem = std::get_if<LocalizationProblem>(&query)) return *problem;
+    throw InputError("only queries with matches of their own can do without a database");
+  });
+}
+
+std::vector<QueryRecord> Localizer::Localize(const GroupInput& input, bool with_keypoints) const {
+  const auto start = std::chrono::steady_clock::now();
+  BorrowedSession session(*this);
+  const std::vector<Attempt> attempts = source_ ? ListAttempts(*source_, input) : std::vector<Attempt>(1);
+  Tried tried;
+  std::vector<std::unique_ptr<Tried>> later;  // whose groups the choices refer to
+  tried.loaded = Load(input, attempts.front(), nullptr, session.Get());
+  tried.choices = SolveGroup(tried.loaded.group, options_);
+  for (size_t i = 1; i < attempts.size() && !AreAllLocalized(tried.choices, options_); ++i) {
+    Tried& next = *later.emplace_back(std::make_unique<Tried>());
+    next.loaded = Load(input, attempts[i], &tried.loaded, session.Get());
+    next.choices = SolveGroup(next.loaded.group, options_);
+    KeepBetter(&next, &tried, options_);
+  }
+  std::vector<QueryRecord> records;
+  for (RefusedQuery& refused : tried.loaded.refused) {
+    AddRefusal(refused.refusal, &refused.record);
+    records.push_back(std::move(refused.record));
+  }
+  std::vector<LocalizationResult> results = MakeResults(tried.choices, options_);
+  for (size_t i = 0; i < results.size(); ++i) {
+    QueryRecord& record = tried.loaded.records[i];
+    AddResult(std::move(results[i]), &record);
+    std::vector<Eigen::Vector2d>& keypoints = tried.loaded.group.images[i].problem.query_keypoints;
+    if (with_keypoints && record.keypoints.empty()) record.keypoints = std::move(keypoints);
+    records.push_back(std::move(record));
+  }
+  const double total = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  for (QueryRecord& record : records) record.total_seconds = total / static_cast<double>(records.size());
+  return records;
+}
+
+}  // namespace lazyloc
