@@ -1,6 +1,7 @@
 """Tests of scripts/checks: each fails on a tree that breaks its rule, names the place, and passes otherwise."""
 
 import pathlib
+import re
 import subprocess
 import sys
 
@@ -130,7 +131,7 @@ TABLE = """<!-- results: page/walls -->
 
 | a |  | measured |
 |---|---|---|
-| 1 | x | 2026-01-02 0123456 EPYC, earlier |
+| 1 | x | 2026-01-02 0123456 EPYC, earlier method |
 """
 
 
@@ -139,7 +140,7 @@ TABLE = """<!-- results: page/walls -->
     [
         (TABLE, None),
         (TABLE.replace("| 1 |", "| 2 |"), "differs from its results"),
-        (TABLE.replace(", earlier", ""), "differs from its results"),
+        (TABLE.replace(", earlier method", ""), "differs from its results"),
         (TABLE.replace("walls", "doors"), "no results page/doors"),
         (TABLE.split("|", maxsplit=1)[0], "without a table"),
         ("Nothing.\n", "no page shows walls"),
@@ -163,7 +164,30 @@ def test_tables_take_the_rows_of_a_run(write, tmp_path):
     command = [sys.executable, CHECKS_PATH / "tables.py", "--root", tmp_path, "--take", tmp_path / "run.md"]
     subprocess.run([*command, "--page", "page"], check=True)
     rows = (tmp_path / "docs/page.md").read_text().splitlines()[4:]
-    assert rows[0] == "| 1 | x | 2026-01-02 0123456 EPYC, earlier |"
-    assert rows[1].startswith("| 2 | z | 20") and rows[1].endswith(", earlier |")
-    assert rows[2].startswith("| PoseLib | y | 20") and not rows[2].endswith(", earlier |")
+    assert rows[0] == "| 1 | x | 2026-01-02 0123456 EPYC, earlier method |"
+    assert rows[1].startswith("| 2 | z | 20") and not rows[1].endswith(", earlier method |")
+    assert rows[2].startswith("| PoseLib | y | 20") and not rows[2].endswith(", earlier method |")
     assert len(rows) == 3 and "doors" not in (tmp_path / "benchmarks/results/page.json").read_text()
+
+
+def test_tables_show_which_rows_are_of_an_earlier_method(write, check, tmp_path):
+    code = "int Sum(int x) { return x; }\n"
+    write(f"{SOURCE}/noise/a.cc", code)
+    write("docs/page.md", TABLE)
+    write("benchmarks/results/page.json", RESULTS)
+    method = re.search(r"0 of 1 rows of the present method (\w{10})\n", check("tables")[1]).group(1)
+    write("benchmarks/results/page.json", RESULTS.replace('"cells"', f'"method": "{method}", "cells"'))
+    write("docs/page.md", TABLE.replace(", earlier method", ""))
+    assert "1 of 1 rows" in check("tables")[1]
+    (tmp_path / SOURCE / "noise" / "a.cc").unlink()
+    write(f"{SOURCE}/group/b.cc", f'#include "b.h"\n\n// Returns x.\n  {code}')
+    write(f"{SOURCE}/group/b_test.cc", "int x;\n")
+    write(f"{SOURCE}/cli/c.cc", "int x;\n")
+    assert check("tables")[0] == 0, "names, comments, tests and other folders are no part of the method"
+    write(f"{SOURCE}/group/b.cc", code.replace("x;", "x + 1;"))
+    assert "differs from its results" in check("tables")[1]
+    command = [sys.executable, CHECKS_PATH / "tables.py", "--root", tmp_path]
+    subprocess.run([*command, "--write"], check=True)
+    assert (tmp_path / "docs/page.md").read_text() == TABLE
+    subprocess.run([*command, "--same-figures", method], check=True)
+    assert (tmp_path / "docs/page.md").read_text() == TABLE.replace(", earlier method", "")
