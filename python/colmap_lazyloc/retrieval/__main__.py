@@ -2,8 +2,8 @@
 
     lazyloc retrieve --descriptors_path global.h5 --input_path model --output_path pairs.txt
 
-The descriptors are hloc's HDF5 files, or `name.npy` (n x d, float16 or float32) beside `name.txt` with one image name
-per row. The pairs are for `colmap lazy_localizer --pairs_path` and for hloc. The comparison is exact.
+The descriptors are hloc's HDF5 files, or `name.npy` (n x d, float16 or float32) with `name.txt`, which has one image
+name per row. The pairs are for `colmap lazy_localizer --pairs_path` and for hloc. The comparison is exact.
 """
 
 import argparse

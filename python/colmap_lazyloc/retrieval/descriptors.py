@@ -1,4 +1,4 @@
-"""Reads global descriptors of images in blocks: hloc's HDF5 files, or a .npy file beside a list of names."""
+"""Reads global descriptors of images in blocks: hloc's HDF5 files, or a .npy file with a list of names."""
 
 import dataclasses
 import pathlib

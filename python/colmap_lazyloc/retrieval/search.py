@@ -15,7 +15,7 @@ from colmap_lazyloc.retrieval.plan import make_plan, peak_bytes
 
 
 class Search:
-    """A planned search: says what it will take, runs, and says what it took."""
+    """A planned search: describes what it will take, runs, and reports what it took."""
 
     def __init__(self, queries: DescriptorSet, images: DescriptorSet, options: argparse.Namespace):
         self._queries, self._images, self._options = queries, images, options
