@@ -1,11 +1,18 @@
-"""Hooks of MkDocs: adds the pages that stand outside docs/, and writes formulas as MathML, which needs no script."""
+"""Hooks of MkDocs: add the pages that stand outside docs/, insert values of the code, and write formulas as MathML.
 
+In a page, `{{ kMinNumInliers }}` is the value of a constant or of a field's default in src/colmap_lazyloc. If several
+files have one of this name, `{{ depth_scale.kNumCells }}` names the file. `{{ default("num_retrieved") }}` is the
+default of an option. `{{ NAME | percent }}` shows 0.05 as 5 %. Code of a page stays as it is.
+"""
+
+import functools
 import html
 import pathlib
 import re
 
 import latex2mathml.converter
 import ziamath
+from mkdocs.exceptions import PluginError
 from mkdocs.structure.files import File
 
 ROOT = pathlib.Path(__file__).resolve().parents[1]
@@ -16,6 +23,8 @@ STACKED = re.compile(
 )
 FIGURES = re.compile(r"<td>(\d{4}-\d\d-\d\d|[\d.]+ / [\d.]+)")
 CODE = re.compile(r"<pre>.*?</pre>|<code>([^<]*)</code>", re.DOTALL)
+VALUE = re.compile(r"```.*?```|`[^`]*`|\{\{ ([^{}]*) \}\}", re.DOTALL)
+DEFAULT = re.compile(r"^\| `--(?:[\w.]+\.)?(\w+)` \| (\S+) \|", re.MULTILINE)
 FORMULA = re.compile(r'<(span|div) class="arithmatex">\\[(\[](.*?)\\[)\]]</\1>', re.DOTALL)
 
 
@@ -36,11 +45,41 @@ def on_files(files, config):
     return files
 
 
-def on_page_markdown(markdown, **_):
-    """Makes links to the pages at the project's root lead to the site's pages."""
-    for name, page in ROOT_PAGES.items():
-        markdown = markdown.replace(f"](../{name}", f"]({page}")
-    return markdown
+def on_page_markdown(markdown, page, **_):
+    """Inserts values, and makes links to the pages at the project's root lead to the site's pages."""
+    for name, root_page in ROOT_PAGES.items():
+        markdown = markdown.replace(f"](../{name}", f"]({root_page}")
+    return VALUE.sub(lambda match: value_of(match.group(1), page) if match.group(1) else match.group(), markdown)
+
+
+def value_of(expression, page):
+    """Returns the text that a page shows for an expression in double braces."""
+    name, _, form = expression.partition(" | ")
+    if option := re.fullmatch(r'default\("(\w+)"\)', name):
+        found = option_defaults().get(option.group(1), [])
+    else:
+        file, _, constant = name.rpartition(".")
+        sources = [text for stem, text in source_files() if file in ("", stem)]
+        found = re.findall(rf"\b{re.escape(constant)}(?:\[\])? = \{{?(-?[\d.]+(?:e-?\d+)?)\b", "\n".join(sources))
+    if len(found) != 1 or form not in ("", "percent"):
+        raise PluginError(f"{page.file.src_uri}: {{{{ {expression} }}}} has {len(found)} values, but must have one")
+    return f"{100 * float(found[0]):g} %" if form else found[0]
+
+
+@functools.cache
+def source_files():
+    """Returns name and text of each source file that is no test."""
+    paths = sorted([*ROOT.glob("src/colmap_lazyloc/**/*.h"), *ROOT.glob("src/colmap_lazyloc/**/*.cc")])
+    return [(path.stem, path.read_text(encoding="utf-8")) for path in paths if not path.stem.endswith("_test")]
+
+
+@functools.cache
+def option_defaults():
+    """Returns the defaults of the options by name; the tables are made from --help-all, which a test compares."""
+    defaults = {}
+    for name, value in DEFAULT.findall((ROOT / "docs" / "command_line.md").read_text(encoding="utf-8")):
+        defaults.setdefault(name, []).append(value)
+    return defaults
 
 
 def on_page_content(content, **_):

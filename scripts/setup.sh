@@ -69,10 +69,9 @@ install_requirements() {
 build() {
   local log="$BUILD_DIR/build.log"
   mkdir -p "$BUILD_DIR"
-  cmake -S . -B "$BUILD_DIR" -G Ninja -DCMAKE_BUILD_TYPE="${CMAKE_BUILD_TYPE:-Release}" \
-    -DCOLMAP_SOURCE_DIR="$COLMAP_SOURCE_DIR" -DLAZYLOC_PYTHON=ON -DPython_EXECUTABLE="$PYTHON" \
+  cmake --preset release -B "$BUILD_DIR" ${CMAKE_BUILD_TYPE:+-DCMAKE_BUILD_TYPE="$CMAKE_BUILD_TYPE"} \
+    -DCOLMAP_SOURCE_DIR="$COLMAP_SOURCE_DIR" -DPython_EXECUTABLE="$PYTHON" \
     -DONNXRUNTIME_INCLUDE_DIR="$ONNXRUNTIME_INCLUDE_DIR" \
-    -DCMAKE_CXX_COMPILER_LAUNCHER=ccache -DCMAKE_C_COMPILER_LAUNCHER=ccache \
     ${CMAKE_ARGS:-} > "$log" 2>&1 || { tail -30 "$log" >&2; return 1; }
   if ninja -C "$BUILD_DIR" -n ${BUILD_TARGETS:-} | grep -q 'no work to do'; then return 0; fi
   say "building (COLMAP too, where no cached build is found: about ten minutes on two cores); log in $log"

@@ -1,7 +1,7 @@
 """Tests of scripts/checks: each fails on a tree that breaks its rule, names the place, and passes otherwise."""
 
 import pathlib
-import shutil
+import re
 import subprocess
 import sys
 
@@ -33,10 +33,6 @@ def check(tmp_path):
         return done.returncode, done.stdout + done.stderr
 
     return run
-
-
-def function(num_lines, head="int Sum()"):
-    return head + " {\n" + "  ++x;\n" * num_lines + "}\n"
 
 
 @pytest.mark.parametrize(
@@ -97,30 +93,6 @@ def test_layers_keep_colmap_in_the_bridge(write, check, file):
     assert code == 1 and "COLMAP's headers" in text and f"{file}:1" in text
 
 
-@pytest.mark.parametrize(
-    "head",
-    [
-        "int Sum()",
-        "TEST(Sum, IsRight)",
-        "Sum::Sum(const Options& options = {})\n    : options_(options), x_{1}",
-        "std::vector<std::function<void(int)>> Sum(int x) const noexcept",
-        "template <typename T>\nbool operator==(const T& a, const T& b)",
-    ],
-)
-def test_sizes_of_functions_have_a_limit(write, check, head):
-    write("a.cc", f'namespace lazyloc {{\nconst char* brace = "{{";  // {{\n{function(50, head)}}}\n')
-    assert check("sizes")[0] == 0
-    write("a.cc", f'namespace lazyloc {{\nconst char* brace = "{{";  // {{\n{function(51, head)}}}\n')
-    code, text = check("sizes")
-    assert code == 1 and "has 51 lines, of at most 50" in text
-
-
-def test_sizes_of_python_functions_have_a_limit(write, check):
-    write("a.py", "def f():\n" + "    x = 1\n" * 51)
-    code, text = check("sizes")
-    assert code == 1 and "a.py:1: f has 51 lines" in text
-
-
 def test_links_to_files_and_headings_that_are_there_pass(write, check):
     write(
         "docs/a.md",
@@ -153,163 +125,13 @@ def test_links_include_the_source_files_that_texts_name(write, check):
     assert code == 1 and "a.md:2: no such source file: rotation/moved.cc" in text
 
 
-@pytest.mark.parametrize(
-    ("file", "old", "new", "found"),
-    [
-        ("docs/method.md", "", "", None),
-        ("docs/method.md", "= 20", "= 30", "the default is 20"),
-        ("docs/faq.md", "short", "short: `--LazyLocalizer.num_retrieved` (30)", "the default is 20"),
-        (f"{SOURCE}/uncertainty/confidence_factors.h", "0.24", "0.34", "kPlaceOdds is 0.34"),
-        (f"{SOURCE}/noise/database_priors.cc", "kExactProbability", "kOther", "kExactProbability is not found"),
-        ("docs/method.md", "0.5 %", "1 %", "kMaxRightErrorRatio is 0.005"),
-        ("docs/method.md", "exceeds 0.2,", "exceeds 0.3,", "kMaxStddev is 0.2"),
-        ("docs/faq.md", "short", "short, " + "and a word " * 17, "words in a sentence"),
-        ("docs/faq.md", "short", "a rival", "write competing pose"),
-    ],
-)
-def test_prose_is_short_plain_and_true(write, check, tmp_path, file, old, new, found):
-    """Changes something in the project's own code, options and page on the method, or in two other pages."""
-    project = CHECKS_PATH.parents[1]
-    shutil.copytree(project / SOURCE, tmp_path / SOURCE)
-    for name in ("docs/method.md", "docs/command_line.md"):
-        write(name, (project / name).read_text(encoding="utf-8"))
-    write("docs/faq.md", "This is short.\n")
-    write(file, (tmp_path / file).read_text(encoding="utf-8").replace(old, new))
-    code, text = check("prose")
-    assert code == (found is not None) and (found or "") in text, text
-
-
-FUNCTION = "int Sum(int x);"
-DATA = "double noise_px = 0.5;"
-STRUCT = "struct Sum {};"
-STATEMENT = "void F() {\n  // Zero.\n  int x = 0;\n}"
-
-
-@pytest.mark.parametrize(
-    ("comment", "code"),
-    [
-        ("Returns the sum.", FUNCTION),
-        ("True if the pose is unobservable.", FUNCTION),
-        ("COLMAP stores numbers as the machine holds them.", FUNCTION),
-        ("What was removed stays in the inverted files.", FUNCTION),
-        ("In COLMAP 3 zeros stand for a matrix that is not set.", FUNCTION),
-        ("path: must not exist yet.", FUNCTION),
-        ("rho = log(1 + r^2).", FUNCTION),
-        ("Matches the query with each of the images.", FUNCTION),
-        ("Sets priors as the options state them.", FUNCTION),
-        ("Renders rough stone of a pillar.", FUNCTION),
-        ("Models that COLMAP 4 added must work if COLMAP knows them.", FUNCTION),
-        ("The identity counts as unset, because hloc stores it.", FUNCTION),
-        ("If the images fit so badly that noise is not the reason, the estimate starts higher.", FUNCTION),
-        ("What the solver changes.", STRUCT),
-        ("Standard deviation of its image points, per coordinate.", DATA),
-        ("A rig at one moment.", STRUCT),
-    ],
-)
-def test_comments_that_open_with_a_sentence_pass(write, check, comment, code):
-    write("a.h", f"// {comment}\n{code}\n")
-    assert check("comments")[0] == 0
-
-
-@pytest.mark.parametrize(
-    ("comment", "code"),
-    [
-        ("Of the query, in pixels.", FUNCTION),
-        ("None where COLMAP has set no pose.", FUNCTION),
-        ("The same without noise.", FUNCTION),
-        ("Median distance of the points.", FUNCTION),
-        ("Matches of the query that fit.", FUNCTION),
-        ("As the options state them.", FUNCTION),
-        ("Whether the pose is known.", FUNCTION),
-        ("Of the first step, which may be far off: it would go too far.", DATA),
-        ("By which the lengths have been multiplied.", DATA),
-        ("Those that the solver changes.", STRUCT),
-        ("Query keypoint 0 seen at keypoint 10 of image 1.", FUNCTION),
-        ("Cameras in a chain, each of which shares points.", FUNCTION),
-        ("COLMAP's logging set-up for a program.", FUNCTION),
-    ],
-)
-def test_comments_that_open_with_a_fragment_fail(write, check, comment, code):
-    write("a.h", f"// {comment}\n{code}\n")
-    exit_code, text = check("comments")
-    assert exit_code == 1 and "a.h:1: " in text and "1 of 1 blocks" in text
-
-
-def test_comments_may_be_fragments_in_less_than_three_percent(write, check):
-    fragment, sentence = f"// Of it.\n{FUNCTION}\n", f"// Returns it.\n{FUNCTION}\n"
-    write("a.h", fragment + 33 * sentence)
-    assert check("comments")[0] == 0
-    write("a.h", fragment + 32 * sentence)
-    assert check("comments")[0] == 1
-
-
-def test_comments_of_statements_count_but_not_those_at_the_end_of_a_line(write, check):
-    write("a.cc", STATEMENT + "\nint y = 0;  // of the query\n")
-    code, text = check("comments")
-    assert code == 1 and "a.cc:2: (statement) Zero." in text and "1 of 1 blocks" in text
-
-
-@pytest.mark.parametrize(
-    "text",
-    [
-        '"""Of the query."""\n',
-        'def f():\n    """Of the query."""\n',
-        'def f():\n    """Median distance of the points."""\n',
-        "# Of the query.\nx = 1\n",
-        "# Of the query.\n\nx = 1\n",
-        "def f():\n    # Zero.\n    return 0\n",
-    ],
-)
-def test_comments_of_python_that_open_with_a_fragment_fail(write, check, text):
-    write("a.py", text)
-    code, printed = check("comments")
-    assert code == 1 and "a.py:" in printed and "Python: 1 of 1 blocks" in printed
-
-
-@pytest.mark.parametrize(
-    "text",
-    [
-        '"""Poses of the queries."""\n',
-        'def f():\n    """Returns the median distance."""\n',
-        '@property\ndef f(self):\n    """Median distance of the points."""\n',
-        "# Median distance of the points.\nx = 1\n",
-        "# Scenes\n\n# Returns the scene.\ndef f():\n    pass\n",
-        "x = 1  # of the query\n",
-    ],
-)
-def test_comments_of_python_that_open_with_a_sentence_pass(write, check, text):
-    write("a.py", text)
-    assert check("comments")[0] == 0
-
-
-def test_each_language_may_have_less_than_three_percent_of_fragments(write, check):
-    write("a.h", 99 * f"// Returns it.\n{FUNCTION}\n")
-    write("a.py", "# Of it.\nx = 1\n")
-    code, text = check("comments")
-    assert code == 1 and "comments: Python comments must open" in text and "C++: 0 of 99" in text
-
-
-def test_metrics_count(write, check):
-    write(
-        f"{SOURCE}/pipeline/a.h",
-        "struct A {\n  int x = 0;\n  std::vector<int> y;\n  int F() const;\n private:\n  int z;\n};\n",
-    )
-    write(f"{SOURCE}/cli/options.cc", 'void F() {\n  add("a", 1);\n  add("b", 2);\n}\n')
-    write(f"{SOURCE}/cli/options_test.cc", function(20))
-    code, text = check("metrics")
-    assert code == 0
-    assert "lines of src/ without tests: 11\n" in text and "files of src/ without tests: 2\n" in text
-    assert f"longest function: 2 lines, {SOURCE}/cli/options.cc: F\n" in text
-    assert "options registered: 2\n" in text and "pipeline/*.h: 2 (A 2)" in text
-
-
 ROW = '{"date": "2026-01-02", "commit": "0123456789", "machine": "EPYC", "cells": ["1", "x"]}'
 RESULTS = f'{{"walls": {{"columns": ["a", ""], "rows": [{ROW}]}}}}'
 TABLE = """<!-- results: page/walls -->
 
 | a |  | measured |
 |---|---|---|
-| 1 | x | 2026-01-02 0123456 EPYC, earlier |
+| 1 | x | 2026-01-02 0123456 EPYC, earlier method |
 """
 
 
@@ -318,7 +140,7 @@ TABLE = """<!-- results: page/walls -->
     [
         (TABLE, None),
         (TABLE.replace("| 1 |", "| 2 |"), "differs from its results"),
-        (TABLE.replace(", earlier", ""), "differs from its results"),
+        (TABLE.replace(", earlier method", ""), "differs from its results"),
         (TABLE.replace("walls", "doors"), "no results page/doors"),
         (TABLE.split("|", maxsplit=1)[0], "without a table"),
         ("Nothing.\n", "no page shows walls"),
@@ -342,7 +164,30 @@ def test_tables_take_the_rows_of_a_run(write, tmp_path):
     command = [sys.executable, CHECKS_PATH / "tables.py", "--root", tmp_path, "--take", tmp_path / "run.md"]
     subprocess.run([*command, "--page", "page"], check=True)
     rows = (tmp_path / "docs/page.md").read_text().splitlines()[4:]
-    assert rows[0] == "| 1 | x | 2026-01-02 0123456 EPYC, earlier |"
-    assert rows[1].startswith("| 2 | z | 20") and rows[1].endswith(", earlier |")
-    assert rows[2].startswith("| PoseLib | y | 20") and not rows[2].endswith(", earlier |")
+    assert rows[0] == "| 1 | x | 2026-01-02 0123456 EPYC, earlier method |"
+    assert rows[1].startswith("| 2 | z | 20") and not rows[1].endswith(", earlier method |")
+    assert rows[2].startswith("| PoseLib | y | 20") and not rows[2].endswith(", earlier method |")
     assert len(rows) == 3 and "doors" not in (tmp_path / "benchmarks/results/page.json").read_text()
+
+
+def test_tables_show_which_rows_are_of_an_earlier_method(write, check, tmp_path):
+    code = "int Sum(int x) { return x; }\n"
+    write(f"{SOURCE}/noise/a.cc", code)
+    write("docs/page.md", TABLE)
+    write("benchmarks/results/page.json", RESULTS)
+    method = re.search(r"0 of 1 rows of the present method (\w{10})\n", check("tables")[1]).group(1)
+    write("benchmarks/results/page.json", RESULTS.replace('"cells"', f'"method": "{method}", "cells"'))
+    write("docs/page.md", TABLE.replace(", earlier method", ""))
+    assert "1 of 1 rows" in check("tables")[1]
+    (tmp_path / SOURCE / "noise" / "a.cc").unlink()
+    write(f"{SOURCE}/group/b.cc", f'#include "b.h"\n\n// Returns x.\n  {code}')
+    write(f"{SOURCE}/group/b_test.cc", "int x;\n")
+    write(f"{SOURCE}/cli/c.cc", "int x;\n")
+    assert check("tables")[0] == 0, "names, comments, tests and other folders are no part of the method"
+    write(f"{SOURCE}/group/b.cc", code.replace("x;", "x + 1;"))
+    assert "differs from its results" in check("tables")[1]
+    command = [sys.executable, CHECKS_PATH / "tables.py", "--root", tmp_path]
+    subprocess.run([*command, "--write"], check=True)
+    assert (tmp_path / "docs/page.md").read_text() == TABLE
+    subprocess.run([*command, "--same-figures", method], check=True)
+    assert (tmp_path / "docs/page.md").read_text() == TABLE.replace(", earlier method", "")

@@ -96,15 +96,44 @@ def test_pictures_of_the_pipeline_name_what_the_code_has():
     assert len(names) >= 30 and names - words == set()
 
 
-def test_broken_link_is_an_error(tmp_path):
-    """Copies what the site is built from, and breaks a link and an anchor."""
-    for name in ("docs", "scripts", "mkdocs.yml", "pyproject.toml", "CONTRIBUTING.md", "CHANGELOG.md"):
+@pytest.fixture
+def copy(tmp_path):
+    """Copies what the site is built from."""
+    for name in ("docs", "scripts", "src", "mkdocs.yml", "pyproject.toml", "CONTRIBUTING.md", "CHANGELOG.md"):
         source = PROJECT_PATH / name
         (shutil.copytree if source.is_dir() else shutil.copy)(source, tmp_path / name)
     version = pathlib.Path("python", "colmap_lazyloc", "__init__.py")
     (tmp_path / version).parent.mkdir(parents=True)
     shutil.copy(PROJECT_PATH / version, tmp_path / version)
-    page = tmp_path / "docs" / "faq.md"
-    page.write_text(page.read_text() + "\n[a](nowhere.md) [b](method.md#nowhere)\n")
-    done = build(tmp_path, tmp_path / "site")
+    return tmp_path
+
+
+def append(folder, page, text):
+    with (folder / "docs" / page).open("a") as file:
+        file.write(f"\n{text}\n")
+
+
+def test_broken_link_is_an_error(copy):
+    append(copy, "faq.md", "[a](nowhere.md) [b](method.md#nowhere)")
+    done = build(copy, copy / "site")
     assert done.returncode == 1 and "nowhere.md" in done.stderr and "#nowhere" in done.stderr
+
+
+def test_pages_show_values_of_the_code(copy):
+    header = copy / "src" / "colmap_lazyloc" / "math" / "test_values.h"
+    header.write_text("constexpr int kTestCount = 17;\nconst double kTestRatio = 2.5e-2;\nconst int kNumCells = 3;\n")
+    values = ["kTestCount", "kTestRatio", "kTestRatio | percent", "test_values.kNumCells", 'default("num_retrieved")']
+    append(copy, "faq.md", "Values: " + ", ".join(f"{{{{ {value} }}}}" for value in values) + ", `{{ kTestCount }}`.")
+    done = build(copy, copy / "site")
+    assert done.returncode == 0, done.stderr
+    text = (copy / "site" / colmap_lazyloc.__version__ / "faq.html").read_text()
+    assert "Values: 17, 2.5e-2, 2.5 %, 3, 20, <code>{{ kTestCount }}</code>." in text
+
+
+@pytest.mark.parametrize(
+    ("value", "count"), [("kNoSuchName", 0), ('default("no_such")', 0), ("no_file.kNumCells", 0), ("kNumCells", 2)]
+)
+def test_value_that_the_code_does_not_have_is_an_error(copy, value, count):
+    append(copy, "faq.md", f"{{{{ {value} }}}}")
+    done = build(copy, copy / "site")
+    assert done.returncode == 1 and f"faq.md: {{{{ {value} }}}} has {count} values, but must have one" in done.stderr

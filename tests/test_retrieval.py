@@ -10,7 +10,7 @@ import pytest
 
 from colmap_lazyloc.pairs import read_pairs
 from colmap_lazyloc.retrieval import __main__ as retrieval
-from colmap_lazyloc.retrieval import descriptors, exact, plan, search
+from colmap_lazyloc.retrieval import descriptors, exact, plan
 from colmap_lazyloc.shards import Shard
 from colmap_lazyloc.testing import synthetic
 from conftest import write_lines
@@ -156,36 +156,6 @@ def test_listed_queries_are_no_database_images(files):
     files.query_path = files.image_path
     _, path = files.run("--query_list_path", write_lines(files.folder / "list.txt", listed))
     assert by_query(path) == files.expected()
-
-
-def test_approximate_search_finds_almost_all(tmp_path, monkeypatch, capsys):
-    files = Files(tmp_path, ".npy", num_images=4000)
-    options = ["--max_num_exact", 100, "--num_probes", 200, "--index_path", tmp_path / "descriptors.index"]
-    _, path = files.run(*options)
-    found, expected = by_query(path), files.expected()
-    assert sum(len({*found[name]} & {*expected[name]}) for name in expected) >= 0.9 * NUM_RETRIEVED * len(expected)
-    assert "approximate search: 60 queries x 4000 database images" in capsys.readouterr().err
-    monkeypatch.setattr(search.approximate, "make_index", None)  # a second run reads the file
-    _, again = files.run(*options, "--shard", "1/2", output="again.txt")
-    assert set(again.read_text().splitlines()) < set(path.read_text().splitlines())
-
-
-def test_index_of_other_descriptors_is_refused(tmp_path, capsys):
-    files = Files(tmp_path, ".npy", num_images=400)
-    index = tmp_path / "descriptors.index"
-    options = ["--max_num_exact", 100, "--index_path", index]
-    assert files.run(*options)[0] == 0
-    whole = index.read_bytes()
-    for content, problem in (
-        (whole[:-100], "is truncated or damaged"),
-        (b"SQLite", "is not a descriptor index"),
-        (whole.replace(b"index 1 ", b"index 1 0"), "belongs to other descriptors"),
-    ):
-        index.write_bytes(content)
-        capsys.readouterr()
-        assert files.run(*options, output="none.txt")[0] == 1
-        assert f"descriptors.index: {problem}" in capsys.readouterr().err
-    assert not (tmp_path / "none.txt").exists()
 
 
 def test_memory_is_bounded(tmp_path, capsys):

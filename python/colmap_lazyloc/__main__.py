@@ -13,13 +13,13 @@ from colmap_lazyloc.errors import InputError, command
 COMMANDS = {
     "run": ("project.__main__", "localize photos or a video in a folder of photos: from files to the report"),
     "import": ("import_poses", "make a COLMAP model from poses of other programs"),
-    "check": ("agreement.__main__", "say whether poses agree with the matches of a database"),
+    "check": ("agreement.__main__", "check whether poses agree with the matches of a database"),
     "report": ("report.__main__", "write a page that shows the results of a run"),
     "evaluate": ("evaluate", "compare poses with true ones"),
     "retrieve": ("retrieval.__main__", "find database images by global descriptors"),
     "cluster": ("cluster.__main__", "localize on a Dask cluster"),
     "demo": ("demo.__main__", "render the photos of the demo"),
-    "doctor": ("doctor", "say what is installed, and what the extras would bring"),
+    "doctor": ("doctor", "show what is installed, and what the extras would add"),
 }
 
 

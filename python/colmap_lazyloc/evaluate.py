@@ -5,7 +5,7 @@
 ESTIMATED is the output folder of `colmap lazy_localizer`. ESTIMATED and TRUTH may also be files with lines
 `name qw qx qy qz tx ty tz` (cam_from_world, as in poses.txt) or folders with a COLMAP model, text or binary. A query
 without an estimated pose counts as a failure in every recall; mean and median are taken over the localized queries.
-Lengths are in the unit of the database, which is the metre if --unit says so or TRUTH is a model with geographic
+Lengths are in the unit of the database, which is the metre if --unit is given or TRUTH is a model with geographic
 coordinates.
 """
 

@@ -66,7 +66,7 @@ def missing_package(error: ImportError, preferred: str | None = None) -> str | N
 
 
 def install_command(name: str, modules: Sequence[str]) -> str:
-    """Returns the command that installs modules of an extra; beside the Debian package there may be two."""
+    """Returns the command that installs modules of an extra; next to the Debian package there may be two."""
     if not IS_DEBIAN_PACKAGE:
         return f"pip install 'colmap-lazyloc[{name}]'"
     by_apt = [DEBIAN_NAMES.get(module, f"python3-{module}") for module in modules if module not in NOT_IN_DEBIAN]

@@ -7,7 +7,7 @@ FORMAT is one of the following; `auto` recognizes FILE by its content.
 FORMATS
 The format `exif` reads GPS positions of the photos in the folder FILE instead, and writes a text file for
 `colmap lazy_localizer --query_position_path`. The format `panoramas` cuts the equirectangular photos in the folder FILE
-into perspective faces, and writes rig.json and queries.txt beside them.
+into perspective faces, and writes rig.json and queries.txt next to them.
 
 Geographic coordinates become a local frame in metres: x east, y north, z up. Its origin is in geo.json beside the
 model.
@@ -64,7 +64,7 @@ def write_posed_images(folder: pathlib.Path, posed: PosedImages, binary: bool = 
 
 
 def add_source_options(add: Callable[..., Any]) -> None:
-    """Adds the options that say more about a file of poses; `add`: the function of an argument parser."""
+    """Adds the options that describe a file of poses; `add`: the function of an argument parser."""
     add(
         "--camera",
         metavar="'MODEL W H PARAMS...'",
@@ -80,7 +80,7 @@ def add_source_options(add: Callable[..., Any]) -> None:
     )
     add(
         "--crs",
-        help="coordinate reference system of the positions, for example EPSG:32632; default: what the file says, or a "
+        help="coordinate reference system of the positions, for example EPSG:32632; default: that of the file, or a "
         "local frame",
     )
     add(
@@ -120,7 +120,7 @@ def join_values(arguments: Sequence[str] | None) -> list[str]:
 
 
 def make_source(path: pathlib.Path, image_path: pathlib.Path | None, options: argparse.Namespace) -> Source:
-    """Returns a file with what the options say about it."""
+    """Returns a file with what the options specify for it."""
     return Source(
         path,
         Photos(image_path),
@@ -250,7 +250,7 @@ def _check_sizes(source: Source, posed: PosedImages) -> None:
 
 
 def _write_gps(options: argparse.Namespace) -> None:
-    """Writes the positions of photos with GPS, and geo.json if no model says the origin."""
+    """Writes the positions of photos with GPS, and geo.json if no model has an origin."""
     given = None if options.geo_origin is None else GeoOrigin.parse(options.geo_origin)
     if options.model is not None:
         if given is not None:

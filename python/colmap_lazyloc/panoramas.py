@@ -104,7 +104,7 @@ def write_faces(paths: Mapping[str, pathlib.Path], output: pathlib.Path) -> None
         for face, pixels in cut(panorama):
             face_path = output / face / name
             face_path.parent.mkdir(parents=True, exist_ok=True)
-            # COLMAP tells the format by the content: what OpenCV cannot write becomes JPEG.
+            # COLMAP recognizes the format by the content: what OpenCV cannot write becomes JPEG.
             suffix = path.suffix if cv2.haveImageWriter(f"face{path.suffix}") else ".jpg"
             face_path.write_bytes(cv2.imencode(suffix, pixels, [cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY])[1].tobytes())
 

@@ -35,7 +35,7 @@ class RunnerUp:
 
 
 class Result:
-    """What the localizer says of a query: a status, and a pose if the images determine one.
+    """What the localizer reports of a query: a status, and a pose if the images determine one.
 
     Poses are cam_from_world, x_cam = R x_world + t, in COLMAP's camera frame (x right, y down, z forward). Lengths are
     in the model's unit, pixels follow COLMAP's convention: the centre of the upper-left pixel is (0.5, 0.5).

@@ -1,7 +1,7 @@
 """The types of what `colmap lazy_localizer` writes: a line of results.jsonl, and leave_one_out.json.
 
-docs/formats.md says what the fields mean. A value that is NotRequired is in the file only in some cases; runs of older
-versions may lack others.
+docs/formats.md explains what the fields mean. A value that is NotRequired is in the file only in some cases; runs of
+older versions may lack others.
 """
 
 from typing import NotRequired, TypedDict
@@ -49,7 +49,7 @@ class EvidenceFields(TypedDict):
 
 
 class IntrinsicsFields(TypedDict):
-    """What the images say of the query's intrinsics."""
+    """What the images show about the query's intrinsics."""
 
     origin: str
     verdict: str

@@ -79,7 +79,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("database_path", type=pathlib.Path, help="database to upgrade")
     where = parser.add_mutually_exclusive_group()
     where.add_argument(
-        "--output_path", type=pathlib.Path, help="copy to write; default: NAME_colmap4.db beside NAME.db"
+        "--output_path", type=pathlib.Path, help="copy to write; default: NAME_colmap4.db next to NAME.db"
     )
     where.add_argument("--in_place", action="store_true", help="change the database itself instead of a copy")
     run(parser.parse_args(arguments))

@@ -1,30 +1,36 @@
 #!/usr/bin/env python3
 """Checks that the tables of measurements in docs/ are those of the result files in benchmarks/results/.
 
-A result file PAGE.json has the tables of a page by name: columns, and rows with date, commit, machine and cells. In the
-page, the line `<!-- results: PAGE/NAME -->` stands before each table. The last column says when a row was measured, and
-whether by an earlier version of the program; rows of other programs do not depend on it.
+A result file PAGE.json has the tables of a page by name: columns, and rows with date, commit, machine, cells and the
+hash of the method that was measured: of the code in its folders (layers.py), without comments, tests and names of
+files. In the page, the line `<!-- results: PAGE/NAME -->` stands before each table. The last column shows when a row
+was measured, and "earlier method" if its hash is not that of the present code; rows of other programs do not depend
+on it.
 
 `--write` writes the tables into the pages. `--take RUN.md --page PAGE` first takes the tables of a benchmark's output
 into PAGE.json, as measured today, with the commit and on the machine at hand: a table is named after its heading, and
-rows that begin alike are replaced. If the page has tables already, others are left out.
+rows that begin alike are replaced. If the page has tables already, others are left out. `--same-figures HASH` first
+gives the rows of that method the present hash, for a change of the code of which a comparison has shown that it
+changes no figure.
 """
 
 import argparse
 import collections
 import datetime
+import functools
+import hashlib
 import json
 import pathlib
 import re
 import subprocess
 
+import layers
 import tree
 
-# Commits whose figures the present program has too. A change of the method empties this list.
-PRESENT = ("2f94e86cbf", "6c8bfcf9e4", "8b49d60a45")
 OTHER_PROGRAM = re.compile(r"map|structure_based|local[_ i]|colmap|poselib|generalized_|relative_pose_r", re.I)
 MARKER = re.compile(r"^<!-- results: ([\w-]+)/([\w.-]+) -->\n\n((?:\|.*\n)+)", re.MULTILINE)
 ANY_MARKER = re.compile(r"<!-- results: ([\w-]+)/([\w.-]+) -->")
+COMMENT_OR_INCLUDE = re.compile(r"//[^\n]*|/\*.*?\*/|^#include[^\n]*", re.MULTILINE | re.DOTALL)
 HEADING_OR_TABLE = re.compile(r"^#+ (.*)$|^((?:\|.*\n?)+)", re.MULTILINE)
 
 
@@ -33,12 +39,26 @@ def cells_of(line):
     return [cell.strip() for cell in line.strip().strip("|").split("|")]
 
 
-def render(table):
+@functools.cache
+def present_method(root):
+    """Returns the hash of the method's code. Comments, blanks, includes and names of files are no part of it."""
+    folders = layers.METHOD | layers.PARTS | {"pipeline"}
+    paths = [path for folder in folders for path in (root / "src" / "colmap_lazyloc" / folder).rglob("*.*")]
+    paths = [path for path in paths if path.suffix in (".h", ".cc") and not layers.is_test(path)]
+    codes = ["".join(COMMENT_OR_INCLUDE.sub("", path.read_text("utf-8")).split()) for path in paths]
+    return hashlib.sha256("\n".join(sorted(codes)).encode()).hexdigest()[:10]
+
+
+def is_present(row, method):
+    """True if the present program has the figures of a row, too."""
+    return row.get("method") == method or bool(OTHER_PROGRAM.match(row["cells"][0].strip("*`")))
+
+
+def render(table, method):
     """Returns the table as Markdown."""
     lines = [[*table["columns"], "measured"], ["---"] * (len(table["columns"]) + 1)]
     for row in table["rows"]:
-        is_present = row["commit"] in PRESENT or OTHER_PROGRAM.match(row["cells"][0].strip("*`"))
-        age = "" if is_present else ", earlier"
+        age = "" if is_present(row, method) else ", earlier method"
         lines.append([*row["cells"], f"{row['date']} {row['commit'][:7]} {row['machine']}{age}"])
     return "".join(f"| {' | '.join(line)} |\n" for line in lines).replace("| --- |", "|---|").replace(" --- |", "---|")
 
@@ -104,12 +124,21 @@ def measured_here(root):
     model = re.search(r"^model name\s*: (.*)$", pathlib.Path("/proc/cpuinfo").read_text("utf-8"), re.MULTILINE)
     name = re.search(r"EPYC|Xeon|Ryzen|Core", model.group(1) if model else "")
     machine = name.group() if name else "unknown machine"
-    return {"date": datetime.date.today().isoformat(), "commit": commit.strip()[:10], "machine": machine}
+    today = datetime.date.today().isoformat()
+    return {"date": today, "commit": commit.strip()[:10], "machine": machine, "method": present_method(root)}
+
+
+def carry_over(root, method):
+    """Gives the rows of a method the present hash."""
+    for path in tree.list_files(root, "benchmarks/results/*.json"):
+        text = path.read_text("utf-8")
+        path.write_text(text.replace(f'"method": "{method}"', f'"method": "{present_method(root)}"'), "utf-8")
 
 
 def check_pages(root, is_written):
-    """Returns the problems of all pages, and the number of their tables; mends tables that differ if `is_written`."""
+    """Returns the problems of all pages, and a summary; mends tables that differ if `is_written`."""
     results, problems, used = read_results(root), [], []
+    method = present_method(root)
     for path in tree.list_files(root, "docs/*.md"):
         text = path.read_text("utf-8")
 
@@ -117,7 +146,7 @@ def check_pages(root, is_written):
             page, name, table = match.groups()
             if name not in results.get(page, {}):
                 return match.group()
-            return match.group()[: -len(table)] + render(results[page][name])
+            return match.group()[: -len(table)] + render(results[page][name], method)
 
         names = ANY_MARKER.findall(text)
         used += names
@@ -130,7 +159,10 @@ def check_pages(root, is_written):
         elif mended != text:
             problems.append(f"{path}: a table differs from its results; scripts/checks/tables.py --write")
     unused = {(page, name) for page, tables in results.items() for name in tables} - set(used)
-    return [*problems, *(f"benchmarks/results/{page}.json: no page shows {name}" for page, name in unused)], len(used)
+    problems += [f"benchmarks/results/{page}.json: no page shows {name}" for page, name in unused]
+    rows = [row for tables in results.values() for table in tables.values() for row in table["rows"]]
+    num_present = sum(is_present(row, method) for row in rows)
+    return problems, f"{len(used)} tables, {num_present} of {len(rows)} rows of the present method {method}"
 
 
 def main():
@@ -139,12 +171,15 @@ def main():
     parser.add_argument("--root", type=pathlib.Path, default=pathlib.Path(__file__).resolve().parents[2])
     parser.add_argument("--write", action="store_true", help="write the tables into the pages")
     parser.add_argument("--take", type=pathlib.Path, help="Markdown file that a benchmark has made")
+    parser.add_argument("--same-figures", metavar="HASH", help="method whose figures the present one has, too")
     parser.add_argument("--page", help="name of the result file; default: that of the taken file")
     arguments = parser.parse_args()
     if arguments.take:
         take(arguments.root, arguments.take, arguments.page or arguments.take.stem)
-    problems, count = check_pages(arguments.root, arguments.write or arguments.take is not None)
-    tree.finish("tables", problems, f"{count} tables")
+    if arguments.same_figures:
+        carry_over(arguments.root, arguments.same_figures)
+    is_written = arguments.write or arguments.take is not None or arguments.same_figures is not None
+    tree.finish("tables", *check_pages(arguments.root, is_written))
 
 
 if __name__ == "__main__":

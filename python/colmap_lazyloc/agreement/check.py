@@ -32,7 +32,7 @@ def add_accept_option(add: Callable[..., Any]) -> None:
 
 @dataclasses.dataclass(frozen=True)
 class Judgement:
-    """What photos say about poses: in a line, whether the poses are not what they are said to be, the options of
+    """What photos show about poses: in a line, whether the poses are not what they are said to be, the options of
     `lazyloc import` that mend them (empty if there are none), and the names of images whose poses contradict those of
     the others."""
 

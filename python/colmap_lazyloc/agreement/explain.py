@@ -17,7 +17,7 @@ from colmap_lazyloc.array_types import Array, Floats
 from colmap_lazyloc.pose_formats.conventions import Convention
 
 AGREEING_PX = 4.0  # at most, the median error of the matches of a pair that agrees
-MIN_NUM_PAIRS = 6  # fewer say nothing
+MIN_NUM_PAIRS = 6  # fewer are no evidence
 CLEARLY = 2.0  # the factor between errors that counts
 MOVED_PX, MOVED_DEG = 2.0, 3.0  # errors of a pair below these need no explanation
 MIN_MENDED_SHARE = 0.6  # of the pairs that disagree, which a reading must mend
@@ -70,7 +70,7 @@ class Fit:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Explanation:
-    """What pairs say about poses.
+    """What pairs show about poses.
 
     `given`: how the poses fit as they were given. `reading`: what they are instead, and `mended`: how they fit so; None
     if they are what they are said to be, or nobody knows. `is_hopeless`: they are as far off as poses of other photos.

@@ -1,4 +1,4 @@
-"""Pairs of matched images: what the photos say about their poses."""
+"""Pairs of matched images: what the photos show about their poses."""
 
 import dataclasses
 import functools
@@ -14,7 +14,7 @@ from colmap_lazyloc.pose_formats.posed_images import PosedImage
 
 MAX_NUM_PAIRS = 60
 MIN_NUM_MATCHES = 20  # of a pair that is used
-MAX_NUM_MATCHES = 100  # of a pair, at most; more tell nothing new
+MAX_NUM_MATCHES = 100  # of a pair, at most; more add nothing
 MAX_NUM_KEPT = 100  # images whose keypoints are kept in memory
 SEED = 0  # of the choice of pairs, so that the same input gives the same answer
 

@@ -110,7 +110,7 @@ def _extract(path: pathlib.Path, image: PosedImage, mask_path: pathlib.Path | No
         return None
     # In COLMAP's pixels, centres are at 0.5, in OpenCV's at 0.
     scales = [camera.width / photo.shape[1], camera.height / photo.shape[0]]
-    # Of square roots, the product says how alike two descriptors are; it is 1 of the same ones.
+    # Of square roots, the product measures how alike two descriptors are; it is 1 of the same ones.
     roots = np.sqrt(descriptors / np.maximum(descriptors.sum(axis=1, keepdims=True), 1))
     return Features((xy + 0.5) * scales, roots, scales[0])
 

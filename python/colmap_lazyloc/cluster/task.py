@@ -37,7 +37,7 @@ def command_line(program: str | None, name: str) -> list[str]:
 
 
 def localize_shard(task: ShardTask) -> float:
-    """Begins or resumes the shard; returns the seconds that it took. What the program says goes to a log beside it."""
+    """Begins or resumes the shard; returns the seconds that it took. The program's output goes to a log next to it."""
     start = time.monotonic()
     words = [*command_line(task.program, "lazy_localizer"), *task.arguments]
     words += ["--output_path", task.folder, "--shard", task.shard, "--resume", "1"]

@@ -27,7 +27,7 @@ Poses = dict[int, Pose]  # by index in the file
 
 
 def assemble(raw: RawPoses, convention: Convention, source: Source) -> PosedImages:
-    """Returns the images of the poses of a file, which has this convention unless options say otherwise."""
+    """Returns the images of the poses of a file, which has this convention unless options specify another."""
     convention = convention.with_options(source.pose_direction, source.camera_axes, source.quaternion_order)
     camera, cam_from_body = read_calibration(source)
     if cam_from_body is not None:

@@ -80,7 +80,7 @@ def _by_frame(frames: Mapping[int, int], numbers: Mapping[str, int], source: Sou
 
 
 def _by_time(times: Mapping[int, float], num_items: int, source: Source) -> Association:
-    """Finds poses at the times of photos. Names that count say no time, but are frames, if there are as many poses."""
+    """Finds poses at the times of photos. Names that count are not times, but frames, if there are as many poses."""
     of_photos, where = listed_times(source), "from a list"
     if not of_photos:
         texts = {photo: text for photo in source.photos.names if (text := last_number(photo)) is not None}

@@ -13,7 +13,7 @@ from colmap_lazyloc.text_files import read_entries
 
 
 def parse(source: Source) -> RawPoses:
-    """Reads bundle.out, with names in list.txt beside it: focal length, k1, k2, rotation and translation of each."""
+    """Reads bundle.out with the names of its list.txt: focal length, k1, k2, rotation and translation of each."""
     lists = [source.path.with_name(name) for name in ("list.txt", f"{source.path.stem}.list.txt")]
     path = next((path for path in lists if path.is_file()), None)
     if path is None:

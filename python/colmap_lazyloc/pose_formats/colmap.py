@@ -41,7 +41,7 @@ def is_header_of_poses_txt(columns: Sequence[str]) -> bool:
 def parse_poses(source: Source) -> RawPoses:
     """Reads poses.txt of this program and of hloc: lines `name qw qx qy qz tx ty tz`, whose names may have blanks.
 
-    A header with other columns says what the columns are.
+    A header with other columns specifies what the columns are.
     """
     columns = Head(source.path).columns
     if columns and not is_header_of_poses_txt(columns):

@@ -16,7 +16,7 @@ GPS_IFD = 0x8825
 LATITUDE_REF, LATITUDE, LONGITUDE_REF, LONGITUDE, ALTITUDE_REF, ALTITUDE, ERROR = 1, 2, 3, 4, 5, 6, 31
 BELOW_SEA_LEVEL = (1, b"\x01")
 DEFAULT_STDDEV_M = 5.0
-MAX_STDDEV_M = 1e5  # larger ones, such as 999999, say that it is not known
+MAX_STDDEV_M = 1e5  # larger ones, such as 999999, mean that it is not known
 # EXIF's altitudes are above the sea, which differs from the ellipsoid by up to 100 m.
 HEIGHT_STDDEV_M = 50.0
 

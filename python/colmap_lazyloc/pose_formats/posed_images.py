@@ -12,15 +12,15 @@ from colmap_lazyloc.pose_formats.conventions import COLMAP, Convention
 from colmap_lazyloc.pose_formats.geo import GeoOrigin
 from colmap_lazyloc.poses import Pose
 
-# COLMAP tells the format of a photo by its content. Readable are those that COLMAP 3 and COLMAP 4 both read; unreadable
-# are those of phones, raw files of cameras, and others.
+# COLMAP recognizes the format of a photo by its content. Readable are those that COLMAP 3 and COLMAP 4 both read;
+# unreadable are those of phones, raw files of cameras, and others.
 _READABLE = """.bmp .dib .gif .j2c .j2k .jfif .jif .jp2 .jpe .jpeg .jpg .mpo .pbm .pgm .png .pnm .ppm .tga .tif .tiff
 .webp"""
 _UNREADABLE = """.avif .avifs .heic .heics .heif .hif .jxl
 .3fr .arw .cr2 .cr3 .crw .dcr .dng .erf .fff .gpr .iiq .kdc .mef .mos .mrw .nef .nrw .orf .pef .raf .raw .rw2 .rwl .sr2
 .srf .srw .x3f
 .apng .dds .eps .exr .hdr .icns .ico .jpf .jpx .jxr .pcd .pcx .pfm .psb .psd .qoi .ras .sgi .svg .xbm .xpm"""
-# Depth images beside colour ones, as 7 Scenes has them: frame-000000.color.png and frame-000000.depth.png.
+# Depth images next to colour ones, as 7 Scenes has them: frame-000000.color.png and frame-000000.depth.png.
 _DEPTH, _COLOUR = re.compile(r"([._-])depth(?=\.\w+$)", re.IGNORECASE), ("color", "colour", "rgb")
 IMAGE_SUFFIXES, UNREADABLE_SUFFIXES = tuple(_READABLE.split()), tuple(_UNREADABLE.split())
 

@@ -36,7 +36,7 @@ CameraOfSize = Callable[[tuple[int, int]], Camera]  # from the width and height 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class RawPose:
-    """A pose as a file has it; a convention says what its rotation and vector mean.
+    """A pose as a file has it; a convention specifies what its rotation and vector mean.
 
     Its photo is found by `name`, or the number `frame` in the photo's name, or `time`, or else its place in the file.
     `camera`: its intrinsics, or a function if these depend on the photo's size. `similarity`: from the pose's world to

@@ -32,7 +32,7 @@ class Format:
     """A format: what it is, how its files are known, what their numbers mean, and the function that reads them.
 
     `world`, `cameras`, `photos`: where the coordinates are, which intrinsics are read, and how photos are found.
-    `is_trajectory`: poses are those of a body, on which a calibration may say where the camera is.
+    `is_trajectory`: poses are those of a body, for which a calibration may give the mounting of the camera.
     """
 
     title: str
@@ -255,7 +255,7 @@ FORMATS: dict[str, Format] = {
 
 
 def _has_names_and(count: int, head: Head) -> bool:
-    """True if the first line is a name and numbers, separated by blanks, and a header does not say otherwise."""
+    """True if the first line is a name and numbers, separated by blanks, and a header does not specify otherwise."""
     words = head.first_data_line.rsplit(maxsplit=count)
     if len(words) != count + 1 or head.count_numbers(words[1:]) != count:
         return False
@@ -288,7 +288,7 @@ def _refuse_empty(path: pathlib.Path) -> None:
     try:
         is_empty = path.is_file() and not Head(path).data.strip()
     except OSError:
-        return  # the reader says why it cannot be read
+        return  # the reader reports why it cannot be read
     if is_empty:
         raise InputError(f"{path}: is empty")
 

@@ -63,7 +63,7 @@ def _position(table: Table) -> tuple[tuple[Names, ...], Frame, Convention]:
     """Returns the columns of the positions, and what they are."""
     of_centre = Convention("world_from_cam", vector="centre")
     if table.has(LATITUDE, LONGITUDE):
-        # Beside a width, the height is that of the image.
+        # With a width, the height is that of the image.
         heights = HEIGHT if table.has("width") else (*HEIGHT, "height")
         return (LONGITUDE, LATITUDE, heights), Frame(GEOGRAPHIC), of_centre
     if table.has(*TRANSLATION) and not table.has(*CENTRE):

@@ -14,14 +14,14 @@ from colmap_lazyloc.text_files import read_entries
 MAX_GAP_SECONDS = 0.2  # between the poses before and after a photo
 EXACT_SECONDS = 1e-4  # a pose as near as this is taken as it is
 UNITS = (1.0, 1e-3, 1e-6, 1e-9)  # of times, in seconds
-# Lists beside a trajectory, or beside the photos as EuRoC has them: lines `time name`, or a time for each photo.
+# Lists in the folder of a trajectory, or of the photos as EuRoC has them: lines `time name`, or a time for each photo.
 IMAGE_LISTS = ("rgb.txt", "images.txt", "timestamps.txt", "times.txt", "data.csv")
 
 Array = NDArray[np.float64]
 
 
 def listed_times(source: Source) -> dict[str, float]:
-    """Returns the times of photos by name from a list beside the trajectory or the photos; empty if there is none."""
+    """Returns the times of photos by name from a list next to the trajectory or the photos; empty if there is none."""
     assert source.photos.folder is not None
     for folder in (source.path.parent, source.photos.folder, source.photos.folder.parent):
         for path in (folder / name for name in IMAGE_LISTS):

@@ -1,7 +1,7 @@
 """Reads trajectories: tables and lists of poses whose photos are found by time, number or order.
 
-They say where a body was, world_from_body. The body is the camera itself, unless a calibration gives the camera's pose
-on the body.
+They give the poses of a body, world_from_body. The body is the camera itself, unless a calibration gives the camera's
+pose on the body.
 """
 
 import dataclasses
@@ -76,7 +76,7 @@ def _matrix_columns(table: Table) -> tuple[Names, ...] | None:
 
 
 def parse_of_body(source: Source, layouts: Sequence[str], convention: Convention) -> RawPoses:
-    """Reads poses of a robot or of an inertial unit, which say nothing of cameras without a calibration.
+    """Reads poses of a robot or of an inertial unit, which determine no camera without a calibration.
 
     Poses of cameras have files with other names: cam0_to_world.txt of KITTI-360, ..._camera_poses.txt of RTAB-Map.
     """

@@ -13,7 +13,7 @@ def parse(source: Source) -> RawPoses:
     data = read_json(source.path)
 
     def parse_frame(frame: dict[str, Any]) -> RawPose:
-        # Intrinsics stand in the frame or beside the frames.
+        # Intrinsics stand in the frame or next to the frames.
         values = {simple_name(name): value for name, value in {**data, **frame}.items()}
         size = size_of(values)
         camera = functools.partial(named_camera, values)

@@ -1,4 +1,4 @@
-"""Cuts the panoramas of a project into faces, and states their rig."""
+"""Cuts the panoramas of a project into faces, and writes their rig."""
 
 import pathlib
 from collections.abc import Mapping, Sequence

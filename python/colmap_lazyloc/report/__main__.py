@@ -3,7 +3,7 @@
     lazyloc report RUN --image_path photos --database_path database.db --output report.html
 
 RUN is the output folder of `colmap lazy_localizer`. The page shows where the queries are, how certain each pose is and
-what it rests on. Lengths are in the unit of the database, which is the metre if --unit says so or the run has
+what it rests on. Lengths are in the unit of the database, which is the metre if --unit is given or the run has
 geographic coordinates.
 """
 
@@ -123,7 +123,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
 
 
 def _write_others(run: Run, options: argparse.Namespace) -> None:
-    """Writes the files beside the page; makes them all before it writes the first."""
+    """Writes the files next to the page; makes them all before it writes the first."""
     files = {} if options.plots is None else {options.plots / name: data for name, data in plot_files(run).items()}
     if options.tum is not None:
         files[options.tum] = tum_text(run).encode()

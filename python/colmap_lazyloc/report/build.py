@@ -149,5 +149,5 @@ def _notes(run: Run, sources: Sources, num_shown: dict[str, int], has_list: bool
         path = run.options.values["query_list_path"]
         notes.append(f"The commands that repeat a query may lack intrinsics, because {path} was not found.")
     if not run.options.program:
-        notes.append("The run does not tell which version of the program made it.")
+        notes.append("The run does not record which version of the program made it.")
     return notes

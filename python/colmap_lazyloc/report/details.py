@@ -1,4 +1,4 @@
-"""Makes the chunks "details/BLOCK": what the page of a query tells in words and bars."""
+"""Makes the chunks "details/BLOCK": what the page of a query shows in words and bars."""
 
 from collections.abc import Iterable
 

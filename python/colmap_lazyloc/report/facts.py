@@ -28,7 +28,7 @@ _MATCHING_TYPES = {
 }
 _VERDICTS = {
     "confirmed": "the images agree with it",
-    "unobservable": "the images cannot tell, so it was kept",
+    "unobservable": "the images do not determine it, so it was kept",
     "contradicted": "the images contradict it",
     "refined": "estimated from the images",
     "not_tested": "not tested, because no bundle adjustment came to an end",
@@ -118,7 +118,7 @@ def _prior_rows(result: ResultFields, unit: str) -> list[tuple[str, str]]:
         text = _PRIOR_VERDICTS.get(prior["verdict"], prior["verdict"]) + _PRIOR_ROLES.get(prior["fixes"], "")
         if prior["deviation"] is not None:
             deviation = format_length(prior["deviation"], unit) if name == "position" else f"{prior['deviation']:.3g}°"
-            text += f"; {deviation} from what the images say, {prior['deviation_sigma']:.1f} standard deviations"
+            text += f"; {deviation} from what the images determine, {prior['deviation_sigma']:.1f} standard deviations"
         rows.append((label, text))
     return rows
 

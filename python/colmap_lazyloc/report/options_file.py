@@ -15,7 +15,7 @@ class RunOptions:
 
     values: dict[str, str]  # by full name, such as LazyLocalizer.seed
     changed: tuple[str, ...]  # names of those that differ from their defaults
-    program: str  # the program's name and version; empty if the run does not tell
+    program: str  # the program's name and version; empty if the run does not record it
 
 
 def read_options(path: pathlib.Path) -> RunOptions:

@@ -14,7 +14,7 @@ from colmap_lazyloc.report.scene_points import ScenePoints
 MAX_SIZE = 640  # of a photo in the page, in pixels
 JPEG_QUALITY = 80
 WORST_SHARE = 0.75  # of the queries with photos: the least certain; the others are drawn at random
-NUM_IMAGES = 3  # database images beside a query's photo
+NUM_IMAGES = 3  # database images next to a query's photo
 MAX_NUM_COLOR_PHOTOS = 400  # photos that are read only for the colours of points
 COLOR_SCALE = 4  # such photos are read at a quarter of their size, which is several times faster
 UNKNOWN_COLOR = 150  # grey
@@ -100,7 +100,7 @@ def point_colors(run: Run, image_path: pathlib.Path, points: ScenePoints) -> Arr
 
 
 def _read(path: pathlib.Path, scale: int) -> Array | None:
-    """Reads a photo as it is stored, without turning it as EXIF says, because COLMAP does not turn it either; None if
+    """Reads a photo as it is stored, without turning it by EXIF, because COLMAP does not turn it either; None if
     it cannot be read."""
     import cv2
 

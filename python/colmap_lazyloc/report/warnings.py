@@ -85,7 +85,7 @@ def _contradicted_poses(run: Run, database: DatabaseReader | None) -> tuple[str,
 
 
 def _wrong(run: Run) -> tuple[str, str, list[Item]]:
-    """Finds localized queries whose true pose says that they are wrong."""
+    """Finds localized queries whose true pose shows that they are wrong."""
     position_errors, _ = run.errors
     if run.leave_one_out is not None:
         is_wrong = {pose["name"] for pose in run.leave_one_out["poses"] if pose["is_accepted"] and pose["is_wrong"]}
@@ -131,7 +131,7 @@ def _contradicting_images(run: Run) -> tuple[str, str, list[Item]]:
             items.append(_item(run.database_images[i].name, -1, f"{text}; {len(uses[i])} queries judge it"))
     explanation = (
         "What the queries measure against these images does not fit the poses that all their images together give. "
-        "Their poses or intrinsics in the input model may be wrong. Leave-one-out localization tells which."
+        "Their poses or intrinsics in the input model may be wrong. Leave-one-out localization shows which."
     )
     return "Database images that contradict the others", explanation, items
 

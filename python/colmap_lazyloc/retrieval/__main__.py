@@ -2,9 +2,8 @@
 
     lazyloc retrieve --descriptors_path global.h5 --input_path model --output_path pairs.txt
 
-The descriptors are hloc's HDF5 files, or `name.npy` (n x d, float16 or float32) beside `name.txt` with one image name
-per row. The pairs are for `colmap lazy_localizer --pairs_path` and for hloc. Up to --max_num_exact database images are
-compared exactly, more by an inverted file with product quantization, whose candidates are compared exactly.
+The descriptors are hloc's HDF5 files, or `name.npy` (n x d, float16 or float32) with `name.txt`, which has one image
+name per row. The pairs are for `colmap lazy_localizer --pairs_path` and for hloc. The comparison is exact.
 """
 
 import argparse
@@ -54,22 +53,7 @@ def parse_arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
     add("--shard", type=parse_shard, metavar="I/N", help="only the queries of part I of N, as in lazy_localizer")
     add("--memory_gb", type=float, default=4, help="maximum memory in gigabytes; default: %(default)s")
     add("--num_threads", type=int, default=-1, help="number of threads; -1 uses all cores; default: %(default)s")
-    _add_approximate(parser)
     return parser.parse_args(arguments)
-
-
-def _add_approximate(parser: argparse.ArgumentParser) -> None:
-    group = parser.add_argument_group("approximate search")
-    add = group.add_argument
-    add(
-        "--max_num_exact",
-        type=int,
-        default=1000000,
-        help="compare all images exactly if the database has at most this many; default: %(default)s",
-    )
-    add("--index_path", type=pathlib.Path, help="file of the index, made if it is missing; default: in memory")
-    add("--num_probes", type=positive_int, default=64, help="lists that are searched per query; default: %(default)s")
-    add("--num_candidates", type=positive_int, default=200, help="candidates compared exactly; default: %(default)s")
 
 
 @command(name="lazyloc retrieve", extra="retrieval")

@@ -1,8 +1,8 @@
-"""Reads global descriptors of images in blocks: hloc's HDF5 files, or a .npy file beside a list of names."""
+"""Reads global descriptors of images in blocks: hloc's HDF5 files, or a .npy file with a list of names."""
 
 import dataclasses
 import pathlib
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from typing import Any, TypeVar
 
 import numpy as np
@@ -145,13 +145,7 @@ class DescriptorSet:
 
     def read(self, begin: int, end: int) -> Block:
         """Returns the descriptors of names[begin:end]; throws InputError for one that cannot be used."""
-        return self._read(self.names[begin:end])
-
-    def read_places(self, places: Iterable[int]) -> Block:
-        """Returns the descriptors of the images at these places of `names`."""
-        return self._read([self.names[place] for place in places])
-
-    def _read(self, names: list[str]) -> Block:
+        names = self.names[begin:end]
         rows = self.file.read(names)
         if rows.shape[1] != self.dimension:
             _raise_dimension(self.file.path, names[0], rows.shape[1], self.dimension)

@@ -1,25 +1,24 @@
-"""Searches for the nearest database images of all queries, exactly or approximately."""
+"""Searches for the nearest database images of all queries."""
 
 import argparse
 import functools
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 
 import faiss
 import numpy as np
 
 from colmap_lazyloc.array_types import Array
-from colmap_lazyloc.retrieval import approximate, exact
+from colmap_lazyloc.retrieval import exact
 from colmap_lazyloc.retrieval.descriptors import DescriptorSet, Value
 from colmap_lazyloc.retrieval.plan import make_plan, peak_bytes
 
 
 class Search:
-    """A planned search: says what it will take, runs, and says what it took."""
+    """A planned search: describes what it will take, runs, and reports what it took."""
 
     def __init__(self, queries: DescriptorSet, images: DescriptorSet, options: argparse.Namespace):
         self._queries, self._images, self._options = queries, images, options
-        self._is_exact = len(images.names) <= options.max_num_exact
         self._ranks = _ranks_by_name(images.names)
         rank_of_name = dict(zip(images.names, self._ranks.tolist()))
         self._own_ranks = np.array([rank_of_name.get(name, -1) for name in queries.names], np.int32)
@@ -30,31 +29,16 @@ class Search:
         self._num_unsure = 0
         if options.num_threads > 0:
             faiss.omp_set_num_threads(options.num_threads)
-        max_bytes = int(options.memory_gb * 1e9)
-        if self._is_exact:
-            self._plan = make_plan(queries, images, self._num_found, max_bytes)
-        else:
-            self._approximate_plan = approximate.make_approximate_plan(
-                queries, images, self._num_found, options.num_candidates, max_bytes
-            )
+        self._plan = make_plan(queries, images, self._num_found, int(options.memory_gb * 1e9))
 
     @property
     def description(self) -> str:
         """The plan, in one line."""
-        size = (
-            f"{len(self._queries.names)} queries x {len(self._images.names)} database images, "
-            f"{self._images.dimension} dimensions"
-        )
-        if self._is_exact:
-            exact_plan = self._plan
-            return (
-                f"exact search: {size}; blocks of {exact_plan.num_queries} x {exact_plan.num_images}, reads the "
-                f"database {exact_plan.num_passes} time(s); at most {exact_plan.max_bytes / 1e9:.2f} GB of memory"
-            )
-        plan = self._approximate_plan
+        plan = self._plan
         return (
-            f"approximate search: {size}; {plan.num_lists} lists, {plan.code_bytes} bytes an image, "
-            f"{plan.num_candidates} candidates a query; at most {plan.max_bytes / 1e9:.2f} GB of memory"
+            f"{len(self._queries.names)} queries x {len(self._images.names)} database images, "
+            f"{self._images.dimension} dimensions; blocks of {plan.num_queries} x {plan.num_images}, reads the "
+            f"database {plan.num_passes} time(s); at most {plan.max_bytes / 1e9:.2f} GB of memory"
         )
 
     @property
@@ -62,20 +46,16 @@ class Search:
         """What the search has taken, in one line."""
         times = {**self._seconds, "CPU": time.process_time()}
         seconds = ", ".join(f"{name} {value:.1f} s" for name, value in times.items())
-        unsure = f", {self._num_unsure} block(s) of single queries compared in double precision" * self._is_exact
+        unsure = f", {self._num_unsure} block(s) of single queries compared in double precision"
         return f"peak memory {peak_bytes() / 1e9:.2f} GB; {seconds}{unsure}; done"
 
     def run(self) -> Array:
         """Returns the places of the nearest images in the order of their names, the nearest first; -1 is none."""
         ranks = np.full((len(self._queries.names), self._options.num_retrieved), -1, np.int32)
-        blocks = self._run_exactly() if self._is_exact else self._run_approximately()
-        for first, nearest in blocks:
+        for first in range(0, len(self._queries.names), self._plan.num_queries):
+            nearest = self._search_all_blocks(first)
             self._without_themselves(first, nearest, ranks[first : first + len(nearest.ranks)])
         return ranks
-
-    def _run_exactly(self) -> Iterator[tuple[int, exact.Nearest]]:
-        for first in range(0, len(self._queries.names), self._plan.num_queries):
-            yield first, self._search_all_blocks(first)
 
     def _search_all_blocks(self, first: int) -> exact.Nearest:
         queries = self._timed("read", lambda: self._queries.read(first, first + self._plan.num_queries))
@@ -88,15 +68,6 @@ class Search:
             self._seconds["search"] += time.monotonic() - start
             del images  # before the next block is read, because the plan has memory for one
         return nearest
-
-    def _run_approximately(self) -> Iterator[tuple[int, exact.Nearest]]:
-        plan, options = self._approximate_plan, self._options
-        index = self._timed(
-            "index", lambda: approximate.open_index(options.index_path, self._images, self._ranks, plan)
-        )
-        start = time.monotonic()
-        yield from approximate.search(index, self._queries, self._images, self._ranks, plan, options.num_probes)
-        self._seconds["search"] = time.monotonic() - start
 
     def _timed(self, name: str, function: Callable[[], Value]) -> Value:
         start = time.monotonic()
