@@ -13,7 +13,7 @@ namespace lazyloc {
 struct RotationFit {
   Eigen::Quaterniond cam_from_world_rotation;
   Eigen::Matrix3d covariance;  // of its tangent, R <- exp(w) R, in rad
-  PoseEvidence evidence;       // for it; that of a position is neutral
+  PoseEvidence evidence;       // of the rotation; position terms are left neutral
 };
 
 // Fits the rotation to the rays of all matches of the pairs that agree on it, as if their points were at infinity.

@@ -89,7 +89,7 @@ CheckedIntrinsics CheckIntrinsics(const QueryGroup& group, const Layout& layout,
   checked.results.resize(layout.num_queries);
   checked.cameras.resize(layout.num_queries);
   checked.poses = std::move(poses);
-  checked.posed = AsReported(layout, adjusted);
+  checked.posed = RelativeToGivenDatabase(layout, adjusted);
   for (int frame = 0; frame < layout.num_query_frames; ++frame) {
     const IntrinsicsScore& score = refined.adjustment.intrinsics_scores[frame];
     const IntrinsicsScore::Matrix score_covariance = ScoreCovariance(refined, score);

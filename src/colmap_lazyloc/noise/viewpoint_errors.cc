@@ -57,7 +57,7 @@ void MoveFrame(const PosedImages& adjusted, const PriorGroup& group, int query_f
 
 }  // namespace
 
-PosedImages AsReported(const Layout& layout, const PosedImages& adjusted) {
+PosedImages RelativeToGivenDatabase(const Layout& layout, const PosedImages& adjusted) {
   PosedImages reported = adjusted;
   for (size_t i = 0; i < adjusted.prior_groups.size(); ++i) {  // one per query frame
     const PriorGroup& group = adjusted.prior_groups[i];

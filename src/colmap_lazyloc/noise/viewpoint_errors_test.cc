@@ -42,13 +42,13 @@ struct Scene {
     layout.given = adjusted;
   }
   Rigid3d Moved() const {
-    const PosedImages reported = AsReported(layout, adjusted);
+    const PosedImages reported = RelativeToGivenDatabase(layout, adjusted);
     EXPECT_TRUE(HasFrameAxes(reported.images[0])) << "corrections are relative to the first image";
     return CamFromWorld(reported, 1);
   }
 };
 
-TEST(AsReported, AnImageMovesBackAsTheDatabaseFrameAtItsViewpoint) {
+TEST(RelativeToGivenDatabase, AnImageMovesBackAsTheDatabaseFrameAtItsViewpoint) {
   Scene scene;
   Rigid3d& corrected = scene.adjusted.frames[2].frame_from_world;
   corrected = CamFromWorld(corrected.rotation * ExpSO3({0.001, 0, 0.002}),
@@ -58,7 +58,7 @@ TEST(AsReported, AnImageMovesBackAsTheDatabaseFrameAtItsViewpoint) {
   EXPECT_LT((CamInWorld(scene.Moved()) - CamInWorld(expected)).norm(), 1e-4);
 }
 
-TEST(AsReported, IndependentErrorsStayWithTheirDatabaseFrame) {
+TEST(RelativeToGivenDatabase, IndependentErrorsStayWithTheirDatabaseFrame) {
   Scene scene;
   Rigid3d& corrected = scene.adjusted.frames[2].frame_from_world;
   corrected = CamFromWorld(corrected.rotation * ExpSO3({0.001, 0, 0.002}),
@@ -69,7 +69,7 @@ TEST(AsReported, IndependentErrorsStayWithTheirDatabaseFrame) {
   EXPECT_LT((CamInWorld(scene.Moved()) - CamInWorld(both.Moved())).norm(), 1e-5);
 }
 
-TEST(AsReported, StatedErrorsAndCalibrationsOfTheDatabaseLeaveImages) {
+TEST(RelativeToGivenDatabase, StatedErrorsAndCalibrationsOfTheDatabaseLeaveImages) {
   Scene scene;
   scene.adjusted.frames[2].frame_from_world.translation.y() += 0.02;
   const Rigid3d adjusted = CamFromWorld(scene.adjusted, 1);
@@ -83,7 +83,7 @@ TEST(AsReported, StatedErrorsAndCalibrationsOfTheDatabaseLeaveImages) {
   EXPECT_EQ(scene.Moved().translation, adjusted.translation);
 }
 
-TEST(AsReported, RestoresDatabasePosesAndTheirCalibration) {
+TEST(RelativeToGivenDatabase, RestoresDatabasePosesAndTheirCalibration) {
   for (const bool has_rigs : {true, false}) {
     SyntheticGroupOptions options;
     options.num_database_images = 6;
@@ -92,7 +92,7 @@ TEST(AsReported, RestoresDatabasePosesAndTheirCalibration) {
     PosedImages adjusted = layout.given;
     for (Frame& frame : adjusted.frames) frame.frame_from_world.translation.x() += 1;
     for (Image& image : adjusted.images) image.cam_from_frame.translation.y() += 1;
-    const PosedImages reported = AsReported(layout, adjusted);
+    const PosedImages reported = RelativeToGivenDatabase(layout, adjusted);
     ExpectSameBits(reported.frames[0].frame_from_world, adjusted.frames[0].frame_from_world);
     ExpectSameBits(reported.images[1].cam_from_frame, (has_rigs ? layout.given : adjusted).images[1].cam_from_frame);
     ExpectSameDatabasePoses(reported, layout.given);

@@ -62,7 +62,7 @@ Choice WithEstimate(const Solution& given, const IntrinsicsResult& estimate, Int
 }
 
 // Returns the solution with the given focal length if an estimate does not contradict it, even if its score did.
-Choice Kept(const Solution& given, const IntrinsicsResult& estimate, const LocalizerOptions& options) {
+Choice KeepGiven(const Solution& given, const IntrinsicsResult& estimate, const LocalizerOptions& options) {
   const bool is_certain = LogFocalStddev(estimate) <= kMaxObservableStddev;
   Choice choice =
       WithEstimate(given, estimate, is_certain ? IntrinsicsVerdict::CONFIRMED : IntrinsicsVerdict::UNOBSERVABLE, "");
@@ -72,7 +72,7 @@ Choice Kept(const Solution& given, const IntrinsicsResult& estimate, const Local
 }
 
 // Returns the solution with a given focal length that an estimate contradicts, or its principal point or distortion.
-Choice Contradicted(const Solution& given, const IntrinsicsResult& estimate) {
+Choice ContradictGiven(const Solution& given, const IntrinsicsResult& estimate) {
   const Camera& camera = given.prepared->group.images.front().problem.query_camera;
   return WithEstimate(given, estimate, IntrinsicsVerdict::CONTRADICTED,
                       !estimate.contradiction.empty()
@@ -89,7 +89,7 @@ Choice GivenOrEstimated(const Solution& given, const Solution& refined, const Lo
     if (!has_pose && origin == IntrinsicsOrigin::GUESS) return AsSolved(refined);
     // A contradiction that comes from telling focal length and distance apart is none if the images cannot.
     const bool is_unobservable = refined.failure->cause == QueryStatus::UNKNOWN_CAMERA;
-    return is_unobservable && AreContradicted(given, options) ? Kept(given, IntrinsicsOf(given), options)
+    return is_unobservable && AreContradicted(given, options) ? KeepGiven(given, IntrinsicsOf(given), options)
                                                               : AsSolved(given);
   }
   // A pose that would be refused does not speak against one that is more probable, because some focal length fits false
@@ -99,10 +99,10 @@ Choice GivenOrEstimated(const Solution& given, const Solution& refined, const Lo
   const bool is_wrong = Judge(estimate, options).wrong_probability > 0.5;
   // Nobody has stated intrinsics of another origin for this image, so that an estimate replaces them.
   if (origin != IntrinsicsOrigin::GIVEN) {
-    return has_pose && !is_wrong ? Kept(given, estimate, options) : AsSolved(refined);
+    return has_pose && !is_wrong ? KeepGiven(given, estimate, options) : AsSolved(refined);
   }
   // Contradicted intrinsics that somebody has stated are for them to mend.
-  return is_wrong || !estimate.contradiction.empty() ? Contradicted(given, estimate) : Kept(given, estimate, options);
+  return is_wrong || !estimate.contradiction.empty() ? ContradictGiven(given, estimate) : KeepGiven(given, estimate, options);
 }
 
 // Compares the choice among the solutions so far with the next one.

@@ -27,9 +27,8 @@ struct Hypothesis {
   Approach approach = Approach::TRACKS;
 };
 
-// Returns the next hypothesis for which the solutions so far leave room; nullopt if there is none. The ordinary query
-// has one. A group of several images is only solved as stated, because its images are decided on one by one when they
-// leave it (lazy_localizer.cc).
+// Returns the next hypothesis that is still worth trying; nullopt if there is none. The ordinary query has one. A group
+// of several images is only solved as given, because images that drop out are solved individually (solve_group.cc).
 std::optional<Hypothesis> NextHypothesis(const QueryGroup& group, const std::vector<Solution>& solutions,
                                          const LocalizerOptions& options);
 

@@ -222,8 +222,6 @@ TEST(LazyLocalizer, DatabasePosesThatAreOffLeaveThePointsOfAPreciseQuery) {
   EXPECT_LE(PositionError(result.cam_from_world, scene.query_cam_from_world), 0.01 * scene.median_depth);
 }
 
-// Moves the images of a database frame together, so that one correction for the frame is at least as good as one for
-// each image.
 TEST(LazyLocalizer, NoKeypointsIsReported) {
   SyntheticScene scene = MakeSyntheticScene({});
   scene.problem.query_keypoints.clear();

@@ -115,7 +115,7 @@ void AddTrack(const Layout& layout, const Track& track, const TrackObservation& 
 
 // Adds the tracks of the last adjustment, with errors against the database as given.
 void AddTracks(const Layout& layout, const BundleAdjustmentResult& adjustment, Results* results) {
-  const std::vector<Rigid3d> cams_from_world = CamsFromWorld(AsReported(layout, adjustment.posed));
+  const std::vector<Rigid3d> cams_from_world = CamsFromWorld(RelativeToGivenDatabase(layout, adjustment.posed));
   std::vector<double> errors_px;
   for (const Track& track : adjustment.tracks) {
     errors_px.clear();

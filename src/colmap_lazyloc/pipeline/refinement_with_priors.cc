@@ -56,7 +56,7 @@ Refined WithOtherOrientation(const Layout& layout, const PairRefs& pairs, const 
 
 // Refines a pose whose position is unobservable again, from where the priors put it. Returns the pose as it is if
 // that fails.
-RefinedWithPriors Fixed(const Layout& layout, const PosedImages& start, const Refinement& refine_from,
+RefinedWithPriors FixByPriors(const Layout& layout, const PosedImages& start, const Refinement& refine_from,
                         PriorJudgement judgement, Refined refined) {
   PosedImages moved = layout.given;
   moved.frames[0].frame_from_world = *judgement.start;
@@ -102,7 +102,7 @@ RefinedWithPriors RefineWithPriors(const Layout& layout, const PairRefs& pairs, 
   }
   if (!have_priors) return {std::move(refined), std::vector<QueryPriorResult>(layout.num_queries)};
   PriorJudgement judgement = Timed("priors", seconds, [&] { return JudgePriors(layout, pairs, refined, options); });
-  if (judgement.start) return Fixed(layout, start, refine_from, std::move(judgement), std::move(refined));
+  if (judgement.start) return FixByPriors(layout, start, refine_from, std::move(judgement), std::move(refined));
   refined = Timed("priors", seconds, [&] { return AdjustWithPriors(judgement.used, options, std::move(refined)); });
   return {std::move(refined), std::move(judgement.results)};
 }

@@ -23,7 +23,7 @@ constexpr double kMinDistanceRatio = 1e-6;
 // Judges the priors of one query.
 class Judge {
  public:
-  // reported: the poses with what the database states (AsReported), because priors are of what is reported.
+  // reported: the poses with what the database states (RelativeToGivenDatabase), because priors are of what is reported.
   Judge(const Layout& layout, const Refined& refined, const PosedImages& reported, int query, PriorJudgement* judgement)
       : layout_(layout),
         refined_(refined),
@@ -33,7 +33,7 @@ class Judge {
         pose_(DistributionOf(refined, query, CamFromWorld(reported, query))) {}
 
   // Judges the priors of a query whose pose the images determine.
-  void Determined() {
+  void JudgeObservable() {
     const QueryPrior& given = layout_.priors[query_];
     if (given.position) UsePosition(ComparePosition(*given.position, pose_));
     CompareGravityIfGiven();
@@ -41,7 +41,7 @@ class Judge {
   }
 
   // Judges the priors of a single query whose position is unobservable. partial: what the images determine of its pose.
-  void Unobservable(const PartialPose& partial) {
+  void JudgeUnobservable(const PartialPose& partial) {
     const QueryPrior& given = layout_.priors[query_];
     if (!given.position) return;  // gravity does not fix a position
     Eigen::Vector3d place;
@@ -122,7 +122,7 @@ PriorJudgement JudgePriors(const Layout& layout, const PairRefs& pairs, const Re
                            const LocalizerOptions& options) {
   PriorJudgement judgement;
   for (const QueryPrior& prior : layout.priors) judgement.results.push_back(UntestedPriors(prior));
-  const PosedImages reported = AsReported(layout, refined.adjustment.posed);
+  const PosedImages reported = RelativeToGivenDatabase(layout, refined.adjustment.posed);
   const std::vector<TrackRefs> tracks_of = TracksByFrame(layout, refined.adjustment.tracks);
   for (int query = 0; query < layout.num_queries; ++query) {
     if (!layout.priors[query].position && !layout.priors[query].gravity) continue;
@@ -138,11 +138,11 @@ PriorJudgement JudgePriors(const Layout& layout, const PairRefs& pairs, const Re
                                  refined.has_one_orientation};
     Judge judge(layout, refined, reported, query, &judgement);
     if (!IsPositionUnobservable(adjusted, options)) {
-      if (!IsFused(layout, refined.adjustment.posed, query)) judge.Determined();
+      if (!IsFused(layout, refined.adjustment.posed, query)) judge.JudgeObservable();
     } else if (layout.num_queries == 1) {
       const Failure failure = UnobservablePositionFailure(adjusted);
       const auto partial = failure.partial_poses.find(query);
-      if (partial != failure.partial_poses.end()) judge.Unobservable(partial->second);
+      if (partial != failure.partial_poses.end()) judge.JudgeUnobservable(partial->second);
     }
   }
   return judgement;

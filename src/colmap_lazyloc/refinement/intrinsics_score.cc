@@ -53,11 +53,11 @@ class ScoreBuilder {
         tracks_(tracks),
         loss_(loss),
         frame_(solver.Problem().index_of_frame[frame]),
-        is_asked_(solver.Problem().frames.size(), false),
+        is_query_pose_(solver.Problem().frames.size(), false),
         place_of_frame_(solver.Problem().frames.size(), -1) {
     const BundleProblem& problem = solver_.Problem();
     for (size_t image = 0; image < posed_.images.size(); ++image) {
-      if (posed_.images[image].frame == frame) is_asked_[problem.index_of_image[image]] = true;
+      if (posed_.images[image].frame == frame) is_query_pose_[problem.index_of_image[image]] = true;
     }
     CouplingWith(frame_);
     if (!solver_.Cameras().IsDense()) return;
@@ -72,7 +72,7 @@ class ScoreBuilder {
     ByPoint by_point = ByPoint::Zero();
     for (size_t i = range.begin; i < range.end; ++i) {
       const int frame = problem.free[i].frame;
-      if (!is_asked_[frame]) continue;
+      if (!is_query_pose_[frame]) continue;
       BundleError error;
       const double root_weight = Evaluate(track, problem.free[i], &error);
       if (root_weight == 0) continue;
@@ -201,7 +201,7 @@ class ScoreBuilder {
       const Eigen::Index place = kSize * place_of_frame_[frame];
       const Eigen::Matrix<double, kSize, 2> by_frame = error.ByFrame<kSize>();
       Derivative derivative = by_frame.transpose() * poses_from_correction.template middleRows<kSize>(place);
-      if (is_asked_[frame]) derivative += NormalisedDerivative(track, problem.free[i], root_weight, error);
+      if (is_query_pose_[frame]) derivative += NormalisedDerivative(track, problem.free[i], root_weight, error);
       influence.frame -= columns.template middleRows<kSize>(place).transpose() * (by_frame * error.error);
       const Eigen::Matrix<double, 2, 3> by_point_in_world = error.ByPointInWorld(state.frames[frame]);
       const Eigen::Vector2d change = derivative * correction;
@@ -267,7 +267,7 @@ class ScoreBuilder {
   const RobustLoss& loss_;
   const int frame_;  // of the problem
   IntrinsicsScore score_;
-  std::vector<bool> is_asked_;       // by frame of the problem: true for the poses of the query's images
+  std::vector<bool> is_query_pose_;       // by frame of the problem: true for the poses of the query's images
   std::vector<int> places_;          // frames in the order of the equations; first, the frame in question
   std::vector<int> place_of_frame_;  // -1 for others
   std::vector<Coupling> couplings_;  // parallel to places_

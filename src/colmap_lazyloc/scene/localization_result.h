@@ -80,7 +80,7 @@ struct IntrinsicsResult {
 
 // The most probable other explanation of the images with a pose.
 struct RunnerUp {
-  std::string explanation;  // what is right if it is
+  std::string explanation;  // explanation, should this pose be the right one
   Rigid3d cam_from_world;
   double odds = 0;  // over the result's pose
 };

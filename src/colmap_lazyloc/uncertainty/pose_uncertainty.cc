@@ -67,7 +67,7 @@ std::vector<PoseDistribution> EstimateUncertainties(const Layout& layout, const 
   const std::vector<TrackRefs> tracks_of = TracksByFrame(layout, adjustment.tracks);
   CheckNumTracks(tracks_of);
   CheckPositions(layout, pairs, refined, tracks_of, options);
-  const PosedImages reported = AsReported(layout, adjustment.posed);
+  const PosedImages reported = RelativeToGivenDatabase(layout, adjustment.posed);
   std::vector<PoseDistribution> poses;
   for (int query = 0; query < layout.num_queries; ++query) {
     poses.push_back(DistributionOf(refined, query, CamFromWorld(reported, query)));

@@ -23,16 +23,16 @@ struct AdjustedFrame {
   std::optional<bool> has_one_orientation = {};
 };
 
-// Return the number of tracks that images of more than two places see, and of those with a depth.
+// Return the number of tracks observed from at least three distinct centres, and of tracks with a depth.
 int CountCommonTracks(const PosedImages& posed, const TrackRefs& tracks);
 int CountTracksWithDepth(const PosedImages& posed, const TrackRefs& tracks);
 
-// Returns true if depths decide about a distance that nothing else tells.
+// Returns true if depths decide about a distance that nothing else determines.
 bool FixDistance(const PosedImages& posed, const TrackRefs& tracks);
 
 // Returns true if the pose is unobservable: the standard deviation of its rotation exceeds 0.1 rad or that of its
 // position max_position_stddev_ratio of the scene distance, or all centres are collinear and too few tracks have three
-// images. With a position prior in the adjustment, the covariance tells how certain the position is, and only the
+// images. With a position prior in the adjustment, the covariance shows how certain the position is, and only the
 // rotation may be unobservable.
 //
 //      o-----o-----o-----q     database centres o and query q on one line: each pair tells the direction of the line
