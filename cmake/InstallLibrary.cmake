@@ -20,7 +20,7 @@ foreach(folder IN LISTS LAZYLOC_LIBRARY_FOLDERS)
   install(DIRECTORY "${PROJECT_SOURCE_DIR}/src/colmap_lazyloc/${folder}"
     DESTINATION "${CMAKE_INSTALL_INCLUDEDIR}/colmap_lazyloc"
     FILES_MATCHING PATTERN "*.h"
-    PATTERN "*_test_*" EXCLUDE PATTERN "convert.h" EXCLUDE PATTERN "absolute_pose_ransac.h" EXCLUDE
+    PATTERN "*_test_*" EXCLUDE PATTERN "convert.h" EXCLUDE PATTERN "*_ransac.h" EXCLUDE
     PATTERN "database_writing.h" EXCLUDE PATTERN "sift*.h" EXCLUDE)
 endforeach()
 configure_package_config_file(cmake/colmap_lazyloc-config.cmake.in "${PROJECT_BINARY_DIR}/colmap_lazyloc-config.cmake"

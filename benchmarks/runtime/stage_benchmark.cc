@@ -16,7 +16,7 @@
 #include "colmap_lazyloc/rotation/rotation_averaging.h"
 #include "colmap_lazyloc/structure/track_building.h"
 #include "colmap_lazyloc/structure/track_triangulation.h"
-#include "colmap_lazyloc/testing/ceres_adjustment.h"
+#include "colmap_lazyloc/refinement/ceres_bundle_adjustment.h"
 #include "colmap_lazyloc/testing/synthetic_pose_graph.h"
 #include "colmap_lazyloc/testing/synthetic_tracks.h"
 #include "colmap_lazyloc/translation/relative_direction.h"
@@ -159,8 +159,8 @@ void AdjustBundles(const SyntheticTracks& scene, benchmark::State& state) {
 void AdjustBundlesWithCeres(const SyntheticTracks& scene, bool solves_sparsely, benchmark::State& state) {
   CeresOptions options;
   options.max_num_iterations = AdjustBundle(scene.posed, scene.tracks, {}).summary.iterations + 1;
+  options.function_tolerance = 1e-16;
   options.solves_sparsely = solves_sparsely;
-  options.computes_covariances = false;
   for (auto _ : state) benchmark::DoNotOptimize(AdjustWithCeres(scene.posed, scene.tracks, options));
 }
 

@@ -1,4 +1,4 @@
-#include "colmap_lazyloc/testing/ceres_adjustment.h"
+#include "colmap_lazyloc/refinement/ceres_bundle_adjustment.h"
 
 #include <algorithm>
 #include <array>
@@ -43,6 +43,7 @@ Blocks ReadBlocks(const PosedImages& posed) {
 
 void WriteBlocks(const Blocks& blocks, PosedImages* posed) {
   for (size_t i = 0; i < posed->frames.size(); ++i) {
+    if (IsConstant(posed->frames[i])) continue;
     const Pose& pose = blocks.poses[i];
     posed->frames[i].frame_from_world = {Eigen::Quaterniond(pose.data()), Eigen::Vector3d(pose[4], pose[5], pose[6])};
     posed->frames[i].scale *= std::exp(blocks.log_scales[i]);
@@ -130,13 +131,15 @@ class CeresSolver {
     ceres::Solver::Options options;
     options.linear_solver_type = options_.solves_sparsely ? ceres::SPARSE_SCHUR : ceres::DENSE_SCHUR;
     options.max_num_iterations = options_.max_num_iterations;
-    options.function_tolerance = options.parameter_tolerance = options.gradient_tolerance = 1e-16;
+    options.function_tolerance = options_.function_tolerance;
+    options.parameter_tolerance = options.gradient_tolerance = 1e-16;
     options.logging_type = ceres::SILENT;
     ceres::Solver::Summary summary;
     ceres::Solve(options, &problem_, &summary);
-    result_.success = summary.IsSolutionUsable();
-    result_.cost = summary.final_cost;
-    if (result_.success && options_.computes_covariances) AddCovariances();
+    result_.summary = {summary.IsSolutionUsable(), summary.message,
+                       summary.num_successful_steps + summary.num_unsuccessful_steps, summary.final_cost};
+    if (!result_.summary.success) return std::move(result_);
+    if (options_.computes_covariances) AddCovariances();
     WriteBlocks(blocks_, &result_.posed);
     return std::move(result_);
   }
