@@ -1,8 +1,8 @@
 # Defines the library colmap_lazyloc::colmap_lazyloc, which localizes queries from data structures. Installs it with
 # headers and a CMake package only if COLMAP is an installed one, because that package depends on COLMAP's package.
 set(LAZYLOC_LIBRARY_FOLDERS
-  math scene bridge two_view rotation translation structure refinement ablation
-  group noise uncertainty starts depths intrinsics priors pipeline)
+  math scene bridge two_view rotation translation structure refinement
+  group noise uncertainty starts paper depths intrinsics priors pipeline)
 list(TRANSFORM LAZYLOC_LIBRARY_FOLDERS PREPEND lazyloc_ OUTPUT_VARIABLE library_targets)
 
 add_library(colmap_lazyloc INTERFACE)

@@ -22,7 +22,7 @@ size_t CountLocalized(const std::vector<LocalizationResult>& results) {
 QuerySource MakeQuerySource(const CommandOptions& options, Model model) {
   SourceOptions source = options.source;
   // Reads no pairs if nothing corrects database poses, or if the options state their errors.
-  source.reads_database_pairs = options.localizer.post_optimization == PostOptimization::TRACKS &&
+  source.reads_database_pairs = options.localizer.method == Method::EXTENDED &&
                                 ExpectPoseErrors(options.localizer).source == PoseNoiseSource::DEFAULT;
   return QuerySource(source, std::move(model), options.localizer.seed, options.num_threads);
 }

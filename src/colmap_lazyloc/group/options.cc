@@ -11,8 +11,8 @@ bool LocalizerOptions::Check(std::string* error) const {
   OPTION_GE(focal_length_stddev_ratio, 0);
   OPTION_GE(min_confidence, 0);
   OPTION_LE(min_confidence, 1);
-  if (intrinsics == IntrinsicsMode::REFINE && post_optimization != PostOptimization::TRACKS) {
-    *error = "intrinsics = refine needs post_optimization = tracks";
+  if (intrinsics == IntrinsicsMode::REFINE && method == Method::PAPER) {
+    *error = "intrinsics = refine needs method = extended";
     return false;
   }
   return true;

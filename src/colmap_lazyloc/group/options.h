@@ -4,35 +4,29 @@
 #include <string>
 
 #include "colmap_lazyloc/refinement/bundle_adjustment.h"
-#include "colmap_lazyloc/rotation/rotation_averaging.h"
 #include "colmap_lazyloc/scene/enum_names.h"
 #include "colmap_lazyloc/structure/track_triangulation.h"
-#include "colmap_lazyloc/translation/translation_averaging.h"
 
 namespace lazyloc {
 
+// How a query is localized.
+enum class Method {
+  EXTENDED,  // the paper's stages with competing starts, repeated refinement, and noise that is estimated
+  PAPER,     // LazyLoc as published, for comparison
+};
+template <>
+inline constexpr std::array<const char*, 2> kEnumNames<Method> = {"extended", "paper"};
+
 // The pose that bundle adjustment starts from.
 enum class StartPose {
-  BEST,              // the one with the highest score
   MOTION_AVERAGING,  // LazyLoc
   ABSOLUTE_POSE,     // P3P on points triangulated from the database images
   GENERALIZED_RELATIVE_POSE,
   DEPTH,  // P3P on points that depth maps of the database images state
 };
 template <>
-inline constexpr std::array<const char*, 5> kEnumNames<StartPose> = {"best", "motion_averaging", "absolute_pose",
+inline constexpr std::array<const char*, 4> kEnumNames<StartPose> = {"motion_averaging", "absolute_pose",
                                                                      "generalized_relative_pose", "depth"};
-
-// The stage after motion averaging; all but TRACKS are the paper's ablations.
-enum class PostOptimization {
-  TRACKS,            // triangulation and bundle adjustment
-  SAMPSON,           // epipolar errors of the matches
-  RELATIVE_POSE_LO,  // relative poses alone (Zhou et al. 2020)
-  NONE,
-};
-template <>
-inline constexpr std::array<const char*, 4> kEnumNames<PostOptimization> = {"tracks", "sampson", "relative_pose_lo",
-                                                                            "none"};
 
 // How the intrinsics of queries are treated. All modes compare them with the images.
 enum class IntrinsicsMode {
@@ -63,12 +57,9 @@ struct LocalizerOptions {
   int seed = 0;  // of all random choices: the same seed gives the same result
   // Maximum number of database images per query; those with most verified inliers are used. 0: no limit.
   int max_num_pairs = 0;
-  RotationAveragingMethod rotation_averaging = RotationAveragingMethod::L1_IRLS;
-  TranslationAveragingMethod translation_averaging = TranslationAveragingMethod::ANGULAR;
+  Method method = Method::EXTENDED;
   TrackTriangulationOptions triangulation;
   BundleAdjustmentOptions bundle_adjustment;
-  StartPose start_pose = StartPose::BEST;
-  PostOptimization post_optimization = PostOptimization::TRACKS;
 
   // Standard deviation of the calibration of a rig, and of the relative poses of a trajectory, as displacement of
   // keypoints by the rotation, and by the position, of each camera in its frame. 0: exact.

@@ -48,7 +48,7 @@ const Prepared& Preparations::For(const Hypothesis& hypothesis) {
   try {
     CheckInput(group);
     prepared.layout = with_same_pairs ? with_same_pairs->layout : MakeLayout(group);
-    if (!with_same_pairs && options_.post_optimization == PostOptimization::TRACKS) {
+    if (!with_same_pairs && options_.method == Method::EXTENDED) {
       prepared.layout.expected_pose_errors =
           Timed("database_poses", seconds_, [&] { return MeasurePoseErrors(group, options_); });
     }

@@ -3,6 +3,7 @@
 
 #include <Eigen/Cholesky>
 
+#include "averaging_methods.h"
 #include "colmap_lazyloc/math/robust_weights.h"
 #include "colmap_lazyloc/translation/translation_methods.h"
 

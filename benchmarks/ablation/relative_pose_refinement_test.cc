@@ -1,3 +1,5 @@
+#include "relative_pose_refinement.h"
+
 #include <algorithm>
 #include <cmath>
 #include <limits>
@@ -5,7 +7,6 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "colmap_lazyloc/ablation/pose_refinement.h"
 #include "colmap_lazyloc/math/so3.h"
 #include "colmap_lazyloc/testing/pose_expectations.h"
 #include "colmap_lazyloc/testing/synthetic_pose_graph.h"

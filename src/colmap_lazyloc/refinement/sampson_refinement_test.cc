@@ -1,10 +1,11 @@
+#include "colmap_lazyloc/refinement/sampson_refinement.h"
+
 #include <algorithm>
 #include <cmath>
 #include <limits>
 
 #include <gtest/gtest.h>
 
-#include "colmap_lazyloc/ablation/pose_refinement.h"
 #include "colmap_lazyloc/math/so3.h"
 #include "colmap_lazyloc/refinement/bundle_adjustment.h"
 #include "colmap_lazyloc/testing/jacobian_check.h"

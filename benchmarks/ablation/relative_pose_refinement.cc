@@ -1,9 +1,10 @@
+#include "relative_pose_refinement.h"
+
 #include <algorithm>
 #include <cmath>
 #include <optional>
 #include <random>
 
-#include "colmap_lazyloc/ablation/pose_refinement.h"
 #include "colmap_lazyloc/math/mean_rotation.h"
 #include "colmap_lazyloc/math/so3.h"
 #include "colmap_lazyloc/math/two_rays.h"

@@ -1,5 +1,6 @@
 #include <algorithm>
 
+#include "averaging_methods.h"
 #include "colmap_lazyloc/math/so3.h"
 #include "colmap_lazyloc/rotation/rotation_methods.h"
 

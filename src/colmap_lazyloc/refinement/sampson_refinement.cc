@@ -1,9 +1,10 @@
+#include "colmap_lazyloc/refinement/sampson_refinement.h"
+
 #include <algorithm>
 #include <cmath>
 
 #include <Eigen/Cholesky>
 
-#include "colmap_lazyloc/ablation/pose_refinement.h"
 #include "colmap_lazyloc/math/robust_statistics.h"
 #include "colmap_lazyloc/math/so3.h"
 #include "colmap_lazyloc/scene/epipolar_error.h"
