@@ -5,7 +5,7 @@ namespace lazyloc {
 namespace {
 
 const NamedTranslationAverager kLud = {"lud", AverageByLeastUnsquaredDeviations};
-INSTANTIATE_TEST_SUITE_P(LeastUnsquaredDeviations, EveryMethod,
+INSTANTIATE_TEST_SUITE_P(LeastUnsquaredDeviations, EveryTranslationMethod,
                          testing::Combine(testing::Values(kLud), testing::Values(1, 5)), NameOf);
 
 // Checks exact recovery (Ozyesil & Singer): a few outliers do not change the minimum if all other directions are exact.

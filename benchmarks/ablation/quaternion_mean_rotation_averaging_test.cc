@@ -6,7 +6,7 @@ namespace lazyloc {
 namespace {
 
 const NamedRotationAverager kQuaternionMean = {"quaternion_mean", AverageByQuaternionMean};
-INSTANTIATE_TEST_SUITE_P(QuaternionMean, EveryMethod,
+INSTANTIATE_TEST_SUITE_P(QuaternionMean, EveryRotationMethod,
                          testing::Combine(testing::Values(kQuaternionMean), testing::Values(1, 5)), NameOf);
 
 // Compares with L1 on 20 % outliers: only their directions count in L1, in the mean also their sizes.

@@ -9,8 +9,8 @@ namespace {
 const NamedRotationAverager kL1Irls = {"l1_irls", AverageByL1Irls}, kL1 = {"l1", AverageByL1};
 const auto kParameters = testing::Combine(testing::Values(kL1Irls, kL1), testing::Values(1, 5));
 
-INSTANTIATE_TEST_SUITE_P(RotationAveraging, EveryMethod, kParameters, NameOf);
-INSTANTIATE_TEST_SUITE_P(RotationAveragingRobust, RobustMethod, kParameters, NameOf);
+INSTANTIATE_TEST_SUITE_P(RotationAveraging, EveryRotationMethod, kParameters, NameOf);
+INSTANTIATE_TEST_SUITE_P(RotationAveragingRobust, RobustRotationMethod, kParameters, NameOf);
 
 // Compares the methods on 20 % outliers: they do not affect the Geman-McClure loss; in L1 their directions count.
 TEST(RotationAveraging, MethodsDifferByWhatOutliersDo) {

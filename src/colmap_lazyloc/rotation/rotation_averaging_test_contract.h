@@ -1,7 +1,7 @@
 #pragma once
 
 // The contract of methods of rotation averaging, for the tests of each: a test program includes it and instantiates
-// EveryMethod, and RobustMethod for robust methods.
+// EveryRotationMethod, and RobustRotationMethod for robust methods.
 
 #include <algorithm>
 #include <cmath>
@@ -66,12 +66,12 @@ class RotationAveragingContract : public testing::TestWithParam<std::tuple<Named
 };
 
 // Contract that every method must fulfil.
-using EveryMethod = RotationAveragingContract;
+using EveryRotationMethod = RotationAveragingContract;
 // Contract of the robust methods.
-using RobustMethod = RotationAveragingContract;
-GTEST_ALLOW_UNINSTANTIATED_PARAMETERIZED_TEST(RobustMethod);
+using RobustRotationMethod = RotationAveragingContract;
+GTEST_ALLOW_UNINSTANTIATED_PARAMETERIZED_TEST(RobustRotationMethod);
 
-TEST_P(EveryMethod, NoiseFreeIsExact) {
+TEST_P(EveryRotationMethod, NoiseFreeIsExact) {
   const SyntheticPoseGraph graph = MakeSyntheticPoseGraph(GraphOptions(0));
   const RotationAveragingResult result = Average(ProblemOf(graph));
   ASSERT_TRUE(result.summary.success) << result.summary.message;
@@ -79,7 +79,7 @@ TEST_P(EveryMethod, NoiseFreeIsExact) {
 }
 
 // Averaging 20 edges with errors of 1 deg leaves about 1 / sqrt(20) deg. Allows five times as much.
-TEST_P(EveryMethod, AveragesNoise) {
+TEST_P(EveryRotationMethod, AveragesNoise) {
   SyntheticPoseGraphOptions options = GraphOptions(1);
   for (options.seed = 0; options.seed < 20; ++options.seed) {
     const SyntheticPoseGraph graph = MakeSyntheticPoseGraph(options);
@@ -89,7 +89,7 @@ TEST_P(EveryMethod, AveragesNoise) {
   }
 }
 
-TEST_P(EveryMethod, KeepsFixedRotationsBitwise) {
+TEST_P(EveryRotationMethod, KeepsFixedRotationsBitwise) {
   RotationAveragingProblem problem = ProblemOf(MakeSyntheticPoseGraph(GraphOptions(3)));
   problem.rotations[0].coeffs() *= 1 + 1e-12;
   const RotationAveragingResult result = Average(problem);
@@ -100,14 +100,14 @@ TEST_P(EveryMethod, KeepsFixedRotationsBitwise) {
   }
 }
 
-TEST_P(EveryMethod, EdgeOrderDoesNotMatter) {
+TEST_P(EveryRotationMethod, EdgeOrderDoesNotMatter) {
   RotationAveragingProblem problem = ProblemOf(MakeSyntheticPoseGraph(GraphOptions(1)));
   const RotationAveragingResult straight = Average(problem);
   std::reverse(problem.edges.begin(), problem.edges.end());
   EXPECT_LE(MaxErrorDeg(Average(problem).rotations, straight.rotations), RadToDeg(1e-12));
 }
 
-TEST_P(EveryMethod, EdgeOrientationDoesNotMatter) {
+TEST_P(EveryRotationMethod, EdgeOrientationDoesNotMatter) {
   RotationAveragingProblem problem = ProblemOf(MakeSyntheticPoseGraph(GraphOptions(1)));
   const RotationAveragingResult straight = Average(problem);
   for (size_t i = 0; i < problem.edges.size(); i += 2) {
@@ -118,7 +118,7 @@ TEST_P(EveryMethod, EdgeOrientationDoesNotMatter) {
   EXPECT_LE(MaxErrorDeg(Average(problem).rotations, straight.rotations), RadToDeg(1e-12));
 }
 
-TEST_P(EveryMethod, TurningTheWorldTurnsTheResult) {
+TEST_P(EveryRotationMethod, TurningTheWorldTurnsTheResult) {
   RotationAveragingProblem problem = ProblemOf(MakeSyntheticPoseGraph(GraphOptions(1)));
   const RotationAveragingResult before = Average(problem);
   Random random(99);
@@ -130,7 +130,7 @@ TEST_P(EveryMethod, TurningTheWorldTurnsTheResult) {
   }
 }
 
-TEST_P(EveryMethod, UnlinkedQueryIsReported) {
+TEST_P(EveryRotationMethod, UnlinkedQueryIsReported) {
   RotationAveragingProblem problem = ProblemOf(MakeSyntheticPoseGraph(GraphOptions(0)));
   const Eigen::Quaterniond untouched(0, 0, 0, std::numeric_limits<double>::quiet_NaN());
   const int unlinked = static_cast<int>(problem.rotations.size());
@@ -144,7 +144,7 @@ TEST_P(EveryMethod, UnlinkedQueryIsReported) {
   EXPECT_LE(*std::max_element(result.edge_errors_rad.begin(), result.edge_errors_rad.end() - 1), 1e-8);
 }
 
-TEST_P(EveryMethod, DegenerateInputFails) {
+TEST_P(EveryRotationMethod, DegenerateInputFails) {
   EXPECT_FALSE(Average({}).summary.success);
   const RotationAveragingProblem whole = ProblemOf(MakeSyntheticPoseGraph(GraphOptions(1)));
   RotationAveragingProblem problem = whole;
@@ -161,7 +161,7 @@ TEST_P(EveryMethod, DegenerateInputFails) {
 }
 
 // Leaves 12 good edges, because 40 % are outliers. Allows five times the error of their mean.
-TEST_P(RobustMethod, WithstandsOutliers) {
+TEST_P(RobustRotationMethod, WithstandsOutliers) {
   SyntheticPoseGraphOptions options = GraphOptions(1);
   options.outlier_edge_ratio = 0.4;
   for (options.seed = 0; options.seed < 20; ++options.seed) {

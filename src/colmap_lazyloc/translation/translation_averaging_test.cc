@@ -6,7 +6,7 @@ namespace lazyloc {
 namespace {
 
 const NamedTranslationAverager kAngular = {"angular", AverageByAngles};
-INSTANTIATE_TEST_SUITE_P(TranslationAveraging, EveryMethod,
+INSTANTIATE_TEST_SUITE_P(TranslationAveraging, EveryTranslationMethod,
                          testing::Combine(testing::Values(kAngular), testing::Values(1, 5)), NameOf);
 
 // Leaves 12 good directions, because 40 % are outliers, and so an error of 0.03 units. Allows seven times as much.

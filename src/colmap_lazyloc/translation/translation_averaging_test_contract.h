@@ -1,7 +1,7 @@
 #pragma once
 
 // The contract of methods of translation averaging, for the tests of each: a test program includes it and instantiates
-// EveryMethod.
+// EveryTranslationMethod.
 
 #include <algorithm>
 #include <cmath>
@@ -51,7 +51,7 @@ struct NamedTranslationAverager {
 };
 
 // Contract that every method must fulfil. Parameters: the method and the number of queries.
-class EveryMethod : public testing::TestWithParam<std::tuple<NamedTranslationAverager, int>> {
+class EveryTranslationMethod : public testing::TestWithParam<std::tuple<NamedTranslationAverager, int>> {
  protected:
   TranslationAveragingResult Average(const TranslationAveragingProblem& problem) const {
     return AverageTranslations(problem, std::get<0>(GetParam()).average);
@@ -70,7 +70,7 @@ class EveryMethod : public testing::TestWithParam<std::tuple<NamedTranslationAve
 };
 
 // Allows 1e-8 of the distances, which are about 5 units.
-TEST_P(EveryMethod, NoiseFreeIsExact) {
+TEST_P(EveryTranslationMethod, NoiseFreeIsExact) {
   for (const bool on_line : {false, true}) {
     SyntheticPoseGraphOptions options = GraphOptions(0);
     options.database_on_line = on_line;
@@ -83,7 +83,7 @@ TEST_P(EveryMethod, NoiseFreeIsExact) {
 
 // Averages 20 directions with errors of 1 deg, or 0.09 units over 5 units. A quarter of that remains, more for a query
 // far outside. Allows seven times as much.
-TEST_P(EveryMethod, AveragesNoise) {
+TEST_P(EveryTranslationMethod, AveragesNoise) {
   SyntheticPoseGraphOptions options = GraphOptions(1);
   for (options.seed = 0; options.seed < 20; ++options.seed) {
     const SyntheticPoseGraph graph = MakeSyntheticPoseGraph(options);
@@ -93,7 +93,7 @@ TEST_P(EveryMethod, AveragesNoise) {
   }
 }
 
-TEST_P(EveryMethod, KeepsFixedCentresBitwise) {
+TEST_P(EveryTranslationMethod, KeepsFixedCentresBitwise) {
   const TranslationAveragingProblem problem = Make(3);
   const TranslationAveragingResult result = Average(problem);
   for (size_t node = 0; node < problem.is_fixed.size(); ++node) {
@@ -103,14 +103,14 @@ TEST_P(EveryMethod, KeepsFixedCentresBitwise) {
   }
 }
 
-TEST_P(EveryMethod, EdgeOrderDoesNotMatter) {
+TEST_P(EveryTranslationMethod, EdgeOrderDoesNotMatter) {
   TranslationAveragingProblem problem = Make(1);
   const TranslationAveragingResult straight = Average(problem);
   std::reverse(problem.edges.begin(), problem.edges.end());
   EXPECT_LE(MaxError(Average(problem).cams_in_world, straight.cams_in_world), 1e-12);
 }
 
-TEST_P(EveryMethod, EdgeOrientationDoesNotMatter) {
+TEST_P(EveryTranslationMethod, EdgeOrientationDoesNotMatter) {
   TranslationAveragingProblem problem = Make(1);
   const TranslationAveragingResult straight = Average(problem);
   for (size_t i = 0; i < problem.edges.size(); i += 2) {
@@ -121,7 +121,7 @@ TEST_P(EveryMethod, EdgeOrientationDoesNotMatter) {
   EXPECT_LE(MaxError(Average(problem).cams_in_world, straight.cams_in_world), 1e-12);
 }
 
-TEST_P(EveryMethod, FollowsScaleAndRotationOfTheDatabase) {
+TEST_P(EveryTranslationMethod, FollowsScaleAndRotationOfTheDatabase) {
   TranslationAveragingProblem problem = Make(1);
   const TranslationAveragingResult before = Average(problem);
   Random random(99);
@@ -135,7 +135,7 @@ TEST_P(EveryMethod, FollowsScaleAndRotationOfTheDatabase) {
   }
 }
 
-TEST_P(EveryMethod, OneNeighbourTellsTheBearing) {
+TEST_P(EveryTranslationMethod, OneNeighbourTellsTheBearing) {
   SyntheticPoseGraphOptions options;
   options.num_database = 1;
   const TranslationAveragingProblem problem = ProblemOf(MakeSyntheticPoseGraph(options), 0);
@@ -147,7 +147,7 @@ TEST_P(EveryMethod, OneNeighbourTellsTheBearing) {
       1e-8);
 }
 
-TEST_P(EveryMethod, QueryOnTheLineOfItsNeighboursStaysFinite) {
+TEST_P(EveryTranslationMethod, QueryOnTheLineOfItsNeighboursStaysFinite) {
   SyntheticPoseGraphOptions options;
   options.database_on_line = true;
   TranslationAveragingProblem problem = ProblemOf(MakeSyntheticPoseGraph(options), 0);
@@ -158,7 +158,7 @@ TEST_P(EveryMethod, QueryOnTheLineOfItsNeighboursStaysFinite) {
   EXPECT_TRUE(result.cams_in_world.back().allFinite());
 }
 
-TEST_P(EveryMethod, DegenerateInputFails) {
+TEST_P(EveryTranslationMethod, DegenerateInputFails) {
   EXPECT_FALSE(Average({}).summary.success);
   const TranslationAveragingProblem whole = Make(1);
   TranslationAveragingProblem problem = whole;
