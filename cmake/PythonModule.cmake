@@ -9,7 +9,7 @@ find_package(nanobind CONFIG REQUIRED)
 # The stable ABI makes one module for every Python from 3.12; nanobind ignores it for older ones.
 nanobind_add_module(lazyloc_python STABLE_ABI NB_STATIC
   src/colmap_lazyloc/python/conversions.cc
-  src/colmap_lazyloc/python/localizer.cc
+  src/colmap_lazyloc/python/python_localizer.cc
   src/colmap_lazyloc/python/module.cc)
 target_link_libraries(lazyloc_python PRIVATE lazyloc_cli lazyloc_bridge)
 lazyloc_set_properties(lazyloc_python)

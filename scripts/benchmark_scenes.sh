@@ -14,7 +14,8 @@ WORK=$BUILD_DIR/benchmark
 BENCHMARK_PYTHON=$WORK/venv/bin/python
 REQUIREMENTS=benchmarks/localization/requirements.txt
 
-BUILD_TARGETS=program scripts/setup.sh
+CMAKE_ARGS="${CMAKE_ARGS:-} -DLAZYLOC_BENCHMARKS=ON" BUILD_TARGETS="program lazyloc_ablation_benchmark" \
+  scripts/setup.sh
 if ! [ "$WORK/venv/done" -nt "$REQUIREMENTS" ]; then
   python3 -m venv "$WORK/venv"
   "$BENCHMARK_PYTHON" -m pip install --quiet -r scripts/requirements.txt -r "$REQUIREMENTS"
@@ -30,12 +31,14 @@ run() {
 }
 
 run scenes --methods all --plots
+run paper --scenes fountain herzjesu office kitchen skull headset corridor kitti1 --methods lazyloc lazyloc:paper \
+  ablation:{l1,quaternion_mean,lud,averaging_alone,lud_alone,sampson,relative_pose_lo}
 run scenes_top_k --methods structure_based lazyloc local_triangulation --num_retrieved 2 5 10 20 --plots
 run scenes_noise --methods structure_based lazyloc lazyloc:exact_database lazyloc:stated_noise \
   --database_noise 0,0 1,0 5,0 10,0 0,1 0,5 0,10 1,5
 run scenes_seeds --methods lazyloc local_triangulation --seeds 0 1 2
 
-for page in scenes scenes_top_k scenes_noise scenes_seeds; do
+for page in scenes paper scenes_top_k scenes_noise scenes_seeds; do
   "$PYTHON" scripts/checks/tables.py --take "$WORK/$page.md"
 done
 cp "$WORK"/scenes*.svg docs/benchmarks/

@@ -337,6 +337,7 @@ def test_a_failing_or_crashing_method_does_not_stop_the_others(tmp_path, monkeyp
         (["--methods", "magic"], "magic"),
         (["--methods", "lazyloc:nothing"], "nothing.ini"),
         (["--methods", "local_triangulation:x"], "local_triangulation:x"),
+        (["--methods", "ablation:magic"], "magic is not one of none, l1"),
         (["--scenes", "mars"], "mars"),
         (["--options", "seed"], "KEY=VALUE"),
         (["--queries", "none.txt"], "none.txt"),
@@ -392,6 +393,28 @@ pathlib.Path(options["--output_path"], "results.jsonl").write_text(json.dumps(fo
     np.testing.assert_allclose(results["left/000001.png"].pose.tvec, [1, 2, 3])
     assert results["left/000001.png"].seconds == 0.25
     assert results["left/000004.png"] == Result(None, 0.25, "SCALE_UNOBSERVABLE")
+
+
+def test_ablations_are_a_program_beside_ours(tmp_path):
+    scene = scenes.load_scene(make_scene(tmp_path / "any", ["a.jpg", "b.jpg", "c.jpg"]))
+    options = methods.MethodOptions(tmp_path / "work", tmp_path / "colmap", preset="lud", seed=7)
+    localize = methods.load_method("ablation")
+    with pytest.raises(methods.NotApplicable, match="lazyloc_ablation_benchmark"):
+        localize(scene, scene.query_names, options)
+    program = tmp_path / "lazyloc_ablation_benchmark"
+    program.write_text(f"""#!{sys.executable}
+import sys
+assert sys.argv[1] == "lud" and sys.argv[5:] == ["20", "7", "1"]
+assert open(sys.argv[4]).read() == "a.jpg\\nb.jpg\\nc.jpg\\n"
+print("a.jpg", "LOCALIZED", 0.25, 1, 0, 0, 0, 1, 2, 3, sep="\\t")
+print("b.jpg", "SCALE_UNOBSERVABLE", 0.5, sep="\\t")
+""")
+    program.chmod(0o755)
+    results = localize(scene, scene.query_names, options)
+    np.testing.assert_allclose(results["a.jpg"].pose.tvec, [1, 2, 3])
+    assert results["a.jpg"].seconds == 0.25
+    assert results["b.jpg"] == Result(None, 0.5, "SCALE_UNOBSERVABLE")
+    assert results["c.jpg"].pose is None and results["c.jpg"].status == "NOT_LOADED"
 
 
 def test_methods_on_a_real_scene(tmp_path):

@@ -285,7 +285,7 @@ BAD_VALUES = """
     LazyLocalizer.num_threads=-2 LazyLocalizer.seed=x1 LazyLocalizer.group_size=0
     LazyLocalizer.Advanced.rig_noise_px=-1 LazyLocalizer.Advanced.database_pose_stddev_deg=-2
     LazyLocalizer.Advanced.database_pose_stddev_length=nan LazyLocalizer.Advanced.focal_length_stddev_ratio=4px
-    LazyLocalizer.Advanced.start_pose=points
+    LazyLocalizer.method=lazy
 """
 for name, value in (word.split("=") for word in BAD_VALUES.split()):
     CASES[f"{name.split('.')[-1]}_of_{value}"] = (lambda files, words=("--" + name, value): words), (name,)
@@ -306,14 +306,14 @@ def unknown_option_in_the_options_file(files):
     return ["--project_path", files.write("some.ini", "[LazyLocalizer.Advanced]\nno_such_option=1\n")]
 
 
-@case("--LazyLocalizer.Advanced.rotation_averaging", "l1_irls, l1, quaternion_mean", "'median'")
+@case("--LazyLocalizer.intrinsics", "auto, given, refine", "'median'")
 def unknown_value_of_an_enum(files):
-    return ["--LazyLocalizer.Advanced.rotation_averaging", "median"]
+    return ["--LazyLocalizer.intrinsics", "median"]
 
 
-@case("LazyLocalizer.Advanced.translation_averaging", "angular, lud", "'LUD'")
+@case("LazyLocalizer.method", "extended, paper", "'PAPER'")
 def unknown_value_of_an_enum_in_the_options_file(files):
-    return ["--project_path", files.write("some.ini", "[LazyLocalizer.Advanced]\ntranslation_averaging=LUD\n")]
+    return ["--project_path", files.write("some.ini", "[LazyLocalizer]\nmethod=PAPER\n")]
 
 
 # Outputs

@@ -41,10 +41,11 @@ def test_strict_counts_low_confidence_as_not_localized(localize, noisy):
     assert localize(*noisy.arguments, "--LazyLocalizer.min_confidence", 1, "--strict", 1).exit_code == 2
 
 
-def test_confidence_is_unknown_without_tracks(localize, noisy):
-    run = localize(*noisy.arguments, "--LazyLocalizer.Advanced.post_optimization", "none")
+def test_paper_has_a_confidence_too(localize, noisy):
+    run = localize(*noisy.arguments, "--LazyLocalizer.method", "paper")
     for result in run.results.values():
-        assert result["status"] == "LOCALIZED" and result["confidence"] is None and result["evidence"] is None
+        assert result["status"] == "LOCALIZED" and result["confidence"] > 0.9 and result["evidence"]
+        assert result["start"] == "motion_averaging" and result["intrinsics"]["verdict"] == "not_tested"
 
 
 @pytest.mark.parametrize("value", ["-0.1", "1.5", "nan"])

@@ -204,10 +204,8 @@ def test_options_file_gives_the_same_run_again(localize, noisy):
         0.1 + 0.2,
         "--LazyLocalizer.num_threads",
         1,
-        "--LazyLocalizer.Advanced.rotation_averaging",
-        "quaternion_mean",
-        "--LazyLocalizer.Advanced.translation_averaging",
-        "lud",
+        "--LazyLocalizer.method",
+        "paper",
     )
     again = localize("--project_path", first.output_path / "options.ini")
     assert (first.exit_code, again.exit_code) == (0, 0), again.stderr
@@ -222,8 +220,7 @@ def test_options_file_gives_the_same_run_again(localize, noisy):
         "num_retrieved=6",
         "seed=11",
         "rig_noise_px=0.30000000000000004",
-        "rotation_averaging=quaternion_mean",
-        "translation_averaging=lud",
+        "method=paper",
     } <= set(options(first))
 
 

@@ -163,7 +163,7 @@ def test_closed_generator_begins_no_further_query(noisy):
         {"num_retrieved": 4},
         {"LazyLocalizer.num_retrieved": "4"},
         {"LazyLocalizer": {"num_retrieved": np.int64(4)}},
-        {"LazyLocalizer": {"Advanced": {"start_pose": "absolute_pose"}}},
+        {"LazyLocalizer": {"method": "paper", "Advanced": {"use_rigs": 0}}},
         {"leave_one_out": True, "LazyLocalizer": {"Advanced.use_rigs": 0}},
     ],
 )

@@ -392,13 +392,11 @@ def test_queries_that_are_photos_have_no_keypoints_in_the_database(localize, pho
         assert np.std(page.drawing(name)["residuals"]) < 1
 
 
-@pytest.mark.parametrize("method", ["none", "sampson"])
-def test_poses_without_points_rest_on_verified_matches(localize, noisy, tmp_path, method):
-    run = localize(*noisy.arguments, "--LazyLocalizer.Advanced.post_optimization", method)
+def test_results_of_the_papers_method_are_shown_alike(localize, noisy, tmp_path):
+    run = localize(*noisy.arguments, "--LazyLocalizer.method", "paper")
     page = make_page(run.output_path, tmp_path / "page.html", "--database_path", noisy.database_path)
-    assert len(page.rows("points")) == 0 and np.isnan(page.queries["confidence"]).all()
-    drawing = page.drawing(noisy.scene.query_names[0])
-    assert len(drawing["inlierXy"]) > 100 and len(drawing["rejectedXy"]) == 0
+    assert len(page.rows("points")) > 100 and (page.queries["confidence"] > 0.9).all()
+    assert len(page.drawing(noisy.scene.query_names[0])["inlierXy"]) > 100
 
 
 @pytest.fixture(scope="module")

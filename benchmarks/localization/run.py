@@ -21,7 +21,7 @@ from benchmarks.localization.database_noise import add_database_noise
 from benchmarks.localization.datasets.scene_source import Options
 from benchmarks.localization.environment import describe_environment
 from benchmarks.localization.evaluation import Series, make_row, read_csv, write_csv
-from benchmarks.localization.methods import METHODS, MethodOptions, NotApplicable, load_method
+from benchmarks.localization.methods import ABLATIONS, METHODS, MethodOptions, NotApplicable, load_method
 from benchmarks.localization.scenes import Scene
 from colmap_lazyloc.errors import InputError, command
 from colmap_lazyloc.pairs import read_pairs
@@ -143,14 +143,15 @@ def _choose_queries(scene: Scene, queries: str | None) -> list[str]:
 
 
 def _options(arguments: argparse.Namespace, scene: Scene, series: Series) -> MethodOptions:
-    preset = _split_preset(series.method)[1]
+    name, preset = _split_preset(series.method)
     folder = f"{series.method.replace(':', '_')}_{series.seed}"
     return MethodOptions(
         work_path=arguments.work_path / f"{scene.name}_{_fingerprint(scene)}" / folder,
         colmap_path=arguments.colmap,
         num_retrieved=series.num_retrieved,
         seed=series.seed,
-        preset_path=CONFIGS_PATH / f"{preset}.ini" if preset else None,
+        preset=preset,
+        preset_path=CONFIGS_PATH / f"{preset}.ini" if preset and name == "lazyloc" else None,
         program_options=tuple(tuple(option.split("=", 1)) for option in arguments.options),
     )
 
@@ -229,7 +230,8 @@ def _add_method_arguments(parser: argparse.ArgumentParser):
         "--methods",
         nargs="+",
         default=["structure_based", "lazyloc"],
-        help=f"all, or names of {', '.join(METHODS)}; lazyloc:NAME uses the options in configs/NAME.ini",
+        help=f"all, or names of {', '.join(METHODS)}; lazyloc:NAME uses the options in configs/NAME.ini, "
+        "ablation:NAME is the paper's method with one stage replaced",
     )
     methods.add_argument("--colmap", type=pathlib.Path, default=find_colmap(), help="path of our colmap program")
     methods.add_argument(
@@ -275,7 +277,8 @@ def _parse(argv: list[str]) -> argparse.Namespace:
     arguments.work_path = arguments.work_path or arguments.output_path / "work"
     if arguments.methods == ["all"]:
         presets = sorted(path.stem for path in CONFIGS_PATH.glob("*.ini"))
-        arguments.methods = [*METHODS, *(f"lazyloc:{preset}" for preset in presets)]
+        arguments.methods = [name for name in METHODS if name != "ablation"]
+        arguments.methods += [f"lazyloc:{preset}" for preset in presets]
     _check(parser, arguments)
     return arguments
 
@@ -283,9 +286,11 @@ def _parse(argv: list[str]) -> argparse.Namespace:
 def _check(parser: argparse.ArgumentParser, arguments: argparse.Namespace):
     for method in arguments.methods:
         name, preset = _split_preset(method)
-        if name not in METHODS or (preset and name != "lazyloc"):
+        if name not in METHODS or (preset and name not in ("lazyloc", "ablation")):
             parser.error(f"--methods: {method} is not one of {', '.join(METHODS)} or lazyloc:NAME")
-        if preset and not (CONFIGS_PATH / f"{preset}.ini").exists():
+        if name == "ablation" and preset and preset not in ABLATIONS:
+            parser.error(f"--methods: {preset} is not one of {', '.join(ABLATIONS)}")
+        if preset and name == "lazyloc" and not (CONFIGS_PATH / f"{preset}.ini").exists():
             parser.error(f"--methods: {CONFIGS_PATH / preset}.ini does not exist")
     for option in arguments.options:
         if "=" not in option:

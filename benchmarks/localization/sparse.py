@@ -22,7 +22,7 @@ from benchmarks.localization.environment import describe_environment
 from benchmarks.localization.evaluation import paired_ratio, summarize
 from benchmarks.localization.methods import NotApplicable
 from benchmarks.localization.scenes import Scene, find_scenes, load_scene
-from benchmarks.localization.sparse_runs import PROGRAM_METHODS, Record, run_method
+from benchmarks.localization.sparse_runs import MOTION_AVERAGING, PROGRAM_METHODS, Record, run_method
 from benchmarks.localization.sparse_scenes import make_sparse_scene
 from colmap_lazyloc.errors import command
 from colmap_lazyloc.program import find_colmap
@@ -63,7 +63,7 @@ def table(cells: dict, methods: list[str], is_star: bool) -> str:
         for method in methods:
             records = cells.get((is_star, num_images, method))
             if records:
-                baseline = cells.get((is_star, num_images, "motion averaging"), [])
+                baseline = cells.get((is_star, num_images, MOTION_AVERAGING), [])
                 lines.append(f"| {num_images} | {method} | {_figures(records, baseline)} |")
     return "\n".join(lines)
 
@@ -93,7 +93,7 @@ def status_table(cells: dict, methods: list[str]) -> str:
     """Returns the number of queries of each status. Right ones of LOW_CONFIDENCE are in brackets."""
     lines = ["| | K | method | statuses |", "|---|---|---|---|"]
     for (is_star, num_images, method), records in cells.items():
-        if method not in methods or method not in PROGRAM_METHODS or method == "motion averaging":
+        if method not in methods or method not in PROGRAM_METHODS:
             continue
         counts = collections.Counter(record.row.status for record in records)
         right = sum(record.is_right for record in records if record.row.status == "LOW_CONFIDENCE")
@@ -130,7 +130,9 @@ def main(arguments=None):
     parser.add_argument("--colmap", type=pathlib.Path, default=find_colmap(), help="path of our colmap program")
     parser.add_argument("--output_path", type=pathlib.Path, required=True, help="Markdown file to write")
     parser.add_argument("--scenes", nargs="+", help="default: all")
-    parser.add_argument("--methods", nargs="+", default=[*PROGRAM_METHODS, *OTHER_METHODS], help="default: all")
+    parser.add_argument(
+        "--methods", nargs="+", default=[*PROGRAM_METHODS, MOTION_AVERAGING, *OTHER_METHODS], help="default: all"
+    )
     parser.add_argument("--max_num_queries", type=int, help="of a scene, evenly spread; default: all")
     parser.add_argument(
         "--truth_stddev", nargs="+", default=[], metavar="SCENE=LENGTH", help="of the true positions; default: 0"

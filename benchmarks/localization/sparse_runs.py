@@ -21,8 +21,8 @@ PROGRAM_METHODS = {
     "lazyloc": ((), ()),
     "with a position": (("position",), ()),
     "with a position and gravity": (("position", "gravity"), ()),
-    "motion averaging": ((), ("--LazyLocalizer.Advanced.post_optimization", "none")),
 }
+MOTION_AVERAGING = "motion averaging"  # alone, which the others are compared with (benchmarks/ablation)
 POSITION_STDDEV_RATIO = 0.05  # of a position that a query gets, over the extent of the scene's cameras
 GRAVITY_STDDEV_DEG = 1.0
 
@@ -97,8 +97,9 @@ def _size(scene: SparseScene, records: dict[str, dict]) -> float:
 def run_method(method, scene: SparseScene, folder, arguments, num_images: int, is_star: bool) -> list[Record]:
     """Returns the records of all queries. Throws NotApplicable if another method cannot run here."""
     if method not in PROGRAM_METHODS:
-        options = MethodOptions(folder / "method", arguments.colmap, num_retrieved=num_images)
-        results = load_method(method)(scene, scene.query_names, options)
+        name, preset = ("ablation", "averaging_alone") if method == MOTION_AVERAGING else (method, "")
+        options = MethodOptions(folder / "method", arguments.colmap, num_retrieved=num_images, preset=preset)
+        results = load_method(name)(scene, scene.query_names, options)
         return [Record(is_star, num_images, _row(scene, method, name, result)) for name, result in results.items()]
     results = run_program(scene, folder, arguments, method)
     size = _size(scene, results)

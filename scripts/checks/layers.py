@@ -9,8 +9,17 @@ INCLUDE = re.compile(r'^\s*#\s*include\s*(?:"|<)(?P<path>[^">]+)', re.MULTILINE)
 
 TYPES = {"math", "scene"}  # plain types and pure functions, which every folder may include
 STAGES = {"two_view", "rotation", "translation", "structure", "refinement"}
-METHOD = TYPES | STAGES | {"bridge", "ablation"}  # what all parts of the method may include
-PARTS = {"group", "noise", "uncertainty", "initialization", "depths", "intrinsics", "priors"}  # of the method, for pipeline/
+METHOD = TYPES | STAGES | {"bridge"}  # what all parts of the method may include
+PARTS = {
+    "group",
+    "noise",
+    "uncertainty",
+    "initialization",
+    "paper",
+    "depths",
+    "intrinsics",
+    "priors",
+}  # of the method, for pipeline/
 FILES = {"files", "database", "onnx", "features", "formats", "queries", "loading", "runs", "results"}
 
 # The other folders that a folder's files may include, all of them above it in this table, so that data flows one way.
@@ -28,12 +37,12 @@ MAY_INCLUDE = {
     "translation": TYPES,
     "structure": TYPES,
     "refinement": TYPES,
-    "ablation": TYPES | STAGES | {"bridge"},  # the paper's alternatives
     # The method:
     "group": METHOD,
     "noise": METHOD | {"group"},
     "uncertainty": METHOD | {"group", "noise"},
     "initialization": METHOD | {"group", "uncertainty"},
+    "paper": METHOD | {"group", "initialization", "uncertainty"},  # the paper's method, as published
     "depths": METHOD | {"group"},
     "intrinsics": METHOD | {"group", "noise", "initialization", "uncertainty"},
     "priors": METHOD | {"group", "noise", "intrinsics", "uncertainty"},

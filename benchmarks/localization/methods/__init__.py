@@ -14,9 +14,21 @@ from benchmarks.localization.matches import MatchDatabase
 from benchmarks.localization.scenes import Scene
 from colmap_lazyloc.poses import Pose
 
+# Presets of the method `ablation`: names of benchmarks/ablation/ablation.cc.
+ABLATIONS = (
+    "none",
+    "l1",
+    "quaternion_mean",
+    "lud",
+    "averaging_alone",
+    "lud_alone",
+    "sampson",
+    "relative_pose_lo",
+)
 METHODS = (
     "structure_based",
     "lazyloc",
+    "ablation",
     "local_triangulation",
     "local_map",
     "colmap_structureless",
@@ -48,6 +60,7 @@ class MethodOptions:
     colmap_path: pathlib.Path = pathlib.Path("colmap")
     num_retrieved: int = 20
     seed: int = 0
+    preset: str = ""  # what is after the colon in the method's name
     preset_path: pathlib.Path | None = None  # .ini file with options of lazy_localizer
     program_options: tuple[tuple[str, str], ...] = ()  # options of lazy_localizer by name; override the preset
 

@@ -6,7 +6,7 @@
 
 #include "colmap_lazyloc/bridge/absolute_pose.h"
 #include "colmap_lazyloc/bridge/camera_models.h"
-#include "colmap_lazyloc/bridge/two_view_geometry.h"
+#include "colmap_lazyloc/bridge/two_view_estimation.h"
 #include "colmap_lazyloc/math/so3.h"
 #include "colmap_lazyloc/scene/equirectangular.h"
 #include "colmap_lazyloc/testing/synthetic_scene.h"

@@ -2,7 +2,7 @@
 
 #include <array>
 
-#include "colmap_lazyloc/features/sift.h"
+#include "colmap_lazyloc/features/sift_method.h"
 #include "colmap_lazyloc/scene/errors.h"
 
 namespace lazyloc {

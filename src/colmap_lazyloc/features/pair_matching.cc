@@ -1,6 +1,6 @@
 #include "colmap_lazyloc/features/pair_matching.h"
 
-#include "colmap_lazyloc/bridge/two_view_geometry.h"
+#include "colmap_lazyloc/bridge/two_view_estimation.h"
 #include "colmap_lazyloc/math/seed.h"
 #include "colmap_lazyloc/scene/errors.h"
 

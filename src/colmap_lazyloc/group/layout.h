@@ -5,7 +5,7 @@
 
 #include <Eigen/Core>
 
-#include "colmap_lazyloc/group/options.h"
+#include "colmap_lazyloc/group/localizer_options.h"
 #include "colmap_lazyloc/scene/database_pose_noise.h"
 #include "colmap_lazyloc/scene/frame.h"
 #include "colmap_lazyloc/scene/localization_problem.h"

@@ -6,7 +6,7 @@
 #include <tuple>
 #include <vector>
 
-#include "colmap_lazyloc/bridge/observation.h"
+#include "colmap_lazyloc/bridge/observer.h"
 #include "colmap_lazyloc/group/layout.h"
 #include "colmap_lazyloc/scene/pair_geometry.h"
 #include "colmap_lazyloc/scene/stage_timer.h"

@@ -6,7 +6,7 @@
 #include <utility>
 
 #include "colmap_lazyloc/bridge/camera_models.h"
-#include "colmap_lazyloc/bridge/observation.h"
+#include "colmap_lazyloc/bridge/observer.h"
 
 namespace lazyloc {
 namespace {

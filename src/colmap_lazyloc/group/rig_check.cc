@@ -8,6 +8,7 @@
 #include "colmap_lazyloc/math/robust_statistics.h"
 #include "colmap_lazyloc/math/seed.h"
 #include "colmap_lazyloc/math/so3.h"
+#include "colmap_lazyloc/rotation/rotation_averaging.h"
 
 namespace lazyloc {
 namespace {
@@ -64,10 +65,10 @@ bool AreAtOnePoint(const Layout& layout, const std::vector<int>& queries) {
 }
 
 // Returns true if the image's own pairs agree with each other on a rotation.
-bool AgreeAlone(const RotationAveragingProblem& alone, double max_error_rad, const LocalizerOptions& options) {
+bool AgreeAlone(const RotationAveragingProblem& alone, double max_error_rad) {
   if (alone.edges.size() < 2) return false;
   size_t num_agreeing = 0;
-  for (const double error_rad : AverageRotations(alone, options.rotation_averaging).edge_errors_rad) {
+  for (const double error_rad : AverageRotations(alone).edge_errors_rad) {
     num_agreeing += error_rad <= max_error_rad;
   }
   return num_agreeing >= 2 && 2 * num_agreeing > alone.edges.size();
@@ -105,7 +106,7 @@ std::vector<std::optional<double>> CheckRigs(const Layout& layout, const PosedIm
 }
 
 void CheckRigRotations(const Layout& layout, const PairRefs& pairs, const std::vector<double>& rotation_errors_rad,
-                       double max_error_deg, const LocalizerOptions& options) {
+                       double max_error_deg) {
   if (layout.num_query_frames == layout.num_queries) return;  // single images
   const double max_error_rad = DegToRad(max_error_deg);
   std::vector<RotationAveragingProblem> alone(layout.num_queries);
@@ -130,7 +131,7 @@ void CheckRigRotations(const Layout& layout, const PairRefs& pairs, const std::v
     // pairs.
     if (queries.size() == 1 || AreAtOnePoint(layout, queries)) return Reason();
     for (const int query : queries) {
-      if (num_agreeing[query] == 0 && AgreeAlone(alone[query], max_error_rad, options)) {
+      if (num_agreeing[query] == 0 && AgreeAlone(alone[query], max_error_rad)) {
         return Reason(MisfitReason(layout, query));
       }
     }

@@ -19,6 +19,6 @@ std::vector<std::optional<double>> CheckRigs(const Layout& layout, const PosedIm
 // Checks the same before positions are known: throws for frames with an image none of whose pairs agree with the
 // averaged rotations, but with each other. rotation_errors_rad: by pair.
 void CheckRigRotations(const Layout& layout, const PairRefs& pairs, const std::vector<double>& rotation_errors_rad,
-                       double max_error_deg, const LocalizerOptions& options);
+                       double max_error_deg);
 
 }  // namespace lazyloc

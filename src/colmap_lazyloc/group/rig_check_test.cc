@@ -106,7 +106,7 @@ std::vector<double> RotationErrorsRad(const StageInput& input) {
 }
 
 void CheckRotations(const StageInput& input) {
-  CheckRigRotations(input.layout, Refs(input.pairs), RotationErrorsRad(input), /*max_error_deg=*/5, {});
+  CheckRigRotations(input.layout, Refs(input.pairs), RotationErrorsRad(input), /*max_error_deg=*/5);
 }
 
 TEST(CheckRigRotations, RightCalibrationPasses) { EXPECT_NO_THROW(CheckRotations(MakeInput(Rig(2, 3)))); }

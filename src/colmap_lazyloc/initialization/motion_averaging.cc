@@ -43,7 +43,8 @@ PairRefs AgreeingPairs(const Layout& layout, const PairRefs& pairs, const std::v
 
 // Averages rotations. Nodes are the query frames, by index, then one fixed node for each pair with a database image.
 // Sets `posed` and `pairs` of the result.
-void AverageRotation(const Layout& layout, const LocalizerOptions& options, Averaged* averaged) {
+void AverageRotation(const Layout& layout, const LocalizerOptions& options, RotationAverager average,
+                     Averaged* averaged) {
   PosedImages& posed = averaged->posed;
   RotationAveragingProblem problem;
   problem.rotations.assign(layout.num_query_frames, Eigen::Quaterniond::Identity());
@@ -66,7 +67,7 @@ void AverageRotation(const Layout& layout, const LocalizerOptions& options, Aver
     }
     problem.edges.push_back(edge);
   }
-  const RotationAveragingResult result = AverageRotations(problem, options.rotation_averaging);
+  const RotationAveragingResult result = AverageRotations(problem, average);
   for (int frame = 0; frame < layout.num_query_frames; ++frame) {
     posed.frames[frame].frame_from_world.rotation = result.rotations[frame];
   }
@@ -79,7 +80,7 @@ void AverageRotation(const Layout& layout, const LocalizerOptions& options, Aver
     if (edge_of_pair[i] >= 0) errors_rad[i] = result.edge_errors_rad[edge_of_pair[i]];
   }
   const double max_error_deg = kMaxRotationErrorDeg + 3 * std::max(0.0, options.database_pose_stddev_deg);
-  CheckRigRotations(layout, averaged->pairs, errors_rad, max_error_deg, options);
+  CheckRigRotations(layout, averaged->pairs, errors_rad, max_error_deg);
   averaged->pairs = AgreeingPairs(layout, averaged->pairs, errors_rad, max_error_deg);
 }
 
@@ -109,7 +110,7 @@ Eigen::Vector3d OffsetInWorld(const PosedImages& posed, int image) {
 }
 
 // Averages translations, with nodes as for rotations. Sets `posed` of the result.
-void AverageTranslation(const Layout& layout, const LocalizerOptions& options, Averaged* averaged) {
+void AverageTranslation(const Layout& layout, TranslationAverager average, Averaged* averaged) {
   PosedImages& posed = averaged->posed;
   TranslationAveragingProblem problem;
   problem.cams_in_world.assign(layout.num_query_frames, Eigen::Vector3d::Zero());
@@ -136,7 +137,7 @@ void AverageTranslation(const Layout& layout, const LocalizerOptions& options, A
   }
   CheckBaselines(layout, *averaged, has_edge);
   if (!layout.has_depths) CheckPlaces(layout, *averaged);
-  const TranslationAveragingResult result = AverageTranslations(problem, options.translation_averaging);
+  const TranslationAveragingResult result = AverageTranslations(problem, average);
   CheckBaselines(layout, *averaged, result.is_known);
   if (!result.summary.success) throw Failure{QueryStatus::DIVERGED, "translation averaging failed"};
   for (int frame = 0; frame < layout.num_query_frames; ++frame) {
@@ -181,12 +182,12 @@ bool CanDoWithoutAveraging(const Failure& failure, const Layout& layout) {
 }  // namespace
 
 Averaged AverageMotion(const Layout& layout, const std::vector<PairGeometry>& pairs, const LocalizerOptions& options,
-                       StageTimer::Seconds* seconds) {
+                       StageTimer::Seconds* seconds, const AveragingMethods& methods) {
   Averaged averaged{layout.given, Refs(pairs), {}, {}};
   try {
-    Timed("rotation", seconds, [&] { AverageRotation(layout, options, &averaged); });
+    Timed("rotation", seconds, [&] { AverageRotation(layout, options, methods.rotations, &averaged); });
     Timed("directions", seconds, [&] { averaged.directions = EstimateDirections(layout, averaged); });
-    Timed("translation", seconds, [&] { AverageTranslation(layout, options, &averaged); });
+    Timed("translation", seconds, [&] { AverageTranslation(layout, methods.translations, &averaged); });
     AddFittingPairs(pairs, &averaged);
   } catch (const Failure& failure) {
     if (!CanDoWithoutAveraging(failure, layout)) throw;

@@ -66,7 +66,7 @@ void VisitFrame(const StartProblem& problem, const TrackRefs& tracks, const Visi
 
 // Sets the start of the problem's frame to the hypothesis with the best score. Throws Failure without any.
 void SetFrameStart(const StartProblem& problem, const Averaged& averaged, uint32_t seed,
-                   const LocalizerOptions& options, const std::vector<Rigid3d>& depth_starts, Start* start) {
+                   const std::vector<Rigid3d>& depth_starts, Start* start) {
   const double min_score = averaged.failure ? kMinUnconfirmedScore : 0;
   double best_score = -1;
   const auto consider = [&](StartPose kind, const std::optional<Rigid3d>& pose) {
@@ -77,25 +77,18 @@ void SetFrameStart(const StartProblem& problem, const Averaged& averaged, uint32
     start->posed.frames[problem.frame].frame_from_world = *pose;
     start->kinds[problem.frame] = kind;
   };
-  const auto is_wanted = [&](StartPose kind) {
-    return options.start_pose == StartPose::BEST || options.start_pose == kind;
-  };
-  if (is_wanted(StartPose::MOTION_AVERAGING) && !averaged.failure) {
+  if (!averaged.failure) {
     consider(StartPose::MOTION_AVERAGING, averaged.posed.frames[problem.frame].frame_from_world);
   }
-  if (is_wanted(StartPose::ABSOLUTE_POSE)) consider(StartPose::ABSOLUTE_POSE, AbsolutePoseStart(problem, seed));
-  if (is_wanted(StartPose::DEPTH)) {
-    consider(StartPose::DEPTH, DepthStart(problem, seed));
-    for (const Rigid3d& pose : depth_starts) consider(StartPose::DEPTH, pose);
-  }
-  if (options.start_pose == StartPose::GENERALIZED_RELATIVE_POSE ||
-      (options.start_pose == StartPose::BEST && problem.from_database.size() < kFewTracks)) {
+  consider(StartPose::ABSOLUTE_POSE, AbsolutePoseStart(problem, seed));
+  consider(StartPose::DEPTH, DepthStart(problem, seed));
+  for (const Rigid3d& pose : depth_starts) consider(StartPose::DEPTH, pose);
+  if (problem.from_database.size() < kFewTracks) {
     consider(StartPose::GENERALIZED_RELATIVE_POSE, GeneralizedRelativePoseStart(problem, seed));
   }
   if (best_score >= 0) return;
   if (averaged.failure) throw Failure(*averaged.failure);
-  throw Failure{
-      QueryStatus::TOO_FEW_TRACKS, "no start pose by " + std::string(EnumName(options.start_pose)), {problem.frame}};
+  throw Failure{QueryStatus::TOO_FEW_TRACKS, "no start pose", {problem.frame}};
 }
 
 // Returns the tracks that have a depth, with the points that the depths state.
@@ -202,8 +195,7 @@ Start ChooseStart(const Layout& layout, const Averaged& averaged, const SplitTra
     problem.frame = frame;
     problem.from_depth = from_depth[frame];
     const uint32_t seed = SeedFromNames(layout.names[layout.QueriesOf(frame).front()], "", options.seed);
-    SetFrameStart(problem, averaged, seed, options, depth_starts.empty() ? std::vector<Rigid3d>() : depth_starts[frame],
-                  &start);
+    SetFrameStart(problem, averaged, seed, depth_starts.empty() ? std::vector<Rigid3d>() : depth_starts[frame], &start);
   }
   return start;
 }

@@ -107,9 +107,7 @@ struct ChoiceInput {
   Averaged averaged;
   SplitTracks tracks;
 
-  Start Choose(const LocalizerOptions& options = {}) const {
-    return ChooseStart(stages.layout, averaged, tracks, options);
-  }
+  Start Choose() const { return ChooseStart(stages.layout, averaged, tracks, {}); }
 };
 
 ChoiceInput MakeChoice(int num_frames, int num_sensors = 1) {
@@ -194,19 +192,6 @@ TEST(ChooseStart, FailureOfAveragingIsThrownWithoutAnotherStart) {
     EXPECT_EQ(failure.cause, QueryStatus::INCONSISTENT_ROTATIONS);
     EXPECT_EQ(failure.reason, "pairs contradict each other");
   }
-}
-
-TEST(ChooseStart, OnlyTheWantedKindIsTried) {
-  ChoiceInput input = MakeChoice(2);
-  LocalizerOptions options;
-  for (const StartPose kind : {StartPose::MOTION_AVERAGING, StartPose::ABSOLUTE_POSE}) {
-    options.start_pose = kind;
-    EXPECT_EQ(input.Choose(options).kinds, std::vector<StartPose>(2, kind));
-  }
-  input.tracks.from_database.resize(60);  // those of the first frame
-  const Failure failure = FailureOf([&] { input.Choose(options); });
-  EXPECT_EQ(failure.cause, QueryStatus::TOO_FEW_TRACKS);
-  EXPECT_EQ(failure.frames, std::vector<int>{1});
 }
 
 }  // namespace

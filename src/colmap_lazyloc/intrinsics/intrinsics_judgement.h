@@ -2,7 +2,7 @@
 
 #include <string>
 
-#include "colmap_lazyloc/group/options.h"
+#include "colmap_lazyloc/group/localizer_options.h"
 #include "colmap_lazyloc/refinement/intrinsics_score.h"
 #include "colmap_lazyloc/scene/localization_result.h"
 

@@ -6,7 +6,7 @@
 #include <tuple>
 #include <utility>
 
-#include "colmap_lazyloc/bridge/observation.h"
+#include "colmap_lazyloc/bridge/observer.h"
 #include "colmap_lazyloc/math/so3.h"
 #include "colmap_lazyloc/math/two_rays.h"
 #include "colmap_lazyloc/scene/errors.h"

@@ -6,7 +6,7 @@
 #include <mutex>
 #include <vector>
 
-#include "colmap_lazyloc/group/options.h"
+#include "colmap_lazyloc/group/localizer_options.h"
 #include "colmap_lazyloc/loading/query_source.h"
 #include "colmap_lazyloc/math/parallel_for.h"
 

@@ -6,7 +6,7 @@
 #include <string>
 #include <utility>
 
-#include "colmap_lazyloc/bridge/observation.h"
+#include "colmap_lazyloc/bridge/observer.h"
 #include "colmap_lazyloc/noise/database_priors.h"
 #include "colmap_lazyloc/noise/epipolar_errors.h"
 #include "colmap_lazyloc/noise/variance_estimate.h"
@@ -28,13 +28,13 @@ constexpr double kLogStddev = 1, kRotationLogStddev = 0.3;
 constexpr double kFirstViewpointNoisePx = 0.1, kFirstIndependentNoisePx = 0.5;
 
 // A database image and those of its neighbours whose matches tell their relative pose.
-struct Star {
+struct NeighbourFits {
   Rigid3d cam_from_world;
   std::vector<Rigid3d> others_from_world;
   std::vector<EpipolarFit> fits;  // by neighbour
 };
 
-// Returns the matches in the world's axes. observe, world_from_cam: of the star's image.
+// Returns the matches in the world's axes. observe, world_from_cam: of the database image.
 std::vector<RayMatch> ObserveMatches(const Observer& observe, const Eigen::Matrix3d& world_from_cam,
                                      const NeighbourPair& pair, const Eigen::Matrix3d& world_from_other) {
   const Observer observe_other(pair.camera);
@@ -46,58 +46,58 @@ std::vector<RayMatch> ObserveMatches(const Observer& observe, const Eigen::Matri
   return matches;
 }
 
-Star MakeStar(const ImagePair& pair) {
-  Star star{pair.database_cam_from_world, {}, {}};
-  star.cam_from_world.rotation.normalize();
+NeighbourFits FitNeighbours(const ImagePair& pair) {
+  NeighbourFits neighbours{pair.database_cam_from_world, {}, {}};
+  neighbours.cam_from_world.rotation.normalize();
   const Observer observe(pair.other_camera);
-  const Eigen::Matrix3d world_from_cam = star.cam_from_world.rotation.conjugate().toRotationMatrix();
+  const Eigen::Matrix3d world_from_cam = neighbours.cam_from_world.rotation.conjugate().toRotationMatrix();
   for (const NeighbourPair& neighbour : pair.neighbours) {
     Rigid3d other_from_world = neighbour.cam_from_world;
     other_from_world.rotation.normalize();
     const Eigen::Matrix3d world_from_other = other_from_world.rotation.conjugate().toRotationMatrix();
-    const auto fit = FitEpipolarErrors(CamInWorld(other_from_world) - CamInWorld(star.cam_from_world),
+    const auto fit = FitEpipolarErrors(CamInWorld(other_from_world) - CamInWorld(neighbours.cam_from_world),
                                        ObserveMatches(observe, world_from_cam, neighbour, world_from_other));
     if (!fit) continue;
-    star.others_from_world.push_back(other_from_world);
-    star.fits.push_back(*fit);
+    neighbours.others_from_world.push_back(other_from_world);
+    neighbours.fits.push_back(*fit);
   }
-  return star;
+  return neighbours;
 }
 
-std::vector<Star> MakeStars(const QueryGroup& group, int frame) {
-  std::vector<Star> stars;
+std::vector<NeighbourFits> FitNeighboursOfFrame(const QueryGroup& group, int frame) {
+  std::vector<NeighbourFits> all;
   std::set<std::string> names;
   for (const QueryImage& query : group.images) {
     if (query.frame != frame) continue;
     for (const ImagePair& pair : query.problem.pairs) {
       if (pair.neighbours.empty() || !names.insert(pair.other_name).second) continue;
-      Star star = MakeStar(pair);
-      if (!star.fits.empty()) stars.push_back(std::move(star));
+      NeighbourFits neighbours = FitNeighbours(pair);
+      if (!neighbours.fits.empty()) all.push_back(std::move(neighbours));
     }
   }
-  return stars;
+  return all;
 }
 
-// Estimates the variances of the three components from the stars. Each neighbour deviates from its star's image as
-// database images deviate from a query, but for the independent error of the star's image, which all its neighbours
+// Estimates the variances of the three components from all images with their neighbours. Each neighbour deviates from
+// its image as database images deviate from a query, but for the independent error of the image, which all its neighbours
 // have in common.
-VarianceEstimate EstimateFromStars(const std::vector<Star>& stars, Eigen::Index size,
+VarianceEstimate EstimateFromNeighbours(const std::vector<NeighbourFits>& all, Eigen::Index size,
                                    const std::vector<ExpectedStddev>& expected) {
   Eigen::MatrixXd viewpoint = Eigen::MatrixXd::Zero(size, size), independent = viewpoint;
   DeviationLikelihood likelihood{Eigen::MatrixXd::Zero(6 * size, 6 * size), Eigen::VectorXd::Zero(6 * size)};
   Eigen::Index begin = 0;
-  for (const Star& star : stars) {
-    const auto num = static_cast<Eigen::Index>(star.fits.size());
+  for (const NeighbourFits& neighbours : all) {
+    const auto num = static_cast<Eigen::Index>(neighbours.fits.size());
     double mean_distance = 0;
     for (Eigen::Index i = 0; i < num; ++i) {
-      const EpipolarFit& fit = star.fits[i];
+      const EpipolarFit& fit = neighbours.fits[i];
       mean_distance += fit.scale.distance / static_cast<double>(num);
       const auto of_pair = Eigen::seqN(begin + i, 6, size);
       likelihood.information(of_pair, of_pair) = fit.information;
       likelihood.rhs(of_pair) = fit.rhs;
     }
     viewpoint.block(begin, begin, num, num) =
-        ViewpointErrorShape(star.others_from_world, star.cam_from_world, mean_distance);
+        ViewpointErrorShape(neighbours.others_from_world, neighbours.cam_from_world, mean_distance);
     independent.block(begin, begin, num, num).setOnes();
     begin += num;
   }
@@ -109,14 +109,14 @@ VarianceEstimate EstimateFromStars(const std::vector<Star>& stars, Eigen::Index 
 }
 
 ExpectedPoseErrors MeasureFrame(const QueryGroup& group, int frame, ExpectedPoseErrors errors) {
-  const std::vector<Star> stars = MakeStars(group, frame);
-  for (const Star& star : stars) errors.num_pairs += static_cast<int>(star.fits.size());
+  const std::vector<NeighbourFits> all = FitNeighboursOfFrame(group, frame);
+  for (const NeighbourFits& neighbours : all) errors.num_pairs += static_cast<int>(neighbours.fits.size());
   if (errors.num_pairs == 0) return errors;
   errors.source = PoseNoiseSource::DATABASE_PAIRS;
   std::vector<ExpectedStddev> expected = errors.sizes;
   // Lets rotations be as large as they are, because relative poses tell errors of intrinsics from those of rotations.
   expected[1].log_stddev = kLogStddev;
-  const std::vector<double> variances = EstimateFromStars(stars, errors.num_pairs, expected).variances;
+  const std::vector<double> variances = EstimateFromNeighbours(all, errors.num_pairs, expected).variances;
   for (size_t j = 0; j < variances.size(); ++j) errors.sizes[j].median = std::sqrt(variances[j]);
   return errors;
 }

@@ -2,7 +2,7 @@
 
 #include <vector>
 
-#include "colmap_lazyloc/group/options.h"
+#include "colmap_lazyloc/group/localizer_options.h"
 #include "colmap_lazyloc/scene/database_pose_noise.h"
 #include "colmap_lazyloc/scene/localization_problem.h"
 

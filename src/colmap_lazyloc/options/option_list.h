@@ -73,6 +73,9 @@ void ForEachBasicOption(Options& o, const Add& add) {
   add("LazyLocalizer.num_retrieved", &o.source.num_retrieved,
       "Number of database images per query, those with the most verified inliers; with --pairs_path all listed ones "
       "are used");
+  add("LazyLocalizer.method", &o.localizer.method,
+      "Method: extended, or for comparison paper (LazyLoc as published: one start, one bundle adjustment by Ceres, exact "
+      "database poses, each query individually)");
   add("LazyLocalizer.num_threads", &o.num_threads, "Number of threads; -1 uses all cores", OptionRole::MACHINE);
   add("LazyLocalizer.seed", &o.localizer.seed, "Seed of all random choices; the same seed gives the same result");
   add("LazyLocalizer.group_size", &o.source.selection.groups.group_size,
@@ -111,16 +114,6 @@ void ForEachSourceOption(Options& o, const Add& add) {
 
 template <typename Options, typename Add>
 void ForEachMethodOption(Options& o, const Add& add) {
-  add("LazyLocalizer.Advanced.rotation_averaging", &o.rotation_averaging,
-      "Method of rotation averaging: l1_irls, or for comparison l1 or quaternion_mean");
-  add("LazyLocalizer.Advanced.translation_averaging", &o.translation_averaging,
-      "Method of translation averaging: angular, or for comparison lud (least unsquared deviations)");
-  add("LazyLocalizer.Advanced.start_pose", &o.start_pose,
-      "Start of bundle adjustment: best, motion_averaging, absolute_pose, "
-      "generalized_relative_pose or depth");
-  add("LazyLocalizer.Advanced.post_optimization", &o.post_optimization,
-      "Stage after motion averaging: tracks (triangulation and bundle adjustment), or for comparison sampson, "
-      "relative_pose_lo or none");
   add("LazyLocalizer.Advanced.rig_noise_px", &o.rig_noise_px,
       "Expected error of the relative poses of a rig or trajectory, as displacement of keypoints. 0: exact");
   add("LazyLocalizer.Advanced.database_pose_stddev_deg", &o.database_pose_stddev_deg,

@@ -5,7 +5,7 @@
 #include <tuple>
 #include <vector>
 
-#include "colmap_lazyloc/group/options.h"
+#include "colmap_lazyloc/group/localizer_options.h"
 #include "colmap_lazyloc/loading/query_source.h"
 #include "colmap_lazyloc/runs/unfinished_run.h"
 

@@ -63,26 +63,25 @@ class OptionsTest : public ::testing::Test {
 TEST_F(OptionsTest, AreParsedInPlace) {
   const CommandOptions options =
       Parsed({"--LazyLocalizer.seed", "7", "--LazyLocalizer.Advanced.use_rigs", "0", "--LazyLocalizer.min_confidence",
-              "0.75", "--LazyLocalizer.Advanced.start_pose", "absolute_pose", "--pairs_path", "my pairs.txt"});
+              "0.75", "--LazyLocalizer.method", "paper", "--pairs_path", "my pairs.txt"});
   EXPECT_EQ(options.source.database_path, "a.db");
   EXPECT_EQ(options.localizer.seed, 7);
   EXPECT_FALSE(options.source.selection.groups.use_rigs);
   EXPECT_EQ(options.localizer.min_confidence, 0.75);
-  EXPECT_EQ(options.localizer.start_pose, StartPose::ABSOLUTE_POSE);
+  EXPECT_EQ(options.localizer.method, Method::PAPER);
   EXPECT_EQ(options.source.selection.pairs_path, "my pairs.txt");
 }
 
 TEST_F(OptionsTest, IniFileOfARunIsReadAgain) {
-  const CommandOptions options = Parsed({"--LazyLocalizer.num_retrieved", "5", "--LazyLocalizer.Advanced.rig_noise_px",
-                                         "0.30000000000000004", "--LazyLocalizer.Advanced.rotation_averaging", "l1",
-                                         "--ImageReader.camera_params", "1,2,3,4", "--strict", "1"});
+  const CommandOptions options =
+      Parsed({"--LazyLocalizer.num_retrieved", "5", "--LazyLocalizer.Advanced.rig_noise_px", "0.30000000000000004",
+              "--LazyLocalizer.method", "paper", "--ImageReader.camera_params", "1,2,3,4", "--strict", "1"});
   const std::string ini = OptionsAsIni(options);
   EXPECT_THAT(ini, HasSubstr("\n[LazyLocalizer]\nnum_retrieved=5\n"));
   EXPECT_THAT(ini, HasSubstr("\n[LazyLocalizer.Advanced]\n"));
   EXPECT_EQ(ini.substr(0, ini.find('\n')),
             "# not defaults: database_path input_path output_path strict ImageReader.camera_params "
-            "LazyLocalizer.num_retrieved LazyLocalizer.Advanced.rotation_averaging "
-            "LazyLocalizer.Advanced.rig_noise_px");
+            "LazyLocalizer.num_retrieved LazyLocalizer.method LazyLocalizer.Advanced.rig_noise_px");
   CommandOptions again;
   EXPECT_TRUE(Parse({"--project_path", WriteIni(ini)}, &again));
   EXPECT_EQ(OptionsAsIni(again), ini);
@@ -112,7 +111,7 @@ TEST_F(OptionsTest, IntrinsicsAreAnEnum) {
   EXPECT_EQ(Parsed({}).localizer.intrinsics, IntrinsicsMode::AUTO);
   EXPECT_EQ(Parsed({"--LazyLocalizer.intrinsics", "given"}).localizer.intrinsics, IntrinsicsMode::GIVEN);
   ExpectError({"--LazyLocalizer.intrinsics", "exif"}, "must be one of auto, given, refine, but is 'exif'");
-  ExpectError({"--LazyLocalizer.intrinsics", "refine", "--LazyLocalizer.Advanced.post_optimization", "none"},
+  ExpectError({"--LazyLocalizer.intrinsics", "refine", "--LazyLocalizer.method", "paper"},
               "option --LazyLocalizer.intrinsics = refine needs");
 }
 

@@ -59,15 +59,15 @@ std::optional<Hypothesis> AfterGiven(const Solution& given, const LocalizerOptio
 std::optional<Hypothesis> NextHypothesis(const QueryGroup& group, const std::vector<Solution>& solutions,
                                          const LocalizerOptions& options) {
   const bool is_single = group.images.size() == 1;
-  const bool has_tracks = options.post_optimization == PostOptimization::TRACKS;
+  const bool is_paper = options.method == Method::PAPER;
   if (solutions.empty()) {
     Hypothesis first;
-    if (!has_tracks) first.approach = Approach::WITHOUT_TRACKS;
+    if (is_paper) first.approach = Approach::PAPER;
     first.estimates_focal_length =
-        is_single && has_tracks && IsFocalLengthUnknown(group.images.front().problem, options);
+        is_single && !is_paper && IsFocalLengthUnknown(group.images.front().problem, options);
     return first;
   }
-  if (!is_single || !has_tracks) return std::nullopt;
+  if (!is_single || is_paper) return std::nullopt;
   const Solution& last = solutions.back();
   if (last.hypothesis.estimates_focal_length) {
     // Tries the stated value too, because the scene may fix the pose even if it does not fix the focal length.

@@ -4,7 +4,7 @@
 #include <string>
 #include <vector>
 
-#include "colmap_lazyloc/group/options.h"
+#include "colmap_lazyloc/group/localizer_options.h"
 #include "colmap_lazyloc/scene/localization_problem.h"
 
 namespace lazyloc {
@@ -13,9 +13,9 @@ struct Solution;
 
 // Method that gives the pose.
 enum class Approach {
-  TRACKS,          // adjustment over tracks, from the start that fits the matches best, motion averaging's among them
-  ROTATION,        // rotations alone; a prior is the position
-  WITHOUT_TRACKS,  // one of the paper's alternatives to adjustment over tracks
+  TRACKS,    // adjustment over tracks, from the start that fits the matches best, motion averaging's among them
+  ROTATION,  // rotations alone; a prior is the position
+  PAPER,     // the paper's method
 };
 
 // What is assumed of a group of queries. All but the approach is only for groups of one query.

@@ -37,13 +37,13 @@ TEST(NextHypothesis, OrdinaryQueryHasOne) {
   EXPECT_FALSE(NextHypothesis(query.Group(), {query.Solved(first)}, {}));
 }
 
-TEST(NextHypothesis, WithoutTracksThereIsOne) {
+TEST(NextHypothesis, ByThePapersMethodThereIsOne) {
   const MadeUpQuery query;
   LocalizerOptions options;
-  options.post_optimization = PostOptimization::SAMPSON;
+  options.method = Method::PAPER;
   options.intrinsics = IntrinsicsMode::REFINE;
   const Hypothesis first = Next(query, {}, options);
-  EXPECT_EQ(first.approach, Approach::WITHOUT_TRACKS);
+  EXPECT_EQ(first.approach, Approach::PAPER);
   EXPECT_FALSE(first.estimates_focal_length);
   const Solution failed = Failed(query, first, {QueryStatus::SCALE_UNOBSERVABLE, ""});
   EXPECT_FALSE(NextHypothesis(query.Group(), {failed}, options));

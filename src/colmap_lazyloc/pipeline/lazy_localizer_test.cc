@@ -114,60 +114,56 @@ TEST(LazyLocalizer, ReportsPairsAndPoints) {
   EXPECT_THAT(result.start, testing::AnyOf("motion_averaging", "absolute_pose"));
 }
 
-class PostOptimizations : public testing::TestWithParam<PostOptimization> {};
+class Methods : public testing::TestWithParam<Method> {
+ protected:
+  LocalizationResult Localize(const SyntheticScene& scene) const {
+    LocalizerOptions options;
+    options.method = GetParam();
+    return LocalizeQuery(scene.problem, options);
+  }
+};
 
-// Checks that every method is exact without noise; only with noise do points improve the pose.
-TEST_P(PostOptimizations, NoiseFreeIsExact) {
+TEST_P(Methods, NoiseFreeIsExact) {
   const SyntheticScene scene = MakeSyntheticScene({});
-  LocalizerOptions options;
-  options.post_optimization = GetParam();
-  const LocalizationResult result = LocalizeQuery(scene.problem, options);
+  const LocalizationResult result = Localize(scene);
   ASSERT_EQ(result.status, QueryStatus::LOCALIZED) << result.reason;
   EXPECT_LE(PositionError(result.cam_from_world, scene.query_cam_from_world), 1e-7 * scene.median_depth);
-  EXPECT_EQ(result.covariance.allFinite(), GetParam() == PostOptimization::TRACKS);
+  EXPECT_TRUE(result.covariance.allFinite());
+  EXPECT_EQ(result.points.size(), scene.problem.query_keypoints.size());
 }
 
-TEST_P(PostOptimizations, NoneIsBetterThanTracks) {
+// Has 200 points in 12 good images, which leave about 0.1 % of the depth; the bound is five times that.
+TEST_P(Methods, WithNoiseAndFalseMatches) {
+  SyntheticSceneOptions options;
+  options.num_database_images = 12;
+  options.outlier_match_ratio = 0.1;
+  options.pixel_noise_px = options.rotation_noise_deg = options.direction_noise_deg = 1;
+  for (options.seed = 0; options.seed < 5; ++options.seed) {
+    const SyntheticScene scene = MakeSyntheticScene(options);
+    const LocalizationResult result = Localize(scene);
+    ASSERT_EQ(result.status, QueryStatus::LOCALIZED) << result.reason;
+    EXPECT_LE(PositionError(result.cam_from_world, scene.query_cam_from_world), 5e-3 * scene.median_depth);
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(LazyLocalizer, Methods, testing::Values(Method::EXTENDED, Method::PAPER),
+                         [](const auto& method) { return std::string(EnumName(method.param)); });
+
+TEST(LazyLocalizer, PaperNeitherUsesPriorsNorChecksIntrinsics) {
   SyntheticSceneOptions scene_options;
-  scene_options.num_database_images = 10;
   scene_options.pixel_noise_px = 1;
-  scene_options.rotation_noise_deg = 1;
-  scene_options.direction_noise_deg = 1;
+  SyntheticScene scene = MakeSyntheticScene(scene_options);
   LocalizerOptions options;
-  double sum = 0, tracks_sum = 0;
-  for (scene_options.seed = 0; scene_options.seed < 10; ++scene_options.seed) {
-    const SyntheticScene scene = MakeSyntheticScene(scene_options);
-    options.post_optimization = GetParam();
-    sum += PositionError(LocalizeQuery(scene.problem, options).cam_from_world, scene.query_cam_from_world);
-    options.post_optimization = PostOptimization::TRACKS;
-    tracks_sum += PositionError(LocalizeQuery(scene.problem, options).cam_from_world, scene.query_cam_from_world);
-  }
-  EXPECT_LE(tracks_sum, 1.2 * sum);  // Sampson's error is nearly as good if every image observes every point
+  options.method = Method::PAPER;
+  const LocalizationResult without = LocalizeQuery(scene.problem, options);
+  scene.problem.prior.position.emplace().position = CamInWorld(scene.query_cam_from_world);
+  const LocalizationResult with = LocalizeQuery(scene.problem, options);
+  ASSERT_EQ(with.status, QueryStatus::LOCALIZED) << with.reason;
+  EXPECT_EQ(with.cam_from_world.translation, without.cam_from_world.translation);
+  EXPECT_EQ(with.priors.position->verdict, PriorVerdict::NOT_TESTED);
+  EXPECT_EQ(with.start, "motion_averaging");
+  EXPECT_FALSE(with.is_camera_refined);
 }
-
-INSTANTIATE_TEST_SUITE_P(LazyLocalizer, PostOptimizations,
-                         testing::Values(PostOptimization::TRACKS, PostOptimization::SAMPSON,
-                                         PostOptimization::RELATIVE_POSE_LO, PostOptimization::NONE));
-
-class Starts : public testing::TestWithParam<StartPose> {};
-
-TEST_P(Starts, LeadToTheSamePose) {
-  SyntheticSceneOptions scene_options;
-  scene_options.pixel_noise_px = 0.5;
-  const SyntheticScene scene = MakeSyntheticScene(scene_options);
-  LocalizerOptions options;
-  options.start_pose = GetParam();
-  const LocalizationResult result = LocalizeQuery(scene.problem, options);
-  ASSERT_EQ(result.status, QueryStatus::LOCALIZED) << result.reason;
-  EXPECT_LE(PositionError(result.cam_from_world, scene.query_cam_from_world), 5e-3 * scene.median_depth);
-  if (GetParam() != StartPose::BEST) {
-    EXPECT_EQ(result.start, EnumName(GetParam()));
-  }
-}
-
-INSTANTIATE_TEST_SUITE_P(LazyLocalizer, Starts,
-                         testing::Values(StartPose::BEST, StartPose::MOTION_AVERAGING, StartPose::ABSOLUTE_POSE,
-                                         StartPose::GENERALIZED_RELATIVE_POSE));
 
 TEST(LazyLocalizer, AbsolutePoseIsUsedIfRotationsContradictEachOther) {
   SyntheticScene scene = MakeSyntheticScene({});

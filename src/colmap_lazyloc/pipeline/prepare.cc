@@ -49,7 +49,7 @@ const Prepared& Preparations::For(const Hypothesis& hypothesis, const LocalizerO
   try {
     CheckInput(group);
     prepared.layout = with_same_pairs ? with_same_pairs->layout : MakeLayout(group);
-    if (!with_same_pairs && options.post_optimization == PostOptimization::TRACKS) {
+    if (!with_same_pairs && options.method == Method::EXTENDED) {
       prepared.layout.expected_pose_errors =
           Timed("database_poses", seconds, [&] { return MeasurePoseErrors(group, options); });
     }

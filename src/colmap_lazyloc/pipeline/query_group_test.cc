@@ -330,16 +330,16 @@ TEST(QueryGroup, CovarianceOfARigIncludesItsCalibration) {
   }
 }
 
-TEST(QueryGroup, LoneImagesOfUnknownFocalLengthAndAblationsAreLocalizedIndividually) {
+TEST(QueryGroup, LoneImagesOfUnknownFocalLengthAndThePapersMethodAreLocalizedIndividually) {
   SyntheticGroupOptions options;
   options.pixel_noise_px = 1;
   options.num_frames = 3;
   options.num_sensors = 1;
   const SyntheticGroup scene = MakeSyntheticGroup(options);
-  LocalizerOptions refine, ablation;
+  LocalizerOptions refine, paper;
   refine.intrinsics = IntrinsicsMode::REFINE;
-  ablation.post_optimization = PostOptimization::SAMPSON;
-  for (const LocalizerOptions& localizer : {refine, ablation}) {
+  paper.method = Method::PAPER;
+  for (const LocalizerOptions& localizer : {refine, paper}) {
     const std::vector<LocalizationResult> results = LocalizeGroup(scene.group, localizer);
     for (size_t i = 0; i < results.size(); ++i) {
       const LocalizationResult alone = LocalizeQuery(scene.group.images[i].problem, localizer);

@@ -7,7 +7,7 @@
 #include <gtest/gtest.h>
 
 #include "colmap_lazyloc/bridge/camera_models.h"
-#include "colmap_lazyloc/bridge/observation.h"
+#include "colmap_lazyloc/bridge/observer.h"
 #include "colmap_lazyloc/testing/stage_input.h"
 
 namespace lazyloc {

@@ -9,8 +9,8 @@
 #include "colmap_lazyloc/initialization/pure_rotation.h"
 #include "colmap_lazyloc/intrinsics/focal_length.h"
 #include "colmap_lazyloc/math/so3.h"
+#include "colmap_lazyloc/paper/paper_method.h"
 #include "colmap_lazyloc/pipeline/refinement_with_priors.h"
-#include "colmap_lazyloc/pipeline/refinement_without_tracks.h"
 #include "colmap_lazyloc/priors/prior_comparison.h"
 #include "colmap_lazyloc/priors/prior_fusion.h"
 #include "colmap_lazyloc/priors/query_priors.h"
@@ -107,15 +107,17 @@ class Solver {
     solution_.competing_poses.resize(1);
   }
 
-  // Refines by one of the paper's alternatives. The covariance is unknown (NaN).
-  void SolveWithoutTracks() {
-    solution_.averaged = Average();
-    const Averaged& averaged = solution_.averaged;
-    if (averaged.failure) throw Failure(*averaged.failure);
+  // Localizes by the paper's method. Neither checks intrinsics nor uses priors.
+  void SolveByPaper() {
+    PaperPose pose = LocalizeByPaper(group_, layout_, estimates_, options_, seconds_);
+    solution_.averaged = std::move(pose.averaged);
     solution_.starts = {StartPose::MOTION_AVERAGING};
-    solution_.checked.posed =
-        Timed("refinement", seconds_, [&] { return RefineWithoutTracks(group_, layout_, averaged, options_); });
-    solution_.checked.poses.emplace_back().of_images.setConstant(kUnknown);
+    solution_.refined = std::move(pose.refined);
+    solution_.checked.posed = solution_.refined->adjustment.posed;
+    solution_.checked.poses = Timed("covariance", seconds_, [&] {
+      return EstimateUncertainties(layout_, solution_.averaged.pairs, *solution_.refined, options_);
+    });
+    Timed("confidence", seconds_, [&] { AddEvidence(*solution_.refined, solution_.checked.poses); });
   }
 
  private:
@@ -154,11 +156,13 @@ class Solver {
       checked = std::move(fused.checked);
       solution_.priors = std::move(fused.results);
     }
-    Timed("confidence", seconds_, [&] {
-      solution_.evidence = MeasureEvidence(layout_, estimates_.num_inliers, refined, checked.poses);
-      AddCompetingPoses(refined);
-    });
+    Timed("confidence", seconds_, [&] { AddEvidence(refined, checked.poses); });
     solution_.checked = std::move(checked);
+  }
+
+  void AddEvidence(const Refined& refined, const std::vector<PoseDistribution>& poses) {
+    solution_.evidence = MeasureEvidence(layout_, estimates_.num_inliers, refined, poses);
+    AddCompetingPoses(refined);
   }
 
   // Adds the poses that compete with those of frames that leave many matches unexplained. They come from all pairs,
@@ -211,8 +215,8 @@ Solution Solve(const Prepared& prepared, const Hypothesis& hypothesis, const Loc
       solver.SolveWithUnknownFocalLength();
     } else if (hypothesis.approach == Approach::ROTATION) {
       solver.SolveByRotation();
-    } else if (hypothesis.approach == Approach::WITHOUT_TRACKS) {
-      solver.SolveWithoutTracks();
+    } else if (hypothesis.approach == Approach::PAPER) {
+      solver.SolveByPaper();
     } else {
       solver.SolveByTracks();
     }

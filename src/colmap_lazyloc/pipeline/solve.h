@@ -7,7 +7,7 @@
 #include "colmap_lazyloc/initialization/start_selection.h"
 #include "colmap_lazyloc/intrinsics/intrinsics_check.h"
 #include "colmap_lazyloc/pipeline/prepare.h"
-#include "colmap_lazyloc/uncertainty/pose_evidence.h"
+#include "colmap_lazyloc/uncertainty/evidence_measurement.h"
 
 namespace lazyloc {
 

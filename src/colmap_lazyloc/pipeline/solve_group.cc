@@ -58,14 +58,13 @@ std::optional<double> EstimateScale(const QueryGroup& group, const std::vector<I
   return scale > 0 ? std::make_optional(scale) : std::nullopt;
 }
 
-// Returns true if an image is localized individually: all are without tracks, single images of unknown focal length
+// Returns true if an image is solved individually: all are by the paper's method, single images of unknown focal length
 // too.
 bool IsIndividual(const QueryGroup& group, size_t i, const LocalizerOptions& options) {
   const std::vector<QueryImage>& images = group.images;  // in ascending order of their frames
   const bool is_single = (i == 0 || images[i - 1].frame != images[i].frame) &&
                          (i + 1 == images.size() || images[i + 1].frame != images[i].frame);
-  return options.post_optimization != PostOptimization::TRACKS ||
-         (is_single && IsFocalLengthUnknown(images[i].problem, options));
+  return options.method == Method::PAPER || (is_single && IsFocalLengthUnknown(images[i].problem, options));
 }
 
 // Solves a group and the parts that it falls into.

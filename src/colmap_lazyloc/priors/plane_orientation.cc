@@ -6,10 +6,10 @@
 
 #include <Eigen/LU>
 
-#include "colmap_lazyloc/ablation/pose_refinement.h"
 #include "colmap_lazyloc/math/robust_statistics.h"
 #include "colmap_lazyloc/math/so3.h"
 #include "colmap_lazyloc/priors/prior_comparison.h"
+#include "colmap_lazyloc/refinement/sampson_refinement.h"
 #include "colmap_lazyloc/scene/epipolar_error.h"
 #include "colmap_lazyloc/scene/plane_fit.h"
 #include "colmap_lazyloc/uncertainty/pose_uncertainty.h"

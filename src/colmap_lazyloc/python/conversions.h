@@ -12,7 +12,7 @@
 #include <nanobind/ndarray.h>
 
 #include "colmap_lazyloc/formats/model_reader.h"
-#include "colmap_lazyloc/python/localizer.h"
+#include "colmap_lazyloc/python/python_localizer.h"
 #include "colmap_lazyloc/scene/camera.h"
 #include "colmap_lazyloc/scene/model.h"
 

@@ -9,7 +9,7 @@
 #include "colmap_lazyloc/bridge/feature_extraction.h"
 #include "colmap_lazyloc/cli/commands.h"
 #include "colmap_lazyloc/python/conversions.h"
-#include "colmap_lazyloc/python/localizer.h"
+#include "colmap_lazyloc/python/python_localizer.h"
 #include "colmap_lazyloc/python/text.h"
 #include "colmap_lazyloc/scene/errors.h"
 #include "colmap_lazyloc/scene/format.h"

@@ -11,7 +11,7 @@
 
 #include "colmap_lazyloc/math/so3.h"
 #include "colmap_lazyloc/refinement/bundle_adjustment.h"
-#include "colmap_lazyloc/testing/ceres_adjustment.h"
+#include "colmap_lazyloc/refinement/ceres_bundle_adjustment.h"
 #include "colmap_lazyloc/testing/synthetic_tracks.h"
 
 namespace lazyloc {
@@ -168,9 +168,13 @@ TEST_P(Settings, AgreeWithCeres) {
   options.max_num_iterations = 500;
   const BundleAdjustmentResult result = AdjustBundle(start.posed, start.tracks, options);
   ASSERT_TRUE(result.summary.success) << result.summary.message;
-  const CeresAdjustment ceres = AdjustWithCeres(start.posed, start.tracks, {});
-  ASSERT_TRUE(ceres.success);
-  EXPECT_NEAR(result.summary.cost, ceres.cost, 1e-10 * ceres.cost);
+  CeresOptions ceres_options;
+  ceres_options.max_num_iterations = 500;
+  ceres_options.function_tolerance = 1e-16;
+  ceres_options.computes_covariances = true;
+  const CeresAdjustment ceres = AdjustWithCeres(start.posed, start.tracks, ceres_options);
+  ASSERT_TRUE(ceres.summary.success) << ceres.summary.message;
+  EXPECT_NEAR(result.summary.cost, ceres.summary.cost, 1e-10 * ceres.summary.cost);
   ExpectPosesAgree(result, ceres, start.posed);
   for (size_t i = 0; i < start.tracks.size(); ++i) {
     const Eigen::Vector3d difference = result.tracks[i].point_in_world - ceres.tracks[i].point_in_world;

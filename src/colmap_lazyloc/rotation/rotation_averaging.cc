@@ -82,7 +82,7 @@ Eigen::Vector3d EdgeErrorInWorld(const RotationEdge& edge, const std::vector<Eig
   return LogSO3(world_from_node2_measured * rotations[edge.node2]);
 }
 
-RotationAveragingResult AverageRotations(const RotationAveragingProblem& problem, RotationAveragingMethod method) {
+RotationAveragingResult AverageRotations(const RotationAveragingProblem& problem, RotationAverager average) {
   LAZYLOC_CHECK(problem.rotations.size() == problem.is_fixed.size());
   RotationAveragingResult result;
   result.rotations = problem.rotations;
@@ -98,11 +98,7 @@ RotationAveragingResult AverageRotations(const RotationAveragingProblem& problem
     result.summary.message = "no unknown rotation is linked to a fixed one";
     return result;
   }
-  switch (method) {
-    case RotationAveragingMethod::L1_IRLS: AverageByL1Irls(problem, &result); break;
-    case RotationAveragingMethod::L1: AverageByL1(problem, &result); break;
-    case RotationAveragingMethod::QUATERNION_MEAN: AverageByQuaternionMean(problem, &result); break;
-  }
+  average(problem, &result);
   for (size_t i = 0; i < problem.edges.size(); ++i) {
     const RotationEdge& edge = problem.edges[i];
     if (!result.is_known[edge.node1] || !result.is_known[edge.node2]) continue;

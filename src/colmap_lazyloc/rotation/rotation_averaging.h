@@ -4,7 +4,6 @@
 
 #include <Eigen/Geometry>
 
-#include "colmap_lazyloc/scene/enum_names.h"
 #include "colmap_lazyloc/scene/stage_summary.h"
 
 namespace lazyloc {
@@ -28,14 +27,6 @@ struct RotationAveragingProblem {
   std::vector<RotationEdge> edges;
 };
 
-enum class RotationAveragingMethod {
-  L1_IRLS,          // L1, then iteratively reweighted least squares with the Geman-McClure loss
-  L1,               // minimises the L1 norm of the edges' errors
-  QUATERNION_MEAN,  // minimises squared chords; not robust: a single wrong edge changes the result
-};
-template <>
-inline constexpr std::array<const char*, 3> kEnumNames<RotationAveragingMethod> = {"l1_irls", "l1", "quaternion_mean"};
-
 struct RotationAveragingResult {
   std::vector<Eigen::Quaterniond> rotations;
   std::vector<bool> is_known;           // true: fixed, or connected to a fixed node
@@ -43,11 +34,19 @@ struct RotationAveragingResult {
   StageSummary summary;
 };
 
+// A method of averaging: changes the rotations of known nodes that are not fixed, starting from result->rotations.
+using RotationAverager = void (*)(const RotationAveragingProblem& problem, RotationAveragingResult* result);
+
+// Runs L1, then iteratively reweighted least squares (IRLS) with the Geman-McClure loss. Both are reweighted least
+// squares in the Lie algebra, with columns for the unknown nodes only: Chatterjee & Govindu, Efficient and Robust
+// Large-Scale Rotation Averaging, ICCV 2013; LazyLoc (arXiv 2307.09981), section 3.1.
+void AverageByL1Irls(const RotationAveragingProblem& problem, RotationAveragingResult* result);
+
 // Averages rotations. Starts each unknown node at the proposal of one of its edges, the one that agrees with the
-// largest weight of its other edges, and then minimises the edges' errors by the method. L1 and IRLS are
-// reweighted least squares in the Lie algebra, with columns for the unknown nodes only: Chatterjee & Govindu, Efficient
-// and Robust Large-Scale Rotation Averaging, ICCV 2013; LazyLoc (arXiv 2307.09981), section 3.1. summary.success is
-// false if no unknown node is connected to a fixed one or if a measurement is not finite.
-RotationAveragingResult AverageRotations(const RotationAveragingProblem& problem, RotationAveragingMethod method);
+// largest weight of its other edges, and then minimises the edges' errors by the method; another one than the default
+// is for comparisons. summary.success is false if no unknown node is connected to a fixed one or if a measurement is
+// not finite.
+RotationAveragingResult AverageRotations(const RotationAveragingProblem& problem,
+                                         RotationAverager average = AverageByL1Irls);
 
 }  // namespace lazyloc

@@ -21,11 +21,7 @@ std::vector<WeightedRotation> ProposalsFor(int node, const std::vector<size_t>& 
                                            const RotationAveragingProblem& problem,
                                            const RotationAveragingResult& result);
 
-// Methods of AverageRotations. They change the rotations of known nodes that are not fixed, starting from
-// result->rotations.
-
-void AverageByL1Irls(const RotationAveragingProblem& problem, RotationAveragingResult* result);
+// Minimises the L1 norm of the edges' errors: the first part of AverageByL1Irls, as a RotationAverager.
 void AverageByL1(const RotationAveragingProblem& problem, RotationAveragingResult* result);
-void AverageByQuaternionMean(const RotationAveragingProblem& problem, RotationAveragingResult* result);
 
 }  // namespace lazyloc

@@ -1,6 +1,6 @@
 #include "colmap_lazyloc/testing/stage_input.h"
 
-#include "colmap_lazyloc/bridge/observation.h"
+#include "colmap_lazyloc/bridge/observer.h"
 
 namespace lazyloc {
 namespace {

@@ -112,7 +112,7 @@ double EdgeStddevRad(const DirectionEdge& edge) {
 }
 
 TranslationAveragingResult AverageTranslations(const TranslationAveragingProblem& problem,
-                                               TranslationAveragingMethod method) {
+                                               TranslationAverager average) {
   LAZYLOC_CHECK(problem.cams_in_world.size() == problem.is_fixed.size());
   TranslationAveragingResult result;
   result.cams_in_world = problem.cams_in_world;
@@ -127,10 +127,7 @@ TranslationAveragingResult AverageTranslations(const TranslationAveragingProblem
     result.summary.message = "no unknown position is linked to a fixed one";
     return result;
   }
-  switch (method) {
-    case TranslationAveragingMethod::ANGULAR: AverageByAngles(problem, &result); break;
-    case TranslationAveragingMethod::LUD: AverageByLeastUnsquaredDeviations(problem, &result); break;
-  }
+  average(problem, &result);
   return result;
 }
 

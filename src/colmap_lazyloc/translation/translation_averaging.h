@@ -4,7 +4,6 @@
 
 #include <Eigen/Core>
 
-#include "colmap_lazyloc/scene/enum_names.h"
 #include "colmap_lazyloc/scene/stage_summary.h"
 
 namespace lazyloc {
@@ -30,30 +29,26 @@ struct TranslationAveragingProblem {
   std::vector<DirectionEdge> edges;
 };
 
-enum class TranslationAveragingMethod {
-  ANGULAR,  // minimises sum rho(|dir - b / |b||^2 / sigma^2), b = C2 - C1 + offset
-  LUD,      // least unsquared deviations: minimises sum |b - lambda dir| over the centres and lambda >= 0
-};
-template <>
-inline constexpr std::array<const char*, 2> kEnumNames<TranslationAveragingMethod> = {"angular", "lud"};
-
 struct TranslationAveragingResult {
   std::vector<Eigen::Vector3d> cams_in_world;
   std::vector<bool> is_known;  // true: fixed, or connected to a fixed node
   StageSummary summary;
 };
 
+// A method of averaging: changes the centres of known nodes that are not fixed, starting from result->cams_in_world,
+// and sets result->summary.
+using TranslationAverager = void (*)(const TranslationAveragingProblem& problem, TranslationAveragingResult* result);
+
+// Minimises sum rho(|dir - b / |b||^2 / sigma^2), b = C2 - C1 + offset, by Ceres with the Cauchy loss rho. The chord
+// between two unit vectors equals their angle up to third order and increases with it up to 180 degrees. Wilson &
+// Snavely, Robust Global Translations with 1DSfM, ECCV 2014, eq. 2; LazyLoc (arXiv 2307.09981), section 3.2.
+void AverageByAngles(const TranslationAveragingProblem& problem, TranslationAveragingResult* result);
+
 // Averages translations. Starts each unknown node at the crossing of two of its edges with the largest weight of other
-// edges that agree, and then minimises the cost of the method over the unknown centres.
-//   ANGULAR: solved by Ceres with the Cauchy loss rho. The chord between two unit vectors equals their angle up to
-//     third order and increases with it up to 180 degrees. Wilson & Snavely, Robust Global Translations with 1DSfM,
-//     ECCV 2014, eq. 2; LazyLoc (arXiv 2307.09981), section 3.2.
-//   LUD: convex; solved by reweighted least squares; all edges have the same weight. Ozyesil & Singer, Robust Camera
-//     Location Estimation by Convex Programming, CVPR 2015. Their lambda >= 1 fixes the scale; here lambda >= 0 is
-//     enough, because the fixed centres determine the scale.
-// summary.success is false if no unknown node is connected to a fixed one, if a measurement is not finite, or if the
-// solver fails.
+// edges that agree, and then minimises the cost of the method over the unknown centres; another method than the default
+// is for comparisons. summary.success is false if no unknown node is connected to a fixed one, if a measurement is not
+// finite, or if the solver fails.
 TranslationAveragingResult AverageTranslations(const TranslationAveragingProblem& problem,
-                                               TranslationAveragingMethod method);
+                                               TranslationAverager average = AverageByAngles);
 
 }  // namespace lazyloc

@@ -1,175 +1,13 @@
 #include "colmap_lazyloc/translation/translation_averaging.h"
 
-#include <algorithm>
-#include <cmath>
-#include <limits>
-#include <string>
-#include <tuple>
-
-#include <gmock/gmock.h>
-#include <gtest/gtest.h>
-
-#include "colmap_lazyloc/math/so3.h"
-#include "colmap_lazyloc/testing/synthetic_pose_graph.h"
+#include "colmap_lazyloc/translation/translation_averaging_test_contract.h"
 
 namespace lazyloc {
 namespace {
 
-using Method = TranslationAveragingMethod;
-
-TranslationAveragingProblem ProblemOf(const SyntheticPoseGraph& graph, double stddev_deg) {
-  TranslationAveragingProblem problem;
-  for (int node = 0; node < graph.NumNodes(); ++node) {
-    problem.is_fixed.push_back(graph.IsFixed(node));
-    problem.cams_in_world.push_back(graph.IsFixed(node) ? CamInWorld(graph.cam_from_world[node])
-                                                        : Eigen::Vector3d::Zero());
-  }
-  for (const SyntheticPoseGraphEdge& edge : graph.edges) {
-    problem.edges.push_back({edge.node1, edge.node2, edge.dir_1to2_in_world, DegToRad(stddev_deg)});
-  }
-  return problem;
-}
-
-double MaxError(const std::vector<Eigen::Vector3d>& a, const std::vector<Eigen::Vector3d>& b) {
-  double max_error = 0;
-  for (size_t i = 0; i < a.size(); ++i) max_error = std::max(max_error, (a[i] - b[i]).norm());
-  return max_error;
-}
-
-double MaxError(const TranslationAveragingResult& result, const SyntheticPoseGraph& graph) {
-  std::vector<Eigen::Vector3d> truth;
-  for (const Rigid3d& pose : graph.cam_from_world) truth.push_back(CamInWorld(pose));
-  return MaxError(result.cams_in_world, truth);
-}
-
-// Contract that every method must fulfil. Parameters: the method and the number of queries.
-class EveryMethod : public testing::TestWithParam<std::tuple<Method, int>> {
- protected:
-  TranslationAveragingResult Average(const TranslationAveragingProblem& problem) const {
-    return AverageTranslations(problem, std::get<0>(GetParam()));
-  }
-
-  SyntheticPoseGraphOptions GraphOptions(double direction_noise_deg) const {
-    SyntheticPoseGraphOptions options;
-    options.num_query = std::get<1>(GetParam());
-    options.direction_noise_deg = direction_noise_deg;
-    return options;
-  }
-
-  TranslationAveragingProblem Make(double direction_noise_deg) const {
-    return ProblemOf(MakeSyntheticPoseGraph(GraphOptions(direction_noise_deg)), direction_noise_deg);
-  }
-};
-
-// Allows 1e-8 of the distances, which are about 5 units.
-TEST_P(EveryMethod, NoiseFreeIsExact) {
-  for (const bool on_line : {false, true}) {
-    SyntheticPoseGraphOptions options = GraphOptions(0);
-    options.database_on_line = on_line;
-    const SyntheticPoseGraph graph = MakeSyntheticPoseGraph(options);
-    const TranslationAveragingResult result = Average(ProblemOf(graph, 0));
-    ASSERT_TRUE(result.summary.success) << result.summary.message;
-    EXPECT_LE(MaxError(result, graph), 1e-8 * 5);
-  }
-}
-
-// Averages 20 directions with errors of 1 deg, or 0.09 units over 5 units. A quarter of that remains, more for a query
-// far outside. Allows seven times as much.
-TEST_P(EveryMethod, AveragesNoise) {
-  SyntheticPoseGraphOptions options = GraphOptions(1);
-  for (options.seed = 0; options.seed < 20; ++options.seed) {
-    const SyntheticPoseGraph graph = MakeSyntheticPoseGraph(options);
-    const TranslationAveragingResult result = Average(ProblemOf(graph, 1));
-    ASSERT_TRUE(result.summary.success);
-    EXPECT_LE(MaxError(result, graph), 7 * 0.02) << "seed " << options.seed;
-  }
-}
-
-TEST_P(EveryMethod, KeepsFixedCentresBitwise) {
-  const TranslationAveragingProblem problem = Make(3);
-  const TranslationAveragingResult result = Average(problem);
-  for (size_t node = 0; node < problem.is_fixed.size(); ++node) {
-    if (problem.is_fixed[node]) {
-      EXPECT_EQ(result.cams_in_world[node], problem.cams_in_world[node]);
-    }
-  }
-}
-
-TEST_P(EveryMethod, EdgeOrderDoesNotMatter) {
-  TranslationAveragingProblem problem = Make(1);
-  const TranslationAveragingResult straight = Average(problem);
-  std::reverse(problem.edges.begin(), problem.edges.end());
-  EXPECT_LE(MaxError(Average(problem).cams_in_world, straight.cams_in_world), 1e-12);
-}
-
-TEST_P(EveryMethod, EdgeOrientationDoesNotMatter) {
-  TranslationAveragingProblem problem = Make(1);
-  const TranslationAveragingResult straight = Average(problem);
-  for (size_t i = 0; i < problem.edges.size(); i += 2) {
-    DirectionEdge& edge = problem.edges[i];
-    std::swap(edge.node1, edge.node2);
-    edge.dir_1to2_in_world *= -1;
-  }
-  EXPECT_LE(MaxError(Average(problem).cams_in_world, straight.cams_in_world), 1e-12);
-}
-
-TEST_P(EveryMethod, FollowsScaleAndRotationOfTheDatabase) {
-  TranslationAveragingProblem problem = Make(1);
-  const TranslationAveragingResult before = Average(problem);
-  Random random(99);
-  const Eigen::Quaterniond rotation = RandomRotation(&random);
-  const auto moved = [&](const Eigen::Vector3d& centre) -> Eigen::Vector3d { return 100 * (rotation * centre); };
-  for (Eigen::Vector3d& centre : problem.cams_in_world) centre = moved(centre);
-  for (DirectionEdge& edge : problem.edges) edge.dir_1to2_in_world = rotation * edge.dir_1to2_in_world;
-  const TranslationAveragingResult after = Average(problem);
-  for (size_t node = 0; node < problem.is_fixed.size(); ++node) {
-    EXPECT_LE((after.cams_in_world[node] - moved(before.cams_in_world[node])).norm(), 1e-4);
-  }
-}
-
-TEST_P(EveryMethod, OneNeighbourTellsTheBearing) {
-  SyntheticPoseGraphOptions options;
-  options.num_database = 1;
-  const TranslationAveragingProblem problem = ProblemOf(MakeSyntheticPoseGraph(options), 0);
-  const TranslationAveragingResult result = Average(problem);
-  EXPECT_TRUE(result.summary.success);
-  const DirectionEdge& edge = problem.edges[0];
-  EXPECT_LE(
-      AngleBetweenRad(result.cams_in_world[edge.node2] - result.cams_in_world[edge.node1], edge.dir_1to2_in_world),
-      1e-8);
-}
-
-TEST_P(EveryMethod, QueryOnTheLineOfItsNeighboursStaysFinite) {
-  SyntheticPoseGraphOptions options;
-  options.database_on_line = true;
-  TranslationAveragingProblem problem = ProblemOf(MakeSyntheticPoseGraph(options), 0);
-  for (DirectionEdge& edge : problem.edges) {
-    edge.dir_1to2_in_world = Eigen::Vector3d(problem.cams_in_world[edge.node1].x() < 0 ? 1 : -1, 0, 0);
-  }
-  const TranslationAveragingResult result = Average(problem);
-  EXPECT_TRUE(result.cams_in_world.back().allFinite());
-}
-
-TEST_P(EveryMethod, DegenerateInputFails) {
-  EXPECT_FALSE(Average({}).summary.success);
-  const TranslationAveragingProblem whole = Make(1);
-  TranslationAveragingProblem problem = whole;
-  problem.edges.clear();
-  EXPECT_FALSE(Average(problem).summary.success);
-  EXPECT_THAT(Average(problem).summary.message, testing::HasSubstr("fixed"));
-  problem = whole;
-  problem.edges[3].dir_1to2_in_world.x() = std::numeric_limits<double>::quiet_NaN();
-  EXPECT_FALSE(Average(problem).summary.success);
-}
-
-std::string NameOf(const testing::TestParamInfo<std::tuple<Method, int>>& info) {
-  const auto [method, num_query] = info.param;
-  return EnumName(method) + std::string("_") + std::to_string(num_query);
-}
-
-INSTANTIATE_TEST_SUITE_P(TranslationAveraging, EveryMethod,
-                         testing::Combine(testing::Values(Method::ANGULAR, Method::LUD), testing::Values(1, 5)),
-                         NameOf);
+const NamedTranslationAverager kAngular = {"angular", AverageByAngles};
+INSTANTIATE_TEST_SUITE_P(TranslationAveraging, EveryTranslationMethod,
+                         testing::Combine(testing::Values(kAngular), testing::Values(1, 5)), NameOf);
 
 // Leaves 12 good directions, because 40 % are outliers, and so an error of 0.03 units. Allows seven times as much.
 TEST(TranslationAveraging, AnglesWithstandManyOutliers) {
@@ -180,61 +18,11 @@ TEST(TranslationAveraging, AnglesWithstandManyOutliers) {
     options.num_query = num_query;
     for (options.seed = 0; options.seed < 20; ++options.seed) {
       const SyntheticPoseGraph graph = MakeSyntheticPoseGraph(options);
-      const TranslationAveragingResult result = AverageTranslations(ProblemOf(graph, 1), Method::ANGULAR);
+      const TranslationAveragingResult result = AverageTranslations(ProblemOf(graph, 1));
       ASSERT_TRUE(result.summary.success);
       EXPECT_LE(MaxError(result, graph), 7 * 0.03) << "seed " << options.seed;
     }
   }
-}
-
-// Checks exact recovery (Ozyesil & Singer): a few outliers do not change the minimum if all other directions are exact.
-TEST(TranslationAveraging, LudIsExactDespiteFewOutliers) {
-  SyntheticPoseGraphOptions options;
-  options.outlier_edge_ratio = 0.1;
-  for (options.seed = 0; options.seed < 20; ++options.seed) {
-    const SyntheticPoseGraph graph = MakeSyntheticPoseGraph(options);
-    const TranslationAveragingResult result = AverageTranslations(ProblemOf(graph, 0), Method::LUD);
-    EXPECT_LE(MaxError(result, graph), 1e-7 * 5) << "seed " << options.seed;
-  }
-}
-
-// Tests a weakness of LUD: the cost of an outlier grows with its length, and edges between queries have no cost if the
-// queries collapse into one point.
-TEST(TranslationAveraging, LudYieldsToManyOutliers) {
-  SyntheticPoseGraphOptions options;
-  options.num_query = 5;
-  options.direction_noise_deg = 1;
-  options.outlier_edge_ratio = 0.2;
-  double angular_sum = 0, lud_sum = 0;
-  for (options.seed = 0; options.seed < 20; ++options.seed) {
-    const SyntheticPoseGraph graph = MakeSyntheticPoseGraph(options);
-    angular_sum += MaxError(AverageTranslations(ProblemOf(graph, 1), Method::ANGULAR), graph);
-    lud_sum += MaxError(AverageTranslations(ProblemOf(graph, 1), Method::LUD), graph);
-  }
-  EXPECT_GT(lud_sum, 3 * angular_sum);
-}
-
-// Places a query among 6 near and 14 distant database images with equally accurate directions, but for two outliers.
-// Angular errors do not depend on the distance, whereas the deviations of LUD are largest for distant images.
-TEST(TranslationAveraging, LudLosesToAnglesWhereDistancesDiffer) {
-  double angular_sum = 0, lud_sum = 0;
-  for (uint32_t seed = 0; seed < 50; ++seed) {
-    Random random(seed);
-    TranslationAveragingProblem problem;
-    problem.cams_in_world.emplace_back(Eigen::Vector3d::Zero());
-    problem.is_fixed.push_back(false);
-    for (int node = 1; node <= 20; ++node) {
-      const double distance = node <= 6 ? 1 : 30;
-      problem.cams_in_world.emplace_back(distance * RandomVector(&random).normalized());
-      problem.is_fixed.push_back(true);
-      const Eigen::Vector3d dir = DisturbedDirection(-problem.cams_in_world[node].normalized(), 1, &random);
-      problem.edges.push_back({node, 0, node % 10 == 0 ? RandomVector(&random).normalized() : dir, DegToRad(1)});
-    }
-    angular_sum += AverageTranslations(problem, Method::ANGULAR).cams_in_world[0].norm();
-    lud_sum += AverageTranslations(problem, Method::LUD).cams_in_world[0].norm();
-  }
-  EXPECT_LE(angular_sum / 50, 2 * DegToRad(1)) << "six good directions from one unit away";
-  EXPECT_GT(lud_sum, 3 * angular_sum);
 }
 
 }  // namespace

@@ -1,6 +1,6 @@
 #include "colmap_lazyloc/two_view/relative_pose.h"
 
-#include "colmap_lazyloc/bridge/two_view_geometry.h"
+#include "colmap_lazyloc/bridge/two_view_estimation.h"
 #include "colmap_lazyloc/scene/equirectangular.h"
 
 namespace lazyloc {

@@ -1,0 +1,23 @@
+#include "colmap_lazyloc/features/sift_method.h"
+
+#include "colmap_lazyloc/features/descriptor_matching.h"
+#include "colmap_lazyloc/scene/format.h"
+
+namespace lazyloc {
+
+std::string Sift::Describe() const {
+  const SiftExtractionOptions chosen = ChooseExtraction(options_, database_, database_scale_);
+  return Format(" of %.0f pixels with a focal length of %.0f: at most %d features, first octave %d",
+                database_scale_.size_px, database_scale_.focal_length_px, chosen.max_num_features,
+                chosen.first_octave);
+}
+
+Features Sift::Extract(const PhotoFile& photo, double focal_length_px, IdleThreads* idle_threads) const {
+  return ExtractLikeDatabase(photo, focal_length_px, options_, database_, idle_threads);
+}
+
+Matches Sift::Match(const Features& query, const Camera&, const Features& database, const Camera&) const {
+  return MatchDescriptors(query.descriptors, database.descriptors);
+}
+
+}  // namespace lazyloc
