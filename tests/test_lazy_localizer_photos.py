@@ -62,6 +62,22 @@ def test_photos_are_localized_and_nothing_is_touched(scene, exhaustive):
         assert {"extraction", "retrieval", "matching", "verification", "total"} <= stages
 
 
+def test_database_images_are_matched_when_a_photo_has_only_two(scene, queries, localize, tmp_path):
+    """The database has no matches, from which the errors of its poses would be known."""
+    assert database_rows(scene.database_path, "SELECT COUNT(*) FROM two_view_geometries") == [(0,)]
+    pairs = tmp_path / "pairs.txt"
+    pairs.write_text("".join(f"{name} {other}\n" for name in scene.query_names for other in scene.database_names[:2]))
+    runs = [
+        localize(*scene.arguments(queries, "--pairs_path", pairs, "--LazyLocalizer.num_threads", num_threads))
+        for num_threads in (1, 2)
+    ]
+    assert results_without_times(runs[0]) == results_without_times(runs[1])
+    for result in runs[0].results.values():
+        noise = result["database_pose_noise"]
+        assert noise["source"] == "database_pairs" and noise["num_pairs"] >= 4
+        assert "database_pairs" in result["seconds"]
+
+
 def test_number_and_scales_of_features_may_follow_the_database(scene, queries, localize, exhaustive):
     counts = sorted(rows for (rows,) in database_rows(scene.database_path, "SELECT rows FROM descriptors"))
     arguments = [word for word in scene.arguments(queries) if word not in photo_scene.SIFT]

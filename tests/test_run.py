@@ -82,16 +82,30 @@ def test_transforms_json(run, photos, tmp_path, capsys):
     assert_localized(output, true_queries(photos))
     printed = capsys.readouterr()
     assert "2 of 2 queries localized" in printed.out and "query/0.png" in printed.out
-    assert "features of 6 images" in printed.err and "matching 15 pairs" in printed.err
-    with DatabaseReader(output / "database.db") as database:  # others can go on with it
+    assert "features of 6 images" in printed.err and "matching" not in printed.err  # poses need no matches of theirs
+    with DatabaseReader(output / "database.db") as database:
         assert database.image_ids == {name: index for index, name in enumerate(photos.database_names, start=1)}
         assert database.camera(photos.database_names[0]).params == (400, 400, 241, 179, -0.03, 0, 0, 0)
-        assert database.num_inliers(*photos.database_names[:2]) > 30
+        assert database.num_inliers(*photos.database_names[:2]) == 0
     run(poses)
     assert "features" not in (again := capsys.readouterr().err) and "localizing" not in again
     run(poses, queries=photos.image_path / "query" / "1.png")  # a new photo needs no new features of the database
     printed = capsys.readouterr()
     assert "features" not in printed.err and "1 of 1 queries localized" in printed.out
+
+
+def test_complete_database_is_for_other_programs(run, photos, capsys):
+    lazy = run(photos.model_path)
+    positions = (lazy / "localized" / "positions.csv").read_bytes()
+    capsys.readouterr()
+    output = run(photos.model_path, "--complete", "1")
+    assert "matching 15 pairs" in capsys.readouterr().err
+    with DatabaseReader(output / "database.db") as database:
+        assert database.num_inliers(*photos.database_names[:2]) > 30
+    assert (output / "localized" / "positions.csv").read_bytes() == positions
+    run(photos.model_path)  # the database of a new folder has no matches
+    with DatabaseReader(output / "database.db") as database:
+        assert database.num_inliers(*photos.database_names[:2]) == 0
 
 
 def test_table_in_latitude_and_longitude(run, photos, tmp_path):

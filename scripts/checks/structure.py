@@ -35,7 +35,9 @@ def main():
     """Prints one figure per line."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("root", nargs="?", type=pathlib.Path, default=pathlib.Path())
-    parser.add_argument("--entry", default="localizer/localizer.cc", help="below src/colmap_lazyloc; default: %(default)s")
+    parser.add_argument(
+        "--entry", default="localizer/localizer.cc", help="below src/colmap_lazyloc; default: %(default)s"
+    )
     arguments = parser.parse_args()
     source = arguments.root / "src" / "colmap_lazyloc"
     paths = [path for path in tree.list_files(arguments.root, "src/*.h", "src/*.cc") if not layers.is_test(path)]

@@ -33,6 +33,7 @@ from colmap_lazyloc.project.options import (
     NUM_NEIGHBORS,
     check,
     has_stored_queries,
+    matches_neighbors,
     panorama_roles,
     parse_arguments,
     split,
@@ -84,7 +85,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     used = steps.make_features(project, cameras)
     if posed is not None:
         posed = _select(posed, {name: name for name in used})
-    steps.match_database(project, used, posed, options.num_neighbors or NUM_NEIGHBORS)
+    num_neighbors = (options.num_neighbors or NUM_NEIGHBORS) if matches_neighbors(options) else 0
+    steps.match_database(project, used, posed, num_neighbors)
     steps.make_model(project, used, posed, refines_cameras=not database.widths)
     _localize(project, options, localizer_options, used, queries.cameras(camera))
     database_path = project.folder.query_database if has_stored_queries(options) else project.folder.database

@@ -79,9 +79,18 @@ def _add_more(parser: argparse.ArgumentParser) -> None:
     )
     add = parser.add_argument_group("steps").add_argument
     add(
+        "--complete",
+        type=int,
+        choices=(0, 1),
+        default=0,
+        help="with --poses: match the database images with each other, too, for other programs that use database.db; "
+        "localization does not need it; default: 0",
+    )
+    add(
         "--num_neighbors",
         type=positive_int,
-        help=f"database images that each is matched with, by the poses; default: {NUM_NEIGHBORS}",
+        help="database images that each is matched with, by the poses, with --complete, --masks or --sequence; "
+        f"default: {NUM_NEIGHBORS}",
     )
     add("--use_gpu", type=int, choices=(0, 1), default=0, help="use COLMAP's GPU features and matching; default: 0")
     add("--overwrite", action="store_true", help="remove all that earlier runs have left in the output folder")
@@ -102,6 +111,11 @@ def panorama_roles(options: argparse.Namespace) -> list[str]:
 def has_stored_queries(options: argparse.Namespace) -> bool:
     """True if the queries are in the database, which masks and sequences need; else they are photos in memory."""
     return options.masks is not None or options.sequence is not None
+
+
+def matches_neighbors(options: argparse.Namespace) -> bool:
+    """True if database images with poses are matched with their neighbours. Photos in memory do not need it."""
+    return options.poses is not None and (bool(options.complete) or has_stored_queries(options))
 
 
 def split(words: Sequence[str]) -> tuple[list[str], list[str]]:
@@ -137,8 +151,8 @@ def check(options: argparse.Namespace, words: Sequence[str]) -> None:
     for name in ("poses_format", "geo_origin", "accept_poses", *CONVENTION_OPTIONS):
         if options.poses is None and getattr(options, name):
             raise InputError(f"--{name} has no effect without --poses")
-    if options.poses is None and options.num_neighbors is not None:
-        logger.warning("--num_neighbors has no effect without --poses, from which neighbours are known")
+    if options.num_neighbors is not None and not matches_neighbors(options):
+        logger.warning("--num_neighbors has no effect without --poses and one of --complete 1, --masks and --sequence")
     if options.frames_per_second is not None and not is_video(options.queries):
         raise InputError(f"--frames_per_second has no effect, because --queries {options.queries} is not a video")
     names = {word.partition("=")[0] for word in words}

@@ -100,10 +100,13 @@ def make_features(project: Project, cameras: Mapping[str, Camera | None]) -> lis
 
 
 def match_database(project: Project, used: Sequence[str], posed: PosedImages | None, num_neighbors: int) -> None:
-    """Matches the database images with each other, always all of them, because COLMAP keeps earlier matches."""
+    """Matches the database images with each other, always all of them, because COLMAP keeps earlier matches.
+
+    `num_neighbors`: that each is matched with if there are poses; 0: none.
+    """
     folder, steps = project.folder, project.steps
     if posed is not None:
-        pairs = pairs_by_viewpoint(posed.images, num_neighbors) if len(posed.images) > 1 else []
+        pairs = pairs_by_viewpoint(posed.images, num_neighbors) if num_neighbors and len(posed.images) > 1 else []
     else:
         pairs = all_pairs(used) if len(used) <= MAX_NUM_EXHAUSTIVE else []
     is_retrieved = posed is None and not pairs

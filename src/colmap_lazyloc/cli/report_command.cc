@@ -7,7 +7,6 @@
 #include <iostream>
 #include <sstream>
 
-
 namespace lazyloc {
 namespace {
 

@@ -8,9 +8,9 @@
 
 namespace lazyloc {
 
-// Features of database images that have other ones in the database: extracted from the image files when they are needed,
-// and kept in a folder with a file for each image. Such a file belongs to one method, its options, and the content of
-// the image file; one that does not fit or is damaged is made anew. Thread-safe; other processes may use the
+// Features of database images that have other ones in the database: extracted from the image files when they are
+// needed, and kept in a folder with a file for each image. Such a file belongs to one method, its options, and the
+// content of the image file; one that does not fit or is damaged is made anew. Thread-safe; other processes may use the
 // folder at the same time, because a file appears when it is complete.
 class ExtractedFeatures {
  public:

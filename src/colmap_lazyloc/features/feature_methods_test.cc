@@ -43,7 +43,8 @@ TEST_F(FeatureMethodsTest, ErrorsNameWhatIsMissing) {
   EXPECT_THAT(Error(FeatureType::SIFT), HasSubstr("--onnx_path"));
   options_.matcher = MatcherType::AUTO;
   options_.aliked.onnx_path = folder_;
-  EXPECT_THAT(Error(FeatureType::SIFT), HasSubstr("has no file aliked-n16rot.onnx")) << "the fallback that was asked for";
+  EXPECT_THAT(Error(FeatureType::SIFT), HasSubstr("has no file aliked-n16rot.onnx"))
+      << "the fallback that was asked for";
 }
 
 // Returns a picture of random squares.

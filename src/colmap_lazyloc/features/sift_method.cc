@@ -8,8 +8,7 @@ namespace lazyloc {
 std::string Sift::Describe() const {
   const SiftExtractionOptions chosen = ChooseExtraction(options_, database_, database_scale_);
   return Format(" of %.0f pixels with a focal length of %.0f: at most %d features, first octave %d",
-                database_scale_.size_px, database_scale_.focal_length_px, chosen.max_num_features,
-                chosen.first_octave);
+                database_scale_.size_px, database_scale_.focal_length_px, chosen.max_num_features, chosen.first_octave);
 }
 
 Features Sift::Extract(const PhotoFile& photo, double focal_length_px, IdleThreads* idle_threads) const {

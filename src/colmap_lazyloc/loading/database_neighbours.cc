@@ -62,15 +62,18 @@ std::optional<DepthAndAngle> TriangulateDepth(const PosedCamera& camera, const E
   return DepthAndAngle{depth, AngleBetweenRad(ray_a, ray_b)};
 }
 
+size_t NumBytes(const std::vector<NeighbourPair>& pairs) {
+  size_t num_points = 16;
+  for (const NeighbourPair& pair : pairs) num_points += 16 + pair.points.size();
+  return 2 * sizeof(Eigen::Vector2d) * num_points;
+}
+
 }  // namespace
 
 DatabaseNeighbours::DatabaseNeighbours(const QuerySelection& selection)
     : selection_(selection),
-      pairs_([](const std::vector<NeighbourPair>& pairs) {
-        size_t num_points = 16;
-        for (const NeighbourPair& pair : pairs) num_points += 16 + pair.points.size();
-        return 2 * sizeof(Eigen::Vector2d) * num_points;
-      }),
+      pairs_(NumBytes),
+      matched_pairs_(NumBytes),
       depths_([](const std::vector<float>& depths) { return sizeof(float) * (16 + depths.size()); }) {}
 
 void DatabaseNeighbours::ForEachNeighbour(uint32_t image_id, const std::string& query_name,
@@ -93,27 +96,45 @@ void DatabaseNeighbours::ForEachNeighbour(uint32_t image_id, const std::string& 
   }
 }
 
+std::optional<NeighbourPair> DatabaseNeighbours::MakeNeighbourPair(
+    const ModelImage& image, const std::vector<Eigen::Vector2d>& points, const ModelImage& other,
+    const Matches& matches, const std::vector<Eigen::Vector2d>& other_points) const {
+  const std::string frame_name = selection_.MakePair(image).database_frame_name;
+  const ImagePair with_other = selection_.MakePair(other);
+  if (matches.empty() || (!frame_name.empty() && with_other.database_frame_name == frame_name)) return std::nullopt;
+  NeighbourPair pair{with_other.other_camera, other.cam_from_world, {}, {}};
+  const size_t num = std::min(matches.size(), kMaxNumMatches);  // evenly chosen ones if there are more
+  for (size_t i = 0; i < num; ++i) {
+    const Match& match = matches[i * matches.size() / num];
+    if (match.query_point >= points.size() || match.other_point >= other_points.size()) return std::nullopt;
+    pair.points.push_back(points[match.query_point]);
+    pair.other_points.push_back(other_points[match.other_point]);
+  }
+  return pair;
+}
+
 std::vector<NeighbourPair> DatabaseNeighbours::Read(const ModelImage& image, uint32_t image_id,
                                                     const std::string& query_name,
                                                     const DatabaseReader& database) const {
-  const std::string frame_name = selection_.MakePair(image).database_frame_name;
   const std::vector<Eigen::Vector2d> points = database.ReadKeypoints(image_id);
   std::vector<NeighbourPair> pairs;
-  ForEachNeighbour(
-      image_id, query_name, database, [&](const auto& other, const auto& matches, const auto& other_points) {
-        // Leaves out images of the same rig frame, which share their error.
-        const ImagePair with_other = selection_.MakePair(other);
-        if (matches.empty() || (!frame_name.empty() && with_other.database_frame_name == frame_name)) return;
-        NeighbourPair pair{with_other.other_camera, other.cam_from_world, {}, {}};
-        const size_t num = std::min(matches.size(), kMaxNumMatches);  // evenly chosen ones if there are more
-        for (size_t i = 0; i < num; ++i) {
-          const Match& match = matches[i * matches.size() / num];
-          if (match.query_point >= points.size() || match.other_point >= other_points.size()) return;
-          pair.points.push_back(points[match.query_point]);
-          pair.other_points.push_back(other_points[match.other_point]);
-        }
-        pairs.push_back(std::move(pair));
-      });
+  ForEachNeighbour(image_id, query_name, database,
+                   [&](const auto& other, const auto& matches, const auto& other_points) {
+                     auto pair = MakeNeighbourPair(image, points, other, matches, other_points);
+                     if (pair) pairs.push_back(*std::move(pair));
+                   });
+  return pairs;
+}
+
+std::vector<NeighbourPair> DatabaseNeighbours::MatchNow(const ModelImage& image, const DatabaseReader& database,
+                                                        const MatchFunction& match_now, uint32_t image_id) const {
+  const std::vector<Eigen::Vector2d> points = database.ReadKeypoints(image_id);
+  std::vector<NeighbourPair> pairs;
+  for (const ImagePair& matched : match_now(image, kMaxNumNeighbours)) {
+    const ModelImage* other = FindByName(selection_.DatabaseModel().images, matched.other_name);
+    auto pair = MakeNeighbourPair(image, points, *other, matched.geometry->inlier_matches, matched.other_keypoints);
+    if (pair) pairs.push_back(*std::move(pair));
+  }
   return pairs;
 }
 
@@ -155,7 +176,8 @@ std::vector<Value> DatabaseNeighbours::FindOnce(const std::string& image_name, c
   }
 }
 
-void DatabaseNeighbours::AddTo(const DatabaseReader& database, LoadedGroup* loaded) const {
+void DatabaseNeighbours::AddTo(const DatabaseReader& database, const MatchFunction& match_now,
+                               LoadedGroup* loaded) const {
   std::vector<std::set<std::string>> names(loaded->group.frame_names.size());
   for (const QueryImage& query : loaded->group.images) {
     for (const ImagePair& pair : query.problem.pairs) {
@@ -164,11 +186,18 @@ void DatabaseNeighbours::AddTo(const DatabaseReader& database, LoadedGroup* load
   }
   for (QueryImage& query : loaded->group.images) {
     if (names[query.frame].empty() || names[query.frame].size() >= kEnoughImages) continue;
-    const StageTimer timer("database_pairs", &loaded->records[&query - loaded->group.images.data()].seconds);
+    QueryRecord& record = loaded->records[&query - loaded->group.images.data()];
+    const bool is_photo = record.matcher.has_value();
+    const StageTimer timer("database_pairs", &record.seconds);
     for (ImagePair& pair : query.problem.pairs) {
       if (NumMatches(pair) < kMinNumInliers) continue;
       pair.neighbours =
           FindOnce(pair.other_name, query.problem.query_name, database, &pairs_, &DatabaseNeighbours::Read);
+      if (!pair.neighbours.empty() || !is_photo || !match_now) continue;
+      const ModelImage* image = FindByName(selection_.DatabaseModel().images, pair.other_name);
+      const DatabaseImage* stored = selection_.FindInDatabase(pair.other_name);
+      pair.neighbours = *matched_pairs_.Get(stored->image_id,
+                                            [&] { return MatchNow(*image, database, match_now, stored->image_id); });
     }
   }
 }

@@ -58,7 +58,7 @@ FallbackFeatures::FallbackFeatures(const QuerySelection& selection, const PhotoO
 }
 
 DatabaseFeatures FallbackFeatures::ReadFeatures(const DatabaseCandidates& candidates, const FeatureReader& reader,
-                                             IdleThreads* idle_threads) const {
+                                                IdleThreads* idle_threads) const {
   const Model& model = selection_.DatabaseModel();
   const auto read = [&](const DatabaseCandidate& candidate) -> std::optional<Features> {
     if (extracted_) return extracted_->Get(candidate.image->name, model.cameras.at(candidate.image->camera_id));
@@ -81,8 +81,8 @@ DatabaseFeatures FallbackFeatures::ReadFeatures(const DatabaseCandidates& candid
 }
 
 LocalizationProblem FallbackFeatures::Load(const PhotoFile& photo, const LocalizationProblem& first,
-                                        const DatabaseCandidates& candidates, const FeatureReader& reader,
-                                        IdleThreads* idle_threads, QueryRecord* record) const {
+                                           const DatabaseCandidates& candidates, const FeatureReader& reader,
+                                           IdleThreads* idle_threads, QueryRecord* record) const {
   LocalizationProblem problem = first;
   problem.pairs.clear();
   Features features;

@@ -1,7 +1,9 @@
 #include "colmap_lazyloc/loading/photo_loader.h"
 
 #include <algorithm>
+#include <cmath>
 #include <filesystem>
+#include <limits>
 #include <sstream>
 #include <system_error>
 #include <utility>
@@ -9,6 +11,7 @@
 #include "colmap_lazyloc/bridge/camera_models.h"
 #include "colmap_lazyloc/files/text_file.h"
 #include "colmap_lazyloc/math/robust_statistics.h"
+#include "colmap_lazyloc/math/so3.h"
 #include "colmap_lazyloc/scene/errors.h"
 #include "colmap_lazyloc/scene/format.h"
 #include "colmap_lazyloc/scene/options_check.h"
@@ -47,6 +50,37 @@ DefaultCamera ParseDefaultCamera(const PhotoOptions& options) {
     throw InputError(std::string("option --ImageReader.camera_") + (has_params ? "params: " : "model: ") + problem);
   }
   return camera;
+}
+
+// Returns the candidates from the nearest viewpoints, nearest first, but the image itself. The viewpoint distance is
+// the root of (2 sin(angle / 2))^2 + (displacement / d)^2. How far the scene is, is not known: d is the distance to the
+// camera that is max_num places away, so that a walk is treated as a room is.
+DatabaseCandidates NearestViewpoints(const std::vector<DatabaseCandidate>& candidates, const ModelImage& image,
+                                     size_t max_num) {
+  const Eigen::Vector3d centre = CamInWorld(image.cam_from_world);
+  const Eigen::Quaterniond rotation = image.cam_from_world.rotation.normalized();
+  DatabaseCandidates others;
+  std::vector<double> displacements;
+  for (const DatabaseCandidate& candidate : candidates) {
+    if (candidate.image->name == image.name) continue;
+    others.push_back(&candidate);
+    displacements.push_back((CamInWorld(candidate.image->cam_from_world) - centre).norm());
+  }
+  if (others.empty()) return others;
+  std::vector<double> sorted = displacements;
+  const size_t place = std::min(max_num, sorted.size()) - 1;
+  std::nth_element(sorted.begin(), sorted.begin() + static_cast<std::ptrdiff_t>(place), sorted.end());
+  const double scale = std::max(sorted[place], std::numeric_limits<double>::min());
+  std::vector<std::pair<double, const DatabaseCandidate*>> by_distance;
+  for (size_t i = 0; i < others.size(); ++i) {
+    const double angle_rad = AngularDistanceRad(rotation, others[i]->image->cam_from_world.rotation.normalized());
+    by_distance.emplace_back(std::hypot(2 * std::sin(angle_rad / 2), displacements[i] / scale), others[i]);
+  }
+  std::sort(by_distance.begin(), by_distance.end());  // of equal ones, by address and so by name
+  by_distance.resize(std::min(max_num, by_distance.size()));
+  others.clear();
+  for (const auto& [distance, candidate] : by_distance) others.push_back(candidate);
+  return others;
 }
 
 std::string SizeText(uint64_t width, uint64_t height) { return std::to_string(width) + " x " + std::to_string(height); }
@@ -251,6 +285,44 @@ LocalizationProblem PhotoLoader::Load(const PhotoQuery& photo, int num_retrieved
           [&] { matches_output_->Write(problem, query_features, database_features); });
   }
   return methods_.is_fallback_first ? LoadFallback(photo, problem, features, idle_threads, record) : problem;
+}
+
+std::shared_ptr<const Features> PhotoLoader::FeaturesOf(const Candidate& candidate,
+                                                        const FeatureReader& features) const {
+  try {
+    return features_.Get(candidate.image_id, [&] { return features.Read(candidate.image_id); });
+  } catch (const DamagedRecordError&) {
+    return nullptr;
+  }
+}
+
+std::vector<ImagePair> PhotoLoader::MatchDatabaseImage(const ModelImage& image, int max_num_others,
+                                                       const FeatureReader& features, IdleThreads* idle_threads) const {
+  const auto own = std::find_if(candidates_.begin(), candidates_.end(),
+                                [&](const Candidate& candidate) { return candidate.image->name == image.name; });
+  const std::shared_ptr<const Features> own_features = own == candidates_.end() ? nullptr : FeaturesOf(*own, features);
+  if (!own_features) return {};
+  LocalizationProblem problem;
+  problem.query_name = image.name;
+  problem.query_camera = selection_.DatabaseModel().cameras.at(image.camera_id);
+  problem.intrinsics_origin = IntrinsicsOrigin::MODEL;
+  problem.query_keypoints = Positions(own_features->keypoints);
+  DatabaseFeatures others;
+  for (const Candidate* other : NearestViewpoints(candidates_, image, static_cast<size_t>(max_num_others))) {
+    std::shared_ptr<const Features> read = FeaturesOf(*other, features);
+    if (!read) continue;
+    others.push_back(std::move(read));
+    problem.pairs.push_back(selection_.MakePair(*other->image));
+  }
+  StageTimer::Seconds seconds;  // are those of the stage that calls
+  MatchPairs(*methods_.database, *own_features, others, seed_, idle_threads, &problem, &seconds);
+  std::vector<ImagePair>& pairs = problem.pairs;
+  const auto is_useless = [](const ImagePair& pair) {
+    return !HoldsCalibrated(pair.geometry->config) ||
+           static_cast<int>(pair.geometry->inlier_matches.size()) < kMinNumInliers;
+  };
+  pairs.erase(std::remove_if(pairs.begin(), pairs.end(), is_useless), pairs.end());
+  return std::move(pairs);
 }
 
 LocalizationProblem PhotoLoader::LoadFallback(const PhotoQuery& photo, const LocalizationProblem& first,

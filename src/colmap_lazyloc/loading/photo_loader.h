@@ -41,8 +41,11 @@ class PhotoLoader {
   bool HasFallback() const { return fallback_ && !methods_.is_fallback_first; }
   // Loads a photo with fallback features. first: what Load has returned; seconds add up in the record.
   LocalizationProblem LoadFallback(const PhotoQuery& photo, const LocalizationProblem& first,
-                                   const FeatureReader& features, IdleThreads* idle_threads,
-                                   QueryRecord* record) const;
+                                   const FeatureReader& features, IdleThreads* idle_threads, QueryRecord* record) const;
+  // Matches a database image with those of the nearest viewpoints, and verifies the matches. Returns pairs with enough
+  // of them. Leaves out images whose features are damaged.
+  std::vector<ImagePair> MatchDatabaseImage(const ModelImage& image, int max_num_others, const FeatureReader& features,
+                                            IdleThreads* idle_threads) const;
   // True if the keypoints of the database images of a photo are those of the database.
   bool HasStoredKeypoints(const QueryRecord& record) const {
     return !fallback_ || fallback_->HasStoredKeypoints() || record.matcher == methods_.database->Matcher();
@@ -70,6 +73,8 @@ class PhotoLoader {
   std::string ReadExifCamera(uint32_t camera_id) const;
   // Sets the statistics of the candidates' features.
   void MeasureCandidates(const std::map<uint32_t, size_t>& num_descriptors, const FeatureReader& reader);
+  // Returns the features of a database image; null if they are damaged.
+  std::shared_ptr<const Features> FeaturesOf(const Candidate& candidate, const FeatureReader& features) const;
   // Returns the candidates that the pairs file lists, or all.
   Candidates AllowedCandidates(const PhotoQuery& photo) const;
   Candidates ChooseCandidates(const PhotoQuery& photo, const Features& features, size_t num_retrieved,

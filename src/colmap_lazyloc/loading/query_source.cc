@@ -169,7 +169,12 @@ LoadedGroup QuerySource::LoadFallback(const GroupInput& input, const LoadedGroup
 }
 
 void QuerySource::AddDatabasePairsAndDepths(Session* session, LoadedGroup* loaded) const {
-  if (options_.reads_database_pairs) neighbours_.AddTo(session->database, loaded);
+  if (options_.reads_database_pairs) {
+    const auto match_now = [&](const ModelImage& image, int max_num_others) {
+      return Photos().MatchDatabaseImage(image, max_num_others, *session->features, session->idle_threads);
+    };
+    neighbours_.AddTo(session->database, match_now, loaded);
+  }
   if (!depth_maps_) return;
   for (QueryImage& query : loaded->group.images) {
     QueryRecord& record = loaded->records[&query - loaded->group.images.data()];

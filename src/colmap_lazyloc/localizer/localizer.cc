@@ -88,8 +88,8 @@ Localizer::Localizer(const SourceOptions& source, const LocalizerOptions& option
   }
   SourceOptions with_pairs = source;
   // Reads no pairs of database images if nothing corrects database poses, or if the options state their errors.
-  with_pairs.reads_database_pairs = options.method == Method::EXTENDED &&
-                                    ExpectPoseErrors(options).source == PoseNoiseSource::DEFAULT;
+  with_pairs.reads_database_pairs =
+      options.method == Method::EXTENDED && ExpectPoseErrors(options).source == PoseNoiseSource::DEFAULT;
   source_ = std::make_unique<QuerySource>(with_pairs, std::move(model), options.seed, num_threads);
 }
 

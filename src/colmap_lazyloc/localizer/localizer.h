@@ -28,8 +28,8 @@ class Localizer {
   const Model& DatabaseModel() const { return source_ ? source_->DatabaseModel() : model_; }
 
   // Loads a group, localizes it by one attempt after the other, and returns a record per query, those that cannot be
-  // loaded first. with_keypoints: the records have all keypoints, not only those of photos. Uses the calling thread, and
-  // idle ones for photos. Throws InputError for a damaged file.
+  // loaded first. with_keypoints: the records have all keypoints, not only those of photos. Uses the calling thread,
+  // and idle ones for photos. Throws InputError for a damaged file.
   std::vector<QueryRecord> Localize(const GroupInput& input, bool with_keypoints = false) const;
 
  private:

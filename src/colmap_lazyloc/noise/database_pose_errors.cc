@@ -79,10 +79,10 @@ std::vector<NeighbourFits> FitNeighboursOfFrame(const QueryGroup& group, int fra
 }
 
 // Estimates the variances of the three components from all images with their neighbours. Each neighbour deviates from
-// its image as database images deviate from a query, but for the independent error of the image, which all its neighbours
-// have in common.
+// its image as database images deviate from a query, but for the independent error of the image, which all its
+// neighbours have in common.
 VarianceEstimate EstimateFromNeighbours(const std::vector<NeighbourFits>& all, Eigen::Index size,
-                                   const std::vector<ExpectedStddev>& expected) {
+                                        const std::vector<ExpectedStddev>& expected) {
   Eigen::MatrixXd viewpoint = Eigen::MatrixXd::Zero(size, size), independent = viewpoint;
   DeviationLikelihood likelihood{Eigen::MatrixXd::Zero(6 * size, 6 * size), Eigen::VectorXd::Zero(6 * size)};
   Eigen::Index begin = 0;

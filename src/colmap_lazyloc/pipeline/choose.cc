@@ -102,7 +102,8 @@ Choice GivenOrEstimated(const Solution& given, const Solution& refined, const Lo
     return has_pose && !is_wrong ? KeepGiven(given, estimate, options) : AsSolved(refined);
   }
   // Contradicted intrinsics that somebody has stated are for them to mend.
-  return is_wrong || !estimate.contradiction.empty() ? ContradictGiven(given, estimate) : KeepGiven(given, estimate, options);
+  return is_wrong || !estimate.contradiction.empty() ? ContradictGiven(given, estimate)
+                                                     : KeepGiven(given, estimate, options);
 }
 
 // Compares the choice among the solutions so far with the next one.

@@ -294,8 +294,8 @@ TEST(MakeResults, EachImageHasTheSolutionThatIsChosenForIt) {
   const SolvedGroup together(2, 1);
   SolvedGroup failed(1, 1);
   failed.solution.failure = Failure{QueryStatus::TOO_FEW_TRACKS, "alone"};
-  const std::vector<LocalizationResult> results = MakeResults(
-      {ChoiceOf(together.solution, 1, {{"tracks", 1}}), ChoiceOf(failed.solution, 0, {{"tracks", 2}})}, {});
+  const std::vector<LocalizationResult> results =
+      MakeResults({ChoiceOf(together.solution, 1, {{"tracks", 1}}), ChoiceOf(failed.solution, 0, {{"tracks", 2}})}, {});
   ASSERT_EQ(results.size(), 2u);
   EXPECT_EQ(results[0].query_name, "query1-0");
   EXPECT_EQ(results[0].status, QueryStatus::LOCALIZED);

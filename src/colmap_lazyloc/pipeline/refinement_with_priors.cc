@@ -57,7 +57,7 @@ Refined WithOtherOrientation(const Layout& layout, const PairRefs& pairs, const 
 // Refines a pose whose position is unobservable again, from where the priors put it. Returns the pose as it is if
 // that fails.
 RefinedWithPriors FixByPriors(const Layout& layout, const PosedImages& start, const Refinement& refine_from,
-                        PriorJudgement judgement, Refined refined) {
+                              PriorJudgement judgement, Refined refined) {
   PosedImages moved = layout.given;
   moved.frames[0].frame_from_world = *judgement.start;
   moved.query_priors = judgement.used;

@@ -80,7 +80,7 @@ class GroupSolver {
     for (const int i : all) {
       (all.size() > 1 && IsIndividual(group_, i, options_) ? individual : others).push_back(i);
     }
-    for (const int i : individual) SolveTogether(group_, {i}, {i});
+    for (const int i : individual) SolveTogether(group_, {i}, all);
     if (!others.empty()) SolveOthers(others);
     return std::move(chosen_);
   }

@@ -23,7 +23,8 @@ constexpr double kMinDistanceRatio = 1e-6;
 // Judges the priors of one query.
 class Judge {
  public:
-  // reported: the poses with what the database states (RelativeToGivenDatabase), because priors are of what is reported.
+  // reported: the poses with what the database states (RelativeToGivenDatabase), because priors are of what is
+  // reported.
   Judge(const Layout& layout, const Refined& refined, const PosedImages& reported, int query, PriorJudgement* judgement)
       : layout_(layout),
         refined_(refined),

@@ -79,19 +79,21 @@ size_t PythonLocalizer::FindGroup(const std::string& query_name) const {
   if (localizer_.Source()->Selection().FindInDatabase(query_name) != nullptr) {
     throw InputError("query " + query_name + " is not in the list of queries");
   }
-  throw InputError("query " + query_name + " is not in the database " + localizer_.Source()->Database().Path().string());
+  throw InputError("query " + query_name + " is not in the database " +
+                   localizer_.Source()->Database().Path().string());
 }
 
 std::vector<Eigen::Vector2d> PythonLocalizer::StoredKeypoints(const std::string& database_name) {
-  if (!localizer_.Source()) throw InputError("pair with " + database_name + ": without a database, its keypoints must be given");
+  if (!localizer_.Source())
+    throw InputError("pair with " + database_name + ": without a database, its keypoints must be given");
   const DatabaseImage* image = localizer_.Source()->Selection().FindInDatabase(database_name);
   if (image == nullptr) throw InputError("pair with " + database_name + ": the database does not have this image");
   return DatabaseReader(localizer_.Source()->Database().Path()).ReadKeypoints(image->image_id);
 }
 
 LocalizationProblem PythonLocalizer::MakeProblem(const std::string& name, const Camera& camera,
-                                           std::vector<Eigen::Vector2d> keypoints,
-                                           const std::vector<GivenPair>& pairs) {
+                                                 std::vector<Eigen::Vector2d> keypoints,
+                                                 const std::vector<GivenPair>& pairs) {
   CheckFinite(keypoints, name);
   LocalizationProblem problem;
   problem.query_name = name;

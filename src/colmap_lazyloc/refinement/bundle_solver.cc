@@ -43,8 +43,8 @@ std::vector<PosePriorResidual> EvaluatePriors(const BundleProblem& problem, cons
 RigToleranceResidual EvaluateFlex(const BundleFlex& flex, const BundleState& state) {
   const ParameterBlock& frame = state.frames[flex.frame];
   return EvaluateRigTolerance(*flex.given, state.frames[flex.calibration].frame_from_world,
-                         frame.HasRigScale() ? std::optional(frame.log_factor) : std::nullopt,
-                         state.frames[flex.cam].frame_from_world, frame.frame_from_world);
+                              frame.HasRigScale() ? std::optional(frame.log_factor) : std::nullopt,
+                              state.frames[flex.cam].frame_from_world, frame.frame_from_world);
 }
 
 // Calls visit(frame, residual) for the priors of queries.

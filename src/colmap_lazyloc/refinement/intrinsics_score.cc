@@ -267,7 +267,7 @@ class ScoreBuilder {
   const RobustLoss& loss_;
   const int frame_;  // of the problem
   IntrinsicsScore score_;
-  std::vector<bool> is_query_pose_;       // by frame of the problem: true for the poses of the query's images
+  std::vector<bool> is_query_pose_;  // by frame of the problem: true for the poses of the query's images
   std::vector<int> places_;          // frames in the order of the equations; first, the frame in question
   std::vector<int> place_of_frame_;  // -1 for others
   std::vector<Coupling> couplings_;  // parallel to places_

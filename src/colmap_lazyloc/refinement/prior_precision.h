@@ -28,8 +28,8 @@ struct PriorPrecision {
 
 PriorPrecision ComputePriorPrecision(const PriorGroup& group);
 
-// Returns the covariance contribution of each component to given linear functions. by_deviations: column j is the gain of
-// function j with respect to the deviations; its rows are one coordinate of all frames after the other.
+// Returns the covariance contribution of each component to given linear functions. by_deviations: column j is the gain
+// of function j with respect to the deviations; its rows are one coordinate of all frames after the other.
 std::vector<Eigen::MatrixXd> ComponentCovariances(const PriorGroup& group, const PriorPrecision& precision,
                                                   const Eigen::MatrixXd& by_deviations);
 

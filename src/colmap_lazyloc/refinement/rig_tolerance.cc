@@ -18,8 +18,8 @@ Eigen::Matrix<double, 3, 6> CentreByTangent(const Rigid3d& target_from_source) {
 }  // namespace
 
 RigToleranceResidual EvaluateRigTolerance(const Calibration& calibration, const Rigid3d& cam_from_frame,
-                                std::optional<double> log_scale, const Rigid3d& cam_from_world,
-                                const Rigid3d& frame_from_world) {
+                                          std::optional<double> log_scale, const Rigid3d& cam_from_world,
+                                          const Rigid3d& frame_from_world) {
   RigToleranceResidual residual;
   const Eigen::Quaterniond rotation = cam_from_world.rotation * frame_from_world.rotation.conjugate();
   const double scale = std::exp(log_scale.value_or(0));

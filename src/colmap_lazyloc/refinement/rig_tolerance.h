@@ -18,7 +18,7 @@ struct RigToleranceResidual {
 };
 // log_scale: of the factor on the translation of cam_from_frame; nullopt if none is estimated.
 RigToleranceResidual EvaluateRigTolerance(const Calibration& calibration, const Rigid3d& cam_from_frame,
-                                std::optional<double> log_scale, const Rigid3d& cam_from_world,
-                                const Rigid3d& frame_from_world);
+                                          std::optional<double> log_scale, const Rigid3d& cam_from_world,
+                                          const Rigid3d& frame_from_world);
 
 }  // namespace lazyloc
