@@ -10,7 +10,6 @@
 namespace lazyloc {
 namespace {
 
-using testing::MatchesRegex;
 
 TEST(ReportCommand, NamesWhatTheRunHasRead) {
   CommandOptions options;

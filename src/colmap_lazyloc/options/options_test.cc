@@ -13,6 +13,7 @@ namespace lazyloc {
 namespace {
 
 using ::testing::HasSubstr;
+using ::testing::MatchesRegex;
 using ::testing::ThrowsMessage;
 using ::testing::internal::CaptureStdout;
 using ::testing::internal::GetCapturedStdout;
