@@ -21,7 +21,7 @@ import subprocess
 import tree
 
 # Commits whose figures the present program has too. A change of the method empties this list.
-PRESENT = ("2f94e86cbf", "6c8bfcf9e4", "8b49d60a45")
+PRESENT = ("2f94e86cbf", "6c8bfcf9e4", "8b49d60a45", "e67e4b58d4", "03c305bc43")
 OTHER_PROGRAM = re.compile(r"map|structure_based|local[_ i]|colmap|poselib|generalized_|relative_pose_r", re.I)
 MARKER = re.compile(r"^<!-- results: ([\w-]+)/([\w.-]+) -->\n\n((?:\|.*\n)+)", re.MULTILINE)
 ANY_MARKER = re.compile(r"<!-- results: ([\w-]+)/([\w.-]+) -->")
