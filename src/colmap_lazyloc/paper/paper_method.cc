@@ -11,7 +11,6 @@
 #include "colmap_lazyloc/refinement/ceres_bundle_adjustment.h"
 #include "colmap_lazyloc/refinement/covariance.h"
 #include "colmap_lazyloc/rotation/rotation_averaging.h"
-#include "colmap_lazyloc/structure/track_triangulation.h"
 
 namespace lazyloc {
 namespace {
@@ -29,6 +28,27 @@ void KeepAgreeingPairs(Averaged* averaged) {
   }
   averaged->pairs = std::move(agreeing);
   averaged->directions = std::move(directions);
+}
+
+// Removes the observations that the points do not fit, as COLMAP's mapper does after adjustment, and tracks that no
+// query or no other image is left to observe.
+std::vector<Track> RemoveMisfits(const PosedImages& posed, const std::vector<Track>& tracks) {
+  const std::vector<Rigid3d> cams_from_world = CamsFromWorld(posed);
+  std::vector<Track> fitting;
+  for (const Track& track : tracks) {
+    Track kept = track;
+    kept.observations.clear();
+    for (const TrackObservation& element : track.observations) {
+      const Eigen::Vector3d point_in_cam = cams_from_world[element.image] * track.point_in_world;
+      if (IsInFront(element.observation, point_in_cam) &&
+          ReprojectionError(element.observation, point_in_cam).norm() <= kMaxPaperErrorPx) {
+        kept.observations.push_back(element);
+      }
+    }
+    if (kept.observations.size() < 2 || posed.IsDatabase(kept.observations.front().image)) continue;
+    fitting.push_back(std::move(kept));
+  }
+  return fitting;
 }
 
 // Throws Failure for frames with too few tracks.
@@ -93,8 +113,7 @@ Refined AdjustByPaper(const QueryGroup& group, const Layout& layout, const Avera
   Refined refined;
   refined.adjustment.summary = adjusted.summary;
   refined.adjustment.posed = std::move(adjusted.posed);
-  refined.adjustment.tracks =
-      RemoveOutliers(refined.adjustment.posed, std::move(adjusted.tracks), kMaxPaperErrorPx / kPaperNoisePx);
+  refined.adjustment.tracks = RemoveMisfits(refined.adjustment.posed, adjusted.tracks);
   CheckNumTracks(layout, refined.adjustment.tracks, num_candidates);
   refined.rig_errors_px.resize(layout.num_queries);
   Timed("covariance", seconds, [&] { AddCovariances(&refined); });

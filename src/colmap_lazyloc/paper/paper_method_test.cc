@@ -86,6 +86,22 @@ TEST(LocalizeByPaper, PairsWithAnotherRotationAreNotUsed) {
   ExpectNear(pose.refined.adjustment.posed, input.stages.truth, 1e-6, 1e-5);
 }
 
+// Turns a database image after its relative pose was found, so that its observations are off by about 9 px.
+TEST(LocalizeByPaper, ObservationsThatDoNotFitAreRemovedAndTheirTracksStay) {
+  Input input = MakeInput({});
+  const int image = input.stages.pairs.front().other;
+  Rigid3d& pose = input.stages.layout.given.frames[input.stages.layout.FrameOf(image)].frame_from_world;
+  pose = CamFromWorld(Eigen::AngleAxisd(DegToRad(1), Eigen::Vector3d::UnitY()) * pose.rotation, CamInWorld(pose));
+  const Refined refined = input.Localize().refined;
+  ExpectNear(refined.adjustment.posed, input.stages.truth, 0.05, 1.1);
+  EXPECT_EQ(refined.adjustment.tracks.size(), input.stages.tracks.size());
+  size_t num_kept = 0;
+  for (const Track& track : refined.adjustment.tracks) {
+    for (const TrackObservation& element : track.observations) num_kept += element.image == image;
+  }
+  EXPECT_LT(num_kept, input.stages.tracks.size() / 4);
+}
+
 TEST(LocalizeByPaper, ContradictingPairsAreAFailure) {
   SyntheticGroupOptions options;
   options.outlier_pair_ratio = 1;
