@@ -130,7 +130,7 @@ CORRUPTIONS: dict[str, tuple[Callable[[Scene], Scene], str]] = {
     "mirrored axes": (mirrored, "left-handed"),
     "radians": (of_angles(lambda a: Rotation.from_euler("ZXY", np.radians(a))), "radians"),
     "angle order": (of_angles(lambda a: Rotation.from_euler("XYZ", a[:, [1, 2, 0]])), "angles are in another order"),
-    "lexical order": (lexical_order, "in the order"),
+    "lexical order": (lexical_order, "in the order 1, 2, 10 of numbers"),
     "shift of 2": (shifted(2), "2 places"),
     "another set": (of_another_set, "other photos"),
     "grid of 2 degrees": (grid(2.05), "rotations turned by"),

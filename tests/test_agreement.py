@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from benchmarks.corrupted_poses import CORRUPTIONS, Scene, disturb, explain_scene, shifted
+from benchmarks.corrupted_poses import CORRUPTIONS, Scene, disturb, explain_scene, of_angles, shifted
 from colmap_lazyloc.agreement.check import describe
 from colmap_lazyloc.agreement.contradictions import contradicted_images
 from colmap_lazyloc.agreement.pairs import MatchedPair
@@ -127,6 +127,27 @@ def test_remedy_is_what_the_file_was_written_by(scene, written):
         options = dict(zip(words[::2], words[1::2]))
         assert options.get("--pose_direction", read.direction) == written.direction
         assert options.get("--camera_axes", read.camera_axes) == written.camera_axes
+
+
+def test_poses_in_the_order_of_letters(scene):
+    names = [f"image_{index}.jpg" for index in range(len(scene.names))]
+    of_letters = np.argsort(np.argsort(names))  # the poses come in the order of letters, and are read in that of numbers
+    written = scene.poses.take(np.argsort(names))
+    assert np.array_equal(written.take(of_letters).centres, scene.poses.centres)
+    explanation = explain_scene(dataclasses.replace(scene, names=names, poses=written))
+    assert "in the order 1, 10, 2 of letters, where the photos have 1, 2, 10" in explanation.reading.title
+
+
+@pytest.mark.parametrize(
+    ("change", "text"),
+    [
+        (lambda a: Rotation.from_euler("ZXY", a[:, [0, 2, 1]]), "(those about y, x are about x, y)"),
+        (lambda a: Rotation.from_euler("XYZ", a[:, [1, 2, 0]]), "(ZXY for XYZ)"),
+    ],
+)
+def test_title_says_how_angles_differ(scene, change, text):
+    explanation = explain_scene(of_angles(change)(scene))
+    assert explanation.reading.title.endswith(f"whose angles are in another order {text}")
 
 
 def test_poses_of_images_that_are_late(scene):

@@ -246,8 +246,9 @@ def _orders(names: Sequence[str]) -> Iterator[Reading]:
     by_numbers = "in the order 1, 2, 10 of numbers, where the photos have 1, 10, 2"
     by_letters = "in the order 1, 10, 2 of letters, where the photos have 1, 2, 10"
     if not np.array_equal(natural, lexical):
-        yield Reading(by_numbers, ORDER_REMEDY, source=Source(natural, _places(lexical)))
-        yield Reading(by_letters, ORDER_REMEDY, source=Source(lexical, _places(natural)))
+        # A photo takes the pose that was read for the photo at its place of the order that was assumed.
+        yield Reading(by_letters, ORDER_REMEDY, source=Source(natural, _places(lexical)))
+        yield Reading(by_numbers, ORDER_REMEDY, source=Source(lexical, _places(natural)))
     orders = {order.tobytes(): order for order in (natural, lexical, np.arange(count))}.values()
     for order, start in itertools.product(orders, (0, 1)):
         # What sorts numbers without leading zeros as words makes this order of photos that are numbered.
@@ -360,9 +361,8 @@ def _angles() -> Iterator[Reading]:
     ):
         if read == meant and columns == (0, 1, 2):
             continue
-        title = f"whose angles are in another order ({meant} for {read})"
         yield Reading(
-            title,
+            f"whose angles are in another order ({_angles_text(read, meant, columns)})",
             ANGLE_REMEDY,
             _of_rotations(
                 composed,
@@ -384,6 +384,16 @@ def _angles() -> Iterator[Reading]:
                     ],
                 ),
             )
+
+
+def _angles_text(read: str, meant: str, columns: Sequence[int]) -> str:
+    """Returns what differs: the order in which a camera turns about its axes, or which angle is that of which axis."""
+    taken = [read[column] for column in columns]
+    moved = [(old.lower(), new.lower()) for old, new in zip(taken, meant) if old != new]
+    parts = [f"{meant} for {read}"] if meant != read else []
+    if moved:
+        parts.append(f"those about {', '.join(old for old, _ in moved)} are about {', '.join(new for _, new in moved)}")
+    return "; ".join(parts)
 
 
 def _both_angles(angles: Floats) -> list[Floats]:
