@@ -32,6 +32,7 @@ FOCAL_STEPS = (1.2, 1.04, 1.008)  # of factors of the focal length, coarse to fi
 NUM_FOCAL_CANDIDATES = 5  # readings that are tried with other focal lengths, too
 FOCAL_FACTORS = (0.25, 0.35, 0.5, 0.7, 0.85, 1.2, 1.4, 2.0, 2.8, 4.0)  # that are tried by rotations alone
 NUM_FOCAL_PAIRS = 20
+MIN_FOCAL_ROTATION_DEG = 1.5  # errors of the rotations that another focal length may explain, at least
 MAX_FOCAL_ROTATION_DEG = 5.0  # errors of the rotations that these leave, at most
 MAX_NUM_STEPS = 15  # of the refinement of a turn
 MAX_ROTATION_DEG, MAX_DIRECTION_DEG = 10.0, 45.0  # errors of the relative poses above which poses are of no use
@@ -168,7 +169,7 @@ def _find_focal_length(evidence: _Evidence, poses: Poses, given: Fit) -> tuple[R
     factor = min(FOCAL_FACTORS, key=lambda value: float(np.nanmedian(rotations_by(value, some))))
     rotation_deg = rotations_by(factor, evidence.matches.pairs)
     before, after = float(np.nanmedian(given.rotation_deg)), float(np.nanmedian(rotation_deg))
-    if before < MOVED_DEG or after * CLEARLY > before or after > MAX_FOCAL_ROTATION_DEG:
+    if before < MIN_FOCAL_ROTATION_DEG or after * CLEARLY > before or after > MAX_FOCAL_ROTATION_DEG:
         return None, None
     reading = other_focal_length(Reading("", ""), factor)
     return reading, Fit(evidence.fit(reading.transform(poses)).px, rotation_deg)
