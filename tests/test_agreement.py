@@ -121,6 +121,13 @@ def test_inexact_poses_agree_within_their_errors(scene, degrees, share):
     assert np.median(explanation.given.rotation_deg) == pytest.approx(1.4 * degrees, rel=0.4, abs=0.5)
 
 
+def test_rotations_of_a_drone_without_a_gimbal_are_rough(scene):
+    explanation = explain_scene(disturb(scene, degrees=14, share=0.01))
+    assert 15 < np.median(explanation.given.rotation_deg) < 25
+    assert not is_wrong(explanation)
+    assert describe(explanation, "m").startswith("poses agree with the photos only roughly: ")
+
+
 CONVENTIONS = [
     Convention(direction, axes, rotation="matrix")
     for direction, axes in itertools.product(DIRECTIONS, ("opencv", "opengl", "body"))

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from colmap_lazyloc.agreement.contradictions import contradicted_images
-from colmap_lazyloc.agreement.explain import AGREEING_PX, Explanation, explain
+from colmap_lazyloc.agreement.explain import AGREEING_PX, MAX_ROTATION_DEG, Explanation, explain
 from colmap_lazyloc.agreement.pairs import MAX_NUM_PAIRS, MatchedPair, pairs_of_database
 from colmap_lazyloc.agreement.poses import Matches, Poses, errors_px, medians_by_pair
 from colmap_lazyloc.database import DatabaseReader
@@ -130,7 +130,8 @@ def describe(explanation: Explanation, unit: str) -> str:
         px = float(np.median(given.px))
         degrees = np.degrees(px / np.median([pair.focal_px for pair in explanation.pairs]))
         return f"poses agree with the photos: {agreeing}, median {px:.1f} px, {degrees:.2f} degrees"
-    return (
-        f"poses agree with the photos within their errors: {agreeing} within {AGREEING_PX:g} px; relative poses are "
-        f"off by {errors}"
+    is_rough = np.nanmedian(given.rotation_deg) > MAX_ROTATION_DEG
+    verdict = (
+        "poses agree with the photos only roughly" if is_rough else "poses agree with the photos within their errors"
     )
+    return f"{verdict}: {agreeing} within {AGREEING_PX:g} px; relative poses are off by {errors}"

@@ -35,7 +35,10 @@ NUM_FOCAL_PAIRS = 20
 MIN_FOCAL_ROTATION_DEG = 1.5  # errors of the rotations that another focal length may explain, at least
 MAX_FOCAL_ROTATION_DEG = 5.0  # errors of the rotations that these leave, at most
 MAX_NUM_STEPS = 15  # of the refinement of a turn
-MAX_ROTATION_DEG, MAX_DIRECTION_DEG = 10.0, 45.0  # errors of the relative poses above which poses are of no use
+MAX_DIRECTION_DEG = 45.0  # error of the relative positions above which poses are of no use
+MAX_ROTATION_DEG = 10.0  # error of the relative rotations above which they are, with one of the next two
+MAX_DIRECTION_BESIDE_DEG = 20.0  # of the relative positions
+MAX_UPPER_ROTATION_DEG = 60.0  # of a quarter of the pairs
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -235,11 +238,15 @@ def _is_hopeless(evidence: _Evidence, variants: Sequence[Poses], fit: Fit) -> bo
     """True if the poses are as far off as those of other photos would be."""
     if fit.agrees:
         return False
-    if np.nanmedian(fit.rotation_deg) > MAX_ROTATION_DEG:
+    is_turned = bool(np.nanmedian(fit.rotation_deg) > MAX_ROTATION_DEG)
+    # Rotations of a drone without a gimbal may be off by 20 degrees, but those of some photos by more if all are wrong.
+    if is_turned and np.nanpercentile(fit.rotation_deg, 75) > MAX_UPPER_ROTATION_DEG:
         return True
     combinations = [(first, second) for first in variants for second in variants]
     directions = np.min([evidence.relative.direction_errors_deg(*both) for both in combinations], axis=0)
     # Of near images, even the direction between right positions is not known.
     lengths = evidence.relative.lengths(*combinations[0])
     is_far = np.isfinite(directions) & (lengths >= np.nanmedian(lengths))
-    return bool(np.median(directions[is_far]) > MAX_DIRECTION_DEG) if is_far.any() else False
+    if not is_far.any():
+        return is_turned
+    return bool(np.median(directions[is_far]) > (MAX_DIRECTION_BESIDE_DEG if is_turned else MAX_DIRECTION_DEG))
