@@ -21,6 +21,7 @@ MIN_NUM_PAIRS = 6  # fewer say nothing
 CLEARLY = 2.0  # the factor between errors that counts
 MOVED_PX, MOVED_DEG = 2.0, 3.0  # errors of a pair below these need no explanation
 MIN_MENDED_SHARE = 0.6  # of the pairs that disagree, which a reading must mend
+MIN_TURNED_DEG = 60.0  # errors of the rotations of pairs of which one photo is turned
 MIN_MENDED_OF_ALL = 0.15  # of all pairs
 MIN_NUM_MENDED = 5
 MAX_SPOILT_SHARE = 0.1  # of all pairs
@@ -147,14 +148,16 @@ def _find_reading(evidence: _Evidence, given: Fit, readings: Sequence[Reading]) 
     likely = [readings[index] for index in np.flatnonzero(turned <= CLEARLY * turned.min() + MAX_TURN_DEG)]
     quick = evidence.quick()
     likely = sorted(likely, key=lambda reading: quick.fit(quick.read(reading)).score + reading.rarity)[:NUM_CANDIDATES]
-    likely += _fitted_readings(quick, likely[:NUM_FOCAL_CANDIDATES])
+    # Photos of which some are turned fit anything a little better, and nobody has these with other focal lengths, too.
+    of_all = [reading for reading in likely if not reading.is_of_some]
+    likely += _fitted_readings(quick, of_all[:NUM_FOCAL_CANDIDATES])
     fits = [evidence.fit(evidence.read(reading)) for reading in likely]
     for index in np.argsort([fit.score + reading.rarity for fit, reading in zip(fits, likely)], kind="stable"):
         reading, fit = likely[index], fits[index]
         # A number that was fitted to the pairs must make them agree, because it mends errors of any kind a little.
-        mends = (
-            fit.agrees and (_mends(fit, given) or _improves(fit, given)) if reading.is_fitted else _mends(fit, given)
-        )
+        mends = _mends(fit, given, reading.is_of_some)
+        if reading.is_fitted:
+            mends = fit.agrees and (mends or _improves(fit, given))
         if mends and not _is_hopeless(evidence, evidence.read(reading), fit):
             return reading, fit
     return None, None
@@ -212,17 +215,21 @@ def _refine_turn(matches: Matches, poses: Poses, turn: Floats) -> Floats:
     return turned(least_squares(residuals, np.zeros(3), loss="soft_l1", max_nfev=MAX_NUM_STEPS).x)
 
 
-def _mends(fit: Fit, given: Fit) -> bool:
+def _mends(fit: Fit, given: Fit, is_of_some: bool) -> bool:
     """True if a reading mends most of the pairs that disagree, by their matches or their rotations, and spoils hardly
-    any."""
+    any. `is_of_some`: it explains only pairs of a turned photo and another one, but these by their rotations."""
     known = np.isfinite(fit.px)
     mended, spoilt = np.zeros((2, len(known)), bool)
     for new, old, small in ((fit.px, given.px, MOVED_PX), (fit.rotation_deg, given.rotation_deg, MOVED_DEG)):
         mended |= known & (old > small) & (new * CLEARLY < old)
         spoilt |= known & (new > small * CLEARLY) & (new > old * CLEARLY)
+    in_need = known & given.disagrees
+    if is_of_some:
+        in_need &= given.rotation_deg > MIN_TURNED_DEG
+        mended &= in_need & (fit.rotation_deg * CLEARLY < given.rotation_deg)
     num_mended, num_known = np.count_nonzero(mended & ~spoilt), np.count_nonzero(known)
     return bool(
-        num_mended >= MIN_MENDED_SHARE * np.count_nonzero(known & given.disagrees)
+        num_mended >= MIN_MENDED_SHARE * np.count_nonzero(in_need)
         and num_mended >= max(MIN_NUM_MENDED, MIN_MENDED_OF_ALL * num_known)
         and np.count_nonzero(spoilt) <= MAX_SPOILT_SHARE * num_known
     )
