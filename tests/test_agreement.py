@@ -7,25 +7,40 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from benchmarks.corrupted_poses import CORRUPTIONS, Scene, disturb, explain_scene, shifted
-from colmap_lazyloc.agreement.check import describe
+from benchmarks.corrupted_poses import (
+    CORRUPTIONS,
+    Scene,
+    disturb,
+    explain_scene,
+    focal_length,
+    of_angles,
+    shifted,
+    turned_photos,
+)
+from colmap_lazyloc.agreement.check import describe, judge
 from colmap_lazyloc.agreement.contradictions import contradicted_images
 from colmap_lazyloc.agreement.pairs import MatchedPair
 from colmap_lazyloc.agreement.poses import Matches, Poses, errors_px, medians_by_pair
-from colmap_lazyloc.pose_formats.conventions import CAMERA_AXES, DIRECTIONS, Convention, pose_of
-from colmap_lazyloc.poses import look_at
+from colmap_lazyloc.agreement.turned import images_of_second_poses
+from colmap_lazyloc.model import Camera
+from colmap_lazyloc.pose_formats.conventions import CAMERA_AXES, COLMAP, DIRECTIONS, Convention, pose_of
+from colmap_lazyloc.pose_formats.posed_images import PosedImage
+from colmap_lazyloc.poses import Pose, look_at
 
 FOCAL_PX = 600.0
 NOISE_PX = 0.5
+CAMERA = Camera("PINHOLE", 640, 480, (FOCAL_PX, FOCAL_PX, 320.0, 240.0))
 
 
-@pytest.fixture(scope="module")
-def scene():
-    """Cameras on an uneven walk around points, with noisy rays of pairs that are at most three apart or at random."""
+def make_scene(step_rad=(0.04, 0.16)):
+    """Makes cameras on an uneven walk around points, with noisy rays of pairs: at most three apart, or at random.
+
+    `step_rad`: the least and the largest step of the walk, seen from the points.
+    """
     random = np.random.default_rng(3)
     count = 40
     points = random.uniform(-3, 3, (400, 3)) * [1, 1, 0.5]
-    angles = np.cumsum(random.uniform(0.04, 0.16, count))
+    angles = np.cumsum(random.uniform(*step_rad, count))
     radii = random.uniform(6, 9, count)
     centres = np.stack([radii * np.cos(angles), radii * np.sin(angles), random.uniform(-1.5, 2.5, count)], axis=1)
     rotations = np.array(
@@ -46,6 +61,11 @@ def scene():
             chosen = random.choice(len(points), 40, replace=False)
             pairs.append(MatchedPair(int(first), int(second), rays(first, chosen), rays(second, chosen), FOCAL_PX))
     return Scene([f"image_{index:03d}.jpg" for index in range(count)], Poses(rotations, centres), pairs)
+
+
+@pytest.fixture(scope="module")
+def scene():
+    return make_scene()
 
 
 def test_errors_are_the_noise_of_the_keypoints(scene):
@@ -106,6 +126,13 @@ def test_inexact_poses_agree_within_their_errors(scene, degrees, share):
     assert np.median(explanation.given.rotation_deg) == pytest.approx(1.4 * degrees, rel=0.4, abs=0.5)
 
 
+def test_rotations_of_a_drone_without_a_gimbal_are_rough(scene):
+    explanation = explain_scene(disturb(scene, degrees=14, share=0.01))
+    assert 15 < np.median(explanation.given.rotation_deg) < 25
+    assert not is_wrong(explanation)
+    assert describe(explanation, "m").startswith("poses agree with the photos only roughly: ")
+
+
 CONVENTIONS = [
     Convention(direction, axes, rotation="matrix")
     for direction, axes in itertools.product(DIRECTIONS, ("opencv", "opengl", "body"))
@@ -129,10 +156,55 @@ def test_remedy_is_what_the_file_was_written_by(scene, written):
         assert options.get("--camera_axes", read.camera_axes) == written.camera_axes
 
 
+def test_poses_in_the_order_of_letters(scene):
+    names = [f"image_{index}.jpg" for index in range(len(scene.names))]
+    written = scene.poses.take(np.argsort(names))  # which is read in the order of numbers
+    explanation = explain_scene(dataclasses.replace(scene, names=names, poses=written))
+    assert "in the order 1, 10, 2 of letters, where the photos have 1, 2, 10" in explanation.reading.title
+
+
+@pytest.mark.parametrize(
+    ("change", "text"),
+    [
+        (lambda a: Rotation.from_euler("ZXY", a[:, [0, 2, 1]]), "(those about y, x are about x, y)"),
+        (lambda a: Rotation.from_euler("XYZ", a[:, [1, 2, 0]]), "(ZXY for XYZ)"),
+    ],
+)
+def test_title_says_how_angles_differ(scene, change, text):
+    explanation = explain_scene(of_angles(change)(scene))
+    assert explanation.reading.title.endswith(f"whose angles are in another order {text}")
+
+
 def test_poses_of_images_that_are_late(scene):
     for number in (1, -3):
         explanation = explain_scene(shifted(number)(scene))
         assert f"{abs(number)} place" in explanation.reading.title
+
+
+def test_focal_length_beside_inexact_positions():
+    """Where a camera turns little and positions are inexact, as those of GPS, the focal length follows from rotations
+    that are hardly off."""
+    inexact = disturb(make_scene(step_rad=(0.012, 0.048)), degrees=0.1, share=0.3)
+    assert not is_wrong(explain_scene(inexact))
+    explanation = explain_scene(focal_length(1.2)(inexact))
+    assert 1.5 < np.median(explanation.given.rotation_deg) < 3
+    assert "focal lengths times 1.2" in explanation.reading.title
+
+
+def test_photos_of_which_some_are_turned_are_named(scene):
+    turned = turned_photos(90)(scene)
+    images = [PosedImage(n, CAMERA, Pose.from_centre(*pose)) for n, *pose in zip(
+        scene.names, turned.poses.rotations, turned.poses.centres)]  # fmt: skip
+    found = judge(scene.pairs, images, COLMAP, is_metric=True)
+    assert found.is_wrong
+    compared = {index for pair in scene.pairs for index in (pair.first, pair.second)}
+    count = len(compared.intersection(range(13, 26)))
+    names = "image_013.jpg, image_014.jpg, image_015.jpg"
+    assert (
+        f"some are turned by 270 degrees, as by EXIF's orientation ({count} of {len(compared)}: {names}" in found.line
+    )
+    chosen = images_of_second_poses(Matches.of(scene.pairs), turned.poses, scene.poses)
+    assert chosen == sorted(compared.intersection(range(13, 26)))
 
 
 def test_too_few_pairs_say_nothing(scene):

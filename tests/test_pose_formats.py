@@ -146,6 +146,17 @@ def test_table_in_latitude_and_longitude(photos, tmp_path):
     assert np.allclose(origin.to_geodetic(centres)[:, :2], places[:, :2], atol=1e-9)
 
 
+def test_latitude_and_longitude_beside_quaternions_cam_from_world(photos, tmp_path):
+    """Degrees are the camera's place, and no translation, whatever the direction of the rotations is."""
+    ((latitude, longitude, height),), _, _ = geodetic([pose_files.CENTRE])
+    x, y, z, w = Rotation.from_matrix(NORTHWARD).as_quat()
+    row = f"{pose_files.NAME},{latitude:.10f},{longitude:.10f},{height:.6f},{w:.12f},{x:.12f},{y:.12f},{z:.12f}\n"
+    path = pose_files.write(tmp_path, "a.csv", "name,lat,lon,alt,qw,qx,qy,qz\n" + row)
+    options = {"pose_direction": "cam_from_world", "origin": GeoOrigin(*pose_files.ORIGIN)}
+    images, _ = read(path, photos, needs_camera=True, **options)
+    assert_looks_north(images[pose_files.NAME], tolerance=1e-4)
+
+
 def test_grid_north_is_not_north(photos, tmp_path):
     """UTM's grid is turned by some degrees against north, away from the central meridian."""
     place = geodetic([pose_files.CENTRE], (60.0, 8.0, 100.0))[0][0]  # central meridian: 9 degrees

@@ -21,6 +21,7 @@ MIN_NUM_PAIRS = 6  # fewer are no evidence
 CLEARLY = 2.0  # the factor between errors that counts
 MOVED_PX, MOVED_DEG = 2.0, 3.0  # errors of a pair below these need no explanation
 MIN_MENDED_SHARE = 0.6  # of the pairs that disagree, which a reading must mend
+MIN_TURNED_DEG = 60.0  # errors of the rotations of pairs of which one photo is turned
 MIN_MENDED_OF_ALL = 0.15  # of all pairs
 MIN_NUM_MENDED = 5
 MAX_SPOILT_SHARE = 0.1  # of all pairs
@@ -32,9 +33,13 @@ FOCAL_STEPS = (1.2, 1.04, 1.008)  # of factors of the focal length, coarse to fi
 NUM_FOCAL_CANDIDATES = 5  # readings that are tried with other focal lengths, too
 FOCAL_FACTORS = (0.25, 0.35, 0.5, 0.7, 0.85, 1.2, 1.4, 2.0, 2.8, 4.0)  # that are tried by rotations alone
 NUM_FOCAL_PAIRS = 20
+MIN_FOCAL_ROTATION_DEG = 1.5  # errors of the rotations that another focal length may explain, at least
 MAX_FOCAL_ROTATION_DEG = 5.0  # errors of the rotations that these leave, at most
 MAX_NUM_STEPS = 15  # of the refinement of a turn
-MAX_ROTATION_DEG, MAX_DIRECTION_DEG = 10.0, 45.0  # errors of the relative poses above which poses are of no use
+MAX_DIRECTION_DEG = 45.0  # error of the relative positions above which poses are of no use
+MAX_ROTATION_DEG = 10.0  # error of the relative rotations above which they are, with one of the next two
+MAX_DIRECTION_BESIDE_DEG = 20.0  # of the relative positions
+MAX_UPPER_ROTATION_DEG = 60.0  # of a quarter of the pairs
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -143,14 +148,16 @@ def _find_reading(evidence: _Evidence, given: Fit, readings: Sequence[Reading]) 
     likely = [readings[index] for index in np.flatnonzero(turned <= CLEARLY * turned.min() + MAX_TURN_DEG)]
     quick = evidence.quick()
     likely = sorted(likely, key=lambda reading: quick.fit(quick.read(reading)).score + reading.rarity)[:NUM_CANDIDATES]
-    likely += _fitted_readings(quick, likely[:NUM_FOCAL_CANDIDATES])
+    # Photos of which some are turned fit anything a little better, and nobody has these with other focal lengths, too.
+    of_all = [reading for reading in likely if not reading.is_of_some]
+    likely += _fitted_readings(quick, of_all[:NUM_FOCAL_CANDIDATES])
     fits = [evidence.fit(evidence.read(reading)) for reading in likely]
     for index in np.argsort([fit.score + reading.rarity for fit, reading in zip(fits, likely)], kind="stable"):
         reading, fit = likely[index], fits[index]
         # A number that was fitted to the pairs must make them agree, because it mends errors of any kind a little.
-        mends = (
-            fit.agrees and (_mends(fit, given) or _improves(fit, given)) if reading.is_fitted else _mends(fit, given)
-        )
+        mends = _mends(fit, given, reading.is_of_some)
+        if reading.is_fitted:
+            mends = fit.agrees and (mends or _improves(fit, given))
         if mends and not _is_hopeless(evidence, evidence.read(reading), fit):
             return reading, fit
     return None, None
@@ -168,7 +175,7 @@ def _find_focal_length(evidence: _Evidence, poses: Poses, given: Fit) -> tuple[R
     factor = min(FOCAL_FACTORS, key=lambda value: float(np.nanmedian(rotations_by(value, some))))
     rotation_deg = rotations_by(factor, evidence.matches.pairs)
     before, after = float(np.nanmedian(given.rotation_deg)), float(np.nanmedian(rotation_deg))
-    if before < MOVED_DEG or after * CLEARLY > before or after > MAX_FOCAL_ROTATION_DEG:
+    if before < MIN_FOCAL_ROTATION_DEG or after * CLEARLY > before or after > MAX_FOCAL_ROTATION_DEG:
         return None, None
     reading = other_focal_length(Reading("", ""), factor)
     return reading, Fit(evidence.fit(reading.transform(poses)).px, rotation_deg)
@@ -208,17 +215,21 @@ def _refine_turn(matches: Matches, poses: Poses, turn: Floats) -> Floats:
     return turned(least_squares(residuals, np.zeros(3), loss="soft_l1", max_nfev=MAX_NUM_STEPS).x)
 
 
-def _mends(fit: Fit, given: Fit) -> bool:
+def _mends(fit: Fit, given: Fit, is_of_some: bool) -> bool:
     """True if a reading mends most of the pairs that disagree, by their matches or their rotations, and spoils hardly
-    any."""
+    any. `is_of_some`: it explains only pairs of a turned photo and another one, but these by their rotations."""
     known = np.isfinite(fit.px)
     mended, spoilt = np.zeros((2, len(known)), bool)
     for new, old, small in ((fit.px, given.px, MOVED_PX), (fit.rotation_deg, given.rotation_deg, MOVED_DEG)):
         mended |= known & (old > small) & (new * CLEARLY < old)
         spoilt |= known & (new > small * CLEARLY) & (new > old * CLEARLY)
+    in_need = known & given.disagrees
+    if is_of_some:
+        in_need &= given.rotation_deg > MIN_TURNED_DEG
+        mended &= in_need & (fit.rotation_deg * CLEARLY < given.rotation_deg)
     num_mended, num_known = np.count_nonzero(mended & ~spoilt), np.count_nonzero(known)
     return bool(
-        num_mended >= MIN_MENDED_SHARE * np.count_nonzero(known & given.disagrees)
+        num_mended >= MIN_MENDED_SHARE * np.count_nonzero(in_need)
         and num_mended >= max(MIN_NUM_MENDED, MIN_MENDED_OF_ALL * num_known)
         and np.count_nonzero(spoilt) <= MAX_SPOILT_SHARE * num_known
     )
@@ -234,11 +245,15 @@ def _is_hopeless(evidence: _Evidence, variants: Sequence[Poses], fit: Fit) -> bo
     """True if the poses are as far off as those of other photos would be."""
     if fit.agrees:
         return False
-    if np.nanmedian(fit.rotation_deg) > MAX_ROTATION_DEG:
+    is_turned = bool(np.nanmedian(fit.rotation_deg) > MAX_ROTATION_DEG)
+    # Rotations of a drone without a gimbal may be off by 20 degrees, but those of some photos by more if all are wrong.
+    if is_turned and np.nanpercentile(fit.rotation_deg, 75) > MAX_UPPER_ROTATION_DEG:
         return True
     combinations = [(first, second) for first in variants for second in variants]
     directions = np.min([evidence.relative.direction_errors_deg(*both) for both in combinations], axis=0)
     # Of near images, even the direction between right positions is not known.
     lengths = evidence.relative.lengths(*combinations[0])
     is_far = np.isfinite(directions) & (lengths >= np.nanmedian(lengths))
-    return bool(np.median(directions[is_far]) > MAX_DIRECTION_DEG) if is_far.any() else False
+    if not is_far.any():
+        return is_turned
+    return bool(np.median(directions[is_far]) > (MAX_DIRECTION_BESIDE_DEG if is_turned else MAX_DIRECTION_DEG))

@@ -47,6 +47,7 @@ class Reading:
     rarity: float = 0.0
     source: "Source | None" = None
     is_fitted: bool = False  # by a number that was estimated of the pairs
+    is_of_some: bool = False  # of two poses, the second is that of some images, and the first that of the others
 
     def apply(self, poses: Poses, used: Array) -> Sequence[Poses]:
         """Returns the poses of the images with these indices as this reading has them."""
@@ -86,6 +87,7 @@ def all_readings(names: Sequence[str], convention: Convention) -> list[Reading]:
         (0.2, _mirrored()),
         (0.3, _worlds()),
         (0.3, _radians()),
+        (0.5, _some_turned()),
         (1.2, _angles()),
     )
     return [
@@ -163,6 +165,22 @@ def _name_turn(turn: Floats) -> tuple[str, str]:
             "give photos that are stored as they are shown, or poses and intrinsics of the photos as they are stored",
         )
     return f"with camera axes {_axes_text(turn.T)}", FILE_REMEDY
+
+
+def _some_turned() -> Iterator[Reading]:
+    """Photos of which some are turned, such as those of a drone's way back."""
+    for degrees, (cosine, sine) in ((180, (-1, 0)), (90, (0, 1)), (270, (0, -1))):
+        matrix = np.array([[cosine, -sine, 0], [sine, cosine, 0], [0, 0, 1]], float)
+
+        def transform(poses: Poses, turn: Floats = matrix) -> list[Poses]:
+            return [poses, Poses(turn @ poses.rotations, poses.centres)]
+
+        yield Reading(
+            f"of photos of which some are turned by {degrees} degrees, as by EXIF's orientation",
+            "turn these photos, or give their poses as they are stored",
+            transform,
+            is_of_some=True,
+        )
 
 
 def _axes_text(matrix: Floats) -> str:
@@ -246,8 +264,9 @@ def _orders(names: Sequence[str]) -> Iterator[Reading]:
     by_numbers = "in the order 1, 2, 10 of numbers, where the photos have 1, 10, 2"
     by_letters = "in the order 1, 10, 2 of letters, where the photos have 1, 2, 10"
     if not np.array_equal(natural, lexical):
-        yield Reading(by_numbers, ORDER_REMEDY, source=Source(natural, _places(lexical)))
-        yield Reading(by_letters, ORDER_REMEDY, source=Source(lexical, _places(natural)))
+        # A photo takes the pose that was read for the photo at its place of the order that was assumed.
+        yield Reading(by_letters, ORDER_REMEDY, source=Source(natural, _places(lexical)))
+        yield Reading(by_numbers, ORDER_REMEDY, source=Source(lexical, _places(natural)))
     orders = {order.tobytes(): order for order in (natural, lexical, np.arange(count))}.values()
     for order, start in itertools.product(orders, (0, 1)):
         # What sorts numbers without leading zeros as words makes this order of photos that are numbered.
@@ -360,9 +379,8 @@ def _angles() -> Iterator[Reading]:
     ):
         if read == meant and columns == (0, 1, 2):
             continue
-        title = f"whose angles are in another order ({meant} for {read})"
         yield Reading(
-            title,
+            f"whose angles are in another order ({_angles_text(read, meant, columns)})",
             ANGLE_REMEDY,
             _of_rotations(
                 composed,
@@ -384,6 +402,16 @@ def _angles() -> Iterator[Reading]:
                     ],
                 ),
             )
+
+
+def _angles_text(read: str, meant: str, columns: Sequence[int]) -> str:
+    """Returns what differs: the order in which a camera turns about its axes, or which angle is that of which axis."""
+    taken = [read[column] for column in columns]
+    moved = [(old.lower(), new.lower()) for old, new in zip(taken, meant) if old != new]
+    parts = [f"{meant} for {read}"] if meant != read else []
+    if moved:
+        parts.append(f"those about {', '.join(old for old, _ in moved)} are about {', '.join(new for _, new in moved)}")
+    return "; ".join(parts)
 
 
 def _both_angles(angles: Floats) -> list[Floats]:

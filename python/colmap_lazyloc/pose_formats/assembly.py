@@ -34,8 +34,11 @@ def assemble(raw: RawPoses, convention: Convention, source: Source) -> PosedImag
         if source.camera_axes is not None:
             raise InputError(f"--camera_axes {source.camera_axes}: --calibration says how the camera is mounted")
         convention = dataclasses.replace(convention, camera_axes="opencv")  # leaves the body's axes as they are
+    frame = _frame(raw.frame, source)
+    if frame.is_in_degrees:
+        convention = dataclasses.replace(convention, vector="centre")  # --pose_direction is that of rotations alone
     raw, poses, left_out = _without_repeated(raw, convention)
-    poses, origin = _to_local(poses, _frame(raw.frame, source), source.origin, left_out)
+    poses, origin = _to_local(poses, frame, source.origin, left_out)
     found = associate(raw.poses, source) if poses else Association({})
     left_out |= found.ambiguous
     images = []

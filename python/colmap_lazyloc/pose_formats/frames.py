@@ -43,6 +43,11 @@ class Frame:
     def is_geographic(self) -> bool:
         return self.crs is not None or self.origin is not None
 
+    @property
+    def is_in_degrees(self) -> bool:
+        """True if coordinates are longitudes and latitudes, which are those of a centre: no rotation turns them."""
+        return self.crs is not None and bool(find_crs(self.crs).is_geographic)
+
     def to_local(self, poses: Sequence[Pose], origin: GeoOrigin | None) -> tuple[list[Pose | None], GeoOrigin | None]:
         """Returns the poses in the local frame at `origin`, by default in their middle, and the origin of the frame.
 
