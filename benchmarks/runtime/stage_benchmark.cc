@@ -73,7 +73,7 @@ void BM_EstimateRelativeDirection(benchmark::State& state) {
   options.noise_px = kNoisePx;
   options.focal_length_px = 1000;
   const SyntheticTracks scene = MakeSyntheticTracks(options);
-  std::vector<RayPair> rays;
+  std::vector<RayMatch> rays;
   for (const Track& track : scene.tracks) {
     const auto ray_in_world = [&](int image) -> Eigen::Vector3d {
       return CamFromWorld(scene.posed, image).rotation.conjugate() * track.observations[image].observation.ray_in_cam;
@@ -239,11 +239,9 @@ BENCHMARK(BM_CeresAdjustPath)->ArgName("frames")->Arg(500)->Arg(2000)->Unit(benc
 // Measures the steps after adjustment. The covariance for errors of the given size is part of the result of adjustment.
 void BM_Covariance(benchmark::State& state) {
   const SyntheticTracks scene = MakeTracks(state);
-  const Eigen::Matrix<double, 6, 6> covariance = Eigen::Matrix<double, 6, 6>::Identity();
   for (auto _ : state) {
     benchmark::DoNotOptimize(
         VarianceFactor(scene.posed, scene.tracks, RobustLoss(BundleAdjustmentOptions().loss_scale_sigma)));
-    benchmark::DoNotOptimize(ComputePoseSpread(CamFromWorld(scene.posed, 0), covariance));
   }
 }
 BENCHMARK(BM_Covariance)->Apply(DatabaseImagesAndPoints);

@@ -10,7 +10,6 @@
 namespace lazyloc {
 namespace {
 
-
 TEST(ReportCommand, NamesWhatTheRunHasRead) {
   CommandOptions options;
   options.output_path = "localized";

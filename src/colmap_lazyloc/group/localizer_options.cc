@@ -11,11 +11,12 @@ bool LocalizerOptions::Check(std::string* error) const {
   OPTION_GE(focal_length_stddev_ratio, 0);
   OPTION_GE(min_confidence, 0);
   OPTION_LE(min_confidence, 1);
+  OPTION_GT(max_position_stddev_ratio, 0);
   if (intrinsics == IntrinsicsMode::REFINE && method == Method::PAPER) {
     *error = "intrinsics = refine needs method = extended";
     return false;
   }
-  return true;
+  return triangulation.Check(error) && bundle_adjustment.Check(error);
 }
 
 }  // namespace lazyloc

@@ -10,6 +10,7 @@ namespace lazyloc {
 
 // Localizes queries together against posed database images (LazyLoc, arXiv 2307.09981): one pose for each frame.
 // Returns a result for each image of the group. Uses one thread; the results depend on the group and the options only.
+// Throws InputError for impossible options.
 // Never throws for a query that cannot be localized: its status says why.
 //
 // Frames that cannot be localized with the others are localized individually, and the others without them. Single

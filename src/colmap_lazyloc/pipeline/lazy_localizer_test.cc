@@ -1,8 +1,12 @@
 #include "colmap_lazyloc/pipeline/lazy_localizer.h"
 
+#include <limits>
+#include <string>
+
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include "colmap_lazyloc/scene/errors.h"
 #include "colmap_lazyloc/testing/stage_input.h"
 #include "colmap_lazyloc/testing/synthetic_scene.h"
 
@@ -216,6 +220,28 @@ TEST(LazyLocalizer, DatabasePosesThatAreOffLeaveThePointsOfAPreciseQuery) {
   const LocalizationResult result = Localize(scene);
   ASSERT_TRUE(HasPose(result.status)) << result.reason;
   EXPECT_LE(PositionError(result.cam_from_world, scene.query_cam_from_world), 0.01 * scene.median_depth);
+}
+
+TEST(LazyLocalizer, ImpossibleOptionsAreNamed) {
+  const SyntheticScene scene = MakeSyntheticScene({});
+  const auto error = [&](const LocalizerOptions& options) {
+    try {
+      LocalizeQuery(scene.problem, options);
+    } catch (const InputError& input_error) {
+      return std::string(input_error.what());
+    }
+    return std::string();
+  };
+  LocalizerOptions options;
+  EXPECT_EQ(error(options), "");
+  options.bundle_adjustment.max_num_iterations = -1;
+  EXPECT_EQ(error(options), "max_num_iterations must be >= 0, but is -1");
+  options = {};
+  options.triangulation.max_query_error_sigma = 0;
+  EXPECT_EQ(error(options), "max_query_error_sigma must be > 0, but is 0");
+  options = {};
+  options.max_position_stddev_ratio = std::numeric_limits<double>::quiet_NaN();
+  EXPECT_EQ(error(options), "max_position_stddev_ratio must be > 0, but is nan");
 }
 
 TEST(LazyLocalizer, NoKeypointsIsReported) {

@@ -9,8 +9,17 @@
 
 #include "colmap_lazyloc/refinement/bundle_solver.h"
 #include "colmap_lazyloc/refinement/covariance.h"
+#include "colmap_lazyloc/scene/options_check.h"
 
 namespace lazyloc {
+
+bool BundleAdjustmentOptions::Check(std::string* error) const {
+  OPTION_GT(loss_scale_sigma, 0);
+  OPTION_GE(max_num_iterations, 0);
+  OPTION_GT(convergence_sigma, 0);
+  return true;
+}
+
 namespace {
 
 using Matrix6d = Eigen::Matrix<double, 6, 6>;

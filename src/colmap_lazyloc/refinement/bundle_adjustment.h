@@ -18,6 +18,8 @@ struct BundleAdjustmentOptions {
   // Bound on the last step, or on twice the next one, in standard deviations of the poses (root mean square).
   double convergence_sigma = 0.2;
   bool computes_covariances = true;  // true to compute them, component_covariances of prior_fits, and intrinsics_scores
+
+  bool Check(std::string* error) const;
 };
 
 // What an adjustment says of the deviations p of a prior group's frames.

@@ -7,9 +7,18 @@
 #include <utility>
 
 #include "colmap_lazyloc/math/so3.h"
+#include "colmap_lazyloc/scene/options_check.h"
 #include "colmap_lazyloc/structure/ray_intersection.h"
 
 namespace lazyloc {
+
+bool TrackTriangulationOptions::Check(std::string* error) const {
+  OPTION_GT(max_query_error_sigma, 0);
+  OPTION_GE(min_triangulation_angle_deg, 0);
+  OPTION_GE(single_image_noise_ratio, 1);
+  return true;
+}
+
 namespace {
 
 // Maximum distance of a point from a keypoint in a database image, in standard deviations of the image's noise: true

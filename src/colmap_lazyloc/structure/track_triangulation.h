@@ -16,6 +16,8 @@ struct TrackTriangulationOptions {
   // Factor on the image noise of tracks with one database image: its pose error moves all their points alike, where the
   // errors of several images average out, and a false match along the epipolar line goes unnoticed.
   double single_image_noise_ratio = 3;
+
+  bool Check(std::string* error) const;
 };
 
 // Tracks with points, and the others.
