@@ -60,6 +60,20 @@ def inverse(scene):
     return scene.with_poses(transposed(rotations), -turn_by(scene.poses.centres, rotations))
 
 
+def turned_photos(degrees):
+    """A third of the photos, one after the other, are turned: those of a drone's way back."""
+    turn = Rotation.from_euler("z", degrees, degrees=True).as_matrix()
+
+    def corrupt(scene):
+        order = np.array(sorted(range(len(scene.names)), key=lambda index: natural_key(scene.names[index])))
+        rotations = scene.poses.rotations.copy()
+        some = order[len(order) // 3 : 2 * len(order) // 3]
+        rotations[some] = turn @ rotations[some]
+        return scene.with_poses(rotations, scene.poses.centres)
+
+    return corrupt
+
+
 def quaternion_order(scene):
     """World_from_cam written as w, x, y, z and read as x, y, z, w."""
     xyzw = Rotation.from_matrix(transposed(scene.poses.rotations)).as_quat()
@@ -135,7 +149,11 @@ CORRUPTIONS: dict[str, tuple[Callable[[Scene], Scene], str]] = {
     "another set": (of_another_set, "other photos"),
     "grid of 2 degrees": (grid(2.05), "rotations turned by"),
     "half the focal length": (focal_length(2.0), "focal lengths times"),
-    "EXIF's orientation": (with_turned_camera(Rotation.from_euler("z", 90, degrees=True).as_matrix()), "turned by"),
+    "EXIF's orientation": (
+        with_turned_camera(Rotation.from_euler("z", 90, degrees=True).as_matrix()),
+        "photos that are turned by",
+    ),
+    "some photos turned": (turned_photos(180), "some are turned by 180 degrees"),
 }
 
 

@@ -15,16 +15,21 @@ from benchmarks.corrupted_poses import (
     focal_length,
     of_angles,
     shifted,
+    turned_photos,
 )
-from colmap_lazyloc.agreement.check import describe
+from colmap_lazyloc.agreement.check import describe, judge
 from colmap_lazyloc.agreement.contradictions import contradicted_images
 from colmap_lazyloc.agreement.pairs import MatchedPair
 from colmap_lazyloc.agreement.poses import Matches, Poses, errors_px, medians_by_pair
-from colmap_lazyloc.pose_formats.conventions import CAMERA_AXES, DIRECTIONS, Convention, pose_of
-from colmap_lazyloc.poses import look_at
+from colmap_lazyloc.agreement.turned import images_of_second_poses
+from colmap_lazyloc.model import Camera
+from colmap_lazyloc.pose_formats.conventions import CAMERA_AXES, COLMAP, DIRECTIONS, Convention, pose_of
+from colmap_lazyloc.pose_formats.posed_images import PosedImage
+from colmap_lazyloc.poses import Pose, look_at
 
 FOCAL_PX = 600.0
 NOISE_PX = 0.5
+CAMERA = Camera("PINHOLE", 640, 480, (FOCAL_PX, FOCAL_PX, 320.0, 240.0))
 
 
 def make_scene(step_rad=(0.04, 0.16)):
@@ -184,6 +189,22 @@ def test_focal_length_beside_inexact_positions():
     explanation = explain_scene(focal_length(1.2)(inexact))
     assert 1.5 < np.median(explanation.given.rotation_deg) < 3
     assert "focal lengths times 1.2" in explanation.reading.title
+
+
+def test_photos_of_which_some_are_turned_are_named(scene):
+    turned = turned_photos(90)(scene)
+    images = [PosedImage(n, CAMERA, Pose.from_centre(*pose)) for n, *pose in zip(
+        scene.names, turned.poses.rotations, turned.poses.centres)]  # fmt: skip
+    found = judge(scene.pairs, images, COLMAP, is_metric=True)
+    assert found.is_wrong
+    compared = {index for pair in scene.pairs for index in (pair.first, pair.second)}
+    count = len(compared.intersection(range(13, 26)))
+    names = "image_013.jpg, image_014.jpg, image_015.jpg"
+    assert (
+        f"some are turned by 270 degrees, as by EXIF's orientation ({count} of {len(compared)}: {names}" in found.line
+    )
+    chosen = images_of_second_poses(Matches.of(scene.pairs), turned.poses, scene.poses)
+    assert chosen == sorted(compared.intersection(range(13, 26)))
 
 
 def test_too_few_pairs_say_nothing(scene):

@@ -13,6 +13,7 @@ from colmap_lazyloc.agreement.contradictions import contradicted_images
 from colmap_lazyloc.agreement.explain import AGREEING_PX, MAX_ROTATION_DEG, Explanation, explain
 from colmap_lazyloc.agreement.pairs import MAX_NUM_PAIRS, MatchedPair, pairs_of_database
 from colmap_lazyloc.agreement.poses import Matches, Poses, errors_px, medians_by_pair
+from colmap_lazyloc.agreement.turned import images_of_second_poses
 from colmap_lazyloc.database import DatabaseReader
 from colmap_lazyloc.errors import InputError, logger
 from colmap_lazyloc.extras import install_command, is_installed
@@ -20,6 +21,7 @@ from colmap_lazyloc.pose_formats.conventions import COLMAP, Convention
 from colmap_lazyloc.pose_formats.posed_images import PosedImage, PosedImages
 
 MAX_NUM_NAMED = 10  # images that contradict the others
+MAX_NUM_TURNED = 3  # images that are named as turned
 PAIRS_OF_AN_IMAGE = 3  # that are looked at, to name images whose poses are wrong
 MAX_NUM_IMAGE_PAIRS = 3000
 NEEDED = ("cv2", "scipy")
@@ -45,9 +47,14 @@ class Judgement:
         """Returns the line, and one that names images, if there are any."""
         if not self.contradicted:
             return [self.line]
-        more = len(self.contradicted) - MAX_NUM_NAMED
-        names = ", ".join(self.contradicted[:MAX_NUM_NAMED]) + (f" and {more} more" if more > 0 else "")
+        names = _first(self.contradicted, MAX_NUM_NAMED)
         return [self.line, f"but these contradict the others, by their poses or by wrong matches: {names}"]
+
+
+def _first(names: Sequence[str], count: int) -> str:
+    """Returns the first of some names, and how many more there are."""
+    more = len(names) - count
+    return ", ".join(names[:count]) + (f" and {more} more" if more > 0 else "")
 
 
 def check_photos(
@@ -92,12 +99,17 @@ def judge(
     if explanation is None:
         return None
     is_wrong = explanation.reading is not None or explanation.is_hopeless
-    contradicted = []
+    contradicted, turned = [], ""
+    matches = Matches.of(pairs)
+    if explanation.reading is not None and explanation.reading.is_of_some:
+        chosen = images_of_second_poses(matches, *explanation.reading.transform(poses))
+        num_compared = len(np.unique([matches.first, matches.second]))
+        names = _first([images[index].name for index in chosen], MAX_NUM_TURNED)
+        turned = f"{len(chosen)} of {num_compared}: {names}"
     if not is_wrong:
-        matches = Matches.of(pairs)
         px = medians_by_pair(matches, errors_px(matches, poses, poses))
         contradicted = contradicted_images([(pair.first, pair.second) for pair in pairs], px)
-    line = describe(explanation, "m" if is_metric else "units")
+    line = describe(explanation, "m" if is_metric else "units", turned)
     remedy = "" if explanation.reading is None else explanation.reading.remedy
     options = remedy.removeprefix("give ")
     options = options if re.fullmatch(r"(--\w+ \w+ ?)+", options) else ""
@@ -111,8 +123,8 @@ def poses_of(images: Sequence[PosedImage]) -> Poses:
     return Poses(rotations, np.array([pose.cam_in_world for pose in poses]).reshape(-1, 3))
 
 
-def describe(explanation: Explanation, unit: str) -> str:
-    """Returns one line; `unit`: that of the poses."""
+def describe(explanation: Explanation, unit: str, turned: str = "") -> str:
+    """Returns one line; `unit`: that of the poses; `turned`: the images that are, if some are."""
     given, reading, mended = explanation.given, explanation.reading, explanation.mended
     agreeing = f"{given.num_agreeing} of {len(given.px)} pairs"
     errors = f"{np.nanmedian(given.rotation_deg):.1f} degrees and {explanation.position_error:.2g} {unit} in the median"
@@ -120,7 +132,8 @@ def describe(explanation: Explanation, unit: str) -> str:
         after = f"{mended.num_agreeing} of {np.count_nonzero(np.isfinite(mended.px))} do"
         if not mended.agrees:
             after = f"they do within {np.nanmedian(mended.rotation_deg):.1f} degrees"
-        return f"the poses do not fit the photos: {agreeing} agree; as poses {reading.title}, {after}: {reading.remedy}"
+        title = f"{reading.title} ({turned})" if turned else reading.title
+        return f"the poses do not fit the photos: {agreeing} agree; as poses {title}, {after}: {reading.remedy}"
     if explanation.is_hopeless:
         return (
             f"the poses do not fit the photos: {agreeing} agree, and relative poses are off by {errors}, as those of "

@@ -47,6 +47,7 @@ class Reading:
     rarity: float = 0.0
     source: "Source | None" = None
     is_fitted: bool = False  # by a number that was estimated of the pairs
+    is_of_some: bool = False  # of two poses, the second is that of some images, and the first that of the others
 
     def apply(self, poses: Poses, used: Array) -> Sequence[Poses]:
         """Returns the poses of the images with these indices as this reading has them."""
@@ -86,6 +87,7 @@ def all_readings(names: Sequence[str], convention: Convention) -> list[Reading]:
         (0.2, _mirrored()),
         (0.3, _worlds()),
         (0.3, _radians()),
+        (0.5, _some_turned()),
         (1.2, _angles()),
     )
     return [
@@ -163,6 +165,22 @@ def _name_turn(turn: Floats) -> tuple[str, str]:
             "give photos that are stored as they are shown, or poses and intrinsics of the photos as they are stored",
         )
     return f"with camera axes {_axes_text(turn.T)}", FILE_REMEDY
+
+
+def _some_turned() -> Iterator[Reading]:
+    """Photos of which some are turned, such as those of a drone's way back."""
+    for degrees, (cosine, sine) in ((180, (-1, 0)), (90, (0, 1)), (270, (0, -1))):
+        matrix = np.array([[cosine, -sine, 0], [sine, cosine, 0], [0, 0, 1]], float)
+
+        def transform(poses: Poses, turn: Floats = matrix) -> list[Poses]:
+            return [poses, Poses(turn @ poses.rotations, poses.centres)]
+
+        yield Reading(
+            f"of photos of which some are turned by {degrees} degrees, as by EXIF's orientation",
+            "turn these photos, or give their poses as they are stored",
+            transform,
+            is_of_some=True,
+        )
 
 
 def _axes_text(matrix: Floats) -> str:
