@@ -13,15 +13,15 @@ from colmap_lazyloc.agreement.pairs import MatchedPair
 from colmap_lazyloc.agreement.poses import Matches, Poses, errors_px, medians_by_pair
 from colmap_lazyloc.agreement.readings import Reading, all_readings, other_focal_length, turned_world
 from colmap_lazyloc.agreement.relative import RelativePoses
+from colmap_lazyloc.agreement.turned import images_of_second_poses
 from colmap_lazyloc.array_types import Array, Floats
 from colmap_lazyloc.pose_formats.conventions import Convention
 
 AGREEING_PX = 4.0  # at most, the median error of the matches of a pair that agrees
-MIN_NUM_PAIRS = 6  # fewer are no evidence
+MIN_NUM_PAIRS = 6  # fewer say nothing
 CLEARLY = 2.0  # the factor between errors that counts
 MOVED_PX, MOVED_DEG = 2.0, 3.0  # errors of a pair below these need no explanation
 MIN_MENDED_SHARE = 0.6  # of the pairs that disagree, which a reading must mend
-MIN_TURNED_DEG = 60.0  # errors of the rotations of pairs of which one photo is turned
 MIN_MENDED_OF_ALL = 0.15  # of all pairs
 MIN_NUM_MENDED = 5
 MAX_SPOILT_SHARE = 0.1  # of all pairs
@@ -75,7 +75,7 @@ class Fit:
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Explanation:
-    """What pairs show about poses.
+    """What pairs say about poses.
 
     `given`: how the poses fit as they were given. `reading`: what they are instead, and `mended`: how they fit so; None
     if they are what they are said to be, or nobody knows. `is_hopeless`: they are as far off as poses of other photos.
@@ -113,6 +113,19 @@ class _Evidence:
     def read(self, reading: Reading) -> Sequence[Poses]:
         return reading.apply(self.poses, self.used)
 
+    def settle(self, reading: Reading) -> tuple[Sequence[Poses], Array]:
+        """Returns the poses by a reading, and which pairs it changes. Where each image may have one of two poses, it
+        has the one that its matches fit better."""
+        variants = self.read(reading)
+        if not reading.is_of_some:
+            return variants, np.ones(len(self.matches.pairs), bool)
+        first, second = variants
+        is_second = np.zeros(len(first.centres), bool)
+        is_second[images_of_second_poses(self.matches, first, second)] = True
+        rotations = np.where(is_second[:, None, None], second.rotations, first.rotations)
+        chosen = Poses(rotations, np.where(is_second[:, None], second.centres, first.centres))
+        return [chosen], is_second[self.matches.first] | is_second[self.matches.second]
+
     def quick(self) -> "_Evidence":
         """Returns the same with fewer matches."""
         return dataclasses.replace(self, matches=Matches.of(self.matches.pairs, NUM_QUICK_MATCHES))
@@ -148,17 +161,18 @@ def _find_reading(evidence: _Evidence, given: Fit, readings: Sequence[Reading]) 
     likely = [readings[index] for index in np.flatnonzero(turned <= CLEARLY * turned.min() + MAX_TURN_DEG)]
     quick = evidence.quick()
     likely = sorted(likely, key=lambda reading: quick.fit(quick.read(reading)).score + reading.rarity)[:NUM_CANDIDATES]
-    # Photos of which some are turned fit anything a little better, and nobody has these with other focal lengths, too.
+    # Two poses for each image fit anything a little better, and nobody has these with other focal lengths, too.
     of_all = [reading for reading in likely if not reading.is_of_some]
     likely += _fitted_readings(quick, of_all[:NUM_FOCAL_CANDIDATES])
-    fits = [evidence.fit(evidence.read(reading)) for reading in likely]
+    settled = [evidence.settle(reading) for reading in likely]
+    fits = [evidence.fit(variants) for variants, _ in settled]
     for index in np.argsort([fit.score + reading.rarity for fit, reading in zip(fits, likely)], kind="stable"):
-        reading, fit = likely[index], fits[index]
+        reading, fit, (variants, is_changed) = likely[index], fits[index], settled[index]
         # A number that was fitted to the pairs must make them agree, because it mends errors of any kind a little.
-        mends = _mends(fit, given, reading.is_of_some)
+        mends = _mends(fit, given, is_changed)
         if reading.is_fitted:
             mends = fit.agrees and (mends or _improves(fit, given))
-        if mends and not _is_hopeless(evidence, evidence.read(reading), fit):
+        if mends and not _is_hopeless(evidence, variants, fit):
             return reading, fit
     return None, None
 
@@ -215,21 +229,17 @@ def _refine_turn(matches: Matches, poses: Poses, turn: Floats) -> Floats:
     return turned(least_squares(residuals, np.zeros(3), loss="soft_l1", max_nfev=MAX_NUM_STEPS).x)
 
 
-def _mends(fit: Fit, given: Fit, is_of_some: bool) -> bool:
-    """True if a reading mends most of the pairs that disagree, by their matches or their rotations, and spoils hardly
-    any. `is_of_some`: it explains only pairs of a turned photo and another one, but these by their rotations."""
+def _mends(fit: Fit, given: Fit, is_changed: Array) -> bool:
+    """True if a reading mends most of the pairs that disagree and that it changes, by their matches or their rotations,
+    and spoils hardly any."""
     known = np.isfinite(fit.px)
     mended, spoilt = np.zeros((2, len(known)), bool)
     for new, old, small in ((fit.px, given.px, MOVED_PX), (fit.rotation_deg, given.rotation_deg, MOVED_DEG)):
         mended |= known & (old > small) & (new * CLEARLY < old)
         spoilt |= known & (new > small * CLEARLY) & (new > old * CLEARLY)
-    in_need = known & given.disagrees
-    if is_of_some:
-        in_need &= given.rotation_deg > MIN_TURNED_DEG
-        mended &= in_need & (fit.rotation_deg * CLEARLY < given.rotation_deg)
     num_mended, num_known = np.count_nonzero(mended & ~spoilt), np.count_nonzero(known)
     return bool(
-        num_mended >= MIN_MENDED_SHARE * np.count_nonzero(in_need)
+        num_mended >= MIN_MENDED_SHARE * np.count_nonzero(known & given.disagrees & is_changed)
         and num_mended >= max(MIN_NUM_MENDED, MIN_MENDED_OF_ALL * num_known)
         and np.count_nonzero(spoilt) <= MAX_SPOILT_SHARE * num_known
     )
