@@ -52,6 +52,14 @@ DefaultCamera ParseDefaultCamera(const PhotoOptions& options) {
   return camera;
 }
 
+// Returns null if no candidate has this name. candidates: sorted by name.
+const DatabaseCandidate* FindCandidate(const std::vector<DatabaseCandidate>& candidates, const std::string& name) {
+  const auto found = std::lower_bound(
+      candidates.begin(), candidates.end(), name,
+      [](const DatabaseCandidate& candidate, const std::string& other) { return candidate.image->name < other; });
+  return found == candidates.end() || found->image->name != name ? nullptr : &*found;
+}
+
 // Returns the candidates from the nearest viewpoints, nearest first, but the image itself. The viewpoint distance is
 // the root of (2 sin(angle / 2))^2 + (displacement / d)^2. How far the scene is, is not known: d is the distance to the
 // camera that is max_num places away, so that a walk is treated as a room is.
@@ -298,9 +306,8 @@ std::shared_ptr<const Features> PhotoLoader::FeaturesOf(const Candidate& candida
 
 std::vector<ImagePair> PhotoLoader::MatchDatabaseImage(const ModelImage& image, int max_num_others,
                                                        const FeatureReader& features, IdleThreads* idle_threads) const {
-  const auto own = std::find_if(candidates_.begin(), candidates_.end(),
-                                [&](const Candidate& candidate) { return candidate.image->name == image.name; });
-  const std::shared_ptr<const Features> own_features = own == candidates_.end() ? nullptr : FeaturesOf(*own, features);
+  const Candidate* own = FindCandidate(candidates_, image.name);
+  const std::shared_ptr<const Features> own_features = own == nullptr ? nullptr : FeaturesOf(*own, features);
   if (!own_features) return {};
   LocalizationProblem problem;
   problem.query_name = image.name;
@@ -331,9 +338,7 @@ LocalizationProblem PhotoLoader::LoadFallback(const PhotoQuery& photo, const Loc
   const PhotoFile file = ReadFile(photo, *methods_.fallback, record);
   Candidates candidates;
   for (const ImagePair& pair : first.pairs) {
-    candidates.push_back(&*std::lower_bound(
-        candidates_.begin(), candidates_.end(), pair.other_name,
-        [](const Candidate& candidate, const std::string& name) { return candidate.image->name < name; }));
+    candidates.push_back(FindCandidate(candidates_, pair.other_name));
   }
   // Takes all images, if they are few, for a photo without any features of the first attempt.
   if (candidates.empty()) candidates = AllowedCandidates(photo);
