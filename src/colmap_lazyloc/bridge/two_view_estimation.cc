@@ -52,10 +52,9 @@ std::optional<Eigen::Matrix3d> IfSet(std::optional<Eigen::Matrix3d> matrix) {
   return matrix;
 }
 
-// Returns COLMAP's maximum epipolar error of an inlier in pixels.
-double MaxErrorPx() { return colmap::TwoViewGeometryOptions().ransac_options.max_error; }
-
 }  // namespace
+
+double MaxErrorPx() { return colmap::TwoViewGeometryOptions().ransac_options.max_error; }
 
 TwoViewGeometry EstimateTwoViewGeometry(const LocalizationProblem& problem, const ImagePair& pair,
                                         const Matches& matches, bool is_query_calibrated, uint32_t seed) {

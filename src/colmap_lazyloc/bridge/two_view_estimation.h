@@ -6,6 +6,9 @@
 
 namespace lazyloc {
 
+// Returns COLMAP's maximum epipolar error of an inlier in pixels.
+double MaxErrorPx();
+
 // Estimates the two-view geometry of a pair with COLMAP: a fundamental matrix without a relative pose if the query is
 // not calibrated. Else it is an essential matrix (five points, LO-RANSAC), or a homography if that has nearly as many
 // inliers, with the relative pose. Returns config DEGENERATE if there are fewer than kMinNumInliers inliers. The same

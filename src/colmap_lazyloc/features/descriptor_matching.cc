@@ -1,9 +1,9 @@
 #include "colmap_lazyloc/features/descriptor_matching.h"
 
 #include <algorithm>
-#include <cmath>
 #include <vector>
 
+#include "colmap_lazyloc/features/nearest_descriptor.h"
 #include "colmap_lazyloc/math/descriptor_products.h"
 #include "colmap_lazyloc/math/vectorized.h"
 #include "colmap_lazyloc/scene/errors.h"
@@ -11,10 +11,7 @@
 namespace lazyloc {
 namespace {
 
-constexpr float kSquaredLength = 512 * 512;  // of every descriptor
-constexpr int kRowsPerChunk = 256;           // rows whose neighbours fit into a cache while all blocks pass
-// Maximum angle between matched descriptors, and maximum ratio of it to that of the second best: COLMAP's defaults.
-constexpr float kMaxAngleRad = 0.7f, kMaxRatio = 0.8f;
+constexpr int kRowsPerChunk = 256;  // rows whose neighbours fit into a cache while all blocks pass
 constexpr int kVectorsPerBlock = kDescriptorBlock / kNumLanes;
 
 // Largest and second largest product so far in each lane, and the place where the largest one was first.
@@ -46,47 +43,24 @@ LAZYLOC_ALWAYS_INLINE inline void AddTile(const ProductTile& products, int first
   }
 }
 
-// The nearest neighbour of a descriptor in the other image: its index, and the largest and second largest product.
-struct Neighbour {
-  int index = -1;
-  int32_t best = 0, second = 0;
-
-  // Adds descriptors of the other image of which the one at `new_index` is the nearest. Among equal ones, the first is
-  // kept.
-  void Add(int new_index, int32_t new_best, int32_t new_second) {
-    second = std::max({second, new_second, std::min(best, new_best)});
-    if (new_best > best || (new_best == best && new_best > 0 && new_index < index)) index = new_index;
-    best = std::max(best, new_best);
-  }
-
-  // Returns the index if the neighbour is near enough and clearly the nearest, else -1.
-  int Match() const {
-    if (index < 0) return -1;
-    const float angle = std::acos(std::min(static_cast<float>(best) / kSquaredLength, 1.0f));
-    const float second_angle = std::acos(std::min(static_cast<float>(second) / kSquaredLength, 1.0f));
-    const bool is_good = angle <= kMaxAngleRad && angle < kMaxRatio * second_angle;
-    return is_good ? index : -1;
-  }
-};
-
 // The neighbours of all descriptors of two images in the other one.
 struct AllNeighbours {
   std::vector<LaneNeighbours> of_rows;     // one per row; lanes are columns, places are vectors of columns
   std::vector<LaneNeighbours> of_columns;  // one per vector of columns; lanes are columns, places are rows
 
-  Neighbour OfRow(int row) const {
+  NearestDescriptor OfRow(int row) const {
     const LaneNeighbours& lanes = of_rows[static_cast<size_t>(row)];
-    Neighbour neighbour;
+    NearestDescriptor neighbour;
     for (int lane = 0; lane < kNumLanes; ++lane) {
       neighbour.Add(lanes.place.values[lane] * kNumLanes + lane, lanes.best.values[lane], lanes.second.values[lane]);
     }
     return neighbour;
   }
 
-  Neighbour OfColumn(int column) const {
+  NearestDescriptor OfColumn(int column) const {
     const LaneNeighbours& lanes = of_columns[static_cast<size_t>(column / kNumLanes)];
     const int lane = column % kNumLanes;
-    Neighbour neighbour;
+    NearestDescriptor neighbour;
     neighbour.Add(lanes.place.values[lane], lanes.best.values[lane], lanes.second.values[lane]);
     return neighbour;
   }
@@ -95,7 +69,7 @@ struct AllNeighbours {
 AllNeighbours FindNeighbours(const DescriptorRows& rows, const DescriptorBlocks& columns) {
   AllNeighbours neighbours;
   neighbours.of_rows.resize(static_cast<size_t>(rows.NumRows()));
-  neighbours.of_columns.resize(static_cast<size_t>(columns.NumBlocks() * kVectorsPerBlock));
+  neighbours.of_columns.resize(static_cast<size_t>(columns.NumBlocks()) * kVectorsPerBlock);
   RunVectorizedIntegers([&]() LAZYLOC_ALWAYS_INLINE {
     ProductTile products;
     for (int begin = 0; begin < rows.NumRows(); begin += kRowsPerChunk) {

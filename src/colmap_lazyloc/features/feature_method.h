@@ -4,6 +4,7 @@
 
 #include "colmap_lazyloc/bridge/feature_extraction.h"
 #include "colmap_lazyloc/math/parallel_for.h"
+#include "colmap_lazyloc/math/ray_pose.h"
 #include "colmap_lazyloc/scene/camera.h"
 #include "colmap_lazyloc/scene/features.h"
 #include "colmap_lazyloc/scene/match.h"
@@ -32,6 +33,15 @@ class FeatureMethod {
   // Returns the sorted matches. Uses the calling thread alone.
   virtual Matches Match(const Features& query, const Camera& query_camera, const Features& database,
                         const Camera& database_camera) const = 0;
+  // True if MatchGuided can be called.
+  virtual bool HasGuidedMatching() const { return false; }
+  // Returns the sorted matches of features that lie near epipolar lines of each other. rays: one per keypoint, of unit
+  // length, or zero where the camera has none. E: query_ray^T E database_ray = 0. max_error_rad: of matched rays.
+  virtual Matches MatchGuided(const Features& /*query*/, const Rays& /*query_rays*/, const Features& /*database*/,
+                              const Rays& /*database_rays*/, const Eigen::Matrix3d& /*E*/,
+                              double /*max_error_rad*/) const {
+    return {};
+  }
 };
 
 }  // namespace lazyloc

@@ -1,6 +1,7 @@
 #include "colmap_lazyloc/features/sift_method.h"
 
 #include "colmap_lazyloc/features/descriptor_matching.h"
+#include "colmap_lazyloc/features/guided_matching.h"
 #include "colmap_lazyloc/scene/format.h"
 
 namespace lazyloc {
@@ -17,6 +18,12 @@ Features Sift::Extract(const PhotoFile& photo, double focal_length_px, IdleThrea
 
 Matches Sift::Match(const Features& query, const Camera&, const Features& database, const Camera&) const {
   return MatchDescriptors(query.descriptors, database.descriptors);
+}
+
+Matches Sift::MatchGuided(const Features& query, const Rays& query_rays, const Features& database,
+                          const Rays& database_rays, const Eigen::Matrix3d& E, double max_error_rad) const {
+  return MatchAlongEpipolarLines({query.descriptors, query_rays}, {database.descriptors, database_rays}, E,
+                                 max_error_rad);
 }
 
 }  // namespace lazyloc

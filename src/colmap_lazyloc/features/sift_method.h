@@ -20,6 +20,9 @@ class Sift : public FeatureMethod {
   Features Extract(const PhotoFile& photo, double focal_length_px, IdleThreads* idle_threads) const override;
   Matches Match(const Features& query, const Camera& query_camera, const Features& database,
                 const Camera& database_camera) const override;
+  bool HasGuidedMatching() const override { return true; }
+  Matches MatchGuided(const Features& query, const Rays& query_rays, const Features& database,
+                      const Rays& database_rays, const Eigen::Matrix3d& E, double max_error_rad) const override;
 
  private:
   const SiftExtractionOptions options_;

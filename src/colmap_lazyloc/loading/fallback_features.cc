@@ -99,7 +99,7 @@ LocalizationProblem FallbackFeatures::Load(const PhotoFile& photo, const Localiz
     problem.pairs.push_back(selection_.MakePair(*image.candidate->image));
     database_features.push_back(std::move(image.features));
   }
-  MatchPairs(method_, features, database_features, seed_, idle_threads, &problem, &record->seconds);
+  MatchPairs(method_, features, database_features, {seed_}, idle_threads, &problem, &record->seconds);
   return problem;
 }
 

@@ -106,7 +106,7 @@ PhotoLoader::PhotoLoader(const DatabaseReader& database, const QuerySelection& s
       seed_(seed),
       default_camera_(ParseDefaultCamera(options)),
       features_(NumBytes, options.CacheBytes()),
-      exif_cameras_([](const std::string& camera) { return sizeof(camera) + camera.size(); }) {
+      exif_cameras_([](const std::string& camera) { return sizeof(std::string) + camera.size(); }) {
   std::vector<std::string> damages;
   const FeatureReader features(database.Path());
   const DescriptorCounts counts = features.ReadDescriptorCounts(&damages);
@@ -245,8 +245,24 @@ PhotoFile PhotoLoader::ReadFile(const PhotoQuery& photo, const FeatureMethod& me
   throw Refusal{QueryStatus::UNREADABLE_IMAGE, path.string() + " does not exist or is not a readable image"};
 }
 
-LocalizationProblem PhotoLoader::Load(const PhotoQuery& photo, int num_retrieved, const FeatureReader& features,
-                                      IdleThreads* idle_threads, QueryRecord* record) const {
+DatabaseFeatures PhotoLoader::AddPairs(const Candidates& candidates, const FeatureReader& features,
+                                       LocalizationProblem* problem, QueryRecord* record) const {
+  const StageTimer timer("load", &record->seconds);
+  DatabaseFeatures database_features;
+  for (const Candidate* candidate : candidates) {
+    try {
+      database_features.push_back(
+          features_.Get(candidate->image_id, [&] { return features.Read(candidate->image_id); }));
+      problem->pairs.push_back(selection_.MakePair(*candidate->image));
+    } catch (const DamagedRecordError& error) {
+      record->damages.push_back(error.Damage());
+    }
+  }
+  return database_features;
+}
+
+LoadedPhoto PhotoLoader::Load(const PhotoQuery& photo, const Attempt& attempt, const FeatureReader& features,
+                              IdleThreads* idle_threads, QueryRecord* record) const {
   const FeatureMethod& method = *methods_.database;
   const PhotoFile file = ReadFile(photo, method, record);
   const PhotoProperties& properties = file.Properties();
@@ -262,7 +278,8 @@ LocalizationProblem PhotoLoader::Load(const PhotoQuery& photo, int num_retrieved
     return method.Extract(file, MeanFocalLength(chosen.camera), idle_threads);
   });
   record->matcher = method.Matcher();
-  LocalizationProblem problem;
+  LoadedPhoto loaded;
+  LocalizationProblem& problem = loaded.problem;
   problem.query_name = photo.name;
   problem.query_camera = chosen.camera;
   problem.intrinsics_origin = chosen.Origin();
@@ -270,29 +287,27 @@ LocalizationProblem PhotoLoader::Load(const PhotoQuery& photo, int num_retrieved
   DatabaseFeatures database_features;
   if (!problem.query_keypoints.empty()) {
     const Candidates candidates = Timed("retrieval", &record->seconds, [&] {
-      return ChooseCandidates(photo, query_features, static_cast<size_t>(num_retrieved), idle_threads);
+      return ChooseCandidates(photo, query_features, static_cast<size_t>(attempt.num_retrieved), idle_threads);
     });
-    Timed("load", &record->seconds, [&] {
-      for (const Candidate* candidate : candidates) {
-        try {
-          database_features.push_back(
-              features_.Get(candidate->image_id, [&] { return features.Read(candidate->image_id); }));
-          problem.pairs.push_back(selection_.MakePair(*candidate->image));
-        } catch (const DamagedRecordError& error) {
-          record->damages.push_back(error.Damage());
-        }
-      }
-    });
+    database_features = AddPairs(candidates, features, &problem, record);
     const bool needs_matches = !methods_.is_fallback_first || matches_output_;
     if (needs_matches) {
-      MatchPairs(method, query_features, database_features, seed_, idle_threads, &problem, &record->seconds);
+      PairMatchingOptions matching;
+      matching.seed = seed_;
+      matching.compares_all = attempt.compares_all_features;
+      if (!photo.paired_ids) matching.max_num_verified = attempt.num_retrieved;
+      loaded.compares_all_features =
+          MatchPairs(method, query_features, database_features, matching, idle_threads, &problem, &record->seconds);
     }
   }
-  if (matches_output_) {
+  if (matches_output_ && !attempt.compares_all_features) {  // else the first attempt has written it
     Timed("matches_output", &record->seconds,
           [&] { matches_output_->Write(problem, query_features, database_features); });
   }
-  return methods_.is_fallback_first ? LoadFallback(photo, problem, features, idle_threads, record) : problem;
+  if (methods_.is_fallback_first) {
+    loaded = {LoadFallback(photo, problem, features, idle_threads, record), true};
+  }
+  return loaded;
 }
 
 std::shared_ptr<const Features> PhotoLoader::FeaturesOf(const Candidate& candidate,
@@ -322,7 +337,7 @@ std::vector<ImagePair> PhotoLoader::MatchDatabaseImage(const ModelImage& image, 
     problem.pairs.push_back(selection_.MakePair(*other->image));
   }
   StageTimer::Seconds seconds;  // are those of the stage that calls
-  MatchPairs(*methods_.database, *own_features, others, seed_, idle_threads, &problem, &seconds);
+  MatchPairs(*methods_.database, *own_features, others, {seed_}, idle_threads, &problem, &seconds);
   std::vector<ImagePair>& pairs = problem.pairs;
   const auto is_useless = [](const ImagePair& pair) {
     return !HoldsCalibrated(pair.geometry->config) ||

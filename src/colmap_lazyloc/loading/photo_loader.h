@@ -13,6 +13,7 @@
 #include "colmap_lazyloc/features/pair_matching.h"
 #include "colmap_lazyloc/features/retrieval_index.h"
 #include "colmap_lazyloc/formats/query_files.h"
+#include "colmap_lazyloc/loading/attempt.h"
 #include "colmap_lazyloc/loading/fallback_features.h"
 #include "colmap_lazyloc/loading/matches_output.h"
 #include "colmap_lazyloc/loading/photo_options.h"
@@ -21,6 +22,11 @@
 #include "colmap_lazyloc/scene/query_record.h"
 
 namespace lazyloc {
+
+struct LoadedPhoto {
+  LocalizationProblem problem;
+  bool compares_all_features = true;  // false if some features were only compared along epipolar lines
+};
 
 // Makes the localization problem of a photo in memory: extracts features like the database's, chooses database images,
 // matches and verifies. A photo that this does not localize can be loaded once more, with fallback features.
@@ -33,10 +39,10 @@ class PhotoLoader {
               int num_threads, bool has_more_photos);
 
   // Adds keypoints and times to the record. Throws Refusal if the photo cannot be used. Leaves out database images
-  // whose features are damaged, and says so in the record. num_retrieved: database images, if they are retrieved.
-  // Throws InputError for a damaged file. Thread-safe with one reader per thread; the result depends only on the input.
-  LocalizationProblem Load(const PhotoQuery& photo, int num_retrieved, const FeatureReader& features,
-                           IdleThreads* idle_threads, QueryRecord* record) const;
+  // whose features are damaged, and says so in the record. Throws InputError for a damaged file. Thread-safe with one
+  // reader per thread; the result depends only on the input.
+  LoadedPhoto Load(const PhotoQuery& photo, const Attempt& attempt, const FeatureReader& features,
+                   IdleThreads* idle_threads, QueryRecord* record) const;
   // True if photos that are not localized can be loaded once more.
   bool HasFallback() const { return fallback_ && !methods_.is_fallback_first; }
   // Loads a photo with fallback features. first: what Load has returned; seconds add up in the record.
@@ -80,6 +86,9 @@ class PhotoLoader {
   Candidates ChooseCandidates(const PhotoQuery& photo, const Features& features, size_t num_retrieved,
                               IdleThreads* idle_threads) const;
   bool NeedsRetrieval(const PhotoQuery& photo) const;
+  // Adds the candidates' pairs to the problem and returns their features, but those that are damaged.
+  DatabaseFeatures AddPairs(const Candidates& candidates, const FeatureReader& features, LocalizationProblem* problem,
+                            QueryRecord* record) const;
 
   const QuerySelection& selection_;
   const PhotoOptions options_;

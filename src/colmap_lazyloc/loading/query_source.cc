@@ -97,8 +97,8 @@ GroupInput QuerySource::WithPriors(GroupInput input) const {
   return input;
 }
 
-LocalizationProblem QuerySource::LoadQuery(const QueryInput& query, int num_retrieved, Session* session,
-                                           QueryRecord* record) const {
+LocalizationProblem QuerySource::LoadQuery(const QueryInput& query, const Attempt& attempt, Session* session,
+                                           QueryRecord* record, bool* compares_all_features) const {
   if (const auto* problem = std::get_if<LocalizationProblem>(&query)) return *problem;
   LocalizationProblem problem;
   try {
@@ -107,19 +107,21 @@ LocalizationProblem QuerySource::LoadQuery(const QueryInput& query, int num_retr
       if (!photo->damage.empty()) throw DamagedRecordError(database_.Path().string(), photo->damage);
       const PhotoLoader& photos = Photos();
       if (!session->features) session->features = std::make_unique<FeatureReader>(database_.Path());
-      problem = photos.Load(*photo, num_retrieved, *session->features, session->idle_threads, record);
+      LoadedPhoto loaded = photos.Load(*photo, attempt, *session->features, session->idle_threads, record);
+      problem = std::move(loaded.problem);
+      if (!loaded.compares_all_features) *compares_all_features = false;
     } else {
       record->result.query_name = std::get<std::string>(query);
       const StageTimer timer("load", &record->seconds);
       const StoredQuery stored = selection_.ReadStoredQuery(record->result.query_name, session->database);
       record->intrinsics_source = stored.source;
-      problem = pair_loader_.Load(stored, num_retrieved, session->database, &record->damages);
+      problem = pair_loader_.Load(stored, attempt.num_retrieved, session->database, &record->damages);
     }
   } catch (const DamagedRecordError& error) {
     throw Refusal{QueryStatus::DAMAGED_DATA, error.Damage()};
   }
   // All pairs of a file are used.
-  if (options_.selection.pairs_path.empty()) problem.max_num_pairs = num_retrieved;
+  if (options_.selection.pairs_path.empty()) problem.max_num_pairs = attempt.num_retrieved;
   return problem;
 }
 
@@ -138,9 +140,11 @@ LoadedGroup QuerySource::Load(const GroupInput& input, const Attempt& attempt, c
   if (attempt.uses_fallback_features) {
     loaded = LoadFallback(input, *first, session);
   } else {
+    bool compares_all_features = true;
     loaded = LoadEach(WithPriors(input), [&](const QueryInput& query, QueryRecord* record) {
-      return LoadQuery(query, attempt.num_retrieved, session, record);
+      return LoadQuery(query, attempt, session, record, &compares_all_features);
     });
+    loaded.compares_all_features = compares_all_features;
     pair_loader_.LoadQueryPairs(session->database, &loaded);
   }
   AddDatabasePairsAndDepths(session, &loaded);

@@ -91,7 +91,7 @@ class QuerySource {
   // Returns one group of the selection.
   GroupInput Group(size_t group) const;
   // Returns the first attempt at any group.
-  Attempt FirstAttempt() const { return {options_.num_retrieved, false}; }
+  Attempt FirstAttempt() const { return {options_.num_retrieved}; }
   // True if a group can be loaded with fallback features: all of its queries are photos.
   bool HasFallback(const GroupInput& input) const;
   // Loads a group. first: what the first attempt has loaded, which fallback features start from; null for that attempt
@@ -112,8 +112,9 @@ class QuerySource {
   const PhotoLoader& Photos() const;
   // Gives named queries the priors in files that they lack.
   GroupInput WithPriors(GroupInput input) const;
-  LocalizationProblem LoadQuery(const QueryInput& query, int num_retrieved, Session* session,
-                                QueryRecord* record) const;
+  // Sets `compares_all_features` to false if the query is a photo and Load of PhotoLoader says so.
+  LocalizationProblem LoadQuery(const QueryInput& query, const Attempt& attempt, Session* session, QueryRecord* record,
+                                bool* compares_all_features) const;
   // Returns a group that was loaded with what fallback features see.
   LoadedGroup LoadFallback(const GroupInput& input, const LoadedGroup& first, Session* session) const;
   // Returns null if the query is not a photo.

@@ -2,10 +2,14 @@
 
 namespace lazyloc {
 
-std::vector<Attempt> ListAttempts(const QuerySource& source, const GroupInput& input) {
-  std::vector<Attempt> attempts = {source.FirstAttempt()};
+std::vector<Attempt> FurtherAttempts(const QuerySource& source, const GroupInput& input, const LoadedGroup& first) {
+  std::vector<Attempt> attempts;
+  if (!first.compares_all_features) {
+    attempts.push_back(source.FirstAttempt());
+    attempts.back().compares_all_features = true;
+  }
   if (source.HasFallback(input)) {
-    attempts.push_back(attempts.front());
+    attempts.push_back(source.FirstAttempt());
     attempts.back().uses_fallback_features = true;
   }
   return attempts;

@@ -6,7 +6,8 @@
 
 namespace lazyloc {
 
-// Returns what the queries of a group are tried with, one attempt after the other, as long as one is not localized.
-std::vector<Attempt> ListAttempts(const QuerySource& source, const GroupInput& input);
+// Returns what the queries of a group are tried with after the first attempt, one attempt after the other, as long as
+// one is not localized. first: what the first attempt has loaded.
+std::vector<Attempt> FurtherAttempts(const QuerySource& source, const GroupInput& input, const LoadedGroup& first);
 
 }  // namespace lazyloc

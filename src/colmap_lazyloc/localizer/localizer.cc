@@ -105,14 +105,16 @@ LoadedGroup Localizer::Load(const GroupInput& input, const Attempt& attempt, con
 std::vector<QueryRecord> Localizer::Localize(const GroupInput& input, bool with_keypoints) const {
   const auto start = std::chrono::steady_clock::now();
   BorrowedSession session(*this);
-  const std::vector<Attempt> attempts = source_ ? ListAttempts(*source_, input) : std::vector<Attempt>(1);
   Tried tried;
   std::vector<std::unique_ptr<Tried>> later;  // whose groups the choices refer to
-  tried.loaded = Load(input, attempts.front(), nullptr, session.Get());
+  tried.loaded = Load(input, source_ ? source_->FirstAttempt() : Attempt(), nullptr, session.Get());
   tried.choices = SolveGroup(tried.loaded.group, options_);
-  for (size_t i = 1; i < attempts.size() && !AreAllLocalized(tried.choices, options_); ++i) {
+  const std::vector<Attempt> attempts =
+      source_ ? FurtherAttempts(*source_, input, tried.loaded) : std::vector<Attempt>();
+  for (const Attempt& attempt : attempts) {
+    if (AreAllLocalized(tried.choices, options_)) break;
     Tried& next = *later.emplace_back(std::make_unique<Tried>());
-    next.loaded = Load(input, attempts[i], &tried.loaded, session.Get());
+    next.loaded = Load(input, attempt, &tried.loaded, session.Get());
     next.choices = SolveGroup(next.loaded.group, options_);
     KeepBetter(&next, &tried, options_);
   }
