@@ -3,114 +3,157 @@
 #include <algorithm>
 #include <cfloat>
 #include <cmath>
-#include <cstdint>
-#include <cstring>
+#include <limits>
 
-#include "colmap_lazyloc/bridge/vlfeat.h"
-#include "colmap_lazyloc/math/vectorized.h"
+#include "colmap_lazyloc/bridge/sift_gradients.h"
 
 namespace lazyloc {
 namespace {
 
 constexpr double kBinSizePerScale = 3;
-constexpr double kWindowStddev = 2;  // of the Gaussian window, in bins
-constexpr int kStripSize = 32;       // pixels that are computed together
+constexpr double kWindowStddev = 2;                     // of the Gaussian window, in bins
+constexpr double kReach = (kNumSpatialBins + 1) / 2.0;  // of the bins from the centre, in bins
 constexpr float kLimit = 0.2f;
 
 // Bins with a margin of one on each side, so that no gradient within reach misses its bins.
 constexpr int kNumPaddedBins = kNumSpatialBins + 2;
-using PaddedHistogram = std::array<float, kNumPaddedBins * kNumPaddedBins * kNumAngularBins>;
-
-// Returns exp(-x), interpolated in a table like VLFeat's.
-class ExponentialTable {
- public:
-  ExponentialTable() {
-    for (size_t k = 0; k < values_.size(); ++k) values_[k] = std::exp(-static_cast<double>(k) * (kMax / kSize));
-  }
-
-  double operator()(double x) const {
-    x *= kSize / kMax;
-    const auto k = static_cast<size_t>(x);
-    return values_[k] + (x - static_cast<double>(k)) * (values_[k + 1] - values_[k]);
-  }
-
- private:
-  static constexpr double kMax = 25;  // more than any x in a descriptor
-  static constexpr int kSize = 256;
-  std::array<double, kSize + 1> values_;
-};
+// The values of all angles at one place.
+using Angles = float __attribute__((vector_size(kNumAngularBins * sizeof(float))));
+using PaddedHistogram = std::array<Angles, kNumPaddedBins * kNumPaddedBins>;
 
 struct Frame {
-  double cosine, sine, bin_size;
+  double cosine, sine, bin_size, orientation;
 };
 
-// Place of pixels in bins, from the centre of the descriptor and from its orientation.
+// Place of pixels in bins, seen from the centre of the descriptor and from its orientation.
 struct Strip {
-  std::array<float, kStripSize> x, y, angle, magnitude;
+  std::array<int, kStripSize> cell;         // the first of the 2 x 2 bins around; -1 if there are none
+  std::array<double, kStripSize> distance;  // squared, in standard deviations of the window
+  std::array<float, kStripSize> window;
+  std::array<float, kStripSize> rest_x, rest_y;  // from the centre of the first bin
+  std::array<int, kStripSize> bin_angle;         // the first of two
+  std::array<float, kStripSize> rest_angle;
+  std::array<std::array<float, kStripSize>, 4> weight;  // of the 2 x 2 bins
 };
 
 LAZYLOC_ALWAYS_INLINE inline float Positive(float angle) {
   return angle < 0 ? angle + static_cast<float>(2 * M_PI) : angle;
 }
 
-// Computes the first `size` pixels of a strip. first_x, y: its first pixel, seen from the keypoint.
-LAZYLOC_ALWAYS_INLINE inline void ComputeStrip(const float* gradients, const Frame& frame, double first_x, double y,
-                                               double orientation, int size, Strip* strip) {
-  const double dy = static_cast<float>(y);
-  for (int i = 0; i < size; ++i) {
-    const double dx = static_cast<float>(first_x + i);
-    strip->x[i] = static_cast<float>((frame.cosine * dx + frame.sine * dy) / frame.bin_size);
-    strip->y[i] = static_cast<float>((-frame.sine * dx + frame.cosine * dy) / frame.bin_size);
-    const float angle = Positive(static_cast<float>(gradients[2 * i + 1] - orientation));
-    strip->angle[i] = static_cast<float>(kNumAngularBins * angle / (2 * M_PI));
-    strip->magnitude[i] = gradients[2 * i];
-  }
-}
-
 // Returns the bin whose centre is at or before a place.
 LAZYLOC_ALWAYS_INLINE inline int BinBefore(float place) {
-  return static_cast<int>(std::floor(static_cast<float>(place - 0.5)));
+  const auto shifted = static_cast<float>(place - 0.5);
+  const int truncated = static_cast<int>(shifted);
+  return truncated - (shifted < static_cast<float>(truncated) ? 1 : 0);
 }
 
-// Adds a gradient to the eight bins around it, if it has any.
-LAZYLOC_ALWAYS_INLINE inline void AddGradient(float x, float y, float angle, float magnitude,
-                                              const ExponentialTable& exponential, PaddedHistogram* histogram) {
+// Finds the bins of the pixels. first_x, y: the first pixel, seen from the keypoint.
+LAZYLOC_ALWAYS_INLINE inline void FindBins(const GradientStrip& gradients, const Frame& frame, double first_x, double y,
+                                           int padded_size, Strip* strip) {
   constexpr int kCentre = kNumPaddedBins / 2;
-  const int bin_x = BinBefore(x), bin_y = BinBefore(y), bin_angle = static_cast<int>(angle);
-  if (bin_x < -kCentre || bin_x > kCentre - 2 || bin_y < -kCentre || bin_y > kCentre - 2) return;
-  const auto window = static_cast<float>(exponential((x * x + y * y) / (2 * kWindowStddev * kWindowStddev)));
-  const auto rest_x = static_cast<float>(x - (bin_x + 0.5)), rest_y = static_cast<float>(y - (bin_y + 0.5));
-  const float rest_angle = angle - static_cast<float>(bin_angle);
-  for (int i = 0; i < 2; ++i) {
-    const float weight_x = window * magnitude * std::abs(static_cast<float>(1 - i) - rest_x);
-    for (int j = 0; j < 2; ++j) {
-      const float weight = weight_x * std::abs(static_cast<float>(1 - j) - rest_y);
-      const int bin = (bin_y + j + kCentre) * kNumPaddedBins + bin_x + i + kCentre;
-      float* angles = &(*histogram)[static_cast<size_t>(bin * kNumAngularBins)];
-      angles[bin_angle % kNumAngularBins] += weight * std::abs(1 - rest_angle);
-      angles[(bin_angle + 1) % kNumAngularBins] += weight * std::abs(0 - rest_angle);
-    }
+  const double dy = static_cast<float>(y);
+  for (int i = 0; i < padded_size; ++i) {
+    const double dx = static_cast<float>(first_x + i);
+    const auto bins_x = static_cast<float>((frame.cosine * dx + frame.sine * dy) / frame.bin_size);
+    const auto bins_y = static_cast<float>((-frame.sine * dx + frame.cosine * dy) / frame.bin_size);
+    const int bin_x = BinBefore(bins_x), bin_y = BinBefore(bins_y);
+    const bool is_inside = (bin_x >= -kCentre) & (bin_x <= kCentre - 2) & (bin_y >= -kCentre) & (bin_y <= kCentre - 2);
+    strip->cell[i] = is_inside ? (bin_y + kCentre) * kNumPaddedBins + bin_x + kCentre : -1;
+    strip->rest_x[i] = static_cast<float>(bins_x - (bin_x + 0.5));
+    strip->rest_y[i] = static_cast<float>(bins_y - (bin_y + 0.5));
+    strip->distance[i] = (bins_x * bins_x + bins_y * bins_y) / (2 * kWindowStddev * kWindowStddev);
+  }
+  for (int i = 0; i < padded_size; ++i) {
+    const float angle = Positive(static_cast<float>(gradients.angle[i] - frame.orientation));
+    const auto bins = static_cast<float>(kNumAngularBins * angle / (2 * M_PI));
+    strip->bin_angle[i] = static_cast<int>(bins);
+    strip->rest_angle[i] = bins - static_cast<float>(strip->bin_angle[i]);
   }
 }
 
-LAZYLOC_ALWAYS_INLINE inline void FillHistogram(const GradientImage& gradients, const SiftKeypoint& keypoint,
-                                                PaddedHistogram* histogram) {
-  static const ExponentialTable exponential;
+// Computes the weights of the bins that have been found.
+LAZYLOC_ALWAYS_INLINE inline void ComputeWeights(const GradientStrip& gradients, int size, Strip* strip) {
+  for (int i = 0; i < size; ++i) {
+    strip->window[i] = strip->cell[i] < 0 ? 0 : static_cast<float>(kExponential(strip->distance[i]));
+  }
+  const int padded = PaddedSize(size);
+  for (int i = 0; i < padded; ++i) {
+    const float value = strip->window[i] * gradients.magnitude[i];
+    const float left = value * std::abs(1 - strip->rest_x[i]), right = value * std::abs(0 - strip->rest_x[i]);
+    const float upper = std::abs(1 - strip->rest_y[i]), lower = std::abs(0 - strip->rest_y[i]);
+    strip->weight[0][i] = left * upper;
+    strip->weight[1][i] = right * upper;
+    strip->weight[2][i] = left * lower;
+    strip->weight[3][i] = right * lower;
+  }
+}
+
+// Adds the pixels to their bins, in their order. A bin that a pixel does not have gets 0, which changes no bit.
+LAZYLOC_ALWAYS_INLINE inline void AddToBins(const Strip& strip, int size, PaddedHistogram* histogram) {
+  static constexpr std::array<Angles, kNumAngularBins + 2> kUnit = {Angles{1},
+                                                                    Angles{0, 1},
+                                                                    Angles{0, 0, 1},
+                                                                    Angles{0, 0, 0, 1},
+                                                                    Angles{0, 0, 0, 0, 1},
+                                                                    Angles{0, 0, 0, 0, 0, 1},
+                                                                    Angles{0, 0, 0, 0, 0, 0, 1},
+                                                                    Angles{0, 0, 0, 0, 0, 0, 0, 1},
+                                                                    Angles{1},
+                                                                    Angles{0, 1}};
+  for (int i = 0; i < size;) {
+    const int cell = strip.cell[i];
+    if (cell < 0) {
+      ++i;
+      continue;
+    }
+    Angles* upper = &(*histogram)[cell];
+    Angles* lower = upper + kNumPaddedBins;
+    Angles sums[4] = {upper[0], upper[1], lower[0], lower[1]};
+    do {
+      const int angle = strip.bin_angle[i];
+      const float rest = strip.rest_angle[i];
+      const Angles values = kUnit[angle] * std::abs(1 - rest) + kUnit[angle + 1] * std::abs(0 - rest);
+      for (int k = 0; k < 4; ++k) sums[k] += strip.weight[k][i] * values;
+      ++i;
+    } while (i < size && strip.cell[i] == cell);
+    upper[0] = sums[0];
+    upper[1] = sums[1];
+    lower[0] = sums[2];
+    lower[1] = sums[3];
+  }
+}
+
+// Narrows a range of x to where |slope * x + offset| can be less than the limit.
+void Narrow(double slope, double offset, double limit, double* begin, double* end) {
+  const double one = (-limit - offset) / slope, other = (limit - offset) / slope;
+  *begin = std::max(*begin, std::min(one, other));
+  *end = std::min(*end, std::max(one, other));
+}
+
+LAZYLOC_ALWAYS_INLINE inline void FillHistogram(const SiftLevel& level, const SiftKeypoint& keypoint,
+                                                double orientation_rad, PaddedHistogram* histogram) {
+  const double centre_x = keypoint.x, centre_y = keypoint.y;
   const double bin_size = kBinSizePerScale * keypoint.scale + DBL_EPSILON;
-  const Frame frame = {std::cos(keypoint.orientation_rad), std::sin(keypoint.orientation_rad), bin_size};
+  const Frame frame = {std::cos(orientation_rad), std::sin(orientation_rad), bin_size, orientation_rad};
   const int radius = static_cast<int>(std::floor(std::sqrt(2.0) * bin_size * (kNumSpatialBins + 1) / 2 + 0.5));
-  const int x = static_cast<int>(keypoint.x + 0.5), y = static_cast<int>(keypoint.y + 0.5);
-  const int end_x = std::min(x + radius + 1, gradients.width - 1),
-            end_y = std::min(y + radius + 1, gradients.height - 1);
-  Strip strip;
+  const int x = static_cast<int>(centre_x + 0.5), y = static_cast<int>(centre_y + 0.5);
+  const int end_y = std::min(y + radius + 1, level.height - 1);
+  GradientStrip gradients;
+  Strip strip = {};
   for (int v = std::max(y - radius, 1); v < end_y; ++v) {
-    for (int u = std::max(x - radius, 1); u < end_x; u += kStripSize) {
+    // The bins' square is turned, and most of a row may be outside of it.
+    double first = -radius, last = radius;
+    const double dy = v - centre_y, limit = kReach * bin_size;
+    Narrow(frame.cosine, frame.sine * dy, limit, &first, &last);
+    Narrow(-frame.sine, frame.cosine * dy, limit, &first, &last);
+    const int begin_x = std::max({x - radius, static_cast<int>(std::floor(centre_x + first)) - 1, 1});
+    const int end_x = std::min({x + radius + 1, static_cast<int>(std::ceil(centre_x + last)) + 2, level.width - 1});
+    for (int u = begin_x; u < end_x; u += kStripSize) {
       const int size = std::min(kStripSize, end_x - u);
-      const float* values = gradients.values + 2 * (static_cast<size_t>(v) * gradients.width + u);
-      ComputeStrip(values, frame, u - keypoint.x, v - keypoint.y, keypoint.orientation_rad, size, &strip);
-      for (int i = 0; i < size; ++i) {
-        AddGradient(strip.x[i], strip.y[i], strip.angle[i], strip.magnitude[i], exponential, histogram);
-      }
+      ComputeGradients(level, u, v, size, &gradients);
+      FindBins(gradients, frame, u - centre_x, v - centre_y, PaddedSize(size), &strip);
+      ComputeWeights(gradients, size, &strip);
+      AddToBins(strip, size, histogram);
     }
   }
 }
@@ -118,79 +161,19 @@ LAZYLOC_ALWAYS_INLINE inline void FillHistogram(const GradientImage& gradients, 
 void Normalize(SiftHistogram* histogram) {
   float norm = 0;
   for (const float value : *histogram) norm += value * value;
-  norm = vl_fast_sqrt_f(norm) + FLT_EPSILON;
+  norm = SquareRoot(norm) + FLT_EPSILON;
   for (float& value : *histogram) value /= norm;
-}
-
-// The next two functions compute what VLFeat's inline functions do, in a form that the compiler vectorises.
-
-// Takes two steps of Newton's method for the reciprocal square root, which begins with half of the negative exponent.
-LAZYLOC_ALWAYS_INLINE inline float SquareRoot(float x) {
-  int32_t bits;
-  std::memcpy(&bits, &x, sizeof(bits));
-  bits = 0x5f3759df - (bits >> 1);
-  float reciprocal;
-  std::memcpy(&reciprocal, &bits, sizeof(reciprocal));
-  const float half = 0.5f * x;
-  reciprocal = reciprocal * (1.5f - half * reciprocal * reciprocal);
-  reciprocal = reciprocal * (1.5f - half * reciprocal * reciprocal);
-  return x <= 1e-8f ? 0 : x * reciprocal;
-}
-
-// Approximates the arc tangent by a polynomial in each half of the plane.
-LAZYLOC_ALWAYS_INLINE inline float Angle(float x, float y) {
-  const float abs_x = std::abs(x), abs_y = std::abs(y) + FLT_EPSILON;
-  const float difference = x >= 0 ? abs_x - abs_y : abs_y - abs_x;
-  const float ratio = difference / (abs_x + abs_y);
-  const float middle = static_cast<float>(x >= 0 ? M_PI / 4 : 3 * M_PI / 4);
-  const float angle = middle + (0.1821f * ratio * ratio - 0.9675f) * ratio;
-  const auto turned = static_cast<float>((y < 0 ? -angle : angle) + 2 * M_PI);
-  constexpr auto kTurn = static_cast<float>(2 * M_PI);
-  return turned > kTurn ? turned - kTurn : turned;
-}
-
-LAZYLOC_ALWAYS_INLINE inline void SetGradient(float x, float y, float* gradient) {
-  gradient[0] = SquareRoot(x * x + y * y);
-  gradient[1] = Angle(x, y);
-}
-
-// above, below: the rows before and after `row`; at the border, `row` itself. step_y: 1 over their distance.
-LAZYLOC_ALWAYS_INLINE inline void ComputeRow(const float* __restrict row, const float* __restrict above,
-                                             const float* __restrict below, float step_y, int width,
-                                             float* __restrict gradients) {
-  const auto compute = [&](int x, int left, int right, float step_x) LAZYLOC_ALWAYS_INLINE {
-    SetGradient(step_x * (row[right] - row[left]), step_y * (below[x] - above[x]), gradients + 2 * x);
-  };
-  compute(0, 0, std::min(1, width - 1), 1);
-  for (int x = 1; x < width - 1; ++x) compute(x, x - 1, x + 1, 0.5f);
-  compute(width - 1, std::max(width - 2, 0), width - 1, 1);
 }
 
 }  // namespace
 
-void ComputeGradients(const float* image, int width, int height, IdleThreads* idle_threads, float* gradients) {
-  ParallelForRanges(
-      static_cast<size_t>(height),
-      [&](size_t begin, size_t end) {
-        RunVectorized([&]() LAZYLOC_ALWAYS_INLINE {
-          for (int y = static_cast<int>(begin); y < static_cast<int>(end); ++y) {
-            const auto row = [&](int v) { return image + static_cast<size_t>(std::clamp(v, 0, height - 1)) * width; };
-            const float step_y = y > 0 && y < height - 1 ? 0.5f : 1;
-            ComputeRow(row(y), row(y - 1), row(y + 1), step_y, width, gradients + 2 * static_cast<size_t>(y) * width);
-          }
-        });
-      },
-      idle_threads);
-}
-
-SiftHistogram DescribeKeypoint(const GradientImage& gradients, const SiftKeypoint& keypoint) {
+SiftHistogram DescribeKeypoint(const SiftLevel& level, const SiftKeypoint& keypoint, double orientation_rad) {
   PaddedHistogram padded = {};
-  RunVectorized([&]() LAZYLOC_ALWAYS_INLINE { FillHistogram(gradients, keypoint, &padded); });
+  RunVectorized([&]() LAZYLOC_ALWAYS_INLINE { FillHistogram(level, keypoint, orientation_rad, &padded); });
   SiftHistogram histogram;
-  constexpr size_t kRowSize = kNumSpatialBins * kNumAngularBins;
   for (size_t row = 0; row < kNumSpatialBins; ++row) {
-    const size_t first = ((row + 1) * kNumPaddedBins + 1) * kNumAngularBins;
-    std::copy_n(&padded[first], kRowSize, &histogram[row * kRowSize]);
+    std::memcpy(&histogram[row * kNumSpatialBins * kNumAngularBins], &padded[(row + 1) * kNumPaddedBins + 1],
+                kNumSpatialBins * sizeof(Angles));
   }
   Normalize(&histogram);
   for (float& value : histogram) value = std::min(value, kLimit);

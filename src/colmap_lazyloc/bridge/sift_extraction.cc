@@ -1,9 +1,11 @@
 #include <algorithm>
 #include <array>
+#include <cmath>
 
 #include <colmap/feature/utils.h>
 
 #include "colmap_lazyloc/bridge/sift.h"
+#include "colmap_lazyloc/bridge/sift_descriptor.h"
 #include "colmap_lazyloc/bridge/sift_filter.h"
 
 namespace lazyloc {
@@ -33,16 +35,18 @@ DescriptorBytes ToBytes(const SiftHistogram& histogram) {
   return turned;
 }
 
-KeypointFeatures Describe(const VlSiftKeypoint& keypoint, bool is_upright, const SiftFilter& filter) {
-  const std::vector<double> orientations =
-      is_upright ? std::vector<double>{0.0} : filter.Orientations(keypoint, kColmapSift.max_num_orientations);
+KeypointFeatures Describe(const VlSiftKeypoint& keypoint, bool is_upright, const SiftLevel& level) {
+  const auto pixel = static_cast<float>(std::pow(2.0, keypoint.o));
+  const SiftKeypoint in_level = {keypoint.x / pixel, keypoint.y / pixel, keypoint.sigma / pixel};
+  std::vector<double> orientations = is_upright ? std::vector<double>{0.0} : FindOrientations(level, in_level);
+  orientations.resize(std::min(orientations.size(), static_cast<size_t>(kColmapSift.max_num_orientations)));
   KeypointFeatures features;
   for (const double orientation : orientations) {
     features.keypoints.emplace_back(keypoint.x + 0.5f, keypoint.y + 0.5f, keypoint.sigma,
                                     static_cast<float>(orientation));
-    SiftHistogram histogram;
-    const bool is_described = filter.Describe(keypoint, orientation, &histogram);
-    features.descriptors.push_back(is_described ? ToBytes(histogram) : DescriptorBytes{});
+    const bool is_described = static_cast<int>(in_level.y + 0.5) < level.height - 1;
+    features.descriptors.push_back(is_described ? ToBytes(DescribeKeypoint(level, in_level, orientation))
+                                                : DescriptorBytes{});
   }
   return features;
 }
@@ -58,22 +62,17 @@ std::vector<VlSiftKeypoint> KeepCoarsest(std::vector<VlSiftKeypoint> keypoints, 
   return keypoints;
 }
 
-// Returns the features of each keypoint, octave by octave.
 std::vector<KeypointFeatures> DescribeAll(const std::vector<VlSiftKeypoint>& keypoints, bool is_upright,
-                                          IdleThreads* idle_threads, SiftFilter* filter) {
+                                          const SiftFilter& filter, IdleThreads* idle_threads) {
   std::vector<KeypointFeatures> features(keypoints.size());
-  for (size_t begin = 0, end = 0; begin < keypoints.size(); begin = end) {
-    while (end < keypoints.size() && keypoints[end].o == keypoints[begin].o) ++end;
-    filter->PrepareToDescribe(keypoints[begin].o, keypoints[begin].is);
-    ParallelForRanges(
-        end - begin,
-        [&](size_t first, size_t last) {
-          for (size_t i = begin + first; i < begin + last; ++i) {
-            features[i] = Describe(keypoints[i], is_upright, *filter);
-          }
-        },
-        idle_threads);
-  }
+  ParallelForRanges(
+      keypoints.size(),
+      [&](size_t begin, size_t end) {
+        for (size_t i = begin; i < end; ++i) {
+          features[i] = Describe(keypoints[i], is_upright, filter.Level(keypoints[i]));
+        }
+      },
+      idle_threads);
   return features;
 }
 
@@ -84,7 +83,7 @@ void ExtractPlainSift(const std::vector<uint8_t>& grey, int width, int height, c
   SiftFilter filter(grey, width, height, options, idle_threads);
   // Detects all before any is described, because the finest levels are the largest and often not kept.
   const std::vector<KeypointFeatures> features_of =
-      DescribeAll(KeepCoarsest(filter.Detect(), options.max_num_features), options.upright, idle_threads, &filter);
+      DescribeAll(KeepCoarsest(filter.Detect(), options.max_num_features), options.upright, filter, idle_threads);
   keypoints->clear();
   for (const KeypointFeatures& features : features_of) {
     keypoints->insert(keypoints->end(), features.keypoints.begin(), features.keypoints.end());

@@ -37,6 +37,8 @@ void Upsample(const float* image, int width, int height, float* result) {
   }
 }
 
+int OctaveSize(int size, int octave) { return octave < 0 ? size << -octave : size >> octave; }
+
 // Deletes all but the levels, which SiftFilter owns.
 void Delete(VlSiftFilt* filter) {
   filter->octave = nullptr;
@@ -60,12 +62,12 @@ SiftFilter::SiftFilter(const std::vector<uint8_t>& grey, int width, int height, 
 
 void SiftFilter::GoTo(int octave) {
   filter_->o_cur = octave;
-  filter_->octave_width = octave < 0 ? filter_->width << -octave : filter_->width >> octave;
-  filter_->octave_height = octave < 0 ? filter_->height << -octave : filter_->height >> octave;
+  filter_->octave_width = OctaveSize(filter_->width, octave);
+  filter_->octave_height = OctaveSize(filter_->height, octave);
   const auto index = static_cast<size_t>(octave - filter_->o_min);
   if (index == octaves_.size()) {
     const auto num_levels = static_cast<size_t>(filter_->s_max - filter_->s_min + 1);
-    octaves_.emplace_back(new float[num_levels * filter_->octave_width * filter_->octave_height]);
+    octaves_.emplace_back(new float[num_levels * filter_->octave_width * filter_->octave_height + kLevelPadding]);
   }
   filter_->octave = octaves_[index].get();
 }
@@ -113,34 +115,10 @@ std::vector<VlSiftKeypoint> SiftFilter::Detect() {
   return keypoints;
 }
 
-void SiftFilter::PrepareToDescribe(int octave, int first_level) {
-  GoTo(octave);
-  for (int level = first_level; level <= filter_->s_max - 2; ++level) {
-    ComputeGradients(vl_sift_get_octave(filter_.get(), level), filter_->octave_width, filter_->octave_height,
-                     idle_threads_, const_cast<float*>(Gradients(level).values));
-  }
-  filter_->grad_o = filter_->o_cur;  // tells VLFeat that it need not compute them
-}
-
-std::vector<double> SiftFilter::Orientations(const VlSiftKeypoint& keypoint, int max_num) const {
-  double angles[4];  // VLFeat finds no more
-  const int num = vl_sift_calc_keypoint_orientations(filter_.get(), angles, &keypoint);
-  return {angles, angles + std::min(num, max_num)};
-}
-
-GradientImage SiftFilter::Gradients(int level) const {
-  const int width = filter_->octave_width, height = filter_->octave_height;
-  const auto place = static_cast<size_t>(level - filter_->s_min - 1);  // the first level has no gradients
-  return {filter_->grad + 2 * place * width * height, width, height};
-}
-
-bool SiftFilter::Describe(const VlSiftKeypoint& keypoint, double orientation, SiftHistogram* descriptor) const {
-  const GradientImage gradients = Gradients(keypoint.is);
-  const double pixel = std::pow(2.0, filter_->o_cur);
-  const double y = keypoint.y / pixel;
-  if (static_cast<int>(y + 0.5) >= gradients.height - 1) return false;
-  *descriptor = DescribeKeypoint(gradients, {keypoint.x / pixel, y, keypoint.sigma / pixel, orientation});
-  return true;
+SiftLevel SiftFilter::Level(const VlSiftKeypoint& keypoint) const {
+  const int width = OctaveSize(filter_->width, keypoint.o), height = OctaveSize(filter_->height, keypoint.o);
+  const float* octave = octaves_[static_cast<size_t>(keypoint.o - filter_->o_min)].get();
+  return {octave + static_cast<size_t>(keypoint.is - filter_->s_min) * width * height, width, height};
 }
 
 }  // namespace lazyloc

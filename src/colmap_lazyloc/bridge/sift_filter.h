@@ -5,14 +5,14 @@
 #include <vector>
 
 #include "colmap_lazyloc/bridge/feature_extraction.h"
-#include "colmap_lazyloc/bridge/sift_descriptor.h"
+#include "colmap_lazyloc/bridge/sift_level.h"
 #include "colmap_lazyloc/bridge/vlfeat.h"
 #include "colmap_lazyloc/math/parallel_for.h"
 
 namespace lazyloc {
 
-// VLFeat's SIFT of one image. VLFeat detects the keypoints and finds their orientations. What takes longest is our own:
-// smoothing, gradients and descriptors are made by the same steps, but several pixels at a time.
+// VLFeat's SIFT of one image. VLFeat detects the keypoints. Smoothing is our own, by the same steps, but several pixels
+// at a time.
 class SiftFilter {
  public:
   // grey: width * height values, row by row.
@@ -21,17 +21,12 @@ class SiftFilter {
 
   // Returns the keypoints of all octaves, level by level from the finest on. Called once, before what follows.
   std::vector<VlSiftKeypoint> Detect();
-  // Goes to an octave whose keypoints, from this level on, are to be described.
-  void PrepareToDescribe(int octave, int first_level);
-  // Returns at most max_num orientations of a keypoint. Thread-safe, like Describe.
-  std::vector<double> Orientations(const VlSiftKeypoint& keypoint, int max_num) const;
-  // Returns false if the keypoint is too near to the lower border.
-  bool Describe(const VlSiftKeypoint& keypoint, double orientation, SiftHistogram* descriptor) const;
+  // Returns the smoothed image that a keypoint was detected in.
+  SiftLevel Level(const VlSiftKeypoint& keypoint) const;
 
  private:
   void GoTo(int octave);
   void FillFirstLevel();
-  GradientImage Gradients(int level) const;
   void SmoothTo(int level, const float* image, double stddev_px);
 
   std::unique_ptr<VlSiftFilt, void (*)(VlSiftFilt*)> filter_;
