@@ -6,7 +6,8 @@
 
 #include "colmap_lazyloc/bridge/sift.h"
 #include "colmap_lazyloc/bridge/sift_descriptor.h"
-#include "colmap_lazyloc/bridge/sift_filter.h"
+#include "colmap_lazyloc/bridge/sift_detection.h"
+#include "colmap_lazyloc/bridge/sift_pyramid.h"
 
 namespace lazyloc {
 namespace {
@@ -35,42 +36,57 @@ DescriptorBytes ToBytes(const SiftHistogram& histogram) {
   return turned;
 }
 
-KeypointFeatures Describe(const VlSiftKeypoint& keypoint, bool is_upright, const SiftLevel& level) {
-  const auto pixel = static_cast<float>(std::pow(2.0, keypoint.o));
-  const SiftKeypoint in_level = {keypoint.x / pixel, keypoint.y / pixel, keypoint.sigma / pixel};
-  std::vector<double> orientations = is_upright ? std::vector<double>{0.0} : FindOrientations(level, in_level);
+struct DetectedKeypoint {
+  const SiftOctave* octave;
+  int level;
+  SiftKeypoint keypoint;  // in pixels of the octave
+};
+
+KeypointFeatures Describe(const DetectedKeypoint& detected, bool is_upright) {
+  const SiftLevel level = detected.octave->Level(detected.level);
+  const SiftKeypoint& keypoint = detected.keypoint;
+  const auto pixel = static_cast<float>(std::pow(2.0, detected.octave->index));
+  std::vector<double> orientations = is_upright ? std::vector<double>{0.0} : FindOrientations(level, keypoint);
   orientations.resize(std::min(orientations.size(), static_cast<size_t>(kColmapSift.max_num_orientations)));
   KeypointFeatures features;
   for (const double orientation : orientations) {
-    features.keypoints.emplace_back(keypoint.x + 0.5f, keypoint.y + 0.5f, keypoint.sigma,
+    features.keypoints.emplace_back(keypoint.x * pixel + 0.5f, keypoint.y * pixel + 0.5f, keypoint.scale * pixel,
                                     static_cast<float>(orientation));
-    const bool is_described = static_cast<int>(in_level.y + 0.5) < level.height - 1;
-    features.descriptors.push_back(is_described ? ToBytes(DescribeKeypoint(level, in_level, orientation))
+    const bool is_described = static_cast<int>(keypoint.y + 0.5) < level.height - 1;
+    features.descriptors.push_back(is_described ? ToBytes(DescribeKeypoint(level, keypoint, orientation))
                                                 : DescriptorBytes{});
   }
   return features;
 }
 
-// Removes the finest levels while the others together exceed the maximum number. Takes the keypoints as Detect gives
-// them.
-std::vector<VlSiftKeypoint> KeepCoarsest(std::vector<VlSiftKeypoint> keypoints, int max_num_features) {
+// Returns the keypoints of the coarsest levels, which are kept until there are more than the maximum, the finest first.
+// Does not detect those of octaves of which nothing is kept.
+std::vector<DetectedKeypoint> DetectCoarsest(const std::vector<SiftOctave>& octaves, int max_num_features,
+                                             IdleThreads* idle_threads) {
   const auto max_num = static_cast<size_t>(max_num_features);
-  if (keypoints.size() <= max_num) return keypoints;
-  auto begin = keypoints.end() - static_cast<std::ptrdiff_t>(max_num) - 1;
-  while (begin != keypoints.begin() && (begin - 1)->o == begin->o && (begin - 1)->is == begin->is) --begin;
-  keypoints.erase(keypoints.begin(), begin);
+  std::vector<DetectedKeypoint> keypoints;  // in reverse order
+  for (auto octave = octaves.rbegin(); octave != octaves.rend() && keypoints.size() <= max_num; ++octave) {
+    const OctaveKeypoints detected =
+        DetectKeypoints(*octave, kColmapSift.peak_threshold, kColmapSift.edge_threshold, idle_threads);
+    for (int i = kNumKeypointLevels - 1; i >= 0 && keypoints.size() <= max_num; --i) {
+      const std::vector<SiftKeypoint>& of_level = detected[static_cast<size_t>(i)];
+      for (auto keypoint = of_level.rbegin(); keypoint != of_level.rend(); ++keypoint) {
+        keypoints.push_back({&*octave, kFirstKeypointLevel + i, *keypoint});
+      }
+    }
+  }
+  std::reverse(keypoints.begin(), keypoints.end());
   return keypoints;
 }
 
-std::vector<KeypointFeatures> DescribeAll(const std::vector<VlSiftKeypoint>& keypoints, bool is_upright,
-                                          const SiftFilter& filter, IdleThreads* idle_threads) {
+// Returns the features of each keypoint.
+std::vector<KeypointFeatures> DescribeAll(const std::vector<DetectedKeypoint>& keypoints, bool is_upright,
+                                          IdleThreads* idle_threads) {
   std::vector<KeypointFeatures> features(keypoints.size());
   ParallelForRanges(
       keypoints.size(),
       [&](size_t begin, size_t end) {
-        for (size_t i = begin; i < end; ++i) {
-          features[i] = Describe(keypoints[i], is_upright, filter.Level(keypoints[i]));
-        }
+        for (size_t i = begin; i < end; ++i) features[i] = Describe(keypoints[i], is_upright);
       },
       idle_threads);
   return features;
@@ -80,10 +96,10 @@ std::vector<KeypointFeatures> DescribeAll(const std::vector<VlSiftKeypoint>& key
 
 void ExtractPlainSift(const std::vector<uint8_t>& grey, int width, int height, const SiftExtractionOptions& options,
                       IdleThreads* idle_threads, colmap::FeatureKeypoints* keypoints, Descriptors* descriptors) {
-  SiftFilter filter(grey, width, height, options, idle_threads);
-  // Detects all before any is described, because the finest levels are the largest and often not kept.
+  const std::vector<SiftOctave> octaves =
+      MakeOctaves(grey, width, height, options.first_octave, kColmapSift.num_octaves, idle_threads);
   const std::vector<KeypointFeatures> features_of =
-      DescribeAll(KeepCoarsest(filter.Detect(), options.max_num_features), options.upright, filter, idle_threads);
+      DescribeAll(DetectCoarsest(octaves, options.max_num_features, idle_threads), options.upright, idle_threads);
   keypoints->clear();
   for (const KeypointFeatures& features : features_of) {
     keypoints->insert(keypoints->end(), features.keypoints.begin(), features.keypoints.end());

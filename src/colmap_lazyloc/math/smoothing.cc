@@ -9,57 +9,75 @@
 namespace lazyloc {
 namespace {
 
-constexpr int kNumVectors = 4;  // sums that are computed together
 constexpr int kVectorSize = 8;
 using Vector = float __attribute__((vector_size(kVectorSize * sizeof(float))));
-constexpr int kBlock = kNumVectors * kVectorSize;
+constexpr int kNumRows = 4;  // rows whose columns are summed together, because they have most pixels in common
 
-// Sets sums[i] for i in [0, kBlock) to the sum of weights[k] * sources[k][begin + i] over all k.
+// Sums of `kRows` rows and `kVectors` vectors that are computed together, so that they stay in registers. Sets
+// sums[i][x] for x in [begin, begin + kVectors * kVectorSize) to the sum of weights[k - i] * sources[k][x] over all k.
+template <int kRows, int kVectors>
 LAZYLOC_ALWAYS_INLINE inline void SumBlock(const std::vector<const float*>& sources, const float* weights, int begin,
-                                           float* sums) {
-  Vector block[kNumVectors] = {};
-  for (size_t k = 0; k < sources.size(); ++k) {
-    for (int v = 0; v < kNumVectors; ++v) {
+                                           float* const* sums) {
+  Vector block[kRows][kVectors] = {};
+  for (int k = 0; k < static_cast<int>(sources.size()); ++k) {
+    for (int v = 0; v < kVectors; ++v) {
       Vector values;
-      std::memcpy(&values, sources[k] + begin + v * kVectorSize, sizeof(values));
-      block[v] += weights[k] * values;
+      std::memcpy(&values, sources[static_cast<size_t>(k)] + begin + v * kVectorSize, sizeof(values));
+      for (int i = 0; i < kRows; ++i) block[i][v] += weights[k - i] * values;
     }
   }
-  std::memcpy(sums, block, sizeof(block));
+  for (int i = 0; i < kRows; ++i) std::memcpy(sums[i] + begin, block[i], sizeof(block[i]));
 }
 
-// Does the same for i in [0, width).
-LAZYLOC_ALWAYS_INLINE inline void SumRow(const std::vector<const float*>& sources, const std::vector<float>& weights,
-                                         int width, float* sums) {
+// Does the same for x in [0, width).
+template <int kRows, int kVectors>
+LAZYLOC_ALWAYS_INLINE inline void SumRows(const std::vector<const float*>& sources, const float* weights, int width,
+                                          float* const* sums) {
+  constexpr int kBlock = kVectors * kVectorSize;
   if (width >= kBlock) {
     for (int begin = 0; begin < width; begin += kBlock) {
       const int inside = std::min(begin, width - kBlock);  // computes some sums of the last block twice
-      SumBlock(sources, weights.data(), inside, sums + inside);
+      SumBlock<kRows, kVectors>(sources, weights, inside, sums);
     }
     return;
   }
-  for (int i = 0; i < width; ++i) {
-    float sum = 0;
-    for (size_t k = 0; k < sources.size(); ++k) sum += weights[k] * sources[k][i];
-    sums[i] = sum;
+  for (int i = 0; i < kRows; ++i) {
+    for (int x = 0; x < width; ++x) {
+      float sum = 0;
+      for (int k = 0; k < static_cast<int>(sources.size()); ++k) {
+        sum += weights[k - i] * sources[static_cast<size_t>(k)][x];
+      }
+      sums[i][x] = sum;
+    }
   }
 }
 
-LAZYLOC_ALWAYS_INLINE inline void SmoothRows(const float* image, int width, int height,
-                                             const std::vector<float>& weights, int begin, int end, float* smoothed) {
+LAZYLOC_ALWAYS_INLINE inline void SmoothRowsVectorized(const float* image, int width, int height,
+                                                       const std::vector<float>& weights, int begin, int end,
+                                                       float* smoothed) {
   const int radius = static_cast<int>(weights.size() / 2);
-  std::vector<float> row(static_cast<size_t>(width + 2 * radius));  // with the continued border
-  std::vector<const float*> rows(weights.size()), shifts(weights.size());
-  for (size_t k = 0; k < shifts.size(); ++k) shifts[k] = &row[k];
-  for (int y = begin; y < end; ++y) {
-    for (int k = -radius; k <= radius; ++k) {
-      const int source = std::clamp(y + k, 0, height - 1);
-      rows[static_cast<size_t>(k + radius)] = image + static_cast<size_t>(source) * width;
+  // Zeros on both sides stand for the pixels that only other rows have. They change no sum.
+  std::vector<float> padded(weights.size() + 2 * (kNumRows - 1));
+  std::copy(weights.begin(), weights.end(), padded.begin() + kNumRows - 1);
+  const float* first_weight = &padded[kNumRows - 1];
+  const int stride = width + 2 * radius;  // with the continued border
+  std::vector<float> columns(static_cast<size_t>(kNumRows) * stride);
+  std::vector<const float*> rows(weights.size() + kNumRows - 1), shifts(weights.size());
+  float* sums[kNumRows];
+  for (int i = 0; i < kNumRows; ++i) sums[i] = &columns[static_cast<size_t>(i) * stride + radius];
+  for (int y = begin; y < end; y += kNumRows) {
+    for (size_t k = 0; k < rows.size(); ++k) {
+      const int source = std::clamp(y + static_cast<int>(k) - radius, 0, height - 1);
+      rows[k] = image + static_cast<size_t>(source) * width;
     }
-    SumRow(rows, weights, width, &row[static_cast<size_t>(radius)]);
-    std::fill_n(row.begin(), radius, row[static_cast<size_t>(radius)]);
-    std::fill_n(row.end() - radius, radius, row[static_cast<size_t>(width + radius - 1)]);
-    SumRow(shifts, weights, width, smoothed + static_cast<size_t>(y) * width);
+    SumRows<kNumRows, 2>(rows, first_weight, width, sums);
+    for (int i = 0; i < std::min(kNumRows, end - y); ++i) {
+      std::fill_n(sums[i] - radius, radius, sums[i][0]);
+      std::fill_n(sums[i] + width, radius, sums[i][width - 1]);
+      for (size_t k = 0; k < shifts.size(); ++k) shifts[k] = sums[i] - radius + k;
+      float* row = smoothed + static_cast<size_t>(y + i - begin) * width;
+      SumRows<1, 8>(shifts, first_weight, width, &row);
+    }
   }
 }
 
@@ -78,14 +96,19 @@ std::vector<float> GaussianWeights(double stddev_px) {
   return weights;
 }
 
+void SmoothRows(const float* image, int width, int height, const std::vector<float>& weights, int begin, int end,
+                float* smoothed) {
+  RunVectorized(
+      [&]() LAZYLOC_ALWAYS_INLINE { SmoothRowsVectorized(image, width, height, weights, begin, end, smoothed); });
+}
+
 void Smooth(const float* image, int width, int height, const std::vector<float>& weights, IdleThreads* idle_threads,
             float* smoothed) {
   ParallelForRanges(
       static_cast<size_t>(height),
       [&](size_t begin, size_t end) {
-        RunVectorized([&]() LAZYLOC_ALWAYS_INLINE {
-          SmoothRows(image, width, height, weights, static_cast<int>(begin), static_cast<int>(end), smoothed);
-        });
+        SmoothRows(image, width, height, weights, static_cast<int>(begin), static_cast<int>(end),
+                   smoothed + begin * static_cast<size_t>(width));
       },
       idle_threads);
 }

@@ -15,4 +15,8 @@ std::vector<float> GaussianWeights(double stddev_px);
 void Smooth(const float* image, int width, int height, const std::vector<float>& weights, IdleThreads* idle_threads,
             float* smoothed);
 
+// Does the same for the rows in [begin, end) alone. smoothed: these rows.
+void SmoothRows(const float* image, int width, int height, const std::vector<float>& weights, int begin, int end,
+                float* smoothed);
+
 }  // namespace lazyloc

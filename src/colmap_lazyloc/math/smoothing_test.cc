@@ -51,6 +51,17 @@ TEST(Smooth, IsExact) {
   }
 }
 
+TEST(SmoothRows, GivesTheRowsOfTheWholeImage) {
+  const int width = 70, height = 41;
+  const std::vector<float> weights = GaussianWeights(2.4), image = RandomImage(width, height);
+  const std::vector<float> expected = SmoothByDefinition(image, width, height, weights);
+  for (const auto& [begin, end] : {std::pair{0, 1}, {0, 13}, {7, 30}, {38, 41}}) {
+    std::vector<float> rows(static_cast<size_t>((end - begin) * width));
+    SmoothRows(image.data(), width, height, weights, begin, end, rows.data());
+    EXPECT_TRUE(std::equal(rows.begin(), rows.end(), expected.begin() + begin * width)) << begin;
+  }
+}
+
 TEST(GaussianWeights, AreSymmetricAndSumUpToOne) {
   const std::vector<float> weights = GaussianWeights(1.1);
   ASSERT_EQ(weights.size(), 11u);

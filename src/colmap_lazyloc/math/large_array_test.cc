@@ -1,0 +1,21 @@
+#include "colmap_lazyloc/math/large_array.h"
+
+#include <algorithm>
+
+#include <gtest/gtest.h>
+
+namespace lazyloc {
+namespace {
+
+TEST(AllocateLargeArray, HasAllValues) {
+  for (const size_t size : {0u, 1u, 300000u, 600001u}) {
+    const LargeArray values = AllocateLargeArray(size), others = AllocateLargeArray(size);
+    ASSERT_NE(values, nullptr);
+    std::fill_n(values.get(), size, 1.0f);
+    std::fill_n(others.get(), size, 2.0f);
+    EXPECT_EQ(std::count(values.get(), values.get() + size, 1.0f), static_cast<std::ptrdiff_t>(size));
+  }
+}
+
+}  // namespace
+}  // namespace lazyloc
