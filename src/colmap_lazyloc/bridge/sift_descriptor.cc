@@ -13,6 +13,8 @@ namespace {
 constexpr double kBinSizePerScale = 3;
 constexpr double kWindowStddev = 2;                     // of the Gaussian window, in bins
 constexpr double kReach = (kNumSpatialBins + 1) / 2.0;  // of the bins from the centre, in bins
+// To multiply by it gives what VLFeat's division by its inverse does for all values in [0, 2 pi], rounded to float.
+constexpr double kBinsPerRadian = kNumAngularBins / (2 * M_PI);
 constexpr float kLimit = 0.2f;
 
 // Bins with a margin of one on each side, so that no gradient within reach misses its bins.
@@ -27,8 +29,8 @@ struct Frame {
 
 // Place of pixels in bins, seen from the centre of the descriptor and from its orientation.
 struct Strip {
-  std::array<int, kStripSize> cell;         // the first of the 2 x 2 bins around; -1 if there are none
-  std::array<double, kStripSize> distance;  // squared, in standard deviations of the window
+  std::array<int, kStripSize> cell;        // the first of the 2 x 2 bins around; -1 if there are none
+  std::array<float, kStripSize> distance;  // squared, in standard deviations of the window
   std::array<float, kStripSize> window;
   std::array<float, kStripSize> rest_x, rest_y;  // from the centre of the first bin
   std::array<int, kStripSize> bin_angle;         // the first of two
@@ -42,7 +44,7 @@ LAZYLOC_ALWAYS_INLINE inline float Positive(float angle) {
 
 // Returns the bin whose centre is at or before a place.
 LAZYLOC_ALWAYS_INLINE inline int BinBefore(float place) {
-  const auto shifted = static_cast<float>(place - 0.5);
+  const float shifted = place - 0.5f;
   const int truncated = static_cast<int>(shifted);
   return truncated - (shifted < static_cast<float>(truncated) ? 1 : 0);
 }
@@ -59,13 +61,13 @@ LAZYLOC_ALWAYS_INLINE inline void FindBins(const GradientStrip& gradients, const
     const int bin_x = BinBefore(bins_x), bin_y = BinBefore(bins_y);
     const bool is_inside = (bin_x >= -kCentre) & (bin_x <= kCentre - 2) & (bin_y >= -kCentre) & (bin_y <= kCentre - 2);
     strip->cell[i] = is_inside ? (bin_y + kCentre) * kNumPaddedBins + bin_x + kCentre : -1;
-    strip->rest_x[i] = static_cast<float>(bins_x - (bin_x + 0.5));
-    strip->rest_y[i] = static_cast<float>(bins_y - (bin_y + 0.5));
-    strip->distance[i] = (bins_x * bins_x + bins_y * bins_y) / (2 * kWindowStddev * kWindowStddev);
+    strip->rest_x[i] = bins_x - (static_cast<float>(bin_x) + 0.5f);
+    strip->rest_y[i] = bins_y - (static_cast<float>(bin_y) + 0.5f);
+    strip->distance[i] = (bins_x * bins_x + bins_y * bins_y) / static_cast<float>(2 * kWindowStddev * kWindowStddev);
   }
   for (int i = 0; i < padded_size; ++i) {
     const float angle = Positive(static_cast<float>(gradients.angle[i] - frame.orientation));
-    const auto bins = static_cast<float>(kNumAngularBins * angle / (2 * M_PI));
+    const auto bins = static_cast<float>(angle * kBinsPerRadian);
     strip->bin_angle[i] = static_cast<int>(bins);
     strip->rest_angle[i] = bins - static_cast<float>(strip->bin_angle[i]);
   }
@@ -123,9 +125,9 @@ LAZYLOC_ALWAYS_INLINE inline void AddToBins(const Strip& strip, int size, Padded
   }
 }
 
-// Narrows a range of x to where |slope * x + offset| can be less than the limit.
-void Narrow(double slope, double offset, double limit, double* begin, double* end) {
-  const double one = (-limit - offset) / slope, other = (limit - offset) / slope;
+// Narrows a range of x to where |slope * x + offset| can be less than the limit. inverse: 1 / slope, may be infinite.
+void Narrow(double inverse, double offset, double limit, double* begin, double* end) {
+  const double one = (-limit - offset) * inverse, other = (limit - offset) * inverse;
   *begin = std::max(*begin, std::min(one, other));
   *end = std::min(*end, std::max(one, other));
 }
@@ -143,9 +145,10 @@ LAZYLOC_ALWAYS_INLINE inline void FillHistogram(const SiftLevel& level, const Si
   for (int v = std::max(y - radius, 1); v < end_y; ++v) {
     // The bins' square is turned, and most of a row may be outside of it.
     double first = -radius, last = radius;
-    const double dy = v - centre_y, limit = kReach * bin_size;
-    Narrow(frame.cosine, frame.sine * dy, limit, &first, &last);
-    Narrow(-frame.sine, frame.cosine * dy, limit, &first, &last);
+    const double dy = v - centre_y;
+    Narrow(1 / frame.cosine, frame.sine * dy, kReach * bin_size, &first, &last);
+    Narrow(-1 / frame.sine, frame.cosine * dy, kReach * bin_size, &first, &last);
+    if (first > last + 1) continue;  // the 1 is for the rounding, like the margins below
     const int begin_x = std::max({x - radius, static_cast<int>(std::floor(centre_x + first)) - 1, 1});
     const int end_x = std::min({x + radius + 1, static_cast<int>(std::ceil(centre_x + last)) + 2, level.width - 1});
     for (int u = begin_x; u < end_x; u += kStripSize) {

@@ -51,12 +51,13 @@ LAZYLOC_ALWAYS_INLINE inline void FillHistogram(const SiftLevel& level, const Si
 }
 
 // Replaces each bin by the mean of itself and its neighbours, six times.
-void SmoothHistogram(Histogram* histogram) {
+LAZYLOC_ALWAYS_INLINE inline void SmoothHistogram(Histogram* histogram) {
+  std::array<double, kNumBins + 2> ring;  // with a bin more on both sides
   for (int i = 0; i < 6; ++i) {
-    const Histogram before = *histogram;
-    for (int bin = 0; bin < kNumBins; ++bin) {
-      (*histogram)[bin] = (before[(bin + kNumBins - 1) % kNumBins] + before[bin] + before[(bin + 1) % kNumBins]) / 3.0;
-    }
+    std::copy(histogram->begin(), histogram->end(), ring.begin() + 1);
+    ring.front() = histogram->back();
+    ring.back() = histogram->front();
+    for (int bin = 0; bin < kNumBins; ++bin) (*histogram)[bin] = (ring[bin] + ring[bin + 1] + ring[bin + 2]) / 3.0;
   }
 }
 
@@ -64,8 +65,10 @@ void SmoothHistogram(Histogram* histogram) {
 
 std::vector<double> FindOrientations(const SiftLevel& level, const SiftKeypoint& keypoint) {
   Histogram histogram = {};
-  RunVectorized([&]() LAZYLOC_ALWAYS_INLINE { FillHistogram(level, keypoint, &histogram); });
-  SmoothHistogram(&histogram);
+  RunVectorized([&]() LAZYLOC_ALWAYS_INLINE {
+    FillHistogram(level, keypoint, &histogram);
+    SmoothHistogram(&histogram);
+  });
   const double threshold = 0.8 * *std::max_element(histogram.begin(), histogram.end());
   std::vector<double> orientations;
   for (int bin = 0; bin < kNumBins && orientations.size() < kMaxNumOrientations; ++bin) {

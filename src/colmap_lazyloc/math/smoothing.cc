@@ -14,7 +14,8 @@ using Vector = float __attribute__((vector_size(kVectorSize * sizeof(float))));
 constexpr int kNumRows = 4;  // rows whose columns are summed together, because they have most pixels in common
 
 // Sums of `kRows` rows and `kVectors` vectors that are computed together, so that they stay in registers. Sets
-// sums[i][x] for x in [begin, begin + kVectors * kVectorSize) to the sum of weights[k - i] * sources[k][x] over all k.
+// sums[i][x] for x in [begin, begin + kVectors * kVectorSize) to the sum of weights[k * kRows + i] * sources[k][x] over
+// all k.
 template <int kRows, int kVectors>
 LAZYLOC_ALWAYS_INLINE inline void SumBlock(const std::vector<const float*>& sources, const float* weights, int begin,
                                            float* const* sums) {
@@ -23,7 +24,7 @@ LAZYLOC_ALWAYS_INLINE inline void SumBlock(const std::vector<const float*>& sour
     for (int v = 0; v < kVectors; ++v) {
       Vector values;
       std::memcpy(&values, sources[static_cast<size_t>(k)] + begin + v * kVectorSize, sizeof(values));
-      for (int i = 0; i < kRows; ++i) block[i][v] += weights[k - i] * values;
+      for (int i = 0; i < kRows; ++i) block[i][v] += weights[k * kRows + i] * values;
     }
   }
   for (int i = 0; i < kRows; ++i) std::memcpy(sums[i] + begin, block[i], sizeof(block[i]));
@@ -45,7 +46,7 @@ LAZYLOC_ALWAYS_INLINE inline void SumRows(const std::vector<const float*>& sourc
     for (int x = 0; x < width; ++x) {
       float sum = 0;
       for (int k = 0; k < static_cast<int>(sources.size()); ++k) {
-        sum += weights[k - i] * sources[static_cast<size_t>(k)][x];
+        sum += weights[k * kRows + i] * sources[static_cast<size_t>(k)][x];
       }
       sums[i][x] = sum;
     }
@@ -56,10 +57,11 @@ LAZYLOC_ALWAYS_INLINE inline void SmoothRowsVectorized(const float* image, int w
                                                        const std::vector<float>& weights, int begin, int end,
                                                        float* smoothed) {
   const int radius = static_cast<int>(weights.size() / 2);
-  // Zeros on both sides stand for the pixels that only other rows have. They change no sum.
-  std::vector<float> padded(weights.size() + 2 * (kNumRows - 1));
-  std::copy(weights.begin(), weights.end(), padded.begin() + kNumRows - 1);
-  const float* first_weight = &padded[kNumRows - 1];
+  // The weights of each source row in the rows; 0 for a row that does not have it, which changes no sum.
+  std::vector<float> weights_in_rows((weights.size() + kNumRows - 1) * kNumRows);
+  for (size_t i = 0; i < kNumRows; ++i) {
+    for (size_t k = 0; k < weights.size(); ++k) weights_in_rows[(k + i) * kNumRows + i] = weights[k];
+  }
   const int stride = width + 2 * radius;  // with the continued border
   std::vector<float> columns(static_cast<size_t>(kNumRows) * stride);
   std::vector<const float*> rows(weights.size() + kNumRows - 1), shifts(weights.size());
@@ -70,13 +72,13 @@ LAZYLOC_ALWAYS_INLINE inline void SmoothRowsVectorized(const float* image, int w
       const int source = std::clamp(y + static_cast<int>(k) - radius, 0, height - 1);
       rows[k] = image + static_cast<size_t>(source) * width;
     }
-    SumRows<kNumRows, 2>(rows, first_weight, width, sums);
+    SumRows<kNumRows, 2>(rows, weights_in_rows.data(), width, sums);
     for (int i = 0; i < std::min(kNumRows, end - y); ++i) {
       std::fill_n(sums[i] - radius, radius, sums[i][0]);
       std::fill_n(sums[i] + width, radius, sums[i][width - 1]);
       for (size_t k = 0; k < shifts.size(); ++k) shifts[k] = sums[i] - radius + k;
       float* row = smoothed + static_cast<size_t>(y + i - begin) * width;
-      SumRows<1, 8>(shifts, first_weight, width, &row);
+      SumRows<1, 8>(shifts, weights.data(), width, &row);
     }
   }
 }
