@@ -83,11 +83,18 @@ void Band::GoTo(int begin, int end) {
   }
 }
 
-// The differences at some pixels of a row and at their neighbours, from one pixel before on.
+// The differences at some pixels of a row and in two rows of their neighbours, from one pixel before on.
 struct Block {
   using Values = std::array<float, kBlock + 2>;
-  Values above, row, below;
+  Values row, one, other;
 };
+
+// The rows of neighbours two at a time, as offsets of level and y. First those that decide for most pixels.
+struct RowPair {
+  int level_one, y_one, level_other, y_other;
+};
+constexpr std::array<RowPair, 4> kNeighbours = {RowPair{0, -1, 0, 1}, RowPair{-1, 0, 1, 0}, RowPair{-1, -1, 1, -1},
+                                                RowPair{-1, 1, 1, 1}};
 
 LAZYLOC_ALWAYS_INLINE inline void Subtract(const Band& band, int level, int x, int y, int size, Block::Values* values) {
   const float* __restrict one = band.Row(level, y) + x - 1;
@@ -101,8 +108,8 @@ LAZYLOC_ALWAYS_INLINE inline bool HasPeak(const Block::Values& values, int size,
   return has_peak != 0;
 }
 
-// Sets what is an extremum among its 8 neighbours in the image. Returns false if nothing is.
-LAZYLOC_ALWAYS_INLINE inline bool FindExtrema(const Block& block, int size, float threshold,
+// Keeps what is an extremum among the 8 neighbours in the block. Returns false if nothing is.
+LAZYLOC_ALWAYS_INLINE inline bool KeepExtrema(const Block& block, int size, float threshold,
                                               std::array<int, kBlock>* is_extremum) {
   int has_extremum = 0;
   for (int i = 0; i < size; ++i) {
@@ -113,21 +120,25 @@ LAZYLOC_ALWAYS_INLINE inline bool FindExtrema(const Block& block, int size, floa
     const float value = block.row[i + 1];
     const float beside_max = std::max(block.row[i], block.row[i + 2]);
     const float beside_min = std::min(block.row[i], block.row[i + 2]);
-    const float max = std::max(std::max(maximum(block.above), maximum(block.below)), beside_max);
-    const float min = std::min(std::min(minimum(block.above), minimum(block.below)), beside_min);
-    (*is_extremum)[i] = ((value >= threshold) & (value > max)) | ((value <= -threshold) & (value < min));
+    const float max = std::max(std::max(maximum(block.one), maximum(block.other)), beside_max);
+    const float min = std::min(std::min(minimum(block.one), minimum(block.other)), beside_min);
+    (*is_extremum)[i] &= ((value >= threshold) & (value > max)) | ((value <= -threshold) & (value < min));
     has_extremum |= (*is_extremum)[i];
   }
   return has_extremum != 0;
 }
 
-// True if the value is an extremum among its neighbours in another difference.
-bool IsExtremum(const Band& band, float value, int level, int x, int y) {
-  for (int v = y - 1; v <= y + 1; ++v) {
-    for (int u = x - 1; u <= x + 1; ++u) {
-      const float other = band.Difference(level, u, v);
-      if (value > 0 ? value <= other : value >= other) return false;
-    }
+// Finds the extrema among all neighbours of a row from pixel x on. Returns false if there are none.
+LAZYLOC_ALWAYS_INLINE inline bool FindExtrema(const Band& band, int level, int x, int y, int size, float threshold,
+                                              std::array<int, kBlock>* is_extremum) {
+  Block block;
+  Subtract(band, level, x, y, size, &block.row);
+  if (!HasPeak(block.row, size, threshold)) return false;
+  is_extremum->fill(1);
+  for (const RowPair& rows : kNeighbours) {
+    Subtract(band, level + rows.level_one, x, y + rows.y_one, size, &block.one);
+    Subtract(band, level + rows.level_other, x, y + rows.y_other, size, &block.other);
+    if (!KeepExtrema(block, size, threshold, is_extremum)) return false;
   }
   return true;
 }
@@ -217,19 +228,12 @@ std::optional<SiftKeypoint> Refine(const Band& band, int level, int x, int y, co
 // Appends the keypoints of a row.
 LAZYLOC_ALWAYS_INLINE inline void DetectInRow(const Band& band, int level, int y, const Thresholds& thresholds,
                                               std::vector<SiftKeypoint>* keypoints) {
-  Block block;
   std::array<int, kBlock> is_extremum;
   for (int x = 1; x < band.width - 1; x += kBlock) {
     const int size = std::min(kBlock, band.width - 1 - x);
-    Subtract(band, level, x, y, size, &block.row);
-    if (!HasPeak(block.row, size, thresholds.first_peak)) continue;
-    Subtract(band, level, x, y - 1, size, &block.above);
-    Subtract(band, level, x, y + 1, size, &block.below);
-    if (!FindExtrema(block, size, thresholds.first_peak, &is_extremum)) continue;
+    if (!FindExtrema(band, level, x, y, size, thresholds.first_peak, &is_extremum)) continue;
     for (int i = 0; i < size; ++i) {
       if (is_extremum[i] == 0) continue;
-      const float value = block.row[i + 1];
-      if (!IsExtremum(band, value, level + 1, x + i, y) || !IsExtremum(band, value, level - 1, x + i, y)) continue;
       const std::optional<SiftKeypoint> keypoint = Refine(band, level, x + i, y, thresholds);
       if (keypoint) keypoints->push_back(*keypoint);
     }
