@@ -138,7 +138,7 @@ LAZYLOC_ALWAYS_INLINE inline void FillHistogram(const SiftLevel& level, const Si
   const double bin_size = kBinSizePerScale * keypoint.scale + DBL_EPSILON;
   const Frame frame = {std::cos(orientation_rad), std::sin(orientation_rad), bin_size, orientation_rad};
   const int radius = static_cast<int>(std::floor(std::sqrt(2.0) * bin_size * (kNumSpatialBins + 1) / 2 + 0.5));
-  const int x = static_cast<int>(centre_x + 0.5), y = static_cast<int>(centre_y + 0.5);
+  const int x = keypoint.PixelX(), y = keypoint.PixelY();
   const int end_y = std::min(y + radius + 1, level.height - 1);
   GradientStrip gradients;
   Strip strip = {};

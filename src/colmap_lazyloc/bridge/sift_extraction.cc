@@ -31,7 +31,8 @@ DescriptorBytes ToBytes(const SiftHistogram& histogram) {
   DescriptorBytes turned;
   for (int i = 0; i < kNumColumns; ++i) {
     const int angle = i % kNumAngularBins;
-    turned[static_cast<size_t>(i - angle + (kNumAngularBins - angle) % kNumAngularBins)] = bytes(0, i);
+    const int turned_angle = (kNumAngularBins - angle) % kNumAngularBins;
+    turned.at(i - angle + turned_angle) = bytes(0, i);
   }
   return turned;
 }
@@ -52,7 +53,7 @@ KeypointFeatures Describe(const DetectedKeypoint& detected, bool is_upright) {
   for (const double orientation : orientations) {
     features.keypoints.emplace_back(keypoint.x * pixel + 0.5f, keypoint.y * pixel + 0.5f, keypoint.scale * pixel,
                                     static_cast<float>(orientation));
-    const bool is_described = static_cast<int>(keypoint.y + 0.5) < level.height - 1;
+    const bool is_described = keypoint.PixelY() < level.height - 1;
     features.descriptors.push_back(is_described ? ToBytes(DescribeKeypoint(level, keypoint, orientation))
                                                 : DescriptorBytes{});
   }

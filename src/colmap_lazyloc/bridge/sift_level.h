@@ -1,5 +1,6 @@
 #pragma once
 
+#include <cmath>
 #include <cstddef>
 
 namespace lazyloc {
@@ -19,6 +20,10 @@ struct SiftLevel {
 struct SiftKeypoint {
   float x = 0, y = 0;
   float scale = 0;
+
+  // The pixel that it is in.
+  int PixelX() const { return static_cast<int>(std::floor(x + 0.5)); }
+  int PixelY() const { return static_cast<int>(std::floor(y + 0.5)); }
 };
 
 }  // namespace lazyloc

@@ -22,7 +22,7 @@ LAZYLOC_ALWAYS_INLINE inline void FillHistogram(const SiftLevel& level, const Si
                                                 Histogram* histogram) {
   const double centre_x = keypoint.x, centre_y = keypoint.y, window = kWindowStddev * keypoint.scale;
   const int radius = std::max(static_cast<int>(std::floor(3 * window)), 1);
-  const int x = static_cast<int>(centre_x + 0.5), y = static_cast<int>(centre_y + 0.5);
+  const int x = keypoint.PixelX(), y = keypoint.PixelY();
   const int end_x = std::min(x + radius + 1, level.width), end_y = std::min(y + radius + 1, level.height);
   GradientStrip gradients;
   Strip strip;
