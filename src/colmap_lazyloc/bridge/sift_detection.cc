@@ -222,7 +222,7 @@ std::optional<SiftKeypoint> Refine(const Band& band, int level, int x, int y, co
                        curvature_ratio >= 0 && is_near && is_inside;
   if (!is_good) return std::nullopt;
   return SiftKeypoint{static_cast<float>(new_x), static_cast<float>(new_y),
-                      static_cast<float>(KeypointScale(new_level))};
+                      static_cast<float>(ScaleOfLevel(new_level))};
 }
 
 // Appends the keypoints of a row.

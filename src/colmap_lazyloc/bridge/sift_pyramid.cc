@@ -80,7 +80,7 @@ void FillFirstLevel(const std::vector<uint8_t>& grey, int width, int height, Idl
 
 }  // namespace
 
-double KeypointScale(double levels_from_first) {
+double ScaleOfLevel(double levels_from_first) {
   return kFirstScale * std::pow(2.0, levels_from_first / kNumKeypointLevels);
 }
 

@@ -27,7 +27,7 @@ struct SiftOctave {
 
 // Returns the scale of a keypoint in pixels of the octave. levels_from_first: how many levels it is after the first
 // keypoint's level, rarely an integer.
-double KeypointScale(double levels_from_first);
+double ScaleOfLevel(double levels_from_first);
 // Returns the standard deviation in pixels that the smoothing from the level before has.
 double LevelSmoothing(int level);
 

@@ -12,6 +12,7 @@
 #include <colmap/estimators/two_view_geometry.h>
 #include <colmap/optim/loransac.h>
 
+#include "colmap_lazyloc/bridge/camera_models.h"
 #include "colmap_lazyloc/bridge/convert.h"
 #include "colmap_lazyloc/bridge/random_numbers.h"
 #include "colmap_lazyloc/bridge/ray_geometry.h"
@@ -52,9 +53,14 @@ std::optional<Eigen::Matrix3d> IfSet(std::optional<Eigen::Matrix3d> matrix) {
   return matrix;
 }
 
+// Returns COLMAP's maximum epipolar error of an inlier in pixels.
+double MaxErrorPx() { return colmap::TwoViewGeometryOptions().ransac_options.max_error; }
+
 }  // namespace
 
-double MaxErrorPx() { return colmap::TwoViewGeometryOptions().ransac_options.max_error; }
+double MaxErrorRad(const Camera& query_camera, const Camera& other_camera) {
+  return (MaxErrorPx() / MeanFocalLength(other_camera) + MaxErrorPx() / MeanFocalLength(query_camera)) / 2;
+}
 
 TwoViewGeometry EstimateTwoViewGeometry(const LocalizationProblem& problem, const ImagePair& pair,
                                         const Matches& matches, bool is_query_calibrated, uint32_t seed) {
@@ -91,10 +97,7 @@ TwoViewGeometry EstimateCalibratedGeometry(const LocalizationProblem& problem, c
   const auto other_points = ToEstimator<FivePoints::X_t>(rays.other),
              query_points = ToEstimator<FivePoints::X_t>(rays.query);
   colmap::RANSACOptions ransac_options;
-  const double max_error_px = MaxErrorPx();
-  ransac_options.max_error = (ToColmap(pair.other_camera).CamFromImgThreshold(max_error_px) +
-                              ToColmap(problem.query_camera).CamFromImgThreshold(max_error_px)) /
-                             2;
+  ransac_options.max_error = MaxErrorRad(problem.query_camera, pair.other_camera);
   ransac_options.min_inlier_ratio = kMinCalibratedInlierRatio;
   // Takes few trials, because local optimization mends the best one, and the matches are inliers of one geometry.
   ransac_options.confidence = 0.99;

@@ -6,8 +6,8 @@
 
 namespace lazyloc {
 
-// Returns COLMAP's maximum epipolar error of an inlier in pixels.
-double MaxErrorPx();
+// Returns COLMAP's maximum epipolar error of an inlier, 4 pixels, in the mean of the two cameras.
+double MaxErrorRad(const Camera& query_camera, const Camera& other_camera);
 
 // Estimates the two-view geometry of a pair with COLMAP: a fundamental matrix without a relative pose if the query is
 // not calibrated. Else it is an essential matrix (five points, LO-RANSAC), or a homography if that has nearly as many

@@ -12,7 +12,7 @@
 namespace lazyloc {
 namespace {
 
-constexpr float kPi = 3.14159265f;
+constexpr auto kPi = static_cast<float>(M_PI);
 
 // A ray among the epipolar planes, which all hold the baseline: the plane that it lies in has this angle.
 struct RayInPencil {

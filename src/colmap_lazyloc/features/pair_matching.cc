@@ -114,25 +114,22 @@ void MatchGuided(const FeatureMethod& method, const LocalizationProblem& problem
   const bool is_calibrated = IsCalibrated(problem.intrinsics_origin);
   const auto E = EssentialMatrix(*pair->geometry, problem.query_camera, pair->other_camera, is_calibrated);
   if (!E) return;
-  const double focal_lengths_inverse =
-      1 / MeanFocalLength(problem.query_camera) + 1 / MeanFocalLength(pair->other_camera);
   const Rays other_rays = RaysOf(CameraOfGeometry(pair->other_camera, is_calibrated), pair->other_keypoints);
-  Matches matches =
-      method.MatchGuided(query, query_rays, database, other_rays, *E, MaxErrorPx() * focal_lengths_inverse / 2);
+  Matches matches = method.MatchGuided(query, query_rays, database, other_rays, *E,
+                                       MaxErrorRad(problem.query_camera, pair->other_camera));
   if (static_cast<int>(matches.size()) < kMinNumInliers) return;
   pair->matches = pair->geometry->inlier_matches = std::move(matches);
 }
 
 }  // namespace
 
-bool MatchPairs(const FeatureMethod& method, const Features& query_features,
+void MatchPairs(const FeatureMethod& method, const Features& query_features,
                 const std::vector<std::shared_ptr<const Features>>& database_features,
                 const PairMatchingOptions& options, IdleThreads* idle_threads, LocalizationProblem* problem,
                 StageTimer::Seconds* seconds) {
   std::vector<ImagePair>& pairs = problem->pairs;
   LAZYLOC_CHECK(database_features.size() == pairs.size());
   const bool is_guided = method.HasGuidedMatching() && !options.compares_all;
-  bool has_more_features = query_features.keypoints.size() > kNumLargest;
   {
     const StageTimer timer("matching", seconds);
     const Subset largest = is_guided ? LargestFeatures(query_features) : Subset();
@@ -149,7 +146,6 @@ bool MatchPairs(const FeatureMethod& method, const Features& query_features,
   }
   std::vector<size_t> num_matches;
   for (ImagePair& pair : pairs) {
-    has_more_features |= pair.other_keypoints.size() > kNumLargest;
     num_matches.push_back(pair.matches.size());
     pair.geometry.emplace().config = TwoViewConfig::DEGENERATE;
   }
@@ -166,7 +162,7 @@ bool MatchPairs(const FeatureMethod& method, const Features& query_features,
         },
         idle_threads);
   }
-  if (!is_guided || !has_more_features) return true;
+  if (!is_guided || !HasFurtherFeatures(method, *problem)) return;
   const StageTimer timer("matching", seconds);
   const Rays query_rays = RaysOf(CameraOfGeometry(problem->query_camera, IsCalibrated(problem->intrinsics_origin)),
                                  problem->query_keypoints);
@@ -178,7 +174,14 @@ bool MatchPairs(const FeatureMethod& method, const Features& query_features,
         MatchGuided(method, *problem, query_features, query_rays, *database_features[verified[i]], &pair);
       },
       idle_threads);
-  return false;
+}
+
+bool HasFurtherFeatures(const FeatureMethod& method, const LocalizationProblem& problem) {
+  const auto has_further = [](const std::vector<Eigen::Vector2d>& keypoints) { return keypoints.size() > kNumLargest; };
+  return method.HasGuidedMatching() &&
+         (has_further(problem.query_keypoints) ||
+          std::any_of(problem.pairs.begin(), problem.pairs.end(),
+                      [&](const ImagePair& pair) { return has_further(pair.other_keypoints); }));
 }
 
 }  // namespace lazyloc

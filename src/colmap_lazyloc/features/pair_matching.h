@@ -23,11 +23,13 @@ struct PairMatchingOptions {
 // Matches the query with the database image of each of the problem's pairs and verifies the matches by COLMAP's
 // two-view geometry. The problem has names, cameras and the query's keypoints; this sets the pairs' other_keypoints,
 // raw matches and geometry, which is DEGENERATE if verification fails. database_features: one per pair. The result does
-// not depend on the number of threads. Adds the stages "matching" and "verification" to `seconds`. Returns false if
-// features were compared along epipolar lines alone.
-bool MatchPairs(const FeatureMethod& method, const Features& query_features,
+// not depend on the number of threads. Adds the stages "matching" and "verification" to `seconds`.
+void MatchPairs(const FeatureMethod& method, const Features& query_features,
                 const std::vector<std::shared_ptr<const Features>>& database_features,
                 const PairMatchingOptions& options, IdleThreads* idle_threads, LocalizationProblem* problem,
                 StageTimer::Seconds* seconds);
+
+// True if the largest features of a matched problem are not all: `compares_all` may find more matches.
+bool HasFurtherFeatures(const FeatureMethod& method, const LocalizationProblem& problem);
 
 }  // namespace lazyloc

@@ -19,7 +19,6 @@ struct LoadedGroup {
   QueryGroup group;
   std::vector<QueryRecord> records;   // one per image of the group, in the same order
   std::vector<RefusedQuery> refused;  // queries that are not in the group
-  bool compares_all_features = true;  // false if a photo has features that were only compared along epipolar lines
 };
 
 }  // namespace lazyloc

@@ -261,8 +261,8 @@ DatabaseFeatures PhotoLoader::AddPairs(const Candidates& candidates, const Featu
   return database_features;
 }
 
-LoadedPhoto PhotoLoader::Load(const PhotoQuery& photo, const Attempt& attempt, const FeatureReader& features,
-                              IdleThreads* idle_threads, QueryRecord* record) const {
+LocalizationProblem PhotoLoader::Load(const PhotoQuery& photo, const Attempt& attempt, const FeatureReader& features,
+                                      IdleThreads* idle_threads, QueryRecord* record) const {
   const FeatureMethod& method = *methods_.database;
   const PhotoFile file = ReadFile(photo, method, record);
   const PhotoProperties& properties = file.Properties();
@@ -278,8 +278,7 @@ LoadedPhoto PhotoLoader::Load(const PhotoQuery& photo, const Attempt& attempt, c
     return method.Extract(file, MeanFocalLength(chosen.camera), idle_threads);
   });
   record->matcher = method.Matcher();
-  LoadedPhoto loaded;
-  LocalizationProblem& problem = loaded.problem;
+  LocalizationProblem problem;
   problem.query_name = photo.name;
   problem.query_camera = chosen.camera;
   problem.intrinsics_origin = chosen.Origin();
@@ -296,18 +295,14 @@ LoadedPhoto PhotoLoader::Load(const PhotoQuery& photo, const Attempt& attempt, c
       matching.seed = seed_;
       matching.compares_all = attempt.compares_all_features;
       if (!photo.paired_ids) matching.max_num_verified = attempt.num_retrieved;
-      loaded.compares_all_features =
-          MatchPairs(method, query_features, database_features, matching, idle_threads, &problem, &record->seconds);
+      MatchPairs(method, query_features, database_features, matching, idle_threads, &problem, &record->seconds);
     }
   }
   if (matches_output_ && !attempt.compares_all_features) {  // else the first attempt has written it
     Timed("matches_output", &record->seconds,
           [&] { matches_output_->Write(problem, query_features, database_features); });
   }
-  if (methods_.is_fallback_first) {
-    loaded = {LoadFallback(photo, problem, features, idle_threads, record), true};
-  }
-  return loaded;
+  return methods_.is_fallback_first ? LoadFallback(photo, problem, features, idle_threads, record) : problem;
 }
 
 std::shared_ptr<const Features> PhotoLoader::FeaturesOf(const Candidate& candidate,
@@ -329,15 +324,10 @@ std::vector<ImagePair> PhotoLoader::MatchDatabaseImage(const ModelImage& image, 
   problem.query_camera = selection_.DatabaseModel().cameras.at(image.camera_id);
   problem.intrinsics_origin = IntrinsicsOrigin::MODEL;
   problem.query_keypoints = Positions(own_features->keypoints);
-  DatabaseFeatures others;
-  for (const Candidate* other : NearestViewpoints(candidates_, image, static_cast<size_t>(max_num_others))) {
-    std::shared_ptr<const Features> read = FeaturesOf(*other, features);
-    if (!read) continue;
-    others.push_back(std::move(read));
-    problem.pairs.push_back(selection_.MakePair(*other->image));
-  }
-  StageTimer::Seconds seconds;  // are those of the stage that calls
-  MatchPairs(*methods_.database, *own_features, others, {seed_}, idle_threads, &problem, &seconds);
+  QueryRecord unused;  // the seconds are those of the stage that calls
+  const DatabaseFeatures others =
+      AddPairs(NearestViewpoints(candidates_, image, static_cast<size_t>(max_num_others)), features, &problem, &unused);
+  MatchPairs(*methods_.database, *own_features, others, {seed_}, idle_threads, &problem, &unused.seconds);
   std::vector<ImagePair>& pairs = problem.pairs;
   const auto is_useless = [](const ImagePair& pair) {
     return !HoldsCalibrated(pair.geometry->config) ||

@@ -23,13 +23,9 @@
 
 namespace lazyloc {
 
-struct LoadedPhoto {
-  LocalizationProblem problem;
-  bool compares_all_features = true;  // false if some features were only compared along epipolar lines
-};
-
 // Makes the localization problem of a photo in memory: extracts features like the database's, chooses database images,
-// matches and verifies. A photo that this does not localize can be loaded once more, with fallback features.
+// matches and verifies. A photo that this does not localize can be loaded again, with all features compared, or with
+// fallback features.
 class PhotoLoader {
  public:
   // num_threads: for making the retrieval index, which happens here if a photo needs it. has_more_photos: photos that
@@ -41,8 +37,12 @@ class PhotoLoader {
   // Adds keypoints and times to the record. Throws Refusal if the photo cannot be used. Leaves out database images
   // whose features are damaged, and says so in the record. Throws InputError for a damaged file. Thread-safe with one
   // reader per thread; the result depends only on the input.
-  LoadedPhoto Load(const PhotoQuery& photo, const Attempt& attempt, const FeatureReader& features,
-                   IdleThreads* idle_threads, QueryRecord* record) const;
+  LocalizationProblem Load(const PhotoQuery& photo, const Attempt& attempt, const FeatureReader& features,
+                           IdleThreads* idle_threads, QueryRecord* record) const;
+  // True if an attempt that compares all features may find more than the one that gave this problem.
+  bool HasFurtherFeatures(const LocalizationProblem& problem, const QueryRecord& record) const {
+    return record.matcher == methods_.database->Matcher() && lazyloc::HasFurtherFeatures(*methods_.database, problem);
+  }
   // True if photos that are not localized can be loaded once more.
   bool HasFallback() const { return fallback_ && !methods_.is_fallback_first; }
   // Loads a photo with fallback features. first: what Load has returned; seconds add up in the record.

@@ -98,7 +98,7 @@ GroupInput QuerySource::WithPriors(GroupInput input) const {
 }
 
 LocalizationProblem QuerySource::LoadQuery(const QueryInput& query, const Attempt& attempt, Session* session,
-                                           QueryRecord* record, bool* compares_all_features) const {
+                                           QueryRecord* record) const {
   if (const auto* problem = std::get_if<LocalizationProblem>(&query)) return *problem;
   LocalizationProblem problem;
   try {
@@ -107,9 +107,7 @@ LocalizationProblem QuerySource::LoadQuery(const QueryInput& query, const Attemp
       if (!photo->damage.empty()) throw DamagedRecordError(database_.Path().string(), photo->damage);
       const PhotoLoader& photos = Photos();
       if (!session->features) session->features = std::make_unique<FeatureReader>(database_.Path());
-      LoadedPhoto loaded = photos.Load(*photo, attempt, *session->features, session->idle_threads, record);
-      problem = std::move(loaded.problem);
-      if (!loaded.compares_all_features) *compares_all_features = false;
+      problem = photos.Load(*photo, attempt, *session->features, session->idle_threads, record);
     } else {
       record->result.query_name = std::get<std::string>(query);
       const StageTimer timer("load", &record->seconds);
@@ -123,6 +121,14 @@ LocalizationProblem QuerySource::LoadQuery(const QueryInput& query, const Attemp
   // All pairs of a file are used.
   if (options_.selection.pairs_path.empty()) problem.max_num_pairs = attempt.num_retrieved;
   return problem;
+}
+
+bool QuerySource::HasFurtherFeatures(const LoadedGroup& first) const {
+  for (size_t i = 0; i < first.records.size(); ++i) {
+    const bool is_photo = first.records[i].matcher.has_value();
+    if (is_photo && Photos().HasFurtherFeatures(first.group.images[i].problem, first.records[i])) return true;
+  }
+  return false;
 }
 
 bool QuerySource::HasFallback(const GroupInput& input) const {
@@ -140,11 +146,9 @@ LoadedGroup QuerySource::Load(const GroupInput& input, const Attempt& attempt, c
   if (attempt.uses_fallback_features) {
     loaded = LoadFallback(input, *first, session);
   } else {
-    bool compares_all_features = true;
     loaded = LoadEach(WithPriors(input), [&](const QueryInput& query, QueryRecord* record) {
-      return LoadQuery(query, attempt, session, record, &compares_all_features);
+      return LoadQuery(query, attempt, session, record);
     });
-    loaded.compares_all_features = compares_all_features;
     pair_loader_.LoadQueryPairs(session->database, &loaded);
   }
   AddDatabasePairsAndDepths(session, &loaded);

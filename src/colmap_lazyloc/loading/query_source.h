@@ -92,6 +92,8 @@ class QuerySource {
   GroupInput Group(size_t group) const;
   // Returns the first attempt at any group.
   Attempt FirstAttempt() const { return {options_.num_retrieved}; }
+  // True if comparing all features may find more matches of a photo than the first attempt, which has loaded `first`.
+  bool HasFurtherFeatures(const LoadedGroup& first) const;
   // True if a group can be loaded with fallback features: all of its queries are photos.
   bool HasFallback(const GroupInput& input) const;
   // Loads a group. first: what the first attempt has loaded, which fallback features start from; null for that attempt
@@ -112,9 +114,8 @@ class QuerySource {
   const PhotoLoader& Photos() const;
   // Gives named queries the priors in files that they lack.
   GroupInput WithPriors(GroupInput input) const;
-  // Sets `compares_all_features` to false if the query is a photo and Load of PhotoLoader says so.
-  LocalizationProblem LoadQuery(const QueryInput& query, const Attempt& attempt, Session* session, QueryRecord* record,
-                                bool* compares_all_features) const;
+  LocalizationProblem LoadQuery(const QueryInput& query, const Attempt& attempt, Session* session,
+                                QueryRecord* record) const;
   // Returns a group that was loaded with what fallback features see.
   LoadedGroup LoadFallback(const GroupInput& input, const LoadedGroup& first, Session* session) const;
   // Returns null if the query is not a photo.

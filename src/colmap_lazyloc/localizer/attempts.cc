@@ -4,7 +4,7 @@ namespace lazyloc {
 
 std::vector<Attempt> FurtherAttempts(const QuerySource& source, const GroupInput& input, const LoadedGroup& first) {
   std::vector<Attempt> attempts;
-  if (!first.compares_all_features) {
+  if (source.HasFurtherFeatures(first)) {
     attempts.push_back(source.FirstAttempt());
     attempts.back().compares_all_features = true;
   }
