@@ -148,12 +148,38 @@ def test_remedy_is_what_the_file_was_written_by(scene, written):
     for read in (CONVENTIONS[0], CONVENTIONS[4]):
         if read == written:
             continue
-        poses = [pose_of(*raw, read) for raw in zip(matrices, vectors)]
-        given = scene.with_poses(np.array([p.rotation for p in poses]), np.array([p.cam_in_world for p in poses]))
+        given = scene.with_poses(*read_poses(matrices, vectors, read))
         words = explain_scene(given, read).reading.remedy.removeprefix("give ").split()
         options = dict(zip(words[::2], words[1::2]))
         assert options.get("--pose_direction", read.direction) == written.direction
         assert options.get("--camera_axes", read.camera_axes) == written.camera_axes
+
+
+@pytest.mark.parametrize("vector", ["centre", "degrees"])
+@pytest.mark.parametrize("written", CONVENTIONS, ids=str)
+def test_remedy_of_rotations_beside_centres(scene, written, vector):
+    """Where the file has centres, the other direction is that of the rotations alone, and its world stays."""
+    rotations = CAMERA_AXES[written.camera_axes] @ scene.poses.rotations
+    if written.direction == "world_from_cam":
+        rotations = np.swapaxes(rotations, 1, 2)
+    for read in (CONVENTIONS[0], CONVENTIONS[1], CONVENTIONS[4]):
+        read = dataclasses.replace(read, vector=vector)
+        is_same = (read.direction, read.camera_axes) == (written.direction, written.camera_axes)
+        if is_same or (vector == "centre" and read.direction == "world_from_cam"):
+            continue
+        options = dict.fromkeys(("--pose_direction", "--camera_axes", "--quaternion_order"))
+        given = scene.with_poses(*read_poses(rotations, scene.poses.centres, read))
+        words = explain_scene(given, read).reading.remedy.removeprefix("give ").split()
+        options.update(zip(words[::2], words[1::2]))
+        again = read.with_options(*options.values())
+        found = read_poses(rotations, scene.poses.centres, again)
+        assert np.allclose(found[0], scene.poses.rotations) and np.allclose(found[1], scene.poses.centres)
+
+
+def read_poses(rotations, vectors, convention):
+    """Returns the rotations and the centres of what a file has."""
+    poses = [pose_of(*raw, convention) for raw in zip(rotations, vectors)]
+    return np.array([p.rotation for p in poses]), np.array([p.cam_in_world for p in poses])
 
 
 def test_poses_in_the_order_of_letters(scene):

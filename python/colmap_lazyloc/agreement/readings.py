@@ -83,7 +83,7 @@ def all_readings(names: Sequence[str], convention: Convention) -> list[Reading]:
         (0.0, _axes(convention)),
         (0.1, _quaternions(convention)),
         (0.1, _orders(names)),
-        (0.2, _vectors()),
+        (0.2, _vectors(convention)),
         (0.2, _mirrored()),
         (0.3, _worlds()),
         (0.3, _radians()),
@@ -129,7 +129,8 @@ def _axes(convention: Convention) -> Iterator[Reading]:
     (other,) = (direction for direction in DIRECTIONS if direction != convention.direction)
     for direction in (convention.direction, other):
         is_inverse = direction == other
-        # The axes by which inverse poses were read have turned the world, which no pair sees.
+        invert = _inversion(convention) if is_inverse else None
+        # The axes by which inverse poses were read have turned the world.
         read = np.eye(3) if is_inverse else CAMERA_AXES[convention.camera_axes]
         words = [f"--pose_direction {direction}"] if is_inverse else []
         start = f"read as {direction} " if is_inverse else ""
@@ -139,18 +140,26 @@ def _axes(convention: Convention) -> Iterator[Reading]:
             options = words + ([] if name == convention.camera_axes else [f"--camera_axes {name}"])
             if options:
                 title = start if name == convention.camera_axes else f"{start}with camera axes of {name}"
-                yield Reading(title.strip(), "give " + " ".join(options), _with_axes(turn, is_inverse))
+                yield Reading(title.strip(), "give " + " ".join(options), _with_axes(turn, invert))
         for turn in _signed_permutations():
             if not any(np.allclose(turn, axes) for _, axes in named):
                 title, remedy = _name_turn(turn)
-                yield Reading(start + title, remedy, _with_axes(turn, is_inverse))
+                yield Reading(start + title, remedy, _with_axes(turn, invert))
 
 
-def _with_axes(turn: Floats, is_inverse: bool) -> Transform:
-    """Returns the transform to other camera axes, of the inverse poses if they were read in the wrong direction."""
+def _inversion(convention: Convention) -> Callable[[Poses], Poses]:
+    """Returns what the other direction does to poses that were read by a convention."""
+    if not convention.fixes_centre():
+        return _inverse  # in a world turned by the camera axes, which no pair sees
+    axes = CAMERA_AXES[convention.camera_axes]
+    return lambda poses: Poses(_swap(poses.rotations) @ axes.T, poses.centres)
+
+
+def _with_axes(turn: Floats, invert: Callable[[Poses], Poses] | None) -> Transform:
+    """Returns the transform to other camera axes, after that of `invert`."""
 
     def transform(poses: Poses) -> list[Poses]:
-        poses = _inverse(poses) if is_inverse else poses
+        poses = poses if invert is None else invert(poses)
         return [Poses(turn @ poses.rotations, poses.centres)]
 
     return transform
@@ -216,13 +225,15 @@ def _quaternions(convention: Convention) -> Iterator[Reading]:
 
         order = "xyzw" if convention.quaternion == "wxyz" else "wxyz"
         is_read = convention.rotation == "quaternion" and (read, axes) == (convention.direction, convention.camera_axes)
+        is_of_both = not convention.fixes_centre() or read == meant == "world_from_cam"  # of rotation and vector
         options = f"give --quaternion_order {order}"
         if meant != convention.direction:
             options += f" --pose_direction {meant}"
         title = "with quaternions in the other order" + (f", as {meant}" if meant != read else "")
-        yield Reading(title, options if is_read else FILE_REMEDY, transform)
+        yield Reading(title, options if is_read and is_of_both else FILE_REMEDY, transform)
         if read == meant == "cam_from_world":
-            yield Reading(f"{title}, beside positions", FILE_REMEDY, _beside_positions(transform))
+            remedy = FILE_REMEDY if is_of_both or not is_read else options
+            yield Reading(f"{title}, beside positions", remedy, _beside_positions(transform))
 
 
 def _beside_positions(transform: Transform) -> Transform:
@@ -230,9 +241,12 @@ def _beside_positions(transform: Transform) -> Transform:
     return lambda poses: [dataclasses.replace(each, centres=poses.centres) for each in transform(poses)]
 
 
-def _vectors() -> Iterator[Reading]:
+def _vectors(convention: Convention) -> Iterator[Reading]:
     """Centres for translations, and rotations of the other direction beside right centres."""
     opengl = CAMERA_AXES["opengl"]
+    if convention.fixes_centre():
+        for turn in (np.eye(3), opengl):
+            yield Reading("that are inverse, positions too", FILE_REMEDY, _with_axes(turn, _inverse))
     for turn in (np.eye(3), opengl):
 
         def centre_is_translation(poses: Poses, turn: Floats = turn) -> list[Poses]:

@@ -28,15 +28,15 @@ Poses = dict[int, Pose]  # by index in the file
 
 def assemble(raw: RawPoses, convention: Convention, source: Source) -> PosedImages:
     """Returns the images of the poses of a file, which has this convention unless options specify another."""
+    frame = _frame(raw.frame, source)
+    if frame.is_in_degrees:
+        convention = dataclasses.replace(convention, vector="degrees")
     convention = convention.with_options(source.pose_direction, source.camera_axes, source.quaternion_order)
     camera, cam_from_body = read_calibration(source)
     if cam_from_body is not None:
         if source.camera_axes is not None:
             raise InputError(f"--camera_axes {source.camera_axes}: --calibration says how the camera is mounted")
         convention = dataclasses.replace(convention, camera_axes="opencv")  # leaves the body's axes as they are
-    frame = _frame(raw.frame, source)
-    if frame.is_in_degrees:
-        convention = dataclasses.replace(convention, vector="centre")  # --pose_direction is that of rotations alone
     raw, poses, left_out = _without_repeated(raw, convention)
     poses, origin = _to_local(poses, frame, source.origin, left_out)
     found = associate(raw.poses, source) if poses else Association({})

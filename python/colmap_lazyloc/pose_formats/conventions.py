@@ -31,7 +31,8 @@ class Convention:
     """How a file writes a pose.
 
     `rotation`: what it is written as, a key of ROTATIONS; `quaternion`: the order of its numbers, if it is one.
-    `vector`: a translation in the pose's direction, or the centre of the camera in the world.
+    `vector`: a translation in the pose's direction, the centre of the camera in the world, or such a centre in degrees,
+    which is one whatever the direction.
     """
 
     direction: str = "cam_from_world"
@@ -46,12 +47,17 @@ class Convention:
             raise InputError(f"--quaternion_order {quaternion}: the file has no quaternions")
         convention = self
         if direction is not None:  # of rotation and vector
-            convention = dataclasses.replace(self, direction=direction, vector="translation")
+            vector = self.vector if self.vector == "degrees" else "translation"
+            convention = dataclasses.replace(self, direction=direction, vector=vector)
         return dataclasses.replace(
             convention,
             camera_axes=camera_axes or self.camera_axes,
             quaternion=quaternion or self.quaternion,
         )
+
+    def fixes_centre(self) -> bool:
+        """Returns true if the other direction turns the rotations alone."""
+        return self.vector == "degrees" or (self.vector == "centre" and self.direction == "cam_from_world")
 
 
 COLMAP = Convention()
@@ -66,7 +72,7 @@ def pose_of(rotation: Any, vector: Any, convention: Convention) -> Pose:
     axes = CAMERA_AXES[convention.camera_axes]
     if convention.direction == "world_from_cam":
         return Pose.from_centre((written @ axes).T, vector)
-    if convention.vector == "centre":
+    if convention.vector != "translation":
         return Pose.from_centre(axes.T @ written, vector)
     return Pose.from_matrix(axes.T @ written, axes.T @ vector / scale)
 
