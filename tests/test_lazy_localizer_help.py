@@ -47,10 +47,10 @@ def test_help_lists_every_command(colmap, arguments):
     assert done.returncode == 0
     listed = done.stdout.split("Available commands:")[1].split()
     assert len(listed) == len(set(listed))
-    assert {"lazy_indexer", "lazy_localizer", "lazy_merger", *SOME_COMMANDS} <= set(listed)
+    assert {"lazy_extractor", "lazy_indexer", "lazy_localizer", "lazy_merger", *SOME_COMMANDS} <= set(listed)
     required, every = upstream_commands(colmap)
     if every:
-        assert required <= set(listed) - {"lazy_indexer", "lazy_localizer", "lazy_merger"} <= every
+        assert required <= set(listed) - {"lazy_extractor", "lazy_indexer", "lazy_localizer", "lazy_merger"} <= every
 
 
 def test_an_upstream_command_works(colmap, tmp_path):

@@ -44,9 +44,11 @@ class Project:
         if not database.exists():
             self.runner.run([self.colmap, "database_creator", "--database_path", database])
         add_images(database, {name: camera for name, camera in cameras.items() if camera is not None})
-        words = [self.colmap, "feature_extractor", "--database_path", database]
+        # A colmap that is not ours has no lazy_extractor, which gives the same features faster.
+        extractor = "lazy_extractor" if has_command(self.colmap, "lazy_extractor") else "feature_extractor"
+        words = [self.colmap, extractor, "--database_path", database]
         words += ["--image_path", self.folder.images, "--image_list_path", self.folder.write_list("images", cameras)]
-        words += [gpu_option(self.colmap, "feature_extractor"), int(self.use_gpu), *self.sift_options]
+        words += [gpu_option(self.colmap, extractor), int(self.use_gpu), *self.sift_options]
         if self.has_masks:
             words += ["--ImageReader.mask_path", self.folder.masks]
         self.runner.run(words, f"features of {len(cameras)} images")

@@ -28,6 +28,9 @@ bool ExtractSift(const colmap::Bitmap& bitmap, const SiftExtractionOptions& opti
 void ExtractPlainSift(const std::vector<uint8_t>& grey, int width, int height, const SiftExtractionOptions& options,
                       IdleThreads* idle_threads, colmap::FeatureKeypoints* keypoints, Descriptors* descriptors);
 
+// Returns the options for ExtractPlainSift; nullopt if COLMAP extracts other features with these.
+std::optional<SiftExtractionOptions> PlainSiftOptions(const colmap::SiftExtractionOptions& options);
+
 // Returns the values of a grey bitmap, row by row.
 std::vector<uint8_t> GreyValues(const colmap::Bitmap& bitmap);
 // Returns the values of a bitmap in colours, row by row: red, green and blue of each pixel.

@@ -95,6 +95,21 @@ std::vector<KeypointFeatures> DescribeAll(const std::vector<DetectedKeypoint>& k
 
 }  // namespace
 
+std::optional<SiftExtractionOptions> PlainSiftOptions(const colmap::SiftExtractionOptions& options) {
+  const bool is_plain =
+      !options.estimate_affine_shape && !options.domain_size_pooling && !options.force_covariant_extractor &&
+      options.normalization == kColmapSift.normalization && options.first_octave >= -1 &&
+      options.num_octaves == kColmapSift.num_octaves && options.octave_resolution == kColmapSift.octave_resolution &&
+      options.peak_threshold == kColmapSift.peak_threshold && options.edge_threshold == kColmapSift.edge_threshold &&
+      options.max_num_orientations == kColmapSift.max_num_orientations;
+  if (!is_plain) return std::nullopt;
+  SiftExtractionOptions plain;
+  plain.max_num_features = options.max_num_features;
+  plain.first_octave = options.first_octave;
+  plain.upright = options.upright;
+  return plain;
+}
+
 void ExtractPlainSift(const std::vector<uint8_t>& grey, int width, int height, const SiftExtractionOptions& options,
                       IdleThreads* idle_threads, colmap::FeatureKeypoints* keypoints, Descriptors* descriptors) {
   const std::vector<SiftOctave> octaves =
