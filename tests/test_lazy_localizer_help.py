@@ -88,7 +88,7 @@ GROUPS = {
     "Output": ["LazyLocalizer.min_confidence", "LazyLocalizer.num_threads", "resume", "strict"],
 }
 MAX_NUM_LINES = 80  # two screens
-MAX_NUM_OPTIONS = 52
+MAX_NUM_OPTIONS = 53
 
 
 def explained_options(help_text):

@@ -108,6 +108,30 @@ def test_complete_database_is_for_other_programs(run, photos, capsys):
         assert database.num_inliers(*photos.database_names[:2]) == 0
 
 
+def test_features_of_many_database_images_are_extracted_when_a_query_needs_them(run, photos, monkeypatch, capsys):
+    monkeypatch.setattr(steps, "MAX_NUM_EXHAUSTIVE", 5)  # of 6 database images
+    few = ("--LazyLocalizer.num_retrieved", "4")
+    output = run(photos.model_path, *few)
+    assert_localized(output, true_queries(photos))
+    assert "features of" not in (err := capsys.readouterr().err) and "WARNING" not in err
+    with DatabaseReader(output / "database.db") as database:
+        assert database.image_ids == {name: index for index, name in enumerate(photos.database_names, start=1)}
+        assert not any(database.has_keypoints(name) for name in photos.database_names)
+    found = {path: path.read_bytes() for path in (output / "localized").rglob("*.bin")}
+    run(photos.model_path, *few, "--complete", "1")
+    err = capsys.readouterr().err
+    assert "features of 6 images" in err and "matching 15 pairs" in err and "localizing" not in err
+    with DatabaseReader(output / "database.db") as database:
+        assert all(database.has_keypoints(name) for name in photos.database_names)
+        assert database.num_inliers(*photos.database_names[:2]) > 30
+    run(photos.model_path, *few, "--complete", "1", "--LazyLocalizer.seed", "0")  # from features in the database
+    assert "localizing" in (err := capsys.readouterr().err) and "features of" not in err
+    assert found and {path: path.read_bytes() for path in found} == found
+    run(photos.model_path, *few)  # the database of a new folder has no features
+    with DatabaseReader(output / "database.db") as database:
+        assert not any(database.has_keypoints(name) for name in photos.database_names)
+
+
 def test_table_in_latitude_and_longitude(run, photos, tmp_path):
     names = photos.database_names
     points = np.array([photos.poses[name].cam_in_world for name in names])

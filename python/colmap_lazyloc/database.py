@@ -79,6 +79,14 @@ def remove_matches(path: pathlib.Path) -> None:
             connection.execute(f"DELETE FROM {table}")
 
 
+def remove_features(path: pathlib.Path) -> None:
+    """Removes the features of all images, and their matches."""
+    remove_matches(path)
+    with contextlib.closing(connect(path, "rw")) as connection, connection:
+        for table in ("keypoints", "descriptors"):
+            connection.execute(f"DELETE FROM {table}")
+
+
 def tidy_images(path: pathlib.Path) -> None:
     """Removes images without keypoints, and numbers the others in the order of their names.
 

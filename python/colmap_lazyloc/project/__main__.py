@@ -3,7 +3,8 @@
     lazyloc run --database_images photos --poses transforms.json --queries new_photos --output localization
 
 --poses is a COLMAP model, or a file of another program, as for `lazyloc import`. Without it, COLMAP's mapper makes the
-poses first. The photos' features and matches are made by COLMAP's commands in database.db in the output folder.
+poses first. The photos' features and matches are made by COLMAP's commands in database.db in the output folder. With
+poses of more than 50 images, only the features of those are made that the queries need; --complete 1 makes all.
 Given again, the command does only what other photos, poses or options change. --onnx_path, and further options whose
 names have a dot, such as --LazyLocalizer.num_retrieved 40, are those of `colmap lazy_localizer`; those of
 --SiftExtraction apply to all photos.
@@ -31,6 +32,7 @@ from colmap_lazyloc.project.frames import is_video, write_frames
 from colmap_lazyloc.project.options import (
     FRAMES_PER_SECOND,
     NUM_NEIGHBORS,
+    can_extract_on_demand,
     check,
     has_stored_queries,
     matches_neighbors,
@@ -82,16 +84,21 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if posed is not None:
         cameras = {image.name: image.camera for image in posed.images}
         _check_poses(project, options, posed)
-    used = steps.make_features(project, cameras)
+    # Every query needs all images, if they are few.
+    lazy = posed if can_extract_on_demand(options) and len(cameras) > steps.MAX_NUM_EXHAUSTIVE else None
+    used = steps.make_features(project, cameras) if lazy is None else steps.add_database(project, lazy)
     if posed is not None:
         posed = _select(posed, {name: name for name in used})
     num_neighbors = (options.num_neighbors or NUM_NEIGHBORS) if matches_neighbors(options) else 0
-    steps.match_database(project, used, posed, num_neighbors)
+    if lazy is None:
+        steps.match_database(project, used, posed, num_neighbors)
     steps.make_model(project, used, posed, refines_cameras=not database.widths)
-    _localize(project, options, localizer_options, used, queries.cameras(camera))
+    _localize(project, options, localizer_options, used, queries.cameras(camera), on_demand=lazy is not None)
     database_path = project.folder.query_database if has_stored_queries(options) else project.folder.database
     _write_report(project.folder, database_path)
     _print_results(project.folder, queries.shown())
+    if lazy is not None:
+        steps.complete_database(project, _select(lazy, {name: name for name in used}), num_neighbors)
     return 0 if project.folder.report.exists() else 1
 
 
@@ -212,8 +219,10 @@ def _localize(
     words: list[str],
     used: Sequence[str],
     cameras: Mapping[str, Camera | None],
+    on_demand: bool,
 ) -> None:
-    """Localizes the queries, whose cameras are given by name, as far as they are known. `used`: the database images."""
+    """Localizes the queries, whose cameras are given by name, as far as they are known. `used`: the database images.
+    `on_demand`: their features are extracted when a query needs them."""
     queries, roles = sorted(cameras), panorama_roles(options)
     if QUERY in roles:
         rigs = [role for role in (QUERY, DATABASE) if role == QUERY or (role in roles and options.poses is not None)]
@@ -225,7 +234,7 @@ def _localize(
     elif project.folder.query_database.exists():
         project.steps.forget("queries")
     lines = {name: f"{name} {own.text()}" if (own := cameras[name]) else name for name in queries}
-    steps.localize(project, lines, len(used), words, has_stored_queries(options))
+    steps.localize(project, lines, len(used), words, has_stored_queries(options), on_demand)
 
 
 def _write_report(folder: Folder, database: pathlib.Path) -> None:

@@ -23,7 +23,12 @@ FILES = {
     f"{DATABASE} faces": (f"faces/{DATABASE}",),
     f"{QUERY} faces": (f"faces/{QUERY}",),
     "index": ("database.index",),
-    "features": (*(f"database.db{end}" for end in SQLITE), "vocab_tree.bin", "database.index", "database.index.aliked"),
+    "features": (
+        *(f"database.db{end}" for end in SQLITE),
+        "vocab_tree.bin",
+        *(f"database.index{end}" for end in ("", ".aliked", ".coarse", ".features")),
+    ),
+    "complete": (),
     "check": (),
     "matches": (),
     "model": ("model", "sparse"),
@@ -124,6 +129,10 @@ class Steps:
         self._keys[name] = f"{key} begun"
         self._write()
         return True
+
+    def is_begun(self, name: str) -> bool:
+        """True if the step is done, or was interrupted."""
+        return name in self._keys
 
     def finish(self, name: str, key: str) -> None:
         """Notes that the step is done."""

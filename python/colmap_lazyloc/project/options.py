@@ -83,8 +83,8 @@ def _add_more(parser: argparse.ArgumentParser) -> None:
         type=int,
         choices=(0, 1),
         default=0,
-        help="with --poses: match the database images with each other, too, for other programs that use database.db; "
-        "localization does not need it; default: 0",
+        help="with --poses: extract the features of all database images and match these with each other, too, for "
+        "other programs that use database.db; localization does not need it; default: 0",
     )
     add(
         "--num_neighbors",
@@ -116,6 +116,12 @@ def has_stored_queries(options: argparse.Namespace) -> bool:
 def matches_neighbors(options: argparse.Namespace) -> bool:
     """True if database images with poses are matched with their neighbours. Photos in memory do not need it."""
     return options.poses is not None and (bool(options.complete) or has_stored_queries(options))
+
+
+def can_extract_on_demand(options: argparse.Namespace) -> bool:
+    """True if features of database images may be extracted when a query needs them. The mapper, queries in the database
+    and COLMAP's GPU features need all before."""
+    return options.poses is not None and not has_stored_queries(options) and not options.use_gpu
 
 
 def split(words: Sequence[str]) -> tuple[list[str], list[str]]:

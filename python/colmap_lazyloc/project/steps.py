@@ -8,11 +8,18 @@ import shutil
 from collections.abc import Mapping, Sequence
 
 from colmap_lazyloc.cluster.task import command_line
-from colmap_lazyloc.database import DatabaseReader, add_images, copy_database, remove_matches, tidy_images
+from colmap_lazyloc.database import (
+    DatabaseReader,
+    add_images,
+    copy_database,
+    remove_features,
+    remove_matches,
+    tidy_images,
+)
 from colmap_lazyloc.errors import InputError
 from colmap_lazyloc.import_poses import write_posed_images
 from colmap_lazyloc.model import Camera, read_model
-from colmap_lazyloc.pose_formats.posed_images import PosedImages
+from colmap_lazyloc.pose_formats.posed_images import PosedImages, photo_size
 from colmap_lazyloc.program import find_colmap, find_option, gpu_option, has_command, option_names
 from colmap_lazyloc.project.colmap_runner import ColmapRunner
 from colmap_lazyloc.project.folder import Folder, Steps, content, fingerprint
@@ -39,11 +46,15 @@ class Project:
     has_masks: bool
     sift_options: Sequence[str]  # for extraction in the database, and of photos
 
-    def extract(self, database: pathlib.Path, cameras: Mapping[str, Camera | None]) -> None:
-        """Extracts the features of images by name; without a camera, COLMAP guesses it or takes EXIF's focal length."""
+    def add(self, database: pathlib.Path, cameras: Mapping[str, Camera | None]) -> None:
+        """Adds images by name without features, as far as their cameras are known."""
         if not database.exists():
             self.runner.run([self.colmap, "database_creator", "--database_path", database])
         add_images(database, {name: camera for name, camera in cameras.items() if camera is not None})
+
+    def extract(self, database: pathlib.Path, cameras: Mapping[str, Camera | None]) -> None:
+        """Extracts the features of images by name; without a camera, COLMAP guesses it or takes EXIF's focal length."""
+        self.add(database, cameras)
         # A colmap that is not ours has no lazy_extractor, which gives the same features faster.
         extractor = "lazy_extractor" if has_command(self.colmap, "lazy_extractor") else "feature_extractor"
         words = [self.colmap, extractor, "--database_path", database]
@@ -99,6 +110,44 @@ def make_features(project: Project, cameras: Mapping[str, Camera | None]) -> lis
     used = _with_features(folder.database, names)
     warn_left_out(folder, cameras, sorted(set(names).difference(used)))
     return used
+
+
+def add_database(project: Project, posed: PosedImages) -> list[str]:
+    """Makes the database with the database images, whose features are extracted when a query needs them; returns their
+    names, without those of photos that cannot be used."""
+    folder, steps = project.folder, project.steps
+    cameras = {image.name: image.camera for image in posed.images}
+    used = [name for name in sorted(cameras) if photo_size(folder.images / name) == _size(cameras[name])]
+    key = fingerprint("on demand", _extraction(project, cameras))
+    if steps.begin("features", key):
+        steps.forget("complete")
+        project.add(folder.database, {name: cameras[name] for name in used})
+        steps.finish("features", key)
+    warn_left_out(folder, cameras, sorted(set(cameras).difference(used)))
+    return used
+
+
+def complete_database(project: Project, posed: PosedImages, num_neighbors: int) -> None:
+    """Adds features and matches to the database of `add_database`, for other programs, or removes those of an earlier
+    run. `num_neighbors`: as in `match_database`."""
+    folder, steps = project.folder, project.steps
+    if num_neighbors == 0:
+        if steps.is_begun("complete"):
+            remove_features(folder.database)
+            steps.forget("complete")
+        return
+    cameras = {image.name: image.camera for image in posed.images}
+    pairs = pairs_by_viewpoint(posed.images, num_neighbors)
+    key = fingerprint(_extraction(project, cameras), pairs)
+    if steps.begin("complete", key):
+        remove_matches(folder.database)
+        project.extract(folder.database, cameras)
+        project.match(folder.database, pairs)
+        steps.finish("complete", key)
+
+
+def _size(camera: Camera) -> tuple[int, int]:
+    return camera.width, camera.height
 
 
 def match_database(project: Project, used: Sequence[str], posed: PosedImages | None, num_neighbors: int) -> None:
@@ -193,16 +242,23 @@ def add_queries(
 
 
 def localize(
-    project: Project, query_lines: Mapping[str, str], num_database_images: int, options: Sequence[str], is_stored: bool
+    project: Project,
+    query_lines: Mapping[str, str],
+    num_database_images: int,
+    options: Sequence[str],
+    is_stored: bool,
+    on_demand: bool,
 ) -> None:
     """Localizes queries with `colmap lazy_localizer`, as photos, or as they are stored in the database.
 
-    `query_lines`: what the list of queries has of each, by name.
+    `query_lines`: what the list of queries has of each, by name. `on_demand`: for the database of `add_database`.
     """
     folder, steps = project.folder, project.steps
     values = [word.rpartition("=")[2] for word in options]
     held = [content(pathlib.Path(value)) for value in values if value and pathlib.Path(value).exists()]
-    key = fingerprint(query_lines, contents(folder, query_lines), options, held, project.sift_options, is_stored)
+    key = fingerprint(
+        query_lines, contents(folder, query_lines), options, held, project.sift_options, is_stored, on_demand
+    )
     if not steps.begin("localized", key, resumes=True):
         return
     has_localizer = has_command(project.colmap, "lazy_localizer")
@@ -215,6 +271,8 @@ def localize(
         if steps.begin("index", index_key):
             steps.finish("index", index_key)
         words += ["--retrieval_index_path", folder.index]
+    if on_demand:
+        words += ["--LazyLocalizer.Advanced.on_demand", 1]
     words += ["--query_list_path", folder.write_list("queries", query_lines.values())]
     # Goes on with an unfinished run of the same queries.
     words += ["--output_path", folder.localized, "--resume" if folder.localized.exists() else "--overwrite", 1]

@@ -49,6 +49,17 @@ std::optional<PhotoFile> PhotoFile::Read(const std::filesystem::path& path, bool
   return file;
 }
 
+std::optional<PhotoFile> PhotoFile::ReadReduced(const std::filesystem::path& path, int max_size) {
+  auto bitmap = std::make_shared<colmap::Bitmap>();
+  if (!lazyloc::ReadReduced(path, max_size, bitmap.get())) return std::nullopt;
+  ScaleDown(max_size, &std::round, bitmap.get());
+  PhotoFile file;
+  file.properties_.width = static_cast<uint64_t>(bitmap->Width());
+  file.properties_.height = static_cast<uint64_t>(bitmap->Height());
+  file.pixels_ = std::move(bitmap);
+  return file;
+}
+
 PhotoFile PhotoFile::FromPixels(const uint8_t* values, int width, int height, int num_channels) {
   const bool is_rgb = num_channels == 3;
   colmap::Bitmap bitmap = AllocateBitmap(width, height, is_rgb);

@@ -52,6 +52,9 @@ class PhotoFile {
  public:
   // Returns nullopt if COLMAP cannot read the file as an image. Keeps colours only if asked to.
   static std::optional<PhotoFile> Read(const std::filesystem::path& path, bool as_rgb = false);
+  // Reads an image for coarse features, in grey, with a longer side of at most max_size. Takes a fraction of the time
+  // for large JPEG files, whose properties are then those of a smaller one.
+  static std::optional<PhotoFile> ReadReduced(const std::filesystem::path& path, int max_size);
   // Makes the file that COLMAP would read from a lossless image without EXIF. values: rows of pixels, of one (grey) or
   // three (RGB) values each.
   static PhotoFile FromPixels(const uint8_t* values, int width, int height, int num_channels);

@@ -4,6 +4,7 @@
 #include <fstream>
 #include <set>
 #include <thread>
+#include <tuple>
 
 #include <gtest/gtest.h>
 
@@ -50,6 +51,25 @@ TEST(PhotoFile, ThreadsReadExifOfTheirOwnPhoto) {
   }
   for (std::thread& thread : threads) thread.join();
   EXPECT_EQ(num_wrong, 0);
+}
+
+TEST(PhotoFile, ReducedPhotosHaveAtMostTheSizeThatIsAskedFor) {
+  const TestFolder folder;
+  for (const char* const name : {"photo.jpg", "photo.png"}) {
+    const std::filesystem::path path = folder / name;
+    AllocateBitmap(400, 240, /*as_rgb=*/true).Write(path.string());
+    for (const auto& [max_size, width, height] : {std::tuple{100, 100, 60}, {150, 150, 90}, {1000, 400, 240}}) {
+      const std::optional<PhotoFile> photo = PhotoFile::ReadReduced(path, max_size);
+      ASSERT_TRUE(photo.has_value()) << name;
+      EXPECT_EQ(photo->Properties().width, static_cast<uint64_t>(width)) << name;
+      EXPECT_EQ(photo->Properties().height, static_cast<uint64_t>(height)) << name;
+      IdleThreads none(0);
+      EXPECT_TRUE(photo->ExtractFeatures({}, &none).keypoints.empty()) << "the photo is black";
+    }
+  }
+  std::ofstream(folder / "text.jpg") << "no photo";
+  EXPECT_FALSE(PhotoFile::ReadReduced(folder / "text.jpg", 100).has_value());
+  EXPECT_FALSE(PhotoFile::ReadReduced(folder / "missing.jpg", 100).has_value());
 }
 
 }  // namespace

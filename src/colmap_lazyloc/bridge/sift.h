@@ -1,6 +1,7 @@
 #pragma once
 
 #include <cstdint>
+#include <filesystem>
 #include <optional>
 #include <string>
 #include <vector>
@@ -35,6 +36,10 @@ std::optional<SiftExtractionOptions> PlainSiftOptions(const colmap::SiftExtracti
 std::vector<uint8_t> GreyValues(const colmap::Bitmap& bitmap);
 // Returns the values of a bitmap in colours, row by row: red, green and blue of each pixel.
 std::vector<uint8_t> RgbValues(const colmap::Bitmap& bitmap);
+
+// Reads an image in grey, with a longer side of at least `size` if the file has it. Returns false if COLMAP cannot read
+// the file. Reads JPEG files at an eighth, a quarter or half of their size, in a fraction of the time, with COLMAP 3.
+bool ReadReduced(const std::filesystem::path& path, int size, colmap::Bitmap* bitmap);
 
 // Returns a black bitmap.
 colmap::Bitmap AllocateBitmap(int width, int height, bool as_rgb);

@@ -104,9 +104,12 @@ int Run(const std::string& own_path, const CommandOptions& options) {
   LocalizeRest(localizer, groups, &idle_threads, &run, &progress);
 
   const QueryRecords records({run.RecordsPath()});
+  DatabaseContent database = {source.Database(), source.Selection().DatabaseImages()};
+  if (options.source.photos.on_demand) {
+    database.extracted_keypoints = [&](const std::string& name) { return source.ExtractedKeypoints(name); };
+  }
   const auto leave_one_out =
-      WriteResults(options, manifest, source.DatabaseModel(), {source.Database(), source.Selection().DatabaseImages()},
-                   records, run.Folder(), &writer);
+      WriteResults(options, manifest, source.DatabaseModel(), database, records, run.Folder(), &writer);
   source.PublishMatches();
   const bool is_finished = records.Size() == manifest.num_own_queries;
   if (is_finished) run.Finish();

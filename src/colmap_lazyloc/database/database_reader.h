@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
@@ -88,6 +89,8 @@ class DatabaseReader {
 struct DatabaseContent {
   const DatabaseReader& reader;
   const std::vector<DatabaseImage>& images;
+  // Returns the keypoints of an image that has none in the database, but had some in the run; null if there are none.
+  std::function<std::vector<Eigen::Vector2d>(const std::string&)> extracted_keypoints = nullptr;
 };
 
 }  // namespace lazyloc

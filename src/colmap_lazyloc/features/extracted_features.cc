@@ -1,40 +1,17 @@
 #include "colmap_lazyloc/features/extracted_features.h"
 
-#include <array>
-#include <cinttypes>
-#include <cstring>
 #include <system_error>
-#include <type_traits>
 #include <utility>
 
 #include "colmap_lazyloc/bridge/camera_models.h"
-#include "colmap_lazyloc/files/checksum.h"
-#include "colmap_lazyloc/files/record_file.h"
-#include "colmap_lazyloc/files/staged_output.h"
-#include "colmap_lazyloc/scene/errors.h"
 #include "colmap_lazyloc/scene/format.h"
 
 namespace lazyloc {
-namespace {
 
 namespace fs = std::filesystem;
 
-static_assert(std::is_trivially_copyable_v<Keypoint>);
-
-// Returns the first record of a file; an empty one if there is none, or if the disk is damaged.
-std::string ReadRecord(const fs::path& path) {
-  try {
-    RecordReader reader(path);
-    return reader.Next() ? reader.Record() : "";
-  } catch (const InputError&) {
-    return "";
-  }
-}
-
-}  // namespace
-
 ExtractedFeatures::ExtractedFeatures(const FeatureMethod& method, fs::path image_path, fs::path folder)
-    : method_(method), image_path_(std::move(image_path)), folder_(std::move(folder)) {}
+    : method_(method), image_path_(std::move(image_path)), kept_(std::move(folder)) {}
 
 bool ExtractedFeatures::HasFile(const std::string& image_name) const {
   std::error_code ignored;
@@ -43,57 +20,16 @@ bool ExtractedFeatures::HasFile(const std::string& image_name) const {
 
 std::optional<Features> ExtractedFeatures::Get(const std::string& image_name, const Camera& camera) const {
   if (!HasFile(image_name)) return std::nullopt;
-  const fs::path image_path = image_path_ / image_name, path = folder_ / Format("%016" PRIx64, Hash64(image_name));
-  const std::string key = Format("%s %zu x %zu ", method_.Key().c_str(), size_t{camera.width}, size_t{camera.height}) +
-                          FileContent(image_path) + '\n';
-  if (std::optional<Features> kept = folder_.empty() ? std::nullopt : ReadKept(path, key)) return kept;
-  const std::optional<PhotoFile> file = PhotoFile::Read(image_path, method_.NeedsColours());
-  if (!file || file->Properties().width != camera.width || file->Properties().height != camera.height) {
-    return std::nullopt;
-  }
-  IdleThreads none(0);  // because each image has a thread
-  Features features = method_.Extract(*file, MeanFocalLength(camera), &none);
-  if (!folder_.empty()) Keep(path, key, features);
-  return features;
-}
-
-std::optional<Features> ExtractedFeatures::ReadKept(const fs::path& path, const std::string& key) const {
-  const std::string record = ReadRecord(path);
-  // After the key: the number of features and the bytes of a descriptor.
-  std::array<uint32_t, 2> size = {};
-  if (record.size() < key.size() + sizeof(size) || record.compare(0, key.size(), key) != 0) return std::nullopt;
-  std::memcpy(size.data(), record.data() + key.size(), sizeof(size));
-  const size_t keypoint_bytes = size[0] * sizeof(Keypoint), descriptor_bytes = size_t{size[0]} * size[1];
-  if (record.size() != key.size() + sizeof(size) + keypoint_bytes + descriptor_bytes) return std::nullopt;
-  Features features;
-  features.type = method_.Type();
-  features.keypoints.resize(size[0]);
-  features.descriptors.resize(size[0], size[1]);
-  if (size[0] == 0) return features;
-  const char* const keypoints = record.data() + key.size() + sizeof(size);
-  std::memcpy(features.keypoints.data(), keypoints, keypoint_bytes);
-  std::memcpy(features.descriptors.data(), keypoints + keypoint_bytes, descriptor_bytes);
-  return features;
-}
-
-void ExtractedFeatures::Keep(const fs::path& path, const std::string& key, const Features& features) const {
-  std::string record = key;
-  const std::array<uint32_t, 2> size = {static_cast<uint32_t>(features.descriptors.rows()),
-                                        static_cast<uint32_t>(features.descriptors.cols())};
-  record.append(reinterpret_cast<const char*>(size.data()), sizeof(size));
-  record.append(reinterpret_cast<const char*>(features.keypoints.data()), features.keypoints.size() * sizeof(Keypoint));
-  record.append(reinterpret_cast<const char*>(features.descriptors.data()),
-                static_cast<size_t>(features.descriptors.size()));
-  try {
-    std::error_code ignored;
-    fs::create_directory(folder_, ignored);
-    StagedOutput staged(folder_);
-    const std::string name = path.filename().string();
-    RecordWriter(staged / name).Append(record);
-    staged.Publish({name});
-  } catch (const InputError&) {
-    // Goes on without keeping them: the next run extracts them again.
-  }
+  const fs::path image_path = image_path_ / image_name;
+  const std::string key = Format("%s %zu x %zu ", method_.Key().c_str(), size_t{camera.width}, size_t{camera.height});
+  return kept_.Get(image_name, image_path, key, method_.Type(), [&]() -> std::optional<Features> {
+    const std::optional<PhotoFile> file = PhotoFile::Read(image_path, method_.NeedsColours());
+    if (!file || file->Properties().width != camera.width || file->Properties().height != camera.height) {
+      return std::nullopt;
+    }
+    IdleThreads none(0);  // because each image has a thread
+    return method_.Extract(*file, MeanFocalLength(camera), &none);
+  });
 }
 
 }  // namespace lazyloc

@@ -10,7 +10,6 @@
 #include <system_error>
 #include <type_traits>
 
-#include "colmap_lazyloc/database/sqlite_file.h"
 #include "colmap_lazyloc/features/feature_statistics.h"
 #include "colmap_lazyloc/files/checksum.h"
 #include "colmap_lazyloc/files/staged_output.h"
@@ -82,7 +81,7 @@ uint32_t ChecksumOf(const Descriptors& descriptors) {
 }
 
 // Returns nullopt if the features are damaged, and then sets `damage`.
-std::optional<Features> ReadFeatures(const FeatureReader& reader, uint32_t image_id, std::string* damage) {
+std::optional<Features> ReadFeatures(const FeatureSource& reader, uint32_t image_id, std::string* damage) {
   try {
     return reader.Read(image_id);
   } catch (const DamagedRecordError& error) {
@@ -102,7 +101,7 @@ Descriptors ChooseDescriptors(const Features& features, int max_num_features) {
 }
 
 // Returns the descriptors that the vocabulary is learnt from, drawn evenly from all images.
-Descriptors SampleDescriptors(const std::vector<DatabaseImage>& images, const FeatureReader& features,
+Descriptors SampleDescriptors(const std::vector<DatabaseImage>& images, const FeatureSource& features,
                               int max_num_features, size_t num_available, size_t num_wanted, int seed) {
   const double ratio = std::min(1.0, static_cast<double>(num_wanted) / static_cast<double>(num_available));
   std::mt19937 random(static_cast<uint32_t>(seed));
@@ -151,13 +150,17 @@ IndexEstimate EstimateIndex(const DatabaseReader& database, const RetrievalOptio
 
 RetrievalIndex::RetrievalIndex(const fs::path& path, const DatabaseReader& database, const RetrievalOptions& options,
                                int seed, int num_threads)
+    : RetrievalIndex(path, database.ReadImages(), FeatureReader(database.Path()), options, seed, num_threads) {}
+
+RetrievalIndex::RetrievalIndex(const fs::path& path, const std::vector<DatabaseImage>& images,
+                               const FeatureSource& features, const RetrievalOptions& options, int seed,
+                               int num_threads)
     : seed_(seed) {
-  const std::string state = SqliteFile(database.Path()).StateText();  // before anything is read
-  const FeatureReader features(database.Path());
-  const DescriptorCounts counts = features.ReadDescriptorCounts();
+  const std::string state = features.StateText();  // before anything is read
+  const DescriptorCounts counts = features.Counts();
   type_ = counts.type;
   std::vector<DatabaseImage> described;
-  for (const DatabaseImage& image : database.ReadImages()) {
+  for (const DatabaseImage& image : images) {
     if (counts.of_image.count(image.image_id) > 0) described.push_back(image);
   }
   if (described.empty()) throw InputError(features.Path().string() + ": no descriptors to make an index from");
@@ -198,7 +201,7 @@ RetrievalIndex::RetrievalIndex(const fs::path& path, const DatabaseReader& datab
 }
 
 void RetrievalIndex::RemoveStale(const std::vector<DatabaseImage>& images, const DescriptorCounts& counts,
-                                 const FeatureReader& features, bool reads_descriptors) {
+                                 const FeatureSource& features, bool reads_descriptors) {
   std::string ignored;  // AddNewEntries reports it
   const auto is_current = [&](const std::string& name, const Entry& entry) {
     const DatabaseImage* image = FindByName(images, name);
@@ -214,13 +217,13 @@ void RetrievalIndex::RemoveStale(const std::vector<DatabaseImage>& images, const
   }
 }
 
-void RetrievalIndex::Train(const std::vector<DatabaseImage>& images, const FeatureReader& features,
+void RetrievalIndex::Train(const std::vector<DatabaseImage>& images, const FeatureSource& features,
                            const RetrievalOptions& options, IdleThreads* idle_threads) {
   entries_.clear();
   next_index_id_ = 1;
   changes_.is_trained = true;
   size_t num_available = 0;
-  for (const auto& [image_id, count] : features.ReadDescriptorCounts().of_image) {
+  for (const auto& [image_id, count] : features.Counts().of_image) {
     num_available += NumIndexed(count, options.max_num_features);
   }
   const size_t num_words =
@@ -234,7 +237,7 @@ void RetrievalIndex::Train(const std::vector<DatabaseImage>& images, const Featu
       VisualIndex::Train(sample, static_cast<int>(num_words), static_cast<uint32_t>(seed_), idle_threads));
 }
 
-void RetrievalIndex::AddNewEntries(const std::vector<DatabaseImage>& images, const FeatureReader& features,
+void RetrievalIndex::AddNewEntries(const std::vector<DatabaseImage>& images, const FeatureSource& features,
                                    int max_num_features, IdleThreads* idle_threads) {
   for (const DatabaseImage& image : images) {
     if (entries_.count(image.name) > 0) continue;

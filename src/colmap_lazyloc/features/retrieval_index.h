@@ -51,6 +51,9 @@ class RetrievalIndex {
   // version, COLMAP generation, type of features or database, or cannot be written.
   RetrievalIndex(const std::filesystem::path& path, const DatabaseReader& database, const RetrievalOptions& options,
                  int seed, int num_threads);
+  // Does the same with the features of another source than the database. images: of the database, sorted by name.
+  RetrievalIndex(const std::filesystem::path& path, const std::vector<DatabaseImage>& images,
+                 const FeatureSource& features, const RetrievalOptions& options, int seed, int num_threads);
 
   const Changes& LastChanges() const { return changes_; }
   // Returns one line for each image that was left out.
@@ -69,14 +72,14 @@ class RetrievalIndex {
   // Removes the entries of images that are gone or have other descriptors. reads_descriptors: false if those of the
   // same number are known to be the same.
   void RemoveStale(const std::vector<DatabaseImage>& images, const DescriptorCounts& counts,
-                   const FeatureReader& features, bool reads_descriptors);
+                   const FeatureSource& features, bool reads_descriptors);
   void Read(const std::filesystem::path& path);
   void Write(const std::filesystem::path& path) const;
-  void AddNewEntries(const std::vector<DatabaseImage>& images, const FeatureReader& features, int max_num_features,
+  void AddNewEntries(const std::vector<DatabaseImage>& images, const FeatureSource& features, int max_num_features,
                      IdleThreads* idle_threads);
   // Returns the first line of the file.
   std::string Header() const;
-  void Train(const std::vector<DatabaseImage>& images, const FeatureReader& features, const RetrievalOptions& options,
+  void Train(const std::vector<DatabaseImage>& images, const FeatureSource& features, const RetrievalOptions& options,
              IdleThreads* idle_threads);
 
   std::unique_ptr<VisualIndex> visual_index_;

@@ -14,10 +14,11 @@
 
 namespace lazyloc {
 
-// A posed image with descriptors in the database.
+// A posed image that photos can be matched with.
 struct DatabaseCandidate {
   const ModelImage* image = nullptr;
   uint32_t image_id = 0;  // in the database
+  bool is_stored = true;  // false if the database does not have its descriptors, which are extracted on demand
 };
 using DatabaseCandidates = std::vector<const DatabaseCandidate*>;
 using DatabaseFeatures = std::vector<std::shared_ptr<const Features>>;

@@ -9,6 +9,7 @@
 #include <utility>
 
 #include "colmap_lazyloc/bridge/camera_models.h"
+#include "colmap_lazyloc/features/coarse_features.h"
 #include "colmap_lazyloc/files/text_file.h"
 #include "colmap_lazyloc/math/robust_statistics.h"
 #include "colmap_lazyloc/math/so3.h"
@@ -113,17 +114,13 @@ PhotoLoader::PhotoLoader(const DatabaseReader& database, const QuerySelection& s
   for (const std::string& damage : damages) {
     warnings_.push_back(database.Path().string() + ": " + damage + ": leaving the image out");
   }
-  for (const ModelImage& image : selection.DatabaseModel().images) {
-    const DatabaseImage* stored = selection.FindInDatabase(image.name);
-    if (stored == nullptr || counts.of_image.count(stored->image_id) == 0) continue;
-    candidates_.push_back({&image, stored->image_id});
-  }
+  FindCandidates(counts);
   if (candidates_.empty() && !damages.empty()) {
     throw InputError(database.Path().string() + ": " + damages.front());  // for example, descriptors of another type
   }
   if (candidates_.empty()) {
-    throw InputError(database.Path().string() +
-                     ": no posed image has descriptors to match photos with (run COLMAP's feature_extractor)");
+    throw InputError(database.Path().string() + ": no posed image has descriptors to match photos with" +
+                     (options.on_demand ? ", or a photo below --image_path" : " (run COLMAP's feature_extractor)"));
   }
   MeasureCandidates(counts.of_image, features);
   ChooseMethods(counts.type, database.Path().string());
@@ -135,14 +132,47 @@ PhotoLoader::PhotoLoader(const DatabaseReader& database, const QuerySelection& s
   if ((has_more_photos && NeedsRetrieval({})) ||
       std::any_of(selection.Photos().begin(), selection.Photos().end(),
                   [this](const auto& photo) { return NeedsRetrieval(photo.second); })) {
-    index_ =
-        std::make_unique<RetrievalIndex>(options.retrieval_index_path, database, RetrievalOptions(), seed, num_threads);
+    index_ = MakeIndex(database, num_threads);
     warnings_.insert(warnings_.end(), index_->Warnings().begin(), index_->Warnings().end());
   }
 }
 
+void PhotoLoader::FindCandidates(const DescriptorCounts& counts) {
+  const std::filesystem::path image_path = options_.image_path;
+  for (const ModelImage& image : selection_.DatabaseModel().images) {
+    const DatabaseImage* row = selection_.FindInDatabase(image.name);
+    if (row == nullptr) continue;
+    const bool is_stored = counts.of_image.count(row->image_id) > 0;
+    std::error_code error;
+    if (!is_stored && !(options_.on_demand && std::filesystem::is_regular_file(image_path / image.name, error)))
+      continue;
+    candidates_.push_back({&image, row->image_id, is_stored});
+  }
+}
+
+std::unique_ptr<RetrievalIndex> PhotoLoader::MakeIndex(const DatabaseReader& database, int num_threads) const {
+  const std::string& path = options_.retrieval_index_path;
+  if (!extracted_) return std::make_unique<RetrievalIndex>(path, database, RetrievalOptions(), seed_, num_threads);
+  std::map<uint32_t, std::string> names;
+  for (const Candidate& candidate : candidates_) {
+    if (extracted_->HasFile(candidate.image->name)) names.emplace(candidate.image_id, candidate.image->name);
+  }
+  IdleThreads idle_threads(EffectiveNumThreads(num_threads) - 1);
+  const CoarseFeatures features(options_.image_path, names, path.empty() ? "" : path + ".coarse", &idle_threads);
+  return std::make_unique<RetrievalIndex>(path, selection_.DatabaseImages(), features, RetrievalOptions(), seed_,
+                                          num_threads);
+}
+
 void PhotoLoader::ChooseMethods(FeatureType type, const std::string& database_path) {
   methods_ = MakeFeatureMethods(type, statistics_, database_scale_, database_path, options_.features);
+  if (options_.on_demand) {
+    if (type != FeatureType::SIFT) {
+      throw InputError(database_path + ": has features of type " + EnumName(type) +
+                       ", but --LazyLocalizer.Advanced.on_demand extracts those of SIFT");
+    }
+    const std::string& index_path = options_.retrieval_index_path;
+    extracted_.emplace(*methods_.database, options_.image_path, index_path.empty() ? "" : index_path + ".features");
+  }
   if (type != FeatureType::SIFT && !options_.matches_output_path.empty() && !MatchDatabase::CanHold(type)) {
     throw InputError(database_path + ": has features of type " + EnumName(type) +
                      ", which no database for --LazyLocalizer.Advanced.matches_output_path can hold, because "
@@ -162,9 +192,11 @@ void PhotoLoader::MeasureCandidates(const std::map<uint32_t, size_t>& num_descri
   const size_t step = std::max<size_t>(1, candidates_.size() / kNumSampledImages);
   for (size_t i = 0; i < candidates_.size(); ++i) {
     const Camera& camera = selection_.DatabaseModel().cameras.at(candidates_[i].image->camera_id);
-    counts.push_back(num_descriptors.at(candidates_[i].image_id));
     sizes.push_back(static_cast<double>(std::max(camera.width, camera.height)));
     focal_lengths.push_back(MeanFocalLength(camera));
+    // What the database has already must not matter if the rest is extracted on demand.
+    if (options_.on_demand) continue;
+    counts.push_back(num_descriptors.at(candidates_[i].image_id));
     if (i % step != 0) continue;
     try {
       for (const Keypoint& keypoint : reader.ReadKeypoints(candidates_[i].image_id)) {
@@ -246,14 +278,18 @@ PhotoFile PhotoLoader::ReadFile(const PhotoQuery& photo, const FeatureMethod& me
 }
 
 DatabaseFeatures PhotoLoader::AddPairs(const Candidates& candidates, const FeatureReader& features,
-                                       LocalizationProblem* problem, QueryRecord* record) const {
+                                       IdleThreads* idle_threads, LocalizationProblem* problem,
+                                       QueryRecord* record) const {
   const StageTimer timer("load", &record->seconds);
+  const DatabaseFeatures extracted = ExtractOnDemand(candidates, features, idle_threads);
   DatabaseFeatures database_features;
-  for (const Candidate* candidate : candidates) {
+  for (size_t i = 0; i < candidates.size(); ++i) {
+    const Candidate& candidate = *candidates[i];
     try {
       database_features.push_back(
-          features_.Get(candidate->image_id, [&] { return features.Read(candidate->image_id); }));
-      problem->pairs.push_back(selection_.MakePair(*candidate->image));
+          extracted[i] ? extracted[i]
+                       : features_.Get(candidate.image_id, [&] { return Read(candidate, features); }));
+      problem->pairs.push_back(selection_.MakePair(*candidate.image));
     } catch (const DamagedRecordError& error) {
       record->damages.push_back(error.Damage());
     }
@@ -288,7 +324,7 @@ LocalizationProblem PhotoLoader::Load(const PhotoQuery& photo, const Attempt& at
     const Candidates candidates = Timed("retrieval", &record->seconds, [&] {
       return ChooseCandidates(photo, query_features, static_cast<size_t>(attempt.num_retrieved), idle_threads);
     });
-    database_features = AddPairs(candidates, features, &problem, record);
+    database_features = AddPairs(candidates, features, idle_threads, &problem, record);
     const bool needs_matches = !methods_.is_fallback_first || matches_output_;
     if (needs_matches) {
       PairMatchingOptions matching;
@@ -305,10 +341,41 @@ LocalizationProblem PhotoLoader::Load(const PhotoQuery& photo, const Attempt& at
   return methods_.is_fallback_first ? LoadFallback(photo, problem, features, idle_threads, record) : problem;
 }
 
+Features PhotoLoader::Read(const Candidate& candidate, const FeatureReader& features) const {
+  if (candidate.is_stored) return features.Read(candidate.image_id);
+  const ModelImage& image = *candidate.image;
+  const Camera& camera = selection_.DatabaseModel().cameras.at(image.camera_id);
+  std::optional<Features> extracted = extracted_->Get(image.name, camera);
+  if (extracted) return std::move(*extracted);
+  throw DamagedRecordError(options_.image_path, image.name + ": is not a readable image of the size of its camera, " +
+                                                    SizeText(camera.width, camera.height));
+}
+
+DatabaseFeatures PhotoLoader::ExtractOnDemand(const Candidates& candidates, const FeatureReader& features,
+                                              IdleThreads* idle_threads) const {
+  DatabaseFeatures extracted(candidates.size());
+  if (!extracted_) return extracted;
+  ParallelFor(
+      candidates.size(),
+      [&](size_t i) {
+        if (!candidates[i]->is_stored) extracted[i] = FeaturesOf(*candidates[i], features);
+      },
+      idle_threads);
+  return extracted;
+}
+
+std::vector<Eigen::Vector2d> PhotoLoader::ExtractedKeypoints(const std::string& image_name) const {
+  const Candidate* candidate = FindCandidate(candidates_, image_name);
+  if (candidate == nullptr || candidate->is_stored) return {};
+  const Camera& camera = selection_.DatabaseModel().cameras.at(candidate->image->camera_id);
+  const std::optional<Features> extracted = extracted_->Get(image_name, camera);
+  return extracted ? Positions(extracted->keypoints) : std::vector<Eigen::Vector2d>();
+}
+
 std::shared_ptr<const Features> PhotoLoader::FeaturesOf(const Candidate& candidate,
                                                         const FeatureReader& features) const {
   try {
-    return features_.Get(candidate.image_id, [&] { return features.Read(candidate.image_id); });
+    return features_.Get(candidate.image_id, [&] { return Read(candidate, features); });
   } catch (const DamagedRecordError&) {
     return nullptr;
   }
@@ -326,7 +393,8 @@ std::vector<ImagePair> PhotoLoader::MatchDatabaseImage(const ModelImage& image, 
   problem.query_keypoints = Positions(own_features->keypoints);
   QueryRecord unused;  // the seconds are those of the stage that calls
   const DatabaseFeatures others =
-      AddPairs(NearestViewpoints(candidates_, image, static_cast<size_t>(max_num_others)), features, &problem, &unused);
+      AddPairs(NearestViewpoints(candidates_, image, static_cast<size_t>(max_num_others)), features, idle_threads,
+               &problem, &unused);
   MatchPairs(*methods_.database, *own_features, others, {seed_}, idle_threads, &problem, &unused.seconds);
   std::vector<ImagePair>& pairs = problem.pairs;
   const auto is_useless = [](const ImagePair& pair) {

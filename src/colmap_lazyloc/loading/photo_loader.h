@@ -9,6 +9,7 @@
 #include "colmap_lazyloc/database/database_reader.h"
 #include "colmap_lazyloc/database/feature_reader.h"
 #include "colmap_lazyloc/database/lru_cache.h"
+#include "colmap_lazyloc/features/extracted_features.h"
 #include "colmap_lazyloc/features/feature_statistics.h"
 #include "colmap_lazyloc/features/pair_matching.h"
 #include "colmap_lazyloc/features/retrieval_index.h"
@@ -56,6 +57,8 @@ class PhotoLoader {
   bool HasStoredKeypoints(const QueryRecord& record) const {
     return !fallback_ || fallback_->HasStoredKeypoints() || record.matcher == methods_.database->Matcher();
   }
+  // Returns the keypoints of a database image whose features were extracted on demand; empty for all others.
+  std::vector<Eigen::Vector2d> ExtractedKeypoints(const std::string& image_name) const;
   // Returns one line for each problem that does not end the run.
   const std::vector<std::string>& Warnings() const { return warnings_; }
   // Returns how the features of photos are extracted, for a photo like the database images.
@@ -69,6 +72,10 @@ class PhotoLoader {
   using Candidate = DatabaseCandidate;
   using Candidates = DatabaseCandidates;
 
+  // Sets the candidates. counts: of the descriptors in the database.
+  void FindCandidates(const DescriptorCounts& counts);
+  // Returns the index, of coarse features if features are extracted on demand.
+  std::unique_ptr<RetrievalIndex> MakeIndex(const DatabaseReader& database, int num_threads) const;
   // Sets what extracts and matches features like those of the database.
   void ChooseMethods(FeatureType type, const std::string& database_path);
   // Throws Refusal if the file is not a readable image.
@@ -79,6 +86,11 @@ class PhotoLoader {
   std::string ReadExifCamera(uint32_t camera_id) const;
   // Sets the statistics of the candidates' features.
   void MeasureCandidates(const std::map<uint32_t, size_t>& num_descriptors, const FeatureReader& reader);
+  // Reads or extracts the features of a database image. Throws DamagedRecordError.
+  Features Read(const Candidate& candidate, const FeatureReader& features) const;
+  // Returns the features of candidates that are not stored; null for others, and for those that cannot be extracted.
+  DatabaseFeatures ExtractOnDemand(const Candidates& candidates, const FeatureReader& features,
+                                   IdleThreads* idle_threads) const;
   // Returns the features of a database image; null if they are damaged.
   std::shared_ptr<const Features> FeaturesOf(const Candidate& candidate, const FeatureReader& features) const;
   // Returns the candidates that the pairs file lists, or all.
@@ -87,15 +99,16 @@ class PhotoLoader {
                               IdleThreads* idle_threads) const;
   bool NeedsRetrieval(const PhotoQuery& photo) const;
   // Adds the candidates' pairs to the problem and returns their features, but those that are damaged.
-  DatabaseFeatures AddPairs(const Candidates& candidates, const FeatureReader& features, LocalizationProblem* problem,
-                            QueryRecord* record) const;
+  DatabaseFeatures AddPairs(const Candidates& candidates, const FeatureReader& features, IdleThreads* idle_threads,
+                            LocalizationProblem* problem, QueryRecord* record) const;
 
   const QuerySelection& selection_;
   const PhotoOptions options_;
   const int seed_;
   const DefaultCamera default_camera_;
-  std::vector<Candidate> candidates_;  // posed images with descriptors, sorted by name
+  std::vector<Candidate> candidates_;  // sorted by name
   FeatureMethods methods_;
+  std::optional<ExtractedFeatures> extracted_;        // of candidates that are not stored; nullopt if all must be
   std::unique_ptr<const FallbackFeatures> fallback_;  // null without methods_.fallback
   std::unique_ptr<MatchesOutput> matches_output_;
   std::unique_ptr<RetrievalIndex> index_;

@@ -7,6 +7,10 @@
 namespace lazyloc {
 
 bool PhotoOptions::CheckImagePath(std::string* error) const {
+  if (image_path.empty() && on_demand) {
+    *error = "on_demand needs --image_path, the folder of the database images";
+    return false;
+  }
   if (!image_path.empty() || (retrieval_index_path.empty() && matches_output_path.empty())) return true;
   *error = std::string(retrieval_index_path.empty() ? "matches_output_path" : "retrieval_index_path") +
            " needs --image_path, because it is for photos";

@@ -106,6 +106,10 @@ class QuerySource {
   void AddDatabasePairsAndDepths(Session* session, LoadedGroup* loaded) const;
   // Returns the depth maps of database images; null without a folder of maps.
   const DepthMaps* Depths() const { return depth_maps_ ? &*depth_maps_ : nullptr; }
+  // Returns the keypoints of a database image whose features were extracted on demand; empty for all others.
+  std::vector<Eigen::Vector2d> ExtractedKeypoints(const std::string& image_name) const {
+    return photo_loader_ ? photo_loader_->ExtractedKeypoints(image_name) : std::vector<Eigen::Vector2d>();
+  }
   // Publishes the photos' features and matches, if they are kept.
   void PublishMatches() const;
 

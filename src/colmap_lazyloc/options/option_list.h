@@ -106,6 +106,10 @@ void ForEachSourceOption(Options& o, const Add& add) {
       "group");
   add("LazyLocalizer.Advanced.depth_png_unit", &o.depth.png_unit,
       "Depth in the unit of the model for a value of 1 in a PNG of --depth_path");
+  add("LazyLocalizer.Advanced.on_demand", &o.photos.on_demand,
+      "Extract the SIFT features of a database image when a photo needs them, from its own photo below --image_path, if "
+      "the database does not have them; retrieval then uses coarse features of these photos; both are kept beside the "
+      "index");
   add("LazyLocalizer.Advanced.matches_output_path", &o.photos.matches_output_path,
       "New COLMAP database for the photos' features and matches; the file must not exist", OptionRole::OUTPUT);
   add("LazyLocalizer.Advanced.cache_gb", &o.photos.cache_gb,

@@ -131,6 +131,9 @@ void CheckValues(CommandOptions* options) {
   if (has_matches_output && (options->resume || !options->shard.empty())) {
     error = "matches_output_path excludes --resume and --shard, because the file has the features of one whole run";
   }
+  if (options->source.photos.on_demand && !options->shard.empty()) {
+    error = "on_demand excludes --shard, because colmap lazy_merger has no photos";
+  }
   if (!error.empty() || !options->source.Check(&error) || !options->localizer.Check(&error)) {
     throw OptionError(*options, error);
   }

@@ -115,7 +115,8 @@ class ImageWriter {
   std::vector<Eigen::Vector2d> ReadKeypoints(const std::string& name) const {
     const DatabaseImage* image = FindByName(database_.images, name);
     if (image == nullptr) return {};
-    return database_.reader.ReadKeypointsOnce(image->image_id);
+    std::vector<Eigen::Vector2d> keypoints = database_.reader.ReadKeypointsOnce(image->image_id);
+    return keypoints.empty() && database_.extracted_keypoints ? database_.extracted_keypoints(name) : keypoints;
   }
 
   void WriteImage(const MergedImage& image, const std::string& name, const Rigid3d& cam_from_world,

@@ -2,6 +2,8 @@
 
 #include <mutex>
 
+#include <FreeImage.h>
+
 #include "colmap_lazyloc/scene/errors.h"
 
 namespace lazyloc {
@@ -37,6 +39,16 @@ std::vector<uint8_t> RgbValues(const colmap::Bitmap& bitmap) {
     }
   }
   return values;
+}
+
+bool ReadReduced(const std::filesystem::path& path, int size, colmap::Bitmap* bitmap) {
+  if (FreeImage_GetFileType(path.c_str(), 0) == FIF_JPEG) {
+    FIBITMAP* const pixels = FreeImage_Load(FIF_JPEG, path.c_str(), JPEG_GREYSCALE | size << 16);
+    if (pixels == nullptr) return false;
+    *bitmap = colmap::Bitmap(pixels);
+    if (bitmap->IsGrey()) return true;
+  }
+  return bitmap->Read(path.string(), /*as_rgb=*/false);
 }
 
 colmap::Bitmap AllocateBitmap(int width, int height, bool as_rgb) {

@@ -25,6 +25,10 @@ std::vector<uint8_t> GreyValues(const colmap::Bitmap& bitmap) { return bitmap.Ro
 
 std::vector<uint8_t> RgbValues(const colmap::Bitmap& bitmap) { return bitmap.RowMajorData(); }
 
+bool ReadReduced(const std::filesystem::path& path, int, colmap::Bitmap* bitmap) {
+  return bitmap->Read(path.string(), /*as_rgb=*/false);
+}
+
 colmap::Bitmap AllocateBitmap(int width, int height, bool as_rgb) { return colmap::Bitmap(width, height, as_rgb); }
 
 std::optional<double> ExifFocalLengthPx(const colmap::Bitmap& bitmap) {
