@@ -222,7 +222,7 @@ def complete(colmap, tmp_path):
 
 
 def test_completion_knows_commands_and_options(complete, colmap):
-    assert complete("colmap-lazyloc", "lazy_") == ["lazy_extractor", "lazy_indexer", "lazy_localizer", "lazy_merger"]
+    assert {"lazy_localizer", "lazy_matches_importer"} < set(complete("colmap-lazyloc", "lazy_"))
     assert "feature_extractor" in complete("colmap-lazyloc", "")
     assert set(complete("colmap-lazyloc", "lazy_localizer", "")) == all_options(colmap)
     assert set(complete("lazy_localizer", "--strict", "1", "--")) == all_options(colmap)

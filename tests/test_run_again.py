@@ -20,6 +20,7 @@ import photo_scene
 from colmap_lazyloc.__main__ import main
 from colmap_lazyloc.demo.renderer import RayGrid
 from colmap_lazyloc.poses import read_poses
+from colmap_lazyloc.program import find_option
 from colmap_lazyloc.project import steps
 from colmap_lazyloc.report import __main__ as report
 
@@ -31,17 +32,18 @@ POLLING_SECONDS, MAX_SECONDS = 0.005, 120
 
 
 @pytest.fixture(scope="module")
-def steady_colmap(colmap, tmp_path_factory):
-    """Makes a colmap whose matches are always the same, because COLMAP's search for neighbours draws at random.
+def slow_colmap(colmap, tmp_path_factory):
+    """Makes a colmap that matches and localizes with one thread.
 
-    It localizes with one thread, so that it can be interrupted between two queries.
+    COLMAP's threads verify the pairs in any order, each with random numbers that go on. Localization can be interrupted
+    between two queries.
     """
     path = tmp_path_factory.mktemp("program") / "colmap"
-    matcher = pathlib.Path(__file__).with_name("steady_matcher.py")
+    matching = find_option(colmap, "matches_importer", r"(Sift|Feature)Matching\.num_threads", "for threads")
     path.write_text(f"""#!/bin/sh
 case "$1 $2" in
   *--help*) ;;
-  matches_importer*) exec {sys.executable} {matcher} {colmap} "$@" ;;
+  lazy_matches_importer*) exec {colmap} "$@" {matching} 1 ;;
   lazy_localizer*) exec {colmap} "$@" --LazyLocalizer.num_threads 1 ;;
 esac
 exec {colmap} "$@"
@@ -154,14 +156,14 @@ def work(photos, others, tmp_path):
 
 
 @pytest.fixture
-def run(steady_colmap, monkeypatch):
+def run(slow_colmap, monkeypatch):
     """Returns a function that runs `lazyloc run`, without the page of the report."""
 
     def write_report(words):
         pathlib.Path(words[words.index("--output") + 1]).write_text("report")
         return 0
 
-    monkeypatch.setenv("COLMAP", str(steady_colmap))
+    monkeypatch.setenv("COLMAP", str(slow_colmap))
     monkeypatch.setattr(report, "main", write_report)
 
     def start(work, output, more=()):
@@ -299,12 +301,12 @@ def is_localizing(output):
 
 
 @pytest.fixture
-def kill(steady_colmap):
+def kill(slow_colmap):
     """Returns a function that runs `lazyloc run` and kills it when it has reached something."""
 
     def start(work, output, words, is_reached):
         command = [sys.executable, "-m", "colmap_lazyloc", *work.words(output, words)]
-        environment = {**os.environ, "COLMAP": str(steady_colmap), "PYTHONPATH": os.pathsep.join(sys.path)}
+        environment = {**os.environ, "COLMAP": str(slow_colmap), "PYTHONPATH": os.pathsep.join(sys.path)}
         process = subprocess.Popen(command, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
         end = time.monotonic() + MAX_SECONDS
         while not is_reached(output):

@@ -55,11 +55,9 @@ class Project:
     def extract(self, database: pathlib.Path, cameras: Mapping[str, Camera | None]) -> None:
         """Extracts the features of images by name; without a camera, COLMAP guesses it or takes EXIF's focal length."""
         self.add(database, cameras)
-        # A colmap that is not ours has no lazy_extractor, which gives the same features faster.
-        extractor = "lazy_extractor" if has_command(self.colmap, "lazy_extractor") else "feature_extractor"
-        words = [self.colmap, extractor, "--database_path", database]
+        words = [*self._command("feature_extractor"), "--database_path", database]
         words += ["--image_path", self.folder.images, "--image_list_path", self.folder.write_list("images", cameras)]
-        words += [gpu_option(self.colmap, extractor), int(self.use_gpu), *self.sift_options]
+        words += self.sift_options
         if self.has_masks:
             words += ["--ImageReader.mask_path", self.folder.masks]
         self.runner.run(words, f"features of {len(cameras)} images")
@@ -68,18 +66,23 @@ class Project:
     def match(self, database: pathlib.Path, pairs: Sequence[tuple[str, str]]) -> None:
         """Matches pairs and verifies the matches; those in the database are kept."""
         path = self.folder.write_list("pairs", (f"{first} {second}" for first, second in pairs))
-        words = [self.colmap, "matches_importer", "--database_path", database, "--match_type", "pairs"]
-        words += ["--match_list_path", path, gpu_option(self.colmap, "matches_importer"), int(self.use_gpu)]
+        words = [*self._command("matches_importer"), "--database_path", database]
+        words += ["--match_type", "pairs", "--match_list_path", path]
         self.runner.run(words, f"matching {len(pairs)} pairs")
 
     def match_retrieved(self, database: pathlib.Path, names: Sequence[str]) -> None:
         """Matches images with those that look alike, by a vocabulary tree of the database images."""
-        words = [self.colmap, "vocab_tree_matcher", "--database_path", database]
+        words = [*self._command("vocab_tree_matcher"), "--database_path", database]
         words += ["--VocabTreeMatching.vocab_tree_path", self._vocabulary_tree()]
         words += ["--VocabTreeMatching.num_images", NUM_RETRIEVED]
         words += ["--VocabTreeMatching.match_list_path", self.folder.write_list("retrieved", names)]
-        words += [gpu_option(self.colmap, "vocab_tree_matcher"), int(self.use_gpu)]
         self.runner.run(words, f"matching {len(names)} images with those that look alike")
+
+    def _command(self, name: str) -> list[object]:
+        """Returns the words that run a command of COLMAP, with our SIFT unless the colmap is not ours."""
+        ours = f"lazy_{name}"
+        command_name = ours if has_command(self.colmap, ours) else name
+        return [self.colmap, command_name, gpu_option(self.colmap, command_name), int(self.use_gpu)]
 
     def _vocabulary_tree(self) -> pathlib.Path:
         """Returns the file of the tree, which goes with the features that it is made of."""

@@ -1,4 +1,4 @@
-"""Tests of `colmap lazy_extractor`: the database is the one that COLMAP's feature_extractor writes."""
+"""Tests of `colmap lazy_feature_extractor`: the database is the one that COLMAP's feature_extractor writes."""
 
 import shutil
 import sqlite3
@@ -84,7 +84,7 @@ def assert_same(found, expected):
 )
 def test_database_is_that_of_feature_extractor(colmap, work, options):
     expected, _ = extract(colmap, work, "feature_extractor", *options)
-    found, log = extract(colmap, work, "lazy_extractor", *options)
+    found, log = extract(colmap, work, "lazy_feature_extractor", *options)
     assert_same(found, expected)
     assert len(found["keypoints"]) >= 4 and "Failed to read image file format" in log
     assert BY_COLMAP not in log
@@ -97,14 +97,14 @@ def test_colmap_extracts_what_is_not_plain_sift(colmap, work, options):
     for name in ("exif0.jpg", "exif2.jpg", "large.jpg", "tiny.png"):
         (work / "images" / name).unlink()
     expected, _ = extract(colmap, work, "feature_extractor", *options)
-    found, log = extract(colmap, work, "lazy_extractor", *options)
+    found, log = extract(colmap, work, "lazy_feature_extractor", *options)
     assert found == expected and "SIFT CPU feature extractor" in log
 
 
 def test_goes_on_where_it_has_stopped(colmap, work):
     (work / "list.txt").write_text("exif0.jpg\nplain/0.png\n")
-    begun, _ = extract(colmap, work, "lazy_extractor", "--image_list_path", "list.txt")
-    found, log = extract(colmap, work, "lazy_extractor")
+    begun, _ = extract(colmap, work, "lazy_feature_extractor", "--image_list_path", "list.txt")
+    found, log = extract(colmap, work, "lazy_feature_extractor")
     assert log.count("SKIP: Features for image already extracted") == len(begun["keypoints"]) == 2
     assert begun["descriptors"].items() < found["descriptors"].items() and len(found["keypoints"]) == 6
 
@@ -118,12 +118,12 @@ def test_real_photos(colmap, work):
     for path in sorted((work / "images").iterdir())[1:]:
         path.unlink()
     expected, _ = extract(colmap, work, "feature_extractor")
-    found, _ = extract(colmap, work, "lazy_extractor")
+    found, _ = extract(colmap, work, "lazy_feature_extractor")
     assert_same(found, expected)
 
 
 def test_help(colmap):
-    done = subprocess.run([colmap, "lazy_extractor", "-h"], capture_output=True, text=True, timeout=60)
+    done = subprocess.run([colmap, "lazy_feature_extractor", "-h"], capture_output=True, text=True, timeout=60)
     assert done.returncode == 0
     assert "feature_extractor" in done.stdout and "--ImageReader.mask_path" in done.stdout + done.stderr
-    assert subprocess.run([colmap, "lazy_extractor"], capture_output=True, timeout=60).returncode == 1
+    assert subprocess.run([colmap, "lazy_feature_extractor"], capture_output=True, timeout=60).returncode == 1

@@ -1,0 +1,89 @@
+#include "colmap_lazyloc/bridge/sift_replacement.h"
+
+#include <memory>
+#include <optional>
+#include <utility>
+
+#include <colmap/feature/extractor.h>
+#include <colmap/feature/matcher.h>
+
+#include "colmap_lazyloc/bridge/sift.h"
+
+namespace lazyloc {
+namespace {
+
+Matches (*match_descriptors)(const Descriptors&, const Descriptors&) = nullptr;  // null: nothing is replaced
+
+class PlainSiftExtractor : public colmap::FeatureExtractor {
+ public:
+  explicit PlainSiftExtractor(const SiftExtractionOptions& options) : options_(options) {}
+
+  bool Extract(const colmap::Bitmap& bitmap, colmap::FeatureKeypoints* keypoints,
+               colmap::FeatureDescriptors* descriptors) override {
+    IdleThreads none(0);  // because COLMAP extracts several images at once
+    descriptors->type = colmap::FeatureExtractorType::SIFT;
+    ExtractPlainSift(GreyValues(bitmap), bitmap.Width(), bitmap.Height(), options_, &none, keypoints,
+                     &descriptors->data);
+    return true;
+  }
+
+ private:
+  const SiftExtractionOptions options_;
+};
+
+class PlainSiftMatcher : public colmap::FeatureMatcher {
+ public:
+  explicit PlainSiftMatcher(std::unique_ptr<colmap::FeatureMatcher> colmaps) : colmaps_(std::move(colmaps)) {}
+
+  void Match(const Image& image1, const Image& image2, colmap::FeatureMatches* matches) override {
+    matches->clear();
+    for (const lazyloc::Match& match : match_descriptors(image1.descriptors->data, image2.descriptors->data)) {
+      matches->emplace_back(match.query_point, match.other_point);
+    }
+  }
+
+  void MatchGuided(double max_error, const Image& image1, const Image& image2,
+                   colmap::TwoViewGeometry* geometry) override {
+    colmaps_->MatchGuided(max_error, image1, image2, geometry);
+  }
+
+ private:
+  const std::unique_ptr<colmap::FeatureMatcher> colmaps_;
+};
+
+}  // namespace
+
+#ifdef LAZYLOC_CREATE_SIFT_EXTRACTOR
+using Extractor = std::unique_ptr<colmap::FeatureExtractor>;
+using Matcher = std::unique_ptr<colmap::FeatureMatcher>;
+using ExtractionOptions = colmap::FeatureExtractionOptions;
+using MatchingOptions = colmap::FeatureMatchingOptions;
+
+// COLMAP's functions, and those that the linker puts into their places.
+Extractor CreateExtractorByColmap(const ExtractionOptions& options) __asm__("__real_" LAZYLOC_CREATE_SIFT_EXTRACTOR);
+Extractor CreateExtractor(const ExtractionOptions& options) __asm__("__wrap_" LAZYLOC_CREATE_SIFT_EXTRACTOR);
+Matcher CreateMatcherByColmap(const MatchingOptions& options) __asm__("__real_" LAZYLOC_CREATE_SIFT_MATCHER);
+Matcher CreateMatcher(const MatchingOptions& options) __asm__("__wrap_" LAZYLOC_CREATE_SIFT_MATCHER);
+
+Extractor CreateExtractor(const ExtractionOptions& options) {
+  const auto plain = match_descriptors && !options.use_gpu ? PlainSiftOptions(*options.sift) : std::nullopt;
+  return plain ? std::make_unique<PlainSiftExtractor>(*plain) : CreateExtractorByColmap(options);
+}
+
+Matcher CreateMatcher(const MatchingOptions& options) {
+  const colmap::SiftMatchingOptions defaults, &sift = *options.sift;
+  const bool is_plain = options.type == colmap::FeatureMatcherType::SIFT_BRUTEFORCE &&
+                        sift.max_ratio == defaults.max_ratio && sift.max_distance == defaults.max_distance &&
+                        sift.cross_check;
+  Matcher colmaps = CreateMatcherByColmap(options);
+  if (!match_descriptors || options.use_gpu || !is_plain) return colmaps;
+  return std::make_unique<PlainSiftMatcher>(std::move(colmaps));
+}
+#endif
+
+const char* const kExtractionUseGpuOption = "--FeatureExtraction.use_gpu";
+const char* const kMatchingUseGpuOption = "--FeatureMatching.use_gpu";
+
+void ReplaceSift(Matches (*match)(const Descriptors&, const Descriptors&)) { match_descriptors = match; }
+
+}  // namespace lazyloc
