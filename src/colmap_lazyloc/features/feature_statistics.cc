@@ -21,9 +21,7 @@ Value Quantile(std::vector<Value> values, double share) {
 
 void KeepLargestScales(size_t max_num_features, Features* features) {
   if (features->keypoints.size() <= max_num_features) return;
-  std::vector<float> scales;
-  for (const Keypoint& keypoint : features->keypoints) scales.push_back(KeypointScale(keypoint));
-  const std::vector<size_t> kept = IndicesOfLargest(scales, max_num_features);
+  const std::vector<size_t> kept = IndicesOfLargest(features->keypoints, max_num_features);
   features->descriptors = Descriptors(features->descriptors(kept, Eigen::all));
   for (size_t i = 0; i < kept.size(); ++i) features->keypoints[i] = features->keypoints[kept[i]];  // kept[i] >= i
   features->keypoints.resize(kept.size());
@@ -33,6 +31,13 @@ void KeepLargestScales(size_t max_num_features, Features* features) {
 
 float KeypointScale(const Keypoint& keypoint) {
   return (std::hypot(keypoint.a11, keypoint.a21) + std::hypot(keypoint.a12, keypoint.a22)) / 2;
+}
+
+std::vector<size_t> IndicesOfLargest(const std::vector<Keypoint>& keypoints, size_t max_num) {
+  std::vector<float> scales;
+  scales.reserve(keypoints.size());
+  for (const Keypoint& keypoint : keypoints) scales.push_back(KeypointScale(keypoint));
+  return IndicesOfLargest(scales, max_num);
 }
 
 FeatureStatistics MeasureFeatures(std::vector<size_t> num_features, std::vector<double> scale_ratios) {

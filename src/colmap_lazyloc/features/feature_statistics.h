@@ -37,6 +37,10 @@ std::vector<size_t> IndicesOfLargest(const std::vector<Value>& values, size_t ma
   return indices;
 }
 
+// Returns the indices of the keypoints of the largest scales in ascending order; of equal scales, those that come
+// first.
+std::vector<size_t> IndicesOfLargest(const std::vector<Keypoint>& keypoints, size_t max_num);
+
 // Returns the statistics of database images. num_features: of each image. scale_ratios: of keypoints.
 FeatureStatistics MeasureFeatures(std::vector<size_t> num_features, std::vector<double> scale_ratios);
 

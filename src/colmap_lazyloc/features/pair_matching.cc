@@ -25,11 +25,8 @@ struct Subset {
 };
 
 Subset LargestFeatures(const Features& all) {
-  std::vector<float> scales;
-  scales.reserve(all.keypoints.size());
-  for (const Keypoint& keypoint : all.keypoints) scales.push_back(KeypointScale(keypoint));
   Subset largest;
-  largest.places = IndicesOfLargest(scales, kNumLargest);
+  largest.places = IndicesOfLargest(all.keypoints, kNumLargest);
   largest.features.type = all.type;
   largest.features.descriptors.resize(static_cast<Eigen::Index>(largest.places.size()), all.descriptors.cols());
   for (const size_t place : largest.places) {
