@@ -30,12 +30,10 @@ def test_photos_are_as_accurate_as_images_of_the_database(photos, colmap, work_p
 
 
 def test_index_finds_the_images_and_follows_the_database(photos, colmap, work_path, capsys):
-    _, rows = run(
-        "retrieval", photos, colmap, work_path, capsys, "--num_retrieved", 4, "--num_images", 5, 9, "--num_features", 50
-    )
+    _, rows = run("retrieval", photos, colmap, work_path, capsys, "--num_retrieved", 4, "--sizes", "5x50", "9x50")
     (recall,) = [row for row in rows if row[0] == "4"]
     assert recall[1:] == ["100.0 %"] * 4  # the database has four images
-    assert [len(row) for row in rows if row[0] in "59"] == [6, 6]
+    assert [len(row) for row in rows if row[0] in ("5 x 50", "9 x 50")] == [6, 6]
 
 
 @pytest.mark.skipif(not (DATA_PATH.parent / "models").is_dir(), reason=f"{DATA_PATH.parent}/models is missing")

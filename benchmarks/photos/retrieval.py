@@ -6,8 +6,8 @@ Recall: every fourth image of a scene is a query, all others are the database. C
 database images; the K images with the most verified matches are the best ones. The recall is the share of the best
 images that are among the first K of the index.
 
-Growth: synthetic databases of --num_images images, whose descriptors are drawn at random from the scene's, with noise.
-To measure an update, one image is then removed and another one added.
+Growth: synthetic databases of the given --sizes, whose descriptors are drawn at random from the scene's, with noise. To
+measure an update, one image is then removed and another one added.
 
 Prints tables; databases with matches are kept in --work_path.
 """
@@ -35,10 +35,10 @@ DESCRIPTOR_SIZE = 128
 @command
 def main(arguments=None):
     options = parse(arguments)
-    print(*describe_environment(), "", sep="\n")
+    print("# Retrieval\n", *describe_environment(), "", sep="\n")
     fold = photo_scenes.make_fold(options.scene_path, 0, options.work_path, options.colmap)
     print(recall_table(fold, options.num_retrieved), "\n")
-    print(growth_table(fold, options.num_images, options.num_features))
+    print(growth_table(fold, options.sizes))
 
 
 def recall_table(fold: photo_scenes.Fold, counts: list[int]) -> str:
@@ -79,13 +79,13 @@ def share(num_inliers: dict[str, int], found: set[str], count: int) -> float:
     return sum(num_inliers[name] for name in found) / sum(num_inliers[name] for name in best)
 
 
-def growth_table(fold: photo_scenes.Fold, counts: list[int], num_features: int) -> str:
+def growth_table(fold: photo_scenes.Fold, sizes: list[tuple[int, int]]) -> str:
     lines = [
-        f"{num_features} synthetic descriptors an image; seconds of one core\n",
-        "| images | index, MB | made | opened | one image removed | one image added |",
+        "Synthetic descriptors; seconds of one core\n",
+        "| images x features | index, MB | made | opened | one image removed | one image added |",
         "|---|---|---|---|---|---|",
     ]
-    for count in counts:
+    for count, num_features in sizes:
         with tempfile.TemporaryDirectory(dir=fold.work_path) as folder:
             lines.append(growth_row(fold, pathlib.Path(folder), count, num_features))
             print(lines[-1], file=sys.stderr)
@@ -104,7 +104,7 @@ def growth_row(fold: photo_scenes.Fold, folder: pathlib.Path, count: int, num_fe
     synthetic.add([count + 1])
     seconds.append(index_core_seconds(fold, database_path, index_path, "1 added, 0 removed"))
     synthetic.close()
-    return f"| {count} | {size_mb:.1f} | " + " | ".join(f"{value:.2f}" for value in seconds) + " |"
+    return f"| {count:,} x {num_features:,} | {size_mb:.1f} | " + " | ".join(f"{value:.2f}" for value in seconds) + " |"
 
 
 def index_core_seconds(fold: photo_scenes.Fold, database_path, index_path, expected: str) -> float:
@@ -168,6 +168,17 @@ def parse(arguments) -> argparse.Namespace:
     parser.add_argument("--colmap", type=pathlib.Path, default=find_colmap(), help="path of our colmap program")
     parser.add_argument("--work_path", type=pathlib.Path, required=True, help="folder for databases and indices")
     parser.add_argument("--num_retrieved", type=int, nargs="*", default=[5, 10, 20], metavar="K")
-    parser.add_argument("--num_images", type=int, nargs="*", default=[100, 1000, 10000], metavar="N")
-    parser.add_argument("--num_features", type=int, default=300, help="features per image of the synthetic databases")
+    parser.add_argument(
+        "--sizes",
+        type=size,
+        nargs="*",
+        default=[(43, 8000), (1000, 8000), (10000, 1500)],
+        metavar="IMAGESxFEATURES",
+        help="of the synthetic databases, for example 43x8000",
+    )
     return parser.parse_args(arguments)
+
+
+def size(text: str) -> tuple[int, int]:
+    num_images, num_features = map(int, text.split("x"))
+    return num_images, num_features

@@ -23,12 +23,11 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr char kMagic[] = "colmap_lazyloc retrieval index ", kVersion[] = "2";
+constexpr char kMagic[] = "colmap_lazyloc retrieval index ", kVersion[] = "3";
 // Size of the sample that the vocabulary is learnt from: more descriptors per word make it slower, not better.
-constexpr size_t kDescriptorsPerWord = 32;
-constexpr size_t kMinDescriptorsPerWord = 8;
-// Size of a feature's entry in the inverted file: image, signature of 64 bits, geometry.
-constexpr uint64_t kBytesPerFeature = 32;
+constexpr size_t kDescriptorsPerWord = 16;
+// What a feature takes in the inverted files, image and signature, and what a word takes in the vocabulary.
+constexpr uint64_t kBytesPerFeature = 12, kBytesPerWord = kDescriptorLength;
 // What numbers of a unit vector are multiplied by to become bytes: few exceed 0.35.
 constexpr float kByteScale = 360;
 
@@ -76,6 +75,10 @@ Descriptors AsBytes(const Features& features) {
   return bytes;
 }
 
+size_t NumWords(uint64_t num_features, const RetrievalOptions& options) {
+  return std::max<uint64_t>(2, std::min<uint64_t>(options.num_visual_words, num_features / kDescriptorsPerWord));
+}
+
 uint32_t ChecksumOf(const Descriptors& descriptors) {
   return Crc32({reinterpret_cast<const char*>(descriptors.data()), static_cast<size_t>(descriptors.size())});
 }
@@ -90,27 +93,28 @@ std::optional<Features> ReadFeatures(const FeatureSource& reader, uint32_t image
   }
 }
 
-// Returns the descriptors of an image that are indexed, in their order in the database.
+// Returns the descriptors of an image that are indexed, or of a query that are looked up: those of the largest scales.
+// ALIKED's, whose scales are equal, begin with the best ones.
 Descriptors ChooseDescriptors(const Features& features, int max_num_features) {
   const size_t num_features = features.keypoints.size(), num_indexed = NumIndexed(num_features, max_num_features);
   Descriptors descriptors = AsBytes(features);
   if (num_indexed == num_features) return descriptors;
-  std::vector<double> areas;
-  for (const Keypoint& k : features.keypoints) areas.push_back(std::abs(double{k.a11} * k.a22 - double{k.a12} * k.a21));
-  return descriptors(IndicesOfLargest(areas, num_indexed), Eigen::all);
+  return descriptors(IndicesOfLargest(features.keypoints, num_indexed), Eigen::all);
 }
 
-// Returns the descriptors that the vocabulary is learnt from, drawn evenly from all images.
+// Returns the descriptors that the vocabulary is learnt from. Reads evenly spaced images of a large database, because
+// reading takes longer than what follows, and draws about a tenth of their descriptors.
 Descriptors SampleDescriptors(const std::vector<DatabaseImage>& images, const FeatureSource& features,
                               int max_num_features, size_t num_available, size_t num_wanted, int seed) {
-  const double ratio = std::min(1.0, static_cast<double>(num_wanted) / static_cast<double>(num_available));
+  const size_t step = std::max<size_t>(1, num_available / (8 * num_wanted));
+  const double ratio = std::min(1.0, static_cast<double>(step * num_wanted) / static_cast<double>(num_available));
   std::mt19937 random(static_cast<uint32_t>(seed));
   Descriptors sample(static_cast<Eigen::Index>(std::min(num_available, num_wanted + num_wanted / 8 + 1000)),
                      kDescriptorLength);
   Eigen::Index num_rows = 0;
   std::string ignored;  // AddNewEntries reports it
-  for (const DatabaseImage& image : images) {
-    const std::optional<Features> read = ReadFeatures(features, image.image_id, &ignored);
+  for (size_t image = 0; image < images.size(); image += step) {
+    const std::optional<Features> read = ReadFeatures(features, images[image].image_id, &ignored);
     if (!read) continue;
     const Descriptors descriptors = ChooseDescriptors(*read, max_num_features);
     for (Eigen::Index i = 0; i < descriptors.rows() && num_rows < sample.rows(); ++i) {
@@ -134,7 +138,7 @@ bool RetrievalOptions::Check(std::string* error) const {
 }
 
 std::string IndexEstimate::Text() const {
-  const uint64_t num_megabytes = num_features * kBytesPerFeature / 1000000 + 1;
+  const uint64_t num_megabytes = num_bytes / 1000000 + 1;
   return std::to_string(num_images) + " images, " + std::to_string(num_features) + " features: about " +
          std::to_string(num_megabytes) + " MB of memory and of disk";
 }
@@ -145,6 +149,8 @@ IndexEstimate EstimateIndex(const DatabaseReader& database, const RetrievalOptio
     ++estimate.num_images;
     estimate.num_features += NumIndexed(count, options.max_num_features);
   }
+  estimate.num_bytes =
+      estimate.num_features * kBytesPerFeature + NumWords(estimate.num_features, options) * kBytesPerWord;
   return estimate;
 }
 
@@ -185,7 +191,7 @@ RetrievalIndex::RetrievalIndex(const fs::path& path, const std::vector<DatabaseI
   const size_t num_unused = static_cast<size_t>(next_index_id_ - 1) - entries_.size();
   const bool is_outgrown = num_unused > entries_.size() || described.size() > 8 * entries_.size();
   if (!visual_index_ || is_outgrown) Train(described, features, options, &idle_threads);
-  AddNewEntries(described, features, options.max_num_features, &idle_threads);
+  AddNewEntries(described, features, &idle_threads);
   for (const DatabaseImage& image : described) {
     const auto entry = entries_.find(image.name);
     if (entry != entries_.end()) image_of_index_id_[entry->second.index_id] = image.image_id;
@@ -221,24 +227,24 @@ void RetrievalIndex::Train(const std::vector<DatabaseImage>& images, const Featu
                            const RetrievalOptions& options, IdleThreads* idle_threads) {
   entries_.clear();
   next_index_id_ = 1;
+  max_num_features_ = options.max_num_features;
   changes_.is_trained = true;
   size_t num_available = 0;
   for (const auto& [image_id, count] : features.Counts().of_image) {
-    num_available += NumIndexed(count, options.max_num_features);
+    num_available += NumIndexed(count, max_num_features_);
   }
-  const size_t num_words =
-      std::max<size_t>(2, std::min<size_t>(options.num_visual_words, num_available / kMinDescriptorsPerWord));
-  const Descriptors sample = SampleDescriptors(images, features, options.max_num_features, num_available,
-                                               num_words * kDescriptorsPerWord, seed_);
+  const size_t num_words = NumWords(num_available, options);
+  const Descriptors sample =
+      SampleDescriptors(images, features, max_num_features_, num_available, num_words * kDescriptorsPerWord, seed_);
   if (sample.rows() == 0) {
     throw InputError(features.Path().string() + ": the descriptors of all images are damaged: no index can be made");
   }
   visual_index_ = std::make_unique<VisualIndex>(
-      VisualIndex::Train(sample, static_cast<int>(num_words), static_cast<uint32_t>(seed_), idle_threads));
+      VisualWords::Train(sample, static_cast<int>(num_words), static_cast<uint32_t>(seed_), idle_threads));
 }
 
 void RetrievalIndex::AddNewEntries(const std::vector<DatabaseImage>& images, const FeatureSource& features,
-                                   int max_num_features, IdleThreads* idle_threads) {
+                                   IdleThreads* idle_threads) {
   for (const DatabaseImage& image : images) {
     if (entries_.count(image.name) > 0) continue;
     std::string damage;
@@ -249,17 +255,17 @@ void RetrievalIndex::AddNewEntries(const std::vector<DatabaseImage>& images, con
     }
     const Entry entry = {next_index_id_++, static_cast<uint64_t>(read->descriptors.rows()),
                          ChecksumOf(read->descriptors)};
-    visual_index_->Add(entry.index_id, ChooseDescriptors(*read, max_num_features), idle_threads);
+    visual_index_->Add(entry.index_id, ChooseDescriptors(*read, max_num_features_), idle_threads);
     entries_.emplace(image.name, entry);
     ++changes_.num_added;
   }
-  visual_index_->Finalize();
 }
 
 std::vector<uint32_t> RetrievalIndex::Query(const Features& query, IdleThreads* idle_threads) const {
   LAZYLOC_CHECK(query.type == type_);
   std::vector<uint32_t> image_ids;
-  for (const auto& [index_id, score] : visual_index_->Query(AsBytes(query), idle_threads)) {
+  for (const auto& [index_id, score] :
+       visual_index_->Query(ChooseDescriptors(query, max_num_features_), idle_threads)) {
     const auto image = image_of_index_id_.find(index_id);
     if (image != image_of_index_id_.end()) image_ids.push_back(image->second);
   }
@@ -268,7 +274,7 @@ std::vector<uint32_t> RetrievalIndex::Query(const Features& query, IdleThreads* 
 
 std::string RetrievalIndex::Header() const {
   const std::string type = type_ == FeatureType::SIFT ? "" : std::string(" ") + EnumName(type_);
-  return std::string(kMagic) + kVersion + ' ' + kVisualIndexFormat + type;
+  return std::string(kMagic) + kVersion + type;
 }
 
 void RetrievalIndex::Write(const fs::path& path) const {
@@ -277,6 +283,7 @@ void RetrievalIndex::Write(const fs::path& path) const {
   std::ofstream file(staged / name, std::ios::binary | std::ios::trunc);
   file << Header() << '\n';
   WriteText(database_state_, &file);
+  WriteNumber<int32_t>(max_num_features_, &file);
   WriteNumber<int32_t>(next_index_id_, &file);
   WriteNumber<uint64_t>(entries_.size(), &file);
   for (const auto& [image_name, entry] : entries_) {
@@ -302,7 +309,8 @@ void RetrievalIndex::Read(const fs::path& path) {
   std::string header;
   std::getline(file, header);
   if (!file || header.rfind(kMagic, 0) != 0) fail("is not a retrieval index of colmap lazy_indexer");
-  if (header != Header()) fail("is of another COLMAP generation, of another type of features or of another version");
+  if (header.rfind(std::string(kMagic) + kVersion, 0) != 0) fail("was made by another version of the program");
+  if (header != Header()) fail("is of another type of features");
   // Checks everything before it is used, because a damaged length could ask for any amount of memory.
   const uint64_t num_bytes = fs::file_size(path, ignored) - sizeof(uint32_t);
   const std::streampos begin = file.tellg();
@@ -310,6 +318,7 @@ void RetrievalIndex::Read(const fs::path& path) {
   if (ReadNumber<uint32_t>(&file) != Crc32OfFile(path, num_bytes) || !file) fail("is truncated or damaged");
   file.seekg(begin);
   database_state_ = ReadText(&file);
+  max_num_features_ = ReadNumber<int32_t>(&file);
   next_index_id_ = ReadNumber<int32_t>(&file);
   const auto num_entries = ReadNumber<uint64_t>(&file);
   for (uint64_t i = 0; i < num_entries && file; ++i) {

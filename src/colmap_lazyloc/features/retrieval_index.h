@@ -8,15 +8,15 @@
 #include <unordered_map>
 #include <vector>
 
-#include "colmap_lazyloc/bridge/visual_index.h"
 #include "colmap_lazyloc/database/database_reader.h"
 #include "colmap_lazyloc/database/feature_reader.h"
+#include "colmap_lazyloc/features/visual_index.h"
 
 namespace lazyloc {
 
 struct RetrievalOptions {
   int num_visual_words = 16384;  // maximum; a small database has fewer, because too few descriptors make bad words
-  int max_num_features = -1;     // per image that is added: those of the largest scales; -1 for all
+  int max_num_features = 1500;   // of an image or query: those of the largest scales, which suffice; -1 for all
 
   bool Check(std::string* error) const;
 };
@@ -24,7 +24,8 @@ struct RetrievalOptions {
 // What an index of all images of a database will take.
 struct IndexEstimate {
   size_t num_images = 0;
-  uint64_t num_features = 0;
+  uint64_t num_features = 0;  // that are indexed
+  uint64_t num_bytes = 0;
 
   // Returns a line for the user, with the size of the index.
   std::string Text() const;
@@ -33,7 +34,7 @@ struct IndexEstimate {
 // Counts the features to index; reads no descriptor.
 IndexEstimate EstimateIndex(const DatabaseReader& database, const RetrievalOptions& options);
 
-// COLMAP's visual index over the descriptors of a database, stored in one file.
+// Visual index over the descriptors of a database, stored in one file.
 class RetrievalIndex {
  public:
   struct Changes {
@@ -48,7 +49,7 @@ class RetrievalIndex {
   // second per million. All features must be of SIFT or ALIKED. Makes the index if the file does not exist or the path
   // is empty (then in memory only). Writes the file if anything changed, whole or not at all. num_threads: -1 for the
   // number of cores. Throws InputError naming the file if it is not such an index, is damaged, belongs to another
-  // version, COLMAP generation, type of features or database, or cannot be written.
+  // version, type of features or database, or cannot be written.
   RetrievalIndex(const std::filesystem::path& path, const DatabaseReader& database, const RetrievalOptions& options,
                  int seed, int num_threads);
   // Does the same with the features of another source than the database. images: of the database, sorted by name.
@@ -75,7 +76,7 @@ class RetrievalIndex {
                    const FeatureSource& features, bool reads_descriptors);
   void Read(const std::filesystem::path& path);
   void Write(const std::filesystem::path& path) const;
-  void AddNewEntries(const std::vector<DatabaseImage>& images, const FeatureSource& features, int max_num_features,
+  void AddNewEntries(const std::vector<DatabaseImage>& images, const FeatureSource& features,
                      IdleThreads* idle_threads);
   // Returns the first line of the file.
   std::string Header() const;
@@ -84,6 +85,7 @@ class RetrievalIndex {
 
   std::unique_ptr<VisualIndex> visual_index_;
   FeatureType type_ = FeatureType::SIFT;
+  int max_num_features_ = -1;  // with which the index was made
   int seed_ = 0;
   std::string database_state_;            // of the database file with which the entries were compared
   std::map<std::string, Entry> entries_;  // by image name

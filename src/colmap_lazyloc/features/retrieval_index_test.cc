@@ -159,10 +159,18 @@ TEST_F(RetrievalIndexTest, LargestFeaturesAreIndexedIfThereAreTooMany) {
   RetrievalOptions options;
   options.num_visual_words = 64;
   options.max_num_features = kNumDescriptors;
-  const RetrievalIndex index("", reader, options, /*seed=*/0, /*num_threads=*/1);
+  const RetrievalIndex made(folder_ / "index", reader, options, /*seed=*/0, /*num_threads=*/1);
+  // An existing index keeps its number.
+  const RetrievalIndex index(folder_ / "index", reader, RetrievalOptions(), /*seed=*/0, /*num_threads=*/1);
   for (uint32_t id = 1; id <= kNumImages; ++id) {
     EXPECT_EQ(index.Query({{}, WithNoise(features_of(id), 99)}, &idle_threads_).front(), id);
   }
+  // Small features of a query do not count either.
+  Descriptors descriptors(3 * kNumDescriptors, kDescriptorLength);
+  descriptors << features_of(1), WithNoise(features_of(2), 98), WithNoise(features_of(2), 99);
+  std::vector<Keypoint> keypoints(3 * kNumDescriptors);
+  for (int i = 0; i < kNumDescriptors; ++i) keypoints[i].a11 = keypoints[i].a22 = 2;
+  EXPECT_EQ(index.Query({keypoints, descriptors}, &idle_threads_).front(), 1u);
   EXPECT_EQ(EstimateIndex(reader, options).num_features, 1000u);
   options.max_num_features = -1;
   EXPECT_EQ(EstimateIndex(reader, options).Text(), "5 images, 2000 features: about 1 MB of memory and of disk");
@@ -180,12 +188,8 @@ TEST_F(RetrievalIndexTest, BadFilesAreRefusedAndLeftAlone) {
   }
   WriteBytes(folder_ / "index", "SQLite format 3");
   ExpectRefused(database, "is not a retrieval index");
-  std::string other = bytes;
-  other[other.find("COLMAP-") + 7] = '9';
-  WriteBytes(folder_ / "index", other);
-  ExpectRefused(database, "another COLMAP generation");
-  WriteBytes(folder_ / "index", "colmap_lazyloc retrieval index 1 COLMAP-3\n" + std::string(100, '\0'));
-  ExpectRefused(database, "of another version");
+  WriteBytes(folder_ / "index", "colmap_lazyloc retrieval index 2 COLMAP-3\n" + std::string(100, '\0'));
+  ExpectRefused(database, "another version of the program (delete it to make it again)");
   WriteBytes(folder_ / "index", bytes);
   Open(database);
 }

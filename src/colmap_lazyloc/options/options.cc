@@ -42,7 +42,8 @@ void ForEachBasicOption(IndexerOptions& o, const Add& add) {
   add("LazyIndexer.num_visual_words", &o.retrieval.num_visual_words,
       "Maximum number of visual words in the index; a small database has fewer");
   add("LazyIndexer.max_num_features", &o.retrieval.max_num_features,
-      "Maximum number of features of an image that is added; those of the largest scales are kept; -1 keeps all");
+      "Maximum number of features of an image that are indexed: those of the largest scales; -1 takes all; an existing "
+      "index keeps its number");
   add("LazyIndexer.num_threads", &o.num_threads, "Number of threads; -1 uses all cores");
 }
 template <typename Add>
