@@ -83,6 +83,7 @@ def test_transforms_json(run, photos, tmp_path, capsys):
     printed = capsys.readouterr()
     assert "2 of 2 queries localized" in printed.out and "query/0.png" in printed.out
     assert "features of 6 images" in printed.err and "matching" not in printed.err  # poses need no matches of theirs
+    assert printed.err.count("first pose: query/") == 1
     with DatabaseReader(output / "database.db") as database:
         assert database.image_ids == {name: index for index, name in enumerate(photos.database_names, start=1)}
         assert database.camera(photos.database_names[0]).params == (400, 400, 241, 179, -0.03, 0, 0, 0)

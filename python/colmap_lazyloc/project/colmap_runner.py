@@ -7,6 +7,7 @@ import re
 import signal
 import subprocess
 from collections.abc import Sequence
+from typing import Any
 
 from colmap_lazyloc.cluster.task import PR_SET_PDEATHSIG
 from colmap_lazyloc.errors import InputError, logger
@@ -44,11 +45,17 @@ class ColmapRunner:
             except OSError as error:
                 raise InputError(f"{texts[0]}: cannot be run: {error.strerror}") from None
             bar = ProgressBar(title)
+            has_pose = False
             try:
                 assert process.stdout is not None
                 for line in process.stdout:
                     log.write(line)
-                    bar.read(line)
+                    result = _result(line)
+                    bar.read(line, result)
+                    if result.get("position") and not has_pose:
+                        has_pose = True
+                        x, y, z = result["position"]
+                        logger.info(f"first pose: {result['query']} at {x:.3f} {y:.3f} {z:.3f}")
                     text = COLOUR.sub("", line).strip()
                     if text and not STACK_TRACE.match(text):
                         last_line = text
@@ -73,27 +80,27 @@ class ProgressBar:
         bar = terminal_bar()
         self._bar = None if bar is None else bar(leave=False)
 
-    def read(self, line: str) -> None:
-        """Reads a line of COLMAP, such as `Processed file [3/40]`, or a line of JSON of lazy_localizer."""
-        progress = _progress(line) if self._bar is not None else None
-        if progress is not None and self._bar is not None:
-            self._bar.n, self._bar.total = progress
-            self._bar.refresh()
+    def read(self, line: str, result: dict[str, Any]) -> None:
+        """Reads a line of COLMAP, such as `Processed file [3/40]`, or the result of a query."""
+        if self._bar is None:
+            return
+        if match := re.search(r"\[(\d+)/(\d+)\]", line):
+            self._bar.n, self._bar.total = int(match[1]), int(match[2])
+        elif result:
+            self._bar.n, self._bar.total = result["done"], result["of"]
+        else:
+            return
+        self._bar.refresh()
 
     def close(self) -> None:
         if self._bar is not None:
             self._bar.close()
 
 
-def _progress(line: str) -> tuple[int, int] | None:
-    """Returns how many of how many are done."""
-    match = re.search(r"\[(\d+)/(\d+)\]", line)
-    if match:
-        return int(match.group(1)), int(match.group(2))
-    if line.startswith("{"):
-        try:
-            content = json.loads(line)
-            return int(content["done"]), int(content["of"])
-        except (ValueError, KeyError, TypeError):
-            return None
-    return None
+def _result(line: str) -> dict[str, Any]:
+    """Returns a line of JSON of lazy_localizer, empty for any other line."""
+    try:
+        content = json.loads(line) if line.startswith("{") else {}
+    except ValueError:
+        return {}
+    return content if {"query", "position", "done", "of"} <= content.keys() else {}
