@@ -1,5 +1,6 @@
 """Tests of COLMAP's matchers with our exact matches: `colmap lazy_exhaustive_matcher` and others."""
 
+import itertools
 import shutil
 import sqlite3
 import subprocess
@@ -59,7 +60,7 @@ def pair_list(database):
     """Returns the options for a list of three pairs."""
     names = [name for (name,) in read_all(database, "SELECT name FROM images ORDER BY image_id")]
     path = database.with_name("pairs.txt")
-    path.write_text("".join(f"{first} {second}\n" for first, second in zip(names, names[1:4])))
+    path.write_text("".join(f"{first} {second}\n" for first, second in itertools.pairwise(names[:4])))
     return ["--match_type", "pairs", "--match_list_path", path]
 
 

@@ -287,8 +287,7 @@ DatabaseFeatures PhotoLoader::AddPairs(const Candidates& candidates, const Featu
     const Candidate& candidate = *candidates[i];
     try {
       database_features.push_back(
-          extracted[i] ? extracted[i]
-                       : features_.Get(candidate.image_id, [&] { return Read(candidate, features); }));
+          extracted[i] ? extracted[i] : features_.Get(candidate.image_id, [&] { return Read(candidate, features); }));
       problem->pairs.push_back(selection_.MakePair(*candidate.image));
     } catch (const DamagedRecordError& error) {
       record->damages.push_back(error.Damage());
@@ -392,9 +391,8 @@ std::vector<ImagePair> PhotoLoader::MatchDatabaseImage(const ModelImage& image, 
   problem.intrinsics_origin = IntrinsicsOrigin::MODEL;
   problem.query_keypoints = Positions(own_features->keypoints);
   QueryRecord unused;  // the seconds are those of the stage that calls
-  const DatabaseFeatures others =
-      AddPairs(NearestViewpoints(candidates_, image, static_cast<size_t>(max_num_others)), features, idle_threads,
-               &problem, &unused);
+  const DatabaseFeatures others = AddPairs(NearestViewpoints(candidates_, image, static_cast<size_t>(max_num_others)),
+                                           features, idle_threads, &problem, &unused);
   MatchPairs(*methods_.database, *own_features, others, {seed_}, idle_threads, &problem, &unused.seconds);
   std::vector<ImagePair>& pairs = problem.pairs;
   const auto is_useless = [](const ImagePair& pair) {
