@@ -15,12 +15,14 @@ from colmap_lazyloc.database import tidy_images
 from colmap_lazyloc.errors import InputError
 from colmap_lazyloc.poses import read_poses
 from colmap_lazyloc.project.folder import DATABASE, QUERY, RECORD, Folder, Steps, fingerprint
+from colmap_lazyloc.project import photos as photos_of_projects
 from colmap_lazyloc.project.photos import find_photos, link_photos, safe_names
 from colmap_lazyloc.report import __main__ as report
 from colmap_lazyloc.results import read_results
 from colmap_lazyloc.testing import synthetic
 
 CAMERA = photo_scene.CAMERA
+EXIF_MAKE = 271
 NOT_UTF8 = os.fsdecode(b"caf\xe9.png")
 
 
@@ -149,26 +151,55 @@ def test_kinds_of_photos_that_colmap_reads(run, place, photos, tmp_path):
         assert database.execute("SELECT COUNT(*) FROM keypoints WHERE rows > 100").fetchone() == (6,)
 
 
+def test_photos_of_phones_are_converted_once(run, place, photos, tmp_path, capsys):
+    pytest.importorskip("pillow_heif").register_heif_opener()
+    poses = shutil.copytree(photos.model_path, tmp_path / "poses") / "images.txt"
+    exif = PIL.Image.Exif()
+    exif[EXIF_MAKE] = "Someone"
+    for role, source, suffix in ((DATABASE, "0", "HEIC"), (DATABASE, "1", "avif"), (QUERY, "0", "heic")):
+        path = place / role / f"{source}.png"
+        PIL.Image.open(path).convert("RGB").save(path.with_suffix(f".{suffix}"), quality=90, exif=exif)
+        path.unlink()
+        if role == DATABASE:
+            poses.write_text(poses.read_text().replace(path.name, f"{source}.{suffix}"))
+    output = run("--poses", tmp_path / "poses")
+    assert localized(output) == ["query/0.heic", "query/1.png"]
+    assert "converting 2 photos" in (err := capsys.readouterr().err) and "converting 1 photos" in err
+    with PIL.Image.open(output / "images" / "query" / "0.heic") as converted:
+        assert converted.format == "JPEG" and converted.getexif()[EXIF_MAKE] == "Someone"
+    with sqlite3.connect(output / "database.db") as database:
+        assert database.execute("SELECT COUNT(*) FROM keypoints WHERE rows > 100").fetchone() == (6,)
+    run("--poses", tmp_path / "poses")
+    assert "converting" not in (err := capsys.readouterr().err) and "localizing" not in err
+
+
 def test_photos_that_colmap_cannot_read_are_counted(tmp_path, caplog):
     """All of them are an error, as a single one is; some of them are a warning."""
     folder = tmp_path / "photos"
     folder.mkdir()
-    for name in ("IMG_1.HEIC", "IMG_2.heic", "b.dng"):
+    for name in ("IMG_1.CR2", "IMG_2.cr2", "b.dng"):
         (folder / name).touch()
-    line = r"3 files are left out: 1 \.dng, 2 \.heic \(COLMAP cannot read them: convert to JPEG\)"
+    line = r"3 files are left out: 2 \.cr2, 1 \.dng \(COLMAP cannot read them: convert to JPEG\)"
     with pytest.raises(InputError, match=line):
         find_photos(folder, [])
-    with pytest.raises(InputError, match=r"IMG_1.HEIC: 1 file is left out: 1 \.heic \(COLMAP cannot read it"):
-        find_photos(folder / "IMG_1.HEIC", [])
+    with pytest.raises(InputError, match=r"IMG_1.CR2: 1 file is left out: 1 \.cr2 \(COLMAP cannot read it"):
+        find_photos(folder / "IMG_1.CR2", [])
     (folder / "IMG_3.JPG").touch()
     (folder / "notes.txt").touch()
     assert list(find_photos(folder, [])) == ["IMG_3.JPG"] and "3 files are left out" in caplog.text
 
 
-def test_single_heic_is_not_taken_for_a_video(run, tmp_path, capsys):
+def test_heic_without_its_package(tmp_path, monkeypatch):
+    (tmp_path / "IMG_1.HEIC").touch()
+    monkeypatch.setattr(photos_of_projects, "convertible_suffixes", lambda: (".avif",))
+    with pytest.raises(InputError, match=r"1 \.heic \(COLMAP cannot read it: convert to JPEG, or install pillow-heif"):
+        find_photos(tmp_path, [])
+
+
+def test_single_damaged_heic_is_not_taken_for_a_video(run, tmp_path):
     (tmp_path / "IMG_1.HEIC").write_bytes(b"\0\0\0\x18ftypheic")
-    run(queries=tmp_path / "IMG_1.HEIC", exit_code=1)
-    assert "1 file is left out: 1 .heic" in capsys.readouterr().err
+    output = run(queries=tmp_path / "IMG_1.HEIC")
+    assert read_results(output / "localized" / "results.jsonl")["query/IMG_1.HEIC"]["status"] == "UNREADABLE_IMAGE"
 
 
 def test_output_and_masks_among_the_photos(run, place, photos, capsys):

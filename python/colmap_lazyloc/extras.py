@@ -18,8 +18,8 @@ OPENCV = {"opencv-python-headless": "cv2"}
 TQDM = {"tqdm": "tqdm"}
 EXTRAS = {
     "run": Extra(
-        "lazyloc run: videos, check of the poses, photos in the report, progress",
-        {**OPENCV, "pillow": "PIL", "scipy": "scipy", **TQDM},
+        "lazyloc run: videos, HEIC, check of the poses, photos in the report, progress",
+        {**OPENCV, "pillow": "PIL", "pillow-heif": "pillow_heif", "scipy": "scipy", **TQDM},
     ),
     "import": Extra(
         "lazyloc import: sizes and GPS of photos, geographic coordinates, calibration files, angles, check of poses",
@@ -41,7 +41,7 @@ EXTRAS = {
 # The folder of the Debian package, whose users install other packages with apt.
 IS_DEBIAN_PACKAGE = pathlib.Path(__file__).is_relative_to("/usr/lib/python3/dist-packages")
 DEBIAN_NAMES = {"cv2": "python3-opencv", "PIL": "python3-pil"}
-NOT_IN_DEBIAN = ("bokeh", "pycolmap")
+NOT_IN_DEBIAN = ("bokeh", "pillow-heif", "pycolmap")
 
 
 def is_installed(module: str) -> bool:

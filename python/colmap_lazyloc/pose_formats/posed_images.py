@@ -12,17 +12,19 @@ from colmap_lazyloc.pose_formats.conventions import COLMAP, Convention
 from colmap_lazyloc.pose_formats.geo import GeoOrigin
 from colmap_lazyloc.poses import Pose
 
-# COLMAP recognizes the format of a photo by its content. Readable are those that COLMAP 3 and COLMAP 4 both read;
-# unreadable are those of phones, raw files of cameras, and others.
+# COLMAP recognizes the format of a photo by its content. Readable are those that COLMAP 3 and COLMAP 4 both read. Those
+# of phones can be converted; unreadable are raw files of cameras, and others.
 _READABLE = """.bmp .dib .gif .j2c .j2k .jfif .jif .jp2 .jpe .jpeg .jpg .mpo .pbm .pgm .png .pnm .ppm .tga .tif .tiff
 .webp"""
-_UNREADABLE = """.avif .avifs .heic .heics .heif .hif .jxl
+_PHONES = ".avif .avifs .heic .heics .heif .hif"
+_UNREADABLE = """.jxl
 .3fr .arw .cr2 .cr3 .crw .dcr .dng .erf .fff .gpr .iiq .kdc .mef .mos .mrw .nef .nrw .orf .pef .raf .raw .rw2 .rwl .sr2
 .srf .srw .x3f
 .apng .dds .eps .exr .hdr .icns .ico .jpf .jpx .jxr .pcd .pcx .pfm .psb .psd .qoi .ras .sgi .svg .xbm .xpm"""
 # Depth images next to colour ones, as 7 Scenes has them: frame-000000.color.png and frame-000000.depth.png.
 _DEPTH, _COLOUR = re.compile(r"([._-])depth(?=\.\w+$)", re.IGNORECASE), ("color", "colour", "rgb")
-IMAGE_SUFFIXES, UNREADABLE_SUFFIXES = tuple(_READABLE.split()), tuple(_UNREADABLE.split())
+IMAGE_SUFFIXES, PHONE_SUFFIXES = tuple(_READABLE.split()), tuple(_PHONES.split())
+UNREADABLE_SUFFIXES = tuple(_UNREADABLE.split())
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -57,7 +59,9 @@ class Photos:
     @functools.cached_property
     def names(self) -> list[str]:
         """The names of the photos below the folder, sorted; without depth images beside them."""
-        names = [] if self.folder is None else list_images(self.folder, excluded=self.excluded)
+        names = [] if self.folder is None else list_images(
+            self.folder, (*IMAGE_SUFFIXES, *PHONE_SUFFIXES), self.excluded
+        )
         photos = {name.rpartition(".")[0].lower() for name in names if not _DEPTH.search(name)}
 
         def is_depth(name: str) -> bool:
@@ -91,10 +95,26 @@ class Source:
     quaternion_order: str | None = None
 
 
+def convertible_suffixes() -> tuple[str, ...]:
+    """Returns the endings of the photos of phones that Pillow reads; those of HEIC need pillow-heif."""
+    import contextlib
+
+    import PIL.Image
+
+    with contextlib.suppress(ImportError):
+        import pillow_heif
+
+        pillow_heif.register_heif_opener()
+    PIL.Image.init()
+    return tuple(suffix for suffix in PHONE_SUFFIXES if suffix in PIL.Image.registered_extensions())
+
+
 def photo_size(path: pathlib.Path) -> tuple[int, int] | None:
     """Returns the width and height of a photo in pixels, as it is stored; None if it cannot be read."""
     import PIL.Image
 
+    if path.name.lower().endswith(PHONE_SUFFIXES):
+        convertible_suffixes()  # so that Pillow reads them
     try:
         with PIL.Image.open(path) as photo:
             return photo.size

@@ -41,7 +41,7 @@ from colmap_lazyloc.project.options import (
     split,
 )
 from colmap_lazyloc.project.panoramas import cut_panoramas, write_project_rig
-from colmap_lazyloc.project.photos import contents, find_photos, link_masks, link_photos
+from colmap_lazyloc.project.photos import contents, convert_photos, find_photos, link_masks, link_photos
 from colmap_lazyloc.results import pose_of, read_results
 
 MAX_NUM_LINES = 20  # of queries that are printed
@@ -128,7 +128,7 @@ def _excluded(options: argparse.Namespace) -> list[pathlib.Path]:
 
 def _make_images(project: steps.Project, options: argparse.Namespace, role: str, source: pathlib.Path) -> Images:
     """Links photos, or the faces of panoramas, into the project."""
-    paths = find_photos(source, _excluded(options))
+    paths = convert_photos(project.folder, find_photos(source, _excluded(options)))
     if options.masks is not None and options.masks.resolve() == source.resolve():
         masks = {f"{name}.png" for name in paths}
         paths = {name: path for name, path in paths.items() if name not in masks}

@@ -37,7 +37,7 @@ FILES = {
 }
 CHAIN = ("features", "matches", "model", "queries", "localized")  # steps that each work on what those before have made
 RECORD = "steps.json"  # of the steps that are done
-OTHER_FILES = ("images", "masks", "lists")  # written in each run
+OTHER_FILES = ("converted", "images", "masks", "lists")  # of no step; "converted" is kept, the others are written anew
 
 
 @dataclasses.dataclass(frozen=True)
@@ -47,6 +47,7 @@ class Folder:
     path: pathlib.Path
 
     images = property(lambda self: self.path / "images")
+    converted = property(lambda self: self.path / "converted")
     masks = property(lambda self: self.path / "masks")
     frames = property(lambda self: self.path / "frames")
     faces = property(lambda self: self.path / "faces")

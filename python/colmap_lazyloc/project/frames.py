@@ -3,14 +3,14 @@
 import pathlib
 
 from colmap_lazyloc.errors import InputError
-from colmap_lazyloc.pose_formats.posed_images import IMAGE_SUFFIXES, UNREADABLE_SUFFIXES
+from colmap_lazyloc.pose_formats.posed_images import IMAGE_SUFFIXES, PHONE_SUFFIXES, UNREADABLE_SUFFIXES
 
 JPEG_QUALITY = 95
 
 
 def is_video(path: pathlib.Path) -> bool:
     """True if the path names a file that is not a photo."""
-    return path.is_file() and not path.name.lower().endswith((*IMAGE_SUFFIXES, *UNREADABLE_SUFFIXES))
+    return path.is_file() and not path.name.lower().endswith((*IMAGE_SUFFIXES, *PHONE_SUFFIXES, *UNREADABLE_SUFFIXES))
 
 
 def write_frames(video: pathlib.Path, folder: pathlib.Path, frames_per_second: float) -> int:

@@ -1,5 +1,7 @@
 """The photos of a project: which files are used, what they are called, and what they hold."""
 
+import concurrent.futures
+import contextlib
 import pathlib
 import re
 from collections import Counter
@@ -7,12 +9,20 @@ from collections.abc import Iterable, Mapping, Sequence
 
 from colmap_lazyloc.errors import InputError, logger
 from colmap_lazyloc.model import Camera
-from colmap_lazyloc.pose_formats.posed_images import IMAGE_SUFFIXES, UNREADABLE_SUFFIXES, list_images, photo_size
+from colmap_lazyloc.pose_formats.posed_images import (
+    IMAGE_SUFFIXES,
+    PHONE_SUFFIXES,
+    UNREADABLE_SUFFIXES,
+    convertible_suffixes,
+    list_images,
+    photo_size,
+)
 from colmap_lazyloc.project.folder import Folder, content, fingerprint, remove
 
 # Characters that COLMAP's lists and databases cannot hold: blanks, control characters, bytes that are not UTF-8, and
 # the backslash, which COLMAP takes for a slash.
 UNSAFE = re.compile(r"[\s\\\x00-\x1f\x7f-\x9f\ud800-\udfff]")
+JPEG_QUALITY = 95  # of converted photos
 MAX_NUM_NAMED = 5  # of photos that are left out
 
 
@@ -21,8 +31,9 @@ def find_photos(source: pathlib.Path, excluded: Sequence[pathlib.Path]) -> dict[
     if source.is_file():
         root, every = source.parent, [source.name]
     else:
-        root, every = source, list_images(source, (*IMAGE_SUFFIXES, *UNREADABLE_SUFFIXES), excluded)
-    unreadable = [name for name in every if name.lower().endswith(UNREADABLE_SUFFIXES)]
+        root, every = source, list_images(source, (*IMAGE_SUFFIXES, *PHONE_SUFFIXES, *UNREADABLE_SUFFIXES), excluded)
+    others = set(PHONE_SUFFIXES).difference(convertible_suffixes()).union(UNREADABLE_SUFFIXES)
+    unreadable = [name for name in every if pathlib.PurePath(name).suffix.lower() in others]
     names = sorted(set(every).difference(unreadable))
     hint = _describe(unreadable) if unreadable else ""
     if not names:
@@ -36,7 +47,38 @@ def _describe(names: Sequence[str]) -> str:
     counts = Counter(pathlib.PurePath(name).suffix.lower() for name in names)
     kinds = ", ".join(f"{count} {suffix}" for suffix, count in sorted(counts.items()))
     files, them = ("1 file is", "it") if len(names) == 1 else (f"{len(names)} files are", "them")
-    return f"{files} left out: {kinds} (COLMAP cannot read {them}: convert to JPEG)"
+    can_install = any(suffix in counts for suffix in PHONE_SUFFIXES)
+    remedy = "convert to JPEG" + (", or install pillow-heif" if can_install else "")
+    return f"{files} left out: {kinds} (COLMAP cannot read {them}: {remedy})"
+
+
+def convert_photos(folder: Folder, paths: Mapping[str, pathlib.Path]) -> dict[str, pathlib.Path]:
+    """Converts photos of phones, which COLMAP cannot read, to JPEG; returns the paths of all photos by name.
+
+    Files that cannot be converted stay as they are. A converted one is kept by the content of the file.
+    """
+    suffixes = convertible_suffixes()
+    chosen = {name: path for name, path in paths.items() if name.lower().endswith(suffixes)}
+    targets = {name: folder.converted / f"{content(path)}.jpg" for name, path in chosen.items()}
+    missing = {target: chosen[name] for name, target in targets.items() if not target.exists()}
+    if missing:
+        logger.info("converting %d photos to JPEG", len(missing))
+        folder.converted.mkdir(parents=True, exist_ok=True)
+        with concurrent.futures.ThreadPoolExecutor() as threads:
+            list(threads.map(_convert, missing.values(), missing))
+    return {**paths, **{name: target for name, target in targets.items() if target.exists()}}
+
+
+def _convert(path: pathlib.Path, target: pathlib.Path) -> None:
+    """Writes a JPEG file with the EXIF of a photo, unless the photo cannot be read."""
+    import PIL.Image
+
+    staged = target.with_suffix(".tmp")
+    with contextlib.suppress(OSError, ValueError, SyntaxError, EOFError, PIL.Image.DecompressionBombError):
+        with PIL.Image.open(path) as photo:
+            exif = photo.info.get("exif", b"")
+            photo.convert("RGB").save(staged, "JPEG", quality=JPEG_QUALITY, subsampling=0, exif=exif)
+        staged.replace(target)
 
 
 def safe_names(names: Iterable[str]) -> dict[str, str]:
