@@ -9,7 +9,7 @@ namespace lazyloc {
 struct PoseEvidence {
   // Number of tracks with two or more other images, or with a depth, which fix the pose without its help.
   double num_common_tracks = 0;
-  double num_single_tracks = 0;  // the others, with a single other image
+  double num_single_tracks = 0;  // the others, seen from one other direction
   // Share of the verified matches with database images that are in tracks of the pose.
   double explained_ratio = std::numeric_limits<double>::quiet_NaN();
   // Score of the pose that competes most over that of the pose (starts/competing_pose.h); 0 without any.

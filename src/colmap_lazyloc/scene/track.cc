@@ -12,15 +12,4 @@ std::optional<Eigen::Vector3d> PointByDepth(const Image& image, const Rigid3d& c
   return Inverse(cam_from_world) * Eigen::Vector3d(depth / ray.z() * ray);
 }
 
-bool HasSeveralDatabaseFrames(const PosedImages& posed, const std::vector<TrackObservation>& observations) {
-  int first = -1;
-  for (const TrackObservation& element : observations) {
-    if (!posed.IsDatabase(element.image)) continue;
-    const int frame = posed.images[element.image].frame;
-    if (first >= 0 && frame != first) return true;
-    first = frame;
-  }
-  return false;
-}
-
 }  // namespace lazyloc

@@ -22,15 +22,12 @@ struct TrackObservation {
 struct Track {
   std::vector<TrackObservation> observations;
   Eigen::Vector3d point_in_world = Eigen::Vector3d::Zero();
-  double noise_ratio = 1;  // factor on the noise_px of its images
+  double noise_ratio = 1;  // factor on the noise_px of its images; more than 1 if the database has no point of it
 };
 
 // Returns the point that the depth of an observation states; nullopt without depth, or if the image's map is not used.
 std::optional<Eigen::Vector3d> PointByDepth(const Image& image, const Rigid3d& cam_from_world,
                                             const TrackObservation& element);
-
-// Returns true if images of two or more database frames observe the track.
-bool HasSeveralDatabaseFrames(const PosedImages& posed, const std::vector<TrackObservation>& observations);
 
 // Tracks that another vector owns.
 using TrackRefs = std::vector<const Track*>;

@@ -190,9 +190,16 @@ class TrackTriangulator {
     });
   }
 
-  // Returns true if the track constrains a query's pose, but its database observations alone have no point.
+  // Returns true if the track constrains a query's pose, but its database observations alone have no point: there is
+  // one, or they are from nearly the same direction.
   bool NeedsQueryPoses(const std::vector<TrackObservation>& observations) const {
-    if (HasSeveralDatabaseFrames(posed_, observations)) return false;
+    std::optional<Eigen::Vector3d> first_ray;
+    for (const TrackObservation& element : observations) {
+      if (!evaluator_.IsDatabase(element)) continue;
+      const Eigen::Vector3d ray = evaluator_.RayInWorld(element);
+      if (first_ray && ray.dot(*first_ray) < max_cos_angle_ * ray.norm() * first_ray->norm()) return false;
+      if (!first_ray) first_ray = ray;
+    }
     const int first_frame = evaluator_.ImageOf(observations.front()).frame;
     return std::any_of(observations.begin(), observations.end(), [&](const TrackObservation& element) {
       return evaluator_.ImageOf(element).frame != first_frame;

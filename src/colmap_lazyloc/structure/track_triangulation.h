@@ -13,8 +13,9 @@ struct TrackTriangulationOptions {
   double max_query_error_sigma = 4;
   // Minimum angle between two rays of a point.
   double min_triangulation_angle_deg = 1.5;
-  // Factor on the image noise of tracks with one database image: its pose error moves all their points alike, where the
-  // errors of several images average out, and a false match along the epipolar line goes unnoticed.
+  // Factor on the image noise of tracks that the database sees from one direction only, in one image for example: its
+  // pose error moves all their points alike, where the errors of several images average out, and a false match along
+  // the epipolar line goes unnoticed.
   double single_image_noise_ratio = 3;
 
   bool Check(std::string* error) const;
@@ -32,8 +33,8 @@ struct SplitTracks {
 SplitTracks TriangulateFromDatabase(const PosedImages& posed, std::vector<Track> tracks,
                                     const TrackTriangulationOptions& options);
 
-// Triangulates tracks of one database frame, or of queries in several frames alone, with the queries' rays. Leaves out
-// tracks of several database frames, because these disagree, or all see the point from one direction.
+// Triangulates tracks that the database sees from one direction, or of queries in several frames alone, with the
+// queries' rays. Leaves out tracks whose database images disagree.
 std::vector<Track> TriangulateWithQuery(const PosedImages& posed, std::vector<Track> tracks,
                                         const TrackTriangulationOptions& options);
 

@@ -128,23 +128,25 @@ TEST(TrackTriangulation, OneDatabaseImageNeedsTheQuery) {
   }
 }
 
-TEST(TrackTriangulation, ImagesOfOneDatabaseFrameNeedTheQueryIfTheyAreClose) {
+TEST(TrackTriangulation, DatabaseImagesAtOnePlaceCountAsOne) {
   SyntheticTracks scene = MakeSyntheticTracks({});
-  const auto num_triangulated = [&] {
+  scene.posed.frames[2] = scene.posed.frames[1];  // of images 1 and 2
+  const auto triangulate = [&](const Eigen::Vector2d& offset_px) {
     std::vector<Track> tracks = scene.tracks;
     for (Track& track : tracks) {
-      const Rigid3d& pose = scene.posed.FrameOf(1).frame_from_world;
       track.observations.resize(3);
-      track.observations[2].observation = ObserveAt(pose * track.point_in_world, 500, {0, 0});
+      track.observations[2].observation =
+          ObserveAt(CamFromWorld(scene.posed, 2) * track.point_in_world, 500, offset_px);
     }
-    const std::vector<Track> triangulated = TriangulateTracks(scene.posed, tracks, {});
-    for (const Track& track : triangulated) EXPECT_EQ(track.observations.size(), 3u);
-    return triangulated.size();
+    return TriangulateTracks(scene.posed, tracks, {});
   };
-  scene.posed.frames[2] = scene.posed.frames[1];  // images 1 and 2 are at one place
-  EXPECT_EQ(num_triangulated(), 0u);
-  JoinFrame(1, 2, &scene.posed);
-  EXPECT_GT(num_triangulated(), 0u);
+  const std::vector<Track> triangulated = triangulate({0, 0});
+  ASSERT_FALSE(triangulated.empty());
+  for (const Track& track : triangulated) {
+    EXPECT_EQ(track.observations.size(), 3u);
+    EXPECT_EQ(track.noise_ratio, TrackTriangulationOptions().single_image_noise_ratio);
+  }
+  EXPECT_TRUE(triangulate({50, 0}).empty()) << "the database images disagree";
 }
 
 TEST(TrackTriangulation, SmallAngleAndPointsBehindAreDropped) {

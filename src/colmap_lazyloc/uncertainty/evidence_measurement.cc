@@ -1,5 +1,7 @@
 #include "colmap_lazyloc/uncertainty/evidence_measurement.h"
 
+#include <algorithm>
+#include <cstddef>
 #include <numeric>
 #include <utility>
 
@@ -16,7 +18,13 @@ PoseEvidence MeasureTracks(const Layout& layout, const PosedImages& posed, int f
   std::vector<double> distances, errors_px;
   double num_explained = 0;
   for (const Track* track : tracks) {
-    const bool is_common = track->observations.size() > 2 || CountTracksWithDepth(posed, {track}) > 0;
+    const auto is_query = [&](const TrackObservation& element) { return !layout.IsDatabase(element.image); };
+    const auto num_queries = std::count_if(track->observations.begin(), track->observations.end(), is_query);
+    const auto num_others = static_cast<std::ptrdiff_t>(track->observations.size()) - num_queries;
+    // Database images that see a point from one direction say no more than one of them.
+    const auto num_views =
+        num_queries + (track->noise_ratio > 1 ? std::min<std::ptrdiff_t>(num_others, 1) : num_others);
+    const bool is_common = num_views > 2 || CountTracksWithDepth(posed, {track}) > 0;
     ++(is_common ? evidence.num_common_tracks : evidence.num_single_tracks);
     for (const TrackObservation& element : track->observations) {
       num_explained += layout.IsDatabase(element.image);

@@ -56,6 +56,16 @@ TEST_F(MeasureEvidenceTest, CountsTheTracksAndMatchesThatAreLeft) {
   EXPECT_DOUBLE_EQ(evidence.explained_ratio, (9.0 + kNumDatabaseImages) / (kNumPoints * kNumDatabaseImages));
 }
 
+TEST_F(MeasureEvidenceTest, TracksThatTheDatabaseSeesFromOneDirectionCountAsOfASingleImage) {
+  Make(1, 1);
+  auto& tracks = refined_.adjustment.tracks;
+  for (size_t i = 1; i < tracks.size(); ++i) tracks[i].noise_ratio = 3;
+  const PoseEvidence evidence = Measure().front();
+  EXPECT_EQ(evidence.num_common_tracks, 1);
+  EXPECT_EQ(evidence.num_single_tracks, kNumPoints - 1);
+  EXPECT_EQ(evidence.explained_ratio, 1);
+}
+
 TEST_F(MeasureEvidenceTest, SeparatesFrames) {
   Make(2, 2);
   // Leaves the second frame four of its tracks.
