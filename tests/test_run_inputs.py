@@ -14,8 +14,8 @@ from colmap_lazyloc.__main__ import main
 from colmap_lazyloc.database import tidy_images
 from colmap_lazyloc.errors import InputError
 from colmap_lazyloc.poses import read_poses
-from colmap_lazyloc.project.folder import DATABASE, QUERY, RECORD, Folder, Steps, fingerprint
 from colmap_lazyloc.project import photos as photos_of_projects
+from colmap_lazyloc.project.folder import DATABASE, QUERY, RECORD, Folder, Steps, fingerprint
 from colmap_lazyloc.project.photos import find_photos, link_photos, safe_names
 from colmap_lazyloc.report import __main__ as report
 from colmap_lazyloc.results import read_results

@@ -59,8 +59,8 @@ class Photos:
     @functools.cached_property
     def names(self) -> list[str]:
         """The names of the photos below the folder, sorted; without depth images beside them."""
-        names = [] if self.folder is None else list_images(
-            self.folder, (*IMAGE_SUFFIXES, *PHONE_SUFFIXES), self.excluded
+        names = (
+            [] if self.folder is None else list_images(self.folder, (*IMAGE_SUFFIXES, *PHONE_SUFFIXES), self.excluded)
         )
         photos = {name.rpartition(".")[0].lower() for name in names if not _DEPTH.search(name)}
 
