@@ -13,10 +13,11 @@ import photo_scene
 from colmap_lazyloc.__main__ import main
 from colmap_lazyloc.database import tidy_images
 from colmap_lazyloc.errors import InputError
+from colmap_lazyloc.pose_formats.posed_images import photo_size
 from colmap_lazyloc.poses import read_poses
 from colmap_lazyloc.project import photos as photos_of_projects
 from colmap_lazyloc.project.folder import DATABASE, QUERY, RECORD, Folder, Steps, fingerprint
-from colmap_lazyloc.project.photos import find_photos, link_photos, safe_names
+from colmap_lazyloc.project.photos import convert_photos, find_photos, link_photos, safe_names
 from colmap_lazyloc.report import __main__ as report
 from colmap_lazyloc.results import read_results
 from colmap_lazyloc.testing import synthetic
@@ -194,6 +195,28 @@ def test_heic_without_its_package(tmp_path, monkeypatch):
     monkeypatch.setattr(photos_of_projects, "convertible_suffixes", lambda: (".avif",))
     with pytest.raises(InputError, match=r"1 \.heic \(COLMAP cannot read it: convert to JPEG, or install pillow-heif"):
         find_photos(tmp_path, [])
+
+
+def test_phones_photos_without_exif_and_damaged_ones(place, tmp_path):
+    """Decoders raise errors of many types."""
+    pytest.importorskip("pillow_heif").register_heif_opener()
+    photo = PIL.Image.open(place / QUERY / "0.png").convert("RGB")
+    paths = {}
+    for suffix in ("heic", "avif"):
+        path = tmp_path / f"whole.{suffix}"
+        photo.save(path, quality=80)
+        data = path.read_bytes()
+        paths[path.name] = path
+        for index in range(60):
+            damaged = bytearray(data)
+            damaged[40 + 7 * index : 44 + 7 * index] = b"\xff\x00\xff\x00"
+            paths[f"{index}.{suffix}"] = tmp_path / f"{index}.{suffix}"
+            paths[f"{index}.{suffix}"].write_bytes(damaged)
+    converted = convert_photos(Folder(tmp_path / "output"), paths)
+    assert converted.keys() == paths.keys()
+    for suffix in ("heic", "avif"):
+        assert photo_size(converted[f"whole.{suffix}"]) == photo.size
+        assert any(converted[f"{index}.{suffix}"].suffix != ".jpg" for index in range(60))
 
 
 def test_single_damaged_heic_is_not_taken_for_a_video(run, tmp_path):

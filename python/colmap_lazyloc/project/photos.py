@@ -1,7 +1,6 @@
 """The photos of a project: which files are used, what they are called, and what they hold."""
 
 import concurrent.futures
-import contextlib
 import pathlib
 import re
 from collections import Counter
@@ -73,12 +72,15 @@ def _convert(path: pathlib.Path, target: pathlib.Path) -> None:
     """Writes a JPEG file with the EXIF of a photo, unless the photo cannot be read."""
     import PIL.Image
 
-    staged = target.with_suffix(".tmp")
-    with contextlib.suppress(OSError, ValueError, SyntaxError, EOFError, PIL.Image.DecompressionBombError):
+    try:
         with PIL.Image.open(path) as photo:
-            exif = photo.info.get("exif", b"")
-            photo.convert("RGB").save(staged, "JPEG", quality=JPEG_QUALITY, subsampling=0, exif=exif)
-        staged.replace(target)
+            exif = photo.info.get("exif") or b""
+            pixels = photo.convert("RGB")
+    except Exception:  # each decoder raises others for damaged files
+        return
+    staged = target.with_suffix(".tmp")
+    pixels.save(staged, "JPEG", quality=JPEG_QUALITY, subsampling=0, exif=exif)
+    staged.replace(target)
 
 
 def safe_names(names: Iterable[str]) -> dict[str, str]:

@@ -8,7 +8,6 @@
 
 #include "colmap_lazyloc/files/checksum.h"
 #include "colmap_lazyloc/files/record_file.h"
-#include "colmap_lazyloc/files/staged_output.h"
 #include "colmap_lazyloc/scene/errors.h"
 #include "colmap_lazyloc/scene/format.h"
 
@@ -59,9 +58,10 @@ void Keep(const fs::path& folder, const std::string& name, const std::string& ke
   try {
     std::error_code ignored;
     fs::create_directory(folder, ignored);
-    StagedOutput staged(folder);
-    RecordWriter(staged / name).Append(record);
-    staged.Publish({name});
+    const fs::path staged = folder / (name + ".new");
+    fs::remove(staged, ignored);  // of a run that was killed
+    RecordWriter(staged).Append(record);
+    fs::rename(staged, folder / name, ignored);
   } catch (const InputError&) {
     // Goes on without keeping them: the next run extracts them again.
   }

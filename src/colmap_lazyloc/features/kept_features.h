@@ -11,7 +11,7 @@ namespace lazyloc {
 
 // Features of image files in a folder with a file for each image. Such a file belongs to one way of extraction and to
 // the content of the image file; one that does not fit or is damaged is made anew. Thread-safe; other processes may use
-// the folder at the same time, because a file appears when it is complete.
+// the folder at the same time, because a file that is not complete counts as none.
 class KeptFeatures {
  public:
   using Extract = std::function<std::optional<Features>()>;
