@@ -1,5 +1,6 @@
 """Types that all formats share: posed images, and what a format reads them from."""
 
+import contextlib
 import dataclasses
 import functools
 import pathlib
@@ -95,10 +96,9 @@ class Source:
     quaternion_order: str | None = None
 
 
+@functools.cache
 def convertible_suffixes() -> tuple[str, ...]:
-    """Returns the endings of the photos of phones that Pillow reads; those of HEIC need pillow-heif."""
-    import contextlib
-
+    """Returns the endings of the photos of phones that Pillow reads from now on; those of HEIC need pillow-heif."""
     import PIL.Image
 
     with contextlib.suppress(ImportError):
