@@ -98,9 +98,14 @@ class Source:
 
 @functools.cache
 def convertible_suffixes() -> tuple[str, ...]:
-    """Returns the endings of the photos of phones that Pillow reads from now on; those of HEIC need pillow-heif."""
-    import PIL.Image
+    """Returns the endings of the photos of phones that Pillow, if installed, reads from now on.
 
+    Those of HEIC need pillow-heif.
+    """
+    try:
+        import PIL.Image
+    except ImportError:
+        return ()
     with contextlib.suppress(ImportError):
         import pillow_heif
 

@@ -59,7 +59,7 @@ void Keep(const fs::path& folder, const std::string& name, const std::string& ke
     std::error_code ignored;
     fs::create_directory(folder, ignored);
     const fs::path staged = folder / (name + ".new");
-    fs::remove(staged, ignored);  // of a run that was killed
+    for (const fs::path& path : {staged, folder / name}) fs::remove(path, ignored);  // damaged, even an empty folder
     RecordWriter(staged).Append(record);
     fs::rename(staged, folder / name, ignored);
   } catch (const InputError&) {
