@@ -13,7 +13,7 @@ PROJECT_PATH = pathlib.Path(__file__).resolve().parents[1]
 PAGE_PATH = PROJECT_PATH / "docs" / "own_data.md"
 BEGIN = "<!-- Made by scripts/python.sh scripts/make_format_table.py; do not edit. -->\n\n"
 END = "<!-- End of the table. -->\n"
-COLUMNS = ("format", "files", "poses", "axes", "rotation", "coordinates", "intrinsics", "photos by")
+COLUMNS = ("format", "files", "poses", "axes", "rotation", "coordinates", "intrinsics", "photos by", "export")
 
 
 def make_table() -> str:
@@ -37,6 +37,7 @@ def make_table() -> str:
             form.world,
             form.cameras,
             form.photos,
+            "" if form.writer is None else f"without {form.writer.omits}" if form.writer.omits else "yes",
         )
         lines.append(f"| {' | '.join(cells)} |")
     return "\n".join(lines) + "\n"

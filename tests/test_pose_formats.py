@@ -357,7 +357,7 @@ def test_positions_of_exif(tmp_path, capsys):
         (lambda text: text.replace("[0, 0, -1, ", "[0, 0, NaN, "), "not finite"),
         (lambda text: text.replace("photo 1", "photo 3").replace("photo 2", "photo 4"), "no photo that it names"),
         (lambda text: text.replace("photo 2", "photo 1"), "two poses belong to 'a/photo 1.jpg'"),
-        (lambda text: text.replace('"OPENCV"', '"EQUIRECTANGULAR"'), "EQUIRECTANGULAR"),
+        (lambda text: text.replace('"OPENCV"', '"ORTHOPHOTO"'), "ORTHOPHOTO"),
         (lambda text: text.replace('"k1"', '"k4"'), "k4"),
     ],
 )

@@ -14,9 +14,9 @@ import pytest
 
 import exif
 from colmap_lazyloc.model import read_model
+from colmap_lazyloc.pose_formats.naming import times_of
 from colmap_lazyloc.report.__main__ import main
 from colmap_lazyloc.report.photos import choose_queries
-from colmap_lazyloc.report.tum import timestamps
 from colmap_lazyloc.results import read_results
 from colmap_lazyloc.testing import synthetic
 from colmap_lazyloc.testing.synthetic_run import FAILURES, QUERY_CAMERA, UGLY_NAMES, RunShape, write_run
@@ -473,7 +473,7 @@ def test_tum_poses_are_world_from_cam(run_path, tmp_path):
     ],
 )
 def test_times_are_numbers_of_file_names_if_they_are_unique(names, expected):
-    assert timestamps(names) == expected
+    assert times_of(names) == expected
 
 
 def test_plots_are_png_and_svg(run_path, tmp_path):

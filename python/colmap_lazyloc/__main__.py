@@ -13,6 +13,7 @@ from colmap_lazyloc.errors import InputError, command
 COMMANDS = {
     "run": ("project.__main__", "localize photos or a video in a folder of photos: from files to the report"),
     "import": ("import_poses", "make a COLMAP model from poses of other programs"),
+    "export": ("export_poses", "write poses in the formats of other programs"),
     "check": ("agreement.__main__", "check whether poses agree with the matches of a database"),
     "report": ("report.__main__", "write a page that shows the results of a run"),
     "evaluate": ("evaluate", "compare poses with true ones"),

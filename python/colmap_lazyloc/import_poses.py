@@ -24,9 +24,10 @@ from typing import Any
 from colmap_lazyloc import panoramas
 from colmap_lazyloc.agreement.check import add_accept_option, check_photos
 from colmap_lazyloc.errors import InputError, command, logger
-from colmap_lazyloc.model import Camera, Image, write_model
+from colmap_lazyloc.model import Camera
 from colmap_lazyloc.pose_formats import exif_gps
 from colmap_lazyloc.pose_formats.assembly import some_of
+from colmap_lazyloc.pose_formats.colmap import write_posed_images
 from colmap_lazyloc.pose_formats.conventions import CAMERA_AXES, DIRECTIONS, QUATERNION_ORDERS
 from colmap_lazyloc.pose_formats.geo import FILE_NAME, GeoOrigin
 from colmap_lazyloc.pose_formats.posed_images import Photos, PosedImages, Source
@@ -41,26 +42,6 @@ UNUSED = {
     PANORAMAS: ("image_path", "rig_config_path", "model"),
     AUTO: ("model", "poses"),
 }
-MODEL_FILES = ("cameras", "images", "points3D", "rigs", "frames")
-
-
-def write_posed_images(folder: pathlib.Path, posed: PosedImages, binary: bool = False) -> None:
-    """Writes a COLMAP model, with a camera for each set of intrinsics; replaces an earlier model in the folder."""
-    images = sorted(posed.images, key=lambda image: image.name)
-    camera_ids: dict[Camera, int] = {}
-    for image in images:
-        camera_ids.setdefault(image.camera, len(camera_ids) + 1)
-    for name in MODEL_FILES:
-        for suffix in (".bin", ".txt"):
-            (folder / (name + suffix)).unlink(missing_ok=True)
-    (folder / FILE_NAME).unlink(missing_ok=True)
-    records = [
-        Image(image.name, camera_ids[image.camera], image.cam_from_world, image_id)
-        for image_id, image in enumerate(images, start=1)
-    ]
-    write_model(folder, {camera_id: camera for camera, camera_id in camera_ids.items()}, records, binary)
-    if posed.origin is not None:
-        posed.origin.write(folder)
 
 
 def add_source_options(add: Callable[..., Any]) -> None:

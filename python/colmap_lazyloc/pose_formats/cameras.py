@@ -1,4 +1,4 @@
-"""Makes COLMAP's cameras from the coefficients of other programs."""
+"""Makes COLMAP's cameras from the coefficients of other programs, and the other way round."""
 
 import math
 import re
@@ -14,6 +14,39 @@ PRINCIPAL_POINTS = 0.02, 0.98  # relative to the width and the height
 COEFFICIENT = re.compile(r"[bkpst]\d|s[xy]\d+|skew|xi")
 PERSPECTIVE = ("OPENCV", "FULL_OPENCV", "PINHOLE", "SIMPLE_PINHOLE", "SIMPLE_RADIAL", "RADIAL", "PERSPECTIVE")
 FISHEYE = ("OPENCV_FISHEYE", "SIMPLE_RADIAL_FISHEYE", "RADIAL_FISHEYE", "FISHEYE", "SIMPLE_FISHEYE")
+
+PERSPECTIVE_KIND, FISHEYE_KIND, SPHERICAL_KIND = "perspective", "fisheye", "spherical"
+# The parameters of COLMAP's camera models that other programs have, too.
+_PARAMS = {
+    "SIMPLE_PINHOLE": (PERSPECTIVE_KIND, "f cx cy"),
+    "PINHOLE": (PERSPECTIVE_KIND, "fx fy cx cy"),
+    "SIMPLE_RADIAL": (PERSPECTIVE_KIND, "f cx cy k1"),
+    "RADIAL": (PERSPECTIVE_KIND, "f cx cy k1 k2"),
+    "OPENCV": (PERSPECTIVE_KIND, "fx fy cx cy k1 k2 p1 p2"),
+    "FULL_OPENCV": (PERSPECTIVE_KIND, "fx fy cx cy k1 k2 p1 p2 k3 k4 k5 k6"),
+    "SIMPLE_FISHEYE": (FISHEYE_KIND, "f cx cy"),
+    "FISHEYE": (FISHEYE_KIND, "fx fy cx cy"),
+    "SIMPLE_RADIAL_FISHEYE": (FISHEYE_KIND, "f cx cy k1"),
+    "RADIAL_FISHEYE": (FISHEYE_KIND, "f cx cy k1 k2"),
+    "OPENCV_FISHEYE": (FISHEYE_KIND, "fx fy cx cy k1 k2 k3 k4"),
+    "THIN_PRISM_FISHEYE": (FISHEYE_KIND, "fx fy cx cy k1 k2 p1 p2 k3 k4 sx1 sy1"),
+    "EQUIRECTANGULAR": (SPHERICAL_KIND, "width height"),
+}
+
+
+def coefficients(camera: Camera) -> tuple[str, dict[str, float]]:
+    """Returns the kind of a camera, and its numbers by name: the inverse of the functions below.
+
+    These are `fx`, `fy`, `cx`, `cy` in pixels, and the coefficients that are not 0; of a spherical camera none. The
+    kind of a camera that only COLMAP has is its model.
+    """
+    kind, names = _PARAMS.get(camera.model, (camera.model, ""))
+    values = dict(zip(names.split(), camera.params))
+    if "f" in values:
+        values |= {"fx": values["f"], "fy": values.pop("f")}
+    if kind == SPHERICAL_KIND:
+        values = {}
+    return kind, {name: value for name, value in values.items() if value != 0 or not COEFFICIENT.fullmatch(name)}
 
 
 def brown_camera(
@@ -55,13 +88,15 @@ def spherical_camera(size: tuple[int, int]) -> Camera:
 
 def named_camera(values: Mapping[str, Any], size: tuple[int, int]) -> Camera:
     """Makes a camera of values with the names of transforms.json, without their underscores, for photos of a size."""
+    model = str(values.get("cameramodel") or "OPENCV").upper()
+    if model == "EQUIRECTANGULAR":
+        return spherical_camera(size)
     focal_x = _focal(values, "x", size[0])
     focal_y = _focal(values, "y", size[1]) or focal_x
     focal_x = focal_x or focal_y
     if focal_x is None or focal_y is None:
         raise ValueError("there is no focal length (fl_x, fx or camera_angle_x)")
     focal, centre = (focal_x, focal_y), (number(values, "cx", size[0] / 2), number(values, "cy", size[1] / 2))
-    model = str(values.get("cameramodel") or "OPENCV").upper()
     k1, k2, k3, k4, k5, k6 = (number(values, f"k{index}") for index in range(1, 7))
     tangential = number(values, "p1"), number(values, "p2")
     refuse_others(values, {"k1", "k2", "k3", "k4", "p1", "p2"} | ({"k5", "k6"} if model == "FULL_OPENCV" else set()))

@@ -1,4 +1,5 @@
-"""How files write poses. `pose_of` is the one place where a pose in a file becomes a pose with COLMAP's axes."""
+"""How files write poses. `pose_of` is the one place where a pose in a file becomes a pose with COLMAP's axes, and
+`written` the one where it becomes that of a file again."""
 
 import dataclasses
 from collections.abc import Callable
@@ -8,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from colmap_lazyloc.errors import InputError
-from colmap_lazyloc.pose_formats.angles import LEVEL_CAMERA, omega_phi_kappa, yaw_pitch_roll
+from colmap_lazyloc.pose_formats.angles import LEVEL_CAMERA, OMEGA_PHI_KAPPA, YAW_PITCH_ROLL, YAW_PITCH_ROLL_ZYX
 from colmap_lazyloc.poses import Pose
 
 Array = NDArray[np.float64]
@@ -77,6 +78,17 @@ def pose_of(rotation: Any, vector: Any, convention: Convention) -> Pose:
     return Pose.from_matrix(axes.T @ written, axes.T @ vector / scale)
 
 
+def written(pose: Pose, convention: Convention) -> tuple[Array, Array]:
+    """Returns the rotation and the vector that a file has for a pose cam_from_world: the inverse of `pose_of`."""
+    if convention == COLMAP:
+        return pose.qvec, pose.tvec
+    axes = CAMERA_AXES[convention.camera_axes]
+    if convention.direction == "world_from_cam":
+        return _written_rotation(pose.rotation.T @ axes.T, convention), pose.cam_in_world
+    vector = axes @ pose.tvec if convention.vector == "translation" else pose.cam_in_world
+    return _written_rotation(axes @ pose.rotation, convention), vector
+
+
 def finite(values: Any, count: int) -> Array:
     """Returns `count` finite numbers of a sequence of any shape."""
     found = np.array(values, float).ravel()
@@ -112,17 +124,24 @@ def _unit(quaternion: ArrayLike) -> Array:
     return numbers
 
 
-def _rotation_vector(vector: ArrayLike) -> Array:
+def _from_rotation_vector(vector: ArrayLike) -> Array:
     from scipy.spatial.transform import Rotation
 
     return np.asarray(Rotation.from_rotvec(vector).as_matrix())
 
 
-# Rotations that are neither matrices nor quaternions: three angles.
-ROTATIONS: dict[str, Callable[[ArrayLike], Array]] = {
-    "rotation vector": _rotation_vector,  # axis times angle in radians
-    "yaw, pitch, roll": yaw_pitch_roll,
-    "omega, phi, kappa": omega_phi_kappa,
+def _to_rotation_vector(rotation: Array) -> Array:
+    from scipy.spatial.transform import Rotation
+
+    return np.asarray(Rotation.from_matrix(rotation).as_rotvec())
+
+
+# Rotations that are neither matrices nor quaternions, but three numbers: from these, and to these.
+ROTATIONS: dict[str, tuple[Callable[[ArrayLike], Array], Callable[[Array], Array]]] = {
+    "rotation vector": (_from_rotation_vector, _to_rotation_vector),  # axis times angle in radians
+    "yaw, pitch, roll": (YAW_PITCH_ROLL.rotation, YAW_PITCH_ROLL.of),
+    "omega, phi, kappa": (OMEGA_PHI_KAPPA.rotation, OMEGA_PHI_KAPPA.of),
+    "yaw, pitch, roll about z, y, x": (YAW_PITCH_ROLL_ZYX.rotation, YAW_PITCH_ROLL_ZYX.of),
 }
 
 
@@ -133,4 +152,14 @@ def _rotation(values: Any, convention: Convention) -> tuple[Array, float]:
     if convention.rotation == "quaternion":
         quaternion = finite(values, 4)
         return quaternion_rotation(np.roll(quaternion, 1) if convention.quaternion == "xyzw" else quaternion), 1.0
-    return ROTATIONS[convention.rotation](finite(values, 3)), 1.0
+    return ROTATIONS[convention.rotation][0](finite(values, 3)), 1.0
+
+
+def _written_rotation(rotation: Array, convention: Convention) -> Array:
+    """Returns the numbers that a file has for a rotation."""
+    if convention.rotation == "matrix":
+        return rotation
+    if convention.rotation == "quaternion":
+        qvec = Pose.from_matrix(rotation, np.zeros(3)).qvec
+        return np.roll(qvec, -1) if convention.quaternion == "xyzw" else qvec
+    return ROTATIONS[convention.rotation][1](rotation)

@@ -2,12 +2,20 @@
 
 import dataclasses
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from colmap_lazyloc.errors import InputError
-from colmap_lazyloc.pose_formats.geo import GeoOrigin, find_crs, local_axes, to_geocentric, to_geodetic
+from colmap_lazyloc.pose_formats.geo import (
+    GeoOrigin,
+    find_crs,
+    from_geodetic,
+    local_axes,
+    to_geocentric,
+    to_geodetic,
+)
 from colmap_lazyloc.poses import Pose
 
 GEOGRAPHIC = "EPSG:4979"  # longitude, latitude in degrees, height above the ellipsoid
@@ -23,6 +31,10 @@ class Similarity:
 
     matrix: Array
     offset: Array
+
+    def inverse(self) -> "Similarity":
+        matrix = np.asarray(np.linalg.inv(self.matrix), float)
+        return Similarity(matrix, -matrix @ self.offset)
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -70,6 +82,24 @@ class Frame:
             moved[index] = Pose.from_centre(world_from_cam.T, centre)
         return moved, origin
 
+    def from_local(self, poses: Sequence[Pose], origin: GeoOrigin | None) -> list[Pose]:
+        """Returns poses of the local frame at `origin` in this one: the inverse of `to_local`."""
+        if self.crs is None or not poses:
+            return list(poses)
+        if origin is None:
+            raise InputError(f"--crs {self.crs}: the model has no place on the Earth")
+        crs = find_crs(self.crs)
+        geodetic = origin.to_geodetic(np.array([pose.cam_in_world for pose in poses]).reshape(-1, 3))
+        centres = from_geodetic(crs, geodetic)
+        if not np.all(np.isfinite(centres)):
+            raise InputError(f"--crs {self.crs}: a photo is outside of the reference system")
+        axes = self._axes(crs, centres, geodetic)
+        if self.true_north:
+            middle = GeoOrigin.in_the_middle(to_geocentric(geodetic))
+            axes = np.broadcast_to(local_axes(middle).T, (len(poses), 3, 3))
+        turns = (local_axes(origin) @ turn for turn in axes)
+        return [Pose.from_centre(pose.rotation @ turn, centre) for pose, turn, centre in zip(poses, turns, centres)]
+
     def _on_earth(self, centres: Array) -> tuple[Array, Array]:
         """Returns geocentric points, and for each the rotation from the frame's axes to the geocentric ones."""
         if self.origin is not None:
@@ -78,15 +108,24 @@ class Frame:
         assert self.crs is not None
         crs = find_crs(self.crs)
         if crs.is_geocentric:
-            return centres, np.broadcast_to(np.eye(3), (len(centres), 3, 3))
+            return centres, self._axes(crs, centres, centres)
         geodetic = to_geodetic(crs, centres)
         if crs.is_geographic:
             # Without a fix, receivers write 0, 0.
             geodetic[(centres[:, 0] == 0) & (centres[:, 1] == 0)] = np.nan
+        return to_geocentric(geodetic), self._axes(crs, centres, geodetic)
+
+    @staticmethod
+    def _axes(crs: Any, centres: Array, geodetic: Array) -> Array:
+        """Returns the rotations from the axes of a reference system to the geocentric ones at n points."""
+        if crs.is_geocentric:
+            return np.broadcast_to(np.eye(3), (len(centres), 3, 3))
+        if crs.is_geographic:
             known = np.all(np.isfinite(geodetic), axis=1)
-            axes = [local_axes(GeoOrigin(*row)).T if ok else np.eye(3) for row, ok in zip(geodetic.tolist(), known)]
-            return to_geocentric(geodetic), np.array(axes)
-        return to_geocentric(geodetic), _grid_axes(crs, centres)
+            return np.array(
+                [local_axes(GeoOrigin(*row)).T if ok else np.eye(3) for row, ok in zip(geodetic.tolist(), known)]
+            )
+        return _grid_axes(crs, centres)
 
 
 NO_FRAME = Frame()

@@ -1,4 +1,4 @@
-"""Reads the XML file of cameras that Metashape exports.
+"""Reads and writes the XML file of cameras that Metashape exports.
 
 Poses are in a frame of the chunk. The transform of the component or of the chunk leads from there to local coordinates,
 or to geocentric ones (ECEF) if the reference is geographic or projected.
@@ -13,15 +13,34 @@ from numpy.typing import NDArray
 
 from colmap_lazyloc.errors import InputError, logger
 from colmap_lazyloc.model import Camera
-from colmap_lazyloc.pose_formats.cameras import brown_camera, fisheye_camera, number, refuse_others, spherical_camera
+from colmap_lazyloc.pose_formats.cameras import (
+    FISHEYE_KIND,
+    PERSPECTIVE_KIND,
+    SPHERICAL_KIND,
+    brown_camera,
+    coefficients,
+    fisheye_camera,
+    number,
+    refuse_others,
+    spherical_camera,
+)
 from colmap_lazyloc.pose_formats.conventions import nearest_rotation
 from colmap_lazyloc.pose_formats.frames import GEOCENTRIC, Frame, Similarity
+from colmap_lazyloc.pose_formats.geo import GeoOrigin, local_axes, to_geocentric
+from colmap_lazyloc.pose_formats.naming import short_names
 from colmap_lazyloc.pose_formats.posed_images import Source
 from colmap_lazyloc.pose_formats.raw_poses import RawPose, RawPoses, each, matrix_parts
-from colmap_lazyloc.pose_formats.text import numbers, read_xml
+from colmap_lazyloc.pose_formats.text import numbers, read_xml, words
 
 MAX_SKEW_PX = 1.0  # of b2, which COLMAP's camera models lack; it moves pixels at the border by less than half of it
 FISHEYE = ("fisheye", "equidistant_fisheye")  # the second since version 2.1
+TYPES = {PERSPECTIVE_KIND: "frame", FISHEYE_KIND: "fisheye", SPHERICAL_KIND: "spherical"}
+HOLDS = {PERSPECTIVE_KIND: "fy k1 k2 k3 p1 p2", FISHEYE_KIND: "fy k1 k2 k3 k4 p1 p2", SPHERICAL_KIND: ""}
+EXCHANGED = {"p1": "p2", "p2": "p1"}  # Metashape's p1 is OpenCV's p2, and the other way round
+WGS84 = (
+    'GEOGCS["WGS 84",DATUM["World Geodetic System 1984",SPHEROID["WGS 84",6378137,298.257223563]],'
+    'PRIMEM["Greenwich",0],UNIT["degree",0.01745329251994328],AUTHORITY["EPSG","4326"]]'
+)
 COEFFICIENTS = {"k1", "k2", "k3", "k4", "p1", "p2", "b1", "b2"}
 
 
@@ -142,11 +161,59 @@ def _camera(sensor: ET.Element) -> Camera:
     focal = number(values, "f") + number(values, "b1"), number(values, "f")
     centre = width / 2 + number(values, "cx"), height / 2 + number(values, "cy")
     radial = tuple(number(values, name) for name in ("k1", "k2", "k3", "k4"))
-    # Metashape's p1 is OpenCV's p2, and the other way round.
-    tangential = number(values, "p2"), number(values, "p1")
+    tangential = number(values, EXCHANGED["p1"]), number(values, EXCHANGED["p2"])
     kind = calibration.get("type") or sensor.get("type") or "frame"
     if kind == "spherical":
         return spherical_camera(size)
     if kind not in ("frame", *FISHEYE):
         raise ValueError(f"sensor '{label}' is of the type {kind}, which is not supported")
     return (fisheye_camera if kind in FISHEYE else brown_camera)(size, focal, centre, radial, tangential)
+
+
+def text(raw: RawPoses) -> str:
+    """Returns the file: a chunk, which has a transform from the model to the Earth if the frame has an origin."""
+    root = ET.Element("document", version="2.0.0")
+    chunk = ET.SubElement(root, "chunk", label="colmap_lazyloc", enabled="true")
+    sensors, cameras = ET.SubElement(chunk, "sensors"), ET.SubElement(chunk, "cameras")
+    ids: dict[object, str] = {}
+    names = short_names([pose.name or "" for pose in raw.written], has_ending=False)
+    for index, (pose, label) in enumerate(zip(raw.written, names)):
+        if pose.camera not in ids:
+            ids[pose.camera] = str(len(ids))
+            _add_sensor(sensors, ids[pose.camera], pose.camera if isinstance(pose.camera, Camera) else None)
+        camera = ET.SubElement(cameras, "camera", id=str(index), sensor_id=ids[pose.camera], label=label)
+        rows = np.column_stack([pose.rotation, pose.vector])
+        ET.SubElement(camera, "transform").text = words(rows, (0, 0, 0, 1))
+    if raw.frame.origin is not None:
+        _add_place(chunk, raw.frame.origin)
+    ET.indent(root)
+    return '<?xml version="1.0" encoding="UTF-8"?>\n' + ET.tostring(root, encoding="unicode") + "\n"
+
+
+def _add_sensor(sensors: ET.Element, sensor_id: str, camera: Camera | None) -> None:
+    """Adds a camera: the inverse of `_camera`; without intrinsics if these are None."""
+    kind, values = (PERSPECTIVE_KIND, {}) if camera is None else coefficients(camera)
+    sensor = ET.SubElement(sensors, "sensor", id=sensor_id, label=f"camera {sensor_id}", type=TYPES[kind])
+    if camera is None:
+        return
+    size = {"width": str(camera.width), "height": str(camera.height)}
+    ET.SubElement(sensor, "resolution", size)
+    calibration = ET.SubElement(sensor, "calibration", {"type": TYPES[kind], "class": "adjusted"})
+    ET.SubElement(calibration, "resolution", size)
+    if kind == SPHERICAL_KIND:
+        return
+    named = {"f": values["fy"], "cx": values["cx"] - camera.width / 2, "cy": values["cy"] - camera.height / 2}
+    named |= {"b1": values["fx"] - values["fy"]} if values["fx"] != values["fy"] else {}
+    named |= {EXCHANGED.get(name, name): value for name, value in values.items() if name in COEFFICIENTS}
+    for name, value in named.items():
+        ET.SubElement(calibration, name).text = words(value)
+
+
+def _add_place(chunk: ET.Element, origin: GeoOrigin) -> None:
+    """Adds the transform from the local frame to geocentric coordinates."""
+    place = np.array([[origin.latitude_deg, origin.longitude_deg, origin.height_m]])
+    transform = ET.SubElement(chunk, "transform")
+    ET.SubElement(transform, "rotation").text = words(local_axes(origin).T)
+    ET.SubElement(transform, "translation").text = words(to_geocentric(place))
+    ET.SubElement(transform, "scale").text = words(1)
+    ET.SubElement(chunk, "reference").text = WGS84

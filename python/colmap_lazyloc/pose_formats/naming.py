@@ -2,11 +2,13 @@
 
 import dataclasses
 import os
+import pathlib
 import re
 import unicodedata
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 
+from colmap_lazyloc.errors import InputError
 from colmap_lazyloc.pose_formats.posed_images import Photos
 
 ENDING = re.compile(r"\.(?=\w*[^\W\d])\w{1,5}$")  # .jpg or .HEIC, but not the fraction of a time
@@ -82,6 +84,31 @@ def last_number(name: str) -> str | None:
     """Returns the last number in a name, without its ending; None if there is none."""
     numbers = re.findall(r"\d+(?:\.\d+)?", ENDING.sub("", name.rpartition("/")[2]))
     return numbers[-1] if numbers else None
+
+
+def times_of(names: Iterable[str]) -> list[tuple[str, str]]:
+    """Returns (time, name) by time: the last number in the file's name, if these numbers are unique; or else 0, 1, 2...
+    in the order of the names."""
+    names = sorted(names)
+    found = {name: number for name in names if (number := last_number(name)) is not None}
+    if len({float(number) for number in found.values()}) == len(names):
+        return sorted(((number, name) for name, number in found.items()), key=lambda item: float(item[0]))
+    return [(str(i), name) for i, name in enumerate(names)]
+
+
+def short_names(names: Sequence[str], has_ending: bool = True) -> list[str]:
+    """Returns the last parts of paths, and with `has_ending` false without their endings; the paths if two of these are
+    equal."""
+    short = [name.rpartition("/")[2] for name in names]
+    short = short if has_ending else [ENDING.sub("", name) for name in short]
+    return short if len(set(short)) == len(short) else list(names)
+
+
+def inside(folder: pathlib.Path, name: str) -> pathlib.Path:
+    """Returns the path of a photo's file in a folder; refuses a name that leads out of it."""
+    if ".." in name.split("/") or name.startswith("/"):
+        raise InputError(f"photo '{name}': its name leads out of the folder")
+    return folder / name
 
 
 def natural_key(name: str) -> list[tuple[int, str]]:

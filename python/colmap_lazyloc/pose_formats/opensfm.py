@@ -1,8 +1,9 @@
-"""Reads reconstruction.json of OpenSfM and OpenDroneMap, and shots.geojson of OpenDroneMap.
+"""Reads and writes reconstruction.json of OpenSfM and OpenDroneMap, and reads shots.geojson of OpenDroneMap.
 
 Lengths of the image are relative to its longer side, from its centre.
 """
 
+import json
 import pathlib
 from typing import Any
 
@@ -10,7 +11,17 @@ import numpy as np
 
 from colmap_lazyloc.errors import InputError, logger
 from colmap_lazyloc.model import Camera
-from colmap_lazyloc.pose_formats.cameras import brown_camera, fisheye_camera, number, refuse_others, spherical_camera
+from colmap_lazyloc.pose_formats.cameras import (
+    FISHEYE_KIND,
+    PERSPECTIVE_KIND,
+    SPHERICAL_KIND,
+    brown_camera,
+    coefficients,
+    fisheye_camera,
+    number,
+    refuse_others,
+    spherical_camera,
+)
 from colmap_lazyloc.pose_formats.frames import Frame, Similarity
 from colmap_lazyloc.pose_formats.geo import GeoOrigin, find_crs, from_geodetic
 from colmap_lazyloc.pose_formats.posed_images import Source
@@ -19,6 +30,12 @@ from colmap_lazyloc.pose_formats.text import numbers, read_json
 from colmap_lazyloc.text_files import read_lines
 
 TOPOCENTRIC = "reconstruction.topocentric.json"
+HOLDS = {PERSPECTIVE_KIND: "fy k1 k2 k3 p1 p2", FISHEYE_KIND: "fy k1 k2 k3 k4", SPHERICAL_KIND: ""}
+TYPES = {  # with the coefficients that a camera of this type must have
+    PERSPECTIVE_KIND: ("brown", "k1 k2 k3 p1 p2"),
+    FISHEYE_KIND: ("fisheye_opencv", "k1 k2 k3 k4"),
+    SPHERICAL_KIND: ("spherical", ""),
+}
 MAX_NUM_TRIED = 5  # photos, for the zone of UTM
 MAX_GRID_ERROR_M = 5.0  # between the two positions of a photo in shots.geojson
 
@@ -45,6 +62,44 @@ def parse(source: Source) -> RawPoses:
         return RawPose(rotation, translation, name, camera=camera, similarity=similarity)
 
     return RawPoses(each(largest["shots"].items(), parse_shot, lambda shot: shot[0]), frame)
+
+
+def text(raw: RawPoses) -> str:
+    """Returns reconstruction.json, with a place on the Earth if the frame has one."""
+    cameras = {pose.camera: "" for pose in raw.written if isinstance(pose.camera, Camera)}
+    ids = {camera: f"camera {index}" for index, camera in enumerate(cameras, start=1)}
+    shots = {
+        pose.name: {
+            "rotation": np.asarray(pose.rotation).tolist(),
+            "translation": np.asarray(pose.vector).tolist(),
+            "camera": ids[pose.camera],
+        }
+        for pose in raw.written
+        if isinstance(pose.camera, Camera)
+    }
+    part: dict[str, Any] = {
+        "cameras": {name: _written_camera(camera) for camera, name in ids.items()},
+        "shots": shots,
+        "points": {},
+    }
+    origin = raw.frame.origin
+    if origin is not None:
+        place = origin.latitude_deg, origin.longitude_deg, origin.height_m
+        part["reference_lla"] = dict(zip(("latitude", "longitude", "altitude"), place))
+    return json.dumps([part], indent=2, ensure_ascii=False) + "\n"
+
+
+def _written_camera(camera: Camera) -> dict[str, Any]:
+    """Returns a camera as OpenSfM has it: the inverse of `_camera`."""
+    kind, values = coefficients(camera)
+    name, expected = TYPES[kind]
+    longer = max(camera.width, camera.height)
+    written: dict[str, Any] = {"projection_type": name, "width": camera.width, "height": camera.height}
+    if kind == SPHERICAL_KIND:
+        return written
+    written |= {f"focal_{axis}": values[f"f{axis}"] / longer for axis in "xy"}
+    written |= {"c_x": (values["cx"] - camera.width / 2) / longer, "c_y": (values["cy"] - camera.height / 2) / longer}
+    return written | {key: values.get(key, 0.0) for key in expected.split()}
 
 
 def _frame(path: pathlib.Path, reference: dict[str, Any] | None, source: Source) -> tuple[Frame, Similarity | None]:
@@ -76,7 +131,7 @@ def _from_grid(origin: GeoOrigin, coords: pathlib.Path) -> Similarity:
     OpenDroneMap makes the coordinates by a linear transform, that of the grid at the origin: this is its inverse.
     """
     name, offset = read_lines(coords)[:2]
-    crs = find_crs(_grid_name(name))
+    crs = find_crs(grid_name(name))
     x, y = numbers(offset, 2)
     corners = origin.to_geodetic(np.concatenate([np.zeros((1, 3)), np.eye(3)]))
     zero, *units = from_geodetic(crs, corners)
@@ -84,7 +139,7 @@ def _from_grid(origin: GeoOrigin, coords: pathlib.Path) -> Similarity:
     return Similarity(matrix, -matrix @ (zero - (x, y, 0.0)))
 
 
-def _grid_name(text: str) -> str:
+def grid_name(text: str) -> str:
     """Returns the name of a grid for pyproj; OpenDroneMap writes `WGS84 UTM 32N`."""
     words = text.split()
     if words[:2] == ["WGS84", "UTM"]:

@@ -68,6 +68,11 @@ class RawPoses:
     frame: Frame = NO_FRAME
     convention: Convention | None = None
 
+    @property
+    def written(self) -> list[RawPose]:
+        """Returns the poses of a file to write, which are all good."""
+        return [pose for pose in self.poses if isinstance(pose, RawPose)]
+
 
 def each(items: Iterable[T], parse: Callable[[T], RawPose], label: Callable[[T], object] | None = None) -> list[Any]:
     """Parses each item; one that is damaged becomes a BadPose, so that it does not end the others."""

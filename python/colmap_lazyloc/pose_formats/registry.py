@@ -1,18 +1,22 @@
-"""The formats by name: each is one row. Options, help and the table in docs/own_data.md follow from these rows."""
+"""The formats by name: each is one row, for reading and for writing. Options, help and the table in docs/own_data.md
+follow from these rows."""
 
 import dataclasses
 import functools
 import pathlib
+import re
 from collections.abc import Callable
 
-from colmap_lazyloc.errors import InputError
+from colmap_lazyloc.errors import InputError, logger
 from colmap_lazyloc.model import is_model
 from colmap_lazyloc.pose_formats import (
     blocks_exchange,
     bundler,
     colmap,
+    geopose,
     json_lists,
     metashape,
+    odm_geo,
     opensfm,
     table,
     trajectories,
@@ -23,16 +27,19 @@ from colmap_lazyloc.pose_formats.conventions import COLMAP, Convention
 from colmap_lazyloc.pose_formats.posed_images import PosedImages, Source
 from colmap_lazyloc.pose_formats.raw_poses import DAMAGE, RawPoses, reason_of
 from colmap_lazyloc.pose_formats.signatures import Head, foreign
+from colmap_lazyloc.pose_formats.writing import NO_TARGET, Target, World, Writer, describe_omitted, file_of, raw_poses
 
 TO_WORLD, FROM_WORLD = "world_from_cam", "cam_from_world"
 
 
 @dataclasses.dataclass(frozen=True)
 class Format:
-    """A format: what it is, how its files are known, what their numbers mean, and the function that reads them.
+    """A format: what it is, how its files are known, what their numbers mean, and the functions that read and write
+    them.
 
     `world`, `cameras`, `photos`: where the coordinates are, which intrinsics are read, and how photos are found.
-    `is_trajectory`: poses are those of a body, for which a calibration may give the mounting of the camera.
+    `is_trajectory`: poses are those of a body, for which a calibration may give the mounting of the camera. `writer`:
+    None if the format is only read.
     """
 
     title: str
@@ -43,6 +50,7 @@ class Format:
     cameras: str = "--camera"
     photos: str = "name"
     is_trajectory: bool = False
+    writer: Writer | None = None
 
 
 def _trajectory(
@@ -52,11 +60,22 @@ def _trajectory(
     convention: Convention,
     photos: str = "time",
     reader: Callable[..., RawPoses] = trajectories.parse,
+    writer: Writer | None = None,
 ) -> Format:
     """Returns the row of a table whose columns have names, or a layout."""
     parse = functools.partial(reader, layouts=layouts, convention=convention)
     cameras = "--camera or --calibration"
-    return Format(title, parse, is_one, convention, cameras=cameras, photos=photos, is_trajectory=True)
+    return Format(title, parse, is_one, convention, cameras=cameras, photos=photos, is_trajectory=True, writer=writer)
+
+
+def _any_name(_: str) -> bool:
+    return True
+
+
+def _is_geopose(head: Head, key: str) -> bool:
+    """True for a GeoPose with this object, or for a folder of them."""
+    paths = sorted(head.path.rglob(f"*{geopose.ENDING}"))[:1] if head.is_folder else [head.path]
+    return any(Head(path).json("position", key) for path in paths)
 
 
 FORMATS: dict[str, Format] = {
@@ -67,6 +86,7 @@ FORMATS: dict[str, Format] = {
         COLMAP,
         "that of geo.json, if it is beside the model",
         "all",
+        writer=Writer(colmap.write, World.LOCAL, "points, rigs", folder=colmap.FILES),
     ),
     "poses": Format(
         "poses.txt of this program and of hloc: name qw qx qy qz tx ty tz",
@@ -80,6 +100,7 @@ FORMATS: dict[str, Format] = {
         lambda f: f.json("frames"),
         Convention(TO_WORLD, "opengl", "matrix"),
         cameras="fl_x, fl_y, cx, cy, w, h, camera_angle_x, k1 to k6, p1, p2, camera_model; of the file or of a frame",
+        writer=Writer(file_of(transforms_json.text), cameras=transforms_json.HOLDS),
     ),
     "arkit": _trajectory(
         "Tables of ARKit: Polycam's columns t_00 ... t_23, ios_logger, ARKit Data Logger",
@@ -116,6 +137,7 @@ FORMATS: dict[str, Format] = {
         Convention(TO_WORLD, rotation="matrix"),
         "local, or on the Earth if the chunk has a reference",
         "frame, fisheye, spherical: f, cx, cy, k1 to k4, p1, p2, b1",
+        writer=Writer(file_of(metashape.text), World.LOCAL, "folders and endings of names", metashape.HOLDS),
     ),
     "blocksexchange": Format(
         "ContextCapture, iTwin Capture, Metashape: BlocksExchange XML",
@@ -135,6 +157,9 @@ FORMATS: dict[str, Format] = {
         Convention(TO_WORLD, "opengl", "yaw, pitch, roll", vector="centre"),
         "the file's; with --crs on the Earth, and headings are from true north",
         "f (35 mm film), px, py, k1 to k3, t1, t2; needs --image_path",
+        writer=Writer(
+            file_of(table.reality_capture_text), World.GRID, "folders of names, sizes", table.REALITY_CAPTURE_HOLDS
+        ),
     ),
     "pix4d": Format(
         "Pix4D: calibrated_external_camera_parameters.txt",
@@ -150,6 +175,20 @@ FORMATS: dict[str, Format] = {
         Convention(FROM_WORLD, rotation="rotation vector"),
         "local frame at reference_lla",
         "perspective, radial, brown, fisheye, spherical",
+        writer=Writer(file_of(opensfm.text), World.LOCAL, cameras=opensfm.HOLDS, needs_camera=True),
+    ),
+    "odmgeo": Format(
+        "OpenDroneMap: geo.txt with omega, phi, kappa",
+        odm_geo.parse,
+        odm_geo.is_one,
+        Convention(TO_WORLD, "opengl", "omega, phi, kappa", vector="centre"),
+        "on the Earth, in the reference system of its first line; angles are from true north",
+        writer=Writer(
+            file_of(odm_geo.text),
+            World.EARTH,
+            "folders of names, intrinsics",
+            holds_name=lambda name: name.isprintable() and len(name.split()) == 1,
+        ),
     ),
     "odmshots": Format(
         "OpenDroneMap: odm_report/shots.geojson",
@@ -219,6 +258,7 @@ FORMATS: dict[str, Format] = {
         Convention(TO_WORLD, quaternion="xyzw"),
         "time, or number",
         functools.partial(trajectories.parse, takes_names=False),
+        Writer(file_of(trajectories.tum_text), omits="names, intrinsics", holds_name=_any_name),
     ),
     "kitti": _trajectory(
         "KITTI odometry: a 3 x 4 matrix per line",
@@ -226,6 +266,7 @@ FORMATS: dict[str, Format] = {
         lambda f: f.num_numbers == 12,
         Convention(TO_WORLD, rotation="matrix"),
         "order",
+        writer=Writer(file_of(trajectories.kitti_text), omits="names, times, intrinsics", holds_name=_any_name),
     ),
     "kitti360": _trajectory(
         "KITTI-360: a frame and a matrix per line, cam0_to_world.txt; poses.txt is of the body and needs --calibration",
@@ -235,6 +276,30 @@ FORMATS: dict[str, Format] = {
         "number of the frame",
         trajectories.parse_of_body,
     ),
+    **{
+        name: Format(
+            f"GeoPose 1.0 of OGC, {title}: a file, or a folder with a file for each photo",
+            functools.partial(geopose.parse, rotation=rotation),
+            functools.partial(_is_geopose, key=rotation[0]),
+            convention,
+            "on the Earth",
+            writer=Writer(
+                functools.partial(geopose.write, rotation=rotation),
+                World.EARTH,
+                "intrinsics",
+                folder=rf".*{re.escape(geopose.ENDING)}",
+            ),
+        )
+        for name, title, rotation, convention in (
+            ("geopose", "Basic-Quaternion", geopose.QUATERNION, Convention(TO_WORLD, "body", quaternion="xyzw")),
+            (
+                "geoposeypr",
+                "Basic-YPR",
+                geopose.ANGLES,
+                Convention(TO_WORLD, "body", "yaw, pitch, roll about z, y, x"),
+            ),
+        )
+    },
     "matrices": Format(
         "4 x 4 matrices: one per line, one per four lines, or a folder with one per file (ScanNet, 7 Scenes, Open3D)",
         trajectories.parse_matrices,
@@ -262,6 +327,26 @@ def _has_names_and(count: int, head: Head) -> bool:
     if head.columns:
         return colmap.is_header_of_poses_txt(head.columns)
     return head.count_numbers(words[0].split()) == 0
+
+
+def written_formats() -> dict[str, Writer]:
+    """Returns how formats are written that are not only read."""
+    return {name: form.writer for name, form in FORMATS.items() if form.writer is not None}
+
+
+def write_posed_images(path: pathlib.Path, posed: PosedImages, name: str, target: Target = NO_TARGET) -> int:
+    """Writes a file of a format, or a folder, which does not exist; returns the number of its poses.
+
+    A line names what the format cannot hold.
+    """
+    form = FORMATS[name]
+    assert form.writer is not None
+    raw = raw_poses(posed, form.convention, form.writer, target)
+    if not raw.poses:
+        raise InputError("there is no pose to write")
+    form.writer.write(path, raw)
+    logger.warning("%s has no place for: %s", name, describe_omitted(posed, form.writer, target))
+    return len(raw.poses)
 
 
 def read_posed_images(source: Source, format_name: str | None = None) -> PosedImages:

@@ -1,16 +1,28 @@
-"""Reads tables with a row for each photo: its name, where the camera was, how it was turned, and its intrinsics."""
+"""Reads and writes tables with a row for each photo: its name, where the camera was, how it was turned, and its
+intrinsics."""
 
+import csv
 import dataclasses
 import functools
+import io
 
 from colmap_lazyloc.errors import logger
 from colmap_lazyloc.model import Camera
-from colmap_lazyloc.pose_formats.cameras import brown_camera, named_camera, number, refuse_others, size_of
+from colmap_lazyloc.pose_formats.cameras import (
+    PERSPECTIVE_KIND,
+    brown_camera,
+    coefficients,
+    named_camera,
+    number,
+    refuse_others,
+    size_of,
+)
 from colmap_lazyloc.pose_formats.conventions import COLMAP, Convention
 from colmap_lazyloc.pose_formats.frames import GEOGRAPHIC, Frame
+from colmap_lazyloc.pose_formats.naming import short_names
 from colmap_lazyloc.pose_formats.posed_images import Source
 from colmap_lazyloc.pose_formats.raw_poses import CameraOfSize, RawPose, RawPoses, each
-from colmap_lazyloc.pose_formats.text import Names, Row, Table
+from colmap_lazyloc.pose_formats.text import Names, Row, Table, words
 
 NAME = (
     *("name", "image", "image_name", "imagefile", "file", "filename", "file_name", "file_path", "label"),
@@ -32,6 +44,9 @@ EXPECTED = (
 )
 FILM_MM = 36.0
 FILM_COEFFICIENTS = ("k1", "k2", "k3", "k4", "t1", "t2")
+TANGENTIAL = {"t1": "p2", "t2": "p1"}  # in OpenCV's order
+REALITY_CAPTURE_HOLDS = {PERSPECTIVE_KIND: "k1 k2 k3 p1 p2"}
+REALITY_CAPTURE = ("#name", "x", "y", "alt", "heading", "pitch", "roll", "f", "px", "py", *FILM_COEFFICIENTS)
 ALIASES = {"width": "w", "height": "h", "heightpx": "h", "f": "fx", "model": "cameramodel"}
 CAMERA_COLUMNS = (
     *("w", "h", "fx", "fy", "flx", "fly", "cx", "cy", "cameraanglex", "cameraangley", "cameramodel", "isfisheye"),
@@ -129,6 +144,26 @@ def _film_camera(values: dict[str, str], size: tuple[int, int]) -> Camera:
     px, py = (number(values, name if name in values else f"{name}norm") for name in ("px", "py"))
     k1, k2, k3, k4, t1, t2 = (number(values, name) for name in FILM_COEFFICIENTS)
     refuse_others(values, set(FILM_COEFFICIENTS))
-    # t1 and t2 are OpenCV's p2 and p1.
     centre = size[0] / 2 + px * longer, size[1] / 2 + py * longer
     return brown_camera(size, (focal, focal), centre, (k1, k2, k3, k4), (t2, t1))
+
+
+def reality_capture_text(raw: RawPoses) -> str:
+    """Returns "Internal/External camera parameters"; a photo without intrinsics has empty cells."""
+    file = io.StringIO()
+    table = csv.writer(file, lineterminator="\n")
+    table.writerow(REALITY_CAPTURE)
+    for pose, name in zip(raw.written, short_names([pose.name or "" for pose in raw.written])):
+        camera = _film_values(pose.camera) if isinstance(pose.camera, Camera) else None
+        cells = [""] * (3 + len(FILM_COEFFICIENTS)) if camera is None else [words(value) for value in camera]
+        table.writerow([name, *map(words, pose.vector), *map(words, pose.rotation), *cells])
+    return file.getvalue()
+
+
+def _film_values(camera: Camera) -> list[float]:
+    """Returns the intrinsics in a row: the inverse of `_film_camera`."""
+    _, values = coefficients(camera)
+    longer = max(camera.width, camera.height)
+    centre = (values["cx"] - camera.width / 2) / longer, (values["cy"] - camera.height / 2) / longer
+    rest = [values.get(TANGENTIAL.get(name, name), 0.0) for name in FILM_COEFFICIENTS]
+    return [values["fx"] / longer * FILM_MM, *centre, *rest]

@@ -8,6 +8,8 @@ import xml.etree.ElementTree as ET
 from collections.abc import Sequence
 from typing import Any
 
+import numpy as np
+
 from colmap_lazyloc.errors import InputError, logger
 from colmap_lazyloc.text_files import read_lines
 
@@ -206,6 +208,11 @@ def numbers(values: Any, count: int) -> list[float]:
     if len(found) != count:
         raise ValueError(f"there are {len(found)} numbers instead of {count}")
     return found
+
+
+def words(*values: Any, separator: str = " ") -> str:
+    """Returns the numbers of arrays, from which the same numbers are read again."""
+    return separator.join(repr(float(number)) for value in values for number in np.ravel(value))
 
 
 def _is_named(line: str) -> bool:

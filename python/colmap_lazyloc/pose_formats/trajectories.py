@@ -1,4 +1,4 @@
-"""Reads trajectories: tables and lists of poses whose photos are found by time, number or order.
+"""Reads and writes trajectories: tables and lists of poses whose photos are found by time, number or order.
 
 They give the poses of a body, world_from_body. The body is the camera itself, unless a calibration gives the camera's
 pose on the body.
@@ -9,13 +9,15 @@ import functools
 import pathlib
 from collections.abc import Sequence
 
-from colmap_lazyloc.errors import InputError
+import numpy as np
+
+from colmap_lazyloc.errors import InputError, logger
 from colmap_lazyloc.pose_formats.conventions import Convention
-from colmap_lazyloc.pose_formats.naming import last_number
+from colmap_lazyloc.pose_formats.naming import last_number, natural_key, times_of
 from colmap_lazyloc.pose_formats.posed_images import Source
 from colmap_lazyloc.pose_formats.raw_poses import RawPose, RawPoses, each, matrix_parts
 from colmap_lazyloc.pose_formats.table import CAMERA_COLUMNS, NAME, QUATERNION, camera_of_row, quaternion_columns
-from colmap_lazyloc.pose_formats.text import Names, Row, Table, numbers
+from colmap_lazyloc.pose_formats.text import Names, Row, Table, numbers, words
 from colmap_lazyloc.text_files import read_entries, read_lines
 
 MATRIX = tuple(f"t{row}{column}" for row in range(3) for column in range(4))
@@ -107,3 +109,20 @@ def _read_matrix(source: Source, path: pathlib.Path) -> RawPose:
     if number is None:
         return RawPose(*matrix_parts(values), name=path.stem)
     return RawPose(*matrix_parts(values), frame=int(float(number)))
+
+
+def tum_text(raw: RawPoses) -> str:
+    """Returns lines `timestamp tx ty tz qx qy qz qw`, by their times."""
+    poses = {pose.name: pose for pose in raw.written if pose.name is not None}
+    times = times_of(poses)
+    if any(time not in name for time, name in times):  # else a time is a part of its name
+        logger.warning("times are 0, 1, 2, ... in the order of the names, because the numbers in these are not unique")
+    lines = ["# timestamp tx ty tz qx qy qz qw: poses world_from_cam of the localized queries"]
+    lines += [f"{time} {words(poses[name].vector, poses[name].rotation)}" for time, name in times]
+    return "\n".join(lines) + "\n"
+
+
+def kitti_text(raw: RawPoses) -> str:
+    """Returns a 3 x 4 matrix per line, in the order of the names, 2 before 10."""
+    poses = sorted(raw.written, key=lambda pose: natural_key(pose.name or ""))
+    return "".join(f"{words(np.column_stack([pose.rotation, pose.vector]))}\n" for pose in poses)

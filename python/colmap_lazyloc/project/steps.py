@@ -17,8 +17,8 @@ from colmap_lazyloc.database import (
     tidy_images,
 )
 from colmap_lazyloc.errors import InputError
-from colmap_lazyloc.import_poses import write_posed_images
 from colmap_lazyloc.model import Camera, read_model
+from colmap_lazyloc.pose_formats.colmap import write_posed_images
 from colmap_lazyloc.pose_formats.posed_images import PosedImages, photo_size
 from colmap_lazyloc.program import find_colmap, find_option, gpu_option, has_command, option_names
 from colmap_lazyloc.project.colmap_runner import ColmapRunner

@@ -14,13 +14,16 @@ from collections.abc import Sequence
 
 from colmap_lazyloc.errors import InputError, command
 from colmap_lazyloc.evaluate import read_any_poses
+from colmap_lazyloc.pose_formats.posed_images import PosedImage, PosedImages
+from colmap_lazyloc.pose_formats.registry import FORMATS
+from colmap_lazyloc.pose_formats.trajectories import tum_text
+from colmap_lazyloc.pose_formats.writing import raw_poses
 from colmap_lazyloc.report.build import Sources, build_page
 from colmap_lazyloc.report.facts import METRE, MODEL_UNITS
 from colmap_lazyloc.report.output import check_output, write_file, write_folder
 from colmap_lazyloc.report.page import PAGE_NAME, page_files, single_page
 from colmap_lazyloc.report.plots import plot_files
 from colmap_lazyloc.report.run import Run, read_run
-from colmap_lazyloc.report.tum import tum_text
 
 
 def parse_arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
@@ -126,10 +129,22 @@ def _write_others(run: Run, options: argparse.Namespace) -> None:
     """Writes the files next to the page; makes them all before it writes the first."""
     files = {} if options.plots is None else {options.plots / name: data for name, data in plot_files(run).items()}
     if options.tum is not None:
-        files[options.tum] = tum_text(run).encode()
+        files[options.tum] = _tum_text(run).encode()
     for path, content in files.items():
         path.parent.mkdir(parents=True, exist_ok=True)
         write_file(path, [content])
+
+
+def _tum_text(run: Run) -> str:
+    """Returns the localized queries as `lazyloc export` writes them."""
+    images = [
+        PosedImage(result["name"], run.model.cameras[run.model.images[result["name"]].camera_id], pose)
+        for result, pose in zip(run.queries, run.poses)
+        if pose is not None and result["status"] == "LOCALIZED"
+    ]
+    form = FORMATS["tum"]
+    assert form.writer is not None
+    return tum_text(raw_poses(PosedImages(images), form.convention, form.writer))
 
 
 if __name__ == "__main__":

@@ -1,0 +1,123 @@
+"""Writes the poses of localized photos in the format of another program.
+
+    lazyloc export RESULTS --format FORMAT --output PATH
+
+RESULTS is the output folder of `colmap lazy_localizer` or of `lazyloc run`. FORMAT is one of the following; `lazyloc
+import` reads all of them.
+
+FORMATS
+Poses are written in the coordinates of the model, but for formats that have geographic ones: these need a model with
+geo.json. What a format cannot hold is named.
+"""
+
+import argparse
+import pathlib
+import sys
+from collections import Counter
+from collections.abc import Sequence
+
+from colmap_lazyloc.errors import InputError, command, logger
+from colmap_lazyloc.model import Model, read_model
+from colmap_lazyloc.pose_formats.geo import GeoOrigin
+from colmap_lazyloc.pose_formats.posed_images import PosedImage, PosedImages
+from colmap_lazyloc.pose_formats.registry import FORMATS, write_posed_images, written_formats
+from colmap_lazyloc.pose_formats.transforms_json import read_frame
+from colmap_lazyloc.pose_formats.writing import Target, check_path
+from colmap_lazyloc.report.output import replacing
+from colmap_lazyloc.result_fields import ResultFields
+from colmap_lazyloc.results import pose_of, read_results
+
+RESULTS, MODEL = "results.jsonl", "model"
+LOCALIZED = "localized"  # the results in a folder of lazyloc run
+
+
+def parse_arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
+    names = list(written_formats())
+    rows = "".join(f"  {name:<15} {FORMATS[name].title}\n" for name in names)
+    parser = argparse.ArgumentParser(
+        prog="lazyloc export",
+        description=(__doc__ or "").replace("FORMATS\n", rows),
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    add = parser.add_argument
+    add("results", metavar="RESULTS", type=pathlib.Path, help="output folder of a run")
+    add("--format", choices=names, required=True, metavar="FORMAT", help="one of the formats above")
+    add(
+        "--output",
+        type=pathlib.Path,
+        required=True,
+        metavar="PATH",
+        help="file to write; for colmap, geopose and geoposeypr a folder",
+    )
+    add("--with_database", action="store_true", help="also write the database images; default: the localized photos")
+    add(
+        "--crs",
+        help="for realitycapture, the coordinate reference system of the positions, for example EPSG:32632; default: "
+        "the coordinates of the model",
+    )
+    add(
+        "--transforms",
+        type=pathlib.Path,
+        metavar="FILE",
+        help="for transforms, dataparser_transforms.json of a nerfstudio training, or transforms.json of its data: "
+        "poses are written in the coordinates of this training or of this data",
+    )
+    add("--overwrite", action="store_true", help="replace PATH if it exists")
+    return parser.parse_args(arguments)
+
+
+def read_localized(folder: pathlib.Path, with_database: bool = False) -> PosedImages:
+    """Reads the localized photos of a run, and with `with_database` the database images; says how many photos have no
+    pose."""
+    results = read_results(folder / RESULTS)
+    model = read_model(folder / MODEL)
+    localized = _localized(folder, results, model)
+    names = {name for name in model.images if name in localized or (with_database and name not in results)}
+    images = [
+        PosedImage(name, model.cameras[model.images[name].camera_id], model.images[name].pose) for name in sorted(names)
+    ]
+    return PosedImages(images, GeoOrigin.read(folder / MODEL))
+
+
+def _results_folder(folder: pathlib.Path) -> pathlib.Path:
+    """Returns the folder with the results of a run, which may be the one of lazyloc run around it."""
+    inside = folder / LOCALIZED
+    return inside if not (folder / RESULTS).exists() and (inside / RESULTS).exists() else folder
+
+
+def _localized(folder: pathlib.Path, results: dict[str, ResultFields], model: Model) -> set[str]:
+    """Returns the names of the localized photos, which the model must have."""
+    localized = {name for name, result in results.items() if pose_of(result) is not None}
+    missing = sorted(localized - set(model.images))
+    if missing:
+        raise InputError(f"{folder / MODEL}: is not the model of this run: query '{missing[0]}' is missing")
+    others = Counter(result["status"] for name, result in results.items() if name not in localized)
+    if others:
+        statuses = ", ".join(f"{count} {status}" for status, count in others.most_common())
+        logger.warning(
+            "%d of %d photos left out, because they are not localized: %s", others.total(), len(results), statuses
+        )
+    if not localized:
+        raise InputError(f"{folder / RESULTS}: no photo is localized")
+    return localized
+
+
+@command(name="lazyloc export", extra="import")
+def main(arguments: Sequence[str] | None = None) -> None:
+    options = parse_arguments(arguments)
+    output = options.output
+    check_path(output, written_formats()[options.format], options.overwrite)
+    if options.transforms is not None and options.format != "transforms":
+        raise InputError(f"--transforms {options.transforms}: has no effect with the format {options.format}")
+    folder = _results_folder(options.results)
+    if output.resolve() == (folder / MODEL).resolve():
+        raise InputError(f"--output {output}: is the model of the results")
+    similarity = None if options.transforms is None else read_frame(options.transforms)
+    posed = read_localized(folder, options.with_database)
+    with replacing(output) as staged:
+        count = write_posed_images(staged, posed, options.format, Target(options.crs, similarity))
+    print(f"{output}: {count} poses")
+
+
+if __name__ == "__main__":
+    sys.exit(main())
