@@ -10,7 +10,9 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from colmap_lazyloc.pose_formats.angles import LEVEL_CAMERA, yaw_pitch_roll
 from colmap_lazyloc.poses import Pose
+from colmap_lazyloc.results import to_pose
 from colmap_lazyloc.testing import synthetic
 
 STAGES = ["load", "two_view", "rotation", "translation", "triangulation", "adjustment", "covariance"]
@@ -68,6 +70,10 @@ def test_noisy_scene_gives_poses_within_the_noise(noisy_run, noisy):
 # positions.csv, positions.geojson
 
 
+ANGLES = ("heading", "pitch", "roll", "top_heading")
+ANGLE_FIELDS = [f"{angle}_{field}" for angle in ANGLES for field in ("deg", "stddev_deg")]
+
+
 def read_table(path):
     with path.open(newline="", encoding="utf-8") as file:
         return {row["name"]: row for row in csv.DictReader(file)}
@@ -80,7 +86,9 @@ def test_positions_are_those_of_the_poses(noisy_run):
         result = noisy_run.results[name]
         assert list(row) == [
             *("name", "status", "x", "y", "z", "stddev_x", "stddev_y", "stddev_z", "confidence"),
+            *ANGLE_FIELDS,
         ]
+        assert {field: float(row[field]) for field in ANGLE_FIELDS} == {field: result[field] for field in ANGLE_FIELDS}
         assert [float(row[axis]) for axis in "xyz"] == result["position"]
         np.testing.assert_allclose(result["position"], noisy_run.poses[name].cam_in_world, rtol=0, atol=1e-12)
         stddevs = np.array([float(row[f"stddev_{axis}"]) for axis in "xyz"])
@@ -95,6 +103,21 @@ def test_lost_query_has_a_row_without_position(with_lost_query):
     assert set(row.values()) == {""}
 
 
+def assert_is_what_is_seen(feature, result, camera):
+    """Checks that the polygon of what a query sees has the ends of rays of pixels."""
+    (ring,) = feature["geometry"]["coordinates"]
+    assert feature["geometry"]["type"] == "Polygon" and ring[0] == ring[-1]
+    outline = (np.array(ring)[:-1] - [8, 45]) * [78846, 111132]
+    sides = np.roll(outline, -1, axis=0) - outline
+    for place in [(0.5, 0.5), (0.05, 0.05), (0.05, 0.95), (0.95, 0.05), (0.95, 0.95)]:
+        x, y = (np.array(place) - 0.5) * [camera.width, camera.height] / camera.params[0]
+        ray = result["evidence"]["scene_distance"] * np.array([x, y, 1]) / np.linalg.norm([x, y, 1])
+        end = result["position"] + 0.98 * to_pose(result["world_from_cam"]).rotation @ ray
+        offsets = end[:2] - outline
+        is_left = sides[:, 0] * offsets[:, 1] - sides[:, 1] * offsets[:, 0] > 0  # of each side, counterclockwise
+        assert np.all(is_left), place
+
+
 def test_model_with_an_origin_on_earth_gives_geographic_coordinates(localize, noisy, noisy_run, tmp_path):
     """At 45 degrees north, a degree is 111.1 km to the north and 78.8 km to the east."""
     shutil.copytree(noisy.model_path, tmp_path / "model")
@@ -106,8 +129,19 @@ def test_model_with_an_origin_on_earth_gives_geographic_coordinates(localize, no
     assert json.loads((run.output_path / "model" / "geo.json").read_text()) == origin
     table = read_table(run.output_path / "positions.csv")
     features = json.loads((run.output_path / "positions.geojson").read_text())["features"]
-    assert [feature["properties"]["name"] for feature in features] == list(table)
-    for row, feature in zip(table.values(), features, strict=True):
+    by_kind = {
+        kind: [feature for feature in features if feature["properties"]["shows"] == kind]
+        for kind in ("position", "field_of_view")
+    }
+    assert sum(map(len, by_kind.values())) == len(features)
+    for feature in by_kind["field_of_view"]:
+        name = feature["properties"]["name"]
+        assert_is_what_is_seen(feature, run.results[name], noisy.scene.cameras[noisy.scene.images[name].camera_id])
+    for kind_features in by_kind.values():
+        assert [feature["properties"]["name"] for feature in kind_features] == list(table)
+    for row, feature in zip(table.values(), by_kind["position"], strict=True):
+        for field in ANGLE_FIELDS:
+            assert feature["properties"][field] == float(row[field])
         place = [float(row[column]) for column in ("longitude_deg", "latitude_deg", "height_m")]
         assert place == feature["geometry"]["coordinates"]
         metres = (np.array(place) - [8, 45, 400]) * [78846, 111132, 1]
@@ -166,17 +200,39 @@ def assert_stddevs_are_of_the_covariance(result, pose, covariance):
         result["rotation_stddev_deg"], np.degrees(np.sqrt(np.linalg.eigvalsh(covariance[:3, :3])[-1])), rtol=1e-6
     )
     assert result["rotation"] is None and result["bearing"] is None
+    np.testing.assert_allclose(result["position_covariance"], rows @ covariance @ rows.T, rtol=1e-6, atol=1e-15)
+    in_map = np.vstack([rows, np.hstack([-pose.rotation.T, np.zeros((3, 3))])])
+    np.testing.assert_allclose(result["pose_covariance_in_map"], in_map @ covariance @ in_map.T, rtol=1e-6, atol=1e-15)
+    angles = [result[f"{name}_deg"] for name in ("heading", "pitch", "roll")]
+    np.testing.assert_allclose(yaw_pitch_roll(angles) @ LEVEL_CAMERA, pose.rotation.T, atol=1e-9)
+
+
+def angles_of(pose):
+    """Returns heading, pitch, roll and the heading of the photo's top in degrees, by scipy."""
+    yaw, pitch, roll = Rotation.from_matrix(pose.rotation.T @ LEVEL_CAMERA.T).as_euler("ZXY", degrees=True)
+    top = -pose.rotation[1]
+    return np.array([-yaw, pitch, roll, np.degrees(np.arctan2(top[0], top[1]))])
+
+
+def errors_in_map(result, truth):
+    """Returns the errors of position and of rotation about the axes of the map, and those of angles over deviations."""
+    pose = to_pose(result["world_from_cam"])
+    turn = Rotation.from_matrix(pose.rotation @ truth.rotation).as_rotvec()
+    angle_errors = np.array([result[f"{name}_deg"] for name in ANGLES]) - angles_of(truth)
+    stddevs = [result[f"{name}_stddev_deg"] for name in ANGLES]
+    return np.concatenate([pose.tvec - truth.cam_in_world, turn]), ((angle_errors + 180) % 360 - 180) / stddevs
 
 
 def test_covariance_explains_the_errors(localize, tmp_path, write_scene_files):
     """The squared errors of 24 queries, normalized by the covariance (rotation, then translation, left tangent), must
-    have a mean near 6, the number of parameters. The mean scatters by 0.7, or more because queries are correlated."""
+    have a mean near 6, the number of parameters. The mean scatters by 0.7, or more because queries are correlated. In
+    the map they are the same, and those of each angle have a mean near 1, which scatters by 0.3."""
     scene = synthetic.make_scene(synthetic.arc(9), synthetic.arc(24, radius=5), noise_px=0.5, seed=7)
     files = write_scene_files(tmp_path, scene)
     exact = ("database_pose_stddev_deg", "database_pose_stddev_length", "focal_length_stddev_ratio")
     options = [word for name in exact for word in (f"--LazyLocalizer.Advanced.{name}", "0")]
     run = localize(*files.arguments, *options, "--LazyLocalizer.intrinsics", "given")
-    squared_errors = []
+    squared_errors, squared_errors_in_map, squared_angle_errors = [], [], []
     for name in scene.query_names:
         covariance = np.array(run.results[name]["covariance"])
         assert covariance.shape == (6, 6)
@@ -187,7 +243,13 @@ def test_covariance_explains_the_errors(localize, tmp_path, write_scene_files):
         error = np.concatenate([rotation.as_rotvec(), pose.tvec - truth.tvec])
         squared_errors.append(error @ np.linalg.solve(covariance, error))
         assert_stddevs_are_of_the_covariance(run.results[name], pose, covariance)
+        in_map, of_angles = errors_in_map(run.results[name], truth)
+        squared_errors_in_map.append(in_map @ np.linalg.solve(run.results[name]["pose_covariance_in_map"], in_map))
+        squared_angle_errors.append(of_angles**2)
     assert 3 < np.mean(squared_errors) < 12
+    np.testing.assert_allclose(squared_errors_in_map, squared_errors, rtol=0.02)
+    means = np.mean(squared_angle_errors, axis=0)
+    assert np.all((means > 0.4) & (means < 2.2)), means
 
 
 # options.ini

@@ -59,6 +59,11 @@ def test_result_has_the_content_of_results_jsonl(localize, noisy, localizer):
         assert list(result.as_dict()) == list(fields)
 
 
+ANGLE_FIELDS = [
+    f"{angle}_{field}" for angle in ("heading", "pitch", "roll", "top_heading") for field in ("deg", "stddev_deg")
+]
+
+
 def assert_has_type(value, kind, path="result"):
     """Checks a value of JSON against a type: TypedDicts, lists, dicts, unions and plain types."""
     if typing.get_origin(kind) is typing.NotRequired:
@@ -107,6 +112,11 @@ def test_arrays_of_a_result(noisy, localizer):
     assert result.inlier_mask.shape == (len(keypoints),) and result.inlier_mask.dtype == bool
     assert result.num_inliers == result.inlier_mask.sum() == len(set(result.point_keypoints)) > 50
     assert result.observations.shape[1] == 3 and set(result.observations[:, 0]) == set(range(len(result.points)))
+    inverse = np.linalg.inv(np.vstack([result.cam_from_world, [0, 0, 0, 1]]))
+    np.testing.assert_allclose(result.world_from_cam, inverse[:3], atol=1e-12)
+    np.testing.assert_array_equal(result.world_from_cam[:, 3], result.position)
+    assert result.position_covariance.shape == (3, 3) and result.pose_covariance_in_map.shape == (6, 6)
+    np.testing.assert_array_equal(result.pose_covariance_in_map[:3, :3], result.position_covariance)
     for point, pair, keypoint in result.observations[::50]:
         other = noisy.scene.images[result.as_dict()["pairs"][pair]["name"]]
         query_keypoint = result.point_keypoints[point]
@@ -119,6 +129,19 @@ def test_arrays_of_a_result(noisy, localizer):
     assert np.median(errors) < 2
 
 
+def test_geographic_model_gives_the_line_and_the_angles_of_the_program(localize, noisy, tmp_path):
+    model = synthetic.write_model(tmp_path / "model", noisy.scene, names=noisy.scene.database_names)
+    origin = {"latitude_deg": 45.0, "longitude_deg": 8.0, "height_m": 400.0, "frame": "ENU", "ellipsoid": "WGS84"}
+    (model / "geo.json").write_text(json.dumps(origin))
+    run = localize("--database_path", noisy.database_path, "--input_path", model)
+    localizer = ll.Localizer(noisy.database_path, model)
+    for name, fields in run.results.items():
+        result = localizer.localize(name)
+        assert without_times(result.as_dict()) == without_times(fields)
+        assert [getattr(result, field) for field in ANGLE_FIELDS] == [fields[field] for field in ANGLE_FIELDS]
+        assert None not in [fields[field] for field in ANGLE_FIELDS]
+
+
 def test_query_without_a_pose_has_a_status_and_no_arrays(tmp_path):
     scene = synthetic.make_scene(synthetic.arc(9), synthetic.arc(1, radius=5, height=-0.7))
     model = synthetic.write_model(tmp_path / "model", scene, names=scene.database_names[:1])
@@ -126,6 +149,10 @@ def test_query_without_a_pose_has_a_status_and_no_arrays(tmp_path):
     result = localizer.localize(scene.query_names[0])
     assert result.status == "SCALE_UNOBSERVABLE" and not result.is_localized and result.reason
     assert result.cam_from_world is None and result.covariance is None and result.as_pycolmap() is None
+    assert (
+        result.world_from_cam is None and result.pose_covariance_in_map is None and result.position_covariance is None
+    )
+    assert [getattr(result, field) for field in ANGLE_FIELDS] == [None] * len(ANGLE_FIELDS)
     assert not result.inlier_mask.any() and result.num_inliers == 0
 
 

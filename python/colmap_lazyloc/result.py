@@ -108,8 +108,7 @@ class Result:
     @property
     def position(self) -> NDArray[np.float64] | None:
         """Returns the camera's centre in world coordinates, x y z; None without LOCALIZED."""
-        position = self._fields["position"]
-        return None if position is None else np.array(position, np.float64)
+        return _to_array(self._fields["position"])
 
     @property
     def unconfirmed_cam_from_world(self) -> NDArray[np.float64] | None:
@@ -119,8 +118,69 @@ class Result:
     @property
     def covariance(self) -> NDArray[np.float64] | None:
         """Returns the 6x6 covariance of the pose: rotation w in rad (R <- exp(w) R), then t; None if unknown."""
-        covariance = self._fields["covariance"]
-        return None if covariance is None else np.array(covariance, np.float64)
+        return _to_array(self._fields["covariance"])
+
+    @property
+    def world_from_cam(self) -> NDArray[np.float64] | None:
+        """Returns the camera's pose in the map as a 3x4 matrix [R | C]: its axes, and its centre; None without
+        LOCALIZED."""
+        return _to_matrix(to_pose(self._fields["world_from_cam"]))
+
+    @property
+    def position_covariance(self) -> NDArray[np.float64] | None:
+        """Returns the 3x3 covariance of `position` along the axes of the map, in the model's unit squared; None if
+        unknown."""
+        return _to_array(self._fields["position_covariance"])
+
+    @property
+    def pose_covariance_in_map(self) -> NDArray[np.float64] | None:
+        """Returns the 6x6 covariance of world_from_cam in the order of ROS' PoseWithCovariance: position, then rotation
+        about the fixed axes of the map in rad (R <- exp(turn) R for R of world_from_cam); None if unknown."""
+        return _to_array(self._fields["pose_covariance_in_map"])
+
+    @property
+    def heading_deg(self) -> float | None:
+        """Returns where the optical axis points over the ground, clockwise from true north if the model is geographic,
+        else from +y of the model (z is up), from 0 to 360; None without LOCALIZED. Looking straight up or down, an axis
+        has no heading: see top_heading_deg."""
+        return self._fields["heading_deg"]
+
+    @property
+    def pitch_deg(self) -> float | None:
+        """Returns the angle of the optical axis above the horizon, from -90 to 90; None without LOCALIZED."""
+        return self._fields["pitch_deg"]
+
+    @property
+    def roll_deg(self) -> float | None:
+        """Returns the rotation about the optical axis, from -180 to 180, positive if the photo's right side is lower;
+        None without LOCALIZED."""
+        return self._fields["roll_deg"]
+
+    @property
+    def top_heading_deg(self) -> float | None:
+        """Returns where the top of the photo points over the ground, as heading_deg; None without LOCALIZED. Of a photo
+        that looks down, this is the heading of the drone."""
+        return self._fields["top_heading_deg"]
+
+    @property
+    def heading_stddev_deg(self) -> float | None:
+        """Returns the standard deviation of heading_deg, at most 104, that of an unknown direction; None if unknown."""
+        return self._fields["heading_stddev_deg"]
+
+    @property
+    def pitch_stddev_deg(self) -> float | None:
+        """Returns the standard deviation of pitch_deg; None if unknown."""
+        return self._fields["pitch_stddev_deg"]
+
+    @property
+    def roll_stddev_deg(self) -> float | None:
+        """Returns the standard deviation of roll_deg, at most 104; None if unknown."""
+        return self._fields["roll_stddev_deg"]
+
+    @property
+    def top_heading_stddev_deg(self) -> float | None:
+        """Returns the standard deviation of top_heading_deg, at most 104; None if unknown."""
+        return self._fields["top_heading_stddev_deg"]
 
     @property
     def inlier_mask(self) -> NDArray[np.bool_]:
@@ -171,6 +231,10 @@ class Result:
             rows.append(("points", str(len(self.points))))
         cells = (f"<tr><th>{label}</th><td>{html.escape(text)}</td></tr>" for label, text in rows if text)
         return f"<table>{''.join(cells)}</table>"
+
+
+def _to_array(numbers: list[float] | list[list[float]] | None) -> NDArray[np.float64] | None:
+    return None if numbers is None else np.array(numbers, np.float64)
 
 
 def _to_matrix(pose: Pose | None) -> NDArray[np.float64] | None:

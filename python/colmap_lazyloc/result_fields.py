@@ -8,7 +8,7 @@ from typing import NotRequired, TypedDict
 
 
 class PoseFields(TypedDict):
-    """A pose cam_from_world."""
+    """A pose."""
 
     qvec: list[float]  # w, x, y, z
     tvec: list[float]
@@ -131,6 +131,17 @@ class ResultFields(TypedDict):
     rotation_stddev_deg: float | None
     rotation: list[float] | None
     bearing: BearingFields | None
+    world_from_cam: PoseFields | None
+    position_covariance: list[list[float]] | None
+    pose_covariance_in_map: list[list[float]] | None
+    heading_deg: float | None
+    heading_stddev_deg: float | None
+    pitch_deg: float | None
+    pitch_stddev_deg: float | None
+    roll_deg: float | None
+    roll_stddev_deg: float | None
+    top_heading_deg: float | None
+    top_heading_stddev_deg: float | None
     frame: str | None
     rig_from_world: PoseFields | None
     rig_scale: NotRequired[float]

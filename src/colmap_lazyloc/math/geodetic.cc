@@ -43,14 +43,18 @@ GeodeticPoint GeodeticFromEcef(const Eigen::Vector3d& point_in_ecef) {
   return {RadToDeg(latitude), RadToDeg(std::atan2(point_in_ecef.y(), point_in_ecef.x())), height};
 }
 
-GeodeticPoint GeodeticFromEnu(const GeodeticPoint& origin, const Eigen::Vector3d& point_in_enu) {
-  const double latitude = DegToRad(origin.latitude_deg), longitude = DegToRad(origin.longitude_deg);
+Eigen::Matrix3d EcefFromEnuRotation(const GeodeticPoint& place) {
+  const double latitude = DegToRad(place.latitude_deg), longitude = DegToRad(place.longitude_deg);
   const Eigen::Vector3d east(-std::sin(longitude), std::cos(longitude), 0);
   const Eigen::Vector3d up(std::cos(latitude) * std::cos(longitude), std::cos(latitude) * std::sin(longitude),
                            std::sin(latitude));
-  const Eigen::Vector3d north = up.cross(east);
-  return GeodeticFromEcef(EcefFromGeodetic(origin) + point_in_enu.x() * east + point_in_enu.y() * north +
-                          point_in_enu.z() * up);
+  Eigen::Matrix3d axes;
+  axes << east, up.cross(east), up;
+  return axes;
+}
+
+GeodeticPoint GeodeticFromEnu(const GeodeticPoint& origin, const Eigen::Vector3d& point_in_enu) {
+  return GeodeticFromEcef(EcefFromGeodetic(origin) + EcefFromEnuRotation(origin) * point_in_enu);
 }
 
 }  // namespace lazyloc

@@ -16,6 +16,9 @@ struct GeodeticPoint {
 Eigen::Vector3d EcefFromGeodetic(const GeodeticPoint& point);
 GeodeticPoint GeodeticFromEcef(const Eigen::Vector3d& point_in_ecef);
 
+// Returns the directions to the east, to the north and upwards at a place, as columns in the axes of ECEF.
+Eigen::Matrix3d EcefFromEnuRotation(const GeodeticPoint& place);
+
 // Returns the place of a point given in metres to the east, to the north and upwards of a local origin.
 GeodeticPoint GeodeticFromEnu(const GeodeticPoint& origin, const Eigen::Vector3d& point_in_enu);
 

@@ -11,13 +11,15 @@ namespace lazyloc {
 // Both functions throw InputError naming the file if it cannot be written. Numbers are as short as they can be without
 // losing a bit.
 
-// Writes a table (RFC 4180) with the position of each query. The places of a query without a position are empty.
+// Writes a table (RFC 4180) with the position and the angles of each query. The places of a query without a pose are
+// empty.
 // origin: of the model's axes (east, north, up) on Earth; with it, the table also has latitudes, longitudes and
 // heights.
 void WritePositionsCsv(const std::filesystem::path& path, const QueryRecords& records,
                        const std::optional<GeodeticPoint>& origin);
 
-// Writes the localized queries as points of a map (RFC 7946).
+// Writes the localized queries as a map (RFC 7946): for each a point, and what it sees as a polygon if the distance of
+// the scene is known.
 void WritePositionsGeojson(const std::filesystem::path& path, const QueryRecords& records, const GeodeticPoint& origin);
 
 }  // namespace lazyloc

@@ -7,6 +7,8 @@
 #include <gmock/gmock.h>
 #include <nlohmann/json.hpp>
 
+#include "colmap_lazyloc/bridge/camera_models.h"
+#include "colmap_lazyloc/math/so3.h"
 #include "colmap_lazyloc/runs/records_test_fixture.h"
 
 namespace lazyloc {
@@ -21,7 +23,9 @@ QueryRecord Record(const std::string& name, QueryStatus status) {
   return record;
 }
 
-// Returns a query at (1, -2.5, 0.1) that is turned by 90 degrees about z.
+Camera Pinhole() { return {1, *CameraModelId("PINHOLE"), 640, 480, {500, 500, 320, 240}, true}; }
+
+// Returns a query at (1, -2.5, 0.1) that looks up and is turned by 90 degrees about z.
 QueryRecord Localized(const std::string& name) {
   QueryRecord record = Record(name, QueryStatus::LOCALIZED);
   const Eigen::Quaterniond rotation(std::sqrt(0.5), 0, 0, std::sqrt(0.5));
@@ -52,7 +56,7 @@ class PositionFiles : public RecordsTest {
 TEST_F(PositionFiles, TableHasPositionsAndDeviationsAlongTheAxesOfTheWorld) {
   const std::vector<double> numbers = Numbers(Localized("q.jpg"), std::nullopt);
   const double expected[] = {1, -2.5, 0.1, 3, 2, 4, 0.75};
-  ASSERT_EQ(numbers.size(), 7);
+  ASSERT_EQ(numbers.size(), 15);
   for (int i = 0; i < 7; ++i) EXPECT_NEAR(numbers[i], expected[i], 1e-12);
 }
 
@@ -65,30 +69,57 @@ TEST_F(PositionFiles, TableHasEveryQueryAndPositionsOfLocalizedOnesOnly) {
   WritePositionsCsv(folder_ / "positions.csv",
                     Stored({Record("a\xE9.jpg", QueryStatus::NO_PAIRS), doubtful, at_origin}), std::nullopt);
   EXPECT_EQ(ReadFile(folder_ / "positions.csv"),
-            "name,status,x,y,z,stddev_x,stddev_y,stddev_z,confidence\n"
-            "a\\xe9.jpg,NO_PAIRS,,,,,,,\n"
-            "\"b \"\"1\"\", 2.jpg\",LOW_CONFIDENCE,,,,,,,0.75\n"
-            "c.jpg,LOCALIZED,1.0,0.1,1000000.0,,,,\n");
+            "name,status,x,y,z,stddev_x,stddev_y,stddev_z,confidence,heading_deg,heading_stddev_deg,pitch_deg,"
+            "pitch_stddev_deg,roll_deg,roll_stddev_deg,top_heading_deg,top_heading_stddev_deg\n"
+            "a\\xe9.jpg,NO_PAIRS,,,,,,,,,,,,,,,\n"
+            "\"b \"\"1\"\", 2.jpg\",LOW_CONFIDENCE,,,,,,,0.75,,,,,,,,\n"
+            "c.jpg,LOCALIZED,1.0,0.1,1000000.0,,,,,0.0,,90.0,,0.0,,180.0,\n");
 }
 
 TEST_F(PositionFiles, TableHasGeographicCoordinatesIfTheOriginIsKnown) {
   const GeodeticPoint origin = {47.3769, 8.5417, 408};
   const GeodeticPoint expected = GeodeticFromEnu(origin, {1, -2.5, 0.1});
   const std::vector<double> numbers = Numbers(Localized("q.jpg"), origin);
-  ASSERT_EQ(numbers.size(), 10);
+  ASSERT_EQ(numbers.size(), 18);
   EXPECT_NEAR(numbers[7], expected.latitude_deg, 1e-12);
   EXPECT_NEAR(numbers[8], expected.longitude_deg, 1e-12);
   EXPECT_NEAR(numbers[9], expected.height_m, 1e-8);
-  EXPECT_EQ(Numbers(Record("q.jpg", QueryStatus::NO_PAIRS), origin).size(), 10);
+  EXPECT_EQ(Numbers(Record("q.jpg", QueryStatus::NO_PAIRS), origin).size(), 18);
 }
 
-TEST_F(PositionFiles, MapHasTheLocalizedQueries) {
-  const GeodeticPoint origin = {47.3769, 8.5417, 408};
-  const auto write = [&](const std::vector<QueryRecord>& records) {
+TEST_F(PositionFiles, TableHasTheAnglesOfLocalizedQueries) {
+  QueryRecord record = Localized("q.jpg");
+  // Looks to the east, 10 degrees above the horizon, and is known to 0.5 degrees about each axis.
+  const Eigen::Quaterniond rotation(Eigen::AngleAxisd(DegToRad(80), Eigen::Vector3d::UnitX()) *
+                                    Eigen::AngleAxisd(DegToRad(90), Eigen::Vector3d::UnitZ()));
+  record.result.cam_from_world.rotation = rotation;
+  record.result.covariance.setZero();
+  record.result.covariance.diagonal().head<3>().setConstant(DegToRad(0.5) * DegToRad(0.5));
+  const std::vector<double> numbers = Numbers(record, std::nullopt);
+  const double c = std::cos(DegToRad(10));
+  const double expected[] = {90, 0.5 / c, 10, 0.5, 0, 0.5 / c, 270, 0.5 / std::sin(DegToRad(10))};
+  ASSERT_EQ(numbers.size(), 15);
+  for (int i = 0; i < 8; ++i) EXPECT_NEAR(numbers[7 + i], expected[i], 1e-9) << i;
+}
+
+class PositionMap : public PositionFiles {
+ protected:
+  Json Write(const std::vector<QueryRecord>& records, const GeodeticPoint& origin = {47.3769, 8.5417, 408}) const {
     WritePositionsGeojson(folder_ / "positions.geojson", Stored(records), origin);
     return Json::parse(ReadFile(folder_ / "positions.geojson"));
-  };
-  const Json map = write({Localized("a.jpg"), Record("b.jpg", QueryStatus::NO_PAIRS), Localized("c.jpg")});
+  }
+  // Returns a query that sees a scene 10 m away.
+  static QueryRecord Seeing(const std::string& name) {
+    QueryRecord record = Localized(name);
+    record.result.query_camera = Pinhole();
+    record.result.evidence.scene_distance = 10;
+    return record;
+  }
+};
+
+TEST_F(PositionMap, HasTheLocalizedQueries) {
+  const GeodeticPoint origin = {47.3769, 8.5417, 408};
+  const Json map = Write({Localized("a.jpg"), Record("b.jpg", QueryStatus::NO_PAIRS), Localized("c.jpg")});
   EXPECT_EQ(map["type"], "FeatureCollection");
   ASSERT_EQ(map["features"].size(), 2);
   const Json& feature = map["features"][1];
@@ -98,7 +129,40 @@ TEST_F(PositionFiles, MapHasTheLocalizedQueries) {
   ASSERT_EQ(feature["geometry"]["coordinates"].size(), 3);
   EXPECT_NEAR(feature["geometry"]["coordinates"][0], expected.longitude_deg, 1e-12) << "longitude is first";
   EXPECT_NEAR(feature["geometry"]["coordinates"][1], expected.latitude_deg, 1e-12);
-  EXPECT_TRUE(write({})["features"].empty());
+  EXPECT_NEAR(feature["properties"]["pitch_deg"], 90, 1e-4) << "the vertical is that of the place";
+  EXPECT_EQ(feature["properties"]["shows"], "position");
+  EXPECT_TRUE(Write({})["features"].empty());
+}
+
+TEST_F(PositionMap, HasThePolygonOfWhatAQuerySees) {
+  const Json features = Write({Localized("a.jpg"), Seeing("b.jpg")})["features"];
+  ASSERT_EQ(features.size(), 3) << "without the scene's distance there is none";
+  const Json& feature = features[2];
+  EXPECT_EQ(feature["properties"], Json({{"name", "b.jpg"}, {"shows", "field_of_view"}}));
+  EXPECT_EQ(feature["geometry"]["type"], "Polygon");
+  ASSERT_EQ(feature["geometry"]["coordinates"].size(), 1);
+  const Json& ring = feature["geometry"]["coordinates"][0];
+  ASSERT_GE(ring.size(), 5);
+  EXPECT_EQ(ring.front(), ring.back());
+  const Json& centre = features[1]["geometry"]["coordinates"];
+  double area = 0;
+  for (size_t i = 0; i + 1 < ring.size(); ++i) {
+    ASSERT_EQ(ring[i].size(), 2);
+    const auto offset = [&](size_t point, int axis) {
+      return ring[point][axis].get<double>() - centre[axis].get<double>();
+    };
+    area += (offset(i, 0) * offset(i + 1, 1) - offset(i + 1, 0) * offset(i, 1)) / 2;
+    EXPECT_LT(std::abs(offset(i, 0)), 1e-4);
+  }
+  EXPECT_GT(area, 0) << "counterclockwise";
+}
+
+TEST_F(PositionMap, PolygonDoesNotGoAroundTheEarth) {
+  const Json features = Write({Seeing("a.jpg")}, {10, 180, 0})["features"];
+  const double longitude_deg = features[0]["geometry"]["coordinates"][0];
+  for (const Json& point : features[1]["geometry"]["coordinates"][0]) {
+    EXPECT_NEAR(point[0].get<double>(), longitude_deg, 1e-3);
+  }
 }
 
 }  // namespace

@@ -9,6 +9,7 @@
 #include "colmap_lazyloc/bridge/camera_models.h"
 #include "colmap_lazyloc/files/output_file.h"
 #include "colmap_lazyloc/math/so3.h"
+#include "colmap_lazyloc/results/map_pose.h"
 #include "colmap_lazyloc/scene/format.h"
 
 namespace lazyloc {
@@ -53,9 +54,10 @@ Json PoseToJson(const Rigid3d& pose) {
   return {{"qvec", ToJson(Qvec(pose.rotation))}, {"tvec", ToJson(pose.translation)}};
 }
 
-Json CovarianceToJson(const Eigen::Matrix<double, 6, 6>& covariance) {
+template <int size>
+Json CovarianceToJson(const Eigen::Matrix<double, size, size>& covariance) {
   Json rows = Json::array();
-  for (int row = 0; row < 6; ++row) rows.push_back(ToJson(Eigen::Matrix<double, 6, 1>(covariance.row(row))));
+  for (int row = 0; row < size; ++row) rows.push_back(ToJson(Eigen::Matrix<double, size, 1>(covariance.row(row))));
   return rows;
 }
 
@@ -88,6 +90,20 @@ void AddConfidence(const LocalizationResult& result, Json* json) {
   if (result.runner_up) (*json)["runner_up"] = RunnerUpToJson(*result.runner_up);
 }
 
+// Adds the pose in the map and its angles, which a query has that was localized.
+void AddMapPose(const LocalizationResult& result, const std::optional<GeodeticPoint>& origin, Json* json) {
+  const bool is_localized = result.status == QueryStatus::LOCALIZED;
+  const MapPose pose = is_localized ? MakeMapPose(result, origin) : MapPose();
+  (*json)["world_from_cam"] = is_localized ? PoseToJson(pose.world_from_cam) : Json();
+  (*json)["position_covariance"] =
+      pose.covariance ? CovarianceToJson<3>(pose.covariance->topLeftCorner<3, 3>()) : Json();
+  (*json)["pose_covariance_in_map"] = pose.covariance ? CovarianceToJson<6>(*pose.covariance) : Json();
+  ForEachAngle(pose.angles, [&](const std::string& name, const CameraAngle& angle) {
+    (*json)[name + "_deg"] = is_localized ? Json(angle.deg) : Json();
+    (*json)[name + "_stddev_deg"] = angle.stddev_deg ? Json(*angle.stddev_deg) : Json();
+  });
+}
+
 // Adds the pose, or the part of it that is known, and its standard deviations.
 void AddPose(const LocalizationResult& result, Json* json) {
   for (const char* field : {"cam_from_world", "unconfirmed_cam_from_world", "covariance", "position",
@@ -99,7 +115,7 @@ void AddPose(const LocalizationResult& result, Json* json) {
     (*json)[is_localized ? "cam_from_world" : "unconfirmed_cam_from_world"] = PoseToJson(result.cam_from_world);
     if (is_localized) (*json)["position"] = ToJson(CamInWorld(result.cam_from_world));
     if (!result.covariance.allFinite()) return;
-    (*json)["covariance"] = CovarianceToJson(result.covariance);
+    (*json)["covariance"] = CovarianceToJson<6>(result.covariance);
     (*json)["position_stddevs"] = ToJson(result.spread.position_stddevs);
     (*json)["weakest_direction"] = ToJson(result.spread.weakest_direction_in_world);
     (*json)["rotation_stddev_deg"] = RadToDeg(result.spread.rotation_stddev_rad);
@@ -170,7 +186,7 @@ Json SecondsToJson(const QueryRecord& record) {
   return json;
 }
 
-Json RecordToJson(const QueryRecord& record) {
+Json RecordToJson(const QueryRecord& record, const std::optional<GeodeticPoint>& origin) {
   const LocalizationResult& result = record.result;
   Json json;
   json["name"] = result.query_name;
@@ -179,6 +195,7 @@ Json RecordToJson(const QueryRecord& record) {
   json["start"] = result.start;
   AddConfidence(result, &json);
   AddPose(result, &json);
+  AddMapPose(result, origin, &json);
   const bool has_rig = !result.frame_name.empty();
   json["frame"] = has_rig ? Json(result.frame_name) : Json();
   json["rig_from_world"] =
@@ -241,15 +258,16 @@ void WriteRigPoses(const std::filesystem::path& path, const QueryRecords& record
   file.Close();
 }
 
-std::string ResultLine(const QueryRecord& record) {
-  Json json = RecordToJson(record);
+std::string ResultLine(const QueryRecord& record, const std::optional<GeodeticPoint>& origin) {
+  Json json = RecordToJson(record, origin);
   EscapeNames(&json);
   return json.dump();  // JSON writes numbers that are not finite as null
 }
 
-void WriteResultsJson(const std::filesystem::path& path, const QueryRecords& records) {
+void WriteResultsJson(const std::filesystem::path& path, const QueryRecords& records,
+                      const std::optional<GeodeticPoint>& origin) {
   OutputFile file(path);
-  records.ForEach([&](const QueryRecord& record) { file.Text() << ResultLine(record) << '\n'; });
+  records.ForEach([&](const QueryRecord& record) { file.Text() << ResultLine(record, origin) << '\n'; });
   file.Close();
 }
 

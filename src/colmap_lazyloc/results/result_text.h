@@ -1,8 +1,10 @@
 #pragma once
 
 #include <filesystem>
+#include <optional>
 #include <string>
 
+#include "colmap_lazyloc/math/geodetic.h"
 #include "colmap_lazyloc/runs/query_records.h"
 
 namespace lazyloc {
@@ -16,10 +18,13 @@ void WritePoses(const std::filesystem::path& path, const QueryRecords& records);
 // Writes nothing if there is none.
 void WriteRigPoses(const std::filesystem::path& path, const QueryRecords& records);
 
+// origin: of the model's axes (east, north, up) on Earth, if it is known.
+
 // Returns the line of results.jsonl for a query, without the line break.
-std::string ResultLine(const QueryRecord& record);
+std::string ResultLine(const QueryRecord& record, const std::optional<GeodeticPoint>& origin);
 
 // Writes one JSON object a line for every query. A field without a value is null.
-void WriteResultsJson(const std::filesystem::path& path, const QueryRecords& records);
+void WriteResultsJson(const std::filesystem::path& path, const QueryRecords& records,
+                      const std::optional<GeodeticPoint>& origin);
 
 }  // namespace lazyloc

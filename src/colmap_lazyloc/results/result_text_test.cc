@@ -9,6 +9,7 @@
 
 #include "colmap_lazyloc/bridge/camera_models.h"
 #include "colmap_lazyloc/math/so3.h"
+#include "colmap_lazyloc/results/map_pose.h"
 #include "colmap_lazyloc/runs/records_test_fixture.h"
 
 namespace lazyloc {
@@ -56,8 +57,8 @@ class ResultText : public RecordsTest {
     }
     return lines;
   }
-  Json JsonOf(const QueryRecord& record) const {
-    WriteResultsJson(folder_ / "results.jsonl", Stored({record}));
+  Json JsonOf(const QueryRecord& record, const std::optional<GeodeticPoint>& origin = std::nullopt) const {
+    WriteResultsJson(folder_ / "results.jsonl", Stored({record}), origin);
     return Json::parse(ReadFile(folder_ / "results.jsonl"));
   }
 };
@@ -117,6 +118,45 @@ TEST_F(ResultText, JsonHoldsEverything) {
   EXPECT_EQ(json["seconds"], Json({{"rotation", 0.5}, {"refinement", 1.0}, {"total", 1.75}}));
 }
 
+TEST_F(ResultText, JsonHoldsThePoseInTheMapToTheLastBit) {
+  QueryRecord record = Localized();
+  record.result.cam_from_world = {Eigen::Quaterniond(0.5, 0.5, -0.5, 0.5), {1.0 / 3, -2, 5}};
+  record.result.covariance = Eigen::Matrix<double, 6, 6>::Identity() / 7;
+  const GeodeticPoint origin = {47.3769, 8.5417, 408};
+  const MapPose pose = MakeMapPose(record.result, origin);
+  const Json json = JsonOf(record, origin);
+  EXPECT_EQ(json["world_from_cam"]["qvec"], Json({0.5, -0.5, 0.5, -0.5}));
+  EXPECT_EQ(json["world_from_cam"]["tvec"], json["position"]);
+  for (int row = 0; row < 6; ++row) {
+    for (int col = 0; col < 6; ++col) {
+      EXPECT_EQ(json["pose_covariance_in_map"][row][col], (*pose.covariance)(row, col));
+      if (row < 3 && col < 3) {
+        EXPECT_EQ(json["position_covariance"][row][col], (*pose.covariance)(row, col));
+      }
+    }
+  }
+  ASSERT_EQ(json["position_covariance"].size(), 3);
+  EXPECT_EQ(json["heading_deg"], pose.angles.heading.deg);
+  EXPECT_EQ(json["top_heading_stddev_deg"], *pose.angles.top_heading.stddev_deg);
+  EXPECT_NE(json["heading_deg"], JsonOf(record)["heading_deg"]) << "north is that at the camera's place";
+}
+
+TEST_F(ResultText, JsonHasNoDeviationsWithoutCovarianceAndNoAnglesWithoutConfidence) {
+  QueryRecord record = Localized();
+  record.result.covariance.setConstant(std::numeric_limits<double>::quiet_NaN());
+  Json json = JsonOf(record);
+  EXPECT_TRUE(json["heading_deg"].is_number() && json["world_from_cam"].is_object());
+  for (const char* field : {"heading_stddev_deg", "position_covariance", "pose_covariance_in_map"}) {
+    EXPECT_TRUE(json[field].is_null()) << field;
+  }
+  record = Localized();
+  record.result.status = QueryStatus::LOW_CONFIDENCE;
+  json = JsonOf(record);
+  for (const char* field : {"heading_deg", "pitch_stddev_deg", "world_from_cam", "pose_covariance_in_map"}) {
+    EXPECT_TRUE(json[field].is_null()) << field;
+  }
+}
+
 TEST_F(ResultText, JsonHoldsWhatCompetes) {
   QueryRecord record = Localized();
   record.result.confidence = 0.75;
@@ -171,6 +211,9 @@ TEST_F(ResultText, JsonKeepsTheOrderOfKeys) {
       R"("cam_from_world":null,"unconfirmed_cam_from_world":null,)"
       R"("covariance":null,"position":null,)"
       R"("position_stddevs":null,"weakest_direction":null,"rotation_stddev_deg":null,"rotation":null,"bearing":null,)"
+      R"("world_from_cam":null,"position_covariance":null,"pose_covariance_in_map":null,)"
+      R"("heading_deg":null,"heading_stddev_deg":null,"pitch_deg":null,"pitch_stddev_deg":null,)"
+      R"("roll_deg":null,"roll_stddev_deg":null,"top_heading_deg":null,"top_heading_stddev_deg":null,)"
       R"("frame":null,"rig_from_world":null,"rig_error_px":null,)"
       R"("intrinsics":{"origin":"given","verdict":"not_tested","focal_factor":null,"focal_factor_stddev":null,)"
       R"("contradiction":null},"intrinsics_source":null,"num_tracks":0,"num_observations":0,"mean_reprojection_error_px":null,"pairs":[],)"
@@ -186,7 +229,7 @@ TEST_F(ResultText, JsonIsValidForAnyBytesInNames) {
 
 TEST_F(ResultText, JsonHasALineForEveryQuery) {
   const QueryRecord localized = Localized(), failed = Failed();
-  WriteResultsJson(folder_ / "results.jsonl", Stored({localized, failed}));
+  WriteResultsJson(folder_ / "results.jsonl", Stored({localized, failed}), std::nullopt);
   std::istringstream text(ReadFile(folder_ / "results.jsonl"));
   std::string first, second, rest;
   std::getline(text, first);
@@ -214,7 +257,7 @@ TEST_F(ResultText, FullDiskIsReported) {
   const QueryRecord localized = Localized();
   EXPECT_THAT(ErrorOf([&] { WritePoses("/dev/full", Stored({localized})); }),
               HasSubstr("/dev/full: cannot be written"));
-  EXPECT_THAT(ErrorOf([&] { WriteResultsJson(folder_ / "none" / "x", Stored({})); }),
+  EXPECT_THAT(ErrorOf([&] { WriteResultsJson(folder_ / "none" / "x", Stored({}), std::nullopt); }),
               HasSubstr("none/x: cannot be written"));
 }
 

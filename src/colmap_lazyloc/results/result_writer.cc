@@ -63,7 +63,7 @@ void ResultWriter::Write(const Model& model, const QueryRecords& records, const 
   StagedOutput staged(output_path_, {}, staging_parent);
   MakeFolder(staged / "model");
   WritePoses(staged / "poses.txt", records);
-  WriteResultsJson(staged / "results.jsonl", records);
+  WriteResultsJson(staged / "results.jsonl", records, model.geographic_origin);
   WritePositionsCsv(staged / "positions.csv", records, model.geographic_origin);
   WriteModel(staged / "model", staged / "observations", model, records, database);
   OutputFile options_file(staged / "options.ini");

@@ -56,6 +56,15 @@ Eigen::Matrix3d PoseDistribution::PositionCovariance() const {
   return world_from_cam * Covariance().bottomRightCorner<3, 3>() * world_from_cam.transpose();
 }
 
+Matrix PoseDistribution::CovarianceInWorld() const {
+  // Around the camera, the tangent (w, t) moves the centre by -R^T t. With R <- exp(w) R, the inverse rotation becomes
+  // R^T exp(-w) = exp(-R^T w) R^T.
+  Matrix derivative = Matrix::Zero();
+  derivative.topRightCorner<3, 3>() = -cam_from_world.rotation.conjugate().toRotationMatrix();
+  derivative.bottomLeftCorner<3, 3>() = derivative.topRightCorner<3, 3>();
+  return Symmetric(derivative * Covariance() * derivative.transpose());
+}
+
 PoseSpread PoseDistribution::Spread() const {
   using Solver = Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>;
   const Solver rotation(RotationCovariance(), Eigen::EigenvaluesOnly), position(PositionCovariance());

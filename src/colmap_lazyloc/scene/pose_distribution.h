@@ -21,6 +21,9 @@ struct PoseDistribution {
   Eigen::Matrix3d RotationCovariance() const { return Covariance().topLeftCorner<3, 3>(); }
   // Returns the covariance of the projection centre in the world.
   Eigen::Matrix3d PositionCovariance() const;
+  // Returns the covariance of world_from_cam: first of the projection centre, then of the rotation about the fixed axes
+  // of the world (world_from_cam <- exp(turn) world_from_cam, in rad). ROS has it so.
+  Matrix CovarianceInWorld() const;
   PoseSpread Spread() const;
 
   // Replaces the pose by the most probable one under measurements (the update of a Kalman filter). They are not weighed
