@@ -1,5 +1,6 @@
 """Tests of `lazyloc report`: what a page holds. The page itself is tested in test_report_page.py."""
 
+import csv
 import json
 import math
 import os
@@ -10,14 +11,16 @@ import sys
 
 import cv2
 import numpy as np
+import pyproj
 import pytest
 
 import exif
-from colmap_lazyloc.model import read_model
+from colmap_lazyloc.model import Camera, read_model
 from colmap_lazyloc.pose_formats.naming import times_of
 from colmap_lazyloc.report.__main__ import main
+from colmap_lazyloc.report.facts import facts
 from colmap_lazyloc.report.photos import choose_queries
-from colmap_lazyloc.results import read_results
+from colmap_lazyloc.results import pose_of, read_results
 from colmap_lazyloc.testing import synthetic
 from colmap_lazyloc.testing.synthetic_run import FAILURES, QUERY_CAMERA, UGLY_NAMES, RunShape, write_run
 from conftest import write_scene
@@ -66,7 +69,9 @@ def test_every_query_is_listed_the_least_certain_first(run_path, page):
 
 def test_table_holds_the_figures_of_the_results(run_path, page):
     for name, result in read_results(run_path / "results.jsonl").items():
-        row = {key: values[page.index(name)] for key, values in page.queries.items() if key != "frames"}
+        row = {
+            key: values[page.index(name)] for key, values in page.queries.items() if key not in ("frames", "systems")
+        }
         expected = {
             "positionStddev": (result["position_stddevs"] or [None])[0],
             "rotationStddevDeg": result["rotation_stddev_deg"],
@@ -78,6 +83,53 @@ def test_table_holds_the_figures_of_the_results(run_path, page):
         assert row["numTracks"] == result["num_tracks"]
         assert row["numImages"] == sum(pair["rotation_error_deg"] is not None for pair in result["pairs"])
         assert page.queries["frames"][row["frame"]] == result["frame"]
+
+
+def test_positions_are_those_of_the_localized_queries(run_path, page, tmp_path):
+    (system,) = page.queries["systems"]
+    assert system["axes"] == ["x", "y", "z"] and system["units"] == ["units"] * 3
+    positions = page.queries["coordinates"].reshape(-1, 3)
+    for name, result in read_results(run_path / "results.jsonl").items():
+        pose = pose_of(result)  # not that of low confidence
+        expected = np.full(3, np.nan) if pose is None else pose.cam_in_world
+        assert np.array_equal(positions[page.index(name)], expected, equal_nan=True), name
+    output = tmp_path / "report.html"
+    assert main([str(run_path), "--output", str(output), "--crs", "EPSG:32632"]) == 1 and not output.exists()
+
+
+def test_geographic_positions_are_also_those_of_a_reference_system(run_path, tmp_path):
+    folder = tmp_path / "run"
+    shutil.copytree(run_path, folder)
+    name = next(name for name, result in read_results(folder / "results.jsonl").items() if pose_of(result))
+    with (folder / "positions.csv").open("w", newline="") as file:
+        table = csv.writer(file)
+        table.writerow(["name", "status", "latitude_deg", "longitude_deg", "height_m"])
+        table.writerow([name, "LOCALIZED", 45.0, 9.0, 301.5])  # on the central meridian of zone 32
+        table.writerow(["query/nowhere.jpg", "NO_PAIRS", "", "", ""])
+    page = make_page(folder, tmp_path / "geographic.html", "--crs", "EPSG:32632")
+    assert [system["axes"] for system in page.queries["systems"][1:]] == [
+        ["latitude", "longitude", "height"],
+        ["E", "N", "H"],
+    ]
+    positions = page.queries["coordinates"].reshape(-1, 3, 3)
+    _, geodetic, projected = positions[page.index(name)]
+    assert list(geodetic) == [45.0, 9.0, 301.5]
+    length = pyproj.Geod(ellps="WGS84").inv(9, 0, 9, 45)[2]  # along the meridian, which UTM scales by 0.9996
+    assert projected == pytest.approx([500000, 0.9996 * length, 301.5], abs=1e-3)
+    assert np.isnan(np.delete(positions, page.index(name), axis=0)[:, 1:]).all()
+    (folder / "positions.csv").write_text("name,latitude_deg\nx,north\n")
+    assert main([str(folder), "--output", str(tmp_path / "damaged.html")]) == 1
+
+
+def test_focal_lengths_are_in_pixels():
+    camera = Camera("PINHOLE", 840, 560, (596.0, 596.0, 420.0, 280.0))
+    intrinsics = {"origin": "guess", "verdict": "refined", "focal_factor": 596 / 1008, "focal_factor_stddev": 0.003}
+    result = {"intrinsics": {**intrinsics, "contradiction": None}}
+    refined = dict(facts(result, "units", camera))["Focal length"]
+    assert refined == "596 ± 3 px, not the guessed 1008 px: estimated from the images"
+    intrinsics |= {"origin": "given", "verdict": "confirmed", "focal_factor": 1.01}
+    confirmed = dict(facts({"intrinsics": intrinsics}, "units", camera))["Focal length"]
+    assert confirmed.startswith("596 px: the images agree") and confirmed.endswith("they suggest 602 ± 1.8 px")
 
 
 def test_head_names_versions_inputs_and_changed_options(run_path, page):
@@ -105,8 +157,8 @@ def test_lengths_are_in_metres_only_if_that_is_known(run_path, page, tmp_path):
 def test_names_are_data_and_never_html(run_path, page):
     assert {f"query/{name}" for name in UGLY_NAMES} <= set(page.queries["names"])
     assert {f"database/{name}" for name in UGLY_NAMES} <= set(page.scene["databaseNames"])
-    assert "<title>&lt;i&gt;it&#x27;s/&lt;script&gt;alert(1)</title>" in page.text
-    assert page.summary["title"] == "<i>it's/<script>alert(1)"
+    assert "<title>16 of 30 queries localized: &lt;i&gt;it&#x27;s/&lt;script&gt;alert(1)</title>" in page.text
+    assert page.summary["folder"] == "<i>it's/<script>alert(1)"
     head, _, data = page.text.partition("</style>")
     data = data[: data.rindex("<script>")]
     assert "alert" not in data and head.count("alert") == 1

@@ -153,6 +153,49 @@ def test_a_double_click_in_the_scene_selects(report):
     assert np.hypot(x - found[1], y - found[2]) < 15  # another query may be in front
 
 
+def test_positions_are_shown_and_copied(browser, page_path, run):
+    report = browser.open(page_path, permissions=["clipboard-read", "clipboard-write"])
+    found = {name: results.pose_of(result) for name, result in results.read_results(run / "results.jsonl").items()}
+    names = names_of(report)
+    query = next(i for i in range(len(names) - 1, -1, -1) if found[names[i]] is not None)
+    xyz = found[names[query]].cam_in_world
+    report.select_by_address(query)
+    shown = report.page.locator(".query-page .position").inner_text()
+    assert [float(word) for word in shown.split(", ")] == pytest.approx(xyz, abs=1e-3)
+    assert report.page.locator(f".rows [data-query='{query}']").inner_text().count(shown) == 1
+
+    def copied(button):
+        button.click()
+        report.wait_for("text => [...document.querySelectorAll('button')].some(b => b.textContent === text)", "Copied")
+        return report.page.evaluate("() => navigator.clipboard.readText()")
+
+    assert copied(report.page.locator(".positions button")) == shown
+    report.page.wait_for_timeout(2500)  # until the button shows its label again
+    report.page.get_by_role("searchbox").fill(names[query])
+    head, *rows = copied(report.page.get_by_role("button", name="Copy positions")).splitlines()
+    assert head.split("\t") == ["query", "status", "x", "y", "z", "standard deviation"]
+    assert [row.split("\t")[2:5] for row in rows if row.startswith(names[query])] == [shown.split(", ")]
+    assert report.problems == []
+
+
+@pytest.mark.parametrize("width, color_scheme", [(1280, "light"), (1280, "dark"), (390, "light")])
+def test_nothing_is_cut_off(browser, page_path, width, color_scheme):
+    report = browser.open(page_path, width=width, color_scheme=color_scheme)
+    cut = """selector => [...document.querySelectorAll(selector)]
+      .filter(e => e.scrollWidth > e.clientWidth + 1).map(e => e.textContent)"""
+    for header in report.page.get_by_role("columnheader").all():
+        header.get_by_role("button").click()  # the arrow of the order needs room, too
+        assert report.page.evaluate(cut, ".header .cell") == []
+    assert report.page.evaluate(cut, ".rows .cell.number span, .rows .cell.confidence span") == []
+    assert report.page.evaluate("() => document.documentElement.scrollWidth <= innerWidth")
+    if width == 1280:
+        assert report.page.evaluate(cut, ".grid") == []
+        report.select_by_address(len(names_of(report)) - 1)
+        assert report.page.evaluate(cut, ".pair-table thead th") == []
+    assert report.page.locator("h1").inner_text() == report.page.evaluate("() => window.report.data.summary.title")
+    assert report.problems == []
+
+
 def test_the_keyboard_reaches_rows_filter_and_nothing_selected(report):
     rows = shown_rows(report)
     report.page.locator("[role=grid]").focus()

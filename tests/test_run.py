@@ -133,7 +133,7 @@ def test_features_of_many_database_images_are_extracted_when_a_query_needs_them(
         assert not any(database.has_keypoints(name) for name in photos.database_names)
 
 
-def test_table_in_latitude_and_longitude(run, photos, tmp_path):
+def test_table_in_latitude_and_longitude(run, photos, tmp_path, capsys):
     names = photos.database_names
     points = np.array([photos.poses[name].cam_in_world for name in names])
     steps = f"+proj=topocentric +ellps=WGS84 +lat_0={ORIGIN.latitude_deg} +lon_0={ORIGIN.longitude_deg}"
@@ -150,11 +150,15 @@ def test_table_in_latitude_and_longitude(run, photos, tmp_path):
     output = run(tmp_path / "poses.csv", "--geo_origin", origin)
     assert_localized(output, true_queries(photos))
     assert GeoOrigin.read(output / "model") == ORIGIN
+    printed = capsys.readouterr().out
     with (output / "localized" / "positions.csv").open(newline="") as table:
         for row in csv.DictReader(table):
             place = [[float(row[column])] for column in ("latitude_deg", "longitude_deg", "height_m")]
             (found,) = ORIGIN.from_geodetic(*place)
             assert np.linalg.norm(found - photos.poses[row["name"]].cam_in_world) < MAX_POSITION_ERROR
+            assert f"{float(row['latitude_deg']):.8f}" in printed
+    header = r"^query +x \(m\) +y \(m\) +z \(m\) +std. dev. \(m\) +latitude +longitude +height \(m\)$"
+    assert re.search(header, printed, re.MULTILINE), printed
 
 
 def test_metashape_xml(run, photos, tmp_path):

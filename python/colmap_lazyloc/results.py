@@ -1,6 +1,8 @@
 """Reads results.jsonl, which `colmap lazy_localizer` writes."""
 
+import csv
 import json
+import pathlib
 from collections.abc import Callable, Iterable
 from typing import NoReturn, TextIO
 
@@ -26,6 +28,21 @@ def read_results(path: Path, watch: Callable[[TextIO], Iterable[str]] = iter) ->
                 raise InputError(f"{path}: query '{result['name']}' has two results")
             results[result["name"]] = result
     return results
+
+
+def read_geodetic(folder: Path) -> dict[str, list[float]]:
+    """Reads latitude, longitude (degrees) and height (metres, above WGS 84) of the localized queries by name from
+    positions.csv in the output folder of a run; empty if the run has no geographic coordinates."""
+    path = pathlib.Path(folder) / "positions.csv"
+    if not path.is_file():
+        return {}
+    names = ("latitude_deg", "longitude_deg", "height_m")
+    try:
+        with path.open(encoding="utf-8", newline="") as file:
+            rows = [row for row in csv.DictReader(file) if row.get(names[0])]
+        return {row["name"]: [float(row[name]) for name in names] for row in rows}
+    except (ValueError, KeyError, TypeError, csv.Error):
+        raise InputError(f"{path}: is damaged or cut off") from None
 
 
 def pose_of(result: ResultFields) -> Pose | None:

@@ -42,7 +42,9 @@ from colmap_lazyloc.project.options import (
 )
 from colmap_lazyloc.project.panoramas import cut_panoramas, write_project_rig
 from colmap_lazyloc.project.photos import contents, convert_photos, find_photos, link_masks, link_photos
-from colmap_lazyloc.results import pose_of, read_results
+from colmap_lazyloc.project.positions import position_lines
+from colmap_lazyloc.report.run import unit_of
+from colmap_lazyloc.results import pose_of, read_geodetic, read_results
 
 MAX_NUM_LINES = 20  # of queries that are printed
 
@@ -95,8 +97,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     steps.make_model(project, used, posed, refines_cameras=not database.widths)
     _localize(project, options, localizer_options, used, queries.cameras(camera), on_demand=lazy is not None)
     database_path = project.folder.query_database if has_stored_queries(options) else project.folder.database
-    _write_report(project.folder, database_path)
-    _print_results(project.folder, queries.shown())
+    _write_report(project.folder, database_path, options)
+    _print_results(project.folder, queries.shown(), options.unit)
     if lazy is not None:
         steps.complete_database(project, _select(lazy, {name: name for name in used}), num_neighbors)
     return 0 if project.folder.report.exists() else 1
@@ -237,12 +239,16 @@ def _localize(
     steps.localize(project, lines, len(used), words, has_stored_queries(options), on_demand)
 
 
-def _write_report(folder: Folder, database: pathlib.Path) -> None:
+def _write_report(folder: Folder, database: pathlib.Path, options: argparse.Namespace) -> None:
     """Writes the report. If it fails, it warns, because the results are there."""
     from colmap_lazyloc.report.__main__ import main as write_report
 
     folder.report.unlink(missing_ok=True)
     words = [str(folder.localized), "--database_path", str(database), "--output", str(folder.report)]
+    if options.unit is not None:
+        words += ["--unit", options.unit]
+    if options.crs is not None and read_geodetic(folder.localized):
+        words += ["--crs", options.crs]
     if is_installed("cv2"):
         words += ["--image_path", str(folder.images)]
     else:
@@ -259,23 +265,17 @@ def _write_report(folder: Folder, database: pathlib.Path) -> None:
         )
 
 
-def _print_results(folder: Folder, shown: dict[str, str]) -> None:
-    """Prints where the queries are, in the coordinates of the model; `shown`: what they are called, by name."""
-    results = {
-        shown.get(name, name): result for name, result in read_results(folder.localized / "results.jsonl").items()
-    }
-    queries = list(shown.values())
-    poses = {name: pose for name in queries if name in results and (pose := pose_of(results[name])) is not None}
-    width = max(map(len, queries))
-    for name in queries[:MAX_NUM_LINES]:
-        if name in poses:
-            x, y, z = poses[name].cam_in_world
-            print(f"{name:<{width}}  {x:12.3f} {y:12.3f} {z:12.3f}")
-        elif name in results:
-            print(f"{name:<{width}}  {results[name]['status']}: {results[name]['reason']}")
-    if len(queries) > MAX_NUM_LINES:
-        print(f"... and {len(queries) - MAX_NUM_LINES} others")
-    print(f"{len(poses)} of {len(queries)} queries localized: {folder.localized}".encode(errors="replace").decode())
+def _print_results(folder: Folder, shown: dict[str, str], unit: str | None) -> None:
+    """Prints where the queries are; `shown`: what they are called, by name."""
+    results = read_results(folder.localized / "results.jsonl")
+    names = {name: text for name, text in shown.items() if name in results}
+    lines = position_lines(results, names, read_geodetic(folder.localized), unit_of(folder.localized, unit))
+    for line in lines[: MAX_NUM_LINES + 1]:
+        print(line)
+    if len(lines) > MAX_NUM_LINES + 1:
+        print(f"... and {len(lines) - MAX_NUM_LINES - 1} more: {folder.localized / 'positions.csv'}")
+    count = sum(pose_of(results[name]) is not None for name in names)
+    print(f"{count} of {len(shown)} queries localized: {folder.localized}".encode(errors="replace").decode())
 
 
 if __name__ == "__main__":

@@ -11,6 +11,7 @@ from colmap_lazyloc.model import Camera
 from colmap_lazyloc.pose_formats.registry import FORMATS
 from colmap_lazyloc.project.folder import DATABASE, QUERY, Folder
 from colmap_lazyloc.project.frames import is_video
+from colmap_lazyloc.report.facts import METRE, MODEL_UNITS
 
 GROUP_SIZE = 5
 PANORAMA_ROLES = {DATABASE: [DATABASE], "queries": [QUERY], "all": [DATABASE, QUERY]}
@@ -35,6 +36,11 @@ def parse_arguments(description: str | None, arguments: Sequence[str] | None) ->
     of_poses = parser.add_argument_group("poses").add_argument
     add_source_options(of_poses)
     add_accept_option(of_poses)
+    of_poses(
+        "--unit",
+        choices=(METRE, MODEL_UNITS),
+        help="of lengths in --poses; default: m for geographic poses, else units",
+    )
     _add_more(parser)
     options, words = parser.parse_known_args(join_values(arguments))
     is_value = False  # of an option
@@ -154,7 +160,7 @@ def check(options: argparse.Namespace, words: Sequence[str]) -> None:
         raise InputError(
             "--camera is that of perspective photos, but --panoramas says that database images are panoramas"
         )
-    for name in ("poses_format", "geo_origin", "accept_poses", *CONVENTION_OPTIONS):
+    for name in ("poses_format", "geo_origin", "unit", "accept_poses", *CONVENTION_OPTIONS):
         if options.poses is None and getattr(options, name):
             raise InputError(f"--{name} has no effect without --poses")
     if options.num_neighbors is not None and not matches_neighbors(options):

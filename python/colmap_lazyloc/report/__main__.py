@@ -60,6 +60,10 @@ def parse_arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
         choices=(METRE, MODEL_UNITS),
         help="of lengths: metres, or whatever the database has; default: m if the run has geographic coordinates",
     )
+    parser.add_argument(
+        "--crs",
+        help="reference system in which the page shows geographic positions, too, such as EPSG:32632; needs pyproj",
+    )
     _add_bounds(parser)
     _add_other_files(parser)
     return parser.parse_args(arguments)
@@ -113,14 +117,17 @@ def main(arguments: Sequence[str] | None = None) -> None:
     run = read_run(options.run, truth, options.unit)
     if truth is not None and not run.truth:
         raise InputError(f"--ground_truth {options.ground_truth}: has no pose of any query")
-    sources = Sources(options.image_path, options.database_path, options.max_num_images, options.max_num_points)
+    sources = Sources(
+        options.image_path, options.database_path, options.max_num_images, options.max_num_points, options.crs
+    )
     chunks, photos = build_page(run, sources)
     _write_others(run, options)
+    title = f"{run.title}: {run.folder}"
     if options.split:
-        size = write_folder(options.output, page_files(run.title, chunks, photos))
+        size = write_folder(options.output, page_files(title, chunks, photos))
         path = options.output / PAGE_NAME
     else:
-        size = write_file(options.output, (piece.encode() for piece in single_page(run.title, chunks, photos)))
+        size = write_file(options.output, (piece.encode() for piece in single_page(title, chunks, photos)))
         path = options.output
     print(f"{path}  ({size / 1e6:.1f} MB)")
 

@@ -12,6 +12,7 @@ from colmap_lazyloc.progress import progress
 from colmap_lazyloc.queries import read_queries, read_query_lines
 from colmap_lazyloc.report import photos
 from colmap_lazyloc.report.chunk import pack
+from colmap_lazyloc.report.coordinates import find_systems
 from colmap_lazyloc.report.details import DETAILS_PER_BLOCK, detail_chunk
 from colmap_lazyloc.report.drawing import can_project, drawing_chunk
 from colmap_lazyloc.report.gaps import BAD_RECORD, Gaps
@@ -32,6 +33,7 @@ class Sources:
     database_path: pathlib.Path | None
     max_num_images: int
     max_num_points: int
+    crs: str | None  # in which positions are wanted
 
 
 def build_page(run: Run, sources: Sources) -> tuple[dict[str, bytes], list[bytes]]:
@@ -72,7 +74,7 @@ def _build(run: Run, sources: Sources, database: DatabaseReader | None) -> tuple
     notes = _notes(run, sources, num_shown, bool(lines))
     chunks = {
         "summary": pack(summary_chunk(run, num_shown, find_warnings(run, size, database, gaps), notes), {}),
-        "queries": pack(*query_chunk(run, shown.of_query, is_drawn)),
+        "queries": pack(*query_chunk(run, find_systems(run, sources.crs), shown.of_query, is_drawn)),
         "scene": pack(scene, scene_arrays),
     }
     repeat = RepeatCommands(run, lines)

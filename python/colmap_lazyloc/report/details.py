@@ -5,6 +5,7 @@ from collections.abc import Iterable
 import numpy as np
 
 from colmap_lazyloc.array_types import Array
+from colmap_lazyloc.model import Camera
 from colmap_lazyloc.report.chunk import Values
 from colmap_lazyloc.report.facts import facts
 from colmap_lazyloc.report.repeat import RepeatCommands
@@ -21,7 +22,7 @@ def detail_chunk(run: Run, block: int, repeat: RepeatCommands) -> tuple[Values, 
     pairs = [pair for result in queries for pair in _known_pairs(run, result)]
     values = {
         "stages": stages,
-        "facts": [facts(result, run.unit) for result in queries],
+        "facts": [facts(result, run.unit, _camera(run, result)) for result in queries],
         "commands": [repeat.command(result) for result in queries],
     }
     arrays = {
@@ -44,6 +45,12 @@ def stage_names(queries: list[ResultFields]) -> list[str]:
         names.update(dict.fromkeys(result["seconds"]))
     names.pop("total", None)
     return list(names)
+
+
+def _camera(run: Run, result: ResultFields) -> Camera | None:
+    """Returns the intrinsics with which the query was localized; None if it was not."""
+    image = run.model.images.get(result["name"])
+    return None if image is None else run.model.cameras[image.camera_id]
 
 
 def _known_pairs(run: Run, result: ResultFields) -> list[PairFields]:

@@ -2,7 +2,9 @@
 
 from collections.abc import Callable, Mapping
 
-from colmap_lazyloc.result_fields import ResultFields
+from colmap_lazyloc.model import Camera
+from colmap_lazyloc.report.geometry import focal_lengths
+from colmap_lazyloc.result_fields import IntrinsicsFields, ResultFields
 
 METRE, MODEL_UNITS = "m", "units"  # of lengths: the second is that of the model, whatever it is
 
@@ -26,6 +28,14 @@ _MATCHING_TYPES = {
     "ALIKED_BRUTEFORCE": "ALIKED features",
     "ALIKED_LIGHTGLUE": "ALIKED features, matched by LightGlue",
 }
+_ORIGINS = {  # of a focal length that was replaced
+    "given": "the given",
+    "model": "the model's",
+    "shared": "the database camera's",
+    "similar": "the database camera's",
+    "exif": "EXIF's",
+    "guess": "the guessed",
+}
 _VERDICTS = {
     "confirmed": "the images agree with it",
     "unobservable": "the images do not determine it, so it was kept",
@@ -46,12 +56,15 @@ _PRIOR_ROLES = {
 }
 
 
-def facts(result: ResultFields, unit: str) -> list[tuple[str, str]]:
-    """Returns the rows of a table, label and text; without what the table of queries has."""
+def facts(result: ResultFields, unit: str, camera: Camera | None = None) -> list[tuple[str, str]]:
+    """Returns the rows of a table, label and text; without what the table of queries has.
+
+    `camera`: that of the pose; None if it is unknown.
+    """
     rows = _certainty_rows(result, unit)
     rows += _evidence_rows(result, unit)
     rows += _prior_rows(result, unit)
-    rows += _camera_rows(result)
+    rows += _camera_rows(result, camera)
     rows += _group_rows(result)
     return [(label, text) for label, text in rows if text]
 
@@ -123,24 +136,34 @@ def _prior_rows(result: ResultFields, unit: str) -> list[tuple[str, str]]:
     return rows
 
 
-def _camera_rows(result: ResultFields) -> list[tuple[str, str]]:
+def _camera_rows(result: ResultFields, camera: Camera | None) -> list[tuple[str, str]]:
     rows = []
     source = result.get("intrinsics_source")
     if source is not None:
         rows.append(("Intrinsics from", _SOURCES.get(source, source)))
     intrinsics = result.get("intrinsics")
     if intrinsics is not None:
-        text = _VERDICTS.get(intrinsics["verdict"], intrinsics["verdict"])
-        factor, stddev = intrinsics.get("focal_factor"), intrinsics.get("focal_factor_stddev")
-        if factor is not None and stddev is not None:
-            text += f"; they suggest {100 * (factor - 1):+.2f} % ± {100 * stddev:.2f} % of its length"
-        rows.append(("Focal length", text))
+        rows.append(("Focal length", _focal_length_text(intrinsics, camera)))
         rows.append(("Contradiction", intrinsics.get("contradiction") or ""))
-    camera = result.get("camera")
-    if camera is not None:
-        params = ", ".join(f"{param:g}" for param in camera["params"])
-        rows.append(("Estimated camera", f"{camera['model']} {camera['width']} x {camera['height']}: {params}"))
+    estimated = result.get("camera")
+    if estimated is not None:
+        params = ", ".join(f"{param:g}" for param in estimated["params"])
+        text = f"{estimated['model']} {estimated['width']} x {estimated['height']}: {params}"
+        rows.append(("Estimated camera", text))
     return rows
+
+
+def _focal_length_text(intrinsics: IntrinsicsFields, camera: Camera | None) -> str:
+    """Returns the verdict with focal lengths in pixels, as far as they are known."""
+    verdict = _VERDICTS.get(intrinsics["verdict"], intrinsics["verdict"])
+    factor, stddev = intrinsics.get("focal_factor"), intrinsics.get("focal_factor_stddev")
+    if camera is None or factor is None or stddev is None:
+        return verdict
+    focal_px = sum(focal_lengths(camera)) / 2
+    if intrinsics["verdict"] == "refined":
+        before_px, origin = focal_px / factor, _ORIGINS.get(intrinsics["origin"], intrinsics["origin"])
+        return f"{focal_px:.0f} ± {before_px * stddev:.2g} px, not {origin} {before_px:.0f} px: {verdict}"
+    return f"{focal_px:.0f} px: {verdict}; they suggest {focal_px * factor:.0f} ± {focal_px * stddev:.2g} px"
 
 
 def _group_rows(result: ResultFields) -> list[tuple[str, str]]:

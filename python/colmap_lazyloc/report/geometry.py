@@ -40,13 +40,17 @@ def position_covariances(qvecs: Floats, tvecs: Floats, covariances: Array) -> Ar
     return full[:, (0, 0, 0, 1, 1, 2), (0, 1, 2, 1, 2, 2)]
 
 
+def focal_lengths(camera: Camera) -> tuple[float, float]:
+    """Returns the focal lengths along x and y in pixels."""
+    return camera.params[0], camera.params[1 if camera.model in _TWO_FOCAL_LENGTHS else 0]
+
+
 def image_extent(camera: Camera) -> tuple[float, float, float, float]:
     """Returns the left, top, right and bottom border of the image on the plane z = 1, without distortion."""
     if camera.model == "EQUIRECTANGULAR":
         return -1.0, -0.5, 1.0, 0.5
-    has_two_focal_lengths = camera.model in _TWO_FOCAL_LENGTHS
-    fx, fy = camera.params[0], camera.params[1 if has_two_focal_lengths else 0]
-    cx, cy = camera.params[2:4] if has_two_focal_lengths else camera.params[1:3]
+    fx, fy = focal_lengths(camera)
+    cx, cy = camera.params[2:4] if camera.model in _TWO_FOCAL_LENGTHS else camera.params[1:3]
     borders = np.array([-cx / fx, -cy / fy, (camera.width - cx) / fx, (camera.height - cy) / fy])
     if "FISHEYE" in camera.model:
         borders = np.tan(np.clip(borders, -MAX_HALF_FIELD_RAD, MAX_HALF_FIELD_RAD))

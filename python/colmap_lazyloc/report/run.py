@@ -39,6 +39,12 @@ class Run:
 
     @property
     def title(self) -> str:
+        """Returns what the run has found."""
+        num_localized = sum(result["status"] == "LOCALIZED" for result in self.queries)
+        return f"{num_localized} of {len(self.queries)} queries localized"
+
+    @property
+    def folder(self) -> str:
         """Returns the name of the run's folder and of the folder above it."""
         return "/".join(part for part in self.path.resolve().parts[-2:] if part != "/")
 
@@ -116,8 +122,13 @@ def read_run(path: pathlib.Path, truth: dict[str, Pose] | None = None, unit: str
         options,
         leave_one_out,
         {name: pose for name, pose in truth.items() if name in results},
-        unit or (METRE if (path / "positions.geojson").is_file() else MODEL_UNITS),
+        unit_of(path, unit),
     )
+
+
+def unit_of(path: pathlib.Path, unit: str | None) -> str:
+    """Returns the unit of a run's lengths: the given one, or metres if the run has geographic coordinates."""
+    return unit or (METRE if (path / "positions.geojson").is_file() else MODEL_UNITS)
 
 
 def _certainty(result: ResultFields) -> tuple[bool, bool, float, float, str]:

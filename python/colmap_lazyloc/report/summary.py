@@ -16,6 +16,7 @@ def summary_chunk(run: Run, num_shown: dict[str, int], warnings: list[ReportWarn
     changed = set(run.options.changed)
     return {
         "title": run.title,
+        "folder": run.folder,
         "written": run.written,
         "program": run.options.program,
         "numQueries": len(run.queries),

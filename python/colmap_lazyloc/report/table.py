@@ -1,9 +1,12 @@
 """Makes the chunk "queries": what the table of a report shows."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from colmap_lazyloc.array_types import Array
 from colmap_lazyloc.report.chunk import Values
+from colmap_lazyloc.report.coordinates import System
 from colmap_lazyloc.report.run import Run, numbers
 from colmap_lazyloc.result_fields import ResultFields
 
@@ -18,7 +21,7 @@ def frame_names(run: Run) -> list[str]:
     return sorted({frame for result in run.queries if (frame := result.get("frame")) is not None})
 
 
-def query_chunk(run: Run, photos: Array, is_drawn: Array) -> tuple[Values, dict[str, Array]]:
+def query_chunk(run: Run, systems: Sequence[System], photos: Array, is_drawn: Array) -> tuple[Values, dict[str, Array]]:
     """Returns the values and arrays of the chunk; `photos`: the index of each query's photo, or -1."""
     statuses = {name: i for i, name in enumerate(status_names(run))}
     frames = frame_names(run)
@@ -43,7 +46,16 @@ def query_chunk(run: Run, photos: Array, is_drawn: Array) -> tuple[Values, dict[
     for name, array in arrays.items():
         if array.dtype == np.float64:
             arrays[name] = array.astype(np.float32)
-    return {"names": run.names, "reasons": [result["reason"] for result in queries], "frames": frames}, arrays
+    arrays["coordinates"] = np.stack([system.xyz for system in systems], axis=1)
+    values = {
+        "names": run.names,
+        "reasons": [result["reason"] for result in queries],
+        "frames": frames,
+        "systems": [
+            {name: getattr(system, name) for name in ("name", "axes", "units", "digits")} for system in systems
+        ],
+    }
+    return values, arrays
 
 
 def _num_used_images(result: ResultFields) -> int:

@@ -68,7 +68,7 @@ def _item(name: str, query: int, text: str) -> Item:
 def _contradicted_poses(run: Run, database: DatabaseReader | None) -> tuple[str, str, list[Item]]:
     """Finds what `lazyloc check` finds: database poses that are not what they are said to be, or single wrong ones."""
     title = "Database images whose poses contradict the photos"
-    explanation = "Their matches with other database images do not fit the given poses."
+    explanation = "Their matches with other database images do not fit their poses."
     if database is None or not all(map(is_installed, NEEDED)):
         return title, explanation, []
     cameras = run.database.cameras
@@ -160,8 +160,8 @@ def _contradicted_intrinsics(run: Run) -> tuple[str, str, list[Item]]:
         if contradiction or result["status"] == "INCONSISTENT_INTRINSICS":
             items.append(_item(result["name"], i, contradiction or result["reason"]))
     explanation = (
-        "The images suggest another focal length, distortion or principal point than was given. Was the photo scaled "
-        "or cropped? --LazyLocalizer.intrinsics refine estimates the focal length."
+        "The images suggest another focal length, distortion or principal point than the one that was used. Was the "
+        "photo scaled or cropped? --LazyLocalizer.intrinsics refine estimates the focal length."
     )
     return "Intrinsics that the images contradict", explanation, items
 

@@ -1,5 +1,6 @@
 // Lists the columns of the table: how each is headed, sorted and written.
 import { statusLabel } from "./colors";
+import { axesText, mainSystem, positionTexts } from "./coordinates";
 import type { Queries, Summary } from "./data";
 import { visibleText } from "./dom";
 import * as format from "./format";
@@ -8,7 +9,8 @@ export interface Column {
   id: string;
   label: string;
   explanation: string;
-  width: string; // of CSS grid
+  width: number; // at least, in rem
+  growth: number; // share of the room that is left
   kind: "text" | "status" | "confidence" | "number";
   isWorstLow: boolean; // the first click on the header sorts the worst first
   text(query: number): string;
@@ -39,13 +41,14 @@ function numberColumn(
   explanation: string,
   values: ArrayLike<number>,
   text: (value: number) => string,
-  isWorstLow = false,
+  { isWorstLow = false, width = 4.8 } = {},
 ): Column {
   return {
     id,
     label,
     explanation,
-    width: "minmax(5.7rem, 1fr)",
+    width,
+    growth: 1,
     kind: "number",
     isWorstLow,
     text: (query) => text(values[query]),
@@ -66,20 +69,20 @@ export const EXPLANATIONS = {
 };
 
 // Returns a width for texts of these lengths, beside something that is `extra` rem wide.
-function textWidth(texts: string[], extra: number): string {
+function textWidth(texts: string[], extra: number): number {
   const longest = texts.reduce((max, { length }) => Math.max(max, length), 6);
-  return `${Math.min(20, Math.max(7, 1 + extra + 0.52 * longest)).toFixed(1)}rem`;
+  return Math.min(13, Math.max(7, 1 + extra + 0.46 * longest));
 }
 
 function textColumns(queries: Queries, summary: Summary): Column[] {
   const labels = summary.statuses.map(({ name }) => statusLabel(name));
-  const base = { explanation: "", isWorstLow: true };
+  const base = { explanation: "", isWorstLow: true, growth: 0 };
   return [
     {
       ...base,
       id: "name",
       label: "Query",
-      width: textWidth(queries.names, 0),
+      width: Math.min(12, textWidth(queries.names, 0)),
       kind: "text",
       text: (query) => visibleText(queries.names[query]),
       key: ranks(queries.names),
@@ -99,7 +102,7 @@ function textColumns(queries: Queries, summary: Summary): Column[] {
       id: "confidence",
       label: "Confidence",
       explanation: EXPLANATIONS.confidence,
-      width: "6.9rem",
+      width: 7.4,
       kind: "confidence",
       text: (query) => format.formatConfidence(queries.confidence[query]),
       key: (query) => queries.confidence[query],
@@ -107,16 +110,33 @@ function textColumns(queries: Queries, summary: Summary): Column[] {
   ];
 }
 
+// Returns the column that says where each query is, or why that is not known.
+function answerColumn(queries: Queries): Column {
+  const system = mainSystem(queries);
+  return {
+    id: "position",
+    label: axesText(queries.systems[system]),
+    explanation: "Where the photo was taken; or why the query has no position, or none to rely on.",
+    width: 17,
+    growth: 8,
+    kind: "text",
+    isWorstLow: true,
+    text: (query) => positionTexts(queries, query, system)?.join(", ") ?? queries.reasons[query],
+    key: ranks(queries.reasons),
+  };
+}
+
 // Returns the columns that have a value in this run.
 export function tableColumns(queries: Queries, summary: Summary): Column[] {
   const length = (value: number) => format.formatLength(value, summary);
   const degrees = (value: number) => format.formatDegrees(value);
+  const [wide, count] = [{ width: 5.9 }, { width: 4.2, isWorstLow: true }];
   const numbers = [
-    numberColumn("positionError", "Pos. error", EXPLANATIONS.positionError, queries.positionError, length),
-    numberColumn("rotationError", "Rot. error", EXPLANATIONS.rotationError, queries.rotationErrorDeg, degrees),
+    numberColumn("positionError", "Pos. error", EXPLANATIONS.positionError, queries.positionError, length, wide),
+    numberColumn("rotationError", "Rot. error", EXPLANATIONS.rotationError, queries.rotationErrorDeg, degrees, wide),
     numberColumn("positionStddev", "Pos. \u03c3", EXPLANATIONS.positionStddev, queries.positionStddev, length),
     numberColumn("rotationStddev", "Rot. \u03c3", EXPLANATIONS.rotationStddev, queries.rotationStddevDeg, degrees),
-    numberColumn("tracks", "Points", EXPLANATIONS.tracks, queries.numTracks, format.formatCount, true),
+    numberColumn("tracks", "Points", EXPLANATIONS.tracks, queries.numTracks, format.formatCount, count),
     numberColumn(
       "reprojection",
       "Reproj.",
@@ -124,19 +144,10 @@ export function tableColumns(queries: Queries, summary: Summary): Column[] {
       queries.reprojectionErrorPx,
       format.formatPixels,
     ),
-    numberColumn("images", "Images", EXPLANATIONS.images, queries.numImages, format.formatCount, true),
-    numberColumn("seconds", "Time", "Computing time of this query.", queries.seconds, format.formatSeconds),
+    numberColumn("images", "Images", EXPLANATIONS.images, queries.numImages, format.formatCount, count),
+    numberColumn("seconds", "Time", "Computing time of this query.", queries.seconds, format.formatSeconds, { width: 4.2 }),
   ];
-  const reason: Column = {
-    id: "reason",
-    label: "Reason",
-    explanation: "Why the query has no pose, or why it is not to be relied on.",
-    width: "minmax(14rem, 8fr)",
-    kind: "text",
-    isWorstLow: true,
-    text: (query) => queries.reasons[query],
-    key: ranks(queries.reasons),
-  };
   const hasValue = (column: Column) => queries.names.some((_, query) => !Number.isNaN(column.key(query)));
-  return [...textColumns(queries, summary), ...[...numbers, reason].filter(hasValue)];
+  const [name, ...others] = textColumns(queries, summary);
+  return [name, answerColumn(queries), ...others, ...numbers.filter(hasValue)];
 }

@@ -19,7 +19,8 @@ export type Warning = { title: string; explanation: string; items: WarningItem[]
 
 // Chunk "summary": values only.
 export interface Summary {
-  title: string;
+  title: string; // what the run has found
+  folder: string; // of the run, and the one above it
   written: string; // date and time of the run, ISO 8601
   program: string; // versions of the program that ran, as it names them
   numQueries: number;
@@ -57,6 +58,16 @@ export interface Queries {
   isDrawn: Uint8Array; // 1 if there is a chunk "drawing/INDEX"
   frame: Int32Array; // index into `frames`, or -1 for an image without a rig
   frames: string[];
+  systems: System[];
+  coordinates: Float64Array; // 3 x systems n: in the first system, the second ...; NaN without a position
+}
+
+// A system of coordinates; of each: the axes, their units ("" if unknown), and digits after the point.
+export interface System {
+  name: string;
+  axes: string[];
+  units: string[];
+  digits: number[];
 }
 
 // Chunk "scene".

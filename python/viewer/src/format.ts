@@ -38,10 +38,15 @@ function groupThousands(digits: string): string {
   return digits.length <= 4 ? digits : digits.replace(/\B(?=(\d{3})+$)/g, NARROW_SPACE);
 }
 
+// Returns what stands behind a number: nothing for units of the model, of which the head of the page speaks.
+export function shownUnit(unit: string): string {
+  return unit === "units" ? "" : unit;
+}
+
 // Returns the prefixed unit for lengths of about this size, and its length in units.
 export function lengthUnit(value: number, summary: Summary): { unit: string; length: number } {
   const size = Math.abs(value);
-  if (summary.unit !== "m") return { unit: summary.unit, length: 1 };
+  if (summary.unit !== "m") return { unit: shownUnit(summary.unit), length: 1 };
   if (size >= 10000) return { unit: "km", length: 1000 };
   if (size >= 1 || size === 0 || !Number.isFinite(size)) return { unit: "m", length: 1 };
   if (size >= 0.01) return { unit: "cm", length: 0.01 };

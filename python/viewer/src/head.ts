@@ -10,11 +10,12 @@ import { warningBox } from "./warnings";
 
 function subtitle(summary: Summary): string {
   const counts = [
-    `${formatCount(summary.numQueries)} queries`,
+    summary.folder,
     `${formatCount(summary.numDatabaseImages)} database images`,
     `${formatCount(summary.numPoints)} points`,
   ];
   if (summary.isLeaveOneOut) counts.push("leave-one-out: each query is a database image, localized by the others");
+  counts.push(summary.unit === "m" ? "lengths in metres" : "lengths in the unit of the model");
   if (summary.written) counts.push(dateText(summary.written));
   return counts.join(" \u00b7 ");
 }

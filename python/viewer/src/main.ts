@@ -1,4 +1,6 @@
 // Starts the report page: loads its data and builds what it shows.
+import { positionTable } from "./coordinates";
+import { copyButton } from "./copy";
 import { button, make, visibleText } from "./dom";
 import { makeHead } from "./head";
 import { watchKeys } from "./keyboard";
@@ -26,8 +28,9 @@ async function start(root: HTMLElement): Promise<void> {
     onFilter: (statuses) => table.setStatuses(statuses),
     onOpen: open,
   });
-  const workspace = make("div", { class: "workspace" }, panel.element, table.element);
-  table.addControl(wideButton(workspace));
+  const workspace = make("div", { class: "workspace" }, table.element, panel.element);
+  const text = () => positionTable(queries, summary, table.shown());
+  table.addControl(copyButton("Copy positions", text, { title: "Copy the positions of the queries below, for a spreadsheet" }));
   root.replaceChildren(head, make("main", {}, workspace, page.element), openBar(queries.names, selection, page));
   panel.open("webgl");
   const state = () => ({ selected: selection.query, numVisible, ...panel.view?.state() });
@@ -42,19 +45,6 @@ async function start(root: HTMLElement): Promise<void> {
     table.refresh();
     void page.show();
   });
-}
-
-// Returns a switch that gives the table the whole width of the page, below the scene.
-function wideButton(workspace: HTMLElement): HTMLElement {
-  const toggle = button(
-    "Wide",
-    () => {
-      const isWide = workspace.classList.toggle("is-wide");
-      toggle.setAttribute("aria-pressed", String(isWide));
-    },
-    { class: "button wide", "aria-pressed": "false", title: "Give the table the whole width of the page" },
-  );
-  return toggle;
 }
 
 // Returns a bar at the bottom of the window that leads to the query page while that is out of sight.

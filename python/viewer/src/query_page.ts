@@ -1,6 +1,8 @@
 // Shows all that is known of the selected query.
 import { statusLabel } from "./colors";
 import { EXPLANATIONS } from "./columns";
+import { axesText, positionTexts } from "./coordinates";
+import { copyButton } from "./copy";
 import type { Details, Queries, Scene, Summary } from "./data";
 import { button, help, make, reducedMotion, visibleText } from "./dom";
 import { makeFigure } from "./drawing";
@@ -56,7 +58,7 @@ export class QueryPage {
       this.element.replaceChildren(make("p", { class: "muted hint" }, text));
     } else {
       const body = make("div", { class: "query-body" });
-      this.element.replaceChildren(this.header(query), ...this.reason(query), this.figures(query), body);
+      this.element.replaceChildren(this.header(query), ...this.reason(query), this.positions(query), this.figures(query), body);
       await this.fill(body, query, this.numShown).catch((error: unknown) => {
         body.replaceChildren(make("p", { class: "callout" }, error instanceof Error ? error.message : String(error)));
       });
@@ -125,6 +127,19 @@ export class QueryPage {
     return make("dl", { class: "figures" }, ...items);
   }
 
+  // Returns where the query is, in each system of coordinates.
+  private positions(query: number): HTMLElement {
+    const { queries } = this.data;
+    const items = queries.systems.map((system, i) => {
+      const texts = positionTexts(queries, query, i);
+      if (!texts) return null;
+      const value = make("code", { class: "position" }, texts.join(", "));
+      const copy = copyButton("Copy", () => texts.join(", "), { title: `Copy ${system.axes.join(", ")}` });
+      return make("div", {}, make("dt", {}, `${system.name}: ${axesText(system)}`), make("dd", {}, value, copy));
+    });
+    return make("dl", { class: "figures positions" }, ...items);
+  }
+
   private async fill(body: HTMLElement, query: number, numShown: number): Promise<void> {
     const isDrawn = this.data.queries.isDrawn[query] === 1;
     const [{ details, row }, drawing] = await Promise.all([loadDetails(query), isDrawn ? loadDrawing(query) : null]);
@@ -165,22 +180,6 @@ function facts(details: Details, row: number): HTMLElement {
 function command(text: string): HTMLElement | null {
   if (!text) return null;
   const code = make("pre", { tabindex: 0 }, text);
-  const copy = button("Copy", () => {
-    copyText(code).then((isCopied) => {
-      copy.textContent = isCopied ? "Copied" : "Press Ctrl+C";
-      setTimeout(() => (copy.textContent = "Copy"), 2000);
-    });
-  });
+  const copy = copyButton("Copy", () => text);
   return make("section", { class: "command" }, make("h3", {}, "Repeat this query alone", copy), code);
-}
-
-// Copies the text of an element; if the browser forbids that, selects it, and returns false.
-async function copyText(element: HTMLElement): Promise<boolean> {
-  try {
-    await navigator.clipboard.writeText(element.textContent ?? "");
-    return true;
-  } catch {
-    window.getSelection()?.selectAllChildren(element);
-    return false;
-  }
 }

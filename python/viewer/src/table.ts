@@ -86,6 +86,11 @@ export class Table {
     return row < 0 ? "" : `${formatCount(row + 1)} of ${formatCount(this.order.length)}`;
   }
 
+  // Returns the shown queries, in the order of the rows.
+  shown(): Uint32Array {
+    return this.order;
+  }
+
   // Adds a button to the bar above the table.
   addControl(element: HTMLElement): void {
     this.count.after(element);
@@ -115,7 +120,9 @@ export class Table {
       make("div", { class: "rowgroup", role: "rowgroup" }, head),
       this.body,
     );
-    grid.style.setProperty("--columns", this.columns.map((column) => column.width).join(" "));
+    const widths = this.columns.map(({ width, growth }) => `minmax(${width}rem, ${growth ? `${growth}fr` : `${width}rem`})`);
+    grid.style.setProperty("--columns", widths.join(" "));
+    grid.style.setProperty("--width", `${this.columns.reduce((sum, { width }) => sum + width, 0)}rem`);
     return grid;
   }
 

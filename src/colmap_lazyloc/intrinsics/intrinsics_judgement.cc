@@ -38,15 +38,26 @@ double MeanSquare(double stddev, double measured, double measured_variance) {
   return gain * gain * measured * measured + gain * measured_variance;
 }
 
+// Returns what a sentence calls intrinsics of this origin, in front of the noun.
+const char* Determiner(IntrinsicsOrigin origin) {
+  switch (origin) {
+    case IntrinsicsOrigin::GIVEN: return "the given";
+    case IntrinsicsOrigin::MODEL: return "the model's";
+    case IntrinsicsOrigin::SHARED:
+    case IntrinsicsOrigin::SIMILAR: return "the database camera's";
+    case IntrinsicsOrigin::EXIF: return "EXIF's";
+    case IntrinsicsOrigin::GUESS: return "the guessed";
+  }
+  return "";
+}
+
 // Returns what is wrong with principal point or distortion; empty if nothing is.
-std::string OtherContradiction(const Camera& camera, const IntrinsicsEstimate& estimate) {
+std::string OtherContradiction(const Camera& camera, IntrinsicsOrigin origin, const IntrinsicsEstimate& estimate) {
   const double radius = HalfDiagonalPx(camera);
   const double corner_px = estimate.corrections[RADIAL_DISTORTION] * std::pow(radius / kRadialUnitPx, 3);
   if (estimate.sigmas[RADIAL_DISTORTION] > kMinOtherSigma && std::abs(corner_px) > kMinDistortionShift * radius) {
-    return Format(
-        "the images contradict the given distortion: they suggest a radial displacement of the image's corners by "
-        "%.1f px",
-        corner_px);
+    return Format("the images contradict %s distortion: the image's corners are %.0f px further %s",
+                  Determiner(origin), std::abs(corner_px), corner_px > 0 ? "outside" : "inside");
   }
   const Eigen::Vector2d shift(estimate.corrections[PRINCIPAL_POINT_X], estimate.corrections[PRINCIPAL_POINT_Y]);
   const Eigen::Vector2d given = PrincipalPoint(camera), suggested = given + shift;
@@ -56,8 +67,8 @@ std::string OtherContradiction(const Camera& camera, const IntrinsicsEstimate& e
   const int axis = std::abs(shift.x()) > std::abs(shift.y()) ? PRINCIPAL_POINT_X : PRINCIPAL_POINT_Y;
   if (is_plausible && estimate.sigmas[axis] > kMinOtherSigma &&
       shift.norm() > kMinPrincipalPointShift * MeanFocalLength(camera)) {
-    return Format("the images contradict the given principal point (%.1f, %.1f): they suggest (%.1f, %.1f)", given.x(),
-                  given.y(), suggested.x(), suggested.y());
+    return Format("the images suggest the principal point (%.0f, %.0f), not %s (%.0f, %.0f)", suggested.x(),
+                  suggested.y(), Determiner(origin), given.x(), given.y());
   }
   return "";
 }
@@ -100,7 +111,7 @@ double JudgeIntrinsics(const Camera& camera, const IntrinsicsEstimate& estimate,
                        const LocalizerOptions& options, IntrinsicsResult* result) {
   if (is_refined) {
     result->verdict = IntrinsicsVerdict::REFINED;
-    result->contradiction = OtherContradiction(camera, estimate);
+    result->contradiction = OtherContradiction(camera, result->origin, estimate);
     // Returns what the adjustment does not know of the estimate's error.
     return (1 - 1 / kCommonErrorFactor) * std::pow(estimate.log_focal_stddev, 2);
   }
@@ -108,9 +119,11 @@ double JudgeIntrinsics(const Camera& camera, const IntrinsicsEstimate& estimate,
       JudgeFocalLength(estimate.log_focal_factor, estimate.log_focal_stddev, result->origin, options);
   const bool is_guess = result->origin == IntrinsicsOrigin::GUESS;
   const bool is_wrong = focal_length.wrong_probability > 0.5 && !is_guess;
-  if (result->origin != IntrinsicsOrigin::MODEL) result->contradiction = OtherContradiction(camera, estimate);
+  if (result->origin != IntrinsicsOrigin::MODEL) {
+    result->contradiction = OtherContradiction(camera, result->origin, estimate);
+  }
   if (result->contradiction.empty() && is_wrong) {
-    result->contradiction = FocalLengthContradiction(camera, result->focal_factor, result->focal_factor_stddev);
+    result->contradiction = FocalLengthContradiction(camera, *result);
   }
   result->verdict = !result->contradiction.empty()                                 ? IntrinsicsVerdict::CONTRADICTED
                     : estimate.log_focal_stddev > kMaxObservableStddev || is_guess ? IntrinsicsVerdict::UNOBSERVABLE
@@ -118,10 +131,10 @@ double JudgeIntrinsics(const Camera& camera, const IntrinsicsEstimate& estimate,
   return focal_length.mean_square;
 }
 
-std::string FocalLengthContradiction(const Camera& camera, double factor, double factor_stddev) {
-  const double given_px = MeanFocalLength(camera);
-  return Format("the images contradict the given focal length of %.1f px: they suggest %.1f +- %.1f px", given_px,
-                factor * given_px, factor_stddev * given_px);
+std::string FocalLengthContradiction(const Camera& camera, const IntrinsicsResult& result) {
+  const double before_px = MeanFocalLength(camera), stddev_px = result.focal_factor_stddev * before_px;
+  return Format("the images suggest a focal length of %.0f +- %.*f px, not %s %.0f px", result.focal_factor * before_px,
+                stddev_px < 1 ? 1 : 0, stddev_px, Determiner(result.origin), before_px);
 }
 
 }  // namespace lazyloc

@@ -37,7 +37,7 @@ FocalLengthJudgement JudgeFocalLength(double log_factor, double stddev, Intrinsi
 double JudgeIntrinsics(const Camera& camera, const IntrinsicsEstimate& estimate, bool is_refined,
                        const LocalizerOptions& options, IntrinsicsResult* result);
 
-// Returns the sentence that names the given focal length and the one that the images suggest.
-std::string FocalLengthContradiction(const Camera& camera, double factor, double factor_stddev);
+// Returns the sentence that names the focal length of a camera, by its origin, and the one that the images suggest.
+std::string FocalLengthContradiction(const Camera& camera, const IntrinsicsResult& result);
 
 }  // namespace lazyloc

@@ -74,10 +74,9 @@ Choice KeepGiven(const Solution& given, const IntrinsicsResult& estimate, const 
 // Returns the solution with a given focal length that an estimate contradicts, or its principal point or distortion.
 Choice ContradictGiven(const Solution& given, const IntrinsicsResult& estimate) {
   const Camera& camera = given.prepared->group.images.front().problem.query_camera;
-  return WithEstimate(given, estimate, IntrinsicsVerdict::CONTRADICTED,
-                      !estimate.contradiction.empty()
-                          ? estimate.contradiction
-                          : FocalLengthContradiction(camera, estimate.focal_factor, estimate.focal_factor_stddev));
+  return WithEstimate(
+      given, estimate, IntrinsicsVerdict::CONTRADICTED,
+      !estimate.contradiction.empty() ? estimate.contradiction : FocalLengthContradiction(camera, estimate));
 }
 
 // Decides between the given intrinsics and an estimated focal length.
