@@ -1,12 +1,11 @@
 """One tool around `colmap lazy_localizer`: `lazyloc COMMAND`, or `python -m colmap_lazyloc COMMAND`."""
 
-import difflib
 import importlib
 import sys
 from collections.abc import Sequence
 
 import colmap_lazyloc
-from colmap_lazyloc.errors import InputError, command
+from colmap_lazyloc.errors import InputError, command, nearest
 
 # The module of each command, and what it does. Modules are imported when they are needed, because they need other
 # packages and take time to load.
@@ -44,6 +43,8 @@ def help_text() -> str:
 def main(arguments: Sequence[str] | None = None) -> int:
     words = sys.argv[1:] if arguments is None else list(arguments)
     name, rest = (words[0], words[1:]) if words else ("--help", [])
+    if name == "help" and rest:
+        name, rest = rest[0], ["--help"]
     if name in ("-h", "--help", "help"):
         print(help_text())
         return 0
@@ -51,8 +52,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f"lazyloc {colmap_lazyloc.__version__}")
         return 0
     if name not in COMMANDS:
-        near = difflib.get_close_matches(name, COMMANDS, 1)
-        raise InputError(f"unknown command '{name}'" + (f"; the nearest is {near[0]}" if near else ""))
+        raise InputError(f"unknown command '{name}'{nearest(name, COMMANDS)}")
     module = importlib.import_module(f"colmap_lazyloc.{COMMANDS[name][0]}")
     return int(module.main(rest))
 

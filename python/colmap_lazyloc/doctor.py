@@ -15,7 +15,7 @@ from collections.abc import Sequence
 import numpy as np
 
 import colmap_lazyloc
-from colmap_lazyloc.errors import command
+from colmap_lazyloc.errors import Parser, command
 from colmap_lazyloc.extras import EXTRAS, Extra, install_command, is_installed
 from colmap_lazyloc.program import find_colmap, has_command
 
@@ -68,9 +68,7 @@ def _version(package: str, module: str) -> str:
 
 @command(name="lazyloc doctor")
 def main(arguments: Sequence[str] | None = None) -> None:
-    parser = argparse.ArgumentParser(
-        prog="lazyloc doctor", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = Parser(prog="lazyloc doctor", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.parse_args(arguments)
     print(f"colmap_lazyloc {colmap_lazyloc.__version__}")
     print(f"Python {platform.python_version()}, numpy {np.__version__}, {platform.platform()}")

@@ -2,12 +2,14 @@
 
 import argparse
 import contextlib
+import difflib
 import functools
 import logging
 import os
+import re
 import sys
-from collections.abc import Callable, Iterator, Sequence
-from typing import Protocol, overload
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from typing import Any, NoReturn, Protocol, overload
 
 from colmap_lazyloc.extras import missing_package
 
@@ -105,6 +107,45 @@ class _Formatter(logging.Formatter):
     def format(self, record: logging.LogRecord) -> str:
         text = super().format(record)
         return "".join(character if character.isprintable() else repr(character)[1:-1] for character in text)
+
+
+class Parser(argparse.ArgumentParser):
+    """A parser whose errors are InputError, one line; an unknown option is named first, with the nearest one.
+
+    `is_foreign`: True for the name of an option, without dashes, that is left to another program.
+    """
+
+    def __init__(self, *arguments: Any, is_foreign: Callable[[str], bool] = lambda name: False, **options: Any):
+        super().__init__(*arguments, **options)
+        self._is_foreign = is_foreign
+
+    def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
+        self._check_names(sys.argv[1:] if args is None else args)
+        return super().parse_known_args(args, namespace)
+
+    def error(self, message: str) -> NoReturn:
+        choice = re.search(r"invalid choice: '([^']*)' \(choose from (.*)\)", message)
+        if choice:
+            near = nearest(choice[1], re.findall(r"'([^']*)'", choice[2]))
+            message = message.partition(" (choose")[0] + (near or f"; choose from {choice[2]}")
+        raise InputError(message.removeprefix("argument ") + f" ({self.prog} --help)")
+
+    def _check_names(self, words: Sequence[str]) -> None:
+        known = [name for name in self._option_string_actions if name.startswith("--")]
+        for word in words:
+            name = word.partition("=")[0]
+            if word == "--":
+                return
+            if not word.startswith("--") or name in known or self._is_foreign(name.removeprefix("--")):
+                continue
+            if not self.allow_abbrev or not any(other.startswith(name) for other in known):
+                raise InputError(f"unknown option {name}{nearest(name, known)}")
+
+
+def nearest(name: str, known: Iterable[str]) -> str:
+    """Returns what an error about an unknown name ends with: the nearest known one, or nothing."""
+    near = difflib.get_close_matches(name, list(known), 1)
+    return f"; the nearest is {near[0]}" if near else ""
 
 
 def positive_int(text: str) -> int:

@@ -19,7 +19,7 @@ from typing import TypedDict
 import numpy as np
 
 from colmap_lazyloc.array_types import Floats
-from colmap_lazyloc.errors import InputError, command, logger
+from colmap_lazyloc.errors import InputError, Parser, command, logger
 from colmap_lazyloc.model import ModelLike, poses_of, read_model
 from colmap_lazyloc.poses import Pose, PoseLike, read_poses
 from colmap_lazyloc.queries import read_queries
@@ -200,9 +200,7 @@ def _threshold(text: str) -> tuple[float, float]:
 
 
 def parse_arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
-    parser = argparse.ArgumentParser(
-        prog="lazyloc evaluate", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = Parser(prog="lazyloc evaluate", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument(
         "estimated_poses", type=pathlib.Path, help="output folder of a run, poses file, or folder with a COLMAP model"
     )

@@ -15,7 +15,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from colmap_lazyloc.errors import InputError, command
+from colmap_lazyloc.errors import InputError, Parser, command
 from colmap_lazyloc.hloc_files import find_matches, read_keypoints
 from colmap_lazyloc.model import Camera, Image, read_model
 from colmap_lazyloc.pairs import read_pairs
@@ -85,7 +85,7 @@ def convert(options: argparse.Namespace) -> None:
 
 @command(extra="hloc")
 def main(arguments: Sequence[str] | None = None) -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = Parser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--features_path", type=pathlib.Path, required=True, help="hloc's features of all images (.h5)")
     parser.add_argument("--matches_path", type=pathlib.Path, required=True, help="hloc's matches (.h5)")
     parser.add_argument("--pairs_path", type=pathlib.Path, required=True, help="file with two image names per line")

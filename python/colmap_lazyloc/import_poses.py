@@ -23,7 +23,7 @@ from typing import Any
 
 from colmap_lazyloc import panoramas
 from colmap_lazyloc.agreement.check import add_accept_option, check_photos
-from colmap_lazyloc.errors import InputError, command, logger
+from colmap_lazyloc.errors import InputError, Parser, command, logger
 from colmap_lazyloc.model import Camera
 from colmap_lazyloc.pose_formats import exif_gps
 from colmap_lazyloc.pose_formats.assembly import some_of
@@ -117,7 +117,7 @@ def make_source(path: pathlib.Path, image_path: pathlib.Path | None, options: ar
 
 def parse_arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
     rows = "".join(f"  {name:<15} {form.title}\n" for name, form in FORMATS.items())
-    parser = argparse.ArgumentParser(
+    parser = Parser(
         prog="lazyloc import",
         description=(__doc__ or "").replace("FORMATS\n", rows),
         formatter_class=argparse.RawDescriptionHelpFormatter,
@@ -170,6 +170,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     if options.format == PANORAMAS:
         _cut_panoramas(options)
         return
+    if options.output_path.is_file():
+        raise InputError(f"--output_path {options.output_path}: is not a folder")
     source = make_source(options.file, options.image_path, options)
     posed = _read(source, options)
     if options.output_path.resolve() == options.file.resolve():

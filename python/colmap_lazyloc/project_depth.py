@@ -17,7 +17,7 @@ from typing import BinaryIO
 import numpy as np
 
 from colmap_lazyloc.array_types import Array
-from colmap_lazyloc.errors import InputError, command
+from colmap_lazyloc.errors import InputError, Parser, command
 from colmap_lazyloc.model import Camera, Model, read_model
 from colmap_lazyloc.points import read_points
 from colmap_lazyloc.poses import Pose
@@ -119,7 +119,7 @@ def write_depth_maps(model: Model, points: Array, output_path: pathlib.Path, max
 
 
 def parse_arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = Parser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("model_path", type=pathlib.Path, help="folder with a COLMAP model: the images and their poses")
     parser.add_argument("--points", type=pathlib.Path, required=True, help="PLY file, or folder with points3D.bin")
     parser.add_argument("--output_path", type=pathlib.Path, required=True, help="folder for the maps")

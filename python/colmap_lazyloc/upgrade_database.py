@@ -17,7 +17,7 @@ import tempfile
 from collections.abc import Sequence
 
 from colmap_lazyloc.database import connect
-from colmap_lazyloc.errors import InputError, command
+from colmap_lazyloc.errors import InputError, Parser, command
 
 
 def incomplete_tables(connection: sqlite3.Connection) -> list[str]:
@@ -75,7 +75,7 @@ def run(arguments: argparse.Namespace) -> None:
 
 @command
 def main(arguments: Sequence[str] | None = None) -> None:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = Parser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("database_path", type=pathlib.Path, help="database to upgrade")
     where = parser.add_mutually_exclusive_group()
     where.add_argument(

@@ -16,7 +16,7 @@ from collections.abc import Sequence
 
 from colmap_lazyloc.agreement.check import judge_database
 from colmap_lazyloc.database import DatabaseReader
-from colmap_lazyloc.errors import InputError, command
+from colmap_lazyloc.errors import InputError, Parser, command
 from colmap_lazyloc.model import read_model
 from colmap_lazyloc.pose_formats.geo import GeoOrigin
 from colmap_lazyloc.pose_formats.posed_images import PosedImage
@@ -25,9 +25,7 @@ WRONG_POSES = 2  # exit code
 
 
 def parse_arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
-    parser = argparse.ArgumentParser(
-        prog="lazyloc check", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = Parser(prog="lazyloc check", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("database", type=pathlib.Path, metavar="DATABASE", help="COLMAP database with verified matches")
     parser.add_argument("model", type=pathlib.Path, metavar="MODEL", help="folder of a COLMAP model")
     return parser.parse_args(arguments)

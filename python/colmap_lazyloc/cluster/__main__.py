@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING
 
 from colmap_lazyloc.cluster.folders import as_ranges, is_same_run, read_manifest
 from colmap_lazyloc.cluster.task import ShardTask, command_line
-from colmap_lazyloc.errors import InputError, command, logger, positive_int
+from colmap_lazyloc.errors import InputError, Parser, command, logger, positive_int
 from colmap_lazyloc.program import find_colmap
 
 if TYPE_CHECKING:
@@ -30,11 +30,12 @@ OWN_OPTIONS = ("shard", "resume", "overwrite", "strict", "log_path")  # of lazy_
 
 def parse_arguments(arguments: Sequence[str] | None) -> tuple[argparse.Namespace, list[str]]:
     """Returns our options, and the words for lazy_localizer."""
-    parser = argparse.ArgumentParser(
+    parser = Parser(
         prog="lazyloc cluster",
         description=__doc__,
         formatter_class=argparse.RawDescriptionHelpFormatter,
         allow_abbrev=False,
+        is_foreign=lambda name: True,  # an option of lazy_localizer, which checks it
     )
     add = parser.add_argument
     add("--num_shards", type=positive_int, required=True, help="number of shards; some per worker balance the load")

@@ -28,7 +28,7 @@ from colmap_lazyloc.array_types import Array
 from colmap_lazyloc.demo import textures
 from colmap_lazyloc.demo.renderer import RayGrid, Rectangle, render
 from colmap_lazyloc.demo.textures import Colour
-from colmap_lazyloc.errors import command, logger
+from colmap_lazyloc.errors import Parser, command, logger
 from colmap_lazyloc.model import Camera, Image, write_model
 from colmap_lazyloc.poses import Pose, look_at, write_poses
 
@@ -279,9 +279,7 @@ def _at_least(minimum: int) -> Callable[[str], int]:
 
 @command(name="lazyloc demo", extra="demo")
 def main(arguments: Sequence[str] | None = None) -> None:
-    parser = argparse.ArgumentParser(
-        prog="lazyloc demo", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = Parser(prog="lazyloc demo", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--output_path", type=pathlib.Path, required=True, help="folder to write the scene to")
     parser.add_argument(
         "--scene",

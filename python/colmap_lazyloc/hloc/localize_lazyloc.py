@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from colmap_lazyloc.errors import InputError, command
+from colmap_lazyloc.errors import InputError, Parser, command
 from colmap_lazyloc.hloc_files import find_matches, read_keypoints
 from colmap_lazyloc.inputs import Matches, Options
 from colmap_lazyloc.localizer import Localizer
@@ -154,7 +154,7 @@ def _short_name(name: str, with_camera: bool) -> str:
 @command(extra="hloc")
 def command_line(arguments: list[str] | None = None) -> None:
     """Runs `main` with hloc's flags."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = Parser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     for name in ("reference_sfm", "queries", "features", "matches", "retrieval", "results"):
         parser.add_argument(f"--{name}", type=pathlib.Path, required=True)
     parser.add_argument("--ransac_thresh", type=float, default=12.0, help="no effect")

@@ -38,7 +38,7 @@ class GeoOrigin:
         try:
             latitude, longitude, height = (float(word) for word in text.split(","))
         except ValueError:
-            raise InputError(f"expected LATITUDE,LONGITUDE,HEIGHT, found '{text}'") from None
+            raise InputError(f"--geo_origin: expected LATITUDE,LONGITUDE,HEIGHT, found '{text}'") from None
         return GeoOrigin(latitude, longitude, height)
 
     @staticmethod

@@ -23,7 +23,7 @@ from colmap_lazyloc.extras import install_command, is_installed
 from colmap_lazyloc.import_poses import make_source
 from colmap_lazyloc.model import Camera
 from colmap_lazyloc.panoramas import REFERENCE, face_cameras, read_face_poses
-from colmap_lazyloc.pose_formats.posed_images import Photos, PosedImages, photo_size
+from colmap_lazyloc.pose_formats.posed_images import Photos, PosedImages, Source, photo_size
 from colmap_lazyloc.pose_formats.registry import read_posed_images
 from colmap_lazyloc.project import steps
 from colmap_lazyloc.project.colmap_runner import ColmapRunner
@@ -76,10 +76,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
     colmap = steps.find_program()
     steps.check_localizer_options(colmap, words)
     sift_options, localizer_options = split(words)
+    photos = find_photos(options.database_images, _excluded(options))
+    query_photos = None if is_video(options.queries) else _find_queries(options)
+    # The poses of panoramas are read when their faces are cut.
+    posed = None if options.poses is None or panorama_roles(options) else read_posed_images(*_pose_source(options))
     project = _open_project(options, colmap, sift_options)
-    database = _make_images(project, options, DATABASE, options.database_images)
-    posed = None if options.poses is None else _read_poses(options, database)
-    queries = _make_images(project, options, QUERY, _video_frames(project, options))
+    database = _make_images(project, options, DATABASE, photos)
+    if options.poses is not None:
+        posed = _use_poses(options, database, posed)
+    queries = _make_images(project, options, QUERY, query_photos or _video_frames(project, options))
     _link_masks(project, options, database, queries)
     camera = _query_camera(project, options, queries, posed)
     cameras = database.cameras()
@@ -106,7 +111,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 def _open_project(options: argparse.Namespace, colmap: pathlib.Path, sift_options: Sequence[str]) -> steps.Project:
     folder = Folder(options.output_path)
-    folder.path.mkdir(parents=True, exist_ok=True)
+    try:
+        folder.path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"--output {folder.path}: cannot be made: {error.strerror}") from None
     record = Steps(folder, fingerprint(__version__, content(colmap)))
     if options.overwrite:
         record.forget_all()
@@ -128,9 +136,20 @@ def _excluded(options: argparse.Namespace) -> list[pathlib.Path]:
     return [*links, options.output_path, *([] if options.masks is None else [options.masks])]
 
 
-def _make_images(project: steps.Project, options: argparse.Namespace, role: str, source: pathlib.Path) -> Images:
-    """Links photos, or the faces of panoramas, into the project."""
-    paths = convert_photos(project.folder, find_photos(source, _excluded(options)))
+def _find_queries(options: argparse.Namespace) -> dict[str, pathlib.Path]:
+    """Returns the paths of the query photos by name; raises InputError if a single one cannot be read."""
+    paths = find_photos(options.queries, _excluded(options))
+    if options.queries.is_file() and is_installed("PIL") and photo_size(options.queries) is None:
+        raise InputError(f"--queries {options.queries}: is not a photo that can be read")
+    return paths
+
+
+def _make_images(
+    project: steps.Project, options: argparse.Namespace, role: str, photos: Mapping[str, pathlib.Path]
+) -> Images:
+    """Links photos, given by name, or the faces of panoramas, into the project."""
+    paths = convert_photos(project.folder, photos)
+    source = options.database_images if role == DATABASE else options.queries
     if options.masks is not None and options.masks.resolve() == source.resolve():
         masks = {f"{name}.png" for name in paths}
         paths = {name: path for name, path in paths.items() if name not in masks}
@@ -141,15 +160,18 @@ def _make_images(project: steps.Project, options: argparse.Namespace, role: str,
     return Images(link_photos(project.folder, role, paths), widths)
 
 
-def _read_poses(options: argparse.Namespace, database: Images) -> PosedImages:
-    """Reads the poses of the database images, under the names of the links."""
+def _pose_source(options: argparse.Namespace) -> tuple[Source, str | None]:
+    """Returns the file of poses, and its format if it is given."""
     source = make_source(options.poses, options.database_images, options)
     source = dataclasses.replace(source, photos=Photos(options.database_images, excluded=_excluded(options)))
-    posed = (
-        read_face_poses(source, database.widths, options.poses_format)
-        if database.widths
-        else read_posed_images(source, options.poses_format)
-    )
+    return source, options.poses_format
+
+
+def _use_poses(options: argparse.Namespace, database: Images, posed: PosedImages | None) -> PosedImages:
+    """Returns the poses of the database images, under the names of the links; reads them if `posed` is None."""
+    if posed is None:
+        source, form = _pose_source(options)
+        posed = read_face_poses(source, database.widths, form) if database.widths else read_posed_images(source, form)
     posed = _select(posed, database.linked)
     num_photos, num_left_out = len(database.linked), len(database.linked) - len(posed.images)
     if not posed.images:
@@ -176,11 +198,9 @@ def _select(posed: PosedImages, names: Mapping[str, str]) -> PosedImages:
     return dataclasses.replace(posed, images=images)
 
 
-def _video_frames(project: steps.Project, options: argparse.Namespace) -> pathlib.Path:
-    """Returns the folder or file of the queries; of a video, the folder of its frames."""
+def _video_frames(project: steps.Project, options: argparse.Namespace) -> dict[str, pathlib.Path]:
+    """Returns the paths of the frames of the video by name."""
     source: pathlib.Path = options.queries
-    if not is_video(source):
-        return source
     frames: pathlib.Path = project.folder.frames
     rate = options.frames_per_second or FRAMES_PER_SECOND
     key = fingerprint(content(source), rate)
@@ -188,7 +208,7 @@ def _video_frames(project: steps.Project, options: argparse.Namespace) -> pathli
         count = write_frames(source, frames, rate)
         logger.info("%d frames of %s", count, source)
         project.steps.finish("frames", key)
-    return frames
+    return find_photos(frames, [])
 
 
 def _link_masks(project: steps.Project, options: argparse.Namespace, database: Images, queries: Images) -> None:
@@ -276,6 +296,12 @@ def _print_results(folder: Folder, shown: dict[str, str], unit: str | None) -> N
         print(f"... and {len(lines) - MAX_NUM_LINES - 1} more: {folder.localized / 'positions.csv'}")
     count = sum(pose_of(results[name]) is not None for name in names)
     print(f"{count} of {len(shown)} queries localized: {folder.localized}".encode(errors="replace").decode())
+    if count == 0:
+        logger.warning(
+            "no query was localized: look at the reasons above and at the warnings of %s, and check that the queries "
+            "show the place of the database images",
+            folder.report,
+        )
 
 
 if __name__ == "__main__":

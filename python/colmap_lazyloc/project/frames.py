@@ -1,6 +1,8 @@
 """Takes frames of a video. Needs OpenCV."""
 
+import os
 import pathlib
+from typing import Any
 
 from colmap_lazyloc.errors import InputError
 from colmap_lazyloc.pose_formats.posed_images import IMAGE_SUFFIXES, PHONE_SUFFIXES, UNREADABLE_SUFFIXES
@@ -13,16 +15,25 @@ def is_video(path: pathlib.Path) -> bool:
     return path.is_file() and not path.name.lower().endswith((*IMAGE_SUFFIXES, *PHONE_SUFFIXES, *UNREADABLE_SUFFIXES))
 
 
+def open_video(path: pathlib.Path) -> Any:
+    """Returns a video, open; raises InputError if the file is none."""
+    os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")  # of FFmpeg: nothing, because one line says what is wrong
+    import cv2
+
+    try:
+        capture = cv2.VideoCapture(str(path))
+    except UnicodeError:
+        raise InputError(f"{path}: OpenCV opens no video whose name is not UTF-8: rename it") from None
+    if not capture.isOpened():
+        raise InputError(f"{path}: is neither a photo nor a video that OpenCV can read")
+    return capture
+
+
 def write_frames(video: pathlib.Path, folder: pathlib.Path, frames_per_second: float) -> int:
     """Writes frames as 000123.jpg, with their numbers in the video; returns how many."""
     import cv2
 
-    try:
-        capture = cv2.VideoCapture(str(video))
-    except UnicodeError:
-        raise InputError(f"{video}: OpenCV opens no video whose name is not UTF-8: rename it") from None
-    if not capture.isOpened():
-        raise InputError(f"{video}: is not a video that OpenCV can read")
+    capture = open_video(video)
     folder.mkdir(parents=True, exist_ok=True)
     rate = capture.get(cv2.CAP_PROP_FPS)
     step = max(rate / frames_per_second, 1.0) if rate > 0 else 1.0

@@ -1,16 +1,18 @@
 """The options of `lazyloc run`: what they are, and whether each can have its effect."""
 
 import argparse
+import itertools
+import os
 import pathlib
 from collections.abc import Sequence
 
 from colmap_lazyloc.agreement.check import add_accept_option
-from colmap_lazyloc.errors import InputError, logger, positive_int
+from colmap_lazyloc.errors import InputError, Parser, logger, positive_int
 from colmap_lazyloc.import_poses import CONVENTION_OPTIONS, add_source_options, join_values, make_source
 from colmap_lazyloc.model import Camera
 from colmap_lazyloc.pose_formats.registry import FORMATS
 from colmap_lazyloc.project.folder import DATABASE, QUERY, Folder
-from colmap_lazyloc.project.frames import is_video
+from colmap_lazyloc.project.frames import is_video, open_video
 from colmap_lazyloc.report.facts import METRE, MODEL_UNITS
 
 GROUP_SIZE = 5
@@ -21,11 +23,12 @@ NUM_NEIGHBORS = 10
 
 def parse_arguments(description: str | None, arguments: Sequence[str] | None) -> tuple[argparse.Namespace, list[str]]:
     """Returns our options, and the words for lazy_localizer."""
-    parser = argparse.ArgumentParser(
+    parser = Parser(
         prog="lazyloc run",
         description=description,
         formatter_class=argparse.RawDescriptionHelpFormatter,
         allow_abbrev=False,
+        is_foreign=_is_of_localizer,
     )
     add = parser.add_argument
     add("--database_images", type=pathlib.Path, required=True, metavar="DIR", help="folder of the database images")
@@ -45,9 +48,8 @@ def parse_arguments(description: str | None, arguments: Sequence[str] | None) ->
     options, words = parser.parse_known_args(join_values(arguments))
     is_value = False  # of an option
     for word in words:
-        name = word.removeprefix("--").split("=")[0]
         is_option = word.startswith("--")
-        if (is_option and "." not in name and name != "onnx_path") or not (is_option or is_value):
+        if not is_option and not is_value:
             raise InputError(f"unknown option {word}")
         is_value = is_option and "=" not in word
     return options, words
@@ -100,6 +102,10 @@ def _add_more(parser: argparse.ArgumentParser) -> None:
     )
     add("--use_gpu", type=int, choices=(0, 1), default=0, help="use COLMAP's GPU features and matching; default: 0")
     add("--overwrite", action="store_true", help="remove all that earlier runs have left in the output folder")
+
+
+def _is_of_localizer(name: str) -> bool:
+    return "." in name or name == "onnx_path"
 
 
 def _positive(text: str) -> float:
@@ -173,7 +179,21 @@ def check(options: argparse.Namespace, words: Sequence[str]) -> None:
     if options.sequence is not None and "--LazyLocalizer.group_size" in names:
         raise InputError("--LazyLocalizer.group_size: is given by --sequence")
     if is_video(options.queries):
-        import cv2  # noqa: F401
+        open_video(options.queries).release()
+    for word, value in itertools.pairwise([*words, ""]):
+        name, has_value, joined = word.partition("=")
+        path = pathlib.Path(joined if has_value else value)
+        if name == "--onnx_path" and not path.is_dir():
+            raise InputError(f"--onnx_path {path}: is not a folder")
+
+
+def _check_output(path: pathlib.Path) -> None:
+    """Checks that a folder is there or can be made, and can be written."""
+    place = next(place for place in (path, *path.absolute().parents) if os.path.lexists(place))
+    if not place.is_dir():
+        raise InputError(f"--output {path}: {place} is not a folder")
+    if not os.access(place, os.W_OK | os.X_OK):
+        raise InputError(f"--output {path}: you have no right to write in {place}")
 
 
 def _check_paths(options: argparse.Namespace) -> None:
@@ -181,10 +201,17 @@ def _check_paths(options: argparse.Namespace) -> None:
         raise InputError(f"--database_images {options.database_images}: is not a folder")
     if options.masks is not None and not options.masks.is_dir():
         raise InputError(f"--masks {options.masks}: is not a folder")
+    if options.masks is not None and next(options.masks.rglob("*.png"), None) is None:
+        raise InputError(f"--masks {options.masks}: has no mask, NAME.png for the photo NAME")
     for name in ("queries", "poses", "calibration"):
         path = getattr(options, name)
         if path is not None and not path.exists():
             raise InputError(f"--{name} {path}: does not exist")
+    for name in ("database_images", "queries", "masks", "poses"):
+        path = getattr(options, name)
+        if path is not None and not os.access(path, os.R_OK | (os.X_OK if path.is_dir() else 0)):
+            raise InputError(f"--{name} {path}: you have no right to read it")
+    _check_output(options.output_path)
     output = options.output_path.resolve()
     reserved = [path.resolve() for path in Folder(output).reserved]
     for name in ("database_images", "queries", "masks", "poses"):

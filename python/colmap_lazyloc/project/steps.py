@@ -1,10 +1,11 @@
 """The steps of a project: each does nothing if its work is done."""
 
 import dataclasses
-import difflib
 import pathlib
 import re
 import shutil
+import subprocess
+import tempfile
 from collections.abc import Mapping, Sequence
 
 from colmap_lazyloc.cluster.task import command_line
@@ -16,7 +17,7 @@ from colmap_lazyloc.database import (
     remove_matches,
     tidy_images,
 )
-from colmap_lazyloc.errors import InputError
+from colmap_lazyloc.errors import InputError, nearest
 from colmap_lazyloc.model import Camera, read_model
 from colmap_lazyloc.pose_formats.colmap import write_posed_images
 from colmap_lazyloc.pose_formats.posed_images import PosedImages, photo_size
@@ -285,12 +286,24 @@ def localize(
 
 
 def check_localizer_options(colmap: pathlib.Path, words: Sequence[str]) -> None:
-    """Checks the names of options early, because lazy_localizer runs last. The installed package checks them itself."""
-    known = option_names(colmap, "lazy_localizer", "--help-all") if has_command(colmap, "lazy_localizer") else []
-    for name in [word.removeprefix("--").partition("=")[0] for word in words if word.startswith("--") and known]:
-        if name not in known:
-            near = difflib.get_close_matches(name, known, 1)
-            raise InputError(f"unknown option --{name}" + (f"; the nearest is --{near[0]}" if near else ""))
+    """Checks names and values of options early, because lazy_localizer runs last: it runs on files that are not there,
+    and checks options before files. The installed package checks names itself."""
+    names = [word.partition("=")[0] for word in words if word.startswith("--")]
+    if not names:
+        return
+    has_localizer = has_command(colmap, "lazy_localizer")
+    known = [f"--{name}" for name in option_names(colmap, "lazy_localizer", "--help-all")] if has_localizer else []
+    for name in names:
+        if known and name not in known:
+            raise InputError(f"unknown option {name}{nearest(name, known)}")
+    command = command_line(str(colmap) if has_localizer else None, "lazy_localizer")
+    with tempfile.TemporaryDirectory() as folder:
+        for option in ("database_path", "input_path", "image_path", "output_path"):
+            command += [f"--{option}", f"{folder}/missing"]
+        done = subprocess.run([*command, *words], capture_output=True, text=True, errors="replace", check=False)
+    line = (done.stderr.strip().splitlines() or [""])[-1]
+    if any(re.search(rf"{re.escape(name)}\b", line) for name in names):
+        raise InputError(line.removeprefix("ERROR: ").removeprefix("colmap lazy_localizer: "))
 
 
 def find_program() -> pathlib.Path:

@@ -12,7 +12,7 @@ import pathlib
 import sys
 from collections.abc import Sequence
 
-from colmap_lazyloc.errors import InputError, command
+from colmap_lazyloc.errors import InputError, Parser, command
 from colmap_lazyloc.evaluate import read_any_poses
 from colmap_lazyloc.pose_formats.posed_images import PosedImage, PosedImages
 from colmap_lazyloc.pose_formats.registry import FORMATS
@@ -27,7 +27,7 @@ from colmap_lazyloc.report.run import Run, read_run
 
 
 def parse_arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
-    parser = argparse.ArgumentParser(
+    parser = Parser(
         prog="lazyloc report",
         description=__doc__,
         formatter_class=argparse.RawDescriptionHelpFormatter,

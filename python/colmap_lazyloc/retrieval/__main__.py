@@ -15,14 +15,14 @@ from collections.abc import Sequence
 import numpy as np
 
 from colmap_lazyloc.array_types import Array
-from colmap_lazyloc.errors import InputError, command, logger, positive_int
+from colmap_lazyloc.errors import InputError, Parser, command, logger, positive_int
 from colmap_lazyloc.report.output import check_output, write_file
 from colmap_lazyloc.retrieval.descriptors import DescriptorSet, describe_set
 from colmap_lazyloc.retrieval.images import ImageSelection, parse_shard, select_images
 
 
 def parse_arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
-    parser = argparse.ArgumentParser(
+    parser = Parser(
         prog="lazyloc retrieve",
         description=__doc__,
         formatter_class=argparse.RawDescriptionHelpFormatter,
