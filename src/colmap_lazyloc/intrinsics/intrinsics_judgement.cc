@@ -56,8 +56,8 @@ std::string OtherContradiction(const Camera& camera, IntrinsicsOrigin origin, co
   const double radius = HalfDiagonalPx(camera);
   const double corner_px = estimate.corrections[RADIAL_DISTORTION] * std::pow(radius / kRadialUnitPx, 3);
   if (estimate.sigmas[RADIAL_DISTORTION] > kMinOtherSigma && std::abs(corner_px) > kMinDistortionShift * radius) {
-    return Format("the images contradict %s distortion: the image's corners are %.0f px further %s",
-                  Determiner(origin), std::abs(corner_px), corner_px > 0 ? "outside" : "inside");
+    return Format("the images contradict %s distortion: the image's corners are %.0f px further %s", Determiner(origin),
+                  std::abs(corner_px), corner_px > 0 ? "outside" : "inside");
   }
   const Eigen::Vector2d shift(estimate.corrections[PRINCIPAL_POINT_X], estimate.corrections[PRINCIPAL_POINT_Y]);
   const Eigen::Vector2d given = PrincipalPoint(camera), suggested = given + shift;
