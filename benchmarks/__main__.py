@@ -15,6 +15,7 @@ COMMANDS = {
     ),
     "poses": ("corrupted_poses", "poses that are wrong in the ways of people's files: are they named?"),
     "runtime": ("runtime.compare_with_local_triangulation", "seconds per query beside pycolmap's, on one core"),
+    "service": ("service", "lazyloc serve with 1, 8 and 64 clients, beside localize_all"),
     "streaming": ("streaming", "memory and time of one process over the number of queries"),
     "sparse": (
         "localization.sparse",

@@ -3,15 +3,10 @@
 import json
 import os
 import pathlib
-import socket
 import subprocess
 import sys
-import time
-import urllib.error
-import urllib.request
 
 import numpy as np
-import pytest
 
 from colmap_lazyloc.extension import core
 from colmap_lazyloc.poses import Pose
@@ -132,37 +127,6 @@ def test_results_with_pandas(localize, noisy):
     assert done.returncode == 0 and done.stderr == "", done.stderr
     assert f"LOCALIZED    {len(run.poses)}" in done.stdout
     assert all(name in done.stdout for name in run.poses) and "position_stddev" in done.stdout
-
-
-@pytest.fixture
-def service(photos):
-    with socket.socket() as free:
-        free.bind(("localhost", 0))
-        port = free.getsockname()[1]
-    command = [EXAMPLES_PATH / "localize_service.py", photos.database_path, photos.model_path, port]
-    with subprocess.Popen([sys.executable, *map(str, command)], env=ENVIRONMENT, stderr=subprocess.DEVNULL) as process:
-        yield f"http://localhost:{port}/"
-        process.terminate()
-
-
-def post(url, body):
-    for _ in range(100):
-        try:
-            with urllib.request.urlopen(urllib.request.Request(url, body), timeout=60) as response:
-                return response.status, json.load(response)
-        except urllib.error.HTTPError as error:
-            return error.code, json.load(error)
-        except urllib.error.URLError:
-            time.sleep(0.1)  # the service has not begun
-    raise AssertionError("the service does not answer")
-
-
-def test_service(service, photos):
-    photo = (photos.image_path / photos.query_names[0]).read_bytes()
-    code, result = post(service, photo)
-    assert (code, result["status"]) == (200, "LOCALIZED")
-    assert post(service, b"no photo")[1]["status"] == "UNREADABLE_IMAGE"
-    assert post(service, b"")[0] == 413
 
 
 def test_examples_and_package_have_correct_types(tmp_path):

@@ -18,6 +18,7 @@ COMMANDS = {
     "evaluate": ("evaluate", "compare poses with true ones"),
     "retrieve": ("retrieval.__main__", "find database images by global descriptors"),
     "cluster": ("cluster.__main__", "localize on a Dask cluster"),
+    "serve": ("serve.__main__", "localize photos that come by HTTP"),
     "demo": ("demo.__main__", "render the photos of the demo"),
     "doctor": ("doctor", "show what is installed, and what the extras would add"),
 }

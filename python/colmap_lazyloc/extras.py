@@ -33,6 +33,10 @@ EXTRAS = {
     ),
     "retrieval": Extra("lazyloc retrieve: global descriptors", {"faiss-cpu": "faiss", "h5py": "h5py"}),
     "cluster": Extra("lazyloc cluster: Dask", {"bokeh": "bokeh", "distributed": "distributed", **TQDM}),
+    "serve": Extra(
+        "lazyloc serve: the HTTP service",
+        {"fastapi": "fastapi", "pillow": "PIL", "python-multipart": "python_multipart", "uvicorn": "uvicorn"},
+    ),
     "onnx": Extra("photos against databases of ALIKED features", {"onnxruntime": "onnxruntime"}),
     "hloc": Extra("files of hloc, projection of points", {"h5py": "h5py", "pycolmap": "pycolmap"}),
 }
@@ -41,7 +45,8 @@ EXTRAS = {
 # The folder of the Debian package, whose users install other packages with apt.
 IS_DEBIAN_PACKAGE = pathlib.Path(__file__).is_relative_to("/usr/lib/python3/dist-packages")
 DEBIAN_NAMES = {"cv2": "python3-opencv", "PIL": "python3-pil"}
-NOT_IN_DEBIAN = ("bokeh", "pillow-heif", "pycolmap")
+# Or not as new as it must be, as those of `serve` in Debian 12.
+NOT_IN_DEBIAN = ("bokeh", "fastapi", "pillow-heif", "pycolmap", "python_multipart", "uvicorn")
 
 
 def is_installed(module: str) -> bool:

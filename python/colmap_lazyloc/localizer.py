@@ -97,6 +97,12 @@ class Localizer:
         self.close()
 
     @property
+    def num_threads(self) -> int:
+        """Returns how many queries `localize_all` localizes at a time: the option LazyLocalizer.num_threads, by default
+        the number of cores. More calls at a time, in threads of the caller, are not faster."""
+        return self._num_threads if self._num_threads > 0 else os.cpu_count() or 1
+
+    @property
     def queries(self) -> list[str]:
         """Returns the names of the queries that the options select: by default, all images of the database without a
         pose in the model."""
@@ -181,12 +187,12 @@ class Localizer:
     ) -> Iterator[Result]:
         """Localizes many queries on several threads and returns a generator of results, in order of completion.
 
-        `queries`: names of `queries` (the default), `Photo` and `Matches`. `num_threads`: default is the option
-        LazyLocalizer.num_threads, whose default is the number of cores. `progress`: shows a bar on the standard error
-        output, by tqdm. Closing the generator, or Ctrl-C, ends the run after the queries that have begun.
+        `queries`: names of `queries` (the default), `Photo` and `Matches`. `num_threads`: default is the property of
+        this name, -1 is the number of cores. `progress`: shows a bar on the standard error output, by tqdm. Closing the
+        generator, or Ctrl-C, ends the run after the queries that have begun.
         """
         localizer = self._open()
-        num_threads = self._num_threads if num_threads is None else num_threads
+        num_threads = self.num_threads if num_threads is None else num_threads
         if not isinstance(num_threads, int) or (num_threads < 1 and num_threads != -1):
             raise InputError("num_threads must be >= 1, or -1")
         if queries is not None and (isinstance(queries, str | np.ndarray) or not isinstance(queries, Iterable)):

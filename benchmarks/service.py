@@ -1,0 +1,190 @@
+"""Times `lazyloc serve` with 1, 8 and 64 clients, beside `localize_all`, and checks each answer.
+
+    python -m benchmarks service DATABASE MODEL PHOTO...
+
+A quarter of the requests are the photos; the others are what a service gets, too: no photos, damaged ones, bombs, bad
+fields, senders that are slow or gone. Clients that get 503 try again after the time that it states. Exits with 1 if a
+request has no answer or a wrong one: a photo's must have the pose of `localize_all`, bit for bit.
+"""
+
+import argparse
+import asyncio
+import collections
+import concurrent.futures
+import dataclasses
+import itertools
+import json
+import pathlib
+import re
+import struct
+import subprocess
+import sys
+import time
+import zlib
+
+import httpx
+import numpy as np
+
+import colmap_lazyloc as ll
+
+NUM_WARM_UP = 20  # photos, until caches are full
+
+
+@dataclasses.dataclass(frozen=True)
+class Kind:
+    """A kind of request and the status that it should have; None: there is nobody to answer."""
+
+    name: str
+    statuses: tuple[int | None, ...]
+
+
+PHOTO = Kind("photo", (200,))
+GARBAGE = Kind("no photo", (415,))
+CUT_OFF = Kind("cut-off photo", (200, 415, 422))
+BOMB = Kind("bomb", (413,))
+BAD_FIELD = Kind("bad field", (422,))
+SLOW = Kind("slow sender", (200,))
+DROPPED = Kind("dropped connection", (None,))
+EMPTY = Kind("empty", (400,))
+MIX = (PHOTO, GARBAGE, CUT_OFF, BOMB, PHOTO, BAD_FIELD, DROPPED, EMPTY, PHOTO, SLOW, GARBAGE, DROPPED)
+MIX += (GARBAGE, BOMB, BAD_FIELD, EMPTY)
+
+
+def make_bomb():
+    """Returns a PNG file of 10^10 pixels by its head, with nothing in it."""
+    head = b"IHDR" + struct.pack(">IIBBBBB", 100000, 100000, 8, 2, 0, 0, 0)
+    chunk = struct.pack(">I", 13) + head + struct.pack(">I", zlib.crc32(head))
+    return b"\x89PNG\r\n\x1a\n" + chunk + struct.pack(">I", 1000) + b"IDAT" + bytes(1004)
+
+
+class Load:
+    """Requests of a mix, one after the other for each client, and what became of them."""
+
+    def __init__(self, port, photos, expected):
+        """`photos`: bytes by name; `expected`: the pose of each by `localize_all`."""
+        self.port, self.photos, self.expected = port, photos, expected
+        self.seconds, self.busy, self.problems = [], 0, []
+        self.statuses = collections.Counter()
+
+    async def run(self, num_clients, num_requests, kinds):
+        """Returns the seconds that all has taken."""
+        work = iter(zip(range(num_requests), itertools.cycle(kinds), itertools.cycle(self.photos)))
+        start = time.monotonic()
+        limits = httpx.Limits(max_connections=num_clients)
+        async with httpx.AsyncClient(base_url=f"http://127.0.0.1:{self.port}", timeout=120, limits=limits) as client:
+            await asyncio.gather(*(self._work(client, work) for _ in range(num_clients)))
+        return time.monotonic() - start
+
+    async def _work(self, client, work):
+        for index, kind, name in work:
+            try:
+                status = await self._request(client, index, kind, name)
+            except (httpx.HTTPError, OSError) as error:
+                status = type(error).__name__
+            self.statuses[kind.name, status] += 1
+            if status not in kind.statuses:
+                self.problems.append(f"request {index} ({kind.name}): {status}")
+
+    async def _request(self, client, index, kind, name):
+        photo = self.photos[name]
+        if kind is DROPPED:
+            _, writer = await asyncio.open_connection("127.0.0.1", self.port)
+            head = f"POST /localize HTTP/1.1\r\nHost: x\r\nContent-Length: {len(photo)}\r\n\r\n"
+            writer.write(head.encode() + photo[: len(photo) * (index % 5) // 4])  # sometimes all of it
+            await writer.drain()
+            writer.close()
+            return None
+        bodies = {GARBAGE: photo[1:], CUT_OFF: photo[: len(photo) // 2], BOMB: make_bomb(), EMPTY: b""}
+        params = {"position": "1 2 3"} if kind is BAD_FIELD else {}
+        start = time.monotonic()
+        while True:
+            body = slowly(photo) if kind is SLOW else bodies.get(kind, photo)
+            answer = await client.post("/localize", content=body, params=params)
+            if answer.status_code != 503:
+                break
+            self.busy += 1
+            await asyncio.sleep(float(answer.headers["Retry-After"]))
+        if kind is PHOTO:
+            self.seconds.append(time.monotonic() - start)
+        if kind in (PHOTO, SLOW) and answer.json()["cam_from_world"] != self.expected[name]:
+            self.problems.append(f"request {index}: the pose of {name} is another one")
+        if answer.status_code >= 400 and not isinstance(json.loads(answer.text)["detail"], str):
+            self.problems.append(f"request {index}: {answer.text}")
+        return answer.status_code
+
+
+async def slowly(photo):
+    """Yields a body over two seconds."""
+    for begin in range(0, len(photo), len(photo) // 4 + 1):
+        await asyncio.sleep(0.5)
+        yield photo[begin : begin + len(photo) // 4 + 1]
+
+
+def memory_mb(pid, name):
+    """Returns the memory of a process: VmRSS now, VmHWM at most so far."""
+    text = pathlib.Path(f"/proc/{pid}/status").read_text()
+    return int(re.search(rf"{name}:\s*(\d+)", text).group(1)) / 1024
+
+
+def start_server(options):
+    """Returns the process and its port."""
+    command = [sys.executable, "-m", "colmap_lazyloc", "serve", options.model, "--database_path", options.database]
+    command += ["--port", "0", "--max_queue", str(options.max_queue)]
+    process = subprocess.Popen(list(map(str, command)), stderr=subprocess.PIPE, text=True)
+    return process, int(re.search(r":(\d+)/", process.stderr.readline()).group(1))
+
+
+def localize_directly(options, paths):
+    """Returns the poses by name that `localize_all` finds, and its photos per second."""
+    with ll.Localizer(options.database, options.model) as localizer:
+        queries = [ll.Photo(path, name="photo") for path in paths]
+        list(localizer.localize_all(queries[:NUM_WARM_UP]))
+        poses = {path.name: localizer.localize_photo(path, name="photo").as_dict()["cam_from_world"] for path in paths}
+        many = [query for _, query in zip(range(options.num_direct), itertools.cycle(queries))]
+        start = time.monotonic()
+        list(localizer.localize_all(many))
+        return poses, len(many) / (time.monotonic() - start)
+
+
+def main(arguments):
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("database", type=pathlib.Path)
+    parser.add_argument("model", type=pathlib.Path)
+    parser.add_argument("photos", type=pathlib.Path, nargs="+")
+    parser.add_argument("--num_requests", type=int, default=1600, help="for each number of clients")
+    parser.add_argument("--num_direct", type=int, default=200, help="photos for localize_all")
+    parser.add_argument("--num_clients", type=int, nargs="+", default=[1, 8, 64])
+    parser.add_argument("--max_queue", type=int, default=16)
+    options = parser.parse_args(arguments)
+    # A process of its own, so that the clients have nothing of it.
+    with concurrent.futures.ProcessPoolExecutor(1) as process:
+        expected, rate = process.submit(localize_directly, options, options.photos).result()
+    photos = {path.name: path.read_bytes() for path in options.photos}
+    server, port = start_server(options)
+    for _, photo in zip(range(NUM_WARM_UP), itertools.cycle(photos.values())):
+        httpx.post(f"http://127.0.0.1:{port}/localize", content=photo, timeout=120)
+    print(f"localize_all: {rate:.2f} photos per second\n")
+    print("| requests | clients | photos per second | p50 s | p95 s | 503 | MB before | MB after | MB at most |")
+    print("|---|---|---|---|---|---|---|---|---|")
+    problems, statuses = [], collections.Counter()
+    rows = [(kinds, num_clients) for kinds in ((PHOTO,), MIX) for num_clients in options.num_clients]
+    for kinds, num_clients in rows:
+        load, before = Load(port, photos, expected), memory_mb(server.pid, "VmRSS")
+        num_requests = options.num_direct if kinds is not MIX else options.num_requests
+        seconds = asyncio.run(load.run(num_clients, num_requests, kinds))
+        num_photos = sum(count for (_, status), count in load.statuses.items() if status == 200)
+        p50, p95 = np.percentile(load.seconds, [50, 95])
+        after, most = memory_mb(server.pid, "VmRSS"), memory_mb(server.pid, "VmHWM")
+        cells = [f"{num_requests} {'mixed' if kinds is MIX else 'photos'}", num_clients, f"{num_photos / seconds:.2f}"]
+        cells += [f"{p50:.2f}", f"{p95:.2f}", load.busy, f"{before:.0f}", f"{after:.0f}", f"{most:.0f}"]
+        print("| " + " | ".join(map(str, cells)) + " |", flush=True)
+        problems += load.problems
+        statuses += load.statuses
+    server.terminate()
+    _, errors = server.communicate(timeout=120)
+    problems += errors.splitlines() + ([f"exit code {server.returncode}"] if server.returncode else [])
+    print()
+    for (name, status), count in sorted(statuses.items(), key=str):
+        print(f"{name}: {status or 'gone'}: {count}")
+    print(f"{len(problems)} problems", *problems[:20], sep="\n")
+    return 1 if problems else 0

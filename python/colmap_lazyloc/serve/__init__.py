@@ -1,0 +1,1 @@
+"""Localizes photos that come by HTTP."""

@@ -1,0 +1,145 @@
+"""Localizes photos that come by HTTP: POST /localize answers with the line of results.jsonl.
+
+    lazyloc serve localization/model
+
+MODEL is the folder of a COLMAP model, or the output folder of `lazyloc run`. The database stays open, so that a photo
+costs no more than its localization. GET / is a page for phones and browsers, /openapi.json describes the interface. The
+service is for this machine alone, unless --host says otherwise. Options of lazy_localizer are taken, too.
+"""
+
+import argparse
+import pathlib
+import signal
+import socket
+import sys
+import warnings
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from colmap_lazyloc.errors import InputError, command, logger, positive_int
+from colmap_lazyloc.project.folder import Folder
+
+if TYPE_CHECKING:
+    from colmap_lazyloc.localizer import Localizer
+
+LOOPBACK = ("127.0.0.1", "::1", "localhost")
+
+
+def parse_arguments(arguments: Sequence[str] | None) -> tuple[argparse.Namespace, dict[str, str]]:
+    """Returns our options, and those of the localizer."""
+    parser = argparse.ArgumentParser(
+        prog="lazyloc serve",
+        description=__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+        allow_abbrev=False,
+    )
+    add = parser.add_argument
+    add("model", metavar="MODEL", type=pathlib.Path, help="folder of a COLMAP model, or output folder of lazyloc run")
+    add(
+        "--database_path",
+        type=pathlib.Path,
+        help="COLMAP database with the features of the posed images, never written; default: database.db beside MODEL",
+    )
+    add("--host", default="127.0.0.1", help="address to listen at; 0.0.0.0 is all of IPv4; default: %(default)s")
+    add("--port", type=_port, default=8000, help="0 takes a free one; default: %(default)s")
+    add(
+        "--tokens",
+        type=pathlib.Path,
+        metavar="FILE",
+        help="file with one bearer token per line, of which a request must have one; default: everybody may localize",
+    )
+    add = parser.add_argument_group("limits").add_argument
+    add("--max_megabytes", type=positive_int, default=20, help="size of a request; default: %(default)s")
+    add("--max_megapixels", type=positive_int, default=64, help="size of a photo; default: %(default)s")
+    add(
+        "--max_queue",
+        type=positive_int,
+        default=16,
+        help="photos that wait for one of LazyLocalizer.num_threads localizations at a time; others are refused with "
+        "503; default: %(default)s",
+    )
+    add("--max_seconds", type=positive_int, default=60, help="time from a request to its answer; default: %(default)s")
+    options, words = parser.parse_known_args(arguments)
+    return options, _parse_words(words)
+
+
+def _port(text: str) -> int:
+    if not text.isdecimal() or int(text) > 65535:
+        raise argparse.ArgumentTypeError(f"must be a whole number from 0 to 65535, but is '{text}'")
+    return int(text)
+
+
+def _parse_words(words: Sequence[str]) -> dict[str, str]:
+    """Returns values by name of words like `--name value` and `--name=value`."""
+    options: dict[str, str] = {}
+    rest = iter(words)
+    for word in rest:
+        name, has_value, value = word.partition("=")
+        if not name.startswith("--") or name == "--":
+            raise InputError(f"unknown argument {word}")
+        text = value if has_value else next(rest, None)
+        if text is None:
+            raise InputError(f"option {name}: a value is missing")
+        if name[2:] in options:
+            raise InputError(f"option {name} is given twice")
+        options[name[2:]] = text
+    return options
+
+
+def open_localizer(options: argparse.Namespace, settings: dict[str, str]) -> "Localizer":
+    """Opens the model and the database as they are now."""
+    from colmap_lazyloc.localizer import Localizer
+
+    folder, settings = Folder(options.model), dict(settings)
+    model = options.model
+    if folder.steps.exists():  # made by lazyloc run, with its photos and perhaps an index
+        model = folder.model
+        settings.setdefault("image_path", str(folder.images))
+        if folder.index.exists():
+            settings.setdefault("retrieval_index_path", str(folder.index))
+    database = options.database_path or model.resolve().parent / "database.db"
+    if not database.exists():
+        hint = "does not exist" if options.database_path else "does not exist: name the database with --database_path"
+        raise InputError(f"{database}: {hint}")
+    return Localizer(database, model, options=settings)
+
+
+@command(name="lazyloc serve", extra="serve")
+def main(arguments: Sequence[str] | None = None) -> None:
+    options, settings = parse_arguments(arguments)
+    import PIL.Image
+
+    from colmap_lazyloc.serve.app import Limits, Service, Tokens, make_app
+    from colmap_lazyloc.serve.server import make_server
+
+    warnings.showwarning = lambda message, *_: logger.warning("%s", message)
+    PIL.Image.MAX_IMAGE_PIXELS = None  # the service has a limit of its own, and Pillow would only warn
+    tokens = None if options.tokens is None else Tokens(options.tokens)
+    if tokens is None and options.host not in LOOPBACK:
+        logger.warning("without --tokens, everybody who reaches %s may localize photos", options.host)
+    limits = Limits(
+        options.max_megabytes * 1_000_000, options.max_megapixels * 1_000_000, options.max_queue, options.max_seconds
+    )
+    service = Service(lambda: open_localizer(options, settings), limits)
+    server = make_server(make_app(service, tokens), options.max_seconds)
+    with _listen(options.host, options.port) as listener:
+        # From now on, SIGTERM ends the service in order: what has begun is answered. uvicorn raises the signal once
+        # more at the end, for the handler that it found here.
+        signal.signal(signal.SIGTERM, server.handle_exit)
+        host, port = listener.getsockname()[:2]
+        shown = f"[{host}]" if ":" in host else host
+        logger.info("http://%s:%d/ (%d photos at a time)", shown, port, service.num_threads)
+        server.run(sockets=[listener])
+    service.close()
+
+
+def _listen(host: str, port: int) -> socket.socket:
+    try:
+        family = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0][0]
+        return socket.create_server((host, port), family=family)
+    except OSError as error:
+        raise InputError(f"--host {host} --port {port}: {error.strerror}") from None
+
+
+if __name__ == "__main__":
+    sys.exit(main())
