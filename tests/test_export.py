@@ -381,7 +381,7 @@ def from_place_inverse(origin, centre):
 
 @pytest.mark.parametrize("is_training", [True, False])
 def test_transforms_are_in_the_frame_of_nerfstudio(is_training, tmp_path):
-    """x -> scale (R x + t) of the training, or of the data's own transforms.json; import undoes it."""
+    """x -> scale (R x + t) of the training, or of the data's own transforms.json; import keeps it."""
     truth = write_results(tmp_path)
     turn = Rotation.from_euler("xyz", [10, 20, 30], degrees=True).as_matrix()
     shift, scale = np.array([1.0, -2.0, 3.0]), 0.25
@@ -397,8 +397,9 @@ def test_transforms_are_in_the_frame_of_nerfstudio(is_training, tmp_path):
         assert np.allclose(centre, scale * (turn @ pose.cam_in_world + shift), atol=1e-12)
     for image in read_posed_images(Source(path)).images:
         pose = truth[image.name][1]
-        assert np.allclose(image.cam_from_world.cam_in_world, pose.cam_in_world, atol=1e-9)
-        assert np.allclose(image.cam_from_world.rotation, pose.rotation, atol=1e-12)
+        centre = scale * (turn @ pose.cam_in_world + shift)
+        assert np.allclose(image.cam_from_world.cam_in_world, centre, atol=1e-9)
+        assert np.allclose(image.cam_from_world.rotation, pose.rotation @ turn.T, atol=1e-12)
 
 
 @pytest.mark.parametrize(

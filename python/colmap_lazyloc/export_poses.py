@@ -16,7 +16,7 @@ import sys
 from collections import Counter
 from collections.abc import Sequence
 
-from colmap_lazyloc.errors import InputError, command, logger
+from colmap_lazyloc.errors import InputError, Parser, command, logger
 from colmap_lazyloc.model import Model, read_model
 from colmap_lazyloc.pose_formats.geo import GeoOrigin
 from colmap_lazyloc.pose_formats.posed_images import PosedImage, PosedImages
@@ -34,7 +34,7 @@ LOCALIZED = "localized"  # the results in a folder of lazyloc run
 def parse_arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
     names = list(written_formats())
     rows = "".join(f"  {name:<15} {FORMATS[name].title}\n" for name in names)
-    parser = argparse.ArgumentParser(
+    parser = Parser(
         prog="lazyloc export",
         description=(__doc__ or "").replace("FORMATS\n", rows),
         formatter_class=argparse.RawDescriptionHelpFormatter,

@@ -32,7 +32,6 @@ DATAPARSER = "transform", "scale"  # of dataparser_transforms.json: from the sam
 
 def parse(source: Source) -> RawPoses:
     data = read_json(source.path)
-    similarity = _from_file(data, APPLIED)
 
     def parse_frame(frame: dict[str, Any]) -> RawPose:
         # Intrinsics stand in the frame or next to the frames.
@@ -42,7 +41,7 @@ def parse(source: Source) -> RawPoses:
         if size is not None and source.camera is None:
             camera = camera(size)
         rotation, vector = matrix_parts(frame["transform_matrix"])
-        return RawPose(rotation, vector, str(frame["file_path"]), camera=camera, similarity=similarity)
+        return RawPose(rotation, vector, str(frame["file_path"]), camera=camera)
 
     return RawPoses(each(data["frames"], parse_frame))
 

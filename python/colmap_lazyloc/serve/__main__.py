@@ -16,7 +16,7 @@ import warnings
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from colmap_lazyloc.errors import InputError, command, logger, positive_int
+from colmap_lazyloc.errors import InputError, Parser, command, logger, positive_int
 from colmap_lazyloc.project.folder import Folder
 
 if TYPE_CHECKING:
@@ -27,11 +27,12 @@ LOOPBACK = ("127.0.0.1", "::1", "localhost")
 
 def parse_arguments(arguments: Sequence[str] | None) -> tuple[argparse.Namespace, dict[str, str]]:
     """Returns our options, and those of the localizer."""
-    parser = argparse.ArgumentParser(
+    parser = Parser(
         prog="lazyloc serve",
         description=__doc__,
         formatter_class=argparse.RawDescriptionHelpFormatter,
         allow_abbrev=False,
+        is_foreign=lambda name: True,  # an option of lazy_localizer, which the localizer checks
     )
     add = parser.add_argument
     add("model", metavar="MODEL", type=pathlib.Path, help="folder of a COLMAP model, or output folder of lazyloc run")
