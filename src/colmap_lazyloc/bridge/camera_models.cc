@@ -33,6 +33,12 @@ const std::map<std::string, std::vector<size_t>> kDirectedParams = {
     {"RAD_TAN_THIN_PRISM_FISHEYE", {10, 11, 12, 13, 14, 15}},
 };
 
+// Index of the first of the two coefficients of radial distortion.
+const std::map<std::string, size_t> kRadialParams = {
+    {"RADIAL", 3},         {"OPENCV", 4},         {"FULL_OPENCV", 4},
+    {"RADIAL_FISHEYE", 3}, {"OPENCV_FISHEYE", 4}, {"THIN_PRISM_FISHEYE", 4},
+};
+
 bool IsColmaps(int model_id) { return colmap::ExistsCameraModelWithId(static_cast<colmap::CameraModelId>(model_id)); }
 
 // Returns the indices of the parameters that are focal lengths.
@@ -134,6 +140,37 @@ Camera WithFocalFactor(const Camera& camera, double factor) {
   Camera scaled = camera;
   for (const size_t idx : FocalLengthIdxs(camera)) scaled.params[idx] *= factor;
   return scaled;
+}
+
+Camera WithShiftedPrincipalPoint(const Camera& camera, const Eigen::Vector2d& shift_px) {
+  Camera shifted = camera;
+  if (IsEquirectangular(camera)) return shifted;
+  const colmap::Camera converted = ToColmap(camera);
+  const auto centre = converted.PrincipalPointIdxs();
+  for (size_t axis = 0; axis < centre.size(); ++axis) shifted.params[centre[axis]] += shift_px[axis];
+  return shifted;
+}
+
+std::optional<Eigen::Vector2d> RadialDistortion(const Camera& camera) {
+  const auto params = kRadialParams.find(CameraModelName(camera.model_id));
+  if (params == kRadialParams.end()) return std::nullopt;
+  return Eigen::Vector2d(camera.params[params->second], camera.params[params->second + 1]);
+}
+
+Camera WithRadialDistortion(const Camera& camera, const Eigen::Vector2d& coefficients) {
+  Camera distorted = camera;
+  const size_t first = kRadialParams.at(CameraModelName(camera.model_id));
+  distorted.params[first] = coefficients[0];
+  distorted.params[first + 1] = coefficients[1];
+  return distorted;
+}
+
+Camera AsRadial(const Camera& camera) {
+  Camera radial = camera;
+  if (CameraModelName(camera.model_id) != "SIMPLE_RADIAL") return radial;
+  radial.model_id = *CameraModelId("RADIAL");
+  radial.params.push_back(0);
+  return radial;
 }
 
 std::optional<double> MeanFocalLengthPx(const Camera& camera) {

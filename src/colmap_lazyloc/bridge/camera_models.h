@@ -37,6 +37,15 @@ IntrinsicsOrigin OriginOfStoredCamera(const Camera& camera);
 // Returns the camera with every focal length of its model multiplied by the factor.
 Camera WithFocalFactor(const Camera& camera, double factor);
 
+// Returns the camera with its principal point moved; unchanged if the model has none.
+Camera WithShiftedPrincipalPoint(const Camera& camera, const Eigen::Vector2d& shift_px);
+// Returns the coefficients of the third and fifth power of the model's radial distortion; nullopt if it lacks either.
+std::optional<Eigen::Vector2d> RadialDistortion(const Camera& camera);
+// Returns the camera with other such coefficients. The model must have them.
+Camera WithRadialDistortion(const Camera& camera, const Eigen::Vector2d& coefficients);
+// Returns a SIMPLE_RADIAL camera as RADIAL, which has the second coefficient; any other camera as it is.
+Camera AsRadial(const Camera& camera);
+
 // Returns the mean focal length of the camera's model in pixels; nullopt if the model has none.
 std::optional<double> MeanFocalLengthPx(const Camera& camera);
 // Returns the camera for images turned by 90 degrees, clockwise or counterclockwise: the principal point is in the

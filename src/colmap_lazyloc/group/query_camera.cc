@@ -7,6 +7,7 @@
 
 #include "colmap_lazyloc/bridge/camera_models.h"
 #include "colmap_lazyloc/bridge/observer.h"
+#include "colmap_lazyloc/math/so3.h"
 
 namespace lazyloc {
 namespace {
@@ -14,15 +15,59 @@ namespace {
 // Number of iterations after which observations are linearised anew. With more of them, a focal length that the images
 // hardly determine moves to where the linearisation no longer holds, and back in the next adjustment.
 constexpr int kMaxNumIterations = 5;
-// Change of the log of the focal length up to which it has settled, and the number of adjustments it gets for that.
+// Changes of the log of the focal length and of the image's corners up to which they have settled, and the number of
+// adjustments they get for that.
 constexpr double kMaxLogFocalChange = 1e-3;
+constexpr double kMaxCornerChangePx = 0.1;
 constexpr int kMaxNumAdjustments = 20;
 
+// Returns the displacements in pixels of an image point kRadialUnitPx from the principal point by the coefficients of
+// radial distortion, each over its coefficient.
+Eigen::Vector2d PxPerRadialCoefficient(const Camera& camera) {
+  const double square = std::pow(kRadialUnitPx / MeanFocalLength(camera), 2);
+  return kRadialUnitPx * Eigen::Vector2d(square, square * square);
+}
+
 }  // namespace
+
+QueryCamera::QueryCamera(const LocalizationProblem& problem)
+    : problem_(&problem),
+      camera_(IsCalibrated(problem.intrinsics_origin) ? problem.query_camera : AsRadial(problem.query_camera)) {}
 
 void QueryCamera::ScaleFocalLength(double factor) {
   camera_ = WithFocalFactor(camera_, factor);
   focal_factor_ *= factor;
+}
+
+OtherCorrections QueryCamera::Corrections() const {
+  const Camera given = AsRadial(problem_->query_camera);
+  OtherCorrections corrections = OtherCorrections::Zero();
+  corrections.head<2>() = PrincipalPoint(camera_) - PrincipalPoint(given);
+  if (const std::optional<Eigen::Vector2d> radial = RadialDistortion(camera_)) {
+    corrections.tail<2>() = (*radial - *RadialDistortion(given)).cwiseProduct(PxPerRadialCoefficient(camera_));
+  }
+  return corrections;
+}
+
+double QueryCamera::Correct(BundleAdjustmentResult* adjustment) {
+  if (IsCalibrated(problem_->intrinsics_origin)) return 0;
+  const IntrinsicsScore& score = adjustment->intrinsics_scores.front();
+  const OtherCorrections made = Corrections();
+  const OtherCorrections change =
+      UncalibratedCorrections(score, kCommonErrorFactor * score.information, made, camera_, problem_->intrinsics_origin)
+          .mean -
+      made;
+  camera_ = WithShiftedPrincipalPoint(camera_, change.head<2>());
+  if (const std::optional<Eigen::Vector2d> radial = RadialDistortion(camera_)) {
+    camera_ = WithRadialDistortion(camera_, *radial + change.tail<2>().cwiseQuotient(PxPerRadialCoefficient(camera_)));
+  }
+  const Eigen::Matrix<double, 6, 1> move = score.frame_from_correction.rightCols<kNumOtherCorrections>() * change;
+  Rigid3d& pose = adjustment->posed.frames[0].frame_from_world;
+  pose = {ExpSO3(move.head<3>()) * pose.rotation, pose.translation + move.tail<3>()};
+  ScaleFocalLength(std::exp(score.log_factor_from_correction.tail<kNumOtherCorrections>().dot(change)));
+  const double radius = HalfDiagonalPx(camera_) / kRadialUnitPx;
+  return change.head<2>().norm() +
+         std::abs(change.tail<2>().dot(Eigen::Vector2d(std::pow(radius, 3), std::pow(radius, 5))));
 }
 
 std::vector<Track> QueryCamera::Observe(const std::vector<Track>& tracks) const {
@@ -58,16 +103,19 @@ BundleAdjustmentResult QueryCamera::Adjust(PosedImages posed, std::vector<Track>
   BundleAdjustmentResult result;
   result.posed = std::move(posed);
   result.tracks = ObserveAtPoints(result.posed, std::move(tracks));
-  double change = 0;
+  options.computes_covariances |= !IsCalibrated(problem_->intrinsics_origin);
+  double change = 0, corner_change_px = 0;
   int num_adjustments = 0;
   do {
     result = AdjustBundle(result.posed, std::move(result.tracks), options);
     if (!result.summary.success) return result;
     change = *result.posed.images[0].log_focal_factor;
     ScaleFocalLength(std::exp(change));
+    corner_change_px = Correct(&result);
     result.posed.images[0].log_focal_factor = 0;
     result.tracks = ObserveAtPoints(result.posed, Observe(result.tracks));
-  } while (std::abs(change) > kMaxLogFocalChange && ++num_adjustments < kMaxNumAdjustments);
+  } while ((std::abs(change) > kMaxLogFocalChange || corner_change_px > kMaxCornerChangePx) &&
+           ++num_adjustments < kMaxNumAdjustments);
   return result;
 }
 

@@ -16,14 +16,6 @@ namespace {
 
 using PoseDerivatives = Eigen::Matrix<double, 6, NUM_INTRINSICS_PARAMETERS>;
 
-// Standard deviations of what nobody has calibrated: the shift of the principal point and the radial displacement of
-// the image's corners, over half the diagonal, and the log of the pixels' aspect ratio. All are times
-// kSharedCameraFactor for a camera of the database that the photo shares, because it is probably the very one.
-constexpr double kUncalibratedShift = 0.02;
-constexpr double kUncalibratedDistortion = 0.005;
-constexpr double kUncalibratedAspect = 0.003;
-constexpr double kSharedCameraFactor = 0.25;
-
 // Returns the covariance of a query frame's score, with the variances that the adjustment shows and the errors that
 // images share.
 IntrinsicsScore::Matrix ScoreCovariance(const Refined& refined, const IntrinsicsScore& score) {
@@ -36,39 +28,15 @@ IntrinsicsScore::Matrix ScoreCovariance(const Refined& refined, const Intrinsics
 
 IntrinsicsEstimate EstimateIntrinsics(const IntrinsicsScore& score, const IntrinsicsScore::Matrix& score_covariance) {
   IntrinsicsEstimate estimate;
-  const IntrinsicsScore::Matrix inverse = score.information.inverse();
-  estimate.corrections = inverse * score.score;
+  constexpr int kSize = kNumTestedIntrinsics;
+  const Eigen::Matrix<double, kSize, kSize> inverse = score.information.topLeftCorner<kSize, kSize>().inverse();
+  estimate.corrections = inverse * score.score.head<kSize>();
   estimate.sigmas = estimate.corrections.cwiseAbs().cwiseQuotient(
-      (inverse * score_covariance * inverse).diagonal().cwiseMax(1e-30).cwiseSqrt());
+      (inverse * score_covariance.topLeftCorner<kSize, kSize>() * inverse).diagonal().cwiseMax(1e-30).cwiseSqrt());
   const double information = std::max(score.information(LOG_FOCAL_FACTOR, LOG_FOCAL_FACTOR), 1e-30);
   estimate.log_focal_factor = score.score[LOG_FOCAL_FACTOR] / information;
   estimate.log_focal_stddev = std::sqrt(score_covariance(LOG_FOCAL_FACTOR, LOG_FOCAL_FACTOR)) / information;
   return estimate;
-}
-
-// Returns the expected squares and products of the corrections but the focal length's of a camera whose
-// intrinsics nobody has measured: by their usual sizes and the score. Zero for measured intrinsics.
-IntrinsicsScore::Matrix UncalibratedCovariance(const IntrinsicsScore& score,
-                                               const IntrinsicsScore::Matrix& score_covariance, const Camera& camera,
-                                               IntrinsicsOrigin origin) {
-  IntrinsicsScore::Matrix covariance = IntrinsicsScore::Matrix::Zero();
-  if (IsCalibrated(origin)) return covariance;
-  constexpr int kNumOthers = NUM_INTRINSICS_PARAMETERS - 1;  // corrections but the first, the focal length's
-  using Matrix = Eigen::Matrix<double, kNumOthers, kNumOthers>;
-  const double radius = HalfDiagonalPx(camera);
-  const double shift = kUncalibratedShift * radius;
-  const double radial = kUncalibratedDistortion * radius / std::pow(radius / kRadialUnitPx, 3);
-  const Eigen::Matrix<double, kNumOthers, 1> stddevs =
-      (origin == IntrinsicsOrigin::SHARED ? kSharedCameraFactor : 1) *
-      Eigen::Matrix<double, kNumOthers, 1>(shift, shift, kUncalibratedAspect, radial);
-  const Matrix expected = stddevs.cwiseAbs2().asDiagonal();
-  const Matrix inverse = score.information.bottomRightCorner<kNumOthers, kNumOthers>().inverse();
-  const Matrix variance = inverse * score_covariance.bottomRightCorner<kNumOthers, kNumOthers>() * inverse;
-  const Matrix gain = expected * (expected + variance).inverse();
-  // Takes the expected square of the corrections, not their variance, because the pose stays that of the given camera.
-  const Eigen::Matrix<double, kNumOthers, 1> mean = gain * inverse * score.score.tail<kNumOthers>();
-  covariance.bottomRightCorner<kNumOthers, kNumOthers>() = gain * variance + mean * mean.transpose();
-  return covariance;
 }
 
 // Returns the derivatives of an image's pose around the camera by those of its frame around the layout's origin.
@@ -104,9 +72,13 @@ CheckedIntrinsics CheckIntrinsics(const QueryGroup& group, const Layout& layout,
       if (camera) checked.cameras[query] = camera->Intrinsics();
       PoseDistribution& pose = checked.poses[query];
       const PoseDerivatives derivatives = DerivativesAroundCamera(adjusted, query, score.frame_from_correction);
-      const IntrinsicsScore::Matrix others =
-          UncalibratedCovariance(score, score_covariance, problem.query_camera, result.origin);
-      pose.of_images += derivatives * others * derivatives.transpose();
+      // Takes the expected square of the corrections that are left, because the pose is that of those that were made.
+      const OtherCorrections made = camera ? camera->Corrections() : OtherCorrections::Zero();
+      const CorrectionDistribution others =
+          UncalibratedCorrections(score, score_covariance, made, problem.query_camera, result.origin);
+      const OtherCorrections left = others.mean - made;
+      const auto by_others = derivatives.rightCols<kNumOtherCorrections>();
+      pose.of_images += by_others * (others.covariance + left * left.transpose()) * by_others.transpose();
       pose.by_log_focal = derivatives.col(LOG_FOCAL_FACTOR);
       pose.log_focal_variance = JudgeIntrinsics(problem.query_camera, estimate, camera.has_value(), options, &result);
     }

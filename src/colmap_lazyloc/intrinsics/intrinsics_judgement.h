@@ -3,6 +3,7 @@
 #include <string>
 
 #include "colmap_lazyloc/group/localizer_options.h"
+#include "colmap_lazyloc/group/uncalibrated_camera.h"
 #include "colmap_lazyloc/refinement/intrinsics_score.h"
 #include "colmap_lazyloc/scene/localization_result.h"
 
@@ -11,13 +12,10 @@ namespace lazyloc {
 // Standard deviation of the log focal length above which the images cannot tell whether a value is right.
 inline constexpr double kMaxObservableStddev = 0.02;
 
-// Factor on the variances of a score, because errors common to all database images, as of rolling shutters, pretend
-// other intrinsics without making the images disagree.
-inline constexpr double kCommonErrorFactor = 4;
-
 // The corrections of a query's intrinsics that the images suggest.
 struct IntrinsicsEstimate {
-  IntrinsicsScore::Vector corrections, sigmas;  // all together: in their units; over their standard deviations
+  // All together: in their units; over their standard deviations.
+  Eigen::Matrix<double, kNumTestedIntrinsics, 1> corrections, sigmas;
   double log_focal_factor = 0, log_focal_stddev = 0;
 };
 

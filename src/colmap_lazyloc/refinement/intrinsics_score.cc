@@ -33,6 +33,7 @@ Derivative ProjectionDerivative(const Eigen::Vector2d& offset) {
   derivative.col(PRINCIPAL_POINT_Y) = Eigen::Vector2d::UnitY();
   derivative.col(LOG_ASPECT_RATIO) = Eigen::Vector2d(-0.5, 0.5).cwiseProduct(offset);
   derivative.col(RADIAL_DISTORTION) = offset * offset.squaredNorm() / std::pow(kRadialUnitPx, 3);
+  derivative.col(FIFTH_POWER_DISTORTION) = offset * std::pow(offset.squaredNorm(), 2) / std::pow(kRadialUnitPx, 5);
   return derivative;
 }
 
@@ -106,6 +107,7 @@ class ScoreBuilder {
     score_.information += coupling.transpose() * poses_from_correction;
     score_.score += poses_from_correction.transpose() * rhs;
     score_.frame_from_correction = poses_from_correction.template topRows<6>();
+    if (kSize > 6) score_.log_factor_from_correction = poses_from_correction.row(kSize - 1);
     score_.component_covariances = ComponentCovariancesOfScores(poses_from_correction);
     const FrameColumns columns =
         factor.solve(Eigen::MatrixXd::Identity(factor.rows(), factor.rows()).leftCols<kSize>());
@@ -162,7 +164,10 @@ class ScoreBuilder {
   // wrong intrinsics would else make the images disagree. columns: the frame's, of the inverse of the poses' equations.
   void SetSharedErrors(const FrameColumns& columns, const Moves& poses_from_correction,
                        const std::vector<size_t>& tracks) {
-    const IntrinsicsScore::Vector correction = score_.information.ldlt().solve(score_.score);
+    IntrinsicsScore::Vector correction = IntrinsicsScore::Vector::Zero();
+    correction.head<kNumTestedIntrinsics>() =
+        score_.information.topLeftCorner<kNumTestedIntrinsics, kNumTestedIntrinsics>().ldlt().solve(
+            score_.score.head<kNumTestedIntrinsics>());
     ClusterCovariance<kSize> of_frame;
     ClusterCovariance<NUM_INTRINSICS_PARAMETERS> of_score;
     for (const size_t track : tracks) {

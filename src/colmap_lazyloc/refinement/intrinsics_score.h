@@ -20,8 +20,11 @@ enum IntrinsicsParameter {
   PRINCIPAL_POINT_Y,
   LOG_ASPECT_RATIO,   // of the focal lengths in y and x, whose product stays
   RADIAL_DISTORTION,  // displacement in px of an image point kRadialUnitPx from the principal point; grows as the cube
+  FIFTH_POWER_DISTORTION,  // the same, but it grows as the fifth power
   NUM_INTRINSICS_PARAMETERS,
 };
+// The first ones, which are tested in calibrated cameras. With the fifth power, too, the images would show neither.
+inline constexpr int kNumTestedIntrinsics = FIFTH_POWER_DISTORTION;
 inline constexpr double kRadialUnitPx = 1000;
 
 // The normal equations of these corrections at the minimum of an adjustment, with all points and poses eliminated:
@@ -38,9 +41,10 @@ struct IntrinsicsScore {
   // frame's parameters: 6x6, or 7x7 with the factor (ClusterCovariance). Tracks with depths do not count.
   Matrix shared_errors = Matrix::Zero();
   Eigen::MatrixXd frame_shared_errors;
-  // Derivative of the tangent of frame_from_world with respect to the corrections.
+  // Derivatives of the tangent of frame_from_world, and of the frame's factor, with respect to the corrections.
   Eigen::Matrix<double, 6, NUM_INTRINSICS_PARAMETERS> frame_from_correction =
       Eigen::Matrix<double, 6, NUM_INTRINSICS_PARAMETERS>::Zero();
+  Vector log_factor_from_correction = Vector::Zero();
 };
 
 // Returns the score of each frame, zero for database frames. solver: after its minimum; tracks: those it was made of.

@@ -46,7 +46,8 @@ SyntheticTracks MakeTracks(const IntrinsicsScore::Vector& corrections, int num_q
       const Eigen::Vector2d offset = kFocalLengthPx * observation.ray_in_cam.hnormalized();
       const Eigen::Vector2d moved =
           offset * (std::exp(corrections[LOG_FOCAL_FACTOR]) +
-                    corrections[RADIAL_DISTORTION] * offset.squaredNorm() / std::pow(kRadialUnitPx, 3)) +
+                    corrections[RADIAL_DISTORTION] * offset.squaredNorm() / std::pow(kRadialUnitPx, 3) +
+                    corrections[FIFTH_POWER_DISTORTION] * std::pow(offset.norm(), 4) / std::pow(kRadialUnitPx, 5)) +
           corrections[LOG_ASPECT_RATIO] * Eigen::Vector2d(-0.5, 0.5).cwiseProduct(offset) +
           Eigen::Vector2d(corrections[PRINCIPAL_POINT_X], corrections[PRINCIPAL_POINT_Y]);
       observation = PinholeObservation(moved);
@@ -66,8 +67,9 @@ SyntheticTracks MakeTracks(const IntrinsicsScore::Vector& corrections, int num_q
   return scene;
 }
 
-IntrinsicsScore::Vector Corrections(double log_focal, double x, double y, double log_aspect, double radial) {
-  return (IntrinsicsScore::Vector() << log_focal, x, y, log_aspect, radial).finished();
+IntrinsicsScore::Vector Corrections(double log_focal, double x, double y, double log_aspect, double radial,
+                                    double fifth_power = 0) {
+  return (IntrinsicsScore::Vector() << log_focal, x, y, log_aspect, radial, fifth_power).finished();
 }
 
 class Priors : public testing::TestWithParam<bool> {};
@@ -101,7 +103,7 @@ TEST_P(Priors, StepOfTheFocalLengthIsThatOfAnAdjustmentThatEstimatesIt) {
 INSTANTIATE_TEST_SUITE_P(IntrinsicsScore, Priors, testing::Bool());
 
 TEST(IntrinsicsScore, AllCorrectionsAreFound) {
-  const IntrinsicsScore::Vector truth = Corrections(-0.01, 3, -2, 0.01, 20);
+  const IntrinsicsScore::Vector truth = Corrections(-0.01, 3, -2, 0.01, 20, -60);
   for (const int num_query : {1, 2}) {
     SyntheticTracks scene = MakeTracks(truth, num_query, /*has_priors=*/false, /*noise_px=*/0);
     if (num_query > 1) JoinFrame(0, 1, &scene.posed);  // cameras of a rig share the corrections
