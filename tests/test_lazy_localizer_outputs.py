@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from colmap_lazyloc.pose_formats.angles import LEVEL_CAMERA, yaw_pitch_roll
+from colmap_lazyloc.pose_formats.angles import LEVEL_CAMERA, YAW_PITCH_ROLL
 from colmap_lazyloc.poses import Pose
 from colmap_lazyloc.results import to_pose
 from colmap_lazyloc.testing import synthetic
@@ -204,7 +204,7 @@ def assert_stddevs_are_of_the_covariance(result, pose, covariance):
     in_map = np.vstack([rows, np.hstack([-pose.rotation.T, np.zeros((3, 3))])])
     np.testing.assert_allclose(result["pose_covariance_in_map"], in_map @ covariance @ in_map.T, rtol=1e-6, atol=1e-15)
     angles = [result[f"{name}_deg"] for name in ("heading", "pitch", "roll")]
-    np.testing.assert_allclose(yaw_pitch_roll(angles) @ LEVEL_CAMERA, pose.rotation.T, atol=1e-9)
+    np.testing.assert_allclose(YAW_PITCH_ROLL.rotation(angles) @ LEVEL_CAMERA, pose.rotation.T, atol=1e-9)
 
 
 def angles_of(pose):
