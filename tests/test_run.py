@@ -265,7 +265,7 @@ def test_names_with_blanks(run, photos, tmp_path):
         (["--masks", "none"], "--masks none"),
         (["--query_camera", "PINHOLE"], "--query_camera"),
         (["--no_such_option", "1"], "--no_such_option"),
-        (["--onnx_path", "none"], "--onnx_path: none has no file"),
+        (["--onnx_path", "none"], "--onnx_path none: is not a folder"),
         (["--LazyLocalizer.no_such_option", "1"], "no_such_option"),
     ],
 )
@@ -279,7 +279,7 @@ def test_bad_options_are_one_line(run, photos, words, message, capsys):
 def test_video_that_is_none(run, photos, tmp_path, capfd):
     (tmp_path / "walk.mp4").write_bytes(b"no video")
     run(photos.model_path, queries=tmp_path / "walk.mp4", exit_code=1)
-    assert "walk.mp4: is not a video" in capfd.readouterr().err
+    assert "walk.mp4: is neither a photo nor a video" in capfd.readouterr().err
 
 
 def test_cause_of_a_failed_command_is_named_without_colours(tmp_path):

@@ -219,10 +219,10 @@ def test_phones_photos_without_exif_and_damaged_ones(place, tmp_path):
         assert any(converted[f"{index}.{suffix}"].suffix != ".jpg" for index in range(60))
 
 
-def test_single_damaged_heic_is_not_taken_for_a_video(run, tmp_path):
+def test_single_damaged_heic_is_not_taken_for_a_video(run, tmp_path, capsys):
     (tmp_path / "IMG_1.HEIC").write_bytes(b"\0\0\0\x18ftypheic")
-    output = run(queries=tmp_path / "IMG_1.HEIC")
-    assert read_results(output / "localized" / "results.jsonl")["query/IMG_1.HEIC"]["status"] == "UNREADABLE_IMAGE"
+    run(queries=tmp_path / "IMG_1.HEIC", exit_code=1)
+    assert "IMG_1.HEIC: is not a photo that can be read" in capsys.readouterr().err
 
 
 def test_output_and_masks_among_the_photos(run, place, photos, capsys):
