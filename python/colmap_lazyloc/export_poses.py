@@ -23,12 +23,12 @@ from colmap_lazyloc.pose_formats.posed_images import PosedImage, PosedImages
 from colmap_lazyloc.pose_formats.registry import FORMATS, write_posed_images, written_formats
 from colmap_lazyloc.pose_formats.transforms_json import read_frame
 from colmap_lazyloc.pose_formats.writing import Target, check_path
+from colmap_lazyloc.project.folder import Folder
 from colmap_lazyloc.report.output import replacing
 from colmap_lazyloc.result_fields import ResultFields
 from colmap_lazyloc.results import pose_of, read_results
 
 RESULTS, MODEL = "results.jsonl", "model"
-LOCALIZED = "localized"  # the results in a folder of lazyloc run
 
 
 def parse_arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
@@ -81,7 +81,7 @@ def read_localized(folder: pathlib.Path, with_database: bool = False) -> PosedIm
 
 def _results_folder(folder: pathlib.Path) -> pathlib.Path:
     """Returns the folder with the results of a run, which may be the one of lazyloc run around it."""
-    inside = folder / LOCALIZED
+    inside = Folder(folder).localized
     return inside if not (folder / RESULTS).exists() and (inside / RESULTS).exists() else folder
 
 
