@@ -22,6 +22,7 @@ COMMANDS = {
         "one to four database images, with and without points in common; other methods beside",
     ),
     "uncertainty": ("uncertainty.report", "reported covariances against true errors of synthetic scenes"),
+    "uncalibrated": ("uncertainty.uncalibrated", "photos without intrinsics, also of weak perspective"),
     "reconstructions": (
         "uncertainty.reconstructions",
         "nothing: reconstructs photos with COLMAP's defaults, as scenes",

@@ -14,7 +14,6 @@
 namespace lazyloc {
 namespace {
 
-constexpr double kMaxFocalFactor = 3;
 // Number of factors on each side of 1. Neighbours differ by 8 %, which adjustment corrects.
 constexpr int kNumSteps = 14;
 

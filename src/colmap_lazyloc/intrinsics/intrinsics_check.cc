@@ -7,12 +7,18 @@
 #include <Eigen/LU>
 
 #include "colmap_lazyloc/bridge/camera_models.h"
+#include "colmap_lazyloc/group/failure.h"
 #include "colmap_lazyloc/intrinsics/focal_length.h"
 #include "colmap_lazyloc/intrinsics/intrinsics_judgement.h"
 #include "colmap_lazyloc/noise/viewpoint_errors.h"
 
 namespace lazyloc {
 namespace {
+
+// Standard deviation of the log of an estimated focal length, and the log of its factor, above which there is no pose:
+// adjustment takes errors for linear in both, and goes astray, as in photos of a wall that are taken from the front.
+constexpr double kMaxLogFocalStddev = 0.1;
+const double kMaxLogFocalFactor = std::log(2 * kMaxFocalFactor);
 
 using PoseDerivatives = Eigen::Matrix<double, 6, NUM_INTRINSICS_PARAMETERS>;
 
@@ -68,7 +74,6 @@ CheckedIntrinsics CheckIntrinsics(const QueryGroup& group, const Layout& layout,
       if (!HasFocalLength(problem.query_camera)) continue;  // a spherical camera has no intrinsics to test
       const IntrinsicsEstimate estimate = EstimateIntrinsics(score, score_covariance);
       result.focal_factor = camera ? camera->FocalFactor() : std::exp(estimate.log_focal_factor);
-      result.focal_factor_stddev = result.focal_factor * estimate.log_focal_stddev;
       if (camera) checked.cameras[query] = camera->Intrinsics();
       PoseDistribution& pose = checked.poses[query];
       const PoseDerivatives derivatives = DerivativesAroundCamera(adjusted, query, score.frame_from_correction);
@@ -77,8 +82,18 @@ CheckedIntrinsics CheckIntrinsics(const QueryGroup& group, const Layout& layout,
       const CorrectionDistribution others =
           UncalibratedCorrections(score, score_covariance, made, problem.query_camera, result.origin);
       const OtherCorrections left = others.mean - made;
+      const OtherCovariance mean_square = others.covariance + left * left.transpose();
       const auto by_others = derivatives.rightCols<kNumOtherCorrections>();
-      pose.of_images += by_others * (others.covariance + left * left.transpose()) * by_others.transpose();
+      pose.of_images += by_others * mean_square * by_others.transpose();
+      // An estimated focal length moves with them.
+      const auto log_focal_by_others = score.log_factor_from_correction.tail<kNumOtherCorrections>();
+      const double log_focal_stddev = std::sqrt(std::pow(estimate.log_focal_stddev, 2) +
+                                                log_focal_by_others.dot(mean_square * log_focal_by_others));
+      if (camera &&
+          (log_focal_stddev > kMaxLogFocalStddev || std::abs(std::log(result.focal_factor)) > kMaxLogFocalFactor)) {
+        throw Failure{QueryStatus::UNKNOWN_CAMERA, kUnknownFocalLengthReason};
+      }
+      result.focal_factor_stddev = result.focal_factor * log_focal_stddev;
       pose.by_log_focal = derivatives.col(LOG_FOCAL_FACTOR);
       pose.log_focal_variance = JudgeIntrinsics(problem.query_camera, estimate, camera.has_value(), options, &result);
     }

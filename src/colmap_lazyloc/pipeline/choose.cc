@@ -84,10 +84,10 @@ Choice GivenOrEstimated(const Solution& given, const Solution& refined, const Lo
   const bool has_pose = HasPose(given, options);
   const IntrinsicsOrigin origin = IntrinsicsOf(given).origin;
   if (refined.failure) {
-    // A failure with a guess says nothing.
-    if (!has_pose && origin == IntrinsicsOrigin::GUESS) return AsSolved(refined);
-    // A contradiction that comes from telling focal length and distance apart is none if the images cannot.
     const bool is_unobservable = refined.failure->cause == QueryStatus::UNKNOWN_CAMERA;
+    // Neither a failure with a guess nor a pose with a guess that the images cannot judge says anything.
+    if (origin == IntrinsicsOrigin::GUESS && (is_unobservable || !has_pose)) return AsSolved(refined);
+    // A contradiction that comes from telling focal length and distance apart is none if the images cannot.
     return is_unobservable && AreContradicted(given, options) ? KeepGiven(given, IntrinsicsOf(given), options)
                                                               : AsSolved(given);
   }

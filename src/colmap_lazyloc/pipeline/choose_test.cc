@@ -53,10 +53,14 @@ TEST_F(ChooseTest, WhatIsTriedForAnOpenPositionReplacesIt) {
 }
 
 TEST_F(ChooseTest, GuessOfAFocalLengthIsTakenOnlyWithAPose) {
-  AddEstimate(IntrinsicsOrigin::GUESS, 1).failure = Failure{QueryStatus::UNKNOWN_CAMERA, ""};
+  Solution& estimate = AddEstimate(IntrinsicsOrigin::GUESS, 1);
+  estimate.failure = Failure{QueryStatus::TOO_FEW_TRACKS, ""};
   EXPECT_EQ(Index(), 0);
   Solution& guess = AddGiven(IntrinsicsOrigin::GUESS);
   EXPECT_EQ(Index(), 1);
+  estimate.failure->cause = QueryStatus::UNKNOWN_CAMERA;
+  EXPECT_EQ(Index(), 0) << "the images cannot judge the guess";
+  estimate.failure->cause = QueryStatus::TOO_FEW_TRACKS;
   guess.checked.results[0].verdict = IntrinsicsVerdict::CONTRADICTED;
   EXPECT_EQ(Index(), 0);
 }

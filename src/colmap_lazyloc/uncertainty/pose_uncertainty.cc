@@ -32,9 +32,7 @@ void CheckPositions(const Layout& layout, const PairRefs& pairs, const Refined& 
   if (!first) return;
   if (adjustment.posed.images[0].log_focal_factor && first->cause == QueryStatus::DEGENERATE_BASELINE) {
     first->cause = QueryStatus::UNKNOWN_CAMERA;
-    first->reason =
-        "the images do not determine the focal length, which nobody has stated: it cannot be told apart from the "
-        "distance to the scene";
+    first->reason = kUnknownFocalLengthReason;
   }
   throw Failure(*first);
 }

@@ -10,6 +10,10 @@
 
 namespace lazyloc {
 
+inline constexpr char kUnknownFocalLengthReason[] =
+    "the images do not determine the focal length, which nobody has stated: it cannot be told apart from the distance "
+    "to the scene";
+
 // Returns the distribution of a query's pose, with the variances of image noise and database poses that the adjustment
 // shows instead of those that it took for granted. cam_from_world: the pose as reported.
 PoseDistribution DistributionOf(const Refined& refined, int query, const Rigid3d& cam_from_world);
