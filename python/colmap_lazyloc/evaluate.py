@@ -23,7 +23,7 @@ from colmap_lazyloc.errors import InputError, Parser, command, logger
 from colmap_lazyloc.model import ModelLike, poses_of, read_model
 from colmap_lazyloc.poses import Pose, PoseLike, read_poses
 from colmap_lazyloc.queries import read_queries
-from colmap_lazyloc.results import read_results
+from colmap_lazyloc.results import RESULTS, find_run, read_results
 
 # The thresholds of visuallocalization.net, in metres and degrees.
 DEFAULT_THRESHOLDS = ((0.25, 2.0), (0.5, 5.0), (5.0, 10.0))
@@ -55,15 +55,19 @@ class Summary(TypedDict):
     recall: list[Recall]
 
 
-def find_run(estimated: pathlib.Path) -> pathlib.Path | None:
-    """Returns the output folder of the run that wrote the poses: the path itself, or the folder that holds it."""
-    return next((folder for folder in (estimated, estimated.parent) if (folder / "results.jsonl").is_file()), None)
+def _read_queries(estimated: pathlib.Path) -> set[str] | None:
+    """Returns the queries of the run in a folder, or of the results that the poses are a part of."""
+    folder = find_run(estimated).results
+    if folder is None and find_run(estimated.parent).results == estimated.parent:
+        folder = estimated.parent
+    return None if folder is None else set(read_results(folder / RESULTS))
 
 
 def read_any_poses(path: pathlib.Path) -> dict[str, Pose]:
     """Reads the poses, by name, from a poses file or from a folder with a COLMAP model or with the results of a run."""
-    if (path / "results.jsonl").is_file():
-        path = path / "poses.txt"
+    folder = find_run(path).results
+    if folder is not None:
+        path = folder / "poses.txt"
     if not path.is_dir():
         return read_poses(path)
     return poses_of(read_model(path))
@@ -130,16 +134,16 @@ def choose_queries_of_model(
     estimated: set[str], truth: set[str], options: argparse.Namespace
 ) -> tuple[list[str], bool]:
     """Returns the same if the true poses are those of a model."""
-    run = find_run(options.estimated_poses)
-    queries = estimated if run is None else set(read_results(run / "results.jsonl"))
+    found = _read_queries(options.estimated_poses)
+    queries = estimated if found is None else found
     names = sorted(queries & truth)
     if not names:
         raise InputError(f"{options.estimated_poses}: no image of {options.ground_truth} has a pose here")
-    if run is None:
+    if found is None:
         logger.warning("only estimated poses are compared: --query_list_path names the queries")
     elif queries - truth:
         logger.warning("%s has no pose of %d queries", options.ground_truth, len(queries - truth))
-    return names, run is not None
+    return names, found is not None
 
 
 def format_length(length: float, unit: str) -> str:

@@ -23,12 +23,11 @@ from colmap_lazyloc.pose_formats.posed_images import PosedImage, PosedImages
 from colmap_lazyloc.pose_formats.registry import FORMATS, write_posed_images, written_formats
 from colmap_lazyloc.pose_formats.transforms_json import read_frame
 from colmap_lazyloc.pose_formats.writing import Target, check_path
-from colmap_lazyloc.project.folder import Folder
 from colmap_lazyloc.report.output import replacing
 from colmap_lazyloc.result_fields import ResultFields
-from colmap_lazyloc.results import pose_of, read_results
+from colmap_lazyloc.results import RESULTS, find_results, pose_of, read_results
 
-RESULTS, MODEL = "results.jsonl", "model"
+MODEL = "model"
 
 
 def parse_arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
@@ -79,12 +78,6 @@ def read_localized(folder: pathlib.Path, with_database: bool = False) -> PosedIm
     return PosedImages(images, GeoOrigin.read(folder / MODEL))
 
 
-def _results_folder(folder: pathlib.Path) -> pathlib.Path:
-    """Returns the folder with the results of a run, which may be the one of lazyloc run around it."""
-    inside = Folder(folder).localized
-    return inside if not (folder / RESULTS).exists() and (inside / RESULTS).exists() else folder
-
-
 def _localized(folder: pathlib.Path, results: dict[str, ResultFields], model: Model) -> set[str]:
     """Returns the names of the localized photos, which the model must have."""
     localized = {name for name, result in results.items() if pose_of(result) is not None}
@@ -109,7 +102,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     check_path(output, written_formats()[options.format], options.overwrite)
     if options.transforms is not None and options.format != "transforms":
         raise InputError(f"--transforms {options.transforms}: has no effect with the format {options.format}")
-    folder = _results_folder(options.results)
+    folder = find_results(options.results)
     if output.resolve() == (folder / MODEL).resolve():
         raise InputError(f"--output {output}: is the model of the results")
     similarity = None if options.transforms is None else read_frame(options.transforms)

@@ -1,6 +1,7 @@
 """Reads results.jsonl, which `colmap lazy_localizer` writes."""
 
 import csv
+import dataclasses
 import json
 import pathlib
 from collections.abc import Callable, Iterable
@@ -10,10 +11,38 @@ import numpy as np
 
 from colmap_lazyloc.errors import InputError
 from colmap_lazyloc.poses import Pose
+from colmap_lazyloc.project.folder import LOCALIZED, RECORD, Folder
 from colmap_lazyloc.result_fields import PoseFields, ResultFields
 from colmap_lazyloc.text_files import Path, open_text
 
+RESULTS = "results.jsonl"  # in the output folder of a run
 REQUIRED_FIELDS = ("name", "status", "cam_from_world")
+
+
+@dataclasses.dataclass(frozen=True)
+class FoundRun:
+    """The folders of a run."""
+
+    results: pathlib.Path | None  # with results.jsonl, poses.txt, positions.csv, model/; None before the run has ended
+    project: Folder | None  # of `lazyloc run`
+
+
+def find_run(path: Path) -> FoundRun:
+    """Returns what there is in the output folder of `colmap lazy_localizer` or of `lazyloc run`, which has its newest
+    results, or in a folder of earlier results in it."""
+    path = pathlib.Path(path)
+    results = next((folder for folder in (path, path / LOCALIZED) if (folder / RESULTS).is_file()), None)
+    around = [] if results is None else results.resolve().parents
+    project = next((Folder(folder) for folder in (path, *around[:1], *around[2:3]) if (folder / RECORD).exists()), None)
+    return FoundRun(results, project)
+
+
+def find_results(path: Path) -> pathlib.Path:
+    """Returns the folder of the results of `find_run`, or the path itself, which then cannot be read."""
+    run = find_run(path)
+    if run.results is None and run.project is not None:
+        raise InputError(f"{path}: the last run has no results yet: give its command again")
+    return run.results or pathlib.Path(path)
 
 
 def read_results(path: Path, watch: Callable[[TextIO], Iterable[str]] = iter) -> dict[str, ResultFields]:
@@ -66,9 +95,9 @@ def _parse_result(place: str, line: str) -> ResultFields:
     try:
         result: ResultFields = json.loads(line, parse_constant=_refuse)
     except ValueError:
-        raise InputError(f"{place}: is not a line of results.jsonl: it is damaged or cut off") from None
+        raise InputError(f"{place}: is not a line of {RESULTS}: it is damaged or cut off") from None
     if not isinstance(result, dict):
-        raise InputError(f"{place}: is not a line of results.jsonl")
+        raise InputError(f"{place}: is not a line of {RESULTS}")
     missing = [field for field in REQUIRED_FIELDS if field not in result]
     if missing:
         raise InputError(f"{place}: the result has no '{missing[0]}'")

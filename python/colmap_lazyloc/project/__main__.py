@@ -13,6 +13,7 @@ names have a dot, such as --LazyLocalizer.num_retrieved 40, are those of `colmap
 import argparse
 import dataclasses
 import pathlib
+import shlex
 import sys
 from collections.abc import Mapping, Sequence
 
@@ -29,6 +30,7 @@ from colmap_lazyloc.project import steps
 from colmap_lazyloc.project.colmap_runner import ColmapRunner
 from colmap_lazyloc.project.folder import DATABASE, QUERY, RECORD, Folder, Steps, content, fingerprint
 from colmap_lazyloc.project.frames import is_video, write_frames
+from colmap_lazyloc.project.kept import KeptResults
 from colmap_lazyloc.project.options import (
     FRAMES_PER_SECOND,
     NUM_NEIGHBORS,
@@ -44,7 +46,7 @@ from colmap_lazyloc.project.panoramas import cut_panoramas, write_project_rig
 from colmap_lazyloc.project.photos import contents, convert_photos, find_photos, link_masks, link_photos
 from colmap_lazyloc.project.positions import position_lines
 from colmap_lazyloc.report.run import unit_of
-from colmap_lazyloc.results import pose_of, read_geodetic, read_results
+from colmap_lazyloc.results import RESULTS, pose_of, read_geodetic, read_results
 
 MAX_NUM_LINES = 20  # of queries that are printed
 
@@ -80,7 +82,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     query_photos = None if is_video(options.queries) else _find_queries(options)
     # The poses of panoramas are read when their faces are cut.
     posed = None if options.poses is None or panorama_roles(options) else read_posed_images(*_pose_source(options))
-    project = _open_project(options, colmap, sift_options)
+    given = shlex.join(["lazyloc", "run", *(sys.argv[1:] if arguments is None else arguments)])
+    project = _open_project(options, colmap, sift_options, given)
     database = _make_images(project, options, DATABASE, photos)
     if options.poses is not None:
         posed = _use_poses(options, database, posed)
@@ -103,13 +106,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
     _localize(project, options, localizer_options, used, queries.cameras(camera), on_demand=lazy is not None)
     database_path = project.folder.query_database if has_stored_queries(options) else project.folder.database
     _write_report(project.folder, database_path, options)
+    project.results.link()
     _print_results(project.folder, queries.shown(), options.unit)
     if lazy is not None:
         steps.complete_database(project, _select(lazy, {name: name for name in used}), num_neighbors)
     return 0 if project.folder.report.exists() else 1
 
 
-def _open_project(options: argparse.Namespace, colmap: pathlib.Path, sift_options: Sequence[str]) -> steps.Project:
+def _open_project(
+    options: argparse.Namespace, colmap: pathlib.Path, sift_options: Sequence[str], given: str
+) -> steps.Project:
+    """Opens the output folder; `given`: the command."""
     folder = Folder(options.output_path)
     try:
         folder.path.mkdir(parents=True, exist_ok=True)
@@ -126,6 +133,9 @@ def _open_project(options: argparse.Namespace, colmap: pathlib.Path, sift_option
         bool(options.use_gpu),
         options.masks is not None,
         sift_options,
+        KeptResults(folder),
+        str(options.queries),
+        given,
     )
 
 
@@ -287,7 +297,7 @@ def _write_report(folder: Folder, database: pathlib.Path, options: argparse.Name
 
 def _print_results(folder: Folder, shown: dict[str, str], unit: str | None) -> None:
     """Prints where the queries are; `shown`: what they are called, by name."""
-    results = read_results(folder.localized / "results.jsonl")
+    results = read_results(folder.localized / RESULTS)
     names = {name: text for name, text in shown.items() if name in results}
     lines = position_lines(results, names, read_geodetic(folder.localized), unit_of(folder.localized, unit))
     for line in lines[: MAX_NUM_LINES + 1]:

@@ -33,11 +33,12 @@ FILES = {
     "matches": (),
     "model": ("model", "sparse"),
     "queries": tuple(f"queries.db{end}" for end in SQLITE),
-    "localized": ("localized/results.jsonl", "localized", "report.html"),
 }
-CHAIN = ("features", "matches", "model", "queries", "localized")  # steps that each work on what those before have made
+CHAIN = ("features", "matches", "model", "queries")  # steps that each work on what those before have made
 RECORD = "steps.json"  # of the steps that are done
-OTHER_FILES = ("converted", "images", "masks", "lists")  # of no step; "converted" is kept, the others are written anew
+LOCALIZED, REPORT, RUN, EARLIER = "localized", "report.html", "run.json", "earlier"  # results, which kept.py keeps
+# Of no step; "converted" and the results are kept, the others are written anew.
+OTHER_FILES = ("converted", "images", "masks", "lists", LOCALIZED, REPORT, RUN, EARLIER)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -58,8 +59,8 @@ class Folder:
     index = property(lambda self: self.path / "database.index")
     vocab_tree = property(lambda self: self.path / "vocab_tree.bin")
     lists = property(lambda self: self.path / "lists")
-    localized = property(lambda self: self.path / "localized")
-    report = property(lambda self: self.path / "report.html")
+    localized = property(lambda self: self.path / LOCALIZED)
+    report = property(lambda self: self.path / REPORT)
     log = property(lambda self: self.path / "log.txt")
     steps = property(lambda self: self.path / RECORD)
 
@@ -130,6 +131,10 @@ class Steps:
         self._keys[name] = f"{key} begun"
         self._write()
         return True
+
+    def keys(self, *names: str) -> list[str | None]:
+        """Returns the keys of steps, None for those that have not begun."""
+        return [self._keys.get(name) for name in names]
 
     def is_begun(self, name: str) -> bool:
         """True if the step is done, or was interrupted."""

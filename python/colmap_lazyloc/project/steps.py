@@ -6,6 +6,7 @@ import re
 import shutil
 import subprocess
 import tempfile
+import zlib
 from collections.abc import Mapping, Sequence
 
 from colmap_lazyloc.cluster.task import command_line
@@ -17,13 +18,14 @@ from colmap_lazyloc.database import (
     remove_matches,
     tidy_images,
 )
-from colmap_lazyloc.errors import InputError, nearest
+from colmap_lazyloc.errors import InputError, logger, nearest
 from colmap_lazyloc.model import Camera, read_model
 from colmap_lazyloc.pose_formats.colmap import write_posed_images
 from colmap_lazyloc.pose_formats.posed_images import PosedImages, photo_size
 from colmap_lazyloc.program import find_colmap, find_option, gpu_option, has_command, option_names
 from colmap_lazyloc.project.colmap_runner import ColmapRunner
 from colmap_lazyloc.project.folder import Folder, Steps, content, fingerprint
+from colmap_lazyloc.project.kept import KeptResults
 from colmap_lazyloc.project.pairs import all_pairs, pairs_by_viewpoint, pairs_in_sequence
 from colmap_lazyloc.project.photos import contents, has_bad_mask, warn_left_out
 
@@ -46,6 +48,9 @@ class Project:
     use_gpu: bool
     has_masks: bool
     sift_options: Sequence[str]  # for extraction in the database, and of photos
+    results: KeptResults
+    queries: str  # as they were given
+    command: str  # that was given
 
     def add(self, database: pathlib.Path, cameras: Mapping[str, Camera | None]) -> None:
         """Adds images by name without features, as far as their cameras are known."""
@@ -260,18 +265,24 @@ def localize(
     folder, steps = project.folder, project.steps
     values = [word.rpartition("=")[2] for word in options]
     held = [content(pathlib.Path(value)) for value in values if value and pathlib.Path(value).exists()]
+    # Photos in memory do not depend on the matches of the database.
+    made = [steps.keys("features", *(("matches", "queries") if is_stored else ())), content(folder.model)]
     key = fingerprint(
-        query_lines, contents(folder, query_lines), options, held, project.sift_options, is_stored, on_demand
+        made, query_lines, contents(folder, query_lines), options, held, project.sift_options, is_stored, on_demand
     )
-    if not steps.begin("localized", key, resumes=True):
+    database = folder.query_database if is_stored else folder.database
+    state = database.stat()
+    if not project.results.begin(key, fingerprint(state.st_mtime_ns, state.st_size), project.queries, project.command):
         return
     has_localizer = has_command(project.colmap, "lazy_localizer")
     words: list[object] = [*command_line(str(project.colmap) if has_localizer else None, "lazy_localizer")]
-    words += ["--database_path", folder.query_database if is_stored else folder.database]
-    words += ["--input_path", folder.model, "--image_path", folder.images]
+    words += ["--database_path", database, "--input_path", folder.model, "--image_path", folder.images]
     if num_database_images > MAX_NUM_EXHAUSTIVE and not is_stored:
         # The index follows from the features, with which it is forgotten, and from the seed.
         index_key = fingerprint(re.findall(r"--LazyLocalizer\.seed[= ](\S+)", " ".join(options)))
+        if folder.index.exists() and not _is_intact(folder.index):
+            logger.warning("%s: is damaged and is made again", folder.index)
+            folder.index.unlink()
         if steps.begin("index", index_key):
             steps.finish("index", index_key)
         words += ["--retrieval_index_path", folder.index]
@@ -282,7 +293,17 @@ def localize(
     words += ["--output_path", folder.localized, "--resume" if folder.localized.exists() else "--overwrite", 1]
     words += [*project.sift_options, *options]
     project.runner.run(words, f"localizing {len(query_lines)} queries")
-    steps.finish("localized", key)
+    project.results.finish()
+
+
+def _is_intact(index: pathlib.Path) -> bool:
+    """True if a retrieval index is as it was written: at its end is the CRC-32 of all before."""
+    checksum, last = 0, b""
+    with index.open("rb") as file:
+        while block := file.read(1 << 20):
+            checksum = zlib.crc32((last + block)[:-4], checksum)
+            last = (last + block)[-4:]
+    return last == checksum.to_bytes(4, "little")
 
 
 def check_localizer_options(colmap: pathlib.Path, words: Sequence[str]) -> None:

@@ -2,9 +2,9 @@
 
     lazyloc report RUN --image_path photos --database_path database.db --output report.html
 
-RUN is the output folder of `colmap lazy_localizer`. The page shows where the queries are, how certain each pose is and
-what it rests on. Lengths are in the unit of the database, which is the metre if --unit is given or the run has
-geographic coordinates.
+RUN is the output folder of `colmap lazy_localizer` or of `lazyloc run`. The page shows where the queries are, how
+certain each pose is and what it rests on. Lengths are in the unit of the database, which is the metre if --unit is
+given or the run has geographic coordinates.
 """
 
 import argparse
@@ -24,6 +24,7 @@ from colmap_lazyloc.report.output import check_output, write_file, write_folder
 from colmap_lazyloc.report.page import PAGE_NAME, page_files, single_page
 from colmap_lazyloc.report.plots import plot_files
 from colmap_lazyloc.report.run import Run, read_run
+from colmap_lazyloc.results import find_results
 
 
 def parse_arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
@@ -32,7 +33,7 @@ def parse_arguments(arguments: Sequence[str] | None) -> argparse.Namespace:
         description=__doc__,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument("run", type=pathlib.Path, help="output folder of a run of colmap lazy_localizer")
+    parser.add_argument("run", type=pathlib.Path, help="output folder of a run")
     parser.add_argument("--output", type=pathlib.Path, required=True, help="page to write; with --split a folder")
     parser.add_argument(
         "--image_path",
@@ -114,7 +115,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     if options.image_path is not None and not options.image_path.is_dir():
         raise InputError(f"--image_path {options.image_path}: is not a folder")
     truth = None if options.ground_truth is None else read_any_poses(options.ground_truth)
-    run = read_run(options.run, truth, options.unit)
+    run = read_run(find_results(options.run), truth, options.unit)
     if truth is not None and not run.truth:
         raise InputError(f"--ground_truth {options.ground_truth}: has no pose of any query")
     sources = Sources(

@@ -8,9 +8,11 @@ import pathlib
 from collections.abc import Iterator
 
 from colmap_lazyloc.errors import InputError
+from colmap_lazyloc.report.output import write_file
 
 FOLDER = pathlib.Path(__file__).parent
 PAGE_NAME = "index.html"  # in a folder
+LINKS = '<nav id="links">'  # begins the line with links to other pages
 # A page may run its own script only, which its digest names, and load nothing; a folder also its own files.
 POLICY = (
     "default-src 'none'; style-src 'unsafe-inline'; img-src data: blob:{files}; script-src 'sha256-{digest}'{files}"
@@ -37,6 +39,13 @@ def page_files(title: str, chunks: dict[str, bytes], photos: list[bytes]) -> Ite
         yield f"photos/{i}.jpg", photo
 
 
+def set_links(page: pathlib.Path, links: str) -> None:
+    """Writes HTML with links to other pages at the top of a page, in place of those that it has."""
+    with page.open("rb") as lines:
+        begin, text = LINKS.encode(), f"{LINKS}{links}</nav>\n".encode(errors="replace")
+        write_file(page, (text if line.startswith(begin) else line for line in lines))
+
+
 def _head_and_script(title: str, is_split: bool) -> tuple[str, str]:
     """Returns what stands before the data, and after it."""
     try:
@@ -50,7 +59,8 @@ def _head_and_script(title: str, is_split: bool) -> tuple[str, str]:
         f'<meta http-equiv="Content-Security-Policy" content="{policy}">\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
         f"<title>{html.escape(title)}</title>\n<style>\n{style}</style>\n</head>\n<body>\n"
-        '<div id="report"></div>\n<noscript>This report needs JavaScript, which this browser does not run.</noscript>\n'
+        f'{LINKS}</nav>\n<div id="report"></div>\n'
+        "<noscript>This report needs JavaScript, which this browser does not run.</noscript>\n"
     ), f"<script>{script}</script>\n</body>\n</html>\n"
 
 

@@ -20,7 +20,7 @@ from colmap_lazyloc.report.geometry import stack_poses
 from colmap_lazyloc.report.options_file import RunOptions, read_options
 from colmap_lazyloc.report.result_check import check_result
 from colmap_lazyloc.result_fields import LeaveOneOutFields, ResultFields
-from colmap_lazyloc.results import pose_of, read_results, unconfirmed_pose_of
+from colmap_lazyloc.results import RESULTS, pose_of, read_results, unconfirmed_pose_of
 
 
 @dataclasses.dataclass(frozen=True)
@@ -87,7 +87,7 @@ class Run:
     @property
     def written(self) -> str:
         """Returns when the run was written, ISO 8601."""
-        seconds = (self.path / "results.jsonl").stat().st_mtime
+        seconds = (self.path / RESULTS).stat().st_mtime
         return datetime.datetime.fromtimestamp(seconds).astimezone().isoformat(timespec="seconds")
 
 
@@ -99,11 +99,11 @@ def numbers(items: Iterable[Mapping[str, object]], field: str) -> Array:
 def read_run(path: pathlib.Path, truth: dict[str, Pose] | None = None, unit: str | None = None) -> Run:
     """Reads the output folder of a run; `truth`: the queries' true poses by name; `unit`: of lengths,
     by default metres if the run has geographic coordinates."""
-    results = read_results(path / "results.jsonl", lambda lines: progress(lines, "results"))
+    results = read_results(path / RESULTS, lambda lines: progress(lines, "results"))
     if not results:
-        raise InputError(f"{path / 'results.jsonl'}: holds no query")
+        raise InputError(f"{path / RESULTS}: holds no query")
     for result in progress(results.values(), "checks"):
-        check_result(str(path / "results.jsonl"), result)
+        check_result(str(path / RESULTS), result)
     model = read_model(path / "model")
     _check_model(path, results, model)
     options = read_options(path / "options.ini")
@@ -161,9 +161,7 @@ def _check_model(path: pathlib.Path, results: dict[str, ResultFields], model: Mo
                 )
             continue
         if found is None:
-            raise InputError(
-                f"{path / 'model'}: is not the model of this run: query '{name}' of results.jsonl is missing"
-            )
+            raise InputError(f"{path / 'model'}: is not the model of this run: query '{name}' of {RESULTS} is missing")
         if not _is_same(pose, found.pose):
             raise InputError(f"{path / 'model'}: is not the model of this run: query '{name}' has another pose")
 
@@ -185,7 +183,7 @@ def _read_leave_one_out(path: pathlib.Path, results: dict[str, ResultFields]) ->
     except (ValueError, KeyError, TypeError):
         raise InputError(f"{path}: is damaged or cut off") from None
     if not names <= results.keys():
-        raise InputError(f"{path}: is not of this run: results.jsonl has no query '{min(names - results.keys())}'")
+        raise InputError(f"{path}: is not of this run: {RESULTS} has no query '{min(names - results.keys())}'")
     return summary
 
 

@@ -17,7 +17,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from colmap_lazyloc.errors import InputError, Parser, command, logger, positive_int
-from colmap_lazyloc.project.folder import Folder
+from colmap_lazyloc.results import find_run
 
 if TYPE_CHECKING:
     from colmap_lazyloc.localizer import Localizer
@@ -91,9 +91,9 @@ def open_localizer(options: argparse.Namespace, settings: dict[str, str]) -> "Lo
     """Opens the model and the database as they are now."""
     from colmap_lazyloc.localizer import Localizer
 
-    folder, settings = Folder(options.model), dict(settings)
+    folder, settings = find_run(options.model).project, dict(settings)
     model = options.model
-    if folder.steps.exists():  # made by lazyloc run, with its photos and perhaps an index
+    if folder is not None:  # made by lazyloc run, with its photos and perhaps an index
         model = folder.model
         settings.setdefault("image_path", str(folder.images))
         if folder.index.exists():

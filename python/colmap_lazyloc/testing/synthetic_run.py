@@ -20,6 +20,7 @@ from numpy.random import Generator
 from colmap_lazyloc import model
 from colmap_lazyloc.array_types import Array
 from colmap_lazyloc.poses import Pose, look_at
+from colmap_lazyloc.results import RESULTS
 from colmap_lazyloc.testing.synthetic import Camera
 from colmap_lazyloc.text_files import Path
 
@@ -93,7 +94,7 @@ def write_run(folder: Path, shape: RunShape = RunShape()) -> pathlib.Path:
     rng = np.random.default_rng(shape.seed)
     database, queries = _make_images(shape, rng)
     truth = [_perturbed(query.pose, rng) for query in queries]
-    with (folder / "results.jsonl").open("w", encoding="utf-8") as file:
+    with (folder / RESULTS).open("w", encoding="utf-8") as file:
         lines = [(query.name, _result(i, query, database, shape, rng)) for i, query in enumerate(queries)]
         for _, result in sorted(lines, key=lambda line: line[0]):
             file.write(json.dumps(result, ensure_ascii=False, separators=(",", ":")) + "\n")
