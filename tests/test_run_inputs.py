@@ -308,7 +308,6 @@ def test_options_are_used_or_refused(run, place, words, message, capsys):
         ["--poses_format", "csv"],
         ["--camera", "PINHOLE 480 360 400 400 240 180"],
         ["--calibration", "PLACE/query/0.png"],
-        ["--crs", "EPSG:32632"],
         ["--unit", "m"],
         ["--geo_origin", "1,2,3"],
     ],

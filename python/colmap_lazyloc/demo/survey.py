@@ -31,17 +31,22 @@ GPS_IFD = 0x8825
 
 def make_survey(output: pathlib.Path, seed: int) -> None:
     rng = np.random.default_rng([seed, 20])
-    grid = [(x, y) for y in (-3.0, 0.0, 3.0) for x in (-5.0, -2.5, 0.0, 2.5, 5.0)]
-    survey = _views(rng, grid, "DJI_00", spread=0.3)
-    new = _views(rng, [(-3.6, -1.4), (-1.1, 1.6), (1.4, -1.2), (3.7, 1.3)], "DJI_01", spread=0.5)
+    survey, new = make_views(rng)
     rectangles = build_scene(seed, texels_per_m=110)
     write_images(output / "photos", rectangles, survey, seed, stream=20)
     write_images(output / "new", rectangles, new, seed, stream=21)
     _write_poses(output / "poses.csv", survey, rng)
     for view in new:
-        _write_gps(output / "new" / view.name, view.pose.cam_in_world + GPS_NOISE_M * rng.standard_normal(3))
+        write_gps(output / "new" / view.name, view.pose.cam_in_world + GPS_NOISE_M * rng.standard_normal(3))
     _write_control_points(output, new, rng)
     (output / "camera.txt").write_text(f"{CAMERA.text()}\n")
+
+
+def make_views(rng: np.random.Generator) -> tuple[list[View], list[View]]:
+    """Makes the views of the survey, and those of the later photos."""
+    grid = [(x, y) for y in (-3.0, 0.0, 3.0) for x in (-5.0, -2.5, 0.0, 2.5, 5.0)]
+    later = [(-3.6, -1.4), (-1.1, 1.6), (1.4, -1.2), (3.7, 1.3)]
+    return _views(rng, grid, "DJI_00", spread=0.3), _views(rng, later, "DJI_01", spread=0.5)
 
 
 def _views(rng: np.random.Generator, places: list[tuple[float, float]], prefix: str, spread: float) -> list[View]:
@@ -66,7 +71,7 @@ def _write_poses(path: pathlib.Path, views: list[View], rng: np.random.Generator
             writer.writerow([view.name, f"{latitude:.9f}", f"{longitude:.9f}", f"{height:.4f}", w, -x, -y, -z])
 
 
-def _write_gps(path: pathlib.Path, position: Floats) -> None:
+def write_gps(path: pathlib.Path, position: Floats) -> None:
     """Writes a position into the EXIF of a photo, without compressing it again."""
     latitude, longitude, height = ORIGIN.to_geodetic(position[None])[0]
     exif = Image.Exif()

@@ -3,7 +3,8 @@
 import dataclasses
 import math
 import pathlib
-from collections.abc import Sequence
+import re
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -19,6 +20,9 @@ DEFAULT_STDDEV_M = 5.0
 MAX_STDDEV_M = 1e5  # larger ones, such as 999999, mean that it is not known
 # EXIF's altitudes are above the sea, which differs from the ellipsoid by up to 100 m.
 HEIGHT_STDDEV_M = 50.0
+HEIGHT_RATIO = 1.5  # of the error of GPS in height to that in the plane
+# Standard deviations of RTK in metres, as DJI writes them into XMP, as an attribute or as an element.
+RTK = re.compile(rb"drone-dji:RtkStd(Lat|Lon|Hgt)(?:\s*=\s*[\"']|>)\s*([0-9.]+)")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -30,15 +34,21 @@ class GpsPosition:
     longitude_deg: float
     altitude_m: float | None
     stddev_m: float
+    accuracy_m: float | None = None  # standard deviation in space, if the photo states one
 
 
 def read_positions(folder: pathlib.Path) -> list[GpsPosition]:
     """Reads the positions of the photos below a folder; those without GPS are left out, and counted."""
     names = list_images(folder)
-    positions = [position for name in names if (position := _read_photo(folder, name)) is not None]
+    positions = read_photos({name: folder / name for name in names})
     if positions and len(positions) < len(names):
         logger.warning("%d of %d photos have no GPS", len(names) - len(positions), len(names))
     return positions
+
+
+def read_photos(paths: Mapping[str, pathlib.Path]) -> list[GpsPosition]:
+    """Reads the positions of photos, whose paths are given by name; those without GPS are left out."""
+    return [position for name, path in paths.items() if (position := _read_photo(name, path)) is not None]
 
 
 def write_positions(path: pathlib.Path, positions: Sequence[GpsPosition], origin: GeoOrigin | None) -> GeoOrigin:
@@ -60,13 +70,14 @@ def write_positions(path: pathlib.Path, positions: Sequence[GpsPosition], origin
     return origin
 
 
-def _read_photo(folder: pathlib.Path, name: str) -> GpsPosition | None:
+def _read_photo(name: str, path: pathlib.Path) -> GpsPosition | None:
     """Returns the position of a photo; None if it has none that makes sense."""
     import PIL.Image
 
     try:
-        with PIL.Image.open(folder / name) as photo:
+        with PIL.Image.open(path) as photo:
             gps: dict[int, Any] = dict(photo.getexif().get_ifd(GPS_IFD))
+            rtk = _rtk_stddev(photo)
         latitude = _degrees(gps[LATITUDE]) * (-1 if _text(gps[LATITUDE_REF]) == "S" else 1)
         longitude = _degrees(gps[LONGITUDE]) * (-1 if _text(gps[LONGITUDE_REF]) == "W" else 1)
     except Exception:  # Pillow's errors for damaged files are of many types
@@ -78,8 +89,16 @@ def _read_photo(folder: pathlib.Path, name: str) -> GpsPosition | None:
     if altitude is not None and gps.get(ALTITUDE_REF) in BELOW_SEA_LEVEL:
         altitude = -altitude
     stddev = _number(gps.get(ERROR))
-    is_known = stddev is not None and 0 < stddev < MAX_STDDEV_M
-    return GpsPosition(name, latitude, longitude, altitude, stddev if stddev and is_known else DEFAULT_STDDEV_M)
+    if stddev is None or not 0 < stddev < MAX_STDDEV_M:
+        return GpsPosition(name, latitude, longitude, altitude, DEFAULT_STDDEV_M, rtk)
+    return GpsPosition(name, latitude, longitude, altitude, stddev, rtk or stddev * math.hypot(1, HEIGHT_RATIO))
+
+
+def _rtk_stddev(photo: Any) -> float | None:
+    """Returns the standard deviation in space that RTK states; None if it states none, or zeros."""
+    segments = (data for marker, data in getattr(photo, "applist", ()) if marker == "APP1")
+    found = {axis: float(value) for data in segments for axis, value in RTK.findall(data)}
+    return math.hypot(*found.values()) if len(found) == 3 and all(found.values()) else None
 
 
 def _number(value: Any) -> float | None:

@@ -3,8 +3,9 @@
     lazyloc run --database_images photos --poses transforms.json --queries new_photos --output localization
 
 --poses is a COLMAP model, or a file of another program, as for `lazyloc import`. Without it, COLMAP's mapper makes the
-poses first. The photos' features and matches are made by COLMAP's commands in database.db in the output folder. With
-poses of more than 50 images, only the features of those are made that the queries need; --complete 1 makes all.
+poses first, in metres if photos have GPS or --scale is given. The photos' features and matches are made by COLMAP's
+commands in database.db in the output folder. With poses of more than 50 images, only the features of those are made
+that the queries need; --complete 1 makes all.
 Given again, the command does only what other photos, poses or options change. --onnx_path, and further options whose
 names have a dot, such as --LazyLocalizer.num_retrieved 40, are those of `colmap lazy_localizer`; those of
 --SiftExtraction apply to all photos.
@@ -19,7 +20,7 @@ from collections.abc import Mapping, Sequence
 
 from colmap_lazyloc import __version__
 from colmap_lazyloc.agreement.check import check_photos
-from colmap_lazyloc.errors import InputError, command, logger
+from colmap_lazyloc.errors import InputError, command, logger, nearest
 from colmap_lazyloc.extras import install_command, is_installed
 from colmap_lazyloc.import_poses import make_source
 from colmap_lazyloc.model import Camera
@@ -27,6 +28,7 @@ from colmap_lazyloc.panoramas import REFERENCE, face_cameras, read_face_poses
 from colmap_lazyloc.pose_formats.posed_images import Photos, PosedImages, Source, photo_size
 from colmap_lazyloc.pose_formats.registry import read_posed_images
 from colmap_lazyloc.project import steps
+from colmap_lazyloc.project.alignment import Distance
 from colmap_lazyloc.project.colmap_runner import ColmapRunner
 from colmap_lazyloc.project.folder import DATABASE, QUERY, RECORD, Folder, Steps, content, fingerprint
 from colmap_lazyloc.project.frames import is_video, write_frames
@@ -45,6 +47,7 @@ from colmap_lazyloc.project.options import (
 from colmap_lazyloc.project.panoramas import cut_panoramas, write_project_rig
 from colmap_lazyloc.project.photos import contents, convert_photos, find_photos, link_masks, link_photos
 from colmap_lazyloc.project.positions import position_lines
+from colmap_lazyloc.report.facts import METRE
 from colmap_lazyloc.report.run import unit_of
 from colmap_lazyloc.results import RESULTS, pose_of, read_geodetic, read_results
 
@@ -79,6 +82,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     steps.check_localizer_options(colmap, words)
     sift_options, localizer_options = split(words)
     photos = find_photos(options.database_images, _excluded(options))
+    _check_scale(options, photos)
     query_photos = None if is_video(options.queries) else _find_queries(options)
     # The poses of panoramas are read when their faces are cut.
     posed = None if options.poses is None or panorama_roles(options) else read_posed_images(*_pose_source(options))
@@ -102,15 +106,30 @@ def main(arguments: Sequence[str] | None = None) -> int:
     num_neighbors = (options.num_neighbors or NUM_NEIGHBORS) if matches_neighbors(options) else 0
     if lazy is None:
         steps.match_database(project, used, posed, num_neighbors)
-    steps.make_model(project, used, posed, refines_cameras=not database.widths)
+    distance = None
+    if options.scale is not None:
+        first, second, metres = options.scale
+        distance = Distance(database.linked[first], database.linked[second], float(metres))
+    steps.make_model(project, used, posed, not database.widths, distance)
     _localize(project, options, localizer_options, used, queries.cameras(camera), on_demand=lazy is not None)
     database_path = project.folder.query_database if has_stored_queries(options) else project.folder.database
+    options.unit = METRE if distance is not None else options.unit
     _write_report(project.folder, database_path, options)
     project.results.link()
     _print_results(project.folder, queries.shown(), options.unit)
     if lazy is not None:
         steps.complete_database(project, _select(lazy, {name: name for name in used}), num_neighbors)
     return 0 if project.folder.report.exists() else 1
+
+
+def _check_scale(options: argparse.Namespace, photos: Mapping[str, pathlib.Path]) -> None:
+    """Checks that --scale names two database images, before anything is computed."""
+    first, second, _ = options.scale or (None, None, None)
+    for name in (first, second):
+        if name is not None and name not in photos:
+            raise InputError(f"--scale {name}: is not in --database_images{nearest(name, photos)}")
+    if first is not None and first == second:
+        raise InputError(f"--scale {first} {second}: expected two different photos")
 
 
 def _open_project(
@@ -279,6 +298,8 @@ def _write_report(folder: Folder, database: pathlib.Path, options: argparse.Name
         words += ["--unit", options.unit]
     if options.crs is not None and read_geodetic(folder.localized):
         words += ["--crs", options.crs]
+    elif options.crs is not None and options.poses is None:
+        logger.warning("--crs %s has no effect, because the coordinates are not geographic", options.crs)
     if is_installed("cv2"):
         words += ["--image_path", str(folder.images)]
     else:

@@ -31,12 +31,14 @@ FILES = {
     "complete": (),
     "check": (),
     "matches": (),
-    "model": ("model", "sparse"),
+    "sparse": ("sparse",),
+    "model": ("model",),
     "queries": tuple(f"queries.db{end}" for end in SQLITE),
 }
-CHAIN = ("features", "matches", "model", "queries")  # steps that each work on what those before have made
+CHAIN = ("features", "matches", "sparse", "model", "queries")  # steps that each work on what those before have made
 RECORD = "steps.json"  # of the steps that are done
 LOCALIZED, REPORT, RUN, EARLIER = "localized", "report.html", "run.json", "earlier"  # results, which kept.py keeps
+ALIGNMENT = "alignment.txt"  # beside a model of the mapper: one sentence on where its metres come from
 # Of no step; "converted" and the results are kept, the others are written anew.
 OTHER_FILES = ("converted", "images", "masks", "lists", LOCALIZED, REPORT, RUN, EARLIER)
 

@@ -2,6 +2,7 @@
 
 import argparse
 import itertools
+import math
 import os
 import pathlib
 from collections.abc import Sequence
@@ -10,6 +11,7 @@ from colmap_lazyloc.agreement.check import add_accept_option
 from colmap_lazyloc.errors import InputError, Parser, logger, positive_int
 from colmap_lazyloc.import_poses import CONVENTION_OPTIONS, add_source_options, join_values, make_source
 from colmap_lazyloc.model import Camera
+from colmap_lazyloc.pose_formats.geo import find_crs
 from colmap_lazyloc.pose_formats.registry import FORMATS
 from colmap_lazyloc.project.folder import DATABASE, QUERY, Folder
 from colmap_lazyloc.project.frames import is_video, open_video
@@ -43,6 +45,13 @@ def parse_arguments(description: str | None, arguments: Sequence[str] | None) ->
         "--unit",
         choices=(METRE, MODEL_UNITS),
         help="of lengths in --poses; default: m for geographic poses, else units",
+    )
+    of_poses(
+        "--scale",
+        nargs=3,
+        metavar=("A", "B", "METRES"),
+        help="without --poses: the distance between the cameras of two database images, which gives metres to photos "
+        "without GPS, for example --scale a.jpg b.jpg 4.2",
     )
     _add_more(parser)
     options, words = parser.parse_known_args(join_values(arguments))
@@ -166,8 +175,9 @@ def check(options: argparse.Namespace, words: Sequence[str]) -> None:
         raise InputError(
             "--camera is that of perspective photos, but --panoramas says that database images are panoramas"
         )
+    _check_metres(options)
     for name in ("poses_format", "geo_origin", "unit", "accept_poses", *CONVENTION_OPTIONS):
-        if options.poses is None and getattr(options, name):
+        if options.poses is None and getattr(options, name) and name != "crs":
             raise InputError(f"--{name} has no effect without --poses")
     if options.num_neighbors is not None and not matches_neighbors(options):
         logger.warning("--num_neighbors has no effect without --poses and one of --complete 1, --masks and --sequence")
@@ -185,6 +195,25 @@ def check(options: argparse.Namespace, words: Sequence[str]) -> None:
         path = pathlib.Path(joined if has_value else value)
         if name == "--onnx_path" and not path.is_dir():
             raise InputError(f"--onnx_path {path}: is not a folder")
+
+
+def _check_metres(options: argparse.Namespace) -> None:
+    """Checks --scale and --crs, which act on a model of COLMAP's mapper, too."""
+    if options.scale is not None:
+        if options.poses is not None:
+            raise InputError("--scale has no effect with --poses: their coordinates are used as they are")
+        if DATABASE in panorama_roles(options):
+            raise InputError("--scale has no effect on panoramas")
+        try:
+            is_positive = 0 < float(options.scale[2]) < math.inf
+        except ValueError:
+            is_positive = False
+        if not is_positive:
+            raise InputError(f"--scale: expected a distance in metres, found '{options.scale[2]}'")
+    if options.poses is None and options.crs is not None:
+        if options.scale is not None:
+            raise InputError("--crs has no effect with --scale, which gives no geographic coordinates")
+        find_crs(options.crs)
 
 
 def _check_output(path: pathlib.Path) -> None:

@@ -19,12 +19,15 @@ from colmap_lazyloc.database import (
     tidy_images,
 )
 from colmap_lazyloc.errors import InputError, logger, nearest
+from colmap_lazyloc.extras import install_command, is_installed
 from colmap_lazyloc.model import Camera, read_model
 from colmap_lazyloc.pose_formats.colmap import write_posed_images
+from colmap_lazyloc.pose_formats.exif_gps import read_photos
 from colmap_lazyloc.pose_formats.posed_images import PosedImages, photo_size
 from colmap_lazyloc.program import find_colmap, find_option, gpu_option, has_command, option_names
+from colmap_lazyloc.project.alignment import Distance, NotAlignedError, align_to_gps, scale_to_distance
 from colmap_lazyloc.project.colmap_runner import ColmapRunner
-from colmap_lazyloc.project.folder import Folder, Steps, content, fingerprint
+from colmap_lazyloc.project.folder import ALIGNMENT, Folder, Steps, content, fingerprint, remove
 from colmap_lazyloc.project.kept import KeptResults
 from colmap_lazyloc.project.pairs import all_pairs, pairs_by_viewpoint, pairs_in_sequence
 from colmap_lazyloc.project.photos import contents, has_bad_mask, warn_left_out
@@ -191,22 +194,33 @@ def _with_features(path: pathlib.Path, names: Sequence[str]) -> list[str]:
         return [name for name in names if database.has_keypoints(name)]
 
 
-def make_model(project: Project, used: Sequence[str], posed: PosedImages | None, refines_cameras: bool) -> None:
-    """Writes the model of the poses, or lets COLMAP's mapper make it. `used`: the images in the database."""
+def make_model(
+    project: Project,
+    used: Sequence[str],
+    posed: PosedImages | None,
+    refines_cameras: bool,
+    distance: Distance | None = None,
+) -> None:
+    """Writes the model of the poses, or lets COLMAP's mapper make it. `used`: the images in the database; `distance`:
+    that gives the mapper's model metres."""
+    if posed is None:
+        _map(project, used, refines_cameras)
     poses = [(image.name, str(image.camera), image.cam_from_world.text()) for image in posed.images] if posed else []
-    key = fingerprint(poses, posed.origin if posed else "mapper", refines_cameras)
+    key = fingerprint(poses, posed.origin if posed else ["mapper", distance, _missing_for_gps()])
     if not project.steps.begin("model", key):
         return
     if posed is not None:
         write_posed_images(project.folder.model, posed)
     else:
-        _map(project, used, refines_cameras)
+        _write_mapped(project, used, distance)
     project.steps.finish("model", key)
 
 
 def _map(project: Project, used: Sequence[str], refines_cameras: bool) -> None:
-    """Lets COLMAP's mapper make models, and takes the largest."""
-    folder = project.folder
+    """Lets COLMAP's mapper make models."""
+    folder, key = project.folder, fingerprint(refines_cameras)
+    if not project.steps.begin("sparse", key):
+        return
     folder.sparse.mkdir()
     words = [project.colmap, "mapper", "--database_path", folder.database, "--image_path", folder.images]
     list_option = find_option(project.colmap, "mapper", r"(Mapper\.)?image_list_path", "that lists the images")
@@ -215,10 +229,35 @@ def _map(project: Project, used: Sequence[str], refines_cameras: bool) -> None:
     if not refines_cameras:
         words += ["--Mapper.ba_refine_focal_length", 0]
     project.runner.run(words, "mapping, because there are no poses")
-    models = {path: len(read_model(path).images) for path in folder.sparse.iterdir() if path.is_dir()}
-    if not models:
+    if not any(path.is_dir() for path in folder.sparse.iterdir()):
         raise InputError(f"{folder.path}: COLMAP's mapper found no poses: the photos overlap too little")
-    shutil.copytree(max(sorted(models), key=lambda path: models[path]), folder.model)
+    project.steps.finish("sparse", key)
+
+
+def _write_mapped(project: Project, used: Sequence[str], distance: Distance | None) -> None:
+    """Writes the largest model of the mapper, in metres if a distance or GPS gives them."""
+    folder = project.folder
+    models = {path: len(read_model(path).images) for path in folder.sparse.iterdir() if path.is_dir()}
+    largest = max(sorted(models), key=lambda path: models[path])
+    try:
+        if distance is not None:
+            text = scale_to_distance(folder, project.runner, project.colmap, largest, distance)
+        elif missing := _missing_for_gps():
+            raise NotAlignedError(f"GPS of photos is not read ({install_command('import', missing)})")
+        else:
+            positions = read_photos({name: folder.images / name for name in used})
+            text = align_to_gps(folder, project.runner, project.colmap, largest, positions)
+    except NotAlignedError as error:
+        remove(folder.model)
+        shutil.copytree(largest, folder.model)
+        logger.warning("lengths are in units of the model: %s (--scale gives metres)", error)
+    else:
+        logger.info(text)
+        (folder.model / ALIGNMENT).write_text(f"{text}\n", encoding="utf-8")
+
+
+def _missing_for_gps() -> list[str]:
+    return [module for module in ("PIL", "pyproj") if not is_installed(module)]
 
 
 def add_queries(

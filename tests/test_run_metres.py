@@ -1,0 +1,213 @@
+"""Metres for photos without poses: by their GPS, or by a distance between two cameras."""
+
+import re
+
+import numpy as np
+import PIL.Image
+import pytest
+
+import photo_scene
+from colmap_lazyloc.__main__ import main
+from colmap_lazyloc.demo import survey
+from colmap_lazyloc.demo.scene import build_scene, write_images
+from colmap_lazyloc.model import Camera, Image, read_model, write_model
+from colmap_lazyloc.pose_formats.exif_gps import GpsPosition, read_photos
+from colmap_lazyloc.pose_formats.geo import GeoOrigin
+from colmap_lazyloc.poses import Pose, look_at, read_poses
+from colmap_lazyloc.project.alignment import NotAlignedError, align_to_gps
+from colmap_lazyloc.project.colmap_runner import ColmapRunner
+from colmap_lazyloc.project.folder import Folder
+from colmap_lazyloc.results import read_geodetic
+from report_pages import ReportPage
+
+ORIGIN = survey.ORIGIN
+GPS_NOISE_M, OUTLIER_M = 0.5, 40.0
+XMP = (
+    b'http://ns.adobe.com/xap/1.0/\0<x:xmpmeta xmlns:x="adobe:ns:meta/"><rdf:Description drone-dji:RtkStdLon="%.4f"'
+    b' drone-dji:RtkStdLat="%.4f"><drone-dji:RtkStdHgt>%.4f</drone-dji:RtkStdHgt></rdf:Description></x:xmpmeta>'
+)
+
+
+class Survey:
+    """A model in units of its own, of cameras in a plane, and where these were."""
+
+    def __init__(self, folder, colmap, centres):
+        self.folder, self.colmap, self.centres = Folder(folder / "out"), colmap, np.array(centres, float)
+        self.folder.path.mkdir()
+        self.source = folder / "sparse"
+        rotation = look_at(np.zeros(3), np.array([0.3, 0.4, 1.0]), (0, -1, 0), roll_deg=30)
+        images = [
+            Image(f"database/{i:02}.jpg", 1, Pose.from_centre(np.eye(3), rotation @ centre * 0.1 + 7), i + 1)
+            for i, centre in enumerate(self.centres)
+        ]
+        write_model(self.source, {1: Camera("PINHOLE", 640, 480, (500.0, 500.0, 320.0, 240.0))}, images)
+
+    def align(self, positions, accuracy_m=None):
+        places = ORIGIN.to_geodetic(np.array(positions, float))
+        gps = [GpsPosition(f"database/{i:02}.jpg", *place, 5.0, accuracy_m) for i, place in enumerate(places.tolist())]
+        return align_to_gps(self.folder, ColmapRunner(self.folder.log), self.colmap, self.source, gps)
+
+    def errors(self):
+        """Returns the distances of the aligned cameras to where they were."""
+        origin = GeoOrigin.read(self.folder.model)
+        images = read_model(self.folder.model).images
+        centres = np.array([images[name].cam_from_world.cam_in_world for name in sorted(images)])
+        return np.linalg.norm(ORIGIN.from_geodetic(*origin.to_geodetic(centres).T) - self.centres, axis=1)
+
+
+@pytest.fixture
+def grid(tmp_path, colmap):
+    rng = np.random.default_rng(1)
+    places = [(x, y, 30) for x in (0, 20, 40, 60, 80) for y in (0, 20, 40, 60)]
+    return Survey(tmp_path, colmap, places + rng.uniform(-3, 3, (20, 3)))
+
+
+def test_wrong_gps_of_some_photos_is_left_out_and_counted(grid):
+    rng = np.random.default_rng(2)
+    positions = grid.centres + GPS_NOISE_M * rng.standard_normal((20, 3))
+    positions[3] += [OUTLIER_M, 0, 0]
+    positions[9] += [0, 12, 5]
+    text = grid.align(positions)
+    median, beyond, tolerance, degrees = re.search(
+        r"of 20 photos: median error (\S+) m, (\d+) beyond (\S+) m, orientation to (\S+) degrees$", text
+    ).groups()
+    assert 0.4 < float(median) < 1.2 and beyond == "2" and float(tolerance) < 5 and float(degrees) < 1
+    assert grid.errors().max() < 0.8
+
+
+def test_accuracies_of_rtk_show_small_errors(grid):
+    rng = np.random.default_rng(3)
+    positions = grid.centres + 0.02 * rng.standard_normal((20, 3))
+    positions[5] += [0.4, 0, 0]
+    assert ", 1 beyond 0.1" in grid.align(positions, accuracy_m=0.035)
+    assert grid.errors().max() < 0.05
+
+
+def test_accuracies_that_are_too_good_do_not_refuse_the_alignment(grid):
+    rng = np.random.default_rng(4)
+    text = grid.align(grid.centres + GPS_NOISE_M * rng.standard_normal((20, 3)), accuracy_m=0.01)
+    assert ", none beyond" in text and grid.errors().max() < 0.8
+
+
+@pytest.mark.parametrize(
+    ("centres", "noise_m", "reason"),
+    [
+        ([(0, 0, 0), (10, 0, 0)], 0.1, "only 2 of its photos have GPS"),
+        ([(10 * i, 5 * i, 0.001 * i) for i in range(12)], 0.5, "almost on a line"),
+        ([(0.3 * (i % 4), 0.3 * (i // 4), 0) for i in range(12)], 1.0, "too close together"),
+        ([(40 * (i % 4), 40 * (i // 4), 0) for i in range(12)], 2000.0, "contradicts"),
+    ],
+)
+def test_gps_that_does_not_fix_the_model(tmp_path, colmap, centres, noise_m, reason):
+    place = Survey(tmp_path, colmap, centres)
+    positions = place.centres + noise_m * np.random.default_rng(5).standard_normal(place.centres.shape)
+    with pytest.raises(NotAlignedError, match=reason):
+        place.align(positions)
+    assert GeoOrigin.read(place.folder.model) is None
+
+
+# Photos
+
+
+def write_gps(path, centre, xmp=None):
+    survey.write_gps(path, centre)
+    if xmp is not None:
+        photo = path.read_bytes()
+        path.write_bytes(photo[:2] + b"\xff\xe1" + (len(xmp) + 2).to_bytes(2, "big") + xmp + photo[2:])
+
+
+def test_accuracies_of_photos(tmp_path):
+    for name in ("plain", "rtk", "off"):
+        PIL.Image.new("RGB", (8, 8)).save(tmp_path / f"{name}.jpg")
+    write_gps(tmp_path / "plain.jpg", np.zeros(3))
+    write_gps(tmp_path / "rtk.jpg", np.zeros(3), XMP % (0.01, 0.02, 0.04))
+    write_gps(tmp_path / "off.jpg", np.zeros(3), XMP % (0, 0, 0))
+    found = {photo.name: photo.accuracy_m for photo in read_photos({path.stem: path for path in tmp_path.iterdir()})}
+    assert found["plain"] is None and found["off"] is None
+    assert found["rtk"] == pytest.approx(np.sqrt(0.01**2 + 0.02**2 + 0.04**2))
+
+
+@pytest.fixture(scope="session")
+def flight(tmp_path_factory):
+    """Renders a survey whose photos have GPS, one of them a wrong one; returns the folder and the true poses."""
+    folder = tmp_path_factory.mktemp("flight")
+    rng = np.random.default_rng(6)
+    photos, new = survey.make_views(rng)
+    rectangles = build_scene(0, texels_per_m=110)
+    for name, views in (("photos", photos), ("new", new)):
+        write_images(folder / name, rectangles, views, 0, stream=20)
+        for index, view in enumerate(views):
+            error = GPS_NOISE_M * rng.standard_normal(3)
+            if name == "photos" and index == 7:
+                error[0] += OUTLIER_M
+            write_gps(folder / name / view.name, view.pose.cam_in_world + error)
+    return folder, {view.name: view.pose for view in (*photos, *new)}
+
+
+def test_run_by_gps(flight, colmap, monkeypatch, tmp_path, capsys):
+    folder, poses = flight
+    monkeypatch.setenv("COLMAP", str(colmap))
+    output = tmp_path / "out"
+    words = ["run", "--database_images", folder / "photos", "--queries", folder / "new", "--output", output]
+    words = [str(word) for word in [*words, "--crs", "EPSG:32632", *photo_scene.SIFT]]
+    assert main(words) == 0
+    printed = capsys.readouterr()
+    assert re.search(r"aligned to the GPS of 15 photos: median error 0\.\d\d m, 1 beyond", printed.err)
+    assert "latitude" in printed.out and "x (m)" in printed.out and "4 of 4 queries localized" in printed.out
+    for name, place in read_geodetic(output / "localized").items():
+        (found,) = ORIGIN.from_geodetic(*np.array(place)[:, None])
+        assert np.linalg.norm(found - poses[name.removeprefix("query/")].cam_in_world) < 1.5 * GPS_NOISE_M
+    alignment = (output / "model" / "alignment.txt").read_text().strip()
+    assert alignment in printed.err
+    notes = ReportPage(output / "report.html").summary["notes"]
+    assert f"The coordinates of the database images are {alignment}." in notes
+    assert main(words) == 0
+    assert "aligned" not in capsys.readouterr().err, "nothing is done again"
+
+
+@pytest.fixture
+def courtyard(photos, colmap, monkeypatch, tmp_path):
+    """Returns a function that runs `lazyloc run` without poses on photos without GPS; returns the output folder."""
+    monkeypatch.setenv("COLMAP", str(colmap))
+
+    def start(*more, exit_code=0):
+        words = ["run", "--database_images", photos.image_path / "database", "--queries", photos.image_path / "query"]
+        words += ["--output", tmp_path / "out", *photo_scene.SIFT, *more]
+        assert main([str(word) for word in words]) == exit_code
+        return tmp_path / "out"
+
+    return start
+
+
+def test_run_by_a_distance(courtyard, photos, capsys):
+    centres = {name: pose.cam_in_world for name, pose in photos.poses.items()}
+    courtyard()
+    assert "lengths are in units of the model: no photo has GPS (--scale gives metres)" in capsys.readouterr().err
+    metres = np.linalg.norm(centres["database/5.png"] - centres["database/0.png"])
+    output = courtyard("--scale", "0.png", "5.png", f"{metres}")
+    printed = capsys.readouterr()
+    assert "mapping" not in printed.err, "only the scale is new"
+    assert "scaled by the distance between database/0.png and database/5.png," in printed.err and "x (m)" in printed.out
+    found = {name: pose.cam_in_world for name, pose in read_poses(output / "localized" / "poses.txt").items()}
+    true, measured = (np.linalg.norm(places["query/0.png"] - places["query/1.png"]) for places in (centres, found))
+    assert measured == pytest.approx(true, rel=0.01)
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--scale", "0.png", "55.png", "2"], "--scale 55.png: is not in --database_images; the nearest is 5.png"),
+        (["--scale", "0.png", "0.png", "2"], "expected two different photos"),
+        (["--scale", "0.png", "5.png", "-2"], "--scale: expected a distance in metres, found '-2'"),
+        (["--scale", "0.png", "5.png", "far"], "--scale: expected a distance in metres, found 'far'"),
+        (["--scale", "0.png", "5.png", "2", "--poses", "MODEL"], "--scale has no effect with --poses"),
+        (["--scale", "0.png", "5.png", "2", "--panoramas", "all"], "--scale has no effect on panoramas"),
+        (["--scale", "0.png", "5.png", "2", "--crs", "EPSG:32632"], "--crs has no effect with --scale"),
+        (["--crs", "EPSG:0"], "--crs EPSG:0"),
+    ],
+)
+def test_bad_options_are_one_line_before_any_work(courtyard, photos, words, message, tmp_path, capsys):
+    courtyard(*[word.replace("MODEL", str(photos.model_path)) for word in words], exit_code=1)
+    lines = capsys.readouterr().err.splitlines()
+    assert len(lines) == 1 and message in lines[0]
+    assert not (tmp_path / "out").exists()
