@@ -20,8 +20,8 @@ from colmap_lazyloc.pose_formats.conventions import CAMERA_AXES
 from colmap_lazyloc.pose_formats.geo import GeoOrigin
 from colmap_lazyloc.pose_formats.posed_images import PosedImage
 from colmap_lazyloc.poses import read_poses
-from colmap_lazyloc.project import steps
-from colmap_lazyloc.project.colmap_runner import ColmapRunner
+from colmap_lazyloc.project import colmap_runner, steps
+from colmap_lazyloc.project.colmap_runner import ColmapRunner, ProgressBar
 from colmap_lazyloc.project.pairs import pairs_by_viewpoint, pairs_in_sequence
 
 MAX_POSITION_ERROR = 0.05  # in a courtyard of 20 m
@@ -289,6 +289,44 @@ def test_cause_of_a_failed_command_is_named_without_colours(tmp_path):
     colmap.chmod(0o755)
     with pytest.raises(InputError, match=r"^colmap mapper failed: no such option \(log: "):
         ColmapRunner(tmp_path / "log.txt").run([colmap, "mapper"])
+
+
+LOG = (
+    "I1 feature_extraction.cc:257] Processed file [3/40]",
+    "I1 incremental_mapper.cc:375] Registering image #6 (7)",
+    "I1 incremental_pipeline.cc:537] Registering image #6 (num_reg_frames=8)",
+    "I1 incremental_mapper.cc:378] => Image sees 395 / 894 points",
+    "I1 pairing.cc:685] Matching block [2/5]",
+)
+COUNTS = [(3, 40, "photos"), (7, 20, "photos have poses"), (8, 20, "photos have poses"), (2, 5, "blocks")]
+
+
+def test_progress_counts_what_a_step_has_done(monkeypatch, caplog):
+    shown = []
+
+    class Bar:
+        def __init__(self, leave):
+            assert not leave
+
+        def set_postfix_str(self, text, refresh):
+            shown.append((self.n, self.total, text))
+
+    monkeypatch.setattr(colmap_runner, "terminal_bar", lambda: Bar)
+    bar = ProgressBar("mapping", num_images=20)
+    for line in LOG:
+        bar.read(line, {})
+    bar.read("", {"done": 1, "of": 4})
+    assert shown == [*COUNTS, (1, 4, "queries")]
+    monkeypatch.setattr(colmap_runner, "terminal_bar", lambda: None)
+    caplog.set_level("INFO", logger="colmap_lazyloc")
+    for seconds in (100.0, 0.0):
+        monkeypatch.setattr(colmap_runner, "SECONDS_PER_LINE", seconds)
+        caplog.clear()
+        bar = ProgressBar("", num_images=20)
+        for line in LOG:
+            bar.read(line, {})
+        lines = [f"{done} of {total} {what}" for done, total, what in COUNTS]
+        assert caplog.messages == ([] if seconds else lines)
 
 
 def test_pairs_by_viewpoint_are_near_and_look_the_same_way():

@@ -302,18 +302,20 @@ def is_localizing(output):
 
 @pytest.fixture
 def kill(slow_colmap):
-    """Returns a function that runs `lazyloc run` and kills it when it has reached something."""
+    """Returns a function that runs `lazyloc run`, ends it when it has reached something, and returns the lines of its
+    standard error output and its exit code."""
 
-    def start(work, output, words, is_reached):
+    def start(work, output, words, is_reached, how=signal.SIGKILL):
         command = [sys.executable, "-m", "colmap_lazyloc", *work.words(output, words)]
         environment = {**os.environ, "COLMAP": str(slow_colmap), "PYTHONPATH": os.pathsep.join(sys.path)}
-        process = subprocess.Popen(command, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+        pipes = {"stdout": subprocess.DEVNULL, "stderr": subprocess.PIPE, "text": True}
+        process = subprocess.Popen(command, env=environment, **pipes)
         end = time.monotonic() + MAX_SECONDS
         while not is_reached(output):
             assert process.poll() is None and time.monotonic() < end, "it was not reached"
             time.sleep(POLLING_SECONDS)
-        process.send_signal(signal.SIGKILL)
-        process.wait()
+        process.send_signal(how)
+        return process.communicate()[1].splitlines(), process.returncode
 
     return start
 
@@ -331,3 +333,9 @@ def test_killed_run_leaves_nothing_to_another(work, run, fresh, kill, tmp_path):
     kill(work, tmp_path / "output", SEQUENCE, is_matching_queries)
     work.replace_queries()
     assert_same(run(work, tmp_path / "output", SEQUENCE), result(fresh(work, SEQUENCE)))
+
+
+def test_interrupted_run_says_how_to_go_on(work, run, fresh, kill, tmp_path):
+    lines, code = kill(work, tmp_path / "output", (), is_extracting, how=signal.SIGINT)
+    assert lines[-1] == "lazyloc run: interrupted: the same command goes on" and code == 130
+    assert_same(run(work, tmp_path / "output"), result(fresh(work)))

@@ -44,9 +44,10 @@ def command(
     """Turns `main(arguments)`, which may return an exit code, into a command.
 
     If the input is bad, a file cannot be read or written, or an optional package is missing, the command prints one
-    line and ends with exit code 1; after Ctrl-C with exit code 130. If the reader of its output has gone, it ends
-    without a word. Meanwhile the package's log goes to the standard error output. `name`: the program's name in
-    messages, if it is not that of the module; `extra`: the extra that brings its optional packages.
+    line and ends with exit code 1; after Ctrl-C with exit code 130, and the text of the KeyboardInterrupt if it has
+    one. If the reader of its output has gone, it ends without a word. Meanwhile the package's log goes to the standard
+    error output. `name`: the program's name in messages, if it is not that of the module; `extra`: the extra that
+    brings its optional packages.
     """
     if main is None:
         return functools.partial(command, name=name, extra=extra)
@@ -79,8 +80,8 @@ def command(
             if message is None:
                 raise
             return fail(message)
-        except KeyboardInterrupt:
-            logger.error("interrupted")
+        except KeyboardInterrupt as interrupt:
+            logger.error(": ".join(["interrupted", *map(str, interrupt.args)]))
             return EXIT_INTERRUPTED
 
     return run

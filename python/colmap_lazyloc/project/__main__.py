@@ -76,6 +76,13 @@ class Images:
 
 @command(name="lazyloc run", extra="run")
 def main(arguments: Sequence[str] | None = None) -> int:
+    try:
+        return _run(arguments)
+    except KeyboardInterrupt:
+        raise KeyboardInterrupt("the same command goes on") from None
+
+
+def _run(arguments: Sequence[str] | None) -> int:
     options, words = parse_arguments(__doc__, arguments)
     check(options, words)
     colmap = steps.find_program()

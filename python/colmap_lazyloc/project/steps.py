@@ -228,7 +228,7 @@ def _map(project: Project, used: Sequence[str], refines_cameras: bool) -> None:
     words += ["--output_path", folder.sparse, "--Mapper.min_model_size", MIN_MODEL_SIZE]
     if not refines_cameras:
         words += ["--Mapper.ba_refine_focal_length", 0]
-    project.runner.run(words, "mapping, because there are no poses")
+    project.runner.run(words, "mapping, because there are no poses", len(used))
     if not any(path.is_dir() for path in folder.sparse.iterdir()):
         raise InputError(f"{folder.path}: COLMAP's mapper found no poses: the photos overlap too little")
     project.steps.finish("sparse", key)
