@@ -22,7 +22,6 @@ from scipy.stats import chi2
 from benchmarks.uncertainty import localizer
 from benchmarks.uncertainty.stress import MAX_ERROR_RATIO, MAX_ERROR_SIGMA
 from colmap_lazyloc.errors import command
-from colmap_lazyloc.model import write_model
 from colmap_lazyloc.program import find_colmap
 from colmap_lazyloc.results import pose_of
 from colmap_lazyloc.testing import synthetic
@@ -178,7 +177,9 @@ def main(arguments=None):
     parser.add_argument("--colmap", type=pathlib.Path, default=find_colmap(), help="path of our colmap program")
     parser.add_argument("--options", nargs=argparse.REMAINDER, default=[], help="further options of the program")
     arguments = parser.parse_args(arguments)
-    print("| world | K | localized | with true intrinsics | wrong | error | over true | position² | focal² | largest σ |")
+    print(
+        "| world | K | localized | with true intrinsics | wrong | error | over true | position² | focal² | largest σ |"
+    )
     print("|---|---|---|---|---|---|---|---|---|---|")
     for name in arguments.worlds:
         for num_images in arguments.num_images:
