@@ -186,6 +186,15 @@ def photos(colmap, tmp_path_factory):
 
 
 @pytest.fixture(scope="session")
+def jpeg(photos):
+    """Returns the bytes of the first query of `photos` as JPEG."""
+    import cv2
+
+    pixels = cv2.imread(str(photos.image_path / photos.query_names[0]))
+    return cv2.imencode(".jpg", pixels, [cv2.IMWRITE_JPEG_QUALITY, 95])[1].tobytes()
+
+
+@pytest.fixture(scope="session")
 def fingerprint():
     """Returns a function that lists what a folder holds: names, bytes, permissions and times of change."""
 

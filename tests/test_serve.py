@@ -14,7 +14,6 @@ import sys
 import time
 import zlib
 
-import cv2
 import httpx
 import numpy as np
 import pytest
@@ -24,6 +23,8 @@ import colmap_lazyloc as ll
 from browser import ARGUMENTS, chromium_path
 from colmap_lazyloc.poses import Pose
 from colmap_lazyloc.serve import __main__ as serve
+from colmap_lazyloc.serve import geopose
+from colmap_lazyloc.serve.map import Source
 from conftest import MAX_SECONDS
 from test_python_processes import ENVIRONMENT
 
@@ -90,13 +91,6 @@ def serving(photos, *words, **more):
 def server(photos):
     with serving(photos, "--max_megabytes", 2, "--max_megapixels", 2, "--max_seconds", 20) as server:
         yield server
-
-
-@pytest.fixture(scope="module")
-def jpeg(photos):
-    """Returns the bytes of the first query as JPEG."""
-    pixels = cv2.imread(str(photos.image_path / photos.query_names[0]))
-    return cv2.imencode(".jpg", pixels, [cv2.IMWRITE_JPEG_QUALITY, 95])[1].tobytes()
 
 
 def pose_errors(photos, answer):
@@ -286,7 +280,7 @@ def test_metrics_can_be_parsed(server, jpeg):
 def test_every_status_is_in_the_openapi_document(server):
     """The paths of the document are those of the service, and say what can go wrong."""
     document = server.client.get("/openapi.json").json()
-    assert set(document["paths"]) == {"/healthz", "/localize", "/metrics", "/reload"}
+    assert set(document["paths"]) == {"/healthz", "/localize", "/metrics", "/reload", *geopose.PATHS}
     operation = document["paths"]["/localize"]["post"]
     assert set(operation["responses"]) == {"200", "400", "408", "413", "415", "422", "503", "504"}
     assert "multipart/form-data" in operation["requestBody"]["content"]
@@ -415,7 +409,7 @@ def test_folder_of_a_run_is_a_model(photos, tmp_path):
         (tmp_path / path.name).symlink_to(path)
     (tmp_path / "images").mkdir()
     options, settings = serve.parse_arguments([str(tmp_path), "--LazyLocalizer.num_threads=3"])
-    with serve.open_localizer(options, settings) as localizer:
+    with Source(options.model, options.database_path, settings).open().localizer as localizer:
         assert localizer.num_threads == 3
 
 

@@ -35,7 +35,13 @@ EXTRAS = {
     "cluster": Extra("lazyloc cluster: Dask", {"bokeh": "bokeh", "distributed": "distributed", **TQDM}),
     "serve": Extra(
         "lazyloc serve: the HTTP service",
-        {"fastapi": "fastapi", "pillow": "PIL", "python-multipart": "python_multipart", "uvicorn": "uvicorn"},
+        {
+            "fastapi": "fastapi",
+            "pillow": "PIL",
+            "pyproj": "pyproj",
+            "python-multipart": "python_multipart",
+            "uvicorn": "uvicorn",
+        },
     ),
     "onnx": Extra("photos against databases of ALIKED features", {"onnxruntime": "onnxruntime"}),
     "hloc": Extra("files of hloc, projection of points", {"h5py": "h5py", "pycolmap": "pycolmap"}),

@@ -14,13 +14,8 @@ import socket
 import sys
 import warnings
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 from colmap_lazyloc.errors import InputError, Parser, command, logger, positive_int
-from colmap_lazyloc.results import find_run
-
-if TYPE_CHECKING:
-    from colmap_lazyloc.localizer import Localizer
 
 LOOPBACK = ("127.0.0.1", "::1", "localhost")
 
@@ -87,30 +82,13 @@ def _parse_words(words: Sequence[str]) -> dict[str, str]:
     return options
 
 
-def open_localizer(options: argparse.Namespace, settings: dict[str, str]) -> "Localizer":
-    """Opens the model and the database as they are now."""
-    from colmap_lazyloc.localizer import Localizer
-
-    folder, settings = find_run(options.model).project, dict(settings)
-    model = options.model
-    if folder is not None:  # made by lazyloc run, with its photos and perhaps an index
-        model = folder.model
-        settings.setdefault("image_path", str(folder.images))
-        if folder.index.exists():
-            settings.setdefault("retrieval_index_path", str(folder.index))
-    database = options.database_path or model.resolve().parent / "database.db"
-    if not database.exists():
-        hint = "does not exist" if options.database_path else "does not exist: name the database with --database_path"
-        raise InputError(f"{database}: {hint}")
-    return Localizer(database, model, options=settings)
-
-
 @command(name="lazyloc serve", extra="serve")
 def main(arguments: Sequence[str] | None = None) -> None:
     options, settings = parse_arguments(arguments)
     import PIL.Image
 
     from colmap_lazyloc.serve.app import Limits, Service, Tokens, make_app
+    from colmap_lazyloc.serve.map import Source
     from colmap_lazyloc.serve.server import make_server
 
     warnings.showwarning = lambda message, *_: logger.warning("%s", message)
@@ -121,7 +99,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     limits = Limits(
         options.max_megabytes * 1_000_000, options.max_megapixels * 1_000_000, options.max_queue, options.max_seconds
     )
-    service = Service(lambda: open_localizer(options, settings), limits)
+    service = Service(Source(options.model, options.database_path, settings), limits)
     server = make_server(make_app(service, tokens), options.max_seconds)
     with _listen(options.host, options.port) as listener:
         # From now on, SIGTERM ends the service in order: what has begun is answered. uvicorn raises the signal once

@@ -11,8 +11,8 @@ import math
 import os
 import pathlib
 import time
-from collections.abc import AsyncGenerator, Callable, Mapping, Sequence
-from typing import Annotated, Any
+from collections.abc import AsyncGenerator, Awaitable, Callable, Mapping, Sequence
+from typing import Annotated, Any, TypeVar
 
 import numpy as np
 import PIL.Image
@@ -28,9 +28,12 @@ from colmap_lazyloc import __version__
 from colmap_lazyloc.errors import InputError, logger
 from colmap_lazyloc.inputs import GravityPrior, PositionPrior
 from colmap_lazyloc.localizer import Localizer
+from colmap_lazyloc.pose_formats.geo import FILE_NAME
 from colmap_lazyloc.result import Result
+from colmap_lazyloc.serve import geopose
+from colmap_lazyloc.serve.map import Source
 from colmap_lazyloc.serve.metrics import Metrics
-from colmap_lazyloc.serve.openapi import describe_answers, describe_localize
+from colmap_lazyloc.serve.openapi import describe_answers, describe_geopose, describe_localize
 from colmap_lazyloc.text_files import Path, read_entries
 
 PAGE = pathlib.Path(__file__).with_name("page.html")
@@ -79,17 +82,18 @@ class Service:
     number of threads. A photo is never written to a disk.
     """
 
-    def __init__(self, open_localizer: Callable[[], Localizer], limits: Limits):
-        """`open_localizer`: opens the database as it is when called; may raise InputError, here and in `reload`."""
-        self._open_localizer, self._limits = open_localizer, limits
-        self._localizer = open_localizer()
-        self.num_threads = self._localizer.num_threads
+    def __init__(self, source: Source, limits: Limits):
+        """Opens the map; raises InputError if that is impossible."""
+        self._source, self._limits = source, limits
+        self._map = source.open()
+        self.num_threads = self._map.localizer.num_threads
         self._threads = concurrent.futures.ThreadPoolExecutor(self.num_threads, "lazyloc")
         self._slots = asyncio.Semaphore(self.num_threads)
         self._reloading = asyncio.Lock()
         self._num_running = self._num_waiting = self._num_bytes = 0
         self._last_seconds = 0.0  # of a localization
-        self.metrics = Metrics(("/", "/healthz", "/localize", "/metrics", "/openapi.json", "/reload"))
+        paths = ("/", "/healthz", "/localize", "/metrics", "/openapi.json", "/reload", *geopose.PATHS)
+        self.metrics = Metrics(paths)
 
     def close(self) -> None:
         """Waits for the localizations that run."""
@@ -116,7 +120,7 @@ class Service:
             raise self._busy("the database is being reloaded")
         async with self._reloading:
             try:
-                self._localizer = await asyncio.to_thread(self._open_localizer)
+                self._map = await asyncio.to_thread(self._source.open)
             except InputError as error:
                 raise HTTPException(409, f"the database before stays in use: {error}") from None
         logger.info("the database is reloaded")
@@ -124,6 +128,36 @@ class Service:
 
     async def localize(self, request: Request) -> Response:
         """Returns the line of results.jsonl."""
+
+        async def read(upload: _Upload) -> _Query:
+            photo, fields = await upload.read()
+            return _Query(photo, _parse_fields(fields), self._map.localizer)
+
+        _, result = await self._answer(request, read)
+        return Response(result.line + "\n", media_type="application/json")
+
+    async def localize_geopose(self, request: Request) -> Response:
+        """Answers by the GeoPose Protocol."""
+        localizer, origin = self._map.localizer, self._map.origin
+        if origin is None:
+            raise HTTPException(501, f"the model is not geographic: it has no {FILE_NAME}")
+        geopose.check_version(request.headers.get("Accept", ""))
+
+        async def read(upload: _Upload) -> _GeoPoseQuery:
+            body = await upload.read_body()
+            parsed = await asyncio.to_thread(geopose.parse, body, origin, self._limits.max_pixels)
+            return _GeoPoseQuery(parsed.photo, parsed.fields, localizer, parsed)
+
+        query, result = await self._answer(request, read)
+        if not result.is_localized:
+            raise HTTPException(422, f"the photo is not localized: {result.status}: {result.reason}")
+        text = await asyncio.to_thread(geopose.answer, query.request, result, origin)
+        return Response(text, media_type="application/json")
+
+    async def _answer(
+        self, request: Request, read: Callable[["_Upload"], Awaitable["_QueryT"]]
+    ) -> tuple["_QueryT", Result]:
+        """Reads and localizes a query."""
         start = time.monotonic()
         deadline = asyncio.get_running_loop().time() + self._limits.max_seconds
         self._check_queue()
@@ -131,13 +165,11 @@ class Service:
         try:
             try:
                 async with asyncio.timeout_at(deadline):
-                    photo, fields = await upload.read()
-                    await asyncio.to_thread(self._check_photo, photo)
+                    query = await read(upload)
+                    await asyncio.to_thread(self._check_photo, query.photo)
             except TimeoutError:
                 raise HTTPException(408, "the photo did not arrive in time", {"Connection": "close"}) from None
-            result = await self._run(request, photo, _parse_fields(fields), deadline)
-        except ClientDisconnect:
-            return Response(status_code=DISCONNECTED)
+            result = await self._run(request, query, deadline)
         except InputError as error:
             raise HTTPException(422, str(error)) from None
         finally:
@@ -145,7 +177,7 @@ class Service:
         if result.status == "UNREADABLE_IMAGE":
             raise HTTPException(422, "the photo is damaged: it cannot be decoded")
         self.metrics.add_result(result.status, time.monotonic() - start)
-        return Response(result.line + "\n", media_type="application/json")
+        return query, result
 
     def receive(self, num_bytes: int) -> None:
         """Counts bytes of a body that come into memory; raises if there are too many of all requests."""
@@ -167,8 +199,10 @@ class Service:
         if self._slots.locked() and self._num_waiting >= self._limits.max_queue:
             raise self._busy("too many photos are waiting")
 
-    def _check_photo(self, photo: bytes) -> None:
-        """Reads the head of a photo alone, because a small file may decode to any number of pixels."""
+    def _check_photo(self, photo: bytes | geopose.Pixels) -> None:
+        """Reads the head of a file alone, because a small one may decode to any number of pixels."""
+        if isinstance(photo, np.ndarray):
+            return
         if not photo:
             raise HTTPException(400, "the photo is empty: send a JPEG or PNG file as the body or as the form's 'photo'")
         try:
@@ -180,7 +214,7 @@ class Service:
             megapixels = self._limits.max_pixels / 1e6
             raise HTTPException(413, f"the photo has {width} x {height} pixels, more than {megapixels:g} megapixels")
 
-    async def _run(self, request: Request, photo: bytes, fields: Mapping[str, Any], deadline: float) -> Result:
+    async def _run(self, request: Request, query: "_Query", deadline: float) -> Result:
         """Waits for a free thread and localizes."""
         self._check_queue()
         self._num_waiting += 1
@@ -196,7 +230,7 @@ class Service:
             raise ClientDisconnect
         self._num_running += 1
         loop, start = asyncio.get_running_loop(), time.monotonic()
-        running = loop.run_in_executor(self._threads, _localize, self._localizer, photo, fields)
+        running = loop.run_in_executor(self._threads, query.localize)
         running.add_done_callback(functools.partial(self._finish, start))
         try:
             async with asyncio.timeout_at(deadline):
@@ -212,6 +246,32 @@ class Service:
             running.exception()  # is known, even if the request has ended before
 
 
+@dataclasses.dataclass(frozen=True)
+class _Query:
+    """A photo, a file or pixels, with arguments of Localizer.localize_photo."""
+
+    photo: bytes | geopose.Pixels
+    fields: Mapping[str, Any]
+    localizer: Localizer
+
+    def localize(self) -> Result:
+        if isinstance(self.photo, np.ndarray):
+            return self.localizer.localize_photo(self.photo, name="photo", **self.fields)
+        # A file in memory: nothing of the photo reaches a disk, and its EXIF is read as that of any file.
+        with os.fdopen(os.memfd_create("photo"), "wb") as file:
+            file.write(self.photo)
+            file.flush()
+            return self.localizer.localize_photo(f"/proc/self/fd/{file.fileno()}", name="photo", **self.fields)
+
+
+@dataclasses.dataclass(frozen=True)
+class _GeoPoseQuery(_Query):
+    request: geopose.GeoPoseRequest
+
+
+_QueryT = TypeVar("_QueryT", bound=_Query)
+
+
 class _Upload:
     """A request's photo and fields while they arrive."""
 
@@ -223,7 +283,7 @@ class _Upload:
         """Returns the photo, and the fields of the query and of the form."""
         fields = self._request.query_params.multi_items()
         if self._request.headers.get("Content-Type", "").partition(";")[0].strip().lower() != "multipart/form-data":
-            return b"".join([chunk async for chunk in self._stream()]), fields
+            return await self.read_body(), fields
         try:
             form = await _FormParser(
                 self._request.headers,
@@ -243,6 +303,9 @@ class _Upload:
             else:
                 raise HTTPException(422, f"unknown file {name!r}; the file must be 'photo'")
         return photo, fields
+
+    async def read_body(self) -> bytes:
+        return b"".join([chunk async for chunk in self._stream()])
 
     async def _stream(self) -> AsyncGenerator[bytes, None]:
         max_bytes = self._service.max_bytes
@@ -288,6 +351,7 @@ def make_app(service: Service, tokens: Tokens | None) -> FastAPI:
     # FastAPI's pages of documentation load from elsewhere.
     app = FastAPI(title="lazyloc serve", version=__version__, docs_url=None, redoc_url=None)
     app.add_middleware(_Counted, metrics=service.metrics)
+    app.add_exception_handler(ClientDisconnect, _disconnected)
 
     async def authorize(
         given: Annotated[HTTPAuthorizationCredentials | None, Depends(HTTPBearer(auto_error=False))],
@@ -326,15 +390,21 @@ def make_app(service: Service, tokens: Tokens | None) -> FastAPI:
         response_class=JSONResponse,
         **describe_localize(),
     )
+    for path in geopose.PATHS:
+        add(
+            path,
+            service.localize_geopose,
+            methods=["POST"],
+            dependencies=closed,
+            responses=describe_answers([*also, 400, 408, 413, 415, 422, 501, 503, 504]),
+            response_class=JSONResponse,
+            **describe_geopose(),
+        )
     return app
 
 
-def _localize(localizer: Localizer, photo: bytes, fields: Mapping[str, Any]) -> Result:
-    # A file in memory: nothing of the photo reaches a disk, and its EXIF is read as that of any file.
-    with os.fdopen(os.memfd_create("photo"), "wb") as file:
-        file.write(photo)
-        file.flush()
-        return localizer.localize_photo(f"/proc/self/fd/{file.fileno()}", name="photo", **fields)
+async def _disconnected(*_: Any) -> Response:
+    return Response(status_code=DISCONNECTED)
 
 
 def _parse_fields(fields: Sequence[tuple[str, str]]) -> dict[str, Any]:

@@ -4,13 +4,14 @@ from collections.abc import Iterable
 from typing import Any
 
 ERRORS = {
-    400: "The body is empty or not a form",
+    400: "The body is empty, not a form, or no request of the GeoPose Protocol",
     401: "No valid bearer token",
     408: "The photo did not arrive in time",
     409: "The database cannot be opened; the one before stays in use",
     413: "Too many bytes or pixels",
     415: "Neither JPEG nor PNG",
-    422: "A field that cannot be used, or a damaged photo",
+    422: "A field that cannot be used, a damaged photo, or in the GeoPose Protocol one that is not localized",
+    501: "The model is not geographic",
     503: "Too many photos are waiting: try again after the seconds of Retry-After",
     504: "The localization takes too long",
 }
@@ -60,6 +61,52 @@ RESULT = {
         "covariance": {"type": ["array", "null"], "description": "6x6: rotation, then translation"},
     },
 }
+NUMBER_TYPE = {"type": "number"}
+
+
+def _object(required: Iterable[str] = (), **properties: Any) -> dict[str, Any]:
+    return {"type": "object", "required": sorted(required or properties), "properties": properties}
+
+
+def _numbers(*names: str) -> dict[str, Any]:
+    return _object(**dict.fromkeys(names, NUMBER_TYPE))
+
+
+CAMERA_READING = _object(
+    ("timestamp", "imageBytes"),
+    timestamp=NUMBER_TYPE,
+    imageBytes={"type": "string", "contentEncoding": "base64", "description": "A JPEG or PNG file"},
+    imageFormat={"type": "string", "description": "RGBA32, GRAY8: imageBytes may be these pixels without a file"},
+    size={"type": "array", "items": NUMBER_TYPE, "minItems": 2, "maxItems": 2, "description": "width, height"},
+    params=_object(
+        ("model",),
+        model={"type": "string", "description": "A camera model of COLMAP"},
+        modelParams={"type": "array", "items": NUMBER_TYPE},
+    ),
+)
+GEOLOCATION_READING = _object(
+    ("timestamp", "latitude", "longitude"),
+    **dict.fromkeys(("timestamp", "latitude", "longitude", "altitude", "accuracy", "altitudeAccuracy"), NUMBER_TYPE),
+)
+GEOPOSE_REQUEST = _object(
+    ("id", "timestamp", "sensorReadings"),
+    id={"type": "string"},
+    timestamp=NUMBER_TYPE,
+    type={"const": "geopose"},
+    sensors={"type": "array"},
+    sensorReadings=_object(
+        ("cameraReadings",),
+        cameraReadings={"type": "array", "items": CAMERA_READING, "minItems": 1, "maxItems": 1},
+        geolocationReadings={"type": "array", "items": GEOLOCATION_READING},
+    ),
+)
+GEOPOSE_ANSWER = _object(
+    id={"type": "string"},
+    timestamp=NUMBER_TYPE,
+    accuracy=_numbers("position", "orientation"),
+    type={"const": "geopose"},
+    geopose=_object(position=_numbers("lat", "lon", "h"), quaternion=_numbers("x", "y", "z", "w")),
+)
 ERROR = {"title": "Error", "type": "object", "required": ["detail"], "properties": {"detail": {"type": "string"}}}
 
 
@@ -91,5 +138,16 @@ def describe_localize() -> dict[str, Any]:
             "requestBody": body,
             "parameters": parameters,
             "responses": {"200": {"content": {"application/json": {"schema": RESULT}}}},
+        },
+    }
+
+
+def describe_geopose() -> dict[str, Any]:
+    """Returns FastAPI's arguments about a request of the GeoPose Protocol, and about its answer."""
+    return {
+        "summary": "Localizes a photo by the GeoPose Protocol 2.0 of Open AR Cloud",
+        "openapi_extra": {
+            "requestBody": {"required": True, "content": {"application/json": {"schema": GEOPOSE_REQUEST}}},
+            "responses": {"200": {"content": {"application/json": {"schema": GEOPOSE_ANSWER}}}},
         },
     }

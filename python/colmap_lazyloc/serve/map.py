@@ -1,0 +1,51 @@
+"""What the service localizes photos against."""
+
+import dataclasses
+import pathlib
+from collections.abc import Mapping
+
+from colmap_lazyloc.errors import InputError
+from colmap_lazyloc.localizer import Localizer
+from colmap_lazyloc.pose_formats.geo import GeoOrigin
+from colmap_lazyloc.project.folder import Folder
+
+
+@dataclasses.dataclass(frozen=True)
+class Map:
+    """A model and its database, as they were when they were opened."""
+
+    localizer: Localizer
+    origin: GeoOrigin | None  # of the model's coordinates, if they are geographic
+
+
+@dataclasses.dataclass(frozen=True)
+class Source:
+    """Where a map is read from: the folder of a COLMAP model or the output folder of `lazyloc run`, a database (None:
+    database.db beside the model), and options of the localizer by name."""
+
+    folder: pathlib.Path
+    database: pathlib.Path | None
+    settings: Mapping[str, str]
+
+    @property
+    def model(self) -> pathlib.Path:
+        """Returns the folder of the model."""
+        return Folder(self.folder).model if self._is_of_run else self.folder
+
+    def open(self) -> Map:
+        """Opens the model and the database as they are now; raises InputError if that is impossible."""
+        run, settings, model = Folder(self.folder), dict(self.settings), self.model
+        if self._is_of_run:
+            settings.setdefault("image_path", str(run.images))
+            if run.index.exists():
+                settings.setdefault("retrieval_index_path", str(run.index))
+        database = self.database or model.resolve().parent / "database.db"
+        if not database.exists():
+            hint = "does not exist" if self.database else "does not exist: name the database with --database_path"
+            raise InputError(f"{database}: {hint}")
+        return Map(Localizer(database, model, options=settings), GeoOrigin.read(model))
+
+    @property
+    def _is_of_run(self) -> bool:
+        """True for the folder of lazyloc run, with its photos and perhaps an index."""
+        return Folder(self.folder).steps.exists()
