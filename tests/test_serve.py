@@ -151,7 +151,7 @@ def test_form_and_query_give_what_else_is_known(server, photos, jpeg):
         ({"position": "1 2 3 -1"}, ["deviation is not positive"]),
         ({"gravity": "0 1 0 1"}, ["gravity needs LazyLocalizer.world_up"]),
         ({"gravity": "0 1 0"}, ["gravity: must be 4 numbers"]),
-        ({"GPS": "1 2 3 1"}, ["unknown field 'GPS'", "camera, position, gravity"]),
+        ({"GPS": "1 2 3 1"}, ["unknown field 'GPS'", "camera, position, gravity, session"]),
     ],
 )
 def test_bad_field_is_one_line(server, jpeg, fields, words):

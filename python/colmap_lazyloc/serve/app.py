@@ -34,6 +34,7 @@ from colmap_lazyloc.serve import geopose
 from colmap_lazyloc.serve.map import Source
 from colmap_lazyloc.serve.metrics import Metrics
 from colmap_lazyloc.serve.openapi import describe_answers, describe_geopose, describe_localize
+from colmap_lazyloc.serve.sessions import Sessions, agrees
 from colmap_lazyloc.text_files import Path, read_entries
 
 PAGE = pathlib.Path(__file__).with_name("page.html")
@@ -43,6 +44,7 @@ PAGE_POLICY = (  # the page loads nothing, and asks only this service
 )
 FORMATS = ("JPEG", "PNG")
 MAX_FIELD_BYTES, MAX_NUM_FIELDS = 4096, 8  # of a form, beside the photo
+MAX_SESSION_LENGTH = 64
 DISCONNECTED = 499  # in the metrics, as nginx has it: nobody is there to answer
 
 
@@ -85,7 +87,7 @@ class Service:
     def __init__(self, source: Source, limits: Limits):
         """Opens the map; raises InputError if that is impossible."""
         self._source, self._limits = source, limits
-        self._map = source.open()
+        self._map, self._sessions = source.open(), Sessions()
         self.num_threads = self._map.localizer.num_threads
         self._threads = concurrent.futures.ThreadPoolExecutor(self.num_threads, "lazyloc")
         self._slots = asyncio.Semaphore(self.num_threads)
@@ -120,7 +122,7 @@ class Service:
             raise self._busy("the database is being reloaded")
         async with self._reloading:
             try:
-                self._map = await asyncio.to_thread(self._source.open)
+                self._map, self._sessions = await asyncio.to_thread(self._source.open), Sessions()
             except InputError as error:
                 raise HTTPException(409, f"the database before stays in use: {error}") from None
         logger.info("the database is reloaded")
@@ -128,12 +130,23 @@ class Service:
 
     async def localize(self, request: Request) -> Response:
         """Returns the line of results.jsonl."""
+        seconds = time.monotonic()
+        sessions = session = None
 
         async def read(upload: _Upload) -> _Query:
-            photo, fields = await upload.read()
-            return _Query(photo, _parse_fields(fields), self._map.localizer)
+            nonlocal sessions, session
+            photo, texts = await upload.read()
+            fields = _parse_fields(texts)
+            prior = None
+            if "session" in fields:
+                # With the token, so that nobody asks where the session of someone else is.
+                sessions, session = self._sessions, (request.headers.get("Authorization"), fields.pop("session"))
+                prior = sessions.prior(session, seconds) if "position" not in fields else None
+            return _Query(photo, fields, self._map.localizer, prior)
 
         _, result = await self._answer(request, read)
+        if sessions is not None:
+            sessions.add(session, seconds, result)
         return Response(result.line + "\n", media_type="application/json")
 
     async def localize_geopose(self, request: Request) -> Response:
@@ -146,7 +159,7 @@ class Service:
         async def read(upload: _Upload) -> _GeoPoseQuery:
             body = await upload.read_body()
             parsed = await asyncio.to_thread(geopose.parse, body, origin, self._limits.max_pixels)
-            return _GeoPoseQuery(parsed.photo, parsed.fields, localizer, parsed)
+            return _GeoPoseQuery(parsed.photo, parsed.fields, localizer, request=parsed)
 
         query, result = await self._answer(request, read)
         if not result.is_localized:
@@ -248,25 +261,33 @@ class Service:
 
 @dataclasses.dataclass(frozen=True)
 class _Query:
-    """A photo, a file or pixels, with arguments of Localizer.localize_photo."""
+    """A photo, a file or pixels, with arguments of Localizer.localize_photo, and the position from its session."""
 
     photo: bytes | geopose.Pixels
     fields: Mapping[str, Any]
     localizer: Localizer
+    prior: PositionPrior | None = None
 
     def localize(self) -> Result:
+        if self.prior is not None:
+            result = self._localize({**self.fields, "position": self.prior})
+            if agrees(result):
+                return result
+        return self._localize(self.fields)
+
+    def _localize(self, fields: Mapping[str, Any]) -> Result:
         if isinstance(self.photo, np.ndarray):
-            return self.localizer.localize_photo(self.photo, name="photo", **self.fields)
+            return self.localizer.localize_photo(self.photo, name="photo", **fields)
         # A file in memory: nothing of the photo reaches a disk, and its EXIF is read as that of any file.
         with os.fdopen(os.memfd_create("photo"), "wb") as file:
             file.write(self.photo)
             file.flush()
-            return self.localizer.localize_photo(f"/proc/self/fd/{file.fileno()}", name="photo", **self.fields)
+            return self.localizer.localize_photo(f"/proc/self/fd/{file.fileno()}", name="photo", **fields)
 
 
 @dataclasses.dataclass(frozen=True)
 class _GeoPoseQuery(_Query):
-    request: geopose.GeoPoseRequest
+    request: geopose.GeoPoseRequest = dataclasses.field(kw_only=True)
 
 
 _QueryT = TypeVar("_QueryT", bound=_Query)
@@ -413,6 +434,7 @@ def _parse_fields(fields: Sequence[tuple[str, str]]) -> dict[str, Any]:
         "camera": " ".join,
         "position": _parse_position,
         "gravity": _parse_gravity,
+        "session": _parse_session,
     }
     parsed: dict[str, Any] = {}
     for name, text in fields:
@@ -437,6 +459,13 @@ def _parse_position(words: list[str]) -> PositionPrior:
 def _parse_gravity(words: list[str]) -> GravityPrior:
     *direction, stddev_deg = _parse_numbers("gravity", words, (4,))
     return direction, stddev_deg
+
+
+def _parse_session(words: list[str]) -> str:
+    session = " ".join(words)
+    if not 0 < len(session) <= MAX_SESSION_LENGTH or not session.isprintable():
+        raise InputError(f"session: must be a name of at most {MAX_SESSION_LENGTH} characters")
+    return session
 
 
 def _parse_numbers(name: str, words: list[str], counts: Sequence[int]) -> list[float]:

@@ -35,6 +35,12 @@ FIELDS = {  # text, example, pattern
         "0 1 0.1 2",
         rf"^{NUMBER}([ ,]{NUMBER}){{3}}$",
     ),
+    "session": (
+        "A name for the photos of one phone or robot: the place of the last one, at most 10 seconds before, is then a "
+        "`position`, unless the photo contradicts it",
+        "phone-7",
+        r"^[A-Za-z0-9._-]{1,64}$",
+    ),
 }
 BINARY = {"type": "string", "format": "binary", "minLength": 1}
 NUMBERS = {"type": ["array", "null"], "items": {"type": "number"}}
