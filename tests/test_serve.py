@@ -21,6 +21,7 @@ from playwright.sync_api import sync_playwright
 
 import colmap_lazyloc as ll
 from browser import ARGUMENTS, chromium_path
+from colmap_lazyloc.model import Image, read_model, write_model
 from colmap_lazyloc.poses import Pose
 from colmap_lazyloc.serve import __main__ as serve
 from colmap_lazyloc.serve import geopose
@@ -377,27 +378,62 @@ def test_sigterm_lets_requests_end(photos, jpeg):
     assert (server.process.returncode, errors) == (0, "")
 
 
-def test_reload_takes_the_model_of_now(photos, jpeg, tmp_path):
-    model = tmp_path / "model"
-    model.mkdir()
-    copied = {path.name: path.read_bytes() for path in photos.model_path.iterdir()}
-
-    def write(files):
-        for name, content in files.items():
-            (model / name).write_bytes(content)
-
-    write(copied)
+@pytest.fixture
+def growing(photos, tmp_path):
+    """Returns the scene with a model that may be changed."""
     copy = type(photos)(tmp_path, photos.poses)
+    copy.model_path.mkdir()
+    for path in photos.model_path.iterdir():
+        (copy.model_path / path.name).write_bytes(path.read_bytes())
     os.link(photos.database_path, copy.database_path)
-    server = Server(copy)
+    return copy
+
+
+def images_file(scene):
+    (path,) = scene.model_path.glob("images.*")
+    return path
+
+
+def test_reload_takes_the_model_of_now(growing, jpeg):
+    images = images_file(growing)
+    content = images.read_bytes()
+    server = Server(growing)
     before = server.localize(jpeg).json()
-    (images,) = (name for name in copied if name.startswith("images"))
-    write({images: b""})
+    images.write_bytes(b"")
     assert_one_line(server.client.post("/reload"), 409, "the database before stays in use")
     assert server.localize(jpeg).json()["position"] == before["position"]
-    write(copied)
+    images.write_bytes(content)
     assert server.client.post("/reload").json() == {"status": "ok"}
     assert server.localize(jpeg).json()["position"] == before["position"]
+    assert server.end() == (0, "lazyloc serve: the database is reloaded\n")
+
+
+def test_changed_model_takes_effect_between_requests(growing, photos, jpeg):
+    """Each answer is by the model before or by the one after; a broken file changes nothing until it is whole."""
+    server = Server(growing)
+    before = np.array(server.localize(jpeg).json()["position"])
+    model = read_model(growing.model_path)
+    shift = np.array([100.0, -200.0, 50.0])
+    moved = [
+        Image(
+            name,
+            image.camera_id,
+            Pose.from_centre(image.pose.rotation, image.pose.cam_in_world + shift),
+            image.image_id,
+        )
+        for name, image in model.images.items()
+    ]
+    images_file(growing).write_bytes(b"")
+    assert "the database before stays in use" in server.process.stderr.readline()
+    assert np.array_equal(server.localize(jpeg).json()["position"], before)
+    write_model(growing.model_path, model.cameras, moved, binary=images_file(growing).suffix == ".bin")
+    shifts, end = [], time.monotonic() + 60
+    while time.monotonic() < end and not any(shifts):
+        answer = server.localize(jpeg)
+        assert answer.status_code == 200
+        shifts.append(np.linalg.norm(np.array(answer.json()["position"]) - before - shift) < 0.01)
+        assert shifts[-1] or np.array_equal(answer.json()["position"], before)
+    assert shifts[-1]
     assert server.end() == (0, "lazyloc serve: the database is reloaded\n")
 
 

@@ -2,6 +2,7 @@
 
 import asyncio
 import concurrent.futures
+import contextlib
 import dataclasses
 import functools
 import hashlib
@@ -11,7 +12,7 @@ import math
 import os
 import pathlib
 import time
-from collections.abc import AsyncGenerator, Awaitable, Callable, Mapping, Sequence
+from collections.abc import AsyncGenerator, AsyncIterator, Awaitable, Callable, Mapping, Sequence
 from typing import Annotated, Any, TypeVar
 
 import numpy as np
@@ -45,6 +46,7 @@ PAGE_POLICY = (  # the page loads nothing, and asks only this service
 FORMATS = ("JPEG", "PNG")
 MAX_FIELD_BYTES, MAX_NUM_FIELDS = 4096, 8  # of a form, beside the photo
 MAX_SESSION_LENGTH = 64
+WATCH_SECONDS = 1.0  # between two looks at the files of the model
 DISCONNECTED = 499  # in the metrics, as nginx has it: nobody is there to answer
 
 
@@ -87,6 +89,7 @@ class Service:
     def __init__(self, source: Source, limits: Limits):
         """Opens the map; raises InputError if that is impossible."""
         self._source, self._limits = source, limits
+        self._stamp = source.stamp()  # of the files before they were opened
         self._map, self._sessions = source.open(), Sessions()
         self.num_threads = self._map.localizer.num_threads
         self._threads = concurrent.futures.ThreadPoolExecutor(self.num_threads, "lazyloc")
@@ -120,13 +123,30 @@ class Service:
         """Opens the database anew; requests that run are answered by the old one."""
         if self._reloading.locked():
             raise self._busy("the database is being reloaded")
-        async with self._reloading:
-            try:
-                self._map, self._sessions = await asyncio.to_thread(self._source.open), Sessions()
-            except InputError as error:
-                raise HTTPException(409, f"the database before stays in use: {error}") from None
-        logger.info("the database is reloaded")
+        try:
+            await self._reload()
+        except InputError as error:
+            raise HTTPException(409, f"the database before stays in use: {error}") from None
         return {"status": "ok"}
+
+    async def watch(self) -> None:
+        """Reloads when files of the model have changed, and have stayed the same from one look to the next."""
+        before = self._stamp
+        while True:
+            await asyncio.sleep(WATCH_SECONDS)
+            stamp = await asyncio.to_thread(self._source.stamp)
+            if stamp != self._stamp and stamp == before:
+                try:
+                    await self._reload()
+                except InputError as error:
+                    logger.warning("the database before stays in use: %s", error)
+            before = stamp
+
+    async def _reload(self) -> None:
+        async with self._reloading:
+            self._stamp = await asyncio.to_thread(self._source.stamp)
+            self._map, self._sessions = await asyncio.to_thread(self._source.open), Sessions()
+        logger.info("the database is reloaded")
 
     async def localize(self, request: Request) -> Response:
         """Returns the line of results.jsonl."""
@@ -369,8 +389,15 @@ class _Counted:
 
 def make_app(service: Service, tokens: Tokens | None) -> FastAPI:
     """Returns the application. `tokens`: who may localize, reload and see the metrics; None: everybody."""
+
+    @contextlib.asynccontextmanager
+    async def watching(_: FastAPI) -> AsyncIterator[None]:
+        watch = asyncio.create_task(service.watch())
+        yield
+        watch.cancel()
+
     # FastAPI's pages of documentation load from elsewhere.
-    app = FastAPI(title="lazyloc serve", version=__version__, docs_url=None, redoc_url=None)
+    app = FastAPI(title="lazyloc serve", version=__version__, docs_url=None, redoc_url=None, lifespan=watching)
     app.add_middleware(_Counted, metrics=service.metrics)
     app.add_exception_handler(ClientDisconnect, _disconnected)
 

@@ -1,6 +1,7 @@
 """What the service localizes photos against."""
 
 import dataclasses
+import os
 import pathlib
 from collections.abc import Mapping
 
@@ -44,6 +45,15 @@ class Source:
             hint = "does not exist" if self.database else "does not exist: name the database with --database_path"
             raise InputError(f"{database}: {hint}")
         return Map(Localizer(database, model, options=settings), GeoOrigin.read(model))
+
+    def stamp(self) -> list[tuple[str | int, ...]]:
+        """Returns what is another one after a file of the model has changed."""
+        try:
+            with os.scandir(self.model) as entries:
+                files = [(entry.name, entry.stat()) for entry in entries]
+        except OSError:  # while it is replaced
+            return []
+        return sorted((name, stat.st_ino, stat.st_size, stat.st_mtime_ns) for name, stat in files)
 
     @property
     def _is_of_run(self) -> bool:

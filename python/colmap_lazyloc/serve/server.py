@@ -51,7 +51,7 @@ def make_server(app: FastAPI, max_seconds: float) -> uvicorn.Server:
             app,
             http=_Protocol,
             ws="none",
-            lifespan="off",
+            lifespan="on",
             server_header=False,
             access_log=False,  # whose lines would have the positions of users
             log_config=None,
